@@ -1,0 +1,1 @@
+//! Asset formats for textured Gaussian splats.

@@ -1,0 +1,274 @@
+//! The seam between the optimisation and the machines it runs on. A backend owns the model and the
+//! optimiser's state while training lasts; the trainer sends it views and plans and reads back.
+
+use crate::camera::Camera;
+use crate::model::{AdamState, Model};
+use crate::{Error, Result};
+use serde::{Deserialize, Serialize};
+
+/// A photo as the optimisation sees it: display space, composited, at the size that is rendered.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TargetImage {
+    /// Width.
+    pub width_px: u32,
+    /// Height.
+    pub height_px: u32,
+    /// Row-major. `[height, width, 3]`
+    pub rgb: Vec<u8>,
+    /// 255: counts in loss and metrics, 0: does not. `[height, width]`
+    pub mask: Option<Vec<u8>>,
+}
+
+/// What a device says of itself.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct DeviceInfo {
+    /// Short name accepted by `--device`.
+    pub name: String,
+    /// What runs there: instruction set and threads, or adapter, driver and API.
+    pub description: String,
+}
+
+/// What to render besides the colour.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RenderOptions {
+    /// Display-space colour behind everything.
+    pub background: [f32; 3],
+    /// SH degree to evaluate (at most the model's).
+    pub sh_degree: u32,
+    /// Also depth and normals.
+    pub geometry: bool,
+}
+
+/// A rendered view.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RenderedImage {
+    /// Width.
+    pub width_px: u32,
+    /// Height.
+    pub height_px: u32,
+    /// Display space, not clamped. `[height, width, 3]`
+    pub rgb: Vec<f32>,
+    /// 1 - transmittance. `[height, width]`
+    pub alpha: Vec<f32>,
+    /// Expected hit depth along the optical axis, local units, 0 where nothing is drawn;
+    /// empty unless asked for. `[height, width]`
+    pub depth: Vec<f32>,
+    /// Blended normals in camera axes, facing the camera, normalised, 0 where nothing is drawn;
+    /// empty unless asked for. `[height, width, 3]`
+    pub normal: Vec<f32>,
+}
+
+/// Weights of the loss terms (method section 3); a weight of 0 switches a term off.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LossWeights {
+    /// Mean absolute difference.
+    pub l1: f32,
+    /// 1 - mean SSIM.
+    pub dssim: f32,
+    /// Mean squared difference.
+    pub mse: f32,
+    /// Mean over all splats of the opacity of those that this view sees.
+    pub opacity: f32,
+    /// Sum of absolute residuals over the texels of the maps that this view sees.
+    pub texture: f32,
+}
+
+/// Learning rates of one step.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LearningRates {
+    /// Centres, local units.
+    pub position: f32,
+    /// Quaternions.
+    pub quaternion: f32,
+    /// Log-scales.
+    pub log_scale: f32,
+    /// Opacity logits.
+    pub opacity: f32,
+    /// SH degree 0.
+    pub sh_dc: f32,
+    /// SH degrees 1 to 3.
+    pub sh_rest: f32,
+    /// Texels; 0 before their training starts.
+    pub texel: f32,
+}
+
+/// One iteration on one view.
+pub struct StepRequest<'a> {
+    /// 1 for the first step of the run: the optimiser's clock.
+    pub step: u32,
+    /// The view.
+    pub camera: Camera,
+    /// Its photo, of the camera's size.
+    pub target: &'a TargetImage,
+    /// Display-space colour behind everything.
+    pub background: [f32; 3],
+    /// SH degree in use.
+    pub sh_degree: u32,
+    /// Loss terms.
+    pub loss: LossWeights,
+    /// Learning rates.
+    pub rates: LearningRates,
+    /// Whether this render counts in the window statistics.
+    pub accumulate_statistics: bool,
+}
+
+/// Value of each loss term, weighted.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct LossValues {
+    /// Sum of the others.
+    pub total: f64,
+    /// L1 term.
+    pub l1: f64,
+    /// SSIM term.
+    pub dssim: f64,
+    /// MSE term.
+    pub mse: f64,
+    /// Opacity term.
+    pub opacity: f64,
+    /// Texture term.
+    pub texture: f64,
+}
+
+/// Work done by the rasteriser in one forward pass.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RasterCounters {
+    /// Pixels of the view.
+    pub pixels: u64,
+    /// Splats that touch a tile.
+    pub visible_splats: u64,
+    /// Tile-splat pairs.
+    pub tile_pairs: u64,
+    /// Pixel-splat pairs for which the falloff was computed (SIMD lanes included).
+    pub evaluated_pairs: u64,
+    /// ... with alpha >= 1/255, before the pixel stopped or not.
+    pub inside_pairs: u64,
+    /// ... blended.
+    pub blended_pairs: u64,
+}
+
+/// What one step did.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct StepReport {
+    /// Loss before the update.
+    pub loss: LossValues,
+    /// Work of the forward pass.
+    pub counters: RasterCounters,
+    /// Gradient entries that were NaN or infinite and counted as zero.
+    pub non_finite_gradients: u64,
+    /// Time per stage, in the order of execution.
+    pub stages: Vec<(&'static str, std::time::Duration)>,
+}
+
+/// Sums over the views rendered since the last reading (method section 9); views are normalised by
+/// their pixel count.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct WindowStatistics {
+    /// Views counted.
+    pub views: u32,
+    /// Views in which a splat touched a tile. `[n]`
+    pub seen: Vec<u32>,
+    /// Share of pixels with alpha >= 1/255 before the stop, summed over views. `[n]`
+    pub area: Vec<f32>,
+    /// Blending weight per pixel, summed over views. `[n]`
+    pub contribution: Vec<f32>,
+    /// Blending weight times loss per pixel, summed over views. `[n]`
+    pub error: Vec<f32>,
+}
+
+/// What becomes of one map.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum MapChange {
+    /// Stays as it is.
+    Keep,
+    /// Bilinear resampling about the centre to a new size; texels and moments outside are zero.
+    Resample {
+        /// New texels along u.
+        rows: u16,
+        /// New texels along v.
+        cols: u16,
+        /// New edge of a texel, local units.
+        texel_size: f32,
+    },
+}
+
+/// A change of structure, decided on the host and applied alike by every backend.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StructurePlan {
+    /// For each splat of the new model the splat it comes from. `[n_new]`
+    pub sources: Vec<u32>,
+    /// For each splat of the new model what becomes of its source's map. `[n_new]`
+    pub maps: Vec<MapChange>,
+}
+
+/// A machine that renders and optimises.
+pub trait Backend {
+    /// What this is.
+    fn device(&self) -> DeviceInfo;
+
+    /// Takes over a model and its optimiser state.
+    ///
+    /// # Errors
+    /// [`Error::Device`] if it does not fit, with counts.
+    fn upload(&mut self, model: &Model, adam: &AdamState) -> Result<()>;
+
+    /// Renders the model as of the last step. Does not influence later steps in any bit.
+    ///
+    /// # Errors
+    /// [`Error::Device`] if memory or the device fails.
+    fn render(&mut self, camera: &Camera, options: &RenderOptions) -> Result<RenderedImage>;
+
+    /// One iteration: forward, loss, backward, Adam.
+    ///
+    /// # Errors
+    /// [`Error::Device`] if memory or the device fails, [`Error::Usage`] if picture and camera differ in size.
+    fn step(&mut self, request: &StepRequest<'_>) -> Result<StepReport>;
+
+    /// Sums since the last call; starts a new window.
+    ///
+    /// # Errors
+    /// [`Error::Device`] if the device fails.
+    fn read_statistics(&mut self) -> Result<WindowStatistics>;
+
+    /// Changes the structure.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if the plan does not fit the model, [`Error::Device`] if memory fails.
+    fn apply_plan(&mut self, plan: &StructurePlan) -> Result<()>;
+
+    /// The state exactly as it is: uploading it elsewhere continues the run bit for bit. Parameters of
+    /// splats that the last steps did not see may lag behind (`AdamState::last_step`); see
+    /// [`Backend::read_settled`].
+    ///
+    /// # Errors
+    /// [`Error::Device`] if the device fails.
+    fn read_back(&mut self) -> Result<(Model, AdamState)>;
+
+    /// The model with all lazy updates done: what is rendered, evaluated and exported.
+    ///
+    /// # Errors
+    /// [`Error::Device`] if the device fails.
+    fn read_settled(&mut self) -> Result<Model>;
+}
+
+impl StructurePlan {
+    /// Checks the plan against a model of `num_splats` splats.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] naming the first inconsistency.
+    pub fn check(&self, num_splats: usize) -> Result<()> {
+        if self.sources.len() != self.maps.len() {
+            return Err(Error::Usage(format!(
+                "structure plan: {} sources but {} map changes",
+                self.sources.len(),
+                self.maps.len()
+            )));
+        }
+        match self.sources.iter().position(|&s| s as usize >= num_splats) {
+            Some(at) => Err(Error::Usage(format!(
+                "structure plan: source {} of new splat {at} is not one of the {num_splats} splats",
+                self.sources[at]
+            ))),
+            None => Ok(()),
+        }
+    }
+}

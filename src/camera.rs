@@ -1,0 +1,167 @@
+//! Pinhole cameras and the transforms between frames, in f64.
+//!
+//! Camera axes follow COLMAP / OpenCV: x right, y down, z forward. A pixel's centre lies at its
+//! integer index + 0.5. Lens distortion does not belong here: `dataset` removes it on load.
+
+use glam::{DMat3, DVec2, DVec3};
+use serde::{Deserialize, Serialize};
+
+/// Pinhole intrinsics for a picture of a given size.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Pinhole {
+    /// Picture width.
+    pub width_px: u32,
+    /// Picture height.
+    pub height_px: u32,
+    /// Focal length along x.
+    pub fx_px: f64,
+    /// Focal length along y.
+    pub fy_px: f64,
+    /// Principal point x, measured from the left edge of the leftmost pixel.
+    pub cx_px: f64,
+    /// Principal point y, measured from the upper edge of the uppermost pixel.
+    pub cy_px: f64,
+}
+
+impl Pinhole {
+    /// The same camera for the picture resized to `width_px` x `height_px` (same field of view).
+    pub fn resized(&self, width_px: u32, height_px: u32) -> Self {
+        let sx = f64::from(width_px) / f64::from(self.width_px);
+        let sy = f64::from(height_px) / f64::from(self.height_px);
+        Self {
+            width_px,
+            height_px,
+            fx_px: self.fx_px * sx,
+            fy_px: self.fy_px * sy,
+            cx_px: self.cx_px * sx,
+            cy_px: self.cy_px * sy,
+        }
+    }
+
+    /// Projects a point given in camera coordinates; `None` at or behind the camera plane.
+    pub fn project(&self, in_camera: DVec3) -> Option<DVec2> {
+        (in_camera.z > 0.0).then(|| {
+            DVec2::new(
+                self.fx_px * in_camera.x / in_camera.z + self.cx_px,
+                self.fy_px * in_camera.y / in_camera.z + self.cy_px,
+            )
+        })
+    }
+
+    /// Ray direction (z = 1) through a picture position, in camera coordinates.
+    pub fn direction_in_camera(&self, position_px: DVec2) -> DVec3 {
+        DVec3::new(
+            (position_px.x - self.cx_px) / self.fx_px,
+            (position_px.y - self.cy_px) / self.fy_px,
+            1.0,
+        )
+    }
+
+    /// Number of pixels.
+    pub fn num_pixels(&self) -> usize {
+        self.width_px as usize * self.height_px as usize
+    }
+}
+
+/// A rotation and a translation: `in_a = rotation * in_b + translation` for `a_from_b`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RigidTransform {
+    /// Orthonormal, determinant +1.
+    pub rotation: DMat3,
+    /// In units of frame a.
+    pub translation: DVec3,
+}
+
+impl RigidTransform {
+    /// The identity.
+    pub const IDENTITY: Self = Self {
+        rotation: DMat3::IDENTITY,
+        translation: DVec3::ZERO,
+    };
+
+    /// Maps a point of frame b to frame a.
+    pub fn transform_point(&self, in_b: DVec3) -> DVec3 {
+        self.rotation * in_b + self.translation
+    }
+
+    /// `b_from_a`.
+    pub fn inverse(&self) -> Self {
+        let rotation = self.rotation.transpose();
+        Self {
+            rotation,
+            translation: -(rotation * self.translation),
+        }
+    }
+
+    /// Origin of frame a in frame b: for `camera_from_local`, the camera's centre.
+    pub fn origin_of_a_in_b(&self) -> DVec3 {
+        -(self.rotation.transpose() * self.translation)
+    }
+}
+
+/// Uniform scale and translation: `in_a = scale * in_b + translation` for `a_from_b`.
+///
+/// `capture_from_local` of a model is one of these: training happens in a local frame in which
+/// the cameras' extent is 1, and every file carries the way back.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Similarity {
+    /// Length of one unit of frame b in frame a; > 0.
+    pub scale: f64,
+    /// Origin of frame b in frame a.
+    pub translation: DVec3,
+}
+
+impl Similarity {
+    /// The identity.
+    pub const IDENTITY: Self = Self {
+        scale: 1.0,
+        translation: DVec3::ZERO,
+    };
+
+    /// Maps a point of frame b to frame a.
+    pub fn transform_point(&self, in_b: DVec3) -> DVec3 {
+        self.scale * in_b + self.translation
+    }
+
+    /// `b_from_a`.
+    pub fn inverse(&self) -> Self {
+        Self {
+            scale: 1.0 / self.scale,
+            translation: -self.translation / self.scale,
+        }
+    }
+
+    /// `camera_from_b` for a camera posed in frame a; camera space is rescaled to b's units.
+    pub fn rebase_camera(&self, camera_from_a: &RigidTransform) -> RigidTransform {
+        let translation =
+            (camera_from_a.rotation * self.translation + camera_from_a.translation) / self.scale;
+        RigidTransform {
+            rotation: camera_from_a.rotation,
+            translation,
+        }
+    }
+}
+
+/// A camera placed in the model's local frame: all that a renderer needs to know of a view.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Camera {
+    /// Intrinsics at the size that is rendered.
+    pub pinhole: Pinhole,
+    /// Pose.
+    pub camera_from_local: RigidTransform,
+}
+
+impl Camera {
+    /// Camera centre in the local frame.
+    pub fn centre_in_local(&self) -> DVec3 {
+        self.camera_from_local.origin_of_a_in_b()
+    }
+
+    /// The same view at another picture size.
+    pub fn resized(&self, width_px: u32, height_px: u32) -> Self {
+        Self {
+            pinhole: self.pinhole.resized(width_px, height_px),
+            ..*self
+        }
+    }
+}

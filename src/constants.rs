@@ -1,0 +1,67 @@
+//! Constants of the picture: fixed by the version of the format, shared by every renderer, and the
+//! source of the shaders' prelude. Nothing that a user may configure belongs here.
+
+/// A sample is drawn where `opacity * falloff` reaches this (3DGS and all its successors).
+pub const ALPHA_MIN: f64 = 1.0 / 255.0;
+
+/// Alpha of a sample is clamped to this (3DGS).
+pub const ALPHA_MAX: f64 = 0.99;
+
+/// A pixel stops *before* the sample that would bring its transmittance below this (3DGS).
+pub const TRANSMITTANCE_MIN: f64 = 1e-4;
+
+/// Extent of a texture map, in standard deviations, is at most this (CAT).
+pub const MAP_SIGMA_MAX: f64 = 3.0;
+
+/// A splat is skipped if `abs(p . n) < EDGE_ON_MIN * |p|`: seen edge-on its map coefficients explode.
+pub const EDGE_ON_MIN: f64 = 1e-3;
+
+/// A pixel-splat pair is skipped below this denominator: the hit is behind the camera or at infinity.
+pub const DENOMINATOR_MIN: f64 = 1e-4;
+
+/// The conic bounds hold while `denominator < -CONIC_MARGIN * tw_z^2`; else the disc is clipped at the
+/// near plane.
+pub const CONIC_MARGIN: f64 = 1e-3;
+
+/// Near plane is at most this in local units, where the cameras' extent is 1.
+pub const NEAR_MAX: f64 = 0.04;
+
+/// Standard deviation and half width of the SSIM window (Wang et al. 2004, as in 3DGS).
+pub const SSIM_SIGMA_PX: f64 = 1.5;
+/// Half width of the 11 x 11 SSIM window.
+pub const SSIM_RADIUS_PX: usize = 5;
+/// First stabiliser of SSIM, (0.01 * peak)^2.
+pub const SSIM_C1: f64 = 1e-4;
+/// Second stabiliser of SSIM, (0.03 * peak)^2.
+pub const SSIM_C2: f64 = 9e-4;
+
+/// Spherical harmonics of degree 0.
+pub const SH_0: f64 = 0.282_094_791_773_878_14;
+/// Spherical harmonics of degree 1 (sign and order of 3DGS).
+pub const SH_1: f64 = 0.488_602_511_902_919_9;
+/// Spherical harmonics of degree 2 (sign and order of 3DGS).
+pub const SH_2: [f64; 5] = [
+    1.092_548_430_592_079_2,
+    -1.092_548_430_592_079_2,
+    0.315_391_565_252_520_05,
+    -1.092_548_430_592_079_2,
+    0.546_274_215_296_039_6,
+];
+/// Spherical harmonics of degree 3 (sign and order of 3DGS).
+pub const SH_3: [f64; 7] = [
+    -0.590_043_589_926_643_5,
+    2.890_611_442_640_554,
+    -0.457_045_799_464_465_8,
+    0.373_176_332_590_115_4,
+    -0.457_045_799_464_465_8,
+    1.445_305_721_320_277,
+    -0.590_043_589_926_643_5,
+];
+
+/// Highest supported SH degree.
+pub const SH_DEGREE_MAX: u32 = 3;
+
+/// Number of SH coefficients per colour channel for a degree.
+pub const fn sh_coefficients(degree: u32) -> usize {
+    ((degree + 1) * (degree + 1)) as usize
+}

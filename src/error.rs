@@ -1,0 +1,90 @@
+//! The library's error type. Its variants are the families that users must tell apart: the input is
+//! wrong, we do not support it, the machine failed, the user stopped us. Each maps to an exit code.
+
+use std::path::PathBuf;
+
+/// Result with the library's error.
+pub type Result<T, E = Error> = std::result::Result<T, E>;
+
+/// What went wrong, by family.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A file or folder holds something that it must not hold.
+    #[error("{}: {what}", path.display())]
+    InvalidInput {
+        /// The file or folder.
+        path: PathBuf,
+        /// Element, what was found, what was expected and what to do.
+        what: String,
+    },
+    /// A file is sound, but this program cannot use it.
+    #[error("{}: {what}", path.display())]
+    Unsupported {
+        /// The file or folder.
+        path: PathBuf,
+        /// What is not supported, what is, and what to do.
+        what: String,
+    },
+    /// Options that contradict each other or the data.
+    #[error("{0}")]
+    Usage(String),
+    /// Reading or writing failed.
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// The file or folder.
+        path: PathBuf,
+        /// The operating system's word.
+        source: std::io::Error,
+    },
+    /// The device cannot do it: memory, limits, driver.
+    #[error("{0}")]
+    Device(String),
+    /// A check ran and failed.
+    #[error("{0}")]
+    CheckFailed(String),
+    /// Stopped by the user.
+    #[error("interrupted")]
+    Interrupted,
+}
+
+impl Error {
+    /// An [`Error::InvalidInput`].
+    pub fn invalid(path: impl Into<PathBuf>, what: impl Into<String>) -> Self {
+        Self::InvalidInput {
+            path: path.into(),
+            what: what.into(),
+        }
+    }
+
+    /// An [`Error::Unsupported`].
+    pub fn unsupported(path: impl Into<PathBuf>, what: impl Into<String>) -> Self {
+        Self::Unsupported {
+            path: path.into(),
+            what: what.into(),
+        }
+    }
+
+    /// An [`Error::Io`].
+    pub fn io(path: impl Into<PathBuf>, source: std::io::Error) -> Self {
+        Self::Io {
+            path: path.into(),
+            source,
+        }
+    }
+
+    /// Exit code of the family: 1 check failed, 2 usage, 3 input invalid, 4 unsupported,
+    /// 5 device or run time, 130 interrupted.
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            Self::CheckFailed(_) => 1,
+            Self::Usage(_) => 2,
+            Self::InvalidInput { .. } => 3,
+            Self::Unsupported { .. } => 4,
+            // A missing input is the input's fault; everything else that the system refuses is run time.
+            Self::Io { source, .. } if source.kind() == std::io::ErrorKind::NotFound => 3,
+            Self::Io { .. } | Self::Device(_) => 5,
+            Self::Interrupted => 130,
+        }
+    }
+}

@@ -1,0 +1,18 @@
+//! Textured Gaussian splats: 2D Gaussian primitives, each with its own small RGB texture, optimised
+//! from photos with poses. See `ARCHITECTURE.md` for the map of modules and the data flow.
+
+pub mod backend;
+pub mod camera;
+pub mod constants;
+pub mod cpu;
+pub mod dataset;
+mod error;
+pub mod eval;
+pub mod model;
+pub mod reference;
+mod report;
+pub mod sample;
+pub mod train;
+
+pub use error::{Error, Result};
+pub use report::{Report, Warning};

@@ -1,0 +1,3 @@
+//! The `litetex` command.
+
+fn main() {}

@@ -1,0 +1,70 @@
+//! The scene that is optimised: splats as structure-of-arrays, a jagged pool of texture maps, and
+//! the optimiser's state beside them. Plain data: no device, no files but the checkpoint.
+
+mod splats;
+mod texture;
+
+pub use splats::{SplatArrays, SplatGroup};
+pub use texture::{TextureMap, TexturePool, texel_value, texel_value_slope};
+
+use crate::camera::Similarity;
+
+/// All that is needed to render a scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Model {
+    /// Stored (not activated) parameters of the splats.
+    pub splats: SplatArrays,
+    /// Texture maps, one per splat (0 x 0: untextured).
+    pub textures: TexturePool,
+    /// Near plane, local units: samples and centres in front of it are not drawn.
+    pub near: f32,
+    /// Frame of the capture, from the local frame in which everything here is expressed.
+    pub capture_from_local: Similarity,
+}
+
+impl Model {
+    /// Number of splats.
+    pub fn num_splats(&self) -> usize {
+        self.splats.len()
+    }
+
+    /// Number of texels over all maps.
+    pub fn num_texels(&self) -> usize {
+        self.textures.num_texels()
+    }
+
+    /// Parameter count as published: 59 per splat (degree 3, whatever degree is stored) + 3 per texel.
+    pub fn num_params(&self) -> usize {
+        59 * self.num_splats() + 3 * self.num_texels()
+    }
+}
+
+/// State of the optimiser for every parameter of a [`Model`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct AdamState {
+    /// First moments of the splats' parameters.
+    pub splats_m: SplatArrays,
+    /// Second moments of the splats' parameters.
+    pub splats_v: SplatArrays,
+    /// First moments of the texels. `[num_texels, 3]`
+    pub texels_m: Vec<f32>,
+    /// Second moments of the texels. `[num_texels, 3]`
+    pub texels_v: Vec<f32>,
+    /// Step at which the lazily updated parameters (SH, texels) of a splat were last brought up to
+    /// date. `[num_splats]`
+    pub last_step: Vec<u32>,
+}
+
+impl AdamState {
+    /// Zero moments for a model.
+    pub fn zeros(model: &Model) -> Self {
+        let n = model.num_splats();
+        Self {
+            splats_m: SplatArrays::zeros(n, model.splats.sh_degree),
+            splats_v: SplatArrays::zeros(n, model.splats.sh_degree),
+            texels_m: vec![0.0; model.textures.texels.len()],
+            texels_v: vec![0.0; model.textures.texels.len()],
+            last_step: vec![0; n],
+        }
+    }
+}

@@ -1,0 +1,120 @@
+//! Structure-of-arrays of per-splat quantities. The same type holds parameters, gradients and
+//! moments, so that loops over "every parameter" are written once.
+
+use crate::constants::sh_coefficients;
+
+/// One array per group of parameters; entries of a splat are contiguous.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SplatArrays {
+    /// SH degree of `sh`.
+    pub sh_degree: u32,
+    /// Centres, local frame. `[n, 3]`
+    pub positions: Vec<f32>,
+    /// local_from_surfel rotation as quaternion wxyz, not normalised. `[n, 4]`
+    pub quaternions: Vec<f32>,
+    /// Natural logarithm of the standard deviations along the surfel's axes, local units. `[n, 2]`
+    pub log_scales: Vec<f32>,
+    /// Opacity before the sigmoid. `[n]`
+    pub opacity_logits: Vec<f32>,
+    /// Spherical harmonics, display space. `[n, (sh_degree + 1)^2, 3]`
+    pub sh: Vec<f32>,
+}
+
+/// A group of parameters with its own learning rate.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum SplatGroup {
+    /// Centres.
+    Position,
+    /// Rotations.
+    Quaternion,
+    /// Logarithms of the standard deviations.
+    LogScale,
+    /// Opacity logits.
+    Opacity,
+    /// Spherical harmonics.
+    Sh,
+}
+
+impl SplatGroup {
+    /// All groups, in the order of their storage.
+    pub const ALL: [Self; 5] = [
+        Self::Position,
+        Self::Quaternion,
+        Self::LogScale,
+        Self::Opacity,
+        Self::Sh,
+    ];
+
+    /// Floats per splat.
+    pub const fn width(self, sh_degree: u32) -> usize {
+        match self {
+            Self::Position => 3,
+            Self::Quaternion => 4,
+            Self::LogScale => 2,
+            Self::Opacity => 1,
+            Self::Sh => 3 * sh_coefficients(sh_degree),
+        }
+    }
+}
+
+impl SplatArrays {
+    /// `n` splats, all zero.
+    pub fn zeros(n: usize, sh_degree: u32) -> Self {
+        let array = |g: SplatGroup| vec![0.0; n * g.width(sh_degree)];
+        Self {
+            sh_degree,
+            positions: array(SplatGroup::Position),
+            quaternions: array(SplatGroup::Quaternion),
+            log_scales: array(SplatGroup::LogScale),
+            opacity_logits: array(SplatGroup::Opacity),
+            sh: array(SplatGroup::Sh),
+        }
+    }
+
+    /// Number of splats.
+    pub fn len(&self) -> usize {
+        self.opacity_logits.len()
+    }
+
+    /// Whether there is no splat.
+    pub fn is_empty(&self) -> bool {
+        self.opacity_logits.is_empty()
+    }
+
+    /// The array of one group. `[n, width]`
+    pub fn group(&self, group: SplatGroup) -> &Vec<f32> {
+        match group {
+            SplatGroup::Position => &self.positions,
+            SplatGroup::Quaternion => &self.quaternions,
+            SplatGroup::LogScale => &self.log_scales,
+            SplatGroup::Opacity => &self.opacity_logits,
+            SplatGroup::Sh => &self.sh,
+        }
+    }
+
+    /// The array of one group, to be written. `[n, width]`
+    pub fn group_mut(&mut self, group: SplatGroup) -> &mut Vec<f32> {
+        match group {
+            SplatGroup::Position => &mut self.positions,
+            SplatGroup::Quaternion => &mut self.quaternions,
+            SplatGroup::LogScale => &mut self.log_scales,
+            SplatGroup::Opacity => &mut self.opacity_logits,
+            SplatGroup::Sh => &mut self.sh,
+        }
+    }
+
+    /// Splats `sources[0], sources[1], ...` of this, in that order.
+    pub fn gathered(&self, sources: &[u32]) -> Self {
+        let mut out = Self::zeros(0, self.sh_degree);
+        for group in SplatGroup::ALL {
+            let width = group.width(self.sh_degree);
+            let from = self.group(group);
+            *out.group_mut(group) = sources
+                .iter()
+                .flat_map(|&s| &from[s as usize * width..(s as usize + 1) * width])
+                .copied()
+                .collect();
+        }
+        out
+    }
+}

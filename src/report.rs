@@ -1,0 +1,42 @@
+//! Typed warnings with counts, collected while work goes on and printed once.
+
+use serde::{Deserialize, Serialize};
+
+/// One kind of warning and how often it occurred.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Warning {
+    /// Stable identifier, kebab-case ("frames-without-picture").
+    pub code: String,
+    /// One sentence for people, naming what, where and the first few cases.
+    pub message: String,
+    /// Number of occurrences.
+    pub count: usize,
+}
+
+/// Warnings in the order in which their kinds first occurred.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Report {
+    /// At most one entry per code.
+    pub warnings: Vec<Warning>,
+}
+
+impl Report {
+    /// Records `count` occurrences; a second call with the same code adds to the first.
+    pub fn warn(&mut self, code: &str, count: usize, message: impl Into<String>) {
+        match self.warnings.iter_mut().find(|w| w.code == code) {
+            Some(known) => known.count += count,
+            None => self.warnings.push(Warning {
+                code: code.to_owned(),
+                message: message.into(),
+                count,
+            }),
+        }
+    }
+
+    /// Takes over all warnings of another report.
+    pub fn merge(&mut self, other: Report) {
+        for w in other.warnings {
+            self.warn(&w.code, w.count, w.message);
+        }
+    }
+}
