@@ -13,6 +13,7 @@ pub mod reference;
 mod report;
 pub mod sample;
 pub mod train;
+pub mod views;
 
 pub use error::{Error, Result};
 pub use report::{Report, Warning};

@@ -1,0 +1,53 @@
+//! Everything that a run needs to continue bit for bit, and the curve that it has drawn so far.
+
+use crate::model::{AdamState, Model};
+use serde::{Deserialize, Serialize};
+
+/// One evaluation on the way.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CurvePoint {
+    /// Steps done.
+    pub step: u32,
+    /// Training time, evaluation and saving not counted.
+    pub wall_secs: f64,
+    /// CPU time of the process within it.
+    pub cpu_secs: f64,
+    /// Mean PSNR of the test views, dB.
+    pub psnr_test: f64,
+    /// Mean gradient-PSNR of the test views, dB.
+    pub grad_psnr_test: f64,
+    /// Splats.
+    pub primitives: usize,
+    /// Texels.
+    pub texels: usize,
+}
+
+/// Times and curve: what a resumed run carries on besides the state proper.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct TrainHistory {
+    /// Training time so far.
+    pub train_wall_secs: f64,
+    /// CPU time within it.
+    pub train_cpu_secs: f64,
+    /// Evaluations so far.
+    pub curve: Vec<CurvePoint>,
+}
+
+/// State of a run between two steps.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TrainState {
+    /// Steps done.
+    pub step: u32,
+    /// The scene.
+    pub model: Model,
+    /// The optimiser.
+    pub adam: AdamState,
+    /// Views of the current epoch, in the order in which they are drawn.
+    pub epoch_order: Vec<u32>,
+    /// Views of the current epoch already used.
+    pub epoch_used: u32,
+    /// Epochs begun; the order of an epoch follows from the seed and this.
+    pub epochs: u32,
+    /// Times and curve.
+    pub history: TrainHistory,
+}

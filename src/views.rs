@@ -1,0 +1,47 @@
+//! What the trainer and the evaluation need to know of a capture: cameras in the local frame, names,
+//! the split and photos on demand. `dataset` implements it from files, tests from memory.
+
+use crate::Result;
+use crate::backend::TargetImage;
+use crate::camera::Camera;
+use std::sync::Arc;
+
+/// Which side of the split a view is on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Split {
+    /// Optimised on.
+    Train,
+    /// Held out.
+    Test,
+}
+
+/// A set of posed photos.
+pub trait ViewSource: Sync {
+    /// Number of views, both sides of the split.
+    fn num_views(&self) -> usize;
+
+    /// Original picture name of a view, relative to the picture folder.
+    fn name(&self, view: usize) -> &str;
+
+    /// Side of the split.
+    fn split(&self, view: usize) -> Split;
+
+    /// Camera at the size that is trained and evaluated.
+    fn camera(&self, view: usize) -> Camera;
+
+    /// The photo, of the camera's size. May decode it now.
+    ///
+    /// # Errors
+    /// What reading the file found.
+    fn target(&self, view: usize) -> Result<Arc<TargetImage>>;
+
+    /// Says which views will be asked for next, so that they can be decoded meanwhile.
+    fn prefetch(&self, _views: &[usize]) {}
+
+    /// Indices of one side of the split, ascending.
+    fn indices(&self, split: Split) -> Vec<usize> {
+        (0..self.num_views())
+            .filter(|&v| self.split(v) == split)
+            .collect()
+    }
+}
