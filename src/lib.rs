@@ -3,6 +3,7 @@
 
 pub mod backend;
 pub mod camera;
+pub mod clock;
 pub mod constants;
 pub mod cpu;
 pub mod dataset;
