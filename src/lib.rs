@@ -11,6 +11,7 @@ pub mod dataset;
 mod error;
 pub mod eval;
 pub mod model;
+pub mod picture;
 pub mod reference;
 mod report;
 pub mod sample;
