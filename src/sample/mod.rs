@@ -46,7 +46,7 @@ impl Default for SampleOptions {
             width_px: 320,
             height_px: 240,
             seed: 0,
-            supersampling: 4,
+            supersampling: 3,
             points: 4000,
             point_noise_m: 0.002,
             text: false,

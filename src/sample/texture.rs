@@ -164,7 +164,7 @@ pub fn floor(noise: &Noise, at: DVec2) -> DVec3 {
 
 /// Back wall: bricks and a framed poster.
 pub fn back_wall(noise: &Noise, at: DVec2) -> DVec3 {
-    let poster = at - DVec2::new(0.0, 0.18);
+    let poster = at - DVec2::new(0.0, -0.28);
     let inside = (DVec2::new(0.78, 0.46) - poster.abs()).min_element();
     if inside > 0.0 {
         return if inside < 0.035 {
