@@ -1,3 +1,7 @@
-//! The `litetex` command.
+//! The `litetex` command. Everything happens in [`cli`]; the library does the work.
 
-fn main() {}
+mod cli;
+
+fn main() -> std::process::ExitCode {
+    cli::main()
+}

@@ -1,0 +1,112 @@
+//! Options that say how a capture is read; shared by `train` and `inspect`.
+
+use super::capture::{CaptureFormat, InitKind, LoadOptions};
+use super::values::parse_bytes;
+use std::path::PathBuf;
+
+/// Flags of the capture; what is not given stays as the configuration file or the default says.
+#[derive(clap::Args, Clone, Debug, Default)]
+#[command(next_help_heading = "Capture")]
+pub struct CaptureArgs {
+    /// Bound of the pictures' longer side in pixels; larger ones are averaged down by area [default: 1600]
+    #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u32).range(1..=65_536))]
+    pub max_resolution: Option<u32>,
+    /// Folder of the pictures, for example images_4 [default: images]
+    #[arg(long, value_name = "DIR")]
+    pub images: Option<PathBuf>,
+    /// Folder of the masks, white keeps [default: masks, where it exists]
+    #[arg(long, value_name = "DIR")]
+    pub masks: Option<PathBuf>,
+    /// Black keeps instead of white
+    #[arg(long)]
+    pub mask_invert: bool,
+    /// Kind of pose file [default: a sparse model wins over transforms.json]
+    #[arg(long, value_name = "FORMAT")]
+    pub format: Option<FormatArg>,
+    /// Hold out each N-th view in the order of names, 0: none; files that state a split win [default: 8]
+    #[arg(long, value_name = "N")]
+    pub test_every: Option<usize>,
+    /// File with the names of the views to hold out, one a line; wins over everything
+    #[arg(long, value_name = "FILE")]
+    pub test_list: Option<PathBuf>,
+    /// Memory for decoded pictures [default: 4GiB]
+    #[arg(long, value_name = "SIZE", value_parser = parse_bytes)]
+    pub image_cache: Option<u64>,
+}
+
+/// Kind of pose file, as typed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum FormatArg {
+    /// Choose by what is there
+    Auto,
+    /// COLMAP's sparse model, binary or text
+    Colmap,
+    /// transforms.json of nerfstudio, instant-ngp and Blender scenes
+    Transforms,
+}
+
+impl CaptureArgs {
+    /// Writes what was given over `options`.
+    pub fn apply(&self, options: &mut LoadOptions) {
+        set(&mut options.max_resolution, self.max_resolution);
+        set(&mut options.test_every, self.test_every);
+        set(&mut options.image_cache_bytes, self.image_cache);
+        set_some(&mut options.images, &self.images);
+        set_some(&mut options.masks, &self.masks);
+        set_some(&mut options.test_list, &self.test_list);
+        options.mask_invert |= self.mask_invert;
+        match self.format {
+            Some(FormatArg::Auto) => options.format = None,
+            Some(FormatArg::Colmap) => options.format = Some(CaptureFormat::Colmap),
+            Some(FormatArg::Transforms) => options.format = Some(CaptureFormat::Transforms),
+            None => {}
+        }
+    }
+}
+
+/// Overwrites a setting if a value was given.
+pub fn set<T>(setting: &mut T, given: Option<T>) {
+    if let Some(value) = given {
+        *setting = value;
+    }
+}
+
+/// Overwrites an optional setting if a value was given.
+pub fn set_some<T: Clone>(setting: &mut Option<T>, given: &Option<T>) {
+    if given.is_some() {
+        setting.clone_from(given);
+    }
+}
+
+/// "auto", "sfm", "ply:FILE", "random:N".
+pub fn parse_init(text: &str) -> Result<InitKind, String> {
+    let wrong = || format!("{text:?}: expected auto, sfm, ply:FILE or random:N");
+    match text.split_once(':') {
+        None if text == "auto" => Ok(InitKind::Auto),
+        None if text == "sfm" => Ok(InitKind::Sfm),
+        Some(("ply", file)) if !file.is_empty() => Ok(InitKind::Ply(file.into())),
+        Some(("random", count)) => match count.replace('_', "").parse() {
+            Ok(n) if n > 0 => Ok(InitKind::Random(n)),
+            _ => Err(wrong()),
+        },
+        _ => Err(wrong()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn starts() {
+        assert_eq!(parse_init("auto"), Ok(InitKind::Auto));
+        assert_eq!(parse_init("random:20_000"), Ok(InitKind::Random(20_000)));
+        assert_eq!(
+            parse_init("ply:C:/a b.ply"),
+            Ok(InitKind::Ply("C:/a b.ply".into()))
+        );
+        for wrong in ["", "ply", "ply:", "random:", "random:0", "random:-1", "sfm:x"] {
+            assert!(parse_init(wrong).is_err(), "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,21 @@
+//! `litetex completions`: shell completions from the same tree as the help.
+
+use clap::CommandFactory;
+use std::io::Write;
+
+/// Print completions for a shell
+///
+/// For example: litetex completions bash > ~/.local/share/bash-completion/completions/litetex
+#[derive(clap::Args)]
+pub struct CompletionsArgs {
+    /// Which shell
+    shell: clap_complete::Shell,
+}
+
+/// Prints the completions.
+pub fn run(args: &CompletionsArgs) -> anyhow::Result<()> {
+    let mut text = Vec::new();
+    clap_complete::generate(args.shell, &mut super::Cli::command(), "litetex", &mut text);
+    std::io::stdout().write_all(&text)?;
+    Ok(())
+}

@@ -1,0 +1,156 @@
+//! `config.toml`: everything that repeats a run, as read from `--config` and as written, resolved, into
+//! the run folder and every checkpoint.
+
+use super::capture::{InitKind, LoadOptions};
+use super::train_args::SaveImages;
+use litetex_gs::train::TrainConfig;
+use litetex_gs::{Error, Result};
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// Settings of a run.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default, rename_all = "kebab-case")]
+pub struct RunConfig {
+    /// Version of the program that wrote this; empty in files that people write.
+    #[serde(skip_serializing_if = "String::is_empty")]
+    pub version: String,
+    /// Folder of the capture.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub data: Option<PathBuf>,
+    /// Where primitives start.
+    pub init: InitKind,
+    /// Which evaluations leave pictures.
+    pub save_images: SaveImages,
+    /// How the capture is read.
+    pub capture: LoadOptions,
+    /// How it is trained.
+    pub train: TrainConfig,
+}
+
+impl RunConfig {
+    /// Reads a file; what it does not say keeps the default.
+    ///
+    /// # Errors
+    /// [`Error::Io`], [`Error::InvalidInput`] naming line and key.
+    pub fn read(path: &Path) -> Result<Self> {
+        let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, e))?;
+        Self::parse(path, &text)
+    }
+
+    /// [`RunConfig::read`] from memory; `path` only names the file in errors.
+    ///
+    /// # Errors
+    /// [`Error::InvalidInput`] naming line and key.
+    pub fn parse(path: &Path, text: &str) -> Result<Self> {
+        let mut config: Self =
+            toml::from_str(text).map_err(|e| Error::invalid(path, e.to_string().trim_end().to_owned()))?;
+        config.check(path)?;
+        config.capture.background = config.train.background;
+        Ok(config)
+    }
+
+    /// The resolved settings as a file that `--config` accepts.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if a value has no form in TOML (a path that is not text).
+    pub fn to_toml(&self) -> Result<String> {
+        let mut config = self.clone();
+        config.version = env!("CARGO_PKG_VERSION").to_owned();
+        let body = toml::to_string_pretty(&config)
+            .map_err(|e| Error::Usage(format!("the settings cannot be written as TOML: {e}")))?;
+        Ok(format!(
+            "# Settings of this run, resolved. Repeat it: litetex train --config config.toml -o <RUN>\n{body}"
+        ))
+    }
+
+    /// The capture's folder.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if none was named.
+    pub fn data(&self) -> Result<&Path> {
+        self.data
+            .as_deref()
+            .ok_or_else(|| Error::Usage("no capture given: litetex train <CAPTURE> -o <RUN>".to_owned()))
+    }
+
+    /// Bounds that flags check by themselves and a file must be held to.
+    fn check(&self, path: &Path) -> Result<()> {
+        let t = &self.train;
+        let refuse = |what: String| Err(Error::invalid(path, what));
+        if t.steps == 0 {
+            return refuse("train.steps: found 0, expected at least 1".to_owned());
+        }
+        if t.sh_degree > 3 {
+            return refuse(format!("train.sh-degree: found {}, expected 0 to 3", t.sh_degree));
+        }
+        if t.background.iter().any(|x| !(0.0..=1.0).contains(x)) {
+            return refuse(format!(
+                "train.background: found {:?}, expected numbers from 0 to 1",
+                t.background
+            ));
+        }
+        if t.max_time_secs.is_some_and(|s| !s.is_finite() || s <= 0.0) {
+            return refuse("train.max-time-secs: expected a positive number".to_owned());
+        }
+        if self.capture.max_resolution == 0 {
+            return refuse("capture.max-resolution: found 0, expected at least 1".to_owned());
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use litetex_gs::train::TexturePolicy;
+
+    fn parse(text: &str) -> Result<RunConfig> {
+        RunConfig::parse(Path::new("c.toml"), text)
+    }
+
+    #[test]
+    fn written_settings_read_back_alike() {
+        let mut config = RunConfig {
+            data: Some("/captures/füchse 1".into()),
+            init: InitKind::Random(500),
+            ..RunConfig::default()
+        };
+        config.train.max_time_secs = Some(0.1);
+        config.train.background = [0.1, 0.2, 1.0];
+        config.capture.background = config.train.background;
+        config.train.texture = TexturePolicy::None;
+        config.train.seed = 1 << 60;
+        let mut read = parse(&config.to_toml().unwrap()).unwrap();
+        assert_eq!(read.version, env!("CARGO_PKG_VERSION"));
+        read.version.clear();
+        assert_eq!(read, config);
+    }
+
+    #[test]
+    fn a_file_may_say_little() {
+        let config = parse("[train]\nsteps = 300\ntexture = \"none\"\n").unwrap();
+        assert_eq!(config.train.steps, 300);
+        assert_eq!(config.train.seed, TrainConfig::default().seed);
+        assert_eq!(parse("").unwrap(), RunConfig::default());
+    }
+
+    #[test]
+    fn mistakes_are_named() {
+        for (text, part) in [
+            ("[train]\nstps = 3", "stps"),
+            ("[train]\nsteps = 0", "train.steps"),
+            ("[train]\nsh-degree = 4", "train.sh-degree"),
+            ("[train]\nbackground = [0, 2, 0]", "train.background"),
+            ("[train]\nmax-time-secs = -1", "max-time-secs"),
+            ("[train]\ntexture = \"fixed:1\"", "fixed:R"),
+            ("init = \"magic\"", "random:N"),
+            ("[capture]\nmax-resolution = 0", "capture.max-resolution"),
+            ("[train", "c.toml"),
+        ] {
+            let error = parse(text).unwrap_err();
+            assert_eq!(error.exit_code(), 3);
+            assert!(error.to_string().contains(part), "{error}");
+        }
+    }
+}

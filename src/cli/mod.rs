@@ -1,0 +1,149 @@
+//! The application layer: arguments to plans, progress, files of a run, exit codes. One file per
+//! subcommand; parsing (what was typed) is separate from meaning (what will be done). No mathematics.
+
+mod capture;
+mod capture_args;
+mod completions;
+mod config_file;
+mod devices;
+mod eval;
+mod forecast;
+mod inspect;
+mod interrupt;
+mod log;
+mod man;
+mod orbit;
+mod progress;
+mod quickstart;
+mod render;
+mod run_folder;
+mod sample;
+mod selftest;
+mod session;
+mod summary;
+mod table;
+#[cfg(test)]
+mod tests;
+mod train;
+mod train_args;
+mod values;
+
+use clap::{Parser, Subcommand};
+use litetex_gs::Error;
+use log::Log;
+use std::process::ExitCode;
+
+/// Trains textured 2D Gaussian splats from photos with poses.
+#[derive(Parser)]
+#[command(
+    name = "litetex",
+    version,
+    max_term_width = 110,
+    after_help = "Start with \"litetex quickstart\". Exit codes: 0 done, 1 a check failed, 2 usage, 3 input \
+                  invalid, 4 not supported, 5 device or run time, 130 interrupted."
+)]
+struct Cli {
+    #[command(flatten)]
+    common: CommonArgs,
+    #[command(subcommand)]
+    command: Command,
+}
+
+/// What every subcommand understands.
+#[derive(clap::Args)]
+struct CommonArgs {
+    /// Say only what is wrong
+    #[arg(long, short, global = true, help_heading = "Messages")]
+    quiet: bool,
+    /// Say more; twice: everything
+    #[arg(long, short, global = true, action = clap::ArgAction::Count, conflicts_with = "quiet", help_heading = "Messages")]
+    verbose: u8,
+    /// Form of the messages on standard error
+    #[arg(
+        long,
+        global = true,
+        value_name = "FORM",
+        default_value = "text",
+        help_heading = "Messages"
+    )]
+    log_format: log::LogFormat,
+    /// Worker threads [default: one per core]; results do not depend on it
+    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), help_heading = "Device")]
+    threads: Option<u16>,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    Train(train_args::TrainArgs),
+    Eval(eval::EvalArgs),
+    Render(render::RenderArgs),
+    Sample(sample::SampleArgs),
+    Inspect(inspect::InspectArgs),
+    Devices(devices::DevicesArgs),
+    Selftest(selftest::SelftestArgs),
+    Quickstart(quickstart::QuickstartArgs),
+    Completions(completions::CompletionsArgs),
+    Man(man::ManArgs),
+}
+
+/// Parses, runs and answers with the exit code of the error's family.
+pub fn main() -> ExitCode {
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        // Help and version are no errors; clap tells them apart and knows the stream.
+        Err(e) => {
+            let code = if e.use_stderr() { 2 } else { 0 };
+            let _ = e.print();
+            return ExitCode::from(code);
+        }
+    };
+    let log = Log::new(cli.common.log_format, cli.common.quiet, cli.common.verbose);
+    match run(cli, &log) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
+        Err(error) => {
+            log.error(&format!("{error:#}"));
+            ExitCode::from(exit_code(&error))
+        }
+    }
+}
+
+fn run(cli: Cli, log: &Log) -> anyhow::Result<()> {
+    if let Some(threads) = cli.common.threads {
+        rayon::ThreadPoolBuilder::new()
+            .num_threads(usize::from(threads))
+            .build_global()
+            .map_err(|e| Error::Device(format!("--threads {threads}: {e}")))?;
+    }
+    match cli.command {
+        Command::Train(args) => train::run(args, log),
+        Command::Eval(args) => eval::run(&args, log),
+        Command::Render(args) => render::run(&args, log),
+        Command::Sample(args) => sample::run(&args, log),
+        Command::Inspect(args) => inspect::run(&args, log),
+        Command::Devices(args) => devices::run(&args),
+        Command::Selftest(args) => selftest::run(&args, log),
+        Command::Quickstart(args) => quickstart::run(&args, log),
+        Command::Completions(args) => completions::run(&args),
+        Command::Man(args) => man::run(&args),
+    }
+}
+
+/// Exit code of the first error of the chain that has one.
+fn exit_code(error: &anyhow::Error) -> u8 {
+    error
+        .chain()
+        .find_map(|e| e.downcast_ref::<Error>())
+        .map_or(5, Error::exit_code)
+}
+
+/// Whoever reads our output has enough: that is no failure.
+fn is_broken_pipe(error: &anyhow::Error) -> bool {
+    error.chain().any(|e| {
+        let io = match e.downcast_ref::<Error>() {
+            Some(Error::Io { source, .. }) => Some(source),
+            _ => e.downcast_ref::<std::io::Error>(),
+        };
+        io.is_some_and(|e| e.kind() == std::io::ErrorKind::BrokenPipe)
+    })
+}

@@ -1,0 +1,153 @@
+//! Progress of training on standard error: a bar on a terminal, a plain line every few seconds
+//! elsewhere, JSON if asked for. The only place that knows of indicatif's bars.
+
+use super::forecast::process_bytes;
+use super::log::Log;
+use super::values::{format_bytes, format_count, format_duration};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use serde_json::json;
+use std::io::IsTerminal;
+use std::time::{Duration, Instant};
+
+/// Time between plain lines.
+const LINE_INTERVAL: Duration = Duration::from_secs(5);
+/// Time between updates of the bar.
+const BAR_INTERVAL: Duration = Duration::from_millis(200);
+/// Weight of the newest loss in the running mean that is shown: the loss differs from view to view.
+const LOSS_SMOOTHING: f64 = 0.05;
+
+/// What is shown of one step.
+#[derive(Clone, Copy, Debug)]
+pub struct StepFigures {
+    pub step: u32,
+    pub loss: f64,
+    pub primitives: usize,
+    pub texels: usize,
+    pub train_wall_secs: f64,
+}
+
+/// Progress of one training.
+pub struct Progress<'a> {
+    log: &'a Log,
+    bar: Option<ProgressBar>,
+    steps: u32,
+    max_time_secs: Option<f64>,
+    /// Step and training time at the start of this session.
+    origin: Option<(u32, f64)>,
+    loss: Option<f64>,
+    psnr: Option<f64>,
+    shown: Option<Instant>,
+}
+
+impl<'a> Progress<'a> {
+    /// A display for a training to `steps`, of which `done` are done.
+    pub fn new(log: &'a Log, done: u32, steps: u32, max_time_secs: Option<f64>) -> Self {
+        let wants_bar = std::io::stderr().is_terminal() && !log.is_json() && !log.is_quiet();
+        let bar = wants_bar.then(|| {
+            let bar = ProgressBar::with_draw_target(Some(u64::from(steps)), ProgressDrawTarget::stderr());
+            if let Ok(style) = ProgressStyle::with_template("{pos:>7}/{len} {wide_bar} {msg}") {
+                bar.set_style(style);
+            }
+            bar.set_position(u64::from(done));
+            bar
+        });
+        log.attach_bar(bar.clone());
+        Self {
+            log,
+            bar,
+            steps,
+            max_time_secs,
+            origin: None,
+            loss: None,
+            psnr: None,
+            shown: None,
+        }
+    }
+
+    /// A step is done.
+    pub fn step(&mut self, figures: StepFigures) {
+        let smoothed = self
+            .loss
+            .map_or(figures.loss, |old| old + LOSS_SMOOTHING * (figures.loss - old));
+        self.loss = Some(smoothed);
+        let (first, first_secs) = *self.origin.get_or_insert((figures.step, figures.train_wall_secs));
+        let interval = if self.bar.is_some() {
+            BAR_INTERVAL
+        } else {
+            LINE_INTERVAL
+        };
+        let due = self.shown.is_none_or(|at| at.elapsed() >= interval);
+        if !due && figures.step != self.steps {
+            return;
+        }
+        self.shown = Some(Instant::now());
+        let secs = figures.train_wall_secs - first_secs;
+        let rate = (secs > 0.0).then(|| f64::from(figures.step - first) / secs);
+        self.show(&figures, smoothed, rate);
+    }
+
+    /// The test views were evaluated.
+    pub fn evaluated(&mut self, step: u32, psnr: f64, grad_psnr: f64) {
+        self.psnr = Some(psnr);
+        self.log.event(
+            "evaluated",
+            &format!("step {step}: test PSNR {psnr:.2} dB, gradient-PSNR {grad_psnr:.2} dB"),
+            json!({ "step": step, "psnr_test": psnr, "grad_psnr_test": grad_psnr }),
+        );
+    }
+
+    /// Takes the bar away.
+    pub fn finish(&mut self) {
+        self.log.attach_bar(None);
+        if let Some(bar) = self.bar.take() {
+            bar.finish_and_clear();
+        }
+    }
+
+    fn show(&self, f: &StepFigures, loss: f64, rate: Option<f64>) {
+        let eta_secs = rate.map(|rate| {
+            let by_steps = f64::from(self.steps.saturating_sub(f.step)) / rate;
+            let by_time = self
+                .max_time_secs
+                .map_or(f64::INFINITY, |max| max - f.train_wall_secs);
+            by_steps.min(by_time).max(0.0)
+        });
+        let memory = process_bytes().map(|(now, _)| now);
+        let parts = [
+            rate.map(|r| {
+                if r >= 10.0 {
+                    format!("{r:.0} it/s")
+                } else {
+                    format!("{r:.2} it/s")
+                }
+            }),
+            Some(format!("loss {loss:.4}")),
+            self.psnr.map(|p| format!("test {p:.2} dB")),
+            Some(format!("{} prims", format_count(f.primitives as u64))),
+            Some(format!("{} texels", format_count(f.texels as u64))),
+            memory.map(format_bytes),
+            eta_secs.map(|s| format!("ETA {}", format_duration(s))),
+        ];
+        let text = parts.into_iter().flatten().collect::<Vec<_>>().join(", ");
+        if let Some(bar) = &self.bar {
+            bar.set_position(u64::from(f.step));
+            bar.set_message(text);
+            return;
+        }
+        let fields = json!({
+            "step": f.step, "steps": self.steps, "it_per_sec": rate, "loss": loss, "psnr_test": self.psnr,
+            "primitives": f.primitives, "texels": f.texels, "memory_bytes": memory, "eta_secs": eta_secs,
+        });
+        self.log.event(
+            "progress",
+            &format!("step {}/{}: {text}", f.step, self.steps),
+            fields,
+        );
+    }
+}
+
+impl Drop for Progress<'_> {
+    fn drop(&mut self) {
+        self.finish();
+    }
+}

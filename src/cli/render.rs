@@ -1,0 +1,205 @@
+//! `litetex render`: pictures of a trained scene from named views, the test views or an orbit.
+
+use super::capture::Capture;
+use super::eval::{Trained, render_options};
+use super::log::Log;
+use super::orbit;
+use super::session::picture_name;
+use super::values::{PictureSize, parse_picture_size};
+use litetex_gs::backend::RenderedImage;
+use litetex_gs::camera::Camera;
+use litetex_gs::eval::quantised;
+use litetex_gs::picture::{Channels, depth_range, grey_from_depth, rgb_from_normal, write_exr, write_png};
+use litetex_gs::views::{Split, ViewSource};
+use litetex_gs::{Error, Result};
+use std::path::{Path, PathBuf};
+
+/// Render views of a run as pictures
+///
+/// Colour as PNG (display space), depth as grey (near is white), normals as the usual normal map, alpha as
+/// grey. With --exr 32-bit float values: linear colour, depth in units of the capture, normals in camera
+/// axes (x right, y down, z forward).
+#[derive(clap::Args)]
+#[command(group(clap::ArgGroup::new("which").required(true)))]
+pub struct RenderArgs {
+    /// Folder of a run, or a checkpoint
+    #[arg(value_name = "RUN|CHECKPOINT")]
+    source: PathBuf,
+    /// The view with this picture name
+    #[arg(long, value_name = "NAME", group = "which")]
+    view: Option<String>,
+    /// All test views
+    #[arg(long, group = "which")]
+    test: bool,
+    /// N views on a circle around what the cameras look at
+    #[arg(long, value_name = "N", group = "which", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    orbit: Option<u32>,
+    /// Folder to write into; existing pictures of the same name are replaced
+    #[arg(long, short, value_name = "DIR")]
+    out: PathBuf,
+    /// What to render
+    #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "colour")]
+    what: Vec<What>,
+    /// Size: WIDTHxHEIGHT or the longer side [default: as trained]
+    #[arg(long, value_name = "SIZE", value_parser = parse_picture_size)]
+    size: Option<PictureSize>,
+    /// 32-bit float EXR instead of PNG
+    #[arg(long)]
+    exr: bool,
+    /// The capture, if it is no longer where it was
+    #[arg(long, value_name = "DIR")]
+    capture: Option<PathBuf>,
+    /// Where to compute
+    #[arg(long, value_name = "NAME", default_value = "auto", help_heading = "Device")]
+    device: String,
+}
+
+/// A quantity that can be rendered.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum What {
+    /// Colour
+    #[value(alias = "color")]
+    Colour,
+    /// Expected depth along the optical axis
+    Depth,
+    /// Blended normals
+    Normal,
+    /// Coverage
+    Alpha,
+}
+
+impl What {
+    /// Inserted before the extension; colour is the picture itself.
+    fn suffix(self) -> &'static str {
+        match self {
+            Self::Colour => "",
+            Self::Depth => ".depth",
+            Self::Normal => ".normal",
+            Self::Alpha => ".alpha",
+        }
+    }
+}
+
+/// Renders and says what was written.
+pub fn run(args: &RenderArgs, log: &Log) -> anyhow::Result<()> {
+    if args.out.is_file() {
+        return Err(Error::Usage(format!("{}: is a file, expected a folder", args.out.display())).into());
+    }
+    let trained = Trained::load(&args.source)?;
+    let capture = trained.open_capture(args.capture.as_deref())?;
+    let jobs = jobs(args, &capture)?;
+    let mut backend = trained.on_device(&args.device)?;
+    let geometry = args.what.iter().any(|w| matches!(w, What::Depth | What::Normal));
+    let options = render_options(&trained.model, trained.config.train.background, geometry);
+    let to_capture = trained.model.capture_from_local.scale as f32;
+    let mut written = 0;
+    for (name, camera) in &jobs {
+        let camera = sized(camera, args.size);
+        let image = backend.render(&camera, &options)?;
+        for what in &args.what {
+            let path = place(&args.out, name, *what, args.exr)?;
+            if args.exr {
+                write_values(&path, &image, *what, to_capture)?;
+            } else {
+                write_picture(&path, &image, *what)?;
+            }
+            log.detail(&format!("wrote {}", path.display()));
+            written += 1;
+        }
+    }
+    let mut table = super::table::Table::default();
+    table.row("checkpoint", trained.path.display());
+    table.row("pictures", format!("{written} in {}", args.out.display()));
+    Ok(table.print()?)
+}
+
+fn jobs(args: &RenderArgs, capture: &Capture) -> Result<Vec<(PathBuf, Camera)>> {
+    let of_view = |v: usize| (picture_name(capture, v), capture.camera(v));
+    if let Some(name) = &args.view {
+        let all = 0..capture.num_views();
+        return match all.clone().find(|&v| capture.name(v) == name) {
+            Some(view) => Ok(vec![of_view(view)]),
+            None => {
+                let some: Vec<&str> = all.take(5).map(|v| capture.name(v)).collect();
+                Err(Error::Usage(format!(
+                    "--view {name:?}: no such view among {}, for example {}",
+                    capture.num_views(),
+                    some.join(", ")
+                )))
+            }
+        };
+    }
+    if let Some(count) = args.orbit {
+        let cameras: Vec<Camera> = (0..capture.num_views()).map(|v| capture.camera(v)).collect();
+        let orbit = orbit::cameras(&cameras, count)?;
+        let named = |(i, camera)| (PathBuf::from(format!("orbit-{i:04}.png")), camera);
+        return Ok(orbit.into_iter().enumerate().map(named).collect());
+    }
+    let test: Vec<_> = capture.indices(Split::Test).into_iter().map(of_view).collect();
+    if test.is_empty() {
+        return Err(Error::Usage("--test: the capture has no test views".to_owned()));
+    }
+    Ok(test)
+}
+
+fn sized(camera: &Camera, size: Option<PictureSize>) -> Camera {
+    let p = camera.pinhole;
+    match size {
+        None => *camera,
+        Some(PictureSize::Exact(w, h)) => camera.resized(w, h),
+        Some(PictureSize::Longer(px)) => {
+            let longer = f64::from(p.width_px.max(p.height_px));
+            let side = |s: u32| (f64::from(s) * f64::from(px) / longer).round().max(1.0) as u32;
+            camera.resized(side(p.width_px), side(p.height_px))
+        }
+    }
+}
+
+fn place(out: &Path, name: &Path, what: What, exr: bool) -> Result<PathBuf> {
+    let extension = if exr { "exr" } else { "png" };
+    let stem = name.with_extension("");
+    let path = out.join(format!("{}{}.{extension}", stem.display(), what.suffix()));
+    if let Some(folder) = path.parent() {
+        std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
+    }
+    Ok(path)
+}
+
+fn write_picture(path: &Path, image: &RenderedImage, what: What) -> Result<()> {
+    let (channels, bytes) = match what {
+        What::Colour => (Channels::Rgb, quantised(&image.rgb)),
+        What::Alpha => (Channels::Grey, quantised(&image.alpha)),
+        What::Normal => (Channels::Rgb, rgb_from_normal(&image.normal)),
+        What::Depth => {
+            let range = depth_range(&image.depth).unwrap_or((1.0, 1.0));
+            (Channels::Grey, grey_from_depth(&image.depth, range))
+        }
+    };
+    write_png(path, image.width_px, image.height_px, channels, &bytes)
+}
+
+fn write_values(path: &Path, image: &RenderedImage, what: What, to_capture: f32) -> Result<()> {
+    let (channels, values) = match what {
+        What::Colour => (
+            Channels::Rgb,
+            image.rgb.iter().map(|&v| linear_from_display(v)).collect(),
+        ),
+        What::Alpha => (Channels::Grey, image.alpha.clone()),
+        What::Normal => (Channels::Rgb, image.normal.clone()),
+        What::Depth => (
+            Channels::Grey,
+            image.depth.iter().map(|&z| z * to_capture).collect(),
+        ),
+    };
+    let values: Vec<f32> = values;
+    write_exr(path, image.width_px, image.height_px, channels, &values)
+}
+
+/// The sRGB curve (IEC 61966-2-1); EXR files hold linear colours.
+fn linear_from_display(v: f32) -> f32 {
+    if v <= 0.040_45 {
+        v / 12.92
+    } else {
+        ((v + 0.055) / 1.055).powf(2.4)
+    }
+}

@@ -1,0 +1,332 @@
+//! Tests of the application layer that need its inside: a run folder filled from scripted events, and
+//! the help's agreement with the defaults.
+
+use super::config_file::RunConfig;
+use super::interrupt::Interrupt;
+use super::log::{Log, LogFormat};
+use super::run_folder::{RunFolder, find_checkpoint};
+use super::session::{Session, picture_name};
+use super::train_args::SaveImages;
+use clap::CommandFactory;
+use litetex_gs::Result;
+use litetex_gs::backend::{DeviceInfo, LossValues, RenderedImage, StepReport, TargetImage};
+use litetex_gs::camera::{Camera, Pinhole, RigidTransform, Similarity};
+use litetex_gs::eval::{Evaluation, quality_of};
+use litetex_gs::model::{AdamState, Model, SplatArrays, TexturePool, checkpoint};
+use litetex_gs::train::{Control, CurvePoint, StopReason, TrainConfig, TrainEvent, TrainHistory, TrainState};
+use litetex_gs::views::{Split, ViewSource};
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+struct Views(Vec<&'static str>);
+
+impl ViewSource for Views {
+    fn num_views(&self) -> usize {
+        self.0.len()
+    }
+
+    fn name(&self, view: usize) -> &str {
+        self.0[view]
+    }
+
+    fn split(&self, _: usize) -> Split {
+        Split::Test
+    }
+
+    fn camera(&self, _: usize) -> Camera {
+        let pinhole = Pinhole {
+            width_px: 12,
+            height_px: 12,
+            fx_px: 8.0,
+            fy_px: 8.0,
+            cx_px: 6.0,
+            cy_px: 6.0,
+        };
+        Camera {
+            pinhole,
+            camera_from_local: RigidTransform::IDENTITY,
+        }
+    }
+
+    fn target(&self, _: usize) -> Result<Arc<TargetImage>> {
+        Ok(Arc::new(TargetImage {
+            width_px: 12,
+            height_px: 12,
+            rgb: vec![100; 12 * 12 * 3],
+            mask: None,
+        }))
+    }
+}
+
+fn state(step: u32) -> TrainState {
+    let model = Model {
+        splats: SplatArrays::zeros(1, 0),
+        textures: TexturePool::neutral([(2, 2, 0.1)]),
+        near: 0.04,
+        capture_from_local: Similarity::IDENTITY,
+    };
+    TrainState {
+        step,
+        adam: AdamState::zeros(&model),
+        model,
+        epoch_order: vec![],
+        epoch_used: 0,
+        epochs: 0,
+        history: TrainHistory::default(),
+    }
+}
+
+/// What the trainer emits, for steps after `done`, with an evaluation and a checkpoint each 10 steps.
+fn play(session: &mut Session<'_>, views: &Views, done: u32, steps: u32) -> Result<Control> {
+    let report = StepReport::default();
+    let image = RenderedImage {
+        width_px: 12,
+        height_px: 12,
+        rgb: vec![0.4; 12 * 12 * 3],
+        alpha: vec![1.0; 144],
+        depth: vec![],
+        normal: vec![],
+    };
+    session.handle(TrainEvent::Started {
+        device: DeviceInfo {
+            name: "test".to_owned(),
+            description: "scripted".to_owned(),
+        },
+        step: done,
+        steps,
+        train_views: 3,
+        test_views: views.num_views(),
+    })?;
+    let mut control = Control::Continue;
+    for step in done + 1..=steps {
+        control = session.handle(TrainEvent::Step {
+            step,
+            view: 0,
+            loss: LossValues::default(),
+            report: &report,
+            num_splats: 1,
+            num_texels: 4,
+            train_wall_secs: f64::from(step),
+            train_cpu_secs: f64::from(step),
+        })?;
+        if step % 10 != 0 {
+            continue;
+        }
+        let mut per_view = Vec::new();
+        for view in 0..views.num_views() {
+            session.handle(TrainEvent::EvalView {
+                step,
+                view,
+                image: &image,
+            })?;
+            per_view.push(quality_of(views.name(view), &image.rgb, &*views.target(view)?));
+        }
+        let evaluation = Evaluation::from_views(per_view);
+        let point = CurvePoint {
+            step,
+            wall_secs: 1.0,
+            cpu_secs: 1.0,
+            psnr_test: evaluation.psnr,
+            grad_psnr_test: evaluation.grad_psnr,
+            primitives: 1,
+            texels: 4,
+        };
+        let last = step == steps;
+        session.handle(TrainEvent::Evaluated {
+            step,
+            evaluation: &evaluation,
+            point: &point,
+            last,
+        })?;
+        session.handle(TrainEvent::Checkpoint { state: &state(step) })?;
+    }
+    session.handle(TrainEvent::Finished {
+        reason: StopReason::Steps,
+    })?;
+    Ok(control)
+}
+
+fn config(steps: u32, save_images: SaveImages) -> RunConfig {
+    RunConfig {
+        data: Some("/captures/a".into()),
+        save_images,
+        train: TrainConfig {
+            steps,
+            ..TrainConfig::default()
+        },
+        ..RunConfig::default()
+    }
+}
+
+fn run(folder: &RunFolder, save_images: SaveImages, done: u32, steps: u32) -> Control {
+    let views = Views(vec!["a/0001.jpg", "a/0002.jpg"]);
+    let config = config(steps, save_images);
+    let log = Log::new(LogFormat::Text, true, 0);
+    let mut session =
+        Session::new(folder, &views, &config, &log, Interrupt::default(), done, || 1.5).unwrap();
+    play(&mut session, &views, done, steps).unwrap()
+}
+
+fn metrics(folder: &RunFolder) -> Vec<(String, u64)> {
+    let text = std::fs::read_to_string(folder.metrics()).unwrap();
+    let event = |line: &str| {
+        let value: Value = serde_json::from_str(line).unwrap();
+        (
+            value["event"].as_str().unwrap().to_owned(),
+            value["step"].as_u64().unwrap_or(0),
+        )
+    };
+    text.lines().map(event).collect()
+}
+
+fn files(folder: &Path) -> Vec<String> {
+    fn walk(folder: &Path, root: &Path, out: &mut Vec<String>) {
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                walk(&path, root, out);
+            } else {
+                let name: PathBuf = path.strip_prefix(root).unwrap().into();
+                out.push(name.display().to_string().replace('\\', "/"));
+            }
+        }
+    }
+    let mut out = Vec::new();
+    walk(folder, folder, &mut out);
+    out.sort();
+    out
+}
+
+#[test]
+fn events_fill_the_run_folder() {
+    let dir = tempfile::tempdir().unwrap();
+    let folder = RunFolder::create(dir.path(), false).unwrap();
+    assert_eq!(run(&folder, SaveImages::Last, 0, 20), Control::Continue);
+    assert_eq!(
+        files(dir.path()),
+        [
+            "checkpoints/step-000010.safetensors",
+            "checkpoints/step-000020.safetensors",
+            "config.toml",
+            "eval/000010/per_view.csv",
+            "eval/000020/a/0001.png",
+            "eval/000020/a/0002.png",
+            "eval/000020/error/a/0001.png",
+            "eval/000020/error/a/0002.png",
+            "eval/000020/per_view.csv",
+            "metrics.jsonl",
+        ]
+    );
+    let csv = std::fs::read_to_string(dir.path().join("eval/000020/per_view.csv")).unwrap();
+    assert!(
+        csv.starts_with("name,psnr,grad_psnr,ssim_3dgs,ssim_valid,flip\na/0001.jpg,"),
+        "{csv}"
+    );
+    let (loaded, strings) = checkpoint::load(&find_checkpoint(dir.path()).unwrap()).unwrap();
+    assert_eq!(loaded, state(20));
+    assert_eq!(strings["total_wall_secs"], "1.5");
+    let config_file = std::fs::read_to_string(folder.config()).unwrap();
+    assert_eq!(strings["config"], config_file);
+    let mut read = RunConfig::read(&folder.config()).unwrap();
+    read.version.clear();
+    assert_eq!(read, config(20, SaveImages::Last));
+}
+
+#[test]
+fn pictures_of_all_evaluations_or_none_are_kept_if_asked_for() {
+    for (save_images, pictures) in [(SaveImages::None, 0), (SaveImages::Last, 4), (SaveImages::All, 8)] {
+        let dir = tempfile::tempdir().unwrap();
+        run(&RunFolder::create(dir.path(), false).unwrap(), save_images, 0, 20);
+        let found = files(dir.path()).iter().filter(|f| f.ends_with(".png")).count();
+        assert_eq!(found, pictures, "{save_images:?}");
+    }
+}
+
+#[test]
+fn a_resumed_run_keeps_the_metrics_before_its_checkpoint_and_no_other() {
+    let dir = tempfile::tempdir().unwrap();
+    let folder = RunFolder::create(dir.path(), false).unwrap();
+    run(&folder, SaveImages::None, 0, 40);
+    let folder = RunFolder::reopen(dir.path()).unwrap();
+    run(&folder, SaveImages::None, 20, 40);
+    let steps: Vec<u64> = metrics(&folder)
+        .into_iter()
+        .filter(|(e, _)| e == "step")
+        .map(|(_, s)| s)
+        .collect();
+    assert_eq!(steps, [1, 10, 20, 30, 40]);
+    assert_eq!(metrics(&folder).iter().filter(|(e, _)| e == "started").count(), 2);
+    assert_eq!(
+        metrics(&folder).iter().filter(|(e, _)| e == "finished").count(),
+        1
+    );
+}
+
+#[test]
+fn an_interruption_stops_the_trainer() {
+    let dir = tempfile::tempdir().unwrap();
+    let folder = RunFolder::create(dir.path(), false).unwrap();
+    let views = Views(vec!["a.png"]);
+    let config = config(5, SaveImages::None);
+    let log = Log::new(LogFormat::Json, true, 0);
+    let interrupt = Interrupt::default();
+    let mut session = Session::new(&folder, &views, &config, &log, interrupt.clone(), 0, || 0.0).unwrap();
+    interrupt.request();
+    assert_eq!(play(&mut session, &views, 0, 5).unwrap(), Control::Stop);
+}
+
+#[test]
+fn picture_names_follow_the_photos_and_stay_in_their_folder() {
+    let views = Views(vec!["x/1.jpg", "1.jpg", "1.png", "../../etc/passwd", "/abs.png"]);
+    let names: Vec<String> = (0..5)
+        .map(|v| picture_name(&views, v).display().to_string().replace('\\', "/"))
+        .collect();
+    assert_eq!(
+        names,
+        ["x/1.png", "1.jpg.png", "1.png.png", "etc/passwd.png", "abs.png"]
+    );
+}
+
+#[test]
+fn the_arguments_are_consistent() {
+    super::Cli::command().debug_assert();
+}
+
+#[test]
+fn the_help_states_the_defaults() {
+    let mut command = super::Cli::command();
+    command.build();
+    let help = command
+        .find_subcommand_mut("train")
+        .unwrap()
+        .render_long_help()
+        .to_string();
+    let flat = help.split_whitespace().collect::<Vec<_>>().join(" ");
+    let (train, run) = (TrainConfig::default(), RunConfig::default());
+    for (flag, default) in [
+        ("--steps", train.steps.to_string()),
+        ("--seed", train.seed.to_string()),
+        ("--sh-degree", train.sh_degree.to_string()),
+        ("--texture", train.texture.to_string()),
+        ("--eval-every", train.eval_every.to_string()),
+        ("--save-every", train.save_every.to_string()),
+        ("--init", run.init.to_string()),
+        ("--max-resolution", run.capture.max_resolution.to_string()),
+        ("--test-every", run.capture.test_every.to_string()),
+        (
+            "--image-cache",
+            format!("{}GiB", run.capture.image_cache_bytes >> 30),
+        ),
+    ] {
+        let at = flat
+            .find(&format!("{flag} <"))
+            .unwrap_or_else(|| panic!("{flag} is not in the help"));
+        let stated = flat[at..]
+            .split("[default: ")
+            .nth(1)
+            .and_then(|s| s.split(']').next());
+        assert_eq!(stated, Some(default.as_str()), "{flag}");
+    }
+    assert_eq!(train.background, [0.0; 3], "--background says black");
+}

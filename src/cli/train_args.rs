@@ -1,0 +1,121 @@
+//! Arguments of `litetex train` as typed. What they mean is `config_file`'s and `train`'s business.
+
+use super::capture::InitKind;
+use super::capture_args::{CaptureArgs, parse_init, set};
+use super::config_file::RunConfig;
+use super::values::{parse_colour, parse_duration_secs};
+use litetex_gs::train::TexturePolicy;
+use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
+
+/// Train a scene from a capture
+///
+/// Reads photos with poses (a COLMAP model or transforms.json), optimises textured 2D Gaussians, evaluates
+/// them on held-out views and writes a run folder: config.toml, metrics.jsonl, summary.json, checkpoints
+/// and pictures. Ctrl-C saves; --resume continues.
+#[derive(clap::Args, Clone, Debug, Default)]
+pub struct TrainArgs {
+    /// Folder of the capture
+    pub capture: Option<PathBuf>,
+    /// Folder of the run
+    #[arg(long, short, value_name = "RUN")]
+    pub out: Option<PathBuf>,
+    /// Empty the run folder first
+    #[arg(long, conflicts_with = "resume")]
+    pub force: bool,
+    /// Continue a run from its last checkpoint, or from a given one [default: the run of --out]
+    #[arg(long, value_name = "RUN|CHECKPOINT", num_args = 0..=1, default_missing_value = "")]
+    pub resume: Option<PathBuf>,
+    /// Settings as in a run's config.toml; flags win over the file, the file over the defaults
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+    /// Where to compute: auto or a name that "litetex devices" lists
+    #[arg(long, value_name = "NAME", default_value = "auto", help_heading = "Device")]
+    pub device: String,
+    #[command(flatten)]
+    pub training: TrainingArgs,
+    #[command(flatten)]
+    pub capture_args: CaptureArgs,
+}
+
+/// Flags that shape the optimisation.
+#[derive(clap::Args, Clone, Debug, Default)]
+#[command(next_help_heading = "Training")]
+pub struct TrainingArgs {
+    /// Steps; schedules are fractions of it [default: 30000]
+    #[arg(long, visible_alias = "iterations", value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub steps: Option<u32>,
+    /// Stop early after this much training time: 90s, 20m, 1h30m [default: no limit]
+    #[arg(long, value_name = "TIME", value_parser = parse_duration_secs)]
+    pub max_time: Option<f64>,
+    /// Seed of everything random [default: 42]
+    #[arg(long, value_name = "N")]
+    pub seed: Option<u64>,
+    /// Highest degree of the spherical harmonics, 0 to 3 [default: 3]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=3))]
+    pub sh_degree: Option<u32>,
+    /// Who gets texels: none, or fixed:R for R x R on each primitive [default: fixed:4]
+    #[arg(long, value_name = "POLICY")]
+    pub texture: Option<TexturePolicy>,
+    /// Where primitives start: auto (points of the capture, else random:50000), sfm, ply:FILE, random:N [default: auto]
+    #[arg(long, value_name = "START", value_parser = parse_init)]
+    pub init: Option<InitKind>,
+    /// Colour behind everything: black, white, #rrggbb or r,g,b from 0 to 1 [default: black]
+    #[arg(long, value_name = "COLOUR", value_parser = parse_colour)]
+    pub background: Option<[f32; 3]>,
+    /// Evaluate the test views each N steps, 0: only at the end [default: 0]
+    #[arg(long, value_name = "N", help_heading = "Output")]
+    pub eval_every: Option<u32>,
+    /// Save a checkpoint each N steps, 0: only at the end [default: 0]
+    #[arg(long, value_name = "N", help_heading = "Output")]
+    pub save_every: Option<u32>,
+    /// Keep the pictures of every evaluation, not only of the last
+    #[arg(long, conflicts_with = "no_save_images", help_heading = "Output")]
+    pub save_images: bool,
+    /// Write no pictures of test views
+    #[arg(long, help_heading = "Output")]
+    pub no_save_images: bool,
+}
+
+/// Which evaluations leave pictures.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SaveImages {
+    /// None.
+    None,
+    /// The latest.
+    #[default]
+    Last,
+    /// All.
+    All,
+}
+
+impl TrainArgs {
+    /// Writes what was given over `config`.
+    pub fn apply(&self, config: &mut RunConfig) {
+        let t = &self.training;
+        set(&mut config.train.steps, t.steps);
+        set(&mut config.train.seed, t.seed);
+        set(&mut config.train.sh_degree, t.sh_degree);
+        set(&mut config.train.texture, t.texture);
+        set(&mut config.train.background, t.background);
+        set(&mut config.train.eval_every, t.eval_every);
+        set(&mut config.train.save_every, t.save_every);
+        set(&mut config.init, t.init.clone());
+        if t.max_time.is_some() {
+            config.train.max_time_secs = t.max_time;
+        }
+        if t.save_images {
+            config.save_images = SaveImages::All;
+        }
+        if t.no_save_images {
+            config.save_images = SaveImages::None;
+        }
+        if self.capture.is_some() {
+            config.data.clone_from(&self.capture);
+        }
+        self.capture_args.apply(&mut config.capture);
+        // Alpha is composited on the colour that is rendered behind everything.
+        config.capture.background = config.train.background;
+    }
+}

@@ -1,0 +1,191 @@
+//! Values on the command line: durations, sizes in bytes, colours, sizes in pixels. Text in, number
+//! out; nothing here opens a file.
+
+/// "90", "90s", "20m", "1.5h", "1h30m" in seconds.
+pub fn parse_duration_secs(text: &str) -> Result<f64, String> {
+    let wrong = || format!("{text:?}: expected a time like 90s, 20m or 1h30m");
+    let mut secs = 0.0;
+    let mut rest = text.trim();
+    if let Ok(plain) = rest.parse::<f64>() {
+        return positive(plain).ok_or_else(wrong);
+    }
+    while !rest.is_empty() {
+        let digits = rest.find(|c: char| !(c.is_ascii_digit() || c == '.'));
+        let (number, unit) = rest.split_at(digits.ok_or_else(wrong)?);
+        let number: f64 = number.parse().map_err(|_| wrong())?;
+        let factor = match unit.chars().next() {
+            Some('h') => 3600.0,
+            Some('m') => 60.0,
+            Some('s') => 1.0,
+            _ => return Err(wrong()),
+        };
+        secs += number * factor;
+        rest = &unit[1..];
+    }
+    positive(secs).ok_or_else(wrong)
+}
+
+fn positive(x: f64) -> Option<f64> {
+    (x.is_finite() && x > 0.0).then_some(x)
+}
+
+/// "4GiB", "512MiB", "2GB", "1000000" in bytes.
+pub fn parse_bytes(text: &str) -> Result<u64, String> {
+    const UNITS: [(&str, f64); 9] = [
+        ("KiB", 1024.0),
+        ("MiB", 1_048_576.0),
+        ("GiB", 1_073_741_824.0),
+        ("kB", 1e3),
+        ("KB", 1e3),
+        ("MB", 1e6),
+        ("GB", 1e9),
+        ("TB", 1e12),
+        ("B", 1.0),
+    ];
+    let text = text.trim();
+    let (number, factor) = UNITS
+        .iter()
+        .find_map(|(unit, factor)| text.strip_suffix(unit).map(|number| (number, *factor)))
+        .unwrap_or((text, 1.0));
+    match number.trim().parse::<f64>() {
+        Ok(n) if n >= 0.0 && n * factor < 1e18 => Ok((n * factor) as u64),
+        _ => Err(format!("{text:?}: expected a size like 4GiB, 512MiB or 2GB")),
+    }
+}
+
+/// "4.0 GiB".
+pub fn format_bytes(bytes: u64) -> String {
+    match bytes as f64 {
+        b if b >= 1_073_741_824.0 => format!("{:.1} GiB", b / 1_073_741_824.0),
+        b if b >= 1_048_576.0 => format!("{:.1} MiB", b / 1_048_576.0),
+        b if b >= 1024.0 => format!("{:.1} KiB", b / 1024.0),
+        b => format!("{b} B"),
+    }
+}
+
+/// "45 s", "12 min", "3 h 20 min".
+pub fn format_duration(secs: f64) -> String {
+    let secs = secs.max(0.0);
+    if secs < 10.0 {
+        format!("{secs:.1} s")
+    } else if secs < 120.0 {
+        format!("{secs:.0} s")
+    } else if secs < 7200.0 {
+        format!("{:.0} min", secs / 60.0)
+    } else {
+        let minutes = (secs / 60.0).round() as u64;
+        format!("{} h {:02} min", minutes / 60, minutes % 60)
+    }
+}
+
+/// "1,234,567".
+pub fn format_count(n: u64) -> String {
+    let digits = n.to_string();
+    let mut out = String::new();
+    for (i, digit) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i).is_multiple_of(3) {
+            out.push(',');
+        }
+        out.push(digit);
+    }
+    out
+}
+
+/// "black", "white", "#rrggbb" or "r,g,b" with numbers from 0 to 1, display space.
+pub fn parse_colour(text: &str) -> Result<[f32; 3], String> {
+    let wrong = || format!("{text:?}: expected black, white, #rrggbb or r,g,b with numbers from 0 to 1");
+    match text {
+        "black" => return Ok([0.0; 3]),
+        "white" => return Ok([1.0; 3]),
+        _ => {}
+    }
+    if let Some(hex) = text.strip_prefix('#') {
+        if hex.len() != 6 || !hex.is_ascii() {
+            return Err(wrong());
+        }
+        let value = u32::from_str_radix(hex, 16).map_err(|_| wrong())?;
+        return Ok([16, 8, 0].map(|shift| ((value >> shift) & 255) as f32 / 255.0));
+    }
+    let numbers: Vec<f32> = text
+        .split(',')
+        .map(|part| part.trim().parse().map_err(|_| wrong()))
+        .collect::<Result<_, _>>()?;
+    match numbers[..] {
+        [r, g, b] if numbers.iter().all(|x| (0.0..=1.0).contains(x)) => Ok([r, g, b]),
+        _ => Err(wrong()),
+    }
+}
+
+/// Size of a rendered picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum PictureSize {
+    /// Longer side; the other follows.
+    Longer(u32),
+    /// Both sides.
+    Exact(u32, u32),
+}
+
+/// "960" (longer side) or "1920x1080".
+pub fn parse_picture_size(text: &str) -> Result<PictureSize, String> {
+    let side = |part: &str| part.parse().ok().filter(|px| (1..=32_768).contains(px));
+    let size = match text.split_once('x') {
+        Some((w, h)) => side(w).zip(side(h)).map(|(w, h)| PictureSize::Exact(w, h)),
+        None => side(text).map(PictureSize::Longer),
+    };
+    size.ok_or_else(|| format!("{text:?}: expected WIDTHxHEIGHT or the longer side, 1 to 32768"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn durations() {
+        assert_eq!(parse_duration_secs("90"), Ok(90.0));
+        assert_eq!(parse_duration_secs("20m"), Ok(1200.0));
+        assert_eq!(parse_duration_secs("1h30m"), Ok(5400.0));
+        assert_eq!(parse_duration_secs("0.5s"), Ok(0.5));
+        for wrong in ["", "m", "-3", "0", "3d", "1h30", "nan", "inf", "1é"] {
+            assert!(parse_duration_secs(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn byte_sizes() {
+        assert_eq!(parse_bytes("4GiB"), Ok(4 << 30));
+        assert_eq!(parse_bytes("1.5 MiB"), Ok(3 << 19));
+        assert_eq!(parse_bytes("2GB"), Ok(2_000_000_000));
+        assert_eq!(parse_bytes("17"), Ok(17));
+        for wrong in ["", "GiB", "-1GiB", "1e30GiB", "4Gi"] {
+            assert!(parse_bytes(wrong).is_err(), "{wrong}");
+        }
+        assert_eq!(format_bytes(4 << 30), "4.0 GiB");
+    }
+
+    #[test]
+    fn colours() {
+        assert_eq!(parse_colour("white"), Ok([1.0; 3]));
+        assert_eq!(parse_colour("#ff0033"), Ok([1.0, 0.0, 0.2]));
+        assert_eq!(parse_colour("0, 0.5,1"), Ok([0.0, 0.5, 1.0]));
+        for wrong in ["", "red", "#ff00", "#ééé", "1,2,3", "0,0", "0,0,nan"] {
+            assert!(parse_colour(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn picture_sizes() {
+        assert_eq!(parse_picture_size("960"), Ok(PictureSize::Longer(960)));
+        assert_eq!(parse_picture_size("17x13"), Ok(PictureSize::Exact(17, 13)));
+        for wrong in ["", "0", "x", "10x", "40000", "3x-1"] {
+            assert!(parse_picture_size(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn counts_and_times_for_people() {
+        assert_eq!(format_count(0), "0");
+        assert_eq!(format_count(1_234_567), "1,234,567");
+        assert_eq!(format_duration(3.25), "3.2 s");
+        assert_eq!(format_duration(12_000.0), "3 h 20 min");
+    }
+}
