@@ -113,8 +113,7 @@ impl Distortion {
         for step in 1..=STEPS {
             let r = limit * f64::from(step) / f64::from(STEPS);
             let distorted = r * self.radial_factor(r * r);
-            // Written so that NaN ends the search as well.
-            if !(distorted > previous) {
+            if distorted.is_nan() || distorted <= previous {
                 return limit * f64::from(step - 1) / f64::from(STEPS);
             }
             previous = distorted;

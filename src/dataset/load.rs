@@ -161,7 +161,7 @@ fn capture_root(path: &Path) -> PathBuf {
     let full = path.canonicalize().unwrap_or_else(|_| path.to_owned());
     let is_part = |folder: &Path| {
         let name = folder.file_name().unwrap_or_default().to_string_lossy();
-        name == "sparse" || name == "colmap" || name.bytes().all(|b| b.is_ascii_digit())
+        name == "sparse" || name == "colmap" || (!name.is_empty() && name.bytes().all(|b| b.is_ascii_digit()))
     };
     let mut root = full.as_path();
     while !root.join("images").is_dir() && is_part(root) {
@@ -223,7 +223,9 @@ fn picture_folder(root: &Path, source: &Source, options: &LoadOptions) -> Result
             source
                 .views
                 .first()
-                .map_or(&source.without_picture[0], |v| &v.name)
+                .map(|v| &v.name)
+                .or(source.without_picture.first())
+                .map_or("0001.jpg", String::as_str)
         ),
     ))
 }

@@ -2,10 +2,14 @@
 //! which they are trained on. Nothing here knows how training or rendering works.
 
 mod decode;
+#[cfg(test)]
+mod fixtures;
 mod formats;
 mod frame;
 mod health;
 mod init;
+#[cfg(test)]
+mod init_tests;
 mod knn;
 mod lens;
 mod load;
@@ -16,6 +20,8 @@ mod resample;
 mod source;
 mod split;
 mod store;
+#[cfg(test)]
+mod tests;
 mod warp;
 
 pub use formats::ply::read_points as read_ply_points;

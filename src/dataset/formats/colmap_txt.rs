@@ -97,7 +97,7 @@ pub(crate) fn read_cameras(path: &Path) -> Result<Vec<ColmapCamera>> {
 /// Ids of the triangulated keypoints if the line lists keypoints (x, y, point id or -1), else `None`.
 fn keypoints(line: &str) -> Option<Vec<u64>> {
     let words: Vec<&str> = line.split_whitespace().collect();
-    if words.len() % 3 != 0 {
+    if !words.len().is_multiple_of(3) {
         return None;
     }
     let mut point_ids = Vec::new();

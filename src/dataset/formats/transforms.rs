@@ -229,7 +229,7 @@ impl Intrinsics {
         let invalid = |what: String| Error::invalid(path, format!("{element}: {what}"));
         let (width_px, height_px) = match (self.w, self.h) {
             (Some(w), Some(h)) => {
-                let whole = |v: f64| (v >= 1.0 && v <= 1e6 && v.fract() == 0.0).then_some(v as u32);
+                let whole = |v: f64| ((1.0..=1e6).contains(&v) && v.fract() == 0.0).then_some(v as u32);
                 match (whole(w), whole(h)) {
                     (Some(w), Some(h)) => (w, h),
                     _ => return Err(invalid(format!("the size (w, h) is {:?}", (w, h)))),
