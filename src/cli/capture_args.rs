@@ -1,6 +1,6 @@
 //! Options that say how a capture is read; shared by `train` and `inspect`.
 
-use super::capture::{CaptureFormat, InitKind, LoadOptions};
+use super::capture::{CaptureFormat, LoadOptions};
 use super::values::parse_bytes;
 use std::path::PathBuf;
 
@@ -75,38 +75,5 @@ pub fn set<T>(setting: &mut T, given: Option<T>) {
 pub fn set_some<T: Clone>(setting: &mut Option<T>, given: &Option<T>) {
     if given.is_some() {
         setting.clone_from(given);
-    }
-}
-
-/// "auto", "sfm", "ply:FILE", "random:N".
-pub fn parse_init(text: &str) -> Result<InitKind, String> {
-    let wrong = || format!("{text:?}: expected auto, sfm, ply:FILE or random:N");
-    match text.split_once(':') {
-        None if text == "auto" => Ok(InitKind::Auto),
-        None if text == "sfm" => Ok(InitKind::Sfm),
-        Some(("ply", file)) if !file.is_empty() => Ok(InitKind::Ply(file.into())),
-        Some(("random", count)) => match count.replace('_', "").parse() {
-            Ok(n) if n > 0 => Ok(InitKind::Random(n)),
-            _ => Err(wrong()),
-        },
-        _ => Err(wrong()),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn starts() {
-        assert_eq!(parse_init("auto"), Ok(InitKind::Auto));
-        assert_eq!(parse_init("random:20_000"), Ok(InitKind::Random(20_000)));
-        assert_eq!(
-            parse_init("ply:C:/a b.ply"),
-            Ok(InitKind::Ply("C:/a b.ply".into()))
-        );
-        for wrong in ["", "ply", "ply:", "random:", "random:0", "random:-1", "sfm:x"] {
-            assert!(parse_init(wrong).is_err(), "{wrong}");
-        }
     }
 }

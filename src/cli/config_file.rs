@@ -1,7 +1,7 @@
 //! `config.toml`: everything that repeats a run, as read from `--config` and as written, resolved, into
 //! the run folder and every checkpoint.
 
-use super::capture::{InitKind, LoadOptions};
+use super::capture::{InitSource, LoadOptions};
 use super::train_args::SaveImages;
 use litetex_gs::train::TrainConfig;
 use litetex_gs::{Error, Result};
@@ -19,7 +19,7 @@ pub struct RunConfig {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub data: Option<PathBuf>,
     /// Where primitives start.
-    pub init: InitKind,
+    pub init: InitSource,
     /// Which evaluations leave pictures.
     pub save_images: SaveImages,
     /// How the capture is read.
@@ -113,7 +113,7 @@ mod tests {
     fn written_settings_read_back_alike() {
         let mut config = RunConfig {
             data: Some("/captures/füchse 1".into()),
-            init: InitKind::Random(500),
+            init: InitSource::Random(500),
             ..RunConfig::default()
         };
         config.train.max_time_secs = Some(0.1);
@@ -144,7 +144,7 @@ mod tests {
             ("[train]\nbackground = [0, 2, 0]", "train.background"),
             ("[train]\nmax-time-secs = -1", "max-time-secs"),
             ("[train]\ntexture = \"fixed:1\"", "fixed:R"),
-            ("init = \"magic\"", "random:N"),
+            ("init = \"magic\"", "random:COUNT"),
             ("[capture]\nmax-resolution = 0", "capture.max-resolution"),
             ("[train", "c.toml"),
         ] {

@@ -16,7 +16,7 @@ use litetex_gs::backend::Backend;
 use litetex_gs::model::checkpoint;
 use litetex_gs::train::{StopReason, TrainState, train};
 use litetex_gs::views::{Split, ViewSource};
-use litetex_gs::{Error, Report, Result};
+use litetex_gs::{Error, Result};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -55,7 +55,6 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<Summary> {
     let mut capture = capture::open(plan.config.data()?, &plan.config.capture)?;
     log.report(&capture.report);
     let mut report = std::mem::take(&mut capture.report);
-    let mut start_report = Report::default();
     let earlier_secs = plan.resume.as_ref().map_or(0.0, |r| r.wall_secs);
     let resumed = plan.resume.as_ref().map(|r| Resumed {
         from_step: r.state.step,
@@ -86,10 +85,13 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<Summary> {
             }
             resume.state
         }
-        None => capture::fresh_state(&capture, &plan.config.init, &plan.config.train, &mut start_report)?,
+        None => {
+            let (state, left_out) = capture::fresh_state(&capture, &plan.config.init, &plan.config.train)?;
+            log.report(&left_out);
+            report.merge(left_out);
+            state
+        }
     };
-    log.report(&start_report);
-    report.merge(start_report);
 
     let steps_left = plan.config.train.steps.saturating_sub(state.step);
     let cache = plan.config.capture.image_cache_bytes;

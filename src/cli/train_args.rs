@@ -1,7 +1,7 @@
 //! Arguments of `litetex train` as typed. What they mean is `config_file`'s and `train`'s business.
 
-use super::capture::InitKind;
-use super::capture_args::{CaptureArgs, parse_init, set};
+use super::capture::InitSource;
+use super::capture_args::{CaptureArgs, set};
 use super::config_file::RunConfig;
 use super::values::{parse_colour, parse_duration_secs};
 use litetex_gs::train::TexturePolicy;
@@ -57,9 +57,9 @@ pub struct TrainingArgs {
     /// Who gets texels: none, or fixed:R for R x R on each primitive [default: fixed:4]
     #[arg(long, value_name = "POLICY")]
     pub texture: Option<TexturePolicy>,
-    /// Where primitives start: auto (points of the capture, else random:50000), sfm, ply:FILE, random:N [default: auto]
-    #[arg(long, value_name = "START", value_parser = parse_init)]
-    pub init: Option<InitKind>,
+    /// Where primitives start: auto (points of the capture, else random), sfm, ply:FILE, random:N [default: auto]
+    #[arg(long, value_name = "START")]
+    pub init: Option<InitSource>,
     /// Colour behind everything: black, white, #rrggbb or r,g,b from 0 to 1 [default: black]
     #[arg(long, value_name = "COLOUR", value_parser = parse_colour)]
     pub background: Option<[f32; 3]>,
