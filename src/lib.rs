@@ -2,6 +2,7 @@
 //! from photos with poses. See `ARCHITECTURE.md` for the map of modules and the data flow.
 
 pub mod backend;
+pub mod bake;
 pub mod camera;
 pub mod constants;
 pub mod cpu;

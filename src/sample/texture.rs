@@ -215,7 +215,7 @@ pub fn plaid(noise: &Noise, at: DVec2) -> DVec3 {
         let p = x.rem_euclid(0.36);
         if p < 0.15 {
             DVec3::new(0.09, 0.24, 0.16)
-        } else if p < 0.17 || p > 0.34 {
+        } else if !(0.17..=0.34).contains(&p) {
             DVec3::new(0.75, 0.65, 0.3)
         } else {
             DVec3::new(0.5, 0.5, 0.42)
