@@ -7,6 +7,7 @@ mod asset;
 mod error;
 mod file;
 pub mod ply;
+mod validate;
 
 pub use asset::{
     AssetCamera, AssetMap, CaptureFromLocal, ColourSpace, MAP_SIDE_MAX, Provenance, SPLATS_MAX, SplatAsset,
