@@ -4,6 +4,8 @@
 
 mod capture;
 mod colmap_write;
+mod lettering;
+mod noise;
 mod render;
 mod scene;
 mod texture;
