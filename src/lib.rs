@@ -12,6 +12,7 @@ pub mod model;
 pub mod reference;
 mod report;
 pub mod sample;
+pub mod selftest;
 pub mod train;
 pub mod views;
 
