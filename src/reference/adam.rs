@@ -1,11 +1,6 @@
 //! Adam, dense, and the closed form for steps in which a parameter received no gradient.
 
-/// Decay of the first moment (method section 4).
-pub const BETA1: f64 = 0.9;
-/// Decay of the second moment (method section 4).
-pub const BETA2: f64 = 0.999;
-/// Guards the division; so small that the update is scale-free (method section 4).
-pub const EPSILON: f64 = 1e-15;
+use crate::constants::{ADAM_BETA1 as BETA1, ADAM_BETA2 as BETA2, ADAM_EPSILON as EPSILON};
 
 /// One step on one parameter; `step` counts from 1. `state` is (parameter, m, v).
 pub fn adam_dense(state: (f64, f64, f64), gradient: f64, rate: f64, step: u32) -> (f64, f64, f64) {

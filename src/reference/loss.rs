@@ -3,7 +3,7 @@
 //! Masked pixels count as equal to the photo; means run over all pixels of the picture.
 
 use crate::backend::{LossValues, LossWeights, TargetImage};
-use crate::constants::{SSIM_C1, SSIM_C2, SSIM_RADIUS_PX, SSIM_SIGMA_PX};
+use crate::constants::{SSIM_C1, SSIM_C2, SSIM_RADIUS_PX, ssim_window};
 
 /// Loss of a picture.
 pub struct ImageLoss {
@@ -95,17 +95,6 @@ fn ssim_channel(x: &[f64], y: &[f64], w: usize, h: usize) -> (Vec<f64>, Vec<f64>
         .map(|i| d1[i] + 2.0 * x[i] * d2[i] + y[i] * d3[i])
         .collect();
     (ssim, by_x)
-}
-
-/// Normalised weights of the 11-tap Gaussian.
-pub(crate) fn ssim_window() -> [f64; 2 * SSIM_RADIUS_PX + 1] {
-    let mut window = [0.0; 2 * SSIM_RADIUS_PX + 1];
-    for (i, w) in window.iter_mut().enumerate() {
-        let d = i as f64 - SSIM_RADIUS_PX as f64;
-        *w = (-d * d / (2.0 * SSIM_SIGMA_PX * SSIM_SIGMA_PX)).exp();
-    }
-    let sum: f64 = window.iter().sum();
-    window.map(|w| w / sum)
 }
 
 /// Gaussian window with zero padding; its own adjoint.

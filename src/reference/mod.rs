@@ -12,7 +12,7 @@ mod raster_bwd;
 mod raster_fwd;
 mod sh;
 
-pub use adam::{BETA1, BETA2, EPSILON, adam_dense, adam_skipped};
+pub use adam::{adam_dense, adam_skipped};
 pub use bounds::{PixelBounds, pixel_bounds};
 pub use loss::{ImageLoss, image_loss};
 pub use params::Params;
@@ -22,6 +22,7 @@ pub use sh::{sh_basis, sh_basis_derivative};
 
 use crate::backend::{LossValues, LossWeights, TargetImage};
 use crate::camera::Camera;
+use glam::DVec2;
 
 /// How the step of alpha at 1/255 is treated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -64,7 +65,7 @@ pub struct Gradients {
     pub loss: LossValues,
     /// Derivative of the total loss by every stored parameter.
     pub params: Params,
-    /// Which splats the view sees: projected, and with bounds that hold a pixel. `[n]`
+    /// Which splats the view sees: alpha reaches 1/255 at a pixel, hidden by others or not. `[n]`
     pub visible: Vec<bool>,
     /// Covered pixels, blending weight, blending weight times loss; not normalised. `[n]`
     pub statistics: Vec<[f64; 3]>,
@@ -83,10 +84,7 @@ pub fn gradients(
         .collect();
     let visible: Vec<bool> = projected
         .iter()
-        .map(|p| {
-            p.as_ref()
-                .is_some_and(|p| pixel_bounds(p, camera, settings.near).is_some())
-        })
+        .map(|p| p.as_ref().is_some_and(|p| is_visible(p, camera, settings)))
         .collect();
     let picture = raster_fwd(params, &projected, camera, settings);
     let image = image_loss(&picture.rgb, target, weights);
@@ -108,6 +106,14 @@ pub fn gradients(
         visible,
         statistics,
     }
+}
+
+/// Whether any pixel centre lies where alpha reaches 1/255, covered by others or not.
+fn is_visible(p: &Projected, camera: &Camera, settings: &Settings) -> bool {
+    pixel_bounds(p, camera, settings.near).is_some_and(|b| {
+        let mut pixels = (b.y0..b.y1).flat_map(|y| (b.x0..b.x1).map(move |x| (x, y)));
+        pixels.any(|(x, y)| hit(p, DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5), settings).is_some())
+    })
 }
 
 /// Opacity and texture terms (method section 3), over the splats that the view sees.
