@@ -16,6 +16,7 @@ pub mod picture;
 pub mod reference;
 mod report;
 pub mod sample;
+pub mod selftest;
 pub mod train;
 pub mod views;
 
