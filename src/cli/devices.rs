@@ -2,6 +2,7 @@
 
 use super::table::{Table, print_json};
 use litetex_gs::backend::{Backend, DeviceInfo};
+use litetex_gs::cpu::CpuBackend;
 use litetex_gs::{Error, Result};
 
 /// List where training and rendering can run
@@ -14,7 +15,7 @@ pub struct DevicesArgs {
 
 /// Prints the devices.
 pub fn run(args: &DevicesArgs) -> anyhow::Result<()> {
-    let devices = available();
+    let devices = available()?;
     if args.json {
         return Ok(print_json(&devices)?);
     }
@@ -26,8 +27,8 @@ pub fn run(args: &DevicesArgs) -> anyhow::Result<()> {
 }
 
 /// What `--device` accepts besides `auto`; the first is what `auto` takes.
-fn available() -> Vec<DeviceInfo> {
-    vec![cpu_info()]
+fn available() -> Result<Vec<DeviceInfo>> {
+    Ok(vec![open_cpu()?.device()])
 }
 
 /// Makes the backend that `--device` names.
@@ -38,7 +39,10 @@ pub fn open(name: &str) -> Result<Box<dyn Backend>> {
     match name {
         "auto" | "cpu" => open_cpu(),
         other => {
-            let known: Vec<String> = available().into_iter().map(|d| format!("{:?}", d.name)).collect();
+            let known: Vec<String> = available()?
+                .into_iter()
+                .map(|d| format!("{:?}", d.name))
+                .collect();
             Err(Error::unsupported(
                 "--device",
                 format!(
@@ -50,22 +54,7 @@ pub fn open(name: &str) -> Result<Box<dyn Backend>> {
     }
 }
 
-/// Stands in for `CpuBackend::new()` until that is there.
 fn open_cpu() -> Result<Box<dyn Backend>> {
-    Err(Error::Device("the cpu backend is not there yet".to_owned()))
-}
-
-fn cpu_info() -> DeviceInfo {
-    DeviceInfo {
-        name: "cpu".to_owned(),
-        description: format!("{}, {} threads", instruction_set(), rayon::current_num_threads()),
-    }
-}
-
-fn instruction_set() -> &'static str {
-    #[cfg(target_arch = "x86_64")]
-    if std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma") {
-        return "x86-64 with AVX2 and FMA";
-    }
-    std::env::consts::ARCH
+    // `--threads` has set the size of rayon's pool; the backend follows it.
+    Ok(Box::new(CpuBackend::new(Some(rayon::current_num_threads()))?))
 }

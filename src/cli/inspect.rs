@@ -8,6 +8,9 @@ use super::run_folder::find_checkpoint;
 use super::summary::Summary;
 use super::table::{Table, print_json};
 use super::values::{format_bytes, format_count};
+use glam::{DVec3, Vec3};
+use litetex_exporters::ply::read_ply;
+use litetex_gs::dataset::read_ply_points;
 use litetex_gs::model::Model;
 use litetex_gs::views::{Split, ViewSource};
 use litetex_gs::{Error, Result};
@@ -101,22 +104,20 @@ fn of_model(model: &Model) -> Value {
         .into_iter()
         .map(|((r, c), n)| (format!("{r}x{c}"), json!(n)))
         .collect();
-    let mut low = glam::DVec3::INFINITY;
-    let mut high = glam::DVec3::NEG_INFINITY;
-    for p in model.splats.positions.as_chunks::<3>().0 {
-        let p = model
+    let positions = model.splats.positions.as_chunks::<3>().0.iter();
+    let in_capture = |p: &[f32; 3]| {
+        model
             .capture_from_local
-            .transform_point(glam::Vec3::from(*p).as_dvec3());
-        low = low.min(p);
-        high = high.max(p);
-    }
+            .transform_point(Vec3::from(*p).as_dvec3())
+    };
+    let (low, high) = bounds(positions.map(in_capture));
     json!({
         "primitives": model.num_splats(),
         "texels": model.num_texels(),
         "params": model.num_params(),
         "sh_degree": model.splats.sh_degree,
         "maps": histogram,
-        "bounds_in_capture": { "min": low.to_array(), "max": high.to_array() },
+        "bounds_in_capture": { "min": low, "max": high },
         "capture_from_local": {
             "scale": model.capture_from_local.scale,
             "translation": model.capture_from_local.translation.to_array(),
@@ -125,9 +126,52 @@ fn of_model(model: &Model) -> Value {
     })
 }
 
-/// Stands in for the reader of `litetex-exporters` until that is there.
+/// Gaussians, or else a point cloud.
 fn ply(path: &Path) -> Result<Value> {
-    Err(Error::unsupported(path, "PLY files cannot be read yet"))
+    match read_ply(path) {
+        Ok(contents) => {
+            let asset = &contents.asset;
+            let (low, high) = bounds(asset.positions.iter().map(|p| Vec3::from(*p).as_dvec3()));
+            Ok(json!({
+                "kind": "gaussians",
+                "file": path,
+                "primitives": asset.num_splats(),
+                "sh_degree": asset.sh_degree,
+                "surfels": contents.is_surfel,
+                "thick": contents.num_thick,
+                "bounds": { "min": low, "max": high },
+                "comments": contents.comments,
+            }))
+        }
+        Err(error) => match read_ply_points(path) {
+            Ok(points) if !points.is_empty() => {
+                let (low, high) = bounds(points.iter().map(|p| p.position_in_capture));
+                Ok(json!({
+                    "kind": "points",
+                    "file": path,
+                    "points": points.len(),
+                    "bounds": { "min": low, "max": high },
+                }))
+            }
+            _ => Err(from_exporters(error)),
+        },
+    }
+}
+
+fn from_exporters(error: litetex_exporters::Error) -> Error {
+    use litetex_exporters::Error as E;
+    match error {
+        E::Io { path, source } => Error::Io { path, source },
+        E::Unsupported { path, what } | E::TooLarge { path, what } => Error::Unsupported { path, what },
+        E::Invalid { path, what } => Error::InvalidInput { path, what },
+        other => Error::Device(other.to_string()),
+    }
+}
+
+fn bounds(points: impl Iterator<Item = DVec3>) -> ([f64; 3], [f64; 3]) {
+    let none = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    let (low, high) = points.fold(none, |(low, high), p| (low.min(p), high.max(p)));
+    (low.to_array(), high.to_array())
 }
 
 fn of_capture(capture: &Capture) -> Value {
