@@ -103,7 +103,7 @@ mod tests {
         let east = up.any_orthonormal_vector();
         let north = up.cross(east);
         let at = |i: usize| {
-            let a = i as f64;
+            let a = i as f64 / 7.0 * std::f64::consts::TAU;
             let centre = target + 2.0 * (a.cos() * east + a.sin() * north) + 0.5 * up;
             Camera {
                 pinhole: LENS,

@@ -1,0 +1,274 @@
+//! The command as users meet it: help, exit codes, messages, refusal to overwrite. Tests that train
+//! use a tiny sample capture and live in `cli_train.rs`.
+
+use assert_cmd::Command;
+use std::path::Path;
+
+fn litetex() -> Command {
+    Command::cargo_bin("litetex").unwrap()
+}
+
+/// Exit code, standard output, standard error.
+fn run(arguments: &[&str]) -> (i32, String, String) {
+    let output = litetex().args(arguments).output().unwrap();
+    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+    (
+        output.status.code().unwrap(),
+        text(output.stdout),
+        text(output.stderr),
+    )
+}
+
+/// Subcommands and their one-line descriptions, as the help lists them.
+fn commands_of_help() -> Vec<(String, String)> {
+    let (code, help, _) = run(&["--help"]);
+    assert_eq!(code, 0);
+    let rows = help
+        .lines()
+        .skip_while(|l| *l != "Commands:")
+        .skip(1)
+        .take_while(|l| !l.is_empty());
+    rows.filter_map(|row| row.trim().split_once("  "))
+        .map(|(name, about)| (name.to_owned(), about.trim().to_owned()))
+        .filter(|(name, _)| name != "help")
+        .collect()
+}
+
+#[test]
+fn the_readme_lists_the_commands_as_the_help_does() {
+    let readme = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("README.md")).unwrap();
+    let commands = commands_of_help();
+    assert_eq!(commands.len(), 10, "{commands:?}");
+    let section = readme
+        .split("## Commands")
+        .nth(1)
+        .unwrap()
+        .split("## ")
+        .next()
+        .unwrap();
+    let rows: Vec<(String, String)> = section
+        .lines()
+        .filter_map(|l| l.strip_prefix("| `")?.strip_suffix(" |")?.split_once("` | "))
+        .map(|(name, about)| (name.to_owned(), about.to_owned()))
+        .collect();
+    assert_eq!(rows, commands);
+}
+
+#[test]
+fn every_command_explains_itself() {
+    for (name, about) in commands_of_help() {
+        let (code, help, stderr) = run(&[&name, "--help"]);
+        assert_eq!((code, stderr.as_str()), (0, ""), "{name}");
+        assert!(help.starts_with(&about), "{name}: {help}");
+    }
+    let (code, version, _) = run(&["--version"]);
+    assert_eq!(
+        (code, version.trim()),
+        (0, concat!("litetex ", env!("CARGO_PKG_VERSION")))
+    );
+}
+
+#[test]
+fn completions_and_manual_pages_have_text() {
+    for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
+        let (code, text, _) = run(&["completions", shell]);
+        assert!(code == 0 && text.contains("--max-resolution"), "{shell}");
+    }
+    let (code, page, _) = run(&["man"]);
+    assert!(code == 0 && page.contains(".TH litetex"), "{page}");
+    let dir = tempfile::tempdir().unwrap();
+    let folder = dir.path().join("man");
+    assert_eq!(run(&["man", "--out", folder.to_str().unwrap()]).0, 0);
+    let train = std::fs::read_to_string(folder.join("litetex-train.1")).unwrap();
+    assert!(train.contains("max\\-resolution"), "{train}");
+    assert_eq!(std::fs::read_dir(folder).unwrap().count(), 12); // 10 commands, help, litetex
+}
+
+#[test]
+fn usage_errors_exit_with_2_and_say_what_to_do() {
+    let dir = tempfile::tempdir().unwrap();
+    let here = dir.path().to_str().unwrap();
+    for (arguments, part) in [
+        (&[][..], "Usage"),
+        (&["trian"], "train"),
+        (&["train", here], "-o <RUN>"),
+        (&["train", "-o", "x"], "<CAPTURE>"),
+        (&["train", here, "-o", "x", "--resume", "y", "--force"], "--force"),
+        (&["train", here, "-o", "x", "--texture", "fixed:1"], "fixed:R"),
+        (&["train", here, "-o", "x", "--sh-degree", "4"], "0..=3"),
+        (&["train", here, "-o", "x", "--steps", "0"], "--steps"),
+        (&["train", here, "-o", "x", "--max-time", "soon"], "20m"),
+        (&["train", here, "-o", "x", "--background", "mauve"], "#rrggbb"),
+        (&["train", here, "-o", "x", "--init", "magic"], "random:COUNT"),
+        (&["train", here, "-o", "x", "--image-cache", "big"], "4GiB"),
+        (&["train", here, "-o", "x", "--resume"], "no checkpoint"),
+        (&["render", here, "-o", "x"], "--orbit"),
+        (&["render", here, "-o", "x", "--test", "--orbit", "3"], "--orbit"),
+        (&["devices", "--threads", "0"], "--threads"),
+        (&["-q", "-v", "devices"], "--verbose"),
+    ] {
+        let (code, stdout, stderr) = litetex_in(dir.path(), arguments);
+        let expected = if part == "no checkpoint" { 3 } else { 2 };
+        assert_eq!(code, expected, "{arguments:?}: {stderr}");
+        assert!(
+            stdout.is_empty() && stderr.contains(part),
+            "{arguments:?}: {stderr}"
+        );
+    }
+    assert_eq!(
+        std::fs::read_dir(dir.path()).unwrap().count(),
+        0,
+        "nothing was made"
+    );
+}
+
+fn litetex_in(dir: &Path, arguments: &[&str]) -> (i32, String, String) {
+    let mut command = litetex();
+    // The folder x of the arguments does not exist here; it stays so.
+    std::fs::create_dir_all(dir).unwrap();
+    let output = command.current_dir(dir).args(arguments).output().unwrap();
+    (
+        output.status.code().unwrap(),
+        String::from_utf8(output.stdout).unwrap(),
+        String::from_utf8(output.stderr).unwrap(),
+    )
+}
+
+#[test]
+fn wrong_input_exits_with_3_and_leaves_no_run_behind() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+    std::fs::create_dir(path("empty")).unwrap();
+    std::fs::write(path("broken.safetensors"), "no tensors here").unwrap();
+    std::fs::write(path("broken.ply"), "plyish").unwrap();
+    std::fs::write(path("bad.toml"), "[train]\nstps = 3\n").unwrap();
+    let (nowhere, empty, run_dir) = (path("nowhere"), path("empty"), path("run"));
+    for (arguments, parts) in [
+        (vec!["train", &nowhere, "-o", &run_dir], vec!["nowhere"]),
+        (vec!["train", &empty, "-o", &run_dir], vec!["empty"]),
+        (
+            vec!["train", &empty, "-o", &run_dir, "--config", &path("bad.toml")],
+            vec!["bad.toml", "stps"],
+        ),
+        (vec!["train", "--resume", &empty], vec!["no checkpoint"]),
+        (vec!["eval", &nowhere], vec!["nowhere"]),
+        (
+            vec!["eval", &path("broken.safetensors")],
+            vec!["broken.safetensors", "safetensors file"],
+        ),
+        (
+            vec!["render", &empty, "--test", "-o", &run_dir],
+            vec!["no checkpoint"],
+        ),
+        (vec!["inspect", &nowhere], vec!["nowhere"]),
+        (vec!["inspect", &path("broken.ply")], vec!["broken.ply"]),
+    ] {
+        let (code, stdout, stderr) = run(&arguments);
+        assert_eq!(code, 3, "{arguments:?}: {stderr}");
+        assert!(stdout.is_empty() && stderr.starts_with("error: "), "{stderr}");
+        for part in parts {
+            assert!(stderr.contains(part), "{arguments:?}: {stderr}");
+        }
+    }
+    assert!(!Path::new(&run_dir).exists());
+}
+
+#[test]
+fn errors_are_json_if_messages_are() {
+    let (code, _, stderr) = run(&["inspect", "/nowhere", "--log-format", "json"]);
+    assert_eq!(code, 3);
+    let value: serde_json::Value = serde_json::from_str(stderr.trim()).unwrap();
+    assert_eq!(value["event"], "error");
+    assert!(value["message"].as_str().unwrap().contains("/nowhere"));
+}
+
+#[test]
+fn an_unknown_device_exits_with_4() {
+    let dir = tempfile::tempdir().unwrap();
+    let capture = sample(dir.path());
+    let out = dir.path().join("run");
+    let (code, _, stderr) = run(&[
+        "train",
+        &capture,
+        "-o",
+        out.to_str().unwrap(),
+        "--device",
+        "abacus",
+    ]);
+    assert_eq!(code, 4, "{stderr}");
+    assert!(
+        stderr.contains("\"abacus\"") && stderr.contains("\"cpu\""),
+        "{stderr}"
+    );
+    assert!(!out.exists());
+}
+
+#[test]
+fn a_foreign_output_folder_is_refused_before_anything_is_read() {
+    let dir = tempfile::tempdir().unwrap();
+    let note = dir.path().join("note.txt");
+    std::fs::write(&note, "mine").unwrap();
+    let here = dir.path().to_str().unwrap();
+    for arguments in [
+        &["train", "/nowhere", "-o", here][..],
+        &["sample", here],
+        &["quickstart", "-o", here],
+        &["eval", "/nowhere", "-o", here],
+    ] {
+        let (code, _, stderr) = run(arguments);
+        assert_eq!(code, 2, "{arguments:?}: {stderr}");
+        assert!(stderr.contains("not empty"), "{stderr}");
+    }
+    assert_eq!(std::fs::read_to_string(note).unwrap(), "mine");
+}
+
+#[test]
+fn a_sample_is_made_and_inspected() {
+    let dir = tempfile::tempdir().unwrap();
+    let capture = sample(dir.path());
+    let (code, text, stderr) = run(&["inspect", &capture]);
+    assert_eq!(code, 0, "{stderr}");
+    assert!(text.contains("capture") && text.contains("colmap"), "{text}");
+    let (_, json, _) = run(&["inspect", &capture, "--json", "--quiet"]);
+    let value: serde_json::Value = serde_json::from_str(&json).unwrap();
+    assert_eq!(value["kind"], "capture");
+    assert_eq!(value["views"], 9);
+    assert_eq!(value["test_views"].as_array().unwrap().len(), 2);
+    assert_eq!(value["sizes"]["64x48"], 9);
+}
+
+#[test]
+fn devices_are_listed() {
+    let (code, text, _) = run(&["devices"]);
+    assert!(code == 0 && text.starts_with("cpu"), "{text}");
+    let (_, json, _) = run(&["devices", "--json", "--threads", "2"]);
+    let value: serde_json::Value = serde_json::from_str(&json).unwrap();
+    assert_eq!(value[0]["name"], "cpu");
+    assert!(
+        value[0]["description"].as_str().unwrap().contains("2 threads"),
+        "{json}"
+    );
+}
+
+fn sample(dir: &Path) -> String {
+    let capture = dir.join("capture").to_str().unwrap().to_owned();
+    let arguments = [
+        "sample",
+        &capture,
+        "--views",
+        "9",
+        "--size",
+        "64x48",
+        "--points",
+        "300",
+        "--no-truth",
+        "-q",
+    ];
+    let (code, stdout, stderr) = run(&arguments);
+    assert_eq!(code, 0, "{stderr}");
+    assert!(
+        stdout.contains("pictures") && stderr.is_empty(),
+        "{stdout}{stderr}"
+    );
+    capture
+}
