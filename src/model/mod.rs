@@ -60,6 +60,35 @@ pub struct LearningRates {
     pub texel: f32,
 }
 
+impl LearningRates {
+    /// In the order of the fields.
+    pub fn to_array(&self) -> [f32; 7] {
+        [
+            self.position,
+            self.quaternion,
+            self.log_scale,
+            self.opacity,
+            self.sh_dc,
+            self.sh_rest,
+            self.texel,
+        ]
+    }
+
+    /// From values in the order of the fields; missing ones are 0.
+    pub fn from_array(values: &[f32]) -> Self {
+        let at = |i: usize| values.get(i).copied().unwrap_or(0.0);
+        Self {
+            position: at(0),
+            quaternion: at(1),
+            log_scale: at(2),
+            opacity: at(3),
+            sh_dc: at(4),
+            sh_rest: at(5),
+            texel: at(6),
+        }
+    }
+}
+
 /// State of the optimiser for every parameter of a [`Model`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct AdamState {

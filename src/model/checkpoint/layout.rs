@@ -4,7 +4,7 @@
 //! |---|---|
 //! | `splats.{positions,quaternions,log_scales,opacity_logits,sh}` | f32 `[n,3] [n,4] [n,2] [n] [n,k,3]`, k = (degree + 1)^2 |
 //! | `adam.m.*`, `adam.v.*` | the same five, and `texels` |
-//! | `adam.last_step` | u32 `[n]` |
+//! | `adam.last_step`, `adam.step`, `adam.rates` | u32 `[n]`, u32 `[1]`, f32 `[7]` |
 //! | `textures.maps.{offset,rows,cols,texel_size}` | u32, u16, u16, f32 `[n]` |
 //! | `textures.texels` | f32 `[t,3]` |
 //! | `frame.near`, `frame.capture_from_local` | f32 `[1]`, f64 `[4]`: scale, translation |
@@ -15,7 +15,7 @@ use super::reader::{Reader, f32s, f64s, u16s, u32s, u64s};
 use crate::Result;
 use crate::camera::Similarity;
 use crate::constants::{SH_DEGREE_MAX, sh_coefficients};
-use crate::model::{AdamState, Model, SplatArrays, SplatGroup, TextureMap, TexturePool};
+use crate::model::{AdamState, LearningRates, Model, SplatArrays, SplatGroup, TextureMap, TexturePool};
 use crate::train::{CurvePoint, TrainHistory, TrainState};
 use glam::DVec3;
 use safetensors::{Dtype, View};
@@ -118,6 +118,8 @@ pub fn tensors(state: &TrainState) -> BTreeMap<String, Tensor<'_>> {
     put("adam.m.texels", Tensor::f32(&texels, &adam.texels_m));
     put("adam.v.texels", Tensor::f32(&texels, &adam.texels_v));
     put("adam.last_step", Tensor::u32(&[n], &adam.last_step));
+    put("adam.step", Tensor::scalar_u32(adam.step));
+    put("adam.rates", Tensor::f32(&[7], adam.rates.to_array().to_vec()));
 
     let maps = &model.textures.maps;
     let offsets: Vec<u32> = maps.iter().map(|m| m.offset_texels).collect();
@@ -193,6 +195,8 @@ pub fn state(reader: &mut Reader<'_>) -> Result<TrainState> {
         texels_m: f32s(reader.take("adam.m.texels", Dtype::F32, &texels)?),
         texels_v: f32s(reader.take("adam.v.texels", Dtype::F32, &texels)?),
         last_step: u32s(reader.take("adam.last_step", Dtype::U32, &[n])?),
+        step: u32s(reader.take("adam.step", Dtype::U32, &[1])?)[0],
+        rates: LearningRates::from_array(&f32s(reader.take("adam.rates", Dtype::F32, &[7])?)),
     };
     let textures = TexturePool {
         maps: maps(reader, n)?,
