@@ -1,0 +1,394 @@
+//! A COLMAP sparse model: where it lies, its camera models, and its translation into a [`Source`].
+//! The two encodings are read next door.
+
+use super::{colmap_bin, colmap_txt};
+use crate::camera::Pinhole;
+use crate::dataset::lens::{Distortion, Lens};
+use crate::dataset::options::CaptureFormat;
+use crate::dataset::source::{SfmPoint, Source, SourceView, checked_pose, first_names};
+use crate::{Error, Report, Result};
+use glam::{DMat3, DQuat, DVec3};
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+
+/// A camera as stored.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct ColmapCamera {
+    pub id: u32,
+    pub model: ColmapModel,
+    pub width: u64,
+    pub height: u64,
+    pub params: Vec<f64>,
+}
+
+/// A registered image as stored.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct ColmapImage {
+    pub id: u32,
+    /// wxyz, camera_from_world.
+    pub quaternion: [f64; 4],
+    pub translation: [f64; 3],
+    pub camera_id: u32,
+    pub name: String,
+    /// Ids of triangulated points, one per keypoint that has one.
+    pub point_ids: Vec<u64>,
+}
+
+/// A point as stored, without its track (the images tell it too).
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct ColmapPoint {
+    pub id: u64,
+    pub position: [f64; 3],
+    pub rgb: [u8; 3],
+    pub error_px: f64,
+}
+
+/// The three files.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct ColmapSparse {
+    pub cameras: Vec<ColmapCamera>,
+    pub images: Vec<ColmapImage>,
+    pub points: Vec<ColmapPoint>,
+}
+
+/// A camera model of COLMAP.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct ColmapModel {
+    pub number: i32,
+    pub name: &'static str,
+    pub num_params: usize,
+    supported: bool,
+}
+
+const fn model(number: i32, name: &'static str, num_params: usize, supported: bool) -> ColmapModel {
+    ColmapModel {
+        number,
+        name,
+        num_params,
+        supported,
+    }
+}
+
+/// Numbers, names and parameter counts: COLMAP `src/colmap/sensor/models.h`.
+const MODELS: [ColmapModel; 12] = [
+    model(0, "SIMPLE_PINHOLE", 3, true),
+    model(1, "PINHOLE", 4, true),
+    model(2, "SIMPLE_RADIAL", 4, true),
+    model(3, "RADIAL", 5, true),
+    model(4, "OPENCV", 8, true),
+    model(5, "OPENCV_FISHEYE", 8, true),
+    model(6, "FULL_OPENCV", 12, true),
+    model(7, "FOV", 5, false),
+    model(8, "SIMPLE_RADIAL_FISHEYE", 4, true),
+    model(9, "RADIAL_FISHEYE", 5, true),
+    model(10, "THIN_PRISM_FISHEYE", 12, false),
+    model(11, "RAD_TAN_THIN_PRISM_FISHEYE", 16, false),
+];
+
+const REMEDY: &str = "run \"colmap image_undistorter\" and use its output";
+
+fn supported_models() -> String {
+    let names: Vec<&str> = MODELS.iter().filter(|m| m.supported).map(|m| m.name).collect();
+    names.join(", ")
+}
+
+impl ColmapModel {
+    /// The model that a file names by number.
+    pub fn by_number(number: i32, path: &Path, camera_id: u32) -> Result<Self> {
+        Self::find(path, camera_id, &format!("number {number}"), |m| {
+            m.number == number
+        })
+    }
+
+    /// The model that a file names by name.
+    pub fn by_name(name: &str, path: &Path, camera_id: u32) -> Result<Self> {
+        Self::find(path, camera_id, &format!("{name:?}"), |m| m.name == name)
+    }
+
+    fn find(path: &Path, camera_id: u32, shown: &str, is: impl Fn(&Self) -> bool) -> Result<Self> {
+        match MODELS.into_iter().find(|m| is(m)) {
+            Some(m) if m.supported => Ok(m),
+            found => {
+                let known = found.map_or(String::new(), |m| format!(" ({})", m.name));
+                Err(Error::unsupported(
+                    path,
+                    format!(
+                        "camera {camera_id} has the camera model {shown}{known}; supported: {}; {REMEDY}",
+                        supported_models()
+                    ),
+                ))
+            }
+        }
+    }
+}
+
+/// File of a sparse model in either encoding.
+fn part(folder: &Path, stem: &str) -> Option<PathBuf> {
+    ["bin", "txt"]
+        .into_iter()
+        .map(|ext| folder.join(format!("{stem}.{ext}")))
+        .find(|p| p.is_file())
+}
+
+/// Whether a folder holds a sparse model.
+fn is_model(folder: &Path) -> bool {
+    part(folder, "cameras").is_some() && part(folder, "images").is_some()
+}
+
+/// The sparse model of a capture, and a warning where there was a choice.
+pub(crate) fn find_model(root: &Path, report: &mut Report) -> Option<PathBuf> {
+    for base in ["sparse", "colmap/sparse", ""] {
+        let base = root.join(base);
+        let mut models: Vec<PathBuf> = std::fs::read_dir(&base)
+            .into_iter()
+            .flatten()
+            .filter_map(|entry| Some(entry.ok()?.path()))
+            .filter(|p| {
+                let name = p.file_name().unwrap_or_default().to_string_lossy();
+                !name.is_empty() && name.bytes().all(|b| b.is_ascii_digit()) && is_model(p)
+            })
+            .collect();
+        models.sort();
+        if is_model(&base) {
+            models.insert(0, base);
+        }
+        if models.len() > 1 {
+            let counts: Vec<u64> = models.iter().map(|m| num_images(m)).collect();
+            // The first of the largest.
+            let best = (0..models.len()).rev().max_by_key(|&i| counts[i]).unwrap_or(0);
+            report.warn(
+                "several-sub-models",
+                models.len() - 1,
+                format!(
+                    "{} sparse models; took {} with the most images ({}), left out: {}",
+                    models.len(),
+                    models[best].display(),
+                    counts[best],
+                    (0..models.len())
+                        .filter(|&i| i != best)
+                        .map(|i| format!("{} ({})", models[i].display(), counts[i]))
+                        .collect::<Vec<_>>()
+                        .join(", ")
+                ),
+            );
+            return Some(models.swap_remove(best));
+        }
+        if let Some(found) = models.pop() {
+            return Some(found);
+        }
+    }
+    None
+}
+
+/// Number of images a model states; 0 where it cannot be read (reading it will say why).
+fn num_images(folder: &Path) -> u64 {
+    match part(folder, "images") {
+        Some(path) if path.extension().is_some_and(|e| e == "bin") => {
+            let mut head = [0; 8];
+            std::fs::File::open(path)
+                .and_then(|mut f| std::io::Read::read_exact(&mut f, &mut head))
+                .map_or(0, |()| u64::from_le_bytes(head))
+        }
+        Some(path) => colmap_txt::read_images(&path).map_or(0, |images| images.len() as u64),
+        None => 0,
+    }
+}
+
+/// Reads the files of a sparse model.
+pub(crate) fn read_sparse(folder: &Path, report: &mut Report) -> Result<ColmapSparse> {
+    let is_binary = |p: &Path| p.extension().is_some_and(|e| e == "bin");
+    let required = |stem: &str| {
+        part(folder, stem)
+            .ok_or_else(|| Error::invalid(folder, format!("no \"{stem}.bin\" and no \"{stem}.txt\" here")))
+    };
+    let cameras = required("cameras")?;
+    let images = required("images")?;
+    let points = part(folder, "points3D");
+    if points.is_none() {
+        report.warn(
+            "no-points-file",
+            1,
+            format!(
+                "{}: no points3D file: the model starts without points",
+                folder.display()
+            ),
+        );
+    }
+    Ok(ColmapSparse {
+        cameras: if is_binary(&cameras) {
+            colmap_bin::read_cameras(&cameras)?
+        } else {
+            colmap_txt::read_cameras(&cameras)?
+        },
+        images: if is_binary(&images) {
+            colmap_bin::read_images(&images)?
+        } else {
+            colmap_txt::read_images(&images)?
+        },
+        points: match points {
+            Some(p) if is_binary(&p) => colmap_bin::read_points(&p)?,
+            Some(p) => colmap_txt::read_points(&p)?,
+            None => Vec::new(),
+        },
+    })
+}
+
+/// Reads a sparse model into a [`Source`].
+pub(crate) fn read(folder: &Path) -> Result<Source> {
+    let mut report = Report::default();
+    let sparse = read_sparse(folder, &mut report)?;
+    let lenses = lenses(folder, &sparse.cameras)?;
+    let point_index: HashMap<u64, u32> = sparse
+        .points
+        .iter()
+        .enumerate()
+        .map(|(index, p)| (p.id, index as u32))
+        .collect();
+    let mut lost = 0;
+    let mut views = Vec::with_capacity(sparse.images.len());
+    for image in &sparse.images {
+        views.push(view(folder, image, &lenses, &point_index, &mut lost)?);
+    }
+    if lost > 0 && !sparse.points.is_empty() {
+        report.warn(
+            "observations-without-point",
+            lost,
+            format!(
+                "{}: {lost} observations name points that the model lacks",
+                folder.display()
+            ),
+        );
+    }
+    let errors = sparse.points.iter().map(|p| p.error_px);
+    let (sum, count) = errors
+        .filter(|e| e.is_finite() && *e >= 0.0)
+        .fold((0.0, 0_u32), |(s, n), e| (s + e, n + 1));
+    Ok(Source {
+        format: CaptureFormat::Colmap,
+        path: folder.to_owned(),
+        views,
+        points: sparse
+            .points
+            .iter()
+            .map(|p| SfmPoint {
+                position_in_capture: DVec3::from_array(p.position),
+                rgb: p.rgb,
+            })
+            .collect(),
+        reprojection_error_px: (count > 0).then(|| sum / f64::from(count)),
+        without_picture: Vec::new(),
+        report,
+    })
+}
+
+fn lenses(folder: &Path, cameras: &[ColmapCamera]) -> Result<HashMap<u32, Lens>> {
+    let mut lenses = HashMap::new();
+    for camera in cameras {
+        let lens = lens(camera).map_err(|what| Error::invalid(folder, what))?;
+        if lenses.insert(camera.id, lens).is_some() {
+            return Err(Error::invalid(
+                folder,
+                format!("camera {} occurs twice", camera.id),
+            ));
+        }
+    }
+    Ok(lenses)
+}
+
+/// Intrinsics and distortion of a camera; parameter orders are COLMAP's.
+fn lens(camera: &ColmapCamera) -> Result<Lens, String> {
+    let size = |value: u64, what: &str| {
+        u32::try_from(value).map_err(|_| format!("camera {}: its {what} is {value} pixels", camera.id))
+    };
+    let p = &camera.params;
+    let shared_focal = !matches!(camera.model.number, 1 | 4 | 5 | 6);
+    let (fx_px, fy_px, rest) = if shared_focal {
+        (p[0], p[0], 1)
+    } else {
+        (p[0], p[1], 2)
+    };
+    let d = &p[rest + 2..];
+    let radial = |k: &[f64], p: [f64; 2]| {
+        let mut all = [0.0; 6];
+        all[..k.len()].copy_from_slice(k);
+        Distortion::Radial { k: all, p }
+    };
+    let fisheye = |k: &[f64]| {
+        let mut all = [0.0; 4];
+        all[..k.len()].copy_from_slice(k);
+        Distortion::Fisheye { k: all }
+    };
+    let distortion = match camera.model.number {
+        2 | 3 => radial(d, [0.0; 2]),
+        4 => radial(&d[..2], [d[2], d[3]]),
+        6 => radial(&[d[0], d[1], d[4], d[5], d[6], d[7]], [d[2], d[3]]),
+        5 | 8 | 9 => fisheye(d),
+        _ => Distortion::None,
+    };
+    let lens = Lens {
+        pinhole: Pinhole {
+            width_px: size(camera.width, "width")?,
+            height_px: size(camera.height, "height")?,
+            fx_px,
+            fy_px,
+            cx_px: p[rest],
+            cy_px: p[rest + 1],
+        },
+        distortion,
+    };
+    match lens.problem() {
+        Some(what) => Err(format!("camera {} ({}): {what}", camera.id, camera.model.name)),
+        None => Ok(lens),
+    }
+}
+
+fn view(
+    folder: &Path,
+    image: &ColmapImage,
+    lenses: &HashMap<u32, Lens>,
+    point_index: &HashMap<u64, u32>,
+    lost: &mut usize,
+) -> Result<SourceView> {
+    let invalid =
+        |what: String| Error::invalid(folder, format!("image {} ({:?}): {what}", image.id, image.name));
+    if image.name.is_empty() {
+        return Err(invalid("its name is empty".to_owned()));
+    }
+    let Some(&lens) = lenses.get(&image.camera_id) else {
+        let known: Vec<String> = lenses.keys().map(u32::to_string).collect();
+        return Err(invalid(format!(
+            "it names camera {}, the cameras are {}",
+            image.camera_id,
+            first_names(known.iter().map(String::as_str))
+        )));
+    };
+    let [w, x, y, z] = image.quaternion;
+    let quaternion = DQuat::from_xyzw(x, y, z, w);
+    let length = quaternion.length();
+    if !(length.is_finite() && length > 1e-9) {
+        return Err(invalid(format!(
+            "its quaternion is {:?}, expected finite numbers and a length of 1; register the image again",
+            image.quaternion
+        )));
+    }
+    let pose = checked_pose(
+        DMat3::from_quat(quaternion / length),
+        DVec3::from_array(image.translation),
+    )
+    .map_err(|e| invalid(format!("its pose: {e}; register the image again")))?;
+    let observed: Vec<u32> = image
+        .point_ids
+        .iter()
+        .filter_map(|id| point_index.get(id).copied())
+        .collect();
+    *lost += image.point_ids.len() - observed.len();
+    Ok(SourceView {
+        name: image.name.replace('\\', "/"),
+        picture: None,
+        mask: None,
+        lens,
+        camera_from_capture: pose,
+        split: None,
+        observed,
+    })
+}

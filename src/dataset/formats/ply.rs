@@ -1,0 +1,383 @@
+//! Point clouds in PLY files: positions and colours of the element `vertex`, everything else skipped.
+//! Splat PLY files do not belong here.
+
+use super::bytes::read_file;
+use crate::dataset::source::SfmPoint;
+use crate::{Error, Result};
+use glam::DVec3;
+use std::path::Path;
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Scalar {
+    I8,
+    U8,
+    I16,
+    U16,
+    I32,
+    U32,
+    F32,
+    F64,
+}
+
+impl Scalar {
+    fn parse(name: &str) -> Option<Self> {
+        Some(match name {
+            "char" | "int8" => Self::I8,
+            "uchar" | "uint8" => Self::U8,
+            "short" | "int16" => Self::I16,
+            "ushort" | "uint16" => Self::U16,
+            "int" | "int32" => Self::I32,
+            "uint" | "uint32" => Self::U32,
+            "float" | "float32" => Self::F32,
+            "double" | "float64" => Self::F64,
+            _ => return None,
+        })
+    }
+
+    const fn num_bytes(self) -> usize {
+        match self {
+            Self::I8 | Self::U8 => 1,
+            Self::I16 | Self::U16 => 2,
+            Self::I32 | Self::U32 | Self::F32 => 4,
+            Self::F64 => 8,
+        }
+    }
+
+    /// Value of little-endian bytes.
+    fn value(self, b: [u8; 8]) -> f64 {
+        match self {
+            Self::I8 => f64::from(b[0] as i8),
+            Self::U8 => f64::from(b[0]),
+            Self::I16 => f64::from(i16::from_le_bytes([b[0], b[1]])),
+            Self::U16 => f64::from(u16::from_le_bytes([b[0], b[1]])),
+            Self::I32 => f64::from(i32::from_le_bytes([b[0], b[1], b[2], b[3]])),
+            Self::U32 => f64::from(u32::from_le_bytes([b[0], b[1], b[2], b[3]])),
+            Self::F32 => f64::from(f32::from_le_bytes([b[0], b[1], b[2], b[3]])),
+            Self::F64 => f64::from_le_bytes(b),
+        }
+    }
+}
+
+#[derive(Debug)]
+enum Kind {
+    Scalar(Scalar),
+    List { count: Scalar, item: Scalar },
+}
+
+#[derive(Debug)]
+struct Property {
+    name: String,
+    kind: Kind,
+}
+
+#[derive(Debug)]
+struct Element {
+    name: String,
+    count: usize,
+    properties: Vec<Property>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Encoding {
+    Ascii,
+    Little,
+    Big,
+}
+
+#[derive(Debug)]
+struct Header {
+    encoding: Encoding,
+    elements: Vec<Element>,
+    /// Where the data start.
+    length: usize,
+}
+
+/// Values one after the other, in any encoding.
+struct Values<'a> {
+    encoding: Encoding,
+    data: &'a [u8],
+    at: usize,
+}
+
+impl<'a> Values<'a> {
+    fn word(&mut self) -> Option<&'a str> {
+        let rest = &self.data[self.at..];
+        let start = rest.iter().position(|b| !b.is_ascii_whitespace())?;
+        let length = rest[start..].iter().position(u8::is_ascii_whitespace);
+        let end = length.map_or(rest.len(), |l| start + l);
+        self.at += end;
+        std::str::from_utf8(&rest[start..end]).ok()
+    }
+
+    /// `None` where the file ends or holds no number.
+    fn next(&mut self, scalar: Scalar) -> Option<f64> {
+        if self.encoding == Encoding::Ascii {
+            return self.word()?.parse().ok();
+        }
+        let size = scalar.num_bytes();
+        let stored = self.data.get(self.at..self.at + size)?;
+        self.at += size;
+        let mut bytes = [0; 8];
+        bytes[..size].copy_from_slice(stored);
+        if self.encoding == Encoding::Big {
+            bytes[..size].reverse();
+        }
+        Some(scalar.value(bytes))
+    }
+
+    /// The value of a scalar property, 0 for a list, which is skipped.
+    fn property(&mut self, property: &Property) -> Option<f64> {
+        match property.kind {
+            Kind::Scalar(scalar) => self.next(scalar),
+            Kind::List { count, item } => {
+                let count = self.next(count)?;
+                // A damaged count ends at the end of the file, not in an endless loop.
+                for _ in 0..count.max(0.0) as u64 {
+                    self.next(item)?;
+                }
+                Some(0.0)
+            }
+        }
+    }
+}
+
+/// Reads the points of a PLY file, in the file's frame. Points without colour are mid-grey.
+///
+/// # Errors
+/// [`Error::InvalidInput`] naming the line of the header or the vertex; [`Error::Io`].
+pub fn read_points(path: &Path) -> Result<Vec<SfmPoint>> {
+    let data = read_file(path)?;
+    let header = read_header(path, &data)?;
+    let mut values = Values {
+        encoding: header.encoding,
+        data: &data[header.length..],
+        at: 0,
+    };
+    for element in &header.elements {
+        if element.name == "vertex" {
+            return read_vertices(path, element, &mut values);
+        }
+        // An element without properties holds nothing to skip, whatever its count.
+        let count = if element.properties.is_empty() {
+            0
+        } else {
+            element.count
+        };
+        for index in 0..count {
+            for property in &element.properties {
+                values
+                    .property(property)
+                    .ok_or_else(|| damaged(path, element, index))?;
+            }
+        }
+    }
+    Err(Error::invalid(
+        path,
+        "no element \"vertex\", expected one with x, y, z",
+    ))
+}
+
+fn damaged(path: &Path, element: &Element, index: usize) -> Error {
+    Error::invalid(
+        path,
+        format!(
+            "{:?} {} of {}: the file ends here or holds no number; copy the file again",
+            element.name,
+            index + 1,
+            element.count
+        ),
+    )
+}
+
+fn read_vertices(path: &Path, element: &Element, values: &mut Values<'_>) -> Result<Vec<SfmPoint>> {
+    let column = |name: &str| element.properties.iter().position(|p| p.name == name);
+    let position = ["x", "y", "z"].map(column);
+    let [Some(x), Some(y), Some(z)] = position else {
+        return Err(Error::invalid(path, "element \"vertex\" lacks x, y or z"));
+    };
+    let colour = [["red", "green", "blue"], ["r", "g", "b"]]
+        .into_iter()
+        .map(|names| names.map(column))
+        .find(|c| c.iter().all(Option::is_some))
+        .map(|c| c.map(Option::unwrap_or_default));
+    let mut row = vec![0.0; element.properties.len()];
+    // The smallest vertex has three bytes: a damaged count does not get memory for more.
+    let mut points = Vec::with_capacity(element.count.min(values.data.len() / 3));
+    for index in 0..element.count {
+        for (value, property) in row.iter_mut().zip(&element.properties) {
+            *value = values
+                .property(property)
+                .ok_or_else(|| damaged(path, element, index))?;
+        }
+        points.push(SfmPoint {
+            position_in_capture: DVec3::new(row[x], row[y], row[z]),
+            rgb: colour.map_or([128; 3], |c| {
+                c.map(|i| channel(row[i], &element.properties[i].kind))
+            }),
+        });
+    }
+    Ok(points)
+}
+
+/// Integers are 0 to 255 (16 bits: 0 to 65535), floating point numbers 0 to 1.
+fn channel(value: f64, kind: &Kind) -> u8 {
+    let scaled = match kind {
+        Kind::Scalar(Scalar::F32 | Scalar::F64) => value * 255.0,
+        Kind::Scalar(Scalar::U16) => value / 257.0,
+        _ => value,
+    };
+    scaled.round().clamp(0.0, 255.0) as u8
+}
+
+fn read_header(path: &Path, data: &[u8]) -> Result<Header> {
+    let mut header = Header {
+        encoding: Encoding::Ascii,
+        elements: Vec::new(),
+        length: 0,
+    };
+    let mut has_format = false;
+    for (index, line) in data.split_inclusive(|&b| b == b'\n').enumerate() {
+        header.length += line.len();
+        let line = String::from_utf8_lossy(line);
+        let line = line.trim();
+        let invalid =
+            |what: &str| Error::invalid(path, format!("header line {} {line:?}: {what}", index + 1));
+        if index == 0 {
+            if line != "ply" {
+                return Err(Error::invalid(path, "no PLY file: the first line is not \"ply\""));
+            }
+            continue;
+        }
+        let words: Vec<&str> = line.split_whitespace().collect();
+        match words[..] {
+            [] | ["comment" | "obj_info", ..] => {}
+            ["format", name, _] => {
+                has_format = true;
+                header.encoding = match name {
+                    "ascii" => Encoding::Ascii,
+                    "binary_little_endian" => Encoding::Little,
+                    "binary_big_endian" => Encoding::Big,
+                    _ => return Err(invalid("unknown format")),
+                };
+            }
+            ["element", name, count] => header.elements.push(Element {
+                name: name.to_owned(),
+                count: count.parse().map_err(|_| invalid("the count is no number"))?,
+                properties: Vec::new(),
+            }),
+            ["property", ref property @ ..] => {
+                let property = parse_property(property).ok_or_else(|| invalid("unknown property type"))?;
+                let element = header.elements.last_mut();
+                element
+                    .ok_or_else(|| invalid("no element before it"))?
+                    .properties
+                    .push(property);
+            }
+            ["end_header"] if has_format => return Ok(header),
+            _ => return Err(invalid("not understood")),
+        }
+    }
+    Err(Error::invalid(
+        path,
+        "the file ends inside its header; copy the file again",
+    ))
+}
+
+fn parse_property(words: &[&str]) -> Option<Property> {
+    let (kind, name) = match *words {
+        ["list", count, item, name] => (
+            Kind::List {
+                count: Scalar::parse(count)?,
+                item: Scalar::parse(item)?,
+            },
+            name,
+        ),
+        [scalar, name] => (Kind::Scalar(Scalar::parse(scalar)?), name),
+        _ => return None,
+    };
+    Some(Property {
+        name: name.to_owned(),
+        kind,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(bytes: &[u8]) -> Result<Vec<SfmPoint>> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("points.ply");
+        std::fs::write(&path, bytes).unwrap();
+        read_points(&path)
+    }
+
+    fn binary(big: bool) -> Vec<u8> {
+        let name = if big {
+            "binary_big_endian"
+        } else {
+            "binary_little_endian"
+        };
+        let mut out = format!(
+            "ply\nformat {name} 1.0\ncomment x\nelement face 1\nproperty list uchar int vertex_indices\n\
+             element vertex 2\nproperty double x\nproperty float y\nproperty list uchar short tags\n\
+             property float z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n"
+        )
+        .into_bytes();
+        let mut put = |little: &[u8]| {
+            let mut bytes = little.to_vec();
+            if big {
+                bytes.reverse();
+            }
+            out.extend(bytes);
+        };
+        put(&[2]);
+        put(&7_i32.to_le_bytes());
+        put(&8_i32.to_le_bytes());
+        for v in [1.0_f32, -2.5] {
+            put(&f64::from(v).to_le_bytes());
+            put(&(v + 1.0).to_le_bytes());
+            put(&[1]);
+            put(&9_i16.to_le_bytes());
+            put(&(v + 2.0).to_le_bytes());
+            put(&[10]);
+            put(&[20]);
+            put(&[30]);
+        }
+        out
+    }
+
+    #[test]
+    fn all_encodings_give_the_same_points_and_lists_are_skipped() {
+        let expected = [1.0, -2.5].map(|v: f64| SfmPoint {
+            position_in_capture: DVec3::new(v, v + 1.0, v + 2.0),
+            rgb: [10, 20, 30],
+        });
+        assert_eq!(read(&binary(false)).unwrap(), expected);
+        assert_eq!(read(&binary(true)).unwrap(), expected);
+        let ascii = "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\n\
+                     property float z\nproperty float red\nproperty float green\nproperty float blue\n\
+                     end_header\n1 2 3 0.0392 0.0784 0.1176\n-2.5 -1.5 -0.5 0.0392 0.0784 0.1176\n";
+        assert_eq!(read(ascii.as_bytes()).unwrap(), expected);
+    }
+
+    #[test]
+    fn a_ply_cut_off_anywhere_is_an_error() {
+        let whole = binary(false);
+        for length in 0..whole.len() {
+            assert!(read(&whole[..length]).is_err(), "cut at {length}");
+        }
+    }
+
+    #[test]
+    fn a_huge_count_gets_no_memory() {
+        let text = "ply\nformat ascii 1.0\nelement vertex 99999999999999\nproperty float x\n\
+                    property float y\nproperty float z\nend_header\n1 2 3\n";
+        assert!(
+            read(text.as_bytes())
+                .unwrap_err()
+                .to_string()
+                .contains("\"vertex\" 2 of")
+        );
+    }
+}

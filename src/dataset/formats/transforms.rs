@@ -1,0 +1,300 @@
+//! `transforms.json` of nerfstudio and instant-ngp, and `transforms_train.json` / `_test.json` of
+//! Blender scenes. Poses are OpenGL camera-to-world (x right, y up, z backward).
+
+use super::bytes::read_file;
+use super::ply;
+use crate::camera::{Pinhole, RigidTransform};
+use crate::dataset::lens::{Distortion, Lens};
+use crate::dataset::options::CaptureFormat;
+use crate::dataset::pictures::{PictureFolder, picture_size};
+use crate::dataset::source::{Source, SourceView, checked_pose};
+use crate::views::Split;
+use crate::{Error, Report, Result};
+use glam::{DMat3, DVec3};
+use serde::Deserialize;
+use std::path::{Path, PathBuf};
+
+/// Intrinsics, for the whole file or for one frame.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(default)]
+struct Intrinsics {
+    camera_model: Option<String>,
+    is_fisheye: Option<bool>,
+    camera_angle_x: Option<f64>,
+    camera_angle_y: Option<f64>,
+    fl_x: Option<f64>,
+    fl_y: Option<f64>,
+    cx: Option<f64>,
+    cy: Option<f64>,
+    // Some tools write sizes as 1920.0.
+    w: Option<f64>,
+    h: Option<f64>,
+    k1: Option<f64>,
+    k2: Option<f64>,
+    k3: Option<f64>,
+    k4: Option<f64>,
+    k5: Option<f64>,
+    k6: Option<f64>,
+    p1: Option<f64>,
+    p2: Option<f64>,
+}
+
+#[derive(Debug, Deserialize)]
+struct Frame {
+    file_path: String,
+    mask_path: Option<String>,
+    transform_matrix: Vec<Vec<f64>>,
+    #[serde(flatten)]
+    intrinsics: Intrinsics,
+}
+
+#[derive(Debug, Deserialize)]
+struct File {
+    #[serde(flatten)]
+    intrinsics: Intrinsics,
+    frames: Vec<Frame>,
+    ply_file_path: Option<String>,
+    test_filenames: Option<Vec<String>>,
+}
+
+/// The files of a capture with the side of the split that they state. Blender's `transforms_val` serves
+/// as test set only where there is no other.
+pub(crate) fn find_files(root: &Path) -> Vec<(PathBuf, Option<Split>)> {
+    let existing = |name: &str| Some(root.join(name)).filter(|p| p.is_file());
+    let test = existing("transforms_test.json");
+    let train = existing("transforms_train.json").or_else(|| existing("transforms.json"));
+    let Some(train) = train else {
+        return Vec::new();
+    };
+    match test.or_else(|| existing("transforms_val.json")) {
+        Some(test) => vec![(train, Some(Split::Train)), (test, Some(Split::Test))],
+        None => vec![(train, None)],
+    }
+}
+
+/// Reads the given files of a capture.
+pub(crate) fn read(
+    root: &Path,
+    files: &[(PathBuf, Option<Split>)],
+    images: Option<&PictureFolder>,
+) -> Result<Source> {
+    let mut source = Source {
+        format: CaptureFormat::Transforms,
+        path: files.first().map_or_else(|| root.to_owned(), |f| f.0.clone()),
+        views: Vec::new(),
+        points: Vec::new(),
+        reprojection_error_px: None,
+        without_picture: Vec::new(),
+        report: Report::default(),
+    };
+    for (path, split) in files {
+        read_one(root, path, *split, images, &mut source)?;
+    }
+    strip_common_folder(&mut source.views);
+    Ok(source)
+}
+
+fn read_one(
+    root: &Path,
+    path: &Path,
+    split: Option<Split>,
+    images: Option<&PictureFolder>,
+    source: &mut Source,
+) -> Result<()> {
+    let file: File = serde_json::from_slice(&read_file(path)?).map_err(|e| {
+        Error::invalid(
+            path,
+            format!("{e}; expected the JSON of nerfstudio, instant-ngp or Blender"),
+        )
+    })?;
+    for (index, frame) in file.frames.iter().enumerate() {
+        let element = format!("frames[{index}] ({:?})", frame.file_path);
+        let camera_from_capture = pose(&frame.transform_matrix)
+            .map_err(|e| Error::invalid(path, format!("{element}: transform_matrix: {e}")))?;
+        let Some(picture) = find_picture(root, &frame.file_path, images) else {
+            source.without_picture.push(frame.file_path.clone());
+            continue;
+        };
+        let intrinsics = frame.intrinsics.or(&file.intrinsics);
+        let lens = intrinsics.lens(path, &element, &picture)?;
+        let listed = file.test_filenames.as_ref().map(|names| {
+            match names.iter().any(|n| plain(n) == plain(&frame.file_path)) {
+                true => Split::Test,
+                false => Split::Train,
+            }
+        });
+        source.views.push(SourceView {
+            name: name(root, &frame.file_path, &picture),
+            picture: Some(picture),
+            mask: frame.mask_path.as_ref().map(|m| root.join(m)),
+            lens,
+            camera_from_capture,
+            split: split.or(listed),
+            observed: Vec::new(),
+        });
+    }
+    if let Some(ply) = &file.ply_file_path {
+        source.points.extend(ply::read_points(&root.join(ply))?);
+    }
+    Ok(())
+}
+
+/// A stored path without `./` and with forward slashes.
+fn plain(file_path: &str) -> String {
+    let path = file_path.replace('\\', "/");
+    path.trim_start_matches("./").to_owned()
+}
+
+/// Name of a view: the stored path, with the extension of the picture that was found.
+fn name(root: &Path, file_path: &str, picture: &Path) -> String {
+    let stored = plain(file_path);
+    let inside = picture
+        .strip_prefix(root)
+        .ok()
+        .map(|p| plain(&p.to_string_lossy()));
+    match inside {
+        Some(inside) if inside.starts_with(&stored) => inside,
+        _ => stored,
+    }
+}
+
+/// If all pictures lie below one folder, names are relative to it, as COLMAP's are.
+fn strip_common_folder(views: &mut [SourceView]) {
+    while let Some((folder, _)) = views.first().and_then(|v| v.name.split_once('/')) {
+        let prefix = format!("{folder}/");
+        if !views.iter().all(|v| v.name.starts_with(&prefix)) {
+            break;
+        }
+        for v in views.iter_mut() {
+            v.name.drain(..prefix.len());
+        }
+    }
+}
+
+fn find_picture(root: &Path, file_path: &str, images: Option<&PictureFolder>) -> Option<PathBuf> {
+    let stored = plain(file_path);
+    let Some(folder) = images else {
+        return PictureFolder::at(root).find(&stored);
+    };
+    // `--images images_4` replaces the leading folders of the stored path.
+    let mut rest = stored.as_str();
+    loop {
+        if let Some(found) = folder.find(rest) {
+            return Some(found);
+        }
+        rest = rest.split_once('/')?.1;
+    }
+}
+
+/// camera_from_capture in OpenCV axes from an OpenGL camera-to-world matrix.
+fn pose(rows: &[Vec<f64>]) -> Result<RigidTransform, String> {
+    if !matches!(rows.len(), 3 | 4) || rows.iter().any(|r| r.len() != 4) {
+        let found: Vec<usize> = rows.iter().map(Vec::len).collect();
+        return Err(format!(
+            "rows of {found:?} numbers found, expected 4 (or 3) rows of 4"
+        ));
+    }
+    let column = |j: usize| DVec3::new(rows[0][j], rows[1][j], rows[2][j]);
+    // y and z of the camera's axes change sign between OpenGL and OpenCV.
+    let axes = DMat3::from_cols(column(0), -column(1), -column(2));
+    Ok(checked_pose(axes, column(3))?.inverse())
+}
+
+impl Intrinsics {
+    /// These, completed by those of the whole file.
+    fn or(&self, all: &Self) -> Self {
+        Self {
+            camera_model: self.camera_model.clone().or_else(|| all.camera_model.clone()),
+            is_fisheye: self.is_fisheye.or(all.is_fisheye),
+            camera_angle_x: self.camera_angle_x.or(all.camera_angle_x),
+            camera_angle_y: self.camera_angle_y.or(all.camera_angle_y),
+            fl_x: self.fl_x.or(all.fl_x),
+            fl_y: self.fl_y.or(all.fl_y),
+            cx: self.cx.or(all.cx),
+            cy: self.cy.or(all.cy),
+            w: self.w.or(all.w),
+            h: self.h.or(all.h),
+            k1: self.k1.or(all.k1),
+            k2: self.k2.or(all.k2),
+            k3: self.k3.or(all.k3),
+            k4: self.k4.or(all.k4),
+            k5: self.k5.or(all.k5),
+            k6: self.k6.or(all.k6),
+            p1: self.p1.or(all.p1),
+            p2: self.p2.or(all.p2),
+        }
+    }
+
+    fn lens(&self, path: &Path, element: &str, picture: &Path) -> Result<Lens> {
+        let invalid = |what: String| Error::invalid(path, format!("{element}: {what}"));
+        let (width_px, height_px) = match (self.w, self.h) {
+            (Some(w), Some(h)) => {
+                let whole = |v: f64| ((1.0..=1e6).contains(&v) && v.fract() == 0.0).then_some(v as u32);
+                match (whole(w), whole(h)) {
+                    (Some(w), Some(h)) => (w, h),
+                    _ => return Err(invalid(format!("the size (w, h) is {:?}", (w, h)))),
+                }
+            }
+            _ => picture_size(picture)?,
+        };
+        let (w, h) = (f64::from(width_px), f64::from(height_px));
+        let from_angle = |side: f64, angle: f64| 0.5 * side / (0.5 * angle).tan();
+        let fx_px = self
+            .fl_x
+            .or_else(|| self.camera_angle_x.map(|a| from_angle(w, a)));
+        let Some(fx_px) = fx_px else {
+            return Err(invalid(
+                "no fl_x and no camera_angle_x, neither here nor for the file".to_owned(),
+            ));
+        };
+        let fy_px = self
+            .fl_y
+            .or_else(|| self.camera_angle_y.map(|a| from_angle(h, a)));
+        let lens = Lens {
+            pinhole: Pinhole {
+                width_px,
+                height_px,
+                fx_px,
+                fy_px: fy_px.unwrap_or(fx_px),
+                cx_px: self.cx.unwrap_or(0.5 * w),
+                cy_px: self.cy.unwrap_or(0.5 * h),
+            },
+            distortion: self.distortion(path, element)?,
+        };
+        match lens.problem() {
+            Some(what) => Err(invalid(what)),
+            None => Ok(lens),
+        }
+    }
+
+    fn distortion(&self, path: &Path, element: &str) -> Result<Distortion> {
+        let k = [self.k1, self.k2, self.k3, self.k4, self.k5, self.k6].map(|v| v.unwrap_or(0.0));
+        let p = [self.p1, self.p2].map(|v| v.unwrap_or(0.0));
+        let fisheye = Distortion::Fisheye {
+            k: [k[0], k[1], k[2], k[3]],
+        };
+        match self.camera_model.as_deref() {
+            Some("OPENCV_FISHEYE") => return Ok(fisheye),
+            Some("SIMPLE_PINHOLE" | "PINHOLE" | "SIMPLE_RADIAL" | "RADIAL" | "OPENCV" | "FULL_OPENCV")
+            | None => {}
+            Some(other) => {
+                return Err(Error::unsupported(
+                    path,
+                    format!(
+                        "{element}: camera_model {other:?}; supported: SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, \
+                         RADIAL, OPENCV, FULL_OPENCV, OPENCV_FISHEYE; undistort the pictures"
+                    ),
+                ));
+            }
+        }
+        if self.is_fisheye == Some(true) {
+            return Ok(fisheye);
+        }
+        let any = k.iter().chain(&p).any(|&v| v != 0.0);
+        Ok(if any {
+            Distortion::Radial { k, p }
+        } else {
+            Distortion::None
+        })
+    }
+}

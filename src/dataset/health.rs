@@ -1,0 +1,182 @@
+//! Figures that show whether a sparse reconstruction can be trusted. A model with a good mean
+//! reprojection error can still be broken: collapsed cameras and points behind them do not show there.
+
+use super::frame::median;
+use super::source::{Source, first_names};
+use crate::Report;
+use serde::{Deserialize, Serialize};
+
+/// Fewer observed points than this make a pose doubtful.
+const MIN_OBSERVATIONS: usize = 50;
+
+/// Cameras closer than this count as one, in units of the cameras' extent.
+const COINCIDENT: f64 = 1e-4;
+
+/// Depths below this share of the view's median depth are as good as zero.
+const ZERO_DEPTH: f64 = 1e-3;
+
+/// Above this mean error, poses or intrinsics are off by more than training can hide.
+const MAX_REPROJECTION_ERROR_PX: f64 = 1.5;
+
+/// State of a sparse reconstruction.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub struct SparseHealth {
+    /// Views with a pose.
+    pub registered: usize,
+    /// Pictures in the picture folder.
+    pub present: usize,
+    /// Points.
+    pub points: usize,
+    /// Observations of points over all views.
+    pub observations: usize,
+    /// Observations of the view with the fewest.
+    pub min_observations_per_view: usize,
+    /// Median over the views.
+    pub median_observations_per_view: f64,
+    /// Views with fewer than 50.
+    pub views_under_50_observations: usize,
+    /// Views whose camera centre coincides with that of another view.
+    pub coincident_cameras: usize,
+    /// Observations whose point lies behind the camera.
+    pub observations_behind_camera: usize,
+    /// Observations whose point lies in front of the camera, but as good as in it.
+    pub observations_at_zero_depth: usize,
+    /// Mean over the points, where the model states it.
+    pub mean_reprojection_error_px: Option<f64>,
+}
+
+/// Measures a sparse reconstruction and warns of what looks wrong; `extent` is that of the cameras, in
+/// units of the capture.
+pub(crate) fn check(source: &Source, extent: f64, present: usize, report: &mut Report) -> SparseHealth {
+    let counts: Vec<usize> = source.views.iter().map(|v| v.observed.len()).collect();
+    let (behind, at_zero) = misplaced(source);
+    let health = SparseHealth {
+        registered: source.views.len(),
+        present,
+        points: source.points.len(),
+        observations: counts.iter().sum(),
+        min_observations_per_view: counts.iter().copied().min().unwrap_or(0),
+        median_observations_per_view: median(counts.iter().map(|&c| c as f64).collect()).unwrap_or(0.0),
+        views_under_50_observations: counts.iter().filter(|&&c| c < MIN_OBSERVATIONS).count(),
+        coincident_cameras: coincident(source, COINCIDENT * extent).len(),
+        observations_behind_camera: behind,
+        observations_at_zero_depth: at_zero,
+        mean_reprojection_error_px: source.reprojection_error_px,
+    };
+    warn(source, &health, extent, report);
+    health
+}
+
+fn warn(source: &Source, health: &SparseHealth, extent: f64, report: &mut Report) {
+    const HINT: &str = "a model with a good mean reprojection error can still be broken";
+    if health.present > health.registered {
+        let missing = health.present - health.registered;
+        report.warn(
+            "pictures-not-registered",
+            missing,
+            format!("{missing} of {} pictures have no pose", health.present),
+        );
+    }
+    if health.observations > 0 && health.views_under_50_observations > 0 {
+        let weak = source
+            .views
+            .iter()
+            .filter(|v| v.observed.len() < MIN_OBSERVATIONS);
+        report.warn(
+            "views-with-few-observations",
+            health.views_under_50_observations,
+            format!(
+                "{} of {} views observe fewer than {MIN_OBSERVATIONS} points, their poses are doubtful: {}; {HINT}",
+                health.views_under_50_observations,
+                health.registered,
+                first_names(weak.map(|v| v.name.as_str()))
+            ),
+        );
+    }
+    if health.coincident_cameras > 0 {
+        let names = coincident(source, COINCIDENT * extent);
+        report.warn(
+            "coincident-cameras",
+            health.coincident_cameras,
+            format!(
+                "{} camera centres coincide with another one: {}; taken from one spot, or collapsed: {HINT}",
+                names.len(),
+                first_names(names)
+            ),
+        );
+    }
+    let misplaced = health.observations_behind_camera + health.observations_at_zero_depth;
+    if misplaced > 0 {
+        report.warn(
+            "points-behind-cameras",
+            misplaced,
+            format!(
+                "{} of {} observations have their point behind the camera, {} as good as in it; {HINT}",
+                health.observations_behind_camera, health.observations, health.observations_at_zero_depth
+            ),
+        );
+    }
+    if let Some(error) = health
+        .mean_reprojection_error_px
+        .filter(|e| *e > MAX_REPROJECTION_ERROR_PX)
+    {
+        report.warn(
+            "large-reprojection-error",
+            1,
+            format!(
+                "the mean reprojection error is {error:.2} px, sound models have less than 1: register again"
+            ),
+        );
+    }
+}
+
+/// Numbers of observations behind the camera and at almost zero depth.
+fn misplaced(source: &Source) -> (usize, usize) {
+    let (mut behind, mut at_zero) = (0, 0);
+    for view in &source.views {
+        let depths: Vec<f64> = view
+            .observed
+            .iter()
+            .map(|&i| source.points[i as usize].position_in_capture)
+            .map(|p| view.camera_from_capture.transform_point(p).z)
+            .collect();
+        behind += depths.iter().filter(|z| **z <= 0.0).count();
+        let positive: Vec<f64> = depths.into_iter().filter(|z| *z > 0.0).collect();
+        if let Some(median) = median(positive.clone()) {
+            at_zero += positive.iter().filter(|z| **z < ZERO_DEPTH * median).count();
+        }
+    }
+    (behind, at_zero)
+}
+
+/// Names of views with another camera within `distance`.
+fn coincident(source: &Source, distance: f64) -> Vec<&str> {
+    let mut centres: Vec<_> = source
+        .views
+        .iter()
+        .map(|v| (v.camera_from_capture.origin_of_a_in_b(), v.name.as_str()))
+        .collect();
+    // Sorted along x only close neighbours need to be compared.
+    centres.sort_by(|a, b| a.0.x.total_cmp(&b.0.x));
+    let mut is_coincident = vec![false; centres.len()];
+    for first in 0..centres.len() {
+        for second in first + 1..centres.len() {
+            if centres[second].0.x - centres[first].0.x > distance {
+                break;
+            }
+            if centres[second].0.distance(centres[first].0) <= distance {
+                is_coincident[first] = true;
+                is_coincident[second] = true;
+            }
+        }
+    }
+    let mut names: Vec<&str> = centres
+        .iter()
+        .zip(is_coincident)
+        .filter(|(_, is)| *is)
+        .map(|(c, _)| c.1)
+        .collect();
+    names.sort_unstable();
+    names
+}

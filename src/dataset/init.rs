@@ -1,0 +1,321 @@
+//! The model that training starts from: splats at the points of the capture, of a file or at random
+//! (method section 5).
+
+use super::knn::mean_squared_spacing;
+use super::random::{Stream, points_in_views};
+use super::source::SfmPoint;
+use super::{Capture, read_ply_points};
+use crate::constants::{ALPHA_MIN, MAP_SIGMA_MAX, SH_0, SH_DEGREE_MAX, sh_coefficients};
+use crate::model::{Model, SplatArrays, TexturePool};
+use crate::train::TexturePolicy;
+use crate::{Error, Report, Result};
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+use std::collections::HashSet;
+use std::fmt;
+use std::path::PathBuf;
+use std::str::FromStr;
+
+/// Opacity at the start (3DGS).
+const OPACITY: f64 = 0.1;
+
+/// Floor of the mean squared spacing, local units (CAT).
+const SPACING_FLOOR: f32 = 1e-7;
+
+/// Bounds of the standard deviations at the start, local units (method section 11).
+const SIGMA_BOUNDS: (f32, f32) = (1e-7, 1.0);
+
+/// Points closer to a camera than this give tiny splats and NaN (graphdeco-inria/gaussian-splatting 41).
+const CLEARANCE: f64 = 0.01;
+
+/// Random points unless the user says otherwise.
+const RANDOM_POINTS: usize = 20_000;
+
+/// Where the first splats come from.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
+pub enum InitSource {
+    /// The capture's points, else random ones.
+    #[default]
+    Auto,
+    /// The capture's points.
+    Sfm,
+    /// A point cloud in the capture's frame.
+    Ply(PathBuf),
+    /// So many random points in the views.
+    Random(usize),
+}
+
+impl FromStr for InitSource {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match (text, text.split_once(':')) {
+            ("auto", _) => Ok(Self::Auto),
+            ("sfm", _) => Ok(Self::Sfm),
+            ("random", _) => Ok(Self::Random(RANDOM_POINTS)),
+            (_, Some(("ply", path))) if !path.is_empty() => Ok(Self::Ply(path.into())),
+            (_, Some(("random", count))) if count.parse().is_ok_and(|c: usize| c > 0) => {
+                Ok(Self::Random(count.parse().map_err(|_| "no count".to_owned())?))
+            }
+            _ => Err(format!(
+                "{text:?}: expected \"auto\", \"sfm\", \"random\", \"random:COUNT\" or \"ply:FILE\""
+            )),
+        }
+    }
+}
+
+impl fmt::Display for InitSource {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Auto => f.write_str("auto"),
+            Self::Sfm => f.write_str("sfm"),
+            Self::Ply(path) => write!(f, "ply:{}", path.display()),
+            Self::Random(count) => write!(f, "random:{count}"),
+        }
+    }
+}
+
+impl TryFrom<String> for InitSource {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        text.parse()
+    }
+}
+
+impl From<InitSource> for String {
+    fn from(source: InitSource) -> Self {
+        source.to_string()
+    }
+}
+
+/// How the first model is made.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default, rename_all = "kebab-case")]
+pub struct InitOptions {
+    /// Where the points come from.
+    pub source: InitSource,
+    /// More points are thinned at random.
+    pub max_points: usize,
+    /// SH degree stored, 0 to 3.
+    pub sh_degree: u32,
+    /// Texture maps.
+    pub texture: TexturePolicy,
+    /// Seed of everything random.
+    pub seed: u64,
+}
+
+impl Default for InitOptions {
+    fn default() -> Self {
+        Self {
+            source: InitSource::Auto,
+            max_points: 1_000_000,
+            sh_degree: 3,
+            texture: TexturePolicy::Fixed(4),
+            seed: 42,
+        }
+    }
+}
+
+/// A point of the local frame with its display-space colour.
+#[derive(Clone, Copy)]
+struct Seed {
+    position: [f32; 3],
+    rgb: [f32; 3],
+}
+
+/// The model that training starts from, and what was left out on the way.
+///
+/// # Errors
+/// [`Error::Usage`] for options out of range, [`Error::InvalidInput`] if no usable point is left or a
+/// point cloud cannot be read.
+pub fn initial_model(capture: &Capture, options: &InitOptions) -> Result<(Model, Report)> {
+    if options.sh_degree > SH_DEGREE_MAX || options.max_points == 0 {
+        return Err(Error::Usage(format!(
+            "initial model: SH degree {} (expected 0 to {SH_DEGREE_MAX}), at most {} points (expected more)",
+            options.sh_degree, options.max_points
+        )));
+    }
+    let mut report = Report::default();
+    let seeds = seeds(capture, options, &mut report)?;
+    let seeds = filtered(seeds, capture, &mut report);
+    let seeds = thinned(seeds, options, &mut report);
+    if seeds.is_empty() {
+        return Err(Error::invalid(
+            &capture.poses,
+            "no usable point to start from; start from random points (random:COUNT)",
+        ));
+    }
+    Ok((model(capture, &seeds, options), report))
+}
+
+fn seeds(capture: &Capture, options: &InitOptions, report: &mut Report) -> Result<Vec<Seed>> {
+    match &options.source {
+        InitSource::Sfm if capture.points.is_empty() => Err(Error::invalid(
+            &capture.poses,
+            "the capture has no points; start from random points (random:COUNT)",
+        )),
+        InitSource::Auto if capture.points.is_empty() => {
+            report.warn(
+                "random-start",
+                RANDOM_POINTS,
+                format!("the capture has no points: starts from {RANDOM_POINTS} random ones"),
+            );
+            Ok(random_seeds(capture, RANDOM_POINTS, options.seed))
+        }
+        InitSource::Auto | InitSource::Sfm => Ok(local_seeds(capture, &capture.points)),
+        InitSource::Ply(path) => Ok(local_seeds(capture, &read_ply_points(path)?)),
+        InitSource::Random(count) => Ok(random_seeds(capture, *count, options.seed)),
+    }
+}
+
+fn local_seeds(capture: &Capture, points: &[SfmPoint]) -> Vec<Seed> {
+    let local_from_capture = capture.capture_from_local.inverse();
+    points
+        .iter()
+        .map(|p| Seed {
+            position: local_from_capture
+                .transform_point(p.position_in_capture)
+                .as_vec3()
+                .to_array(),
+            rgb: p.rgb.map(|c| f32::from(c) / 255.0),
+        })
+        .collect()
+}
+
+fn random_seeds(capture: &Capture, count: usize, seed: u64) -> Vec<Seed> {
+    let mut stream = Stream::new(seed, 2);
+    points_in_views(capture, count, seed)
+        .into_iter()
+        .map(|p| Seed {
+            position: p.as_vec3().to_array(),
+            // Grey with a little variation, so that equal splats do not stay equal.
+            rgb: [0; 3].map(|_| (0.4 + 0.2 * stream.uniform()) as f32),
+        })
+        .collect()
+}
+
+/// Without points that cannot become splats.
+fn filtered(seeds: Vec<Seed>, capture: &Capture, report: &mut Report) -> Vec<Seed> {
+    let centres: Vec<DVec3> = capture.views.iter().map(|v| v.camera.centre_in_local()).collect();
+    let (mut not_finite, mut at_camera, mut duplicates) = (0, 0, 0);
+    let mut known = HashSet::new();
+    let total = seeds.len();
+    let kept: Vec<Seed> = seeds
+        .into_iter()
+        .filter(|seed| {
+            let position = DVec3::from_array(seed.position.map(f64::from));
+            if !position.is_finite() {
+                not_finite += 1;
+                return false;
+            }
+            if centres
+                .iter()
+                .any(|c| c.distance_squared(position) < CLEARANCE * CLEARANCE)
+            {
+                at_camera += 1;
+                return false;
+            }
+            // + 0.0: both zeros are one place.
+            let is_new = known.insert(seed.position.map(|v| (v + 0.0).to_bits()));
+            duplicates += usize::from(!is_new);
+            is_new
+        })
+        .collect();
+    for (code, count, what) in [
+        ("points-not-finite", not_finite, "are not finite"),
+        (
+            "points-at-camera",
+            at_camera,
+            "lie within 1 % of the cameras' extent of a camera",
+        ),
+        ("points-duplicate", duplicates, "lie where another point lies"),
+    ] {
+        if count > 0 {
+            report.warn(
+                code,
+                count,
+                format!("{count} of {total} points {what} and are left out"),
+            );
+        }
+    }
+    kept
+}
+
+/// At most as many as allowed, chosen at random, in their order.
+fn thinned(mut seeds: Vec<Seed>, options: &InitOptions, report: &mut Report) -> Vec<Seed> {
+    let total = seeds.len();
+    if total <= options.max_points {
+        return seeds;
+    }
+    let mut stream = Stream::new(options.seed, 3);
+    let mut order: Vec<usize> = (0..total).collect();
+    for chosen in 0..options.max_points {
+        order.swap(chosen, chosen + stream.index(total - chosen));
+    }
+    order.truncate(options.max_points);
+    order.sort_unstable();
+    seeds = order.into_iter().map(|i| seeds[i]).collect();
+    report.warn(
+        "points-thinned",
+        total - seeds.len(),
+        format!("{} of {total} points kept, chosen at random", seeds.len()),
+    );
+    seeds
+}
+
+fn model(capture: &Capture, seeds: &[Seed], options: &InitOptions) -> Model {
+    let mut splats = SplatArrays::zeros(seeds.len(), options.sh_degree);
+    let positions: Vec<[f32; 3]> = seeds.iter().map(|s| s.position).collect();
+    let sigmas: Vec<f32> = mean_squared_spacing(&positions)
+        .into_iter()
+        // A point alone is as large as allowed.
+        .map(|spacing| spacing.map_or(SIGMA_BOUNDS.1, |s| s.max(SPACING_FLOOR).sqrt()))
+        .map(|sigma| sigma.clamp(SIGMA_BOUNDS.0, SIGMA_BOUNDS.1))
+        .collect();
+    splats.positions = positions.into_flattened();
+    splats.log_scales = sigmas.iter().flat_map(|s| [s.ln(); 2]).collect();
+    splats
+        .opacity_logits
+        .fill((OPACITY / (1.0 - OPACITY)).ln() as f32);
+    let mut stream = Stream::new(options.seed, 4);
+    splats.quaternions = (0..seeds.len()).flat_map(|_| quaternion(&mut stream)).collect();
+    let coefficients = 3 * sh_coefficients(options.sh_degree);
+    for (sh, seed) in splats.sh.chunks_exact_mut(coefficients).zip(seeds) {
+        for (out, c) in sh.iter_mut().zip(seed.rgb) {
+            *out = ((f64::from(c) - 0.5) / SH_0) as f32;
+        }
+    }
+    let extents = sigmas.iter().map(|&sigma| map_extent(sigma, options.texture));
+    Model {
+        textures: TexturePool::neutral(extents),
+        splats,
+        near: capture.near,
+        capture_from_local: capture.capture_from_local,
+    }
+}
+
+/// Uniform over all rotations.
+fn quaternion(stream: &mut Stream) -> [f32; 4] {
+    loop {
+        let ([a, b], [c, d]) = (stream.normals(), stream.normals());
+        let length = (a * a + b * b + c * c + d * d).sqrt();
+        if length > 1e-6 {
+            return [a, b, c, d].map(|v| (v / length) as f32);
+        }
+    }
+}
+
+/// Rows, columns and texel size of a round splat's map.
+fn map_extent(sigma: f32, texture: TexturePolicy) -> (u16, u16, f32) {
+    match texture {
+        TexturePolicy::None => (0, 0, 0.0),
+        TexturePolicy::Fixed(resolution) => {
+            let sigmas = MAP_SIGMA_MAX.min((2.0 * (OPACITY / ALPHA_MIN).ln()).sqrt());
+            let half_extent = f64::from(sigma) * sigmas;
+            let texel_size = 2.0 * half_extent / f64::from(resolution - 1);
+            (resolution, resolution, texel_size as f32)
+        }
+    }
+}

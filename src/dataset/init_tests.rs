@@ -1,0 +1,190 @@
+//! Behaviour of the initial model.
+
+use super::fixtures::Scene;
+use super::*;
+use crate::Error;
+use crate::train::TexturePolicy;
+use tempfile::tempdir;
+
+fn capture(scene: &Scene) -> Capture {
+    let folder = tempdir().unwrap();
+    scene.write(folder.path());
+    // Photos are not decoded here: the folder may go.
+    Capture::load(folder.path(), &LoadOptions::default()).unwrap()
+}
+
+fn from(source: InitSource) -> InitOptions {
+    InitOptions {
+        source,
+        ..InitOptions::default()
+    }
+}
+
+#[test]
+fn points_become_splats_with_the_documented_parameters() {
+    let mut scene = Scene::ring(5);
+    // A square of side 2 and a point far away: spacing of a corner is (4 + 4 + 8) / 3.
+    let corners = [
+        [0., 0., 0.],
+        [2., 0., 0.],
+        [0., 2., 0.],
+        [2., 2., 0.],
+        [0., 0., 90.],
+    ];
+    scene.points = corners.map(|p| (p, [255, 0, 51])).to_vec();
+    let capture = capture(&scene);
+    let (model, report) = initial_model(&capture, &InitOptions::default()).unwrap();
+    assert_eq!(model.num_splats(), 5);
+    assert!(report.warnings.is_empty(), "{report:?}");
+    let scale = capture.capture_from_local.scale;
+    for (index, corner) in corners.iter().enumerate().take(4) {
+        let local = &model.splats.positions[3 * index..3 * index + 3];
+        let local = glam::DVec3::new(local[0].into(), local[1].into(), local[2].into());
+        let back = model.capture_from_local.transform_point(local);
+        assert!((back - glam::DVec3::from_array(*corner)).length() < 1e-5);
+        let sigma = f64::from(model.splats.log_scales[2 * index].exp());
+        assert!((sigma * scale - (16.0_f64 / 3.0).sqrt()).abs() < 1e-4);
+    }
+    assert_eq!(
+        model.splats.log_scales[8].exp(),
+        1.0,
+        "bounded by the cameras' extent"
+    );
+    assert!((1.0 / (1.0 + (-model.splats.opacity_logits[0]).exp()) - 0.1).abs() < 1e-6);
+    let dc: Vec<f64> = (0..3)
+        .map(|c| 0.5 + 0.282_094_79 * f64::from(model.splats.sh[c]))
+        .collect();
+    assert!((dc[0] - 1.0).abs() + dc[1].abs() + (dc[2] - 0.2).abs() < 1e-6);
+    assert!(model.splats.sh[3..48].iter().all(|&v| v == 0.0));
+    let map = &model.textures.maps[0];
+    assert_eq!((map.rows, map.cols), (4, 4));
+    let half = (2.0 * 25.5_f64.ln()).sqrt() * f64::from(model.splats.log_scales[0].exp());
+    assert!((f64::from(map.texel_size) - 2.0 * half / 3.0).abs() < 1e-6);
+    assert!(model.textures.texels.iter().all(|&t| t == 0.0) && model.num_texels() == 80);
+}
+
+#[test]
+fn untextured_models_have_empty_maps() {
+    let options = InitOptions {
+        texture: TexturePolicy::None,
+        sh_degree: 0,
+        ..InitOptions::default()
+    };
+    let (model, _) = initial_model(&capture(&Scene::ring(5)), &options).unwrap();
+    assert_eq!((model.num_texels(), model.splats.sh.len()), (0, 60));
+    assert!(model.textures.maps.iter().all(|m| m.rows == 0 && m.cols == 0));
+}
+
+#[test]
+fn unusable_points_are_left_out_and_counted() {
+    let mut scene = Scene::ring(5);
+    let (q, t) = scene.images[2].camera_from_world;
+    scene.points[0].0 = (-(q.inverse() * t)).to_array();
+    scene.points[1].0 = [f64::NAN, 0.0, 0.0];
+    scene.points[2] = scene.points[3];
+    let (model, report) = initial_model(&capture(&scene), &InitOptions::default()).unwrap();
+    assert_eq!(model.num_splats(), 17);
+    for code in ["points-at-camera", "points-not-finite", "points-duplicate"] {
+        assert!(
+            report.warnings.iter().any(|w| w.code == code && w.count == 1),
+            "{code}"
+        );
+    }
+}
+
+#[test]
+fn thinning_keeps_the_order_and_depends_on_the_seed_only() {
+    let capture = capture(&Scene::ring(5));
+    let thin = |seed| {
+        let options = InitOptions {
+            max_points: 7,
+            seed,
+            ..InitOptions::default()
+        };
+        initial_model(&capture, &options).unwrap().0
+    };
+    assert_eq!(thin(1).num_splats(), 7);
+    assert_eq!(thin(1), thin(1));
+    assert_ne!(thin(1), thin(2));
+}
+
+#[test]
+fn random_points_lie_where_a_third_of_the_cameras_look() {
+    let capture = capture(&Scene::ring(9));
+    let (model, _) = initial_model(&capture, &from(InitSource::Random(500))).unwrap();
+    assert_eq!(model.num_splats(), 500);
+    let train = capture.indices(Split::Train);
+    for p in model.splats.positions.chunks_exact(3) {
+        let p = glam::DVec3::new(p[0].into(), p[1].into(), p[2].into());
+        let seen = train.iter().filter(|&&v| {
+            let camera = capture.views[v].camera;
+            let at = camera
+                .pinhole
+                .project(camera.camera_from_local.transform_point(p));
+            at.is_some_and(|at| at.x >= 0.0 && at.y >= 0.0 && at.x <= 12.0 && at.y <= 8.0)
+        });
+        assert!(3 * seen.count() >= train.len());
+    }
+    let again = initial_model(&capture, &from(InitSource::Random(500))).unwrap().0;
+    assert_eq!(model, again);
+}
+
+#[test]
+fn cameras_that_look_the_same_way_get_points_along_their_rays() {
+    let mut scene = Scene::ring(4);
+    scene.points.clear();
+    for (index, image) in scene.images.iter_mut().enumerate() {
+        image.keypoints.clear();
+        image.camera_from_world = (glam::DQuat::IDENTITY, glam::DVec3::new(index as f64, 0.0, 0.0));
+    }
+    let capture = capture(&scene);
+    let (model, report) = initial_model(&capture, &InitOptions::default()).unwrap();
+    assert_eq!(model.num_splats(), 20_000);
+    assert_eq!(report.warnings[0].code, "random-start");
+    assert!(
+        model
+            .splats
+            .positions
+            .chunks_exact(3)
+            .all(|p| p[2] > 0.49 && p[2] < 20.1)
+    );
+    let sfm = initial_model(&capture, &from(InitSource::Sfm));
+    assert!(matches!(sfm, Err(Error::InvalidInput { .. })));
+}
+
+#[test]
+fn a_point_cloud_file_is_a_start_in_the_capture_frame() {
+    let folder = tempdir().unwrap();
+    let path = folder.path().join("start.ply");
+    let ply = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\n\
+               property float z\nend_header\n0.5 0 0\n";
+    std::fs::write(&path, ply).unwrap();
+    let capture = capture(&Scene::ring(4));
+    let (model, _) = initial_model(&capture, &from(InitSource::Ply(path))).unwrap();
+    let expected = (glam::DVec3::new(0.5, 0.0, 0.0) - capture.capture_from_local.translation)
+        / capture.capture_from_local.scale;
+    assert_eq!(model.splats.positions, expected.as_vec3().to_array());
+}
+
+#[test]
+fn quaternions_are_uniform_over_all_orthants() {
+    let (model, _) = initial_model(&capture(&Scene::ring(9)), &from(InitSource::Random(4000))).unwrap();
+    let mut orthants = [0; 16];
+    for q in model.splats.quaternions.chunks_exact(4) {
+        assert!((q.iter().map(|v| v * v).sum::<f32>() - 1.0).abs() < 1e-5);
+        orthants[(0..4).map(|i| usize::from(q[i] > 0.0) << i).sum::<usize>()] += 1;
+    }
+    // 250 each; 5 standard deviations.
+    assert!(orthants.iter().all(|&n| (170..330).contains(&n)), "{orthants:?}");
+}
+
+#[test]
+fn sources_are_written_as_they_are_read() {
+    for text in ["auto", "sfm", "random:77", "ply:a/b.ply"] {
+        assert_eq!(text.parse::<InitSource>().unwrap().to_string(), text);
+    }
+    assert_eq!("random".parse(), Ok(InitSource::Random(20_000)));
+    for wrong in ["", "ply:", "random:0", "random:x", "points"] {
+        assert!(wrong.parse::<InitSource>().is_err(), "{wrong}");
+    }
+}

@@ -1,0 +1,155 @@
+//! Distances to nearest neighbours in a point cloud, by a balanced k-d tree. Points may coincide.
+
+use rayon::prelude::*;
+
+/// Neighbours that the spacing is measured with (3DGS).
+const NEIGHBOURS: usize = 3;
+
+/// Points in a leaf: below this, searching all is faster than descending.
+const LEAF: usize = 8;
+
+struct Tree<'a> {
+    points: &'a [[f32; 3]],
+    /// Indices of points; every subtree is a range, split at its middle.
+    order: Vec<u32>,
+    /// Split axis of the range with this middle.
+    axes: Vec<u8>,
+}
+
+/// The smallest squared distances so far, ascending.
+type Best = [f32; NEIGHBOURS];
+
+impl<'a> Tree<'a> {
+    fn new(points: &'a [[f32; 3]]) -> Self {
+        let mut tree = Self {
+            points,
+            order: (0..points.len() as u32).collect(),
+            axes: vec![0; points.len()],
+        };
+        let mut order = std::mem::take(&mut tree.order);
+        split(points, &mut order, &mut tree.axes);
+        tree.order = order;
+        tree
+    }
+
+    fn search(&self, range: std::ops::Range<usize>, own: u32, best: &mut Best) {
+        let query = self.points[own as usize];
+        if range.len() <= LEAF {
+            self.order[range]
+                .iter()
+                .for_each(|&other| self.visit(own, other, best));
+            return;
+        }
+        let middle = range.start + range.len() / 2;
+        let axis = usize::from(self.axes[middle]);
+        let pivot = self.order[middle];
+        self.visit(own, pivot, best);
+        let offset = query[axis] - self.points[pivot as usize][axis];
+        let (lower, upper) = (range.start..middle, middle + 1..range.end);
+        let (near, far) = if offset < 0.0 {
+            (lower, upper)
+        } else {
+            (upper, lower)
+        };
+        self.search(near, own, best);
+        if offset * offset < best[NEIGHBOURS - 1] {
+            self.search(far, own, best);
+        }
+    }
+
+    fn visit(&self, own: u32, other: u32, best: &mut Best) {
+        if other == own {
+            return;
+        }
+        let (a, b) = (self.points[own as usize], self.points[other as usize]);
+        let mut distance: f32 = (0..3).map(|i| (a[i] - b[i]) * (a[i] - b[i])).sum();
+        for slot in best {
+            if distance < *slot {
+                std::mem::swap(slot, &mut distance);
+            }
+        }
+    }
+}
+
+/// Sorts a range of indices into a subtree.
+fn split(points: &[[f32; 3]], order: &mut [u32], axes: &mut [u8]) {
+    if order.len() <= LEAF {
+        return;
+    }
+    let mut low = [f32::INFINITY; 3];
+    let mut high = [f32::NEG_INFINITY; 3];
+    for &index in order.iter() {
+        for i in 0..3 {
+            low[i] = low[i].min(points[index as usize][i]);
+            high[i] = high[i].max(points[index as usize][i]);
+        }
+    }
+    let width = |i: usize| high[i] - low[i];
+    let axis = (1..3).fold(0, |best, i| if width(i) > width(best) { i } else { best });
+    let middle = order.len() / 2;
+    // Equal coordinates are ordered by index: the tree is the same on every machine.
+    order.select_nth_unstable_by(middle, |&a, &b| {
+        let key = |i: u32| points[i as usize][axis];
+        key(a).total_cmp(&key(b)).then(a.cmp(&b))
+    });
+    axes[middle] = axis as u8;
+    let (lower, rest) = order.split_at_mut(middle);
+    let (axes_lower, axes_rest) = axes.split_at_mut(middle);
+    split(points, lower, axes_lower);
+    split(points, &mut rest[1..], &mut axes_rest[1..]);
+}
+
+/// Mean squared distance of every point to its three nearest others (to as many as there are);
+/// `None` for a point that is alone. All points must be finite.
+pub(crate) fn mean_squared_spacing(points: &[[f32; 3]]) -> Vec<Option<f32>> {
+    let tree = Tree::new(points);
+    (0..points.len() as u32)
+        .into_par_iter()
+        .map(|own| {
+            let mut best = [f32::INFINITY; NEIGHBOURS];
+            tree.search(0..points.len(), own, &mut best);
+            let found: Vec<f32> = best.into_iter().filter(|d| d.is_finite()).collect();
+            (!found.is_empty()).then(|| found.iter().sum::<f32>() / found.len() as f32)
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn brute_force(points: &[[f32; 3]]) -> Vec<Option<f32>> {
+        (0..points.len())
+            .map(|i| {
+                let mut all: Vec<f32> = (0..points.len())
+                    .filter(|&j| j != i)
+                    .map(|j| (0..3).map(|a| (points[i][a] - points[j][a]).powi(2)).sum())
+                    .collect();
+                all.sort_by(f32::total_cmp);
+                all.truncate(NEIGHBOURS);
+                (!all.is_empty()).then(|| all.iter().sum::<f32>() / all.len() as f32)
+            })
+            .collect()
+    }
+
+    fn cloud(count: usize, levels: u32) -> Vec<[f32; 3]> {
+        let mut state = 7_u32;
+        let mut next = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            ((state >> 8) % levels) as f32
+        };
+        (0..count).map(|_| [next(), 2.0 * next(), 0.1 * next()]).collect()
+    }
+
+    #[test]
+    fn spacing_matches_comparing_all_pairs() {
+        for (count, levels) in [(0, 9), (1, 9), (2, 9), (3, 9), (500, 10_000), (500, 4), (300, 1)] {
+            let points = cloud(count, levels);
+            assert_eq!(
+                mean_squared_spacing(&points),
+                brute_force(&points),
+                "{count} {levels}"
+            );
+        }
+    }
+}

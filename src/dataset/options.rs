@@ -1,0 +1,63 @@
+//! How a capture is read: the options that the command line and `config.toml` fill.
+
+use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
+
+/// Kind of pose file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum CaptureFormat {
+    /// A COLMAP sparse model, binary or text.
+    Colmap,
+    /// `transforms.json` of nerfstudio and instant-ngp, `transforms_train.json` of Blender scenes.
+    Transforms,
+}
+
+impl std::fmt::Display for CaptureFormat {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Colmap => "colmap",
+            Self::Transforms => "transforms",
+        })
+    }
+}
+
+/// How a capture is read.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default, rename_all = "kebab-case")]
+pub struct LoadOptions {
+    /// Pose format; `None`: a sparse model wins over `transforms.json`.
+    pub format: Option<CaptureFormat>,
+    /// Folder of the pictures, absolute or relative to the capture (`images_4`); `None`: `images`.
+    pub images: Option<PathBuf>,
+    /// Folder of the masks, absolute or relative to the capture; `None`: `masks` where it exists.
+    pub masks: Option<PathBuf>,
+    /// Black keeps instead of white.
+    pub mask_invert: bool,
+    /// Bound of the pictures' longer side.
+    pub max_resolution: u32,
+    /// Display-space colour on which pictures with alpha are composited, 0 to 1.
+    pub background: [f32; 3],
+    /// Each so many views one is held out, in the order of names; 0: none. Files that state a split win.
+    pub test_every: usize,
+    /// File with the names of the views to hold out, one a line; wins over every other rule.
+    pub test_list: Option<PathBuf>,
+    /// Memory for decoded pictures.
+    pub image_cache_bytes: u64,
+}
+
+impl Default for LoadOptions {
+    fn default() -> Self {
+        Self {
+            format: None,
+            images: None,
+            masks: None,
+            mask_invert: false,
+            max_resolution: 1600,
+            background: [0.0; 3],
+            test_every: 8,
+            test_list: None,
+            image_cache_bytes: 4 << 30,
+        }
+    }
+}

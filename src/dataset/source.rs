@@ -1,0 +1,114 @@
+//! What every pose format is read into: views with lens and pose in the frame of the capture, and
+//! points. The steps after it do not know which format it was.
+
+use super::lens::Lens;
+use super::options::CaptureFormat;
+use crate::Report;
+use crate::camera::RigidTransform;
+use crate::views::Split;
+use glam::{DMat3, DVec3};
+use std::path::PathBuf;
+
+/// A point of the capture's sparse reconstruction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SfmPoint {
+    /// Place, frame of the capture.
+    pub position_in_capture: DVec3,
+    /// Colour, display space.
+    pub rgb: [u8; 3],
+}
+
+/// A registered picture.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct SourceView {
+    /// Name relative to the picture folder, with forward slashes.
+    pub name: String,
+    /// The picture, where the format says it and `--images` does not say otherwise.
+    pub picture: Option<PathBuf>,
+    /// The mask, where the format says it.
+    pub mask: Option<PathBuf>,
+    pub lens: Lens,
+    pub camera_from_capture: RigidTransform,
+    /// Where the format states a split.
+    pub split: Option<Split>,
+    /// Indices of the points that were triangulated from this picture.
+    pub observed: Vec<u32>,
+}
+
+/// A capture as its pose files describe it.
+#[derive(Clone, Debug)]
+pub(crate) struct Source {
+    pub format: CaptureFormat,
+    /// The file or folder that was read, for messages.
+    pub path: PathBuf,
+    pub views: Vec<SourceView>,
+    pub points: Vec<SfmPoint>,
+    /// Mean reprojection error of the points in pixels, where the format states it.
+    pub reprojection_error_px: Option<f64>,
+    /// Frames that were left out because their picture is missing.
+    pub without_picture: Vec<String>,
+    pub report: Report,
+}
+
+/// The rotation nearest to a matrix that is one up to rounding and a uniform scale.
+///
+/// # Errors
+/// What is wrong with the matrix.
+pub(crate) fn nearest_rotation(matrix: DMat3) -> Result<DMat3, String> {
+    if !matrix.is_finite() {
+        return Err("it holds NaN or infinite numbers".to_owned());
+    }
+    let determinant = matrix.determinant();
+    if determinant <= 1e-30 {
+        return Err(format!(
+            "its determinant is {determinant:e}, expected 1 (a mirrored or flattened frame)"
+        ));
+    }
+    let scaled = matrix * (1.0 / determinant.cbrt());
+    let deviation = (scaled.transpose() * scaled - DMat3::IDENTITY)
+        .to_cols_array()
+        .into_iter()
+        .fold(0.0_f64, |a, v| a.max(v.abs()));
+    // Rounding of published captures is 1e-7 to 1e-4; a sheared frame is another thing.
+    if deviation > 0.02 {
+        return Err(format!("its axes deviate from orthogonal ones by {deviation:.3}"));
+    }
+    // Polar decomposition by Newton's iteration, which squares the error each time.
+    let mut rotation = scaled;
+    for _ in 0..6 {
+        rotation = (rotation + rotation.inverse().transpose()) * 0.5;
+    }
+    Ok(rotation)
+}
+
+/// A pose from its parts.
+///
+/// # Errors
+/// What is wrong with it.
+pub(crate) fn checked_pose(rotation: DMat3, translation: DVec3) -> Result<RigidTransform, String> {
+    if !translation.is_finite() {
+        return Err(format!(
+            "its translation is {translation:?}, expected finite numbers"
+        ));
+    }
+    Ok(RigidTransform {
+        rotation: nearest_rotation(rotation).map_err(|e| format!("its rotation is no rotation: {e}"))?,
+        translation,
+    })
+}
+
+/// "a, b, c and 4 more" for messages.
+pub(crate) fn first_names<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
+    const SHOWN: usize = 5;
+    let names: Vec<&str> = names.into_iter().collect();
+    let mut text = names
+        .iter()
+        .take(SHOWN)
+        .map(|n| format!("{n:?}"))
+        .collect::<Vec<_>>()
+        .join(", ");
+    if names.len() > SHOWN {
+        text.push_str(&format!(" and {} more", names.len() - SHOWN));
+    }
+    text
+}

@@ -1,0 +1,54 @@
+//! Which views are held out.
+
+use super::formats::bytes::read_text;
+use super::options::LoadOptions;
+use super::source::{SourceView, first_names};
+use crate::views::Split;
+use crate::{Error, Result};
+
+/// Decides the split of views that are sorted by name: a list of the user, else what the files state,
+/// else each n-th view from the first on.
+pub(crate) fn assign(views: &mut [SourceView], options: &LoadOptions) -> Result<Vec<Split>> {
+    if let Some(list) = &options.test_list {
+        let text = read_text(list)?;
+        let names: Vec<&str> = text
+            .lines()
+            .map(str::trim)
+            .filter(|l| !l.is_empty() && !l.starts_with('#'))
+            .collect();
+        let unknown: Vec<&str> = names
+            .iter()
+            .copied()
+            .filter(|n| !views.iter().any(|v| is_named(v, n)))
+            .collect();
+        if !unknown.is_empty() {
+            return Err(Error::invalid(
+                list,
+                format!(
+                    "no view is called {}; expected names such as {:?}, with or without extension",
+                    first_names(unknown),
+                    views.first().map_or("", |v| &v.name)
+                ),
+            ));
+        }
+        return Ok(views
+            .iter()
+            .map(|v| side(names.iter().any(|n| is_named(v, n))))
+            .collect());
+    }
+    if views.iter().any(|v| v.split.is_some()) {
+        return Ok(views.iter().map(|v| v.split.unwrap_or(Split::Train)).collect());
+    }
+    let every = options.test_every;
+    Ok((0..views.len())
+        .map(|index| side(every > 0 && index % every == 0))
+        .collect())
+}
+
+fn side(is_test: bool) -> Split {
+    if is_test { Split::Test } else { Split::Train }
+}
+
+fn is_named(view: &SourceView, name: &str) -> bool {
+    view.name == name || view.name.rsplit_once('.').is_some_and(|(stem, _)| stem == name)
+}
