@@ -3,6 +3,7 @@
 
 pub mod atomic_file;
 pub mod backend;
+pub mod bake;
 pub mod camera;
 pub mod clock;
 pub mod constants;

@@ -118,23 +118,12 @@ pub fn write_exr(
     write_atomically(path, bytes.get_ref())
 }
 
-/// Writes a file under a temporary name beside its place and renames it, so that no reader and no
-/// interruption ever meets half a file.
+/// Writes a file whole or not at all ([`litetex_exporters::write_atomically`]).
 ///
 /// # Errors
-/// [`Error::Io`]; the temporary file is removed.
+/// [`Error::Io`]
 pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
-    let mut name = std::ffi::OsString::from(".");
-    name.push(path.file_name().unwrap_or_default());
-    name.push(format!(".{}.tmp", std::process::id()));
-    let temporary = path.with_file_name(name);
-    std::fs::write(&temporary, bytes)
-        .and_then(|()| std::fs::rename(&temporary, path))
-        .map_err(|e| {
-            // The first error is the one that matters.
-            let _ = std::fs::remove_file(&temporary);
-            Error::io(path, e)
-        })
+    litetex_exporters::write_atomically(path, bytes).map_err(|e| Error::io(path, e))
 }
 
 #[cfg(test)]

@@ -4,6 +4,8 @@
 
 mod capture;
 mod colmap_write;
+mod lettering;
+mod noise;
 mod render;
 mod scene;
 mod texture;
@@ -46,7 +48,7 @@ impl Default for SampleOptions {
             width_px: 320,
             height_px: 240,
             seed: 0,
-            supersampling: 4,
+            supersampling: 3,
             points: 4000,
             point_noise_m: 0.002,
             text: false,

@@ -8,7 +8,7 @@ use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 /// Light samples along an edge of the area light.
-const LIGHT_GRID: u32 = 4;
+const LIGHT_GRID: u32 = 3;
 /// Centre of the area light: above, in front and to the left.
 const LIGHT_CENTRE: DVec3 = DVec3::new(-1.0, -2.45, -1.3);
 /// Edge of the area light.
@@ -27,13 +27,13 @@ fn radiance(scene: &Scene, hit: &Hit, sample: u32) -> DVec3 {
     let distance_squared = direction.length_squared();
     let cosine = direction.dot(hit.normal) / distance_squared.sqrt();
     let key = if cosine > 0.0 && !scene.occludes(&Ray { origin, direction }) {
-        5.2 * cosine / (1.0 + distance_squared)
+        9.0 * cosine / (1.0 + distance_squared)
     } else {
         0.0
     };
     let fill = 0.16 * hit.normal.dot(DVec3::new(0.5, -0.45, -0.74)).max(0.0);
     // More ambient light comes from above.
-    let ambient = (0.36 - 0.1 * hit.normal.y) * scene.openness(hit);
+    let ambient = (0.25 - 0.07 * hit.normal.y) * scene.openness(hit);
     let light = key * DVec3::new(1.0, 0.95, 0.86)
         + fill * DVec3::new(0.85, 0.93, 1.0)
         + ambient * DVec3::new(0.93, 0.97, 1.0);
@@ -91,8 +91,8 @@ pub fn picture(
                     let within = DVec2::new(f64::from(i) + 0.5, f64::from(j) + 0.5) / rays;
                     let at = DVec2::new(x as f64, y as f64) + within;
                     let hit = scene.cast(&ray_through(pinhole, camera_from_scene, at));
-                    // 7 is prime to 16: neighbouring rays see far-off parts of the light.
-                    sum += radiance(scene, &hit, 7 * sample + (x + 2 * y) as u32 % 16);
+                    // 7 is prime to 9: 3 x 3 rays of a pixel see every part of the light once.
+                    sum += radiance(scene, &hit, 7 * sample + (x + 2 * y) as u32 % 9);
                 }
                 pixel.copy_from_slice(&rgb8(sum / (rays * rays)));
             }

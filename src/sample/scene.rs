@@ -2,7 +2,8 @@
 //! floor. Metres; axes as in a capture of COLMAP: x right, y down (the floor is y = 0), z away from
 //! the cameras.
 
-use super::texture::{self, Noise};
+use super::noise::Noise;
+use super::texture;
 use glam::{DMat3, DVec2, DVec3};
 
 /// A half line; `origin + t * direction` for t > 0.

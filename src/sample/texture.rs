@@ -3,100 +3,9 @@
 //!
 //! Details are a few millimetres to a few centimetres: about one to ten pixels of the default pictures.
 
+use super::lettering::{small_print, text};
+use super::noise::Noise;
 use glam::{DVec2, DVec3};
-
-/// Lattice noise of one seed.
-#[derive(Clone, Copy, Debug)]
-pub struct Noise {
-    seed: u32,
-}
-
-impl Noise {
-    /// Noise of a seed.
-    pub fn new(seed: u64) -> Self {
-        Self {
-            seed: (seed ^ (seed >> 32)) as u32,
-        }
-    }
-
-    /// Uniform in [0, 1) by cell.
-    pub fn cell(&self, x: i64, y: i64) -> f64 {
-        // Integer finaliser of MurmurHash3; wrap-around of far cells is harmless.
-        let mut h = self.seed ^ (x as u32).wrapping_mul(0x9E37_79B1) ^ (y as u32).wrapping_mul(0x85EB_CA77);
-        h ^= h >> 16;
-        h = h.wrapping_mul(0x85EB_CA6B);
-        h ^= h >> 13;
-        h = h.wrapping_mul(0xC2B2_AE35);
-        h ^= h >> 16;
-        f64::from(h) / 4_294_967_296.0
-    }
-
-    /// Smooth value noise in [0, 1), one feature per unit.
-    pub fn value(&self, at: DVec2) -> f64 {
-        let base = at.floor();
-        let f = at - base;
-        let f = f * f * (DVec2::splat(3.0) - 2.0 * f);
-        let (x, y) = (base.x as i64, base.y as i64);
-        let row = |y| self.cell(x, y) * (1.0 - f.x) + self.cell(x + 1, y) * f.x;
-        row(y) * (1.0 - f.y) + row(y + 1) * f.y
-    }
-
-    /// Three octaves of value noise in [0, 1).
-    pub fn fractal(&self, at: DVec2) -> f64 {
-        (4.0 * self.value(at) + 2.0 * self.value(2.03 * at + 17.1) + self.value(4.1 * at + 5.3)) / 7.0
-    }
-}
-
-/// 5 x 7 glyphs, rows from the top, most significant of five bits on the left.
-const GLYPHS: [(char, [u8; 7]); 14] = [
-    ('A', [14, 17, 17, 31, 17, 17, 17]),
-    ('D', [30, 17, 17, 17, 17, 17, 30]),
-    ('E', [31, 16, 16, 30, 16, 16, 31]),
-    ('G', [14, 17, 16, 23, 17, 17, 14]),
-    ('I', [14, 4, 4, 4, 4, 4, 14]),
-    ('L', [16, 16, 16, 16, 16, 16, 31]),
-    ('N', [17, 25, 21, 19, 17, 17, 17]),
-    ('P', [30, 17, 17, 30, 16, 16, 16]),
-    ('R', [30, 17, 17, 30, 20, 18, 17]),
-    ('S', [15, 16, 16, 14, 1, 1, 30]),
-    ('T', [31, 4, 4, 4, 4, 4, 4]),
-    ('U', [17, 17, 17, 17, 17, 17, 14]),
-    ('X', [17, 17, 10, 4, 10, 17, 17]),
-    ('2', [14, 17, 1, 2, 4, 8, 31]),
-];
-
-fn glyph_has_ink(rows: &[u8; 7], column: i64, row: i64) -> bool {
-    (0..5).contains(&column) && (0..7).contains(&row) && rows[row as usize] >> (4 - column) & 1 == 1
-}
-
-/// Whether a centred line of text has ink at a place (right, up) from its centre; `dot` is the edge
-/// of one of the glyphs' 5 x 7 dots.
-pub fn text(line: &str, at: DVec2, dot: f64) -> bool {
-    let length = line.chars().count() as f64;
-    let x = at.x / dot + 3.0 * length;
-    let row = (3.5 - at.y / dot).floor() as i64;
-    if x < 0.0 {
-        return false;
-    }
-    let glyph = line
-        .chars()
-        .nth((x / 6.0) as usize)
-        .and_then(|c| GLYPHS.iter().find(|g| g.0 == c));
-    glyph.is_some_and(|(_, rows)| glyph_has_ink(rows, (x % 6.0) as i64, row))
-}
-
-/// A block of small print: pseudo-random words in lines of 10 dots.
-fn small_print(noise: &Noise, at: DVec2, dot: f64) -> bool {
-    let (x, y) = ((at.x / dot).floor() as i64, (-at.y / dot).floor() as i64);
-    let (letter, line) = (x.div_euclid(6), y.div_euclid(10));
-    let draw = noise.cell(letter, line);
-    draw > 0.16
-        && glyph_has_ink(
-            &GLYPHS[(draw * 14.0) as usize % 14].1,
-            x.rem_euclid(6),
-            y.rem_euclid(10),
-        )
-}
 
 /// Distance of `x` from the nearest multiple of `period`.
 fn from_line(x: f64, period: f64) -> f64 {
@@ -164,7 +73,7 @@ pub fn floor(noise: &Noise, at: DVec2) -> DVec3 {
 
 /// Back wall: bricks and a framed poster.
 pub fn back_wall(noise: &Noise, at: DVec2) -> DVec3 {
-    let poster = at - DVec2::new(0.0, 0.18);
+    let poster = at - DVec2::new(0.0, -0.28);
     let inside = (DVec2::new(0.78, 0.46) - poster.abs()).min_element();
     if inside > 0.0 {
         return if inside < 0.035 {
@@ -215,7 +124,7 @@ pub fn plaid(noise: &Noise, at: DVec2) -> DVec3 {
         let p = x.rem_euclid(0.36);
         if p < 0.15 {
             DVec3::new(0.09, 0.24, 0.16)
-        } else if p < 0.17 || p > 0.34 {
+        } else if !(0.17..=0.34).contains(&p) {
             DVec3::new(0.75, 0.65, 0.3)
         } else {
             DVec3::new(0.5, 0.5, 0.42)
@@ -365,27 +274,6 @@ pub fn globe(noise: &Noise, direction: DVec3) -> DVec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn noise_is_within_bounds_and_continuous() {
-        let noise = Noise::new(3);
-        for i in 0..2000 {
-            let at = DVec2::new(f64::from(i) * 0.173 - 100.0, f64::from(i) * -0.091);
-            let v = noise.fractal(at);
-            assert!((0.0..1.0).contains(&v));
-            assert!((noise.value(at) - noise.value(at + 1e-7)).abs() < 1e-6);
-        }
-        assert_ne!(noise.cell(1, 2), noise.cell(2, 1));
-        assert_ne!(noise.cell(1, 2), Noise::new(4).cell(1, 2));
-    }
-
-    #[test]
-    fn text_reads_from_left_to_right_and_from_the_top() {
-        // The L has its stem on the left and its foot below.
-        let ink = |x: f64, y: f64| text("L", DVec2::new(x, y), 1.0);
-        assert!(ink(-2.5, 3.0) && ink(-2.5, -3.0) && ink(1.5, -3.0));
-        assert!(!ink(1.5, 3.0) && !ink(-2.5, 4.0) && !ink(-3.5, 0.0));
-    }
 
     #[test]
     fn every_surface_is_an_albedo() {
