@@ -143,10 +143,10 @@ fn points_have_the_colour_of_the_pixels_where_they_are_seen() {
     };
     let there = differences(0.0);
     let median = |d: &[u8]| d[d.len() / 2];
-    // A pixel averages over patterns as fine as itself: the middle must agree, not the tail.
-    assert!(median(&there) <= 14, "median {}", median(&there));
-    // Negative control: 12 pixels away colours have nothing to do with each other.
-    assert!(median(&differences(12.0)) > 2 * median(&there));
+    // A pixel averages over patterns as fine as itself: the middle must agree, not the tail. Needed 3.
+    assert!(median(&there) <= 5, "median {}", median(&there));
+    // Negative control: 12 pixels away colours have nothing to do with each other (median 63).
+    assert!(median(&differences(12.0)) > 30);
 }
 
 #[test]
@@ -170,7 +170,7 @@ fn depth_leads_back_to_the_points() {
             all += 1;
         }
     }
-    // The rest lies at depth edges and on floors seen at a flat angle.
+    // The rest lies at depth edges and on floors seen at a flat angle. Needed 0.976.
     assert!(close as f64 > 0.95 * f64::from(all), "{close} of {all}");
 }
 
