@@ -178,12 +178,12 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<Summary> {
 fn plan(args: &TrainArgs) -> Result<Plan> {
     let resume_from = match &args.resume {
         None => None,
-        Some(path) if path.as_os_str().is_empty() => Some(
+        Some(None) => Some(
             args.out
                 .clone()
                 .ok_or_else(|| Error::Usage("--resume: name the run here or with --out".to_owned()))?,
         ),
-        Some(path) => Some(path.clone()),
+        Some(Some(path)) => Some(path.clone()),
     };
     let mut resume = resume_from.as_deref().map(load_resume).transpose()?;
     let mut config = match (&args.config, &resume) {

@@ -24,8 +24,8 @@ pub struct TrainArgs {
     #[arg(long, conflicts_with = "resume")]
     pub force: bool,
     /// Continue a run from its last checkpoint, or from a given one [default: the run of --out]
-    #[arg(long, value_name = "RUN|CHECKPOINT", num_args = 0..=1, default_missing_value = "")]
-    pub resume: Option<PathBuf>,
+    #[arg(long, value_name = "RUN|CHECKPOINT", num_args = 0..=1)]
+    pub resume: Option<Option<PathBuf>>,
     /// Settings as in a run's config.toml; flags win over the file, the file over the defaults
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,

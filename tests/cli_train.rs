@@ -1,0 +1,311 @@
+//! The command on a tiny sample capture, end to end: train, evaluate, render, resume, repeat.
+
+use assert_cmd::Command;
+use serde_json::Value;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Exit code, standard output, standard error.
+fn run(arguments: &[&str]) -> (i32, String, String) {
+    let output = Command::cargo_bin("litetex")
+        .unwrap()
+        .args(arguments)
+        .output()
+        .unwrap();
+    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+    (
+        output.status.code().unwrap_or(-1),
+        text(output.stdout),
+        text(output.stderr),
+    )
+}
+
+fn ok(arguments: &[&str]) -> String {
+    let (code, stdout, stderr) = run(arguments);
+    assert_eq!(code, 0, "{arguments:?}\n{stdout}{stderr}");
+    stdout
+}
+
+/// A folder with a capture of 9 pictures, 2 of them held out.
+struct Place {
+    dir: tempfile::TempDir,
+}
+
+impl Place {
+    fn new() -> Self {
+        let place = Self {
+            dir: tempfile::tempdir().unwrap(),
+        };
+        let capture = place.path("capture");
+        ok(&[
+            "sample",
+            &capture,
+            "--views",
+            "9",
+            "--size",
+            "64x48",
+            "--points",
+            "300",
+            "--no-truth",
+            "-q",
+        ]);
+        place
+    }
+
+    fn path(&self, name: &str) -> String {
+        self.dir.path().join(name).to_str().unwrap().to_owned()
+    }
+
+    /// Trains into the folder `out` with further arguments.
+    fn train(&self, out: &str, arguments: &[&str]) -> String {
+        let (capture, out) = (self.path("capture"), self.path(out));
+        let all = ["train", &capture, "-o", &out, "--device", "cpu", "-q"];
+        ok(&[&all[..], arguments].concat())
+    }
+
+    fn json(&self, name: &str) -> Value {
+        serde_json::from_slice(&fs::read(self.path(name)).unwrap()).unwrap()
+    }
+}
+
+/// The tensors of a checkpoint but for times and what covers them, by name.
+fn tensors(path: impl AsRef<Path>) -> Vec<(String, Vec<u8>)> {
+    let bytes = fs::read(path).unwrap();
+    let file = safetensors::SafeTensors::deserialize(&bytes).unwrap();
+    let timed = ["history.times", "history.curve", "checksum"];
+    let mut all: Vec<_> = file
+        .tensors()
+        .into_iter()
+        .filter(|(name, _)| !timed.contains(&name.as_str()))
+        .map(|(name, view)| (name, view.data().to_vec()))
+        .collect();
+    all.sort();
+    all
+}
+
+fn pngs(folder: &str) -> Vec<PathBuf> {
+    let mut found: Vec<PathBuf> = fs::read_dir(folder)
+        .unwrap()
+        .map(|e| e.unwrap().path())
+        .filter(|p| p.extension().is_some_and(|e| e == "png"))
+        .collect();
+    found.sort();
+    found
+}
+
+#[test]
+fn a_run_leaves_what_the_schema_documents() {
+    let place = Place::new();
+    let table = place.train(
+        "run",
+        &["--steps", "30", "--eval-every", "10", "--save-every", "20"],
+    );
+    assert!(
+        table.contains("test PSNR") && table.contains("primitives"),
+        "{table}"
+    );
+    let summary = place.json("run/summary.json");
+    assert_eq!(summary["schema"], "litetex-summary/1");
+    for (pointer, above) in [
+        ("/quality/psnr", 5.0),
+        ("/quality/grad_psnr", 5.0),
+        ("/quality/ssim_3dgs", -1.0),
+        ("/quality/ssim_valid", -1.0),
+        ("/quality/flip", 0.0),
+        ("/size/primitives", 99.0),
+        ("/size/texels", 1599.0),
+        ("/size/params", 0.0),
+        ("/time/train_wall_secs", 0.0),
+        ("/time/train_cpu_secs", 0.0),
+        ("/time/total_wall_secs", 0.0),
+        ("/fps/median", 0.0),
+        ("/curve/2/psnr_test", 5.0),
+        ("/curve/2/wall_secs", 0.0),
+    ] {
+        let found = summary.pointer(pointer).and_then(Value::as_f64);
+        assert!(found.is_some_and(|x| x > above), "{pointer}: {found:?}");
+    }
+    let steps: Vec<&Value> = summary["curve"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|p| &p["step"])
+        .collect();
+    assert_eq!(steps, [10, 20, 30]);
+    assert_eq!(
+        (&summary["steps"], &summary["stopped_by"]),
+        (&30.into(), &"steps".into())
+    );
+    assert_eq!(summary["quality"]["per_view"].as_array().unwrap().len(), 2);
+    assert!(summary["quality"]["lpips"].is_null() && summary["quality"]["lpips_reason"].is_string());
+    assert_eq!(pngs(&place.path("run/eval/000030")).len(), 2);
+    assert_eq!(pngs(&place.path("run/eval/000030/error")).len(), 2);
+    assert_eq!(pngs(&place.path("run/eval/000010")).len(), 0);
+    for file in [
+        "config.toml",
+        "metrics.jsonl",
+        "eval/000010/per_view.csv",
+        "checkpoints/step-000020.safetensors",
+    ] {
+        assert!(Path::new(&place.path("run")).join(file).is_file(), "{file}");
+    }
+}
+
+#[test]
+fn the_settings_of_a_run_repeat_it_byte_for_byte_with_any_number_of_threads() {
+    let place = Place::new();
+    place.train("a", &["--steps", "12", "--texture", "fixed:3", "--threads", "1"]);
+    let (config, again) = (place.path("a/config.toml"), place.path("b"));
+    ok(&["train", "--config", &config, "-o", &again, "--threads", "2", "-q"]);
+    let last = "checkpoints/step-000012.safetensors";
+    let tensors_of = |run: &str| tensors(place.path(&format!("{run}/{last}")));
+    assert!(tensors_of("a") == tensors_of("b"));
+    // Negative control: another seed draws other views.
+    place.train("c", &["--steps", "12", "--texture", "fixed:3", "--seed", "7"]);
+    assert!(tensors_of("a") != tensors_of("c"));
+    let pictures = |run: &str| -> Vec<Vec<u8>> {
+        pngs(&place.path(&format!("{run}/eval/000012")))
+            .iter()
+            .map(|p| fs::read(p).unwrap())
+            .collect()
+    };
+    assert_eq!(pictures("a"), pictures("b"));
+}
+
+#[test]
+fn a_resumed_run_equals_the_uninterrupted_one_byte_for_byte() {
+    let place = Place::new();
+    place.train("whole", &["--steps", "25", "--save-every", "10"]);
+    // As after a crash behind step 10: the run as it was then.
+    let (whole, broken) = (place.path("whole"), place.path("broken"));
+    fs::create_dir_all(Path::new(&broken).join("checkpoints")).unwrap();
+    for file in [
+        "config.toml",
+        "metrics.jsonl",
+        "checkpoints/step-000010.safetensors",
+    ] {
+        fs::copy(Path::new(&whole).join(file), Path::new(&broken).join(file)).unwrap();
+    }
+    ok(&["train", "--resume", &broken, "-q"]);
+    let last = "checkpoints/step-000025.safetensors";
+    assert!(tensors(Path::new(&whole).join(last)) == tensors(Path::new(&broken).join(last)));
+    let summary = place.json("broken/summary.json");
+    assert_eq!(summary["resumed"]["from_step"], 10);
+    assert_eq!(summary["resumed"]["new_schedule"], false);
+    // More steps are a new schedule, and said to be one.
+    let longer = place.path("longer");
+    let (code, _, stderr) = run(&["train", "--resume", &broken, "-o", &longer, "--steps", "30"]);
+    assert_eq!(code, 0, "{stderr}");
+    assert!(stderr.contains("new schedule"), "{stderr}");
+    assert_eq!(place.json("longer/summary.json")["resumed"]["new_schedule"], true);
+    // What cannot change is refused.
+    let (code, _, stderr) = run(&["train", "--resume", &broken, "--sh-degree", "1"]);
+    assert_eq!(code, 2, "{stderr}");
+}
+
+#[test]
+fn a_run_is_evaluated_rendered_and_inspected() {
+    let place = Place::new();
+    place.train("run", &["--steps", "12", "--texture", "none"]);
+    let (run_dir, out) = (place.path("run"), place.path("out"));
+    let json: Value = serde_json::from_str(&ok(&["eval", &run_dir, "--json", "-q", "-o", &out])).unwrap();
+    let trained = place.json("run/summary.json");
+    assert_eq!(json["quality"]["psnr"], trained["quality"]["psnr"]);
+    let pictures = pngs(&out);
+    assert_eq!(pictures.len(), 2);
+    let name = pictures[0].file_name().unwrap();
+    let of_run = Path::new(&run_dir).join("eval/000012").join(name);
+    assert_eq!(fs::read(&pictures[0]).unwrap(), fs::read(of_run).unwrap());
+
+    let views = place.path("views");
+    ok(&[
+        "render",
+        &run_dir,
+        "--test",
+        "-o",
+        &views,
+        "--what",
+        "colour,depth,normal,alpha",
+        "-q",
+    ]);
+    assert_eq!(pngs(&views).len(), 8);
+    let orbit = place.path("orbit");
+    ok(&[
+        "render", &run_dir, "--orbit", "3", "-o", &orbit, "--size", "32", "--exr", "-q",
+    ]);
+    assert_eq!(fs::read_dir(&orbit).unwrap().count(), 3);
+    let (code, _, stderr) = run(&["render", &run_dir, "--view", "nobody.png", "-o", &views]);
+    assert!(code == 2 && stderr.contains("nobody.png"), "{stderr}");
+
+    let found: Value = serde_json::from_str(&ok(&["inspect", &run_dir, "--json"])).unwrap();
+    assert_eq!(found["checkpoint"]["model"]["texels"], 0);
+    assert!(
+        found["checkpoint"]["model"]["maps"]["0x0"]
+            .as_u64()
+            .is_some_and(|n| n > 99)
+    );
+}
+
+#[test]
+fn a_time_limit_stops_early_and_progress_is_json_if_asked_for() {
+    let place = Place::new();
+    let (capture, out) = (place.path("capture"), place.path("run"));
+    let arguments = [
+        "train",
+        &capture,
+        "-o",
+        &out,
+        "--steps",
+        "1000000",
+        "--max-time",
+        "1s",
+        "--log-format",
+        "json",
+    ];
+    let (code, _, stderr) = run(&arguments);
+    assert_eq!(code, 0, "{stderr}");
+    let events: Vec<Value> = stderr.lines().map(|l| serde_json::from_str(l).unwrap()).collect();
+    for event in ["forecast", "progress", "evaluated"] {
+        assert!(events.iter().any(|e| e["event"] == event), "{event}: {stderr}");
+    }
+    let summary = place.json("run/summary.json");
+    assert_eq!(summary["stopped_by"], "time");
+    assert!(summary["steps"].as_u64().unwrap() < 1_000_000);
+    // The folder is taken now.
+    let (code, _, stderr) = run(&["train", &capture, "-o", &out, "--steps", "1"]);
+    assert!(code == 2 && stderr.contains("--force"), "{stderr}");
+    ok(&["train", &capture, "-o", &out, "--steps", "2", "--force", "-q"]);
+    assert_eq!(place.json("run/summary.json")["steps"], 2);
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupted_run_is_saved_and_exits_with_130() {
+    let place = Place::new();
+    let (capture, out) = (place.path("capture"), place.path("run"));
+    let mut child = std::process::Command::new(env!("CARGO_BIN_EXE_litetex"))
+        .args(["train", &capture, "-o", &out, "--steps", "1000000", "-q"])
+        .spawn()
+        .unwrap();
+    let metrics = Path::new(&out).join("metrics.jsonl");
+    let has_stepped = || fs::read_to_string(&metrics).is_ok_and(|t| t.contains("\"step\":10"));
+    for _ in 0..600 {
+        if has_stepped() {
+            break;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(50));
+    }
+    assert!(has_stepped());
+    let id = child.id().to_string();
+    assert!(
+        std::process::Command::new("kill")
+            .args(["-INT", &id])
+            .status()
+            .unwrap()
+            .success()
+    );
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    assert_eq!(place.json("run/summary.json")["stopped_by"], "interrupted");
+    let found: Value = serde_json::from_str(&ok(&["inspect", &out, "--json"])).unwrap();
+    assert!(found["checkpoint"]["step"].as_u64().unwrap() >= 10);
+}
