@@ -2,8 +2,7 @@
 //! the state that training starts from.
 
 use litetex_gs::dataset::{InitOptions, initial_model};
-use litetex_gs::model::AdamState;
-use litetex_gs::train::{TrainConfig, TrainHistory, TrainState};
+use litetex_gs::train::{TrainConfig, TrainState};
 use litetex_gs::{Report, Result};
 use std::path::Path;
 
@@ -34,14 +33,5 @@ pub fn fresh_state(
         ..InitOptions::default()
     };
     let (model, report) = initial_model(capture, &options)?;
-    let state = TrainState {
-        step: 0,
-        adam: AdamState::zeros(&model),
-        model,
-        epoch_order: Vec::new(),
-        epoch_used: 0,
-        epochs: 0,
-        history: TrainHistory::default(),
-    };
-    Ok((state, report))
+    Ok((TrainState::fresh(model), report))
 }

@@ -101,6 +101,11 @@ pub fn main() -> ExitCode {
     match run(cli, &log) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
+        Err(error) if exit_code(&error) == 130 => {
+            // The user knows, and was told where to continue.
+            log.detail("interrupted");
+            ExitCode::from(130)
+        }
         Err(error) => {
             log.error(&format!("{error:#}"));
             ExitCode::from(exit_code(&error))
