@@ -1,6 +1,8 @@
 //! The command as users meet it: help, exit codes, messages, refusal to overwrite. Tests that train
 //! use a tiny sample capture and live in `cli_train.rs`.
 
+#![allow(clippy::unwrap_used, reason = "helpers of tests are tests")]
+
 use assert_cmd::Command;
 use std::path::Path;
 

@@ -1,5 +1,7 @@
 //! The command on a tiny sample capture, end to end: train, evaluate, render, resume, repeat.
 
+#![allow(clippy::unwrap_used, reason = "helpers of tests are tests")]
+
 use assert_cmd::Command;
 use serde_json::Value;
 use std::fs;

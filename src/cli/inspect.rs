@@ -222,6 +222,7 @@ fn flatten(prefix: &str, value: &Value, table: &mut Table) {
                 flatten(&name, value, table);
             }
         }
+        Value::Array(items) if items.is_empty() => {}
         Value::Array(items) if items.len() > SHOWN || items.iter().any(Value::is_object) => {
             let first: Vec<String> = items
                 .iter()

@@ -29,7 +29,7 @@ pub struct QuickstartArgs {
 
 /// Makes, trains, evaluates, and says what to try next.
 pub fn run(args: &QuickstartArgs, log: &Log) -> anyhow::Result<()> {
-    let capture = args.out.join("capture");
+    let capture = args.out.join("still-life");
     let run = args.out.join("run");
     RunFolder::check_free(&args.out, args.force)?;
     log.info(&format!("1/2 making a sample capture in {}", capture.display()));

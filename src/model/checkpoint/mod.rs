@@ -1,6 +1,6 @@
 //! Checkpoints: a [`TrainState`] as one safetensors file, bit for bit, whole or not there.
 //!
-//! Layout (`litetex-checkpoint/1`): one little-endian tensor per array, see [`layout`]. The only
+//! Layout (`litetex-checkpoint/1`): one little-endian tensor per array, see `layout.rs`. The only
 //! metadata entry, `litetex`, is a JSON object with the format, the program's version and the caller's
 //! strings; a single entry because the order of several would differ from file to file. The tensor
 //! `checksum` is the CRC-32 over everything else, so a damaged file is refused, never half believed.
