@@ -7,6 +7,9 @@ use crate::constants::{ALPHA_MIN, EDGE_ON_MIN, SH_0, SH_1, SH_2, SH_3, sh_coeffi
 use crate::model::Model;
 use rayon::prelude::*;
 
+/// Guard, far above any display-space colour.
+const RGB_MAX: f32 = 1e4;
+
 /// The view in f32.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ViewF32 {
@@ -186,8 +189,8 @@ pub(super) fn base_colours(model: &Model, view: &ViewF32, degree: u32, splats: &
             (0..3).for_each(|c| rgb[c] += y * model.splats.sh[i * width + 3 * k + c]);
         }
         splat.rgb_positive = rgb.map(|v| v > 0.0);
-        // Poisoned coefficients must not spread: NaN becomes 0 here.
-        splat.rgb = rgb.map(|v| if v.is_finite() { v.max(0.0) } else { 0.0 });
+        // Poisoned coefficients must not spread: NaN becomes 0, and squares in the loss stay finite.
+        splat.rgb = rgb.map(|v| if v.is_nan() { 0.0 } else { v.clamp(0.0, RGB_MAX) });
     });
 }
 
