@@ -20,7 +20,7 @@ pub struct TrainArgs {
     /// Folder of the run
     #[arg(long, short, value_name = "RUN")]
     pub out: Option<PathBuf>,
-    /// Empty the run folder first
+    /// Replace the run in a folder that is not empty; files that are not ours stay
     #[arg(long, conflicts_with = "resume")]
     pub force: bool,
     /// Continue a run from its last checkpoint, or from a given one [default: the run of --out]
