@@ -2,6 +2,7 @@
 //! which they are trained on. Nothing here knows how training or rendering works.
 
 mod decode;
+mod exr_picture;
 #[cfg(test)]
 mod fixtures;
 mod formats;
@@ -23,6 +24,8 @@ mod store;
 #[cfg(test)]
 mod tests;
 mod warp;
+#[cfg(test)]
+mod warp_tests;
 
 pub use formats::ply::read_points as read_ply_points;
 pub use health::SparseHealth;
