@@ -2,7 +2,7 @@
 //! split, and move everything into the local frame.
 
 use super::decode::Recipe;
-use super::formats::{colmap, transforms};
+use super::formats::{colmap, reality_capture, transforms};
 use super::options::{CaptureFormat, LoadOptions};
 use super::pictures::{PictureFolder, bounded, fit};
 use super::source::{Source, SourceView, first_names};
@@ -145,10 +145,23 @@ fn read(path: &Path, options: &LoadOptions, report: &mut Report) -> Result<(Path
             transforms::read(path, &files, images(path)?.as_ref())?,
         ));
     }
+    if wants(CaptureFormat::RealityCapture)
+        && let Some(file) = reality_capture::find_file(path)
+    {
+        let folder = match images(path)? {
+            Some(folder) => folder,
+            None if path.join("images").is_dir() => PictureFolder::at(&path.join("images")),
+            None => PictureFolder::at(path),
+        };
+        return Ok((path.to_owned(), reality_capture::read(&file, &folder)?));
+    }
     let expected = match options.format {
         Some(CaptureFormat::Colmap) => "a COLMAP model (sparse/0/cameras.bin or .txt)",
         Some(CaptureFormat::Transforms) => "transforms.json or transforms_train.json",
-        None => "a COLMAP model (sparse/0/cameras.bin or .txt) or transforms.json",
+        Some(CaptureFormat::RealityCapture) => {
+            "RealityCapture's \"Internal/External camera parameters\" (.csv)"
+        }
+        None => "a COLMAP model (sparse/0/cameras.bin or .txt), transforms.json or RealityCapture's .csv",
     };
     Err(Error::invalid(
         path,
