@@ -7,7 +7,7 @@ use super::options::{CaptureFormat, LoadOptions};
 use super::pictures::{PictureFolder, bounded, fit};
 use super::source::{Source, SourceView, first_names};
 use super::store::ImageStore;
-use super::{Capture, View, frame, health, split};
+use super::{Capture, View, frame, health, split, zipped};
 use crate::camera::Camera;
 use crate::views::Split;
 use crate::{Error, Report, Result};
@@ -17,6 +17,20 @@ use std::path::{Path, PathBuf};
 /// See [`Capture::load`].
 pub(crate) fn load(path: &Path, options: &LoadOptions) -> Result<Capture> {
     check(options)?;
+    if !zipped::is_archive(path) {
+        return load_folder(path, options);
+    }
+    let unpacked = zipped::unpack(path)?;
+    let mut capture = load_folder(&unpacked.root(), options)?;
+    capture.name = path
+        .with_extension("")
+        .file_name()
+        .map_or(capture.name, |n| n.to_string_lossy().into_owned());
+    capture._unpacked = Some(unpacked);
+    Ok(capture)
+}
+
+fn load_folder(path: &Path, options: &LoadOptions) -> Result<Capture> {
     if !path.exists() {
         return Err(Error::invalid(
             path,
@@ -89,6 +103,7 @@ pub(crate) fn load(path: &Path, options: &LoadOptions) -> Result<Capture> {
         health,
         report,
         store: ImageStore::new(recipes, options.image_cache_bytes),
+        _unpacked: None,
     })
 }
 
@@ -125,7 +140,7 @@ fn read(path: &Path, options: &LoadOptions, report: &mut Report) -> Result<(Path
         if path.extension().is_none_or(|e| e != "json") {
             return Err(Error::unsupported(
                 path,
-                "no capture; supported: a folder with a COLMAP model or transforms.json, or a transforms.json",
+                "no capture; supported: a folder with a COLMAP model or transforms.json, a ZIP archive of it, or a transforms.json",
             ));
         }
         let root = path.parent().unwrap_or(Path::new("")).to_owned();

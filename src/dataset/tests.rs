@@ -423,9 +423,20 @@ fn health_sees_collapsed_cameras_and_points_behind_them() {
     ));
     let sound = load(&written(&Scene::ring(6)), &options()).health.unwrap();
     assert_eq!(
-        (sound.coincident_cameras, sound.observations_behind_camera),
-        (0, 0)
+        (
+            sound.coincident_cameras,
+            sound.observations_behind_camera,
+            sound.cameras_far_off
+        ),
+        (0, 0, 0)
     );
+    let mut lost = Scene::ring(6);
+    lost.images[4].camera_from_world.1 *= 30.0;
+    assert!(has_warning(
+        &load(&written(&lost), &options()),
+        "cameras-far-off",
+        1
+    ));
 }
 
 #[test]
