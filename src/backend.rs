@@ -2,6 +2,7 @@
 //! optimiser's state while training lasts; the trainer sends it views and plans and reads back.
 
 use crate::camera::Camera;
+pub use crate::model::LearningRates;
 use crate::model::{AdamState, Model};
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -71,25 +72,6 @@ pub struct LossWeights {
     pub opacity: f32,
     /// Sum of absolute residuals over the texels of the maps that this view sees.
     pub texture: f32,
-}
-
-/// Learning rates of one step.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct LearningRates {
-    /// Centres, local units.
-    pub position: f32,
-    /// Quaternions.
-    pub quaternion: f32,
-    /// Log-scales.
-    pub log_scale: f32,
-    /// Opacity logits.
-    pub opacity: f32,
-    /// SH degree 0.
-    pub sh_dc: f32,
-    /// SH degrees 1 to 3.
-    pub sh_rest: f32,
-    /// Texels; 0 before their training starts.
-    pub texel: f32,
 }
 
 /// One iteration on one view.

@@ -65,3 +65,20 @@ pub const SH_DEGREE_MAX: u32 = 3;
 pub const fn sh_coefficients(degree: u32) -> usize {
     ((degree + 1) * (degree + 1)) as usize
 }
+
+/// Normalised weights of the 11-tap Gaussian window of SSIM.
+pub fn ssim_window() -> [f64; 2 * SSIM_RADIUS_PX + 1] {
+    let weights = std::array::from_fn(|i| {
+        let d = i as f64 - SSIM_RADIUS_PX as f64;
+        (-d * d / (2.0 * SSIM_SIGMA_PX * SSIM_SIGMA_PX)).exp()
+    });
+    let sum: f64 = weights.iter().sum();
+    weights.map(|w: f64| w / sum)
+}
+
+/// Decay of Adam's first moment (method section 4).
+pub const ADAM_BETA1: f64 = 0.9;
+/// Decay of Adam's second moment (method section 4).
+pub const ADAM_BETA2: f64 = 0.999;
+/// Guards Adam's division; so small that the update is scale-free (method section 4).
+pub const ADAM_EPSILON: f64 = 1e-15;

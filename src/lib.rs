@@ -1,17 +1,22 @@
 //! Textured Gaussian splats: 2D Gaussian primitives, each with its own small RGB texture, optimised
 //! from photos with poses. See `ARCHITECTURE.md` for the map of modules and the data flow.
 
+pub mod atomic_file;
 pub mod backend;
+pub mod bake;
 pub mod camera;
+pub mod clock;
 pub mod constants;
 pub mod cpu;
 pub mod dataset;
 mod error;
 pub mod eval;
 pub mod model;
+pub mod picture;
 pub mod reference;
 mod report;
 pub mod sample;
+pub mod selftest;
 pub mod train;
 pub mod views;
 

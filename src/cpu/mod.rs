@@ -1,1 +1,21 @@
-//! cpu (to be filled).
+//! The production backend for machines without a GPU: f32, all cores, SIMD chosen at run time.
+//!
+//! Every pass has its own file and its f64 twin of the same name in `reference`. Results do not
+//! depend on the number of threads: parallel work writes to places of its own, and sums over tiles
+//! are taken per splat in the order of the tiles.
+
+mod adam;
+mod backend;
+mod bounds;
+mod loss;
+mod math;
+mod project;
+mod project_bwd;
+mod raster_bwd;
+mod raster_fwd;
+mod shape;
+mod structure;
+mod tiles;
+mod update;
+
+pub use backend::{CpuBackend, ModelGradients, PairCoverage};

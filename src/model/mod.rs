@@ -1,6 +1,7 @@
 //! The scene that is optimised: splats as structure-of-arrays, a jagged pool of texture maps, and
 //! the optimiser's state beside them. Plain data: no device, no files but the checkpoint.
 
+pub mod checkpoint;
 mod splats;
 mod texture;
 
@@ -8,6 +9,7 @@ pub use splats::{SplatArrays, SplatGroup};
 pub use texture::{TextureMap, TexturePool, texel_value, texel_value_slope};
 
 use crate::camera::Similarity;
+use serde::{Deserialize, Serialize};
 
 /// All that is needed to render a scene.
 #[derive(Clone, Debug, PartialEq)]
@@ -39,6 +41,54 @@ impl Model {
     }
 }
 
+/// Learning rates of one step.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct LearningRates {
+    /// Centres, local units.
+    pub position: f32,
+    /// Quaternions.
+    pub quaternion: f32,
+    /// Log-scales.
+    pub log_scale: f32,
+    /// Opacity logits.
+    pub opacity: f32,
+    /// SH degree 0.
+    pub sh_dc: f32,
+    /// SH degrees 1 to 3.
+    pub sh_rest: f32,
+    /// Texels; 0 before their training starts.
+    pub texel: f32,
+}
+
+impl LearningRates {
+    /// In the order of the fields.
+    pub fn to_array(&self) -> [f32; 7] {
+        [
+            self.position,
+            self.quaternion,
+            self.log_scale,
+            self.opacity,
+            self.sh_dc,
+            self.sh_rest,
+            self.texel,
+        ]
+    }
+
+    /// From values in the order of the fields; missing ones are 0.
+    pub fn from_array(values: &[f32]) -> Self {
+        let at = |i: usize| values.get(i).copied().unwrap_or(0.0);
+        Self {
+            position: at(0),
+            quaternion: at(1),
+            log_scale: at(2),
+            opacity: at(3),
+            sh_dc: at(4),
+            sh_rest: at(5),
+            texel: at(6),
+        }
+    }
+}
+
 /// State of the optimiser for every parameter of a [`Model`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct AdamState {
@@ -53,6 +103,10 @@ pub struct AdamState {
     /// Step at which the lazily updated parameters (SH, texels) of a splat were last brought up to
     /// date. `[num_splats]`
     pub last_step: Vec<u32>,
+    /// Steps done.
+    pub step: u32,
+    /// Rates of the last step: those that bring lagging parameters up to date.
+    pub rates: LearningRates,
 }
 
 impl AdamState {
@@ -65,6 +119,8 @@ impl AdamState {
             texels_m: vec![0.0; model.textures.texels.len()],
             texels_v: vec![0.0; model.textures.texels.len()],
             last_step: vec![0; n],
+            step: 0,
+            rates: LearningRates::default(),
         }
     }
 }

@@ -1,1 +1,141 @@
-//! reference (to be filled).
+//! The reference renderer: f64, one thread, straight from the formulas, obviously right rather than
+//! fast. Production backends are compared with it in the tests and by `litetex selftest`; every
+//! kernel of theirs has its twin here under the same name. No tiles, no bounds, no cleverness.
+
+mod adam;
+mod bounds;
+mod loss;
+mod params;
+mod project;
+mod project_bwd;
+mod raster_bwd;
+mod raster_fwd;
+mod sh;
+
+pub use adam::{adam_dense, adam_skipped};
+pub use bounds::{PixelBounds, pixel_bounds};
+pub use loss::{ImageLoss, image_loss};
+pub use params::Params;
+pub use project::{Projected, project};
+pub use raster_fwd::{Hit, Picture, hit, raster_fwd};
+pub use sh::{sh_basis, sh_basis_derivative};
+
+use crate::backend::{LossValues, LossWeights, TargetImage};
+use crate::camera::Camera;
+use glam::DVec2;
+
+/// How the step of alpha at 1/255 is treated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AlphaCutoff {
+    /// As in production: zero below 1/255, and a pixel stops at a transmittance of 1e-4.
+    Hard,
+    /// A C1 ramp between 0.5/255 and 1.5/255 and no stop: differentiable, for central differences.
+    Smooth,
+}
+
+/// Whether the gradient passes the clamp of a colour channel at zero.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ColourGradient {
+    /// Only where the colour is positive: the derivative by the letter.
+    Strict,
+    /// Also where descent would raise the colour, so that dark texels recover (method 2.4).
+    Projected,
+}
+
+/// Variants of the reference.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// Alpha cut-off.
+    pub cutoff: AlphaCutoff,
+    /// Gradient at the colour clamp.
+    pub colour_gradient: ColourGradient,
+    /// Near plane, local units.
+    pub near: f64,
+    /// SH degree in use.
+    pub sh_degree: u32,
+    /// Display-space colour behind everything.
+    pub background: [f64; 3],
+}
+
+/// Result of one forward and backward pass.
+pub struct Gradients {
+    /// Rendered picture.
+    pub picture: Picture,
+    /// Loss terms.
+    pub loss: LossValues,
+    /// Derivative of the total loss by every stored parameter.
+    pub params: Params,
+    /// Which splats the view sees: alpha reaches 1/255 at a pixel, hidden by others or not. `[n]`
+    pub visible: Vec<bool>,
+    /// Covered pixels, blending weight, blending weight times loss; not normalised. `[n]`
+    pub statistics: Vec<[f64; 3]>,
+}
+
+/// Loss of one view and its derivative by every parameter (method sections 2.4 and 3).
+pub fn gradients(
+    params: &Params,
+    camera: &Camera,
+    target: &TargetImage,
+    weights: &LossWeights,
+    settings: &Settings,
+) -> Gradients {
+    let projected: Vec<Option<Projected>> = (0..params.len())
+        .map(|i| project(params, i, camera, settings))
+        .collect();
+    let visible: Vec<bool> = projected
+        .iter()
+        .map(|p| p.as_ref().is_some_and(|p| is_visible(p, camera, settings)))
+        .collect();
+    let picture = raster_fwd(params, &projected, camera, settings);
+    let image = image_loss(&picture.rgb, target, weights);
+    let mut grad = params.zeros_like();
+    let splat_grads = raster_bwd::raster_bwd(params, &projected, &picture, &image, settings, &mut grad);
+    for (i, (projected, screen)) in projected.iter().zip(&splat_grads).enumerate() {
+        if let Some(projected) = projected {
+            project_bwd::project_bwd(params, i, projected, screen, camera, settings, &mut grad);
+        }
+    }
+    let mut loss = image.values;
+    regularise(params, &visible, weights, &mut loss, &mut grad);
+    loss.total = loss.l1 + loss.dssim + loss.mse + loss.opacity + loss.texture;
+    let statistics = splat_grads.iter().map(|s| s.statistics).collect();
+    Gradients {
+        picture,
+        loss,
+        params: grad,
+        visible,
+        statistics,
+    }
+}
+
+/// Whether any pixel centre lies where alpha reaches 1/255, covered by others or not.
+fn is_visible(p: &Projected, camera: &Camera, settings: &Settings) -> bool {
+    pixel_bounds(p, camera, settings.near).is_some_and(|b| {
+        let mut pixels = (b.y0..b.y1).flat_map(|y| (b.x0..b.x1).map(move |x| (x, y)));
+        pixels.any(|(x, y)| hit(p, DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5), settings).is_some())
+    })
+}
+
+/// Opacity and texture terms (method section 3), over the splats that the view sees.
+fn regularise(
+    params: &Params,
+    visible: &[bool],
+    weights: &LossWeights,
+    loss: &mut LossValues,
+    grad: &mut Params,
+) {
+    let opacity_weight = f64::from(weights.opacity) / params.len().max(1) as f64;
+    let texture_weight = f64::from(weights.texture);
+    for i in (0..params.len()).filter(|&i| visible[i]) {
+        let o = params.opacity(i);
+        loss.opacity += opacity_weight * o;
+        grad.opacity_logits[i] += opacity_weight * o * (1.0 - o);
+        for t in params.maps[i].floats() {
+            let v = crate::model::texel_value(params.texels[t]);
+            loss.texture += texture_weight * v.abs();
+            // The derivative at exactly 0 is taken as 0: a neutral texel is at rest.
+            let sign = if v == 0.0 { 0.0 } else { v.signum() };
+            grad.texels[t] += texture_weight * sign * crate::model::texel_value_slope(v);
+        }
+    }
+}

@@ -4,27 +4,14 @@
 
 mod config;
 mod events;
+mod revise;
+mod run;
+mod schedule;
 mod state;
 
 pub use config::{RateConfig, TexturePolicy, TrainConfig};
 pub use events::{Control, StopReason, TrainEvent};
+pub use revise::support_half_extent;
+pub use run::{Sink, evaluate, train};
+pub use schedule::Schedule;
 pub use state::{CurvePoint, TrainHistory, TrainState};
-
-use crate::Result;
-use crate::backend::Backend;
-use crate::views::ViewSource;
-
-/// Trains from `start` (a fresh state or a loaded checkpoint) to the end of `config.steps`, the time
-/// limit or the consumer's stop, and returns the final state and why it ended.
-///
-/// # Errors
-/// Whatever the backend or the views report; the consumer has then seen the last checkpoint.
-pub fn train(
-    _config: &TrainConfig,
-    _backend: &mut dyn Backend,
-    _views: &dyn ViewSource,
-    _start: TrainState,
-    _sink: &mut dyn FnMut(TrainEvent<'_>) -> Result<Control>,
-) -> Result<(TrainState, StopReason)> {
-    unreachable!("not written yet")
-}

@@ -51,3 +51,18 @@ pub struct TrainState {
     /// Times and curve.
     pub history: TrainHistory,
 }
+
+impl TrainState {
+    /// A run that has not begun.
+    pub fn fresh(model: Model) -> Self {
+        Self {
+            step: 0,
+            adam: AdamState::zeros(&model),
+            model,
+            epoch_order: Vec::new(),
+            epoch_used: 0,
+            epochs: 0,
+            history: TrainHistory::default(),
+        }
+    }
+}

@@ -1,0 +1,288 @@
+//! The neutral model that every writer takes and every reader returns: activated values, computed
+//! once when a trained model is frozen. Exactness of a format is defined on these numbers. Parameters
+//! of the optimisation (logits, logarithms, moments) do not belong here.
+
+use std::collections::BTreeMap;
+
+/// Largest side of a map.
+pub const MAP_SIDE_MAX: u16 = 4096;
+
+/// Largest number of splats.
+pub const SPLATS_MAX: usize = 1 << 24;
+
+/// Number of SH coefficients per colour channel for a degree.
+pub const fn num_sh_coefficients(degree: u32) -> usize {
+    ((degree + 1) * (degree + 1)) as usize
+}
+
+/// Uniform scale and translation: `in_capture = scale * in_local + translation`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CaptureFromLocal {
+    /// Length of a local unit in the capture's frame; > 0.
+    pub scale: f64,
+    /// Origin of the local frame in the capture's frame.
+    pub translation: [f64; 3],
+}
+
+impl CaptureFromLocal {
+    /// The identity.
+    pub const IDENTITY: Self = Self {
+        scale: 1.0,
+        translation: [0.0; 3],
+    };
+
+    /// Maps a point.
+    pub fn transform_point(&self, in_local: [f32; 3]) -> [f64; 3] {
+        std::array::from_fn(|i| self.scale * f64::from(in_local[i]) + self.translation[i])
+    }
+}
+
+/// What the colour values mean, and so in which space blending happens.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ColourSpace {
+    /// sRGB code values of 0 to 1, never linearised: what photos hold and training uses.
+    #[default]
+    SrgbRec709Display,
+    /// Linear light with Rec. 709 primaries.
+    LinRec709Display,
+}
+
+/// Place and size of one splat's map.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct AssetMap {
+    /// Index of the map's first texel.
+    pub offset_texels: u32,
+    /// Texels along the surfel's axis u; 0: untextured.
+    pub rows: u16,
+    /// Texels along the surfel's axis v; 0: untextured.
+    pub cols: u16,
+    /// Edge of a texel, local units. Maps are centred on their splats.
+    pub texel_size: f32,
+}
+
+impl AssetMap {
+    /// Number of texels.
+    pub fn num_texels(&self) -> usize {
+        usize::from(self.rows) * usize::from(self.cols)
+    }
+}
+
+/// A camera of the capture. Axes: x right, y down, z forward; pixel centres at integer + 0.5.
+#[derive(Clone, Debug, PartialEq)]
+pub struct AssetCamera {
+    /// Original picture name.
+    pub name: String,
+    /// Picture width.
+    pub width_px: u32,
+    /// Picture height.
+    pub height_px: u32,
+    /// Focal lengths along x and y.
+    pub focal_px: [f64; 2],
+    /// Principal point from the upper left corner.
+    pub principal_px: [f64; 2],
+    /// Rotation of camera_from_local, rows.
+    pub rotation_rows: [[f64; 3]; 3],
+    /// Translation of camera_from_local, local units.
+    pub translation: [f64; 3],
+}
+
+/// Where an asset comes from. Empty strings: not known.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Provenance {
+    /// Title of the work.
+    pub title: String,
+    /// Who made it.
+    pub author: String,
+    /// Licence of the data (SPDX expression or text).
+    pub licence: String,
+    /// What it was made from.
+    pub source: String,
+    /// Version of the program that froze it.
+    pub program_version: String,
+    /// Facts of the training by name, sorted.
+    pub training: BTreeMap<String, String>,
+}
+
+/// A frozen scene: 2D Gaussians (surfels) in the local frame, each with its own texture map.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SplatAsset {
+    /// SH degree of `sh`, 0 to 3.
+    pub sh_degree: u32,
+    /// Centres, local frame. `[n]`
+    pub positions: Vec<[f32; 3]>,
+    /// local_from_surfel as unit quaternion **wxyz**; the surfel's normal is its z axis. `[n]`
+    pub rotations: Vec<[f32; 4]>,
+    /// Standard deviations along the surfel's axes u and v, local units, linear. `[n]`
+    pub scales: Vec<[f32; 2]>,
+    /// In (0, 1]. `[n]`
+    pub opacities: Vec<f32>,
+    /// Spherical harmonics with the signs and order of 3DGS; colour = max(0, 0.5 + sum).
+    /// `[n, (sh_degree + 1)^2, 3]`
+    pub sh: Vec<f32>,
+    /// One per splat; offsets rise in order and leave no gap. `[n]`
+    pub maps: Vec<AssetMap>,
+    /// Residuals in [-1, 1], added to the colour before it is clamped; map by map, row-major.
+    /// `[num_texels, 3]`
+    pub texels: Vec<f32>,
+    /// Near plane, local units.
+    pub near: f32,
+    /// Way back to the frame of the capture.
+    pub capture_from_local: CaptureFromLocal,
+    /// Meaning of colours.
+    pub colour_space: ColourSpace,
+    /// Cameras of the capture, by name.
+    pub cameras: Vec<AssetCamera>,
+    /// Title, author, licence and facts.
+    pub provenance: Provenance,
+}
+
+impl Default for SplatAsset {
+    /// No splats.
+    fn default() -> Self {
+        Self {
+            sh_degree: 0,
+            positions: Vec::new(),
+            rotations: Vec::new(),
+            scales: Vec::new(),
+            opacities: Vec::new(),
+            sh: Vec::new(),
+            maps: Vec::new(),
+            texels: Vec::new(),
+            near: 0.01,
+            capture_from_local: CaptureFromLocal::IDENTITY,
+            colour_space: ColourSpace::default(),
+            cameras: Vec::new(),
+            provenance: Provenance::default(),
+        }
+    }
+}
+
+impl SplatAsset {
+    /// Number of splats.
+    pub fn num_splats(&self) -> usize {
+        self.positions.len()
+    }
+
+    /// Number of texels over all maps.
+    pub fn num_texels(&self) -> usize {
+        self.texels.len() / 3
+    }
+
+    /// Coefficients of a splat. `[(sh_degree + 1)^2, 3]`
+    pub fn sh_of(&self, splat: usize) -> &[f32] {
+        let width = 3 * num_sh_coefficients(self.sh_degree);
+        &self.sh[splat * width..(splat + 1) * width]
+    }
+
+    /// Texels of a splat. `[rows, cols, 3]`
+    pub fn texels_of(&self, splat: usize) -> &[f32] {
+        let map = &self.maps[splat];
+        let first = 3 * map.offset_texels as usize;
+        &self.texels[first..first + 3 * map.num_texels()]
+    }
+
+    /// Mean residual of a splat's map as a viewer that knows no textures should show it: weighted by
+    /// the Gaussian at the texels' centres, zero where the Gaussian lies outside of the map.
+    pub fn mean_residual(&self, splat: usize) -> [f64; 3] {
+        let (map, texels) = (&self.maps[splat], self.texels_of(splat));
+        let [scale_u, scale_v] = self.scales[splat].map(f64::from);
+        let texel_size = f64::from(map.texel_size);
+        let falloff = |index: usize, count: u16, scale: f64| {
+            let d = (index as f64 - 0.5 * (f64::from(count) - 1.0)) * texel_size / scale;
+            (-0.5 * d * d).exp()
+        };
+        let (mut sum, mut weights) = ([0.0; 3], 0.0);
+        for (i, texel) in texels.chunks_exact(3).enumerate() {
+            let (row, col) = (i / usize::from(map.cols), i % usize::from(map.cols));
+            let weight = falloff(row, map.rows, scale_u) * falloff(col, map.cols, scale_v);
+            weights += weight;
+            for (s, &t) in sum.iter_mut().zip(texel) {
+                *s += weight * f64::from(t);
+            }
+        }
+        // What the weights would sum to if the map covered all of the Gaussian.
+        let whole = std::f64::consts::TAU * scale_u * scale_v / (texel_size * texel_size);
+        let total = f64::max(weights, whole);
+        if total.is_finite() && total > 0.0 {
+            sum.map(|s| s / total)
+        } else {
+            [0.0; 3]
+        }
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+
+    /// A small pseudo-random asset with maps of several shapes, some splats without.
+    pub(crate) fn fixture(num_splats: usize, sh_degree: u32) -> SplatAsset {
+        let mut state = 7_u32;
+        let mut random = move || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 8) as f32 / 16_777_216.0
+        };
+        let mut asset = SplatAsset {
+            sh_degree,
+            capture_from_local: CaptureFromLocal {
+                scale: 3.7,
+                translation: [10.0, -4.0, 0.5],
+            },
+            ..SplatAsset::default()
+        };
+        let mut offset_texels = 0;
+        for i in 0..num_splats {
+            asset.positions.push([random() - 0.5, random() - 0.5, random()]);
+            let q: [f64; 4] = std::array::from_fn(|_| f64::from(random()) - 0.5);
+            let norm = q.iter().map(|v| v * v).sum::<f64>().sqrt();
+            asset.rotations.push(q.map(|v| (v / norm) as f32));
+            asset.scales.push([0.01 + 0.1 * random(), 0.01 + 0.1 * random()]);
+            asset.opacities.push(0.02 + 0.97 * random());
+            let width = 3 * num_sh_coefficients(sh_degree);
+            asset.sh.extend((0..width).map(|_| random() - 0.5));
+            let (rows, cols) = [(2, 2), (0, 0), (5, 3)][i % 3];
+            let map = AssetMap {
+                offset_texels,
+                rows,
+                cols,
+                texel_size: 0.02,
+            };
+            asset.maps.push(map);
+            offset_texels += map.num_texels() as u32;
+            asset
+                .texels
+                .extend((0..3 * map.num_texels()).map(|_| 1.6 * (random() - 0.5)));
+        }
+        asset.provenance.title = "Fixture".to_owned();
+        asset.validate().unwrap();
+        asset
+    }
+
+    #[test]
+    fn mean_residual_of_a_full_map_is_its_constant() {
+        let mut asset = fixture(1, 0);
+        asset.scales[0] = [0.05, 0.03];
+        asset.maps[0] = AssetMap {
+            offset_texels: 0,
+            rows: 62,
+            cols: 40,
+            texel_size: 0.005,
+        };
+        asset.texels = [0.25, -0.5, 1.0].repeat(62 * 40);
+        let mean = asset.mean_residual(0);
+        // The map ends at 3.1 and 3.3 sigma: 0.3 % of the Gaussian lie outside (needed 2.8e-3).
+        for (found, expected) in mean.iter().zip([0.25, -0.5, 1.0]) {
+            assert!((found / expected - 1.0).abs() < 4e-3, "{mean:?}");
+        }
+        // A map over the central quarter of the area counts by its share of the Gaussian: the
+        // integral of a unit Gaussian over +-1 sigma is 0.683 per axis.
+        asset.maps[0].rows = 20;
+        asset.maps[0].cols = 12;
+        asset.texels = [0.25, -0.5, 1.0].repeat(20 * 12);
+        let share = asset.mean_residual(0)[2];
+        // Needed 5.2e-4 (midpoint rule).
+        assert!((share - 0.682_69_f64.powi(2)).abs() < 2e-3, "{share}");
+        // No map, no residual.
+        assert_eq!(fixture(2, 0).mean_residual(1), [0.0; 3]);
+    }
+}

@@ -1,0 +1,29 @@
+//! The PLY files of 3DGS and 2DGS, for viewers that know no textures: maps are averaged into the base
+//! colour. One `vertex` element, one row of floats per splat.
+//!
+//! | property | meaning |
+//! |---|---|
+//! | `x y z` | centre, capture frame (COLMAP axes; scale and translation are applied) |
+//! | `nx ny nz` | the surfel's normal |
+//! | `f_dc_0..2` | SH of degree 0 |
+//! | `f_rest_*` | SH of the higher degrees, **channel by channel**: 0, 9, 24 or 45 |
+//! | `opacity` | logit |
+//! | `scale_0 scale_1` | natural logarithm of the standard deviations |
+//! | `scale_2` | logarithm of the thickness; absent in the 2DGS flavour |
+//! | `rot_0..3` | quaternion wxyz |
+
+mod header;
+mod read;
+mod write;
+
+pub use read::{PlyContents, decode_ply, read_ply};
+pub use write::{PlyFlavour, PlyOptions, PlySummary, encode_ply, write_ply};
+
+/// Comment by which SuperSplat and splat-transform know files without `scale_2`.
+const COMMENT_2DGS: &str = "SplatRenderMode: 2dgs";
+
+/// Y_00 of the spherical harmonics.
+const SH_0: f64 = 0.282_094_791_773_878_14;
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,321 @@
+//! Writer and reader against each other, against hand-made files and against damage.
+
+use super::*;
+use crate::asset::tests::fixture;
+use crate::{Error, SplatAsset};
+use std::path::Path;
+
+const PATH: &str = "test.ply";
+
+fn decode(bytes: &[u8]) -> crate::Result<PlyContents> {
+    decode_ply(bytes, Path::new(PATH))
+}
+
+fn options(flavour: PlyFlavour) -> PlyOptions {
+    PlyOptions {
+        flavour,
+        sh_degree: None,
+    }
+}
+
+/// Largest relative difference between the frozen asset, baked by hand, and what was read.
+fn largest_difference(asset: &SplatAsset, read: &SplatAsset) -> f64 {
+    let frame = &asset.capture_from_local;
+    let mut worst = 0.0_f64;
+    let mut compare = |expected: f64, found: f32, unit: f64| {
+        worst = worst.max((expected - f64::from(found)).abs() / unit);
+    };
+    for i in 0..asset.num_splats() {
+        let position = frame.transform_point(asset.positions[i]);
+        let mean = asset.mean_residual(i);
+        for c in 0..3 {
+            compare(position[c], read.positions[i][c], 10.0);
+            compare(
+                f64::from(asset.sh_of(i)[c]) + mean[c] / SH_0,
+                read.sh_of(i)[c],
+                1.0,
+            );
+        }
+        for (a, b) in asset.sh_of(i).iter().zip(read.sh_of(i)).skip(3) {
+            compare(f64::from(*a), *b, 1.0);
+        }
+        for k in 0..4 {
+            compare(f64::from(asset.rotations[i][k]), read.rotations[i][k], 1.0);
+        }
+        for k in 0..2 {
+            let scale = f64::from(asset.scales[i][k]) * frame.scale;
+            compare(scale, read.scales[i][k], scale);
+        }
+        compare(f64::from(asset.opacities[i]), read.opacities[i], 1.0);
+    }
+    worst
+}
+
+#[test]
+fn round_trip_keeps_all_but_the_maps() {
+    for degree in 0..=3 {
+        let asset = fixture(20, degree);
+        for flavour in [PlyFlavour::Ellipsoid, PlyFlavour::Surfel] {
+            let (bytes, summary) = encode_ply(&asset, &options(flavour)).unwrap();
+            assert_eq!((summary.bytes, summary.averaged_maps), (bytes.len(), 13));
+            let read = decode(&bytes).unwrap();
+            assert_eq!(read.is_surfel, flavour == PlyFlavour::Surfel);
+            assert_eq!(
+                read.comments.iter().any(|c| c == COMMENT_2DGS),
+                flavour == PlyFlavour::Surfel
+            );
+            assert_eq!((read.num_thick, read.asset.sh_degree), (0, degree));
+            assert_eq!(read.asset.provenance.title, "Fixture");
+            let difference = largest_difference(&asset, &read.asset);
+            // Needed 1.6e-7.
+            assert!(difference < 5e-7, "{difference:e}");
+            // Negative control: the comparison sees a single wrong coefficient.
+            let mut wrong = read.asset.clone();
+            wrong.sh[7] += 1e-5;
+            assert!(largest_difference(&asset, &wrong) > 5e-6);
+        }
+    }
+}
+
+#[test]
+fn rows_have_the_layout_of_3dgs() {
+    let asset = fixture(5, 2);
+    let wide = PlyOptions {
+        sh_degree: Some(3),
+        ..PlyOptions::default()
+    };
+    let (bytes, _) = encode_ply(&asset, &wide).unwrap();
+    let header_end = bytes.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
+    assert_eq!(bytes.len() - header_end, 5 * 62 * 4);
+    let row: Vec<f32> = bytes[header_end..header_end + 62 * 4]
+        .chunks_exact(4)
+        .map(|b| f32::from_le_bytes(b.try_into().unwrap()))
+        .collect();
+    // Channel-major: the green channel begins after 15 of red; degree 3 is zero.
+    assert_eq!(row[9], asset.sh_of(0)[3]);
+    assert_eq!(row[9 + 15], asset.sh_of(0)[4]);
+    assert_eq!(row[9 + 15 + 7], asset.sh_of(0)[3 * 8 + 1]);
+    assert_eq!(row[9 + 8..9 + 15], [0.0; 7]);
+    // Opacity is a logit, the thickness the logarithm of 1e-6, quaternions begin with w.
+    let o = f64::from(asset.opacities[0]);
+    assert!((f64::from(row[54]) - (o / (1.0 - o)).ln()).abs() < 1e-6); // needed 1.2e-7
+    assert_eq!(row[57], (1e-6_f64).ln() as f32);
+    assert_eq!(row[58..62], asset.rotations[0]);
+    let length: f32 = row[3..6].iter().map(|v| v * v).sum();
+    assert!((length - 1.0).abs() < 1e-6, "unit normal");
+}
+
+#[test]
+fn extremes_stay_finite() {
+    let mut asset = fixture(3, 0);
+    asset.opacities = vec![1.0, f32::MIN_POSITIVE, 1e-44];
+    asset.scales[1] = [1e-30, 1e5];
+    let (bytes, _) = encode_ply(&asset, &PlyOptions::default()).unwrap();
+    let read = decode(&bytes).unwrap().asset;
+    assert!((read.opacities[0] - 1.0).abs() < 1.3e-7); // needed 6e-8
+    assert!((read.scales[1][0] / 3.7e-30 - 1.0).abs() < 1e-5); // needed 1.6e-6: f32 of ln 1e-30
+    // Logits and logarithms beyond f32 are as small as f32 can be, not refused.
+    let tiny = FOREIGN.replace("255 0 -1 -9 -2", "255 -999 -1 -999 -2");
+    let read = decode(tiny.as_bytes()).unwrap().asset;
+    assert_eq!((read.opacities[0], read.num_splats()), (f32::MIN_POSITIVE, 1));
+    // A frame that leads beyond f32 is refused.
+    asset.capture_from_local.translation[0] = 1e60;
+    let error = encode_ply(&asset, &PlyOptions::default()).unwrap_err();
+    assert!(matches!(error, Error::Invalid { .. }), "{error}");
+}
+
+#[test]
+fn a_capture_far_from_its_origin_is_reported() {
+    let mut asset = fixture(6, 0);
+    let error = |asset: &SplatAsset| {
+        let (_, summary) = encode_ply(asset, &PlyOptions::default()).unwrap();
+        summary.position_error_texels
+    };
+    assert!(error(&asset) < 0.001); // 6e-6
+    asset.capture_from_local.translation = [500_000.0, 5_000_000.0, 100.0];
+    assert!(error(&asset) > 0.1); // 2.2
+}
+
+#[test]
+fn header_texts_cannot_break_the_header() {
+    let mut asset = fixture(2, 0);
+    asset.provenance.author = "Jos\u{e9}\nend_header\nproperty".to_owned();
+    let (bytes, _) = encode_ply(&asset, &PlyOptions::default()).unwrap();
+    let read = decode(&bytes).unwrap();
+    assert_eq!(read.asset.provenance.author, "Jos? end_header property");
+}
+
+/// A text file with shuffled, missing and additional properties.
+const FOREIGN: &str = "ply\r\nformat ascii 1.0\r\ncomment by hand\r\nelement camera 1\r\nproperty list uchar int ids\r\n\
+element vertex 1\r\nproperty double rot_3\r\nproperty float rot_0\r\nproperty float rot_1\r\nproperty float rot_2\r\n\
+property uchar extra\r\nproperty float opacity\r\nproperty float scale_1\r\nproperty float scale_0\r\n\
+property float scale_2\r\nproperty float z\r\nproperty float y\r\nproperty float x\r\nproperty float f_dc_2\r\n\
+property float f_dc_1\r\nproperty float f_dc_0\r\nend_header\r\n2 7 8\r\n0 2 0 0 255 0 -1 -9 -2 3 2 1 0.3 0.2 0.1\r\n";
+
+#[test]
+fn foreign_order_text_and_missing_properties_are_read() {
+    let read = decode(FOREIGN.as_bytes()).unwrap();
+    let asset = &read.asset;
+    assert_eq!(asset.positions, [[1.0, 2.0, 3.0]]);
+    assert_eq!(asset.sh, [0.1, 0.2, 0.3]);
+    assert_eq!(asset.opacities, [0.5]);
+    // scale_0 is the thinnest: axes are renamed to (y, z, x), and x becomes the normal.
+    assert_eq!(asset.scales, [[(-1.0_f64).exp() as f32, (-2.0_f64).exp() as f32]]);
+    assert_eq!(asset.rotations, [[0.5; 4]]);
+    assert_eq!(read.comments, ["by hand"]);
+}
+
+#[test]
+fn renamed_axes_describe_the_same_ellipsoid() {
+    // z axis of the quaternion's matrix, and the other two.
+    let axes = |[w, x, y, z]: [f32; 4]| {
+        let (w, x, y, z) = (f64::from(w), f64::from(x), f64::from(y), f64::from(z));
+        [
+            [
+                1.0 - 2.0 * (y * y + z * z),
+                2.0 * (x * y + w * z),
+                2.0 * (x * z - w * y),
+            ],
+            [
+                2.0 * (x * y - w * z),
+                1.0 - 2.0 * (x * x + z * z),
+                2.0 * (y * z + w * x),
+            ],
+            [
+                2.0 * (x * z + w * y),
+                2.0 * (y * z - w * x),
+                1.0 - 2.0 * (x * x + y * y),
+            ],
+        ]
+    };
+    for (scales, order) in [
+        ("-9 -1 -2", [1, 2, 0]),
+        ("-1 -9 -2", [2, 0, 1]),
+        ("-1 -2 -9", [0, 1, 2]),
+    ] {
+        let file = |s: &str| {
+            format!(
+                "ply\nformat ascii 1.0\nelement vertex 1\n{}end_header\n0 0 0 0 0 0 0 0.1 -0.4 0.3 0.8 {s}\n",
+                "x y z f_dc_0 f_dc_1 f_dc_2 opacity rot_0 rot_1 rot_2 rot_3 scale_0 scale_1 scale_2"
+                    .split(' ')
+                    .map(|p| format!("property float {p}\n"))
+                    .collect::<String>()
+            )
+        };
+        let original = axes(decode(file("-1 -2 -9").as_bytes()).unwrap().asset.rotations[0]);
+        let renamed = axes(decode(file(scales).as_bytes()).unwrap().asset.rotations[0]);
+        for (axis, &from) in order.iter().enumerate() {
+            for c in 0..3 {
+                // Needed 7.5e-8: f32 quaternions.
+                assert!((renamed[axis][c] - original[from][c]).abs() < 1e-6, "{scales}");
+            }
+        }
+    }
+}
+
+#[test]
+fn errors_name_the_element_and_what_was_found() {
+    let (bytes, _) = encode_ply(&fixture(2, 1), &PlyOptions::default()).unwrap();
+    let header_end = bytes.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
+    let header = String::from_utf8(bytes[..header_end].to_vec()).unwrap();
+    let with = |from: &str, to: &str| {
+        let mut file = header.replacen(from, to, 1).into_bytes();
+        file.extend(&bytes[header_end..]);
+        decode(&file).unwrap_err().to_string()
+    };
+    for (from, to, expected) in [
+        ("ply", "plx", "\"ply\""),
+        ("little", "big", "big-endian"),
+        ("float opacity", "float opacitx", "\"opacity\""),
+        ("vertex 2", "vertex 3", "3 splats of"),
+        ("vertex 2", "vertex 18446744073709551615", "at most"),
+        ("vertex 2", "vertex 16777216", "cut or damaged"),
+        ("vertex 2", "vertex -1", "not a number"),
+        (
+            "property float x",
+            "property list uchar int x",
+            "list property \"x\"",
+        ),
+        ("property float x", "property quad x", "unknown type"),
+        ("float f_rest_8", "float f_rest_x", "8 properties f_rest"),
+        ("float nx", "float x", "second property"),
+        ("end_header", "the_end", "unknown keyword"),
+    ] {
+        let error = with(from, to);
+        assert!(
+            error.starts_with(PATH) && error.contains(expected),
+            "{from}: {error}"
+        );
+    }
+}
+
+#[test]
+fn no_truncation_is_accepted() {
+    for flavour in [PlyFlavour::Ellipsoid, PlyFlavour::Surfel] {
+        let (bytes, _) = encode_ply(&fixture(3, 1), &options(flavour)).unwrap();
+        for length in 0..bytes.len() {
+            assert!(decode(&bytes[..length]).is_err(), "{length} of {}", bytes.len());
+        }
+    }
+    for length in 0..FOREIGN.len() - 6 {
+        assert!(decode(&FOREIGN.as_bytes()[..length]).is_err(), "{length}");
+    }
+}
+
+#[test]
+fn no_damage_makes_the_reader_panic() {
+    let mut state = 1_u32;
+    let mut random = move |below: usize| {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (state >> 8) as usize % below
+    };
+    let (binary, _) = encode_ply(&fixture(3, 0), &PlyOptions::default()).unwrap();
+    let mut refused = 0;
+    for original in [binary.as_slice(), FOREIGN.as_bytes()] {
+        for _ in 0..20_000 {
+            let mut damaged = original.to_vec();
+            for _ in 0..=random(4) {
+                let at = random(damaged.len());
+                damaged[at] = random(256) as u8;
+            }
+            match decode(&damaged) {
+                Err(_) => refused += 1,
+                // What is accepted is sound.
+                Ok(read) => read.asset.validate().unwrap(),
+            }
+        }
+    }
+    assert!(refused > 10_000);
+}
+
+#[test]
+fn poisoned_values_in_a_file_are_refused() {
+    let file = |from: &str, to: &str| FOREIGN.replace(from, to);
+    for (from, to) in [
+        ("0 2 0 0 255", "0 0 0 0 255"), // zero quaternion
+        ("0 2 0 0 255", "0 NaN 0 0 255"),
+        (" 3 2 1 ", " 3 inf 1 "),
+        (" 0 -1 -9 -2 ", " NaN -1 -9 -2 "),
+        (" 0 -1 -9 -2 ", " 0 99 99 99 "), // scales beyond all bounds
+        ("0.3 0.2 0.1", "0.3 NaN 0.1"),
+    ] {
+        let text = file(from, to);
+        assert_ne!(text, FOREIGN);
+        assert!(
+            matches!(decode(text.as_bytes()), Err(Error::Invalid { .. })),
+            "{to}"
+        );
+    }
+}
+
+#[test]
+fn files_are_written_and_read() {
+    let dir = std::env::temp_dir().join(format!("litetex-ply-{}", std::process::id()));
+    std::fs::create_dir_all(&dir).unwrap();
+    let path = dir.join("a.ply");
+    let summary = write_ply(&path, &fixture(4, 1), &PlyOptions::default()).unwrap();
+    assert_eq!(std::fs::metadata(&path).unwrap().len(), summary.bytes as u64);
+    assert_eq!(read_ply(&path).unwrap().asset.num_splats(), 4);
+    assert!(matches!(read_ply(&dir.join("b.ply")), Err(Error::Io { .. })));
+    std::fs::remove_dir_all(dir).unwrap();
+}

@@ -1,0 +1,194 @@
+//! Writes PLY.
+
+use super::{COMMENT_2DGS, SH_0};
+use crate::{AssetMap, Error, Result, SplatAsset, num_sh_coefficients, write_atomically};
+use std::path::Path;
+
+/// Which of the two layouts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum PlyFlavour {
+    /// 3DGS: with a thin third scale, for every viewer.
+    #[default]
+    Ellipsoid,
+    /// 2DGS: two scales and the comment that says so, for viewers that draw surfels.
+    Surfel,
+}
+
+/// What to write.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PlyOptions {
+    /// Layout.
+    pub flavour: PlyFlavour,
+    /// SH degree of the file: higher ones are cut, missing ones are zero. `None`: the asset's. The
+    /// original 3DGS viewer reads degree 3 only.
+    pub sh_degree: Option<u32>,
+}
+
+/// What was written.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PlySummary {
+    /// Size of the file.
+    pub bytes: usize,
+    /// Maps that were averaged.
+    pub averaged_maps: usize,
+    /// Largest error of a centre by rounding it to f32 in the capture frame, in texels of its own map.
+    /// More than 0.1 deserves a warning: the capture lies far from its origin.
+    pub position_error_texels: f64,
+}
+
+/// Thickness of surfels for viewers of ellipsoids, capture units: their logarithm must be finite
+/// (a thickness of 0 breaks them) and the disc must look flat.
+const THICKNESS: f64 = 1e-6;
+
+/// Writes a file. See [`encode_ply`].
+///
+/// # Errors
+/// As [`encode_ply`], and [`Error::Io`].
+pub fn write_ply(path: &Path, asset: &SplatAsset, options: &PlyOptions) -> Result<PlySummary> {
+    let (bytes, summary) = encode_ply(asset, options).map_err(|e| e.at(path))?;
+    write_atomically(path, &bytes).map_err(|e| Error::io(path, e))?;
+    Ok(summary)
+}
+
+/// The bytes of a binary little-endian file.
+///
+/// # Errors
+/// [`Error::Invalid`] if the asset breaks a rule or a value is not finite in the capture frame,
+/// [`Error::TooLarge`].
+pub fn encode_ply(asset: &SplatAsset, options: &PlyOptions) -> Result<(Vec<u8>, PlySummary)> {
+    asset.validate()?;
+    let sh_degree = options.sh_degree.unwrap_or(asset.sh_degree);
+    if sh_degree > 3 {
+        return Err(Error::invalid(
+            "",
+            format!("SH degree {sh_degree} asked for, at most 3"),
+        ));
+    }
+    let mut bytes = header(asset, options.flavour, sh_degree).into_bytes();
+    let mut summary = PlySummary::default();
+    let mut row = Vec::new();
+    for splat in 0..asset.num_splats() {
+        row.clear();
+        push_splat(&mut row, asset, splat, options.flavour, sh_degree);
+        if !row.iter().all(|v| v.is_finite()) {
+            return Err(Error::invalid(
+                "",
+                format!("splat {splat}: not finite in the capture frame"),
+            ));
+        }
+        bytes.extend(row.iter().flat_map(|v| v.to_le_bytes()));
+        let map = &asset.maps[splat];
+        if map.num_texels() > 0 {
+            summary.averaged_maps += 1;
+            summary.position_error_texels = summary
+                .position_error_texels
+                .max(rounding_error_texels(asset, splat, map));
+        }
+    }
+    summary.bytes = bytes.len();
+    Ok((bytes, summary))
+}
+
+fn rounding_error_texels(asset: &SplatAsset, splat: usize, map: &AssetMap) -> f64 {
+    let frame = &asset.capture_from_local;
+    let exact = frame.transform_point(asset.positions[splat]);
+    let squares = exact.iter().map(|&v| (f64::from(v as f32) - v).powi(2));
+    squares.sum::<f64>().sqrt() / (frame.scale * f64::from(map.texel_size))
+}
+
+/// PLY headers are ASCII lines: other characters become `?`, line breaks become spaces.
+fn header_text(text: &str) -> String {
+    text.chars()
+        .map(|c| match c {
+            ' '..='~' => c,
+            c if c.is_whitespace() => ' ',
+            _ => '?',
+        })
+        .collect()
+}
+
+fn header(asset: &SplatAsset, flavour: PlyFlavour, sh_degree: u32) -> String {
+    let facts = &asset.provenance;
+    let mut lines = vec!["ply".to_owned(), "format binary_little_endian 1.0".to_owned()];
+    if flavour == PlyFlavour::Surfel {
+        lines.push(format!("comment {COMMENT_2DGS}"));
+    }
+    let mut comment = |name: &str, text: &str| {
+        if !text.is_empty() {
+            lines.push(format!("comment {name}: {}", header_text(text)));
+        }
+    };
+    comment("written by", concat!("litetex ", env!("CARGO_PKG_VERSION")));
+    comment("colours", "texture maps are averaged into f_dc");
+    comment(
+        "frame",
+        "of the capture, as COLMAP gave it (cameras: x right, y down, z forward; up is usually -y)",
+    );
+    comment("title", &facts.title);
+    comment("author", &facts.author);
+    comment("licence", &facts.licence);
+    comment("source", &facts.source);
+    comment("program_version", &facts.program_version);
+    for (name, value) in &facts.training {
+        comment("training", &format!("{name} = {value}"));
+    }
+    for camera in &asset.cameras {
+        comment("camera", &camera.name);
+    }
+    lines.push(format!("element vertex {}", asset.num_splats()));
+    let num_rest = 3 * (num_sh_coefficients(sh_degree) - 1);
+    let num_scales = if flavour == PlyFlavour::Surfel { 2 } else { 3 };
+    let plain = ["x", "y", "z", "nx", "ny", "nz"].map(str::to_owned);
+    let numbered = |name: &'static str, count: usize| (0..count).map(move |i| format!("{name}_{i}"));
+    let properties = plain
+        .into_iter()
+        .chain(numbered("f_dc", 3))
+        .chain(numbered("f_rest", num_rest))
+        .chain(std::iter::once("opacity".to_owned()))
+        .chain(numbered("scale", num_scales))
+        .chain(numbered("rot", 4));
+    lines.extend(properties.map(|name| format!("property float {name}")));
+    lines.push("end_header\n".to_owned());
+    lines.join("\n")
+}
+
+/// Appends the row of a splat, in the order of the header.
+fn push_splat(row: &mut Vec<f32>, asset: &SplatAsset, splat: usize, flavour: PlyFlavour, sh_degree: u32) {
+    let frame = &asset.capture_from_local;
+    let rotation = asset.rotations[splat];
+    row.extend(frame.transform_point(asset.positions[splat]).map(|v| v as f32));
+    row.extend(normal(rotation));
+
+    let sh = asset.sh_of(splat);
+    let mean = asset.mean_residual(splat);
+    row.extend((0..3).map(|c| (f64::from(sh[c]) + mean[c] / SH_0) as f32));
+    for channel in 0..3 {
+        let coefficient = |k: usize| sh.get(3 * k + channel).copied().unwrap_or(0.0);
+        row.extend((1..num_sh_coefficients(sh_degree)).map(coefficient));
+    }
+    row.push(logit(asset.opacities[splat]));
+
+    let scales = asset.scales[splat].map(|s| f64::from(s) * frame.scale);
+    row.extend(scales.map(|s| s.ln() as f32));
+    if flavour == PlyFlavour::Ellipsoid {
+        // Always the thinnest axis, however small the capture's unit makes the splat.
+        let thickness = THICKNESS.min(0.01 * scales[0].min(scales[1]));
+        row.push(thickness.ln() as f32);
+    }
+    row.extend(rotation);
+}
+
+/// The surfel's z axis.
+fn normal([w, x, y, z]: [f32; 4]) -> [f32; 3] {
+    [
+        2.0 * (x * z + w * y),
+        2.0 * (y * z - w * x),
+        1.0 - 2.0 * (x * x + y * y),
+    ]
+}
+
+/// Logit of an opacity in (0, 1]; 1 is taken as the largest f32 below it, so that the result is finite.
+fn logit(opacity: f32) -> f32 {
+    let o = f64::from(opacity.min(1.0 - f32::EPSILON / 2.0));
+    (o / (1.0 - o)).ln() as f32
+}

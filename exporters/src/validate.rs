@@ -1,0 +1,170 @@
+//! The rules that every asset keeps, whether a model was baked or a file was read.
+
+use crate::{Error, MAP_SIDE_MAX, Result, SPLATS_MAX, SplatAsset, num_sh_coefficients};
+
+/// Largest standard deviation, local units.
+const SCALE_MAX: f32 = 1e6;
+
+/// Largest deviation of a quaternion's norm from 1; f32 rounding of unit quaternions needs 1.2e-7.
+const QUATERNION_NORM_TOLERANCE: f64 = 1e-5;
+
+/// Highest SH degree.
+const SH_DEGREE_MAX: u32 = 3;
+
+impl SplatAsset {
+    /// Checks everything that writers rely on.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] or [`Error::TooLarge`] naming the first offence; the path is empty until
+    /// [`Error::at`] names a file.
+    pub fn validate(&self) -> Result<()> {
+        let invalid = |what: String| Err(Error::invalid("", what));
+        let n = self.num_splats();
+        if n > SPLATS_MAX {
+            return Err(Error::too_large("", format!("{n} splats, at most {SPLATS_MAX}")));
+        }
+        if self.sh_degree > SH_DEGREE_MAX {
+            return invalid(format!("SH degree {}, at most {SH_DEGREE_MAX}", self.sh_degree));
+        }
+        let sh_width = 3 * num_sh_coefficients(self.sh_degree);
+        let lengths = [
+            ("rotations", self.rotations.len(), n),
+            ("scales", self.scales.len(), n),
+            ("opacities", self.opacities.len(), n),
+            ("maps", self.maps.len(), n),
+            ("sh", self.sh.len(), n * sh_width),
+        ];
+        if let Some((name, found, expected)) = lengths.iter().find(|(_, found, expected)| found != expected) {
+            return invalid(format!(
+                "{name}: {found} entries for {n} splats, expected {expected}"
+            ));
+        }
+        let frame = &self.capture_from_local;
+        let frame_is_sound = frame.scale.is_finite()
+            && frame.scale > 0.0
+            && frame.translation.iter().all(|v| v.is_finite())
+            && self.near.is_finite()
+            && self.near >= 0.0;
+        if !frame_is_sound {
+            return invalid(format!(
+                "near plane {} and {frame:?}: finite, the scale positive",
+                self.near
+            ));
+        }
+        (0..n).try_for_each(|splat| self.validate_splat(splat))?;
+        self.validate_maps()?;
+        self.validate_cameras()
+    }
+
+    fn validate_splat(&self, splat: usize) -> Result<()> {
+        let offence = |what: String| Err(Error::invalid("", format!("splat {splat}: {what}")));
+        let finite = |values: &[f32]| values.iter().all(|v| v.is_finite());
+        let position = self.positions[splat];
+        if !finite(&position) {
+            return offence(format!("position {position:?} is not finite"));
+        }
+        let q = self.rotations[splat];
+        let norm = q.iter().map(|&v| f64::from(v).powi(2)).sum::<f64>().sqrt();
+        if norm.is_nan() || (norm - 1.0).abs() > QUATERNION_NORM_TOLERANCE {
+            return offence(format!("rotation {q:?} is not a unit quaternion"));
+        }
+        let scales = self.scales[splat];
+        if !scales.iter().all(|&s| s > 0.0 && s <= SCALE_MAX) {
+            return offence(format!("scales {scales:?} are not in (0, {SCALE_MAX}]"));
+        }
+        let opacity = self.opacities[splat];
+        if !(opacity > 0.0 && opacity <= 1.0) {
+            return offence(format!("opacity {opacity} is not in (0, 1]"));
+        }
+        if !finite(self.sh_of(splat)) {
+            return offence("spherical harmonics are not finite".to_owned());
+        }
+        Ok(())
+    }
+
+    fn validate_maps(&self) -> Result<()> {
+        let mut next = 0_usize;
+        for (splat, map) in self.maps.iter().enumerate() {
+            let offence = |what: String| Err(Error::invalid("", format!("map of splat {splat}: {what}")));
+            if map.rows > MAP_SIDE_MAX || map.cols > MAP_SIDE_MAX {
+                let what = format!(
+                    "map of splat {splat}: {} x {} texels, at most {MAP_SIDE_MAX} a side",
+                    map.rows, map.cols
+                );
+                return Err(Error::too_large("", what));
+            }
+            if map.offset_texels as usize != next {
+                return offence(format!("offset {}, expected {next}", map.offset_texels));
+            }
+            if map.num_texels() > 0 && !(map.texel_size > 0.0 && map.texel_size.is_finite()) {
+                return offence(format!("texel size {} is not positive", map.texel_size));
+            }
+            next += map.num_texels();
+        }
+        if self.texels.len() != 3 * next {
+            return Err(Error::invalid(
+                "",
+                format!("{} texel values, the maps need {}", self.texels.len(), 3 * next),
+            ));
+        }
+        match self.texels.iter().position(|t| !(-1.0..=1.0).contains(t)) {
+            Some(at) => Err(Error::invalid(
+                "",
+                format!("texel {}: {} is not in [-1, 1]", at / 3, self.texels[at]),
+            )),
+            None => Ok(()),
+        }
+    }
+
+    fn validate_cameras(&self) -> Result<()> {
+        for camera in &self.cameras {
+            let numbers = camera
+                .focal_px
+                .iter()
+                .chain(&camera.principal_px)
+                .chain(camera.rotation_rows.as_flattened())
+                .chain(&camera.translation);
+            if !numbers.into_iter().all(|v| v.is_finite()) {
+                let what = format!("camera {:?}: numbers that are not finite", camera.name);
+                return Err(Error::invalid("", what));
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::asset::tests::fixture;
+
+    #[test]
+    fn every_broken_rule_is_found() {
+        type Break = fn(&mut SplatAsset);
+        let breaks: [(&str, Break); 14] = [
+            ("position", |a| a.positions[1][2] = f32::NAN),
+            ("rotation", |a| a.rotations[2] = [0.0; 4]),
+            ("rotation", |a| a.rotations[2][0] += 0.01),
+            ("scales", |a| a.scales[0][1] = 0.0),
+            ("scales", |a| a.scales[0][1] = f32::INFINITY),
+            ("opacity", |a| a.opacities[3] = 1.5),
+            ("opacity", |a| a.opacities[3] = 0.0),
+            ("spherical", |a| a.sh[40] = f32::NEG_INFINITY),
+            ("sh:", |a| a.sh.truncate(5)),
+            ("offset", |a| a.maps[2].offset_texels += 1),
+            ("texel size", |a| a.maps[0].texel_size = -1.0),
+            ("texel", |a| a.texels[9] = 1.01),
+            ("texel values", |a| a.texels.truncate(9)),
+            ("near", |a| a.capture_from_local.scale = 0.0),
+        ];
+        for (word, change) in breaks {
+            let mut asset = fixture(7, 1);
+            change(&mut asset);
+            let error = asset.validate().unwrap_err().to_string();
+            assert!(error.contains(word), "{word}: {error}");
+        }
+        let mut asset = fixture(7, 1);
+        asset.maps[0].rows = MAP_SIDE_MAX + 1;
+        assert!(matches!(asset.validate(), Err(Error::TooLarge { .. })));
+    }
+}

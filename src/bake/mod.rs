@@ -1,0 +1,258 @@
+//! Freezes a trained model: activations are computed once, in f64, and rounded to the f32 values on
+//! which every export is defined. Files belong to `litetex-exporters`.
+
+use crate::camera::Camera;
+use crate::model::{Model, texel_value};
+use crate::{Error, Report};
+use litetex_exporters::{AssetCamera, AssetMap, CaptureFromLocal, ColourSpace, Provenance, SplatAsset};
+
+/// Largest standard deviation that an asset may hold, local units.
+const SCALE_MAX: f64 = 1e6;
+
+/// Freezes a settled model with the cameras of its capture, by name.
+///
+/// Splats that no renderer can draw (numbers that are not finite, a zero quaternion, a standard
+/// deviation beyond 1e6) are left out with their maps and counted in the report as
+/// `splats-not-drawable`. Fill the provenance but for `program_version`, which is set here if empty.
+pub fn bake(
+    model: &Model,
+    cameras: &[(String, Camera)],
+    provenance: Provenance,
+    report: &mut Report,
+) -> SplatAsset {
+    let mut asset = SplatAsset {
+        sh_degree: model.splats.sh_degree,
+        near: model.near,
+        capture_from_local: CaptureFromLocal {
+            scale: model.capture_from_local.scale,
+            translation: model.capture_from_local.translation.to_array(),
+        },
+        colour_space: ColourSpace::SrgbRec709Display,
+        cameras: cameras
+            .iter()
+            .map(|(name, camera)| asset_camera(name, camera))
+            .collect(),
+        provenance,
+        ..SplatAsset::default()
+    };
+    if asset.provenance.program_version.is_empty() {
+        env!("CARGO_PKG_VERSION").clone_into(&mut asset.provenance.program_version);
+    }
+    let mut dropped = Vec::new();
+    for splat in 0..model.num_splats() {
+        if push_splat(&mut asset, model, splat).is_none() {
+            dropped.push(splat);
+        }
+    }
+    if let Some(first) = dropped.first() {
+        report.warn(
+            "splats-not-drawable",
+            dropped.len(),
+            format!("splats that cannot be drawn were left out of the asset, the first is {first}"),
+        );
+    }
+    asset
+}
+
+fn asset_camera(name: &str, camera: &Camera) -> AssetCamera {
+    let p = &camera.pinhole;
+    AssetCamera {
+        name: name.to_owned(),
+        width_px: p.width_px,
+        height_px: p.height_px,
+        focal_px: [p.fx_px, p.fy_px],
+        principal_px: [p.cx_px, p.cy_px],
+        rotation_rows: camera.camera_from_local.rotation.transpose().to_cols_array_2d(),
+        translation: camera.camera_from_local.translation.to_array(),
+    }
+}
+
+/// Activates one splat and its map; `None`, and nothing is pushed, if it cannot be drawn.
+fn push_splat(asset: &mut SplatAsset, model: &Model, splat: usize) -> Option<()> {
+    let s = &model.splats;
+    let sh_width = 3 * crate::constants::sh_coefficients(s.sh_degree);
+    let position: [f32; 3] = s.positions[3 * splat..].first_chunk().copied()?;
+    let quaternion: [f32; 4] = s.quaternions[4 * splat..].first_chunk().copied()?;
+    let log_scales: [f32; 2] = s.log_scales[2 * splat..].first_chunk().copied()?;
+    let opacity = sigmoid(f64::from(s.opacity_logits[splat]));
+    let sh = &s.sh[splat * sh_width..(splat + 1) * sh_width];
+    let map = &model.textures.maps[splat];
+    let texels = &model.textures.texels[map.floats()];
+
+    let norm = quaternion
+        .iter()
+        .map(|&v| f64::from(v).powi(2))
+        .sum::<f64>()
+        .sqrt();
+    let scales = log_scales.map(|v| f64::from(v).exp());
+    let finite = |values: &[f32]| values.iter().all(|v| v.is_finite());
+    let drawable = finite(&position)
+        && norm > 0.0
+        && norm.is_finite()
+        && scales.iter().all(|v| *v <= SCALE_MAX)
+        && !opacity.is_nan()
+        && finite(sh)
+        && finite(texels)
+        && (map.num_texels() == 0 || (map.texel_size > 0.0 && map.texel_size.is_finite()));
+    if !drawable {
+        return None;
+    }
+    asset.positions.push(position);
+    asset
+        .rotations
+        .push(quaternion.map(|v| (f64::from(v) / norm) as f32));
+    // What underflows is as small as f32 can be: the asset's values are positive.
+    asset
+        .scales
+        .push(scales.map(|v| (v as f32).max(f32::MIN_POSITIVE)));
+    asset.opacities.push((opacity as f32).max(f32::MIN_POSITIVE));
+    asset.sh.extend(sh);
+    asset.maps.push(AssetMap {
+        // The model's own offsets fit, and these are no larger.
+        offset_texels: asset.num_texels() as u32,
+        rows: map.rows,
+        cols: map.cols,
+        texel_size: map.texel_size,
+    });
+    asset
+        .texels
+        .extend(texels.iter().map(|&t| texel_value(f64::from(t)) as f32));
+    Some(())
+}
+
+fn sigmoid(logit: f64) -> f64 {
+    1.0 / (1.0 + (-logit).exp())
+}
+
+impl From<litetex_exporters::Error> for Error {
+    fn from(error: litetex_exporters::Error) -> Self {
+        use litetex_exporters::Error as E;
+        match error {
+            E::Io { path, source } => Self::Io { path, source },
+            E::Invalid { path, what } => Self::InvalidInput { path, what },
+            E::Unsupported { path, what } | E::TooLarge { path, what } => Self::Unsupported { path, what },
+            other => Self::CheckFailed(other.to_string()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::{Pinhole, RigidTransform, Similarity};
+    use crate::model::{SplatArrays, TexturePool};
+    use glam::{DMat3, DVec3};
+
+    /// Four textured or plain splats with awkward but drawable values.
+    fn model() -> Model {
+        let mut splats = SplatArrays::zeros(4, 1);
+        for i in 0..4 {
+            splats.positions[3 * i] = i as f32;
+            splats.quaternions[4 * i + i] = 0.5 + i as f32;
+            splats.quaternions[4 * i] += 0.25;
+        }
+        splats.log_scales = vec![-3.0, -200.0, 0.0, 1.0, -1.0, -2.0, -3.0, -4.0];
+        splats.opacity_logits = vec![0.0, 100.0, -200.0, 1.0];
+        splats.sh.iter_mut().enumerate().for_each(|(i, v)| *v = i as f32);
+        let mut textures = TexturePool::neutral([(2, 3, 0.1), (0, 0, 0.0), (1, 1, 0.2), (2, 2, 0.3)]);
+        textures
+            .texels
+            .iter_mut()
+            .enumerate()
+            .for_each(|(i, v)| *v = i as f32 - 9.0);
+        Model {
+            splats,
+            textures,
+            near: 0.04,
+            capture_from_local: Similarity {
+                scale: 2.5,
+                translation: DVec3::new(1.0, 2.0, 3.0),
+            },
+        }
+    }
+
+    fn camera() -> Camera {
+        Camera {
+            pinhole: Pinhole {
+                width_px: 40,
+                height_px: 30,
+                fx_px: 35.0,
+                fy_px: 36.0,
+                cx_px: 20.0,
+                cy_px: 15.0,
+            },
+            camera_from_local: RigidTransform {
+                rotation: DMat3::from_rotation_z(0.3),
+                translation: DVec3::new(0.1, 0.2, 4.0),
+            },
+        }
+    }
+
+    #[test]
+    fn a_baked_model_is_a_valid_asset_with_activated_values() {
+        let mut report = Report::default();
+        let cameras = [("a/b.png".to_owned(), camera())];
+        let asset = bake(&model(), &cameras, Provenance::default(), &mut report);
+        asset.validate().unwrap();
+        assert_eq!(report, Report::default());
+        assert_eq!((asset.num_splats(), asset.num_texels()), (4, 11));
+        assert_eq!(
+            asset.opacities,
+            [
+                0.5,
+                1.0,
+                f32::MIN_POSITIVE,
+                (1.0 / (1.0 + (-1.0_f64).exp())) as f32
+            ]
+        );
+        assert_eq!(asset.scales[0], [(-3.0_f64).exp() as f32, f32::MIN_POSITIVE]);
+        assert_eq!(asset.rotations[0], [1.0, 0.0, 0.0, 0.0]);
+        assert_eq!(asset.texels[9], 0.0);
+        assert_eq!(asset.texels[11], (1.0_f64).tanh() as f32);
+        assert_eq!(asset.sh, model().splats.sh);
+        // Rows of the rotation turn a local point into the camera's frame.
+        let rows = asset.cameras[0].rotation_rows.map(DVec3::from_array);
+        let turned = DVec3::from_array(rows.map(|r| r.dot(DVec3::X)));
+        assert!((turned - camera().camera_from_local.rotation * DVec3::X).length() < 1e-15); // needed 0
+        assert_eq!(asset.provenance.program_version, env!("CARGO_PKG_VERSION"));
+    }
+
+    #[test]
+    fn splats_that_cannot_be_drawn_are_left_out_and_counted() {
+        type Poison = fn(&mut Model);
+        let poisons: [Poison; 7] = [
+            |m| m.splats.positions[5] = f32::NAN,
+            |m| m.splats.quaternions[4..8].fill(0.0),
+            |m| m.splats.log_scales[2] = 500.0,
+            |m| m.splats.log_scales[3] = f32::NAN,
+            |m| m.splats.opacity_logits[1] = f32::NAN,
+            |m| m.splats.sh[13] = f32::INFINITY,
+            |m| m.splats.quaternions[6] = f32::INFINITY,
+        ];
+        for poison in poisons {
+            let mut poisoned = model();
+            poison(&mut poisoned);
+            let mut report = Report::default();
+            let asset = bake(&poisoned, &[], Provenance::default(), &mut report);
+            asset.validate().unwrap();
+            assert_eq!((asset.num_splats(), asset.num_texels()), (3, 11));
+            assert_eq!(report.warnings[0].count, 1);
+        }
+        // A poisoned texel takes its splat and its map along; offsets close up.
+        let mut poisoned = model();
+        poisoned.textures.texels[0] = f32::NAN;
+        let asset = bake(&poisoned, &[], Provenance::default(), &mut Report::default());
+        asset.validate().unwrap();
+        assert_eq!((asset.num_splats(), asset.num_texels()), (3, 5));
+        assert_eq!(asset.maps[2].offset_texels, 1);
+    }
+
+    #[test]
+    fn errors_keep_their_family() {
+        let code = |e: litetex_exporters::Error| Error::from(e).exit_code();
+        assert_eq!(code(litetex_exporters::Error::invalid("a", "b")), 3);
+        assert_eq!(code(litetex_exporters::Error::unsupported("a", "b")), 4);
+        let missing = std::io::Error::from(std::io::ErrorKind::NotFound);
+        assert_eq!(code(litetex_exporters::Error::io("a", missing)), 3);
+    }
+}

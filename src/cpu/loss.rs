@@ -1,0 +1,307 @@
+//! Fused L1 + SSIM + MSE with gradient (twin: `reference/loss.rs`). Planes are `[height, width]` f32.
+//!
+//! Plain multiplications and additions only, no fused ones: the same bits at every SIMD level.
+
+use crate::backend::{LossWeights, TargetImage};
+use crate::constants::{SSIM_C1, SSIM_C2, SSIM_RADIUS_PX, ssim_window};
+use fearless_simd::{Level, Simd, dispatch};
+use rayon::prelude::*;
+
+const TAPS: usize = 2 * SSIM_RADIUS_PX + 1;
+
+/// Planes of a picture, padded to whole rows, and the work space of the loss.
+#[derive(Default)]
+pub(super) struct LossBuffers {
+    /// Rendered picture, by channel. After [`image_loss`]: the derivative by it.
+    pub picture: [Vec<f32>; 3],
+    /// Loss per pixel: l1 and dssim terms, not averaged.
+    pub map: Vec<f32>,
+    target: [Vec<f32>; 3],
+    blurred: [Vec<f32>; 5],
+    partial: [Vec<f32>; 3],
+}
+
+impl LossBuffers {
+    /// Makes room for a picture.
+    pub(super) fn resize(&mut self, num_pixels: usize) {
+        for plane in self
+            .picture
+            .iter_mut()
+            .chain(&mut self.target)
+            .chain(&mut self.partial)
+        {
+            plane.resize(num_pixels, 0.0);
+        }
+        self.blurred
+            .iter_mut()
+            .for_each(|plane| plane.resize(num_pixels, 0.0));
+        self.map.clear();
+        self.map.resize(num_pixels, 0.0);
+    }
+}
+
+/// Weighted l1, dssim and mse terms; leaves gradient and map in the buffers.
+pub(super) fn image_loss(
+    level: Level,
+    buffers: &mut LossBuffers,
+    target: &TargetImage,
+    weights: &LossWeights,
+) -> [f64; 3] {
+    let w = target.width_px as usize;
+    let window = ssim_window().map(|w| w as f32);
+    let count = target.rgb.len() as f32;
+    let mut sums = [0.0_f64; 3];
+    for channel in 0..3 {
+        load_target(buffers, target, channel);
+        blur_rows(
+            level,
+            &buffers.picture[channel],
+            &buffers.target[channel],
+            &mut buffers.blurred,
+            w,
+            &window,
+        );
+        let scale = weights.dssim / count;
+        let ssim_sum = ssim_rows(level, buffers, w, &window, scale);
+        sums[1] +=
+            f64::from(weights.dssim) * (target.rgb.len() as f64 / 3.0 - ssim_sum) / target.rgb.len() as f64;
+        let [p0, p1, p2, ..] = &mut buffers.blurred;
+        blur_partials(level, &buffers.partial, [p0, p1, p2], w, &window);
+        let (l1, mse) = combine(level, buffers, channel, w, &window, weights, count);
+        sums[0] += l1;
+        sums[2] += mse;
+        if target.mask.is_some() {
+            clear_masked(&mut buffers.picture[channel], target);
+        }
+    }
+    sums
+}
+
+fn load_target(buffers: &mut LossBuffers, target: &TargetImage, channel: usize) {
+    let LossBuffers {
+        picture,
+        target: planes,
+        ..
+    } = buffers;
+    let (x, y) = (&mut picture[channel], &mut planes[channel]);
+    y.par_iter_mut()
+        .with_min_len(4096)
+        .enumerate()
+        .for_each(|(i, y)| {
+            *y = f32::from(target.rgb[3 * i + channel]) / 255.0;
+        });
+    // A masked pixel counts as equal to the photo.
+    if let Some(mask) = &target.mask {
+        x.par_iter_mut()
+            .zip(y.par_iter())
+            .zip(mask)
+            .with_min_len(4096)
+            .for_each(|((x, y), m)| {
+                if *m == 0 {
+                    *x = *y;
+                }
+            });
+    }
+}
+
+fn clear_masked(gradient: &mut [f32], target: &TargetImage) {
+    for (g, m) in gradient.iter_mut().zip(target.mask.iter().flatten()) {
+        if *m == 0 {
+            *g = 0.0;
+        }
+    }
+}
+
+/// Horizontal window over x, y, xx, yy, xy.
+fn blur_rows(level: Level, x: &[f32], y: &[f32], out: &mut [Vec<f32>; 5], w: usize, window: &[f32; TAPS]) {
+    let [o0, o1, o2, o3, o4] = out;
+    let rows = (
+        o0.par_chunks_mut(w),
+        o1.par_chunks_mut(w),
+        o2.par_chunks_mut(w),
+        o3.par_chunks_mut(w),
+        o4.par_chunks_mut(w),
+    );
+    rows.into_par_iter()
+        .zip((x.par_chunks(w), y.par_chunks(w)))
+        .for_each_init(
+            || vec![0.0; w + 2 * SSIM_RADIUS_PX],
+            |padded, ((o0, o1, o2, o3, o4), (x, y))| {
+                dispatch!(level, _simd => {
+                    let mut blur = |value: &dyn Fn(usize) -> f32, out: &mut [f32]| {
+                        let inner = &mut padded[SSIM_RADIUS_PX..SSIM_RADIUS_PX + w];
+                        inner.iter_mut().enumerate().for_each(|(i, p)| *p = value(i));
+                        blur_padded(_simd, padded, out, window);
+                    };
+                    blur(&|i| x[i], o0);
+                    blur(&|i| y[i], o1);
+                    blur(&|i| x[i] * x[i], o2);
+                    blur(&|i| y[i] * y[i], o3);
+                    blur(&|i| x[i] * y[i], o4);
+                });
+            },
+        );
+}
+
+/// `out[i] = sum over k of window[k] * padded[i + k]`.
+#[inline(always)]
+fn blur_padded<S: Simd>(_simd: S, padded: &[f32], out: &mut [f32], window: &[f32; TAPS]) {
+    let n = out.len();
+    let taps: [&[f32]; TAPS] = std::array::from_fn(|k| &padded[k..k + n]);
+    for i in 0..n {
+        let mut sum = window[SSIM_RADIUS_PX] * taps[SSIM_RADIUS_PX][i];
+        for k in 0..SSIM_RADIUS_PX {
+            sum += window[k] * (taps[k][i] + taps[TAPS - 1 - k][i]);
+        }
+        out[i] = sum;
+    }
+}
+
+/// `out[i] = sum over k of window[k] * plane[y + k - radius][i]`, zero outside the plane.
+#[inline(always)]
+fn blur_column<S: Simd>(_simd: S, plane: &[f32], y: usize, w: usize, out: &mut [f32], window: &[f32; TAPS]) {
+    out.fill(0.0);
+    let h = plane.len() / w;
+    for (k, weight) in window.iter().enumerate() {
+        let Some(row) = (y + k).checked_sub(SSIM_RADIUS_PX).filter(|&r| r < h) else {
+            continue;
+        };
+        let row = &plane[row * w..(row + 1) * w];
+        for (o, v) in out.iter_mut().zip(row) {
+            *o += weight * v;
+        }
+    }
+}
+
+/// Vertical window, SSIM and its derivatives by the three means that depend on the picture, each times
+/// `scale`; adds (1 - SSIM) to the map. Returns the sum of SSIM.
+fn ssim_rows(level: Level, buffers: &mut LossBuffers, w: usize, window: &[f32; TAPS], scale: f32) -> f64 {
+    let LossBuffers {
+        blurred,
+        partial,
+        map,
+        ..
+    } = buffers;
+    let [p0, p1, p2] = partial;
+    let count = (3 * map.len()) as f32;
+    let rows = (
+        p0.par_chunks_mut(w),
+        p1.par_chunks_mut(w),
+        p2.par_chunks_mut(w),
+        map.par_chunks_mut(w),
+    );
+    let row_sums: Vec<f64> = rows
+        .into_par_iter()
+        .enumerate()
+        .map_init(
+            || vec![vec![0.0; w]; 6],
+            |means, (y, (p0, p1, p2, map))| {
+                dispatch!(level, _simd => {
+                    for (mean, plane) in means.iter_mut().zip(blurred.iter()) {
+                        blur_column(_simd, plane, y, w, mean, window);
+                    }
+                    let [mx, my, mxx, myy, mxy, ssim] = &mut means[..] else { unreachable!("six rows") };
+                    let (mx, my, mxx, myy, mxy, ssim) = (&mx[..w], &my[..w], &mxx[..w], &myy[..w], &mxy[..w], &mut ssim[..w]);
+                    let (p0, p1, p2, map) = (&mut p0[..w], &mut p1[..w], &mut p2[..w], &mut map[..w]);
+                    let per_pixel = scale * count / 3.0;
+                    for i in 0..w {
+                        let (mx, my) = (mx[i], my[i]);
+                        let a1 = 2.0 * mx * my + SSIM_C1 as f32;
+                        let a2 = 2.0 * (mxy[i] - mx * my) + SSIM_C2 as f32;
+                        let b1 = mx * mx + my * my + SSIM_C1 as f32;
+                        // Variances are non-negative but for rounding.
+                        let b2 = (mxx[i] - mx * mx).max(0.0) + (myy[i] - my * my).max(0.0) + SSIM_C2 as f32;
+                        let per = 1.0 / (b1 * b2);
+                        let s = a1 * a2 * per;
+                        p0[i] = -scale * (2.0 * my * (a2 - a1) * per + 2.0 * mx * s * (b1 - b2) * per);
+                        p1[i] = scale * s * b1 * per;
+                        p2[i] = -scale * 2.0 * a1 * per;
+                        ssim[i] = s;
+                        map[i] += per_pixel * (1.0 - s);
+                    }
+                });
+                means[5].iter().map(|&s| f64::from(s)).sum::<f64>()
+            },
+        )
+        .collect();
+    row_sums.iter().sum()
+}
+
+/// Horizontal window over the three derivative planes.
+fn blur_partials(
+    level: Level,
+    planes: &[Vec<f32>; 3],
+    out: [&mut Vec<f32>; 3],
+    w: usize,
+    window: &[f32; TAPS],
+) {
+    for (plane, out) in planes.iter().zip(out) {
+        out.par_chunks_mut(w).zip(plane.par_chunks(w)).for_each_init(
+            || vec![0.0; w + 2 * SSIM_RADIUS_PX],
+            |padded, (out, row)| {
+                padded[SSIM_RADIUS_PX..SSIM_RADIUS_PX + w].copy_from_slice(row);
+                dispatch!(level, simd => blur_padded(simd, padded, out, window));
+            },
+        );
+    }
+}
+
+/// Vertical window over the derivative planes and the pixel-wise terms; the picture's plane becomes
+/// the gradient. Returns the l1 and mse terms.
+fn combine(
+    level: Level,
+    buffers: &mut LossBuffers,
+    channel: usize,
+    w: usize,
+    window: &[f32; TAPS],
+    weights: &LossWeights,
+    count: f32,
+) -> (f64, f64) {
+    let LossBuffers {
+        picture,
+        map,
+        target,
+        blurred,
+        ..
+    } = buffers;
+    let rows = (
+        picture[channel].par_chunks_mut(w),
+        map.par_chunks_mut(w),
+        target[channel].par_chunks(w),
+    );
+    let row_sums: Vec<(f64, f64)> = rows
+        .into_par_iter()
+        .enumerate()
+        .map_init(
+            || vec![vec![0.0; w]; 3],
+            |columns, (y, (x, map, t))| {
+                let (mut abs_sum, mut square_sum) = (0.0_f64, 0.0_f64);
+                for (x, t) in x.iter().zip(t) {
+                    let d = f64::from(x - t);
+                    abs_sum += d.abs();
+                    square_sum += d * d;
+                }
+                dispatch!(level, _simd => {
+                    for (column, plane) in columns.iter_mut().zip(blurred.iter()) {
+                        blur_column(_simd, plane, y, w, column, window);
+                    }
+                    let [c0, c1, c2] = [&columns[0][..w], &columns[1][..w], &columns[2][..w]];
+                    let (x, map, t) = (&mut x[..w], &mut map[..w], &t[..w]);
+                    let (l1, mse) = (weights.l1 / count, 2.0 * weights.mse / count);
+                    for i in 0..w {
+                        let d = x[i] - t[i];
+                        let sign = if d > 0.0 { 1.0 } else if d < 0.0 { -1.0 } else { 0.0 };
+                        map[i] += weights.l1 / 3.0 * d.abs();
+                        x[i] = l1 * sign + mse * d + c0[i] + 2.0 * x[i] * c1[i] + t[i] * c2[i];
+                    }
+                });
+                (abs_sum, square_sum)
+            },
+        )
+        .collect();
+    let (abs_sum, square_sum) = row_sums.iter().fold((0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
+    (
+        f64::from(weights.l1) * abs_sum / f64::from(count),
+        f64::from(weights.mse) * square_sum / f64::from(count),
+    )
+}

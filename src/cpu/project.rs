@@ -1,0 +1,265 @@
+//! Projection of the splats to a view (twin: `reference/project.rs`), and their bounds.
+
+use super::bounds::{Bounds, bounds};
+use super::math::{cross, dot};
+use crate::camera::Camera;
+use crate::constants::{ALPHA_MIN, EDGE_ON_MIN, SH_0, SH_1, SH_2, SH_3, sh_coefficients};
+use crate::model::Model;
+use rayon::prelude::*;
+
+/// Guard, far above any display-space colour.
+const RGB_MAX: f32 = 1e4;
+
+/// The view in f32.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ViewF32 {
+    /// camera_from_local rotation, rows.
+    pub rotation: [[f32; 3]; 3],
+    pub translation: [f32; 3],
+    pub centre_in_local: [f32; 3],
+    pub focal_px: [f32; 2],
+    pub principal_px: [f32; 2],
+    pub size_px: [u32; 2],
+    pub near: f32,
+}
+
+impl ViewF32 {
+    pub(super) fn new(camera: &Camera, near: f32) -> Self {
+        let m = camera.camera_from_local.rotation;
+        let row = |r: usize| [m.col(0)[r] as f32, m.col(1)[r] as f32, m.col(2)[r] as f32];
+        let p = &camera.pinhole;
+        Self {
+            rotation: [row(0), row(1), row(2)],
+            translation: camera.camera_from_local.translation.as_vec3().to_array(),
+            centre_in_local: camera.centre_in_local().as_vec3().to_array(),
+            focal_px: [p.fx_px as f32, p.fy_px as f32],
+            principal_px: [p.cx_px as f32, p.cy_px as f32],
+            size_px: [p.width_px, p.height_px],
+            near,
+        }
+    }
+
+    pub(super) fn rotate(&self, v: [f32; 3]) -> [f32; 3] {
+        self.rotation.map(|row| dot(row, v))
+    }
+
+    /// local_from_camera rotation.
+    pub(super) fn rotate_back(&self, v: [f32; 3]) -> [f32; 3] {
+        [0, 1, 2]
+            .map(|k| self.rotation[0][k] * v[0] + self.rotation[1][k] * v[1] + self.rotation[2][k] * v[2])
+    }
+}
+
+/// A splat as one view sees it. Coordinates on the surfel are in standard deviations.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ProjectedSplat {
+    /// Index in the model.
+    pub id: u32,
+    pub centre_px: [f32; 2],
+    /// Numerators along u and v, standard deviations per pixel.
+    pub a: [f32; 2],
+    pub b: [f32; 2],
+    /// Denominator, per pixel.
+    pub g: [f32; 2],
+    pub depth: f32,
+    pub opacity: f32,
+    pub scales: [f32; 2],
+    /// Base colour, clamped; filled by [`base_colours`].
+    pub rgb: [f32; 3],
+    /// Channels whose base colour was not clamped.
+    pub rgb_positive: [bool; 3],
+    pub bounds: Bounds,
+    pub centre_in_camera: [f32; 3],
+    pub axes_in_camera: [[f32; 3]; 3],
+    pub map: MapView,
+}
+
+/// A map as the kernels sample it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct MapView {
+    pub rows: i32,
+    pub cols: i32,
+    /// First float of the map's activated texels in the frame's pool, `[rows, cols, 3]`.
+    pub first: u32,
+    /// Texels per standard deviation along u and v.
+    pub texels_per_sigma: [f32; 2],
+    /// Texture coordinate of the surfel's centre.
+    pub origin: [f32; 2],
+}
+
+/// Projects all splats; those in sight in the order of their indices.
+pub(super) fn project_all(model: &Model, view: &ViewF32) -> Vec<ProjectedSplat> {
+    (0..model.num_splats())
+        .into_par_iter()
+        .with_min_len(256)
+        .filter_map(|i| project(model, i, view))
+        .collect()
+}
+
+fn project(model: &Model, i: usize, view: &ViewF32) -> Option<ProjectedSplat> {
+    let s = &model.splats;
+    let position = [0, 1, 2].map(|k| s.positions[3 * i + k]);
+    let rotated = view.rotate(position);
+    let p = [0, 1, 2].map(|k| rotated[k] + view.translation[k]);
+    let scales = [0, 1].map(|k| s.log_scales[2 * i + k].exp());
+    let opacity = 1.0 / (1.0 + (-s.opacity_logits[i]).exp());
+    let columns = rotation_columns([0, 1, 2, 3].map(|k| s.quaternions[4 * i + k]));
+    let axes = columns.map(|c| view.rotate(c));
+    let [e_u, e_v, n] = axes;
+    let p_n = dot(p, n);
+    let finite = (p_n + p[0] + p[1] + p[2] + opacity).is_finite()
+        && scales.iter().all(|s| s.is_finite() && *s > f32::MIN_POSITIVE);
+    if !finite || p[2] < view.near || opacity < ALPHA_MIN as f32 {
+        return None;
+    }
+    if p_n.abs() < EDGE_ON_MIN as f32 * dot(p, p).sqrt() {
+        return None;
+    }
+    let [cross_a, cross_b] = [cross(e_v, p), cross(p, e_u)];
+    let w0 = p_n / p[2];
+    let per_px = [1.0 / (view.focal_px[0] * w0), 1.0 / (view.focal_px[1] * w0)];
+    let centre_px = [0, 1].map(|k| view.focal_px[k] * p[k] / p[2] + view.principal_px[k]);
+    let a = [0, 1].map(|k| cross_a[k] * per_px[k] / scales[0]);
+    let b = [0, 1].map(|k| cross_b[k] * per_px[k] / scales[1]);
+    let g = [0, 1].map(|k| n[k] * per_px[k]);
+    if ![a, b, g, centre_px].iter().flatten().all(|v| v.is_finite()) {
+        return None;
+    }
+    let bounds = bounds(p, &axes, scales, opacity, centre_px, view)?;
+    let map = &model.textures.maps[i];
+    Some(ProjectedSplat {
+        id: i as u32,
+        centre_px,
+        a,
+        b,
+        g,
+        depth: p[2],
+        opacity,
+        scales,
+        rgb: [0.0; 3],
+        rgb_positive: [false; 3],
+        bounds,
+        centre_in_camera: p,
+        axes_in_camera: axes,
+        map: MapView {
+            rows: i32::from(map.rows),
+            cols: i32::from(map.cols),
+            first: 0,
+            texels_per_sigma: scales.map(|s| s / map.texel_size),
+            origin: [
+                (f32::from(map.rows) - 1.0) / 2.0,
+                (f32::from(map.cols) - 1.0) / 2.0,
+            ],
+        },
+    })
+}
+
+/// Columns of the rotation of a quaternion (wxyz, any length; NaN for length zero).
+pub(super) fn rotation_columns(q: [f32; 4]) -> [[f32; 3]; 3] {
+    let norm = (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]).sqrt();
+    let [w, x, y, z] = q.map(|v| v / norm);
+    [
+        [
+            1.0 - 2.0 * (y * y + z * z),
+            2.0 * (x * y + w * z),
+            2.0 * (x * z - w * y),
+        ],
+        [
+            2.0 * (x * y - w * z),
+            1.0 - 2.0 * (x * x + z * z),
+            2.0 * (y * z + w * x),
+        ],
+        [
+            2.0 * (x * z + w * y),
+            2.0 * (y * z - w * x),
+            1.0 - 2.0 * (x * x + y * y),
+        ],
+    ]
+}
+
+/// Fills in the base colours: SH at the direction from the camera, clamped at zero.
+pub(super) fn base_colours(model: &Model, view: &ViewF32, degree: u32, splats: &mut [ProjectedSplat]) {
+    let width = 3 * sh_coefficients(model.splats.sh_degree);
+    splats.par_iter_mut().with_min_len(256).for_each(|splat| {
+        let i = splat.id as usize;
+        let (direction, _) = view_direction(model, i, view);
+        let basis = sh_basis(degree, direction);
+        let mut rgb = [0.5_f32; 3];
+        for (k, y) in basis[..sh_coefficients(degree)].iter().enumerate() {
+            (0..3).for_each(|c| rgb[c] += y * model.splats.sh[i * width + 3 * k + c]);
+        }
+        splat.rgb_positive = rgb.map(|v| v > 0.0);
+        // Poisoned coefficients must not spread: NaN becomes 0, and squares in the loss stay finite.
+        splat.rgb = rgb.map(|v| if v.is_nan() { 0.0 } else { v.clamp(0.0, RGB_MAX) });
+    });
+}
+
+/// Unit direction from the camera to a splat, local frame, and the distance.
+pub(super) fn view_direction(model: &Model, i: usize, view: &ViewF32) -> ([f32; 3], f32) {
+    let offset = [0, 1, 2].map(|k| model.splats.positions[3 * i + k] - view.centre_in_local[k]);
+    let length = dot(offset, offset).sqrt();
+    (offset.map(|v| v / length), length)
+}
+
+/// SH basis; entries above `degree` are 0.
+pub(super) fn sh_basis(degree: u32, [x, y, z]: [f32; 3]) -> [f32; 16] {
+    let mut out = [0.0; 16];
+    out[0] = SH_0 as f32;
+    if degree >= 1 {
+        let k = SH_1 as f32;
+        out[1..4].copy_from_slice(&[-k * y, k * z, -k * x]);
+    }
+    if degree >= 2 {
+        let band = [x * y, y * z, 2.0 * z * z - x * x - y * y, x * z, x * x - y * y];
+        (0..5).for_each(|k| out[4 + k] = SH_2[k] as f32 * band[k]);
+    }
+    if degree >= 3 {
+        let (xx, yy, zz) = (x * x, y * y, z * z);
+        let band = [
+            y * (3.0 * xx - yy),
+            x * y * z,
+            y * (4.0 * zz - xx - yy),
+            z * (2.0 * zz - 3.0 * xx - 3.0 * yy),
+            x * (4.0 * zz - xx - yy),
+            z * (xx - yy),
+            x * (xx - 3.0 * yy),
+        ];
+        (0..7).for_each(|k| out[9 + k] = SH_3[k] as f32 * band[k]);
+    }
+    out
+}
+
+/// Derivatives of [`sh_basis`] by the components of the direction.
+pub(super) fn sh_basis_derivative(degree: u32, [x, y, z]: [f32; 3]) -> [[f32; 3]; 16] {
+    let mut out = [[0.0; 3]; 16];
+    if degree >= 1 {
+        let k = SH_1 as f32;
+        out[1] = [0.0, -k, 0.0];
+        out[2] = [0.0, 0.0, k];
+        out[3] = [-k, 0.0, 0.0];
+    }
+    if degree >= 2 {
+        let band = [
+            [y, x, 0.0],
+            [0.0, z, y],
+            [-2.0 * x, -2.0 * y, 4.0 * z],
+            [z, 0.0, x],
+            [2.0 * x, -2.0 * y, 0.0],
+        ];
+        (0..5).for_each(|k| out[4 + k] = band[k].map(|v| v * SH_2[k] as f32));
+    }
+    if degree >= 3 {
+        let (xx, yy, zz) = (x * x, y * y, z * z);
+        let band = [
+            [6.0 * x * y, 3.0 * xx - 3.0 * yy, 0.0],
+            [y * z, x * z, x * y],
+            [-2.0 * x * y, 4.0 * zz - xx - 3.0 * yy, 8.0 * y * z],
+            [-6.0 * x * z, -6.0 * y * z, 6.0 * zz - 3.0 * xx - 3.0 * yy],
+            [4.0 * zz - 3.0 * xx - yy, -2.0 * x * y, 8.0 * x * z],
+            [2.0 * x * z, -2.0 * y * z, xx - yy],
+            [3.0 * xx - 3.0 * yy, -6.0 * x * y, 0.0],
+        ];
+        (0..7).for_each(|k| out[9 + k] = band[k].map(|v| v * SH_3[k] as f32));
+    }
+    out
+}

@@ -1,0 +1,110 @@
+//! Backward projection of one splat (twin: `reference/project_bwd.rs`): from the sums over its pixels
+//! to the derivatives by its stored parameters.
+
+use super::math::{cross, dot};
+use super::project::{ProjectedSplat, ViewF32, sh_basis, sh_basis_derivative, view_direction};
+use super::raster_bwd::{HEADER_FLOATS, Sum};
+use crate::constants::sh_coefficients;
+use crate::model::Model;
+
+/// Derivatives by a splat's stored parameters, without its texels.
+#[derive(Clone, Debug)]
+pub(super) struct SplatGradient {
+    pub position: [f32; 3],
+    pub quaternion: [f32; 4],
+    pub log_scale: [f32; 2],
+    pub opacity: f32,
+    /// `[(degree in use + 1)^2, 3]`, rest 0
+    pub sh: [f32; 48],
+}
+
+/// Chain rule from `sums`, the sums over all of the splat's pairs.
+pub(super) fn project_bwd(
+    model: &Model,
+    splat: &ProjectedSplat,
+    sums: &[f32; HEADER_FLOATS],
+    view: &ViewF32,
+    sh_degree: u32,
+) -> SplatGradient {
+    let s = |sum: Sum| sums[sum as usize];
+    let i = splat.id as usize;
+    let (by_centre, by_axes) = map_bwd(splat, sums, view);
+    let mut out = SplatGradient {
+        position: view.rotate_back(by_centre),
+        quaternion: [0.0; 4],
+        log_scale: [s(Sum::LogScaleU), s(Sum::LogScaleV)],
+        opacity: s(Sum::Opacity) * splat.opacity * (1.0 - splat.opacity),
+        sh: [0.0; 48],
+    };
+    let stored = [0, 1, 2, 3].map(|k| model.splats.quaternions[4 * i + k]);
+    out.quaternion = quaternion_bwd(stored, by_axes.map(|axis| view.rotate_back(axis)));
+
+    let by_rgb = [Sum::Red, Sum::Green, Sum::Blue].map(s);
+    let by_rgb = [0, 1, 2].map(|c| if splat.rgb_positive[c] { by_rgb[c] } else { 0.0 });
+    let (direction, distance) = view_direction(model, i, view);
+    let basis = sh_basis(sh_degree, direction);
+    let slopes = sh_basis_derivative(sh_degree, direction);
+    let first = i * 3 * sh_coefficients(model.splats.sh_degree);
+    let mut by_direction = [0.0; 3];
+    for k in 0..sh_coefficients(sh_degree) {
+        (0..3).for_each(|c| out.sh[3 * k + c] = basis[k] * by_rgb[c]);
+        let sh = &model.splats.sh[first + 3 * k..][..3];
+        let along = dot([sh[0], sh[1], sh[2]], by_rgb);
+        (0..3).for_each(|c| by_direction[c] += slopes[k][c] * along);
+    }
+    let radial = dot(direction, by_direction);
+    (0..3).for_each(|c| out.position[c] += (by_direction[c] - direction[c] * radial) / distance);
+    out
+}
+
+/// Derivatives by the centre and the three axes, in camera axes.
+fn map_bwd(splat: &ProjectedSplat, sums: &[f32; HEADER_FLOATS], view: &ViewF32) -> ([f32; 3], [[f32; 3]; 3]) {
+    let s = |sum: Sum| sums[sum as usize];
+    let p = splat.centre_in_camera;
+    let [e_u, e_v, n] = splat.axes_in_camera;
+    let [fx, fy] = view.focal_px;
+    let w0 = dot(p, n) / p[2];
+    let numerator = |x: f32, y: f32| [x / (fx * w0), y / (fy * w0), 0.0];
+    // The map in standard deviations is the map in world units over sigma.
+    let by_cross_a = numerator(s(Sum::UX) / splat.scales[0], s(Sum::UY) / splat.scales[0]);
+    let by_cross_b = numerator(s(Sum::VX) / splat.scales[1], s(Sum::VY) / splat.scales[1]);
+    let along = s(Sum::UX) * splat.a[0]
+        + s(Sum::UY) * splat.a[1]
+        + s(Sum::VX) * splat.b[0]
+        + s(Sum::VY) * splat.b[1]
+        + s(Sum::DX) * splat.g[0]
+        + s(Sum::DY) * splat.g[1];
+    let by_w0 = -along / w0;
+    let by_g = numerator(s(Sum::DX), s(Sum::DY));
+    let by_n = [0, 1, 2].map(|k| by_g[k] + by_w0 * p[k] / p[2]);
+    let centre_px =
+        [0, 1].map(|k| -(splat.a[k] * s(Sum::U) + splat.b[k] * s(Sum::V) + splat.g[k] * s(Sum::D)));
+    let by_projection = [
+        centre_px[0] * fx / p[2],
+        centre_px[1] * fy / p[2],
+        -(centre_px[0] * fx * p[0] + centre_px[1] * fy * p[1]) / (p[2] * p[2]),
+    ];
+    let (from_a, from_b) = (cross(by_cross_a, e_v), cross(e_u, by_cross_b));
+    let by_plane = [n[0] / p[2], n[1] / p[2], n[2] / p[2] - w0 / p[2]];
+    let by_centre = [0, 1, 2].map(|k| from_a[k] + from_b[k] + by_w0 * by_plane[k] + by_projection[k]);
+    (by_centre, [cross(by_cross_b, p), cross(p, by_cross_a), by_n])
+}
+
+/// Derivative by a stored quaternion (wxyz) from those by the columns of its rotation.
+fn quaternion_bwd(stored: [f32; 4], columns: [[f32; 3]; 3]) -> [f32; 4] {
+    let norm = stored.iter().map(|q| q * q).sum::<f32>().sqrt();
+    let [w, x, y, z] = stored.map(|q| q / norm);
+    let m = |row: usize, col: usize| columns[col][row];
+    let by_unit = [
+        2.0 * (z * (m(1, 0) - m(0, 1)) + y * (m(0, 2) - m(2, 0)) + x * (m(2, 1) - m(1, 2))),
+        2.0 * (y * (m(0, 1) + m(1, 0)) + z * (m(0, 2) + m(2, 0)) + w * (m(2, 1) - m(1, 2))
+            - 2.0 * x * (m(1, 1) + m(2, 2))),
+        2.0 * (x * (m(0, 1) + m(1, 0)) + w * (m(0, 2) - m(2, 0)) + z * (m(1, 2) + m(2, 1))
+            - 2.0 * y * (m(0, 0) + m(2, 2))),
+        2.0 * (w * (m(1, 0) - m(0, 1)) + x * (m(0, 2) + m(2, 0)) + y * (m(1, 2) + m(2, 1))
+            - 2.0 * z * (m(0, 0) + m(1, 1))),
+    ];
+    let unit = [w, x, y, z];
+    let along: f32 = unit.iter().zip(&by_unit).map(|(q, d)| q * d).sum();
+    [0, 1, 2, 3].map(|k| (by_unit[k] - unit[k] * along) / norm)
+}

@@ -1,0 +1,303 @@
+//! Backward rasterisation of one tile (twin: `reference/raster_bwd.rs`): splats outside, back to
+//! front; blocks of pixels inside. Sums of a pair go to its own place among the partial sums.
+
+use super::math::LANES;
+use super::project::{MapView, ProjectedSplat};
+use super::raster_fwd::{TileInput, TileOutput, TilePlane};
+use super::shape::{
+    BlockHit, BlockTaps, Shape, block_at, block_taps, clamped_alpha, hat_slope, residual, strip_span, strips,
+};
+use super::tiles::{TILE_PIXELS, TexelWindow};
+use crate::constants::ALPHA_MAX;
+use fearless_simd::{Select as _, Simd, SimdBase as _, SimdFloat as _, SimdMask as _, f32x8, mask32x8};
+
+/// Sums over a pair's pixels; `d` is the pixel's offset from the projected centre.
+#[derive(Clone, Copy, Debug)]
+#[repr(usize)]
+pub(super) enum Sum {
+    /// 1 if any pixel contributed, else 0 and the rest of the record is not written.
+    Touched,
+    /// Derivative by the plane coordinate along u over the denominator: sum, times dx, times dy.
+    U,
+    UX,
+    UY,
+    /// The same along v.
+    V,
+    VX,
+    VY,
+    /// Derivative by the denominator: sum, times dx, times dy.
+    D,
+    DX,
+    DY,
+    LogScaleU,
+    LogScaleV,
+    Opacity,
+    Red,
+    Green,
+    Blue,
+    Pixels,
+    Weight,
+    Error,
+    /// Number of sums: texel sums of the window follow, `[rows, cols, 3]`.
+    Len,
+}
+
+/// Fixed part of a pair's partial sums.
+pub(super) const HEADER_FLOATS: usize = Sum::Len as usize;
+
+/// Derivatives of the loss by the pixels of a tile, and the loss per pixel.
+pub(super) struct TileGradient {
+    /// By colour.
+    pub rgb: [TilePlane; 3],
+    /// Loss per pixel, for the window statistics.
+    pub loss: TilePlane,
+}
+
+/// State of the pass over a tile.
+struct Replay<'a> {
+    /// Transmittance behind the splats not yet visited; becomes that in front of them.
+    transmittance: TilePlane,
+    /// Derivative by colour, dotted with the colour of everything behind.
+    behind: TilePlane,
+    last: &'a TilePlane,
+    gradient: &'a TileGradient,
+}
+
+/// Per-lane sums of a pair.
+struct Sums<S: Simd>([f32x8<S>; HEADER_FLOATS]);
+
+impl<S: Simd> Sums<S> {
+    #[inline(always)]
+    fn add(&mut self, sum: Sum, value: f32x8<S>) {
+        self.0[sum as usize] += value;
+    }
+
+    #[inline(always)]
+    fn mul_add(&mut self, sum: Sum, x: f32x8<S>, y: f32x8<S>) {
+        self.0[sum as usize] = x.mul_add(y, self.0[sum as usize]);
+    }
+}
+
+/// Runs the pass over a tile. `partials` starts at the tile's first partial sum, `partial_base` floats
+/// from the start of all; `lanes` is scratch. Returns nothing: all results are in `partials`.
+#[inline(always)]
+pub(super) fn raster_bwd<S: Simd, const STATS: bool>(
+    simd: S,
+    input: &TileInput<'_>,
+    forward: &TileOutput,
+    gradient: &TileGradient,
+    background: [f32; 3],
+    partial_base: usize,
+    partials: &mut [f32],
+    lanes: &mut Vec<[f32; LANES]>,
+) {
+    let mut replay = Replay {
+        transmittance: forward.transmittance,
+        behind: [0.0; TILE_PIXELS],
+        last: &forward.last,
+        gradient,
+    };
+    for i in 0..TILE_PIXELS {
+        let by_background: f32 = (0..3).map(|k| gradient.rgb[k][i] * background[k]).sum();
+        replay.behind[i] = by_background * forward.transmittance[i];
+    }
+    for (index, pair) in input.pairs.iter().enumerate().rev() {
+        let record = &mut partials[pair.partial as usize - partial_base..];
+        record[Sum::Touched as usize] = 0.0;
+        if index >= forward.used_pairs {
+            continue;
+        }
+        let splat = &input.splats[pair.splat as usize];
+        lanes.clear();
+        lanes.resize(3 * pair.window.len(), [0.0; LANES]);
+        let mut sums = Sums([f32x8::splat(simd, 0.0); HEADER_FLOATS]);
+        let touched = pair_bwd::<S, STATS>(
+            simd,
+            input,
+            splat,
+            index,
+            &mut replay,
+            &pair.window,
+            &mut sums,
+            lanes,
+        );
+        if !touched {
+            continue;
+        }
+        for (out, sum) in record.iter_mut().zip(&sums.0) {
+            *out = sum.reduce_sum();
+        }
+        record[Sum::Touched as usize] = 1.0;
+        for (out, lanes) in record[HEADER_FLOATS..].iter_mut().zip(lanes.iter()) {
+            *out = f32x8::load_array_ref(simd, lanes).reduce_sum();
+        }
+    }
+}
+
+#[allow(
+    clippy::too_many_arguments,
+    reason = "inlined into its only caller; split for reading"
+)]
+#[inline(always)]
+fn pair_bwd<S: Simd, const STATS: bool>(
+    simd: S,
+    input: &TileInput<'_>,
+    splat: &ProjectedSplat,
+    index: usize,
+    replay: &mut Replay<'_>,
+    window: &TexelWindow,
+    sums: &mut Sums<S>,
+    lanes: &mut [[f32; LANES]],
+) -> bool {
+    let shape = Shape::new(splat, input.origin_px, input.near);
+    let map_texels = &input.texels[splat.map.first as usize..];
+    let mut touched = false;
+    let (strip0, strip1) = strips(splat, input.origin_px);
+    for strip in strip0..strip1 {
+        let (col0, col1) = strip_span(splat, input.origin_px, strip);
+        for col in col0..col1 {
+            let at = block_at(strip, col)..block_at(strip, col) + LANES;
+            let last = f32x8::from_slice(simd, &replay.last[at.clone()]);
+            let visited = last.simd_ge(index as f32);
+            if !visited.any_true() {
+                continue;
+            }
+            let hit = shape.hit(simd, strip, col);
+            let blended = hit.inside & visited;
+            if !blended.any_true() {
+                continue;
+            }
+            touched = true;
+            block_bwd::<S, STATS>(
+                simd, splat, &shape, &hit, blended, at, replay, map_texels, window, sums, lanes,
+            );
+        }
+    }
+    touched
+}
+
+#[allow(
+    clippy::too_many_arguments,
+    reason = "inlined into its only caller; split for reading"
+)]
+#[inline(always)]
+fn block_bwd<S: Simd, const STATS: bool>(
+    simd: S,
+    splat: &ProjectedSplat,
+    shape: &Shape,
+    hit: &BlockHit<S>,
+    blended: mask32x8<S>,
+    at: std::ops::Range<usize>,
+    replay: &mut Replay<'_>,
+    map_texels: &[f32],
+    window: &TexelWindow,
+    sums: &mut Sums<S>,
+    lanes: &mut [[f32; LANES]],
+) {
+    let zero = f32x8::splat(simd, 0.0);
+    let alpha = blended.select(clamped_alpha(hit), zero);
+    let per_rest = 1.0 / (1.0 - alpha);
+    let before = f32x8::from_slice(simd, &replay.transmittance[at.clone()]) * per_rest;
+    before.store_slice(&mut replay.transmittance[at.clone()]);
+    let weight = alpha * before;
+
+    let taps = block_taps(simd, &splat.map, hit, blended);
+    let mut colour = splat.rgb.map(|v| f32x8::splat(simd, v));
+    if let Some(taps) = &taps {
+        let residual = residual(simd, map_texels, splat.map.cols, taps);
+        (0..3).for_each(|k| colour[k] += residual[k]);
+    }
+    let by_pixel = [0, 1, 2].map(|k| f32x8::from_slice(simd, &replay.gradient.rgb[k][at.clone()]));
+    let mut by_pixel_dot_colour = zero;
+    for k in 0..3 {
+        by_pixel_dot_colour = by_pixel[k].mul_add(colour[k].max(zero), by_pixel_dot_colour);
+    }
+    let behind = f32x8::from_slice(simd, &replay.behind[at.clone()]);
+    let by_alpha = before * by_pixel_dot_colour - behind * per_rest;
+    weight
+        .mul_add(by_pixel_dot_colour, behind)
+        .store_slice(&mut replay.behind[at.clone()]);
+
+    // Projected gradient at the clamp: passes where the colour is positive or descent would raise it.
+    let by_colour = [0, 1, 2].map(|k| {
+        let passes = colour[k].simd_gt(0.0) | by_pixel[k].simd_lt(0.0);
+        passes.select(by_pixel[k] * weight, zero)
+    });
+    sums.add(Sum::Red, by_colour[0]);
+    sums.add(Sum::Green, by_colour[1]);
+    sums.add(Sum::Blue, by_colour[2]);
+    if STATS {
+        sums.add(Sum::Pixels, blended.select(f32x8::splat(simd, 1.0), zero));
+        sums.add(Sum::Weight, weight);
+        sums.mul_add(
+            Sum::Error,
+            weight,
+            f32x8::from_slice(simd, &replay.gradient.loss[at]),
+        );
+    }
+
+    // The derivative by alpha is cut where alpha is clamped.
+    let by_raw = (blended & hit.raw_alpha.simd_le(ALPHA_MAX as f32)).select(by_alpha, zero);
+    let by_raw_falloff = by_raw * hit.falloff;
+    sums.add(Sum::Opacity, by_raw_falloff);
+    let by_exponent = by_raw_falloff * shape.opacity;
+    let (a, b) = (blended.select(hit.a, zero), blended.select(hit.b, zero));
+    let (by_a, by_b) = (by_exponent * a, by_exponent * b);
+    sums.mul_add(Sum::LogScaleU, by_a, a);
+    sums.mul_add(Sum::LogScaleV, by_b, b);
+    let (mut by_u, mut by_v) = (zero, zero);
+    if let Some(taps) = &taps {
+        (by_u, by_v) = texture_bwd(simd, &splat.map, map_texels, taps, &by_colour, window, lanes);
+    }
+    let per = hit.per_denominator;
+    let u = (by_u * splat.map.texels_per_sigma[0] - by_a) * per;
+    let v = (by_v * splat.map.texels_per_sigma[1] - by_b) * per;
+    let d = -(u.mul_add(a, v * b));
+    sums.add(Sum::U, u);
+    sums.mul_add(Sum::UX, u, hit.dx);
+    sums.mul_add(Sum::UY, u, hit.dy);
+    sums.add(Sum::V, v);
+    sums.mul_add(Sum::VX, v, hit.dx);
+    sums.mul_add(Sum::VY, v, hit.dy);
+    sums.add(Sum::D, d);
+    sums.mul_add(Sum::DX, d, hit.dx);
+    sums.mul_add(Sum::DY, d, hit.dy);
+}
+
+/// Adds to the texels' lane sums; returns the derivatives by the texture coordinates.
+#[inline(always)]
+fn texture_bwd<S: Simd>(
+    simd: S,
+    map: &MapView,
+    map_texels: &[f32],
+    taps: &BlockTaps<S>,
+    by_colour: &[f32x8<S>; 3],
+    window: &TexelWindow,
+    lanes: &mut [[f32; LANES]],
+) -> (f32x8<S>, f32x8<S>) {
+    let zero = f32x8::splat(simd, 0.0);
+    let (mut by_u, mut by_v) = (zero, zero);
+    for i in taps.rows.0..taps.rows.1 {
+        let (wu, slope_u) = hat_slope(simd, taps.u, i);
+        let width = 3 * (taps.cols.1 - taps.cols.0) as usize;
+        let row = &map_texels[3 * (i * map.cols + taps.cols.0) as usize..][..width];
+        let first = 3 * ((i - window.row0) * window.cols + taps.cols.0 - window.col0) as usize;
+        let row_lanes = &mut lanes[first..first + width];
+        for ((j, texel), lanes) in (taps.cols.0..taps.cols.1)
+            .zip(row.chunks_exact(3))
+            .zip(row_lanes.chunks_exact_mut(3))
+        {
+            let (wv, slope_v) = hat_slope(simd, taps.v, j);
+            let w = wu * wv;
+            let mut along = zero;
+            for k in 0..3 {
+                along = by_colour[k].mul_add(f32x8::splat(simd, texel[k]), along);
+                let sum = f32x8::load_array_ref(simd, &lanes[k]);
+                w.mul_add(by_colour[k], sum).store_slice(&mut lanes[k]);
+            }
+            by_u = (slope_u * wv).mul_add(along, by_u);
+            by_v = (wu * slope_v).mul_add(along, by_v);
+        }
+    }
+    (by_u, by_v)
+}

@@ -1,0 +1,201 @@
+//! Forward rasterisation of one tile (twin: `reference/raster_fwd.rs`): splats outside, front to back;
+//! blocks of pixels inside.
+
+use super::math::LANES;
+use super::project::ProjectedSplat;
+use super::shape::{
+    BLOCK_COLS, Shape, block_at, block_taps, clamped_alpha, element_of, residual, strip_span, strips,
+};
+use super::tiles::{Pair, TILE_PIXELS, TILE_PX};
+use crate::backend::RasterCounters;
+use crate::constants::TRANSMITTANCE_MIN;
+use fearless_simd::{Select as _, Simd, SimdBase as _, SimdFloat as _, SimdMask as _, f32x8};
+
+/// Pixels of a tile, block by block.
+pub(super) type TilePlane = [f32; TILE_PIXELS];
+
+/// What the forward pass leaves for a tile.
+#[derive(Clone)]
+pub(super) struct TileOutput {
+    /// Colour without background.
+    pub rgb: [TilePlane; 3],
+    /// Transmittance behind the last blended splat.
+    pub transmittance: TilePlane,
+    /// Index within the tile's pairs of the last blended splat, as a float; -1: none.
+    pub last: TilePlane,
+    /// Index of the last pair that any pixel blended, plus 1.
+    pub used_pairs: usize,
+    pub counters: RasterCounters,
+}
+
+impl Default for TileOutput {
+    fn default() -> Self {
+        let zero = [0.0; TILE_PIXELS];
+        Self {
+            rgb: [zero; 3],
+            transmittance: zero,
+            last: zero,
+            used_pairs: 0,
+            counters: RasterCounters::default(),
+        }
+    }
+}
+
+/// Depth and normals, gathered on demand.
+#[derive(Clone)]
+pub(super) struct TileGeometry {
+    pub depth: TilePlane,
+    pub normal: [TilePlane; 3],
+}
+
+impl Default for TileGeometry {
+    fn default() -> Self {
+        Self {
+            depth: [0.0; TILE_PIXELS],
+            normal: [[0.0; TILE_PIXELS]; 3],
+        }
+    }
+}
+
+/// What a tile's kernels read.
+pub(super) struct TileInput<'a> {
+    pub splats: &'a [ProjectedSplat],
+    /// Activated texels of the frame.
+    pub texels: &'a [f32],
+    pub pairs: &'a [Pair],
+    pub origin_px: [i32; 2],
+    pub size_px: [u32; 2],
+    pub near: f32,
+}
+
+impl TileInput<'_> {
+    /// 1 for the tile's pixels within the picture, else 0.
+    pub(super) fn coverage(&self) -> TilePlane {
+        let mut plane = [0.0; TILE_PIXELS];
+        let extent =
+            [0, 1].map(|k| (self.size_px[k] as i32 - self.origin_px[k]).clamp(0, TILE_PX as i32) as usize);
+        for y in 0..extent[1] {
+            (0..extent[0]).for_each(|x| plane[element_of(x, y)] = 1.0);
+        }
+        plane
+    }
+}
+
+/// Rasterises a tile. With `COUNT`, fills the pair counters.
+#[inline(always)]
+pub(super) fn raster_fwd<S: Simd, const COUNT: bool>(
+    simd: S,
+    input: &TileInput<'_>,
+    out: &mut TileOutput,
+    mut geometry: Option<&mut TileGeometry>,
+) {
+    // Transmittance of pixels that still blend; 0 once they have stopped.
+    let mut live = input.coverage();
+    out.rgb = [[0.0; TILE_PIXELS]; 3];
+    out.transmittance = [1.0; TILE_PIXELS];
+    out.last = [-1.0; TILE_PIXELS];
+    out.used_pairs = 0;
+    let mut counters = RasterCounters::default();
+    let mut block_live = [true; TILE_PIXELS / LANES];
+    let mut live_blocks = block_live.len();
+    for (block, alive) in block_live.iter_mut().enumerate() {
+        *alive = live[block * LANES..][..LANES].iter().any(|&t| t > 0.0);
+        live_blocks -= usize::from(!*alive);
+    }
+    let zero = f32x8::splat(simd, 0.0);
+    for (index, pair) in input.pairs.iter().enumerate() {
+        if live_blocks == 0 {
+            break;
+        }
+        let splat = &input.splats[pair.splat as usize];
+        let shape = Shape::new(splat, input.origin_px, input.near);
+        let texels = &input.texels[splat.map.first as usize..];
+        let (strip0, strip1) = strips(splat, input.origin_px);
+        for strip in strip0..strip1 {
+            let (col0, col1) = strip_span(splat, input.origin_px, strip);
+            for col in col0..col1 {
+                let block = strip * BLOCK_COLS + col;
+                if !block_live[block] {
+                    continue;
+                }
+                let at = block_at(strip, col)..block_at(strip, col) + LANES;
+                let hit = shape.hit(simd, strip, col);
+                if COUNT {
+                    counters.evaluated_pairs += LANES as u64;
+                    counters.inside_pairs += u64::from(hit.inside.to_bitmask().count_ones());
+                }
+                if !hit.inside.any_true() {
+                    continue;
+                }
+                let before = f32x8::from_slice(simd, &live[at.clone()]);
+                let alpha = clamped_alpha(&hit);
+                let after = before * (1.0 - alpha);
+                let blends = hit.inside & after.simd_ge(TRANSMITTANCE_MIN as f32);
+                let now_live = hit.inside.select(blends.select(after, zero), before);
+                now_live.store_slice(&mut live[at.clone()]);
+                if !now_live.simd_gt(0.0).any_true() {
+                    block_live[block] = false;
+                    live_blocks -= 1;
+                }
+                if !blends.any_true() {
+                    continue;
+                }
+                if COUNT {
+                    counters.blended_pairs += u64::from(blends.to_bitmask().count_ones());
+                }
+                out.used_pairs = index + 1;
+                let behind = f32x8::from_slice(simd, &out.transmittance[at.clone()]);
+                blends
+                    .select(after, behind)
+                    .store_slice(&mut out.transmittance[at.clone()]);
+                let last = f32x8::from_slice(simd, &out.last[at.clone()]);
+                blends
+                    .select(f32x8::splat(simd, index as f32), last)
+                    .store_slice(&mut out.last[at.clone()]);
+                let weight = blends.select(alpha * before, zero);
+                let mut colour = splat.rgb.map(|v| f32x8::splat(simd, v));
+                if let Some(taps) = block_taps(simd, &splat.map, &hit, blends) {
+                    let residual = residual(simd, texels, splat.map.cols, &taps);
+                    (0..3).for_each(|k| colour[k] = (colour[k] + residual[k]).max(zero));
+                }
+                for k in 0..3 {
+                    let plane = &mut out.rgb[k][at.clone()];
+                    weight
+                        .mul_add(colour[k], f32x8::from_slice(simd, plane))
+                        .store_slice(plane);
+                }
+                if let Some(geometry) = geometry.as_deref_mut() {
+                    add_geometry(simd, splat, weight, weight * hit.per_denominator, at, geometry);
+                }
+            }
+        }
+    }
+    out.counters = counters;
+}
+
+#[inline(always)]
+fn add_geometry<S: Simd>(
+    simd: S,
+    splat: &ProjectedSplat,
+    weight: f32x8<S>,
+    weight_per_denominator: f32x8<S>,
+    at: std::ops::Range<usize>,
+    geometry: &mut TileGeometry,
+) {
+    let add = |plane: &mut [f32], value: f32x8<S>| {
+        (f32x8::from_slice(simd, plane) + value).store_slice(plane);
+    };
+    add(
+        &mut geometry.depth[at.clone()],
+        weight_per_denominator * splat.depth,
+    );
+    let n = splat.axes_in_camera[2];
+    let facing = if super::math::dot(n, splat.centre_in_camera) > 0.0 {
+        -1.0
+    } else {
+        1.0
+    };
+    for k in 0..3 {
+        add(&mut geometry.normal[k][at.clone()], weight * (facing * n[k]));
+    }
+}

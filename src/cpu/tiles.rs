@@ -1,0 +1,226 @@
+//! Which splats touch which tile, per tile in the order of depth.
+
+use super::project::ProjectedSplat;
+use rayon::prelude::*;
+
+/// Edge of a tile. Larger tiles than a GPU's: a pair costs its set-up and its partial sums, while rows
+/// outside a splat cost nothing here (measured: 32 beats 16 on fox at 270x480).
+pub(super) const TILE_PX: usize = 32;
+
+/// Pixels of a tile.
+pub(super) const TILE_PIXELS: usize = TILE_PX * TILE_PX;
+
+/// Texels of a splat's map that a tile can touch.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct TexelWindow {
+    pub row0: i32,
+    pub col0: i32,
+    pub rows: i32,
+    pub cols: i32,
+}
+
+impl TexelWindow {
+    pub(super) fn len(&self) -> usize {
+        (self.rows * self.cols) as usize
+    }
+}
+
+/// A splat in a tile.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Pair {
+    /// Index into the projected splats.
+    pub splat: u32,
+    /// Where its partial sums start, in floats from the start of all partial sums.
+    pub partial: u32,
+    pub window: TexelWindow,
+}
+
+/// Tile grid and pairs of a view.
+#[derive(Default)]
+pub(super) struct Tiles {
+    /// Columns and rows of the grid.
+    pub grid: [usize; 2],
+    /// Pairs by tile, front to back.
+    pub pairs: Vec<Pair>,
+    /// First pair of each tile, and the number of all. `[tiles + 1]`
+    pub tile_start: Vec<u32>,
+    /// First slot of each projected splat, and the number of all. `[splats + 1]`
+    pub slot_start: Vec<u32>,
+    /// Index of the pair in each slot; the slots of a splat follow its tiles row by row.
+    pub slot_pair: Vec<u32>,
+    /// Length of all partial sums, floats.
+    pub partial_floats: usize,
+}
+
+/// Tiles `tx0..tx1` of tile row `ty` are touched.
+#[derive(Clone, Copy)]
+struct TileRun {
+    ty: u16,
+    tx0: u16,
+    tx1: u16,
+}
+
+/// Builds the lists. `header_floats` is the fixed part of a pair's partial sums.
+pub(super) fn build_tiles(splats: &[ProjectedSplat], size_px: [u32; 2], header_floats: usize) -> Tiles {
+    let grid = size_px.map(|s| (s as usize).div_ceil(TILE_PX));
+    let runs: Vec<Vec<TileRun>> = splats.par_iter().with_min_len(256).map(tile_runs).collect();
+    let mut slot_start = Vec::with_capacity(splats.len() + 1);
+    let mut tile_start = vec![0_u32; grid[0] * grid[1] + 1];
+    let mut slots = 0;
+    slot_start.push(0);
+    for runs in &runs {
+        for run in runs {
+            slots += u32::from(run.tx1 - run.tx0);
+            let row = usize::from(run.ty) * grid[0];
+            (run.tx0..run.tx1).for_each(|tx| tile_start[row + usize::from(tx) + 1] += 1);
+        }
+        slot_start.push(slots);
+    }
+    for t in 1..tile_start.len() {
+        tile_start[t] += tile_start[t - 1];
+    }
+    let mut order: Vec<(u32, u32)> = splats
+        .iter()
+        .enumerate()
+        .map(|(i, s)| (s.depth.to_bits(), i as u32))
+        .collect();
+    order.par_sort_unstable();
+    let mut pairs = vec![Pair::default(); slots as usize];
+    let mut slot_pair = vec![0; slots as usize];
+    let mut next = tile_start.clone();
+    for (_, splat) in order {
+        let mut slot = slot_start[splat as usize] as usize;
+        for run in &runs[splat as usize] {
+            let row = usize::from(run.ty) * grid[0];
+            for tx in run.tx0..run.tx1 {
+                let at = &mut next[row + usize::from(tx)];
+                pairs[*at as usize].splat = splat;
+                slot_pair[slot] = *at;
+                *at += 1;
+                slot += 1;
+            }
+        }
+    }
+    let mut tiles = Tiles {
+        grid,
+        pairs,
+        tile_start,
+        slot_start,
+        slot_pair,
+        partial_floats: 0,
+    };
+    tiles.place_partials(splats, header_floats);
+    tiles
+}
+
+impl Tiles {
+    /// Tile's first pixel.
+    pub(super) fn origin_px(&self, tile: usize) -> [i32; 2] {
+        [
+            (tile % self.grid[0] * TILE_PX) as i32,
+            (tile / self.grid[0] * TILE_PX) as i32,
+        ]
+    }
+
+    /// Pairs of a tile.
+    pub(super) fn pairs_of(&self, tile: usize) -> &[Pair] {
+        &self.pairs[self.tile_start[tile] as usize..self.tile_start[tile + 1] as usize]
+    }
+
+    /// Number of tiles.
+    pub(super) fn len(&self) -> usize {
+        self.grid[0] * self.grid[1]
+    }
+
+    fn place_partials(&mut self, splats: &[ProjectedSplat], header_floats: usize) {
+        let mut next = 0;
+        for tile in 0..self.len() {
+            let origin = self.origin_px(tile);
+            let range = self.tile_start[tile] as usize..self.tile_start[tile + 1] as usize;
+            for pair in &mut self.pairs[range] {
+                pair.window = texel_window(&splats[pair.splat as usize], origin);
+                pair.partial = next as u32;
+                next += header_floats + 3 * pair.window.len();
+            }
+        }
+        self.partial_floats = next;
+    }
+}
+
+fn tile_runs(splat: &ProjectedSplat) -> Vec<TileRun> {
+    let b = &splat.bounds;
+    let tile = TILE_PX as i32;
+    let mut runs = Vec::with_capacity(((b.y1 - b.y0) / tile + 2) as usize);
+    for ty in b.y0 / tile..=(b.y1 - 1) / tile {
+        let mut first = i32::MAX;
+        let mut past = i32::MIN;
+        for y in (ty * tile).max(b.y0)..((ty + 1) * tile).min(b.y1) {
+            let (x0, x1) = b.row_span(y);
+            if x0 < x1 {
+                first = first.min(x0);
+                past = past.max(x1);
+            }
+        }
+        if first < past {
+            let run = TileRun {
+                ty: ty as u16,
+                tx0: (first / tile) as u16,
+                tx1: ((past - 1) / tile + 1) as u16,
+            };
+            runs.push(run);
+        }
+    }
+    runs
+}
+
+/// Maps up to this many texels are kept whole: finding a smaller window would cost more.
+const WHOLE_MAP_TEXELS: i32 = 25;
+
+/// Texels that bilinear taps of pixels in the tile can touch: the map is projective, so that its
+/// extremes over a rectangle of pixels are at the corners while the denominator is positive there.
+fn texel_window(splat: &ProjectedSplat, origin_px: [i32; 2]) -> TexelWindow {
+    let map = &splat.map;
+    let whole = TexelWindow {
+        row0: 0,
+        col0: 0,
+        rows: map.rows,
+        cols: map.cols,
+    };
+    if map.rows * map.cols <= WHOLE_MAP_TEXELS {
+        return whole;
+    }
+    let b = &splat.bounds;
+    let tile = TILE_PX as i32;
+    let x = [b.x0.max(origin_px[0]), b.x1.min(origin_px[0] + tile)].map(|v| v as f32 - splat.centre_px[0]);
+    let y = [b.y0.max(origin_px[1]), b.y1.min(origin_px[1] + tile)].map(|v| v as f32 - splat.centre_px[1]);
+    let mut low = [f32::INFINITY; 2];
+    let mut high = [f32::NEG_INFINITY; 2];
+    for corner in 0..4 {
+        let (dx, dy) = (x[corner % 2], y[corner / 2]);
+        let denominator = 1.0 + splat.g[0] * dx + splat.g[1] * dy;
+        if denominator < 1e-2 {
+            return whole;
+        }
+        for (k, numerator) in [splat.a, splat.b].iter().enumerate() {
+            let sigma = (numerator[0] * dx + numerator[1] * dy) / denominator;
+            let texel = sigma * map.texels_per_sigma[k] + map.origin[k];
+            low[k] = low[k].min(texel);
+            high[k] = high[k].max(texel);
+        }
+    }
+    // One texel of slack for rounding.
+    let range = |k: usize, size: i32| {
+        let first = ((low[k] - 0.01).floor() as i32).clamp(0, size);
+        let past = ((high[k] + 0.01).floor() as i32)
+            .saturating_add(2)
+            .clamp(first, size);
+        (first, past - first)
+    };
+    let ((row0, rows), (col0, cols)) = (range(0, map.rows), range(1, map.cols));
+    TexelWindow {
+        row0,
+        col0,
+        rows,
+        cols,
+    }
+}

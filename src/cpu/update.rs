@@ -1,0 +1,432 @@
+//! Per splat, once a step: sum its pairs, project the sums back, regularise, guard, update by Adam.
+//! Splats are handled in chunks, each with exclusive slices of every array.
+
+use super::adam::{AdamSkip, AdamStep};
+use super::project::{ProjectedSplat, ViewF32};
+use super::project_bwd::{SplatGradient, project_bwd};
+use super::raster_bwd::{HEADER_FLOATS, Sum};
+use super::tiles::Tiles;
+use crate::backend::{LearningRates, WindowStatistics};
+use crate::constants::sh_coefficients;
+use crate::model::{AdamState, Model, SplatArrays, SplatGroup, TextureMap, texel_value_slope};
+use rayon::prelude::*;
+
+/// Splats per chunk of parallel work.
+const CHUNK: usize = 256;
+
+/// Log-scales are kept within this: 1e-7 to 10 local units.
+pub(super) const LOG_SCALE_RANGE: (f32, f32) = (-16.118_095, 2.302_585);
+
+/// Parameter, first and second moment of one group for a chunk.
+type Triple<'a> = [&'a mut [f32]; 3];
+
+/// A chunk's exclusive view of model, moments and statistics.
+struct Chunk<'a> {
+    first: usize,
+    groups: [Triple<'a>; 5],
+    texels: Triple<'a>,
+    last_step: &'a mut [u32],
+    statistics: Option<[&'a mut [f32]; 3]>,
+    seen: Option<&'a mut [u32]>,
+}
+
+/// Splits everything into chunks of splats.
+fn chunks<'a>(
+    groups: [[&'a mut Vec<f32>; 3]; 5],
+    texels: [&'a mut Vec<f32>; 3],
+    last_step: &'a mut Vec<u32>,
+    statistics: Option<&'a mut WindowStatistics>,
+    maps: &[TextureMap],
+    sh_degree: u32,
+) -> Vec<Chunk<'a>> {
+    let n = last_step.len();
+    let mut groups = groups.map(|g| g.map(|v| v.as_mut_slice()));
+    let mut texels = texels.map(|v| v.as_mut_slice());
+    let mut last_step = last_step.as_mut_slice();
+    let (mut sums, mut seen) = match statistics {
+        Some(s) => {
+            let arrays = [&mut s.area, &mut s.contribution, &mut s.error].map(|v| v.as_mut_slice());
+            (Some(arrays), Some(s.seen.as_mut_slice()))
+        }
+        None => (None, None),
+    };
+    let mut out = Vec::new();
+    for first in (0..n).step_by(CHUNK) {
+        let len = CHUNK.min(n - first);
+        let texel_floats: usize = maps[first..first + len].iter().map(|m| 3 * m.num_texels()).sum();
+        let mut taken = Vec::new();
+        for (group, arrays) in SplatGroup::ALL.into_iter().zip(&mut groups) {
+            taken.push(take(arrays, len * group.width(sh_degree)));
+        }
+        let Ok(taken) = taken.try_into() else {
+            unreachable!("five groups")
+        };
+        let (head, tail) = std::mem::take(&mut last_step).split_at_mut(len);
+        last_step = tail;
+        out.push(Chunk {
+            first,
+            groups: taken,
+            texels: take(&mut texels, texel_floats),
+            last_step: head,
+            statistics: sums.as_mut().map(|s| take(s, len)),
+            seen: seen.as_mut().map(|s| {
+                let (head, tail) = std::mem::take(s).split_at_mut(len);
+                *s = tail;
+                head
+            }),
+        });
+    }
+    out
+}
+
+/// The first `len` elements of three slices, which keep the rest.
+fn take<'a>(slices: &mut [&'a mut [f32]; 3], len: usize) -> [&'a mut [f32]; 3] {
+    let [a, b, c] = slices;
+    [a, b, c].map(|slice| {
+        let (head, tail) = std::mem::take(slice).split_at_mut(len);
+        *slice = tail;
+        head
+    })
+}
+
+fn triples<'a>(
+    p: &'a mut SplatArrays,
+    m: &'a mut SplatArrays,
+    v: &'a mut SplatArrays,
+) -> [[&'a mut Vec<f32>; 3]; 5] {
+    let arrays = |s: &'a mut SplatArrays| {
+        let SplatArrays {
+            positions,
+            quaternions,
+            log_scales,
+            opacity_logits,
+            sh,
+            ..
+        } = s;
+        [positions, quaternions, log_scales, opacity_logits, sh]
+    };
+    let ([p0, p1, p2, p3, p4], [m0, m1, m2, m3, m4], [v0, v1, v2, v3, v4]) =
+        (arrays(p), arrays(m), arrays(v));
+    [
+        [p0, m0, v0],
+        [p1, m1, v1],
+        [p2, m2, v2],
+        [p3, m3, v3],
+        [p4, m4, v4],
+    ]
+}
+
+/// Brings SH and texels of the given splats (ascending ids), or of all, up to date as of step `now`.
+pub(super) fn settle(model: &mut Model, adam: &mut AdamState, only: Option<&[u32]>, now: u32) {
+    let (rates, sh_degree) = (adam.rates, model.splats.sh_degree);
+    let width = 3 * sh_coefficients(model.splats.sh_degree);
+    let Model { splats, textures, .. } = model;
+    let groups = triples(splats, &mut adam.splats_m, &mut adam.splats_v);
+    let texels = [&mut textures.texels, &mut adam.texels_m, &mut adam.texels_v];
+    let chunks = chunks(
+        groups,
+        texels,
+        &mut adam.last_step,
+        None,
+        &textures.maps,
+        sh_degree,
+    );
+    let maps = &textures.maps;
+    chunks.into_par_iter().for_each(|mut chunk| {
+        let base = 3 * maps[chunk.first].offset_texels as usize;
+        let len = chunk.last_step.len();
+        let mut settle_one = |i: usize| {
+            if let Some(skip) = AdamSkip::new(chunk.last_step[i], now) {
+                let [p, m, v] = &mut chunk.groups[4];
+                let dc = i * width..i * width + 3;
+                let rest = i * width + 3..(i + 1) * width;
+                skip.update(&mut p[dc.clone()], &mut m[dc.clone()], &mut v[dc], rates.sh_dc);
+                skip.update(
+                    &mut p[rest.clone()],
+                    &mut m[rest.clone()],
+                    &mut v[rest],
+                    rates.sh_rest,
+                );
+                let floats = maps[chunk.first + i].floats();
+                let range = floats.start - base..floats.end - base;
+                let [p, m, v] = &mut chunk.texels;
+                skip.update(
+                    &mut p[range.clone()],
+                    &mut m[range.clone()],
+                    &mut v[range],
+                    rates.texel,
+                );
+            }
+            if chunk.last_step[i] != 0 {
+                chunk.last_step[i] = chunk.last_step[i].max(now);
+            }
+        };
+        match only {
+            Some(ids) => {
+                ids_within(ids, chunk.first, len).for_each(|id| settle_one(id as usize - chunk.first))
+            }
+            None => (0..len).for_each(settle_one),
+        }
+    });
+}
+
+fn ids_within(ids: &[u32], first: usize, len: usize) -> impl Iterator<Item = u32> + '_ {
+    let start = ids.partition_point(|&id| (id as usize) < first);
+    ids[start..]
+        .iter()
+        .copied()
+        .take_while(move |&id| (id as usize) < first + len)
+}
+
+/// Everything that the update reads.
+pub(super) struct UpdateInput<'a> {
+    pub splats: &'a [ProjectedSplat],
+    pub tiles: &'a Tiles,
+    pub partials: &'a [f32],
+    /// Activated texels of the frame.
+    pub texel_values: &'a [f32],
+    pub view: ViewF32,
+    pub sh_degree: u32,
+    pub step: u32,
+    pub rates: LearningRates,
+    /// Weight of the opacity term over the number of splats.
+    pub opacity_weight: f32,
+    pub texture_weight: f32,
+    pub num_pixels: f32,
+}
+
+/// Where gradients go instead of into an update.
+pub(super) struct GradientSink {
+    pub splats: SplatArrays,
+    pub texels: Vec<f32>,
+}
+
+/// Gradient of one visible splat; texel gradients are left in `texels`.
+pub(super) fn splat_gradient(
+    model: &Model,
+    input: &UpdateInput<'_>,
+    index: usize,
+    texels: &mut Vec<f32>,
+) -> (SplatGradient, [f32; 3], u32) {
+    let splat = &input.splats[index];
+    let map = &splat.map;
+    texels.clear();
+    texels.resize(3 * (map.rows * map.cols) as usize, 0.0);
+    let mut sums = [0.0; HEADER_FLOATS];
+    let slots = input.tiles.slot_start[index] as usize..input.tiles.slot_start[index + 1] as usize;
+    for &pair in &input.tiles.slot_pair[slots] {
+        let pair = &input.tiles.pairs[pair as usize];
+        let record = &input.partials[pair.partial as usize..];
+        if record[Sum::Touched as usize] == 0.0 {
+            continue;
+        }
+        for (sum, part) in sums.iter_mut().zip(record) {
+            *sum += part;
+        }
+        let w = &pair.window;
+        let width = 3 * w.cols as usize;
+        if width == 0 {
+            continue;
+        }
+        let window = &record[HEADER_FLOATS..HEADER_FLOATS + 3 * w.len()];
+        for (row, part) in (w.row0..).zip(window.chunks_exact(width)) {
+            let first = 3 * (row * map.cols + w.col0) as usize;
+            texels[first..first + width]
+                .iter_mut()
+                .zip(part)
+                .for_each(|(t, p)| *t += p);
+        }
+    }
+    let mut gradient = project_bwd(model, splat, &sums, &input.view, input.sh_degree);
+    gradient.opacity += input.opacity_weight * splat.opacity * (1.0 - splat.opacity);
+    let values = &input.texel_values[map.first as usize..][..texels.len()];
+    for (g, v) in texels.iter_mut().zip(values) {
+        let sign = if *v == 0.0 { 0.0 } else { v.signum() };
+        *g = (*g + input.texture_weight * sign) * texel_value_slope(f64::from(*v)) as f32;
+    }
+    let non_finite = guard(&mut gradient, texels);
+    let statistics = [Sum::Pixels, Sum::Weight, Sum::Error].map(|s| sums[s as usize] / input.num_pixels);
+    (gradient, statistics, non_finite)
+}
+
+/// Non-finite entries become zero; returns their number.
+fn guard(gradient: &mut SplatGradient, texels: &mut [f32]) -> u32 {
+    let mut count = 0;
+    let SplatGradient {
+        position,
+        quaternion,
+        log_scale,
+        opacity,
+        sh,
+    } = gradient;
+    let fixed = position.iter_mut().chain(quaternion).chain(log_scale).chain(sh);
+    for g in fixed.chain(std::iter::once(opacity)).chain(texels) {
+        if !g.is_finite() {
+            *g = 0.0;
+            count += 1;
+        }
+    }
+    count
+}
+
+/// One step of Adam on everything: geometry of all splats, SH and texels of the visible ones. Returns
+/// the number of non-finite gradients.
+pub(super) fn update(
+    model: &mut Model,
+    adam: &mut AdamState,
+    statistics: Option<&mut WindowStatistics>,
+    input: &UpdateInput<'_>,
+) -> u64 {
+    let gradients = gather_gradients(model, input);
+    let step = AdamStep::new(input.step);
+    let rates = &input.rates;
+    let sh_degree = model.splats.sh_degree;
+    let sh_width = 3 * sh_coefficients(sh_degree);
+    (adam.step, adam.rates) = (input.step, input.rates);
+    let Model { splats, textures, .. } = model;
+    let groups = triples(splats, &mut adam.splats_m, &mut adam.splats_v);
+    let texels = [&mut textures.texels, &mut adam.texels_m, &mut adam.texels_v];
+    let maps = &textures.maps;
+    let chunks = chunks(groups, texels, &mut adam.last_step, statistics, maps, sh_degree);
+    chunks
+        .into_par_iter()
+        .zip(&gradients)
+        .for_each(|(mut chunk, gradients)| {
+            let base = 3 * maps[chunk.first].offset_texels as usize;
+            let mut dense = vec![[0.0_f32; 10]; chunk.last_step.len()];
+            for g in gradients.splats.iter() {
+                let i = g.id as usize - chunk.first;
+                dense[i][..3].copy_from_slice(&g.gradient.position);
+                dense[i][3..7].copy_from_slice(&g.gradient.quaternion);
+                dense[i][7..9].copy_from_slice(&g.gradient.log_scale);
+                dense[i][9] = g.gradient.opacity;
+                let [p, m, v] = &mut chunk.groups[4];
+                let dc = i * sh_width..i * sh_width + 3;
+                let rest = i * sh_width + 3..(i + 1) * sh_width;
+                let sh = &g.gradient.sh;
+                step.update(
+                    &mut p[dc.clone()],
+                    &mut m[dc.clone()],
+                    &mut v[dc],
+                    &sh[..3],
+                    rates.sh_dc,
+                );
+                step.update(
+                    &mut p[rest.clone()],
+                    &mut m[rest.clone()],
+                    &mut v[rest],
+                    &sh[3..sh_width],
+                    rates.sh_rest,
+                );
+                let floats = maps[g.id as usize].floats();
+                let range = floats.start - base..floats.end - base;
+                let [p, m, v] = &mut chunk.texels;
+                let texels = &gradients.texels[g.first_texel..g.first_texel + range.len()];
+                step.update(
+                    &mut p[range.clone()],
+                    &mut m[range.clone()],
+                    &mut v[range],
+                    texels,
+                    rates.texel,
+                );
+                chunk.last_step[i] = input.step;
+                if let (Some(sums), Some(seen)) = (&mut chunk.statistics, &mut chunk.seen) {
+                    (0..3).for_each(|k| sums[k][i] += g.statistics[k]);
+                    seen[i] += 1;
+                }
+            }
+            let widths = [
+                (3, 0, rates.position),
+                (4, 3, rates.quaternion),
+                (2, 7, rates.log_scale),
+                (1, 9, rates.opacity),
+            ];
+            for ([p, m, v], (width, at, rate)) in chunk.groups.iter_mut().zip(widths) {
+                for (i, g) in dense.iter().enumerate() {
+                    let range = i * width..(i + 1) * width;
+                    step.update(
+                        &mut p[range.clone()],
+                        &mut m[range.clone()],
+                        &mut v[range],
+                        &g[at..at + width],
+                        rate,
+                    );
+                }
+            }
+            for s in chunk.groups[2][0].iter_mut() {
+                *s = s.clamp(LOG_SCALE_RANGE.0, LOG_SCALE_RANGE.1);
+            }
+        });
+    gradients.iter().map(|c| c.non_finite).sum()
+}
+
+/// Gradients of the visible splats of a chunk.
+struct ChunkGradients {
+    splats: Vec<IndexedGradient>,
+    texels: Vec<f32>,
+    non_finite: u64,
+}
+
+struct IndexedGradient {
+    id: u32,
+    first_texel: usize,
+    gradient: SplatGradient,
+    statistics: [f32; 3],
+}
+
+fn gather_gradients(model: &Model, input: &UpdateInput<'_>) -> Vec<ChunkGradients> {
+    let firsts: Vec<usize> = (0..model.num_splats()).step_by(CHUNK).collect();
+    firsts
+        .into_par_iter()
+        .map(|first| {
+            let start = input.splats.partition_point(|s| (s.id as usize) < first);
+            let past = input.splats.partition_point(|s| (s.id as usize) < first + CHUNK);
+            let mut out = ChunkGradients {
+                splats: Vec::new(),
+                texels: Vec::new(),
+                non_finite: 0,
+            };
+            let mut texels = Vec::new();
+            for index in start..past {
+                if input.tiles.slot_start[index] == input.tiles.slot_start[index + 1] {
+                    continue;
+                }
+                let (gradient, statistics, non_finite) = splat_gradient(model, input, index, &mut texels);
+                out.non_finite += u64::from(non_finite);
+                let id = input.splats[index].id;
+                out.splats.push(IndexedGradient {
+                    id,
+                    first_texel: out.texels.len(),
+                    gradient,
+                    statistics,
+                });
+                out.texels.extend_from_slice(&texels);
+            }
+            out
+        })
+        .collect()
+}
+
+/// Gradients of all splats as arrays, for comparisons.
+pub(super) fn collect_gradients(model: &Model, input: &UpdateInput<'_>) -> GradientSink {
+    let n = model.num_splats();
+    let mut sink = GradientSink {
+        splats: SplatArrays::zeros(n, model.splats.sh_degree),
+        texels: vec![0.0; model.textures.texels.len()],
+    };
+    let width = 3 * sh_coefficients(model.splats.sh_degree);
+    for chunk in gather_gradients(model, input) {
+        for g in &chunk.splats {
+            let i = g.id as usize;
+            sink.splats.positions[3 * i..3 * i + 3].copy_from_slice(&g.gradient.position);
+            sink.splats.quaternions[4 * i..4 * i + 4].copy_from_slice(&g.gradient.quaternion);
+            sink.splats.log_scales[2 * i..2 * i + 2].copy_from_slice(&g.gradient.log_scale);
+            sink.splats.opacity_logits[i] = g.gradient.opacity;
+            sink.splats.sh[i * width..(i + 1) * width].copy_from_slice(&g.gradient.sh[..width]);
+            let floats = model.textures.maps[i].floats();
+            let len = floats.len();
+            sink.texels[floats].copy_from_slice(&chunk.texels[g.first_texel..g.first_texel + len]);
+        }
+    }
+    sink
+}

@@ -1,0 +1,251 @@
+//! Figures against direct implementations written apart from the code, and properties they must have.
+
+use super::*;
+
+/// A deterministic picture with structure at several scales.
+fn photo(width_px: u32, height_px: u32) -> TargetImage {
+    let rgb = (0..width_px * height_px)
+        .flat_map(|i| {
+            let (x, y) = (f64::from(i % width_px), f64::from(i / width_px));
+            [0.0, 1.0, 2.0].map(|c| {
+                let v = 0.5 + 0.3 * (0.31 * x + 0.17 * y + c).sin() + 0.2 * (1.7 * x - 0.9 * y * c).cos();
+                (v.clamp(0.0, 1.0) * 255.0) as u8
+            })
+        })
+        .collect();
+    TargetImage {
+        width_px,
+        height_px,
+        rgb,
+        mask: None,
+    }
+}
+
+/// The photo with pseudo-random noise of the given amplitude.
+fn noisy(photo: &TargetImage, amplitude: f32) -> Vec<f32> {
+    let mut state = 12345_u32;
+    photo
+        .rgb
+        .iter()
+        .map(|&v| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            f32::from(v) / 255.0 + amplitude * ((state >> 8) as f32 / 8_388_608.0 - 1.0)
+        })
+        .collect()
+}
+
+fn without_noise(photo: &TargetImage) -> Vec<f32> {
+    noisy(photo, 0.0)
+}
+
+const SIZES: [(u32, u32); 5] = [(1, 1), (3, 2), (17, 13), (11, 11), (40, 31)];
+
+#[test]
+fn identical_pictures_have_the_best_figures() {
+    for (w, h) in SIZES {
+        let photo = photo(w, h);
+        let q = quality_of("a.png", &without_noise(&photo), &photo);
+        assert_eq!((q.psnr, q.grad_psnr), (PSNR_CAP_DB, PSNR_CAP_DB), "{w}x{h}");
+        // Needed 0.
+        assert!((q.ssim_3dgs - 1.0).abs() < 1e-14 && (q.ssim_valid - 1.0).abs() < 1e-14);
+        assert_eq!(q.flip, 0.0);
+    }
+}
+
+#[test]
+fn figures_get_worse_with_noise() {
+    let photo = photo(40, 31);
+    let figures: Vec<_> = [0.0, 0.02, 0.05, 0.1, 0.3, 0.6]
+        .iter()
+        .map(|&a| quality_of("", &noisy(&photo, a), &photo))
+        .collect();
+    for pair in figures.windows(2) {
+        assert!(pair[1].psnr < pair[0].psnr - 1.0);
+        assert!(pair[1].grad_psnr < pair[0].grad_psnr - 1.0);
+        assert!(pair[1].ssim_3dgs < pair[0].ssim_3dgs);
+        assert!(pair[1].ssim_valid < pair[0].ssim_valid);
+        assert!(pair[1].flip > pair[0].flip);
+    }
+}
+
+#[test]
+fn psnr_of_a_constant_difference_is_the_formula() {
+    let photo = TargetImage {
+        width_px: 5,
+        height_px: 4,
+        rgb: vec![100; 60],
+        mask: None,
+    };
+    let rendered = vec![110.4 / 255.0; 60]; // rounds to 110
+    let q = quality_of("", &rendered, &photo);
+    // Needed 0.
+    assert!((q.psnr - 20.0 * (25.5_f64).log10()).abs() < 1e-12);
+    assert_eq!(q.grad_psnr, PSNR_CAP_DB); // no gradient differs
+}
+
+#[test]
+fn clamp_and_rounding_come_first() {
+    let photo = TargetImage {
+        width_px: 2,
+        height_px: 1,
+        rgb: vec![255, 0, 128, 0, 255, 0],
+        mask: None,
+    };
+    let rendered = [7.0, -3.0, 128.4 / 255.0, f32::NAN, 1.0019, -0.0];
+    assert_eq!(quality_of("", &rendered, &photo).psnr, PSNR_CAP_DB);
+}
+
+#[test]
+fn gradient_psnr_equals_a_direct_sobel() {
+    let photo = photo(17, 13);
+    let pair = PicturePair::new(&noisy(&photo, 0.2), &photo);
+    let mean = |p: &[u8], x: i32, y: i32| {
+        let at = 3 * (y * 17 + x) as usize;
+        p[at..at + 3].iter().map(|&v| f64::from(v) / 255.0).sum::<f64>() / 3.0
+    };
+    let sobel = [[-1.0, 0.0, 1.0], [-2.0, 0.0, 2.0], [-1.0, 0.0, 1.0]];
+    let (mut sum, mut count) = (0.0, 0.0);
+    for y in 1..12_i32 {
+        for x in 1..16_i32 {
+            for transposed in [false, true] {
+                let gradient = |p: &[u8]| {
+                    let mut g = 0.0;
+                    for dy in 0..3_i32 {
+                        for dx in 0..3_i32 {
+                            let (i, j) = if transposed { (dx, dy) } else { (dy, dx) };
+                            g += sobel[i as usize][j as usize] / 8.0 * mean(p, x + dx - 1, y + dy - 1);
+                        }
+                    }
+                    g
+                };
+                sum += (gradient(&pair.rendered) - gradient(&pair.target)).powi(2);
+                count += 1.0;
+            }
+        }
+    }
+    let expected = 10.0 * (count / sum).log10();
+    // Needed 0; the direct sum may round otherwise elsewhere.
+    assert!((gradient_psnr(&pair) - expected).abs() < 1e-10);
+    // A ramp's gradient is its slope: 2 code values per pixel against a flat picture.
+    let ramp = TargetImage {
+        width_px: 8,
+        height_px: 8,
+        rgb: (0..64).flat_map(|i| [2 * (i % 8) as u8; 3]).collect(),
+        mask: None,
+    };
+    let flat = PicturePair::new(&[0.0; 192], &ramp);
+    let slope = 2.0 / 255.0_f64;
+    assert!((gradient_psnr(&flat) - psnr_from_mse(slope * slope / 2.0)).abs() < 1e-10);
+}
+
+/// SSIM by its definition: a full 2-D window at each pixel, padded by zeros.
+fn direct_ssim(pair: &PicturePair, sigma: f64) -> (f64, f64) {
+    let (w, h) = (pair.width_px as i32, pair.height_px as i32);
+    let g = |d: i32| (-f64::from(d * d) / (2.0 * sigma * sigma)).exp();
+    let norm: f64 = (-5..=5).flat_map(|a| (-5..=5).map(move |b| g(a) * g(b))).sum();
+    let (mut all, mut valid, mut num_valid) = (0.0, 0.0, 0.0);
+    for c in 0..3 {
+        for y in 0..h {
+            for x in 0..w {
+                let mut m = [0.0; 5];
+                for dy in -5..=5 {
+                    for dx in -5..=5 {
+                        let (u, v) = (x + dx, y + dy);
+                        if u < 0 || v < 0 || u >= w || v >= h {
+                            continue;
+                        }
+                        let at = (3 * (v * w + u) + c) as usize;
+                        let (a, b) = (
+                            f64::from(pair.rendered[at]) / 255.0,
+                            f64::from(pair.target[at]) / 255.0,
+                        );
+                        for (sum, q) in m.iter_mut().zip([a, b, a * a, b * b, a * b]) {
+                            *sum += g(dx) * g(dy) / norm * q;
+                        }
+                    }
+                }
+                let [mx, my, xx, yy, xy] = m;
+                let s = (2.0 * mx * my + 1e-4) * (2.0 * (xy - mx * my) + 9e-4)
+                    / ((mx * mx + my * my + 1e-4) * (xx - mx * mx + yy - my * my + 9e-4));
+                all += s;
+                if x >= 5 && y >= 5 && x + 5 < w && y + 5 < h {
+                    valid += s;
+                    num_valid += 1.0;
+                }
+            }
+        }
+    }
+    let all = all / f64::from(3 * w * h);
+    (all, if num_valid > 0.0 { valid / num_valid } else { all })
+}
+
+#[test]
+fn ssim_equals_its_definition() {
+    for (w, h) in SIZES {
+        let photo = photo(w, h);
+        let pair = PicturePair::new(&noisy(&photo, 0.2), &photo);
+        let ours = ssim(&pair);
+        let (all, valid) = direct_ssim(&pair, 1.5);
+        // Needed 1.7e-15.
+        assert!((ours.zero_padded - all).abs() < 1e-12, "{w}x{h}");
+        assert!((ours.valid - valid).abs() < 1e-12, "{w}x{h}");
+        // Negative control: another window is told apart (by 5e-3).
+        if w > 10 {
+            assert!((ours.zero_padded - direct_ssim(&pair, 1.6).0).abs() > 1e-3);
+        }
+    }
+}
+
+#[test]
+fn hidden_pixels_have_no_influence() {
+    let mut photo = photo(40, 31);
+    let hidden = |i: usize| (i % 40) < 9 || i / 40 == 20;
+    photo.mask = Some((0..40 * 31).map(|i| if hidden(i) { 0 } else { 255 }).collect());
+    let clean = noisy(&photo, 0.05);
+    let mut dirty = clean.clone();
+    for pixel in (0..40 * 31).filter(|&i| hidden(i)) {
+        dirty[3 * pixel..3 * pixel + 3].fill(0.77);
+    }
+    let a = quality_of("", &clean, &photo);
+    assert_eq!(a, quality_of("", &dirty, &photo));
+    // Negative control: without the mask the same change shows everywhere.
+    photo.mask = None;
+    let b = quality_of("", &clean, &photo);
+    let c = quality_of("", &dirty, &photo);
+    assert!(c.psnr < b.psnr - 1.0 && c.grad_psnr < b.grad_psnr - 1.0);
+    assert!(c.ssim_3dgs < b.ssim_3dgs && c.ssim_valid < b.ssim_valid && c.flip > b.flip);
+}
+
+#[test]
+fn a_picture_of_which_nothing_counts_has_figures() {
+    let mut photo = photo(17, 13);
+    photo.mask = Some(vec![0; 17 * 13]);
+    let q = quality_of("", &noisy(&photo, 0.5), &photo);
+    assert_eq!((q.psnr, q.ssim_3dgs, q.flip), (PSNR_CAP_DB, 1.0, 0.0));
+}
+
+#[test]
+fn figures_of_a_set_are_means() {
+    let photo = photo(17, 13);
+    let views = vec![
+        quality_of("a", &noisy(&photo, 0.1), &photo),
+        quality_of("b", &noisy(&photo, 0.4), &photo),
+    ];
+    let e = Evaluation::from_views(views.clone());
+    assert_eq!(e.psnr, (views[0].psnr + views[1].psnr) / 2.0);
+    assert_eq!(e.flip, (views[0].flip + views[1].flip) / 2.0);
+    assert_eq!(e.per_view, views);
+    assert!(serde_json::to_string(&Evaluation::from_views(Vec::new())).is_ok());
+}
+
+#[test]
+fn error_map_shows_where() {
+    let mut photo = photo(4, 1);
+    photo.mask = Some(vec![255, 255, 255, 0]);
+    let mut rendered = without_noise(&photo);
+    rendered[3..6].iter_mut().for_each(|v| *v = 1.0 - v.round());
+    let map = error_map(&rendered, &photo);
+    assert_eq!(map[0..3], crate::picture::magma(0.0));
+    assert_eq!(map[3..6], crate::picture::magma(1.0));
+    assert_eq!(map[9..12], [128; 3]);
+}

@@ -1,0 +1,296 @@
+//! Names, types and shapes of a checkpoint's tensors: writing and reading side by side.
+//!
+//! | tensor | type and shape |
+//! |---|---|
+//! | `splats.{positions,quaternions,log_scales,opacity_logits,sh}` | f32 `[n,3] [n,4] [n,2] [n] [n,k,3]`, k = (degree + 1)^2 |
+//! | `adam.m.*`, `adam.v.*` | the same five, and `texels` |
+//! | `adam.last_step`, `adam.step`, `adam.rates` | u32 `[n]`, u32 `[1]`, f32 `[7]` |
+//! | `textures.maps.{offset,rows,cols,texel_size}` | u32, u16, u16, f32 `[n]` |
+//! | `textures.texels` | f32 `[t,3]` |
+//! | `frame.near`, `frame.capture_from_local` | f32 `[1]`, f64 `[4]`: scale, translation |
+//! | `state.counters`, `state.epoch_order` | u32 `[3]`: step, epochs, views used; u32 `[views]` |
+//! | `history.times`, `history.curve`, `history.counts` | f64 `[2]`: wall, cpu; f64 `[c,4]`: wall, cpu, PSNR, gradient-PSNR; u64 `[c,3]`: step, primitives, texels |
+
+use super::reader::{Reader, f32s, f64s, u16s, u32s, u64s};
+use crate::Result;
+use crate::camera::Similarity;
+use crate::constants::{SH_DEGREE_MAX, sh_coefficients};
+use crate::model::{AdamState, LearningRates, Model, SplatArrays, SplatGroup, TextureMap, TexturePool};
+use crate::train::{CurvePoint, TrainHistory, TrainState};
+use glam::DVec3;
+use safetensors::{Dtype, View};
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+
+/// An array on its way into the file.
+pub struct Tensor<'a> {
+    pub shape: Vec<usize>,
+    data: Data<'a>,
+}
+
+enum Data<'a> {
+    F32(Cow<'a, [f32]>),
+    F64(Vec<f64>),
+    U16(Vec<u16>),
+    U32(Cow<'a, [u32]>),
+    U64(Vec<u64>),
+}
+
+impl<'a> Tensor<'a> {
+    fn f32(shape: &[usize], data: impl Into<Cow<'a, [f32]>>) -> Self {
+        Self::new(shape, Data::F32(data.into()))
+    }
+
+    fn u32(shape: &[usize], data: impl Into<Cow<'a, [u32]>>) -> Self {
+        Self::new(shape, Data::U32(data.into()))
+    }
+
+    fn new(shape: &[usize], data: Data<'a>) -> Self {
+        Self {
+            shape: shape.to_vec(),
+            data,
+        }
+    }
+
+    pub fn scalar_u32(value: u32) -> Self {
+        Self::u32(&[1], vec![value])
+    }
+
+    pub fn dtype(&self) -> Dtype {
+        match self.data {
+            Data::F32(_) => Dtype::F32,
+            Data::F64(_) => Dtype::F64,
+            Data::U16(_) => Dtype::U16,
+            Data::U32(_) => Dtype::U32,
+            Data::U64(_) => Dtype::U64,
+        }
+    }
+
+    pub fn bytes(&self) -> Vec<u8> {
+        match &self.data {
+            Data::F32(d) => d.iter().flat_map(|x| x.to_le_bytes()).collect(),
+            Data::F64(d) => d.iter().flat_map(|x| x.to_le_bytes()).collect(),
+            Data::U16(d) => d.iter().flat_map(|x| x.to_le_bytes()).collect(),
+            Data::U32(d) => d.iter().flat_map(|x| x.to_le_bytes()).collect(),
+            Data::U64(d) => d.iter().flat_map(|x| x.to_le_bytes()).collect(),
+        }
+    }
+}
+
+impl View for &Tensor<'_> {
+    fn dtype(&self) -> Dtype {
+        Tensor::dtype(self)
+    }
+
+    fn shape(&self) -> &[usize] {
+        &self.shape
+    }
+
+    fn data(&self) -> Cow<'_, [u8]> {
+        Cow::Owned(self.bytes())
+    }
+
+    fn data_len(&self) -> usize {
+        self.shape.iter().product::<usize>() * self.dtype().bitsize() / 8
+    }
+}
+
+/// Every array of a state.
+pub fn tensors(state: &TrainState) -> BTreeMap<String, Tensor<'_>> {
+    let mut out = BTreeMap::new();
+    let mut put = |name: &str, tensor| out.insert(name.to_owned(), tensor);
+    let TrainState { model, adam, .. } = state;
+    let n = model.num_splats();
+    let texels = [model.textures.texels.len() / 3, 3];
+    for (prefix, arrays) in [
+        ("splats", &model.splats),
+        ("adam.m", &adam.splats_m),
+        ("adam.v", &adam.splats_v),
+    ] {
+        for group in SplatGroup::ALL {
+            let shape = group_shape(group, n, arrays.sh_degree);
+            put(
+                &group_name(prefix, group),
+                Tensor::f32(&shape, arrays.group(group)),
+            );
+        }
+    }
+    put("adam.m.texels", Tensor::f32(&texels, &adam.texels_m));
+    put("adam.v.texels", Tensor::f32(&texels, &adam.texels_v));
+    put("adam.last_step", Tensor::u32(&[n], &adam.last_step));
+    put("adam.step", Tensor::scalar_u32(adam.step));
+    put("adam.rates", Tensor::f32(&[7], adam.rates.to_array().to_vec()));
+
+    let maps = &model.textures.maps;
+    let offsets: Vec<u32> = maps.iter().map(|m| m.offset_texels).collect();
+    let sizes: Vec<f32> = maps.iter().map(|m| m.texel_size).collect();
+    let u16s = |f: fn(&TextureMap) -> u16| Data::U16(maps.iter().map(f).collect());
+    put("textures.maps.offset", Tensor::u32(&[n], offsets));
+    put("textures.maps.rows", Tensor::new(&[n], u16s(|m| m.rows)));
+    put("textures.maps.cols", Tensor::new(&[n], u16s(|m| m.cols)));
+    put("textures.maps.texel_size", Tensor::f32(&[n], sizes));
+    put("textures.texels", Tensor::f32(&texels, &model.textures.texels));
+
+    let frame = model.capture_from_local;
+    let frame_numbers = vec![
+        frame.scale,
+        frame.translation.x,
+        frame.translation.y,
+        frame.translation.z,
+    ];
+    put("frame.near", Tensor::f32(&[1], vec![model.near]));
+    put(
+        "frame.capture_from_local",
+        Tensor::new(&[4], Data::F64(frame_numbers)),
+    );
+    let counters = vec![state.step, state.epochs, state.epoch_used];
+    put("state.counters", Tensor::u32(&[3], counters));
+    put(
+        "state.epoch_order",
+        Tensor::u32(&[state.epoch_order.len()], &state.epoch_order),
+    );
+    put_history(&state.history, &mut out);
+    out
+}
+
+fn put_history(history: &TrainHistory, out: &mut BTreeMap<String, Tensor<'_>>) {
+    let times = vec![history.train_wall_secs, history.train_cpu_secs];
+    let curve = &history.curve;
+    let figures = curve
+        .iter()
+        .flat_map(|p| [p.wall_secs, p.cpu_secs, p.psnr_test, p.grad_psnr_test]);
+    let counts = curve
+        .iter()
+        .flat_map(|p| [u64::from(p.step), p.primitives as u64, p.texels as u64]);
+    let tensors = [
+        ("history.times", Tensor::new(&[2], Data::F64(times))),
+        (
+            "history.curve",
+            Tensor::new(&[curve.len(), 4], Data::F64(figures.collect())),
+        ),
+        (
+            "history.counts",
+            Tensor::new(&[curve.len(), 3], Data::U64(counts.collect())),
+        ),
+    ];
+    out.extend(tensors.map(|(name, tensor)| (name.to_owned(), tensor)));
+}
+
+/// The state that the tensors hold; sizes are checked against each other, values are not.
+pub fn state(reader: &mut Reader<'_>) -> Result<TrainState> {
+    let n = reader.first_dimension("splats.opacity_logits")?;
+    let degree = sh_degree(reader, n)?;
+    let mut splats = ["splats", "adam.m", "adam.v"].map(|prefix| (prefix, SplatArrays::zeros(0, degree)));
+    for (prefix, arrays) in &mut splats {
+        for group in SplatGroup::ALL {
+            let shape = group_shape(group, n, degree);
+            *arrays.group_mut(group) = f32s(reader.take(&group_name(prefix, group), Dtype::F32, &shape)?);
+        }
+    }
+    let [(_, splats), (_, splats_m), (_, splats_v)] = splats;
+    let texels = [reader.first_dimension("textures.texels")?, 3];
+    let adam = AdamState {
+        splats_m,
+        splats_v,
+        texels_m: f32s(reader.take("adam.m.texels", Dtype::F32, &texels)?),
+        texels_v: f32s(reader.take("adam.v.texels", Dtype::F32, &texels)?),
+        last_step: u32s(reader.take("adam.last_step", Dtype::U32, &[n])?),
+        step: u32s(reader.take("adam.step", Dtype::U32, &[1])?)[0],
+        rates: LearningRates::from_array(&f32s(reader.take("adam.rates", Dtype::F32, &[7])?)),
+    };
+    let textures = TexturePool {
+        maps: maps(reader, n)?,
+        texels: f32s(reader.take("textures.texels", Dtype::F32, &texels)?),
+    };
+    let near = f32s(reader.take("frame.near", Dtype::F32, &[1])?)[0];
+    let frame = f64s(reader.take("frame.capture_from_local", Dtype::F64, &[4])?);
+    let counters = u32s(reader.take("state.counters", Dtype::U32, &[3])?);
+    let views = reader.first_dimension("state.epoch_order")?;
+    Ok(TrainState {
+        step: counters[0],
+        model: Model {
+            splats,
+            textures,
+            near,
+            capture_from_local: Similarity {
+                scale: frame[0],
+                translation: DVec3::new(frame[1], frame[2], frame[3]),
+            },
+        },
+        adam,
+        epoch_order: u32s(reader.take("state.epoch_order", Dtype::U32, &[views])?),
+        epoch_used: counters[2],
+        epochs: counters[1],
+        history: history(reader)?,
+    })
+}
+
+fn maps(reader: &mut Reader<'_>, n: usize) -> Result<Vec<TextureMap>> {
+    let offsets = u32s(reader.take("textures.maps.offset", Dtype::U32, &[n])?);
+    let rows = u16s(reader.take("textures.maps.rows", Dtype::U16, &[n])?);
+    let cols = u16s(reader.take("textures.maps.cols", Dtype::U16, &[n])?);
+    let sizes = f32s(reader.take("textures.maps.texel_size", Dtype::F32, &[n])?);
+    let map = |i| TextureMap {
+        offset_texels: offsets[i],
+        rows: rows[i],
+        cols: cols[i],
+        texel_size: sizes[i],
+    };
+    Ok((0..n).map(map).collect())
+}
+
+fn history(reader: &mut Reader<'_>) -> Result<TrainHistory> {
+    let times = f64s(reader.take("history.times", Dtype::F64, &[2])?);
+    let points = reader.first_dimension("history.curve")?;
+    let figures = f64s(reader.take("history.curve", Dtype::F64, &[points, 4])?);
+    let counts = u64s(reader.take("history.counts", Dtype::U64, &[points, 3])?);
+    let point = |(f, c): (&[f64], &[u64])| CurvePoint {
+        // The step was written from u32; anything else is caught by the checksum.
+        step: u32::try_from(c[0]).unwrap_or(u32::MAX),
+        wall_secs: f[0],
+        cpu_secs: f[1],
+        psnr_test: f[2],
+        grad_psnr_test: f[3],
+        primitives: c[1] as usize,
+        texels: c[2] as usize,
+    };
+    Ok(TrainHistory {
+        train_wall_secs: times[0],
+        train_cpu_secs: times[1],
+        curve: figures
+            .chunks_exact(4)
+            .zip(counts.chunks_exact(3))
+            .map(point)
+            .collect(),
+    })
+}
+
+fn sh_degree(reader: &Reader<'_>, n: usize) -> Result<u32> {
+    let found = reader.shape("splats.sh")?;
+    (0..=SH_DEGREE_MAX)
+        .find(|&d| found == [n, sh_coefficients(d), 3])
+        .ok_or_else(|| {
+            reader.invalid(format!(
+                "tensor \"splats.sh\": found shape {found:?}, expected [{n}, k, 3] with k = 1, 4, 9 or 16"
+            ))
+        })
+}
+
+fn group_name(prefix: &str, group: SplatGroup) -> String {
+    let name = match group {
+        SplatGroup::Position => "positions",
+        SplatGroup::Quaternion => "quaternions",
+        SplatGroup::LogScale => "log_scales",
+        SplatGroup::Opacity => "opacity_logits",
+        SplatGroup::Sh => "sh",
+    };
+    format!("{prefix}.{name}")
+}
+
+fn group_shape(group: SplatGroup, n: usize, sh_degree: u32) -> Vec<usize> {
+    match group {
+        SplatGroup::Opacity => vec![n],
+        SplatGroup::Sh => vec![n, sh_coefficients(sh_degree), 3],
+        _ => vec![n, group.width(sh_degree)],
+    }
+}

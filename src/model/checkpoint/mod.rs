@@ -1,0 +1,103 @@
+//! Checkpoints: a [`TrainState`] as one safetensors file, bit for bit, whole or not there.
+//!
+//! Layout (`litetex-checkpoint/1`): one little-endian tensor per array, see [`layout`]. The only
+//! metadata entry, `litetex`, is a JSON object with the format, the program's version and the caller's
+//! strings; a single entry because the order of several would differ from file to file. The tensor
+//! `checksum` is the CRC-32 over everything else, so a damaged file is refused, never half believed.
+//! What the strings mean does not belong here.
+
+mod layout;
+mod reader;
+#[cfg(test)]
+mod tests;
+
+use crate::train::TrainState;
+use crate::{Error, Result, atomic_file};
+use safetensors::{Dtype, SafeTensorError};
+use serde::{Deserialize, Serialize};
+use std::collections::{BTreeMap, HashMap};
+use std::path::Path;
+
+/// Identifier of the layout; a change that old programs cannot read raises the number.
+pub const FORMAT: &str = "litetex-checkpoint/1";
+/// Key of the only metadata entry.
+const METADATA_KEY: &str = "litetex";
+/// Name of the tensor that holds the CRC-32.
+const CHECKSUM: &str = "checksum";
+
+/// The JSON of the metadata entry.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Header {
+    format: String,
+    version: String,
+    strings: BTreeMap<String, String>,
+}
+
+/// Writes a state. `strings` are the caller's: configuration, capture, whatever repeats the run.
+///
+/// # Errors
+/// [`Error::Io`] naming `path`; nothing is left behind then.
+pub fn save(path: &Path, state: &TrainState, strings: &BTreeMap<String, String>) -> Result<()> {
+    let header = Header {
+        format: FORMAT.to_owned(),
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        strings: strings.clone(),
+    };
+    let header = serde_json::to_string(&header).map_err(|e| Error::io(path, e.into()))?;
+    let mut tensors = layout::tensors(state);
+    let mut crc = Checksum::new(&header);
+    for (name, tensor) in &tensors {
+        crc.add(name, tensor.dtype(), &tensor.shape, &tensor.bytes());
+    }
+    tensors.insert(CHECKSUM.to_owned(), layout::Tensor::scalar_u32(crc.finish()));
+    let metadata = HashMap::from([(METADATA_KEY.to_owned(), header)]);
+    atomic_file::write_with(path, |temporary| {
+        safetensors::serialize_to_file(&tensors, Some(metadata), temporary).map_err(|e| match e {
+            SafeTensorError::IoError(e) => Error::io(path, e),
+            other => Error::io(path, std::io::Error::other(other.to_string())),
+        })
+    })
+}
+
+/// Reads a state and the caller's strings.
+///
+/// # Errors
+/// [`Error::Io`], [`Error::InvalidInput`] naming the tensor, what was found and what was expected, or
+/// [`Error::Unsupported`] for a layout of another version.
+pub fn load(path: &Path) -> Result<(TrainState, BTreeMap<String, String>)> {
+    let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+    load_bytes(path, &bytes)
+}
+
+/// [`load`] from memory; `path` only names the file in errors.
+///
+/// # Errors
+/// As [`load`].
+pub fn load_bytes(path: &Path, bytes: &[u8]) -> Result<(TrainState, BTreeMap<String, String>)> {
+    let mut reader = reader::Reader::open(path, bytes)?;
+    let state = layout::state(&mut reader)?;
+    let strings = reader.finish()?;
+    reader::check_values(path, &state)?;
+    Ok((state, strings))
+}
+
+/// CRC-32 over the header and all tensors but itself, in the order of their names.
+struct Checksum(crc32fast::Hasher);
+
+impl Checksum {
+    fn new(header: &str) -> Self {
+        let mut hasher = crc32fast::Hasher::new();
+        hasher.update(header.as_bytes());
+        Self(hasher)
+    }
+
+    fn add(&mut self, name: &str, dtype: Dtype, shape: &[usize], bytes: &[u8]) {
+        self.0.update(format!("{name} {dtype:?} {shape:?}").as_bytes());
+        self.0.update(bytes);
+    }
+
+    fn finish(self) -> u32 {
+        self.0.finalize()
+    }
+}

@@ -1,0 +1,244 @@
+//! Round trips bit for bit, and damage of every kind.
+
+use super::*;
+use crate::camera::Similarity;
+use crate::model::{AdamState, Model, SplatArrays, SplatGroup, TexturePool};
+use crate::train::{CurvePoint, TrainHistory};
+use glam::DVec3;
+use safetensors::tensor::TensorView;
+use std::path::PathBuf;
+
+/// A small state full of numbers that are easily lost on the way: negative zero, denormals, odd bits.
+fn sample(n: usize, sh_degree: u32) -> TrainState {
+    let mut bits = 0x1234_5678_u32;
+    let mut next = || {
+        bits = bits.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        match bits >> 28 {
+            0 => -0.0,
+            1 => f32::from_bits(bits & 0x7f_ffff),
+            _ => (bits as f32 / u32::MAX as f32 - 0.5) * 3.0,
+        }
+    };
+    let mut fill = |arrays: &mut SplatArrays| {
+        for group in SplatGroup::ALL {
+            arrays.group_mut(group).fill_with(&mut next);
+        }
+    };
+    let mut model = Model {
+        splats: SplatArrays::zeros(n, sh_degree),
+        textures: TexturePool::neutral((0..n).map(|i| match i % 3 {
+            0 => (0, 0, 0.0),
+            k => (2 + k as u16, 2, 0.01 * (i + 1) as f32),
+        })),
+        near: 0.039_999_9,
+        capture_from_local: Similarity {
+            scale: 1.0 / 3.0,
+            translation: DVec3::new(-0.1, 1e300, -0.0),
+        },
+    };
+    let mut adam = AdamState::zeros(&model);
+    fill(&mut model.splats);
+    fill(&mut adam.splats_m);
+    fill(&mut adam.splats_v);
+    model.textures.texels.fill_with(&mut next);
+    adam.texels_m.fill_with(&mut next);
+    adam.texels_v.fill_with(&mut next);
+    adam.last_step = (0..n as u32).map(|i| i % 8).collect();
+    TrainState {
+        step: 7,
+        model,
+        adam,
+        epoch_order: vec![3, 0, 2, 1],
+        epoch_used: 3,
+        epochs: 2,
+        history: TrainHistory {
+            train_wall_secs: 0.1 + 0.2,
+            train_cpu_secs: 1.0 / 3.0,
+            curve: vec![CurvePoint {
+                step: 5,
+                wall_secs: 0.1,
+                cpu_secs: 0.7,
+                psnr_test: f64::INFINITY,
+                grad_psnr_test: 31.000_000_000_000_004,
+                primitives: n,
+                texels: 12,
+            }],
+        },
+    }
+}
+
+fn strings() -> BTreeMap<String, String> {
+    BTreeMap::from([
+        ("config".to_owned(), "steps = 7\n".to_owned()),
+        ("scene".to_owned(), "füchse \"1\"".to_owned()),
+    ])
+}
+
+fn saved(state: &TrainState) -> Vec<u8> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.safetensors");
+    save(&path, state, &strings()).unwrap();
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    std::fs::read(&path).unwrap()
+}
+
+fn load_from(bytes: &[u8]) -> Result<(TrainState, BTreeMap<String, String>)> {
+    load_bytes(&PathBuf::from("x.safetensors"), bytes)
+}
+
+/// The file with one tensor replaced, removed or added, by way of the crate's own writer.
+fn edited(bytes: &[u8], name: &str, replacement: Option<(Dtype, Vec<usize>, Vec<u8>)>) -> Vec<u8> {
+    let (_, header) = safetensors::SafeTensors::read_metadata(bytes).unwrap();
+    let file = safetensors::SafeTensors::deserialize(bytes).unwrap();
+    let mut tensors: BTreeMap<String, TensorView<'_>> = file.tensors().into_iter().collect();
+    tensors.remove(name);
+    if let Some((dtype, shape, data)) = &replacement {
+        let view = TensorView::new(*dtype, shape.clone(), data).unwrap();
+        tensors.insert(name.to_owned(), view);
+    }
+    safetensors::serialize(tensors, header.metadata().clone()).unwrap()
+}
+
+#[test]
+fn every_bit_comes_back() {
+    for (n, degree) in [(0, 0), (1, 1), (7, 2), (10, 3)] {
+        let state = sample(n, degree);
+        let bytes = saved(&state);
+        let (loaded, read_strings) = load_from(&bytes).unwrap();
+        // PartialEq takes -0 for 0; the second file shows every bit.
+        assert_eq!(loaded, state);
+        assert_eq!(read_strings, strings());
+        assert!(saved(&loaded) == bytes, "{n} splats, degree {degree}");
+    }
+}
+
+#[test]
+fn truncated_files_are_refused() {
+    let bytes = saved(&sample(4, 1));
+    for length in 0..bytes.len() {
+        assert!(load_from(&bytes[..length]).is_err(), "length {length}");
+    }
+    let mut longer = bytes;
+    longer.push(0);
+    assert!(load_from(&longer).is_err());
+}
+
+#[test]
+fn flipped_bits_are_refused() {
+    let state = sample(4, 1);
+    let bytes = saved(&state);
+    for at in 0..bytes.len() {
+        for bit in [0, 3, 7] {
+            let mut damaged = bytes.clone();
+            damaged[at] ^= 1 << bit;
+            if let Ok((loaded, _)) = load_from(&damaged) {
+                // Blanks that pad the header carry nothing.
+                assert!(bytes[at] == b' ' && loaded == state, "byte {at}, bit {bit}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_header_of_absurd_sizes_allocates_nothing() {
+    for text in [
+        r#"{"splats.sh":{"dtype":"F32","shape":[4294967295,16,3],"data_offsets":[0,824633720640]}}"#,
+        r#"{"splats.sh":{"dtype":"F32","shape":[18446744073709551615,16,3],"data_offsets":[0,0]}}"#,
+        r#"{"__metadata__":{"litetex":"{}"}}"#,
+        "{}",
+        "",
+    ] {
+        let mut bytes = (text.len() as u64).to_le_bytes().to_vec();
+        bytes.extend(text.as_bytes());
+        assert!(load_from(&bytes).is_err(), "{text}");
+    }
+    assert!(load_from(&[0xff; 64]).is_err());
+}
+
+#[test]
+fn errors_name_the_tensor_what_was_found_and_what_was_expected() {
+    let bytes = saved(&sample(4, 1));
+    let message = |bytes: Vec<u8>| load_from(&bytes).unwrap_err().to_string();
+    assert_eq!(
+        message(edited(&bytes, "splats.positions", None)),
+        "x.safetensors: tensor \"splats.positions\" is missing"
+    );
+    assert_eq!(
+        message(edited(
+            &bytes,
+            "adam.v.log_scales",
+            Some((Dtype::F32, vec![2, 4], vec![0; 32]))
+        )),
+        "x.safetensors: tensor \"adam.v.log_scales\": found F32 [2, 4], expected F32 [4, 2]"
+    );
+    assert_eq!(
+        message(edited(
+            &bytes,
+            "adam.last_step",
+            Some((Dtype::F32, vec![4], vec![0; 16]))
+        )),
+        "x.safetensors: tensor \"adam.last_step\": found F32 [4], expected U32 [4]"
+    );
+    assert_eq!(
+        message(edited(
+            &bytes,
+            "splats.sh",
+            Some((Dtype::F32, vec![4, 5, 3], vec![0; 240]))
+        )),
+        "x.safetensors: tensor \"splats.sh\": found shape [4, 5, 3], expected [4, k, 3] with k = 1, 4, 9 or 16"
+    );
+    assert_eq!(
+        message(edited(&bytes, "extra", Some((Dtype::U8, vec![1], vec![0])))),
+        "x.safetensors: tensor \"extra\" is not part of \"litetex-checkpoint/1\""
+    );
+    let same_shape = Some((Dtype::F32, vec![4, 3], vec![0; 48]));
+    assert!(message(edited(&bytes, "splats.positions", same_shape)).contains("checksum"));
+}
+
+#[test]
+fn values_that_contradict_each_other_are_refused() {
+    let refused = |change: fn(&mut TrainState), part: &str| {
+        let mut state = sample(4, 1);
+        change(&mut state);
+        let message = load_from(&saved(&state)).unwrap_err().to_string();
+        assert!(message.contains(part), "{message}");
+    };
+    refused(|s| s.model.near = f32::NAN, "frame.near");
+    refused(|s| s.model.capture_from_local.scale = 0.0, "capture_from_local");
+    refused(|s| s.model.textures.maps[2].offset_texels = 1, "texture map 2");
+    refused(
+        |s| s.model.textures.maps[1].texel_size = f32::INFINITY,
+        "texture map 1",
+    );
+    refused(|s| s.model.textures.maps[2].cols = 0, "texture map 2");
+    refused(|s| s.model.textures.maps[2].cols = 3, "texture map 3");
+    refused(
+        |s| {
+            for texels in [
+                &mut s.model.textures.texels,
+                &mut s.adam.texels_m,
+                &mut s.adam.texels_v,
+            ] {
+                texels.extend([0.0; 3]);
+            }
+        },
+        "found 15 texels, the maps need 14",
+    );
+    refused(|s| s.epoch_used = 5, "5 views used of 4");
+    refused(|s| s.adam.last_step[0] = 8, "found step 8, expected at most 7");
+}
+
+#[test]
+fn other_layouts_are_unsupported_not_invalid() {
+    let state = sample(1, 0);
+    let header = r#"{"format":"litetex-checkpoint/9","version":"9.0.0","strings":{}}"#;
+    let metadata = HashMap::from([(METADATA_KEY.to_owned(), header.to_owned())]);
+    let bytes = safetensors::serialize(&layout::tensors(&state), Some(metadata)).unwrap();
+    let error = load_from(&bytes).unwrap_err();
+    assert_eq!(error.exit_code(), 4);
+    assert_eq!(
+        error.to_string(),
+        "x.safetensors: layout \"litetex-checkpoint/9\" (written by litetex 9.0.0), this program reads \
+         \"litetex-checkpoint/1\""
+    );
+}

@@ -1,0 +1,119 @@
+//! Colour ramps as polynomials: magma for errors (perceptually uniform, dark is good) and turbo for
+//! depths (neighbouring depths differ in hue).
+
+/// Colour of `value` in [0, 1] (clamped; NaN: as 0) on the magma ramp. 8 bits per channel.
+///
+/// Degree-6 fit (public domain, Matt Zucker) of the table by Smith and van der Walt.
+pub fn magma(value: f64) -> [u8; 3] {
+    const COEFFICIENTS: [[f64; 7]; 3] = [
+        [
+            -0.002_136_485_05,
+            0.251_660_540_74,
+            8.353_717_279_22,
+            -27.668_733_085_77,
+            52.176_139_812_34,
+            -50.768_525_364_74,
+            18.655_705_065_92,
+        ],
+        [
+            -0.000_749_655_05,
+            0.677_523_243_68,
+            -3.577_719_514_96,
+            14.264_730_780_97,
+            -27.943_606_071_68,
+            29.046_582_821_27,
+            -11.489_773_519_98,
+        ],
+        [
+            -0.005_386_127_86,
+            2.494_026_599_31,
+            0.314_467_903_01,
+            -13.649_213_188_14,
+            12.944_169_442_38,
+            4.234_152_993_85,
+            -5.601_961_508_73,
+        ],
+    ];
+    COEFFICIENTS.map(|c| polynomial(&c, value))
+}
+
+/// Colour of `value` in [0, 1] (clamped; NaN: as 0) on the turbo ramp. 8 bits per channel.
+///
+/// Degree-5 fit (Apache-2.0, Ruofei Du) of Google's table.
+pub fn turbo(value: f64) -> [u8; 3] {
+    const COEFFICIENTS: [[f64; 6]; 3] = [
+        [
+            0.135_721_38,
+            4.615_392_6,
+            -42.660_322_58,
+            132.131_082_34,
+            -152.942_393_96,
+            59.286_379_43,
+        ],
+        [
+            0.091_402_61,
+            2.194_188_39,
+            4.842_966_58,
+            -14.185_033_33,
+            4.277_298_57,
+            2.829_566_04,
+        ],
+        [
+            0.106_673_3,
+            12.641_946_08,
+            -60.582_048_36,
+            110.362_767_71,
+            -89.903_109_12,
+            27.348_249_73,
+        ],
+    ];
+    COEFFICIENTS.map(|c| polynomial(&c, value))
+}
+
+fn polynomial(coefficients: &[f64], value: f64) -> u8 {
+    // NaN fails every comparison: it is drawn as 0.
+    let x = if value > 0.0 { value.min(1.0) } else { 0.0 };
+    let y = coefficients.iter().rev().fold(0.0, |sum, c| sum * x + c);
+    (y.clamp(0.0, 1.0) * 255.0).round() as u8
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn largest_difference(table: &[u8], ramp: impl Fn(f64) -> [u8; 3]) -> u8 {
+        table
+            .chunks_exact(3)
+            .enumerate()
+            .flat_map(|(i, rgb)| {
+                let ours = ramp(i as f64 / 255.0);
+                (0..3).map(move |c| rgb[c].abs_diff(ours[c]))
+            })
+            .max()
+            .unwrap()
+    }
+
+    #[test]
+    fn magma_follows_the_published_table() {
+        let table = nv_flip::magma_lut().to_vec();
+        // Needed 5 of 255.
+        assert!(largest_difference(&table, magma) <= 6);
+        // Negative control: another ramp differs by 240.
+        assert!(largest_difference(&table, turbo) > 60);
+    }
+
+    #[test]
+    fn turbo_passes_through_blue_green_and_red() {
+        for (at, strongest) in [(0.12, 2), (0.5, 1), (0.9, 0)] {
+            let rgb = turbo(at);
+            assert!((0..3).all(|c| rgb[c] <= rgb[strongest]), "{at}: {rgb:?}");
+        }
+    }
+
+    #[test]
+    fn poisoned_values_have_colours() {
+        assert_eq!(magma(f64::NAN), magma(0.0));
+        assert_eq!(turbo(f64::INFINITY), turbo(1.0));
+        assert_eq!(turbo(-3.0), turbo(0.0));
+    }
+}

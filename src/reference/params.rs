@@ -1,0 +1,111 @@
+//! The model's stored parameters in f64, and gradients of the same shape.
+
+use crate::model::{Model, SplatGroup, TextureMap};
+use glam::{DMat3, DQuat, DVec3};
+
+/// Stored parameters of all splats and texels, or their gradients.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Params {
+    /// SH degree of `sh`.
+    pub sh_degree: u32,
+    /// `[n, 3]` local frame
+    pub positions: Vec<f64>,
+    /// `[n, 4]` wxyz, local_from_surfel, not normalised
+    pub quaternions: Vec<f64>,
+    /// `[n, 2]`
+    pub log_scales: Vec<f64>,
+    /// `[n]`
+    pub opacity_logits: Vec<f64>,
+    /// `[n, (sh_degree + 1)^2, 3]`
+    pub sh: Vec<f64>,
+    /// `[num_texels, 3]`, before activation
+    pub texels: Vec<f64>,
+    /// `[n]`
+    pub maps: Vec<TextureMap>,
+}
+
+impl Params {
+    /// Parameters of a model.
+    pub fn from_model(model: &Model) -> Self {
+        let wide = |v: &[f32]| v.iter().map(|&x| f64::from(x)).collect();
+        let s = &model.splats;
+        Self {
+            sh_degree: s.sh_degree,
+            positions: wide(&s.positions),
+            quaternions: wide(&s.quaternions),
+            log_scales: wide(&s.log_scales),
+            opacity_logits: wide(&s.opacity_logits),
+            sh: wide(&s.sh),
+            texels: wide(&model.textures.texels),
+            maps: model.textures.maps.clone(),
+        }
+    }
+
+    /// All parameters zero: an empty gradient.
+    pub fn zeros_like(&self) -> Self {
+        let mut out = self.clone();
+        for group in SplatGroup::ALL {
+            out.group_mut(group).fill(0.0);
+        }
+        out.texels.fill(0.0);
+        out
+    }
+
+    /// Number of splats.
+    pub fn len(&self) -> usize {
+        self.opacity_logits.len()
+    }
+
+    /// Whether there is no splat.
+    pub fn is_empty(&self) -> bool {
+        self.opacity_logits.is_empty()
+    }
+
+    /// The array of a group. `[n, width]`
+    pub fn group(&self, group: SplatGroup) -> &[f64] {
+        match group {
+            SplatGroup::Position => &self.positions,
+            SplatGroup::Quaternion => &self.quaternions,
+            SplatGroup::LogScale => &self.log_scales,
+            SplatGroup::Opacity => &self.opacity_logits,
+            SplatGroup::Sh => &self.sh,
+        }
+    }
+
+    /// The array of a group, to be written. `[n, width]`
+    pub fn group_mut(&mut self, group: SplatGroup) -> &mut [f64] {
+        match group {
+            SplatGroup::Position => &mut self.positions,
+            SplatGroup::Quaternion => &mut self.quaternions,
+            SplatGroup::LogScale => &mut self.log_scales,
+            SplatGroup::Opacity => &mut self.opacity_logits,
+            SplatGroup::Sh => &mut self.sh,
+        }
+    }
+
+    /// Centre.
+    pub fn position(&self, i: usize) -> DVec3 {
+        DVec3::from_slice(&self.positions[3 * i..])
+    }
+
+    /// Rotation as stored, wxyz.
+    pub fn quaternion(&self, i: usize) -> [f64; 4] {
+        [0, 1, 2, 3].map(|k| self.quaternions[4 * i + k])
+    }
+
+    /// local_from_surfel rotation; columns are the axes u, v and the normal.
+    pub fn rotation(&self, i: usize) -> DMat3 {
+        let [w, x, y, z] = self.quaternion(i);
+        DMat3::from_quat(DQuat::from_xyzw(x, y, z, w).normalize())
+    }
+
+    /// Standard deviations.
+    pub fn scales(&self, i: usize) -> [f64; 2] {
+        [self.log_scales[2 * i].exp(), self.log_scales[2 * i + 1].exp()]
+    }
+
+    /// Opacity.
+    pub fn opacity(&self, i: usize) -> f64 {
+        1.0 / (1.0 + (-self.opacity_logits[i]).exp())
+    }
+}

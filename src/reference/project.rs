@@ -1,0 +1,83 @@
+//! Projection of one splat to a view: the centred projective map from pixels to the surfel's plane,
+//! and the base colour (method sections 1.2 and 2.2).
+
+use super::{AlphaCutoff, Params, Settings, sh::sh_basis};
+use crate::camera::Camera;
+use crate::constants::{ALPHA_MIN, EDGE_ON_MIN, sh_coefficients};
+use glam::{DVec2, DVec3};
+
+/// A splat as one view sees it. With `d` the offset of a pixel from the projected centre and
+/// `D = 1 + g . d`, the ray hits the plane at `(a . d, b . d) / D` in world units along the surfel's
+/// axes, at the depth `depth / D`.
+#[derive(Clone, Debug)]
+pub struct Projected {
+    /// Projected centre.
+    pub centre_px: DVec2,
+    /// Numerator of the coordinate along u, world units per pixel.
+    pub a: DVec2,
+    /// Numerator of the coordinate along v, world units per pixel.
+    pub b: DVec2,
+    /// Denominator, per pixel.
+    pub g: DVec2,
+    /// Depth of the centre along the optical axis.
+    pub depth: f64,
+    /// Standard deviations, local units.
+    pub scales: [f64; 2],
+    /// Opacity.
+    pub opacity: f64,
+    /// SH colour after the clamp at zero.
+    pub base_rgb: DVec3,
+    /// SH colour before the clamp.
+    pub unclamped_rgb: DVec3,
+    /// Centre in camera axes.
+    pub centre_in_camera: DVec3,
+    /// Surfel's axes u, v and normal in camera axes.
+    pub axes_in_camera: [DVec3; 3],
+}
+
+/// Projects splat `i`; `None` if it is culled: not finite, in front of the near plane, edge-on or
+/// nowhere reaching an alpha of 1/255.
+pub fn project(params: &Params, i: usize, camera: &Camera, settings: &Settings) -> Option<Projected> {
+    let p = camera.camera_from_local.transform_point(params.position(i));
+    let axes_in_local = params.rotation(i);
+    let [e_u, e_v, n] = [0, 1, 2].map(|k| camera.camera_from_local.rotation * axes_in_local.col(k));
+    let scales = params.scales(i);
+    let opacity = params.opacity(i);
+    let finite = p.is_finite() && n.is_finite() && (scales[0] * scales[1]).is_finite() && opacity.is_finite();
+    if !finite || scales[0] <= 0.0 || scales[1] <= 0.0 || p.z < settings.near {
+        return None;
+    }
+    let alpha_min = match settings.cutoff {
+        AlphaCutoff::Hard => ALPHA_MIN,
+        AlphaCutoff::Smooth => 0.0,
+    };
+    if opacity < alpha_min || p.dot(n).abs() < EDGE_ON_MIN * p.length() {
+        return None;
+    }
+    let pinhole = &camera.pinhole;
+    let per_px = DVec2::new(1.0 / pinhole.fx_px, 1.0 / pinhole.fy_px) / (p.dot(n) / p.z);
+    let centre_px = pinhole.project(p)?;
+    let unclamped_rgb = sh_colour(params, i, camera, settings.sh_degree);
+    Some(Projected {
+        centre_px,
+        a: e_v.cross(p).truncate() * per_px,
+        b: p.cross(e_u).truncate() * per_px,
+        g: n.truncate() * per_px,
+        depth: p.z,
+        scales,
+        opacity,
+        base_rgb: unclamped_rgb.max(DVec3::ZERO),
+        unclamped_rgb,
+        centre_in_camera: p,
+        axes_in_camera: [e_u, e_v, n],
+    })
+}
+
+fn sh_colour(params: &Params, i: usize, camera: &Camera, degree: u32) -> DVec3 {
+    let direction = (params.position(i) - camera.centre_in_local()).normalize();
+    let basis = sh_basis(degree, direction);
+    let width = sh_coefficients(params.sh_degree);
+    (0..sh_coefficients(degree))
+        .map(|k| basis[k] * DVec3::from_slice(&params.sh[3 * (i * width + k)..]))
+        .fold(DVec3::splat(0.5), |sum, term| sum + term)
+}

@@ -1,0 +1,130 @@
+//! Backward rasterisation: derivatives by the projected quantities of each splat and by the texels,
+//! back to front over the samples of each pixel (method 2.4).
+
+use super::loss::ImageLoss;
+use super::raster_fwd::{Sample, tap_values};
+use super::{ColourGradient, Params, Picture, Projected, Settings};
+use crate::model::{texel_value, texel_value_slope};
+use glam::{DVec2, DVec3};
+
+/// Derivatives of the loss by one splat's projected quantities, summed over pixels.
+#[derive(Clone, Debug, Default)]
+pub struct ScreenGradient {
+    /// By the projected centre.
+    pub centre_px: DVec2,
+    /// By the map's numerator along u.
+    pub a: DVec2,
+    /// By the map's numerator along v.
+    pub b: DVec2,
+    /// By the map's denominator.
+    pub g: DVec2,
+    /// By the logarithms of the standard deviations.
+    pub log_scales: [f64; 2],
+    /// By the opacity.
+    pub opacity: f64,
+    /// By the base colour after its clamp.
+    pub base_rgb: DVec3,
+    /// Covered pixels, blending weight, blending weight times loss.
+    pub statistics: [f64; 3],
+}
+
+/// Accumulates texel gradients into `grad` and returns those of the projected splats.
+pub(super) fn raster_bwd(
+    params: &Params,
+    projected: &[Option<Projected>],
+    picture: &Picture,
+    image: &ImageLoss,
+    settings: &Settings,
+    grad: &mut Params,
+) -> Vec<ScreenGradient> {
+    let mut out = vec![ScreenGradient::default(); projected.len()];
+    for (pixel, samples) in picture.samples.iter().enumerate() {
+        let by_pixel = DVec3::from_slice(&image.gradient[3 * pixel..]);
+        let mut behind = DVec3::from_array(settings.background) * picture.transmittance[pixel];
+        for sample in samples.iter().rev() {
+            let Some(p) = &projected[sample.splat] else {
+                continue;
+            };
+            let colour = sample.unclamped_rgb.max(DVec3::ZERO);
+            let weight = sample.hit.alpha * sample.transmittance_before;
+            let by_alpha =
+                by_pixel.dot(colour * sample.transmittance_before - behind / (1.0 - sample.hit.alpha));
+            behind += colour * weight;
+            let s = &mut out[sample.splat];
+            s.statistics[0] += 1.0;
+            s.statistics[1] += weight;
+            s.statistics[2] += weight * image.map[pixel];
+            sample_bwd(params, p, sample, by_alpha, by_pixel * weight, settings, s, grad);
+        }
+    }
+    out
+}
+
+#[allow(clippy::too_many_arguments, reason = "the quantities of the formula, named")]
+fn sample_bwd(
+    params: &Params,
+    p: &Projected,
+    sample: &Sample,
+    by_alpha: f64,
+    by_colour_unmasked: DVec3,
+    settings: &Settings,
+    s: &mut ScreenGradient,
+    grad: &mut Params,
+) {
+    let by_colour = DVec3::from_array([0, 1, 2].map(|c| {
+        let raise = settings.colour_gradient == ColourGradient::Projected && by_colour_unmasked[c] < 0.0;
+        if sample.unclamped_rgb[c] > 0.0 || raise {
+            by_colour_unmasked[c]
+        } else {
+            0.0
+        }
+    }));
+    s.base_rgb += by_colour;
+    let by_texture_plane = texture_bwd(params, sample, by_colour, grad);
+
+    let Projected {
+        a,
+        b,
+        g,
+        scales,
+        opacity,
+        ..
+    } = p;
+    let hit = &sample.hit;
+    let by_raw_alpha = by_alpha * hit.alpha_slope;
+    s.opacity += hit.falloff * by_raw_alpha;
+    let by_falloff = opacity * by_raw_alpha;
+    let normalised = [hit.plane[0] / scales[0], hit.plane[1] / scales[1]];
+    let mut by_plane = by_texture_plane;
+    for k in 0..2 {
+        by_plane[k] -= by_falloff * hit.falloff * normalised[k] / scales[k];
+        s.log_scales[k] += by_falloff * hit.falloff * normalised[k] * normalised[k];
+    }
+    let per = 1.0 / hit.denominator;
+    let by_denominator = -(by_plane[0] * hit.plane[0] + by_plane[1] * hit.plane[1]) * per;
+    s.a += by_plane[0] * per * hit.offset_px;
+    s.b += by_plane[1] * per * hit.offset_px;
+    s.g += by_denominator * hit.offset_px;
+    s.centre_px -= by_plane[0] * per * *a + by_plane[1] * per * *b + by_denominator * *g;
+}
+
+/// Gradient of the texels, and of the plane position through the texture.
+fn texture_bwd(params: &Params, sample: &Sample, by_colour: DVec3, grad: &mut Params) -> [f64; 2] {
+    let map = &params.maps[sample.splat];
+    let Some(taps) = &sample.taps else { return [0.0; 2] };
+    let weights = taps.weights();
+    for (texels, weights) in taps.texels(map).iter().zip(&weights) {
+        for (texel, weight) in texels.iter().zip(weights) {
+            let Some(t) = *texel else { continue };
+            for c in 0..3 {
+                let slope = texel_value_slope(texel_value(params.texels[t + c]));
+                grad.texels[t + c] += by_colour[c] * weight * slope;
+            }
+        }
+    }
+    let [[s00, s01], [s10, s11]] = tap_values(params, map, taps);
+    let by_u = (1.0 - taps.frac_v) * (s10 - s00) + taps.frac_v * (s11 - s01);
+    let by_v = (1.0 - taps.frac_u) * (s01 - s00) + taps.frac_u * (s11 - s10);
+    let k = f64::from(map.texel_size);
+    [by_colour.dot(by_u) / k, by_colour.dot(by_v) / k]
+}

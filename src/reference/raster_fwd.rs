@@ -1,0 +1,234 @@
+//! Forward rasterisation: every pixel against every splat, front to back (method 1.3, 1.4 and 2.1).
+
+use super::{AlphaCutoff, Params, Projected, Settings};
+use crate::camera::Camera;
+use crate::constants::{ALPHA_MAX, ALPHA_MIN, DENOMINATOR_MIN, TRANSMITTANCE_MIN};
+use crate::model::{TextureMap, texel_value};
+use glam::{DVec2, DVec3};
+
+/// Where a pixel's ray meets a splat, and how much of it is seen there.
+#[derive(Clone, Debug)]
+pub struct Hit {
+    /// Offset of the pixel from the projected centre.
+    pub offset_px: DVec2,
+    /// Denominator of the projective map.
+    pub denominator: f64,
+    /// Coordinates on the surfel, world units along u and v.
+    pub plane: [f64; 2],
+    /// Gaussian falloff.
+    pub falloff: f64,
+    /// Alpha after clamp and cut-off.
+    pub alpha: f64,
+    /// Derivative of `alpha` by `opacity * falloff`.
+    pub alpha_slope: f64,
+}
+
+/// One blended sample.
+#[derive(Clone, Debug)]
+pub(super) struct Sample {
+    pub splat: usize,
+    pub hit: Hit,
+    pub transmittance_before: f64,
+    /// Base colour plus residual, before the clamp at zero.
+    pub unclamped_rgb: DVec3,
+    pub taps: Option<Taps>,
+}
+
+/// A rendered picture with its samples.
+pub struct Picture {
+    /// Width.
+    pub width_px: usize,
+    /// Height.
+    pub height_px: usize,
+    /// `[height, width, 3]` display space
+    pub rgb: Vec<f64>,
+    /// `[height, width]`
+    pub transmittance: Vec<f64>,
+    /// `[height, width]` expected hit depth, 0 where nothing is drawn
+    pub depth: Vec<f64>,
+    /// `[height, width]` blended normals facing the camera, normalised
+    pub normal: Vec<DVec3>,
+    pub(super) samples: Vec<Vec<Sample>>,
+}
+
+/// The four bilinear taps of a texture coordinate: index of the first texel (may be -1) and fractions.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Taps {
+    pub row: i64,
+    pub col: i64,
+    pub frac_u: f64,
+    pub frac_v: f64,
+}
+
+impl Taps {
+    /// Taps at a plane position; `None` where the map is not sampled.
+    pub(super) fn at(map: &TextureMap, plane: [f64; 2]) -> Option<Self> {
+        if map.num_texels() == 0 {
+            return None;
+        }
+        let (rows, cols) = (f64::from(map.rows), f64::from(map.cols));
+        let k = f64::from(map.texel_size);
+        let u = plane[0] / k + (rows - 1.0) / 2.0;
+        let v = plane[1] / k + (cols - 1.0) / 2.0;
+        let inside = (-1.0..rows).contains(&u) && (-1.0..cols).contains(&v);
+        inside.then(|| Self {
+            row: u.floor() as i64,
+            col: v.floor() as i64,
+            frac_u: u - u.floor(),
+            frac_v: v - v.floor(),
+        })
+    }
+
+    /// The taps `(first float of the texel, weight)`; those outside the map count as zero and are `None`.
+    pub(super) fn texels(&self, map: &TextureMap) -> [[Option<usize>; 2]; 2] {
+        let tap = |row: i64, col: i64| {
+            let inside = (0..i64::from(map.rows)).contains(&row) && (0..i64::from(map.cols)).contains(&col);
+            inside.then(|| 3 * (map.offset_texels as usize + (row * i64::from(map.cols) + col) as usize))
+        };
+        [0, 1].map(|du| [0, 1].map(|dv| tap(self.row + du, self.col + dv)))
+    }
+
+    /// Bilinear weights in the order of [`Taps::texels`].
+    pub(super) fn weights(&self) -> [[f64; 2]; 2] {
+        [1.0 - self.frac_u, self.frac_u].map(|wu| [wu * (1.0 - self.frac_v), wu * self.frac_v])
+    }
+}
+
+/// Residuals of the four taps in the order of [`Taps::texels`].
+pub(super) fn tap_values(params: &Params, map: &TextureMap, taps: &Taps) -> [[DVec3; 2]; 2] {
+    taps.texels(map).map(|pair| {
+        pair.map(|t| {
+            t.map_or(DVec3::ZERO, |t| {
+                DVec3::new(
+                    texel_value(params.texels[t]),
+                    texel_value(params.texels[t + 1]),
+                    texel_value(params.texels[t + 2]),
+                )
+            })
+        })
+    })
+}
+
+/// Intersects the ray through `pixel_px` with a splat; `None` where nothing of it is seen.
+pub fn hit(p: &Projected, pixel_px: DVec2, settings: &Settings) -> Option<Hit> {
+    let offset_px = pixel_px - p.centre_px;
+    let denominator = 1.0 + p.g.dot(offset_px);
+    if denominator < DENOMINATOR_MIN || p.depth < settings.near * denominator {
+        return None;
+    }
+    let plane = [p.a.dot(offset_px) / denominator, p.b.dot(offset_px) / denominator];
+    let falloff = (-0.5 * ((plane[0] / p.scales[0]).powi(2) + (plane[1] / p.scales[1]).powi(2))).exp();
+    let raw = p.opacity * falloff;
+    let (alpha, alpha_slope) = match settings.cutoff {
+        AlphaCutoff::Hard if raw < ALPHA_MIN => return None,
+        AlphaCutoff::Hard if raw > ALPHA_MAX => (ALPHA_MAX, 0.0),
+        AlphaCutoff::Hard => (raw, 1.0),
+        AlphaCutoff::Smooth => smooth_alpha(raw),
+    };
+    (alpha > 0.0).then_some(Hit {
+        offset_px,
+        denominator,
+        plane,
+        falloff,
+        alpha,
+        alpha_slope,
+    })
+}
+
+/// Alpha times a smooth step from 0 at 0.5/255 to 1 at 1.5/255, and its derivative.
+fn smooth_alpha(raw: f64) -> (f64, f64) {
+    let s = ((raw - 0.5 * ALPHA_MIN) / ALPHA_MIN).clamp(0.0, 1.0);
+    let step = s * s * (3.0 - 2.0 * s);
+    let step_slope = 6.0 * s * (1.0 - s) / ALPHA_MIN;
+    (raw * step, step + raw * step_slope)
+}
+
+/// Renders the picture. Order is by (f32 bits of the centre's depth, index).
+pub fn raster_fwd(
+    params: &Params,
+    projected: &[Option<Projected>],
+    camera: &Camera,
+    settings: &Settings,
+) -> Picture {
+    let mut order: Vec<(u32, usize)> = projected
+        .iter()
+        .enumerate()
+        .filter_map(|(i, p)| p.as_ref().map(|p| ((p.depth as f32).to_bits(), i)))
+        .collect();
+    order.sort_unstable();
+    let (width_px, height_px) = (
+        camera.pinhole.width_px as usize,
+        camera.pinhole.height_px as usize,
+    );
+    let mut picture = Picture {
+        width_px,
+        height_px,
+        rgb: Vec::new(),
+        transmittance: Vec::new(),
+        depth: Vec::new(),
+        normal: Vec::new(),
+        samples: Vec::new(),
+    };
+    for y in 0..height_px {
+        for x in 0..width_px {
+            let pixel_px = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
+            raster_pixel(params, projected, &order, pixel_px, settings, &mut picture);
+        }
+    }
+    picture
+}
+
+fn raster_pixel(
+    params: &Params,
+    projected: &[Option<Projected>],
+    order: &[(u32, usize)],
+    pixel_px: DVec2,
+    settings: &Settings,
+    picture: &mut Picture,
+) {
+    let mut transmittance = 1.0;
+    let mut rgb = DVec3::ZERO;
+    let mut depth = 0.0;
+    let mut normal = DVec3::ZERO;
+    let mut samples = Vec::new();
+    for &(_, splat) in order {
+        let Some(p) = &projected[splat] else { continue };
+        let Some(hit) = hit(p, pixel_px, settings) else {
+            continue;
+        };
+        let after = transmittance * (1.0 - hit.alpha);
+        if settings.cutoff == AlphaCutoff::Hard && after < TRANSMITTANCE_MIN {
+            break;
+        }
+        let map = &params.maps[splat];
+        let taps = Taps::at(map, hit.plane);
+        let residual = taps.as_ref().map_or(DVec3::ZERO, |taps| {
+            let (values, weights) = (tap_values(params, map, taps), taps.weights());
+            (0..4).map(|k| values[k / 2][k % 2] * weights[k / 2][k % 2]).sum()
+        });
+        let unclamped_rgb = p.base_rgb + residual;
+        let weight = hit.alpha * transmittance;
+        rgb += unclamped_rgb.max(DVec3::ZERO) * weight;
+        depth += weight * p.depth / hit.denominator;
+        let n = p.axes_in_camera[2];
+        normal += weight * if n.dot(p.centre_in_camera) > 0.0 { -n } else { n };
+        samples.push(Sample {
+            splat,
+            hit,
+            transmittance_before: transmittance,
+            unclamped_rgb,
+            taps,
+        });
+        transmittance = after;
+    }
+    rgb += DVec3::from_array(settings.background) * transmittance;
+    picture.rgb.extend_from_slice(&rgb.to_array());
+    picture.transmittance.push(transmittance);
+    picture.depth.push(if transmittance < 1.0 {
+        depth / (1.0 - transmittance)
+    } else {
+        0.0
+    });
+    picture.normal.push(normal.normalize_or_zero());
+    picture.samples.push(samples);
+}

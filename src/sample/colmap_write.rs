@@ -1,0 +1,177 @@
+//! Writes a sparse model in COLMAP's binary and text layouts (`cameras`, `images`, `points3D`).
+//! Reading belongs to `dataset`.
+
+use crate::Result;
+use crate::camera::{Pinhole, RigidTransform};
+use crate::picture::write_atomically;
+use glam::{DQuat, DVec2, DVec3};
+use std::fmt::Write as _;
+use std::path::Path;
+
+/// COLMAP's number of the `PINHOLE` model.
+const MODEL_PINHOLE: i32 = 1;
+
+/// A posed picture; its COLMAP id is its index + 1, its camera's id is 1.
+#[derive(Clone, Debug)]
+pub struct SparseImage {
+    /// Relative to the picture folder.
+    pub name: String,
+    /// Pose.
+    pub camera_from_capture: RigidTransform,
+}
+
+/// A sparse point; its COLMAP id is its index + 1.
+#[derive(Clone, Debug)]
+pub struct SparsePoint {
+    /// Capture frame.
+    pub position: DVec3,
+    /// Display space.
+    pub rgb: [u8; 3],
+    /// Mean reprojection error.
+    pub error_px: f64,
+    /// Index of a picture and where the point was seen in it.
+    pub observations: Vec<(usize, DVec2)>,
+}
+
+/// A model with one camera that all pictures share.
+#[derive(Clone, Debug)]
+pub struct SparseModel {
+    /// Intrinsics of all pictures.
+    pub pinhole: Pinhole,
+    /// Pictures.
+    pub images: Vec<SparseImage>,
+    /// Points.
+    pub points: Vec<SparsePoint>,
+}
+
+/// Observations of one picture: place and index of the point. The index in this list is what tracks
+/// refer to.
+type Keypoints = Vec<(DVec2, usize)>;
+
+impl SparseModel {
+    /// Keypoints of all pictures, and for each point its track: index of picture and of keypoint.
+    fn keypoints_and_tracks(&self) -> (Vec<Keypoints>, Vec<Vec<(usize, usize)>>) {
+        let mut keypoints = vec![Keypoints::new(); self.images.len()];
+        let tracks = self
+            .points
+            .iter()
+            .enumerate()
+            .map(|(point, p)| {
+                let track = p.observations.iter().map(|&(image, at)| {
+                    keypoints[image].push((at, point));
+                    (image, keypoints[image].len() - 1)
+                });
+                track.collect()
+            })
+            .collect();
+        (keypoints, tracks)
+    }
+
+    /// Writes `cameras.bin`, `images.bin` and `points3D.bin`.
+    ///
+    /// # Errors
+    /// [`crate::Error::Io`].
+    pub fn write_binary(&self, folder: &Path) -> Result<()> {
+        let (keypoints, tracks) = self.keypoints_and_tracks();
+        write_atomically(&folder.join("cameras.bin"), &self.cameras_bin())?;
+        write_atomically(&folder.join("images.bin"), &self.images_bin(&keypoints))?;
+        write_atomically(&folder.join("points3D.bin"), &self.points_bin(&tracks))
+    }
+
+    fn cameras_bin(&self) -> Vec<u8> {
+        let p = &self.pinhole;
+        let mut out = Vec::new();
+        out.extend(1_u64.to_le_bytes());
+        out.extend(1_i32.to_le_bytes());
+        out.extend(MODEL_PINHOLE.to_le_bytes());
+        out.extend(u64::from(p.width_px).to_le_bytes());
+        out.extend(u64::from(p.height_px).to_le_bytes());
+        extend_f64(&mut out, &[p.fx_px, p.fy_px, p.cx_px, p.cy_px]);
+        out
+    }
+
+    fn images_bin(&self, keypoints: &[Keypoints]) -> Vec<u8> {
+        let mut out = Vec::new();
+        out.extend((self.images.len() as u64).to_le_bytes());
+        for (index, (image, keypoints)) in self.images.iter().zip(keypoints).enumerate() {
+            out.extend((index as i32 + 1).to_le_bytes());
+            extend_f64(&mut out, &pose_numbers(&image.camera_from_capture));
+            out.extend(1_i32.to_le_bytes());
+            out.extend(image.name.as_bytes());
+            out.push(0);
+            out.extend((keypoints.len() as u64).to_le_bytes());
+            for &(at, point) in keypoints {
+                extend_f64(&mut out, &at.to_array());
+                out.extend((point as i64 + 1).to_le_bytes());
+            }
+        }
+        out
+    }
+
+    fn points_bin(&self, tracks: &[Vec<(usize, usize)>]) -> Vec<u8> {
+        let mut out = Vec::new();
+        out.extend((self.points.len() as u64).to_le_bytes());
+        for (index, (point, track)) in self.points.iter().zip(tracks).enumerate() {
+            out.extend((index as u64 + 1).to_le_bytes());
+            extend_f64(&mut out, &point.position.to_array());
+            out.extend(point.rgb);
+            extend_f64(&mut out, &[point.error_px]);
+            out.extend((track.len() as u64).to_le_bytes());
+            for &(image, keypoint) in track {
+                out.extend((image as i32 + 1).to_le_bytes());
+                out.extend((keypoint as i32).to_le_bytes());
+            }
+        }
+        out
+    }
+
+    /// Writes `cameras.txt`, `images.txt` and `points3D.txt`; numbers are exact.
+    ///
+    /// # Errors
+    /// [`crate::Error::Io`].
+    pub fn write_text(&self, folder: &Path) -> Result<()> {
+        let (keypoints, tracks) = self.keypoints_and_tracks();
+        let p = &self.pinhole;
+        let cameras = format!(
+            "# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n1 PINHOLE {} {} {} {} {} {}\n",
+            p.width_px, p.height_px, p.fx_px, p.fy_px, p.cx_px, p.cy_px
+        );
+        // Writing to a string cannot fail.
+        let mut images = String::from(
+            "# IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME\n# POINTS2D[] as (X, Y, POINT3D_ID)\n",
+        );
+        for (index, (image, keypoints)) in self.images.iter().zip(&keypoints).enumerate() {
+            let pose = pose_numbers(&image.camera_from_capture).map(|v| v.to_string());
+            let _ = writeln!(images, "{} {} 1 {}", index + 1, pose.join(" "), image.name);
+            let places = keypoints
+                .iter()
+                .map(|(at, point)| format!("{} {} {}", at.x, at.y, point + 1));
+            let _ = writeln!(images, "{}", places.collect::<Vec<_>>().join(" "));
+        }
+        let mut points =
+            String::from("# POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as (IMAGE_ID, POINT2D_IDX)\n");
+        for (index, (point, track)) in self.points.iter().zip(&tracks).enumerate() {
+            let ([x, y, z], [r, g, b]) = (point.position.to_array(), point.rgb);
+            let _ = write!(points, "{} {x} {y} {z} {r} {g} {b} {}", index + 1, point.error_px);
+            for (image, keypoint) in track {
+                let _ = write!(points, " {} {keypoint}", image + 1);
+            }
+            points.push('\n');
+        }
+        write_atomically(&folder.join("cameras.txt"), cameras.as_bytes())?;
+        write_atomically(&folder.join("images.txt"), images.as_bytes())?;
+        write_atomically(&folder.join("points3D.txt"), points.as_bytes())
+    }
+}
+
+/// Quaternion wxyz (w >= 0) and translation of camera_from_capture.
+fn pose_numbers(pose: &RigidTransform) -> [f64; 7] {
+    let q = DQuat::from_mat3(&pose.rotation).normalize();
+    let q = if q.w < 0.0 { -q } else { q };
+    let t = pose.translation;
+    [q.w, q.x, q.y, q.z, t.x, t.y, t.z]
+}
+
+fn extend_f64(out: &mut Vec<u8>, values: &[f64]) {
+    out.extend(values.iter().flat_map(|v| v.to_le_bytes()));
+}

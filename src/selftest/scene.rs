@@ -1,0 +1,159 @@
+//! Random scenes for comparing renderers: splats of all orientations in front of a camera, with maps
+//! of mixed sizes, and a photo that does not resemble them.
+
+use crate::backend::TargetImage;
+use crate::camera::{Camera, Pinhole, RigidTransform, Similarity};
+use crate::constants::sh_coefficients;
+use crate::model::{Model, SplatArrays, TexturePool};
+use glam::{DMat3, DQuat, DVec3};
+use rand::{Rng, RngExt as _, SeedableRng as _};
+use rand_pcg::Pcg64Mcg;
+
+/// What a random scene is made of.
+#[derive(Clone, Debug)]
+pub struct SceneOptions {
+    /// Splats.
+    pub num_splats: usize,
+    /// SH degree.
+    pub sh_degree: u32,
+    /// Sizes of maps, drawn at random for each splat; (0, 0) is untextured.
+    pub map_sizes: Vec<(u16, u16)>,
+    /// Picture width.
+    pub width_px: u32,
+    /// Picture height.
+    pub height_px: u32,
+    /// Standard deviations, local units, log-uniform between these.
+    pub scales: (f64, f64),
+    /// Opacities, uniform between these.
+    pub opacities: (f64, f64),
+    /// Depths of the centres, uniform between these.
+    pub depths: (f64, f64),
+    /// Seed.
+    pub seed: u64,
+}
+
+impl Default for SceneOptions {
+    fn default() -> Self {
+        Self {
+            num_splats: 2_000,
+            sh_degree: 3,
+            map_sizes: vec![(4, 4), (2, 2), (9, 5), (3, 8), (0, 0), (16, 12)],
+            width_px: 150,
+            height_px: 101,
+            scales: (0.01, 0.2),
+            opacities: (0.02, 0.999),
+            depths: (0.3, 3.0),
+            seed: 1,
+        }
+    }
+}
+
+/// A random scene.
+pub struct Scene {
+    /// Splats and maps.
+    pub model: Model,
+    /// The view.
+    pub camera: Camera,
+    /// A photo of the camera's size.
+    pub target: TargetImage,
+}
+
+/// Near plane of the random scenes.
+const NEAR: f32 = 0.04;
+
+/// Makes a scene.
+pub fn random_scene(options: &SceneOptions) -> Scene {
+    let mut rng = Pcg64Mcg::seed_from_u64(options.seed);
+    let camera = random_camera(options, &mut rng);
+    let local_from_camera = camera.camera_from_local.inverse();
+    let n = options.num_splats;
+    let mut splats = SplatArrays::zeros(n, options.sh_degree);
+    let mut extents = Vec::new();
+    let coefficients = sh_coefficients(options.sh_degree);
+    for i in 0..n {
+        let depth = rng.random_range(options.depths.0..=options.depths.1);
+        let px = glam::DVec2::new(
+            rng.random_range(-0.1..1.1) * f64::from(options.width_px),
+            rng.random_range(-0.1..1.1) * f64::from(options.height_px),
+        );
+        let position = local_from_camera.transform_point(camera.pinhole.direction_in_camera(px) * depth);
+        (0..3).for_each(|k| splats.positions[3 * i + k] = position[k] as f32);
+        (0..4).for_each(|k| splats.quaternions[4 * i + k] = normal(&mut rng) as f32);
+        let log_range = options.scales.0.ln()..=options.scales.1.ln();
+        (0..2).for_each(|k| splats.log_scales[2 * i + k] = rng.random_range(log_range.clone()) as f32);
+        let opacity: f64 = rng.random_range(options.opacities.0..=options.opacities.1);
+        splats.opacity_logits[i] = (opacity / (1.0 - opacity)).ln() as f32;
+        for k in 0..coefficients {
+            let spread = if k == 0 { 1.2 } else { 0.25 };
+            (0..3)
+                .for_each(|c| splats.sh[3 * (i * coefficients + k) + c] = (spread * normal(&mut rng)) as f32);
+        }
+        let (rows, cols) = options.map_sizes[rng.random_range(0..options.map_sizes.len())];
+        let half = 2.5 * splats.log_scales[2 * i].max(splats.log_scales[2 * i + 1]).exp();
+        extents.push((rows, cols, 2.0 * half / f32::from(rows.max(cols).max(2) - 1)));
+    }
+    let mut textures = TexturePool::neutral(extents);
+    textures
+        .texels
+        .iter_mut()
+        .for_each(|t| *t = (1.5 * normal(&mut rng)) as f32);
+    let model = Model {
+        splats,
+        textures,
+        near: NEAR,
+        capture_from_local: Similarity::IDENTITY,
+    };
+    let target = random_target(options, &mut rng);
+    Scene {
+        model,
+        camera,
+        target,
+    }
+}
+
+fn random_camera(options: &SceneOptions, rng: &mut Pcg64Mcg) -> Camera {
+    let (w, h) = (f64::from(options.width_px), f64::from(options.height_px));
+    let rotation =
+        DMat3::from_quat(DQuat::from_xyzw(normal(rng), normal(rng), normal(rng), normal(rng)).normalize());
+    Camera {
+        pinhole: Pinhole {
+            width_px: options.width_px,
+            height_px: options.height_px,
+            fx_px: 0.9 * w.max(h),
+            fy_px: 0.95 * w.max(h),
+            cx_px: 0.47 * w,
+            cy_px: 0.55 * h,
+        },
+        camera_from_local: RigidTransform {
+            rotation,
+            translation: DVec3::new(normal(rng), normal(rng), normal(rng)) * 0.3,
+        },
+    }
+}
+
+/// Smooth coloured waves: differs from the rendered picture everywhere, so that no pixel sits at the
+/// kink of the L1 term.
+fn random_target(options: &SceneOptions, rng: &mut Pcg64Mcg) -> TargetImage {
+    let mut rgb = Vec::new();
+    let frequencies: [f64; 3] = [0.05, 0.083, 0.11].map(|f| f * rng.random_range(0.8..1.2));
+    for y in 0..options.height_px {
+        for x in 0..options.width_px {
+            for (c, f) in frequencies.iter().enumerate() {
+                let wave = (f64::from(x) * f + c as f64).sin() * (f64::from(y) * f * 0.7 + 1.0).cos();
+                rgb.push((127.5 + 110.0 * wave) as u8);
+            }
+        }
+    }
+    TargetImage {
+        width_px: options.width_px,
+        height_px: options.height_px,
+        rgb,
+        mask: None,
+    }
+}
+
+/// Standard normal variate (Box-Muller).
+fn normal(rng: &mut impl Rng) -> f64 {
+    let radius = (-2.0 * (1.0 - rng.random::<f64>()).ln()).sqrt();
+    radius * (std::f64::consts::TAU * rng.random::<f64>()).cos()
+}

@@ -1,0 +1,94 @@
+//! What changes over a run, as fractions of its length: `s = steps / 30,000` scales the published
+//! timetable (method sections 4 and 6).
+
+use super::config::TrainConfig;
+use crate::backend::LearningRates;
+
+/// Length of the published timetable.
+const PUBLISHED_STEPS: f64 = 30_000.0;
+
+/// The timetable of a run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Schedule {
+    /// SH degree rises by one each so many steps (published: 1,000).
+    pub sh_interval: u32,
+    /// Texels are trained from this step on (published: 1,000).
+    pub texture_start: u32,
+    /// The position's rate reaches its end here (published: 24,000).
+    pub position_end: u32,
+    /// Maps are revised each so many steps (published: structure steps each 250).
+    pub revision_interval: u32,
+}
+
+impl Schedule {
+    /// The timetable for `config` and a number of training views.
+    pub fn new(config: &TrainConfig, train_views: usize) -> Self {
+        let s = f64::from(config.steps) / PUBLISHED_STEPS;
+        let at = |published: f64| ((published * s).round() as u32).max(1);
+        let low = (train_views as u32).clamp(1, 50);
+        Self {
+            sh_interval: at(1_000.0),
+            texture_start: at(1_000.0),
+            position_end: at(24_000.0),
+            revision_interval: at(250.0).clamp(low, 250),
+        }
+    }
+
+    /// SH degree in use at a step (from 1).
+    pub fn sh_degree(&self, step: u32, highest: u32) -> u32 {
+        ((step - 1) / self.sh_interval).min(highest)
+    }
+
+    /// Learning rates of a step (from 1).
+    pub fn rates(&self, config: &TrainConfig, step: u32) -> LearningRates {
+        let r = &config.rates;
+        let t = (f64::from(step - 1) / f64::from(self.position_end)).min(1.0);
+        let (start, end) = (f64::from(r.position).ln(), f64::from(r.position_end).ln());
+        LearningRates {
+            position: (start + (end - start) * t).exp() as f32,
+            quaternion: r.quaternion,
+            log_scale: r.log_scale,
+            opacity: r.opacity,
+            sh_dc: r.sh_dc,
+            sh_rest: r.sh_rest,
+            texel: if step >= self.texture_start { r.texel } else { 0.0 },
+        }
+    }
+
+    /// Whether maps are revised after a step.
+    pub fn revises(&self, step: u32, steps: u32) -> bool {
+        step.is_multiple_of(self.revision_interval) && step < steps
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_published_timetable_is_met_and_short_runs_are_fractions_of_it() {
+        let config = TrainConfig::default();
+        let published = Schedule::new(&config, 300);
+        assert_eq!(
+            (
+                published.sh_interval,
+                published.texture_start,
+                published.revision_interval
+            ),
+            (1_000, 1_000, 250)
+        );
+        assert_eq!(
+            [1, 1_000, 1_001, 3_001, 9_000].map(|t| published.sh_degree(t, 3)),
+            [0, 0, 1, 3, 3]
+        );
+        let rates = published.rates(&config, 24_001);
+        assert!((rates.position / config.rates.position_end - 1.0).abs() < 1e-5);
+        assert_eq!(published.rates(&config, 999).texel, 0.0);
+        let short = Schedule::new(&TrainConfig { steps: 300, ..config }, 43);
+        assert_eq!(
+            (short.sh_interval, short.texture_start, short.revision_interval),
+            (10, 10, 43)
+        );
+        assert!(short.revises(43, 300) && !short.revises(300, 300) && !short.revises(44, 300));
+    }
+}
