@@ -1,6 +1,7 @@
 //! From picture files to the photo that is trained on: composited, undistorted, reduced and masked.
 //! Which files and sizes belongs to `pictures.rs`, keeping the results to `store.rs`.
 
+use super::exr_picture;
 use super::lens::Lens;
 use super::pictures::{image_error, open};
 use super::resample::{by_area, to_byte};
@@ -56,7 +57,7 @@ impl Recipe {
     }
 
     fn read(&self, path: &Path) -> Result<DynamicImage> {
-        let mut picture = open(path)?.decode().map_err(|e| image_error(path, e))?;
+        let mut picture = read_pixels(path)?;
         picture.apply_orientation(self.turn);
         Ok(picture)
     }
@@ -141,7 +142,7 @@ impl Recipe {
 
     /// The mask at the size of the result, 255 where the picture counts.
     fn kept(&self, path: &Path) -> Result<Vec<u8>> {
-        let mut mask = open(path)?.decode().map_err(|e| image_error(path, e))?;
+        let mut mask = read_pixels(path)?;
         let stored = (mask.width(), mask.height());
         if self.turn != Orientation::NoTransforms && is_landscape(stored) != is_landscape(self.picture_size) {
             mask.apply_orientation(self.turn);
@@ -166,6 +167,14 @@ impl Recipe {
             .map(|mean| if (mean >= 128) != self.mask_invert { 255 } else { 0 })
             .collect())
     }
+}
+
+/// The pixels as stored, display space.
+fn read_pixels(path: &Path) -> Result<DynamicImage> {
+    if exr_picture::is_exr(path) {
+        return exr_picture::read(path);
+    }
+    open(path)?.decode().map_err(|e| image_error(path, e))
 }
 
 fn is_landscape((width, height): (u32, u32)) -> bool {

@@ -4,6 +4,7 @@
 use super::frame::median;
 use super::source::{Source, first_names};
 use crate::Report;
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 /// Fewer observed points than this make a pose doubtful.
@@ -11,6 +12,9 @@ const MIN_OBSERVATIONS: usize = 50;
 
 /// Cameras closer than this count as one, in units of the cameras' extent.
 const COINCIDENT: f64 = 1e-4;
+
+/// Cameras farther from the middle than this many median distances do not belong to the others.
+const FAR_OFF: f64 = 10.0;
 
 /// Depths below this share of the view's median depth are as good as zero.
 const ZERO_DEPTH: f64 = 1e-3;
@@ -38,6 +42,8 @@ pub struct SparseHealth {
     pub views_under_50_observations: usize,
     /// Views whose camera centre coincides with that of another view.
     pub coincident_cameras: usize,
+    /// Views more than ten median distances away from the median camera.
+    pub cameras_far_off: usize,
     /// Observations whose point lies behind the camera.
     pub observations_behind_camera: usize,
     /// Observations whose point lies in front of the camera, but as good as in it.
@@ -60,6 +66,7 @@ pub(crate) fn check(source: &Source, extent: f64, present: usize, report: &mut R
         median_observations_per_view: median(counts.iter().map(|&c| c as f64).collect()).unwrap_or(0.0),
         views_under_50_observations: counts.iter().filter(|&&c| c < MIN_OBSERVATIONS).count(),
         coincident_cameras: coincident(source, COINCIDENT * extent).len(),
+        cameras_far_off: far_off(source).len(),
         observations_behind_camera: behind,
         observations_at_zero_depth: at_zero,
         mean_reprojection_error_px: source.reprojection_error_px,
@@ -106,6 +113,18 @@ fn warn(source: &Source, health: &SparseHealth, extent: f64, report: &mut Report
             ),
         );
     }
+    if health.cameras_far_off > 0 {
+        report.warn(
+            "cameras-far-off",
+            health.cameras_far_off,
+            format!(
+                "{} cameras stand more than {FAR_OFF} times as far off as is usual: {}; they set the scale of the \
+                 capture; {HINT}",
+                health.cameras_far_off,
+                first_names(far_off(source))
+            ),
+        );
+    }
     let misplaced = health.observations_behind_camera + health.observations_at_zero_depth;
     if misplaced > 0 {
         report.warn(
@@ -148,6 +167,21 @@ fn misplaced(source: &Source) -> (usize, usize) {
         }
     }
     (behind, at_zero)
+}
+
+/// Names of views far away from all others.
+fn far_off(source: &Source) -> Vec<&str> {
+    let centres: Vec<DVec3> = source
+        .views
+        .iter()
+        .map(|v| v.camera_from_capture.origin_of_a_in_b())
+        .collect();
+    let along = |axis: usize| median(centres.iter().map(|c| c[axis]).collect()).unwrap_or(0.0);
+    let middle = DVec3::new(along(0), along(1), along(2));
+    let distances: Vec<f64> = centres.iter().map(|c| c.distance(middle)).collect();
+    let limit = FAR_OFF * median(distances.clone()).unwrap_or(0.0);
+    let far = source.views.iter().zip(distances).filter(|(_, d)| *d > limit);
+    far.map(|(v, _)| v.name.as_str()).collect()
 }
 
 /// Names of views with another camera within `distance`.

@@ -2,12 +2,12 @@
 //! split, and move everything into the local frame.
 
 use super::decode::Recipe;
-use super::formats::{colmap, transforms};
+use super::formats::{colmap, reality_capture, transforms};
 use super::options::{CaptureFormat, LoadOptions};
 use super::pictures::{PictureFolder, bounded, fit};
 use super::source::{Source, SourceView, first_names};
 use super::store::ImageStore;
-use super::{Capture, View, frame, health, split};
+use super::{Capture, View, frame, health, split, zipped};
 use crate::camera::Camera;
 use crate::views::Split;
 use crate::{Error, Report, Result};
@@ -17,6 +17,20 @@ use std::path::{Path, PathBuf};
 /// See [`Capture::load`].
 pub(crate) fn load(path: &Path, options: &LoadOptions) -> Result<Capture> {
     check(options)?;
+    if !zipped::is_archive(path) {
+        return load_folder(path, options);
+    }
+    let unpacked = zipped::unpack(path)?;
+    let mut capture = load_folder(&unpacked.root(), options)?;
+    capture.name = path
+        .with_extension("")
+        .file_name()
+        .map_or(capture.name, |n| n.to_string_lossy().into_owned());
+    capture._unpacked = Some(unpacked);
+    Ok(capture)
+}
+
+fn load_folder(path: &Path, options: &LoadOptions) -> Result<Capture> {
     if !path.exists() {
         return Err(Error::invalid(
             path,
@@ -89,6 +103,7 @@ pub(crate) fn load(path: &Path, options: &LoadOptions) -> Result<Capture> {
         health,
         report,
         store: ImageStore::new(recipes, options.image_cache_bytes),
+        _unpacked: None,
     })
 }
 
@@ -125,7 +140,7 @@ fn read(path: &Path, options: &LoadOptions, report: &mut Report) -> Result<(Path
         if path.extension().is_none_or(|e| e != "json") {
             return Err(Error::unsupported(
                 path,
-                "no capture; supported: a folder with a COLMAP model or transforms.json, or a transforms.json",
+                "no capture; supported: a folder with a COLMAP model or transforms.json, a ZIP archive of it, or a transforms.json",
             ));
         }
         let root = path.parent().unwrap_or(Path::new("")).to_owned();
@@ -145,10 +160,23 @@ fn read(path: &Path, options: &LoadOptions, report: &mut Report) -> Result<(Path
             transforms::read(path, &files, images(path)?.as_ref())?,
         ));
     }
+    if wants(CaptureFormat::RealityCapture)
+        && let Some(file) = reality_capture::find_file(path)
+    {
+        let folder = match images(path)? {
+            Some(folder) => folder,
+            None if path.join("images").is_dir() => PictureFolder::at(&path.join("images")),
+            None => PictureFolder::at(path),
+        };
+        return Ok((path.to_owned(), reality_capture::read(&file, &folder)?));
+    }
     let expected = match options.format {
         Some(CaptureFormat::Colmap) => "a COLMAP model (sparse/0/cameras.bin or .txt)",
         Some(CaptureFormat::Transforms) => "transforms.json or transforms_train.json",
-        None => "a COLMAP model (sparse/0/cameras.bin or .txt) or transforms.json",
+        Some(CaptureFormat::RealityCapture) => {
+            "RealityCapture's \"Internal/External camera parameters\" (.csv)"
+        }
+        None => "a COLMAP model (sparse/0/cameras.bin or .txt), transforms.json or RealityCapture's .csv",
     };
     Err(Error::invalid(
         path,

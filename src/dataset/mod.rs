@@ -2,6 +2,7 @@
 //! which they are trained on. Nothing here knows how training or rendering works.
 
 mod decode;
+mod exr_picture;
 #[cfg(test)]
 mod fixtures;
 mod formats;
@@ -23,6 +24,9 @@ mod store;
 #[cfg(test)]
 mod tests;
 mod warp;
+#[cfg(test)]
+mod warp_tests;
+mod zipped;
 
 pub use formats::ply::read_points as read_ply_points;
 pub use health::SparseHealth;
@@ -78,12 +82,14 @@ pub struct Capture {
     /// What was left out, chosen or looks wrong.
     pub report: Report,
     store: ImageStore,
+    /// Dropped after the store, whose threads read from it.
+    _unpacked: Option<zipped::Unpacked>,
 }
 
 impl Capture {
     /// Reads the poses and points of a capture and checks its pictures' sizes; decodes no picture.
     ///
-    /// `path` is the capture's folder, its sparse model or its `transforms.json`.
+    /// `path` is the capture's folder, a ZIP archive of it, its sparse model or its `transforms.json`.
     ///
     /// # Errors
     /// [`crate::Error::InvalidInput`], [`crate::Error::Unsupported`] or [`crate::Error::Io`], naming file,

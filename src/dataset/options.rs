@@ -11,6 +11,8 @@ pub enum CaptureFormat {
     Colmap,
     /// `transforms.json` of nerfstudio and instant-ngp, `transforms_train.json` of Blender scenes.
     Transforms,
+    /// The CSV export of RealityCapture / RealityScan.
+    RealityCapture,
 }
 
 impl std::fmt::Display for CaptureFormat {
@@ -18,6 +20,7 @@ impl std::fmt::Display for CaptureFormat {
         f.write_str(match self {
             Self::Colmap => "colmap",
             Self::Transforms => "transforms",
+            Self::RealityCapture => "reality-capture",
         })
     }
 }
@@ -26,7 +29,7 @@ impl std::fmt::Display for CaptureFormat {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default, rename_all = "kebab-case")]
 pub struct LoadOptions {
-    /// Pose format; `None`: a sparse model wins over `transforms.json`.
+    /// Pose format; `None`: a sparse model wins over `transforms.json`, which wins over CSV.
     pub format: Option<CaptureFormat>,
     /// Folder of the pictures, absolute or relative to the capture (`images_4`); `None`: `images`.
     pub images: Option<PathBuf>,

@@ -1,6 +1,7 @@
 //! Where pictures and masks lie, how large they are, and whether that fits their cameras. Nothing is
 //! decoded here.
 
+use super::exr_picture;
 use super::lens::Lens;
 use crate::{Error, Result};
 use image::metadata::Orientation;
@@ -10,7 +11,7 @@ use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
 /// Extensions of the pictures that can be read.
-const EXTENSIONS: [&str; 6] = ["png", "jpg", "jpeg", "PNG", "JPG", "JPEG"];
+const EXTENSIONS: [&str; 8] = ["png", "jpg", "jpeg", "exr", "PNG", "JPG", "JPEG", "EXR"];
 
 /// A folder in which pictures are looked up by the names that pose files give them.
 #[derive(Clone, Debug)]
@@ -98,17 +99,20 @@ pub(crate) fn image_error(path: &Path, error: image::ImageError) -> Error {
         image::ImageError::IoError(e) if e.kind() != std::io::ErrorKind::UnexpectedEof => Error::io(path, e),
         image::ImageError::Unsupported(e) => Error::unsupported(
             path,
-            format!("{e}; pictures must be PNG or JPEG: convert this one"),
+            format!("{e}; pictures must be PNG, JPEG or EXR: convert this one"),
         ),
         e => Error::invalid(
             path,
-            format!("unreadable picture: {e}; expected PNG or JPEG: replace the file or remove it"),
+            format!("unreadable picture: {e}; expected PNG, JPEG or EXR: replace the file or remove it"),
         ),
     }
 }
 
 /// Stored size of a picture and the turn that its EXIF data ask for.
 pub(crate) fn picture_header(path: &Path) -> Result<((u32, u32), Orientation)> {
+    if exr_picture::is_exr(path) {
+        return Ok((exr_picture::size(path)?, Orientation::NoTransforms));
+    }
     let mut decoder = open(path)?.into_decoder().map_err(|e| image_error(path, e))?;
     let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
     let (width, height) = decoder.dimensions();

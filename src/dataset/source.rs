@@ -50,6 +50,9 @@ pub(crate) struct Source {
     pub report: Report,
 }
 
+/// Larger coordinates of cameras are damage: not even millimetres to the moon need them.
+const MAX_COORDINATE: f64 = 1e12;
+
 /// The rotation nearest to a matrix that is one up to rounding and a uniform scale.
 ///
 /// # Errors
@@ -86,9 +89,9 @@ pub(crate) fn nearest_rotation(matrix: DMat3) -> Result<DMat3, String> {
 /// # Errors
 /// What is wrong with it.
 pub(crate) fn checked_pose(rotation: DMat3, translation: DVec3) -> Result<RigidTransform, String> {
-    if !translation.is_finite() {
+    if !translation.is_finite() || translation.abs().max_element() > MAX_COORDINATE {
         return Err(format!(
-            "its translation is {translation:?}, expected finite numbers"
+            "its translation is {translation:?}, expected finite numbers up to {MAX_COORDINATE:e}"
         ));
     }
     Ok(RigidTransform {

@@ -103,6 +103,19 @@ impl State {
         self.cached.insert(view, cached);
     }
 
+    /// Images decoded for an earlier wish no longer wait for their use: they may go like all others.
+    fn forget_wishes_except(&mut self, views: &[usize]) {
+        let wanted: HashSet<&usize> = views.iter().collect();
+        let mut forgotten = 0;
+        for (view, cached) in &mut self.cached {
+            if cached.unused && !wanted.contains(view) {
+                cached.unused = false;
+                forgotten += num_bytes(&cached.image);
+            }
+        }
+        self.unused_bytes -= forgotten;
+    }
+
     /// An image from the cache, marked as used.
     fn take(&mut self, view: usize) -> Option<Arc<TargetImage>> {
         self.clock += 1;
@@ -195,7 +208,10 @@ impl ImageStore {
     /// Decodes these views in the background, in this order; replaces an earlier wish.
     pub fn prefetch(&self, views: &[usize]) {
         let num_recipes = self.shared.recipes.len();
-        self.shared.lock().queue = views.iter().copied().filter(|&v| v < num_recipes).collect();
+        let mut state = self.shared.lock();
+        state.queue = views.iter().copied().filter(|&v| v < num_recipes).collect();
+        state.forget_wishes_except(views);
+        drop(state);
         let mut threads = self.threads.lock().unwrap_or_else(PoisonError::into_inner);
         while threads.len() < PREFETCH_THREADS {
             let shared = Arc::clone(&self.shared);
@@ -321,6 +337,24 @@ mod tests {
                     }
                 });
             }
+        }
+    }
+
+    #[test]
+    fn photos_nobody_asked_for_do_not_block_later_prefetching() {
+        let folder = tempfile::tempdir().unwrap();
+        let store = store(folder.path(), 6, 4 * BYTES);
+        let decodes = || store.shared.lock().decodes;
+        for (wish, expected) in [([0, 1], 2), ([2, 3], 4), ([4, 5], 6)] {
+            store.prefetch(&wish);
+            // Bounded wait: about 10 s before the test fails.
+            for _ in 0..10_000 {
+                if decodes() == expected {
+                    break;
+                }
+                std::thread::sleep(std::time::Duration::from_millis(1));
+            }
+            assert_eq!(decodes(), expected, "{wish:?}");
         }
     }
 

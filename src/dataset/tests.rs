@@ -3,6 +3,7 @@
 use super::fixtures::{Scene, write_json};
 use super::*;
 use crate::Error;
+use crate::sample::{SampleOptions, write_sample};
 use glam::DVec3;
 use tempfile::{TempDir, tempdir};
 
@@ -423,9 +424,20 @@ fn health_sees_collapsed_cameras_and_points_behind_them() {
     ));
     let sound = load(&written(&Scene::ring(6)), &options()).health.unwrap();
     assert_eq!(
-        (sound.coincident_cameras, sound.observations_behind_camera),
-        (0, 0)
+        (
+            sound.coincident_cameras,
+            sound.observations_behind_camera,
+            sound.cameras_far_off
+        ),
+        (0, 0, 0)
     );
+    let mut lost = Scene::ring(6);
+    lost.images[4].camera_from_world.1 *= 30.0;
+    assert!(has_warning(
+        &load(&written(&lost), &options()),
+        "cameras-far-off",
+        1
+    ));
 }
 
 #[test]
@@ -476,4 +488,32 @@ fn prefetching_through_the_capture_gives_the_same_photos() {
         assert_eq!(a.target(view).unwrap(), b.target(view).unwrap());
     }
     assert_eq!(a.cached_bytes(), 9 * 12 * 8 * 3);
+}
+
+#[test]
+fn the_sample_is_a_sound_capture() {
+    let folder = tempdir().unwrap();
+    let small = SampleOptions {
+        views: 10,
+        width_px: 48,
+        height_px: 32,
+        supersampling: 1,
+        points: 400,
+        text: true,
+        ..SampleOptions::default()
+    };
+    let summary = write_sample(folder.path(), &small).unwrap();
+    let capture = load(&folder, &options());
+    assert_eq!(
+        (capture.views.len(), capture.points.len()),
+        (summary.views, summary.points)
+    );
+    let health = capture.health.clone().unwrap();
+    assert_eq!(health.observations, summary.observations);
+    assert_eq!(
+        (health.observations_behind_camera, health.coincident_cameras),
+        (0, 0)
+    );
+    let (model, report) = initial_model(&capture, &InitOptions::default()).unwrap();
+    assert_eq!((model.num_splats(), report.warnings.len()), (summary.points, 0));
 }

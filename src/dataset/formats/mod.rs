@@ -6,4 +6,5 @@ pub(crate) mod colmap;
 pub(crate) mod colmap_bin;
 pub(crate) mod colmap_txt;
 pub(crate) mod ply;
+pub(crate) mod reality_capture;
 pub(crate) mod transforms;

@@ -1,0 +1,256 @@
+//! The CSV export "Internal/External camera parameters" of RealityCapture / RealityScan: one picture a
+//! row. Positions are `x, y, alt` with z up; `heading, pitch, roll` are degrees; `f`, `px`, `py` refer
+//! to a 36 mm wide film, laid along the picture's longer side.
+
+use super::bytes::read_text;
+use crate::camera::Pinhole;
+use crate::dataset::lens::{Distortion, Lens};
+use crate::dataset::options::CaptureFormat;
+use crate::dataset::pictures::{PictureFolder, picture_size};
+use crate::dataset::source::{Source, SourceView, checked_pose};
+use crate::{Error, Report, Result};
+use glam::{DMat3, DVec3};
+use std::path::{Path, PathBuf};
+
+/// Columns without which a CSV file is something else.
+const REQUIRED: [&str; 8] = ["name", "x", "y", "alt", "heading", "pitch", "roll", "f"];
+
+/// Film that the export refers to.
+const FILM_MM: f64 = 36.0;
+
+/// Names of the columns if a line is the export's header.
+fn header(line: &str) -> Option<Vec<String>> {
+    let columns: Vec<String> = line
+        .trim()
+        .trim_start_matches('\u{feff}')
+        .trim_start_matches('#')
+        .split(',')
+        .map(|c| c.trim().to_ascii_lowercase())
+        .collect();
+    REQUIRED
+        .iter()
+        .all(|r| columns.iter().any(|c| c == r))
+        .then_some(columns)
+}
+
+/// The export in a capture's folder: the first CSV file, by name, with its columns.
+pub(crate) fn find_file(root: &Path) -> Option<PathBuf> {
+    let mut files: Vec<PathBuf> = std::fs::read_dir(root)
+        .into_iter()
+        .flatten()
+        .filter_map(|entry| Some(entry.ok()?.path()))
+        .filter(|p| p.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv")))
+        .collect();
+    files.sort();
+    files.into_iter().find(|p| {
+        // A count of cameras may stand before the header.
+        read_text(p).is_ok_and(|text| text.lines().take(2).any(|l| header(l).is_some()))
+    })
+}
+
+/// One row with its columns.
+struct Row<'a> {
+    path: &'a Path,
+    line_number: usize,
+    columns: &'a [String],
+    fields: Vec<&'a str>,
+}
+
+impl Row<'_> {
+    fn invalid(&self, what: impl std::fmt::Display) -> Error {
+        Error::invalid(self.path, format!("line {}: {what}", self.line_number))
+    }
+
+    fn text(&self, column: &str) -> Option<&str> {
+        let at = self.columns.iter().position(|c| c == column)?;
+        self.fields
+            .get(at)
+            .map(|f| f.trim().trim_matches('"'))
+            .filter(|f| !f.is_empty())
+    }
+
+    fn number(&self, column: &str) -> Result<Option<f64>> {
+        self.text(column)
+            .map(|text| {
+                let value = text.parse().ok().filter(|v: &f64| v.is_finite());
+                value.ok_or_else(|| {
+                    self.invalid(format!("column {column:?} holds {text:?}, expected a number"))
+                })
+            })
+            .transpose()
+    }
+
+    fn required(&self, column: &str) -> Result<f64> {
+        self.number(column)?
+            .ok_or_else(|| self.invalid(format!("column {column:?} is empty, expected a number")))
+    }
+
+    fn or_zero(&self, column: &str) -> Result<f64> {
+        Ok(self.number(column)?.unwrap_or(0.0))
+    }
+}
+
+/// Reads the export; pictures are looked up in `folder`.
+pub(crate) fn read(path: &Path, folder: &PictureFolder) -> Result<Source> {
+    let text = read_text(path)?;
+    let mut source = Source {
+        format: CaptureFormat::RealityCapture,
+        path: path.to_owned(),
+        views: Vec::new(),
+        points: Vec::new(),
+        reprojection_error_px: None,
+        without_picture: Vec::new(),
+        report: Report::default(),
+    };
+    let mut columns: Option<Vec<String>> = None;
+    let mut num_k4 = 0;
+    for (index, line) in text.lines().enumerate() {
+        let Some(columns) = &columns else {
+            columns = header(line);
+            continue;
+        };
+        if line.trim().is_empty() {
+            continue;
+        }
+        let row = Row {
+            path,
+            line_number: index + 1,
+            columns,
+            fields: line.split(',').collect(),
+        };
+        let name = row
+            .text("name")
+            .ok_or_else(|| row.invalid("no name"))?
+            .replace('\\', "/");
+        let pose = pose(&row)?;
+        let Some(picture) = folder.find(&name) else {
+            source.without_picture.push(name);
+            continue;
+        };
+        num_k4 += usize::from(row.or_zero("k4")? != 0.0);
+        source.views.push(SourceView {
+            lens: lens(&row, picture_size(&picture)?)?,
+            name,
+            picture: Some(picture),
+            mask: None,
+            camera_from_capture: pose,
+            split: None,
+            observed: Vec::new(),
+        });
+    }
+    if columns.is_none() {
+        return Err(Error::invalid(
+            path,
+            format!("no header with the columns {}", REQUIRED.join(", ")),
+        ));
+    }
+    if num_k4 > 0 {
+        source.report.warn(
+            "lens-term-dropped",
+            num_k4,
+            format!(
+                "{}: k4 (r^8) of {num_k4} lenses is not supported and left out",
+                path.display()
+            ),
+        );
+    }
+    Ok(source)
+}
+
+/// Turns about z by -heading, then x by pitch, then y by roll lead from the camera (x right, y up,
+/// z backward) to the capture, as nerfstudio reads the same export.
+fn pose(row: &Row<'_>) -> Result<crate::camera::RigidTransform> {
+    let angle = |column: &str| row.required(column).map(f64::to_radians);
+    let turn = DMat3::from_rotation_z(-angle("heading")?)
+        * DMat3::from_rotation_x(angle("pitch")?)
+        * DMat3::from_rotation_y(angle("roll")?);
+    let axes = DMat3::from_cols(turn.x_axis, -turn.y_axis, -turn.z_axis);
+    let centre = DVec3::new(row.required("x")?, row.required("y")?, row.required("alt")?);
+    let capture_from_camera =
+        checked_pose(axes, centre).map_err(|e| row.invalid(format!("the pose: {e}")))?;
+    Ok(capture_from_camera.inverse())
+}
+
+fn lens(row: &Row<'_>, (width_px, height_px): (u32, u32)) -> Result<Lens> {
+    let px_per_mm = f64::from(width_px.max(height_px)) / FILM_MM;
+    let focal_px = row.required("f")? * px_per_mm;
+    let k = [
+        row.or_zero("k1")?,
+        row.or_zero("k2")?,
+        row.or_zero("k3")?,
+        0.0,
+        0.0,
+        0.0,
+    ];
+    let p = [row.or_zero("t1")?, row.or_zero("t2")?];
+    let any = k.iter().chain(&p).any(|&v| v != 0.0);
+    let lens = Lens {
+        pinhole: Pinhole {
+            width_px,
+            height_px,
+            fx_px: focal_px,
+            fy_px: focal_px,
+            cx_px: 0.5 * f64::from(width_px) + row.or_zero("px")? * px_per_mm,
+            cy_px: 0.5 * f64::from(height_px) + row.or_zero("py")? * px_per_mm,
+        },
+        distortion: if any {
+            Distortion::Radial { k, p }
+        } else {
+            Distortion::None
+        },
+    };
+    match lens.problem() {
+        Some(what) => Err(row.invalid(what)),
+        None => Ok(lens),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dataset::{Capture, LoadOptions};
+    use tempfile::tempdir;
+
+    fn load(rows: &str) -> Result<Capture> {
+        let folder = tempdir().unwrap();
+        std::fs::create_dir(folder.path().join("images")).unwrap();
+        for name in ["a.png", "b.png"] {
+            image::RgbImage::new(36, 18)
+                .save(folder.path().join("images").join(name))
+                .unwrap();
+        }
+        let header = "#cameras 2\n#name,x,y,alt,heading,pitch,roll,f,px,py,k1,k2,k3,k4,t1,t2\n";
+        std::fs::write(folder.path().join("cameras.csv"), format!("{header}{rows}")).unwrap();
+        Capture::load(folder.path(), &LoadOptions::default())
+    }
+
+    #[test]
+    fn headings_turn_clockwise_from_north_and_pitch_counts_from_straight_down() {
+        // Without any turn the camera looks down, its upper edge to the north (+y).
+        let rows = "a.png,1,2,3,0,0,0,20,1,-2,0,0,0,0,0,0\nb.png,0,0,0,90,90,0,20,0,0,0,0,0,0,0,0\n";
+        let capture = load(rows).unwrap();
+        assert_eq!(capture.format, CaptureFormat::RealityCapture);
+        let axes = |view: usize| capture.views[view].camera.camera_from_local.rotation.transpose();
+        assert!((axes(0) * DVec3::Z - DVec3::NEG_Z).length() < 1e-12);
+        assert!((axes(0) * DVec3::NEG_Y - DVec3::Y).length() < 1e-12);
+        // Pitch 90: level; heading 90: east.
+        assert!((axes(1) * DVec3::Z - DVec3::X).length() < 1e-12);
+        assert!((axes(1) * DVec3::NEG_Y - DVec3::Z).length() < 1e-12);
+        let centre = capture.views[0].camera.centre_in_local();
+        let centre = capture.capture_from_local.transform_point(centre);
+        assert!((centre - DVec3::new(1.0, 2.0, 3.0)).length() < 1e-12);
+        let p = capture.views[0].camera.pinhole;
+        assert_eq!((p.fx_px, p.cx_px, p.cy_px), (20.0, 19.0, 7.0));
+    }
+
+    #[test]
+    fn missing_numbers_name_line_and_column() {
+        let text = load("a.png,1,2,3,0,x,0,20\n").err().unwrap().to_string();
+        assert!(
+            text.contains("line 3") && text.contains("\"pitch\"") && text.contains("\"x\""),
+            "{text}"
+        );
+        let text = load("a.png,1,2,3\n").err().unwrap().to_string();
+        assert!(text.contains("line 3") && text.contains("\"heading\""), "{text}");
+    }
+}

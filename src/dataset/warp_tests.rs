@@ -1,0 +1,158 @@
+//! Distorted captures against pictures of the same scene through a pinhole.
+
+use super::fixtures::Scene;
+use super::lens::Distortion;
+use super::*;
+use glam::DVec2;
+use tempfile::tempdir;
+
+const SIZE: (u32, u32) = (120, 80);
+const FOCAL_PX: f64 = 90.0;
+const CENTRE_PX: DVec2 = DVec2::new(61.0, 38.5);
+
+/// What lies in a direction (x, y, 1): smooth, so that sampling hardly matters.
+fn colour(direction: DVec2) -> [u8; 3] {
+    let wave = |a: f64, b: f64| (127.5 + 110.0 * (a * direction.x + b * direction.y).sin()) as u8;
+    [wave(9.0, 2.0), wave(-3.0, 8.0), wave(5.0, -6.0)]
+}
+
+/// Inverse of the distortion by fixed-point iteration.
+fn undistort(distortion: &Distortion, distorted: DVec2) -> DVec2 {
+    let mut guess = distorted;
+    for _ in 0..300 {
+        guess += 0.5 * (distorted - distortion.distort(guess));
+    }
+    guess
+}
+
+/// A capture of two views of `colour` taken with the lens, loaded.
+fn captured(model: (i32, &'static str), extra: &[f64], distortion: &Distortion, max: u32) -> TargetImage {
+    let mut scene = Scene::ring(2);
+    let mut params = match model.0 {
+        2 | 3 | 8 | 9 => vec![FOCAL_PX],
+        _ => vec![FOCAL_PX, FOCAL_PX],
+    };
+    params.extend([CENTRE_PX.x, CENTRE_PX.y]);
+    params.extend(extra);
+    scene.cameras[0].model = model;
+    scene.cameras[0].size = SIZE;
+    scene.cameras[0].params = params;
+    let folder = tempdir().unwrap();
+    scene.write(folder.path());
+    for image in &scene.images {
+        let picture = image::RgbImage::from_fn(SIZE.0, SIZE.1, |x, y| {
+            let at = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
+            image::Rgb(colour(undistort(distortion, (at - CENTRE_PX) / FOCAL_PX)))
+        });
+        picture
+            .save(folder.path().join("images").join(&image.name))
+            .unwrap();
+    }
+    let options = LoadOptions {
+        test_every: 0,
+        max_resolution: max,
+        ..LoadOptions::default()
+    };
+    let capture = Capture::load(folder.path(), &options).unwrap();
+    assert_eq!(
+        capture.views[0].camera.pinhole.fx_px * 120.0 / f64::from(max),
+        FOCAL_PX
+    );
+    TargetImage::clone(&capture.target(0).unwrap())
+}
+
+/// Mean and worst difference to the pinhole picture where the mask keeps, and the share kept.
+fn differences(photo: &TargetImage) -> (f64, f64, f64) {
+    let scale = f64::from(SIZE.0) / f64::from(photo.width_px);
+    let (mut sum, mut worst, mut kept) = (0.0, 0.0_f64, 0);
+    for y in 0..photo.height_px {
+        for x in 0..photo.width_px {
+            let index = (y * photo.width_px + x) as usize;
+            if photo.mask.as_ref().is_some_and(|m| m[index] == 0) {
+                continue;
+            }
+            let at = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5) * scale;
+            let expected = colour((at - CENTRE_PX) / FOCAL_PX);
+            for (channel, value) in expected.iter().enumerate() {
+                let difference = f64::from(photo.rgb[3 * index + channel].abs_diff(*value));
+                sum += difference;
+                worst = worst.max(difference);
+            }
+            kept += 1;
+        }
+    }
+    let all = f64::from(photo.width_px * photo.height_px);
+    (sum / (3.0 * f64::from(kept)), worst, f64::from(kept) / all)
+}
+
+fn radial(k: [f64; 6], p: [f64; 2]) -> Distortion {
+    Distortion::Radial { k, p }
+}
+
+#[test]
+fn every_lens_model_is_undistorted_to_the_pinhole_picture() {
+    let fisheye = |k| Distortion::Fisheye { k };
+    let cases: [((i32, &str), &[f64], Distortion); 7] = [
+        (
+            (2, "SIMPLE_RADIAL"),
+            &[-0.15],
+            radial([-0.15, 0., 0., 0., 0., 0.], [0.; 2]),
+        ),
+        (
+            (3, "RADIAL"),
+            &[0.1, -0.05],
+            radial([0.1, -0.05, 0., 0., 0., 0.], [0.; 2]),
+        ),
+        (
+            (4, "OPENCV"),
+            &[-0.1, 0.02, 0.004, -0.003],
+            radial([-0.1, 0.02, 0., 0., 0., 0.], [0.004, -0.003]),
+        ),
+        (
+            (6, "FULL_OPENCV"),
+            &[0.2, 0.05, 0.002, 0.001, 0.01, 0.3, 0.02, 0.01],
+            radial([0.2, 0.05, 0.01, 0.3, 0.02, 0.01], [0.002, 0.001]),
+        ),
+        (
+            (5, "OPENCV_FISHEYE"),
+            &[0.05, -0.02, 0.01, 0.0],
+            fisheye([0.05, -0.02, 0.01, 0.0]),
+        ),
+        ((8, "SIMPLE_RADIAL_FISHEYE"), &[0.05], fisheye([0.05, 0., 0., 0.])),
+        (
+            (9, "RADIAL_FISHEYE"),
+            &[0.05, 0.02],
+            fisheye([0.05, 0.02, 0., 0.]),
+        ),
+    ];
+    for (model, extra, distortion) in &cases {
+        let (mean, worst, kept) = differences(&captured(*model, extra, distortion, 120));
+        // Needed: mean 0.6, worst 3 (truncation of colours, bilinear sampling).
+        assert!(
+            mean < 1.0 && worst <= 4.0,
+            "{model:?}: mean {mean}, worst {worst}"
+        );
+        assert!(kept > 0.9, "{model:?}: {kept}");
+        // Negative control: the same pictures taken for a pinhole's.
+        let (mean, ..) = differences(&captured((1, "PINHOLE"), &[], distortion, 120));
+        assert!(mean > 1.5, "{model:?}: {mean} without undistortion");
+    }
+}
+
+#[test]
+fn undistortion_and_reduction_go_together() {
+    let distortion = radial([-0.15, 0., 0., 0., 0., 0.], [0.; 2]);
+    let (mean, ..) = differences(&captured((2, "SIMPLE_RADIAL"), &[-0.15], &distortion, 60));
+    assert!(mean < 1.0, "{mean}");
+}
+
+#[test]
+fn pixels_that_the_lens_did_not_see_are_masked_out() {
+    // Pincushion: the picture shows less than the pinhole would.
+    let distortion = radial([0.5, 0., 0., 0., 0., 0.], [0.; 2]);
+    let photo = captured((2, "SIMPLE_RADIAL"), &[0.5], &distortion, 120);
+    let mask = photo.mask.clone().unwrap();
+    assert_eq!((mask[0], mask[40 * 120 + 60]), (0, 255));
+    let (mean, _, kept) = differences(&photo);
+    assert!(mean < 1.0 && kept > 0.5 && kept < 0.95, "{mean} {kept}");
+}

@@ -1,0 +1,211 @@
+//! Captures in a ZIP archive: unpacked into a temporary folder that lives as long as the capture.
+
+use crate::{Error, Result};
+use std::fs::File;
+use std::io::{BufReader, Read as _};
+use std::path::{Path, PathBuf};
+use zip::ZipArchive;
+use zip::result::ZipError;
+
+/// Kinds of files that a capture may need; everything else stays packed.
+const EXTENSIONS: [&str; 9] = ["png", "jpg", "jpeg", "exr", "bin", "txt", "json", "ply", "csv"];
+
+/// An archive may hold so many times its own size: text models shrink to a quarter, bombs to a thousandth.
+const MAX_RATIO: u64 = 100;
+
+/// Small archives may hold this much all the same.
+const ALWAYS_ALLOWED_BYTES: u64 = 64 << 20;
+
+/// A temporary folder, removed with its content when dropped.
+pub(crate) struct Unpacked {
+    folder: PathBuf,
+}
+
+impl Drop for Unpacked {
+    fn drop(&mut self) {
+        // Nobody could act on a failure here; the system clears its temporary folder.
+        let _ = std::fs::remove_dir_all(&self.folder);
+    }
+}
+
+impl Unpacked {
+    fn new() -> Result<Self> {
+        let base = std::env::temp_dir();
+        let process = std::process::id();
+        for attempt in 0..10_000 {
+            let folder = base.join(format!("litetex-{process}-{attempt}"));
+            match std::fs::create_dir(&folder) {
+                Ok(()) => return Ok(Self { folder }),
+                Err(e) if e.kind() == std::io::ErrorKind::AlreadyExists => {}
+                Err(e) => return Err(Error::io(folder, e)),
+            }
+        }
+        Err(Error::invalid(
+            base,
+            "full of left-over folders litetex-*: remove them",
+        ))
+    }
+
+    /// The capture's folder: where the archive holds nothing but one folder, that one.
+    pub fn root(&self) -> PathBuf {
+        let mut root = self.folder.clone();
+        loop {
+            let entries: Vec<_> = std::fs::read_dir(&root).into_iter().flatten().flatten().collect();
+            match &entries[..] {
+                [only] if only.path().is_dir() && only.file_name() != "sparse" => root = only.path(),
+                _ => return root,
+            }
+        }
+    }
+}
+
+/// Whether a path names an archive.
+pub(crate) fn is_archive(path: &Path) -> bool {
+    path.is_file() && path.extension().is_some_and(|e| e.eq_ignore_ascii_case("zip"))
+}
+
+fn our_error(path: &Path, element: &str, error: ZipError) -> Error {
+    match error {
+        ZipError::Io(e) if e.kind() == std::io::ErrorKind::StorageFull => Error::io(path, e),
+        ZipError::UnsupportedArchive(what) => Error::unsupported(
+            path,
+            format!("{element}: {what}; supported: stored and deflated files: unpack it yourself"),
+        ),
+        e @ ZipError::CompressionMethodNotSupported(_) => Error::unsupported(
+            path,
+            format!("{element}: {e}; supported: stored and deflated files: unpack it yourself"),
+        ),
+        e => Error::invalid(path, format!("{element}: {e}; copy the archive again")),
+    }
+}
+
+/// Unpacks what a capture may need.
+pub(crate) fn unpack(path: &Path) -> Result<Unpacked> {
+    let file = File::open(path).map_err(|e| Error::io(path, e))?;
+    let archive_bytes = file.metadata().map_err(|e| Error::io(path, e))?.len();
+    let mut allowed_bytes = archive_bytes.saturating_mul(MAX_RATIO).max(ALWAYS_ALLOWED_BYTES);
+    let mut archive =
+        ZipArchive::new(BufReader::new(file)).map_err(|e| our_error(path, "no ZIP archive", e))?;
+    let unpacked = Unpacked::new()?;
+    for index in 0..archive.len() {
+        let element = format!("file {} of {}", index + 1, archive.len());
+        let mut entry = archive
+            .by_index(index)
+            .map_err(|e| our_error(path, &element, e))?;
+        let Some(inside) = entry.enclosed_name() else {
+            return Err(Error::invalid(
+                path,
+                format!(
+                    "{element} ({:?}) lies outside of the archive's folder; do not trust it",
+                    entry.name()
+                ),
+            ));
+        };
+        let extension = inside.extension().unwrap_or_default().to_ascii_lowercase();
+        // Links are never followed: they would be written as the text of their target.
+        if entry.is_dir() || entry.is_symlink() || !EXTENSIONS.iter().any(|e| extension == *e) {
+            continue;
+        }
+        let target = unpacked.folder.join(&inside);
+        let folder = target.parent().unwrap_or(&unpacked.folder);
+        std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
+        let mut out = File::create(&target).map_err(|e| Error::io(&target, e))?;
+        // One byte more than allowed shows that there is more.
+        let copied = std::io::copy(&mut entry.by_ref().take(allowed_bytes + 1), &mut out)
+            .map_err(|e| our_error(path, &format!("{element} ({inside:?})"), ZipError::Io(e)))?;
+        allowed_bytes = allowed_bytes.checked_sub(copied).ok_or_else(|| {
+            Error::invalid(
+                path,
+                format!("holds more than {MAX_RATIO} times its own size; unpack it yourself if you trust it"),
+            )
+        })?;
+    }
+    Ok(unpacked)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dataset::fixtures::Scene;
+    use crate::dataset::{Capture, LoadOptions};
+    use crate::views::ViewSource as _;
+    use std::io::Write as _;
+    use tempfile::tempdir;
+    use zip::write::SimpleFileOptions;
+
+    fn zipped(path: &Path, files: &[(&str, Vec<u8>)]) {
+        let mut archive = zip::ZipWriter::new(File::create(path).unwrap());
+        for (name, bytes) in files {
+            let options = SimpleFileOptions::default().compression_method(zip::CompressionMethod::Deflated);
+            archive.start_file(*name, options).unwrap();
+            archive.write_all(bytes).unwrap();
+        }
+        archive.finish().unwrap();
+    }
+
+    #[test]
+    fn a_zipped_capture_loads_like_its_folder_and_leaves_nothing_behind() {
+        let folder = tempdir().unwrap();
+        let scene = Scene::ring(3);
+        let plain = folder.path().join("plain");
+        scene.write(&plain);
+        let mut files = vec![
+            ("garden/sparse/0/cameras.bin", scene.cameras_bin()),
+            ("garden/sparse/0/images.bin", scene.images_bin()),
+            ("garden/sparse/0/points3D.bin", scene.points_bin()),
+            ("garden/notes.md", b"not needed".to_vec()),
+        ];
+        let names: Vec<String> = scene
+            .images
+            .iter()
+            .map(|i| format!("garden/images/{}", i.name))
+            .collect();
+        for (name, image) in names.iter().zip(&scene.images) {
+            files.push((
+                name,
+                std::fs::read(plain.join("images").join(&image.name)).unwrap(),
+            ));
+        }
+        let archive = folder.path().join("garden.zip");
+        zipped(&archive, &files);
+        let options = LoadOptions::default();
+        let (a, b) = (
+            Capture::load(&plain, &options).unwrap(),
+            Capture::load(&archive, &options).unwrap(),
+        );
+        assert_eq!(b.name, "garden");
+        for view in 0..3 {
+            assert_eq!(a.target(view).unwrap(), b.target(view).unwrap());
+            assert_eq!(a.views[view].camera, b.views[view].camera);
+        }
+        let unpacked = b.root.clone();
+        assert!(unpacked.is_dir());
+        drop(b);
+        assert!(!unpacked.exists());
+    }
+
+    #[test]
+    fn archives_that_escape_explode_or_are_none_are_errors() {
+        let folder = tempdir().unwrap();
+        let archive = folder.path().join("a.zip");
+        zipped(&archive, &[("../escaped.txt", b"x".to_vec())]);
+        assert!(unpack(&archive).err().unwrap().to_string().contains("outside"));
+        zipped(
+            &archive,
+            &[("zeros.bin", vec![0; ALWAYS_ALLOWED_BYTES as usize + 1])],
+        );
+        assert!(
+            unpack(&archive)
+                .err()
+                .unwrap()
+                .to_string()
+                .contains("times its own size")
+        );
+        zipped(&archive, &[("a.bin", (0..=255).collect())]);
+        let whole = std::fs::read(&archive).unwrap();
+        for length in 0..whole.len() {
+            std::fs::write(&archive, &whole[..length]).unwrap();
+            assert!(unpack(&archive).is_err(), "cut at {length}");
+        }
+    }
+}
