@@ -127,20 +127,32 @@ fn blur_rows(level: Level, x: &[f32], y: &[f32], out: &mut [Vec<f32>; 5], w: usi
         .for_each_init(
             || vec![0.0; w + 2 * SSIM_RADIUS_PX],
             |padded, ((o0, o1, o2, o3, o4), (x, y))| {
-                dispatch!(level, _simd => {
-                    let mut blur = |value: &dyn Fn(usize) -> f32, out: &mut [f32]| {
-                        let inner = &mut padded[SSIM_RADIUS_PX..SSIM_RADIUS_PX + w];
-                        inner.iter_mut().enumerate().for_each(|(i, p)| *p = value(i));
-                        blur_padded(_simd, padded, out, window);
-                    };
-                    blur(&|i| x[i], o0);
-                    blur(&|i| y[i], o1);
-                    blur(&|i| x[i] * x[i], o2);
-                    blur(&|i| y[i] * y[i], o3);
-                    blur(&|i| x[i] * y[i], o4);
-                });
+                dispatch!(level, simd => blur_products(simd, x, y, padded, [o0, o1, o2, o3, o4], window));
             },
         );
+}
+
+/// The five blurs of one row. `padded` is scratch with zero margins.
+#[inline(always)]
+fn blur_products<S: Simd>(
+    simd: S,
+    x: &[f32],
+    y: &[f32],
+    padded: &mut [f32],
+    [o0, o1, o2, o3, o4]: [&mut [f32]; 5],
+    window: &[f32; TAPS],
+) {
+    let inner = SSIM_RADIUS_PX..SSIM_RADIUS_PX + x.len();
+    padded[inner.clone()].copy_from_slice(x);
+    blur_padded(simd, padded, o0, window);
+    padded[inner.clone()].copy_from_slice(y);
+    blur_padded(simd, padded, o1, window);
+    for ([a, b], out) in [[x, x], [y, y], [x, y]].into_iter().zip([o2, o3, o4]) {
+        for ((p, a), b) in padded[inner.clone()].iter_mut().zip(a).zip(b) {
+            *p = a * b;
+        }
+        blur_padded(simd, padded, out, window);
+    }
 }
 
 /// `out[i] = sum over k of window[k] * padded[i + k]`.
@@ -183,7 +195,6 @@ fn ssim_rows(level: Level, buffers: &mut LossBuffers, w: usize, window: &[f32; T
         ..
     } = buffers;
     let [p0, p1, p2] = partial;
-    let count = (3 * map.len()) as f32;
     let rows = (
         p0.par_chunks_mut(w),
         p1.par_chunks_mut(w),
@@ -196,35 +207,51 @@ fn ssim_rows(level: Level, buffers: &mut LossBuffers, w: usize, window: &[f32; T
         .map_init(
             || vec![vec![0.0; w]; 6],
             |means, (y, (p0, p1, p2, map))| {
-                dispatch!(level, _simd => {
-                    for (mean, plane) in means.iter_mut().zip(blurred.iter()) {
-                        blur_column(_simd, plane, y, w, mean, window);
-                    }
-                    let [mx, my, mxx, myy, mxy, ssim] = &mut means[..] else { unreachable!("six rows") };
-                    let (mx, my, mxx, myy, mxy, ssim) = (&mx[..w], &my[..w], &mxx[..w], &myy[..w], &mxy[..w], &mut ssim[..w]);
-                    let (p0, p1, p2, map) = (&mut p0[..w], &mut p1[..w], &mut p2[..w], &mut map[..w]);
-                    let per_pixel = scale * count / 3.0;
-                    for i in 0..w {
-                        let (mx, my) = (mx[i], my[i]);
-                        let a1 = 2.0 * mx * my + SSIM_C1 as f32;
-                        let a2 = 2.0 * (mxy[i] - mx * my) + SSIM_C2 as f32;
-                        let b1 = mx * mx + my * my + SSIM_C1 as f32;
-                        // Variances are non-negative but for rounding.
-                        let b2 = (mxx[i] - mx * mx).max(0.0) + (myy[i] - my * my).max(0.0) + SSIM_C2 as f32;
-                        let per = 1.0 / (b1 * b2);
-                        let s = a1 * a2 * per;
-                        p0[i] = -scale * (2.0 * my * (a2 - a1) * per + 2.0 * mx * s * (b1 - b2) * per);
-                        p1[i] = scale * s * b1 * per;
-                        p2[i] = -scale * 2.0 * a1 * per;
-                        ssim[i] = s;
-                        map[i] += per_pixel * (1.0 - s);
-                    }
+                dispatch!(level, simd => {
+                    ssim_row(simd, blurred, means, y, window, scale, [p0, p1, p2, map]);
                 });
                 means[5].iter().map(|&s| f64::from(s)).sum::<f64>()
             },
         )
         .collect();
     row_sums.iter().sum()
+}
+
+/// One row of [`ssim_rows`]; `means` is scratch, its last row receives SSIM.
+#[inline(always)]
+fn ssim_row<S: Simd>(
+    simd: S,
+    blurred: &[Vec<f32>; 5],
+    means: &mut [Vec<f32>],
+    y: usize,
+    window: &[f32; TAPS],
+    scale: f32,
+    [p0, p1, p2, map]: [&mut [f32]; 4],
+) {
+    let w = map.len();
+    for (mean, plane) in means.iter_mut().zip(blurred.iter()) {
+        blur_column(simd, plane, y, w, mean, window);
+    }
+    let [mx, my, mxx, myy, mxy, ssim] = means else { return };
+    let (mx, my, mxx, myy, mxy, ssim) = (&mx[..w], &my[..w], &mxx[..w], &myy[..w], &mxy[..w], &mut ssim[..w]);
+    let (p0, p1, p2) = (&mut p0[..w], &mut p1[..w], &mut p2[..w]);
+    // `scale` belongs to a mean over all values of the picture, the map to one over a pixel's channels.
+    let per_channel = scale * blurred[0].len() as f32;
+    for i in 0..w {
+        let (mx, my) = (mx[i], my[i]);
+        let a1 = 2.0 * mx * my + SSIM_C1 as f32;
+        let a2 = 2.0 * (mxy[i] - mx * my) + SSIM_C2 as f32;
+        let b1 = mx * mx + my * my + SSIM_C1 as f32;
+        // Variances are non-negative but for rounding.
+        let b2 = (mxx[i] - mx * mx).max(0.0) + (myy[i] - my * my).max(0.0) + SSIM_C2 as f32;
+        let per = 1.0 / (b1 * b2);
+        let s = a1 * a2 * per;
+        p0[i] = -scale * (2.0 * my * (a2 - a1) * per + 2.0 * mx * s * (b1 - b2) * per);
+        p1[i] = scale * s * b1 * per;
+        p2[i] = -scale * 2.0 * a1 * per;
+        ssim[i] = s;
+        map[i] += per_channel * (1.0 - s);
+    }
 }
 
 /// Horizontal window over the three derivative planes.
@@ -281,20 +308,8 @@ fn combine(
                     abs_sum += d.abs();
                     square_sum += d * d;
                 }
-                dispatch!(level, _simd => {
-                    for (column, plane) in columns.iter_mut().zip(blurred.iter()) {
-                        blur_column(_simd, plane, y, w, column, window);
-                    }
-                    let [c0, c1, c2] = [&columns[0][..w], &columns[1][..w], &columns[2][..w]];
-                    let (x, map, t) = (&mut x[..w], &mut map[..w], &t[..w]);
-                    let (l1, mse) = (weights.l1 / count, 2.0 * weights.mse / count);
-                    for i in 0..w {
-                        let d = x[i] - t[i];
-                        let sign = if d > 0.0 { 1.0 } else if d < 0.0 { -1.0 } else { 0.0 };
-                        map[i] += weights.l1 / 3.0 * d.abs();
-                        x[i] = l1 * sign + mse * d + c0[i] + 2.0 * x[i] * c1[i] + t[i] * c2[i];
-                    }
-                });
+                let rates = [weights.l1 / count, 2.0 * weights.mse / count, weights.l1 / 3.0];
+                dispatch!(level, simd => combine_row(simd, blurred, columns, y, window, rates, [x, map], t));
                 (abs_sum, square_sum)
             },
         )
@@ -304,4 +319,32 @@ fn combine(
         f64::from(weights.l1) * abs_sum / f64::from(count),
         f64::from(weights.mse) * square_sum / f64::from(count),
     )
+}
+
+/// One row of [`combine`]; `columns` is scratch. `rates` are the weights of the L1 gradient, of the MSE
+/// gradient and of L1 in the map.
+#[allow(clippy::too_many_arguments, reason = "inlined into its only caller; split for reading")]
+#[inline(always)]
+fn combine_row<S: Simd>(
+    simd: S,
+    blurred: &[Vec<f32>; 5],
+    columns: &mut [Vec<f32>],
+    y: usize,
+    window: &[f32; TAPS],
+    [l1, mse, map_l1]: [f32; 3],
+    [x, map]: [&mut [f32]; 2],
+    t: &[f32],
+) {
+    let w = x.len();
+    for (column, plane) in columns.iter_mut().zip(blurred.iter()) {
+        blur_column(simd, plane, y, w, column, window);
+    }
+    let [c0, c1, c2] = columns else { return };
+    let (c0, c1, c2, map, t) = (&c0[..w], &c1[..w], &c2[..w], &mut map[..w], &t[..w]);
+    for i in 0..w {
+        let d = x[i] - t[i];
+        let sign = f32::from(u8::from(d > 0.0)) - f32::from(u8::from(d < 0.0));
+        map[i] += map_l1 * d.abs();
+        x[i] = l1 * sign + mse * d + c0[i] + 2.0 * x[i] * c1[i] + t[i] * c2[i];
+    }
 }

@@ -25,22 +25,25 @@ pub(super) fn exp<S: Simd>(simd: S, x: f32x8<S>) -> f32x8<S> {
     p * power
 }
 
+/// `tanh(t / 2)`.
+#[inline(always)]
+fn texel_value<S: Simd>(simd: S, t: f32x8<S>) -> f32x8<S> {
+    let t = t.max(-60.0_f32).min(60.0_f32);
+    2.0 / (exp(simd, -t) + 1.0) - 1.0
+}
+
 /// `tanh(t / 2)` for every element of a slice: the activation of texels.
 #[inline(always)]
 pub(super) fn texel_values<S: Simd>(simd: S, stored: &[f32], values: &mut [f32]) {
-    let activate = |t: f32x8<S>| {
-        let t = t.max(-60.0_f32).min(60.0_f32);
-        2.0 / (exp(simd, -t) + 1.0) - 1.0
-    };
     let mut stored_chunks = stored.chunks_exact(LANES);
     let mut value_chunks = values.chunks_exact_mut(LANES);
     for (t, v) in (&mut stored_chunks).zip(&mut value_chunks) {
-        activate(f32x8::from_slice(simd, t)).store_slice(v);
+        texel_value(simd, f32x8::from_slice(simd, t)).store_slice(v);
     }
     let (t, v) = (stored_chunks.remainder(), value_chunks.into_remainder());
     let mut padded = [0.0; LANES];
     padded[..t.len()].copy_from_slice(t);
-    let last: [f32; LANES] = activate(f32x8::from_slice(simd, &padded)).into();
+    let last: [f32; LANES] = texel_value(simd, f32x8::from_slice(simd, &padded)).into();
     v.copy_from_slice(&last[..t.len()]);
 }
 
