@@ -25,15 +25,8 @@ fn options() -> Option<Options> {
     let mut args = std::env::args().skip(1).filter(|a| a != "--bench");
     let mut options = Options {
         capture: PathBuf::from(args.next()?),
-        load: LoadOptions {
-            max_resolution: 480,
-            ..LoadOptions::default()
-        },
-        config: TrainConfig {
-            steps: 300,
-            eval_every: 100,
-            ..TrainConfig::default()
-        },
+        load: LoadOptions { max_resolution: 480, ..LoadOptions::default() },
+        config: TrainConfig { steps: 300, eval_every: 100, ..TrainConfig::default() },
         threads: None,
     };
     while let Some(flag) = args.next() {
@@ -111,9 +104,7 @@ fn main() {
                 counters.inside_pairs += c.inside_pairs;
                 counters.blended_pairs += c.blended_pairs;
             }
-            TrainEvent::Evaluated {
-                point, evaluation, ..
-            } => println!(
+            TrainEvent::Evaluated { point, evaluation, .. } => println!(
                 "step {:>6}  {:>8.2} CPU s  {:>8.2} s  {:.4} CPU s/step  busy {:.2}  PSNR {:.3}  gradient-PSNR {:.3}  SSIM {:.4}  FLIP {:.4}",
                 point.step,
                 point.cpu_secs,

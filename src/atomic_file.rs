@@ -25,9 +25,7 @@ pub fn write_with(path: &Path, fill: impl FnOnce(&Path) -> Result<()>) -> Result
 /// # Errors
 /// [`Error::Io`] naming `path`.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
-    write_with(path, |temporary| {
-        fs::write(temporary, bytes).map_err(|e| Error::io(path, e))
-    })
+    write_with(path, |temporary| fs::write(temporary, bytes).map_err(|e| Error::io(path, e)))
 }
 
 fn temporary_beside(path: &Path) -> Result<PathBuf> {
@@ -45,11 +43,7 @@ fn publish(temporary: &Path, path: &Path) -> std::io::Result<()> {
     fs::rename(temporary, path)?;
     // The rename itself must survive a power cut too; not every system lets a folder be opened.
     if let Some(folder) = path.parent()
-        && let Ok(folder) = File::open(if folder.as_os_str().is_empty() {
-            Path::new(".")
-        } else {
-            folder
-        })
+        && let Ok(folder) = File::open(if folder.as_os_str().is_empty() { Path::new(".") } else { folder })
     {
         let _ = folder.sync_all();
     }

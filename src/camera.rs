@@ -50,11 +50,7 @@ impl Pinhole {
 
     /// Ray direction (z = 1) through a picture position, in camera coordinates.
     pub fn direction_in_camera(&self, position_px: DVec2) -> DVec3 {
-        DVec3::new(
-            (position_px.x - self.cx_px) / self.fx_px,
-            (position_px.y - self.cy_px) / self.fy_px,
-            1.0,
-        )
+        DVec3::new((position_px.x - self.cx_px) / self.fx_px, (position_px.y - self.cy_px) / self.fy_px, 1.0)
     }
 
     /// Number of pixels.
@@ -74,10 +70,7 @@ pub struct RigidTransform {
 
 impl RigidTransform {
     /// The identity.
-    pub const IDENTITY: Self = Self {
-        rotation: DMat3::IDENTITY,
-        translation: DVec3::ZERO,
-    };
+    pub const IDENTITY: Self = Self { rotation: DMat3::IDENTITY, translation: DVec3::ZERO };
 
     /// Maps a point of frame b to frame a.
     pub fn transform_point(&self, in_b: DVec3) -> DVec3 {
@@ -87,10 +80,7 @@ impl RigidTransform {
     /// `b_from_a`.
     pub fn inverse(&self) -> Self {
         let rotation = self.rotation.transpose();
-        Self {
-            rotation,
-            translation: -(rotation * self.translation),
-        }
+        Self { rotation, translation: -(rotation * self.translation) }
     }
 
     /// Origin of frame a in frame b: for `camera_from_local`, the camera's centre.
@@ -113,10 +103,7 @@ pub struct Similarity {
 
 impl Similarity {
     /// The identity.
-    pub const IDENTITY: Self = Self {
-        scale: 1.0,
-        translation: DVec3::ZERO,
-    };
+    pub const IDENTITY: Self = Self { scale: 1.0, translation: DVec3::ZERO };
 
     /// Maps a point of frame b to frame a.
     pub fn transform_point(&self, in_b: DVec3) -> DVec3 {
@@ -125,20 +112,14 @@ impl Similarity {
 
     /// `b_from_a`.
     pub fn inverse(&self) -> Self {
-        Self {
-            scale: 1.0 / self.scale,
-            translation: -self.translation / self.scale,
-        }
+        Self { scale: 1.0 / self.scale, translation: -self.translation / self.scale }
     }
 
     /// `camera_from_b` for a camera posed in frame a; camera space is rescaled to b's units.
     pub fn rebase_camera(&self, camera_from_a: &RigidTransform) -> RigidTransform {
         let translation =
             (camera_from_a.rotation * self.translation + camera_from_a.translation) / self.scale;
-        RigidTransform {
-            rotation: camera_from_a.rotation,
-            translation,
-        }
+        RigidTransform { rotation: camera_from_a.rotation, translation }
     }
 }
 
@@ -159,9 +140,6 @@ impl Camera {
 
     /// The same view at another picture size.
     pub fn resized(&self, width_px: u32, height_px: u32) -> Self {
-        Self {
-            pinhole: self.pinhole.resized(width_px, height_px),
-            ..*self
-        }
+        Self { pinhole: self.pinhole.resized(width_px, height_px), ..*self }
     }
 }

@@ -51,26 +51,17 @@ pub enum Error {
 impl Error {
     /// An [`Error::InvalidInput`].
     pub fn invalid(path: impl Into<PathBuf>, what: impl Into<String>) -> Self {
-        Self::InvalidInput {
-            path: path.into(),
-            what: what.into(),
-        }
+        Self::InvalidInput { path: path.into(), what: what.into() }
     }
 
     /// An [`Error::Unsupported`].
     pub fn unsupported(path: impl Into<PathBuf>, what: impl Into<String>) -> Self {
-        Self::Unsupported {
-            path: path.into(),
-            what: what.into(),
-        }
+        Self::Unsupported { path: path.into(), what: what.into() }
     }
 
     /// An [`Error::Io`].
     pub fn io(path: impl Into<PathBuf>, source: std::io::Error) -> Self {
-        Self::Io {
-            path: path.into(),
-            source,
-        }
+        Self::Io { path: path.into(), source }
     }
 
     /// Exit code of the family: 1 check failed, 2 usage, 3 input invalid, 4 unsupported,

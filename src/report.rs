@@ -25,11 +25,7 @@ impl Report {
     pub fn warn(&mut self, code: &str, count: usize, message: impl Into<String>) {
         match self.warnings.iter_mut().find(|w| w.code == code) {
             Some(known) => known.count += count,
-            None => self.warnings.push(Warning {
-                code: code.to_owned(),
-                message: message.into(),
-                count,
-            }),
+            None => self.warnings.push(Warning { code: code.to_owned(), message: message.into(), count }),
         }
     }
 

@@ -40,8 +40,6 @@ pub trait ViewSource: Sync {
 
     /// Indices of one side of the split, ascending.
     fn indices(&self, split: Split) -> Vec<usize> {
-        (0..self.num_views())
-            .filter(|&v| self.split(v) == split)
-            .collect()
+        (0..self.num_views()).filter(|&v| self.split(v) == split).collect()
     }
 }

@@ -30,21 +30,12 @@ fn check(options: &SceneOptions) -> Outcome {
     let settings = settings(&scene);
     let params = Params::from_model(&scene.model);
     let mut backend = CpuBackend::new(Some(1)).unwrap();
-    backend
-        .upload(&scene.model, &AdamState::zeros(&scene.model))
-        .unwrap();
+    backend.upload(&scene.model, &AdamState::zeros(&scene.model)).unwrap();
     let coverage = backend.coverage(&scene.camera);
     let (w, h) = (options.width_px as usize, options.height_px as usize);
     let mut covered_by: Vec<Option<&Vec<bool>>> = vec![None; params.len()];
-    coverage
-        .iter()
-        .for_each(|c| covered_by[c.splat] = Some(&c.covered));
-    let mut out = Outcome {
-        inside: 0,
-        missed: 0,
-        outside_box: 0,
-        covered: 0,
-    };
+    coverage.iter().for_each(|c| covered_by[c.splat] = Some(&c.covered));
+    let mut out = Outcome { inside: 0, missed: 0, outside_box: 0, covered: 0 };
     for (i, covered) in covered_by.iter().enumerate() {
         let Some(p) = project(&params, i, &scene.camera, &settings) else {
             continue;
@@ -69,73 +60,29 @@ fn check(options: &SceneOptions) -> Outcome {
 
 #[test]
 fn no_pixel_outside_its_bounds() {
-    let base = SceneOptions {
-        num_splats: 600,
-        map_sizes: vec![(0, 0)],
-        sh_degree: 0,
-        ..SceneOptions::default()
-    };
+    let base =
+        SceneOptions { num_splats: 600, map_sizes: vec![(0, 0)], sh_degree: 0, ..SceneOptions::default() };
     let cases = [
         ("ordinary", 13, base.clone()),
         (
             "large and near",
             13,
-            SceneOptions {
-                scales: (0.1, 3.0),
-                depths: (0.041, 0.5),
-                seed: 2,
-                ..base.clone()
-            },
+            SceneOptions { scales: (0.1, 3.0), depths: (0.041, 0.5), seed: 2, ..base.clone() },
         ),
-        (
-            "tiny",
-            400,
-            SceneOptions {
-                scales: (1e-4, 0.01),
-                seed: 3,
-                ..base.clone()
-            },
-        ),
-        (
-            "needles",
-            80,
-            SceneOptions {
-                scales: (1e-4, 2.0),
-                seed: 4,
-                ..base.clone()
-            },
-        ),
+        ("tiny", 400, SceneOptions { scales: (1e-4, 0.01), seed: 3, ..base.clone() }),
+        ("needles", 80, SceneOptions { scales: (1e-4, 2.0), seed: 4, ..base.clone() }),
         (
             "wide picture",
             16,
-            SceneOptions {
-                width_px: 1500,
-                height_px: 37,
-                num_splats: 150,
-                seed: 5,
-                ..base
-            },
+            SceneOptions { width_px: 1500, height_px: 37, num_splats: 150, seed: 5, ..base },
         ),
     ];
     for (name, limit, options) in cases {
         let out = check(&options);
-        println!(
-            "{name}: inside {} covered {} missed {}",
-            out.inside, out.covered, out.missed
-        );
-        assert!(
-            out.inside > 400,
-            "{name}: the scene shows too little: {}",
-            out.inside
-        );
-        assert_eq!(
-            out.missed, 0,
-            "{name}: pixels of alpha >= 1/255 that no tile visits"
-        );
-        assert_eq!(
-            out.outside_box, 0,
-            "{name}: pixels outside the reference's exact box"
-        );
+        println!("{name}: inside {} covered {} missed {}", out.inside, out.covered, out.missed);
+        assert!(out.inside > 400, "{name}: the scene shows too little: {}", out.inside);
+        assert_eq!(out.missed, 0, "{name}: pixels of alpha >= 1/255 that no tile visits");
+        assert_eq!(out.outside_box, 0, "{name}: pixels outside the reference's exact box");
         // Bounds that let everything through would pass the above.
         assert!(
             out.covered * 10 < out.inside * limit,

@@ -14,22 +14,14 @@ fn litetex() -> Command {
 fn run(arguments: &[&str]) -> (i32, String, String) {
     let output = litetex().args(arguments).output().unwrap();
     let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
-    (
-        output.status.code().unwrap(),
-        text(output.stdout),
-        text(output.stderr),
-    )
+    (output.status.code().unwrap(), text(output.stdout), text(output.stderr))
 }
 
 /// Subcommands and their one-line descriptions, as the help lists them.
 fn commands_of_help() -> Vec<(String, String)> {
     let (code, help, _) = run(&["--help"]);
     assert_eq!(code, 0);
-    let rows = help
-        .lines()
-        .skip_while(|l| *l != "Commands:")
-        .skip(1)
-        .take_while(|l| !l.is_empty());
+    let rows = help.lines().skip_while(|l| *l != "Commands:").skip(1).take_while(|l| !l.is_empty());
     rows.filter_map(|row| row.trim().split_once("  "))
         .map(|(name, about)| (name.to_owned(), about.trim().to_owned()))
         .filter(|(name, _)| name != "help")
@@ -41,13 +33,7 @@ fn the_readme_lists_the_commands_as_the_help_does() {
     let readme = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("README.md")).unwrap();
     let commands = commands_of_help();
     assert_eq!(commands.len(), 10, "{commands:?}");
-    let section = readme
-        .split("## Commands")
-        .nth(1)
-        .unwrap()
-        .split("## ")
-        .next()
-        .unwrap();
+    let section = readme.split("## Commands").nth(1).unwrap().split("## ").next().unwrap();
     let rows: Vec<(String, String)> = section
         .lines()
         .filter_map(|l| l.strip_prefix("| `")?.strip_suffix(" |")?.split_once("` | "))
@@ -64,10 +50,7 @@ fn every_command_explains_itself() {
         assert!(help.starts_with(&about), "{name}: {help}");
     }
     let (code, version, _) = run(&["--version"]);
-    assert_eq!(
-        (code, version.trim()),
-        (0, concat!("litetex ", env!("CARGO_PKG_VERSION")))
-    );
+    assert_eq!((code, version.trim()), (0, concat!("litetex ", env!("CARGO_PKG_VERSION"))));
 }
 
 #[test]
@@ -111,16 +94,9 @@ fn usage_errors_exit_with_2_and_say_what_to_do() {
     ] {
         let (code, stdout, stderr) = litetex_in(dir.path(), arguments);
         assert_eq!(code, 2, "{arguments:?}: {stderr}");
-        assert!(
-            stdout.is_empty() && stderr.contains(part),
-            "{arguments:?}: {stderr}"
-        );
+        assert!(stdout.is_empty() && stderr.contains(part), "{arguments:?}: {stderr}");
     }
-    assert_eq!(
-        std::fs::read_dir(dir.path()).unwrap().count(),
-        0,
-        "nothing was made"
-    );
+    assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0, "nothing was made");
 }
 
 fn litetex_in(dir: &Path, arguments: &[&str]) -> (i32, String, String) {
@@ -147,24 +123,12 @@ fn wrong_input_exits_with_3_and_leaves_no_run_behind() {
     for (arguments, parts) in [
         (vec!["train", &nowhere, "-o", &run_dir], vec!["nowhere"]),
         (vec!["train", &empty, "-o", &run_dir], vec!["empty"]),
-        (
-            vec!["train", &empty, "-o", &run_dir, "--config", &path("bad.toml")],
-            vec!["bad.toml", "stps"],
-        ),
+        (vec!["train", &empty, "-o", &run_dir, "--config", &path("bad.toml")], vec!["bad.toml", "stps"]),
         (vec!["train", "--resume", &empty], vec!["no checkpoint"]),
-        (
-            vec!["train", &empty, "-o", &empty, "--resume"],
-            vec!["no checkpoint"],
-        ),
+        (vec!["train", &empty, "-o", &empty, "--resume"], vec!["no checkpoint"]),
         (vec!["eval", &nowhere], vec!["nowhere"]),
-        (
-            vec!["eval", &path("broken.safetensors")],
-            vec!["broken.safetensors", "safetensors file"],
-        ),
-        (
-            vec!["render", &empty, "--test", "-o", &run_dir],
-            vec!["no checkpoint"],
-        ),
+        (vec!["eval", &path("broken.safetensors")], vec!["broken.safetensors", "safetensors file"]),
+        (vec!["render", &empty, "--test", "-o", &run_dir], vec!["no checkpoint"]),
         (vec!["inspect", &nowhere], vec!["nowhere"]),
         (vec!["inspect", &path("broken.ply")], vec!["broken.ply"]),
     ] {
@@ -192,19 +156,9 @@ fn an_unknown_device_exits_with_4() {
     let dir = tempfile::tempdir().unwrap();
     let capture = sample(dir.path());
     let out = dir.path().join("run");
-    let (code, _, stderr) = run(&[
-        "train",
-        &capture,
-        "-o",
-        out.to_str().unwrap(),
-        "--device",
-        "abacus",
-    ]);
+    let (code, _, stderr) = run(&["train", &capture, "-o", out.to_str().unwrap(), "--device", "abacus"]);
     assert_eq!(code, 4, "{stderr}");
-    assert!(
-        stderr.contains("\"abacus\"") && stderr.contains("\"cpu\""),
-        "{stderr}"
-    );
+    assert!(stderr.contains("\"abacus\"") && stderr.contains("\"cpu\""), "{stderr}");
     assert!(!out.exists());
 }
 
@@ -249,31 +203,15 @@ fn devices_are_listed() {
     let (_, json, _) = run(&["devices", "--json", "--threads", "2"]);
     let value: serde_json::Value = serde_json::from_str(&json).unwrap();
     assert_eq!(value[0]["name"], "cpu");
-    assert!(
-        value[0]["description"].as_str().unwrap().contains("2 threads"),
-        "{json}"
-    );
+    assert!(value[0]["description"].as_str().unwrap().contains("2 threads"), "{json}");
 }
 
 fn sample(dir: &Path) -> String {
     let capture = dir.join("capture").to_str().unwrap().to_owned();
-    let arguments = [
-        "sample",
-        &capture,
-        "--views",
-        "9",
-        "--size",
-        "64x48",
-        "--points",
-        "300",
-        "--no-truth",
-        "-q",
-    ];
+    let arguments =
+        ["sample", &capture, "--views", "9", "--size", "64x48", "--points", "300", "--no-truth", "-q"];
     let (code, stdout, stderr) = run(&arguments);
     assert_eq!(code, 0, "{stderr}");
-    assert!(
-        stdout.contains("pictures") && stderr.is_empty(),
-        "{stdout}{stderr}"
-    );
+    assert!(stdout.contains("pictures") && stderr.is_empty(), "{stdout}{stderr}");
     capture
 }

@@ -9,17 +9,9 @@ use std::path::{Path, PathBuf};
 
 /// Exit code, standard output, standard error.
 fn run(arguments: &[&str]) -> (i32, String, String) {
-    let output = Command::cargo_bin("litetex")
-        .unwrap()
-        .args(arguments)
-        .output()
-        .unwrap();
+    let output = Command::cargo_bin("litetex").unwrap().args(arguments).output().unwrap();
     let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
-    (
-        output.status.code().unwrap_or(-1),
-        text(output.stdout),
-        text(output.stderr),
-    )
+    (output.status.code().unwrap_or(-1), text(output.stdout), text(output.stderr))
 }
 
 fn ok(arguments: &[&str]) -> String {
@@ -35,22 +27,9 @@ struct Place {
 
 impl Place {
     fn new() -> Self {
-        let place = Self {
-            dir: tempfile::tempdir().unwrap(),
-        };
+        let place = Self { dir: tempfile::tempdir().unwrap() };
         let capture = place.path("capture");
-        ok(&[
-            "sample",
-            &capture,
-            "--views",
-            "9",
-            "--size",
-            "64x48",
-            "--points",
-            "300",
-            "--no-truth",
-            "-q",
-        ]);
+        ok(&["sample", &capture, "--views", "9", "--size", "64x48", "--points", "300", "--no-truth", "-q"]);
         place
     }
 
@@ -98,14 +77,8 @@ fn pngs(folder: &str) -> Vec<PathBuf> {
 #[test]
 fn a_run_leaves_what_the_schema_documents() {
     let place = Place::new();
-    let table = place.train(
-        "run",
-        &["--steps", "30", "--eval-every", "10", "--save-every", "20"],
-    );
-    assert!(
-        table.contains("test PSNR") && table.contains("primitives"),
-        "{table}"
-    );
+    let table = place.train("run", &["--steps", "30", "--eval-every", "10", "--save-every", "20"]);
+    assert!(table.contains("test PSNR") && table.contains("primitives"), "{table}");
     let summary = place.json("run/summary.json");
     assert_eq!(summary["schema"], "litetex-summary/1");
     for (pointer, above) in [
@@ -127,28 +100,17 @@ fn a_run_leaves_what_the_schema_documents() {
         let found = summary.pointer(pointer).and_then(Value::as_f64);
         assert!(found.is_some_and(|x| x > above), "{pointer}: {found:?}");
     }
-    let steps: Vec<&Value> = summary["curve"]
-        .as_array()
-        .unwrap()
-        .iter()
-        .map(|p| &p["step"])
-        .collect();
+    let steps: Vec<&Value> = summary["curve"].as_array().unwrap().iter().map(|p| &p["step"]).collect();
     assert_eq!(steps, [10, 20, 30]);
-    assert_eq!(
-        (&summary["steps"], &summary["stopped_by"]),
-        (&30.into(), &"steps".into())
-    );
+    assert_eq!((&summary["steps"], &summary["stopped_by"]), (&30.into(), &"steps".into()));
     assert_eq!(summary["quality"]["per_view"].as_array().unwrap().len(), 2);
     assert!(summary["quality"]["lpips"].is_null() && summary["quality"]["lpips_reason"].is_string());
     assert_eq!(pngs(&place.path("run/eval/000030")).len(), 2);
     assert_eq!(pngs(&place.path("run/eval/000030/error")).len(), 2);
     assert_eq!(pngs(&place.path("run/eval/000010")).len(), 0);
-    for file in [
-        "config.toml",
-        "metrics.jsonl",
-        "eval/000010/per_view.csv",
-        "checkpoints/step-000020.safetensors",
-    ] {
+    for file in
+        ["config.toml", "metrics.jsonl", "eval/000010/per_view.csv", "checkpoints/step-000020.safetensors"]
+    {
         assert!(Path::new(&place.path("run")).join(file).is_file(), "{file}");
     }
 }
@@ -166,10 +128,7 @@ fn the_settings_of_a_run_repeat_it_byte_for_byte_with_any_number_of_threads() {
     place.train("c", &["--steps", "12", "--texture", "fixed:3", "--seed", "7"]);
     assert!(tensors_of("a") != tensors_of("c"));
     let pictures = |run: &str| -> Vec<Vec<u8>> {
-        pngs(&place.path(&format!("{run}/eval/000012")))
-            .iter()
-            .map(|p| fs::read(p).unwrap())
-            .collect()
+        pngs(&place.path(&format!("{run}/eval/000012"))).iter().map(|p| fs::read(p).unwrap()).collect()
     };
     assert_eq!(pictures("a"), pictures("b"));
 }
@@ -181,11 +140,7 @@ fn a_resumed_run_equals_the_uninterrupted_one_byte_for_byte() {
     // As after a crash behind step 10: the run as it was then.
     let (whole, broken) = (place.path("whole"), place.path("broken"));
     fs::create_dir_all(Path::new(&broken).join("checkpoints")).unwrap();
-    for file in [
-        "config.toml",
-        "metrics.jsonl",
-        "checkpoints/step-000010.safetensors",
-    ] {
+    for file in ["config.toml", "metrics.jsonl", "checkpoints/step-000010.safetensors"] {
         fs::copy(Path::new(&whole).join(file), Path::new(&broken).join(file)).unwrap();
     }
     ok(&["train", "--resume", &broken, "-q"]);
@@ -220,50 +175,25 @@ fn a_run_is_evaluated_rendered_and_inspected() {
     assert_eq!(fs::read(&pictures[0]).unwrap(), fs::read(of_run).unwrap());
 
     let views = place.path("views");
-    ok(&[
-        "render",
-        &run_dir,
-        "--test",
-        "-o",
-        &views,
-        "--what",
-        "colour,depth,normal,alpha",
-        "-q",
-    ]);
+    ok(&["render", &run_dir, "--test", "-o", &views, "--what", "colour,depth,normal,alpha", "-q"]);
     assert_eq!(pngs(&views).len(), 8);
     let orbit = place.path("orbit");
-    ok(&[
-        "render", &run_dir, "--orbit", "3", "-o", &orbit, "--size", "32", "--exr", "-q",
-    ]);
+    ok(&["render", &run_dir, "--orbit", "3", "-o", &orbit, "--size", "32", "--exr", "-q"]);
     assert_eq!(fs::read_dir(&orbit).unwrap().count(), 3);
     let (code, _, stderr) = run(&["render", &run_dir, "--view", "nobody.png", "-o", &views]);
     assert!(code == 2 && stderr.contains("nobody.png"), "{stderr}");
 
     let found: Value = serde_json::from_str(&ok(&["inspect", &run_dir, "--json"])).unwrap();
     assert_eq!(found["checkpoint"]["model"]["texels"], 0);
-    assert!(
-        found["checkpoint"]["model"]["maps"]["0x0"]
-            .as_u64()
-            .is_some_and(|n| n > 99)
-    );
+    assert!(found["checkpoint"]["model"]["maps"]["0x0"].as_u64().is_some_and(|n| n > 99));
 }
 
 #[test]
 fn a_time_limit_stops_early_and_progress_is_json_if_asked_for() {
     let place = Place::new();
     let (capture, out) = (place.path("capture"), place.path("run"));
-    let arguments = [
-        "train",
-        &capture,
-        "-o",
-        &out,
-        "--steps",
-        "1000000",
-        "--max-time",
-        "1s",
-        "--log-format",
-        "json",
-    ];
+    let arguments =
+        ["train", &capture, "-o", &out, "--steps", "1000000", "--max-time", "1s", "--log-format", "json"];
     let (code, _, stderr) = run(&arguments);
     assert_eq!(code, 0, "{stderr}");
     let events: Vec<Value> = stderr.lines().map(|l| serde_json::from_str(l).unwrap()).collect();
@@ -299,13 +229,7 @@ fn an_interrupted_run_is_saved_and_exits_with_130() {
     }
     assert!(has_stepped());
     let id = child.id().to_string();
-    assert!(
-        std::process::Command::new("kill")
-            .args(["-INT", &id])
-            .status()
-            .unwrap()
-            .success()
-    );
+    assert!(std::process::Command::new("kill").args(["-INT", &id]).status().unwrap().success());
     assert_eq!(child.wait().unwrap().code(), Some(130));
     assert_eq!(place.json("run/summary.json")["stopped_by"], "interrupted");
     let found: Value = serde_json::from_str(&ok(&["inspect", &out, "--json"])).unwrap();

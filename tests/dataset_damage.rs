@@ -37,17 +37,9 @@ fn every_binary_cut_off_at_every_byte_is_an_error_naming_the_file() {
         let whole = std::fs::read(&path).unwrap();
         for length in 0..whole.len() {
             std::fs::write(&path, &whole[..length]).unwrap();
-            let error = load(folder.path())
-                .err()
-                .unwrap_or_else(|| panic!("{file} cut at {length}"));
-            assert!(
-                matches!(error, Error::InvalidInput { .. }),
-                "{file} cut at {length}: {error}"
-            );
-            assert!(
-                error.to_string().contains(file),
-                "{file} cut at {length}: {error}"
-            );
+            let error = load(folder.path()).err().unwrap_or_else(|| panic!("{file} cut at {length}"));
+            assert!(matches!(error, Error::InvalidInput { .. }), "{file} cut at {length}: {error}");
+            assert!(error.to_string().contains(file), "{file} cut at {length}: {error}");
         }
         let mut longer = whole.clone();
         longer.push(0);
@@ -92,10 +84,7 @@ fn flipped_bits_and_bytes_never_panic() {
         }
         std::fs::write(&path, whole).unwrap();
     }
-    assert!(
-        errors > 50 && captures > 50,
-        "{errors} errors, {captures} captures"
-    );
+    assert!(errors > 50 && captures > 50, "{errors} errors, {captures} captures");
 }
 
 #[test]
@@ -122,10 +111,7 @@ fn damaged_text_models_never_panic() {
     }
     std::fs::write(sparse.join("cameras.txt"), "7 PINHOLE 12 8 10 11 x 4\n").unwrap();
     let text = message(folder.path());
-    assert!(
-        text.contains("cameras.txt: line 1") && text.contains("\"x\""),
-        "{text}"
-    );
+    assert!(text.contains("cameras.txt: line 1") && text.contains("\"x\""), "{text}");
 }
 
 #[test]
@@ -138,13 +124,7 @@ fn unknown_camera_models_name_camera_model_and_remedy() {
         let error = load(folder.path()).err().unwrap();
         assert!(matches!(error, Error::Unsupported { .. }));
         let text = error.to_string();
-        for part in [
-            "cameras.bin",
-            "camera 7",
-            name,
-            "SIMPLE_RADIAL",
-            "image_undistorter",
-        ] {
+        for part in ["cameras.bin", "camera 7", name, "SIMPLE_RADIAL", "image_undistorter"] {
             assert!(text.contains(part), "{part}: {text}");
         }
     }
@@ -201,9 +181,7 @@ fn intrinsics_without_sense_name_their_camera() {
 #[test]
 fn pictures_of_another_shape_name_both_sizes() {
     let folder = ring(3);
-    image::RgbImage::new(8, 12)
-        .save(folder.path().join("images/p02.png"))
-        .unwrap();
+    image::RgbImage::new(8, 12).save(folder.path().join("images/p02.png")).unwrap();
     let text = message(folder.path());
     for part in ["size mismatch", "\"p02.png\"", "8x12", "12x8", "--images"] {
         assert!(text.contains(part), "{part}: {text}");
@@ -221,10 +199,7 @@ fn unreadable_pictures_are_named_when_they_are_asked_for_or_before() {
     std::fs::write(&path, &whole[..whole.len() / 2 + 10]).unwrap();
     let capture = load(folder.path()).unwrap();
     let text = capture.target(1).unwrap_err().to_string();
-    assert!(
-        text.contains("p02.png") && text.contains("unreadable picture"),
-        "{text}"
-    );
+    assert!(text.contains("p02.png") && text.contains("unreadable picture"), "{text}");
     assert!(capture.target(0).is_ok());
 }
 
@@ -244,24 +219,12 @@ fn damaged_transforms_name_the_frame() {
             assert!(text.contains(part), "{part}: {text}");
         }
     };
-    check(
-        &|j| j["frames"][1]["transform_matrix"][0][0] = 5.0.into(),
-        &["frames[1]", "rotation"],
-    );
-    check(
-        &|j| j["frames"][2]["transform_matrix"] = serde_json::json!([[1, 2]]),
-        &["frames[2]", "4"],
-    );
+    check(&|j| j["frames"][1]["transform_matrix"][0][0] = 5.0.into(), &["frames[1]", "rotation"]);
+    check(&|j| j["frames"][2]["transform_matrix"] = serde_json::json!([[1, 2]]), &["frames[2]", "4"]);
     check(&|j| j["fl_x"] = 0.0.into(), &["frames[0]", "focal length"]);
     check(&|j| j["w"] = 0.5.into(), &["frames[0]", "size"]);
-    check(
-        &|j| j["camera_model"] = "EQUIRECTANGULAR".into(),
-        &["EQUIRECTANGULAR", "OPENCV_FISHEYE"],
-    );
-    check(
-        &|j| j["frames"] = serde_json::json!([]),
-        &["no registered images"],
-    );
+    check(&|j| j["camera_model"] = "EQUIRECTANGULAR".into(), &["EQUIRECTANGULAR", "OPENCV_FISHEYE"]);
+    check(&|j| j["frames"] = serde_json::json!([]), &["no registered images"]);
     check(&|j| j["frames"] = 3.into(), &["transforms.json", "expected"]);
     check(&|j| j["ply_file_path"] = "absent.ply".into(), &["absent.ply"]);
     let whole = sound.to_string();
@@ -273,9 +236,6 @@ fn damaged_transforms_name_the_frame() {
         std::fs::write(&path, &whole[..length]).unwrap();
         assert!(load(folder.path()).is_err());
     }
-    let wants_colmap = LoadOptions {
-        format: Some(CaptureFormat::Colmap),
-        ..LoadOptions::default()
-    };
+    let wants_colmap = LoadOptions { format: Some(CaptureFormat::Colmap), ..LoadOptions::default() };
     assert!(Capture::load(folder.path(), &wants_colmap).is_err());
 }

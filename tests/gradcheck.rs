@@ -8,13 +8,7 @@ use litetex_gs::model::SplatGroup;
 use litetex_gs::reference::{AlphaCutoff, ColourGradient, Params, Settings, gradients};
 use litetex_gs::selftest::{Scene, SceneOptions, random_scene};
 
-const WEIGHTS: LossWeights = LossWeights {
-    l1: 0.8,
-    dssim: 0.2,
-    mse: 0.03,
-    opacity: 0.01,
-    texture: 1e-3,
-};
+const WEIGHTS: LossWeights = LossWeights { l1: 0.8, dssim: 0.2, mse: 0.03, opacity: 0.01, texture: 1e-3 };
 
 fn settings(scene: &Scene) -> Settings {
     Settings {
@@ -51,18 +45,9 @@ struct Outcome {
 /// exceeds `tolerance` times the largest derivative of its group.
 fn check(scene: &Scene, settings: &Settings, tolerance: f64, analytic_factor: f64) -> Outcome {
     let params = Params::from_model(&scene.model);
-    let loss = |p: &Params| {
-        gradients(p, &scene.camera, &scene.target, &WEIGHTS, settings)
-            .loss
-            .total
-    };
+    let loss = |p: &Params| gradients(p, &scene.camera, &scene.target, &WEIGHTS, settings).loss.total;
     let analytic = gradients(&params, &scene.camera, &scene.target, &WEIGHTS, settings).params;
-    let mut outcome = Outcome {
-        checked: 0,
-        non_zero: 0,
-        worst: 0.0,
-        off: Vec::new(),
-    };
+    let mut outcome = Outcome { checked: 0, non_zero: 0, worst: 0.0, off: Vec::new() };
     let mut compare = |name: &str, analytic: &[f64], perturb: &dyn Fn(&mut Params, usize, f64)| {
         let largest = analytic.iter().fold(1e-9_f64, |m, g| m.max(g.abs()));
         let mut numeric_at = |i: usize| {
@@ -79,18 +64,14 @@ fn check(scene: &Scene, settings: &Settings, tolerance: f64, analytic_factor: f6
             outcome.checked += 1;
             outcome.non_zero += usize::from(g.abs() > 1e-3 * largest);
             if error > tolerance {
-                outcome
-                    .off
-                    .push(format!("{name}[{i}]: {error:.1e} of {largest:.1e}"));
+                outcome.off.push(format!("{name}[{i}]: {error:.1e} of {largest:.1e}"));
             } else {
                 outcome.worst = outcome.worst.max(error);
             }
         }
     };
     for group in SplatGroup::ALL {
-        compare(&format!("{group:?}"), analytic.group(group), &|p, i, e| {
-            p.group_mut(group)[i] += e
-        });
+        compare(&format!("{group:?}"), analytic.group(group), &|p, i, e| p.group_mut(group)[i] += e);
     }
     compare("Texel", &analytic.texels, &|p, i, e| p.texels[i] += e);
     outcome
@@ -108,12 +89,7 @@ fn reference_gradients_match_central_differences_for_every_sh_degree() {
             );
             // Entries near a kink: at most 2 in 100.
             assert!(outcome.off.len() * 50 <= outcome.checked, "{:?}", outcome.off);
-            assert!(
-                outcome.non_zero * 4 > outcome.checked,
-                "{} of {}",
-                outcome.non_zero,
-                outcome.checked
-            );
+            assert!(outcome.non_zero * 4 > outcome.checked, "{} of {}", outcome.non_zero, outcome.checked);
         }
     }
 }
@@ -122,32 +98,18 @@ fn reference_gradients_match_central_differences_for_every_sh_degree() {
 fn a_wrong_gradient_is_noticed() {
     let scene = random_scene(&small(1, 0));
     let outcome = check(&scene, &settings(&scene), 2e-5, 1.001);
-    assert!(
-        outcome.off.len() * 50 > outcome.checked,
-        "{} of {}",
-        outcome.off.len(),
-        outcome.checked
-    );
+    assert!(outcome.off.len() * 50 > outcome.checked, "{} of {}", outcome.off.len(), outcome.checked);
 }
 
 #[test]
 fn reference_gradients_hold_near_the_camera_and_edge_on() {
-    let near = SceneOptions {
-        depths: (0.05, 0.3),
-        scales: (0.05, 0.3),
-        ..small(1, 7)
-    };
-    let needles = SceneOptions {
-        scales: (0.004, 0.6),
-        ..small(1, 8)
-    };
+    let near = SceneOptions { depths: (0.05, 0.3), scales: (0.05, 0.3), ..small(1, 7) };
+    let needles = SceneOptions { scales: (0.004, 0.6), ..small(1, 8) };
     for options in [near, needles] {
         let mut scene = random_scene(&options);
         // Turn the first splat until it is seen under 2 degrees.
-        let in_camera = scene
-            .camera
-            .camera_from_local
-            .transform_point(Params::from_model(&scene.model).position(0));
+        let in_camera =
+            scene.camera.camera_from_local.transform_point(Params::from_model(&scene.model).position(0));
         let local = scene.camera.camera_from_local.rotation.transpose();
         let view = (local * in_camera).normalize();
         let side = view.any_orthonormal_vector();
@@ -162,10 +124,7 @@ fn reference_gradients_hold_near_the_camera_and_edge_on() {
             scene.model.splats.quaternions[k] = v as f32;
         }
         let outcome = check(&scene, &settings(&scene), 5e-5, 1.0);
-        println!(
-            "{} checked, worst {:.1e}, off {:?}",
-            outcome.checked, outcome.worst, outcome.off
-        );
+        println!("{} checked, worst {:.1e}, off {:?}", outcome.checked, outcome.worst, outcome.off);
         assert!(outcome.off.len() * 25 <= outcome.checked, "{:?}", outcome.off);
     }
 }

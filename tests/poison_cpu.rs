@@ -21,14 +21,8 @@ const RATES: LearningRates = LearningRates {
 /// Renders and takes three steps; every pixel and every parameter that was finite must stay so.
 fn survives(scene: &Scene, name: &str) -> f64 {
     let mut backend = CpuBackend::new(Some(2)).unwrap();
-    backend
-        .upload(&scene.model, &AdamState::zeros(&scene.model))
-        .unwrap();
-    let options = RenderOptions {
-        background: [0.1, 0.2, 0.3],
-        sh_degree: 3,
-        geometry: true,
-    };
+    backend.upload(&scene.model, &AdamState::zeros(&scene.model)).unwrap();
+    let options = RenderOptions { background: [0.1, 0.2, 0.3], sh_degree: 3, geometry: true };
     let image = backend.render(&scene.camera, &options).unwrap();
     let clean = |values: &[f32]| values.iter().all(|v| v.is_finite());
     assert!(
@@ -43,13 +37,7 @@ fn survives(scene: &Scene, name: &str) -> f64 {
                 target: &scene.target,
                 background: options.background,
                 sh_degree: scene.model.splats.sh_degree,
-                loss: LossWeights {
-                    l1: 0.8,
-                    dssim: 0.2,
-                    mse: 0.0,
-                    opacity: 0.01,
-                    texture: 1e-8,
-                },
+                loss: LossWeights { l1: 0.8, dssim: 0.2, mse: 0.0, opacity: 0.01, texture: 1e-8 },
                 rates: RATES,
                 accumulate_statistics: true,
             })
@@ -58,25 +46,13 @@ fn survives(scene: &Scene, name: &str) -> f64 {
     }
     let after = backend.read_settled().unwrap();
     let spread = |before: &[f32], after: &[f32]| {
-        before
-            .iter()
-            .zip(after)
-            .filter(|(b, a)| b.is_finite() && !a.is_finite())
-            .count()
+        before.iter().zip(after).filter(|(b, a)| b.is_finite() && !a.is_finite()).count()
     };
     let (b, a) = (&scene.model, &after);
     for group in litetex_gs::model::SplatGroup::ALL {
-        assert_eq!(
-            spread(b.splats.group(group), a.splats.group(group)),
-            0,
-            "{name}: {group:?}"
-        );
+        assert_eq!(spread(b.splats.group(group), a.splats.group(group)), 0, "{name}: {group:?}");
     }
-    assert_eq!(
-        spread(&b.textures.texels, &a.textures.texels),
-        0,
-        "{name}: texels"
-    );
+    assert_eq!(spread(&b.textures.texels, &a.textures.texels), 0, "{name}: texels");
     image.alpha.iter().map(|&a| f64::from(a)).sum()
 }
 
@@ -93,15 +69,7 @@ fn scene(seed: u64) -> Scene {
 #[test]
 fn poisoned_splats_leave_picture_and_others_clean() {
     assert!(survives(&scene(1), "control") > 100.0);
-    let values = [
-        f32::NAN,
-        f32::INFINITY,
-        f32::NEG_INFINITY,
-        f32::MAX,
-        f32::MIN_POSITIVE / 2.0,
-        1e20,
-        -1e20,
-    ];
+    let values = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX, f32::MIN_POSITIVE / 2.0, 1e20, -1e20];
     for value in values {
         for group in litetex_gs::model::SplatGroup::ALL {
             let mut scene = scene(2);
@@ -112,13 +80,7 @@ fn poisoned_splats_leave_picture_and_others_clean() {
             survives(&scene, &format!("{group:?} = {value}"));
         }
         let mut scene = scene(3);
-        scene
-            .model
-            .textures
-            .texels
-            .iter_mut()
-            .step_by(7)
-            .for_each(|t| *t = value);
+        scene.model.textures.texels.iter_mut().step_by(7).for_each(|t| *t = value);
         survives(&scene, &format!("texels = {value}"));
     }
 }
@@ -140,19 +102,11 @@ fn degenerate_splats_are_survived() {
     let mut hidden = scene(7);
     hidden.model.splats.opacity_logits.fill(-50.0);
     assert_eq!(survives(&hidden, "nothing visible"), 0.0);
-    let mut none = random_scene(&SceneOptions {
-        num_splats: 0,
-        width_px: 8,
-        height_px: 8,
-        ..SceneOptions::default()
-    });
+    let mut none =
+        random_scene(&SceneOptions { num_splats: 0, width_px: 8, height_px: 8, ..SceneOptions::default() });
     assert_eq!(survives(&none, "no splat"), 0.0);
     none.model = scene(8).model;
-    none.model
-        .textures
-        .maps
-        .iter_mut()
-        .for_each(|m| m.texel_size = 0.0);
+    none.model.textures.maps.iter_mut().for_each(|m| m.texel_size = 0.0);
     survives(&none, "zero texel size");
 }
 
@@ -174,28 +128,15 @@ fn odd_picture_sizes_are_rendered() {
 fn a_photo_of_another_size_is_a_usage_error() {
     let scene = scene(1);
     let mut backend = CpuBackend::new(Some(1)).unwrap();
-    backend
-        .upload(&scene.model, &AdamState::zeros(&scene.model))
-        .unwrap();
-    let target = TargetImage {
-        width_px: 3,
-        height_px: 3,
-        rgb: vec![0; 27],
-        mask: None,
-    };
+    backend.upload(&scene.model, &AdamState::zeros(&scene.model)).unwrap();
+    let target = TargetImage { width_px: 3, height_px: 3, rgb: vec![0; 27], mask: None };
     let request = StepRequest {
         step: 1,
         camera: scene.camera,
         target: &target,
         background: [0.0; 3],
         sh_degree: 0,
-        loss: LossWeights {
-            l1: 1.0,
-            dssim: 0.0,
-            mse: 0.0,
-            opacity: 0.0,
-            texture: 0.0,
-        },
+        loss: LossWeights { l1: 1.0, dssim: 0.0, mse: 0.0, opacity: 0.0, texture: 0.0 },
         rates: RATES,
         accumulate_statistics: false,
     };

@@ -9,13 +9,7 @@ use litetex_gs::model::{AdamState, SplatGroup};
 use litetex_gs::reference::{AlphaCutoff, ColourGradient, Gradients, Params, Settings, gradients};
 use litetex_gs::selftest::{Scene, SceneOptions, random_scene};
 
-const WEIGHTS: LossWeights = LossWeights {
-    l1: 0.8,
-    dssim: 0.2,
-    mse: 0.03,
-    opacity: 0.01,
-    texture: 1e-6,
-};
+const WEIGHTS: LossWeights = LossWeights { l1: 0.8, dssim: 0.2, mse: 0.03, opacity: 0.01, texture: 1e-6 };
 const BACKGROUND: [f32; 3] = [0.3, 0.5, 0.2];
 
 fn reference(scene: &Scene) -> Gradients {
@@ -26,13 +20,7 @@ fn reference(scene: &Scene) -> Gradients {
         sh_degree: scene.model.splats.sh_degree,
         background: BACKGROUND.map(f64::from),
     };
-    gradients(
-        &Params::from_model(&scene.model),
-        &scene.camera,
-        &scene.target,
-        &WEIGHTS,
-        &settings,
-    )
+    gradients(&Params::from_model(&scene.model), &scene.camera, &scene.target, &WEIGHTS, &settings)
 }
 
 fn request(scene: &Scene) -> StepRequest<'_> {
@@ -50,9 +38,7 @@ fn request(scene: &Scene) -> StepRequest<'_> {
 
 fn cpu(scene: &Scene, threads: usize) -> ModelGradients {
     let mut backend = CpuBackend::new(Some(threads)).unwrap();
-    backend
-        .upload(&scene.model, &AdamState::zeros(&scene.model))
-        .unwrap();
+    backend.upload(&scene.model, &AdamState::zeros(&scene.model)).unwrap();
     backend.gradients(&request(scene)).unwrap()
 }
 
@@ -60,15 +46,11 @@ fn cpu(scene: &Scene, threads: usize) -> ModelGradients {
 fn agree(scene: &Scene, got: &ModelGradients, expected: &Gradients) -> bool {
     // Splats that graze a pixel centre within the margin of the bounds count as seen: needed 9 in 3,000.
     // Their maps get the texture term on one side only; they are compared without it.
-    let flipped: Vec<usize> = (0..got.visible.len())
-        .filter(|&i| got.visible[i] != expected.visible[i])
-        .collect();
+    let flipped: Vec<usize> =
+        (0..got.visible.len()).filter(|&i| got.visible[i] != expected.visible[i]).collect();
     let mut ok = flipped.len() * 200 <= got.visible.len();
     let mut texels = got.texels.clone();
-    for t in flipped
-        .iter()
-        .flat_map(|&i| scene.model.textures.maps[i].floats())
-    {
+    for t in flipped.iter().flat_map(|&i| scene.model.textures.maps[i].floats()) {
         texels[t] = expected.params.texels[t] as f32;
     }
     let mut check = |name: &str, got: &[f32], expected: &[f64], limit: f64, share: f64, rms: f64| {
@@ -79,21 +61,10 @@ fn agree(scene: &Scene, got: &ModelGradients, expected: &Gradients) -> bool {
     // A pixel at the edge of a support may flip by 1/255 of a colour: counted, at most 2 in 1,000.
     check("picture", &got.image.rgb, &expected.picture.rgb, 2e-5, 2e-3, 1e-4);
     for group in SplatGroup::ALL {
-        check(
-            &format!("{group:?}"),
-            got.splats.group(group),
-            expected.params.group(group),
-            2e-4,
-            4e-3,
-            1e-3,
-        );
+        check(&format!("{group:?}"), got.splats.group(group), expected.params.group(group), 2e-4, 4e-3, 1e-3);
     }
     check("Texel", &texels, &expected.params.texels, 2e-4, 2e-3, 1e-3);
-    let statistics = [
-        &got.statistics.area,
-        &got.statistics.contribution,
-        &got.statistics.error,
-    ];
+    let statistics = [&got.statistics.area, &got.statistics.contribution, &got.statistics.error];
     let pixels = scene.camera.pinhole.num_pixels() as f64;
     for (k, got) in statistics.into_iter().enumerate() {
         let expected: Vec<f64> = expected.statistics.iter().map(|s| s[k] / pixels).collect();
@@ -108,60 +79,19 @@ fn agree(scene: &Scene, got: &ModelGradients, expected: &Gradients) -> bool {
 
 fn scenes() -> Vec<SceneOptions> {
     // Translucent and small, so that most splats receive a gradient.
-    let base = SceneOptions {
-        scales: (0.01, 0.1),
-        opacities: (0.02, 0.6),
-        ..SceneOptions::default()
-    };
-    let opaque = SceneOptions {
-        opacities: (0.3, 0.9999),
-        seed: 5,
-        ..base.clone()
-    };
-    let coarse = SceneOptions {
-        sh_degree: 0,
-        seed: 2,
-        map_sizes: vec![(4, 4)],
-        ..base.clone()
-    };
-    let fine = SceneOptions {
-        sh_degree: 1,
-        seed: 3,
-        map_sizes: vec![(33, 7), (2, 2), (5, 64)],
-        ..base.clone()
-    };
-    let near = SceneOptions {
-        sh_degree: 2,
-        seed: 4,
-        scales: (0.05, 1.5),
-        depths: (0.05, 1.0),
-        ..base.clone()
-    };
+    let base = SceneOptions { scales: (0.01, 0.1), opacities: (0.02, 0.6), ..SceneOptions::default() };
+    let opaque = SceneOptions { opacities: (0.3, 0.9999), seed: 5, ..base.clone() };
+    let coarse = SceneOptions { sh_degree: 0, seed: 2, map_sizes: vec![(4, 4)], ..base.clone() };
+    let fine =
+        SceneOptions { sh_degree: 1, seed: 3, map_sizes: vec![(33, 7), (2, 2), (5, 64)], ..base.clone() };
+    let near =
+        SceneOptions { sh_degree: 2, seed: 4, scales: (0.05, 1.5), depths: (0.05, 1.0), ..base.clone() };
     vec![
-        SceneOptions {
-            num_splats: 3_000,
-            ..base
-        },
-        SceneOptions {
-            num_splats: 2_000,
-            ..opaque
-        },
-        SceneOptions {
-            num_splats: 2_000,
-            ..coarse
-        },
-        SceneOptions {
-            num_splats: 1_000,
-            width_px: 67,
-            height_px: 131,
-            ..fine
-        },
-        SceneOptions {
-            num_splats: 300,
-            width_px: 90,
-            height_px: 70,
-            ..near
-        },
+        SceneOptions { num_splats: 3_000, ..base },
+        SceneOptions { num_splats: 2_000, ..opaque },
+        SceneOptions { num_splats: 2_000, ..coarse },
+        SceneOptions { num_splats: 1_000, width_px: 67, height_px: 131, ..fine },
+        SceneOptions { num_splats: 300, width_px: 90, height_px: 70, ..near },
     ]
 }
 
@@ -170,20 +100,13 @@ fn cpu_matches_the_reference() {
     for options in scenes() {
         let scene = random_scene(&options);
         println!("{options:?}");
-        assert!(
-            agree(&scene, &cpu(&scene, 2), &reference(&scene)),
-            "seed {}",
-            options.seed
-        );
+        assert!(agree(&scene, &cpu(&scene, 2), &reference(&scene)), "seed {}", options.seed);
     }
 }
 
 #[test]
 fn a_small_change_of_the_scene_is_noticed() {
-    let options = SceneOptions {
-        num_splats: 500,
-        ..SceneOptions::default()
-    };
+    let options = SceneOptions { num_splats: 500, ..SceneOptions::default() };
     let mut scene = random_scene(&options);
     let expected = reference(&scene);
     for logit in &mut scene.model.splats.opacity_logits {

@@ -26,10 +26,7 @@ pub struct CaptureFromLocal {
 
 impl CaptureFromLocal {
     /// The identity.
-    pub const IDENTITY: Self = Self {
-        scale: 1.0,
-        translation: [0.0; 3],
-    };
+    pub const IDENTITY: Self = Self { scale: 1.0, translation: [0.0; 3] };
 
     /// Maps a point.
     pub fn transform_point(&self, in_local: [f32; 3]) -> [f64; 3] {
@@ -203,11 +200,7 @@ impl SplatAsset {
         // What the weights would sum to if the map covered all of the Gaussian.
         let whole = std::f64::consts::TAU * scale_u * scale_v / (texel_size * texel_size);
         let total = f64::max(weights, whole);
-        if total.is_finite() && total > 0.0 {
-            sum.map(|s| s / total)
-        } else {
-            [0.0; 3]
-        }
+        if total.is_finite() && total > 0.0 { sum.map(|s| s / total) } else { [0.0; 3] }
     }
 }
 
@@ -224,10 +217,7 @@ pub(crate) mod tests {
         };
         let mut asset = SplatAsset {
             sh_degree,
-            capture_from_local: CaptureFromLocal {
-                scale: 3.7,
-                translation: [10.0, -4.0, 0.5],
-            },
+            capture_from_local: CaptureFromLocal { scale: 3.7, translation: [10.0, -4.0, 0.5] },
             ..SplatAsset::default()
         };
         let mut offset_texels = 0;
@@ -241,17 +231,10 @@ pub(crate) mod tests {
             let width = 3 * num_sh_coefficients(sh_degree);
             asset.sh.extend((0..width).map(|_| random() - 0.5));
             let (rows, cols) = [(2, 2), (0, 0), (5, 3)][i % 3];
-            let map = AssetMap {
-                offset_texels,
-                rows,
-                cols,
-                texel_size: 0.02,
-            };
+            let map = AssetMap { offset_texels, rows, cols, texel_size: 0.02 };
             asset.maps.push(map);
             offset_texels += map.num_texels() as u32;
-            asset
-                .texels
-                .extend((0..3 * map.num_texels()).map(|_| 1.6 * (random() - 0.5)));
+            asset.texels.extend((0..3 * map.num_texels()).map(|_| 1.6 * (random() - 0.5)));
         }
         asset.provenance.title = "Fixture".to_owned();
         asset.validate().unwrap();
@@ -262,12 +245,7 @@ pub(crate) mod tests {
     fn mean_residual_of_a_full_map_is_its_constant() {
         let mut asset = fixture(1, 0);
         asset.scales[0] = [0.05, 0.03];
-        asset.maps[0] = AssetMap {
-            offset_texels: 0,
-            rows: 62,
-            cols: 40,
-            texel_size: 0.005,
-        };
+        asset.maps[0] = AssetMap { offset_texels: 0, rows: 62, cols: 40, texel_size: 0.005 };
         asset.texels = [0.25, -0.5, 1.0].repeat(62 * 40);
         let mean = asset.mean_residual(0);
         // The map ends at 3.1 and 3.3 sigma: 0.3 % of the Gaussian lie outside (needed 2.8e-3).

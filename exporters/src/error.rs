@@ -46,34 +46,22 @@ pub enum Error {
 impl Error {
     /// An [`Error::Io`].
     pub fn io(path: impl Into<PathBuf>, source: std::io::Error) -> Self {
-        Self::Io {
-            path: path.into(),
-            source,
-        }
+        Self::Io { path: path.into(), source }
     }
 
     /// An [`Error::Invalid`].
     pub fn invalid(path: impl Into<PathBuf>, what: impl Into<String>) -> Self {
-        Self::Invalid {
-            path: path.into(),
-            what: what.into(),
-        }
+        Self::Invalid { path: path.into(), what: what.into() }
     }
 
     /// An [`Error::Unsupported`].
     pub fn unsupported(path: impl Into<PathBuf>, what: impl Into<String>) -> Self {
-        Self::Unsupported {
-            path: path.into(),
-            what: what.into(),
-        }
+        Self::Unsupported { path: path.into(), what: what.into() }
     }
 
     /// An [`Error::TooLarge`].
     pub fn too_large(path: impl Into<PathBuf>, what: impl Into<String>) -> Self {
-        Self::TooLarge {
-            path: path.into(),
-            what: what.into(),
-        }
+        Self::TooLarge { path: path.into(), what: what.into() }
     }
 
     /// The same error about the file at `path`: for what was found before the file was known.

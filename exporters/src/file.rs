@@ -13,10 +13,8 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
     name.push(path.file_name().unwrap_or_default());
     name.push(format!(".{}.tmp", std::process::id()));
     let temporary = path.with_file_name(name);
-    std::fs::write(&temporary, bytes)
-        .and_then(|()| std::fs::rename(&temporary, path))
-        .inspect_err(|_| {
-            // The first error is the one that matters.
-            let _ = std::fs::remove_file(&temporary);
-        })
+    std::fs::write(&temporary, bytes).and_then(|()| std::fs::rename(&temporary, path)).inspect_err(|_| {
+        // The first error is the one that matters.
+        let _ = std::fs::remove_file(&temporary);
+    })
 }

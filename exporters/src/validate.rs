@@ -35,9 +35,7 @@ impl SplatAsset {
             ("sh", self.sh.len(), n * sh_width),
         ];
         if let Some((name, found, expected)) = lengths.iter().find(|(_, found, expected)| found != expected) {
-            return invalid(format!(
-                "{name}: {found} entries for {n} splats, expected {expected}"
-            ));
+            return invalid(format!("{name}: {found} entries for {n} splats, expected {expected}"));
         }
         let frame = &self.capture_from_local;
         let frame_is_sound = frame.scale.is_finite()
@@ -46,10 +44,7 @@ impl SplatAsset {
             && self.near.is_finite()
             && self.near >= 0.0;
         if !frame_is_sound {
-            return invalid(format!(
-                "near plane {} and {frame:?}: finite, the scale positive",
-                self.near
-            ));
+            return invalid(format!("near plane {} and {frame:?}: finite, the scale positive", self.near));
         }
         (0..n).try_for_each(|splat| self.validate_splat(splat))?;
         self.validate_maps()?;
@@ -108,10 +103,9 @@ impl SplatAsset {
             ));
         }
         match self.texels.iter().position(|t| !(-1.0..=1.0).contains(t)) {
-            Some(at) => Err(Error::invalid(
-                "",
-                format!("texel {}: {} is not in [-1, 1]", at / 3, self.texels[at]),
-            )),
+            Some(at) => {
+                Err(Error::invalid("", format!("texel {}: {} is not in [-1, 1]", at / 3, self.texels[at])))
+            }
             None => Ok(()),
         }
     }

@@ -28,10 +28,7 @@ pub fn bake(
             translation: model.capture_from_local.translation.to_array(),
         },
         colour_space: ColourSpace::SrgbRec709Display,
-        cameras: cameras
-            .iter()
-            .map(|(name, camera)| asset_camera(name, camera))
-            .collect(),
+        cameras: cameras.iter().map(|(name, camera)| asset_camera(name, camera)).collect(),
         provenance,
         ..SplatAsset::default()
     };
@@ -79,11 +76,7 @@ fn push_splat(asset: &mut SplatAsset, model: &Model, splat: usize) -> Option<()>
     let map = &model.textures.maps[splat];
     let texels = &model.textures.texels[map.floats()];
 
-    let norm = quaternion
-        .iter()
-        .map(|&v| f64::from(v).powi(2))
-        .sum::<f64>()
-        .sqrt();
+    let norm = quaternion.iter().map(|&v| f64::from(v).powi(2)).sum::<f64>().sqrt();
     let scales = log_scales.map(|v| f64::from(v).exp());
     let finite = |values: &[f32]| values.iter().all(|v| v.is_finite());
     let drawable = finite(&position)
@@ -98,13 +91,9 @@ fn push_splat(asset: &mut SplatAsset, model: &Model, splat: usize) -> Option<()>
         return None;
     }
     asset.positions.push(position);
-    asset
-        .rotations
-        .push(quaternion.map(|v| (f64::from(v) / norm) as f32));
+    asset.rotations.push(quaternion.map(|v| (f64::from(v) / norm) as f32));
     // What underflows is as small as f32 can be: the asset's values are positive.
-    asset
-        .scales
-        .push(scales.map(|v| (v as f32).max(f32::MIN_POSITIVE)));
+    asset.scales.push(scales.map(|v| (v as f32).max(f32::MIN_POSITIVE)));
     asset.opacities.push((opacity as f32).max(f32::MIN_POSITIVE));
     asset.sh.extend(sh);
     asset.maps.push(AssetMap {
@@ -114,9 +103,7 @@ fn push_splat(asset: &mut SplatAsset, model: &Model, splat: usize) -> Option<()>
         cols: map.cols,
         texel_size: map.texel_size,
     });
-    asset
-        .texels
-        .extend(texels.iter().map(|&t| texel_value(f64::from(t)) as f32));
+    asset.texels.extend(texels.iter().map(|&t| texel_value(f64::from(t)) as f32));
     Some(())
 }
 
@@ -155,19 +142,12 @@ mod tests {
         splats.opacity_logits = vec![0.0, 100.0, -200.0, 1.0];
         splats.sh.iter_mut().enumerate().for_each(|(i, v)| *v = i as f32);
         let mut textures = TexturePool::neutral([(2, 3, 0.1), (0, 0, 0.0), (1, 1, 0.2), (2, 2, 0.3)]);
-        textures
-            .texels
-            .iter_mut()
-            .enumerate()
-            .for_each(|(i, v)| *v = i as f32 - 9.0);
+        textures.texels.iter_mut().enumerate().for_each(|(i, v)| *v = i as f32 - 9.0);
         Model {
             splats,
             textures,
             near: 0.04,
-            capture_from_local: Similarity {
-                scale: 2.5,
-                translation: DVec3::new(1.0, 2.0, 3.0),
-            },
+            capture_from_local: Similarity { scale: 2.5, translation: DVec3::new(1.0, 2.0, 3.0) },
         }
     }
 
@@ -196,15 +176,7 @@ mod tests {
         asset.validate().unwrap();
         assert_eq!(report, Report::default());
         assert_eq!((asset.num_splats(), asset.num_texels()), (4, 11));
-        assert_eq!(
-            asset.opacities,
-            [
-                0.5,
-                1.0,
-                f32::MIN_POSITIVE,
-                (1.0 / (1.0 + (-1.0_f64).exp())) as f32
-            ]
-        );
+        assert_eq!(asset.opacities, [0.5, 1.0, f32::MIN_POSITIVE, (1.0 / (1.0 + (-1.0_f64).exp())) as f32]);
         assert_eq!(asset.scales[0], [(-3.0_f64).exp() as f32, f32::MIN_POSITIVE]);
         assert_eq!(asset.rotations[0], [1.0, 0.0, 0.0, 0.0]);
         assert_eq!(asset.texels[9], 0.0);

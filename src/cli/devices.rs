@@ -39,10 +39,7 @@ pub fn open(name: &str) -> Result<Box<dyn Backend>> {
     match name {
         "auto" | "cpu" => open_cpu(),
         other => {
-            let known: Vec<String> = available()?
-                .into_iter()
-                .map(|d| format!("{:?}", d.name))
-                .collect();
+            let known: Vec<String> = available()?.into_iter().map(|d| format!("{:?}", d.name)).collect();
             Err(Error::unsupported(
                 "--device",
                 format!(

@@ -61,13 +61,7 @@ impl Trained {
         let path = find_checkpoint(source)?;
         let (state, strings) = checkpoint::load(&path)?;
         let config = config_of(&path, &strings)?;
-        Ok(Self {
-            path,
-            step: state.step,
-            model: state.model,
-            adam: state.adam,
-            config,
-        })
+        Ok(Self { path, step: state.step, model: state.model, adam: state.adam, config })
     }
 
     /// A backend that holds the scene.
@@ -106,11 +100,7 @@ pub fn config_of(path: &Path, strings: &BTreeMap<String, String>) -> Result<RunC
 
 /// How a scene is rendered.
 pub fn render_options(model: &Model, background: [f32; 3], geometry: bool) -> RenderOptions {
-    RenderOptions {
-        background,
-        sh_degree: model.splats.sh_degree,
-        geometry,
-    }
+    RenderOptions { background, sh_degree: model.splats.sh_degree, geometry }
 }
 
 /// Evaluates and prints.
@@ -137,10 +127,7 @@ pub fn run(args: &EvalArgs, log: &Log) -> anyhow::Result<()> {
     table.row("test views", evaluation.per_view.len());
     table.row("PSNR", format!("{:.2} dB", evaluation.psnr));
     table.row("gradient-PSNR", format!("{:.2} dB", evaluation.grad_psnr));
-    table.row(
-        "SSIM (3DGS / valid)",
-        format!("{:.4} / {:.4}", evaluation.ssim_3dgs, evaluation.ssim_valid),
-    );
+    table.row("SSIM (3DGS / valid)", format!("{:.4} / {:.4}", evaluation.ssim_3dgs, evaluation.ssim_valid));
     table.row("FLIP", format!("{:.4}", evaluation.flip));
     Ok(table.print()?)
 }
@@ -153,9 +140,7 @@ fn evaluate(
 ) -> Result<Evaluation> {
     let views = capture.indices(Split::Test);
     if views.is_empty() {
-        return Err(Error::Usage(
-            "the capture has no test views: see --test-every of train".to_owned(),
-        ));
+        return Err(Error::Usage("the capture has no test views: see --test-every of train".to_owned()));
     }
     if let Some(out) = out {
         std::fs::create_dir_all(out).map_err(|e| Error::io(out, e))?;

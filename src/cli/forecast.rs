@@ -174,11 +174,7 @@ mod tests {
         assert!((10.0..60.0).contains(&forecast.wall_secs), "{forecast:?}");
         forecast.check(Some(8 << 30)).unwrap();
         forecast.check(None).unwrap();
-        let huge = Workload {
-            splats: 50_000_000,
-            texels: 800_000_000,
-            ..FOX
-        };
+        let huge = Workload { splats: 50_000_000, texels: 800_000_000, ..FOX };
         let error = huge.forecast().check(Some(8 << 30)).unwrap_err();
         assert_eq!(error.exit_code(), 5);
         assert!(error.to_string().contains("8.0 GiB"), "{error}");
@@ -186,20 +182,13 @@ mod tests {
 
     #[test]
     fn the_image_cache_is_capped() {
-        let many = Workload {
-            views: 100_000,
-            cache_limit_bytes: 1 << 30,
-            ..FOX
-        };
+        let many = Workload { views: 100_000, cache_limit_bytes: 1 << 30, ..FOX };
         assert_eq!(many.forecast().image_cache_bytes, 1 << 30);
     }
 
     #[test]
     fn meminfo_is_understood() {
-        assert_eq!(
-            kib_of("MemFree: 1 kB\nMemTotal:   16 kB\n", "MemTotal:"),
-            Some(16_384)
-        );
+        assert_eq!(kib_of("MemFree: 1 kB\nMemTotal:   16 kB\n", "MemTotal:"), Some(16_384));
         assert_eq!(kib_of("MemTotal: x", "MemTotal:"), None);
     }
 }

@@ -100,16 +100,10 @@ fn of_model(model: &Model) -> Value {
     for map in &model.textures.maps {
         *histogram.entry((map.rows, map.cols)).or_default() += 1;
     }
-    let histogram: serde_json::Map<String, Value> = histogram
-        .into_iter()
-        .map(|((r, c), n)| (format!("{r}x{c}"), json!(n)))
-        .collect();
+    let histogram: serde_json::Map<String, Value> =
+        histogram.into_iter().map(|((r, c), n)| (format!("{r}x{c}"), json!(n))).collect();
     let positions = model.splats.positions.as_chunks::<3>().0.iter();
-    let in_capture = |p: &[f32; 3]| {
-        model
-            .capture_from_local
-            .transform_point(Vec3::from(*p).as_dvec3())
-    };
+    let in_capture = |p: &[f32; 3]| model.capture_from_local.transform_point(Vec3::from(*p).as_dvec3());
     let (low, high) = bounds(positions.map(in_capture));
     json!({
         "primitives": model.num_splats(),
@@ -178,17 +172,10 @@ fn of_capture(capture: &Capture) -> Value {
     let mut sizes: BTreeMap<String, usize> = BTreeMap::new();
     for v in 0..capture.num_views() {
         let p = capture.camera(v).pinhole;
-        *sizes
-            .entry(format!("{}x{}", p.width_px, p.height_px))
-            .or_default() += 1;
+        *sizes.entry(format!("{}x{}", p.width_px, p.height_px)).or_default() += 1;
     }
-    let names = |split| -> Vec<&str> {
-        capture
-            .indices(split)
-            .into_iter()
-            .map(|v| capture.name(v))
-            .collect()
-    };
+    let names =
+        |split| -> Vec<&str> { capture.indices(split).into_iter().map(|v| capture.name(v)).collect() };
     json!({
         "kind": "capture",
         "path": capture.root,
@@ -214,27 +201,14 @@ fn flatten(prefix: &str, value: &Value, table: &mut Table) {
     match value {
         Value::Object(fields) => {
             for (name, value) in fields {
-                let name = if prefix.is_empty() {
-                    name.clone()
-                } else {
-                    format!("{prefix}.{name}")
-                };
+                let name = if prefix.is_empty() { name.clone() } else { format!("{prefix}.{name}") };
                 flatten(&name, value, table);
             }
         }
         Value::Array(items) if items.is_empty() => {}
         Value::Array(items) if items.len() > SHOWN || items.iter().any(Value::is_object) => {
-            let first: Vec<String> = items
-                .iter()
-                .take(3)
-                .filter(|i| !i.is_object())
-                .map(text)
-                .collect();
-            let more = if first.is_empty() {
-                String::new()
-            } else {
-                format!(": {}, ...", first.join(", "))
-            };
+            let first: Vec<String> = items.iter().take(3).filter(|i| !i.is_object()).map(text).collect();
+            let more = if first.is_empty() { String::new() } else { format!(": {}, ...", first.join(", ")) };
             table.row(prefix, format!("{}{more}", items.len()));
         }
         Value::Array(items) => {

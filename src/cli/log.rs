@@ -27,12 +27,7 @@ pub struct Log {
 impl Log {
     /// Messages in one form; quiet leaves errors and warnings.
     pub fn new(format: LogFormat, quiet: bool, verbosity: u8) -> Self {
-        Self {
-            format,
-            quiet,
-            verbosity,
-            bar: RefCell::new(None),
-        }
+        Self { format, quiet, verbosity, bar: RefCell::new(None) }
     }
 
     /// Whether messages are JSON.
@@ -52,21 +47,13 @@ impl Log {
 
     /// What went wrong, once, at the end.
     pub fn error(&self, message: &str) {
-        self.write(
-            "error",
-            &format!("error: {message}"),
-            json!({ "message": message }),
-        );
+        self.write("error", &format!("error: {message}"), json!({ "message": message }));
     }
 
     /// What the user should know but does not stop us.
     pub fn warn(&self, code: &str, message: &str, count: usize) {
         let text = format!("warning: {message}");
-        self.write(
-            "warning",
-            &text,
-            json!({ "code": code, "message": message, "count": count }),
-        );
+        self.write("warning", &text, json!({ "code": code, "message": message, "count": count }));
     }
 
     /// All warnings of a report.

@@ -59,13 +59,7 @@ struct CommonArgs {
     #[arg(long, short, global = true, action = clap::ArgAction::Count, conflicts_with = "quiet", help_heading = "Messages")]
     verbose: u8,
     /// Form of the messages on standard error
-    #[arg(
-        long,
-        global = true,
-        value_name = "FORM",
-        default_value = "text",
-        help_heading = "Messages"
-    )]
+    #[arg(long, global = true, value_name = "FORM", default_value = "text", help_heading = "Messages")]
     log_format: log::LogFormat,
     /// Worker threads [default: one per core]; results do not depend on it
     #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), help_heading = "Device")]
@@ -136,10 +130,7 @@ fn run(cli: Cli, log: &Log) -> anyhow::Result<()> {
 
 /// Exit code of the first error of the chain that has one.
 fn exit_code(error: &anyhow::Error) -> u8 {
-    error
-        .chain()
-        .find_map(|e| e.downcast_ref::<Error>())
-        .map_or(5, Error::exit_code)
+    error.chain().find_map(|e| e.downcast_ref::<Error>()).map_or(5, Error::exit_code)
 }
 
 /// Whoever reads our output has enough: that is no failure.

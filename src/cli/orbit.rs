@@ -25,17 +25,12 @@ pub fn cameras(views: &[Camera], count: u32) -> Result<Vec<Camera>> {
     let across = |o: &DVec3| *o - up * o.dot(up);
     let radius = median(offsets.iter().map(|o| across(o).length()).collect()).max(1e-3);
     // The circle begins where the first camera stands.
-    let east = across(&offsets[0])
-        .try_normalize()
-        .unwrap_or_else(|| up.any_orthonormal_vector());
+    let east = across(&offsets[0]).try_normalize().unwrap_or_else(|| up.any_orthonormal_vector());
     let north = up.cross(east);
     let at = |i: u32| {
         let angle = f64::from(i) / f64::from(count) * std::f64::consts::TAU;
         let centre = target + radius * (angle.cos() * east + angle.sin() * north) + height * up;
-        Camera {
-            pinhole: first.pinhole,
-            camera_from_local: looking(centre, target, up),
-        }
+        Camera { pinhole: first.pinhole, camera_from_local: looking(centre, target, up) }
     };
     Ok((0..count).map(at).collect())
 }
@@ -43,16 +38,10 @@ pub fn cameras(views: &[Camera], count: u32) -> Result<Vec<Camera>> {
 /// A camera at `centre` that looks at `target`.
 fn looking(centre: DVec3, target: DVec3, up: DVec3) -> RigidTransform {
     let forward = (target - centre).try_normalize().unwrap_or(-up);
-    let right = forward
-        .cross(up)
-        .try_normalize()
-        .unwrap_or_else(|| forward.any_orthonormal_vector());
+    let right = forward.cross(up).try_normalize().unwrap_or_else(|| forward.any_orthonormal_vector());
     let down = forward.cross(right);
     let rotation = DMat3::from_cols(right, down, forward).transpose();
-    RigidTransform {
-        rotation,
-        translation: -(rotation * centre),
-    }
+    RigidTransform { rotation, translation: -(rotation * centre) }
 }
 
 /// The point with the least sum of squared distances to the optical axes; where they are all but
@@ -90,14 +79,8 @@ mod tests {
     use super::*;
     use litetex_gs::camera::Pinhole;
 
-    const LENS: Pinhole = Pinhole {
-        width_px: 40,
-        height_px: 30,
-        fx_px: 30.0,
-        fy_px: 30.0,
-        cx_px: 20.0,
-        cy_px: 15.0,
-    };
+    const LENS: Pinhole =
+        Pinhole { width_px: 40, height_px: 30, fx_px: 30.0, fy_px: 30.0, cx_px: 20.0, cy_px: 15.0 };
 
     fn ring(target: DVec3, up: DVec3) -> Vec<Camera> {
         let east = up.any_orthonormal_vector();
@@ -105,10 +88,7 @@ mod tests {
         let at = |i: usize| {
             let a = i as f64 / 7.0 * std::f64::consts::TAU;
             let centre = target + 2.0 * (a.cos() * east + a.sin() * north) + 0.5 * up;
-            Camera {
-                pinhole: LENS,
-                camera_from_local: looking(centre, target, up),
-            }
+            Camera { pinhole: LENS, camera_from_local: looking(centre, target, up) }
         };
         (0..7).map(at).collect()
     }
@@ -133,10 +113,7 @@ mod tests {
 
     #[test]
     fn parallel_cameras_and_none_have_an_answer() {
-        let camera = Camera {
-            pinhole: LENS,
-            camera_from_local: RigidTransform::IDENTITY,
-        };
+        let camera = Camera { pinhole: LENS, camera_from_local: RigidTransform::IDENTITY };
         for c in cameras(&[camera, camera], 3).unwrap() {
             assert!(c.camera_from_local.translation.is_finite());
             assert!(c.camera_from_local.rotation.is_finite());

@@ -52,30 +52,15 @@ impl<'a> Progress<'a> {
             bar
         });
         log.attach_bar(bar.clone());
-        Self {
-            log,
-            bar,
-            steps,
-            max_time_secs,
-            origin: None,
-            loss: None,
-            psnr: None,
-            shown: None,
-        }
+        Self { log, bar, steps, max_time_secs, origin: None, loss: None, psnr: None, shown: None }
     }
 
     /// A step is done.
     pub fn step(&mut self, figures: StepFigures) {
-        let smoothed = self
-            .loss
-            .map_or(figures.loss, |old| old + LOSS_SMOOTHING * (figures.loss - old));
+        let smoothed = self.loss.map_or(figures.loss, |old| old + LOSS_SMOOTHING * (figures.loss - old));
         self.loss = Some(smoothed);
         let (first, first_secs) = *self.origin.get_or_insert((figures.step, figures.train_wall_secs));
-        let interval = if self.bar.is_some() {
-            BAR_INTERVAL
-        } else {
-            LINE_INTERVAL
-        };
+        let interval = if self.bar.is_some() { BAR_INTERVAL } else { LINE_INTERVAL };
         let due = self.shown.is_none_or(|at| at.elapsed() >= interval);
         if !due && figures.step != self.steps {
             return;
@@ -107,20 +92,12 @@ impl<'a> Progress<'a> {
     fn show(&self, f: &StepFigures, loss: f64, rate: Option<f64>) {
         let eta_secs = rate.map(|rate| {
             let by_steps = f64::from(self.steps.saturating_sub(f.step)) / rate;
-            let by_time = self
-                .max_time_secs
-                .map_or(f64::INFINITY, |max| max - f.train_wall_secs);
+            let by_time = self.max_time_secs.map_or(f64::INFINITY, |max| max - f.train_wall_secs);
             by_steps.min(by_time).max(0.0)
         });
         let memory = process_bytes().map(|(now, _)| now);
         let parts = [
-            rate.map(|r| {
-                if r >= 10.0 {
-                    format!("{r:.0} it/s")
-                } else {
-                    format!("{r:.2} it/s")
-                }
-            }),
+            rate.map(|r| if r >= 10.0 { format!("{r:.0} it/s") } else { format!("{r:.2} it/s") }),
             Some(format!("loss {loss:.4}")),
             self.psnr.map(|p| format!("test {p:.2} dB")),
             Some(format!("{} prims", format_count(f.primitives as u64))),
@@ -138,11 +115,7 @@ impl<'a> Progress<'a> {
             "step": f.step, "steps": self.steps, "it_per_sec": rate, "loss": loss, "psnr_test": self.psnr,
             "primitives": f.primitives, "texels": f.texels, "memory_bytes": memory, "eta_secs": eta_secs,
         });
-        self.log.event(
-            "progress",
-            &format!("step {}/{}: {text}", f.step, self.steps),
-            fields,
-        );
+        self.log.event("progress", &format!("step {}/{}: {text}", f.step, self.steps), fields);
     }
 }
 

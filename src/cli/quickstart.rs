@@ -38,10 +38,7 @@ pub fn run(args: &QuickstartArgs, log: &Log) -> anyhow::Result<()> {
         std::fs::remove_dir_all(&capture)?;
     }
     write_sample(&capture, &SampleOptions::default())?;
-    log.info(&format!(
-        "2/2 training {} steps, at most {MAX_TIME_SECS:.0} s, on the CPU",
-        args.steps
-    ));
+    log.info(&format!("2/2 training {} steps, at most {MAX_TIME_SECS:.0} s, on the CPU", args.steps));
     let train_args = TrainArgs {
         capture: Some(capture.clone()),
         out: Some(run.clone()),

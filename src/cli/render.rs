@@ -180,16 +180,10 @@ fn write_picture(path: &Path, image: &RenderedImage, what: What) -> Result<()> {
 
 fn write_values(path: &Path, image: &RenderedImage, what: What, to_capture: f32) -> Result<()> {
     let (channels, values) = match what {
-        What::Colour => (
-            Channels::Rgb,
-            image.rgb.iter().map(|&v| linear_from_display(v)).collect(),
-        ),
+        What::Colour => (Channels::Rgb, image.rgb.iter().map(|&v| linear_from_display(v)).collect()),
         What::Alpha => (Channels::Grey, image.alpha.clone()),
         What::Normal => (Channels::Rgb, image.normal.clone()),
-        What::Depth => (
-            Channels::Grey,
-            image.depth.iter().map(|&z| z * to_capture).collect(),
-        ),
+        What::Depth => (Channels::Grey, image.depth.iter().map(|&z| z * to_capture).collect()),
     };
     let values: Vec<f32> = values;
     write_exr(path, image.width_px, image.height_px, channels, &values)
@@ -197,9 +191,5 @@ fn write_values(path: &Path, image: &RenderedImage, what: What, to_capture: f32)
 
 /// The sRGB curve (IEC 61966-2-1); EXR files hold linear colours.
 fn linear_from_display(v: f32) -> f32 {
-    if v <= 0.040_45 {
-        v / 12.92
-    } else {
-        ((v + 0.055) / 1.055).powf(2.4)
-    }
+    if v <= 0.040_45 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
 }

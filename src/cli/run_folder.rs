@@ -6,13 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// What a run writes; `--force` removes these and nothing else.
-const OURS: [&str; 5] = [
-    "config.toml",
-    "metrics.jsonl",
-    "summary.json",
-    "checkpoints",
-    "eval",
-];
+const OURS: [&str; 5] = ["config.toml", "metrics.jsonl", "summary.json", "checkpoints", "eval"];
 
 /// The folder of a run.
 #[derive(Clone, Debug)]
@@ -27,10 +21,7 @@ impl RunFolder {
     /// [`Error::Usage`] if the folder is not empty, [`Error::Io`].
     pub fn check_free(root: &Path, force: bool) -> Result<()> {
         if root.is_file() {
-            return Err(Error::Usage(format!(
-                "{}: is a file, not a folder",
-                root.display()
-            )));
+            return Err(Error::Usage(format!("{}: is a file, not a folder", root.display())));
         }
         if force || !root.exists() || entries(root)?.is_empty() {
             return Ok(());
@@ -60,16 +51,10 @@ impl RunFolder {
     /// [`Error::Io`].
     pub fn reopen(root: &Path) -> Result<Self> {
         fs::create_dir_all(root).map_err(|e| Error::io(root, e))?;
-        let folder = Self {
-            root: root.to_owned(),
-        };
+        let folder = Self { root: root.to_owned() };
         // What an interrupted evaluation left behind.
         for entry in entries(&folder.root.join("eval")).unwrap_or_default() {
-            let name = entry
-                .file_name()
-                .unwrap_or_default()
-                .to_string_lossy()
-                .into_owned();
+            let name = entry.file_name().unwrap_or_default().to_string_lossy().into_owned();
             if name.starts_with('.') && name.ends_with(".part") {
                 remove(&entry)?;
             }
@@ -120,10 +105,7 @@ impl RunFolder {
         let staging = self.root.join("eval").join(format!(".{step:06}.part"));
         remove(&staging)?;
         fs::create_dir_all(&staging).map_err(|e| Error::io(&staging, e))?;
-        Ok(StagedFolder {
-            staging: Some(staging),
-            target: self.eval(step),
-        })
+        Ok(StagedFolder { staging: Some(staging), target: self.eval(step) })
     }
 
     /// Removes the pictures of an evaluation; its table stays.
@@ -192,25 +174,12 @@ pub fn find_checkpoint(path: &Path) -> Result<PathBuf> {
     let folder = path.join("checkpoints");
     let step_of = |path: &PathBuf| -> Option<u32> {
         let name = path.file_name()?.to_str()?;
-        name.strip_prefix("step-")?
-            .strip_suffix(".safetensors")?
-            .parse()
-            .ok()
+        name.strip_prefix("step-")?.strip_suffix(".safetensors")?.parse().ok()
     };
-    let all = if folder.is_dir() {
-        entries(&folder)?
-    } else {
-        Vec::new()
-    };
-    all.into_iter()
-        .filter(|p| step_of(p).is_some())
-        .max_by_key(|p| step_of(p))
-        .ok_or_else(|| {
-            Error::invalid(
-                path,
-                "no checkpoint: expected checkpoints/step-*.safetensors in the folder of a run",
-            )
-        })
+    let all = if folder.is_dir() { entries(&folder)? } else { Vec::new() };
+    all.into_iter().filter(|p| step_of(p).is_some()).max_by_key(|p| step_of(p)).ok_or_else(|| {
+        Error::invalid(path, "no checkpoint: expected checkpoints/step-*.safetensors in the folder of a run")
+    })
 }
 
 /// The run's folder that a checkpoint lies in, if it does.
@@ -279,11 +248,7 @@ mod tests {
         for step in [999_999, 1_000_000, 300] {
             fs::write(run.checkpoint(step).unwrap(), "").unwrap();
         }
-        fs::write(
-            dir.path().join("checkpoints/.step-2000000.safetensors.1.part"),
-            "",
-        )
-        .unwrap();
+        fs::write(dir.path().join("checkpoints/.step-2000000.safetensors.1.part"), "").unwrap();
         let last = find_checkpoint(dir.path()).unwrap();
         assert!(last.ends_with("checkpoints/step-1000000.safetensors"));
         assert_eq!(run_of_checkpoint(&last), Some(dir.path()));

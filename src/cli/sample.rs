@@ -52,19 +52,13 @@ pub fn run(args: &SampleArgs, log: &Log) -> anyhow::Result<()> {
         truth: !args.no_truth,
         ..SampleOptions::default()
     };
-    log.info(&format!(
-        "casting {} pictures of {width_px} x {height_px}",
-        options.views
-    ));
+    log.info(&format!("casting {} pictures of {width_px} x {height_px}", options.views));
     let made = write_sample(&args.dir, &options)?;
     let mut table = Table::default();
     table.row("capture", args.dir.display());
     table.row("pictures", made.views);
     table.row("points", made.points);
     table.row("observations", made.observations);
-    table.row(
-        "mean reprojection error",
-        format!("{:.2} px", made.mean_reprojection_error_px),
-    );
+    table.row("mean reprojection error", format!("{:.2} px", made.mean_reprojection_error_px));
     Ok(table.print()?)
 }

@@ -86,21 +86,13 @@ impl<'a> Session<'a> {
     /// What writing reports.
     pub fn handle(&mut self, event: TrainEvent<'_>) -> Result<Control> {
         match event {
-            TrainEvent::Started {
-                device,
-                step,
-                steps,
-                train_views,
-                test_views,
-            } => {
+            TrainEvent::Started { device, step, steps, train_views, test_views } => {
                 self.log.info(&format!(
                     "{train_views} views to train on, {test_views} held out, on {}: {}",
                     device.name, device.description
                 ));
-                self.metric(
-                    json!({ "event": "started", "step": step, "steps": steps, "device": device,
-                    "train_views": train_views, "test_views": test_views }),
-                )?;
+                self.metric(json!({ "event": "started", "step": step, "steps": steps, "device": device,
+                    "train_views": train_views, "test_views": test_views }))?;
             }
             TrainEvent::Step {
                 step,
@@ -120,29 +112,19 @@ impl<'a> Session<'a> {
                     train_wall_secs,
                 });
                 if step == 1 || step.is_multiple_of(METRICS_EVERY) || step == self.config.train.steps {
-                    self.metric(
-                        json!({ "event": "step", "step": step, "view": self.views.name(view),
+                    self.metric(json!({ "event": "step", "step": step, "view": self.views.name(view),
                         "loss": loss, "primitives": num_splats, "texels": num_texels,
                         "train_wall_secs": train_wall_secs, "train_cpu_secs": train_cpu_secs,
                         "counters": report.counters, "stages_secs": stages(report),
-                        "non_finite_gradients": report.non_finite_gradients }),
-                    )?;
+                        "non_finite_gradients": report.non_finite_gradients }))?;
                 }
             }
             TrainEvent::EvalView { step, view, image } => self.eval_view(step, view, image)?,
-            TrainEvent::Evaluated {
-                step,
-                evaluation,
-                point,
-                last,
-            } => {
-                self.progress
-                    .evaluated(step, evaluation.psnr, evaluation.grad_psnr);
-                self.metric(
-                    json!({ "event": "evaluated", "step": step, "last": last, "point": point,
+            TrainEvent::Evaluated { step, evaluation, point, last } => {
+                self.progress.evaluated(step, evaluation.psnr, evaluation.grad_psnr);
+                self.metric(json!({ "event": "evaluated", "step": step, "last": last, "point": point,
                     "ssim_3dgs": evaluation.ssim_3dgs, "ssim_valid": evaluation.ssim_valid,
-                    "flip": evaluation.flip }),
-                )?;
+                    "flip": evaluation.flip }))?;
                 self.publish_eval(step, evaluation)?;
             }
             TrainEvent::Checkpoint { state } => self.save(state)?,
@@ -156,11 +138,7 @@ impl<'a> Session<'a> {
                 self.metric(json!({ "event": "finished", "reason": reason_name(reason) }))?;
             }
         }
-        Ok(if self.interrupt.is_requested() {
-            Control::Stop
-        } else {
-            Control::Continue
-        })
+        Ok(if self.interrupt.is_requested() { Control::Stop } else { Control::Continue })
     }
 
     fn eval_view(&mut self, step: u32, view: usize, image: &RenderedImage) -> Result<()> {
@@ -195,15 +173,10 @@ impl<'a> Session<'a> {
     fn save(&mut self, state: &TrainState) -> Result<()> {
         let path = self.folder.checkpoint(state.step)?;
         let total = (self.total_wall_secs)();
-        self.strings
-            .insert("total_wall_secs".to_owned(), total.to_string());
+        self.strings.insert("total_wall_secs".to_owned(), total.to_string());
         checkpoint::save(&path, state, &self.strings)?;
         self.log.detail(&format!("saved {}", path.display()));
-        let name = path
-            .file_name()
-            .unwrap_or_default()
-            .to_string_lossy()
-            .into_owned();
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         self.metric(json!({ "event": "checkpoint", "step": state.step, "file": name }))?;
         self.checkpoint = Some(path);
         Ok(())
@@ -227,10 +200,7 @@ pub fn reason_name(reason: StopReason) -> &'static str {
 }
 
 fn stages(report: &StepReport) -> Value {
-    let secs = report
-        .stages
-        .iter()
-        .map(|(name, time)| ((*name).to_owned(), json!(time.as_secs_f64())));
+    let secs = report.stages.iter().map(|(name, time)| ((*name).to_owned(), json!(time.as_secs_f64())));
     Value::Object(secs.collect())
 }
 
@@ -247,16 +217,9 @@ fn open_metrics(path: &Path, done: u32) -> Result<File> {
             _ => value["step"].as_u64().is_some_and(|step| step <= u64::from(done)),
         }
     };
-    let kept: String = kept
-        .lines()
-        .filter(is_earlier)
-        .flat_map(|line| [line, "\n"])
-        .collect();
+    let kept: String = kept.lines().filter(is_earlier).flat_map(|line| [line, "\n"]).collect();
     atomic_file::write(path, kept.as_bytes())?;
-    File::options()
-        .append(true)
-        .open(path)
-        .map_err(|e| Error::io(path, e))
+    File::options().append(true).open(path).map_err(|e| Error::io(path, e))
 }
 
 /// Writes a rendered view and its error map below `folder`, under the photo's name.
@@ -282,14 +245,8 @@ pub fn picture_name(views: &dyn ViewSource, view: usize) -> PathBuf {
     let name = views.name(view);
     let stem = |name: &str| Path::new(name).with_extension("");
     let shared = (0..views.num_views()).any(|v| v != view && stem(views.name(v)) == stem(name));
-    let name = if shared {
-        format!("{name}.png")
-    } else {
-        format!("{}.png", stem(name).display())
-    };
-    let parts = name
-        .split(['/', '\\'])
-        .filter(|part| !matches!(*part, "" | "." | ".."));
+    let name = if shared { format!("{name}.png") } else { format!("{}.png", stem(name).display()) };
+    let parts = name.split(['/', '\\']).filter(|part| !matches!(*part, "" | "." | ".."));
     parts.map(|part| part.replace(':', "_")).collect()
 }
 

@@ -20,12 +20,7 @@ impl Table {
     /// # Errors
     /// What standard output says; a closed pipe is treated as success further up.
     pub fn print(&self) -> std::io::Result<()> {
-        let width = self
-            .rows
-            .iter()
-            .map(|(n, _)| n.chars().count())
-            .max()
-            .unwrap_or(0);
+        let width = self.rows.iter().map(|(n, _)| n.chars().count()).max().unwrap_or(0);
         let mut out = std::io::stdout().lock();
         for (name, value) in &self.rows {
             writeln!(out, "{name:width$}  {value}")?;

@@ -35,27 +35,12 @@ impl ViewSource for Views {
     }
 
     fn camera(&self, _: usize) -> Camera {
-        let pinhole = Pinhole {
-            width_px: 12,
-            height_px: 12,
-            fx_px: 8.0,
-            fy_px: 8.0,
-            cx_px: 6.0,
-            cy_px: 6.0,
-        };
-        Camera {
-            pinhole,
-            camera_from_local: RigidTransform::IDENTITY,
-        }
+        let pinhole = Pinhole { width_px: 12, height_px: 12, fx_px: 8.0, fy_px: 8.0, cx_px: 6.0, cy_px: 6.0 };
+        Camera { pinhole, camera_from_local: RigidTransform::IDENTITY }
     }
 
     fn target(&self, _: usize) -> Result<Arc<TargetImage>> {
-        Ok(Arc::new(TargetImage {
-            width_px: 12,
-            height_px: 12,
-            rgb: vec![100; 12 * 12 * 3],
-            mask: None,
-        }))
+        Ok(Arc::new(TargetImage { width_px: 12, height_px: 12, rgb: vec![100; 12 * 12 * 3], mask: None }))
     }
 }
 
@@ -89,10 +74,7 @@ fn play(session: &mut Session<'_>, views: &Views, done: u32, steps: u32) -> Resu
         normal: vec![],
     };
     session.handle(TrainEvent::Started {
-        device: DeviceInfo {
-            name: "test".to_owned(),
-            description: "scripted".to_owned(),
-        },
+        device: DeviceInfo { name: "test".to_owned(), description: "scripted".to_owned() },
         step: done,
         steps,
         train_views: 3,
@@ -115,11 +97,7 @@ fn play(session: &mut Session<'_>, views: &Views, done: u32, steps: u32) -> Resu
         }
         let mut per_view = Vec::new();
         for view in 0..views.num_views() {
-            session.handle(TrainEvent::EvalView {
-                step,
-                view,
-                image: &image,
-            })?;
+            session.handle(TrainEvent::EvalView { step, view, image: &image })?;
             per_view.push(quality_of(views.name(view), &image.rgb, &*views.target(view)?));
         }
         let evaluation = Evaluation::from_views(per_view);
@@ -133,17 +111,10 @@ fn play(session: &mut Session<'_>, views: &Views, done: u32, steps: u32) -> Resu
             texels: 4,
         };
         let last = step == steps;
-        session.handle(TrainEvent::Evaluated {
-            step,
-            evaluation: &evaluation,
-            point: &point,
-            last,
-        })?;
+        session.handle(TrainEvent::Evaluated { step, evaluation: &evaluation, point: &point, last })?;
         session.handle(TrainEvent::Checkpoint { state: &state(step) })?;
     }
-    session.handle(TrainEvent::Finished {
-        reason: StopReason::Steps,
-    })?;
+    session.handle(TrainEvent::Finished { reason: StopReason::Steps })?;
     Ok(control)
 }
 
@@ -151,10 +122,7 @@ fn config(steps: u32, save_images: SaveImages) -> RunConfig {
     RunConfig {
         data: Some("/captures/a".into()),
         save_images,
-        train: TrainConfig {
-            steps,
-            ..TrainConfig::default()
-        },
+        train: TrainConfig { steps, ..TrainConfig::default() },
         ..RunConfig::default()
     }
 }
@@ -172,10 +140,7 @@ fn metrics(folder: &RunFolder) -> Vec<(String, u64)> {
     let text = std::fs::read_to_string(folder.metrics()).unwrap();
     let event = |line: &str| {
         let value: Value = serde_json::from_str(line).unwrap();
-        (
-            value["event"].as_str().unwrap().to_owned(),
-            value["step"].as_u64().unwrap_or(0),
-        )
+        (value["event"].as_str().unwrap().to_owned(), value["step"].as_u64().unwrap_or(0))
     };
     text.lines().map(event).collect()
 }
@@ -219,10 +184,7 @@ fn events_fill_the_run_folder() {
         ]
     );
     let csv = std::fs::read_to_string(dir.path().join("eval/000020/per_view.csv")).unwrap();
-    assert!(
-        csv.starts_with("name,psnr,grad_psnr,ssim_3dgs,ssim_valid,flip\na/0001.jpg,"),
-        "{csv}"
-    );
+    assert!(csv.starts_with("name,psnr,grad_psnr,ssim_3dgs,ssim_valid,flip\na/0001.jpg,"), "{csv}");
     let (loaded, strings) = checkpoint::load(&find_checkpoint(dir.path()).unwrap()).unwrap();
     assert_eq!(loaded, state(20));
     assert_eq!(strings["total_wall_secs"], "1.5");
@@ -250,17 +212,10 @@ fn a_resumed_run_keeps_the_metrics_before_its_checkpoint_and_no_other() {
     run(&folder, SaveImages::None, 0, 40);
     let folder = RunFolder::reopen(dir.path()).unwrap();
     run(&folder, SaveImages::None, 20, 40);
-    let steps: Vec<u64> = metrics(&folder)
-        .into_iter()
-        .filter(|(e, _)| e == "step")
-        .map(|(_, s)| s)
-        .collect();
+    let steps: Vec<u64> = metrics(&folder).into_iter().filter(|(e, _)| e == "step").map(|(_, s)| s).collect();
     assert_eq!(steps, [1, 10, 20, 30, 40]);
     assert_eq!(metrics(&folder).iter().filter(|(e, _)| e == "started").count(), 2);
-    assert_eq!(
-        metrics(&folder).iter().filter(|(e, _)| e == "finished").count(),
-        1
-    );
+    assert_eq!(metrics(&folder).iter().filter(|(e, _)| e == "finished").count(), 1);
 }
 
 #[test]
@@ -279,13 +234,9 @@ fn an_interruption_stops_the_trainer() {
 #[test]
 fn picture_names_follow_the_photos_and_stay_in_their_folder() {
     let views = Views(vec!["x/1.jpg", "1.jpg", "1.png", "../../etc/passwd", "/abs.png"]);
-    let names: Vec<String> = (0..5)
-        .map(|v| picture_name(&views, v).display().to_string().replace('\\', "/"))
-        .collect();
-    assert_eq!(
-        names,
-        ["x/1.png", "1.jpg.png", "1.png.png", "etc/passwd.png", "abs.png"]
-    );
+    let names: Vec<String> =
+        (0..5).map(|v| picture_name(&views, v).display().to_string().replace('\\', "/")).collect();
+    assert_eq!(names, ["x/1.png", "1.jpg.png", "1.png.png", "etc/passwd.png", "abs.png"]);
 }
 
 #[test]
@@ -297,11 +248,7 @@ fn the_arguments_are_consistent() {
 fn the_help_states_the_defaults() {
     let mut command = super::Cli::command();
     command.build();
-    let help = command
-        .find_subcommand_mut("train")
-        .unwrap()
-        .render_long_help()
-        .to_string();
+    let help = command.find_subcommand_mut("train").unwrap().render_long_help().to_string();
     let flat = help.split_whitespace().collect::<Vec<_>>().join(" ");
     let (train, run) = (TrainConfig::default(), RunConfig::default());
     for (flag, default) in [
@@ -314,18 +261,10 @@ fn the_help_states_the_defaults() {
         ("--init", run.init.to_string()),
         ("--max-resolution", run.capture.max_resolution.to_string()),
         ("--test-every", run.capture.test_every.to_string()),
-        (
-            "--image-cache",
-            format!("{}GiB", run.capture.image_cache_bytes >> 30),
-        ),
+        ("--image-cache", format!("{}GiB", run.capture.image_cache_bytes >> 30)),
     ] {
-        let at = flat
-            .find(&format!("{flag} <"))
-            .unwrap_or_else(|| panic!("{flag} is not in the help"));
-        let stated = flat[at..]
-            .split("[default: ")
-            .nth(1)
-            .and_then(|s| s.split(']').next());
+        let at = flat.find(&format!("{flag} <")).unwrap_or_else(|| panic!("{flag} is not in the help"));
+        let stated = flat[at..].split("[default: ").nth(1).and_then(|s| s.split(']').next());
         assert_eq!(stated, Some(default.as_str()), "{flag}");
     }
     assert_eq!(train.background, [0.0; 3], "--background says black");

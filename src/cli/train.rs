@@ -68,11 +68,7 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<Summary> {
     let state = match plan.resume {
         Some(resume) => {
             check_resumable(&resume, &plan.config, &capture)?;
-            log.info(&format!(
-                "continuing {} after step {}",
-                resume.checkpoint.display(),
-                resume.state.step
-            ));
+            log.info(&format!("continuing {} after step {}", resume.checkpoint.display(), resume.state.step));
             if !resume.changed.is_empty() {
                 log.warn(
                     "resumed-with-other-settings",
@@ -96,11 +92,7 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<Summary> {
     let steps_left = plan.config.train.steps.saturating_sub(state.step);
     let cache = plan.config.capture.image_cache_bytes;
     let forecast = Workload::new(&state.model, &capture, cache, steps_left).forecast();
-    log.event(
-        "forecast",
-        &forecast.describe(),
-        serde_json::json!({ "forecast": forecast }),
-    );
+    log.event("forecast", &forecast.describe(), serde_json::json!({ "forecast": forecast }));
     forecast.check(machine_bytes())?;
     let mut backend = devices::open(&plan.device)?;
 
@@ -111,22 +103,9 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<Summary> {
     };
     let total_secs = move || earlier_secs + started.elapsed().as_secs_f64();
     let interrupt = Interrupt::listen()?;
-    let mut session = Session::new(
-        &folder,
-        &capture,
-        &plan.config,
-        log,
-        interrupt,
-        state.step,
-        total_secs,
-    )?;
-    let (state, reason) = train(
-        &plan.config.train,
-        backend.as_mut(),
-        &capture,
-        state,
-        &mut |event| session.handle(event),
-    )?;
+    let mut session = Session::new(&folder, &capture, &plan.config, log, interrupt, state.step, total_secs)?;
+    let (state, reason) =
+        train(&plan.config.train, backend.as_mut(), &capture, state, &mut |event| session.handle(event))?;
     report.merge(std::mem::take(&mut session.report));
 
     let summary = Summary {
@@ -204,9 +183,7 @@ fn plan(args: &TrainArgs) -> Result<Plan> {
             .map(Path::to_owned)
             .ok_or_else(|| Error::Usage("--out: name the folder of the run".to_owned()))?,
         (None, None) => {
-            return Err(Error::Usage(
-                "no output folder given: litetex train <CAPTURE> -o <RUN>".to_owned(),
-            ));
+            return Err(Error::Usage("no output folder given: litetex train <CAPTURE> -o <RUN>".to_owned()));
         }
     };
     let in_place = resume
@@ -232,12 +209,7 @@ fn load_resume(path: &Path) -> Result<(Resume, RunConfig)> {
     let (state, strings) = checkpoint::load(&file)?;
     let config = eval::config_of(&file, &strings)?;
     let wall_secs = strings.get("total_wall_secs").and_then(|s| s.parse().ok());
-    let resume = Resume {
-        checkpoint: file,
-        state,
-        wall_secs: wall_secs.unwrap_or(0.0),
-        changed: Vec::new(),
-    };
+    let resume = Resume { checkpoint: file, state, wall_secs: wall_secs.unwrap_or(0.0), changed: Vec::new() };
     Ok((resume, config))
 }
 
@@ -256,16 +228,9 @@ fn changed_settings(before: &RunConfig, now: &RunConfig) -> Vec<String> {
         ("max-resolution", cb.max_resolution != cn.max_resolution),
         ("images", cb.images != cn.images),
         ("masks", cb.masks != cn.masks || cb.mask_invert != cn.mask_invert),
-        (
-            "split",
-            cb.test_every != cn.test_every || cb.test_list != cn.test_list,
-        ),
+        ("split", cb.test_every != cn.test_every || cb.test_list != cn.test_list),
     ];
-    differing
-        .into_iter()
-        .filter(|(_, differs)| *differs)
-        .map(|(name, _)| name.to_owned())
-        .collect()
+    differing.into_iter().filter(|(_, differs)| *differs).map(|(name, _)| name.to_owned()).collect()
 }
 
 fn check_resumable(resume: &Resume, config: &RunConfig, capture: &Capture) -> Result<()> {
@@ -281,12 +246,7 @@ fn check_resumable(resume: &Resume, config: &RunConfig, capture: &Capture) -> Re
             config.train.steps, resume.state.step
         )));
     }
-    if let Some(view) = resume
-        .state
-        .epoch_order
-        .iter()
-        .find(|&&v| v as usize >= capture.num_views())
-    {
+    if let Some(view) = resume.state.epoch_order.iter().find(|&&v| v as usize >= capture.num_views()) {
         return Err(Error::invalid(
             &resume.checkpoint,
             format!(
@@ -359,17 +319,11 @@ fn measure_fps(
 pub fn print(s: &Summary) -> std::io::Result<()> {
     let mut table = Table::default();
     table.row("scene", &s.scene);
-    table.row(
-        "steps",
-        format!("{} ({})", format_count(u64::from(s.steps)), s.stopped_by),
-    );
+    table.row("steps", format!("{} ({})", format_count(u64::from(s.steps)), s.stopped_by));
     if let Some(q) = &s.quality {
         table.row("test PSNR", format!("{:.2} dB", q.psnr));
         table.row("test gradient-PSNR", format!("{:.2} dB", q.grad_psnr));
-        table.row(
-            "test SSIM (3DGS / valid)",
-            format!("{:.4} / {:.4}", q.ssim_3dgs, q.ssim_valid),
-        );
+        table.row("test SSIM (3DGS / valid)", format!("{:.4} / {:.4}", q.ssim_3dgs, q.ssim_valid));
         table.row("test FLIP", format!("{:.4}", q.flip));
     }
     table.row("primitives", format_count(s.size.primitives as u64));
@@ -378,18 +332,11 @@ pub fn print(s: &Summary) -> std::io::Result<()> {
     table.row("checkpoint", format_bytes(s.size.checkpoint_bytes));
     table.row(
         "training time (wall / CPU)",
-        format!(
-            "{} / {}",
-            format_duration(s.time.train_wall_secs),
-            format_duration(s.time.train_cpu_secs)
-        ),
+        format!("{} / {}", format_duration(s.time.train_wall_secs), format_duration(s.time.train_cpu_secs)),
     );
     table.row("total time", format_duration(s.time.total_wall_secs));
     if let Some(fps) = &s.fps {
-        table.row(
-            "rendering",
-            format!("{:.1} fps at {} x {}", fps.median, fps.width_px, fps.height_px),
-        );
+        table.row("rendering", format!("{:.1} fps at {} x {}", fps.median, fps.width_px, fps.height_px));
     }
     table.row("device", format!("{}: {}", s.device.name, s.device.description));
     table.print()

@@ -106,10 +106,8 @@ pub fn parse_colour(text: &str) -> Result<[f32; 3], String> {
         let value = u32::from_str_radix(hex, 16).map_err(|_| wrong())?;
         return Ok([16, 8, 0].map(|shift| ((value >> shift) & 255) as f32 / 255.0));
     }
-    let numbers: Vec<f32> = text
-        .split(',')
-        .map(|part| part.trim().parse().map_err(|_| wrong()))
-        .collect::<Result<_, _>>()?;
+    let numbers: Vec<f32> =
+        text.split(',').map(|part| part.trim().parse().map_err(|_| wrong())).collect::<Result<_, _>>()?;
     match numbers[..] {
         [r, g, b] if numbers.iter().all(|x| (0.0..=1.0).contains(x)) => Ok([r, g, b]),
         _ => Err(wrong()),

@@ -80,11 +80,7 @@ mod tests {
 
     /// Gradient of a parameter that every tenth step sees.
     fn gradient(step: u32) -> f64 {
-        if step % 10 == 1 {
-            1e-4 * (1.0 + (f64::from(step) * 0.1).sin())
-        } else {
-            0.0
-        }
+        if step % 10 == 1 { 1e-4 * (1.0 + (f64::from(step) * 0.1).sin()) } else { 0.0 }
     }
 
     #[test]
@@ -100,12 +96,8 @@ mod tests {
             if gradient(step) == 0.0 {
                 continue;
             }
-            closed = adam_dense(
-                adam_skipped(closed, rate, last, step - 1 - last),
-                gradient(step),
-                rate,
-                step,
-            );
+            closed =
+                adam_dense(adam_skipped(closed, rate, last, step - 1 - last), gradient(step), rate, step);
             if let Some(skip) = AdamSkip::new(last, step - 1) {
                 skip.update(&mut p, &mut m, &mut v, rate as f32);
             }
@@ -117,19 +109,9 @@ mod tests {
         if let Some(skip) = AdamSkip::new(last, 500) {
             skip.update(&mut p, &mut m, &mut v, rate as f32);
         }
-        assert!(
-            (f64::from(p[0]) / closed.0 - 1.0).abs() < 2e-5,
-            "{} {}",
-            p[0],
-            closed.0
-        );
+        assert!((f64::from(p[0]) / closed.0 - 1.0).abs() < 2e-5, "{} {}", p[0], closed.0);
         // Bias corrections frozen over the gap: needed 6e-3, in the first steps.
-        assert!(
-            (closed.0 / dense.0 - 1.0).abs() < 1e-2,
-            "{} {}",
-            closed.0,
-            dense.0
-        );
+        assert!((closed.0 / dense.0 - 1.0).abs() < 1e-2, "{} {}", closed.0, dense.0);
         assert!(
             (sparse.0 / dense.0 - 1.0).abs() > 0.2,
             "plain sparse Adam is far off: {} {}",

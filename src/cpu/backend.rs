@@ -77,10 +77,7 @@ struct Stages {
 
 impl Stages {
     fn start() -> Self {
-        Self {
-            since: Instant::now(),
-            stages: Vec::new(),
-        }
+        Self { since: Instant::now(), stages: Vec::new() }
     }
 
     fn end(&mut self, name: &'static str) {
@@ -133,15 +130,7 @@ impl CpuBackend {
     pub fn gradients(&mut self, request: &StepRequest<'_>) -> Result<ModelGradients> {
         check_size(request)?;
         let mut stages = Stages::start();
-        let Self {
-            level,
-            pool,
-            model,
-            frame,
-            loss,
-            partials,
-            ..
-        } = self;
+        let Self { level, pool, model, frame, loss, partials, .. } = self;
         pool.install(|| {
             let view = ViewF32::new(&request.camera, model.near);
             frame.project(model, view);
@@ -155,18 +144,10 @@ impl CpuBackend {
             let sink = collect_gradients(model, &input);
             let n = model.num_splats();
             let mut visible = vec![false; n];
-            frame
-                .visible_ids()
-                .iter()
-                .for_each(|&id| visible[id as usize] = true);
+            frame.visible_ids().iter().for_each(|&id| visible[id as usize] = true);
             let mut statistics = empty_statistics(n);
             let (mut scratch_model, mut scratch_adam) = (model.clone(), AdamState::zeros(model));
-            update(
-                &mut scratch_model,
-                &mut scratch_adam,
-                Some(&mut statistics),
-                &input,
-            );
+            update(&mut scratch_model, &mut scratch_adam, Some(&mut statistics), &input);
             stages.end("all");
             Ok(ModelGradients {
                 splats: sink.splats,
@@ -188,10 +169,7 @@ impl CpuBackend {
             .frame
             .splats
             .iter()
-            .map(|s| PairCoverage {
-                splat: s.id as usize,
-                covered: vec![false; size[0] * size[1]],
-            })
+            .map(|s| PairCoverage { splat: s.id as usize, covered: vec![false; size[0] * size[1]] })
             .collect();
         for tile in 0..self.frame.tiles.len() {
             let origin = self.frame.tiles.origin_px(tile);
@@ -216,8 +194,7 @@ impl CpuBackend {
     fn take_settled(&mut self) -> Model {
         self.settled.take().unwrap_or_else(|| {
             let (mut model, mut adam) = (self.model.clone(), self.adam.clone());
-            self.pool
-                .install(|| settle(&mut model, &mut adam, None, self.adam.step));
+            self.pool.install(|| settle(&mut model, &mut adam, None, self.adam.step));
             model
         })
     }
@@ -259,11 +236,7 @@ impl Frame {
     /// Model indices of the splats that touch a tile, ascending.
     fn visible_ids(&self) -> Vec<u32> {
         let slots = self.tiles.slot_start.windows(2);
-        slots
-            .zip(&self.splats)
-            .filter(|(w, _)| w[0] < w[1])
-            .map(|(_, s)| s.id)
-            .collect()
+        slots.zip(&self.splats).filter(|(w, _)| w[0] < w[1]).map(|(_, s)| s.id).collect()
     }
 
     /// Base colours and activated texels.
@@ -324,14 +297,10 @@ impl Frame {
         match geometry {
             Some(geometry) => {
                 geometry.resize_with(frame.tiles.len(), TileGeometry::default);
-                outputs
-                    .par_iter_mut()
-                    .zip(geometry)
-                    .enumerate()
-                    .for_each(|(tile, (out, geometry))| {
-                        let input = frame.tile_input(tile, &view);
-                        dispatch!(level, simd => raster_fwd::<_, false>(simd, &input, out, Some(geometry)));
-                    });
+                outputs.par_iter_mut().zip(geometry).enumerate().for_each(|(tile, (out, geometry))| {
+                    let input = frame.tile_input(tile, &view);
+                    dispatch!(level, simd => raster_fwd::<_, false>(simd, &input, out, Some(geometry)));
+                });
             }
             None => outputs.par_iter_mut().enumerate().for_each(|(tile, out)| {
                 let input = frame.tile_input(tile, &view);
@@ -422,11 +391,7 @@ impl Frame {
         let mut base = 0;
         for tile in 0..self.tiles.len() {
             let next = self.tiles.tile_start[tile + 1] as usize;
-            let end = self
-                .tiles
-                .pairs
-                .get(next)
-                .map_or(self.tiles.partial_floats, |p| p.partial as usize);
+            let end = self.tiles.pairs.get(next).map_or(self.tiles.partial_floats, |p| p.partial as usize);
             let (head, tail) = rest.split_at_mut(end - base);
             jobs.push((tile, base, head));
             rest = tail;
@@ -450,10 +415,7 @@ impl Frame {
     fn tile_gradient(&self, tile: usize, buffers: &LossBuffers) -> TileGradient {
         let [width, height] = self.view.map_or([0, 0], |v| v.size_px.map(|s| s as usize));
         let origin = self.tiles.origin_px(tile).map(|o| o as usize);
-        let mut out = TileGradient {
-            rgb: [[0.0; TILE_PIXELS]; 3],
-            loss: [0.0; TILE_PIXELS],
-        };
+        let mut out = TileGradient { rgb: [[0.0; TILE_PIXELS]; 3], loss: [0.0; TILE_PIXELS] };
         for y in origin[1]..height.min(origin[1] + TILE_PX) {
             for x in origin[0]..width.min(origin[0] + TILE_PX) {
                 let (at, pixel) = (element_of(x - origin[0], y - origin[1]), y * width + x);
@@ -488,9 +450,7 @@ impl Frame {
 
     fn counters(&self) -> RasterCounters {
         let mut sum = RasterCounters {
-            pixels: self
-                .view
-                .map_or(0, |v| u64::from(v.size_px[0]) * u64::from(v.size_px[1])),
+            pixels: self.view.map_or(0, |v| u64::from(v.size_px[0]) * u64::from(v.size_px[1])),
             visible_splats: self.tiles.slot_start.windows(2).filter(|w| w[0] < w[1]).count() as u64,
             tile_pairs: self.tiles.pairs.len() as u64,
             ..RasterCounters::default()
@@ -506,12 +466,7 @@ impl Frame {
 
 /// Adds the opacity and texture terms of the visible splats (method section 3).
 fn with_regularisers(terms: [f64; 3], model: &Model, frame: &Frame, request: &StepRequest<'_>) -> LossValues {
-    let visible = frame
-        .tiles
-        .slot_start
-        .windows(2)
-        .zip(&frame.splats)
-        .filter(|(w, _)| w[0] < w[1]);
+    let visible = frame.tiles.slot_start.windows(2).zip(&frame.splats).filter(|(w, _)| w[0] < w[1]);
     let opacity: f64 = visible.map(|(_, s)| f64::from(s.opacity)).sum();
     let residual: f64 = frame
         .texels
@@ -552,9 +507,7 @@ impl Backend for CpuBackend {
 
     fn render(&mut self, camera: &Camera, options: &RenderOptions) -> Result<RenderedImage> {
         let model = self.take_settled();
-        let Self {
-            level, pool, frame, ..
-        } = self;
+        let Self { level, pool, frame, .. } = self;
         let image = pool.install(|| {
             frame.project(&model, ViewF32::new(camera, model.near));
             frame.colours(*level, &model, options.sh_degree.min(model.splats.sh_degree));
@@ -569,18 +522,7 @@ impl Backend for CpuBackend {
     fn step(&mut self, request: &StepRequest<'_>) -> Result<StepReport> {
         check_size(request)?;
         self.settled = None;
-        let Self {
-            level,
-            pool,
-            model,
-            adam,
-            frame,
-            loss,
-            partials,
-            statistics,
-            count_pairs,
-            ..
-        } = self;
+        let Self { level, pool, model, adam, frame, loss, partials, statistics, count_pairs, .. } = self;
         let level = *level;
         pool.install(|| {
             let mut stages = Stages::start();
@@ -621,9 +563,7 @@ impl Backend for CpuBackend {
 
     fn apply_plan(&mut self, plan: &StructurePlan) -> Result<()> {
         plan.check(self.model.num_splats())?;
-        (self.model, self.adam) = self
-            .pool
-            .install(|| structure::apply_plan(&self.model, &self.adam, plan));
+        (self.model, self.adam) = self.pool.install(|| structure::apply_plan(&self.model, &self.adam, plan));
         self.settled = None;
         self.statistics = empty_statistics(self.model.num_splats());
         Ok(())

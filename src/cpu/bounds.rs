@@ -70,10 +70,7 @@ impl Bounds {
 
 /// Pixels whose centres lie in `[low, high]`, widened by the margin; far values saturate.
 fn pixels(low: f32, high: f32) -> (i32, i32) {
-    (
-        (low - 0.5 - MARGIN_PX).ceil() as i32,
-        ((high - 0.5 + MARGIN_PX).floor() as i32).saturating_add(1),
-    )
+    ((low - 0.5 - MARGIN_PX).ceil() as i32, ((high - 0.5 + MARGIN_PX).floor() as i32).saturating_add(1))
 }
 
 /// The projected disc as an ellipse, from homography rows relative to the projected centre; `None`
@@ -125,12 +122,7 @@ fn clipped(p: [f32; 3], axes: &[[f32; 3]; 3], scales: [f32; 2], r: f32, view: &V
     let corner = |su: f32, sv: f32| {
         [0, 1, 2].map(|i| p[i] + axes[0][i] * (su * r * scales[0]) + axes[1][i] * (sv * r * scales[1]))
     };
-    let quad = [
-        corner(-1.0, -1.0),
-        corner(1.0, -1.0),
-        corner(1.0, 1.0),
-        corner(-1.0, 1.0),
-    ];
+    let quad = [corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)];
     let mut low = [f32::INFINITY; 2];
     let mut high = [f32::NEG_INFINITY; 2];
     let mut add = |v: [f32; 3]| {

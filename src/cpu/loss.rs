@@ -24,17 +24,10 @@ pub(super) struct LossBuffers {
 impl LossBuffers {
     /// Makes room for a picture.
     pub(super) fn resize(&mut self, num_pixels: usize) {
-        for plane in self
-            .picture
-            .iter_mut()
-            .chain(&mut self.target)
-            .chain(&mut self.partial)
-        {
+        for plane in self.picture.iter_mut().chain(&mut self.target).chain(&mut self.partial) {
             plane.resize(num_pixels, 0.0);
         }
-        self.blurred
-            .iter_mut()
-            .for_each(|plane| plane.resize(num_pixels, 0.0));
+        self.blurred.iter_mut().for_each(|plane| plane.resize(num_pixels, 0.0));
         self.map.clear();
         self.map.resize(num_pixels, 0.0);
     }
@@ -78,29 +71,18 @@ pub(super) fn image_loss(
 }
 
 fn load_target(buffers: &mut LossBuffers, target: &TargetImage, channel: usize) {
-    let LossBuffers {
-        picture,
-        target: planes,
-        ..
-    } = buffers;
+    let LossBuffers { picture, target: planes, .. } = buffers;
     let (x, y) = (&mut picture[channel], &mut planes[channel]);
-    y.par_iter_mut()
-        .with_min_len(4096)
-        .enumerate()
-        .for_each(|(i, y)| {
-            *y = f32::from(target.rgb[3 * i + channel]) / 255.0;
-        });
+    y.par_iter_mut().with_min_len(4096).enumerate().for_each(|(i, y)| {
+        *y = f32::from(target.rgb[3 * i + channel]) / 255.0;
+    });
     // A masked pixel counts as equal to the photo.
     if let Some(mask) = &target.mask {
-        x.par_iter_mut()
-            .zip(y.par_iter())
-            .zip(mask)
-            .with_min_len(4096)
-            .for_each(|((x, y), m)| {
-                if *m == 0 {
-                    *x = *y;
-                }
-            });
+        x.par_iter_mut().zip(y.par_iter()).zip(mask).with_min_len(4096).for_each(|((x, y), m)| {
+            if *m == 0 {
+                *x = *y;
+            }
+        });
     }
 }
 
@@ -122,14 +104,12 @@ fn blur_rows(level: Level, x: &[f32], y: &[f32], out: &mut [Vec<f32>; 5], w: usi
         o3.par_chunks_mut(w),
         o4.par_chunks_mut(w),
     );
-    rows.into_par_iter()
-        .zip((x.par_chunks(w), y.par_chunks(w)))
-        .for_each_init(
-            || vec![0.0; w + 2 * SSIM_RADIUS_PX],
-            |padded, ((o0, o1, o2, o3, o4), (x, y))| {
-                dispatch!(level, simd => blur_products(simd, x, y, padded, [o0, o1, o2, o3, o4], window));
-            },
-        );
+    rows.into_par_iter().zip((x.par_chunks(w), y.par_chunks(w))).for_each_init(
+        || vec![0.0; w + 2 * SSIM_RADIUS_PX],
+        |padded, ((o0, o1, o2, o3, o4), (x, y))| {
+            dispatch!(level, simd => blur_products(simd, x, y, padded, [o0, o1, o2, o3, o4], window));
+        },
+    );
 }
 
 /// The five blurs of one row. `padded` is scratch with zero margins.
@@ -188,19 +168,9 @@ fn blur_column<S: Simd>(_simd: S, plane: &[f32], y: usize, w: usize, out: &mut [
 /// Vertical window, SSIM and its derivatives by the three means that depend on the picture, each times
 /// `scale`; adds (1 - SSIM) to the map. Returns the sum of SSIM.
 fn ssim_rows(level: Level, buffers: &mut LossBuffers, w: usize, window: &[f32; TAPS], scale: f32) -> f64 {
-    let LossBuffers {
-        blurred,
-        partial,
-        map,
-        ..
-    } = buffers;
+    let LossBuffers { blurred, partial, map, .. } = buffers;
     let [p0, p1, p2] = partial;
-    let rows = (
-        p0.par_chunks_mut(w),
-        p1.par_chunks_mut(w),
-        p2.par_chunks_mut(w),
-        map.par_chunks_mut(w),
-    );
+    let rows = (p0.par_chunks_mut(w), p1.par_chunks_mut(w), p2.par_chunks_mut(w), map.par_chunks_mut(w));
     let row_sums: Vec<f64> = rows
         .into_par_iter()
         .enumerate()
@@ -284,18 +254,8 @@ fn combine(
     weights: &LossWeights,
     count: f32,
 ) -> (f64, f64) {
-    let LossBuffers {
-        picture,
-        map,
-        target,
-        blurred,
-        ..
-    } = buffers;
-    let rows = (
-        picture[channel].par_chunks_mut(w),
-        map.par_chunks_mut(w),
-        target[channel].par_chunks(w),
-    );
+    let LossBuffers { picture, map, target, blurred, .. } = buffers;
+    let rows = (picture[channel].par_chunks_mut(w), map.par_chunks_mut(w), target[channel].par_chunks(w));
     let row_sums: Vec<(f64, f64)> = rows
         .into_par_iter()
         .enumerate()

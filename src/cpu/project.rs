@@ -146,10 +146,7 @@ fn project(model: &Model, i: usize, view: &ViewF32) -> Option<ProjectedSplat> {
             cols: i32::from(map.cols),
             first: 0,
             texels_per_sigma: scales.map(|s| s / map.texel_size),
-            origin: [
-                (f32::from(map.rows) - 1.0) / 2.0,
-                (f32::from(map.cols) - 1.0) / 2.0,
-            ],
+            origin: [(f32::from(map.rows) - 1.0) / 2.0, (f32::from(map.cols) - 1.0) / 2.0],
         },
     })
 }
@@ -159,21 +156,9 @@ pub(super) fn rotation_columns(q: [f32; 4]) -> [[f32; 3]; 3] {
     let norm = (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]).sqrt();
     let [w, x, y, z] = q.map(|v| v / norm);
     [
-        [
-            1.0 - 2.0 * (y * y + z * z),
-            2.0 * (x * y + w * z),
-            2.0 * (x * z - w * y),
-        ],
-        [
-            2.0 * (x * y - w * z),
-            1.0 - 2.0 * (x * x + z * z),
-            2.0 * (y * z + w * x),
-        ],
-        [
-            2.0 * (x * z + w * y),
-            2.0 * (y * z - w * x),
-            1.0 - 2.0 * (x * x + y * y),
-        ],
+        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)],
+        [2.0 * (x * y - w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z + w * x)],
+        [2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)],
     ]
 }
 
@@ -239,13 +224,8 @@ pub(super) fn sh_basis_derivative(degree: u32, [x, y, z]: [f32; 3]) -> [[f32; 3]
         out[3] = [-k, 0.0, 0.0];
     }
     if degree >= 2 {
-        let band = [
-            [y, x, 0.0],
-            [0.0, z, y],
-            [-2.0 * x, -2.0 * y, 4.0 * z],
-            [z, 0.0, x],
-            [2.0 * x, -2.0 * y, 0.0],
-        ];
+        let band =
+            [[y, x, 0.0], [0.0, z, y], [-2.0 * x, -2.0 * y, 4.0 * z], [z, 0.0, x], [2.0 * x, -2.0 * y, 0.0]];
         (0..5).for_each(|k| out[4 + k] = band[k].map(|v| v * SH_2[k] as f32));
     }
     if degree >= 3 {

@@ -111,16 +111,8 @@ pub(super) fn raster_bwd<S: Simd, const STATS: bool>(
         lanes.clear();
         lanes.resize(3 * pair.window.len(), [0.0; LANES]);
         let mut sums = Sums([f32x8::splat(simd, 0.0); HEADER_FLOATS]);
-        let touched = pair_bwd::<S, STATS>(
-            simd,
-            input,
-            splat,
-            index,
-            &mut replay,
-            &pair.window,
-            &mut sums,
-            lanes,
-        );
+        let touched =
+            pair_bwd::<S, STATS>(simd, input, splat, index, &mut replay, &pair.window, &mut sums, lanes);
         if !touched {
             continue;
         }
@@ -134,10 +126,7 @@ pub(super) fn raster_bwd<S: Simd, const STATS: bool>(
     }
 }
 
-#[allow(
-    clippy::too_many_arguments,
-    reason = "inlined into its only caller; split for reading"
-)]
+#[allow(clippy::too_many_arguments, reason = "inlined into its only caller; split for reading")]
 #[inline(always)]
 fn pair_bwd<S: Simd, const STATS: bool>(
     simd: S,
@@ -176,10 +165,7 @@ fn pair_bwd<S: Simd, const STATS: bool>(
     touched
 }
 
-#[allow(
-    clippy::too_many_arguments,
-    reason = "inlined into its only caller; split for reading"
-)]
+#[allow(clippy::too_many_arguments, reason = "inlined into its only caller; split for reading")]
 #[inline(always)]
 fn block_bwd<S: Simd, const STATS: bool>(
     simd: S,
@@ -214,9 +200,7 @@ fn block_bwd<S: Simd, const STATS: bool>(
     }
     let behind = f32x8::from_slice(simd, &replay.behind[at.clone()]);
     let by_alpha = before * by_pixel_dot_colour - behind * per_rest;
-    weight
-        .mul_add(by_pixel_dot_colour, behind)
-        .store_slice(&mut replay.behind[at.clone()]);
+    weight.mul_add(by_pixel_dot_colour, behind).store_slice(&mut replay.behind[at.clone()]);
 
     // Projected gradient at the clamp: passes where the colour is positive or descent would raise it.
     let by_colour = [0, 1, 2].map(|k| {
@@ -229,11 +213,7 @@ fn block_bwd<S: Simd, const STATS: bool>(
     if STATS {
         sums.add(Sum::Pixels, blended.select(f32x8::splat(simd, 1.0), zero));
         sums.add(Sum::Weight, weight);
-        sums.mul_add(
-            Sum::Error,
-            weight,
-            f32x8::from_slice(simd, &replay.gradient.loss[at]),
-        );
+        sums.mul_add(Sum::Error, weight, f32x8::from_slice(simd, &replay.gradient.loss[at]));
     }
 
     // The derivative by alpha is cut where alpha is clamped.
@@ -283,9 +263,8 @@ fn texture_bwd<S: Simd>(
         let row = &map_texels[3 * (i * map.cols + taps.cols.0) as usize..][..width];
         let first = 3 * ((i - window.row0) * window.cols + taps.cols.0 - window.col0) as usize;
         let row_lanes = &mut lanes[first..first + width];
-        for ((j, texel), lanes) in (taps.cols.0..taps.cols.1)
-            .zip(row.chunks_exact(3))
-            .zip(row_lanes.chunks_exact_mut(3))
+        for ((j, texel), lanes) in
+            (taps.cols.0..taps.cols.1).zip(row.chunks_exact(3)).zip(row_lanes.chunks_exact_mut(3))
         {
             let (wv, slope_v) = hat_slope(simd, taps.v, j);
             let w = wu * wv;

@@ -50,10 +50,7 @@ pub(super) struct TileGeometry {
 
 impl Default for TileGeometry {
     fn default() -> Self {
-        Self {
-            depth: [0.0; TILE_PIXELS],
-            normal: [[0.0; TILE_PIXELS]; 3],
-        }
+        Self { depth: [0.0; TILE_PIXELS], normal: [[0.0; TILE_PIXELS]; 3] }
     }
 }
 
@@ -145,13 +142,9 @@ pub(super) fn raster_fwd<S: Simd, const COUNT: bool>(
                 }
                 out.used_pairs = index + 1;
                 let behind = f32x8::from_slice(simd, &out.transmittance[at.clone()]);
-                blends
-                    .select(after, behind)
-                    .store_slice(&mut out.transmittance[at.clone()]);
+                blends.select(after, behind).store_slice(&mut out.transmittance[at.clone()]);
                 let last = f32x8::from_slice(simd, &out.last[at.clone()]);
-                blends
-                    .select(f32x8::splat(simd, index as f32), last)
-                    .store_slice(&mut out.last[at.clone()]);
+                blends.select(f32x8::splat(simd, index as f32), last).store_slice(&mut out.last[at.clone()]);
                 let weight = blends.select(alpha * before, zero);
                 let mut colour = splat.rgb.map(|v| f32x8::splat(simd, v));
                 if let Some(taps) = block_taps(simd, &splat.map, &hit, blends) {
@@ -160,9 +153,7 @@ pub(super) fn raster_fwd<S: Simd, const COUNT: bool>(
                 }
                 for k in 0..3 {
                     let plane = &mut out.rgb[k][at.clone()];
-                    weight
-                        .mul_add(colour[k], f32x8::from_slice(simd, plane))
-                        .store_slice(plane);
+                    weight.mul_add(colour[k], f32x8::from_slice(simd, plane)).store_slice(plane);
                 }
                 if let Some(geometry) = geometry.as_deref_mut() {
                     add_geometry(simd, splat, weight, weight * hit.per_denominator, at, geometry);
@@ -185,16 +176,9 @@ fn add_geometry<S: Simd>(
     let add = |plane: &mut [f32], value: f32x8<S>| {
         (f32x8::from_slice(simd, plane) + value).store_slice(plane);
     };
-    add(
-        &mut geometry.depth[at.clone()],
-        weight_per_denominator * splat.depth,
-    );
+    add(&mut geometry.depth[at.clone()], weight_per_denominator * splat.depth);
     let n = splat.axes_in_camera[2];
-    let facing = if super::math::dot(n, splat.centre_in_camera) > 0.0 {
-        -1.0
-    } else {
-        1.0
-    };
+    let facing = if super::math::dot(n, splat.centre_in_camera) > 0.0 { -1.0 } else { 1.0 };
     for k in 0..3 {
         add(&mut geometry.normal[k][at.clone()], weight * (facing * n[k]));
     }

@@ -32,11 +32,7 @@ pub(super) fn strip_span(splat: &ProjectedSplat, origin_px: [i32; 2], strip: usi
     let y = origin_px[1] + 2 * strip as i32;
     let empty = (i32::MAX, i32::MIN);
     let row = |y: i32| {
-        if y >= b.y0 && y < b.y1 {
-            b.row_span(y)
-        } else {
-            empty
-        }
+        if y >= b.y0 && y < b.y1 { b.row_span(y) } else { empty }
     };
     let (upper, lower) = (row(y), row(y + 1));
     let first = upper.0.min(lower.0).max(origin_px[0]);
@@ -44,10 +40,7 @@ pub(super) fn strip_span(splat: &ProjectedSplat, origin_px: [i32; 2], strip: usi
     if first >= past {
         return (0, 0);
     }
-    (
-        ((first - origin_px[0]) / 4) as usize,
-        ((past - origin_px[0] + 3) / 4) as usize,
-    )
+    (((first - origin_px[0]) / 4) as usize, ((past - origin_px[0] + 3) / 4) as usize)
 }
 
 /// Strips `first..past` of a tile that a splat may touch.
@@ -115,16 +108,7 @@ impl Shape {
         let alpha = falloff * self.opacity;
         let inside = in_front & alpha.simd_ge(ALPHA_MIN as f32);
         let raw_alpha = inside.select(alpha, c(0.0));
-        BlockHit {
-            dx,
-            dy,
-            per_denominator,
-            a,
-            b,
-            falloff,
-            raw_alpha,
-            inside,
-        }
+        BlockHit { dx, dy, per_denominator, a, b, falloff, raw_alpha, inside }
     }
 }
 
@@ -178,9 +162,7 @@ pub(super) fn hat_slope<S: Simd>(simd: S, t: f32x8<S>, at: i32) -> (f32x8<S>, f3
     let d = t - at as f32;
     let weight = (1.0 - d.abs()).max(0.0_f32);
     let zero = f32x8::splat(simd, 0.0);
-    let slope = weight
-        .simd_gt(0.0)
-        .select(f32x8::splat(simd, -1.0).copysign(-d), zero);
+    let slope = weight.simd_gt(0.0).select(f32x8::splat(simd, -1.0).copysign(-d), zero);
     (weight, slope)
 }
 

@@ -8,21 +8,13 @@ use rayon::prelude::*;
 pub(super) fn apply_plan(model: &Model, adam: &AdamState, plan: &StructurePlan) -> (Model, AdamState) {
     let gather = |arrays: &SplatArrays| arrays.gathered(&plan.sources);
     let old = &model.textures.maps;
-    let extents = plan
-        .sources
-        .iter()
-        .zip(&plan.maps)
-        .map(|(&s, change)| match *change {
-            MapChange::Keep => {
-                let map = &old[s as usize];
-                (map.rows, map.cols, map.texel_size)
-            }
-            MapChange::Resample {
-                rows,
-                cols,
-                texel_size,
-            } => (rows, cols, texel_size),
-        });
+    let extents = plan.sources.iter().zip(&plan.maps).map(|(&s, change)| match *change {
+        MapChange::Keep => {
+            let map = &old[s as usize];
+            (map.rows, map.cols, map.texel_size)
+        }
+        MapChange::Resample { rows, cols, texel_size } => (rows, cols, texel_size),
+    });
     let mut textures = TexturePool::neutral(extents);
     let resample_all = |from: &[f32]| -> Vec<f32> {
         let parts: Vec<Vec<f32>> = plan
@@ -46,11 +38,7 @@ pub(super) fn apply_plan(model: &Model, adam: &AdamState, plan: &StructurePlan) 
         last_step: plan.sources.iter().map(|&s| adam.last_step[s as usize]).collect(),
         ..*adam
     };
-    let model = Model {
-        splats: gather(&model.splats),
-        textures,
-        ..*model
-    };
+    let model = Model { splats: gather(&model.splats), textures, ..*model };
     (model, adam)
 }
 
@@ -65,11 +53,7 @@ fn resample(old: &TextureMap, from: &[f32], new: &TextureMap) -> Vec<f32> {
     };
     let texel = |row: i32, col: i32, c: usize| {
         let inside = row >= 0 && row < i32::from(old.rows) && col >= 0 && col < i32::from(old.cols);
-        if inside {
-            from[3 * (row * i32::from(old.cols) + col) as usize + c]
-        } else {
-            0.0
-        }
+        if inside { from[3 * (row * i32::from(old.cols) + col) as usize + c] } else { 0.0 }
     };
     let mut out = Vec::with_capacity(3 * new.num_texels());
     for i in 0..new.rows {
@@ -93,29 +77,19 @@ mod tests {
     use super::*;
 
     fn map(rows: u16, cols: u16, texel_size: f32) -> TextureMap {
-        TextureMap {
-            offset_texels: 0,
-            rows,
-            cols,
-            texel_size,
-        }
+        TextureMap { offset_texels: 0, rows, cols, texel_size }
     }
 
     #[test]
     fn resampling_a_linear_map_is_exact_inside_and_zero_far_outside() {
         let old = map(6, 5, 0.1);
-        let from: Vec<f32> = (0..30)
-            .flat_map(|t| [(t / 5) as f32, (t % 5) as f32, 1.0])
-            .collect();
+        let from: Vec<f32> = (0..30).flat_map(|t| [(t / 5) as f32, (t % 5) as f32, 1.0]).collect();
         let new = map(4, 3, 0.05);
         let got = resample(&old, &from, &new);
         for (t, rgb) in got.chunks_exact(3).enumerate() {
             let u = (t / 3) as f32 * 0.5 - 0.75 + 2.5;
             let v = (t % 3) as f32 * 0.5 - 0.5 + 2.0;
-            assert!(
-                (rgb[0] - u).abs() < 1e-5 && (rgb[1] - v).abs() < 1e-5 && rgb[2] == 1.0,
-                "{t}: {rgb:?}"
-            );
+            assert!((rgb[0] - u).abs() < 1e-5 && (rgb[1] - v).abs() < 1e-5 && rgb[2] == 1.0, "{t}: {rgb:?}");
         }
         let wide = resample(&old, &from, &map(20, 20, 0.1));
         assert_eq!(&wide[..3], &[0.0; 3]);

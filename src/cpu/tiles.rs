@@ -79,11 +79,8 @@ pub(super) fn build_tiles(splats: &[ProjectedSplat], size_px: [u32; 2], header_f
     for t in 1..tile_start.len() {
         tile_start[t] += tile_start[t - 1];
     }
-    let mut order: Vec<(u32, u32)> = splats
-        .iter()
-        .enumerate()
-        .map(|(i, s)| (s.depth.to_bits(), i as u32))
-        .collect();
+    let mut order: Vec<(u32, u32)> =
+        splats.iter().enumerate().map(|(i, s)| (s.depth.to_bits(), i as u32)).collect();
     order.par_sort_unstable();
     let mut pairs = vec![Pair::default(); slots as usize];
     let mut slot_pair = vec![0; slots as usize];
@@ -101,14 +98,7 @@ pub(super) fn build_tiles(splats: &[ProjectedSplat], size_px: [u32; 2], header_f
             }
         }
     }
-    let mut tiles = Tiles {
-        grid,
-        pairs,
-        tile_start,
-        slot_start,
-        slot_pair,
-        partial_floats: 0,
-    };
+    let mut tiles = Tiles { grid, pairs, tile_start, slot_start, slot_pair, partial_floats: 0 };
     tiles.place_partials(splats, header_floats);
     tiles
 }
@@ -116,10 +106,7 @@ pub(super) fn build_tiles(splats: &[ProjectedSplat], size_px: [u32; 2], header_f
 impl Tiles {
     /// Tile's first pixel.
     pub(super) fn origin_px(&self, tile: usize) -> [i32; 2] {
-        [
-            (tile % self.grid[0] * TILE_PX) as i32,
-            (tile / self.grid[0] * TILE_PX) as i32,
-        ]
+        [(tile % self.grid[0] * TILE_PX) as i32, (tile / self.grid[0] * TILE_PX) as i32]
     }
 
     /// Pairs of a tile.
@@ -162,11 +149,8 @@ fn tile_runs(splat: &ProjectedSplat) -> Vec<TileRun> {
             }
         }
         if first < past {
-            let run = TileRun {
-                ty: ty as u16,
-                tx0: (first / tile) as u16,
-                tx1: ((past - 1) / tile + 1) as u16,
-            };
+            let run =
+                TileRun { ty: ty as u16, tx0: (first / tile) as u16, tx1: ((past - 1) / tile + 1) as u16 };
             runs.push(run);
         }
     }
@@ -180,12 +164,7 @@ const WHOLE_MAP_TEXELS: i32 = 25;
 /// extremes over a rectangle of pixels are at the corners while the denominator is positive there.
 fn texel_window(splat: &ProjectedSplat, origin_px: [i32; 2]) -> TexelWindow {
     let map = &splat.map;
-    let whole = TexelWindow {
-        row0: 0,
-        col0: 0,
-        rows: map.rows,
-        cols: map.cols,
-    };
+    let whole = TexelWindow { row0: 0, col0: 0, rows: map.rows, cols: map.cols };
     if map.rows * map.cols <= WHOLE_MAP_TEXELS {
         return whole;
     }
@@ -211,16 +190,9 @@ fn texel_window(splat: &ProjectedSplat, origin_px: [i32; 2]) -> TexelWindow {
     // One texel of slack for rounding.
     let range = |k: usize, size: i32| {
         let first = ((low[k] - 0.01).floor() as i32).clamp(0, size);
-        let past = ((high[k] + 0.01).floor() as i32)
-            .saturating_add(2)
-            .clamp(first, size);
+        let past = ((high[k] + 0.01).floor() as i32).saturating_add(2).clamp(first, size);
         (first, past - first)
     };
     let ((row0, rows), (col0, cols)) = (range(0, map.rows), range(1, map.cols));
-    TexelWindow {
-        row0,
-        col0,
-        rows,
-        cols,
-    }
+    TexelWindow { row0, col0, rows, cols }
 }

@@ -58,9 +58,7 @@ fn chunks<'a>(
         for (group, arrays) in SplatGroup::ALL.into_iter().zip(&mut groups) {
             taken.push(take(arrays, len * group.width(sh_degree)));
         }
-        let Ok(taken) = taken.try_into() else {
-            unreachable!("five groups")
-        };
+        let Ok(taken) = taken.try_into() else { unreachable!("five groups") };
         let (head, tail) = std::mem::take(&mut last_step).split_at_mut(len);
         last_step = tail;
         out.push(Chunk {
@@ -95,25 +93,12 @@ fn triples<'a>(
     v: &'a mut SplatArrays,
 ) -> [[&'a mut Vec<f32>; 3]; 5] {
     let arrays = |s: &'a mut SplatArrays| {
-        let SplatArrays {
-            positions,
-            quaternions,
-            log_scales,
-            opacity_logits,
-            sh,
-            ..
-        } = s;
+        let SplatArrays { positions, quaternions, log_scales, opacity_logits, sh, .. } = s;
         [positions, quaternions, log_scales, opacity_logits, sh]
     };
     let ([p0, p1, p2, p3, p4], [m0, m1, m2, m3, m4], [v0, v1, v2, v3, v4]) =
         (arrays(p), arrays(m), arrays(v));
-    [
-        [p0, m0, v0],
-        [p1, m1, v1],
-        [p2, m2, v2],
-        [p3, m3, v3],
-        [p4, m4, v4],
-    ]
+    [[p0, m0, v0], [p1, m1, v1], [p2, m2, v2], [p3, m3, v3], [p4, m4, v4]]
 }
 
 /// Brings SH and texels of the given splats (ascending ids), or of all, up to date as of step `now`.
@@ -123,14 +108,7 @@ pub(super) fn settle(model: &mut Model, adam: &mut AdamState, only: Option<&[u32
     let Model { splats, textures, .. } = model;
     let groups = triples(splats, &mut adam.splats_m, &mut adam.splats_v);
     let texels = [&mut textures.texels, &mut adam.texels_m, &mut adam.texels_v];
-    let chunks = chunks(
-        groups,
-        texels,
-        &mut adam.last_step,
-        None,
-        &textures.maps,
-        sh_degree,
-    );
+    let chunks = chunks(groups, texels, &mut adam.last_step, None, &textures.maps, sh_degree);
     let maps = &textures.maps;
     chunks.into_par_iter().for_each(|mut chunk| {
         let base = 3 * maps[chunk.first].offset_texels as usize;
@@ -141,21 +119,11 @@ pub(super) fn settle(model: &mut Model, adam: &mut AdamState, only: Option<&[u32
                 let dc = i * width..i * width + 3;
                 let rest = i * width + 3..(i + 1) * width;
                 skip.update(&mut p[dc.clone()], &mut m[dc.clone()], &mut v[dc], rates.sh_dc);
-                skip.update(
-                    &mut p[rest.clone()],
-                    &mut m[rest.clone()],
-                    &mut v[rest],
-                    rates.sh_rest,
-                );
+                skip.update(&mut p[rest.clone()], &mut m[rest.clone()], &mut v[rest], rates.sh_rest);
                 let floats = maps[chunk.first + i].floats();
                 let range = floats.start - base..floats.end - base;
                 let [p, m, v] = &mut chunk.texels;
-                skip.update(
-                    &mut p[range.clone()],
-                    &mut m[range.clone()],
-                    &mut v[range],
-                    rates.texel,
-                );
+                skip.update(&mut p[range.clone()], &mut m[range.clone()], &mut v[range], rates.texel);
             }
             if chunk.last_step[i] != 0 {
                 chunk.last_step[i] = chunk.last_step[i].max(now);
@@ -172,10 +140,7 @@ pub(super) fn settle(model: &mut Model, adam: &mut AdamState, only: Option<&[u32
 
 fn ids_within(ids: &[u32], first: usize, len: usize) -> impl Iterator<Item = u32> + '_ {
     let start = ids.partition_point(|&id| (id as usize) < first);
-    ids[start..]
-        .iter()
-        .copied()
-        .take_while(move |&id| (id as usize) < first + len)
+    ids[start..].iter().copied().take_while(move |&id| (id as usize) < first + len)
 }
 
 /// Everything that the update reads.
@@ -231,10 +196,7 @@ pub(super) fn splat_gradient(
         let window = &record[HEADER_FLOATS..HEADER_FLOATS + 3 * w.len()];
         for (row, part) in (w.row0..).zip(window.chunks_exact(width)) {
             let first = 3 * (row * map.cols + w.col0) as usize;
-            texels[first..first + width]
-                .iter_mut()
-                .zip(part)
-                .for_each(|(t, p)| *t += p);
+            texels[first..first + width].iter_mut().zip(part).for_each(|(t, p)| *t += p);
         }
     }
     let mut gradient = project_bwd(model, splat, &sums, &input.view, input.sh_degree);
@@ -252,13 +214,7 @@ pub(super) fn splat_gradient(
 /// Non-finite entries become zero; returns their number.
 fn guard(gradient: &mut SplatGradient, texels: &mut [f32]) -> u32 {
     let mut count = 0;
-    let SplatGradient {
-        position,
-        quaternion,
-        log_scale,
-        opacity,
-        sh,
-    } = gradient;
+    let SplatGradient { position, quaternion, log_scale, opacity, sh } = gradient;
     let fixed = position.iter_mut().chain(quaternion).chain(log_scale).chain(sh);
     for g in fixed.chain(std::iter::once(opacity)).chain(texels) {
         if !g.is_finite() {
@@ -288,75 +244,60 @@ pub(super) fn update(
     let texels = [&mut textures.texels, &mut adam.texels_m, &mut adam.texels_v];
     let maps = &textures.maps;
     let chunks = chunks(groups, texels, &mut adam.last_step, statistics, maps, sh_degree);
-    chunks
-        .into_par_iter()
-        .zip(&gradients)
-        .for_each(|(mut chunk, gradients)| {
-            let base = 3 * maps[chunk.first].offset_texels as usize;
-            let mut dense = vec![[0.0_f32; 10]; chunk.last_step.len()];
-            for g in gradients.splats.iter() {
-                let i = g.id as usize - chunk.first;
-                dense[i][..3].copy_from_slice(&g.gradient.position);
-                dense[i][3..7].copy_from_slice(&g.gradient.quaternion);
-                dense[i][7..9].copy_from_slice(&g.gradient.log_scale);
-                dense[i][9] = g.gradient.opacity;
-                let [p, m, v] = &mut chunk.groups[4];
-                let dc = i * sh_width..i * sh_width + 3;
-                let rest = i * sh_width + 3..(i + 1) * sh_width;
-                let sh = &g.gradient.sh;
-                step.update(
-                    &mut p[dc.clone()],
-                    &mut m[dc.clone()],
-                    &mut v[dc],
-                    &sh[..3],
-                    rates.sh_dc,
-                );
-                step.update(
-                    &mut p[rest.clone()],
-                    &mut m[rest.clone()],
-                    &mut v[rest],
-                    &sh[3..sh_width],
-                    rates.sh_rest,
-                );
-                let floats = maps[g.id as usize].floats();
-                let range = floats.start - base..floats.end - base;
-                let [p, m, v] = &mut chunk.texels;
-                let texels = &gradients.texels[g.first_texel..g.first_texel + range.len()];
+    chunks.into_par_iter().zip(&gradients).for_each(|(mut chunk, gradients)| {
+        let base = 3 * maps[chunk.first].offset_texels as usize;
+        let mut dense = vec![[0.0_f32; 10]; chunk.last_step.len()];
+        for g in gradients.splats.iter() {
+            let i = g.id as usize - chunk.first;
+            dense[i][..3].copy_from_slice(&g.gradient.position);
+            dense[i][3..7].copy_from_slice(&g.gradient.quaternion);
+            dense[i][7..9].copy_from_slice(&g.gradient.log_scale);
+            dense[i][9] = g.gradient.opacity;
+            let [p, m, v] = &mut chunk.groups[4];
+            let dc = i * sh_width..i * sh_width + 3;
+            let rest = i * sh_width + 3..(i + 1) * sh_width;
+            let sh = &g.gradient.sh;
+            step.update(&mut p[dc.clone()], &mut m[dc.clone()], &mut v[dc], &sh[..3], rates.sh_dc);
+            step.update(
+                &mut p[rest.clone()],
+                &mut m[rest.clone()],
+                &mut v[rest],
+                &sh[3..sh_width],
+                rates.sh_rest,
+            );
+            let floats = maps[g.id as usize].floats();
+            let range = floats.start - base..floats.end - base;
+            let [p, m, v] = &mut chunk.texels;
+            let texels = &gradients.texels[g.first_texel..g.first_texel + range.len()];
+            step.update(&mut p[range.clone()], &mut m[range.clone()], &mut v[range], texels, rates.texel);
+            chunk.last_step[i] = input.step;
+            if let (Some(sums), Some(seen)) = (&mut chunk.statistics, &mut chunk.seen) {
+                (0..3).for_each(|k| sums[k][i] += g.statistics[k]);
+                seen[i] += 1;
+            }
+        }
+        let widths = [
+            (3, 0, rates.position),
+            (4, 3, rates.quaternion),
+            (2, 7, rates.log_scale),
+            (1, 9, rates.opacity),
+        ];
+        for ([p, m, v], (width, at, rate)) in chunk.groups.iter_mut().zip(widths) {
+            for (i, g) in dense.iter().enumerate() {
+                let range = i * width..(i + 1) * width;
                 step.update(
                     &mut p[range.clone()],
                     &mut m[range.clone()],
                     &mut v[range],
-                    texels,
-                    rates.texel,
+                    &g[at..at + width],
+                    rate,
                 );
-                chunk.last_step[i] = input.step;
-                if let (Some(sums), Some(seen)) = (&mut chunk.statistics, &mut chunk.seen) {
-                    (0..3).for_each(|k| sums[k][i] += g.statistics[k]);
-                    seen[i] += 1;
-                }
             }
-            let widths = [
-                (3, 0, rates.position),
-                (4, 3, rates.quaternion),
-                (2, 7, rates.log_scale),
-                (1, 9, rates.opacity),
-            ];
-            for ([p, m, v], (width, at, rate)) in chunk.groups.iter_mut().zip(widths) {
-                for (i, g) in dense.iter().enumerate() {
-                    let range = i * width..(i + 1) * width;
-                    step.update(
-                        &mut p[range.clone()],
-                        &mut m[range.clone()],
-                        &mut v[range],
-                        &g[at..at + width],
-                        rate,
-                    );
-                }
-            }
-            for s in chunk.groups[2][0].iter_mut() {
-                *s = s.clamp(LOG_SCALE_RANGE.0, LOG_SCALE_RANGE.1);
-            }
-        });
+        }
+        for s in chunk.groups[2][0].iter_mut() {
+            *s = s.clamp(LOG_SCALE_RANGE.0, LOG_SCALE_RANGE.1);
+        }
+    });
     gradients.iter().map(|c| c.non_finite).sum()
 }
 
@@ -381,11 +322,7 @@ fn gather_gradients(model: &Model, input: &UpdateInput<'_>) -> Vec<ChunkGradient
         .map(|first| {
             let start = input.splats.partition_point(|s| (s.id as usize) < first);
             let past = input.splats.partition_point(|s| (s.id as usize) < first + CHUNK);
-            let mut out = ChunkGradients {
-                splats: Vec::new(),
-                texels: Vec::new(),
-                non_finite: 0,
-            };
+            let mut out = ChunkGradients { splats: Vec::new(), texels: Vec::new(), non_finite: 0 };
             let mut texels = Vec::new();
             for index in start..past {
                 if input.tiles.slot_start[index] == input.tiles.slot_start[index + 1] {
@@ -394,12 +331,7 @@ fn gather_gradients(model: &Model, input: &UpdateInput<'_>) -> Vec<ChunkGradient
                 let (gradient, statistics, non_finite) = splat_gradient(model, input, index, &mut texels);
                 out.non_finite += u64::from(non_finite);
                 let id = input.splats[index].id;
-                out.splats.push(IndexedGradient {
-                    id,
-                    first_texel: out.texels.len(),
-                    gradient,
-                    statistics,
-                });
+                out.splats.push(IndexedGradient { id, first_texel: out.texels.len(), gradient, statistics });
                 out.texels.extend_from_slice(&texels);
             }
             out

@@ -64,12 +64,9 @@ impl Recipe {
 
     /// The warp for a picture of a given size, if the lens needs one.
     fn warp(&self, (width, height): (u32, u32)) -> Option<Warp> {
-        self.lens.is_distorted().then(|| {
-            Warp::new(Lens {
-                pinhole: self.lens.pinhole.resized(width, height),
-                ..self.lens
-            })
-        })
+        self.lens
+            .is_distorted()
+            .then(|| Warp::new(Lens { pinhole: self.lens.pinhole.resized(width, height), ..self.lens }))
     }
 
     fn colours(&self) -> Result<(Vec<u8>, Option<Vec<u8>>)> {
@@ -91,11 +88,7 @@ impl Recipe {
                 let [r, g, b, a] = [0, 1, 2, 3].map(|c| f32::from(pixels[4 * i + c]));
                 let share = a / 255.0;
                 let over = |colour: f32, behind: f32| behind + share * (colour - behind);
-                [
-                    over(r, background[0]),
-                    over(g, background[1]),
-                    over(b, background[2]),
-                ]
+                [over(r, background[0]), over(g, background[1]), over(b, background[2])]
             })
         } else {
             let pixels = picture.into_rgb8().into_raw();
@@ -129,11 +122,7 @@ impl Recipe {
         for p in reduced.chunks_exact(N + 1) {
             let share = p[N];
             // Means over the valid part only, so that borders do not darken.
-            colours.extend(
-                p[..N]
-                    .iter()
-                    .map(|v| to_byte(if share > 0.0 { v / share } else { 0.0 })),
-            );
+            colours.extend(p[..N].iter().map(|v| to_byte(if share > 0.0 { v / share } else { 0.0 })));
             // The model will be rendered over the whole pixel: partly imaged ones do not count.
             valid.push(if share > 0.999 { 255 } else { 0 });
         }
@@ -162,10 +151,7 @@ impl Recipe {
         }
         let pixels = mask.into_luma8().into_raw();
         let (means, _) = self.reduce(size, |i| [f32::from(pixels[i])]);
-        Ok(means
-            .into_iter()
-            .map(|mean| if (mean >= 128) != self.mask_invert { 255 } else { 0 })
-            .collect())
+        Ok(means.into_iter().map(|mean| if (mean >= 128) != self.mask_invert { 255 } else { 0 }).collect())
     }
 }
 

@@ -40,16 +40,10 @@ fn our_error(path: &Path, error: ExrError) -> Error {
 /// Width and height.
 pub(crate) fn size(path: &Path) -> Result<(u32, u32)> {
     let meta = MetaData::read_from_file(path, false).map_err(|e| our_error(path, e))?;
-    let size = meta
-        .headers
-        .first()
-        .map_or((0, 0), |h| (h.layer_size.width(), h.layer_size.height()));
+    let size = meta.headers.first().map_or((0, 0), |h| (h.layer_size.width(), h.layer_size.height()));
     let pixels = size.0.checked_mul(size.1);
     if pixels.is_none_or(|p| p == 0 || p > MAX_PIXELS) {
-        return Err(Error::invalid(
-            path,
-            format!("the picture is {}x{}", size.0, size.1),
-        ));
+        return Err(Error::invalid(path, format!("the picture is {}x{}", size.0, size.1)));
     }
     Ok((size.0 as u32, size.1 as u32))
 }
@@ -83,10 +77,7 @@ pub(crate) fn read(path: &Path) -> Result<DynamicImage> {
     let bytes: Vec<u8> = if has_alpha {
         pixels.iter().flat_map(|&p| rgba(p)).collect()
     } else {
-        pixels
-            .iter()
-            .flat_map(|&[r, g, b, _]| [r, g, b].map(display_byte))
-            .collect()
+        pixels.iter().flat_map(|&[r, g, b, _]| [r, g, b].map(display_byte)).collect()
     };
     let image = if has_alpha {
         RgbaImage::from_raw(width, height, bytes).map(DynamicImage::from)
@@ -105,16 +96,9 @@ fn rgba([r, g, b, a]: [f32; 4]) -> [u8; 4] {
 
 /// IEC 61966-2-1, clipped; NaN is black.
 fn display_byte(linear: f32) -> u8 {
-    let clipped = if linear.is_nan() {
-        0.0
-    } else {
-        linear.clamp(0.0, 1.0)
-    };
-    let display = if clipped <= 0.003_130_8 {
-        12.92 * clipped
-    } else {
-        1.055 * clipped.powf(1.0 / 2.4) - 0.055
-    };
+    let clipped = if linear.is_nan() { 0.0 } else { linear.clamp(0.0, 1.0) };
+    let display =
+        if clipped <= 0.003_130_8 { 12.92 * clipped } else { 1.055 * clipped.powf(1.0 / 2.4) - 0.055 };
     (255.0 * display + 0.5) as u8
 }
 

@@ -38,10 +38,7 @@ impl Scene {
         let points: Vec<([f64; 3], [u8; 3])> = (0..20)
             .map(|i| {
                 let a = f64::from(i);
-                (
-                    [0.5 * a.sin(), 0.5 * (2.0 * a).cos(), 0.4 * (3.0 * a).sin()],
-                    [10 * i as u8, 100, 200],
-                )
+                ([0.5 * a.sin(), 0.5 * (2.0 * a).cos(), 0.4 * (3.0 * a).sin()], [10 * i as u8, 100, 200])
             })
             .collect();
         let images = (0..count)
@@ -175,12 +172,7 @@ impl Scene {
         }
         let mut points = "# 3D point list\n".to_owned();
         for (index, ([x, y, z], [r, g, b])) in self.points.iter().enumerate() {
-            writeln!(
-                points,
-                "{} {x:?} {y:?} {z:?} {r} {g} {b} 0.5 1 0 2 0",
-                100 + index
-            )
-            .unwrap();
+            writeln!(points, "{} {x:?} {y:?} {z:?} {r} {g} {b} 0.5 1 0 2 0", 100 + index).unwrap();
         }
         std::fs::write(folder.join("cameras.txt"), cameras).unwrap();
         std::fs::write(folder.join("images.txt"), images).unwrap();

@@ -33,22 +33,12 @@ pub(crate) fn quantile(values: &mut [f64], share: f64) -> Option<f64> {
 
 /// Moves and scales the capture so that the cameras' extent is 1 around their mean.
 pub(crate) fn capture_from_local(source: &Source, report: &mut Report) -> Similarity {
-    let centres: Vec<DVec3> = source
-        .views
-        .iter()
-        .map(|v| v.camera_from_capture.origin_of_a_in_b())
-        .collect();
+    let centres: Vec<DVec3> = source.views.iter().map(|v| v.camera_from_capture.origin_of_a_in_b()).collect();
     let translation = centres.iter().sum::<DVec3>() / centres.len().max(1) as f64;
-    let farthest = centres
-        .iter()
-        .map(|c| c.distance(translation))
-        .fold(0.0, f64::max);
+    let farthest = centres.iter().map(|c| c.distance(translation)).fold(0.0, f64::max);
     // Rounding of poses far from the capture's origin is no extent.
     if farthest > 1e-9 * (1.0 + translation.length()) {
-        return Similarity {
-            scale: EXTENT_MARGIN * farthest,
-            translation,
-        };
+        return Similarity { scale: EXTENT_MARGIN * farthest, translation };
     }
     let distances = source
         .points
@@ -64,17 +54,10 @@ pub(crate) fn capture_from_local(source: &Source, report: &mut Report) -> Simila
             "all {} cameras stand in one place; the scale of the capture is taken from {}; depth cannot be \
              learned from such photos",
             centres.len(),
-            if points.is_some() {
-                "the median distance of the points"
-            } else {
-                "its own units"
-            }
+            if points.is_some() { "the median distance of the points" } else { "its own units" }
         ),
     );
-    Similarity {
-        scale: points.unwrap_or(1.0),
-        translation,
-    }
+    Similarity { scale: points.unwrap_or(1.0), translation }
 }
 
 /// Near plane in local units: half the 1 % quantile of the points' depths, bounded.

@@ -86,10 +86,7 @@ fn warn(source: &Source, health: &SparseHealth, extent: f64, report: &mut Report
         );
     }
     if health.observations > 0 && health.views_under_50_observations > 0 {
-        let weak = source
-            .views
-            .iter()
-            .filter(|v| v.observed.len() < MIN_OBSERVATIONS);
+        let weak = source.views.iter().filter(|v| v.observed.len() < MIN_OBSERVATIONS);
         report.warn(
             "views-with-few-observations",
             health.views_under_50_observations,
@@ -136,10 +133,7 @@ fn warn(source: &Source, health: &SparseHealth, extent: f64, report: &mut Report
             ),
         );
     }
-    if let Some(error) = health
-        .mean_reprojection_error_px
-        .filter(|e| *e > MAX_REPROJECTION_ERROR_PX)
-    {
+    if let Some(error) = health.mean_reprojection_error_px.filter(|e| *e > MAX_REPROJECTION_ERROR_PX) {
         report.warn(
             "large-reprojection-error",
             1,
@@ -171,11 +165,7 @@ fn misplaced(source: &Source) -> (usize, usize) {
 
 /// Names of views far away from all others.
 fn far_off(source: &Source) -> Vec<&str> {
-    let centres: Vec<DVec3> = source
-        .views
-        .iter()
-        .map(|v| v.camera_from_capture.origin_of_a_in_b())
-        .collect();
+    let centres: Vec<DVec3> = source.views.iter().map(|v| v.camera_from_capture.origin_of_a_in_b()).collect();
     let along = |axis: usize| median(centres.iter().map(|c| c[axis]).collect()).unwrap_or(0.0);
     let middle = DVec3::new(along(0), along(1), along(2));
     let distances: Vec<f64> = centres.iter().map(|c| c.distance(middle)).collect();
@@ -186,11 +176,8 @@ fn far_off(source: &Source) -> Vec<&str> {
 
 /// Names of views with another camera within `distance`.
 fn coincident(source: &Source, distance: f64) -> Vec<&str> {
-    let mut centres: Vec<_> = source
-        .views
-        .iter()
-        .map(|v| (v.camera_from_capture.origin_of_a_in_b(), v.name.as_str()))
-        .collect();
+    let mut centres: Vec<_> =
+        source.views.iter().map(|v| (v.camera_from_capture.origin_of_a_in_b(), v.name.as_str())).collect();
     // Sorted along x only close neighbours need to be compared.
     centres.sort_by(|a, b| a.0.x.total_cmp(&b.0.x));
     let mut is_coincident = vec![false; centres.len()];
@@ -205,12 +192,8 @@ fn coincident(source: &Source, distance: f64) -> Vec<&str> {
             }
         }
     }
-    let mut names: Vec<&str> = centres
-        .iter()
-        .zip(is_coincident)
-        .filter(|(_, is)| *is)
-        .map(|(c, _)| c.1)
-        .collect();
+    let mut names: Vec<&str> =
+        centres.iter().zip(is_coincident).filter(|(_, is)| *is).map(|(c, _)| c.1).collect();
     names.sort_unstable();
     names
 }

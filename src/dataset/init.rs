@@ -175,10 +175,7 @@ fn local_seeds(capture: &Capture, points: &[SfmPoint]) -> Vec<Seed> {
     points
         .iter()
         .map(|p| Seed {
-            position: local_from_capture
-                .transform_point(p.position_in_capture)
-                .as_vec3()
-                .to_array(),
+            position: local_from_capture.transform_point(p.position_in_capture).as_vec3().to_array(),
             rgb: p.rgb.map(|c| f32::from(c) / 255.0),
         })
         .collect()
@@ -210,10 +207,7 @@ fn filtered(seeds: Vec<Seed>, capture: &Capture, report: &mut Report) -> Vec<See
                 not_finite += 1;
                 return false;
             }
-            if centres
-                .iter()
-                .any(|c| c.distance_squared(position) < CLEARANCE * CLEARANCE)
-            {
+            if centres.iter().any(|c| c.distance_squared(position) < CLEARANCE * CLEARANCE) {
                 at_camera += 1;
                 return false;
             }
@@ -225,19 +219,11 @@ fn filtered(seeds: Vec<Seed>, capture: &Capture, report: &mut Report) -> Vec<See
         .collect();
     for (code, count, what) in [
         ("points-not-finite", not_finite, "are not finite"),
-        (
-            "points-at-camera",
-            at_camera,
-            "lie within 1 % of the cameras' extent of a camera",
-        ),
+        ("points-at-camera", at_camera, "lie within 1 % of the cameras' extent of a camera"),
         ("points-duplicate", duplicates, "lie where another point lies"),
     ] {
         if count > 0 {
-            report.warn(
-                code,
-                count,
-                format!("{count} of {total} points {what} and are left out"),
-            );
+            report.warn(code, count, format!("{count} of {total} points {what} and are left out"));
         }
     }
     kept
@@ -276,9 +262,7 @@ fn model(capture: &Capture, seeds: &[Seed], options: &InitOptions) -> Model {
         .collect();
     splats.positions = positions.into_flattened();
     splats.log_scales = sigmas.iter().flat_map(|s| [s.ln(); 2]).collect();
-    splats
-        .opacity_logits
-        .fill((OPACITY / (1.0 - OPACITY)).ln() as f32);
+    splats.opacity_logits.fill((OPACITY / (1.0 - OPACITY)).ln() as f32);
     let mut stream = Stream::new(options.seed, 4);
     splats.quaternions = (0..seeds.len()).flat_map(|_| quaternion(&mut stream)).collect();
     let coefficients = 3 * sh_coefficients(options.sh_degree);

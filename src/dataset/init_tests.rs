@@ -14,23 +14,14 @@ fn capture(scene: &Scene) -> Capture {
 }
 
 fn from(source: InitSource) -> InitOptions {
-    InitOptions {
-        source,
-        ..InitOptions::default()
-    }
+    InitOptions { source, ..InitOptions::default() }
 }
 
 #[test]
 fn points_become_splats_with_the_documented_parameters() {
     let mut scene = Scene::ring(5);
     // A square of side 2 and a point far away: spacing of a corner is (4 + 4 + 8) / 3.
-    let corners = [
-        [0., 0., 0.],
-        [2., 0., 0.],
-        [0., 2., 0.],
-        [2., 2., 0.],
-        [0., 0., 90.],
-    ];
+    let corners = [[0., 0., 0.], [2., 0., 0.], [0., 2., 0.], [2., 2., 0.], [0., 0., 90.]];
     scene.points = corners.map(|p| (p, [255, 0, 51])).to_vec();
     let capture = capture(&scene);
     let (model, report) = initial_model(&capture, &InitOptions::default()).unwrap();
@@ -45,15 +36,9 @@ fn points_become_splats_with_the_documented_parameters() {
         let sigma = f64::from(model.splats.log_scales[2 * index].exp());
         assert!((sigma * scale - (16.0_f64 / 3.0).sqrt()).abs() < 1e-4);
     }
-    assert_eq!(
-        model.splats.log_scales[8].exp(),
-        1.0,
-        "bounded by the cameras' extent"
-    );
+    assert_eq!(model.splats.log_scales[8].exp(), 1.0, "bounded by the cameras' extent");
     assert!((1.0 / (1.0 + (-model.splats.opacity_logits[0]).exp()) - 0.1).abs() < 1e-6);
-    let dc: Vec<f64> = (0..3)
-        .map(|c| 0.5 + 0.282_094_79 * f64::from(model.splats.sh[c]))
-        .collect();
+    let dc: Vec<f64> = (0..3).map(|c| 0.5 + 0.282_094_79 * f64::from(model.splats.sh[c])).collect();
     assert!((dc[0] - 1.0).abs() + dc[1].abs() + (dc[2] - 0.2).abs() < 1e-6);
     assert!(model.splats.sh[3..48].iter().all(|&v| v == 0.0));
     let map = &model.textures.maps[0];
@@ -65,11 +50,7 @@ fn points_become_splats_with_the_documented_parameters() {
 
 #[test]
 fn untextured_models_have_empty_maps() {
-    let options = InitOptions {
-        texture: TexturePolicy::None,
-        sh_degree: 0,
-        ..InitOptions::default()
-    };
+    let options = InitOptions { texture: TexturePolicy::None, sh_degree: 0, ..InitOptions::default() };
     let (model, _) = initial_model(&capture(&Scene::ring(5)), &options).unwrap();
     assert_eq!((model.num_texels(), model.splats.sh.len()), (0, 60));
     assert!(model.textures.maps.iter().all(|m| m.rows == 0 && m.cols == 0));
@@ -85,10 +66,7 @@ fn unusable_points_are_left_out_and_counted() {
     let (model, report) = initial_model(&capture(&scene), &InitOptions::default()).unwrap();
     assert_eq!(model.num_splats(), 17);
     for code in ["points-at-camera", "points-not-finite", "points-duplicate"] {
-        assert!(
-            report.warnings.iter().any(|w| w.code == code && w.count == 1),
-            "{code}"
-        );
+        assert!(report.warnings.iter().any(|w| w.code == code && w.count == 1), "{code}");
     }
 }
 
@@ -96,11 +74,7 @@ fn unusable_points_are_left_out_and_counted() {
 fn thinning_keeps_the_order_and_depends_on_the_seed_only() {
     let capture = capture(&Scene::ring(5));
     let thin = |seed| {
-        let options = InitOptions {
-            max_points: 7,
-            seed,
-            ..InitOptions::default()
-        };
+        let options = InitOptions { max_points: 7, seed, ..InitOptions::default() };
         initial_model(&capture, &options).unwrap().0
     };
     assert_eq!(thin(1).num_splats(), 7);
@@ -118,9 +92,7 @@ fn random_points_lie_where_a_third_of_the_cameras_look() {
         let p = glam::DVec3::new(p[0].into(), p[1].into(), p[2].into());
         let seen = train.iter().filter(|&&v| {
             let camera = capture.views[v].camera;
-            let at = camera
-                .pinhole
-                .project(camera.camera_from_local.transform_point(p));
+            let at = camera.pinhole.project(camera.camera_from_local.transform_point(p));
             at.is_some_and(|at| at.x >= 0.0 && at.y >= 0.0 && at.x <= 12.0 && at.y <= 8.0)
         });
         assert!(3 * seen.count() >= train.len());
@@ -141,13 +113,7 @@ fn cameras_that_look_the_same_way_get_points_along_their_rays() {
     let (model, report) = initial_model(&capture, &InitOptions::default()).unwrap();
     assert_eq!(model.num_splats(), 20_000);
     assert_eq!(report.warnings[0].code, "random-start");
-    assert!(
-        model
-            .splats
-            .positions
-            .chunks_exact(3)
-            .all(|p| p[2] > 0.49 && p[2] < 20.1)
-    );
+    assert!(model.splats.positions.chunks_exact(3).all(|p| p[2] > 0.49 && p[2] < 20.1));
     let sfm = initial_model(&capture, &from(InitSource::Sfm));
     assert!(matches!(sfm, Err(Error::InvalidInput { .. })));
 }

@@ -21,11 +21,8 @@ type Best = [f32; NEIGHBOURS];
 
 impl<'a> Tree<'a> {
     fn new(points: &'a [[f32; 3]]) -> Self {
-        let mut tree = Self {
-            points,
-            order: (0..points.len() as u32).collect(),
-            axes: vec![0; points.len()],
-        };
+        let mut tree =
+            Self { points, order: (0..points.len() as u32).collect(), axes: vec![0; points.len()] };
         let mut order = std::mem::take(&mut tree.order);
         split(points, &mut order, &mut tree.axes);
         tree.order = order;
@@ -35,9 +32,7 @@ impl<'a> Tree<'a> {
     fn search(&self, range: std::ops::Range<usize>, own: u32, best: &mut Best) {
         let query = self.points[own as usize];
         if range.len() <= LEAF {
-            self.order[range]
-                .iter()
-                .for_each(|&other| self.visit(own, other, best));
+            self.order[range].iter().for_each(|&other| self.visit(own, other, best));
             return;
         }
         let middle = range.start + range.len() / 2;
@@ -46,11 +41,7 @@ impl<'a> Tree<'a> {
         self.visit(own, pivot, best);
         let offset = query[axis] - self.points[pivot as usize][axis];
         let (lower, upper) = (range.start..middle, middle + 1..range.end);
-        let (near, far) = if offset < 0.0 {
-            (lower, upper)
-        } else {
-            (upper, lower)
-        };
+        let (near, far) = if offset < 0.0 { (lower, upper) } else { (upper, lower) };
         self.search(near, own, best);
         if offset * offset < best[NEIGHBOURS - 1] {
             self.search(far, own, best);
@@ -145,11 +136,7 @@ mod tests {
     fn spacing_matches_comparing_all_pairs() {
         for (count, levels) in [(0, 9), (1, 9), (2, 9), (3, 9), (500, 10_000), (500, 4), (300, 1)] {
             let points = cloud(count, levels);
-            assert_eq!(
-                mean_squared_spacing(&points),
-                brute_force(&points),
-                "{count} {levels}"
-            );
+            assert_eq!(mean_squared_spacing(&points), brute_force(&points), "{count} {levels}");
         }
     }
 }

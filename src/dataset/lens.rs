@@ -128,10 +128,7 @@ mod tests {
 
     #[test]
     fn distortion_matches_the_opencv_formulas_term_by_term() {
-        let d = Distortion::Radial {
-            k: [0.1, 0.0, 0.0, 0.0, 0.0, 0.0],
-            p: [0.01, 0.02],
-        };
+        let d = Distortion::Radial { k: [0.1, 0.0, 0.0, 0.0, 0.0, 0.0], p: [0.01, 0.02] };
         let got = d.distort(DVec2::new(0.5, -0.25));
         let r2 = 0.3125;
         let x = 0.5 * (1.0 + 0.1 * r2) + 2.0 * 0.01 * 0.5 * -0.25 + 0.02 * (r2 + 2.0 * 0.25);
@@ -144,10 +141,7 @@ mod tests {
 
     #[test]
     fn strong_barrel_distortion_is_valid_only_up_to_its_fold() {
-        let d = Distortion::Radial {
-            k: [-0.3, 0.0, 0.0, 0.0, 0.0, 0.0],
-            p: [0.0; 2],
-        };
+        let d = Distortion::Radial { k: [-0.3, 0.0, 0.0, 0.0, 0.0, 0.0], p: [0.0; 2] };
         let fold = (1.0_f64 / 0.9).sqrt();
         assert!((d.monotonic_radius(3.0) - fold).abs() < 2e-3);
         assert_eq!(d.monotonic_radius(1.0), 1.0);

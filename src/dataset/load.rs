@@ -22,20 +22,15 @@ pub(crate) fn load(path: &Path, options: &LoadOptions) -> Result<Capture> {
     }
     let unpacked = zipped::unpack(path)?;
     let mut capture = load_folder(&unpacked.root(), options)?;
-    capture.name = path
-        .with_extension("")
-        .file_name()
-        .map_or(capture.name, |n| n.to_string_lossy().into_owned());
+    capture.name =
+        path.with_extension("").file_name().map_or(capture.name, |n| n.to_string_lossy().into_owned());
     capture._unpacked = Some(unpacked);
     Ok(capture)
 }
 
 fn load_folder(path: &Path, options: &LoadOptions) -> Result<Capture> {
     if !path.exists() {
-        return Err(Error::invalid(
-            path,
-            "no such file or folder; expected the folder of a capture",
-        ));
+        return Err(Error::invalid(path, "no such file or folder; expected the folder of a capture"));
     }
     let mut report = Report::default();
     let (root, mut source) = read(path, options, &mut report)?;
@@ -64,11 +59,8 @@ fn load_folder(path: &Path, options: &LoadOptions) -> Result<Capture> {
             ),
         ));
     }
-    let recipes: Vec<Recipe> = source
-        .views
-        .par_iter()
-        .map(|view| recipe(view, options))
-        .collect::<Result<_>>()?;
+    let recipes: Vec<Recipe> =
+        source.views.par_iter().map(|view| recipe(view, options)).collect::<Result<_>>()?;
     let views = source
         .views
         .iter()
@@ -114,27 +106,21 @@ fn check(options: &LoadOptions) -> Result<()> {
         ));
     }
     if let Some(bad) = options.background.iter().find(|b| !(0.0..=1.0).contains(*b)) {
-        return Err(Error::Usage(format!(
-            "background holds {bad}; expected numbers from 0 to 1"
-        )));
+        return Err(Error::Usage(format!("background holds {bad}; expected numbers from 0 to 1")));
     }
     Ok(())
 }
 
 fn name_of(root: &Path) -> String {
     let resolved = root.canonicalize().unwrap_or_else(|_| root.to_owned());
-    resolved
-        .file_name()
-        .map_or_else(|| "capture".to_owned(), |n| n.to_string_lossy().into_owned())
+    resolved.file_name().map_or_else(|| "capture".to_owned(), |n| n.to_string_lossy().into_owned())
 }
 
 /// Finds and reads the poses; the capture's folder and what it describes.
 fn read(path: &Path, options: &LoadOptions, report: &mut Report) -> Result<(PathBuf, Source)> {
     let images = |root: &Path| {
         let folder = options.images.as_ref();
-        folder
-            .map(|f| PictureFolder::given(root, f, "--images"))
-            .transpose()
+        folder.map(|f| PictureFolder::given(root, f, "--images")).transpose()
     };
     if path.is_file() {
         if path.extension().is_none_or(|e| e != "json") {
@@ -155,10 +141,7 @@ fn read(path: &Path, options: &LoadOptions, report: &mut Report) -> Result<(Path
     }
     let files = transforms::find_files(path);
     if wants(CaptureFormat::Transforms) && !files.is_empty() {
-        return Ok((
-            path.to_owned(),
-            transforms::read(path, &files, images(path)?.as_ref())?,
-        ));
+        return Ok((path.to_owned(), transforms::read(path, &files, images(path)?.as_ref())?));
     }
     if wants(CaptureFormat::RealityCapture)
         && let Some(file) = reality_capture::find_file(path)
@@ -178,10 +161,7 @@ fn read(path: &Path, options: &LoadOptions, report: &mut Report) -> Result<(Path
         }
         None => "a COLMAP model (sparse/0/cameras.bin or .txt), transforms.json or RealityCapture's .csv",
     };
-    Err(Error::invalid(
-        path,
-        format!("no poses found; expected {expected} here"),
-    ))
+    Err(Error::invalid(path, format!("no poses found; expected {expected} here")))
 }
 
 /// If the user named the sparse model itself, the capture is the folder around it.
@@ -207,9 +187,7 @@ fn capture_root(path: &Path) -> PathBuf {
 /// Sorts the views; a view that occurs on both sides of the split is held out.
 fn sort_by_name(source: &mut Source) -> Result<()> {
     let is_test = |v: &SourceView| v.split == Some(Split::Test);
-    source
-        .views
-        .sort_by(|a, b| a.name.cmp(&b.name).then(is_test(b).cmp(&is_test(a))));
+    source.views.sort_by(|a, b| a.name.cmp(&b.name).then(is_test(b).cmp(&is_test(a))));
     let mut twice = None;
     source.views.dedup_by(|later, first| {
         let same = later.name == first.name;
@@ -237,10 +215,7 @@ fn picture_folder(root: &Path, source: &Source, options: &LoadOptions) -> Result
         return Ok(PictureFolder::at(&images));
     }
     let beside = PictureFolder::at(root);
-    let found = source
-        .views
-        .iter()
-        .any(|v| v.picture.is_some() || beside.find(&v.name).is_some());
+    let found = source.views.iter().any(|v| v.picture.is_some() || beside.find(&v.name).is_some());
     if found {
         return Ok(beside);
     }
@@ -300,21 +275,15 @@ fn find_pictures(source: &mut Source, folder: &PictureFolder, report: &mut Repor
 fn find_masks(root: &Path, source: &mut Source, options: &LoadOptions, report: &mut Report) -> Result<()> {
     let folder = match &options.masks {
         Some(folder) => Some(PictureFolder::given(root, folder, "--masks")?),
-        None => Some(root.join("masks"))
-            .filter(|p| p.is_dir())
-            .map(|p| PictureFolder::at(&p)),
+        None => Some(root.join("masks")).filter(|p| p.is_dir()).map(|p| PictureFolder::at(&p)),
     };
     if let Some(folder) = folder {
         for view in &mut source.views {
             let found = folder.find_mask(&view.name);
             view.mask = found.or(view.mask.take());
         }
-        let without: Vec<&str> = source
-            .views
-            .iter()
-            .filter(|v| v.mask.is_none())
-            .map(|v| v.name.as_str())
-            .collect();
+        let without: Vec<&str> =
+            source.views.iter().filter(|v| v.mask.is_none()).map(|v| v.name.as_str()).collect();
         if !without.is_empty() {
             report.warn(
                 "views-without-mask",

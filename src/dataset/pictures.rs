@@ -21,9 +21,7 @@ pub(crate) struct PictureFolder {
 
 impl PictureFolder {
     pub fn at(path: &Path) -> Self {
-        Self {
-            path: path.to_owned(),
-        }
+        Self { path: path.to_owned() }
     }
 
     pub fn path(&self) -> &Path {
@@ -97,10 +95,9 @@ pub(crate) fn open(path: &Path) -> Result<ImageReader<BufReader<File>>> {
 pub(crate) fn image_error(path: &Path, error: image::ImageError) -> Error {
     match error {
         image::ImageError::IoError(e) if e.kind() != std::io::ErrorKind::UnexpectedEof => Error::io(path, e),
-        image::ImageError::Unsupported(e) => Error::unsupported(
-            path,
-            format!("{e}; pictures must be PNG, JPEG or EXR: convert this one"),
-        ),
+        image::ImageError::Unsupported(e) => {
+            Error::unsupported(path, format!("{e}; pictures must be PNG, JPEG or EXR: convert this one"))
+        }
         e => Error::invalid(
             path,
             format!("unreadable picture: {e}; expected PNG, JPEG or EXR: replace the file or remove it"),
@@ -129,10 +126,7 @@ pub(crate) fn picture_size(path: &Path) -> Result<(u32, u32)> {
 
 /// Whether a picture is the camera's picture or a scaled copy: sizes that were rounded either way fit.
 fn same_shape((width, height): (u32, u32), lens: &Lens) -> bool {
-    let camera = (
-        f64::from(lens.pinhole.width_px),
-        f64::from(lens.pinhole.height_px),
-    );
+    let camera = (f64::from(lens.pinhole.width_px), f64::from(lens.pinhole.height_px));
     let (width, height) = (f64::from(width), f64::from(height));
     // Scaled by the longer side, whose rounding matters least.
     if camera.0 >= camera.1 {
@@ -189,14 +183,7 @@ mod tests {
 
     fn lens(width_px: u32, height_px: u32) -> Lens {
         Lens {
-            pinhole: Pinhole {
-                width_px,
-                height_px,
-                fx_px: 1.0,
-                fy_px: 1.0,
-                cx_px: 0.0,
-                cy_px: 0.0,
-            },
+            pinhole: Pinhole { width_px, height_px, fx_px: 1.0, fy_px: 1.0, cx_px: 0.0, cy_px: 0.0 },
             distortion: Distortion::None,
         }
     }

@@ -57,11 +57,8 @@ const SEEN_BY: f64 = 1.0 / 3.0;
 /// `count` points of the local frame in the views: in the region that the cameras look at together, or
 /// along random rays if there is none.
 pub(crate) fn points_in_views(capture: &Capture, count: usize, seed: u64) -> Vec<DVec3> {
-    let cameras: Vec<Camera> = capture
-        .indices(Split::Train)
-        .into_iter()
-        .map(|v| capture.views[v].camera)
-        .collect();
+    let cameras: Vec<Camera> =
+        capture.indices(Split::Train).into_iter().map(|v| capture.views[v].camera).collect();
     let mut stream = Stream::new(seed, 1);
     common_region(&cameras, count, &mut stream).unwrap_or_else(|| along_rays(&cameras, count, &mut stream))
 }
@@ -69,10 +66,7 @@ pub(crate) fn points_in_views(capture: &Capture, count: usize, seed: u64) -> Vec
 fn shows(camera: &Camera, point: DVec3) -> bool {
     let in_camera = camera.camera_from_local.transform_point(point);
     camera.pinhole.project(in_camera).is_some_and(|p| {
-        let (w, h) = (
-            f64::from(camera.pinhole.width_px),
-            f64::from(camera.pinhole.height_px),
-        );
+        let (w, h) = (f64::from(camera.pinhole.width_px), f64::from(camera.pinhole.height_px));
         p.x >= 0.0 && p.y >= 0.0 && p.x <= w && p.y <= h
     })
 }

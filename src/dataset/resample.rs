@@ -15,11 +15,7 @@ fn spans(source: usize, target: usize) -> Vec<Span> {
         .map(|index| {
             let begin = index as f64 * scale;
             // The last edge is the picture's, whatever rounding says.
-            let end = if index + 1 == target {
-                source as f64
-            } else {
-                (index + 1) as f64 * scale
-            };
+            let end = if index + 1 == target { source as f64 } else { (index + 1) as f64 * scale };
             let first = (begin.floor() as usize).min(source - 1);
             let last = (end.ceil() as usize).clamp(first + 1, source);
             let weights = (first..last)
@@ -133,11 +129,7 @@ mod tests {
         let want = reference(&pixels, source, target, channels);
         assert_eq!(got.len(), want.len());
         let last = want.len() - shift;
-        got[..last]
-            .iter()
-            .zip(&want[shift..])
-            .map(|(a, b)| (f64::from(*a) - b).abs())
-            .fold(0.0, f64::max)
+        got[..last].iter().zip(&want[shift..]).map(|(a, b)| (f64::from(*a) - b).abs()).fold(0.0, f64::max)
     }
 
     #[test]

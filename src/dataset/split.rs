@@ -11,16 +11,10 @@ use crate::{Error, Result};
 pub(crate) fn assign(views: &mut [SourceView], options: &LoadOptions) -> Result<Vec<Split>> {
     if let Some(list) = &options.test_list {
         let text = read_text(list)?;
-        let names: Vec<&str> = text
-            .lines()
-            .map(str::trim)
-            .filter(|l| !l.is_empty() && !l.starts_with('#'))
-            .collect();
-        let unknown: Vec<&str> = names
-            .iter()
-            .copied()
-            .filter(|n| !views.iter().any(|v| is_named(v, n)))
-            .collect();
+        let names: Vec<&str> =
+            text.lines().map(str::trim).filter(|l| !l.is_empty() && !l.starts_with('#')).collect();
+        let unknown: Vec<&str> =
+            names.iter().copied().filter(|n| !views.iter().any(|v| is_named(v, n))).collect();
         if !unknown.is_empty() {
             return Err(Error::invalid(
                 list,
@@ -31,18 +25,13 @@ pub(crate) fn assign(views: &mut [SourceView], options: &LoadOptions) -> Result<
                 ),
             ));
         }
-        return Ok(views
-            .iter()
-            .map(|v| side(names.iter().any(|n| is_named(v, n))))
-            .collect());
+        return Ok(views.iter().map(|v| side(names.iter().any(|n| is_named(v, n)))).collect());
     }
     if views.iter().any(|v| v.split.is_some()) {
         return Ok(views.iter().map(|v| v.split.unwrap_or(Split::Train)).collect());
     }
     let every = options.test_every;
-    Ok((0..views.len())
-        .map(|index| side(every > 0 && index % every == 0))
-        .collect())
+    Ok((0..views.len()).map(|index| side(every > 0 && index % every == 0)).collect())
 }
 
 fn side(is_test: bool) -> Split {

@@ -82,11 +82,7 @@ impl State {
             return;
         }
         while self.bytes + bytes > budget_bytes {
-            let oldest = self
-                .cached
-                .iter()
-                .min_by_key(|(_, c)| c.last_use)
-                .map(|(&v, _)| v);
+            let oldest = self.cached.iter().min_by_key(|(_, c)| c.last_use).map(|(&v, _)| v);
             match oldest {
                 Some(oldest) => self.remove(oldest),
                 None => break,
@@ -95,11 +91,7 @@ impl State {
         self.clock += 1;
         self.bytes += bytes;
         self.unused_bytes += if unused { bytes } else { 0 };
-        let cached = Cached {
-            image: Arc::clone(image),
-            last_use: self.clock,
-            unused,
-        };
+        let cached = Cached { image: Arc::clone(image), last_use: self.clock, unused };
         self.cached.insert(view, cached);
     }
 
@@ -162,8 +154,7 @@ impl Shared {
             let _mark = InFlight { shared: self, view };
             // Whoever asks for the view decodes it again and gets the error.
             if let Ok(image) = self.recipes[view].decode() {
-                self.lock()
-                    .insert(view, &Arc::new(image), true, self.budget_bytes);
+                self.lock().insert(view, &Arc::new(image), true, self.budget_bytes);
             }
         }
     }
@@ -237,12 +228,7 @@ impl Drop for ImageStore {
     fn drop(&mut self) {
         self.shared.lock().stopped = true;
         self.shared.work.notify_all();
-        for thread in self
-            .threads
-            .get_mut()
-            .unwrap_or_else(PoisonError::into_inner)
-            .drain(..)
-        {
+        for thread in self.threads.get_mut().unwrap_or_else(PoisonError::into_inner).drain(..) {
             // A panic there has already been paid for: the view was decoded in the foreground.
             let _ = thread.join();
         }
@@ -264,9 +250,7 @@ mod tests {
         let recipes = (0..count)
             .map(|i| {
                 let picture = folder.join(format!("{i}.png"));
-                image::RgbImage::from_pixel(SIDE, SIDE, image::Rgb([i; 3]))
-                    .save(&picture)
-                    .unwrap();
+                image::RgbImage::from_pixel(SIDE, SIDE, image::Rgb([i; 3])).save(&picture).unwrap();
                 Recipe {
                     picture,
                     picture_size: (SIDE, SIDE),

@@ -26,11 +26,7 @@ fn error(folder: &TempDir, options: &LoadOptions) -> String {
 }
 
 fn has_warning(capture: &Capture, code: &str, count: usize) -> bool {
-    capture
-        .report
-        .warnings
-        .iter()
-        .any(|w| w.code == code && w.count == count)
+    capture.report.warnings.iter().any(|w| w.code == code && w.count == count)
 }
 
 fn worst_camera_difference(a: &Capture, b: &Capture) -> f64 {
@@ -87,14 +83,8 @@ fn colmap_and_transforms_of_the_same_cameras_agree() {
     let folder = written(&scene);
     let colmap = load(&folder, &options());
     for picture_folder in ["images/", "./images/"] {
-        write_json(
-            folder.path().join("transforms.json"),
-            &scene.transforms(picture_folder),
-        );
-        let wanted = LoadOptions {
-            format: Some(CaptureFormat::Transforms),
-            ..options()
-        };
+        write_json(folder.path().join("transforms.json"), &scene.transforms(picture_folder));
+        let wanted = LoadOptions { format: Some(CaptureFormat::Transforms), ..options() };
         let transforms = load(&folder, &wanted);
         assert_eq!(transforms.format, CaptureFormat::Transforms);
         // Needed: 3e-16.
@@ -103,17 +93,10 @@ fn colmap_and_transforms_of_the_same_cameras_agree() {
         // Negative control: another capture differs.
         let mut moved = scene.clone();
         moved.images[4].camera_from_world.1.x += 1e-3;
-        write_json(
-            folder.path().join("transforms.json"),
-            &moved.transforms(picture_folder),
-        );
+        write_json(folder.path().join("transforms.json"), &moved.transforms(picture_folder));
         assert!(worst_camera_difference(&colmap, &load(&folder, &wanted)) > 1e-4);
     }
-    assert_eq!(
-        load(&folder, &options()).format,
-        CaptureFormat::Colmap,
-        "sparse wins"
-    );
+    assert_eq!(load(&folder, &options()).format, CaptureFormat::Colmap, "sparse wins");
 }
 
 #[test]
@@ -133,11 +116,7 @@ fn projections_survive_the_change_of_frame() {
             assert!((got.x - expected.0).abs() + (got.y - expected.1).abs() < 1e-9);
         }
     }
-    let farthest = capture
-        .views
-        .iter()
-        .map(|v| v.camera.centre_in_local().length())
-        .fold(0.0, f64::max);
+    let farthest = capture.views.iter().map(|v| v.camera.centre_in_local().length()).fold(0.0, f64::max);
     assert!((farthest * 1.1 - 1.0).abs() < 1e-12);
 }
 
@@ -146,30 +125,15 @@ fn intrinsics_follow_the_size_of_pictures_and_the_bound() {
     let scene = Scene::ring(3);
     let folder = written(&scene);
     scene.write_pictures(&folder.path().join("images_2"), (6, 4));
-    let scaled = LoadOptions {
-        images: Some("images_2".into()),
-        ..options()
-    };
+    let scaled = LoadOptions { images: Some("images_2".into()), ..options() };
     let camera = load(&folder, &scaled).views[0].camera.pinhole;
-    assert_eq!(
-        (camera.width_px, camera.height_px, camera.fx_px, camera.cy_px),
-        (6, 4, 5.0, 1.875)
-    );
-    let bounded = LoadOptions {
-        max_resolution: 3,
-        ..options()
-    };
+    assert_eq!((camera.width_px, camera.height_px, camera.fx_px, camera.cy_px), (6, 4, 5.0, 1.875));
+    let bounded = LoadOptions { max_resolution: 3, ..options() };
     let capture = load(&folder, &bounded);
     let camera = capture.views[0].camera.pinhole;
-    assert_eq!(
-        (camera.width_px, camera.height_px, camera.fx_px, camera.cx_px),
-        (3, 2, 2.5, 1.5625)
-    );
+    assert_eq!((camera.width_px, camera.height_px, camera.fx_px, camera.cx_px), (3, 2, 2.5, 1.5625));
     let photo = capture.target(0).unwrap();
-    assert_eq!(
-        (photo.width_px, photo.height_px, photo.rgb.len(), &photo.mask),
-        (3, 2, 18, &None)
-    );
+    assert_eq!((photo.width_px, photo.height_px, photo.rgb.len(), &photo.mask), (3, 2, 18, &None));
     // Columns 0 to 3 and rows 0 to 3 of the picture: means of 0, 20, 40, 60 and 0, 30, 60, 90.
     assert_eq!(photo.rgb[..2], [30, 45]);
 }
@@ -180,24 +144,14 @@ fn splits_follow_list_file_or_counting() {
     let folder = written(&scene);
     let tests = |o: &LoadOptions| load(&folder, o).indices(Split::Test);
     assert_eq!(tests(&options()), [0, 8, 16]);
-    assert!(
-        load(&folder, &options())
-            .views
-            .is_sorted_by_key(|v| v.name.clone())
-    );
-    let every = |test_every| LoadOptions {
-        test_every,
-        ..options()
-    };
+    assert!(load(&folder, &options()).views.is_sorted_by_key(|v| v.name.clone()));
+    let every = |test_every| LoadOptions { test_every, ..options() };
     assert_eq!(tests(&every(0)), [] as [usize; 0]);
     assert_eq!(tests(&every(5)), [0, 5, 10, 15]);
     assert!(error(&folder, &every(1)).contains("held out"));
     let list = folder.path().join("test.txt");
     std::fs::write(&list, "# held out\np03.png\n\np05\n").unwrap();
-    let listed = LoadOptions {
-        test_list: Some(list.clone()),
-        ..options()
-    };
+    let listed = LoadOptions { test_list: Some(list.clone()), ..options() };
     assert_eq!(tests(&listed), [2, 4]);
     std::fs::write(&list, "p99.png\n").unwrap();
     assert!(error(&folder, &listed).contains("\"p99.png\""));
@@ -208,10 +162,7 @@ fn blender_files_are_the_split_and_need_no_sizes_or_extensions() {
     let scene = Scene::ring(6);
     let folder = tempdir().unwrap();
     for (side, range) in [("train", 0..4), ("test", 4..6)] {
-        let part = Scene {
-            images: scene.images[range].to_vec(),
-            ..scene.clone()
-        };
+        let part = Scene { images: scene.images[range].to_vec(), ..scene.clone() };
         part.write_pictures(&folder.path().join(side), (10, 10));
         let mut json = part.transforms(&format!("./{side}/"));
         let fields = json.as_object_mut().unwrap();
@@ -220,11 +171,7 @@ fn blender_files_are_the_split_and_need_no_sizes_or_extensions() {
         }
         fields.insert("camera_angle_x".to_owned(), (2.0 * 0.5_f64.atan()).into());
         for frame in fields["frames"].as_array_mut().unwrap() {
-            let path = frame["file_path"]
-                .as_str()
-                .unwrap()
-                .trim_end_matches(".png")
-                .to_owned();
+            let path = frame["file_path"].as_str().unwrap().trim_end_matches(".png").to_owned();
             frame["file_path"] = path.into();
         }
         write_json(folder.path().join(format!("transforms_{side}.json")), &json);
@@ -251,10 +198,7 @@ fn transforms_take_points_frame_intrinsics_and_other_picture_folders() {
     let ply = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\n\
                property float z\nend_header\n0.5 0 0\n";
     std::fs::write(folder.path().join("points.ply"), ply).unwrap();
-    let other = LoadOptions {
-        images: Some("images_2".into()),
-        ..options()
-    };
+    let other = LoadOptions { images: Some("images_2".into()), ..options() };
     let capture = load(&folder, &other);
     let focal: Vec<f64> = capture.views.iter().map(|v| v.camera.pinhole.fx_px).collect();
     assert_eq!(focal, [5.0, 5.0, 10.0, 5.0]);
@@ -298,24 +242,14 @@ fn missing_pictures_are_skipped_and_counted_but_two_must_remain() {
     let capture = load(&folder, &options());
     assert_eq!(capture.views.len(), 3);
     assert!(has_warning(&capture, "frames-without-picture", 6));
-    let warning = capture
-        .report
-        .warnings
-        .iter()
-        .find(|w| w.code == "frames-without-picture");
+    let warning = capture.report.warnings.iter().find(|w| w.code == "frames-without-picture");
     assert!(warning.unwrap().message.contains("\"p05.png\" and 1 more"));
-    assert_eq!(
-        capture.capture_from_local, before,
-        "the frame is that of all poses"
-    );
+    assert_eq!(capture.capture_from_local, before, "the frame is that of all poses");
     (7..=8).for_each(|i| std::fs::remove_file(picture(i)).unwrap());
     assert!(error(&folder, &options()).contains("at least two"));
     std::fs::remove_dir_all(folder.path().join("images")).unwrap();
     let message = error(&folder, &options());
-    assert!(
-        message.contains("--images") && message.contains("\"p01.png\""),
-        "{message}"
-    );
+    assert!(message.contains("--images") && message.contains("\"p01.png\""), "{message}");
 }
 
 #[test]
@@ -324,22 +258,11 @@ fn alpha_is_composited_before_averaging() {
     let folder = written(&scene);
     for image in &scene.images {
         let picture = image::RgbaImage::from_fn(12, 8, |x, _| {
-            image::Rgba(if x % 2 == 0 {
-                [200, 100, 0, 255]
-            } else {
-                [0, 0, 255, 0]
-            })
+            image::Rgba(if x % 2 == 0 { [200, 100, 0, 255] } else { [0, 0, 255, 0] })
         });
-        picture
-            .save(folder.path().join("images").join(&image.name))
-            .unwrap();
+        picture.save(folder.path().join("images").join(&image.name)).unwrap();
     }
-    let grey = LoadOptions {
-        background: [1.0, 0.0, 0.5],
-        max_resolution: 6,
-        test_every: 0,
-        ..options()
-    };
+    let grey = LoadOptions { background: [1.0, 0.0, 0.5], max_resolution: 6, test_every: 0, ..options() };
     let photo = load(&folder, &grey).target(0).unwrap();
     // Means of (200, 100, 0) and the background (255, 0, 127.5); the hidden blue must not show.
     assert_eq!(photo.rgb[..3], [228, 50, 64]);
@@ -356,30 +279,17 @@ fn masks_are_found_reduced_and_inverted() {
     mask.save(masks.join("p02.png.png")).unwrap();
     let white = image::GrayImage::from_pixel(12, 8, image::Luma([255]));
     white.save(masks.join("p03.png")).unwrap();
-    let bounded = LoadOptions {
-        max_resolution: 3,
-        ..options()
-    };
+    let bounded = LoadOptions { max_resolution: 3, ..options() };
     let capture = load(&folder, &bounded);
     assert!(has_warning(&capture, "views-without-mask", 1));
     // Column 1 covers pixels 4 to 7, of which 3 of 4 are white.
     let expected = Some([255, 255, 0].repeat(2));
     assert_eq!(capture.target(0).unwrap().mask, expected);
     assert_eq!(capture.target(1).unwrap().mask, expected);
-    assert_eq!(
-        capture.target(2).unwrap().mask,
-        None,
-        "all white counts everywhere"
-    );
+    assert_eq!(capture.target(2).unwrap().mask, None, "all white counts everywhere");
     assert_eq!(capture.target(3).unwrap().mask, None);
-    let inverted = LoadOptions {
-        mask_invert: true,
-        ..bounded
-    };
-    assert_eq!(
-        load(&folder, &inverted).target(0).unwrap().mask,
-        Some([0, 0, 255].repeat(2))
-    );
+    let inverted = LoadOptions { mask_invert: true, ..bounded };
+    assert_eq!(load(&folder, &inverted).target(0).unwrap().mask, Some([0, 0, 255].repeat(2)));
     image::GrayImage::new(8, 12).save(masks.join("p01.png")).unwrap();
     let message = load(&folder, &options()).target(0).unwrap_err().to_string();
     assert!(message.contains("size mismatch"), "{message}");
@@ -394,17 +304,8 @@ fn cameras_in_one_place_get_a_scale_and_a_warning() {
     }
     let capture = load(&written(&scene), &options());
     assert!(has_warning(&capture, "cameras-coincide", 3));
-    assert!(
-        (capture.capture_from_local.scale - 9.0).abs() < 0.5,
-        "{:?}",
-        capture.capture_from_local
-    );
-    assert!(
-        capture
-            .views
-            .iter()
-            .all(|v| v.camera.camera_from_local.translation.is_finite())
-    );
+    assert!((capture.capture_from_local.scale - 9.0).abs() < 0.5, "{:?}", capture.capture_from_local);
+    assert!(capture.views.iter().all(|v| v.camera.camera_from_local.translation.is_finite()));
 }
 
 #[test]
@@ -417,27 +318,15 @@ fn health_sees_collapsed_cameras_and_points_behind_them() {
     assert_eq!(health.coincident_cameras, 2);
     assert!(health.observations_behind_camera >= 2, "{health:?}");
     assert!(has_warning(&capture, "coincident-cameras", 2));
-    assert!(has_warning(
-        &capture,
-        "points-behind-cameras",
-        health.observations_behind_camera
-    ));
+    assert!(has_warning(&capture, "points-behind-cameras", health.observations_behind_camera));
     let sound = load(&written(&Scene::ring(6)), &options()).health.unwrap();
     assert_eq!(
-        (
-            sound.coincident_cameras,
-            sound.observations_behind_camera,
-            sound.cameras_far_off
-        ),
+        (sound.coincident_cameras, sound.observations_behind_camera, sound.cameras_far_off),
         (0, 0, 0)
     );
     let mut lost = Scene::ring(6);
     lost.images[4].camera_from_world.1 *= 30.0;
-    assert!(has_warning(
-        &load(&written(&lost), &options()),
-        "cameras-far-off",
-        1
-    ));
+    assert!(has_warning(&load(&written(&lost), &options()), "cameras-far-off", 1));
 }
 
 #[test]
@@ -452,30 +341,17 @@ fn near_is_half_the_depth_quantile_within_bounds() {
     }
     let capture = load(&written(&scene), &options());
     let expected = 0.5 * 0.1 / capture.capture_from_local.scale;
-    assert!(
-        (f64::from(capture.near) - expected).abs() < 1e-6,
-        "{} {expected}",
-        capture.near
-    );
+    assert!((f64::from(capture.near) - expected).abs() < 1e-6, "{} {expected}", capture.near);
 }
 
 #[test]
 fn wrong_options_are_usage_errors() {
     let folder = written(&Scene::ring(3));
     for wrong in [
-        LoadOptions {
-            max_resolution: 0,
-            ..options()
-        },
-        LoadOptions {
-            background: [0.0, f32::NAN, 0.0],
-            ..options()
-        },
+        LoadOptions { max_resolution: 0, ..options() },
+        LoadOptions { background: [0.0, f32::NAN, 0.0], ..options() },
     ] {
-        assert!(matches!(
-            Capture::load(folder.path(), &wrong),
-            Err(Error::Usage(_))
-        ));
+        assert!(matches!(Capture::load(folder.path(), &wrong), Err(Error::Usage(_))));
     }
 }
 
@@ -504,16 +380,10 @@ fn the_sample_is_a_sound_capture() {
     };
     let summary = write_sample(folder.path(), &small).unwrap();
     let capture = load(&folder, &options());
-    assert_eq!(
-        (capture.views.len(), capture.points.len()),
-        (summary.views, summary.points)
-    );
+    assert_eq!((capture.views.len(), capture.points.len()), (summary.views, summary.points));
     let health = capture.health.clone().unwrap();
     assert_eq!(health.observations, summary.observations);
-    assert_eq!(
-        (health.observations_behind_camera, health.coincident_cameras),
-        (0, 0)
-    );
+    assert_eq!((health.observations_behind_camera, health.coincident_cameras), (0, 0));
     let (model, report) = initial_model(&capture, &InitOptions::default()).unwrap();
     assert_eq!((model.num_splats(), report.warnings.len()), (summary.points, 0));
 }

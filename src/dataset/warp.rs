@@ -17,14 +17,8 @@ impl Warp {
         let c = &lens.pinhole;
         let corner = |x: f64, y: f64| c.direction_in_camera(DVec2::new(x, y)).truncate().length();
         let (w, h) = (f64::from(c.width_px), f64::from(c.height_px));
-        let farthest = corner(0.0, 0.0)
-            .max(corner(w, 0.0))
-            .max(corner(0.0, h))
-            .max(corner(w, h));
-        Self {
-            lens,
-            max_radius: lens.distortion.monotonic_radius(farthest),
-        }
+        let farthest = corner(0.0, 0.0).max(corner(w, 0.0)).max(corner(0.0, h)).max(corner(w, h));
+        Self { lens, max_radius: lens.distortion.monotonic_radius(farthest) }
     }
 
     /// Where pixel `(x, y)` of the pinhole picture lies in the distorted picture; `None` outside.

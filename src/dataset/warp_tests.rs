@@ -44,20 +44,11 @@ fn captured(model: (i32, &'static str), extra: &[f64], distortion: &Distortion, 
             let at = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
             image::Rgb(colour(undistort(distortion, (at - CENTRE_PX) / FOCAL_PX)))
         });
-        picture
-            .save(folder.path().join("images").join(&image.name))
-            .unwrap();
+        picture.save(folder.path().join("images").join(&image.name)).unwrap();
     }
-    let options = LoadOptions {
-        test_every: 0,
-        max_resolution: max,
-        ..LoadOptions::default()
-    };
+    let options = LoadOptions { test_every: 0, max_resolution: max, ..LoadOptions::default() };
     let capture = Capture::load(folder.path(), &options).unwrap();
-    assert_eq!(
-        capture.views[0].camera.pinhole.fx_px * 120.0 / f64::from(max),
-        FOCAL_PX
-    );
+    assert_eq!(capture.views[0].camera.pinhole.fx_px * 120.0 / f64::from(max), FOCAL_PX);
     TargetImage::clone(&capture.target(0).unwrap())
 }
 
@@ -93,45 +84,22 @@ fn radial(k: [f64; 6], p: [f64; 2]) -> Distortion {
 fn every_lens_model_is_undistorted_to_the_pinhole_picture() {
     let fisheye = |k| Distortion::Fisheye { k };
     let cases: [((i32, &str), &[f64], Distortion); 7] = [
-        (
-            (2, "SIMPLE_RADIAL"),
-            &[-0.15],
-            radial([-0.15, 0., 0., 0., 0., 0.], [0.; 2]),
-        ),
-        (
-            (3, "RADIAL"),
-            &[0.1, -0.05],
-            radial([0.1, -0.05, 0., 0., 0., 0.], [0.; 2]),
-        ),
-        (
-            (4, "OPENCV"),
-            &[-0.1, 0.02, 0.004, -0.003],
-            radial([-0.1, 0.02, 0., 0., 0., 0.], [0.004, -0.003]),
-        ),
+        ((2, "SIMPLE_RADIAL"), &[-0.15], radial([-0.15, 0., 0., 0., 0., 0.], [0.; 2])),
+        ((3, "RADIAL"), &[0.1, -0.05], radial([0.1, -0.05, 0., 0., 0., 0.], [0.; 2])),
+        ((4, "OPENCV"), &[-0.1, 0.02, 0.004, -0.003], radial([-0.1, 0.02, 0., 0., 0., 0.], [0.004, -0.003])),
         (
             (6, "FULL_OPENCV"),
             &[0.2, 0.05, 0.002, 0.001, 0.01, 0.3, 0.02, 0.01],
             radial([0.2, 0.05, 0.01, 0.3, 0.02, 0.01], [0.002, 0.001]),
         ),
-        (
-            (5, "OPENCV_FISHEYE"),
-            &[0.05, -0.02, 0.01, 0.0],
-            fisheye([0.05, -0.02, 0.01, 0.0]),
-        ),
+        ((5, "OPENCV_FISHEYE"), &[0.05, -0.02, 0.01, 0.0], fisheye([0.05, -0.02, 0.01, 0.0])),
         ((8, "SIMPLE_RADIAL_FISHEYE"), &[0.05], fisheye([0.05, 0., 0., 0.])),
-        (
-            (9, "RADIAL_FISHEYE"),
-            &[0.05, 0.02],
-            fisheye([0.05, 0.02, 0., 0.]),
-        ),
+        ((9, "RADIAL_FISHEYE"), &[0.05, 0.02], fisheye([0.05, 0.02, 0., 0.])),
     ];
     for (model, extra, distortion) in &cases {
         let (mean, worst, kept) = differences(&captured(*model, extra, distortion, 120));
         // Needed: mean 0.6, worst 3 (truncation of colours, bilinear sampling).
-        assert!(
-            mean < 1.0 && worst <= 4.0,
-            "{model:?}: mean {mean}, worst {worst}"
-        );
+        assert!(mean < 1.0 && worst <= 4.0, "{model:?}: mean {mean}, worst {worst}");
         assert!(kept > 0.9, "{model:?}: {kept}");
         // Negative control: the same pictures taken for a pinhole's.
         let (mean, ..) = differences(&captured((1, "PINHOLE"), &[], distortion, 120));

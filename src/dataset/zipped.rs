@@ -40,10 +40,7 @@ impl Unpacked {
                 Err(e) => return Err(Error::io(folder, e)),
             }
         }
-        Err(Error::invalid(
-            base,
-            "full of left-over folders litetex-*: remove them",
-        ))
+        Err(Error::invalid(base, "full of left-over folders litetex-*: remove them"))
     }
 
     /// The capture's folder: where the archive holds nothing but one folder, that one.
@@ -89,9 +86,7 @@ pub(crate) fn unpack(path: &Path) -> Result<Unpacked> {
     let unpacked = Unpacked::new()?;
     for index in 0..archive.len() {
         let element = format!("file {} of {}", index + 1, archive.len());
-        let mut entry = archive
-            .by_index(index)
-            .map_err(|e| our_error(path, &element, e))?;
+        let mut entry = archive.by_index(index).map_err(|e| our_error(path, &element, e))?;
         let Some(inside) = entry.enclosed_name() else {
             return Err(Error::invalid(
                 path,
@@ -155,24 +150,14 @@ mod tests {
             ("garden/sparse/0/points3D.bin", scene.points_bin()),
             ("garden/notes.md", b"not needed".to_vec()),
         ];
-        let names: Vec<String> = scene
-            .images
-            .iter()
-            .map(|i| format!("garden/images/{}", i.name))
-            .collect();
+        let names: Vec<String> = scene.images.iter().map(|i| format!("garden/images/{}", i.name)).collect();
         for (name, image) in names.iter().zip(&scene.images) {
-            files.push((
-                name,
-                std::fs::read(plain.join("images").join(&image.name)).unwrap(),
-            ));
+            files.push((name, std::fs::read(plain.join("images").join(&image.name)).unwrap()));
         }
         let archive = folder.path().join("garden.zip");
         zipped(&archive, &files);
         let options = LoadOptions::default();
-        let (a, b) = (
-            Capture::load(&plain, &options).unwrap(),
-            Capture::load(&archive, &options).unwrap(),
-        );
+        let (a, b) = (Capture::load(&plain, &options).unwrap(), Capture::load(&archive, &options).unwrap());
         assert_eq!(b.name, "garden");
         for view in 0..3 {
             assert_eq!(a.target(view).unwrap(), b.target(view).unwrap());
@@ -190,17 +175,8 @@ mod tests {
         let archive = folder.path().join("a.zip");
         zipped(&archive, &[("../escaped.txt", b"x".to_vec())]);
         assert!(unpack(&archive).err().unwrap().to_string().contains("outside"));
-        zipped(
-            &archive,
-            &[("zeros.bin", vec![0; ALWAYS_ALLOWED_BYTES as usize + 1])],
-        );
-        assert!(
-            unpack(&archive)
-                .err()
-                .unwrap()
-                .to_string()
-                .contains("times its own size")
-        );
+        zipped(&archive, &[("zeros.bin", vec![0; ALWAYS_ALLOWED_BYTES as usize + 1])]);
+        assert!(unpack(&archive).err().unwrap().to_string().contains("times its own size"));
         zipped(&archive, &[("a.bin", (0..=255).collect())]);
         let whole = std::fs::read(&archive).unwrap();
         for length in 0..whole.len() {

@@ -15,9 +15,8 @@ pub const ERROR_MAP_MAX: f64 = 0.25;
 pub fn error_map(rendered_rgb: &[f32], target: &TargetImage) -> Vec<u8> {
     let pair = PicturePair::new(rendered_rgb, target);
     // 766 possible sums: one table.
-    let colours: Vec<[u8; 3]> = (0..=3 * 255_u32)
-        .map(|sum| magma(f64::from(sum) / (3.0 * 255.0 * ERROR_MAP_MAX)))
-        .collect();
+    let colours: Vec<[u8; 3]> =
+        (0..=3 * 255_u32).map(|sum| magma(f64::from(sum) / (3.0 * 255.0 * ERROR_MAP_MAX))).collect();
     pair.rendered
         .chunks_exact(3)
         .zip(pair.target.chunks_exact(3))

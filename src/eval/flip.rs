@@ -11,12 +11,9 @@ pub fn mean_flip(pair: &PicturePair) -> f64 {
         return 0.0;
     }
     let picture = |rgb: &[u8]| nv_flip::FlipImageRgb8::with_data(width, height, rgb);
-    let errors = nv_flip::flip(
-        picture(&pair.target),
-        picture(&pair.rendered),
-        nv_flip::DEFAULT_PIXELS_PER_DEGREE,
-    )
-    .to_vec();
+    let errors =
+        nv_flip::flip(picture(&pair.target), picture(&pair.rendered), nv_flip::DEFAULT_PIXELS_PER_DEGREE)
+            .to_vec();
     let (mut sum, mut count) = (0.0, 0_u64);
     for (pixel, &error) in errors.iter().enumerate() {
         if pair.counts.as_ref().is_none_or(|c| c[pixel]) {

@@ -122,10 +122,7 @@ impl PicturePair {
 
 /// Clamps to [0, 1] and rounds to 8 bits, half up; NaN becomes 0.
 pub fn quantised(display_rgb: &[f32]) -> Vec<u8> {
-    display_rgb
-        .iter()
-        .map(|v| (v.clamp(0.0, 1.0) * 255.0).round() as u8)
-        .collect()
+    display_rgb.iter().map(|v| (v.clamp(0.0, 1.0) * 255.0).round() as u8).collect()
 }
 
 /// All figures of one rendered picture (display space, not clamped, `[height, width, 3]`).

@@ -15,12 +15,7 @@ pub fn psnr_from_mse(mse: f64) -> f64 {
 pub fn psnr(pair: &PicturePair) -> f64 {
     // Squares of code values are summed as integers: exact, so in any order the same.
     let (mut sum, mut pixels) = (0_u64, 0_u64);
-    for (pixel, (a, b)) in pair
-        .rendered
-        .chunks_exact(3)
-        .zip(pair.target.chunks_exact(3))
-        .enumerate()
-    {
+    for (pixel, (a, b)) in pair.rendered.chunks_exact(3).zip(pair.target.chunks_exact(3)).enumerate() {
         if pair.counts.as_ref().is_none_or(|c| c[pixel]) {
             pixels += 1;
             sum += (0..3).map(|c| u64::from(a[c].abs_diff(b[c])).pow(2)).sum::<u64>();

@@ -42,10 +42,7 @@ pub fn ssim(pair: &PicturePair) -> Ssim {
     }
     let mean = |(sum, count): (f64, u64), otherwise| if count == 0 { otherwise } else { sum / count as f64 };
     let zero_padded = mean(all, 1.0);
-    Ssim {
-        zero_padded,
-        valid: mean(valid, zero_padded),
-    }
+    Ssim { zero_padded, valid: mean(valid, zero_padded) }
 }
 
 /// Normalised taps of the window along one axis.
@@ -64,46 +61,34 @@ fn ssim_map(pair: &PicturePair, channel: usize) -> Vec<f64> {
     let (width, height) = (pair.width_px, pair.height_px);
     let taps = window();
     let plane = |picture: &[u8]| -> Vec<f64> {
-        picture[channel.min(picture.len())..]
-            .iter()
-            .step_by(3)
-            .map(|&v| f64::from(v) / 255.0)
-            .collect()
+        picture[channel.min(picture.len())..].iter().step_by(3).map(|&v| f64::from(v) / 255.0).collect()
     };
     let (x, y) = (plane(&pair.rendered), plane(&pair.target));
     // Rows blurred along x: E[x], E[y], E[x^2], E[y^2], E[xy]. `[height, width, 5]`
     let mut blurred = vec![[0.0; 5]; width * height];
-    blurred
-        .par_chunks_exact_mut(width.max(1))
-        .enumerate()
-        .for_each(|(row, out)| {
-            let (x, y) = (
-                &x[row * width..(row + 1) * width],
-                &y[row * width..(row + 1) * width],
-            );
-            for (column, sums) in out.iter_mut().enumerate() {
-                for (at, tap) in taps_within(&taps, column, width) {
-                    let (a, b) = (x[at], y[at]);
-                    for (sum, v) in sums.iter_mut().zip([a, b, a * a, b * b, a * b]) {
-                        *sum += tap * v;
-                    }
+    blurred.par_chunks_exact_mut(width.max(1)).enumerate().for_each(|(row, out)| {
+        let (x, y) = (&x[row * width..(row + 1) * width], &y[row * width..(row + 1) * width]);
+        for (column, sums) in out.iter_mut().enumerate() {
+            for (at, tap) in taps_within(&taps, column, width) {
+                let (a, b) = (x[at], y[at]);
+                for (sum, v) in sums.iter_mut().zip([a, b, a * a, b * b, a * b]) {
+                    *sum += tap * v;
                 }
             }
-        });
+        }
+    });
     let mut map = vec![0.0; width * height];
-    map.par_chunks_exact_mut(width.max(1))
-        .enumerate()
-        .for_each(|(row, out)| {
-            for (column, value) in out.iter_mut().enumerate() {
-                let mut sums = [0.0; 5];
-                for (at, tap) in taps_within(&taps, row, height) {
-                    for (sum, v) in sums.iter_mut().zip(blurred[at * width + column]) {
-                        *sum += tap * v;
-                    }
+    map.par_chunks_exact_mut(width.max(1)).enumerate().for_each(|(row, out)| {
+        for (column, value) in out.iter_mut().enumerate() {
+            let mut sums = [0.0; 5];
+            for (at, tap) in taps_within(&taps, row, height) {
+                for (sum, v) in sums.iter_mut().zip(blurred[at * width + column]) {
+                    *sum += tap * v;
                 }
-                *value = ssim_from_moments(sums);
             }
-        });
+            *value = ssim_from_moments(sums);
+        }
+    });
     map
 }
 

@@ -13,12 +13,7 @@ fn photo(width_px: u32, height_px: u32) -> TargetImage {
             })
         })
         .collect();
-    TargetImage {
-        width_px,
-        height_px,
-        rgb,
-        mask: None,
-    }
+    TargetImage { width_px, height_px, rgb, mask: None }
 }
 
 /// The photo with pseudo-random noise of the given amplitude.
@@ -55,10 +50,8 @@ fn identical_pictures_have_the_best_figures() {
 #[test]
 fn figures_get_worse_with_noise() {
     let photo = photo(40, 31);
-    let figures: Vec<_> = [0.0, 0.02, 0.05, 0.1, 0.3, 0.6]
-        .iter()
-        .map(|&a| quality_of("", &noisy(&photo, a), &photo))
-        .collect();
+    let figures: Vec<_> =
+        [0.0, 0.02, 0.05, 0.1, 0.3, 0.6].iter().map(|&a| quality_of("", &noisy(&photo, a), &photo)).collect();
     for pair in figures.windows(2) {
         assert!(pair[1].psnr < pair[0].psnr - 1.0);
         assert!(pair[1].grad_psnr < pair[0].grad_psnr - 1.0);
@@ -70,12 +63,7 @@ fn figures_get_worse_with_noise() {
 
 #[test]
 fn psnr_of_a_constant_difference_is_the_formula() {
-    let photo = TargetImage {
-        width_px: 5,
-        height_px: 4,
-        rgb: vec![100; 60],
-        mask: None,
-    };
+    let photo = TargetImage { width_px: 5, height_px: 4, rgb: vec![100; 60], mask: None };
     let rendered = vec![110.4 / 255.0; 60]; // rounds to 110
     let q = quality_of("", &rendered, &photo);
     // Needed 0.
@@ -85,12 +73,7 @@ fn psnr_of_a_constant_difference_is_the_formula() {
 
 #[test]
 fn clamp_and_rounding_come_first() {
-    let photo = TargetImage {
-        width_px: 2,
-        height_px: 1,
-        rgb: vec![255, 0, 128, 0, 255, 0],
-        mask: None,
-    };
+    let photo = TargetImage { width_px: 2, height_px: 1, rgb: vec![255, 0, 128, 0, 255, 0], mask: None };
     let rendered = [7.0, -3.0, 128.4 / 255.0, f32::NAN, 1.0019, -0.0];
     assert_eq!(quality_of("", &rendered, &photo).psnr, PSNR_CAP_DB);
 }
@@ -155,10 +138,8 @@ fn direct_ssim(pair: &PicturePair, sigma: f64) -> (f64, f64) {
                             continue;
                         }
                         let at = (3 * (v * w + u) + c) as usize;
-                        let (a, b) = (
-                            f64::from(pair.rendered[at]) / 255.0,
-                            f64::from(pair.target[at]) / 255.0,
-                        );
+                        let (a, b) =
+                            (f64::from(pair.rendered[at]) / 255.0, f64::from(pair.target[at]) / 255.0);
                         for (sum, q) in m.iter_mut().zip([a, b, a * a, b * b, a * b]) {
                             *sum += g(dx) * g(dy) / norm * q;
                         }
@@ -227,10 +208,8 @@ fn a_picture_of_which_nothing_counts_has_figures() {
 #[test]
 fn figures_of_a_set_are_means() {
     let photo = photo(17, 13);
-    let views = vec![
-        quality_of("a", &noisy(&photo, 0.1), &photo),
-        quality_of("b", &noisy(&photo, 0.4), &photo),
-    ];
+    let views =
+        vec![quality_of("a", &noisy(&photo, 0.1), &photo), quality_of("b", &noisy(&photo, 0.4), &photo)];
     let e = Evaluation::from_views(views.clone());
     assert_eq!(e.psnr, (views[0].psnr + views[1].psnr) / 2.0);
     assert_eq!(e.flip, (views[0].flip + views[1].flip) / 2.0);

@@ -63,15 +63,7 @@ pub struct LearningRates {
 impl LearningRates {
     /// In the order of the fields.
     pub fn to_array(&self) -> [f32; 7] {
-        [
-            self.position,
-            self.quaternion,
-            self.log_scale,
-            self.opacity,
-            self.sh_dc,
-            self.sh_rest,
-            self.texel,
-        ]
+        [self.position, self.quaternion, self.log_scale, self.opacity, self.sh_dc, self.sh_rest, self.texel]
     }
 
     /// From values in the order of the fields; missing ones are 0.

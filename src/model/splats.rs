@@ -37,13 +37,7 @@ pub enum SplatGroup {
 
 impl SplatGroup {
     /// All groups, in the order of their storage.
-    pub const ALL: [Self; 5] = [
-        Self::Position,
-        Self::Quaternion,
-        Self::LogScale,
-        Self::Opacity,
-        Self::Sh,
-    ];
+    pub const ALL: [Self; 5] = [Self::Position, Self::Quaternion, Self::LogScale, Self::Opacity, Self::Sh];
 
     /// Floats per splat.
     pub const fn width(self, sh_degree: u32) -> usize {

@@ -45,19 +45,11 @@ impl TexturePool {
         let mut offset_texels = 0_u32;
         let mut maps = Vec::new();
         for (rows, cols, texel_size) in extents {
-            maps.push(TextureMap {
-                offset_texels,
-                rows,
-                cols,
-                texel_size,
-            });
+            maps.push(TextureMap { offset_texels, rows, cols, texel_size });
             let count = u32::from(rows) * u32::from(cols);
             offset_texels = offset_texels.checked_add(count).expect("texel count fits u32");
         }
-        Self {
-            maps,
-            texels: vec![0.0; 3 * offset_texels as usize],
-        }
+        Self { maps, texels: vec![0.0; 3 * offset_texels as usize] }
     }
 
     /// Number of texels over all maps.

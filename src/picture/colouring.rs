@@ -5,11 +5,7 @@ use super::ramp::turbo;
 /// Depths between which a depth picture spends its colours: the 1 % and 99 % quantiles of those that
 /// are positive and finite; `None` if there is none.
 pub fn depth_range(depth: &[f32]) -> Option<(f32, f32)> {
-    let mut drawn: Vec<f32> = depth
-        .iter()
-        .copied()
-        .filter(|d| *d > 0.0 && d.is_finite())
-        .collect();
+    let mut drawn: Vec<f32> = depth.iter().copied().filter(|d| *d > 0.0 && d.is_finite()).collect();
     drawn.sort_unstable_by(f32::total_cmp);
     let last = drawn.len().checked_sub(1)?;
     let quantile = |q: f64| drawn[(q * last as f64).round() as usize];
@@ -25,27 +21,17 @@ fn nearness(depth: f32, (near, far): (f32, f32)) -> Option<f64> {
     let inverse = |d: f32| 1.0 / f64::from(d);
     let span = inverse(near) - inverse(far);
     // A flat scene is drawn in the middle.
-    Some(if span > 0.0 {
-        ((inverse(depth) - inverse(far)) / span).clamp(0.0, 1.0)
-    } else {
-        0.5
-    })
+    Some(if span > 0.0 { ((inverse(depth) - inverse(far)) / span).clamp(0.0, 1.0) } else { 0.5 })
 }
 
 /// Depths as grey: near is white, far is dark, nothing (0, negative, not finite) is black. `[n]`
 pub fn grey_from_depth(depth: &[f32], range: (f32, f32)) -> Vec<u8> {
-    depth
-        .iter()
-        .map(|&d| nearness(d, range).map_or(0, |v| (25.0 + 230.0 * v).round() as u8))
-        .collect()
+    depth.iter().map(|&d| nearness(d, range).map_or(0, |v| (25.0 + 230.0 * v).round() as u8)).collect()
 }
 
 /// Depths as turbo colours: near is red, far is blue, nothing is black. `[n, 3]`
 pub fn turbo_from_depth(depth: &[f32], range: (f32, f32)) -> Vec<u8> {
-    depth
-        .iter()
-        .flat_map(|&d| nearness(d, range).map_or([0; 3], turbo))
-        .collect()
+    depth.iter().flat_map(|&d| nearness(d, range).map_or([0; 3], turbo)).collect()
 }
 
 /// Normals in camera axes (x right, y down, z forward) as the usual normal map: red grows to the

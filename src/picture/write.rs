@@ -71,13 +71,9 @@ pub fn write_png(
         Channels::Rgba => ExtendedColorType::Rgba8,
     };
     let mut bytes = Vec::new();
-    png::PngEncoder::new_with_quality(
-        &mut bytes,
-        png::CompressionType::Default,
-        png::FilterType::Adaptive,
-    )
-    .write_image(values, width_px, height_px, colour)
-    .map_err(|e| Error::io(path, std::io::Error::other(e)))?;
+    png::PngEncoder::new_with_quality(&mut bytes, png::CompressionType::Default, png::FilterType::Adaptive)
+        .write_image(values, width_px, height_px, colour)
+        .map_err(|e| Error::io(path, std::io::Error::other(e)))?;
     write_atomically(path, &bytes)
 }
 
@@ -170,13 +166,7 @@ mod tests {
             for (c, &name) in channels.names().iter().enumerate() {
                 let plane = planes.iter().find(|p| p.name.eq(name)).unwrap();
                 let ours = values[c..].iter().step_by(channels.count());
-                assert!(
-                    plane
-                        .sample_data
-                        .values_as_f32()
-                        .map(f32::to_bits)
-                        .eq(ours.map(|v| v.to_bits()))
-                );
+                assert!(plane.sample_data.values_as_f32().map(f32::to_bits).eq(ours.map(|v| v.to_bits())));
             }
         }
         std::fs::remove_dir_all(dir).unwrap();

@@ -24,9 +24,5 @@ pub fn adam_skipped(state: (f64, f64, f64), rate: f64, step: u32, skipped: u32) 
     let ratio = BETA1 / BETA2.sqrt();
     let k = f64::from(skipped);
     let sum = ratio * (1.0 - ratio.powf(k)) / (1.0 - ratio);
-    (
-        p - rate * m_hat / (v_hat.sqrt() + EPSILON) * sum,
-        m * BETA1.powf(k),
-        v * BETA2.powf(k),
-    )
+    (p - rate * m_hat / (v_hat.sqrt() + EPSILON) * sum, m * BETA1.powf(k), v * BETA2.powf(k))
 }

@@ -31,10 +31,7 @@ pub fn pixel_bounds(p: &Projected, camera: &Camera, near: f64) -> Option<PixelBo
         return None;
     }
     let (low, high) = conic_box(p, camera, r2).or_else(|| clipped_box(p, camera, r2.sqrt(), near))?;
-    let (width, height) = (
-        f64::from(camera.pinhole.width_px),
-        f64::from(camera.pinhole.height_px),
-    );
+    let (width, height) = (f64::from(camera.pinhole.width_px), f64::from(camera.pinhole.height_px));
     // Pixel x is inside if its centre x + 0.5 is.
     let first = |v: f64, size: f64| (v - 0.5).ceil().clamp(0.0, size) as u32;
     let past = |v: f64, size: f64| ((v - 0.5).floor() + 1.0).clamp(0.0, size) as u32;
@@ -73,12 +70,7 @@ fn clipped_box(p: &Projected, camera: &Camera, r: f64, near: f64) -> Option<(DVe
     let [e_u, e_v, _] = p.axes_in_camera;
     let corner =
         |su: f64, sv: f64| p.centre_in_camera + e_u * (su * r * p.scales[0]) + e_v * (sv * r * p.scales[1]);
-    let quad = [
-        corner(-1.0, -1.0),
-        corner(1.0, -1.0),
-        corner(1.0, 1.0),
-        corner(-1.0, 1.0),
-    ];
+    let quad = [corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)];
     let mut low = DVec2::INFINITY;
     let mut high = DVec2::NEG_INFINITY;
     let mut add = |v: DVec3| {

@@ -21,15 +21,9 @@ pub fn image_loss(rgb: &[f64], target: &TargetImage, weights: &LossWeights) -> I
     let (w, h) = (target.width_px as usize, target.height_px as usize);
     let kept = |pixel: usize| target.mask.as_ref().is_none_or(|m| m[pixel] != 0);
     let y: Vec<f64> = target.rgb.iter().map(|&v| f64::from(v) / 255.0).collect();
-    let x: Vec<f64> = (0..rgb.len())
-        .map(|i| if kept(i / 3) { rgb[i] } else { y[i] })
-        .collect();
+    let x: Vec<f64> = (0..rgb.len()).map(|i| if kept(i / 3) { rgb[i] } else { y[i] }).collect();
     let count = (3 * w * h) as f64;
-    let (l1, dssim, mse) = (
-        f64::from(weights.l1),
-        f64::from(weights.dssim),
-        f64::from(weights.mse),
-    );
+    let (l1, dssim, mse) = (f64::from(weights.l1), f64::from(weights.dssim), f64::from(weights.mse));
     let mut values = LossValues::default();
     let mut gradient = vec![0.0; x.len()];
     let mut map = vec![0.0; w * h];
@@ -55,11 +49,7 @@ pub fn image_loss(rgb: &[f64], target: &TargetImage, weights: &LossWeights) -> I
             gradient[i] = 0.0;
         }
     }
-    ImageLoss {
-        values,
-        gradient,
-        map,
-    }
+    ImageLoss { values, gradient, map }
 }
 
 /// SSIM map of one channel and the derivative of its sum by `x`. `[height, width]`
@@ -86,14 +76,8 @@ fn ssim_channel(x: &[f64], y: &[f64], w: usize, h: usize) -> (Vec<f64>, Vec<f64>
         by_mean_xx[i] = -s / b2;
         by_mean_xy[i] = 2.0 * a1 / (b1 * b2);
     }
-    let (d1, d2, d3) = (
-        blur(&by_mean_x, w, h),
-        blur(&by_mean_xx, w, h),
-        blur(&by_mean_xy, w, h),
-    );
-    let by_x = (0..w * h)
-        .map(|i| d1[i] + 2.0 * x[i] * d2[i] + y[i] * d3[i])
-        .collect();
+    let (d1, d2, d3) = (blur(&by_mean_x, w, h), blur(&by_mean_xx, w, h), blur(&by_mean_xy, w, h));
+    let by_x = (0..w * h).map(|i| d1[i] + 2.0 * x[i] * d2[i] + y[i] * d3[i]).collect();
     (ssim, by_x)
 }
 
@@ -104,16 +88,12 @@ fn blur(values: &[f64], w: usize, h: usize) -> Vec<f64> {
     let mut rows = vec![0.0; w * h];
     for (i, out) in rows.iter_mut().enumerate() {
         let (x, y) = (i % w, i / w);
-        *out = (0..window.len())
-            .filter_map(|k| tap(x, k, w).map(|j| window[k] * values[y * w + j]))
-            .sum();
+        *out = (0..window.len()).filter_map(|k| tap(x, k, w).map(|j| window[k] * values[y * w + j])).sum();
     }
     let mut out = vec![0.0; w * h];
     for (i, out) in out.iter_mut().enumerate() {
         let (x, y) = (i % w, i / w);
-        *out = (0..window.len())
-            .filter_map(|k| tap(y, k, h).map(|j| window[k] * rows[j * w + x]))
-            .sum();
+        *out = (0..window.len()).filter_map(|k| tap(y, k, h).map(|j| window[k] * rows[j * w + x])).sum();
     }
     out
 }

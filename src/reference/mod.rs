@@ -79,13 +79,10 @@ pub fn gradients(
     weights: &LossWeights,
     settings: &Settings,
 ) -> Gradients {
-    let projected: Vec<Option<Projected>> = (0..params.len())
-        .map(|i| project(params, i, camera, settings))
-        .collect();
-    let visible: Vec<bool> = projected
-        .iter()
-        .map(|p| p.as_ref().is_some_and(|p| is_visible(p, camera, settings)))
-        .collect();
+    let projected: Vec<Option<Projected>> =
+        (0..params.len()).map(|i| project(params, i, camera, settings)).collect();
+    let visible: Vec<bool> =
+        projected.iter().map(|p| p.as_ref().is_some_and(|p| is_visible(p, camera, settings))).collect();
     let picture = raster_fwd(params, &projected, camera, settings);
     let image = image_loss(&picture.rgb, target, weights);
     let mut grad = params.zeros_like();
@@ -99,13 +96,7 @@ pub fn gradients(
     regularise(params, &visible, weights, &mut loss, &mut grad);
     loss.total = loss.l1 + loss.dssim + loss.mse + loss.opacity + loss.texture;
     let statistics = splat_grads.iter().map(|s| s.statistics).collect();
-    Gradients {
-        picture,
-        loss,
-        params: grad,
-        visible,
-        statistics,
-    }
+    Gradients { picture, loss, params: grad, visible, statistics }
 }
 
 /// Whether any pixel centre lies where alpha reaches 1/255, covered by others or not.

@@ -66,13 +66,9 @@ fn sh_bwd(
     settings: &Settings,
     grad: &mut Params,
 ) -> DVec3 {
-    let by_rgb = DVec3::from_array([0, 1, 2].map(|c| {
-        if projected.unclamped_rgb[c] > 0.0 {
-            screen.base_rgb[c]
-        } else {
-            0.0
-        }
-    }));
+    let by_rgb = DVec3::from_array(
+        [0, 1, 2].map(|c| if projected.unclamped_rgb[c] > 0.0 { screen.base_rgb[c] } else { 0.0 }),
+    );
     let offset = params.position(i) - camera.centre_in_local();
     let direction = offset.normalize();
     let basis = sh_basis(settings.sh_degree, direction);

@@ -73,23 +73,12 @@ fn sample_bwd(
 ) {
     let by_colour = DVec3::from_array([0, 1, 2].map(|c| {
         let raise = settings.colour_gradient == ColourGradient::Projected && by_colour_unmasked[c] < 0.0;
-        if sample.unclamped_rgb[c] > 0.0 || raise {
-            by_colour_unmasked[c]
-        } else {
-            0.0
-        }
+        if sample.unclamped_rgb[c] > 0.0 || raise { by_colour_unmasked[c] } else { 0.0 }
     }));
     s.base_rgb += by_colour;
     let by_texture_plane = texture_bwd(params, sample, by_colour, grad);
 
-    let Projected {
-        a,
-        b,
-        g,
-        scales,
-        opacity,
-        ..
-    } = p;
+    let Projected { a, b, g, scales, opacity, .. } = p;
     let hit = &sample.hit;
     let by_raw_alpha = by_alpha * hit.alpha_slope;
     s.opacity += hit.falloff * by_raw_alpha;

@@ -125,14 +125,7 @@ pub fn hit(p: &Projected, pixel_px: DVec2, settings: &Settings) -> Option<Hit> {
         AlphaCutoff::Hard => (raw, 1.0),
         AlphaCutoff::Smooth => smooth_alpha(raw),
     };
-    (alpha > 0.0).then_some(Hit {
-        offset_px,
-        denominator,
-        plane,
-        falloff,
-        alpha,
-        alpha_slope,
-    })
+    (alpha > 0.0).then_some(Hit { offset_px, denominator, plane, falloff, alpha, alpha_slope })
 }
 
 /// Alpha times a smooth step from 0 at 0.5/255 to 1 at 1.5/255, and its derivative.
@@ -156,10 +149,7 @@ pub fn raster_fwd(
         .filter_map(|(i, p)| p.as_ref().map(|p| ((p.depth as f32).to_bits(), i)))
         .collect();
     order.sort_unstable();
-    let (width_px, height_px) = (
-        camera.pinhole.width_px as usize,
-        camera.pinhole.height_px as usize,
-    );
+    let (width_px, height_px) = (camera.pinhole.width_px as usize, camera.pinhole.height_px as usize);
     let mut picture = Picture {
         width_px,
         height_px,
@@ -212,23 +202,13 @@ fn raster_pixel(
         depth += weight * p.depth / hit.denominator;
         let n = p.axes_in_camera[2];
         normal += weight * if n.dot(p.centre_in_camera) > 0.0 { -n } else { n };
-        samples.push(Sample {
-            splat,
-            hit,
-            transmittance_before: transmittance,
-            unclamped_rgb,
-            taps,
-        });
+        samples.push(Sample { splat, hit, transmittance_before: transmittance, unclamped_rgb, taps });
         transmittance = after;
     }
     rgb += DVec3::from_array(settings.background) * transmittance;
     picture.rgb.extend_from_slice(&rgb.to_array());
     picture.transmittance.push(transmittance);
-    picture.depth.push(if transmittance < 1.0 {
-        depth / (1.0 - transmittance)
-    } else {
-        0.0
-    });
+    picture.depth.push(if transmittance < 1.0 { depth / (1.0 - transmittance) } else { 0.0 });
     picture.normal.push(normal.normalize_or_zero());
     picture.samples.push(samples);
 }

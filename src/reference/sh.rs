@@ -54,11 +54,7 @@ pub fn sh_basis_derivative(degree: u32, d: DVec3) -> [DVec3; 16] {
             DVec3::new(6.0 * x * y, 3.0 * x * x - 3.0 * y * y, 0.0),
             DVec3::new(y * z, x * z, x * y),
             DVec3::new(-2.0 * x * y, 4.0 * z * z - x * x - 3.0 * y * y, 8.0 * y * z),
-            DVec3::new(
-                -6.0 * x * z,
-                -6.0 * y * z,
-                6.0 * z * z - 3.0 * x * x - 3.0 * y * y,
-            ),
+            DVec3::new(-6.0 * x * z, -6.0 * y * z, 6.0 * z * z - 3.0 * x * x - 3.0 * y * y),
             DVec3::new(4.0 * z * z - 3.0 * x * x - y * y, -2.0 * x * y, 8.0 * x * z),
             DVec3::new(2.0 * x * z, -2.0 * y * z, x * x - y * y),
             DVec3::new(3.0 * x * x - 3.0 * y * y, -6.0 * x * y, 0.0),

@@ -44,10 +44,7 @@ fn looking_at(position: DVec3, target: DVec3) -> RigidTransform {
     let right = DVec3::Y.cross(forward).normalize();
     let down = forward.cross(right);
     let rotation = DMat3::from_cols(right, down, forward).transpose();
-    RigidTransform {
-        rotation,
-        translation: -(rotation * position),
-    }
+    RigidTransform { rotation, translation: -(rotation * position) }
 }
 
 /// Poses on an arc in front of the scene, at three heights in turn, with jitter.
@@ -61,11 +58,8 @@ fn poses(options: &SampleOptions) -> Vec<RigidTransform> {
             let elevation = ([14.0, 44.0, 28.0][view % 3] + jitter(4.0)).to_radians();
             let radius = [1.75, 1.95, 1.45][view % 3] + jitter(0.12);
             let flat = radius * elevation.cos();
-            let from_centre = DVec3::new(
-                flat * azimuth.sin(),
-                -radius * elevation.sin(),
-                -flat * azimuth.cos(),
-            );
+            let from_centre =
+                DVec3::new(flat * azimuth.sin(), -radius * elevation.sin(), -flat * azimuth.cos());
             let target = CENTRE + DVec3::new(jitter(0.06), jitter(0.04), jitter(0.06));
             looking_at(CENTRE + from_centre, target)
         })
@@ -144,45 +138,25 @@ impl Capture {
                 camera_from_capture,
             })
             .collect();
-        Self {
-            options: options.clone(),
-            scene,
-            sparse: SparseModel {
-                pinhole,
-                images,
-                points,
-            },
-        }
+        Self { options: options.clone(), scene, sparse: SparseModel { pinhole, images, points } }
     }
 
     /// Picture of a view. `[height, width, 3]`
     pub fn picture(&self, view: usize) -> Vec<u8> {
         let pose = &self.sparse.images[view].camera_from_capture;
-        render::picture(
-            &self.scene,
-            &self.sparse.pinhole,
-            pose,
-            self.options.supersampling,
-        )
+        render::picture(&self.scene, &self.sparse.pinhole, pose, self.options.supersampling)
     }
 
     /// True depth of a view along the optical axis. `[height, width]`
     pub fn depth(&self, view: usize) -> Vec<f32> {
-        render::depth(
-            &self.scene,
-            &self.sparse.pinhole,
-            &self.sparse.images[view].camera_from_capture,
-        )
+        render::depth(&self.scene, &self.sparse.pinhole, &self.sparse.images[view].camera_from_capture)
     }
 
     /// Counts and errors.
     pub fn summary(&self) -> SampleSummary {
         let points = &self.sparse.points;
         let observations: usize = points.iter().map(|p| p.observations.len()).sum();
-        let error: f64 = points
-            .iter()
-            .map(|p| p.error_px * p.observations.len() as f64)
-            .sum();
+        let error: f64 = points.iter().map(|p| p.error_px * p.observations.len() as f64).sum();
         SampleSummary {
             views: self.sparse.images.len(),
             points: points.len(),

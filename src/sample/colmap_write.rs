@@ -143,9 +143,7 @@ impl SparseModel {
         for (index, (image, keypoints)) in self.images.iter().zip(&keypoints).enumerate() {
             let pose = pose_numbers(&image.camera_from_capture).map(|v| v.to_string());
             let _ = writeln!(images, "{} {} 1 {}", index + 1, pose.join(" "), image.name);
-            let places = keypoints
-                .iter()
-                .map(|(at, point)| format!("{} {} {}", at.x, at.y, point + 1));
+            let places = keypoints.iter().map(|(at, point)| format!("{} {} {}", at.x, at.y, point + 1));
             let _ = writeln!(images, "{}", places.collect::<Vec<_>>().join(" "));
         }
         let mut points =

@@ -34,10 +34,7 @@ pub fn text(line: &str, at: DVec2, dot: f64) -> bool {
     if x < 0.0 {
         return false;
     }
-    let glyph = line
-        .chars()
-        .nth((x / 6.0) as usize)
-        .and_then(|c| GLYPHS.iter().find(|g| g.0 == c));
+    let glyph = line.chars().nth((x / 6.0) as usize).and_then(|c| GLYPHS.iter().find(|g| g.0 == c));
     glyph.is_some_and(|(_, rows)| glyph_has_ink(rows, (x % 6.0) as i64, row))
 }
 
@@ -46,12 +43,7 @@ pub fn small_print(noise: &Noise, at: DVec2, dot: f64) -> bool {
     let (x, y) = ((at.x / dot).floor() as i64, (-at.y / dot).floor() as i64);
     let (letter, line) = (x.div_euclid(6), y.div_euclid(10));
     let draw = noise.cell(letter, line);
-    draw > 0.16
-        && glyph_has_ink(
-            &GLYPHS[(draw * 14.0) as usize % 14].1,
-            x.rem_euclid(6),
-            y.rem_euclid(10),
-        )
+    draw > 0.16 && glyph_has_ink(&GLYPHS[(draw * 14.0) as usize % 14].1, x.rem_euclid(6), y.rem_euclid(10))
 }
 
 #[cfg(test)]

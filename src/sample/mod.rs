@@ -112,13 +112,7 @@ pub fn write_sample(dir: &Path, options: &SampleOptions) -> Result<SampleSummary
     let (width_px, height_px) = (options.width_px, options.height_px);
     for (view, image) in capture.sparse.images.iter().enumerate() {
         let rgb = capture.picture(view);
-        write_png(
-            &images.join(&image.name),
-            width_px,
-            height_px,
-            Channels::Rgb,
-            &rgb,
-        )?;
+        write_png(&images.join(&image.name), width_px, height_px, Channels::Rgb, &rgb)?;
     }
     capture.sparse.write_binary(&sparse)?;
     if options.text {

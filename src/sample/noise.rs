@@ -11,9 +11,7 @@ pub struct Noise {
 impl Noise {
     /// Noise of a seed.
     pub fn new(seed: u64) -> Self {
-        Self {
-            seed: (seed ^ (seed >> 32)) as u32,
-        }
+        Self { seed: (seed ^ (seed >> 32)) as u32 }
     }
 
     /// Uniform in [0, 1) by cell.

@@ -17,11 +17,7 @@ const LIGHT_EDGE: f64 = 0.7;
 /// Radiance (linear) at a hit, lit by the light sample `sample` of `LIGHT_GRID^2`, times their number.
 fn radiance(scene: &Scene, hit: &Hit, sample: u32) -> DVec3 {
     let cell = |i: u32| (f64::from(i) + 0.5) / f64::from(LIGHT_GRID) - 0.5;
-    let place = DVec3::new(
-        cell(sample % LIGHT_GRID),
-        0.0,
-        cell(sample / LIGHT_GRID % LIGHT_GRID),
-    );
+    let place = DVec3::new(cell(sample % LIGHT_GRID), 0.0, cell(sample / LIGHT_GRID % LIGHT_GRID));
     let origin = hit.position + 1e-6 * hit.normal;
     let direction = LIGHT_CENTRE + LIGHT_EDGE * place - origin;
     let distance_squared = direction.length_squared();
@@ -43,17 +39,11 @@ fn radiance(scene: &Scene, hit: &Hit, sample: u32) -> DVec3 {
 /// Display-space value of a linear one, by the sRGB curve, clipped to [0, 1].
 pub fn display_from_linear(linear: f64) -> f64 {
     let v = linear.clamp(0.0, 1.0);
-    if v <= 0.003_130_8 {
-        12.92 * v
-    } else {
-        1.055 * v.powf(1.0 / 2.4) - 0.055
-    }
+    if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 }
 }
 
 fn rgb8(linear: DVec3) -> [u8; 3] {
-    linear
-        .to_array()
-        .map(|v| (display_from_linear(v) * 255.0).round() as u8)
+    linear.to_array().map(|v| (display_from_linear(v) * 255.0).round() as u8)
 }
 
 /// Colour of a surface point under the whole light, 8 bits, display space.
@@ -81,22 +71,20 @@ pub fn picture(
 ) -> Vec<u8> {
     let mut rgb = vec![0; 3 * pinhole.num_pixels()];
     let rays = f64::from(supersampling);
-    rgb.par_chunks_exact_mut(3 * pinhole.width_px as usize)
-        .enumerate()
-        .for_each(|(y, row)| {
-            for (x, pixel) in row.chunks_exact_mut(3).enumerate() {
-                let mut sum = DVec3::ZERO;
-                for sample in 0..supersampling * supersampling {
-                    let (i, j) = (sample % supersampling, sample / supersampling);
-                    let within = DVec2::new(f64::from(i) + 0.5, f64::from(j) + 0.5) / rays;
-                    let at = DVec2::new(x as f64, y as f64) + within;
-                    let hit = scene.cast(&ray_through(pinhole, camera_from_scene, at));
-                    // 7 is prime to 9: 3 x 3 rays of a pixel see every part of the light once.
-                    sum += radiance(scene, &hit, 7 * sample + (x + 2 * y) as u32 % 9);
-                }
-                pixel.copy_from_slice(&rgb8(sum / (rays * rays)));
+    rgb.par_chunks_exact_mut(3 * pinhole.width_px as usize).enumerate().for_each(|(y, row)| {
+        for (x, pixel) in row.chunks_exact_mut(3).enumerate() {
+            let mut sum = DVec3::ZERO;
+            for sample in 0..supersampling * supersampling {
+                let (i, j) = (sample % supersampling, sample / supersampling);
+                let within = DVec2::new(f64::from(i) + 0.5, f64::from(j) + 0.5) / rays;
+                let at = DVec2::new(x as f64, y as f64) + within;
+                let hit = scene.cast(&ray_through(pinhole, camera_from_scene, at));
+                // 7 is prime to 9: 3 x 3 rays of a pixel see every part of the light once.
+                sum += radiance(scene, &hit, 7 * sample + (x + 2 * y) as u32 % 9);
             }
-        });
+            pixel.copy_from_slice(&rgb8(sum / (rays * rays)));
+        }
+    });
     rgb
 }
 

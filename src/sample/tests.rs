@@ -55,17 +55,10 @@ fn same_options_give_the_same_bytes_for_any_number_of_threads() {
     // Negative control: another seed changes every picture.
     let other = sample("c", &SampleOptions { seed: 1, ..small() });
     let pictures = |files: &[(PathBuf, Vec<u8>)]| -> Vec<Vec<u8>> {
-        let png = files
-            .iter()
-            .filter(|f| f.0.extension().is_some_and(|e| e == "png"));
+        let png = files.iter().filter(|f| f.0.extension().is_some_and(|e| e == "png"));
         png.map(|f| f.1.clone()).collect()
     };
-    assert!(
-        pictures(&first)
-            .iter()
-            .zip(&pictures(&other))
-            .all(|(a, b)| a != b)
-    );
+    assert!(pictures(&first).iter().zip(&pictures(&other)).all(|(a, b)| a != b));
 }
 
 #[test]
@@ -82,10 +75,7 @@ fn binary_files_have_the_sizes_of_their_counts() {
     assert_eq!(size("cameras.bin"), 8 + 4 + 4 + 8 + 8 + 4 * 8);
     let per_image = 4 + 7 * 8 + 4 + "view_0000.png".len() + 1 + 8;
     assert_eq!(size("images.bin"), 8 + 6 * per_image + 24 * summary.observations);
-    assert_eq!(
-        size("points3D.bin"),
-        8 + 300 * (8 + 24 + 3 + 8 + 8) + 8 * summary.observations
-    );
+    assert_eq!(size("points3D.bin"), 8 + 300 * (8 + 24 + 3 + 8 + 8) + 8 * summary.observations);
 }
 
 #[test]
@@ -98,10 +88,8 @@ fn tracks_and_keypoints_agree() {
     // Point id of each keypoint of each picture.
     let images = text("images.txt");
     let lines: Vec<&str> = images.lines().filter(|l| !l.starts_with('#')).collect();
-    let keypoints: Vec<Vec<&str>> = lines
-        .chunks_exact(2)
-        .map(|l| l[1].split(' ').skip(2).step_by(3).collect())
-        .collect();
+    let keypoints: Vec<Vec<&str>> =
+        lines.chunks_exact(2).map(|l| l[1].split(' ').skip(2).step_by(3).collect()).collect();
     let mut observations = 0;
     for line in text("points3D.txt").lines().filter(|l| !l.starts_with('#')) {
         let fields: Vec<&str> = line.split(' ').collect();
@@ -117,11 +105,7 @@ fn tracks_and_keypoints_agree() {
 
 #[test]
 fn points_have_the_colour_of_the_pixels_where_they_are_seen() {
-    let options = SampleOptions {
-        width_px: 320,
-        height_px: 240,
-        ..small()
-    };
+    let options = SampleOptions { width_px: 320, height_px: 240, ..small() };
     let capture = Capture::new(&options);
     let pictures: Vec<_> = (0..options.views).map(|v| capture.picture(v)).collect();
     let differences = |shift_px: f64| -> Vec<u8> {
@@ -132,10 +116,7 @@ fn points_have_the_colour_of_the_pixels_where_they_are_seen() {
             .map(|(p, &(view, at))| {
                 let at = (at + DVec2::splat(shift_px)).clamp(DVec2::ZERO, DVec2::new(319.0, 239.0));
                 let pixel = 3 * (at.y as usize * 320 + at.x as usize);
-                (0..3)
-                    .map(|c| pictures[view][pixel + c].abs_diff(p.rgb[c]))
-                    .max()
-                    .unwrap()
+                (0..3).map(|c| pictures[view][pixel + c].abs_diff(p.rgb[c])).max().unwrap()
             })
             .collect();
         all.sort_unstable();
@@ -151,20 +132,14 @@ fn points_have_the_colour_of_the_pixels_where_they_are_seen() {
 
 #[test]
 fn depth_leads_back_to_the_points() {
-    let capture = Capture::new(&SampleOptions {
-        point_noise_m: 0.0,
-        ..small()
-    });
+    let capture = Capture::new(&SampleOptions { point_noise_m: 0.0, ..small() });
     let pinhole = capture.sparse.pinhole;
     let depths: Vec<_> = (0..6).map(|v| capture.depth(v)).collect();
     let (mut close, mut all) = (0, 0);
     for point in &capture.sparse.points {
         assert!(point.error_px < 1e-9);
         for &(view, at) in &point.observations {
-            let z = capture.sparse.images[view]
-                .camera_from_capture
-                .transform_point(point.position)
-                .z;
+            let z = capture.sparse.images[view].camera_from_capture.transform_point(point.position).z;
             let pixel = at.y as usize * pinhole.width_px as usize + at.x as usize;
             close += usize::from((f64::from(depths[view][pixel]) - z).abs() < 0.05 * z);
             all += 1;
@@ -179,29 +154,14 @@ fn odd_options_are_refused_or_work() {
     let dir = folder("odd");
     for bad in [
         SampleOptions { views: 1, ..small() },
-        SampleOptions {
-            width_px: 0,
-            ..small()
-        },
-        SampleOptions {
-            supersampling: 0,
-            ..small()
-        },
-        SampleOptions {
-            point_noise_m: f64::NAN,
-            ..small()
-        },
+        SampleOptions { width_px: 0, ..small() },
+        SampleOptions { supersampling: 0, ..small() },
+        SampleOptions { point_noise_m: f64::NAN, ..small() },
     ] {
         assert!(matches!(write_sample(&dir, &bad), Err(Error::Usage(_))));
     }
     assert!(!dir.exists());
-    let tiny = SampleOptions {
-        views: 2,
-        width_px: 1,
-        height_px: 1,
-        points: 0,
-        ..small()
-    };
+    let tiny = SampleOptions { views: 2, width_px: 1, height_px: 1, points: 0, ..small() };
     assert_eq!(write_sample(&dir, &tiny).unwrap().points, 0);
     std::fs::remove_dir_all(dir).unwrap();
 }

@@ -27,11 +27,7 @@ fn wood(noise: &Noise, at: DVec2, tone: f64) -> DVec3 {
     let pores = noise.value(DVec2::new(at.x * 210.0, at.y * 14.0));
     let light = DVec3::new(0.56, 0.32, 0.15) * (0.72 + 0.5 * tone);
     let dark = DVec3::new(0.25, 0.115, 0.045) * (0.8 + 0.4 * tone);
-    mix(
-        light,
-        dark,
-        0.62 * rings * warp + 0.45 * (pores - 0.45).max(0.0) * 2.0,
-    )
+    mix(light, dark, 0.62 * rings * warp + 0.45 * (pores - 0.45).max(0.0) * 2.0)
 }
 
 /// Floor: planks, and a checkered rug with borders in the middle.
@@ -45,18 +41,10 @@ pub fn floor(noise: &Noise, at: DVec2) -> DVec3 {
             DVec3::new(0.55, 0.42, 0.2)
         } else if inside < 0.09 {
             let zigzag = from_line(at.x + at.y, 0.06) > 0.015;
-            if zigzag {
-                DVec3::new(0.3, 0.03, 0.04)
-            } else {
-                DVec3::new(0.7, 0.6, 0.4)
-            }
+            if zigzag { DVec3::new(0.3, 0.03, 0.04) } else { DVec3::new(0.7, 0.6, 0.4) }
         } else if checker(at, 0.1) {
             let dot = (at - (at / 0.1).floor() * 0.1 - 0.05).length() < 0.018;
-            if dot {
-                DVec3::new(0.6, 0.2, 0.06)
-            } else {
-                DVec3::new(0.68, 0.62, 0.5)
-            }
+            if dot { DVec3::new(0.6, 0.2, 0.06) } else { DVec3::new(0.68, 0.62, 0.5) }
         } else {
             DVec3::new(0.05, 0.1, 0.22)
         };
@@ -76,11 +64,7 @@ pub fn back_wall(noise: &Noise, at: DVec2) -> DVec3 {
     let poster = at - DVec2::new(0.0, -0.28);
     let inside = (DVec2::new(0.78, 0.46) - poster.abs()).min_element();
     if inside > 0.0 {
-        return if inside < 0.035 {
-            DVec3::splat(0.03)
-        } else {
-            poster_face(noise, poster)
-        };
+        return if inside < 0.035 { DVec3::splat(0.03) } else { poster_face(noise, poster) };
     }
     let course = (at.y / 0.085).floor();
     let x = at.x + if course.rem_euclid(2.0) < 0.5 { 0.0 } else { 0.12 };
@@ -163,11 +147,7 @@ pub fn crate_face(noise: &Noise, at: DVec2, half: DVec2) -> DVec3 {
         let upright = half.x - at.x.abs() < 0.05;
         let nail = (at.abs() - (half - 0.025)).length() < 0.008;
         let grain = if upright { at } else { DVec2::new(at.y, at.x) };
-        return if nail {
-            DVec3::splat(0.06)
-        } else {
-            wood(noise, grain + 31.0, 0.9)
-        };
+        return if nail { DVec3::splat(0.06) } else { wood(noise, grain + 31.0, 0.9) };
     }
     let slat = (at.y / 0.07).floor();
     let gap = from_line(at.y, 0.07) < 0.004 || edge < 0.055;
@@ -185,11 +165,7 @@ pub fn carton_face(noise: &Noise, at: DVec2, half: DVec2) -> DVec3 {
     if half.min_element() < 0.1 {
         // Narrow sides: the table of contents.
         let margin = (half - at.abs()).min_element() > 0.015;
-        return if margin && small_print(noise, at, 0.0045) {
-            DVec3::splat(0.04)
-        } else {
-            white
-        };
+        return if margin && small_print(noise, at, 0.0045) { DVec3::splat(0.04) } else { white };
     }
     if text("SPLATS", at - DVec2::new(0.0, 0.6 * half.y), 0.0072) {
         return white;
@@ -208,17 +184,9 @@ pub fn carton_face(noise: &Noise, at: DVec2, half: DVec2) -> DVec3 {
     }
     if relative.y < -0.72 {
         let print = relative.abs().max_element() < 0.93 && small_print(noise, at, 0.0042);
-        return if print {
-            DVec3::splat(0.05)
-        } else {
-            DVec3::new(0.85, 0.75, 0.3)
-        };
+        return if print { DVec3::splat(0.05) } else { DVec3::new(0.85, 0.75, 0.3) };
     }
-    mix(
-        DVec3::new(0.07, 0.22, 0.5),
-        DVec3::new(0.1, 0.42, 0.45),
-        0.5 + 0.5 * relative.y,
-    )
+    mix(DVec3::new(0.07, 0.22, 0.5), DVec3::new(0.1, 0.42, 0.45), 0.5 + 0.5 * relative.y)
 }
 
 /// A pile of books: covers above and below, pages at the sides.
@@ -259,11 +227,7 @@ pub fn globe(noise: &Noise, direction: DVec3) -> DVec3 {
     if latitude.abs() > 1.22 {
         DVec3::splat(0.8)
     } else if height > 0.52 {
-        mix(
-            DVec3::new(0.12, 0.32, 0.08),
-            DVec3::new(0.5, 0.33, 0.14),
-            (height - 0.52) * 7.0,
-        )
+        mix(DVec3::new(0.12, 0.32, 0.08), DVec3::new(0.5, 0.33, 0.14), (height - 0.52) * 7.0)
     } else if height > 0.5 {
         DVec3::new(0.7, 0.62, 0.38)
     } else {
@@ -296,10 +260,7 @@ mod tests {
                 book_face(&noise, small, half, false),
                 globe(&noise, direction),
             ] {
-                assert!(
-                    albedo.min_element() >= 0.0 && albedo.max_element() <= 1.0,
-                    "{at} {albedo}"
-                );
+                assert!(albedo.min_element() >= 0.0 && albedo.max_element() <= 1.0, "{at} {albedo}");
             }
         }
     }

@@ -93,22 +93,10 @@ pub fn random_scene(options: &SceneOptions) -> Scene {
         extents.push((rows, cols, 2.0 * half / f32::from(rows.max(cols).max(2) - 1)));
     }
     let mut textures = TexturePool::neutral(extents);
-    textures
-        .texels
-        .iter_mut()
-        .for_each(|t| *t = (1.5 * normal(&mut rng)) as f32);
-    let model = Model {
-        splats,
-        textures,
-        near: NEAR,
-        capture_from_local: Similarity::IDENTITY,
-    };
+    textures.texels.iter_mut().for_each(|t| *t = (1.5 * normal(&mut rng)) as f32);
+    let model = Model { splats, textures, near: NEAR, capture_from_local: Similarity::IDENTITY };
     let target = random_target(options, &mut rng);
-    Scene {
-        model,
-        camera,
-        target,
-    }
+    Scene { model, camera, target }
 }
 
 fn random_camera(options: &SceneOptions, rng: &mut Pcg64Mcg) -> Camera {
@@ -144,12 +132,7 @@ fn random_target(options: &SceneOptions, rng: &mut Pcg64Mcg) -> TargetImage {
             }
         }
     }
-    TargetImage {
-        width_px: options.width_px,
-        height_px: options.height_px,
-        rgb,
-        mask: None,
-    }
+    TargetImage { width_px: options.width_px, height_px: options.height_px, rgb, mask: None }
 }
 
 /// Standard normal variate (Box-Muller).

@@ -26,9 +26,7 @@ impl FromStr for TexturePolicy {
         let resolution = text.strip_prefix("fixed:").and_then(|r| r.parse().ok());
         match resolution {
             Some(r @ 2..=256) => Ok(Self::Fixed(r)),
-            _ => Err(format!(
-                "{text:?}: expected \"none\" or \"fixed:R\" with R from 2 to 256"
-            )),
+            _ => Err(format!("{text:?}: expected \"none\" or \"fixed:R\" with R from 2 to 256")),
         }
     }
 }
@@ -130,13 +128,7 @@ impl Default for TrainConfig {
             background: [0.0; 3],
             eval_every: 0,
             save_every: 0,
-            loss: LossWeights {
-                l1: 0.8,
-                dssim: 0.2,
-                mse: 0.0,
-                opacity: 0.01,
-                texture: 1e-8,
-            },
+            loss: LossWeights { l1: 0.8, dssim: 0.2, mse: 0.0, opacity: 0.01, texture: 1e-8 },
             rates: RateConfig::default(),
         }
     }

@@ -28,26 +28,17 @@ pub(super) fn revise_maps(model: &Model, policy: TexturePolicy) -> Option<Struct
         .iter()
         .enumerate()
         .map(|(i, map)| {
-            let half = support_half_extent(
-                [s.log_scales[2 * i], s.log_scales[2 * i + 1]],
-                s.opacity_logits[i],
-            );
+            let half =
+                support_half_extent([s.log_scales[2 * i], s.log_scales[2 * i + 1]], s.opacity_logits[i]);
             let wanted = 2.0 * half / (f64::from(resolution) - 1.0);
             let ratio = wanted / f64::from(map.texel_size);
             // A splat without support keeps its map: it may come back.
             if half <= 0.0 || (1.0 / TOLERATED..=TOLERATED).contains(&ratio) {
                 return MapChange::Keep;
             }
-            MapChange::Resample {
-                rows: resolution,
-                cols: resolution,
-                texel_size: wanted as f32,
-            }
+            MapChange::Resample { rows: resolution, cols: resolution, texel_size: wanted as f32 }
         })
         .collect();
     let changes = maps.iter().any(|m| *m != MapChange::Keep);
-    changes.then(|| StructurePlan {
-        sources: (0..maps.len() as u32).collect(),
-        maps,
-    })
+    changes.then(|| StructurePlan { sources: (0..maps.len() as u32).collect(), maps })
 }

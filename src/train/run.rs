@@ -40,22 +40,12 @@ pub fn train(
 ) -> Result<(TrainState, StopReason)> {
     let train_views = views.indices(Split::Train);
     if train_views.is_empty() {
-        return Err(Error::Usage(
-            "no training view: every view is held out; lower --test-every".into(),
-        ));
+        return Err(Error::Usage("no training view: every view is held out; lower --test-every".into()));
     }
     backend.upload(&start.model, &start.adam)?;
     let schedule = Schedule::new(config, train_views.len());
     let test_views = views.indices(Split::Test);
-    let mut run = Run {
-        config,
-        backend,
-        views,
-        train_views,
-        test_views,
-        schedule,
-        state: start,
-    };
+    let mut run = Run { config, backend, views, train_views, test_views, schedule, state: start };
     run.train(sink)
 }
 
@@ -77,10 +67,7 @@ struct Clock {
 
 impl Clock {
     fn start() -> Self {
-        Self {
-            wall: Instant::now(),
-            cpu_secs: process_cpu_secs(),
-        }
+        Self { wall: Instant::now(), cpu_secs: process_cpu_secs() }
     }
 }
 
@@ -98,10 +85,8 @@ impl Run<'_> {
             let clock = Clock::start();
             let control = self.step(&clock, sink)?;
             let step = self.state.step;
-            let out_of_time = self
-                .config
-                .max_time_secs
-                .is_some_and(|limit| self.state.history.train_wall_secs >= limit);
+            let out_of_time =
+                self.config.max_time_secs.is_some_and(|limit| self.state.history.train_wall_secs >= limit);
             if control == Control::Stop {
                 reason = StopReason::Consumer;
                 break;
@@ -185,12 +170,8 @@ impl Run<'_> {
             state.epoch_used = 0;
         }
         let at = state.epoch_used as usize;
-        let next: Vec<usize> = state.epoch_order[at..]
-            .iter()
-            .skip(1)
-            .take(PREFETCH_VIEWS)
-            .map(|&v| v as usize)
-            .collect();
+        let next: Vec<usize> =
+            state.epoch_order[at..].iter().skip(1).take(PREFETCH_VIEWS).map(|&v| v as usize).collect();
         self.views.prefetch(&next);
         state.epoch_used += 1;
         (state.epoch_order[at] as usize, true)
@@ -219,12 +200,7 @@ impl Run<'_> {
             texels: self.state.model.num_texels(),
         };
         self.state.history.curve.push(point.clone());
-        sink(TrainEvent::Evaluated {
-            step,
-            evaluation: &evaluation,
-            point: &point,
-            last,
-        })?;
+        sink(TrainEvent::Evaluated { step, evaluation: &evaluation, point: &point, last })?;
         Ok(())
     }
 

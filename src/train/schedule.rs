@@ -70,25 +70,15 @@ mod tests {
         let config = TrainConfig::default();
         let published = Schedule::new(&config, 300);
         assert_eq!(
-            (
-                published.sh_interval,
-                published.texture_start,
-                published.revision_interval
-            ),
+            (published.sh_interval, published.texture_start, published.revision_interval),
             (1_000, 1_000, 250)
         );
-        assert_eq!(
-            [1, 1_000, 1_001, 3_001, 9_000].map(|t| published.sh_degree(t, 3)),
-            [0, 0, 1, 3, 3]
-        );
+        assert_eq!([1, 1_000, 1_001, 3_001, 9_000].map(|t| published.sh_degree(t, 3)), [0, 0, 1, 3, 3]);
         let rates = published.rates(&config, 24_001);
         assert!((rates.position / config.rates.position_end - 1.0).abs() < 1e-5);
         assert_eq!(published.rates(&config, 999).texel, 0.0);
         let short = Schedule::new(&TrainConfig { steps: 300, ..config }, 43);
-        assert_eq!(
-            (short.sh_interval, short.texture_start, short.revision_interval),
-            (10, 10, 43)
-        );
+        assert_eq!((short.sh_interval, short.texture_start, short.revision_interval), (10, 10, 43));
         assert!(short.revises(43, 300) && !short.revises(300, 300) && !short.revises(44, 300));
     }
 }

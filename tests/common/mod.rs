@@ -20,13 +20,7 @@ pub struct Difference {
 pub fn compare(got: &[f32], expected: &[f64], limit: f64) -> Difference {
     assert_eq!(got.len(), expected.len());
     let largest = expected.iter().fold(1e-30_f64, |m, v| m.max(v.abs()));
-    let mut out = Difference {
-        entries: got.len(),
-        non_zero: 0,
-        rms: 0.0,
-        beyond: 0,
-        worst: 0.0,
-    };
+    let mut out = Difference { entries: got.len(), non_zero: 0, rms: 0.0, beyond: 0, worst: 0.0 };
     let (mut square, mut expected_square) = (0.0, 1e-60);
     for (g, e) in got.iter().zip(expected) {
         assert!(g.is_finite(), "not finite: {g}, expected {e}");

@@ -82,10 +82,7 @@ pub(super) struct Element {
 impl Element {
     /// Bytes of a binary row; `None` if there is a list.
     pub(super) fn row_bytes(&self) -> Option<usize> {
-        self.properties
-            .iter()
-            .map(|p| p.scalar.map(Scalar::num_bytes))
-            .sum()
+        self.properties.iter().map(|p| p.scalar.map(Scalar::num_bytes)).sum()
     }
 }
 
@@ -116,12 +113,8 @@ impl Header {
             return Err(Error::invalid(path, "does not begin with the line \"ply\""));
         }
         let mut encoding = None;
-        let mut header = Self {
-            encoding: Encoding::Ascii,
-            elements: Vec::new(),
-            comments: Vec::new(),
-            num_bytes: 0,
-        };
+        let mut header =
+            Self { encoding: Encoding::Ascii, elements: Vec::new(), comments: Vec::new(), num_bytes: 0 };
         for number in 2.. {
             let Some(line) = next_line(&mut rest) else {
                 return Err(Error::invalid(
@@ -161,10 +154,7 @@ impl Header {
                     if element.properties.iter().any(|p| p.name == *name) {
                         return Err(offence("a second property of this name"));
                     }
-                    element.properties.push(Property {
-                        name: (*name).to_owned(),
-                        scalar,
-                    });
+                    element.properties.push(Property { name: (*name).to_owned(), scalar });
                 }
                 [] | ["obj_info", ..] => {}
                 _ => return Err(offence("unknown keyword")),
@@ -181,10 +171,9 @@ fn parse_encoding(name: &str, path: &Path) -> Result<Encoding> {
     match name {
         "ascii" => Ok(Encoding::Ascii),
         "binary_little_endian" => Ok(Encoding::BinaryLittleEndian),
-        "binary_big_endian" => Err(Error::unsupported(
-            path,
-            "big-endian values; supported: binary_little_endian, ascii",
-        )),
+        "binary_big_endian" => {
+            Err(Error::unsupported(path, "big-endian values; supported: binary_little_endian, ascii"))
+        }
         _ => Err(Error::invalid(path, format!("unknown format {name:?}"))),
     }
 }

@@ -52,15 +52,10 @@ impl Columns {
                 )
             })
         };
-        let numbered = |name: &str| {
-            (0..)
-                .map_while(|i| index(&format!("{name}_{i}")))
-                .collect::<Vec<_>>()
-        };
+        let numbered = |name: &str| (0..).map_while(|i| index(&format!("{name}_{i}"))).collect::<Vec<_>>();
         let rest = numbered("f_rest");
-        let sh_degree = (0..=3)
-            .find(|&d| 3 * (num_sh_coefficients(d) - 1) == rest.len())
-            .ok_or_else(|| {
+        let sh_degree =
+            (0..=3).find(|&d| 3 * (num_sh_coefficients(d) - 1) == rest.len()).ok_or_else(|| {
                 Error::unsupported(
                     path,
                     format!("{} properties f_rest_*; supported: 0, 9, 24, 45", rest.len()),
@@ -75,12 +70,7 @@ impl Columns {
             sh_degree,
             opacity: required("opacity")?,
             scales,
-            rotation: [
-                required("rot_0")?,
-                required("rot_1")?,
-                required("rot_2")?,
-                required("rot_3")?,
-            ],
+            rotation: [required("rot_0")?, required("rot_1")?, required("rot_2")?, required("rot_3")?],
         })
     }
 }
@@ -104,17 +94,11 @@ pub fn decode_ply(bytes: &[u8], path: &Path) -> Result<PlyContents> {
         })
         .collect::<Result<_>>()?;
     if vertex.count > SPLATS_MAX {
-        return Err(Error::too_large(
-            path,
-            format!("{} splats, at most {SPLATS_MAX}", vertex.count),
-        ));
+        return Err(Error::too_large(path, format!("{} splats, at most {SPLATS_MAX}", vertex.count)));
     }
     let columns = Columns::find(vertex, path)?;
     let mut contents = PlyContents {
-        asset: SplatAsset {
-            sh_degree: columns.sh_degree,
-            ..SplatAsset::default()
-        },
+        asset: SplatAsset { sh_degree: columns.sh_degree, ..SplatAsset::default() },
         is_surfel: columns.scales.len() == 2,
         num_thick: 0,
         comments: header.comments.clone(),
@@ -151,10 +135,7 @@ fn binary_rows<'a>(
     let mut skipped = 0_usize;
     for element in before {
         let row = element.row_bytes().ok_or_else(|| {
-            Error::unsupported(
-                path,
-                format!("lists in element {:?} before \"vertex\"", element.name),
-            )
+            Error::unsupported(path, format!("lists in element {:?} before \"vertex\"", element.name))
         })?;
         skipped = row
             .checked_mul(element.count)
@@ -198,18 +179,11 @@ fn read_ascii(
     }
     for splat in 0..vertex.count {
         let line = lines.next().unwrap_or_default();
-        let values: Vec<f64> = line
-            .split_ascii_whitespace()
-            .map_while(|word| word.parse().ok())
-            .collect();
+        let values: Vec<f64> = line.split_ascii_whitespace().map_while(|word| word.parse().ok()).collect();
         if values.len() != vertex.properties.len() {
             return Err(Error::invalid(
                 path,
-                format!(
-                    "splat {splat}: {} numbers, expected {}",
-                    values.len(),
-                    vertex.properties.len()
-                ),
+                format!("splat {splat}: {} numbers, expected {}", values.len(), vertex.properties.len()),
             ));
         }
         push_splat(contents, columns, &values, path)?;

@@ -12,10 +12,7 @@ fn decode(bytes: &[u8]) -> crate::Result<PlyContents> {
 }
 
 fn options(flavour: PlyFlavour) -> PlyOptions {
-    PlyOptions {
-        flavour,
-        sh_degree: None,
-    }
+    PlyOptions { flavour, sh_degree: None }
 }
 
 /// Largest relative difference between the frozen asset, baked by hand, and what was read.
@@ -30,11 +27,7 @@ fn largest_difference(asset: &SplatAsset, read: &SplatAsset) -> f64 {
         let mean = asset.mean_residual(i);
         for c in 0..3 {
             compare(position[c], read.positions[i][c], 10.0);
-            compare(
-                f64::from(asset.sh_of(i)[c]) + mean[c] / SH_0,
-                read.sh_of(i)[c],
-                1.0,
-            );
+            compare(f64::from(asset.sh_of(i)[c]) + mean[c] / SH_0, read.sh_of(i)[c], 1.0);
         }
         for (a, b) in asset.sh_of(i).iter().zip(read.sh_of(i)).skip(3) {
             compare(f64::from(*a), *b, 1.0);
@@ -60,10 +53,7 @@ fn round_trip_keeps_all_but_the_maps() {
             assert_eq!((summary.bytes, summary.averaged_maps), (bytes.len(), 13));
             let read = decode(&bytes).unwrap();
             assert_eq!(read.is_surfel, flavour == PlyFlavour::Surfel);
-            assert_eq!(
-                read.comments.iter().any(|c| c == COMMENT_2DGS),
-                flavour == PlyFlavour::Surfel
-            );
+            assert_eq!(read.comments.iter().any(|c| c == COMMENT_2DGS), flavour == PlyFlavour::Surfel);
             assert_eq!((read.num_thick, read.asset.sh_degree), (0, degree));
             assert_eq!(read.asset.provenance.title, "Fixture");
             let difference = largest_difference(&asset, &read.asset);
@@ -80,10 +70,7 @@ fn round_trip_keeps_all_but_the_maps() {
 #[test]
 fn rows_have_the_layout_of_3dgs() {
     let asset = fixture(5, 2);
-    let wide = PlyOptions {
-        sh_degree: Some(3),
-        ..PlyOptions::default()
-    };
+    let wide = PlyOptions { sh_degree: Some(3), ..PlyOptions::default() };
     let (bytes, _) = encode_ply(&asset, &wide).unwrap();
     let header_end = bytes.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
     assert_eq!(bytes.len() - header_end, 5 * 62 * 4);
@@ -171,28 +158,12 @@ fn renamed_axes_describe_the_same_ellipsoid() {
     let axes = |[w, x, y, z]: [f32; 4]| {
         let (w, x, y, z) = (f64::from(w), f64::from(x), f64::from(y), f64::from(z));
         [
-            [
-                1.0 - 2.0 * (y * y + z * z),
-                2.0 * (x * y + w * z),
-                2.0 * (x * z - w * y),
-            ],
-            [
-                2.0 * (x * y - w * z),
-                1.0 - 2.0 * (x * x + z * z),
-                2.0 * (y * z + w * x),
-            ],
-            [
-                2.0 * (x * z + w * y),
-                2.0 * (y * z - w * x),
-                1.0 - 2.0 * (x * x + y * y),
-            ],
+            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)],
+            [2.0 * (x * y - w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z + w * x)],
+            [2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)],
         ]
     };
-    for (scales, order) in [
-        ("-9 -1 -2", [1, 2, 0]),
-        ("-1 -9 -2", [2, 0, 1]),
-        ("-1 -2 -9", [0, 1, 2]),
-    ] {
+    for (scales, order) in [("-9 -1 -2", [1, 2, 0]), ("-1 -9 -2", [2, 0, 1]), ("-1 -2 -9", [0, 1, 2])] {
         let file = |s: &str| {
             format!(
                 "ply\nformat ascii 1.0\nelement vertex 1\n{}end_header\n0 0 0 0 0 0 0 0.1 -0.4 0.3 0.8 {s}\n",
@@ -231,21 +202,14 @@ fn errors_name_the_element_and_what_was_found() {
         ("vertex 2", "vertex 18446744073709551615", "at most"),
         ("vertex 2", "vertex 16777216", "cut or damaged"),
         ("vertex 2", "vertex -1", "not a number"),
-        (
-            "property float x",
-            "property list uchar int x",
-            "list property \"x\"",
-        ),
+        ("property float x", "property list uchar int x", "list property \"x\""),
         ("property float x", "property quad x", "unknown type"),
         ("float f_rest_8", "float f_rest_x", "8 properties f_rest"),
         ("float nx", "float x", "second property"),
         ("end_header", "the_end", "unknown keyword"),
     ] {
         let error = with(from, to);
-        assert!(
-            error.starts_with(PATH) && error.contains(expected),
-            "{from}: {error}"
-        );
+        assert!(error.starts_with(PATH) && error.contains(expected), "{from}: {error}");
     }
 }
 
@@ -301,10 +265,7 @@ fn poisoned_values_in_a_file_are_refused() {
     ] {
         let text = file(from, to);
         assert_ne!(text, FOREIGN);
-        assert!(
-            matches!(decode(text.as_bytes()), Err(Error::Invalid { .. })),
-            "{to}"
-        );
+        assert!(matches!(decode(text.as_bytes()), Err(Error::Invalid { .. })), "{to}");
     }
 }
 

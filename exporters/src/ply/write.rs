@@ -59,10 +59,7 @@ pub fn encode_ply(asset: &SplatAsset, options: &PlyOptions) -> Result<(Vec<u8>, 
     asset.validate()?;
     let sh_degree = options.sh_degree.unwrap_or(asset.sh_degree);
     if sh_degree > 3 {
-        return Err(Error::invalid(
-            "",
-            format!("SH degree {sh_degree} asked for, at most 3"),
-        ));
+        return Err(Error::invalid("", format!("SH degree {sh_degree} asked for, at most 3")));
     }
     let mut bytes = header(asset, options.flavour, sh_degree).into_bytes();
     let mut summary = PlySummary::default();
@@ -71,18 +68,14 @@ pub fn encode_ply(asset: &SplatAsset, options: &PlyOptions) -> Result<(Vec<u8>, 
         row.clear();
         push_splat(&mut row, asset, splat, options.flavour, sh_degree);
         if !row.iter().all(|v| v.is_finite()) {
-            return Err(Error::invalid(
-                "",
-                format!("splat {splat}: not finite in the capture frame"),
-            ));
+            return Err(Error::invalid("", format!("splat {splat}: not finite in the capture frame")));
         }
         bytes.extend(row.iter().flat_map(|v| v.to_le_bytes()));
         let map = &asset.maps[splat];
         if map.num_texels() > 0 {
             summary.averaged_maps += 1;
-            summary.position_error_texels = summary
-                .position_error_texels
-                .max(rounding_error_texels(asset, splat, map));
+            summary.position_error_texels =
+                summary.position_error_texels.max(rounding_error_texels(asset, splat, map));
         }
     }
     summary.bytes = bytes.len();
@@ -180,11 +173,7 @@ fn push_splat(row: &mut Vec<f32>, asset: &SplatAsset, splat: usize, flavour: Ply
 
 /// The surfel's z axis.
 fn normal([w, x, y, z]: [f32; 4]) -> [f32; 3] {
-    [
-        2.0 * (x * z + w * y),
-        2.0 * (y * z - w * x),
-        1.0 - 2.0 * (x * x + y * y),
-    ]
+    [2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)]
 }
 
 /// Logit of an opacity in (0, 1]; 1 is taken as the largest f32 below it, so that the result is finite.

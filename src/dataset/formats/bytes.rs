@@ -23,11 +23,7 @@ pub(crate) struct Bytes<'a> {
 
 impl<'a> Bytes<'a> {
     pub fn new(path: &Path, data: &'a [u8]) -> Self {
-        Self {
-            path: path.to_owned(),
-            data,
-            at: 0,
-        }
+        Self { path: path.to_owned(), data, at: 0 }
     }
 
     /// An error that names the file.

@@ -61,12 +61,7 @@ pub(crate) struct ColmapModel {
 }
 
 const fn model(number: i32, name: &'static str, num_params: usize, supported: bool) -> ColmapModel {
-    ColmapModel {
-        number,
-        name,
-        num_params,
-        supported,
-    }
+    ColmapModel { number, name, num_params, supported }
 }
 
 /// Numbers, names and parameter counts: COLMAP `src/colmap/sensor/models.h`.
@@ -95,9 +90,7 @@ fn supported_models() -> String {
 impl ColmapModel {
     /// The model that a file names by number.
     pub fn by_number(number: i32, path: &Path, camera_id: u32) -> Result<Self> {
-        Self::find(path, camera_id, &format!("number {number}"), |m| {
-            m.number == number
-        })
+        Self::find(path, camera_id, &format!("number {number}"), |m| m.number == number)
     }
 
     /// The model that a file names by name.
@@ -124,10 +117,7 @@ impl ColmapModel {
 
 /// File of a sparse model in either encoding.
 fn part(folder: &Path, stem: &str) -> Option<PathBuf> {
-    ["bin", "txt"]
-        .into_iter()
-        .map(|ext| folder.join(format!("{stem}.{ext}")))
-        .find(|p| p.is_file())
+    ["bin", "txt"].into_iter().map(|ext| folder.join(format!("{stem}.{ext}"))).find(|p| p.is_file())
 }
 
 /// Whether a folder holds a sparse model.
@@ -208,10 +198,7 @@ pub(crate) fn read_sparse(folder: &Path, report: &mut Report) -> Result<ColmapSp
         report.warn(
             "no-points-file",
             1,
-            format!(
-                "{}: no points3D file: the model starts without points",
-                folder.display()
-            ),
+            format!("{}: no points3D file: the model starts without points", folder.display()),
         );
     }
     Ok(ColmapSparse {
@@ -238,12 +225,8 @@ pub(crate) fn read(folder: &Path) -> Result<Source> {
     let mut report = Report::default();
     let sparse = read_sparse(folder, &mut report)?;
     let lenses = lenses(folder, &sparse.cameras)?;
-    let point_index: HashMap<u64, u32> = sparse
-        .points
-        .iter()
-        .enumerate()
-        .map(|(index, p)| (p.id, index as u32))
-        .collect();
+    let point_index: HashMap<u64, u32> =
+        sparse.points.iter().enumerate().map(|(index, p)| (p.id, index as u32)).collect();
     let mut lost = 0;
     let mut views = Vec::with_capacity(sparse.images.len());
     for image in &sparse.images {
@@ -253,16 +236,12 @@ pub(crate) fn read(folder: &Path) -> Result<Source> {
         report.warn(
             "observations-without-point",
             lost,
-            format!(
-                "{}: {lost} observations name points that the model lacks",
-                folder.display()
-            ),
+            format!("{}: {lost} observations name points that the model lacks", folder.display()),
         );
     }
     let errors = sparse.points.iter().map(|p| p.error_px);
-    let (sum, count) = errors
-        .filter(|e| e.is_finite() && *e >= 0.0)
-        .fold((0.0, 0_u32), |(s, n), e| (s + e, n + 1));
+    let (sum, count) =
+        errors.filter(|e| e.is_finite() && *e >= 0.0).fold((0.0, 0_u32), |(s, n), e| (s + e, n + 1));
     Ok(Source {
         format: CaptureFormat::Colmap,
         path: folder.to_owned(),
@@ -270,10 +249,7 @@ pub(crate) fn read(folder: &Path) -> Result<Source> {
         points: sparse
             .points
             .iter()
-            .map(|p| SfmPoint {
-                position_in_capture: DVec3::from_array(p.position),
-                rgb: p.rgb,
-            })
+            .map(|p| SfmPoint { position_in_capture: DVec3::from_array(p.position), rgb: p.rgb })
             .collect(),
         reprojection_error_px: (count > 0).then(|| sum / f64::from(count)),
         without_picture: Vec::new(),
@@ -286,10 +262,7 @@ fn lenses(folder: &Path, cameras: &[ColmapCamera]) -> Result<HashMap<u32, Lens>>
     for camera in cameras {
         let lens = lens(camera).map_err(|what| Error::invalid(folder, what))?;
         if lenses.insert(camera.id, lens).is_some() {
-            return Err(Error::invalid(
-                folder,
-                format!("camera {} occurs twice", camera.id),
-            ));
+            return Err(Error::invalid(folder, format!("camera {} occurs twice", camera.id)));
         }
     }
     Ok(lenses)
@@ -302,11 +275,7 @@ fn lens(camera: &ColmapCamera) -> Result<Lens, String> {
     };
     let p = &camera.params;
     let shared_focal = !matches!(camera.model.number, 1 | 4 | 5 | 6);
-    let (fx_px, fy_px, rest) = if shared_focal {
-        (p[0], p[0], 1)
-    } else {
-        (p[0], p[1], 2)
-    };
+    let (fx_px, fy_px, rest) = if shared_focal { (p[0], p[0], 1) } else { (p[0], p[1], 2) };
     let d = &p[rest + 2..];
     let radial = |k: &[f64], p: [f64; 2]| {
         let mut all = [0.0; 6];
@@ -371,16 +340,9 @@ fn view(
             image.quaternion
         )));
     }
-    let pose = checked_pose(
-        DMat3::from_quat(quaternion / length),
-        DVec3::from_array(image.translation),
-    )
-    .map_err(|e| invalid(format!("its pose: {e}; register the image again")))?;
-    let observed: Vec<u32> = image
-        .point_ids
-        .iter()
-        .filter_map(|id| point_index.get(id).copied())
-        .collect();
+    let pose = checked_pose(DMat3::from_quat(quaternion / length), DVec3::from_array(image.translation))
+        .map_err(|e| invalid(format!("its pose: {e}; register the image again")))?;
+    let observed: Vec<u32> = image.point_ids.iter().filter_map(|id| point_index.get(id).copied()).collect();
     *lost += image.point_ids.len() - observed.len();
     Ok(SourceView {
         name: image.name.replace('\\', "/"),

@@ -26,13 +26,7 @@ pub(crate) fn read_cameras(path: &Path) -> Result<Vec<ColmapCamera>> {
         for _ in 0..model.num_params {
             params.push(f64::from_le_bytes(bytes.array(&element)?));
         }
-        cameras.push(ColmapCamera {
-            id,
-            model,
-            width,
-            height,
-            params,
-        });
+        cameras.push(ColmapCamera { id, model, width, height, params });
     }
     bytes.finish()?;
     Ok(cameras)
@@ -52,9 +46,8 @@ pub(crate) fn read_images(path: &Path) -> Result<Vec<ColmapImage>> {
         let translation = bytes.f64s(&element)?;
         let camera_id = bytes.u32(&element)?;
         let name = bytes.text(&|| format!("the name of image {id}"))?;
-        let num_keypoints = bytes.count(24, &|| {
-            format!("the number of keypoints of image {id} ({name:?})")
-        })?;
+        let num_keypoints =
+            bytes.count(24, &|| format!("the number of keypoints of image {id} ({name:?})"))?;
         let mut point_ids = Vec::new();
         for keypoint in bytes.take(24 * num_keypoints, &element)?.chunks_exact(24) {
             let mut id = [0; 8];
@@ -64,14 +57,7 @@ pub(crate) fn read_images(path: &Path) -> Result<Vec<ColmapImage>> {
                 point => point_ids.push(point),
             }
         }
-        images.push(ColmapImage {
-            id,
-            quaternion,
-            translation,
-            camera_id,
-            name,
-            point_ids,
-        });
+        images.push(ColmapImage { id, quaternion, translation, camera_id, name, point_ids });
     }
     bytes.finish()?;
     Ok(images)
@@ -92,12 +78,7 @@ pub(crate) fn read_points(path: &Path) -> Result<Vec<ColmapPoint>> {
         let [error_px] = bytes.f64s(&element)?;
         let track = bytes.count(8, &|| format!("the track length of point {id}"))?;
         bytes.take(8 * track, &element)?;
-        points.push(ColmapPoint {
-            id,
-            position,
-            rgb,
-            error_px,
-        });
+        points.push(ColmapPoint { id, position, rgb, error_px });
     }
     bytes.finish()?;
     Ok(points)

@@ -16,11 +16,7 @@ struct Fields<'a> {
 
 impl<'a> Fields<'a> {
     fn new(path: &'a Path, (line_number, line): (usize, &'a str)) -> Self {
-        Self {
-            path,
-            line_number,
-            rest: line.trim(),
-        }
+        Self { path, line_number, rest: line.trim() }
     }
 
     fn invalid(&self, what: impl std::fmt::Display) -> Error {
@@ -36,11 +32,9 @@ impl<'a> Fields<'a> {
     }
 
     fn next<T: FromStr>(&mut self, what: &str) -> Result<T> {
-        let word = self
-            .word()
-            .ok_or_else(|| self.invalid(format!("the line ends where {what} was expected")))?;
-        word.parse()
-            .map_err(|_| self.invalid(format!("{word:?} found where {what} was expected")))
+        let word =
+            self.word().ok_or_else(|| self.invalid(format!("the line ends where {what} was expected")))?;
+        word.parse().map_err(|_| self.invalid(format!("{word:?} found where {what} was expected")))
     }
 
     fn array<const N: usize>(&mut self, what: &str) -> Result<[f64; N]> {
@@ -83,13 +77,7 @@ pub(crate) fn read_cameras(path: &Path) -> Result<Vec<ColmapCamera>> {
                 model.num_params
             )));
         }
-        cameras.push(ColmapCamera {
-            id,
-            model,
-            width,
-            height,
-            params,
-        });
+        cameras.push(ColmapCamera { id, model, width, height, params });
     }
     Ok(cameras)
 }
@@ -140,14 +128,7 @@ pub(crate) fn read_images(path: &Path) -> Result<Vec<ColmapImage>> {
             }
             _ => Vec::new(),
         };
-        images.push(ColmapImage {
-            id,
-            quaternion,
-            translation,
-            camera_id,
-            name,
-            point_ids,
-        });
+        images.push(ColmapImage { id, quaternion, translation, camera_id, name, point_ids });
     }
     Ok(images)
 }
@@ -164,12 +145,7 @@ pub(crate) fn read_points(path: &Path) -> Result<Vec<ColmapPoint>> {
         for channel in &mut rgb {
             *channel = fields.next("a colour from 0 to 255")?;
         }
-        points.push(ColmapPoint {
-            id,
-            position,
-            rgb,
-            error_px: fields.next("a reprojection error")?,
-        });
+        points.push(ColmapPoint { id, position, rgb, error_px: fields.next("a reprojection error")? });
     }
     Ok(points)
 }

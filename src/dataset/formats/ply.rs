@@ -148,33 +148,20 @@ impl<'a> Values<'a> {
 pub fn read_points(path: &Path) -> Result<Vec<SfmPoint>> {
     let data = read_file(path)?;
     let header = read_header(path, &data)?;
-    let mut values = Values {
-        encoding: header.encoding,
-        data: &data[header.length..],
-        at: 0,
-    };
+    let mut values = Values { encoding: header.encoding, data: &data[header.length..], at: 0 };
     for element in &header.elements {
         if element.name == "vertex" {
             return read_vertices(path, element, &mut values);
         }
         // An element without properties holds nothing to skip, whatever its count.
-        let count = if element.properties.is_empty() {
-            0
-        } else {
-            element.count
-        };
+        let count = if element.properties.is_empty() { 0 } else { element.count };
         for index in 0..count {
             for property in &element.properties {
-                values
-                    .property(property)
-                    .ok_or_else(|| damaged(path, element, index))?;
+                values.property(property).ok_or_else(|| damaged(path, element, index))?;
             }
         }
     }
-    Err(Error::invalid(
-        path,
-        "no element \"vertex\", expected one with x, y, z",
-    ))
+    Err(Error::invalid(path, "no element \"vertex\", expected one with x, y, z"))
 }
 
 fn damaged(path: &Path, element: &Element, index: usize) -> Error {
@@ -205,15 +192,11 @@ fn read_vertices(path: &Path, element: &Element, values: &mut Values<'_>) -> Res
     let mut points = Vec::with_capacity(element.count.min(values.data.len() / 3));
     for index in 0..element.count {
         for (value, property) in row.iter_mut().zip(&element.properties) {
-            *value = values
-                .property(property)
-                .ok_or_else(|| damaged(path, element, index))?;
+            *value = values.property(property).ok_or_else(|| damaged(path, element, index))?;
         }
         points.push(SfmPoint {
             position_in_capture: DVec3::new(row[x], row[y], row[z]),
-            rgb: colour.map_or([128; 3], |c| {
-                c.map(|i| channel(row[i], &element.properties[i].kind))
-            }),
+            rgb: colour.map_or([128; 3], |c| c.map(|i| channel(row[i], &element.properties[i].kind))),
         });
     }
     Ok(points)
@@ -230,11 +213,7 @@ fn channel(value: f64, kind: &Kind) -> u8 {
 }
 
 fn read_header(path: &Path, data: &[u8]) -> Result<Header> {
-    let mut header = Header {
-        encoding: Encoding::Ascii,
-        elements: Vec::new(),
-        length: 0,
-    };
+    let mut header = Header { encoding: Encoding::Ascii, elements: Vec::new(), length: 0 };
     let mut has_format = false;
     for (index, line) in data.split_inclusive(|&b| b == b'\n').enumerate() {
         header.length += line.len();
@@ -268,37 +247,24 @@ fn read_header(path: &Path, data: &[u8]) -> Result<Header> {
             ["property", ref property @ ..] => {
                 let property = parse_property(property).ok_or_else(|| invalid("unknown property type"))?;
                 let element = header.elements.last_mut();
-                element
-                    .ok_or_else(|| invalid("no element before it"))?
-                    .properties
-                    .push(property);
+                element.ok_or_else(|| invalid("no element before it"))?.properties.push(property);
             }
             ["end_header"] if has_format => return Ok(header),
             _ => return Err(invalid("not understood")),
         }
     }
-    Err(Error::invalid(
-        path,
-        "the file ends inside its header; copy the file again",
-    ))
+    Err(Error::invalid(path, "the file ends inside its header; copy the file again"))
 }
 
 fn parse_property(words: &[&str]) -> Option<Property> {
     let (kind, name) = match *words {
-        ["list", count, item, name] => (
-            Kind::List {
-                count: Scalar::parse(count)?,
-                item: Scalar::parse(item)?,
-            },
-            name,
-        ),
+        ["list", count, item, name] => {
+            (Kind::List { count: Scalar::parse(count)?, item: Scalar::parse(item)? }, name)
+        }
         [scalar, name] => (Kind::Scalar(Scalar::parse(scalar)?), name),
         _ => return None,
     };
-    Some(Property {
-        name: name.to_owned(),
-        kind,
-    })
+    Some(Property { name: name.to_owned(), kind })
 }
 
 #[cfg(test)]
@@ -313,11 +279,7 @@ mod tests {
     }
 
     fn binary(big: bool) -> Vec<u8> {
-        let name = if big {
-            "binary_big_endian"
-        } else {
-            "binary_little_endian"
-        };
+        let name = if big { "binary_big_endian" } else { "binary_little_endian" };
         let mut out = format!(
             "ply\nformat {name} 1.0\ncomment x\nelement face 1\nproperty list uchar int vertex_indices\n\
              element vertex 2\nproperty double x\nproperty float y\nproperty list uchar short tags\n\
@@ -373,11 +335,6 @@ mod tests {
     fn a_huge_count_gets_no_memory() {
         let text = "ply\nformat ascii 1.0\nelement vertex 99999999999999\nproperty float x\n\
                     property float y\nproperty float z\nend_header\n1 2 3\n";
-        assert!(
-            read(text.as_bytes())
-                .unwrap_err()
-                .to_string()
-                .contains("\"vertex\" 2 of")
-        );
+        assert!(read(text.as_bytes()).unwrap_err().to_string().contains("\"vertex\" 2 of"));
     }
 }

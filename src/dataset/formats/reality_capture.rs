@@ -27,10 +27,7 @@ fn header(line: &str) -> Option<Vec<String>> {
         .split(',')
         .map(|c| c.trim().to_ascii_lowercase())
         .collect();
-    REQUIRED
-        .iter()
-        .all(|r| columns.iter().any(|c| c == r))
-        .then_some(columns)
+    REQUIRED.iter().all(|r| columns.iter().any(|c| c == r)).then_some(columns)
 }
 
 /// The export in a capture's folder: the first CSV file, by name, with its columns.
@@ -63,10 +60,7 @@ impl Row<'_> {
 
     fn text(&self, column: &str) -> Option<&str> {
         let at = self.columns.iter().position(|c| c == column)?;
-        self.fields
-            .get(at)
-            .map(|f| f.trim().trim_matches('"'))
-            .filter(|f| !f.is_empty())
+        self.fields.get(at).map(|f| f.trim().trim_matches('"')).filter(|f| !f.is_empty())
     }
 
     fn number(&self, column: &str) -> Result<Option<f64>> {
@@ -112,16 +106,8 @@ pub(crate) fn read(path: &Path, folder: &PictureFolder) -> Result<Source> {
         if line.trim().is_empty() {
             continue;
         }
-        let row = Row {
-            path,
-            line_number: index + 1,
-            columns,
-            fields: line.split(',').collect(),
-        };
-        let name = row
-            .text("name")
-            .ok_or_else(|| row.invalid("no name"))?
-            .replace('\\', "/");
+        let row = Row { path, line_number: index + 1, columns, fields: line.split(',').collect() };
+        let name = row.text("name").ok_or_else(|| row.invalid("no name"))?.replace('\\', "/");
         let pose = pose(&row)?;
         let Some(picture) = folder.find(&name) else {
             source.without_picture.push(name);
@@ -139,19 +125,13 @@ pub(crate) fn read(path: &Path, folder: &PictureFolder) -> Result<Source> {
         });
     }
     if columns.is_none() {
-        return Err(Error::invalid(
-            path,
-            format!("no header with the columns {}", REQUIRED.join(", ")),
-        ));
+        return Err(Error::invalid(path, format!("no header with the columns {}", REQUIRED.join(", "))));
     }
     if num_k4 > 0 {
         source.report.warn(
             "lens-term-dropped",
             num_k4,
-            format!(
-                "{}: k4 (r^8) of {num_k4} lenses is not supported and left out",
-                path.display()
-            ),
+            format!("{}: k4 (r^8) of {num_k4} lenses is not supported and left out", path.display()),
         );
     }
     Ok(source)
@@ -174,14 +154,7 @@ fn pose(row: &Row<'_>) -> Result<crate::camera::RigidTransform> {
 fn lens(row: &Row<'_>, (width_px, height_px): (u32, u32)) -> Result<Lens> {
     let px_per_mm = f64::from(width_px.max(height_px)) / FILM_MM;
     let focal_px = row.required("f")? * px_per_mm;
-    let k = [
-        row.or_zero("k1")?,
-        row.or_zero("k2")?,
-        row.or_zero("k3")?,
-        0.0,
-        0.0,
-        0.0,
-    ];
+    let k = [row.or_zero("k1")?, row.or_zero("k2")?, row.or_zero("k3")?, 0.0, 0.0, 0.0];
     let p = [row.or_zero("t1")?, row.or_zero("t2")?];
     let any = k.iter().chain(&p).any(|&v| v != 0.0);
     let lens = Lens {
@@ -193,11 +166,7 @@ fn lens(row: &Row<'_>, (width_px, height_px): (u32, u32)) -> Result<Lens> {
             cx_px: 0.5 * f64::from(width_px) + row.or_zero("px")? * px_per_mm,
             cy_px: 0.5 * f64::from(height_px) + row.or_zero("py")? * px_per_mm,
         },
-        distortion: if any {
-            Distortion::Radial { k, p }
-        } else {
-            Distortion::None
-        },
+        distortion: if any { Distortion::Radial { k, p } } else { Distortion::None },
     };
     match lens.problem() {
         Some(what) => Err(row.invalid(what)),
@@ -215,9 +184,7 @@ mod tests {
         let folder = tempdir().unwrap();
         std::fs::create_dir(folder.path().join("images")).unwrap();
         for name in ["a.png", "b.png"] {
-            image::RgbImage::new(36, 18)
-                .save(folder.path().join("images").join(name))
-                .unwrap();
+            image::RgbImage::new(36, 18).save(folder.path().join("images").join(name)).unwrap();
         }
         let header = "#cameras 2\n#name,x,y,alt,heading,pitch,roll,f,px,py,k1,k2,k3,k4,t1,t2\n";
         std::fs::write(folder.path().join("cameras.csv"), format!("{header}{rows}")).unwrap();
@@ -246,10 +213,7 @@ mod tests {
     #[test]
     fn missing_numbers_name_line_and_column() {
         let text = load("a.png,1,2,3,0,x,0,20\n").err().unwrap().to_string();
-        assert!(
-            text.contains("line 3") && text.contains("\"pitch\"") && text.contains("\"x\""),
-            "{text}"
-        );
+        assert!(text.contains("line 3") && text.contains("\"pitch\"") && text.contains("\"x\""), "{text}");
         let text = load("a.png,1,2,3\n").err().unwrap().to_string();
         assert!(text.contains("line 3") && text.contains("\"heading\""), "{text}");
     }

@@ -102,10 +102,7 @@ fn read_one(
     source: &mut Source,
 ) -> Result<()> {
     let file: File = serde_json::from_slice(&read_file(path)?).map_err(|e| {
-        Error::invalid(
-            path,
-            format!("{e}; expected the JSON of nerfstudio, instant-ngp or Blender"),
-        )
+        Error::invalid(path, format!("{e}; expected the JSON of nerfstudio, instant-ngp or Blender"))
     })?;
     for (index, frame) in file.frames.iter().enumerate() {
         let element = format!("frames[{index}] ({:?})", frame.file_path);
@@ -148,10 +145,7 @@ fn plain(file_path: &str) -> String {
 /// Name of a view: the stored path, with the extension of the picture that was found.
 fn name(root: &Path, file_path: &str, picture: &Path) -> String {
     let stored = plain(file_path);
-    let inside = picture
-        .strip_prefix(root)
-        .ok()
-        .map(|p| plain(&p.to_string_lossy()));
+    let inside = picture.strip_prefix(root).ok().map(|p| plain(&p.to_string_lossy()));
     match inside {
         Some(inside) if inside.starts_with(&stored) => inside,
         _ => stored,
@@ -190,9 +184,7 @@ fn find_picture(root: &Path, file_path: &str, images: Option<&PictureFolder>) ->
 fn pose(rows: &[Vec<f64>]) -> Result<RigidTransform, String> {
     if !matches!(rows.len(), 3 | 4) || rows.iter().any(|r| r.len() != 4) {
         let found: Vec<usize> = rows.iter().map(Vec::len).collect();
-        return Err(format!(
-            "rows of {found:?} numbers found, expected 4 (or 3) rows of 4"
-        ));
+        return Err(format!("rows of {found:?} numbers found, expected 4 (or 3) rows of 4"));
     }
     let column = |j: usize| DVec3::new(rows[0][j], rows[1][j], rows[2][j]);
     // y and z of the camera's axes change sign between OpenGL and OpenCV.
@@ -239,17 +231,11 @@ impl Intrinsics {
         };
         let (w, h) = (f64::from(width_px), f64::from(height_px));
         let from_angle = |side: f64, angle: f64| 0.5 * side / (0.5 * angle).tan();
-        let fx_px = self
-            .fl_x
-            .or_else(|| self.camera_angle_x.map(|a| from_angle(w, a)));
+        let fx_px = self.fl_x.or_else(|| self.camera_angle_x.map(|a| from_angle(w, a)));
         let Some(fx_px) = fx_px else {
-            return Err(invalid(
-                "no fl_x and no camera_angle_x, neither here nor for the file".to_owned(),
-            ));
+            return Err(invalid("no fl_x and no camera_angle_x, neither here nor for the file".to_owned()));
         };
-        let fy_px = self
-            .fl_y
-            .or_else(|| self.camera_angle_y.map(|a| from_angle(h, a)));
+        let fy_px = self.fl_y.or_else(|| self.camera_angle_y.map(|a| from_angle(h, a)));
         let lens = Lens {
             pinhole: Pinhole {
                 width_px,
@@ -270,9 +256,7 @@ impl Intrinsics {
     fn distortion(&self, path: &Path, element: &str) -> Result<Distortion> {
         let k = [self.k1, self.k2, self.k3, self.k4, self.k5, self.k6].map(|v| v.unwrap_or(0.0));
         let p = [self.p1, self.p2].map(|v| v.unwrap_or(0.0));
-        let fisheye = Distortion::Fisheye {
-            k: [k[0], k[1], k[2], k[3]],
-        };
+        let fisheye = Distortion::Fisheye { k: [k[0], k[1], k[2], k[3]] };
         match self.camera_model.as_deref() {
             Some("OPENCV_FISHEYE") => return Ok(fisheye),
             Some("SIMPLE_PINHOLE" | "PINHOLE" | "SIMPLE_RADIAL" | "RADIAL" | "OPENCV" | "FULL_OPENCV")
@@ -291,10 +275,6 @@ impl Intrinsics {
             return Ok(fisheye);
         }
         let any = k.iter().chain(&p).any(|&v| v != 0.0);
-        Ok(if any {
-            Distortion::Radial { k, p }
-        } else {
-            Distortion::None
-        })
+        Ok(if any { Distortion::Radial { k, p } } else { Distortion::None })
     }
 }

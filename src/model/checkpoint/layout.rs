@@ -46,10 +46,7 @@ impl<'a> Tensor<'a> {
     }
 
     fn new(shape: &[usize], data: Data<'a>) -> Self {
-        Self {
-            shape: shape.to_vec(),
-            data,
-        }
+        Self { shape: shape.to_vec(), data }
     }
 
     pub fn scalar_u32(value: u32) -> Self {
@@ -102,17 +99,12 @@ pub fn tensors(state: &TrainState) -> BTreeMap<String, Tensor<'_>> {
     let TrainState { model, adam, .. } = state;
     let n = model.num_splats();
     let texels = [model.textures.texels.len() / 3, 3];
-    for (prefix, arrays) in [
-        ("splats", &model.splats),
-        ("adam.m", &adam.splats_m),
-        ("adam.v", &adam.splats_v),
-    ] {
+    for (prefix, arrays) in
+        [("splats", &model.splats), ("adam.m", &adam.splats_m), ("adam.v", &adam.splats_v)]
+    {
         for group in SplatGroup::ALL {
             let shape = group_shape(group, n, arrays.sh_degree);
-            put(
-                &group_name(prefix, group),
-                Tensor::f32(&shape, arrays.group(group)),
-            );
+            put(&group_name(prefix, group), Tensor::f32(&shape, arrays.group(group)));
         }
     }
     put("adam.m.texels", Tensor::f32(&texels, &adam.texels_m));
@@ -132,23 +124,12 @@ pub fn tensors(state: &TrainState) -> BTreeMap<String, Tensor<'_>> {
     put("textures.texels", Tensor::f32(&texels, &model.textures.texels));
 
     let frame = model.capture_from_local;
-    let frame_numbers = vec![
-        frame.scale,
-        frame.translation.x,
-        frame.translation.y,
-        frame.translation.z,
-    ];
+    let frame_numbers = vec![frame.scale, frame.translation.x, frame.translation.y, frame.translation.z];
     put("frame.near", Tensor::f32(&[1], vec![model.near]));
-    put(
-        "frame.capture_from_local",
-        Tensor::new(&[4], Data::F64(frame_numbers)),
-    );
+    put("frame.capture_from_local", Tensor::new(&[4], Data::F64(frame_numbers)));
     let counters = vec![state.step, state.epochs, state.epoch_used];
     put("state.counters", Tensor::u32(&[3], counters));
-    put(
-        "state.epoch_order",
-        Tensor::u32(&[state.epoch_order.len()], &state.epoch_order),
-    );
+    put("state.epoch_order", Tensor::u32(&[state.epoch_order.len()], &state.epoch_order));
     put_history(&state.history, &mut out);
     out
 }
@@ -156,22 +137,12 @@ pub fn tensors(state: &TrainState) -> BTreeMap<String, Tensor<'_>> {
 fn put_history(history: &TrainHistory, out: &mut BTreeMap<String, Tensor<'_>>) {
     let times = vec![history.train_wall_secs, history.train_cpu_secs];
     let curve = &history.curve;
-    let figures = curve
-        .iter()
-        .flat_map(|p| [p.wall_secs, p.cpu_secs, p.psnr_test, p.grad_psnr_test]);
-    let counts = curve
-        .iter()
-        .flat_map(|p| [u64::from(p.step), p.primitives as u64, p.texels as u64]);
+    let figures = curve.iter().flat_map(|p| [p.wall_secs, p.cpu_secs, p.psnr_test, p.grad_psnr_test]);
+    let counts = curve.iter().flat_map(|p| [u64::from(p.step), p.primitives as u64, p.texels as u64]);
     let tensors = [
         ("history.times", Tensor::new(&[2], Data::F64(times))),
-        (
-            "history.curve",
-            Tensor::new(&[curve.len(), 4], Data::F64(figures.collect())),
-        ),
-        (
-            "history.counts",
-            Tensor::new(&[curve.len(), 3], Data::U64(counts.collect())),
-        ),
+        ("history.curve", Tensor::new(&[curve.len(), 4], Data::F64(figures.collect()))),
+        ("history.counts", Tensor::new(&[curve.len(), 3], Data::U64(counts.collect()))),
     ];
     out.extend(tensors.map(|(name, tensor)| (name.to_owned(), tensor)));
 }
@@ -230,12 +201,8 @@ fn maps(reader: &mut Reader<'_>, n: usize) -> Result<Vec<TextureMap>> {
     let rows = u16s(reader.take("textures.maps.rows", Dtype::U16, &[n])?);
     let cols = u16s(reader.take("textures.maps.cols", Dtype::U16, &[n])?);
     let sizes = f32s(reader.take("textures.maps.texel_size", Dtype::F32, &[n])?);
-    let map = |i| TextureMap {
-        offset_texels: offsets[i],
-        rows: rows[i],
-        cols: cols[i],
-        texel_size: sizes[i],
-    };
+    let map =
+        |i| TextureMap { offset_texels: offsets[i], rows: rows[i], cols: cols[i], texel_size: sizes[i] };
     Ok((0..n).map(map).collect())
 }
 
@@ -257,23 +224,17 @@ fn history(reader: &mut Reader<'_>) -> Result<TrainHistory> {
     Ok(TrainHistory {
         train_wall_secs: times[0],
         train_cpu_secs: times[1],
-        curve: figures
-            .chunks_exact(4)
-            .zip(counts.chunks_exact(3))
-            .map(point)
-            .collect(),
+        curve: figures.chunks_exact(4).zip(counts.chunks_exact(3)).map(point).collect(),
     })
 }
 
 fn sh_degree(reader: &Reader<'_>, n: usize) -> Result<u32> {
     let found = reader.shape("splats.sh")?;
-    (0..=SH_DEGREE_MAX)
-        .find(|&d| found == [n, sh_coefficients(d), 3])
-        .ok_or_else(|| {
-            reader.invalid(format!(
-                "tensor \"splats.sh\": found shape {found:?}, expected [{n}, k, 3] with k = 1, 4, 9 or 16"
-            ))
-        })
+    (0..=SH_DEGREE_MAX).find(|&d| found == [n, sh_coefficients(d), 3]).ok_or_else(|| {
+        reader.invalid(format!(
+            "tensor \"splats.sh\": found shape {found:?}, expected [{n}, k, 3] with k = 1, 4, 9 or 16"
+        ))
+    })
 }
 
 fn group_name(prefix: &str, group: SplatGroup) -> String {

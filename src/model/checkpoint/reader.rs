@@ -35,10 +35,7 @@ impl<'a> Reader<'a> {
             return Err(Error::invalid(path, what));
         };
         let header: Header = serde_json::from_str(&header_text).map_err(|e| {
-            Error::invalid(
-                path,
-                format!("metadata entry {METADATA_KEY:?} is not readable: {e}"),
-            )
+            Error::invalid(path, format!("metadata entry {METADATA_KEY:?} is not readable: {e}"))
         })?;
         if header.format != FORMAT {
             let what = format!(
@@ -69,11 +66,10 @@ impl<'a> Reader<'a> {
 
     /// First dimension of a tensor that must have one.
     pub fn first_dimension(&self, name: &str) -> Result<usize> {
-        self.shape(name)?.first().copied().ok_or_else(|| {
-            self.invalid(format!(
-                "tensor {name:?}: found a single number, expected an array"
-            ))
-        })
+        self.shape(name)?
+            .first()
+            .copied()
+            .ok_or_else(|| self.invalid(format!("tensor {name:?}: found a single number, expected an array")))
     }
 
     /// Bytes of a tensor of exactly this type and shape.
@@ -112,9 +108,7 @@ impl<'a> Reader<'a> {
     }
 
     fn view(&self, name: &str) -> Result<&TensorView<'a>> {
-        self.tensors
-            .get(name)
-            .ok_or_else(|| self.invalid(format!("tensor {name:?} is missing")))
+        self.tensors.get(name).ok_or_else(|| self.invalid(format!("tensor {name:?} is missing")))
     }
 }
 
@@ -123,10 +117,7 @@ pub fn check_values(path: &Path, state: &TrainState) -> Result<()> {
     let invalid = |what: String| Err(Error::invalid(path, what));
     let model = &state.model;
     if !(model.near.is_finite() && model.near > 0.0) {
-        return invalid(format!(
-            "tensor \"frame.near\": found {}, expected a positive number",
-            model.near
-        ));
+        return invalid(format!("tensor \"frame.near\": found {}, expected a positive number", model.near));
     }
     let frame = model.capture_from_local;
     if !(frame.scale.is_finite() && frame.scale > 0.0 && frame.translation.is_finite()) {
@@ -158,10 +149,7 @@ fn check_maps(path: &Path, textures: &TexturePool) -> Result<()> {
         let what = if u64::from(map.offset_texels) != texels {
             format!("offset {}, expected {texels}", map.offset_texels)
         } else if (map.rows == 0) != (map.cols == 0) {
-            format!(
-                "{} x {} texels, expected both or none to be zero",
-                map.rows, map.cols
-            )
+            format!("{} x {} texels, expected both or none to be zero", map.rows, map.cols)
         } else if !map.texel_size.is_finite() || (map.rows > 0 && map.texel_size <= 0.0) {
             format!("texel size {}, expected a positive number", map.texel_size)
         } else {
@@ -185,10 +173,7 @@ macro_rules! from_le_bytes {
         /// Little-endian numbers.
         pub fn $name(bytes: &[u8]) -> Vec<$number> {
             let (numbers, _) = bytes.as_chunks::<{ size_of::<$number>() }>();
-            numbers
-                .iter()
-                .map(|b| <$number>::from_le_bytes(*b))
-                .collect()
+            numbers.iter().map(|b| <$number>::from_le_bytes(*b)).collect()
         }
     };
 }

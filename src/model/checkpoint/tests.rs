@@ -31,10 +31,7 @@ fn sample(n: usize, sh_degree: u32) -> TrainState {
             k => (2 + k as u16, 2, 0.01 * (i + 1) as f32),
         })),
         near: 0.039_999_9,
-        capture_from_local: Similarity {
-            scale: 1.0 / 3.0,
-            translation: DVec3::new(-0.1, 1e300, -0.0),
-        },
+        capture_from_local: Similarity { scale: 1.0 / 3.0, translation: DVec3::new(-0.1, 1e300, -0.0) },
     };
     let mut adam = AdamState::zeros(&model);
     fill(&mut model.splats);
@@ -164,27 +161,15 @@ fn errors_name_the_tensor_what_was_found_and_what_was_expected() {
         "x.safetensors: tensor \"splats.positions\" is missing"
     );
     assert_eq!(
-        message(edited(
-            &bytes,
-            "adam.v.log_scales",
-            Some((Dtype::F32, vec![2, 4], vec![0; 32]))
-        )),
+        message(edited(&bytes, "adam.v.log_scales", Some((Dtype::F32, vec![2, 4], vec![0; 32])))),
         "x.safetensors: tensor \"adam.v.log_scales\": found F32 [2, 4], expected F32 [4, 2]"
     );
     assert_eq!(
-        message(edited(
-            &bytes,
-            "adam.last_step",
-            Some((Dtype::F32, vec![4], vec![0; 16]))
-        )),
+        message(edited(&bytes, "adam.last_step", Some((Dtype::F32, vec![4], vec![0; 16])))),
         "x.safetensors: tensor \"adam.last_step\": found F32 [4], expected U32 [4]"
     );
     assert_eq!(
-        message(edited(
-            &bytes,
-            "splats.sh",
-            Some((Dtype::F32, vec![4, 5, 3], vec![0; 240]))
-        )),
+        message(edited(&bytes, "splats.sh", Some((Dtype::F32, vec![4, 5, 3], vec![0; 240])))),
         "x.safetensors: tensor \"splats.sh\": found shape [4, 5, 3], expected [4, k, 3] with k = 1, 4, 9 or 16"
     );
     assert_eq!(
@@ -206,19 +191,12 @@ fn values_that_contradict_each_other_are_refused() {
     refused(|s| s.model.near = f32::NAN, "frame.near");
     refused(|s| s.model.capture_from_local.scale = 0.0, "capture_from_local");
     refused(|s| s.model.textures.maps[2].offset_texels = 1, "texture map 2");
-    refused(
-        |s| s.model.textures.maps[1].texel_size = f32::INFINITY,
-        "texture map 1",
-    );
+    refused(|s| s.model.textures.maps[1].texel_size = f32::INFINITY, "texture map 1");
     refused(|s| s.model.textures.maps[2].cols = 0, "texture map 2");
     refused(|s| s.model.textures.maps[2].cols = 3, "texture map 3");
     refused(
         |s| {
-            for texels in [
-                &mut s.model.textures.texels,
-                &mut s.adam.texels_m,
-                &mut s.adam.texels_v,
-            ] {
+            for texels in [&mut s.model.textures.texels, &mut s.adam.texels_m, &mut s.adam.texels_v] {
                 texels.extend([0.0; 3]);
             }
         },
