@@ -5,7 +5,8 @@ use super::math::LANES;
 use super::project::{MapView, ProjectedSplat};
 use super::raster_fwd::{TileInput, TileOutput, TilePlane};
 use super::shape::{
-    BlockHit, BlockTaps, Shape, block_at, block_taps, clamped_alpha, hat_slope, residual, strip_span, strips,
+    BlockHit, BlockTaps, Shape, block_at, block_taps, clamped_alpha, hat_slope, residual, splat_rgb,
+    strip_span, strips,
 };
 use super::tiles::{TILE_PIXELS, TexelWindow};
 use crate::constants::ALPHA_MAX;
@@ -188,12 +189,19 @@ fn block_bwd<S: Simd, const STATS: bool>(
     let weight = alpha * before;
 
     let taps = block_taps(simd, &splat.map, hit, blended);
-    let mut colour = splat.rgb.map(|v| f32x8::splat(simd, v));
-    if let Some(taps) = &taps {
-        let residual = residual(simd, map_texels, splat.map.cols, taps);
-        (0..3).for_each(|k| colour[k] += residual[k]);
+    let mut colour = splat_rgb(simd, splat.rgb);
+    if !taps.is_empty() {
+        let residual = residual(simd, map_texels, splat.map.cols, &taps);
+        for k in 0..3 {
+            colour[k] += residual[k];
+        }
     }
-    let by_pixel = [0, 1, 2].map(|k| f32x8::from_slice(simd, &replay.gradient.rgb[k][at.clone()]));
+    let gradient = &replay.gradient.rgb;
+    let by_pixel = [
+        f32x8::from_slice(simd, &gradient[0][at.clone()]),
+        f32x8::from_slice(simd, &gradient[1][at.clone()]),
+        f32x8::from_slice(simd, &gradient[2][at.clone()]),
+    ];
     let mut by_pixel_dot_colour = zero;
     for k in 0..3 {
         by_pixel_dot_colour = by_pixel[k].mul_add(colour[k].max(zero), by_pixel_dot_colour);
@@ -203,10 +211,11 @@ fn block_bwd<S: Simd, const STATS: bool>(
     weight.mul_add(by_pixel_dot_colour, behind).store_slice(&mut replay.behind[at.clone()]);
 
     // Projected gradient at the clamp: passes where the colour is positive or descent would raise it.
-    let by_colour = [0, 1, 2].map(|k| {
+    let mut by_colour = [zero; 3];
+    for k in 0..3 {
         let passes = colour[k].simd_gt(0.0) | by_pixel[k].simd_lt(0.0);
-        passes.select(by_pixel[k] * weight, zero)
-    });
+        by_colour[k] = passes.select(by_pixel[k] * weight, zero);
+    }
     sums.add(Sum::Red, by_colour[0]);
     sums.add(Sum::Green, by_colour[1]);
     sums.add(Sum::Blue, by_colour[2]);
@@ -226,8 +235,8 @@ fn block_bwd<S: Simd, const STATS: bool>(
     sums.mul_add(Sum::LogScaleU, by_a, a);
     sums.mul_add(Sum::LogScaleV, by_b, b);
     let (mut by_u, mut by_v) = (zero, zero);
-    if let Some(taps) = &taps {
-        (by_u, by_v) = texture_bwd(simd, &splat.map, map_texels, taps, &by_colour, window, lanes);
+    if !taps.is_empty() {
+        (by_u, by_v) = texture_bwd(simd, &splat.map, map_texels, &taps, &by_colour, window, lanes);
     }
     let per = hit.per_denominator;
     let u = (by_u * splat.map.texels_per_sigma[0] - by_a) * per;
@@ -257,20 +266,24 @@ fn texture_bwd<S: Simd>(
 ) -> (f32x8<S>, f32x8<S>) {
     let zero = f32x8::splat(simd, 0.0);
     let (mut by_u, mut by_v) = (zero, zero);
+    let mut du = taps.u - taps.rows.0 as f32;
+    let first_dv = taps.v - taps.cols.0 as f32;
+    let width = 3 * (taps.cols.1 - taps.cols.0) as usize;
     for i in taps.rows.0..taps.rows.1 {
-        let (wu, slope_u) = hat_slope(simd, taps.u, i);
-        let width = 3 * (taps.cols.1 - taps.cols.0) as usize;
+        let (wu, slope_u) = hat_slope(simd, du);
+        du -= 1.0;
+        let mut dv = first_dv;
         let row = &map_texels[3 * (i * map.cols + taps.cols.0) as usize..][..width];
         let first = 3 * ((i - window.row0) * window.cols + taps.cols.0 - window.col0) as usize;
         let row_lanes = &mut lanes[first..first + width];
-        for ((j, texel), lanes) in
-            (taps.cols.0..taps.cols.1).zip(row.chunks_exact(3)).zip(row_lanes.chunks_exact_mut(3))
-        {
-            let (wv, slope_v) = hat_slope(simd, taps.v, j);
+        for (texel, lanes) in row.chunks_exact(3).zip(row_lanes.chunks_exact_mut(3)) {
+            let (wv, slope_v) = hat_slope(simd, dv);
+            dv -= 1.0;
             let w = wu * wv;
-            let mut along = zero;
+            let mut along = by_colour[0] * texel[0];
+            along = by_colour[1].mul_add(f32x8::splat(simd, texel[1]), along);
+            along = by_colour[2].mul_add(f32x8::splat(simd, texel[2]), along);
             for k in 0..3 {
-                along = by_colour[k].mul_add(f32x8::splat(simd, texel[k]), along);
                 let sum = f32x8::load_array_ref(simd, &lanes[k]);
                 w.mul_add(by_colour[k], sum).store_slice(&mut lanes[k]);
             }

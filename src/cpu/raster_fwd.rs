@@ -4,7 +4,8 @@
 use super::math::LANES;
 use super::project::ProjectedSplat;
 use super::shape::{
-    BLOCK_COLS, Shape, block_at, block_taps, clamped_alpha, element_of, residual, strip_span, strips,
+    BLOCK_COLS, Shape, block_at, block_taps, clamped_alpha, element_of, residual, splat_rgb, strip_span,
+    strips,
 };
 use super::tiles::{Pair, TILE_PIXELS, TILE_PX};
 use crate::backend::RasterCounters;
@@ -146,10 +147,13 @@ pub(super) fn raster_fwd<S: Simd, const COUNT: bool>(
                 let last = f32x8::from_slice(simd, &out.last[at.clone()]);
                 blends.select(f32x8::splat(simd, index as f32), last).store_slice(&mut out.last[at.clone()]);
                 let weight = blends.select(alpha * before, zero);
-                let mut colour = splat.rgb.map(|v| f32x8::splat(simd, v));
-                if let Some(taps) = block_taps(simd, &splat.map, &hit, blends) {
+                let mut colour = splat_rgb(simd, splat.rgb);
+                let taps = block_taps(simd, &splat.map, &hit, blends);
+                if !taps.is_empty() {
                     let residual = residual(simd, texels, splat.map.cols, &taps);
-                    (0..3).for_each(|k| colour[k] = (colour[k] + residual[k]).max(zero));
+                    for k in 0..3 {
+                        colour[k] = (colour[k] + residual[k]).max(zero);
+                    }
                 }
                 for k in 0..3 {
                     let plane = &mut out.rgb[k][at.clone()];

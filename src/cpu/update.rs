@@ -213,6 +213,12 @@ pub(super) fn splat_gradient(
 
 /// Non-finite entries become zero; returns their number.
 fn guard(gradient: &mut SplatGradient, texels: &mut [f32]) -> u32 {
+    // Zero times anything finite is zero: one sum tells whether there is anything to look for.
+    let fixed = gradient.position.iter().chain(&gradient.quaternion).chain(&gradient.log_scale);
+    let probe: f32 = fixed.chain(&gradient.sh).chain(texels.iter()).map(|g| g * 0.0).sum();
+    if probe + gradient.opacity * 0.0 == 0.0 {
+        return 0;
+    }
     let mut count = 0;
     let SplatGradient { position, quaternion, log_scale, opacity, sh } = gradient;
     let fixed = position.iter_mut().chain(quaternion).chain(log_scale).chain(sh);
