@@ -1,5 +1,6 @@
 //! No pixel at which a splat's alpha reaches 1/255 lies outside the tiles and row spans on which the CPU
 //! backend evaluates it; and the bounds are not idle: they leave out most of what they could.
+#![allow(clippy::unwrap_used, reason = "a failing test may panic")]
 
 use glam::DVec2;
 use litetex_gs::backend::Backend as _;

@@ -2,6 +2,7 @@
 //!
 //! The smooth cut-off makes the picture differentiable but for kinks of measure zero (texel centres,
 //! the L1 term, the colour clamp): a share of entries near one is allowed and counted.
+#![allow(clippy::unwrap_used, reason = "a failing test may panic")]
 
 use litetex_gs::backend::LossWeights;
 use litetex_gs::model::SplatGroup;
@@ -50,7 +51,7 @@ fn check(scene: &Scene, settings: &Settings, tolerance: f64, analytic_factor: f6
     let mut outcome = Outcome { checked: 0, non_zero: 0, worst: 0.0, off: Vec::new() };
     let mut compare = |name: &str, analytic: &[f64], perturb: &dyn Fn(&mut Params, usize, f64)| {
         let largest = analytic.iter().fold(1e-9_f64, |m, g| m.max(g.abs()));
-        let mut numeric_at = |i: usize| {
+        let numeric_at = |i: usize| {
             let eps = 2e-6;
             let [up, down] = [eps, -eps].map(|e| {
                 let mut p = params.clone();

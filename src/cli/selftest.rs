@@ -2,8 +2,8 @@
 
 use super::devices;
 use super::log::Log;
-use litetex_gs::backend::Backend;
-use litetex_gs::{Error, Result};
+use litetex_gs::{Error, selftest};
+use std::io::Write as _;
 
 /// Check a device against the reference on a small random scene
 ///
@@ -18,11 +18,21 @@ pub struct SelftestArgs {
 /// Runs the checks and prints figures and verdicts.
 pub fn run(args: &SelftestArgs, _log: &Log) -> anyhow::Result<()> {
     let mut backend = devices::open(&args.device)?;
-    check(backend.as_mut())?;
+    let device = backend.device();
+    let checks = selftest::run(backend.as_mut())?;
+    let mut out = std::io::stdout().lock();
+    writeln!(out, "{} ({})", device.name, device.description)?;
+    writeln!(out, "{:<36} {:>12} {:>10}", "against the f64 reference", "difference", "limit")?;
+    for check in &checks {
+        let verdict = if check.passed { "pass" } else { "FAIL" };
+        writeln!(out, "{:<36} {:>12.2e} {:>10.1e}  {verdict}", check.name, check.difference, check.limit)?;
+    }
+    let failed = checks.iter().filter(|c| !c.passed).count();
+    if failed > 0 {
+        let what =
+            format!("{failed} of {} checks failed: this device or its driver computes wrongly", checks.len());
+        return Err(Error::CheckFailed(what).into());
+    }
+    writeln!(out, "all {} checks passed", checks.len())?;
     Ok(())
-}
-
-/// Stands in for `litetex_gs::selftest::run` until that is there.
-fn check(_backend: &mut dyn Backend) -> Result<()> {
-    Err(Error::Device("the self-test is not there yet".to_owned()))
 }

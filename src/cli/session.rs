@@ -9,9 +9,9 @@ use super::run_folder::{RunFolder, StagedFolder};
 use super::train_args::SaveImages;
 use litetex_gs::backend::{RenderedImage, StepReport};
 use litetex_gs::eval::{Evaluation, error_map, quantised};
-use litetex_gs::model::checkpoint;
 use litetex_gs::picture::{Channels, write_png};
-use litetex_gs::train::{Control, StopReason, TrainEvent, TrainState};
+use litetex_gs::train::checkpoint;
+use litetex_gs::train::{Control, StopReason, TrainEvent, TrainHistory, TrainState};
 use litetex_gs::views::ViewSource;
 use litetex_gs::{Error, Report, Result, atomic_file};
 use serde_json::{Value, json};
@@ -172,9 +172,9 @@ impl<'a> Session<'a> {
 
     fn save(&mut self, state: &TrainState) -> Result<()> {
         let path = self.folder.checkpoint(state.step)?;
-        let total = (self.total_wall_secs)();
-        self.strings.insert("total_wall_secs".to_owned(), total.to_string());
-        checkpoint::save(&path, state, &self.strings)?;
+        let total_wall_secs = (self.total_wall_secs)();
+        let history = TrainHistory { total_wall_secs, ..state.history.clone() };
+        checkpoint::save(&path, state, &history, &self.strings)?;
         self.log.detail(&format!("saved {}", path.display()));
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         self.metric(json!({ "event": "checkpoint", "step": state.step, "file": name }))?;

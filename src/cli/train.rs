@@ -13,7 +13,7 @@ use super::train_args::TrainArgs;
 use super::values::{format_bytes, format_count, format_duration};
 use super::{devices, eval};
 use litetex_gs::backend::Backend;
-use litetex_gs::model::checkpoint;
+use litetex_gs::train::checkpoint;
 use litetex_gs::train::{StopReason, TrainState, train};
 use litetex_gs::views::{Split, ViewSource};
 use litetex_gs::{Error, Result};
@@ -33,8 +33,6 @@ struct Plan {
 struct Resume {
     checkpoint: PathBuf,
     state: TrainState,
-    /// Wall time that the run has taken before.
-    wall_secs: f64,
     changed: Vec<String>,
 }
 
@@ -55,7 +53,7 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<Summary> {
     let mut capture = capture::open(plan.config.data()?, &plan.config.capture)?;
     log.report(&capture.report);
     let mut report = std::mem::take(&mut capture.report);
-    let earlier_secs = plan.resume.as_ref().map_or(0.0, |r| r.wall_secs);
+    let earlier_secs = plan.resume.as_ref().map_or(0.0, |r| r.state.history.total_wall_secs);
     let resumed = plan.resume.as_ref().map(|r| Resumed {
         from_step: r.state.step,
         new_schedule: !r.changed.is_empty(),
@@ -208,8 +206,7 @@ fn load_resume(path: &Path) -> Result<(Resume, RunConfig)> {
     let file = find_checkpoint(path)?;
     let (state, strings) = checkpoint::load(&file)?;
     let config = eval::config_of(&file, &strings)?;
-    let wall_secs = strings.get("total_wall_secs").and_then(|s| s.parse().ok());
-    let resume = Resume { checkpoint: file, state, wall_secs: wall_secs.unwrap_or(0.0), changed: Vec::new() };
+    let resume = Resume { checkpoint: file, state, changed: Vec::new() };
     Ok((resume, config))
 }
 

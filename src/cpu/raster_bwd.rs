@@ -81,6 +81,7 @@ impl<S: Simd> Sums<S> {
 
 /// Runs the pass over a tile. `partials` starts at the tile's first partial sum, `partial_base` floats
 /// from the start of all; `lanes` is scratch. Returns nothing: all results are in `partials`.
+#[allow(clippy::too_many_arguments, reason = "inputs, output and scratch of a kernel, named")]
 #[inline(always)]
 pub(super) fn raster_bwd<S: Simd, const STATS: bool>(
     simd: S,

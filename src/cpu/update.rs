@@ -14,8 +14,8 @@ use rayon::prelude::*;
 /// Splats per chunk of parallel work.
 const CHUNK: usize = 256;
 
-/// Log-scales are kept within this: 1e-7 to 10 local units.
-pub(super) const LOG_SCALE_RANGE: (f32, f32) = (-16.118_095, 2.302_585);
+/// Log-scales are kept within this: 1e-7 to 10 local units (method section 11).
+const LOG_SCALE_RANGE: (f32, f32) = (-16.118_095, std::f32::consts::LN_10);
 
 /// Parameter, first and second moment of one group for a chunk.
 type Triple<'a> = [&'a mut [f32]; 3];

@@ -1,7 +1,6 @@
 //! The scene that is optimised: splats as structure-of-arrays, a jagged pool of texture maps, and
 //! the optimiser's state beside them. Plain data: no device, no files but the checkpoint.
 
-pub mod checkpoint;
 mod splats;
 mod texture;
 

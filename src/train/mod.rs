@@ -2,6 +2,7 @@
 //! [`Backend`](crate::backend::Backend) over a [`ViewSource`](crate::views::ViewSource) and emits
 //! [`TrainEvent`]s.
 
+pub mod checkpoint;
 mod config;
 mod events;
 mod revise;

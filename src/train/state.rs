@@ -29,6 +29,8 @@ pub struct TrainHistory {
     pub train_wall_secs: f64,
     /// CPU time within it.
     pub train_cpu_secs: f64,
+    /// Time of the whole program until the state was saved: loading, evaluation and files included.
+    pub total_wall_secs: f64,
     /// Evaluations so far.
     pub curve: Vec<CurvePoint>,
 }

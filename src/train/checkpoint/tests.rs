@@ -48,19 +48,24 @@ fn sample(n: usize, sh_degree: u32) -> TrainState {
         epoch_order: vec![3, 0, 2, 1],
         epoch_used: 3,
         epochs: 2,
-        history: TrainHistory {
-            train_wall_secs: 0.1 + 0.2,
-            train_cpu_secs: 1.0 / 3.0,
-            curve: vec![CurvePoint {
-                step: 5,
-                wall_secs: 0.1,
-                cpu_secs: 0.7,
-                psnr_test: f64::INFINITY,
-                grad_psnr_test: 31.000_000_000_000_004,
-                primitives: n,
-                texels: 12,
-            }],
-        },
+        history: history(n),
+    }
+}
+
+fn history(n: usize) -> TrainHistory {
+    TrainHistory {
+        train_wall_secs: 0.25,
+        train_cpu_secs: 0.5,
+        total_wall_secs: 0.75,
+        curve: vec![CurvePoint {
+            step: 5,
+            wall_secs: 0.1,
+            cpu_secs: 0.7,
+            psnr_test: 100.0,
+            grad_psnr_test: 31.5,
+            primitives: n,
+            texels: 12,
+        }],
     }
 }
 
@@ -74,8 +79,8 @@ fn strings() -> BTreeMap<String, String> {
 fn saved(state: &TrainState) -> Vec<u8> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.safetensors");
-    save(&path, state, &strings()).unwrap();
-    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    save(&path, state, &state.history, &strings()).unwrap();
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2);
     std::fs::read(&path).unwrap()
 }
 

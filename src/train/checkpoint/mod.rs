@@ -5,18 +5,21 @@
 //! strings; a single entry because the order of several would differ from file to file. The tensor
 //! `checksum` is the CRC-32 over everything else, so a damaged file is refused, never half believed.
 //! What the strings mean does not belong here.
+//!
+//! Times and the curve so far stand in a JSON file beside it (`step-000300.history.json`), so that equal
+//! states are equal files. Without it a run continues just the same, with its clock at zero.
 
 mod layout;
 mod reader;
 #[cfg(test)]
 mod tests;
 
-use crate::train::TrainState;
+use crate::train::{TrainHistory, TrainState};
 use crate::{Error, Result, atomic_file};
 use safetensors::{Dtype, SafeTensorError};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, HashMap};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Identifier of the layout; a change that old programs cannot read raises the number.
 pub const FORMAT: &str = "litetex-checkpoint/1";
@@ -34,11 +37,19 @@ struct Header {
     strings: BTreeMap<String, String>,
 }
 
-/// Writes a state. `strings` are the caller's: configuration, capture, whatever repeats the run.
+/// Writes a state, and first the history that belongs to it (that of the state is not written).
+/// `strings` are the caller's: configuration, capture, whatever repeats the run.
 ///
 /// # Errors
-/// [`Error::Io`] naming `path`; nothing is left behind then.
-pub fn save(path: &Path, state: &TrainState, strings: &BTreeMap<String, String>) -> Result<()> {
+/// [`Error::Io`] naming the file; no half-written one is left behind then.
+pub fn save(
+    path: &Path,
+    state: &TrainState,
+    history: &TrainHistory,
+    strings: &BTreeMap<String, String>,
+) -> Result<()> {
+    let history = serde_json::to_string(history).map_err(|e| Error::io(path, e.into()))?;
+    atomic_file::write(&history_path(path), history.as_bytes())?;
     let header = Header {
         format: FORMAT.to_owned(),
         version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -67,10 +78,27 @@ pub fn save(path: &Path, state: &TrainState, strings: &BTreeMap<String, String>)
 /// [`Error::Unsupported`] for a layout of another version.
 pub fn load(path: &Path) -> Result<(TrainState, BTreeMap<String, String>)> {
     let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
-    load_bytes(path, &bytes)
+    let (mut state, strings) = load_bytes(path, &bytes)?;
+    state.history = load_history(&history_path(path))?;
+    Ok((state, strings))
 }
 
-/// [`load`] from memory; `path` only names the file in errors.
+/// The file of times and curve beside a checkpoint.
+pub fn history_path(checkpoint: &Path) -> PathBuf {
+    checkpoint.with_extension("history.json")
+}
+
+fn load_history(path: &Path) -> Result<TrainHistory> {
+    match std::fs::read(path) {
+        Ok(bytes) => serde_json::from_slice(&bytes).map_err(|e| {
+            Error::invalid(path, format!("not a history of a run: {e}; delete it to continue without"))
+        }),
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(TrainHistory::default()),
+        Err(e) => Err(Error::io(path, e)),
+    }
+}
+
+/// [`load`] from memory, without history; `path` only names the file in errors.
 ///
 /// # Errors
 /// As [`load`].

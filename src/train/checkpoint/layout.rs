@@ -9,14 +9,13 @@
 //! | `textures.texels` | f32 `[t,3]` |
 //! | `frame.near`, `frame.capture_from_local` | f32 `[1]`, f64 `[4]`: scale, translation |
 //! | `state.counters`, `state.epoch_order` | u32 `[3]`: step, epochs, views used; u32 `[views]` |
-//! | `history.times`, `history.curve`, `history.counts` | f64 `[2]`: wall, cpu; f64 `[c,4]`: wall, cpu, PSNR, gradient-PSNR; u64 `[c,3]`: step, primitives, texels |
 
-use super::reader::{Reader, f32s, f64s, u16s, u32s, u64s};
+use super::reader::{Reader, f32s, f64s, u16s, u32s};
 use crate::Result;
 use crate::camera::Similarity;
 use crate::constants::{SH_DEGREE_MAX, sh_coefficients};
 use crate::model::{AdamState, LearningRates, Model, SplatArrays, SplatGroup, TextureMap, TexturePool};
-use crate::train::{CurvePoint, TrainHistory, TrainState};
+use crate::train::{TrainHistory, TrainState};
 use glam::DVec3;
 use safetensors::{Dtype, View};
 use std::borrow::Cow;
@@ -33,7 +32,6 @@ enum Data<'a> {
     F64(Vec<f64>),
     U16(Vec<u16>),
     U32(Cow<'a, [u32]>),
-    U64(Vec<u64>),
 }
 
 impl<'a> Tensor<'a> {
@@ -59,7 +57,6 @@ impl<'a> Tensor<'a> {
             Data::F64(_) => Dtype::F64,
             Data::U16(_) => Dtype::U16,
             Data::U32(_) => Dtype::U32,
-            Data::U64(_) => Dtype::U64,
         }
     }
 
@@ -69,7 +66,6 @@ impl<'a> Tensor<'a> {
             Data::F64(d) => d.iter().flat_map(|x| x.to_le_bytes()).collect(),
             Data::U16(d) => d.iter().flat_map(|x| x.to_le_bytes()).collect(),
             Data::U32(d) => d.iter().flat_map(|x| x.to_le_bytes()).collect(),
-            Data::U64(d) => d.iter().flat_map(|x| x.to_le_bytes()).collect(),
         }
     }
 }
@@ -130,21 +126,7 @@ pub fn tensors(state: &TrainState) -> BTreeMap<String, Tensor<'_>> {
     let counters = vec![state.step, state.epochs, state.epoch_used];
     put("state.counters", Tensor::u32(&[3], counters));
     put("state.epoch_order", Tensor::u32(&[state.epoch_order.len()], &state.epoch_order));
-    put_history(&state.history, &mut out);
     out
-}
-
-fn put_history(history: &TrainHistory, out: &mut BTreeMap<String, Tensor<'_>>) {
-    let times = vec![history.train_wall_secs, history.train_cpu_secs];
-    let curve = &history.curve;
-    let figures = curve.iter().flat_map(|p| [p.wall_secs, p.cpu_secs, p.psnr_test, p.grad_psnr_test]);
-    let counts = curve.iter().flat_map(|p| [u64::from(p.step), p.primitives as u64, p.texels as u64]);
-    let tensors = [
-        ("history.times", Tensor::new(&[2], Data::F64(times))),
-        ("history.curve", Tensor::new(&[curve.len(), 4], Data::F64(figures.collect()))),
-        ("history.counts", Tensor::new(&[curve.len(), 3], Data::U64(counts.collect()))),
-    ];
-    out.extend(tensors.map(|(name, tensor)| (name.to_owned(), tensor)));
 }
 
 /// The state that the tensors hold; sizes are checked against each other, values are not.
@@ -192,7 +174,7 @@ pub fn state(reader: &mut Reader<'_>) -> Result<TrainState> {
         epoch_order: u32s(reader.take("state.epoch_order", Dtype::U32, &[views])?),
         epoch_used: counters[2],
         epochs: counters[1],
-        history: history(reader)?,
+        history: TrainHistory::default(),
     })
 }
 
@@ -204,28 +186,6 @@ fn maps(reader: &mut Reader<'_>, n: usize) -> Result<Vec<TextureMap>> {
     let map =
         |i| TextureMap { offset_texels: offsets[i], rows: rows[i], cols: cols[i], texel_size: sizes[i] };
     Ok((0..n).map(map).collect())
-}
-
-fn history(reader: &mut Reader<'_>) -> Result<TrainHistory> {
-    let times = f64s(reader.take("history.times", Dtype::F64, &[2])?);
-    let points = reader.first_dimension("history.curve")?;
-    let figures = f64s(reader.take("history.curve", Dtype::F64, &[points, 4])?);
-    let counts = u64s(reader.take("history.counts", Dtype::U64, &[points, 3])?);
-    let point = |(f, c): (&[f64], &[u64])| CurvePoint {
-        // The step was written from u32; anything else is caught by the checksum.
-        step: u32::try_from(c[0]).unwrap_or(u32::MAX),
-        wall_secs: f[0],
-        cpu_secs: f[1],
-        psnr_test: f[2],
-        grad_psnr_test: f[3],
-        primitives: c[1] as usize,
-        texels: c[2] as usize,
-    };
-    Ok(TrainHistory {
-        train_wall_secs: times[0],
-        train_cpu_secs: times[1],
-        curve: figures.chunks_exact(4).zip(counts.chunks_exact(3)).map(point).collect(),
-    })
 }
 
 fn sh_degree(reader: &Reader<'_>, n: usize) -> Result<u32> {

@@ -181,4 +181,3 @@ from_le_bytes!(f32s, f32);
 from_le_bytes!(f64s, f64);
 from_le_bytes!(u16s, u16);
 from_le_bytes!(u32s, u32);
-from_le_bytes!(u64s, u64);
