@@ -172,7 +172,9 @@ fn events_fill_the_run_folder() {
     assert_eq!(
         files(dir.path()),
         [
+            "checkpoints/step-000010.history.json",
             "checkpoints/step-000010.safetensors",
+            "checkpoints/step-000020.history.json",
             "checkpoints/step-000020.safetensors",
             "config.toml",
             "eval/000010/per_view.csv",

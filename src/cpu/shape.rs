@@ -156,7 +156,7 @@ pub(super) fn block_taps<S: Simd>(
     let rows = (mask.select(u, far).reduce_min(), mask.select(u, -far).reduce_max());
     let cols = (mask.select(v, far).reduce_min(), mask.select(v, -far).reduce_max());
     let range = |(low, high): (f32, f32), size: i32| {
-        ((low.floor() as i32).max(0), (high.floor() as i32 + 2).min(size))
+        ((low.floor() as i32).max(0), (high.floor() as i32).saturating_add(2).min(size))
     };
     BlockTaps { u, v, rows: range(rows, map.rows), cols: range(cols, map.cols) }
 }

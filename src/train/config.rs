@@ -74,6 +74,9 @@ pub struct RateConfig {
     pub sh_rest: f32,
     /// Texels.
     pub texel: f32,
+    /// Whether runs shorter than the published 30,000 steps use higher rates; see
+    /// [`Schedule::rates`](super::Schedule::rates).
+    pub raise_in_short_runs: bool,
 }
 
 impl Default for RateConfig {
@@ -87,6 +90,7 @@ impl Default for RateConfig {
             sh_dc: 2.5e-3,
             sh_rest: 1.25e-4,
             texel: 7e-4,
+            raise_in_short_runs: true,
         }
     }
 }

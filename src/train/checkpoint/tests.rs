@@ -106,12 +106,27 @@ fn every_bit_comes_back() {
     for (n, degree) in [(0, 0), (1, 1), (7, 2), (10, 3)] {
         let state = sample(n, degree);
         let bytes = saved(&state);
-        let (loaded, read_strings) = load_from(&bytes).unwrap();
+        let (mut loaded, read_strings) = load_from(&bytes).unwrap();
+        assert_eq!(loaded.history, TrainHistory::default());
+        loaded.history = state.history.clone();
         // PartialEq takes -0 for 0; the second file shows every bit.
         assert_eq!(loaded, state);
         assert_eq!(read_strings, strings());
         assert!(saved(&loaded) == bytes, "{n} splats, degree {degree}");
     }
+}
+
+#[test]
+fn the_history_stands_beside_the_checkpoint_and_may_be_missing_but_not_broken() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("step-000007.safetensors");
+    let state = sample(3, 1);
+    save(&path, &state, &state.history, &strings()).unwrap();
+    assert_eq!(load(&path).unwrap().0, state);
+    std::fs::write(history_path(&path), "{\"train_wall_secs\": ").unwrap();
+    assert!(load(&path).unwrap_err().to_string().contains("history.json"));
+    std::fs::remove_file(history_path(&path)).unwrap();
+    assert_eq!(load(&path).unwrap().0.history, TrainHistory::default());
 }
 
 #[test]
