@@ -1,7 +1,7 @@
 //! The CPU backend: owns model, moments and work space, and runs the passes in order.
 
 use super::loss::{LossBuffers, image_loss};
-use super::math::texel_values;
+use super::math::{BLOCK_PX, texel_values};
 use super::project::{ProjectedSplat, ViewF32, base_colours, project_all};
 use super::raster_bwd::{HEADER_FLOATS, TileGradient, raster_bwd};
 use super::raster_fwd::{TileGeometry, TileInput, TileOutput, raster_fwd};
@@ -178,7 +178,9 @@ impl CpuBackend {
                 let (strip0, strip1) = super::shape::strips(splat, origin);
                 for strip in strip0..strip1 {
                     let (col0, col1) = super::shape::strip_span(splat, origin, strip);
-                    for (y, x) in (0..2).flat_map(|r| (4 * col0..4 * col1).map(move |x| (2 * strip + r, x))) {
+                    let rows = BLOCK_PX[1] * strip..BLOCK_PX[1] * (strip + 1);
+                    let cols = BLOCK_PX[0] * col0..BLOCK_PX[0] * col1;
+                    for (y, x) in rows.flat_map(|y| cols.clone().map(move |x| (y, x))) {
                         let (px, py) = (origin[0] as usize + x, origin[1] as usize + y);
                         if px < size[0] && py < size[1] {
                             out[pair.splat as usize].covered[py * size[0] + px] = true;

@@ -1,7 +1,7 @@
 //! Backward rasterisation of one tile (twin: `reference/raster_bwd.rs`): splats outside, back to
 //! front; blocks of pixels inside. Sums of a pair go to its own place among the partial sums.
 
-use super::math::LANES;
+use super::math::{LANES, LaneMask, Lanes};
 use super::project::{MapView, ProjectedSplat};
 use super::raster_fwd::{TileInput, TileOutput, TilePlane};
 use super::shape::{
@@ -10,7 +10,7 @@ use super::shape::{
 };
 use super::tiles::{TILE_PIXELS, TexelWindow};
 use crate::constants::ALPHA_MAX;
-use fearless_simd::{Select as _, Simd, SimdBase as _, SimdFloat as _, SimdMask as _, f32x8, mask32x8};
+use fearless_simd::{Select as _, Simd, SimdBase as _, SimdFloat as _, SimdMask as _};
 
 /// Sums over a pair's pixels; `d` is the pixel's offset from the projected centre.
 #[derive(Clone, Copy, Debug)]
@@ -65,16 +65,16 @@ struct Replay<'a> {
 }
 
 /// Per-lane sums of a pair.
-struct Sums<S: Simd>([f32x8<S>; HEADER_FLOATS]);
+struct Sums<S: Simd>([Lanes<S>; HEADER_FLOATS]);
 
 impl<S: Simd> Sums<S> {
     #[inline(always)]
-    fn add(&mut self, sum: Sum, value: f32x8<S>) {
+    fn add(&mut self, sum: Sum, value: Lanes<S>) {
         self.0[sum as usize] += value;
     }
 
     #[inline(always)]
-    fn mul_add(&mut self, sum: Sum, x: f32x8<S>, y: f32x8<S>) {
+    fn mul_add(&mut self, sum: Sum, x: Lanes<S>, y: Lanes<S>) {
         self.0[sum as usize] = x.mul_add(y, self.0[sum as usize]);
     }
 }
@@ -112,7 +112,7 @@ pub(super) fn raster_bwd<S: Simd, const STATS: bool>(
         let splat = &input.splats[pair.splat as usize];
         lanes.clear();
         lanes.resize(3 * pair.window.len(), [0.0; LANES]);
-        let mut sums = Sums([f32x8::splat(simd, 0.0); HEADER_FLOATS]);
+        let mut sums = Sums([Lanes::splat(simd, 0.0); HEADER_FLOATS]);
         let touched =
             pair_bwd::<S, STATS>(simd, input, splat, index, &mut replay, &pair.window, &mut sums, lanes);
         if !touched {
@@ -123,7 +123,7 @@ pub(super) fn raster_bwd<S: Simd, const STATS: bool>(
         }
         record[Sum::Touched as usize] = 1.0;
         for (out, lanes) in record[HEADER_FLOATS..].iter_mut().zip(lanes.iter()) {
-            *out = f32x8::load_array_ref(simd, lanes).reduce_sum();
+            *out = Lanes::load_array_ref(simd, lanes).reduce_sum();
         }
     }
 }
@@ -148,7 +148,7 @@ fn pair_bwd<S: Simd, const STATS: bool>(
         let (col0, col1) = strip_span(splat, input.origin_px, strip);
         for col in col0..col1 {
             let at = block_at(strip, col)..block_at(strip, col) + LANES;
-            let last = f32x8::from_slice(simd, &replay.last[at.clone()]);
+            let last = Lanes::from_slice(simd, &replay.last[at.clone()]);
             let visited = last.simd_ge(index as f32);
             if !visited.any_true() {
                 continue;
@@ -174,7 +174,7 @@ fn block_bwd<S: Simd, const STATS: bool>(
     splat: &ProjectedSplat,
     shape: &Shape,
     hit: &BlockHit<S>,
-    blended: mask32x8<S>,
+    blended: LaneMask<S>,
     at: std::ops::Range<usize>,
     replay: &mut Replay<'_>,
     map_texels: &[f32],
@@ -182,10 +182,10 @@ fn block_bwd<S: Simd, const STATS: bool>(
     sums: &mut Sums<S>,
     lanes: &mut [[f32; LANES]],
 ) {
-    let zero = f32x8::splat(simd, 0.0);
+    let zero = Lanes::splat(simd, 0.0);
     let alpha = blended.select(clamped_alpha(hit), zero);
     let per_rest = 1.0 / (1.0 - alpha);
-    let before = f32x8::from_slice(simd, &replay.transmittance[at.clone()]) * per_rest;
+    let before = Lanes::from_slice(simd, &replay.transmittance[at.clone()]) * per_rest;
     before.store_slice(&mut replay.transmittance[at.clone()]);
     let weight = alpha * before;
 
@@ -199,15 +199,15 @@ fn block_bwd<S: Simd, const STATS: bool>(
     }
     let gradient = &replay.gradient.rgb;
     let by_pixel = [
-        f32x8::from_slice(simd, &gradient[0][at.clone()]),
-        f32x8::from_slice(simd, &gradient[1][at.clone()]),
-        f32x8::from_slice(simd, &gradient[2][at.clone()]),
+        Lanes::from_slice(simd, &gradient[0][at.clone()]),
+        Lanes::from_slice(simd, &gradient[1][at.clone()]),
+        Lanes::from_slice(simd, &gradient[2][at.clone()]),
     ];
     let mut by_pixel_dot_colour = zero;
     for k in 0..3 {
         by_pixel_dot_colour = by_pixel[k].mul_add(colour[k].max(zero), by_pixel_dot_colour);
     }
-    let behind = f32x8::from_slice(simd, &replay.behind[at.clone()]);
+    let behind = Lanes::from_slice(simd, &replay.behind[at.clone()]);
     let by_alpha = before * by_pixel_dot_colour - behind * per_rest;
     weight.mul_add(by_pixel_dot_colour, behind).store_slice(&mut replay.behind[at.clone()]);
 
@@ -221,9 +221,9 @@ fn block_bwd<S: Simd, const STATS: bool>(
     sums.add(Sum::Green, by_colour[1]);
     sums.add(Sum::Blue, by_colour[2]);
     if STATS {
-        sums.add(Sum::Pixels, blended.select(f32x8::splat(simd, 1.0), zero));
+        sums.add(Sum::Pixels, blended.select(Lanes::splat(simd, 1.0), zero));
         sums.add(Sum::Weight, weight);
-        sums.mul_add(Sum::Error, weight, f32x8::from_slice(simd, &replay.gradient.loss[at]));
+        sums.mul_add(Sum::Error, weight, Lanes::from_slice(simd, &replay.gradient.loss[at]));
     }
 
     // The derivative by alpha is cut where alpha is clamped.
@@ -261,11 +261,11 @@ fn texture_bwd<S: Simd>(
     map: &MapView,
     map_texels: &[f32],
     taps: &BlockTaps<S>,
-    by_colour: &[f32x8<S>; 3],
+    by_colour: &[Lanes<S>; 3],
     window: &TexelWindow,
     lanes: &mut [[f32; LANES]],
-) -> (f32x8<S>, f32x8<S>) {
-    let zero = f32x8::splat(simd, 0.0);
+) -> (Lanes<S>, Lanes<S>) {
+    let zero = Lanes::splat(simd, 0.0);
     let (mut by_u, mut by_v) = (zero, zero);
     let mut du = taps.u - taps.rows.0 as f32;
     let first_dv = taps.v - taps.cols.0 as f32;
@@ -282,10 +282,10 @@ fn texture_bwd<S: Simd>(
             dv -= 1.0;
             let w = wu * wv;
             let mut along = by_colour[0] * texel[0];
-            along = by_colour[1].mul_add(f32x8::splat(simd, texel[1]), along);
-            along = by_colour[2].mul_add(f32x8::splat(simd, texel[2]), along);
+            along = by_colour[1].mul_add(Lanes::splat(simd, texel[1]), along);
+            along = by_colour[2].mul_add(Lanes::splat(simd, texel[2]), along);
             for k in 0..3 {
-                let sum = f32x8::load_array_ref(simd, &lanes[k]);
+                let sum = Lanes::load_array_ref(simd, &lanes[k]);
                 w.mul_add(by_colour[k], sum).store_slice(&mut lanes[k]);
             }
             by_u = (slope_u * wv).mul_add(along, by_u);

@@ -1,7 +1,7 @@
 //! Forward rasterisation of one tile (twin: `reference/raster_fwd.rs`): splats outside, front to back;
 //! blocks of pixels inside.
 
-use super::math::LANES;
+use super::math::{LANES, Lanes};
 use super::project::ProjectedSplat;
 use super::shape::{
     BLOCK_COLS, Shape, block_at, block_taps, clamped_alpha, element_of, residual, splat_rgb, strip_span,
@@ -10,7 +10,7 @@ use super::shape::{
 use super::tiles::{Pair, TILE_PIXELS, TILE_PX};
 use crate::backend::RasterCounters;
 use crate::constants::TRANSMITTANCE_MIN;
-use fearless_simd::{Select as _, Simd, SimdBase as _, SimdFloat as _, SimdMask as _, f32x8};
+use fearless_simd::{Select as _, Simd, SimdBase as _, SimdFloat as _, SimdMask as _};
 
 /// Pixels of a tile, block by block.
 pub(super) type TilePlane = [f32; TILE_PIXELS];
@@ -100,7 +100,7 @@ pub(super) fn raster_fwd<S: Simd, const COUNT: bool>(
         *alive = live[block * LANES..][..LANES].iter().any(|&t| t > 0.0);
         live_blocks -= usize::from(!*alive);
     }
-    let zero = f32x8::splat(simd, 0.0);
+    let zero = Lanes::splat(simd, 0.0);
     for (index, pair) in input.pairs.iter().enumerate() {
         if live_blocks == 0 {
             break;
@@ -125,7 +125,7 @@ pub(super) fn raster_fwd<S: Simd, const COUNT: bool>(
                 if !hit.inside.any_true() {
                     continue;
                 }
-                let before = f32x8::from_slice(simd, &live[at.clone()]);
+                let before = Lanes::from_slice(simd, &live[at.clone()]);
                 let alpha = clamped_alpha(&hit);
                 let after = before * (1.0 - alpha);
                 let blends = hit.inside & after.simd_ge(TRANSMITTANCE_MIN as f32);
@@ -142,10 +142,10 @@ pub(super) fn raster_fwd<S: Simd, const COUNT: bool>(
                     counters.blended_pairs += u64::from(blends.to_bitmask().count_ones());
                 }
                 out.used_pairs = index + 1;
-                let behind = f32x8::from_slice(simd, &out.transmittance[at.clone()]);
+                let behind = Lanes::from_slice(simd, &out.transmittance[at.clone()]);
                 blends.select(after, behind).store_slice(&mut out.transmittance[at.clone()]);
-                let last = f32x8::from_slice(simd, &out.last[at.clone()]);
-                blends.select(f32x8::splat(simd, index as f32), last).store_slice(&mut out.last[at.clone()]);
+                let last = Lanes::from_slice(simd, &out.last[at.clone()]);
+                blends.select(Lanes::splat(simd, index as f32), last).store_slice(&mut out.last[at.clone()]);
                 let weight = blends.select(alpha * before, zero);
                 let mut colour = splat_rgb(simd, splat.rgb);
                 let taps = block_taps(simd, &splat.map, &hit, blends);
@@ -157,7 +157,7 @@ pub(super) fn raster_fwd<S: Simd, const COUNT: bool>(
                 }
                 for k in 0..3 {
                     let plane = &mut out.rgb[k][at.clone()];
-                    weight.mul_add(colour[k], f32x8::from_slice(simd, plane)).store_slice(plane);
+                    weight.mul_add(colour[k], Lanes::from_slice(simd, plane)).store_slice(plane);
                 }
                 if let Some(geometry) = geometry.as_deref_mut() {
                     add_geometry(simd, splat, weight, weight * hit.per_denominator, at, geometry);
@@ -172,13 +172,13 @@ pub(super) fn raster_fwd<S: Simd, const COUNT: bool>(
 fn add_geometry<S: Simd>(
     simd: S,
     splat: &ProjectedSplat,
-    weight: f32x8<S>,
-    weight_per_denominator: f32x8<S>,
+    weight: Lanes<S>,
+    weight_per_denominator: Lanes<S>,
     at: std::ops::Range<usize>,
     geometry: &mut TileGeometry,
 ) {
-    let add = |plane: &mut [f32], value: f32x8<S>| {
-        (f32x8::from_slice(simd, plane) + value).store_slice(plane);
+    let add = |plane: &mut [f32], value: Lanes<S>| {
+        (Lanes::from_slice(simd, plane) + value).store_slice(plane);
     };
     add(&mut geometry.depth[at.clone()], weight_per_denominator * splat.depth);
     let n = splat.axes_in_camera[2];

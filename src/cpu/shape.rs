@@ -1,22 +1,32 @@
-//! What forward and backward share per block of 4 x 2 pixels: where the rays meet the splat, its alpha
+//! What forward and backward share per block of pixels: where the rays meet the splat, its alpha
 //! there, and the texture taps. One function each, so that both passes see the same bits.
 
 //
 // No `array::map` with vectors in its closure: the standard library's loop is not inlined into the
 // `target_feature` context (measured: a call and a failed store forwarding per block).
 
-use super::math::{LANES, exp};
+use super::math::{BLOCK_PX, LANES, LaneMask, Lanes, exp};
 use super::project::{MapView, ProjectedSplat};
 use super::tiles::TILE_PX;
 use crate::constants::{ALPHA_MAX, ALPHA_MIN, DENOMINATOR_MIN};
-use fearless_simd::{Select as _, Simd, SimdBase as _, SimdFloat as _, f32x8, mask32x8};
+use fearless_simd::{Select as _, Simd, SimdBase as _, SimdFloat as _};
 
 /// Blocks per row of blocks of a tile.
-pub(super) const BLOCK_COLS: usize = TILE_PX / 4;
+pub(super) const BLOCK_COLS: usize = TILE_PX / BLOCK_PX[0];
 
 /// Centres of a block's pixels relative to its first pixel's corner.
-const LANE_X: [f32; LANES] = [0.5, 1.5, 2.5, 3.5, 0.5, 1.5, 2.5, 3.5];
-const LANE_Y: [f32; LANES] = [0.5, 0.5, 0.5, 0.5, 1.5, 1.5, 1.5, 1.5];
+const LANE_X: [f32; LANES] = lane_centres(0);
+const LANE_Y: [f32; LANES] = lane_centres(1);
+
+const fn lane_centres(axis: usize) -> [f32; LANES] {
+    let mut out = [0.0; LANES];
+    let mut lane = 0;
+    while lane < LANES {
+        out[lane] = [lane % BLOCK_PX[0], lane / BLOCK_PX[0]][axis] as f32 + 0.5;
+        lane += 1;
+    }
+    out
+}
 
 /// First element of a block in arrays of a tile, which are laid out block by block.
 #[inline(always)]
@@ -26,33 +36,35 @@ pub(super) fn block_at(strip: usize, col: usize) -> usize {
 
 /// Element of pixel (x, y) of a tile.
 pub(super) fn element_of(x: usize, y: usize) -> usize {
-    block_at(y / 2, x / 4) + (y % 2) * 4 + x % 4
+    block_at(y / BLOCK_PX[1], x / BLOCK_PX[0]) + (y % BLOCK_PX[1]) * BLOCK_PX[0] + x % BLOCK_PX[0]
 }
 
-/// Block columns `first..past` of a strip of two rows that a splat may touch, tile coordinates.
+/// Block columns `first..past` of a strip of blocks that a splat may touch, tile coordinates.
 #[inline(always)]
 pub(super) fn strip_span(splat: &ProjectedSplat, origin_px: [i32; 2], strip: usize) -> (usize, usize) {
     let b = &splat.bounds;
-    let y = origin_px[1] + 2 * strip as i32;
-    let empty = (i32::MAX, i32::MIN);
-    let row = |y: i32| {
-        if y >= b.y0 && y < b.y1 { b.row_span(y) } else { empty }
-    };
-    let (upper, lower) = (row(y), row(y + 1));
-    let first = upper.0.min(lower.0).max(origin_px[0]);
-    let past = upper.1.max(lower.1).min(origin_px[0] + TILE_PX as i32);
+    let y = origin_px[1] + (BLOCK_PX[1] * strip) as i32;
+    let (mut first, mut past) = (i32::MAX, i32::MIN);
+    for y in y.max(b.y0)..(y + BLOCK_PX[1] as i32).min(b.y1) {
+        let row = b.row_span(y);
+        first = first.min(row.0);
+        past = past.max(row.1);
+    }
+    first = first.max(origin_px[0]);
+    past = past.min(origin_px[0] + TILE_PX as i32);
     if first >= past {
         return (0, 0);
     }
-    (((first - origin_px[0]) / 4) as usize, ((past - origin_px[0] + 3) / 4) as usize)
+    let block = |x: i32| (x - origin_px[0]) as usize / BLOCK_PX[0];
+    (block(first), block(past - 1) + 1)
 }
 
-/// Strips `first..past` of a tile that a splat may touch.
+/// Strips of blocks `first..past` of a tile that a splat may touch.
 #[inline(always)]
 pub(super) fn strips(splat: &ProjectedSplat, origin_px: [i32; 2]) -> (usize, usize) {
-    let first = (splat.bounds.y0 - origin_px[1]).max(0) / 2;
-    let past = ((splat.bounds.y1 - origin_px[1]).min(TILE_PX as i32) + 1) / 2;
-    (first as usize, past.max(0) as usize)
+    let first = (splat.bounds.y0 - origin_px[1]).max(0) as usize / BLOCK_PX[1];
+    let past = (splat.bounds.y1 - origin_px[1]).clamp(0, TILE_PX as i32) as usize;
+    (first, past.div_ceil(BLOCK_PX[1]))
 }
 
 /// A splat's constants for the kernels.
@@ -69,17 +81,17 @@ pub(super) struct Shape {
 
 /// A block's rays on a splat. Values of lanes outside the mask are finite.
 pub(super) struct BlockHit<S: Simd> {
-    pub dx: f32x8<S>,
-    pub dy: f32x8<S>,
-    pub per_denominator: f32x8<S>,
+    pub dx: Lanes<S>,
+    pub dy: Lanes<S>,
+    pub per_denominator: Lanes<S>,
     /// Plane coordinates in standard deviations.
-    pub a: f32x8<S>,
-    pub b: f32x8<S>,
-    pub falloff: f32x8<S>,
+    pub a: Lanes<S>,
+    pub b: Lanes<S>,
+    pub falloff: Lanes<S>,
     /// Opacity times falloff, before the clamp; 0 outside the mask.
-    pub raw_alpha: f32x8<S>,
+    pub raw_alpha: Lanes<S>,
     /// raw_alpha >= 1/255 and the hit is in front of the near plane.
-    pub inside: mask32x8<S>,
+    pub inside: LaneMask<S>,
 }
 
 impl Shape {
@@ -97,9 +109,9 @@ impl Shape {
 
     #[inline(always)]
     pub(super) fn hit<S: Simd>(&self, simd: S, strip: usize, col: usize) -> BlockHit<S> {
-        let c = |v: f32| f32x8::splat(simd, v);
-        let dx = f32x8::load_array(simd, LANE_X) + (self.offset_px[0] + (4 * col) as f32);
-        let dy = f32x8::load_array(simd, LANE_Y) + (self.offset_px[1] + (2 * strip) as f32);
+        let c = |v: f32| Lanes::splat(simd, v);
+        let dx = Lanes::load_array(simd, LANE_X) + (self.offset_px[0] + (BLOCK_PX[0] * col) as f32);
+        let dy = Lanes::load_array(simd, LANE_Y) + (self.offset_px[1] + (BLOCK_PX[1] * strip) as f32);
         let denominator = dx.mul_add(c(self.g[0]), dy.mul_add(c(self.g[1]), c(1.0)));
         let in_front =
             denominator.simd_ge(DENOMINATOR_MIN as f32) & denominator.simd_le(self.max_denominator);
@@ -118,14 +130,14 @@ impl Shape {
 
 /// Alpha after the clamp.
 #[inline(always)]
-pub(super) fn clamped_alpha<S: Simd>(hit: &BlockHit<S>) -> f32x8<S> {
+pub(super) fn clamped_alpha<S: Simd>(hit: &BlockHit<S>) -> Lanes<S> {
     hit.raw_alpha.min(ALPHA_MAX as f32)
 }
 
 /// Texture coordinates of a block and the texels that its taps touch.
 pub(super) struct BlockTaps<S: Simd> {
-    pub u: f32x8<S>,
-    pub v: f32x8<S>,
+    pub u: Lanes<S>,
+    pub v: Lanes<S>,
     pub rows: (i32, i32),
     pub cols: (i32, i32),
 }
@@ -147,9 +159,9 @@ pub(super) fn block_taps<S: Simd>(
     simd: S,
     map: &MapView,
     hit: &BlockHit<S>,
-    mask: mask32x8<S>,
+    mask: LaneMask<S>,
 ) -> BlockTaps<S> {
-    let c = |v: f32| f32x8::splat(simd, v);
+    let c = |v: f32| Lanes::splat(simd, v);
     let u = hit.a.mul_add(c(map.texels_per_sigma[0]), c(map.origin[0]));
     let v = hit.b.mul_add(c(map.texels_per_sigma[1]), c(map.origin[1]));
     let far = c(1e9);
@@ -163,16 +175,16 @@ pub(super) fn block_taps<S: Simd>(
 
 /// Bilinear weight at distance `d` from a texel: a hat of half width 1.
 #[inline(always)]
-fn hat<S: Simd>(d: f32x8<S>) -> f32x8<S> {
+fn hat<S: Simd>(d: Lanes<S>) -> Lanes<S> {
     (1.0 - d.abs()).max(0.0_f32)
 }
 
 /// Bilinear weight at distance `d` from a texel, and its derivative by the texture coordinate.
 #[inline(always)]
-pub(super) fn hat_slope<S: Simd>(simd: S, d: f32x8<S>) -> (f32x8<S>, f32x8<S>) {
+pub(super) fn hat_slope<S: Simd>(simd: S, d: Lanes<S>) -> (Lanes<S>, Lanes<S>) {
     let weight = hat(d);
-    let zero = f32x8::splat(simd, 0.0);
-    let slope = weight.simd_gt(0.0).select(f32x8::splat(simd, -1.0).copysign(-d), zero);
+    let zero = Lanes::splat(simd, 0.0);
+    let slope = weight.simd_gt(0.0).select(Lanes::splat(simd, -1.0).copysign(-d), zero);
     (weight, slope)
 }
 
@@ -183,8 +195,8 @@ pub(super) fn residual<S: Simd>(
     texels: &[f32],
     map_cols: i32,
     taps: &BlockTaps<S>,
-) -> [f32x8<S>; 3] {
-    let zero = f32x8::splat(simd, 0.0);
+) -> [Lanes<S>; 3] {
+    let zero = Lanes::splat(simd, 0.0);
     let (mut red, mut green, mut blue) = (zero, zero, zero);
     let mut du = taps.u - taps.rows.0 as f32;
     let first_dv = taps.v - taps.cols.0 as f32;
@@ -197,9 +209,9 @@ pub(super) fn residual<S: Simd>(
         for texel in row.chunks_exact(3) {
             let w = wu * hat(dv);
             dv -= 1.0;
-            red = w.mul_add(f32x8::splat(simd, texel[0]), red);
-            green = w.mul_add(f32x8::splat(simd, texel[1]), green);
-            blue = w.mul_add(f32x8::splat(simd, texel[2]), blue);
+            red = w.mul_add(Lanes::splat(simd, texel[0]), red);
+            green = w.mul_add(Lanes::splat(simd, texel[1]), green);
+            blue = w.mul_add(Lanes::splat(simd, texel[2]), blue);
         }
     }
     [red, green, blue]
@@ -207,6 +219,6 @@ pub(super) fn residual<S: Simd>(
 
 /// The three channels of a colour, one value for all lanes.
 #[inline(always)]
-pub(super) fn splat_rgb<S: Simd>(simd: S, rgb: [f32; 3]) -> [f32x8<S>; 3] {
-    [f32x8::splat(simd, rgb[0]), f32x8::splat(simd, rgb[1]), f32x8::splat(simd, rgb[2])]
+pub(super) fn splat_rgb<S: Simd>(simd: S, rgb: [f32; 3]) -> [Lanes<S>; 3] {
+    [Lanes::splat(simd, rgb[0]), Lanes::splat(simd, rgb[1]), Lanes::splat(simd, rgb[2])]
 }
