@@ -7,6 +7,7 @@
 mod adam;
 mod backend;
 mod bounds;
+mod frame;
 mod loss;
 mod math;
 mod project;

@@ -1,5 +1,7 @@
 //! Backward rasterisation of one tile (twin: `reference/raster_bwd.rs`): splats outside, back to
-//! front; blocks of pixels inside. Sums of a pair go to its own place among the partial sums.
+//! front; blocks of pixels inside. Sums of a pair go to its own place among the partial sums, those of
+//! texels too: no quantum and no saturation as with fixed point, and no atomics (measured, 25,000 pairs
+//! of 4 x 4 maps: 1.0 ms a step to write and gather, 3.5 ms to add uncontended i32 atomics).
 
 use super::math::{LANES, LaneMask, Lanes};
 use super::project::{MapView, ProjectedSplat};

@@ -7,4 +7,4 @@ mod write;
 
 pub use colouring::{depth_range, grey_from_depth, rgb_from_normal, turbo_from_depth};
 pub use ramp::{magma, turbo};
-pub use write::{Channels, write_atomically, write_exr, write_png};
+pub use write::{Channels, write_exr, write_png};

@@ -1,7 +1,7 @@
 //! Writing pictures: 8-bit PNG for people and metrics, 32-bit float EXR for quantities. A file
 //! appears under its name only when it is complete.
 
-use crate::{Error, Result};
+use crate::{Error, Result, atomic_file};
 use exr::prelude::{
     AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, SmallVec, WritableImage,
 };
@@ -74,7 +74,7 @@ pub fn write_png(
     png::PngEncoder::new_with_quality(&mut bytes, png::CompressionType::Default, png::FilterType::Adaptive)
         .write_image(values, width_px, height_px, colour)
         .map_err(|e| Error::io(path, std::io::Error::other(e)))?;
-    write_atomically(path, &bytes)
+    atomic_file::write(path, &bytes)
 }
 
 /// Writes a 32-bit float EXR (lossless ZIP). Grey becomes channel `Y`.
@@ -111,15 +111,7 @@ pub fn write_exr(
         .non_parallel()
         .to_buffered(&mut bytes)
         .map_err(|e| Error::io(path, std::io::Error::other(e.to_string())))?;
-    write_atomically(path, bytes.get_ref())
-}
-
-/// Writes a file whole or not at all ([`litetex_exporters::write_atomically`]).
-///
-/// # Errors
-/// [`Error::Io`]
-pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
-    litetex_exporters::write_atomically(path, bytes).map_err(|e| Error::io(path, e))
+    atomic_file::write(path, bytes.get_ref())
 }
 
 #[cfg(test)]
@@ -182,7 +174,7 @@ mod tests {
         assert!(matches!(nowhere, Err(Error::Io { .. })));
         // A folder in the way: the temporary file goes away again.
         std::fs::create_dir(dir.join("taken")).unwrap();
-        assert!(write_atomically(&dir.join("taken"), b"x").is_err());
+        assert!(write_png(&dir.join("taken"), 1, 1, Channels::Grey, &[0]).is_err());
         assert_eq!(std::fs::read_dir(&dir).unwrap().count(), 1);
         std::fs::remove_dir_all(dir).unwrap();
     }

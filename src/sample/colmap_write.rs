@@ -2,8 +2,8 @@
 //! Reading belongs to `dataset`.
 
 use crate::Result;
+use crate::atomic_file;
 use crate::camera::{Pinhole, RigidTransform};
-use crate::picture::write_atomically;
 use glam::{DQuat, DVec2, DVec3};
 use std::fmt::Write as _;
 use std::path::Path;
@@ -73,9 +73,9 @@ impl SparseModel {
     /// [`crate::Error::Io`].
     pub fn write_binary(&self, folder: &Path) -> Result<()> {
         let (keypoints, tracks) = self.keypoints_and_tracks();
-        write_atomically(&folder.join("cameras.bin"), &self.cameras_bin())?;
-        write_atomically(&folder.join("images.bin"), &self.images_bin(&keypoints))?;
-        write_atomically(&folder.join("points3D.bin"), &self.points_bin(&tracks))
+        atomic_file::write(&folder.join("cameras.bin"), &self.cameras_bin())?;
+        atomic_file::write(&folder.join("images.bin"), &self.images_bin(&keypoints))?;
+        atomic_file::write(&folder.join("points3D.bin"), &self.points_bin(&tracks))
     }
 
     fn cameras_bin(&self) -> Vec<u8> {
@@ -156,9 +156,9 @@ impl SparseModel {
             }
             points.push('\n');
         }
-        write_atomically(&folder.join("cameras.txt"), cameras.as_bytes())?;
-        write_atomically(&folder.join("images.txt"), images.as_bytes())?;
-        write_atomically(&folder.join("points3D.txt"), points.as_bytes())
+        atomic_file::write(&folder.join("cameras.txt"), cameras.as_bytes())?;
+        atomic_file::write(&folder.join("images.txt"), images.as_bytes())?;
+        atomic_file::write(&folder.join("points3D.txt"), points.as_bytes())
     }
 }
 

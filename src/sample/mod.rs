@@ -12,7 +12,8 @@ mod texture;
 
 pub use colmap_write::{SparseImage, SparseModel, SparsePoint};
 
-use crate::picture::{Channels, write_atomically, write_exr, write_png};
+use crate::atomic_file;
+use crate::picture::{Channels, write_exr, write_png};
 use crate::{Error, Result};
 use capture::Capture;
 use serde::{Deserialize, Serialize};
@@ -126,7 +127,7 @@ pub fn write_sample(dir: &Path, options: &SampleOptions) -> Result<SampleSummary
         }
         let json = serde_json::to_vec_pretty(&capture.description())
             .map_err(|e| Error::io(dir, std::io::Error::other(e)))?;
-        write_atomically(&dir.join("truth/scene.json"), &json)?;
+        atomic_file::write(&dir.join("truth/scene.json"), &json)?;
     }
     Ok(capture.summary())
 }

@@ -115,7 +115,7 @@ impl Run<'_> {
     /// One step, and the revision that may follow it; the times end up in the history.
     fn step(&mut self, clock: &Clock, sink: Sink<'_>) -> Result<Control> {
         let step = self.state.step + 1;
-        let (view, first_of_epoch) = self.draw_view();
+        let view = self.draw_view();
         let target = self.views.target(view)?;
         let report = self.backend.step(&StepRequest {
             step,
@@ -125,7 +125,8 @@ impl Run<'_> {
             sh_degree: self.schedule.sh_degree(step, self.config.sh_degree),
             loss: self.config.loss,
             rates: self.schedule.rates(self.config, step),
-            accumulate_statistics: first_of_epoch,
+            // Nothing reads them while the number of splats and texels is fixed.
+            accumulate_statistics: false,
         })?;
         if !report.loss.total.is_finite() {
             return Err(Error::Device(format!(
@@ -158,7 +159,7 @@ impl Run<'_> {
     }
 
     /// Next view of the epoch; a new epoch is a new permutation that follows from the seed alone.
-    fn draw_view(&mut self) -> (usize, bool) {
+    fn draw_view(&mut self) -> usize {
         let state = &mut self.state;
         if state.epoch_used as usize >= state.epoch_order.len() {
             let stream = 0x7669_6577_u64 << 32 | u64::from(state.epochs);
@@ -174,7 +175,7 @@ impl Run<'_> {
             state.epoch_order[at..].iter().skip(1).take(PREFETCH_VIEWS).map(|&v| v as usize).collect();
         self.views.prefetch(&next);
         state.epoch_used += 1;
-        (state.epoch_order[at] as usize, true)
+        state.epoch_order[at] as usize
     }
 
     fn evaluate(&mut self, last: bool, sink: Sink<'_>) -> Result<()> {
