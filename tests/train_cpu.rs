@@ -1,0 +1,257 @@
+//! The trainer and the CPU backend together, from memory: no files.
+#![allow(clippy::unwrap_used, reason = "a failing test may panic")]
+
+use litetex_gs::backend::{
+    Backend as _, LearningRates, LossWeights, MapChange, RenderOptions, StepRequest, StructurePlan,
+    TargetImage,
+};
+use litetex_gs::camera::Camera;
+use litetex_gs::cpu::CpuBackend;
+use litetex_gs::model::{AdamState, Model};
+use litetex_gs::selftest::{Scene, SceneOptions, random_scene};
+use litetex_gs::train::{Control, StopReason, TexturePolicy, TrainConfig, TrainEvent, TrainState, train};
+use litetex_gs::views::{Split, ViewSource};
+use litetex_gs::{Error, Result};
+use std::sync::Arc;
+
+const BLACK: RenderOptions = RenderOptions { background: [0.0; 3], sh_degree: 1, geometry: false };
+
+/// Views of a model, rendered by the backend under test; the first is held out.
+struct MemoryViews(Vec<(Camera, Arc<TargetImage>)>);
+
+impl ViewSource for MemoryViews {
+    fn num_views(&self) -> usize {
+        self.0.len()
+    }
+    fn name(&self, _view: usize) -> &str {
+        "memory"
+    }
+    fn split(&self, view: usize) -> Split {
+        if view == 0 { Split::Test } else { Split::Train }
+    }
+    fn camera(&self, view: usize) -> Camera {
+        self.0[view].0
+    }
+    fn target(&self, view: usize) -> Result<Arc<TargetImage>> {
+        Ok(self.0[view].1.clone())
+    }
+}
+
+fn scene() -> Scene {
+    random_scene(&SceneOptions {
+        num_splats: 300,
+        sh_degree: 1,
+        map_sizes: vec![(4, 4)],
+        width_px: 64,
+        height_px: 48,
+        scales: (0.05, 0.2),
+        opacities: (0.3, 0.9),
+        depths: (0.8, 2.0),
+        ..SceneOptions::default()
+    })
+}
+
+fn uploaded(model: &Model) -> CpuBackend {
+    let mut backend = CpuBackend::new(Some(2)).unwrap();
+    backend.upload(model, &AdamState::zeros(model)).unwrap();
+    backend
+}
+
+/// Photos of the scene from cameras side by side.
+fn photos(scene: &Scene) -> MemoryViews {
+    let mut backend = uploaded(&scene.model);
+    let views = (0..6).map(|i| {
+        let mut camera = scene.camera;
+        camera.camera_from_local.translation.x += 0.05 * (f64::from(i) - 2.5);
+        let image = backend.render(&camera, &BLACK).unwrap();
+        let rgb = image.rgb.iter().map(|v| (v.clamp(0.0, 1.0) * 255.0).round() as u8).collect();
+        (camera, Arc::new(TargetImage { width_px: 64, height_px: 48, rgb, mask: None }))
+    });
+    MemoryViews(views.collect())
+}
+
+/// The scene with colours lost and centres jittered.
+fn damaged(scene: &Scene) -> Model {
+    let mut model = scene.model.clone();
+    model.splats.sh.fill(0.0);
+    model.textures.texels.fill(0.0);
+    model.splats.positions.iter_mut().enumerate().for_each(|(i, p)| *p += 0.01 * (i as f32).sin());
+    model
+}
+
+fn config(steps: u32) -> TrainConfig {
+    let texture = TexturePolicy::Fixed(4);
+    TrainConfig {
+        steps,
+        sh_degree: 1,
+        texture,
+        eval_every: steps / 2,
+        save_every: 7,
+        ..TrainConfig::default()
+    }
+}
+
+/// Trains and returns the end and every checkpoint on the way.
+fn run(config: &TrainConfig, views: &MemoryViews, start: TrainState) -> (TrainState, Vec<TrainState>) {
+    let mut saved = Vec::new();
+    let mut sink = |event: TrainEvent<'_>| {
+        if let TrainEvent::Checkpoint { state } = event {
+            saved.push(state.clone());
+        }
+        Ok(Control::Continue)
+    };
+    let mut backend = CpuBackend::new(Some(2)).unwrap();
+    let (state, reason) = train(config, &mut backend, views, start, &mut sink).unwrap();
+    assert_eq!(reason, StopReason::Steps);
+    (state, saved)
+}
+
+#[test]
+fn training_recovers_a_damaged_scene() {
+    let scene = scene();
+    let views = photos(&scene);
+    let (state, _) = run(&config(400), &views, TrainState::fresh(damaged(&scene)));
+    let curve: Vec<f64> = state.history.curve.iter().map(|p| p.psnr_test).collect();
+    println!("{curve:?}");
+    assert_eq!(curve.len(), 2);
+    // The damaged scene starts near 12 dB on the held-out view.
+    assert!(curve[1] > 25.0 && curve[1] > curve[0], "{curve:?}");
+}
+
+#[test]
+fn resuming_anywhere_continues_bit_for_bit() {
+    let scene = scene();
+    let views = photos(&scene);
+    let config = config(30);
+    let (whole, saved) = run(&config, &views, TrainState::fresh(damaged(&scene)));
+    let steps: Vec<u32> = saved.iter().map(|s| s.step).collect();
+    // Epochs are of 5 views and maps are revised each 5 steps: the checkpoints fall within both.
+    assert_eq!(steps, [7, 14, 21, 28, 30]);
+    let revised = |s: &TrainState| s.model.textures.maps != saved[0].model.textures.maps;
+    assert!(revised(&whole), "no map was revised: nothing was tested");
+    for start in &saved[..4] {
+        let (resumed, _) = run(&config, &views, start.clone());
+        assert!(resumed.model == whole.model && resumed.adam == whole.adam, "from step {}", start.step);
+        assert_eq!((resumed.epochs, resumed.epoch_used), (whole.epochs, whole.epoch_used));
+    }
+    // Negative control: a state that differs in one bit ends elsewhere.
+    let mut other = saved[0].clone();
+    other.model.splats.positions[0] = f32::from_bits(other.model.splats.positions[0].to_bits() ^ 1);
+    assert!(run(&config, &views, other).0.model != whole.model);
+}
+
+#[test]
+fn the_consumer_stops_training_with_a_checkpoint() {
+    let scene = scene();
+    let views = photos(&scene);
+    let mut last_saved = 0;
+    let mut sink = |event: TrainEvent<'_>| match event {
+        TrainEvent::Step { step: 11, .. } => Ok(Control::Stop),
+        TrainEvent::Checkpoint { state } => {
+            last_saved = state.step;
+            Ok(Control::Continue)
+        }
+        _ => Ok(Control::Continue),
+    };
+    let mut backend = CpuBackend::new(Some(1)).unwrap();
+    let start = TrainState::fresh(damaged(&scene));
+    let (state, reason) = train(&config(30), &mut backend, &views, start, &mut sink).unwrap();
+    assert_eq!((state.step, reason), (11, StopReason::Consumer));
+    assert_eq!(last_saved, 11);
+}
+
+#[test]
+fn without_a_training_view_the_error_says_so() {
+    let scene = scene();
+    let views = MemoryViews(photos(&scene).0[..1].to_vec());
+    let start = TrainState::fresh(scene.model);
+    let mut backend = CpuBackend::new(Some(1)).unwrap();
+    let outcome = train(&config(3), &mut backend, &views, start, &mut |_| Ok(Control::Continue));
+    assert!(matches!(outcome, Err(Error::Usage(_))));
+}
+
+fn step(backend: &mut CpuBackend, views: &MemoryViews, step: u32) {
+    let (camera, target) = &views.0[1 + step as usize % 5];
+    let rates = LearningRates { position: 1e-3, sh_dc: 1e-2, texel: 1e-2, ..LearningRates::default() };
+    let loss = LossWeights { l1: 0.8, dssim: 0.2, mse: 0.0, opacity: 0.01, texture: 1e-8 };
+    let request = StepRequest {
+        step,
+        camera: *camera,
+        target,
+        background: [0.0; 3],
+        sh_degree: 1,
+        loss,
+        rates,
+        accumulate_statistics: true,
+    };
+    backend.step(&request).unwrap();
+}
+
+#[test]
+fn rendering_in_between_changes_no_bit() {
+    let scene = scene();
+    let views = photos(&scene);
+    let (mut plain, mut watched) = (uploaded(&damaged(&scene)), uploaded(&damaged(&scene)));
+    for t in 1..=6 {
+        step(&mut plain, &views, t);
+        step(&mut watched, &views, t);
+        watched.render(&scene.camera, &RenderOptions { geometry: true, ..BLACK }).unwrap();
+        watched.read_settled().unwrap();
+    }
+    assert!(plain.read_back().unwrap() == watched.read_back().unwrap());
+}
+
+#[test]
+fn statistics_sum_over_a_window_and_start_anew() {
+    let scene = scene();
+    let views = photos(&scene);
+    let mut backend = uploaded(&damaged(&scene));
+    let mut sum = vec![0.0_f32; 300];
+    let mut apart = uploaded(&damaged(&scene));
+    for t in 1..=3 {
+        step(&mut backend, &views, t);
+        step(&mut apart, &views, t);
+        let one = apart.read_statistics().unwrap();
+        assert_eq!(one.views, 1);
+        sum.iter_mut().zip(&one.contribution).for_each(|(s, c)| *s += c);
+    }
+    let window = backend.read_statistics().unwrap();
+    assert_eq!((window.views, window.seen.iter().max()), (3, Some(&3)));
+    assert_eq!(window.contribution, sum);
+    assert!(sum.iter().sum::<f32>() > 0.5, "the splats cover most of the picture");
+    let empty = backend.read_statistics().unwrap();
+    assert!(empty.views == 0 && empty.contribution.iter().all(|&c| c == 0.0));
+}
+
+#[test]
+fn plans_gather_and_resample() {
+    let scene = scene();
+    let views = photos(&scene);
+    let mut backend = uploaded(&scene.model);
+    step(&mut backend, &views, 1);
+    let before = backend.render(&scene.camera, &BLACK).unwrap();
+    let (model, adam) = backend.read_back().unwrap();
+    let n = model.num_splats() as u32;
+    let reversed: Vec<u32> = (0..n).rev().collect();
+    let plan = |sources: &[u32], change| StructurePlan {
+        sources: sources.to_vec(),
+        maps: vec![change; sources.len()],
+    };
+    backend.apply_plan(&plan(&reversed, MapChange::Keep)).unwrap();
+    let after = backend.render(&scene.camera, &BLACK).unwrap();
+    // The order of the storage does not show, but for ties of depth.
+    assert_eq!(before.rgb, after.rgb);
+    backend.apply_plan(&plan(&reversed, MapChange::Keep)).unwrap();
+    assert!(backend.read_back().unwrap() == (model.clone(), adam), "twice reversed is as before");
+
+    let half: Vec<u32> = (0..n).step_by(2).collect();
+    let texel_size = model.textures.maps[0].texel_size;
+    backend.apply_plan(&plan(&half, MapChange::Resample { rows: 6, cols: 3, texel_size })).unwrap();
+    let (small, small_adam) = backend.read_back().unwrap();
+    assert_eq!((small.num_splats(), small.num_texels()), (150, 150 * 18));
+    assert_eq!(small_adam.texels_m.len(), small.textures.texels.len());
+    assert_eq!(small.splats.positions[3..6], model.splats.positions[6..9]);
+
+    let wrong = plan(&[n], MapChange::Keep);
+    assert!(matches!(backend.apply_plan(&wrong), Err(Error::Usage(_))), "150 splats are left");
+}
