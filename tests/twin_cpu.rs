@@ -5,7 +5,7 @@ mod common;
 
 use common::compare;
 use litetex_gs::backend::{Backend as _, LearningRates, LossWeights, StepRequest};
-use litetex_gs::cpu::{CpuBackend, ModelGradients};
+use litetex_gs::cpu::{CpuBackend, ModelGradients, SimdLevel};
 use litetex_gs::model::{AdamState, SplatGroup};
 use litetex_gs::reference::{AlphaCutoff, ColourGradient, Gradients, Params, Settings, gradients};
 use litetex_gs::selftest::{Scene, SceneOptions, random_scene};
@@ -102,6 +102,18 @@ fn cpu_matches_the_reference() {
         let scene = random_scene(&options);
         println!("{options:?}");
         assert!(agree(&scene, &cpu(&scene, 2), &reference(&scene)), "seed {}", options.seed);
+    }
+}
+
+#[test]
+fn every_instruction_set_matches_the_reference() {
+    let scene = random_scene(&SceneOptions { num_splats: 1_000, ..scenes().remove(0) });
+    let expected = reference(&scene);
+    for simd in SimdLevel::all() {
+        let mut backend = CpuBackend::with_simd(Some(2), simd).unwrap();
+        backend.upload(&scene.model, &AdamState::zeros(&scene.model)).unwrap();
+        let got = backend.gradients(&request(&scene)).unwrap();
+        assert!(agree(&scene, &got, &expected), "{}", simd.name());
     }
 }
 

@@ -4,6 +4,7 @@ use super::frame::{Frame, with_regularisers};
 use super::loss::LossBuffers;
 use super::math::BLOCK_PX;
 use super::project::ViewF32;
+use super::simd::SimdLevel;
 use super::structure;
 use super::update::{collect_gradients, settle, update};
 use crate::backend::{
@@ -79,6 +80,14 @@ impl CpuBackend {
     /// # Errors
     /// [`Error::Device`] if the threads cannot be started.
     pub fn new(threads: Option<usize>) -> Result<Self> {
+        Self::with_simd(threads, SimdLevel::best())
+    }
+
+    /// A backend that uses a given instruction set.
+    ///
+    /// # Errors
+    /// As [`CpuBackend::new`].
+    pub fn with_simd(threads: Option<usize>, simd: SimdLevel) -> Result<Self> {
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads.unwrap_or(0))
             .thread_name(|i| format!("cpu-backend-{i}"))
@@ -91,7 +100,7 @@ impl CpuBackend {
             capture_from_local: Similarity::IDENTITY,
         };
         Ok(Self {
-            level: Level::new(),
+            level: simd.0,
             pool,
             adam: AdamState::zeros(&model),
             model,
@@ -213,11 +222,10 @@ fn empty_statistics(n: usize) -> WindowStatistics {
 
 impl Backend for CpuBackend {
     fn device(&self) -> DeviceInfo {
-        let level = format!("{:?}", self.level);
-        let level = level.split('(').next().unwrap_or_default().to_lowercase();
+        let simd = SimdLevel(self.level).name();
         DeviceInfo {
             name: "cpu".into(),
-            description: format!("{level}, {} threads", self.pool.current_num_threads()),
+            description: format!("{simd}, {} threads", self.pool.current_num_threads()),
         }
     }
 

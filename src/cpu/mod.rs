@@ -15,8 +15,10 @@ mod project_bwd;
 mod raster_bwd;
 mod raster_fwd;
 mod shape;
+mod simd;
 mod structure;
 mod tiles;
 mod update;
 
 pub use backend::{CpuBackend, ModelGradients, PairCoverage};
+pub use simd::SimdLevel;
