@@ -20,6 +20,13 @@ pub struct TargetImage {
     pub mask: Option<Vec<u8>>,
 }
 
+impl TargetImage {
+    /// Whether any pixel counts in loss and metrics.
+    pub fn has_pixels_that_count(&self) -> bool {
+        self.mask.as_ref().is_none_or(|mask| mask.iter().any(|&m| m != 0))
+    }
+}
+
 /// What a device says of itself.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DeviceInfo {

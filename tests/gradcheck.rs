@@ -1,15 +1,22 @@
-//! The reference's gradients against central differences, for every kind of parameter.
+//! The reference's gradients against central differences, for every kind of parameter by itself.
 //!
-//! The smooth cut-off makes the picture differentiable but for kinks of measure zero (texel centres,
-//! the L1 term, the colour clamp): a share of entries near one is allowed and counted.
+//! The smooth cut-off makes the picture differentiable but for kinks of measure zero (texel centres, the
+//! L1 term, the colour clamp); with differences this small none of these scenes meets one.
 #![allow(clippy::unwrap_used, reason = "a failing test may panic")]
 
+use glam::{DMat3, DQuat, DVec2};
 use litetex_gs::backend::LossWeights;
 use litetex_gs::model::SplatGroup;
-use litetex_gs::reference::{AlphaCutoff, ColourGradient, Params, Settings, gradients};
+use litetex_gs::reference::{AlphaCutoff, ColourGradient, Params, Settings, gradients, hit, project};
 use litetex_gs::selftest::{Scene, SceneOptions, random_scene};
 
 const WEIGHTS: LossWeights = LossWeights { l1: 0.8, dssim: 0.2, mse: 0.03, opacity: 0.01, texture: 1e-3 };
+/// Relative to the largest derivative of the kind; needed 7e-7: rounding of the differences.
+const TOLERANCE: f64 = 1e-6;
+/// The same close to the camera, where the ramp of the cut-off is steep; needed 2e-4, truncation.
+const TOLERANCE_NEAR: f64 = 5e-4;
+/// One kind more than the groups of splats: texels.
+const NUM_KINDS: usize = 6;
 
 fn settings(scene: &Scene) -> Settings {
     Settings {
@@ -35,97 +42,130 @@ fn small(sh_degree: u32, seed: u64) -> SceneOptions {
     }
 }
 
-struct Outcome {
-    checked: usize,
-    non_zero: usize,
-    worst: f64,
-    off: Vec<String>,
+/// Array of a kind: the groups of splats, then the texels.
+fn array(params: &mut Params, kind: usize) -> &mut [f64] {
+    match SplatGroup::ALL.get(kind) {
+        Some(group) => params.group_mut(*group),
+        None => &mut params.texels,
+    }
 }
 
-/// Compares analytic and numeric derivatives of the total loss. An entry is off if the difference
-/// exceeds `tolerance` times the largest derivative of its group.
-fn check(scene: &Scene, settings: &Settings, tolerance: f64, analytic_factor: f64) -> Outcome {
+/// How one kind fared.
+struct Outcome {
+    kind: usize,
+    /// Error of each entry, relative to the largest derivative of the kind.
+    errors: Vec<f64>,
+    /// Entries above a thousandth of the largest.
+    non_zero: usize,
+}
+
+impl Outcome {
+    fn passes(&self, tolerance: f64) -> bool {
+        let worst = self.errors.iter().fold(0.0_f64, |m, e| m.max(*e));
+        println!(
+            "kind {}: {} entries, {} of size, worst {worst:.1e}",
+            self.kind,
+            self.errors.len(),
+            self.non_zero
+        );
+        worst < tolerance && self.non_zero * 8 >= self.errors.len()
+    }
+}
+
+/// Compares all kinds; the analytic derivatives of kind `spoilt` are off by a thousandth.
+fn check(scene: &Scene, settings: &Settings, spoilt: Option<usize>) -> Vec<Outcome> {
     let params = Params::from_model(&scene.model);
     let loss = |p: &Params| gradients(p, &scene.camera, &scene.target, &WEIGHTS, settings).loss.total;
-    let analytic = gradients(&params, &scene.camera, &scene.target, &WEIGHTS, settings).params;
-    let mut outcome = Outcome { checked: 0, non_zero: 0, worst: 0.0, off: Vec::new() };
-    let mut compare = |name: &str, analytic: &[f64], perturb: &dyn Fn(&mut Params, usize, f64)| {
+    let mut analytic = gradients(&params, &scene.camera, &scene.target, &WEIGHTS, settings).params;
+    let mut outcomes = Vec::new();
+    for kind in 0..NUM_KINDS {
+        let factor = if spoilt == Some(kind) { 1.001 } else { 1.0 };
+        let analytic: Vec<f64> = array(&mut analytic, kind).iter().map(|g| g * factor).collect();
         let largest = analytic.iter().fold(1e-9_f64, |m, g| m.max(g.abs()));
-        let numeric_at = |i: usize| {
-            let eps = 2e-6;
+        let numeric = |i: usize| {
+            let eps = 2e-7;
             let [up, down] = [eps, -eps].map(|e| {
                 let mut p = params.clone();
-                perturb(&mut p, i, e);
+                array(&mut p, kind)[i] += e;
                 loss(&p)
             });
             (up - down) / (2.0 * eps)
         };
-        for (i, g) in analytic.iter().enumerate() {
-            let error = (numeric_at(i) - g * analytic_factor).abs() / largest;
-            outcome.checked += 1;
-            outcome.non_zero += usize::from(g.abs() > 1e-3 * largest);
-            if error > tolerance {
-                outcome.off.push(format!("{name}[{i}]: {error:.1e} of {largest:.1e}"));
-            } else {
-                outcome.worst = outcome.worst.max(error);
-            }
-        }
-    };
-    for group in SplatGroup::ALL {
-        compare(&format!("{group:?}"), analytic.group(group), &|p, i, e| p.group_mut(group)[i] += e);
+        let errors = analytic.iter().enumerate().map(|(i, g)| (numeric(i) - g).abs() / largest).collect();
+        let non_zero = analytic.iter().filter(|g| g.abs() > 1e-3 * largest).count();
+        outcomes.push(Outcome { kind, errors, non_zero });
     }
-    compare("Texel", &analytic.texels, &|p, i, e| p.texels[i] += e);
-    outcome
+    outcomes
 }
 
 #[test]
-fn reference_gradients_match_central_differences_for_every_sh_degree() {
+fn every_kind_matches_central_differences_for_every_sh_degree() {
     for sh_degree in 0..=3 {
         for seed in 0..3 {
             let scene = random_scene(&small(sh_degree, seed));
-            let outcome = check(&scene, &settings(&scene), 2e-5, 1.0);
-            println!(
-                "sh {sh_degree} seed {seed}: {} checked, worst {:.1e}, off {:?}",
-                outcome.checked, outcome.worst, outcome.off
-            );
-            // Entries near a kink: at most 2 in 100.
-            assert!(outcome.off.len() * 50 <= outcome.checked, "{:?}", outcome.off);
-            assert!(outcome.non_zero * 4 > outcome.checked, "{} of {}", outcome.non_zero, outcome.checked);
+            println!("SH degree {sh_degree}, seed {seed}");
+            assert!(check(&scene, &settings(&scene), None).iter().all(|o| o.passes(TOLERANCE)));
         }
     }
 }
 
 #[test]
-fn a_wrong_gradient_is_noticed() {
+fn a_wrong_gradient_of_any_kind_is_noticed() {
     let scene = random_scene(&small(1, 0));
-    let outcome = check(&scene, &settings(&scene), 2e-5, 1.001);
-    assert!(outcome.off.len() * 50 > outcome.checked, "{} of {}", outcome.off.len(), outcome.checked);
+    for spoilt in 0..NUM_KINDS {
+        let outcomes = check(&scene, &settings(&scene), Some(spoilt));
+        let failed: Vec<usize> = outcomes.iter().filter(|o| !o.passes(TOLERANCE)).map(|o| o.kind).collect();
+        assert_eq!(failed, [spoilt]);
+    }
+}
+
+/// Turns splat 0 until it is seen under two degrees and puts it in the middle of the picture.
+fn turn_edge_on(scene: &mut Scene) {
+    let local_from_camera = scene.camera.camera_from_local.inverse();
+    let pinhole = scene.camera.pinhole;
+    let ray = pinhole.direction_in_camera(DVec2::new(12.3, 9.8));
+    let position = local_from_camera.transform_point(ray);
+    let view = (local_from_camera.rotation * ray).normalize();
+    let normal = (view.any_orthonormal_vector() + view * 0.035).normalize();
+    let e_u = normal.any_orthonormal_vector();
+    let q = DQuat::from_mat3(&DMat3::from_cols(e_u, normal.cross(e_u), normal));
+    let splats = &mut scene.model.splats;
+    (0..3).for_each(|k| splats.positions[k] = position[k] as f32);
+    splats.quaternions[..4].copy_from_slice(&[q.w, q.x, q.y, q.z].map(|v| v as f32));
+    splats.log_scales[..2].fill(-1.5);
+    splats.opacity_logits[0] = 1.5;
 }
 
 #[test]
-fn reference_gradients_hold_near_the_camera_and_edge_on() {
-    let near = SceneOptions { depths: (0.05, 0.3), scales: (0.05, 0.3), ..small(1, 7) };
-    let needles = SceneOptions { scales: (0.004, 0.6), ..small(1, 8) };
-    for options in [near, needles] {
-        let mut scene = random_scene(&options);
-        // Turn the first splat until it is seen under 2 degrees.
-        let in_camera =
-            scene.camera.camera_from_local.transform_point(Params::from_model(&scene.model).position(0));
-        let local = scene.camera.camera_from_local.rotation.transpose();
-        let view = (local * in_camera).normalize();
-        let side = view.any_orthonormal_vector();
-        let normal = (side + view * 0.035).normalize();
-        let rotation = glam::DMat3::from_cols(
-            normal.any_orthonormal_vector(),
-            normal.cross(normal.any_orthonormal_vector()),
-            normal,
-        );
-        let q = glam::DQuat::from_mat3(&rotation);
-        for (k, v) in [q.w, q.x, q.y, q.z].into_iter().enumerate() {
-            scene.model.splats.quaternions[k] = v as f32;
+fn gradients_of_a_splat_seen_edge_on_hold() {
+    let mut scene = random_scene(&small(1, 8));
+    turn_edge_on(&mut scene);
+    let settings = settings(&scene);
+    let outcomes = check(&scene, &settings, None);
+    assert!(outcomes.iter().all(|o| o.passes(TOLERANCE)));
+    // The subject itself receives a gradient.
+    let params = Params::from_model(&scene.model);
+    let analytic = gradients(&params, &scene.camera, &scene.target, &WEIGHTS, &settings).params;
+    assert!(analytic.positions[..3].iter().all(|g| g.abs() > 1e-6), "{:?}", &analytic.positions[..3]);
+}
+
+#[test]
+fn gradients_of_discs_that_cross_the_near_plane_hold() {
+    let mut crossing = 0;
+    for seed in 7..10 {
+        let near = SceneOptions { depths: (0.05, 0.3), scales: (0.05, 0.3), ..small(1, seed) };
+        let scene = random_scene(&near);
+        let settings = settings(&scene);
+        let params = Params::from_model(&scene.model);
+        for i in 0..params.len() {
+            let Some(p) = project(&params, i, &scene.camera, &settings) else { continue };
+            let reach: f64 = (0..2).map(|k| 3.0 * (p.scales[k] * p.axes_in_camera[k].z).abs()).sum();
+            let seen = (0..480).any(|px| {
+                hit(&p, DVec2::new((px % 24) as f64 + 0.5, (px / 24) as f64 + 0.5), &settings).is_some()
+            });
+            crossing += usize::from(seen && p.depth - reach < settings.near);
         }
-        let outcome = check(&scene, &settings(&scene), 5e-5, 1.0);
-        println!("{} checked, worst {:.1e}, off {:?}", outcome.checked, outcome.worst, outcome.off);
-        assert!(outcome.off.len() * 25 <= outcome.checked, "{:?}", outcome.off);
+        assert!(check(&scene, &settings, None).iter().all(|o| o.passes(TOLERANCE_NEAR)), "seed {seed}");
     }
+    assert!(crossing >= 5, "only {crossing} discs cross the near plane: nothing was tested");
 }

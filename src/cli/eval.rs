@@ -7,10 +7,10 @@ use super::log::Log;
 use super::run_folder::find_checkpoint;
 use super::session::{write_per_view, write_view};
 use super::table::{Table, print_json};
-use litetex_gs::backend::{Backend, RenderOptions};
-use litetex_gs::eval::{Evaluation, quality_of};
+use litetex_gs::backend::{Backend, RenderOptions, RenderedImage};
+use litetex_gs::eval::Evaluation;
 use litetex_gs::model::{AdamState, Model};
-use litetex_gs::train::checkpoint;
+use litetex_gs::train::{self, Control, Evaluated, checkpoint};
 use litetex_gs::views::{Split, ViewSource};
 use litetex_gs::{Error, Result};
 use std::collections::BTreeMap;
@@ -147,16 +147,16 @@ fn evaluate(
         std::fs::create_dir_all(out).map_err(|e| Error::io(out, e))?;
     }
     let options = render_options(&trained.model, trained.config.train.background, false);
-    let mut per_view = Vec::new();
-    for &view in &views {
-        let image = backend.render(&capture.camera(view), &options)?;
-        let target = capture.target(view)?;
-        per_view.push(quality_of(capture.name(view), &image.rgb, &target));
+    let mut on_view = |view: usize, image: &RenderedImage| -> Result<Control> {
         if let Some(out) = out {
-            write_view(out, capture, view, &image)?;
+            write_view(out, capture, view, image)?;
         }
-    }
-    let evaluation = Evaluation::from_views(per_view);
+        Ok(Control::Continue)
+    };
+    let Evaluated::Figures(evaluation) = train::evaluate(backend, capture, &views, &options, &mut on_view)?
+    else {
+        return Err(Error::Usage("no test view has a pixel that counts: look at its masks".to_owned()));
+    };
     if let Some(out) = out {
         write_per_view(&out.join("per_view.csv"), &evaluation)?;
     }

@@ -101,7 +101,7 @@ fn play(session: &mut Session<'_>, views: &Views, done: u32, steps: u32) -> Resu
             session.handle(TrainEvent::EvalView { step, view, image: &image })?;
             per_view.push(quality_of(views.name(view), &image.rgb, &*views.target(view)?));
         }
-        let evaluation = Evaluation::from_views(per_view);
+        let evaluation = Evaluation::from_views(per_view).unwrap();
         let point = CurvePoint {
             step,
             wall_secs: 1.0,

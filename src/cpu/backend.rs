@@ -261,7 +261,7 @@ impl Backend for CpuBackend {
             let view = ViewF32::new(&request.camera, model.near);
             frame.project(model, view);
             stages.end("project+bin");
-            adam.rates = request.rates;
+            // With the rates of the last step, not of this one.
             settle(model, adam, Some(&frame.visible_ids()), request.step - 1);
             frame.colours(level, model, request.sh_degree);
             stages.end("settle+colours");
@@ -295,6 +295,9 @@ impl Backend for CpuBackend {
 
     fn apply_plan(&mut self, plan: &StructurePlan) -> Result<()> {
         plan.check(self.model.num_splats())?;
+        // Resampling does not commute with the updates that are still owed.
+        let (step, model, adam) = (self.adam.step, &mut self.model, &mut self.adam);
+        self.pool.install(|| settle(model, adam, None, step));
         (self.model, self.adam) = self.pool.install(|| structure::apply_plan(&self.model, &self.adam, plan));
         self.settled = None;
         self.statistics = empty_statistics(self.model.num_splats());

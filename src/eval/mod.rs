@@ -55,18 +55,21 @@ pub struct Evaluation {
 }
 
 impl Evaluation {
-    /// Means over the views; all zero if there is no view.
-    pub fn from_views(per_view: Vec<ViewQuality>) -> Self {
-        let count = per_view.len().max(1) as f64;
+    /// Means over the views; `None` without a view, for then there is no figure.
+    pub fn from_views(per_view: Vec<ViewQuality>) -> Option<Self> {
+        if per_view.is_empty() {
+            return None;
+        }
+        let count = per_view.len() as f64;
         let mean = |figure: fn(&ViewQuality) -> f64| per_view.iter().map(figure).sum::<f64>() / count;
-        Self {
+        Some(Self {
             psnr: mean(|v| v.psnr),
             grad_psnr: mean(|v| v.grad_psnr),
             ssim_3dgs: mean(|v| v.ssim_3dgs),
             ssim_valid: mean(|v| v.ssim_valid),
             flip: mean(|v| v.flip),
             per_view,
-        }
+        })
     }
 }
 

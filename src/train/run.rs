@@ -9,7 +9,7 @@ use crate::backend::{Backend, RenderOptions, RenderedImage, StepRequest};
 use crate::clock::process_cpu_secs;
 use crate::eval::{Evaluation, ViewQuality, quality_of};
 use crate::views::{Split, ViewSource};
-use crate::{Error, Result};
+use crate::{Error, Result, Warning};
 use rand::SeedableRng as _;
 use rand::seq::SliceRandom as _;
 use rand_pcg::Pcg64Mcg;
@@ -80,36 +80,57 @@ impl Run<'_> {
             train_views: self.train_views.len(),
             test_views: self.test_views.len(),
         })?;
-        let mut reason = StopReason::Steps;
-        while self.state.step < self.config.steps {
-            let clock = Clock::start();
-            let control = self.step(&clock, sink)?;
-            let step = self.state.step;
-            let out_of_time =
-                self.config.max_time_secs.is_some_and(|limit| self.state.history.train_wall_secs >= limit);
-            if control == Control::Stop {
-                reason = StopReason::Consumer;
-                break;
+        let reason = match self.steps(sink) {
+            Ok(reason) => reason,
+            Err(error) => {
+                // A photo that cannot be read must not cost the work so far; the first error is told.
+                let _ = self.checkpoint(sink);
+                return Err(error);
             }
-            if out_of_time {
-                reason = StopReason::Time;
-                break;
-            }
-            let due = |every: u32| every > 0 && step.is_multiple_of(every) && step < self.config.steps;
-            let (eval_due, save_due) = (due(self.config.eval_every), due(self.config.save_every));
-            if eval_due {
-                self.evaluate(false, sink)?;
-            }
-            if save_due {
-                self.checkpoint(sink)?;
-            }
-        }
-        if reason != StopReason::Consumer {
-            self.evaluate(true, sink)?;
-        }
+        };
+        // Saved before the evaluation reads photos, and again with its figures.
         self.checkpoint(sink)?;
+        if reason != StopReason::Consumer && self.evaluate(true, sink)? == Control::Continue {
+            self.checkpoint(sink)?;
+        }
         sink(TrainEvent::Finished { reason })?;
         Ok((self.state.clone(), reason))
+    }
+
+    fn steps(&mut self, sink: Sink<'_>) -> Result<StopReason> {
+        // An interruption may have come between a step and the evaluation that was due.
+        if self.is_due(self.config.eval_every) && self.evaluated_at() != Some(self.state.step) {
+            self.evaluate(false, sink)?;
+        }
+        while self.state.step < self.config.steps {
+            let clock = Clock::start();
+            let mut control = self.step(&clock, sink)?;
+            let limit = self.config.max_time_secs;
+            if control == Control::Continue && limit.is_some_and(|l| self.state.history.train_wall_secs >= l)
+            {
+                return Ok(StopReason::Time);
+            }
+            if control == Control::Continue && self.is_due(self.config.eval_every) {
+                control = self.evaluate(false, sink)?;
+            }
+            if control == Control::Continue && self.is_due(self.config.save_every) {
+                self.checkpoint(sink)?;
+            }
+            if control == Control::Stop {
+                return Ok(StopReason::Consumer);
+            }
+        }
+        Ok(StopReason::Steps)
+    }
+
+    /// Whether something that happens each `every` steps is due now; the end has its own.
+    fn is_due(&self, every: u32) -> bool {
+        let step = self.state.step;
+        every > 0 && step > 0 && step.is_multiple_of(every) && step < self.config.steps
+    }
+
+    fn evaluated_at(&self) -> Option<u32> {
+        self.state.history.curve.last().map(|p| p.step)
     }
 
     /// One step, and the revision that may follow it; the times end up in the history.
@@ -130,7 +151,7 @@ impl Run<'_> {
         })?;
         if !report.loss.total.is_finite() {
             return Err(Error::Device(format!(
-                "step {step}: the loss is {}; the last checkpoint is intact",
+                "step {step}: the loss is {}: lower the learning rates, or report this with the capture",
                 report.loss.total
             )));
         }
@@ -178,19 +199,29 @@ impl Run<'_> {
         state.epoch_order[at] as usize
     }
 
-    fn evaluate(&mut self, last: bool, sink: Sink<'_>) -> Result<()> {
+    fn evaluate(&mut self, last: bool, sink: Sink<'_>) -> Result<Control> {
         let step = self.state.step;
         let options = RenderOptions {
             background: self.config.background,
             sh_degree: self.schedule.sh_degree(step.max(1), self.config.sh_degree),
             geometry: false,
         };
-        let mut on_view = |view: usize, image: &RenderedImage| -> Result<()> {
-            sink(TrainEvent::EvalView { step, view, image })?;
-            Ok(())
+        let mut on_view =
+            |view: usize, image: &RenderedImage| sink(TrainEvent::EvalView { step, view, image });
+        let outcome = evaluate(self.backend, self.views, &self.test_views, &options, &mut on_view)?;
+        let evaluation = match outcome {
+            Evaluated::Figures(evaluation) => evaluation,
+            Evaluated::Stopped => return Ok(Control::Stop),
+            Evaluated::Nothing => {
+                let message = "no held-out view has a pixel that counts: there are no test figures";
+                return sink(TrainEvent::Warning(Warning {
+                    code: "no-test-figures".into(),
+                    message: message.into(),
+                    count: 1,
+                }));
+            }
         };
-        let evaluation = evaluate(self.backend, self.views, &self.test_views, &options, &mut on_view)?;
-        let history = &self.state.history;
+        let history = &mut self.state.history;
         let point = CurvePoint {
             step,
             wall_secs: history.train_wall_secs,
@@ -200,9 +231,9 @@ impl Run<'_> {
             primitives: self.state.model.num_splats(),
             texels: self.state.model.num_texels(),
         };
-        self.state.history.curve.push(point.clone());
-        sink(TrainEvent::Evaluated { step, evaluation: &evaluation, point: &point, last })?;
-        Ok(())
+        history.curve.retain(|p| p.step != step);
+        history.curve.push(point.clone());
+        sink(TrainEvent::Evaluated { step, evaluation: &evaluation, point: &point, last })
     }
 
     fn checkpoint(&mut self, sink: Sink<'_>) -> Result<()> {
@@ -212,7 +243,18 @@ impl Run<'_> {
     }
 }
 
-/// Renders views and compares them with their photos; `on_view` sees each picture.
+/// Outcome of [`evaluate`].
+pub enum Evaluated {
+    /// Figures of the views that have pixels to compare.
+    Figures(Evaluation),
+    /// There are none.
+    Nothing,
+    /// The consumer stopped it.
+    Stopped,
+}
+
+/// Renders views and compares them with their photos; `on_view` sees each picture. Views of which the
+/// mask leaves nothing are rendered but have no figures.
 ///
 /// # Errors
 /// Whatever the backend, the views or `on_view` report.
@@ -221,22 +263,25 @@ pub fn evaluate(
     views: &dyn ViewSource,
     indices: &[usize],
     options: &RenderOptions,
-    on_view: &mut dyn FnMut(usize, &RenderedImage) -> Result<()>,
-) -> Result<Evaluation> {
+    on_view: &mut dyn FnMut(usize, &RenderedImage) -> Result<Control>,
+) -> Result<Evaluated> {
     let mut per_view: Vec<ViewQuality> = Vec::new();
     for batch in indices.chunks(EVAL_BATCH) {
         views.prefetch(batch);
         let mut images = Vec::new();
         for &view in batch {
             let image = backend.render(&views.camera(view), options)?;
-            on_view(view, &image)?;
+            if on_view(view, &image)? == Control::Stop {
+                return Ok(Evaluated::Stopped);
+            }
             images.push((view, image));
         }
-        let figures: Result<Vec<ViewQuality>> = images
-            .par_iter()
-            .map(|(view, image)| Ok(quality_of(views.name(*view), &image.rgb, &*views.target(*view)?)))
-            .collect();
-        per_view.extend(figures?);
+        let figures = images.par_iter().map(|(view, image)| {
+            let target = views.target(*view)?;
+            let quality = || quality_of(views.name(*view), &image.rgb, &target);
+            Ok(target.has_pixels_that_count().then(quality))
+        });
+        per_view.extend(figures.collect::<Result<Vec<_>>>()?.into_iter().flatten());
     }
-    Ok(Evaluation::from_views(per_view))
+    Ok(Evaluation::from_views(per_view).map_or(Evaluated::Nothing, Evaluated::Figures))
 }
