@@ -1,5 +1,6 @@
 //! Textured Gaussian splats: 2D Gaussian primitives, each with its own small RGB texture, optimised
-//! from photos with poses. See `ARCHITECTURE.md` for the map of modules and the data flow.
+//! from photos with poses. See `ARCHITECTURE.md` for the map of modules and the data flow;
+//! "method section N" in the code refers to `docs/method.md`.
 
 pub mod atomic_file;
 pub mod backend;

@@ -1,5 +1,5 @@
 //! Structure decisions, made on the host from what was read back. With `fixed:R` there is one: a map
-//! that no longer fits its splat's support is resampled to it (decisions B5).
+//! that no longer fits its splat's support is resampled to it (method section 6).
 
 use super::config::TexturePolicy;
 use crate::backend::{MapChange, StructurePlan};
