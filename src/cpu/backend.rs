@@ -127,14 +127,14 @@ impl CpuBackend {
         let Self { level, pool, model, frame, loss, partials, .. } = self;
         pool.install(|| {
             let view = ViewF32::new(&request.camera, model.near);
-            frame.project(model, view);
+            frame.project(*level, model, view);
             frame.colours(*level, model, request.sh_degree);
             frame.raster(*level, true, None);
             let image = frame.image(request.background, None);
             let terms = frame.loss(*level, loss, request);
             let values = with_regularisers(terms, model, frame, request);
             frame.backward(*level, loss, request, partials, true);
-            let input = frame.update_input(model, request, partials, view);
+            let input = frame.update_input(*level, model, request, partials, view);
             let sink = collect_gradients(model, &input);
             let n = model.num_splats();
             let mut visible = vec![false; n];
@@ -156,7 +156,7 @@ impl CpuBackend {
     /// The pixels that each visible splat is evaluated on, for the test of the bounds.
     pub fn coverage(&mut self, camera: &Camera) -> Vec<PairCoverage> {
         let view = ViewF32::new(camera, self.model.near);
-        self.frame.project(&self.model, view);
+        self.frame.project(self.level, &self.model, view);
         let size = view.size_px.map(|s| s as usize);
         let mut out: Vec<PairCoverage> = self
             .frame
@@ -241,7 +241,7 @@ impl Backend for CpuBackend {
         let model = self.take_settled();
         let Self { level, pool, frame, .. } = self;
         let image = pool.install(|| {
-            frame.project(&model, ViewF32::new(camera, model.near));
+            frame.project(*level, &model, ViewF32::new(camera, model.near));
             frame.colours(*level, &model, options.sh_degree.min(model.splats.sh_degree));
             let mut geometry = options.geometry.then(Vec::new);
             frame.raster(*level, false, geometry.as_mut());
@@ -259,7 +259,7 @@ impl Backend for CpuBackend {
         pool.install(|| {
             let mut stages = Stages::start();
             let view = ViewF32::new(&request.camera, model.near);
-            frame.project(model, view);
+            frame.project(level, model, view);
             stages.end("project+bin");
             // With the rates of the last step, not of this one.
             settle(model, adam, Some(&frame.visible_ids()), request.step - 1);
@@ -272,7 +272,7 @@ impl Backend for CpuBackend {
             stages.end("loss");
             frame.backward(level, loss, request, partials, request.accumulate_statistics);
             stages.end("backward");
-            let input = frame.update_input(model, request, partials, view);
+            let input = frame.update_input(level, model, request, partials, view);
             let window = request.accumulate_statistics.then(|| {
                 statistics.views += 1;
                 &mut *statistics

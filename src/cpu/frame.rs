@@ -26,10 +26,10 @@ pub(super) struct Frame {
 
 impl Frame {
     /// Geometry of the splats in sight, and their tiles.
-    pub(super) fn project(&mut self, model: &Model, view: ViewF32) {
+    pub(super) fn project(&mut self, level: Level, model: &Model, view: ViewF32) {
         self.view = Some(view);
         self.splats = project_all(model, &view);
-        self.tiles = build_tiles(&self.splats, view.size_px, HEADER_FLOATS);
+        self.tiles = build_tiles(level, &self.splats, view.size_px, HEADER_FLOATS);
     }
 
     /// Model indices of the splats that touch a tile, ascending.
@@ -195,7 +195,7 @@ impl Frame {
         let mut base = 0;
         for tile in 0..self.tiles.len() {
             let next = self.tiles.tile_start[tile + 1] as usize;
-            let end = self.tiles.pairs.get(next).map_or(self.tiles.partial_floats, |p| p.partial as usize);
+            let end = self.tiles.pairs.get(next).map_or(self.tiles.partial_floats, |p| p.partial);
             let (head, tail) = rest.split_at_mut(end - base);
             jobs.push((tile, base, head));
             rest = tail;
@@ -232,12 +232,14 @@ impl Frame {
 
     pub(super) fn update_input<'a>(
         &'a self,
+        level: Level,
         model: &Model,
         request: &StepRequest<'_>,
         partials: &'a [f32],
         view: ViewF32,
     ) -> UpdateInput<'a> {
         UpdateInput {
+            level,
             splats: &self.splats,
             tiles: &self.tiles,
             partials,

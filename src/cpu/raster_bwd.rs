@@ -106,7 +106,7 @@ pub(super) fn raster_bwd<S: Simd, const STATS: bool>(
         replay.behind[i] = by_background * forward.transmittance[i];
     }
     for (index, pair) in input.pairs.iter().enumerate().rev() {
-        let record = &mut partials[pair.partial as usize - partial_base..];
+        let record = &mut partials[pair.partial - partial_base..];
         record[Sum::Touched as usize] = 0.0;
         if index >= forward.used_pairs {
             continue;

@@ -1,6 +1,7 @@
 //! Which splats touch which tile, per tile in the order of depth.
 
 use super::project::ProjectedSplat;
+use fearless_simd::{Level, Simd, dispatch};
 use rayon::prelude::*;
 
 /// Edge of a tile. Larger tiles than a GPU's: a pair costs its set-up and its partial sums, while rows
@@ -31,7 +32,7 @@ pub(super) struct Pair {
     /// Index into the projected splats.
     pub splat: u32,
     /// Where its partial sums start, in floats from the start of all partial sums.
-    pub partial: u32,
+    pub partial: usize,
     pub window: TexelWindow,
 }
 
@@ -61,15 +62,22 @@ struct TileRun {
 }
 
 /// Builds the lists. `header_floats` is the fixed part of a pair's partial sums.
-pub(super) fn build_tiles(splats: &[ProjectedSplat], size_px: [u32; 2], header_floats: usize) -> Tiles {
+pub(super) fn build_tiles(
+    level: Level,
+    splats: &[ProjectedSplat],
+    size_px: [u32; 2],
+    header_floats: usize,
+) -> Tiles {
     let grid = size_px.map(|s| (s as usize).div_ceil(TILE_PX));
-    let runs: Vec<Vec<TileRun>> = splats.par_iter().with_min_len(256).map(tile_runs).collect();
+    let runs: Vec<ChunkRuns> =
+        splats.par_chunks(RUN_CHUNK).map(|chunk| dispatch!(level, simd => chunk_runs(simd, chunk))).collect();
+    let runs_of = |splat: usize| runs[splat / RUN_CHUNK].of(splat % RUN_CHUNK);
     let mut slot_start = Vec::with_capacity(splats.len() + 1);
     let mut tile_start = vec![0_u32; grid[0] * grid[1] + 1];
     let mut slots = 0;
     slot_start.push(0);
-    for runs in &runs {
-        for run in runs {
+    for splat in 0..splats.len() {
+        for run in runs_of(splat) {
             slots += u32::from(run.tx1 - run.tx0);
             let row = usize::from(run.ty) * grid[0];
             (run.tx0..run.tx1).for_each(|tx| tile_start[row + usize::from(tx) + 1] += 1);
@@ -87,7 +95,7 @@ pub(super) fn build_tiles(splats: &[ProjectedSplat], size_px: [u32; 2], header_f
     let mut next = tile_start.clone();
     for (_, splat) in order {
         let mut slot = slot_start[splat as usize] as usize;
-        for run in &runs[splat as usize] {
+        for run in runs_of(splat as usize) {
             let row = usize::from(run.ty) * grid[0];
             for tx in run.tx0..run.tx1 {
                 let at = &mut next[row + usize::from(tx)];
@@ -126,7 +134,7 @@ impl Tiles {
             let range = self.tile_start[tile] as usize..self.tile_start[tile + 1] as usize;
             for pair in &mut self.pairs[range] {
                 pair.window = texel_window(&splats[pair.splat as usize], origin);
-                pair.partial = next as u32;
+                pair.partial = next;
                 next += header_floats + 3 * pair.window.len();
             }
         }
@@ -134,27 +142,49 @@ impl Tiles {
     }
 }
 
-fn tile_runs(splat: &ProjectedSplat) -> Vec<TileRun> {
-    let b = &splat.bounds;
+/// Splats whose runs are found together.
+const RUN_CHUNK: usize = 256;
+
+/// Runs of a chunk of splats.
+struct ChunkRuns {
+    runs: Vec<TileRun>,
+    /// End of each splat's runs.
+    ends: Vec<u32>,
+}
+
+impl ChunkRuns {
+    fn of(&self, splat: usize) -> &[TileRun] {
+        let start = if splat == 0 { 0 } else { self.ends[splat - 1] as usize };
+        &self.runs[start..self.ends[splat] as usize]
+    }
+}
+
+/// Inlined into a context of the instruction set, where rounding is an instruction and not a call.
+#[inline(always)]
+fn chunk_runs<S: Simd>(_simd: S, splats: &[ProjectedSplat]) -> ChunkRuns {
+    let mut out =
+        ChunkRuns { runs: Vec::with_capacity(2 * splats.len()), ends: Vec::with_capacity(splats.len()) };
     let tile = TILE_PX as i32;
-    let mut runs = Vec::with_capacity(((b.y1 - b.y0) / tile + 2) as usize);
-    for ty in b.y0 / tile..=(b.y1 - 1) / tile {
-        let mut first = i32::MAX;
-        let mut past = i32::MIN;
-        for y in (ty * tile).max(b.y0)..((ty + 1) * tile).min(b.y1) {
-            let (x0, x1) = b.row_span(y);
-            if x0 < x1 {
-                first = first.min(x0);
-                past = past.max(x1);
+    for splat in splats {
+        let b = &splat.bounds;
+        for ty in b.y0 / tile..=(b.y1 - 1) / tile {
+            let mut first = i32::MAX;
+            let mut past = i32::MIN;
+            for y in (ty * tile).max(b.y0)..((ty + 1) * tile).min(b.y1) {
+                let (x0, x1) = b.row_span(y);
+                if x0 < x1 {
+                    first = first.min(x0);
+                    past = past.max(x1);
+                }
+            }
+            if first < past {
+                let (tx0, tx1) = ((first / tile) as u16, ((past - 1) / tile + 1) as u16);
+                out.runs.push(TileRun { ty: ty as u16, tx0, tx1 });
             }
         }
-        if first < past {
-            let run =
-                TileRun { ty: ty as u16, tx0: (first / tile) as u16, tx1: ((past - 1) / tile + 1) as u16 };
-            runs.push(run);
-        }
+        out.ends.push(out.runs.len() as u32);
     }
-    runs
+    out
 }
 
 /// Maps up to this many texels are kept whole: finding a smaller window would cost more.

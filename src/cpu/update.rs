@@ -9,6 +9,7 @@ use super::tiles::Tiles;
 use crate::backend::{LearningRates, WindowStatistics};
 use crate::constants::sh_coefficients;
 use crate::model::{AdamState, Model, SplatArrays, SplatGroup, TextureMap, texel_value_slope};
+use fearless_simd::{Level, Simd, dispatch};
 use rayon::prelude::*;
 
 /// Splats per chunk of parallel work.
@@ -145,6 +146,7 @@ fn ids_within(ids: &[u32], first: usize, len: usize) -> impl Iterator<Item = u32
 
 /// Everything that the update reads.
 pub(super) struct UpdateInput<'a> {
+    pub level: Level,
     pub splats: &'a [ProjectedSplat],
     pub tiles: &'a Tiles,
     pub partials: &'a [f32],
@@ -167,7 +169,8 @@ pub(super) struct GradientSink {
 }
 
 /// Gradient of one visible splat; texel gradients are left in `texels`.
-pub(super) fn splat_gradient(
+#[inline(always)]
+fn splat_gradient(
     model: &Model,
     input: &UpdateInput<'_>,
     index: usize,
@@ -181,7 +184,7 @@ pub(super) fn splat_gradient(
     let slots = input.tiles.slot_start[index] as usize..input.tiles.slot_start[index + 1] as usize;
     for &pair in &input.tiles.slot_pair[slots] {
         let pair = &input.tiles.pairs[pair as usize];
-        let record = &input.partials[pair.partial as usize..];
+        let record = &input.partials[pair.partial..];
         if record[Sum::Touched as usize] == 0.0 {
             continue;
         }
@@ -240,8 +243,6 @@ pub(super) fn update(
     input: &UpdateInput<'_>,
 ) -> u64 {
     let gradients = gather_gradients(model, input);
-    let step = AdamStep::new(input.step);
-    let rates = &input.rates;
     let sh_degree = model.splats.sh_degree;
     let sh_width = 3 * sh_coefficients(sh_degree);
     (adam.step, adam.rates) = (input.step, input.rates);
@@ -251,60 +252,68 @@ pub(super) fn update(
     let maps = &textures.maps;
     let chunks = chunks(groups, texels, &mut adam.last_step, statistics, maps, sh_degree);
     chunks.into_par_iter().zip(&gradients).for_each(|(mut chunk, gradients)| {
-        let base = 3 * maps[chunk.first].offset_texels as usize;
-        let mut dense = vec![[0.0_f32; 10]; chunk.last_step.len()];
-        for g in gradients.splats.iter() {
-            let i = g.id as usize - chunk.first;
-            dense[i][..3].copy_from_slice(&g.gradient.position);
-            dense[i][3..7].copy_from_slice(&g.gradient.quaternion);
-            dense[i][7..9].copy_from_slice(&g.gradient.log_scale);
-            dense[i][9] = g.gradient.opacity;
-            let [p, m, v] = &mut chunk.groups[4];
-            let dc = i * sh_width..i * sh_width + 3;
-            let rest = i * sh_width + 3..(i + 1) * sh_width;
-            let sh = &g.gradient.sh;
-            step.update(&mut p[dc.clone()], &mut m[dc.clone()], &mut v[dc], &sh[..3], rates.sh_dc);
-            step.update(
-                &mut p[rest.clone()],
-                &mut m[rest.clone()],
-                &mut v[rest],
-                &sh[3..sh_width],
-                rates.sh_rest,
-            );
-            let floats = maps[g.id as usize].floats();
-            let range = floats.start - base..floats.end - base;
-            let [p, m, v] = &mut chunk.texels;
-            let texels = &gradients.texels[g.first_texel..g.first_texel + range.len()];
-            step.update(&mut p[range.clone()], &mut m[range.clone()], &mut v[range], texels, rates.texel);
-            chunk.last_step[i] = input.step;
-            if let (Some(sums), Some(seen)) = (&mut chunk.statistics, &mut chunk.seen) {
-                (0..3).for_each(|k| sums[k][i] += g.statistics[k]);
-                seen[i] += 1;
-            }
-        }
-        let widths = [
-            (3, 0, rates.position),
-            (4, 3, rates.quaternion),
-            (2, 7, rates.log_scale),
-            (1, 9, rates.opacity),
-        ];
-        for ([p, m, v], (width, at, rate)) in chunk.groups.iter_mut().zip(widths) {
-            for (i, g) in dense.iter().enumerate() {
-                let range = i * width..(i + 1) * width;
-                step.update(
-                    &mut p[range.clone()],
-                    &mut m[range.clone()],
-                    &mut v[range],
-                    &g[at..at + width],
-                    rate,
-                );
-            }
-        }
-        for s in chunk.groups[2][0].iter_mut() {
-            *s = s.clamp(LOG_SCALE_RANGE.0, LOG_SCALE_RANGE.1);
-        }
+        dispatch!(input.level, simd => update_chunk(simd, &mut chunk, gradients, maps, sh_width, input));
     });
     gradients.iter().map(|c| c.non_finite).sum()
+}
+
+/// One step on the splats of a chunk.
+#[inline(always)]
+fn update_chunk<S: Simd>(
+    _simd: S,
+    chunk: &mut Chunk<'_>,
+    gradients: &ChunkGradients,
+    maps: &[TextureMap],
+    sh_width: usize,
+    input: &UpdateInput<'_>,
+) {
+    let step = AdamStep::new(input.step);
+    let rates = &input.rates;
+    // Coefficients of degrees not yet in use are at rest.
+    let sh_used = 3 * sh_coefficients(input.sh_degree);
+
+    let base = 3 * maps[chunk.first].offset_texels as usize;
+    let mut dense = vec![[0.0_f32; 10]; chunk.last_step.len()];
+    for g in gradients.splats.iter() {
+        let i = g.id as usize - chunk.first;
+        dense[i][..3].copy_from_slice(&g.gradient.position);
+        dense[i][3..7].copy_from_slice(&g.gradient.quaternion);
+        dense[i][7..9].copy_from_slice(&g.gradient.log_scale);
+        dense[i][9] = g.gradient.opacity;
+        let [p, m, v] = &mut chunk.groups[4];
+        let dc = i * sh_width..i * sh_width + 3;
+        let rest = i * sh_width + 3..i * sh_width + sh_used;
+        let sh = &g.gradient.sh;
+        step.update(&mut p[dc.clone()], &mut m[dc.clone()], &mut v[dc], &sh[..3], rates.sh_dc);
+        step.update(&mut p[rest.clone()], &mut m[rest.clone()], &mut v[rest], &sh[3..sh_used], rates.sh_rest);
+        let floats = maps[g.id as usize].floats();
+        let range = floats.start - base..floats.end - base;
+        let [p, m, v] = &mut chunk.texels;
+        let texels = &gradients.texels[g.first_texel..g.first_texel + range.len()];
+        step.update(&mut p[range.clone()], &mut m[range.clone()], &mut v[range], texels, rates.texel);
+        chunk.last_step[i] = input.step;
+        if let (Some(sums), Some(seen)) = (&mut chunk.statistics, &mut chunk.seen) {
+            (0..3).for_each(|k| sums[k][i] += g.statistics[k]);
+            seen[i] += 1;
+        }
+    }
+    let widths =
+        [(3, 0, rates.position), (4, 3, rates.quaternion), (2, 7, rates.log_scale), (1, 9, rates.opacity)];
+    for ([p, m, v], (width, at, rate)) in chunk.groups.iter_mut().zip(widths) {
+        for (i, g) in dense.iter().enumerate() {
+            let range = i * width..(i + 1) * width;
+            step.update(
+                &mut p[range.clone()],
+                &mut m[range.clone()],
+                &mut v[range],
+                &g[at..at + width],
+                rate,
+            );
+        }
+    }
+    for s in chunk.groups[2][0].iter_mut() {
+        *s = s.clamp(LOG_SCALE_RANGE.0, LOG_SCALE_RANGE.1);
+    }
 }
 
 /// Gradients of the visible splats of a chunk.
@@ -323,26 +332,27 @@ struct IndexedGradient {
 
 fn gather_gradients(model: &Model, input: &UpdateInput<'_>) -> Vec<ChunkGradients> {
     let firsts: Vec<usize> = (0..model.num_splats()).step_by(CHUNK).collect();
-    firsts
-        .into_par_iter()
-        .map(|first| {
-            let start = input.splats.partition_point(|s| (s.id as usize) < first);
-            let past = input.splats.partition_point(|s| (s.id as usize) < first + CHUNK);
-            let mut out = ChunkGradients { splats: Vec::new(), texels: Vec::new(), non_finite: 0 };
-            let mut texels = Vec::new();
-            for index in start..past {
-                if input.tiles.slot_start[index] == input.tiles.slot_start[index + 1] {
-                    continue;
-                }
-                let (gradient, statistics, non_finite) = splat_gradient(model, input, index, &mut texels);
-                out.non_finite += u64::from(non_finite);
-                let id = input.splats[index].id;
-                out.splats.push(IndexedGradient { id, first_texel: out.texels.len(), gradient, statistics });
-                out.texels.extend_from_slice(&texels);
-            }
-            out
-        })
-        .collect()
+    let chunk = |first: usize| dispatch!(input.level, simd => gather_chunk(simd, model, input, first));
+    firsts.into_par_iter().map(chunk).collect()
+}
+
+#[inline(always)]
+fn gather_chunk<S: Simd>(_simd: S, model: &Model, input: &UpdateInput<'_>, first: usize) -> ChunkGradients {
+    let start = input.splats.partition_point(|s| (s.id as usize) < first);
+    let past = input.splats.partition_point(|s| (s.id as usize) < first + CHUNK);
+    let mut out = ChunkGradients { splats: Vec::new(), texels: Vec::new(), non_finite: 0 };
+    let mut texels = Vec::new();
+    for index in start..past {
+        if input.tiles.slot_start[index] == input.tiles.slot_start[index + 1] {
+            continue;
+        }
+        let (gradient, statistics, non_finite) = splat_gradient(model, input, index, &mut texels);
+        out.non_finite += u64::from(non_finite);
+        let id = input.splats[index].id;
+        out.splats.push(IndexedGradient { id, first_texel: out.texels.len(), gradient, statistics });
+        out.texels.extend_from_slice(&texels);
+    }
+    out
 }
 
 /// Gradients of all splats as arrays, for comparisons.
