@@ -171,6 +171,67 @@ fn without_a_training_view_the_error_says_so() {
     assert!(matches!(outcome, Err(Error::Usage(_))));
 }
 
+#[test]
+fn views_of_which_the_mask_leaves_nothing_have_no_figures() {
+    let scene = scene();
+    let mut views = photos(&scene);
+    for (_, target) in &mut views.0 {
+        *target = Arc::new(TargetImage { mask: Some(vec![0; 64 * 48]), ..(**target).clone() });
+    }
+    let (mut warned, mut evaluated) = (0, 0);
+    let mut sink = |event: TrainEvent<'_>| {
+        warned += usize::from(matches!(event, TrainEvent::Warning(_)));
+        evaluated += usize::from(matches!(event, TrainEvent::Evaluated { .. }));
+        Ok(Control::Continue)
+    };
+    let mut backend = CpuBackend::new(Some(1)).unwrap();
+    let start = TrainState::fresh(damaged(&scene));
+    let (state, _) = train(&config(4), &mut backend, &views, start, &mut sink).unwrap();
+    assert_eq!((warned, evaluated, state.history.curve.len()), (2, 0, 0));
+}
+
+/// Views of which the held-out photo cannot be read.
+struct Unreadable(MemoryViews);
+
+impl ViewSource for Unreadable {
+    fn num_views(&self) -> usize {
+        self.0.num_views()
+    }
+    fn name(&self, view: usize) -> &str {
+        self.0.name(view)
+    }
+    fn split(&self, view: usize) -> Split {
+        self.0.split(view)
+    }
+    fn camera(&self, view: usize) -> Camera {
+        self.0.camera(view)
+    }
+    fn target(&self, view: usize) -> Result<Arc<TargetImage>> {
+        if view == 0 { Err(Error::invalid("held-out.png", "cut off")) } else { self.0.target(view) }
+    }
+}
+
+#[test]
+fn an_unreadable_held_out_photo_does_not_cost_the_work() {
+    let scene = scene();
+    let views = Unreadable(photos(&scene));
+    for eval_every in [0, 5] {
+        let mut saved = 0;
+        let mut sink = |event: TrainEvent<'_>| {
+            if let TrainEvent::Checkpoint { state } = event {
+                saved = state.step;
+            }
+            Ok(Control::Continue)
+        };
+        let config = TrainConfig { eval_every, save_every: 0, ..config(8) };
+        let mut backend = CpuBackend::new(Some(1)).unwrap();
+        let start = TrainState::fresh(damaged(&scene));
+        let outcome = train(&config, &mut backend, &views, start, &mut sink);
+        assert!(matches!(outcome, Err(Error::InvalidInput { .. })));
+        assert_eq!(saved, if eval_every == 0 { 8 } else { 5 });
+    }
+}
+
 fn step(backend: &mut CpuBackend, views: &MemoryViews, step: u32) {
     let (camera, target) = &views.0[1 + step as usize % 5];
     let rates = LearningRates { position: 1e-3, sh_dc: 1e-2, texel: 1e-2, ..LearningRates::default() };
