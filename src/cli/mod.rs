@@ -8,6 +8,7 @@ mod config_file;
 mod devices;
 mod eval;
 mod forecast;
+mod identity;
 mod inspect;
 mod interrupt;
 mod log;
