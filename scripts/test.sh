@@ -35,6 +35,13 @@ if grep -E '^(wgpu|clap|litetex-gs) ' <<<"$tree"; then
     fail "litetex-exporters must not depend on wgpu, clap or litetex-gs"
 fi
 
+note "licences"
+if command -v cargo-deny >/dev/null; then
+    cargo deny check licenses
+else
+    echo "skipped: cargo-deny is not installed (cargo install --locked cargo-deny)"
+fi
+
 for set in "${features[@]}"; do
     note "clippy ${set:-(default features)}"
     # shellcheck disable=SC2086 # an empty set is no argument

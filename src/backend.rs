@@ -68,6 +68,7 @@ pub struct RenderedImage {
 
 /// Weights of the loss terms (method section 3); a weight of 0 switches a term off.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct LossWeights {
     /// Mean absolute difference.
     pub l1: f32,
@@ -79,6 +80,12 @@ pub struct LossWeights {
     pub opacity: f32,
     /// Sum of absolute residuals over the texels of the maps that this view sees.
     pub texture: f32,
+}
+
+impl Default for LossWeights {
+    fn default() -> Self {
+        Self { l1: 0.8, dssim: 0.2, mse: 0.0, opacity: 0.01, texture: 1e-8 }
+    }
 }
 
 /// One iteration on one view.

@@ -30,12 +30,12 @@ pub enum Error {
     #[error("{0}")]
     Usage(String),
     /// Reading or writing failed.
-    #[error("{}: {source}", path.display())]
+    #[error("{}: {}", path.display(), in_words(cause))]
     Io {
         /// The file or folder.
         path: PathBuf,
-        /// The operating system's word.
-        source: std::io::Error,
+        /// The operating system's word. Part of the message and so no `source`: it would be told twice.
+        cause: std::io::Error,
     },
     /// The device cannot do it: memory, limits, driver.
     #[error("{0}")]
@@ -60,8 +60,8 @@ impl Error {
     }
 
     /// An [`Error::Io`].
-    pub fn io(path: impl Into<PathBuf>, source: std::io::Error) -> Self {
-        Self::Io { path: path.into(), source }
+    pub fn io(path: impl Into<PathBuf>, cause: std::io::Error) -> Self {
+        Self::Io { path: path.into(), cause }
     }
 
     /// Exit code of the family: 1 check failed, 2 usage, 3 input invalid, 4 unsupported,
@@ -73,9 +73,41 @@ impl Error {
             Self::InvalidInput { .. } => 3,
             Self::Unsupported { .. } => 4,
             // A missing input is the input's fault; everything else that the system refuses is run time.
-            Self::Io { source, .. } if source.kind() == std::io::ErrorKind::NotFound => 3,
+            Self::Io { cause, .. } if cause.kind() == std::io::ErrorKind::NotFound => 3,
             Self::Io { .. } | Self::Device(_) => 5,
             Self::Interrupted => 130,
         }
+    }
+}
+
+/// What the system said, and what to do where that is known.
+fn in_words(cause: &std::io::Error) -> String {
+    use std::io::ErrorKind;
+    match cause.kind() {
+        ErrorKind::NotFound => "no such file or folder; check the path".to_owned(),
+        ErrorKind::PermissionDenied => {
+            format!("{cause}; check who owns the file or folder and its permissions, or choose another")
+        }
+        _ => cause.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::error::Error as _;
+    use std::io::ErrorKind;
+
+    #[test]
+    fn causes_are_told_once_and_with_a_remedy() {
+        let missing = Error::io("a/b", ErrorKind::NotFound.into());
+        assert_eq!(missing.to_string(), "a/b: no such file or folder; check the path");
+        assert_eq!(missing.exit_code(), 3);
+        let denied = Error::io("a/b", ErrorKind::PermissionDenied.into());
+        assert!(denied.to_string().contains("permissions"), "{denied}");
+        let full = Error::io("a/b", std::io::Error::other("disk full"));
+        assert_eq!(full.to_string(), "a/b: disk full");
+        assert_eq!((denied.exit_code(), full.exit_code()), (5, 5));
+        assert!(full.source().is_none());
     }
 }

@@ -78,13 +78,15 @@ fn usage_errors_exit_with_2_and_say_what_to_do() {
         (&["trian"], "train"),
         (&["train", here], "-o <RUN>"),
         (&["train", "-o", "x"], "<CAPTURE>"),
-        (&["train", here, "-o", "x", "--resume", "y", "--force"], "--force"),
         (&["train", here, "-o", "x", "--texture", "fixed:1"], "fixed:R"),
         (&["train", here, "-o", "x", "--sh-degree", "4"], "0..=3"),
         (&["train", here, "-o", "x", "--steps", "0"], "--steps"),
         (&["train", here, "-o", "x", "--max-time", "soon"], "20m"),
         (&["train", here, "-o", "x", "--background", "mauve"], "#rrggbb"),
         (&["train", here, "-o", "x", "--init", "magic"], "random:COUNT"),
+        (&["train", here, "-o", "x", "--init", "random:10000001"], "10,000,000"),
+        (&["train", here, "-o", "x", "--max-resolution", "15"], "16..=65536"),
+        (&["train", here, "-o", "x", "--format", "fbx"], "reality-capture"),
         (&["train", here, "-o", "x", "--image-cache", "big"], "4GiB"),
         (&["train", here, "--resume"], "--out"),
         (&["render", here, "-o", "x"], "--orbit"),
@@ -121,12 +123,15 @@ fn wrong_input_exits_with_3_and_leaves_no_run_behind() {
     std::fs::write(path("bad.toml"), "[train]\nstps = 3\n").unwrap();
     let (nowhere, empty, run_dir) = (path("nowhere"), path("empty"), path("run"));
     for (arguments, parts) in [
-        (vec!["train", &nowhere, "-o", &run_dir], vec!["nowhere"]),
+        (
+            vec!["train", &nowhere, "-o", &run_dir],
+            vec!["nowhere: no such file or folder; expected the folder of a capture\n"],
+        ),
         (vec!["train", &empty, "-o", &run_dir], vec!["empty"]),
         (vec!["train", &empty, "-o", &run_dir, "--config", &path("bad.toml")], vec!["bad.toml", "stps"]),
         (vec!["train", "--resume", &empty], vec!["no checkpoint"]),
         (vec!["train", &empty, "-o", &empty, "--resume"], vec!["no checkpoint"]),
-        (vec!["eval", &nowhere], vec!["nowhere"]),
+        (vec!["eval", &nowhere], vec!["nowhere: no such file or folder; check the path\n"]),
         (vec!["eval", &path("broken.safetensors")], vec!["broken.safetensors", "safetensors file"]),
         (vec!["render", &empty, "--test", "-o", &run_dir], vec!["no checkpoint"]),
         (vec!["inspect", &nowhere], vec!["nowhere"]),
@@ -194,6 +199,16 @@ fn a_sample_is_made_and_inspected() {
     assert_eq!(value["views"], 9);
     assert_eq!(value["test_views"].as_array().unwrap().len(), 2);
     assert_eq!(value["sizes"]["64x48"], 9);
+}
+
+#[test]
+fn a_sample_without_points_has_no_error_either() {
+    let dir = tempfile::tempdir().unwrap();
+    let capture = dir.path().join("capture").to_str().unwrap().to_owned();
+    let arguments = ["sample", &capture, "--views", "3", "--size", "16x16", "--points", "0", "--no-truth"];
+    let (code, text, stderr) = run(&arguments);
+    assert_eq!(code, 0, "{stderr}");
+    assert!(text.contains(" 0.00 px") && !text.contains("-0"), "{text}");
 }
 
 #[test]

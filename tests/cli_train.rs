@@ -227,3 +227,85 @@ fn an_interrupted_run_is_saved_and_exits_with_130() {
     let found: Value = serde_json::from_str(&ok(&["inspect", &out, "--json"])).unwrap();
     assert!(found["checkpoint"]["step"].as_u64().unwrap() >= 10);
 }
+
+/// Everything below a folder whose name contains `part`.
+fn found(folder: &str, part: &str) -> usize {
+    fs::read_dir(folder)
+        .unwrap()
+        .filter(|e| e.as_ref().unwrap().path().to_string_lossy().contains(part))
+        .count()
+}
+
+#[test]
+fn a_run_is_not_continued_or_judged_on_other_views() {
+    let place = Place::new();
+    place.train("run", &["--steps", "6", "--test-every", "3"]);
+    let (run_dir, capture, other) = (place.path("run"), place.path("capture"), place.path("other"));
+    let last = place.path("run/checkpoints/step-000006.safetensors");
+    let before = bytes_of(&last);
+    let more = ["train", "--resume", &run_dir, "--steps", "9"];
+    let (code, _, stderr) = run(&[&more[..], &["--test-every", "2"]].concat());
+    assert!(code == 2 && stderr.contains("training view") && stderr.contains("start a new run"), "{stderr}");
+    let (code, _, stderr) = run(&[&more[..], &["--init", "random"]].concat());
+    assert!(code == 2 && stderr.contains("--init"), "{stderr}");
+
+    // Another capture: other cameras, other frame.
+    ok(&["sample", &other, "--views", "11", "--size", "64x48", "--points", "300", "--no-truth", "-q"]);
+    let (code, _, stderr) = run(&[&more[..], &[&other]].concat());
+    assert_eq!(code, 2, "{stderr}");
+    for arguments in [&["eval", &run_dir][..], &["render", &run_dir, "--test", "-o", &place.path("views")]] {
+        let (code, _, stderr) = run(&[arguments, &["--capture", &other]].concat());
+        assert!(code == 2 && stderr.contains("not the capture the run was trained on"), "{stderr}");
+    }
+    assert!(before == bytes_of(&last));
+
+    // A file of settings that names no capture keeps that of the run; the history is told to be missing,
+    // and a damaged one hinders only those who need it.
+    let file = place.path("more.toml");
+    fs::write(&file, "[capture]\ntest-every = 3\n[train]\nsteps = 9\n").unwrap();
+    let history = place.path("run/checkpoints/step-000006.history.json");
+    fs::write(&history, "{").unwrap();
+    ok(&["eval", &run_dir, "-q"]);
+    ok(&["inspect", &run_dir, "-q"]);
+    let resume = ["train", "--resume", &run_dir, "--config", &file];
+    assert_eq!(run(&resume).0, 3);
+    fs::remove_file(&history).unwrap();
+    let (code, _, stderr) = run(&resume);
+    assert!(code == 0 && stderr.contains("history.json: missing"), "{stderr}");
+    let summary = place.json("run/summary.json");
+    assert_eq!((&summary["steps"], &summary["capture"]["path"]), (&9.into(), &capture.into()));
+    assert_eq!(summary["warnings"][0]["code"], "history-missing");
+}
+
+#[test]
+fn views_that_were_trained_on_are_not_evaluated() {
+    let place = Place::new();
+    let (list, run_dir) = (place.path("held-out.txt"), place.path("run"));
+    let found: Value = serde_json::from_str(&ok(&["inspect", &place.path("capture"), "--json"])).unwrap();
+    let names: Vec<&str> =
+        found["test_views"].as_array().unwrap().iter().map(|n| n.as_str().unwrap()).collect();
+    fs::write(&list, names[0]).unwrap();
+    place.train("run", &["--steps", "3", "--test-list", &list]);
+    ok(&["eval", &run_dir, "-q"]);
+    fs::write(&list, names[1]).unwrap();
+    let (code, _, stderr) = run(&["eval", &run_dir]);
+    assert!(code == 2 && stderr.contains(names[1]) && stderr.contains("training view"), "{stderr}");
+}
+
+#[test]
+fn an_older_checkpoint_is_continued_elsewhere_or_by_force() {
+    let place = Place::new();
+    place.train("run", &["--steps", "9", "--save-every", "3", "--eval-every", "3"]);
+    let older = place.path("run/checkpoints/step-000003.safetensors");
+    let (checkpoints, evaluations) = (place.path("run/checkpoints"), place.path("run/eval"));
+    let in_place = ["train", "--resume", &older, "--save-every", "0", "--eval-every", "0", "-q"];
+    let (code, _, stderr) = run(&in_place);
+    assert!(code == 2 && stderr.contains("--force") && stderr.contains("step-000009"), "{stderr}");
+    assert_eq!((found(&checkpoints, "safetensors"), found(&evaluations, "0000")), (3, 3));
+    let elsewhere = place.path("elsewhere");
+    ok(&[&in_place[..], &["-o", &elsewhere]].concat());
+    ok(&[&in_place[..], &["--force"]].concat());
+    // Step 6 is gone.
+    assert_eq!((found(&checkpoints, "safetensors"), found(&checkpoints, "history")), (2, 2));
+    assert_eq!(found(&evaluations, "0000"), 2);
+}

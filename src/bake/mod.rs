@@ -115,7 +115,7 @@ impl From<litetex_exporters::Error> for Error {
     fn from(error: litetex_exporters::Error) -> Self {
         use litetex_exporters::Error as E;
         match error {
-            E::Io { path, source } => Self::Io { path, source },
+            E::Io { path, source } => Self::io(path, source),
             E::Invalid { path, what } => Self::InvalidInput { path, what },
             E::Unsupported { path, what } | E::TooLarge { path, what } => Self::Unsupported { path, what },
             other => Self::CheckFailed(other.to_string()),

@@ -4,12 +4,15 @@ use super::capture::{CaptureFormat, LoadOptions};
 use super::values::parse_bytes;
 use std::path::PathBuf;
 
+/// Smallest bound of the pictures' longer side that makes sense: SSIM's window is 11 pixels wide.
+pub const MAX_RESOLUTION_MIN: u32 = 16;
+
 /// Flags of the capture; what is not given stays as the configuration file or the default says.
 #[derive(clap::Args, Clone, Debug, Default)]
 #[command(next_help_heading = "Capture")]
 pub struct CaptureArgs {
     /// Bound of the pictures' longer side in pixels; larger ones are averaged down by area [default: 1600]
-    #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u32).range(1..=65_536))]
+    #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u32).range(i64::from(MAX_RESOLUTION_MIN)..=65_536))]
     pub max_resolution: Option<u32>,
     /// Folder of the pictures, for example images_4 [default: images]
     #[arg(long, value_name = "DIR")]
@@ -20,7 +23,7 @@ pub struct CaptureArgs {
     /// Black keeps instead of white
     #[arg(long)]
     pub mask_invert: bool,
-    /// Kind of pose file [default: a sparse model wins over transforms.json]
+    /// Kind of pose file [default: a sparse model wins over transforms.json, that over CSV]
     #[arg(long, value_name = "FORMAT")]
     pub format: Option<FormatArg>,
     /// Hold out each N-th view in the order of names, 0: none; files that state a split win [default: 8]
@@ -43,6 +46,8 @@ pub enum FormatArg {
     Colmap,
     /// transforms.json of nerfstudio, instant-ngp and Blender scenes
     Transforms,
+    /// CSV export of RealityCapture / RealityScan
+    RealityCapture,
 }
 
 impl CaptureArgs {
@@ -59,6 +64,7 @@ impl CaptureArgs {
             Some(FormatArg::Auto) => options.format = None,
             Some(FormatArg::Colmap) => options.format = Some(CaptureFormat::Colmap),
             Some(FormatArg::Transforms) => options.format = Some(CaptureFormat::Transforms),
+            Some(FormatArg::RealityCapture) => options.format = Some(CaptureFormat::RealityCapture),
             None => {}
         }
     }

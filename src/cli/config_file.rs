@@ -2,6 +2,7 @@
 //! the run folder and every checkpoint.
 
 use super::capture::{InitSource, LoadOptions};
+use super::capture_args::MAX_RESOLUTION_MIN;
 use super::train_args::SaveImages;
 use litetex_gs::train::TrainConfig;
 use litetex_gs::{Error, Result};
@@ -93,8 +94,36 @@ impl RunConfig {
         if t.max_time_secs.is_some_and(|s| !s.is_finite() || s <= 0.0) {
             return refuse("train.max-time-secs: expected a positive number".to_owned());
         }
-        if self.capture.max_resolution == 0 {
-            return refuse("capture.max-resolution: found 0, expected at least 1".to_owned());
+        let r = &t.rates;
+        for (key, rate) in [("position", r.position), ("position-end", r.position_end)] {
+            // The schedule between the two is logarithmic.
+            if !rate.is_finite() || rate <= 0.0 {
+                return refuse(format!("train.rates.{key}: found {rate}, expected a finite number above 0"));
+            }
+        }
+        let l = &t.loss;
+        for (key, number) in [
+            ("rates.quaternion", r.quaternion),
+            ("rates.log-scale", r.log_scale),
+            ("rates.opacity", r.opacity),
+            ("rates.sh-dc", r.sh_dc),
+            ("rates.sh-rest", r.sh_rest),
+            ("rates.texel", r.texel),
+            ("loss.l1", l.l1),
+            ("loss.dssim", l.dssim),
+            ("loss.mse", l.mse),
+            ("loss.opacity", l.opacity),
+            ("loss.texture", l.texture),
+        ] {
+            if !number.is_finite() || number < 0.0 {
+                return refuse(format!("train.{key}: found {number}, expected a finite number, 0 or above"));
+            }
+        }
+        if self.capture.max_resolution < MAX_RESOLUTION_MIN {
+            return refuse(format!(
+                "capture.max-resolution: found {}, expected at least {MAX_RESOLUTION_MIN}",
+                self.capture.max_resolution
+            ));
         }
         Ok(())
     }
@@ -103,6 +132,7 @@ impl RunConfig {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use litetex_gs::backend::LossWeights;
     use litetex_gs::train::TexturePolicy;
 
     fn parse(text: &str) -> Result<RunConfig> {
@@ -133,6 +163,8 @@ mod tests {
         assert_eq!(config.train.steps, 300);
         assert_eq!(config.train.seed, TrainConfig::default().seed);
         assert_eq!(parse("").unwrap(), RunConfig::default());
+        let loss = parse("[train.loss]\nmse = 0.5\n").unwrap().train.loss;
+        assert_eq!(loss, LossWeights { mse: 0.5, ..LossWeights::default() });
     }
 
     #[test]
@@ -145,7 +177,14 @@ mod tests {
             ("[train]\nmax-time-secs = -1", "max-time-secs"),
             ("[train]\ntexture = \"fixed:1\"", "fixed:R"),
             ("init = \"magic\"", "random:COUNT"),
-            ("[capture]\nmax-resolution = 0", "capture.max-resolution"),
+            ("init = \"random:0\"", "10,000,000"),
+            ("[capture]\nmax-resolution = 15", "capture.max-resolution: found 15"),
+            ("[train.rates]\nposition = 0.0", "train.rates.position: found 0"),
+            ("[train.rates]\nposition-end = inf", "train.rates.position-end: found inf"),
+            ("[train.rates]\ntexel = -1e-3", "train.rates.texel: found -0.001"),
+            ("[train.rates]\nopacity = 1e300", "train.rates.opacity: found inf"),
+            ("[train.loss]\nl1 = nan", "train.loss.l1: found NaN"),
+            ("[train.loss]\nl2 = 1.0", "l2"),
             ("[train", "c.toml"),
         ] {
             let error = parse(text).unwrap_err();

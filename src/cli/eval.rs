@@ -3,6 +3,7 @@
 use super::capture::{self, Capture};
 use super::config_file::RunConfig;
 use super::devices;
+use super::identity::Identity;
 use super::log::Log;
 use super::run_folder::find_checkpoint;
 use super::session::{write_per_view, write_view};
@@ -51,6 +52,8 @@ pub struct Trained {
     pub adam: AdamState,
     /// Settings of the run.
     pub config: RunConfig,
+    /// Views of the run; older checkpoints do not tell.
+    identity: Option<Identity>,
 }
 
 impl Trained {
@@ -60,9 +63,10 @@ impl Trained {
     /// What is wrong with it.
     pub fn load(source: &Path) -> Result<Self> {
         let path = find_checkpoint(source)?;
-        let (state, strings) = checkpoint::load(&path)?;
+        let (state, strings) = checkpoint::load_without_history(&path)?;
         let config = config_of(&path, &strings)?;
-        Ok(Self { path, step: state.step, model: state.model, adam: state.adam, config })
+        let identity = Identity::from_strings(&path, &strings)?;
+        Ok(Self { path, step: state.step, model: state.model, adam: state.adam, config, identity })
     }
 
     /// A backend that holds the scene.
@@ -78,13 +82,17 @@ impl Trained {
     /// The capture that it was trained from, at its place or another.
     ///
     /// # Errors
-    /// What the loader found.
+    /// What the loader found; [`Error::Usage`] if it is another capture.
     pub fn open_capture(&self, elsewhere: Option<&Path>) -> Result<Capture> {
         let path = match elsewhere {
             Some(path) => path,
             None => self.config.data()?,
         };
-        capture::open(path, &self.config.capture)
+        let capture = capture::open(path, &self.config.capture)?;
+        if let Some(identity) = &self.identity {
+            identity.check_frame(&Identity::of(&capture))?;
+        }
+        Ok(capture)
     }
 }
 
@@ -142,6 +150,9 @@ fn evaluate(
     let views = capture.indices(Split::Test);
     if views.is_empty() {
         return Err(Error::Usage("the capture has no test views: see --test-every of train".to_owned()));
+    }
+    if let Some(identity) = &trained.identity {
+        identity.check_held_out(&Identity::of(capture))?;
     }
     if let Some(out) = out {
         std::fs::create_dir_all(out).map_err(|e| Error::io(out, e))?;

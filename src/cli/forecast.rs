@@ -1,5 +1,5 @@
 //! Memory and time that training will take, told before it starts. A coarse model: memory counts the
-//! arrays that exist, time rests on two measured rates. Estimates, and called so.
+//! arrays that exist, time rests on three measured rates. Estimates, and called so.
 
 use super::values::{format_bytes, format_duration};
 use litetex_gs::constants::sh_coefficients;
@@ -7,10 +7,14 @@ use litetex_gs::model::Model;
 use litetex_gs::views::{Split, ViewSource};
 use litetex_gs::{Error, Result};
 
-/// CPU seconds per pixel and step, and per splat and step, of the `cpu` backend. The sample capture
-/// (320 x 240, 4,000 splats, AVX-512, a busy machine) needed 0.079 s a step; the model gives 0.081 s.
-const CPU_SECS_PER_PIXEL: f64 = 0.95e-6;
-const CPU_SECS_PER_SPLAT: f64 = 2e-6;
+/// CPU seconds of the `cpu` backend per step, per pixel and step, and per splat and step, fitted to
+/// measurements (2 cores, AVX-512). Measured, and what the model gives: 270 x 480 with 14,553 splats 0.119 s
+/// (0.091); 539 x 960 with 14,553 splats 0.29 s (0.25); 400 x 400 with 20,000 splats before a mostly black
+/// background 0.065 s (0.11); 960 x 710 with 3,673 splats 0.24 s (0.31); 320 x 240 with 4,000 splats 0.06 s
+/// (0.053). How many splats cover a pixel is not known beforehand, so it cannot be much better.
+const CPU_SECS_PER_STEP: f64 = 0.015;
+const CPU_SECS_PER_PIXEL: f64 = 0.42e-6;
+const CPU_SECS_PER_SPLAT: f64 = 1.5e-6;
 /// Bytes per pixel of one view at work: photo, picture, gradient, SSIM's windows, kept blending state.
 const BYTES_PER_PIXEL: u64 = 120;
 /// Bytes per splat of one view at work: projection, its gradient, about eight tile pairs with partial sums.
@@ -83,7 +87,9 @@ impl Workload {
             image_cache_bytes: photos.min(self.cache_limit_bytes),
             total_bytes: 0,
             cpu_secs: f64::from(self.steps)
-                * (self.pixels_mean * CPU_SECS_PER_PIXEL + self.splats as f64 * CPU_SECS_PER_SPLAT),
+                * (CPU_SECS_PER_STEP
+                    + self.pixels_mean * CPU_SECS_PER_PIXEL
+                    + self.splats as f64 * CPU_SECS_PER_SPLAT),
             wall_secs: 0.0,
         };
         forecast.total_bytes = model_bytes
@@ -178,6 +184,21 @@ mod tests {
         let error = huge.forecast().check(Some(8 << 30)).unwrap_err();
         assert_eq!(error.exit_code(), 5);
         assert!(error.to_string().contains("8.0 GiB"), "{error}");
+    }
+
+    #[test]
+    fn times_are_within_a_factor_of_two_of_the_measured_ones() {
+        for (pixels, splats, secs_per_step) in [
+            (270 * 480, 14_553, 0.119),
+            (539 * 960, 14_553, 0.29),
+            (400 * 400, 20_000, 0.065),
+            (960 * 710, 3_673, 0.24),
+            (320 * 240, 4_000, 0.06),
+        ] {
+            let scene = Workload { splats, pixels_mean: f64::from(pixels), steps: 1, ..FOX };
+            let ratio = scene.forecast().cpu_secs / secs_per_step;
+            assert!((0.5..2.0).contains(&ratio), "{pixels} pixels, {splats} splats: {ratio}");
+        }
     }
 
     #[test]

@@ -155,7 +155,7 @@ fn ply(path: &Path) -> Result<Value> {
 fn from_exporters(error: litetex_exporters::Error) -> Error {
     use litetex_exporters::Error as E;
     match error {
-        E::Io { path, source } => Error::Io { path, source },
+        E::Io { path, source } => Error::io(path, source),
         E::Unsupported { path, what } | E::TooLarge { path, what } => Error::Unsupported { path, what },
         E::Invalid { path, what } => Error::InvalidInput { path, what },
         other => Error::Device(other.to_string()),

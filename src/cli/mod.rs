@@ -8,6 +8,7 @@ mod config_file;
 mod devices;
 mod eval;
 mod forecast;
+mod identity;
 mod inspect;
 mod interrupt;
 mod log;
@@ -137,7 +138,7 @@ fn exit_code(error: &anyhow::Error) -> u8 {
 fn is_broken_pipe(error: &anyhow::Error) -> bool {
     error.chain().any(|e| {
         let io = match e.downcast_ref::<Error>() {
-            Some(Error::Io { source, .. }) => Some(source),
+            Some(Error::Io { cause, .. }) => Some(cause),
             _ => e.downcast_ref::<std::io::Error>(),
         };
         io.is_some_and(|e| e.kind() == std::io::ErrorKind::BrokenPipe)

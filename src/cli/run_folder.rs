@@ -108,6 +108,27 @@ impl RunFolder {
         Ok(StagedFolder { staging: Some(staging), target: self.eval(step) })
     }
 
+    /// Removes checkpoints, their histories and evaluations of later steps.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn remove_after(&self, step: u32) -> Result<()> {
+        let folder = self.root.join("checkpoints");
+        for entry in entries_or_none(&folder)? {
+            if step_of(&entry, ".safetensors").or(step_of(&entry, ".history.json")).is_some_and(|s| s > step)
+            {
+                remove(&entry)?;
+            }
+        }
+        for entry in entries_or_none(&self.root.join("eval"))? {
+            let name = entry.file_name().unwrap_or_default().to_str();
+            if name.and_then(|n| n.parse().ok()).is_some_and(|s: u32| s > step) {
+                remove(&entry)?;
+            }
+        }
+        Ok(())
+    }
+
     /// Removes the pictures of an evaluation; its table stays.
     ///
     /// # Errors
@@ -171,15 +192,33 @@ pub fn find_checkpoint(path: &Path) -> Result<PathBuf> {
     if !path.exists() {
         return Err(Error::io(path, std::io::ErrorKind::NotFound.into()));
     }
-    let folder = path.join("checkpoints");
-    let step_of = |path: &PathBuf| -> Option<u32> {
-        let name = path.file_name()?.to_str()?;
-        name.strip_prefix("step-")?.strip_suffix(".safetensors")?.parse().ok()
-    };
-    let all = if folder.is_dir() { entries(&folder)? } else { Vec::new() };
-    all.into_iter().filter(|p| step_of(p).is_some()).max_by_key(|p| step_of(p)).ok_or_else(|| {
+    checkpoints(path)?.pop().map(|(_, file)| file).ok_or_else(|| {
         Error::invalid(path, "no checkpoint: expected checkpoints/step-*.safetensors in the folder of a run")
     })
+}
+
+/// Checkpoints of a run after `step`, in order.
+///
+/// # Errors
+/// [`Error::Io`].
+pub fn checkpoints_after(run: &Path, step: u32) -> Result<Vec<PathBuf>> {
+    Ok(checkpoints(run)?.into_iter().filter(|(s, _)| *s > step).map(|(_, file)| file).collect())
+}
+
+/// Checkpoints of a run by step.
+fn checkpoints(run: &Path) -> Result<Vec<(u32, PathBuf)>> {
+    let all = entries_or_none(&run.join("checkpoints"))?.into_iter();
+    let mut found: Vec<_> = all.filter_map(|p| Some((step_of(&p, ".safetensors")?, p))).collect();
+    found.sort();
+    Ok(found)
+}
+
+fn step_of(path: &Path, suffix: &str) -> Option<u32> {
+    path.file_name()?.to_str()?.strip_prefix("step-")?.strip_suffix(suffix)?.parse().ok()
+}
+
+fn entries_or_none(folder: &Path) -> Result<Vec<PathBuf>> {
+    if folder.is_dir() { entries(folder) } else { Ok(Vec::new()) }
 }
 
 /// The run's folder that a checkpoint lies in, if it does.
@@ -252,5 +291,14 @@ mod tests {
         let last = find_checkpoint(dir.path()).unwrap();
         assert!(last.ends_with("checkpoints/step-1000000.safetensors"));
         assert_eq!(run_of_checkpoint(&last), Some(dir.path()));
+        assert_eq!(checkpoints_after(dir.path(), 300).unwrap().len(), 2);
+        fs::write(dir.path().join("checkpoints/step-999999.history.json"), "").unwrap();
+        for step in [300, 999_999] {
+            fs::create_dir_all(run.eval(step)).unwrap();
+        }
+        run.remove_after(300).unwrap();
+        assert!(find_checkpoint(dir.path()).unwrap().ends_with("step-000300.safetensors"));
+        assert!(run.eval(300).exists() && !run.eval(999_999).exists());
+        assert!(!dir.path().join("checkpoints/step-999999.history.json").exists());
     }
 }

@@ -2,6 +2,7 @@
 //! progress display and answers whether to go on. It computes nothing but file names.
 
 use super::config_file::RunConfig;
+use super::identity::{self, Identity};
 use super::interrupt::Interrupt;
 use super::log::Log;
 use super::progress::{Progress, StepFigures};
@@ -115,7 +116,7 @@ impl<'a> Session<'a> {
                     self.metric(json!({ "event": "step", "step": step, "view": self.views.name(view),
                         "loss": loss, "primitives": num_splats, "texels": num_texels,
                         "train_wall_secs": train_wall_secs, "train_cpu_secs": train_cpu_secs,
-                        "counters": report.counters, "stages_secs": stages(report),
+                        "counters": counters(report), "stages_secs": stages(report),
                         "non_finite_gradients": report.non_finite_gradients }))?;
                 }
             }
@@ -174,6 +175,8 @@ impl<'a> Session<'a> {
         let path = self.folder.checkpoint(state.step)?;
         let total_wall_secs = (self.total_wall_secs)();
         let history = TrainHistory { total_wall_secs, ..state.history.clone() };
+        let identity = Identity::new(self.views, state.model.capture_from_local);
+        self.strings.insert(identity::KEY.to_owned(), identity.to_json()?);
         checkpoint::save(&path, state, &history, &self.strings)?;
         self.log.detail(&format!("saved {}", path.display()));
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -197,6 +200,18 @@ pub fn reason_name(reason: StopReason) -> &'static str {
         StopReason::Time => "time",
         StopReason::Consumer => "interrupted",
     }
+}
+
+/// Counters of a step; null for those that the device did not count.
+fn counters(report: &StepReport) -> Value {
+    let c = &report.counters;
+    let mut counters = json!(c);
+    if (c.evaluated_pairs, c.inside_pairs, c.blended_pairs) == (0, 0, 0) {
+        for name in ["evaluated_pairs", "inside_pairs", "blended_pairs"] {
+            counters[name] = Value::Null;
+        }
+    }
+    counters
 }
 
 fn stages(report: &StepReport) -> Value {

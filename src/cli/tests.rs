@@ -194,6 +194,9 @@ fn events_fill_the_run_folder() {
     assert_eq!(loaded, expected);
     let config_file = std::fs::read_to_string(folder.config()).unwrap();
     assert_eq!(strings["config"], config_file);
+    let views: Value = serde_json::from_str(&strings["views"]).unwrap();
+    assert_eq!(views["test"], serde_json::json!(["a/0001.jpg", "a/0002.jpg"]));
+    assert_eq!(views["capture_from_local"]["scale"], "3ff0000000000000");
     let mut read = RunConfig::read(&folder.config()).unwrap();
     read.version.clear();
     assert_eq!(read, config(20, SaveImages::Last));
@@ -218,6 +221,10 @@ fn a_resumed_run_keeps_the_metrics_before_its_checkpoint_and_no_other() {
     run(&folder, SaveImages::None, 20, 40);
     let steps: Vec<u64> = metrics(&folder).into_iter().filter(|(e, _)| e == "step").map(|(_, s)| s).collect();
     assert_eq!(steps, [1, 10, 20, 30, 40]);
+    let text = std::fs::read_to_string(folder.metrics()).unwrap();
+    let step: Value = serde_json::from_str(text.lines().find(|l| l.contains("counters")).unwrap()).unwrap();
+    // What was not counted is no zero.
+    assert!(step["counters"]["blended_pairs"].is_null() && step["counters"]["pixels"].is_u64(), "{step}");
     assert_eq!(metrics(&folder).iter().filter(|(e, _)| e == "started").count(), 2);
     assert_eq!(metrics(&folder).iter().filter(|(e, _)| e == "finished").count(), 1);
 }

@@ -3,9 +3,10 @@
 use super::capture::{self, Capture};
 use super::config_file::RunConfig;
 use super::forecast::{Workload, machine_bytes, process_bytes};
+use super::identity::Identity;
 use super::interrupt::Interrupt;
 use super::log::Log;
-use super::run_folder::{RunFolder, find_checkpoint, run_of_checkpoint};
+use super::run_folder::{RunFolder, checkpoints_after, find_checkpoint, run_of_checkpoint};
 use super::session::{Session, reason_name};
 use super::summary::{CaptureFigures, Fps, Quality, Resumed, SCHEMA, Size, Summary, Times};
 use super::table::Table;
@@ -16,7 +17,7 @@ use litetex_gs::backend::Backend;
 use litetex_gs::train::checkpoint;
 use litetex_gs::train::{StopReason, TrainState, train};
 use litetex_gs::views::{Split, ViewSource};
-use litetex_gs::{Error, Result};
+use litetex_gs::{Error, Report, Result};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -34,6 +35,10 @@ struct Resume {
     checkpoint: PathBuf,
     state: TrainState,
     changed: Vec<String>,
+    /// Views of the run; older checkpoints do not tell.
+    identity: Option<Identity>,
+    /// What is amiss with the checkpoint.
+    report: Report,
 }
 
 /// Trains and prints the result.
@@ -66,6 +71,8 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<Summary> {
     let state = match plan.resume {
         Some(resume) => {
             check_resumable(&resume, &plan.config, &capture)?;
+            log.report(&resume.report);
+            report.merge(resume.report);
             log.info(&format!("continuing {} after step {}", resume.checkpoint.display(), resume.state.step));
             if !resume.changed.is_empty() {
                 log.warn(
@@ -95,7 +102,11 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<Summary> {
     let mut backend = devices::open(&plan.device)?;
 
     let folder = if resumes_in_place {
-        RunFolder::reopen(&plan.out)?
+        let folder = RunFolder::reopen(&plan.out)?;
+        if plan.force {
+            folder.remove_after(state.step)?;
+        }
+        folder
     } else {
         RunFolder::create(&plan.out, plan.force)?
     };
@@ -164,7 +175,13 @@ fn plan(args: &TrainArgs) -> Result<Plan> {
     };
     let mut resume = resume_from.as_deref().map(load_resume).transpose()?;
     let mut config = match (&args.config, &resume) {
-        (Some(file), _) => RunConfig::read(file)?,
+        (Some(file), before) => {
+            let mut config = RunConfig::read(file)?;
+            if let (None, Some((_, before))) = (&config.data, before) {
+                config.data.clone_from(&before.data);
+            }
+            config
+        }
         (None, Some((_, config))) => config.clone(),
         (None, None) => RunConfig::default(),
     };
@@ -187,8 +204,13 @@ fn plan(args: &TrainArgs) -> Result<Plan> {
     let in_place = resume
         .as_ref()
         .is_some_and(|(r, _)| run_of_checkpoint(&r.checkpoint).is_some_and(|run| same_folder(run, &out)));
-    if !in_place {
-        RunFolder::check_free(&out, args.force)?;
+    match &resume {
+        Some((resume, _)) if in_place => {
+            if !args.force {
+                check_latest(&resume.state, &out)?;
+            }
+        }
+        _ => RunFolder::check_free(&out, args.force)?,
     }
     if let Some((resume, before)) = &mut resume {
         resume.changed = changed_settings(before, &config);
@@ -206,15 +228,38 @@ fn load_resume(path: &Path) -> Result<(Resume, RunConfig)> {
     let file = find_checkpoint(path)?;
     let (state, strings) = checkpoint::load(&file)?;
     let config = eval::config_of(&file, &strings)?;
-    let resume = Resume { checkpoint: file, state, changed: Vec::new() };
-    Ok((resume, config))
+    let identity = Identity::from_strings(&file, &strings)?;
+    let mut report = Report::default();
+    let history = checkpoint::history_path(&file);
+    if !history.exists() {
+        let what = format!("{}: missing; times and curve until then are lost", history.display());
+        report.warn("history-missing", 1, what);
+    }
+    Ok((Resume { checkpoint: file, state, changed: Vec::new(), identity, report }, config))
+}
+
+/// Refuses to continue amid a run: what came later would be mixed with what comes now.
+fn check_latest(state: &TrainState, run: &Path) -> Result<()> {
+    match checkpoints_after(run, state.step)?.last() {
+        None => Ok(()),
+        Some(last) => Err(Error::Usage(format!(
+            "the run has checkpoints after step {}, up to {}; continue it elsewhere with -o <RUN>, or add \
+             --force to delete the later checkpoints and evaluations",
+            state.step,
+            last.display()
+        ))),
+    }
 }
 
 /// Settings that shape the result and differ; when to evaluate, save or stop is not among them.
 fn changed_settings(before: &RunConfig, now: &RunConfig) -> Vec<String> {
     let (b, n) = (&before.train, &now.train);
     let (cb, cn) = (&before.capture, &now.capture);
+    let name = |config: &RunConfig| config.data.as_ref().and_then(|d| d.file_name()).map(ToOwned::to_owned);
     let differing = [
+        ("data", name(before) != name(now)),
+        ("format", cb.format != cn.format),
+        ("init", before.init != now.init),
         ("steps", b.steps != n.steps),
         ("seed", b.seed != n.seed),
         ("sh-degree", b.sh_degree != n.sh_degree),
@@ -231,7 +276,7 @@ fn changed_settings(before: &RunConfig, now: &RunConfig) -> Vec<String> {
 }
 
 fn check_resumable(resume: &Resume, config: &RunConfig, capture: &Capture) -> Result<()> {
-    let fixed = ["sh-degree", "texture", "seed"];
+    let fixed = ["sh-degree", "texture", "seed", "init"];
     if let Some(name) = resume.changed.iter().find(|name| fixed.contains(&name.as_str())) {
         return Err(Error::Usage(format!(
             "--{name}: a resumed run keeps the value of its checkpoint; start a new run to change it"
@@ -242,6 +287,9 @@ fn check_resumable(resume: &Resume, config: &RunConfig, capture: &Capture) -> Re
             "--steps {}: the checkpoint is already at step {}",
             config.train.steps, resume.state.step
         )));
+    }
+    if let Some(identity) = &resume.identity {
+        identity.check_resumable(&Identity::of(capture))?;
     }
     if let Some(view) = resume.state.epoch_order.iter().find(|&&v| v as usize >= capture.num_views()) {
         return Err(Error::invalid(

@@ -20,8 +20,9 @@ pub struct TrainArgs {
     /// Folder of the run
     #[arg(long, short, value_name = "RUN")]
     pub out: Option<PathBuf>,
-    /// Replace the run in a folder that is not empty; files that are not ours stay
-    #[arg(long, conflicts_with = "resume")]
+    /// Replace the run in a folder that is not empty; files that are not ours stay. With --resume CHECKPOINT
+    /// inside its own run: delete the later checkpoints and evaluations
+    #[arg(long)]
     pub force: bool,
     /// Continue a run from its last checkpoint, or from a given one [default: the run of --out]
     #[arg(long, value_name = "RUN|CHECKPOINT", num_args = 0..=1)]

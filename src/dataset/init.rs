@@ -31,6 +31,9 @@ const CLEARANCE: f64 = 0.01;
 /// Random points unless the user says otherwise.
 const RANDOM_POINTS: usize = 20_000;
 
+/// More cannot be asked for.
+const RANDOM_POINTS_MAX: usize = 10_000_000;
+
 /// Where the first splats come from.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
@@ -55,9 +58,10 @@ impl FromStr for InitSource {
             ("sfm", _) => Ok(Self::Sfm),
             ("random", _) => Ok(Self::Random(RANDOM_POINTS)),
             (_, Some(("ply", path))) if !path.is_empty() => Ok(Self::Ply(path.into())),
-            (_, Some(("random", count))) if count.parse().is_ok_and(|c: usize| c > 0) => {
-                Ok(Self::Random(count.parse().map_err(|_| "no count".to_owned())?))
-            }
+            (_, Some(("random", count))) => match count.parse() {
+                Ok(count @ 1..=RANDOM_POINTS_MAX) => Ok(Self::Random(count)),
+                _ => Err(format!("{text:?}: expected random:COUNT with COUNT from 1 to 10,000,000")),
+            },
             _ => Err(format!(
                 "{text:?}: expected \"auto\", \"sfm\", \"random\", \"random:COUNT\" or \"ply:FILE\""
             )),

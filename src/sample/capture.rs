@@ -156,7 +156,8 @@ impl Capture {
     pub fn summary(&self) -> SampleSummary {
         let points = &self.sparse.points;
         let observations: usize = points.iter().map(|p| p.observations.len()).sum();
-        let error: f64 = points.iter().map(|p| p.error_px * p.observations.len() as f64).sum();
+        // Not sum(): that of nothing is -0.
+        let error = points.iter().fold(0.0, |sum, p| sum + p.error_px * p.observations.len() as f64);
         SampleSummary {
             views: self.sparse.images.len(),
             points: points.len(),

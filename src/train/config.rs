@@ -132,7 +132,7 @@ impl Default for TrainConfig {
             background: [0.0; 3],
             eval_every: 0,
             save_every: 0,
-            loss: LossWeights { l1: 0.8, dssim: 0.2, mse: 0.0, opacity: 0.01, texture: 1e-8 },
+            loss: LossWeights::default(),
             rates: RateConfig::default(),
         }
     }

@@ -77,10 +77,18 @@ pub fn save(
 /// [`Error::Io`], [`Error::InvalidInput`] naming the tensor, what was found and what was expected, or
 /// [`Error::Unsupported`] for a layout of another version.
 pub fn load(path: &Path) -> Result<(TrainState, BTreeMap<String, String>)> {
-    let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
-    let (mut state, strings) = load_bytes(path, &bytes)?;
+    let (mut state, strings) = load_without_history(path)?;
     state.history = load_history(&history_path(path))?;
     Ok((state, strings))
+}
+
+/// [`load`] for those who need no history: it is left empty, its file may be missing or damaged.
+///
+/// # Errors
+/// As [`load`], but for the history.
+pub fn load_without_history(path: &Path) -> Result<(TrainState, BTreeMap<String, String>)> {
+    let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+    load_bytes(path, &bytes)
 }
 
 /// The file of times and curve beside a checkpoint.

@@ -125,6 +125,7 @@ fn the_history_stands_beside_the_checkpoint_and_may_be_missing_but_not_broken() 
     assert_eq!(load(&path).unwrap().0, state);
     std::fs::write(history_path(&path), "{\"train_wall_secs\": ").unwrap();
     assert!(load(&path).unwrap_err().to_string().contains("history.json"));
+    assert_eq!(load_without_history(&path).unwrap().0.history, TrainHistory::default());
     std::fs::remove_file(history_path(&path)).unwrap();
     assert_eq!(load(&path).unwrap().0.history, TrainHistory::default());
 }
