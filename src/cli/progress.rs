@@ -32,7 +32,7 @@ pub struct Progress<'a> {
     bar: Option<ProgressBar>,
     steps: u32,
     max_time_secs: Option<f64>,
-    /// Step and training time at the start of this session.
+    /// Step and training time at the start of this process (a resumed run has earlier ones).
     origin: Option<(u32, f64)>,
     loss: Option<f64>,
     psnr: Option<f64>,

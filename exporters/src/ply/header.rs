@@ -1,5 +1,6 @@
 //! Parses PLY headers: which elements, which properties, where the data begins.
 
+use super::scalar::Scalar;
 use crate::{Error, Result};
 use std::path::Path;
 
@@ -10,58 +11,6 @@ pub(super) enum Encoding {
     Ascii,
     /// Raw, least significant byte first.
     BinaryLittleEndian,
-}
-
-/// Type of a scalar property.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Scalar {
-    I8,
-    U8,
-    I16,
-    U16,
-    I32,
-    U32,
-    F32,
-    F64,
-}
-
-impl Scalar {
-    fn parse(name: &str) -> Option<Self> {
-        Some(match name {
-            "char" | "int8" => Self::I8,
-            "uchar" | "uint8" => Self::U8,
-            "short" | "int16" => Self::I16,
-            "ushort" | "uint16" => Self::U16,
-            "int" | "int32" => Self::I32,
-            "uint" | "uint32" => Self::U32,
-            "float" | "float32" => Self::F32,
-            "double" | "float64" => Self::F64,
-            _ => return None,
-        })
-    }
-
-    pub(super) const fn num_bytes(self) -> usize {
-        match self {
-            Self::I8 | Self::U8 => 1,
-            Self::I16 | Self::U16 => 2,
-            Self::I32 | Self::U32 | Self::F32 => 4,
-            Self::F64 => 8,
-        }
-    }
-
-    /// The value at the front of `bytes`; `None` if there are too few.
-    pub(super) fn read(self, bytes: &[u8]) -> Option<f64> {
-        Some(match self {
-            Self::I8 => f64::from(i8::from_le_bytes(*bytes.first_chunk()?)),
-            Self::U8 => f64::from(u8::from_le_bytes(*bytes.first_chunk()?)),
-            Self::I16 => f64::from(i16::from_le_bytes(*bytes.first_chunk()?)),
-            Self::U16 => f64::from(u16::from_le_bytes(*bytes.first_chunk()?)),
-            Self::I32 => f64::from(i32::from_le_bytes(*bytes.first_chunk()?)),
-            Self::U32 => f64::from(u32::from_le_bytes(*bytes.first_chunk()?)),
-            Self::F32 => f64::from(f32::from_le_bytes(*bytes.first_chunk()?)),
-            Self::F64 => f64::from_le_bytes(*bytes.first_chunk()?),
-        })
-    }
 }
 
 /// A property of an element: name and type; `None`: a list.

@@ -14,9 +14,11 @@
 
 mod header;
 mod read;
+mod scalar;
 mod write;
 
 pub use read::{PlyContents, decode_ply, read_ply};
+pub use scalar::Scalar;
 pub use write::{PlyFlavour, PlyOptions, PlySummary, encode_ply, write_ply};
 
 /// Comment by which SuperSplat and splat-transform know files without `scale_2`.

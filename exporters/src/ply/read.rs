@@ -1,7 +1,8 @@
 //! Reads PLY files of splats by any program: properties in any order, further ones ignored, normals
 //! and higher SH optional, two or three scales.
 
-use super::header::{Element, Encoding, Header, Scalar};
+use super::header::{Element, Encoding, Header};
+use super::scalar::Scalar;
 use crate::{AssetMap, Error, Result, SPLATS_MAX, SplatAsset, num_sh_coefficients};
 use std::path::Path;
 

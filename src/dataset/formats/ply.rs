@@ -5,58 +5,8 @@ use super::bytes::read_file;
 use crate::dataset::source::SfmPoint;
 use crate::{Error, Result};
 use glam::DVec3;
+use litetex_exporters::ply::Scalar;
 use std::path::Path;
-
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Scalar {
-    I8,
-    U8,
-    I16,
-    U16,
-    I32,
-    U32,
-    F32,
-    F64,
-}
-
-impl Scalar {
-    fn parse(name: &str) -> Option<Self> {
-        Some(match name {
-            "char" | "int8" => Self::I8,
-            "uchar" | "uint8" => Self::U8,
-            "short" | "int16" => Self::I16,
-            "ushort" | "uint16" => Self::U16,
-            "int" | "int32" => Self::I32,
-            "uint" | "uint32" => Self::U32,
-            "float" | "float32" => Self::F32,
-            "double" | "float64" => Self::F64,
-            _ => return None,
-        })
-    }
-
-    const fn num_bytes(self) -> usize {
-        match self {
-            Self::I8 | Self::U8 => 1,
-            Self::I16 | Self::U16 => 2,
-            Self::I32 | Self::U32 | Self::F32 => 4,
-            Self::F64 => 8,
-        }
-    }
-
-    /// Value of little-endian bytes.
-    fn value(self, b: [u8; 8]) -> f64 {
-        match self {
-            Self::I8 => f64::from(b[0] as i8),
-            Self::U8 => f64::from(b[0]),
-            Self::I16 => f64::from(i16::from_le_bytes([b[0], b[1]])),
-            Self::U16 => f64::from(u16::from_le_bytes([b[0], b[1]])),
-            Self::I32 => f64::from(i32::from_le_bytes([b[0], b[1], b[2], b[3]])),
-            Self::U32 => f64::from(u32::from_le_bytes([b[0], b[1], b[2], b[3]])),
-            Self::F32 => f64::from(f32::from_le_bytes([b[0], b[1], b[2], b[3]])),
-            Self::F64 => f64::from_le_bytes(b),
-        }
-    }
-}
 
 #[derive(Debug)]
 enum Kind {
@@ -122,7 +72,7 @@ impl<'a> Values<'a> {
         if self.encoding == Encoding::Big {
             bytes[..size].reverse();
         }
-        Some(scalar.value(bytes))
+        scalar.read(&bytes)
     }
 
     /// The value of a scalar property, 0 for a list, which is skipped.
