@@ -80,11 +80,36 @@ pub struct LossWeights {
     pub opacity: f32,
     /// Sum of absolute residuals over the texels of the maps that this view sees.
     pub texture: f32,
+    /// The same, each map times 1 - the mean transmittance in front of it: hidden maps go smooth.
+    pub texture_hidden: f32,
+    /// Spread of the depths that make up a pixel; for geometry, off by default.
+    pub distortion: f32,
+    /// Deviation of the splats' normals from those of the depth map; for geometry, off by default.
+    pub normal: f32,
+}
+
+impl LossWeights {
+    /// Every term off.
+    pub const NONE: Self = Self {
+        l1: 0.0,
+        dssim: 0.0,
+        mse: 0.0,
+        opacity: 0.0,
+        texture: 0.0,
+        texture_hidden: 0.0,
+        distortion: 0.0,
+        normal: 0.0,
+    };
+
+    /// Whether a term needs depths and normals.
+    pub fn needs_geometry(&self) -> bool {
+        self.distortion != 0.0 || self.normal != 0.0
+    }
 }
 
 impl Default for LossWeights {
     fn default() -> Self {
-        Self { l1: 0.8, dssim: 0.2, mse: 0.0, opacity: 0.01, texture: 1e-8 }
+        Self { l1: 0.8, dssim: 0.2, opacity: 0.01, texture: 1e-8, ..Self::NONE }
     }
 }
 
@@ -121,8 +146,12 @@ pub struct LossValues {
     pub mse: f64,
     /// Opacity term.
     pub opacity: f64,
-    /// Texture term.
+    /// Texture terms.
     pub texture: f64,
+    /// Distortion term.
+    pub distortion: f64,
+    /// Normal term.
+    pub normal: f64,
 }
 
 /// Work done by the rasteriser in one forward pass.

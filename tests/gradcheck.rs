@@ -4,13 +4,24 @@
 //! L1 term, the colour clamp); with differences this small none of these scenes meets one.
 #![allow(clippy::unwrap_used, reason = "a failing test may panic")]
 
-use glam::{DMat3, DQuat, DVec2};
+use glam::{DMat3, DQuat, DVec2, DVec3};
 use litetex_gs::backend::LossWeights;
 use litetex_gs::model::SplatGroup;
-use litetex_gs::reference::{AlphaCutoff, ColourGradient, Params, Settings, gradients, hit, project};
+use litetex_gs::reference::{
+    AlphaCutoff, ColourGradient, Params, Settings, gradients, gradients_at, hit, project,
+};
 use litetex_gs::selftest::{Scene, SceneOptions, random_scene};
 
-const WEIGHTS: LossWeights = LossWeights { l1: 0.8, dssim: 0.2, mse: 0.03, opacity: 0.01, texture: 1e-3 };
+const WEIGHTS: LossWeights = LossWeights {
+    l1: 0.8,
+    dssim: 0.2,
+    mse: 0.03,
+    opacity: 0.01,
+    texture: 1e-3,
+    distortion: 1e4,
+    normal: 0.2,
+    ..LossWeights::NONE
+};
 /// Relative to the largest derivative of the kind; needed 7e-7: rounding of the differences.
 const TOLERANCE: f64 = 1e-6;
 /// The same close to the camera, where the ramp of the cut-off is steep; needed 2e-4, truncation.
@@ -75,8 +86,16 @@ impl Outcome {
 /// Compares all kinds; the analytic derivatives of kind `spoilt` are off by a thousandth.
 fn check(scene: &Scene, settings: &Settings, spoilt: Option<usize>) -> Vec<Outcome> {
     let params = Params::from_model(&scene.model);
-    let loss = |p: &Params| gradients(p, &scene.camera, &scene.target, &WEIGHTS, settings).loss.total;
-    let mut analytic = gradients(&params, &scene.camera, &scene.target, &WEIGHTS, settings).params;
+    // The depth map's normals are constants to the derivative; here they are made up and differ everywhere.
+    let normal =
+        |i: usize| DVec3::new(0.5 * (i as f64).sin(), 0.4 * (0.7 * i as f64).cos(), -1.0).normalize();
+    let normals: Vec<DVec3> = (0..scene.camera.pinhole.num_pixels()).map(normal).collect();
+    let still = Some(&normals[..]);
+    let base = gradients_at(&params, &scene.camera, &scene.target, &WEIGHTS, settings, still);
+    assert!(base.loss.distortion > 1e-5 && base.loss.normal > 1e-3, "{:?}", base.loss);
+    let loss =
+        |p: &Params| gradients_at(p, &scene.camera, &scene.target, &WEIGHTS, settings, still).loss.total;
+    let mut analytic = base.params;
     let mut outcomes = Vec::new();
     for kind in 0..NUM_KINDS {
         let factor = if spoilt == Some(kind) { 1.001 } else { 1.0 };
@@ -168,4 +187,24 @@ fn gradients_of_discs_that_cross_the_near_plane_hold() {
         assert!(check(&scene, &settings, None).iter().all(|o| o.passes(TOLERANCE_NEAR)), "seed {seed}");
     }
     assert!(crossing >= 5, "only {crossing} discs cross the near plane: nothing was tested");
+}
+
+#[test]
+fn the_geometry_terms_are_of_weight_in_these_scenes() {
+    let scene = random_scene(&small(1, 0));
+    let (params, settings) = (Params::from_model(&scene.model), settings(&scene));
+    let normals = vec![DVec3::new(0.3, -0.2, -0.9).normalize(); scene.camera.pinhole.num_pixels()];
+    for off in [LossWeights { distortion: 0.0, ..WEIGHTS }, LossWeights { normal: 0.0, ..WEIGHTS }] {
+        let gradient = |weights: &LossWeights| {
+            gradients_at(&params, &scene.camera, &scene.target, weights, &settings, Some(&normals)).params
+        };
+        let (mut with, mut without) = (gradient(&WEIGHTS), gradient(&off));
+        // Positions, rotations and opacities: without the term they are off by far more than the tolerance.
+        for kind in [0, 1, 3] {
+            let (a, b) = (array(&mut with, kind).to_vec(), array(&mut without, kind).to_vec());
+            let largest = a.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+            let apart = a.iter().zip(&b).fold(0.0_f64, |m, (a, b)| m.max((a - b).abs()));
+            assert!(apart > 1e-4 * largest, "kind {kind}: {apart:.1e} of {largest:.1e}");
+        }
+    }
 }

@@ -38,7 +38,14 @@ fn survives(scene: &Scene, name: &str) -> f64 {
                 target: &scene.target,
                 background: options.background,
                 sh_degree: scene.model.splats.sh_degree,
-                loss: LossWeights { l1: 0.8, dssim: 0.2, mse: 0.0, opacity: 0.01, texture: 1e-8 },
+                loss: LossWeights {
+                    l1: 0.8,
+                    dssim: 0.2,
+                    mse: 0.0,
+                    opacity: 0.01,
+                    texture: 1e-8,
+                    ..LossWeights::NONE
+                },
                 rates: RATES,
                 accumulate_statistics: true,
             })
@@ -137,7 +144,7 @@ fn a_photo_of_another_size_is_a_usage_error() {
         target: &target,
         background: [0.0; 3],
         sh_degree: 0,
-        loss: LossWeights { l1: 1.0, dssim: 0.0, mse: 0.0, opacity: 0.0, texture: 0.0 },
+        loss: LossWeights { l1: 1.0, dssim: 0.0, mse: 0.0, opacity: 0.0, texture: 0.0, ..LossWeights::NONE },
         rates: RATES,
         accumulate_statistics: false,
     };

@@ -235,7 +235,8 @@ fn an_unreadable_held_out_photo_does_not_cost_the_work() {
 fn step(backend: &mut CpuBackend, views: &MemoryViews, step: u32) {
     let (camera, target) = &views.0[1 + step as usize % 5];
     let rates = LearningRates { position: 1e-3, sh_dc: 1e-2, texel: 1e-2, ..LearningRates::default() };
-    let loss = LossWeights { l1: 0.8, dssim: 0.2, mse: 0.0, opacity: 0.01, texture: 1e-8 };
+    let loss =
+        LossWeights { l1: 0.8, dssim: 0.2, mse: 0.0, opacity: 0.01, texture: 1e-8, ..LossWeights::NONE };
     let request = StepRequest {
         step,
         camera: *camera,

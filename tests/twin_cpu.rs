@@ -10,7 +10,16 @@ use litetex_gs::model::{AdamState, SplatGroup};
 use litetex_gs::reference::{AlphaCutoff, ColourGradient, Gradients, Params, Settings, gradients};
 use litetex_gs::selftest::{Scene, SceneOptions, random_scene};
 
-const WEIGHTS: LossWeights = LossWeights { l1: 0.8, dssim: 0.2, mse: 0.03, opacity: 0.01, texture: 1e-6 };
+const WEIGHTS: LossWeights = LossWeights {
+    l1: 0.8,
+    dssim: 0.2,
+    mse: 0.03,
+    opacity: 0.01,
+    texture: 1e-6,
+    texture_hidden: 1e-6,
+    distortion: 100.0,
+    normal: 0.05,
+};
 const BACKGROUND: [f32; 3] = [0.3, 0.5, 0.2];
 
 fn reference(scene: &Scene) -> Gradients {
@@ -74,6 +83,7 @@ fn agree(scene: &Scene, got: &ModelGradients, expected: &Gradients) -> bool {
     let (a, b) = (got.loss, expected.loss);
     let close = |a: f64, b: f64, limit: f64| (a - b).abs() <= limit * b.abs();
     ok &= close(a.l1, b.l1, 1e-6) && close(a.dssim, b.dssim, 1e-6) && close(a.mse, b.mse, 1e-6);
+    ok &= close(a.distortion, b.distortion, 1e-5) && close(a.normal, b.normal, 1e-4);
     // These two sum over the seen splats, flips included.
     ok & close(a.opacity, b.opacity, 5e-3) & close(a.texture, b.texture, 5e-3)
 }

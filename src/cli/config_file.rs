@@ -114,6 +114,9 @@ impl RunConfig {
             ("loss.mse", l.mse),
             ("loss.opacity", l.opacity),
             ("loss.texture", l.texture),
+            ("loss.texture-hidden", l.texture_hidden),
+            ("loss.distortion", l.distortion),
+            ("loss.normal", l.normal),
         ] {
             if !number.is_finite() || number < 0.0 {
                 return refuse(format!("train.{key}: found {number}, expected a finite number, 0 or above"));

@@ -6,7 +6,7 @@ use super::math::BLOCK_PX;
 use super::project::ViewF32;
 use super::simd::SimdLevel;
 use super::structure;
-use super::update::{collect_gradients, settle, update};
+use super::update::{UpdateInput, collect_gradients, hidden_texture_value, settle, update};
 use crate::backend::{
     Backend, DeviceInfo, LossValues, RenderOptions, RenderedImage, StepReport, StepRequest, StructurePlan,
     WindowStatistics,
@@ -129,12 +129,14 @@ impl CpuBackend {
             let view = ViewF32::new(&request.camera, model.near);
             frame.project(*level, model, view);
             frame.colours(*level, model, request.sh_degree);
-            frame.raster(*level, true, None);
+            frame.raster_for(*level, true, request);
             let image = frame.image(request.background, None);
             let terms = frame.loss(*level, loss, request);
-            let values = with_regularisers(terms, model, frame, request);
+            let mut values = with_regularisers(terms, model, frame, request);
+            (values.distortion, values.normal) = frame.geometry_loss(request);
             frame.backward(*level, loss, request, partials, true);
             let input = frame.update_input(*level, model, request, partials, view);
+            total(&mut values, request, &input);
             let sink = collect_gradients(model, &input);
             let n = model.num_splats();
             let mut visible = vec![false; n];
@@ -193,6 +195,15 @@ impl CpuBackend {
             model
         })
     }
+}
+
+/// Adds what is known only after the backward pass, and sums up.
+fn total(values: &mut LossValues, request: &StepRequest<'_>, input: &UpdateInput<'_>) {
+    if request.loss.texture_hidden != 0.0 {
+        values.texture += f64::from(request.loss.texture_hidden) * hidden_texture_value(input);
+    }
+    let v = *values;
+    values.total = v.l1 + v.dssim + v.mse + v.opacity + v.texture + v.distortion + v.normal;
 }
 
 fn check_size(request: &StepRequest<'_>) -> Result<()> {
@@ -265,14 +276,17 @@ impl Backend for CpuBackend {
             settle(model, adam, Some(&frame.visible_ids()), request.step - 1);
             frame.colours(level, model, request.sh_degree);
             stages.end("settle+colours");
-            frame.raster(level, *count_pairs, None);
+            frame.raster_for(level, *count_pairs, request);
             stages.end("forward");
             let terms = frame.loss(level, loss, request);
-            let values = with_regularisers(terms, model, frame, request);
+            let mut values = with_regularisers(terms, model, frame, request);
+            (values.distortion, values.normal) = frame.geometry_loss(request);
             stages.end("loss");
-            frame.backward(level, loss, request, partials, request.accumulate_statistics);
+            let sums = request.accumulate_statistics || request.loss.texture_hidden != 0.0;
+            frame.backward(level, loss, request, partials, sums);
             stages.end("backward");
             let input = frame.update_input(level, model, request, partials, view);
+            total(&mut values, request, &input);
             let window = request.accumulate_statistics.then(|| {
                 statistics.views += 1;
                 &mut *statistics

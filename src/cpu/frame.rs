@@ -1,6 +1,7 @@
 //! One view on its way through the passes: projection, tiles, forward, loss, backward. What a pass
 //! computes stands in its own file; here is who hands what to whom, and on how many threads.
 
+use super::geometry::{Coefficients, PixelSums, geometry_loss};
 use super::loss::{LossBuffers, image_loss};
 use super::math::texel_values;
 use super::project::{ProjectedSplat, ViewF32, base_colours, project_all};
@@ -22,6 +23,10 @@ pub(super) struct Frame {
     pub tiles: Tiles,
     texels: Vec<f32>,
     outputs: Vec<TileOutput>,
+    /// Depths and normals, where they were asked for.
+    geometry: Vec<TileGeometry>,
+    /// Coefficients of the geometry terms; empty where they are off. `[height, width]`
+    coefficients: Vec<Coefficients>,
 }
 
 impl Frame {
@@ -179,6 +184,38 @@ impl Frame {
         image_loss(level, buffers, request.target, &request.loss)
     }
 
+    /// Forward pass of a training step: with depths and normals where the loss needs them.
+    pub(super) fn raster_for(&mut self, level: Level, count: bool, request: &StepRequest<'_>) {
+        let mut geometry = std::mem::take(&mut self.geometry);
+        geometry.clear();
+        let needed = request.loss.needs_geometry();
+        self.raster(level, count, needed.then_some(&mut geometry));
+        self.geometry = geometry;
+    }
+
+    /// Distortion and normal terms; leaves the coefficients for the backward pass.
+    pub(super) fn geometry_loss(&mut self, request: &StepRequest<'_>) -> (f64, f64) {
+        if !request.loss.needs_geometry() {
+            self.coefficients.clear();
+            return (0.0, 0.0);
+        }
+        let image = self.image(request.background, Some(&self.geometry));
+        let w = image.width_px as usize;
+        let mut sums: Vec<PixelSums> = vec![[0.0; 5]; image.alpha.len()];
+        for (y, row) in sums.chunks_mut(w).enumerate() {
+            self.for_row(y, w, |_, tile, at, x| {
+                let g = &self.geometry[tile];
+                row[x] =
+                    [g.moments[0][at], g.moments[1][at], g.normal[0][at], g.normal[1][at], g.normal[2][at]];
+            });
+        }
+        let pinhole = &request.camera.pinhole;
+        let (distortion, normal, coefficients) =
+            geometry_loss(&image, &sums, pinhole, request.target, &request.loss);
+        self.coefficients = coefficients;
+        (distortion, normal)
+    }
+
     /// Backward pass over all tiles into the partial sums.
     pub(super) fn backward(
         &self,
@@ -219,14 +256,19 @@ impl Frame {
     fn tile_gradient(&self, tile: usize, buffers: &LossBuffers) -> TileGradient {
         let [width, height] = self.view.map_or([0, 0], |v| v.size_px.map(|s| s as usize));
         let origin = self.tiles.origin_px(tile).map(|o| o as usize);
-        let mut out = TileGradient { rgb: [[0.0; TILE_PIXELS]; 3], loss: [0.0; TILE_PIXELS] };
+        let mut out = TileGradient { rgb: [[0.0; TILE_PIXELS]; 3], loss: [0.0; TILE_PIXELS], geometry: None };
+        let mut planes = (!self.coefficients.is_empty()).then(|| Box::new([[0.0; TILE_PIXELS]; 6]));
         for y in origin[1]..height.min(origin[1] + TILE_PX) {
             for x in origin[0]..width.min(origin[0] + TILE_PX) {
                 let (at, pixel) = (element_of(x - origin[0], y - origin[1]), y * width + x);
                 (0..3).for_each(|c| out.rgb[c][at] = buffers.picture[c][pixel]);
                 out.loss[at] = buffers.map[pixel];
+                if let Some(planes) = &mut planes {
+                    (0..6).for_each(|k| planes[k][at] = self.coefficients[pixel][k]);
+                }
             }
         }
+        out.geometry = planes;
         out
     }
 
@@ -250,6 +292,7 @@ impl Frame {
             rates: request.rates,
             opacity_weight: request.loss.opacity / model.num_splats().max(1) as f32,
             texture_weight: request.loss.texture,
+            texture_hidden_weight: request.loss.texture_hidden,
             num_pixels: request.camera.pinhole.num_pixels() as f32,
         }
     }
@@ -286,14 +329,14 @@ pub(super) fn with_regularisers(
         .collect::<Vec<_>>()
         .iter()
         .sum();
-    let mut values = LossValues {
+    LossValues {
         total: 0.0,
         l1: terms[0],
         dssim: terms[1],
         mse: terms[2],
         opacity: f64::from(request.loss.opacity) * opacity / model.num_splats().max(1) as f64,
         texture: f64::from(request.loss.texture) * residual,
-    };
-    values.total = values.l1 + values.dssim + values.mse + values.opacity + values.texture;
-    values
+        distortion: 0.0,
+        normal: 0.0,
+    }
 }

@@ -8,6 +8,7 @@ mod adam;
 mod backend;
 mod bounds;
 mod frame;
+mod geometry;
 mod loss;
 mod math;
 mod project;

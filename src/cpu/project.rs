@@ -74,6 +74,13 @@ pub(super) struct ProjectedSplat {
     pub map: MapView,
 }
 
+impl ProjectedSplat {
+    /// 1 if the normal faces the camera, else -1.
+    pub(super) fn facing(&self) -> f32 {
+        if dot(self.axes_in_camera[2], self.centre_in_camera) > 0.0 { -1.0 } else { 1.0 }
+    }
+}
+
 /// A map as the kernels sample it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct MapView {

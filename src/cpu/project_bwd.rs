@@ -76,13 +76,14 @@ fn map_bwd(splat: &ProjectedSplat, sums: &[f32; HEADER_FLOATS], view: &ViewF32) 
         + s(Sum::DY) * splat.g[1];
     let by_w0 = -along / w0;
     let by_g = numerator(s(Sum::DX), s(Sum::DY));
-    let by_n = [0, 1, 2].map(|k| by_g[k] + by_w0 * p[k] / p[2]);
+    let direct = [Sum::NormalX, Sum::NormalY, Sum::NormalZ].map(s);
+    let by_n = [0, 1, 2].map(|k| by_g[k] + by_w0 * p[k] / p[2] + direct[k]);
     let centre_px =
         [0, 1].map(|k| -(splat.a[k] * s(Sum::U) + splat.b[k] * s(Sum::V) + splat.g[k] * s(Sum::D)));
     let by_projection = [
         centre_px[0] * fx / p[2],
         centre_px[1] * fy / p[2],
-        -(centre_px[0] * fx * p[0] + centre_px[1] * fy * p[1]) / (p[2] * p[2]),
+        s(Sum::Depth) - (centre_px[0] * fx * p[0] + centre_px[1] * fy * p[1]) / (p[2] * p[2]),
     ];
     let (from_a, from_b) = (cross(by_cross_a, e_v), cross(e_u, by_cross_b));
     let by_plane = [n[0] / p[2], n[1] / p[2], n[2] / p[2] - w0 / p[2]];

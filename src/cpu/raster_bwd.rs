@@ -38,9 +38,16 @@ pub(super) enum Sum {
     Red,
     Green,
     Blue,
+    /// By the centre's depth and by the normal, where the geometry terms act on them directly.
+    Depth,
+    NormalX,
+    NormalY,
+    NormalZ,
     Pixels,
     Weight,
     Error,
+    /// Transmittance in front.
+    Transmittance,
     /// Number of sums: texel sums of the window follow, `[rows, cols, 3]`.
     Len,
 }
@@ -54,13 +61,15 @@ pub(super) struct TileGradient {
     pub rgb: [TilePlane; 3],
     /// Loss per pixel, for the window statistics.
     pub loss: TilePlane,
+    /// Coefficients of the geometry terms, one plane each, where they are on.
+    pub geometry: Option<Box<[TilePlane; 6]>>,
 }
 
 /// State of the pass over a tile.
 struct Replay<'a> {
     /// Transmittance behind the splats not yet visited; becomes that in front of them.
     transmittance: TilePlane,
-    /// Derivative by colour, dotted with the colour of everything behind.
+    /// Derivative by weight of everything behind, times its weight.
     behind: TilePlane,
     last: &'a TilePlane,
     gradient: &'a TileGradient,
@@ -209,9 +218,25 @@ fn block_bwd<S: Simd, const STATS: bool>(
     for k in 0..3 {
         by_pixel_dot_colour = by_pixel[k].mul_add(colour[k].max(zero), by_pixel_dot_colour);
     }
+    let (mut by_weight, mut by_m) = (by_pixel_dot_colour, zero);
+    let m = hit.denominator * (shape.near / splat.depth);
+    if let Some(planes) = &replay.gradient.geometry {
+        let c = |k: usize| Lanes::from_slice(simd, &planes[k][at.clone()]);
+        let (linear, square) = (c(1), c(2));
+        by_weight += c(0) + (linear + square * m) * m;
+        by_m = weight * (linear + square * m * 2.0);
+        let facing = splat.facing();
+        let normal = splat.axes_in_camera[2];
+        for (k, sum) in [Sum::NormalX, Sum::NormalY, Sum::NormalZ].into_iter().enumerate() {
+            let towards = c(3 + k) * facing;
+            by_weight += towards * normal[k];
+            sums.mul_add(sum, weight, towards);
+        }
+        sums.add(Sum::Depth, by_m * m * (-1.0 / splat.depth));
+    }
     let behind = Lanes::from_slice(simd, &replay.behind[at.clone()]);
-    let by_alpha = before * by_pixel_dot_colour - behind * per_rest;
-    weight.mul_add(by_pixel_dot_colour, behind).store_slice(&mut replay.behind[at.clone()]);
+    let by_alpha = before * by_weight - behind * per_rest;
+    weight.mul_add(by_weight, behind).store_slice(&mut replay.behind[at.clone()]);
 
     // Projected gradient at the clamp: passes where the colour is positive or descent would raise it.
     let mut by_colour = [zero; 3];
@@ -225,6 +250,7 @@ fn block_bwd<S: Simd, const STATS: bool>(
     if STATS {
         sums.add(Sum::Pixels, blended.select(Lanes::splat(simd, 1.0), zero));
         sums.add(Sum::Weight, weight);
+        sums.add(Sum::Transmittance, blended.select(before, zero));
         sums.mul_add(Sum::Error, weight, Lanes::from_slice(simd, &replay.gradient.loss[at]));
     }
 
@@ -244,7 +270,7 @@ fn block_bwd<S: Simd, const STATS: bool>(
     let per = hit.per_denominator;
     let u = (by_u * splat.map.texels_per_sigma[0] - by_a) * per;
     let v = (by_v * splat.map.texels_per_sigma[1] - by_b) * per;
-    let d = -(u.mul_add(a, v * b));
+    let d = by_m * (shape.near / splat.depth) - u.mul_add(a, v * b);
     sums.add(Sum::U, u);
     sums.mul_add(Sum::UX, u, hit.dx);
     sums.mul_add(Sum::UY, u, hit.dy);

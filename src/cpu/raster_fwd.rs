@@ -4,8 +4,8 @@
 use super::math::{LANES, Lanes};
 use super::project::ProjectedSplat;
 use super::shape::{
-    BLOCK_COLS, Shape, block_at, block_taps, clamped_alpha, element_of, residual, splat_rgb, strip_span,
-    strips,
+    BLOCK_COLS, BlockHit, Shape, block_at, block_taps, clamped_alpha, element_of, residual, splat_rgb,
+    strip_span, strips,
 };
 use super::tiles::{Pair, TILE_PIXELS, TILE_PX};
 use crate::backend::RasterCounters;
@@ -47,11 +47,13 @@ impl Default for TileOutput {
 pub(super) struct TileGeometry {
     pub depth: TilePlane,
     pub normal: [TilePlane; 3],
+    /// Sums of weight times m and times m^2, m the inverse depth over that of the near plane.
+    pub moments: [TilePlane; 2],
 }
 
 impl Default for TileGeometry {
     fn default() -> Self {
-        Self { depth: [0.0; TILE_PIXELS], normal: [[0.0; TILE_PIXELS]; 3] }
+        Self { depth: [0.0; TILE_PIXELS], normal: [[0.0; TILE_PIXELS]; 3], moments: [[0.0; TILE_PIXELS]; 2] }
     }
 }
 
@@ -160,7 +162,7 @@ pub(super) fn raster_fwd<S: Simd, const COUNT: bool>(
                     weight.mul_add(colour[k], Lanes::from_slice(simd, plane)).store_slice(plane);
                 }
                 if let Some(geometry) = geometry.as_deref_mut() {
-                    add_geometry(simd, splat, weight, weight * hit.per_denominator, at, geometry);
+                    add_geometry(simd, splat, input.near, weight, &hit, at, geometry);
                 }
             }
         }
@@ -172,17 +174,20 @@ pub(super) fn raster_fwd<S: Simd, const COUNT: bool>(
 fn add_geometry<S: Simd>(
     simd: S,
     splat: &ProjectedSplat,
+    near: f32,
     weight: Lanes<S>,
-    weight_per_denominator: Lanes<S>,
+    hit: &BlockHit<S>,
     at: std::ops::Range<usize>,
     geometry: &mut TileGeometry,
 ) {
     let add = |plane: &mut [f32], value: Lanes<S>| {
         (Lanes::from_slice(simd, plane) + value).store_slice(plane);
     };
-    add(&mut geometry.depth[at.clone()], weight_per_denominator * splat.depth);
-    let n = splat.axes_in_camera[2];
-    let facing = if super::math::dot(n, splat.centre_in_camera) > 0.0 { -1.0 } else { 1.0 };
+    add(&mut geometry.depth[at.clone()], weight * hit.per_denominator * splat.depth);
+    let m = hit.denominator * (near / splat.depth);
+    add(&mut geometry.moments[0][at.clone()], weight * m);
+    add(&mut geometry.moments[1][at.clone()], weight * m * m);
+    let (n, facing) = (splat.axes_in_camera[2], splat.facing());
     for k in 0..3 {
         add(&mut geometry.normal[k][at.clone()], weight * (facing * n[k]));
     }

@@ -76,6 +76,7 @@ pub(super) struct Shape {
     b: [f32; 2],
     g: [f32; 2],
     max_denominator: f32,
+    pub near: f32,
     pub opacity: f32,
 }
 
@@ -83,6 +84,7 @@ pub(super) struct Shape {
 pub(super) struct BlockHit<S: Simd> {
     pub dx: Lanes<S>,
     pub dy: Lanes<S>,
+    pub denominator: Lanes<S>,
     pub per_denominator: Lanes<S>,
     /// Plane coordinates in standard deviations.
     pub a: Lanes<S>,
@@ -103,6 +105,7 @@ impl Shape {
             b: splat.b,
             g: splat.g,
             max_denominator: splat.depth / near,
+            near,
             opacity: splat.opacity,
         }
     }
@@ -124,7 +127,7 @@ impl Shape {
         let alpha = falloff * self.opacity;
         let inside = in_front & alpha.simd_ge(ALPHA_MIN as f32);
         let raw_alpha = inside.select(alpha, c(0.0));
-        BlockHit { dx, dy, per_denominator, a, b, falloff, raw_alpha, inside }
+        BlockHit { dx, dy, denominator, per_denominator, a, b, falloff, raw_alpha, inside }
     }
 }
 

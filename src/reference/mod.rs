@@ -4,6 +4,7 @@
 
 mod adam;
 mod bounds;
+mod geometry;
 mod loss;
 mod params;
 mod project;
@@ -14,6 +15,7 @@ mod sh;
 
 pub use adam::{adam_dense, adam_skipped};
 pub use bounds::{PixelBounds, pixel_bounds};
+pub use geometry::{GeometryCoefficients, GeometryLoss, geometry_loss, surface_normals};
 pub use loss::{ImageLoss, image_loss};
 pub use params::Params;
 pub use project::{Projected, project};
@@ -22,7 +24,7 @@ pub use sh::{sh_basis, sh_basis_derivative};
 
 use crate::backend::{LossValues, LossWeights, TargetImage};
 use crate::camera::Camera;
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 
 /// How the step of alpha at 1/255 is treated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -69,6 +71,8 @@ pub struct Gradients {
     pub visible: Vec<bool>,
     /// Covered pixels, blending weight, blending weight times loss; not normalised. `[n]`
     pub statistics: Vec<[f64; 3]>,
+    /// Normals of the depth map. `[height, width]`
+    pub surface_normals: Vec<DVec3>,
 }
 
 /// Loss of one view and its derivative by every parameter (method sections 2.4 and 3).
@@ -79,24 +83,42 @@ pub fn gradients(
     weights: &LossWeights,
     settings: &Settings,
 ) -> Gradients {
+    gradients_at(params, camera, target, weights, settings, None)
+}
+
+/// [`gradients`] with the depth map's normals given: they are constants to the derivative, so that central
+/// differences must hold them still.
+pub fn gradients_at(
+    params: &Params,
+    camera: &Camera,
+    target: &TargetImage,
+    weights: &LossWeights,
+    settings: &Settings,
+    normals: Option<&[DVec3]>,
+) -> Gradients {
     let projected: Vec<Option<Projected>> =
         (0..params.len()).map(|i| project(params, i, camera, settings)).collect();
     let visible: Vec<bool> =
         projected.iter().map(|p| p.as_ref().is_some_and(|p| is_visible(p, camera, settings))).collect();
     let picture = raster_fwd(params, &projected, camera, settings);
     let image = image_loss(&picture.rgb, target, weights);
+    let surface_normals = normals.map_or_else(|| surface_normals(&picture, camera), <[DVec3]>::to_vec);
+    let geometry = geometry_loss(&picture, &surface_normals, target, weights);
     let mut grad = params.zeros_like();
-    let splat_grads = raster_bwd::raster_bwd(params, &projected, &picture, &image, settings, &mut grad);
+    let splat_grads =
+        raster_bwd::raster_bwd(params, &projected, &picture, &image, &geometry, settings, &mut grad);
     for (i, (projected, screen)) in projected.iter().zip(&splat_grads).enumerate() {
         if let Some(projected) = projected {
             project_bwd::project_bwd(params, i, projected, screen, camera, settings, &mut grad);
         }
     }
     let mut loss = image.values;
-    regularise(params, &visible, weights, &mut loss, &mut grad);
-    loss.total = loss.l1 + loss.dssim + loss.mse + loss.opacity + loss.texture;
+    (loss.distortion, loss.normal) = (geometry.distortion, geometry.normal);
+    regularise(params, &visible, &splat_grads, weights, &mut loss, &mut grad);
+    loss.total =
+        loss.l1 + loss.dssim + loss.mse + loss.opacity + loss.texture + loss.distortion + loss.normal;
     let statistics = splat_grads.iter().map(|s| s.statistics).collect();
-    Gradients { picture, loss, params: grad, visible, statistics }
+    Gradients { picture, loss, params: grad, visible, statistics, surface_normals }
 }
 
 /// Whether any pixel centre lies where alpha reaches 1/255, covered by others or not.
@@ -111,16 +133,20 @@ fn is_visible(p: &Projected, camera: &Camera, settings: &Settings) -> bool {
 fn regularise(
     params: &Params,
     visible: &[bool],
+    splats: &[raster_bwd::ScreenGradient],
     weights: &LossWeights,
     loss: &mut LossValues,
     grad: &mut Params,
 ) {
     let opacity_weight = f64::from(weights.opacity) / params.len().max(1) as f64;
-    let texture_weight = f64::from(weights.texture);
     for i in (0..params.len()).filter(|&i| visible[i]) {
         let o = params.opacity(i);
         loss.opacity += opacity_weight * o;
         grad.opacity_logits[i] += opacity_weight * o * (1.0 - o);
+        // The mean transmittance in front of the splat is a constant to the derivative.
+        let in_front = splats[i].transmittance / splats[i].statistics[0].max(1.0);
+        let texture_weight =
+            f64::from(weights.texture) + f64::from(weights.texture_hidden) * (1.0 - in_front);
         for t in params.maps[i].floats() {
             let v = crate::model::texel_value(params.texels[t]);
             loss.texture += texture_weight * v.abs();

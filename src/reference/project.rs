@@ -35,6 +35,13 @@ pub struct Projected {
     pub axes_in_camera: [DVec3; 3],
 }
 
+impl Projected {
+    /// 1 if the normal faces the camera, else -1.
+    pub fn facing(&self) -> f64 {
+        if self.axes_in_camera[2].dot(self.centre_in_camera) > 0.0 { -1.0 } else { 1.0 }
+    }
+}
+
 /// Projects splat `i`; `None` if it is culled: not finite, in front of the near plane, edge-on or
 /// nowhere reaching an alpha of 1/255.
 pub fn project(params: &Params, i: usize, camera: &Camera, settings: &Settings) -> Option<Projected> {

@@ -43,7 +43,7 @@ fn map_bwd(p: &Projected, screen: &ScreenGradient, camera: &Camera) -> (DVec3, [
     let by_cross_a = to_numerator(screen.a);
     let by_cross_b = to_numerator(screen.b);
     let by_w0 = -(screen.a.dot(p.a) + screen.b.dot(p.b) + screen.g.dot(p.g)) / w0;
-    let by_n = to_numerator(screen.g) + by_w0 * pc / pc.z;
+    let by_n = to_numerator(screen.g) + by_w0 * pc / pc.z + screen.normal;
     let by_projection = DVec3::new(
         screen.centre_px.x * fx / pc.z,
         screen.centre_px.y * fy / pc.z,
@@ -52,7 +52,8 @@ fn map_bwd(p: &Projected, screen: &ScreenGradient, camera: &Camera) -> (DVec3, [
     let by_centre = by_cross_a.cross(e_v)
         + e_u.cross(by_cross_b)
         + by_w0 * (n / pc.z - DVec3::new(0.0, 0.0, w0 / pc.z))
-        + by_projection;
+        + by_projection
+        + DVec3::new(0.0, 0.0, screen.depth);
     (by_centre, [by_cross_b.cross(pc), pc.cross(by_cross_a), by_n])
 }
 

@@ -1,6 +1,7 @@
 //! Backward rasterisation: derivatives by the projected quantities of each splat and by the texels,
 //! back to front over the samples of each pixel (method 2.4).
 
+use super::geometry::{GeometryCoefficients, GeometryLoss};
 use super::loss::ImageLoss;
 use super::raster_fwd::{Sample, tap_values};
 use super::{ColourGradient, Params, Picture, Projected, Settings};
@@ -24,8 +25,14 @@ pub struct ScreenGradient {
     pub opacity: f64,
     /// By the base colour after its clamp.
     pub base_rgb: DVec3,
+    /// By the depth of the centre, where it acts on the depths of samples.
+    pub depth: f64,
+    /// By the normal, camera axes, where it acts by itself.
+    pub normal: DVec3,
     /// Covered pixels, blending weight, blending weight times loss.
     pub statistics: [f64; 3],
+    /// Transmittance in front, summed over the covered pixels.
+    pub transmittance: f64,
 }
 
 /// Accumulates texel gradients into `grad` and returns those of the projected splats.
@@ -34,6 +41,7 @@ pub(super) fn raster_bwd(
     projected: &[Option<Projected>],
     picture: &Picture,
     image: &ImageLoss,
+    geometry: &GeometryLoss,
     settings: &Settings,
     grad: &mut Params,
 ) -> Vec<ScreenGradient> {
@@ -41,16 +49,28 @@ pub(super) fn raster_bwd(
     for (pixel, samples) in picture.samples.iter().enumerate() {
         let by_pixel = DVec3::from_slice(&image.gradient[3 * pixel..]);
         let mut behind = DVec3::from_array(settings.background) * picture.transmittance[pixel];
+        let coefficients = geometry.coefficients.get(pixel).copied().unwrap_or_default();
+        let mut geometry_behind = 0.0;
         for sample in samples.iter().rev() {
             let Some(p) = &projected[sample.splat] else {
                 continue;
             };
             let colour = sample.unclamped_rgb.max(DVec3::ZERO);
             let weight = sample.hit.alpha * sample.transmittance_before;
-            let by_alpha =
-                by_pixel.dot(colour * sample.transmittance_before - behind / (1.0 - sample.hit.alpha));
+            let (by_weight, by_m) = geometry_sample(p, sample, &coefficients, weight, settings.near);
+            let rest = 1.0 - sample.hit.alpha;
+            let by_alpha = by_pixel.dot(colour * sample.transmittance_before - behind / rest)
+                + by_weight * sample.transmittance_before
+                - geometry_behind / rest;
             behind += colour * weight;
+            geometry_behind += by_weight * weight;
             let s = &mut out[sample.splat];
+            s.depth -= by_m * settings.near * sample.hit.denominator / (p.depth * p.depth);
+            s.normal += weight * p.facing() * coefficients.towards;
+            s.transmittance += sample.transmittance_before;
+            let by_denominator = by_m * settings.near / p.depth;
+            s.g += by_denominator * sample.hit.offset_px;
+            s.centre_px -= by_denominator * p.g;
             s.statistics[0] += 1.0;
             s.statistics[1] += weight;
             s.statistics[2] += weight * image.map[pixel];
@@ -58,6 +78,19 @@ pub(super) fn raster_bwd(
         }
     }
     out
+}
+
+/// Derivatives of the geometry terms by a sample's weight and by its m.
+fn geometry_sample(
+    p: &Projected,
+    sample: &Sample,
+    c: &GeometryCoefficients,
+    weight: f64,
+    near: f64,
+) -> (f64, f64) {
+    let m = near * sample.hit.denominator / p.depth;
+    let along = c.towards.dot(p.facing() * p.axes_in_camera[2]);
+    (c.constant + c.linear * m + c.square * m * m + along, weight * (c.linear + 2.0 * c.square * m))
 }
 
 #[allow(clippy::too_many_arguments, reason = "the quantities of the formula, named")]

@@ -48,6 +48,10 @@ pub struct Picture {
     pub depth: Vec<f64>,
     /// `[height, width]` blended normals facing the camera, normalised
     pub normal: Vec<DVec3>,
+    /// `[height, width]` the same before normalisation
+    pub normal_sum: Vec<DVec3>,
+    /// `[height, width]` sums of weight times m and times m^2, m the inverse depth over that of the near plane
+    pub moments: Vec<[f64; 2]>,
     pub(super) samples: Vec<Vec<Sample>>,
 }
 
@@ -157,6 +161,8 @@ pub fn raster_fwd(
         transmittance: Vec::new(),
         depth: Vec::new(),
         normal: Vec::new(),
+        normal_sum: Vec::new(),
+        moments: Vec::new(),
         samples: Vec::new(),
     };
     for y in 0..height_px {
@@ -180,6 +186,7 @@ fn raster_pixel(
     let mut rgb = DVec3::ZERO;
     let mut depth = 0.0;
     let mut normal = DVec3::ZERO;
+    let mut moments = [0.0; 2];
     let mut samples = Vec::new();
     for &(_, splat) in order {
         let Some(p) = &projected[splat] else { continue };
@@ -200,8 +207,10 @@ fn raster_pixel(
         let weight = hit.alpha * transmittance;
         rgb += unclamped_rgb.max(DVec3::ZERO) * weight;
         depth += weight * p.depth / hit.denominator;
-        let n = p.axes_in_camera[2];
-        normal += weight * if n.dot(p.centre_in_camera) > 0.0 { -n } else { n };
+        let m = settings.near * hit.denominator / p.depth;
+        moments[0] += weight * m;
+        moments[1] += weight * m * m;
+        normal += weight * p.facing() * p.axes_in_camera[2];
         samples.push(Sample { splat, hit, transmittance_before: transmittance, unclamped_rgb, taps });
         transmittance = after;
     }
@@ -210,5 +219,7 @@ fn raster_pixel(
     picture.transmittance.push(transmittance);
     picture.depth.push(if transmittance < 1.0 { depth / (1.0 - transmittance) } else { 0.0 });
     picture.normal.push(normal.normalize_or_zero());
+    picture.normal_sum.push(normal);
+    picture.moments.push(moments);
     picture.samples.push(samples);
 }

@@ -10,7 +10,8 @@ use crate::model::{AdamState, SplatGroup};
 use crate::reference::{AlphaCutoff, ColourGradient, Gradients, Params, Settings, adam_dense, gradients};
 use serde::Serialize;
 
-const WEIGHTS: LossWeights = LossWeights { l1: 0.8, dssim: 0.2, mse: 0.0, opacity: 0.01, texture: 1e-8 };
+const WEIGHTS: LossWeights =
+    LossWeights { l1: 0.8, dssim: 0.2, mse: 0.0, opacity: 0.01, texture: 1e-8, ..LossWeights::NONE };
 const BACKGROUND: [f32; 3] = [0.1, 0.2, 0.3];
 const STEPS: u32 = 10;
 const RATES: LearningRates = LearningRates {

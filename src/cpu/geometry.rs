@@ -1,0 +1,69 @@
+//! Optional terms on depths and normals (twin: `reference/geometry.rs`): values, and per pixel the
+//! coefficients from which the backward pass derives.
+
+use crate::backend::{LossWeights, RenderedImage, TargetImage};
+use crate::camera::Pinhole;
+use rayon::prelude::*;
+
+/// Pixels that are less opaque than this have no surface normal.
+const SURFACE_ALPHA_MIN: f32 = 0.5;
+
+/// Constant, linear and square part of the derivative by a sample's weight in its m; the vector that is
+/// dotted with its normal.
+pub(super) type Coefficients = [f32; 6];
+
+/// Sums over a pixel's samples: weight times m, times m^2, times the normal.
+pub(super) type PixelSums = [f32; 5];
+
+/// Distortion and normal terms, weighted, and the coefficients. `[height, width]`
+pub(super) fn geometry_loss(
+    image: &RenderedImage,
+    sums: &[PixelSums],
+    pinhole: &Pinhole,
+    target: &TargetImage,
+    weights: &LossWeights,
+) -> (f64, f64, Vec<Coefficients>) {
+    let count = sums.len() as f32;
+    let (distortion, normal) = (weights.distortion / count, weights.normal / count);
+    let pixels: Vec<([f32; 2], Coefficients)> = (0..sums.len())
+        .into_par_iter()
+        .with_min_len(1024)
+        .map(|pixel| {
+            if target.mask.as_ref().is_some_and(|m| m[pixel] == 0) {
+                return ([0.0; 2], [0.0; 6]);
+            }
+            let [m1, m2, n_x, n_y, n_z] = sums[pixel];
+            let alpha = image.alpha[pixel];
+            let mut values = [alpha * m2 - m1 * m1, 0.0];
+            let mut c = [distortion * m2, -2.0 * distortion * m1, distortion * alpha, 0.0, 0.0, 0.0];
+            if let Some(n) = surface_normal(image, pinhole, pixel) {
+                values[1] = alpha - (n_x * n[0] + n_y * n[1] + n_z * n[2]);
+                c[0] += normal;
+                (0..3).for_each(|k| c[3 + k] = -normal * n[k]);
+            }
+            (values, c)
+        })
+        .collect();
+    let sum = |k: usize| pixels.iter().map(|(v, _)| f64::from(v[k])).sum::<f64>();
+    let values = (f64::from(distortion) * sum(0), f64::from(normal) * sum(1));
+    (values.0, values.1, pixels.into_iter().map(|(_, c)| c).collect())
+}
+
+/// Normal of the depth map by central differences, camera axes, facing the camera.
+fn surface_normal(image: &RenderedImage, pinhole: &Pinhole, pixel: usize) -> Option<[f32; 3]> {
+    let (w, h) = (image.width_px as usize, image.height_px as usize);
+    let (x, y) = (pixel % w, pixel / w);
+    if x == 0 || y == 0 || x + 1 >= w || y + 1 >= h {
+        return None;
+    }
+    let point = |x: usize, y: usize| -> Option<glam::Vec3> {
+        let at = y * w + x;
+        let ray = pinhole.direction_in_camera(glam::DVec2::new(x as f64 + 0.5, y as f64 + 0.5));
+        (image.alpha[at] >= SURFACE_ALPHA_MIN).then(|| ray.as_vec3() * image.depth[at])
+    };
+    let along_x = point(x + 1, y)? - point(x - 1, y)?;
+    let along_y = point(x, y + 1)? - point(x, y - 1)?;
+    let normal = along_y.cross(along_x).try_normalize()?;
+    let facing = if normal.dot(point(x, y)?) > 0.0 { -normal } else { normal };
+    Some(facing.to_array())
+}

@@ -1,0 +1,93 @@
+//! Optional terms on depths and normals (method section 3): distortion and normal consistency. They act
+//! on samples through their weight, their depth and the normal of their splat.
+
+use super::Picture;
+use crate::backend::{LossWeights, TargetImage};
+use crate::camera::Camera;
+use glam::{DVec2, DVec3};
+
+/// Pixels that are less opaque than this have no surface normal.
+const SURFACE_ALPHA_MIN: f64 = 0.5;
+
+/// With `m` the inverse depth of a sample over that of the near plane and `n` its normal facing the camera,
+/// the derivative by its weight is `constant + linear m + square m^2 + towards . n`.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct GeometryCoefficients {
+    /// Constant part.
+    pub constant: f64,
+    /// Times m.
+    pub linear: f64,
+    /// Times m squared; by m itself it is weight (linear + 2 square m).
+    pub square: f64,
+    /// Dotted with the normal, camera axes.
+    pub towards: DVec3,
+}
+
+/// Values of both terms and the derivatives per pixel.
+#[derive(Default)]
+pub struct GeometryLoss {
+    /// Distortion term, weighted.
+    pub distortion: f64,
+    /// Normal term, weighted.
+    pub normal: f64,
+    /// `[height, width]`; empty if both terms are off.
+    pub coefficients: Vec<GeometryCoefficients>,
+}
+
+/// Distortion `A M2 - M1^2` with A, M1, M2 the sums of w, w m, w m^2 over a pixel's samples, which is the sum
+/// of `w_i w_j (m_i - m_j)^2` over pairs; normal consistency, the sum of `w (1 - n . surface)`. Means over
+/// all pixels; masked ones count as 0. Surface normals are constants to the derivative.
+pub fn geometry_loss(
+    picture: &Picture,
+    normals: &[DVec3],
+    target: &TargetImage,
+    weights: &LossWeights,
+) -> GeometryLoss {
+    let mut out = GeometryLoss::default();
+    if !weights.needs_geometry() {
+        return out;
+    }
+    let count = picture.transmittance.len() as f64;
+    let (distortion, normal) = (f64::from(weights.distortion) / count, f64::from(weights.normal) / count);
+    for (pixel, moments) in picture.moments.iter().enumerate() {
+        let mut c = GeometryCoefficients::default();
+        if target.mask.as_ref().is_none_or(|m| m[pixel] != 0) {
+            let alpha = 1.0 - picture.transmittance[pixel];
+            out.distortion += distortion * (alpha * moments[1] - moments[0] * moments[0]);
+            c.constant = distortion * moments[1];
+            c.linear = -2.0 * distortion * moments[0];
+            c.square = distortion * alpha;
+            let surface = normals[pixel];
+            if surface != DVec3::ZERO {
+                out.normal += normal * (alpha - picture.normal_sum[pixel].dot(surface));
+                c.constant += normal;
+                c.towards = -normal * surface;
+            }
+        }
+        out.coefficients.push(c);
+    }
+    out
+}
+
+/// Normals of the depth map by central differences, camera axes, facing the camera; zero at the border and
+/// where a neighbour is not opaque.
+pub fn surface_normals(picture: &Picture, camera: &Camera) -> Vec<DVec3> {
+    let (w, h) = (picture.width_px, picture.height_px);
+    let point = |x: usize, y: usize| {
+        let pixel = y * w + x;
+        let opaque = 1.0 - picture.transmittance[pixel] >= SURFACE_ALPHA_MIN;
+        let ray = camera.pinhole.direction_in_camera(DVec2::new(x as f64 + 0.5, y as f64 + 0.5));
+        opaque.then(|| ray * picture.depth[pixel])
+    };
+    let normal = |x: usize, y: usize| -> Option<DVec3> {
+        let inside = x > 0 && y > 0 && x + 1 < w && y + 1 < h;
+        if !inside {
+            return None;
+        }
+        let along_x = point(x + 1, y)? - point(x - 1, y)?;
+        let along_y = point(x, y + 1)? - point(x, y - 1)?;
+        let normal = along_y.cross(along_x).try_normalize()?;
+        Some(if normal.dot(point(x, y)?) > 0.0 { -normal } else { normal })
+    };
+    (0..w * h).map(|i| normal(i % w, i / w).unwrap_or(DVec3::ZERO)).collect()
+}
