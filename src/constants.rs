@@ -13,6 +13,9 @@ pub const TRANSMITTANCE_MIN: f64 = 1e-4;
 /// Extent of a texture map, in standard deviations, is at most this (CAT).
 pub const MAP_SIGMA_MAX: f64 = 3.0;
 
+/// Pixels that are less opaque than this have no surface normal (normal consistency term).
+pub const SURFACE_ALPHA_MIN: f64 = 0.5;
+
 /// A splat is skipped if `abs(p . n) < EDGE_ON_MIN * |p|`: seen edge-on its map coefficients explode.
 pub const EDGE_ON_MIN: f64 = 1e-3;
 

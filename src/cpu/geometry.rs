@@ -3,10 +3,8 @@
 
 use crate::backend::{LossWeights, RenderedImage, TargetImage};
 use crate::camera::Pinhole;
+use crate::constants::SURFACE_ALPHA_MIN;
 use rayon::prelude::*;
-
-/// Pixels that are less opaque than this have no surface normal.
-const SURFACE_ALPHA_MIN: f32 = 0.5;
 
 /// Constant, linear and square part of the derivative by a sample's weight in its m; the vector that is
 /// dotted with its normal.
@@ -59,7 +57,7 @@ fn surface_normal(image: &RenderedImage, pinhole: &Pinhole, pixel: usize) -> Opt
     let point = |x: usize, y: usize| -> Option<glam::Vec3> {
         let at = y * w + x;
         let ray = pinhole.direction_in_camera(glam::DVec2::new(x as f64 + 0.5, y as f64 + 0.5));
-        (image.alpha[at] >= SURFACE_ALPHA_MIN).then(|| ray.as_vec3() * image.depth[at])
+        (image.alpha[at] >= SURFACE_ALPHA_MIN as f32).then(|| ray.as_vec3() * image.depth[at])
     };
     let along_x = point(x + 1, y)? - point(x - 1, y)?;
     let along_y = point(x, y + 1)? - point(x, y - 1)?;

@@ -5,7 +5,7 @@ use super::adam::{AdamSkip, AdamStep};
 use super::project::{ProjectedSplat, ViewF32};
 use super::project_bwd::{SplatGradient, project_bwd};
 use super::raster_bwd::{HEADER_FLOATS, Sum};
-use super::tiles::Tiles;
+use super::tiles::{Pair, Tiles};
 use crate::backend::{LearningRates, WindowStatistics};
 use crate::constants::sh_coefficients;
 use crate::model::{AdamState, Model, SplatArrays, SplatGroup, TextureMap, texel_value_slope};
@@ -169,6 +169,20 @@ pub(super) struct GradientSink {
     pub texels: Vec<f32>,
 }
 
+/// Pairs of a projected splat that any pixel contributed to, with their partial sums, in the order of tiles.
+#[inline(always)]
+fn touched_records<'a>(
+    input: &'a UpdateInput<'_>,
+    index: usize,
+) -> impl Iterator<Item = (&'a Pair, &'a [f32])> {
+    let slots = input.tiles.slot_start[index] as usize..input.tiles.slot_start[index + 1] as usize;
+    input.tiles.slot_pair[slots].iter().filter_map(move |&pair| {
+        let pair = &input.tiles.pairs[pair as usize];
+        let record = &input.partials[pair.partial..];
+        (record[Sum::Touched as usize] != 0.0).then_some((pair, record))
+    })
+}
+
 /// Gradient of one visible splat; texel gradients are left in `texels`.
 #[inline(always)]
 fn splat_gradient(
@@ -182,13 +196,7 @@ fn splat_gradient(
     texels.clear();
     texels.resize(3 * (map.rows * map.cols) as usize, 0.0);
     let mut sums = [0.0; HEADER_FLOATS];
-    let slots = input.tiles.slot_start[index] as usize..input.tiles.slot_start[index + 1] as usize;
-    for &pair in &input.tiles.slot_pair[slots] {
-        let pair = &input.tiles.pairs[pair as usize];
-        let record = &input.partials[pair.partial..];
-        if record[Sum::Touched as usize] == 0.0 {
-            continue;
-        }
+    for (pair, record) in touched_records(input, index) {
         for (sum, part) in sums.iter_mut().zip(record) {
             *sum += part;
         }
@@ -224,16 +232,12 @@ fn hidden_share(sums: &[f32; HEADER_FLOATS]) -> f32 {
 /// Value of the texture term on hidden maps, for a weight of 1.
 pub(super) fn hidden_texture_value(input: &UpdateInput<'_>) -> f64 {
     let value = |index: usize| {
-        let slots = input.tiles.slot_start[index] as usize..input.tiles.slot_start[index + 1] as usize;
-        if slots.is_empty() {
+        if input.tiles.slot_start[index] == input.tiles.slot_start[index + 1] {
             return 0.0;
         }
         let mut sums = [0.0; HEADER_FLOATS];
-        for &pair in &input.tiles.slot_pair[slots] {
-            let record = &input.partials[input.tiles.pairs[pair as usize].partial..];
-            if record[Sum::Touched as usize] != 0.0 {
-                sums.iter_mut().zip(record).for_each(|(sum, part)| *sum += part);
-            }
+        for (_, record) in touched_records(input, index) {
+            sums.iter_mut().zip(record).for_each(|(sum, part)| *sum += part);
         }
         let map = &input.splats[index].map;
         let texels = &input.texel_values[map.first as usize..][..3 * (map.rows * map.cols) as usize];

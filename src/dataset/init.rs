@@ -5,8 +5,8 @@ use super::knn::mean_squared_spacing;
 use super::random::{Stream, points_in_views};
 use super::source::SfmPoint;
 use super::{Capture, read_ply_points};
-use crate::constants::{ALPHA_MIN, MAP_SIGMA_MAX, SH_0, SH_DEGREE_MAX, sh_coefficients};
-use crate::model::{Model, SplatArrays, TexturePool};
+use crate::constants::{SH_0, SH_DEGREE_MAX, sh_coefficients};
+use crate::model::{Model, SplatArrays, TexturePool, support_half_extent};
 use crate::train::TexturePolicy;
 use crate::{Error, Report, Result};
 use glam::DVec3;
@@ -300,8 +300,7 @@ fn map_extent(sigma: f32, texture: TexturePolicy) -> (u16, u16, f32) {
     match texture {
         TexturePolicy::None => (0, 0, 0.0),
         TexturePolicy::Fixed(resolution) => {
-            let sigmas = MAP_SIGMA_MAX.min((2.0 * (OPACITY / ALPHA_MIN).ln()).sqrt());
-            let half_extent = f64::from(sigma) * sigmas;
+            let half_extent = support_half_extent(f64::from(sigma), OPACITY);
             let texel_size = 2.0 * half_extent / f64::from(resolution - 1);
             (resolution, resolution, texel_size as f32)
         }

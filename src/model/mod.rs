@@ -5,7 +5,7 @@ mod splats;
 mod texture;
 
 pub use splats::{SplatArrays, SplatGroup};
-pub use texture::{TextureMap, TexturePool, texel_value, texel_value_slope};
+pub use texture::{TextureMap, TexturePool, support_half_extent, texel_value, texel_value_slope};
 
 use crate::camera::Similarity;
 use serde::{Deserialize, Serialize};

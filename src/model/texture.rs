@@ -1,6 +1,8 @@
 //! Texture maps of any rectangular size in one jagged pool. A texel is stored before its activation
 //! and activates to a residual in (-1, 1) that is added to the splat's colour.
 
+use crate::constants::{ALPHA_MIN, MAP_SIGMA_MAX};
+
 /// Place and size of one splat's map.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TextureMap {
@@ -66,4 +68,11 @@ pub fn texel_value(stored: f64) -> f64 {
 /// Derivative of [`texel_value`] expressed by its value `v`.
 pub fn texel_value_slope(v: f64) -> f64 {
     0.5 * (1.0 - v * v)
+}
+
+/// Half extent of a splat's map, local units: its larger standard deviation times the radius at which
+/// alpha falls to 1/255, at most three (method section 1.4); 0 where it never gets there.
+pub fn support_half_extent(sigma_max: f64, opacity: f64) -> f64 {
+    let radius = (2.0 * (opacity / ALPHA_MIN).ln()).max(0.0).sqrt();
+    sigma_max * radius.min(MAP_SIGMA_MAX)
 }

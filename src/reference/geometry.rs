@@ -4,10 +4,8 @@
 use super::Picture;
 use crate::backend::{LossWeights, TargetImage};
 use crate::camera::Camera;
+use crate::constants::SURFACE_ALPHA_MIN;
 use glam::{DVec2, DVec3};
-
-/// Pixels that are less opaque than this have no surface normal.
-const SURFACE_ALPHA_MIN: f64 = 0.5;
 
 /// With `m` the inverse depth of a sample over that of the near plane and `n` its normal facing the camera,
 /// the derivative by its weight is `constant + linear m + square m^2 + towards . n`.

@@ -12,7 +12,6 @@ mod state;
 
 pub use config::{RateConfig, TexturePolicy, TrainConfig};
 pub use events::{Control, StopReason, TrainEvent};
-pub use revise::support_half_extent;
 pub use run::{Evaluated, Sink, evaluate, train};
 pub use schedule::Schedule;
 pub use state::{CurvePoint, TrainHistory, TrainState};

@@ -3,18 +3,10 @@
 
 use super::config::TexturePolicy;
 use crate::backend::{MapChange, StructurePlan};
-use crate::constants::{ALPHA_MIN, MAP_SIGMA_MAX};
-use crate::model::Model;
+use crate::model::{Model, support_half_extent};
 
 /// Maps whose texel size is off by less than this factor are left alone: each resampling blurs.
 const TOLERATED: f64 = 1.1;
-
-/// Half extent of a splat's map, local units: `max(sigma) * min(3, radius of alpha 1/255)`.
-pub fn support_half_extent(log_scales: [f32; 2], opacity_logit: f32) -> f64 {
-    let opacity = 1.0 / (1.0 + f64::from(-opacity_logit).exp());
-    let radius = (2.0 * (opacity / ALPHA_MIN).ln()).max(0.0).sqrt();
-    f64::from(log_scales[0].max(log_scales[1])).exp() * radius.min(MAP_SIGMA_MAX)
-}
 
 /// The plan of a revision; `None` if nothing changes.
 pub(super) fn revise_maps(model: &Model, policy: TexturePolicy) -> Option<StructurePlan> {
@@ -28,8 +20,9 @@ pub(super) fn revise_maps(model: &Model, policy: TexturePolicy) -> Option<Struct
         .iter()
         .enumerate()
         .map(|(i, map)| {
-            let half =
-                support_half_extent([s.log_scales[2 * i], s.log_scales[2 * i + 1]], s.opacity_logits[i]);
+            let sigma_max = f64::from(s.log_scales[2 * i].max(s.log_scales[2 * i + 1])).exp();
+            let opacity = 1.0 / (1.0 + f64::from(-s.opacity_logits[i]).exp());
+            let half = support_half_extent(sigma_max, opacity);
             let wanted = 2.0 * half / (f64::from(resolution) - 1.0);
             let ratio = wanted / f64::from(map.texel_size);
             // A splat without support keeps its map: it may come back.
