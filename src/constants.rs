@@ -85,3 +85,9 @@ pub const ADAM_BETA1: f64 = 0.9;
 pub const ADAM_BETA2: f64 = 0.999;
 /// Guards Adam's division; so small that the update is scale-free (method section 4).
 pub const ADAM_EPSILON: f64 = 1e-15;
+
+/// Log-scales are kept within this: 1e-7 to 10 local units (method section 11).
+pub const LOG_SCALE_RANGE: (f64, f64) = (-16.118_095_650_958_32, std::f64::consts::LN_10);
+
+/// Guard of base colours, far above any display-space colour: squares in the loss stay finite.
+pub const BASE_RGB_MAX: f64 = 1e4;

@@ -12,6 +12,8 @@ pub mod cpu;
 pub mod dataset;
 mod error;
 pub mod eval;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 pub mod model;
 pub mod picture;
 pub mod reference;

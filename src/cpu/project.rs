@@ -3,12 +3,9 @@
 use super::bounds::{Bounds, bounds};
 use super::math::{cross, dot};
 use crate::camera::Camera;
-use crate::constants::{ALPHA_MIN, EDGE_ON_MIN, SH_0, SH_1, SH_2, SH_3, sh_coefficients};
+use crate::constants::{ALPHA_MIN, BASE_RGB_MAX, EDGE_ON_MIN, SH_0, SH_1, SH_2, SH_3, sh_coefficients};
 use crate::model::Model;
 use rayon::prelude::*;
-
-/// Guard, far above any display-space colour.
-const RGB_MAX: f32 = 1e4;
 
 /// The view in f32.
 #[derive(Clone, Copy, Debug)]
@@ -182,7 +179,7 @@ pub(super) fn base_colours(model: &Model, view: &ViewF32, degree: u32, splats: &
         }
         splat.rgb_positive = rgb.map(|v| v > 0.0);
         // Poisoned coefficients must not spread: NaN becomes 0, and squares in the loss stay finite.
-        splat.rgb = rgb.map(|v| if v.is_nan() { 0.0 } else { v.clamp(0.0, RGB_MAX) });
+        splat.rgb = rgb.map(|v| if v.is_nan() { 0.0 } else { v.clamp(0.0, BASE_RGB_MAX as f32) });
     });
 }
 

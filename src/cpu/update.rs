@@ -7,16 +7,13 @@ use super::project_bwd::{SplatGradient, project_bwd};
 use super::raster_bwd::{HEADER_FLOATS, Sum};
 use super::tiles::{Pair, Tiles};
 use crate::backend::{LearningRates, WindowStatistics};
-use crate::constants::sh_coefficients;
+use crate::constants::{LOG_SCALE_RANGE, sh_coefficients};
 use crate::model::{AdamState, Model, SplatArrays, SplatGroup, TextureMap, texel_value_slope};
 use fearless_simd::{Level, Simd, dispatch};
 use rayon::prelude::*;
 
 /// Splats per chunk of parallel work.
 const CHUNK: usize = 256;
-
-/// Log-scales are kept within this: 1e-7 to 10 local units (method section 11).
-const LOG_SCALE_RANGE: (f32, f32) = (-16.118_095, std::f32::consts::LN_10);
 
 /// Parameter, first and second moment of one group for a chunk.
 type Triple<'a> = [&'a mut [f32]; 3];
@@ -344,7 +341,7 @@ fn update_chunk<S: Simd>(
         }
     }
     for s in chunk.groups[2][0].iter_mut() {
-        *s = s.clamp(LOG_SCALE_RANGE.0, LOG_SCALE_RANGE.1);
+        *s = s.clamp(LOG_SCALE_RANGE.0 as f32, LOG_SCALE_RANGE.1 as f32);
     }
 }
 

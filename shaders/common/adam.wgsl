@@ -1,0 +1,47 @@
+// Adam, dense in meaning and lazy in work (twin: reference/adam.rs).
+
+struct Moments {
+    p: f32,
+    m: f32,
+    v: f32,
+}
+
+// One step on one parameter, with the corrections of the step.
+fn adam_step(state: Moments, gradient: f32, rate: f32) -> Moments {
+    let m = ADAM_BETA1 * state.m + (1.0 - ADAM_BETA1) * gradient;
+    let v = ADAM_BETA2 * state.v + (1.0 - ADAM_BETA2) * gradient * gradient;
+    let change = rate * step.m_correction * m / (sqrt(v) * step.v_correction_sqrt + ADAM_EPSILON);
+    return Moments(state.p - change, m, v);
+}
+
+// Factors that bring a parameter from after step `last` to after step `now`.
+struct Skip {
+    any: bool,
+    rate_factor: f32,
+    v_correction_sqrt: f32,
+    m_decay: f32,
+    v_decay: f32,
+}
+
+fn adam_skip(last: u32, now: u32) -> Skip {
+    if last == 0u || now <= last {
+        return Skip(false, 0.0, 1.0, 1.0, 1.0);
+    }
+    let k = f32(now - last);
+    let t = f32(last);
+    let ln_ratio = ADAM_LN_BETA1 - 0.5 * ADAM_LN_BETA2;
+    // Sum of the powers 1..k of the ratio.
+    let sum = exp(ln_ratio) * one_minus_exp(-k * ln_ratio) / one_minus_exp(-ln_ratio);
+    return Skip(
+        true,
+        sum / one_minus_exp(-t * ADAM_LN_BETA1),
+        1.0 / sqrt(one_minus_exp(-t * ADAM_LN_BETA2)),
+        exp(k * ADAM_LN_BETA1),
+        exp(k * ADAM_LN_BETA2),
+    );
+}
+
+fn adam_skipped(state: Moments, skip: Skip, rate: f32) -> Moments {
+    let change = rate * skip.rate_factor * state.m / (sqrt(state.v) * skip.v_correction_sqrt + ADAM_EPSILON);
+    return Moments(state.p - change, state.m * skip.m_decay, state.v * skip.v_decay);
+}

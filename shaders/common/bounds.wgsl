@@ -1,0 +1,160 @@
+// Where a splat can reach alpha 1/255: a box of pixels, and within it an ellipse or the whole box (twin:
+// reference/bounds.rs; method 2.3). Counting and emitting tiles both ask `tile_run`. Mirrors `layout::Bounds`.
+
+struct Bounds {
+    centre_px: vec2f,
+    // 1 / half height; 0 where the shape is the whole box.
+    per_half_height: f32,
+    // Shift of a span's middle per row.
+    shear: f32,
+    // Half length of the span through the centre.
+    half_span_px: f32,
+    // Row of the rightmost point, from the centre; the leftmost is opposite.
+    rightmost_dy_px: f32,
+    box_min: u32,
+    box_max: u32,
+    num_tiles: u32,
+    first_slot: u32,
+    // What the backward pass leaves: entries that were not finite or did not fit fixed point; share of the
+    // splat that others hide; sum of the absolute residuals of its map.
+    faults: u32,
+    hidden: f32,
+    texture_sum: f32,
+    pad0: u32,
+    pad1: u32,
+    pad2: u32,
+}
+
+// Spans are widened by this against rounding (measured for the CPU backend: 1e-4 px far from the origin).
+const MARGIN_PX = 0.01;
+
+struct Box {
+    low: vec2f,
+    high: vec2f,
+}
+
+fn no_bounds() -> Bounds {
+    return Bounds(vec2f(), 0.0, 0.0, 0.0, 0.0, 0u, 0u, 0u, 0u, 0u, 0.0, 0.0, 0u, 0u, 0u);
+}
+
+// Pixels whose centres lie in the box, widened by the margin and clipped to the picture.
+fn with_box(shape: Bounds, extent: Box) -> Bounds {
+    let size = vec2f(step.size_px);
+    let first = clamp(ceil(extent.low - 0.5 - MARGIN_PX), vec2f(0.0), size);
+    let past = clamp(floor(extent.high - 0.5 + MARGIN_PX) + 1.0, vec2f(0.0), size);
+    var out = shape;
+    if first.x < past.x && first.y < past.y {
+        out.box_min = pack_px(vec2i(first));
+        out.box_max = pack_px(vec2i(past));
+    }
+    return out;
+}
+
+// The projected disc as an ellipse, from homography rows relative to the projected centre; a box of width
+// zero where nothing is in sight.
+fn splat_bounds(p: vec3f, e_u: vec3f, e_v: vec3f, scales: vec2f, opacity: f32, centre_px: vec2f) -> Bounds {
+    let r2 = 2.0 * log(opacity / ALPHA_MIN);
+    if r2 < 0.0 {
+        return no_bounds();
+    }
+    let su = e_u * scales.x;
+    let sv = e_v * scales.y;
+    let t0 = step.focal_px * (su.xy - p.xy / p.z * su.z);
+    let t1 = step.focal_px * (sv.xy - p.xy / p.z * sv.z);
+    let denominator = r2 * (su.z * su.z + sv.z * sv.z) - p.z * p.z;
+    if denominator > -CONIC_MARGIN * p.z * p.z {
+        return clipped_bounds(p, su * sqrt(r2), sv * sqrt(r2));
+    }
+    let f = r2 / denominator;
+    let offset = (t0 * su.z + t1 * sv.z) * f;
+    let half2 = max(offset * offset - (t0 * t0 + t1 * t1) * f, vec2f(0.0));
+    let covariance = offset.x * offset.y - (t0.x * t0.y + t1.x * t1.y) * f;
+    let half = sqrt(half2);
+    let centre = centre_px + offset;
+    let height2 = max(half2.y, 1e-37);
+    // A needle's span suffers cancellation of order epsilon * half2: widen by as much.
+    let span2 = max(half2.x - covariance * covariance / height2, 0.0) + 4e-6 * half2.x;
+    var out = no_bounds();
+    out.centre_px = centre;
+    if half.y < 1e-3 {
+        out.half_span_px = half.x;
+    } else {
+        out.per_half_height = 1.0 / (half.y + MARGIN_PX);
+        out.shear = covariance / height2;
+        out.half_span_px = sqrt(span2);
+        let slant = out.shear * (half.y + MARGIN_PX);
+        let length2 = slant * slant + span2;
+        if length2 > 0.0 {
+            out.rightmost_dy_px = slant * inverseSqrt(length2) * (half.y + MARGIN_PX);
+        }
+    }
+    return with_box(out, Box(centre - half, centre + half));
+}
+
+// Box of the disc's bounding quad after clipping at the near plane.
+fn clipped_bounds(p: vec3f, half_u: vec3f, half_v: vec3f) -> Bounds {
+    let quad = array(p - half_u - half_v, p + half_u - half_v, p + half_u + half_v, p - half_u + half_v);
+    var extent = Box(vec2f(1e30), vec2f(-1e30));
+    for (var k = 0u; k < 4u; k += 1u) {
+        let corner = quad[k];
+        let next = quad[(k + 1u) % 4u];
+        let inside = corner.z >= step.near;
+        if inside {
+            extent = including(extent, corner);
+        }
+        if inside != (next.z >= step.near) {
+            let t = (step.near - corner.z) / (next.z - corner.z);
+            extent = including(extent, vec3f(mix(corner.xy, next.xy, t), step.near));
+        }
+    }
+    var out = no_bounds();
+    if extent.low.x > extent.high.x {
+        return out;
+    }
+    // Row spans are clipped to the box.
+    out.half_span_px = 1e9;
+    // Rounding of far crossings: widen by a relative 1e-5.
+    let slack = 1e-5 * (abs(extent.low) + abs(extent.high));
+    return with_box(out, Box(extent.low - slack, extent.high + slack));
+}
+
+fn including(extent: Box, v: vec3f) -> Box {
+    let px = step.focal_px * v.xy / v.z + step.principal_px;
+    return Box(min(extent.low, px), max(extent.high, px));
+}
+
+// Half-open range of tile columns that the splat touches in a row of tiles.
+fn tile_run(bounds: Bounds, tile_row: i32) -> vec2i {
+    let low = unpack_px(bounds.box_min);
+    let high = unpack_px(bounds.box_max);
+    let tile = i32(TILE_PX);
+    let first_dy = f32(max(tile_row * tile, low.y)) + 0.5 - bounds.centre_px.y;
+    let last_dy = f32(min((tile_row + 1) * tile, high.y)) - 0.5 - bounds.centre_px.y;
+    // The span's ends are concave in y: the extremes lie at the outermost points or at an edge.
+    let right_dy = clamp(bounds.rightmost_dy_px, first_dy, last_dy);
+    let left_dy = clamp(-bounds.rightmost_dy_px, first_dy, last_dy);
+    let right = bounds.shear * right_dy + half_span(bounds, right_dy);
+    let left = bounds.shear * left_dy - half_span(bounds, left_dy);
+    let limit = vec2f(f32(low.x), f32(high.x));
+    let first = clamp(ceil(bounds.centre_px.x + left - 0.5 - MARGIN_PX), limit.x, limit.y);
+    let past = clamp(floor(bounds.centre_px.x + right - 0.5 + MARGIN_PX) + 1.0, limit.x, limit.y);
+    if first >= past {
+        return vec2i(0, 0);
+    }
+    return vec2i(i32(first) / tile, (i32(past) - 1) / tile + 1);
+}
+
+fn half_span(bounds: Bounds, dy_px: f32) -> f32 {
+    let t = dy_px * bounds.per_half_height;
+    return bounds.half_span_px * sqrt(max(1.0 - t * t, 0.0));
+}
+
+// Half-open range of the rows of tiles.
+fn tile_rows(bounds: Bounds) -> vec2i {
+    let low = unpack_px(bounds.box_min);
+    let high = unpack_px(bounds.box_max);
+    if high.y <= low.y {
+        return vec2i(0, 0);
+    }
+    return vec2i(low.y / i32(TILE_PX), (high.y - 1) / i32(TILE_PX) + 1);
+}

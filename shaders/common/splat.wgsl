@@ -1,0 +1,46 @@
+// Where a splat's parameters stand. Mirrors `layout` and the order of `SplatGroup`.
+
+const POSITION = 0u;
+const QUATERNION = 3u;
+const LOG_SCALE = 7u;
+const OPACITY = 9u;
+const SH = 10u;
+
+// Place and size of a map, and the step up to which SH and texels have been brought.
+struct SplatInfo {
+    map_offset_texels: u32,
+    // rows | cols << 16
+    map_size: u32,
+    texel_size: f32,
+    last_step: u32,
+}
+
+fn map_rows(map_size: u32) -> u32 {
+    return map_size & 0xffffu;
+}
+
+fn map_cols(map_size: u32) -> u32 {
+    return map_size >> 16u;
+}
+
+fn num_texels(map_size: u32) -> u32 {
+    return map_rows(map_size) * map_cols(map_size);
+}
+
+// Columns of local_from_surfel from a quaternion wxyz of any length.
+fn rotation_of(q: vec4f) -> mat3x3f {
+    let unit = q / length(q);
+    let w = unit.x;
+    let x = unit.y;
+    let y = unit.z;
+    let z = unit.w;
+    return mat3x3f(
+        vec3f(1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)),
+        vec3f(2.0 * (x * y - w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z + w * x)),
+        vec3f(2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)),
+    );
+}
+
+fn sh_coefficients(degree: u32) -> u32 {
+    return (degree + 1u) * (degree + 1u);
+}

@@ -1,0 +1,83 @@
+// What one iteration or one picture is about. Mirrors `layout::StepUniform`.
+
+struct Step {
+    // camera_from_local, rows; translation in w.
+    camera_row0: vec4f,
+    camera_row1: vec4f,
+    camera_row2: vec4f,
+    camera_in_local: vec3f,
+    near: f32,
+    focal_px: vec2f,
+    principal_px: vec2f,
+    size_px: vec2u,
+    // Columns and rows of tiles.
+    grid: vec2u,
+    background: vec3f,
+    num_splats: u32,
+    // Degree to evaluate.
+    sh_degree: u32,
+    // Floats per splat in the parameter arrays.
+    splat_stride: u32,
+    // From 1; in pictures 0.
+    step: u32,
+    // Steps that are done: lagging parameters are brought up to here.
+    settled_step: u32,
+    // FLAG_*
+    flags: u32,
+    status_slot: u32,
+    pair_capacity: u32,
+    // Floats of a pair's partial sums.
+    partial_stride: u32,
+    loss_l1: f32,
+    loss_dssim: f32,
+    loss_mse: f32,
+    // Weight of the opacity term over the number of splats.
+    opacity_weight: f32,
+    texture_weight: f32,
+    texture_hidden_weight: f32,
+    // Fixed-point units per unit of texel gradient, for a splat of one pixel.
+    texel_units: f32,
+    // First pixel of the view's photo in the pool of photos.
+    photo_offset_px: u32,
+    rate_position: f32,
+    rate_quaternion: f32,
+    rate_log_scale: f32,
+    rate_opacity: f32,
+    rate_sh_dc: f32,
+    rate_sh_rest: f32,
+    rate_texel: f32,
+    // 1 / (1 - beta1^t)
+    m_correction: f32,
+    // Rates of the last step: those that bring lagging parameters up to date.
+    last_rate_sh_dc: f32,
+    last_rate_sh_rest: f32,
+    last_rate_texel: f32,
+    // 1 / sqrt(1 - beta2^t)
+    v_correction_sqrt: f32,
+}
+
+// Parameters brought up to date are stored: an iteration, not a picture.
+const FLAG_PERSIST = 1u;
+// Window statistics are summed up.
+const FLAG_STATISTICS = 2u;
+// Every map is activated, seen or not.
+const FLAG_ALL_MAPS = 4u;
+
+@group(0) @binding(0) var<uniform> step: Step;
+
+fn has_flag(flag: u32) -> bool {
+    return (step.flags & flag) != 0u;
+}
+
+fn in_camera(v: vec3f) -> vec3f {
+    return vec3f(dot(step.camera_row0.xyz, v), dot(step.camera_row1.xyz, v), dot(step.camera_row2.xyz, v));
+}
+
+// local_from_camera rotation.
+fn in_local(v: vec3f) -> vec3f {
+    return step.camera_row0.xyz * v.x + step.camera_row1.xyz * v.y + step.camera_row2.xyz * v.z;
+}
+
+fn camera_translation() -> vec3f {
+    return vec3f(step.camera_row0.w, step.camera_row1.w, step.camera_row2.w);
+}

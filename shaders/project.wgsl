@@ -1,0 +1,114 @@
+// Projection of every splat to the view, its tiles, colour and depth key (twin: reference/project.rs; method
+// 1.2, 2.2, 2.3). SH that lag behind are brought up to date on the way, for splats in sight.
+
+#constants
+#include common/numbers
+#include common/step
+#include common/splat
+#include common/projected
+#include common/bounds
+#include common/adam
+#include common/sh
+
+@group(0) @binding(1) var<storage, read_write> splat_p: array<f32>; // [n, stride]
+@group(0) @binding(2) var<storage, read_write> splat_m: array<f32>; // [n, stride]
+@group(0) @binding(3) var<storage, read_write> splat_v: array<f32>; // [n, stride]
+@group(0) @binding(4) var<storage, read> splat_info: array<SplatInfo>; // [n]
+@group(0) @binding(5) var<storage, read_write> projected: array<Projected>; // [n]
+@group(0) @binding(6) var<storage, read_write> bounds: array<Bounds>; // [n]
+@group(0) @binding(7) var<storage, read_write> keys_out: array<u32>; // [n] depth
+
+const OUT_OF_SIGHT = (1u << DEPTH_KEY_BITS) - 1u;
+
+@compute @workgroup_size(GROUP)
+fn project(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    let i = id.x + id.y * groups.x * GROUP;
+    if i >= step.num_splats {
+        return;
+    }
+    let base = i * step.splat_stride;
+    let position = vec3f(splat_p[base], splat_p[base + 1u], splat_p[base + 2u]);
+    let p = in_camera(position) + camera_translation();
+    let scales = exp(vec2f(splat_p[base + LOG_SCALE], splat_p[base + LOG_SCALE + 1u]));
+    let opacity = sigmoid(splat_p[base + OPACITY]);
+    let q = base + QUATERNION;
+    let axes = rotation_of(vec4f(splat_p[q], splat_p[q + 1u], splat_p[q + 2u], splat_p[q + 3u]));
+    let e_u = in_camera(axes[0]);
+    let e_v = in_camera(axes[1]);
+    let n = in_camera(axes[2]);
+    let p_n = dot(p, n);
+    let w0 = p_n / p.z;
+    let per_px = 1.0 / (step.focal_px * w0);
+    let a = cross(e_v, p).xy * per_px / scales.x;
+    let b = cross(p, e_u).xy * per_px / scales.y;
+    let g = n.xy * per_px;
+    let centre_px = step.focal_px * p.xy / p.z + step.principal_px;
+
+    // A sum is finite only if its terms are.
+    let map_sum = a.x + a.y + b.x + b.y + g.x + g.y + centre_px.x + centre_px.y;
+    let sound = is_finite(p_n + p.x + p.y + p.z + opacity + scales.x + scales.y) && is_finite(map_sum);
+    let in_sight = sound && min(scales.x, scales.y) > 1.2e-38 && p.z >= step.near && opacity >= ALPHA_MIN
+        && abs(p_n) >= EDGE_ON_MIN * length(p);
+    var shape = no_bounds();
+    if in_sight {
+        shape = splat_bounds(p, e_u, e_v, scales, opacity, centre_px);
+        let rows = tile_rows(shape);
+        for (var row = rows.x; row < rows.y; row += 1) {
+            let run = tile_run(shape, row);
+            shape.num_tiles += u32(run.y - run.x);
+        }
+    }
+    bounds[i] = shape;
+    if shape.num_tiles == 0u {
+        keys_out[i] = OUT_OF_SIGHT;
+        return;
+    }
+    keys_out[i] = min(bitcast<u32>(p.z) - bitcast<u32>(step.near), OUT_OF_SIGHT - 1u);
+    let info = splat_info[i];
+    projected[i] = Projected(
+        centre_px,
+        a,
+        b,
+        g,
+        base_colour(i, position, info.last_step),
+        opacity,
+        scales / info.texel_size,
+        step.near / p.z,
+        info.map_size,
+        info.map_offset_texels,
+        shape.box_min,
+        shape.box_max,
+        p.z,
+    );
+}
+
+// SH at the direction from the camera, brought up to date as of the last step.
+fn base_colour(i: u32, position: vec3f, last_step: u32) -> vec3f {
+    let skip = adam_skip(last_step, step.settled_step);
+    let basis = sh_basis(step.sh_degree, normalize(position - step.camera_in_local));
+    let used = 3u * sh_coefficients(step.sh_degree);
+    let base = i * step.splat_stride + SH;
+    var rgb = array<f32, 3>(0.5, 0.5, 0.5);
+    for (var k = 0u; k < step.splat_stride - SH; k += 1u) {
+        var value = splat_p[base + k];
+        if skip.any {
+            let rate = select(step.last_rate_sh_rest, step.last_rate_sh_dc, k < 3u);
+            let now = adam_skipped(Moments(value, splat_m[base + k], splat_v[base + k]), skip, rate);
+            value = now.p;
+            if has_flag(FLAG_PERSIST) {
+                splat_p[base + k] = now.p;
+                splat_m[base + k] = now.m;
+                splat_v[base + k] = now.v;
+            }
+        }
+        if k < used {
+            rgb[k % 3u] += basis[k / 3u] * value;
+        }
+    }
+    // Poisoned coefficients must not spread.
+    return vec3f(guarded(rgb[0]), guarded(rgb[1]), guarded(rgb[2]));
+}
+
+fn guarded(v: f32) -> f32 {
+    return select(0.0, clamp(v, -BASE_RGB_MAX, BASE_RGB_MAX), is_finite(v));
+}

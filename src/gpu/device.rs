@@ -1,0 +1,294 @@
+//! An open device: buffers within its limits, pipelines, waiting and reading back. Everything that can fail
+//! in a driver becomes a typed error here.
+
+use super::adapter::AdapterChoice;
+use super::kernels::{Binding, KERNELS, Kernel, KernelId, SORT_PASS_BINDING};
+use super::layout::{SortPass, StepUniform};
+use super::shader::{Target, expand};
+use crate::{Error, Result};
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex};
+
+/// Which limits are asked of a device.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Limits {
+    /// All that the adapter has.
+    Adapter,
+    /// The floor: 8 storage buffers, 16 KiB of workgroup memory, bindings of 128 MiB.
+    Downlevel,
+}
+
+/// A compiled kernel.
+pub(super) struct Pipeline {
+    pub pipeline: wgpu::ComputePipeline,
+    pub layout: wgpu::BindGroupLayout,
+}
+
+/// What the driver said outside of any call: the first uncaptured error, or why the device is gone.
+type Fault = Arc<Mutex<Option<String>>>;
+
+/// An open device.
+pub struct GpuDevice {
+    /// Name and description.
+    pub choice: AdapterChoice,
+    pub(super) device: wgpu::Device,
+    pub(super) queue: wgpu::Queue,
+    pub(super) limits: wgpu::Limits,
+    fault: Fault,
+}
+
+/// Bytes between entries that are bound at dynamic offsets: the largest alignment that a device may ask for.
+pub(super) const UNIFORM_STRIDE: u64 = 256;
+
+impl GpuDevice {
+    /// Opens an adapter.
+    ///
+    /// # Errors
+    /// [`Error::Device`] if the driver refuses.
+    pub fn open(choice: &AdapterChoice, limits: Limits) -> Result<Self> {
+        let adapter = &choice.adapter;
+        let required_limits = match limits {
+            Limits::Adapter => adapter.limits(),
+            Limits::Downlevel => downlevel(&adapter.limits()),
+        };
+        let features = adapter.features() & wgpu::Features::TIMESTAMP_QUERY;
+        let request = adapter.request_device(&wgpu::DeviceDescriptor {
+            label: Some("litetex"),
+            required_features: features,
+            required_limits: required_limits.clone(),
+            ..wgpu::DeviceDescriptor::default()
+        });
+        let (device, queue) = pollster::block_on(request)
+            .map_err(|e| Error::Device(format!("{}: cannot be opened: {e}", choice.name)))?;
+        let fault = Fault::default();
+        let on_error = fault.clone();
+        device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| note(&on_error, error.to_string())));
+        let on_lost = fault.clone();
+        device.set_device_lost_callback(move |reason, message| {
+            if reason != wgpu::DeviceLostReason::Destroyed {
+                note(&on_lost, format!("the device was lost: {message}"));
+            }
+        });
+        Ok(Self { choice: choice.clone(), device, queue, limits: required_limits, fault })
+    }
+
+    /// Fails with whatever went wrong since it was last asked.
+    ///
+    /// # Errors
+    /// [`Error::Device`].
+    pub(super) fn check(&self) -> Result<()> {
+        let fault = self.fault.lock().map_or_else(|e| e.into_inner().clone(), |f| f.clone());
+        match fault {
+            Some(what) => Err(self.error(&what)),
+            None => Ok(()),
+        }
+    }
+
+    /// An error that names the device.
+    pub(super) fn error(&self, what: &str) -> Error {
+        Error::Device(format!("{}: {what}", self.choice.name))
+    }
+
+    /// A storage buffer of zeros for `count` elements of `element_bytes`.
+    ///
+    /// # Errors
+    /// [`Error::Device`] with counts if it exceeds a limit, or if the memory is not to be had.
+    pub(super) fn buffer(&self, what: &str, count: u64, element_bytes: u64) -> Result<wgpu::Buffer> {
+        let bytes = (count * element_bytes).max(16).next_multiple_of(16);
+        let most = self.limits.max_storage_buffer_binding_size.min(self.limits.max_buffer_size);
+        if bytes > most {
+            return Err(self.error(&format!(
+                "{what}: {count} x {element_bytes} bytes = {:.1} MiB, but a buffer may have {:.1} MiB here; use \
+                 fewer splats, smaller maps or smaller pictures, or --device cpu",
+                mib(bytes),
+                mib(most)
+            )));
+        }
+        self.allocate(&wgpu::BufferDescriptor {
+            label: Some(what),
+            size: bytes,
+            usage: wgpu::BufferUsages::STORAGE
+                | wgpu::BufferUsages::COPY_SRC
+                | wgpu::BufferUsages::COPY_DST
+                | wgpu::BufferUsages::INDIRECT,
+            mapped_at_creation: false,
+        })
+    }
+
+    /// A buffer of any usage.
+    ///
+    /// # Errors
+    /// [`Error::Device`] if the memory is not to be had.
+    pub(super) fn allocate(&self, descriptor: &wgpu::BufferDescriptor<'_>) -> Result<wgpu::Buffer> {
+        let memory = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
+        let validation = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
+        let buffer = self.device.create_buffer(descriptor);
+        let refused = [pollster::block_on(validation.pop()), pollster::block_on(memory.pop())];
+        match refused.into_iter().flatten().next() {
+            Some(error) => Err(self.error(&format!(
+                "{} of {:.1} MiB was refused: {error}",
+                descriptor.label.unwrap_or("a buffer"),
+                mib(descriptor.size)
+            ))),
+            None => Ok(buffer),
+        }
+    }
+
+    /// A uniform buffer with `count` entries at dynamic offsets.
+    ///
+    /// # Errors
+    /// As [`GpuDevice::allocate`].
+    pub(super) fn uniforms(&self, what: &str, count: u64) -> Result<wgpu::Buffer> {
+        self.allocate(&wgpu::BufferDescriptor {
+            label: Some(what),
+            size: count * UNIFORM_STRIDE,
+            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        })
+    }
+
+    /// Compiles kernels.
+    ///
+    /// # Errors
+    /// [`Error::Device`] with the place in the shader if the driver does not take it.
+    pub(super) fn pipelines(&self, ids: &[KernelId]) -> Result<BTreeMap<KernelId, Pipeline>> {
+        let mut out = BTreeMap::new();
+        for (id, kernel) in KERNELS.iter().filter(|(id, _)| ids.contains(id)) {
+            out.insert(*id, self.pipeline(kernel)?);
+        }
+        Ok(out)
+    }
+
+    fn pipeline(&self, kernel: &Kernel) -> Result<Pipeline> {
+        let expanded = expand(kernel.name, kernel.flags, Target::Native).map_err(|e| self.error(&e))?;
+        let scope = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
+        let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some(kernel.name),
+            source: wgpu::ShaderSource::Wgsl(expanded.text.as_str().into()),
+        });
+        let layout = self.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some(kernel.name),
+            entries: &layout_entries(kernel),
+        });
+        let pipeline_layout = self.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: Some(kernel.name),
+            bind_group_layouts: &[Some(&layout)],
+            immediate_size: 0,
+        });
+        let pipeline = self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some(kernel.name),
+            layout: Some(&pipeline_layout),
+            module: &module,
+            entry_point: Some(kernel.name),
+            compilation_options: wgpu::PipelineCompilationOptions {
+                // The kernels initialise what they read.
+                zero_initialize_workgroup_memory: false,
+                ..wgpu::PipelineCompilationOptions::default()
+            },
+            cache: None,
+        });
+        match pollster::block_on(scope.pop()) {
+            Some(error) => Err(self.error(&format!("shader {} was refused: {error}", kernel.name))),
+            None => Ok(Pipeline { pipeline, layout }),
+        }
+    }
+
+    /// Waits for everything submitted and reads `bytes` from the start of a buffer.
+    ///
+    /// # Errors
+    /// [`Error::Device`] if the device is gone.
+    pub(super) fn read<T: bytemuck::Pod>(&self, buffer: &wgpu::Buffer, count: usize) -> Result<Vec<T>> {
+        let bytes = (count * size_of::<T>()) as u64;
+        if bytes == 0 {
+            return Ok(Vec::new());
+        }
+        let staging = self.allocate(&wgpu::BufferDescriptor {
+            label: Some("read-back"),
+            size: bytes.next_multiple_of(4),
+            usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        })?;
+        let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, bytes);
+        self.queue.submit([encoder.finish()]);
+        self.read_staged(&staging, count)
+    }
+
+    /// Waits until a staging buffer has been written and reads it.
+    ///
+    /// # Errors
+    /// As [`GpuDevice::read`].
+    pub(super) fn read_staged<T: bytemuck::Pod>(
+        &self,
+        staging: &wgpu::Buffer,
+        count: usize,
+    ) -> Result<Vec<T>> {
+        let bytes = (count * size_of::<T>()) as u64;
+        let (sender, receiver) = std::sync::mpsc::channel();
+        staging.map_async(wgpu::MapMode::Read, 0..bytes, move |outcome| {
+            // The receiver is gone only if polling failed, which is reported below.
+            let _ = sender.send(outcome);
+        });
+        self.device
+            .poll(wgpu::PollType::wait_indefinitely())
+            .map_err(|e| self.error(&format!("waiting for it failed: {e}")))?;
+        self.check()?;
+        match receiver.try_recv() {
+            Ok(Ok(())) => {}
+            Ok(Err(e)) => return Err(self.error(&format!("reading back failed: {e}"))),
+            Err(_) => return Err(self.error("reading back failed: no answer")),
+        }
+        let view = staging
+            .get_mapped_range(0..bytes)
+            .map_err(|e| self.error(&format!("reading back failed: {e}")))?;
+        let values = bytemuck::pod_collect_to_vec(&view);
+        drop(view);
+        staging.unmap();
+        Ok(values)
+    }
+}
+
+fn note(fault: &Fault, message: String) {
+    if let Ok(mut fault) = fault.lock() {
+        fault.get_or_insert(message);
+    }
+}
+
+fn mib(bytes: u64) -> f64 {
+    bytes as f64 / f64::from(1 << 20)
+}
+
+/// The floor of WebGPU, in everything that the kernels use.
+fn downlevel(adapter: &wgpu::Limits) -> wgpu::Limits {
+    wgpu::Limits {
+        max_storage_buffers_per_shader_stage: 8,
+        max_compute_workgroup_storage_size: 16 << 10,
+        max_compute_invocations_per_workgroup: 256,
+        max_storage_buffer_binding_size: 128 << 20,
+        max_buffer_size: 256 << 20,
+        ..wgpu::Limits::downlevel_defaults().or_worse_values_from(adapter)
+    }
+}
+
+fn layout_entries(kernel: &Kernel) -> Vec<wgpu::BindGroupLayoutEntry> {
+    let entry =
+        |binding: u32, ty: wgpu::BufferBindingType, dynamic_bytes: Option<u64>| wgpu::BindGroupLayoutEntry {
+            binding,
+            visibility: wgpu::ShaderStages::COMPUTE,
+            ty: wgpu::BindingType::Buffer {
+                ty,
+                has_dynamic_offset: dynamic_bytes.is_some(),
+                min_binding_size: dynamic_bytes.and_then(wgpu::BufferSize::new),
+            },
+            count: None,
+        };
+    let uniform = wgpu::BufferBindingType::Uniform;
+    let mut entries = vec![entry(0, uniform, Some(size_of::<StepUniform>() as u64))];
+    for (binding, Binding { writes, .. }) in (1..).zip(kernel.bindings) {
+        entries.push(entry(binding, wgpu::BufferBindingType::Storage { read_only: !writes }, None));
+    }
+    if kernel.has_sort_pass {
+        entries.push(entry(SORT_PASS_BINDING, uniform, Some(size_of::<SortPass>() as u64)));
+    }
+    entries
+}

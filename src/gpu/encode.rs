@@ -1,0 +1,69 @@
+//! Puts dispatches into a command encoder: one compute pass for all of them, or one each with timestamps
+//! around it where kernels are timed.
+
+use super::device::{GpuDevice, Pipeline};
+use super::kernels::{Buf, Groups, KernelId};
+use super::layout::DispatchArgs;
+use super::resources::{Offsets, Resources};
+use std::collections::BTreeMap;
+
+/// One dispatch.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Dispatch {
+    pub kernel: KernelId,
+    pub groups: Groups,
+    /// Whether the sort's halves change places.
+    pub swapped: bool,
+    pub offsets: Offsets,
+}
+
+impl Dispatch {
+    pub(super) fn new(kernel: KernelId, offsets: Offsets) -> Self {
+        Self { kernel, groups: kernel.kernel().groups, swapped: false, offsets }
+    }
+}
+
+/// Byte offset of an entry of the table of indirect dispatches.
+pub(super) fn args_offset(groups: Groups) -> u64 {
+    groups as u64 * size_of::<DispatchArgs>() as u64
+}
+
+/// Encodes dispatches in order. With a query set, each in a pass of its own, from query `2 * first` on.
+pub(super) fn encode(
+    device: &GpuDevice,
+    encoder: &mut wgpu::CommandEncoder,
+    resources: &mut Resources,
+    pipelines: &BTreeMap<KernelId, Pipeline>,
+    dispatches: &[Dispatch],
+    timed: Option<(&wgpu::QuerySet, u32)>,
+) {
+    let args = resources.buffer(Buf::Args).clone();
+    let mut one = |pass: &mut wgpu::ComputePass<'_>, dispatch: &Dispatch| {
+        let (pipeline, kernel) = (&pipelines[&dispatch.kernel], dispatch.kernel.kernel());
+        let offsets = [dispatch.offsets.step, dispatch.offsets.sort_pass];
+        let group = resources.group(device, dispatch.kernel, pipeline, dispatch.swapped);
+        pass.set_pipeline(&pipeline.pipeline);
+        pass.set_bind_group(0, group, &offsets[..1 + usize::from(kernel.has_sort_pass)]);
+        pass.dispatch_workgroups_indirect(&args, args_offset(dispatch.groups));
+    };
+    let descriptor = wgpu::ComputePassDescriptor::default();
+    match timed {
+        None => {
+            let mut pass = encoder.begin_compute_pass(&descriptor);
+            dispatches.iter().for_each(|dispatch| one(&mut pass, dispatch));
+        }
+        Some((query_set, first)) => {
+            for (index, dispatch) in (first..).zip(dispatches) {
+                let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+                    timestamp_writes: Some(wgpu::ComputePassTimestampWrites {
+                        query_set,
+                        beginning_of_pass_write_index: Some(2 * index),
+                        end_of_pass_write_index: Some(2 * index + 1),
+                    }),
+                    ..descriptor.clone()
+                });
+                one(&mut pass, dispatch);
+            }
+        }
+    }
+}

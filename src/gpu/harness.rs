@@ -1,0 +1,80 @@
+//! For the tests of single kernels: an open device with buffers filled by hand.
+
+use super::adapter::list_adapters;
+use super::device::{GpuDevice, Limits, Pipeline, UNIFORM_STRIDE};
+use super::encode::{Dispatch, encode};
+use super::kernels::{Buf, Groups, KernelId, NUM_GROUPS};
+use super::layout::{DispatchArgs, SortPass, StepUniform};
+use super::resources::Resources;
+use std::collections::BTreeMap;
+
+/// A device, the kernels under test and their buffers.
+pub(super) struct Harness {
+    pub device: GpuDevice,
+    pub resources: Resources,
+    pipelines: BTreeMap<KernelId, Pipeline>,
+}
+
+impl Harness {
+    /// Opens the first software adapter, else any; `None`, said aloud, where there is no driver at all.
+    pub(super) fn new(kernels: &[KernelId]) -> Option<Self> {
+        let adapters = list_adapters();
+        let Some(choice) = adapters.iter().find(|a| !a.hardware).or(adapters.first()) else {
+            assert!(std::env::var_os("LITETEX_REQUIRE_GPU").is_none(), "no Vulkan driver, but one is required");
+            println!("skipped: no Vulkan driver is installed");
+            return None;
+        };
+        let device = GpuDevice::open(choice, Limits::Downlevel).unwrap();
+        let steps = device.uniforms("steps", 4).unwrap();
+        let sort_passes = device.uniforms("sort passes", 16).unwrap();
+        let pipelines = device.pipelines(kernels).unwrap();
+        let mut harness = Self { device, resources: Resources::new(steps, sort_passes), pipelines };
+        harness.fill(Buf::Args, &vec![DispatchArgs::default(); NUM_GROUPS as usize]);
+        Some(harness)
+    }
+
+    /// Makes a buffer of these values.
+    pub(super) fn fill<T: bytemuck::Pod>(&mut self, name: Buf, values: &[T]) {
+        let buffer =
+            self.device.buffer(&format!("{name:?}"), values.len() as u64, size_of::<T>() as u64).unwrap();
+        self.device.queue.write_buffer(&buffer, 0, bytemuck::cast_slice(values));
+        self.resources.set(name, buffer);
+    }
+
+    /// Makes a buffer of zeros.
+    pub(super) fn zeros(&mut self, name: Buf, bytes: usize) {
+        self.fill(name, &vec![0_u32; bytes / 4]);
+    }
+
+    /// Writes a step uniform to the ring.
+    pub(super) fn set_step(&mut self, slot: u32, step: &StepUniform) {
+        let at = u64::from(slot) * UNIFORM_STRIDE;
+        self.device.queue.write_buffer(self.resources.steps(), at, bytemuck::bytes_of(step));
+    }
+
+    /// Writes a pass of the sort to the table.
+    pub(super) fn set_sort_pass(&mut self, slot: u32, pass: &SortPass) {
+        let at = u64::from(slot) * UNIFORM_STRIDE;
+        self.device.queue.write_buffer(self.resources.sort_passes(), at, bytemuck::bytes_of(pass));
+    }
+
+    /// Sets the workgroups of a kind of dispatch.
+    pub(super) fn set_groups(&mut self, groups: Groups, x: u32, y: u32) {
+        let args = DispatchArgs { x, y, z: 1 };
+        let at = super::encode::args_offset(groups);
+        self.device.queue.write_buffer(self.resources.buffer(Buf::Args), at, bytemuck::bytes_of(&args));
+    }
+
+    /// Runs dispatches.
+    pub(super) fn run(&mut self, dispatches: &[Dispatch]) {
+        let mut encoder = self.device.device.create_command_encoder(&Default::default());
+        encode(&self.device, &mut encoder, &mut self.resources, &self.pipelines, dispatches, None);
+        self.device.queue.submit([encoder.finish()]);
+        self.device.check().unwrap();
+    }
+
+    /// Reads the first `count` elements of a buffer.
+    pub(super) fn read<T: bytemuck::Pod>(&self, name: Buf, count: usize) -> Vec<T> {
+        self.device.read(self.resources.buffer(name), count).unwrap()
+    }
+}

@@ -1,0 +1,159 @@
+//! The table of kernels: which buffers each one binds, and how many workgroups it gets. Bindings of group 0:
+//! 0 is the step, 1 and on are the buffers in the order of the table, [`SORT_PASS_BINDING`] the pass of the
+//! sort. A test compares the table with the shaders.
+
+/// A buffer of the backend.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[allow(missing_docs, reason = "documented by the shape beside each binding in the shaders")]
+pub enum Buf {
+    SplatP,
+    SplatM,
+    SplatV,
+    SplatInfo,
+    TexelP,
+    TexelM,
+    TexelV,
+    TexelGrad,
+    TexelValues,
+    Statistics,
+    Projected,
+    Bounds,
+    KeysA,
+    ValuesA,
+    KeysB,
+    ValuesB,
+    Histogram,
+    SlotOffsets,
+    BlockSums,
+    SlotSplat,
+    Pairs,
+    TileRanges,
+    Partials,
+    Pixels,
+    PixelState,
+    PixelGrad,
+    SsimMaps,
+    LossMap,
+    LossPartials,
+    Photo,
+    Status,
+    Args,
+}
+
+impl Buf {
+    /// The other one of the two halves that a sort swaps; itself for every other buffer.
+    pub fn swapped(self) -> Self {
+        match self {
+            Self::KeysA => Self::KeysB,
+            Self::KeysB => Self::KeysA,
+            Self::ValuesA => Self::ValuesB,
+            Self::ValuesB => Self::ValuesA,
+            other => other,
+        }
+    }
+}
+
+/// A storage binding: its name in the shader, its buffer, and whether the shader writes it.
+#[derive(Clone, Copy, Debug)]
+pub struct Binding {
+    /// Name of the variable.
+    pub name: &'static str,
+    /// Buffer, before the sort's swap.
+    pub buffer: Buf,
+    /// Whether the access is `read_write`.
+    pub writes: bool,
+}
+
+const fn read(name: &'static str, buffer: Buf) -> Binding {
+    Binding { name, buffer, writes: false }
+}
+
+const fn write(name: &'static str, buffer: Buf) -> Binding {
+    Binding { name, buffer, writes: true }
+}
+
+/// Who decides on the number of workgroups: entries of the table of indirect dispatches. Those of the first
+/// kind are known before a step, the others follow from its number of pairs; all are zero once a step of the
+/// same submission did not fit, so that nothing after it is applied.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[repr(u32)]
+pub enum Groups {
+    /// One.
+    One,
+    /// An invocation per splat.
+    Splats,
+    /// A block of [`super::shader::BLOCK`] splats each.
+    SplatBlocks,
+    /// A workgroup per splat.
+    EachSplat,
+    /// One, after the pairs are known.
+    OneLater,
+    /// A workgroup per splat, after the pairs are known.
+    EachSplatLater,
+    /// An invocation per splat, after the pairs are known.
+    SplatsLater,
+    /// A workgroup per tile.
+    Tiles,
+    /// An invocation per tile.
+    TileInvocations,
+    /// An invocation per pair.
+    Pairs,
+    /// A block of [`super::shader::BLOCK`] pairs each.
+    PairBlocks,
+}
+
+/// Entries of the table of indirect dispatches.
+pub const NUM_GROUPS: u32 = Groups::PairBlocks as u32 + 1;
+
+/// Binding of the pass of the sort, in kernels that have one.
+pub const SORT_PASS_BINDING: u32 = 15;
+
+/// A kernel.
+#[derive(Clone, Copy, Debug)]
+pub struct Kernel {
+    /// Name of its file and of its entry point.
+    pub name: &'static str,
+    /// Flags for the preprocessor.
+    pub flags: &'static [&'static str],
+    /// Storage bindings 1, 2, ...
+    pub bindings: &'static [Binding],
+    /// Workgroups.
+    pub groups: Groups,
+    /// Whether it binds the pass of the sort.
+    pub has_sort_pass: bool,
+}
+
+macro_rules! kernels {
+    ($($id:ident = $name:literal $flags:expr, $groups:ident, $sort:expr, [$($access:ident $binding:ident = $buffer:ident),* $(,)?];)*) => {
+        /// Kernels by their index in [`KERNELS`].
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+        #[allow(missing_docs, reason = "named after their files")]
+        pub enum KernelId { $($id),* }
+
+        /// All kernels and their variants.
+        pub const KERNELS: &[(KernelId, Kernel)] = &[$((
+            KernelId::$id,
+            Kernel {
+                name: $name,
+                flags: $flags,
+                bindings: &[$($access(stringify!($binding), Buf::$buffer)),*],
+                groups: Groups::$groups,
+                has_sort_pass: $sort,
+            },
+        )),*];
+    };
+}
+
+kernels! {
+    Project = "project" &[], Splats, false, [
+        write splat_p = SplatP, write splat_m = SplatM, write splat_v = SplatV, read splat_info = SplatInfo,
+        write projected = Projected, write bounds = Bounds, write keys_out = KeysA,
+    ];
+}
+
+impl KernelId {
+    /// Its entry in the table.
+    pub fn kernel(self) -> &'static Kernel {
+        &KERNELS[self as usize].1
+    }
+}

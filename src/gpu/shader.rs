@@ -1,0 +1,215 @@
+//! The preprocessor of the shaders: includes by name, conditional lines, constants from Rust. It knows
+//! nothing of devices; naga and the browsers see plain WGSL.
+//!
+//! Directives stand alone on a line: `#include common/x` (each file once), `#constants`, `#if FLAG`,
+//! `#else`, `#endif`.
+
+use crate::constants as c;
+use std::fmt::Write as _;
+
+/// Edge of a tile.
+pub const TILE_PX: u32 = 16;
+/// Invocations of most workgroups, and pixels of a tile.
+pub const GROUP: u32 = 256;
+/// Invocations of the kernels that give a workgroup to each splat.
+pub const SPLAT_GROUP: u32 = 64;
+/// Elements that a workgroup of the prefix sum and of the sort handles.
+pub const BLOCK: u32 = 1024;
+/// Bits of a digit of the radix sort.
+pub const DIGIT_BITS: u32 = 4;
+/// Bits of a depth key: the f32 bits of the depth less those of the near plane, up to 2^32 times near.
+pub const DEPTH_KEY_BITS: u32 = 28;
+
+/// Every shader file by its name below `shaders/`, without the extension.
+macro_rules! sources {
+    ($($name:literal),* $(,)?) => {
+        &[$(($name, include_str!(concat!("../../shaders/", $name, ".wgsl")))),*]
+    };
+}
+
+/// All files.
+pub const SOURCES: &[(&str, &str)] = sources![
+    "common/adam",
+    "common/bounds",
+    "common/numbers",
+    "common/projected",
+    "common/sh",
+    "common/splat",
+    "common/status",
+    "common/step",
+    "project",
+];
+
+/// For whom a shader is expanded: browsers want directives that naga rejects, and the other way round.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Target {
+    /// naga.
+    Native,
+    /// A browser.
+    Web,
+}
+
+/// A shader ready to be compiled.
+#[derive(Clone, Debug)]
+pub struct Expanded {
+    /// WGSL.
+    pub text: String,
+    /// For each line of the text the file and the line it comes from.
+    lines: Vec<(&'static str, u32)>,
+}
+
+impl Expanded {
+    /// Where line `line` (from 1) of the text stands in the sources.
+    pub fn origin(&self, line: u32) -> String {
+        let (file, line) = self.lines.get(line.max(1) as usize - 1).copied().unwrap_or(("?", 0));
+        format!("shaders/{file}.wgsl:{line}")
+    }
+}
+
+/// Expands a kernel.
+///
+/// # Errors
+/// The place and what is wrong there.
+pub fn expand(kernel: &str, flags: &[&str], target: Target) -> Result<Expanded, String> {
+    let mut out = Expanded { text: String::new(), lines: Vec::new() };
+    let mut included = Vec::new();
+    include(kernel, flags, target, &mut included, &mut out)?;
+    Ok(out)
+}
+
+fn include(
+    name: &str,
+    flags: &[&str],
+    target: Target,
+    included: &mut Vec<&'static str>,
+    out: &mut Expanded,
+) -> Result<(), String> {
+    let Some(&(name, source)) = SOURCES.iter().find(|(n, _)| *n == name) else {
+        return Err(format!("there is no shader file {name:?}"));
+    };
+    if included.contains(&name) {
+        return Ok(());
+    }
+    included.push(name);
+    // Whether the lines of each open #if are taken.
+    let mut taken: Vec<bool> = Vec::new();
+    for (number, line) in (1..).zip(source.lines()) {
+        let wrong = |what: &str| format!("shaders/{name}.wgsl:{number}: {what}: {line:?}");
+        let directive = line.trim().strip_prefix('#').map(|d| d.split_once(' ').unwrap_or((d, "")));
+        let active = taken.iter().all(|&t| t);
+        match directive {
+            Some(("if", flag)) => {
+                let web = flag == "WEB" && target == Target::Web;
+                taken.push(web || flags.contains(&flag));
+            }
+            Some(("else", _)) => {
+                let last = taken.last_mut().ok_or_else(|| wrong("#else without #if"))?;
+                *last = !*last;
+            }
+            Some(("endif", _)) => {
+                taken.pop().ok_or_else(|| wrong("#endif without #if"))?;
+            }
+            Some(_) if !active => {}
+            Some(("include", file)) => include(file, flags, target, included, out)?,
+            Some(("constants", _)) => {
+                for constant in constants() {
+                    push(out, &constant, name, number);
+                }
+            }
+            Some(_) => return Err(wrong("unknown directive")),
+            None if active => push(out, line, name, number),
+            None => {}
+        }
+    }
+    if taken.is_empty() { Ok(()) } else { Err(format!("shaders/{name}.wgsl: #if without #endif")) }
+}
+
+fn push(out: &mut Expanded, line: &str, file: &'static str, number: u32) {
+    out.text.push_str(line);
+    out.text.push('\n');
+    out.lines.push((file, number));
+}
+
+/// Constants shared with Rust, by name.
+pub fn shared_constants() -> (Vec<(&'static str, f64)>, Vec<(&'static str, u32)>) {
+    let floats = vec![
+        ("ALPHA_MIN", c::ALPHA_MIN),
+        ("ALPHA_MAX", c::ALPHA_MAX),
+        ("TRANSMITTANCE_MIN", c::TRANSMITTANCE_MIN),
+        ("EDGE_ON_MIN", c::EDGE_ON_MIN),
+        ("DENOMINATOR_MIN", c::DENOMINATOR_MIN),
+        ("CONIC_MARGIN", c::CONIC_MARGIN),
+        ("SURFACE_ALPHA_MIN", c::SURFACE_ALPHA_MIN),
+        ("SSIM_C1", c::SSIM_C1),
+        ("SSIM_C2", c::SSIM_C2),
+        ("SH_0", c::SH_0),
+        ("SH_1", c::SH_1),
+        ("ADAM_BETA1", c::ADAM_BETA1),
+        ("ADAM_BETA2", c::ADAM_BETA2),
+        ("ADAM_EPSILON", c::ADAM_EPSILON),
+        ("ADAM_LN_BETA1", c::ADAM_BETA1.ln()),
+        ("ADAM_LN_BETA2", c::ADAM_BETA2.ln()),
+        ("LOG_SCALE_MIN", c::LOG_SCALE_RANGE.0),
+        ("LOG_SCALE_MAX", c::LOG_SCALE_RANGE.1),
+        ("BASE_RGB_MAX", c::BASE_RGB_MAX),
+    ];
+    let integers = vec![
+        ("TILE_PX", TILE_PX),
+        ("GROUP", GROUP),
+        ("SPLAT_GROUP", SPLAT_GROUP),
+        ("BLOCK", BLOCK),
+        ("DIGIT_BITS", DIGIT_BITS),
+        ("DIGITS", 1 << DIGIT_BITS),
+        ("DEPTH_KEY_BITS", DEPTH_KEY_BITS),
+        ("SSIM_RADIUS_PX", c::SSIM_RADIUS_PX as u32),
+    ];
+    (floats, integers)
+}
+
+fn constants() -> Vec<String> {
+    let (floats, integers) = shared_constants();
+    let mut out: Vec<String> =
+        floats.iter().map(|(name, value)| format!("const {name}: f32 = {};", float(*value))).collect();
+    out.extend(integers.iter().map(|(name, value)| format!("const {name}: u32 = {value}u;")));
+    let array = |name: &str, values: &[f64]| {
+        let mut text = format!("const {name} = array<f32, {}>(", values.len());
+        for (i, value) in values.iter().enumerate() {
+            let _ = write!(text, "{}{}", if i > 0 { ", " } else { "" }, float(*value));
+        }
+        text + ");"
+    };
+    out.push(array("SSIM_WINDOW", &c::ssim_window()));
+    out.push(array("SH_2", &c::SH_2));
+    out.push(array("SH_3", &c::SH_3));
+    out
+}
+
+/// A float as WGSL reads it back exactly.
+fn float(value: f64) -> String {
+    format!("{:?}", value as f32)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_are_traced_to_their_files() {
+        let expanded = expand("project", &[], Target::Native).unwrap();
+        let line = expanded.text.lines().position(|l| l.starts_with("fn project(")).unwrap() as u32 + 1;
+        assert!(expanded.origin(line).starts_with("shaders/project.wgsl:"), "{}", expanded.origin(line));
+        assert!(!expanded.text.contains("\n#"), "no directive is left");
+    }
+
+    #[test]
+    fn an_unknown_file_is_named() {
+        assert!(expand("nothing", &[], Target::Native).unwrap_err().contains("nothing"));
+    }
+
+    #[test]
+    fn floats_come_back_exactly() {
+        for value in [c::ALPHA_MIN, c::ADAM_EPSILON, c::TRANSMITTANCE_MIN] {
+            assert_eq!(float(value).parse::<f32>().unwrap(), value as f32);
+        }
+    }
+}
