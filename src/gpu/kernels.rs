@@ -38,6 +38,11 @@ pub enum Buf {
     Photo,
     Status,
     Args,
+    Sources,
+    OldSplatInfo,
+    OldValues,
+    NewValues,
+    Scales,
 }
 
 impl Buf {
@@ -148,6 +153,58 @@ kernels! {
     Project = "project" &[], Splats, false, [
         write splat_p = SplatP, write splat_m = SplatM, write splat_v = SplatV, read splat_info = SplatInfo,
         write projected = Projected, write bounds = Bounds, write keys_out = KeysA,
+    ];
+    SettleTexel = "settle_texel" &[], EachSplat, false, [
+        write texel_p = TexelP, write texel_m = TexelM, write texel_v = TexelV, write texel_values = TexelValues,
+        write splat_info = SplatInfo, read bounds = Bounds,
+    ];
+    SettleSplat = "settle_splat" &[], EachSplat, false, [
+        write splat_p = SplatP, write splat_m = SplatM, write splat_v = SplatV, read splat_info = SplatInfo,
+    ];
+    RasterFwd = "raster_fwd" &[], Tiles, false, [
+        read projected = Projected, read pairs = Pairs, read tile_ranges = TileRanges,
+        read texel_values = TexelValues, write pixels = Pixels, write pixel_state = PixelState,
+    ];
+    RasterFwdCount = "raster_fwd" &["COUNT", "ATOMIC_STATUS"], Tiles, false, [
+        read projected = Projected, read pairs = Pairs, read tile_ranges = TileRanges,
+        read texel_values = TexelValues, write pixels = Pixels, write pixel_state = PixelState, write status = Status,
+    ];
+    RasterFwdBatched = "raster_fwd" &["BATCHED"], Tiles, false, [
+        read projected = Projected, read pairs = Pairs, read tile_ranges = TileRanges,
+        read texel_values = TexelValues, write pixels = Pixels, write pixel_state = PixelState,
+    ];
+    RasterFwdBatchedCount = "raster_fwd" &["BATCHED", "COUNT", "ATOMIC_STATUS"], Tiles, false, [
+        read projected = Projected, read pairs = Pairs, read tile_ranges = TileRanges,
+        read texel_values = TexelValues, write pixels = Pixels, write pixel_state = PixelState, write status = Status,
+    ];
+    RasterBwd = "raster_bwd" &[], Tiles, false, [
+        read projected = Projected, read pairs = Pairs, read tile_ranges = TileRanges,
+        read texel_values = TexelValues, read pixel_state = PixelState, read pixel_grad = PixelGrad,
+        write partials = Partials, write texel_grad = TexelGrad,
+    ];
+    RasterBwdStatistics = "raster_bwd" &["STATISTICS"], Tiles, false, [
+        read projected = Projected, read pairs = Pairs, read tile_ranges = TileRanges,
+        read texel_values = TexelValues, read pixel_state = PixelState, read pixel_grad = PixelGrad,
+        write partials = Partials, write texel_grad = TexelGrad,
+    ];
+    ProjectBwd = "project_bwd" &[], EachSplatLater, false, [
+        write splat_p = SplatP, write splat_m = SplatM, write splat_v = SplatV, read projected = Projected,
+        write bounds = Bounds, read partials = Partials, write statistics = Statistics,
+    ];
+    AdamTexel = "adam_texel" &[], EachSplatLater, false, [
+        write texel_p = TexelP, write texel_m = TexelM, write texel_v = TexelV, write texel_grad = TexelGrad,
+        write texel_values = TexelValues, write splat_info = SplatInfo, write bounds = Bounds,
+    ];
+    Finish = "finish" &[], OneLater, false, [
+        read projected = Projected, read bounds = Bounds, read loss_partials = LossPartials,
+        write status = Status,
+    ];
+    GatherSplats = "gather_splats" &[], EachSplat, false, [
+        read sources = Sources, read old_values = OldValues, write new_values = NewValues,
+    ];
+    ResampleMaps = "resample_maps" &[], EachSplat, false, [
+        read sources = Sources, read old_info = OldSplatInfo, write splat_info = SplatInfo,
+        read old_values = OldValues, write new_values = NewValues, read scales = Scales,
     ];
 }
 

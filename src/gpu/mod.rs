@@ -2,6 +2,8 @@
 //! is who hands them which buffers, in which order, and what comes back.
 
 mod adapter;
+#[cfg(test)]
+mod compile_tests;
 mod device;
 mod encode;
 #[cfg(test)]

@@ -31,13 +31,26 @@ macro_rules! sources {
 pub const SOURCES: &[(&str, &str)] = sources![
     "common/adam",
     "common/bounds",
+    "common/fixed",
+    "common/hit",
     "common/numbers",
     "common/projected",
     "common/sh",
     "common/splat",
     "common/status",
     "common/step",
+    "common/tile",
+    "common/window",
+    "adam_texel",
+    "finish",
+    "gather_splats",
     "project",
+    "project_bwd",
+    "raster_bwd",
+    "raster_fwd",
+    "resample_maps",
+    "settle_splat",
+    "settle_texel",
 ];
 
 /// For whom a shader is expanded: browsers want directives that naga rejects, and the other way round.

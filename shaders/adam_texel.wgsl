@@ -1,0 +1,71 @@
+// Per splat in sight, a workgroup: one step of Adam on the texels of its map (twin: reference/adam.rs), with the
+// texture term and the slope of the activation. Leaves the gradients zero, the new texels activated, and the sum
+// of the absolute residuals before the step.
+
+#constants
+#include common/numbers
+#include common/step
+#include common/splat
+#include common/projected
+#include common/bounds
+#include common/fixed
+#include common/adam
+
+@group(0) @binding(1) var<storage, read_write> texel_p: array<f32>; // [T, 3]
+@group(0) @binding(2) var<storage, read_write> texel_m: array<f32>; // [T, 3]
+@group(0) @binding(3) var<storage, read_write> texel_v: array<f32>; // [T, 3]
+@group(0) @binding(4) var<storage, read_write> texel_grad: array<i32>; // [T, 3] fixed point
+@group(0) @binding(5) var<storage, read_write> texel_values: array<f32>; // [T, 4] residual rgb
+@group(0) @binding(6) var<storage, read_write> splat_info: array<SplatInfo>; // [n]
+@group(0) @binding(7) var<storage, read_write> bounds: array<Bounds>; // [n]
+
+var<workgroup> residuals: array<f32, SPLAT_GROUP>;
+
+// Returns the absolute residual before the step.
+fn update(at: u32, units: f32, weight: f32) -> f32 {
+    let value_at = 4u * (at / 3u) + at % 3u;
+    let value = texel_values[value_at];
+    // At exactly 0 the texture term is at rest.
+    let by_value = f32(texel_grad[at]) / units + weight * sign(value);
+    texel_grad[at] = 0;
+    let by = by_value * texel_value_slope(value);
+    let now = adam_step(Moments(texel_p[at], texel_m[at], texel_v[at]), by, step.rate_texel);
+    texel_p[at] = now.p;
+    texel_m[at] = now.m;
+    texel_v[at] = now.v;
+    texel_values[value_at] = texel_value(now.p);
+    return abs(value);
+}
+
+@compute @workgroup_size(SPLAT_GROUP)
+fn adam_texel(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let i = group.x + group.y * groups.x;
+    if i >= step.num_splats {
+        return;
+    }
+    let shape = bounds[i];
+    let info = splat_info[i];
+    let num_floats = select(0u, 3u * num_texels(info.map_size), shape.num_tiles > 0u);
+    let units = texel_units(shape.box_min, shape.box_max);
+    let weight = step.texture_weight + step.texture_hidden_weight * shape.hidden;
+    var residual_sum = 0.0;
+    for (var f = lane; f < num_floats; f += SPLAT_GROUP) {
+        residual_sum += update(3u * info.map_offset_texels + f, units, weight);
+    }
+    residuals[lane] = residual_sum;
+    workgroupBarrier();
+    for (var half = SPLAT_GROUP / 2u; half > 0u; half /= 2u) {
+        if lane < half {
+            residuals[lane] += residuals[lane + half];
+        }
+        workgroupBarrier();
+    }
+    if lane == 0u && shape.num_tiles > 0u {
+        bounds[i].texture_sum = residuals[0];
+        splat_info[i].last_step = step.step;
+    }
+}

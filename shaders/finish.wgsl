@@ -1,0 +1,59 @@
+// One workgroup: sums up what the host is told of a step, in a fixed order.
+
+#constants
+#include common/step
+#include common/projected
+#include common/bounds
+#include common/status
+
+@group(0) @binding(1) var<storage, read> projected: array<Projected>; // [n]
+@group(0) @binding(2) var<storage, read> bounds: array<Bounds>; // [n]
+@group(0) @binding(3) var<storage, read> loss_partials: array<vec4f>; // [tiles] l1, dssim, mse; weighted
+@group(0) @binding(4) var<storage, read_write> status: array<Status>;
+
+// l1, dssim, mse, opacity; texture.
+var<workgroup> losses: array<vec4f, GROUP>;
+var<workgroup> textures: array<f32, GROUP>;
+// Visible splats, faults.
+var<workgroup> counts: array<vec2u, GROUP>;
+
+@compute @workgroup_size(GROUP)
+fn finish(@builtin(local_invocation_index) lane: u32) {
+    var loss = vec4f(0.0);
+    for (var tile = lane; tile < step.grid.x * step.grid.y; tile += GROUP) {
+        loss += vec4f(loss_partials[tile].xyz, 0.0);
+    }
+    var texture_sum = 0.0;
+    var count = vec2u(0u);
+    for (var i = lane; i < step.num_splats; i += GROUP) {
+        if bounds[i].num_tiles > 0u {
+            loss.w += projected[i].opacity * step.opacity_weight;
+            let weight = step.texture_weight + step.texture_hidden_weight * bounds[i].hidden;
+            texture_sum += weight * bounds[i].texture_sum;
+            count += vec2u(1u, bounds[i].faults);
+        }
+    }
+    losses[lane] = loss;
+    textures[lane] = texture_sum;
+    counts[lane] = count;
+    workgroupBarrier();
+    for (var half = GROUP / 2u; half > 0u; half /= 2u) {
+        if lane < half {
+            losses[lane] += losses[lane + half];
+            textures[lane] += textures[lane + half];
+            counts[lane] += counts[lane + half];
+        }
+        workgroupBarrier();
+    }
+    if lane == 0u {
+        let slot = step.status_slot;
+        status[slot].l1 = losses[0].x;
+        status[slot].dssim = losses[0].y;
+        status[slot].mse = losses[0].z;
+        status[slot].opacity = losses[0].w;
+        status[slot].texture = textures[0];
+        status[slot].visible = counts[0].x;
+        status[slot].faults = counts[0].y;
+        status[slot].done = 1u;
+    }
+}

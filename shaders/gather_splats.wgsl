@@ -1,0 +1,22 @@
+// Applies a structure plan to one array of the splats' parameters: a workgroup per new splat copies its source's
+// entries (twin: SplatArrays::gathered).
+
+#constants
+#include common/step
+#include common/splat
+
+@group(0) @binding(1) var<storage, read> sources: array<u32>; // [n_new]
+@group(0) @binding(2) var<storage, read> old_values: array<f32>; // [n_old, stride]
+@group(0) @binding(3) var<storage, read_write> new_values: array<f32>; // [n_new, stride]
+
+@compute @workgroup_size(SPLAT_GROUP)
+fn gather_splats(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let i = group.x + group.y * groups.x;
+    if i < step.num_splats && lane < step.splat_stride {
+        new_values[i * step.splat_stride + lane] = old_values[sources[i] * step.splat_stride + lane];
+    }
+}

@@ -1,0 +1,216 @@
+// Per splat, a workgroup: sums its pairs in a fixed order, projects the sums back to its parameters, and takes
+// one step of Adam (twins: reference/project_bwd.rs, reference/adam.rs; method 2.4, "per splat, once", and 4).
+// Splats out of sight take the step without a gradient, but for SH, which lag.
+
+#constants
+#include common/numbers
+#include common/step
+#include common/splat
+#include common/projected
+#include common/bounds
+#include common/adam
+#include common/sh
+
+@group(0) @binding(1) var<storage, read_write> splat_p: array<f32>; // [n, stride]
+@group(0) @binding(2) var<storage, read_write> splat_m: array<f32>; // [n, stride]
+@group(0) @binding(3) var<storage, read_write> splat_v: array<f32>; // [n, stride]
+@group(0) @binding(4) var<storage, read> projected: array<Projected>; // [n]
+@group(0) @binding(5) var<storage, read_write> bounds: array<Bounds>; // [n]
+@group(0) @binding(6) var<storage, read> partials: array<f32>; // [K, partial_stride] by slot
+@group(0) @binding(7) var<storage, read_write> statistics: array<vec4f>; // [n] seen, area, weight, error
+
+// Sums of a pair, in the order in which raster_bwd leaves them.
+const U = 0u;
+const V = 3u;
+const D = 6u;
+const SCALE = 9u;
+const FALLOFF = 11u;
+const RED = 12u;
+const FAULTS = 15u;
+const PIXELS = 16u;
+const WEIGHT = 17u;
+const ERROR = 18u;
+const TRANSMITTANCE = 19u;
+const MAX_SUMS = 20u;
+// Invocations that share the pairs of a splat.
+const PARTS = 4u;
+const MAX_STRIDE = 58u;
+
+var<workgroup> parts: array<f32, MAX_SUMS * PARTS>;
+var<workgroup> sums: array<f32, MAX_SUMS>;
+var<workgroup> gradient: array<f32, MAX_STRIDE>;
+var<workgroup> num_faults: atomic<u32>;
+
+fn add_part(index: u32, bounds: Bounds) {
+    let sum = index % step.partial_stride;
+    let part = index / step.partial_stride;
+    var total = 0.0;
+    for (var slot = part; slot < bounds.num_tiles; slot += PARTS) {
+        total += partials[(bounds.first_slot + slot) * step.partial_stride + sum];
+    }
+    parts[sum * PARTS + part] = total;
+}
+
+fn vec3_at(base: u32) -> vec3f {
+    return vec3f(splat_p[base], splat_p[base + 1u], splat_p[base + 2u]);
+}
+
+fn set_gradient(at: u32, v: vec3f) {
+    gradient[at] = v.x;
+    gradient[at + 1u] = v.y;
+    gradient[at + 2u] = v.z;
+}
+
+// Derivatives by the centre and the axes, camera axes, and from there by the stored parameters.
+fn chain_rule(i: u32) {
+    let s = projected[i];
+    let base = i * step.splat_stride;
+    let position = vec3_at(base);
+    let p = in_camera(position) + camera_translation();
+    let q_at = base + QUATERNION;
+    let q = vec4f(splat_p[q_at], splat_p[q_at + 1u], splat_p[q_at + 2u], splat_p[q_at + 3u]);
+    let axes = rotation_of(q);
+    let e_u = in_camera(axes[0]);
+    let e_v = in_camera(axes[1]);
+    let n = in_camera(axes[2]);
+    let scales = exp(vec2f(splat_p[base + LOG_SCALE], splat_p[base + LOG_SCALE + 1u]));
+    let w0 = dot(p, n) / p.z;
+    let per_px = 1.0 / (step.focal_px * w0);
+
+    let u = vec3f(sums[U], sums[U + 1u], sums[U + 2u]);
+    let v = vec3f(sums[V], sums[V + 1u], sums[V + 2u]);
+    let d = vec3f(sums[D], sums[D + 1u], sums[D + 2u]);
+    // The map in standard deviations is the map in world units over sigma.
+    let by_cross_a = vec3f(u.yz * per_px / scales.x, 0.0);
+    let by_cross_b = vec3f(v.yz * per_px / scales.y, 0.0);
+    let by_w0 = -(dot(u.yz, s.a) + dot(v.yz, s.b) + dot(d.yz, s.g)) / w0;
+    let by_n = vec3f(d.yz * per_px, 0.0) + by_w0 * p / p.z;
+    let by_px = -(s.a * u.x + s.b * v.x + s.g * d.x) * step.focal_px / p.z;
+    let by_projection = vec3f(by_px, -dot(by_px, p.xy) / p.z);
+    let by_plane = (n - vec3f(0.0, 0.0, w0)) / p.z;
+    let by_centre = cross(by_cross_a, e_v) + cross(e_u, by_cross_b) + by_w0 * by_plane + by_projection;
+    let by_axes = mat3x3f(in_local(cross(by_cross_b, p)), in_local(cross(p, by_cross_a)), in_local(by_n));
+
+    set_gradient(POSITION, in_local(by_centre) + sh_bwd(base, position, s.rgb));
+    let by_q = quaternion_bwd(q, by_axes);
+    gradient[QUATERNION] = by_q.x;
+    set_gradient(QUATERNION + 1u, by_q.yzw);
+    gradient[LOG_SCALE] = sums[SCALE];
+    gradient[LOG_SCALE + 1u] = sums[SCALE + 1u];
+    gradient[OPACITY] = (sums[FALLOFF] + step.opacity_weight) * s.opacity * (1.0 - s.opacity);
+}
+
+// Leaves the gradient of SH and returns the derivative by the position through the direction.
+fn sh_bwd(base: u32, position: vec3f, rgb: vec3f) -> vec3f {
+    let by_clamped = vec3f(sums[RED], sums[RED + 1u], sums[RED + 2u]);
+    let by_rgb = select(vec3f(0.0), by_clamped, rgb > vec3f(0.0));
+    let offset = position - step.camera_in_local;
+    let distance = length(offset);
+    let direction = offset / distance;
+    let basis = sh_basis(step.sh_degree, direction);
+    let slopes = sh_basis_derivative(step.sh_degree, direction);
+    var by_direction = vec3f(0.0);
+    for (var k = 0u; k < sh_coefficients(step.sh_degree); k += 1u) {
+        set_gradient(SH + 3u * k, basis[k] * by_rgb);
+        by_direction += slopes[k] * dot(vec3_at(base + SH + 3u * k), by_rgb);
+    }
+    return (by_direction - direction * dot(direction, by_direction)) / distance;
+}
+
+// Derivative by a stored quaternion (wxyz) from those by the columns of its rotation.
+fn quaternion_bwd(stored: vec4f, by: mat3x3f) -> vec4f {
+    let norm = length(stored);
+    let q = stored / norm;
+    let w = q.x;
+    let x = q.y;
+    let y = q.z;
+    let z = q.w;
+    let by_unit = 2.0 * vec4f(
+        z * (by[0][1] - by[1][0]) + y * (by[2][0] - by[0][2]) + x * (by[1][2] - by[2][1]),
+        y * (by[1][0] + by[0][1]) + z * (by[2][0] + by[0][2]) + w * (by[1][2] - by[2][1])
+            - 2.0 * x * (by[1][1] + by[2][2]),
+        x * (by[1][0] + by[0][1]) + w * (by[2][0] - by[0][2]) + z * (by[1][2] + by[2][1])
+            - 2.0 * y * (by[0][0] + by[2][2]),
+        w * (by[0][1] - by[1][0]) + x * (by[2][0] + by[0][2]) + y * (by[2][1] + by[1][2])
+            - 2.0 * z * (by[0][0] + by[1][1]),
+    );
+    return (by_unit - q * dot(q, by_unit)) / norm;
+}
+
+fn rate_of(f: u32) -> f32 {
+    if f < QUATERNION {
+        return step.rate_position;
+    } else if f < LOG_SCALE {
+        return step.rate_quaternion;
+    } else if f < OPACITY {
+        return step.rate_log_scale;
+    } else if f < SH {
+        return step.rate_opacity;
+    }
+    return select(step.rate_sh_rest, step.rate_sh_dc, f < SH + 3u);
+}
+
+fn update(i: u32, f: u32) {
+    var by = gradient[f];
+    if !is_finite(by) {
+        by = 0.0;
+        atomicAdd(&num_faults, 1u);
+    }
+    let at = i * step.splat_stride + f;
+    var now = adam_step(Moments(splat_p[at], splat_m[at], splat_v[at]), by, rate_of(f));
+    if f >= LOG_SCALE && f < OPACITY {
+        now.p = clamp(now.p, LOG_SCALE_MIN, LOG_SCALE_MAX);
+    }
+    splat_p[at] = now.p;
+    splat_m[at] = now.m;
+    splat_v[at] = now.v;
+}
+
+@compute @workgroup_size(SPLAT_GROUP)
+fn project_bwd(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let i = group.x + group.y * groups.x;
+    if i >= step.num_splats {
+        return;
+    }
+    // Written by no one before the last barrier.
+    let shape = bounds[i];
+    let visible = shape.num_tiles > 0u;
+    if lane < MAX_STRIDE {
+        gradient[lane] = 0.0;
+    }
+    if lane == 0u {
+        atomicStore(&num_faults, 0u);
+    }
+    for (var index = lane; visible && index < step.partial_stride * PARTS; index += SPLAT_GROUP) {
+        add_part(index, shape);
+    }
+    workgroupBarrier();
+    if lane < MAX_SUMS {
+        let at = lane * PARTS;
+        let known = visible && lane < step.partial_stride;
+        sums[lane] = select(0.0, (parts[at] + parts[at + 1u]) + (parts[at + 2u] + parts[at + 3u]), known);
+    }
+    workgroupBarrier();
+    if lane == 0u && visible {
+        chain_rule(i);
+    }
+    workgroupBarrier();
+    // Coefficients of degrees not yet in use are at rest, and so are all of a splat out of sight.
+    let used = select(SH, SH + 3u * sh_coefficients(step.sh_degree), visible);
+    if lane < used {
+        update(i, lane);
+    }
+    workgroupBarrier();
+    if lane == 0u && visible {
+        bounds[i].faults = atomicLoad(&num_faults) + u32(sums[FAULTS]);
+        bounds[i].hidden = 1.0 - sums[TRANSMITTANCE] / max(sums[PIXELS], 1.0);
+        if has_flag(FLAG_STATISTICS) {
+            let num_pixels = f32(step.size_px.x * step.size_px.y);
+            statistics[i] += vec4f(1.0, vec3f(sums[PIXELS], sums[WEIGHT], sums[ERROR]) / num_pixels);
+        }
+    }
+}

@@ -1,0 +1,149 @@
+// Forward rasterisation: a workgroup per tile, an invocation per pixel, front to back (twin:
+// reference/raster_fwd.rs; method 1.3, 1.4, 2.1). BATCHED: splats pass through workgroup memory, for GPUs;
+// software drivers are faster without (measured: 30-45 %). COUNT: counts pixel-splat pairs.
+
+#constants
+#include common/numbers
+#include common/step
+#include common/splat
+#include common/projected
+#include common/tile
+#include common/hit
+#include common/status
+
+@group(0) @binding(1) var<storage, read> projected: array<Projected>; // [n]
+@group(0) @binding(2) var<storage, read> pairs: array<vec2u>; // [K] slot, splat; by tile, front to back
+@group(0) @binding(3) var<storage, read> tile_ranges: array<vec2u>; // [tiles] of pairs
+@group(0) @binding(4) var<storage, read> texel_values: array<vec4f>; // [T] residual rgb
+@group(0) @binding(5) var<storage, read_write> pixels: array<vec4f>; // [P] rgb over background, transmittance
+@group(0) @binding(6) var<storage, read_write> pixel_state: array<vec2u>; // [P] transmittance, end of pairs
+#if COUNT
+@group(0) @binding(7) var<storage, read_write> status: array<Status>;
+
+var<workgroup> counts: array<atomic<u32>, 3>;
+#endif
+
+// A pixel while it is blended.
+struct Pixel {
+    rgb: vec3f,
+    transmittance: f32,
+    // One past the last pair that was blended.
+    end: u32,
+    done: bool,
+    evaluated: u32,
+    inside: u32,
+    blended: u32,
+}
+
+fn blend(state: ptr<function, Pixel>, s: Projected, index: u32, pixel: vec2u) {
+    if !in_box(s, pixel) {
+        return;
+    }
+    (*state).evaluated += 1u;
+    let hit = splat_hit(s, vec2f(pixel) + 0.5);
+    if !hit.inside {
+        return;
+    }
+    (*state).inside += 1u;
+    let alpha = min(hit.raw_alpha, ALPHA_MAX);
+    let before = (*state).transmittance;
+    let after = before * (1.0 - alpha);
+    if after < TRANSMITTANCE_MIN {
+        (*state).done = true;
+        return;
+    }
+    var colour = max(s.rgb, vec3f(0.0));
+    let taps = texture_taps(s, hit.plane);
+    if taps.inside {
+        colour = max(colour + residual(tap_values(s, taps), taps.fraction), vec3f(0.0));
+    }
+    (*state).rgb += colour * (alpha * before);
+    (*state).transmittance = after;
+    (*state).end = index + 1u;
+    (*state).blended += 1u;
+}
+
+#if BATCHED
+const BATCH = 64u;
+var<workgroup> batch: array<Projected, BATCH>;
+var<workgroup> num_done: atomic<u32>;
+var<workgroup> all_done: u32;
+
+fn raster_tile(state: ptr<function, Pixel>, range: vec2u, pixel: vec2u, lane: u32) {
+    if lane == 0u {
+        atomicStore(&num_done, 0u);
+        all_done = 0u;
+    }
+    workgroupBarrier();
+    var was_done = false;
+    if (*state).done {
+        atomicAdd(&num_done, 1u);
+        was_done = true;
+    }
+    for (var first = range.x; first < range.y; first += BATCH) {
+        let count = min(BATCH, range.y - first);
+        if lane < count {
+            batch[lane] = projected[pairs[first + lane].y];
+        }
+        workgroupBarrier();
+        for (var k = 0u; k < count && !(*state).done; k += 1u) {
+            blend(state, batch[k], first + k, pixel);
+        }
+        if (*state).done && !was_done {
+            atomicAdd(&num_done, 1u);
+            was_done = true;
+        }
+        workgroupBarrier();
+        if lane == 0u {
+            all_done = u32(atomicLoad(&num_done) == GROUP);
+        }
+        if workgroupUniformLoad(&all_done) != 0u {
+            break;
+        }
+    }
+}
+#else
+fn raster_tile(state: ptr<function, Pixel>, range: vec2u, pixel: vec2u, lane: u32) {
+    for (var i = range.x; i < range.y && !(*state).done; i += 1u) {
+        blend(state, projected[pairs[i].y], i, pixel);
+    }
+}
+#endif
+
+@compute @workgroup_size(GROUP)
+fn raster_fwd(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let tile = tile_of(group, groups);
+    if tile >= step.grid.x * step.grid.y {
+        return;
+    }
+    let pixel = tile_origin_px(tile) + pixel_in_tile(lane);
+    let in_picture = all(pixel < step.size_px);
+    let range = tile_ranges[tile];
+    var state = Pixel(vec3f(0.0), 1.0, range.x, !in_picture, 0u, 0u, 0u);
+    raster_tile(&state, range, pixel, lane);
+    if in_picture {
+        let at = pixel.y * step.size_px.x + pixel.x;
+        let t = state.transmittance;
+        pixels[at] = vec4f(state.rgb + t * step.background, t);
+        pixel_state[at] = vec2u(bitcast<u32>(t), state.end);
+    }
+#if COUNT
+    if lane < 3u {
+        atomicStore(&counts[lane], 0u);
+    }
+    workgroupBarrier();
+    atomicAdd(&counts[0], state.evaluated);
+    atomicAdd(&counts[1], state.inside);
+    atomicAdd(&counts[2], state.blended);
+    workgroupBarrier();
+    if lane == 0u {
+        atomicAdd(&status[step.status_slot].evaluated, atomicLoad(&counts[0]));
+        atomicAdd(&status[step.status_slot].inside, atomicLoad(&counts[1]));
+        atomicAdd(&status[step.status_slot].blended, atomicLoad(&counts[2]));
+    }
+#endif
+}

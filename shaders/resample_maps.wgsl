@@ -1,0 +1,65 @@
+// Applies a structure plan to one array of the texels: a workgroup per new map samples its source bilinearly
+// about the common centre, zero outside, and scales the result; a map of unchanged size is copied (twin:
+// cpu/structure.rs). Carries the source's last step along.
+
+#constants
+#include common/step
+#include common/splat
+
+@group(0) @binding(1) var<storage, read> sources: array<u32>; // [n_new]
+@group(0) @binding(2) var<storage, read> old_info: array<SplatInfo>; // [n_old]
+@group(0) @binding(3) var<storage, read_write> splat_info: array<SplatInfo>; // [n_new]
+@group(0) @binding(4) var<storage, read> old_values: array<f32>; // [T_old, 3]
+@group(0) @binding(5) var<storage, read_write> new_values: array<f32>; // [T_new, 3]
+@group(0) @binding(6) var<storage, read> scales: array<f32>; // [n_new]
+
+fn old_texel(old: SplatInfo, texel: vec2i, channel: u32) -> f32 {
+    let size = vec2i(i32(map_rows(old.map_size)), i32(map_cols(old.map_size)));
+    if any(texel < vec2i(0)) || any(texel >= size) {
+        return 0.0;
+    }
+    return old_values[3u * (old.map_offset_texels + u32(texel.x * size.y + texel.y)) + channel];
+}
+
+fn resampled(old: SplatInfo, new_size: vec2u, ratio: f32, texel: vec2u, channel: u32) -> f32 {
+    let old_size = vec2f(f32(map_rows(old.map_size)), f32(map_cols(old.map_size)));
+    let coordinate = (vec2f(texel) - (vec2f(new_size) - 1.0) / 2.0) * ratio + (old_size - 1.0) / 2.0;
+    // Far outside is outside: the conversion to integers must not overflow.
+    let first = vec2i(floor(clamp(coordinate, vec2f(-2.0), old_size + 1.0)));
+    let f = coordinate - floor(coordinate);
+    let upper = old_texel(old, first, channel) * (1.0 - f.y) + old_texel(old, first + vec2i(0, 1), channel) * f.y;
+    let lower = old_texel(old, first + vec2i(1, 0), channel) * (1.0 - f.y)
+        + old_texel(old, first + vec2i(1, 1), channel) * f.y;
+    return upper * (1.0 - f.x) + lower * f.x;
+}
+
+@compute @workgroup_size(SPLAT_GROUP)
+fn resample_maps(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let i = group.x + group.y * groups.x;
+    if i >= step.num_splats {
+        return;
+    }
+    let old = old_info[sources[i]];
+    let info = splat_info[i];
+    let size = vec2u(map_rows(info.map_size), map_cols(info.map_size));
+    let same = info.map_size == old.map_size && info.texel_size == old.texel_size;
+    let ratio = info.texel_size / old.texel_size;
+    for (var k = lane; k < 3u * size.x * size.y; k += SPLAT_GROUP) {
+        var value = 0.0;
+        if same {
+            value = old_values[3u * old.map_offset_texels + k];
+        } else {
+            let texel = vec2u(k / 3u / size.y, k / 3u % size.y);
+            value = resampled(old, size, ratio, texel, k % 3u) * scales[i];
+        }
+        new_values[3u * info.map_offset_texels + k] = value;
+    }
+    storageBarrier();
+    if lane == 0u {
+        splat_info[i].last_step = old.last_step;
+    }
+}
