@@ -209,6 +209,11 @@ kernels! {
 }
 
 impl KernelId {
+    /// All of them.
+    pub fn all() -> impl Iterator<Item = Self> {
+        KERNELS.iter().map(|(id, _)| *id)
+    }
+
     /// Its entry in the table.
     pub fn kernel(self) -> &'static Kernel {
         &KERNELS[self as usize].1

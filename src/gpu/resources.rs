@@ -47,9 +47,10 @@ impl Resources {
         }
     }
 
-    /// A buffer, if it has been put in place.
-    pub(super) fn get(&self, name: Buf) -> Option<&wgpu::Buffer> {
-        self.buffers.get(&name)
+    /// Gives a buffer back.
+    pub(super) fn remove(&mut self, name: Buf) {
+        self.groups.clear();
+        self.buffers.remove(&name);
     }
 
     /// A buffer that must have been put in place.

@@ -1,0 +1,439 @@
+//! The GPU as a [`Backend`]: many iterations per submission, their status read afterwards. A step whose pairs
+//! did not fit applies nothing and stops what follows it in the submission; the buffers grow and it is done
+//! again, with the same bits as if they had been large enough from the start.
+
+use super::device::{GpuDevice, Pipeline, UNIFORM_STRIDE};
+use super::encode::{Dispatch, encode};
+use super::kernels::{Buf, Groups, KernelId, NUM_GROUPS};
+use super::layout::{DispatchArgs, FLAG_ALL_MAPS, FLAG_PERSIST, Status, StepUniform};
+use super::model_buffers::{self, splat_stride};
+use super::photos::PhotoPool;
+use super::resources::{Offsets, Resources};
+use super::shader::{BLOCK, GROUP};
+use super::uniform::{self, Scene, needs_statistics};
+use super::view_buffers::{Capacity, Needs};
+use super::{sort, structure};
+use crate::backend::{
+    Backend, DeviceInfo, LossValues, RasterCounters, RenderOptions, RenderedImage, StepReport, StepRequest,
+    StructurePlan, WindowStatistics,
+};
+use crate::camera::{Camera, Similarity};
+use crate::model::{AdamState, Model, SplatArrays, TexturePool};
+use crate::{Error, Result};
+use std::collections::BTreeMap;
+
+/// Steps of a submission, and entries of the rings.
+const BATCH: usize = 16;
+
+/// Pairs that a fresh backend has room for, per splat.
+const PAIRS_PER_SPLAT: u64 = 8;
+
+/// How a [`GpuBackend`] works; results do not depend on it in any bit but for the counters.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct GpuOptions {
+    /// Steps per submission, at most 16; 1 reads the status after each.
+    pub batch_steps: usize,
+    /// Whether pixel-splat pairs are counted.
+    pub count_pairs: bool,
+    /// Whether splats pass through workgroup memory; `None`: on hardware, not on software.
+    pub batched_raster: Option<bool>,
+    /// Pairs to make room for at first; `None`: a guess from the number of splats.
+    pub pair_capacity: Option<u64>,
+}
+
+impl Default for GpuOptions {
+    fn default() -> Self {
+        Self { batch_steps: BATCH, count_pairs: false, batched_raster: None, pair_capacity: None }
+    }
+}
+
+/// Renders and optimises through wgpu.
+pub struct GpuBackend {
+    pub(super) device: GpuDevice,
+    pub(super) resources: Resources,
+    pub(super) pipelines: BTreeMap<KernelId, Pipeline>,
+    options: GpuOptions,
+    /// Everything of the model but its parameters, which live on the device.
+    pub(super) shape: Model,
+    /// Clock and rates of the optimiser; its moments live on the device.
+    pub(super) clock: AdamState,
+    capacity: Capacity,
+    photos: PhotoPool,
+    window_views: u32,
+}
+
+impl GpuBackend {
+    /// Compiles the kernels on an open device.
+    ///
+    /// # Errors
+    /// [`Error::Device`] if the driver refuses a kernel or memory.
+    pub fn new(device: GpuDevice, options: GpuOptions) -> Result<Self> {
+        let options = GpuOptions { batch_steps: options.batch_steps.clamp(1, BATCH), ..options };
+        let batched = options.batched_raster.unwrap_or(device.choice.hardware);
+        let kernels = KernelId::all().filter(|id| match id {
+            KernelId::RasterFwd => !batched && !options.count_pairs,
+            KernelId::RasterFwdCount => !batched && options.count_pairs,
+            KernelId::RasterFwdBatched => batched && !options.count_pairs,
+            KernelId::RasterFwdBatchedCount => batched && options.count_pairs,
+            _ => true,
+        });
+        let pipelines = device.pipelines(&kernels.collect::<Vec<_>>())?;
+        let passes = sort::sort_passes();
+        let mut resources = Resources::new(
+            device.uniforms("steps", BATCH as u64)?,
+            device.uniforms("sort passes", passes.len() as u64)?,
+        );
+        for (i, pass) in passes.iter().enumerate() {
+            let at = i as u64 * UNIFORM_STRIDE;
+            device.queue.write_buffer(resources.sort_passes(), at, bytemuck::bytes_of(pass));
+        }
+        resources.set(Buf::Status, device.buffer("status", BATCH as u64, size_of::<Status>() as u64)?);
+        let args_bytes = size_of::<DispatchArgs>() as u64;
+        resources.set(Buf::Args, device.buffer("dispatches", u64::from(NUM_GROUPS), args_bytes)?);
+        let shape = Model {
+            splats: SplatArrays::zeros(0, 0),
+            textures: TexturePool::default(),
+            near: 0.01,
+            capture_from_local: Similarity::IDENTITY,
+        };
+        Ok(Self {
+            device,
+            resources,
+            pipelines,
+            options,
+            clock: AdamState::zeros(&shape),
+            shape,
+            capacity: Capacity::default(),
+            photos: PhotoPool::default(),
+            window_views: 0,
+        })
+    }
+
+    /// What all uniforms have in common now.
+    pub(super) fn scene(&self) -> Scene {
+        Scene {
+            num_splats: self.shape.num_splats() as u32,
+            splat_stride: splat_stride(self.shape.splats.sh_degree) as u32,
+            near: self.shape.near,
+            pair_capacity: self.capacity.pairs as u32,
+            settled_step: self.clock.step,
+            settled_rates: self.clock.rates,
+        }
+    }
+
+    /// Which variant of the forward pass is compiled.
+    fn raster_fwd(&self) -> KernelId {
+        let variants = [
+            KernelId::RasterFwd,
+            KernelId::RasterFwdCount,
+            KernelId::RasterFwdBatched,
+            KernelId::RasterFwdBatchedCount,
+        ];
+        variants.into_iter().find(|id| self.pipelines.contains_key(id)).unwrap_or(KernelId::RasterFwd)
+    }
+
+    /// Writes the host's part of the table of dispatches and clears the status ring.
+    pub(super) fn arm(&self) {
+        let n = self.shape.num_splats() as u32;
+        let mut args = vec![DispatchArgs::default(); NUM_GROUPS as usize];
+        args[Groups::One as usize] = DispatchArgs { x: 1, y: 1, z: 1 };
+        args[Groups::Splats as usize] = folded(n.div_ceil(GROUP));
+        args[Groups::SplatBlocks as usize] = folded(n.div_ceil(BLOCK));
+        args[Groups::EachSplat as usize] = folded(n);
+        self.device.queue.write_buffer(self.resources.buffer(Buf::Args), 0, bytemuck::cast_slice(&args));
+        let status = [Status::default(); BATCH];
+        self.device.queue.write_buffer(self.resources.buffer(Buf::Status), 0, bytemuck::cast_slice(&status));
+    }
+
+    /// Writes an entry of the ring of uniforms.
+    pub(super) fn set_uniform(&self, slot: usize, values: &StepUniform) -> Offsets {
+        let at = slot as u64 * UNIFORM_STRIDE;
+        self.device.queue.write_buffer(self.resources.steps(), at, bytemuck::bytes_of(values));
+        Offsets { step: at as u32, sort_pass: 0 }
+    }
+
+    /// Submits dispatches.
+    pub(super) fn submit(&mut self, dispatches: &[Dispatch]) {
+        let mut encoder = self.device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        encode(&self.device, &mut encoder, &mut self.resources, &self.pipelines, dispatches, None);
+        self.device.queue.submit([encoder.finish()]);
+    }
+
+    /// Projection to picture.
+    fn forward(&self, offsets: Offsets, camera: &Camera) -> Vec<Dispatch> {
+        let [cols, rows] = uniform::grid(camera);
+        let mut out = vec![Dispatch::new(KernelId::Project, offsets)];
+        out.push(Dispatch::new(KernelId::SettleTexel, offsets));
+        out.extend(sort::order_and_bin(offsets, cols * rows));
+        out.push(Dispatch::new(self.raster_fwd(), offsets));
+        out
+    }
+
+    fn needs(&self, cameras: impl Iterator<Item = Camera>, training: bool, statistics: bool) -> Needs {
+        let n = self.shape.num_splats() as u64;
+        let guess = self.options.pair_capacity.unwrap_or((PAIRS_PER_SPLAT * n).max(1 << 14));
+        let mut needs = Needs {
+            splats: n,
+            pairs: self.capacity.pairs.max(guess),
+            training,
+            statistics,
+            ..Needs::default()
+        };
+        for camera in cameras {
+            let [cols, rows] = uniform::grid(&camera);
+            needs.pixels = needs.pixels.max(camera.pinhole.num_pixels() as u64);
+            needs.tiles = needs.tiles.max(u64::from(cols) * u64::from(rows));
+        }
+        needs
+    }
+
+    /// Makes room for the pairs that a view needs.
+    fn grow_pairs(&mut self, status: &Status, needs: &Needs) -> Result<()> {
+        if u64::from(status.needed_pairs) <= self.capacity.pairs {
+            return Err(self.device.error("a submission was not carried out, and the driver does not say why"));
+        }
+        let pairs = u64::from(status.needed_pairs) * 3 / 2;
+        self.capacity.ensure(&self.device, &mut self.resources, &Needs { pairs, ..*needs })
+    }
+
+    /// Runs steps that fit one submission; returns what those that were applied tell.
+    fn submit_steps(&mut self, requests: &[StepRequest<'_>]) -> Result<Vec<Status>> {
+        let kept: Vec<u32> = requests.iter().map(|r| r.photo).collect();
+        self.arm();
+        let mut dispatches = Vec::new();
+        let mut scene = self.scene();
+        for (slot, request) in requests.iter().enumerate() {
+            let placed =
+                self.photos.place(&self.device, &self.resources, request.photo, request.target, &kept);
+            let photo_px = placed.ok_or_else(|| self.device.error("the photos of a batch do not fit its pool"))?;
+            let offsets = self.set_uniform(slot, &uniform::step(&scene, request, photo_px, slot as u32));
+            dispatches.extend(self.forward(offsets, &request.camera));
+            let bwd = if needs_statistics(request) { KernelId::RasterBwdStatistics } else { KernelId::RasterBwd };
+            let rest = [KernelId::LossFwd, KernelId::LossBwd, bwd, KernelId::ProjectBwd, KernelId::AdamTexel];
+            dispatches.extend(rest.map(|id| Dispatch::new(id, offsets)));
+            dispatches.push(Dispatch::new(KernelId::Finish, offsets));
+            (scene.settled_step, scene.settled_rates) = (request.step, request.rates);
+        }
+        self.submit(&dispatches);
+        let mut statuses: Vec<Status> = self.device.read(self.resources.buffer(Buf::Status), requests.len())?;
+        let applied = statuses.iter().take_while(|s| s.done == 1).count();
+        if let Some(last) = applied.checked_sub(1) {
+            (self.clock.step, self.clock.rates) = (requests[last].step, requests[last].rates);
+            let counted = requests[..applied].iter().filter(|r| r.accumulate_statistics).count();
+            self.window_views += counted as u32;
+        }
+        statuses.truncate(requests.len().min(applied + 1));
+        Ok(statuses)
+    }
+
+    fn report(&self, request: &StepRequest<'_>, status: &Status) -> StepReport {
+        let s = status;
+        let mut loss = LossValues {
+            total: 0.0,
+            l1: s.l1.into(),
+            dssim: s.dssim.into(),
+            mse: s.mse.into(),
+            opacity: s.opacity.into(),
+            texture: s.texture.into(),
+            distortion: s.distortion.into(),
+            normal: s.normal.into(),
+        };
+        loss.total =
+            loss.l1 + loss.dssim + loss.mse + loss.opacity + loss.texture + loss.distortion + loss.normal;
+        let counters = RasterCounters {
+            pixels: request.camera.pinhole.num_pixels() as u64,
+            visible_splats: s.visible.into(),
+            tile_pairs: s.needed_pairs.into(),
+            evaluated_pairs: s.evaluated.into(),
+            inside_pairs: s.inside.into(),
+            blended_pairs: s.blended.into(),
+        };
+        StepReport { loss, counters, non_finite_gradients: s.faults.into(), stages: Vec::new() }
+    }
+
+    /// Writes all lagging parameters down, as of the last step.
+    pub(super) fn settle_all(&mut self) {
+        self.arm();
+        let no_camera = StepUniform {
+            num_splats: self.scene().num_splats,
+            splat_stride: self.scene().splat_stride,
+            settled_step: self.clock.step,
+            last_rate_sh_dc: self.clock.rates.sh_dc,
+            last_rate_sh_rest: self.clock.rates.sh_rest,
+            last_rate_texel: self.clock.rates.texel,
+            flags: FLAG_PERSIST | FLAG_ALL_MAPS,
+            ..StepUniform::default()
+        };
+        let offsets = self.set_uniform(0, &no_camera);
+        let kernels = [KernelId::SettleSplat, KernelId::SettleTexel];
+        self.submit(&kernels.map(|id| Dispatch::new(id, offsets)));
+    }
+
+    /// Takes over the shape of a model whose parameters are on the device, and activates its texels.
+    pub(super) fn adopt(&mut self, shape: Model, clock: AdamState) {
+        self.shape = shape;
+        self.clock = clock;
+        self.window_views = 0;
+        // Nothing lags at step 0: this only activates.
+        self.arm();
+        let uniform = StepUniform {
+            num_splats: self.scene().num_splats,
+            splat_stride: self.scene().splat_stride,
+            flags: FLAG_ALL_MAPS,
+            ..StepUniform::default()
+        };
+        let offsets = self.set_uniform(0, &uniform);
+        self.submit(&[Dispatch::new(KernelId::SettleTexel, offsets)]);
+    }
+}
+
+/// Groups folded to two dimensions, as the kernels unfold them; twin of `folded` in the shaders.
+pub(super) fn folded(groups: u32) -> DispatchArgs {
+    let x = groups.min(65_535);
+    DispatchArgs { x, y: groups.div_ceil(x.max(1)), z: 1 }
+}
+
+fn check_request(request: &StepRequest<'_>) -> Result<()> {
+    let (p, t) = (&request.camera.pinhole, request.target);
+    if request.loss.needs_geometry() {
+        return Err(Error::unsupported(
+            "loss",
+            "the distortion and normal terms are not available on this device; set them to 0, or use --device cpu",
+        ));
+    }
+    if (p.width_px, p.height_px) == (t.width_px, t.height_px) && t.rgb.len() == 3 * p.num_pixels() {
+        return Ok(());
+    }
+    Err(Error::Usage(format!(
+        "camera is {}x{} px but its photo {}x{} px with {} values",
+        p.width_px,
+        p.height_px,
+        t.width_px,
+        t.height_px,
+        t.rgb.len()
+    )))
+}
+
+impl Backend for GpuBackend {
+    fn device(&self) -> DeviceInfo {
+        let choice = &self.device.choice;
+        DeviceInfo { name: choice.name.clone(), description: choice.description.clone() }
+    }
+
+    fn upload(&mut self, model: &Model, adam: &AdamState) -> Result<()> {
+        model_buffers::upload(&self.device, &mut self.resources, model, adam)?;
+        self.adopt(model.clone(), adam.clone());
+        self.device.check()
+    }
+
+    fn render(&mut self, camera: &Camera, options: &RenderOptions) -> Result<RenderedImage> {
+        if options.geometry {
+            return Err(Error::unsupported(
+                "depth and normals",
+                "they are not available on this device; use --device cpu",
+            ));
+        }
+        let needs = self.needs(std::iter::once(*camera), false, false);
+        self.capacity.ensure(&self.device, &mut self.resources, &needs)?;
+        loop {
+            self.arm();
+            let degree = options.sh_degree.min(self.shape.splats.sh_degree);
+            let offsets =
+                self.set_uniform(0, &uniform::picture(&self.scene(), camera, options.background, degree));
+            self.submit(&self.forward(offsets, camera));
+            let status: Vec<Status> = self.device.read(self.resources.buffer(Buf::Status), 1)?;
+            if u64::from(status[0].needed_pairs) <= self.capacity.pairs {
+                break;
+            }
+            self.grow_pairs(&status[0], &needs)?;
+        }
+        let num_pixels = camera.pinhole.num_pixels();
+        let pixels: Vec<[f32; 4]> = self.device.read(self.resources.buffer(Buf::Pixels), num_pixels)?;
+        Ok(RenderedImage {
+            width_px: camera.pinhole.width_px,
+            height_px: camera.pinhole.height_px,
+            rgb: pixels.iter().flat_map(|p| [p[0], p[1], p[2]]).collect(),
+            alpha: pixels.iter().map(|p| 1.0 - p[3]).collect(),
+            depth: Vec::new(),
+            normal: Vec::new(),
+        })
+    }
+
+    fn step(&mut self, request: &StepRequest<'_>) -> Result<StepReport> {
+        let mut reports = self.steps(std::slice::from_ref(request))?;
+        reports.pop().ok_or_else(|| self.device.error("a step has no report"))
+    }
+
+    fn batch_steps(&self) -> usize {
+        self.options.batch_steps
+    }
+
+    fn steps(&mut self, requests: &[StepRequest<'_>]) -> Result<Vec<StepReport>> {
+        requests.iter().try_for_each(check_request)?;
+        let mut reports = Vec::new();
+        while reports.len() < requests.len() {
+            let rest = &requests[reports.len()..];
+            let rest = &rest[..rest.len().min(self.options.batch_steps)];
+            let photos: Vec<_> = rest.iter().map(|r| (r.photo, r.target)).collect();
+            let fitting = self.photos.prepare(&self.device, &mut self.resources, &photos)?;
+            let batch = &rest[..fitting];
+            let statistics = batch.iter().any(needs_statistics);
+            let needs = self.needs(batch.iter().map(|r| r.camera), true, statistics);
+            self.capacity.ensure(&self.device, &mut self.resources, &needs)?;
+            let statuses = self.submit_steps(batch)?;
+            for (request, status) in batch.iter().zip(&statuses) {
+                if status.done == 1 {
+                    reports.push(self.report(request, status));
+                } else {
+                    self.grow_pairs(status, &needs)?;
+                }
+            }
+        }
+        Ok(reports)
+    }
+
+    fn read_statistics(&mut self) -> Result<WindowStatistics> {
+        let n = self.shape.num_splats();
+        let values: Vec<[f32; 4]> = self.device.read(self.resources.buffer(Buf::Statistics), n)?;
+        let zeros = vec![[0.0_f32; 4]; n];
+        self.device.queue.write_buffer(self.resources.buffer(Buf::Statistics), 0, bytemuck::cast_slice(&zeros));
+        let column = |k: usize| values.iter().map(|v| v[k]).collect::<Vec<f32>>();
+        Ok(WindowStatistics {
+            views: std::mem::take(&mut self.window_views),
+            seen: values.iter().map(|v| v[0] as u32).collect(),
+            area: column(1),
+            contribution: column(2),
+            error: column(3),
+        })
+    }
+
+    fn apply_plan(&mut self, plan: &StructurePlan) -> Result<()> {
+        plan.check(self.shape.num_splats())?;
+        structure::apply_plan(self, plan)
+    }
+
+    fn read_back(&mut self) -> Result<(Model, AdamState)> {
+        let (mut model, mut adam) = (self.shape.clone(), self.clock.clone());
+        model_buffers::read_back(&self.device, &self.resources, &mut model, &mut adam)?;
+        Ok((model, adam))
+    }
+
+    fn read_settled(&mut self) -> Result<Model> {
+        // On a copy: what the next steps compute must not depend on who looked.
+        let lagging = [Buf::SplatP, Buf::SplatM, Buf::SplatV, Buf::TexelP, Buf::TexelM, Buf::TexelV, Buf::SplatInfo];
+        let originals = lagging.map(|name| (name, self.resources.buffer(name).clone()));
+        let mut encoder = self.device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        for (name, original) in &originals {
+            let copy = self.device.buffer("settled parameters", original.size() / 16, 16)?;
+            encoder.copy_buffer_to_buffer(original, 0, &copy, 0, original.size());
+            self.resources.set(*name, copy);
+        }
+        self.device.queue.submit([encoder.finish()]);
+        self.settle_all();
+        let settled = self.read_back();
+        for (name, original) in originals {
+            self.resources.set(name, original);
+        }
+        Ok(settled?.0)
+    }
+}

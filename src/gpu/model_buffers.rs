@@ -1,0 +1,140 @@
+//! The model and the optimiser's state on the device, and back. Parameters of a splat are contiguous there:
+//! position, quaternion, log-scales, opacity, SH (`shaders/common/splat.wgsl`).
+
+use super::device::GpuDevice;
+use super::kernels::Buf;
+use super::layout::{BOUNDS_BYTES, PROJECTED_BYTES, SplatInfo};
+use super::resources::Resources;
+use crate::Result;
+use crate::model::{AdamState, Model, SplatArrays, SplatGroup, TextureMap};
+
+/// Floats per splat.
+pub(super) fn splat_stride(sh_degree: u32) -> usize {
+    SplatGroup::ALL.iter().map(|g| g.width(sh_degree)).sum()
+}
+
+/// Splat by splat. `[n, stride]`
+fn interleaved(arrays: &SplatArrays) -> Vec<f32> {
+    let mut out = Vec::with_capacity(arrays.len() * splat_stride(arrays.sh_degree));
+    for i in 0..arrays.len() {
+        for group in SplatGroup::ALL {
+            let width = group.width(arrays.sh_degree);
+            out.extend_from_slice(&arrays.group(group)[i * width..(i + 1) * width]);
+        }
+    }
+    out
+}
+
+/// Group by group again.
+fn separated(values: &[f32], sh_degree: u32) -> SplatArrays {
+    let stride = splat_stride(sh_degree);
+    let mut out = SplatArrays::zeros(0, sh_degree);
+    let mut at = 0;
+    for group in SplatGroup::ALL {
+        let width = group.width(sh_degree);
+        let array = out.group_mut(group);
+        *array = values.chunks_exact(stride).flat_map(|s| &s[at..at + width]).copied().collect();
+        at += width;
+    }
+    out
+}
+
+/// Records of the maps.
+pub(super) fn splat_infos(maps: &[TextureMap], last_step: impl Fn(usize) -> u32) -> Vec<SplatInfo> {
+    let info = |(i, map): (usize, &TextureMap)| SplatInfo {
+        map_offset_texels: map.offset_texels,
+        map_size: u32::from(map.rows) | u32::from(map.cols) << 16,
+        texel_size: map.texel_size,
+        last_step: last_step(i),
+    };
+    maps.iter().enumerate().map(info).collect()
+}
+
+/// A buffer with these values.
+pub(super) fn filled<T: bytemuck::Pod>(device: &GpuDevice, what: &str, values: &[T]) -> Result<wgpu::Buffer> {
+    let buffer = device.buffer(what, values.len() as u64, size_of::<T>() as u64)?;
+    device.queue.write_buffer(&buffer, 0, bytemuck::cast_slice(values));
+    Ok(buffer)
+}
+
+/// Sends model and state.
+///
+/// # Errors
+/// [`crate::Error::Device`] with counts if it does not fit.
+pub(super) fn upload(device: &GpuDevice, resources: &mut Resources, model: &Model, adam: &AdamState) -> Result<()> {
+    let splats = [(Buf::SplatP, &model.splats), (Buf::SplatM, &adam.splats_m), (Buf::SplatV, &adam.splats_v)];
+    for (name, arrays) in splats {
+        resources.set(name, filled(device, "splat parameters", &interleaved(arrays))?);
+    }
+    let texels =
+        [(Buf::TexelP, &model.textures.texels), (Buf::TexelM, &adam.texels_m), (Buf::TexelV, &adam.texels_v)];
+    for (name, values) in texels {
+        resources.set(name, filled(device, "texel parameters", values)?);
+    }
+    let infos = splat_infos(&model.textures.maps, |i| adam.last_step[i]);
+    resources.set(Buf::SplatInfo, filled(device, "splat records", &infos)?);
+    make_derived(device, resources, model.num_splats(), model.num_texels())
+}
+
+/// Makes the buffers that follow in size from the numbers of splats and texels, all zero.
+///
+/// # Errors
+/// As [`upload`].
+pub(super) fn make_derived(
+    device: &GpuDevice,
+    resources: &mut Resources,
+    num_splats: usize,
+    num_texels: usize,
+) -> Result<()> {
+    let (n, t) = (num_splats as u64, num_texels as u64);
+    resources.set(Buf::TexelGrad, device.buffer("texel gradients", 3 * t, 4)?);
+    resources.set(Buf::TexelValues, device.buffer("activated texels", t, 16)?);
+    resources.set(Buf::Statistics, device.buffer("window statistics", n, 16)?);
+    resources.set(Buf::Projected, device.buffer("projected splats", n, PROJECTED_BYTES)?);
+    resources.set(Buf::Bounds, device.buffer("splat bounds", n, BOUNDS_BYTES)?);
+    Ok(())
+}
+
+/// Reads model parameters, both moments and the last steps of splats, into `model` and `adam`.
+///
+/// # Errors
+/// [`crate::Error::Device`] if the device is gone.
+pub(super) fn read_back(
+    device: &GpuDevice,
+    resources: &Resources,
+    model: &mut Model,
+    adam: &mut AdamState,
+) -> Result<()> {
+    let (n, degree) = (model.num_splats(), model.splats.sh_degree);
+    let splats = |name| -> Result<SplatArrays> {
+        let values: Vec<f32> = device.read(resources.buffer(name), n * splat_stride(degree))?;
+        Ok(separated(&values, degree))
+    };
+    model.splats = splats(Buf::SplatP)?;
+    adam.splats_m = splats(Buf::SplatM)?;
+    adam.splats_v = splats(Buf::SplatV)?;
+    let floats = 3 * model.num_texels();
+    model.textures.texels = device.read(resources.buffer(Buf::TexelP), floats)?;
+    adam.texels_m = device.read(resources.buffer(Buf::TexelM), floats)?;
+    adam.texels_v = device.read(resources.buffer(Buf::TexelV), floats)?;
+    let infos: Vec<SplatInfo> = device.read(resources.buffer(Buf::SplatInfo), n)?;
+    adam.last_step = infos.iter().map(|i| i.last_step).collect();
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::selftest::{SceneOptions, random_scene};
+
+    #[test]
+    fn groups_come_back_from_interleaved_splats() {
+        for sh_degree in [0, 2, 3] {
+            let options = SceneOptions { num_splats: 7, sh_degree, ..SceneOptions::default() };
+            let splats = random_scene(&options).model.splats;
+            let values = interleaved(&splats);
+            assert_eq!(values.len(), 7 * splat_stride(sh_degree));
+            assert_eq!(separated(&values, sh_degree), splats);
+        }
+    }
+}

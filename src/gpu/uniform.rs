@@ -1,0 +1,111 @@
+//! Fills the uniform of a step or a picture.
+
+use super::layout::{FLAG_PERSIST, FLAG_STATISTICS, StepUniform};
+use super::shader::TILE_PX;
+use crate::backend::{LossWeights, StepRequest};
+use crate::camera::Camera;
+use crate::constants::{ADAM_BETA1, ADAM_BETA2};
+use crate::model::LearningRates;
+
+/// What all uniforms of a backend have in common.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Scene {
+    pub num_splats: u32,
+    pub splat_stride: u32,
+    pub near: f32,
+    pub pair_capacity: u32,
+    /// Steps that are done.
+    pub settled_step: u32,
+    /// Rates of the last of them.
+    pub settled_rates: LearningRates,
+}
+
+/// Columns and rows of tiles.
+pub(super) fn grid(camera: &Camera) -> [u32; 2] {
+    [camera.pinhole.width_px.div_ceil(TILE_PX), camera.pinhole.height_px.div_ceil(TILE_PX)]
+}
+
+/// For a picture.
+pub(super) fn picture(scene: &Scene, camera: &Camera, background: [f32; 3], sh_degree: u32) -> StepUniform {
+    let rotation = camera.camera_from_local.rotation;
+    let translation = camera.camera_from_local.translation;
+    let row = |r: usize| {
+        [0, 1, 2, 3].map(|c| if c < 3 { rotation.col(c)[r] as f32 } else { translation[r] as f32 })
+    };
+    let pinhole = &camera.pinhole;
+    StepUniform {
+        camera_row0: row(0),
+        camera_row1: row(1),
+        camera_row2: row(2),
+        camera_in_local: camera.centre_in_local().as_vec3().to_array(),
+        near: scene.near,
+        focal_px: [pinhole.fx_px as f32, pinhole.fy_px as f32],
+        principal_px: [pinhole.cx_px as f32, pinhole.cy_px as f32],
+        size_px: [pinhole.width_px, pinhole.height_px],
+        grid: grid(camera),
+        background,
+        num_splats: scene.num_splats,
+        sh_degree,
+        splat_stride: scene.splat_stride,
+        settled_step: scene.settled_step,
+        pair_capacity: scene.pair_capacity,
+        partial_stride: PARTIAL_STRIDE,
+        last_rate_sh_dc: scene.settled_rates.sh_dc,
+        last_rate_sh_rest: scene.settled_rates.sh_rest,
+        last_rate_texel: scene.settled_rates.texel,
+        ..StepUniform::default()
+    }
+}
+
+/// Floats of a pair's partial sums.
+pub(super) const PARTIAL_STRIDE: u32 = 16;
+/// The same where window statistics are summed.
+pub(super) const PARTIAL_STRIDE_STATISTICS: u32 = 20;
+
+/// Whether a step needs the sums of the window statistics.
+pub(super) fn needs_statistics(request: &StepRequest<'_>) -> bool {
+    request.accumulate_statistics || request.loss.texture_hidden != 0.0
+}
+
+/// For a step.
+pub(super) fn step(scene: &Scene, request: &StepRequest<'_>, photo_offset_px: u32, status_slot: u32) -> StepUniform {
+    let (loss, rates) = (&request.loss, &request.rates);
+    let t = f64::from(request.step);
+    let num_pixels = request.camera.pinhole.num_pixels() as f64;
+    let statistics = if request.accumulate_statistics { FLAG_STATISTICS } else { 0 };
+    StepUniform {
+        step: request.step,
+        flags: FLAG_PERSIST | statistics,
+        status_slot,
+        partial_stride: if needs_statistics(request) { PARTIAL_STRIDE_STATISTICS } else { PARTIAL_STRIDE },
+        loss_l1: loss.l1,
+        loss_dssim: loss.dssim,
+        loss_mse: loss.mse,
+        opacity_weight: loss.opacity / scene.num_splats.max(1) as f32,
+        texture_weight: loss.texture,
+        texture_hidden_weight: loss.texture_hidden,
+        texel_units: (3.0 * num_pixels * FIXED_MAX / gradient_bound(loss)) as f32,
+        photo_offset_px,
+        rate_position: rates.position,
+        rate_quaternion: rates.quaternion,
+        rate_log_scale: rates.log_scale,
+        rate_opacity: rates.opacity,
+        rate_sh_dc: rates.sh_dc,
+        rate_sh_rest: rates.sh_rest,
+        rate_texel: rates.texel,
+        m_correction: (1.0 / (1.0 - ADAM_BETA1.powf(t))) as f32,
+        v_correction_sqrt: (1.0 / (1.0 - ADAM_BETA2.powf(t)).sqrt()) as f32,
+        ..picture(scene, &request.camera, request.background, request.sh_degree)
+    }
+}
+
+/// Largest sum in fixed point, with room for one more bit.
+const FIXED_MAX: f64 = (1 << 30) as f64;
+
+/// Bound of the derivative of the loss by a channel of a pixel, times their number: 1 for L1, 2 per unit of
+/// difference for MSE, and for SSIM 2 / sqrt(C2), where a window is flat in the photo; a power of two.
+/// Poisoned pictures may exceed it: sums saturate then, and are counted.
+fn gradient_bound(loss: &LossWeights) -> f64 {
+    let bound = f64::from(loss.l1) + 4.0 * f64::from(loss.mse) + 67.0 * f64::from(loss.dssim);
+    bound.max(1e-6).log2().ceil().exp2()
+}

@@ -1,0 +1,81 @@
+//! Buffers that follow in size from the pictures and from the number of pairs. They only grow.
+
+use super::device::GpuDevice;
+use super::kernels::Buf;
+use super::resources::Resources;
+use super::shader::{BLOCK, DIGIT_BITS};
+use super::uniform::{PARTIAL_STRIDE, PARTIAL_STRIDE_STATISTICS};
+use crate::Result;
+
+/// What the buffers hold now.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Capacity {
+    splats: u64,
+    pub pairs: u64,
+    /// Floats of the partial sums.
+    partials: u64,
+    pixels: u64,
+    training_pixels: u64,
+    tiles: u64,
+}
+
+/// What a submission needs.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Needs {
+    pub splats: u64,
+    pub pairs: u64,
+    pub pixels: u64,
+    pub tiles: u64,
+    /// Whether there is a backward pass, and whether it sums statistics.
+    pub training: bool,
+    pub statistics: bool,
+}
+
+impl Capacity {
+    /// Grows what is too small.
+    ///
+    /// # Errors
+    /// [`crate::Error::Device`] with counts if a limit or the memory stands against it.
+    pub(super) fn ensure(&mut self, device: &GpuDevice, resources: &mut Resources, needs: &Needs) -> Result<()> {
+        if needs.pairs > self.pairs || needs.splats > self.splats {
+            let (pairs, splats) = (needs.pairs.max(self.pairs), needs.splats.max(self.splats));
+            let keys = pairs.max(splats);
+            for name in [Buf::KeysA, Buf::KeysB, Buf::ValuesA, Buf::ValuesB] {
+                resources.set(name, device.buffer("sort keys", keys, 4)?);
+            }
+            let histograms = keys.div_ceil(u64::from(BLOCK)) << DIGIT_BITS;
+            resources.set(Buf::Histogram, device.buffer("sort histograms", histograms, 4)?);
+            resources.set(Buf::SlotSplat, device.buffer("tile-splat pairs", pairs, 4)?);
+            resources.set(Buf::Pairs, device.buffer("tile-splat pairs", pairs, 8)?);
+            resources.set(Buf::SlotOffsets, device.buffer("prefix sums", splats, 4)?);
+            resources.set(Buf::BlockSums, device.buffer("prefix sums", splats.div_ceil(u64::from(BLOCK)), 4)?);
+            (self.pairs, self.splats) = (pairs, splats);
+        }
+        if needs.training {
+            let stride = if needs.statistics { PARTIAL_STRIDE_STATISTICS } else { PARTIAL_STRIDE };
+            let floats = self.pairs * u64::from(stride);
+            if floats > self.partials {
+                let what = "partial sums of tile-splat pairs";
+                resources.set(Buf::Partials, device.buffer(what, self.pairs, 4 * u64::from(stride))?);
+                self.partials = floats;
+            }
+        }
+        if needs.pixels > self.pixels {
+            resources.set(Buf::Pixels, device.buffer("pixels", needs.pixels, 16)?);
+            resources.set(Buf::PixelState, device.buffer("pixels", needs.pixels, 8)?);
+            self.pixels = needs.pixels;
+        }
+        if needs.training && needs.pixels > self.training_pixels {
+            resources.set(Buf::PixelGrad, device.buffer("pixel gradients", needs.pixels, 16)?);
+            resources.set(Buf::SsimMaps, device.buffer("SSIM maps", needs.pixels, 36)?);
+            resources.set(Buf::LossMap, device.buffer("loss per pixel", needs.pixels, 4)?);
+            self.training_pixels = needs.pixels;
+        }
+        if needs.tiles > self.tiles {
+            resources.set(Buf::TileRanges, device.buffer("tile ranges", needs.tiles, 8)?);
+            resources.set(Buf::LossPartials, device.buffer("loss per tile", needs.tiles, 16)?);
+            self.tiles = needs.tiles;
+        }
+        Ok(())
+    }
+}
