@@ -205,7 +205,8 @@ pub struct WindowStatistics {
 pub enum MapChange {
     /// Stays as it is.
     Keep,
-    /// Bilinear resampling about the centre to a new size; texels and moments outside are zero.
+    /// Bilinear resampling about the centre to a new size; texels and moments outside are zero. The
+    /// moments of the splat's other parameters stay as they are.
     Resample {
         /// New texels along u.
         rows: u16,
@@ -213,6 +214,10 @@ pub enum MapChange {
         cols: u16,
         /// New edge of a texel, local units.
         texel_size: f32,
+        /// Factors of the texels' first and second moments, applied after the resampling:
+        /// `[1.0, 1.0]` is the resampling alone. A gradient by a texel shrinks with its area, so a map
+        /// of twice as many texels per axis takes `[1.0 / 4.0, 1.0 / 16.0]`.
+        moment_scale: [f32; 2],
     },
 }
 
@@ -288,12 +293,22 @@ impl StructurePlan {
                 self.maps.len()
             )));
         }
-        match self.sources.iter().position(|&s| s as usize >= num_splats) {
-            Some(at) => Err(Error::Usage(format!(
+        if let Some(at) = self.sources.iter().position(|&s| s as usize >= num_splats) {
+            return Err(Error::Usage(format!(
                 "structure plan: source {} of new splat {at} is not one of the {num_splats} splats",
                 self.sources[at]
-            ))),
-            None => Ok(()),
+            )));
         }
+        for (at, map) in self.maps.iter().enumerate() {
+            if let MapChange::Resample { moment_scale, .. } = map
+                && !moment_scale.iter().all(|f| f.is_finite() && *f >= 0.0)
+            {
+                return Err(Error::Usage(format!(
+                    "structure plan: moment scale {moment_scale:?} of new splat {at}, expected finite numbers \
+                     of at least 0"
+                )));
+            }
+        }
+        Ok(())
     }
 }
