@@ -119,7 +119,10 @@ pub struct StepRequest<'a> {
     pub step: u32,
     /// The view.
     pub camera: Camera,
-    /// Its photo, of the camera's size.
+    /// Identity of the photo: equal numbers are equal photos, at equal size, as long as the backend
+    /// lives, so that it may keep them resident. The trainer passes the index of the view.
+    pub photo: u32,
+    /// The photo, of the camera's size.
     pub target: &'a TargetImage,
     /// Display-space colour behind everything.
     pub background: [f32; 3],
@@ -252,6 +255,23 @@ pub trait Backend {
     /// # Errors
     /// [`Error::Device`] if memory or the device fails, [`Error::Usage`] if picture and camera differ in size.
     fn step(&mut self, request: &StepRequest<'_>) -> Result<StepReport>;
+
+    /// How many steps this machine wants at once, at least 1: a device that is fed through a queue
+    /// idles if every step waits for the report of the one before. The photos of a batch are held in
+    /// memory while it runs.
+    fn batch_steps(&self) -> usize {
+        1
+    }
+
+    /// Several iterations, in order: one report for each request. Gives the same bits, in the state and
+    /// in the reports, as calling [`Backend::step`] for each.
+    ///
+    /// # Errors
+    /// As [`Backend::step`]. None or some of the steps, from the first on, have then been applied whole;
+    /// the state stays readable, and its `AdamState::step` says how many.
+    fn steps(&mut self, requests: &[StepRequest<'_>]) -> Result<Vec<StepReport>> {
+        requests.iter().map(|request| self.step(request)).collect()
+    }
 
     /// Sums since the last call; starts a new window.
     ///
