@@ -119,7 +119,10 @@ pub struct StepRequest<'a> {
     pub step: u32,
     /// The view.
     pub camera: Camera,
-    /// Its photo, of the camera's size.
+    /// Identity of the photo: equal numbers are equal photos, at equal size, as long as the backend
+    /// lives, so that it may keep them resident. The trainer passes the index of the view.
+    pub photo: u32,
+    /// The photo, of the camera's size.
     pub target: &'a TargetImage,
     /// Display-space colour behind everything.
     pub background: [f32; 3],
@@ -205,7 +208,8 @@ pub struct WindowStatistics {
 pub enum MapChange {
     /// Stays as it is.
     Keep,
-    /// Bilinear resampling about the centre to a new size; texels and moments outside are zero.
+    /// Bilinear resampling about the centre to a new size; texels and moments outside are zero. The
+    /// moments of the splat's other parameters stay as they are.
     Resample {
         /// New texels along u.
         rows: u16,
@@ -213,6 +217,10 @@ pub enum MapChange {
         cols: u16,
         /// New edge of a texel, local units.
         texel_size: f32,
+        /// Factors of the texels' first and second moments, applied after the resampling:
+        /// `[1.0, 1.0]` is the resampling alone. A gradient by a texel shrinks with its area, so a map
+        /// of twice as many texels per axis takes `[1.0 / 4.0, 1.0 / 16.0]`.
+        moment_scale: [f32; 2],
     },
 }
 
@@ -247,6 +255,23 @@ pub trait Backend {
     /// # Errors
     /// [`Error::Device`] if memory or the device fails, [`Error::Usage`] if picture and camera differ in size.
     fn step(&mut self, request: &StepRequest<'_>) -> Result<StepReport>;
+
+    /// How many steps this machine wants at once, at least 1: a device that is fed through a queue
+    /// idles if every step waits for the report of the one before. The photos of a batch are held in
+    /// memory while it runs.
+    fn batch_steps(&self) -> usize {
+        1
+    }
+
+    /// Several iterations, in order: one report for each request. Gives the same bits, in the state and
+    /// in the reports, as calling [`Backend::step`] for each.
+    ///
+    /// # Errors
+    /// As [`Backend::step`]. None or some of the steps, from the first on, have then been applied whole;
+    /// the state stays readable, and its `AdamState::step` says how many.
+    fn steps(&mut self, requests: &[StepRequest<'_>]) -> Result<Vec<StepReport>> {
+        requests.iter().map(|request| self.step(request)).collect()
+    }
 
     /// Sums since the last call; starts a new window.
     ///
@@ -288,12 +313,22 @@ impl StructurePlan {
                 self.maps.len()
             )));
         }
-        match self.sources.iter().position(|&s| s as usize >= num_splats) {
-            Some(at) => Err(Error::Usage(format!(
+        if let Some(at) = self.sources.iter().position(|&s| s as usize >= num_splats) {
+            return Err(Error::Usage(format!(
                 "structure plan: source {} of new splat {at} is not one of the {num_splats} splats",
                 self.sources[at]
-            ))),
-            None => Ok(()),
+            )));
         }
+        for (at, map) in self.maps.iter().enumerate() {
+            if let MapChange::Resample { moment_scale, .. } = map
+                && !moment_scale.iter().all(|f| f.is_finite() && *f >= 0.0)
+            {
+                return Err(Error::Usage(format!(
+                    "structure plan: moment scale {moment_scale:?} of new splat {at}, expected finite numbers \
+                     of at least 0"
+                )));
+            }
+        }
+        Ok(())
     }
 }

@@ -35,6 +35,7 @@ fn survives(scene: &Scene, name: &str) -> f64 {
             .step(&StepRequest {
                 step,
                 camera: scene.camera,
+                photo: 0,
                 target: &scene.target,
                 background: options.background,
                 sh_degree: scene.model.splats.sh_degree,
@@ -141,6 +142,7 @@ fn a_photo_of_another_size_is_a_usage_error() {
     let request = StepRequest {
         step: 1,
         camera: scene.camera,
+        photo: 0,
         target: &target,
         background: [0.0; 3],
         sh_degree: 0,

@@ -1,95 +1,19 @@
 //! The trainer and the CPU backend together, from memory: no files.
 #![allow(clippy::unwrap_used, reason = "a failing test may panic")]
 
+mod common;
+
+use common::training::{BLACK, MemoryViews, config, damaged, photos, scene, uploaded};
 use litetex_gs::backend::{
     Backend as _, LearningRates, LossWeights, MapChange, RenderOptions, StepRequest, StructurePlan,
     TargetImage,
 };
 use litetex_gs::camera::Camera;
 use litetex_gs::cpu::CpuBackend;
-use litetex_gs::model::{AdamState, Model};
-use litetex_gs::selftest::{Scene, SceneOptions, random_scene};
-use litetex_gs::train::{Control, StopReason, TexturePolicy, TrainConfig, TrainEvent, TrainState, train};
+use litetex_gs::train::{Control, StopReason, TrainConfig, TrainEvent, TrainState, train};
 use litetex_gs::views::{Split, ViewSource};
 use litetex_gs::{Error, Result};
 use std::sync::Arc;
-
-const BLACK: RenderOptions = RenderOptions { background: [0.0; 3], sh_degree: 1, geometry: false };
-
-/// Views of a model, rendered by the backend under test; the first is held out.
-struct MemoryViews(Vec<(Camera, Arc<TargetImage>)>);
-
-impl ViewSource for MemoryViews {
-    fn num_views(&self) -> usize {
-        self.0.len()
-    }
-    fn name(&self, _view: usize) -> &str {
-        "memory"
-    }
-    fn split(&self, view: usize) -> Split {
-        if view == 0 { Split::Test } else { Split::Train }
-    }
-    fn camera(&self, view: usize) -> Camera {
-        self.0[view].0
-    }
-    fn target(&self, view: usize) -> Result<Arc<TargetImage>> {
-        Ok(self.0[view].1.clone())
-    }
-}
-
-fn scene() -> Scene {
-    random_scene(&SceneOptions {
-        num_splats: 300,
-        sh_degree: 1,
-        map_sizes: vec![(4, 4)],
-        width_px: 64,
-        height_px: 48,
-        scales: (0.05, 0.2),
-        opacities: (0.3, 0.9),
-        depths: (0.8, 2.0),
-        ..SceneOptions::default()
-    })
-}
-
-fn uploaded(model: &Model) -> CpuBackend {
-    let mut backend = CpuBackend::new(Some(2)).unwrap();
-    backend.upload(model, &AdamState::zeros(model)).unwrap();
-    backend
-}
-
-/// Photos of the scene from cameras side by side.
-fn photos(scene: &Scene) -> MemoryViews {
-    let mut backend = uploaded(&scene.model);
-    let views = (0..6).map(|i| {
-        let mut camera = scene.camera;
-        camera.camera_from_local.translation.x += 0.05 * (f64::from(i) - 2.5);
-        let image = backend.render(&camera, &BLACK).unwrap();
-        let rgb = image.rgb.iter().map(|v| (v.clamp(0.0, 1.0) * 255.0).round() as u8).collect();
-        (camera, Arc::new(TargetImage { width_px: 64, height_px: 48, rgb, mask: None }))
-    });
-    MemoryViews(views.collect())
-}
-
-/// The scene with colours lost and centres jittered.
-fn damaged(scene: &Scene) -> Model {
-    let mut model = scene.model.clone();
-    model.splats.sh.fill(0.0);
-    model.textures.texels.fill(0.0);
-    model.splats.positions.iter_mut().enumerate().for_each(|(i, p)| *p += 0.01 * (i as f32).sin());
-    model
-}
-
-fn config(steps: u32) -> TrainConfig {
-    let texture = TexturePolicy::Fixed(4);
-    TrainConfig {
-        steps,
-        sh_degree: 1,
-        texture,
-        eval_every: steps / 2,
-        save_every: 7,
-        ..TrainConfig::default()
-    }
-}
 
 /// Trains and returns the end and every checkpoint on the way.
 fn run(config: &TrainConfig, views: &MemoryViews, start: TrainState) -> (TrainState, Vec<TrainState>) {
@@ -240,6 +164,7 @@ fn step(backend: &mut CpuBackend, views: &MemoryViews, step: u32) {
     let request = StepRequest {
         step,
         camera: *camera,
+        photo: 1 + step % 5,
         target,
         background: [0.0; 3],
         sh_degree: 1,
@@ -309,7 +234,8 @@ fn plans_gather_and_resample() {
 
     let half: Vec<u32> = (0..n).step_by(2).collect();
     let texel_size = model.textures.maps[0].texel_size;
-    backend.apply_plan(&plan(&half, MapChange::Resample { rows: 6, cols: 3, texel_size })).unwrap();
+    let change = MapChange::Resample { rows: 6, cols: 3, texel_size, moment_scale: [1.0, 1.0] };
+    backend.apply_plan(&plan(&half, change)).unwrap();
     let (small, small_adam) = backend.read_back().unwrap();
     assert_eq!((small.num_splats(), small.num_texels()), (150, 150 * 18));
     assert_eq!(small_adam.texels_m.len(), small.textures.texels.len());

@@ -37,6 +37,7 @@ fn request(scene: &Scene) -> StepRequest<'_> {
     StepRequest {
         step: 1,
         camera: scene.camera,
+        photo: 0,
         target: &scene.target,
         background: BACKGROUND,
         sh_degree: scene.model.splats.sh_degree,

@@ -13,22 +13,28 @@ pub(super) fn apply_plan(model: &Model, adam: &AdamState, plan: &StructurePlan) 
             let map = &old[s as usize];
             (map.rows, map.cols, map.texel_size)
         }
-        MapChange::Resample { rows, cols, texel_size } => (rows, cols, texel_size),
+        MapChange::Resample { rows, cols, texel_size, .. } => (rows, cols, texel_size),
     });
     let mut textures = TexturePool::neutral(extents);
-    let resample_all = |from: &[f32]| -> Vec<f32> {
+    let resample_all = |from: &[f32], factor: fn(&MapChange) -> f32| -> Vec<f32> {
         let parts: Vec<Vec<f32>> = plan
             .sources
             .par_iter()
+            .zip(&plan.maps)
             .zip(&textures.maps)
             .with_min_len(256)
-            .map(|(&s, new)| resample(&old[s as usize], &from[old[s as usize].floats()], new))
+            .map(|((&s, change), new)| {
+                let mut part = resample(&old[s as usize], &from[old[s as usize].floats()], new);
+                let factor = factor(change);
+                part.iter_mut().for_each(|value| *value *= factor);
+                part
+            })
             .collect();
         parts.concat()
     };
-    let texels = resample_all(&model.textures.texels);
-    let texels_m = resample_all(&adam.texels_m);
-    let texels_v = resample_all(&adam.texels_v);
+    let texels = resample_all(&model.textures.texels, |_| 1.0);
+    let texels_m = resample_all(&adam.texels_m, |change| moment_scale(change)[0]);
+    let texels_v = resample_all(&adam.texels_v, |change| moment_scale(change)[1]);
     textures.texels = texels;
     let adam = AdamState {
         splats_m: gather(&adam.splats_m),
@@ -40,6 +46,14 @@ pub(super) fn apply_plan(model: &Model, adam: &AdamState, plan: &StructurePlan) 
     };
     let model = Model { splats: gather(&model.splats), textures, ..*model };
     (model, adam)
+}
+
+/// Factors of a map's first and second moments.
+fn moment_scale(change: &MapChange) -> [f32; 2] {
+    match *change {
+        MapChange::Keep => [1.0, 1.0],
+        MapChange::Resample { moment_scale, .. } => moment_scale,
+    }
 }
 
 /// Bilinear resampling about the common centre; zero outside the old map.
@@ -75,6 +89,7 @@ fn resample(old: &TextureMap, from: &[f32], new: &TextureMap) -> Vec<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::selftest::{SceneOptions, random_scene};
 
     fn map(rows: u16, cols: u16, texel_size: f32) -> TextureMap {
         TextureMap { offset_texels: 0, rows, cols, texel_size }
@@ -94,5 +109,67 @@ mod tests {
         let wide = resample(&old, &from, &map(20, 20, 0.1));
         assert_eq!(&wide[..3], &[0.0; 3]);
         assert_eq!(resample(&old, &from, &old), from);
+    }
+
+    /// A small model with moments that are no round numbers, and a plan of `change` for its first map.
+    fn planned(change: MapChange) -> (Model, AdamState, StructurePlan) {
+        let options = SceneOptions { num_splats: 3, map_sizes: vec![(4, 3)], ..SceneOptions::default() };
+        let model = random_scene(&options).model;
+        let mut adam = AdamState::zeros(&model);
+        adam.texels_m.iter_mut().enumerate().for_each(|(i, m)| *m = 0.1 * (i as f32).sin());
+        adam.texels_v.iter_mut().enumerate().for_each(|(i, v)| *v = 0.01 * (i as f32).cos().abs());
+        adam.splats_m.positions.fill(0.3);
+        let maps = vec![change, MapChange::Keep, MapChange::Keep];
+        (model, adam, StructurePlan { sources: vec![0, 1, 2], maps })
+    }
+
+    #[test]
+    fn moments_are_scaled_after_resampling_and_nothing_else_is() {
+        // Twice as many texels per axis, and the same size (which is not resampled).
+        for (rows, cols, finer) in [(8, 6, 0.5), (4, 3, 1.0)] {
+            let run = |moment_scale| {
+                let (model, adam, mut plan) = planned(MapChange::Keep);
+                let texel_size = finer * model.textures.maps[0].texel_size;
+                plan.maps[0] = MapChange::Resample { rows, cols, texel_size, moment_scale };
+                plan.check(3).unwrap();
+                apply_plan(&model, &adam, &plan)
+            };
+            let (plain_model, plain) = run([1.0, 1.0]);
+            let (model, adam) = run([0.25, 0.0625]);
+            assert_eq!(model, plain_model, "texels and splats are not scaled");
+            let first = model.textures.maps[0].floats();
+            let scaled = |v: &[f32], f: f32| v[first.clone()].iter().map(|v| f * v).collect::<Vec<_>>();
+            assert_eq!(adam.texels_m[first.clone()], scaled(&plain.texels_m, 0.25));
+            assert_eq!(adam.texels_v[first.clone()], scaled(&plain.texels_v, 0.0625));
+            assert!(plain.texels_m[first.clone()].iter().filter(|m| **m != 0.0).count() > 20);
+            // The kept maps and the moments of the splats stay.
+            assert_eq!(adam.texels_m[first.end..], plain.texels_m[first.end..]);
+            assert_eq!(adam.texels_v[first.end..], plain.texels_v[first.end..]);
+            assert_eq!((&adam.splats_m, &adam.splats_v), (&plain.splats_m, &plain.splats_v));
+            // Negative control: exchanged factors show in both moments.
+            let (_, exchanged) = run([0.0625, 0.25]);
+            assert!(exchanged.texels_m != adam.texels_m && exchanged.texels_v != adam.texels_v);
+        }
+    }
+
+    #[test]
+    fn a_scale_of_one_keeps_every_bit_of_a_map_of_the_same_size() {
+        let (model, adam, mut plan) = planned(MapChange::Keep);
+        let kept = apply_plan(&model, &adam, &plan);
+        let texel_size = model.textures.maps[0].texel_size;
+        plan.maps[0] = MapChange::Resample { rows: 4, cols: 3, texel_size, moment_scale: [1.0, 1.0] };
+        assert_eq!(apply_plan(&model, &adam, &plan), kept);
+        assert_eq!(kept, (model, adam));
+    }
+
+    #[test]
+    fn scales_that_would_ruin_the_moments_are_refused() {
+        let (_, _, mut plan) = planned(MapChange::Keep);
+        plan.check(3).unwrap();
+        for moment_scale in [[f32::NAN, 1.0], [1.0, -0.25], [f32::INFINITY, 1.0]] {
+            plan.maps[0] = MapChange::Resample { rows: 2, cols: 2, texel_size: 0.1, moment_scale };
+            let message = plan.check(3).unwrap_err().to_string();
+            assert!(message.contains("moment scale") && message.contains("new splat 0"), "{message}");
+        }
     }
 }

@@ -1,5 +1,6 @@
 //! Photos in memory: decoded when asked for, or shortly before by background threads, and dropped in
-//! the order of their last use when a budget of bytes is spent. Never changes what a photo looks like.
+//! the order of their last use when a budget of bytes is spent, those that wait for their use last.
+//! Never changes what a photo looks like.
 
 use super::decode::Recipe;
 use crate::Result;
@@ -82,7 +83,8 @@ impl State {
             return;
         }
         while self.bytes + bytes > budget_bytes {
-            let oldest = self.cached.iter().min_by_key(|(_, c)| c.last_use).map(|(&v, _)| v);
+            // One that was decoded ahead goes last: it would be decoded again at once.
+            let oldest = self.cached.iter().min_by_key(|(_, c)| (c.unused, c.last_use)).map(|(&v, _)| v);
             match oldest {
                 Some(oldest) => self.remove(oldest),
                 None => break,
@@ -178,6 +180,10 @@ impl ImageStore {
     pub fn get(&self, view: usize) -> Result<Arc<TargetImage>> {
         let shared = &*self.shared;
         let mut state = shared.lock();
+        // Its wish is granted here: decoded again later, it would wait for nobody.
+        if let Some(at) = state.queue.iter().position(|&v| v == view) {
+            state.queue.remove(at);
+        }
         loop {
             if let Some(image) = state.take(view) {
                 // Room for the background threads.
@@ -339,6 +345,25 @@ mod tests {
                 std::thread::sleep(std::time::Duration::from_millis(1));
             }
             assert_eq!(decodes(), expected, "{wish:?}");
+        }
+    }
+
+    #[test]
+    fn batches_longer_than_the_cache_decode_each_photo_once() {
+        const BATCH: usize = 16;
+        let folder = tempfile::tempdir().unwrap();
+        // Below one batch, and below two: the photos of a batch and of the next one do not fit.
+        for photos in [8, 24] {
+            let store = store(folder.path(), 64, photos * BYTES);
+            let views: Vec<usize> = (0..64).map(|i| (i * 5) % 64).collect();
+            for first in (0..64).step_by(BATCH) {
+                store.prefetch(&views[first..views.len().min(first + 2 * BATCH)]);
+                let held: Vec<_> =
+                    views[first..first + BATCH].iter().map(|&v| store.get(v).unwrap()).collect();
+                assert!(held.iter().zip(&views[first..]).all(|(image, &v)| image.rgb[0] == v as u8));
+                assert!(store.cached_bytes() <= photos * BYTES);
+            }
+            assert_eq!(store.shared.lock().decodes, 64, "budget of {photos} photos");
         }
     }
 

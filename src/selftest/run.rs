@@ -95,6 +95,8 @@ fn step(backend: &mut dyn Backend, scene: &Scene, step: u32) -> Result<()> {
     backend.step(&StepRequest {
         step,
         camera: scene.camera,
+        // One scene, and so one photo, for each degree.
+        photo: scene.model.splats.sh_degree,
         target: &scene.target,
         background: BACKGROUND,
         sh_degree: scene.model.splats.sh_degree,

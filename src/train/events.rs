@@ -11,7 +11,8 @@ use crate::eval::Evaluation;
 pub enum Control {
     /// Go on.
     Continue,
-    /// Stop after this step; the trainer emits a last [`TrainEvent::Checkpoint`].
+    /// Stop after this step, or after the batch that the backend has done with it; the trainer emits a
+    /// last [`TrainEvent::Checkpoint`].
     Stop,
 }
 
@@ -41,7 +42,8 @@ pub enum TrainEvent<'a> {
         /// Views that are held out.
         test_views: usize,
     },
-    /// After each step.
+    /// Once for each step, in order; after the batch where the backend takes several steps at once, each
+    /// of which then counts with an even share of the batch's time.
     Step {
         /// Steps done.
         step: u32,

@@ -4,14 +4,17 @@
 
 pub mod checkpoint;
 mod config;
+mod evaluate;
 mod events;
+mod order;
 mod revise;
 mod run;
 mod schedule;
 mod state;
 
 pub use config::{RateConfig, TexturePolicy, TrainConfig};
+pub use evaluate::{Evaluated, evaluate};
 pub use events::{Control, StopReason, TrainEvent};
-pub use run::{Evaluated, Sink, evaluate, train};
+pub use run::{Sink, train};
 pub use schedule::Schedule;
 pub use state::{CurvePoint, TrainHistory, TrainState};

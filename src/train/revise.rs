@@ -29,7 +29,12 @@ pub(super) fn revise_maps(model: &Model, policy: TexturePolicy) -> Option<Struct
             if half <= 0.0 || (1.0 / TOLERATED..=TOLERATED).contains(&ratio) {
                 return MapChange::Keep;
             }
-            MapChange::Resample { rows: resolution, cols: resolution, texel_size: wanted as f32 }
+            MapChange::Resample {
+                rows: resolution,
+                cols: resolution,
+                texel_size: wanted as f32,
+                moment_scale: [1.0, 1.0],
+            }
         })
         .collect();
     let changes = maps.iter().any(|m| *m != MapChange::Keep);

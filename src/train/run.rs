@@ -1,32 +1,28 @@
 //! The loop: draws views, steps, revises, evaluates, reports.
 
 use super::config::TrainConfig;
+use super::evaluate::{Evaluated, evaluate};
 use super::events::{Control, StopReason, TrainEvent};
+use super::order::ViewOrder;
 use super::revise::revise_maps;
 use super::schedule::Schedule;
 use super::state::{CurvePoint, TrainState};
-use crate::backend::{Backend, RenderOptions, RenderedImage, StepRequest};
+use crate::backend::{Backend, RenderOptions, RenderedImage, StepReport, StepRequest, TargetImage};
 use crate::clock::process_cpu_secs;
-use crate::eval::{Evaluation, ViewQuality, quality_of};
 use crate::views::{Split, ViewSource};
 use crate::{Error, Result, Warning};
-use rand::SeedableRng as _;
-use rand::seq::SliceRandom as _;
-use rand_pcg::Pcg64Mcg;
-use rayon::prelude::*;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Consumer of the events.
 pub type Sink<'a> = &'a mut dyn FnMut(TrainEvent<'_>) -> Result<Control>;
 
-/// Views decoded ahead.
+/// Views decoded ahead, unless a batch is longer.
 const PREFETCH_VIEWS: usize = 4;
 
-/// Test views whose pictures are held at once.
-const EVAL_BATCH: usize = 4;
-
 /// Trains from `start` (a fresh state or a loaded checkpoint) to the end of `config.steps`, the time
-/// limit or the consumer's stop, and returns the final state and why it ended.
+/// limit or the consumer's stop, and returns the final state and why it ended. A backend that has seen
+/// other views before cannot be used: it may hold photos by the index of their view.
 ///
 /// # Errors
 /// [`Error::Usage`] if there is nothing to train on; else whatever the backend, the views or the
@@ -57,6 +53,13 @@ struct Run<'a> {
     test_views: Vec<usize>,
     schedule: Schedule,
     state: TrainState,
+}
+
+/// A step that is about to be done; holds its photo.
+struct PlannedStep {
+    step: u32,
+    view: usize,
+    target: Arc<TargetImage>,
 }
 
 /// Training time since a moment.
@@ -99,21 +102,22 @@ impl Run<'_> {
 
     fn steps(&mut self, sink: Sink<'_>) -> Result<StopReason> {
         // An interruption may have come between a step and the evaluation that was due.
-        if self.is_due(self.config.eval_every) && self.evaluated_at() != Some(self.state.step) {
+        if self.is_due(self.config.eval_every, self.state.step)
+            && self.evaluated_at() != Some(self.state.step)
+        {
             self.evaluate(false, sink)?;
         }
         while self.state.step < self.config.steps {
-            let clock = Clock::start();
-            let mut control = self.step(&clock, sink)?;
+            let mut control = self.batch(sink)?;
             let limit = self.config.max_time_secs;
             if control == Control::Continue && limit.is_some_and(|l| self.state.history.train_wall_secs >= l)
             {
                 return Ok(StopReason::Time);
             }
-            if control == Control::Continue && self.is_due(self.config.eval_every) {
+            if control == Control::Continue && self.is_due(self.config.eval_every, self.state.step) {
                 control = self.evaluate(false, sink)?;
             }
-            if control == Control::Continue && self.is_due(self.config.save_every) {
+            if control == Control::Continue && self.is_due(self.config.save_every, self.state.step) {
                 self.checkpoint(sink)?;
             }
             if control == Control::Stop {
@@ -123,9 +127,8 @@ impl Run<'_> {
         Ok(StopReason::Steps)
     }
 
-    /// Whether something that happens each `every` steps is due now; the end has its own.
-    fn is_due(&self, every: u32) -> bool {
-        let step = self.state.step;
+    /// Whether something that happens each `every` steps is due after `step`; the end has its own.
+    fn is_due(&self, every: u32, step: u32) -> bool {
         every > 0 && step > 0 && step.is_multiple_of(every) && step < self.config.steps
     }
 
@@ -133,70 +136,135 @@ impl Run<'_> {
         self.state.history.curve.last().map(|p| p.step)
     }
 
-    /// One step, and the revision that may follow it; the times end up in the history.
-    fn step(&mut self, clock: &Clock, sink: Sink<'_>) -> Result<Control> {
-        let step = self.state.step + 1;
-        let view = self.draw_view();
-        let target = self.views.target(view)?;
-        let report = self.backend.step(&StepRequest {
-            step,
-            camera: self.views.camera(view),
-            target: &target,
-            background: self.config.background,
-            sh_degree: self.schedule.sh_degree(step, self.config.sh_degree),
-            loss: self.config.loss,
-            rates: self.schedule.rates(self.config, step),
-            // Nothing reads them while the number of splats and texels is fixed.
-            accumulate_statistics: false,
-        })?;
-        if !report.loss.total.is_finite() {
-            return Err(Error::Device(format!(
-                "step {step}: the loss is {}: lower the learning rates, or report this with the capture",
-                report.loss.total
-            )));
-        }
-        self.state.step = step;
+    /// The steps that go to the backend at once, and the revision that may follow them; the times end
+    /// up in the history.
+    fn batch(&mut self, sink: Sink<'_>) -> Result<Control> {
+        let clock = Clock::start();
+        let batch = self.plan_batch()?;
+        let requests: Vec<StepRequest<'_>> = batch.iter().map(|planned| self.request(planned)).collect();
+        let reports = match self.backend.steps(&requests) {
+            Ok(reports) if reports.len() == batch.len() => reports,
+            outcome => {
+                // What is saved now must count the steps that the backend did before it failed.
+                if let Ok((_, adam)) = self.backend.read_back() {
+                    let done = adam.step.saturating_sub(self.state.step) as usize;
+                    self.advance(done.min(batch.len()));
+                }
+                let reports = outcome?.len();
+                return Err(Error::Device(format!("{reports} reports for {} steps", batch.len())));
+            }
+        };
+        self.advance(batch.len());
+        let diverged = reports.iter().position(|report| !report.loss.total.is_finite());
         let mut wall_end = Instant::now();
-        if self.schedule.revises(step, self.config.steps) {
+        if diverged.is_none() && self.schedule.revises(self.state.step, self.config.steps) {
             let (model, _) = self.backend.read_back()?;
             if let Some(plan) = revise_maps(&model, self.config.texture) {
                 self.backend.apply_plan(&plan)?;
             }
             wall_end = Instant::now();
         }
-        let history = &mut self.state.history;
-        history.train_wall_secs += (wall_end - clock.wall).as_secs_f64();
-        history.train_cpu_secs += process_cpu_secs() - clock.cpu_secs;
-        sink(TrainEvent::Step {
-            step,
-            view,
-            loss: report.loss,
-            report: &report,
-            num_splats: self.state.model.num_splats(),
-            num_texels: self.state.model.num_texels(),
-            train_wall_secs: history.train_wall_secs,
-            train_cpu_secs: history.train_cpu_secs,
-        })
+        let wall_secs = (wall_end - clock.wall).as_secs_f64();
+        let times = [wall_secs, process_cpu_secs() - clock.cpu_secs];
+        let sound = diverged.unwrap_or(batch.len());
+        let control = self.report(&batch, &reports[..sound], times, sink)?;
+        match diverged {
+            None => Ok(control),
+            Some(at) => Err(Error::Device(format!(
+                "step {}: the loss is {}: lower the learning rates, or report this with the capture",
+                batch[at].step, reports[at].loss.total
+            ))),
+        }
     }
 
-    /// Next view of the epoch; a new epoch is a new permutation that follows from the seed alone.
-    fn draw_view(&mut self) -> usize {
-        let state = &mut self.state;
-        if state.epoch_used as usize >= state.epoch_order.len() {
-            let stream = 0x7669_6577_u64 << 32 | u64::from(state.epochs);
-            let mut rng =
-                Pcg64Mcg::seed_from_u64(self.config.seed ^ stream.wrapping_mul(0x9E37_79B9_7F4A_7C15));
-            state.epoch_order = self.train_views.iter().map(|&v| v as u32).collect();
-            state.epoch_order.shuffle(&mut rng);
-            state.epochs += 1;
-            state.epoch_used = 0;
+    /// The next steps, up to the first one after which something reads or changes the model.
+    fn plan_batch(&self) -> Result<Vec<PlannedStep>> {
+        let first = self.state.step + 1;
+        let wanted = self.backend.batch_steps().max(1);
+        let ends = |step| {
+            let TrainConfig { steps, eval_every, save_every, .. } = *self.config;
+            self.is_due(eval_every, step)
+                || self.is_due(save_every, step)
+                || self.schedule.revises(step, steps)
+        };
+        let steps = (first..=self.config.steps).take(wanted);
+        let len = steps.clone().position(ends).map_or(steps.count(), |at| at + 1);
+
+        let mut order = ViewOrder::after(&self.state, self.config.seed, &self.train_views);
+        let views: Vec<usize> = order.by_ref().take(len).collect();
+        // All photos of the next batch are wanted as soon as this one is done.
+        let left = (self.config.steps - self.state.step) as usize - len;
+        let next = order.take(wanted.max(PREFETCH_VIEWS).min(left));
+        self.views.prefetch(&views.iter().copied().chain(next).collect::<Vec<_>>());
+
+        let mut batch = Vec::with_capacity(len);
+        for (step, view) in (first..).zip(views) {
+            match self.views.target(view) {
+                Ok(target) => batch.push(PlannedStep { step, view, target }),
+                // The steps before it are done first. Then it is asked for again.
+                Err(_) if !batch.is_empty() => break,
+                Err(error) => return Err(error),
+            }
         }
-        let at = state.epoch_used as usize;
-        let next: Vec<usize> =
-            state.epoch_order[at..].iter().skip(1).take(PREFETCH_VIEWS).map(|&v| v as usize).collect();
-        self.views.prefetch(&next);
-        state.epoch_used += 1;
-        state.epoch_order[at] as usize
+        Ok(batch)
+    }
+
+    fn request<'t>(&self, planned: &'t PlannedStep) -> StepRequest<'t> {
+        let step = planned.step;
+        StepRequest {
+            step,
+            camera: self.views.camera(planned.view),
+            photo: planned.view as u32,
+            target: &planned.target,
+            background: self.config.background,
+            sh_degree: self.schedule.sh_degree(step, self.config.sh_degree),
+            loss: self.config.loss,
+            rates: self.schedule.rates(self.config, step),
+            // Nothing reads them while the number of splats and texels is fixed.
+            accumulate_statistics: false,
+        }
+    }
+
+    /// Counts steps as done, and their views as drawn.
+    fn advance(&mut self, steps: usize) {
+        let mut order = ViewOrder::after(&self.state, self.config.seed, &self.train_views);
+        order.by_ref().take(steps).for_each(drop);
+        order.store(&mut self.state);
+        self.state.step += steps as u32;
+    }
+
+    /// Tells of the steps of a batch, each with an even share of the batch's `[wall, cpu]` seconds. The
+    /// state is that of its end: a consumer that says stop hears of the rest all the same.
+    fn report(
+        &mut self,
+        batch: &[PlannedStep],
+        reports: &[StepReport],
+        [wall_secs, cpu_secs]: [f64; 2],
+        sink: Sink<'_>,
+    ) -> Result<Control> {
+        let history = &mut self.state.history;
+        let (wall_before, cpu_before) = (history.train_wall_secs, history.train_cpu_secs);
+        history.train_wall_secs += wall_secs;
+        history.train_cpu_secs += cpu_secs;
+        let mut control = Control::Continue;
+        for (at, (planned, report)) in batch.iter().zip(reports).enumerate() {
+            // Exactly 1 at the last step, whose times are those of the history.
+            let share = (at + 1) as f64 / batch.len() as f64;
+            let answer = sink(TrainEvent::Step {
+                step: planned.step,
+                view: planned.view,
+                loss: report.loss,
+                report,
+                num_splats: self.state.model.num_splats(),
+                num_texels: self.state.model.num_texels(),
+                train_wall_secs: wall_before + wall_secs * share,
+                train_cpu_secs: cpu_before + cpu_secs * share,
+            })?;
+            if answer == Control::Stop {
+                control = Control::Stop;
+            }
+        }
+        Ok(control)
     }
 
     fn evaluate(&mut self, last: bool, sink: Sink<'_>) -> Result<Control> {
@@ -241,47 +309,4 @@ impl Run<'_> {
         sink(TrainEvent::Checkpoint { state: &self.state })?;
         Ok(())
     }
-}
-
-/// Outcome of [`evaluate`].
-pub enum Evaluated {
-    /// Figures of the views that have pixels to compare.
-    Figures(Evaluation),
-    /// There are none.
-    Nothing,
-    /// The consumer stopped it.
-    Stopped,
-}
-
-/// Renders views and compares them with their photos; `on_view` sees each picture. Views of which the
-/// mask leaves nothing are rendered but have no figures.
-///
-/// # Errors
-/// Whatever the backend, the views or `on_view` report.
-pub fn evaluate(
-    backend: &mut dyn Backend,
-    views: &dyn ViewSource,
-    indices: &[usize],
-    options: &RenderOptions,
-    on_view: &mut dyn FnMut(usize, &RenderedImage) -> Result<Control>,
-) -> Result<Evaluated> {
-    let mut per_view: Vec<ViewQuality> = Vec::new();
-    for batch in indices.chunks(EVAL_BATCH) {
-        views.prefetch(batch);
-        let mut images = Vec::new();
-        for &view in batch {
-            let image = backend.render(&views.camera(view), options)?;
-            if on_view(view, &image)? == Control::Stop {
-                return Ok(Evaluated::Stopped);
-            }
-            images.push((view, image));
-        }
-        let figures = images.par_iter().map(|(view, image)| {
-            let target = views.target(*view)?;
-            let quality = || quality_of(views.name(*view), &image.rgb, &target);
-            Ok(target.has_pixels_that_count().then(quality))
-        });
-        per_view.extend(figures.collect::<Result<Vec<_>>>()?.into_iter().flatten());
-    }
-    Ok(Evaluation::from_views(per_view).map_or(Evaluated::Nothing, Evaluated::Figures))
 }

@@ -1,5 +1,8 @@
 //! Comparison of arrays with a counted band for entries next to a discontinuity.
 #![allow(dead_code, reason = "each test binary uses a part")]
+#![allow(clippy::unwrap_used, reason = "a failing test may panic")]
+
+pub mod training;
 
 /// How two arrays differ, relative to the largest magnitude of the expected one.
 #[derive(Debug)]

@@ -1,0 +1,54 @@
+//! Renders views and compares them with their photos.
+
+use super::events::Control;
+use crate::Result;
+use crate::backend::{Backend, RenderOptions, RenderedImage};
+use crate::eval::{Evaluation, ViewQuality, quality_of};
+use crate::views::ViewSource;
+use rayon::prelude::*;
+
+/// Views whose pictures are held at once.
+const EVAL_BATCH: usize = 4;
+
+/// Outcome of [`evaluate`].
+pub enum Evaluated {
+    /// Figures of the views that have pixels to compare.
+    Figures(Evaluation),
+    /// There are none.
+    Nothing,
+    /// The consumer stopped it.
+    Stopped,
+}
+
+/// Renders views and compares them with their photos; `on_view` sees each picture. Views of which the
+/// mask leaves nothing are rendered but have no figures.
+///
+/// # Errors
+/// Whatever the backend, the views or `on_view` report.
+pub fn evaluate(
+    backend: &mut dyn Backend,
+    views: &dyn ViewSource,
+    indices: &[usize],
+    options: &RenderOptions,
+    on_view: &mut dyn FnMut(usize, &RenderedImage) -> Result<Control>,
+) -> Result<Evaluated> {
+    let mut per_view: Vec<ViewQuality> = Vec::new();
+    for batch in indices.chunks(EVAL_BATCH) {
+        views.prefetch(batch);
+        let mut images = Vec::new();
+        for &view in batch {
+            let image = backend.render(&views.camera(view), options)?;
+            if on_view(view, &image)? == Control::Stop {
+                return Ok(Evaluated::Stopped);
+            }
+            images.push((view, image));
+        }
+        let figures = images.par_iter().map(|(view, image)| {
+            let target = views.target(*view)?;
+            let quality = || quality_of(views.name(*view), &image.rgb, &target);
+            Ok(target.has_pixels_that_count().then(quality))
+        });
+        per_view.extend(figures.collect::<Result<Vec<_>>>()?.into_iter().flatten());
+    }
+    Ok(Evaluation::from_views(per_view).map_or(Evaluated::Nothing, Evaluated::Figures))
+}

@@ -1,0 +1,82 @@
+//! The order in which views are drawn: each epoch is a permutation of the training views that follows
+//! from the seed and the number of the epoch alone.
+
+use super::state::TrainState;
+use rand::SeedableRng as _;
+use rand::seq::SliceRandom as _;
+use rand_pcg::Pcg64Mcg;
+
+/// A place in the endless sequence of views. It is a copy of what a [`TrainState`] says, so that views
+/// can be drawn ahead; the state follows by [`ViewOrder::store`] once their steps are done.
+pub(super) struct ViewOrder<'a> {
+    seed: u64,
+    train_views: &'a [usize],
+    order: Vec<u32>,
+    used: u32,
+    epochs: u32,
+}
+
+impl<'a> ViewOrder<'a> {
+    /// The place after the steps of `state`; `train_views` must not be empty.
+    pub fn after(state: &TrainState, seed: u64, train_views: &'a [usize]) -> Self {
+        let order = state.epoch_order.clone();
+        Self { seed, train_views, order, used: state.epoch_used, epochs: state.epochs }
+    }
+
+    /// Makes this the place of `state`.
+    pub fn store(self, state: &mut TrainState) {
+        (state.epoch_order, state.epoch_used, state.epochs) = (self.order, self.used, self.epochs);
+    }
+}
+
+impl Iterator for ViewOrder<'_> {
+    type Item = usize;
+
+    /// Never ends.
+    fn next(&mut self) -> Option<usize> {
+        if self.used as usize >= self.order.len() {
+            let stream = 0x7669_6577_u64 << 32 | u64::from(self.epochs);
+            let mut rng = Pcg64Mcg::seed_from_u64(self.seed ^ stream.wrapping_mul(0x9E37_79B9_7F4A_7C15));
+            self.order = self.train_views.iter().map(|&v| v as u32).collect();
+            self.order.shuffle(&mut rng);
+            self.epochs += 1;
+            self.used = 0;
+        }
+        let view = self.order[self.used as usize] as usize;
+        self.used += 1;
+        Some(view)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::selftest::{SceneOptions, random_scene};
+
+    #[test]
+    fn drawing_ahead_and_storing_anywhere_draws_the_same_views() {
+        let scene = random_scene(&SceneOptions { num_splats: 1, ..SceneOptions::default() });
+        let fresh = TrainState::fresh(scene.model);
+        let views = [1, 2, 4, 7, 8];
+        let draw = |state: &TrainState, seed, count| -> Vec<usize> {
+            ViewOrder::after(state, seed, &views).take(count).collect()
+        };
+        let whole = draw(&fresh, 42, 23);
+        for epoch in whole.chunks_exact(5) {
+            let mut sorted = epoch.to_vec();
+            sorted.sort_unstable();
+            assert_eq!(sorted, views, "an epoch has each view once");
+        }
+        assert_ne!(whole[..5], whole[5..10], "epochs differ");
+        // At 5, 10 and 15 an epoch is used up and the next one not begun.
+        for done in 0..=16 {
+            let mut state = fresh.clone();
+            let mut order = ViewOrder::after(&state, 42, &views);
+            order.by_ref().take(done).for_each(drop);
+            order.store(&mut state);
+            assert_eq!(draw(&state, 42, 7), whole[done..done + 7], "after {done}");
+        }
+        // Negative control.
+        assert_ne!(draw(&fresh, 43, 23), whole);
+    }
+}
