@@ -1,9 +1,12 @@
 //! `litetex devices`, and the choice of a backend by name.
 
 use super::table::{Table, print_json};
-use litetex_gs::backend::{Backend, DeviceInfo};
+use litetex_gs::backend::Backend;
 use litetex_gs::cpu::CpuBackend;
-use litetex_gs::{Error, Result};
+#[cfg(not(feature = "gpu"))]
+use litetex_gs::Error;
+use litetex_gs::Result;
+use serde::Serialize;
 
 /// List where training and rendering can run
 #[derive(clap::Args)]
@@ -11,6 +14,16 @@ pub struct DevicesArgs {
     /// As JSON
     #[arg(long)]
     json: bool,
+}
+
+/// A device and what `--device auto` makes of it.
+#[derive(Serialize)]
+struct Listed {
+    name: String,
+    description: String,
+    auto: bool,
+    /// Why `auto` takes it or not.
+    why: String,
 }
 
 /// Prints the devices.
@@ -21,37 +34,80 @@ pub fn run(args: &DevicesArgs) -> anyhow::Result<()> {
     }
     let mut table = Table::default();
     for device in &devices {
-        table.row(&device.name, &device.description);
+        let mark = if device.auto { "taken by auto: " } else { "" };
+        table.row(&device.name, format!("{} ({mark}{})", device.description, device.why));
     }
     Ok(table.print()?)
 }
 
-/// What `--device` accepts besides `auto`; the first is what `auto` takes.
-fn available() -> Result<Vec<DeviceInfo>> {
-    Ok(vec![open_cpu()?.device()])
+/// What `--device` accepts besides `auto` and `gpu`, best first.
+fn available() -> Result<Vec<Listed>> {
+    let mut out: Vec<Listed> = Vec::new();
+    for gpu in gpus() {
+        let auto = out.is_empty() && gpu.hardware;
+        let why = match (auto, gpu.hardware) {
+            (true, _) => "the best hardware GPU",
+            (false, true) => "hardware, but another GPU is ranked before it",
+            (false, false) => "runs on the processor, slower than \"cpu\": taken only by name",
+        };
+        out.push(Listed { name: gpu.name, description: gpu.description, auto, why: why.into() });
+    }
+    let cpu = open_cpu()?.device();
+    let auto = !out.iter().any(|d| d.auto);
+    let why = if auto { "no hardware GPU was found" } else { "taken by name, or where there is no GPU" };
+    let at = out.iter().position(|d| !d.auto && d.why.starts_with("runs")).unwrap_or(out.len());
+    out.insert(at, Listed { name: cpu.name, description: cpu.description, auto, why: why.into() });
+    Ok(out)
 }
 
 /// Makes the backend that `--device` names.
 ///
 /// # Errors
-/// [`Error::Unsupported`] for a device that is not there.
+/// [`Error::Unsupported`] for a device that is not there, [`Error::Device`] if it cannot be opened.
 pub fn open(name: &str) -> Result<Box<dyn Backend>> {
     match name {
-        "auto" | "cpu" => open_cpu(),
-        other => {
-            let known: Vec<String> = available()?.into_iter().map(|d| format!("{:?}", d.name)).collect();
-            Err(Error::unsupported(
-                "--device",
-                format!(
-                    "{other:?} is not a device of this build; there is \"auto\", {}; see \"litetex devices\"",
-                    known.join(", ")
-                ),
-            ))
-        }
+        "cpu" => open_cpu(),
+        "auto" if !gpus().iter().any(|gpu| gpu.hardware) => open_cpu(),
+        "auto" => open_gpu("gpu"),
+        other => open_gpu(other),
     }
 }
 
 fn open_cpu() -> Result<Box<dyn Backend>> {
     // `--threads` has set the size of rayon's pool; the backend follows it.
     Ok(Box::new(CpuBackend::new(Some(rayon::current_num_threads()))?))
+}
+
+#[cfg(feature = "gpu")]
+fn gpus() -> Vec<litetex_gs::gpu::AdapterChoice> {
+    litetex_gs::gpu::list_adapters()
+}
+
+#[cfg(feature = "gpu")]
+fn open_gpu(name: &str) -> Result<Box<dyn Backend>> {
+    use litetex_gs::gpu::{GpuBackend, GpuDevice, GpuOptions, Limits, find_adapter};
+    let limits = if std::env::var_os("LITETEX_DOWNLEVEL").is_some() { Limits::Downlevel } else { Limits::Adapter };
+    let device = GpuDevice::open(&find_adapter(name)?, limits)?;
+    Ok(Box::new(GpuBackend::new(device, GpuOptions::default())?))
+}
+
+/// A build without GPUs knows none.
+#[cfg(not(feature = "gpu"))]
+struct NoGpu {
+    name: String,
+    description: String,
+    hardware: bool,
+}
+
+#[cfg(not(feature = "gpu"))]
+fn gpus() -> Vec<NoGpu> {
+    Vec::new()
+}
+
+#[cfg(not(feature = "gpu"))]
+fn open_gpu(name: &str) -> Result<Box<dyn Backend>> {
+    Err(Error::unsupported(
+        "--device",
+        format!("{name:?} is not a device of this build, which has no GPUs; there is \"auto\" and \"cpu\""),
+    ))
 }

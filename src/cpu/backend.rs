@@ -6,7 +6,7 @@ use super::math::BLOCK_PX;
 use super::project::ViewF32;
 use super::simd::SimdLevel;
 use super::structure;
-use super::update::{UpdateInput, collect_gradients, hidden_texture_value, settle, update};
+use super::update::{UpdateInput, hidden_texture_value, settle, update};
 use crate::backend::{
     Backend, DeviceInfo, LossValues, RenderOptions, RenderedImage, StepReport, StepRequest, StructurePlan,
     WindowStatistics,
@@ -30,22 +30,6 @@ pub struct CpuBackend {
     frame: Frame,
     loss: LossBuffers,
     partials: Vec<f32>,
-}
-
-/// Gradients of one view for comparisons.
-pub struct ModelGradients {
-    /// By the splats' parameters.
-    pub splats: SplatArrays,
-    /// By the texels. `[num_texels, 3]`
-    pub texels: Vec<f32>,
-    /// The rendered picture.
-    pub image: RenderedImage,
-    /// Loss terms.
-    pub loss: LossValues,
-    /// Splats that touch a tile.
-    pub visible: Vec<bool>,
-    /// Window statistics of this view alone.
-    pub statistics: WindowStatistics,
 }
 
 /// Which pixels a splat's tiles and row spans cover.
@@ -116,43 +100,6 @@ impl CpuBackend {
     /// Fills the pair counters of the reports (a few per cent slower).
     pub fn count_pairs(&mut self, on: bool) {
         self.count_pairs = on;
-    }
-
-    /// Gradients of one view without an update, for comparisons.
-    ///
-    /// # Errors
-    /// As [`Backend::step`].
-    pub fn gradients(&mut self, request: &StepRequest<'_>) -> Result<ModelGradients> {
-        check_size(request)?;
-        let Self { level, pool, model, frame, loss, partials, .. } = self;
-        pool.install(|| {
-            let view = ViewF32::new(&request.camera, model.near);
-            frame.project(*level, model, view);
-            frame.colours(*level, model, request.sh_degree);
-            frame.raster_for(*level, true, request);
-            let image = frame.image(request.background, None);
-            let terms = frame.loss(*level, loss, request);
-            let mut values = with_regularisers(terms, model, frame, request);
-            (values.distortion, values.normal) = frame.geometry_loss(request);
-            frame.backward(*level, loss, request, partials, true);
-            let input = frame.update_input(*level, model, request, partials, view);
-            total(&mut values, request, &input);
-            let sink = collect_gradients(model, &input);
-            let n = model.num_splats();
-            let mut visible = vec![false; n];
-            frame.visible_ids().iter().for_each(|&id| visible[id as usize] = true);
-            let mut statistics = empty_statistics(n);
-            let (mut scratch_model, mut scratch_adam) = (model.clone(), AdamState::zeros(model));
-            update(&mut scratch_model, &mut scratch_adam, Some(&mut statistics), &input);
-            Ok(ModelGradients {
-                splats: sink.splats,
-                texels: sink.texels,
-                image,
-                loss: values,
-                visible,
-                statistics,
-            })
-        })
     }
 
     /// The pixels that each visible splat is evaluated on, for the test of the bounds.

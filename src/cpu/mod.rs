@@ -21,5 +21,5 @@ mod structure;
 mod tiles;
 mod update;
 
-pub use backend::{CpuBackend, ModelGradients, PairCoverage};
+pub use backend::{CpuBackend, PairCoverage};
 pub use simd::SimdLevel;

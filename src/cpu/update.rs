@@ -160,12 +160,6 @@ pub(super) struct UpdateInput<'a> {
     pub num_pixels: f32,
 }
 
-/// Where gradients go instead of into an update.
-pub(super) struct GradientSink {
-    pub splats: SplatArrays,
-    pub texels: Vec<f32>,
-}
-
 /// Pairs of a projected splat that any pixel contributed to, with their partial sums, in the order of tiles.
 #[inline(always)]
 fn touched_records<'a>(
@@ -382,28 +376,4 @@ fn gather_chunk<S: Simd>(_simd: S, model: &Model, input: &UpdateInput<'_>, first
         out.texels.extend_from_slice(&texels);
     }
     out
-}
-
-/// Gradients of all splats as arrays, for comparisons.
-pub(super) fn collect_gradients(model: &Model, input: &UpdateInput<'_>) -> GradientSink {
-    let n = model.num_splats();
-    let mut sink = GradientSink {
-        splats: SplatArrays::zeros(n, model.splats.sh_degree),
-        texels: vec![0.0; model.textures.texels.len()],
-    };
-    let width = 3 * sh_coefficients(model.splats.sh_degree);
-    for chunk in gather_gradients(model, input) {
-        for g in &chunk.splats {
-            let i = g.id as usize;
-            sink.splats.positions[3 * i..3 * i + 3].copy_from_slice(&g.gradient.position);
-            sink.splats.quaternions[4 * i..4 * i + 4].copy_from_slice(&g.gradient.quaternion);
-            sink.splats.log_scales[2 * i..2 * i + 2].copy_from_slice(&g.gradient.log_scale);
-            sink.splats.opacity_logits[i] = g.gradient.opacity;
-            sink.splats.sh[i * width..(i + 1) * width].copy_from_slice(&g.gradient.sh[..width]);
-            let floats = model.textures.maps[i].floats();
-            let len = floats.len();
-            sink.texels[floats].copy_from_slice(&chunk.texels[g.first_texel..g.first_texel + len]);
-        }
-    }
-    sink
 }

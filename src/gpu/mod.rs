@@ -2,6 +2,7 @@
 //! is who hands them which buffers, in which order, and what comes back.
 
 mod adapter;
+mod backend;
 #[cfg(test)]
 mod compile_tests;
 mod device;
@@ -10,8 +11,15 @@ mod encode;
 mod harness;
 mod kernels;
 mod layout;
+mod model_buffers;
+mod photos;
 mod resources;
 mod shader;
+mod sort;
+mod structure;
+mod uniform;
+mod view_buffers;
 
-pub use adapter::{AdapterChoice, list_adapters};
+pub use adapter::{AdapterChoice, find_adapter, list_adapters};
+pub use backend::{GpuBackend, GpuOptions};
 pub use device::{GpuDevice, Limits};

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a failing test may panic")]
 
 pub mod training;
+pub mod twin;
 
 /// How two arrays differ, relative to the largest magnitude of the expected one.
 #[derive(Debug)]
