@@ -1,40 +1,53 @@
-//! The wgpu backend against the f64 reference and the CPU backend, on every software driver that is installed.
+//! The wgpu backend against the f64 reference, on every software driver that is installed and within the lowest
+//! limits that it may meet.
 #![cfg(feature = "gpu")]
 #![allow(clippy::unwrap_used, reason = "a failing test may panic")]
 
 mod common;
 
-use common::twin::{Observed, WEIGHTS, agree, observe, reference, scenes};
+use common::gpu::{backend, drivers, open};
+use common::twin::{WEIGHTS, agree, observe, reference, scenes};
 use litetex_gs::backend::LossWeights;
-use litetex_gs::gpu::{GpuBackend, GpuDevice, GpuOptions, Limits, list_adapters};
-use litetex_gs::selftest::{Scene, SceneOptions, random_scene};
+use litetex_gs::gpu::{GpuOptions, Limits};
+use litetex_gs::selftest::{SceneOptions, random_scene};
 
 /// Limit of the texels' gradients, rms over that of the reference.
 const TEXEL_RMS: f64 = 1e-3;
 
-/// Backends on all software drivers within the given limits; says so where there is none.
-fn backends(limits: Limits, options: GpuOptions) -> Vec<GpuBackend> {
-    let software: Vec<_> = list_adapters().into_iter().filter(|a| !a.hardware).collect();
-    assert!(
-        software.len() >= 2 || std::env::var_os("LITETEX_REQUIRE_GPU").is_none(),
-        "two software drivers are required, there is {software:?}"
-    );
-    if software.is_empty() {
-        println!("skipped: no software Vulkan driver is installed");
+const NO_GEOMETRY: LossWeights = LossWeights { distortion: 0.0, normal: 0.0, ..WEIGHTS };
+
+#[test]
+fn gpu_matches_the_reference_on_every_driver() {
+    for driver in drivers() {
+        let mut backend = open(&driver, Limits::Downlevel, GpuOptions::default());
+        for options in scenes() {
+            let scene = random_scene(&options);
+            println!("{} {options:?}", driver.name);
+            let got = observe(&mut backend, &scene, &NO_GEOMETRY);
+            let expected = reference(&scene, &NO_GEOMETRY);
+            assert!(agree(&scene, &got, &expected, TEXEL_RMS), "{}, seed {}", driver.name, options.seed);
+        }
     }
-    let open = |a| GpuBackend::new(GpuDevice::open(a, limits).unwrap(), options).unwrap();
-    software.iter().map(open).collect()
 }
 
 #[test]
-fn gpu_matches_the_reference() {
-    let weights = LossWeights { distortion: 0.0, normal: 0.0, ..WEIGHTS };
-    for mut backend in backends(Limits::Downlevel, GpuOptions::default()) {
-        for options in scenes() {
-            let scene = random_scene(&options);
-            println!("{options:?}");
-            let got = observe(&mut backend, &scene, &weights);
-            assert!(agree(&scene, &got, &reference(&scene, &weights), TEXEL_RMS), "seed {}", options.seed);
-        }
+fn splats_through_workgroup_memory_give_the_same_picture() {
+    let scene = random_scene(&SceneOptions { num_splats: 1_500, ..scenes().remove(0) });
+    let observed = [false, true].map(|batched| {
+        let options = GpuOptions { batched_raster: Some(batched), count_pairs: true, ..GpuOptions::default() };
+        backend(options).map(|mut b| observe(&mut b, &scene, &NO_GEOMETRY))
+    });
+    assert_eq!(observed[0], observed[1]);
+}
+
+#[test]
+fn a_small_change_of_the_scene_is_noticed() {
+    let Some(mut backend) = backend(GpuOptions::default()) else { return };
+    let mut scene = random_scene(&SceneOptions { num_splats: 500, ..SceneOptions::default() });
+    let expected = reference(&scene, &NO_GEOMETRY);
+    for logit in &mut scene.model.splats.opacity_logits {
+        *logit += 0.01;
     }
+    let got = observe(&mut backend, &scene, &NO_GEOMETRY);
+    assert!(!agree(&scene, &got, &expected, TEXEL_RMS));
 }

@@ -2,6 +2,8 @@
 #![allow(dead_code, reason = "each test binary uses a part")]
 #![allow(clippy::unwrap_used, reason = "a failing test may panic")]
 
+#[cfg(feature = "gpu")]
+pub mod gpu;
 pub mod training;
 pub mod twin;
 

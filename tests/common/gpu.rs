@@ -1,0 +1,26 @@
+//! Backends on the software drivers that are installed.
+
+use litetex_gs::gpu::{AdapterChoice, GpuBackend, GpuDevice, GpuOptions, Limits, list_adapters};
+
+/// Software drivers: `LITETEX_REQUIRE_GPU` says how many there must be; where there is none, says so.
+pub fn drivers() -> Vec<AdapterChoice> {
+    let software: Vec<_> = list_adapters().into_iter().filter(|a| !a.hardware).collect();
+    let required = std::env::var("LITETEX_REQUIRE_GPU").ok().and_then(|n| n.parse().ok()).unwrap_or(0);
+    let names: Vec<&str> = software.iter().map(|a| a.name.as_str()).collect();
+    assert!(software.len() >= required, "{required} software Vulkan drivers are required, there is {names:?}");
+    if software.is_empty() {
+        println!("skipped: no software Vulkan driver is installed");
+    }
+    software
+}
+
+/// A backend on the first of them, with all limits of the adapter.
+pub fn backend(options: GpuOptions) -> Option<GpuBackend> {
+    let choice = drivers().into_iter().next()?;
+    Some(open(&choice, Limits::Adapter, options))
+}
+
+/// A backend on a driver.
+pub fn open(choice: &AdapterChoice, limits: Limits, options: GpuOptions) -> GpuBackend {
+    GpuBackend::new(GpuDevice::open(choice, limits).unwrap(), options).unwrap()
+}
