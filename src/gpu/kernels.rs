@@ -149,6 +149,14 @@ kernels! {
         write splat_p = SplatP, write splat_m = SplatM, write splat_v = SplatV, read splat_info = SplatInfo,
         write projected = Projected, write bounds = Bounds, write keys_out = KeysA,
     ];
+    LossFwd = "loss_fwd" &[], Tiles, false, [
+        read pixels = Pixels, read photo = Photo, write ssim_maps = SsimMaps, write loss_map = LossMap,
+        write loss_partials = LossPartials,
+    ];
+    LossBwd = "loss_bwd" &[], Tiles, false, [
+        read pixels = Pixels, read photo = Photo, read ssim_maps = SsimMaps, read loss_map = LossMap,
+        write pixel_grad = PixelGrad,
+    ];
 }
 
 impl KernelId {

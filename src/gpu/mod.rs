@@ -8,8 +8,12 @@ mod encode;
 mod harness;
 mod kernels;
 mod layout;
+#[cfg(test)]
+mod loss_tests;
 mod resources;
 mod shader;
+#[cfg(test)]
+mod shader_tests;
 
 pub use adapter::{AdapterChoice, list_adapters};
 pub use device::{GpuDevice, Limits};

@@ -38,6 +38,9 @@ pub const SOURCES: &[(&str, &str)] = sources![
     "common/status",
     "common/step",
     "project",
+    "common/window",
+    "loss_fwd",
+    "loss_bwd",
 ];
 
 /// For whom a shader is expanded: browsers want directives that naga rejects, and the other way round.

@@ -1,0 +1,49 @@
+// Picture and photo under the 11-tap window of SSIM, for a workgroup per tile (twin: `blur` in
+// reference/loss.rs). The window sees sum and difference of picture and photo: where they agree, nothing
+// cancels. Wants `pixels` and `photo` bound.
+
+// A tile with the radius of the window around it: edge, pixels, and those of its rows that are in the tile's
+// columns.
+const HALO_PX = TILE_PX + 2u * SSIM_RADIUS_PX;
+const HALO = HALO_PX * HALO_PX;
+const ACROSS = HALO_PX * TILE_PX;
+// No pixel of the picture.
+const OUTSIDE = 0xffffffffu;
+
+struct Pair {
+    // x + y, x - y
+    sum: vec3f,
+    difference: vec3f,
+}
+
+// Pixel of the picture at an offset from the tile's first.
+fn picture_pixel(tile: u32, offset: vec2i) -> u32 {
+    let px = vec2i(vec2u(tile % step.grid.x, tile / step.grid.x) * TILE_PX) + offset;
+    let inside = all(px >= vec2i(0)) && all(px < vec2i(step.size_px));
+    return select(OUTSIDE, u32(px.y) * step.size_px.x + u32(px.x), inside);
+}
+
+// Pixel of the picture at a place of the halo.
+fn halo_pixel(tile: u32, place: u32) -> u32 {
+    let offset = vec2i(vec2u(place % HALO_PX, place / HALO_PX)) - i32(SSIM_RADIUS_PX);
+    return select(OUTSIDE, picture_pixel(tile, offset), place < HALO);
+}
+
+// Masked pixels count as equal to the photo, those outside the picture as black in both.
+fn pair_at(pixel: u32) -> Pair {
+    if pixel == OUTSIDE {
+        return Pair(vec3f(), vec3f());
+    }
+    let y = unpack4x8unorm(photo[step.photo_offset_px + pixel]);
+    let difference = select(vec3f(), pixels[pixel].xyz - y.xyz, y.w > 0.5);
+    return Pair(difference + 2.0 * y.xyz, difference);
+}
+
+// By text: an array of weights would be indexed at run time.
+fn window(
+    a: vec4f, b: vec4f, c: vec4f, d: vec4f, e: vec4f, middle: vec4f,
+    e1: vec4f, d1: vec4f, c1: vec4f, b1: vec4f, a1: vec4f,
+) -> vec4f {
+    return SSIM_WINDOW[0] * (a + a1) + SSIM_WINDOW[1] * (b + b1) + SSIM_WINDOW[2] * (c + c1)
+        + SSIM_WINDOW[3] * (d + d1) + SSIM_WINDOW[4] * (e + e1) + SSIM_WINDOW[5] * middle;
+}
