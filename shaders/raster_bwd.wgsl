@@ -12,7 +12,7 @@
 #include common/tile
 #include common/hit
 #include common/fixed
-#include common/window
+#include common/texel_window
 
 @group(0) @binding(1) var<storage, read> projected: array<Projected>; // [n]
 @group(0) @binding(2) var<storage, read> pairs: array<vec2u>; // [K] slot, splat; by tile, front to back

@@ -1,42 +1,49 @@
-// The texels that bilinear taps of a splat's pixels in a tile can touch: the map is projective, so that its
-// extremes over a rectangle of pixels lie at the corners while the denominator is positive there.
+// Picture and photo under the 11-tap window of SSIM, for a workgroup per tile (twin: `blur` in
+// reference/loss.rs). The window sees sum and difference of picture and photo: where they agree, nothing
+// cancels. Wants `pixels` and `photo` bound.
 
-struct Window {
-    row0: u32,
-    col0: u32,
-    rows: u32,
-    cols: u32,
+// A tile with the radius of the window around it: edge, pixels, and those of its rows that are in the tile's
+// columns.
+const HALO_PX = TILE_PX + 2u * SSIM_RADIUS_PX;
+const HALO = HALO_PX * HALO_PX;
+const ACROSS = HALO_PX * TILE_PX;
+// No pixel of the picture.
+const OUTSIDE = 0xffffffffu;
+
+struct Pair {
+    // x + y, x - y
+    sum: vec3f,
+    difference: vec3f,
 }
 
-// Windows up to this are gathered through workgroup memory; larger ones get an atomic per tap.
-const GATHERED_TEXELS_MAX = 96u;
-// Maps up to this are kept whole: they fit one round.
-const WHOLE_MAP_TEXELS = 16u;
+// Pixel of the picture at an offset from the tile's first.
+fn picture_pixel(tile: u32, offset: vec2i) -> u32 {
+    let px = vec2i(vec2u(tile % step.grid.x, tile / step.grid.x) * TILE_PX) + offset;
+    let inside = all(px >= vec2i(0)) && all(px < vec2i(step.size_px));
+    return select(OUTSIDE, u32(px.y) * step.size_px.x + u32(px.x), inside);
+}
 
-fn texel_window(s: Projected, origin_px: vec2u) -> Window {
-    let size = vec2u(map_rows(s.map_size), map_cols(s.map_size));
-    let whole = Window(0u, 0u, size.x, size.y);
-    if size.x * size.y <= WHOLE_MAP_TEXELS {
-        return whole;
+// Pixel of the picture at a place of the halo.
+fn halo_pixel(tile: u32, place: u32) -> u32 {
+    let offset = vec2i(vec2u(place % HALO_PX, place / HALO_PX)) - i32(SSIM_RADIUS_PX);
+    return select(OUTSIDE, picture_pixel(tile, offset), place < HALO);
+}
+
+// Masked pixels count as equal to the photo, those outside the picture as black in both.
+fn pair_at(pixel: u32) -> Pair {
+    if pixel == OUTSIDE {
+        return Pair(vec3f(), vec3f());
     }
-    let low_px = max(vec2f(unpack_px(s.box_min)), vec2f(origin_px)) - s.centre_px;
-    let high_px = min(vec2f(unpack_px(s.box_max)), vec2f(origin_px + TILE_PX)) - s.centre_px;
-    var low = vec2f(1e30);
-    var high = vec2f(-1e30);
-    for (var corner = 0u; corner < 4u; corner += 1u) {
-        let offset = select(low_px, high_px, vec2<bool>((corner & 1u) != 0u, (corner & 2u) != 0u));
-        let denominator = 1.0 + dot(s.g, offset);
-        if denominator < 1e-2 {
-            return whole;
-        }
-        let plane = vec2f(dot(s.a, offset), dot(s.b, offset)) / denominator;
-        let texel = plane * s.texels_per_sigma + (vec2f(size) - 1.0) * 0.5;
-        low = min(low, texel);
-        high = max(high, texel);
-    }
-    // A hundredth of a texel of slack for rounding.
-    let limit = vec2f(size);
-    let first = clamp(floor(low - 0.01), vec2f(0.0), limit);
-    let past = clamp(floor(high + 0.01) + 2.0, first, limit);
-    return Window(u32(first.x), u32(first.y), u32(past.x - first.x), u32(past.y - first.y));
+    let y = unpack4x8unorm(photo[step.photo_offset_px + pixel]);
+    let difference = select(vec3f(), pixels[pixel].xyz - y.xyz, y.w > 0.5);
+    return Pair(difference + 2.0 * y.xyz, difference);
+}
+
+// By text: an array of weights would be indexed at run time.
+fn window(
+    a: vec4f, b: vec4f, c: vec4f, d: vec4f, e: vec4f, middle: vec4f,
+    e1: vec4f, d1: vec4f, c1: vec4f, b1: vec4f, a1: vec4f,
+) -> vec4f {
+    return SSIM_WINDOW[0] * (a + a1) + SSIM_WINDOW[1] * (b + b1) + SSIM_WINDOW[2] * (c + c1)
+        + SSIM_WINDOW[3] * (d + d1) + SSIM_WINDOW[4] * (e + e1) + SSIM_WINDOW[5] * middle;
 }

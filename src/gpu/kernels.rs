@@ -206,6 +206,14 @@ kernels! {
         read sources = Sources, read old_info = OldSplatInfo, write splat_info = SplatInfo,
         read old_values = OldValues, write new_values = NewValues, read scales = Scales,
     ];
+    LossFwd = "loss_fwd" &[], Tiles, false, [
+        read pixels = Pixels, read photo = Photo, write ssim_maps = SsimMaps, write loss_map = LossMap,
+        write loss_partials = LossPartials,
+    ];
+    LossBwd = "loss_bwd" &[], Tiles, false, [
+        read pixels = Pixels, read photo = Photo, read ssim_maps = SsimMaps, read loss_map = LossMap,
+        write pixel_grad = PixelGrad,
+    ];
 }
 
 impl KernelId {

@@ -11,10 +11,14 @@ mod encode;
 mod harness;
 mod kernels;
 mod layout;
+#[cfg(test)]
+mod loss_tests;
 mod model_buffers;
 mod photos;
 mod resources;
 mod shader;
+#[cfg(test)]
+mod shader_tests;
 mod sort;
 mod structure;
 mod uniform;

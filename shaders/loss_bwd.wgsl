@@ -1,0 +1,103 @@
+// Derivative of the loss by the picture, from the maps of `loss_fwd`: the window is its own adjoint (twin:
+// reference/loss.rs). A workgroup per tile, an invocation per pixel.
+
+#constants
+#include common/step
+#include common/window
+
+@group(0) @binding(1) var<storage, read> pixels: array<vec4f>; // [h, w] r, g, b, transmittance
+@group(0) @binding(2) var<storage, read> photo: array<u32>; // [pool] r | g << 8 | b << 16 | a << 24
+@group(0) @binding(3) var<storage, read> ssim_maps: array<f32>; // [3 channels, 3, h, w]
+@group(0) @binding(4) var<storage, read> loss_map: array<f32>; // [h, w]
+@group(0) @binding(5) var<storage, read_write> pixel_grad: array<vec4f>; // [h, w] by r, g, b; loss_map
+
+// The three maps of a channel, and blurred along x; in two parts, because a vec3f takes the room of a vec4f.
+var<workgroup> halo_xy: array<vec2f, HALO>;
+var<workgroup> halo_z: array<f32, HALO>;
+var<workgroup> across_xy: array<vec2f, ACROSS>;
+var<workgroup> across_z: array<f32, ACROSS>;
+
+@compute @workgroup_size(GROUP)
+fn loss_bwd(
+    @builtin(workgroup_id) wid: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) lid: u32,
+) {
+    let tile = wid.x + wid.y * groups.x;
+    let pixel0 = halo_pixel(tile, lid);
+    let pixel1 = halo_pixel(tile, lid + GROUP);
+    let pixel2 = halo_pixel(tile, lid + 2u * GROUP);
+    let pixel = picture_pixel(tile, vec2i(vec2u(lid % TILE_PX, lid / TILE_PX)));
+    let pair = pair_at(pixel);
+    var gradient = vec3f();
+    for (var c = 0u; c < 3u; c += 1u) {
+        stage(c, lid, pixel0);
+        stage(c, lid + GROUP, pixel1);
+        if lid + 2u * GROUP < HALO {
+            stage(c, lid + 2u * GROUP, pixel2);
+        }
+        workgroupBarrier();
+        if 2u * lid < ACROSS {
+            blur_across(2u * lid);
+        }
+        workgroupBarrier();
+        let slopes = blurred_down(lid);
+        gradient[c] = slopes.x + pair.sum[c] * slopes.y + pair.difference[c] * slopes.z;
+    }
+    if pixel != OUTSIDE {
+        let per = 1.0 / (3.0 * f32(step.size_px.x * step.size_px.y));
+        let d = pair.difference;
+        gradient += per * (step.loss_l1 * sign(d) + 2.0 * step.loss_mse * d);
+        let kept = photo[step.photo_offset_px + pixel] >= 0x80000000u;
+        pixel_grad[pixel] = vec4f(select(vec3f(), gradient, kept), loss_map[pixel]);
+    }
+}
+
+// Outside the picture there are no windows.
+fn stage(c: u32, place: u32, pixel: u32) {
+    var maps = vec3f();
+    if pixel != OUTSIDE {
+        let num_pixels = step.size_px.x * step.size_px.y;
+        let at = 3u * c * num_pixels + pixel;
+        maps = vec3f(ssim_maps[at], ssim_maps[at + num_pixels], ssim_maps[at + 2u * num_pixels]);
+    }
+    halo_xy[place] = maps.xy;
+    halo_z[place] = maps.z;
+}
+
+// Two neighbours in a row share most of their windows.
+fn blur_across(i: u32) {
+    let at = i / TILE_PX * HALO_PX + i % TILE_PX;
+    let a = tap(at);
+    let b = tap(at + 1u);
+    let c = tap(at + 2u);
+    let d = tap(at + 3u);
+    let e = tap(at + 4u);
+    let f = tap(at + 5u);
+    let g = tap(at + 6u);
+    let h = tap(at + 7u);
+    let k = tap(at + 8u);
+    let l = tap(at + 9u);
+    let m = tap(at + 10u);
+    let first = window(a, b, c, d, e, f, g, h, k, l, m);
+    let second = window(b, c, d, e, f, g, h, k, l, m, tap(at + 11u));
+    across_xy[i] = first.xy;
+    across_z[i] = first.z;
+    across_xy[i + 1u] = second.xy;
+    across_z[i + 1u] = second.z;
+}
+
+fn tap(at: u32) -> vec4f {
+    return vec4f(halo_xy[at], halo_z[at], 0.0);
+}
+
+fn row(i: u32, k: u32) -> vec4f {
+    return vec4f(across_xy[i + k * TILE_PX], across_z[i + k * TILE_PX], 0.0);
+}
+
+fn blurred_down(i: u32) -> vec4f {
+    return window(
+        row(i, 0u), row(i, 1u), row(i, 2u), row(i, 3u), row(i, 4u), row(i, 5u),
+        row(i, 6u), row(i, 7u), row(i, 8u), row(i, 9u), row(i, 10u),
+    );
+}

@@ -1,0 +1,132 @@
+// L1, SSIM and squared difference of picture and photo, and the derivatives of SSIM by the means under each
+// window (twin: reference/loss.rs). A workgroup per tile, an invocation per pixel; `loss_bwd` follows.
+
+#constants
+#include common/step
+#include common/window
+
+@group(0) @binding(1) var<storage, read> pixels: array<vec4f>; // [h, w] r, g, b, transmittance
+@group(0) @binding(2) var<storage, read> photo: array<u32>; // [pool] r | g << 8 | b << 16 | a << 24
+@group(0) @binding(3) var<storage, read_write> ssim_maps: array<f32>; // [3 channels, 3, h, w]
+@group(0) @binding(4) var<storage, read_write> loss_map: array<f32>; // [h, w] l1 and dssim terms
+@group(0) @binding(5) var<storage, read_write> loss_partials: array<vec4f>; // [tiles] |d|, 1 - SSIM, d^2
+
+var<workgroup> halo: array<vec2f, HALO>; // sum and difference of a channel
+var<workgroup> across: array<vec4f, ACROSS>; // blurred along x: sum, difference, their squares
+
+// 1 - SSIM, and what SSIM changes by: (mean) + (sum) * sum + (difference) * difference of a pixel.
+struct Similarity {
+    loss: f32,
+    slopes: vec3f,
+}
+
+@compute @workgroup_size(GROUP)
+fn loss_fwd(
+    @builtin(workgroup_id) wid: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) lid: u32,
+) {
+    let tile = wid.x + wid.y * groups.x;
+    let pair0 = pair_at(halo_pixel(tile, lid));
+    let pair1 = pair_at(halo_pixel(tile, lid + GROUP));
+    let pair2 = pair_at(halo_pixel(tile, lid + 2u * GROUP));
+    let x = lid % TILE_PX;
+    let y = lid / TILE_PX;
+    let pixel = picture_pixel(tile, vec2i(vec2u(x, y)));
+    let num_pixels = step.size_px.x * step.size_px.y;
+    let scale = -step.loss_dssim / (3.0 * f32(num_pixels));
+    var sums = vec3f();
+    for (var c = 0u; c < 3u; c += 1u) {
+        halo[lid] = vec2f(pair0.sum[c], pair0.difference[c]);
+        halo[lid + GROUP] = vec2f(pair1.sum[c], pair1.difference[c]);
+        if lid + 2u * GROUP < HALO {
+            halo[lid + 2u * GROUP] = vec2f(pair2.sum[c], pair2.difference[c]);
+        }
+        workgroupBarrier();
+        let d = halo[(y + SSIM_RADIUS_PX) * HALO_PX + x + SSIM_RADIUS_PX].y;
+        if 2u * lid < ACROSS {
+            blur_across(2u * lid);
+        }
+        workgroupBarrier();
+        if pixel != OUTSIDE {
+            let here = similarity(blurred_down(lid));
+            let at = 3u * c * num_pixels + pixel;
+            ssim_maps[at] = scale * here.slopes.x;
+            ssim_maps[at + num_pixels] = scale * here.slopes.y;
+            ssim_maps[at + 2u * num_pixels] = scale * here.slopes.z;
+            sums += vec3f(abs(d), here.loss, d * d);
+        }
+    }
+    if pixel != OUTSIDE {
+        loss_map[pixel] = (step.loss_l1 * sums.x + step.loss_dssim * sums.y) / 3.0;
+    }
+    // Rows first, then their sums: the same order whatever the schedule.
+    workgroupBarrier();
+    across[lid] = vec4f(sums, 0.0);
+    workgroupBarrier();
+    if lid < TILE_PX {
+        across[GROUP + lid] = sum16(lid * TILE_PX);
+    }
+    workgroupBarrier();
+    if lid == 0u && tile < step.grid.x * step.grid.y {
+        loss_partials[tile] = sum16(GROUP);
+    }
+}
+
+fn sum16(first: u32) -> vec4f {
+    var sum = vec4f();
+    for (var k = 0u; k < 16u; k += 1u) {
+        sum += across[first + k];
+    }
+    return sum;
+}
+
+// Two neighbours in a row share most of their windows.
+fn blur_across(i: u32) {
+    let at = i / TILE_PX * HALO_PX + i % TILE_PX;
+    let a = tap(at);
+    let b = tap(at + 1u);
+    let c = tap(at + 2u);
+    let d = tap(at + 3u);
+    let e = tap(at + 4u);
+    let f = tap(at + 5u);
+    let g = tap(at + 6u);
+    let h = tap(at + 7u);
+    let k = tap(at + 8u);
+    let l = tap(at + 9u);
+    let m = tap(at + 10u);
+    across[i] = window(a, b, c, d, e, f, g, h, k, l, m);
+    across[i + 1u] = window(b, c, d, e, f, g, h, k, l, m, tap(at + 11u));
+}
+
+fn tap(at: u32) -> vec4f {
+    return vec4f(halo[at], halo[at] * halo[at]);
+}
+
+fn row(i: u32, k: u32) -> vec4f {
+    return across[i + k * TILE_PX];
+}
+
+fn blurred_down(i: u32) -> vec4f {
+    return window(
+        row(i, 0u), row(i, 1u), row(i, 2u), row(i, 3u), row(i, 4u), row(i, 5u),
+        row(i, 6u), row(i, 7u), row(i, 8u), row(i, 9u), row(i, 10u),
+    );
+}
+
+// With u = x + y and v = x - y: 2 mx my = (mu^2 - mv^2) / 2, 2 cov = (var u - var v) / 2, and the same with
+// plus in the denominators; so 1 - SSIM has terms in mv^2 and var v alone.
+fn similarity(mean: vec4f) -> Similarity {
+    let u = mean.x;
+    let v = mean.y;
+    // Variances are non-negative but for rounding.
+    let variance = max(mean.zw - mean.xy * mean.xy, vec2f(0.0));
+    let a1 = 0.5 * (u * u - v * v) + SSIM_C1;
+    let b1 = 0.5 * (u * u + v * v) + SSIM_C1;
+    let a2 = 0.5 * (variance.x - variance.y) + SSIM_C2;
+    let b2 = 0.5 * (variance.x + variance.y) + SSIM_C2;
+    let per = 1.0 / (b1 * b2);
+    let by_squares = a1 * per / b2 * vec2f(variance.y, -variance.x - 2.0 * SSIM_C2);
+    let by_mean = a2 * per / b1 * v * (u * v - u * u - 2.0 * SSIM_C1) - dot(mean.xy, by_squares);
+    return Similarity((b1 * variance.y + a2 * v * v) * per, vec3f(by_mean, by_squares));
+}

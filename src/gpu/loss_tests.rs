@@ -1,0 +1,223 @@
+//! The kernels of the image loss against `reference::image_loss`.
+
+use super::encode::Dispatch;
+use super::harness::Harness;
+use super::kernels::{Buf, Groups, KernelId};
+use super::layout::StepUniform;
+use super::resources::Offsets;
+use super::shader::TILE_PX;
+use crate::backend::{LossWeights, TargetImage};
+use crate::reference::{ImageLoss, image_loss};
+use rand::{Rng, RngExt, SeedableRng};
+
+/// Photos of other views before this one's.
+const PHOTO_OFFSET_PX: usize = 5;
+
+/// What a picture starts from, before noise is added.
+#[derive(Clone, Copy, PartialEq)]
+enum Start {
+    /// Nothing: it has nothing to do with the photo.
+    Noise,
+    /// The photo, nearly: where SSIM cancels.
+    Photo,
+}
+
+struct Case {
+    /// As f32, as the kernels see it. `[height, width, 3]`
+    rgb: Vec<f32>,
+    target: TargetImage,
+    weights: LossWeights,
+}
+
+/// What the kernels leave.
+struct Outcome {
+    /// Weighted l1, dssim and mse.
+    values: [f64; 3],
+    /// `[height, width, 4]`
+    gradient: Vec<[f32; 4]>,
+    map: Vec<f32>,
+    /// Bits of the derivative maps.
+    ssim_maps: Vec<u32>,
+}
+
+fn case(size: (u32, u32), masked: bool, start: Start, weights: [f32; 3], seed: u64) -> Case {
+    let mut random = rand_pcg::Pcg64Mcg::seed_from_u64(seed);
+    let num_pixels = (size.0 * size.1) as usize;
+    // Smooth parts, noise and saturated values.
+    let mut photo: Vec<u8> = (0..3 * num_pixels)
+        .map(|i| match (i / 3 / 8) % 4 {
+            0 => random.next_u32() as u8,
+            1 => 120 + (i % 5) as u8,
+            2 => 255,
+            _ => 0,
+        })
+        .collect();
+    let mask = masked.then(|| (0..num_pixels).map(|_| if random.random::<f32>() < 0.3 { 0 } else { 255 }));
+    let mask = mask.map(|m| m.collect::<Vec<u8>>());
+    let mut rgb: Vec<f32> = photo
+        .iter()
+        .map(|&v| match start {
+            Start::Noise => random.random::<f32>() * 1.2 - 0.1,
+            Start::Photo => f32::from(v) / 255.0 + random.random::<f32>() * 0.02 - 0.01,
+        })
+        .collect();
+    // Differences of exactly zero, whose sign is zero.
+    photo[0] = 255;
+    rgb[0] = 1.0;
+    let target = TargetImage { width_px: size.0, height_px: size.1, rgb: photo, mask };
+    let [l1, dssim, mse] = weights;
+    Case { rgb, target, weights: LossWeights { l1, dssim, mse, ..LossWeights::default() } }
+}
+
+fn packed_photo(target: &TargetImage) -> Vec<u32> {
+    let pixels = target.rgb.as_chunks::<3>().0.iter().enumerate().map(|(i, &[r, g, b])| {
+        let a = target.mask.as_ref().map_or(255, |m| m[i]);
+        u32::from_le_bytes([r, g, b, a])
+    });
+    std::iter::repeat_n(0x1234_5678, PHOTO_OFFSET_PX).chain(pixels).collect()
+}
+
+/// Fills the buffers; a row of workgroups more than there are tiles.
+fn prepare(harness: &mut Harness, case: &Case) -> usize {
+    let (w, h) = (case.target.width_px, case.target.height_px);
+    let grid = [w.div_ceil(TILE_PX), h.div_ceil(TILE_PX)];
+    let (num_pixels, num_tiles) = ((w * h) as usize, (grid[0] * grid[1]) as usize);
+    let pixels: Vec<[f32; 4]> = case.rgb.as_chunks::<3>().0.iter().map(|&[r, g, b]| [r, g, b, 0.7]).collect();
+    harness.fill(Buf::Pixels, &pixels);
+    harness.fill(Buf::Photo, &packed_photo(&case.target));
+    // Every value that is read must have been written.
+    harness.fill(Buf::SsimMaps, &vec![f32::NAN; 9 * num_pixels]);
+    harness.fill(Buf::LossMap, &vec![f32::NAN; num_pixels]);
+    harness.fill(Buf::LossPartials, &vec![[f32::NAN; 4]; num_tiles]);
+    harness.fill(Buf::PixelGrad, &vec![[f32::NAN; 4]; num_pixels]);
+    let step = StepUniform {
+        size_px: [w, h],
+        grid,
+        photo_offset_px: PHOTO_OFFSET_PX as u32,
+        loss_l1: case.weights.l1,
+        loss_dssim: case.weights.dssim,
+        loss_mse: case.weights.mse,
+        ..StepUniform::default()
+    };
+    harness.set_step(0, &step);
+    harness.set_groups(Groups::Tiles, 3, (num_tiles as u32).div_ceil(3) + 1);
+    num_tiles
+}
+
+fn run(harness: &mut Harness, case: &Case) -> Outcome {
+    let num_tiles = prepare(harness, case);
+    let num_pixels = case.rgb.len() / 3;
+    let of = |id| Dispatch::new(id, Offsets::default());
+    harness.run(&[of(KernelId::LossFwd), of(KernelId::LossBwd)]);
+    let partials: Vec<[f32; 4]> = harness.read(Buf::LossPartials, num_tiles);
+    let weights = [case.weights.l1, case.weights.dssim, case.weights.mse].map(f64::from);
+    let sum = |k: usize| partials.iter().map(|p| f64::from(p[k])).sum::<f64>();
+    Outcome {
+        values: std::array::from_fn(|k| weights[k] * sum(k) / case.rgb.len() as f64),
+        gradient: harness.read(Buf::PixelGrad, num_pixels),
+        map: harness.read(Buf::LossMap, num_pixels),
+        ssim_maps: harness.read(Buf::SsimMaps, 9 * num_pixels),
+    }
+}
+
+/// Largest error of values, of the gradient as a fraction of its largest entry, and of the map.
+fn errors(outcome: &Outcome, expected: &ImageLoss) -> [f64; 3] {
+    let most =
+        |v: &mut dyn Iterator<Item = f64>| v.fold(0.0, |a: f64, b| if b >= a || b.is_nan() { b } else { a });
+    let values = [expected.values.l1, expected.values.dssim, expected.values.mse];
+    let largest = most(&mut expected.gradient.iter().map(|g| g.abs())).max(1e-30);
+    let gradient = outcome.gradient.iter().flat_map(|g| &g[..3]).zip(&expected.gradient);
+    let maps = outcome
+        .map
+        .iter()
+        .zip(&expected.map)
+        .chain(outcome.gradient.iter().map(|g| &g[3]).zip(&expected.map));
+    [
+        most(&mut outcome.values.iter().zip(values).map(|(a, b)| (a - b).abs())),
+        most(&mut gradient.map(|(&a, b)| (f64::from(a) - b).abs() / largest)),
+        most(&mut maps.map(|(&a, b)| (f64::from(a) - b).abs())),
+    ]
+}
+
+fn expected(case: &Case) -> ImageLoss {
+    let rgb: Vec<f64> = case.rgb.iter().map(|&v| f64::from(v)).collect();
+    image_loss(&rgb, &case.target, &case.weights)
+}
+
+/// Of values, gradients and maps; three times what the cases below need, 4.9e-8, 3.6e-6 and 6.3e-7. The
+/// gradient's need is that of a picture which nearly is the photo: the photo's values are rounded to f32.
+const TOLERANCES: [f64; 3] = [1.5e-7, 1.1e-5, 1.9e-6];
+
+fn agrees(found: &[f64; 3]) -> [bool; 3] {
+    std::array::from_fn(|k| found[k] <= TOLERANCES[k])
+}
+
+const WEIGHTS: [[f32; 3]; 6] =
+    [[0.8, 0.2, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.5, 0.3, 0.7], [0.0; 3]];
+
+#[test]
+fn loss_is_that_of_the_reference() {
+    let Some(mut harness) = Harness::new(&[KernelId::LossFwd, KernelId::LossBwd]) else { return };
+    let mut need = [0.0_f64; 3];
+    let mut seed = 1;
+    for size in [(1, 1), (16, 16), (37, 23), (83, 61)] {
+        for (masked, start) in [false, true].map(|m| [(m, Start::Noise), (m, Start::Photo)]).concat() {
+            for weights in WEIGHTS {
+                seed += 1;
+                let case = case(size, masked, start, weights, seed);
+                let outcome = run(&mut harness, &case);
+                let found = errors(&outcome, &expected(&case));
+                assert_eq!(agrees(&found), [true; 3], "{size:?}, mask {masked}, {weights:?}: {found:?}");
+                need = std::array::from_fn(|k| need[k].max(found[k]));
+                let zero = outcome.ssim_maps.iter().all(|bits| bits & 0x7fff_ffff == 0);
+                assert!(zero || weights[1] > 0.0, "maps without an SSIM term");
+            }
+        }
+    }
+    println!("need {need:?}");
+}
+
+#[test]
+fn a_perturbed_picture_mask_or_weight_is_noticed() {
+    let Some(mut harness) = Harness::new(&[KernelId::LossFwd, KernelId::LossBwd]) else { return };
+    let original = || case((37, 23), true, Start::Noise, [0.5, 0.3, 0.7], 7);
+    let reference = expected(&original());
+    let mut found = |change: &dyn Fn(&mut Case)| {
+        let mut changed = original();
+        change(&mut changed);
+        agrees(&errors(&run(&mut harness, &changed), &reference))
+    };
+    assert_eq!(found(&|_| {}), [true; 3]);
+    // One value of 2553, in a pixel that counts.
+    let at = original().target.mask.unwrap().iter().rposition(|&m| m != 0).unwrap();
+    assert_eq!(found(&|c| c.rgb[3 * at + 1] += 0.01), [false; 3]);
+    assert_eq!(found(&|c| c.target.rgb[3 * at + 2] ^= 4), [false; 3]);
+    assert_eq!(found(&|c| c.target.mask.as_mut().unwrap()[at] = 0), [false; 3]);
+    assert_eq!(found(&|c| c.weights.l1 *= 1.001), [false; 3]);
+    assert_eq!(found(&|c| c.weights.dssim *= 1.001), [false; 3]);
+    assert_eq!(found(&|c| c.weights.mse *= 1.001)[..2], [false; 2], "the map has no squares");
+    // What a masked pixel shows does not matter.
+    let at = original().target.mask.unwrap().iter().position(|&m| m == 0).unwrap();
+    assert_eq!(found(&|c| c.rgb[3 * at] = f32::NAN), [true; 3]);
+}
+
+/// CPU time on lavapipe; printed, and bounded only against a kernel that became absurd.
+#[test]
+fn cpu_time_stays_in_bounds() {
+    let Some(mut harness) = Harness::new(&[KernelId::LossFwd, KernelId::LossBwd]) else { return };
+    let case = case((270, 480), false, Start::Noise, [0.8, 0.2, 0.0], 3);
+    run(&mut harness, &case);
+    let runs = 5;
+    let mut total_s = 0.0;
+    for id in [KernelId::LossFwd, KernelId::LossBwd] {
+        let before_s = crate::clock::process_cpu_secs();
+        for _ in 0..runs {
+            harness.run(&[Dispatch::new(id, Offsets::default())]);
+        }
+        let _: Vec<f32> = harness.read(Buf::LossMap, 1);
+        let each_s = (crate::clock::process_cpu_secs() - before_s) / f64::from(runs);
+        println!("{id:?}: {:.1} ms of CPU at 270 x 480", 1e3 * each_s);
+        total_s += each_s;
+    }
+    assert!(harness.device.choice.hardware || total_s < 2.0, "{total_s} s");
+}
