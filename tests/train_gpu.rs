@@ -89,9 +89,8 @@ fn gpu(options: GpuOptions) -> Option<GpuBackend> {
 /// Change of every group over the run: root mean square of the difference over that of the change.
 fn differences(start: &Model, a: &Model, b: &Model) -> Vec<(String, f64)> {
     let difference = |start: &[f32], a: &[f32], b: &[f32]| {
-        let square = |x: &[f32], y: &[f32]| {
-            x.iter().zip(y).map(|(x, y)| f64::from(x - y).powi(2)).sum::<f64>()
-        };
+        let square =
+            |x: &[f32], y: &[f32]| x.iter().zip(y).map(|(x, y)| f64::from(x - y).powi(2)).sum::<f64>();
         (square(a, b) / square(start, b)).sqrt()
     };
     let mut out: Vec<(String, f64)> = SplatGroup::ALL

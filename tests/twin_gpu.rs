@@ -34,7 +34,8 @@ fn gpu_matches_the_reference_on_every_driver() {
 fn splats_through_workgroup_memory_give_the_same_picture() {
     let scene = random_scene(&SceneOptions { num_splats: 1_500, ..scenes().remove(0) });
     let observed = [false, true].map(|batched| {
-        let options = GpuOptions { batched_raster: Some(batched), count_pairs: true, ..GpuOptions::default() };
+        let options =
+            GpuOptions { batched_raster: Some(batched), count_pairs: true, ..GpuOptions::default() };
         backend(options).map(|mut b| observe(&mut b, &scene, &NO_GEOMETRY))
     });
     assert_eq!(observed[0], observed[1]);

@@ -1,11 +1,11 @@
 //! `litetex devices`, and the choice of a backend by name.
 
 use super::table::{Table, print_json};
-use litetex_gs::backend::Backend;
-use litetex_gs::cpu::CpuBackend;
 #[cfg(not(feature = "gpu"))]
 use litetex_gs::Error;
 use litetex_gs::Result;
+use litetex_gs::backend::Backend;
+use litetex_gs::cpu::CpuBackend;
 use serde::Serialize;
 
 /// List where training and rendering can run
@@ -86,7 +86,8 @@ fn gpus() -> Vec<litetex_gs::gpu::AdapterChoice> {
 #[cfg(feature = "gpu")]
 fn open_gpu(name: &str) -> Result<Box<dyn Backend>> {
     use litetex_gs::gpu::{GpuBackend, GpuDevice, GpuOptions, Limits, find_adapter};
-    let limits = if std::env::var_os("LITETEX_DOWNLEVEL").is_some() { Limits::Downlevel } else { Limits::Adapter };
+    let limits =
+        if std::env::var_os("LITETEX_DOWNLEVEL").is_some() { Limits::Downlevel } else { Limits::Adapter };
     let device = GpuDevice::open(&find_adapter(name)?, limits)?;
     Ok(Box::new(GpuBackend::new(device, GpuOptions::default())?))
 }

@@ -4,12 +4,11 @@
 
 use super::device::{GpuDevice, Pipeline, UNIFORM_STRIDE};
 use super::encode::{Dispatch, encode};
-use super::kernels::{Buf, Groups, KernelId, NUM_GROUPS};
+use super::kernels::{Buf, KernelId, NUM_GROUPS};
 use super::layout::{DispatchArgs, FLAG_ALL_MAPS, FLAG_PERSIST, Status, StepUniform};
 use super::model_buffers::{self, splat_stride};
 use super::photos::PhotoPool;
 use super::resources::{Offsets, Resources};
-use super::shader::{BLOCK, GROUP};
 use super::uniform::{self, Scene, needs_statistics};
 use super::view_buffers::{Capacity, Needs};
 use super::{sort, structure};
@@ -135,11 +134,7 @@ impl GpuBackend {
     /// Writes the host's part of the table of dispatches and clears the status ring.
     pub(super) fn arm(&self) {
         let n = self.shape.num_splats() as u32;
-        let mut args = vec![DispatchArgs::default(); NUM_GROUPS as usize];
-        args[Groups::One as usize] = DispatchArgs { x: 1, y: 1, z: 1 };
-        args[Groups::Splats as usize] = folded(n.div_ceil(GROUP));
-        args[Groups::SplatBlocks as usize] = folded(n.div_ceil(BLOCK));
-        args[Groups::EachSplat as usize] = folded(n);
+        let args = sort::first_args(n);
         self.device.queue.write_buffer(self.resources.buffer(Buf::Args), 0, bytemuck::cast_slice(&args));
         let status = [Status::default(); BATCH];
         self.device.queue.write_buffer(self.resources.buffer(Buf::Status), 0, bytemuck::cast_slice(&status));
@@ -154,7 +149,8 @@ impl GpuBackend {
 
     /// Submits dispatches.
     pub(super) fn submit(&mut self, dispatches: &[Dispatch]) {
-        let mut encoder = self.device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        let mut encoder =
+            self.device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         encode(&self.device, &mut encoder, &mut self.resources, &self.pipelines, dispatches, None);
         self.device.queue.submit([encoder.finish()]);
     }
@@ -164,7 +160,7 @@ impl GpuBackend {
         let [cols, rows] = uniform::grid(camera);
         let mut out = vec![Dispatch::new(KernelId::Project, offsets)];
         out.push(Dispatch::new(KernelId::SettleTexel, offsets));
-        out.extend(sort::order_and_bin(offsets, cols * rows));
+        out.extend(sort::sorted_pairs(offsets.step, cols * rows));
         out.push(Dispatch::new(self.raster_fwd(), offsets));
         out
     }
@@ -190,7 +186,9 @@ impl GpuBackend {
     /// Makes room for the pairs that a view needs.
     fn grow_pairs(&mut self, status: &Status, needs: &Needs) -> Result<()> {
         if u64::from(status.needed_pairs) <= self.capacity.pairs {
-            return Err(self.device.error("a submission was not carried out, and the driver does not say why"));
+            return Err(self
+                .device
+                .error("a submission was not carried out, and the driver does not say why"));
         }
         let pairs = u64::from(status.needed_pairs) * 3 / 2;
         self.capacity.ensure(&self.device, &mut self.resources, &Needs { pairs, ..*needs })
@@ -205,17 +203,20 @@ impl GpuBackend {
         for (slot, request) in requests.iter().enumerate() {
             let placed =
                 self.photos.place(&self.device, &self.resources, request.photo, request.target, &kept);
-            let photo_px = placed.ok_or_else(|| self.device.error("the photos of a batch do not fit its pool"))?;
+            let photo_px =
+                placed.ok_or_else(|| self.device.error("the photos of a batch do not fit its pool"))?;
             let offsets = self.set_uniform(slot, &uniform::step(&scene, request, photo_px, slot as u32));
             dispatches.extend(self.forward(offsets, &request.camera));
-            let bwd = if needs_statistics(request) { KernelId::RasterBwdStatistics } else { KernelId::RasterBwd };
+            let bwd =
+                if needs_statistics(request) { KernelId::RasterBwdStatistics } else { KernelId::RasterBwd };
             let rest = [KernelId::LossFwd, KernelId::LossBwd, bwd, KernelId::ProjectBwd, KernelId::AdamTexel];
             dispatches.extend(rest.map(|id| Dispatch::new(id, offsets)));
             dispatches.push(Dispatch::new(KernelId::Finish, offsets));
             (scene.settled_step, scene.settled_rates) = (request.step, request.rates);
         }
         self.submit(&dispatches);
-        let mut statuses: Vec<Status> = self.device.read(self.resources.buffer(Buf::Status), requests.len())?;
+        let mut statuses: Vec<Status> =
+            self.device.read(self.resources.buffer(Buf::Status), requests.len())?;
         let applied = statuses.iter().take_while(|s| s.done == 1).count();
         if let Some(last) = applied.checked_sub(1) {
             (self.clock.step, self.clock.rates) = (requests[last].step, requests[last].rates);
@@ -285,12 +286,6 @@ impl GpuBackend {
         let offsets = self.set_uniform(0, &uniform);
         self.submit(&[Dispatch::new(KernelId::SettleTexel, offsets)]);
     }
-}
-
-/// Groups folded to two dimensions, as the kernels unfold them; twin of `folded` in the shaders.
-pub(super) fn folded(groups: u32) -> DispatchArgs {
-    let x = groups.min(65_535);
-    DispatchArgs { x, y: groups.div_ceil(x.max(1)), z: 1 }
 }
 
 fn check_request(request: &StepRequest<'_>) -> Result<()> {
@@ -396,7 +391,11 @@ impl Backend for GpuBackend {
         let n = self.shape.num_splats();
         let values: Vec<[f32; 4]> = self.device.read(self.resources.buffer(Buf::Statistics), n)?;
         let zeros = vec![[0.0_f32; 4]; n];
-        self.device.queue.write_buffer(self.resources.buffer(Buf::Statistics), 0, bytemuck::cast_slice(&zeros));
+        self.device.queue.write_buffer(
+            self.resources.buffer(Buf::Statistics),
+            0,
+            bytemuck::cast_slice(&zeros),
+        );
         let column = |k: usize| values.iter().map(|v| v[k]).collect::<Vec<f32>>();
         Ok(WindowStatistics {
             views: std::mem::take(&mut self.window_views),
@@ -420,9 +419,11 @@ impl Backend for GpuBackend {
 
     fn read_settled(&mut self) -> Result<Model> {
         // On a copy: what the next steps compute must not depend on who looked.
-        let lagging = [Buf::SplatP, Buf::SplatM, Buf::SplatV, Buf::TexelP, Buf::TexelM, Buf::TexelV, Buf::SplatInfo];
+        let lagging =
+            [Buf::SplatP, Buf::SplatM, Buf::SplatV, Buf::TexelP, Buf::TexelM, Buf::TexelV, Buf::SplatInfo];
         let originals = lagging.map(|name| (name, self.resources.buffer(name).clone()));
-        let mut encoder = self.device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        let mut encoder =
+            self.device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         for (name, original) in &originals {
             let copy = self.device.buffer("settled parameters", original.size() / 16, 16)?;
             encoder.copy_buffer_to_buffer(original, 0, &copy, 0, original.size());

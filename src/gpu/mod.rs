@@ -20,6 +20,10 @@ mod shader;
 #[cfg(test)]
 mod shader_tests;
 mod sort;
+#[cfg(test)]
+mod sort_tests;
+#[cfg(test)]
+mod sort_twin;
 mod structure;
 mod uniform;
 mod view_buffers;

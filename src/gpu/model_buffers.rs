@@ -61,7 +61,12 @@ pub(super) fn filled<T: bytemuck::Pod>(device: &GpuDevice, what: &str, values: &
 ///
 /// # Errors
 /// [`crate::Error::Device`] with counts if it does not fit.
-pub(super) fn upload(device: &GpuDevice, resources: &mut Resources, model: &Model, adam: &AdamState) -> Result<()> {
+pub(super) fn upload(
+    device: &GpuDevice,
+    resources: &mut Resources,
+    model: &Model,
+    adam: &AdamState,
+) -> Result<()> {
     let splats = [(Buf::SplatP, &model.splats), (Buf::SplatM, &adam.splats_m), (Buf::SplatV, &adam.splats_v)];
     for (name, arrays) in splats {
         resources.set(name, filled(device, "splat parameters", &interleaved(arrays))?);

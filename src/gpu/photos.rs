@@ -4,8 +4,8 @@
 use super::device::GpuDevice;
 use super::kernels::Buf;
 use super::resources::Resources;
-use crate::backend::TargetImage;
 use crate::Result;
+use crate::backend::TargetImage;
 
 /// A photo in the pool.
 struct Resident {

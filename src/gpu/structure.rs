@@ -25,7 +25,8 @@ pub(super) fn apply_plan(backend: &mut GpuBackend, plan: &StructurePlan) -> Resu
     let textures = TexturePool::neutral(extents);
     let (n, degree) = (plan.sources.len(), old.splats.sh_degree);
     let shape = Model { splats: SplatArrays::zeros(n, degree), textures, ..*old };
-    let clock = AdamState { step: backend.clock.step, rates: backend.clock.rates, ..AdamState::zeros(&shape) };
+    let clock =
+        AdamState { step: backend.clock.step, rates: backend.clock.rates, ..AdamState::zeros(&shape) };
 
     let old_info = backend.resources.buffer(Buf::SplatInfo).clone();
     let device = &backend.device;
@@ -33,7 +34,8 @@ pub(super) fn apply_plan(backend: &mut GpuBackend, plan: &StructurePlan) -> Resu
     let sources = filled(device, "sources of the plan", &plan.sources)?;
     let mut new_splats = Vec::new();
     for name in [Buf::SplatP, Buf::SplatM, Buf::SplatV] {
-        new_splats.push((name, device.buffer("splat parameters", n as u64, 4 * splat_stride(degree) as u64)?));
+        new_splats
+            .push((name, device.buffer("splat parameters", n as u64, 4 * splat_stride(degree) as u64)?));
     }
     let mut new_texels = Vec::new();
     for (moment, name) in [Buf::TexelP, Buf::TexelM, Buf::TexelV].into_iter().enumerate() {
@@ -78,8 +80,11 @@ fn run(backend: &mut GpuBackend, kernel: KernelId, old: Buf, new: &wgpu::Buffer)
     backend.resources.set(Buf::NewValues, new.clone());
     backend.arm();
     let scene = backend.scene();
-    let uniform =
-        StepUniform { num_splats: scene.num_splats, splat_stride: scene.splat_stride, ..StepUniform::default() };
+    let uniform = StepUniform {
+        num_splats: scene.num_splats,
+        splat_stride: scene.splat_stride,
+        ..StepUniform::default()
+    };
     let offsets = backend.set_uniform(0, &uniform);
     backend.submit(&[Dispatch::new(kernel, offsets)]);
 }

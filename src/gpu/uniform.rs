@@ -68,7 +68,12 @@ pub(super) fn needs_statistics(request: &StepRequest<'_>) -> bool {
 }
 
 /// For a step.
-pub(super) fn step(scene: &Scene, request: &StepRequest<'_>, photo_offset_px: u32, status_slot: u32) -> StepUniform {
+pub(super) fn step(
+    scene: &Scene,
+    request: &StepRequest<'_>,
+    photo_offset_px: u32,
+    status_slot: u32,
+) -> StepUniform {
     let (loss, rates) = (&request.loss, &request.rates);
     let t = f64::from(request.step);
     let num_pixels = request.camera.pinhole.num_pixels() as f64;

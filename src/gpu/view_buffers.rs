@@ -36,7 +36,12 @@ impl Capacity {
     ///
     /// # Errors
     /// [`crate::Error::Device`] with counts if a limit or the memory stands against it.
-    pub(super) fn ensure(&mut self, device: &GpuDevice, resources: &mut Resources, needs: &Needs) -> Result<()> {
+    pub(super) fn ensure(
+        &mut self,
+        device: &GpuDevice,
+        resources: &mut Resources,
+        needs: &Needs,
+    ) -> Result<()> {
         if needs.pairs > self.pairs || needs.splats > self.splats {
             let (pairs, splats) = (needs.pairs.max(self.pairs), needs.splats.max(self.splats));
             let keys = pairs.max(splats);
@@ -48,7 +53,8 @@ impl Capacity {
             resources.set(Buf::SlotSplat, device.buffer("tile-splat pairs", pairs, 4)?);
             resources.set(Buf::Pairs, device.buffer("tile-splat pairs", pairs, 8)?);
             resources.set(Buf::SlotOffsets, device.buffer("prefix sums", splats, 4)?);
-            resources.set(Buf::BlockSums, device.buffer("prefix sums", splats.div_ceil(u64::from(BLOCK)), 4)?);
+            resources
+                .set(Buf::BlockSums, device.buffer("prefix sums", splats.div_ceil(u64::from(BLOCK)), 4)?);
             (self.pairs, self.splats) = (pairs, splats);
         }
         if needs.training {

@@ -7,7 +7,10 @@ pub fn drivers() -> Vec<AdapterChoice> {
     let software: Vec<_> = list_adapters().into_iter().filter(|a| !a.hardware).collect();
     let required = std::env::var("LITETEX_REQUIRE_GPU").ok().and_then(|n| n.parse().ok()).unwrap_or(0);
     let names: Vec<&str> = software.iter().map(|a| a.name.as_str()).collect();
-    assert!(software.len() >= required, "{required} software Vulkan drivers are required, there is {names:?}");
+    assert!(
+        software.len() >= required,
+        "{required} software Vulkan drivers are required, there is {names:?}"
+    );
     if software.is_empty() {
         println!("skipped: no software Vulkan driver is installed");
     }

@@ -2,7 +2,8 @@
 
 use super::compare;
 use litetex_gs::backend::{
-    Backend, LearningRates, LossValues, LossWeights, RenderOptions, RenderedImage, StepRequest, WindowStatistics,
+    Backend, LearningRates, LossValues, LossWeights, RenderOptions, RenderedImage, StepRequest,
+    WindowStatistics,
 };
 use litetex_gs::constants::ADAM_BETA1;
 use litetex_gs::model::{AdamState, SplatArrays, SplatGroup};
