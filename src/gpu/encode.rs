@@ -44,7 +44,11 @@ pub(super) fn encode(
         let group = resources.group(device, dispatch.kernel, pipeline, dispatch.swapped);
         pass.set_pipeline(&pipeline.pipeline);
         pass.set_bind_group(0, group, &offsets[..1 + usize::from(kernel.has_sort_pass)]);
-        pass.dispatch_workgroups_indirect(&args, args_offset(dispatch.groups));
+        if kernel.is_direct() {
+            pass.dispatch_workgroups(1, 1, 1);
+        } else {
+            pass.dispatch_workgroups_indirect(&args, args_offset(dispatch.groups));
+        }
     };
     let descriptor = wgpu::ComputePassDescriptor::default();
     match timed {

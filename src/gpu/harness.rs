@@ -20,7 +20,10 @@ impl Harness {
     pub(super) fn new(kernels: &[KernelId]) -> Option<Self> {
         let adapters = list_adapters();
         let Some(choice) = adapters.iter().find(|a| !a.hardware).or(adapters.first()) else {
-            assert!(std::env::var_os("LITETEX_REQUIRE_GPU").is_none(), "no Vulkan driver, but one is required");
+            assert!(
+                std::env::var_os("LITETEX_REQUIRE_GPU").is_none(),
+                "no Vulkan driver, but one is required"
+            );
             println!("skipped: no Vulkan driver is installed");
             return None;
         };

@@ -149,6 +149,39 @@ kernels! {
         write splat_p = SplatP, write splat_m = SplatM, write splat_v = SplatV, read splat_info = SplatInfo,
         write projected = Projected, write bounds = Bounds, write keys_out = KeysA,
     ];
+    SortCount = "sort_count" &[], SplatBlocks, true, [
+        read status = Status, read keys_in = KeysA, write histogram = Histogram,
+    ];
+    SortScan = "sort_scan" &[], One, true, [read status = Status, write histogram = Histogram];
+    SortScatter = "sort_scatter" &[], SplatBlocks, true, [
+        read status = Status, read histogram = Histogram, read keys_in = KeysA, read values_in = ValuesA,
+        write keys_out = KeysB, write values_out = ValuesB,
+    ];
+    PrefixBlocks = "prefix_blocks" &[], SplatBlocks, false, [
+        read values_in = ValuesB, read bounds = Bounds, write slot_offsets = SlotOffsets,
+        write block_sums = BlockSums,
+    ];
+    PrefixSums = "prefix_sums" &[], One, false, [
+        write status = Status, write block_sums = BlockSums, write args = Args,
+    ];
+    TileEmit = "tile_emit" &[], SplatsLater, false, [
+        read values_in = ValuesB, read slot_offsets = SlotOffsets, read block_sums = BlockSums,
+        write bounds = Bounds, write keys_out = KeysA, write slot_splat = SlotSplat,
+    ];
+    TileRanges = "tile_ranges" &[], TileInvocations, false, [
+        read status = Status, read keys_in = KeysB, write ranges_out = TileRanges,
+    ];
+    GatherPairs = "gather_pairs" &[], Pairs, false, [
+        read status = Status, read values_in = ValuesB, read slot_splat = SlotSplat, write pairs = Pairs,
+    ];
+}
+
+impl Kernel {
+    /// Whether it is dispatched directly, as one workgroup: it writes the table of indirect dispatches, and no
+    /// buffer may be written by a dispatch that reads its own size from it.
+    pub fn is_direct(&self) -> bool {
+        self.bindings.iter().any(|binding| binding.buffer == Buf::Args)
+    }
 }
 
 impl KernelId {

@@ -10,6 +10,13 @@ mod kernels;
 mod layout;
 mod resources;
 mod shader;
+mod sort;
+#[cfg(test)]
+mod sort_tests;
+#[cfg(test)]
+mod tile_list_tests;
+#[cfg(test)]
+mod tile_list_twin;
 
 pub use adapter::{AdapterChoice, list_adapters};
 pub use device::{GpuDevice, Limits};

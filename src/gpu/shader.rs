@@ -4,6 +4,7 @@
 //! Directives stand alone on a line: `#include common/x` (each file once), `#constants`, `#if FLAG`,
 //! `#else`, `#endif`.
 
+use super::kernels::{Groups, NUM_GROUPS};
 use crate::constants as c;
 use std::fmt::Write as _;
 
@@ -17,6 +18,8 @@ pub const SPLAT_GROUP: u32 = 64;
 pub const BLOCK: u32 = 1024;
 /// Bits of a digit of the radix sort.
 pub const DIGIT_BITS: u32 = 4;
+/// Most workgroups along one axis of a dispatch; more are folded to two.
+pub const MAX_GROUPS: u32 = 65_535;
 /// Bits of a depth key: the f32 bits of the depth less those of the near plane, up to 2^32 times near.
 pub const DEPTH_KEY_BITS: u32 = 28;
 
@@ -38,6 +41,17 @@ pub const SOURCES: &[(&str, &str)] = sources![
     "common/status",
     "common/step",
     "project",
+    "common/groups",
+    "common/scan",
+    "common/sort",
+    "sort_count",
+    "sort_scan",
+    "sort_scatter",
+    "prefix_blocks",
+    "prefix_sums",
+    "tile_emit",
+    "tile_ranges",
+    "gather_pairs",
 ];
 
 /// For whom a shader is expanded: browsers want directives that naga rejects, and the other way round.
@@ -162,6 +176,16 @@ pub fn shared_constants() -> (Vec<(&'static str, f64)>, Vec<(&'static str, u32)>
         ("DIGITS", 1 << DIGIT_BITS),
         ("DEPTH_KEY_BITS", DEPTH_KEY_BITS),
         ("SSIM_RADIUS_PX", c::SSIM_RADIUS_PX as u32),
+        ("MAX_GROUPS", MAX_GROUPS),
+        ("NUM_GROUPS", NUM_GROUPS),
+        ("GROUPS_ONE", Groups::One as u32),
+        ("GROUPS_ONE_LATER", Groups::OneLater as u32),
+        ("GROUPS_EACH_SPLAT_LATER", Groups::EachSplatLater as u32),
+        ("GROUPS_SPLATS_LATER", Groups::SplatsLater as u32),
+        ("GROUPS_TILES", Groups::Tiles as u32),
+        ("GROUPS_TILE_INVOCATIONS", Groups::TileInvocations as u32),
+        ("GROUPS_PAIRS", Groups::Pairs as u32),
+        ("GROUPS_PAIR_BLOCKS", Groups::PairBlocks as u32),
     ];
     (floats, integers)
 }

@@ -1,0 +1,41 @@
+// Slots of the splats' pairs, in depth order: exclusive sums of their numbers of tiles within each block.
+
+#constants
+#include common/groups
+#include common/step
+#include common/projected
+#include common/bounds
+#include common/scan
+
+@group(0) @binding(1) var<storage, read> values_in: array<u32>; // [n] splats in depth order
+@group(0) @binding(2) var<storage, read> bounds: array<Bounds>; // [n]
+@group(0) @binding(3) var<storage, read_write> slot_offsets: array<u32>; // [n] by rank
+@group(0) @binding(4) var<storage, read_write> block_sums: array<u32>; // [num_blocks]
+
+@compute @workgroup_size(GROUP)
+fn prefix_blocks(
+    @builtin(local_invocation_index) lane: u32,
+    @builtin(workgroup_id) id: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+) {
+    let block = group_index(id, groups);
+    let n = step.num_splats;
+    let first = block * BLOCK + lane * LANE_ELEMENTS;
+    var past = 0u;
+    if block < blocks_of(n) {
+        past = min(first + LANE_ELEMENTS, n);
+    }
+    var sum = 0u;
+    for (var rank = first; rank < past; rank += 1u) {
+        sum = add_saturating(sum, bounds[values_in[rank]].num_tiles);
+    }
+    let scan = scan_group(lane, sum);
+    sum = scan.before;
+    for (var rank = first; rank < past; rank += 1u) {
+        slot_offsets[rank] = sum;
+        sum = add_saturating(sum, bounds[values_in[rank]].num_tiles);
+    }
+    if lane == 0u && block < blocks_of(n) {
+        block_sums[block] = scan.total;
+    }
+}

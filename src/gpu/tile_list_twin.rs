@@ -1,0 +1,151 @@
+//! Hand-made bounds and their tile lists, computed the plain way, for the tests of the tile lists.
+
+use super::shader::TILE_PX;
+use rand::{RngExt as _, SeedableRng as _};
+use rand_pcg::Pcg32;
+
+/// `Bounds` of `common/bounds.wgsl`.
+#[derive(Clone, Copy, Debug, Default, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub(super) struct TestBounds {
+    centre_px: [f32; 2],
+    per_half_height: f32,
+    shear: f32,
+    half_span_px: f32,
+    rightmost_dy_px: f32,
+    box_min: u32,
+    box_max: u32,
+    pub num_tiles: u32,
+    pub first_slot: u32,
+    rest: [u32; 6],
+}
+
+/// Splats of a view.
+#[derive(Clone)]
+pub(super) struct Case {
+    pub size_px: [u32; 2],
+    pub bounds: Vec<TestBounds>,
+    pub keys: Vec<u32>,
+    /// Each splat's tiles, in the order of their numbers.
+    tiles: Vec<Vec<u32>>,
+}
+
+/// Columns and rows of tiles.
+pub(super) fn grid_of(size_px: [u32; 2]) -> [u32; 2] {
+    size_px.map(|size| size.div_ceil(TILE_PX))
+}
+
+impl Case {
+    /// Boxes, ellipses, single pixels, and splats out of sight; depth keys with many ties.
+    pub(super) fn random(seed: u64, size_px: [u32; 2], n: usize) -> Self {
+        let mut rng = Pcg32::seed_from_u64(seed);
+        let mut case = Self { size_px, bounds: Vec::new(), keys: Vec::new(), tiles: Vec::new() };
+        while case.keys.len() < n {
+            let mut bounds = match rng.random_range(0..8) {
+                0 => TestBounds::default(),
+                1 => random_box(size_px, &mut rng),
+                _ => random_ellipse(size_px, &mut rng),
+            };
+            // Shapes whose tiles depend on the last digits are left out: 0.02 px, where rounding moves an end
+            // by up to 0.007 px (the root near the tip of a span of 30 px).
+            let tiles = tiles_of(&bounds, size_px, 0.03);
+            if tiles != tiles_of(&bounds, size_px, -0.01) {
+                continue;
+            }
+            bounds.num_tiles = tiles.len() as u32;
+            case.keys.push(if tiles.is_empty() {
+                (1 << 28) - 1
+            } else {
+                rng.random_range(0..n as u32 / 4 + 1) * 99_991
+            });
+            case.bounds.push(bounds);
+            case.tiles.push(tiles);
+        }
+        case
+    }
+
+    pub(super) fn num_tiles(&self) -> u32 {
+        grid_of(self.size_px).iter().product()
+    }
+
+    pub(super) fn same_depth(&self, a: u32, b: u32) -> bool {
+        self.keys[a as usize] == self.keys[b as usize]
+    }
+
+    /// Splats of each tile by depth key, then index.
+    pub(super) fn lists(&self) -> Vec<Vec<u32>> {
+        let mut lists = vec![Vec::new(); self.num_tiles() as usize];
+        for (splat, tiles) in (0..).zip(&self.tiles) {
+            tiles.iter().for_each(|&tile| lists[tile as usize].push(splat));
+        }
+        for list in &mut lists {
+            list.sort_unstable_by_key(|&splat: &u32| (self.keys[splat as usize], splat));
+        }
+        lists
+    }
+}
+
+fn random_box(size_px: [u32; 2], rng: &mut Pcg32) -> TestBounds {
+    let [x, y] = size_px.map(|size| {
+        let first = rng.random_range(0..size);
+        [first, rng.random_range(first + 1..=(first + 90).min(size))]
+    });
+    let [box_min, box_max] = [0, 1].map(|k| x[k] | y[k] << 16);
+    TestBounds { half_span_px: 1e9, box_min, box_max, ..TestBounds::default() }
+}
+
+fn random_ellipse(size_px: [u32; 2], rng: &mut Pcg32) -> TestBounds {
+    let centre = size_px.map(|size| rng.random_range(-20.0..f64::from(size) + 20.0));
+    let axes: [f64; 2] = std::array::from_fn(|_| rng.random_range(0.0_f64..3.6).exp());
+    let (sin, cos) = rng.random_range(0.0_f64..3.2).sin_cos();
+    let [u, v] = axes.map(|axis| axis * axis);
+    let (xx, yy, xy) = (u * cos * cos + v * sin * sin, u * sin * sin + v * cos * cos, (u - v) * sin * cos);
+    let half = [xx.sqrt(), yy.sqrt()];
+    let corner = |side: f64, k: usize| (centre[k] + side * half[k]).clamp(0.0, f64::from(size_px[k]));
+    let first = [0, 1].map(|k| (corner(-1.0, k) - 0.5).ceil().max(0.0) as u32);
+    let past = [0, 1].map(|k| (corner(1.0, k) - 0.5).floor() as i64 + 1);
+    if (0..2).any(|k| i64::from(first[k]) >= past[k]) {
+        return TestBounds::default();
+    }
+    TestBounds {
+        centre_px: centre.map(|c| c as f32),
+        per_half_height: (1.0 / half[1]) as f32,
+        shear: (xy / yy) as f32,
+        half_span_px: (xx - xy * xy / yy).sqrt() as f32,
+        // Height of the rightmost point of x = r cos, y = r sin in the covariance's frame.
+        rightmost_dy_px: (xy / half[0]) as f32,
+        box_min: first[0] | first[1] << 16,
+        box_max: past[0] as u32 | (past[1] as u32) << 16,
+        ..TestBounds::default()
+    }
+}
+
+/// Tiles that a shape touches: in each row of tiles the whole run between the outermost points.
+fn tiles_of(bounds: &TestBounds, size_px: [u32; 2], margin_px: f64) -> Vec<u32> {
+    let unpack = |packed: u32| [packed & 0xffff, packed >> 16];
+    let (low, high) = (unpack(bounds.box_min), unpack(bounds.box_max));
+    let [centre_x, centre_y] = bounds.centre_px.map(f64::from);
+    let half = |dy: f64| {
+        let t = dy * f64::from(bounds.per_half_height);
+        f64::from(bounds.half_span_px) * (1.0 - t * t).max(0.0).sqrt()
+    };
+    let middle = |dy: f64| centre_x + f64::from(bounds.shear) * dy;
+    let tip = f64::from(bounds.rightmost_dy_px);
+    let mut out = Vec::new();
+    for row in 0..grid_of(size_px)[1] {
+        let (first_y, past_y) = (low[1].max(row * TILE_PX), high[1].min((row + 1) * TILE_PX));
+        if first_y >= past_y {
+            continue;
+        }
+        let (from, to) = (f64::from(first_y) + 0.5 - centre_y, f64::from(past_y) - 0.5 - centre_y);
+        let right = middle(tip.clamp(from, to)) + half(tip.clamp(from, to)) + margin_px;
+        let left = middle((-tip).clamp(from, to)) - half((-tip).clamp(from, to)) - margin_px;
+        // Columns of pixels whose centres lie between the two.
+        let columns: Vec<u32> =
+            (low[0]..high[0]).filter(|&x| (left..=right).contains(&(f64::from(x) + 0.5))).collect();
+        if let (Some(first), Some(last)) = (columns.first(), columns.last()) {
+            out.extend((first / TILE_PX..=last / TILE_PX).map(|column| row * grid_of(size_px)[0] + column));
+        }
+    }
+    out
+}
