@@ -8,7 +8,7 @@
 
 @group(0) @binding(1) var<storage, read> projected: array<Projected>; // [n]
 @group(0) @binding(2) var<storage, read> bounds: array<Bounds>; // [n]
-@group(0) @binding(3) var<storage, read> loss_partials: array<vec4f>; // [tiles] l1, dssim, mse; weighted
+@group(0) @binding(3) var<storage, read> loss_partials: array<vec4f>; // [tiles] |d|, 1 - ssim, d^2
 @group(0) @binding(4) var<storage, read_write> status: array<Status>;
 
 // l1, dssim, mse, opacity; texture.
@@ -47,9 +47,10 @@ fn finish(@builtin(local_invocation_index) lane: u32) {
     }
     if lane == 0u {
         let slot = step.status_slot;
-        status[slot].l1 = losses[0].x;
-        status[slot].dssim = losses[0].y;
-        status[slot].mse = losses[0].z;
+        let count = 3.0 * f32(step.size_px.x * step.size_px.y);
+        status[slot].l1 = step.loss_l1 * losses[0].x / count;
+        status[slot].dssim = step.loss_dssim * losses[0].y / count;
+        status[slot].mse = step.loss_mse * losses[0].z / count;
         status[slot].opacity = losses[0].w;
         status[slot].texture = textures[0];
         status[slot].visible = counts[0].x;

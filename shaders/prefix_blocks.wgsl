@@ -12,9 +12,6 @@
 @group(0) @binding(3) var<storage, read_write> slot_offsets: array<u32>; // [n] by rank
 @group(0) @binding(4) var<storage, read_write> block_sums: array<u32>; // [num_blocks]
 
-// Neighbouring ranks of a lane.
-const EACH = BLOCK / GROUP;
-
 @compute @workgroup_size(GROUP)
 fn prefix_blocks(
     @builtin(local_invocation_index) lane: u32,
@@ -23,10 +20,10 @@ fn prefix_blocks(
 ) {
     let block = group_index(id, groups);
     let n = step.num_splats;
-    let first = block * BLOCK + lane * EACH;
+    let first = block * BLOCK + lane * LANE_ELEMENTS;
     var past = 0u;
     if block < blocks_of(n) {
-        past = min(first + EACH, n);
+        past = min(first + LANE_ELEMENTS, n);
     }
     var sum = 0u;
     for (var rank = first; rank < past; rank += 1u) {

@@ -13,24 +13,30 @@
 
 @compute @workgroup_size(GROUP)
 fn prefix_sums(@builtin(local_invocation_index) lane: u32) {
-    let run = lane_run(lane, blocks_of(step.num_splats));
-    var sum = 0u;
-    for (var i = run.x; i < run.y; i += 1u) {
-        sum = add_saturating(sum, block_sums[i]);
-    }
-    let scan = scan_group(lane, sum);
-    sum = scan.before;
-    for (var i = run.x; i < run.y; i += 1u) {
-        let here = block_sums[i];
-        block_sums[i] = sum;
-        sum = add_saturating(sum, here);
+    let count = blocks_of(step.num_splats);
+    var total = 0u;
+    for (var block = 0u; block < count; block += BLOCK) {
+        let first = block + lane * LANE_ELEMENTS;
+        let past = min(first + LANE_ELEMENTS, count);
+        var sum = 0u;
+        for (var i = first; i < past; i += 1u) {
+            sum = add_saturating(sum, block_sums[i]);
+        }
+        let scan = scan_group(lane, sum);
+        sum = add_saturating(total, scan.before);
+        for (var i = first; i < past; i += 1u) {
+            let here = block_sums[i];
+            block_sums[i] = sum;
+            sum = add_saturating(sum, here);
+        }
+        total = add_saturating(total, scan.total);
     }
     // A step before this one did not fit: the sums are old, and everything stays off.
     if lane > 0u || args[3u * GROUPS_ONE] == 0u {
         return;
     }
-    status[step.status_slot].needed_pairs = scan.total;
-    if scan.total > step.pair_capacity {
+    status[step.status_slot].needed_pairs = total;
+    if total > step.pair_capacity {
         for (var i = 0u; i < 3u * NUM_GROUPS; i += 1u) {
             args[i] = 0u;
         }
@@ -42,8 +48,8 @@ fn prefix_sums(@builtin(local_invocation_index) lane: u32) {
     set_groups(GROUPS_SPLATS_LATER, invocations(step.num_splats));
     set_groups(GROUPS_TILES, num_tiles);
     set_groups(GROUPS_TILE_INVOCATIONS, invocations(num_tiles));
-    set_groups(GROUPS_PAIRS, invocations(scan.total));
-    set_groups(GROUPS_PAIR_BLOCKS, blocks_of(scan.total));
+    set_groups(GROUPS_PAIRS, invocations(total));
+    set_groups(GROUPS_PAIR_BLOCKS, blocks_of(total));
 }
 
 // Workgroups that have an invocation for each of `count`.

@@ -10,17 +10,29 @@
 @group(0) @binding(1) var<storage, read> status: array<Status>; // [ring]
 @group(0) @binding(2) var<storage, read_write> histogram: array<u32>; // [DIGITS, num_blocks]
 
+var<workgroup> num_entries: u32;
+
 @compute @workgroup_size(GROUP)
 fn sort_scan(@builtin(local_invocation_index) lane: u32) {
-    let run = lane_run(lane, DIGITS * blocks_of(num_keys()));
-    var sum = 0u;
-    for (var i = run.x; i < run.y; i += 1u) {
-        sum += histogram[i];
+    if lane == 0u {
+        num_entries = DIGITS * blocks_of(num_keys());
     }
-    sum = scan_group(lane, sum).before;
-    for (var i = run.x; i < run.y; i += 1u) {
-        let here = histogram[i];
-        histogram[i] = sum;
-        sum += here;
+    let count = workgroupUniformLoad(&num_entries);
+    var total = 0u;
+    for (var block = 0u; block < count; block += BLOCK) {
+        let first = block + lane * LANE_ELEMENTS;
+        let past = min(first + LANE_ELEMENTS, count);
+        var sum = 0u;
+        for (var i = first; i < past; i += 1u) {
+            sum += histogram[i];
+        }
+        let scan = scan_group(lane, sum);
+        sum = total + scan.before;
+        for (var i = first; i < past; i += 1u) {
+            let here = histogram[i];
+            histogram[i] = sum;
+            sum += here;
+        }
+        total += scan.total;
     }
 }

@@ -16,11 +16,12 @@
 
 // Words of a digit's mask.
 const WORDS = BLOCK / 32u;
-// Lanes that sum up a digit's words, and words for which each answers.
+// Lanes that share a digit's words, two each.
 const PARTS = GROUP / DIGITS;
-const PART_WORDS = WORDS / PARTS;
+const_assert WORDS == 2u * PARTS;
 
 var<workgroup> masks: array<atomic<u32>, DIGITS * WORDS>; // [DIGITS, WORDS]
+var<workgroup> part_sums: array<u32, GROUP>; // [DIGITS, PARTS] keys in a lane's words
 var<workgroup> starts: array<u32, DIGITS * WORDS>; // [DIGITS, WORDS] place of a word's first key in the output
 
 @compute @workgroup_size(GROUP)
@@ -47,17 +48,19 @@ fn sort_scatter(
     }
     workgroupBarrier();
     let digit = lane / PARTS;
-    let own = (lane % PARTS) * PART_WORDS;
+    let own = 2u * lane;
+    let in_first = countOneBits(atomicLoad(&masks[own]));
+    part_sums[lane] = in_first + countOneBits(atomicLoad(&masks[own + 1u]));
+    workgroupBarrier();
     var start = 0u;
     if block < num_blocks {
         start = histogram[digit * num_blocks + block];
     }
-    for (var word = 0u; word < own + PART_WORDS; word += 1u) {
-        if word >= own {
-            starts[digit * WORDS + word] = start;
-        }
-        start += countOneBits(atomicLoad(&masks[digit * WORDS + word]));
+    for (var part = digit * PARTS; part < lane; part += 1u) {
+        start += part_sums[part];
     }
+    starts[own] = start;
+    starts[own + 1u] = start + in_first;
     workgroupBarrier();
     for (var at = lane; at < past; at += GROUP) {
         let key = keys_in[first + at];

@@ -14,9 +14,11 @@ struct Scan {
     total: u32,
 }
 
-// To be called by all lanes, once per kernel (the sums are not guarded against a second call).
+// To be called by all lanes.
 fn scan_group(lane: u32, value: u32) -> Scan {
     var sum = value;
+    // The sums of an earlier call may still be read.
+    workgroupBarrier();
     scan_sums[lane] = sum;
     workgroupBarrier();
     for (var reach = 1u; reach < GROUP; reach *= 2u) {
@@ -36,9 +38,5 @@ fn scan_group(lane: u32, value: u32) -> Scan {
     return Scan(before, scan_sums[GROUP - 1u]);
 }
 
-// A lane's share of `count` elements: a run of neighbours, so that one scan of the runs' sums does for any
-// count. First and past.
-fn lane_run(lane: u32, count: u32) -> vec2u {
-    let each = (count + (GROUP - 1u)) / GROUP;
-    return min(vec2u(lane, lane + 1u) * each, vec2u(count));
-}
+// Elements of a block that each lane sums up by itself: neighbours.
+const LANE_ELEMENTS = BLOCK / GROUP;

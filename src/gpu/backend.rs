@@ -160,7 +160,7 @@ impl GpuBackend {
         let [cols, rows] = uniform::grid(camera);
         let mut out = vec![Dispatch::new(KernelId::Project, offsets)];
         out.push(Dispatch::new(KernelId::SettleTexel, offsets));
-        out.extend(sort::sorted_pairs(offsets.step, cols * rows));
+        out.extend(sort::order_and_bin(offsets, cols * rows));
         out.push(Dispatch::new(self.raster_fwd(), offsets));
         out
     }

@@ -94,7 +94,8 @@ impl GpuDevice {
     /// # Errors
     /// [`Error::Device`] with counts if it exceeds a limit, or if the memory is not to be had.
     pub(super) fn buffer(&self, what: &str, count: u64, element_bytes: u64) -> Result<wgpu::Buffer> {
-        let bytes = (count * element_bytes).max(16).next_multiple_of(16);
+        // Room for one element at least: an empty binding is refused.
+        let bytes = (count.max(1) * element_bytes).next_multiple_of(16);
         let most = self.limits.max_storage_buffer_binding_size.min(self.limits.max_buffer_size);
         if bytes > most {
             return Err(self.error(&format!(

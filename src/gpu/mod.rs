@@ -22,9 +22,11 @@ mod shader_tests;
 mod sort;
 #[cfg(test)]
 mod sort_tests;
-#[cfg(test)]
-mod sort_twin;
 mod structure;
+#[cfg(test)]
+mod tile_list_tests;
+#[cfg(test)]
+mod tile_list_twin;
 mod uniform;
 mod view_buffers;
 

@@ -1,9 +1,9 @@
 //! From bounds and depth keys to every tile's list of pairs: which kernels run in which order, and the numbers
 //! that they need from the host.
 //!
-//! Order within a step: `project`, [`depth_sort`], [`pair_slots`], [`tile_lists`]. The first two kinds of
-//! dispatches take their workgroups from [`first_args`], which the host writes once per submission; the kernel
-//! `prefix_sums` sets the others, or zeroes all if the pairs do not fit.
+//! Order within a step: `project`, [`depth_sort`], [`pair_slots`], [`tile_lists`]. Dispatches up to the kernel
+//! `prefix_sums` take their workgroups from [`first_args`], which the host writes once per submission; that
+//! kernel sets those of what follows, or zeroes all if the pairs do not fit.
 
 use super::device::UNIFORM_STRIDE;
 use super::encode::Dispatch;
@@ -61,43 +61,40 @@ pub(super) fn first_args(num_splats: u32) -> Vec<DispatchArgs> {
 }
 
 /// Sorts all splats by depth key and index; afterwards the order stands in `ValuesB`.
-pub(super) fn depth_sort(step_offset: u32) -> Vec<Dispatch> {
-    (0..DEPTH_PASSES).flat_map(|i| pass(step_offset, i, i, [Groups::SplatBlocks, Groups::One])).collect()
+pub(super) fn depth_sort(step: Offsets) -> Vec<Dispatch> {
+    (0..DEPTH_PASSES).flat_map(|i| pass(step, i, i, [Groups::SplatBlocks, Groups::One])).collect()
 }
 
 /// From the order to the slots of the pairs, the workgroups of what follows, and the pairs' tiles in `KeysA`.
-pub(super) fn pair_slots(step_offset: u32) -> Vec<Dispatch> {
-    let offsets = Offsets { step: step_offset, sort_pass: 0 };
+pub(super) fn pair_slots(step: Offsets) -> Vec<Dispatch> {
     [KernelId::PrefixBlocks, KernelId::PrefixSums, KernelId::TileEmit]
-        .map(|kernel| Dispatch::new(kernel, offsets))
+        .map(|kernel| Dispatch::new(kernel, step))
         .to_vec()
 }
 
 /// Sorts the pairs by tile, each tile's by depth; afterwards they stand in `Pairs`, and each tile's range of
 /// them in `TileRanges`.
-pub(super) fn tile_lists(step_offset: u32, num_tiles: u32) -> Vec<Dispatch> {
+pub(super) fn tile_lists(step: Offsets, num_tiles: u32) -> Vec<Dispatch> {
     let passes = num_tile_passes(num_tiles);
     let groups = [Groups::PairBlocks, Groups::OneLater];
-    let mut out: Vec<Dispatch> =
-        (0..passes).flat_map(|i| pass(step_offset, i, DEPTH_PASSES + i, groups)).collect();
-    let offsets = Offsets { step: step_offset, sort_pass: 0 };
+    let mut out: Vec<Dispatch> = (0..passes).flat_map(|i| pass(step, i, DEPTH_PASSES + i, groups)).collect();
     // In the table they read the second half.
-    let swapped = passes % 2 == 0;
+    let swapped = passes.is_multiple_of(2);
     out.extend(
         [KernelId::TileRanges, KernelId::GatherPairs]
-            .map(|kernel| Dispatch { swapped, ..Dispatch::new(kernel, offsets) }),
+            .map(|kernel| Dispatch { swapped, ..Dispatch::new(kernel, step) }),
     );
     out
 }
 
 /// Everything between `project` and the picture.
-pub(super) fn sorted_pairs(step_offset: u32, num_tiles: u32) -> Vec<Dispatch> {
-    [depth_sort(step_offset), pair_slots(step_offset), tile_lists(step_offset, num_tiles)].concat()
+pub(super) fn order_and_bin(step: Offsets, num_tiles: u32) -> Vec<Dispatch> {
+    [depth_sort(step), pair_slots(step), tile_lists(step, num_tiles)].concat()
 }
 
 /// Pass `index` of a sort, with entry `entry` of the table.
-fn pass(step_offset: u32, index: u32, entry: u32, [blocks, one]: [Groups; 2]) -> [Dispatch; 3] {
-    let offsets = Offsets { step: step_offset, sort_pass: entry * UNIFORM_STRIDE as u32 };
+fn pass(step: Offsets, index: u32, entry: u32, [blocks, one]: [Groups; 2]) -> [Dispatch; 3] {
+    let offsets = Offsets { sort_pass: entry * UNIFORM_STRIDE as u32, ..step };
     [(KernelId::SortCount, blocks), (KernelId::SortScan, one), (KernelId::SortScatter, blocks)]
         .map(|(kernel, groups)| Dispatch { kernel, groups, swapped: index % 2 == 1, offsets })
 }

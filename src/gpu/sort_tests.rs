@@ -1,24 +1,23 @@
-//! Tests of the sort and of the tile lists, each kernel by itself and all in a chain, against straightforward
-//! computations in Rust.
+//! Tests of the sort against that of Rust, and a measurement.
 
+use super::encode::Dispatch;
 use super::harness::Harness;
-use super::kernels::{Buf, Groups, KernelId, NUM_GROUPS};
-use super::layout::{DispatchArgs, Status, StepUniform};
-use super::shader::{BLOCK, GROUP, MAX_GROUPS};
-use super::sort::{
-    depth_sort, first_args, folded_groups, histogram_entries, num_tile_passes, pair_slots, sort_passes,
-    sorted_pairs, tile_lists,
-};
-use super::sort_twin::{Case, TestBounds, grid_of};
+use super::kernels::{Buf, Groups, KernelId};
+use super::layout::{Status, StepUniform};
+use super::resources::Offsets;
+use super::sort::{depth_sort, first_args, histogram_entries, sort_passes};
 use rand::{RngExt as _, SeedableRng as _, seq::SliceRandom as _};
 use rand_pcg::Pcg32;
+use std::collections::BTreeSet;
 
-const SORT: [KernelId; 3] = [KernelId::SortCount, KernelId::SortScan, KernelId::SortScatter];
-const SLOTS: [KernelId; 2] = [KernelId::PrefixBlocks, KernelId::PrefixSums];
-const LISTS: [KernelId; 3] = [KernelId::TileEmit, KernelId::TileRanges, KernelId::GatherPairs];
+/// Kernels of the sort.
+pub(super) const SORT: [KernelId; 3] = [KernelId::SortCount, KernelId::SortScan, KernelId::SortScatter];
+
+/// The first entry of the ring of steps.
+pub(super) const STEP: Offsets = Offsets { step: 0, sort_pass: 0 };
 
 /// A device with the table of passes.
-fn open(kernels: &[KernelId]) -> Option<Harness> {
+pub(super) fn open(kernels: &[KernelId]) -> Option<Harness> {
     let mut harness = Harness::new(kernels)?;
     for (slot, pass) in (0..).zip(sort_passes()) {
         harness.set_sort_pass(slot, &pass);
@@ -28,7 +27,7 @@ fn open(kernels: &[KernelId]) -> Option<Harness> {
 }
 
 /// Buffers of a sort, of splats by depth: keys as given, everything else filled with what must not be read.
-fn fill_sort(harness: &mut Harness, keys: &[u32], most: usize) {
+pub(super) fn fill_sort(harness: &mut Harness, keys: &[u32], most: usize) {
     let junk = vec![0xabcd_ef01_u32; most.max(1)];
     let mut padded = junk.clone();
     padded[..keys.len()].copy_from_slice(keys);
@@ -68,7 +67,7 @@ fn the_sort_is_that_of_rust_ties_included() {
     {
         let keys = random_keys(count, distinct, &mut rng);
         fill_sort(&mut harness, &keys, count);
-        harness.run(&depth_sort(0));
+        harness.run(&depth_sort(STEP));
         let order = sorted_indices(&keys);
         assert!(harness.read::<u32>(Buf::ValuesB, count) == order, "{count} keys, {distinct} different");
         let sorted: Vec<u32> = order.iter().map(|&i| keys[i as usize]).collect();
@@ -87,14 +86,14 @@ fn shuffled_ties_are_noticed() {
     passes[0].identity_values = 0;
     harness.set_sort_pass(0, &passes[0]);
     let mut shuffled: Vec<u32> = (0..5000).collect();
-    for tie in keys.iter().copied().collect::<std::collections::BTreeSet<u32>>() {
+    for tie in keys.iter().copied().collect::<BTreeSet<u32>>() {
         let places: Vec<usize> = (0..5000).filter(|&i| keys[i] == tie).collect();
         let mut values: Vec<u32> = places.iter().map(|&i| i as u32).collect();
         values.shuffle(&mut rng);
         places.iter().zip(values).for_each(|(&i, value)| shuffled[i] = value);
     }
     harness.fill(Buf::ValuesA, &shuffled);
-    harness.run(&depth_sort(0));
+    harness.run(&depth_sort(STEP));
     let got = harness.read::<u32>(Buf::ValuesB, 5000);
     assert!(got.is_sorted_by_key(|&i| keys[i as usize]), "by key alone it is sorted");
     assert_ne!(got, sorted_indices(&keys));
@@ -107,277 +106,32 @@ fn a_folded_dispatch_sorts_the_same() {
     fill_sort(&mut harness, &keys, keys.len());
     // Five blocks, one group to spare.
     harness.set_groups(Groups::SplatBlocks, 2, 3);
-    harness.run(&depth_sort(0));
+    harness.run(&depth_sort(STEP));
     assert_eq!(harness.read::<u32>(Buf::ValuesB, 5000), sorted_indices(&keys));
     fill_sort(&mut harness, &keys, keys.len());
     harness.set_groups(Groups::SplatBlocks, 2, 2);
-    harness.run(&depth_sort(0));
+    harness.run(&depth_sort(STEP));
     assert_ne!(harness.read::<u32>(Buf::ValuesB, 5000), sorted_indices(&keys), "a block is missing");
-}
-
-#[test]
-fn folds_hold_all_groups() {
-    assert_eq!(folded_groups(0), DispatchArgs { x: 0, y: 1, z: 1 });
-    assert_eq!(folded_groups(MAX_GROUPS), DispatchArgs { x: MAX_GROUPS, y: 1, z: 1 });
-    assert_eq!(folded_groups(MAX_GROUPS + 1), DispatchArgs { x: 32_768, y: 2, z: 1 });
-    for groups in [1, 70_000, 131_070, 131_071, 1 << 24, u32::MAX] {
-        let DispatchArgs { x, y, .. } = folded_groups(groups);
-        assert!(x <= MAX_GROUPS + 1 && y <= MAX_GROUPS + 2, "{groups}: {x} x {y}");
-        let (held, wanted) = (u64::from(x) * u64::from(y), u64::from(groups));
-        assert!(held >= wanted && held < wanted + u64::from(y), "{groups}: {x} x {y}");
-    }
-}
-
-/// Runs the prefix sums over `counts` by rank, in a shuffled order of splats.
-fn run_prefix(harness: &mut Harness, counts: &[u32], step: StepUniform) {
-    let n = counts.len();
-    let mut order: Vec<u32> = (0..n as u32).collect();
-    order.shuffle(&mut Pcg32::seed_from_u64(4));
-    let mut bounds = vec![TestBounds::default(); n];
-    order.iter().zip(counts).for_each(|(&splat, &count)| bounds[splat as usize].num_tiles = count);
-    harness.fill(Buf::ValuesB, &order);
-    harness.fill(Buf::Bounds, &bounds);
-    harness.zeros(Buf::SlotOffsets, 4 * n);
-    harness.zeros(Buf::BlockSums, 4 * n.div_ceil(BLOCK as usize));
-    harness.fill(Buf::Args, &first_args(n as u32));
-    harness.fill(Buf::Status, &[Status::default(); 4]);
-    harness.set_step(0, &StepUniform { num_splats: n as u32, status_slot: 2, ..step });
-    harness.run(&pair_slots(0)[..2]);
-}
-
-/// First slots by rank.
-fn first_slots(harness: &Harness, n: usize) -> Vec<u32> {
-    let blocks = harness.read::<u32>(Buf::BlockSums, n.div_ceil(BLOCK as usize));
-    let offsets = harness.read::<u32>(Buf::SlotOffsets, n);
-    offsets.iter().enumerate().map(|(rank, offset)| offset + blocks[rank / BLOCK as usize]).collect()
-}
-
-#[test]
-fn slots_are_sums_across_blocks() {
-    let Some(mut harness) = open(&SLOTS) else { return };
-    let mut rng = Pcg32::seed_from_u64(5);
-    // The last has more blocks than a workgroup has lanes.
-    for n in [1, 1023, 1024, 1025, 5000, 300_000] {
-        let mut counts: Vec<u32> = (0..n).map(|_| rng.random_range(0..9)).collect();
-        run_prefix(&mut harness, &counts, StepUniform { pair_capacity: 1 << 30, ..StepUniform::default() });
-        let sums = |counts: &[u32]| -> Vec<u32> {
-            let running = |sum: &mut u32, &count: &u32| Some(std::mem::replace(sum, *sum + count));
-            counts.iter().scan(0, running).collect()
-        };
-        let got = first_slots(&harness, n);
-        assert!(got == sums(&counts), "{n} splats");
-        let status = harness.read::<Status>(Buf::Status, 4);
-        assert_eq!(status[2].needed_pairs, counts.iter().sum::<u32>());
-        assert_eq!([0, 1, 3].map(|i| status[i]), [Status::default(); 3], "other steps' status");
-        if n > 1 {
-            counts[n / 2 - 1] += 1;
-            assert!(got != sums(&counts), "one tile more is noticed");
-        }
-    }
-}
-
-#[test]
-fn workgroups_of_what_follows_are_folded() {
-    let Some(mut harness) = open(&SLOTS) else { return };
-    let n = 1500;
-    let counts = vec![1_000_000; n];
-    let step = StepUniform { pair_capacity: 1_500_000_000, grid: [4096, 4095], ..StepUniform::default() };
-    run_prefix(&mut harness, &counts, step);
-    let (num_tiles, total) = (4096_u32 * 4095, 1_500_000_000_u32);
-    let mut expected = first_args(n as u32);
-    for (groups, count) in [
-        (Groups::OneLater, 1),
-        (Groups::EachSplatLater, 1500),
-        (Groups::SplatsLater, 6),
-        (Groups::Tiles, num_tiles),
-        (Groups::TileInvocations, num_tiles.div_ceil(GROUP)),
-        (Groups::Pairs, total.div_ceil(GROUP)),
-        (Groups::PairBlocks, total.div_ceil(BLOCK)),
-    ] {
-        expected[groups as usize] = folded_groups(count);
-    }
-    let got = harness.read::<DispatchArgs>(Buf::Args, NUM_GROUPS as usize);
-    assert_eq!(got, expected);
-    assert!(got[Groups::Pairs as usize].y > 1 && got[Groups::Tiles as usize].y > 1, "some are folded");
-}
-
-#[test]
-fn sums_that_overflow_saturate() {
-    let Some(mut harness) = open(&SLOTS) else { return };
-    for counts in [vec![0x4000_0000; 5], vec![0x0010_0001; 4096]] {
-        let step = StepUniform { pair_capacity: 1 << 30, ..StepUniform::default() };
-        run_prefix(&mut harness, &counts, step);
-        assert_eq!(harness.read::<Status>(Buf::Status, 4)[2].needed_pairs, u32::MAX);
-        let args = harness.read::<DispatchArgs>(Buf::Args, NUM_GROUPS as usize);
-        assert_eq!(args, vec![DispatchArgs::default(); NUM_GROUPS as usize]);
-    }
-}
-
-/// A device with all buffers of a case.
-fn fill_case(harness: &mut Harness, case: &Case, capacity: u32) {
-    let most = case.keys.len().max(capacity as usize);
-    fill_sort(harness, &case.keys, most);
-    // A binding holds at least one element.
-    let none = [TestBounds::default()];
-    harness.fill(Buf::Bounds, if case.bounds.is_empty() { &none[..] } else { &case.bounds });
-    harness.zeros(Buf::SlotOffsets, 4 * case.keys.len());
-    harness.zeros(Buf::BlockSums, 4 * case.keys.len().div_ceil(BLOCK as usize));
-    for (name, bytes) in [
-        (Buf::SlotSplat, 4 * capacity as usize),
-        (Buf::Pairs, 8 * capacity as usize),
-        (Buf::TileRanges, 8 * case.num_tiles() as usize),
-    ] {
-        harness.fill(name, &vec![0xabcd_ef01_u32; bytes / 4]);
-    }
-    harness.fill(Buf::Status, &[Status::default(); 4]);
-    for slot in 0..2 {
-        harness.set_step(slot, &step_of(case, slot, capacity));
-    }
-}
-
-fn step_of(case: &Case, slot: u32, capacity: u32) -> StepUniform {
-    StepUniform {
-        num_splats: case.keys.len() as u32,
-        size_px: case.size_px,
-        grid: grid_of(case.size_px),
-        status_slot: slot,
-        pair_capacity: capacity,
-        ..StepUniform::default()
-    }
-}
-
-/// Splats of each tile as the device lists them; slots are those of the splats.
-fn read_lists(harness: &Harness, case: &Case) -> Vec<Vec<u32>> {
-    let total = harness.read::<Status>(Buf::Status, 1)[0].needed_pairs as usize;
-    let pairs = harness.read::<[u32; 2]>(Buf::Pairs, total);
-    let bounds = harness.read::<TestBounds>(Buf::Bounds, case.bounds.len());
-    let mut slots: Vec<u32> = pairs.iter().map(|pair| pair[0]).collect();
-    slots.sort_unstable();
-    assert!(slots.into_iter().eq(0..total as u32), "each slot has one pair");
-    for [slot, splat] in &pairs {
-        let TestBounds { first_slot, num_tiles, .. } = bounds[*splat as usize];
-        assert!((first_slot..first_slot + num_tiles).contains(slot), "slot {slot} of splat {splat}");
-    }
-    let ranges = harness.read::<[u32; 2]>(Buf::TileRanges, case.num_tiles() as usize);
-    ranges.iter().map(|&[a, b]| pairs[a as usize..b as usize].iter().map(|pair| pair[1]).collect()).collect()
-}
-
-#[test]
-fn every_tile_lists_its_splats_in_order_of_depth() {
-    let Some(mut harness) = open(&[&SORT[..], &SLOTS, &LISTS].concat()) else { return };
-    // One pass, two with the last key alone in the second digit, two, three; and nothing in sight.
-    for (seed, size_px, n, passes) in [
-        (1, [80, 48], 700, 1),
-        (2, [64, 64], 1025, 2),
-        (3, [200, 120], 3000, 2),
-        (4, [500, 400], 2500, 3),
-        (5, [64, 64], 0, 2),
-    ] {
-        let mut case = Case::random(seed, size_px, n);
-        assert_eq!(num_tile_passes(case.num_tiles()), passes);
-        let total: u32 = case.bounds.iter().map(|b| b.num_tiles).sum();
-        fill_case(&mut harness, &case, total.max(1));
-        harness.run(&sorted_pairs(0, case.num_tiles()));
-        let got = read_lists(&harness, &case);
-        assert!(got == case.lists(), "{size_px:?}");
-        // Two neighbours in a list that change places are noticed, also where only a tie orders them.
-        if let Some(list) = got.iter().find(|l| l.windows(2).any(|w| case.same_depth(w[0], w[1]))) {
-            let pair = list.windows(2).find(|w| case.same_depth(w[0], w[1])).unwrap();
-            case.keys[pair[0] as usize] += 1;
-            assert!(got != case.lists());
-        } else {
-            assert_eq!(n, 0, "there are ties");
-        }
-    }
-}
-
-#[test]
-fn pairs_that_do_not_fit_switch_everything_off() {
-    let Some(mut harness) = open(&[&SORT[..], &SLOTS, &LISTS].concat()) else { return };
-    let case = Case::random(6, [200, 120], 1500);
-    let total: u32 = case.bounds.iter().map(|b| b.num_tiles).sum();
-    let both = [0, 256].map(|offset| sorted_pairs(offset, case.num_tiles())).concat();
-    let off = vec![DispatchArgs::default(); NUM_GROUPS as usize];
-
-    fill_case(&mut harness, &case, total);
-    harness.set_step(0, &step_of(&case, 0, total - 1));
-    harness.run(&both);
-    assert_eq!(harness.read::<DispatchArgs>(Buf::Args, NUM_GROUPS as usize), off);
-    let needed =
-        |harness: &Harness| harness.read::<Status>(Buf::Status, 2).iter().map(|s| s.needed_pairs).collect();
-    let status: Vec<u32> = needed(&harness);
-    assert_eq!(status, [total, 0], "the second step fits, but comes after one that does not");
-    let untouched = vec![[0xabcd_ef01_u32; 2]; total as usize];
-    assert_eq!(harness.read::<[u32; 2]>(Buf::Pairs, total as usize), untouched);
-
-    // With one pair more of capacity both go through.
-    fill_case(&mut harness, &case, total);
-    harness.run(&both);
-    let args = harness.read::<DispatchArgs>(Buf::Args, NUM_GROUPS as usize);
-    assert!(args.iter().all(|a| a.x * a.y * a.z > 0), "{args:?}");
-    let status: Vec<u32> = needed(&harness);
-    assert_eq!(status, [total, total]);
-    assert_ne!(harness.read::<[u32; 2]>(Buf::Pairs, total as usize), untouched);
-}
-
-#[test]
-fn counts_of_another_rounding_do_no_harm() {
-    let Some(mut harness) = open(&[&SORT[..], &SLOTS, &LISTS].concat()) else { return };
-    let case = Case::random(7, [64, 64], 900);
-    let lists = case.lists();
-    let mut run = |changes: &[(usize, i32)]| {
-        let mut changed = case.clone();
-        for &(splat, by) in changes {
-            let count = &mut changed.bounds[splat].num_tiles;
-            *count = count.checked_add_signed(by).unwrap();
-        }
-        let total: u32 = changed.bounds.iter().map(|b| b.num_tiles).sum();
-        fill_case(&mut harness, &changed, total);
-        harness.run(&sorted_pairs(0, case.num_tiles()));
-        // Sorted keys stand where an odd number of passes left them, here an even one.
-        let keys = harness.read::<u32>(Buf::KeysA, total as usize);
-        let leftover = keys.iter().filter(|&&key| key == case.num_tiles()).count();
-        (read_lists(&harness, &changed), leftover)
-    };
-    let seen: Vec<usize> = (0..900).filter(|&i| case.bounds[i].num_tiles > 0).collect();
-    let unseen = (0..900).find(|&i| case.bounds[i].num_tiles == 0).unwrap();
-    assert!(run(&[]) == (lists.clone(), 0));
-    assert!(run(&[(seen[3], 2), (seen[100], 1), (unseen, 1)]) == (lists.clone(), 4), "slots to spare");
-    // A slot too few: the splat's last tile goes without it, and nobody else notices.
-    let (got, leftover) = run(&[(seen[7], -1)]);
-    let mut expected = lists.clone();
-    let last = expected.iter_mut().rev().find(|l| l.contains(&(seen[7] as u32))).unwrap();
-    last.retain(|&splat| splat as usize != seen[7]);
-    assert!(got == expected && got != lists && leftover == 0);
 }
 
 #[test]
 #[ignore = "a measurement, to be asked for"]
 fn throughput() {
-    let Some(mut harness) = open(&[&SORT[..], &SLOTS, &LISTS].concat()) else { return };
+    let Some(mut harness) = open(&SORT) else { return };
     for count in [100_000, 1_000_000] {
         let keys = random_keys(count, 1 << 28, &mut Pcg32::seed_from_u64(8));
         for kernel in SORT {
-            let passes: Vec<_> = depth_sort(0).into_iter().filter(|d| d.kernel == kernel).collect();
+            let passes: Vec<_> = depth_sort(STEP).into_iter().filter(|d| d.kernel == kernel).collect();
             println!("{kernel:?}: {}", keys_per_second(&mut harness, &keys, &passes));
         }
-        println!("sort of 28 bits: {}", keys_per_second(&mut harness, &keys, &depth_sort(0)));
+        println!("sort of 28 bits: {}", keys_per_second(&mut harness, &keys, &depth_sort(STEP)));
     }
-    let case = Case::random(9, [1600, 1200], 20_000);
-    let total: u32 = case.bounds.iter().map(|b| b.num_tiles).sum();
-    fill_case(&mut harness, &case, total);
-    harness.run(&sorted_pairs(0, case.num_tiles()));
-    let start = cpu_time::ProcessTime::now();
-    harness.run(&pair_slots(0));
-    harness.run(&tile_lists(0, case.num_tiles()));
-    harness.read::<u32>(Buf::Status, 1);
-    println!("{total} pairs to lists: {:?} of a core", start.elapsed());
 }
 
 /// In CPU time of the whole process: that of a software GPU.
-fn keys_per_second(harness: &mut Harness, keys: &[u32], dispatches: &[super::encode::Dispatch]) -> String {
+fn keys_per_second(harness: &mut Harness, keys: &[u32], dispatches: &[Dispatch]) -> String {
     fill_sort(harness, keys, keys.len());
-    harness.run(&depth_sort(0));
+    harness.run(&depth_sort(STEP));
     harness.read::<u32>(Buf::Status, 1);
     let runs = 3;
     let (start, wall) = (cpu_time::ProcessTime::now(), std::time::Instant::now());

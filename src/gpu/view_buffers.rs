@@ -3,7 +3,8 @@
 use super::device::GpuDevice;
 use super::kernels::Buf;
 use super::resources::Resources;
-use super::shader::{BLOCK, DIGIT_BITS};
+use super::shader::BLOCK;
+use super::sort::histogram_entries;
 use super::uniform::{PARTIAL_STRIDE, PARTIAL_STRIDE_STATISTICS};
 use crate::Result;
 
@@ -48,8 +49,8 @@ impl Capacity {
             for name in [Buf::KeysA, Buf::KeysB, Buf::ValuesA, Buf::ValuesB] {
                 resources.set(name, device.buffer("sort keys", keys, 4)?);
             }
-            let histograms = keys.div_ceil(u64::from(BLOCK)) << DIGIT_BITS;
-            resources.set(Buf::Histogram, device.buffer("sort histograms", histograms, 4)?);
+            resources
+                .set(Buf::Histogram, device.buffer("sort histograms", histogram_entries(keys as u32), 4)?);
             resources.set(Buf::SlotSplat, device.buffer("tile-splat pairs", pairs, 4)?);
             resources.set(Buf::Pairs, device.buffer("tile-splat pairs", pairs, 8)?);
             resources.set(Buf::SlotOffsets, device.buffer("prefix sums", splats, 4)?);
