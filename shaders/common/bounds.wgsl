@@ -128,20 +128,41 @@ fn tile_run(bounds: Bounds, tile_row: i32) -> vec2i {
     let low = unpack_px(bounds.box_min);
     let high = unpack_px(bounds.box_max);
     let tile = i32(TILE_PX);
-    let first_dy = f32(max(tile_row * tile, low.y)) + 0.5 - bounds.centre_px.y;
-    let last_dy = f32(min((tile_row + 1) * tile, high.y)) - 0.5 - bounds.centre_px.y;
-    // The span's ends are concave in y: the extremes lie at the outermost points or at an edge.
-    let right_dy = clamp(bounds.rightmost_dy_px, first_dy, last_dy);
-    let left_dy = clamp(-bounds.rightmost_dy_px, first_dy, last_dy);
-    let right = bounds.shear * right_dy + half_span(bounds, right_dy);
-    let left = bounds.shear * left_dy - half_span(bounds, left_dy);
+    let first_row = max(tile_row * tile, low.y);
+    let past_row = min((tile_row + 1) * tile, high.y);
     let limit = vec2f(f32(low.x), f32(high.x));
-    let first = clamp(ceil(bounds.centre_px.x + left - 0.5 - MARGIN_PX), limit.x, limit.y);
-    let past = clamp(floor(bounds.centre_px.x + right - 0.5 + MARGIN_PX) + 1.0, limit.x, limit.y);
-    if first >= past {
+    var run = vec2f(limit.y, limit.x);
+    if high.y - low.y <= tile {
+        // A small splat may lie between all pixel centres: row by row, none is touched in vain.
+        for (var row = first_row; row < past_row; row += 1) {
+            let dy = f32(row) + 0.5 - bounds.centre_px.y;
+            let span = span_px(bounds, dy, dy, limit);
+            if span.x < span.y {
+                run = vec2f(min(run.x, span.x), max(run.y, span.y));
+            }
+        }
+    } else {
+        // The span's ends are concave in y: the extremes lie at the outermost points or at an edge.
+        let first_dy = f32(first_row) + 0.5 - bounds.centre_px.y;
+        let last_dy = f32(past_row) - 0.5 - bounds.centre_px.y;
+        let right_dy = clamp(bounds.rightmost_dy_px, first_dy, last_dy);
+        let left_dy = clamp(-bounds.rightmost_dy_px, first_dy, last_dy);
+        run = span_px(bounds, left_dy, right_dy, limit);
+    }
+    if run.x >= run.y {
         return vec2i(0, 0);
     }
-    return vec2i(i32(first) / tile, (i32(past) - 1) / tile + 1);
+    return vec2i(i32(run.x) / tile, (i32(run.y) - 1) / tile + 1);
+}
+
+// Half-open range of pixels between the span's left end in one row and its right end in another.
+fn span_px(bounds: Bounds, left_dy: f32, right_dy: f32, limit: vec2f) -> vec2f {
+    let left = bounds.centre_px.x + bounds.shear * left_dy - half_span(bounds, left_dy);
+    let right = bounds.centre_px.x + bounds.shear * right_dy + half_span(bounds, right_dy);
+    return vec2f(
+        clamp(ceil(left - 0.5 - MARGIN_PX), limit.x, limit.y),
+        clamp(floor(right - 0.5 + MARGIN_PX) + 1.0, limit.x, limit.y),
+    );
 }
 
 fn half_span(bounds: Bounds, dy_px: f32) -> f32 {
