@@ -11,11 +11,10 @@
 @group(0) @binding(4) var<storage, read> loss_map: array<f32>; // [h, w]
 @group(0) @binding(5) var<storage, read_write> pixel_grad: array<vec4f>; // [h, w] by r, g, b; loss_map
 
-// The three maps of a channel, and blurred along x; in two parts, because a vec3f takes the room of a vec4f.
+// The three maps of a channel, in two parts because a vec3f takes the room of a vec4f; blurred along x.
 var<workgroup> halo_xy: array<vec2f, HALO>;
 var<workgroup> halo_z: array<f32, HALO>;
-var<workgroup> across_xy: array<vec2f, ACROSS>;
-var<workgroup> across_z: array<f32, ACROSS>;
+var<workgroup> across: array<vec3f, ACROSS>;
 
 @compute @workgroup_size(GROUP)
 fn loss_bwd(
@@ -38,7 +37,9 @@ fn loss_bwd(
         }
         workgroupBarrier();
         if 2u * lid < ACROSS {
-            blur_across(2u * lid);
+            let two = blurred_across(2u * lid);
+            across[2u * lid] = two[0].xyz;
+            across[2u * lid + 1u] = two[1].xyz;
         }
         workgroupBarrier();
         let slopes = blurred_down(lid);
@@ -65,39 +66,10 @@ fn stage(c: u32, place: u32, pixel: u32) {
     halo_z[place] = maps.z;
 }
 
-// Two neighbours in a row share most of their windows.
-fn blur_across(i: u32) {
-    let at = i / TILE_PX * HALO_PX + i % TILE_PX;
-    let a = tap(at);
-    let b = tap(at + 1u);
-    let c = tap(at + 2u);
-    let d = tap(at + 3u);
-    let e = tap(at + 4u);
-    let f = tap(at + 5u);
-    let g = tap(at + 6u);
-    let h = tap(at + 7u);
-    let k = tap(at + 8u);
-    let l = tap(at + 9u);
-    let m = tap(at + 10u);
-    let first = window(a, b, c, d, e, f, g, h, k, l, m);
-    let second = window(b, c, d, e, f, g, h, k, l, m, tap(at + 11u));
-    across_xy[i] = first.xy;
-    across_z[i] = first.z;
-    across_xy[i + 1u] = second.xy;
-    across_z[i + 1u] = second.z;
-}
-
 fn tap(at: u32) -> vec4f {
     return vec4f(halo_xy[at], halo_z[at], 0.0);
 }
 
 fn row(i: u32, k: u32) -> vec4f {
-    return vec4f(across_xy[i + k * TILE_PX], across_z[i + k * TILE_PX], 0.0);
-}
-
-fn blurred_down(i: u32) -> vec4f {
-    return window(
-        row(i, 0u), row(i, 1u), row(i, 2u), row(i, 3u), row(i, 4u), row(i, 5u),
-        row(i, 6u), row(i, 7u), row(i, 8u), row(i, 9u), row(i, 10u),
-    );
+    return vec4f(across[i + k * TILE_PX], 0.0);
 }

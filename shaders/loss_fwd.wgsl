@@ -45,7 +45,9 @@ fn loss_fwd(
         workgroupBarrier();
         let d = halo[(y + SSIM_RADIUS_PX) * HALO_PX + x + SSIM_RADIUS_PX].y;
         if 2u * lid < ACROSS {
-            blur_across(2u * lid);
+            let two = blurred_across(2u * lid);
+            across[2u * lid] = two[0];
+            across[2u * lid + 1u] = two[1];
         }
         workgroupBarrier();
         if pixel != OUTSIDE {
@@ -81,37 +83,13 @@ fn sum16(first: u32) -> vec4f {
     return sum;
 }
 
-// Two neighbours in a row share most of their windows.
-fn blur_across(i: u32) {
-    let at = i / TILE_PX * HALO_PX + i % TILE_PX;
-    let a = tap(at);
-    let b = tap(at + 1u);
-    let c = tap(at + 2u);
-    let d = tap(at + 3u);
-    let e = tap(at + 4u);
-    let f = tap(at + 5u);
-    let g = tap(at + 6u);
-    let h = tap(at + 7u);
-    let k = tap(at + 8u);
-    let l = tap(at + 9u);
-    let m = tap(at + 10u);
-    across[i] = window(a, b, c, d, e, f, g, h, k, l, m);
-    across[i + 1u] = window(b, c, d, e, f, g, h, k, l, m, tap(at + 11u));
-}
-
 fn tap(at: u32) -> vec4f {
-    return vec4f(halo[at], halo[at] * halo[at]);
+    let value = halo[at];
+    return vec4f(value, value * value);
 }
 
 fn row(i: u32, k: u32) -> vec4f {
     return across[i + k * TILE_PX];
-}
-
-fn blurred_down(i: u32) -> vec4f {
-    return window(
-        row(i, 0u), row(i, 1u), row(i, 2u), row(i, 3u), row(i, 4u), row(i, 5u),
-        row(i, 6u), row(i, 7u), row(i, 8u), row(i, 9u), row(i, 10u),
-    );
 }
 
 // With u = x + y and v = x - y: 2 mx my = (mu^2 - mv^2) / 2, 2 cov = (var u - var v) / 2, and the same with

@@ -1,6 +1,6 @@
 // Picture and photo under the 11-tap window of SSIM, for a workgroup per tile (twin: `blur` in
 // reference/loss.rs). The window sees sum and difference of picture and photo: where they agree, nothing
-// cancels. Wants `pixels` and `photo` bound.
+// cancels. Wants `pixels` and `photo` bound, and the functions `tap` and `row`.
 
 // A tile with the radius of the window around it: edge, pixels, and those of its rows that are in the tile's
 // columns.
@@ -46,4 +46,30 @@ fn window(
 ) -> vec4f {
     return SSIM_WINDOW[0] * (a + a1) + SSIM_WINDOW[1] * (b + b1) + SSIM_WINDOW[2] * (c + c1)
         + SSIM_WINDOW[3] * (d + d1) + SSIM_WINDOW[4] * (e + e1) + SSIM_WINDOW[5] * middle;
+}
+
+// Two neighbours in a row of the tile share most of their windows. `tap` is a place of the halo.
+fn blurred_across(i: u32) -> mat2x4f {
+    let at = i / TILE_PX * HALO_PX + i % TILE_PX;
+    let a = tap(at);
+    let b = tap(at + 1u);
+    let c = tap(at + 2u);
+    let d = tap(at + 3u);
+    let e = tap(at + 4u);
+    let f = tap(at + 5u);
+    let g = tap(at + 6u);
+    let h = tap(at + 7u);
+    let k = tap(at + 8u);
+    let l = tap(at + 9u);
+    let m = tap(at + 10u);
+    let n = tap(at + 11u);
+    return mat2x4f(window(a, b, c, d, e, f, g, h, k, l, m), window(b, c, d, e, f, g, h, k, l, m, n));
+}
+
+// `row` is what came of that, so many rows below a pixel.
+fn blurred_down(i: u32) -> vec4f {
+    return window(
+        row(i, 0u), row(i, 1u), row(i, 2u), row(i, 3u), row(i, 4u), row(i, 5u),
+        row(i, 6u), row(i, 7u), row(i, 8u), row(i, 9u), row(i, 10u),
+    );
 }

@@ -201,8 +201,9 @@ fn a_perturbed_picture_mask_or_weight_is_noticed() {
     assert_eq!(found(&|c| c.rgb[3 * at] = f32::NAN), [true; 3]);
 }
 
-/// CPU time on lavapipe; printed, and bounded only against a kernel that became absurd.
+/// CPU time of both kernels on lavapipe: 0.14 s on the machine where the bound was set.
 #[test]
+#[ignore = "measures the whole process: to be run alone"]
 fn cpu_time_stays_in_bounds() {
     let Some(mut harness) = Harness::new(&[KernelId::LossFwd, KernelId::LossBwd]) else { return };
     let case = case((270, 480), false, Start::Noise, [0.8, 0.2, 0.0], 3);
@@ -219,5 +220,5 @@ fn cpu_time_stays_in_bounds() {
         println!("{id:?}: {:.1} ms of CPU at 270 x 480", 1e3 * each_s);
         total_s += each_s;
     }
-    assert!(harness.device.choice.hardware || total_s < 2.0, "{total_s} s");
+    assert!(harness.device.choice.hardware || total_s < 0.25, "{total_s} s");
 }

@@ -1,1 +1,135 @@
+//! The contract between the table of kernels, the structures of `layout` and the shaders, checked by naga
+//! without any device.
 
+mod contract;
+mod mirrors;
+
+use super::kernels::{KERNELS, Kernel};
+use super::shader::{Expanded, SOURCES, Target, expand};
+use contract::{Parsed, check, workgroup_bytes};
+use mirrors::{check_structs, mirrors};
+use std::collections::BTreeSet;
+
+fn native(kernel: &Kernel) -> Expanded {
+    expand(kernel.name, kernel.flags, Target::Native).unwrap()
+}
+
+#[test]
+fn kernels_keep_the_contract() {
+    let wrong: Vec<String> = KERNELS.iter().flat_map(|(_, kernel)| check(native(kernel), kernel)).collect();
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+    for (id, kernel) in KERNELS {
+        let parsed = Parsed::new(native(kernel)).unwrap();
+        println!("{id:?}: {} bytes of workgroup memory", workgroup_bytes(&parsed));
+    }
+}
+
+#[test]
+fn structures_are_those_of_rust() {
+    let mut seen = BTreeSet::new();
+    let mut wrong = Vec::new();
+    let kernels = KERNELS.iter().map(|(_, kernel)| native(kernel));
+    // No kernel need use every structure.
+    let alone = [&[][..], &["ATOMIC_STATUS"]].map(|f| expand("common/status", f, Target::Native).unwrap());
+    for expanded in kernels.chain(alone) {
+        wrong.extend(check_structs(&Parsed::new(expanded).unwrap(), &mut seen));
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+    let sorts = KERNELS.iter().any(|(_, kernel)| kernel.has_sort_pass);
+    let unseen: Vec<&str> = mirrors().iter().map(|m| m.name).filter(|name| !seen.contains(name)).collect();
+    assert!(unseen.is_empty() || (unseen == ["SortPass"] && !sorts), "no shader has {unseen:?}");
+}
+
+#[test]
+fn planted_faults_are_noticed() {
+    let (_, kernel) = KERNELS.iter().find(|(_, k)| k.name == "project").unwrap();
+    let planted = |original: &str, replacement: &str| {
+        let mut expanded = native(kernel);
+        assert!(expanded.text.contains(original), "{original:?} is gone");
+        expanded.text = expanded.text.replacen(original, replacement, 1);
+        check(expanded, kernel).join("\n")
+    };
+    assert_eq!(planted("sh_degree: u32", "sh_degree: u32"), "");
+    let noticed = |original: &str, replacement: &str, place: &str, what: &str| {
+        let found = planted(original, replacement);
+        assert!(found.contains(place) && found.contains(what), "{replacement:?}: {found:?}");
+    };
+    let step = "shaders/common/step.wgsl:";
+    let source = SOURCES.iter().find(|(name, _)| *name == "common/step").unwrap().1;
+    let line = source.lines().position(|l| l == "    rate_sh_dc: f32,");
+    noticed(
+        "    rate_sh_dc: f32,\n    rate_sh_rest: f32,",
+        "    rate_sh_rest: f32,\n    rate_sh_dc: f32,",
+        &format!("{step}{}: ", line.unwrap() + 1),
+        "Step member 31",
+    );
+    noticed("    loss_l1: f32,", "    loss_l1: u32,", step, "Step member 19");
+    noticed("    grid: vec2u,", "    grid: vec4u,", step, "bytes");
+    let project = "shaders/project.wgsl:";
+    noticed(
+        "const EDGE_ON_MIN: f32 = 0.001;",
+        "const EDGE_ON_MIN: f32 = 0.00100001;",
+        project,
+        "EDGE_ON_MIN",
+    );
+    noticed("const FLAG_STATISTICS = 2u", "const FLAG_STATISTICS = 8u", step, "FLAG_STATISTICS");
+    noticed("const OPACITY = 9u", "const OPACITY = 10u", "shaders/common/splat.wgsl:", "OPACITY");
+    let extra = "@group(0) @binding(8) var<storage, read> extra: array<f32>; @compute @workgroup_size(GROUP)";
+    noticed("@compute @workgroup_size(GROUP)", extra, project, "extra");
+    noticed("@group(0) @binding(7)", "@group(0) @binding(9)", project, "keys_out");
+    noticed("@group(0) @binding(4)", "@group(1) @binding(4)", project, "splat_info");
+    noticed("read> splat_info", "read_write> splat_info", project, "splat_info");
+    noticed("read_write> bounds: ", "read> bounds: ", project, "bounds");
+    noticed(
+        "@workgroup_size(GROUP)",
+        "@workgroup_size(GROUP, 1, 2)",
+        project.trim_end_matches(':'),
+        "workgroups of",
+    );
+    noticed("fn project(", "fn projects(", "shaders/project.wgsl", "entry points");
+    noticed("    let base = i *", "    let base = nonsense *", project, "nonsense");
+    let hoard = "var<workgroup> hoard: array<vec4f, 1025>; @compute @workgroup_size(GROUP)";
+    let used = "hoard[0] = vec4f(); bounds[i] = shape;";
+    let mut expanded = native(kernel);
+    expanded.text =
+        expanded.text.replace("@compute @workgroup_size(GROUP)", hoard).replace("bounds[i] = shape;", used);
+    assert!(check(expanded, kernel).join("\n").contains("16400 bytes of workgroup memory"));
+    let mut one_less = *kernel;
+    one_less.bindings = &kernel.bindings[..6];
+    assert!(check(native(kernel), &one_less).join("\n").contains("keys_out"));
+}
+
+/// Names of the files below a directory of shaders, without the extension.
+fn files_below(directory: &std::path::Path, prefix: &str, out: &mut BTreeSet<String>) {
+    for entry in std::fs::read_dir(directory).unwrap() {
+        let path = entry.unwrap().path();
+        let name = format!("{prefix}{}", path.file_stem().unwrap().to_str().unwrap());
+        if path.is_dir() {
+            files_below(&path, &format!("{name}/"), out);
+        } else if path.extension().is_some_and(|e| e == "wgsl") {
+            out.insert(name);
+        }
+    }
+}
+
+#[test]
+fn every_file_is_listed_and_every_kernel_has_one() {
+    let mut files = BTreeSet::new();
+    files_below(&std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("shaders"), "", &mut files);
+    let listed: BTreeSet<String> = SOURCES.iter().map(|(name, _)| (*name).to_owned()).collect();
+    assert_eq!(listed.len(), SOURCES.len(), "a file is listed twice");
+    assert_eq!(files, listed);
+    let entries: BTreeSet<&str> =
+        files.iter().map(String::as_str).filter(|f| !f.starts_with("common/")).collect();
+    let kernels: BTreeSet<&str> = KERNELS.iter().map(|(_, kernel)| kernel.name).collect();
+    assert_eq!(entries, kernels);
+}
+
+#[test]
+fn kernels_expand_for_browsers() {
+    for (_, kernel) in KERNELS {
+        let web = expand(kernel.name, kernel.flags, Target::Web).unwrap();
+        assert!(web.text.contains(&format!("fn {}(", kernel.name)));
+        assert!(!web.text.lines().any(|l| l.trim_start().starts_with('#')), "{}", kernel.name);
+    }
+}

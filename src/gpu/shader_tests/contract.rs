@@ -1,0 +1,183 @@
+//! The rules that every shader keeps, as lists of what breaks them; parsed and validated by naga.
+
+use super::mirrors::check_structs;
+use crate::gpu::kernels::{Kernel, SORT_PASS_BINDING};
+use crate::gpu::layout;
+use crate::gpu::shader::{Expanded, GROUP, shared_constants};
+use crate::model::SplatGroup;
+use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
+use naga::{AddressSpace, Expression, GlobalVariable, Handle, Literal, Span, StorageAccess};
+use std::collections::{BTreeMap, BTreeSet};
+
+/// What WebGPU grants everywhere.
+const MAX_STORAGE_BUFFERS: usize = 8;
+const MAX_WORKGROUP_BYTES: u32 = 16 << 10;
+
+/// A shader that core WebGPU takes.
+pub(super) struct Parsed {
+    pub module: naga::Module,
+    info: ModuleInfo,
+    layouter: naga::proc::Layouter,
+    pub expanded: Expanded,
+}
+
+impl Parsed {
+    pub fn new(expanded: Expanded) -> Result<Self, String> {
+        let text = &expanded.text;
+        let place = |line: Option<u32>| expanded.origin(line.unwrap_or(1));
+        let module = naga::front::wgsl::parse_str(text).map_err(|e| {
+            format!("{}: {}", place(e.location(text).map(|l| l.line_number)), e.emit_to_string(text))
+        })?;
+        let info =
+            Validator::new(ValidationFlags::all(), Capabilities::empty()).validate(&module).map_err(|e| {
+                format!("{}: {}", place(e.location(text).map(|l| l.line_number)), e.emit_to_string(text))
+            })?;
+        let mut layouter = naga::proc::Layouter::default();
+        layouter.update(module.to_ctx()).map_err(|e| e.to_string())?;
+        Ok(Self { module, info, layouter, expanded })
+    }
+
+    /// Shader file and line.
+    pub fn at(&self, span: Span) -> String {
+        self.expanded.origin(span.location(&self.expanded.text).line_number)
+    }
+
+    /// Where a member of a structure stands.
+    pub fn member_at(&self, ty: Handle<naga::Type>, name: &str) -> String {
+        let span = self.module.types.get_span(ty);
+        let text = span.to_range().map_or("", |range| &self.expanded.text[range]);
+        let before = text.find(&format!(" {name}:")).map_or(0, |at| text[..at].matches('\n').count());
+        self.expanded.origin(span.location(&self.expanded.text).line_number + before as u32)
+    }
+
+    fn variable_at(&self, handle: Handle<GlobalVariable>) -> String {
+        self.at(self.module.global_variables.get_span(handle))
+    }
+
+    fn is_used(&self, handle: Handle<GlobalVariable>) -> bool {
+        !self.info.get_entry_point(0)[handle].is_empty()
+    }
+}
+
+/// Every constant that shaders and Rust both have, by name.
+fn all_constants() -> BTreeMap<&'static str, Literal> {
+    let (floats, integers) = shared_constants();
+    let mut out: BTreeMap<_, _> = floats.iter().map(|&(n, v)| (n, Literal::F32(v as f32))).collect();
+    out.extend(integers.iter().map(|&(n, v)| (n, Literal::U32(v))));
+    out.insert("FLAG_PERSIST", Literal::U32(layout::FLAG_PERSIST));
+    out.insert("FLAG_STATISTICS", Literal::U32(layout::FLAG_STATISTICS));
+    out.insert("FLAG_ALL_MAPS", Literal::U32(layout::FLAG_ALL_MAPS));
+    let mut offset = 0;
+    for (name, group) in
+        ["POSITION", "QUATERNION", "LOG_SCALE", "OPACITY", "SH"].into_iter().zip(SplatGroup::ALL)
+    {
+        out.insert(name, Literal::U32(offset));
+        offset += group.width(0) as u32;
+    }
+    out
+}
+
+/// Constants that differ from Rust's.
+fn check_constants(parsed: &Parsed) -> Vec<String> {
+    let shared = all_constants();
+    let module = &parsed.module;
+    let mut wrong = Vec::new();
+    for (handle, constant) in module.constants.iter() {
+        let Some((name, expected)) = constant.name.as_deref().and_then(|n| shared.get_key_value(n)) else {
+            continue;
+        };
+        let found = &module.global_expressions[constant.init];
+        if !matches!(found, Expression::Literal(found) if found == expected) {
+            let at = parsed.at(module.constants.get_span(handle));
+            wrong.push(format!("{at}: {name} is {found:?}, in Rust {expected:?}"));
+        }
+    }
+    wrong
+}
+
+/// A binding: its name and how it is accessed.
+type Bound = (String, &'static str);
+
+/// Bindings that differ from the table, and storage that the kernel binds but does not touch.
+fn check_bindings(parsed: &Parsed, kernel: &Kernel) -> Vec<String> {
+    let mut expected: BTreeMap<u32, Bound> = BTreeMap::from([(0, ("step".into(), "uniform Step"))]);
+    for (binding, bound) in (1..).zip(kernel.bindings) {
+        expected.insert(binding, (bound.name.into(), if bound.writes { "read_write" } else { "read" }));
+    }
+    if kernel.has_sort_pass {
+        expected.insert(SORT_PASS_BINDING, ("sort_pass".into(), "uniform SortPass"));
+    }
+    let mut wrong = Vec::new();
+    for (handle, variable) in parsed.module.global_variables.iter() {
+        let Some(place) = variable.binding else { continue };
+        let access = match variable.space {
+            AddressSpace::Uniform => match parsed.module.types[variable.ty].name.as_deref() {
+                Some("Step") => "uniform Step",
+                Some("SortPass") => "uniform SortPass",
+                _ => "another uniform",
+            },
+            AddressSpace::Storage { access } if access == StorageAccess::LOAD => "read",
+            AddressSpace::Storage { access } if access == StorageAccess::LOAD | StorageAccess::STORE => {
+                "read_write"
+            }
+            _ => "neither uniform nor storage",
+        };
+        let found = Some((variable.name.clone().unwrap_or_default(), access));
+        let expected = (place.group == 0).then(|| expected.remove(&place.binding)).flatten();
+        let at = parsed.variable_at(handle);
+        if found != expected {
+            wrong.push(format!("{at}: {place:?} is {found:?}, in the table {expected:?}"));
+        } else if !parsed.is_used(handle) && !access.starts_with("uniform") {
+            wrong.push(format!("{at}: {found:?} is bound, but not used"));
+        }
+    }
+    wrong.extend(
+        expected.iter().map(|e| format!("shaders/{}.wgsl: {e:?} of the table is missing", kernel.name)),
+    );
+    if kernel.bindings.len() > MAX_STORAGE_BUFFERS {
+        wrong.push(format!("shaders/{}.wgsl: {} storage buffers", kernel.name, kernel.bindings.len()));
+    }
+    wrong
+}
+
+/// What is wrong with the entry point and its memory.
+fn check_entry(parsed: &Parsed, kernel: &Kernel) -> Vec<String> {
+    let file = format!("shaders/{}.wgsl", kernel.name);
+    let entries = &parsed.module.entry_points;
+    let names: Vec<&str> = entries.iter().map(|e| e.name.as_str()).collect();
+    if names != [kernel.name] {
+        return vec![format!("{file}: entry points {names:?}, wanted {:?} alone", kernel.name)];
+    }
+    let mut wrong = Vec::new();
+    let [x, y, z] = entries[0].workgroup_size;
+    if x > GROUP || y != 1 || z != 1 {
+        wrong.push(format!("{file}: workgroups of {:?}", entries[0].workgroup_size));
+    }
+    let bytes = workgroup_bytes(parsed);
+    if bytes > MAX_WORKGROUP_BYTES {
+        wrong.push(format!("{file}: {bytes} bytes of workgroup memory"));
+    }
+    wrong
+}
+
+/// As WebGPU counts: each variable that is used, to a multiple of 16.
+pub(super) fn workgroup_bytes(parsed: &Parsed) -> u32 {
+    let shared = parsed.module.global_variables.iter().filter(|(_, v)| v.space == AddressSpace::WorkGroup);
+    let used = shared.filter(|(handle, _)| parsed.is_used(*handle));
+    used.map(|(_, v)| parsed.layouter[v.ty].size.next_multiple_of(16)).sum()
+}
+
+/// Everything that is wrong with a kernel.
+pub(super) fn check(expanded: Expanded, kernel: &Kernel) -> Vec<String> {
+    let parsed = match Parsed::new(expanded) {
+        Ok(parsed) => parsed,
+        Err(e) => return vec![e],
+    };
+    let mut wrong = check_entry(&parsed, kernel);
+    if wrong.is_empty() {
+        wrong.extend(check_bindings(&parsed, kernel));
+    }
+    wrong.extend(check_structs(&parsed, &mut BTreeSet::new()));
+    wrong.extend(check_constants(&parsed));
+    wrong
+}

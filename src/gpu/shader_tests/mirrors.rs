@@ -1,0 +1,168 @@
+//! Structures that shaders and Rust both have.
+
+use super::contract::Parsed;
+use crate::gpu::layout::{self, SortPass, SplatInfo, Status, StepUniform};
+use naga::TypeInner;
+use std::collections::BTreeSet;
+
+/// A member: its name, type and offset.
+type Member = (String, &'static str, u32);
+
+/// A structure as Rust has it.
+pub(super) struct Mirror {
+    pub name: &'static str,
+    bytes: u32,
+    /// Empty where Rust knows the size alone.
+    members: Vec<Member>,
+}
+
+/// Types of members; the host has no vectors, but arrays of the same layout.
+trait Shape {
+    const NAME: &'static str;
+}
+
+macro_rules! shapes {
+    ($($ty:ty = $name:literal),* $(,)?) => { $(impl Shape for $ty { const NAME: &'static str = $name; })* };
+}
+
+shapes![
+    u32 = "u32",
+    [u32; 2] = "vec2u",
+    f32 = "f32",
+    [f32; 2] = "vec2f",
+    [f32; 3] = "vec3f",
+    [f32; 4] = "vec4f",
+];
+
+fn shape_of<T: Shape>(_: &T) -> &'static str {
+    T::NAME
+}
+
+/// By destructuring, so that no member can be left out; sorted by offset.
+macro_rules! mirror {
+    ($name:literal, $ty:ident { $($member:ident),* $(,)? }) => {{
+        let $ty { $($member),* } = $ty::default();
+        let mut members: Vec<Member> = vec![$((
+            stringify!($member).to_owned(),
+            shape_of(&$member),
+            std::mem::offset_of!($ty, $member) as u32,
+        )),*];
+        members.sort_by_key(|m| m.2);
+        Mirror { name: $name, bytes: size_of::<$ty>() as u32, members }
+    }};
+}
+
+pub(super) fn mirrors() -> Vec<Mirror> {
+    vec![
+        mirror!(
+            "Step",
+            StepUniform {
+                camera_row0,
+                camera_row1,
+                camera_row2,
+                camera_in_local,
+                near,
+                focal_px,
+                principal_px,
+                size_px,
+                grid,
+                background,
+                num_splats,
+                sh_degree,
+                splat_stride,
+                step,
+                settled_step,
+                flags,
+                status_slot,
+                pair_capacity,
+                partial_stride,
+                loss_l1,
+                loss_dssim,
+                loss_mse,
+                opacity_weight,
+                texture_weight,
+                texture_hidden_weight,
+                texel_units,
+                photo_offset_px,
+                rate_position,
+                rate_quaternion,
+                rate_log_scale,
+                rate_opacity,
+                rate_sh_dc,
+                rate_sh_rest,
+                rate_texel,
+                m_correction,
+                last_rate_sh_dc,
+                last_rate_sh_rest,
+                last_rate_texel,
+                v_correction_sqrt,
+            }
+        ),
+        mirror!("SortPass", SortPass { shift, counts_pairs, identity_values, pad }),
+        mirror!("SplatInfo", SplatInfo { map_offset_texels, map_size, texel_size, last_step }),
+        mirror!(
+            "Status",
+            Status {
+                done,
+                needed_pairs,
+                visible,
+                faults,
+                l1,
+                dssim,
+                mse,
+                opacity,
+                texture,
+                evaluated,
+                inside,
+                blended,
+                texel_atomics,
+                distortion,
+                normal,
+                pad,
+            }
+        ),
+        Mirror { name: "Projected", bytes: layout::PROJECTED_BYTES as u32, members: Vec::new() },
+        Mirror { name: "Bounds", bytes: layout::BOUNDS_BYTES as u32, members: Vec::new() },
+    ]
+}
+
+fn wgsl_name(inner: &TypeInner) -> &'static str {
+    use naga::{Scalar, VectorSize};
+    match *inner {
+        TypeInner::Scalar(Scalar::U32) | TypeInner::Atomic(Scalar::U32) => "u32",
+        TypeInner::Scalar(Scalar::F32) => "f32",
+        TypeInner::Vector { size: VectorSize::Bi, scalar: Scalar::U32 } => "vec2u",
+        TypeInner::Vector { size: VectorSize::Bi, scalar: Scalar::F32 } => "vec2f",
+        TypeInner::Vector { size: VectorSize::Tri, scalar: Scalar::F32 } => "vec3f",
+        TypeInner::Vector { size: VectorSize::Quad, scalar: Scalar::F32 } => "vec4f",
+        _ => "a type without twin in Rust",
+    }
+}
+
+/// Structures that differ from Rust's; notes the names of those that were compared.
+pub(super) fn check_structs(parsed: &Parsed, seen: &mut BTreeSet<&'static str>) -> Vec<String> {
+    let mut wrong = Vec::new();
+    for (handle, ty) in parsed.module.types.iter() {
+        let TypeInner::Struct { members, span } = &ty.inner else { continue };
+        let mirrors = mirrors();
+        let Some(mirror) = mirrors.iter().find(|m| Some(m.name) == ty.name.as_deref()) else { continue };
+        seen.insert(mirror.name);
+        let at = parsed.at(parsed.module.types.get_span(handle));
+        if *span != mirror.bytes {
+            wrong.push(format!("{at}: {} has {span} bytes, in Rust {}", mirror.name, mirror.bytes));
+        }
+        let shader = members.iter().map(|m| {
+            let name = m.name.clone().unwrap_or_default();
+            (name, wgsl_name(&parsed.module.types[m.ty].inner), m.offset)
+        });
+        let shader: Vec<Member> = shader.collect();
+        if mirror.members.is_empty() || shader == mirror.members {
+            continue;
+        }
+        let k = shader.iter().zip(&mirror.members).take_while(|(a, b)| a == b).count();
+        let (found, expected) = (shader.get(k), mirror.members.get(k));
+        let at = found.map_or(at, |m| parsed.member_at(handle, &m.0));
+        wrong.push(format!("{at}: {} member {k} is {found:?}, in Rust {expected:?}", mirror.name));
+    }
+    wrong
+}
