@@ -119,8 +119,8 @@ pub struct StepRequest<'a> {
     pub step: u32,
     /// The view.
     pub camera: Camera,
-    /// Identity of the photo: equal numbers are equal photos, at equal size, as long as the backend
-    /// lives, so that it may keep them resident. The trainer passes the index of the view.
+    /// Identity of the photo: equal numbers are equal photos, at equal size, until the next upload of a
+    /// model, so that a backend may keep them resident. The trainer passes the index of the view.
     pub photo: u32,
     /// The photo, of the camera's size.
     pub target: &'a TargetImage,

@@ -317,6 +317,7 @@ impl Backend for GpuBackend {
 
     fn upload(&mut self, model: &Model, adam: &AdamState) -> Result<()> {
         model_buffers::upload(&self.device, &mut self.resources, model, adam)?;
+        self.photos.forget();
         self.adopt(model.clone(), adam.clone());
         self.device.check()
     }

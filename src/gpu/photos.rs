@@ -29,6 +29,11 @@ const PIXEL_BYTES: u64 = 4;
 const POOL_MAX_BYTES: u64 = 2 << 30;
 
 impl PhotoPool {
+    /// Numbers may stand for other photos from now on.
+    pub(super) fn forget(&mut self) {
+        self.resident.clear();
+    }
+
     /// Makes room for a batch of photos of these sizes: all of them are resident at once afterwards. Says how
     /// many of them, from the first on, fit the largest pool that the device allows.
     ///

@@ -21,8 +21,7 @@ pub type Sink<'a> = &'a mut dyn FnMut(TrainEvent<'_>) -> Result<Control>;
 const PREFETCH_VIEWS: usize = 4;
 
 /// Trains from `start` (a fresh state or a loaded checkpoint) to the end of `config.steps`, the time
-/// limit or the consumer's stop, and returns the final state and why it ended. A backend that has seen
-/// other views before cannot be used: it may hold photos by the index of their view.
+/// limit or the consumer's stop, and returns the final state and why it ended.
 ///
 /// # Errors
 /// [`Error::Usage`] if there is nothing to train on; else whatever the backend, the views or the
