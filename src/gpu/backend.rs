@@ -9,6 +9,7 @@ use super::layout::{DispatchArgs, FLAG_ALL_MAPS, FLAG_PERSIST, Status, StepUnifo
 use super::model_buffers::{self, splat_stride};
 use super::photos::PhotoPool;
 use super::resources::{Offsets, Resources};
+use super::timing::Timer;
 use super::uniform::{self, Scene, needs_statistics};
 use super::view_buffers::{Capacity, Needs};
 use super::{sort, structure};
@@ -20,6 +21,7 @@ use crate::camera::{Camera, Similarity};
 use crate::model::{AdamState, Model, SplatArrays, TexturePool};
 use crate::{Error, Result};
 use std::collections::BTreeMap;
+use std::time::Duration;
 
 /// Steps of a submission, and entries of the rings.
 const BATCH: usize = 16;
@@ -36,13 +38,15 @@ pub struct GpuOptions {
     pub count_pairs: bool,
     /// Whether splats pass through workgroup memory; `None`: on hardware, not on software.
     pub batched_raster: Option<bool>,
+    /// Whether every dispatch is timed, where the device can: reports tell times by kernel.
+    pub time_kernels: bool,
     /// Pairs to make room for at first; `None`: a guess from the number of splats.
     pub pair_capacity: Option<u64>,
 }
 
 impl Default for GpuOptions {
     fn default() -> Self {
-        Self { batch_steps: BATCH, count_pairs: false, batched_raster: None, pair_capacity: None }
+        Self { batch_steps: BATCH, count_pairs: false, batched_raster: None, time_kernels: false, pair_capacity: None }
     }
 }
 
@@ -59,6 +63,7 @@ pub struct GpuBackend {
     capacity: Capacity,
     photos: PhotoPool,
     window_views: u32,
+    timer: Option<Timer>,
 }
 
 impl GpuBackend {
@@ -95,7 +100,9 @@ impl GpuBackend {
             near: 0.01,
             capture_from_local: Similarity::IDENTITY,
         };
+        let timer = if options.time_kernels { Timer::new(&device)? } else { None };
         Ok(Self {
+            timer,
             device,
             resources,
             pipelines,
@@ -151,7 +158,8 @@ impl GpuBackend {
     pub(super) fn submit(&mut self, dispatches: &[Dispatch]) {
         let mut encoder =
             self.device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        encode(&self.device, &mut encoder, &mut self.resources, &self.pipelines, dispatches, None);
+        let timer = self.timer.as_ref().filter(|_| dispatches.len() <= Timer::MAX_DISPATCHES);
+        encode(&self.device, &mut encoder, &mut self.resources, &self.pipelines, dispatches, timer);
         self.device.queue.submit([encoder.finish()]);
     }
 
@@ -195,10 +203,11 @@ impl GpuBackend {
     }
 
     /// Runs steps that fit one submission; returns what those that were applied tell.
-    fn submit_steps(&mut self, requests: &[StepRequest<'_>]) -> Result<Vec<Status>> {
+    fn submit_steps(&mut self, requests: &[StepRequest<'_>]) -> Result<Vec<(Status, Stages)>> {
         let kept: Vec<u32> = requests.iter().map(|r| r.photo).collect();
         self.arm();
         let mut dispatches = Vec::new();
+        let mut ends = Vec::new();
         let mut scene = self.scene();
         for (slot, request) in requests.iter().enumerate() {
             let placed =
@@ -212,10 +221,11 @@ impl GpuBackend {
             let rest = [KernelId::LossFwd, KernelId::LossBwd, bwd, KernelId::ProjectBwd, KernelId::AdamTexel];
             dispatches.extend(rest.map(|id| Dispatch::new(id, offsets)));
             dispatches.push(Dispatch::new(KernelId::Finish, offsets));
+            ends.push(dispatches.len());
             (scene.settled_step, scene.settled_rates) = (request.step, request.rates);
         }
         self.submit(&dispatches);
-        let mut statuses: Vec<Status> =
+        let statuses: Vec<Status> =
             self.device.read(self.resources.buffer(Buf::Status), requests.len())?;
         let applied = statuses.iter().take_while(|s| s.done == 1).count();
         if let Some(last) = applied.checked_sub(1) {
@@ -223,11 +233,18 @@ impl GpuBackend {
             let counted = requests[..applied].iter().filter(|r| r.accumulate_statistics).count();
             self.window_views += counted as u32;
         }
-        statuses.truncate(requests.len().min(applied + 1));
-        Ok(statuses)
+        let times = match &self.timer {
+            Some(timer) => timer.read(&self.device, dispatches.len())?,
+            None => Vec::new(),
+        };
+        let stages = (0..requests.len()).map(|k| {
+            let range = ends[..k].last().copied().unwrap_or(0)..ends[k];
+            stages(&dispatches[range.clone()], times.get(range).unwrap_or_default())
+        });
+        Ok(statuses.into_iter().zip(stages).take(applied + 1).collect())
     }
 
-    fn report(&self, request: &StepRequest<'_>, status: &Status) -> StepReport {
+    fn report(&self, request: &StepRequest<'_>, status: &Status, stages: Stages) -> StepReport {
         let s = status;
         let mut loss = LossValues {
             total: 0.0,
@@ -249,7 +266,7 @@ impl GpuBackend {
             inside_pairs: s.inside.into(),
             blended_pairs: s.blended.into(),
         };
-        StepReport { loss, counters, non_finite_gradients: s.faults.into(), stages: Vec::new() }
+        StepReport { loss, counters, non_finite_gradients: s.faults.into(), stages }
     }
 
     /// Writes all lagging parameters down, as of the last step.
@@ -286,6 +303,21 @@ impl GpuBackend {
         let offsets = self.set_uniform(0, &uniform);
         self.submit(&[Dispatch::new(KernelId::SettleTexel, offsets)]);
     }
+}
+
+/// Times by kernel, in the order in which they first run.
+type Stages = Vec<(&'static str, Duration)>;
+
+fn stages(dispatches: &[Dispatch], times: &[Duration]) -> Stages {
+    let mut out: Stages = Vec::new();
+    for (dispatch, time) in dispatches.iter().zip(times) {
+        let name = dispatch.kernel.kernel().name;
+        match out.iter_mut().find(|(n, _)| *n == name) {
+            Some((_, sum)) => *sum += *time,
+            None => out.push((name, *time)),
+        }
+    }
+    out
 }
 
 fn check_request(request: &StepRequest<'_>) -> Result<()> {
@@ -377,11 +409,11 @@ impl Backend for GpuBackend {
             let needs = self.needs(batch.iter().map(|r| r.camera), true, statistics);
             self.capacity.ensure(&self.device, &mut self.resources, &needs)?;
             let statuses = self.submit_steps(batch)?;
-            for (request, status) in batch.iter().zip(&statuses) {
+            for (request, (status, stages)) in batch.iter().zip(statuses) {
                 if status.done == 1 {
-                    reports.push(self.report(request, status));
+                    reports.push(self.report(request, &status, stages));
                 } else {
-                    self.grow_pairs(status, &needs)?;
+                    self.grow_pairs(&status, &needs)?;
                 }
             }
         }

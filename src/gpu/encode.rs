@@ -5,6 +5,7 @@ use super::device::{GpuDevice, Pipeline};
 use super::kernels::{Buf, Groups, KernelId};
 use super::layout::DispatchArgs;
 use super::resources::{Offsets, Resources};
+use super::timing::Timer;
 use std::collections::BTreeMap;
 
 /// One dispatch.
@@ -28,14 +29,14 @@ pub(super) fn args_offset(groups: Groups) -> u64 {
     groups as u64 * size_of::<DispatchArgs>() as u64
 }
 
-/// Encodes dispatches in order. With a query set, each in a pass of its own, from query `2 * first` on.
+/// Encodes dispatches in order. With a timer, each in a pass of its own between two timestamps.
 pub(super) fn encode(
     device: &GpuDevice,
     encoder: &mut wgpu::CommandEncoder,
     resources: &mut Resources,
     pipelines: &BTreeMap<KernelId, Pipeline>,
     dispatches: &[Dispatch],
-    timed: Option<(&wgpu::QuerySet, u32)>,
+    timer: Option<&Timer>,
 ) {
     let args = resources.buffer(Buf::Args).clone();
     let mut one = |pass: &mut wgpu::ComputePass<'_>, dispatch: &Dispatch| {
@@ -51,23 +52,21 @@ pub(super) fn encode(
         }
     };
     let descriptor = wgpu::ComputePassDescriptor::default();
-    match timed {
-        None => {
-            let mut pass = encoder.begin_compute_pass(&descriptor);
-            dispatches.iter().for_each(|dispatch| one(&mut pass, dispatch));
-        }
-        Some((query_set, first)) => {
-            for (index, dispatch) in (first..).zip(dispatches) {
-                let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-                    timestamp_writes: Some(wgpu::ComputePassTimestampWrites {
-                        query_set,
-                        beginning_of_pass_write_index: Some(2 * index),
-                        end_of_pass_write_index: Some(2 * index + 1),
-                    }),
-                    ..descriptor.clone()
-                });
-                one(&mut pass, dispatch);
-            }
-        }
+    let Some(timer) = timer else {
+        let mut pass = encoder.begin_compute_pass(&descriptor);
+        dispatches.iter().for_each(|dispatch| one(&mut pass, dispatch));
+        return;
+    };
+    for (index, dispatch) in (0..).zip(dispatches) {
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+            timestamp_writes: Some(wgpu::ComputePassTimestampWrites {
+                query_set: &timer.queries,
+                beginning_of_pass_write_index: Some(2 * index),
+                end_of_pass_write_index: Some(2 * index + 1),
+            }),
+            ..descriptor.clone()
+        });
+        one(&mut pass, dispatch);
     }
+    timer.resolve(encoder, dispatches.len());
 }

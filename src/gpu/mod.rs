@@ -27,6 +27,7 @@ mod structure;
 mod tile_list_tests;
 #[cfg(test)]
 mod tile_list_twin;
+mod timing;
 mod uniform;
 mod view_buffers;
 

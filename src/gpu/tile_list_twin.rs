@@ -120,7 +120,8 @@ fn random_ellipse(size_px: [u32; 2], rng: &mut Pcg32) -> TestBounds {
     }
 }
 
-/// Tiles that a shape touches: in each row of tiles the whole run between the outermost points.
+/// Tiles that a shape touches: in each row of tiles the whole run between the outermost points; for a shape of
+/// at most a tile's height, of those in the rows of pixel centres.
 fn tiles_of(bounds: &TestBounds, size_px: [u32; 2], margin_px: f64) -> Vec<u32> {
     let unpack = |packed: u32| [packed & 0xffff, packed >> 16];
     let (low, high) = (unpack(bounds.box_min), unpack(bounds.box_max));
@@ -131,19 +132,25 @@ fn tiles_of(bounds: &TestBounds, size_px: [u32; 2], margin_px: f64) -> Vec<u32> 
     };
     let middle = |dy: f64| centre_x + f64::from(bounds.shear) * dy;
     let tip = f64::from(bounds.rightmost_dy_px);
+    let columns = |left_dy: f64, right_dy: f64| {
+        let left = middle(left_dy) - half(left_dy) - margin_px;
+        let right = middle(right_dy) + half(right_dy) + margin_px;
+        // Columns of pixels whose centres lie between the two.
+        (low[0]..high[0]).filter(move |&x| (left..=right).contains(&(f64::from(x) + 0.5)))
+    };
     let mut out = Vec::new();
     for row in 0..grid_of(size_px)[1] {
-        let (first_y, past_y) = (low[1].max(row * TILE_PX), high[1].min((row + 1) * TILE_PX));
-        if first_y >= past_y {
+        let rows = low[1].max(row * TILE_PX)..high[1].min((row + 1) * TILE_PX);
+        let dy = |y: u32| f64::from(y) + 0.5 - centre_y;
+        let touched: Vec<u32> = if high[1] - low[1] <= TILE_PX {
+            rows.flat_map(|y| columns(dy(y), dy(y))).collect()
+        } else if rows.is_empty() {
             continue;
-        }
-        let (from, to) = (f64::from(first_y) + 0.5 - centre_y, f64::from(past_y) - 0.5 - centre_y);
-        let right = middle(tip.clamp(from, to)) + half(tip.clamp(from, to)) + margin_px;
-        let left = middle((-tip).clamp(from, to)) - half((-tip).clamp(from, to)) - margin_px;
-        // Columns of pixels whose centres lie between the two.
-        let columns: Vec<u32> =
-            (low[0]..high[0]).filter(|&x| (left..=right).contains(&(f64::from(x) + 0.5))).collect();
-        if let (Some(first), Some(last)) = (columns.first(), columns.last()) {
+        } else {
+            let (first, last) = (dy(rows.start), dy(rows.end - 1));
+            columns((-tip).clamp(first, last), tip.clamp(first, last)).collect()
+        };
+        if let (Some(first), Some(last)) = (touched.iter().min(), touched.iter().max()) {
             out.extend((first / TILE_PX..=last / TILE_PX).map(|column| row * grid_of(size_px)[0] + column));
         }
     }
