@@ -8,6 +8,7 @@
 #include common/projected
 #include common/bounds
 #include common/adam
+#include common/fixed
 #include common/sh
 
 @group(0) @binding(1) var<storage, read_write> splat_p: array<f32>; // [n, stride]
@@ -78,7 +79,7 @@ fn project(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) gr
         info.map_offset_texels,
         shape.box_min,
         shape.box_max,
-        p.z,
+        texel_units(shape.box_min, shape.box_max),
     );
 }
 

@@ -1,8 +1,13 @@
 // Backward rasterisation: a workgroup per tile, splats back to front (twin: reference/raster_bwd.rs; method
 // 2.4). For each splat every invocation leaves the derivatives of its pixel in workgroup memory; then the same
-// invocations, as (sum, part of the pixels), add them up in a fixed order: two barriers a splat, no atomics, no
-// subgroups. Sums go to the pair's unsorted slot. Texel gradients are gathered the same way and reach memory as
-// fixed point, a few atomics per texel and tile. STATISTICS: four more sums.
+// invocations, as (quantity, column of pixels), add them up in a fixed order: two barriers a splat, no atomics,
+// no subgroups. Sums go to the pair's unsorted slot. Texel gradients are gathered the same way, blocks of 4 x 4
+// texels in turn, and reach memory as fixed point, three atomics per texel and tile. STATISTICS: more sums.
+//
+// Software drivers walk through every branch and every loop once, whether an invocation takes it or not, and pay
+// for each barrier by what lives across it: so the code is short and has two barriers, the rest is select()
+// (measured: lavapipe, from 4.7 s a step to ???). SCATTER, for hardware: windows of many texels get an atomic per
+// tap instead.
 
 #constants
 #include common/numbers
@@ -12,10 +17,9 @@
 #include common/tile
 #include common/hit
 #include common/fixed
-#include common/texel_window
 
 @group(0) @binding(1) var<storage, read> projected: array<Projected>; // [n]
-@group(0) @binding(2) var<storage, read> pairs: array<vec2u>; // [K] slot, splat; by tile, front to back
+@group(0) @binding(2) var<storage, read> pairs: array<Pair>; // [K] by tile, front to back
 @group(0) @binding(3) var<storage, read> tile_ranges: array<vec2u>; // [tiles] of pairs
 @group(0) @binding(4) var<storage, read> texel_values: array<vec4f>; // [T] residual rgb
 @group(0) @binding(5) var<storage, read> pixel_state: array<vec2u>; // [P] transmittance, end of pairs
@@ -23,7 +27,7 @@
 @group(0) @binding(7) var<storage, read_write> partials: array<f32>; // [K, partial_stride] by slot
 @group(0) @binding(8) var<storage, read_write> texel_grad: array<atomic<i32>>; // [T, 3] fixed point
 
-// What a pixel leaves behind, [quantity, pixel].
+// What a pixel leaves behind, [quantity, row, column]. The first three also count times dx and dy.
 const U = 0u; // by the coordinate along u over the denominator
 const V = 1u;
 const D = 2u; // by the denominator
@@ -31,6 +35,7 @@ const SCALE_U = 3u; // by the log-scales
 const SCALE_V = 4u;
 const FALLOFF = 5u; // by the opacity
 const RED = 6u;
+const NUM_GEOMETRY = 9u;
 const TEXEL_U = 9u; // texture coordinates
 const TEXEL_V = 10u;
 #if STATISTICS
@@ -42,14 +47,22 @@ const TEXEL_PARTS = 8u;
 #else
 const NUM_QUANTITIES = 11u;
 const NUM_SUMS = 16u;
-const TEXEL_PARTS = 16u;
+const TEXEL_PARTS = TILE_PX;
 #endif
-const PARTS = 16u;
-const TEXELS_PER_ROUND = 16u;
+// Sum of a pair in which the faults of the whole tile are told.
+const FAULTS = 15u;
+const BLOCK_TEXELS = 4u;
+
+// Channels of the texels of a block, then the sums: each in parts that one invocation adds up.
+const NUM_CHANNELS = 3u * BLOCK_TEXELS * BLOCK_TEXELS;
+#if SCATTER
+// Windows of more blocks than this are not gathered.
+const GATHERED_BLOCKS_MAX = 9u;
+#endif
 
 var<workgroup> lanes: array<f32, NUM_QUANTITIES * GROUP>;
-var<workgroup> sums: array<f32, NUM_SUMS * PARTS>;
-var<workgroup> texel_sums: array<f32, 3u * TEXELS_PER_ROUND * TEXEL_PARTS>;
+var<workgroup> texel_parts: array<f32, NUM_CHANNELS * TEXEL_PARTS>;
+var<workgroup> sum_parts: array<f32, NUM_SUMS * TILE_PX>;
 var<workgroup> last: atomic<u32>;
 var<workgroup> end: u32;
 var<workgroup> num_faults: atomic<u32>;
@@ -61,196 +74,169 @@ struct Replay {
     behind: f32,
     end: u32,
     by_rgb: vec3f,
+    // What this invocation could not add to a texel.
+    faults: u32,
 }
 
-fn leave(quantity: u32, lane: u32, value: f32) {
-    lanes[quantity * GROUP + lane] = value;
+fn leave(quantity: u32, at: u32, value: f32) {
+    lanes[quantity * GROUP + at] = value;
 }
 
-fn leave_nothing(lane: u32) {
-    for (var q = 0u; q < NUM_QUANTITIES; q += 1u) {
-        leave(q, lane, 0.0);
-    }
-    leave(TEXEL_U, lane, -1e9);
-}
-
-// One pixel of one splat. Where the window is too large to be gathered, texels get their share at once.
-fn pixel_bwd(replay: ptr<function, Replay>, s: Projected, index: u32, pixel: vec2u, lane: u32, gathered: bool) {
-    if index >= (*replay).end || !in_box(s, pixel) {
-        leave_nothing(lane);
-        return;
-    }
+// One pixel of one splat; zeros where it has no part in it.
+fn pixel_bwd(replay: ptr<function, Replay>, s: Projected, index: u32, pixel: vec2u, at: u32, scattered: bool) {
     let hit = splat_hit(s, vec2f(pixel) + 0.5);
-    if !hit.inside {
-        leave_nothing(lane);
-        return;
-    }
-    let alpha = min(hit.raw_alpha, ALPHA_MAX);
-    let per_rest = 1.0 / (1.0 - alpha);
-    let before = (*replay).transmittance * per_rest;
-    let weight = alpha * before;
-    var colour = max(s.rgb, vec3f(0.0));
-    let taps = texture_taps(s, hit.plane);
-    var values = array<vec3f, 4>();
-    if taps.inside {
-        values = tap_values(s, taps);
-        colour += residual(values, taps.fraction);
-    }
-    let by_rgb = (*replay).by_rgb;
-    let by_weight = dot(by_rgb, max(colour, vec3f(0.0)));
-    let by_alpha = before * by_weight - (*replay).behind * per_rest;
-    (*replay).behind += weight * by_weight;
-    (*replay).transmittance = before;
-
-    // Passes where the colour is positive or descent would raise it.
-    let passes = (colour > vec3f(0.0)) | (by_rgb < vec3f(0.0));
-    let by_colour = select(vec3f(0.0), by_rgb * weight, passes);
-    let by_falloff = select(0.0, by_alpha * hit.falloff, hit.raw_alpha <= ALPHA_MAX);
-    let by_plane = by_falloff * s.opacity * hit.plane;
-    var by_coordinate = vec2f(0.0);
-    leave(TEXEL_U, lane, -1e9);
-    leave(TEXEL_V, lane, 0.0);
-    if taps.inside {
+    let blended = hit.inside && index < (*replay).end;
+    var by_hit = vec2f(0.0);
+    var by_plane = vec2f(0.0);
+    var by_falloff = 0.0;
+    var by_colour = vec3f(0.0);
+    var coordinate = vec2f(-1e9);
+    var weight = 0.0;
+    var before = 0.0;
+    if blended {
+        let alpha = min(hit.raw_alpha, ALPHA_MAX);
+        let per_rest = 1.0 / (1.0 - alpha);
+        before = (*replay).transmittance * per_rest;
+        weight = alpha * before;
+        let taps = texture_taps(s, hit.plane);
+        var values = array<vec3f, 4>();
+        if taps.inside {
+            values = tap_values(s, taps);
+            // Else far from every texel.
+            coordinate = taps.coordinate;
+        }
         let f = taps.fraction;
-        by_coordinate = vec2f(
+        let colour = max(s.rgb, vec3f(0.0)) + residual(values, f);
+        let by_rgb = (*replay).by_rgb;
+        let by_weight = dot(by_rgb, max(colour, vec3f(0.0)));
+        let by_alpha = before * by_weight - (*replay).behind * per_rest;
+        (*replay).behind += weight * by_weight;
+        (*replay).transmittance = before;
+
+        // Passes where the colour is positive or descent would raise it.
+        let passes = (colour > vec3f(0.0)) | (by_rgb < vec3f(0.0));
+        by_colour = select(vec3f(0.0), by_rgb * weight, passes);
+        by_falloff = select(0.0, by_alpha * hit.falloff, hit.raw_alpha <= ALPHA_MAX);
+        by_plane = by_falloff * s.opacity * hit.plane;
+        // Zero where there are no taps.
+        let by_coordinate = vec2f(
             dot(by_colour, (1.0 - f.y) * (values[2] - values[0]) + f.y * (values[3] - values[1])),
             dot(by_colour, (1.0 - f.x) * (values[1] - values[0]) + f.x * (values[3] - values[2])),
         );
-        leave(TEXEL_U, lane, taps.coordinate.x);
-        leave(TEXEL_V, lane, taps.coordinate.y);
-        if !gathered {
-            scatter(s, taps, by_colour);
+        by_hit = (by_coordinate * s.texels_per_sigma - by_plane) * hit.per_denominator;
+#if SCATTER
+        if scattered && taps.inside {
+            (*replay).faults += scatter(s, taps, by_colour);
         }
+#endif
     }
-    let by_hit = (by_coordinate * s.texels_per_sigma - by_plane) * hit.per_denominator;
-    leave(U, lane, by_hit.x);
-    leave(V, lane, by_hit.y);
-    leave(D, lane, -dot(by_hit, hit.plane));
-    leave(SCALE_U, lane, by_plane.x * hit.plane.x);
-    leave(SCALE_V, lane, by_plane.y * hit.plane.y);
-    leave(FALLOFF, lane, by_falloff);
-    leave(RED, lane, by_colour.x);
-    leave(RED + 1u, lane, by_colour.y);
-    leave(RED + 2u, lane, by_colour.z);
+    leave(U, at, by_hit.x);
+    leave(V, at, by_hit.y);
+    leave(D, at, -dot(by_hit, hit.plane));
+    leave(SCALE_U, at, by_plane.x * hit.plane.x);
+    leave(SCALE_V, at, by_plane.y * hit.plane.y);
+    leave(FALLOFF, at, by_falloff);
+    leave(RED, at, by_colour.x);
+    leave(RED + 1u, at, by_colour.y);
+    leave(RED + 2u, at, by_colour.z);
+    leave(TEXEL_U, at, coordinate.x);
+    leave(TEXEL_V, at, coordinate.y);
 #if STATISTICS
-    leave(WEIGHT, lane, weight);
-    leave(TRANSMITTANCE, lane, before);
+    leave(WEIGHT, at, weight);
+    leave(TRANSMITTANCE, at, before);
 #endif
 }
 
-fn scatter(s: Projected, taps: Taps, by_colour: vec3f) {
+#if SCATTER
+fn scatter(s: Projected, taps: Taps, by_colour: vec3f) -> u32 {
     let f = taps.fraction;
-    add_texel(s, taps.first, by_colour * ((1.0 - f.x) * (1.0 - f.y)));
-    add_texel(s, taps.first + vec2i(0, 1), by_colour * ((1.0 - f.x) * f.y));
-    add_texel(s, taps.first + vec2i(1, 0), by_colour * (f.x * (1.0 - f.y)));
-    add_texel(s, taps.first + vec2i(1, 1), by_colour * (f.x * f.y));
+    return add_texel(s, taps.first, by_colour * ((1.0 - f.x) * (1.0 - f.y)))
+        + add_texel(s, taps.first + vec2i(0, 1), by_colour * ((1.0 - f.x) * f.y))
+        + add_texel(s, taps.first + vec2i(1, 0), by_colour * (f.x * (1.0 - f.y)))
+        + add_texel(s, taps.first + vec2i(1, 1), by_colour * (f.x * f.y));
 }
 
-fn add_texel(s: Projected, texel: vec2i, by_texel: vec3f) {
+fn add_texel(s: Projected, texel: vec2i, by_texel: vec3f) -> u32 {
     let cols = i32(map_cols(s.map_size));
     if texel.x < 0 || texel.y < 0 || texel.x >= i32(map_rows(s.map_size)) || texel.y >= cols {
-        return;
+        return 0u;
     }
     let at = 3u * (s.map_offset_texels + u32(texel.x * cols + texel.y));
-    add_fixed(at, by_texel.x, s);
-    add_fixed(at + 1u, by_texel.y, s);
-    add_fixed(at + 2u, by_texel.z, s);
+    return add_fixed(at, by_texel.x, s.texel_units) + add_fixed(at + 1u, by_texel.y, s.texel_units)
+        + add_fixed(at + 2u, by_texel.z, s.texel_units);
 }
+#endif
 
-// Adds to a texel's gradient; what is not finite or too large is counted.
-fn add_fixed(at: u32, by_texel: f32, s: Projected) {
-    let limit = tile_limit(s.box_min, s.box_max);
-    let units = by_texel * texel_units(s.box_min, s.box_max);
-    if !(is_finite(units) && abs(units) <= limit) {
-        atomicAdd(&num_faults, 1u);
-    }
-    let fixed = i32(round(select(0.0, clamp(units, -limit, limit), is_finite(units))));
+// Adds to a texel's gradient; returns 1 for what is not finite or too large.
+fn add_fixed(at: u32, by_texel: f32, units: f32) -> u32 {
+    let limit = tile_limit(units);
+    let value = by_texel * units;
+    let sound = is_finite(value) && abs(value) <= limit;
+    let fixed = i32(round(select(0.0, clamp(value, -limit, limit), is_finite(value))));
     if fixed != 0 {
         atomicAdd(&texel_grad[at], fixed);
     }
+    return u32(!sound);
 }
 
-// Part `part` of sum `sum` of a pair: quantity times 1, dx or dy.
-fn partial_sum(sum: u32, part: u32, s: Projected, origin_px: vec2u) -> f32 {
+// Sums of one quantity over a column of pixels: times 1, dx and dy for the first three.
+fn sum_column(quantity: u32, column: u32, rows: vec2u, to_first: vec2f) {
+    let dx = to_first.x + f32(column);
     var total = 0.0;
-#if STATISTICS
-    if sum >= 16u {
-        return statistic(sum, part, origin_px);
+    var times_dy = 0.0;
+    for (var row = rows.x; row < rows.y; row += 1u) {
+        let value = lanes[quantity * GROUP + row * TILE_PX + column];
+        total += value;
+        times_dy += value * (to_first.y + f32(row));
     }
-#endif
-    if sum >= 15u {
-        return total;
+    let sum = select(quantity + 6u, quantity * 3u, quantity < 3u);
+    sum_parts[sum * TILE_PX + column] = total;
+    if quantity < 3u {
+        sum_parts[(sum + 1u) * TILE_PX + column] = total * dx;
+        sum_parts[(sum + 2u) * TILE_PX + column] = times_dy;
     }
-    let quantity = select(sum - 6u, sum / 3u, sum < 9u);
-    let factor = select(0u, sum % 3u, sum < 9u);
-    let by_1_dx_dy = vec3f(f32(factor == 0u), f32(factor == 1u), f32(factor == 2u));
-    let to_first = vec2f(origin_px) + 0.5 - s.centre_px;
-    for (var k = 0u; k < GROUP / PARTS; k += 1u) {
-        let lane = k * PARTS + part;
-        let offset_px = to_first + vec2f(pixel_in_tile(lane));
-        total += lanes[quantity * GROUP + lane] * dot(by_1_dx_dy, vec3f(1.0, offset_px));
-    }
-    return total;
 }
 
 #if STATISTICS
-// Pixels, blending weight, weight times loss, transmittance in front.
-fn statistic(sum: u32, part: u32, origin_px: vec2u) -> f32 {
-    var total = 0.0;
-    for (var k = 0u; k < GROUP / PARTS; k += 1u) {
-        let lane = k * PARTS + part;
-        let weight = lanes[WEIGHT * GROUP + lane];
-        if sum == 16u {
-            total += f32(weight > 0.0);
-        } else if sum == 17u {
-            total += weight;
-        } else if sum == 19u {
-            total += lanes[TRANSMITTANCE * GROUP + lane];
-        } else if weight > 0.0 {
-            let pixel = origin_px + pixel_in_tile(lane);
-            total += weight * pixel_grad[pixel.y * step.size_px.x + pixel.x].w;
-        }
+// Pixels, blending weight, weight times loss, transmittance in front, over a column of pixels.
+fn statistics_column(column: u32, rows: vec2u, origin_px: vec2u) {
+    var total = vec4f(0.0);
+    for (var row = rows.x; row < rows.y; row += 1u) {
+        let at = row * TILE_PX + column;
+        let weight = lanes[WEIGHT * GROUP + at];
+        // Rows and columns of the box are within the picture.
+        let loss = pixel_grad[(origin_px.y + row) * step.size_px.x + origin_px.x + column].w;
+        total += vec4f(f32(weight > 0.0), weight, weight * loss, lanes[TRANSMITTANCE * GROUP + at]);
     }
-    return total;
+    for (var k = 0u; k < 4u; k += 1u) {
+        sum_parts[(16u + k) * TILE_PX + column] = total[k];
+    }
 }
 #endif
 
-// Gradient of one texel over a part of the pixels, into workgroup memory.
-fn gather_texel(window: Window, texel: u32, part: u32, at: u32) {
-    var total = vec3f(0.0);
-    if texel < window.rows * window.cols {
-        let row = f32(window.row0 + texel / window.cols);
-        let col = f32(window.col0 + texel % window.cols);
-        for (var k = 0u; k < GROUP / TEXEL_PARTS; k += 1u) {
-            let lane = k * TEXEL_PARTS + part;
-            let w = max(1.0 - abs(lanes[TEXEL_U * GROUP + lane] - row), 0.0)
-                * max(1.0 - abs(lanes[TEXEL_V * GROUP + lane] - col), 0.0);
-            total += w * vec3f(
-                lanes[RED * GROUP + lane],
-                lanes[(RED + 1u) * GROUP + lane],
-                lanes[(RED + 2u) * GROUP + lane],
-            );
+// Gradients of four texels of a row of a block over a part of the columns.
+fn gather_row(first: vec2u, row: u32, part: u32, low: vec2u, high: vec2u) {
+    var red = vec4f(0.0);
+    var green = vec4f(0.0);
+    var blue = vec4f(0.0);
+    let u = f32(first.x + row);
+    let v = f32(first.y) + vec4f(0.0, 1.0, 2.0, 3.0);
+    for (var x = part; x < high.x; x += TEXEL_PARTS) {
+        for (var y = select(low.y, high.y, x < low.x); y < high.y; y += 1u) {
+            let at = y * TILE_PX + x;
+            let along_u = max(1.0 - abs(lanes[TEXEL_U * GROUP + at] - u), 0.0);
+            let w = along_u * max(1.0 - abs(lanes[TEXEL_V * GROUP + at] - v), vec4f(0.0));
+            red += w * lanes[RED * GROUP + at];
+            green += w * lanes[(RED + 1u) * GROUP + at];
+            blue += w * lanes[(RED + 2u) * GROUP + at];
         }
     }
-    for (var c = 0u; c < 3u; c += 1u) {
-        texel_sums[(3u * at + c) * TEXEL_PARTS + part] = total[c];
+    for (var k = 0u; k < BLOCK_TEXELS; k += 1u) {
+        let at = (row * BLOCK_TEXELS + k) * 3u * TEXEL_PARTS + part;
+        texel_parts[at] = red[k];
+        texel_parts[at + TEXEL_PARTS] = green[k];
+        texel_parts[at + 2u * TEXEL_PARTS] = blue[k];
     }
-}
-
-// Adds the parts of one channel of one gathered texel, and that to memory.
-fn flush_texel(window: Window, s: Projected, round: u32, lane: u32) {
-    let texel = round * TEXELS_PER_ROUND + lane / 3u;
-    if lane >= 3u * TEXELS_PER_ROUND || texel >= window.rows * window.cols {
-        return;
-    }
-    var total = 0.0;
-    for (var part = 0u; part < TEXEL_PARTS; part += 1u) {
-        total += texel_sums[lane * TEXEL_PARTS + part];
-    }
-    let row = window.row0 + texel / window.cols;
-    let col = window.col0 + texel % window.cols;
-    let at = s.map_offset_texels + row * map_cols(s.map_size) + col;
-    add_fixed(3u * at + lane % 3u, total, s);
 }
 
 @compute @workgroup_size(GROUP)
@@ -265,14 +251,15 @@ fn raster_bwd(
     }
     let range = tile_ranges[tile];
     let origin_px = tile_origin_px(tile);
-    let pixel = origin_px + pixel_in_tile(lane);
-    var replay = Replay(1.0, 0.0, range.x, vec3f(0.0));
+    let pixel_at = pixel_in_tile(lane);
+    let pixel = origin_px + pixel_at;
+    var replay = Replay(1.0, 0.0, range.x, vec3f(0.0), 0u);
     if all(pixel < step.size_px) {
         let at = pixel.y * step.size_px.x + pixel.x;
         let state = pixel_state[at];
         let t = bitcast<f32>(state.x);
         let by_rgb = pixel_grad[at].xyz;
-        replay = Replay(t, dot(by_rgb, step.background) * t, state.y, by_rgb);
+        replay = Replay(t, dot(by_rgb, step.background) * t, state.y, by_rgb, 0u);
     }
     if lane == 0u {
         atomicStore(&last, range.x);
@@ -287,51 +274,78 @@ fn raster_bwd(
     let used = workgroupUniformLoad(&end);
     // Pairs behind everything have sums too: zeros.
     for (var k = used * NUM_SUMS + lane; k < range.y * NUM_SUMS; k += GROUP) {
-        partials[pairs[k / NUM_SUMS].x * NUM_SUMS + k % NUM_SUMS] = 0.0;
+        partials[pairs[k / NUM_SUMS].slot * NUM_SUMS + k % NUM_SUMS] = 0.0;
     }
-    for (var i = used; i > range.x; i -= 1u) {
+    let at = pixel_at.y * TILE_PX + pixel_at.x;
+    let column = lane % TILE_PX;
+    let quantity = lane / TILE_PX;
+    // From the last invocations on: the first ones have sums to make.
+    let from_last = GROUP - 1u - lane;
+    var i = used;
+    var block = 0u;
+    // Once for each block of texels of each splat.
+    while i > range.x {
         let pair = pairs[i - 1u];
-        let s = projected[pair.y];
-        let window = texel_window(s, origin_px);
-        let num_window = window.rows * window.cols;
-        let gathered = num_window <= GATHERED_TEXELS_MAX;
-        pixel_bwd(&replay, s, i - 1u, pixel, lane, gathered);
-        workgroupBarrier();
-        for (var sum = lane / PARTS; sum < NUM_SUMS; sum += GROUP / PARTS) {
-            sums[sum * PARTS + lane % PARTS] = partial_sum(sum, lane % PARTS, s, origin_px);
+        let s = projected[pair.splat];
+        let low = max(vec2u(s.box_min & 0xffffu, s.box_min >> 16u), origin_px) - origin_px;
+        let high = min(vec2u(s.box_max & 0xffffu, s.box_max >> 16u) - origin_px, vec2u(TILE_PX));
+        let window_first = vec2u(pair.window_first & 0xffffu, pair.window_first >> 16u);
+        let window_past = vec2u(pair.window_past & 0xffffu, pair.window_past >> 16u);
+        let blocks = (window_past - window_first + BLOCK_TEXELS - 1u) / BLOCK_TEXELS;
+        var num_blocks = blocks.x * blocks.y;
+#if SCATTER
+        let scattered = num_blocks > GATHERED_BLOCKS_MAX;
+        num_blocks = select(num_blocks, 0u, scattered);
+#else
+        let scattered = false;
+#endif
+        let first = window_first + BLOCK_TEXELS * vec2u(block / max(blocks.y, 1u), block % max(blocks.y, 1u));
+        if block == 0u {
+            pixel_bwd(&replay, s, i - 1u, pixel, at, scattered);
         }
-        let rounds = select(0u, (num_window + TEXELS_PER_ROUND - 1u) / TEXELS_PER_ROUND, gathered);
-        let part = lane % TEXEL_PARTS;
-        let in_round = lane / TEXEL_PARTS;
-        if rounds > 0u && in_round < TEXELS_PER_ROUND {
-            gather_texel(window, in_round, part, in_round);
+        workgroupBarrier();
+        let rows = select(vec2u(0u), vec2u(low.y, high.y), column >= low.x && column < high.x);
+        if block == 0u && quantity < NUM_GEOMETRY {
+            sum_column(quantity, column, rows, vec2f(origin_px) + 0.5 - s.centre_px);
+        }
+#if STATISTICS
+        if block == 0u && quantity == NUM_GEOMETRY {
+            statistics_column(column, rows, origin_px);
+        }
+#endif
+        if num_blocks > 0u && from_last < BLOCK_TEXELS * TEXEL_PARTS {
+            gather_row(first, from_last / TEXEL_PARTS, from_last % TEXEL_PARTS, low, high);
         }
         workgroupBarrier();
-        // The last invocations write the sums, the first ones the texels.
-        let sum = GROUP - 1u - lane;
-        if sum < NUM_SUMS {
+        if lane < NUM_CHANNELS {
+            let texel = first + vec2u(lane / 3u / BLOCK_TEXELS, lane / 3u % BLOCK_TEXELS);
+            if num_blocks > 0u && all(texel < window_past) {
+                var total = 0.0;
+                for (var k = 0u; k < TEXEL_PARTS; k += 1u) {
+                    total += texel_parts[lane * TEXEL_PARTS + k];
+                }
+                let texel_at = s.map_offset_texels + texel.x * map_cols(s.map_size) + texel.y;
+                replay.faults += add_fixed(3u * texel_at + lane % 3u, total, s.texel_units);
+            }
+        }
+        if block == 0u && from_last < NUM_SUMS {
             var total = 0.0;
-            for (var k = 0u; k < PARTS; k += 1u) {
-                total += sums[sum * PARTS + k];
+            for (var k = 0u; k < TILE_PX && from_last != FAULTS; k += 1u) {
+                total += sum_parts[from_last * TILE_PX + k];
             }
-            partials[pair.x * NUM_SUMS + sum] = total;
+            partials[pair.slot * NUM_SUMS + from_last] = total;
         }
-        if rounds > 0u {
-            flush_texel(window, s, 0u, lane);
-        }
-        for (var round = 1u; round < rounds; round += 1u) {
-            workgroupBarrier();
-            if in_round < TEXELS_PER_ROUND {
-                gather_texel(window, round * TEXELS_PER_ROUND + in_round, part, in_round);
-            }
-            workgroupBarrier();
-            flush_texel(window, s, round, lane);
+        block += 1u;
+        if block >= num_blocks {
+            block = 0u;
+            i -= 1u;
         }
     }
+    atomicAdd(&num_faults, replay.faults);
     storageBarrier();
     workgroupBarrier();
     // Only the sum over all is told: the tile's first pair carries it.
     if lane == 0u && range.x < range.y {
-        partials[pairs[range.x].x * NUM_SUMS + 15u] = f32(atomicLoad(&num_faults));
+        partials[pairs[range.x].slot * NUM_SUMS + FAULTS] = f32(atomicLoad(&num_faults));
     }
 }

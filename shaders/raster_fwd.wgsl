@@ -12,7 +12,7 @@
 #include common/status
 
 @group(0) @binding(1) var<storage, read> projected: array<Projected>; // [n]
-@group(0) @binding(2) var<storage, read> pairs: array<vec2u>; // [K] slot, splat; by tile, front to back
+@group(0) @binding(2) var<storage, read> pairs: array<Pair>; // [K] by tile, front to back
 @group(0) @binding(3) var<storage, read> tile_ranges: array<vec2u>; // [tiles] of pairs
 @group(0) @binding(4) var<storage, read> texel_values: array<vec4f>; // [T] residual rgb
 @group(0) @binding(5) var<storage, read_write> pixels: array<vec4f>; // [P] rgb over background, transmittance
@@ -83,7 +83,7 @@ fn raster_tile(state: ptr<function, Pixel>, range: vec2u, pixel: vec2u, lane: u3
     for (var first = range.x; first < range.y; first += BATCH) {
         let count = min(BATCH, range.y - first);
         if lane < count {
-            batch[lane] = projected[pairs[first + lane].y];
+            batch[lane] = projected[pairs[first + lane].splat];
         }
         workgroupBarrier();
         for (var k = 0u; k < count && !(*state).done; k += 1u) {
@@ -105,7 +105,7 @@ fn raster_tile(state: ptr<function, Pixel>, range: vec2u, pixel: vec2u, lane: u3
 #else
 fn raster_tile(state: ptr<function, Pixel>, range: vec2u, pixel: vec2u, lane: u32) {
     for (var i = range.x; i < range.y && !(*state).done; i += 1u) {
-        blend(state, projected[pairs[i].y], i, pixel);
+        blend(state, projected[pairs[i].splat], i, pixel);
     }
 }
 #endif

@@ -31,14 +31,21 @@ fn gpu_matches_the_reference_on_every_driver() {
 }
 
 #[test]
-fn splats_through_workgroup_memory_give_the_same_picture() {
-    let scene = random_scene(&SceneOptions { num_splats: 1_500, ..scenes().remove(0) });
-    let observed = [false, true].map(|batched| {
-        let options =
-            GpuOptions { batched_raster: Some(batched), count_pairs: true, ..GpuOptions::default() };
-        backend(options).map(|mut b| observe(&mut b, &scene, &NO_GEOMETRY))
-    });
-    assert_eq!(observed[0], observed[1]);
+fn the_kernels_for_hardware_match_the_reference_too() {
+    // The scene with maps that are finer than the pixels, and a common one.
+    for options in [scenes().swap_remove(3), scenes().swap_remove(0)] {
+        let options = SceneOptions { num_splats: 600, ..options };
+        let scene = random_scene(&options);
+        let expected = reference(&scene, &NO_GEOMETRY);
+        let observed = [true, false].map(|hardware| {
+            let options =
+                GpuOptions { hardware_kernels: Some(hardware), count_pairs: true, ..GpuOptions::default() };
+            backend(options).map(|mut b| observe(&mut b, &scene, &NO_GEOMETRY))
+        });
+        let [Some(hardware), Some(software)] = observed else { return };
+        assert!(agree(&scene, &hardware, &expected, TEXEL_RMS), "seed {}", options.seed);
+        assert_eq!(hardware.image, software.image);
+    }
 }
 
 #[test]

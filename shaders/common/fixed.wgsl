@@ -1,21 +1,16 @@
 // Fixed point of the texel gradients: integer sums do not depend on their order. A unit is chosen per splat so
 // that even a texel that all pixels of the splat's box share cannot overflow.
 
-// Largest magnitude of a tile's sum, in units, for a splat of one pixel.
+// Largest magnitude of a sum, in units.
 const FIXED_MAX = 1073741824.0;
 
-// Pixels of the box, rounded up to a power of two.
-fn box_area(box_min: u32, box_max: u32) -> f32 {
-    let size = vec2f(unpack_px(box_max) - unpack_px(box_min));
-    return exp2(ceil(log2(max(size.x * size.y, 1.0))));
-}
-
-// Units per unit of gradient.
+// Units per unit of gradient: those for one pixel, over the pixels of the box rounded up to a power of two.
 fn texel_units(box_min: u32, box_max: u32) -> f32 {
-    return step.texel_units / box_area(box_min, box_max);
+    let size = vec2f(unpack_px(box_max) - unpack_px(box_min));
+    return step.texel_units / exp2(ceil(log2(max(size.x * size.y, 1.0))));
 }
 
 // Largest sum of one tile in units: that of all its pixels.
-fn tile_limit(box_min: u32, box_max: u32) -> f32 {
-    return FIXED_MAX * min(1.0, f32(TILE_PX * TILE_PX) / box_area(box_min, box_max));
+fn tile_limit(units: f32) -> f32 {
+    return FIXED_MAX * min(1.0, f32(TILE_PX * TILE_PX) * units / step.texel_units);
 }

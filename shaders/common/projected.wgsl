@@ -17,7 +17,18 @@ struct Projected {
     // x | y << 16 of the first pixel of the box, and of the one past the last.
     box_min: u32,
     box_max: u32,
-    depth: f32,
+    // Units of fixed point per unit of texel gradient.
+    texel_units: f32,
+}
+
+// A splat in a tile.
+struct Pair {
+    // Place among the splat's own pairs, unsorted: where its partial sums go.
+    slot: u32,
+    splat: u32,
+    // Rows and columns, row | col << 16, of the texels that the tile can touch: the first, one past the last.
+    window_first: u32,
+    window_past: u32,
 }
 
 fn unpack_px(packed: u32) -> vec2i {

@@ -2,41 +2,38 @@
 // extremes over a rectangle of pixels lie at the corners while the denominator is positive there.
 
 struct Window {
-    row0: u32,
-    col0: u32,
-    rows: u32,
-    cols: u32,
+    first: vec2u,
+    past: vec2u,
 }
 
-// Windows up to this are gathered through workgroup memory; larger ones get an atomic per tap.
-const GATHERED_TEXELS_MAX = 96u;
-// Maps up to this are kept whole: they fit one round.
+// Maps up to this are kept whole: they are one block, or hardly more.
 const WHOLE_MAP_TEXELS = 16u;
 
 fn texel_window(s: Projected, origin_px: vec2u) -> Window {
     let size = vec2u(map_rows(s.map_size), map_cols(s.map_size));
-    let whole = Window(0u, 0u, size.x, size.y);
     if size.x * size.y <= WHOLE_MAP_TEXELS {
-        return whole;
+        return Window(vec2u(0u), size);
     }
     let low_px = max(vec2f(unpack_px(s.box_min)), vec2f(origin_px)) - s.centre_px;
     let high_px = min(vec2f(unpack_px(s.box_max)), vec2f(origin_px + TILE_PX)) - s.centre_px;
     var low = vec2f(1e30);
     var high = vec2f(-1e30);
+    var least = 1.0;
     for (var corner = 0u; corner < 4u; corner += 1u) {
         let offset = select(low_px, high_px, vec2<bool>((corner & 1u) != 0u, (corner & 2u) != 0u));
         let denominator = 1.0 + dot(s.g, offset);
-        if denominator < 1e-2 {
-            return whole;
-        }
         let plane = vec2f(dot(s.a, offset), dot(s.b, offset)) / denominator;
         let texel = plane * s.texels_per_sigma + (vec2f(size) - 1.0) * 0.5;
+        least = min(least, denominator);
         low = min(low, texel);
         high = max(high, texel);
+    }
+    if least < 1e-2 {
+        return Window(vec2u(0u), size);
     }
     // A hundredth of a texel of slack for rounding.
     let limit = vec2f(size);
     let first = clamp(floor(low - 0.01), vec2f(0.0), limit);
     let past = clamp(floor(high + 0.01) + 2.0, first, limit);
-    return Window(u32(first.x), u32(first.y), u32(past.x - first.x), u32(past.y - first.y));
+    return Window(vec2u(first), vec2u(past));
 }

@@ -89,7 +89,10 @@ fn open_gpu(name: &str) -> Result<Box<dyn Backend>> {
     let limits =
         if std::env::var_os("LITETEX_DOWNLEVEL").is_some() { Limits::Downlevel } else { Limits::Adapter };
     let device = GpuDevice::open(&find_adapter(name)?, limits)?;
-    Ok(Box::new(GpuBackend::new(device, GpuOptions { time_kernels: std::env::var_os("LITETEX_TIME").is_some(), ..GpuOptions::default() })?))
+    Ok(Box::new(GpuBackend::new(
+        device,
+        GpuOptions { time_kernels: std::env::var_os("LITETEX_TIME").is_some(), ..GpuOptions::default() },
+    )?))
 }
 
 /// A build without GPUs knows none.

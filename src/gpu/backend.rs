@@ -4,7 +4,7 @@
 
 use super::device::{GpuDevice, Pipeline, UNIFORM_STRIDE};
 use super::encode::{Dispatch, encode};
-use super::kernels::{Buf, KernelId, NUM_GROUPS};
+use super::kernels::{Buf, KernelId, NUM_GROUPS, RasterKernels};
 use super::layout::{DispatchArgs, FLAG_ALL_MAPS, FLAG_PERSIST, Status, StepUniform};
 use super::model_buffers::{self, splat_stride};
 use super::photos::PhotoPool;
@@ -36,8 +36,9 @@ pub struct GpuOptions {
     pub batch_steps: usize,
     /// Whether pixel-splat pairs are counted.
     pub count_pairs: bool,
-    /// Whether splats pass through workgroup memory; `None`: on hardware, not on software.
-    pub batched_raster: Option<bool>,
+    /// Whether to use the variants for hardware: splats pass through workgroup memory on their way to pixels, and
+    /// texels of large windows get an atomic per tap. `None`: on hardware.
+    pub hardware_kernels: Option<bool>,
     /// Whether every dispatch is timed, where the device can: reports tell times by kernel.
     pub time_kernels: bool,
     /// Pairs to make room for at first; `None`: a guess from the number of splats.
@@ -46,7 +47,13 @@ pub struct GpuOptions {
 
 impl Default for GpuOptions {
     fn default() -> Self {
-        Self { batch_steps: BATCH, count_pairs: false, batched_raster: None, time_kernels: false, pair_capacity: None }
+        Self {
+            batch_steps: BATCH,
+            count_pairs: false,
+            hardware_kernels: None,
+            time_kernels: false,
+            pair_capacity: None,
+        }
     }
 }
 
@@ -56,6 +63,7 @@ pub struct GpuBackend {
     pub(super) resources: Resources,
     pub(super) pipelines: BTreeMap<KernelId, Pipeline>,
     options: GpuOptions,
+    raster: RasterKernels,
     /// Everything of the model but its parameters, which live on the device.
     pub(super) shape: Model,
     /// Clock and rates of the optimiser; its moments live on the device.
@@ -73,15 +81,9 @@ impl GpuBackend {
     /// [`Error::Device`] if the driver refuses a kernel or memory.
     pub fn new(device: GpuDevice, options: GpuOptions) -> Result<Self> {
         let options = GpuOptions { batch_steps: options.batch_steps.clamp(1, BATCH), ..options };
-        let batched = options.batched_raster.unwrap_or(device.choice.hardware);
-        let kernels = KernelId::all().filter(|id| match id {
-            KernelId::RasterFwd => !batched && !options.count_pairs,
-            KernelId::RasterFwdCount => !batched && options.count_pairs,
-            KernelId::RasterFwdBatched => batched && !options.count_pairs,
-            KernelId::RasterFwdBatchedCount => batched && options.count_pairs,
-            _ => true,
-        });
-        let pipelines = device.pipelines(&kernels.collect::<Vec<_>>())?;
+        let hardware = options.hardware_kernels.unwrap_or(device.choice.hardware);
+        let raster = RasterKernels::choose(hardware, options.count_pairs);
+        let pipelines = device.pipelines(&raster.and_all_others())?;
         let passes = sort::sort_passes();
         let mut resources = Resources::new(
             device.uniforms("steps", BATCH as u64)?,
@@ -103,6 +105,7 @@ impl GpuBackend {
         let timer = if options.time_kernels { Timer::new(&device)? } else { None };
         Ok(Self {
             timer,
+            raster,
             device,
             resources,
             pipelines,
@@ -125,17 +128,6 @@ impl GpuBackend {
             settled_step: self.clock.step,
             settled_rates: self.clock.rates,
         }
-    }
-
-    /// Which variant of the forward pass is compiled.
-    fn raster_fwd(&self) -> KernelId {
-        let variants = [
-            KernelId::RasterFwd,
-            KernelId::RasterFwdCount,
-            KernelId::RasterFwdBatched,
-            KernelId::RasterFwdBatchedCount,
-        ];
-        variants.into_iter().find(|id| self.pipelines.contains_key(id)).unwrap_or(KernelId::RasterFwd)
     }
 
     /// Writes the host's part of the table of dispatches and clears the status ring.
@@ -169,7 +161,7 @@ impl GpuBackend {
         let mut out = vec![Dispatch::new(KernelId::Project, offsets)];
         out.push(Dispatch::new(KernelId::SettleTexel, offsets));
         out.extend(sort::order_and_bin(offsets, cols * rows));
-        out.push(Dispatch::new(self.raster_fwd(), offsets));
+        out.push(Dispatch::new(self.raster.fwd, offsets));
         out
     }
 
@@ -225,8 +217,7 @@ impl GpuBackend {
             (scene.settled_step, scene.settled_rates) = (request.step, request.rates);
         }
         self.submit(&dispatches);
-        let statuses: Vec<Status> =
-            self.device.read(self.resources.buffer(Buf::Status), requests.len())?;
+        let statuses: Vec<Status> = self.device.read(self.resources.buffer(Buf::Status), requests.len())?;
         let applied = statuses.iter().take_while(|s| s.done == 1).count();
         if let Some(last) = applied.checked_sub(1) {
             (self.clock.step, self.clock.rates) = (requests[last].step, requests[last].rates);

@@ -163,10 +163,7 @@ impl GpuDevice {
     fn pipeline(&self, kernel: &Kernel) -> Result<Pipeline> {
         let expanded = expand(kernel.name, kernel.flags, Target::Native).map_err(|e| self.error(&e))?;
         let scope = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
-        let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: Some(kernel.name),
-            source: wgpu::ShaderSource::Wgsl(expanded.text.as_str().into()),
-        });
+        let module = self.module(kernel.name, &expanded.text);
         let layout = self.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some(kernel.name),
             entries: &layout_entries(kernel),
@@ -192,6 +189,22 @@ impl GpuDevice {
             Some(error) => Err(self.error(&format!("shader {} was refused: {error}", kernel.name))),
             None => Ok(Pipeline { pipeline, layout }),
         }
+    }
+
+    /// A shader module without the loop counters and division guards that wgpu adds for untrusted code.
+    #[allow(unsafe_code, reason = "the only way to ask for it")]
+    fn module(&self, name: &str, text: &str) -> wgpu::ShaderModule {
+        let descriptor =
+            wgpu::ShaderModuleDescriptor { label: Some(name), source: wgpu::ShaderSource::Wgsl(text.into()) };
+        let checks = wgpu::ShaderRuntimeChecks {
+            bounds_checks: true,
+            force_loop_bounding: false,
+            int_div_checks: false,
+            ..wgpu::ShaderRuntimeChecks::checked()
+        };
+        // SAFETY: the shaders are ours. Every loop counts up to a bound or down to zero and every divisor is
+        // positive (a test walks through the shaders); indices are still checked against their buffers.
+        unsafe { self.device.create_shader_module_trusted(descriptor, checks) }
     }
 
     /// Waits for everything submitted and reads `bytes` from the start of a buffer.

@@ -187,6 +187,16 @@ kernels! {
         read texel_values = TexelValues, read pixel_state = PixelState, read pixel_grad = PixelGrad,
         write partials = Partials, write texel_grad = TexelGrad,
     ];
+    RasterBwdScatter = "raster_bwd" &["SCATTER"], Tiles, false, [
+        read projected = Projected, read pairs = Pairs, read tile_ranges = TileRanges,
+        read texel_values = TexelValues, read pixel_state = PixelState, read pixel_grad = PixelGrad,
+        write partials = Partials, write texel_grad = TexelGrad,
+    ];
+    RasterBwdStatisticsScatter = "raster_bwd" &["STATISTICS", "SCATTER"], Tiles, false, [
+        read projected = Projected, read pairs = Pairs, read tile_ranges = TileRanges,
+        read texel_values = TexelValues, read pixel_state = PixelState, read pixel_grad = PixelGrad,
+        write partials = Partials, write texel_grad = TexelGrad,
+    ];
     ProjectBwd = "project_bwd" &[], EachSplatLater, false, [
         write splat_p = SplatP, write splat_m = SplatM, write splat_v = SplatV, read projected = Projected,
         write bounds = Bounds, read partials = Partials, write statistics = Statistics,
@@ -237,7 +247,8 @@ kernels! {
         read status = Status, read keys_in = KeysB, write ranges_out = TileRanges,
     ];
     GatherPairs = "gather_pairs" &[], Pairs, false, [
-        read status = Status, read values_in = ValuesB, read slot_splat = SlotSplat, write pairs = Pairs,
+        read status = Status, read keys_in = KeysB, read values_in = ValuesB, read slot_splat = SlotSplat,
+        read projected = Projected, write pairs = Pairs,
     ];
 }
 
@@ -258,5 +269,42 @@ impl KernelId {
     /// Its entry in the table.
     pub fn kernel(self) -> &'static Kernel {
         &KERNELS[self as usize].1
+    }
+}
+
+/// Variants of the rasterisation that a backend uses.
+#[derive(Clone, Copy, Debug)]
+pub struct RasterKernels {
+    /// Forward.
+    pub fwd: KernelId,
+    /// Backward.
+    pub bwd: KernelId,
+    /// Backward with window statistics.
+    pub bwd_statistics: KernelId,
+}
+
+impl RasterKernels {
+    /// For hardware or software, with or without counted pairs.
+    pub fn choose(hardware: bool, count_pairs: bool) -> Self {
+        use KernelId as K;
+        let fwd = match (hardware, count_pairs) {
+            (false, false) => K::RasterFwd,
+            (false, true) => K::RasterFwdCount,
+            (true, false) => K::RasterFwdBatched,
+            (true, true) => K::RasterFwdBatchedCount,
+        };
+        let (bwd, bwd_statistics) = if hardware {
+            (K::RasterBwdScatter, K::RasterBwdStatisticsScatter)
+        } else {
+            (K::RasterBwd, K::RasterBwdStatistics)
+        };
+        Self { fwd, bwd, bwd_statistics }
+    }
+
+    /// These, and every kernel that is not of the rasterisation.
+    pub fn and_all_others(&self) -> Vec<KernelId> {
+        let chosen = [self.fwd, self.bwd, self.bwd_statistics];
+        let is_raster = |id: &KernelId| id.kernel().name.starts_with("raster_");
+        KernelId::all().filter(|id| !is_raster(id) || chosen.contains(id)).collect()
     }
 }

@@ -4,7 +4,7 @@
 use super::device::UNIFORM_STRIDE;
 use super::harness::Harness;
 use super::kernels::{Buf, Groups, KernelId, NUM_GROUPS};
-use super::layout::{DispatchArgs, Status, StepUniform};
+use super::layout::{DispatchArgs, PROJECTED_BYTES, Status, StepUniform};
 use super::resources::Offsets;
 use super::shader::{BLOCK, GROUP, MAX_GROUPS};
 use super::sort::{
@@ -127,11 +127,13 @@ fn fill_case(harness: &mut Harness, case: &Case, capacity: u32) {
     harness.zeros(Buf::BlockSums, 4 * case.keys.len().div_ceil(BLOCK as usize));
     for (name, bytes) in [
         (Buf::SlotSplat, 4 * capacity as usize),
-        (Buf::Pairs, 8 * capacity as usize),
+        (Buf::Pairs, 16 * capacity as usize),
         (Buf::TileRanges, 8 * case.num_tiles() as usize),
     ] {
         harness.fill(name, &vec![0xabcd_ef01_u32; bytes / 4]);
     }
+    // Maps of no size: windows are empty.
+    harness.zeros(Buf::Projected, PROJECTED_BYTES as usize * case.keys.len().max(1));
     harness.fill(Buf::Status, &[Status::default(); 4]);
     for slot in 0..2 {
         harness.set_step(slot, &step_of(case, slot, capacity));
@@ -152,12 +154,12 @@ fn step_of(case: &Case, slot: u32, capacity: u32) -> StepUniform {
 /// Splats of each tile as the device lists them; slots are those of the splats.
 fn read_lists(harness: &Harness, case: &Case) -> Vec<Vec<u32>> {
     let total = harness.read::<Status>(Buf::Status, 1)[0].needed_pairs as usize;
-    let pairs = harness.read::<[u32; 2]>(Buf::Pairs, total);
+    let pairs = harness.read::<[u32; 4]>(Buf::Pairs, total);
     let bounds = harness.read::<TestBounds>(Buf::Bounds, case.bounds.len());
     let mut slots: Vec<u32> = pairs.iter().map(|pair| pair[0]).collect();
     slots.sort_unstable();
     assert!(slots.into_iter().eq(0..total as u32), "each slot has one pair");
-    for [slot, splat] in &pairs {
+    for [slot, splat, ..] in &pairs {
         let TestBounds { first_slot, num_tiles, .. } = bounds[*splat as usize];
         assert!((first_slot..first_slot + num_tiles).contains(slot), "slot {slot} of splat {splat}");
     }
@@ -211,8 +213,8 @@ fn pairs_that_do_not_fit_switch_everything_off() {
         |harness: &Harness| harness.read::<Status>(Buf::Status, 2).iter().map(|s| s.needed_pairs).collect();
     let status: Vec<u32> = needed(&harness);
     assert_eq!(status, [total, 0], "the second step fits, but comes after one that does not");
-    let untouched = vec![[0xabcd_ef01_u32; 2]; total as usize];
-    assert_eq!(harness.read::<[u32; 2]>(Buf::Pairs, total as usize), untouched);
+    let untouched = vec![[0xabcd_ef01_u32; 4]; total as usize];
+    assert_eq!(harness.read::<[u32; 4]>(Buf::Pairs, total as usize), untouched);
 
     // With one pair more of capacity both go through.
     fill_case(&mut harness, &case, total);
@@ -221,7 +223,7 @@ fn pairs_that_do_not_fit_switch_everything_off() {
     assert!(args.iter().all(|a| a.x * a.y * a.z > 0), "{args:?}");
     let status: Vec<u32> = needed(&harness);
     assert_eq!(status, [total, total]);
-    assert_ne!(harness.read::<[u32; 2]>(Buf::Pairs, total as usize), untouched);
+    assert_ne!(harness.read::<[u32; 4]>(Buf::Pairs, total as usize), untouched);
 }
 
 #[test]

@@ -52,7 +52,7 @@ impl Capacity {
             resources
                 .set(Buf::Histogram, device.buffer("sort histograms", histogram_entries(keys as u32), 4)?);
             resources.set(Buf::SlotSplat, device.buffer("tile-splat pairs", pairs, 4)?);
-            resources.set(Buf::Pairs, device.buffer("tile-splat pairs", pairs, 8)?);
+            resources.set(Buf::Pairs, device.buffer("tile-splat pairs", pairs, 16)?);
             resources.set(Buf::SlotOffsets, device.buffer("prefix sums", splats, 4)?);
             resources
                 .set(Buf::BlockSums, device.buffer("prefix sums", splats.div_ceil(u64::from(BLOCK)), 4)?);
