@@ -20,7 +20,7 @@ var<workgroup> counts: array<vec2u, GROUP>;
 @compute @workgroup_size(GROUP)
 fn finish(@builtin(local_invocation_index) lane: u32) {
     var loss = vec4f(0.0);
-    for (var tile = lane; tile < step.grid.x * step.grid.y; tile += GROUP) {
+    for (var tile = lane; tile < num_loss_tiles(); tile += GROUP) {
         loss += vec4f(loss_partials[tile].xyz, 0.0);
     }
     var texture_sum = 0.0;

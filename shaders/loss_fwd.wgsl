@@ -70,7 +70,7 @@ fn loss_fwd(
         across[GROUP + lid] = sum16(lid * TILE_PX);
     }
     workgroupBarrier();
-    if lid == 0u && tile < step.grid.x * step.grid.y {
+    if lid == 0u && tile < num_loss_tiles() {
         loss_partials[tile] = sum16(GROUP);
     }
 }

@@ -47,6 +47,7 @@ fn prefix_sums(@builtin(local_invocation_index) lane: u32) {
     set_groups(GROUPS_EACH_SPLAT_LATER, step.num_splats);
     set_groups(GROUPS_SPLATS_LATER, invocations(step.num_splats));
     set_groups(GROUPS_TILES, num_tiles);
+    set_groups(GROUPS_LOSS_TILES, num_loss_tiles());
     set_groups(GROUPS_TILE_INVOCATIONS, invocations(num_tiles));
     set_groups(GROUPS_PAIRS, invocations(total));
     set_groups(GROUPS_PAIR_BLOCKS, blocks_of(total));

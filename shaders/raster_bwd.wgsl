@@ -1,6 +1,6 @@
 // Backward rasterisation: a workgroup per tile, splats back to front (twin: reference/raster_bwd.rs; method
 // 2.4). For each splat every invocation leaves the derivatives of its pixel in workgroup memory; then the same
-// invocations, as (quantity, column of pixels), add them up in a fixed order: two barriers a splat, no atomics,
+// invocations, as (quantity, row of pixels), add them up in a fixed order: two barriers a splat, no atomics,
 // no subgroups. Sums go to the pair's unsorted slot. Texel gradients are gathered the same way, blocks of 4 x 4
 // texels in turn, and reach memory as fixed point, three atomics per texel and tile. STATISTICS: more sums.
 //
@@ -27,7 +27,7 @@
 @group(0) @binding(7) var<storage, read_write> partials: array<f32>; // [K, partial_stride] by slot
 @group(0) @binding(8) var<storage, read_write> texel_grad: array<atomic<i32>>; // [T, 3] fixed point
 
-// What a pixel leaves behind, [quantity, row, column]. The first three also count times dx and dy.
+// What a pixel leaves behind, [quantity, column, row]. The first three also count times dx and dy.
 const U = 0u; // by the coordinate along u over the denominator
 const V = 1u;
 const D = 2u; // by the denominator
@@ -47,11 +47,13 @@ const TEXEL_PARTS = 8u;
 #else
 const NUM_QUANTITIES = 11u;
 const NUM_SUMS = 16u;
-const TEXEL_PARTS = TILE_PX;
+const TEXEL_PARTS = TILE_ROWS_PX;
 #endif
 // Sum of a pair in which the faults of the whole tile are told.
 const FAULTS = 15u;
 const BLOCK_TEXELS = 4u;
+// Rows of pixels, which sums are made of.
+const PARTS = TILE_ROWS_PX;
 
 // Channels of the texels of a block, then the sums: each in parts that one invocation adds up.
 const NUM_CHANNELS = 3u * BLOCK_TEXELS * BLOCK_TEXELS;
@@ -60,9 +62,9 @@ const NUM_CHANNELS = 3u * BLOCK_TEXELS * BLOCK_TEXELS;
 const GATHERED_BLOCKS_MAX = 9u;
 #endif
 
-var<workgroup> lanes: array<f32, NUM_QUANTITIES * GROUP>;
+var<workgroup> lanes: array<f32, NUM_QUANTITIES * RASTER_GROUP>;
 var<workgroup> texel_parts: array<f32, NUM_CHANNELS * TEXEL_PARTS>;
-var<workgroup> sum_parts: array<f32, NUM_SUMS * TILE_PX>;
+var<workgroup> sum_parts: array<f32, NUM_SUMS * PARTS>;
 var<workgroup> last: atomic<u32>;
 var<workgroup> end: u32;
 var<workgroup> num_faults: atomic<u32>;
@@ -79,7 +81,7 @@ struct Replay {
 }
 
 fn leave(quantity: u32, at: u32, value: f32) {
-    lanes[quantity * GROUP + at] = value;
+    lanes[quantity * RASTER_GROUP + at] = value;
 }
 
 // One pixel of one splat; zeros where it has no part in it.
@@ -179,67 +181,66 @@ fn add_fixed(at: u32, by_texel: f32, units: f32) -> u32 {
     return u32(!sound);
 }
 
-// Sums of one quantity over a column of pixels: times 1, dx and dy for the first three.
-fn sum_column(quantity: u32, column: u32, rows: vec2u, to_first: vec2f) {
-    let dx = to_first.x + f32(column);
+// Sums of one quantity over a row of pixels: times 1, dx and dy for the first three.
+fn sum_row(quantity: u32, row: u32, columns: vec2u, to_first: vec2f) {
     var total = 0.0;
-    var times_dy = 0.0;
-    for (var row = rows.x; row < rows.y; row += 1u) {
-        let value = lanes[quantity * GROUP + row * TILE_PX + column];
+    var times_dx = 0.0;
+    for (var column = columns.x; column < columns.y; column += 1u) {
+        let value = lanes[quantity * RASTER_GROUP + column * PARTS + row];
         total += value;
-        times_dy += value * (to_first.y + f32(row));
+        times_dx += value * (to_first.x + f32(column));
     }
     let sum = select(quantity + 6u, quantity * 3u, quantity < 3u);
-    sum_parts[sum * TILE_PX + column] = total;
+    sum_parts[sum * PARTS + row] = total;
     if quantity < 3u {
-        sum_parts[(sum + 1u) * TILE_PX + column] = total * dx;
-        sum_parts[(sum + 2u) * TILE_PX + column] = times_dy;
+        sum_parts[(sum + 1u) * PARTS + row] = times_dx;
+        sum_parts[(sum + 2u) * PARTS + row] = total * (to_first.y + f32(row));
     }
 }
 
 #if STATISTICS
-// Pixels, blending weight, weight times loss, transmittance in front, over a column of pixels.
-fn statistics_column(column: u32, rows: vec2u, origin_px: vec2u) {
+// Pixels, blending weight, weight times loss, transmittance in front, over a row of pixels.
+fn statistics_row(row: u32, columns: vec2u, origin_px: vec2u) {
     var total = vec4f(0.0);
-    for (var row = rows.x; row < rows.y; row += 1u) {
-        let at = row * TILE_PX + column;
-        let weight = lanes[WEIGHT * GROUP + at];
+    for (var column = columns.x; column < columns.y; column += 1u) {
+        let at = column * PARTS + row;
+        let weight = lanes[WEIGHT * RASTER_GROUP + at];
         // Rows and columns of the box are within the picture.
         let loss = pixel_grad[(origin_px.y + row) * step.size_px.x + origin_px.x + column].w;
-        total += vec4f(f32(weight > 0.0), weight, weight * loss, lanes[TRANSMITTANCE * GROUP + at]);
+        total += vec4f(f32(weight > 0.0), weight, weight * loss, lanes[TRANSMITTANCE * RASTER_GROUP + at]);
     }
     for (var k = 0u; k < 4u; k += 1u) {
-        sum_parts[(16u + k) * TILE_PX + column] = total[k];
+        sum_parts[(16u + k) * PARTS + row] = total[k];
     }
 }
 #endif
 
-// Gradients of four texels of a row of a block over a part of the columns.
-fn gather_row(first: vec2u, row: u32, part: u32, low: vec2u, high: vec2u) {
+// Gradients of four texels of a row of a block over a part of the rows of pixels.
+fn gather_row(first: vec2u, texel_row: u32, part: u32, low: vec2u, high: vec2u) {
     var red = vec4f(0.0);
     var green = vec4f(0.0);
     var blue = vec4f(0.0);
-    let u = f32(first.x + row);
+    let u = f32(first.x + texel_row);
     let v = f32(first.y) + vec4f(0.0, 1.0, 2.0, 3.0);
-    for (var x = part; x < high.x; x += TEXEL_PARTS) {
-        for (var y = select(low.y, high.y, x < low.x); y < high.y; y += 1u) {
-            let at = y * TILE_PX + x;
-            let along_u = max(1.0 - abs(lanes[TEXEL_U * GROUP + at] - u), 0.0);
-            let w = along_u * max(1.0 - abs(lanes[TEXEL_V * GROUP + at] - v), vec4f(0.0));
-            red += w * lanes[RED * GROUP + at];
-            green += w * lanes[(RED + 1u) * GROUP + at];
-            blue += w * lanes[(RED + 2u) * GROUP + at];
+    for (var y = part; y < high.y; y += TEXEL_PARTS) {
+        for (var x = select(low.x, high.x, y < low.y); x < high.x; x += 1u) {
+            let at = x * PARTS + y;
+            let along_u = max(1.0 - abs(lanes[TEXEL_U * RASTER_GROUP + at] - u), 0.0);
+            let w = along_u * max(1.0 - abs(lanes[TEXEL_V * RASTER_GROUP + at] - v), vec4f(0.0));
+            red += w * lanes[RED * RASTER_GROUP + at];
+            green += w * lanes[(RED + 1u) * RASTER_GROUP + at];
+            blue += w * lanes[(RED + 2u) * RASTER_GROUP + at];
         }
     }
     for (var k = 0u; k < BLOCK_TEXELS; k += 1u) {
-        let at = (row * BLOCK_TEXELS + k) * 3u * TEXEL_PARTS + part;
+        let at = (texel_row * BLOCK_TEXELS + k) * 3u * TEXEL_PARTS + part;
         texel_parts[at] = red[k];
         texel_parts[at + TEXEL_PARTS] = green[k];
         texel_parts[at + 2u * TEXEL_PARTS] = blue[k];
     }
 }
 
-@compute @workgroup_size(GROUP)
+@compute @workgroup_size(RASTER_GROUP)
 fn raster_bwd(
     @builtin(workgroup_id) group: vec3u,
     @builtin(num_workgroups) groups: vec3u,
@@ -273,14 +274,14 @@ fn raster_bwd(
     }
     let used = workgroupUniformLoad(&end);
     // Pairs behind everything have sums too: zeros.
-    for (var k = used * NUM_SUMS + lane; k < range.y * NUM_SUMS; k += GROUP) {
+    for (var k = used * NUM_SUMS + lane; k < range.y * NUM_SUMS; k += RASTER_GROUP) {
         partials[pairs[k / NUM_SUMS].slot * NUM_SUMS + k % NUM_SUMS] = 0.0;
     }
-    let at = pixel_at.y * TILE_PX + pixel_at.x;
-    let column = lane % TILE_PX;
-    let quantity = lane / TILE_PX;
+    let at = pixel_at.x * PARTS + pixel_at.y;
+    let row = lane % PARTS;
+    let quantity = lane / PARTS;
     // From the last invocations on: the first ones have sums to make.
-    let from_last = GROUP - 1u - lane;
+    let from_last = RASTER_GROUP - 1u - lane;
     var i = used;
     var block = 0u;
     // Once for each block of texels of each splat.
@@ -288,7 +289,7 @@ fn raster_bwd(
         let pair = pairs[i - 1u];
         let s = projected[pair.splat];
         let low = max(vec2u(s.box_min & 0xffffu, s.box_min >> 16u), origin_px) - origin_px;
-        let high = min(vec2u(s.box_max & 0xffffu, s.box_max >> 16u) - origin_px, vec2u(TILE_PX));
+        let high = min(vec2u(s.box_max & 0xffffu, s.box_max >> 16u) - origin_px, TILE_SIZE_PX);
         let window_first = vec2u(pair.window_first & 0xffffu, pair.window_first >> 16u);
         let window_past = vec2u(pair.window_past & 0xffffu, pair.window_past >> 16u);
         let blocks = (window_past - window_first + BLOCK_TEXELS - 1u) / BLOCK_TEXELS;
@@ -304,13 +305,13 @@ fn raster_bwd(
             pixel_bwd(&replay, s, i - 1u, pixel, at, scattered);
         }
         workgroupBarrier();
-        let rows = select(vec2u(0u), vec2u(low.y, high.y), column >= low.x && column < high.x);
+        let columns = select(vec2u(0u), vec2u(low.x, high.x), row >= low.y && row < high.y);
         if block == 0u && quantity < NUM_GEOMETRY {
-            sum_column(quantity, column, rows, vec2f(origin_px) + 0.5 - s.centre_px);
+            sum_row(quantity, row, columns, vec2f(origin_px) + 0.5 - s.centre_px);
         }
 #if STATISTICS
         if block == 0u && quantity == NUM_GEOMETRY {
-            statistics_column(column, rows, origin_px);
+            statistics_row(row, columns, origin_px);
         }
 #endif
         if num_blocks > 0u && from_last < BLOCK_TEXELS * TEXEL_PARTS {
@@ -330,8 +331,8 @@ fn raster_bwd(
         }
         if block == 0u && from_last < NUM_SUMS {
             var total = 0.0;
-            for (var k = 0u; k < TILE_PX && from_last != FAULTS; k += 1u) {
-                total += sum_parts[from_last * TILE_PX + k];
+            for (var k = 0u; k < PARTS && from_last != FAULTS; k += 1u) {
+                total += sum_parts[from_last * PARTS + k];
             }
             partials[pair.slot * NUM_SUMS + from_last] = total;
         }

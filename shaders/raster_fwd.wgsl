@@ -95,7 +95,7 @@ fn raster_tile(state: ptr<function, Pixel>, range: vec2u, pixel: vec2u, lane: u3
         }
         workgroupBarrier();
         if lane == 0u {
-            all_done = u32(atomicLoad(&num_done) == GROUP);
+            all_done = u32(atomicLoad(&num_done) == RASTER_GROUP);
         }
         if workgroupUniformLoad(&all_done) != 0u {
             break;
@@ -110,7 +110,7 @@ fn raster_tile(state: ptr<function, Pixel>, range: vec2u, pixel: vec2u, lane: u3
 }
 #endif
 
-@compute @workgroup_size(GROUP)
+@compute @workgroup_size(RASTER_GROUP)
 fn raster_fwd(
     @builtin(workgroup_id) group: vec3u,
     @builtin(num_workgroups) groups: vec3u,

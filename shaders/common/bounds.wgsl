@@ -128,8 +128,9 @@ fn tile_run(bounds: Bounds, tile_row: i32) -> vec2i {
     let low = unpack_px(bounds.box_min);
     let high = unpack_px(bounds.box_max);
     let tile = i32(TILE_PX);
-    let first_row = max(tile_row * tile, low.y);
-    let past_row = min((tile_row + 1) * tile, high.y);
+    let tile_rows = i32(TILE_ROWS_PX);
+    let first_row = max(tile_row * tile_rows, low.y);
+    let past_row = min((tile_row + 1) * tile_rows, high.y);
     let limit = vec2f(f32(low.x), f32(high.x));
     var run = vec2f(limit.y, limit.x);
     if high.y - low.y <= tile {
@@ -177,5 +178,5 @@ fn tile_rows(bounds: Bounds) -> vec2i {
     if high.y <= low.y {
         return vec2i(0, 0);
     }
-    return vec2i(low.y / i32(TILE_PX), (high.y - 1) / i32(TILE_PX) + 1);
+    return vec2i(low.y / i32(TILE_ROWS_PX), (high.y - 1) / i32(TILE_ROWS_PX) + 1);
 }

@@ -12,5 +12,5 @@ fn texel_units(box_min: u32, box_max: u32) -> f32 {
 
 // Largest sum of one tile in units: that of all its pixels.
 fn tile_limit(units: f32) -> f32 {
-    return FIXED_MAX * min(1.0, f32(TILE_PX * TILE_PX) * units / step.texel_units);
+    return FIXED_MAX * min(1.0, f32(RASTER_GROUP) * units / step.texel_units);
 }

@@ -65,6 +65,20 @@ const FLAG_ALL_MAPS = 4u;
 
 @group(0) @binding(0) var<uniform> step: Step;
 
+// Tiles of the rasterisation: half as high for software drivers, which compute every pixel of a tile whether the
+// splat reaches it or not.
+#if HALF_TILES
+const TILE_ROWS_PX = 8u;
+#else
+const TILE_ROWS_PX = TILE_PX;
+#endif
+const RASTER_GROUP = TILE_PX * TILE_ROWS_PX;
+
+// Tiles of the loss are squares, in as many columns as those of the rasterisation.
+fn num_loss_tiles() -> u32 {
+    return step.grid.x * ((step.size_px.y + TILE_PX - 1u) / TILE_PX);
+}
+
 fn has_flag(flag: u32) -> bool {
     return (step.flags & flag) != 0u;
 }

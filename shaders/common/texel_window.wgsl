@@ -15,7 +15,7 @@ fn texel_window(s: Projected, origin_px: vec2u) -> Window {
         return Window(vec2u(0u), size);
     }
     let low_px = max(vec2f(unpack_px(s.box_min)), vec2f(origin_px)) - s.centre_px;
-    let high_px = min(vec2f(unpack_px(s.box_max)), vec2f(origin_px + TILE_PX)) - s.centre_px;
+    let high_px = min(vec2f(unpack_px(s.box_max)), vec2f(origin_px + TILE_SIZE_PX)) - s.centre_px;
     var low = vec2f(1e30);
     var high = vec2f(-1e30);
     var least = 1.0;

@@ -9,6 +9,7 @@ use super::layout::{DispatchArgs, FLAG_ALL_MAPS, FLAG_PERSIST, Status, StepUnifo
 use super::model_buffers::{self, splat_stride};
 use super::photos::PhotoPool;
 use super::resources::{Offsets, Resources};
+use super::shader::{HALF_TILE_ROWS_PX, HALF_TILES, TILE_PX};
 use super::timing::Timer;
 use super::uniform::{self, Scene, needs_statistics};
 use super::view_buffers::{Capacity, Needs};
@@ -36,8 +37,9 @@ pub struct GpuOptions {
     pub batch_steps: usize,
     /// Whether pixel-splat pairs are counted.
     pub count_pairs: bool,
-    /// Whether to use the variants for hardware: splats pass through workgroup memory on their way to pixels, and
-    /// texels of large windows get an atomic per tap. `None`: on hardware.
+    /// Whether to use the variants for hardware: tiles of 16 x 16 pixels instead of 16 x 8, splats pass through
+    /// workgroup memory on their way to pixels, and texels of large windows get an atomic per tap. `None`: on
+    /// hardware.
     pub hardware_kernels: Option<bool>,
     /// Whether every dispatch is timed, where the device can: reports tell times by kernel.
     pub time_kernels: bool,
@@ -64,6 +66,7 @@ pub struct GpuBackend {
     pub(super) pipelines: BTreeMap<KernelId, Pipeline>,
     options: GpuOptions,
     raster: RasterKernels,
+    tile_rows_px: u32,
     /// Everything of the model but its parameters, which live on the device.
     pub(super) shape: Model,
     /// Clock and rates of the optimiser; its moments live on the device.
@@ -83,7 +86,9 @@ impl GpuBackend {
         let options = GpuOptions { batch_steps: options.batch_steps.clamp(1, BATCH), ..options };
         let hardware = options.hardware_kernels.unwrap_or(device.choice.hardware);
         let raster = RasterKernels::choose(hardware, options.count_pairs);
-        let pipelines = device.pipelines(&raster.and_all_others())?;
+        let (flags, tile_rows_px): (&[&str], u32) =
+            if hardware { (&[], TILE_PX) } else { (&[HALF_TILES], HALF_TILE_ROWS_PX) };
+        let pipelines = device.pipelines(&raster.and_all_others(), flags)?;
         let passes = sort::sort_passes();
         let mut resources = Resources::new(
             device.uniforms("steps", BATCH as u64)?,
@@ -106,6 +111,7 @@ impl GpuBackend {
         Ok(Self {
             timer,
             raster,
+            tile_rows_px,
             device,
             resources,
             pipelines,
@@ -130,6 +136,7 @@ impl GpuBackend {
             splat_stride: splat_stride(self.shape.splats.sh_degree) as u32,
             near: self.shape.near,
             pair_capacity: self.capacity.pairs as u32,
+            tile_rows_px: self.tile_rows_px,
             settled_step: self.clock.step,
             settled_rates: self.clock.rates,
         }
@@ -162,7 +169,7 @@ impl GpuBackend {
 
     /// Projection to picture.
     fn forward(&self, offsets: Offsets, camera: &Camera) -> Vec<Dispatch> {
-        let [cols, rows] = uniform::grid(camera);
+        let [cols, rows] = uniform::grid(camera, self.tile_rows_px);
         let mut out = vec![Dispatch::new(KernelId::Project, offsets)];
         out.push(Dispatch::new(KernelId::SettleTexel, offsets));
         out.extend(sort::order_and_bin(offsets, cols * rows));
@@ -181,7 +188,7 @@ impl GpuBackend {
             ..Needs::default()
         };
         for camera in cameras {
-            let [cols, rows] = uniform::grid(&camera);
+            let [cols, rows] = uniform::grid(&camera, self.tile_rows_px);
             needs.pixels = needs.pixels.max(camera.pinhole.num_pixels() as u64);
             needs.tiles = needs.tiles.max(u64::from(cols) * u64::from(rows));
         }
@@ -213,8 +220,7 @@ impl GpuBackend {
                 placed.ok_or_else(|| self.device.error("the photos of a batch do not fit its pool"))?;
             let offsets = self.set_uniform(slot, &uniform::step(&scene, request, photo_px, slot as u32));
             dispatches.extend(self.forward(offsets, &request.camera));
-            let bwd =
-                if needs_statistics(request) { KernelId::RasterBwdStatistics } else { KernelId::RasterBwd };
+            let bwd = if needs_statistics(request) { self.raster.bwd_statistics } else { self.raster.bwd };
             let rest = [KernelId::LossFwd, KernelId::LossBwd, bwd, KernelId::ProjectBwd, KernelId::AdamTexel];
             dispatches.extend(rest.map(|id| Dispatch::new(id, offsets)));
             dispatches.push(Dispatch::new(KernelId::Finish, offsets));

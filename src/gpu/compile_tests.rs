@@ -8,7 +8,7 @@ fn every_kernel_compiles_within_the_lowest_limits() {
     let Some(choice) = list_adapters().into_iter().next() else { return };
     let device = GpuDevice::open(&choice, Limits::Downlevel).unwrap();
     for (id, _) in KERNELS {
-        if let Err(e) = device.pipelines(&[*id]) {
+        if let Err(e) = device.pipelines(&[*id], &[]) {
             panic!("{id:?}: {e}");
         }
     }

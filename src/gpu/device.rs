@@ -154,20 +154,21 @@ impl GpuDevice {
         })
     }
 
-    /// Compiles kernels.
+    /// Compiles kernels, with flags for the preprocessor on top of their own.
     ///
     /// # Errors
     /// [`Error::Device`] with the place in the shader if the driver does not take it.
-    pub(super) fn pipelines(&self, ids: &[KernelId]) -> Result<BTreeMap<KernelId, Pipeline>> {
+    pub(super) fn pipelines(&self, ids: &[KernelId], flags: &[&str]) -> Result<BTreeMap<KernelId, Pipeline>> {
         let mut out = BTreeMap::new();
         for (id, kernel) in KERNELS.iter().filter(|(id, _)| ids.contains(id)) {
-            out.insert(*id, self.pipeline(kernel)?);
+            out.insert(*id, self.pipeline(kernel, flags)?);
         }
         Ok(out)
     }
 
-    fn pipeline(&self, kernel: &Kernel) -> Result<Pipeline> {
-        let expanded = expand(kernel.name, kernel.flags, Target::Native).map_err(|e| self.error(&e))?;
+    fn pipeline(&self, kernel: &Kernel, flags: &[&str]) -> Result<Pipeline> {
+        let flags = [kernel.flags, flags].concat();
+        let expanded = expand(kernel.name, &flags, Target::Native).map_err(|e| self.error(&e))?;
         let scope = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
         let module = self.module(kernel.name, &expanded.text);
         let layout = self.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {

@@ -40,7 +40,10 @@ pub(super) fn encode(
 ) {
     let args = resources.buffer(Buf::Args).clone();
     let mut one = |pass: &mut wgpu::ComputePass<'_>, dispatch: &Dispatch| {
-        let (pipeline, kernel) = (&pipelines[&dispatch.kernel], dispatch.kernel.kernel());
+        let kernel = dispatch.kernel.kernel();
+        let Some(pipeline) = pipelines.get(&dispatch.kernel) else {
+            unreachable!("{:?} has not been compiled", dispatch.kernel);
+        };
         let offsets = [dispatch.offsets.step, dispatch.offsets.sort_pass];
         let group = resources.group(device, dispatch.kernel, pipeline, dispatch.swapped);
         pass.set_pipeline(&pipeline.pipeline);

@@ -99,6 +99,8 @@ pub enum Groups {
     SplatsLater,
     /// A workgroup per tile.
     Tiles,
+    /// A workgroup per tile of the loss.
+    LossTiles,
     /// An invocation per tile.
     TileInvocations,
     /// An invocation per pair.
@@ -216,11 +218,11 @@ kernels! {
         read sources = Sources, read old_info = OldSplatInfo, write splat_info = SplatInfo,
         read old_values = OldValues, write new_values = NewValues, read scales = Scales,
     ];
-    LossFwd = "loss_fwd" &[], Tiles, false, [
+    LossFwd = "loss_fwd" &[], LossTiles, false, [
         read pixels = Pixels, read photo = Photo, write ssim_maps = SsimMaps, write loss_map = LossMap,
         write loss_partials = LossPartials,
     ];
-    LossBwd = "loss_bwd" &[], Tiles, false, [
+    LossBwd = "loss_bwd" &[], LossTiles, false, [
         read pixels = Pixels, read photo = Photo, read ssim_maps = SsimMaps, read loss_map = LossMap,
         write pixel_grad = PixelGrad,
     ];

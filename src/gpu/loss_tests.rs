@@ -100,7 +100,7 @@ fn prepare(harness: &mut Harness, case: &Case) -> usize {
         ..StepUniform::default()
     };
     harness.set_step(0, &step);
-    harness.set_groups(Groups::Tiles, 3, (num_tiles as u32).div_ceil(3) + 1);
+    harness.set_groups(Groups::LossTiles, 3, (num_tiles as u32).div_ceil(3) + 1);
     num_tiles
 }
 

@@ -10,6 +10,10 @@ use std::fmt::Write as _;
 
 /// Edge of a tile.
 pub const TILE_PX: u32 = 16;
+/// Height of the rasterisation's tiles with the flag [`HALF_TILES`].
+pub const HALF_TILE_ROWS_PX: u32 = 8;
+/// Flag of all kernels on software drivers.
+pub const HALF_TILES: &str = "HALF_TILES";
 /// Invocations of most workgroups, and pixels of a tile.
 pub const GROUP: u32 = 256;
 /// Invocations of the kernels that give a workgroup to each splat.
@@ -199,6 +203,7 @@ pub fn shared_constants() -> (Vec<(&'static str, f64)>, Vec<(&'static str, u32)>
         ("GROUPS_EACH_SPLAT_LATER", Groups::EachSplatLater as u32),
         ("GROUPS_SPLATS_LATER", Groups::SplatsLater as u32),
         ("GROUPS_TILES", Groups::Tiles as u32),
+        ("GROUPS_LOSS_TILES", Groups::LossTiles as u32),
         ("GROUPS_TILE_INVOCATIONS", Groups::TileInvocations as u32),
         ("GROUPS_PAIRS", Groups::Pairs as u32),
         ("GROUPS_PAIR_BLOCKS", Groups::PairBlocks as u32),

@@ -84,7 +84,12 @@ fn workgroups_of_what_follows_are_folded() {
     let Some(mut harness) = open(&SLOTS) else { return };
     let n = 1500;
     let counts = vec![1_000_000; n];
-    let step = StepUniform { pair_capacity: 1_500_000_000, grid: [4096, 4095], ..StepUniform::default() };
+    let step = StepUniform {
+        pair_capacity: 1_500_000_000,
+        grid: [4096, 4095],
+        size_px: [65_536, 1_600],
+        ..StepUniform::default()
+    };
     run_prefix(&mut harness, &counts, step);
     let (num_tiles, total) = (4096_u32 * 4095, 1_500_000_000_u32);
     let mut expected = first_args(n as u32);
@@ -93,6 +98,7 @@ fn workgroups_of_what_follows_are_folded() {
         (Groups::EachSplatLater, 1500),
         (Groups::SplatsLater, 6),
         (Groups::Tiles, num_tiles),
+        (Groups::LossTiles, 4096 * 100),
         (Groups::TileInvocations, num_tiles.div_ceil(GROUP)),
         (Groups::Pairs, total.div_ceil(GROUP)),
         (Groups::PairBlocks, total.div_ceil(BLOCK)),

@@ -14,6 +14,8 @@ pub(super) struct Scene {
     pub splat_stride: u32,
     pub near: f32,
     pub pair_capacity: u32,
+    /// Height of the rasterisation's tiles.
+    pub tile_rows_px: u32,
     /// Steps that are done.
     pub settled_step: u32,
     /// Rates of the last of them.
@@ -21,8 +23,8 @@ pub(super) struct Scene {
 }
 
 /// Columns and rows of tiles.
-pub(super) fn grid(camera: &Camera) -> [u32; 2] {
-    [camera.pinhole.width_px.div_ceil(TILE_PX), camera.pinhole.height_px.div_ceil(TILE_PX)]
+pub(super) fn grid(camera: &Camera, tile_rows_px: u32) -> [u32; 2] {
+    [camera.pinhole.width_px.div_ceil(TILE_PX), camera.pinhole.height_px.div_ceil(tile_rows_px)]
 }
 
 /// For a picture.
@@ -42,7 +44,7 @@ pub(super) fn picture(scene: &Scene, camera: &Camera, background: [f32; 3], sh_d
         focal_px: [pinhole.fx_px as f32, pinhole.fy_px as f32],
         principal_px: [pinhole.cx_px as f32, pinhole.cy_px as f32],
         size_px: [pinhole.width_px, pinhole.height_px],
-        grid: grid(camera),
+        grid: grid(camera, scene.tile_rows_px),
         background,
         num_splats: scene.num_splats,
         sh_degree,
