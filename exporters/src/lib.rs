@@ -3,6 +3,8 @@
 //! Nothing here renders, trains or prints. Readers treat files as hostile: they return an [`Error`],
 //! never panic, and allocate no more than the file's own size warrants.
 
+#![forbid(unsafe_code)]
+
 mod asset;
 mod error;
 mod file;

@@ -33,7 +33,8 @@ pub struct Workload {
     pub views: u64,
     pub cache_limit_bytes: u64,
     pub steps: u32,
-    pub threads: usize,
+    /// Threads of the CPU backend; `None`: another device computes, of whose speed nothing is known.
+    pub threads: Option<usize>,
 }
 
 /// Estimates.
@@ -48,13 +49,21 @@ pub struct Forecast {
     pub view_bytes: u64,
     pub image_cache_bytes: u64,
     pub total_bytes: u64,
-    pub cpu_secs: f64,
-    pub wall_secs: f64,
+    /// Null for devices other than the CPU.
+    pub cpu_secs: Option<f64>,
+    /// Null for devices other than the CPU.
+    pub wall_secs: Option<f64>,
 }
 
 impl Workload {
     /// What a model, views and settings amount to.
-    pub fn new(model: &Model, views: &dyn ViewSource, cache_limit_bytes: u64, steps: u32) -> Self {
+    pub fn new(
+        model: &Model,
+        views: &dyn ViewSource,
+        cache_limit_bytes: u64,
+        steps: u32,
+        on_cpu: bool,
+    ) -> Self {
         let pixels = |v: usize| views.camera(v).pinhole.num_pixels() as u64;
         let train = views.indices(Split::Train);
         let sum: u64 = train.iter().map(|&v| pixels(v)).sum();
@@ -67,7 +76,7 @@ impl Workload {
             views: views.num_views() as u64,
             cache_limit_bytes,
             steps,
-            threads: rayon::current_num_threads(),
+            threads: on_cpu.then(rayon::current_num_threads),
         }
     }
 
@@ -86,11 +95,8 @@ impl Workload {
             view_bytes: self.pixels_max * BYTES_PER_PIXEL + self.splats * BYTES_PER_SPLAT,
             image_cache_bytes: photos.min(self.cache_limit_bytes),
             total_bytes: 0,
-            cpu_secs: f64::from(self.steps)
-                * (CPU_SECS_PER_STEP
-                    + self.pixels_mean * CPU_SECS_PER_PIXEL
-                    + self.splats as f64 * CPU_SECS_PER_SPLAT),
-            wall_secs: 0.0,
+            cpu_secs: None,
+            wall_secs: None,
         };
         forecast.total_bytes = model_bytes
             + optimiser_bytes
@@ -98,7 +104,14 @@ impl Workload {
             + forecast.copy_bytes
             + forecast.view_bytes
             + forecast.image_cache_bytes;
-        forecast.wall_secs = forecast.cpu_secs / self.threads.max(1) as f64;
+        if let Some(threads) = self.threads {
+            let per_step = CPU_SECS_PER_STEP
+                + self.pixels_mean * CPU_SECS_PER_PIXEL
+                + self.splats as f64 * CPU_SECS_PER_SPLAT;
+            let cpu_secs = f64::from(self.steps) * per_step;
+            forecast.cpu_secs = Some(cpu_secs);
+            forecast.wall_secs = Some(cpu_secs / threads.max(1) as f64);
+        }
         forecast
     }
 }
@@ -106,15 +119,15 @@ impl Workload {
 impl Forecast {
     /// One sentence.
     pub fn describe(&self) -> String {
+        let time =
+            self.wall_secs.map_or(String::new(), |s| format!(", about {} of training", format_duration(s)));
         format!(
-            "estimate: {} of memory (model {}, optimiser {}, image cache {}, one view at work {}), \
-             about {} of training",
+            "estimate: {} of memory (model {}, optimiser {}, image cache {}, one view at work {}){time}",
             format_bytes(self.total_bytes),
             format_bytes(self.model_bytes),
             format_bytes(self.optimiser_bytes),
             format_bytes(self.image_cache_bytes),
             format_bytes(self.view_bytes),
-            format_duration(self.wall_secs)
         )
     }
 
@@ -170,14 +183,17 @@ mod tests {
         views: 50,
         cache_limit_bytes: 4 << 30,
         steps: 300,
-        threads: 2,
+        threads: Some(2),
     };
 
     #[test]
     fn a_small_scene_fits_and_a_huge_one_is_refused_with_its_figures() {
         let forecast = FOX.forecast();
         assert!(forecast.total_bytes < 256 << 20, "{forecast:?}");
-        assert!((10.0..60.0).contains(&forecast.wall_secs), "{forecast:?}");
+        assert!((10.0..60.0).contains(&forecast.wall_secs.unwrap()), "{forecast:?}");
+        assert!(forecast.describe().contains("of training"));
+        let elsewhere = Workload { threads: None, ..FOX }.forecast();
+        assert!(elsewhere.wall_secs.is_none() && !elsewhere.describe().contains("of training"));
         forecast.check(Some(8 << 30)).unwrap();
         forecast.check(None).unwrap();
         let huge = Workload { splats: 50_000_000, texels: 800_000_000, ..FOX };
@@ -196,7 +212,7 @@ mod tests {
             (320 * 240, 4_000, 0.06),
         ] {
             let scene = Workload { splats, pixels_mean: f64::from(pixels), steps: 1, ..FOX };
-            let ratio = scene.forecast().cpu_secs / secs_per_step;
+            let ratio = scene.forecast().cpu_secs.unwrap() / secs_per_step;
             assert!((0.5..2.0).contains(&ratio), "{pixels} pixels, {splats} splats: {ratio}");
         }
     }

@@ -96,10 +96,11 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<Summary> {
 
     let steps_left = plan.config.train.steps.saturating_sub(state.step);
     let cache = plan.config.capture.image_cache_bytes;
-    let forecast = Workload::new(&state.model, &capture, cache, steps_left).forecast();
+    let mut backend = devices::open(&plan.device)?;
+    let on_cpu = backend.device().name == "cpu";
+    let forecast = Workload::new(&state.model, &capture, cache, steps_left, on_cpu).forecast();
     log.event("forecast", &forecast.describe(), serde_json::json!({ "forecast": forecast }));
     forecast.check(machine_bytes())?;
-    let mut backend = devices::open(&plan.device)?;
 
     let folder = if resumes_in_place {
         let folder = RunFolder::reopen(&plan.out)?;

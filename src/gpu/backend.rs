@@ -118,6 +118,11 @@ impl GpuBackend {
         })
     }
 
+    /// Takes the device away, as a driver does that hangs or is updated: for tests of what follows.
+    pub fn lose_device(&self) {
+        self.device.lose();
+    }
+
     /// What all uniforms have in common now.
     pub(super) fn scene(&self) -> Scene {
         Scene {

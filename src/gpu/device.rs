@@ -84,6 +84,12 @@ impl GpuDevice {
         }
     }
 
+    /// Destroys the device and notes it as lost.
+    pub(super) fn lose(&self) {
+        note(&self.fault, "the device was lost: destroyed".into());
+        self.device.destroy();
+    }
+
     /// An error that names the device.
     pub(super) fn error(&self, what: &str) -> Error {
         Error::Device(format!("{}: {what}", self.choice.name))

@@ -91,20 +91,18 @@ fn reference(scene: &Scene, params: &Params) -> Gradients {
     gradients(params, &scene.camera, &scene.target, &WEIGHTS, &settings(scene))
 }
 
-fn step(backend: &mut dyn Backend, scene: &Scene, step: u32) -> Result<()> {
-    backend.step(&StepRequest {
+fn request(scene: &Scene, step: u32) -> StepRequest<'_> {
+    StepRequest {
         step,
         camera: scene.camera,
-        // One scene, and so one photo, for each degree.
-        photo: scene.model.splats.sh_degree,
+        photo: 0,
         target: &scene.target,
         background: BACKGROUND,
         sh_degree: scene.model.splats.sh_degree,
         loss: WEIGHTS,
         rates: RATES,
         accumulate_statistics: false,
-    })?;
-    Ok(())
+    }
 }
 
 fn wide(values: &[f32]) -> Vec<f64> {
@@ -123,7 +121,7 @@ fn picture(backend: &mut dyn Backend, scene: &Scene, name: String) -> Result<Che
 /// Gradients, as the first moments after one step.
 fn first_step(backend: &mut dyn Backend, scene: &Scene, name: &dyn Fn(&str) -> String) -> Result<Vec<Check>> {
     backend.upload(&scene.model, &AdamState::zeros(&scene.model))?;
-    step(backend, scene, 1)?;
+    backend.step(&request(scene, 1))?;
     let (_, adam) = backend.read_back()?;
     let expected = reference(scene, &Params::from_model(&scene.model)).params;
     let gradient = |m: &[f32]| m.iter().map(|&m| f64::from(m) / (1.0 - ADAM_BETA1)).collect::<Vec<_>>();
@@ -143,9 +141,9 @@ fn first_step(backend: &mut dyn Backend, scene: &Scene, name: &dyn Fn(&str) -> S
 /// Change of the parameters over ten steps.
 fn ten_steps(backend: &mut dyn Backend, scene: &Scene, name: &dyn Fn(&str) -> String) -> Result<Vec<Check>> {
     backend.upload(&scene.model, &AdamState::zeros(&scene.model))?;
-    for t in 1..=STEPS {
-        step(backend, scene, t)?;
-    }
+    // As the trainer hands them over: together.
+    let requests: Vec<StepRequest<'_>> = (1..=STEPS).map(|t| request(scene, t)).collect();
+    backend.steps(&requests)?;
     let got = Params::from_model(&backend.read_settled()?);
     let start = Params::from_model(&scene.model);
     let mut params = start.clone();

@@ -4,6 +4,7 @@
 
 #[cfg(feature = "gpu")]
 pub mod gpu;
+pub mod poison;
 pub mod training;
 pub mod twin;
 
