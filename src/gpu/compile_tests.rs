@@ -49,7 +49,7 @@ fn the_lowest_limits_are_in_force() {
         let layout = device
             .device
             .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: None, entries: &entries });
-        device.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        let _ = device.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: None,
             bind_group_layouts: &[Some(&layout)],
             immediate_size: 0,
@@ -66,7 +66,7 @@ fn the_lowest_limits_are_in_force() {
             label: None,
             source: wgpu::ShaderSource::Wgsl(text.into()),
         });
-        device.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        let _ = device.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: None,
             layout: None,
             module: &module,

@@ -27,3 +27,9 @@ pub fn backend(options: GpuOptions) -> Option<GpuBackend> {
 pub fn open(choice: &AdapterChoice, limits: Limits, options: GpuOptions) -> GpuBackend {
     GpuBackend::new(GpuDevice::open(choice, limits).unwrap(), options).unwrap()
 }
+
+/// Every driver, the first of them within the lowest limits.
+pub fn drivers_and_limits() -> Vec<(AdapterChoice, Limits)> {
+    let limits = std::iter::once(Limits::Downlevel).chain(std::iter::repeat(Limits::Adapter));
+    drivers().into_iter().zip(limits).collect()
+}
