@@ -4,7 +4,9 @@ use litetex_gs::gpu::{AdapterChoice, GpuBackend, GpuDevice, GpuOptions, Limits, 
 
 /// Software drivers: `LITETEX_REQUIRE_GPU` says how many there must be; where there is none, says so.
 pub fn drivers() -> Vec<AdapterChoice> {
-    let software: Vec<_> = list_adapters().into_iter().filter(|a| !a.hardware).collect();
+    let mut software: Vec<_> = list_adapters().into_iter().filter(|a| !a.hardware).collect();
+    // The faster one first, for the tests that take only one.
+    software.sort_by_key(|a| a.name != "lavapipe");
     let required = std::env::var("LITETEX_REQUIRE_GPU").ok().and_then(|n| n.parse().ok()).unwrap_or(0);
     let names: Vec<&str> = software.iter().map(|a| a.name.as_str()).collect();
     assert!(
