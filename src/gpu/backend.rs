@@ -213,8 +213,7 @@ impl GpuBackend {
                 placed.ok_or_else(|| self.device.error("the photos of a batch do not fit its pool"))?;
             let offsets = self.set_uniform(slot, &uniform::step(&scene, request, photo_px, slot as u32));
             dispatches.extend(self.forward(offsets, &request.camera));
-            let bwd =
-                if needs_statistics(request) { KernelId::RasterBwdStatistics } else { KernelId::RasterBwd };
+            let bwd = if needs_statistics(request) { self.raster.bwd_statistics } else { self.raster.bwd };
             let rest = [KernelId::LossFwd, KernelId::LossBwd, bwd, KernelId::ProjectBwd, KernelId::AdamTexel];
             dispatches.extend(rest.map(|id| Dispatch::new(id, offsets)));
             dispatches.push(Dispatch::new(KernelId::Finish, offsets));
