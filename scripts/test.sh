@@ -1,6 +1,9 @@
 #!/usr/bin/env bash
 # Everything that must hold before a change is merged. Needs a Rust tool chain (rustup) and a C++
 # compiler (the FLIP metric); installs what else it can. The test summaries come last.
+#
+# The tests of the wgpu backend run on software drivers: Mesa's lavapipe and SwiftShader, which comes with
+# Chromium. Where these cannot be installed the tests say that they are skipped.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -14,14 +17,55 @@ for component in rustfmt clippy; do
         || rustup component add "$component" \
         || fail "$component is missing: rustup component add $component"
 done
-if ! command -v "${CXX:-c++}" >/dev/null; then
-    if command -v apt-get >/dev/null && [ "$(id -u)" = 0 ]; then
-        apt-get install -y --no-install-recommends g++
-    else
-        fail "no C++ compiler (c++): install g++ or clang"
+install() { # install PACKAGE...: as root, where there is apt-get
+    command -v apt-get >/dev/null && [ "$(id -u)" = 0 ] || return 1
+    if compgen -G "/var/lib/apt/lists/*_Packages*" >/dev/null; then
+        apt-get install -y --no-install-recommends "$@" && return
     fi
+    apt-get update && apt-get install -y --no-install-recommends "$@"
+}
+if ! command -v "${CXX:-c++}" >/dev/null; then
+    install g++ || fail "no C++ compiler (c++): install g++ or clang"
 fi
 cargo --version
+
+note "graphics drivers"
+# Chromium has a loader of its own, which is of no use to others.
+loader() { find /usr/lib* /usr/local/lib -maxdepth 2 -name libvulkan.so.1 -not -path '*chrom*' 2>/dev/null; }
+lavapipe() { find /usr/share/vulkan/icd.d -name 'lvp_icd*.json' 2>/dev/null; }
+layer() { find /usr/share/vulkan/explicit_layer.d -name 'VkLayer_khronos_validation.json' 2>/dev/null; }
+browser() { command -v chromium || command -v chromium-browser || command -v google-chrome; }
+swiftshader() {
+    find /usr/lib*/chromium* /opt/google/chrome -maxdepth 1 -name vk_swiftshader_icd.json 2>/dev/null | sed -n 1p
+}
+# What is looked for, its package, and what is skipped without it.
+needs=(
+    "loader libvulkan1 all tests on a GPU driver"
+    "lavapipe mesa-vulkan-drivers the tests on lavapipe"
+    "layer vulkan-validationlayers the run under the validation layer"
+    "browser chromium the kernels in a browser"
+    "swiftshader chromium the tests on SwiftShader"
+)
+for need in "${needs[@]}"; do
+    read -r what package skipped <<<"$need"
+    if [ -z "$($what)" ] && { ! install "$package" || [ -z "$($what)" ]; }; then
+        echo "skipped: $skipped ($what is missing; package $package)"
+    fi
+done
+# For the tests with the feature gpu: where the drivers are, and what must therefore not be skipped.
+gpu_env=(XDG_RUNTIME_DIR="$(mktemp -d)")
+trap 'rm -rf "${gpu_env[0]#*=}"' EXIT
+icd=$(swiftshader || true) # find complains of folders that are not there
+if [ -n "$icd" ]; then
+    gpu_env+=(VK_ADD_DRIVER_FILES="$icd")
+fi
+if [ -n "$(loader)" ] && [ -n "$(lavapipe)" ] && [ -n "$icd" ] && [ -n "$(layer)" ]; then
+    gpu_env+=(LITETEX_REQUIRE_GPU=2)
+fi
+if [ -n "$(browser)" ] && [ -n "$icd" ]; then
+    gpu_env+=(LITETEX_REQUIRE_BROWSER=1)
+fi
+printf '%s\n' "${gpu_env[@]}"
 
 # Each configuration once, in the order from quick to slow.
 features=("" "--no-default-features")
@@ -53,6 +97,8 @@ RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --document-private-it
 
 for set in "${features[@]}"; do
     note "tests ${set:-(default features)}"
+    run_env=()
+    if [ -z "$set" ]; then run_env=("${gpu_env[@]}"); fi
     # shellcheck disable=SC2086
-    cargo test --workspace $set
+    env "${run_env[@]}" cargo test --workspace $set
 done

@@ -1,7 +1,8 @@
-//! Every kernel compiles on the driver at hand.
+//! Every kernel compiles on the driver at hand, and within limits that are in force.
 use super::adapter::list_adapters;
 use super::device::{GpuDevice, Limits};
 use super::kernels::KERNELS;
+use crate::Error;
 
 #[test]
 fn every_kernel_compiles_within_the_lowest_limits() {
@@ -11,5 +12,68 @@ fn every_kernel_compiles_within_the_lowest_limits() {
         if let Err(e) = device.pipelines(&[*id], &[]) {
             panic!("{id:?}: {e}");
         }
+    }
+}
+
+#[test]
+fn the_lowest_limits_are_in_force() {
+    let Some(choice) = list_adapters().into_iter().next() else { return };
+    let device = GpuDevice::open(&choice, Limits::Downlevel).unwrap();
+    let granted = device.device.limits();
+    assert_eq!(granted.max_storage_buffers_per_shader_stage, 8);
+    assert_eq!(granted.max_compute_workgroup_storage_size, 16 << 10);
+    assert_eq!(granted.max_storage_buffer_binding_size, 128 << 20);
+    // Ours says how many of what there would be.
+    let texels = 130 << 16;
+    let refused = device.buffer("texels", texels, 16).unwrap_err();
+    let message = refused.to_string();
+    assert!(matches!(refused, Error::Device(_)), "{message}");
+    for part in [format!("texels: {texels} x 16 bytes = 130.0 MiB"), "128.0 MiB".into()] {
+        assert!(message.contains(&part), "{message}");
+    }
+    assert!(device.buffer("texels", 1 << 16, 16).is_ok());
+    // wgpu's hold beneath: what the layout of a kernel may bind, and the memory of a workgroup.
+    let entry = |binding| wgpu::BindGroupLayoutEntry {
+        binding,
+        visibility: wgpu::ShaderStages::COMPUTE,
+        ty: wgpu::BindingType::Buffer {
+            ty: wgpu::BufferBindingType::Storage { read_only: true },
+            has_dynamic_offset: false,
+            min_binding_size: None,
+        },
+        count: None,
+    };
+    for (bindings, refused) in [(8, false), (9, true)] {
+        let scope = device.device.push_error_scope(wgpu::ErrorFilter::Validation);
+        let entries: Vec<_> = (0..bindings).map(entry).collect();
+        let layout = device
+            .device
+            .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: None, entries: &entries });
+        let _ = device.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: None,
+            bind_group_layouts: &[Some(&layout)],
+            immediate_size: 0,
+        });
+        assert_eq!(pollster::block_on(scope.pop()).is_some(), refused, "{bindings} bindings");
+    }
+    for (words, refused) in [(4096, false), (4097, true)] {
+        let scope = device.device.push_error_scope(wgpu::ErrorFilter::Validation);
+        let text = format!(
+            "var<workgroup> memory: array<u32, {words}>;\n\
+             @compute @workgroup_size(1) fn main() {{ memory[0] = 1u; }}"
+        );
+        let module = device.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: None,
+            source: wgpu::ShaderSource::Wgsl(text.into()),
+        });
+        let _ = device.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: None,
+            layout: None,
+            module: &module,
+            entry_point: Some("main"),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            cache: None,
+        });
+        assert_eq!(pollster::block_on(scope.pop()).is_some(), refused, "{words} words");
     }
 }

@@ -30,7 +30,10 @@ mod tile_list_twin;
 mod timing;
 mod uniform;
 mod view_buffers;
+mod web;
 
 pub use adapter::{AdapterChoice, find_adapter, list_adapters};
 pub use backend::{GpuBackend, GpuOptions};
 pub use device::{GpuDevice, Limits};
+pub use shader::Expanded;
+pub use web::{WebShader, web_shaders};

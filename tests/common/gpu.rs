@@ -4,7 +4,9 @@ use litetex_gs::gpu::{AdapterChoice, GpuBackend, GpuDevice, GpuOptions, Limits, 
 
 /// Software drivers: `LITETEX_REQUIRE_GPU` says how many there must be; where there is none, says so.
 pub fn drivers() -> Vec<AdapterChoice> {
-    let software: Vec<_> = list_adapters().into_iter().filter(|a| !a.hardware).collect();
+    let mut software: Vec<_> = list_adapters().into_iter().filter(|a| !a.hardware).collect();
+    // The faster one first, for the tests that take only one.
+    software.sort_by_key(|a| a.name != "lavapipe");
     let required = std::env::var("LITETEX_REQUIRE_GPU").ok().and_then(|n| n.parse().ok()).unwrap_or(0);
     let names: Vec<&str> = software.iter().map(|a| a.name.as_str()).collect();
     assert!(
@@ -26,4 +28,10 @@ pub fn backend(options: GpuOptions) -> Option<GpuBackend> {
 /// A backend on a driver.
 pub fn open(choice: &AdapterChoice, limits: Limits, options: GpuOptions) -> GpuBackend {
     GpuBackend::new(GpuDevice::open(choice, limits).unwrap(), options).unwrap()
+}
+
+/// Every driver, the first of them within the lowest limits.
+pub fn drivers_and_limits() -> Vec<(AdapterChoice, Limits)> {
+    let limits = std::iter::once(Limits::Downlevel).chain(std::iter::repeat(Limits::Adapter));
+    drivers().into_iter().zip(limits).collect()
 }

@@ -5,6 +5,7 @@
 #[cfg(feature = "gpu")]
 pub mod gpu;
 pub mod poison;
+pub mod steps;
 pub mod training;
 pub mod twin;
 
