@@ -10,6 +10,11 @@
 @group(0) @binding(2) var<storage, read> bounds: array<Bounds>; // [n]
 @group(0) @binding(3) var<storage, read> loss_partials: array<vec4f>; // [tiles] |d|, 1 - ssim, d^2
 @group(0) @binding(4) var<storage, read_write> status: array<Status>;
+#if GEOMETRY
+@group(0) @binding(5) var<storage, read> geometry_partials: array<vec2f>; // [tiles] distortion, normal
+
+var<workgroup> geometries: array<vec2f, GROUP>;
+#endif
 
 // l1, dssim, mse, opacity; texture.
 var<workgroup> losses: array<vec4f, GROUP>;
@@ -33,6 +38,13 @@ fn finish(@builtin(local_invocation_index) lane: u32) {
             count += vec2u(1u, bounds[i].faults);
         }
     }
+#if GEOMETRY
+    var geometry = vec2f(0.0);
+    for (var tile = lane; tile < step.grid.x * step.grid.y; tile += GROUP) {
+        geometry += geometry_partials[tile];
+    }
+    geometries[lane] = geometry;
+#endif
     losses[lane] = loss;
     textures[lane] = texture_sum;
     counts[lane] = count;
@@ -42,6 +54,9 @@ fn finish(@builtin(local_invocation_index) lane: u32) {
             losses[lane] += losses[lane + half];
             textures[lane] += textures[lane + half];
             counts[lane] += counts[lane + half];
+#if GEOMETRY
+            geometries[lane] += geometries[lane + half];
+#endif
         }
         workgroupBarrier();
     }
@@ -53,6 +68,10 @@ fn finish(@builtin(local_invocation_index) lane: u32) {
         status[slot].mse = step.loss_mse * losses[0].z / count;
         status[slot].opacity = losses[0].w;
         status[slot].texture = textures[0];
+#if GEOMETRY
+        status[slot].distortion = step.loss_distortion * geometries[0].x * 3.0 / count;
+        status[slot].normal = step.loss_normal * geometries[0].y * 3.0 / count;
+#endif
         status[slot].visible = counts[0].x;
         status[slot].faults = counts[0].y;
         status[slot].done = 1u;

@@ -1,5 +1,6 @@
 // Projection of every splat to the view, its tiles, colour and depth key (twin: reference/project.rs; method
 // 1.2, 2.2, 2.3). SH that lag behind are brought up to date on the way, for splats in sight.
+// GEOMETRY: normals too.
 
 #constants
 #include common/numbers
@@ -18,6 +19,9 @@
 @group(0) @binding(5) var<storage, read_write> projected: array<Projected>; // [n]
 @group(0) @binding(6) var<storage, read_write> bounds: array<Bounds>; // [n]
 @group(0) @binding(7) var<storage, read_write> keys_out: array<u32>; // [n] depth
+#if GEOMETRY
+@group(0) @binding(8) var<storage, read_write> normals: array<vec4f>; // [n] camera axes, facing the camera
+#endif
 
 const OUT_OF_SIGHT = (1u << DEPTH_KEY_BITS) - 1u;
 
@@ -81,6 +85,9 @@ fn project(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) gr
         shape.box_max,
         texel_units(shape.box_min, shape.box_max),
     );
+#if GEOMETRY
+    normals[i] = vec4f(select(n, -n, p_n > 0.0), 0.0);
+#endif
 }
 
 // SH at the direction from the camera, brought up to date as of the last step.

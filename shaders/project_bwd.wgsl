@@ -1,6 +1,7 @@
 // Per splat, a workgroup: sums its pairs in a fixed order, projects the sums back to its parameters, and takes
 // one step of Adam (twins: reference/project_bwd.rs, reference/adam.rs; method 2.4, "per splat, once", and 4).
 // Splats out of sight take the step without a gradient, but for SH, which lag.
+// GEOMETRY: sums of depth and normal too.
 
 #constants
 #include common/numbers
@@ -31,7 +32,14 @@ const PIXELS = 16u;
 const WEIGHT = 17u;
 const ERROR = 18u;
 const TRANSMITTANCE = 19u;
+#if GEOMETRY
+// By the depth, times minus the depth; by the normal that faces the camera.
+const DEPTH = 20u;
+const NORMAL = 21u;
+const MAX_SUMS = 24u;
+#else
 const MAX_SUMS = 20u;
+#endif
 // Invocations that share the pairs of a splat.
 const PARTS = 4u;
 const MAX_STRIDE = 58u;
@@ -84,9 +92,18 @@ fn chain_rule(i: u32) {
     let by_cross_a = vec3f(u.yz * per_px / scales.x, 0.0);
     let by_cross_b = vec3f(v.yz * per_px / scales.y, 0.0);
     let by_w0 = -(dot(u.yz, s.a) + dot(v.yz, s.b) + dot(d.yz, s.g)) / w0;
+#if GEOMETRY
+    let by_facing = vec3f(sums[NORMAL], sums[NORMAL + 1u], sums[NORMAL + 2u]);
+    let by_n = vec3f(d.yz * per_px, 0.0) + by_w0 * p / p.z + select(by_facing, -by_facing, w0 > 0.0);
+#else
     let by_n = vec3f(d.yz * per_px, 0.0) + by_w0 * p / p.z;
+#endif
     let by_px = -(s.a * u.x + s.b * v.x + s.g * d.x) * step.focal_px / p.z;
+#if GEOMETRY
+    let by_projection = vec3f(by_px, -(sums[DEPTH] + dot(by_px, p.xy)) / p.z);
+#else
     let by_projection = vec3f(by_px, -dot(by_px, p.xy) / p.z);
+#endif
     let by_plane = (n - vec3f(0.0, 0.0, w0)) / p.z;
     let by_centre = cross(by_cross_a, e_v) + cross(e_u, by_cross_b) + by_w0 * by_plane + by_projection;
     let by_axes = mat3x3f(in_local(cross(by_cross_b, p)), in_local(cross(p, by_cross_a)), in_local(by_n));

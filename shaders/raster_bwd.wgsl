@@ -3,6 +3,7 @@
 // invocations, as (quantity, row of pixels), add them up in a fixed order: two barriers a splat, no atomics,
 // no subgroups. Sums go to the pair's unsorted slot. Texel gradients are gathered the same way, blocks of 4 x 4
 // texels in turn, and reach memory as fixed point, three atomics per texel and tile. STATISTICS: more sums.
+// GEOMETRY, with STATISTICS: the terms on depths and normals.
 //
 // Software drivers walk through every branch and every loop once, whether an invocation takes it or not, and pay
 // for each barrier by what lives across it: so the code is short and has two barriers, the rest is select()
@@ -22,8 +23,14 @@
 @group(0) @binding(2) var<storage, read> pairs: array<Pair>; // [K] by tile, front to back
 @group(0) @binding(3) var<storage, read> tile_ranges: array<vec2u>; // [tiles] of pairs
 @group(0) @binding(4) var<storage, read> texel_values: array<vec4f>; // [T] residual rgb
+#if GEOMETRY
+@group(0) @binding(5) var<storage, read> normals: array<vec4f>; // [n] camera axes, facing the camera
+// [P, 3] by rgb, loss; constant, linear, square, transmittance; towards x, y, z, end of pairs (geometry_loss)
+@group(0) @binding(6) var<storage, read> pixel_records: array<vec4f>;
+#else
 @group(0) @binding(5) var<storage, read> pixel_state: array<vec2u>; // [P] transmittance, end of pairs
 @group(0) @binding(6) var<storage, read> pixel_grad: array<vec4f>; // [P] by rgb; loss of the pixel
+#endif
 @group(0) @binding(7) var<storage, read_write> partials: array<f32>; // [K, partial_stride] by slot
 @group(0) @binding(8) var<storage, read_write> texel_grad: array<atomic<i32>>; // [T, 3] fixed point
 
@@ -42,8 +49,13 @@ const TEXEL_V = 10u;
 const WEIGHT = 11u;
 const TRANSMITTANCE = 12u;
 const NUM_QUANTITIES = 13u;
+#if GEOMETRY
+const NUM_SUMS = 24u;
+const TEXEL_PARTS = 4u;
+#else
 const NUM_SUMS = 20u;
 const TEXEL_PARTS = 8u;
+#endif
 #else
 const NUM_QUANTITIES = 11u;
 const NUM_SUMS = 16u;
@@ -78,6 +90,12 @@ struct Replay {
     by_rgb: vec3f,
     // What this invocation could not add to a texel.
     faults: u32,
+#if GEOMETRY
+    // The derivative by a sample's weight is constant + linear m + square m^2 + towards . normal, with m its
+    // inverse depth over that of the near plane.
+    by_moments: vec3f,
+    towards: vec3f,
+#endif
 }
 
 fn leave(quantity: u32, at: u32, value: f32) {
@@ -95,6 +113,9 @@ fn pixel_bwd(replay: ptr<function, Replay>, s: Projected, index: u32, pixel: vec
     var coordinate = vec2f(-1e9);
     var weight = 0.0;
     var before = 0.0;
+#if GEOMETRY
+    var by_denominator = 0.0;
+#endif
     if blended {
         let alpha = min(hit.raw_alpha, ALPHA_MAX);
         let per_rest = 1.0 / (1.0 - alpha);
@@ -110,7 +131,15 @@ fn pixel_bwd(replay: ptr<function, Replay>, s: Projected, index: u32, pixel: vec
         let f = taps.fraction;
         let colour = max(s.rgb, vec3f(0.0)) + residual(values, f);
         let by_rgb = (*replay).by_rgb;
+#if GEOMETRY
+        let m = s.near_over_depth * hit.denominator;
+        let c = (*replay).by_moments;
+        let along = dot((*replay).towards, normals[pairs[index].splat].xyz);
+        let by_weight = dot(by_rgb, max(colour, vec3f(0.0))) + (c.x + (c.y + c.z * m) * m + along);
+        by_denominator = weight * (c.y + 2.0 * c.z * m) * s.near_over_depth;
+#else
         let by_weight = dot(by_rgb, max(colour, vec3f(0.0)));
+#endif
         let by_alpha = before * by_weight - (*replay).behind * per_rest;
         (*replay).behind += weight * by_weight;
         (*replay).transmittance = before;
@@ -134,7 +163,11 @@ fn pixel_bwd(replay: ptr<function, Replay>, s: Projected, index: u32, pixel: vec
     }
     leave(U, at, by_hit.x);
     leave(V, at, by_hit.y);
+#if GEOMETRY
+    leave(D, at, by_denominator - dot(by_hit, hit.plane));
+#else
     leave(D, at, -dot(by_hit, hit.plane));
+#endif
     leave(SCALE_U, at, by_plane.x * hit.plane.x);
     leave(SCALE_V, at, by_plane.y * hit.plane.y);
     leave(FALLOFF, at, by_falloff);
@@ -206,11 +239,33 @@ fn statistics_row(row: u32, columns: vec2u, origin_px: vec2u) {
         let at = column * PARTS + row;
         let weight = lanes[WEIGHT * RASTER_GROUP + at];
         // Rows and columns of the box are within the picture.
+#if GEOMETRY
+        let loss = pixel_records[3u * ((origin_px.y + row) * step.size_px.x + origin_px.x + column)].w;
+#else
         let loss = pixel_grad[(origin_px.y + row) * step.size_px.x + origin_px.x + column].w;
+#endif
         total += vec4f(f32(weight > 0.0), weight, weight * loss, lanes[TRANSMITTANCE * RASTER_GROUP + at]);
     }
     for (var k = 0u; k < 4u; k += 1u) {
         sum_parts[(16u + k) * PARTS + row] = total[k];
+    }
+}
+#endif
+
+#if GEOMETRY
+// By m times m, and by the normal, over a row of pixels.
+fn geometry_row(s: Projected, row: u32, columns: vec2u, origin_px: vec2u) {
+    var total = vec4f(0.0);
+    for (var column = columns.x; column < columns.y; column += 1u) {
+        let weight = lanes[WEIGHT * RASTER_GROUP + column * PARTS + row];
+        let pixel = origin_px + vec2u(column, row);
+        let at = 3u * (pixel.y * step.size_px.x + pixel.x);
+        let c = pixel_records[at + 1u].xyz;
+        let m = s.near_over_depth * (1.0 + dot(s.g, vec2f(pixel) + 0.5 - s.centre_px));
+        total += weight * vec4f((c.y + 2.0 * c.z * m) * m, pixel_records[at + 2u].xyz);
+    }
+    for (var k = 0u; k < 4u; k += 1u) {
+        sum_parts[(20u + k) * PARTS + row] = total[k];
     }
 }
 #endif
@@ -254,13 +309,25 @@ fn raster_bwd(
     let origin_px = tile_origin_px(tile);
     let pixel_at = pixel_in_tile(lane);
     let pixel = origin_px + pixel_at;
+#if GEOMETRY
+    var replay = Replay(1.0, 0.0, range.x, vec3f(0.0), 0u, vec3f(0.0), vec3f(0.0));
+#else
     var replay = Replay(1.0, 0.0, range.x, vec3f(0.0), 0u);
+#endif
     if all(pixel < step.size_px) {
         let at = pixel.y * step.size_px.x + pixel.x;
+#if GEOMETRY
+        let by_rgb = pixel_records[3u * at].xyz;
+        let c = pixel_records[3u * at + 1u];
+        let towards = pixel_records[3u * at + 2u];
+        let behind = dot(by_rgb, step.background) * c.w;
+        replay = Replay(c.w, behind, range.x + u32(towards.w), by_rgb, 0u, c.xyz, towards.xyz);
+#else
         let state = pixel_state[at];
         let t = bitcast<f32>(state.x);
         let by_rgb = pixel_grad[at].xyz;
         replay = Replay(t, dot(by_rgb, step.background) * t, state.y, by_rgb, 0u);
+#endif
     }
     if lane == 0u {
         atomicStore(&last, range.x);
@@ -312,6 +379,11 @@ fn raster_bwd(
 #if STATISTICS
         if block == 0u && quantity == NUM_GEOMETRY {
             statistics_row(row, columns, origin_px);
+        }
+#endif
+#if GEOMETRY
+        if block == 0u && quantity == NUM_GEOMETRY + 1u {
+            geometry_row(s, row, columns, origin_px);
         }
 #endif
         if num_blocks > 0u && from_last < BLOCK_TEXELS * TEXEL_PARTS {

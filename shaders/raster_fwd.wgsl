@@ -1,6 +1,7 @@
 // Forward rasterisation: a workgroup per tile, an invocation per pixel, front to back (twin:
 // reference/raster_fwd.rs; method 1.3, 1.4, 2.1). BATCHED: splats pass through workgroup memory, for GPUs;
 // software drivers are faster without (measured: 30-45 %). COUNT: counts pixel-splat pairs.
+// GEOMETRY: depths and normals too; a kernel has no binding left for both.
 
 #constants
 #include common/numbers
@@ -22,6 +23,12 @@
 
 var<workgroup> counts: array<atomic<u32>, 3>;
 #endif
+#if GEOMETRY
+@group(0) @binding(7) var<storage, read> normals: array<vec4f>; // [n] camera axes, facing the camera
+// [P, 2] sums of weight times normal, weight times depth; weight times m, times m^2, 0, 0; with m the inverse
+// depth of a sample over that of the near plane.
+@group(0) @binding(8) var<storage, read_write> geometry: array<vec4f>;
+#endif
 
 // A pixel while it is blended.
 struct Pixel {
@@ -33,6 +40,10 @@ struct Pixel {
     evaluated: u32,
     inside: u32,
     blended: u32,
+#if GEOMETRY
+    normal_depth: vec4f,
+    moments: vec2f,
+#endif
 }
 
 fn blend(state: ptr<function, Pixel>, s: Projected, index: u32, pixel: vec2u) {
@@ -58,6 +69,12 @@ fn blend(state: ptr<function, Pixel>, s: Projected, index: u32, pixel: vec2u) {
         colour = max(colour + residual(tap_values(s, taps), taps.fraction), vec3f(0.0));
     }
     (*state).rgb += colour * (alpha * before);
+#if GEOMETRY
+    let weight = alpha * before;
+    let m = s.near_over_depth * hit.denominator;
+    (*state).normal_depth += weight * vec4f(normals[pairs[index].splat].xyz, step.near / m);
+    (*state).moments += weight * vec2f(m, m * m);
+#endif
     (*state).transmittance = after;
     (*state).end = index + 1u;
     (*state).blended += 1u;
@@ -123,13 +140,21 @@ fn raster_fwd(
     let pixel = tile_origin_px(tile) + pixel_in_tile(lane);
     let in_picture = all(pixel < step.size_px);
     let range = tile_ranges[tile];
+#if GEOMETRY
+    var state = Pixel(vec3f(0.0), 1.0, range.x, !in_picture, 0u, 0u, 0u, vec4f(0.0), vec2f(0.0));
+#else
     var state = Pixel(vec3f(0.0), 1.0, range.x, !in_picture, 0u, 0u, 0u);
+#endif
     raster_tile(&state, range, pixel, lane);
     if in_picture {
         let at = pixel.y * step.size_px.x + pixel.x;
         let t = state.transmittance;
         pixels[at] = vec4f(state.rgb + t * step.background, t);
         pixel_state[at] = vec2u(bitcast<u32>(t), state.end);
+#if GEOMETRY
+        geometry[2u * at] = state.normal_depth;
+        geometry[2u * at + 1u] = vec4f(state.moments, 0.0, 0.0);
+#endif
     }
 #if COUNT
     if lane < 3u {

@@ -54,6 +54,10 @@ struct Step {
     last_rate_texel: f32,
     // 1 / sqrt(1 - beta2^t)
     v_correction_sqrt: f32,
+    loss_distortion: f32,
+    loss_normal: f32,
+    pad0: u32,
+    pad1: u32,
 }
 
 // Parameters brought up to date are stored: an iteration, not a picture.

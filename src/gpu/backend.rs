@@ -13,7 +13,7 @@ use super::shader::{HALF_TILE_ROWS_PX, HALF_TILES, TILE_PX};
 use super::timing::Timer;
 use super::uniform::{self, Scene, needs_statistics};
 use super::view_buffers::{Capacity, Needs};
-use super::{sort, structure};
+use super::{geometry, sort, structure};
 use crate::backend::{
     Backend, DeviceInfo, LossValues, RasterCounters, RenderOptions, RenderedImage, StepReport, StepRequest,
     StructurePlan, WindowStatistics,
@@ -86,9 +86,8 @@ impl GpuBackend {
         let options = GpuOptions { batch_steps: options.batch_steps.clamp(1, BATCH), ..options };
         let hardware = options.hardware_kernels.unwrap_or(device.choice.hardware);
         let raster = RasterKernels::choose(hardware, options.count_pairs);
-        let (flags, tile_rows_px): (&[&str], u32) =
-            if hardware { (&[], TILE_PX) } else { (&[HALF_TILES], HALF_TILE_ROWS_PX) };
-        let pipelines = device.pipelines(&raster.and_all_others(), flags)?;
+        let tile_rows_px = if hardware { TILE_PX } else { HALF_TILE_ROWS_PX };
+        let pipelines = device.pipelines(&raster.and_all_others(), tile_flags(tile_rows_px))?;
         let passes = sort::sort_passes();
         let mut resources = Resources::new(
             device.uniforms("steps", BATCH as u64)?,
@@ -168,13 +167,44 @@ impl GpuBackend {
     }
 
     /// Projection to picture.
-    fn forward(&self, offsets: Offsets, camera: &Camera) -> Vec<Dispatch> {
+    fn forward(&self, offsets: Offsets, camera: &Camera, geometry: bool) -> Vec<Dispatch> {
         let [cols, rows] = uniform::grid(camera, self.tile_rows_px);
-        let mut out = vec![Dispatch::new(KernelId::Project, offsets)];
+        let (project, raster) = if geometry {
+            (KernelId::ProjectGeometry, self.raster.fwd_geometry)
+        } else {
+            (KernelId::Project, self.raster.fwd)
+        };
+        let mut out = vec![Dispatch::new(project, offsets)];
         out.push(Dispatch::new(KernelId::SettleTexel, offsets));
         out.extend(sort::order_and_bin(offsets, cols * rows));
-        out.push(Dispatch::new(self.raster.fwd, offsets));
+        out.push(Dispatch::new(raster, offsets));
         out
+    }
+
+    /// Loss to parameters.
+    fn backward(&self, offsets: Offsets, request: &StepRequest<'_>) -> Vec<Dispatch> {
+        use KernelId as K;
+        let mut kernels = vec![K::LossFwd, K::LossBwd];
+        if request.loss.needs_geometry() {
+            kernels.extend([K::GeometryLoss, self.raster.bwd_geometry, K::ProjectBwdGeometry]);
+            kernels.extend([K::AdamTexel, K::FinishGeometry]);
+        } else {
+            let statistics = needs_statistics(request);
+            let bwd = if statistics { self.raster.bwd_statistics } else { self.raster.bwd };
+            kernels.extend([bwd, K::ProjectBwd, K::AdamTexel, K::Finish]);
+        }
+        kernels.into_iter().map(|id| Dispatch::new(id, offsets)).collect()
+    }
+
+    /// Compiles what depths and normals need, the first time.
+    fn compile_geometry(&mut self, training: bool) -> Result<()> {
+        let mut missing = self.raster.geometry(training);
+        missing.retain(|id| !self.pipelines.contains_key(id));
+        if !missing.is_empty() {
+            let compiled = self.device.pipelines(&missing, tile_flags(self.tile_rows_px))?;
+            self.pipelines.extend(compiled);
+        }
+        Ok(())
     }
 
     fn needs(&self, cameras: impl Iterator<Item = Camera>, training: bool, statistics: bool) -> Needs {
@@ -219,11 +249,8 @@ impl GpuBackend {
             let photo_px =
                 placed.ok_or_else(|| self.device.error("the photos of a batch do not fit its pool"))?;
             let offsets = self.set_uniform(slot, &uniform::step(&scene, request, photo_px, slot as u32));
-            dispatches.extend(self.forward(offsets, &request.camera));
-            let bwd = if needs_statistics(request) { self.raster.bwd_statistics } else { self.raster.bwd };
-            let rest = [KernelId::LossFwd, KernelId::LossBwd, bwd, KernelId::ProjectBwd, KernelId::AdamTexel];
-            dispatches.extend(rest.map(|id| Dispatch::new(id, offsets)));
-            dispatches.push(Dispatch::new(KernelId::Finish, offsets));
+            dispatches.extend(self.forward(offsets, &request.camera, request.loss.needs_geometry()));
+            dispatches.extend(self.backward(offsets, request));
             ends.push(dispatches.len());
             (scene.settled_step, scene.settled_rates) = (request.step, request.rates);
         }
@@ -307,6 +334,11 @@ impl GpuBackend {
     }
 }
 
+/// Flags of all kernels for tiles of this height.
+fn tile_flags(tile_rows_px: u32) -> &'static [&'static str] {
+    if tile_rows_px == HALF_TILE_ROWS_PX { &[HALF_TILES] } else { &[] }
+}
+
 /// Times by kernel, in the order in which they first run.
 type Stages = Vec<(&'static str, Duration)>;
 
@@ -324,12 +356,6 @@ fn stages(dispatches: &[Dispatch], times: &[Duration]) -> Stages {
 
 fn check_request(request: &StepRequest<'_>) -> Result<()> {
     let (p, t) = (&request.camera.pinhole, request.target);
-    if request.loss.needs_geometry() {
-        return Err(Error::unsupported(
-            "loss",
-            "the distortion and normal terms are not available on this device; set them to 0, or use --device cpu",
-        ));
-    }
     if (p.width_px, p.height_px) == (t.width_px, t.height_px) && t.rgb.len() == 3 * p.num_pixels() {
         return Ok(());
     }
@@ -358,19 +384,17 @@ impl Backend for GpuBackend {
 
     fn render(&mut self, camera: &Camera, options: &RenderOptions) -> Result<RenderedImage> {
         if options.geometry {
-            return Err(Error::unsupported(
-                "depth and normals",
-                "they are not available on this device; use --device cpu",
-            ));
+            self.compile_geometry(false)?;
         }
-        let needs = self.needs(std::iter::once(*camera), false, false);
+        let needs =
+            Needs { geometry: options.geometry, ..self.needs(std::iter::once(*camera), false, false) };
         self.capacity.ensure(&self.device, &mut self.resources, &needs)?;
         loop {
             self.arm();
             let degree = options.sh_degree.min(self.shape.splats.sh_degree);
             let offsets =
                 self.set_uniform(0, &uniform::picture(&self.scene(), camera, options.background, degree));
-            self.submit(&self.forward(offsets, camera));
+            self.submit(&self.forward(offsets, camera, options.geometry));
             let status: Vec<Status> = self.device.read(self.resources.buffer(Buf::Status), 1)?;
             if u64::from(status[0].needed_pairs) <= self.capacity.pairs {
                 break;
@@ -379,14 +403,19 @@ impl Backend for GpuBackend {
         }
         let num_pixels = camera.pinhole.num_pixels();
         let pixels: Vec<[f32; 4]> = self.device.read(self.resources.buffer(Buf::Pixels), num_pixels)?;
-        Ok(RenderedImage {
+        let mut image = RenderedImage {
             width_px: camera.pinhole.width_px,
             height_px: camera.pinhole.height_px,
             rgb: pixels.iter().flat_map(|p| [p[0], p[1], p[2]]).collect(),
             alpha: pixels.iter().map(|p| 1.0 - p[3]).collect(),
             depth: Vec::new(),
             normal: Vec::new(),
-        })
+        };
+        if options.geometry {
+            let sums = self.device.read(self.resources.buffer(Buf::Geometry), num_pixels)?;
+            geometry::fill_in(&mut image, &sums);
+        }
+        Ok(image)
     }
 
     fn step(&mut self, request: &StepRequest<'_>) -> Result<StepReport> {
@@ -400,6 +429,9 @@ impl Backend for GpuBackend {
 
     fn steps(&mut self, requests: &[StepRequest<'_>]) -> Result<Vec<StepReport>> {
         requests.iter().try_for_each(check_request)?;
+        if requests.iter().any(|r| r.loss.needs_geometry()) {
+            self.compile_geometry(true)?;
+        }
         let mut reports = Vec::new();
         while reports.len() < requests.len() {
             let rest = &requests[reports.len()..];
@@ -408,7 +440,10 @@ impl Backend for GpuBackend {
             let fitting = self.photos.prepare(&self.device, &mut self.resources, &photos)?;
             let batch = &rest[..fitting];
             let statistics = batch.iter().any(needs_statistics);
-            let needs = self.needs(batch.iter().map(|r| r.camera), true, statistics);
+            let needs = Needs {
+                geometry: batch.iter().any(|r| r.loss.needs_geometry()),
+                ..self.needs(batch.iter().map(|r| r.camera), true, statistics)
+            };
             self.capacity.ensure(&self.device, &mut self.resources, &needs)?;
             let statuses = self.submit_steps(batch)?;
             for (request, (status, stages)) in batch.iter().zip(statuses) {

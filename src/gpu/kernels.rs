@@ -43,6 +43,10 @@ pub enum Buf {
     OldValues,
     NewValues,
     Scales,
+    Normals,
+    Geometry,
+    PixelRecords,
+    GeometryPartials,
 }
 
 impl Buf {
@@ -252,6 +256,43 @@ kernels! {
         read status = Status, read keys_in = KeysB, read values_in = ValuesB, read slot_splat = SlotSplat,
         read projected = Projected, write pairs = Pairs,
     ];
+    ProjectGeometry = "project" &["GEOMETRY"], Splats, false, [
+        write splat_p = SplatP, write splat_m = SplatM, write splat_v = SplatV, read splat_info = SplatInfo,
+        write projected = Projected, write bounds = Bounds, write keys_out = KeysA, write normals = Normals,
+    ];
+    RasterFwdGeometry = "raster_fwd" &["GEOMETRY"], Tiles, false, [
+        read projected = Projected, read pairs = Pairs, read tile_ranges = TileRanges,
+        read texel_values = TexelValues, write pixels = Pixels, write pixel_state = PixelState,
+        read normals = Normals, write geometry = Geometry,
+    ];
+    RasterFwdBatchedGeometry = "raster_fwd" &["BATCHED", "GEOMETRY"], Tiles, false, [
+        read projected = Projected, read pairs = Pairs, read tile_ranges = TileRanges,
+        read texel_values = TexelValues, write pixels = Pixels, write pixel_state = PixelState,
+        read normals = Normals, write geometry = Geometry,
+    ];
+    GeometryLoss = "geometry_loss" &["GEOMETRY"], Tiles, false, [
+        read geometry = Geometry, read pixel_state = PixelState, read tile_ranges = TileRanges,
+        read photo = Photo, read pixel_grad = PixelGrad, write pixel_records = PixelRecords,
+        write geometry_partials = GeometryPartials,
+    ];
+    RasterBwdGeometry = "raster_bwd" &["STATISTICS", "GEOMETRY"], Tiles, false, [
+        read projected = Projected, read pairs = Pairs, read tile_ranges = TileRanges,
+        read texel_values = TexelValues, read normals = Normals, read pixel_records = PixelRecords,
+        write partials = Partials, write texel_grad = TexelGrad,
+    ];
+    RasterBwdGeometryScatter = "raster_bwd" &["STATISTICS", "GEOMETRY", "SCATTER"], Tiles, false, [
+        read projected = Projected, read pairs = Pairs, read tile_ranges = TileRanges,
+        read texel_values = TexelValues, read normals = Normals, read pixel_records = PixelRecords,
+        write partials = Partials, write texel_grad = TexelGrad,
+    ];
+    ProjectBwdGeometry = "project_bwd" &["GEOMETRY"], EachSplatLater, false, [
+        write splat_p = SplatP, write splat_m = SplatM, write splat_v = SplatV, read projected = Projected,
+        write bounds = Bounds, read partials = Partials, write statistics = Statistics,
+    ];
+    FinishGeometry = "finish" &["GEOMETRY"], OneLater, false, [
+        read projected = Projected, read bounds = Bounds, read loss_partials = LossPartials,
+        write status = Status, read geometry_partials = GeometryPartials,
+    ];
 }
 
 impl Kernel {
@@ -259,6 +300,11 @@ impl Kernel {
     /// buffer may be written by a dispatch that reads its own size from it.
     pub fn is_direct(&self) -> bool {
         self.bindings.iter().any(|binding| binding.buffer == Buf::Args)
+    }
+
+    /// Whether it is there for depths, normals or the terms on them: compiled once one is asked for.
+    pub fn is_geometry(&self) -> bool {
+        self.flags.contains(&"GEOMETRY")
     }
 }
 
@@ -283,6 +329,10 @@ pub struct RasterKernels {
     pub bwd: KernelId,
     /// Backward with window statistics.
     pub bwd_statistics: KernelId,
+    /// Forward with depths and normals; pairs are not counted.
+    pub fwd_geometry: KernelId,
+    /// Backward with the terms on them, and with window statistics.
+    pub bwd_geometry: KernelId,
 }
 
 impl RasterKernels {
@@ -300,13 +350,30 @@ impl RasterKernels {
         } else {
             (K::RasterBwd, K::RasterBwdStatistics)
         };
-        Self { fwd, bwd, bwd_statistics }
+        let (fwd_geometry, bwd_geometry) = if hardware {
+            (K::RasterFwdBatchedGeometry, K::RasterBwdGeometryScatter)
+        } else {
+            (K::RasterFwdGeometry, K::RasterBwdGeometry)
+        };
+        Self { fwd, bwd, bwd_statistics, fwd_geometry, bwd_geometry }
     }
 
-    /// These, and every kernel that is not of the rasterisation.
+    /// What depths and normals need beside the rest: for a picture, or for a step.
+    pub fn geometry(&self, training: bool) -> Vec<KernelId> {
+        use KernelId as K;
+        let mut out = vec![K::ProjectGeometry, self.fwd_geometry];
+        if training {
+            out.extend([K::GeometryLoss, self.bwd_geometry, K::ProjectBwdGeometry, K::FinishGeometry]);
+        }
+        out
+    }
+
+    /// These without depths and normals, and every kernel that is not of the rasterisation.
     pub fn and_all_others(&self) -> Vec<KernelId> {
         let chosen = [self.fwd, self.bwd, self.bwd_statistics];
         let is_raster = |id: &KernelId| id.kernel().name.starts_with("raster_");
-        KernelId::all().filter(|id| !is_raster(id) || chosen.contains(id)).collect()
+        KernelId::all()
+            .filter(|id| !id.kernel().is_geometry() && (!is_raster(id) || chosen.contains(id)))
+            .collect()
     }
 }

@@ -85,6 +85,14 @@ pub struct StepUniform {
     pub last_rate_texel: f32,
     /// 1 / sqrt(1 - beta2^step)
     pub v_correction_sqrt: f32,
+    /// Weight of the distortion term.
+    pub loss_distortion: f32,
+    /// Weight of the normal term.
+    pub loss_normal: f32,
+    /// To a multiple of 16 bytes.
+    pub pad0: u32,
+    /// To a multiple of 16 bytes.
+    pub pad1: u32,
 }
 
 /// Lagging parameters are stored when they are brought up to date.

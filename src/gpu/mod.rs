@@ -7,6 +7,7 @@ mod backend;
 mod compile_tests;
 mod device;
 mod encode;
+mod geometry;
 #[cfg(test)]
 mod harness;
 mod kernels;

@@ -56,6 +56,7 @@ pub const SOURCES: &[(&str, &str)] = sources![
     "finish",
     "gather_pairs",
     "gather_splats",
+    "geometry_loss",
     "loss_bwd",
     "loss_fwd",
     "prefix_blocks",

@@ -63,6 +63,8 @@ pub(super) fn picture(scene: &Scene, camera: &Camera, background: [f32; 3], sh_d
 pub(super) const PARTIAL_STRIDE: u32 = 16;
 /// The same where window statistics are summed.
 pub(super) const PARTIAL_STRIDE_STATISTICS: u32 = 20;
+/// The same where the terms on depths and normals are on: these and the window statistics.
+pub(super) const PARTIAL_STRIDE_GEOMETRY: u32 = 24;
 
 /// Whether a step needs the sums of the window statistics.
 pub(super) fn needs_statistics(request: &StepRequest<'_>) -> bool {
@@ -79,15 +81,22 @@ pub(super) fn step(
     let (loss, rates) = (&request.loss, &request.rates);
     let t = f64::from(request.step);
     let num_pixels = request.camera.pinhole.num_pixels() as f64;
+    let partial_stride = match (loss.needs_geometry(), needs_statistics(request)) {
+        (true, _) => PARTIAL_STRIDE_GEOMETRY,
+        (false, true) => PARTIAL_STRIDE_STATISTICS,
+        (false, false) => PARTIAL_STRIDE,
+    };
     let statistics = if request.accumulate_statistics { FLAG_STATISTICS } else { 0 };
     StepUniform {
         step: request.step,
         flags: FLAG_PERSIST | statistics,
         status_slot,
-        partial_stride: if needs_statistics(request) { PARTIAL_STRIDE_STATISTICS } else { PARTIAL_STRIDE },
+        partial_stride,
         loss_l1: loss.l1,
         loss_dssim: loss.dssim,
         loss_mse: loss.mse,
+        loss_distortion: loss.distortion,
+        loss_normal: loss.normal,
         opacity_weight: loss.opacity / scene.num_splats.max(1) as f32,
         texture_weight: loss.texture,
         texture_hidden_weight: loss.texture_hidden,

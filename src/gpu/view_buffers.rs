@@ -5,7 +5,7 @@ use super::kernels::Buf;
 use super::resources::Resources;
 use super::shader::BLOCK;
 use super::sort::histogram_entries;
-use super::uniform::{PARTIAL_STRIDE, PARTIAL_STRIDE_STATISTICS};
+use super::uniform::{PARTIAL_STRIDE, PARTIAL_STRIDE_GEOMETRY, PARTIAL_STRIDE_STATISTICS};
 use crate::Result;
 
 /// What the buffers hold now.
@@ -18,6 +18,11 @@ pub(super) struct Capacity {
     pixels: u64,
     training_pixels: u64,
     tiles: u64,
+    /// The same where depths and normals are made.
+    geometry_splats: u64,
+    geometry_pixels: u64,
+    geometry_training_pixels: u64,
+    geometry_tiles: u64,
 }
 
 /// What a submission needs.
@@ -30,6 +35,8 @@ pub(super) struct Needs {
     /// Whether there is a backward pass, and whether it sums statistics.
     pub training: bool,
     pub statistics: bool,
+    /// Whether depths and normals are made.
+    pub geometry: bool,
 }
 
 impl Capacity {
@@ -59,7 +66,11 @@ impl Capacity {
             (self.pairs, self.splats) = (pairs, splats);
         }
         if needs.training {
-            let stride = if needs.statistics { PARTIAL_STRIDE_STATISTICS } else { PARTIAL_STRIDE };
+            let stride = match (needs.geometry, needs.statistics) {
+                (true, _) => PARTIAL_STRIDE_GEOMETRY,
+                (false, true) => PARTIAL_STRIDE_STATISTICS,
+                (false, false) => PARTIAL_STRIDE,
+            };
             let floats = self.pairs * u64::from(stride);
             if floats > self.partials {
                 let what = "partial sums of tile-splat pairs";
@@ -82,6 +93,32 @@ impl Capacity {
             resources.set(Buf::TileRanges, device.buffer("tile ranges", needs.tiles, 8)?);
             resources.set(Buf::LossPartials, device.buffer("loss per tile", needs.tiles, 16)?);
             self.tiles = needs.tiles;
+        }
+        if needs.geometry { self.ensure_geometry(device, resources, needs) } else { Ok(()) }
+    }
+
+    /// What depths, normals and the terms on them need beside the rest.
+    fn ensure_geometry(
+        &mut self,
+        device: &GpuDevice,
+        resources: &mut Resources,
+        needs: &Needs,
+    ) -> Result<()> {
+        if needs.splats > self.geometry_splats {
+            resources.set(Buf::Normals, device.buffer("normals of splats", needs.splats, 16)?);
+            self.geometry_splats = needs.splats;
+        }
+        if needs.pixels > self.geometry_pixels {
+            resources.set(Buf::Geometry, device.buffer("depths and normals", needs.pixels, 32)?);
+            self.geometry_pixels = needs.pixels;
+        }
+        if needs.training && needs.pixels > self.geometry_training_pixels {
+            resources.set(Buf::PixelRecords, device.buffer("pixel gradients", needs.pixels, 48)?);
+            self.geometry_training_pixels = needs.pixels;
+        }
+        if needs.training && needs.tiles > self.geometry_tiles {
+            resources.set(Buf::GeometryPartials, device.buffer("loss per tile", needs.tiles, 8)?);
+            self.geometry_tiles = needs.tiles;
         }
         Ok(())
     }

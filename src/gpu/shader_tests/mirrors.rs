@@ -96,6 +96,10 @@ pub(super) fn mirrors() -> Vec<Mirror> {
                 last_rate_sh_rest,
                 last_rate_texel,
                 v_correction_sqrt,
+                loss_distortion,
+                loss_normal,
+                pad0,
+                pad1,
             }
         ),
         mirror!("SortPass", SortPass { shift, counts_pairs, identity_values, pad }),

@@ -1,0 +1,20 @@
+//! Depths and normals of a picture from the sums that the rasterisation leaves.
+
+use crate::backend::RenderedImage;
+
+/// Fills in depth and normals from the sums per pixel: normal and depth, each times the blending weight, in
+/// the first vector, the second is for the loss. `[height, width, 2]`
+pub(super) fn fill_in(image: &mut RenderedImage, sums: &[[[f32; 4]; 2]]) {
+    image.depth = sums
+        .iter()
+        .zip(&image.alpha)
+        .map(|([[.., depth], _], &alpha)| if alpha > 0.0 { depth / alpha } else { 0.0 })
+        .collect();
+    image.normal = sums
+        .iter()
+        .flat_map(|[[x, y, z, _], _]| {
+            let length = (x * x + y * y + z * z).sqrt();
+            [x, y, z].map(|v| if length > 0.0 { v / length } else { 0.0 })
+        })
+        .collect();
+}
