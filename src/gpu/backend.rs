@@ -39,6 +39,9 @@ pub struct GpuOptions {
     /// Whether to use the variants for hardware: splats pass through workgroup memory on their way to pixels, and
     /// texels of large windows get an atomic per tap. `None`: on hardware.
     pub hardware_kernels: Option<bool>,
+    /// Whether the global atomics of the texels' gradients are counted; they are then told in the place of
+    /// [`StepReport::non_finite_gradients`]. Not of steps that sum window statistics.
+    pub count_texel_atomics: bool,
     /// Whether every dispatch is timed, where the device can: reports tell times by kernel.
     pub time_kernels: bool,
     /// Pairs to make room for at first; `None`: a guess from the number of splats.
@@ -50,6 +53,7 @@ impl Default for GpuOptions {
         Self {
             batch_steps: BATCH,
             count_pairs: false,
+            count_texel_atomics: false,
             hardware_kernels: None,
             time_kernels: false,
             pair_capacity: None,
@@ -63,7 +67,7 @@ pub struct GpuBackend {
     pub(super) resources: Resources,
     pub(super) pipelines: BTreeMap<KernelId, Pipeline>,
     options: GpuOptions,
-    raster: RasterKernels,
+    pub(super) raster: RasterKernels,
     /// Everything of the model but its parameters, which live on the device.
     pub(super) shape: Model,
     /// Clock and rates of the optimiser; its moments live on the device.
@@ -81,8 +85,7 @@ impl GpuBackend {
     /// [`Error::Device`] if the driver refuses a kernel or memory.
     pub fn new(device: GpuDevice, options: GpuOptions) -> Result<Self> {
         let options = GpuOptions { batch_steps: options.batch_steps.clamp(1, BATCH), ..options };
-        let hardware = options.hardware_kernels.unwrap_or(device.choice.hardware);
-        let raster = RasterKernels::choose(hardware, options.count_pairs);
+        let raster = raster_kernels(&device, &options);
         let pipelines = device.pipelines(&raster.and_all_others())?;
         let passes = sort::sort_passes();
         let mut resources = Resources::new(
@@ -123,6 +126,26 @@ impl GpuBackend {
         self.device.lose();
     }
 
+    /// Changes how it works from the next step on: the model stays where it is. Kernels that are missing are
+    /// compiled.
+    ///
+    /// # Errors
+    /// [`Error::Device`] if the driver refuses a kernel or memory.
+    pub fn set_options(&mut self, options: GpuOptions) -> Result<()> {
+        self.options = GpuOptions { batch_steps: options.batch_steps.clamp(1, BATCH), ..options };
+        self.raster = raster_kernels(&self.device, &options);
+        let mut missing = self.raster.and_all_others();
+        missing.retain(|id| !self.pipelines.contains_key(id));
+        self.pipelines.extend(self.device.pipelines(&missing)?);
+        self.timer = if options.time_kernels { Timer::new(&self.device)? } else { None };
+        Ok(())
+    }
+
+    /// The device that it runs on.
+    pub fn gpu(&self) -> &GpuDevice {
+        &self.device
+    }
+
     /// What all uniforms have in common now.
     pub(super) fn scene(&self) -> Scene {
         Scene {
@@ -157,7 +180,7 @@ impl GpuBackend {
             self.device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let timer = self.timer.as_ref().filter(|_| dispatches.len() <= Timer::MAX_DISPATCHES);
         encode(&self.device, &mut encoder, &mut self.resources, &self.pipelines, dispatches, timer);
-        self.device.queue.submit([encoder.finish()]);
+        self.device.submit(encoder);
     }
 
     /// Projection to picture.
@@ -167,6 +190,15 @@ impl GpuBackend {
         out.push(Dispatch::new(KernelId::SettleTexel, offsets));
         out.extend(sort::order_and_bin(offsets, cols * rows));
         out.push(Dispatch::new(self.raster.fwd, offsets));
+        out
+    }
+
+    /// A whole step, with one of the backward rasterisations.
+    pub(super) fn step_dispatches(&self, offsets: Offsets, camera: &Camera, bwd: KernelId) -> Vec<Dispatch> {
+        use KernelId as K;
+        let mut out = self.forward(offsets, camera);
+        let rest = [K::LossFwd, K::LossBwd, bwd, K::ProjectBwd, K::AdamTexel, K::Finish];
+        out.extend(rest.map(|id| Dispatch::new(id, offsets)));
         out
     }
 
@@ -212,12 +244,8 @@ impl GpuBackend {
             let photo_px =
                 placed.ok_or_else(|| self.device.error("the photos of a batch do not fit its pool"))?;
             let offsets = self.set_uniform(slot, &uniform::step(&scene, request, photo_px, slot as u32));
-            dispatches.extend(self.forward(offsets, &request.camera));
-            let bwd =
-                if needs_statistics(request) { KernelId::RasterBwdStatistics } else { KernelId::RasterBwd };
-            let rest = [KernelId::LossFwd, KernelId::LossBwd, bwd, KernelId::ProjectBwd, KernelId::AdamTexel];
-            dispatches.extend(rest.map(|id| Dispatch::new(id, offsets)));
-            dispatches.push(Dispatch::new(KernelId::Finish, offsets));
+            let bwd = if needs_statistics(request) { self.raster.bwd_statistics } else { self.raster.bwd };
+            dispatches.extend(self.step_dispatches(offsets, &request.camera, bwd));
             ends.push(dispatches.len());
             (scene.settled_step, scene.settled_rates) = (request.step, request.rates);
         }
@@ -299,6 +327,11 @@ impl GpuBackend {
         let offsets = self.set_uniform(0, &uniform);
         self.submit(&[Dispatch::new(KernelId::SettleTexel, offsets)]);
     }
+}
+
+fn raster_kernels(device: &GpuDevice, options: &GpuOptions) -> RasterKernels {
+    let hardware = options.hardware_kernels.unwrap_or(device.choice.hardware);
+    RasterKernels::choose(hardware, options.count_pairs, options.count_texel_atomics)
 }
 
 /// Times by kernel, in the order in which they first run.
@@ -458,7 +491,7 @@ impl Backend for GpuBackend {
             encoder.copy_buffer_to_buffer(original, 0, &copy, 0, original.size());
             self.resources.set(*name, copy);
         }
-        self.device.queue.submit([encoder.finish()]);
+        self.device.submit(encoder);
         self.settle_all();
         let settled = self.read_back();
         for (name, original) in originals {

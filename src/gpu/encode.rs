@@ -40,6 +40,7 @@ pub(super) fn encode(
 ) {
     let args = resources.buffer(Buf::Args).clone();
     let mut one = |pass: &mut wgpu::ComputePass<'_>, dispatch: &Dispatch| {
+        device.count_dispatch();
         let (pipeline, kernel) = (&pipelines[&dispatch.kernel], dispatch.kernel.kernel());
         let offsets = [dispatch.offsets.step, dispatch.offsets.sort_pass];
         let group = resources.group(device, dispatch.kernel, pipeline, dispatch.swapped);

@@ -3,6 +3,7 @@
 
 mod adapter;
 mod backend;
+pub mod bench;
 #[cfg(test)]
 mod compile_tests;
 mod device;
@@ -33,4 +34,4 @@ mod view_buffers;
 
 pub use adapter::{AdapterChoice, find_adapter, list_adapters};
 pub use backend::{GpuBackend, GpuOptions};
-pub use device::{GpuDevice, Limits};
+pub use device::{DeviceWork, GpuDevice, Limits};

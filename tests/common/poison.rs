@@ -18,7 +18,8 @@ pub const RATES: LearningRates = LearningRates {
 /// Renders and takes three steps; every pixel and every parameter that was finite must stay so.
 fn survives(backend: &mut dyn Backend, scene: &Scene, name: &str) -> f64 {
     backend.upload(&scene.model, &AdamState::zeros(&scene.model)).unwrap();
-    let options = RenderOptions { background: [0.1, 0.2, 0.3], sh_degree: 3, geometry: backend.device().name == "cpu" };
+    let options =
+        RenderOptions { background: [0.1, 0.2, 0.3], sh_degree: 3, geometry: backend.device().name == "cpu" };
     let image = backend.render(&scene.camera, &options).unwrap();
     let clean = |values: &[f32]| values.iter().all(|v| v.is_finite());
     assert!(
