@@ -5,7 +5,7 @@ use super::device_kit;
 use super::log::Log;
 use std::path::PathBuf;
 
-/// Measure what a GPU does in a training step: times, pairs, traffic, waits, repeatability
+/// Measure what a training step does on a GPU: times, pairs, traffic, waits
 ///
 /// Steps on views of a capture, from the model that training starts with, or on a random scene. The first run
 /// over the views does not count.

@@ -13,6 +13,9 @@ const SCHEMA: &str = "litetex-device-kit/1";
 /// Exit code of `timeout`.
 const TIMED_OUT: i64 = 124;
 
+/// Points of a curve in the table.
+const CURVE_POINTS: usize = 6;
+
 /// A part of the kit.
 struct Part {
     name: String,
@@ -130,7 +133,10 @@ fn table(parts: &[Part], kit: &Value) -> Table {
             let point = |p: &Value| {
                 format!("{:.2} dB after {:.0} s", number(&p["psnr_test"]), number(&p["wall_secs"]))
             };
-            let points: Vec<String> = curve.iter().map(point).collect();
+            // A few, evenly spread, the last among them.
+            let every = curve.len().div_ceil(CURVE_POINTS).max(1);
+            let mut points: Vec<String> = curve.iter().rev().step_by(every).map(point).collect();
+            points.reverse();
             table.row(
                 "  training",
                 format!("{rate:.2} it/s, {:.3} ms a step; {}", 1e3 / rate, points.join(", ")),
