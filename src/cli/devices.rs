@@ -85,14 +85,20 @@ fn gpus() -> Vec<litetex_gs::gpu::AdapterChoice> {
 
 #[cfg(feature = "gpu")]
 fn open_gpu(name: &str) -> Result<Box<dyn Backend>> {
+    Ok(Box::new(open_gpu_backend(name)?))
+}
+
+/// A GPU by name, for what the trait [`Backend`] does not offer.
+///
+/// # Errors
+/// As [`open`]; the processor is not a GPU.
+#[cfg(feature = "gpu")]
+pub fn open_gpu_backend(name: &str) -> Result<litetex_gs::gpu::GpuBackend> {
     use litetex_gs::gpu::{GpuBackend, GpuDevice, GpuOptions, Limits, find_adapter};
     let limits =
         if std::env::var_os("LITETEX_DOWNLEVEL").is_some() { Limits::Downlevel } else { Limits::Adapter };
     let device = GpuDevice::open(&find_adapter(name)?, limits)?;
-    Ok(Box::new(GpuBackend::new(
-        device,
-        GpuOptions { time_kernels: std::env::var_os("LITETEX_TIME").is_some(), ..GpuOptions::default() },
-    )?))
+    GpuBackend::new(device, GpuOptions::default())
 }
 
 /// A build without GPUs knows none.

@@ -1,10 +1,12 @@
 //! The application layer: arguments to plans, progress, files of a run, exit codes. One file per
 //! subcommand; parsing (what was typed) is separate from meaning (what will be done). No mathematics.
 
+mod bench_kernels;
 mod capture;
 mod capture_args;
 mod completions;
 mod config_file;
+mod device_kit;
 mod devices;
 mod eval;
 mod forecast;
@@ -76,6 +78,7 @@ enum Command {
     Inspect(inspect::InspectArgs),
     Devices(devices::DevicesArgs),
     Selftest(selftest::SelftestArgs),
+    BenchKernels(bench_kernels::BenchKernelsArgs),
     Quickstart(quickstart::QuickstartArgs),
     Completions(completions::CompletionsArgs),
     Man(man::ManArgs),
@@ -123,6 +126,7 @@ fn run(cli: Cli, log: &Log) -> anyhow::Result<()> {
         Command::Inspect(args) => inspect::run(&args, log),
         Command::Devices(args) => devices::run(&args),
         Command::Selftest(args) => selftest::run(&args, log),
+        Command::BenchKernels(args) => bench_kernels::run(&args, log),
         Command::Quickstart(args) => quickstart::run(&args, log),
         Command::Completions(args) => completions::run(&args),
         Command::Man(args) => man::run(&args),

@@ -41,6 +41,9 @@ pub struct GpuOptions {
     /// workgroup memory on their way to pixels, and texels of large windows get an atomic per tap. `None`: on
     /// hardware.
     pub hardware_kernels: Option<bool>,
+    /// Whether the global atomics of the texels' gradients are counted; they are then told in the place of
+    /// [`StepReport::non_finite_gradients`]. Not of steps that sum window statistics.
+    pub count_texel_atomics: bool,
     /// Whether every dispatch is timed, where the device can: reports tell times by kernel.
     pub time_kernels: bool,
     /// Pairs to make room for at first; `None`: a guess from the number of splats.
@@ -52,6 +55,7 @@ impl Default for GpuOptions {
         Self {
             batch_steps: BATCH,
             count_pairs: false,
+            count_texel_atomics: false,
             hardware_kernels: None,
             time_kernels: false,
             pair_capacity: None,
@@ -65,8 +69,8 @@ pub struct GpuBackend {
     pub(super) resources: Resources,
     pub(super) pipelines: BTreeMap<KernelId, Pipeline>,
     options: GpuOptions,
-    raster: RasterKernels,
-    tile_rows_px: u32,
+    pub(super) raster: RasterKernels,
+    pub(super) tile_rows_px: u32,
     /// Everything of the model but its parameters, which live on the device.
     pub(super) shape: Model,
     /// Clock and rates of the optimiser; its moments live on the device.
@@ -85,7 +89,7 @@ impl GpuBackend {
     pub fn new(device: GpuDevice, options: GpuOptions) -> Result<Self> {
         let options = GpuOptions { batch_steps: options.batch_steps.clamp(1, BATCH), ..options };
         let hardware = options.hardware_kernels.unwrap_or(device.choice.hardware);
-        let raster = RasterKernels::choose(hardware, options.count_pairs);
+        let raster = RasterKernels::choose(hardware, options.count_pairs, options.count_texel_atomics);
         let tile_rows_px = if hardware { TILE_PX } else { HALF_TILE_ROWS_PX };
         let pipelines = device.pipelines(&raster.and_all_others(), tile_flags(tile_rows_px))?;
         let passes = sort::sort_passes();
@@ -128,6 +132,34 @@ impl GpuBackend {
         self.device.lose();
     }
 
+    /// Changes how it works from the next step on: the model stays where it is. Kernels that are missing are
+    /// compiled.
+    ///
+    /// # Errors
+    /// [`Error::Device`] if the driver refuses a kernel or memory.
+    pub fn set_options(&mut self, options: GpuOptions) -> Result<()> {
+        self.options = GpuOptions { batch_steps: options.batch_steps.clamp(1, BATCH), ..options };
+        let hardware = options.hardware_kernels.unwrap_or(self.device.choice.hardware);
+        self.raster = RasterKernels::choose(hardware, options.count_pairs, options.count_texel_atomics);
+        let tile_rows_px = if hardware { TILE_PX } else { HALF_TILE_ROWS_PX };
+        if tile_rows_px != self.tile_rows_px {
+            // The height of tiles is compiled into most of them.
+            self.pipelines.clear();
+            self.resources.forget_groups();
+            self.tile_rows_px = tile_rows_px;
+        }
+        let mut missing = self.raster.and_all_others();
+        missing.retain(|id| !self.pipelines.contains_key(id));
+        self.pipelines.extend(self.device.pipelines(&missing, tile_flags(tile_rows_px))?);
+        self.timer = if options.time_kernels { Timer::new(&self.device)? } else { None };
+        Ok(())
+    }
+
+    /// The device that it runs on.
+    pub fn gpu(&self) -> &GpuDevice {
+        &self.device
+    }
+
     /// What all uniforms have in common now.
     pub(super) fn scene(&self) -> Scene {
         Scene {
@@ -163,7 +195,7 @@ impl GpuBackend {
             self.device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let timer = self.timer.as_ref().filter(|_| dispatches.len() <= Timer::MAX_DISPATCHES);
         encode(&self.device, &mut encoder, &mut self.resources, &self.pipelines, dispatches, timer);
-        self.device.queue.submit([encoder.finish()]);
+        self.device.submit(encoder);
     }
 
     /// Projection to picture.
@@ -181,19 +213,26 @@ impl GpuBackend {
         out
     }
 
-    /// Loss to parameters.
-    fn backward(&self, offsets: Offsets, request: &StepRequest<'_>) -> Vec<Dispatch> {
+    /// A whole step, with or without the terms on depths and normals, and the window statistics.
+    pub(super) fn step_dispatches(
+        &self,
+        offsets: Offsets,
+        camera: &Camera,
+        geometry: bool,
+        statistics: bool,
+    ) -> Vec<Dispatch> {
         use KernelId as K;
+        let mut out = self.forward(offsets, camera, geometry);
         let mut kernels = vec![K::LossFwd, K::LossBwd];
-        if request.loss.needs_geometry() {
+        if geometry {
             kernels.extend([K::GeometryLoss, self.raster.bwd_geometry, K::ProjectBwdGeometry]);
             kernels.extend([K::AdamTexel, K::FinishGeometry]);
         } else {
-            let statistics = needs_statistics(request);
             let bwd = if statistics { self.raster.bwd_statistics } else { self.raster.bwd };
             kernels.extend([bwd, K::ProjectBwd, K::AdamTexel, K::Finish]);
         }
-        kernels.into_iter().map(|id| Dispatch::new(id, offsets)).collect()
+        out.extend(kernels.into_iter().map(|id| Dispatch::new(id, offsets)));
+        out
     }
 
     /// Compiles what depths and normals need, the first time.
@@ -249,8 +288,9 @@ impl GpuBackend {
             let photo_px =
                 placed.ok_or_else(|| self.device.error("the photos of a batch do not fit its pool"))?;
             let offsets = self.set_uniform(slot, &uniform::step(&scene, request, photo_px, slot as u32));
-            dispatches.extend(self.forward(offsets, &request.camera, request.loss.needs_geometry()));
-            dispatches.extend(self.backward(offsets, request));
+            let geometry = request.loss.needs_geometry();
+            let statistics = needs_statistics(request);
+            dispatches.extend(self.step_dispatches(offsets, &request.camera, geometry, statistics));
             ends.push(dispatches.len());
             (scene.settled_step, scene.settled_rates) = (request.step, request.rates);
         }
@@ -499,7 +539,7 @@ impl Backend for GpuBackend {
             encoder.copy_buffer_to_buffer(original, 0, &copy, 0, original.size());
             self.resources.set(*name, copy);
         }
-        self.device.queue.submit([encoder.finish()]);
+        self.device.submit(encoder);
         self.settle_all();
         let settled = self.read_back();
         for (name, original) in originals {

@@ -6,7 +6,9 @@ use super::kernels::{Binding, KERNELS, Kernel, KernelId, SORT_PASS_BINDING};
 use super::layout::{SortPass, StepUniform};
 use super::shader::{Target, expand};
 use crate::{Error, Result};
+use serde::Serialize;
 use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 
 /// Which limits are asked of a device.
@@ -27,6 +29,25 @@ pub(super) struct Pipeline {
 /// What the driver said outside of any call: the first uncaptured error, or why the device is gone.
 type Fault = Arc<Mutex<Option<String>>>;
 
+/// What was asked of a device, counted where it is asked.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct DeviceWork {
+    /// Dispatches.
+    pub dispatches: u64,
+    /// Submissions of command buffers, copies to staging buffers included.
+    pub submissions: u64,
+    /// Times that the host waited for the device.
+    pub waits: u64,
+}
+
+/// Counters behind [`DeviceWork`].
+#[derive(Default)]
+struct Work {
+    dispatches: AtomicU64,
+    submissions: AtomicU64,
+    waits: AtomicU64,
+}
+
 /// An open device.
 pub struct GpuDevice {
     /// Name and description.
@@ -35,6 +56,7 @@ pub struct GpuDevice {
     pub(super) queue: wgpu::Queue,
     pub(super) limits: wgpu::Limits,
     fault: Fault,
+    work: Work,
 }
 
 /// Bytes between entries that are bound at dynamic offsets: the largest alignment that a device may ask for.
@@ -69,7 +91,33 @@ impl GpuDevice {
                 note(&on_lost, format!("the device was lost: {message}"));
             }
         });
-        Ok(Self { choice: choice.clone(), device, queue, limits: required_limits, fault })
+        Ok(Self {
+            choice: choice.clone(),
+            device,
+            queue,
+            limits: required_limits,
+            fault,
+            work: Work::default(),
+        })
+    }
+
+    /// What has been asked of it since it was opened.
+    pub fn work(&self) -> DeviceWork {
+        let [dispatches, submissions, waits] =
+            [&self.work.dispatches, &self.work.submissions, &self.work.waits]
+                .map(|n| n.load(Ordering::Relaxed));
+        DeviceWork { dispatches, submissions, waits }
+    }
+
+    /// Counts a dispatch that is being encoded.
+    pub(super) fn count_dispatch(&self) {
+        self.work.dispatches.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// Submits what was encoded.
+    pub(super) fn submit(&self, encoder: wgpu::CommandEncoder) {
+        self.work.submissions.fetch_add(1, Ordering::Relaxed);
+        self.queue.submit([encoder.finish()]);
     }
 
     /// Fails with whatever went wrong since it was last asked.
@@ -231,7 +279,7 @@ impl GpuDevice {
         })?;
         let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, bytes);
-        self.queue.submit([encoder.finish()]);
+        self.submit(encoder);
         self.read_staged(&staging, count)
     }
 
@@ -250,6 +298,7 @@ impl GpuDevice {
             // The receiver is gone only if polling failed, which is reported below.
             let _ = sender.send(outcome);
         });
+        self.work.waits.fetch_add(1, Ordering::Relaxed);
         self.device
             .poll(wgpu::PollType::wait_indefinitely())
             .map_err(|e| self.error(&format!("waiting for it failed: {e}")))?;

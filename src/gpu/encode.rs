@@ -40,6 +40,7 @@ pub(super) fn encode(
 ) {
     let args = resources.buffer(Buf::Args).clone();
     let mut one = |pass: &mut wgpu::ComputePass<'_>, dispatch: &Dispatch| {
+        device.count_dispatch();
         let kernel = dispatch.kernel.kernel();
         let Some(pipeline) = pipelines.get(&dispatch.kernel) else {
             unreachable!("{:?} has not been compiled", dispatch.kernel);

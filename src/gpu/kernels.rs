@@ -203,6 +203,16 @@ kernels! {
         read texel_values = TexelValues, read pixel_state = PixelState, read pixel_grad = PixelGrad,
         write partials = Partials, write texel_grad = TexelGrad,
     ];
+    RasterBwdCount = "raster_bwd" &["COUNT"], Tiles, false, [
+        read projected = Projected, read pairs = Pairs, read tile_ranges = TileRanges,
+        read texel_values = TexelValues, read pixel_state = PixelState, read pixel_grad = PixelGrad,
+        write partials = Partials, write texel_grad = TexelGrad,
+    ];
+    RasterBwdScatterCount = "raster_bwd" &["SCATTER", "COUNT"], Tiles, false, [
+        read projected = Projected, read pairs = Pairs, read tile_ranges = TileRanges,
+        read texel_values = TexelValues, read pixel_state = PixelState, read pixel_grad = PixelGrad,
+        write partials = Partials, write texel_grad = TexelGrad,
+    ];
     ProjectBwd = "project_bwd" &[], EachSplatLater, false, [
         write splat_p = SplatP, write splat_m = SplatM, write splat_v = SplatV, read projected = Projected,
         write bounds = Bounds, read partials = Partials, write statistics = Statistics,
@@ -336,8 +346,8 @@ pub struct RasterKernels {
 }
 
 impl RasterKernels {
-    /// For hardware or software, with or without counted pairs.
-    pub fn choose(hardware: bool, count_pairs: bool) -> Self {
+    /// For hardware or software, with or without counted pairs and atomics.
+    pub fn choose(hardware: bool, count_pairs: bool, count_texel_atomics: bool) -> Self {
         use KernelId as K;
         let fwd = match (hardware, count_pairs) {
             (false, false) => K::RasterFwd,
@@ -345,11 +355,13 @@ impl RasterKernels {
             (true, false) => K::RasterFwdBatched,
             (true, true) => K::RasterFwdBatchedCount,
         };
-        let (bwd, bwd_statistics) = if hardware {
-            (K::RasterBwdScatter, K::RasterBwdStatisticsScatter)
-        } else {
-            (K::RasterBwd, K::RasterBwdStatistics)
+        let bwd = match (hardware, count_texel_atomics) {
+            (false, false) => K::RasterBwd,
+            (false, true) => K::RasterBwdCount,
+            (true, false) => K::RasterBwdScatter,
+            (true, true) => K::RasterBwdScatterCount,
         };
+        let bwd_statistics = if hardware { K::RasterBwdStatisticsScatter } else { K::RasterBwdStatistics };
         let (fwd_geometry, bwd_geometry) = if hardware {
             (K::RasterFwdBatchedGeometry, K::RasterBwdGeometryScatter)
         } else {

@@ -3,6 +3,7 @@
 
 mod adapter;
 mod backend;
+pub mod bench;
 #[cfg(test)]
 mod compile_tests;
 mod device;
@@ -35,6 +36,6 @@ mod web;
 
 pub use adapter::{AdapterChoice, find_adapter, list_adapters};
 pub use backend::{GpuBackend, GpuOptions};
-pub use device::{GpuDevice, Limits};
+pub use device::{DeviceWork, GpuDevice, Limits};
 pub use shader::Expanded;
 pub use web::{WebShader, web_shaders};

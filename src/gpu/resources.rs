@@ -47,6 +47,11 @@ impl Resources {
         }
     }
 
+    /// For pipelines that have been made anew.
+    pub(super) fn forget_groups(&mut self) {
+        self.groups.clear();
+    }
+
     /// Gives a buffer back.
     pub(super) fn remove(&mut self, name: Buf) {
         self.groups.clear();

@@ -1,0 +1,81 @@
+//! How fast a device sorts.
+
+use crate::Result;
+use crate::gpu::device::{GpuDevice, UNIFORM_STRIDE};
+use crate::gpu::encode::encode;
+use crate::gpu::kernels::{Buf, KernelId};
+use crate::gpu::layout::{Status, StepUniform};
+use crate::gpu::model_buffers::filled;
+use crate::gpu::resources::{Offsets, Resources};
+use crate::gpu::shader::DEPTH_KEY_BITS;
+use crate::gpu::sort::{DEPTH_PASSES, depth_sort, first_args, histogram_entries, sort_passes};
+use serde::Serialize;
+use std::time::Instant;
+
+/// Sorts in one submission.
+const RUNS: u32 = 4;
+
+/// Keys per second of the sort by depth.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SortThroughput {
+    /// Keys, each with a value.
+    pub keys: usize,
+    /// Bits that are sorted by.
+    pub bits: u32,
+    /// Wall time of a sort.
+    pub secs: f64,
+    /// Keys over it.
+    pub keys_per_sec: f64,
+    /// Whether the order is that of a stable sort in Rust.
+    pub sorted: bool,
+}
+
+/// Sorts random keys a few times, after a sort that does not count; keys are copied into place before each.
+///
+/// # Errors
+/// [`crate::Error::Device`] if the device refuses memory or fails.
+pub fn sort_throughput(device: &GpuDevice, keys: usize) -> Result<SortThroughput> {
+    let kernels = [KernelId::SortCount, KernelId::SortScan, KernelId::SortScatter];
+    let pipelines = device.pipelines(&kernels, &[])?;
+    let passes = sort_passes();
+    let mut resources =
+        Resources::new(device.uniforms("steps", 1)?, device.uniforms("sort passes", passes.len() as u64)?);
+    for (at, pass) in (0..).step_by(UNIFORM_STRIDE as usize).zip(&passes) {
+        device.queue.write_buffer(resources.sort_passes(), at, bytemuck::bytes_of(pass));
+    }
+    let step = StepUniform { num_splats: keys as u32, ..StepUniform::default() };
+    device.queue.write_buffer(resources.steps(), 0, bytemuck::bytes_of(&step));
+    let mask = (1_u32 << DEPTH_KEY_BITS) - 1;
+    // Hashed counters: every digit occurs, few keys are equal.
+    let values: Vec<u32> = (0..keys as u32)
+        .map(|i| (i ^ (i >> 7)).wrapping_mul(0x9e37_79b1).rotate_left(13).wrapping_mul(0x85eb_ca6b) & mask)
+        .collect();
+    let unsorted = filled(device, "sort keys", &values)?;
+    for name in [Buf::KeysA, Buf::ValuesA, Buf::KeysB, Buf::ValuesB] {
+        resources.set(name, device.buffer("sort keys", keys as u64, 4)?);
+    }
+    resources.set(Buf::Histogram, device.buffer("sort histograms", histogram_entries(keys as u32), 4)?);
+    resources.set(Buf::Status, filled(device, "status", &[Status::default()])?);
+    resources.set(Buf::Args, filled(device, "dispatches", &first_args(keys as u32))?);
+
+    let mut run = |runs: u32| -> Result<f64> {
+        let start = Instant::now();
+        let mut encoder = device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        for _ in 0..runs {
+            let to = resources.buffer(Buf::KeysA);
+            encoder.copy_buffer_to_buffer(&unsorted, 0, to, 0, unsorted.size());
+            let dispatches = depth_sort(Offsets::default());
+            encode(device, &mut encoder, &mut resources, &pipelines, &dispatches, None);
+        }
+        device.submit(encoder);
+        device.read::<u32>(resources.buffer(Buf::Status), 1)?;
+        Ok(start.elapsed().as_secs_f64() / f64::from(runs))
+    };
+    run(1)?;
+    let secs = run(RUNS)?.max(1e-9);
+    let mut order: Vec<u32> = (0..keys as u32).collect();
+    order.sort_by_key(|&i| values[i as usize]);
+    const { assert!(DEPTH_PASSES % 2 == 1) };
+    let sorted = device.read::<u32>(resources.buffer(Buf::ValuesB), keys)? == order;
+    Ok(SortThroughput { keys, bits: DEPTH_KEY_BITS, secs, keys_per_sec: keys as f64 / secs, sorted })
+}

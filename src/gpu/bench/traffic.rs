@@ -1,0 +1,283 @@
+//! Bytes that a step moves at least with these kernels, against the floor of the method's cost model.
+//!
+//! Ideal traffic: every element that a kernel must read or write counts once per dispatch, as if caches were
+//! perfect within a kernel and empty between kernels; records of splats count once per pair where tiles read
+//! them. With `N` splats, `Nv` visible, `Nl` visible that lag behind, `K` tile pairs, `P` pixels, `T` tiles,
+//! `Mv` and `Ml` texels of the maps of `Nv` and `Nl`, `C` SH floats of a splat, `A` global atomics of texel
+//! gradients, the floor is
+//!
+//! | Item | Bytes |
+//! |---|---|
+//! | preprocess | `236 N + 64 Nv` |
+//! | sort | `6 * 24 K` |
+//! | forward | `56 K + 16 Mv + 24 P` (every texel of a visible map once) |
+//! | loss | `150 P` |
+//! | backward | `56 K + 2 * 4 * 14 K + 8 A` (partial sums written and read, texel sums read and written) |
+//! | adam | `28 (10 N + C Nv + 3 Mv)` |
+
+use crate::gpu::kernels::KernelId;
+use crate::gpu::layout::{BOUNDS_BYTES, DispatchArgs, PROJECTED_BYTES, SplatInfo, Status};
+use crate::gpu::shader::{BLOCK, DIGIT_BITS};
+use crate::gpu::uniform::PARTIAL_STRIDE;
+use serde::Serialize;
+
+/// What the traffic of a step follows from; means over steps.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct TrafficCounts {
+    /// `N`
+    pub splats: f64,
+    /// `Nv`
+    pub visible: f64,
+    /// `Nl`
+    pub lagging: f64,
+    /// `K`
+    pub pairs: f64,
+    /// `P`
+    pub pixels: f64,
+    /// `T`
+    pub tiles: f64,
+    /// `Mv`
+    pub visible_texels: f64,
+    /// `Ml`
+    pub lagging_texels: f64,
+    /// `C`
+    pub sh_floats: f64,
+    /// `A`
+    pub texel_atomics: f64,
+    /// Passes of the sort by depth.
+    pub depth_passes: f64,
+    /// Passes of the sort by tile.
+    pub tile_passes: f64,
+}
+
+/// Parts of a step that the cost model tells apart.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum TrafficItem {
+    /// Projection.
+    Preprocess,
+    /// From depth keys to the tiles' lists.
+    Sort,
+    /// Picture.
+    Forward,
+    /// Loss and its derivative.
+    Loss,
+    /// Derivatives by splats and texels.
+    Backward,
+    /// Parameters, also those brought up to date.
+    Adam,
+    /// What the host is told; the cost model has no such item.
+    Status,
+}
+
+impl TrafficItem {
+    /// All of them.
+    pub const ALL: [Self; 7] =
+        [Self::Preprocess, Self::Sort, Self::Forward, Self::Loss, Self::Backward, Self::Adam, Self::Status];
+
+    /// Bytes of the cost model.
+    pub fn floor(self, c: &TrafficCounts) -> f64 {
+        match self {
+            Self::Preprocess => 236.0 * c.splats + 64.0 * c.visible,
+            Self::Sort => 6.0 * 24.0 * c.pairs,
+            Self::Forward => 56.0 * c.pairs + 16.0 * c.visible_texels + 24.0 * c.pixels,
+            Self::Loss => 150.0 * c.pixels,
+            Self::Backward => (56.0 + 2.0 * 4.0 * 14.0) * c.pairs + ATOMIC * c.texel_atomics,
+            Self::Adam => 28.0 * (GEOMETRY * c.splats + c.sh_floats * c.visible + 3.0 * c.visible_texels),
+            Self::Status => 0.0,
+        }
+    }
+}
+
+/// A word.
+const WORD: f64 = 4.0;
+/// A gradient's sum is read and written.
+const ATOMIC: f64 = 2.0 * WORD;
+/// Floats of a splat that are not SH.
+const GEOMETRY: f64 = 10.0;
+/// Parameter and both moments, read and written.
+const STATE: f64 = 6.0 * WORD;
+/// A splat in a tile, `Pair` of `shaders/common/projected.wgsl`.
+const PAIR: f64 = 16.0;
+const PROJECTED: f64 = PROJECTED_BYTES as f64;
+const BOUNDS: f64 = BOUNDS_BYTES as f64;
+const INFO: f64 = size_of::<SplatInfo>() as f64;
+const PARTIALS: f64 = PARTIAL_STRIDE as f64 * WORD;
+
+/// Bytes of all dispatches of a kernel in a step without window statistics, by item.
+pub(super) fn traffic(kernel: KernelId, c: &TrafficCounts) -> Vec<(TrafficItem, f64)> {
+    use KernelId as K;
+    use TrafficItem as I;
+    // What the sort's passes go through: all splats by depth, then all pairs by tile.
+    let sorted = c.depth_passes * c.splats + c.tile_passes * c.pairs;
+    let histograms = sorted / f64::from(BLOCK) * f64::from(1 << DIGIT_BITS) * WORD;
+    // The first pass of each makes its values itself.
+    let values = sorted - (c.splats + c.pairs);
+    let block_sums = c.splats / f64::from(BLOCK) * WORD;
+    // Pairs, splats and texels as the rasterisation of a picture reads them.
+    let scene = 8.0 * c.tiles + (PAIR + PROJECTED) * c.pairs + 16.0 * c.visible_texels;
+    match kernel {
+        K::Project => {
+            let all = (GEOMETRY * WORD + BOUNDS + WORD) * c.splats;
+            let visible = (INFO + c.sh_floats * WORD + PROJECTED) * c.visible;
+            // Moments are read, all three written.
+            let lagging = 5.0 * WORD * c.sh_floats * c.lagging;
+            vec![(I::Preprocess, all + visible), (I::Adam, lagging)]
+        }
+        K::SettleTexel => {
+            let records = WORD * c.splats + INFO * c.visible + WORD * c.lagging;
+            vec![(I::Adam, records + (STATE + WORD) * 3.0 * c.lagging_texels)]
+        }
+        K::SortCount => vec![(I::Sort, WORD * sorted + histograms)],
+        K::SortScan => vec![(I::Sort, 2.0 * histograms)],
+        K::SortScatter => vec![(I::Sort, histograms + 3.0 * WORD * sorted + WORD * values)],
+        K::PrefixBlocks => vec![(I::Sort, 3.0 * WORD * c.splats + block_sums)],
+        K::PrefixSums => {
+            let table = f64::from(crate::gpu::kernels::NUM_GROUPS) * size_of::<DispatchArgs>() as f64;
+            vec![(I::Sort, 2.0 * block_sums + table)]
+        }
+        K::TileEmit => {
+            let splats = 3.0 * WORD * c.splats + (BOUNDS + WORD) * c.visible;
+            vec![(I::Sort, splats + 2.0 * WORD * c.pairs)]
+        }
+        // Both ends of a tile's range are searched for.
+        K::TileRanges => vec![(I::Sort, c.tiles * (8.0 + 2.0 * WORD * c.pairs.max(1.0).log2().ceil()))],
+        K::GatherPairs => vec![(I::Sort, (3.0 * WORD + PROJECTED + PAIR) * c.pairs)],
+        K::RasterFwd | K::RasterFwdCount | K::RasterFwdBatched | K::RasterFwdBatchedCount => {
+            vec![(I::Forward, scene + (16.0 + 8.0) * c.pixels)]
+        }
+        // Picture, photo, maps, loss.
+        K::LossFwd => vec![(I::Loss, (16.0 + 4.0 + 36.0 + 4.0) * c.pixels + 16.0 * c.tiles)],
+        // The same, read, and the derivative.
+        K::LossBwd => vec![(I::Loss, (16.0 + 4.0 + 36.0 + 4.0 + 16.0) * c.pixels)],
+        K::RasterBwd
+        | K::RasterBwdStatistics
+        | K::RasterBwdScatter
+        | K::RasterBwdStatisticsScatter
+        | K::RasterBwdCount
+        | K::RasterBwdScatterCount => {
+            let sums = PARTIALS * c.pairs + ATOMIC * c.texel_atomics;
+            vec![(I::Backward, scene + (8.0 + 16.0) * c.pixels + sums)]
+        }
+        K::ProjectBwd => {
+            // Number of pairs and first slot of all; faults and hidden share of visible ones.
+            let sums = 2.0 * WORD * c.splats + (PROJECTED + 2.0 * WORD) * c.visible + PARTIALS * c.pairs;
+            let state = STATE * (GEOMETRY * c.splats + c.sh_floats * c.visible);
+            vec![(I::Backward, sums), (I::Adam, state)]
+        }
+        K::AdamTexel => {
+            // Number of pairs of all; box, hidden share, residual sum and record of visible ones. Gradients
+            // are read and set to zero, values read and written.
+            let records = WORD * c.splats + (4.0 * WORD + INFO + WORD) * c.visible;
+            vec![(I::Adam, records + (STATE + 4.0 * WORD) * 3.0 * c.visible_texels)]
+        }
+        K::Finish => {
+            let splats = WORD * c.splats + 4.0 * WORD * c.visible;
+            vec![(I::Status, splats + 16.0 * c.tiles + size_of::<Status>() as f64)]
+        }
+        // Not part of a step, or of the optional terms on depths and normals only.
+        K::ProjectGeometry
+        | K::RasterFwdGeometry
+        | K::RasterFwdBatchedGeometry
+        | K::GeometryLoss
+        | K::RasterBwdGeometry
+        | K::RasterBwdGeometryScatter
+        | K::ProjectBwdGeometry
+        | K::FinishGeometry
+        | K::SettleSplat
+        | K::GatherSplats
+        | K::ResampleMaps => Vec::new(),
+    }
+}
+
+/// Floor and bytes of an item.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct TrafficShare {
+    /// Which; `null` for the sum over all.
+    pub item: Option<TrafficItem>,
+    /// Bytes of the cost model.
+    pub floor_bytes: f64,
+    /// Bytes of these kernels.
+    pub bytes: f64,
+    /// Bytes over floor; `null` where the floor is zero.
+    pub ratio: Option<f64>,
+}
+
+/// Bytes by kernel and by item, the sum last.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Traffic {
+    /// Name of the shader and bytes of a step.
+    pub kernels: Vec<(&'static str, f64)>,
+    /// Against the floor.
+    pub items: Vec<TrafficShare>,
+}
+
+impl Traffic {
+    /// Of a step that runs `kernels`, each named once.
+    pub(super) fn of(kernels: &[KernelId], counts: &TrafficCounts) -> Self {
+        let by_kernel: Vec<_> = kernels.iter().map(|&k| (k.kernel().name, traffic(k, counts))).collect();
+        let of_item = |item| {
+            let parts = by_kernel.iter().flat_map(|(_, parts)| parts).filter(|(i, _)| *i == item);
+            parts.map(|(_, bytes)| bytes).sum::<f64>()
+        };
+        let share = |item, floor_bytes: f64, bytes| {
+            let ratio = (floor_bytes > 0.0).then(|| bytes / floor_bytes);
+            TrafficShare { item, floor_bytes, bytes, ratio }
+        };
+        let mut items: Vec<_> =
+            TrafficItem::ALL.map(|item| share(Some(item), item.floor(counts), of_item(item))).into();
+        let [floor, bytes] = [|s: &TrafficShare| s.floor_bytes, |s: &TrafficShare| s.bytes]
+            .map(|part| items.iter().map(part).sum::<f64>());
+        items.push(share(None, floor, bytes));
+        let sum = |parts: &Vec<(TrafficItem, f64)>| parts.iter().map(|(_, bytes)| bytes).sum();
+        Self { kernels: by_kernel.iter().map(|(name, parts)| (*name, sum(parts))).collect(), items }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Counts that differ in every digit.
+    fn counts() -> TrafficCounts {
+        TrafficCounts {
+            splats: 10_240.0,
+            visible: 4_096.0,
+            lagging: 100.0,
+            pairs: 20_480.0,
+            pixels: 65_536.0,
+            tiles: 256.0,
+            visible_texels: 65_536.0,
+            lagging_texels: 1_600.0,
+            sh_floats: 48.0,
+            texel_atomics: 30_000.0,
+            depth_passes: 7.0,
+            tile_passes: 3.0,
+        }
+    }
+
+    #[test]
+    fn a_step_is_the_sum_of_its_kernels_and_every_kernel_of_a_step_counts() {
+        let kernels: Vec<_> = KernelId::all().filter(|&k| !traffic(k, &counts()).is_empty()).collect();
+        let traffic = Traffic::of(&kernels, &counts());
+        let total = traffic.items.last().unwrap();
+        let sum: f64 = traffic.kernels.iter().map(|(_, bytes)| bytes).sum();
+        assert!((total.bytes / sum - 1.0).abs() < 1e-12 && total.item.is_none());
+        assert!(traffic.kernels.iter().all(|(_, bytes)| *bytes > 0.0));
+        let one_less = Traffic::of(&kernels[1..], &counts());
+        assert!(one_less.items.last().unwrap().bytes < total.bytes, "a kernel left out is noticed");
+    }
+
+    #[test]
+    fn figures_by_hand() {
+        let c = counts();
+        let of = |kernel| traffic(kernel, &c).iter().map(|(_, bytes)| bytes).sum::<f64>();
+        assert_eq!(of(KernelId::LossFwd), 60.0 * 65_536.0 + 4_096.0);
+        assert_eq!(of(KernelId::GatherPairs), 108.0 * 20_480.0);
+        // 133,120 keys in 130 blocks: 16 sums each.
+        assert_eq!(of(KernelId::SortScan), 2.0 * 130.0 * 64.0);
+        assert_eq!(of(KernelId::SortCount), 133_120.0 * 4.0 + 130.0 * 64.0);
+        assert_eq!(TrafficItem::Sort.floor(&c), 144.0 * 20_480.0);
+        assert_eq!(TrafficItem::Backward.floor(&c), 168.0 * 20_480.0 + 240_000.0);
+    }
+}

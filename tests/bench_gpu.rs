@@ -1,0 +1,110 @@
+//! What is counted on the wgpu backend: by the code that does it, and without changing what is computed.
+#![cfg(feature = "gpu")]
+#![allow(clippy::unwrap_used, reason = "a failing test may panic")]
+
+mod common;
+
+use common::gpu::backend;
+use litetex_gs::backend::{Backend, LearningRates, LossWeights, StepReport, StepRequest};
+use litetex_gs::gpu::{GpuBackend, GpuOptions};
+use litetex_gs::model::{AdamState, Model};
+use litetex_gs::selftest::{Scene, SceneOptions, random_scene};
+
+fn scene(map_sizes: Vec<(u16, u16)>) -> Scene {
+    random_scene(&SceneOptions {
+        num_splats: 200,
+        width_px: 64,
+        height_px: 48,
+        scales: (0.05, 0.4),
+        opacities: (0.05, 0.8),
+        map_sizes,
+        ..SceneOptions::default()
+    })
+}
+
+fn run(
+    backend: &mut GpuBackend,
+    scene: &Scene,
+    options: GpuOptions,
+    steps: u32,
+) -> (Model, AdamState, Vec<StepReport>) {
+    backend.set_options(options).unwrap();
+    backend.upload(&scene.model, &AdamState::zeros(&scene.model)).unwrap();
+    let request = |step| StepRequest {
+        step,
+        camera: scene.camera,
+        photo: 0,
+        target: &scene.target,
+        background: [0.1, 0.2, 0.3],
+        sh_degree: 3,
+        // Without the texture term: what moves has met an atomic.
+        loss: LossWeights { texture: 0.0, ..LossWeights::default() },
+        rates: LearningRates { position: 2e-4, texel: 2e-3, sh_dc: 2.5e-3, ..LearningRates::default() },
+        accumulate_statistics: false,
+    };
+    let reports = backend.steps(&(1..=steps).map(request).collect::<Vec<_>>()).unwrap();
+    let (model, adam) = backend.read_back().unwrap();
+    (model, adam, reports)
+}
+
+#[test]
+fn atomics_are_counted_and_counting_changes_no_bit() {
+    let Some(mut backend) = backend(GpuOptions::default()) else { return };
+    let plain = GpuOptions { hardware_kernels: Some(false), ..GpuOptions::default() };
+    let counting = GpuOptions { count_texel_atomics: true, count_pairs: true, ..plain };
+    let hardware = GpuOptions { hardware_kernels: Some(true), ..counting };
+    // Large maps: most windows have more blocks than the form for hardware gathers.
+    let scene = scene(vec![(40, 40), (4, 4)]);
+    let (model, adam, reports) = run(&mut backend, &scene, plain, 2);
+    let (counted_model, counted_adam, counted) = run(&mut backend, &scene, counting, 2);
+    assert!(model == counted_model && adam == counted_adam);
+    let atomics = counted[0].non_finite_gradients;
+    let c = counted[0].counters;
+    println!("{atomics} atomics, {c:?}");
+    assert_eq!(reports[0].non_finite_gradients, 0);
+    assert_eq!((reports[0].counters.blended_pairs, reports[0].counters.tile_pairs), (0, c.tile_pairs));
+    // Four taps of three channels at most for each pair; at least one for every float that moved.
+    let in_all: u64 = counted.iter().map(|r| r.non_finite_gradients).sum();
+    let moved = adam.texels_m.iter().filter(|m| **m != 0.0).count() as u64;
+    assert!(atomics <= 12 * c.blended_pairs && moved > 1000 && in_all >= moved, "{in_all} for {moved}");
+    // The other form: tap by tap.
+    let (scattered, _, by_tap) = run(&mut backend, &scene, hardware, 2);
+    println!("{} tap by tap", by_tap[0].non_finite_gradients);
+    assert!(
+        by_tap[0].non_finite_gradients > atomics && by_tap[0].non_finite_gradients <= 12 * c.blended_pairs
+    );
+    let worst = scattered.textures.texels.iter().zip(&model.textures.texels).map(|(a, b)| (a - b).abs());
+    assert!(worst.fold(0.0, f32::max) < 0.02, "both forms compute the same");
+    // Negative control: nothing to add to.
+    let untextured = self::scene(vec![(0, 0)]);
+    assert_eq!(run(&mut backend, &untextured, counting, 1).2[0].non_finite_gradients, 0);
+}
+
+#[test]
+fn waits_and_submissions_follow_the_batches() {
+    let Some(mut backend) = backend(GpuOptions::default()) else { return };
+    let scene = scene(vec![(4, 4)]);
+    let mut work = Vec::new();
+    for batch_steps in [16, 4, 1] {
+        let options = GpuOptions { batch_steps, ..GpuOptions::default() };
+        // So that the buffers have their sizes.
+        run(&mut backend, &scene, options, 1);
+        let [one, more] = [1, 17].map(|steps| {
+            let before = backend.gpu().work();
+            run(&mut backend, &scene, options, steps);
+            let after = backend.gpu().work();
+            [
+                after.dispatches - before.dispatches,
+                after.submissions - before.submissions,
+                after.waits - before.waits,
+            ]
+        });
+        // 16 steps more; the first of them in a batch of its own or with others.
+        work.push([0, 1, 2].map(|k| more[k] - one[k]));
+    }
+    // Two batches instead of one, five, seventeen: each two submissions and a wait.
+    assert_eq!(work[0][1..], [2, 1]);
+    assert_eq!(work[1][1..], [8, 4]);
+    assert_eq!(work[2][1..], [32, 16]);
+    assert!(work[0][0] > 16 * 20 && work.iter().all(|w| w[0] == work[0][0]), "dispatches: {work:?}");
+}

@@ -1,0 +1,94 @@
+//! `scripts/device-kit` on a software driver, and on a device that is not there.
+#![cfg(all(feature = "gpu", unix))]
+#![allow(clippy::unwrap_used, reason = "a failing test may panic")]
+
+use litetex_gs::gpu::list_adapters;
+use serde_json::Value;
+use std::path::Path;
+use std::process::Command;
+
+/// Runs the kit; exit code, standard output, what it wrote.
+fn kit(capture: &Path, out: &Path, device: &str) -> (i32, String, Value) {
+    let output = Command::new(Path::new(env!("CARGO_MANIFEST_DIR")).join("scripts/device-kit"))
+        .args(["--tiny", "--seconds", "2", env!("CARGO_BIN_EXE_litetex")])
+        .args([capture, out])
+        .arg(device)
+        .output()
+        .unwrap();
+    let json = std::fs::read(out.join("device-kit.json")).unwrap();
+    print!("{}", String::from_utf8_lossy(&output.stdout));
+    let stdout = String::from_utf8(output.stdout).unwrap();
+    (output.status.code().unwrap(), stdout, serde_json::from_slice(&json).unwrap())
+}
+
+fn names(kit: &Value, passed: bool) -> Vec<&str> {
+    let parts = kit["parts"].as_array().unwrap();
+    parts.iter().filter(|p| p["passed"] == passed).map(|p| p["name"].as_str().unwrap()).collect()
+}
+
+#[test]
+fn the_kit_tells_all_of_a_device_and_what_failed() {
+    // Lavapipe where it is installed: it is the quickest.
+    let software: Vec<_> = list_adapters().into_iter().filter(|a| !a.hardware).collect();
+    let Some(driver) = software.iter().find(|a| a.name == "lavapipe").or(software.first()) else {
+        assert!(std::env::var_os("LITETEX_REQUIRE_GPU").is_none(), "a software Vulkan driver is required");
+        println!("skipped: no software Vulkan driver is installed");
+        return;
+    };
+    let dir = tempfile::tempdir().unwrap();
+    let capture = dir.path().join("capture");
+    let made = Command::new(env!("CARGO_BIN_EXE_litetex"))
+        .args(["sample", "--views", "9", "--size", "64x48", "--points", "300", "--no-truth", "-q"])
+        .arg(&capture)
+        .status();
+    assert!(made.unwrap().success());
+
+    let (code, stdout, json) = kit(&capture, &dir.path().join("out"), &driver.name);
+    assert_eq!(names(&json, false), Vec::<&str>::new(), "{json:#}");
+    let sizes = ["32", "48", "full"];
+    let all =
+        ["devices", "selftest", "bench-32", "bench-48", "bench-full", "train-32", "train-48", "train-full"];
+    assert_eq!(names(&json, true), all);
+    assert!(code == 0 && json["passed"] == true && json["repeatable"] == true && stdout.contains("yes"));
+    assert_eq!(json["device"]["name"], driver.name);
+    let positive = |v: &Value, what: &str| assert!(v.as_f64().is_some_and(|x| x > 0.0), "{what}: {v}");
+    for size in sizes {
+        let bench = &json["bench"][size];
+        for key in ["steps_per_sec", "wall_secs_per_step", "splats", "texels"] {
+            positive(&bench[key], key);
+        }
+        for key in ["dispatches", "submissions", "host_waits"] {
+            positive(&bench["per_step"][key], key);
+        }
+        let pairs = &bench["pairs"];
+        let order = ["visited", "evaluated", "inside", "blended"].map(|key| pairs[key].as_f64().unwrap());
+        assert!(order.is_sorted_by(|a, b| a >= b) && order[3] > 0.0, "{pairs}");
+        positive(&bench["texel_atomics"]["per_blended_pair"], "atomics");
+        let items = bench["traffic"]["items"].as_array().unwrap();
+        items.iter().for_each(|item| positive(&item["bytes"], "bytes"));
+        let kernels = bench["kernel_secs"].as_array().map_or(0, Vec::len);
+        let known = bench["traffic"]["kernels"].as_array().unwrap().len();
+        assert!(
+            kernels == known || bench["device"]["timestamps"] == false,
+            "{kernels} of {known} were timed"
+        );
+        assert_eq!(bench["variants"].as_array().unwrap().len(), 2);
+        let train = &json["train"][size];
+        positive(&train["steps"], "steps");
+        positive(&train["curve"][0]["psnr_test"], "PSNR");
+    }
+    // A batch of two steps is one submission and its status, read once.
+    assert_eq!(json["bench"]["32"]["per_step"]["host_waits"], 0.5);
+    assert_eq!(json["bench"]["32"]["per_step"]["submissions"], 1.0);
+    assert!(json["bench"]["full"]["size_px"] == serde_json::json!([64, 48]));
+    for (sort, keys) in json["sort"].as_array().unwrap().iter().zip([100_000, 1_000_000]) {
+        assert!(sort["keys"] == keys && sort["sorted"] == true);
+        positive(&sort["keys_per_sec"], "keys per second");
+    }
+
+    let (code, stdout, json) = kit(&capture, &dir.path().join("nowhere"), "no-such-device");
+    assert_eq!((code, &json["passed"]), (1, &Value::Bool(false)));
+    assert_eq!(names(&json, true), ["devices"]);
+    assert!(json["parts"][1]["message"].as_str().unwrap().contains("no-such-device"), "{json:#}");
+    assert!(stdout.contains("FAILED") && json["repeatable"].is_null());
+}
