@@ -91,7 +91,7 @@ fn terms_on_depths_and_normals_match_the_reference() {
     }
 }
 
-/// Depth and normals of a picture against the reference: needed ??? of the pixels, where a support's edge flips.
+/// Depth and normals of a picture against the reference: needed 4.3e-5 of the largest, no pixel beyond.
 fn pictures_agree(backend: &mut GpuBackend, scene: &Scene, moved: f32) -> bool {
     let expected = reference(scene, &NO_GEOMETRY).picture;
     let mut model = scene.model.clone();
@@ -108,7 +108,7 @@ fn pictures_agree(backend: &mut GpuBackend, scene: &Scene, moved: f32) -> bool {
     [(&image.depth, &expected.depth), (&image.normal, &normal)].into_iter().all(|(got, expected)| {
         let d = compare(got, expected, 1e-4);
         println!("{d:?}");
-        d.beyond * 200 <= d.entries && d.non_zero * 4 > d.entries
+        d.beyond * 1000 <= d.entries && d.non_zero * 4 > d.entries
     })
 }
 
