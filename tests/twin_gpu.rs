@@ -62,10 +62,13 @@ fn a_small_change_of_the_scene_is_noticed() {
     assert!(!agree(&scene, &got, &expected, TEXEL_RMS));
 }
 
-/// An opaque scene, in which pixels have surfaces, and one near the camera.
+/// An opaque scene, in which pixels have surfaces, and one near the camera, whose photo has a mask.
 fn surfaces() -> [Scene; 2] {
-    [(scenes().swap_remove(1), 1_200), (scenes().swap_remove(4), 300)]
-        .map(|(options, num_splats)| random_scene(&SceneOptions { num_splats, ..options }))
+    let mut scenes = [(scenes().swap_remove(1), 1_200), (scenes().swap_remove(4), 300)]
+        .map(|(options, num_splats)| random_scene(&SceneOptions { num_splats, ..options }));
+    let num_pixels = scenes[1].camera.pinhole.num_pixels();
+    scenes[1].target.mask = Some((0..num_pixels).map(|i| u8::from(i % 7 != 0)).collect());
+    scenes
 }
 
 #[test]
