@@ -62,10 +62,13 @@ fn a_small_change_of_the_scene_is_noticed() {
     assert!(!agree(&scene, &got, &expected, TEXEL_RMS));
 }
 
-/// An opaque scene, in which pixels have surfaces, and one near the camera.
+/// An opaque scene, in which pixels have surfaces, and one near the camera, whose photo has a mask.
 fn surfaces() -> [Scene; 2] {
-    [(scenes().swap_remove(1), 1_200), (scenes().swap_remove(4), 300)]
-        .map(|(options, num_splats)| random_scene(&SceneOptions { num_splats, ..options }))
+    let mut scenes = [(scenes().swap_remove(1), 1_200), (scenes().swap_remove(4), 300)]
+        .map(|(options, num_splats)| random_scene(&SceneOptions { num_splats, ..options }));
+    let num_pixels = scenes[1].camera.pinhole.num_pixels();
+    scenes[1].target.mask = Some((0..num_pixels).map(|i| u8::from(i % 7 != 0)).collect());
+    scenes
 }
 
 #[test]
@@ -91,7 +94,7 @@ fn terms_on_depths_and_normals_match_the_reference() {
     }
 }
 
-/// Depth and normals of a picture against the reference: needed ??? of the pixels, where a support's edge flips.
+/// Depth and normals of a picture against the reference: needed 4.3e-5 of the largest, no pixel beyond.
 fn pictures_agree(backend: &mut GpuBackend, scene: &Scene, moved: f32) -> bool {
     let expected = reference(scene, &NO_GEOMETRY).picture;
     let mut model = scene.model.clone();
@@ -108,7 +111,7 @@ fn pictures_agree(backend: &mut GpuBackend, scene: &Scene, moved: f32) -> bool {
     [(&image.depth, &expected.depth), (&image.normal, &normal)].into_iter().all(|(got, expected)| {
         let d = compare(got, expected, 1e-4);
         println!("{d:?}");
-        d.beyond * 200 <= d.entries && d.non_zero * 4 > d.entries
+        d.beyond * 1000 <= d.entries && d.non_zero * 4 > d.entries
     })
 }
 
