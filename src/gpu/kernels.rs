@@ -65,7 +65,8 @@ impl Buf {
 /// A storage binding: its name in the shader, its buffer, and whether the shader writes it.
 #[derive(Clone, Copy, Debug)]
 pub struct Binding {
-    /// Name of the variable.
+    /// Name of the variable; the tests compare it with the shader.
+    #[cfg_attr(not(test), allow(dead_code, reason = "bindings go by their place"))]
     pub name: &'static str,
     /// Buffer, before the sort's swap.
     pub buffer: Buf,

@@ -165,8 +165,11 @@ fn push(out: &mut Expanded, line: &str, file: &'static str, number: u32) {
     out.lines.push((file, number));
 }
 
-/// Constants shared with Rust, by name.
-pub fn shared_constants() -> (Vec<(&'static str, f64)>, Vec<(&'static str, u32)>) {
+/// Values by name.
+pub type Named<T> = Vec<(&'static str, T)>;
+
+/// Constants shared with Rust.
+pub fn shared_constants() -> (Named<f64>, Named<u32>) {
     let floats = vec![
         ("ALPHA_MIN", c::ALPHA_MIN),
         ("ALPHA_MAX", c::ALPHA_MAX),

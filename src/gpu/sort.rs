@@ -16,8 +16,6 @@ use super::shader::{BLOCK, DEPTH_KEY_BITS, DIGIT_BITS, GROUP, MAX_GROUPS};
 pub(super) const DEPTH_PASSES: u32 = DEPTH_KEY_BITS.div_ceil(DIGIT_BITS);
 /// Passes of the sort by tile, at most.
 const MOST_TILE_PASSES: u32 = u32::BITS.div_ceil(DIGIT_BITS);
-/// Entries of the table of sort passes.
-pub(super) const NUM_SORT_PASSES: u32 = DEPTH_PASSES + MOST_TILE_PASSES;
 
 const _: () = assert!(DEPTH_PASSES % 2 == 1, "what follows the sort by depth reads the second half");
 

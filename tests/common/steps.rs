@@ -35,7 +35,7 @@ pub fn views(scene: &Scene) -> Vec<(Camera, TargetImage)> {
         let camera_from_local =
             RigidTransform { rotation: turn * pose.rotation, translation: turn * pose.translation };
         let camera = Camera { camera_from_local, ..scene.camera };
-        if k % 2 == 0 {
+        if k.is_multiple_of(2) {
             return (camera, scene.target.clone());
         }
         let (w, h) = (40, 33);
