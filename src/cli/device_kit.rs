@@ -30,7 +30,7 @@ struct Part {
 /// Collects, writes and prints.
 ///
 /// # Errors
-/// [`Error::CheckFailed`] if a part failed; [`Error::Io`], [`Error::Invalid`] if the folder is not the kit's.
+/// [`Error::CheckFailed`] if a part failed; [`Error::Io`], [`Error::InvalidInput`] if the folder is not the kit's.
 pub fn collect(folder: &Path) -> anyhow::Result<()> {
     let list = folder.join("parts.txt");
     let text = fs::read_to_string(&list).map_err(|e| Error::io(&list, e))?;

@@ -63,7 +63,7 @@ fn available() -> Result<Vec<Listed>> {
 /// Makes the backend that `--device` names.
 ///
 /// # Errors
-/// [`Error::Unsupported`] for a device that is not there, [`Error::Device`] if it cannot be opened.
+/// [`litetex_gs::Error::Unsupported`] for a device that is not there, [`litetex_gs::Error::Device`] if it cannot be opened.
 pub fn open(name: &str) -> Result<Box<dyn Backend>> {
     match name {
         "cpu" => open_cpu(),
