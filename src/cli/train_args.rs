@@ -30,7 +30,7 @@ pub struct TrainArgs {
     /// Settings as in a run's config.toml; flags win over the file, the file over the defaults
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
-    /// Where to compute: auto or a name that "litetex devices" lists
+    /// Where to compute: auto, gpu, or a name that "litetex devices" lists
     #[arg(long, value_name = "NAME", default_value = "auto", help_heading = "Device")]
     pub device: String,
     #[command(flatten)]

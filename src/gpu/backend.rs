@@ -10,27 +10,24 @@ use super::model_buffers::{self, splat_stride};
 use super::photos::PhotoPool;
 use super::resources::{Offsets, Resources};
 use super::shader::{HALF_TILE_ROWS_PX, HALF_TILES, TILE_PX};
+use super::submission::{check_camera, check_request};
 use super::timing::Timer;
 use super::uniform::{self, Scene, needs_statistics};
 use super::view_buffers::{Capacity, Needs};
 use super::{geometry, sort, structure};
+use crate::Result;
 use crate::backend::{
-    Backend, DeviceInfo, LossValues, RasterCounters, RenderOptions, RenderedImage, StepReport, StepRequest,
-    StructurePlan, WindowStatistics,
+    Backend, DeviceInfo, RenderOptions, RenderedImage, StepReport, StepRequest, StructurePlan,
+    WindowStatistics,
 };
 use crate::camera::{Camera, Similarity};
 use crate::model::{AdamState, Model, SplatArrays, TexturePool};
-use crate::{Error, Result};
 use std::collections::BTreeMap;
-use std::time::Duration;
 
 /// Steps of a submission, and entries of the rings.
 const BATCH: usize = 16;
 
-/// Pairs that a fresh backend has room for, per splat.
-const PAIRS_PER_SPLAT: u64 = 8;
-
-/// How a [`GpuBackend`] works; results do not depend on it in any bit but for the counters.
+/// How a [`GpuBackend`] works. Only `hardware_kernels` changes results, in their last bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct GpuOptions {
     /// Steps per submission, at most 16; 1 reads the status after each.
@@ -68,17 +65,17 @@ pub struct GpuBackend {
     pub(super) device: GpuDevice,
     pub(super) resources: Resources,
     pub(super) pipelines: BTreeMap<KernelId, Pipeline>,
-    options: GpuOptions,
+    pub(super) options: GpuOptions,
     pub(super) raster: RasterKernels,
     pub(super) tile_rows_px: u32,
     /// Everything of the model but its parameters, which live on the device.
     pub(super) shape: Model,
     /// Clock and rates of the optimiser; its moments live on the device.
     pub(super) clock: AdamState,
-    capacity: Capacity,
-    photos: PhotoPool,
-    window_views: u32,
-    timer: Option<Timer>,
+    pub(super) capacity: Capacity,
+    pub(super) photos: PhotoPool,
+    pub(super) window_views: u32,
+    pub(super) timer: Option<Timer>,
 }
 
 impl GpuBackend {
@@ -198,146 +195,6 @@ impl GpuBackend {
         self.device.submit(encoder);
     }
 
-    /// Projection to picture.
-    fn forward(&self, offsets: Offsets, camera: &Camera, geometry: bool) -> Vec<Dispatch> {
-        let [cols, rows] = uniform::grid(camera, self.tile_rows_px);
-        let (project, raster) = if geometry {
-            (KernelId::ProjectGeometry, self.raster.fwd_geometry)
-        } else {
-            (KernelId::Project, self.raster.fwd)
-        };
-        let mut out = vec![Dispatch::new(project, offsets)];
-        out.push(Dispatch::new(KernelId::SettleTexel, offsets));
-        out.extend(sort::order_and_bin(offsets, cols * rows));
-        out.push(Dispatch::new(raster, offsets));
-        out
-    }
-
-    /// A whole step, with or without the terms on depths and normals, and the window statistics.
-    pub(super) fn step_dispatches(
-        &self,
-        offsets: Offsets,
-        camera: &Camera,
-        geometry: bool,
-        statistics: bool,
-    ) -> Vec<Dispatch> {
-        use KernelId as K;
-        let mut out = self.forward(offsets, camera, geometry);
-        let mut kernels = vec![K::LossFwd, K::LossBwd];
-        if geometry {
-            kernels.extend([K::GeometryLoss, self.raster.bwd_geometry, K::ProjectBwdGeometry]);
-            kernels.extend([K::AdamTexel, K::FinishGeometry]);
-        } else {
-            let bwd = if statistics { self.raster.bwd_statistics } else { self.raster.bwd };
-            kernels.extend([bwd, K::ProjectBwd, K::AdamTexel, K::Finish]);
-        }
-        out.extend(kernels.into_iter().map(|id| Dispatch::new(id, offsets)));
-        out
-    }
-
-    /// Compiles what depths and normals need, the first time.
-    fn compile_geometry(&mut self, training: bool) -> Result<()> {
-        let mut missing = self.raster.geometry(training);
-        missing.retain(|id| !self.pipelines.contains_key(id));
-        if !missing.is_empty() {
-            let compiled = self.device.pipelines(&missing, tile_flags(self.tile_rows_px))?;
-            self.pipelines.extend(compiled);
-        }
-        Ok(())
-    }
-
-    fn needs(&self, cameras: impl Iterator<Item = Camera>, training: bool, statistics: bool) -> Needs {
-        let n = self.shape.num_splats() as u64;
-        let guess = self.options.pair_capacity.unwrap_or((PAIRS_PER_SPLAT * n).max(1 << 14));
-        let mut needs = Needs {
-            splats: n,
-            pairs: self.capacity.pairs.max(guess),
-            training,
-            statistics,
-            ..Needs::default()
-        };
-        for camera in cameras {
-            let [cols, rows] = uniform::grid(&camera, self.tile_rows_px);
-            needs.pixels = needs.pixels.max(camera.pinhole.num_pixels() as u64);
-            needs.tiles = needs.tiles.max(u64::from(cols) * u64::from(rows));
-        }
-        needs
-    }
-
-    /// Makes room for the pairs that a view needs.
-    fn grow_pairs(&mut self, status: &Status, needs: &Needs) -> Result<()> {
-        if u64::from(status.needed_pairs) <= self.capacity.pairs {
-            return Err(self
-                .device
-                .error("a submission was not carried out, and the driver does not say why"));
-        }
-        let pairs = u64::from(status.needed_pairs) * 3 / 2;
-        self.capacity.ensure(&self.device, &mut self.resources, &Needs { pairs, ..*needs })
-    }
-
-    /// Runs steps that fit one submission; returns what those that were applied tell.
-    fn submit_steps(&mut self, requests: &[StepRequest<'_>]) -> Result<Vec<(Status, Stages)>> {
-        let kept: Vec<u32> = requests.iter().map(|r| r.photo).collect();
-        self.arm();
-        let mut dispatches = Vec::new();
-        let mut ends = Vec::new();
-        let mut scene = self.scene();
-        for (slot, request) in requests.iter().enumerate() {
-            let placed =
-                self.photos.place(&self.device, &self.resources, request.photo, request.target, &kept);
-            let photo_px =
-                placed.ok_or_else(|| self.device.error("the photos of a batch do not fit its pool"))?;
-            let offsets = self.set_uniform(slot, &uniform::step(&scene, request, photo_px, slot as u32));
-            let geometry = request.loss.needs_geometry();
-            let statistics = needs_statistics(request);
-            dispatches.extend(self.step_dispatches(offsets, &request.camera, geometry, statistics));
-            ends.push(dispatches.len());
-            (scene.settled_step, scene.settled_rates) = (request.step, request.rates);
-        }
-        self.submit(&dispatches);
-        let statuses: Vec<Status> = self.device.read(self.resources.buffer(Buf::Status), requests.len())?;
-        let applied = statuses.iter().take_while(|s| s.done == 1).count();
-        if let Some(last) = applied.checked_sub(1) {
-            (self.clock.step, self.clock.rates) = (requests[last].step, requests[last].rates);
-            let counted = requests[..applied].iter().filter(|r| r.accumulate_statistics).count();
-            self.window_views += counted as u32;
-        }
-        let times = match &self.timer {
-            Some(timer) => timer.read(&self.device, dispatches.len())?,
-            None => Vec::new(),
-        };
-        let stages = (0..requests.len()).map(|k| {
-            let range = ends[..k].last().copied().unwrap_or(0)..ends[k];
-            stages(&dispatches[range.clone()], times.get(range).unwrap_or_default())
-        });
-        Ok(statuses.into_iter().zip(stages).take(applied + 1).collect())
-    }
-
-    fn report(&self, request: &StepRequest<'_>, status: &Status, stages: Stages) -> StepReport {
-        let s = status;
-        let mut loss = LossValues {
-            total: 0.0,
-            l1: s.l1.into(),
-            dssim: s.dssim.into(),
-            mse: s.mse.into(),
-            opacity: s.opacity.into(),
-            texture: s.texture.into(),
-            distortion: s.distortion.into(),
-            normal: s.normal.into(),
-        };
-        loss.total =
-            loss.l1 + loss.dssim + loss.mse + loss.opacity + loss.texture + loss.distortion + loss.normal;
-        let counters = RasterCounters {
-            pixels: request.camera.pinhole.num_pixels() as u64,
-            visible_splats: s.visible.into(),
-            tile_pairs: s.needed_pairs.into(),
-            evaluated_pairs: s.evaluated.into(),
-            inside_pairs: s.inside.into(),
-            blended_pairs: s.blended.into(),
-        };
-        StepReport { loss, counters, non_finite_gradients: s.faults.into(), stages }
-    }
-
     /// Writes all lagging parameters down, as of the last step.
     pub(super) fn settle_all(&mut self) {
         self.arm();
@@ -375,38 +232,8 @@ impl GpuBackend {
 }
 
 /// Flags of all kernels for tiles of this height.
-fn tile_flags(tile_rows_px: u32) -> &'static [&'static str] {
+pub(super) fn tile_flags(tile_rows_px: u32) -> &'static [&'static str] {
     if tile_rows_px == HALF_TILE_ROWS_PX { &[HALF_TILES] } else { &[] }
-}
-
-/// Times by kernel, in the order in which they first run.
-type Stages = Vec<(&'static str, Duration)>;
-
-fn stages(dispatches: &[Dispatch], times: &[Duration]) -> Stages {
-    let mut out: Stages = Vec::new();
-    for (dispatch, time) in dispatches.iter().zip(times) {
-        let name = dispatch.kernel.kernel().name;
-        match out.iter_mut().find(|(n, _)| *n == name) {
-            Some((_, sum)) => *sum += *time,
-            None => out.push((name, *time)),
-        }
-    }
-    out
-}
-
-fn check_request(request: &StepRequest<'_>) -> Result<()> {
-    let (p, t) = (&request.camera.pinhole, request.target);
-    if (p.width_px, p.height_px) == (t.width_px, t.height_px) && t.rgb.len() == 3 * p.num_pixels() {
-        return Ok(());
-    }
-    Err(Error::Usage(format!(
-        "camera is {}x{} px but its photo {}x{} px with {} values",
-        p.width_px,
-        p.height_px,
-        t.width_px,
-        t.height_px,
-        t.rgb.len()
-    )))
 }
 
 impl Backend for GpuBackend {
@@ -423,6 +250,7 @@ impl Backend for GpuBackend {
     }
 
     fn render(&mut self, camera: &Camera, options: &RenderOptions) -> Result<RenderedImage> {
+        check_camera(camera)?;
         if options.geometry {
             self.compile_geometry(false)?;
         }

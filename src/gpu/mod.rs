@@ -25,6 +25,7 @@ mod sort;
 #[cfg(test)]
 mod sort_tests;
 mod structure;
+mod submission;
 #[cfg(test)]
 mod tile_list_tests;
 #[cfg(test)]
