@@ -82,7 +82,7 @@ impl GpuBackend {
     /// Compiles the kernels on an open device.
     ///
     /// # Errors
-    /// [`Error::Device`] if the driver refuses a kernel or memory.
+    /// [`crate::Error::Device`] if the driver refuses a kernel or memory.
     pub fn new(device: GpuDevice, options: GpuOptions) -> Result<Self> {
         let options = GpuOptions { batch_steps: options.batch_steps.clamp(1, BATCH), ..options };
         let hardware = options.hardware_kernels.unwrap_or(device.choice.hardware);
@@ -133,7 +133,7 @@ impl GpuBackend {
     /// compiled.
     ///
     /// # Errors
-    /// [`Error::Device`] if the driver refuses a kernel or memory.
+    /// [`crate::Error::Device`] if the driver refuses a kernel or memory.
     pub fn set_options(&mut self, options: GpuOptions) -> Result<()> {
         self.options = GpuOptions { batch_steps: options.batch_steps.clamp(1, BATCH), ..options };
         let hardware = options.hardware_kernels.unwrap_or(self.device.choice.hardware);
