@@ -106,7 +106,7 @@ fn leave(quantity: u32, at: u32, value: f32) {
 // One pixel of one splat; zeros where it has no part in it.
 fn pixel_bwd(replay: ptr<function, Replay>, s: Projected, index: u32, pixel: vec2u, at: u32, scattered: bool) {
     let hit = splat_hit(s, vec2f(pixel) + 0.5);
-    let blended = hit.inside && index < (*replay).end;
+    let blended = hit.inside && index < (*replay).end && in_box(s, pixel);
     var by_hit = vec2f(0.0);
     var by_plane = vec2f(0.0);
     var by_falloff = 0.0;

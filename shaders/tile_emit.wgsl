@@ -25,7 +25,8 @@ fn tile_emit(
     }
     let splat = values_in[rank];
     let shape = bounds[splat];
-    var slot = slot_offsets[rank] + block_sums[rank / BLOCK];
+    let first_slot = slot_offsets[rank] + block_sums[rank / BLOCK];
+    var slot = first_slot;
     bounds[splat].first_slot = slot;
     // Slots were counted by another kernel, whose rounding a driver need not repeat: no tile beyond them, and
     // those left over go to no tile.
@@ -39,6 +40,8 @@ fn tile_emit(
             slot += 1u;
         }
     }
+    // Nobody writes the sums of those: they are not added up.
+    bounds[splat].num_tiles = slot - first_slot;
     for (; slot < past; slot += 1u) {
         keys_out[slot] = step.grid.x * step.grid.y;
         slot_splat[slot] = splat;

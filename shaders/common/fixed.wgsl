@@ -6,8 +6,10 @@ const FIXED_MAX = 1073741824.0;
 
 // Units per unit of gradient: those for one pixel, over the pixels of the box rounded up to a power of two.
 fn texel_units(box_min: u32, box_max: u32) -> f32 {
-    let size = vec2f(unpack_px(box_max) - unpack_px(box_min));
-    return step.texel_units / exp2(ceil(log2(max(size.x * size.y, 1.0))));
+    let size = vec2u(unpack_px(box_max) - unpack_px(box_min));
+    // In integers: two kernels ask, and a float's logarithm need not come out the same in both.
+    let bits = 32u - countLeadingZeros(max(size.x * size.y, 1u) - 1u);
+    return step.texel_units / f32(1u << min(bits, 31u));
 }
 
 // Largest sum of one tile in units: that of all its pixels.

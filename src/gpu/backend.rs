@@ -362,11 +362,14 @@ impl Backend for GpuBackend {
         let originals = lagging.map(|name| (name, self.resources.buffer(name).clone()));
         let mut encoder =
             self.device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        let mut copies = Vec::new();
         for (name, original) in &originals {
             let copy = self.device.buffer("settled parameters", original.size() / 16, 16)?;
             encoder.copy_buffer_to_buffer(original, 0, &copy, 0, original.size());
-            self.resources.set(*name, copy);
+            copies.push((*name, copy));
         }
+        // Nothing is refused from here on: the originals come back on every path.
+        copies.into_iter().for_each(|(name, copy)| self.resources.set(name, copy));
         self.device.submit(encoder);
         self.settle_all();
         let settled = self.read_back();

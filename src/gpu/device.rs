@@ -120,7 +120,8 @@ impl GpuDevice {
         self.queue.submit([encoder.finish()]);
     }
 
-    /// Fails with whatever went wrong since it was last asked.
+    /// Fails with the first thing that went wrong outside of any call, for good: what the buffers hold is not
+    /// known any more.
     ///
     /// # Errors
     /// [`Error::Device`].
@@ -217,7 +218,9 @@ impl GpuDevice {
     fn pipeline(&self, kernel: &Kernel, flags: &[&str]) -> Result<Pipeline> {
         let flags = [kernel.flags, flags].concat();
         let expanded = expand(kernel.name, &flags, Target::Native).map_err(|e| self.error(&e))?;
-        let scope = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
+        let filters =
+            [wgpu::ErrorFilter::OutOfMemory, wgpu::ErrorFilter::Internal, wgpu::ErrorFilter::Validation];
+        let scopes = filters.map(|filter| self.device.push_error_scope(filter));
         let module = self.module(kernel.name, &expanded.text);
         let layout = self.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some(kernel.name),
@@ -240,7 +243,9 @@ impl GpuDevice {
             },
             cache: None,
         });
-        match pollster::block_on(scope.pop()) {
+        // Scopes end in the reverse order of their beginnings.
+        let refused = scopes.into_iter().rev().filter_map(|scope| pollster::block_on(scope.pop())).next();
+        match refused {
             Some(error) => Err(self.error(&format!("shader {} was refused: {error}", kernel.name))),
             None => Ok(Pipeline { pipeline, layout }),
         }

@@ -57,7 +57,10 @@ pub(super) fn filled<T: bytemuck::Pod>(device: &GpuDevice, what: &str, values: &
     Ok(buffer)
 }
 
-/// Sends model and state.
+/// Buffers that are to be put in place together.
+pub(super) type NewBuffers = Vec<(Buf, wgpu::Buffer)>;
+
+/// Sends model and state: all of it, or nothing.
 ///
 /// # Errors
 /// [`crate::Error::Device`] with counts if it does not fit.
@@ -67,37 +70,35 @@ pub(super) fn upload(
     model: &Model,
     adam: &AdamState,
 ) -> Result<()> {
+    let mut made = derived(device, model.num_splats(), model.num_texels())?;
     let splats = [(Buf::SplatP, &model.splats), (Buf::SplatM, &adam.splats_m), (Buf::SplatV, &adam.splats_v)];
     for (name, arrays) in splats {
-        resources.set(name, filled(device, "splat parameters", &interleaved(arrays))?);
+        made.push((name, filled(device, "splat parameters", &interleaved(arrays))?));
     }
     let texels =
         [(Buf::TexelP, &model.textures.texels), (Buf::TexelM, &adam.texels_m), (Buf::TexelV, &adam.texels_v)];
     for (name, values) in texels {
-        resources.set(name, filled(device, "texel parameters", values)?);
+        made.push((name, filled(device, "texel parameters", values)?));
     }
     let infos = splat_infos(&model.textures.maps, |i| adam.last_step[i]);
-    resources.set(Buf::SplatInfo, filled(device, "splat records", &infos)?);
-    make_derived(device, resources, model.num_splats(), model.num_texels())
+    made.push((Buf::SplatInfo, filled(device, "splat records", &infos)?));
+    made.into_iter().for_each(|(name, buffer)| resources.set(name, buffer));
+    Ok(())
 }
 
-/// Makes the buffers that follow in size from the numbers of splats and texels, all zero.
+/// The buffers that follow in size from the numbers of splats and texels, all zero.
 ///
 /// # Errors
 /// As [`upload`].
-pub(super) fn make_derived(
-    device: &GpuDevice,
-    resources: &mut Resources,
-    num_splats: usize,
-    num_texels: usize,
-) -> Result<()> {
+pub(super) fn derived(device: &GpuDevice, num_splats: usize, num_texels: usize) -> Result<NewBuffers> {
     let (n, t) = (num_splats as u64, num_texels as u64);
-    resources.set(Buf::TexelGrad, device.buffer("texel gradients", 3 * t, 4)?);
-    resources.set(Buf::TexelValues, device.buffer("activated texels", t, 16)?);
-    resources.set(Buf::Statistics, device.buffer("window statistics", n, 16)?);
-    resources.set(Buf::Projected, device.buffer("projected splats", n, PROJECTED_BYTES)?);
-    resources.set(Buf::Bounds, device.buffer("splat bounds", n, BOUNDS_BYTES)?);
-    Ok(())
+    Ok(vec![
+        (Buf::TexelGrad, device.buffer("texel gradients", 3 * t, 4)?),
+        (Buf::TexelValues, device.buffer("activated texels", t, 16)?),
+        (Buf::Statistics, device.buffer("window statistics", n, 16)?),
+        (Buf::Projected, device.buffer("projected splats", n, PROJECTED_BYTES)?),
+        (Buf::Bounds, device.buffer("splat bounds", n, BOUNDS_BYTES)?),
+    ])
 }
 
 /// Reads model parameters, both moments and the last steps of splats, into `model` and `adam`.

@@ -43,6 +43,7 @@ pub(super) fn apply_plan(backend: &mut GpuBackend, plan: &StructurePlan) -> Resu
         let values = device.buffer("texel parameters", 3 * shape.num_texels() as u64, 4)?;
         new_texels.push((name, values, filled(device, "scales of the plan", &scales)?));
     }
+    let derived = model_buffers::derived(device, n, shape.num_texels())?;
     // Everything is allocated: from here on nothing can fail half-way.
     backend.resources.set(Buf::Sources, sources);
     backend.resources.set(Buf::OldSplatInfo, old_info);
@@ -60,7 +61,7 @@ pub(super) fn apply_plan(backend: &mut GpuBackend, plan: &StructurePlan) -> Resu
     for name in [Buf::Sources, Buf::OldSplatInfo, Buf::OldValues, Buf::NewValues, Buf::Scales] {
         backend.resources.remove(name);
     }
-    model_buffers::make_derived(&backend.device, &mut backend.resources, n, shape.num_texels())?;
+    derived.into_iter().for_each(|(name, buffer)| backend.resources.set(name, buffer));
     backend.adopt(shape, clock);
     backend.device.check()
 }

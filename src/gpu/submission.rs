@@ -75,6 +75,8 @@ impl GpuBackend {
     ) -> Needs {
         let n = self.shape.num_splats() as u64;
         let guess = self.options.pair_capacity.unwrap_or((PAIRS_PER_SPLAT * n).max(1 << 14));
+        // A guess must not be what the device refuses.
+        let guess = guess.min(self.most_pairs());
         let mut needs = Needs {
             splats: n,
             pairs: self.capacity.pairs.max(guess),
@@ -90,6 +92,13 @@ impl GpuBackend {
         needs
     }
 
+    /// Pairs whose partial sums fit a buffer.
+    fn most_pairs(&self) -> u64 {
+        let limits = &self.device.limits;
+        let bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+        bytes / (4 * u64::from(uniform::PARTIAL_STRIDE_GEOMETRY))
+    }
+
     /// Makes room for the pairs that a view needs.
     pub(super) fn grow_pairs(&mut self, status: &Status, needs: &Needs) -> Result<()> {
         if u64::from(status.needed_pairs) <= self.capacity.pairs {
@@ -97,7 +106,8 @@ impl GpuBackend {
                 .device
                 .error("a submission was not carried out, and the driver does not say why"));
         }
-        let pairs = u64::from(status.needed_pairs) * 3 / 2;
+        let needed = u64::from(status.needed_pairs);
+        let pairs = (needed * 3 / 2).min(self.most_pairs()).max(needed);
         self.capacity.ensure(&self.device, &mut self.resources, &Needs { pairs, ..*needs })
     }
 

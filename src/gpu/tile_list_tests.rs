@@ -165,11 +165,15 @@ fn read_lists(harness: &Harness, case: &Case) -> Vec<Vec<u32>> {
     let mut slots: Vec<u32> = pairs.iter().map(|pair| pair[0]).collect();
     slots.sort_unstable();
     assert!(slots.into_iter().eq(0..total as u32), "each slot has one pair");
-    for [slot, splat, ..] in &pairs {
+    let ranges = harness.read::<[u32; 2]>(Buf::TileRanges, case.num_tiles() as usize);
+    // The slots that a splat adds up are those of its pairs in tiles: nobody writes the sums of others.
+    let mut summed = 0;
+    for [slot, splat, ..] in ranges.iter().flat_map(|&[a, b]| &pairs[a as usize..b as usize]) {
         let TestBounds { first_slot, num_tiles, .. } = bounds[*splat as usize];
         assert!((first_slot..first_slot + num_tiles).contains(slot), "slot {slot} of splat {splat}");
+        summed += 1;
     }
-    let ranges = harness.read::<[u32; 2]>(Buf::TileRanges, case.num_tiles() as usize);
+    assert_eq!(bounds.iter().map(|b| b.num_tiles).sum::<u32>(), summed);
     ranges.iter().map(|&[a, b]| pairs[a as usize..b as usize].iter().map(|pair| pair[1]).collect()).collect()
 }
 
