@@ -3,6 +3,7 @@
 // of the absolute residuals before the step.
 
 #constants
+#include common/groups
 #include common/numbers
 #include common/step
 #include common/splat
@@ -43,7 +44,7 @@ fn adam_texel(
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) lane: u32,
 ) {
-    let i = group.x + group.y * groups.x;
+    let i = group_index(group, groups);
     if i >= step.num_splats {
         return;
     }

@@ -2,6 +2,7 @@
 // entries (twin: SplatArrays::gathered).
 
 #constants
+#include common/groups
 #include common/step
 #include common/splat
 
@@ -15,7 +16,7 @@ fn gather_splats(
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) lane: u32,
 ) {
-    let i = group.x + group.y * groups.x;
+    let i = group_index(group, groups);
     if i < step.num_splats && lane < step.splat_stride {
         new_values[i * step.splat_stride + lane] = old_values[sources[i] * step.splat_stride + lane];
     }

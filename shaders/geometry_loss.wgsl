@@ -3,6 +3,7 @@
 // workgroup per tile, an invocation per pixel. Surface normals are constants to the derivative.
 
 #constants
+#include common/groups
 #include common/numbers
 #include common/step
 #include common/tile
@@ -83,7 +84,7 @@ fn geometry_loss(
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) lane: u32,
 ) {
-    let tile = tile_of(group, groups);
+    let tile = group_index(group, groups);
     if tile >= step.grid.x * step.grid.y {
         return;
     }

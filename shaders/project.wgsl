@@ -3,6 +3,7 @@
 // GEOMETRY: normals too.
 
 #constants
+#include common/groups
 #include common/numbers
 #include common/step
 #include common/splat
@@ -26,8 +27,12 @@
 const OUT_OF_SIGHT = (1u << DEPTH_KEY_BITS) - 1u;
 
 @compute @workgroup_size(GROUP)
-fn project(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
-    let i = id.x + id.y * groups.x * GROUP;
+fn project(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let i = group_index(group, groups) * GROUP + lane;
     if i >= step.num_splats {
         return;
     }

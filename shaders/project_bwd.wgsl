@@ -4,6 +4,7 @@
 // GEOMETRY: sums of depth and normal too.
 
 #constants
+#include common/groups
 #include common/numbers
 #include common/step
 #include common/splat
@@ -189,7 +190,7 @@ fn project_bwd(
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) lane: u32,
 ) {
-    let i = group.x + group.y * groups.x;
+    let i = group_index(group, groups);
     if i >= step.num_splats {
         return;
     }

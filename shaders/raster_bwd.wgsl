@@ -12,6 +12,7 @@
 // tap instead.
 
 #constants
+#include common/groups
 #include common/numbers
 #include common/step
 #include common/splat
@@ -306,7 +307,7 @@ fn raster_bwd(
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) lane: u32,
 ) {
-    let tile = tile_of(group, groups);
+    let tile = group_index(group, groups);
     if tile >= step.grid.x * step.grid.y {
         return;
     }

@@ -4,6 +4,7 @@
 // GEOMETRY: depths and normals too; a kernel has no binding left for both.
 
 #constants
+#include common/groups
 #include common/numbers
 #include common/step
 #include common/splat
@@ -133,7 +134,7 @@ fn raster_fwd(
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) lane: u32,
 ) {
-    let tile = tile_of(group, groups);
+    let tile = group_index(group, groups);
     if tile >= step.grid.x * step.grid.y {
         return;
     }

@@ -3,6 +3,7 @@
 // cpu/structure.rs). Carries the source's last step along.
 
 #constants
+#include common/groups
 #include common/step
 #include common/splat
 
@@ -39,7 +40,7 @@ fn resample_maps(
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) lane: u32,
 ) {
-    let i = group.x + group.y * groups.x;
+    let i = group_index(group, groups);
     if i >= step.num_splats {
         return;
     }

@@ -3,6 +3,7 @@
 // settle_texel, which goes after this.
 
 #constants
+#include common/groups
 #include common/numbers
 #include common/step
 #include common/splat
@@ -19,7 +20,7 @@ fn settle_splat(
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) lane: u32,
 ) {
-    let i = group.x + group.y * groups.x;
+    let i = group_index(group, groups);
     let f = SH + lane;
     if i >= step.num_splats || f >= step.splat_stride {
         return;

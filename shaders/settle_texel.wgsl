@@ -3,6 +3,7 @@
 // activated, so that the picture shows it. FLAG_ALL_MAPS: every map, seen or not, is activated.
 
 #constants
+#include common/groups
 #include common/numbers
 #include common/step
 #include common/splat
@@ -23,7 +24,7 @@ fn settle_texel(
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) lane: u32,
 ) {
-    let i = group.x + group.y * groups.x;
+    let i = group_index(group, groups);
     if i >= step.num_splats {
         return;
     }

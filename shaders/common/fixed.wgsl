@@ -1,9 +1,6 @@
 // Fixed point of the texel gradients: integer sums do not depend on their order. A unit is chosen per splat so
 // that even a texel that all pixels of the splat's box share cannot overflow.
 
-// Largest magnitude of a sum, in units.
-const FIXED_MAX = 1073741824.0;
-
 // Units per unit of gradient: those for one pixel, over the pixels of the box rounded up to a power of two.
 fn texel_units(box_min: u32, box_max: u32) -> f32 {
     let size = vec2u(unpack_px(box_max) - unpack_px(box_min));

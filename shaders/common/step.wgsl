@@ -72,7 +72,7 @@ const FLAG_ALL_MAPS = 4u;
 // Tiles of the rasterisation: half as high for software drivers, which compute every pixel of a tile whether the
 // splat reaches it or not.
 #if HALF_TILES
-const TILE_ROWS_PX = 8u;
+const TILE_ROWS_PX = HALF_TILE_ROWS_PX;
 #else
 const TILE_ROWS_PX = TILE_PX;
 #endif

@@ -1,11 +1,7 @@
-// Which tile a workgroup has and which pixel an invocation: 32 invocations in a row cover 8 x 4 pixels, so
+// Which pixel of a tile an invocation has: 32 invocations in a row cover 8 x 4 pixels, so
 // that subgroups stay compact whatever their size.
 
 const TILE_SIZE_PX = vec2u(TILE_PX, TILE_ROWS_PX);
-
-fn tile_of(group: vec3u, groups: vec3u) -> u32 {
-    return group.x + group.y * groups.x;
-}
 
 fn tile_origin_px(tile: u32) -> vec2u {
     return vec2u(tile % step.grid.x, tile / step.grid.x) * TILE_SIZE_PX;
