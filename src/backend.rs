@@ -136,6 +136,27 @@ pub struct StepRequest<'a> {
     pub accumulate_statistics: bool,
 }
 
+impl StepRequest<'_> {
+    /// Checks that camera and photo are of one size.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] with both.
+    pub fn check(&self) -> Result<()> {
+        let (p, t) = (&self.camera.pinhole, self.target);
+        if (p.width_px, p.height_px) == (t.width_px, t.height_px) && t.rgb.len() == 3 * p.num_pixels() {
+            return Ok(());
+        }
+        Err(Error::Usage(format!(
+            "camera is {}x{} px but its photo {}x{} px with {} values",
+            p.width_px,
+            p.height_px,
+            t.width_px,
+            t.height_px,
+            t.rgb.len()
+        )))
+    }
+}
+
 /// Value of each loss term, weighted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct LossValues {

@@ -60,8 +60,8 @@ fn ten_steps_follow_the_cpu_backend(driver: &AdapterChoice, limits: Limits) {
     let (g, c) = (gpu.read_settled().unwrap(), cpu.read_settled().unwrap());
     for (group, difference) in differences(&scene.model, &g, &c) {
         println!("{} {group}: {difference:.2e}", driver.name);
-        // Adam turns the sign of a tiny gradient into a full step, so that rounding shows.
-        assert!(difference < 0.1, "{group}: {difference}");
+        // Adam turns the sign of a tiny gradient into a full step, so that rounding shows: needed 7e-3.
+        assert!(difference < 0.03, "{group}: {difference}");
     }
     let negative_control = differences(&scene.model, &scene.model, &c);
     assert!(negative_control.iter().all(|(_, d)| *d > 0.9), "{negative_control:?}");

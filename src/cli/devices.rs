@@ -95,9 +95,7 @@ fn open_gpu(name: &str) -> Result<Box<dyn Backend>> {
 #[cfg(feature = "gpu")]
 pub fn open_gpu_backend(name: &str) -> Result<litetex_gs::gpu::GpuBackend> {
     use litetex_gs::gpu::{GpuBackend, GpuDevice, GpuOptions, Limits, find_adapter};
-    let limits =
-        if std::env::var_os("LITETEX_DOWNLEVEL").is_some() { Limits::Downlevel } else { Limits::Adapter };
-    let device = GpuDevice::open(&find_adapter(name)?, limits)?;
+    let device = GpuDevice::open(&find_adapter(name)?, Limits::Adapter)?;
     GpuBackend::new(device, GpuOptions::default())
 }
 

@@ -153,21 +153,6 @@ fn total(values: &mut LossValues, request: &StepRequest<'_>, input: &UpdateInput
     values.total = v.l1 + v.dssim + v.mse + v.opacity + v.texture + v.distortion + v.normal;
 }
 
-fn check_size(request: &StepRequest<'_>) -> Result<()> {
-    let (p, t) = (&request.camera.pinhole, request.target);
-    if (p.width_px, p.height_px) == (t.width_px, t.height_px) && t.rgb.len() == 3 * p.num_pixels() {
-        return Ok(());
-    }
-    Err(Error::Usage(format!(
-        "camera is {}x{} px but its photo {}x{} px with {} values",
-        p.width_px,
-        p.height_px,
-        t.width_px,
-        t.height_px,
-        t.rgb.len()
-    )))
-}
-
 fn empty_statistics(n: usize) -> WindowStatistics {
     WindowStatistics {
         views: 0,
@@ -210,7 +195,7 @@ impl Backend for CpuBackend {
     }
 
     fn step(&mut self, request: &StepRequest<'_>) -> Result<StepReport> {
-        check_size(request)?;
+        request.check()?;
         self.settled = None;
         let Self { level, pool, model, adam, frame, loss, partials, statistics, count_pairs, .. } = self;
         let level = *level;

@@ -85,9 +85,7 @@ impl GpuBackend {
     /// [`crate::Error::Device`] if the driver refuses a kernel or memory.
     pub fn new(device: GpuDevice, options: GpuOptions) -> Result<Self> {
         let options = GpuOptions { batch_steps: options.batch_steps.clamp(1, BATCH), ..options };
-        let hardware = options.hardware_kernels.unwrap_or(device.choice.hardware);
-        let raster = RasterKernels::choose(hardware, options.count_pairs, options.count_texel_atomics);
-        let tile_rows_px = if hardware { TILE_PX } else { HALF_TILE_ROWS_PX };
+        let (raster, tile_rows_px) = variants(&device, &options);
         let pipelines = device.pipelines(&raster.and_all_others(), tile_flags(tile_rows_px))?;
         let passes = sort::sort_passes();
         let mut resources = Resources::new(
@@ -136,18 +134,18 @@ impl GpuBackend {
     /// [`crate::Error::Device`] if the driver refuses a kernel or memory.
     pub fn set_options(&mut self, options: GpuOptions) -> Result<()> {
         self.options = GpuOptions { batch_steps: options.batch_steps.clamp(1, BATCH), ..options };
-        let hardware = options.hardware_kernels.unwrap_or(self.device.choice.hardware);
-        self.raster = RasterKernels::choose(hardware, options.count_pairs, options.count_texel_atomics);
-        let tile_rows_px = if hardware { TILE_PX } else { HALF_TILE_ROWS_PX };
-        if tile_rows_px != self.tile_rows_px {
-            // The height of tiles is compiled into most of them.
+        let (raster, tile_rows_px) = variants(&self.device, &options);
+        // The height of tiles is compiled into most of them: another height keeps none.
+        let keeps = tile_rows_px == self.tile_rows_px;
+        let mut missing = raster.and_all_others();
+        missing.retain(|id| !keeps || !self.pipelines.contains_key(id));
+        let compiled = self.device.pipelines(&missing, tile_flags(tile_rows_px))?;
+        if !keeps {
             self.pipelines.clear();
             self.resources.forget_groups();
-            self.tile_rows_px = tile_rows_px;
         }
-        let mut missing = self.raster.and_all_others();
-        missing.retain(|id| !self.pipelines.contains_key(id));
-        self.pipelines.extend(self.device.pipelines(&missing, tile_flags(tile_rows_px))?);
+        self.pipelines.extend(compiled);
+        (self.raster, self.tile_rows_px) = (raster, tile_rows_px);
         self.timer = if options.time_kernels { Timer::new(&self.device)? } else { None };
         Ok(())
     }
@@ -229,6 +227,13 @@ impl GpuBackend {
         let offsets = self.set_uniform(0, &uniform);
         self.submit(&[Dispatch::new(KernelId::SettleTexel, offsets)]);
     }
+}
+
+/// Kernels of the rasterisation and the height of its tiles.
+fn variants(device: &GpuDevice, options: &GpuOptions) -> (RasterKernels, u32) {
+    let hardware = options.hardware_kernels.unwrap_or(device.choice.hardware);
+    let raster = RasterKernels::choose(hardware, options.count_pairs, options.count_texel_atomics);
+    (raster, if hardware { TILE_PX } else { HALF_TILE_ROWS_PX })
 }
 
 /// Flags of all kernels for tiles of this height.

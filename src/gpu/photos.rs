@@ -105,8 +105,9 @@ impl PhotoPool {
                     let size_px = [target.width_px, target.height_px];
                     self.resident.push(Resident { photo, size_px, first_px, end_px });
                     self.next_px = end_px;
-                    let bytes = bytemuck::cast_slice(&packed(target)).to_vec();
-                    device.queue.write_buffer(resources.buffer(Buf::Photo), first_px * PIXEL_BYTES, &bytes);
+                    let words = packed(target);
+                    let (pool, at) = (resources.buffer(Buf::Photo), first_px * PIXEL_BYTES);
+                    device.queue.write_buffer(pool, at, bytemuck::cast_slice(&words));
                     return Some(first_px as u32);
                 }
             }

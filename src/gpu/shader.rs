@@ -12,6 +12,8 @@ use std::fmt::Write as _;
 pub const TILE_PX: u32 = 16;
 /// Height of the rasterisation's tiles with the flag [`HALF_TILES`].
 pub const HALF_TILE_ROWS_PX: u32 = 8;
+/// Largest sum of texel gradients in fixed point, with room for one more bit.
+pub const FIXED_MAX: f64 = (1 << 30) as f64;
 /// Flag of all kernels on software drivers.
 pub const HALF_TILES: &str = "HALF_TILES";
 /// Invocations of most workgroups, and pixels of a tile.
@@ -190,9 +192,11 @@ pub fn shared_constants() -> (Named<f64>, Named<u32>) {
         ("LOG_SCALE_MIN", c::LOG_SCALE_RANGE.0),
         ("LOG_SCALE_MAX", c::LOG_SCALE_RANGE.1),
         ("BASE_RGB_MAX", c::BASE_RGB_MAX),
+        ("FIXED_MAX", FIXED_MAX),
     ];
     let integers = vec![
         ("TILE_PX", TILE_PX),
+        ("HALF_TILE_ROWS_PX", HALF_TILE_ROWS_PX),
         ("GROUP", GROUP),
         ("SPLAT_GROUP", SPLAT_GROUP),
         ("BLOCK", BLOCK),

@@ -203,16 +203,5 @@ pub(super) fn check_camera(camera: &Camera) -> Result<()> {
 
 pub(super) fn check_request(request: &StepRequest<'_>) -> Result<()> {
     check_camera(&request.camera)?;
-    let (p, t) = (&request.camera.pinhole, request.target);
-    if (p.width_px, p.height_px) == (t.width_px, t.height_px) && t.rgb.len() == 3 * p.num_pixels() {
-        return Ok(());
-    }
-    Err(Error::Usage(format!(
-        "camera is {}x{} px but its photo {}x{} px with {} values",
-        p.width_px,
-        p.height_px,
-        t.width_px,
-        t.height_px,
-        t.rgb.len()
-    )))
+    request.check()
 }

@@ -1,7 +1,7 @@
 //! Fills the uniform of a step or a picture.
 
 use super::layout::{FLAG_PERSIST, FLAG_STATISTICS, StepUniform};
-use super::shader::TILE_PX;
+use super::shader::{FIXED_MAX, TILE_PX};
 use crate::backend::{LossWeights, StepRequest};
 use crate::camera::Camera;
 use crate::constants::{ADAM_BETA1, ADAM_BETA2};
@@ -114,9 +114,6 @@ pub(super) fn step(
         ..picture(scene, &request.camera, request.background, request.sh_degree)
     }
 }
-
-/// Largest sum in fixed point, with room for one more bit.
-const FIXED_MAX: f64 = (1 << 30) as f64;
 
 /// Bound of the derivative of the loss by a channel of a pixel, times their number: 1 for L1, 2 per unit of
 /// difference for MSE, and for SSIM 2 / sqrt(C2), where a window is flat in the photo; a power of two.
