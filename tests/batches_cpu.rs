@@ -80,6 +80,10 @@ impl Backend for Batched {
         };
         requests.iter().zip(from).map(&mut one).collect()
     }
+    fn set_statistics(&mut self, statistics: &WindowStatistics) -> Result<()> {
+        self.inner.set_statistics(statistics)
+    }
+
     fn read_statistics(&mut self) -> Result<WindowStatistics> {
         self.inner.read_statistics()
     }

@@ -153,16 +153,6 @@ fn total(values: &mut LossValues, request: &StepRequest<'_>, input: &UpdateInput
     values.total = v.l1 + v.dssim + v.mse + v.opacity + v.texture + v.distortion + v.normal;
 }
 
-fn empty_statistics(n: usize) -> WindowStatistics {
-    WindowStatistics {
-        views: 0,
-        seen: vec![0; n],
-        area: vec![0.0; n],
-        contribution: vec![0.0; n],
-        error: vec![0.0; n],
-    }
-}
-
 impl Backend for CpuBackend {
     fn device(&self) -> DeviceInfo {
         let simd = SimdLevel(self.level).name();
@@ -176,7 +166,7 @@ impl Backend for CpuBackend {
         self.model = model.clone();
         self.adam = adam.clone();
         self.settled = None;
-        self.statistics = empty_statistics(model.num_splats());
+        self.statistics = WindowStatistics::empty(model.num_splats());
         Ok(())
     }
 
@@ -235,8 +225,13 @@ impl Backend for CpuBackend {
     }
 
     fn read_statistics(&mut self) -> Result<WindowStatistics> {
-        let empty = empty_statistics(self.model.num_splats());
-        Ok(std::mem::replace(&mut self.statistics, empty))
+        Ok(self.statistics.clone())
+    }
+
+    fn set_statistics(&mut self, statistics: &WindowStatistics) -> Result<()> {
+        statistics.check(self.model.num_splats())?;
+        self.statistics = statistics.clone();
+        Ok(())
     }
 
     fn apply_plan(&mut self, plan: &StructurePlan) -> Result<()> {
@@ -246,7 +241,7 @@ impl Backend for CpuBackend {
         self.pool.install(|| settle(model, adam, None, step));
         (self.model, self.adam) = self.pool.install(|| structure::apply_plan(&self.model, &self.adam, plan));
         self.settled = None;
-        self.statistics = empty_statistics(self.model.num_splats());
+        self.statistics = WindowStatistics::empty(self.model.num_splats());
         Ok(())
     }
 

@@ -14,6 +14,9 @@ pub(super) fn apply_plan(model: &Model, adam: &AdamState, plan: &StructurePlan) 
             (map.rows, map.cols, map.texel_size)
         }
         MapChange::Resample { rows, cols, texel_size, .. } => (rows, cols, texel_size),
+        MapChange::Regrid { grid, rows, cols, .. } => {
+            (rows, cols, old[s as usize].texel_size * grid.texel_ratio())
+        }
     });
     let mut textures = TexturePool::neutral(extents);
     let resample_all = |from: &[f32], factor: fn(&MapChange) -> f32| -> Vec<f32> {
@@ -52,7 +55,7 @@ pub(super) fn apply_plan(model: &Model, adam: &AdamState, plan: &StructurePlan) 
 fn moment_scale(change: &MapChange) -> [f32; 2] {
     match *change {
         MapChange::Keep => [1.0, 1.0],
-        MapChange::Resample { moment_scale, .. } => moment_scale,
+        MapChange::Resample { moment_scale, .. } | MapChange::Regrid { moment_scale, .. } => moment_scale,
     }
 }
 
@@ -120,7 +123,7 @@ mod tests {
         adam.texels_v.iter_mut().enumerate().for_each(|(i, v)| *v = 0.01 * (i as f32).cos().abs());
         adam.splats_m.positions.fill(0.3);
         let maps = vec![change, MapChange::Keep, MapChange::Keep];
-        (model, adam, StructurePlan { sources: vec![0, 1, 2], maps })
+        (model, adam, StructurePlan { sources: vec![0, 1, 2], maps, ..StructurePlan::default() })
     }
 
     #[test]

@@ -333,20 +333,28 @@ impl Backend for GpuBackend {
     fn read_statistics(&mut self) -> Result<WindowStatistics> {
         let n = self.shape.num_splats();
         let values: Vec<[f32; 4]> = self.device.read(self.resources.buffer(Buf::Statistics), n)?;
-        let zeros = vec![[0.0_f32; 4]; n];
-        self.device.queue.write_buffer(
-            self.resources.buffer(Buf::Statistics),
-            0,
-            bytemuck::cast_slice(&zeros),
-        );
         let column = |k: usize| values.iter().map(|v| v[k]).collect::<Vec<f32>>();
         Ok(WindowStatistics {
-            views: std::mem::take(&mut self.window_views),
+            views: self.window_views,
             seen: values.iter().map(|v| v[0] as u32).collect(),
             area: column(1),
             contribution: column(2),
             error: column(3),
         })
+    }
+
+    fn set_statistics(&mut self, statistics: &WindowStatistics) -> Result<()> {
+        statistics.check(self.shape.num_splats())?;
+        let values: Vec<[f32; 4]> = (0..statistics.seen.len())
+            .map(|i| {
+                let s = statistics;
+                [s.seen[i] as f32, s.area[i], s.contribution[i], s.error[i]]
+            })
+            .collect();
+        let buffer = self.resources.buffer(Buf::Statistics);
+        self.device.queue.write_buffer(buffer, 0, bytemuck::cast_slice(&values));
+        self.window_views = statistics.views;
+        Ok(())
     }
 
     fn apply_plan(&mut self, plan: &StructurePlan) -> Result<()> {

@@ -21,6 +21,9 @@ pub(super) fn apply_plan(backend: &mut GpuBackend, plan: &StructurePlan) -> Resu
             (map.rows, map.cols, map.texel_size)
         }
         MapChange::Resample { rows, cols, texel_size, .. } => (rows, cols, texel_size),
+        MapChange::Regrid { grid, rows, cols, .. } => {
+            (rows, cols, old.textures.maps[s as usize].texel_size * grid.texel_ratio())
+        }
     });
     let textures = TexturePool::neutral(extents);
     let (n, degree) = (plan.sources.len(), old.splats.sh_degree);
@@ -70,7 +73,9 @@ pub(super) fn apply_plan(backend: &mut GpuBackend, plan: &StructurePlan) -> Resu
 fn scale_of(change: &MapChange, moment: usize) -> f32 {
     match *change {
         MapChange::Keep => 1.0,
-        MapChange::Resample { moment_scale, .. } => [1.0, moment_scale[0], moment_scale[1]][moment],
+        MapChange::Resample { moment_scale, .. } | MapChange::Regrid { moment_scale, .. } => {
+            [1.0, moment_scale[0], moment_scale[1]][moment]
+        }
     }
 }
 

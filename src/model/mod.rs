@@ -55,14 +55,38 @@ pub struct LearningRates {
     pub sh_dc: f32,
     /// SH degrees 1 to 3.
     pub sh_rest: f32,
-    /// Texels; 0 before their training starts.
+    /// Texels of a 2 x 2 map; 0 before their training starts.
     pub texel: f32,
+    /// A map of more texels learns faster, by `(texels / 4)` to this power... (0: all maps alike; paper:
+    /// resolution-aware update rule, 0.5)
+    pub texel_growth: f32,
+    /// ... at most by this factor (paper: 4).
+    pub texel_growth_limit: f32,
 }
 
 impl LearningRates {
     /// In the order of the fields.
-    pub fn to_array(&self) -> [f32; 7] {
-        [self.position, self.quaternion, self.log_scale, self.opacity, self.sh_dc, self.sh_rest, self.texel]
+    pub fn to_array(&self) -> [f32; 9] {
+        [
+            self.position,
+            self.quaternion,
+            self.log_scale,
+            self.opacity,
+            self.sh_dc,
+            self.sh_rest,
+            self.texel,
+            self.texel_growth,
+            self.texel_growth_limit,
+        ]
+    }
+
+    /// Rate of the texels of a map.
+    pub fn of_map(&self, num_texels: usize) -> f32 {
+        if self.texel_growth == 0.0 {
+            return self.texel;
+        }
+        let factor = (num_texels as f32 / 4.0).powf(self.texel_growth);
+        self.texel * factor.clamp(1.0, self.texel_growth_limit.max(1.0))
     }
 
     /// From values in the order of the fields; missing ones are 0.
@@ -76,6 +100,8 @@ impl LearningRates {
             sh_dc: at(4),
             sh_rest: at(5),
             texel: at(6),
+            texel_growth: at(7),
+            texel_growth_limit: at(8),
         }
     }
 }

@@ -22,6 +22,8 @@ const RATES: LearningRates = LearningRates {
     sh_dc: 2.5e-3,
     sh_rest: 1.25e-4,
     texel: 2e-3,
+    texel_growth: 0.5,
+    texel_growth_limit: 4.0,
 };
 
 /// One comparison.

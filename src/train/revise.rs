@@ -38,5 +38,9 @@ pub(super) fn revise_maps(model: &Model, policy: TexturePolicy) -> Option<Struct
         })
         .collect();
     let changes = maps.iter().any(|m| *m != MapChange::Keep);
-    changes.then(|| StructurePlan { sources: (0..maps.len() as u32).collect(), maps })
+    changes.then(|| StructurePlan {
+        sources: (0..maps.len() as u32).collect(),
+        maps,
+        ..StructurePlan::default()
+    })
 }

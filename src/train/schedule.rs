@@ -63,6 +63,8 @@ impl Schedule {
             sh_dc: slow * r.sh_dc,
             sh_rest: fast * r.sh_rest,
             texel: if step >= self.texture_start { fast * r.texel } else { 0.0 },
+            texel_growth: 0.0,
+            texel_growth_limit: 1.0,
         }
     }
 

@@ -13,6 +13,8 @@ pub const RATES: LearningRates = LearningRates {
     sh_dc: 2.5e-3,
     sh_rest: 1e-4,
     texel: 1e-3,
+    texel_growth: 0.5,
+    texel_growth_limit: 4.0,
 };
 
 /// Renders and takes three steps; every pixel and every parameter that was finite must stay so.

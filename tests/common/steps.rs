@@ -12,6 +12,8 @@ const RATES: LearningRates = LearningRates {
     sh_dc: 2.5e-3,
     sh_rest: 1.25e-4,
     texel: 2e-3,
+    texel_growth: 0.5,
+    texel_growth_limit: 4.0,
 };
 
 pub fn scene(seed: u64) -> Scene {
@@ -68,7 +70,7 @@ pub fn requests(
 
 /// Every fourth splat goes, every seventh comes twice, maps are kept, enlarged, shrunk or dropped.
 pub fn plan(num_splats: usize) -> StructurePlan {
-    let mut plan = StructurePlan { sources: Vec::new(), maps: Vec::new() };
+    let mut plan = StructurePlan::default();
     for i in (0..num_splats).filter(|i| i % 4 != 0) {
         for copy in 0..1 + usize::from(i % 7 == 0) {
             let resample = |rows, cols, texel_size| MapChange::Resample {

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | `splats.{positions,quaternions,log_scales,opacity_logits,sh}` | f32 `[n,3] [n,4] [n,2] [n] [n,k,3]`, k = (degree + 1)^2 |
 //! | `adam.m.*`, `adam.v.*` | the same five, and `texels` |
-//! | `adam.last_step`, `adam.step`, `adam.rates` | u32 `[n]`, u32 `[1]`, f32 `[7]` |
+//! | `adam.last_step`, `adam.step`, `adam.rates` | u32 `[n]`, u32 `[1]`, f32 `[9]` |
 //! | `textures.maps.{offset,rows,cols,texel_size}` | u32, u16, u16, f32 `[n]` |
 //! | `textures.texels` | f32 `[t,3]` |
 //! | `frame.near`, `frame.capture_from_local` | f32 `[1]`, f64 `[4]`: scale, translation |
@@ -107,7 +107,7 @@ pub fn tensors(state: &TrainState) -> BTreeMap<String, Tensor<'_>> {
     put("adam.v.texels", Tensor::f32(&texels, &adam.texels_v));
     put("adam.last_step", Tensor::u32(&[n], &adam.last_step));
     put("adam.step", Tensor::scalar_u32(adam.step));
-    put("adam.rates", Tensor::f32(&[7], adam.rates.to_array().to_vec()));
+    put("adam.rates", Tensor::f32(&[9], adam.rates.to_array().to_vec()));
 
     let maps = &model.textures.maps;
     let offsets: Vec<u32> = maps.iter().map(|m| m.offset_texels).collect();
@@ -149,7 +149,7 @@ pub fn state(reader: &mut Reader<'_>) -> Result<TrainState> {
         texels_v: f32s(reader.take("adam.v.texels", Dtype::F32, &texels)?),
         last_step: u32s(reader.take("adam.last_step", Dtype::U32, &[n])?),
         step: u32s(reader.take("adam.step", Dtype::U32, &[1])?)[0],
-        rates: LearningRates::from_array(&f32s(reader.take("adam.rates", Dtype::F32, &[7])?)),
+        rates: LearningRates::from_array(&f32s(reader.take("adam.rates", Dtype::F32, &[9])?)),
     };
     let textures = TexturePool {
         maps: maps(reader, n)?,
