@@ -29,6 +29,10 @@ impl Backend for Broken {
         target.rgb.rotate_left(3);
         self.0.step(&StepRequest { target: &target, ..*request })
     }
+    fn set_statistics(&mut self, statistics: &WindowStatistics) -> Result<()> {
+        self.0.set_statistics(statistics)
+    }
+
     fn read_statistics(&mut self) -> Result<WindowStatistics> {
         self.0.read_statistics()
     }
