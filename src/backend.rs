@@ -305,7 +305,7 @@ pub enum MapChange {
         /// Factors of the texels' first and second moments.
         moment_scale: [f32; 2],
     },
-    /// Bilinear resampling about the centre to a new size; texels and moments outside are zero. The
+    /// Bilinear resampling to a new size about the centre or a place beside it; texels and moments outside are zero. The
     /// moments of the splat's other parameters stay as they are.
     Resample {
         /// New texels along u.
@@ -314,6 +314,8 @@ pub enum MapChange {
         cols: u16,
         /// New edge of a texel, local units.
         texel_size: f32,
+        /// Place of the new map's centre in the old one, texels of the old map from its centre.
+        shift_texels: [f32; 2],
         /// Factors of the texels' first and second moments, applied after the resampling:
         /// `[1.0, 1.0]` is the resampling alone. A gradient by a texel shrinks with its area, so a map
         /// of twice as many texels per axis takes `[1.0 / 4.0, 1.0 / 16.0]`.

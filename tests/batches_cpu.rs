@@ -161,6 +161,9 @@ fn run(backend: &mut dyn Backend, views: &dyn ViewSource, start: TrainState, sto
             TrainEvent::EvalView { step, view, image } => {
                 format!("view {step} {view} {:?}", &image.rgb[..99])
             }
+            TrainEvent::Structure { step, counts, num_splats, num_texels, .. } => {
+                format!("structure {step} {counts:?} {num_splats} {num_texels}")
+            }
             TrainEvent::Evaluated { step, evaluation, point, last } => {
                 format!("evaluated {step} {} {evaluation:?} {last}", point.psnr_test)
             }

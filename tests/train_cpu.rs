@@ -235,7 +235,8 @@ fn plans_gather_and_resample() {
 
     let half: Vec<u32> = (0..n).step_by(2).collect();
     let texel_size = model.textures.maps[0].texel_size;
-    let change = MapChange::Resample { rows: 6, cols: 3, texel_size, moment_scale: [1.0, 1.0] };
+    let change =
+        MapChange::Resample { rows: 6, cols: 3, texel_size, shift_texels: [0.0; 2], moment_scale: [1.0; 2] };
     backend.apply_plan(&plan(&half, change)).unwrap();
     let (small, small_adam) = backend.read_back().unwrap();
     assert_eq!((small.num_splats(), small.num_texels()), (150, 150 * 18));

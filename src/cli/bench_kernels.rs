@@ -151,7 +151,7 @@ mod with_gpu {
         let capture = capture::open(&path, &options)?;
         log.report(&capture.report);
         let config = TrainConfig::default();
-        let (state, left_out) = capture::fresh_state(&capture, &InitSource::Auto, &config)?;
+        let (state, left_out) = capture::fresh_state(&capture, &InitSource::Auto, None, &config)?;
         log.report(&left_out);
         let train = capture.indices(Split::Train);
         // Spread over the capture.

@@ -2,8 +2,8 @@
 //! the state that training starts from.
 
 use litetex_gs::dataset::{InitOptions, initial_model};
-use litetex_gs::train::{TrainConfig, TrainState};
-use litetex_gs::{Report, Result};
+use litetex_gs::train::{Policy, TrainConfig, TrainState};
+use litetex_gs::{Error, Report, Result};
 use std::path::Path;
 
 pub use litetex_gs::dataset::{Capture, CaptureFormat, InitSource, LoadOptions};
@@ -23,15 +23,32 @@ pub fn open(path: &Path, options: &LoadOptions) -> Result<Capture> {
 pub fn fresh_state(
     capture: &Capture,
     source: &InitSource,
+    max_points: Option<usize>,
     config: &TrainConfig,
 ) -> Result<(TrainState, Report)> {
     let options = InitOptions {
         source: source.clone(),
         sh_degree: config.sh_degree,
-        texture: config.texture,
+        policy: config.policy,
         seed: config.seed,
         ..InitOptions::default()
     };
+    // Every map starts with 2 x 2 texels, or R x R.
+    let texels_each = match config.policy {
+        Policy::Plain | Policy::None => 0,
+        Policy::Fixed(resolution) => usize::from(resolution).pow(2),
+        Policy::Litetex => 4,
+        Policy::Cat => 64,
+    };
+    let most = config.budget.most_splats(texels_each).min(max_points.unwrap_or(usize::MAX));
+    if most == 0 {
+        return Err(Error::Usage(format!(
+            "the budget allows no splat: {:?}, and a splat has 59 parameters and {texels_each} texels at the \
+             start; raise --max-splats, --max-texels or --budget-params",
+            config.budget
+        )));
+    }
+    let options = InitOptions { max_points: options.max_points.min(most), ..options };
     let (model, report) = initial_model(capture, &options)?;
     Ok((TrainState::fresh(model), report))
 }

@@ -3,6 +3,7 @@
 
 use super::capture::{InitSource, LoadOptions};
 use super::capture_args::MAX_RESOLUTION_MIN;
+use super::profile::Profile;
 use super::train_args::SaveImages;
 use litetex_gs::train::TrainConfig;
 use litetex_gs::{Error, Result};
@@ -19,8 +20,13 @@ pub struct RunConfig {
     /// Folder of the capture.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub data: Option<PathBuf>,
+    /// Profile that the settings below started from; what they say counts.
+    pub profile: Profile,
     /// Where primitives start.
     pub init: InitSource,
+    /// More points than this are thinned at random before the start.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_points: Option<usize>,
     /// Which evaluations leave pictures.
     pub save_images: SaveImages,
     /// How the capture is read.
@@ -63,6 +69,38 @@ impl RunConfig {
         Ok(format!(
             "# Settings of this run, resolved. Repeat it: litetex train --config config.toml -o <RUN>\n{body}"
         ))
+    }
+
+    /// Changes one setting, given as `key=value` with a key as in the file; what is not at the top of the
+    /// file is looked for in `train`.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] naming the setting and what was expected.
+    pub fn set(&mut self, setting: &str) -> Result<()> {
+        let wrong = |what: String| Error::Usage(format!("--set {setting}: {what}"));
+        let (key, value) = setting
+            .split_once('=')
+            .ok_or_else(|| wrong("expected KEY=VALUE, such as structure.quantile=0.6".to_owned()))?;
+        let mut table = toml::Table::try_from(&*self)
+            .map_err(|e| wrong(format!("the settings have no TOML form: {e}")))?;
+        let mut path: Vec<&str> = key.trim().split('.').collect();
+        if !["train", "capture", "init", "max-points", "save-images"].contains(&path[0]) {
+            path.insert(0, "train");
+        }
+        let value = value.trim();
+        let parsed: toml::Table = toml::from_str(&format!("v = {value}"))
+            .or_else(|_| toml::from_str(&format!("v = {value:?}")))
+            .map_err(|_| wrong(format!("{value:?} is no value")))?;
+        let (last, parents) = path.split_last().expect("split yields at least one part");
+        let mut at = &mut table;
+        for part in parents {
+            at = at.get_mut(*part).and_then(toml::Value::as_table_mut).ok_or_else(|| {
+                wrong(format!("there is no section {part:?}; config.toml of a run lists all"))
+            })?;
+        }
+        at.insert((*last).to_owned(), parsed["v"].clone());
+        *self = table.try_into().map_err(|e: toml::de::Error| wrong(e.message().to_owned()))?;
+        self.check(Path::new("--set"))
     }
 
     /// The capture's folder.
@@ -136,7 +174,7 @@ impl RunConfig {
 mod tests {
     use super::*;
     use litetex_gs::backend::LossWeights;
-    use litetex_gs::train::TexturePolicy;
+    use litetex_gs::train::Policy;
 
     fn parse(text: &str) -> Result<RunConfig> {
         RunConfig::parse(Path::new("c.toml"), text)
@@ -152,7 +190,7 @@ mod tests {
         config.train.max_time_secs = Some(0.1);
         config.train.background = [0.1, 0.2, 1.0];
         config.capture.background = config.train.background;
-        config.train.texture = TexturePolicy::None;
+        config.train.policy = Policy::None;
         config.train.seed = 1 << 60;
         let mut read = parse(&config.to_toml().unwrap()).unwrap();
         assert_eq!(read.version, env!("CARGO_PKG_VERSION"));
@@ -162,7 +200,7 @@ mod tests {
 
     #[test]
     fn a_file_may_say_little() {
-        let config = parse("[train]\nsteps = 300\ntexture = \"none\"\n").unwrap();
+        let config = parse("[train]\nsteps = 300\npolicy = \"none\"\n").unwrap();
         assert_eq!(config.train.steps, 300);
         assert_eq!(config.train.seed, TrainConfig::default().seed);
         assert_eq!(parse("").unwrap(), RunConfig::default());
@@ -178,7 +216,7 @@ mod tests {
             ("[train]\nsh-degree = 4", "train.sh-degree"),
             ("[train]\nbackground = [0, 2, 0]", "train.background"),
             ("[train]\nmax-time-secs = -1", "max-time-secs"),
-            ("[train]\ntexture = \"fixed:1\"", "fixed:R"),
+            ("[train]\npolicy = \"fixed:1\"", "fixed:R"),
             ("init = \"magic\"", "random:COUNT"),
             ("init = \"random:0\"", "10,000,000"),
             ("[capture]\nmax-resolution = 15", "capture.max-resolution: found 15"),

@@ -16,6 +16,7 @@ mod interrupt;
 mod log;
 mod man;
 mod orbit;
+mod profile;
 mod progress;
 mod quickstart;
 mod render;

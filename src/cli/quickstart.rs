@@ -63,7 +63,7 @@ pub fn run(args: &QuickstartArgs, log: &Log) -> anyhow::Result<()> {
          litetex render {run} --orbit 60 -o {run}/orbit\n  \
          litetex render {run} --test --what colour,depth,normal -o {run}/views\n  \
          litetex inspect {run}\n  \
-         litetex train {capture} -o runs/untextured --texture none --steps {}\n  \
+         litetex train {capture} -o runs/untextured --policy plain --steps {}\n  \
          litetex train <your COLMAP or nerfstudio folder> -o runs/mine --max-resolution 480 --steps 1000",
         summary.steps, summary.steps_planned
     )?;

@@ -120,6 +120,17 @@ impl<'a> Session<'a> {
                         "non_finite_gradients": report.non_finite_gradients }))?;
                 }
             }
+            TrainEvent::Structure {
+                step,
+                counts,
+                num_splats,
+                num_texels,
+                render_scale,
+                texture_cap,
+                wall_secs,
+            } => self.metric(json!({ "event": "structure", "step": step, "counts": counts,
+                "num_splats": num_splats, "num_texels": num_texels, "render_scale": render_scale,
+                "texture_cap": texture_cap, "wall_secs": wall_secs }))?,
             TrainEvent::EvalView { step, view, image } => self.eval_view(step, view, image)?,
             TrainEvent::Evaluated { step, evaluation, point, last } => {
                 self.progress.evaluated(step, evaluation.psnr, evaluation.grad_psnr);

@@ -266,7 +266,7 @@ fn the_help_states_the_defaults() {
         ("--steps", train.steps.to_string()),
         ("--seed", train.seed.to_string()),
         ("--sh-degree", train.sh_degree.to_string()),
-        ("--texture", train.texture.to_string()),
+        ("--policy", train.policy.to_string()),
         ("--eval-every", train.eval_every.to_string()),
         ("--save-every", train.save_every.to_string()),
         ("--init", run.init.to_string()),

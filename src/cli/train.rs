@@ -87,7 +87,12 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<Summary> {
             resume.state
         }
         None => {
-            let (state, left_out) = capture::fresh_state(&capture, &plan.config.init, &plan.config.train)?;
+            let (state, left_out) = capture::fresh_state(
+                &capture,
+                &plan.config.init,
+                plan.config.max_points,
+                &plan.config.train,
+            )?;
             log.report(&left_out);
             report.merge(left_out);
             state
@@ -186,7 +191,7 @@ fn plan(args: &TrainArgs) -> Result<Plan> {
         (None, Some((_, config))) => config.clone(),
         (None, None) => RunConfig::default(),
     };
-    args.apply(&mut config);
+    args.apply(&mut config)?;
     config.version.clear();
     if let Some(data) = &config.data {
         // The run must be repeatable from anywhere.
@@ -264,7 +269,12 @@ fn changed_settings(before: &RunConfig, now: &RunConfig) -> Vec<String> {
         ("steps", b.steps != n.steps),
         ("seed", b.seed != n.seed),
         ("sh-degree", b.sh_degree != n.sh_degree),
-        ("texture", b.texture != n.texture),
+        ("policy", b.policy != n.policy),
+        ("components", b.components != n.components),
+        ("structure", b.structure != n.structure),
+        ("scheduler", b.scheduler != n.scheduler),
+        ("budget", b.budget != n.budget),
+        ("max-points", before.max_points != now.max_points),
         ("background", b.background != n.background),
         ("loss", b.loss != n.loss),
         ("rates", b.rates != n.rates),
@@ -277,7 +287,7 @@ fn changed_settings(before: &RunConfig, now: &RunConfig) -> Vec<String> {
 }
 
 fn check_resumable(resume: &Resume, config: &RunConfig, capture: &Capture) -> Result<()> {
-    let fixed = ["sh-degree", "texture", "seed", "init"];
+    let fixed = ["sh-degree", "policy", "seed", "init", "max-points"];
     if let Some(name) = resume.changed.iter().find(|name| fixed.contains(&name.as_str())) {
         return Err(Error::Usage(format!(
             "--{name}: a resumed run keeps the value of its checkpoint; start a new run to change it"

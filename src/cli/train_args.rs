@@ -3,8 +3,11 @@
 use super::capture::InitSource;
 use super::capture_args::{CaptureArgs, set};
 use super::config_file::RunConfig;
-use super::values::{parse_colour, parse_duration_secs};
-use litetex_gs::train::TexturePolicy;
+use super::profile::Profile;
+use super::values::{parse_colour, parse_count, parse_duration_secs};
+use litetex_gs::Result;
+use litetex_gs::train::Policy;
+use litetex_gs::train::structure::Components;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -55,9 +58,34 @@ pub struct TrainingArgs {
     /// Highest degree of the spherical harmonics, 0 to 3 [default: 3]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=3))]
     pub sh_degree: Option<u32>,
-    /// Who gets texels: none, or fixed:R for R x R on each primitive [default: fixed:4]
-    #[arg(long, value_name = "POLICY")]
-    pub texture: Option<TexturePolicy>,
+    /// Set of defaults: default, paper (constants as published), authors, cat, fast [default: default]
+    #[arg(long, value_name = "NAME")]
+    pub profile: Option<Profile>,
+    /// Who gets how many primitives and texels: litetex, cat, fixed:R (R x R texels each), plain (no
+    /// textures, primitives by error) or none (no textures, primitives as with litetex) [default: litetex]
+    #[arg(long, alias = "texture", value_name = "POLICY")]
+    pub policy: Option<Policy>,
+    /// Parts of the method to switch off: scheduler, pruning, growth, update-rule, splitting, coarsening
+    #[arg(long, value_name = "PART,...", value_delimiter = ',', value_parser = Components::NAMES)]
+    pub without: Vec<String>,
+    /// Parts of the method to switch on again
+    #[arg(long, value_name = "PART,...", value_delimiter = ',', value_parser = Components::NAMES)]
+    pub with: Vec<String>,
+    /// Any setting of config.toml by its name, such as structure.quantile=0.6; may be repeated
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub settings: Vec<String>,
+    /// Never have more primitives than this
+    #[arg(long, value_name = "N", help_heading = "Budget")]
+    pub max_splats: Option<usize>,
+    /// Never have more texels than this
+    #[arg(long, value_name = "N", help_heading = "Budget")]
+    pub max_texels: Option<usize>,
+    /// Never have more parameters than this: 59 a primitive and 3 a texel; 500k, 5M
+    #[arg(long, value_name = "N", value_parser = parse_count, help_heading = "Budget")]
+    pub budget_params: Option<usize>,
+    /// Thin the points to start from to this many, at random
+    #[arg(long, value_name = "N")]
+    pub max_points: Option<usize>,
     /// Where primitives start: auto (points of the capture, else random), sfm, ply:FILE, random:N [default: auto]
     #[arg(long, value_name = "START")]
     pub init: Option<InitSource>,
@@ -93,12 +121,38 @@ pub enum SaveImages {
 
 impl TrainArgs {
     /// Writes what was given over `config`.
-    pub fn apply(&self, config: &mut RunConfig) {
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for a setting that there is not.
+    pub fn apply(&self, config: &mut RunConfig) -> Result<()> {
         let t = &self.training;
+        if let Some(profile) = t.profile {
+            config.profile = profile;
+            profile.apply(&mut config.train);
+        }
+        for setting in &t.settings {
+            config.set(setting)?;
+        }
+        for (names, on) in [(&t.without, false), (&t.with, true)] {
+            for name in names {
+                if let Some(switch) = config.train.components.switch(name) {
+                    *switch = on;
+                }
+            }
+        }
+        let budget = &mut config.train.budget;
+        for (to, from) in [
+            (&mut budget.max_splats, t.max_splats),
+            (&mut budget.max_texels, t.max_texels),
+            (&mut budget.max_params, t.budget_params),
+            (&mut config.max_points, t.max_points),
+        ] {
+            *to = from.or(*to);
+        }
         set(&mut config.train.steps, t.steps);
         set(&mut config.train.seed, t.seed);
         set(&mut config.train.sh_degree, t.sh_degree);
-        set(&mut config.train.texture, t.texture);
+        set(&mut config.train.policy, t.policy);
         set(&mut config.train.background, t.background);
         set(&mut config.train.eval_every, t.eval_every);
         set(&mut config.train.save_every, t.save_every);
@@ -118,5 +172,6 @@ impl TrainArgs {
         self.capture_args.apply(&mut config.capture);
         // Alpha is composited on the colour that is rendered behind everything.
         config.capture.background = config.train.background;
+        Ok(())
     }
 }

@@ -53,6 +53,22 @@ pub fn parse_bytes(text: &str) -> Result<u64, String> {
     }
 }
 
+/// Reads `5000`, `500k`, `1.5M`.
+///
+/// # Errors
+/// A sentence that says what was expected.
+pub fn parse_count(text: &str) -> Result<usize, String> {
+    let expected = || format!("{text:?}: expected a number of at least 1, such as 5000, 500k or 1.5M");
+    let (digits, unit) = match text.char_indices().next_back() {
+        Some((at, 'k' | 'K')) => (&text[..at], 1e3),
+        Some((at, 'm' | 'M')) => (&text[..at], 1e6),
+        _ => (text, 1.0),
+    };
+    let number: f64 = digits.trim().parse().map_err(|_| expected())?;
+    let count = number * unit;
+    if (1.0..=1e12).contains(&count) { Ok(count as usize) } else { Err(expected()) }
+}
+
 /// "4.0 GiB".
 pub fn format_bytes(bytes: u64) -> String {
     match bytes as f64 {

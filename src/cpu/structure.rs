@@ -1,7 +1,7 @@
 //! Applies a structure plan: gathers splats, keeps or resamples their maps and moments.
 
-use crate::backend::{MapChange, StructurePlan};
-use crate::model::{AdamState, Model, SplatArrays, TextureMap, TexturePool};
+use crate::backend::{Grid, MapChange, StructurePlan};
+use crate::model::{AdamState, Model, SplatArrays, SplatGroup, TextureMap, TexturePool};
 use rayon::prelude::*;
 
 /// The model and optimiser state after the plan, which must have been checked.
@@ -19,7 +19,7 @@ pub(super) fn apply_plan(model: &Model, adam: &AdamState, plan: &StructurePlan) 
         }
     });
     let mut textures = TexturePool::neutral(extents);
-    let resample_all = |from: &[f32], factor: fn(&MapChange) -> f32| -> Vec<f32> {
+    let carry_all = |from: &[f32], kind: Kind| -> Vec<f32> {
         let parts: Vec<Vec<f32>> = plan
             .sources
             .par_iter()
@@ -27,46 +27,120 @@ pub(super) fn apply_plan(model: &Model, adam: &AdamState, plan: &StructurePlan) 
             .zip(&textures.maps)
             .with_min_len(256)
             .map(|((&s, change), new)| {
-                let mut part = resample(&old[s as usize], &from[old[s as usize].floats()], new);
-                let factor = factor(change);
+                let map = &old[s as usize];
+                let values = &from[map.floats()];
+                let mut part = match *change {
+                    MapChange::Keep => values.to_vec(),
+                    MapChange::Resample { shift_texels, .. } => resample(map, values, new, shift_texels),
+                    MapChange::Regrid { grid, first_row, first_col, .. } => {
+                        regrid(map, values, new, grid, [first_row, first_col], kind)
+                    }
+                };
+                let factor = kind.factor(change);
                 part.iter_mut().for_each(|value| *value *= factor);
                 part
             })
             .collect();
         parts.concat()
     };
-    let texels = resample_all(&model.textures.texels, |_| 1.0);
-    let texels_m = resample_all(&adam.texels_m, |change| moment_scale(change)[0]);
-    let texels_v = resample_all(&adam.texels_v, |change| moment_scale(change)[1]);
+    let texels = carry_all(&model.textures.texels, Kind::Texel);
+    let texels_m = carry_all(&adam.texels_m, Kind::FirstMoment);
+    let texels_v = carry_all(&adam.texels_v, Kind::SecondMoment);
     textures.texels = texels;
+    let (mut splats, mut splats_m) = (gather(&model.splats), gather(&adam.splats_m));
+    for edit in &plan.edits {
+        let i = edit.splat as usize;
+        splats.positions[3 * i..3 * i + 3].copy_from_slice(&edit.position);
+        splats.log_scales[2 * i..2 * i + 2].copy_from_slice(&edit.log_scales);
+        splats.opacity_logits[i] = edit.opacity_logit;
+        for group in SplatGroup::ALL {
+            let width = group.width(splats_m.sh_degree);
+            splats_m.group_mut(group)[i * width..(i + 1) * width].fill(0.0);
+        }
+    }
     let adam = AdamState {
-        splats_m: gather(&adam.splats_m),
+        splats_m,
         splats_v: gather(&adam.splats_v),
         texels_m,
         texels_v,
         last_step: plan.sources.iter().map(|&s| adam.last_step[s as usize]).collect(),
         ..*adam
     };
-    let model = Model { splats: gather(&model.splats), textures, ..*model };
+    let model = Model { splats, textures, ..*model };
     (model, adam)
 }
 
-/// Factors of a map's first and second moments.
-fn moment_scale(change: &MapChange) -> [f32; 2] {
-    match *change {
-        MapChange::Keep => [1.0, 1.0],
-        MapChange::Resample { moment_scale, .. } | MapChange::Regrid { moment_scale, .. } => moment_scale,
+/// What the values of a map are.
+#[derive(Clone, Copy, PartialEq)]
+enum Kind {
+    Texel,
+    FirstMoment,
+    SecondMoment,
+}
+
+impl Kind {
+    /// What a change multiplies them by.
+    fn factor(self, change: &MapChange) -> f32 {
+        match (self, change) {
+            (Self::Texel, _) | (_, MapChange::Keep) => 1.0,
+            (_, MapChange::Resample { moment_scale, .. } | MapChange::Regrid { moment_scale, .. }) => {
+                moment_scale[usize::from(self == Self::SecondMoment)]
+            }
+        }
     }
 }
 
-/// Bilinear resampling about the common centre; zero outside the old map.
-fn resample(old: &TextureMap, from: &[f32], new: &TextureMap) -> Vec<f32> {
-    if (old.rows, old.cols, old.texel_size) == (new.rows, new.cols, new.texel_size) {
+/// A window of the map on one of its grids; see [`Grid`] for what lies outside.
+fn regrid(
+    old: &TextureMap,
+    from: &[f32],
+    new: &TextureMap,
+    grid: Grid,
+    first: [i32; 2],
+    kind: Kind,
+) -> Vec<f32> {
+    let (rows, cols) = (i32::from(old.rows), i32::from(old.cols));
+    let (grid_rows, grid_cols) = (i32::from(grid.texels(old.rows)), i32::from(grid.texels(old.cols)));
+    if rows == 0 {
+        return vec![0.0; 3 * new.num_texels()];
+    }
+    let texel = |row: i32, col: i32, c: usize| from[3 * (row * cols + col) as usize + c];
+    let at = |row: i32, col: i32, c: usize| match grid {
+        Grid::Same => texel(row, col, c),
+        Grid::Finer => texel(row / 2, col / 2, c),
+        Grid::Coarser => {
+            let (pad_u, pad_v) = ((2 * grid_rows - rows) / 2, (2 * grid_cols - cols) / 2);
+            let padded = |i: i32, j: i32| {
+                let row = (2 * row + i - pad_u).clamp(0, rows - 1);
+                texel(row, (2 * col + j - pad_v).clamp(0, cols - 1), c)
+            };
+            0.25 * ((padded(0, 0) + padded(0, 1)) + (padded(1, 0) + padded(1, 1)))
+        }
+    };
+    let mut out = Vec::with_capacity(3 * new.num_texels());
+    for i in 0..i32::from(new.rows) {
+        for j in 0..i32::from(new.cols) {
+            let (row, col) = (i + first[0], j + first[1]);
+            let near = (row.clamp(0, grid_rows - 1), col.clamp(0, grid_cols - 1));
+            let outside = near != (row, col) && kind != Kind::SecondMoment;
+            (0..3).for_each(|c| out.push(if outside { 0.0 } else { at(near.0, near.1, c) }));
+        }
+    }
+    out
+}
+
+/// Bilinear resampling about the old map's centre moved by `shift` of its texels; zero outside the old map.
+fn resample(old: &TextureMap, from: &[f32], new: &TextureMap, shift: [f32; 2]) -> Vec<f32> {
+    let same = (old.rows, old.cols, old.texel_size) == (new.rows, new.cols, new.texel_size);
+    if same && shift == [0.0; 2] {
         return from.to_vec();
     }
+    if old.rows == 0 {
+        return vec![0.0; 3 * new.num_texels()];
+    }
     let ratio = new.texel_size / old.texel_size;
-    let coordinate = |i: u16, size: u16, old_size: u16| {
-        (f32::from(i) - (f32::from(size) - 1.0) / 2.0) * ratio + (f32::from(old_size) - 1.0) / 2.0
+    let coordinate = |i: u16, size: u16, old_size: u16, shift: f32| {
+        (f32::from(i) - (f32::from(size) - 1.0) / 2.0) * ratio + shift + (f32::from(old_size) - 1.0) / 2.0
     };
     let texel = |row: i32, col: i32, c: usize| {
         let inside = row >= 0 && row < i32::from(old.rows) && col >= 0 && col < i32::from(old.cols);
@@ -74,10 +148,10 @@ fn resample(old: &TextureMap, from: &[f32], new: &TextureMap) -> Vec<f32> {
     };
     let mut out = Vec::with_capacity(3 * new.num_texels());
     for i in 0..new.rows {
-        let u = coordinate(i, new.rows, old.rows);
+        let u = coordinate(i, new.rows, old.rows, shift[0]);
         let (row, fu) = (u.floor() as i32, u - u.floor());
         for j in 0..new.cols {
-            let v = coordinate(j, new.cols, old.cols);
+            let v = coordinate(j, new.cols, old.cols, shift[1]);
             let (col, fv) = (v.floor() as i32, v - v.floor());
             for c in 0..3 {
                 let upper = texel(row, col, c) * (1.0 - fv) + texel(row, col + 1, c) * fv;
@@ -103,15 +177,15 @@ mod tests {
         let old = map(6, 5, 0.1);
         let from: Vec<f32> = (0..30).flat_map(|t| [(t / 5) as f32, (t % 5) as f32, 1.0]).collect();
         let new = map(4, 3, 0.05);
-        let got = resample(&old, &from, &new);
+        let got = resample(&old, &from, &new, [0.0; 2]);
         for (t, rgb) in got.chunks_exact(3).enumerate() {
             let u = (t / 3) as f32 * 0.5 - 0.75 + 2.5;
             let v = (t % 3) as f32 * 0.5 - 0.5 + 2.0;
             assert!((rgb[0] - u).abs() < 1e-5 && (rgb[1] - v).abs() < 1e-5 && rgb[2] == 1.0, "{t}: {rgb:?}");
         }
-        let wide = resample(&old, &from, &map(20, 20, 0.1));
+        let wide = resample(&old, &from, &map(20, 20, 0.1), [0.0; 2]);
         assert_eq!(&wide[..3], &[0.0; 3]);
-        assert_eq!(resample(&old, &from, &old), from);
+        assert_eq!(resample(&old, &from, &old, [0.0; 2]), from);
     }
 
     /// A small model with moments that are no round numbers, and a plan of `change` for its first map.
@@ -133,7 +207,8 @@ mod tests {
             let run = |moment_scale| {
                 let (model, adam, mut plan) = planned(MapChange::Keep);
                 let texel_size = finer * model.textures.maps[0].texel_size;
-                plan.maps[0] = MapChange::Resample { rows, cols, texel_size, moment_scale };
+                plan.maps[0] =
+                    MapChange::Resample { rows, cols, texel_size, shift_texels: [0.0; 2], moment_scale };
                 plan.check(3).unwrap();
                 apply_plan(&model, &adam, &plan)
             };
@@ -160,7 +235,13 @@ mod tests {
         let (model, adam, mut plan) = planned(MapChange::Keep);
         let kept = apply_plan(&model, &adam, &plan);
         let texel_size = model.textures.maps[0].texel_size;
-        plan.maps[0] = MapChange::Resample { rows: 4, cols: 3, texel_size, moment_scale: [1.0, 1.0] };
+        plan.maps[0] = MapChange::Resample {
+            rows: 4,
+            cols: 3,
+            texel_size,
+            shift_texels: [0.0; 2],
+            moment_scale: [1.0, 1.0],
+        };
         assert_eq!(apply_plan(&model, &adam, &plan), kept);
         assert_eq!(kept, (model, adam));
     }
@@ -170,7 +251,13 @@ mod tests {
         let (_, _, mut plan) = planned(MapChange::Keep);
         plan.check(3).unwrap();
         for moment_scale in [[f32::NAN, 1.0], [1.0, -0.25], [f32::INFINITY, 1.0]] {
-            plan.maps[0] = MapChange::Resample { rows: 2, cols: 2, texel_size: 0.1, moment_scale };
+            plan.maps[0] = MapChange::Resample {
+                rows: 2,
+                cols: 2,
+                texel_size: 0.1,
+                shift_texels: [0.0; 2],
+                moment_scale,
+            };
             let message = plan.check(3).unwrap_err().to_string();
             assert!(message.contains("moment scale") && message.contains("new splat 0"), "{message}");
         }

@@ -121,7 +121,8 @@ pub(super) fn settle(model: &mut Model, adam: &mut AdamState, only: Option<&[u32
                 let floats = maps[chunk.first + i].floats();
                 let range = floats.start - base..floats.end - base;
                 let [p, m, v] = &mut chunk.texels;
-                skip.update(&mut p[range.clone()], &mut m[range.clone()], &mut v[range], rates.texel);
+                let rate = rates.of_map(maps[chunk.first + i].num_texels());
+                skip.update(&mut p[range.clone()], &mut m[range.clone()], &mut v[range], rate);
             }
             if chunk.last_step[i] != 0 {
                 chunk.last_step[i] = chunk.last_step[i].max(now);
@@ -313,7 +314,8 @@ fn update_chunk<S: Simd>(
         let range = floats.start - base..floats.end - base;
         let [p, m, v] = &mut chunk.texels;
         let texels = &gradients.texels[g.first_texel..g.first_texel + range.len()];
-        step.update(&mut p[range.clone()], &mut m[range.clone()], &mut v[range], texels, rates.texel);
+        let rate = rates.of_map(maps[g.id as usize].num_texels());
+        step.update(&mut p[range.clone()], &mut m[range.clone()], &mut v[range], texels, rate);
         chunk.last_step[i] = input.step;
         if let (Some(sums), Some(seen)) = (&mut chunk.statistics, &mut chunk.seen) {
             (0..3).for_each(|k| sums[k][i] += g.statistics[k]);

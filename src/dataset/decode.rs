@@ -4,9 +4,9 @@
 use super::exr_picture;
 use super::lens::Lens;
 use super::pictures::{image_error, open};
-use super::resample::{by_area, to_byte};
 use super::warp::Warp;
 use crate::backend::TargetImage;
+use crate::picture::resample::{by_area, to_byte};
 use crate::{Error, Result};
 use image::DynamicImage;
 use image::metadata::Orientation;

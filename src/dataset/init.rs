@@ -7,7 +7,8 @@ use super::source::SfmPoint;
 use super::{Capture, read_ply_points};
 use crate::constants::{SH_0, SH_DEGREE_MAX, sh_coefficients};
 use crate::model::{Model, SplatArrays, TexturePool, support_half_extent};
-use crate::train::TexturePolicy;
+use crate::train::Policy;
+use crate::train::structure::first_texel_size;
 use crate::{Error, Report, Result};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -104,8 +105,8 @@ pub struct InitOptions {
     pub max_points: usize,
     /// SH degree stored, 0 to 3.
     pub sh_degree: u32,
-    /// Texture maps.
-    pub texture: TexturePolicy,
+    /// Who gets how large a map.
+    pub policy: Policy,
     /// Seed of everything random.
     pub seed: u64,
 }
@@ -116,11 +117,14 @@ impl Default for InitOptions {
             source: InitSource::Auto,
             max_points: 1_000_000,
             sh_degree: 3,
-            texture: TexturePolicy::Fixed(4),
+            policy: Policy::Litetex,
             seed: 42,
         }
     }
 }
+
+/// Texels a side of the first maps with [`Policy::Cat`] (content-aware texturing).
+const CAT_TEXELS: u16 = 8;
 
 /// A point of the local frame with its display-space colour.
 #[derive(Clone, Copy)]
@@ -275,7 +279,7 @@ fn model(capture: &Capture, seeds: &[Seed], options: &InitOptions) -> Model {
             *out = ((f64::from(c) - 0.5) / SH_0) as f32;
         }
     }
-    let extents = sigmas.iter().map(|&sigma| map_extent(sigma, options.texture));
+    let extents = sigmas.iter().map(|&sigma| map_extent(sigma, options.policy));
     Model {
         textures: TexturePool::neutral(extents),
         splats,
@@ -296,13 +300,16 @@ fn quaternion(stream: &mut Stream) -> [f32; 4] {
 }
 
 /// Rows, columns and texel size of a round splat's map.
-fn map_extent(sigma: f32, texture: TexturePolicy) -> (u16, u16, f32) {
-    match texture {
-        TexturePolicy::None => (0, 0, 0.0),
-        TexturePolicy::Fixed(resolution) => {
-            let half_extent = support_half_extent(f64::from(sigma), OPACITY);
-            let texel_size = 2.0 * half_extent / f64::from(resolution - 1);
-            (resolution, resolution, texel_size as f32)
-        }
+fn map_extent(sigma: f32, policy: Policy) -> (u16, u16, f32) {
+    let half_extent = support_half_extent(f64::from(sigma), OPACITY);
+    let spanned = |resolution: u16| {
+        let texel_size = 2.0 * half_extent / f64::from(resolution - 1);
+        (resolution, resolution, texel_size as f32)
+    };
+    match policy {
+        Policy::None | Policy::Plain => (0, 0, 0.0),
+        Policy::Fixed(resolution) => spanned(resolution),
+        Policy::Cat => spanned(CAT_TEXELS),
+        Policy::Litetex => (2, 2, first_texel_size([half_extent; 2]) as f32),
     }
 }

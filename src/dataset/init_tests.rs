@@ -3,7 +3,7 @@
 use super::fixtures::Scene;
 use super::*;
 use crate::Error;
-use crate::train::TexturePolicy;
+use crate::train::Policy;
 use tempfile::tempdir;
 
 fn capture(scene: &Scene) -> Capture {
@@ -50,7 +50,7 @@ fn points_become_splats_with_the_documented_parameters() {
 
 #[test]
 fn untextured_models_have_empty_maps() {
-    let options = InitOptions { texture: TexturePolicy::None, sh_degree: 0, ..InitOptions::default() };
+    let options = InitOptions { policy: Policy::None, sh_degree: 0, ..InitOptions::default() };
     let (model, _) = initial_model(&capture(&Scene::ring(5)), &options).unwrap();
     assert_eq!((model.num_texels(), model.splats.sh.len()), (0, 60));
     assert!(model.textures.maps.iter().all(|m| m.rows == 0 && m.cols == 0));

@@ -17,7 +17,6 @@ mod load;
 mod options;
 mod pictures;
 mod random;
-mod resample;
 mod source;
 mod split;
 mod store;

@@ -8,3 +8,4 @@ mod write;
 pub use colouring::{depth_range, grey_from_depth, rgb_from_normal, turbo_from_depth};
 pub use ramp::{magma, turbo};
 pub use write::{Channels, write_exr, write_png};
+pub(crate) mod resample;

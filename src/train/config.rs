@@ -1,46 +1,73 @@
 //! Settings of a training run: everything that shapes the result, with defaults and their sources.
 //! The command line and `config.toml` fill it; the trainer reads it.
 
+use super::structure::{Budget, Components, MapRule, StructureConfig};
 use crate::backend::LossWeights;
+use crate::schedule::ScheduleOptions;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
 
-/// Who gets how many texels.
+/// Who gets how many splats and texels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
-pub enum TexturePolicy {
-    /// No textures: plain 2D Gaussians.
-    None,
-    /// R x R texels for every splat.
+pub enum Policy {
+    /// Maps grow with error, splats are split where their maps are full (LiteTex-GS).
+    Litetex,
+    /// The ancestor's allocation: as above without scheduler, ceilings, pruning by contribution and
+    /// resolution-aware rates (content-aware texturing).
+    Cat,
+    /// R x R texels for every splat, splats as with `litetex`.
     Fixed(u16),
+    /// No textures; splats are moved and added by error: the strongest untextured allocation we know.
+    Plain,
+    /// No textures, splats as with `litetex`.
+    None,
 }
 
-impl FromStr for TexturePolicy {
+impl Policy {
+    /// How the sizes of maps are decided.
+    pub fn map_rule(self) -> MapRule {
+        match self {
+            Self::Litetex | Self::Cat => MapRule::Adaptive,
+            Self::Fixed(resolution) => MapRule::Fixed(resolution),
+            Self::Plain | Self::None => MapRule::None,
+        }
+    }
+}
+
+impl FromStr for Policy {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        if text == "none" {
-            return Ok(Self::None);
+        match text {
+            "litetex" => return Ok(Self::Litetex),
+            "cat" => return Ok(Self::Cat),
+            "plain" => return Ok(Self::Plain),
+            "none" => return Ok(Self::None),
+            _ => {}
         }
         let resolution = text.strip_prefix("fixed:").and_then(|r| r.parse().ok());
         match resolution {
             Some(r @ 2..=256) => Ok(Self::Fixed(r)),
-            _ => Err(format!("{text:?}: expected \"none\" or \"fixed:R\" with R from 2 to 256")),
+            _ => Err(format!("{text:?}: expected litetex, cat, plain, none or fixed:R with R from 2 to 256")),
         }
     }
 }
 
-impl fmt::Display for TexturePolicy {
+impl fmt::Display for Policy {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::None => f.write_str("none"),
+            Self::Litetex => f.write_str("litetex"),
+            Self::Cat => f.write_str("cat"),
             Self::Fixed(r) => write!(f, "fixed:{r}"),
+            Self::Plain => f.write_str("plain"),
+            Self::None => f.write_str("none"),
         }
     }
 }
 
-impl TryFrom<String> for TexturePolicy {
+impl TryFrom<String> for Policy {
     type Error = String;
 
     fn try_from(text: String) -> Result<Self, String> {
@@ -48,8 +75,8 @@ impl TryFrom<String> for TexturePolicy {
     }
 }
 
-impl From<TexturePolicy> for String {
-    fn from(policy: TexturePolicy) -> Self {
+impl From<Policy> for String {
+    fn from(policy: Policy) -> Self {
         policy.to_string()
     }
 }
@@ -72,8 +99,12 @@ pub struct RateConfig {
     pub sh_dc: f32,
     /// SH degrees 1 to 3.
     pub sh_rest: f32,
-    /// Texels.
+    /// Texels of a 2 x 2 map.
     pub texel: f32,
+    /// A map of T texels learns faster by (T / 4) to this power (paper: gamma)...
+    pub texel_growth: f32,
+    /// ... at most by this factor (paper: lambda_max).
+    pub texel_growth_limit: f32,
     /// Whether runs shorter than the published 30,000 steps use higher rates; see
     /// [`Schedule::rates`](super::Schedule::rates).
     pub raise_in_short_runs: bool,
@@ -90,6 +121,8 @@ impl Default for RateConfig {
             sh_dc: 2.5e-3,
             sh_rest: 1.25e-4,
             texel: 7e-4,
+            texel_growth: 0.5,
+            texel_growth_limit: 4.0,
             raise_in_short_runs: true,
         }
     }
@@ -107,8 +140,16 @@ pub struct TrainConfig {
     pub seed: u64,
     /// Highest SH degree, 0 to 3.
     pub sh_degree: u32,
-    /// Texture allocation.
-    pub texture: TexturePolicy,
+    /// Allocation of splats and texels.
+    pub policy: Policy,
+    /// Parts of the method that are on.
+    pub components: Components,
+    /// Largest model.
+    pub budget: Budget,
+    /// Structure steps.
+    pub structure: StructureConfig,
+    /// Frequency-aware scheduler.
+    pub scheduler: ScheduleOptions,
     /// Display-space colour behind everything, 0 to 1.
     pub background: [f32; 3],
     /// Evaluates the test views each so many steps (0: only at the end).
@@ -128,12 +169,30 @@ impl Default for TrainConfig {
             max_time_secs: None,
             seed: 42,
             sh_degree: 3,
-            texture: TexturePolicy::Fixed(4),
+            policy: Policy::Litetex,
+            components: Components::default(),
+            budget: Budget::default(),
+            structure: StructureConfig::default(),
+            scheduler: ScheduleOptions::default(),
             background: [0.0; 3],
             eval_every: 0,
             save_every: 0,
             loss: LossWeights::default(),
             rates: RateConfig::default(),
+        }
+    }
+}
+
+impl TrainConfig {
+    /// The parts that are on, those that the policy rules out taken off.
+    pub fn active_components(&self) -> Components {
+        let c = self.components;
+        match self.policy {
+            Policy::Cat => {
+                Components { scheduler: false, pruning: false, growth: false, update_rule: false, ..c }
+            }
+            Policy::Plain => Components { splitting: false, growth: false, pruning: false, ..c },
+            _ => c,
         }
     }
 }

@@ -2,6 +2,7 @@
 //! consume. The consumer answers whether to go on.
 
 use super::state::TrainState;
+use super::structure::StructureCounts;
 use crate::Warning;
 use crate::backend::{DeviceInfo, LossValues, RenderedImage, StepReport};
 use crate::eval::Evaluation;
@@ -61,6 +62,23 @@ pub enum TrainEvent<'a> {
         train_wall_secs: f64,
         /// CPU time of the process within it.
         train_cpu_secs: f64,
+    },
+    /// A structure step was done.
+    Structure {
+        /// Steps done.
+        step: u32,
+        /// What it did.
+        counts: StructureCounts,
+        /// Splats after it.
+        num_splats: usize,
+        /// Texels after it.
+        num_texels: usize,
+        /// Full size of the pictures over their size from here on.
+        render_scale: f64,
+        /// Most texels a side of any map from here on.
+        texture_cap: u16,
+        /// Time that it took, part of the training time of the last step.
+        wall_secs: f64,
     },
     /// One test view was rendered in an evaluation; [`TrainEvent::Evaluated`] follows.
     EvalView {

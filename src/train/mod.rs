@@ -7,12 +7,14 @@ mod config;
 mod evaluate;
 mod events;
 mod order;
-mod revise;
 mod run;
 mod schedule;
 mod state;
+pub mod structure;
+mod targets;
+mod window;
 
-pub use config::{RateConfig, TexturePolicy, TrainConfig};
+pub use config::{Policy, RateConfig, TrainConfig};
 pub use evaluate::{Evaluated, evaluate};
 pub use events::{Control, StopReason, TrainEvent};
 pub use run::{Sink, train};

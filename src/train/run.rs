@@ -1,14 +1,18 @@
-//! The loop: draws views, steps, revises, evaluates, reports.
+//! The loop: draws views, steps, changes the structure, evaluates, reports.
 
 use super::config::TrainConfig;
 use super::evaluate::{Evaluated, evaluate};
 use super::events::{Control, StopReason, TrainEvent};
 use super::order::ViewOrder;
-use super::revise::revise_maps;
 use super::schedule::Schedule;
 use super::state::{CurvePoint, TrainState};
+use super::structure::{StatisticsSource, StructureCounts};
+use super::targets::Targets;
+use super::window::{self, Stage, Structure};
 use crate::backend::{Backend, RenderOptions, RenderedImage, StepReport, StepRequest, TargetImage};
+use crate::camera::Camera;
 use crate::clock::process_cpu_secs;
+use crate::schedule::FrequencySchedule;
 use crate::views::{Split, ViewSource};
 use crate::{Error, Result, Warning};
 use std::sync::Arc;
@@ -30,17 +34,46 @@ pub fn train(
     config: &TrainConfig,
     backend: &mut dyn Backend,
     views: &dyn ViewSource,
-    start: TrainState,
+    mut start: TrainState,
     sink: Sink<'_>,
 ) -> Result<(TrainState, StopReason)> {
     let train_views = views.indices(Split::Train);
     if train_views.is_empty() {
         return Err(Error::Usage("no training view: every view is held out; lower --test-every".into()));
     }
+    let clock = Clock::start();
+    window::begin(config, &mut start);
     backend.upload(&start.model, &start.adam)?;
+    if !start.window.seen.is_empty() {
+        backend.set_statistics(&start.window)?;
+    }
     let schedule = Schedule::new(config, train_views.len());
     let test_views = views.indices(Split::Test);
-    let mut run = Run { config, backend, views, train_views, test_views, schedule, state: start };
+    let frequency = match config.active_components().scheduler {
+        true => FrequencySchedule::analyse(views, &config.scheduler)?,
+        false => FrequencySchedule::flat(),
+    };
+    let cameras: Vec<Camera> = train_views.iter().map(|&view| views.camera(view)).collect();
+    let size = [start.model.num_splats(), start.model.num_texels()];
+    let targets = Targets::new(views.num_views(), 1.0);
+    let mut run = Run {
+        config,
+        backend,
+        views,
+        train_views,
+        test_views,
+        schedule,
+        frequency,
+        cameras,
+        stage: Stage { render_scale: 1.0, texture_cap: 256 },
+        targets,
+        size,
+        state: start,
+    };
+    run.begin_stage(run.state.stage_step);
+    // The analysis of the photos is part of the training time.
+    run.state.history.train_wall_secs += clock.wall.elapsed().as_secs_f64();
+    run.state.history.train_cpu_secs += process_cpu_secs() - clock.cpu_secs;
     run.train(sink)
 }
 
@@ -51,6 +84,13 @@ struct Run<'a> {
     train_views: Vec<usize>,
     test_views: Vec<usize>,
     schedule: Schedule,
+    frequency: FrequencySchedule,
+    /// Of the training views, at full size.
+    cameras: Vec<Camera>,
+    stage: Stage,
+    targets: Targets,
+    /// Splats and texels now; the model of the state is that of the last checkpoint.
+    size: [usize; 2],
     state: TrainState,
 }
 
@@ -59,6 +99,8 @@ struct PlannedStep {
     step: u32,
     view: usize,
     target: Arc<TargetImage>,
+    /// Whether its render counts in the window of statistics: the first one of its view does.
+    counts: bool,
 }
 
 /// Training time since a moment.
@@ -155,18 +197,29 @@ impl Run<'_> {
         };
         self.advance(batch.len());
         let diverged = reports.iter().position(|report| !report.loss.total.is_finite());
-        let mut wall_end = Instant::now();
-        if diverged.is_none() && self.schedule.revises(self.state.step, self.config.steps) {
-            let (model, _) = self.backend.read_back()?;
-            if let Some(plan) = revise_maps(&model, self.config.texture) {
-                self.backend.apply_plan(&plan)?;
-            }
-            wall_end = Instant::now();
-        }
-        let wall_secs = (wall_end - clock.wall).as_secs_f64();
+        let stepped = Instant::now();
+        let changed = if diverged.is_none() { self.change_structure()? } else { None };
+        let structure_secs = stepped.elapsed().as_secs_f64();
+        let wall_secs = clock.wall.elapsed().as_secs_f64();
         let times = [wall_secs, process_cpu_secs() - clock.cpu_secs];
         let sound = diverged.unwrap_or(batch.len());
-        let control = self.report(&batch, &reports[..sound], times, sink)?;
+        let mut control = self.report(&batch, &reports[..sound], times, sink)?;
+        if let Some(counts) = changed {
+            let [num_splats, num_texels] = self.size;
+            let (step, Stage { render_scale, texture_cap }) = (self.state.step, self.stage);
+            let event = TrainEvent::Structure {
+                step,
+                counts,
+                num_splats,
+                num_texels,
+                render_scale,
+                texture_cap,
+                wall_secs: structure_secs,
+            };
+            if sink(event)? == Control::Stop {
+                control = Control::Stop;
+            }
+        }
         match diverged {
             None => Ok(control),
             Some(at) => Err(Error::Device(format!(
@@ -176,15 +229,53 @@ impl Run<'_> {
         }
     }
 
+    /// The structure step that may be due.
+    fn change_structure(&mut self) -> Result<Option<StructureCounts>> {
+        let step = self.state.step;
+        let due = self.schedule.is_structure_step(step);
+        if !due && !self.schedule.is_crop_step(step) {
+            return Ok(None);
+        }
+        let judge = due && step >= self.schedule.structure_start;
+        if judge && self.config.structure.statistics == StatisticsSource::Full {
+            let (views, background) = (self.views, self.config.background);
+            let degree = self.schedule.sh_degree(step, self.config.sh_degree);
+            let (train_views, targets) = (&self.train_views, &mut self.targets);
+            window::full_statistics(self.backend, views, train_views, targets, background, degree)?;
+        }
+        let structure = Structure {
+            config: self.config,
+            schedule: &self.schedule,
+            cameras: &self.cameras,
+            stage: self.stage,
+        };
+        let (counts, size) = structure.step(self.backend, &mut self.state, judge)?;
+        self.size = size;
+        if due {
+            self.begin_stage(step);
+        }
+        Ok(due.then_some(counts))
+    }
+
+    /// Takes scale and cap of the scheduler as of a step.
+    fn begin_stage(&mut self, step: u32) {
+        let sides = self.cameras.iter().map(|c| c.pinhole.width_px.min(c.pinhole.height_px));
+        let smaller_side_px = sides.min().unwrap_or(1);
+        self.stage = Stage::at(self.config, &self.schedule, &self.frequency, smaller_side_px, step);
+        self.targets.set_scale(self.stage.render_scale);
+        self.state.stage_step = step;
+    }
+
     /// The next steps, up to the first one after which something reads or changes the model.
-    fn plan_batch(&self) -> Result<Vec<PlannedStep>> {
+    fn plan_batch(&mut self) -> Result<Vec<PlannedStep>> {
         let first = self.state.step + 1;
         let wanted = self.backend.batch_steps().max(1);
         let ends = |step| {
-            let TrainConfig { steps, eval_every, save_every, .. } = *self.config;
+            let TrainConfig { eval_every, save_every, .. } = *self.config;
             self.is_due(eval_every, step)
                 || self.is_due(save_every, step)
-                || self.schedule.revises(step, steps)
+                || self.schedule.is_structure_step(step)
+                || self.schedule.is_crop_step(step)
         };
         let steps = (first..=self.config.steps).take(wanted);
         let len = steps.clone().position(ends).map_or(steps.count(), |at| at + 1);
@@ -194,12 +285,18 @@ impl Run<'_> {
         // All photos of the next batch are wanted as soon as this one is done.
         let left = (self.config.steps - self.state.step) as usize - len;
         let next = order.take(wanted.max(PREFETCH_VIEWS).min(left));
-        self.views.prefetch(&views.iter().copied().chain(next).collect::<Vec<_>>());
+        let wished = views.iter().copied().chain(next).filter(|&view| self.targets.needs_full(view));
+        self.views.prefetch(&wished.collect::<Vec<_>>());
+        let mut counted = self.state.window_views.clone();
 
         let mut batch = Vec::with_capacity(len);
         for (step, view) in (first..).zip(views) {
-            match self.views.target(view) {
-                Ok(target) => batch.push(PlannedStep { step, view, target }),
+            match self.targets.get(self.views, view) {
+                Ok(target) => {
+                    let counts = !counted.contains(&(view as u32));
+                    counted.extend(counts.then_some(view as u32));
+                    batch.push(PlannedStep { step, view, target, counts });
+                }
                 // The steps before it are done first. Then it is asked for again.
                 Err(_) if !batch.is_empty() => break,
                 Err(error) => return Err(error),
@@ -212,23 +309,27 @@ impl Run<'_> {
         let step = planned.step;
         StepRequest {
             step,
-            camera: self.views.camera(planned.view),
-            photo: planned.view as u32,
+            camera: self.targets.camera(self.views, planned.view),
+            photo: self.targets.photo(planned.view),
             target: &planned.target,
             background: self.config.background,
             sh_degree: self.schedule.sh_degree(step, self.config.sh_degree),
             loss: self.config.loss,
             rates: self.schedule.rates(self.config, step),
-            // Nothing reads them while the number of splats and texels is fixed.
-            accumulate_statistics: false,
+            accumulate_statistics: planned.counts,
         }
     }
 
     /// Counts steps as done, and their views as drawn.
     fn advance(&mut self, steps: usize) {
         let mut order = ViewOrder::after(&self.state, self.config.seed, &self.train_views);
-        order.by_ref().take(steps).for_each(drop);
+        let drawn: Vec<usize> = order.by_ref().take(steps).collect();
         order.store(&mut self.state);
+        for view in drawn {
+            if !self.state.window_views.contains(&(view as u32)) {
+                self.state.window_views.push(view as u32);
+            }
+        }
         self.state.step += steps as u32;
     }
 
@@ -254,8 +355,8 @@ impl Run<'_> {
                 view: planned.view,
                 loss: report.loss,
                 report,
-                num_splats: self.state.model.num_splats(),
-                num_texels: self.state.model.num_texels(),
+                num_splats: self.size[0],
+                num_texels: self.size[1],
                 train_wall_secs: wall_before + wall_secs * share,
                 train_cpu_secs: cpu_before + cpu_secs * share,
             })?;
@@ -295,8 +396,8 @@ impl Run<'_> {
             cpu_secs: history.train_cpu_secs,
             psnr_test: evaluation.psnr,
             grad_psnr_test: evaluation.grad_psnr,
-            primitives: self.state.model.num_splats(),
-            texels: self.state.model.num_texels(),
+            primitives: self.size[0],
+            texels: self.size[1],
         };
         history.curve.retain(|p| p.step != step);
         history.curve.push(point.clone());
@@ -305,6 +406,7 @@ impl Run<'_> {
 
     fn checkpoint(&mut self, sink: Sink<'_>) -> Result<()> {
         (self.state.model, self.state.adam) = self.backend.read_back()?;
+        self.state.window = self.backend.read_statistics()?;
         sink(TrainEvent::Checkpoint { state: &self.state })?;
         Ok(())
     }

@@ -1,7 +1,7 @@
 //! What changes over a run, as fractions of its length: `s = steps / 30,000` scales the published
 //! timetable (method sections 4 and 6).
 
-use super::config::TrainConfig;
+use super::config::{Policy, TrainConfig};
 use crate::backend::LearningRates;
 
 /// Length of the published timetable.
@@ -19,8 +19,20 @@ pub struct Schedule {
     pub texture_start: u32,
     /// The position's rate reaches its end here (published: 24,000).
     pub position_end: u32,
-    /// Maps are revised each so many steps (published: structure steps each 250).
-    pub revision_interval: u32,
+    /// Steps between structure steps (published: 250).
+    pub structure_interval: u32,
+    /// No splat is judged before this step (published: 500).
+    pub structure_start: u32,
+    /// Splits and growth of maps end here (published: 15,000).
+    pub densify_until: u32,
+    /// After that, maps are tested for coarsening at most each so many steps (published: 1,000).
+    pub coarsen_interval: u32,
+    /// Maps are cropped and padded each so many steps; 0: at structure steps only (published: 100).
+    pub crop_interval: u32,
+    /// The structure stays as it is from here on (published: the last 1,000 steps).
+    pub structure_end: u32,
+    /// Consecutive marks that remove a splat (published: 8).
+    pub patience: u16,
 }
 
 impl Schedule {
@@ -28,13 +40,60 @@ impl Schedule {
     pub fn new(config: &TrainConfig, train_views: usize) -> Self {
         let s = f64::from(config.steps) / PUBLISHED_STEPS;
         let at = |published: f64| ((published * s).round() as u32).max(1);
-        let low = (train_views as u32).clamp(1, 50);
+        let c = &config.structure;
+        let (published, shortest) = match config.policy {
+            Policy::Plain => (c.relocate_interval, 25),
+            _ => (c.interval, 50),
+        };
+        let low = (train_views as u32).clamp(1, shortest).min(published.max(1));
+        let structure_interval = at(published.into()).clamp(low, published.max(1));
+        let until = if config.policy == Policy::Plain { c.relocate_until } else { c.densify_until };
+        let patience = (f64::from(c.patience_steps) * s / f64::from(structure_interval)).round();
         Self {
             sh_interval: at(1_000.0),
-            texture_start: at(1_000.0),
+            texture_start: at(c.texture_start.into()),
             position_end: at(24_000.0),
-            revision_interval: at(250.0).clamp(low, 250),
+            structure_interval,
+            structure_start: at(c.start.into()),
+            densify_until: at(until.into()),
+            coarsen_interval: at(1_000.0),
+            crop_interval: if structure_interval >= 100 { structure_interval * 2 / 5 } else { 0 },
+            structure_end: config.steps.saturating_sub(at(1_000.0)),
+            patience: (patience as u16).max(if c.patience_steps == 0 { 1 } else { 2 }),
         }
+    }
+
+    /// Whether a structure step follows a step.
+    pub fn is_structure_step(&self, step: u32) -> bool {
+        step.is_multiple_of(self.structure_interval) && step <= self.structure_end
+    }
+
+    /// Whether maps are cropped and padded after a step that no structure step follows.
+    pub fn is_crop_step(&self, step: u32) -> bool {
+        self.crop_interval > 0 && step.is_multiple_of(self.crop_interval) && step <= self.structure_end
+    }
+
+    /// Whether a structure step tests maps for coarsening.
+    pub fn may_coarsen(&self, step: u32) -> bool {
+        step <= self.densify_until || step % self.coarsen_interval < self.structure_interval
+    }
+
+    /// Share of the time to the end of densification, at most 1.
+    pub fn densify_share(&self, step: u32) -> f64 {
+        (f64::from(step) / f64::from(self.densify_until)).min(1.0)
+    }
+
+    /// Texels a side above which splats may be split (published: falling over 7,000 steps).
+    pub fn split_texels(&self, config: &TrainConfig, step: u32) -> f64 {
+        let [start, end] = config.structure.split_texels;
+        let t = f64::from(step) / f64::from(config.steps) * PUBLISHED_STEPS / 7_000.0;
+        (start + (end - start) * t).max(end.min(start))
+    }
+
+    /// Opacity below which splats are removed.
+    pub fn opacity_floor(&self, config: &TrainConfig, step: u32) -> f64 {
+        let [start, end] = config.structure.opacity_floor;
+        start + (end - start) * f64::from(step) / f64::from(config.steps)
     }
 
     /// SH degree in use at a step (from 1).
@@ -63,14 +122,9 @@ impl Schedule {
             sh_dc: slow * r.sh_dc,
             sh_rest: fast * r.sh_rest,
             texel: if step >= self.texture_start { fast * r.texel } else { 0.0 },
-            texel_growth: 0.0,
-            texel_growth_limit: 1.0,
+            texel_growth: if config.active_components().update_rule { r.texel_growth } else { 0.0 },
+            texel_growth_limit: r.texel_growth_limit,
         }
-    }
-
-    /// Whether maps are revised after a step.
-    pub fn revises(&self, step: u32, steps: u32) -> bool {
-        step.is_multiple_of(self.revision_interval) && step < steps
     }
 }
 
@@ -83,7 +137,7 @@ mod tests {
         let config = TrainConfig::default();
         let published = Schedule::new(&config, 300);
         assert_eq!(
-            (published.sh_interval, published.texture_start, published.revision_interval),
+            (published.sh_interval, published.texture_start, published.structure_interval),
             (1_000, 1_000, 250)
         );
         assert_eq!([1, 1_000, 1_001, 3_001, 9_000].map(|t| published.sh_degree(t, 3)), [0, 0, 1, 3, 3]);
@@ -95,7 +149,14 @@ mod tests {
         let raise = short.rates(&shorter, 1).position / published.rates(&config, 1).position;
         assert!((raise - 8.0).abs() < 1e-4, "{raise}");
         assert_eq!(short.rates(&shorter, 1).opacity, config.rates.opacity);
-        assert_eq!((short.sh_interval, short.texture_start, short.revision_interval), (10, 10, 43));
-        assert!(short.revises(43, 300) && !short.revises(300, 300) && !short.revises(44, 300));
+        assert_eq!((short.sh_interval, short.texture_start, short.structure_interval), (10, 10, 43));
+        assert!(short.is_structure_step(43) && !short.is_structure_step(44));
+        assert!(!short.is_structure_step(301) && short.structure_end == 290);
+        assert_eq!((published.patience, published.crop_interval, published.densify_until), (8, 100, 15_000));
+        assert_eq!((short.patience, short.crop_interval, short.densify_until), (2, 0, 150));
+        assert_eq!(
+            [0, 3_500, 7_000, 20_000].map(|t| published.split_texels(&config, t)),
+            [64.0, 40.0, 16.0, 16.0]
+        );
     }
 }

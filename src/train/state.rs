@@ -1,6 +1,9 @@
 //! Everything that a run needs to continue bit for bit, and the curve that it has drawn so far.
 
+use super::structure::Life;
+use crate::backend::WindowStatistics;
 use crate::model::{AdamState, Model};
+use crate::schedule::PrimitiveBudget;
 use serde::{Deserialize, Serialize};
 
 /// One evaluation on the way.
@@ -50,6 +53,16 @@ pub struct TrainState {
     pub epoch_used: u32,
     /// Epochs begun; the order of an epoch follows from the seed and this.
     pub epochs: u32,
+    /// What is known of each splat besides its parameters.
+    pub lives: Vec<Life>,
+    /// Views whose renders count in the window of statistics, in the order of their steps.
+    pub window_views: Vec<u32>,
+    /// Sums of that window; as of the last checkpoint.
+    pub window: WindowStatistics,
+    /// Step at which the scheduler was last asked for scale and cap.
+    pub stage_step: u32,
+    /// Pace of the splits.
+    pub pace: PrimitiveBudget,
     /// Times and curve.
     pub history: TrainHistory,
 }
@@ -64,6 +77,11 @@ impl TrainState {
             epoch_order: Vec::new(),
             epoch_used: 0,
             epochs: 0,
+            lives: Vec::new(),
+            window_views: Vec::new(),
+            window: WindowStatistics::default(),
+            stage_step: 0,
+            pace: PrimitiveBudget::new(0),
             history: TrainHistory::default(),
         }
     }

@@ -77,6 +77,7 @@ pub fn plan(num_splats: usize) -> StructurePlan {
                 rows,
                 cols,
                 texel_size,
+                shift_texels: [0.3, 0.0],
                 moment_scale: [0.25, 0.0625],
             };
             plan.sources.push(i as u32);

@@ -6,7 +6,7 @@ use litetex_gs::camera::Camera;
 use litetex_gs::cpu::CpuBackend;
 use litetex_gs::model::{AdamState, Model};
 use litetex_gs::selftest::{Scene, SceneOptions, random_scene};
-use litetex_gs::train::{TexturePolicy, TrainConfig};
+use litetex_gs::train::{Policy, TrainConfig};
 use litetex_gs::views::{Split, ViewSource};
 use std::sync::Arc;
 
@@ -80,11 +80,10 @@ pub fn damaged(scene: &Scene) -> Model {
 
 /// Evaluates in the middle, saves each 7 steps.
 pub fn config(steps: u32) -> TrainConfig {
-    let texture = TexturePolicy::Fixed(4);
     TrainConfig {
         steps,
         sh_degree: 1,
-        texture,
+        policy: Policy::Fixed(4),
         eval_every: steps / 2,
         save_every: 7,
         ..TrainConfig::default()

@@ -8,13 +8,18 @@
 //! | `textures.maps.{offset,rows,cols,texel_size}` | u32, u16, u16, f32 `[n]` |
 //! | `textures.texels` | f32 `[t,3]` |
 //! | `frame.near`, `frame.capture_from_local` | f32 `[1]`, f64 `[4]`: scale, translation |
-//! | `state.counters`, `state.epoch_order` | u32 `[3]`: step, epochs, views used; u32 `[views]` |
+//! | `state.counters`, `state.epoch_order` | u32 `[4]`: step, epochs, views used, step of the stage; u32 `[views]` |
+//! | `state.lives`, `state.pace` | u16 `[n,3]`: ceiling, marks, checks; f64 `[2]` |
+//! | `window.views`, `window.counts`, `window.sums` | u32 `[views]`, u32 `[n + 1]`: views counted, views that saw each; f32 `[3,n]` |
 
 use super::reader::{Reader, f32s, f64s, u16s, u32s};
 use crate::Result;
+use crate::backend::WindowStatistics;
 use crate::camera::Similarity;
 use crate::constants::{SH_DEGREE_MAX, sh_coefficients};
 use crate::model::{AdamState, LearningRates, Model, SplatArrays, SplatGroup, TextureMap, TexturePool};
+use crate::schedule::PrimitiveBudget;
+use crate::train::structure::Life;
 use crate::train::{TrainHistory, TrainState};
 use glam::DVec3;
 use safetensors::{Dtype, View};
@@ -123,8 +128,17 @@ pub fn tensors(state: &TrainState) -> BTreeMap<String, Tensor<'_>> {
     let frame_numbers = vec![frame.scale, frame.translation.x, frame.translation.y, frame.translation.z];
     put("frame.near", Tensor::f32(&[1], vec![model.near]));
     put("frame.capture_from_local", Tensor::new(&[4], Data::F64(frame_numbers)));
-    let counters = vec![state.step, state.epochs, state.epoch_used];
-    put("state.counters", Tensor::u32(&[3], counters));
+    let counters = vec![state.step, state.epochs, state.epoch_used, state.stage_step];
+    put("state.counters", Tensor::u32(&[4], counters));
+    let lives = state.lives.iter().flat_map(|l| [l.ceiling, l.marks, l.checks]).collect();
+    put("state.lives", Tensor::new(&[state.lives.len(), 3], Data::U16(lives)));
+    put("state.pace", Tensor::new(&[2], Data::F64(vec![state.pace.initial as f64, state.pace.momentum])));
+    let w = &state.window;
+    put("window.views", Tensor::u32(&[state.window_views.len()], &state.window_views));
+    let counts: Vec<u32> = [w.views].iter().chain(&w.seen).copied().collect();
+    put("window.counts", Tensor::u32(&[counts.len()], counts));
+    let sums = [w.area.as_slice(), &w.contribution, &w.error].concat();
+    put("window.sums", Tensor::f32(&[3, w.area.len()], sums));
     put("state.epoch_order", Tensor::u32(&[state.epoch_order.len()], &state.epoch_order));
     out
 }
@@ -157,7 +171,7 @@ pub fn state(reader: &mut Reader<'_>) -> Result<TrainState> {
     };
     let near = f32s(reader.take("frame.near", Dtype::F32, &[1])?)[0];
     let frame = f64s(reader.take("frame.capture_from_local", Dtype::F64, &[4])?);
-    let counters = u32s(reader.take("state.counters", Dtype::U32, &[3])?);
+    let counters = u32s(reader.take("state.counters", Dtype::U32, &[4])?);
     let views = reader.first_dimension("state.epoch_order")?;
     Ok(TrainState {
         step: counters[0],
@@ -174,7 +188,57 @@ pub fn state(reader: &mut Reader<'_>) -> Result<TrainState> {
         epoch_order: u32s(reader.take("state.epoch_order", Dtype::U32, &[views])?),
         epoch_used: counters[2],
         epochs: counters[1],
+        stage_step: counters[3],
+        lives: lives(reader, n)?,
+        pace: pace(reader)?,
+        window_views: {
+            let views = reader.first_dimension("window.views")?;
+            u32s(reader.take("window.views", Dtype::U32, &[views])?)
+        },
+        window: window(reader)?,
         history: TrainHistory::default(),
+    })
+}
+
+/// Records of the splats: none in the state of a run that has not begun.
+fn lives(reader: &mut Reader<'_>, n: usize) -> Result<Vec<Life>> {
+    let found = reader.first_dimension("state.lives")?;
+    if found != n && found != 0 {
+        return Err(reader.invalid(format!("tensor \"state.lives\": found {found} records for {n} splats")));
+    }
+    let values = u16s(reader.take("state.lives", Dtype::U16, &[found, 3])?);
+    let life = |v: &[u16]| Life { ceiling: v[0], marks: v[1], checks: v[2] };
+    Ok(values.chunks_exact(3).map(life).collect())
+}
+
+fn pace(reader: &mut Reader<'_>) -> Result<PrimitiveBudget> {
+    let values = f64s(reader.take("state.pace", Dtype::F64, &[2])?);
+    if !values.iter().all(|v| v.is_finite() && *v >= 0.0) {
+        return Err(
+            reader.invalid(format!("tensor \"state.pace\": found {values:?}, expected numbers from 0"))
+        );
+    }
+    Ok(PrimitiveBudget { initial: values[0] as usize, momentum: values[1] })
+}
+
+/// Sums of the window: of no splat, or of each.
+fn window(reader: &mut Reader<'_>) -> Result<WindowStatistics> {
+    let entries = reader.first_dimension("window.counts")?;
+    let counts = u32s(reader.take("window.counts", Dtype::U32, &[entries])?);
+    let Some((&views, seen)) = counts.split_first() else {
+        return Err(
+            reader.invalid("tensor \"window.counts\": found no number, expected at least 1".to_owned())
+        );
+    };
+    let n = seen.len();
+    let sums = f32s(reader.take("window.sums", Dtype::F32, &[3, n])?);
+    let column = |k: usize| sums[k * n..(k + 1) * n].to_vec();
+    Ok(WindowStatistics {
+        views,
+        seen: seen.to_vec(),
+        area: column(0),
+        contribution: column(1),
+        error: column(2),
     })
 }
 

@@ -140,6 +140,13 @@ pub fn check_values(path: &Path, state: &TrainState) -> Result<()> {
             state.step
         ));
     }
+    let window = state.window.seen.len();
+    if window != 0 && window != model.num_splats() {
+        return invalid(format!(
+            "tensor \"window.counts\": {window} entries for {} splats",
+            model.num_splats()
+        ));
+    }
     check_maps(path, &model.textures)
 }
 

@@ -1,8 +1,11 @@
 //! Round trips bit for bit, and damage of every kind.
 
 use super::*;
+use crate::backend::WindowStatistics;
 use crate::camera::Similarity;
 use crate::model::{AdamState, Model, SplatArrays, SplatGroup, TexturePool};
+use crate::schedule::PrimitiveBudget;
+use crate::train::structure::Life;
 use crate::train::{CurvePoint, TrainHistory};
 use glam::DVec3;
 use safetensors::tensor::TensorView;
@@ -48,6 +51,17 @@ fn sample(n: usize, sh_degree: u32) -> TrainState {
         epoch_order: vec![3, 0, 2, 1],
         epoch_used: 3,
         epochs: 2,
+        lives: (0..n as u16).map(|i| Life { ceiling: 2 << (i % 3), marks: i, checks: 3 * i }).collect(),
+        window_views: vec![1, 3],
+        window: WindowStatistics {
+            views: 2,
+            seen: (0..n as u32).collect(),
+            area: vec![0.25; n],
+            contribution: vec![0.125; n],
+            error: vec![1e-3; n],
+        },
+        stage_step: 5,
+        pace: PrimitiveBudget { initial: n, momentum: 12.5 },
         history: history(n),
     }
 }

@@ -1,0 +1,76 @@
+//! Named sets of defaults. A profile is written over the defaults before anything else that was typed;
+//! what it means is recorded setting by setting in `config.toml`.
+
+use litetex_gs::schedule::{CapRule, ScaleRule, ScheduleOptions};
+use litetex_gs::train::structure::{ErrorMeasure, GrowthMoments, SplitProfile, StructureConfig};
+use litetex_gs::train::{Policy, TrainConfig};
+use serde::{Deserialize, Serialize};
+
+/// A set of defaults.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum Profile {
+    /// What we measured to be best.
+    #[default]
+    Default,
+    /// Constants and rules as published.
+    Paper,
+    /// The published tables as the authors' program made them: immediate pruning, warm restarts, error
+    /// mass, generous ceilings.
+    Authors,
+    /// Content-aware texturing, the method's ancestor.
+    Cat,
+    /// Smaller and quicker at a little quality.
+    Fast,
+}
+
+impl Profile {
+    /// Writes its settings over `config`.
+    pub fn apply(self, config: &mut TrainConfig) {
+        let paper = || StructureConfig {
+            growth_moments: GrowthMoments::Kept,
+            untextured: false,
+            error: ErrorMeasure::Mean,
+            split_profile: SplitProfile::Paper,
+            ceiling_start: 2,
+            ..StructureConfig::default()
+        };
+        match self {
+            Self::Default => {}
+            Self::Paper => {
+                config.structure = paper();
+                config.scheduler = ScheduleOptions::paper();
+            }
+            Self::Authors => {
+                config.structure = StructureConfig {
+                    growth_moments: GrowthMoments::Zero,
+                    error: ErrorMeasure::Mass,
+                    ceiling_start: 32,
+                    patience_steps: 0,
+                    ..paper()
+                };
+                config.scheduler =
+                    ScheduleOptions { cap_rule: CapRule::Authors, quantile: 0.0, ..ScheduleOptions::paper() };
+                config.loss.mse = 0.03;
+            }
+            Self::Cat => {
+                config.policy = Policy::Cat;
+                config.structure = StructureConfig {
+                    growth_moments: GrowthMoments::Zero,
+                    error: ErrorMeasure::Mass,
+                    quantile: 0.9,
+                    split_texels: [64.0, 32.0],
+                    densify_until: 25_000,
+                    texture_start: 500,
+                    opacity_floor: [1.0 / 255.0; 2],
+                    ..paper()
+                };
+            }
+            Self::Fast => {
+                config.structure.alpha_texture = 0.04;
+                config.structure.split_profile = SplitProfile::Tight;
+                config.scheduler.scale_rule = ScaleRule::Fractional;
+            }
+        }
+    }
+}

@@ -1,0 +1,181 @@
+//! A structure step of the policy `litetex` and its relatives: reads what the window found, decides what
+//! becomes of every splat and its map, and writes the plan (method sections 6 and 7).
+
+use super::draft::{Draft, finish};
+use super::geometry::{half_extents, opacity, pixel_sizes, sigmas};
+use super::life::Life;
+use super::maps::{self, MapRule, Sizes};
+use super::score::{Scores, marks_after};
+use super::settings::{Budget, Components, StructureConfig};
+use super::split;
+use crate::backend::{MapChange, StructurePlan, WindowStatistics};
+use crate::camera::Camera;
+use crate::model::Model;
+use serde::Serialize;
+
+/// Opacity below which even fresh children are removed.
+const CHILD_OPACITY_MIN: f64 = 0.01;
+
+/// What the step is decided from.
+pub struct Situation<'a> {
+    /// The settled model.
+    pub model: &'a Model,
+    /// Records of its splats.
+    pub lives: &'a [Life],
+    /// Sums of the window.
+    pub statistics: &'a WindowStatistics,
+    /// Cameras of the training views, at full size.
+    pub cameras: &'a [Camera],
+    /// Full size of the pictures over their size in training, now.
+    pub render_scale: f64,
+    /// Most texels a side of any map, now.
+    pub texture_cap: u16,
+    /// Whether maps may grow and splats may split.
+    pub densify: bool,
+    /// Whether the window's statistics may be used to judge: from the first structure step on.
+    pub judge: bool,
+    /// Whether maps are tested for coarsening.
+    pub may_coarsen: bool,
+    /// Most splats that may be added.
+    pub max_added: usize,
+    /// More texels a side than this make a splat long enough to split.
+    pub split_texels: f64,
+    /// Consecutive marks that remove a splat.
+    pub patience: u16,
+    /// Opacity below which splats are removed.
+    pub opacity_floor: f64,
+    /// `fixed:R`, or maps of their own size.
+    pub rule: MapRule,
+}
+
+/// What a structure step did.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct StructureCounts {
+    /// Splats removed because they contributed or covered too little.
+    pub pruned: usize,
+    /// Splats removed because they were nearly transparent.
+    pub faded: usize,
+    /// Splats replaced by two.
+    pub split: usize,
+    /// Splats moved to where others are (policy `plain`).
+    pub moved: usize,
+    /// Maps of twice the texels a side.
+    pub refined: usize,
+    /// Maps of half the texels a side.
+    pub coarsened: usize,
+    /// Candidates left as they were because the budget is spent.
+    pub over_budget: usize,
+}
+
+/// A decided step.
+pub struct Revision {
+    /// `None` if nothing changes.
+    pub plan: Option<StructurePlan>,
+    /// Records of the splats after the plan.
+    pub lives: Vec<Life>,
+    /// What was done.
+    pub counts: StructureCounts,
+}
+
+/// Decides a structure step.
+pub fn decide(
+    s: &Situation<'_>,
+    config: &StructureConfig,
+    components: &Components,
+    budget: &Budget,
+) -> Revision {
+    let n = s.model.num_splats();
+    let scores = Scores::new(s.statistics, s.cameras.len(), config.error, config.prune_contribution);
+    let pixels = pixel_sizes(s.model, s.cameras);
+    let worst = if s.judge && s.densify { scores.worst(config.quantile) } else { vec![false; n] };
+    let mut counts = StructureCounts::default();
+    let mut drafts: Vec<Option<Draft>> = (0..n)
+        .map(|i| {
+            let life = judged(s, config, components, &scores, i, &mut counts)?;
+            let extents = half_extents(sigmas(s.model, i), opacity(s.model, i), config.alpha_texture);
+            let sizes = Sizes {
+                extents,
+                finest: config.min_texel_px * pixels[i] * s.render_scale,
+                cap: s.texture_cap,
+            };
+            Some(Draft { source: i as u32, change: MapChange::Keep, edit: None, life, sizes, texels: 0 })
+        })
+        .collect();
+    // Nothing may be added to an empty model, and nobody wants one.
+    if drafts.iter().all(Option::is_none) {
+        return Revision { plan: None, lives: s.lives.to_vec(), counts: StructureCounts::default() };
+    }
+    for draft in drafts.iter_mut().flatten() {
+        let i = draft.source as usize;
+        maps::fit(s, config, components, s.may_coarsen && !worst[i], draft, &mut counts);
+    }
+
+    let mut splats = drafts.iter().flatten().count();
+    let mut texels: usize = drafts.iter().flatten().map(|d| d.texels).sum();
+    maps::shrink_to_budget(s, budget, &scores, &mut drafts, splats, &mut texels, &mut counts);
+    let mut candidates: Vec<usize> = (0..n).filter(|&i| worst[i] && drafts[i].is_some()).collect();
+    candidates.sort_by(|&a, &b| scores.error[b].total_cmp(&scores.error[a]).then(a.cmp(&b)));
+    let mut children: Vec<Draft> = Vec::new();
+    let mut added = 0;
+    for i in candidates {
+        let Some(draft) = drafts[i] else { continue };
+        let split = (components.splitting && added < s.max_added)
+            .then(|| split::split(s, config, &draft, pixels[i]))
+            .flatten();
+        if let Some(pair) = split {
+            let more = pair[0].texels + pair[1].texels;
+            if budget.allows(splats + 1, texels - draft.texels + more) {
+                (splats, texels) = (splats + 1, texels - draft.texels + more);
+                added += 1;
+                counts.split += 1;
+                drafts[i] = Some(pair[0]);
+                children.push(pair[1]);
+                continue;
+            }
+            counts.over_budget += 1;
+        }
+        if let Some(finer) = maps::grown(s, config, components, &draft) {
+            if budget.allows(splats, texels - draft.texels + finer.texels) {
+                texels = texels - draft.texels + finer.texels;
+                counts.refined += usize::from(finer.texels > draft.texels);
+                drafts[i] = Some(finer);
+            } else {
+                counts.over_budget += 1;
+            }
+        }
+    }
+    let new: Vec<Draft> = drafts.into_iter().flatten().chain(children).collect();
+    let (plan, lives) = finish(s.model, new);
+    Revision { plan, lives, counts }
+}
+
+/// The record of a splat after this check; `None` if it is removed.
+fn judged(
+    s: &Situation<'_>,
+    config: &StructureConfig,
+    components: &Components,
+    scores: &Scores,
+    i: usize,
+    counts: &mut StructureCounts,
+) -> Option<Life> {
+    let mut life = s.lives[i];
+    if !s.judge {
+        return Some(life);
+    }
+    // Narrow splats can miss every pixel of a coarse picture: those windows only clear marks.
+    let low = scores.contribution[i] < config.prune_contribution || scores.area[i] < config.prune_area;
+    let reliable = s.render_scale < 3.0;
+    let judgeable = scores.seen[i] && !life.is_fresh() && (reliable || !low);
+    life.marks = marks_after(life.marks, judgeable.then_some(low));
+    let faded = if life.is_fresh() { CHILD_OPACITY_MIN } else { s.opacity_floor };
+    life.checks = life.checks.saturating_add(1);
+    if components.pruning && life.marks >= s.patience {
+        counts.pruned += 1;
+        return None;
+    }
+    if opacity(s.model, i) < faded {
+        counts.faded += 1;
+        return None;
+    }
+    Some(life)
+}

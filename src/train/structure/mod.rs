@@ -1,0 +1,22 @@
+//! Structure decisions, made on the host from what was read back, alike for every backend: which splats
+//! go, split or move, and what size their maps have (method sections 6, 7 and 9).
+
+mod coarse;
+mod decide;
+mod draft;
+mod geometry;
+mod life;
+mod maps;
+mod relocate;
+mod score;
+mod settings;
+mod split;
+
+pub use decide::{Revision, Situation, StructureCounts, decide};
+pub use geometry::{TEXELS_MAX, first_texel_size, half_extents, pixel_sizes};
+pub use life::Life;
+pub use maps::MapRule;
+pub use relocate::relocate;
+pub use settings::{
+    Budget, Components, ErrorMeasure, GrowthMoments, SplitProfile, StatisticsSource, StructureConfig,
+};

@@ -1,0 +1,225 @@
+//! Settings of the structure steps: who gets texels, who is split, who goes. All times are those of the
+//! published timetable of 30,000 steps; [`Schedule`](crate::train::Schedule) scales them to the run.
+
+use serde::{Deserialize, Serialize};
+
+/// Parts of the method that can be switched off one by one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default, rename_all = "kebab-case")]
+pub struct Components {
+    /// Frequency-aware scheduler: size of the pictures, cap of the maps and pace of the splits follow from
+    /// the photos' spectra. Off: full size, cap 256, splits limited to 20 % a step alone.
+    pub scheduler: bool,
+    /// Removal of splats that contribute or cover too little for several checks in a row.
+    pub pruning: bool,
+    /// Personal ceilings that start low and double with error. Off: maps get finer with error alone.
+    pub growth: bool,
+    /// Resolution-aware rates of the texels.
+    pub update_rule: bool,
+    /// Splitting along the axes.
+    pub splitting: bool,
+    /// Down-scaling of maps that lose nothing by it.
+    pub coarsening: bool,
+}
+
+impl Components {
+    /// Names, in the order of the fields.
+    pub const NAMES: [&str; 6] = ["scheduler", "pruning", "growth", "update-rule", "splitting", "coarsening"];
+
+    /// The switch of a name.
+    pub fn switch(&mut self, name: &str) -> Option<&mut bool> {
+        let Self { scheduler, pruning, growth, update_rule, splitting, coarsening } = self;
+        let all = [scheduler, pruning, growth, update_rule, splitting, coarsening];
+        Self::NAMES.iter().zip(all).find(|(n, _)| **n == name).map(|(_, switch)| switch)
+    }
+}
+
+impl Default for Components {
+    fn default() -> Self {
+        Self {
+            scheduler: true,
+            pruning: true,
+            growth: true,
+            update_rule: true,
+            splitting: true,
+            coarsening: true,
+        }
+    }
+}
+
+/// What counts as a splat's error (method section 9.2).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ErrorMeasure {
+    /// Loss per unit of contribution: independent of the splat's size (paper).
+    #[default]
+    Mean,
+    /// Loss that the splat carries in a view: grows with its size.
+    Mass,
+}
+
+/// What becomes of the moments of a map whose texels were doubled (method section 4).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum GrowthMoments {
+    /// Scaled as the gradients are: first by 1/4, second by 1/16.
+    #[default]
+    Scaled,
+    /// As they were (paper).
+    Kept,
+    /// Zero: an accidental warm restart (authors' code).
+    Zero,
+}
+
+impl GrowthMoments {
+    /// Factors of first and second moments.
+    pub fn scale(self) -> [f32; 2] {
+        match self {
+            Self::Scaled => [1.0 / 4.0, 1.0 / 16.0],
+            Self::Kept => [1.0, 1.0],
+            Self::Zero => [0.0, 0.0],
+        }
+    }
+}
+
+/// Where the children of a split go and how large they are (method section 6.2).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SplitProfile {
+    /// One standard deviation apart from the centre, half as wide, opacity times exp(-1/2) (paper).
+    #[default]
+    Paper,
+    /// 0.56 standard deviations, half as wide, opacity times 0.9: a third of the error of the profile.
+    Tight,
+}
+
+impl SplitProfile {
+    /// Shift in standard deviations, factor of the standard deviation, factor of the opacity.
+    pub fn factors(self) -> [f64; 3] {
+        match self {
+            Self::Paper => [1.0, 0.5, 0.606_530_659_712_633],
+            Self::Tight => [0.56, 0.5, 0.9],
+        }
+    }
+}
+
+/// Where the statistics of a structure step come from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum StatisticsSource {
+    /// The training steps since the last one: costs nothing.
+    #[default]
+    Window,
+    /// A pass over all training views.
+    Full,
+}
+
+/// Settings of the structure steps.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default, rename_all = "kebab-case")]
+pub struct StructureConfig {
+    /// Steps between structure steps.
+    pub interval: u32,
+    /// First structure step.
+    pub start: u32,
+    /// Splitting and growth of maps end here.
+    pub densify_until: u32,
+    /// Texels are trained from here on.
+    pub texture_start: u32,
+    /// Share of the splats, by error, that are not candidates for growth and splits.
+    pub quantile: f64,
+    /// What counts as error.
+    pub error: ErrorMeasure,
+    /// Where it is measured.
+    pub statistics: StatisticsSource,
+    /// Personal ceiling of a map at the start, texels a side.
+    pub ceiling_start: u16,
+    /// Finest texel, in pixels of the nearest camera at the current size of the pictures.
+    pub min_texel_px: f64,
+    /// Maps end where alpha falls to this.
+    pub alpha_texture: f64,
+    /// A map is halved if that changes its picture by less (mean over its falloff).
+    pub coarsen_below: f64,
+    /// What becomes of the moments when texels are doubled.
+    pub growth_moments: GrowthMoments,
+    /// Splats whose whole support is below the finest texel have no map.
+    pub untextured: bool,
+    /// Children of a split.
+    pub split_profile: SplitProfile,
+    /// Splats of more texels a side than this may be split: at the start, and from 7,000 steps on.
+    pub split_texels: [f64; 2],
+    /// Splats grow by at most this share in a structure step.
+    pub split_rate: f64,
+    /// Sum over the training views of blending weight per pixel below which a splat is marked.
+    pub prune_contribution: f64,
+    /// Sum over the training views of covered share of the picture below which a splat is marked.
+    pub prune_area: f64,
+    /// Steps of the published timetable for which a splat must stay marked to be removed.
+    pub patience_steps: u32,
+    /// Less opaque splats are removed: threshold at the start and at the end, linear in between.
+    pub opacity_floor: [f64; 2],
+    /// Policy `plain`: splats less opaque than this are moved to where others are opaque.
+    pub relocate_below: f64,
+    /// Policy `plain`: steps between relocations.
+    pub relocate_interval: u32,
+    /// Policy `plain`: relocation ends here.
+    pub relocate_until: u32,
+}
+
+impl Default for StructureConfig {
+    fn default() -> Self {
+        Self {
+            interval: 250,
+            start: 500,
+            densify_until: 15_000,
+            texture_start: 1_000,
+            quantile: 0.85,
+            error: ErrorMeasure::Mean,
+            statistics: StatisticsSource::Window,
+            ceiling_start: 2,
+            min_texel_px: 2.0,
+            alpha_texture: crate::constants::ALPHA_MIN,
+            coarsen_below: 0.02,
+            growth_moments: GrowthMoments::Scaled,
+            untextured: true,
+            split_profile: SplitProfile::Paper,
+            split_texels: [64.0, 16.0],
+            split_rate: 0.2,
+            prune_contribution: 5e-6,
+            prune_area: 5e-5,
+            patience_steps: 2_000,
+            opacity_floor: [0.015, 0.04],
+            relocate_below: 0.005,
+            relocate_interval: 100,
+            relocate_until: 25_000,
+        }
+    }
+}
+
+/// Largest model that a run may make; `None`: no limit.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default, rename_all = "kebab-case")]
+pub struct Budget {
+    /// Splats.
+    pub max_splats: Option<usize>,
+    /// Texels over all maps.
+    pub max_texels: Option<usize>,
+    /// Parameters: 59 a splat and 3 a texel.
+    pub max_params: Option<usize>,
+}
+
+impl Budget {
+    /// Whether a model of this size is within it.
+    pub fn allows(&self, num_splats: usize, num_texels: usize) -> bool {
+        self.max_splats.is_none_or(|most| num_splats <= most)
+            && self.max_texels.is_none_or(|most| num_texels <= most)
+            && self.max_params.is_none_or(|most| 59 * num_splats + 3 * num_texels <= most)
+    }
+
+    /// Most splats of a number of texels each that fit.
+    pub fn most_splats(&self, texels_each: usize) -> usize {
+        let by = |most: Option<usize>, each: usize| most.map_or(usize::MAX, |m| m / each.max(1));
+        let texels = if texels_each == 0 { usize::MAX } else { by(self.max_texels, texels_each) };
+        by(self.max_splats, 1).min(texels).min(by(self.max_params, 59 + 3 * texels_each))
+    }
+}

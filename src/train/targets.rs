@@ -1,0 +1,129 @@
+//! Photos at the size of the current stage: reduced by area once a stage and kept while there is room.
+
+use crate::Result;
+use crate::backend::TargetImage;
+use crate::camera::{Camera, Pinhole};
+use crate::picture::resample::{by_area, to_byte};
+use crate::views::ViewSource;
+use std::sync::Arc;
+
+/// Reduced photos kept at once.
+const KEPT_BYTES: usize = 1 << 30;
+
+/// The photos of one stage.
+pub(super) struct Targets {
+    /// Full size over the stage's size.
+    scale: f64,
+    /// Stages begun; with the view it names a photo of a size.
+    stage: u32,
+    kept: Vec<Option<Arc<TargetImage>>>,
+    kept_bytes: usize,
+}
+
+impl Targets {
+    /// Photos at a scale.
+    pub fn new(num_views: usize, scale: f64) -> Self {
+        Self { scale, stage: 0, kept: vec![None; num_views], kept_bytes: 0 }
+    }
+
+    /// Changes the scale; forgets the photos of the old one.
+    pub fn set_scale(&mut self, scale: f64) {
+        if scale != self.scale {
+            let num_views = self.kept.len();
+            *self = Self { stage: self.stage + 1, ..Self::new(num_views, scale) };
+        }
+    }
+
+    /// A number that is the same for the same photo at the same size only.
+    pub fn photo(&self, view: usize) -> u32 {
+        self.stage * self.kept.len() as u32 + view as u32
+    }
+
+    /// The camera of a view at the stage's size.
+    pub fn camera(&self, views: &dyn ViewSource, view: usize) -> Camera {
+        let camera = views.camera(view);
+        Camera { pinhole: reduced(&camera.pinhole, self.scale), ..camera }
+    }
+
+    /// The photo of a view at the stage's size.
+    ///
+    /// # Errors
+    /// Whatever the view reports.
+    pub fn get(&mut self, views: &dyn ViewSource, view: usize) -> Result<Arc<TargetImage>> {
+        if self.scale <= 1.0 {
+            return views.target(view);
+        }
+        if let Some(image) = &self.kept[view] {
+            return Ok(Arc::clone(image));
+        }
+        let full = views.target(view)?;
+        let pinhole = self.camera(views, view).pinhole;
+        let image = Arc::new(reduce(&full, pinhole.width_px, pinhole.height_px));
+        let bytes = 4 * pinhole.num_pixels();
+        if self.kept_bytes + bytes <= KEPT_BYTES {
+            self.kept_bytes += bytes;
+            self.kept[view] = Some(Arc::clone(&image));
+        }
+        Ok(image)
+    }
+
+    /// Whether the full photo will be read for a view.
+    pub fn needs_full(&self, view: usize) -> bool {
+        self.scale <= 1.0 || self.kept[view].is_none()
+    }
+}
+
+/// The camera for pictures reduced by a factor of at least 1; sizes are rounded down.
+fn reduced(pinhole: &Pinhole, scale: f64) -> Pinhole {
+    let side = |px: u32| ((f64::from(px) / scale) as u32).max(1);
+    pinhole.resized(side(pinhole.width_px), side(pinhole.height_px))
+}
+
+/// A photo reduced by area. A pixel counts if most of what it covers counts, and shows the mean of all
+/// that it covers: what does not count is of no consequence only where nothing counts.
+fn reduce(full: &TargetImage, width_px: u32, height_px: u32) -> TargetImage {
+    let (from, to) = ((full.width_px, full.height_px), (width_px, height_px));
+    let channels = |values: &[u8], count: usize| -> Vec<u8> {
+        let stride = from.0 as usize * count;
+        let means = by_area(from, to, count, |y, row| {
+            row.iter_mut().zip(&values[y * stride..]).for_each(|(r, &v)| *r = f32::from(v));
+        });
+        means.into_iter().map(to_byte).collect()
+    };
+    let mask = full
+        .mask
+        .as_ref()
+        .map(|mask| channels(mask, 1).into_iter().map(|m| if m >= 128 { 255 } else { 0 }).collect());
+    TargetImage { width_px, height_px, rgb: channels(&full.rgb, 3), mask }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn reduced_photos_are_means_and_their_cameras_see_the_same() {
+        let rgb: Vec<u8> =
+            (0..8 * 6).flat_map(|i| [if i % 2 == 0 { 200 } else { 100 }, 7, i as u8]).collect();
+        let mask = Some((0..8 * 6).map(|i| if i % 8 < 4 { 255 } else { 0 }).collect());
+        let full = TargetImage { width_px: 8, height_px: 6, rgb, mask };
+        let half = reduce(&full, 4, 3);
+        assert_eq!((half.width_px, half.height_px, half.rgb.len()), (4, 3, 36));
+        assert!(half.rgb.chunks_exact(3).all(|p| p[0] == 150 && p[1] == 7));
+        assert_eq!(half.mask.as_ref().unwrap()[..4], [255, 255, 0, 0]);
+        let pinhole = Pinhole { width_px: 9, height_px: 6, fx_px: 9.0, fy_px: 9.0, cx_px: 4.5, cy_px: 3.0 };
+        let small = reduced(&pinhole, 2.0);
+        assert_eq!((small.width_px, small.height_px), (4, 3));
+        assert!((small.fx_px / 4.0 - pinhole.fx_px / 9.0).abs() < 1e-12, "same field of view");
+    }
+
+    #[test]
+    fn numbers_of_photos_differ_between_sizes() {
+        let mut targets = Targets::new(5, 4.0);
+        let coarse = targets.photo(3);
+        targets.set_scale(4.0);
+        assert_eq!(targets.photo(3), coarse);
+        targets.set_scale(2.0);
+        assert!(targets.photo(3) != coarse && targets.photo(0) > coarse);
+    }
+}

@@ -1,0 +1,190 @@
+//! The window of statistics between two structure steps, and the step itself: reads what the window
+//! found, lets [`structure`](super::structure) decide, has the backend carry out the plan.
+
+use super::config::{Policy, TrainConfig};
+use super::schedule::Schedule;
+use super::state::TrainState;
+use super::structure::{self, Life, Revision, Situation, StructureCounts};
+use super::targets::Targets;
+use crate::Result;
+use crate::backend::{Backend, LossWeights, StepRequest, WindowStatistics};
+use crate::camera::Camera;
+use crate::model::LearningRates;
+use crate::schedule::{FrequencySchedule, PrimitiveBudget};
+use crate::views::ViewSource;
+
+/// What the scheduler says from one structure step to the next.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Stage {
+    /// Full size of the pictures over their size in training.
+    pub render_scale: f64,
+    /// Most texels a side of any map.
+    pub texture_cap: u16,
+}
+
+impl Stage {
+    /// As of a step.
+    pub fn at(
+        config: &TrainConfig,
+        schedule: &Schedule,
+        frequency: &FrequencySchedule,
+        smaller_side_px: u32,
+        step: u32,
+    ) -> Self {
+        let t = schedule.densify_share(step);
+        Self {
+            render_scale: frequency.render_scale(t, config.scheduler.scale_rule, smaller_side_px),
+            texture_cap: frequency.texture_cap(t, config.scheduler.cap_rule),
+        }
+    }
+}
+
+/// Who takes part in a structure step.
+pub(super) struct Structure<'a> {
+    pub config: &'a TrainConfig,
+    pub schedule: &'a Schedule,
+    pub cameras: &'a [Camera],
+    pub stage: Stage,
+}
+
+impl Structure<'_> {
+    /// Decides and applies the step that is due after `state.step`, and begins a new window. Returns what
+    /// was done, and splats and texels after it.
+    ///
+    /// # Errors
+    /// Whatever the backend reports.
+    pub fn step(
+        &self,
+        backend: &mut dyn Backend,
+        state: &mut TrainState,
+        judge: bool,
+    ) -> Result<(StructureCounts, [usize; 2])> {
+        let model = backend.read_settled()?;
+        let statistics = backend.read_statistics()?;
+        let revision = self.decide(&model, &statistics, state, judge);
+        let mut size = [model.num_splats(), model.num_texels()];
+        state.lives = revision.lives;
+        if let Some(plan) = &revision.plan {
+            backend.apply_plan(plan)?;
+            size = size_after(&model, plan);
+        }
+        if judge {
+            backend.set_statistics(&WindowStatistics::empty(size[0]))?;
+            state.window_views.clear();
+        } else {
+            // The splats are the same: their window goes on.
+            backend.set_statistics(&statistics)?;
+        }
+        Ok((revision.counts, size))
+    }
+
+    fn decide(
+        &self,
+        model: &crate::model::Model,
+        statistics: &WindowStatistics,
+        state: &mut TrainState,
+        judge: bool,
+    ) -> Revision {
+        let (config, schedule, step) = (self.config, self.schedule, state.step);
+        let components = config.active_components();
+        let densify = judge && step <= schedule.densify_until;
+        let t = schedule.densify_share(step);
+        let n = model.num_splats();
+        // The last structure step before the end of densification may bring all.
+        let last = step + schedule.structure_interval >= schedule.densify_until;
+        let rate = if components.scheduler {
+            state.pace.rate(n, if last { 1.0 } else { t }, self.stage.render_scale)
+        } else {
+            1.0
+        };
+        let max_added = (rate.min(config.structure.split_rate) * n as f64) as usize;
+        let situation = Situation {
+            model,
+            lives: &state.lives,
+            statistics,
+            cameras: self.cameras,
+            render_scale: self.stage.render_scale,
+            texture_cap: self.stage.texture_cap,
+            densify,
+            judge,
+            may_coarsen: schedule.may_coarsen(step),
+            max_added,
+            split_texels: schedule.split_texels(config, step),
+            patience: schedule.patience,
+            opacity_floor: schedule.opacity_floor(config, step),
+            rule: config.policy.map_rule(),
+        };
+        let revision = match config.policy {
+            Policy::Plain => {
+                let seed = config.seed ^ u64::from(step).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+                structure::relocate(&situation, &config.structure, &config.budget, seed)
+            }
+            _ => structure::decide(&situation, &config.structure, &components, &config.budget),
+        };
+        if judge {
+            state.pace.observe(revision.counts.split);
+        }
+        revision
+    }
+}
+
+/// Records and pace for a run that has none yet.
+pub(super) fn begin(config: &TrainConfig, state: &mut TrainState) {
+    let n = state.model.num_splats();
+    if state.lives.len() != n {
+        let ceiling = if config.active_components().growth {
+            config.structure.ceiling_start
+        } else {
+            structure::TEXELS_MAX
+        };
+        state.lives = vec![Life::first(ceiling); n];
+        state.pace = PrimitiveBudget::new(n);
+    }
+}
+
+/// Splats and texels of a model after a plan.
+fn size_after(model: &crate::model::Model, plan: &crate::backend::StructurePlan) -> [usize; 2] {
+    use crate::backend::MapChange::{Keep, Regrid, Resample};
+    let texels = plan.sources.iter().zip(&plan.maps).map(|(&source, change)| match *change {
+        Keep => model.textures.maps[source as usize].num_texels(),
+        Resample { rows, cols, .. } | Regrid { rows, cols, .. } => usize::from(rows) * usize::from(cols),
+    });
+    [plan.sources.len(), texels.sum()]
+}
+
+/// The statistics of all training views for the settled model as it is, at the size of the stage: what a
+/// window that sees each view once would find if nothing moved. Renders every view; leaves the backend
+/// as it was but for its window, which is this.
+///
+/// # Errors
+/// Whatever the backend or the views report.
+pub(super) fn full_statistics(
+    backend: &mut dyn Backend,
+    views: &dyn ViewSource,
+    train_views: &[usize],
+    targets: &mut Targets,
+    background: [f32; 3],
+    sh_degree: u32,
+) -> Result<WindowStatistics> {
+    let (model, adam) = backend.read_back()?;
+    backend.set_statistics(&WindowStatistics::empty(model.num_splats()))?;
+    for &view in train_views {
+        let target = targets.get(views, view)?;
+        // Without rates nothing moves but the moments, which are put back.
+        backend.step(&StepRequest {
+            step: adam.step + 1,
+            camera: targets.camera(views, view),
+            photo: targets.photo(view),
+            target: &target,
+            background,
+            sh_degree,
+            loss: LossWeights::default(),
+            rates: LearningRates::default(),
+            accumulate_statistics: true,
+        })?;
+    }
+    let statistics = backend.read_statistics()?;
+    backend.upload(&model, &adam)?;
+    backend.set_statistics(&statistics)?;
+    Ok(statistics)
+}
