@@ -19,6 +19,7 @@ pub mod picture;
 pub mod reference;
 mod report;
 pub mod sample;
+pub mod schedule;
 pub mod selftest;
 pub mod train;
 pub mod views;

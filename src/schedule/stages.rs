@@ -1,0 +1,50 @@
+//! From spectra to stages: at which scale a run starts and when each next part of the significance
+//! comes into the picture (method section 8.2).
+
+use super::options::ScheduleOptions;
+use super::spectrum::Windows;
+
+/// Nodes are rounded to this: far below anything that a schedule can notice, and short decimal numbers
+/// survive text files bit for bit, so that a resumed run follows the very same schedule.
+const NODE_STEP: f64 = 1e-9;
+
+/// If less than this part of the significance comes after the first stage, there is nothing to wait
+/// for. (Rounding of the transform leaves about 1e-13 in a constant picture.)
+const LEAST_GAIN: f64 = 1e-6;
+
+/// The scale of the first stage: the window that holds 1 / beta of the significance, as the given
+/// quantile over single views has it.
+pub(super) fn start_scale(views: &[Windows], options: &ScheduleOptions) -> f64 {
+    let mut scales: Vec<f64> =
+        views.iter().map(|view| view.solve(view.total() / options.beta, options.max_scale)).collect();
+    scales.sort_by(f64::total_cmp);
+    let Some(last) = scales.len().checked_sub(1) else { return 1.0 };
+    let at = options.quantile * last as f64;
+    let (low, high) = (scales[at as usize], scales[at.ceil() as usize]);
+    low + (high - low) * at.fract()
+}
+
+/// Nodes (time as a fraction of T_r, scale): each stage opens the window by the same amount of
+/// significance of the mean picture, and lasts as the logarithm of the significance seen grows.
+/// One node (0, 1) if there is nothing to schedule.
+pub(super) fn nodes(mean: &Windows, s_max: f64, levels: usize) -> Vec<(f64, f64)> {
+    let (least, total) = (mean.within(s_max), mean.total());
+    let flat = vec![(0.0, 1.0)];
+    // Negated, so that NaN counts as nothing.
+    if !(least > 0.0 && total - least > LEAST_GAIN * total) || s_max <= 1.0 {
+        return flat;
+    }
+    let last = levels - 1;
+    let rounded = |x: f64| (x / NODE_STEP).round() * NODE_STEP;
+    let mut nodes: Vec<(f64, f64)> = Vec::with_capacity(levels);
+    for i in 0..levels {
+        let energy = least + (total - least) * i as f64 / last as f64;
+        let node = match i {
+            0 => (0.0, s_max),
+            _ if i == last => (1.0, 1.0),
+            _ => ((energy / least).ln() / (total / least).ln(), mean.solve(energy, s_max)),
+        };
+        nodes.push((rounded(node.0), rounded(node.1)));
+    }
+    nodes
+}
