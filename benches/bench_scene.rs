@@ -35,7 +35,7 @@ fn options() -> Option<Options> {
             "--max-resolution" => options.load.max_resolution = value.parse().ok()?,
             "--steps" => options.config.steps = value.parse().ok()?,
             "--eval-every" => options.config.eval_every = value.parse().ok()?,
-            "--texture" => options.config.texture = value.parse().ok()?,
+            "--policy" => options.config.policy = value.parse().ok()?,
             "--seed" => options.config.seed = value.parse().ok()?,
             "--threads" => options.threads = Some(value.parse().ok()?),
             // rates.NAME=VALUE and so on, as in config.toml.
@@ -70,7 +70,7 @@ fn main() {
     let start = Instant::now();
     let capture = Capture::load(&options.capture, &options.load).expect("capture loads");
     let init = InitOptions {
-        texture: options.config.texture,
+        policy: options.config.policy,
         sh_degree: options.config.sh_degree,
         seed: options.config.seed,
         ..InitOptions::default()
