@@ -1,6 +1,6 @@
 //! Time and error of the CPU backend on a capture, in one table:
 //!
-//! `cargo bench --bench bench_scene -- CAPTURE [--max-resolution 480] [--steps 300] [--texture fixed:4]`
+//! `cargo bench --bench bench_scene -- CAPTURE [--max-resolution 480] [--steps 300] [--policy fixed:4]`
 //!
 //! Prints PSNR and gradient-PSNR of the held-out views over CPU time, CPU seconds per step, the share
 //! of the cores that were busy, time by stage and pixel-splat pairs per pixel.

@@ -61,7 +61,8 @@ fn planes(photo: &TargetImage) -> Option<Planes> {
 
 /// W, from the Sobel gradient of the channels' mean (taps 1-2-1, unnormalised, zeros outside).
 fn weights(planes: &Planes, width: usize, height: usize) -> Vec<f64> {
-    let grey: Vec<f64> = (0..width * height).map(|i| planes.iter().map(|p| p[i]).sum::<f64>() / 3.0).collect();
+    let grey: Vec<f64> =
+        (0..width * height).map(|i| planes.iter().map(|p| p[i]).sum::<f64>() / 3.0).collect();
     let (low, high) = range(&grey);
     if high - low < RANGE_MIN {
         return vec![1.0; grey.len()];

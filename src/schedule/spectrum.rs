@@ -84,7 +84,8 @@ impl Lines {
         let pixels = (self.width * self.height) as f64;
         for (lines, side) in [(&self.vertical, self.width), (&self.horizontal, self.height)] {
             for (k, line) in lines.iter().enumerate() {
-                let edge = |offset: f64| ((2.0 * k as f64 + offset) / side as f64).clamp(0.0, 1.0) * RINGS as f64;
+                let edge =
+                    |offset: f64| ((2.0 * k as f64 + offset) / side as f64).clamp(0.0, 1.0) * RINGS as f64;
                 let (begin, end) = (edge(-1.0), edge(1.0));
                 for ring in begin as usize..(end.ceil() as usize).min(RINGS) {
                     let covered = end.min((ring + 1) as f64) - begin.max(ring as f64);

@@ -107,7 +107,13 @@ fn probe() {
             let p = noisy(w, h, &values, sigma / 255.0);
             for o in [ScheduleOptions::paper(), ScheduleOptions::default()] {
                 let s = of(vec![p.clone()], &o);
-                println!("alpha {alpha} sigma {sigma} robust {} s_max {:.3} r<=2 {} r=1 {}", o.noise_robust, s.s_max, first_below(&s, 3.0), first_below(&s, 2.0));
+                println!(
+                    "alpha {alpha} sigma {sigma} robust {} s_max {:.3} r<=2 {} r=1 {}",
+                    o.noise_robust,
+                    s.s_max,
+                    first_below(&s, 3.0),
+                    first_below(&s, 2.0)
+                );
             }
         }
     }

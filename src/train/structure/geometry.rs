@@ -112,14 +112,17 @@ mod tests {
         let codes = morton_codes(&(0..64).flat_map(grid).collect::<Vec<_>>());
         let mut order: Vec<usize> = (0..64).collect();
         order.sort_by_key(|&i| codes[i]);
-        let step = |w: &[usize]| {
-            let (a, b) = (grid(w[0]), grid(w[1]));
-            (0..3).map(|k| (a[k] - b[k]).abs()).sum::<f32>()
+        let widest = |order: &[usize]| {
+            let extent = |block: &[usize], axis: usize| {
+                let values = block.iter().map(|&i| grid(i)[axis]);
+                values.clone().fold(0.0, f32::max) - values.fold(9.0, f32::min)
+            };
+            let blocks = order.chunks_exact(8);
+            blocks.map(|b| (0..3).map(|axis| extent(b, axis)).fold(0.0, f32::max)).fold(0.0, f32::max)
         };
-        let length = |order: &[usize]| order.windows(2).map(step).sum::<f32>();
-        // Rows of four, back and forth: longer than the curve.
-        let rows: Vec<usize> = (0..64).collect();
-        assert!(length(&order) < length(&rows), "{} {}", length(&order), length(&rows));
+        assert_eq!(widest(&order), 1.0, "each eight are a cube");
+        // Negative control: row by row.
+        assert_eq!(widest(&(0..64).collect::<Vec<_>>()), 3.0);
         assert!(morton_codes(&[1.0, 1.0, 1.0]).len() == 1, "a single point is no division by zero");
     }
 }

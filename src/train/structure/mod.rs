@@ -11,6 +11,8 @@ mod relocate;
 mod score;
 mod settings;
 mod split;
+#[cfg(test)]
+mod tests;
 
 pub use decide::{Revision, Situation, StructureCounts, decide};
 pub use geometry::{TEXELS_MAX, first_texel_size, half_extents, pixel_sizes};

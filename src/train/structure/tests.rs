@@ -1,0 +1,280 @@
+//! The decisions on small models: who goes, who is split, what becomes of the maps.
+
+use super::decide::{Revision, Situation, decide};
+use super::geometry::{even_texels, first_texel_size, half_extents, opacity, sigmas};
+use super::life::Life;
+use super::maps::MapRule;
+use super::settings::{Budget, Components, StructureConfig};
+use crate::backend::{Grid, MapChange, WindowStatistics};
+use crate::camera::Camera;
+use crate::model::{Model, TexturePool};
+use crate::selftest::{Scene, SceneOptions, random_scene};
+
+const N: usize = 12;
+
+/// Splats at a depth of about 1, with maps that fit.
+fn model(texels: u16) -> Model {
+    let mut model = scene().model;
+    let extents = (0..N).map(|i| {
+        let half = half_extents(sigmas(&model, i), opacity(&model, i), 1.0 / 255.0);
+        let size = first_texel_size(half) / f64::from(texels - 1);
+        let [rows, cols] = half.map(|h| even_texels(h, size) as u16);
+        (rows, cols, size as f32)
+    });
+    model.textures = TexturePool::neutral(extents.collect::<Vec<_>>());
+    model.textures.texels.iter_mut().enumerate().for_each(|(i, t)| *t = (i as f32 * 0.7).sin());
+    model
+}
+
+fn scene() -> Scene {
+    random_scene(&SceneOptions {
+        num_splats: N,
+        map_sizes: vec![(2, 2)],
+        scales: (0.1, 0.11),
+        opacities: (0.5, 0.6),
+        depths: (0.9, 1.1),
+        ..SceneOptions::default()
+    })
+}
+
+fn camera() -> Camera {
+    scene().camera
+}
+
+/// Every splat seen and useful; the errors given.
+fn window(errors: [f32; N]) -> WindowStatistics {
+    WindowStatistics {
+        views: 1,
+        seen: vec![1; N],
+        area: vec![0.1; N],
+        contribution: vec![0.1; N],
+        error: errors.map(|e| 0.1 * e).to_vec(),
+    }
+}
+
+fn situation<'a>(
+    model: &'a Model,
+    lives: &'a [Life],
+    statistics: &'a WindowStatistics,
+    cameras: &'a [Camera],
+) -> Situation<'a> {
+    Situation {
+        model,
+        lives,
+        statistics,
+        cameras,
+        render_scale: 1.0,
+        texture_cap: 256,
+        densify: true,
+        judge: true,
+        may_coarsen: true,
+        max_added: 100,
+        split_texels: 1000.0,
+        patience: 8,
+        opacity_floor: 0.02,
+        rule: MapRule::Adaptive,
+    }
+}
+
+fn revise(s: &Situation<'_>, config: &StructureConfig, budget: &Budget) -> Revision {
+    decide(s, config, &Components::default(), budget)
+}
+
+/// One splat is much worse than the others.
+fn one_bad() -> WindowStatistics {
+    let mut errors = [0.1; N];
+    errors[5] = 0.9;
+    window(errors)
+}
+
+#[test]
+fn the_worst_get_finer_maps_and_higher_ceilings_and_nobody_else_does() {
+    let (model, cameras, statistics) = (model(2), [camera()], one_bad());
+    let lives = vec![Life::first(2); N];
+    let s = situation(&model, &lives, &statistics, &cameras);
+    let config = StructureConfig { coarsen_below: 0.0, ..StructureConfig::default() };
+    let revision = revise(&s, &config, &Budget::default());
+    let plan = revision.plan.unwrap();
+    assert_eq!(plan.sources, (0..N as u32).collect::<Vec<_>>(), "without new splats the order stays");
+    for (i, (map, life)) in plan.maps.iter().zip(&revision.lives).enumerate() {
+        match *map {
+            MapChange::Regrid { grid: Grid::Finer, rows, cols, moment_scale, .. } if i == 5 => {
+                assert!(rows <= 4 && cols <= 4 && rows.max(cols) == 4, "{rows} x {cols}");
+                assert_eq!((life.ceiling, moment_scale), (4, [0.25, 0.0625]));
+            }
+            MapChange::Keep if i != 5 => assert_eq!(life.ceiling, 2),
+            _ => panic!("{i}: {map:?}"),
+        }
+    }
+    // Negative controls: equal errors, a cap below, a texel that is as fine as allowed, a spent budget.
+    assert!(
+        revise(&Situation { statistics: &window([0.3; N]), ..s }, &config, &Budget::default()).plan.is_none()
+    );
+    let kept = |s: &Situation<'_>, config: &StructureConfig, budget: &Budget| {
+        let revision = revise(s, config, budget);
+        revision.plan.is_none_or(|plan| plan.maps.iter().all(|m| *m == MapChange::Keep))
+    };
+    let s = situation(&model, &lives, &statistics, &cameras);
+    assert!(kept(&Situation { texture_cap: 2, ..s }, &config, &Budget::default()));
+    let s = situation(&model, &lives, &statistics, &cameras);
+    let coarse = StructureConfig { min_texel_px: 200.0, untextured: false, ..config.clone() };
+    assert!(kept(&s, &coarse, &Budget::default()));
+    let full = Budget { max_texels: Some(model.num_texels()), ..Budget::default() };
+    assert!(kept(&s, &config, &full));
+}
+
+#[test]
+fn maps_follow_their_support_without_moving_a_texel() {
+    let (mut model, cameras, statistics) = (model(8), [camera()], window([0.3; N]));
+    model.splats.log_scales[6] -= 0.7;
+    model.splats.log_scales[7] -= 0.7;
+    let lives = vec![Life::first(64); N];
+    let s = situation(&model, &lives, &statistics, &cameras);
+    let config = StructureConfig { coarsen_below: 0.0, ..StructureConfig::default() };
+    let plan = revise(&s, &config, &Budget::default()).plan.unwrap();
+    for (i, change) in plan.maps.iter().enumerate() {
+        let map = &model.textures.maps[i];
+        match *change {
+            MapChange::Regrid { grid: Grid::Same, rows, cols, first_row, first_col, .. } if i == 3 => {
+                assert_eq!(2 * first_row + i32::from(rows), i32::from(map.rows), "same centre");
+                assert_eq!(2 * first_col + i32::from(cols), i32::from(map.cols), "same centre");
+                assert!(rows < map.rows && cols < map.cols);
+            }
+            MapChange::Keep if i != 3 => {}
+            _ => panic!("{i}: {change:?}"),
+        }
+    }
+}
+
+#[test]
+fn smooth_maps_are_coarsened_and_others_are_not() {
+    let (mut model, cameras, statistics) = (model(8), [camera()], window([0.3; N]));
+    let lives = vec![Life::first(64); N];
+    let smooth = model.textures.maps[4].floats();
+    model.textures.texels[smooth].fill(0.01);
+    let s = situation(&model, &lives, &statistics, &cameras);
+    let plan = revise(&s, &StructureConfig::default(), &Budget::default()).plan.unwrap();
+    for (i, change) in plan.maps.iter().enumerate() {
+        let is_coarser = matches!(change, MapChange::Regrid { grid: Grid::Coarser, .. });
+        assert_eq!(is_coarser, i == 4, "{i}: {change:?}");
+    }
+    assert!(
+        !s.model.textures.maps.is_empty() && {
+            let late = Situation { may_coarsen: false, ..s };
+            revise(&late, &StructureConfig::default(), &Budget::default()).plan.is_none()
+        }
+    );
+}
+
+#[test]
+fn splats_go_after_consecutive_marks_only_and_those_never_seen_stay() {
+    let (model, cameras) = (model(2), [camera()]);
+    let mut lives = vec![Life::first(2); N];
+    // Splat 0 is useless throughout, 1 is useful once, 2 is never seen, 3 is unseen once.
+    for check in 0..5 {
+        let mut statistics = window([0.3; N]);
+        for i in 0..4 {
+            let useless = i != 1 || check != 2;
+            if useless {
+                (statistics.area[i], statistics.contribution[i]) = (0.0, 0.0);
+            }
+            statistics.seen[i] = u32::from(!(i == 2 || i == 3 && check == 1));
+        }
+        let s = Situation { patience: 4, ..situation(&model, &lives, &statistics, &cameras) };
+        let revision = revise(&s, &StructureConfig::default(), &Budget::default());
+        let removed = |i: u32| revision.plan.as_ref().is_some_and(|p| !p.sources.contains(&i));
+        assert_eq!([0, 1, 2].map(removed), [check >= 3, false, false], "check {check}");
+        if check == 3 {
+            assert!(!removed(3), "one check did not see it");
+            // From here on without splat 0.
+            lives[3].marks = 3;
+            continue;
+        }
+        if check < 3 {
+            lives = revision.lives;
+        } else {
+            assert!(removed(3), "four marks at last");
+        }
+    }
+}
+
+#[test]
+fn halves_lie_on_the_parents_grid_and_survive_their_first_checks() {
+    let (model, cameras, statistics) = (model(16), [camera()], one_bad());
+    let lives = vec![Life::first(64); N];
+    let s = Situation { split_texels: 16.0, ..situation(&model, &lives, &statistics, &cameras) };
+    let config = StructureConfig { coarsen_below: 0.0, ..StructureConfig::default() };
+    let revision = revise(&s, &config, &Budget::default());
+    let plan = revision.plan.unwrap();
+    assert_eq!((plan.sources.len(), plan.edits.len(), revision.counts.split), (N + 1, 2, 1));
+    let parent = &model.textures.maps[5];
+    let mut shifts = Vec::new();
+    for edit in &plan.edits {
+        let i = edit.splat as usize;
+        assert_eq!(plan.sources[i], 5);
+        assert!(revision.lives[i].is_fresh());
+        let MapChange::Regrid { grid: Grid::Same, rows, cols, first_row, first_col, moment_scale } =
+            plan.maps[i]
+        else {
+            panic!("{:?}", plan.maps[i])
+        };
+        assert_eq!(moment_scale[0], 0.0, "children start anew");
+        // Shift of the window's centre, in texels: whole, and what the centre has moved by.
+        let by =
+            |first: i32, new: u16, old: u16| f64::from(2 * first + i32::from(new) - i32::from(old)) / 2.0;
+        let (u, v) = (by(first_row, rows, parent.rows), by(first_col, cols, parent.cols));
+        assert!((u == 0.0) != (v == 0.0) && u.fract() == 0.0 && v.fract() == 0.0, "{u} {v}");
+        let old = &model.splats.positions[15..18];
+        let moved: f64 = (0..3).map(|k| f64::from(edit.position[k] - old[k]).powi(2)).sum::<f64>().sqrt();
+        let texels = moved / f64::from(parent.texel_size);
+        assert!((texels - (u + v).abs()).abs() < 1e-3, "{texels} {u} {v}");
+        shifts.push(u + v);
+    }
+    assert_eq!(shifts[0], -shifts[1]);
+    // Nearly transparent and useless children stay for two checks; their elders go.
+    let mut faint = model.clone();
+    faint.splats.opacity_logits.fill(-4.4);
+    let fresh: Vec<Life> =
+        (0..N).map(|i| if i < 3 { Life::first(2).child() } else { Life::first(2) }).collect();
+    let s = Situation { densify: false, ..situation(&faint, &fresh, &statistics, &cameras) };
+    let mut survivors = revise(&s, &config, &Budget::default()).plan.unwrap().sources;
+    survivors.sort_unstable();
+    assert_eq!(survivors, [0, 1, 2]);
+}
+
+#[test]
+fn budgets_hold_whatever_qualifies() {
+    let (model, cameras) = (model(4), [camera()]);
+    let errors = std::array::from_fn(|i| 0.1 + 0.05 * i as f32);
+    let (statistics, lives) = (window(errors), vec![Life::first(64); N]);
+    let s = Situation { split_texels: 8.0, ..situation(&model, &lives, &statistics, &cameras) };
+    let config = StructureConfig { coarsen_below: 0.0, quantile: 0.1, ..StructureConfig::default() };
+    let size = |budget: &Budget| {
+        let revision = revise(&s, &config, budget);
+        let plan = revision.plan.unwrap();
+        let texels: usize = plan
+            .sources
+            .iter()
+            .zip(&plan.maps)
+            .map(|(&source, m)| match *m {
+                MapChange::Keep => model.textures.maps[source as usize].num_texels(),
+                MapChange::Regrid { rows, cols, .. } | MapChange::Resample { rows, cols, .. } => {
+                    usize::from(rows) * usize::from(cols)
+                }
+            })
+            .sum();
+        (plan.sources.len(), texels)
+    };
+    let free = size(&Budget::default());
+    assert!(free.0 > N + 3, "{free:?}");
+    for budget in [
+        Budget { max_splats: Some(N + 3), ..Budget::default() },
+        Budget { max_texels: Some(model.num_texels() + 40), ..Budget::default() },
+        Budget { max_params: Some(model.num_params() + 200), ..Budget::default() },
+        // Less than there is: maps must give way.
+        Budget { max_texels: Some(model.num_texels() / 2), ..Budget::default() },
+    ] {
+        let (splats, texels) = size(&budget);
+        assert!(budget.allows(splats, texels), "{budget:?}: {splats} splats, {texels} texels");
+    }
+}
