@@ -1,8 +1,17 @@
-//! Applies a structure plan: gathers splats, keeps or resamples their maps and moments.
+//! Applies a structure plan: gathers splats, changes their maps and moments, edits parameters.
 
-use crate::backend::{MapChange, StructurePlan};
-use crate::model::{AdamState, Model, SplatArrays, TextureMap, TexturePool};
+use super::maps::{Outside, regrid, resample};
+use crate::backend::{MapChange, SplatEdit, StructurePlan};
+use crate::model::{AdamState, Model, SplatArrays, SplatGroup, TextureMap, TexturePool};
 use rayon::prelude::*;
+
+/// Which array of the texels is changed.
+#[derive(Clone, Copy)]
+enum Texels {
+    Values,
+    FirstMoments,
+    SecondMoments,
+}
 
 /// The model and optimiser state after the plan, which must have been checked.
 pub(super) fn apply_plan(model: &Model, adam: &AdamState, plan: &StructurePlan) -> (Model, AdamState) {
@@ -19,7 +28,7 @@ pub(super) fn apply_plan(model: &Model, adam: &AdamState, plan: &StructurePlan) 
         }
     });
     let mut textures = TexturePool::neutral(extents);
-    let resample_all = |from: &[f32], factor: fn(&MapChange) -> f32| -> Vec<f32> {
+    let change_all = |from: &[f32], which: Texels| -> Vec<f32> {
         let parts: Vec<Vec<f32>> = plan
             .sources
             .par_iter()
@@ -27,19 +36,17 @@ pub(super) fn apply_plan(model: &Model, adam: &AdamState, plan: &StructurePlan) 
             .zip(&textures.maps)
             .with_min_len(256)
             .map(|((&s, change), new)| {
-                let mut part = resample(&old[s as usize], &from[old[s as usize].floats()], new);
-                let factor = factor(change);
-                part.iter_mut().for_each(|value| *value *= factor);
-                part
+                let old = &old[s as usize];
+                changed(old, &from[old.floats()], new, change, which)
             })
             .collect();
         parts.concat()
     };
-    let texels = resample_all(&model.textures.texels, |_| 1.0);
-    let texels_m = resample_all(&adam.texels_m, |change| moment_scale(change)[0]);
-    let texels_v = resample_all(&adam.texels_v, |change| moment_scale(change)[1]);
+    let texels = change_all(&model.textures.texels, Texels::Values);
+    let texels_m = change_all(&adam.texels_m, Texels::FirstMoments);
+    let texels_v = change_all(&adam.texels_v, Texels::SecondMoments);
     textures.texels = texels;
-    let adam = AdamState {
+    let mut adam = AdamState {
         splats_m: gather(&adam.splats_m),
         splats_v: gather(&adam.splats_v),
         texels_m,
@@ -47,72 +54,50 @@ pub(super) fn apply_plan(model: &Model, adam: &AdamState, plan: &StructurePlan) 
         last_step: plan.sources.iter().map(|&s| adam.last_step[s as usize]).collect(),
         ..*adam
     };
-    let model = Model { splats: gather(&model.splats), textures, ..*model };
+    let mut model = Model { splats: gather(&model.splats), textures, ..*model };
+    plan.edits.iter().for_each(|edit| carry_out(edit, &mut model.splats, &mut adam.splats_m));
     (model, adam)
 }
 
-/// Factors of a map's first and second moments.
-fn moment_scale(change: &MapChange) -> [f32; 2] {
-    match *change {
-        MapChange::Keep => [1.0, 1.0],
-        MapChange::Resample { moment_scale, .. } | MapChange::Regrid { moment_scale, .. } => moment_scale,
-    }
+/// One array of one map after its change.
+fn changed(old: &TextureMap, from: &[f32], new: &TextureMap, change: &MapChange, which: Texels) -> Vec<f32> {
+    let (mut out, moment_scale) = match *change {
+        MapChange::Keep => return from.to_vec(),
+        MapChange::Resample { moment_scale, .. } => (resample(old, from, new), moment_scale),
+        MapChange::Regrid { grid, first_row, first_col, moment_scale, .. } => {
+            let outside = match which {
+                Texels::Values | Texels::FirstMoments => Outside::Zero,
+                Texels::SecondMoments => Outside::Nearest,
+            };
+            (regrid(old, from, new, grid, [first_row, first_col], outside), moment_scale)
+        }
+    };
+    let factor = match which {
+        Texels::Values => return out,
+        Texels::FirstMoments => moment_scale[0],
+        Texels::SecondMoments => moment_scale[1],
+    };
+    out.iter_mut().for_each(|value| *value *= factor);
+    out
 }
 
-/// Bilinear resampling about the common centre; zero outside the old map.
-fn resample(old: &TextureMap, from: &[f32], new: &TextureMap) -> Vec<f32> {
-    if (old.rows, old.cols, old.texel_size) == (new.rows, new.cols, new.texel_size) {
-        return from.to_vec();
+/// Writes the edited parameters, and ends the momentum of all parameters of the splat.
+fn carry_out(edit: &SplatEdit, splats: &mut SplatArrays, first_moments: &mut SplatArrays) {
+    let i = edit.splat as usize;
+    splats.positions[3 * i..3 * i + 3].copy_from_slice(&edit.position);
+    splats.log_scales[2 * i..2 * i + 2].copy_from_slice(&edit.log_scales);
+    splats.opacity_logits[i] = edit.opacity_logit;
+    for group in SplatGroup::ALL {
+        let width = group.width(first_moments.sh_degree);
+        first_moments.group_mut(group)[i * width..(i + 1) * width].fill(0.0);
     }
-    let ratio = new.texel_size / old.texel_size;
-    let coordinate = |i: u16, size: u16, old_size: u16| {
-        (f32::from(i) - (f32::from(size) - 1.0) / 2.0) * ratio + (f32::from(old_size) - 1.0) / 2.0
-    };
-    let texel = |row: i32, col: i32, c: usize| {
-        let inside = row >= 0 && row < i32::from(old.rows) && col >= 0 && col < i32::from(old.cols);
-        if inside { from[3 * (row * i32::from(old.cols) + col) as usize + c] } else { 0.0 }
-    };
-    let mut out = Vec::with_capacity(3 * new.num_texels());
-    for i in 0..new.rows {
-        let u = coordinate(i, new.rows, old.rows);
-        let (row, fu) = (u.floor() as i32, u - u.floor());
-        for j in 0..new.cols {
-            let v = coordinate(j, new.cols, old.cols);
-            let (col, fv) = (v.floor() as i32, v - v.floor());
-            for c in 0..3 {
-                let upper = texel(row, col, c) * (1.0 - fv) + texel(row, col + 1, c) * fv;
-                let lower = texel(row + 1, col, c) * (1.0 - fv) + texel(row + 1, col + 1, c) * fv;
-                out.push(upper * (1.0 - fu) + lower * fu);
-            }
-        }
-    }
-    out
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::backend::Grid;
     use crate::selftest::{SceneOptions, random_scene};
-
-    fn map(rows: u16, cols: u16, texel_size: f32) -> TextureMap {
-        TextureMap { offset_texels: 0, rows, cols, texel_size }
-    }
-
-    #[test]
-    fn resampling_a_linear_map_is_exact_inside_and_zero_far_outside() {
-        let old = map(6, 5, 0.1);
-        let from: Vec<f32> = (0..30).flat_map(|t| [(t / 5) as f32, (t % 5) as f32, 1.0]).collect();
-        let new = map(4, 3, 0.05);
-        let got = resample(&old, &from, &new);
-        for (t, rgb) in got.chunks_exact(3).enumerate() {
-            let u = (t / 3) as f32 * 0.5 - 0.75 + 2.5;
-            let v = (t % 3) as f32 * 0.5 - 0.5 + 2.0;
-            assert!((rgb[0] - u).abs() < 1e-5 && (rgb[1] - v).abs() < 1e-5 && rgb[2] == 1.0, "{t}: {rgb:?}");
-        }
-        let wide = resample(&old, &from, &map(20, 20, 0.1));
-        assert_eq!(&wide[..3], &[0.0; 3]);
-        assert_eq!(resample(&old, &from, &old), from);
-    }
 
     /// A small model with moments that are no round numbers, and a plan of `change` for its first map.
     fn planned(change: MapChange) -> (Model, AdamState, StructurePlan) {
@@ -173,6 +158,102 @@ mod tests {
             plan.maps[0] = MapChange::Resample { rows: 2, cols: 2, texel_size: 0.1, moment_scale };
             let message = plan.check(3).unwrap_err().to_string();
             assert!(message.contains("moment scale") && message.contains("new splat 0"), "{message}");
+        }
+    }
+
+    fn window(grid: Grid, size: [u16; 2], first: [i32; 2]) -> MapChange {
+        let ([rows, cols], [first_row, first_col]) = (size, first);
+        MapChange::Regrid { grid, rows, cols, first_row, first_col, moment_scale: [0.25, 0.0625] }
+    }
+
+    #[test]
+    fn windows_pad_texels_with_zeros_and_second_moments_with_their_nearest() {
+        // The first map, 4 x 3, gets a column on each side.
+        let (model, adam, plan) = planned(window(Grid::Same, [4, 5], [0, -1]));
+        plan.check(3).unwrap();
+        let (new, moments) = apply_plan(&model, &adam, &plan);
+        assert_eq!(new.textures.maps[0].num_texels(), 20);
+        assert_eq!(new.textures.maps[0].texel_size, model.textures.maps[0].texel_size);
+        for (t, before) in (0..20).map(|t: usize| (t, 3 * (t / 5 * 3 + (t % 5).clamp(1, 3) - 1))) {
+            let padding = t % 5 == 0 || t % 5 == 4;
+            for c in 0..3 {
+                let texel = if padding { 0.0 } else { model.textures.texels[before + c] };
+                let first = if padding { 0.0 } else { 0.25 * adam.texels_m[before + c] };
+                assert_eq!(new.textures.texels[3 * t + c], texel, "texel {t}");
+                assert_eq!(moments.texels_m[3 * t + c], first, "texel {t}");
+                assert_eq!(moments.texels_v[3 * t + c], 0.0625 * adam.texels_v[before + c], "texel {t}");
+            }
+        }
+        // The other maps and all splats stay.
+        assert_eq!(new.textures.texels[60..], model.textures.texels[36..]);
+        assert_eq!((&new.splats, &moments.splats_m), (&model.splats, &adam.splats_m));
+        // A grid of other density changes the edge of a texel, no texels drop the map.
+        let (model, adam, plan) = planned(window(Grid::Finer, [8, 6], [0, 0]));
+        let (new, _) = apply_plan(&model, &adam, &plan);
+        assert_eq!(new.textures.maps[0].texel_size, 0.5 * model.textures.maps[0].texel_size);
+        let (_, _, plan) = planned(window(Grid::Same, [0, 0], [0, 0]));
+        plan.check(3).unwrap();
+        assert_eq!(apply_plan(&model, &adam, &plan).0.num_texels(), model.num_texels() - 12);
+    }
+
+    #[test]
+    fn a_window_of_texels_along_one_axis_only_is_refused() {
+        for (size, first) in [([0, 3], [0, 0]), ([4, 0], [0, 0])] {
+            let (_, _, plan) = planned(window(Grid::Same, size, first));
+            let message = plan.check(3).unwrap_err().to_string();
+            assert!(message.contains("new splat 0") && message.contains("texels"), "{message}");
+        }
+    }
+
+    #[test]
+    fn edits_write_parameters_and_end_the_momentum_of_their_splat_only() {
+        let (model, mut adam, mut plan) = planned(MapChange::Keep);
+        for (k, group) in SplatGroup::ALL.into_iter().enumerate() {
+            adam.splats_m.group_mut(group).fill(0.1 + k as f32);
+            adam.splats_v.group_mut(group).fill(0.01 + k as f32);
+        }
+        let edit = |splat, x| SplatEdit {
+            splat,
+            position: [x, 2.0, 3.0],
+            log_scales: [-1.0, -2.0],
+            opacity_logit: 0.5,
+        };
+        plan.sources = vec![2, 0, 0];
+        let (before, _) = apply_plan(&model, &adam, &plan);
+        plan.edits = vec![edit(1, 7.0), edit(2, 8.0)];
+        plan.check(3).unwrap();
+        let (after, moments) = apply_plan(&model, &adam, &plan);
+        assert_eq!(after.splats.positions[3..], [7.0, 2.0, 3.0, 8.0, 2.0, 3.0]);
+        assert_eq!(after.splats.log_scales[2..], [-1.0, -2.0, -1.0, -2.0]);
+        assert_eq!(after.splats.opacity_logits[1..], [0.5, 0.5]);
+        assert_eq!(after.splats.positions[..3], before.splats.positions[..3]);
+        assert_eq!(after.splats.quaternions, before.splats.quaternions);
+        assert_eq!(after.splats.sh, before.splats.sh);
+        assert_eq!(after.textures, before.textures);
+        for group in SplatGroup::ALL {
+            let width = group.width(3);
+            let (m, v) = (moments.splats_m.group(group), moments.splats_v.group(group));
+            // The splat that is not edited keeps its momentum: the negative control.
+            assert!(m[..width].iter().all(|m| *m != 0.0), "{group:?}");
+            assert!(m[width..].iter().all(|m| *m == 0.0), "{group:?}");
+            assert_eq!(v, adam.splats_v.group(group), "{group:?}");
+        }
+        // The maps have factors of their own: one zero in each copy of the first map is as it was.
+        assert_eq!(moments.texels_m.iter().filter(|m| **m != 0.0).count(), 36 * 3 - 2);
+    }
+
+    #[test]
+    fn edits_out_of_order_or_range_are_refused() {
+        let (_, _, mut plan) = planned(MapChange::Keep);
+        let edit = |splat, opacity_logit| SplatEdit {
+            splat,
+            position: [0.0; 3],
+            log_scales: [0.0; 2],
+            opacity_logit,
+        };
+        for edits in [vec![edit(3, 0.0)], vec![edit(1, 0.0), edit(1, 0.0)], vec![edit(0, f32::NAN)]] {
+            plan.edits = edits;
+            assert!(plan.check(3).unwrap_err().to_string().contains("edit"));
         }
     }
 }
