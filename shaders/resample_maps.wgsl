@@ -1,15 +1,16 @@
-// Applies a structure plan to one array of the texels: a workgroup per new map samples its source bilinearly
-// about the common centre, zero outside, and scales the result; a map of unchanged size is copied (twin:
-// cpu/structure.rs). Carries the source's last step along.
+// Applies a structure plan to one array of the texels: a workgroup per new map that is resampled samples its source
+// bilinearly about the common centre, zero outside, and scales the result (twin: cpu/maps.rs). All other maps are
+// left to regrid_maps.
 
 #constants
 #include common/groups
 #include common/step
 #include common/splat
+#include common/map_change
 
-@group(0) @binding(1) var<storage, read> sources: array<u32>; // [n_new]
+@group(0) @binding(1) var<storage, read> changes: array<MapChange>; // [n_new]
 @group(0) @binding(2) var<storage, read> old_info: array<SplatInfo>; // [n_old]
-@group(0) @binding(3) var<storage, read_write> splat_info: array<SplatInfo>; // [n_new]
+@group(0) @binding(3) var<storage, read> splat_info: array<SplatInfo>; // [n_new]
 @group(0) @binding(4) var<storage, read> old_values: array<f32>; // [T_old, 3]
 @group(0) @binding(5) var<storage, read_write> new_values: array<f32>; // [T_new, 3]
 @group(0) @binding(6) var<storage, read> scales: array<f32>; // [n_new]
@@ -44,23 +45,13 @@ fn resample_maps(
     if i >= step.num_splats {
         return;
     }
-    let old = old_info[sources[i]];
+    let old = old_info[changes[i].source];
     let info = splat_info[i];
     let size = vec2u(map_rows(info.map_size), map_cols(info.map_size));
-    let same = info.map_size == old.map_size && info.texel_size == old.texel_size;
+    let num_floats = select(0u, 3u * size.x * size.y, changes[i].kind == CHANGE_RESAMPLE);
     let ratio = info.texel_size / old.texel_size;
-    for (var k = lane; k < 3u * size.x * size.y; k += SPLAT_GROUP) {
-        var value = 0.0;
-        if same {
-            value = old_values[3u * old.map_offset_texels + k];
-        } else {
-            let texel = vec2u(k / 3u / size.y, k / 3u % size.y);
-            value = resampled(old, size, ratio, texel, k % 3u) * scales[i];
-        }
-        new_values[3u * info.map_offset_texels + k] = value;
-    }
-    storageBarrier();
-    if lane == 0u {
-        splat_info[i].last_step = old.last_step;
+    for (var k = lane; k < num_floats; k += SPLAT_GROUP) {
+        let texel = vec2u(k / 3u / size.y, k / 3u % size.y);
+        new_values[3u * info.map_offset_texels + k] = resampled(old, size, ratio, texel, k % 3u) * scales[i];
     }
 }
