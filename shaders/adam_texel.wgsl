@@ -23,14 +23,14 @@
 var<workgroup> residuals: array<f32, SPLAT_GROUP>;
 
 // Returns the absolute residual before the step.
-fn update(at: u32, units: f32, weight: f32) -> f32 {
+fn update(at: u32, units: f32, weight: f32, rate: f32) -> f32 {
     let value_at = 4u * (at / 3u) + at % 3u;
     let value = texel_values[value_at];
     // At exactly 0 the texture term is at rest.
     let by_value = f32(texel_grad[at]) / units + weight * sign(value);
     texel_grad[at] = 0;
     let by = by_value * texel_value_slope(value);
-    let now = adam_step(Moments(texel_p[at], texel_m[at], texel_v[at]), by, step.rate_texel);
+    let now = adam_step(Moments(texel_p[at], texel_m[at], texel_v[at]), by, rate);
     texel_p[at] = now.p;
     texel_m[at] = now.m;
     texel_v[at] = now.v;
@@ -50,12 +50,14 @@ fn adam_texel(
     }
     let shape = bounds[i];
     let info = splat_info[i];
-    let num_floats = select(0u, 3u * num_texels(info.map_size), shape.num_tiles > 0u);
+    let texels = num_texels(info.map_size);
+    let num_floats = select(0u, 3u * texels, shape.num_tiles > 0u);
+    let rate = map_rate(step.rate_texel, step.rate_texel_growth, step.rate_texel_growth_limit, texels);
     let units = texel_units(shape.box_min, shape.box_max);
     let weight = step.texture_weight + step.texture_hidden_weight * shape.hidden;
     var residual_sum = 0.0;
     for (var f = lane; f < num_floats; f += SPLAT_GROUP) {
-        residual_sum += update(3u * info.map_offset_texels + f, units, weight);
+        residual_sum += update(3u * info.map_offset_texels + f, units, weight, rate);
     }
     residuals[lane] = residual_sum;
     workgroupBarrier();

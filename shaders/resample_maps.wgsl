@@ -1,15 +1,16 @@
-// Applies a structure plan to one array of the texels: a workgroup per new map samples its source bilinearly
-// about the common centre, zero outside, and scales the result; a map of unchanged size is copied (twin:
-// cpu/structure.rs). Carries the source's last step along.
+// Applies a structure plan to one array of the texels: a workgroup per new map that is resampled samples its source
+// bilinearly about a place beside its centre, zero outside, and scales the result (twin: cpu/maps.rs). All other maps are
+// left to regrid_maps.
 
 #constants
 #include common/groups
 #include common/step
 #include common/splat
+#include common/map_change
 
-@group(0) @binding(1) var<storage, read> sources: array<u32>; // [n_new]
+@group(0) @binding(1) var<storage, read> changes: array<MapChange>; // [n_new]
 @group(0) @binding(2) var<storage, read> old_info: array<SplatInfo>; // [n_old]
-@group(0) @binding(3) var<storage, read_write> splat_info: array<SplatInfo>; // [n_new]
+@group(0) @binding(3) var<storage, read> splat_info: array<SplatInfo>; // [n_new]
 @group(0) @binding(4) var<storage, read> old_values: array<f32>; // [T_old, 3]
 @group(0) @binding(5) var<storage, read_write> new_values: array<f32>; // [T_new, 3]
 @group(0) @binding(6) var<storage, read> scales: array<f32>; // [n_new]
@@ -22,9 +23,9 @@ fn old_texel(old: SplatInfo, texel: vec2i, channel: u32) -> f32 {
     return old_values[3u * (old.map_offset_texels + u32(texel.x * size.y + texel.y)) + channel];
 }
 
-fn resampled(old: SplatInfo, new_size: vec2u, ratio: f32, texel: vec2u, channel: u32) -> f32 {
+fn resampled(old: SplatInfo, new_size: vec2u, ratio: f32, shift: vec2f, texel: vec2u, channel: u32) -> f32 {
     let old_size = vec2f(f32(map_rows(old.map_size)), f32(map_cols(old.map_size)));
-    let coordinate = (vec2f(texel) - (vec2f(new_size) - 1.0) / 2.0) * ratio + (old_size - 1.0) / 2.0;
+    let coordinate = (vec2f(texel) - (vec2f(new_size) - 1.0) / 2.0) * ratio + ((old_size - 1.0) / 2.0 + shift);
     // Far outside is outside: the conversion to integers must not overflow.
     let first = vec2i(floor(clamp(coordinate, vec2f(-2.0), old_size + 1.0)));
     let f = coordinate - floor(coordinate);
@@ -44,23 +45,14 @@ fn resample_maps(
     if i >= step.num_splats {
         return;
     }
-    let old = old_info[sources[i]];
+    let old = old_info[changes[i].source];
     let info = splat_info[i];
     let size = vec2u(map_rows(info.map_size), map_cols(info.map_size));
-    let same = info.map_size == old.map_size && info.texel_size == old.texel_size;
+    let num_floats = select(0u, 3u * size.x * size.y, changes[i].kind == CHANGE_RESAMPLE);
     let ratio = info.texel_size / old.texel_size;
-    for (var k = lane; k < 3u * size.x * size.y; k += SPLAT_GROUP) {
-        var value = 0.0;
-        if same {
-            value = old_values[3u * old.map_offset_texels + k];
-        } else {
-            let texel = vec2u(k / 3u / size.y, k / 3u % size.y);
-            value = resampled(old, size, ratio, texel, k % 3u) * scales[i];
-        }
-        new_values[3u * info.map_offset_texels + k] = value;
-    }
-    storageBarrier();
-    if lane == 0u {
-        splat_info[i].last_step = old.last_step;
+    let shift = vec2f(bitcast<f32>(changes[i].first_row), bitcast<f32>(changes[i].first_col));
+    for (var k = lane; k < num_floats; k += SPLAT_GROUP) {
+        let texel = vec2u(k / 3u / size.y, k / 3u % size.y);
+        new_values[3u * info.map_offset_texels + k] = resampled(old, size, ratio, shift, texel, k % 3u) * scales[i];
     }
 }

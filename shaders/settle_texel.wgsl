@@ -36,11 +36,14 @@ fn settle_texel(
     let skip = adam_skip(info.last_step, step.settled_step);
     if skip.any || all {
         let first = 3u * info.map_offset_texels;
-        for (var f = lane; f < 3u * num_texels(info.map_size); f += SPLAT_GROUP) {
+        let texels = num_texels(info.map_size);
+        let growth = step.last_rate_texel_growth;
+        let rate = map_rate(step.last_rate_texel, growth, step.last_rate_texel_growth_limit, texels);
+        for (var f = lane; f < 3u * texels; f += SPLAT_GROUP) {
             let at = first + f;
             var now = Moments(texel_p[at], texel_m[at], texel_v[at]);
             if skip.any {
-                now = adam_skipped(now, skip, step.last_rate_texel);
+                now = adam_skipped(now, skip, rate);
                 if has_flag(FLAG_PERSIST) {
                     texel_p[at] = now.p;
                     texel_m[at] = now.m;

@@ -270,7 +270,7 @@ impl Grid {
         match self {
             Self::Same => texels,
             Self::Finer => texels.saturating_mul(2),
-            Self::Coarser => texels.next_multiple_of(4) / 2,
+            Self::Coarser => texels.div_ceil(4).saturating_mul(2),
         }
     }
 
@@ -449,6 +449,14 @@ impl StructurePlan {
                 return Err(Error::Usage(format!(
                     "structure plan: moment scale {moment_scale:?} of new splat {at}, expected finite numbers \
                      of at least 0"
+                )));
+            }
+            if let MapChange::Regrid { rows, cols, .. } = map
+                && (*rows == 0) != (*cols == 0)
+            {
+                return Err(Error::Usage(format!(
+                    "structure plan: a map of {rows} x {cols} texels for new splat {at}, expected texels along \
+                     both axes or along none"
                 )));
             }
         }

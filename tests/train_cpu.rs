@@ -5,11 +5,13 @@ mod common;
 
 use common::training::{BLACK, MemoryViews, config, damaged, photos, scene, uploaded};
 use litetex_gs::backend::{
-    Backend as _, LearningRates, LossWeights, MapChange, RenderOptions, StepRequest, StructurePlan,
+    Backend as _, Grid, LearningRates, LossWeights, MapChange, RenderOptions, StepRequest, StructurePlan,
     TargetImage, WindowStatistics,
 };
 use litetex_gs::camera::Camera;
 use litetex_gs::cpu::CpuBackend;
+use litetex_gs::model::TextureMap;
+use litetex_gs::selftest::Scene;
 use litetex_gs::train::{Control, StopReason, TrainConfig, TrainEvent, TrainState, train};
 use litetex_gs::views::{Split, ViewSource};
 use litetex_gs::{Error, Result};
@@ -245,4 +247,61 @@ fn plans_gather_and_resample() {
 
     let wrong = plan(&[n], MapChange::Keep);
     assert!(matches!(backend.apply_plan(&wrong), Err(Error::Usage(_))), "150 splats are left");
+}
+
+/// Largest difference between pictures of the model before and after a change of all maps.
+fn difference_by(scene: &Scene, change: impl Fn(&TextureMap) -> MapChange) -> f32 {
+    let mut backend = uploaded(&scene.model);
+    let before = backend.render(&scene.camera, &BLACK).unwrap();
+    let maps = &scene.model.textures.maps;
+    let plan = StructurePlan {
+        sources: (0..maps.len() as u32).collect(),
+        maps: maps.iter().map(change).collect(),
+        ..StructurePlan::default()
+    };
+    backend.apply_plan(&plan).unwrap();
+    let after = backend.render(&scene.camera, &BLACK).unwrap();
+    let difference = |(a, b): (&f32, &f32)| (a - b).abs();
+    before.rgb.iter().zip(&after.rgb).map(difference).fold(0.0, f32::max)
+}
+
+fn margin(map: &TextureMap, texels: i32) -> MapChange {
+    let with = |size: u16| (i32::from(size) + 2 * texels) as u16;
+    MapChange::Regrid {
+        grid: Grid::Same,
+        rows: with(map.rows),
+        cols: with(map.cols),
+        first_row: -texels,
+        first_col: -texels,
+        moment_scale: [1.0; 2],
+    }
+}
+
+#[test]
+fn margins_of_zeros_do_not_show_in_pictures() {
+    let mut scene = scene();
+    // A margin of zeros around the inner 2 x 2 texels of each map.
+    for (t, rgb) in scene.model.textures.texels.chunks_exact_mut(3).enumerate() {
+        if [t / 4 % 4, t % 4].iter().any(|k| [0, 3].contains(k)) {
+            rgb.fill(0.0);
+        }
+    }
+    let same = |texels: i32| move |map: &TextureMap| margin(map, texels);
+    for texels in [-1, 0, 1, 5] {
+        let off = difference_by(&scene, same(texels));
+        println!("margin {texels}: {off:e}");
+        // The place of a sample on the map is rounded to its size: needed 3e-7.
+        assert!(if texels == 0 { off == 0.0 } else { off < 1e-6 }, "margin {texels}: {off:e}");
+    }
+    // Negative controls: without its inner texels nothing is left of a map; a shift moves it.
+    assert!(difference_by(&scene, same(-2)) > 0.1);
+    let shifted = |map: &TextureMap| MapChange::Regrid {
+        grid: Grid::Same,
+        rows: map.rows,
+        cols: map.cols,
+        first_row: 1,
+        first_col: 0,
+        moment_scale: [1.0; 2],
+    };
+    assert!(difference_by(&scene, shifted) > 0.1);
 }

@@ -5,11 +5,11 @@
 mod common;
 
 use common::gpu::{backend, drivers_and_limits, open};
-use common::steps::{plan, requests, scene, views};
+use common::steps::{differences, requests, scene, views};
 use litetex_gs::backend::{Backend, RenderOptions, StepReport};
 use litetex_gs::cpu::CpuBackend;
 use litetex_gs::gpu::{AdapterChoice, GpuBackend, GpuOptions, Limits};
-use litetex_gs::model::{AdamState, Model, SplatGroup};
+use litetex_gs::model::{AdamState, Model};
 use litetex_gs::selftest::Scene;
 
 fn trained(backend: &mut dyn Backend, scene: &Scene, steps: u32) -> (Model, AdamState, Vec<StepReport>) {
@@ -22,22 +22,6 @@ fn trained(backend: &mut dyn Backend, scene: &Scene, steps: u32) -> (Model, Adam
 
 fn gpu(options: GpuOptions) -> Option<GpuBackend> {
     backend(options)
-}
-
-/// Change of every group over the run: root mean square of the difference over that of the change.
-fn differences(start: &Model, a: &Model, b: &Model) -> Vec<(String, f64)> {
-    let difference = |start: &[f32], a: &[f32], b: &[f32]| {
-        let square =
-            |x: &[f32], y: &[f32]| x.iter().zip(y).map(|(x, y)| f64::from(x - y).powi(2)).sum::<f64>();
-        (square(a, b) / square(start, b)).sqrt()
-    };
-    let mut out: Vec<(String, f64)> = SplatGroup::ALL
-        .into_iter()
-        .map(|g| (format!("{g:?}"), difference(start.splats.group(g), a.splats.group(g), b.splats.group(g))))
-        .collect();
-    let texels = difference(&start.textures.texels, &a.textures.texels, &b.textures.texels);
-    out.push(("Texel".into(), texels));
-    out
 }
 
 #[test]
@@ -148,45 +132,4 @@ fn a_run_continues_bit_for_bit_from_what_was_read_back() {
     other.steps(&requests(&views, 7..=14)).unwrap();
     let (model, adam) = other.read_back().unwrap();
     assert!(model == expected && adam == expected_adam);
-}
-
-#[test]
-fn plans_are_applied_as_on_the_cpu_on_every_driver() {
-    drivers_and_limits().iter().for_each(|(driver, limits)| plans_are_applied_as_on_the_cpu(driver, *limits));
-}
-
-fn plans_are_applied_as_on_the_cpu(driver: &AdapterChoice, limits: Limits) {
-    let mut gpu = open(driver, limits, GpuOptions::default());
-    let scene = scene(10);
-    let (model, adam, _) = trained(&mut gpu, &scene, 9);
-    let plan = plan(model.num_splats());
-    let mut cpu = CpuBackend::new(Some(2)).unwrap();
-    let mut results = Vec::new();
-    for backend in [&mut gpu as &mut dyn Backend, &mut cpu] {
-        backend.upload(&model, &adam).unwrap();
-        backend.apply_plan(&plan).unwrap();
-        let applied = backend.read_back().unwrap();
-        // The new structure is trained on.
-        let views = views(&scene);
-        backend.steps(&requests(&views, 10..=12)).unwrap();
-        results.push((applied, backend.read_back().unwrap()));
-    }
-    let [(gpu, gpu_later), (cpu, cpu_later)] = results.try_into().ok().unwrap();
-    assert_eq!(gpu.0.textures.maps, cpu.0.textures.maps);
-    assert_eq!(gpu.1.last_step, cpu.1.last_step);
-    let close = |a: &[f32], b: &[f32], limit: f32| {
-        assert_eq!(a.len(), b.len());
-        let largest = b.iter().fold(0.0_f32, |m, v| m.max(v.abs()));
-        a.iter().zip(b).all(|(a, b)| (a - b).abs() <= limit * largest)
-    };
-    for group in SplatGroup::ALL {
-        assert!(close(gpu.0.splats.group(group), cpu.0.splats.group(group), 1e-6), "{group:?}");
-        assert!(close(gpu.1.splats_m.group(group), cpu.1.splats_m.group(group), 2e-6), "m {group:?}");
-        assert!(close(gpu.1.splats_v.group(group), cpu.1.splats_v.group(group), 2e-6), "v {group:?}");
-    }
-    assert!(close(&gpu.0.textures.texels, &cpu.0.textures.texels, 2e-6));
-    assert!(close(&gpu.1.texels_m, &cpu.1.texels_m, 2e-6));
-    assert!(close(&gpu.1.texels_v, &cpu.1.texels_v, 2e-6));
-    assert!(!close(&gpu_later.0.textures.texels, &gpu.0.textures.texels, 1e-4), "texels were trained on");
-    assert_eq!(gpu_later.0.num_texels(), cpu_later.0.num_texels());
 }

@@ -45,3 +45,11 @@ fn adam_skipped(state: Moments, skip: Skip, rate: f32) -> Moments {
     let change = rate * skip.rate_factor * state.m / (sqrt(state.v) * skip.v_correction_sqrt + ADAM_EPSILON);
     return Moments(state.p - change, state.m * skip.m_decay, state.v * skip.v_decay);
 }
+
+// Rate of the texels of a map: larger maps learn faster, within limits (twin: map_rate).
+fn map_rate(rate: f32, growth: f32, limit: f32, num_texels: u32) -> f32 {
+    if growth == 0.0 {
+        return rate;
+    }
+    return rate * clamp(pow(max(f32(num_texels) / 4.0, 1.0), growth), 1.0, max(limit, 1.0));
+}

@@ -56,6 +56,11 @@ struct Step {
     v_correction_sqrt: f32,
     loss_distortion: f32,
     loss_normal: f32,
+    // Growth of the texels' rates with the size of a map, and its limit; the same of the last step.
+    rate_texel_growth: f32,
+    rate_texel_growth_limit: f32,
+    last_rate_texel_growth: f32,
+    last_rate_texel_growth_limit: f32,
     pad0: u32,
     pad1: u32,
 }
@@ -66,6 +71,8 @@ const FLAG_PERSIST = 1u;
 const FLAG_STATISTICS = 2u;
 // Every map is activated, seen or not.
 const FLAG_ALL_MAPS = 4u;
+// Outside of a map is its nearest texel, not nothing.
+const FLAG_NEAREST_OUTSIDE = 8u;
 
 @group(0) @binding(0) var<uniform> step: Step;
 

@@ -10,6 +10,7 @@ mod bounds;
 mod frame;
 mod geometry;
 mod loss;
+mod maps;
 mod math;
 mod project;
 mod project_bwd;

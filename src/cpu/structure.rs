@@ -1,8 +1,17 @@
-//! Applies a structure plan: gathers splats, keeps or resamples their maps and moments.
+//! Applies a structure plan: gathers splats, changes their maps and moments, edits parameters.
 
-use crate::backend::{Grid, MapChange, StructurePlan};
+use super::maps::{Outside, regrid, resample};
+use crate::backend::{MapChange, SplatEdit, StructurePlan};
 use crate::model::{AdamState, Model, SplatArrays, SplatGroup, TextureMap, TexturePool};
 use rayon::prelude::*;
+
+/// Which array of the texels is changed.
+#[derive(Clone, Copy)]
+enum Texels {
+    Values,
+    FirstMoments,
+    SecondMoments,
+}
 
 /// The model and optimiser state after the plan, which must have been checked.
 pub(super) fn apply_plan(model: &Model, adam: &AdamState, plan: &StructurePlan) -> (Model, AdamState) {
@@ -19,7 +28,7 @@ pub(super) fn apply_plan(model: &Model, adam: &AdamState, plan: &StructurePlan) 
         }
     });
     let mut textures = TexturePool::neutral(extents);
-    let carry_all = |from: &[f32], kind: Kind| -> Vec<f32> {
+    let change_all = |from: &[f32], which: Texels| -> Vec<f32> {
         let parts: Vec<Vec<f32>> = plan
             .sources
             .par_iter()
@@ -27,166 +36,70 @@ pub(super) fn apply_plan(model: &Model, adam: &AdamState, plan: &StructurePlan) 
             .zip(&textures.maps)
             .with_min_len(256)
             .map(|((&s, change), new)| {
-                let map = &old[s as usize];
-                let values = &from[map.floats()];
-                let mut part = match *change {
-                    MapChange::Keep => values.to_vec(),
-                    MapChange::Resample { shift_texels, .. } => resample(map, values, new, shift_texels),
-                    MapChange::Regrid { grid, first_row, first_col, .. } => {
-                        regrid(map, values, new, grid, [first_row, first_col], kind)
-                    }
-                };
-                let factor = kind.factor(change);
-                part.iter_mut().for_each(|value| *value *= factor);
-                part
+                let old = &old[s as usize];
+                changed(old, &from[old.floats()], new, change, which)
             })
             .collect();
         parts.concat()
     };
-    let texels = carry_all(&model.textures.texels, Kind::Texel);
-    let texels_m = carry_all(&adam.texels_m, Kind::FirstMoment);
-    let texels_v = carry_all(&adam.texels_v, Kind::SecondMoment);
+    let texels = change_all(&model.textures.texels, Texels::Values);
+    let texels_m = change_all(&adam.texels_m, Texels::FirstMoments);
+    let texels_v = change_all(&adam.texels_v, Texels::SecondMoments);
     textures.texels = texels;
-    let (mut splats, mut splats_m) = (gather(&model.splats), gather(&adam.splats_m));
-    for edit in &plan.edits {
-        let i = edit.splat as usize;
-        splats.positions[3 * i..3 * i + 3].copy_from_slice(&edit.position);
-        splats.log_scales[2 * i..2 * i + 2].copy_from_slice(&edit.log_scales);
-        splats.opacity_logits[i] = edit.opacity_logit;
-        for group in SplatGroup::ALL {
-            let width = group.width(splats_m.sh_degree);
-            splats_m.group_mut(group)[i * width..(i + 1) * width].fill(0.0);
-        }
-    }
-    let adam = AdamState {
-        splats_m,
+    let mut adam = AdamState {
+        splats_m: gather(&adam.splats_m),
         splats_v: gather(&adam.splats_v),
         texels_m,
         texels_v,
         last_step: plan.sources.iter().map(|&s| adam.last_step[s as usize]).collect(),
         ..*adam
     };
-    let model = Model { splats, textures, ..*model };
+    let mut model = Model { splats: gather(&model.splats), textures, ..*model };
+    plan.edits.iter().for_each(|edit| carry_out(edit, &mut model.splats, &mut adam.splats_m));
     (model, adam)
 }
 
-/// What the values of a map are.
-#[derive(Clone, Copy, PartialEq)]
-enum Kind {
-    Texel,
-    FirstMoment,
-    SecondMoment,
-}
-
-impl Kind {
-    /// What a change multiplies them by.
-    fn factor(self, change: &MapChange) -> f32 {
-        match (self, change) {
-            (Self::Texel, _) | (_, MapChange::Keep) => 1.0,
-            (_, MapChange::Resample { moment_scale, .. } | MapChange::Regrid { moment_scale, .. }) => {
-                moment_scale[usize::from(self == Self::SecondMoment)]
-            }
+/// One array of one map after its change.
+fn changed(old: &TextureMap, from: &[f32], new: &TextureMap, change: &MapChange, which: Texels) -> Vec<f32> {
+    let (mut out, moment_scale) = match *change {
+        MapChange::Keep => return from.to_vec(),
+        MapChange::Resample { shift_texels, moment_scale, .. } => {
+            (resample(old, from, new, shift_texels), moment_scale)
         }
-    }
-}
-
-/// A window of the map on one of its grids; see [`Grid`] for what lies outside.
-fn regrid(
-    old: &TextureMap,
-    from: &[f32],
-    new: &TextureMap,
-    grid: Grid,
-    first: [i32; 2],
-    kind: Kind,
-) -> Vec<f32> {
-    let (rows, cols) = (i32::from(old.rows), i32::from(old.cols));
-    let (grid_rows, grid_cols) = (i32::from(grid.texels(old.rows)), i32::from(grid.texels(old.cols)));
-    if rows == 0 {
-        return vec![0.0; 3 * new.num_texels()];
-    }
-    let texel = |row: i32, col: i32, c: usize| from[3 * (row * cols + col) as usize + c];
-    let at = |row: i32, col: i32, c: usize| match grid {
-        Grid::Same => texel(row, col, c),
-        Grid::Finer => texel(row / 2, col / 2, c),
-        Grid::Coarser => {
-            let (pad_u, pad_v) = ((2 * grid_rows - rows) / 2, (2 * grid_cols - cols) / 2);
-            let padded = |i: i32, j: i32| {
-                let row = (2 * row + i - pad_u).clamp(0, rows - 1);
-                texel(row, (2 * col + j - pad_v).clamp(0, cols - 1), c)
+        MapChange::Regrid { grid, first_row, first_col, moment_scale, .. } => {
+            let outside = match which {
+                Texels::Values | Texels::FirstMoments => Outside::Zero,
+                Texels::SecondMoments => Outside::Nearest,
             };
-            0.25 * ((padded(0, 0) + padded(0, 1)) + (padded(1, 0) + padded(1, 1)))
+            (regrid(old, from, new, grid, [first_row, first_col], outside), moment_scale)
         }
     };
-    let mut out = Vec::with_capacity(3 * new.num_texels());
-    for i in 0..i32::from(new.rows) {
-        for j in 0..i32::from(new.cols) {
-            let (row, col) = (i + first[0], j + first[1]);
-            let near = (row.clamp(0, grid_rows - 1), col.clamp(0, grid_cols - 1));
-            let outside = near != (row, col) && kind != Kind::SecondMoment;
-            (0..3).for_each(|c| out.push(if outside { 0.0 } else { at(near.0, near.1, c) }));
-        }
-    }
+    let factor = match which {
+        Texels::Values => return out,
+        Texels::FirstMoments => moment_scale[0],
+        Texels::SecondMoments => moment_scale[1],
+    };
+    out.iter_mut().for_each(|value| *value *= factor);
     out
 }
 
-/// Bilinear resampling about the old map's centre moved by `shift` of its texels; zero outside the old map.
-fn resample(old: &TextureMap, from: &[f32], new: &TextureMap, shift: [f32; 2]) -> Vec<f32> {
-    let same = (old.rows, old.cols, old.texel_size) == (new.rows, new.cols, new.texel_size);
-    if same && shift == [0.0; 2] {
-        return from.to_vec();
+/// Writes the edited parameters, and ends the momentum of all parameters of the splat.
+fn carry_out(edit: &SplatEdit, splats: &mut SplatArrays, first_moments: &mut SplatArrays) {
+    let i = edit.splat as usize;
+    splats.positions[3 * i..3 * i + 3].copy_from_slice(&edit.position);
+    splats.log_scales[2 * i..2 * i + 2].copy_from_slice(&edit.log_scales);
+    splats.opacity_logits[i] = edit.opacity_logit;
+    for group in SplatGroup::ALL {
+        let width = group.width(first_moments.sh_degree);
+        first_moments.group_mut(group)[i * width..(i + 1) * width].fill(0.0);
     }
-    if old.rows == 0 {
-        return vec![0.0; 3 * new.num_texels()];
-    }
-    let ratio = new.texel_size / old.texel_size;
-    let coordinate = |i: u16, size: u16, old_size: u16, shift: f32| {
-        (f32::from(i) - (f32::from(size) - 1.0) / 2.0) * ratio + shift + (f32::from(old_size) - 1.0) / 2.0
-    };
-    let texel = |row: i32, col: i32, c: usize| {
-        let inside = row >= 0 && row < i32::from(old.rows) && col >= 0 && col < i32::from(old.cols);
-        if inside { from[3 * (row * i32::from(old.cols) + col) as usize + c] } else { 0.0 }
-    };
-    let mut out = Vec::with_capacity(3 * new.num_texels());
-    for i in 0..new.rows {
-        let u = coordinate(i, new.rows, old.rows, shift[0]);
-        let (row, fu) = (u.floor() as i32, u - u.floor());
-        for j in 0..new.cols {
-            let v = coordinate(j, new.cols, old.cols, shift[1]);
-            let (col, fv) = (v.floor() as i32, v - v.floor());
-            for c in 0..3 {
-                let upper = texel(row, col, c) * (1.0 - fv) + texel(row, col + 1, c) * fv;
-                let lower = texel(row + 1, col, c) * (1.0 - fv) + texel(row + 1, col + 1, c) * fv;
-                out.push(upper * (1.0 - fu) + lower * fu);
-            }
-        }
-    }
-    out
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::backend::Grid;
     use crate::selftest::{SceneOptions, random_scene};
-
-    fn map(rows: u16, cols: u16, texel_size: f32) -> TextureMap {
-        TextureMap { offset_texels: 0, rows, cols, texel_size }
-    }
-
-    #[test]
-    fn resampling_a_linear_map_is_exact_inside_and_zero_far_outside() {
-        let old = map(6, 5, 0.1);
-        let from: Vec<f32> = (0..30).flat_map(|t| [(t / 5) as f32, (t % 5) as f32, 1.0]).collect();
-        let new = map(4, 3, 0.05);
-        let got = resample(&old, &from, &new, [0.0; 2]);
-        for (t, rgb) in got.chunks_exact(3).enumerate() {
-            let u = (t / 3) as f32 * 0.5 - 0.75 + 2.5;
-            let v = (t % 3) as f32 * 0.5 - 0.5 + 2.0;
-            assert!((rgb[0] - u).abs() < 1e-5 && (rgb[1] - v).abs() < 1e-5 && rgb[2] == 1.0, "{t}: {rgb:?}");
-        }
-        let wide = resample(&old, &from, &map(20, 20, 0.1), [0.0; 2]);
-        assert_eq!(&wide[..3], &[0.0; 3]);
-        assert_eq!(resample(&old, &from, &old, [0.0; 2]), from);
-    }
 
     /// A small model with moments that are no round numbers, and a plan of `change` for its first map.
     fn planned(change: MapChange) -> (Model, AdamState, StructurePlan) {
@@ -260,6 +173,102 @@ mod tests {
             };
             let message = plan.check(3).unwrap_err().to_string();
             assert!(message.contains("moment scale") && message.contains("new splat 0"), "{message}");
+        }
+    }
+
+    fn window(grid: Grid, size: [u16; 2], first: [i32; 2]) -> MapChange {
+        let ([rows, cols], [first_row, first_col]) = (size, first);
+        MapChange::Regrid { grid, rows, cols, first_row, first_col, moment_scale: [0.25, 0.0625] }
+    }
+
+    #[test]
+    fn windows_pad_texels_with_zeros_and_second_moments_with_their_nearest() {
+        // The first map, 4 x 3, gets a column on each side.
+        let (model, adam, plan) = planned(window(Grid::Same, [4, 5], [0, -1]));
+        plan.check(3).unwrap();
+        let (new, moments) = apply_plan(&model, &adam, &plan);
+        assert_eq!(new.textures.maps[0].num_texels(), 20);
+        assert_eq!(new.textures.maps[0].texel_size, model.textures.maps[0].texel_size);
+        for (t, before) in (0..20).map(|t: usize| (t, 3 * (t / 5 * 3 + (t % 5).clamp(1, 3) - 1))) {
+            let padding = t % 5 == 0 || t % 5 == 4;
+            for c in 0..3 {
+                let texel = if padding { 0.0 } else { model.textures.texels[before + c] };
+                let first = if padding { 0.0 } else { 0.25 * adam.texels_m[before + c] };
+                assert_eq!(new.textures.texels[3 * t + c], texel, "texel {t}");
+                assert_eq!(moments.texels_m[3 * t + c], first, "texel {t}");
+                assert_eq!(moments.texels_v[3 * t + c], 0.0625 * adam.texels_v[before + c], "texel {t}");
+            }
+        }
+        // The other maps and all splats stay.
+        assert_eq!(new.textures.texels[60..], model.textures.texels[36..]);
+        assert_eq!((&new.splats, &moments.splats_m), (&model.splats, &adam.splats_m));
+        // A grid of other density changes the edge of a texel, no texels drop the map.
+        let (model, adam, plan) = planned(window(Grid::Finer, [8, 6], [0, 0]));
+        let (new, _) = apply_plan(&model, &adam, &plan);
+        assert_eq!(new.textures.maps[0].texel_size, 0.5 * model.textures.maps[0].texel_size);
+        let (_, _, plan) = planned(window(Grid::Same, [0, 0], [0, 0]));
+        plan.check(3).unwrap();
+        assert_eq!(apply_plan(&model, &adam, &plan).0.num_texels(), model.num_texels() - 12);
+    }
+
+    #[test]
+    fn a_window_of_texels_along_one_axis_only_is_refused() {
+        for (size, first) in [([0, 3], [0, 0]), ([4, 0], [0, 0])] {
+            let (_, _, plan) = planned(window(Grid::Same, size, first));
+            let message = plan.check(3).unwrap_err().to_string();
+            assert!(message.contains("new splat 0") && message.contains("texels"), "{message}");
+        }
+    }
+
+    #[test]
+    fn edits_write_parameters_and_end_the_momentum_of_their_splat_only() {
+        let (model, mut adam, mut plan) = planned(MapChange::Keep);
+        for (k, group) in SplatGroup::ALL.into_iter().enumerate() {
+            adam.splats_m.group_mut(group).fill(0.1 + k as f32);
+            adam.splats_v.group_mut(group).fill(0.01 + k as f32);
+        }
+        let edit = |splat, x| SplatEdit {
+            splat,
+            position: [x, 2.0, 3.0],
+            log_scales: [-1.0, -2.0],
+            opacity_logit: 0.5,
+        };
+        plan.sources = vec![2, 0, 0];
+        let (before, _) = apply_plan(&model, &adam, &plan);
+        plan.edits = vec![edit(1, 7.0), edit(2, 8.0)];
+        plan.check(3).unwrap();
+        let (after, moments) = apply_plan(&model, &adam, &plan);
+        assert_eq!(after.splats.positions[3..], [7.0, 2.0, 3.0, 8.0, 2.0, 3.0]);
+        assert_eq!(after.splats.log_scales[2..], [-1.0, -2.0, -1.0, -2.0]);
+        assert_eq!(after.splats.opacity_logits[1..], [0.5, 0.5]);
+        assert_eq!(after.splats.positions[..3], before.splats.positions[..3]);
+        assert_eq!(after.splats.quaternions, before.splats.quaternions);
+        assert_eq!(after.splats.sh, before.splats.sh);
+        assert_eq!(after.textures, before.textures);
+        for group in SplatGroup::ALL {
+            let width = group.width(3);
+            let (m, v) = (moments.splats_m.group(group), moments.splats_v.group(group));
+            // The splat that is not edited keeps its momentum: the negative control.
+            assert!(m[..width].iter().all(|m| *m != 0.0), "{group:?}");
+            assert!(m[width..].iter().all(|m| *m == 0.0), "{group:?}");
+            assert_eq!(v, adam.splats_v.group(group), "{group:?}");
+        }
+        // The maps have factors of their own: one zero in each copy of the first map is as it was.
+        assert_eq!(moments.texels_m.iter().filter(|m| **m != 0.0).count(), 36 * 3 - 2);
+    }
+
+    #[test]
+    fn edits_out_of_order_or_range_are_refused() {
+        let (_, _, mut plan) = planned(MapChange::Keep);
+        let edit = |splat, opacity_logit| SplatEdit {
+            splat,
+            position: [0.0; 3],
+            log_scales: [0.0; 2],
+            opacity_logit,
+        };
+        for edits in [vec![edit(3, 0.0)], vec![edit(1, 0.0), edit(1, 0.0)], vec![edit(0, f32::NAN)]] {
+            plan.edits = edits;
+            assert!(plan.check(3).unwrap_err().to_string().contains("edit"));
         }
     }
 }

@@ -118,10 +118,10 @@ pub(super) fn settle(model: &mut Model, adam: &mut AdamState, only: Option<&[u32
                 let rest = i * width + 3..(i + 1) * width;
                 skip.update(&mut p[dc.clone()], &mut m[dc.clone()], &mut v[dc], rates.sh_dc);
                 skip.update(&mut p[rest.clone()], &mut m[rest.clone()], &mut v[rest], rates.sh_rest);
-                let floats = maps[chunk.first + i].floats();
-                let range = floats.start - base..floats.end - base;
+                let map = &maps[chunk.first + i];
+                let range = map.floats().start - base..map.floats().end - base;
                 let [p, m, v] = &mut chunk.texels;
-                let rate = rates.of_map(maps[chunk.first + i].num_texels());
+                let rate = rates.of_map(map.num_texels());
                 skip.update(&mut p[range.clone()], &mut m[range.clone()], &mut v[range], rate);
             }
             if chunk.last_step[i] != 0 {
@@ -310,11 +310,11 @@ fn update_chunk<S: Simd>(
         let sh = &g.gradient.sh;
         step.update(&mut p[dc.clone()], &mut m[dc.clone()], &mut v[dc], &sh[..3], rates.sh_dc);
         step.update(&mut p[rest.clone()], &mut m[rest.clone()], &mut v[rest], &sh[3..sh_used], rates.sh_rest);
-        let floats = maps[g.id as usize].floats();
-        let range = floats.start - base..floats.end - base;
+        let map = &maps[g.id as usize];
+        let range = map.floats().start - base..map.floats().end - base;
         let [p, m, v] = &mut chunk.texels;
         let texels = &gradients.texels[g.first_texel..g.first_texel + range.len()];
-        let rate = rates.of_map(maps[g.id as usize].num_texels());
+        let rate = rates.of_map(map.num_texels());
         step.update(&mut p[range.clone()], &mut m[range.clone()], &mut v[range], texels, rate);
         chunk.last_step[i] = input.step;
         if let (Some(sums), Some(seen)) = (&mut chunk.statistics, &mut chunk.seen) {

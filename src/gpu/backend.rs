@@ -203,6 +203,8 @@ impl GpuBackend {
             last_rate_sh_dc: self.clock.rates.sh_dc,
             last_rate_sh_rest: self.clock.rates.sh_rest,
             last_rate_texel: self.clock.rates.texel,
+            last_rate_texel_growth: self.clock.rates.texel_growth,
+            last_rate_texel_growth_limit: self.clock.rates.texel_growth_limit,
             flags: FLAG_PERSIST | FLAG_ALL_MAPS,
             ..StepUniform::default()
         };

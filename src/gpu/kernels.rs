@@ -43,6 +43,8 @@ pub enum Buf {
     OldValues,
     NewValues,
     Scales,
+    MapChanges,
+    Edits,
     Normals,
     Geometry,
     PixelRecords,
@@ -229,8 +231,15 @@ kernels! {
     GatherSplats = "gather_splats" &[], EachSplat, false, [
         read sources = Sources, read old_values = OldValues, write new_values = NewValues,
     ];
+    EditSplats = "edit_splats" &[], EachSplat, false, [
+        read edits = Edits, write splat_p = SplatP, write splat_m = SplatM,
+    ];
+    RegridMaps = "regrid_maps" &[], EachSplat, false, [
+        read changes = MapChanges, read old_info = OldSplatInfo, write splat_info = SplatInfo,
+        read old_values = OldValues, write new_values = NewValues, read scales = Scales,
+    ];
     ResampleMaps = "resample_maps" &[], EachSplat, false, [
-        read sources = Sources, read old_info = OldSplatInfo, write splat_info = SplatInfo,
+        read changes = MapChanges, read old_info = OldSplatInfo, read splat_info = SplatInfo,
         read old_values = OldValues, write new_values = NewValues, read scales = Scales,
     ];
     LossFwd = "loss_fwd" &[], LossTiles, false, [

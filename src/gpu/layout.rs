@@ -89,6 +89,14 @@ pub struct StepUniform {
     pub loss_distortion: f32,
     /// Weight of the normal term.
     pub loss_normal: f32,
+    /// Growth of the texels' rates with the size of a map.
+    pub rate_texel_growth: f32,
+    /// Its limit.
+    pub rate_texel_growth_limit: f32,
+    /// The same of the step before.
+    pub last_rate_texel_growth: f32,
+    /// The same of the step before.
+    pub last_rate_texel_growth_limit: f32,
     /// To a multiple of 16 bytes.
     pub pad0: u32,
     /// To a multiple of 16 bytes.
@@ -101,6 +109,8 @@ pub const FLAG_PERSIST: u32 = 1;
 pub const FLAG_STATISTICS: u32 = 2;
 /// Every map is activated, seen or not.
 pub const FLAG_ALL_MAPS: u32 = 4;
+/// Outside of a map is its nearest texel, not nothing.
+pub const FLAG_NEAREST_OUTSIDE: u32 = 8;
 
 /// One pass of the radix sort (`shaders/common/sort.wgsl`).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
@@ -128,6 +138,45 @@ pub struct SplatInfo {
     pub texel_size: f32,
     /// Step up to which SH and texels have been brought.
     pub last_step: u32,
+}
+
+/// What a structure plan makes of a map (`shaders/common/map_change.wgsl`).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct MapChange {
+    /// Splat that the new one comes from.
+    pub source: u32,
+    /// `CHANGE_*`
+    pub kind: u32,
+    /// Row of the grid that becomes row 0; not of resampled maps.
+    pub first_row: i32,
+    /// Column of the grid that becomes column 0.
+    pub first_col: i32,
+}
+
+/// A window of the map's own texels, ...
+pub const CHANGE_SAME: u32 = 0;
+/// ... of a grid of texels of half the edge, ...
+pub const CHANGE_FINER: u32 = 1;
+/// ... of twice the edge.
+pub const CHANGE_COARSER: u32 = 2;
+/// Bilinear resampling to another size.
+pub const CHANGE_RESAMPLE: u32 = 3;
+
+/// New parameters of a splat (`shaders/edit_splats.wgsl`).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Edit {
+    /// Centre, local frame.
+    pub position: [f32; 3],
+    /// Opacity before the sigmoid.
+    pub opacity_logit: f32,
+    /// Logarithms of the standard deviations.
+    pub log_scales: [f32; 2],
+    /// Index in the new model.
+    pub splat: u32,
+    /// To a multiple of 16 bytes.
+    pub pad: u32,
 }
 
 /// Bytes of a projected splat (`shaders/common/projected.wgsl`), which the host never reads.

@@ -55,6 +55,8 @@ pub(super) fn picture(scene: &Scene, camera: &Camera, background: [f32; 3], sh_d
         last_rate_sh_dc: scene.settled_rates.sh_dc,
         last_rate_sh_rest: scene.settled_rates.sh_rest,
         last_rate_texel: scene.settled_rates.texel,
+        last_rate_texel_growth: scene.settled_rates.texel_growth,
+        last_rate_texel_growth_limit: scene.settled_rates.texel_growth_limit,
         ..StepUniform::default()
     }
 }
@@ -109,6 +111,8 @@ pub(super) fn step(
         rate_sh_dc: rates.sh_dc,
         rate_sh_rest: rates.sh_rest,
         rate_texel: rates.texel,
+        rate_texel_growth: rates.texel_growth,
+        rate_texel_growth_limit: rates.texel_growth_limit,
         m_correction: (1.0 / (1.0 - ADAM_BETA1.powf(t))) as f32,
         v_correction_sqrt: (1.0 / (1.0 - ADAM_BETA2.powf(t)).sqrt()) as f32,
         ..picture(scene, &request.camera, request.background, request.sh_degree)

@@ -13,7 +13,7 @@ mod raster_bwd;
 mod raster_fwd;
 mod sh;
 
-pub use adam::{adam_dense, adam_skipped};
+pub use adam::{adam_dense, adam_skipped, map_rate};
 pub use bounds::{PixelBounds, pixel_bounds};
 pub use geometry::{GeometryCoefficients, GeometryLoss, geometry_loss, surface_normals};
 pub use loss::{ImageLoss, image_loss};

@@ -7,7 +7,9 @@ use crate::Result;
 use crate::backend::{Backend, LearningRates, LossWeights, RenderOptions, StepRequest};
 use crate::constants::{ADAM_BETA1, sh_coefficients};
 use crate::model::{AdamState, SplatGroup};
-use crate::reference::{AlphaCutoff, ColourGradient, Gradients, Params, Settings, adam_dense, gradients};
+use crate::reference::{
+    AlphaCutoff, ColourGradient, Gradients, Params, Settings, adam_dense, gradients, map_rate,
+};
 use serde::Serialize;
 
 const WEIGHTS: LossWeights =
@@ -150,14 +152,17 @@ fn ten_steps(backend: &mut dyn Backend, scene: &Scene, name: &dyn Fn(&str) -> St
     let start = Params::from_model(&scene.model);
     let mut params = start.clone();
     let (mut m, mut v) = (start.zeros_like(), start.zeros_like());
+    let texel_rates: Vec<f64> = (start.maps.iter())
+        .flat_map(|map| vec![map_rate(&RATES, map.num_texels()); map.floats().len()])
+        .collect();
     for t in 1..=STEPS {
         let gradient = reference(scene, &params).params;
         for group in SplatGroup::ALL {
             let width = group.width(start.sh_degree);
             let arrays = [params.group_mut(group), m.group_mut(group), v.group_mut(group)];
-            adam(arrays, gradient.group(group), t, |i| rate(group, i % width));
+            adam(arrays, gradient.group(group), t, |i| f64::from(rate(group, i % width)));
         }
-        adam([&mut params.texels, &mut m.texels, &mut v.texels], &gradient.texels, t, |_| RATES.texel);
+        adam([&mut params.texels, &mut m.texels, &mut v.texels], &gradient.texels, t, |i| texel_rates[i]);
     }
     let change = |p: &[f64], start: &[f64]| p.iter().zip(start).map(|(p, s)| p - s).collect::<Vec<_>>();
     // Adam turns the sign of a tiny gradient into a full step, so that rounding shows: needed 0.075.
@@ -185,8 +190,8 @@ fn rate(group: SplatGroup, column: usize) -> f32 {
     }
 }
 
-fn adam([p, m, v]: [&mut [f64]; 3], gradient: &[f64], t: u32, rate: impl Fn(usize) -> f32) {
+fn adam([p, m, v]: [&mut [f64]; 3], gradient: &[f64], t: u32, rate: impl Fn(usize) -> f64) {
     for i in 0..p.len() {
-        (p[i], m[i], v[i]) = adam_dense((p[i], m[i], v[i]), gradient[i], f64::from(rate(i)), t);
+        (p[i], m[i], v[i]) = adam_dense((p[i], m[i], v[i]), gradient[i], rate(i), t);
     }
 }

@@ -1,7 +1,10 @@
 //! Steps by hand, for backends of any kind: a scene with views in two sizes, requests and a plan.
 
-use litetex_gs::backend::{LearningRates, LossWeights, MapChange, StepRequest, StructurePlan, TargetImage};
+use litetex_gs::backend::{
+    Grid, LearningRates, LossWeights, MapChange, SplatEdit, StepRequest, StructurePlan, TargetImage,
+};
 use litetex_gs::camera::{Camera, RigidTransform};
+use litetex_gs::model::{Model, SplatGroup};
 use litetex_gs::selftest::{Scene, SceneOptions, random_scene};
 
 const RATES: LearningRates = LearningRates {
@@ -68,26 +71,73 @@ pub fn requests(
     steps.map(request).collect()
 }
 
-/// Every fourth splat goes, every seventh comes twice, maps are kept, enlarged, shrunk or dropped.
+/// Every kind of change of a map, the first ones exact in every bit whatever computes them.
+pub fn changes() -> Vec<MapChange> {
+    let moment_scale = [0.3, 0.07];
+    let regrid = |grid, [rows, cols]: [u16; 2], [first_row, first_col]: [i32; 2]| MapChange::Regrid {
+        grid,
+        rows,
+        cols,
+        first_row,
+        first_col,
+        moment_scale,
+    };
+    let shift_texels = [0.3, -1.7];
+    let resample =
+        |rows, cols, texel_size| MapChange::Resample { rows, cols, texel_size, shift_texels, moment_scale };
+    vec![
+        MapChange::Keep,
+        // Maps have up to 16 x 12 texels: wider, narrower, beside.
+        regrid(Grid::Same, [18, 15], [-1, -2]),
+        regrid(Grid::Same, [2, 3], [1, 1]),
+        regrid(Grid::Same, [4, 4], [-1, 2]),
+        regrid(Grid::Same, [3, 2], [i32::MIN, i32::MAX]),
+        regrid(Grid::Same, [0, 0], [0, 0]),
+        regrid(Grid::Finer, [8, 8], [0, 0]),
+        regrid(Grid::Finer, [5, 11], [3, -1]),
+        regrid(Grid::Coarser, [6, 4], [0, 0]),
+        regrid(Grid::Coarser, [4, 7], [-1, 1]),
+        resample(0, 0, 0.1),
+        resample(9, 4, 0.02),
+        resample(2, 3, 0.2),
+    ]
+}
+
+/// Every fourth splat goes, every seventh comes twice, maps change in every way, every fifth splat is edited.
 pub fn plan(num_splats: usize) -> StructurePlan {
+    let changes = changes();
     let mut plan = StructurePlan::default();
     for i in (0..num_splats).filter(|i| i % 4 != 0) {
         for copy in 0..1 + usize::from(i % 7 == 0) {
-            let resample = |rows, cols, texel_size| MapChange::Resample {
-                rows,
-                cols,
-                texel_size,
-                shift_texels: [0.3, 0.0],
-                moment_scale: [0.25, 0.0625],
-            };
+            plan.maps.push(changes[plan.sources.len() % changes.len()]);
+            let splat = plan.sources.len() as u32;
             plan.sources.push(i as u32);
-            plan.maps.push(match (i + copy) % 4 {
-                0 => resample(9, 4, 0.02),
-                1 => resample(0, 0, 0.1),
-                2 => resample(2, 3, 0.2),
-                _ => MapChange::Keep,
-            });
+            if splat % 5 == 0 {
+                let at = [0.1, -0.1, 1.0].map(|x| x * (i + copy) as f32 / num_splats as f32);
+                plan.edits.push(SplatEdit {
+                    splat,
+                    position: at,
+                    log_scales: [-3.0 - at[0], -3.5],
+                    opacity_logit: at[2] - 0.5,
+                });
+            }
         }
     }
     plan
+}
+
+/// Change of every group over the run: root mean square of the difference over that of the change.
+pub fn differences(start: &Model, a: &Model, b: &Model) -> Vec<(String, f64)> {
+    let difference = |start: &[f32], a: &[f32], b: &[f32]| {
+        let square =
+            |x: &[f32], y: &[f32]| x.iter().zip(y).map(|(x, y)| f64::from(x - y).powi(2)).sum::<f64>();
+        (square(a, b) / square(start, b)).sqrt()
+    };
+    let mut out: Vec<(String, f64)> = SplatGroup::ALL
+        .into_iter()
+        .map(|g| (format!("{g:?}"), difference(start.splats.group(g), a.splats.group(g), b.splats.group(g))))
+        .collect();
+    let texels = difference(&start.textures.texels, &a.textures.texels, &b.textures.texels);
+    out.push(("Texel".into(), texels));
+    out
 }

@@ -186,6 +186,8 @@ pub(super) fn traffic(kernel: KernelId, c: &TrafficCounts) -> Vec<(TrafficItem, 
         | K::FinishGeometry
         | K::SettleSplat
         | K::GatherSplats
+        | K::EditSplats
+        | K::RegridMaps
         | K::ResampleMaps => Vec::new(),
     }
 }

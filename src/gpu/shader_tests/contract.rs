@@ -64,9 +64,17 @@ fn all_constants() -> BTreeMap<&'static str, Literal> {
     let (floats, integers) = shared_constants();
     let mut out: BTreeMap<_, _> = floats.iter().map(|&(n, v)| (n, Literal::F32(v as f32))).collect();
     out.extend(integers.iter().map(|&(n, v)| (n, Literal::U32(v))));
-    out.insert("FLAG_PERSIST", Literal::U32(layout::FLAG_PERSIST));
-    out.insert("FLAG_STATISTICS", Literal::U32(layout::FLAG_STATISTICS));
-    out.insert("FLAG_ALL_MAPS", Literal::U32(layout::FLAG_ALL_MAPS));
+    let of_layout = [
+        ("FLAG_PERSIST", layout::FLAG_PERSIST),
+        ("FLAG_STATISTICS", layout::FLAG_STATISTICS),
+        ("FLAG_ALL_MAPS", layout::FLAG_ALL_MAPS),
+        ("FLAG_NEAREST_OUTSIDE", layout::FLAG_NEAREST_OUTSIDE),
+        ("CHANGE_SAME", layout::CHANGE_SAME),
+        ("CHANGE_FINER", layout::CHANGE_FINER),
+        ("CHANGE_COARSER", layout::CHANGE_COARSER),
+        ("CHANGE_RESAMPLE", layout::CHANGE_RESAMPLE),
+    ];
+    out.extend(of_layout.map(|(n, v)| (n, Literal::U32(v))));
     let mut offset = 0;
     for (name, group) in
         ["POSITION", "QUATERNION", "LOG_SCALE", "OPACITY", "SH"].into_iter().zip(SplatGroup::ALL)

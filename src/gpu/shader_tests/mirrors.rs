@@ -1,7 +1,7 @@
 //! Structures that shaders and Rust both have.
 
 use super::contract::Parsed;
-use crate::gpu::layout::{self, SortPass, SplatInfo, Status, StepUniform};
+use crate::gpu::layout::{self, Edit, MapChange, SortPass, SplatInfo, Status, StepUniform};
 use naga::TypeInner;
 use std::collections::BTreeSet;
 
@@ -28,6 +28,7 @@ macro_rules! shapes {
 shapes![
     u32 = "u32",
     [u32; 2] = "vec2u",
+    i32 = "i32",
     f32 = "f32",
     [f32; 2] = "vec2f",
     [f32; 3] = "vec3f",
@@ -98,12 +99,18 @@ pub(super) fn mirrors() -> Vec<Mirror> {
                 v_correction_sqrt,
                 loss_distortion,
                 loss_normal,
+                rate_texel_growth,
+                rate_texel_growth_limit,
+                last_rate_texel_growth,
+                last_rate_texel_growth_limit,
                 pad0,
                 pad1,
             }
         ),
         mirror!("SortPass", SortPass { shift, counts_pairs, identity_values, pad }),
         mirror!("SplatInfo", SplatInfo { map_offset_texels, map_size, texel_size, last_step }),
+        mirror!("MapChange", MapChange { source, kind, first_row, first_col }),
+        mirror!("Edit", Edit { position, opacity_logit, log_scales, splat, pad }),
         mirror!(
             "Status",
             Status {
@@ -134,6 +141,7 @@ fn wgsl_name(inner: &TypeInner) -> &'static str {
     use naga::{Scalar, VectorSize};
     match *inner {
         TypeInner::Scalar(Scalar::U32) | TypeInner::Atomic(Scalar::U32) => "u32",
+        TypeInner::Scalar(Scalar::I32) => "i32",
         TypeInner::Scalar(Scalar::F32) => "f32",
         TypeInner::Vector { size: VectorSize::Bi, scalar: Scalar::U32 } => "vec2u",
         TypeInner::Vector { size: VectorSize::Bi, scalar: Scalar::F32 } => "vec2f",

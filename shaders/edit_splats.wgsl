@@ -1,0 +1,45 @@
+// Carries out the edits of a structure plan after its gathering: a workgroup per edit writes the splat's new
+// parameters and ends the momentum of all of them (twin: cpu/structure.rs).
+
+#constants
+#include common/groups
+#include common/step
+#include common/splat
+
+// Mirrors `layout::Edit`.
+struct Edit {
+    position: vec3f,
+    opacity_logit: f32,
+    log_scales: vec2f,
+    splat: u32,
+    pad: u32,
+}
+
+@group(0) @binding(1) var<storage, read> edits: array<Edit>; // as many as the plan has
+@group(0) @binding(2) var<storage, read_write> splat_p: array<f32>; // [n_new, stride]
+@group(0) @binding(3) var<storage, read_write> splat_m: array<f32>; // [n_new, stride]
+
+@compute @workgroup_size(SPLAT_GROUP)
+fn edit_splats(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    // Workgroups are as many as splats.
+    let e = group_index(group, groups);
+    if e >= arrayLength(&edits) || lane >= step.splat_stride {
+        return;
+    }
+    let edit = edits[e];
+    let first = edit.splat * step.splat_stride;
+    splat_m[first + lane] = 0.0;
+    if lane < 3u {
+        splat_p[first + POSITION + lane] = edit.position[lane];
+    }
+    if lane < 2u {
+        splat_p[first + LOG_SCALE + lane] = edit.log_scales[lane];
+    }
+    if lane == 0u {
+        splat_p[first + OPACITY] = edit.opacity_logit;
+    }
+}

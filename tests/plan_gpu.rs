@@ -1,0 +1,242 @@
+//! Structure plans and statistics on the wgpu backend: as on the CPU backend, bit for bit where that is promised.
+#![cfg(feature = "gpu")]
+#![allow(clippy::unwrap_used, reason = "a failing test may panic")]
+
+mod common;
+
+use common::gpu::{backend, drivers_and_limits, open};
+use common::steps::{differences, plan, requests, scene, views};
+use litetex_gs::Error;
+use litetex_gs::backend::{Backend, Grid, MapChange, StructurePlan, WindowStatistics};
+use litetex_gs::cpu::CpuBackend;
+use litetex_gs::gpu::{AdapterChoice, GpuOptions, Limits};
+use litetex_gs::model::{AdamState, Model, SplatGroup};
+use litetex_gs::selftest::Scene;
+
+type State = (Model, AdamState);
+
+/// Nothing but the storage changes.
+fn keep(num_splats: usize) -> StructurePlan {
+    StructurePlan {
+        sources: (0..num_splats as u32).collect(),
+        maps: vec![MapChange::Keep; num_splats],
+        ..StructurePlan::default()
+    }
+}
+
+/// After three steps, and nothing lags behind: what a plan makes of it owes nothing to the updates.
+fn settled(scene: &Scene) -> State {
+    let mut cpu = CpuBackend::new(Some(2)).unwrap();
+    cpu.upload(&scene.model, &AdamState::zeros(&scene.model)).unwrap();
+    cpu.steps(&requests(&views(scene), 1..=3)).unwrap();
+    let lagging = cpu.read_back().unwrap().1.last_step;
+    assert!(lagging.iter().any(|&s| s != 3) && lagging.contains(&3));
+    cpu.apply_plan(&keep(scene.model.num_splats())).unwrap();
+    cpu.read_back().unwrap()
+}
+
+fn applied(backend: &mut dyn Backend, start: &State, plan: &StructurePlan) -> State {
+    backend.upload(&start.0, &start.1).unwrap();
+    backend.apply_plan(plan).unwrap();
+    backend.read_back().unwrap()
+}
+
+/// Values that differ, of the texels of maps that were resampled and of all others, and the largest difference of
+/// the former over the largest of their values. Values too small for a normal number count as zero on some devices.
+fn texels_off(plan: &StructurePlan, a: &State, b: &State, array: fn(&State) -> &Vec<f32>) -> [f32; 3] {
+    let (mut resampled, mut other, mut worst) = (0, 0, 0.0_f32);
+    let (a_values, b_values) = (array(a), array(b));
+    assert_eq!(a_values.len(), b_values.len());
+    let largest = b_values.iter().fold(0.0_f32, |m, v| m.max(v.abs()));
+    for (change, map) in plan.maps.iter().zip(&b.0.textures.maps) {
+        for f in map.floats() {
+            let off = (a_values[f] - b_values[f]).abs();
+            let differs = off >= f32::MIN_POSITIVE || !off.is_finite();
+            if matches!(change, MapChange::Resample { .. }) {
+                resampled += usize::from(differs);
+                worst = worst.max(off / largest);
+            } else {
+                other += usize::from(differs);
+            }
+        }
+    }
+    [resampled as f32, worst, other as f32]
+}
+
+const ARRAYS: [(&str, fn(&State) -> &Vec<f32>); 3] = [
+    ("texels", |s| &s.0.textures.texels),
+    ("first moments", |s| &s.1.texels_m),
+    ("second moments", |s| &s.1.texels_v),
+];
+
+/// Whether two backends made the same of a plan.
+fn agree(plan: &StructurePlan, a: &State, b: &State) -> bool {
+    let mut ok = a.0.textures.maps == b.0.textures.maps && a.1.last_step == b.1.last_step;
+    ok &= (&a.0.splats, &a.1.splats_m, &a.1.splats_v) == (&b.0.splats, &b.1.splats_m, &b.1.splats_v);
+    if a.0.textures.maps != b.0.textures.maps {
+        return false;
+    }
+    for (name, array) in ARRAYS {
+        let [resampled, worst, other] = texels_off(plan, a, b, array);
+        println!("{name}: {resampled} resampled values differ, at most by {worst:.1e}; {other} others");
+        // Drivers contract the interpolation's products and sums.
+        ok &= worst < 2e-6 && other == 0.0;
+    }
+    ok
+}
+
+#[test]
+fn plans_are_applied_as_on_the_cpu_on_every_driver() {
+    let scene = scene(10);
+    let start = settled(&scene);
+    let plan = plan(start.0.num_splats());
+    let mut cpu = CpuBackend::new(Some(2)).unwrap();
+    let expected = applied(&mut cpu, &start, &plan);
+    assert!(expected.0.num_texels() > 10_000 && plan.edits.len() > 50);
+    for (driver, limits) in drivers_and_limits() {
+        println!("{}", driver.name);
+        let mut gpu = open(&driver, limits, GpuOptions::default());
+        assert!(agree(&plan, &applied(&mut gpu, &start, &plan), &expected), "{}", driver.name);
+        negative_controls(&mut gpu, &start, &plan, &expected);
+    }
+}
+
+/// A plan that differs in one number is noticed, whichever it is.
+fn negative_controls(gpu: &mut dyn Backend, start: &State, plan: &StructurePlan, expected: &State) {
+    let mut others = Vec::new();
+    // Of windows that are neither empty nor out of sight.
+    for at in [1, 2, 3, 6, 7, 8, 9] {
+        for k in 0..2 {
+            let mut other = plan.clone();
+            let MapChange::Regrid { first_row, moment_scale, .. } = &mut other.maps[at] else {
+                unreachable!()
+            };
+            *first_row += 1 - k;
+            moment_scale[1] *= 1.0 + 1e-4 * k as f32;
+            others.push(other);
+        }
+    }
+    let mut other = plan.clone();
+    other.edits[3].log_scales[1] += 1e-6;
+    others.push(other);
+    let mut other = plan.clone();
+    other.edits.remove(7);
+    others.push(other);
+    for other in others {
+        assert!(!agree(plan, &applied(gpu, start, &other), expected), "{other:?}");
+    }
+}
+
+#[test]
+fn the_new_structure_is_trained_on_as_on_the_cpu_on_every_driver() {
+    drivers_and_limits().iter().for_each(|(driver, limits)| is_trained_on_as_on_the_cpu(driver, *limits));
+}
+
+fn is_trained_on_as_on_the_cpu(driver: &AdapterChoice, limits: Limits) {
+    let scene = scene(10);
+    let start = settled(&scene);
+    let views = views(&scene);
+    let plan = plan(start.0.num_splats());
+    let mut gpu = open(driver, limits, GpuOptions::default());
+    let mut cpu = CpuBackend::new(Some(2)).unwrap();
+    let mut ends = Vec::new();
+    for backend in [&mut gpu as &mut dyn Backend, &mut cpu] {
+        let (begin, _) = applied(backend, &start, &plan);
+        backend.steps(&requests(&views, 4..=6)).unwrap();
+        ends.push((begin, backend.read_settled().unwrap()));
+    }
+    let [(_, g), (begin, c)] = ends.try_into().ok().unwrap();
+    for (group, difference) in differences(&begin, &g, &c) {
+        println!("{} {group}: {difference:.2e}", driver.name);
+        assert!(difference < 0.03, "{group}: {difference}");
+    }
+    let negative_control = differences(&begin, &begin, &c);
+    assert!(negative_control.iter().all(|(_, d)| *d > 0.9), "{negative_control:?}");
+}
+
+#[test]
+fn edits_end_the_momentum_and_only_that() {
+    let Some(mut gpu) = backend(GpuOptions::default()) else { return };
+    let scene = scene(11);
+    let start = settled(&scene);
+    let plan = plan(start.0.num_splats());
+    let edited = applied(&mut gpu, &start, &plan);
+    let plain = applied(&mut gpu, &start, &StructurePlan { edits: Vec::new(), ..plan.clone() });
+    assert_eq!(edited.1.splats_v, plain.1.splats_v);
+    assert_eq!((&edited.1.texels_m, &edited.1.texels_v), (&plain.1.texels_m, &plain.1.texels_v));
+    for group in SplatGroup::ALL {
+        let width = group.width(start.0.splats.sh_degree);
+        let of = |state: &State, i: usize| state.1.splats_m.group(group)[i * width..(i + 1) * width].to_vec();
+        let mut moved = 0;
+        for i in 0..plan.sources.len() {
+            let is_edited = plan.edits.iter().any(|e| e.splat as usize == i);
+            let before = of(&plain, i);
+            moved += usize::from(is_edited && before.iter().any(|m| *m != 0.0));
+            let expected = if is_edited { vec![0.0; width] } else { before };
+            assert_eq!(of(&edited, i), expected, "{group:?} of {i}");
+        }
+        assert!(moved > 20, "{group:?}: {moved} had any momentum");
+    }
+}
+
+#[test]
+fn a_plan_that_does_not_fit_changes_nothing() {
+    for (driver, limits) in drivers_and_limits().into_iter().take(1) {
+        assert_eq!(limits, Limits::Downlevel);
+        let mut gpu = open(&driver, limits, GpuOptions::default());
+        let scene = scene(12);
+        let n = scene.model.num_splats();
+        gpu.upload(&scene.model, &AdamState::zeros(&scene.model)).unwrap();
+        gpu.steps(&requests(&views(&scene), 1..=5)).unwrap();
+        let before = (gpu.read_back().unwrap(), gpu.read_statistics().unwrap());
+        let mut plan = keep(n);
+        // 192 MB of texels, where a buffer may have 128 MiB.
+        plan.maps[n - 1] = MapChange::Regrid {
+            grid: Grid::Same,
+            rows: 4000,
+            cols: 4000,
+            first_row: 0,
+            first_col: 0,
+            moment_scale: [1.0; 2],
+        };
+        assert!(matches!(gpu.apply_plan(&plan), Err(Error::Device(_))));
+        assert!((gpu.read_back().unwrap(), gpu.read_statistics().unwrap()) == before);
+        // Negative control: one that fits changes all of these.
+        gpu.apply_plan(&keep(n)).unwrap();
+        assert!(gpu.read_back().unwrap() != before.0 && gpu.read_statistics().unwrap() != before.1);
+    }
+}
+
+#[test]
+fn a_window_of_statistics_continues_where_it_was_read() {
+    let cpu: Box<dyn Backend> = Box::new(CpuBackend::new(Some(2)).unwrap());
+    let gpu = backend(GpuOptions::default()).map(|gpu| Box::new(gpu) as Box<dyn Backend>);
+    let scene = scene(13);
+    let views = views(&scene);
+    for mut backend in std::iter::once(cpu).chain(gpu) {
+        backend.upload(&scene.model, &AdamState::zeros(&scene.model)).unwrap();
+        backend.steps(&requests(&views, 1..=4)).unwrap();
+        let (half, (model, adam)) = (backend.read_statistics().unwrap(), backend.read_back().unwrap());
+        assert!(half.views == 1 && half.error.iter().any(|e| *e > 0.0));
+        backend.steps(&requests(&views, 5..=9)).unwrap();
+        let whole = backend.read_statistics().unwrap();
+        assert_eq!((whole.views, whole.seen.iter().max()), (3, Some(&3)));
+        // As a run is resumed.
+        backend.upload(&model, &adam).unwrap();
+        let empty = WindowStatistics::empty(model.num_splats());
+        assert_eq!(backend.read_statistics().unwrap(), empty);
+        backend.set_statistics(&half).unwrap();
+        assert_eq!(backend.read_statistics().unwrap(), half);
+        backend.steps(&requests(&views, 5..=9)).unwrap();
+        assert_eq!(backend.read_statistics().unwrap(), whole);
+        // Negative control: without the first half.
+        backend.upload(&model, &adam).unwrap();
+        backend.steps(&requests(&views, 5..=9)).unwrap();
+        assert_ne!(backend.read_statistics().unwrap(), whole);
+        // One splat too many is refused, and nothing is set.
+        let before = backend.read_statistics().unwrap();
+        let other = WindowStatistics::empty(model.num_splats() + 1);
+        assert!(matches!(backend.set_statistics(&other), Err(Error::Usage(_))));
+        assert_eq!(backend.read_statistics().unwrap(), before);
+    }
+}
