@@ -73,7 +73,10 @@ mod tests {
         let budget = PrimitiveBudget::new(1_000);
         // Method section 8.5: 1.31 P_init at r = 4, 2.25 at r = 2, both at the start.
         assert_eq!((budget.target(0.0, 4.0), budget.target(0.0, 2.0)), (1_313, 2_250));
-        assert_eq!((budget.target(0.9, 1.0), budget.target(1.0, 4.0), budget.maximum()), (6_000, 6_000, 6_000));
+        assert_eq!(
+            (budget.target(0.9, 1.0), budget.target(1.0, 4.0), budget.maximum()),
+            (6_000, 6_000, 6_000)
+        );
         let rising: Vec<usize> = (0..=10).map(|i| budget.target(f64::from(i) / 10.0, 2.0)).collect();
         assert!(rising.windows(2).all(|w| w[0] <= w[1]), "{rising:?}");
     }

@@ -88,8 +88,7 @@ mod tests {
 
     /// Straight from the definition.
     fn coefficient(plane: &[f64], (width, height): (usize, usize), (kx, ky): (usize, usize)) -> Complex<f64> {
-        let turns =
-            |x: usize, y: usize| (kx * x) as f64 / width as f64 + (ky * y) as f64 / height as f64;
+        let turns = |x: usize, y: usize| (kx * x) as f64 / width as f64 + (ky * y) as f64 / height as f64;
         let mut sum = Complex::default();
         for y in 0..height {
             for x in 0..width {
