@@ -3,7 +3,7 @@
 use super::fft::PlaneTransform;
 use super::options::ScheduleOptions;
 use super::spectrum::{RINGS, Spectrum, Windows};
-use super::{FrequencySchedule, significance, stages};
+use super::{FrequencySchedule, noise, significance, stages};
 use crate::views::{Split, ViewSource};
 use crate::{Error, Result};
 use rayon::prelude::*;
@@ -50,15 +50,16 @@ fn evenly_picked(views: &[usize], most: usize) -> Vec<usize> {
 
 /// The schedule of views with these spectra.
 pub(super) fn schedule(spectra: &[Spectrum], options: &ScheduleOptions) -> FrequencySchedule {
-    let amplitudes: Vec<Vec<f64>> = spectra.iter().map(amplitudes).collect();
-    let single: Vec<Windows> = amplitudes.iter().map(|rings| Windows::new(rings.iter().copied())).collect();
+    let denoised = |view: &Spectrum| match options.noise_robust {
+        true => noise::denoised_rings(view),
+        false => (view.rings(), 0.0),
+    };
+    let (rings, noise): (Vec<Vec<f64>>, Vec<f64>) = spectra.iter().map(denoised).unzip();
+    let single: Vec<Windows> = rings.iter().map(|rings| Windows::new(rings.iter().copied())).collect();
     let s_max = stages::start_scale(&single, options);
-    let mean = (0..RINGS).map(|ring| amplitudes.iter().map(|rings| rings[ring]).sum::<f64>());
+    // A sum: the number of views drops out of every use.
+    let mean = (0..RINGS).map(|ring| rings.iter().map(|view| view[ring]).sum::<f64>());
     let nodes = stages::nodes(&Windows::new(mean), s_max, options.levels);
-    FrequencySchedule { s_max: nodes[0].1, nodes, views: spectra.len() }
-}
-
-/// Amplitude of each ring.
-fn amplitudes(spectrum: &Spectrum) -> Vec<f64> {
-    spectrum.cells.iter().map(|ring| ring.iter().map(|cell| cell.amplitude).sum()).collect()
+    let noise = stages::quantile(noise, 0.5).unwrap_or(0.0).sqrt();
+    FrequencySchedule { s_max: nodes[0].1, nodes, views: spectra.len(), noise: stages::rounded(noise) }
 }

@@ -7,6 +7,7 @@
 mod analyse;
 mod budget;
 mod fft;
+mod noise;
 mod options;
 mod significance;
 mod spectrum;
@@ -48,6 +49,9 @@ pub struct FrequencySchedule {
     pub nodes: Vec<(f64, f64)>,
     /// Views that were analysed.
     pub views: usize,
+    /// Standard deviation of the noise that was taken out, of channel values from 0 to 1 (median over
+    /// views); 0 where none was looked for.
+    pub noise: f64,
 }
 
 /// What a file says, before it is believed.
@@ -57,13 +61,14 @@ struct Unchecked {
     s_max: f64,
     nodes: Vec<(f64, f64)>,
     views: usize,
+    noise: f64,
 }
 
 impl TryFrom<Unchecked> for FrequencySchedule {
     type Error = String;
 
     fn try_from(found: Unchecked) -> Result<Self, String> {
-        let Unchecked { s_max, nodes, views } = found;
+        let Unchecked { s_max, nodes, views, noise } = found;
         let ordered = nodes.windows(2).all(|n| n[0].0 <= n[1].0 && n[0].1 >= n[1].1);
         let ends = nodes.first().zip(nodes.last());
         let sound = ends.is_some_and(|(first, last)| {
@@ -72,14 +77,14 @@ impl TryFrom<Unchecked> for FrequencySchedule {
         if !(ordered && sound) {
             return Err("nodes of a schedule must rise in time from 0 to 1 and fall in scale to 1".to_owned());
         }
-        Ok(Self { s_max, nodes, views })
+        Ok(Self { s_max, nodes, views, noise })
     }
 }
 
 impl FrequencySchedule {
     /// The scheduler switched off: full size and the largest textures from the start.
     pub fn flat() -> Self {
-        Self { s_max: 1.0, nodes: vec![(0.0, 1.0)], views: 0 }
+        Self { s_max: 1.0, nodes: vec![(0.0, 1.0)], views: 0, noise: 0.0 }
     }
 
     /// The schedule for the training views of a capture. Deterministic for any number of threads.

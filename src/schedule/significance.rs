@@ -2,6 +2,7 @@
 //! (method section 8.1). Views with fine structure where they have contrast ask for fine pictures.
 
 use super::fft::PlaneTransform;
+use super::noise;
 use super::spectrum::{Lines, Spectrum};
 use crate::backend::TargetImage;
 
@@ -33,7 +34,13 @@ pub(super) fn spectrum(photo: &TargetImage, transform: &PlaneTransform) -> Optio
         }
         transform.visit_columns(plane, &mut work, |kx, column| lines.add_column(kx, column));
     }
-    Some(lines.spectrum())
+    let counts = |i: usize| photo.mask.as_ref().is_none_or(|mask| mask[i] != 0);
+    let squares = weights.iter().enumerate().filter(|&(i, _)| counts(i)).map(|(_, w)| w * w);
+    Some(Spectrum {
+        cells: lines.cells(),
+        mean_square_weight: squares.sum::<f64>() / weights.len() as f64,
+        fine_variance: noise::fine_variance(photo),
+    })
 }
 
 /// Channels as numbers from 0 to 1.

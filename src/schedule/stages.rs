@@ -4,9 +4,9 @@
 use super::options::ScheduleOptions;
 use super::spectrum::Windows;
 
-/// Nodes are rounded to this: far below anything that a schedule can notice, and short decimal numbers
-/// survive text files bit for bit, so that a resumed run follows the very same schedule.
-const NODE_STEP: f64 = 1e-9;
+/// Numbers are rounded to a billionth: far below anything that a schedule can notice, and short decimal
+/// numbers survive text files bit for bit, so that a resumed run follows the very same schedule.
+const STEPS: f64 = 1e9;
 
 /// If less than this part of the significance comes after the first stage, there is nothing to wait
 /// for. (Rounding of the transform leaves about 1e-13 in a constant picture.)
@@ -15,13 +15,22 @@ const LEAST_GAIN: f64 = 1e-6;
 /// The scale of the first stage: the window that holds 1 / beta of the significance, as the given
 /// quantile over single views has it.
 pub(super) fn start_scale(views: &[Windows], options: &ScheduleOptions) -> f64 {
-    let mut scales: Vec<f64> =
-        views.iter().map(|view| view.solve(view.total() / options.beta, options.max_scale)).collect();
-    scales.sort_by(f64::total_cmp);
-    let Some(last) = scales.len().checked_sub(1) else { return 1.0 };
-    let at = options.quantile * last as f64;
-    let (low, high) = (scales[at as usize], scales[at.ceil() as usize]);
-    low + (high - low) * at.fract()
+    let scales = views.iter().map(|view| view.solve(view.total() / options.beta, options.max_scale));
+    quantile(scales.collect(), options.quantile).unwrap_or(1.0)
+}
+
+/// A quantile of numbers, linear between neighbours; `None` of nothing.
+pub(super) fn quantile(mut values: Vec<f64>, share: f64) -> Option<f64> {
+    values.sort_by(f64::total_cmp);
+    let at = share * values.len().checked_sub(1)? as f64;
+    let (low, high) = (values[at as usize], values[at.ceil() as usize]);
+    Some(low + (high - low) * at.fract())
+}
+
+/// To the nearest of [`STEPS`] per unit.
+pub(super) fn rounded(value: f64) -> f64 {
+    // Divided, not multiplied by 1e-9: this gives the number nearest to the decimal.
+    (value * STEPS).round() / STEPS
 }
 
 /// Nodes (time as a fraction of T_r, scale): each stage opens the window by the same amount of
@@ -35,7 +44,6 @@ pub(super) fn nodes(mean: &Windows, s_max: f64, levels: usize) -> Vec<(f64, f64)
         return flat;
     }
     let last = levels - 1;
-    let rounded = |x: f64| (x / NODE_STEP).round() * NODE_STEP;
     let mut nodes: Vec<(f64, f64)> = Vec::with_capacity(levels);
     for i in 0..levels {
         let energy = least + (total - least) * i as f64 / last as f64;
