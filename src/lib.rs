@@ -18,6 +18,7 @@ pub mod model;
 pub mod picture;
 pub mod reference;
 mod report;
+pub mod results;
 pub mod sample;
 pub mod schedule;
 pub mod selftest;

@@ -32,7 +32,7 @@ fn commands_of_help() -> Vec<(String, String)> {
 fn the_readme_lists_the_commands_as_the_help_does() {
     let readme = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("README.md")).unwrap();
     let commands = commands_of_help();
-    assert_eq!(commands.len(), 11, "{commands:?}");
+    assert_eq!(commands.len(), 12, "{commands:?}");
     let section = readme.split("## Commands").nth(1).unwrap().split("## ").next().unwrap();
     let rows: Vec<(String, String)> = section
         .lines()
@@ -66,7 +66,7 @@ fn completions_and_manual_pages_have_text() {
     assert_eq!(run(&["man", "--out", folder.to_str().unwrap()]).0, 0);
     let train = std::fs::read_to_string(folder.join("litetex-train.1")).unwrap();
     assert!(train.contains("max\\-resolution"), "{train}");
-    assert_eq!(std::fs::read_dir(folder).unwrap().count(), 13); // 11 commands, help, litetex
+    assert_eq!(std::fs::read_dir(folder).unwrap().count(), 14); // 12 commands, help, litetex
 }
 
 #[test]
@@ -89,6 +89,10 @@ fn usage_errors_exit_with_2_and_say_what_to_do() {
         (&["train", here, "-o", "x", "--format", "fbx"], "reality-capture"),
         (&["train", here, "-o", "x", "--image-cache", "big"], "4GiB"),
         (&["train", here, "--resume"], "--out"),
+        (&["bench", "-o", "x"], "--scene"),
+        (&["bench", "-o", "x", "--scene", here, "--seeds", "1,x"], "5-8"),
+        (&["bench", "-o", "x", "--scene", here, "--shard", "3/2"], "1/3"),
+        (&["bench", "-o", "x", "--scene", here, "--variant", "a: --colour red"], "--colour"),
         (&["render", here, "-o", "x"], "--orbit"),
         (&["render", here, "-o", "x", "--test", "--orbit", "3"], "--orbit"),
         (&["devices", "--threads", "0"], "--threads"),
@@ -178,6 +182,7 @@ fn a_foreign_output_folder_is_refused_before_anything_is_read() {
         &["sample", here],
         &["quickstart", "-o", here],
         &["eval", "/nowhere", "-o", here],
+        &["bench", "--scene", "/nowhere", "-o", here],
     ] {
         let (code, _, stderr) = run(arguments);
         assert_eq!(code, 2, "{arguments:?}: {stderr}");

@@ -1,6 +1,7 @@
 //! The application layer: arguments to plans, progress, files of a run, exit codes. One file per
 //! subcommand; parsing (what was typed) is separate from meaning (what will be done). No mathematics.
 
+mod bench;
 mod bench_kernels;
 mod capture;
 mod capture_args;
@@ -79,6 +80,7 @@ enum Command {
     Inspect(inspect::InspectArgs),
     Devices(devices::DevicesArgs),
     Selftest(selftest::SelftestArgs),
+    Bench(bench::BenchArgs),
     BenchKernels(bench_kernels::BenchKernelsArgs),
     Quickstart(quickstart::QuickstartArgs),
     Completions(completions::CompletionsArgs),
@@ -119,6 +121,7 @@ fn run(cli: Cli, log: &Log) -> anyhow::Result<()> {
             .build_global()
             .map_err(|e| Error::Device(format!("--threads {threads}: {e}")))?;
     }
+    let threads = cli.common.threads;
     match cli.command {
         Command::Train(args) => train::run(args, log),
         Command::Eval(args) => eval::run(&args, log),
@@ -127,6 +130,7 @@ fn run(cli: Cli, log: &Log) -> anyhow::Result<()> {
         Command::Inspect(args) => inspect::run(&args, log),
         Command::Devices(args) => devices::run(&args),
         Command::Selftest(args) => selftest::run(&args, log),
+        Command::Bench(args) => bench::run(&args, threads, log),
         Command::BenchKernels(args) => bench_kernels::run(&args, log),
         Command::Quickstart(args) => quickstart::run(&args, log),
         Command::Completions(args) => completions::run(&args),

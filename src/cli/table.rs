@@ -39,3 +39,56 @@ pub fn print_json(value: &impl serde::Serialize) -> std::io::Result<()> {
     writeln!(out)?;
     out.flush()
 }
+
+/// Prints rows under a header, columns aligned; nothing if there are no rows.
+///
+/// # Errors
+/// What standard output says.
+pub fn print_columns(header: &[&str], rows: &[Vec<String>]) -> std::io::Result<()> {
+    if rows.is_empty() {
+        return Ok(());
+    }
+    let mut out = std::io::stdout().lock();
+    out.write_all(columns(header, rows).as_bytes())?;
+    out.flush()
+}
+
+/// Columns of numbers end, others begin at the same place.
+fn columns(header: &[&str], rows: &[Vec<String>]) -> String {
+    let cell = |row: &[String], c: usize| row.get(c).cloned().unwrap_or_default();
+    let is_number = |text: &str| match text.strip_prefix(['-', '+']).unwrap_or(text) {
+        "" => true,
+        digits => digits.starts_with(|c: char| c.is_ascii_digit()),
+    };
+    let lines = std::iter::once(header.iter().map(|&h| h.to_owned()).collect()).chain(rows.iter().cloned());
+    let lines: Vec<Vec<String>> = lines.collect();
+    let widths =
+        (0..header.len()).map(|c| lines.iter().map(|l| cell(l, c).chars().count()).max().unwrap_or(0));
+    let widths: Vec<(usize, bool)> =
+        widths.enumerate().map(|(c, width)| (width, rows.iter().all(|r| is_number(&cell(r, c))))).collect();
+    let mut text = String::new();
+    for line in &lines {
+        let mut padded = String::new();
+        for (c, &(width, right)) in widths.iter().enumerate() {
+            let cell = cell(line, c);
+            padded += &if right { format!("{cell:>width$}  ") } else { format!("{cell:<width$}  ") };
+        }
+        text += padded.trim_end();
+        text.push('\n');
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn columns_are_aligned() {
+        let rows = [["é", "1.5"], ["long", "-12.0"]].map(|r| r.map(ToOwned::to_owned).into());
+        assert_eq!(columns(&["name", "dB"], &rows), "name     dB\né       1.5\nlong  -12.0\n");
+        let missing = [["-", "--x"], ["7", ""]].map(|r| r.map(ToOwned::to_owned).into());
+        assert_eq!(columns(&["long", "b"], &missing), "long  b\n   -  --x\n   7\n");
+        assert_eq!(columns(&["a", "b"], &[vec!["x".to_owned()]]), "a  b\nx\n");
+    }
+}

@@ -16,7 +16,9 @@ use std::path::PathBuf;
 /// Reads photos with poses (a COLMAP model or transforms.json), optimises textured 2D Gaussians, evaluates
 /// them on held-out views and writes a run folder: config.toml, metrics.jsonl, summary.json, checkpoints
 /// and pictures. Ctrl-C saves; --resume continues.
+// Of a flag given twice the last holds: so a benchmark's variants win over what all its runs have in common.
 #[derive(clap::Args, Clone, Debug, Default)]
+#[command(args_override_self = true)]
 pub struct TrainArgs {
     /// Folder of the capture
     pub capture: Option<PathBuf>,

@@ -1,0 +1,389 @@
+//! `litetex bench`: runs a matrix of trainings and collects one line of results for each. `matrix` says which
+//! runs there are, `cell` makes one, `machine` judges how quiet it was; here is what happens between them.
+
+mod cell;
+mod machine;
+mod matrix;
+mod words;
+
+use super::interrupt::Interrupt;
+use super::log::Log;
+use super::table::print_columns;
+use super::values::{format_count, format_duration, parse_duration_secs};
+use cell::Runner;
+use litetex_gs::results::{self, Record, Status};
+use litetex_gs::{Error, Result};
+use matrix::{Cell, Matrix, Scene, Setting};
+use serde_json::json;
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Mutex, mpsc};
+use std::time::Instant;
+
+/// File of the results in the folder of a benchmark.
+const RESULTS: &str = "results.jsonl";
+/// Folder of the runs in it.
+const RUNS: &str = "runs";
+
+/// Train a matrix of scenes, variants, budgets and seeds, and collect the results
+///
+/// Every run is a "litetex train" of its own and leaves one line in results.jsonl, failed ones too. Called
+/// again with the same folder, finished runs are skipped; so a benchmark that was interrupted goes on where
+/// it was. Results of several folders or machines are merged by concatenating the files. "litetex chart"
+/// makes charts and tables of them.
+#[derive(clap::Args)]
+pub struct BenchArgs {
+    /// Folder for the results
+    #[arg(long, short, value_name = "FOLDER")]
+    out: PathBuf,
+    /// Matrix as a TOML file: [[scene]] path, [[variant]] name, [[budget]] name, each with args = [...]; seeds,
+    /// common. What flags give replaces what the file says
+    #[arg(long, value_name = "FILE", help_heading = "Matrix")]
+    config: Option<PathBuf>,
+    /// Captures: DIR or "NAME: DIR"
+    #[arg(long, value_name = "SCENE", num_args = 1.., value_parser = words::parse_scene, help_heading = "Matrix")]
+    scene: Vec<Scene>,
+    /// What is compared: "NAME: ARGUMENTS of litetex train"; once for each
+    #[arg(long, value_name = "VARIANT", value_parser = words::parse_setting, help_heading = "Matrix")]
+    variant: Vec<Setting>,
+    /// At which sizes or lengths: "NAME: ARGUMENTS"; once for each
+    #[arg(long, value_name = "BUDGET", value_parser = words::parse_setting, help_heading = "Matrix")]
+    budget: Vec<Setting>,
+    /// Repetitions: numbers and ranges like 1,2,5-8 [default: 42]
+    #[arg(long, value_name = "SEEDS", help_heading = "Matrix")]
+    seeds: Option<String>,
+    /// Arguments of all runs; variants and budgets win over them
+    #[arg(long, value_name = "ARGUMENTS", allow_hyphen_values = true, value_parser = parse_words, help_heading = "Matrix")]
+    common: Option<Words>,
+    /// Make only this part of the matrix: 1/3, 2/3, 3/3 are three machines' shares
+    #[arg(long, value_name = "PART/PARTS", value_parser = words::parse_shard, default_value = "1/1")]
+    shard: (usize, usize),
+    /// Runs at the same time; with more than 1 no times are trusted
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=256))]
+    jobs: u16,
+    /// Stop a run after this time and count it as failed: 90s, 20m, 1h30m [default: no limit]
+    #[arg(long, value_name = "TIME", value_parser = parse_duration_secs)]
+    timeout: Option<f64>,
+    /// Go on with what is not finished yet; the default where the folder holds results
+    #[arg(long, conflicts_with = "force")]
+    resume: bool,
+    /// Make failed runs again
+    #[arg(long)]
+    retry_failed: bool,
+    /// Stop at the first failed run instead of going on with the others
+    #[arg(long)]
+    fail_fast: bool,
+    /// Keep checkpoints, pictures and metrics of the runs, not only summary.json and config.toml
+    #[arg(long)]
+    keep_runs: bool,
+    /// Delete the results and runs of an earlier benchmark in the folder and start anew
+    #[arg(long)]
+    force: bool,
+    /// Run nothing: list the runs, what is done and how long the rest will take, where runs like them are done
+    #[arg(long, visible_alias = "estimate")]
+    dry_run: bool,
+}
+
+/// Words of one argument.
+#[derive(Clone)]
+struct Words(Vec<String>);
+
+fn parse_words(text: &str) -> Result<Words, String> {
+    words::split_words(text).map(Words)
+}
+
+/// Runs what is left of the matrix and prints a table.
+///
+/// # Errors
+/// [`Error::CheckFailed`] if a run failed, [`Error::Interrupted`], [`Error::Usage`] for a matrix with slips.
+pub fn run(args: &BenchArgs, threads: Option<u16>, log: &Log) -> anyhow::Result<()> {
+    let cells = matrix_of(args, threads)?.cells()?;
+    let total = cells.len();
+    let (part, parts) = args.shard;
+    let cells = matrix::shard(cells, part, parts);
+    let file = args.out.join(RESULTS);
+    let known = open_folder(args, &file, log)?;
+    let left: Vec<&Cell> = cells.iter().filter(|c| !is_done(&known, c, args.retry_failed)).collect();
+    if args.dry_run {
+        return Ok(list(&cells, &left, &known)?);
+    }
+    rename(&cells, &known, &file)?;
+    if parts > 1 {
+        log.info(&format!("part {part} of {parts}: {} of {total} runs", cells.len()));
+    }
+    if left.len() < cells.len() {
+        log.info(&format!("{} of {} runs are done already", cells.len() - left.len(), cells.len()));
+    }
+    let outcome = run_cells(args, &left, cells.len(), &file, log);
+    let records = read_results(&file, log)?;
+    let mine: Vec<&Record> = cells.iter().filter_map(|c| records.iter().find(|r| r.key == c.key)).collect();
+    print_table(&mine)?;
+    outcome?;
+    let failed = mine.iter().filter(|r| r.status == Status::Failed).count();
+    if failed > 0 {
+        return Err(Error::CheckFailed(format!(
+            "{failed} of {} runs failed: see \"error\" in {} and {}; --retry-failed makes them again",
+            mine.len(),
+            file.display(),
+            args.out.join(RUNS).join("*.log").display()
+        ))
+        .into());
+    }
+    Ok(())
+}
+
+fn matrix_of(args: &BenchArgs, threads: Option<u16>) -> Result<Matrix> {
+    let mut matrix = args.config.as_deref().map(Matrix::read).transpose()?.unwrap_or_default();
+    if !args.scene.is_empty() {
+        matrix.scenes.clone_from(&args.scene);
+    }
+    if !args.variant.is_empty() {
+        matrix.variants.clone_from(&args.variant);
+    }
+    if !args.budget.is_empty() {
+        matrix.budgets.clone_from(&args.budget);
+    }
+    if let Some(seeds) = &args.seeds {
+        matrix.seeds = words::parse_seeds(seeds).map_err(|e| Error::Usage(format!("--seeds: {e}")))?;
+    }
+    if let Some(Words(common)) = &args.common {
+        matrix.common.clone_from(common);
+    }
+    if let Some(threads) = threads {
+        matrix.common.splice(0..0, ["--threads".to_owned(), threads.to_string()]);
+    }
+    Ok(matrix)
+}
+
+/// Results so far; refuses a folder with other things in it.
+fn open_folder(args: &BenchArgs, file: &Path, log: &Log) -> Result<Vec<Record>> {
+    let folder = &args.out;
+    if folder.is_file() {
+        return Err(Error::Usage(format!("{}: is a file, not a folder", folder.display())));
+    }
+    if args.force && !args.dry_run {
+        let runs = folder.join(RUNS);
+        if file.exists() {
+            std::fs::remove_file(file).map_err(|e| Error::io(file, e))?;
+        }
+        if runs.exists() {
+            std::fs::remove_dir_all(&runs).map_err(|e| Error::io(&runs, e))?;
+        }
+    }
+    if file.exists() {
+        return read_results(file, log);
+    }
+    let is_empty = match std::fs::read_dir(folder) {
+        Ok(mut entries) => entries.next().is_none(),
+        Err(_) => true,
+    };
+    if is_empty || args.force || args.resume {
+        return Ok(Vec::new());
+    }
+    Err(Error::Usage(format!(
+        "{}: the folder is not empty and holds no {RESULTS}; choose another, or add --force: files that are not \
+         ours stay",
+        folder.display()
+    )))
+}
+
+fn read_results(file: &Path, log: &Log) -> Result<Vec<Record>> {
+    if !file.exists() {
+        return Ok(Vec::new());
+    }
+    let (records, report) = results::read(file)?;
+    log.report(&report);
+    Ok(results::latest(records))
+}
+
+fn is_done(known: &[Record], cell: &Cell, retry_failed: bool) -> bool {
+    known.iter().any(|r| r.key == cell.key && (r.status == Status::Ok || !retry_failed))
+}
+
+/// A run that is done may have got another name, or place, in the matrix since; a new line tells.
+fn rename(cells: &[Cell], known: &[Record], file: &Path) -> Result<()> {
+    for cell in cells {
+        let Some(record) = known.iter().find(|r| r.key == cell.key) else { continue };
+        if (&record.variant, &record.budget, record.cell) != (&cell.variant, &cell.budget, cell.index) {
+            let (variant, budget) = (cell.variant.clone(), cell.budget.clone());
+            results::append(file, &Record { variant, budget, cell: cell.index, ..record.clone() })?;
+        }
+    }
+    Ok(())
+}
+
+/// Makes the runs in `jobs` threads; results are written and told here, in the order in which runs end.
+fn run_cells(args: &BenchArgs, left: &[&Cell], all: usize, file: &Path, log: &Log) -> Result<()> {
+    if left.is_empty() {
+        return Ok(());
+    }
+    let jobs = usize::from(args.jobs);
+    std::fs::create_dir_all(&args.out).map_err(|e| Error::io(&args.out, e))?;
+    let interrupt = Interrupt::listen()?;
+    let runner = Runner {
+        program: std::env::current_exe()
+            .map_err(|e| Error::Device(format!("cannot find this program: {e}")))?,
+        runs: args.out.join(RUNS),
+        keep_runs: args.keep_runs,
+        jobs,
+        timeout_secs: args.timeout,
+        interrupt: interrupt.clone(),
+        hardware: machine::hardware(),
+        build: machine::build(),
+        busy: Mutex::new(Vec::new()),
+    };
+    let (next, stop) = (AtomicUsize::new(0), AtomicBool::new(false));
+    let (sender, receiver) = mpsc::channel();
+    let work = |sender: mpsc::Sender<Result<Option<Record>>>| {
+        while !stop.load(Ordering::SeqCst) && !interrupt.is_requested() {
+            let Some(cell) = left.get(next.fetch_add(1, Ordering::SeqCst)) else { break };
+            let outcome = runner.run(cell);
+            if outcome.is_err() {
+                stop.store(true, Ordering::SeqCst);
+            }
+            if sender.send(outcome).is_err() {
+                break;
+            }
+        }
+    };
+    std::thread::scope(|scope| -> Result<()> {
+        for _ in 0..jobs.min(left.len()) {
+            let sender = sender.clone();
+            scope.spawn(|| work(sender));
+        }
+        drop(sender);
+        let started = Instant::now();
+        let mut done = 0;
+        for outcome in &receiver {
+            let Some(record) = outcome? else { continue };
+            results::append(file, &record).inspect_err(|_| stop.store(true, Ordering::SeqCst))?;
+            done += 1;
+            let secs_left = started.elapsed().as_secs_f64() / done as f64 * (left.len() - done) as f64;
+            tell(log, &record, all - left.len() + done, all, secs_left);
+            if args.fail_fast && record.status == Status::Failed {
+                stop.store(true, Ordering::SeqCst);
+            }
+        }
+        Ok(())
+    })?;
+    if interrupt.is_requested() {
+        log.info(&format!("results so far are in {}; the same command goes on", file.display()));
+        return Err(Error::Interrupted);
+    }
+    Ok(())
+}
+
+/// One line of a finished run.
+fn tell(log: &Log, record: &Record, done: usize, all: usize, secs_left: f64) {
+    let name = format!("{} {} {} seed {}", record.scene, record.variant, record.budget, record.seed);
+    let what = match (&record.status, &record.error) {
+        (Status::Failed, error) => format!("FAILED: {}", error.as_deref().unwrap_or("no message")),
+        (Status::Ok, _) => {
+            let decibels =
+                |pointer| record.number(pointer).map_or("no test views".to_owned(), |x| format!("{x:.2} dB"));
+            let count = |pointer| format_count(record.number(pointer).unwrap_or(0.0) as u64);
+            format!(
+                "{}, gradients {}; {} splats, {} texels; {} CPU{}",
+                decibels("/quality/psnr"),
+                decibels("/quality/grad_psnr"),
+                count("/size/primitives"),
+                count("/size/texels"),
+                format_duration(record.number("/time/train_cpu_secs").unwrap_or(0.0)),
+                if record.noisy { " (noisy)" } else { "" }
+            )
+        }
+    };
+    let rest =
+        if done < all { format!("; about {} left", format_duration(secs_left)) } else { String::new() };
+    let fields = json!({ "done": done, "all": all, "scene": record.scene, "variant": record.variant,
+        "budget": record.budget, "seed": record.seed, "status": record.status, "error": record.error,
+        "psnr": record.number("/quality/psnr"), "noisy": record.noisy, "secs_left": secs_left });
+    log.event("run", &format!("[{done}/{all}] {name}: {what}{rest}"), fields);
+}
+
+/// The runs, and how long those that are left will take by those that are done.
+fn list(cells: &[Cell], left: &[&Cell], known: &[Record]) -> std::io::Result<()> {
+    let mut secs: HashMap<(&str, &str, &str), (f64, f64)> = HashMap::new();
+    for record in known {
+        if let (Status::Ok, Some(wall)) = (record.status, record.wall_secs) {
+            let sum = secs.entry((&record.scene, &record.variant, &record.budget)).or_default();
+            *sum = (sum.0 + wall, sum.1 + 1.0);
+        }
+    }
+    let mut total = Some(0.0);
+    let mut rows = Vec::new();
+    for cell in cells {
+        let is_left = left.iter().any(|l| l.key == cell.key);
+        let mean = secs.get(&(&*cell.scene, &*cell.variant, &*cell.budget)).map(|(sum, n)| sum / n);
+        if is_left {
+            total = total.zip(mean).map(|(t, m)| t + m);
+        }
+        let failed = known.iter().any(|r| r.key == cell.key && r.status == Status::Failed);
+        let state = match (is_left, failed, mean) {
+            (false, true, _) => "failed".to_owned(),
+            (false, false, _) => "done".to_owned(),
+            (true, _, Some(mean)) => format!("about {}", format_duration(mean)),
+            (true, _, None) => "-".to_owned(),
+        };
+        let row =
+            [&cell.scene, &cell.variant, &cell.budget, &cell.seed.to_string(), &state, &cell.args.join(" ")];
+        rows.push(row.map(ToOwned::to_owned).into());
+    }
+    print_columns(&["scene", "variant", "budget", "seed", "time", "arguments"], &rows)?;
+    let time = match total {
+        Some(total) if !left.is_empty() => format!(", about {} one after the other", format_duration(total)),
+        _ => String::new(),
+    };
+    println!("{} of {} runs to make{time}", left.len(), cells.len());
+    Ok(())
+}
+
+/// Means over the seeds.
+fn print_table(records: &[&Record]) -> std::io::Result<()> {
+    let mut groups: Vec<((&str, &str, &str), Vec<&Record>)> = Vec::new();
+    for record in records {
+        let name = (&*record.scene, &*record.budget, &*record.variant);
+        match groups.iter_mut().find(|(n, _)| *n == name) {
+            Some((_, members)) => members.push(record),
+            None => groups.push((name, vec![record])),
+        }
+    }
+    let rows: Vec<Vec<String>> = groups
+        .iter()
+        .map(|((scene, budget, variant), members)| {
+            let mean = |pointer| {
+                let all: Vec<f64> = members.iter().filter_map(|r| r.number(pointer)).collect();
+                (!all.is_empty()).then(|| all.iter().sum::<f64>() / all.len() as f64)
+            };
+            let text =
+                |pointer, digits: usize| mean(pointer).map_or("-".to_owned(), |x| format!("{x:.digits$}"));
+            let count = |pointer| mean(pointer).map_or("-".to_owned(), |x| format_count(x.round() as u64));
+            let ok = members.iter().filter(|r| r.status == Status::Ok).count();
+            let noisy = if members.iter().any(|r| r.noisy && r.status == Status::Ok) { " *" } else { "" };
+            vec![
+                (*scene).to_owned(),
+                (*budget).to_owned(),
+                (*variant).to_owned(),
+                if ok == members.len() { ok.to_string() } else { format!("{ok}/{}", members.len()) },
+                text("/quality/psnr", 2),
+                text("/quality/grad_psnr", 2),
+                text("/quality/ssim_3dgs", 4),
+                text("/quality/flip", 4),
+                count("/size/primitives"),
+                count("/size/texels"),
+                count("/size/params"),
+                format!("{}{noisy}", text("/time/train_cpu_secs", 1)),
+            ]
+        })
+        .collect();
+    let header = [
+        "scene", "budget", "variant", "runs", "PSNR", "grad", "SSIM", "FLIP", "splats", "texels", "params",
+        "CPU s",
+    ];
+    print_columns(&header, &rows)?;
+    if records.iter().any(|r| r.noisy) {
+        println!("* the machine was busy with other things: see \"noisy_because\" in the results");
+    }
+    Ok(())
+}
