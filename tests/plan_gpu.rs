@@ -79,7 +79,7 @@ fn agree(plan: &StructurePlan, a: &State, b: &State) -> bool {
     for (name, array) in ARRAYS {
         let [resampled, worst, other] = texels_off(plan, a, b, array);
         println!("{name}: {resampled} resampled values differ, at most by {worst:.1e}; {other} others");
-        // Drivers contract the interpolation's products and sums.
+        // Drivers may contract the interpolation's products and sums; needed 0 on lavapipe and SwiftShader.
         ok &= worst < 2e-6 && other == 0.0;
     }
     ok
@@ -148,6 +148,8 @@ fn is_trained_on_as_on_the_cpu(driver: &AdapterChoice, limits: Limits) {
     let [(_, g), (begin, c)] = ends.try_into().ok().unwrap();
     for (group, difference) in differences(&begin, &g, &c) {
         println!("{} {group}: {difference:.2e}", driver.name);
+        // Needed 2.4e-2 for texels, by those that come into being where nothing was and get next to no gradient:
+        // of other texels 2e-3, of all else 4e-5.
         assert!(difference < 0.03, "{group}: {difference}");
     }
     let negative_control = differences(&begin, &begin, &c);
