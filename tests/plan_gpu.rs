@@ -15,6 +15,9 @@ use litetex_gs::selftest::Scene;
 
 type State = (Model, AdamState);
 
+/// One array of a state.
+type Values = fn(&State) -> &Vec<f32>;
+
 /// Nothing but the storage changes.
 fn keep(num_splats: usize) -> StructurePlan {
     StructurePlan {
@@ -43,7 +46,7 @@ fn applied(backend: &mut dyn Backend, start: &State, plan: &StructurePlan) -> St
 
 /// Values that differ, of the texels of maps that were resampled and of all others, and the largest difference of
 /// the former over the largest of their values. Values too small for a normal number count as zero on some devices.
-fn texels_off(plan: &StructurePlan, a: &State, b: &State, array: fn(&State) -> &Vec<f32>) -> [f32; 3] {
+fn texels_off(plan: &StructurePlan, a: &State, b: &State, array: Values) -> [f32; 3] {
     let (mut resampled, mut other, mut worst) = (0, 0, 0.0_f32);
     let (a_values, b_values) = (array(a), array(b));
     assert_eq!(a_values.len(), b_values.len());
@@ -63,7 +66,7 @@ fn texels_off(plan: &StructurePlan, a: &State, b: &State, array: fn(&State) -> &
     [resampled as f32, worst, other as f32]
 }
 
-const ARRAYS: [(&str, fn(&State) -> &Vec<f32>); 3] = [
+const ARRAYS: [(&str, Values); 3] = [
     ("texels", |s| &s.0.textures.texels),
     ("first moments", |s| &s.1.texels_m),
     ("second moments", |s| &s.1.texels_v),
