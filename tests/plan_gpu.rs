@@ -15,6 +15,9 @@ use litetex_gs::selftest::Scene;
 
 type State = (Model, AdamState);
 
+/// One array of a state.
+type Values = fn(&State) -> &Vec<f32>;
+
 /// Nothing but the storage changes.
 fn keep(num_splats: usize) -> StructurePlan {
     StructurePlan {
@@ -43,7 +46,7 @@ fn applied(backend: &mut dyn Backend, start: &State, plan: &StructurePlan) -> St
 
 /// Values that differ, of the texels of maps that were resampled and of all others, and the largest difference of
 /// the former over the largest of their values. Values too small for a normal number count as zero on some devices.
-fn texels_off(plan: &StructurePlan, a: &State, b: &State, array: fn(&State) -> &Vec<f32>) -> [f32; 3] {
+fn texels_off(plan: &StructurePlan, a: &State, b: &State, array: Values) -> [f32; 3] {
     let (mut resampled, mut other, mut worst) = (0, 0, 0.0_f32);
     let (a_values, b_values) = (array(a), array(b));
     assert_eq!(a_values.len(), b_values.len());
@@ -63,7 +66,7 @@ fn texels_off(plan: &StructurePlan, a: &State, b: &State, array: fn(&State) -> &
     [resampled as f32, worst, other as f32]
 }
 
-const ARRAYS: [(&str, fn(&State) -> &Vec<f32>); 3] = [
+const ARRAYS: [(&str, Values); 3] = [
     ("texels", |s| &s.0.textures.texels),
     ("first moments", |s| &s.1.texels_m),
     ("second moments", |s| &s.1.texels_v),
@@ -79,7 +82,7 @@ fn agree(plan: &StructurePlan, a: &State, b: &State) -> bool {
     for (name, array) in ARRAYS {
         let [resampled, worst, other] = texels_off(plan, a, b, array);
         println!("{name}: {resampled} resampled values differ, at most by {worst:.1e}; {other} others");
-        // Drivers contract the interpolation's products and sums.
+        // Drivers may contract the interpolation's products and sums; needed 0 on lavapipe and SwiftShader.
         ok &= worst < 2e-6 && other == 0.0;
     }
     ok
@@ -148,6 +151,8 @@ fn is_trained_on_as_on_the_cpu(driver: &AdapterChoice, limits: Limits) {
     let [(_, g), (begin, c)] = ends.try_into().ok().unwrap();
     for (group, difference) in differences(&begin, &g, &c) {
         println!("{} {group}: {difference:.2e}", driver.name);
+        // Needed 2.4e-2 for texels, by those that come into being where nothing was and get next to no gradient:
+        // of other texels 2e-3, of all else 4e-5.
         assert!(difference < 0.03, "{group}: {difference}");
     }
     let negative_control = differences(&begin, &begin, &c);

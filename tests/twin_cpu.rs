@@ -3,7 +3,9 @@
 
 mod common;
 
-use common::twin::{Observed, WEIGHTS, agree, observe, reference, scenes};
+use common::twin::{
+    Observed, WEIGHTS, agree, observe, reference, scenes, texels_settle_at_the_rate_of_their_map,
+};
 use litetex_gs::cpu::{CpuBackend, SimdLevel};
 use litetex_gs::selftest::{Scene, SceneOptions, random_scene};
 
@@ -50,4 +52,9 @@ fn a_small_change_of_the_scene_is_noticed() {
 fn threads_do_not_change_a_bit() {
     let scene = random_scene(&SceneOptions::default());
     assert_eq!(cpu(&scene, 1), cpu(&scene, 2));
+}
+
+#[test]
+fn lagging_texels_come_up_to_date_at_the_rate_of_their_map() {
+    assert!(texels_settle_at_the_rate_of_their_map(&mut CpuBackend::new(Some(2)).unwrap()));
 }

@@ -7,7 +7,9 @@ mod common;
 
 use common::compare;
 use common::gpu::{backend, drivers, open};
-use common::twin::{BACKGROUND, Observed, WEIGHTS, agree, observe, reference, scenes};
+use common::twin::{
+    BACKGROUND, Observed, WEIGHTS, agree, observe, reference, scenes, texels_settle_at_the_rate_of_their_map,
+};
 use litetex_gs::backend::{Backend as _, LearningRates, LossWeights, RenderOptions, StepRequest};
 use litetex_gs::gpu::{GpuBackend, GpuOptions, Limits};
 use litetex_gs::model::AdamState;
@@ -148,4 +150,12 @@ fn a_step_does_not_depend_on_terms_of_the_step_before() {
     assert_eq!(reports[1].loss, fresh.loss);
     let after = observe(&mut backend, &scene, &NO_GEOMETRY);
     assert_eq!(after, fresh);
+}
+
+#[test]
+fn lagging_texels_come_up_to_date_at_the_rate_of_their_map() {
+    for driver in drivers() {
+        let mut backend = open(&driver, Limits::Downlevel, GpuOptions::default());
+        assert!(texels_settle_at_the_rate_of_their_map(&mut backend), "{}", driver.name);
+    }
 }

@@ -112,7 +112,7 @@ pub fn plan(num_splats: usize) -> StructurePlan {
             plan.maps.push(changes[plan.sources.len() % changes.len()]);
             let splat = plan.sources.len() as u32;
             plan.sources.push(i as u32);
-            if splat % 5 == 0 {
+            if splat.is_multiple_of(5) {
                 let at = [0.1, -0.1, 1.0].map(|x| x * (i + copy) as f32 / num_splats as f32);
                 plan.edits.push(SplatEdit {
                     splat,
