@@ -1,8 +1,9 @@
 //! Paired comparison of variants with the baseline: differences with their 95 % t intervals, and what may be
 //! concluded from them. Rests on pairs only; who is paired with whom is told in each row.
 
+use super::measure::{Better, Measure};
 use super::stats::Sample;
-use super::study::{Better, Group, Measure, Study};
+use super::study::{Group, Study};
 
 /// Pairs that a claim needs.
 pub const CLAIM_PAIRS_MIN: usize = 5;

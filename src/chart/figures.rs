@@ -1,10 +1,12 @@
 //! Which charts there are: quality against cost, quality while training goes on, the Pareto front. From the
 //! study to charts; how they look is `plot`'s business.
 
+use super::curves::curves;
+use super::measure::Measure;
 use super::plot::{Axis, Chart, Mark, Series};
 use super::scale::{Quantity, with_thousands};
 use super::stats::{Sample, pareto_front};
-use super::study::{CurvePoint, Group, Measure, Study};
+use super::study::{Group, Study};
 use std::collections::HashSet;
 
 /// Charts of one kind and scene, or why there are none.
@@ -164,102 +166,8 @@ fn front(study: &Study, scene: &str, slug: &str) -> Section {
     Section { title: format!("Pareto front: {scene}"), note: note.trim_end().to_owned(), charts }
 }
 
-fn curves(study: &Study, scene: &str, slug: &str) -> Section {
-    let mut charts = Vec::new();
-    let mut names = HashSet::new();
-    for budget in &study.budgets {
-        let budget_slug = self::slug(budget, &mut names);
-        for (quality, of) in
-            study.qualities[..2].iter().zip([psnr_of as fn(&CurvePoint) -> Option<f64>, grad_of])
-        {
-            for is_time in [true, false] {
-                let series: Vec<Series> = study
-                    .variants
-                    .iter()
-                    .filter_map(|v| curve_series(study, &study.group(scene, v, budget), of, is_time))
-                    .collect();
-                if series.is_empty() {
-                    continue;
-                }
-                let (id, title, x) = if is_time {
-                    ("time", "over time", axis(&study.time))
-                } else {
-                    let steps =
-                        Axis { name: "Training steps".to_owned(), log: false, quantity: Quantity::Count };
-                    ("steps", "over steps", steps)
-                };
-                let which = if study.budgets.len() > 1 { format!(", {budget}") } else { String::new() };
-                charts.push(Chart {
-                    id: format!("{slug}-{}-over-{id}-{budget_slug}", quality.id).replace('_', "-"),
-                    title: format!("{scene}{which}: {} {title}", quality.name),
-                    x,
-                    y: Axis { name: quality.title(), log: false, quantity: Quantity::Plain },
-                    series,
-                    front: Vec::new(),
-                });
-            }
-        }
-    }
-    let note = if charts.is_empty() {
-        "The runs were evaluated once only, at their ends; litetex train --eval-every N leaves a curve."
-            .to_owned()
-    } else {
-        format!(
-            "Means over the seeds; bands reach from the lowest to the highest seed. {}",
-            missing_times(study, scene)
-        )
-    };
-    Section { title: format!("Quality over time: {scene}"), note: note.trim_end().to_owned(), charts }
-}
-
-fn psnr_of(p: &CurvePoint) -> Option<f64> {
-    p.psnr
-}
-
-fn grad_of(p: &CurvePoint) -> Option<f64> {
-    p.grad_psnr
-}
-
-/// Mean and range at the steps at which all runs were evaluated; `None` if that is fewer than two.
-fn curve_series(
-    study: &Study,
-    group: &Group<'_>,
-    quality: fn(&CurvePoint) -> Option<f64>,
-    is_time: bool,
-) -> Option<Series> {
-    let point = |p: CurvePoint| Some((p.step, if is_time { p.secs? } else { p.step }, quality(&p)?));
-    let runs = group.runs.iter().filter(|r| !is_time || study.counts_time(r));
-    let curves: Vec<Vec<(f64, f64, f64)>> =
-        runs.map(|r| study.curve(r).into_iter().filter_map(point).collect()).collect();
-    let mut series =
-        Series { name: group.variant.to_owned(), look: study.look(group.variant), ..Series::default() };
-    for &(step, ..) in curves.first()? {
-        let at: Vec<(f64, f64)> =
-            curves.iter().filter_map(|c| c.iter().find(|p| p.0 == step).map(|&(_, x, y)| (x, y))).collect();
-        if at.len() < curves.len() {
-            continue;
-        }
-        let x = Sample::of(&at.iter().map(|p| p.0).collect::<Vec<_>>())?;
-        let y = Sample::of(&at.iter().map(|p| p.1).collect::<Vec<_>>())?;
-        series.line.push((x.mean, y.mean));
-        if y.n > 1 {
-            series.band.push((x.mean, y.min, y.max));
-        }
-        let range = if y.n > 1 {
-            format!(" ({:.2} to {:.2}, {})", y.min, y.max, counted(y.n, "run"))
-        } else {
-            String::new()
-        };
-        let secs = if is_time { format!("{} s, ", number(x.mean, 1)) } else { String::new() };
-        let hover =
-            format!("{}: {:.2} dB{range} after {secs}step {}", group.variant, y.mean, number(step, 0));
-        series.dots.push(Mark { at: (x.mean, y.mean), hover, label: None, grey: false });
-    }
-    (series.line.len() > 1).then_some(series)
-}
-
 /// Why a chart of time has fewer points than one of size.
-fn missing_times(study: &Study, scene: &str) -> String {
+pub fn missing_times(study: &Study, scene: &str) -> String {
     let of_scene = || study.runs.iter().filter(|r| r.scene == scene);
     let missing = of_scene().filter(|r| !study.counts_time(r)).count();
     match missing {
@@ -271,7 +179,8 @@ fn missing_times(study: &Study, scene: &str) -> String {
     }
 }
 
-fn axis(cost: &Measure) -> Axis {
+/// The axis of a cost.
+pub fn axis(cost: &Measure) -> Axis {
     Axis { name: cost.title(), log: true, quantity: cost.quantity }
 }
 
@@ -300,12 +209,13 @@ pub fn number(value: f64, digits: usize) -> String {
     with_thousands(&format!("{value:.digits$}"))
 }
 
-fn counted(n: usize, what: &str) -> String {
+/// "1 run", "3 runs".
+pub fn counted(n: usize, what: &str) -> String {
     if n == 1 { format!("1 {what}") } else { format!("{n} {what}s") }
 }
 
 /// A name as part of a file name, different from all before.
-fn slug(name: &str, taken: &mut HashSet<String>) -> String {
+pub fn slug(name: &str, taken: &mut HashSet<String>) -> String {
     let letters = name.chars().map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { ' ' });
     let words: String = letters.collect();
     let base = words.split_whitespace().collect::<Vec<_>>().join("-");

@@ -2,10 +2,11 @@
 //! 95 % interval, and a line at 0.
 
 use super::compare::{Difference, Scope, Verdict, compare};
+use super::measure::Measure;
+use super::paired::signed;
 use super::scale::{Quantity, Scale, labels};
-use super::study::{Measure, Study};
+use super::study::Study;
 use super::svg::{Anchor, Svg, TEXT_PX, TITLE_PX, shortened, text_width_px};
-use super::tables::signed;
 
 const WIDTH_PX: f64 = 760.0;
 const TOP: f64 = 60.0;

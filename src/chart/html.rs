@@ -27,7 +27,7 @@ table{border-collapse:collapse;font-size:13px;font-variant-numeric:tabular-nums}
 th,td{padding:4px 9px;text-align:left;white-space:nowrap;border-bottom:1px solid var(--rule)}\
 th{font-weight:600;color:var(--second);border-bottom-width:2px}\
 tbody tr:nth-child(even){background:var(--zebra)}\
-td:last-child{white-space:normal}.num{text-align:right}.good{color:var(--good);font-weight:600}\
+td:last-child:not(.num){white-space:normal;min-width:16ch}.num{text-align:right}.good{color:var(--good);font-weight:600}\
 .bad{color:var(--bad);font-weight:600}.faint{color:var(--second)}\
 footer{margin-top:48px;color:var(--second);font-size:13px}";
 

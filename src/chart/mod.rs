@@ -2,12 +2,17 @@
 //! and one page with all of it. Lines in, texts out; reading and writing files is the command line's business.
 
 mod compare;
+mod curves;
 mod figures;
 #[cfg(test)]
 mod fixtures;
 mod forest;
 mod html;
+mod labels;
+mod measure;
+mod paired;
 mod plot;
+mod raw;
 mod scale;
 mod stats;
 mod study;
@@ -80,7 +85,7 @@ pub fn build(files: Vec<Vec<Record>>, options: &Options) -> Result<Output> {
         ),
     ];
     out.extend(
-        tables.iter().chain(&tables::raw_tables(&study)).map(|t| (format!("tables/{}.csv", t.id), t.csv())),
+        tables.iter().chain(&raw::raw_tables(&study)).map(|t| (format!("tables/{}.csv", t.id), t.csv())),
     );
     out.extend(svgs);
     Ok(Output { files: out, results_markdown: markdown[0].clone(), report: study.report })

@@ -1,6 +1,7 @@
 //! A chart: axes, grid, series with lines, bands and markers, and a legend beside them. Knows geometry, not
 //! what is measured.
 
+use super::labels::{Rect, Side, along, around, place_labels};
 use super::scale::{Quantity, Scale, labels};
 use super::svg::{Anchor, PALETTE, Svg, TEXT_PX, TITLE_PX, shortened, text_width_px};
 
@@ -18,7 +19,7 @@ const LEGEND_NAME_PX: f64 = 150.0;
 const LEGEND_SAMPLE_PX: f64 = 30.0;
 const LEGEND_ROW_PX: f64 = 21.0;
 /// Radii of markers: means, single runs.
-const MARK_PX: f64 = 4.8;
+pub const MARK_PX: f64 = 4.8;
 const DOT_PX: f64 = 2.6;
 /// Smallest distance of the labels of ticks, and their distance to the axis.
 const TICK_GAP_PX: f64 = 14.0;
@@ -185,9 +186,12 @@ impl Chart {
             steps.push((x, y));
         }
         svg.polyline("lt-front", &steps, false);
+        let mut drawn_over = along(&steps);
         for s in &self.series {
             let line: Vec<(f64, f64)> = s.line.iter().filter(|p| usable(p)).map(|p| area.at(*p)).collect();
             svg.polyline(&format!("lt-line lt-s{}", colour(s.look)), &line, false);
+            drawn_over.extend(along(&line));
+            drawn_over.extend(s.dots.iter().filter(drawn).map(|m| around(area.at(m.at), DOT_PX)));
         }
         // What is greyed out lies below, means above single runs.
         for grey in [true, false] {
@@ -210,7 +214,8 @@ impl Chart {
             Rect { left: area.left, right: area.right, top: area.top - 4.0, bottom: area.bottom - 2.0 };
         // The steps of a front leave their points to the right.
         let first = if self.front.is_empty() { Side::Right } else { Side::Left };
-        for (label, text) in place_labels(&points, &texts, bounds, first).into_iter().zip(&texts) {
+        for (label, text) in place_labels(&points, &texts, bounds, &drawn_over, first).into_iter().zip(&texts)
+        {
             if let (Some(at), Some(text)) = (label, text) {
                 svg.text("lt-label", at, Anchor::Start, text, None);
             }
@@ -287,89 +292,6 @@ fn x_ticks(area: &Area, quantity: Quantity) -> (Vec<f64>, Vec<String>) {
     }
 }
 
-/// A rectangle in pixels.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Rect {
-    left: f64,
-    right: f64,
-    top: f64,
-    bottom: f64,
-}
-
-impl Rect {
-    fn overlaps(&self, other: &Self) -> bool {
-        self.left < other.right
-            && other.left < self.right
-            && self.top < other.bottom
-            && other.top < self.bottom
-    }
-
-    fn holds(&self, other: &Self) -> bool {
-        self.left <= other.left
-            && other.right <= self.right
-            && self.top <= other.top
-            && other.bottom <= self.bottom
-    }
-}
-
-/// Where labels are tried first.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Side {
-    Left,
-    Right,
-}
-
-/// Where labels begin (baseline, left end): beside their points, over no other point and no other label, and
-/// nowhere if there is no room.
-fn place_labels(
-    points: &[(f64, f64)],
-    texts: &[Option<&str>],
-    bounds: Rect,
-    first: Side,
-) -> Vec<Option<(f64, f64)>> {
-    let around = |&(x, y): &(f64, f64)| {
-        let r = MARK_PX + 1.0;
-        Rect { left: x - r, right: x + r, top: y - r, bottom: y + r }
-    };
-    let mut taken: Vec<Rect> = points.iter().map(around).collect();
-    let mut places = Vec::new();
-    for ((x, y), text) in points.iter().zip(texts) {
-        let place = text.and_then(|text| {
-            let width = text_width_px(text, TEXT_PX);
-            let gap = MARK_PX + 4.0;
-            let (left, right) = (x - gap - width, x + gap);
-            let (near_left, near_right) = (x - 0.6 * gap - width, x + 0.6 * gap);
-            let (above, below) = (y - 0.8 * gap, y + gap + 7.0);
-            let mut starts = [
-                (right, y + 4.0),
-                (near_right, below),
-                (left, y + 4.0),
-                (near_left, above),
-                (x - 0.5 * width, y - gap - 1.0),
-                (x - 0.5 * width, y + gap + 9.0),
-                (near_right, above),
-                (near_left, below),
-            ];
-            if first == Side::Left {
-                starts.rotate_left(2);
-            }
-            let extent = |&(left, baseline): &(f64, f64)| Rect {
-                left,
-                right: left + width,
-                top: baseline - 10.0,
-                bottom: baseline + 3.0,
-            };
-            let free = |b: &Rect| bounds.holds(b) && !taken.iter().any(|t| t.overlaps(b));
-            starts.into_iter().find(|start| free(&extent(start))).map(|start| (start, extent(&start)))
-        });
-        if let Some((_, extent)) = place {
-            taken.push(extent);
-        }
-        places.push(place.map(|(start, _)| start));
-    }
-    places
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -405,31 +327,6 @@ mod tests {
         assert!(!file.contains("NaN") && !file.contains("inf"), "{file}");
         assert!(!file.contains("at 0, 1"));
         assert!(file.contains("(log scale)"));
-    }
-
-    #[test]
-    fn labels_overlap_neither_points_nor_each_other() {
-        // A crowd on a diagonal, so close that not all labels have room.
-        let points: Vec<(f64, f64)> =
-            (0..40).map(|i| (60.0 + 9.0 * f64::from(i), 90.0 + 4.0 * f64::from(i))).collect();
-        let texts: Vec<Option<&str>> =
-            (0..40).map(|i| (i % 3 != 0).then_some("variant, 300 steps")).collect();
-        let bounds = Rect { left: 50.0, right: 500.0, top: 60.0, bottom: 340.0 };
-        let places = place_labels(&points, &texts, bounds, Side::Right);
-        let width = text_width_px("variant, 300 steps", TEXT_PX);
-        let boxes: Vec<Rect> = places
-            .iter()
-            .flatten()
-            .map(|&(left, y)| Rect { left, right: left + width, top: y - 10.0, bottom: y + 3.0 })
-            .collect();
-        assert!((3..26).contains(&boxes.len()), "{}", boxes.len());
-        for (i, b) in boxes.iter().enumerate() {
-            assert!(bounds.holds(b) && boxes[..i].iter().all(|other| !other.overlaps(b)));
-            assert!(points.iter().all(|&(x, y)| !(b.left < x && x < b.right && b.top < y && y < b.bottom)));
-        }
-        assert_eq!(place_labels(&points[..1], &[None], bounds, Side::Left), [None]);
-        // Negative control: a single point has room.
-        assert!(place_labels(&points[..1], &[Some("a")], bounds, Side::Left)[0].is_some());
     }
 
     #[test]

@@ -1,11 +1,13 @@
 //! Which tables there are: results, ablation, matched sizes, paired differences, failures, and everything run
 //! by run. From the study to cells.
 
-use super::compare::{CLAIM_PAIRS_MIN, Difference, Scope, Verdict, compare, compare_groups};
+use super::compare::{Difference, compare_groups};
 use super::figures::number;
+use super::measure::{Better, Measure};
+use super::paired::{difference_cell, difference_cells, others, paired, paired_cells, signed, tone};
 use super::scale::Quantity;
 use super::stats::Sample;
-use super::study::{Better, Group, Measure, Study, device};
+use super::study::{Group, Study};
 use super::table::{Cell, Column, Table, Tone};
 use crate::results::Record;
 
@@ -24,16 +26,13 @@ pub fn tables(study: &Study) -> Vec<Table> {
     tables
 }
 
-/// Tables for programs only.
-pub fn raw_tables(study: &Study) -> Vec<Table> {
-    vec![runs(study), curves(study)]
-}
-
-fn group_columns() -> Vec<Column> {
+/// Columns of a group's names.
+pub fn group_columns() -> Vec<Column> {
     ["scene", "budget", "variant"].map(|n| Column::names(n, n)).into()
 }
 
-fn group_cells(group: &Group<'_>) -> Vec<Cell> {
+/// A group's names.
+pub fn group_cells(group: &Group<'_>) -> Vec<Cell> {
     [group.scene, group.budget, group.variant].map(Cell::name).into()
 }
 
@@ -107,134 +106,15 @@ fn mean_cell(study: &Study, group: &Group<'_>, measure: &Measure) -> Cell {
     Cell::numbers(text + star, &[sample.map(|s| s.mean), sample.and_then(|s: Sample| s.sd)])
 }
 
-/// Mean difference, interval, verdict.
-fn difference_columns() -> Vec<Column> {
-    vec![
-        Column::numbers("Pairs", &["pairs".to_owned()]),
-        Column::numbers("Mean difference", &["difference".to_owned()]),
-        Column::numbers("95 % interval", &["low95".to_owned(), "high95".to_owned()]),
-        Column::names("Verdict", "verdict"),
-    ]
-}
-
-fn difference_cells(d: &Difference, measure: &Measure) -> Vec<Cell> {
-    let interval = d.interval();
-    let text = match interval {
-        Some((low, high)) => format!("{} to {}", signed(low, measure), signed(high, measure)),
-        None if d.n() == 1 => "none: 1 pair".to_owned(),
-        None => "–".to_owned(),
-    };
-    vec![
-        Cell::numbers(d.n().to_string(), &[Some(d.n() as f64)]),
-        difference_cell(d, measure),
-        Cell::numbers(text, &[interval.map(|i| i.0), interval.map(|i| i.1)]),
-        Cell::name(&d.words()).toned(tone(d)),
-    ]
-}
-
-fn difference_cell(d: &Difference, measure: &Measure) -> Cell {
-    Cell::numbers(d.mean().map_or("–".to_owned(), |x| signed(x, measure)), &[d.mean()])
-}
-
-fn tone(d: &Difference) -> Tone {
-    match d.verdict {
-        Verdict::Better => Tone::Good,
-        Verdict::Worse => Tone::Bad,
-        _ => Tone::Faint,
-    }
-}
-
-/// "+0.51 dB", "−3.2 %".
-pub fn signed(value: f64, measure: &Measure) -> String {
-    let (digits, unit) = match (measure.is_cost, measure.unit) {
-        (true, _) => (1, " %"),
-        (false, "") => (measure.digits, ""),
-        (false, _) => (measure.digits, " dB"),
-    };
-    let text = number(value, digits);
-    // No sign before what is written as zero.
-    let is_zero = text.chars().all(|c| "-0.".contains(c));
-    let text = if is_zero { text.trim_start_matches('-').to_owned() } else { text };
-    let text = text.replace('-', "−");
-    if value > 0.0 && !is_zero { format!("+{text}{unit}") } else { format!("{text}{unit}") }
-}
-
-fn compared(study: &Study) -> Vec<&Measure> {
-    study.qualities.iter().chain([&study.params, &study.time]).collect()
-}
-
-fn others(study: &Study) -> impl Iterator<Item = &String> {
-    study.variants.iter().filter(|v| **v != study.baseline)
-}
-
-fn paired(study: &Study) -> Table {
-    let mut columns = vec![
-        Column::names("variant", "variant"),
-        Column::names("measure", "measure"),
-        Column::names("pairs are", "scope"),
-    ];
-    columns.extend(difference_columns());
-    let mut rows = Vec::new();
-    for variant in others(study) {
-        for measure in compared(study) {
-            let mut row = |scope, name: &str| {
-                let mut cells = vec![Cell::name(variant), Cell::name(&measure.name), Cell::name(name)];
-                cells.extend(difference_cells(&compare(study, variant, scope, measure), measure));
-                rows.push(cells);
-            };
-            row(Scope::AllPairs, "runs");
-            if study.scenes.len() > 1 {
-                row(Scope::Scenes, "scenes");
-            }
-        }
-    }
-    let note = format!(
-        "Variant minus {:?}; runs are paired by scene, seed and budget, costs compared as ratios. Intervals are \
-         Student's t at 95\u{a0}%; \"better\" and \"worse\" only where the interval excludes 0, and a claim needs \
-         {CLAIM_PAIRS_MIN} pairs. \"scenes\": every scene counts once, by the mean of its pairs; this is what can be \
-         said of scenes that were not measured. Every interval stands for itself: of 20 comparisons without any \
-         effect one excludes 0.",
-        study.baseline
-    );
-    Table { id: "paired".to_owned(), title: "Paired differences".to_owned(), note, columns, rows }
-}
-
-fn paired_cells(study: &Study) -> Table {
-    let mut columns = group_columns();
-    columns.push(Column::names("measure", "measure"));
-    columns.extend(difference_columns());
-    let mut rows = Vec::new();
-    for scene in &study.scenes {
-        for budget in &study.budgets {
-            for variant in others(study) {
-                let group = study.group(scene, variant, budget);
-                if group.runs.is_empty() {
-                    continue;
-                }
-                for measure in compared(study) {
-                    let mut row = group_cells(&group);
-                    row.push(Cell::name(&measure.name));
-                    row.extend(difference_cells(
-                        &compare(study, variant, Scope::Cell(scene, budget), measure),
-                        measure,
-                    ));
-                    rows.push(row);
-                }
-            }
-        }
-    }
-    let note = format!("Variant minus {:?}, paired by seed.", study.baseline);
-    let title = "Paired differences by scene and budget".to_owned();
-    Table { id: "paired-cells".to_owned(), title, note, columns, rows }
-}
-
 fn ablation(study: &Study) -> Table {
     let measures: Vec<&Measure> =
         study.qualities.iter().chain(&study.counts).chain([&study.params, &study.time]).collect();
     let mut columns = group_columns();
     for m in &measures {
-        columns.push(Column::numbers(head(m), &[m.id.clone()]));
-        columns.push(Column::numbers("Δ", &[format!("{}_difference", m.id)]));
+        columns.push(Column::numbers(head(m), std::slice::from_ref(&m.id)));
+        if !study.counts.contains(m) {
+            columns.push(Column::numbers("Δ", &[format!("{}_difference", m.id)]));
+        }
     }
     let mut rows = Vec::new();
     for group in study.groups() {
@@ -248,12 +128,12 @@ fn ablation(study: &Study) -> Table {
             let sample = study.sample(&group, m);
             let text = sample.map_or("–".to_owned(), |s| number(s.mean, m.digits));
             row.push(Cell::numbers(text, &[sample.map(|s| s.mean)]));
-            let d = compare_groups(study, &group, &base, m);
-            row.push(if is_base {
-                Cell::numbers("", &[None])
-            } else {
-                difference_cell(&d, m).toned(tone(&d))
-            });
+            if !study.counts.contains(m) {
+                let d = compare_groups(study, &group, &base, m);
+                let cell =
+                    if is_base { Cell::numbers("", &[None]) } else { difference_cell(&d, m).toned(tone(&d)) };
+                row.push(cell);
+            }
         }
         rows.push(row);
     }
@@ -330,7 +210,7 @@ fn matched(study: &Study) -> Table {
     }
     let note = format!(
         "At equal size: for every budget of {:?} the budget of the other variants with the nearest number of \
-         parameters. Within ±2 % they count as matched and are compared, paired by seed; others are not comparable.",
+         parameters. Within ±2\u{a0}% they count as matched and are compared, paired by seed; others are not comparable.",
         study.baseline
     );
     Table { id: "matched".to_owned(), title: "Matched sizes".to_owned(), note, columns, rows }
@@ -349,57 +229,10 @@ fn failures(study: &Study) -> Table {
     Table { id: "failed".to_owned(), title: "Failed runs".to_owned(), note: String::new(), columns, rows }
 }
 
-fn runs(study: &Study) -> Table {
-    let costs = study.counts.iter().chain([&study.params]).chain(&study.bytes);
-    let mut measures: Vec<(String, String)> =
-        study.qualities.iter().chain(costs).map(|m| (m.id.clone(), m.pointer.clone())).collect();
-    for (key, pointer) in [
-        ("ssim_valid", "/quality/ssim_valid"),
-        ("train_cpu_secs", "/time/train_cpu_secs"),
-        ("train_wall_secs", "/time/train_wall_secs"),
-        ("total_wall_secs", "/time/total_wall_secs"),
-        ("fps_median", "/fps/median"),
-        ("steps", "/steps"),
-        ("memory_peak_bytes", "/memory_peak_bytes"),
-    ] {
-        measures.push((key.to_owned(), pointer.to_owned()));
-    }
-    let mut columns = group_columns();
-    columns.push(Column::numbers("seed", &["seed".to_owned()]));
-    columns.extend(["noisy", "device", "cpu", "version", "utc"].map(|n| Column::names(n, n)));
-    columns.extend(measures.iter().map(|(key, _)| Column::numbers(key.as_str(), std::slice::from_ref(key))));
-    let row = |r: &Record| {
-        let mut row = [&r.scene, &r.budget, &r.variant].map(|n| Cell::name(n)).to_vec();
-        row.push(Cell::name(&r.seed.to_string()));
-        row.extend([&r.noisy.to_string(), device(r), &r.hardware.cpu, &r.version, &r.utc].map(Cell::name));
-        row.extend(measures.iter().map(|(_, pointer)| Cell::numbers("", &[r.number(pointer)])));
-        row
-    };
-    let rows = study.runs.iter().map(row).collect();
-    Table { id: "runs".to_owned(), title: "Runs".to_owned(), note: String::new(), columns, rows }
-}
-
-fn curves(study: &Study) -> Table {
-    let mut columns = group_columns();
-    columns.push(Column::numbers("seed", &["seed".to_owned()]));
-    let keys = ["step", "wall_secs", "cpu_secs", "psnr_test", "grad_psnr_test", "primitives", "texels"];
-    columns.extend(keys.map(|k| Column::numbers(k, &[k.to_owned()])));
-    let mut rows = Vec::new();
-    for r in &study.runs {
-        let points = r.summary.as_ref().and_then(|s| s.get("curve")?.as_array());
-        for point in points.into_iter().flatten() {
-            let mut row = [&r.scene, &r.budget, &r.variant].map(|n| Cell::name(n)).to_vec();
-            row.push(Cell::name(&r.seed.to_string()));
-            row.extend(keys.map(|k| Cell::numbers("", &[point.get(k).and_then(serde_json::Value::as_f64)])));
-            rows.push(row);
-        }
-    }
-    Table { id: "curves".to_owned(), title: "Curves".to_owned(), note: String::new(), columns, rows }
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::fixtures::{record, records};
+    use super::super::raw::raw_tables;
     use super::super::study::Options;
     use super::*;
 
