@@ -6,6 +6,7 @@ pub mod atomic_file;
 pub mod backend;
 pub mod bake;
 pub mod camera;
+pub mod chart;
 pub mod clock;
 pub mod constants;
 pub mod cpu;

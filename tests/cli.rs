@@ -32,7 +32,7 @@ fn commands_of_help() -> Vec<(String, String)> {
 fn the_readme_lists_the_commands_as_the_help_does() {
     let readme = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("README.md")).unwrap();
     let commands = commands_of_help();
-    assert_eq!(commands.len(), 12, "{commands:?}");
+    assert_eq!(commands.len(), 13, "{commands:?}");
     let section = readme.split("## Commands").nth(1).unwrap().split("## ").next().unwrap();
     let rows: Vec<(String, String)> = section
         .lines()
@@ -66,7 +66,7 @@ fn completions_and_manual_pages_have_text() {
     assert_eq!(run(&["man", "--out", folder.to_str().unwrap()]).0, 0);
     let train = std::fs::read_to_string(folder.join("litetex-train.1")).unwrap();
     assert!(train.contains("max\\-resolution"), "{train}");
-    assert_eq!(std::fs::read_dir(folder).unwrap().count(), 14); // 12 commands, help, litetex
+    assert_eq!(std::fs::read_dir(folder).unwrap().count(), 15); // 13 commands, help, litetex
 }
 
 #[test]
@@ -124,6 +124,7 @@ fn wrong_input_exits_with_3_and_leaves_no_run_behind() {
     std::fs::create_dir(path("empty")).unwrap();
     std::fs::write(path("broken.safetensors"), "no tensors here").unwrap();
     std::fs::write(path("broken.ply"), "plyish").unwrap();
+    std::fs::write(path("empty.jsonl"), "").unwrap();
     std::fs::write(path("bad.toml"), "[train]\nstps = 3\n").unwrap();
     let (nowhere, empty, run_dir) = (path("nowhere"), path("empty"), path("run"));
     for (arguments, parts) in [
@@ -138,6 +139,10 @@ fn wrong_input_exits_with_3_and_leaves_no_run_behind() {
         (vec!["eval", &nowhere], vec!["nowhere: no such file or folder; check the path\n"]),
         (vec!["eval", &path("broken.safetensors")], vec!["broken.safetensors", "safetensors file"]),
         (vec!["render", &empty, "--test", "-o", &run_dir], vec!["no checkpoint"]),
+        (vec!["chart", &nowhere, "-o", &run_dir], vec!["nowhere"]),
+        (vec!["chart", &path("broken.ply"), "-o", &run_dir], vec!["broken.ply", "litetex bench"]),
+        (vec!["chart", &path("empty.jsonl"), "-o", &run_dir], vec!["empty.jsonl", "it is empty"]),
+        (vec!["bench", "--config", &path("bad.toml"), "-o", &run_dir], vec!["bad.toml", "train"]),
         (vec!["inspect", &nowhere], vec!["nowhere"]),
         (vec!["inspect", &path("broken.ply")], vec!["broken.ply"]),
     ] {
@@ -183,6 +188,7 @@ fn a_foreign_output_folder_is_refused_before_anything_is_read() {
         &["quickstart", "-o", here],
         &["eval", "/nowhere", "-o", here],
         &["bench", "--scene", "/nowhere", "-o", here],
+        &["chart", "/nowhere", "-o", here],
     ] {
         let (code, _, stderr) = run(arguments);
         assert_eq!(code, 2, "{arguments:?}: {stderr}");

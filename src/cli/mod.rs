@@ -5,6 +5,7 @@ mod bench;
 mod bench_kernels;
 mod capture;
 mod capture_args;
+mod chart;
 mod completions;
 mod config_file;
 mod device_kit;
@@ -81,6 +82,7 @@ enum Command {
     Devices(devices::DevicesArgs),
     Selftest(selftest::SelftestArgs),
     Bench(bench::BenchArgs),
+    Chart(chart::ChartArgs),
     BenchKernels(bench_kernels::BenchKernelsArgs),
     Quickstart(quickstart::QuickstartArgs),
     Completions(completions::CompletionsArgs),
@@ -131,6 +133,7 @@ fn run(cli: Cli, log: &Log) -> anyhow::Result<()> {
         Command::Devices(args) => devices::run(&args),
         Command::Selftest(args) => selftest::run(&args, log),
         Command::Bench(args) => bench::run(&args, threads, log),
+        Command::Chart(args) => chart::run(&args, log),
         Command::BenchKernels(args) => bench_kernels::run(&args, log),
         Command::Quickstart(args) => quickstart::run(&args, log),
         Command::Completions(args) => completions::run(&args),

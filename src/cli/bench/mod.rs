@@ -4,18 +4,17 @@
 mod cell;
 mod machine;
 mod matrix;
+mod tell;
 mod words;
 
 use super::interrupt::Interrupt;
 use super::log::Log;
-use super::table::print_columns;
-use super::values::{format_count, format_duration, parse_duration_secs};
+use super::values::parse_duration_secs;
 use cell::Runner;
 use litetex_gs::results::{self, Record, Status};
 use litetex_gs::{Error, Result};
 use matrix::{Cell, Matrix, Scene, Setting};
-use serde_json::json;
-use std::collections::HashMap;
+use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, mpsc};
@@ -25,6 +24,8 @@ use std::time::Instant;
 const RESULTS: &str = "results.jsonl";
 /// Folder of the runs in it.
 const RUNS: &str = "runs";
+/// File that is locked while a benchmark works in the folder.
+const LOCK: &str = ".bench.lock";
 
 /// Train a matrix of scenes, variants, budgets and seeds, and collect the results
 ///
@@ -103,10 +104,10 @@ pub fn run(args: &BenchArgs, threads: Option<u16>, log: &Log) -> anyhow::Result<
     let (part, parts) = args.shard;
     let cells = matrix::shard(cells, part, parts);
     let file = args.out.join(RESULTS);
-    let known = open_folder(args, &file, log)?;
+    let (known, _lock) = open_folder(args, &file, log)?;
     let left: Vec<&Cell> = cells.iter().filter(|c| !is_done(&known, c, args.retry_failed)).collect();
     if args.dry_run {
-        return Ok(list(&cells, &left, &known)?);
+        return Ok(tell::list(&cells, &left, &known)?);
     }
     rename(&cells, &known, &file)?;
     if parts > 1 {
@@ -118,7 +119,7 @@ pub fn run(args: &BenchArgs, threads: Option<u16>, log: &Log) -> anyhow::Result<
     let outcome = run_cells(args, &left, cells.len(), &file, log);
     let records = read_results(&file, log)?;
     let mine: Vec<&Record> = cells.iter().filter_map(|c| records.iter().find(|r| r.key == c.key)).collect();
-    print_table(&mine)?;
+    tell::print_table(&mine)?;
     outcome?;
     let failed = mine.iter().filter(|r| r.status == Status::Failed).count();
     if failed > 0 {
@@ -156,13 +157,29 @@ fn matrix_of(args: &BenchArgs, threads: Option<u16>) -> Result<Matrix> {
     Ok(matrix)
 }
 
-/// Results so far; refuses a folder with other things in it.
-fn open_folder(args: &BenchArgs, file: &Path, log: &Log) -> Result<Vec<Record>> {
+/// Results so far, and what keeps others out of the folder; refuses a folder with other things in it.
+fn open_folder(args: &BenchArgs, file: &Path, log: &Log) -> Result<(Vec<Record>, Option<File>)> {
     let folder = &args.out;
     if folder.is_file() {
         return Err(Error::Usage(format!("{}: is a file, not a folder", folder.display())));
     }
-    if args.force && !args.dry_run {
+    // A benchmark that was stopped in its first run leaves no results.
+    let is_ours = |e: std::io::Result<std::fs::DirEntry>| {
+        e.is_ok_and(|e| e.file_name() == RUNS || e.file_name() == LOCK)
+    };
+    let is_empty = std::fs::read_dir(folder).map_or(true, |mut entries| entries.all(is_ours));
+    if !(is_empty || file.exists() || args.force || args.resume) {
+        return Err(Error::Usage(format!(
+            "{}: the folder is not empty and holds no {RESULTS}; choose another, or add --force: files that are not \
+             ours stay",
+            folder.display()
+        )));
+    }
+    if args.dry_run {
+        return Ok((if args.force { Vec::new() } else { read_results(file, log)? }, None));
+    }
+    let lock = lock(folder)?;
+    if args.force {
         let runs = folder.join(RUNS);
         if file.exists() {
             std::fs::remove_file(file).map_err(|e| Error::io(file, e))?;
@@ -171,21 +188,22 @@ fn open_folder(args: &BenchArgs, file: &Path, log: &Log) -> Result<Vec<Record>> 
             std::fs::remove_dir_all(&runs).map_err(|e| Error::io(&runs, e))?;
         }
     }
-    if file.exists() {
-        return read_results(file, log);
+    Ok((read_results(file, log)?, Some(lock)))
+}
+
+/// Keeps other benchmarks out of the folder until it is dropped.
+fn lock(folder: &Path) -> Result<File> {
+    std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
+    let path = folder.join(LOCK);
+    let file = File::create(&path).map_err(|e| Error::io(&path, e))?;
+    match file.try_lock() {
+        Err(TryLockError::WouldBlock) => Err(Error::Usage(format!(
+            "{}: another benchmark works in this folder; wait for it, or choose another folder",
+            folder.display()
+        ))),
+        // Not every file system can lock; two at a time are the user's business there.
+        Ok(()) | Err(TryLockError::Error(_)) => Ok(file),
     }
-    let is_empty = match std::fs::read_dir(folder) {
-        Ok(mut entries) => entries.next().is_none(),
-        Err(_) => true,
-    };
-    if is_empty || args.force || args.resume {
-        return Ok(Vec::new());
-    }
-    Err(Error::Usage(format!(
-        "{}: the folder is not empty and holds no {RESULTS}; choose another, or add --force: files that are not \
-         ours stay",
-        folder.display()
-    )))
 }
 
 fn read_results(file: &Path, log: &Log) -> Result<Vec<Record>> {
@@ -219,7 +237,6 @@ fn run_cells(args: &BenchArgs, left: &[&Cell], all: usize, file: &Path, log: &Lo
         return Ok(());
     }
     let jobs = usize::from(args.jobs);
-    std::fs::create_dir_all(&args.out).map_err(|e| Error::io(&args.out, e))?;
     let interrupt = Interrupt::listen()?;
     let runner = Runner {
         program: std::env::current_exe()
@@ -239,7 +256,9 @@ fn run_cells(args: &BenchArgs, left: &[&Cell], all: usize, file: &Path, log: &Lo
         while !stop.load(Ordering::SeqCst) && !interrupt.is_requested() {
             let Some(cell) = left.get(next.fetch_add(1, Ordering::SeqCst)) else { break };
             let outcome = runner.run(cell);
-            if outcome.is_err() {
+            let failed =
+                outcome.as_ref().is_ok_and(|r| r.as_ref().is_some_and(|r| r.status == Status::Failed));
+            if outcome.is_err() || (args.fail_fast && failed) {
                 stop.store(true, Ordering::SeqCst);
             }
             if sender.send(outcome).is_err() {
@@ -260,130 +279,13 @@ fn run_cells(args: &BenchArgs, left: &[&Cell], all: usize, file: &Path, log: &Lo
             results::append(file, &record).inspect_err(|_| stop.store(true, Ordering::SeqCst))?;
             done += 1;
             let secs_left = started.elapsed().as_secs_f64() / done as f64 * (left.len() - done) as f64;
-            tell(log, &record, all - left.len() + done, all, secs_left);
-            if args.fail_fast && record.status == Status::Failed {
-                stop.store(true, Ordering::SeqCst);
-            }
+            tell::tell(log, &record, all - left.len() + done, all, secs_left);
         }
         Ok(())
     })?;
     if interrupt.is_requested() {
         log.info(&format!("results so far are in {}; the same command goes on", file.display()));
         return Err(Error::Interrupted);
-    }
-    Ok(())
-}
-
-/// One line of a finished run.
-fn tell(log: &Log, record: &Record, done: usize, all: usize, secs_left: f64) {
-    let name = format!("{} {} {} seed {}", record.scene, record.variant, record.budget, record.seed);
-    let what = match (&record.status, &record.error) {
-        (Status::Failed, error) => format!("FAILED: {}", error.as_deref().unwrap_or("no message")),
-        (Status::Ok, _) => {
-            let decibels =
-                |pointer| record.number(pointer).map_or("no test views".to_owned(), |x| format!("{x:.2} dB"));
-            let count = |pointer| format_count(record.number(pointer).unwrap_or(0.0) as u64);
-            format!(
-                "{}, gradients {}; {} splats, {} texels; {} CPU{}",
-                decibels("/quality/psnr"),
-                decibels("/quality/grad_psnr"),
-                count("/size/primitives"),
-                count("/size/texels"),
-                format_duration(record.number("/time/train_cpu_secs").unwrap_or(0.0)),
-                if record.noisy { " (noisy)" } else { "" }
-            )
-        }
-    };
-    let rest =
-        if done < all { format!("; about {} left", format_duration(secs_left)) } else { String::new() };
-    let fields = json!({ "done": done, "all": all, "scene": record.scene, "variant": record.variant,
-        "budget": record.budget, "seed": record.seed, "status": record.status, "error": record.error,
-        "psnr": record.number("/quality/psnr"), "noisy": record.noisy, "secs_left": secs_left });
-    log.event("run", &format!("[{done}/{all}] {name}: {what}{rest}"), fields);
-}
-
-/// The runs, and how long those that are left will take by those that are done.
-fn list(cells: &[Cell], left: &[&Cell], known: &[Record]) -> std::io::Result<()> {
-    let mut secs: HashMap<(&str, &str, &str), (f64, f64)> = HashMap::new();
-    for record in known {
-        if let (Status::Ok, Some(wall)) = (record.status, record.wall_secs) {
-            let sum = secs.entry((&record.scene, &record.variant, &record.budget)).or_default();
-            *sum = (sum.0 + wall, sum.1 + 1.0);
-        }
-    }
-    let mut total = Some(0.0);
-    let mut rows = Vec::new();
-    for cell in cells {
-        let is_left = left.iter().any(|l| l.key == cell.key);
-        let mean = secs.get(&(&*cell.scene, &*cell.variant, &*cell.budget)).map(|(sum, n)| sum / n);
-        if is_left {
-            total = total.zip(mean).map(|(t, m)| t + m);
-        }
-        let failed = known.iter().any(|r| r.key == cell.key && r.status == Status::Failed);
-        let state = match (is_left, failed, mean) {
-            (false, true, _) => "failed".to_owned(),
-            (false, false, _) => "done".to_owned(),
-            (true, _, Some(mean)) => format!("about {}", format_duration(mean)),
-            (true, _, None) => "-".to_owned(),
-        };
-        let row =
-            [&cell.scene, &cell.variant, &cell.budget, &cell.seed.to_string(), &state, &cell.args.join(" ")];
-        rows.push(row.map(ToOwned::to_owned).into());
-    }
-    print_columns(&["scene", "variant", "budget", "seed", "time", "arguments"], &rows)?;
-    let time = match total {
-        Some(total) if !left.is_empty() => format!(", about {} one after the other", format_duration(total)),
-        _ => String::new(),
-    };
-    println!("{} of {} runs to make{time}", left.len(), cells.len());
-    Ok(())
-}
-
-/// Means over the seeds.
-fn print_table(records: &[&Record]) -> std::io::Result<()> {
-    let mut groups: Vec<((&str, &str, &str), Vec<&Record>)> = Vec::new();
-    for record in records {
-        let name = (&*record.scene, &*record.budget, &*record.variant);
-        match groups.iter_mut().find(|(n, _)| *n == name) {
-            Some((_, members)) => members.push(record),
-            None => groups.push((name, vec![record])),
-        }
-    }
-    let rows: Vec<Vec<String>> = groups
-        .iter()
-        .map(|((scene, budget, variant), members)| {
-            let mean = |pointer| {
-                let all: Vec<f64> = members.iter().filter_map(|r| r.number(pointer)).collect();
-                (!all.is_empty()).then(|| all.iter().sum::<f64>() / all.len() as f64)
-            };
-            let text =
-                |pointer, digits: usize| mean(pointer).map_or("-".to_owned(), |x| format!("{x:.digits$}"));
-            let count = |pointer| mean(pointer).map_or("-".to_owned(), |x| format_count(x.round() as u64));
-            let ok = members.iter().filter(|r| r.status == Status::Ok).count();
-            let noisy = if members.iter().any(|r| r.noisy && r.status == Status::Ok) { " *" } else { "" };
-            vec![
-                (*scene).to_owned(),
-                (*budget).to_owned(),
-                (*variant).to_owned(),
-                if ok == members.len() { ok.to_string() } else { format!("{ok}/{}", members.len()) },
-                text("/quality/psnr", 2),
-                text("/quality/grad_psnr", 2),
-                text("/quality/ssim_3dgs", 4),
-                text("/quality/flip", 4),
-                count("/size/primitives"),
-                count("/size/texels"),
-                count("/size/params"),
-                format!("{}{noisy}", text("/time/train_cpu_secs", 1)),
-            ]
-        })
-        .collect();
-    let header = [
-        "scene", "budget", "variant", "runs", "PSNR", "grad", "SSIM", "FLIP", "splats", "texels", "params",
-        "CPU s",
-    ];
-    print_columns(&header, &rows)?;
-    if records.iter().any(|r| r.noisy) {
-        println!("* the machine was busy with other things: see \"noisy_because\" in the results");
     }
     Ok(())
 }

@@ -1,0 +1,319 @@
+//! SVG by hand: elements, escaping, colours for light and dark, and how wide text is. What is drawn is
+//! decided elsewhere.
+
+use std::fmt::Write;
+
+/// Colours of series before a light and before a dark background. They differ in lightness as well as in
+/// hue, and every series has a marker shape of its own, so that nobody depends on hue.
+pub const PALETTE: [(&str, &str); 8] = [
+    ("#0b62a4", "#5aa9e6"),
+    ("#c8500a", "#ff9a55"),
+    ("#0a7d55", "#3ecf97"),
+    ("#8e3a9d", "#d99be6"),
+    ("#8a6d00", "#e3c04a"),
+    ("#b0203a", "#ff7a8c"),
+    ("#0c7f92", "#52d0e0"),
+    ("#4d545c", "#b9c0c9"),
+];
+/// Background, text, secondary text, grid, and what is greyed out; light and dark.
+pub const BACKGROUND: (&str, &str) = ("#ffffff", "#15181c");
+const TEXT: (&str, &str) = ("#1c2024", "#e8eaed");
+const SECONDARY: (&str, &str) = ("#5c6570", "#a3abb5");
+const GRID: (&str, &str) = ("#e4e7eb", "#2b3037");
+const GREYED: (&str, &str) = ("#b4bac2", "#59616b");
+
+/// Size of text in pixels: ticks and legends, titles.
+pub const TEXT_PX: f64 = 12.0;
+/// Titles.
+pub const TITLE_PX: f64 = 15.0;
+
+/// Rules for the classes that charts use; the same in files and in pages.
+pub fn style() -> String {
+    let rules = |dark: bool| {
+        let of = |(light, night): (&'static str, &'static str)| if dark { night } else { light };
+        let mut css = format!(
+            ".lt-bg{{fill:{bg}}}.lt-text{{fill:{text}}}.lt-axis{{fill:{second}}}.lt-grid{{stroke:{grid}}}\
+             .lt-frame{{stroke:{second}}}.lt-label{{fill:{text};stroke:{bg}}}\
+             .lt-grey{{fill:{grey};stroke:{bg}}}.lt-grey-line{{stroke:{grey}}}.lt-front{{stroke:{text}}}",
+            bg = of(BACKGROUND),
+            text = of(TEXT),
+            second = of(SECONDARY),
+            grid = of(GRID),
+            grey = of(GREYED)
+        );
+        for (i, &colour) in PALETTE.iter().enumerate() {
+            let (c, bg) = (of(colour), of(BACKGROUND));
+            // A rim in the background's colour keeps markers apart that lie on each other.
+            let _ = write!(css, ".lt-s{i}{{stroke:{c}}}.lt-f{i}{{fill:{c};stroke:{bg}}}.lt-b{i}{{fill:{c}}}");
+        }
+        css
+    };
+    format!(
+        ".lt-chart text{{font:{TEXT_PX}px system-ui,-apple-system,\"Segoe UI\",Roboto,\"Helvetica Neue\",Arial,sans-serif}}\
+         .lt-chart .lt-title{{font-size:{TITLE_PX}px;font-weight:600}}\
+         .lt-grid,.lt-frame{{stroke-width:1;fill:none}}.lt-line{{stroke-width:2;fill:none;stroke-linejoin:round}}\
+         .lt-front{{stroke-width:1.5;fill:none;stroke-dasharray:5 4}}.lt-grey-line{{stroke-width:1.5;fill:none}}\
+         .lt-band{{opacity:.16}}.lt-dot{{opacity:.5}}.lt-hit{{fill:transparent}}\
+         .lt-label{{paint-order:stroke;stroke-width:3px;stroke-linejoin:round}}\
+         {}@media (prefers-color-scheme:dark){{{}}}",
+        rules(false),
+        rules(true)
+    )
+}
+
+/// Text for element content and attribute values. Characters that XML forbids vanish.
+pub fn escape(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for c in text.chars() {
+        match c {
+            '&' => out.push_str("&amp;"),
+            '<' => out.push_str("&lt;"),
+            '>' => out.push_str("&gt;"),
+            '"' => out.push_str("&quot;"),
+            '\'' => out.push_str("&#39;"),
+            '\u{fffe}' | '\u{ffff}' => {}
+            c if c.is_control() => out.push(' '),
+            c => out.push(c),
+        }
+    }
+    out
+}
+
+/// Estimated width; the font is the reader's, so this is on the wide side.
+pub fn text_width_px(text: &str, size_px: f64) -> f64 {
+    let width = |c: char| match c {
+        'i' | 'j' | 'l' | 't' | 'f' | 'r' | 'I' | '.' | ',' | ':' | ';' | '\'' | '|' | '!' | '(' | ')'
+        | ' ' => 0.34,
+        'm' | 'w' | 'M' | 'W' | '@' | '%' => 0.92,
+        'A'..='Z' => 0.70,
+        '\u{2e80}'.. => 1.05,
+        _ => 0.58,
+    };
+    text.chars().map(width).sum::<f64>() * size_px
+}
+
+/// The beginning of a text that fits, with an ellipsis if something is left out.
+pub fn shortened(text: &str, width_px: f64, size_px: f64) -> String {
+    if text_width_px(text, size_px) <= width_px {
+        return text.to_owned();
+    }
+    let mut out = String::new();
+    for c in text.chars() {
+        if text_width_px(&out, size_px) + text_width_px(&format!("{c}…"), size_px) > width_px {
+            break;
+        }
+        out.push(c);
+    }
+    out.trim_end().to_owned() + "…"
+}
+
+/// Where a text stands relative to its point.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Anchor {
+    /// Begins there.
+    Start,
+    /// Is centred there.
+    Middle,
+    /// Ends there.
+    End,
+}
+
+impl Anchor {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Start => "start",
+            Self::Middle => "middle",
+            Self::End => "end",
+        }
+    }
+}
+
+/// A drawing under construction.
+pub struct Svg {
+    width_px: f64,
+    height_px: f64,
+    label: String,
+    body: String,
+}
+
+impl Svg {
+    /// An empty drawing; `label` tells those who do not see it what it is.
+    pub fn new(width_px: f64, height_px: f64, label: &str) -> Self {
+        Self { width_px, height_px, label: label.to_owned(), body: String::new() }
+    }
+
+    /// A straight line.
+    pub fn line(&mut self, class: &str, from: (f64, f64), to: (f64, f64)) {
+        let _ = writeln!(
+            self.body,
+            r#"<line class="{class}" x1="{:.1}" y1="{:.1}" x2="{:.1}" y2="{:.1}"/>"#,
+            from.0, from.1, to.0, to.1
+        );
+    }
+
+    /// A path of straight pieces; closed ones are filled by their class.
+    pub fn polyline(&mut self, class: &str, points: &[(f64, f64)], closed: bool) {
+        if points.is_empty() {
+            return;
+        }
+        let mut d = String::new();
+        for (i, (x, y)) in points.iter().enumerate() {
+            let _ = write!(d, "{}{x:.1} {y:.1}", if i == 0 { "M" } else { "L" });
+        }
+        let end = if closed { "Z" } else { "" };
+        let _ = writeln!(self.body, r#"<path class="{class}" d="{d}{end}"/>"#);
+    }
+
+    /// A text; `hover` shows more of it.
+    pub fn text(&mut self, class: &str, at: (f64, f64), anchor: Anchor, text: &str, hover: Option<&str>) {
+        let title = hover.map_or(String::new(), |h| format!("<title>{}</title>", escape(h)));
+        let _ = writeln!(
+            self.body,
+            r#"<text class="{class}" x="{:.1}" y="{:.1}" text-anchor="{}">{title}{}</text>"#,
+            at.0,
+            at.1,
+            anchor.name(),
+            escape(text)
+        );
+    }
+
+    /// A marker of a series, with its values for the pointer that hovers near it.
+    pub fn marker(&mut self, class: &str, shape: usize, at: (f64, f64), radius_px: f64, hover: &str) {
+        let d = marker_path(shape, at, radius_px);
+        let title =
+            if hover.is_empty() { String::new() } else { format!("<title>{}</title>", escape(hover)) };
+        // A larger invisible disc: nobody hits 3 pixels.
+        let hit = if hover.is_empty() {
+            String::new()
+        } else {
+            format!(
+                r#"<circle class="lt-hit" cx="{:.1}" cy="{:.1}" r="{:.1}"/>"#,
+                at.0,
+                at.1,
+                radius_px + 4.0
+            )
+        };
+        let _ = writeln!(self.body, r#"<g>{title}{hit}<path class="{class}" d="{d}"/></g>"#);
+    }
+
+    /// As part of a page that has [`style`].
+    pub fn inline(&self) -> String {
+        self.element("", "")
+    }
+
+    /// As a file of its own.
+    pub fn standalone(&self) -> String {
+        let (w, h) = (self.width_px, self.height_px);
+        let head = format!(r#"<style>{}</style><rect class="lt-bg" width="{w}" height="{h}"/>"#, style());
+        let size = format!(r#" xmlns="http://www.w3.org/2000/svg" width="{w}" height="{h}""#);
+        self.element(&size, &head) + "\n"
+    }
+
+    fn element(&self, attributes: &str, head: &str) -> String {
+        format!(
+            "<svg class=\"lt-chart\"{attributes} viewBox=\"0 0 {} {}\" role=\"img\" aria-label=\"{}\">{head}\n{}</svg>",
+            self.width_px,
+            self.height_px,
+            escape(&self.label),
+            self.body
+        )
+    }
+}
+
+/// Outline of the marker of series `shape`.
+fn marker_path(shape: usize, (x, y): (f64, f64), r: f64) -> String {
+    let polygon = |points: &[(f64, f64)]| {
+        let mut d = String::new();
+        for (i, (dx, dy)) in points.iter().enumerate() {
+            let _ = write!(d, "{}{:.1} {:.1}", if i == 0 { "M" } else { "L" }, x + dx * r, y + dy * r);
+        }
+        d + "Z"
+    };
+    // Sizes are such that all shapes have about the area of the circle.
+    match shape % 8 {
+        0 => format!(
+            "M{:.1} {y:.1}a{r:.1} {r:.1} 0 1 0 {:.1} 0a{r:.1} {r:.1} 0 1 0 {:.1} 0Z",
+            x - r,
+            2.0 * r,
+            -2.0 * r
+        ),
+        1 => polygon(&[(-0.9, -0.9), (0.9, -0.9), (0.9, 0.9), (-0.9, 0.9)]),
+        2 => polygon(&[(0.0, -1.25), (1.2, 0.9), (-1.2, 0.9)]),
+        3 => polygon(&[(0.0, -1.3), (1.3, 0.0), (0.0, 1.3), (-1.3, 0.0)]),
+        4 => polygon(&[(0.0, 1.25), (1.2, -0.9), (-1.2, -0.9)]),
+        5 => polygon(&[
+            (-0.4, -1.2),
+            (0.4, -1.2),
+            (0.4, -0.4),
+            (1.2, -0.4),
+            (1.2, 0.4),
+            (0.4, 0.4),
+            (0.4, 1.2),
+            (-0.4, 1.2),
+            (-0.4, 0.4),
+            (-1.2, 0.4),
+            (-1.2, -0.4),
+            (-0.4, -0.4),
+        ]),
+        6 => polygon(&[(0.0, -1.2), (1.15, -0.35), (0.7, 1.0), (-0.7, 1.0), (-1.15, -0.35)]),
+        _ => polygon(&[(-1.4, -0.6), (1.4, -0.6), (1.4, 0.6), (-1.4, 0.6)]),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn luminance(colour: &str) -> f64 {
+        let channel = |i: usize| {
+            let c = f64::from(u8::from_str_radix(&colour[i..i + 2], 16).unwrap()) / 255.0;
+            if c <= 0.040_45 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
+        };
+        0.2126 * channel(1) + 0.7152 * channel(3) + 0.0722 * channel(5)
+    }
+
+    /// Contrast ratio of the Web Content Accessibility Guidelines.
+    fn contrast(a: &str, b: &str) -> f64 {
+        let (a, b) = (luminance(a), luminance(b));
+        (a.max(b) + 0.05) / (a.min(b) + 0.05)
+    }
+
+    #[test]
+    fn colours_can_be_seen_in_light_and_dark() {
+        assert!((contrast("#ffffff", "#000000") - 21.0).abs() < 1e-9);
+        for (light, dark) in PALETTE.into_iter().chain([TEXT, SECONDARY]) {
+            // 3 is the guideline's minimum for graphics, 4.5 for text.
+            assert!(contrast(light, BACKGROUND.0) > 4.5, "{light}");
+            assert!(contrast(dark, BACKGROUND.1) > 4.5, "{dark}");
+        }
+        // Negative control: what is greyed out is fainter than everything else.
+        assert!(contrast(GREYED.0, BACKGROUND.0) < 3.0 && contrast(GREYED.1, BACKGROUND.1) < 3.0);
+    }
+
+    #[test]
+    fn names_cannot_break_out() {
+        let hostile = "</svg><script>alert(\"1\")</script>&'\u{0}\u{b}";
+        let mut svg = Svg::new(10.0, 10.0, hostile);
+        svg.text("a", (0.0, 0.0), Anchor::End, hostile, Some(hostile));
+        svg.marker("a", 3, (1.0, 1.0), 2.0, hostile);
+        let file = svg.standalone();
+        assert!(!file.contains("<script") && !file.contains('\0'), "{file}");
+        assert_eq!(file.matches("</svg>").count(), 1);
+        assert!(file.contains("&lt;script&gt;alert(&quot;1&quot;)"));
+    }
+
+    #[test]
+    fn long_names_are_shortened() {
+        assert_eq!(shortened("fox", 100.0, 12.0), "fox");
+        let short = shortened("a very long name of a variant", 80.0, 12.0);
+        assert!(short.ends_with('…') && text_width_px(&short, 12.0) <= 80.0, "{short}");
+    }
+
+    #[test]
+    fn markers_differ() {
+        let shapes: Vec<String> = (0..8).map(|s| marker_path(s, (5.0, 5.0), 4.0)).collect();
+        for (i, shape) in shapes.iter().enumerate() {
+            assert!(shapes[..i].iter().all(|s| s != shape));
+        }
+    }
+}

@@ -1,0 +1,311 @@
+//! `litetex bench` and `litetex chart` on a tiny sample capture: interrupted and resumed, in parts and merged,
+//! with failing runs; and what `chart` does with results that are damaged or foreign.
+
+#![allow(clippy::unwrap_used, reason = "helpers of tests are tests")]
+
+use assert_cmd::Command;
+use serde_json::Value;
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Exit code, standard output, standard error.
+fn run(arguments: &[&str]) -> (i32, String, String) {
+    let output = Command::cargo_bin("litetex").unwrap().args(arguments).output().unwrap();
+    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+    (output.status.code().unwrap_or(-1), text(output.stdout), text(output.stderr))
+}
+
+fn ok(arguments: &[&str]) -> String {
+    let (code, stdout, stderr) = run(arguments);
+    assert_eq!(code, 0, "{arguments:?}\n{stdout}{stderr}");
+    stdout
+}
+
+/// A folder with a capture of 9 pictures, 2 of them held out.
+struct Place {
+    dir: tempfile::TempDir,
+}
+
+impl Place {
+    fn new() -> Self {
+        let place = Self { dir: tempfile::tempdir().unwrap() };
+        let capture = place.path("capture");
+        ok(&["sample", &capture, "--views", "9", "--size", "48x32", "--points", "150", "--no-truth", "-q"]);
+        place
+    }
+
+    fn path(&self, name: &str) -> String {
+        self.dir.path().join(name).to_str().unwrap().to_owned()
+    }
+
+    /// Arguments of a benchmark of two variants and seeds of so many steps.
+    fn bench(&self, out: &str, steps: u32, more: &[&str]) -> Vec<String> {
+        let common =
+            format!("--device cpu --no-save-images --eval-every {} --steps {steps}", steps.div_ceil(3));
+        let mut arguments = vec!["bench".to_owned(), "--scene".to_owned(), self.path("capture")];
+        for (flag, value) in [
+            ("--variant", "plain: --texture none"),
+            ("--variant", "fixed:4"),
+            ("--seeds", "1,2"),
+            ("--common", &common),
+            ("--out", &self.path(out)),
+        ] {
+            arguments.extend([flag.to_owned(), value.to_owned()]);
+        }
+        arguments.extend(more.iter().map(|&a| a.to_owned()));
+        arguments
+    }
+
+    fn run_bench(&self, out: &str, steps: u32, more: &[&str]) -> (i32, String, String) {
+        let arguments = self.bench(out, steps, more);
+        run(&arguments.iter().map(String::as_str).collect::<Vec<_>>())
+    }
+
+    fn results(&self, out: &str) -> Vec<Value> {
+        lines(&Path::new(&self.path(out)).join("results.jsonl"))
+    }
+}
+
+fn lines(file: &Path) -> Vec<Value> {
+    fs::read_to_string(file).unwrap().lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+}
+
+/// Key and test PSNR of each run.
+fn psnr_by_key(results: &[Value]) -> BTreeMap<String, String> {
+    let entry =
+        |r: &Value| (r["key"].as_str().unwrap().to_owned(), r["summary"]["quality"]["psnr"].to_string());
+    results.iter().map(entry).collect()
+}
+
+fn names_in(folder: &Path) -> BTreeSet<String> {
+    let name = |e: std::io::Result<fs::DirEntry>| e.unwrap().file_name().to_str().unwrap().to_owned();
+    fs::read_dir(folder).unwrap().map(name).collect()
+}
+
+/// A row of a table without quoted fields, by the names of its columns.
+fn csv_rows(file: PathBuf) -> Vec<BTreeMap<String, String>> {
+    let text = fs::read_to_string(file).unwrap();
+    let fields = |line: &str| line.split(',').map(ToOwned::to_owned).collect::<Vec<_>>();
+    let head = fields(text.lines().next().unwrap());
+    text.lines().skip(1).map(|line| head.iter().cloned().zip(fields(line)).collect()).collect()
+}
+
+#[test]
+fn failed_runs_are_recorded_and_others_go_on() {
+    let place = Place::new();
+    let more = ["--variant", "lost: --init ply:nowhere.ply"];
+    let (code, table, stderr) = place.run_bench("b", 3, &more);
+    assert_eq!(code, 1, "{stderr}");
+    assert!(stderr.contains("2 of 6 runs failed") && stderr.contains("--retry-failed"), "{stderr}");
+    assert!(table.contains("fixed:4") && table.contains("0/2"), "{table}");
+    let results = place.results("b");
+    assert_eq!(results.len(), 6);
+    for r in &results {
+        let failed = r["variant"] == "lost";
+        assert_eq!(r["schema"], "litetex-results/1");
+        assert_eq!(r["status"], if failed { "failed" } else { "ok" });
+        assert_eq!(
+            (r["summary"].is_null(), r["exit_code"].as_i64()),
+            (failed, Some(if failed { 3 } else { 0 }))
+        );
+        assert_eq!(r["error"].as_str().is_some_and(|e| e.contains("nowhere.ply")), failed);
+        assert!(r["utc"].as_str().unwrap().starts_with("20") && r["cores"].as_u64() > Some(0), "{r}");
+        if !failed {
+            assert_eq!(r["summary"]["seed"], r["seed"]);
+            assert_eq!(r["summary"]["schema"], "litetex-summary/1");
+        }
+    }
+    // Of finished runs the result and the settings are left, of failed ones their messages.
+    let runs = Path::new(&place.path("b")).join("runs");
+    for name in names_in(&runs) {
+        match name.strip_suffix(".log") {
+            Some(name) => assert!(name.contains("lost")),
+            None => assert_eq!(
+                names_in(&runs.join(&name)).into_iter().collect::<Vec<_>>(),
+                ["config.toml", "summary.json"]
+            ),
+        }
+    }
+    // Nothing is made again unless asked for.
+    assert_eq!(place.run_bench("b", 3, &more).0, 1);
+    assert_eq!(place.results("b").len(), 6);
+    assert_eq!(place.run_bench("b", 3, &[&more[..], &["--retry-failed"]].concat()).0, 1);
+    let again = place.results("b");
+    assert_eq!(again.len(), 8);
+    assert!(again[6..].iter().all(|r| r["variant"] == "lost"));
+    // The first failure ends it if wanted.
+    let first = ["--variant", "lost: --init ply:nowhere.ply", "--fail-fast"];
+    assert_eq!(place.run_bench("fast", 3, &first).0, 1);
+    assert_eq!(place.results("fast").len(), 3);
+}
+
+#[test]
+#[cfg(unix)]
+fn an_interrupted_benchmark_goes_on_where_it_was() {
+    let place = Place::new();
+    let arguments = place.bench("b", 400, &[]);
+    let program = assert_cmd::cargo::cargo_bin("litetex");
+    let mut child = std::process::Command::new(program)
+        .args(&arguments)
+        .stdout(std::process::Stdio::null())
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
+    let file = Path::new(&place.path("b")).join("results.jsonl");
+    let started = std::time::Instant::now();
+    while !file.exists() && started.elapsed().as_secs() < 60 {
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    let stopped =
+        std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    assert!(stopped.success());
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    let before = place.results("b");
+    assert!((1..4).contains(&before.len()), "{}", before.len());
+    // No trace of the run that was stopped.
+    assert_eq!(names_in(&Path::new(&place.path("b")).join("runs")).len(), before.len());
+    // As after a power cut: half a line.
+    let mut text = fs::read_to_string(&file).unwrap();
+    text.push_str("{\"schema\":\"litetex-resu");
+    fs::write(&file, text).unwrap();
+    let (code, _, stderr) = place.run_bench("b", 400, &[]);
+    assert_eq!(code, 0, "{stderr}");
+    assert!(stderr.contains("runs are done already") && stderr.contains("left out"), "{stderr}");
+    let text = fs::read_to_string(&file).unwrap();
+    let whole: Vec<Value> = text.lines().filter_map(|l| serde_json::from_str(l).ok()).collect();
+    assert_eq!((text.lines().count(), whole.len(), psnr_by_key(&whole).len()), (5, 4, 4));
+    assert_eq!(whole[..before.len()], before[..]);
+}
+
+#[test]
+fn parts_put_together_are_the_whole_and_charts_compare_pairs() {
+    let place = Place::new();
+    assert_eq!(place.run_bench("whole", 6, &[]).0, 0);
+    for part in ["1/2", "2/2"] {
+        let out = format!("part-{}", &part[..1]);
+        assert_eq!(place.run_bench(&out, 6, &["--shard", part, "--jobs", "2"]).0, 0);
+        assert_eq!(place.results(&out).len(), 2);
+    }
+    let parts = [place.results("part-1"), place.results("part-2")].concat();
+    assert_eq!(psnr_by_key(&parts), psnr_by_key(&place.results("whole")));
+    assert!(parts.iter().all(|r| r["noisy"] == true), "two at a time");
+
+    let [one, two, out] = ["part-1", "part-2", "charts"].map(|name| place.path(name));
+    let table = ok(&["chart", &one, &two, "-o", &out, "--baseline", "plain", "-q"]);
+    assert!(table.contains("| fixed:4 | 2 |"), "{table}");
+    let page = fs::read_to_string(Path::new(&out).join("index.html")).unwrap();
+    assert!(page.contains("<svg") && !page.contains("http"));
+    let difference = |out: &str| -> Vec<(String, String, String)> {
+        let rows = csv_rows(Path::new(out).join("tables/paired.csv"));
+        let psnr = rows.iter().filter(|r| r["measure"] == "Test PSNR");
+        psnr.map(|r| (r["pairs"].clone(), r["difference"].clone(), r["low95"].clone())).collect()
+    };
+    let right = difference(&out);
+    assert_eq!((right.len(), right[0].0.as_str()), (1, "2"));
+    let rows = csv_rows(Path::new(&out).join("tables/runs.csv"));
+    assert_eq!(rows.len(), 4);
+    let of = |variant: &str, seed: &str| -> f64 {
+        rows.iter().find(|r| r["variant"] == variant && r["seed"] == seed).unwrap()["psnr"].parse().unwrap()
+    };
+    let mean = 0.5 * (of("fixed:4", "1") - of("plain", "1") + of("fixed:4", "2") - of("plain", "2"));
+    assert!((right[0].1.parse::<f64>().unwrap() - mean).abs() < 1e-9);
+
+    // The same lines twice are the same runs.
+    let merged = place.path("merged.jsonl");
+    let text: String =
+        [&one, &two, &one].map(|d| fs::read_to_string(Path::new(d).join("results.jsonl")).unwrap()).concat();
+    fs::write(&merged, &text).unwrap();
+    ok(&["chart", &merged, "-o", &place.path("merged"), "--baseline", "plain", "-q"]);
+    assert_eq!(difference(&place.path("merged")), right);
+    // Negative control: pairs that do not belong together have the same mean and another interval.
+    let permuted: String = text
+        .lines()
+        .map(|line| {
+            let mut r: Value = serde_json::from_str(line).unwrap();
+            if r["variant"] == "plain" {
+                r["seed"] = (3 - r["seed"].as_u64().unwrap()).into();
+            }
+            format!("{r}\n")
+        })
+        .collect();
+    fs::write(&merged, permuted).unwrap();
+    ok(&["chart", &merged, "-o", &place.path("permuted"), "--baseline", "plain", "-q"]);
+    let wrong = difference(&place.path("permuted"));
+    assert!((wrong[0].1.parse::<f64>().unwrap() - mean).abs() < 1e-9);
+    assert_ne!(wrong[0].2, right[0].2);
+}
+
+#[test]
+fn a_list_makes_nothing_and_a_new_name_costs_no_run() {
+    let place = Place::new();
+    let (code, list, _) = place.run_bench("b", 3, &["--dry-run"]);
+    assert_eq!(code, 0);
+    assert!(list.contains("--texture none") && list.contains("4 of 4 runs to make"), "{list}");
+    assert!(!Path::new(&place.path("b")).exists());
+    // From a file, one seed, with its own names.
+    let (capture, file, out) = (place.path("capture"), place.path("m.toml"), place.path("b"));
+    let matrix = |name: &str| {
+        format!(
+            "seeds = [7]\ncommon = [\"--device\", \"cpu\", \"--steps\", \"9\"]\n[[scene]]\nname = \"still life\"\n\
+             path = {capture:?}\n[[variant]]\nname = {name:?}\n[[budget]]\nname = \"short\"\nargs = [\"--steps\", \"2\"]\n"
+        )
+    };
+    fs::write(&file, matrix("before")).unwrap();
+    ok(&["bench", "--config", &file, "-o", &out, "-q"]);
+    let first = place.results("b");
+    assert_eq!((first.len(), &first[0]["summary"]["steps"]), (1, &2.into()));
+    fs::write(&file, matrix("after")).unwrap();
+    let table = ok(&["bench", "--config", &file, "-o", &out, "-q"]);
+    assert!(table.contains("after") && !table.contains("before"), "{table}");
+    let results = place.results("b");
+    assert_eq!((results.len(), &results[1]["utc"]), (2, &first[0]["utc"]));
+    let list = ok(&["bench", "--config", &file, "-o", &out, "--seeds", "7,8", "--dry-run"]);
+    assert!(list.contains("done") && list.contains("about") && list.contains("1 of 2 runs"), "{list}");
+}
+
+#[test]
+fn damaged_results_are_left_out_with_a_warning_or_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+    let line = |variant: &str, psnr: &str| {
+        format!(
+            "{{\"schema\":\"litetex-results/1\",\"key\":\"{variant}\",\"scene\":\"s\",\"variant\":\"{variant}\",\"budget\":\"b\",\
+             \"seed\":1,\"status\":\"ok\",\"summary\":{{\"quality\":{{\"psnr\":{psnr},\"grad_psnr\":null}},\"curve\":null}}}}\n"
+        )
+    };
+    let good = [line("a", "20.5"), line("</svg><script>", "21"), line("c", "null")].concat();
+    let damage = "{\"schema\":\"litetex-results/2\"}\n{\"schema\":\"litetex-res\n\u{0}\nNaN\n";
+    fs::write(path("r.jsonl"), format!("{damage}{good}{}", line("d", "NaN"))).unwrap();
+    let (code, table, stderr) = run(&["chart", &path("r.jsonl"), "-o", &path("out")]);
+    assert_eq!(code, 0, "{stderr}");
+    assert!(stderr.contains("litetex-results/2") && stderr.contains("line 2 and 3 more"), "{stderr}");
+    assert!(table.contains("20.50") && !table.contains("NaN"), "{table}");
+    let page = fs::read_to_string(dir.path().join("out/index.html")).unwrap();
+    assert!(page.contains("1 pair: no interval") && !page.contains("<script"));
+    for (name, text, code, part) in [
+        (
+            "foreign.jsonl",
+            "{\"schema\":\"litetex-results/2\"}\n".to_owned(),
+            3,
+            "expected \"litetex-results/1\"",
+        ),
+        ("cut.jsonl", good[..30].to_owned(), 3, "line 1 left out"),
+        ("empty.jsonl", String::new(), 3, "it is empty"),
+        ("failed.jsonl", good.replace("\"ok\"", "\"failed\""), 2, "no successful run"),
+    ] {
+        fs::write(path(name), text).unwrap();
+        let (found, stdout, stderr) = run(&["chart", &path(name), "-o", &path("none")]);
+        assert_eq!(found, code, "{name}: {stderr}");
+        assert!(stdout.is_empty() && stderr.contains(part), "{name}: {stderr}");
+    }
+    assert!(!Path::new(&path("none")).exists());
+    // Charts are replaced with --force only, and nothing else is.
+    fs::write(path("out/mine.csv"), "1").unwrap();
+    fs::write(path("out/charts/old.svg"), "<svg/>").unwrap();
+    assert_eq!(run(&["chart", &path("r.jsonl"), "-o", &path("out")]).0, 2);
+    ok(&["chart", &path("r.jsonl"), "-o", &path("out"), "--force", "-q"]);
+    assert!(Path::new(&path("out/mine.csv")).exists() && !Path::new(&path("out/charts/old.svg")).exists());
+    let (code, _, stderr) = run(&["chart", &path("r.jsonl"), "-o", &path("x"), "--baseline", "z"]);
+    assert!(code == 2 && stderr.contains("there are \"a\""), "{stderr}");
+}
