@@ -82,7 +82,8 @@ fn project(
         g,
         base_colour(i, position, info.last_step),
         opacity,
-        scales / info.texel_size,
+        // A map of no texels may have a texel size of zero.
+        select(scales / info.texel_size, vec2f(0.0), info.map_size == 0u),
         step.near / p.z,
         info.map_size,
         info.map_offset_texels,

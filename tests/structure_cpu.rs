@@ -53,7 +53,7 @@ fn run(config: &TrainConfig, start: TrainState, threads: usize) -> Outcome {
                 steps.push((counts, num_splats, num_texels));
             }
             TrainEvent::Step { num_splats: n, num_texels: t, report, .. } => {
-                assert_eq!(report.non_finite_gradients, 0);
+                assert_eq!(report.non_finite_gradients, 0, "{:?} {steps:?}", config.policy);
                 largest = [largest[0].max(n), largest[1].max(t), largest[2].max(59 * n + 3 * t)];
             }
             _ => {}

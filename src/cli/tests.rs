@@ -12,9 +12,9 @@ use litetex_gs::Result;
 use litetex_gs::backend::{DeviceInfo, LossValues, RenderedImage, StepReport, TargetImage};
 use litetex_gs::camera::{Camera, Pinhole, RigidTransform, Similarity};
 use litetex_gs::eval::{Evaluation, quality_of};
-use litetex_gs::model::{AdamState, Model, SplatArrays, TexturePool};
+use litetex_gs::model::{Model, SplatArrays, TexturePool};
 use litetex_gs::train::checkpoint;
-use litetex_gs::train::{Control, CurvePoint, StopReason, TrainConfig, TrainEvent, TrainHistory, TrainState};
+use litetex_gs::train::{Control, CurvePoint, StopReason, TrainConfig, TrainEvent, TrainState};
 use litetex_gs::views::{Split, ViewSource};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -52,15 +52,7 @@ fn state(step: u32) -> TrainState {
         near: 0.04,
         capture_from_local: Similarity::IDENTITY,
     };
-    TrainState {
-        step,
-        adam: AdamState::zeros(&model),
-        model,
-        epoch_order: vec![],
-        epoch_used: 0,
-        epochs: 0,
-        history: TrainHistory::default(),
-    }
+    TrainState { step, ..TrainState::fresh(model) }
 }
 
 /// What the trainer emits, for steps after `done`, with an evaluation and a checkpoint each 10 steps.

@@ -149,7 +149,8 @@ fn project(model: &Model, i: usize, view: &ViewF32) -> Option<ProjectedSplat> {
             rows: i32::from(map.rows),
             cols: i32::from(map.cols),
             first: 0,
-            texels_per_sigma: scales.map(|s| s / map.texel_size),
+            // A map of no texels may have a texel size of zero.
+            texels_per_sigma: scales.map(|s| if map.rows == 0 { 0.0 } else { s / map.texel_size }),
             origin: [(f32::from(map.rows) - 1.0) / 2.0, (f32::from(map.cols) - 1.0) / 2.0],
         },
     })
