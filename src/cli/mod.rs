@@ -24,6 +24,9 @@ mod quickstart;
 mod render;
 mod run_folder;
 mod sample;
+mod schedule;
+mod schedule_args;
+mod schedule_chart;
 mod selftest;
 mod session;
 mod summary;
@@ -79,6 +82,7 @@ enum Command {
     Render(render::RenderArgs),
     Sample(sample::SampleArgs),
     Inspect(inspect::InspectArgs),
+    Schedule(schedule::ScheduleArgs),
     Devices(devices::DevicesArgs),
     Selftest(selftest::SelftestArgs),
     Bench(bench::BenchArgs),
@@ -130,6 +134,7 @@ fn run(cli: Cli, log: &Log) -> anyhow::Result<()> {
         Command::Render(args) => render::run(&args, log),
         Command::Sample(args) => sample::run(&args, log),
         Command::Inspect(args) => inspect::run(&args, log),
+        Command::Schedule(args) => schedule::run(&args, log),
         Command::Devices(args) => devices::run(&args),
         Command::Selftest(args) => selftest::run(&args, log),
         Command::Bench(args) => bench::run(&args, threads, log),

@@ -29,6 +29,43 @@ impl Table {
     }
 }
 
+/// Rows of as many cells as there are headings, each column aligned to the right.
+pub struct Columns {
+    rows: Vec<Vec<String>>,
+}
+
+impl Columns {
+    /// A table with these headings.
+    pub fn new(headings: &[&str]) -> Self {
+        Self { rows: vec![headings.iter().map(|&h| h.to_owned()).collect()] }
+    }
+
+    /// Adds a row.
+    pub fn row(&mut self, cells: Vec<String>) -> &mut Self {
+        self.rows.push(cells);
+        self
+    }
+
+    /// Prints the table.
+    ///
+    /// # Errors
+    /// As [`Table::print`].
+    pub fn print(&self) -> std::io::Result<()> {
+        let mut widths = vec![0; self.rows[0].len()];
+        for row in &self.rows {
+            for (width, cell) in widths.iter_mut().zip(row) {
+                *width = cell.chars().count().max(*width);
+            }
+        }
+        let mut out = std::io::stdout().lock();
+        for row in &self.rows {
+            let cells = row.iter().zip(&widths).map(|(cell, &width)| format!("{cell:>width$}"));
+            writeln!(out, "{}", cells.collect::<Vec<_>>().join("  "))?;
+        }
+        out.flush()
+    }
+}
+
 /// Prints JSON for machines.
 ///
 /// # Errors

@@ -13,6 +13,7 @@ use litetex_gs::backend::{DeviceInfo, LossValues, RenderedImage, StepReport, Tar
 use litetex_gs::camera::{Camera, Pinhole, RigidTransform, Similarity};
 use litetex_gs::eval::{Evaluation, quality_of};
 use litetex_gs::model::{Model, SplatArrays, TexturePool};
+use litetex_gs::schedule::ScheduleOptions;
 use litetex_gs::train::checkpoint;
 use litetex_gs::train::{Control, CurvePoint, StopReason, TrainConfig, TrainEvent, TrainState};
 use litetex_gs::views::{Split, ViewSource};
@@ -247,12 +248,35 @@ fn the_arguments_are_consistent() {
     super::Cli::command().debug_assert();
 }
 
+/// The default that a command's help states for a flag.
+fn stated(command: &str, flag: &str) -> Option<String> {
+    let mut all = super::Cli::command();
+    all.build();
+    let help = all.find_subcommand_mut(command).unwrap().render_long_help().to_string();
+    let flat = help.split_whitespace().collect::<Vec<_>>().join(" ");
+    let at = flat.find(&format!("{flag} <")).unwrap_or_else(|| panic!("{flag} is not in the help"));
+    let default = flat[at..].split("[default: ").nth(1).and_then(|s| s.split(']').next());
+    default.map(str::to_owned)
+}
+
+#[test]
+fn the_help_of_schedule_states_the_defaults() {
+    let options = ScheduleOptions::default();
+    let name = |value: serde_json::Result<Value>| value.unwrap().as_str().unwrap().to_owned();
+    for (flag, default) in [
+        ("--scale-rule", name(serde_json::to_value(options.scale_rule))),
+        ("--cap-rule", name(serde_json::to_value(options.cap_rule))),
+        ("--max-scale", options.max_scale.to_string()),
+        ("--beta", options.beta.to_string()),
+        ("--steps", TrainConfig::default().steps.to_string()),
+    ] {
+        assert_eq!(stated("schedule", flag), Some(default), "{flag}");
+    }
+    assert!(options.noise_robust, "--keep-noise switches it off");
+}
+
 #[test]
 fn the_help_states_the_defaults() {
-    let mut command = super::Cli::command();
-    command.build();
-    let help = command.find_subcommand_mut("train").unwrap().render_long_help().to_string();
-    let flat = help.split_whitespace().collect::<Vec<_>>().join(" ");
     let (train, run) = (TrainConfig::default(), RunConfig::default());
     for (flag, default) in [
         ("--steps", train.steps.to_string()),
@@ -266,9 +290,7 @@ fn the_help_states_the_defaults() {
         ("--test-every", run.capture.test_every.to_string()),
         ("--image-cache", format!("{}GiB", run.capture.image_cache_bytes >> 30)),
     ] {
-        let at = flat.find(&format!("{flag} <")).unwrap_or_else(|| panic!("{flag} is not in the help"));
-        let stated = flat[at..].split("[default: ").nth(1).and_then(|s| s.split(']').next());
-        assert_eq!(stated, Some(default.as_str()), "{flag}");
+        assert_eq!(stated("train", flag), Some(default), "{flag}");
     }
     assert_eq!(train.background, [0.0; 3], "--background says black");
 }

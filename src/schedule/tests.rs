@@ -199,8 +199,8 @@ fn clean_photos_with_an_even_part_keep_their_stages() {
     assert!(two.abs_diff(robust_two) < 50 && one.abs_diff(robust_one) < 50);
     let noisy = |options: &ScheduleOptions| of(vec![half_detailed(1.0, 6.0 / 255.0)], options);
     let (left_in, taken_out) = (noisy(&ScheduleOptions::paper()), noisy(&ScheduleOptions::default()));
-    // An upper bound: the detailed part raises the median (to 8.05).
-    assert!((6.0..9.0).contains(&(taken_out.noise * 255.0)), "{}", taken_out.noise * 255.0);
+    // An upper bound.
+    assert!((6.0..6.5).contains(&(taken_out.noise * 255.0)), "{}", taken_out.noise * 255.0);
     let moved = |schedule: &FrequencySchedule| (f64::from(openings(schedule).1) / f64::from(one) - 1.0).abs();
     println!("{} {}", moved(&left_in), moved(&taken_out));
     assert!(moved(&taken_out) < 0.05 && moved(&left_in) > 0.1);

@@ -1,0 +1,75 @@
+//! Options of the frequency scheduler, as typed.
+
+use super::capture_args::set;
+use litetex_gs::schedule::{CapRule, ScaleRule, ScheduleOptions};
+
+/// Flags of the scheduler; what is not given stays as the configuration file or the default says.
+#[derive(clap::Args, Clone, Debug, Default)]
+#[command(next_help_heading = "Schedule")]
+pub struct ScheduleFlags {
+    /// How the render scale follows the schedule [default: integer]
+    #[arg(long, value_name = "RULE")]
+    pub scale_rule: Option<ScaleRuleArg>,
+    /// How the cap of the texture resolution follows the schedule [default: squared]
+    #[arg(long, value_name = "RULE")]
+    pub cap_rule: Option<CapRuleArg>,
+    /// Coarsest render scale [default: 4]
+    #[arg(long, value_name = "S")]
+    pub max_scale: Option<f64>,
+    /// The first stage sees 1/BETA of what the photos show [default: 3]
+    #[arg(long, value_name = "BETA")]
+    pub beta: Option<f64>,
+    /// Take noise for detail, as published, instead of taking white noise out first
+    #[arg(long)]
+    pub keep_noise: bool,
+}
+
+/// See [`ScaleRule`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum ScaleRuleArg {
+    /// Always full size
+    Off,
+    /// Rounded down to an integer
+    Integer,
+    /// Rounded down to a power of 2^(1/4)
+    Fractional,
+}
+
+/// See [`CapRule`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum CapRuleArg {
+    /// Texels per primitive follow pixels per view
+    Squared,
+    /// As in the authors' code
+    Authors,
+}
+
+impl ScheduleFlags {
+    /// Writes what was given over `options`.
+    pub fn apply(&self, options: &mut ScheduleOptions) {
+        set(&mut options.scale_rule, self.scale_rule.map(ScaleRule::from));
+        set(&mut options.cap_rule, self.cap_rule.map(CapRule::from));
+        set(&mut options.max_scale, self.max_scale);
+        set(&mut options.beta, self.beta);
+        options.noise_robust &= !self.keep_noise;
+    }
+}
+
+impl From<ScaleRuleArg> for ScaleRule {
+    fn from(typed: ScaleRuleArg) -> Self {
+        match typed {
+            ScaleRuleArg::Off => Self::Off,
+            ScaleRuleArg::Integer => Self::Integer,
+            ScaleRuleArg::Fractional => Self::Fractional,
+        }
+    }
+}
+
+impl From<CapRuleArg> for CapRule {
+    fn from(typed: CapRuleArg) -> Self {
+        match typed {
+            CapRuleArg::Squared => Self::Squared,
+            CapRuleArg::Authors => Self::Authors,
+        }
+    }
+}
