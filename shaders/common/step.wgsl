@@ -66,6 +66,8 @@ const FLAG_PERSIST = 1u;
 const FLAG_STATISTICS = 2u;
 // Every map is activated, seen or not.
 const FLAG_ALL_MAPS = 4u;
+// What comes in the place of faults are atomics: of the variant that counts them.
+const FLAG_COUNT_ATOMICS = 8u;
 
 @group(0) @binding(0) var<uniform> step: Step;
 

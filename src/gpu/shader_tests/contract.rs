@@ -67,6 +67,7 @@ fn all_constants() -> BTreeMap<&'static str, Literal> {
     out.insert("FLAG_PERSIST", Literal::U32(layout::FLAG_PERSIST));
     out.insert("FLAG_STATISTICS", Literal::U32(layout::FLAG_STATISTICS));
     out.insert("FLAG_ALL_MAPS", Literal::U32(layout::FLAG_ALL_MAPS));
+    out.insert("FLAG_COUNT_ATOMICS", Literal::U32(layout::FLAG_COUNT_ATOMICS));
     let mut offset = 0;
     for (name, group) in
         ["POSITION", "QUATERNION", "LOG_SCALE", "OPACITY", "SH"].into_iter().zip(SplatGroup::ALL)
