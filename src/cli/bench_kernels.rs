@@ -116,8 +116,8 @@ mod with_gpu {
     struct EvaluationFigures {
         /// Held-out views of the capture.
         views: usize,
-        /// Time of one.
-        secs_per_view: f64,
+        /// Time of one, if there was time for it.
+        secs_per_view: Option<f64>,
     }
 
     /// Everything that is written.
@@ -178,8 +178,8 @@ mod with_gpu {
         });
         let step_secs = kernels.steps.as_ref().map_or(kernels.first_step_secs, |s| s.wall_secs_per_step);
         let evaluation = match &scene.capture {
-            Some(capture) if deadline.allows(step_secs) => evaluation(&mut backend, capture, &scene)?,
-            _ => None,
+            Some(capture) => Some(evaluation(&mut backend, capture, &scene, deadline.allows(step_secs))?),
+            None => None,
         };
         let figures = Figures {
             schema: SCHEMA,
@@ -218,19 +218,25 @@ mod with_gpu {
         Ok(out)
     }
 
-    /// Renders and compares one held-out view.
+    /// Renders and compares one held-out view, if there is one, and time for it.
     fn evaluation(
         backend: &mut GpuBackend,
         capture: &Capture,
         scene: &Scene,
-    ) -> Result<Option<EvaluationFigures>> {
+        has_time: bool,
+    ) -> Result<EvaluationFigures> {
         let test = capture.indices(Split::Test);
-        let Some(first) = test.first() else { return Ok(None) };
-        let (background, sh_degree) = (scene.background, scene.model.splats.sh_degree);
-        let options = RenderOptions { background, sh_degree, geometry: false };
-        let start = Instant::now();
-        evaluate(backend, capture, &[*first], &options, &mut |_, _| Ok(Control::Continue))?;
-        Ok(Some(EvaluationFigures { views: test.len(), secs_per_view: start.elapsed().as_secs_f64() }))
+        let secs_per_view = match test.first() {
+            Some(first) if has_time => {
+                let (background, sh_degree) = (scene.background, scene.model.splats.sh_degree);
+                let options = RenderOptions { background, sh_degree, geometry: false };
+                let start = Instant::now();
+                evaluate(backend, capture, &[*first], &options, &mut |_, _| Ok(Control::Continue))?;
+                Some(start.elapsed().as_secs_f64())
+            }
+            _ => None,
+        };
+        Ok(EvaluationFigures { views: test.len(), secs_per_view })
     }
 
     fn of_capture(args: &BenchKernelsArgs, log: &Log) -> Result<Scene> {
@@ -289,8 +295,8 @@ mod with_gpu {
                 table.row("skipped", why.as_deref().unwrap_or_default());
             }
         }
-        if let Some(e) = &f.evaluation {
-            table.row("evaluation", format!("{:.3} s for each of {} views", e.secs_per_view, e.views));
+        if let Some(EvaluationFigures { views, secs_per_view: Some(secs) }) = &f.evaluation {
+            table.row("evaluation", format!("{secs:.3} s for each of {views} views"));
         }
         for s in &f.sort {
             let verdict = if s.sorted { "" } else { ", WRONG ORDER" };

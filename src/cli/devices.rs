@@ -32,7 +32,7 @@ struct Listed {
 /// Prints the devices.
 pub fn run(args: &DevicesArgs) -> anyhow::Result<()> {
     let cpu = open_cpu()?.device();
-    let devices = listed(&gpus(), cpu, |gpu| opens(gpu));
+    let devices = listed(&gpus(), cpu, opens);
     if args.json {
         return Ok(print_json(&devices)?);
     }

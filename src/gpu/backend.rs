@@ -26,7 +26,7 @@ use crate::{Error, Result};
 use std::collections::BTreeMap;
 
 /// How a [`GpuBackend`] works. Only `hardware_kernels` changes results, in their last bits.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct GpuOptions {
     /// Steps per submission, at most 16; 1 reads the status after each. `None`: as many as the device does in
     /// less than a second.
@@ -44,19 +44,6 @@ pub struct GpuOptions {
     pub time_kernels: bool,
     /// Pairs to make room for at first; `None`: a guess from the number of splats.
     pub pair_capacity: Option<u64>,
-}
-
-impl Default for GpuOptions {
-    fn default() -> Self {
-        Self {
-            batch_steps: None,
-            count_pairs: false,
-            count_texel_atomics: false,
-            hardware_kernels: None,
-            time_kernels: false,
-            pair_capacity: None,
-        }
-    }
 }
 
 /// Renders and optimises through wgpu.

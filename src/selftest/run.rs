@@ -158,12 +158,13 @@ fn depths_and_normals(
     scene: &Scene,
     name: &dyn Fn(&str) -> String,
 ) -> Result<Vec<Check>> {
+    backend.upload(&scene.model, &AdamState::zeros(&scene.model))?;
     let sh_degree = scene.model.splats.sh_degree;
     let options = RenderOptions { background: BACKGROUND, sh_degree, geometry: true };
     let image = backend.render(&scene.camera, &options)?;
     let expected = reference(scene, &Params::from_model(&scene.model), &WEIGHTS).picture;
     let normals: Vec<f64> = expected.normal.iter().flat_map(|n| n.to_array()).collect();
-    // Needed 2 of 5,063 pixels.
+    // None was off on the CPU backend; 2 of 1,000 may flip.
     Ok(vec![
         share_off(name("depths"), &wide(&image.depth), &expected.depth, 2e-3),
         share_off(name("normals"), &wide(&image.normal), &normals, 2e-3),

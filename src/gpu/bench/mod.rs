@@ -85,7 +85,7 @@ impl DeviceFigures {
 pub struct WorkPerStep {
     /// Dispatches.
     pub dispatches: f64,
-    /// Submissions, those that copy the status included.
+    /// Submissions.
     pub submissions: f64,
     /// Times that the host waited.
     pub host_waits: f64,
