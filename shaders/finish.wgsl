@@ -2,16 +2,14 @@
 
 #constants
 #include common/step
-#include common/projected
-#include common/bounds
+#include common/splat_sums
 #include common/status
 
-@group(0) @binding(1) var<storage, read> projected: array<Projected>; // [n]
-@group(0) @binding(2) var<storage, read> bounds: array<Bounds>; // [n]
-@group(0) @binding(3) var<storage, read> loss_partials: array<vec4f>; // [tiles] |d|, 1 - ssim, d^2
-@group(0) @binding(4) var<storage, read_write> status: array<Status>;
+@group(0) @binding(1) var<storage, read> splat_sums: array<SplatSums>; // [n / GROUP]
+@group(0) @binding(2) var<storage, read> loss_partials: array<vec4f>; // [tiles] |d|, 1 - ssim, d^2
+@group(0) @binding(3) var<storage, read_write> status: array<Status>;
 #if GEOMETRY
-@group(0) @binding(5) var<storage, read> geometry_partials: array<vec2f>; // [tiles] distortion, normal
+@group(0) @binding(4) var<storage, read> geometry_partials: array<vec2f>; // [tiles] distortion, normal
 
 var<workgroup> geometries: array<vec2f, GROUP>;
 #endif
@@ -30,13 +28,11 @@ fn finish(@builtin(local_invocation_index) lane: u32) {
     }
     var texture_sum = 0.0;
     var count = vec2u(0u);
-    for (var i = lane; i < step.num_splats; i += GROUP) {
-        if bounds[i].num_tiles > 0u {
-            loss.w += projected[i].opacity * step.opacity_weight;
-            let weight = step.texture_weight + step.texture_hidden_weight * bounds[i].hidden;
-            texture_sum += weight * bounds[i].texture_sum;
-            count += vec2u(1u, bounds[i].faults);
-        }
+    for (var block = lane; block < (step.num_splats + GROUP - 1u) / GROUP; block += GROUP) {
+        let sums = splat_sums[block];
+        loss.w += sums.opacity;
+        texture_sum += sums.texture;
+        count += vec2u(sums.visible, sums.faults);
     }
 #if GEOMETRY
     var geometry = vec2f(0.0);
@@ -73,7 +69,9 @@ fn finish(@builtin(local_invocation_index) lane: u32) {
         status[slot].normal = step.loss_normal * geometries[0].y * 3.0 / count;
 #endif
         status[slot].visible = counts[0].x;
-        status[slot].faults = counts[0].y;
+        let counts_atomics = has_flag(FLAG_COUNT_ATOMICS);
+        status[slot].faults = select(counts[0].y, 0u, counts_atomics);
+        status[slot].texel_atomics = select(0u, counts[0].y, counts_atomics);
         status[slot].done = 1u;
     }
 }

@@ -6,10 +6,11 @@
 // GEOMETRY, with STATISTICS: the terms on depths and normals.
 //
 // Software drivers walk through every branch and every loop once, whether an invocation takes it or not, and pay
-// for each barrier by what lives across it: so the code is short and has two barriers, the rest is select()
-// (measured: lavapipe, from 4.7 to 0.9 s a step). COUNT: global
-// atomics are told in the place of faults. SCATTER, for hardware: windows of many texels get an atomic per
-// tap instead.
+// for each barrier by what lives across it: so the code is short and has two barriers a splat, the rest is
+// select(). The form before it, with more of both, took this kernel 3.9 times as long on lavapipe. COUNT: global
+// atomics are told in the place of faults. SCATTER, for hardware: windows of many texels get an atomic per tap
+// instead; its units are those of the whole box, so that the rounding of taps shows where a splat covers much of
+// the picture.
 
 #constants
 #include common/groups
@@ -20,6 +21,8 @@
 #include common/tile
 #include common/hit
 #include common/fixed
+#include common/texel_grad
+#include common/tile_sums
 
 @group(0) @binding(1) var<storage, read> projected: array<Projected>; // [n]
 @group(0) @binding(2) var<storage, read> pairs: array<Pair>; // [K] by tile, front to back
@@ -184,123 +187,6 @@ fn pixel_bwd(replay: ptr<function, Replay>, s: Projected, index: u32, pixel: vec
 #endif
 }
 
-#if SCATTER
-fn scatter(s: Projected, taps: Taps, by_colour: vec3f) -> u32 {
-    let f = taps.fraction;
-    return add_texel(s, taps.first, by_colour * ((1.0 - f.x) * (1.0 - f.y)))
-        + add_texel(s, taps.first + vec2i(0, 1), by_colour * ((1.0 - f.x) * f.y))
-        + add_texel(s, taps.first + vec2i(1, 0), by_colour * (f.x * (1.0 - f.y)))
-        + add_texel(s, taps.first + vec2i(1, 1), by_colour * (f.x * f.y));
-}
-
-fn add_texel(s: Projected, texel: vec2i, by_texel: vec3f) -> u32 {
-    let cols = i32(map_cols(s.map_size));
-    if texel.x < 0 || texel.y < 0 || texel.x >= i32(map_rows(s.map_size)) || texel.y >= cols {
-        return 0u;
-    }
-    let at = 3u * (s.map_offset_texels + u32(texel.x * cols + texel.y));
-    return add_fixed(at, by_texel.x, s.texel_units) + add_fixed(at + 1u, by_texel.y, s.texel_units)
-        + add_fixed(at + 2u, by_texel.z, s.texel_units);
-}
-#endif
-
-// Adds to a texel's gradient; returns 1 for what is not finite or too large.
-fn add_fixed(at: u32, by_texel: f32, units: f32) -> u32 {
-    let limit = tile_limit(units);
-    let value = by_texel * units;
-    let sound = is_finite(value) && abs(value) <= limit;
-    let fixed = i32(round(select(0.0, clamp(value, -limit, limit), is_finite(value))));
-    if fixed != 0 {
-        atomicAdd(&texel_grad[at], fixed);
-    }
-#if COUNT
-    return u32(fixed != 0);
-#else
-    return u32(!sound);
-#endif
-}
-
-// Sums of one quantity over a row of pixels: times 1, dx and dy for the first three.
-fn sum_row(quantity: u32, row: u32, columns: vec2u, to_first: vec2f) {
-    var total = 0.0;
-    var times_dx = 0.0;
-    for (var column = columns.x; column < columns.y; column += 1u) {
-        let value = lanes[quantity * RASTER_GROUP + column * PARTS + row];
-        total += value;
-        times_dx += value * (to_first.x + f32(column));
-    }
-    let sum = select(quantity + 6u, quantity * 3u, quantity < 3u);
-    sum_parts[sum * PARTS + row] = total;
-    if quantity < 3u {
-        sum_parts[(sum + 1u) * PARTS + row] = times_dx;
-        sum_parts[(sum + 2u) * PARTS + row] = total * (to_first.y + f32(row));
-    }
-}
-
-#if STATISTICS
-// Pixels, blending weight, weight times loss, transmittance in front, over a row of pixels.
-fn statistics_row(row: u32, columns: vec2u, origin_px: vec2u) {
-    var total = vec4f(0.0);
-    for (var column = columns.x; column < columns.y; column += 1u) {
-        let at = column * PARTS + row;
-        let weight = lanes[WEIGHT * RASTER_GROUP + at];
-        // Rows and columns of the box are within the picture.
-#if GEOMETRY
-        let loss = pixel_records[3u * ((origin_px.y + row) * step.size_px.x + origin_px.x + column)].w;
-#else
-        let loss = pixel_grad[(origin_px.y + row) * step.size_px.x + origin_px.x + column].w;
-#endif
-        total += vec4f(f32(weight > 0.0), weight, weight * loss, lanes[TRANSMITTANCE * RASTER_GROUP + at]);
-    }
-    for (var k = 0u; k < 4u; k += 1u) {
-        sum_parts[(16u + k) * PARTS + row] = total[k];
-    }
-}
-#endif
-
-#if GEOMETRY
-// By m times m, and by the normal, over a row of pixels.
-fn geometry_row(s: Projected, row: u32, columns: vec2u, origin_px: vec2u) {
-    var total = vec4f(0.0);
-    for (var column = columns.x; column < columns.y; column += 1u) {
-        let weight = lanes[WEIGHT * RASTER_GROUP + column * PARTS + row];
-        let pixel = origin_px + vec2u(column, row);
-        let at = 3u * (pixel.y * step.size_px.x + pixel.x);
-        let c = pixel_records[at + 1u].xyz;
-        let m = s.near_over_depth * (1.0 + dot(s.g, vec2f(pixel) + 0.5 - s.centre_px));
-        total += weight * vec4f((c.y + 2.0 * c.z * m) * m, pixel_records[at + 2u].xyz);
-    }
-    for (var k = 0u; k < 4u; k += 1u) {
-        sum_parts[(20u + k) * PARTS + row] = total[k];
-    }
-}
-#endif
-
-// Gradients of four texels of a row of a block over a part of the rows of pixels.
-fn gather_row(first: vec2u, texel_row: u32, part: u32, low: vec2u, high: vec2u) {
-    var red = vec4f(0.0);
-    var green = vec4f(0.0);
-    var blue = vec4f(0.0);
-    let u = f32(first.x + texel_row);
-    let v = f32(first.y) + vec4f(0.0, 1.0, 2.0, 3.0);
-    for (var y = part; y < high.y; y += TEXEL_PARTS) {
-        for (var x = select(low.x, high.x, y < low.y); x < high.x; x += 1u) {
-            let at = x * PARTS + y;
-            let along_u = max(1.0 - abs(lanes[TEXEL_U * RASTER_GROUP + at] - u), 0.0);
-            let w = along_u * max(1.0 - abs(lanes[TEXEL_V * RASTER_GROUP + at] - v), vec4f(0.0));
-            red += w * lanes[RED * RASTER_GROUP + at];
-            green += w * lanes[(RED + 1u) * RASTER_GROUP + at];
-            blue += w * lanes[(RED + 2u) * RASTER_GROUP + at];
-        }
-    }
-    for (var k = 0u; k < BLOCK_TEXELS; k += 1u) {
-        let at = (texel_row * BLOCK_TEXELS + k) * 3u * TEXEL_PARTS + part;
-        texel_parts[at] = red[k];
-        texel_parts[at + TEXEL_PARTS] = green[k];
-        texel_parts[at + 2u * TEXEL_PARTS] = blue[k];
-    }
-}
-
 @compute @workgroup_size(RASTER_GROUP)
 fn raster_bwd(
     @builtin(workgroup_id) group: vec3u,
@@ -404,7 +290,8 @@ fn raster_bwd(
                     total += texel_parts[lane * TEXEL_PARTS + k];
                 }
                 let texel_at = s.map_offset_texels + texel.x * map_cols(s.map_size) + texel.y;
-                replay.faults += add_fixed(3u * texel_at + lane % 3u, total, s.texel_units);
+                let limit = fixed_limit(s.texel_units, (high.x - low.x) * (high.y - low.y));
+                replay.faults += add_fixed(3u * texel_at + lane % 3u, total, s.texel_units, limit);
             }
         }
         if block == 0u && from_last < NUM_SUMS {

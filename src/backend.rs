@@ -193,6 +193,9 @@ pub struct RasterCounters {
     pub inside_pairs: u64,
     /// ... blended.
     pub blended_pairs: u64,
+    /// Global atomics that added texel gradients in the backward pass, where they are counted.
+    #[serde(default)]
+    pub texel_atomics: u64,
 }
 
 /// What one step did.

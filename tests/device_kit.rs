@@ -77,18 +77,39 @@ fn the_kit_tells_all_of_a_device_and_what_failed() {
         positive(&train["steps"], "steps");
         positive(&train["curve"][0]["psnr_test"], "PSNR");
     }
-    // A batch of two steps is one submission and its status, read once.
-    assert_eq!(json["bench"]["32"]["per_step"]["host_waits"], 0.5);
-    assert_eq!(json["bench"]["32"]["per_step"]["submissions"], 1.0);
+    // A batch is one submission with its status, read once; how long batches are follows from the speed.
+    let bench = &json["bench"]["32"];
+    let batches = 2_u64.div_ceil(bench["batch_steps"].as_u64().unwrap());
+    for key in ["host_waits", "submissions"] {
+        assert_eq!(bench["per_step"][key].as_f64().unwrap(), batches as f64 / 2.0, "{key}");
+    }
+    assert!(json["parts"].as_array().unwrap().iter().all(|p| p["skipped"] == false));
     assert!(json["bench"]["full"]["size_px"] == serde_json::json!([64, 48]));
     for (sort, keys) in json["sort"].as_array().unwrap().iter().zip([100_000, 1_000_000]) {
         assert!(sort["keys"] == keys && sort["sorted"] == true);
         positive(&sort["keys_per_sec"], "keys per second");
     }
 
+    a_part_without_time_says_so(&capture, &driver.name, &dir.path().join("bench.json"));
+
     let (code, stdout, json) = kit(&capture, &dir.path().join("nowhere"), "no-such-device");
     assert_eq!((code, &json["passed"]), (1, &Value::Bool(false)));
     assert_eq!(names(&json, true), ["devices"]);
     assert!(json["parts"][1]["message"].as_str().unwrap().contains("no-such-device"), "{json:#}");
     assert!(stdout.contains("FAILED") && json["repeatable"].is_null());
+    assert_eq!(json["device"]["name"], "no-such-device", "{}", json["device"]);
+}
+
+/// Measuring within a time that does not suffice for a step beside the first is no failure.
+fn a_part_without_time_says_so(capture: &Path, device: &str, json: &Path) {
+    let output = Command::new(env!("CARGO_BIN_EXE_litetex"))
+        .args(["bench-kernels", "--device", device, "--max-resolution", "32", "--max-time", "0.01", "--json"])
+        .args([json, capture])
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let figures: Value = serde_json::from_slice(&std::fs::read(json).unwrap()).unwrap();
+    let why = figures["skipped"].as_str().unwrap();
+    assert!(why.starts_with("one step takes") && figures["steps_per_sec"].is_null(), "{figures:#}");
+    assert!(figures["first_step_secs"].as_f64().unwrap() > 0.0 && figures["device"]["name"] == device);
 }

@@ -11,8 +11,18 @@ use litetex_gs::cpu::CpuBackend;
 use litetex_gs::model::{AdamState, Model};
 use litetex_gs::selftest;
 
-/// A broken driver: the photo that the loss sees is one pixel off.
-struct Broken(CpuBackend);
+/// What a broken driver gets wrong.
+#[derive(Clone, Copy, PartialEq)]
+enum Fault {
+    /// The photo that the loss sees is one pixel off.
+    Photo,
+    /// Terms on depths and normals do nothing, and pictures of them show those of another place.
+    Depths,
+    /// Texels of maps above 9 blocks of 4 x 4 get no gradient.
+    LargeMaps,
+}
+
+struct Broken(CpuBackend, Fault);
 
 impl Backend for Broken {
     fn device(&self) -> DeviceInfo {
@@ -22,12 +32,21 @@ impl Backend for Broken {
         self.0.upload(model, adam)
     }
     fn render(&mut self, camera: &Camera, options: &RenderOptions) -> Result<RenderedImage> {
-        self.0.render(camera, options)
+        let mut image = self.0.render(camera, options)?;
+        if self.1 == Fault::Depths && options.geometry {
+            image.depth.rotate_left(1);
+            image.normal.rotate_left(3);
+        }
+        Ok(image)
     }
     fn step(&mut self, request: &StepRequest<'_>) -> Result<StepReport> {
-        let mut target = request.target.clone();
-        target.rgb.rotate_left(3);
-        self.0.step(&StepRequest { target: &target, ..*request })
+        let (mut target, mut loss) = (request.target.clone(), request.loss);
+        match self.1 {
+            Fault::Photo => target.rgb.rotate_left(3),
+            Fault::Depths => (loss.distortion, loss.normal) = (0.0, 0.0),
+            Fault::LargeMaps => {}
+        }
+        self.0.step(&StepRequest { target: &target, loss, ..*request })
     }
     fn set_statistics(&mut self, statistics: &WindowStatistics) -> Result<()> {
         self.0.set_statistics(statistics)
@@ -40,7 +59,13 @@ impl Backend for Broken {
         self.0.apply_plan(plan)
     }
     fn read_back(&mut self) -> Result<(Model, AdamState)> {
-        self.0.read_back()
+        let (model, mut adam) = self.0.read_back()?;
+        if self.1 == Fault::LargeMaps {
+            for map in model.textures.maps.iter().filter(|map| map.num_texels() > 9 * 16) {
+                adam.texels_m[map.floats()].fill(0.0);
+            }
+        }
+        Ok((model, adam))
     }
     fn read_settled(&mut self) -> Result<Model> {
         self.0.read_settled()
@@ -52,8 +77,20 @@ fn the_cpu_passes_and_a_broken_device_does_not() {
     let checks = selftest::run(&mut CpuBackend::new(Some(2)).unwrap()).unwrap();
     checks.iter().for_each(|c| println!("{:<40} {:.2e} of {:.1e}", c.name, c.difference, c.limit));
     assert!(checks.iter().all(|c| c.passed), "{checks:#?}");
-    let broken = selftest::run(&mut Broken(CpuBackend::new(Some(2)).unwrap())).unwrap();
-    let of = |what: &str| broken.iter().filter(|c| c.name.contains(what)).collect::<Vec<_>>();
-    assert!(of("picture").iter().all(|c| c.passed), "rendering is sound");
-    assert!(of("gradient").iter().all(|c| !c.passed), "{broken:#?}");
+    let broken_by = |fault| {
+        let broken = selftest::run(&mut Broken(CpuBackend::new(Some(2)).unwrap(), fault)).unwrap();
+        let failed = broken.into_iter().filter(|c| !c.passed).map(|c| c.name);
+        failed.collect::<Vec<_>>()
+    };
+    let failed = broken_by(Fault::Photo);
+    assert!(failed.iter().all(|name| !name.contains("picture")), "rendering is sound: {failed:#?}");
+    let gradients = checks.iter().filter(|c| c.name.contains("gradient"));
+    gradients.for_each(|c| assert!(failed.contains(&c.name), "{}: {failed:#?}", c.name));
+    let failed = broken_by(Fault::Depths);
+    assert!(failed.iter().all(|name| name.starts_with("depth terms")), "{failed:#?}");
+    for what in ["depths", "normals", "gradient of Position", "gradient of Quaternion"] {
+        assert!(failed.contains(&format!("depth terms: {what}")), "{what}: {failed:#?}");
+    }
+    let failed = broken_by(Fault::LargeMaps);
+    assert_eq!(failed, ["large maps: gradient of Texel", "depth terms: gradient of Texel"]);
 }

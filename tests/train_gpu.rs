@@ -6,16 +6,23 @@ mod common;
 
 use common::gpu::{backend, drivers_and_limits, open};
 use common::steps::{differences, requests, scene, views};
-use litetex_gs::backend::{Backend, RenderOptions, StepReport};
+use litetex_gs::backend::{Backend, LossWeights, RenderOptions, StepReport, StepRequest};
 use litetex_gs::cpu::CpuBackend;
 use litetex_gs::gpu::{AdapterChoice, GpuBackend, GpuOptions, Limits};
 use litetex_gs::model::{AdamState, Model};
 use litetex_gs::selftest::Scene;
 
-fn trained(backend: &mut dyn Backend, scene: &Scene, steps: u32) -> (Model, AdamState, Vec<StepReport>) {
+type Trained = (Model, AdamState, Vec<StepReport>);
+
+fn trained(backend: &mut dyn Backend, scene: &Scene, steps: u32) -> Trained {
     let views = views(scene);
+    let requests = requests(&views, 1..=steps);
+    trained_with(backend, scene, &requests)
+}
+
+fn trained_with(backend: &mut dyn Backend, scene: &Scene, requests: &[StepRequest<'_>]) -> Trained {
     backend.upload(&scene.model, &AdamState::zeros(&scene.model)).unwrap();
-    let reports = backend.steps(&requests(&views, 1..=steps)).unwrap();
+    let reports = backend.steps(requests).unwrap();
     let (model, adam) = backend.read_back().unwrap();
     (model, adam, reports)
 }
@@ -64,12 +71,14 @@ fn neither_batches_nor_capacity_nor_reruns_change_a_bit(driver: &AdapterChoice, 
         reference,
         // Overflows at once, and again as splats come into sight.
         GpuOptions { pair_capacity: Some(50), ..reference },
-        GpuOptions { batch_steps: 1, ..reference },
-        GpuOptions { pair_capacity: Some(50), batch_steps: 1, ..reference },
+        GpuOptions { batch_steps: Some(1), ..reference },
+        GpuOptions { batch_steps: Some(16), ..reference },
+        GpuOptions { pair_capacity: Some(50), batch_steps: Some(3), ..reference },
     ];
     let scene = scene(5);
     let mut first: Option<(Model, AdamState, Vec<StepReport>)> = None;
-    // The slower drivers get the first two.
+    // Batches of the default follow the device's speed, and so are other ones each time. The slower drivers get
+    // the first two.
     let count = if driver.name == "lavapipe" { variants.len() } else { 2 };
     for options in variants.into_iter().take(count) {
         let mut backend = open(driver, limits, options);
@@ -84,6 +93,63 @@ fn neither_batches_nor_capacity_nor_reruns_change_a_bit(driver: &AdapterChoice, 
     let other = GpuOptions::default();
     let different = trained(&mut open(driver, limits, other), &common::steps::scene(6), 21);
     assert!(first.unwrap().0 != different.0, "another scene gives another model");
+}
+
+/// Steps of every kind: with statistics, with hidden textures, with terms on depths and normals.
+fn mixed<'a>(
+    views: &'a [(litetex_gs::camera::Camera, litetex_gs::backend::TargetImage)],
+) -> Vec<StepRequest<'a>> {
+    let mut out = requests(views, 1..=14);
+    for request in &mut out {
+        let loss = request.loss;
+        request.loss = match request.step % 4 {
+            0 => LossWeights { distortion: 10.0, normal: 0.05, ..loss },
+            1 => LossWeights { texture_hidden: 1e-6, ..loss },
+            2 => LossWeights { normal: 0.1, texture_hidden: 1e-6, ..loss },
+            _ => loss,
+        };
+    }
+    out
+}
+
+#[test]
+fn steps_of_every_kind_are_skipped_and_replayed_bit_for_bit_by_the_kernels_for_hardware_too() {
+    // Large maps, so that texels are added tap by tap as well.
+    let scene = litetex_gs::selftest::random_scene(&litetex_gs::selftest::SceneOptions {
+        num_splats: 300,
+        scales: (0.02, 0.15),
+        opacities: (0.05, 0.8),
+        map_sizes: vec![(40, 40), (4, 4), (9, 5)],
+        width_px: 83,
+        height_px: 61,
+        seed: 21,
+        ..Default::default()
+    });
+    let views = views(&scene);
+    let mut models = Vec::new();
+    for hardware in [true, false] {
+        let plain = GpuOptions { hardware_kernels: Some(hardware), ..GpuOptions::default() };
+        let variants = [
+            GpuOptions { batch_steps: Some(1), ..plain },
+            GpuOptions { batch_steps: Some(16), ..plain },
+            GpuOptions { batch_steps: Some(16), pair_capacity: Some(50), ..plain },
+            GpuOptions { pair_capacity: Some(50), ..plain },
+        ];
+        let runs = variants.map(|options| {
+            let mut backend = gpu(options)?;
+            let run = trained_with(&mut backend, &scene, &mixed(&views));
+            Some((run, backend.read_statistics().unwrap()))
+        });
+        for (options, run) in variants.iter().zip(&runs) {
+            let Some(run) = run else { return };
+            assert!(Some(run) == runs[0].as_ref(), "{options:?}");
+        }
+        let Some(((model, _, reports), statistics)) = runs.into_iter().flatten().next() else { return };
+        assert!(reports.iter().any(|r| r.loss.distortion > 0.0 && r.loss.normal > 0.0));
+        assert_eq!(statistics.views, 4);
+        models.push(model);
+    }
+    assert!(models[0] != models[1], "the forms differ in their last bits: each was run");
 }
 
 #[test]

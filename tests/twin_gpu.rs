@@ -16,7 +16,7 @@ use litetex_gs::model::AdamState;
 use litetex_gs::selftest::{Scene, SceneOptions, random_scene};
 
 /// Limit of the texels' gradients, rms over that of the reference.
-const TEXEL_RMS: f64 = 1e-3;
+const TEXEL_RMS: f64 = 2e-4; // needed 6.9e-5 on lavapipe and SwiftShader, with maps finer than pixels
 
 const NO_GEOMETRY: LossWeights = LossWeights { distortion: 0.0, normal: 0.0, ..WEIGHTS };
 

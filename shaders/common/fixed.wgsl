@@ -9,7 +9,9 @@ fn texel_units(box_min: u32, box_max: u32) -> f32 {
     return step.texel_units / f32(1u << min(bits, 31u));
 }
 
-// Largest sum of one tile in units: that of all its pixels.
-fn tile_limit(units: f32) -> f32 {
-    return FIXED_MAX * min(1.0, f32(RASTER_GROUP) * units / step.texel_units);
+// Largest sum of so many pixels of the splat's box in units. All pixels of the box together, however they are
+// grouped, come to FIXED_MAX at most and half a unit per summand for rounding: no sum can wrap around. What a
+// poisoned gradient has beyond is cut off, and counted.
+fn fixed_limit(units: f32, num_pixels: u32) -> f32 {
+    return FIXED_MAX * min(1.0, f32(num_pixels) * units / step.texel_units);
 }

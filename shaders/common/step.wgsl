@@ -73,6 +73,8 @@ const FLAG_STATISTICS = 2u;
 const FLAG_ALL_MAPS = 4u;
 // Outside of a map is its nearest texel, not nothing.
 const FLAG_NEAREST_OUTSIDE = 8u;
+// What comes in the place of faults are atomics: of the variant that counts them.
+const FLAG_COUNT_ATOMICS = 16u;
 
 @group(0) @binding(0) var<uniform> step: Step;
 

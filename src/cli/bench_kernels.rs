@@ -1,18 +1,18 @@
 //! `litetex bench-kernels`: what a training step costs on a GPU. The measuring is `gpu::bench`'s business;
 //! here a scene is chosen and figures are printed. JSON: `docs/bench-kernels-schema.md`.
 
-use super::device_kit;
+use super::device_kit::{self, Kit};
 use super::log::Log;
+use super::values::parse_duration_secs;
 use std::path::PathBuf;
 
 /// Measure what a training step does on a GPU: times, pairs, traffic, waits
 ///
 /// Steps on views of a capture, from the model that training starts with, or on a random scene. The first run
-/// over the views does not count.
+/// over the views does not count. With --max-time, as much as there is time for.
 #[derive(clap::Args)]
 pub struct BenchKernelsArgs {
     /// Folder of a capture [default: a random scene]
-    #[cfg_attr(not(feature = "gpu"), allow(dead_code, reason = "there is nothing to measure"))]
     capture: Option<PathBuf>,
     /// Which GPU
     #[arg(long, value_name = "NAME", default_value = "gpu", help_heading = "Device")]
@@ -20,6 +20,9 @@ pub struct BenchKernelsArgs {
     /// Bound of the pictures' longer side in pixels
     #[arg(long, value_name = "N", default_value_t = 480, value_parser = clap::value_parser!(u32).range(16..))]
     max_resolution: u32,
+    /// Splats of the random scene
+    #[arg(long, value_name = "N", default_value_t = 10_000, conflicts_with = "capture", value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
+    splats: u32,
     /// Steps to measure
     #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     steps: u32,
@@ -29,22 +32,35 @@ pub struct BenchKernelsArgs {
     /// Write the figures here
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Put together what scripts/device-kit has left in a folder
-    #[arg(long, value_name = "DIR", hide = true)]
-    collect: Option<PathBuf>,
+    /// End in about this time, loading included: 90s, 2m [default: no limit]
+    #[arg(long, value_name = "TIME", value_parser = parse_duration_secs)]
+    max_time: Option<f64>,
+    /// Run everything of scripts/device-kit and put it together in a folder
+    #[arg(long, value_name = "DIR", hide = true, requires = "capture")]
+    kit: Option<PathBuf>,
+    /// Training time for each size of the kit, seconds
+    #[arg(long, value_name = "N", hide = true, requires = "kit", value_parser = clap::value_parser!(u32).range(1..=60))]
+    kit_seconds: Option<u32>,
+    /// Small sizes and few steps, for trying the kit
+    #[arg(long, hide = true, requires = "kit")]
+    kit_tiny: bool,
 }
 
 /// Measures and prints a table.
 pub fn run(args: &BenchKernelsArgs, log: &Log) -> anyhow::Result<()> {
-    match &args.collect {
-        Some(folder) => device_kit::collect(folder),
-        None => measured(args, log),
-    }
+    let (Some(folder), Some(capture)) = (&args.kit, &args.capture) else { return measured(args, log) };
+    device_kit::run(&Kit {
+        capture: capture.clone(),
+        folder: folder.clone(),
+        device: args.device.clone(),
+        tiny: args.kit_tiny,
+        train_secs: args.kit_seconds,
+    })
 }
 
 #[cfg(not(feature = "gpu"))]
 fn measured(args: &BenchKernelsArgs, _log: &Log) -> anyhow::Result<()> {
-    let _ = (&args.capture, args.max_resolution, args.steps, args.sort, &args.json);
+    let _ = (args.max_resolution, args.splats, args.steps, args.sort, &args.json, args.max_time);
     let what = format!("{:?}: this build has no GPUs; build it with the feature \"gpu\"", args.device);
     Err(litetex_gs::Error::unsupported("bench-kernels", what).into())
 }
@@ -54,22 +70,33 @@ use with_gpu::measured;
 
 #[cfg(feature = "gpu")]
 mod with_gpu {
-    use super::super::capture::{self, InitSource, LoadOptions};
+    use super::super::capture::{self, Capture, InitSource, LoadOptions};
     use super::super::devices::open_gpu_backend;
     use super::super::table::Table;
     use super::super::values::{format_bytes, format_count};
     use super::{BenchKernelsArgs, Log};
-    use litetex_gs::backend::{StepRequest, TargetImage};
+    use litetex_gs::backend::{RenderOptions, StepRequest, TargetImage};
     use litetex_gs::camera::{Camera, RigidTransform};
-    use litetex_gs::gpu::bench::{DeviceFigures, KernelFigures, SortThroughput, measure, sort_throughput};
+    use litetex_gs::gpu::GpuBackend;
+    use litetex_gs::gpu::bench::{
+        CountFigures, Deadline, DeviceFigures, KernelFigures, SortThroughput, StepFigures, measure,
+        sort_throughput,
+    };
     use litetex_gs::model::Model;
     use litetex_gs::selftest::{SceneOptions, random_scene};
-    use litetex_gs::train::{Schedule, TrainConfig};
+    use litetex_gs::train::{Control, Schedule, TrainConfig, evaluate};
     use litetex_gs::views::{Split, ViewSource};
     use litetex_gs::{Error, Result, atomic_file};
     use serde::Serialize;
     use std::sync::Arc;
+    use std::time::{Duration, Instant};
 
+    /// Share of the time that steps may take; the rest is for an evaluation and for what the estimates miss.
+    const STEPS_SHARE: f64 = 0.85;
+    /// Numbers of keys to sort.
+    const SORTED_KEYS: [usize; 2] = [100_000, 1_000_000];
+    /// Sorts of a measurement.
+    const SORTS: f64 = 5.0;
     /// Views at most: their photos stay in memory, and each is seen once before anything is measured.
     const VIEWS_MAX: usize = 16;
     /// Schema of the JSON.
@@ -81,6 +108,16 @@ mod with_gpu {
         model: Model,
         views: Vec<(Camera, Arc<TargetImage>)>,
         background: [f32; 3],
+        capture: Option<Capture>,
+    }
+
+    /// What it takes to render held-out views and compare them with their photos.
+    #[derive(Serialize)]
+    struct EvaluationFigures {
+        /// Held-out views of the capture.
+        views: usize,
+        /// Time of one, if there was time for it.
+        secs_per_view: Option<f64>,
     }
 
     /// Everything that is written.
@@ -93,13 +130,20 @@ mod with_gpu {
         #[serde(flatten)]
         kernels: KernelFigures,
         sort: Vec<SortThroughput>,
+        load_secs: f64,
+        evaluation: Option<EvaluationFigures>,
+        /// Why nothing was measured of steps.
+        skipped: Option<String>,
     }
 
     pub fn measured(args: &BenchKernelsArgs, log: &Log) -> anyhow::Result<()> {
+        let start = Instant::now();
+        let deadline_after = |secs: f64| Deadline::new(Some(start + Duration::from_secs_f64(secs)));
+        let deadline = args.max_time.map_or(Deadline::new(None), deadline_after);
         let mut backend = open_gpu_backend(&args.device)?;
         let scene = match &args.capture {
             Some(_) => of_capture(args, log)?,
-            None => at_random(args.max_resolution),
+            None => at_random(args.max_resolution, args.splats),
         };
         log.info(&format!("{} views of {}, {} steps", scene.views.len(), scene.name, args.steps));
         let config = TrainConfig::default();
@@ -121,15 +165,31 @@ mod with_gpu {
             }
         };
         let num_views = scene.views.len() as u32;
-        let kernels = measure(&mut backend, &scene.model, args.steps, num_views, &request)?;
-        let counts: &[usize] = if args.sort { &[100_000, 1_000_000] } else { &[] };
-        let sort = counts.iter().map(|&n| sort_throughput(backend.gpu(), n)).collect::<Result<_>>()?;
+        let load_secs = start.elapsed().as_secs_f64();
+        let sort = if args.sort { sorts(&backend, deadline)? } else { Vec::new() };
+        let for_steps = match deadline.left() {
+            Some(left) => deadline_after(start.elapsed().as_secs_f64() + STEPS_SHARE * left.as_secs_f64()),
+            None => deadline,
+        };
+        let kernels = measure(&mut backend, &scene.model, args.steps, num_views, for_steps, &request)?;
+        let skipped = kernels.steps.is_none().then(|| {
+            let (secs, limit) = (kernels.first_step_secs, args.max_time.unwrap_or_default());
+            format!("one step takes {secs:.1} s: there is no time for another in {limit:.0} s")
+        });
+        let step_secs = kernels.steps.as_ref().map_or(kernels.first_step_secs, |s| s.wall_secs_per_step);
+        let evaluation = match &scene.capture {
+            Some(capture) => Some(evaluation(&mut backend, capture, &scene, deadline.allows(step_secs))?),
+            None => None,
+        };
         let figures = Figures {
             schema: SCHEMA,
             version: env!("CARGO_PKG_VERSION"),
             device: DeviceFigures::of(backend.gpu()),
             kernels,
             sort,
+            load_secs,
+            evaluation,
+            skipped,
             scene: scene.name,
         };
         if let Some(path) = &args.json {
@@ -138,11 +198,45 @@ mod with_gpu {
         }
         print(&figures)?;
         let unsorted = figures.sort.iter().any(|s| !s.sorted);
-        if unsorted || !figures.kernels.repeatable {
+        let repeatable = figures.kernels.steps.as_ref().and_then(|s| s.repeatable);
+        if unsorted || repeatable == Some(false) {
             let what = "the device or its driver computes wrongly: a sort went wrong, or equal steps differ";
             return Err(Error::CheckFailed(what.to_owned()).into());
         }
         Ok(())
+    }
+
+    /// Sorts, the larger one if there is time for it after the smaller.
+    fn sorts(backend: &GpuBackend, deadline: Deadline) -> Result<Vec<SortThroughput>> {
+        let mut out: Vec<SortThroughput> = Vec::new();
+        for keys in SORTED_KEYS {
+            let secs_per_key = out.last().map_or(0.0, |s| s.secs / s.keys as f64);
+            if deadline.allows(SORTS * secs_per_key * keys as f64 / STEPS_SHARE) {
+                out.push(sort_throughput(backend.gpu(), keys)?);
+            }
+        }
+        Ok(out)
+    }
+
+    /// Renders and compares one held-out view, if there is one, and time for it.
+    fn evaluation(
+        backend: &mut GpuBackend,
+        capture: &Capture,
+        scene: &Scene,
+        has_time: bool,
+    ) -> Result<EvaluationFigures> {
+        let test = capture.indices(Split::Test);
+        let secs_per_view = match test.first() {
+            Some(first) if has_time => {
+                let (background, sh_degree) = (scene.background, scene.model.splats.sh_degree);
+                let options = RenderOptions { background, sh_degree, geometry: false };
+                let start = Instant::now();
+                evaluate(backend, capture, &[*first], &options, &mut |_, _| Ok(Control::Continue))?;
+                Some(start.elapsed().as_secs_f64())
+            }
+            _ => None,
+        };
+        Ok(EvaluationFigures { views: test.len(), secs_per_view })
     }
 
     fn of_capture(args: &BenchKernelsArgs, log: &Log) -> Result<Scene> {
@@ -162,14 +256,15 @@ mod with_gpu {
         if views.is_empty() {
             return Err(Error::invalid(&path, "no view to train on"));
         }
-        Ok(Scene { name: capture.name.clone(), model: state.model, views, background: config.background })
+        let (name, background) = (capture.name.clone(), config.background);
+        Ok(Scene { name, model: state.model, views, background, capture: Some(capture) })
     }
 
     /// Small splats in a random scene, from a few sides.
-    fn at_random(max_resolution: u32) -> Scene {
+    fn at_random(max_resolution: u32, splats: u32) -> Scene {
         let width_px = max_resolution.min(1600);
         let scene = random_scene(&SceneOptions {
-            num_splats: 10_000,
+            num_splats: splats as usize,
             width_px,
             height_px: (width_px * 2 / 3).max(1),
             scales: (0.003, 0.03),
@@ -184,7 +279,7 @@ mod with_gpu {
             (Camera { camera_from_local: turned, ..scene.camera }, target.clone())
         });
         let name = "a random scene".to_owned();
-        Scene { name, views: views.collect(), model: scene.model, background: [0.0; 3] }
+        Scene { name, views: views.collect(), model: scene.model, background: [0.0; 3], capture: None }
     }
 
     fn print(f: &Figures) -> std::io::Result<()> {
@@ -194,6 +289,24 @@ mod with_gpu {
         table.row("device", format!("{} ({})", f.device.name, f.device.description));
         table.row("scene", format!("{}, {} views of up to {w} x {h}", f.scene, k.views));
         table.row("splats, texels", [k.splats, k.texels].map(|n| format_count(n as u64)).join(", "));
+        match (&k.steps, &f.skipped) {
+            (Some(steps), _) => step_rows(&mut table, steps),
+            (None, why) => {
+                table.row("skipped", why.as_deref().unwrap_or_default());
+            }
+        }
+        if let Some(EvaluationFigures { views, secs_per_view: Some(secs) }) = &f.evaluation {
+            table.row("evaluation", format!("{secs:.3} s for each of {views} views"));
+        }
+        for s in &f.sort {
+            let verdict = if s.sorted { "" } else { ", WRONG ORDER" };
+            let rate = s.keys_per_sec / 1e6;
+            table.row(&format!("sort of {}", s.keys), format!("{rate:.2} million keys/s{verdict}"));
+        }
+        table.print()
+    }
+
+    fn step_rows(table: &mut Table, k: &StepFigures) {
         let (ms, cpu_ms) = (1e3 * k.wall_secs_per_step, 1e3 * k.cpu_secs_per_step);
         table.row("a step", format!("{ms:.3} ms, CPU {cpu_ms:.3} ms; {:.1} steps/s", k.steps_per_sec));
         let work = &k.per_step;
@@ -204,17 +317,39 @@ mod with_gpu {
                 work.dispatches, work.submissions, work.host_waits
             ),
         );
+        let bytes_of = |name: &str| {
+            let kernels = k.counts.as_ref().map_or(&[][..], |c| &c.traffic.kernels);
+            kernels.iter().find(|(n, _)| *n == name).map(|(_, bytes)| *bytes)
+        };
         match &k.kernel_secs {
             None => {
-                table.row("kernels", "not timed: no device clock");
+                table.row("kernels", "not timed: no device clock, or no time");
             }
             Some(times) => times.iter().for_each(|(name, secs)| {
-                let (_, bytes) = k.traffic.kernels.iter().find(|(n, _)| n == name).unwrap_or(&("", 0.0));
-                let rate = bytes / secs.max(1e-12) / 1e9;
-                table.row(&format!("  {name}"), format!("{:.4} ms, {rate:.2} GB/s", 1e3 * secs));
+                let rate = bytes_of(name).map(|bytes| format!(", {:.2} GB/s", bytes / secs.max(1e-12) / 1e9));
+                let rate = rate.unwrap_or_default();
+                table.row(&format!("  {name}"), format!("{:.4} ms{rate}", 1e3 * secs));
             }),
         }
-        let p = &k.pairs;
+        if let Some(c) = &k.counts {
+            count_rows(table, c);
+        }
+        for v in &k.variants {
+            let ms = |secs: Option<f64>| secs.map_or("-".to_owned(), |s| format!("{:.4} ms", 1e3 * s));
+            let name = if v.hardware_kernels { "rasterisation for hardware" } else { "for software" };
+            let times = format!("forward {}, backward {}", ms(v.raster_fwd_secs), ms(v.raster_bwd_secs));
+            table.row(name, times);
+        }
+        let verdict = match (k.repeatable, &k.state_hash) {
+            (Some(true), Some(hash)) => format!("yes ({hash})"),
+            (Some(false), _) => "NO".to_owned(),
+            _ => "not tried: no time".to_owned(),
+        };
+        table.row("equal steps, equal bytes", verdict);
+    }
+
+    fn count_rows(table: &mut Table, c: &CountFigures) {
+        let p = &c.pairs;
         table.row(
             "pairs per pixel",
             format!(
@@ -228,26 +363,12 @@ mod with_gpu {
         );
         table.row("evaluated / blended", format!("{:.2}", p.evaluated_per_blended));
         table.row("visited / evaluated", format!("{:.2}", p.visited_per_evaluated));
-        table.row("atomics per blended pair", format!("{:.3}", k.texel_atomics.per_blended_pair));
-        for share in &k.traffic.items {
+        table.row("atomics per blended pair", format!("{:.3}", c.texel_atomics.per_blended_pair));
+        for share in &c.traffic.items {
             let item = share.item.map_or("in all".to_owned(), |i| format!("{i:?}").to_lowercase());
             let ratio = share.ratio.map_or(String::new(), |r| format!(", {r:.2} times"));
             let [ours, floor] = [share.bytes, share.floor_bytes].map(|b| format_bytes(b as u64));
             table.row(&format!("traffic, {item}"), format!("{ours}, floor {floor}{ratio}"));
         }
-        for v in &k.variants {
-            let ms = |secs: Option<f64>| secs.map_or("-".to_owned(), |s| format!("{:.4} ms", 1e3 * s));
-            let name = if v.hardware_kernels { "rasterisation for hardware" } else { "for software" };
-            let times = format!("forward {}, backward {}", ms(v.raster_fwd_secs), ms(v.raster_bwd_secs));
-            table.row(name, times);
-        }
-        for s in &f.sort {
-            let verdict = if s.sorted { "" } else { ", WRONG ORDER" };
-            let rate = s.keys_per_sec / 1e6;
-            table.row(&format!("sort of {}", s.keys), format!("{rate:.2} million keys/s{verdict}"));
-        }
-        let verdict = if k.repeatable { "yes" } else { "NO" };
-        table.row("equal steps, equal bytes", format!("{verdict} ({})", k.state_hash));
-        table.print()
     }
 }

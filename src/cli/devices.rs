@@ -1,10 +1,11 @@
 //! `litetex devices`, and the choice of a backend by name.
 
+use super::log::Log;
 use super::table::{Table, print_json};
 #[cfg(not(feature = "gpu"))]
 use litetex_gs::Error;
 use litetex_gs::Result;
-use litetex_gs::backend::Backend;
+use litetex_gs::backend::{Backend, DeviceInfo};
 use litetex_gs::cpu::CpuBackend;
 use serde::Serialize;
 
@@ -21,6 +22,8 @@ pub struct DevicesArgs {
 struct Listed {
     name: String,
     description: String,
+    /// Whether it is a hardware GPU.
+    hardware: bool,
     auto: bool,
     /// Why `auto` takes it or not.
     why: String,
@@ -28,7 +31,8 @@ struct Listed {
 
 /// Prints the devices.
 pub fn run(args: &DevicesArgs) -> anyhow::Result<()> {
-    let devices = available()?;
+    let cpu = open_cpu()?.device();
+    let devices = listed(&gpus(), cpu, opens);
     if args.json {
         return Ok(print_json(&devices)?);
     }
@@ -40,37 +44,77 @@ pub fn run(args: &DevicesArgs) -> anyhow::Result<()> {
     Ok(table.print()?)
 }
 
-/// What `--device` accepts besides `auto` and `gpu`, best first.
-fn available() -> Result<Vec<Listed>> {
+/// What `--device` accepts besides `auto` and `gpu`, best first: hardware, the processor, software. `opens` says
+/// whether a GPU can be used.
+fn listed(gpus: &[Gpu], cpu: DeviceInfo, opens: impl Fn(&Gpu) -> Result<()>) -> Vec<Listed> {
     let mut out: Vec<Listed> = Vec::new();
-    for gpu in gpus() {
-        let auto = out.is_empty() && gpu.hardware;
-        let why = match (auto, gpu.hardware) {
-            (true, _) => "the best hardware GPU",
-            (false, true) => "hardware, but another GPU is ranked before it",
-            (false, false) => "runs on the processor, slower than \"cpu\": taken only by name",
+    let mut taken = false;
+    let (hardware, software): (Vec<&Gpu>, Vec<&Gpu>) = gpus.iter().partition(|gpu| gpu.hardware);
+    let row = |gpu: &Gpu, auto, why| Listed {
+        name: gpu.name.clone(),
+        description: gpu.description.clone(),
+        hardware: gpu.hardware,
+        auto,
+        why,
+    };
+    for gpu in &hardware {
+        // What is not asked for need not be opened.
+        let (auto, why) = match (taken, if taken { Ok(()) } else { opens(gpu) }) {
+            (true, _) => (false, "hardware, but another GPU is ranked before it".to_owned()),
+            (false, Ok(())) => (true, "the best hardware GPU".to_owned()),
+            (false, Err(e)) => (false, format!("hardware, but auto passes it over: {e}")),
         };
-        out.push(Listed { name: gpu.name, description: gpu.description, auto, why: why.into() });
+        taken |= auto;
+        out.push(row(gpu, auto, why));
     }
-    let cpu = open_cpu()?.device();
-    let auto = !out.iter().any(|d| d.auto);
-    let why = if auto { "no hardware GPU was found" } else { "taken by name, or where there is no GPU" };
-    let at = out.iter().position(|d| !d.auto && d.why.starts_with("runs")).unwrap_or(out.len());
-    out.insert(at, Listed { name: cpu.name, description: cpu.description, auto, why: why.into() });
-    Ok(out)
+    let why = match (taken, hardware.is_empty()) {
+        (true, _) => "taken by name, or where there is no GPU",
+        (false, true) => "no hardware GPU was found",
+        (false, false) => "no hardware GPU can be used",
+    };
+    let DeviceInfo { name, description } = cpu;
+    out.push(Listed { name, description, hardware: false, auto: !taken, why: why.to_owned() });
+    for gpu in software {
+        let sign = gpu.software.as_deref().unwrap_or_default();
+        let why = format!("runs on the processor ({sign}), slower than \"cpu\": taken only by name");
+        out.push(row(gpu, false, why));
+    }
+    out
 }
 
 /// Makes the backend that `--device` names.
 ///
 /// # Errors
 /// [`litetex_gs::Error::Unsupported`] for a device that is not there, [`litetex_gs::Error::Device`] if it cannot be opened.
-pub fn open(name: &str) -> Result<Box<dyn Backend>> {
+pub fn open(name: &str, log: &Log) -> Result<Box<dyn Backend>> {
     match name {
         "cpu" => open_cpu(),
-        "auto" if !gpus().iter().any(|gpu| gpu.hardware) => open_cpu(),
-        "auto" => open_gpu("gpu"),
+        "auto" => {
+            let hardware: Vec<Gpu> = gpus().into_iter().filter(|gpu| gpu.hardware).collect();
+            match first_that_opens(&hardware, open_gpu, |message| log.warn("gpu-not-used", message, 1)) {
+                Some(backend) => Ok(backend),
+                None => open_cpu(),
+            }
+        }
         other => open_gpu(other),
     }
+}
+
+/// The first GPU that can be used; of each before it a warning. `auto` promises that there is an answer: there is
+/// always the processor.
+fn first_that_opens<T>(
+    gpus: &[Gpu],
+    open: impl Fn(&str) -> Result<T>,
+    mut warn: impl FnMut(&str),
+) -> Option<T> {
+    gpus.iter().enumerate().find_map(|(at, gpu)| match open(&gpu.name) {
+        Ok(backend) => Some(backend),
+        Err(e) => {
+            let next = gpus.get(at + 1).map_or("cpu", |next| &next.name);
+            warn(&format!("{e}; {next:?} is tried instead (\"--device {}\" makes this an error)", gpu.name));
+            None
+        }
+    })
 }
 
 fn open_cpu() -> Result<Box<dyn Backend>> {
@@ -79,8 +123,18 @@ fn open_cpu() -> Result<Box<dyn Backend>> {
 }
 
 #[cfg(feature = "gpu")]
-fn gpus() -> Vec<litetex_gs::gpu::AdapterChoice> {
+use litetex_gs::gpu::AdapterChoice as Gpu;
+
+#[cfg(feature = "gpu")]
+fn gpus() -> Vec<Gpu> {
     litetex_gs::gpu::list_adapters()
+}
+
+/// Whether a GPU can be opened; its kernels are not compiled.
+#[cfg(feature = "gpu")]
+fn opens(gpu: &Gpu) -> Result<()> {
+    use litetex_gs::gpu::{GpuDevice, Limits};
+    GpuDevice::open(gpu, Limits::Adapter).map(drop)
 }
 
 #[cfg(feature = "gpu")]
@@ -101,15 +155,21 @@ pub fn open_gpu_backend(name: &str) -> Result<litetex_gs::gpu::GpuBackend> {
 
 /// A build without GPUs knows none.
 #[cfg(not(feature = "gpu"))]
-struct NoGpu {
+struct Gpu {
     name: String,
     description: String,
     hardware: bool,
+    software: Option<String>,
 }
 
 #[cfg(not(feature = "gpu"))]
-fn gpus() -> Vec<NoGpu> {
+fn gpus() -> Vec<Gpu> {
     Vec::new()
+}
+
+#[cfg(not(feature = "gpu"))]
+fn opens(_gpu: &Gpu) -> Result<()> {
+    Ok(())
 }
 
 #[cfg(not(feature = "gpu"))]
@@ -118,4 +178,55 @@ fn open_gpu(name: &str) -> Result<Box<dyn Backend>> {
         "--device",
         format!("{name:?} is not a device of this build, which has no GPUs; there is \"auto\" and \"cpu\""),
     ))
+}
+
+#[cfg(all(test, feature = "gpu"))]
+mod tests {
+    use super::*;
+    use litetex_gs::Error;
+
+    fn of_this_machine(name: &str, hardware: bool) -> Option<Gpu> {
+        let mut gpu = gpus().into_iter().next()?;
+        gpu.software = (!hardware).then(|| "by its name".to_owned());
+        (gpu.name, gpu.hardware) = (name.to_owned(), hardware);
+        Some(gpu)
+    }
+
+    fn refuses(names: &'static [&'static str]) -> impl Fn(&str) -> Result<String> {
+        move |name| match names.contains(&name) {
+            true => Err(Error::Device(format!("{name}: cannot be opened"))),
+            false => Ok(name.to_owned()),
+        }
+    }
+
+    #[test]
+    fn auto_takes_the_next_gpu_and_in_the_end_the_processor_with_a_warning() {
+        let Some(first) = of_this_machine("first", true) else {
+            println!("skipped: no Vulkan driver is installed");
+            return;
+        };
+        let [second, software] =
+            [("second", true), ("software", false)].map(|(n, h)| of_this_machine(n, h).unwrap());
+        let gpus = [first, second];
+        for (refused, taken, warnings) in
+            [(&[][..], Some("first"), 0), (&["first"], Some("second"), 1), (&["first", "second"], None, 2)]
+        {
+            let mut said = Vec::new();
+            let opened = first_that_opens(&gpus, refuses(refused), |m| said.push(m.to_owned()));
+            assert_eq!((opened.as_deref(), said.len()), (taken, warnings), "{said:?}");
+            assert!(said.last().is_none_or(|m| m.contains("cannot be opened")));
+            // The list agrees with what is done.
+            let all = [&gpus[..], std::slice::from_ref(&software)].concat();
+            let cpu = DeviceInfo { name: "cpu".into(), description: String::new() };
+            let list = listed(&all, cpu, |gpu| refuses(refused)(&gpu.name).map(drop));
+            let autos: Vec<&str> = list.iter().filter(|d| d.auto).map(|d| d.name.as_str()).collect();
+            assert_eq!(autos, [taken.unwrap_or("cpu")]);
+            assert_eq!(list.last().unwrap().name, "software");
+            assert!(list.last().unwrap().why.contains("by its name"));
+            for name in refused {
+                let device = list.iter().find(|d| d.name == *name).unwrap();
+                assert!(device.why.contains("cannot be opened"), "{}", device.why);
+            }
+        }
+    }
 }

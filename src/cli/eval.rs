@@ -73,8 +73,8 @@ impl Trained {
     ///
     /// # Errors
     /// What the device reports.
-    pub fn on_device(&self, name: &str) -> Result<Box<dyn Backend>> {
-        let mut backend = devices::open(name)?;
+    pub fn on_device(&self, name: &str, log: &Log) -> Result<Box<dyn Backend>> {
+        let mut backend = devices::open(name, log)?;
         backend.upload(&self.model, &self.adam)?;
         Ok(backend)
     }
@@ -120,7 +120,7 @@ pub fn run(args: &EvalArgs, log: &Log) -> anyhow::Result<()> {
     let trained = Trained::load(&args.source)?;
     let capture = trained.open_capture(args.capture.as_deref())?;
     log.report(&capture.report);
-    let mut backend = trained.on_device(&args.device)?;
+    let mut backend = trained.on_device(&args.device, log)?;
     let evaluation = evaluate(&trained, backend.as_mut(), &capture, args.out.as_deref())?;
     if args.json {
         return Ok(print_json(&serde_json::json!({

@@ -88,7 +88,7 @@ pub fn run(args: &RenderArgs, log: &Log) -> anyhow::Result<()> {
     let trained = Trained::load(&args.source)?;
     let capture = trained.open_capture(args.capture.as_deref())?;
     let jobs = jobs(args, &capture)?;
-    let mut backend = trained.on_device(&args.device)?;
+    let mut backend = trained.on_device(&args.device, log)?;
     let geometry = args.what.iter().any(|w| matches!(w, What::Depth | What::Normal));
     let options = render_options(&trained.model, trained.config.train.background, geometry);
     let to_capture = trained.model.capture_from_local.scale as f32;

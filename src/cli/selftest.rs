@@ -16,8 +16,8 @@ pub struct SelftestArgs {
 }
 
 /// Runs the checks and prints figures and verdicts.
-pub fn run(args: &SelftestArgs, _log: &Log) -> anyhow::Result<()> {
-    let mut backend = devices::open(&args.device)?;
+pub fn run(args: &SelftestArgs, log: &Log) -> anyhow::Result<()> {
+    let mut backend = devices::open(&args.device, log)?;
     let device = backend.device();
     let checks = selftest::run(backend.as_mut())?;
     let mut out = std::io::stdout().lock();

@@ -101,7 +101,7 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<Summary> {
 
     let steps_left = plan.config.train.steps.saturating_sub(state.step);
     let cache = plan.config.capture.image_cache_bytes;
-    let mut backend = devices::open(&plan.device)?;
+    let mut backend = devices::open(&plan.device, log)?;
     let on_cpu = backend.device().name == "cpu";
     let forecast = Workload::new(&state.model, &capture, cache, steps_left, on_cpu).forecast();
     log.event("forecast", &forecast.describe(), serde_json::json!({ "forecast": forecast }));

@@ -11,6 +11,8 @@ pub struct AdapterChoice {
     pub description: String,
     /// Whether it is hardware: software adapters are taken only by name.
     pub hardware: bool,
+    /// What betrays that it computes on the processor, if it is not hardware.
+    pub software: Option<String>,
     pub(super) adapter: wgpu::Adapter,
 }
 
@@ -23,7 +25,7 @@ pub fn list_adapters() -> Vec<AdapterChoice> {
     });
     let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()));
     let mut adapters: Vec<wgpu::Adapter> = adapters.into_iter().filter(can_compute).collect();
-    adapters.sort_by_key(|a| rank(a.get_info().device_type));
+    adapters.sort_by_key(|a| rank(&a.get_info()));
     let mut out: Vec<AdapterChoice> = Vec::new();
     for adapter in adapters {
         let info = adapter.get_info();
@@ -31,10 +33,12 @@ pub fn list_adapters() -> Vec<AdapterChoice> {
         let same = out.iter().filter(|o| o.name == base || o.name.starts_with(&format!("{base}#"))).count();
         let name = if same == 0 { base } else { format!("{base}#{}", same + 1) };
         let driver = [info.driver.as_str(), info.driver_info.as_str()].join(" ");
+        let software = software(info.device_type, &[&info.name, &driver]);
         out.push(AdapterChoice {
             name,
             description: format!("{}, {}, {:?}", info.name, driver.trim(), info.backend),
-            hardware: info.device_type != wgpu::DeviceType::Cpu,
+            hardware: software.is_none(),
+            software,
             adapter,
         });
     }
@@ -56,8 +60,33 @@ fn can_compute(adapter: &wgpu::Adapter) -> bool {
         && limits.max_compute_invocations_per_workgroup >= super::shader::GROUP
 }
 
-fn rank(kind: wgpu::DeviceType) -> u32 {
-    match kind {
+/// Renderers that run on the processor, by words of their names or of their drivers' names. What forwards to
+/// another driver, as virtual GPUs do, carries its name along.
+const SOFTWARE: [&str; 7] =
+    ["llvmpipe", "lavapipe", "softpipe", "swiftshader", "swrast", "warp", "basic render"];
+
+/// What says that an adapter computes on the processor; `None` if nothing does. A virtual GPU may be either, and
+/// says nothing of it in its type.
+fn software(kind: wgpu::DeviceType, names: &[&str]) -> Option<String> {
+    // Words alone: "warp" is part of other names.
+    let words = |text: &str| {
+        let plain = text.to_lowercase().replace(|c: char| !c.is_alphanumeric(), " ");
+        format!(" {} ", plain.split_whitespace().collect::<Vec<_>>().join(" "))
+    };
+    let known = SOFTWARE
+        .into_iter()
+        .find(|software| names.iter().any(|name| words(name).contains(&format!(" {software} "))));
+    match known {
+        Some(known) => Some(format!("{known:?} in its name")),
+        None => (kind == wgpu::DeviceType::Cpu).then(|| "its type is \"Cpu\"".to_owned()),
+    }
+}
+
+fn rank(info: &wgpu::AdapterInfo) -> u32 {
+    if software(info.device_type, &[&info.name, &info.driver, &info.driver_info]).is_some() {
+        return 4;
+    }
+    match info.device_type {
         wgpu::DeviceType::DiscreteGpu => 0,
         wgpu::DeviceType::IntegratedGpu => 1,
         wgpu::DeviceType::VirtualGpu => 2,
@@ -114,4 +143,41 @@ pub fn find_adapter(name: &str) -> Result<AdapterChoice> {
         ),
     };
     Err(Error::unsupported("--device", what))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use wgpu::DeviceType as Type;
+
+    #[test]
+    fn software_is_told_from_hardware_by_type_and_by_name() {
+        let software_ones = [
+            (Type::Cpu, "llvmpipe (LLVM 15.0.6, 256 bits)", "llvmpipe Mesa 22.3.6"),
+            (Type::VirtualGpu, "Virtio-GPU Venus (llvmpipe (LLVM 19.1.7, 256 bits))", "venus Mesa 25.0.7"),
+            (Type::Other, "SwiftShader Device (LLVM 10.0.0)", "SwiftShader driver 5.0.0"),
+            (Type::IntegratedGpu, "Microsoft Basic Render Driver", "10.0.26100"),
+            (Type::Other, "Microsoft Direct3D12 (WARP)", "Dozen"),
+            (Type::Cpu, "something new", "of its own"),
+        ];
+        for (kind, name, driver) in software_ones {
+            assert!(software(kind, &[name, driver]).is_some(), "{name}");
+        }
+        let hardware_ones = [
+            (Type::DiscreteGpu, "NVIDIA H200", "NVIDIA 570.86"),
+            (Type::VirtualGpu, "Virtio-GPU Venus (AMD Radeon 780M (RADV PHOENIX))", "venus Mesa 25.0.7"),
+            (Type::VirtualGpu, "NVIDIA A10-24Q", "NVIDIA 550.54"),
+            (Type::Other, "Warpspeed 3000", "warpdriver"),
+        ];
+        for (kind, name, driver) in hardware_ones {
+            assert_eq!(software(kind, &[name, driver]), None, "{name}");
+        }
+    }
+
+    #[test]
+    fn names_to_type() {
+        assert_eq!(short_name("llvmpipe (LLVM 15.0.6, 256 bits)"), "lavapipe");
+        assert_eq!(short_name("NVIDIA H200"), "nvidia-h200");
+        assert_eq!(short_name("Virtio-GPU Venus (llvmpipe (LLVM 19))"), "virtio-gpu-venus");
+    }
 }

@@ -7,57 +7,43 @@ use super::encode::{Dispatch, encode};
 use super::kernels::{Buf, KernelId, NUM_GROUPS, RasterKernels};
 use super::layout::{DispatchArgs, FLAG_ALL_MAPS, FLAG_PERSIST, Status, StepUniform};
 use super::model_buffers::{self, splat_stride};
+use super::pace::{BATCH, Pace};
 use super::photos::PhotoPool;
 use super::resources::{Offsets, Resources};
 use super::shader::{HALF_TILE_ROWS_PX, HALF_TILES, TILE_PX};
-use super::submission::{check_camera, check_request};
+use super::submission::{Promise, check_camera, check_request};
 use super::timing::Timer;
 use super::uniform::{self, Scene, needs_statistics};
 use super::view_buffers::{Capacity, Needs};
 use super::{geometry, sort, structure};
-use crate::Result;
 use crate::backend::{
     Backend, DeviceInfo, RenderOptions, RenderedImage, StepReport, StepRequest, StructurePlan,
     WindowStatistics,
 };
 use crate::camera::{Camera, Similarity};
 use crate::model::{AdamState, Model, SplatArrays, TexturePool};
+use crate::{Error, Result};
 use std::collections::BTreeMap;
 
-/// Steps of a submission, and entries of the rings.
-const BATCH: usize = 16;
-
 /// How a [`GpuBackend`] works. Only `hardware_kernels` changes results, in their last bits.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct GpuOptions {
-    /// Steps per submission, at most 16; 1 reads the status after each.
-    pub batch_steps: usize,
+    /// Steps per submission, at most 16; 1 reads the status after each. `None`: as many as the device does in
+    /// less than a second.
+    pub batch_steps: Option<usize>,
     /// Whether pixel-splat pairs are counted.
     pub count_pairs: bool,
     /// Whether to use the variants for hardware: tiles of 16 x 16 pixels instead of 16 x 8, splats pass through
     /// workgroup memory on their way to pixels, and texels of large windows get an atomic per tap. `None`: on
     /// hardware.
     pub hardware_kernels: Option<bool>,
-    /// Whether the global atomics of the texels' gradients are counted; they are then told in the place of
-    /// [`StepReport::non_finite_gradients`]. Not of steps that sum window statistics.
+    /// Whether the global atomics of the texels' gradients are counted; faults are not told then. Not of steps
+    /// that sum window statistics or have terms on depths and normals.
     pub count_texel_atomics: bool,
     /// Whether every dispatch is timed, where the device can: reports tell times by kernel.
     pub time_kernels: bool,
     /// Pairs to make room for at first; `None`: a guess from the number of splats.
     pub pair_capacity: Option<u64>,
-}
-
-impl Default for GpuOptions {
-    fn default() -> Self {
-        Self {
-            batch_steps: BATCH,
-            count_pairs: false,
-            count_texel_atomics: false,
-            hardware_kernels: None,
-            time_kernels: false,
-            pair_capacity: None,
-        }
-    }
 }
 
 /// Renders and optimises through wgpu.
@@ -76,6 +62,11 @@ pub struct GpuBackend {
     pub(super) photos: PhotoPool,
     pub(super) window_views: u32,
     pub(super) timer: Option<Timer>,
+    pub(super) pace: Pace,
+    /// Steps that were submitted and of which it is not known yet whether they were applied.
+    pub(super) in_flight: Vec<Promise>,
+    /// Where the status of a submission is read. One is enough: it is read before the next is submitted.
+    pub(super) staging: wgpu::Buffer,
 }
 
 impl GpuBackend {
@@ -84,7 +75,6 @@ impl GpuBackend {
     /// # Errors
     /// [`crate::Error::Device`] if the driver refuses a kernel or memory.
     pub fn new(device: GpuDevice, options: GpuOptions) -> Result<Self> {
-        let options = GpuOptions { batch_steps: options.batch_steps.clamp(1, BATCH), ..options };
         let (raster, tile_rows_px) = variants(&device, &options);
         let pipelines = device.pipelines(&raster.and_all_others(), tile_flags(tile_rows_px))?;
         let passes = sort::sort_passes();
@@ -108,6 +98,9 @@ impl GpuBackend {
         let timer = if options.time_kernels { Timer::new(&device)? } else { None };
         Ok(Self {
             timer,
+            pace: Pace::new(options.batch_steps),
+            in_flight: Vec::new(),
+            staging: device.staging("status", (BATCH * size_of::<Status>()) as u64)?,
             raster,
             tile_rows_px,
             device,
@@ -133,7 +126,10 @@ impl GpuBackend {
     /// # Errors
     /// [`crate::Error::Device`] if the driver refuses a kernel or memory.
     pub fn set_options(&mut self, options: GpuOptions) -> Result<()> {
-        self.options = GpuOptions { batch_steps: options.batch_steps.clamp(1, BATCH), ..options };
+        if options.batch_steps != self.options.batch_steps {
+            self.pace = Pace::new(options.batch_steps);
+        }
+        self.options = options;
         let (raster, tile_rows_px) = variants(&self.device, &options);
         // The height of tiles is compiled into most of them: another height keeps none.
         let keeps = tile_rows_px == self.tile_rows_px;
@@ -184,31 +180,26 @@ impl GpuBackend {
         Offsets { step: at as u32, sort_pass: 0 }
     }
 
-    /// Submits dispatches.
-    pub(super) fn submit(&mut self, dispatches: &[Dispatch]) {
+    /// Dispatches in an encoder that is not submitted yet.
+    pub(super) fn encoded(&mut self, dispatches: &[Dispatch]) -> wgpu::CommandEncoder {
         let mut encoder =
             self.device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let timer = self.timer.as_ref().filter(|_| dispatches.len() <= Timer::MAX_DISPATCHES);
         encode(&self.device, &mut encoder, &mut self.resources, &self.pipelines, dispatches, timer);
+        encoder
+    }
+
+    /// Submits dispatches.
+    pub(super) fn submit(&mut self, dispatches: &[Dispatch]) {
+        let encoder = self.encoded(dispatches);
         self.device.submit(encoder);
     }
 
     /// Writes all lagging parameters down, as of the last step.
     pub(super) fn settle_all(&mut self) {
         self.arm();
-        let no_camera = StepUniform {
-            num_splats: self.scene().num_splats,
-            splat_stride: self.scene().splat_stride,
-            settled_step: self.clock.step,
-            last_rate_sh_dc: self.clock.rates.sh_dc,
-            last_rate_sh_rest: self.clock.rates.sh_rest,
-            last_rate_texel: self.clock.rates.texel,
-            last_rate_texel_growth: self.clock.rates.texel_growth,
-            last_rate_texel_growth_limit: self.clock.rates.texel_growth_limit,
-            flags: FLAG_PERSIST | FLAG_ALL_MAPS,
-            ..StepUniform::default()
-        };
-        let offsets = self.set_uniform(0, &no_camera);
+        let uniform = uniform::without_view(&self.scene(), FLAG_PERSIST | FLAG_ALL_MAPS);
+        let offsets = self.set_uniform(0, &uniform);
         let kernels = [KernelId::SettleSplat, KernelId::SettleTexel];
         self.submit(&kernels.map(|id| Dispatch::new(id, offsets)));
     }
@@ -218,16 +209,25 @@ impl GpuBackend {
         self.shape = shape;
         self.clock = clock;
         self.window_views = 0;
-        // Nothing lags at step 0: this only activates.
+        self.in_flight.clear();
         self.arm();
-        let uniform = StepUniform {
-            num_splats: self.scene().num_splats,
-            splat_stride: self.scene().splat_stride,
-            flags: FLAG_ALL_MAPS,
-            ..StepUniform::default()
-        };
-        let offsets = self.set_uniform(0, &uniform);
+        let uniform = uniform::without_view(&self.scene(), FLAG_ALL_MAPS);
+        // Nothing lags at step 0: this only activates.
+        let offsets = self.set_uniform(0, &StepUniform { settled_step: 0, ..uniform });
         self.submit(&[Dispatch::new(KernelId::SettleTexel, offsets)]);
+    }
+
+    /// What every call but the first wants: a model, and a device that has done all that it was asked to do.
+    fn check(&self) -> Result<()> {
+        self.check_model()?;
+        self.device.check()
+    }
+
+    fn check_model(&self) -> Result<()> {
+        if self.resources.has(Buf::SplatP) {
+            return Ok(());
+        }
+        Err(Error::Usage(format!("{}: there is no model on it yet", self.device.choice.name)))
     }
 }
 
@@ -251,12 +251,15 @@ impl Backend for GpuBackend {
 
     fn upload(&mut self, model: &Model, adam: &AdamState) -> Result<()> {
         model_buffers::upload(&self.device, &mut self.resources, model, adam)?;
-        self.photos.forget();
+        // Numbers stand for other photos from now on, and a smaller model needs less room for its views.
+        self.photos.release(&mut self.resources);
+        self.capacity.release(&mut self.resources);
         self.adopt(model.clone(), adam.clone());
         self.device.check()
     }
 
     fn render(&mut self, camera: &Camera, options: &RenderOptions) -> Result<RenderedImage> {
+        self.check()?;
         check_camera(camera)?;
         if options.geometry {
             self.compile_geometry(false)?;
@@ -269,8 +272,8 @@ impl Backend for GpuBackend {
             let degree = options.sh_degree.min(self.shape.splats.sh_degree);
             let offsets =
                 self.set_uniform(0, &uniform::picture(&self.scene(), camera, options.background, degree));
-            self.submit(&self.forward(offsets, camera, options.geometry));
-            let status: Vec<Status> = self.device.read(self.resources.buffer(Buf::Status), 1)?;
+            let dispatches = self.forward(offsets, camera, options.geometry);
+            let status = self.submit_for_status(&dispatches, 1)?;
             if u64::from(status[0].needed_pairs) <= self.capacity.pairs {
                 break;
             }
@@ -299,10 +302,11 @@ impl Backend for GpuBackend {
     }
 
     fn batch_steps(&self) -> usize {
-        self.options.batch_steps
+        self.pace.steps()
     }
 
     fn steps(&mut self, requests: &[StepRequest<'_>]) -> Result<Vec<StepReport>> {
+        self.check()?;
         requests.iter().try_for_each(check_request)?;
         if requests.iter().any(|r| r.loss.needs_geometry()) {
             self.compile_geometry(true)?;
@@ -310,7 +314,7 @@ impl Backend for GpuBackend {
         let mut reports = Vec::new();
         while reports.len() < requests.len() {
             let rest = &requests[reports.len()..];
-            let rest = &rest[..rest.len().min(self.options.batch_steps)];
+            let rest = &rest[..rest.len().min(self.pace.steps())];
             let photos: Vec<_> = rest.iter().map(|r| (r.photo, r.target)).collect();
             let fitting = self.photos.prepare(&self.device, &mut self.resources, &photos)?;
             let batch = &rest[..fitting];
@@ -333,6 +337,7 @@ impl Backend for GpuBackend {
     }
 
     fn read_statistics(&mut self) -> Result<WindowStatistics> {
+        self.check()?;
         let n = self.shape.num_splats();
         let values: Vec<[f32; 4]> = self.device.read(self.resources.buffer(Buf::Statistics), n)?;
         let column = |k: usize| values.iter().map(|v| v[k]).collect::<Vec<f32>>();
@@ -346,6 +351,7 @@ impl Backend for GpuBackend {
     }
 
     fn set_statistics(&mut self, statistics: &WindowStatistics) -> Result<()> {
+        self.check()?;
         statistics.check(self.shape.num_splats())?;
         let values: Vec<[f32; 4]> = (0..statistics.seen.len())
             .map(|i| {
@@ -360,17 +366,26 @@ impl Backend for GpuBackend {
     }
 
     fn apply_plan(&mut self, plan: &StructurePlan) -> Result<()> {
+        self.check()?;
         plan.check(self.shape.num_splats())?;
         structure::apply_plan(self, plan)
     }
 
     fn read_back(&mut self) -> Result<(Model, AdamState)> {
+        // Also after something was refused: what was applied before is whole, and worth saving.
+        self.check_model()?;
+        if !self.in_flight.is_empty() {
+            let statuses: Vec<Status> =
+                self.device.rescue(self.resources.buffer(Buf::Status), self.in_flight.len())?;
+            self.count_applied(&statuses);
+        }
         let (mut model, mut adam) = (self.shape.clone(), self.clock.clone());
         model_buffers::read_back(&self.device, &self.resources, &mut model, &mut adam)?;
         Ok((model, adam))
     }
 
     fn read_settled(&mut self) -> Result<Model> {
+        self.check()?;
         // On a copy: what the next steps compute must not depend on who looked.
         let lagging =
             [Buf::SplatP, Buf::SplatM, Buf::SplatV, Buf::TexelP, Buf::TexelM, Buf::TexelV, Buf::SplatInfo];
@@ -391,6 +406,8 @@ impl Backend for GpuBackend {
         for (name, original) in originals {
             self.resources.set(name, original);
         }
+        // What was refused now has not settled.
+        self.device.check()?;
         Ok(settled?.0)
     }
 }

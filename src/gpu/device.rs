@@ -26,8 +26,17 @@ pub(super) struct Pipeline {
     pub layout: wgpu::BindGroupLayout,
 }
 
-/// What the driver said outside of any call: the first uncaptured error, or why the device is gone.
-type Fault = Arc<Mutex<Option<String>>>;
+/// What the driver said outside of any call.
+#[derive(Clone, Debug, Default)]
+struct Faults {
+    /// Why the device is gone.
+    lost: Option<String>,
+    /// The first uncaptured error: something that was asked has not been done.
+    refused: Option<String>,
+}
+
+/// The first of each kind.
+type Fault = Arc<Mutex<Faults>>;
 
 /// What was asked of a device, counted where it is asked.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
@@ -84,11 +93,13 @@ impl GpuDevice {
             .map_err(|e| Error::Device(format!("{}: cannot be opened: {e}", choice.name)))?;
         let fault = Fault::default();
         let on_error = fault.clone();
-        device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| note(&on_error, error.to_string())));
+        device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
+            note(&on_error, |faults| &mut faults.refused, error.to_string());
+        }));
         let on_lost = fault.clone();
         device.set_device_lost_callback(move |reason, message| {
             if reason != wgpu::DeviceLostReason::Destroyed {
-                note(&on_lost, format!("the device was lost: {message}"));
+                note(&on_lost, |faults| &mut faults.lost, format!("the device was lost: {message}"));
             }
         });
         Ok(Self {
@@ -120,22 +131,32 @@ impl GpuDevice {
         self.queue.submit([encoder.finish()]);
     }
 
-    /// Fails with the first thing that went wrong outside of any call, for good: what the buffers hold is not
-    /// known any more.
+    /// Fails with the first thing that went wrong outside of any call, for good: who computes on must not
+    /// build on what may not have been done.
     ///
     /// # Errors
     /// [`Error::Device`].
     pub(super) fn check(&self) -> Result<()> {
-        let fault = self.fault.lock().map_or_else(|e| e.into_inner().clone(), |f| f.clone());
-        match fault {
-            Some(what) => Err(self.error(&what)),
-            None => Ok(()),
-        }
+        let Faults { lost, refused } = self.faults();
+        lost.or(refused).map_or(Ok(()), |what| Err(self.error(&what)))
+    }
+
+    /// Fails only if the device is gone. A submission that was refused changed nothing: what was on the device
+    /// before is there and whole.
+    ///
+    /// # Errors
+    /// [`Error::Device`].
+    fn check_alive(&self) -> Result<()> {
+        self.faults().lost.map_or(Ok(()), |what| Err(self.error(&what)))
+    }
+
+    fn faults(&self) -> Faults {
+        self.fault.lock().map_or_else(|e| e.into_inner().clone(), |f| f.clone())
     }
 
     /// Destroys the device and notes it as lost.
     pub(super) fn lose(&self) {
-        note(&self.fault, "the device was lost: destroyed".into());
+        note(&self.fault, |faults| &mut faults.lost, "the device was lost: destroyed".into());
         self.device.destroy();
     }
 
@@ -267,25 +288,43 @@ impl GpuDevice {
         unsafe { self.device.create_shader_module_trusted(descriptor, checks) }
     }
 
-    /// Waits for everything submitted and reads `bytes` from the start of a buffer.
+    /// Waits for everything submitted and reads the first `count` elements of a buffer.
+    ///
+    /// # Errors
+    /// [`Error::Device`] if the device is gone, or if something that was asked of it has not been done.
+    pub(super) fn read<T: bytemuck::Pod>(&self, buffer: &wgpu::Buffer, count: usize) -> Result<Vec<T>> {
+        let values = self.rescue(buffer, count);
+        self.check()?;
+        values
+    }
+
+    /// As [`GpuDevice::read`], also where something was refused before: for what a refusal leaves whole.
     ///
     /// # Errors
     /// [`Error::Device`] if the device is gone.
-    pub(super) fn read<T: bytemuck::Pod>(&self, buffer: &wgpu::Buffer, count: usize) -> Result<Vec<T>> {
+    pub(super) fn rescue<T: bytemuck::Pod>(&self, buffer: &wgpu::Buffer, count: usize) -> Result<Vec<T>> {
         let bytes = (count * size_of::<T>()) as u64;
         if bytes == 0 {
-            return Ok(Vec::new());
+            return self.check_alive().map(|()| Vec::new());
         }
-        let staging = self.allocate(&wgpu::BufferDescriptor {
-            label: Some("read-back"),
-            size: bytes.next_multiple_of(4),
-            usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        })?;
+        let staging = self.staging("read-back", bytes)?;
         let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, bytes);
         self.submit(encoder);
-        self.read_staged(&staging, count)
+        self.staged(&staging, count)
+    }
+
+    /// A buffer that is copied to on the device and read here.
+    ///
+    /// # Errors
+    /// As [`GpuDevice::allocate`].
+    pub(super) fn staging(&self, what: &str, bytes: u64) -> Result<wgpu::Buffer> {
+        self.allocate(&wgpu::BufferDescriptor {
+            label: Some(what),
+            size: bytes.next_multiple_of(4),
+            usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        })
     }
 
     /// Waits until a staging buffer has been written and reads it.
@@ -297,6 +336,12 @@ impl GpuDevice {
         staging: &wgpu::Buffer,
         count: usize,
     ) -> Result<Vec<T>> {
+        let values = self.staged(staging, count);
+        self.check()?;
+        values
+    }
+
+    fn staged<T: bytemuck::Pod>(&self, staging: &wgpu::Buffer, count: usize) -> Result<Vec<T>> {
         let bytes = (count * size_of::<T>()) as u64;
         let (sender, receiver) = std::sync::mpsc::channel();
         staging.map_async(wgpu::MapMode::Read, 0..bytes, move |outcome| {
@@ -307,7 +352,7 @@ impl GpuDevice {
         self.device
             .poll(wgpu::PollType::wait_indefinitely())
             .map_err(|e| self.error(&format!("waiting for it failed: {e}")))?;
-        self.check()?;
+        self.check_alive()?;
         match receiver.try_recv() {
             Ok(Ok(())) => {}
             Ok(Err(e)) => return Err(self.error(&format!("reading back failed: {e}"))),
@@ -323,9 +368,9 @@ impl GpuDevice {
     }
 }
 
-fn note(fault: &Fault, message: String) {
-    if let Ok(mut fault) = fault.lock() {
-        fault.get_or_insert(message);
+fn note(fault: &Fault, kind: fn(&mut Faults) -> &mut Option<String>, message: String) {
+    if let Ok(mut faults) = fault.lock() {
+        kind(&mut faults).get_or_insert(message);
     }
 }
 

@@ -18,6 +18,7 @@ pub enum Buf {
     Statistics,
     Projected,
     Bounds,
+    SplatSums,
     KeysA,
     ValuesA,
     KeysB,
@@ -224,9 +225,11 @@ kernels! {
         write texel_p = TexelP, write texel_m = TexelM, write texel_v = TexelV, write texel_grad = TexelGrad,
         write texel_values = TexelValues, write splat_info = SplatInfo, write bounds = Bounds,
     ];
+    FinishBlocks = "finish_blocks" &[], SplatsLater, false, [
+        read projected = Projected, read bounds = Bounds, write splat_sums = SplatSums,
+    ];
     Finish = "finish" &[], OneLater, false, [
-        read projected = Projected, read bounds = Bounds, read loss_partials = LossPartials,
-        write status = Status,
+        read splat_sums = SplatSums, read loss_partials = LossPartials, write status = Status,
     ];
     GatherSplats = "gather_splats" &[], EachSplat, false, [
         read sources = Sources, read old_values = OldValues, write new_values = NewValues,
@@ -310,8 +313,8 @@ kernels! {
         write bounds = Bounds, read partials = Partials, write statistics = Statistics,
     ];
     FinishGeometry = "finish" &["GEOMETRY"], OneLater, false, [
-        read projected = Projected, read bounds = Bounds, read loss_partials = LossPartials,
-        write status = Status, read geometry_partials = GeometryPartials,
+        read splat_sums = SplatSums, read loss_partials = LossPartials, write status = Status,
+        read geometry_partials = GeometryPartials,
     ];
 }
 

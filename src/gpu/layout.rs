@@ -111,6 +111,8 @@ pub const FLAG_STATISTICS: u32 = 2;
 pub const FLAG_ALL_MAPS: u32 = 4;
 /// Outside of a map is its nearest texel, not nothing.
 pub const FLAG_NEAREST_OUTSIDE: u32 = 8;
+/// What comes in the place of faults are atomics: of the variant that counts them.
+pub const FLAG_COUNT_ATOMICS: u32 = 16;
 
 /// One pass of the radix sort (`shaders/common/sort.wgsl`).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
@@ -183,6 +185,8 @@ pub struct Edit {
 pub const PROJECTED_BYTES: u64 = 80;
 /// Bytes of a splat's bounds (`shaders/common/bounds.wgsl`), which the host never reads.
 pub const BOUNDS_BYTES: u64 = 64;
+/// Bytes of the sums over a block of splats (`shaders/common/splat_sums.wgsl`), which the host never reads.
+pub const SPLAT_SUMS_BYTES: u64 = 16;
 
 /// What a step tells the host (`shaders/common/status.wgsl`).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]

@@ -8,6 +8,10 @@ pub mod bench;
 mod compile_tests;
 mod device;
 mod encode;
+#[cfg(test)]
+mod fault_tests;
+#[cfg(test)]
+mod fixed_tests;
 mod geometry;
 #[cfg(test)]
 mod harness;
@@ -16,6 +20,7 @@ mod layout;
 #[cfg(test)]
 mod loss_tests;
 mod model_buffers;
+mod pace;
 mod photos;
 mod resources;
 mod shader;

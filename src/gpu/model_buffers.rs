@@ -3,8 +3,9 @@
 
 use super::device::GpuDevice;
 use super::kernels::Buf;
-use super::layout::{BOUNDS_BYTES, PROJECTED_BYTES, SplatInfo};
+use super::layout::{BOUNDS_BYTES, PROJECTED_BYTES, SPLAT_SUMS_BYTES, SplatInfo};
 use super::resources::Resources;
+use super::shader::GROUP;
 use crate::Result;
 use crate::model::{AdamState, Model, SplatArrays, SplatGroup, TextureMap};
 
@@ -98,10 +99,12 @@ pub(super) fn derived(device: &GpuDevice, num_splats: usize, num_texels: usize) 
         (Buf::Statistics, device.buffer("window statistics", n, 16)?),
         (Buf::Projected, device.buffer("projected splats", n, PROJECTED_BYTES)?),
         (Buf::Bounds, device.buffer("splat bounds", n, BOUNDS_BYTES)?),
+        (Buf::SplatSums, device.buffer("sums over splats", n.div_ceil(GROUP.into()), SPLAT_SUMS_BYTES)?),
     ])
 }
 
-/// Reads model parameters, both moments and the last steps of splats, into `model` and `adam`.
+/// Reads model parameters, both moments and the last steps of splats, into `model` and `adam`: also after a
+/// failed step, while the device is there.
 ///
 /// # Errors
 /// [`crate::Error::Device`] if the device is gone.
@@ -113,17 +116,17 @@ pub(super) fn read_back(
 ) -> Result<()> {
     let (n, degree) = (model.num_splats(), model.splats.sh_degree);
     let splats = |name| -> Result<SplatArrays> {
-        let values: Vec<f32> = device.read(resources.buffer(name), n * splat_stride(degree))?;
+        let values: Vec<f32> = device.rescue(resources.buffer(name), n * splat_stride(degree))?;
         Ok(separated(&values, degree))
     };
     model.splats = splats(Buf::SplatP)?;
     adam.splats_m = splats(Buf::SplatM)?;
     adam.splats_v = splats(Buf::SplatV)?;
     let floats = 3 * model.num_texels();
-    model.textures.texels = device.read(resources.buffer(Buf::TexelP), floats)?;
-    adam.texels_m = device.read(resources.buffer(Buf::TexelM), floats)?;
-    adam.texels_v = device.read(resources.buffer(Buf::TexelV), floats)?;
-    let infos: Vec<SplatInfo> = device.read(resources.buffer(Buf::SplatInfo), n)?;
+    model.textures.texels = device.rescue(resources.buffer(Buf::TexelP), floats)?;
+    adam.texels_m = device.rescue(resources.buffer(Buf::TexelM), floats)?;
+    adam.texels_v = device.rescue(resources.buffer(Buf::TexelV), floats)?;
+    let infos: Vec<SplatInfo> = device.rescue(resources.buffer(Buf::SplatInfo), n)?;
     adam.last_step = infos.iter().map(|i| i.last_step).collect();
     Ok(())
 }

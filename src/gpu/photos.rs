@@ -7,12 +7,41 @@ use super::resources::Resources;
 use crate::Result;
 use crate::backend::TargetImage;
 
-/// A photo in the pool.
-struct Resident {
+/// Identity of a photo: its number, and its size, since one number may come in several.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Key {
     photo: u32,
     size_px: [u32; 2],
+}
+
+impl Key {
+    fn of((photo, target): &(u32, &TargetImage)) -> Self {
+        Self { photo: *photo, size_px: [target.width_px, target.height_px] }
+    }
+
+    fn num_px(self) -> u64 {
+        u64::from(self.size_px[0]) * u64::from(self.size_px[1])
+    }
+}
+
+/// A photo in the pool.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Resident {
+    key: Key,
     first_px: u64,
-    end_px: u64,
+}
+
+impl Resident {
+    fn end_px(self) -> u64 {
+        self.first_px + self.key.num_px()
+    }
+}
+
+/// Where a photo stands, and whether it has yet to be sent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Slot {
+    first_px: u64,
+    is_new: bool,
 }
 
 /// Which photos are where.
@@ -29,12 +58,13 @@ const PIXEL_BYTES: u64 = 4;
 const POOL_MAX_BYTES: u64 = 2 << 30;
 
 impl PhotoPool {
-    /// Numbers may stand for other photos from now on.
-    pub(super) fn forget(&mut self) {
-        self.resident.clear();
+    /// Numbers may stand for other photos from now on; the memory goes back.
+    pub(super) fn release(&mut self, resources: &mut Resources) {
+        resources.remove(Buf::Photo);
+        *self = Self::default();
     }
 
-    /// Makes room for a batch of photos of these sizes: all of them are resident at once afterwards. Says how
+    /// Makes room for a batch of photos of these sizes: all of them can be resident at once afterwards. Says how
     /// many of them, from the first on, fit the largest pool that the device allows.
     ///
     /// # Errors
@@ -47,82 +77,107 @@ impl PhotoPool {
     ) -> Result<usize> {
         let limits = &device.limits;
         let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size).min(POOL_MAX_BYTES);
-        let most_px = most / PIXEL_BYTES;
-        let mut fitting = 0;
-        let mut needed_px = 0;
-        for (_, target) in batch {
-            needed_px += num_px(target);
-            if needed_px > most_px && fitting > 0 {
-                break;
-            }
-            fitting += 1;
-        }
-        let needed_px: u64 = batch[..fitting].iter().map(|(_, t)| num_px(t)).sum();
-        // Photos met for the first time are worth a larger pool; a batch may wrap around once, hence twice.
-        let missing = batch[..fitting].iter().filter(|(p, t)| self.find(*p, t).is_none());
-        let wanted_px = self.resident.iter().map(|r| r.end_px - r.first_px).sum::<u64>()
-            + missing.map(|(_, t)| num_px(t)).sum::<u64>();
-        let wanted_px = wanted_px.max(2 * needed_px).min(most_px).max(needed_px);
+        let keys: Vec<Key> = batch.iter().map(Key::of).collect();
+        let (fitting, wanted_px) = self.wanted(&keys, most / PIXEL_BYTES);
         if wanted_px > self.capacity_px {
-            let capacity_px = (2 * self.capacity_px).clamp(wanted_px, most_px.max(wanted_px));
-            resources.set(Buf::Photo, device.buffer("photos, pixels", capacity_px, PIXEL_BYTES)?);
-            *self = Self { capacity_px, ..Self::default() };
+            resources.set(Buf::Photo, device.buffer("photos, pixels", wanted_px, PIXEL_BYTES)?);
+            *self = Self { capacity_px: wanted_px, ..Self::default() };
         }
         Ok(fitting)
     }
 
-    /// First pixel of a photo in the pool, after sending it if needed. `kept` are photos that must stay.
+    /// Photos of a batch, from the first on, that a pool of `most_px` holds at once, and the pool to have for
+    /// them.
+    fn wanted(&self, batch: &[Key], most_px: u64) -> (usize, u64) {
+        let (mut distinct, mut fitting): (Vec<Key>, usize) = (Vec::new(), 0);
+        for &key in batch {
+            if !distinct.contains(&key) {
+                let needed_px = distinct.iter().map(|k| k.num_px()).sum::<u64>() + key.num_px();
+                if needed_px > most_px && fitting > 0 {
+                    break;
+                }
+                distinct.push(key);
+            }
+            fitting += 1;
+        }
+        let needed_px: u64 = distinct.iter().map(|k| k.num_px()).sum();
+        // Photos met for the first time are worth a larger pool; a batch may wrap around once, hence twice.
+        let missing = distinct.iter().filter(|k| self.find(**k).is_none());
+        let seen_px = self.resident.iter().map(|r| r.key.num_px()).sum::<u64>()
+            + missing.map(|k| k.num_px()).sum::<u64>();
+        let wanted_px = seen_px.max(2 * needed_px).min(most_px).max(needed_px);
+        if wanted_px > self.capacity_px {
+            return (fitting, (2 * self.capacity_px).clamp(wanted_px, most_px.max(wanted_px)));
+        }
+        (fitting, wanted_px)
+    }
+
+    /// First pixels of a batch's photos in the pool, after sending those that are not there. The batch must
+    /// have been prepared.
     pub(super) fn place(
         &mut self,
         device: &GpuDevice,
         resources: &Resources,
-        photo: u32,
-        target: &TargetImage,
-        kept: &[u32],
-    ) -> Option<u32> {
-        if let Some(resident) = self.find(photo, target) {
-            return Some(resident.first_px as u32);
+        batch: &[(u32, &TargetImage)],
+    ) -> Result<Vec<u32>> {
+        let keys: Vec<Key> = batch.iter().map(Key::of).collect();
+        let slots = self.slots(&keys).ok_or_else(|| {
+            device.error("the photos of a batch do not fit the pool that was made for them")
+        })?;
+        let pool = resources.buffer(Buf::Photo);
+        for ((_, target), slot) in batch.iter().zip(&slots).filter(|(_, slot)| slot.is_new) {
+            let words = packed(target);
+            device.queue.write_buffer(pool, slot.first_px * PIXEL_BYTES, bytemuck::cast_slice(&words));
         }
-        let size = num_px(target);
+        Ok(slots.iter().map(|slot| slot.first_px as u32).collect())
+    }
+
+    /// Places all of a batch. Where photos that must stay leave only holes that are too small, everything is
+    /// forgotten and the batch placed anew, side by side.
+    fn slots(&mut self, batch: &[Key]) -> Option<Vec<Slot>> {
+        for _ in 0..2 {
+            if let Some(slots) = batch.iter().map(|key| self.slot(*key, batch)).collect() {
+                return Some(slots);
+            }
+            self.resident.clear();
+            self.next_px = 0;
+        }
+        None
+    }
+
+    /// Finds or makes a place for one photo; those of `kept` must stay.
+    fn slot(&mut self, key: Key, kept: &[Key]) -> Option<Slot> {
+        if let Some(resident) = self.find(key) {
+            return Some(Slot { first_px: resident.first_px, is_new: false });
+        }
         let mut first_px = self.next_px;
         // Twice around at most: kept photos are jumped over.
         for _ in 0..2 * self.resident.len() + 3 {
-            if first_px + size > self.capacity_px {
+            if first_px + key.num_px() > self.capacity_px {
                 first_px = 0;
             }
-            let end_px = first_px + size;
-            let blocked = self
-                .resident
-                .iter()
-                .filter(|r| r.first_px < end_px && first_px < r.end_px && kept.contains(&r.photo))
-                .map(|r| r.end_px)
-                .max();
-            match blocked {
+            let end_px = first_px + key.num_px();
+            if end_px > self.capacity_px {
+                return None;
+            }
+            let overlaps = |r: &Resident| r.first_px < end_px && first_px < r.end_px();
+            let blocked = self.resident.iter().filter(|r| overlaps(r) && kept.contains(&r.key));
+            match blocked.map(|r| r.end_px()).max() {
                 Some(end) => first_px = end,
                 None => {
-                    self.resident.retain(|r| r.end_px <= first_px || end_px <= r.first_px);
-                    self.resident.retain(|r| r.photo != photo);
-                    let size_px = [target.width_px, target.height_px];
-                    self.resident.push(Resident { photo, size_px, first_px, end_px });
+                    self.resident.retain(|r| !overlaps(r));
+                    self.resident.push(Resident { key, first_px });
                     self.next_px = end_px;
-                    let words = packed(target);
-                    let (pool, at) = (resources.buffer(Buf::Photo), first_px * PIXEL_BYTES);
-                    device.queue.write_buffer(pool, at, bytemuck::cast_slice(&words));
-                    return Some(first_px as u32);
+                    return Some(Slot { first_px, is_new: true });
                 }
             }
         }
         None
     }
 
-    fn find(&self, photo: u32, target: &TargetImage) -> Option<&Resident> {
-        let size_px = [target.width_px, target.height_px];
-        self.resident.iter().find(|r| r.photo == photo && r.size_px == size_px)
+    fn find(&self, key: Key) -> Option<&Resident> {
+        self.resident.iter().find(|r| r.key == key)
     }
-}
-
-fn num_px(target: &TargetImage) -> u64 {
-    u64::from(target.width_px) * u64::from(target.height_px)
 }
 
 /// RGB and the mask as the bytes of words. `[height, width]`
@@ -133,4 +188,96 @@ fn packed(target: &TargetImage) -> Vec<u32> {
         u32::from_le_bytes([p[0], p[1], p[2], if counts { 255 } else { 0 }])
     })
     .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{RngExt as _, SeedableRng as _};
+    use rand_pcg::Pcg32;
+
+    fn key(photo: u32, width_px: u32) -> Key {
+        Key { photo, size_px: [width_px, 1] }
+    }
+
+    /// What the photos of the pool show: `(number, width)` of each pixel.
+    struct Pool {
+        pool: PhotoPool,
+        pixels: Vec<Option<Key>>,
+    }
+
+    impl Pool {
+        fn new(capacity_px: u64) -> Self {
+            let pool = PhotoPool { capacity_px, ..PhotoPool::default() };
+            Self { pool, pixels: vec![None; capacity_px as usize] }
+        }
+
+        /// Places a batch, sends what is new, and checks that every photo of the batch is whole.
+        fn place(&mut self, batch: &[Key]) -> usize {
+            let slots = self.pool.slots(batch).unwrap_or_else(|| panic!("{batch:?} found no place"));
+            let range =
+                |key: Key, slot: &Slot| slot.first_px as usize..(slot.first_px + key.num_px()) as usize;
+            for (&key, slot) in batch.iter().zip(&slots).filter(|(_, slot)| slot.is_new) {
+                self.pixels[range(key, slot)].fill(Some(key));
+            }
+            for (&key, slot) in batch.iter().zip(&slots) {
+                assert!(self.pixels[range(key, slot)].iter().all(|p| *p == Some(key)), "{batch:?}");
+            }
+            slots.iter().filter(|slot| slot.is_new).count()
+        }
+    }
+
+    #[test]
+    fn a_photo_stays_until_its_place_is_needed_and_sizes_are_told_apart() {
+        let mut pool = Pool::new(100);
+        assert_eq!(pool.place(&[key(0, 40), key(1, 20), key(0, 40)]), 2);
+        assert_eq!(pool.place(&[key(1, 20), key(0, 40)]), 0, "both are still there");
+        // The same number at another size is another photo, and drives nobody out while there is room.
+        assert_eq!(pool.place(&[key(0, 10), key(0, 40)]), 1);
+        assert_eq!(pool.place(&[key(2, 60)]), 1);
+        assert_eq!(pool.place(&[key(0, 40)]), 1, "it had to go");
+    }
+
+    #[test]
+    fn holes_between_kept_photos_do_not_fail_a_batch_that_fits() {
+        let mut pool = Pool::new(100);
+        pool.place(&[key(0, 30)]);
+        pool.place(&[key(1, 30)]);
+        // Photo 1 stands in the middle: 30 px before it, 40 behind.
+        assert_eq!(pool.pool.resident.iter().map(|r| r.first_px).collect::<Vec<_>>(), [0, 30]);
+        assert_eq!(pool.place(&[key(1, 30), key(2, 60)]), 2, "both are placed anew");
+        // Negative control: what does not fit is refused.
+        assert!(pool.pool.slots(&[key(1, 30), key(3, 71)]).is_none());
+    }
+
+    #[test]
+    fn any_batch_that_fits_is_placed() {
+        let mut random = Pcg32::seed_from_u64(3);
+        let mut pool = Pool::new(64);
+        let mut sent = 0;
+        for _ in 0..2_000 {
+            let (mut batch, mut left) = (Vec::new(), 64_u32);
+            while batch.len() < 6 && left > 0 {
+                let photo: u32 = random.random_range(0..12);
+                let next = key(photo, (3 + 5 * photo) % 31 + 1 + random.random_range(0..2));
+                if !batch.contains(&next) && next.size_px[0] <= left {
+                    left -= next.size_px[0];
+                } else if !batch.contains(&next) {
+                    break;
+                }
+                batch.push(next);
+            }
+            sent += pool.place(&batch);
+        }
+        assert!(sent > 1_000, "photos had to go: {sent}");
+    }
+
+    #[test]
+    fn a_pool_holds_all_photos_of_a_batch_or_as_many_as_the_device_allows() {
+        let pool = PhotoPool::default();
+        assert_eq!(pool.wanted(&[key(0, 10), key(1, 20), key(0, 10)], 1_000), (3, 60));
+        assert_eq!(pool.wanted(&[key(0, 10), key(1, 20), key(2, 10)], 35), (2, 35));
+        // The first is refused by the device, with its size in the message.
+        assert_eq!(pool.wanted(&[key(0, 10)], 5), (1, 10));
+    }
 }

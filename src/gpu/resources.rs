@@ -66,6 +66,11 @@ impl Resources {
         self.buffers.get(&name).unwrap_or_else(|| panic!("{name:?} has not been made"))
     }
 
+    /// Whether a buffer has been put in place.
+    pub(super) fn has(&self, name: Buf) -> bool {
+        self.buffers.contains_key(&name)
+    }
+
     /// The bind group of a kernel; with `swapped`, the sort's halves change places.
     pub(super) fn group(
         &mut self,

@@ -4,10 +4,9 @@
 use super::backend::GpuBackend;
 use super::encode::Dispatch;
 use super::kernels::{Buf, KernelId};
-use super::layout::{
-    self, CHANGE_COARSER, CHANGE_FINER, CHANGE_RESAMPLE, CHANGE_SAME, FLAG_NEAREST_OUTSIDE, StepUniform,
-};
+use super::layout::{self, CHANGE_COARSER, CHANGE_FINER, CHANGE_RESAMPLE, CHANGE_SAME, FLAG_NEAREST_OUTSIDE};
 use super::model_buffers::{self, filled, splat_infos, splat_stride};
+use super::uniform;
 use crate::Result;
 use crate::backend::{Grid, MapChange, SplatEdit, StructurePlan};
 use crate::model::{AdamState, Model, SplatArrays, TextureMap, TexturePool};
@@ -143,13 +142,7 @@ fn change_array(backend: &mut GpuBackend, kernels: &[KernelId], flags: u32, name
 
 fn run(backend: &mut GpuBackend, kernels: &[KernelId], flags: u32) {
     backend.arm();
-    let scene = backend.scene();
-    let uniform = StepUniform {
-        num_splats: scene.num_splats,
-        splat_stride: scene.splat_stride,
-        flags,
-        ..StepUniform::default()
-    };
+    let uniform = uniform::without_view(&backend.scene(), flags);
     let offsets = backend.set_uniform(0, &uniform);
     let dispatches: Vec<Dispatch> = kernels.iter().map(|&kernel| Dispatch::new(kernel, offsets)).collect();
     backend.submit(&dispatches);

@@ -5,18 +5,27 @@ use super::backend::{GpuBackend, tile_flags};
 use super::encode::Dispatch;
 use super::kernels::Buf;
 use super::kernels::KernelId;
-use super::layout::Status;
+use super::layout::{FLAG_COUNT_ATOMICS, Status, StepUniform};
 use super::resources::Offsets;
 use super::sort;
 use super::uniform::{self, needs_statistics};
 use super::view_buffers::Needs;
 use crate::backend::{LossValues, RasterCounters, StepReport, StepRequest};
 use crate::camera::Camera;
+use crate::model::LearningRates;
 use crate::{Error, Result};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Pairs that a fresh backend has room for, per splat.
 const PAIRS_PER_SPLAT: u64 = 8;
+
+/// A step of a submission whose status has not been read yet.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Promise {
+    step: u32,
+    rates: LearningRates,
+    counts_in_window: bool,
+}
 
 impl GpuBackend {
     /// Projection to picture.
@@ -47,10 +56,10 @@ impl GpuBackend {
         let mut kernels = vec![K::LossFwd, K::LossBwd];
         if geometry {
             kernels.extend([K::GeometryLoss, self.raster.bwd_geometry, K::ProjectBwdGeometry]);
-            kernels.extend([K::AdamTexel, K::FinishGeometry]);
+            kernels.extend([K::AdamTexel, K::FinishBlocks, K::FinishGeometry]);
         } else {
             let bwd = if statistics { self.raster.bwd_statistics } else { self.raster.bwd };
-            kernels.extend([bwd, K::ProjectBwd, K::AdamTexel, K::Finish]);
+            kernels.extend([bwd, K::ProjectBwd, K::AdamTexel, K::FinishBlocks, K::Finish]);
         }
         out.extend(kernels.into_iter().map(|id| Dispatch::new(id, offsets)));
         out
@@ -79,7 +88,7 @@ impl GpuBackend {
         let guess = guess.min(self.most_pairs());
         let mut needs = Needs {
             splats: n,
-            pairs: self.capacity.pairs.max(guess),
+            pairs: self.capacity.pairs_of(training).max(guess),
             training,
             statistics,
             ..Needs::default()
@@ -101,7 +110,7 @@ impl GpuBackend {
 
     /// Makes room for the pairs that a view needs.
     pub(super) fn grow_pairs(&mut self, status: &Status, needs: &Needs) -> Result<()> {
-        if u64::from(status.needed_pairs) <= self.capacity.pairs {
+        if u64::from(status.needed_pairs) <= self.capacity.pairs_of(needs.training) {
             return Err(self
                 .device
                 .error("a submission was not carried out, and the driver does not say why"));
@@ -111,33 +120,38 @@ impl GpuBackend {
         self.capacity.ensure(&self.device, &mut self.resources, &Needs { pairs, ..*needs })
     }
 
-    /// Runs steps that fit one submission; returns what those that were applied tell.
+    /// Runs steps that fit one submission; returns what those that were applied tell, and the one after them.
+    ///
+    /// The host encodes a batch only after it has read the status of the one before: the trait hands over a batch
+    /// at a time and wants its reports back. To encode one while another runs, requests would have to come
+    /// before the reports of earlier ones are due.
     pub(super) fn submit_steps(&mut self, requests: &[StepRequest<'_>]) -> Result<Vec<(Status, Stages)>> {
-        let kept: Vec<u32> = requests.iter().map(|r| r.photo).collect();
+        let start = Instant::now();
+        let photos: Vec<_> = requests.iter().map(|r| (r.photo, r.target)).collect();
+        let photos_px = self.photos.place(&self.device, &self.resources, &photos)?;
         self.arm();
         let mut dispatches = Vec::new();
         let mut ends = Vec::new();
         let mut scene = self.scene();
-        for (slot, request) in requests.iter().enumerate() {
-            let placed =
-                self.photos.place(&self.device, &self.resources, request.photo, request.target, &kept);
-            let photo_px =
-                placed.ok_or_else(|| self.device.error("the photos of a batch do not fit its pool"))?;
-            let offsets = self.set_uniform(slot, &uniform::step(&scene, request, photo_px, slot as u32));
+        scene.pair_capacity = self.capacity.training_pairs as u32;
+        for (slot, (request, photo_px)) in requests.iter().zip(photos_px).enumerate() {
+            let flags = if self.counts_atomics(request) { FLAG_COUNT_ATOMICS } else { 0 };
+            let uniform = uniform::step(&scene, request, photo_px, slot as u32);
+            let offsets = self.set_uniform(slot, &StepUniform { flags: uniform.flags | flags, ..uniform });
             let geometry = request.loss.needs_geometry();
             let statistics = needs_statistics(request);
             dispatches.extend(self.step_dispatches(offsets, &request.camera, geometry, statistics));
             ends.push(dispatches.len());
             (scene.settled_step, scene.settled_rates) = (request.step, request.rates);
         }
-        self.submit(&dispatches);
-        let statuses: Vec<Status> = self.device.read(self.resources.buffer(Buf::Status), requests.len())?;
-        let applied = statuses.iter().take_while(|s| s.done == 1).count();
-        if let Some(last) = applied.checked_sub(1) {
-            (self.clock.step, self.clock.rates) = (requests[last].step, requests[last].rates);
-            let counted = requests[..applied].iter().filter(|r| r.accumulate_statistics).count();
-            self.window_views += counted as u32;
-        }
+        let promise = |r: &StepRequest<'_>| Promise {
+            step: r.step,
+            rates: r.rates,
+            counts_in_window: r.accumulate_statistics,
+        };
+        self.in_flight = requests.iter().map(promise).collect();
+        let statuses = self.submit_for_status(&dispatches, requests.len())?;
+        let applied = self.count_applied(&statuses);
         let times = match &self.timer {
             Some(timer) => timer.read(&self.device, dispatches.len())?,
             None => Vec::new(),
@@ -146,7 +160,36 @@ impl GpuBackend {
             let range = ends[..k].last().copied().unwrap_or(0)..ends[k];
             stages(&dispatches[range.clone()], times.get(range).unwrap_or_default())
         });
+        // A batch that was cut short tells nothing of the time that a whole one takes.
+        if applied == requests.len() {
+            self.pace.learn(applied, start.elapsed().as_secs_f64());
+        }
         Ok(statuses.into_iter().zip(stages).take(applied + 1).collect())
+    }
+
+    /// Counts the steps of the last submission that were applied.
+    pub(super) fn count_applied(&mut self, statuses: &[Status]) -> usize {
+        let applied = statuses.iter().take_while(|s| s.done == 1).count();
+        let promised = std::mem::take(&mut self.in_flight);
+        if let Some(last) = promised[..applied].last() {
+            (self.clock.step, self.clock.rates) = (last.step, last.rates);
+        }
+        self.window_views += promised[..applied].iter().filter(|p| p.counts_in_window).count() as u32;
+        applied
+    }
+
+    /// Submits dispatches and the copy of their status, and waits for it.
+    pub(super) fn submit_for_status(&mut self, dispatches: &[Dispatch], count: usize) -> Result<Vec<Status>> {
+        let mut encoder = self.encoded(dispatches);
+        let bytes = (count * size_of::<Status>()) as u64;
+        encoder.copy_buffer_to_buffer(self.resources.buffer(Buf::Status), 0, &self.staging, 0, bytes);
+        self.device.submit(encoder);
+        self.device.read_staged(&self.staging, count)
+    }
+
+    /// Whether a step runs the variant that counts atomics.
+    fn counts_atomics(&self, request: &StepRequest<'_>) -> bool {
+        self.options.count_texel_atomics && !request.loss.needs_geometry() && !needs_statistics(request)
     }
 
     pub(super) fn report(&self, request: &StepRequest<'_>, status: &Status, stages: Stages) -> StepReport {
@@ -170,6 +213,7 @@ impl GpuBackend {
             evaluated_pairs: s.evaluated.into(),
             inside_pairs: s.inside.into(),
             blended_pairs: s.blended.into(),
+            texel_atomics: s.texel_atomics.into(),
         };
         StepReport { loss, counters, non_finite_gradients: s.faults.into(), stages }
     }

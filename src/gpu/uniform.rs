@@ -27,6 +27,25 @@ pub(super) fn grid(camera: &Camera, tile_rows_px: u32) -> [u32; 2] {
     [camera.pinhole.width_px.div_ceil(TILE_PX), camera.pinhole.height_px.div_ceil(tile_rows_px)]
 }
 
+/// For what looks at no view.
+pub(super) fn without_view(scene: &Scene, flags: u32) -> StepUniform {
+    StepUniform {
+        near: scene.near,
+        num_splats: scene.num_splats,
+        splat_stride: scene.splat_stride,
+        settled_step: scene.settled_step,
+        pair_capacity: scene.pair_capacity,
+        partial_stride: PARTIAL_STRIDE,
+        last_rate_sh_dc: scene.settled_rates.sh_dc,
+        last_rate_sh_rest: scene.settled_rates.sh_rest,
+        last_rate_texel: scene.settled_rates.texel,
+        last_rate_texel_growth: scene.settled_rates.texel_growth,
+        last_rate_texel_growth_limit: scene.settled_rates.texel_growth_limit,
+        flags,
+        ..StepUniform::default()
+    }
+}
+
 /// For a picture.
 pub(super) fn picture(scene: &Scene, camera: &Camera, background: [f32; 3], sh_degree: u32) -> StepUniform {
     let rotation = camera.camera_from_local.rotation;
@@ -40,24 +59,13 @@ pub(super) fn picture(scene: &Scene, camera: &Camera, background: [f32; 3], sh_d
         camera_row1: row(1),
         camera_row2: row(2),
         camera_in_local: camera.centre_in_local().as_vec3().to_array(),
-        near: scene.near,
         focal_px: [pinhole.fx_px as f32, pinhole.fy_px as f32],
         principal_px: [pinhole.cx_px as f32, pinhole.cy_px as f32],
         size_px: [pinhole.width_px, pinhole.height_px],
         grid: grid(camera, scene.tile_rows_px),
         background,
-        num_splats: scene.num_splats,
         sh_degree,
-        splat_stride: scene.splat_stride,
-        settled_step: scene.settled_step,
-        pair_capacity: scene.pair_capacity,
-        partial_stride: PARTIAL_STRIDE,
-        last_rate_sh_dc: scene.settled_rates.sh_dc,
-        last_rate_sh_rest: scene.settled_rates.sh_rest,
-        last_rate_texel: scene.settled_rates.texel,
-        last_rate_texel_growth: scene.settled_rates.texel_growth,
-        last_rate_texel_growth_limit: scene.settled_rates.texel_growth_limit,
-        ..StepUniform::default()
+        ..without_view(scene, 0)
     }
 }
 

@@ -1,4 +1,5 @@
-//! Buffers that follow in size from the pictures and from the number of pairs. They only grow.
+//! Buffers that follow in size from the pictures and from the number of pairs. They grow from one upload of a
+//! model to the next, which gives them back.
 
 use super::device::GpuDevice;
 use super::kernels::Buf;
@@ -12,7 +13,10 @@ use crate::Result;
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Capacity {
     splats: u64,
+    /// Of pictures.
     pub pairs: u64,
+    /// Of steps: those whose partial sums have room, too. A picture may have needed more.
+    pub training_pairs: u64,
     /// Floats of the partial sums.
     partials: u64,
     pixels: u64,
@@ -39,7 +43,43 @@ pub(super) struct Needs {
     pub geometry: bool,
 }
 
+/// All buffers that are made here.
+const BUFFERS: [Buf; 21] = [
+    Buf::KeysA,
+    Buf::KeysB,
+    Buf::ValuesA,
+    Buf::ValuesB,
+    Buf::Histogram,
+    Buf::SlotSplat,
+    Buf::Pairs,
+    Buf::SlotOffsets,
+    Buf::BlockSums,
+    Buf::Partials,
+    Buf::Pixels,
+    Buf::PixelState,
+    Buf::PixelGrad,
+    Buf::SsimMaps,
+    Buf::LossMap,
+    Buf::TileRanges,
+    Buf::LossPartials,
+    Buf::Normals,
+    Buf::Geometry,
+    Buf::PixelRecords,
+    Buf::GeometryPartials,
+];
+
 impl Capacity {
+    /// Gives everything back.
+    pub(super) fn release(&mut self, resources: &mut Resources) {
+        BUFFERS.into_iter().for_each(|name| resources.remove(name));
+        *self = Self::default();
+    }
+
+    /// Pairs that there is room for.
+    pub(super) fn pairs_of(&self, training: bool) -> u64 {
+        if training { self.training_pairs } else { self.pairs }
+    }
+
     /// Grows what is too small.
     ///
     /// # Errors
@@ -71,12 +111,14 @@ impl Capacity {
                 (false, true) => PARTIAL_STRIDE_STATISTICS,
                 (false, false) => PARTIAL_STRIDE,
             };
-            let floats = self.pairs * u64::from(stride);
+            let pairs = needs.pairs.max(self.training_pairs);
+            let floats = pairs * u64::from(stride);
             if floats > self.partials {
                 let what = "partial sums of tile-splat pairs";
-                resources.set(Buf::Partials, device.buffer(what, self.pairs, 4 * u64::from(stride))?);
+                resources.set(Buf::Partials, device.buffer(what, pairs, 4 * u64::from(stride))?);
                 self.partials = floats;
             }
+            self.training_pairs = pairs;
         }
         if needs.pixels > self.pixels {
             resources.set(Buf::Pixels, device.buffer("pixels", needs.pixels, 16)?);

@@ -1,7 +1,7 @@
 //! The kernels as browsers see them.
 
 use super::kernels::KERNELS;
-use super::shader::{Expanded, Target, expand};
+use super::shader::{Expanded, HALF_TILES, Target, expand};
 use crate::{Error, Result};
 
 /// A kernel in the form for browsers.
@@ -15,15 +15,22 @@ pub struct WebShader {
     pub shader: Expanded,
 }
 
-/// All kernels and their variants, expanded for browsers.
+/// All kernels and their variants, with tiles of both heights where it makes a difference, expanded for browsers.
 ///
 /// # Errors
 /// [`Error::Device`] with the place in the sources if one cannot be expanded.
 pub fn web_shaders() -> Result<Vec<WebShader>> {
-    let shader = |kernel: &super::kernels::Kernel| {
-        let expanded = expand(kernel.name, kernel.flags, Target::Web).map_err(Error::Device)?;
-        let name = std::iter::once(kernel.name).chain(kernel.flags.iter().copied()).collect::<Vec<_>>();
-        Ok(WebShader { name: name.join(" "), entry_point: kernel.name, shader: expanded })
-    };
-    KERNELS.iter().map(|(_, kernel)| shader(kernel)).collect()
+    let mut out: Vec<WebShader> = Vec::new();
+    for (_, kernel) in KERNELS {
+        for tiles in [&[][..], &[HALF_TILES]] {
+            let flags = [kernel.flags, tiles].concat();
+            let shader = expand(kernel.name, &flags, Target::Web).map_err(Error::Device)?;
+            let name = std::iter::once(kernel.name).chain(flags).collect::<Vec<_>>().join(" ");
+            // Most kernels do not ask for the height of tiles.
+            if out.last().is_none_or(|before| before.shader.text != shader.text) {
+                out.push(WebShader { name, entry_point: kernel.name, shader });
+            }
+        }
+    }
+    Ok(out)
 }

@@ -1,15 +1,18 @@
 //! What `litetex bench-kernels` measures: counts made by the code that does the work, times by the device's
 //! clock and the wall's, bytes by the table of [`traffic`](Traffic).
 
+mod budget;
 mod sort;
 mod traffic;
 
+pub use budget::Deadline;
 pub use sort::{SortThroughput, sort_throughput};
 pub use traffic::{Traffic, TrafficCounts, TrafficItem, TrafficShare};
 
 use super::backend::{GpuBackend, GpuOptions};
 use super::device::{DeviceWork, GpuDevice};
 use super::kernels::KernelId;
+use super::pace::Pace;
 use super::resources::Offsets;
 use super::shader::TILE_PX;
 use super::sort::{DEPTH_PASSES, num_tile_passes};
@@ -19,6 +22,7 @@ use crate::backend::{Backend as _, RasterCounters, StepReport, StepRequest};
 use crate::camera::Camera;
 use crate::clock::process_cpu_secs;
 use crate::model::{AdamState, Model, SplatGroup};
+use budget::Repetitions;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::time::Instant;
@@ -27,6 +31,10 @@ use std::time::Instant;
 const FEW_STEPS: u32 = 4;
 /// Steps that are done twice.
 const REPEATED_STEPS: u32 = 8;
+/// A step that takes longer is worth a look at the clock.
+const SLOW_STEP_SECS: f64 = 0.1;
+/// What running in takes of the time that there is, at most.
+const RUN_IN_SHARE: f64 = 0.1;
 
 /// A device and what it allows.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -77,7 +85,7 @@ impl DeviceFigures {
 pub struct WorkPerStep {
     /// Dispatches.
     pub dispatches: f64,
-    /// Submissions, those that copy the status included.
+    /// Submissions.
     pub submissions: f64,
     /// Times that the host waited.
     pub host_waits: f64,
@@ -122,17 +130,27 @@ pub struct VariantTimes {
     pub raster_bwd_secs: Option<f64>,
 }
 
-/// Everything measured on one scene.
+/// Everything measured on one scene. Where time was bounded, what it did not suffice for is `null` or empty.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct KernelFigures {
     /// Splats.
     pub splats: usize,
     /// Texels.
     pub texels: usize,
-    /// Views, each seen once before anything is measured.
+    /// Views, each seen once before anything is measured if there is time.
     pub views: u32,
     /// Largest width and height.
     pub size_px: [u32; 2],
+    /// The first step of all, in which drivers may compile.
+    pub first_step_secs: f64,
+    /// What was measured of steps; `null` if one takes longer than there was time.
+    #[serde(flatten)]
+    pub steps: Option<StepFigures>,
+}
+
+/// What was measured of steps.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct StepFigures {
     /// Steps measured.
     pub steps: u32,
     /// Steps of a submission.
@@ -147,6 +165,22 @@ pub struct KernelFigures {
     pub per_step: WorkPerStep,
     /// Median over the steps, by name of the shader, largest first; `null` without a device clock.
     pub kernel_secs: Option<Vec<(&'static str, f64)>>,
+    /// Pairs, atomics and bytes.
+    #[serde(flatten)]
+    pub counts: Option<CountFigures>,
+    /// Both forms of the rasterisation.
+    pub variants: Vec<VariantTimes>,
+    /// Whether the same steps gave the same bytes twice.
+    pub repeatable: Option<bool>,
+    /// FNV-1a of the state after them.
+    pub state_hash: Option<String>,
+    /// Steps that were done twice.
+    pub repeated_steps: u32,
+}
+
+/// What was counted.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct CountFigures {
     /// Pairs per pixel.
     pub pairs: PairFigures,
     /// Global atomics.
@@ -155,15 +189,10 @@ pub struct KernelFigures {
     pub traffic_counts: TrafficCounts,
     /// Bytes.
     pub traffic: Traffic,
-    /// Both forms of the rasterisation.
-    pub variants: Vec<VariantTimes>,
-    /// Whether the same steps gave the same bytes twice.
-    pub repeatable: bool,
-    /// FNV-1a of the state after them.
-    pub state_hash: String,
 }
 
-/// Measures. `request` makes a step (from 1) that shows view `(step - 1) % views`.
+/// Measures, as much as there is time for: at least one step. `request` makes a step (from 1) that shows view
+/// `(step - 1) % views`.
 ///
 /// # Errors
 /// [`crate::Error::Device`] if memory or the device fails.
@@ -172,66 +201,21 @@ pub fn measure<'a>(
     model: &Model,
     steps: u32,
     views: u32,
+    deadline: Deadline,
     request: &dyn Fn(u32) -> StepRequest<'a>,
 ) -> Result<KernelFigures> {
-    let plain = GpuOptions::default();
-    let timed = GpuOptions { time_kernels: true, ..plain };
-    let mut bench = Bench { backend, next: 1, request };
-    bench.restart(model, plain)?;
-    bench.run(views)?;
-
-    let (work, cpu, wall) = (bench.backend.gpu().work(), process_cpu_secs(), Instant::now());
-    let batch_steps = bench.backend.batch_steps();
-    bench.run(steps)?;
-    let per = |total: f64| total / f64::from(steps);
-    let wall_secs_per_step = per(wall.elapsed().as_secs_f64());
-    let cpu_secs_per_step = per(process_cpu_secs() - cpu);
-    let per_step = work_per_step(work, bench.backend.gpu().work(), steps);
-
-    bench.backend.set_options(timed)?;
-    let kernel_secs = medians(&bench.run(steps)?);
-    let (pairs, texel_atomics, traffic_counts, traffic) = bench.count(model)?;
-    let mut variants = Vec::new();
-    for hardware_kernels in [false, true] {
-        bench.backend.set_options(GpuOptions { hardware_kernels: Some(hardware_kernels), ..timed })?;
-        // The first run of a kernel may compile it.
-        bench.run(1)?;
-        let times = medians(&bench.run(FEW_STEPS)?);
-        let of =
-            |name| times.as_ref().and_then(|t| t.iter().find(|(n, _)| *n == name)).map(|(_, secs)| *secs);
-        let (raster_fwd_secs, raster_bwd_secs) = (of("raster_fwd"), of("raster_bwd"));
-        variants.push(VariantTimes { hardware_kernels, raster_fwd_secs, raster_bwd_secs });
-    }
-    let mut hashes = Vec::new();
-    for _ in 0..2 {
-        bench.restart(model, plain)?;
-        bench.run(REPEATED_STEPS)?;
-        let (model, adam) = bench.backend.read_back()?;
-        hashes.push(state_hash(&model, &adam));
-    }
+    let mut bench = Bench { backend, next: 1, request, deadline, step_secs: 0.0 };
+    bench.restart(model, GpuOptions::default())?;
+    let start = Instant::now();
+    bench.run(1)?;
+    let first_step_secs = start.elapsed().as_secs_f64();
+    bench.step_secs = first_step_secs;
+    let steps = if deadline.allows(first_step_secs) { Some(bench.steps(model, steps, views)?) } else { None };
     let size_px = (1..=views)
         .map(|step| request(step).camera.pinhole)
         .fold([0, 0], |[w, h]: [u32; 2], p| [w.max(p.width_px), h.max(p.height_px)]);
-    Ok(KernelFigures {
-        splats: model.num_splats(),
-        texels: model.num_texels(),
-        views,
-        size_px,
-        steps,
-        batch_steps,
-        wall_secs_per_step,
-        cpu_secs_per_step,
-        steps_per_sec: 1.0 / wall_secs_per_step.max(1e-12),
-        per_step,
-        kernel_secs,
-        pairs,
-        texel_atomics,
-        traffic_counts,
-        traffic,
-        variants,
-        repeatable: hashes[0] == hashes[1],
-        state_hash: format!("{:016x}", hashes[0]),
-    })
+    let (splats, texels) = (model.num_splats(), model.num_texels());
+    Ok(KernelFigures { splats, texels, views, size_px, first_step_secs, steps })
 }
 
 /// A backend and where it stands.
@@ -239,9 +223,111 @@ struct Bench<'a, 'b> {
     backend: &'b mut GpuBackend,
     next: u32,
     request: &'b dyn Fn(u32) -> StepRequest<'a>,
+    deadline: Deadline,
+    /// What the last steps took, each.
+    step_secs: f64,
 }
 
 impl Bench<'_, '_> {
+    /// Everything, after the first step.
+    fn steps(&mut self, model: &Model, steps: u32, views: u32) -> Result<StepFigures> {
+        // At least one more: the first may have compiled.
+        let run_in = (RUN_IN_SHARE * self.deadline.fitting(self.step_secs)).clamp(0.0, f64::from(views - 1));
+        self.run_in_time(run_in as u32)?;
+        let wanted = Repetitions {
+            steps,
+            timed: steps,
+            counted: FEW_STEPS,
+            repeated: REPEATED_STEPS,
+            variants: FEW_STEPS,
+        };
+        let planned = Repetitions::planned(wanted, self.deadline.fitting(self.step_secs));
+        // From here on the same for every part, so that repeated measurements do the same.
+        let plain = GpuOptions { batch_steps: Some(Pace::at(self.step_secs)), ..GpuOptions::default() };
+        self.backend.set_options(plain)?;
+
+        let (work, cpu, wall) = (self.backend.gpu().work(), process_cpu_secs(), Instant::now());
+        let steps = self.run_in_time(planned.steps.max(1))?.len() as u32;
+        let per = |total: f64| total / f64::from(steps.max(1));
+        let wall_secs_per_step = per(wall.elapsed().as_secs_f64());
+        let cpu_secs_per_step = per(process_cpu_secs() - cpu);
+        let per_step = work_per_step(work, self.backend.gpu().work(), steps);
+
+        let timed = GpuOptions { time_kernels: true, ..plain };
+        self.backend.set_options(timed)?;
+        let kernel_secs = medians(&self.run_in_time(planned.timed)?);
+        let counts = self.count(model, planned.counted)?;
+        let hashes = self.repeated(model, plain, planned.repeated)?;
+        let variants = self.variants(timed, planned.variants)?;
+        Ok(StepFigures {
+            steps,
+            batch_steps: self.backend.batch_steps(),
+            wall_secs_per_step,
+            cpu_secs_per_step,
+            steps_per_sec: 1.0 / wall_secs_per_step.max(1e-12),
+            per_step,
+            kernel_secs,
+            counts,
+            variants,
+            repeatable: hashes.map(|[first, second]| first == second),
+            state_hash: hashes.map(|[hash, _]| format!("{hash:016x}")),
+            repeated_steps: if hashes.is_some() { planned.repeated } else { 0 },
+        })
+    }
+
+    /// Hashes of the state after the same steps from the start, twice.
+    fn repeated(&mut self, model: &Model, plain: GpuOptions, steps: u32) -> Result<Option<[u64; 2]>> {
+        if steps == 0 || !self.deadline.allows(2.0 * f64::from(steps) * self.step_secs) {
+            return Ok(None);
+        }
+        let mut hashes = [0; 2];
+        for hash in &mut hashes {
+            self.restart(model, plain)?;
+            self.run(steps)?;
+            let (model, adam) = self.backend.read_back()?;
+            *hash = state_hash(&model, &adam);
+        }
+        Ok(Some(hashes))
+    }
+
+    /// Times of both forms of the rasterisation.
+    fn variants(&mut self, timed: GpuOptions, steps: u32) -> Result<Vec<VariantTimes>> {
+        let mut out = Vec::new();
+        for hardware_kernels in [false, true] {
+            if steps == 0 || !self.deadline.allows(2.0 * self.step_secs) {
+                break;
+            }
+            self.backend.set_options(GpuOptions { hardware_kernels: Some(hardware_kernels), ..timed })?;
+            // The first run of a kernel may compile it.
+            let first = self.run_in_time(1)?;
+            let times = if self.deadline.allows(self.step_secs) {
+                medians(&self.run_in_time(steps)?)
+            } else {
+                medians(&first)
+            };
+            let of = |name| times.as_ref().and_then(|t| t.iter().find(|(n, _)| *n == name)).map(|(_, s)| *s);
+            let (raster_fwd_secs, raster_bwd_secs) = (of("raster_fwd"), of("raster_bwd"));
+            out.push(VariantTimes { hardware_kernels, raster_fwd_secs, raster_bwd_secs });
+        }
+        Ok(out)
+    }
+
+    /// Steps, all of them where they are quick, else at least one and as many as there is time for.
+    fn run_in_time(&mut self, steps: u32) -> Result<Vec<StepReport>> {
+        let mut reports = Vec::new();
+        while (reports.len() as u32) < steps {
+            let start = Instant::now();
+            let left = steps - reports.len() as u32;
+            let count = if self.step_secs < SLOW_STEP_SECS { left } else { 1 };
+            reports.extend(self.run(count)?);
+            self.step_secs = start.elapsed().as_secs_f64() / f64::from(count);
+            if !self.deadline.allows(self.step_secs) {
+                break;
+            }
+        }
+        Ok(reports)
+    }
+
     fn restart(&mut self, model: &Model, options: GpuOptions) -> Result<()> {
         self.backend.set_options(options)?;
         self.backend.upload(model, &AdamState::zeros(model))?;
@@ -256,17 +342,22 @@ impl Bench<'_, '_> {
     }
 
     /// A few steps, one by one, with everything counted.
-    fn count(&mut self, model: &Model) -> Result<(PairFigures, AtomicFigures, TrafficCounts, Traffic)> {
+    fn count(&mut self, model: &Model, steps: u32) -> Result<Option<CountFigures>> {
+        if steps == 0 || !self.deadline.allows(self.step_secs) {
+            return Ok(None);
+        }
         let counting = GpuOptions {
             count_pairs: true,
             count_texel_atomics: true,
-            batch_steps: 1,
+            batch_steps: Some(1),
             ..GpuOptions::default()
         };
         self.backend.set_options(counting)?;
         let (mut sum, mut counts) = (RasterCounters::default(), TrafficCounts::default());
         let mut before = self.backend.read_back()?.1.last_step;
-        for _ in 0..FEW_STEPS {
+        let mut counted = 0;
+        while counted < steps && (counted == 0 || self.deadline.allows(self.step_secs)) {
+            counted += 1;
             let (step, camera) = (self.next, (self.request)(self.next).camera);
             let report = self.run(1)?.pop().unwrap_or_default();
             let after = self.backend.read_back()?.1.last_step;
@@ -276,7 +367,7 @@ impl Bench<'_, '_> {
             sum.evaluated_pairs += c.evaluated_pairs;
             sum.inside_pairs += c.inside_pairs;
             sum.blended_pairs += c.blended_pairs;
-            counts.texel_atomics += report.non_finite_gradients as f64;
+            counts.texel_atomics += c.texel_atomics as f64;
             for (i, map) in model.textures.maps.iter().enumerate().filter(|(i, _)| after[*i] == step) {
                 let (texels, lags) = (map.num_texels() as f64, before[i] + 1 < step);
                 counts.visible += 1.0;
@@ -289,7 +380,7 @@ impl Bench<'_, '_> {
             counts.tile_passes += f64::from(num_tile_passes(cols * rows));
             before = after;
         }
-        let mean = |total: f64| total / f64::from(FEW_STEPS);
+        let mean = |total: f64| total / f64::from(counted);
         let counts = TrafficCounts {
             splats: model.num_splats() as f64,
             visible: mean(counts.visible),
@@ -311,7 +402,8 @@ impl Bench<'_, '_> {
             per_blended_pair: counts.texel_atomics / mean(blended),
         };
         let tile_pixels = u64::from(TILE_PX * self.backend.tile_rows_px);
-        Ok((pair_figures(&sum, counts.pairs, tile_pixels), atomics, counts, traffic))
+        let pairs = pair_figures(&sum, counts.pairs, tile_pixels);
+        Ok(Some(CountFigures { pairs, texel_atomics: atomics, traffic_counts: counts, traffic }))
     }
 }
 

@@ -16,8 +16,8 @@
 //! | adam | `28 (10 N + C Nv + 3 Mv)` |
 
 use crate::gpu::kernels::KernelId;
-use crate::gpu::layout::{BOUNDS_BYTES, DispatchArgs, PROJECTED_BYTES, SplatInfo, Status};
-use crate::gpu::shader::{BLOCK, DIGIT_BITS};
+use crate::gpu::layout::{BOUNDS_BYTES, DispatchArgs, PROJECTED_BYTES, SPLAT_SUMS_BYTES, SplatInfo, Status};
+use crate::gpu::shader::{BLOCK, DIGIT_BITS, GROUP};
 use crate::gpu::uniform::PARTIAL_STRIDE;
 use serde::Serialize;
 
@@ -114,6 +114,7 @@ pub(super) fn traffic(kernel: KernelId, c: &TrafficCounts) -> Vec<(TrafficItem, 
     // The first pass of each makes its values itself.
     let values = sorted - (c.splats + c.pairs);
     let block_sums = c.splats / f64::from(BLOCK) * WORD;
+    let block_status = (c.splats / f64::from(GROUP)).ceil() * SPLAT_SUMS_BYTES as f64;
     // Pairs, splats and texels as the rasterisation of a picture reads them.
     let scene = 8.0 * c.tiles + (PAIR + PROJECTED) * c.pairs + 16.0 * c.visible_texels;
     match kernel {
@@ -171,10 +172,8 @@ pub(super) fn traffic(kernel: KernelId, c: &TrafficCounts) -> Vec<(TrafficItem, 
             let records = WORD * c.splats + (4.0 * WORD + INFO + WORD) * c.visible;
             vec![(I::Adam, records + (STATE + 4.0 * WORD) * 3.0 * c.visible_texels)]
         }
-        K::Finish => {
-            let splats = WORD * c.splats + 4.0 * WORD * c.visible;
-            vec![(I::Status, splats + 16.0 * c.tiles + size_of::<Status>() as f64)]
-        }
+        K::FinishBlocks => vec![(I::Status, WORD * c.splats + 4.0 * WORD * c.visible + block_status)],
+        K::Finish => vec![(I::Status, block_status + 16.0 * c.tiles + size_of::<Status>() as f64)],
         // Not part of a step, or of the optional terms on depths and normals only.
         K::ProjectGeometry
         | K::RasterFwdGeometry

@@ -69,6 +69,7 @@ fn all_constants() -> BTreeMap<&'static str, Literal> {
         ("FLAG_STATISTICS", layout::FLAG_STATISTICS),
         ("FLAG_ALL_MAPS", layout::FLAG_ALL_MAPS),
         ("FLAG_NEAREST_OUTSIDE", layout::FLAG_NEAREST_OUTSIDE),
+        ("FLAG_COUNT_ATOMICS", layout::FLAG_COUNT_ATOMICS),
         ("CHANGE_SAME", layout::CHANGE_SAME),
         ("CHANGE_FINER", layout::CHANGE_FINER),
         ("CHANGE_COARSER", layout::CHANGE_COARSER),

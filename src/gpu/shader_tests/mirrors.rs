@@ -134,6 +134,7 @@ pub(super) fn mirrors() -> Vec<Mirror> {
         ),
         Mirror { name: "Projected", bytes: layout::PROJECTED_BYTES as u32, members: Vec::new() },
         Mirror { name: "Bounds", bytes: layout::BOUNDS_BYTES as u32, members: Vec::new() },
+        Mirror { name: "SplatSums", bytes: layout::SPLAT_SUMS_BYTES as u32, members: Vec::new() },
     ]
 }
 

@@ -1,0 +1,38 @@
+// How texel gradients reach memory: as fixed point, added by atomics. Wants `texel_grad` bound. COUNT: what is
+// returned are atomics instead of faults. SCATTER: tap by tap as well.
+
+#if SCATTER
+fn scatter(s: Projected, taps: Taps, by_colour: vec3f) -> u32 {
+    let f = taps.fraction;
+    return add_texel(s, taps.first, by_colour * ((1.0 - f.x) * (1.0 - f.y)))
+        + add_texel(s, taps.first + vec2i(0, 1), by_colour * ((1.0 - f.x) * f.y))
+        + add_texel(s, taps.first + vec2i(1, 0), by_colour * (f.x * (1.0 - f.y)))
+        + add_texel(s, taps.first + vec2i(1, 1), by_colour * (f.x * f.y));
+}
+
+fn add_texel(s: Projected, texel: vec2i, by_texel: vec3f) -> u32 {
+    let cols = i32(map_cols(s.map_size));
+    if texel.x < 0 || texel.y < 0 || texel.x >= i32(map_rows(s.map_size)) || texel.y >= cols {
+        return 0u;
+    }
+    let at = 3u * (s.map_offset_texels + u32(texel.x * cols + texel.y));
+    let limit = fixed_limit(s.texel_units, 1u);
+    return add_fixed(at, by_texel.x, s.texel_units, limit) + add_fixed(at + 1u, by_texel.y, s.texel_units, limit)
+        + add_fixed(at + 2u, by_texel.z, s.texel_units, limit);
+}
+#endif
+
+// Adds to a texel's gradient; returns 1 for what is not finite or too large.
+fn add_fixed(at: u32, by_texel: f32, units: f32, limit: f32) -> u32 {
+    let value = by_texel * units;
+    let sound = is_finite(value) && abs(value) <= limit;
+    let fixed = i32(round(select(0.0, clamp(value, -limit, limit), is_finite(value))));
+    if fixed != 0 {
+        atomicAdd(&texel_grad[at], fixed);
+    }
+#if COUNT
+    return u32(fixed != 0);
+#else
+    return u32(!sound);
+#endif
+}

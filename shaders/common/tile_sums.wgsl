@@ -1,0 +1,83 @@
+// Sums over the rows of a tile of what its pixels leave in workgroup memory: of the pair's quantities, and of the
+// gradients of a block of texels. Wants the declarations of raster_bwd; each function is one invocation's part.
+
+// Sums of one quantity over a row of pixels: times 1, dx and dy for the first three.
+fn sum_row(quantity: u32, row: u32, columns: vec2u, to_first: vec2f) {
+    var total = 0.0;
+    var times_dx = 0.0;
+    for (var column = columns.x; column < columns.y; column += 1u) {
+        let value = lanes[quantity * RASTER_GROUP + column * PARTS + row];
+        total += value;
+        times_dx += value * (to_first.x + f32(column));
+    }
+    let sum = select(quantity + 6u, quantity * 3u, quantity < 3u);
+    sum_parts[sum * PARTS + row] = total;
+    if quantity < 3u {
+        sum_parts[(sum + 1u) * PARTS + row] = times_dx;
+        sum_parts[(sum + 2u) * PARTS + row] = total * (to_first.y + f32(row));
+    }
+}
+
+#if STATISTICS
+// Pixels, blending weight, weight times loss, transmittance in front, over a row of pixels.
+fn statistics_row(row: u32, columns: vec2u, origin_px: vec2u) {
+    var total = vec4f(0.0);
+    for (var column = columns.x; column < columns.y; column += 1u) {
+        let at = column * PARTS + row;
+        let weight = lanes[WEIGHT * RASTER_GROUP + at];
+        // Rows and columns of the box are within the picture.
+#if GEOMETRY
+        let loss = pixel_records[3u * ((origin_px.y + row) * step.size_px.x + origin_px.x + column)].w;
+#else
+        let loss = pixel_grad[(origin_px.y + row) * step.size_px.x + origin_px.x + column].w;
+#endif
+        total += vec4f(f32(weight > 0.0), weight, weight * loss, lanes[TRANSMITTANCE * RASTER_GROUP + at]);
+    }
+    for (var k = 0u; k < 4u; k += 1u) {
+        sum_parts[(16u + k) * PARTS + row] = total[k];
+    }
+}
+#endif
+
+#if GEOMETRY
+// By m times m, and by the normal, over a row of pixels.
+fn geometry_row(s: Projected, row: u32, columns: vec2u, origin_px: vec2u) {
+    var total = vec4f(0.0);
+    for (var column = columns.x; column < columns.y; column += 1u) {
+        let weight = lanes[WEIGHT * RASTER_GROUP + column * PARTS + row];
+        let pixel = origin_px + vec2u(column, row);
+        let at = 3u * (pixel.y * step.size_px.x + pixel.x);
+        let c = pixel_records[at + 1u].xyz;
+        let m = s.near_over_depth * (1.0 + dot(s.g, vec2f(pixel) + 0.5 - s.centre_px));
+        total += weight * vec4f((c.y + 2.0 * c.z * m) * m, pixel_records[at + 2u].xyz);
+    }
+    for (var k = 0u; k < 4u; k += 1u) {
+        sum_parts[(20u + k) * PARTS + row] = total[k];
+    }
+}
+#endif
+
+// Gradients of four texels of a row of a block over a part of the rows of pixels.
+fn gather_row(first: vec2u, texel_row: u32, part: u32, low: vec2u, high: vec2u) {
+    var red = vec4f(0.0);
+    var green = vec4f(0.0);
+    var blue = vec4f(0.0);
+    let u = f32(first.x + texel_row);
+    let v = f32(first.y) + vec4f(0.0, 1.0, 2.0, 3.0);
+    for (var y = part; y < high.y; y += TEXEL_PARTS) {
+        for (var x = select(low.x, high.x, y < low.y); x < high.x; x += 1u) {
+            let at = x * PARTS + y;
+            let along_u = max(1.0 - abs(lanes[TEXEL_U * RASTER_GROUP + at] - u), 0.0);
+            let w = along_u * max(1.0 - abs(lanes[TEXEL_V * RASTER_GROUP + at] - v), vec4f(0.0));
+            red += w * lanes[RED * RASTER_GROUP + at];
+            green += w * lanes[(RED + 1u) * RASTER_GROUP + at];
+            blue += w * lanes[(RED + 2u) * RASTER_GROUP + at];
+        }
+    }
+    for (var k = 0u; k < BLOCK_TEXELS; k += 1u) {
+        let at = (texel_row * BLOCK_TEXELS + k) * 3u * TEXEL_PARTS + part;
+        texel_parts[at] = red[k];
+        texel_parts[at + TEXEL_PARTS] = green[k];
+        texel_parts[at + 2u * TEXEL_PARTS] = blue[k];
+    }
+}

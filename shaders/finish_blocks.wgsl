@@ -1,0 +1,48 @@
+// Per block of splats: sums up what the host is told of them, in a fixed order; `finish` adds up the blocks.
+
+#constants
+#include common/groups
+#include common/step
+#include common/projected
+#include common/bounds
+#include common/splat_sums
+
+@group(0) @binding(1) var<storage, read> projected: array<Projected>; // [n]
+@group(0) @binding(2) var<storage, read> bounds: array<Bounds>; // [n]
+@group(0) @binding(3) var<storage, read_write> splat_sums: array<SplatSums>; // [n / GROUP]
+
+var<workgroup> sums: array<vec2f, GROUP>;
+var<workgroup> counts: array<vec2u, GROUP>;
+
+@compute @workgroup_size(GROUP)
+fn finish_blocks(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let block = group_index(group, groups);
+    if block * GROUP >= step.num_splats {
+        return;
+    }
+    let i = block * GROUP + lane;
+    var sum = vec2f(0.0);
+    var count = vec2u(0u);
+    if i < step.num_splats && bounds[i].num_tiles > 0u {
+        let weight = step.texture_weight + step.texture_hidden_weight * bounds[i].hidden;
+        sum = vec2f(projected[i].opacity * step.opacity_weight, weight * bounds[i].texture_sum);
+        count = vec2u(1u, bounds[i].faults);
+    }
+    sums[lane] = sum;
+    counts[lane] = count;
+    workgroupBarrier();
+    for (var half = GROUP / 2u; half > 0u; half /= 2u) {
+        if lane < half {
+            sums[lane] += sums[lane + half];
+            counts[lane] += counts[lane + half];
+        }
+        workgroupBarrier();
+    }
+    if lane == 0u {
+        splat_sums[block] = SplatSums(sums[0].x, sums[0].y, counts[0].x, counts[0].y);
+    }
+}

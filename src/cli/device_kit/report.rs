@@ -1,0 +1,195 @@
+//! What came of the parts: `device-kit.json` and a short table.
+
+use super::super::table::Table;
+use super::part::{Outcome, Part};
+use litetex_gs::{Error, atomic_file};
+use serde_json::{Map, Value, json};
+use std::path::Path;
+
+/// Schema of the JSON.
+const SCHEMA: &str = "litetex-device-kit/1";
+
+/// Points of a curve in the table.
+const CURVE_POINTS: usize = 6;
+
+/// Writes and prints.
+///
+/// # Errors
+/// [`Error::CheckFailed`] if a part failed; [`Error::Io`] if the folder cannot be written.
+pub fn publish(folder: &Path, device: &str, parts: &[Part]) -> anyhow::Result<()> {
+    let kit = put_together(device, parts);
+    atomic_file::write(&folder.join("device-kit.json"), &serde_json::to_vec_pretty(&kit)?)?;
+    table(parts, &kit).print()?;
+    let failed: Vec<&str> = parts.iter().filter(|p| has_failed(p)).map(|p| p.name.as_str()).collect();
+    if failed.is_empty() {
+        return Ok(());
+    }
+    let what = format!("{} of {} parts failed: {}", failed.len(), parts.len(), failed.join(", "));
+    Err(Error::CheckFailed(what).into())
+}
+
+fn has_failed(part: &Part) -> bool {
+    matches!(part.outcome, Outcome::Failed(..))
+}
+
+/// The device by the name that was asked for, as the list of devices knows it.
+fn listed(devices: &Value, asked: &str) -> Value {
+    let all = devices.as_array().map_or(&[][..], Vec::as_slice);
+    let name = |d: &&Value| d["name"].as_str().unwrap_or_default().to_owned();
+    let found = match asked {
+        "gpu" => all.iter().find(|d| d["hardware"] == true),
+        "auto" => all.iter().find(|d| d["auto"] == true),
+        asked => {
+            let mut partial = all.iter().filter(|d| name(d).contains(asked));
+            let exact = all.iter().find(|d| name(d) == asked);
+            exact.or_else(|| partial.next().filter(|_| partial.next().is_none()))
+        }
+    };
+    match found {
+        Some(device) => json!({ "name": device["name"], "description": device["description"] }),
+        None => json!({ "name": asked, "description": "not among the devices here" }),
+    }
+}
+
+fn put_together(asked: &str, parts: &[Part]) -> Value {
+    let entry = |p: &Part| {
+        let (passed, code) = match p.outcome {
+            Outcome::Passed => (Some(true), Some(0)),
+            Outcome::Skipped(_) => (None, None),
+            Outcome::Failed(code, _) => (Some(false), code),
+        };
+        let skipped = passed.is_none();
+        json!({ "name": p.name, "passed": passed, "skipped": skipped, "exit_code": code, "wall_secs": p.secs,
+            "message": p.message() })
+    };
+    let list: Vec<Value> = parts.iter().map(entry).collect();
+    // "bench-480" is "480" in "bench".
+    let group = |prefix: &str| {
+        let members =
+            parts.iter().filter_map(|p| Some((p.name.strip_prefix(prefix)?.to_owned(), p.figures.clone())));
+        members.collect::<Map<String, Value>>()
+    };
+    let bench = group("bench-");
+    let of_first =
+        |key: &str| bench.values().map(|b| b[key].clone()).find(|v| !v.is_null()).unwrap_or(Value::Null);
+    let repeatable: Vec<&Value> = bench.values().map(|b| &b["repeatable"]).filter(|v| !v.is_null()).collect();
+    let selftest = parts.iter().find(|p| p.name == "selftest");
+    let devices = parts.iter().find(|p| p.name == "devices");
+    let devices = devices.and_then(|p| serde_json::from_str::<Value>(&p.out).ok()).unwrap_or_default();
+    let device = match of_first("device") {
+        Value::Null => listed(&devices, asked),
+        measured => measured,
+    };
+    json!({
+        "schema": SCHEMA,
+        "version": env!("CARGO_PKG_VERSION"),
+        "passed": !parts.iter().any(has_failed),
+        "parts": list,
+        "device": device,
+        "devices": devices,
+        "selftest": selftest.map(|p| json!({ "passed": p.outcome == Outcome::Passed, "lines": p.out.lines().collect::<Vec<_>>() })),
+        "sort": bench.values().map(|b| b["sort"].clone()).find(|s| s.as_array().is_some_and(|s| !s.is_empty())),
+        "variants": bench.iter().map(|(k, b)| (k.clone(), b["variants"].clone())).collect::<Map<_, _>>(),
+        "repeatable": (!repeatable.is_empty()).then(|| repeatable.iter().all(|v| **v == true)),
+        "train": group("train-"),
+        "bench": bench,
+    })
+}
+
+fn table(parts: &[Part], kit: &Value) -> Table {
+    let mut table = Table::default();
+    let text = |v: &Value| v.as_str().unwrap_or("-").to_owned();
+    let number = |v: &Value| v.as_f64().unwrap_or(f64::NAN);
+    table
+        .row("device", format!("{} ({})", text(&kit["device"]["name"]), text(&kit["device"]["description"])));
+    for part in parts {
+        let verdict = match part.outcome {
+            Outcome::Passed => "passed",
+            Outcome::Skipped(_) => "skipped",
+            Outcome::Failed(..) => "FAILED",
+        };
+        let colon = if part.message().is_empty() { "" } else { ": " };
+        table.row(&part.name, format!("{verdict}, {:.0} s{colon}{}", part.secs, part.message()));
+        let f = &part.figures;
+        if f["steps_per_sec"].is_number() {
+            let (rate, secs) = (number(&f["steps_per_sec"]), number(&f["wall_secs_per_step"]));
+            let largest = f["kernel_secs"].as_array().map_or(&[][..], |k| &k[..k.len().min(4)]);
+            let largest: Vec<String> =
+                largest.iter().map(|k| format!("{} {:.3} ms", text(&k[0]), 1e3 * number(&k[1]))).collect();
+            table.row(
+                "  kernels",
+                format!("{rate:.2} it/s, {:.3} ms a step; {}", 1e3 * secs, largest.join(", ")),
+            );
+            let ms = |v: &Value| v.as_f64().map_or("-".to_owned(), |s| format!("{:.3} ms", 1e3 * s));
+            for v in f["variants"].as_array().into_iter().flatten() {
+                let name = if v["hardware_kernels"] == true { "  for hardware" } else { "  for software" };
+                let (fwd, bwd) = (ms(&v["raster_fwd_secs"]), ms(&v["raster_bwd_secs"]));
+                table.row(name, format!("forward {fwd}, backward {bwd}"));
+            }
+        }
+        if let Some(curve) = f["curve"].as_array() {
+            let secs = number(&f["time"]["train_wall_secs"]);
+            let rate = number(&f["steps"]) / secs.max(1e-9);
+            let point = |p: &Value| {
+                format!("{:.2} dB after {:.0} s", number(&p["psnr_test"]), number(&p["wall_secs"]))
+            };
+            // A few, evenly spread, the last among them.
+            let every = curve.len().div_ceil(CURVE_POINTS).max(1);
+            let mut points: Vec<String> = curve.iter().rev().step_by(every).map(point).collect();
+            points.reverse();
+            table.row(
+                "  training",
+                format!("{rate:.2} it/s, {:.3} ms a step; {}", 1e3 / rate, points.join(", ")),
+            );
+        }
+    }
+    for sort in kit["sort"].as_array().into_iter().flatten() {
+        table.row(
+            &format!("sort of {}", sort["keys"]),
+            format!("{:.3e} keys/s", number(&sort["keys_per_sec"])),
+        );
+    }
+    let verdict = match kit["repeatable"].as_bool() {
+        Some(true) => "yes",
+        Some(false) => "NO",
+        None => "unknown",
+    };
+    table.row("repeatable", verdict);
+    table
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn part(name: &str, outcome: Outcome, out: &str, figures: Value) -> Part {
+        Part { name: name.to_owned(), outcome, secs: 1.0, out: out.to_owned(), figures }
+    }
+
+    #[test]
+    fn skipped_parts_are_no_failures_and_the_device_is_named_whatever_failed() {
+        let list = r#"[{ "name": "arc-770", "description": "Arc", "hardware": true, "auto": true },
+            { "name": "cpu", "description": "x86", "hardware": false, "auto": false },
+            { "name": "lavapipe", "description": "Mesa", "hardware": false, "auto": false }]"#;
+        let failed = || Outcome::Failed(Some(5), "lost".to_owned());
+        let parts = [
+            part("devices", Outcome::Passed, list, Value::Null),
+            part("bench-480", failed(), "", Value::Null),
+            Part::skipped("train-full", "one step takes 30 s".to_owned()),
+        ];
+        let kit = put_together("lava", &parts);
+        assert_eq!(kit["device"], json!({ "name": "lavapipe", "description": "Mesa" }));
+        assert_eq!(put_together("gpu", &parts)["device"]["name"], "arc-770");
+        assert_eq!(put_together("auto", &parts)["device"]["name"], "arc-770");
+        assert_eq!(put_together("a", &parts)["device"]["name"], "a", "two devices have an a");
+        let skipped = &kit["parts"][2];
+        assert!(skipped["passed"].is_null() && skipped["skipped"] == true && skipped["exit_code"].is_null());
+        assert_eq!((&kit["passed"], &kit["parts"][1]["passed"]), (&json!(false), &json!(false)));
+        // What was measured knows best.
+        let measured = json!({ "device": { "name": "of-the-bench" }, "repeatable": true });
+        let parts = [part("bench-480", Outcome::Passed, "", measured), Part::skipped("b", String::new())];
+        let kit = put_together("lava", &parts);
+        assert_eq!((&kit["device"]["name"], &kit["passed"]), (&json!("of-the-bench"), &json!(true)));
+        assert_eq!(kit["repeatable"], true);
+    }
+}

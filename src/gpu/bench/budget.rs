@@ -1,0 +1,113 @@
+//! What to measure in the time that there is: every part once, then the parts in turn again, until each has what
+//! it wants or the time is full.
+
+use std::time::{Duration, Instant};
+
+/// Repetitions of the parts of a measurement.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Repetitions {
+    /// Steps by the wall's clock.
+    pub steps: u32,
+    /// Steps by the device's clock.
+    pub timed: u32,
+    /// Steps of which pairs and atomics are counted.
+    pub counted: u32,
+    /// Steps that are done twice.
+    pub repeated: u32,
+    /// Steps of each form of the rasterisation.
+    pub variants: u32,
+}
+
+/// What a repetition of each part costs in steps; the first of some costs more. In the order of what is missed
+/// most.
+const COSTS: [(f64, f64); 5] = [
+    (1.0, 1.0),
+    (1.0, 1.0),
+    // The state is read back after each.
+    (2.0, 1.5),
+    (2.0, 2.0),
+    // One that does not count, and one that does, in both forms; the one not meant for a device may take longer.
+    (10.0, 5.0),
+];
+
+impl Repetitions {
+    /// As many as `steps` steps of time allow, up to what is wanted.
+    pub(super) fn planned(wanted: Self, steps: f64) -> Self {
+        let wanted = [wanted.steps, wanted.timed, wanted.counted, wanted.repeated, wanted.variants];
+        let (mut planned, mut left) = ([0; 5], steps);
+        loop {
+            let mut added = false;
+            for part in 0..planned.len() {
+                let (first, next) = COSTS[part];
+                let cost = if planned[part] == 0 { first } else { next };
+                if planned[part] < wanted[part] && cost <= left {
+                    planned[part] += 1;
+                    left -= cost;
+                    added = true;
+                }
+            }
+            if !added {
+                let [steps, timed, counted, repeated, variants] = planned;
+                return Self { steps, timed, counted, repeated, variants };
+            }
+        }
+    }
+}
+
+/// The time that there is, if it is bounded.
+#[derive(Clone, Copy, Debug)]
+pub struct Deadline(Option<Instant>);
+
+impl Deadline {
+    /// Bounded by a moment, or not at all.
+    pub fn new(end: Option<Instant>) -> Self {
+        Self(end)
+    }
+
+    /// What is left; `None`: any amount.
+    pub fn left(self) -> Option<Duration> {
+        self.0.map(|end| end.saturating_duration_since(Instant::now()))
+    }
+
+    /// Whether something of so many seconds can end in time.
+    pub fn allows(self, secs: f64) -> bool {
+        self.left().is_none_or(|left| left.as_secs_f64() >= secs)
+    }
+
+    /// How many of so many seconds can end in time.
+    pub(super) fn fitting(self, secs: f64) -> f64 {
+        self.left().map_or(f64::INFINITY, |left| left.as_secs_f64() / secs.max(1e-9))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const WANTED: Repetitions = Repetitions { steps: 16, timed: 16, counted: 4, repeated: 8, variants: 4 };
+
+    #[test]
+    fn time_without_bound_gives_everything_and_little_time_the_first_parts() {
+        assert_eq!(Repetitions::planned(WANTED, f64::INFINITY), WANTED);
+        assert_eq!(Repetitions::planned(WANTED, 0.9), Repetitions::default());
+        let one = Repetitions { steps: 1, ..Repetitions::default() };
+        assert_eq!(Repetitions::planned(WANTED, 1.0), one);
+        assert_eq!(Repetitions::planned(WANTED, 2.9), Repetitions { timed: 1, ..one });
+        let each = Repetitions { steps: 1, timed: 1, counted: 1, repeated: 1, variants: 1 };
+        assert_eq!(Repetitions::planned(WANTED, 16.0), each);
+    }
+
+    #[test]
+    fn what_is_planned_fits() {
+        for steps in 0..200 {
+            let p = Repetitions::planned(WANTED, f64::from(steps));
+            let cost: f64 = [p.steps, p.timed, p.counted, p.repeated, p.variants]
+                .into_iter()
+                .zip(COSTS)
+                .filter(|(n, _)| *n > 0)
+                .map(|(n, (first, next))| first + f64::from(n - 1) * next)
+                .sum();
+            assert!(cost <= f64::from(steps), "{steps}: {p:?}");
+        }
+    }
+}
