@@ -107,6 +107,7 @@ impl Structure<'_> {
             texture_cap: self.stage.texture_cap,
             densify,
             judge,
+            texels_trained: step >= schedule.texture_start + schedule.structure_interval,
             may_coarsen: schedule.may_coarsen(step),
             max_added,
             split_texels: schedule.split_texels(config, step),
@@ -119,7 +120,12 @@ impl Structure<'_> {
                 let seed = config.seed ^ u64::from(step).wrapping_mul(0x9E37_79B9_7F4A_7C15);
                 structure::relocate(&situation, &config.structure, &config.budget, seed)
             }
-            _ => structure::decide(&situation, &config.structure, &components, &config.budget),
+            _ => {
+                let share = if last { 1.0 } else { t };
+                let start = [state.pace.initial, 4 * state.pace.initial];
+                let budget = config.budget.paced(share, start, [n, model.num_texels()]);
+                structure::decide(&situation, &config.structure, &components, &budget)
+            }
         };
         if judge {
             state.pace.observe(revision.counts.split);

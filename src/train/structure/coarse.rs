@@ -2,6 +2,32 @@
 
 use crate::model::{Model, texel_value};
 
+/// Mean absolute residual of the map (mean of the channels, weighted by the splat's falloff at the texels):
+/// what the picture loses if the splat has no map at all. 1 for a splat without one.
+pub fn residual(model: &Model, splat: usize) -> f64 {
+    let map = &model.textures.maps[splat];
+    let texels = model.textures.texels[map.floats()].chunks_exact(3);
+    let values = texels.map(|t| t.iter().map(|&stored| texel_value(stored.into()).abs()).sum::<f64>() / 3.0);
+    let (mut weighted, mut weights) = (0.0, 0.0);
+    for (t, value) in values.enumerate() {
+        let weight = falloff(model, splat, t / usize::from(map.cols), t % usize::from(map.cols));
+        weighted += weight * value;
+        weights += weight;
+    }
+    if weights > 0.0 { weighted / weights } else { 1.0 }
+}
+
+/// The splat's falloff at the centre of a texel.
+fn falloff(model: &Model, splat: usize, row: usize, col: usize) -> f64 {
+    let map = &model.textures.maps[splat];
+    let squared = |axis: usize, at: usize, count: u16| {
+        let offset = (at as f64 - (f64::from(count) - 1.0) / 2.0) * f64::from(map.texel_size);
+        let sigma = f64::from(model.splats.log_scales[2 * splat + axis]).exp();
+        (offset / sigma).powi(2)
+    };
+    (-0.5 * (squared(0, row, map.rows) + squared(1, col, map.cols))).exp()
+}
+
 /// Mean absolute change of the map's picture (mean of the channels, weighted by the splat's falloff at
 /// the texels) if its texels were averaged in twos along both axes and sampled bilinearly again: what the
 /// renderer would show, zero outside included. 1 for maps of less than two texels a side.
@@ -41,15 +67,12 @@ pub fn coarsening_error(model: &Model, splat: usize) -> f64 {
         (1.0 - fu) * ((1.0 - fv) * at(row, col) + fv * at(row, col + 1.0))
             + fu * ((1.0 - fv) * at(row + 1.0, col) + fv * at(row + 1.0, col + 1.0))
     };
-    let sigma = [0, 1].map(|axis| f64::from(model.splats.log_scales[2 * splat + axis]).exp());
-    let texel_size = f64::from(map.texel_size);
     let (mut weighted, mut weights) = (0.0, 0.0);
     for i in 0..rows {
         let offset_u = i as f64 - (rows as f64 - 1.0) / 2.0;
         for j in 0..cols {
             let offset_v = j as f64 - (cols as f64 - 1.0) / 2.0;
-            let (a, b) = (offset_u * texel_size / sigma[0], offset_v * texel_size / sigma[1]);
-            let weight = (-0.5 * (a * a + b * b)).exp();
+            let weight = falloff(model, splat, i, j);
             let u = offset_u / 2.0 + (half_rows as f64 - 1.0) / 2.0;
             let v = offset_v / 2.0 + (half_cols as f64 - 1.0) / 2.0;
             weighted += weight * (fine[i * cols + j] - sample(u, v)).abs();

@@ -34,6 +34,8 @@ pub struct Situation<'a> {
     pub densify: bool,
     /// Whether the window's statistics may be used to judge: from the first structure step on.
     pub judge: bool,
+    /// Whether texels have been trained long enough for their values to tell something.
+    pub texels_trained: bool,
     /// Whether maps are tested for coarsening.
     pub may_coarsen: bool,
     /// Most splats that may be added.

@@ -1,7 +1,7 @@
 //! Sizes of the maps: crop and pad with the support, refine the worst, coarsen what does not need its
 //! texels (method section 7.3). Texels keep their place on the surfel throughout.
 
-use super::coarse::coarsening_error;
+use super::coarse::{coarsening_error, residual};
 use super::decide::{Situation, StructureCounts};
 use super::draft::Draft;
 use super::geometry::{even_texels, first_texel_size};
@@ -96,7 +96,13 @@ pub fn fit(
         MapRule::Adaptive => {
             let sizes = draft.sizes;
             let extent = 2.0 * sizes.extents[0].max(sizes.extents[1]);
-            if config.untextured && may_coarsen && s.judge && extent < sizes.finest {
+            let is_idle = || {
+                s.texels_trained
+                    && components.coarsening
+                    && map.rows.max(map.cols) == 2
+                    && residual(s.model, draft.source as usize) < config.coarsen_below
+            };
+            if config.untextured && may_coarsen && s.judge && (extent < sizes.finest || is_idle()) {
                 set(draft, centred(map, Grid::Same, [0, 0], [1.0; 2]), [0, 0]);
                 counts.coarsened += 1;
                 return;

@@ -216,6 +216,22 @@ impl Budget {
             && self.max_params.is_none_or(|most| 59 * num_splats + 3 * num_texels <= most)
     }
 
+    /// The part of it that may be used at a share of the time to the end of densification: rises evenly from
+    /// the size at the start (splats, texels), so that capacity is left for what only the full pictures
+    /// show; what there is `now` is not taken back.
+    pub fn paced(&self, share: f64, start: [usize; 2], now: [usize; 2]) -> Self {
+        let params = |[splats, texels]: [usize; 2]| 59 * splats + 3 * texels;
+        let part = |most: Option<usize>, start: usize, now: usize| {
+            let paced = |most: usize| start + (most.saturating_sub(start) as f64 * share) as usize;
+            most.map(|most| paced(most).max(now).min(most))
+        };
+        Self {
+            max_splats: part(self.max_splats, start[0], now[0]),
+            max_texels: part(self.max_texels, start[1], now[1]),
+            max_params: part(self.max_params, params(start), params(now)),
+        }
+    }
+
     /// Most splats of a number of texels each that fit.
     pub fn most_splats(&self, texels_each: usize) -> usize {
         let by = |most: Option<usize>, each: usize| most.map_or(usize::MAX, |m| m / each.max(1));

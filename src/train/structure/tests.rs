@@ -68,6 +68,7 @@ fn situation<'a>(
         densify: true,
         judge: true,
         may_coarsen: true,
+        texels_trained: true,
         max_added: 100,
         split_texels: 1000.0,
         patience: 8,
