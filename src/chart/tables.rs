@@ -44,6 +44,10 @@ fn arrow(measure: &Measure) -> &'static str {
 }
 
 fn head(measure: &Measure) -> String {
+    if measure.is_time {
+        // Columns are narrow.
+        return measure.unit.replace("seconds", "s");
+    }
     let name = measure.title();
     if measure.quantity == Quantity::Bytes {
         format!("{}, MB", measure.name)
@@ -179,7 +183,16 @@ fn matched(study: &Study) -> Table {
                     let ratio = params / base_params;
                     ratio.is_normal().then_some((ratio.ln().abs(), group, params, ratio))
                 });
-                let Some((distance, group, params, ratio)) = near.min_by(|a, b| a.0.total_cmp(&b.0)) else {
+                // Where budgets are lengths, sizes are alike in all of them: then the same budget is meant.
+                let rank = |distance: f64, budget: &str| {
+                    let is_other = budget != base_budget;
+                    (is_other || distance > MATCHED_RATIO.ln(), distance, is_other)
+                };
+                let nearest = near.min_by(|a, b| {
+                    let [a, b] = [a, b].map(|n| rank(n.0, n.1.budget));
+                    a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)).then(a.2.cmp(&b.2))
+                });
+                let Some((distance, group, params, ratio)) = nearest else {
                     continue;
                 };
                 let is_matched = distance <= MATCHED_RATIO.ln();
@@ -305,6 +318,28 @@ mod tests {
         assert_eq!((rows[0][6], rows[0][7]), ("no", ""));
         assert_eq!(rows[1][..4], ["s", "2x", "full", "1x"]);
         assert_eq!((rows[1][6], rows[1][7]), ("yes", "-1"));
+        // Sizes that are alike in all budgets: the same budget is compared, even where another is as near.
+        let mut lengths = Vec::new();
+        for budget in ["short", "long"] {
+            for variant in ["plain", "full"] {
+                let mut r = record(lengths.len(), ("s", variant, budget), 1, 20.0);
+                r.summary.as_mut().unwrap()["size"]["params"] =
+                    if variant == "full" { 1500 } else { 1000 }.into();
+                lengths.push(r);
+            }
+        }
+        let of = |records: Vec<Record>| -> Vec<(String, String, String)> {
+            let csv = table(&study(records), "matched").csv();
+            let field = |l: &str, i: usize| l.split(',').nth(i).unwrap().to_owned();
+            csv.lines().skip(1).map(|l| (field(l, 1), field(l, 3), field(l, 6))).collect()
+        };
+        let budgets =
+            |matched: &str| ["short", "long"].map(|b| (b.to_owned(), b.to_owned(), matched.to_owned()));
+        assert_eq!(of(lengths.clone()), budgets("no"));
+        lengths.iter_mut().for_each(|r| r.summary.as_mut().unwrap()["size"]["params"] = 1000.into());
+        // Negative control: not even a little nearer in the other budget.
+        lengths[1].summary.as_mut().unwrap()["size"]["params"] = 1001.into();
+        assert_eq!(of(lengths), budgets("yes"));
     }
 
     #[test]

@@ -38,8 +38,8 @@ pub struct BenchArgs {
     /// Folder for the results
     #[arg(long, short, value_name = "FOLDER")]
     out: PathBuf,
-    /// Matrix as a TOML file: [[scene]] path, [[variant]] name, [[budget]] name, each with args = [...]; seeds,
-    /// common. What flags give replaces what the file says
+    /// Matrix as a TOML file with tables scene (path), variant and budget (name), each with args, and the lists seeds
+    /// and common; docs/results-schema.md shows one. What flags give replaces what the file says
     #[arg(long, value_name = "FILE", help_heading = "Matrix")]
     config: Option<PathBuf>,
     /// Captures: DIR or "NAME: DIR"
