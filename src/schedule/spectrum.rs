@@ -85,7 +85,8 @@ impl Lines {
             let (x, y) = (kx * height, ky * width);
             let (line, low, high) =
                 if x >= y { (&mut self.vertical[kx], y, x) } else { (&mut self.horizontal[ky], x, y) };
-            let sector = if high == 0 { 0 } else { (SECTORS * low / high).min(SECTORS - 1) };
+            // The mean has no direction.
+            let sector = (SECTORS * low).checked_div(high).unwrap_or(0).min(SECTORS - 1);
             let power = coefficient.norm_sqr();
             line[sector].add(&Cell { amplitude: power.sqrt(), power, count: 1.0 }, multiplicity);
         }
