@@ -30,7 +30,8 @@ pub(super) struct Workspace {
 
 impl PlaneTransform {
     /// Plans the transform of `height` rows of `width` values, both at least 1. Any size works; sizes
-    /// with large prime factors take longer (measured: 967x541, both prime, 1.9 times as long as 960x539).
+    /// with large prime factors take longer (measured: the analysis of 541x967, both prime, takes 1.8 times as long as that of
+    /// 539x960), which no photo is worth being cropped for.
     pub fn new(width: usize, height: usize) -> Self {
         Self {
             width,

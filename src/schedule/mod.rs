@@ -7,6 +7,8 @@
 mod analyse;
 mod budget;
 mod fft;
+#[cfg(test)]
+mod fixtures;
 mod noise;
 mod options;
 mod significance;
