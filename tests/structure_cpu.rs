@@ -1,6 +1,8 @@
 //! Training with the whole method on the CPU backend: structure steps in the loop, resumed anywhere, with
 //! any number of threads, within budgets.
 
+#![allow(clippy::unwrap_used)]
+
 mod common;
 
 use common::training::{MemoryViews, damaged, photos, scene};
@@ -21,6 +23,7 @@ fn config(policy: Policy) -> TrainConfig {
     config.structure.min_texel_px = 0.25;
     config.structure.split_texels = [12.0, 12.0];
     config.structure.quantile = 0.6;
+    config.structure.split_first = true;
     config.structure.patience_steps = 1;
     config
 }

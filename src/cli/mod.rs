@@ -77,7 +77,7 @@ struct CommonArgs {
 
 #[derive(Subcommand)]
 enum Command {
-    Train(train_args::TrainArgs),
+    Train(Box<train_args::TrainArgs>),
     Eval(eval::EvalArgs),
     Render(render::RenderArgs),
     Sample(sample::SampleArgs),
@@ -129,7 +129,7 @@ fn run(cli: Cli, log: &Log) -> anyhow::Result<()> {
     }
     let threads = cli.common.threads;
     match cli.command {
-        Command::Train(args) => train::run(args, log),
+        Command::Train(args) => train::run(*args, log),
         Command::Eval(args) => eval::run(&args, log),
         Command::Render(args) => render::run(&args, log),
         Command::Sample(args) => sample::run(&args, log),

@@ -32,6 +32,7 @@ impl Profile {
             untextured: false,
             error: ErrorMeasure::Mean,
             split_profile: SplitProfile::Paper,
+            split_first: true,
             ceiling_start: 2,
             ..StructureConfig::default()
         };
@@ -68,7 +69,6 @@ impl Profile {
             }
             Self::Fast => {
                 config.structure.alpha_texture = 0.04;
-                config.structure.split_profile = SplitProfile::Tight;
                 config.scheduler.scale_rule = ScaleRule::Fractional;
             }
         }

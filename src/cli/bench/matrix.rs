@@ -224,7 +224,7 @@ fn parse_train(args: &[String]) -> Result<TrainArgs, String> {
             return Err(format!("the arguments hold {what}"));
         }
     }
-    Ok(parsed)
+    Ok(*parsed)
 }
 
 /// FNV-1a over everything that makes the result, as text.

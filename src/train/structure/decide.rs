@@ -121,9 +121,11 @@ pub fn decide(
     let mut added = 0;
     for i in candidates {
         let Some(draft) = drafts[i] else { continue };
-        let split = (components.splitting && added < s.max_added)
-            .then(|| split::split(s, config, &draft, pixels[i]))
-            .flatten();
+        let finer = maps::grown(s, config, components, &draft);
+        let may_split = components.splitting
+            && added < s.max_added
+            && (config.split_first || !maps::can_be_finer(s, config, components, &draft));
+        let split = may_split.then(|| split::split(s, config, &draft, pixels[i])).flatten();
         if let Some(pair) = split {
             let more = pair[0].texels + pair[1].texels;
             if budget.allows(splats + 1, texels - draft.texels + more) {
@@ -136,7 +138,7 @@ pub fn decide(
             }
             counts.over_budget += 1;
         }
-        if let Some(finer) = maps::grown(s, config, components, &draft) {
+        if let Some(finer) = finer {
             if budget.allows(splats, texels - draft.texels + finer.texels) {
                 texels = texels - draft.texels + finer.texels;
                 counts.refined += usize::from(finer.texels > draft.texels);

@@ -5,6 +5,7 @@ use super::coarse::{coarsening_error, residual};
 use super::decide::{Situation, StructureCounts};
 use super::draft::Draft;
 use super::geometry::{even_texels, first_texel_size};
+use super::life::Life;
 use super::score::Scores;
 use super::settings::{Budget, Components, StructureConfig};
 use crate::backend::{Grid, MapChange};
@@ -188,6 +189,21 @@ pub fn grown(
         set(&mut grown, change, needed);
     }
     Some(grown)
+}
+
+/// Whether texels of half the edge would be allowed if the personal ceiling were no limit.
+pub fn can_be_finer(
+    s: &Situation<'_>,
+    config: &StructureConfig,
+    components: &Components,
+    draft: &Draft,
+) -> bool {
+    if s.rule != MapRule::Adaptive {
+        return false;
+    }
+    let unlimited = Life { ceiling: draft.sizes.cap, ..draft.life };
+    let now = draft.texels;
+    grown(s, config, components, &Draft { life: unlimited, ..*draft }).is_some_and(|d| d.texels > now)
 }
 
 /// Coarsens maps, those of the least error first, until the model is within its budget.

@@ -146,6 +146,9 @@ pub struct StructureConfig {
     pub untextured: bool,
     /// Children of a split.
     pub split_profile: SplitProfile,
+    /// Whether a splat may be split while its map could still get finer (paper). Off: texels first, which
+    /// are cheaper by the parameter.
+    pub split_first: bool,
     /// Splats of more texels a side than this may be split: at the start, and from 7,000 steps on.
     pub split_texels: [f64; 2],
     /// Splats grow by at most this share in a structure step.
@@ -174,7 +177,7 @@ impl Default for StructureConfig {
             densify_until: 15_000,
             texture_start: 1_000,
             quantile: 0.85,
-            error: ErrorMeasure::Mean,
+            error: ErrorMeasure::Mass,
             statistics: StatisticsSource::Window,
             ceiling_start: 2,
             min_texel_px: 2.0,
@@ -182,7 +185,8 @@ impl Default for StructureConfig {
             coarsen_below: 0.02,
             growth_moments: GrowthMoments::Scaled,
             untextured: true,
-            split_profile: SplitProfile::Paper,
+            split_profile: SplitProfile::Tight,
+            split_first: false,
             split_texels: [64.0, 16.0],
             split_rate: 0.2,
             prune_contribution: 5e-6,

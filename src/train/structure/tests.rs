@@ -204,7 +204,13 @@ fn halves_lie_on_the_parents_grid_and_survive_their_first_checks() {
     let (model, cameras, statistics) = (model(16), [camera()], one_bad());
     let lives = vec![Life::first(64); N];
     let s = Situation { split_texels: 16.0, ..situation(&model, &lives, &statistics, &cameras) };
-    let config = StructureConfig { coarsen_below: 0.0, ..StructureConfig::default() };
+    let config = StructureConfig { coarsen_below: 0.0, split_first: true, ..StructureConfig::default() };
+    // Texels first: the map could still get finer.
+    let patient = StructureConfig { split_first: false, ..config.clone() };
+    assert_eq!(revise(&s, &patient, &Budget::default()).counts.split, 0);
+    let coarse = StructureConfig { min_texel_px: 3.0, ..patient };
+    let long = Situation { split_texels: 8.0, ..situation(&model, &lives, &statistics, &cameras) };
+    assert_eq!(revise(&long, &coarse, &Budget::default()).counts.split, 1, "it cannot");
     let revision = revise(&s, &config, &Budget::default());
     let plan = revision.plan.unwrap();
     assert_eq!((plan.sources.len(), plan.edits.len(), revision.counts.split), (N + 1, 2, 1));
@@ -249,7 +255,12 @@ fn budgets_hold_whatever_qualifies() {
     let errors = std::array::from_fn(|i| 0.1 + 0.05 * i as f32);
     let (statistics, lives) = (window(errors), vec![Life::first(64); N]);
     let s = Situation { split_texels: 8.0, ..situation(&model, &lives, &statistics, &cameras) };
-    let config = StructureConfig { coarsen_below: 0.0, quantile: 0.1, ..StructureConfig::default() };
+    let config = StructureConfig {
+        coarsen_below: 0.0,
+        quantile: 0.1,
+        split_first: true,
+        ..StructureConfig::default()
+    };
     let size = |budget: &Budget| {
         let revision = revise(&s, &config, budget);
         let plan = revision.plan.unwrap();
