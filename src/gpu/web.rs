@@ -25,9 +25,10 @@ pub fn web_shaders() -> Result<Vec<WebShader>> {
         for tiles in [&[][..], &[HALF_TILES]] {
             let flags = [kernel.flags, tiles].concat();
             let shader = expand(kernel.name, &flags, Target::Web).map_err(Error::Device)?;
-            // Most kernels do not ask for the height of tiles beyond its definition.
-            let asks =
-                ["TILE_ROWS_PX", "RASTER_GROUP"].map(|name| shader.text.matches(name).count()) != [2, 1];
+            // Most kernels do not ask for the height of tiles: they only see it defined.
+            let heights = ["TILE_ROWS_PX", "TILE_SIZE_PX", "RASTER_GROUP"];
+            let mut code = shader.text.lines().filter(|line| !line.starts_with("const "));
+            let asks = code.any(|line| heights.iter().any(|name| line.contains(name)));
             if asks || tiles.is_empty() {
                 let name = std::iter::once(kernel.name).chain(flags).collect::<Vec<_>>().join(" ");
                 out.push(WebShader { name, entry_point: kernel.name, shader });
