@@ -21,8 +21,9 @@ const FLAGS: [&str; 7] = [
     "--enable-features=Vulkan",
     "--use-webgpu-adapter=swiftshader",
 ];
-/// 28 s were needed on two busy cores, before tiles of both heights were compiled.
-const PATIENCE: Duration = Duration::from_secs(120);
+/// 28 s were needed on two busy cores, before tiles of both heights were compiled; with every kernel twice 120 s on
+/// two that four others shared.
+const PATIENCE: Duration = Duration::from_secs(300);
 
 #[derive(Deserialize)]
 struct Report {
@@ -166,6 +167,7 @@ fn every_kernel_compiles_in_a_browser() {
     for variant in ["raster_bwd SCATTER", "raster_bwd HALF_TILES", "raster_fwd BATCHED"] {
         assert!(kernels.iter().any(|k| k.name == variant), "{variant} is not compiled");
     }
+    assert!(kernels.iter().all(|k| k.name != "sort_scan HALF_TILES"), "it has no use for tiles");
     let mut wrong = Vec::new();
     for (kernel, compiled) in kernels.iter().zip(&compiled) {
         assert_eq!(kernel.name, compiled.name);

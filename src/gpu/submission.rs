@@ -85,9 +85,10 @@ impl GpuBackend {
         let n = self.shape.num_splats() as u64;
         let guess = self.options.pair_capacity.unwrap_or((PAIRS_PER_SPLAT * n).max(1 << 14));
         // A guess must not be what the device refuses.
-        let guess = guess.min(self.most_pairs());
+        let guess = guess.min(self.most_pairs()).max(1);
         let mut needs = Needs {
-            splats: n,
+            // A model without splats has buffers too.
+            splats: n.max(1),
             pairs: self.capacity.pairs_of(training).max(guess),
             training,
             statistics,

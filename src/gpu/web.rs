@@ -25,9 +25,12 @@ pub fn web_shaders() -> Result<Vec<WebShader>> {
         for tiles in [&[][..], &[HALF_TILES]] {
             let flags = [kernel.flags, tiles].concat();
             let shader = expand(kernel.name, &flags, Target::Web).map_err(Error::Device)?;
-            let name = std::iter::once(kernel.name).chain(flags).collect::<Vec<_>>().join(" ");
-            // Most kernels do not ask for the height of tiles.
-            if out.last().is_none_or(|before| before.shader.text != shader.text) {
+            // Most kernels do not ask for the height of tiles: they only see it defined.
+            let heights = ["TILE_ROWS_PX", "TILE_SIZE_PX", "RASTER_GROUP"];
+            let mut code = shader.text.lines().filter(|line| !line.starts_with("const "));
+            let asks = code.any(|line| heights.iter().any(|name| line.contains(name)));
+            if asks || tiles.is_empty() {
+                let name = std::iter::once(kernel.name).chain(flags).collect::<Vec<_>>().join(" ");
                 out.push(WebShader { name, entry_point: kernel.name, shader });
             }
         }

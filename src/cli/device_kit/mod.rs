@@ -39,6 +39,9 @@ const AROUND_TRAINING_SECS: f64 = 25.0;
 const SAVING_SECS: f64 = 3.0;
 /// An evaluated view over a step, where it was not measured: a picture, and its comparison with the photo.
 const VIEW_PER_STEP: f64 = 0.25;
+/// Steps and evaluations may take so many times what was measured: other work comes and goes on a machine whose
+/// processor is the device.
+const SLACK: f64 = 2.0;
 /// Points of a curve before its end, and the share of the time that they may take.
 const CURVE_POINTS: u32 = 3;
 const CURVE_SHARE: f64 = 0.3;
@@ -186,11 +189,11 @@ impl Speed {
             return Ok(Training { secs: wanted_secs, eval_every: 0 });
         };
         // A step begins as long as the time is not over.
-        let around = self.load_secs + self.evaluation_secs + SAVING_SECS + step_secs;
+        let around = self.load_secs + SAVING_SECS + SLACK * (self.evaluation_secs + step_secs);
         let left = share - around;
         if left < 0.0 {
             return Err(format!(
-                "one step takes {step_secs:.1} s and an evaluation of {} views {:.1} s: more than its {share:.0} s",
+                "one step takes {step_secs:.1} s and an evaluation of {} views {:.1} s: too much for its {share:.0} s",
                 self.test_views, self.evaluation_secs
             ));
         }
@@ -227,17 +230,17 @@ mod tests {
         };
         let fast = speed(0.002, 0.35).training(40.0, 75.0).unwrap();
         assert_eq!(fast, Training { secs: 40.0, eval_every: 5_000 });
-        // 5 s a step and 14 s an evaluation: one point before the end.
-        let slow = speed(5.0, 14.0).training(40.0, 80.0).unwrap();
+        // 5 s a step and 10 s an evaluation: one point before the end.
+        let slow = speed(5.0, 10.0).training(40.0, 85.0).unwrap();
         assert_eq!(slow, Training { secs: 40.0, eval_every: 4 });
-        let slower = speed(20.0, 50.0).training(40.0, 80.0).unwrap();
+        let slower = speed(20.0, 15.0).training(40.0, 80.0).unwrap();
         assert!(slower.eval_every == 0 && (slower.secs - 6.0).abs() < 1e-9, "{slower:?}");
         let too_slow = speed(30.0, 50.0).training(40.0, 80.0).unwrap_err();
         assert!(too_slow.contains("one step takes 30.0 s") && too_slow.contains("7 views"), "{too_slow}");
         // Of a part that was skipped or failed.
         let first = Speed::of(&json!({ "first_step_secs": 40.0, "evaluation": { "views": 7 } }));
         assert!(first.training(40.0, 100.0).unwrap_err().contains("7 views 70.0 s"));
-        assert!(first.training(40.0, 120.0).is_ok());
+        assert!(first.training(40.0, 230.0).is_ok());
         assert!(Speed::of(&Value::Null).training(40.0, 80.0).is_ok());
     }
 }
