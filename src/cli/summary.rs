@@ -1,9 +1,10 @@
 //! `summary.json`: the result of a run in one object, documented in `docs/summary-schema.md`. Names are
 //! part of the contract with whoever reads it; a change of meaning raises the number in `SCHEMA`.
 
+use super::profile::Profile;
 use litetex_gs::backend::DeviceInfo;
 use litetex_gs::eval::{Evaluation, ViewQuality};
-use litetex_gs::train::CurvePoint;
+use litetex_gs::train::{CurvePoint, Policy};
 use litetex_gs::{Result, Warning, atomic_file};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -37,6 +38,14 @@ pub struct Summary {
     pub steps: u32,
     /// Steps of the schedule.
     pub steps_planned: u32,
+    /// Set of defaults that the settings started from.
+    pub profile: Profile,
+    /// Allocation of splats and texels.
+    pub policy: Policy,
+    /// Parts of the method that could not act in a run of this length.
+    pub inactive: Vec<String>,
+    /// Splats by the longer side of their map: none, 2, up to 4, 8, ... 256 texels.
+    pub map_sides: Vec<usize>,
     /// `steps`, `time` or `interrupted`.
     pub stopped_by: String,
     /// Of the last evaluation; null without test views.

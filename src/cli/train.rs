@@ -14,8 +14,9 @@ use super::train_args::TrainArgs;
 use super::values::{format_bytes, format_count, format_duration};
 use super::{devices, eval};
 use litetex_gs::backend::Backend;
+use litetex_gs::model::Model;
 use litetex_gs::train::checkpoint;
-use litetex_gs::train::{StopReason, TrainState, train};
+use litetex_gs::train::{Schedule, StopReason, TrainState, train};
 use litetex_gs::views::{Split, ViewSource};
 use litetex_gs::{Error, Report, Result};
 use std::path::{Path, PathBuf};
@@ -134,6 +135,11 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<Summary> {
         seed: plan.config.train.seed,
         steps: state.step,
         steps_planned: plan.config.train.steps,
+        profile: plan.config.profile,
+        policy: plan.config.train.policy,
+        inactive: Schedule::new(&plan.config.train, capture.indices(Split::Train).len())
+            .inactive(&plan.config.train),
+        map_sides: map_sides(&state.model),
         stopped_by: reason_name(reason).to_owned(),
         quality: session.evaluation.as_ref().map(Quality::from),
         size: Size {
@@ -337,6 +343,17 @@ fn capture_figures(capture: &Capture) -> CaptureFigures {
         height_px,
         points: capture.points.len(),
     }
+}
+
+/// Splats by the longer side of their map: none, 2, up to 4, 8, ... 256 texels.
+fn map_sides(model: &Model) -> Vec<usize> {
+    let mut counts = vec![0; 9];
+    for map in &model.textures.maps {
+        let side = map.rows.max(map.cols);
+        let class = if side == 0 { 0 } else { u32::from(side).next_power_of_two().ilog2().clamp(1, 8) };
+        counts[class as usize] += 1;
+    }
+    counts
 }
 
 /// Renders the test views, at least 8 pictures, after one that does not count.

@@ -78,6 +78,32 @@ impl Schedule {
         step <= self.densify_until || step % self.coarsen_interval < self.structure_interval
     }
 
+    /// Parts of the method that are on but cannot act in a run of this length, and why.
+    pub fn inactive(&self, config: &TrainConfig) -> Vec<String> {
+        let parts = config.active_components();
+        let judged = |until: u32| {
+            let end = until.min(self.structure_end);
+            (end / self.structure_interval)
+                .saturating_sub((self.structure_start - 1) / self.structure_interval)
+        };
+        let mut out = Vec::new();
+        let densifying = judged(self.densify_until);
+        if densifying == 0 && (parts.growth || parts.splitting || config.policy == Policy::Plain) {
+            out.push(format!(
+                "growth and splitting: no structure step (each {} steps) before step {}",
+                self.structure_interval, self.densify_until
+            ));
+        }
+        let checks = judged(self.structure_end);
+        if parts.pruning && checks < u32::from(self.patience) {
+            out.push(format!("pruning: {checks} checks, {} marks in a row are needed", self.patience));
+        }
+        if config.sh_degree > 0 && self.sh_degree(config.steps, config.sh_degree) < config.sh_degree {
+            out.push("spherical harmonics: the highest degree is not reached".to_owned());
+        }
+        out
+    }
+
     /// Share of the time to the end of densification, at most 1.
     pub fn densify_share(&self, step: u32) -> f64 {
         (f64::from(step) / f64::from(self.densify_until)).min(1.0)
@@ -150,6 +176,10 @@ mod tests {
         assert!((raise - 8.0).abs() < 1e-4, "{raise}");
         assert_eq!(short.rates(&shorter, 1).opacity, config.rates.opacity);
         assert_eq!((short.sh_interval, short.texture_start, short.structure_interval), (10, 10, 43));
+        assert_eq!(short.inactive(&shorter), Vec::<String>::new());
+        let tiny = TrainConfig { steps: 60, ..config.clone() };
+        let inactive = Schedule::new(&tiny, 43).inactive(&tiny);
+        assert!(inactive.len() == 2 && inactive[0].starts_with("growth"), "{inactive:?}");
         assert!(short.is_structure_step(43) && !short.is_structure_step(44));
         assert!(!short.is_structure_step(301) && short.structure_end == 290);
         assert_eq!((published.patience, published.crop_interval, published.densify_until), (8, 100, 15_000));
