@@ -229,8 +229,8 @@ fn times_rise_in_even_shares_to_those_of_the_state() {
     assert_eq!(told.times[36], [history.train_wall_secs, history.train_cpu_secs]);
     assert!(told.times.windows(2).all(|w| w[0][0] < w[1][0] && w[0][1] <= w[1][1]), "{:?}", told.times);
     // The first batch has five steps.
-    let share = told.times[0][0];
-    assert!((told.times[4][0] - 5.0 * share).abs() < 1e-12 && share > 0.0);
+    let share = told.times[1][0] - told.times[0][0];
+    assert!((told.times[4][0] - told.times[0][0] - 4.0 * share).abs() < 1e-12 && share > 0.0);
     // A checkpoint knows the time of all its steps.
     assert_eq!(told.saved[0].history.train_wall_secs, told.times[8][0]);
 }

@@ -24,7 +24,8 @@ fn points_become_splats_with_the_documented_parameters() {
     let corners = [[0., 0., 0.], [2., 0., 0.], [0., 2., 0.], [2., 2., 0.], [0., 0., 90.]];
     scene.points = corners.map(|p| (p, [255, 0, 51])).to_vec();
     let capture = capture(&scene);
-    let (model, report) = initial_model(&capture, &InitOptions::default()).unwrap();
+    let options = InitOptions { policy: Policy::Fixed(4), ..InitOptions::default() };
+    let (model, report) = initial_model(&capture, &options).unwrap();
     assert_eq!(model.num_splats(), 5);
     assert!(report.warnings.is_empty(), "{report:?}");
     let scale = capture.capture_from_local.scale;

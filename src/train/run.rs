@@ -197,13 +197,13 @@ impl Run<'_> {
         };
         self.advance(batch.len());
         let diverged = reports.iter().position(|report| !report.loss.total.is_finite());
-        let stepped = Instant::now();
+        let (stepped, size) = (Instant::now(), self.size);
         let changed = if diverged.is_none() { self.change_structure()? } else { None };
         let structure_secs = stepped.elapsed().as_secs_f64();
         let wall_secs = clock.wall.elapsed().as_secs_f64();
         let times = [wall_secs, process_cpu_secs() - clock.cpu_secs];
         let sound = diverged.unwrap_or(batch.len());
-        let mut control = self.report(&batch, &reports[..sound], times, sink)?;
+        let mut control = self.report((&batch, &reports[..sound]), size, times, sink)?;
         if let Some(counts) = changed {
             let [num_splats, num_texels] = self.size;
             let (step, Stage { render_scale, texture_cap }) = (self.state.step, self.stage);
@@ -337,8 +337,8 @@ impl Run<'_> {
     /// state is that of its end: a consumer that says stop hears of the rest all the same.
     fn report(
         &mut self,
-        batch: &[PlannedStep],
-        reports: &[StepReport],
+        (batch, reports): (&[PlannedStep], &[StepReport]),
+        [num_splats, num_texels]: [usize; 2],
         [wall_secs, cpu_secs]: [f64; 2],
         sink: Sink<'_>,
     ) -> Result<Control> {
@@ -355,8 +355,8 @@ impl Run<'_> {
                 view: planned.view,
                 loss: report.loss,
                 report,
-                num_splats: self.size[0],
-                num_texels: self.size[1],
+                num_splats,
+                num_texels,
                 train_wall_secs: wall_before + wall_secs * share,
                 train_cpu_secs: cpu_before + cpu_secs * share,
             })?;

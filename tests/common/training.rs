@@ -6,6 +6,7 @@ use litetex_gs::camera::Camera;
 use litetex_gs::cpu::CpuBackend;
 use litetex_gs::model::{AdamState, Model};
 use litetex_gs::selftest::{Scene, SceneOptions, random_scene};
+use litetex_gs::train::structure::Components;
 use litetex_gs::train::{Policy, TrainConfig};
 use litetex_gs::views::{Split, ViewSource};
 use std::sync::Arc;
@@ -84,6 +85,8 @@ pub fn config(steps: u32) -> TrainConfig {
         steps,
         sh_degree: 1,
         policy: Policy::Fixed(4),
+        // Photos are read when their steps come, not all at the start.
+        components: Components { scheduler: false, ..Components::default() },
         eval_every: steps / 2,
         save_every: 7,
         ..TrainConfig::default()

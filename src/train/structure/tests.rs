@@ -208,7 +208,7 @@ fn halves_lie_on_the_parents_grid_and_survive_their_first_checks() {
     // Texels first: the map could still get finer.
     let patient = StructureConfig { split_first: false, ..config.clone() };
     assert_eq!(revise(&s, &patient, &Budget::default()).counts.split, 0);
-    let coarse = StructureConfig { min_texel_px: 3.0, ..patient };
+    let coarse = StructureConfig { min_texel_px: 4.0, ..patient };
     let long = Situation { split_texels: 8.0, ..situation(&model, &lives, &statistics, &cameras) };
     assert_eq!(revise(&long, &coarse, &Budget::default()).counts.split, 1, "it cannot");
     let revision = revise(&s, &config, &Budget::default());
@@ -263,7 +263,8 @@ fn budgets_hold_whatever_qualifies() {
     };
     let size = |budget: &Budget| {
         let revision = revise(&s, &config, budget);
-        let plan = revision.plan.unwrap();
+        // Nothing may have been possible.
+        let Some(plan) = revision.plan else { return (N, model.num_texels()) };
         let texels: usize = plan
             .sources
             .iter()
