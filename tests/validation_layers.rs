@@ -109,5 +109,10 @@ fn a_run_under_the_layer() {
         backend.steps(&requests(&views, 8..=10)).unwrap();
         backend.read_settled().unwrap();
         backend.read_back().unwrap();
+        // The terms on depths and normals, and pictures of them.
+        let mut geometry = requests(&views, 11..=12);
+        geometry.iter_mut().for_each(|r| (r.loss.distortion, r.loss.normal) = (0.1, 0.05));
+        backend.steps(&geometry).unwrap();
+        backend.render(&scene.camera, &RenderOptions { geometry: true, ..pictures }).unwrap();
     }
 }

@@ -149,6 +149,16 @@ fn open_gpu(name: &str) -> Result<Box<dyn Backend>> {
 #[cfg(feature = "gpu")]
 pub fn open_gpu_backend(name: &str) -> Result<litetex_gs::gpu::GpuBackend> {
     use litetex_gs::gpu::{GpuBackend, GpuDevice, GpuOptions, Limits, find_adapter};
+    let name = match name {
+        "auto" => "gpu",
+        "cpu" => {
+            return Err(litetex_gs::Error::Usage(
+                "--device cpu: this measures kernels of GPUs; for the CPU: cargo bench --bench bench_scene"
+                    .into(),
+            ));
+        }
+        name => name,
+    };
     let device = GpuDevice::open(&find_adapter(name)?, Limits::Adapter)?;
     GpuBackend::new(device, GpuOptions::default())
 }

@@ -148,6 +148,11 @@ impl Run<'_> {
         {
             self.evaluate(false, sink)?;
         }
+        // ... or a failure between a step and the change of structure that was due.
+        let step = self.state.step;
+        if step > 0 && self.schedule.is_structure_step(step) && self.state.stage_step != step {
+            self.change_structure()?;
+        }
         while self.state.step < self.config.steps {
             let mut control = self.batch(sink)?;
             let limit = self.config.max_time_secs;
