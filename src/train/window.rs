@@ -1,5 +1,5 @@
 //! The window of statistics between two structure steps, and the step itself: reads what the window
-//! found, lets [`structure`](super::structure) decide, has the backend carry out the plan.
+//! found, lets [`structure`] decide, has the backend carry out the plan.
 
 use super::config::{Policy, TrainConfig};
 use super::schedule::Schedule;
