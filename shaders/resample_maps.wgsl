@@ -24,6 +24,10 @@ fn old_texel(old: SplatInfo, texel: vec2i, channel: u32) -> f32 {
 }
 
 fn resampled(old: SplatInfo, new_size: vec2u, ratio: f32, shift: vec2f, texel: vec2u, channel: u32) -> f32 {
+    // Its texel size may be zero.
+    if old.map_size == 0u {
+        return 0.0;
+    }
     let old_size = vec2f(f32(map_rows(old.map_size)), f32(map_cols(old.map_size)));
     let coordinate = (vec2f(texel) - (vec2f(new_size) - 1.0) / 2.0) * ratio + ((old_size - 1.0) / 2.0 + shift);
     // Far outside is outside: the conversion to integers must not overflow.

@@ -242,8 +242,8 @@ fn a_stop_within_a_batch_takes_effect_at_its_end() {
     let told = run(&mut Batched::new(5, Fault::None), &views, start(), 7);
     let (state, reason) = told.outcome.as_ref().unwrap();
     assert_eq!((state.step, *reason), (9, StopReason::Consumer));
-    assert_eq!(told.events[..10], single.events[..10], "started and nine steps");
-    assert_eq!(told.events[10..], ["checkpoint 9", "finished Consumer"]);
+    assert_eq!(told.events[..11], single.events[..11], "started, nine steps, a structure step");
+    assert_eq!(told.events[11..], ["checkpoint 9", "finished Consumer"]);
     assert!(told.files()[0] == single.files()[0]);
 }
 
@@ -270,8 +270,8 @@ fn a_loss_that_is_not_finite_is_found_within_a_batch() {
     let message = told.outcome.as_ref().unwrap_err().to_string();
     assert!(message.contains("step 8: the loss is NaN"), "{message}");
     // The steps before it are told; what is saved is the end of its batch.
-    assert_eq!(told.events[..8], single.events[..8]);
-    assert_eq!(told.events[8..], ["checkpoint 9"]);
+    assert_eq!(told.events[..9], single.events[..9]);
+    assert_eq!(told.events[9..], ["checkpoint 9"]);
     assert_eq!((told.saved[0].step, told.saved[0].adam.step), (9, 9));
 }
 

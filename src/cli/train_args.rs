@@ -125,7 +125,7 @@ impl TrainArgs {
     /// Writes what was given over `config`.
     ///
     /// # Errors
-    /// [`Error::Usage`] for a setting that there is not.
+    /// [`litetex_gs::Error::Usage`] for a setting that there is not.
     pub fn apply(&self, config: &mut RunConfig) -> Result<()> {
         let t = &self.training;
         if let Some(profile) = t.profile {

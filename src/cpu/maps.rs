@@ -80,6 +80,9 @@ pub(super) fn resample(old: &TextureMap, from: &[f32], new: &TextureMap, shift: 
     if same && shift == [0.0; 2] {
         return from.to_vec();
     }
+    if old.num_texels() == 0 {
+        return vec![0.0; 3 * new.num_texels()];
+    }
     let ratio = new.texel_size / old.texel_size;
     let coordinate = |i: u16, size: u16, old_size: u16, shift: f32| {
         (f32::from(i) - (f32::from(size) - 1.0) / 2.0) * ratio + ((f32::from(old_size) - 1.0) / 2.0 + shift)

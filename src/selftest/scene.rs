@@ -90,9 +90,7 @@ pub fn random_scene(options: &SceneOptions) -> Scene {
         }
         let (rows, cols) = options.map_sizes[rng.random_range(0..options.map_sizes.len())];
         let half = 2.5 * splats.log_scales[2 * i].max(splats.log_scales[2 * i + 1]).exp();
-        // A map of no texels has no size of them: nobody may divide by it.
-        let texel_size = if rows == 0 { 0.0 } else { 2.0 * half / f32::from(rows.max(cols).max(2) - 1) };
-        extents.push((rows, cols, texel_size));
+        extents.push((rows, cols, 2.0 * half / f32::from(rows.max(cols).max(2) - 1)));
     }
     let mut textures = TexturePool::neutral(extents);
     textures.texels.iter_mut().for_each(|t| *t = (1.5 * normal(&mut rng)) as f32);

@@ -232,7 +232,8 @@ pub fn shrink_to_budget(
             continue;
         }
         let mut smaller = *draft;
-        coarsen(map, &mut smaller);
+        smaller.life.ceiling = (map.rows.max(map.cols) / 2).max(2);
+        stretch(&mut smaller);
         if smaller.texels < before {
             counts.coarsened += 1;
             *texels = *texels - before + smaller.texels;

@@ -4,7 +4,7 @@ use super::decide::{Revision, Situation, decide};
 use super::geometry::{even_texels, first_texel_size, half_extents, opacity, sigmas};
 use super::life::Life;
 use super::maps::MapRule;
-use super::settings::{Budget, Components, StructureConfig};
+use super::settings::{Budget, Components, SplitProfile, StructureConfig};
 use crate::backend::{Grid, MapChange, WindowStatistics};
 use crate::camera::Camera;
 use crate::model::{Model, TexturePool};
@@ -204,7 +204,13 @@ fn halves_lie_on_the_parents_grid_and_survive_their_first_checks() {
     let (model, cameras, statistics) = (model(16), [camera()], one_bad());
     let lives = vec![Life::first(64); N];
     let s = Situation { split_texels: 16.0, ..situation(&model, &lives, &statistics, &cameras) };
-    let config = StructureConfig { coarsen_below: 0.0, split_first: true, ..StructureConfig::default() };
+    let config = StructureConfig {
+        coarsen_below: 0.0,
+        split_first: true,
+        // The tight halves are nearer than the texels of this map: they would be resampled.
+        split_profile: SplitProfile::Paper,
+        ..StructureConfig::default()
+    };
     // Texels first: the map could still get finer.
     let patient = StructureConfig { split_first: false, ..config.clone() };
     assert_eq!(revise(&s, &patient, &Budget::default()).counts.split, 0);
