@@ -13,7 +13,7 @@ use crate::backend::{Backend, RenderOptions, RenderedImage, StepReport, StepRequ
 use crate::camera::Camera;
 use crate::clock::process_cpu_secs;
 use crate::schedule::FrequencySchedule;
-use crate::views::{Split, ViewSource};
+use crate::views::{Split, ViewSource, by_place};
 use crate::{Error, Result, Warning};
 use std::sync::Arc;
 use std::time::Instant;
@@ -37,7 +37,7 @@ pub fn train(
     mut start: TrainState,
     sink: Sink<'_>,
 ) -> Result<(TrainState, StopReason)> {
-    let train_views = views.indices(Split::Train);
+    let train_views = by_place(views, views.indices(Split::Train));
     if train_views.is_empty() {
         return Err(Error::Usage("no training view: every view is held out; lower --test-every".into()));
     }

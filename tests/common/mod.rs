@@ -4,6 +4,7 @@
 
 #[cfg(feature = "gpu")]
 pub mod gpu;
+pub mod moved;
 pub mod plans;
 pub mod poison;
 pub mod steps;
