@@ -164,6 +164,7 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<Summary> {
         time: Times {
             train_wall_secs: state.history.train_wall_secs,
             train_cpu_secs: state.history.train_cpu_secs,
+            structure_wall_secs: state.history.structure_wall_secs,
             total_wall_secs: total_secs(),
         },
     };

@@ -205,6 +205,7 @@ impl Run<'_> {
         let (stepped, size) = (Instant::now(), self.size);
         let changed = if diverged.is_none() { self.change_structure()? } else { None };
         let structure_secs = stepped.elapsed().as_secs_f64();
+        self.state.history.structure_wall_secs += structure_secs;
         let wall_secs = clock.wall.elapsed().as_secs_f64();
         let times = [wall_secs, process_cpu_secs() - clock.cpu_secs];
         let sound = diverged.unwrap_or(batch.len());
