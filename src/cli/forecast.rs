@@ -96,7 +96,7 @@ impl Workload {
         let wanted = match config.policy {
             // Grows to its budget, and without one not at all.
             Policy::Plain if *budget == Budget::default() => self.splats,
-            Policy::Plain => u64::MAX / 64,
+            Policy::Plain if budget.max_splats.is_some() || budget.max_params.is_some() => u64::MAX / 64,
             _ => EXPECTED_GROWTH * self.splats,
         };
         let splats = wanted.min(bound(budget.max_splats)).min(bound(budget.max_params) / 59);
@@ -105,8 +105,14 @@ impl Workload {
             MapRule::Fixed(side) => splats.saturating_mul(u64::from(side).pow(2)),
             MapRule::Adaptive => splats.saturating_mul(EXPECTED_TEXELS_EACH).max(self.texels),
         };
-        let left = bound(budget.max_params).saturating_sub(59 * splats) / 3;
-        Self { splats, texels: texels.min(bound(budget.max_texels)).min(left), ..*self }
+        let texels = texels.min(bound(budget.max_texels));
+        // Splats and texels share what the parameters allow as they would share it without a bound.
+        let params = |splats: u64, texels: u64| (59 * splats + 3 * texels) as f64;
+        let (now, then) = (params(self.splats, self.texels), params(splats, texels));
+        let most = bound(budget.max_params) as f64;
+        let share = if then > most { ((most - now) / (then - now)).max(0.0) } else { 1.0 };
+        let part = |now: u64, then: u64| (now as f64 + share * (then as f64 - now as f64)) as u64;
+        Self { splats: part(self.splats, splats), texels: part(self.texels, texels), ..*self }
     }
 
     /// Memory and time.
@@ -309,10 +315,17 @@ mod tests {
         let n = FOX.splats;
         assert_eq!(grown("litetex", Budget::default()), (2 * n, 200 * n));
         assert_eq!(grown("litetex", most(Some(20_000), Some(50_000), None)), (20_000, 50_000));
-        assert_eq!(grown("litetex", most(None, None, Some(3_000_000))), (2 * n, (3_000_000 - 118 * n) / 3));
+        let (splats, texels) = grown("litetex", most(None, None, Some(3_000_000)));
+        assert!(
+            splats > n
+                && texels > FOX.texels
+                && (2_999_900..=3_000_000).contains(&(59 * splats + 3 * texels))
+        );
+        assert_eq!(grown("litetex", most(None, None, Some(1_000_000))).1, FOX.texels, "less than there is");
         assert_eq!(grown("fixed:4", most(Some(20_000), None, None)), (20_000, 320_000));
         assert_eq!(grown("plain", Budget::default()), (n, 0));
         assert_eq!(grown("plain", most(None, None, Some(5_900_000))), (100_000, 0));
+        assert_eq!(grown("plain", most(None, Some(5), None)), (2 * n, 0), "texels do not bound splats");
         for (budget, said) in
             [(Budget::default(), "no budget"), (most(Some(9), None, None), "within the budget")]
         {
