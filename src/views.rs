@@ -15,6 +15,17 @@ pub enum Split {
     Test,
 }
 
+/// Views in an order that follows from where their cameras stand and not from their names: by distance from
+/// the origin, which is the cameras' mean in the local frame; at equal distances as given. A capture that
+/// was turned, or whose pictures were renamed, is then drawn from in the same order.
+pub fn by_place(views: &dyn ViewSource, mut indices: Vec<usize>) -> Vec<usize> {
+    indices.sort_by(|&a, &b| {
+        let distance = |view: usize| views.camera(view).centre_in_local().length_squared();
+        distance(a).total_cmp(&distance(b))
+    });
+    indices
+}
+
 /// A set of posed photos.
 pub trait ViewSource: Sync {
     /// Number of views, both sides of the split.

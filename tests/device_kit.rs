@@ -10,7 +10,7 @@ use std::process::Command;
 /// Runs the kit; exit code, standard output, what it wrote.
 fn kit(capture: &Path, out: &Path, device: &str) -> (i32, String, Value) {
     let output = Command::new(Path::new(env!("CARGO_MANIFEST_DIR")).join("scripts/device-kit"))
-        .args(["--tiny", "--seconds", "2", env!("CARGO_BIN_EXE_litetex")])
+        .args(["--tiny", "--long", "--seconds", "2", env!("CARGO_BIN_EXE_litetex")])
         .args([capture, out])
         .arg(device)
         .output()
@@ -48,7 +48,8 @@ fn the_kit_tells_all_of_a_device_and_what_failed() {
     let sizes = ["32", "48", "full"];
     let all =
         ["devices", "selftest", "bench-32", "bench-48", "bench-full", "train-32", "train-48", "train-full"];
-    assert_eq!(names(&json, true), all);
+    let long = ["train-long-48", "train-long-full"];
+    assert_eq!(names(&json, true), [&all[..], &long].concat());
     assert!(code == 0 && json["passed"] == true && json["repeatable"] == true && stdout.contains("yes"));
     assert_eq!(json["device"]["name"], driver.name);
     let positive = |v: &Value, what: &str| assert!(v.as_f64().is_some_and(|x| x > 0.0), "{what}: {v}");
@@ -76,7 +77,18 @@ fn the_kit_tells_all_of_a_device_and_what_failed() {
         let train = &json["train"][size];
         positive(&train["steps"], "steps");
         positive(&train["curve"][0]["psnr_test"], "PSNR");
+        assert_eq!(train["policy"], "litetex");
     }
+    for (size, steps, points) in [("long-48", 40, 4), ("long-full", 60, 3)] {
+        let train = &json["train"][size];
+        assert_eq!((&train["steps"], &train["stopped_by"]), (&steps.into(), &"steps".into()));
+        assert_eq!(train["curve"].as_array().unwrap().len(), points, "{train}");
+        // Structure steps were done, and took a part of the time.
+        let time = &train["time"];
+        positive(&time["structure_wall_secs"], "structure steps");
+        assert!(time["structure_wall_secs"].as_f64() < time["train_wall_secs"].as_f64());
+    }
+    assert!(stdout.contains("structure steps") && stdout.contains("texels"), "{stdout}");
     // A batch is one submission with its status, read once; how long batches are follows from the speed.
     let bench = &json["bench"]["32"];
     let batches = 2_u64.div_ceil(bench["batch_steps"].as_u64().unwrap());

@@ -5,27 +5,14 @@
 mod common;
 
 use common::gpu::{backend, drivers_and_limits, open};
+use common::plans::{State, agree, applied, keep};
 use common::steps::{differences, plan, requests, scene, views};
 use litetex_gs::Error;
 use litetex_gs::backend::{Backend, Grid, MapChange, StructurePlan, WindowStatistics};
 use litetex_gs::cpu::CpuBackend;
 use litetex_gs::gpu::{AdapterChoice, GpuOptions, Limits};
-use litetex_gs::model::{AdamState, Model, SplatGroup};
+use litetex_gs::model::{AdamState, SplatGroup};
 use litetex_gs::selftest::Scene;
-
-type State = (Model, AdamState);
-
-/// One array of a state.
-type Values = fn(&State) -> &Vec<f32>;
-
-/// Nothing but the storage changes.
-fn keep(num_splats: usize) -> StructurePlan {
-    StructurePlan {
-        sources: (0..num_splats as u32).collect(),
-        maps: vec![MapChange::Keep; num_splats],
-        ..StructurePlan::default()
-    }
-}
 
 /// After three steps, and nothing lags behind: what a plan makes of it owes nothing to the updates.
 fn settled(scene: &Scene) -> State {
@@ -36,56 +23,6 @@ fn settled(scene: &Scene) -> State {
     assert!(lagging.iter().any(|&s| s != 3) && lagging.contains(&3));
     cpu.apply_plan(&keep(scene.model.num_splats())).unwrap();
     cpu.read_back().unwrap()
-}
-
-fn applied(backend: &mut dyn Backend, start: &State, plan: &StructurePlan) -> State {
-    backend.upload(&start.0, &start.1).unwrap();
-    backend.apply_plan(plan).unwrap();
-    backend.read_back().unwrap()
-}
-
-/// Values that differ, of the texels of maps that were resampled and of all others, and the largest difference of
-/// the former over the largest of their values. Values too small for a normal number count as zero on some devices.
-fn texels_off(plan: &StructurePlan, a: &State, b: &State, array: Values) -> [f32; 3] {
-    let (mut resampled, mut other, mut worst) = (0, 0, 0.0_f32);
-    let (a_values, b_values) = (array(a), array(b));
-    assert_eq!(a_values.len(), b_values.len());
-    let largest = b_values.iter().fold(0.0_f32, |m, v| m.max(v.abs()));
-    for (change, map) in plan.maps.iter().zip(&b.0.textures.maps) {
-        for f in map.floats() {
-            let off = (a_values[f] - b_values[f]).abs();
-            let differs = off >= f32::MIN_POSITIVE || !off.is_finite();
-            if matches!(change, MapChange::Resample { .. }) {
-                resampled += usize::from(differs);
-                worst = worst.max(off / largest);
-            } else {
-                other += usize::from(differs);
-            }
-        }
-    }
-    [resampled as f32, worst, other as f32]
-}
-
-const ARRAYS: [(&str, Values); 3] = [
-    ("texels", |s| &s.0.textures.texels),
-    ("first moments", |s| &s.1.texels_m),
-    ("second moments", |s| &s.1.texels_v),
-];
-
-/// Whether two backends made the same of a plan.
-fn agree(plan: &StructurePlan, a: &State, b: &State) -> bool {
-    let mut ok = a.0.textures.maps == b.0.textures.maps && a.1.last_step == b.1.last_step;
-    ok &= (&a.0.splats, &a.1.splats_m, &a.1.splats_v) == (&b.0.splats, &b.1.splats_m, &b.1.splats_v);
-    if a.0.textures.maps != b.0.textures.maps {
-        return false;
-    }
-    for (name, array) in ARRAYS {
-        let [resampled, worst, other] = texels_off(plan, a, b, array);
-        println!("{name}: {resampled} resampled values differ, at most by {worst:.1e}; {other} others");
-        // Drivers may contract the interpolation's products and sums; needed 0 on lavapipe and SwiftShader.
-        ok &= worst < 2e-6 && other == 0.0;
-    }
-    ok
 }
 
 #[test]

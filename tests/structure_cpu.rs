@@ -5,72 +5,17 @@
 
 mod common;
 
-use common::training::{MemoryViews, damaged, photos, scene};
+use common::training::{MemoryViews, photos, scene};
+use common::whole::{Outcome, config, run_on, same, start};
 use litetex_gs::backend::{Backend as _, StepRequest, WindowStatistics};
 use litetex_gs::cpu::CpuBackend;
-use litetex_gs::model::{AdamState, LearningRates, Model, TexturePool};
-use litetex_gs::train::structure::{Budget, StatisticsSource, StructureCounts, first_texel_size};
-use litetex_gs::train::{Control, Policy, TrainConfig, TrainEvent, TrainState, train};
+use litetex_gs::model::{AdamState, LearningRates, Model};
+use litetex_gs::train::structure::{Budget, StatisticsSource, StructureCounts};
+use litetex_gs::train::{Policy, TrainConfig, TrainState};
 use litetex_gs::views::{Split, ViewSource as _};
 
-const STEPS: u32 = 40;
-
-/// A short run in which everything happens: structure steps each 5 steps.
-fn config(policy: Policy) -> TrainConfig {
-    let mut config =
-        TrainConfig { steps: STEPS, sh_degree: 1, policy, save_every: 3, ..TrainConfig::default() };
-    // The pictures are small and the splats few: let them grow.
-    config.structure.min_texel_px = 0.25;
-    config.structure.split_texels = [12.0, 12.0];
-    config.structure.quantile = 0.6;
-    config.structure.split_first = true;
-    config.structure.patience_steps = 1;
-    config
-}
-
-/// The start of a run: maps of 2 x 2 texels, or none.
-fn start(policy: Policy) -> TrainState {
-    let mut model = damaged(&scene());
-    let extents = (0..model.num_splats()).map(|i| {
-        let half = [0, 1].map(|k| 2.5 * f64::from(model.splats.log_scales[2 * i + k]).exp());
-        if policy == Policy::Plain { (0, 0, 0.0) } else { (2, 2, first_texel_size(half) as f32) }
-    });
-    model.textures = TexturePool::neutral(extents.collect::<Vec<_>>());
-    TrainState::fresh(model)
-}
-
-struct Outcome {
-    last: TrainState,
-    saved: Vec<TrainState>,
-    steps: Vec<(StructureCounts, usize, usize)>,
-    largest: [usize; 3],
-}
-
 fn run(config: &TrainConfig, start: TrainState, threads: usize) -> Outcome {
-    let views = photos(&scene());
-    let (mut saved, mut steps, mut largest) = (Vec::new(), Vec::new(), [0; 3]);
-    let mut sink = |event: TrainEvent<'_>| {
-        match event {
-            TrainEvent::Checkpoint { state } => saved.push(state.clone()),
-            TrainEvent::Structure { counts, num_splats, num_texels, .. } => {
-                steps.push((counts, num_splats, num_texels));
-            }
-            TrainEvent::Step { num_splats: n, num_texels: t, report, .. } => {
-                assert_eq!(report.non_finite_gradients, 0, "{:?} {steps:?}", config.policy);
-                largest = [largest[0].max(n), largest[1].max(t), largest[2].max(59 * n + 3 * t)];
-            }
-            _ => {}
-        }
-        Ok(Control::Continue)
-    };
-    let mut backend = CpuBackend::new(Some(threads)).unwrap();
-    let (last, _) = train(config, &mut backend, &views, start, &mut sink).unwrap();
-    Outcome { last, saved, steps, largest }
-}
-
-fn same(a: &TrainState, b: &TrainState) -> bool {
-    let without_times = |s: &TrainState| TrainState { history: Default::default(), ..s.clone() };
-    without_times(a) == without_times(b)
+    run_on(&mut CpuBackend::new(Some(threads)).unwrap(), config, &photos(&scene()), start)
 }
 
 #[test]

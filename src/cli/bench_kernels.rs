@@ -44,6 +44,9 @@ pub struct BenchKernelsArgs {
     /// Small sizes and few steps, for trying the kit
     #[arg(long, hide = true, requires = "kit")]
     kit_tiny: bool,
+    /// Also the long trainings of the kit, which take as long as they take
+    #[arg(long, hide = true, requires = "kit")]
+    kit_long: bool,
 }
 
 /// Measures and prints a table.
@@ -54,6 +57,7 @@ pub fn run(args: &BenchKernelsArgs, log: &Log) -> anyhow::Result<()> {
         folder: folder.clone(),
         device: args.device.clone(),
         tiny: args.kit_tiny,
+        long: args.kit_long,
         train_secs: args.kit_seconds,
     })
 }

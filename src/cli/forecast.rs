@@ -1,9 +1,12 @@
 //! Memory and time that training will take, told before it starts. A coarse model: memory counts the
-//! arrays that exist, time rests on three measured rates. Estimates, and called so.
+//! arrays that exist, at the start and at the size that the model is expected to reach; time rests on three
+//! measured rates. Estimates, and called so.
 
-use super::values::{format_bytes, format_duration};
+use super::values::{format_bytes, format_count, format_duration};
 use litetex_gs::constants::sh_coefficients;
 use litetex_gs::model::Model;
+use litetex_gs::train::structure::{Budget, MapRule};
+use litetex_gs::train::{Policy, TrainConfig};
 use litetex_gs::views::{Split, ViewSource};
 use litetex_gs::{Error, Result};
 
@@ -19,6 +22,12 @@ const CPU_SECS_PER_SPLAT: f64 = 1.5e-6;
 const BYTES_PER_PIXEL: u64 = 120;
 /// Bytes per splat of one view at work: projection, its gradient, about eight tile pairs with partial sums.
 const BYTES_PER_SPLAT: u64 = 1400;
+
+/// Without a budget: splats at the end over splats at the start (published runs: 209,000 from about 115,000
+/// points), and texels for each (published: 78; fox, 270 x 480, 500 steps: 100). How much detail the photos
+/// hold is not known beforehand; few views that contradict each other can take several times as much.
+const EXPECTED_GROWTH: u64 = 2;
+const EXPECTED_TEXELS_EACH: u64 = 100;
 
 /// What is going to be trained.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -80,6 +89,32 @@ impl Workload {
         }
     }
 
+    /// The same with the model at the size that it is expected to reach, within its budget.
+    pub fn grown(&self, config: &TrainConfig) -> Self {
+        let budget = &config.budget;
+        let bound = |most: Option<usize>| most.map_or(u64::MAX, |most| most as u64);
+        let wanted = match config.policy {
+            // Grows to its budget, and without one not at all.
+            Policy::Plain if *budget == Budget::default() => self.splats,
+            Policy::Plain if budget.max_splats.is_some() || budget.max_params.is_some() => u64::MAX / 64,
+            _ => EXPECTED_GROWTH * self.splats,
+        };
+        let splats = wanted.min(bound(budget.max_splats)).min(bound(budget.max_params) / 59);
+        let texels = match config.policy.map_rule() {
+            MapRule::None => 0,
+            MapRule::Fixed(side) => splats.saturating_mul(u64::from(side).pow(2)),
+            MapRule::Adaptive => splats.saturating_mul(EXPECTED_TEXELS_EACH).max(self.texels),
+        };
+        let texels = texels.min(bound(budget.max_texels));
+        // Splats and texels share what the parameters allow as they would share it without a bound.
+        let params = |splats: u64, texels: u64| (59 * splats + 3 * texels) as f64;
+        let (now, then) = (params(self.splats, self.texels), params(splats, texels));
+        let most = bound(budget.max_params) as f64;
+        let share = if then > most { ((most - now) / (then - now)).max(0.0) } else { 1.0 };
+        let part = |now: u64, then: u64| (now as f64 + share * (then as f64 - now as f64)) as u64;
+        Self { splats: part(self.splats, splats), texels: part(self.texels, texels), ..*self }
+    }
+
     /// Memory and time.
     pub fn forecast(&self) -> Forecast {
         let floats = 10 + 3 * sh_coefficients(self.sh_degree) as u64;
@@ -116,13 +151,64 @@ impl Workload {
     }
 }
 
+/// The same at the start and at the size that the model is expected to reach.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Outlook {
+    pub start: Forecast,
+    pub grown: Forecast,
+    pub grown_splats: u64,
+    pub grown_texels: u64,
+    /// Whether a budget bounds the model.
+    pub has_budget: bool,
+}
+
+impl Outlook {
+    /// Of a workload with these settings.
+    pub fn new(workload: &Workload, config: &TrainConfig) -> Self {
+        let grown = workload.grown(config);
+        Self {
+            start: workload.forecast(),
+            grown: grown.forecast(),
+            grown_splats: grown.splats,
+            grown_texels: grown.texels,
+            has_budget: config.budget != Budget::default(),
+        }
+    }
+
+    /// One sentence.
+    pub fn describe(&self) -> String {
+        let basis = if self.has_budget { "within the budget" } else { "expected, no budget is set" };
+        format!(
+            "{}; {} with {} splats and {} texels ({basis})",
+            self.start.describe(),
+            format_bytes(self.grown.total_bytes),
+            format_count(self.grown_splats),
+            format_count(self.grown_texels)
+        )
+    }
+
+    /// What to tell if the machine may not hold what the model may become: no reason to refuse, for it may
+    /// stay smaller.
+    pub fn doubt(&self, machine_bytes: Option<u64>) -> Option<String> {
+        let have = machine_bytes.filter(|&have| self.grown.total_bytes > have)?;
+        Some(format!(
+            "the model may come to need about {} ({} splats, {} texels), this machine has {}: bound it with \
+             --budget-params, --max-splats or --max-texels",
+            format_bytes(self.grown.total_bytes),
+            format_count(self.grown_splats),
+            format_count(self.grown_texels),
+            format_bytes(have)
+        ))
+    }
+}
+
 impl Forecast {
     /// One sentence.
     pub fn describe(&self) -> String {
         let time =
             self.wall_secs.map_or(String::new(), |s| format!(", about {} of training", format_duration(s)));
         format!(
-            "estimate: {} of memory (model {}, optimiser {}, image cache {}, one view at work {}){time}",
+            "estimate: {} of memory at the start (model {}, optimiser {}, image cache {}, one view at work {}){time}",
             format_bytes(self.total_bytes),
             format_bytes(self.model_bytes),
             format_bytes(self.optimiser_bytes),
@@ -214,6 +300,44 @@ mod tests {
             let scene = Workload { splats, pixels_mean: f64::from(pixels), steps: 1, ..FOX };
             let ratio = scene.forecast().cpu_secs.unwrap() / secs_per_step;
             assert!((0.5..2.0).contains(&ratio), "{pixels} pixels, {splats} splats: {ratio}");
+        }
+    }
+
+    #[test]
+    fn the_model_is_counted_at_the_size_that_it_may_reach() {
+        let grown = |policy: &str, budget: Budget| {
+            let policy = policy.parse().unwrap();
+            let grown = FOX.grown(&TrainConfig { policy, budget, ..TrainConfig::default() });
+            (grown.splats, grown.texels)
+        };
+        let most =
+            |splats, texels, params| Budget { max_splats: splats, max_texels: texels, max_params: params };
+        let n = FOX.splats;
+        assert_eq!(grown("litetex", Budget::default()), (2 * n, 200 * n));
+        assert_eq!(grown("litetex", most(Some(20_000), Some(50_000), None)), (20_000, 50_000));
+        let (splats, texels) = grown("litetex", most(None, None, Some(3_000_000)));
+        assert!(
+            splats > n
+                && texels > FOX.texels
+                && (2_999_900..=3_000_000).contains(&(59 * splats + 3 * texels))
+        );
+        assert_eq!(grown("litetex", most(None, None, Some(1_000_000))).1, FOX.texels, "less than there is");
+        assert_eq!(grown("fixed:4", most(Some(20_000), None, None)), (20_000, 320_000));
+        assert_eq!(grown("plain", Budget::default()), (n, 0));
+        assert_eq!(grown("plain", most(None, None, Some(5_900_000))), (100_000, 0));
+        assert_eq!(grown("plain", most(None, Some(5), None)), (2 * n, 0), "texels do not bound splats");
+        for (budget, said) in
+            [(Budget::default(), "no budget"), (most(Some(9), None, None), "within the budget")]
+        {
+            let config = TrainConfig { budget, ..TrainConfig::default() };
+            let outlook = Outlook::new(&FOX, &config);
+            assert!(outlook.describe().contains(said), "{}", outlook.describe());
+            let (start, grown) = (outlook.start.total_bytes, outlook.grown.total_bytes);
+            assert_eq!(grown > start, budget == Budget::default());
+            // A machine on which it starts and may not end.
+            let doubt = outlook.doubt(Some(start + 1));
+            assert_eq!(doubt.is_some_and(|d| d.contains("--budget-params")), grown > start);
+            assert!(outlook.start.check(Some(start + 1)).is_ok() && outlook.doubt(None).is_none());
         }
     }
 

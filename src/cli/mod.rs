@@ -6,6 +6,7 @@ mod bench_kernels;
 mod capture;
 mod capture_args;
 mod chart;
+mod colour_by;
 mod completions;
 mod config_file;
 mod device_kit;

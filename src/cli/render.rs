@@ -1,6 +1,8 @@
 //! `litetex render`: pictures of a trained scene from named views, the test views or an orbit.
 
 use super::capture::Capture;
+use super::colour_by::{ColourBy, Coloured};
+use super::devices;
 use super::eval::{Trained, render_options};
 use super::log::Log;
 use super::orbit;
@@ -9,6 +11,7 @@ use super::values::{PictureSize, parse_picture_size};
 use litetex_gs::backend::RenderedImage;
 use litetex_gs::camera::Camera;
 use litetex_gs::eval::quantised;
+use litetex_gs::model::AdamState;
 use litetex_gs::picture::{Channels, depth_range, grey_from_depth, rgb_from_normal, write_exr, write_png};
 use litetex_gs::views::{Split, ViewSource};
 use litetex_gs::{Error, Result};
@@ -40,6 +43,9 @@ pub struct RenderArgs {
     /// What to render
     #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "colour")]
     what: Vec<What>,
+    /// Colour each splat by what it is made of, with a legend, instead of what it shows
+    #[arg(long, value_name = "WHAT", visible_alias = "color-by", conflicts_with = "exr")]
+    colour_by: Option<ColourBy>,
     /// Size: WIDTHxHEIGHT or the longer side [default: as trained]
     #[arg(long, value_name = "SIZE", value_parser = parse_picture_size)]
     size: Option<PictureSize>,
@@ -69,13 +75,13 @@ enum What {
 }
 
 impl What {
-    /// Inserted before the extension; colour is the picture itself.
-    fn suffix(self) -> &'static str {
+    /// Inserted before the extension; colour is the picture itself, unless it tells something else.
+    fn suffix(self, colour_by: Option<ColourBy>) -> String {
         match self {
-            Self::Colour => "",
-            Self::Depth => ".depth",
-            Self::Normal => ".normal",
-            Self::Alpha => ".alpha",
+            Self::Colour => colour_by.map_or(String::new(), |by| format!(".{}", by.name())),
+            Self::Depth => ".depth".to_owned(),
+            Self::Normal => ".normal".to_owned(),
+            Self::Alpha => ".alpha".to_owned(),
         }
     }
 }
@@ -88,16 +94,27 @@ pub fn run(args: &RenderArgs, log: &Log) -> anyhow::Result<()> {
     let trained = Trained::load(&args.source)?;
     let capture = trained.open_capture(args.capture.as_deref())?;
     let jobs = jobs(args, &capture)?;
-    let mut backend = trained.on_device(&args.device, log)?;
+    let train_views = capture.indices(Split::Train);
+    let cameras: Vec<Camera> = train_views.iter().map(|&view| capture.camera(view)).collect();
+    let coloured = args.colour_by.map(|by| Coloured::new(by, &trained.model, &cameras));
+    let mut backend = match &coloured {
+        None => trained.on_device(&args.device, log)?,
+        Some(Coloured { model, .. }) => {
+            let mut backend = devices::open(&args.device, log)?;
+            backend.upload(model, &AdamState::zeros(model))?;
+            backend
+        }
+    };
     let geometry = args.what.iter().any(|w| matches!(w, What::Depth | What::Normal));
-    let options = render_options(&trained.model, trained.config.train.background, geometry);
+    let model = coloured.as_ref().map_or(&trained.model, |coloured| &coloured.model);
+    let options = render_options(model, trained.config.train.background, geometry);
     let to_capture = trained.model.capture_from_local.scale as f32;
     let mut written = 0;
     for (name, camera) in &jobs {
         let camera = sized(camera, args.size);
         let image = backend.render(&camera, &options)?;
         for what in &args.what {
-            let path = place(&args.out, name, *what, args.exr)?;
+            let path = place(&args.out, name, &what.suffix(args.colour_by), args.exr)?;
             if args.exr {
                 write_values(&path, &image, *what, to_capture)?;
             } else {
@@ -110,6 +127,12 @@ pub fn run(args: &RenderArgs, log: &Log) -> anyhow::Result<()> {
     let mut table = super::table::Table::default();
     table.row("checkpoint", trained.path.display());
     table.row("pictures", format!("{written} in {}", args.out.display()));
+    if let Some(coloured) = &coloured {
+        if let Some(path) = coloured.write_legend(&args.out)? {
+            table.row("legend", path.display());
+        }
+        coloured.tell(&mut table);
+    }
     Ok(table.print()?)
 }
 
@@ -155,10 +178,10 @@ fn sized(camera: &Camera, size: Option<PictureSize>) -> Camera {
     }
 }
 
-fn place(out: &Path, name: &Path, what: What, exr: bool) -> Result<PathBuf> {
+fn place(out: &Path, name: &Path, suffix: &str, exr: bool) -> Result<PathBuf> {
     let extension = if exr { "exr" } else { "png" };
     let stem = name.with_extension("");
-    let path = out.join(format!("{}{}.{extension}", stem.display(), what.suffix()));
+    let path = out.join(format!("{}{}.{extension}", stem.display(), suffix));
     if let Some(folder) = path.parent() {
         std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
     }

@@ -14,7 +14,7 @@ use litetex_gs::picture::{Channels, write_png};
 use litetex_gs::train::checkpoint;
 use litetex_gs::train::{Control, StopReason, TrainEvent, TrainHistory, TrainState};
 use litetex_gs::views::ViewSource;
-use litetex_gs::{Error, Report, Result, atomic_file};
+use litetex_gs::{Error, Report, Result, Warning, atomic_file};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -38,6 +38,8 @@ pub struct Session<'a> {
     total_wall_secs: Box<dyn Fn() -> f64 + 'a>,
     staged: Option<StagedFolder>,
     pictured: Option<u32>,
+    /// Gradient entries that were not finite, over all steps.
+    non_finite_gradients: u64,
     /// The last evaluation.
     pub evaluation: Option<Evaluation>,
     /// The last checkpoint.
@@ -75,6 +77,7 @@ impl<'a> Session<'a> {
             total_wall_secs: Box::new(total_wall_secs),
             staged: None,
             pictured: None,
+            non_finite_gradients: 0,
             evaluation: None,
             checkpoint: None,
             report: Report::default(),
@@ -105,6 +108,7 @@ impl<'a> Session<'a> {
                 train_wall_secs,
                 train_cpu_secs,
             } => {
+                self.non_finite_gradients += report.non_finite_gradients;
                 self.progress.step(StepFigures {
                     step,
                     loss: loss.total,
@@ -147,10 +151,26 @@ impl<'a> Session<'a> {
             }
             TrainEvent::Finished { reason } => {
                 self.progress.finish();
+                self.tell_of_gradients()?;
                 self.metric(json!({ "event": "finished", "reason": reason_name(reason) }))?;
             }
         }
         Ok(if self.interrupt.is_requested() { Control::Stop } else { Control::Continue })
+    }
+
+    /// Steps count them one by one; a run tells of them once.
+    fn tell_of_gradients(&mut self) -> Result<()> {
+        let count = self.non_finite_gradients;
+        if count == 0 {
+            return Ok(());
+        }
+        let message = format!("{count} gradients were NaN or infinite and counted as zero");
+        self.handle(TrainEvent::Warning(Warning {
+            code: "gradients-not-finite".to_owned(),
+            message,
+            count: count as usize,
+        }))?;
+        Ok(())
     }
 
     fn eval_view(&mut self, step: u32, view: usize, image: &RenderedImage) -> Result<()> {

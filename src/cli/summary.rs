@@ -141,6 +141,9 @@ pub struct Times {
     pub train_wall_secs: f64,
     /// CPU time of the process within it.
     pub train_cpu_secs: f64,
+    /// Time of structure steps within it: reading the model back, deciding, changing it.
+    #[serde(default)]
+    pub structure_wall_secs: f64,
     /// From the start of the command to this file, earlier parts of a resumed run included.
     pub total_wall_secs: f64,
 }

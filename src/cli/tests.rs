@@ -158,6 +158,37 @@ fn files(folder: &Path) -> Vec<String> {
 }
 
 #[test]
+fn gradients_that_are_not_finite_are_told_of_whatever_their_step() {
+    for (non_finite, told) in [([0, 0], None), ([2, 5], Some(7))] {
+        let dir = tempfile::tempdir().unwrap();
+        let folder = RunFolder::create(dir.path(), false).unwrap();
+        let (views, config) = (Views(vec!["a.jpg"]), config(20, SaveImages::None));
+        let log = Log::new(LogFormat::Text, true, 0);
+        let mut session =
+            Session::new(&folder, &views, &config, &log, Interrupt::default(), 0, || 1.5).unwrap();
+        // Steps that have no line in the metrics.
+        for (step, non_finite_gradients) in [3, 17].into_iter().zip(non_finite) {
+            let report = StepReport { non_finite_gradients, ..StepReport::default() };
+            session
+                .handle(TrainEvent::Step {
+                    step,
+                    view: 0,
+                    loss: LossValues::default(),
+                    report: &report,
+                    num_splats: 1,
+                    num_texels: 4,
+                    train_wall_secs: 1.0,
+                    train_cpu_secs: 1.0,
+                })
+                .unwrap();
+        }
+        session.handle(TrainEvent::Finished { reason: StopReason::Steps }).unwrap();
+        let warning = session.report.warnings.iter().find(|w| w.code == "gradients-not-finite");
+        assert_eq!(warning.map(|w| w.count), told);
+    }
+}
+
+#[test]
 fn events_fill_the_run_folder() {
     let dir = tempfile::tempdir().unwrap();
     let folder = RunFolder::create(dir.path(), false).unwrap();

@@ -2,7 +2,7 @@
 
 use super::capture::{self, Capture};
 use super::config_file::RunConfig;
-use super::forecast::{Workload, machine_bytes, process_bytes};
+use super::forecast::{Outlook, Workload, machine_bytes, process_bytes};
 use super::identity::Identity;
 use super::interrupt::Interrupt;
 use super::log::Log;
@@ -104,9 +104,14 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<Summary> {
     let cache = plan.config.capture.image_cache_bytes;
     let mut backend = devices::open(&plan.device, log)?;
     let on_cpu = backend.device().name == "cpu";
-    let forecast = Workload::new(&state.model, &capture, cache, steps_left, on_cpu).forecast();
-    log.event("forecast", &forecast.describe(), serde_json::json!({ "forecast": forecast }));
-    forecast.check(machine_bytes())?;
+    let workload = Workload::new(&state.model, &capture, cache, steps_left, on_cpu);
+    let outlook = Outlook::new(&workload, &plan.config.train);
+    log.event("forecast", &outlook.describe(), serde_json::json!({ "forecast": outlook }));
+    outlook.start.check(machine_bytes())?;
+    if let Some(doubt) = outlook.doubt(machine_bytes()) {
+        log.warn("memory-may-not-suffice", &doubt, 1);
+        report.warn("memory-may-not-suffice", 1, doubt);
+    }
 
     let folder = if resumes_in_place {
         let folder = RunFolder::reopen(&plan.out)?;
@@ -159,6 +164,7 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<Summary> {
         time: Times {
             train_wall_secs: state.history.train_wall_secs,
             train_cpu_secs: state.history.train_cpu_secs,
+            structure_wall_secs: state.history.structure_wall_secs,
             total_wall_secs: total_secs(),
         },
     };

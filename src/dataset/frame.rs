@@ -1,11 +1,13 @@
 //! The local frame in which training happens: cameras around the origin, their extent 1, and the near
 //! plane that goes with it.
 
+use super::Capture;
 use super::source::Source;
 use crate::Report;
 use crate::camera::Similarity;
 use crate::constants::NEAR_MAX;
-use glam::DVec3;
+use crate::views::{ViewSource as _, by_place};
+use glam::{DMat3, DQuat, DVec3};
 
 /// Extent = this times the largest distance of a camera from their mean (3DGS).
 const EXTENT_MARGIN: f64 = 1.1;
@@ -33,7 +35,10 @@ pub(crate) fn quantile(values: &mut [f64], share: f64) -> Option<f64> {
 
 /// Moves and scales the capture so that the cameras' extent is 1 around their mean.
 pub(crate) fn capture_from_local(source: &Source, report: &mut Report) -> Similarity {
-    let centres: Vec<DVec3> = source.views.iter().map(|v| v.camera_from_capture.origin_of_a_in_b()).collect();
+    let mut centres: Vec<DVec3> =
+        source.views.iter().map(|v| v.camera_from_capture.origin_of_a_in_b()).collect();
+    // The sum must not depend on the order of the views, not even in its last bit.
+    centres.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)).then(a.z.total_cmp(&b.z)));
     let translation = centres.iter().sum::<DVec3>() / centres.len().max(1) as f64;
     let farthest = centres.iter().map(|c| c.distance(translation)).fold(0.0, f64::max);
     // Rounding of poses far from the capture's origin is no extent.
@@ -58,6 +63,24 @@ pub(crate) fn capture_from_local(source: &Source, report: &mut Report) -> Simila
         ),
     );
     Similarity { scale: points.unwrap_or(1.0), translation }
+}
+
+/// Axes that turn with the capture: towards the farthest camera, and across the mean downward direction of
+/// the pictures. What is drawn at random in them turns too, so that a capture that was turned starts alike.
+pub(crate) fn local_from_cameras(capture: &Capture) -> DQuat {
+    let views = by_place(capture, (0..capture.num_views()).collect());
+    let cameras: Vec<_> = views.iter().map(|&view| capture.views[view].camera).collect();
+    let Some(farthest) = cameras.last() else { return DQuat::IDENTITY };
+    let down: DVec3 = cameras.iter().map(|c| c.camera_from_local.rotation.row(1)).sum();
+    let first = farthest.centre_in_local().try_normalize();
+    let third = first.and_then(|first| first.cross(down).try_normalize());
+    match (first, third) {
+        (Some(first), Some(third)) => {
+            DQuat::from_mat3(&DMat3::from_cols(first, third.cross(first), third)).normalize()
+        }
+        // Cameras in one place, or one that stands exactly above the others: any axes will do.
+        _ => DQuat::IDENTITY,
+    }
 }
 
 /// Near plane in local units: half the 1 % quantile of the points' depths, bounded.

@@ -1,6 +1,7 @@
 //! The model that training starts from: splats at the points of the capture, of a file or at random
 //! (method section 5).
 
+use super::frame::local_from_cameras;
 use super::knn::mean_squared_spacing;
 use super::random::{Stream, points_in_views};
 use super::source::SfmPoint;
@@ -8,9 +9,9 @@ use super::{Capture, read_ply_points};
 use crate::constants::{SH_0, SH_DEGREE_MAX, sh_coefficients};
 use crate::model::{Model, SplatArrays, TexturePool, support_half_extent};
 use crate::train::Policy;
-use crate::train::structure::first_texel_size;
+use crate::train::structure::{first_texel_size, morton_codes};
 use crate::{Error, Report, Result};
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 use std::collections::HashSet;
 use std::fmt;
@@ -131,6 +132,17 @@ const CAT_TEXELS: u16 = 8;
 struct Seed {
     position: [f32; 3],
     rgb: [f32; 3],
+    /// Squared, from the cameras' mean.
+    distance: f64,
+    /// local_from_surfel, wxyz.
+    quaternion: [f32; 4],
+}
+
+impl Seed {
+    fn new(in_local: DVec3, rgb: [f32; 3]) -> Self {
+        let position = in_local.as_vec3().to_array();
+        Self { position, rgb, distance: in_local.length_squared(), quaternion: [1.0, 0.0, 0.0, 0.0] }
+    }
 }
 
 /// The model that training starts from, and what was left out on the way.
@@ -146,16 +158,25 @@ pub fn initial_model(capture: &Capture, options: &InitOptions) -> Result<(Model,
         )));
     }
     let mut report = Report::default();
-    let seeds = seeds(capture, options, &mut report)?;
+    let mut seeds = seeds(capture, options, &mut report)?;
+    // What is drawn at random for a point must depend neither on its place in the file nor on how the
+    // capture is turned.
+    seeds.sort_by(|a, b| {
+        let values = |s: &Seed| s.position.into_iter().chain(s.rgb);
+        let compared = values(a).zip(values(b)).map(|(a, b)| a.total_cmp(&b));
+        compared.fold(a.distance.total_cmp(&b.distance), std::cmp::Ordering::then)
+    });
     let seeds = filtered(seeds, capture, &mut report);
-    let seeds = thinned(seeds, options, &mut report);
+    let mut seeds = thinned(seeds, options, &mut report);
     if seeds.is_empty() {
         return Err(Error::invalid(
             &capture.poses,
             "no usable point to start from; start from random points (random:COUNT)",
         ));
     }
-    Ok((model(capture, &seeds, options), report))
+    let (turned, mut stream) = (local_from_cameras(capture), Stream::new(options.seed, 4));
+    seeds.iter_mut().for_each(|seed| seed.quaternion = quaternion(turned, &mut stream));
+    Ok((model(capture, &along_a_curve(&seeds), options), report))
 }
 
 fn seeds(capture: &Capture, options: &InitOptions, report: &mut Report) -> Result<Vec<Seed>> {
@@ -182,9 +203,9 @@ fn local_seeds(capture: &Capture, points: &[SfmPoint]) -> Vec<Seed> {
     let local_from_capture = capture.capture_from_local.inverse();
     points
         .iter()
-        .map(|p| Seed {
-            position: local_from_capture.transform_point(p.position_in_capture).as_vec3().to_array(),
-            rgb: p.rgb.map(|c| f32::from(c) / 255.0),
+        .map(|p| {
+            let in_local = local_from_capture.transform_point(p.position_in_capture);
+            Seed::new(in_local, p.rgb.map(|c| f32::from(c) / 255.0))
         })
         .collect()
 }
@@ -193,11 +214,8 @@ fn random_seeds(capture: &Capture, count: usize, seed: u64) -> Vec<Seed> {
     let mut stream = Stream::new(seed, 2);
     points_in_views(capture, count, seed)
         .into_iter()
-        .map(|p| Seed {
-            position: p.as_vec3().to_array(),
-            // Grey with a little variation, so that equal splats do not stay equal.
-            rgb: [0; 3].map(|_| (0.4 + 0.2 * stream.uniform()) as f32),
-        })
+        // Grey with a little variation, so that equal splats do not stay equal.
+        .map(|p| Seed::new(p, [0; 3].map(|_| (0.4 + 0.2 * stream.uniform()) as f32)))
         .collect()
 }
 
@@ -259,6 +277,14 @@ fn thinned(mut seeds: Vec<Seed>, options: &InitOptions, report: &mut Report) -> 
     seeds
 }
 
+/// In the order in which structure steps store splats: neighbours in space are neighbours in memory.
+fn along_a_curve(seeds: &[Seed]) -> Vec<Seed> {
+    let positions: Vec<f32> = seeds.iter().flat_map(|seed| seed.position).collect();
+    let mut order: Vec<(u64, usize)> = morton_codes(&positions).into_iter().zip(0..).collect();
+    order.sort_unstable();
+    order.into_iter().map(|(_, i)| seeds[i]).collect()
+}
+
 fn model(capture: &Capture, seeds: &[Seed], options: &InitOptions) -> Model {
     let mut splats = SplatArrays::zeros(seeds.len(), options.sh_degree);
     let positions: Vec<[f32; 3]> = seeds.iter().map(|s| s.position).collect();
@@ -271,8 +297,7 @@ fn model(capture: &Capture, seeds: &[Seed], options: &InitOptions) -> Model {
     splats.positions = positions.into_flattened();
     splats.log_scales = sigmas.iter().flat_map(|s| [s.ln(); 2]).collect();
     splats.opacity_logits.fill((OPACITY / (1.0 - OPACITY)).ln() as f32);
-    let mut stream = Stream::new(options.seed, 4);
-    splats.quaternions = (0..seeds.len()).flat_map(|_| quaternion(&mut stream)).collect();
+    splats.quaternions = seeds.iter().flat_map(|seed| seed.quaternion).collect();
     let coefficients = 3 * sh_coefficients(options.sh_degree);
     for (sh, seed) in splats.sh.chunks_exact_mut(coefficients).zip(seeds) {
         for (out, c) in sh.iter_mut().zip(seed.rgb) {
@@ -288,13 +313,14 @@ fn model(capture: &Capture, seeds: &[Seed], options: &InitOptions) -> Model {
     }
 }
 
-/// Uniform over all rotations.
-fn quaternion(stream: &mut Stream) -> [f32; 4] {
+/// Uniform over all rotations, drawn in turned axes.
+fn quaternion(turned: DQuat, stream: &mut Stream) -> [f32; 4] {
     loop {
         let ([a, b], [c, d]) = (stream.normals(), stream.normals());
-        let length = (a * a + b * b + c * c + d * d).sqrt();
-        if length > 1e-6 {
-            return [a, b, c, d].map(|v| (v / length) as f32);
+        let drawn = DQuat::from_xyzw(b, c, d, a);
+        if drawn.length() > 1e-6 {
+            let [x, y, z, w] = (turned * drawn.normalize()).to_array();
+            return [w, x, y, z].map(|v| v as f32);
         }
     }
 }

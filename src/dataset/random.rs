@@ -2,8 +2,8 @@
 
 use super::Capture;
 use crate::camera::Camera;
-use crate::views::{Split, ViewSource as _};
-use glam::{DMat3, DVec2, DVec3};
+use crate::views::{Split, ViewSource as _, by_place};
+use glam::{DMat3, DQuat, DVec2, DVec3};
 use rand::Rng as _;
 use rand_pcg::Pcg64;
 
@@ -57,10 +57,12 @@ const SEEN_BY: f64 = 1.0 / 3.0;
 /// `count` points of the local frame in the views: in the region that the cameras look at together, or
 /// along random rays if there is none.
 pub(crate) fn points_in_views(capture: &Capture, count: usize, seed: u64) -> Vec<DVec3> {
-    let cameras: Vec<Camera> =
-        capture.indices(Split::Train).into_iter().map(|v| capture.views[v].camera).collect();
+    let views = by_place(capture, capture.indices(Split::Train));
+    let cameras: Vec<Camera> = views.into_iter().map(|v| capture.views[v].camera).collect();
     let mut stream = Stream::new(seed, 1);
-    common_region(&cameras, count, &mut stream).unwrap_or_else(|| along_rays(&cameras, count, &mut stream))
+    let turned = super::frame::local_from_cameras(capture);
+    common_region(&cameras, count, turned, &mut stream)
+        .unwrap_or_else(|| along_rays(&cameras, count, &mut stream))
 }
 
 fn shows(camera: &Camera, point: DVec3) -> bool {
@@ -94,7 +96,7 @@ fn focus(cameras: &[Camera]) -> Option<DVec3> {
     (focus.is_finite() && seen as f64 >= 0.75 * cameras.len() as f64).then_some(focus)
 }
 
-fn common_region(cameras: &[Camera], count: usize, stream: &mut Stream) -> Option<Vec<DVec3>> {
+fn common_region(cameras: &[Camera], count: usize, turned: DQuat, stream: &mut Stream) -> Option<Vec<DVec3>> {
     let focus = focus(cameras)?;
     // The ball that a typical view just shows as a whole.
     let radii = cameras
@@ -113,7 +115,7 @@ fn common_region(cameras: &[Camera], count: usize, stream: &mut Stream) -> Optio
         if points.len() == count {
             break;
         }
-        let point = focus + radius * stream.in_ball();
+        let point = focus + radius * (turned * stream.in_ball());
         if cameras.iter().filter(|c| shows(c, point)).take(needed).count() >= needed {
             points.push(point);
         }

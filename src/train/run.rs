@@ -13,7 +13,7 @@ use crate::backend::{Backend, RenderOptions, RenderedImage, StepReport, StepRequ
 use crate::camera::Camera;
 use crate::clock::process_cpu_secs;
 use crate::schedule::FrequencySchedule;
-use crate::views::{Split, ViewSource};
+use crate::views::{Split, ViewSource, by_place};
 use crate::{Error, Result, Warning};
 use std::sync::Arc;
 use std::time::Instant;
@@ -37,7 +37,7 @@ pub fn train(
     mut start: TrainState,
     sink: Sink<'_>,
 ) -> Result<(TrainState, StopReason)> {
-    let train_views = views.indices(Split::Train);
+    let train_views = by_place(views, views.indices(Split::Train));
     if train_views.is_empty() {
         return Err(Error::Usage("no training view: every view is held out; lower --test-every".into()));
     }
@@ -205,6 +205,7 @@ impl Run<'_> {
         let (stepped, size) = (Instant::now(), self.size);
         let changed = if diverged.is_none() { self.change_structure()? } else { None };
         let structure_secs = stepped.elapsed().as_secs_f64();
+        self.state.history.structure_wall_secs += structure_secs;
         let wall_secs = clock.wall.elapsed().as_secs_f64();
         let times = [wall_secs, process_cpu_secs() - clock.cpu_secs];
         let sound = diverged.unwrap_or(batch.len());

@@ -32,6 +32,9 @@ pub struct TrainHistory {
     pub train_wall_secs: f64,
     /// CPU time within it.
     pub train_cpu_secs: f64,
+    /// Time of structure steps within the training time.
+    #[serde(default)]
+    pub structure_wall_secs: f64,
     /// Time of the whole program until the state was saved: loading, evaluation and files included.
     pub total_wall_secs: f64,
     /// Evaluations so far.

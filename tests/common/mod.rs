@@ -4,10 +4,13 @@
 
 #[cfg(feature = "gpu")]
 pub mod gpu;
+pub mod moved;
+pub mod plans;
 pub mod poison;
 pub mod steps;
 pub mod training;
 pub mod twin;
+pub mod whole;
 
 /// How two arrays differ, relative to the largest magnitude of the expected one.
 #[derive(Debug)]

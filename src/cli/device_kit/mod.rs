@@ -1,7 +1,8 @@
 //! Everything worth knowing of a device in one call of less than nine minutes: what it is, whether it computes
 //! rightly, what its kernels cost, how fast it sorts and trains (`scripts/device-kit`). Each part is a process of
 //! its own ([`part`]) with a share of the time; on a slow device it does less, and what is too much even then is
-//! skipped. What comes of it: [`report`].
+//! skipped. Trainings go through the whole method, with as many steps as there is time for; the long ones, which only
+//! come if they are asked for, with fixed numbers of steps. What comes of it: [`report`].
 
 mod part;
 mod report;
@@ -21,6 +22,8 @@ pub struct Kit {
     pub device: String,
     /// Small sizes and few steps, for trying the kit.
     pub tiny: bool,
+    /// Also trainings of fixed lengths, however long they take.
+    pub long: bool,
     /// Training time for each size.
     pub train_secs: Option<u32>,
 }
@@ -42,6 +45,16 @@ const VIEW_PER_STEP: f64 = 0.25;
 /// Steps and evaluations may take so many times what was measured: other work comes and goes on a machine whose
 /// processor is the device.
 const SLACK: f64 = 2.0;
+/// A step of the grown model over one of the first, on average over a run: maps are larger, early pictures smaller.
+/// Measured, fox at 270 x 480 on the CPU: 1.2.
+const GROWN_STEP: f64 = 1.5;
+/// Steps that a training of unknown speed plans for.
+const STEPS_MAX: u32 = 30_000;
+/// Long trainings: picture size, steps, steps between evaluations.
+const LONG: [(&str, u32, u32); 2] = [("960", 7_000, 1_000), ("full", 30_000, 3_000)];
+const LONG_TINY: [(&str, u32, u32); 2] = [("48", 40, 10), ("full", 60, 20)];
+/// A long training that takes longer is stopped.
+const LONG_SECS: f64 = 4.0 * 3600.0;
 /// Points of a curve before its end, and the share of the time that they may take.
 const CURVE_POINTS: u32 = 3;
 const CURVE_SHARE: f64 = 0.3;
@@ -84,17 +97,29 @@ pub fn run(kit: &Kit) -> anyhow::Result<()> {
         let speed = Speed::of(run.figures(&format!("bench-{size}")));
         let name = format!("train-{size}");
         run.part(&name, |share| {
-            let Training { secs, eval_every } = speed.training(train_secs, share)?;
-            let mut args: Vec<OsString> = vec!["train".into(), kit.capture.clone().into()];
-            args.extend(["-o".into(), kit.folder.join(&name).into(), "--force".into(), "--quiet".into()]);
-            args.extend(device.clone());
-            args.extend(["--max-resolution".into(), bound(size).into()]);
-            args.extend(["--max-time".into(), format!("{secs:.1}s").into(), "--no-save-images".into()]);
-            args.extend(["--eval-every".into(), eval_every.to_string().into()]);
+            let Training { secs, steps, eval_every } = speed.training(train_secs, share)?;
+            let mut args = train_args(kit, &name, size, steps, eval_every);
+            args.extend(["--max-time".into(), format!("{secs:.1}s").into()]);
             Ok(args)
         })?;
     }
+    let long = if kit.tiny { LONG_TINY } else { LONG };
+    for (size, steps, eval_every) in if kit.long { &long[..] } else { &[] } {
+        let name = format!("train-long-{size}");
+        run.part_within(&name, LONG_SECS, &train_args(kit, &name, size, *steps, *eval_every))?;
+    }
     report::publish(&kit.folder, &kit.device, &run.parts)
+}
+
+/// A training with the whole method, whatever the defaults are.
+fn train_args(kit: &Kit, name: &str, size: &str, steps: u32, eval_every: u32) -> Vec<OsString> {
+    let mut args: Vec<OsString> = vec!["train".into(), kit.capture.clone().into()];
+    args.extend(["-o".into(), kit.folder.join(name).into(), "--force".into(), "--quiet".into()]);
+    args.extend(["--device".into(), kit.device.clone().into(), "--policy".into(), "litetex".into()]);
+    args.extend(["--max-resolution".into(), bound(size).into(), "--no-save-images".into()]);
+    args.extend(["--steps".into(), steps.to_string().into()]);
+    args.extend(["--eval-every".into(), eval_every.to_string().into()]);
+    args
 }
 
 /// What `--max-resolution` takes for a size.
@@ -113,14 +138,17 @@ impl Run<'_> {
     /// Runs a part with the arguments for its share of the time, or skips it and says why.
     fn part(&mut self, name: &str, args: impl FnOnce(f64) -> Result<Vec<OsString>, String>) -> Result<()> {
         let share = self.timetable.next_share(Instant::now());
-        let part = match args(share) {
-            Ok(args) => {
-                eprintln!("{name} ...");
-                Part::run(&self.kit.folder, name, share + LATE_SECS, &args)?
-            }
-            Err(why) => Part::skipped(name, why),
-        };
-        self.parts.push(part);
+        match args(share) {
+            Ok(args) => return self.part_within(name, share + LATE_SECS, &args),
+            Err(why) => self.parts.push(Part::skipped(name, why)),
+        }
+        Ok(())
+    }
+
+    /// Runs a part that is stopped after a time.
+    fn part_within(&mut self, name: &str, limit_secs: f64, args: &[OsString]) -> Result<()> {
+        eprintln!("{name} ...");
+        self.parts.push(Part::run(&self.kit.folder, name, limit_secs, args)?);
         Ok(())
     }
 
@@ -159,6 +187,8 @@ struct Speed {
 #[derive(Debug, PartialEq)]
 struct Training {
     secs: f64,
+    /// Of the whole schedule: what should fit.
+    steps: u32,
     /// Steps; 0: only at the end.
     eval_every: u32,
 }
@@ -186,7 +216,7 @@ impl Speed {
     fn training(&self, wanted_secs: f64, share: f64) -> Result<Training, String> {
         // Nothing was measured: it is tried.
         let Some(step_secs) = self.step_secs else {
-            return Ok(Training { secs: wanted_secs, eval_every: 0 });
+            return Ok(Training { secs: wanted_secs, steps: STEPS_MAX, eval_every: 0 });
         };
         // A step begins as long as the time is not over.
         let around = self.load_secs + SAVING_SECS + SLACK * (self.evaluation_secs + step_secs);
@@ -200,9 +230,9 @@ impl Speed {
         let secs = wanted_secs.min(left).max(0.1);
         let spare = (share - around - secs).min(CURVE_SHARE * share);
         let points = (spare / self.evaluation_secs.max(1e-9)).min(f64::from(CURVE_POINTS)) as u32;
-        let steps = secs / step_secs.max(1e-9);
-        let eval_every = if points == 0 { 0 } else { (steps / f64::from(points + 1)).max(1.0) as u32 };
-        Ok(Training { secs, eval_every })
+        let steps = (secs / (GROWN_STEP * step_secs).max(1e-9)).clamp(1.0, f64::from(STEPS_MAX)) as u32;
+        let eval_every = if points == 0 { 0 } else { (steps / (points + 1)).max(1) };
+        Ok(Training { secs, steps, eval_every })
     }
 }
 
@@ -229,10 +259,10 @@ mod tests {
                 "evaluation": { "views": 7, "secs_per_view": evaluation / 7.0 } }))
         };
         let fast = speed(0.002, 0.35).training(40.0, 75.0).unwrap();
-        assert_eq!(fast, Training { secs: 40.0, eval_every: 5_000 });
+        assert_eq!(fast, Training { secs: 40.0, steps: 13_333, eval_every: 3_333 });
         // 5 s a step and 10 s an evaluation: one point before the end.
         let slow = speed(5.0, 10.0).training(40.0, 85.0).unwrap();
-        assert_eq!(slow, Training { secs: 40.0, eval_every: 4 });
+        assert_eq!(slow, Training { secs: 40.0, steps: 5, eval_every: 2 });
         let slower = speed(20.0, 15.0).training(40.0, 80.0).unwrap();
         assert!(slower.eval_every == 0 && (slower.secs - 6.0).abs() < 1e-9, "{slower:?}");
         let too_slow = speed(30.0, 50.0).training(40.0, 80.0).unwrap_err();

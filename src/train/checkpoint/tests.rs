@@ -69,6 +69,7 @@ fn sample(n: usize, sh_degree: u32) -> TrainState {
 fn history(n: usize) -> TrainHistory {
     TrainHistory {
         train_wall_secs: 0.25,
+        structure_wall_secs: 0.125,
         train_cpu_secs: 0.5,
         total_wall_secs: 0.75,
         curve: vec![CurvePoint {

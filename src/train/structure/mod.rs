@@ -15,7 +15,7 @@ mod split;
 mod tests;
 
 pub use decide::{Revision, Situation, StructureCounts, decide};
-pub use geometry::{TEXELS_MAX, first_texel_size, half_extents, pixel_sizes};
+pub use geometry::{TEXELS_MAX, first_texel_size, half_extents, morton_codes, pixel_sizes};
 pub use life::Life;
 pub use maps::MapRule;
 pub use relocate::relocate;

@@ -1,0 +1,114 @@
+//! `litetex render --colour-by`: splats coloured by their maps, on every backend that is there.
+
+#![allow(clippy::unwrap_used, reason = "helpers of tests are tests")]
+
+mod common;
+
+use assert_cmd::Command;
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+
+/// Standard output of a command that must pass.
+fn ok(arguments: &[&str]) -> String {
+    let output = Command::cargo_bin("litetex").unwrap().args(arguments).output().unwrap();
+    assert!(output.status.success(), "{arguments:?}\n{}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// `cpu` and the software drivers.
+fn devices() -> Vec<String> {
+    #[cfg(feature = "gpu")]
+    let others = common::gpu::drivers().into_iter().map(|driver| driver.name);
+    #[cfg(not(feature = "gpu"))]
+    let others = std::iter::empty();
+    std::iter::once("cpu".to_owned()).chain(others).collect()
+}
+
+fn pixels(path: &Path) -> Vec<u8> {
+    image::open(path).unwrap().to_rgb8().into_raw()
+}
+
+/// Rows of the printed table: label, colour, splats, texels.
+fn classes(table: &str) -> Vec<(String, String, usize, usize)> {
+    let row = |line: &str| {
+        let (label, rest) = line.split_once(" #")?;
+        let mut cells = rest.split(", ");
+        let colour = cells.next()?.to_owned();
+        let mut number = || cells.next()?.trim().replace(',', "").parse().ok();
+        Some((label.trim().to_owned(), colour, number()?, number()?))
+    };
+    table.lines().filter_map(row).collect()
+}
+
+#[test]
+fn splats_are_coloured_by_their_maps_on_every_device() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+    let (capture, run) = (path("capture"), path("run"));
+    ok(&["sample", &capture, "--views", "9", "--size", "64x48", "--points", "300", "--no-truth", "-q"]);
+    ok(&["train", &capture, "-o", &run, "--device", "cpu", "--steps", "120", "-q"]);
+    let summary: Value =
+        serde_json::from_slice(&std::fs::read(Path::new(&run).join("summary.json")).unwrap()).unwrap();
+    let names = ["view_0000", "view_0008"];
+    let folder = |name: &str| PathBuf::from(path(name));
+    ok(&["render", &run, "--test", "-o", &path("plain"), "--device", "cpu", "-q"]);
+    let mut first: Option<Vec<Vec<u8>>> = None;
+    for device in devices() {
+        let out = path(&device);
+        let table =
+            ok(&["render", &run, "--test", "-o", &out, "--colour-by", "texels", "--device", &device, "-q"]);
+        let classes = classes(&table);
+        // The counts are those of the summary.
+        let sides: Vec<usize> = classes.iter().map(|c| c.2).collect();
+        assert_eq!(serde_json::json!(sides), summary["map_sides"], "{table}");
+        assert!(sides.iter().filter(|&&n| n > 0).count() > 1, "maps of one size tell nothing: {table}");
+        assert_eq!(classes.iter().map(|c| c.3 as u64).sum::<u64>(), summary["size"]["texels"], "{table}");
+        assert!(folder(&device).join("texels.legend.png").is_file());
+        let pictures: Vec<Vec<u8>> =
+            names.iter().map(|name| pixels(&folder(&device).join(format!("{name}.texels.png")))).collect();
+        match &first {
+            None => first = Some(pictures),
+            Some(first) => {
+                let off = |a: &[u8], b: &[u8]| a.iter().zip(b).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
+                let worst = first.iter().zip(&pictures).map(|(a, b)| off(a, b)).max().unwrap();
+                println!("{device}: {worst} of 255 from cpu");
+                // A pixel at the edge of a support may flip by 1/255 of a colour, and rounding by another.
+                assert!(worst <= 3, "{device}: {worst}");
+                // Negative control: the scene as it looks.
+                let plain = pixels(&folder("plain").join("view_0000.png"));
+                assert!(off(&plain, &pictures[0]) > 60);
+            }
+        }
+    }
+    let sizes = classes(&ok(&[
+        "render",
+        &run,
+        "--view",
+        "view_0000.png",
+        "-o",
+        &path("sizes"),
+        "--colour-by",
+        "texel-size",
+        "--device",
+        "cpu",
+    ]));
+    assert_eq!(sizes.iter().map(|c| c.2 as u64).sum::<u64>(), summary["size"]["primitives"]);
+    // No texel is finer than two pixels of the nearest camera.
+    let finest = sizes.iter().find(|c| c.0 != "none" && c.2 > 0).unwrap();
+    assert!(finest.0.trim_end_matches('+').parse::<u32>().unwrap() >= 2, "{sizes:?}");
+    ok(&[
+        "render",
+        &run,
+        "--orbit",
+        "1",
+        "-o",
+        &path("own"),
+        "--colour-by",
+        "splats",
+        "--device",
+        "cpu",
+        "-q",
+    ]);
+    assert!(folder("own").join("orbit-0000.splats.png").is_file());
+    assert!(!folder("own").join("splats.legend.png").exists(), "these colours mean nothing");
+}

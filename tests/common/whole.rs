@@ -1,0 +1,94 @@
+//! Short runs with the whole method on the common scene: structure steps each 5 steps in which everything
+//! happens, on any backend.
+
+use super::training::{BLACK, MemoryViews, damaged, scene, uploaded};
+use litetex_gs::backend::{Backend, TargetImage};
+use litetex_gs::model::TexturePool;
+use litetex_gs::train::structure::{StructureCounts, first_texel_size};
+use litetex_gs::train::{Control, Policy, TrainConfig, TrainEvent, TrainState, train};
+use std::sync::Arc;
+
+pub const STEPS: u32 = 40;
+
+/// A short run in which everything happens: structure steps each 5 steps.
+pub fn config(policy: Policy) -> TrainConfig {
+    let mut config =
+        TrainConfig { steps: STEPS, sh_degree: 1, policy, save_every: 3, ..TrainConfig::default() };
+    // The pictures are small and the splats few: let them grow.
+    config.structure.min_texel_px = 0.25;
+    config.structure.split_texels = [12.0, 12.0];
+    config.structure.quantile = 0.6;
+    config.structure.split_first = true;
+    config.structure.patience_steps = 1;
+    config
+}
+
+/// The start of a run: maps of 2 x 2 texels, or none.
+pub fn start(policy: Policy) -> TrainState {
+    let mut model = damaged(&scene());
+    let extents = (0..model.num_splats()).map(|i| {
+        let half = [0, 1].map(|k| 2.5 * f64::from(model.splats.log_scales[2 * i + k]).exp());
+        if policy == Policy::Plain { (0, 0, 0.0) } else { (2, 2, first_texel_size(half) as f32) }
+    });
+    model.textures = TexturePool::neutral(extents.collect::<Vec<_>>());
+    TrainState::fresh(model)
+}
+
+/// What a run left behind.
+pub struct Outcome {
+    pub last: TrainState,
+    pub saved: Vec<TrainState>,
+    /// Of each structure step: what it did, splats and texels after it.
+    pub steps: Vec<(StructureCounts, usize, usize)>,
+    /// Full size of the pictures over their size after each structure step.
+    pub scales: Vec<f64>,
+    /// Splats, texels and parameters at their largest.
+    pub largest: [usize; 3],
+}
+
+/// Photos of the common scene that are large enough for a coarse stage.
+pub fn large_photos() -> MemoryViews {
+    let scene = scene();
+    let mut backend = uploaded(&scene.model);
+    let views = (0..6).map(|i| {
+        let mut camera = scene.camera.resized(176, 132);
+        camera.camera_from_local.translation.x += 0.05 * (f64::from(i) - 2.5);
+        let image = backend.render(&camera, &BLACK).unwrap();
+        let rgb = image.rgb.iter().map(|v| (v.clamp(0.0, 1.0) * 255.0).round() as u8).collect();
+        (camera, Arc::new(TargetImage { width_px: 176, height_px: 132, rgb, mask: None }))
+    });
+    MemoryViews(views.collect())
+}
+
+/// Trains on photos of the common scene.
+pub fn run_on(
+    backend: &mut dyn Backend,
+    config: &TrainConfig,
+    views: &MemoryViews,
+    start: TrainState,
+) -> Outcome {
+    let (mut saved, mut steps, mut scales, mut largest) = (Vec::new(), Vec::new(), Vec::new(), [0; 3]);
+    let mut sink = |event: TrainEvent<'_>| {
+        match event {
+            TrainEvent::Checkpoint { state } => saved.push(state.clone()),
+            TrainEvent::Structure { counts, num_splats, num_texels, render_scale, .. } => {
+                steps.push((counts, num_splats, num_texels));
+                scales.push(render_scale);
+            }
+            TrainEvent::Step { num_splats: n, num_texels: t, report, .. } => {
+                assert_eq!(report.non_finite_gradients, 0, "{:?} {steps:?}", config.policy);
+                largest = [largest[0].max(n), largest[1].max(t), largest[2].max(59 * n + 3 * t)];
+            }
+            _ => {}
+        }
+        Ok(Control::Continue)
+    };
+    let (last, _) = train(config, backend, views, start, &mut sink).unwrap();
+    Outcome { last, saved, steps, scales, largest }
+}
+
+/// Whether two states are equal in every bit; times do not count.
+pub fn same(a: &TrainState, b: &TrainState) -> bool {
+    let without_times = |s: &TrainState| TrainState { history: Default::default(), ..s.clone() };
+    without_times(a) == without_times(b)
+}
