@@ -76,7 +76,8 @@ pub struct LossWeights {
     pub dssim: f32,
     /// Mean squared difference.
     pub mse: f32,
-    /// Mean over all splats of the opacity of those that this view sees.
+    /// Mean over all splats of the opacity of those that this view sees. Published: 0.01; off by default,
+    /// since it makes surfaces of many thin layers, each of which has texels (`docs/choices.md`).
     pub opacity: f32,
     /// Sum of absolute residuals over the texels of the maps that this view sees.
     pub texture: f32,
@@ -101,6 +102,9 @@ impl LossWeights {
         normal: 0.0,
     };
 
+    /// The published terms.
+    pub const PUBLISHED: Self = Self { l1: 0.8, dssim: 0.2, opacity: 0.01, texture: 1e-8, ..Self::NONE };
+
     /// Whether a term needs depths and normals.
     pub fn needs_geometry(&self) -> bool {
         self.distortion != 0.0 || self.normal != 0.0
@@ -109,7 +113,7 @@ impl LossWeights {
 
 impl Default for LossWeights {
     fn default() -> Self {
-        Self { l1: 0.8, dssim: 0.2, opacity: 0.01, texture: 1e-8, ..Self::NONE }
+        Self { opacity: 0.0, ..Self::PUBLISHED }
     }
 }
 

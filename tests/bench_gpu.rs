@@ -38,7 +38,7 @@ fn run(
         background: [0.1, 0.2, 0.3],
         sh_degree: 3,
         // Without the texture term: what moves has met an atomic.
-        loss: LossWeights { texture: 0.0, ..LossWeights::default() },
+        loss: LossWeights { texture: 0.0, ..LossWeights::PUBLISHED },
         rates: LearningRates { position: 2e-4, texel: 2e-3, sh_dc: 2.5e-3, ..LearningRates::default() },
         accumulate_statistics: false,
     };

@@ -1,8 +1,9 @@
 //! Named sets of defaults. A profile is written over the defaults before anything else that was typed;
 //! what it means is recorded setting by setting in `config.toml`.
 
-use litetex_gs::schedule::{CapRule, ScaleRule, ScheduleOptions};
-use litetex_gs::train::structure::{ErrorMeasure, GrowthMoments, SplitProfile, StructureConfig};
+use litetex_gs::backend::LossWeights;
+use litetex_gs::schedule::{CapRule, ScheduleOptions};
+use litetex_gs::train::structure::{ErrorMeasure, GrowthMoments, Spending, SplitProfile, StructureConfig};
 use litetex_gs::train::{Policy, TrainConfig};
 use serde::{Deserialize, Serialize};
 
@@ -28,11 +29,13 @@ impl Profile {
     /// Writes its settings over `config`.
     pub fn apply(self, config: &mut TrainConfig) {
         let paper = || StructureConfig {
+            quantile: 0.85,
+            alpha_texture: litetex_gs::constants::ALPHA_MIN,
             growth_moments: GrowthMoments::Kept,
             untextured: false,
             error: ErrorMeasure::Mean,
             split_profile: SplitProfile::Paper,
-            split_first: true,
+            spending: Spending::SplitsFirst,
             ceiling_start: 2,
             ..StructureConfig::default()
         };
@@ -41,6 +44,7 @@ impl Profile {
             Self::Paper => {
                 config.structure = paper();
                 config.scheduler = ScheduleOptions::paper();
+                config.loss = LossWeights::PUBLISHED;
             }
             Self::Authors => {
                 config.structure = StructureConfig {
@@ -52,10 +56,11 @@ impl Profile {
                 };
                 config.scheduler =
                     ScheduleOptions { cap_rule: CapRule::Authors, quantile: 0.0, ..ScheduleOptions::paper() };
-                config.loss.mse = 0.03;
+                config.loss = LossWeights { mse: 0.03, ..LossWeights::PUBLISHED };
             }
             Self::Cat => {
                 config.policy = Policy::Cat;
+                config.loss = LossWeights::PUBLISHED;
                 config.structure = StructureConfig {
                     growth_moments: GrowthMoments::Zero,
                     error: ErrorMeasure::Mass,
@@ -68,8 +73,8 @@ impl Profile {
                 };
             }
             Self::Fast => {
-                config.structure.alpha_texture = 0.04;
-                config.scheduler.scale_rule = ScaleRule::Fractional;
+                // Coarse pictures for longer; maps and splats come later.
+                config.scheduler.until = 27_000;
             }
         }
     }

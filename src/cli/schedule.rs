@@ -10,6 +10,7 @@ use super::values::{format_count, format_duration};
 use litetex_gs::atomic_file;
 use litetex_gs::clock::process_cpu_secs;
 use litetex_gs::schedule::{FrequencySchedule, ScheduleOptions};
+use litetex_gs::train::PUBLISHED_STEPS;
 use litetex_gs::views::{Split, ViewSource};
 use litetex_gs::{Error, Result};
 use serde::Serialize;
@@ -25,7 +26,7 @@ use std::time::Instant;
 pub struct ScheduleArgs {
     /// Folder of the capture
     capture: PathBuf,
-    /// Steps of the training; the schedule ends with densification, half-way
+    /// Steps of the training; the schedule ends after two thirds of them
     #[arg(long, visible_alias = "iterations", value_name = "N", default_value_t = 30_000, value_parser = clap::value_parser!(u32).range(1..))]
     steps: u32,
     /// As JSON
@@ -131,7 +132,8 @@ fn plan(args: &ScheduleArgs, log: &Log) -> Result<Plan> {
     let (analysis_secs, analysis_cpu_secs) = (began.elapsed().as_secs_f64(), process_cpu_secs() - cpu_began);
     let (width_px, height_px) = usual_size(&capture)
         .ok_or_else(|| Error::Usage("the capture has no training views: see --test-every".to_owned()))?;
-    let schedule_steps = (args.steps / 2).max(1);
+    let until = f64::from(options.until) / PUBLISHED_STEPS;
+    let schedule_steps = (f64::from(args.steps) * until).round().max(1.0) as u32;
     let stages = stages(&schedule, &options, args.steps, schedule_steps, (width_px, height_px));
     let pixels = |s: &Stage| f64::from(s.last_step + 1 - s.first_step) / s.render_scale.powi(2);
     Ok(Plan {

@@ -7,12 +7,15 @@ use litetex_gs::schedule::{CapRule, ScaleRule, ScheduleOptions};
 #[derive(clap::Args, Clone, Debug, Default)]
 #[command(next_help_heading = "Schedule")]
 pub struct ScheduleFlags {
-    /// How the render scale follows the schedule [default: integer]
+    /// How the render scale follows the schedule [default: fractional]
     #[arg(long, value_name = "RULE")]
     pub scale_rule: Option<ScaleRuleArg>,
     /// How the cap of the texture resolution follows the schedule [default: squared]
     #[arg(long, value_name = "RULE")]
     pub cap_rule: Option<CapRuleArg>,
+    /// Where the last stage begins, in steps of a run of 30,000 [default: 20000]
+    #[arg(long, value_name = "STEP")]
+    pub until: Option<u32>,
     /// Coarsest render scale [default: 4]
     #[arg(long, value_name = "S")]
     pub max_scale: Option<f64>,
@@ -49,6 +52,7 @@ impl ScheduleFlags {
     pub fn apply(&self, options: &mut ScheduleOptions) {
         set(&mut options.scale_rule, self.scale_rule.map(ScaleRule::from));
         set(&mut options.cap_rule, self.cap_rule.map(CapRule::from));
+        set(&mut options.until, self.until);
         set(&mut options.max_scale, self.max_scale);
         set(&mut options.beta, self.beta);
         options.noise_robust &= !self.keep_noise;

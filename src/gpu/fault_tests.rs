@@ -33,7 +33,7 @@ pub(super) fn request(scene: &Scene, step: u32) -> StepRequest<'_> {
         target: &scene.target,
         background: [0.0; 3],
         sh_degree: 3,
-        loss: LossWeights::default(),
+        loss: LossWeights::PUBLISHED,
         rates: LearningRates { position: 1e-3, texel: 1e-2, ..LearningRates::default() },
         accumulate_statistics: true,
     }

@@ -66,7 +66,7 @@ fn case(size: (u32, u32), masked: bool, start: Start, weights: [f32; 3], seed: u
     rgb[0] = 1.0;
     let target = TargetImage { width_px: size.0, height_px: size.1, rgb: photo, mask };
     let [l1, dssim, mse] = weights;
-    Case { rgb, target, weights: LossWeights { l1, dssim, mse, ..LossWeights::default() } }
+    Case { rgb, target, weights: LossWeights { l1, dssim, mse, ..LossWeights::PUBLISHED } }
 }
 
 fn packed_photo(target: &TargetImage) -> Vec<u32> {

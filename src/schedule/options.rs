@@ -10,10 +10,10 @@ pub enum ScaleRule {
     /// Always full size.
     Off,
     /// Rounded down to an integer (paper; method section 8.2).
-    #[default]
     Integer,
     /// Rounded down to a power of 2^(1/4), so that reduced photos can be kept: nine sizes between full
     /// and a quarter (method section 8.3).
+    #[default]
     Fractional,
 }
 
@@ -36,6 +36,8 @@ pub struct ScheduleOptions {
     pub beta: f64,
     /// Coarsest render scale (paper: s_cfg = 4).
     pub max_scale: f64,
+    /// The last stage begins at this step of the published timetable (paper: at the end of densification).
+    pub until: u32,
     /// Number of stages (paper: L = 32).
     pub levels: usize,
     /// Quantile over single views of the scale at which each of them would start. 0 is the published
@@ -57,6 +59,7 @@ impl Default for ScheduleOptions {
         Self {
             beta: 3.0,
             max_scale: 4.0,
+            until: 20_000,
             levels: 32,
             quantile: 0.10,
             max_views: 50,
@@ -70,7 +73,7 @@ impl Default for ScheduleOptions {
 impl ScheduleOptions {
     /// The published constants, without our corrections of the spectrum.
     pub fn paper() -> Self {
-        Self { noise_robust: false, ..Self::default() }
+        Self { until: 15_000, noise_robust: false, scale_rule: ScaleRule::Integer, ..Self::default() }
     }
 
     /// Checks that the numbers make sense.
@@ -86,6 +89,9 @@ impl ScheduleOptions {
         }
         if !(1.0..=64.0).contains(&self.max_scale) {
             return complain("max-scale", &self.max_scale, "1 to 64");
+        }
+        if !(1..=30_000).contains(&self.until) {
+            return complain("until", &self.until, "1 to 30000");
         }
         if !(2..=1024).contains(&self.levels) {
             return complain("levels", &self.levels, "2 to 1024");

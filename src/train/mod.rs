@@ -18,5 +18,5 @@ pub use config::{Policy, RateConfig, TrainConfig};
 pub use evaluate::{Evaluated, evaluate};
 pub use events::{Control, StopReason, TrainEvent};
 pub use run::{Sink, train};
-pub use schedule::Schedule;
+pub use schedule::{PUBLISHED_STEPS, Schedule};
 pub use state::{CurvePoint, TrainHistory, TrainState};

@@ -5,7 +5,7 @@ use super::config::{Policy, TrainConfig};
 use crate::backend::LearningRates;
 
 /// Length of the published timetable.
-const PUBLISHED_STEPS: f64 = 30_000.0;
+pub const PUBLISHED_STEPS: f64 = 30_000.0;
 
 /// Rates are raised by at most this: shorter runs than 470 steps gain nothing more.
 const HIGHEST_RAISE: f64 = 8.0;
@@ -25,6 +25,8 @@ pub struct Schedule {
     pub structure_start: u32,
     /// Splits and growth of maps end here (published: 15,000).
     pub densify_until: u32,
+    /// Pictures of full size and maps of any size from here on (published: 15,000).
+    pub full_size_from: u32,
     /// After that, maps are tested for coarsening at most each so many steps (published: 1,000).
     pub coarsen_interval: u32,
     /// Maps are cropped and padded each so many steps; 0: at structure steps only (published: 100).
@@ -56,6 +58,7 @@ impl Schedule {
             structure_interval,
             structure_start: at(c.start.into()),
             densify_until: at(until.into()),
+            full_size_from: at(config.scheduler.until.into()),
             coarsen_interval: at(1_000.0),
             crop_interval: if structure_interval >= 100 { structure_interval * 2 / 5 } else { 0 },
             structure_end: config.steps.saturating_sub(at(1_000.0)),
@@ -102,6 +105,11 @@ impl Schedule {
             out.push("spherical harmonics: the highest degree is not reached".to_owned());
         }
         out
+    }
+
+    /// Share of the time to the last stage of the frequency scheduler, at most 1.
+    pub fn stage_share(&self, step: u32) -> f64 {
+        (f64::from(step) / f64::from(self.full_size_from)).min(1.0)
     }
 
     /// Share of the time to the end of densification, at most 1.

@@ -31,7 +31,7 @@ impl Stage {
         smaller_side_px: u32,
         step: u32,
     ) -> Self {
-        let t = schedule.densify_share(step);
+        let t = schedule.stage_share(step);
         Self {
             render_scale: frequency.render_scale(t, config.scheduler.scale_rule, smaller_side_px),
             texture_cap: frequency.texture_cap(t, config.scheduler.cap_rule),

@@ -63,7 +63,7 @@ pub fn requests(
             target: &views[view].1,
             background: [0.1, 0.2, 0.3],
             sh_degree: (step / 8).min(3),
-            loss: LossWeights { mse: 0.03, ..LossWeights::default() },
+            loss: LossWeights { mse: 0.03, ..LossWeights::PUBLISHED },
             rates: RATES,
             accumulate_statistics: step.is_multiple_of(3),
         }

@@ -4,7 +4,7 @@
 use super::training::{BLACK, MemoryViews, damaged, scene, uploaded};
 use litetex_gs::backend::{Backend, TargetImage};
 use litetex_gs::model::TexturePool;
-use litetex_gs::train::structure::{StructureCounts, first_texel_size};
+use litetex_gs::train::structure::{Spending, StructureCounts, first_texel_size};
 use litetex_gs::train::{Control, Policy, TrainConfig, TrainEvent, TrainState, train};
 use std::sync::Arc;
 
@@ -18,7 +18,7 @@ pub fn config(policy: Policy) -> TrainConfig {
     config.structure.min_texel_px = 0.25;
     config.structure.split_texels = [12.0, 12.0];
     config.structure.quantile = 0.6;
-    config.structure.split_first = true;
+    config.structure.spending = Spending::SplitsFirst;
     config.structure.patience_steps = 1;
     config
 }

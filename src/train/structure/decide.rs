@@ -6,7 +6,7 @@ use super::geometry::{half_extents, opacity, pixel_sizes, sigmas};
 use super::life::Life;
 use super::maps::{self, MapRule, Sizes};
 use super::score::{Scores, marks_after};
-use super::settings::{Budget, Components, StructureConfig};
+use super::settings::{Budget, Components, Spending, StructureConfig};
 use super::split;
 use crate::backend::{MapChange, StructurePlan, WindowStatistics};
 use crate::camera::Camera;
@@ -115,34 +115,36 @@ pub fn decide(
     let mut splats = drafts.iter().flatten().count();
     let mut texels: usize = drafts.iter().flatten().map(|d| d.texels).sum();
     maps::shrink_to_budget(s, budget, &scores, &mut drafts, splats, &mut texels, &mut counts);
-    let mut candidates: Vec<usize> = (0..n).filter(|&i| worst[i] && drafts[i].is_some()).collect();
-    candidates.sort_by(|&a, &b| scores.error[b].total_cmp(&scores.error[a]).then(a.cmp(&b)));
+    let mut candidates: Vec<Candidate> = (0..n)
+        .filter(|&i| worst[i])
+        .filter_map(|i| {
+            Candidate::new(s, config, components, drafts[i].as_ref()?, scores.error[i], pixels[i])
+        })
+        .collect();
+    candidates.sort_by(|a, b| b.rank.total_cmp(&a.rank).then(a.splat.cmp(&b.splat)));
     let mut children: Vec<Draft> = Vec::new();
     let mut added = 0;
-    for i in candidates {
-        let Some(draft) = drafts[i] else { continue };
-        let finer = maps::grown(s, config, components, &draft);
-        let may_split = components.splitting
-            && added < s.max_added
-            && (config.split_first || !maps::can_be_finer(s, config, components, &draft));
-        let split = may_split.then(|| split::split(s, config, &draft, pixels[i])).flatten();
-        if let Some(pair) = split {
+    for candidate in candidates {
+        let draft = &mut drafts[candidate.splat];
+        let Some(old) = *draft else { continue };
+        let without = texels - old.texels;
+        if let Some(pair) = candidate.split.filter(|_| added < s.max_added) {
             let more = pair[0].texels + pair[1].texels;
-            if budget.allows(splats + 1, texels - draft.texels + more) {
-                (splats, texels) = (splats + 1, texels - draft.texels + more);
+            if budget.allows(splats + 1, without + more) {
+                (splats, texels) = (splats + 1, without + more);
                 added += 1;
                 counts.split += 1;
-                drafts[i] = Some(pair[0]);
+                *draft = Some(pair[0]);
                 children.push(pair[1]);
                 continue;
             }
             counts.over_budget += 1;
         }
-        if let Some(finer) = finer {
-            if budget.allows(splats, texels - draft.texels + finer.texels) {
-                texels = texels - draft.texels + finer.texels;
-                counts.refined += usize::from(finer.texels > draft.texels);
-                drafts[i] = Some(finer);
+        if let Some(finer) = candidate.finer {
+            if budget.allows(splats, without + finer.texels) {
+                texels = without + finer.texels;
+                counts.refined += usize::from(finer.texels > old.texels);
+                *draft = Some(finer);
             } else {
                 counts.over_budget += 1;
             }
@@ -151,6 +153,43 @@ pub fn decide(
     let new: Vec<Draft> = drafts.into_iter().flatten().chain(children).collect();
     let (plan, lives) = finish(s.model, new);
     Revision { plan, lives, counts }
+}
+
+/// One of the worst splats, and what may be done for it.
+struct Candidate {
+    splat: usize,
+    /// The largest comes first.
+    rank: f64,
+    /// The two halves, if it may be split.
+    split: Option<[Draft; 2]>,
+    /// Its map refined, or only its ceiling raised; second choice where both are there.
+    finer: Option<Draft>,
+}
+
+impl Candidate {
+    fn new(
+        s: &Situation<'_>,
+        config: &StructureConfig,
+        components: &Components,
+        draft: &Draft,
+        error: f64,
+        pixel: f64,
+    ) -> Option<Self> {
+        let finer = maps::grown(s, config, components, draft);
+        let split = components.splitting.then(|| split::split(s, config, draft, pixel)).flatten();
+        let splat = draft.source as usize;
+        let more = |texels: usize| 3.0 * (texels as f64 - draft.texels as f64);
+        let cost_finer = finer.map_or(0.0, |d| more(d.texels));
+        let gain_finer = if cost_finer > 0.0 { config.texel_gain / cost_finer } else { 0.0 };
+        let gain_split =
+            split.map_or(0.0, |pair| 1.0 / (59.0 + more(pair[0].texels + pair[1].texels)).max(1.0));
+        let (rank, may_split) = match config.spending {
+            Spending::SplitsFirst => (error, true),
+            Spending::TexelsFirst => (error, !maps::can_be_finer(s, config, components, draft)),
+            Spending::Gain => (error * gain_finer.max(gain_split), gain_split > gain_finer),
+        };
+        Some(Self { splat, rank, split: split.filter(|_| may_split), finer })
+    }
 }
 
 /// The record of a splat after this check; `None` if it is removed.

@@ -20,5 +20,6 @@ pub use life::Life;
 pub use maps::MapRule;
 pub use relocate::relocate;
 pub use settings::{
-    Budget, Components, ErrorMeasure, GrowthMoments, SplitProfile, StatisticsSource, StructureConfig,
+    Budget, Components, ErrorMeasure, GrowthMoments, Spending, SplitProfile, StatisticsSource,
+    StructureConfig,
 };

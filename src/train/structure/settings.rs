@@ -103,6 +103,19 @@ impl SplitProfile {
     }
 }
 
+/// What a candidate's share of the budget is spent on, and who comes first.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Spending {
+    /// By error; a splat that is long enough is split, others get finer maps (paper).
+    #[default]
+    SplitsFirst,
+    /// By error; a splat is split only when its map cannot get finer.
+    TexelsFirst,
+    /// By error per parameter that is added: for each candidate the better of both.
+    Gain,
+}
+
 /// Where the statistics of a structure step come from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -146,9 +159,11 @@ pub struct StructureConfig {
     pub untextured: bool,
     /// Children of a split.
     pub split_profile: SplitProfile,
-    /// Whether a splat may be split while its map could still get finer (paper). Off: texels first, which
-    /// are cheaper by the parameter.
-    pub split_first: bool,
+    /// Splits or texels.
+    pub spending: Spending,
+    /// With `gain`: the part of a splat's error that a finer map is expected to remove, over the part that
+    /// a split removes.
+    pub texel_gain: f64,
     /// Splats of more texels a side than this may be split: at the start, and from 7,000 steps on.
     pub split_texels: [f64; 2],
     /// Splats grow by at most this share in a structure step.
@@ -176,17 +191,18 @@ impl Default for StructureConfig {
             start: 500,
             densify_until: 15_000,
             texture_start: 1_000,
-            quantile: 0.85,
+            quantile: 0.6,
             error: ErrorMeasure::Mass,
             statistics: StatisticsSource::Window,
             ceiling_start: 2,
             min_texel_px: 2.0,
-            alpha_texture: crate::constants::ALPHA_MIN,
+            alpha_texture: 0.25,
             coarsen_below: 0.02,
             growth_moments: GrowthMoments::Scaled,
             untextured: true,
             split_profile: SplitProfile::Tight,
-            split_first: false,
+            spending: Spending::Gain,
+            texel_gain: 2.0,
             split_texels: [64.0, 16.0],
             split_rate: 0.2,
             prune_contribution: 5e-6,

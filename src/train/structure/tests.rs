@@ -206,13 +206,13 @@ fn halves_lie_on_the_parents_grid_and_survive_their_first_checks() {
     let s = Situation { split_texels: 16.0, ..situation(&model, &lives, &statistics, &cameras) };
     let config = StructureConfig {
         coarsen_below: 0.0,
-        split_first: true,
+        spending: Spending::SplitsFirst,
         // The tight halves are nearer than the texels of this map: they would be resampled.
         split_profile: SplitProfile::Paper,
         ..StructureConfig::default()
     };
     // Texels first: the map could still get finer.
-    let patient = StructureConfig { split_first: false, ..config.clone() };
+    let patient = StructureConfig { spending: Spending::TexelsFirst, ..config.clone() };
     assert_eq!(revise(&s, &patient, &Budget::default()).counts.split, 0);
     let coarse = StructureConfig { min_texel_px: 4.0, ..patient };
     let long = Situation { split_texels: 8.0, ..situation(&model, &lives, &statistics, &cameras) };
@@ -264,7 +264,7 @@ fn budgets_hold_whatever_qualifies() {
     let config = StructureConfig {
         coarsen_below: 0.0,
         quantile: 0.1,
-        split_first: true,
+        spending: Spending::SplitsFirst,
         ..StructureConfig::default()
     };
     let size = |budget: &Budget| {
