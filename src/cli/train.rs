@@ -16,7 +16,7 @@ use super::{devices, eval};
 use litetex_gs::backend::Backend;
 use litetex_gs::model::Model;
 use litetex_gs::train::checkpoint;
-use litetex_gs::train::{Schedule, StopReason, TrainState, train};
+use litetex_gs::train::{Schedule, StopReason, TrainState, check_limits, train};
 use litetex_gs::views::{Split, ViewSource};
 use litetex_gs::{Error, Report, Result};
 use std::path::{Path, PathBuf};
@@ -107,6 +107,8 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<Summary> {
     let forecast = Workload::new(&state.model, &capture, cache, steps_left, on_cpu).forecast();
     log.event("forecast", &forecast.describe(), serde_json::json!({ "forecast": forecast }));
     forecast.check(machine_bytes())?;
+    // Before the folder is made: a run that cannot be made leaves nothing behind.
+    check_limits(&plan.config.train, backend.as_ref(), &capture, &state.model)?;
 
     let folder = if resumes_in_place {
         let folder = RunFolder::reopen(&plan.out)?;

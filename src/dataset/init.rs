@@ -155,7 +155,7 @@ pub fn initial_model(capture: &Capture, options: &InitOptions) -> Result<(Model,
             "no usable point to start from; start from random points (random:COUNT)",
         ));
     }
-    Ok((model(capture, &seeds, options), report))
+    Ok((model(capture, &seeds, options)?, report))
 }
 
 fn seeds(capture: &Capture, options: &InitOptions, report: &mut Report) -> Result<Vec<Seed>> {
@@ -259,7 +259,7 @@ fn thinned(mut seeds: Vec<Seed>, options: &InitOptions, report: &mut Report) -> 
     seeds
 }
 
-fn model(capture: &Capture, seeds: &[Seed], options: &InitOptions) -> Model {
+fn model(capture: &Capture, seeds: &[Seed], options: &InitOptions) -> Result<Model> {
     let mut splats = SplatArrays::zeros(seeds.len(), options.sh_degree);
     let positions: Vec<[f32; 3]> = seeds.iter().map(|s| s.position).collect();
     let sigmas: Vec<f32> = mean_squared_spacing(&positions)
@@ -280,12 +280,12 @@ fn model(capture: &Capture, seeds: &[Seed], options: &InitOptions) -> Model {
         }
     }
     let extents = sigmas.iter().map(|&sigma| map_extent(sigma, options.policy));
-    Model {
-        textures: TexturePool::neutral(extents),
+    Ok(Model {
+        textures: TexturePool::neutral(extents)?,
         splats,
         near: capture.near,
         capture_from_local: capture.capture_from_local,
-    }
+    })
 }
 
 /// Uniform over all rotations.

@@ -221,23 +221,26 @@ pub fn shrink_to_budget(
     }
     let mut order: Vec<usize> = (0..drafts.len()).filter(|&i| drafts[i].is_some()).collect();
     order.sort_by(|&a, &b| scores.error[a].total_cmp(&scores.error[b]).then(a.cmp(&b)));
-    for i in order {
-        if budget.allows(splats, *texels) {
-            return;
-        }
-        let Some(draft) = &mut drafts[i] else { continue };
-        let map = &s.model.textures.maps[i];
-        let before = draft.texels;
-        if map.rows == 0 || !draft.sizes.has_support() {
-            continue;
-        }
-        let mut smaller = *draft;
-        smaller.life.ceiling = (map.rows.max(map.cols) / 2).max(2);
-        stretch(&mut smaller);
-        if smaller.texels < before {
-            counts.coarsened += 1;
-            *texels = *texels - before + smaller.texels;
-            *draft = smaller;
+    // Half the side, then a quarter, ...: padding may have added more than one halving takes away.
+    for halvings in 1..u16::BITS {
+        for &i in &order {
+            if budget.allows(splats, *texels) {
+                return;
+            }
+            let Some(draft) = &mut drafts[i] else { continue };
+            let map = &s.model.textures.maps[i];
+            let before = draft.texels;
+            if map.rows == 0 || !draft.sizes.has_support() {
+                continue;
+            }
+            let mut smaller = *draft;
+            smaller.life.ceiling = (map.rows.max(map.cols) >> halvings).max(2);
+            stretch(&mut smaller);
+            if smaller.texels < before {
+                counts.coarsened += 1;
+                *texels = *texels - before + smaller.texels;
+                *draft = smaller;
+            }
         }
     }
 }

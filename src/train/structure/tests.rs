@@ -21,7 +21,7 @@ fn model(texels: u16) -> Model {
         let [rows, cols] = half.map(|h| even_texels(h, size) as u16);
         (rows, cols, size as f32)
     });
-    model.textures = TexturePool::neutral(extents.collect::<Vec<_>>());
+    model.textures = TexturePool::neutral(extents.collect::<Vec<_>>()).unwrap();
     model.textures.texels.iter_mut().enumerate().for_each(|(i, t)| *t = (i as f32 * 0.7).sin());
     model
 }
