@@ -119,15 +119,17 @@ pub struct AtomicFigures {
     pub per_blended_pair: f64,
 }
 
-/// Times of the rasterisation in one of its two forms; `null` without a device clock.
+/// The rasterisation in one of its two forms; times are `null` without a device clock.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct VariantTimes {
+pub struct FormFigures {
     /// Whether it is the form for hardware.
     pub hardware_kernels: bool,
     /// Median, forward.
     pub raster_fwd_secs: Option<f64>,
     /// Median, backward.
     pub raster_bwd_secs: Option<f64>,
+    /// Pairs, atomics and bytes of steps in this form.
+    pub counts: Option<CountFigures>,
 }
 
 /// Everything measured on one scene. Where time was bounded, what it did not suffice for is `null` or empty.
@@ -165,11 +167,11 @@ pub struct StepFigures {
     pub per_step: WorkPerStep,
     /// Median over the steps, by name of the shader, largest first; `null` without a device clock.
     pub kernel_secs: Option<Vec<(&'static str, f64)>>,
-    /// Pairs, atomics and bytes.
+    /// Pairs, atomics and bytes, in the form of the rasterisation that the device gets.
     #[serde(flatten)]
     pub counts: Option<CountFigures>,
     /// Both forms of the rasterisation.
-    pub variants: Vec<VariantTimes>,
+    pub variants: Vec<FormFigures>,
     /// Whether the same steps gave the same bytes twice.
     pub repeatable: Option<bool>,
     /// FNV-1a of the state after them.
@@ -210,12 +212,41 @@ pub fn measure<'a>(
     bench.run(1)?;
     let first_step_secs = start.elapsed().as_secs_f64();
     bench.step_secs = first_step_secs;
-    let steps = if deadline.allows(first_step_secs) { Some(bench.steps(model, steps, views)?) } else { None };
+    // One to run in, and one to measure.
+    let has_time = deadline.allows(2.0 * first_step_secs);
+    let steps = if has_time { Some(bench.steps(model, steps, views)?) } else { None };
     let size_px = (1..=views)
         .map(|step| request(step).camera.pinhole)
         .fold([0, 0], |[w, h]: [u32; 2], p| [w.max(p.width_px), h.max(p.height_px)]);
     let (splats, texels) = (model.num_splats(), model.num_texels());
     Ok(KernelFigures { splats, texels, views, size_px, first_step_secs, steps })
+}
+
+/// Counts the pairs, atomics and bytes of `steps` steps in one form of the rasterisation, whatever the device.
+///
+/// # Errors
+/// [`crate::Error::Device`] if memory or the device fails.
+pub fn count<'a>(
+    backend: &mut GpuBackend,
+    model: &Model,
+    steps: u32,
+    hardware_kernels: bool,
+    request: &dyn Fn(u32) -> StepRequest<'a>,
+) -> Result<Option<CountFigures>> {
+    let mut bench = Bench { backend, next: 1, request, deadline: Deadline::new(None), step_secs: 0.0 };
+    bench.restart(model, counting(hardware_kernels))?;
+    bench.count(model, steps, hardware_kernels)
+}
+
+/// Everything is counted, step by step.
+fn counting(hardware_kernels: bool) -> GpuOptions {
+    GpuOptions {
+        count_pairs: true,
+        count_texel_atomics: true,
+        batch_steps: Some(1),
+        hardware_kernels: Some(hardware_kernels),
+        ..GpuOptions::default()
+    }
 }
 
 /// A backend and where it stands.
@@ -231,9 +262,7 @@ struct Bench<'a, 'b> {
 impl Bench<'_, '_> {
     /// Everything, after the first step.
     fn steps(&mut self, model: &Model, steps: u32, views: u32) -> Result<StepFigures> {
-        // At least one more: the first may have compiled.
-        let run_in = (RUN_IN_SHARE * self.deadline.fitting(self.step_secs)).clamp(0.0, f64::from(views - 1));
-        self.run_in_time(run_in as u32)?;
+        self.run_in_time(run_in_steps(views, self.deadline.fitting(self.step_secs)))?;
         let wanted = Repetitions {
             steps,
             timed: steps,
@@ -256,9 +285,9 @@ impl Bench<'_, '_> {
         let timed = GpuOptions { time_kernels: true, ..plain };
         self.backend.set_options(timed)?;
         let kernel_secs = medians(&self.run_in_time(planned.timed)?);
-        let counts = self.count(model, planned.counted)?;
+        let counts = self.count(model, planned.counted, self.backend.gpu().choice.hardware)?;
         let hashes = self.repeated(model, plain, planned.repeated)?;
-        let variants = self.variants(timed, planned.variants)?;
+        let variants = self.variants(model, timed, planned.variants, counts.as_ref())?;
         Ok(StepFigures {
             steps,
             batch_steps: self.backend.batch_steps(),
@@ -290,8 +319,14 @@ impl Bench<'_, '_> {
         Ok(Some(hashes))
     }
 
-    /// Times of both forms of the rasterisation.
-    fn variants(&mut self, timed: GpuOptions, steps: u32) -> Result<Vec<VariantTimes>> {
+    /// Times and counts of both forms of the rasterisation; the counts of the device's own are known.
+    fn variants(
+        &mut self,
+        model: &Model,
+        timed: GpuOptions,
+        steps: u32,
+        own: Option<&CountFigures>,
+    ) -> Result<Vec<FormFigures>> {
         let mut out = Vec::new();
         for hardware_kernels in [false, true] {
             if steps == 0 || !self.deadline.allows(2.0 * self.step_secs) {
@@ -307,7 +342,11 @@ impl Bench<'_, '_> {
             };
             let of = |name| times.as_ref().and_then(|t| t.iter().find(|(n, _)| *n == name)).map(|(_, s)| *s);
             let (raster_fwd_secs, raster_bwd_secs) = (of("raster_fwd"), of("raster_bwd"));
-            out.push(VariantTimes { hardware_kernels, raster_fwd_secs, raster_bwd_secs });
+            let counts = match own {
+                Some(own) if hardware_kernels == self.backend.gpu().choice.hardware => Some(own.clone()),
+                _ => self.count(model, steps, hardware_kernels)?,
+            };
+            out.push(FormFigures { hardware_kernels, raster_fwd_secs, raster_bwd_secs, counts });
         }
         Ok(out)
     }
@@ -342,17 +381,11 @@ impl Bench<'_, '_> {
     }
 
     /// A few steps, one by one, with everything counted.
-    fn count(&mut self, model: &Model, steps: u32) -> Result<Option<CountFigures>> {
+    fn count(&mut self, model: &Model, steps: u32, hardware_kernels: bool) -> Result<Option<CountFigures>> {
         if steps == 0 || !self.deadline.allows(self.step_secs) {
             return Ok(None);
         }
-        let counting = GpuOptions {
-            count_pairs: true,
-            count_texel_atomics: true,
-            batch_steps: Some(1),
-            ..GpuOptions::default()
-        };
-        self.backend.set_options(counting)?;
+        self.backend.set_options(counting(hardware_kernels))?;
         let (mut sum, mut counts) = (RasterCounters::default(), TrafficCounts::default());
         let mut before = self.backend.read_back()?.1.last_step;
         let mut counted = 0;
@@ -405,6 +438,12 @@ impl Bench<'_, '_> {
         let pairs = pair_figures(&sum, counts.pairs, tile_pixels);
         Ok(Some(CountFigures { pairs, texel_atomics: atomics, traffic_counts: counts, traffic }))
     }
+}
+
+/// Steps after the first that do not count: the rest of the views, if `fitting` steps of time allow. At least one,
+/// even of a single view: the first may have compiled, and is no measure of the others.
+fn run_in_steps(views: u32, fitting: f64) -> u32 {
+    (RUN_IN_SHARE * fitting).clamp(1.0, f64::from(views.max(2) - 1)) as u32
 }
 
 fn pair_figures(sum: &RasterCounters, tile_pairs: f64, tile_pixels: u64) -> PairFigures {
@@ -466,5 +505,16 @@ impl GpuBackend {
         kernels.sort_unstable();
         kernels.dedup();
         kernels
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_step_runs_in_whatever_the_views_and_the_time() {
+        assert_eq!([1, 2, 16].map(|views| run_in_steps(views, f64::INFINITY)), [1, 1, 15]);
+        assert_eq!([0.0, 2.0, 50.0, 1e9].map(|fitting| run_in_steps(16, fitting)), [1, 1, 5, 15]);
     }
 }
