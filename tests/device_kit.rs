@@ -74,6 +74,14 @@ fn the_kit_tells_all_of_a_device_and_what_failed() {
             kernels == known || bench["device"]["timestamps"] == false,
             "{kernels} of {known} were timed"
         );
+        for (form, hardware) in bench["variants"].as_array().unwrap().iter().zip([false, true]) {
+            assert_eq!(form["hardware_kernels"], hardware);
+            let items = form["counts"]["traffic"]["items"].as_array().unwrap();
+            positive(&items.last().unwrap()["ratio"], "bytes over the floor");
+            positive(&form["counts"]["texel_atomics"]["per_blended_pair"], "atomics");
+            // The flat fields are those of the form that the device gets, which is one for software.
+            assert_eq!(form["counts"]["traffic"] == bench["traffic"], !hardware);
+        }
         assert_eq!(bench["variants"].as_array().unwrap().len(), 2);
         let train = &json["train"][size];
         positive(&train["steps"], "steps");

@@ -288,6 +288,8 @@ impl Bench<'_, '_> {
         let counts = self.count(model, planned.counted, self.backend.gpu().choice.hardware)?;
         let hashes = self.repeated(model, plain, planned.repeated)?;
         let variants = self.variants(model, timed, planned.variants, counts.as_ref())?;
+        // Who goes on with this backend wants neither counters nor timestamps.
+        self.backend.set_options(plain)?;
         Ok(StepFigures {
             steps,
             batch_steps: self.backend.batch_steps(),
@@ -328,7 +330,9 @@ impl Bench<'_, '_> {
         own: Option<&CountFigures>,
     ) -> Result<Vec<FormFigures>> {
         let mut out = Vec::new();
-        for hardware_kernels in [false, true] {
+        let own_form = self.backend.gpu().choice.hardware;
+        // The device's own form last: it is the one that what follows needs.
+        for hardware_kernels in [!own_form, own_form] {
             if steps == 0 || !self.deadline.allows(2.0 * self.step_secs) {
                 break;
             }
@@ -343,11 +347,12 @@ impl Bench<'_, '_> {
             let of = |name| times.as_ref().and_then(|t| t.iter().find(|(n, _)| *n == name)).map(|(_, s)| *s);
             let (raster_fwd_secs, raster_bwd_secs) = (of("raster_fwd"), of("raster_bwd"));
             let counts = match own {
-                Some(own) if hardware_kernels == self.backend.gpu().choice.hardware => Some(own.clone()),
+                Some(own) if hardware_kernels == own_form => Some(own.clone()),
                 _ => self.count(model, steps, hardware_kernels)?,
             };
             out.push(FormFigures { hardware_kernels, raster_fwd_secs, raster_bwd_secs, counts });
         }
+        out.sort_by_key(|form| form.hardware_kernels);
         Ok(out)
     }
 
