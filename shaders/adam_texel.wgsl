@@ -24,17 +24,18 @@ var<workgroup> residuals: array<f32, SPLAT_GROUP>;
 
 // Returns the absolute residual before the step.
 fn update(at: u32, units: f32, weight: f32, rate: f32) -> f32 {
-    let value_at = 4u * (at / 3u) + at % 3u;
-    let value = texel_values[value_at];
+    // The forward pass saw this value; computing it again is cheaper than reading it.
+    let parameter = texel_p[at];
+    let value = texel_value(parameter);
     // At exactly 0 the texture term is at rest.
     let by_value = f32(texel_grad[at]) / units + weight * sign(value);
     texel_grad[at] = 0;
     let by = by_value * texel_value_slope(value);
-    let now = adam_step(Moments(texel_p[at], texel_m[at], texel_v[at]), by, rate);
+    let now = adam_step(Moments(parameter, texel_m[at], texel_v[at]), by, rate);
     texel_p[at] = now.p;
     texel_m[at] = now.m;
     texel_v[at] = now.v;
-    texel_values[value_at] = texel_value(now.p);
+    texel_values[4u * (at / 3u) + at % 3u] = texel_value(now.p);
     return abs(value);
 }
 

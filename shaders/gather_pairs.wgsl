@@ -1,21 +1,14 @@
-// The sorted pairs: slot, splat, and the window of its texels that the tile can touch.
+// The sorted pairs: slot and splat. Their windows of texels follow where the splats are read anyway (raster_fwd).
 
 #constants
 #include common/groups
-#include common/numbers
 #include common/step
 #include common/status
-#include common/splat
-#include common/projected
-#include common/tile
-#include common/texel_window
 
 @group(0) @binding(1) var<storage, read> status: array<Status>; // [ring]
-@group(0) @binding(2) var<storage, read> keys_in: array<u32>; // [num_pairs] tiles, sorted
-@group(0) @binding(3) var<storage, read> values_in: array<u32>; // [num_pairs] slots, by tile
-@group(0) @binding(4) var<storage, read> slot_splat: array<u32>; // [num_pairs]
-@group(0) @binding(5) var<storage, read> projected: array<Projected>; // [n]
-@group(0) @binding(6) var<storage, read_write> pairs: array<Pair>; // [num_pairs]
+@group(0) @binding(2) var<storage, read> values_in: array<u32>; // [num_pairs] slots, by tile
+@group(0) @binding(3) var<storage, read> slot_splat: array<u32>; // [num_pairs]
+@group(0) @binding(4) var<storage, read_write> pairs: array<vec2u>; // [2, pair_capacity] by tile, front to back
 
 @compute @workgroup_size(GROUP)
 fn gather_pairs(
@@ -28,7 +21,5 @@ fn gather_pairs(
         return;
     }
     let slot = values_in[i];
-    let splat = slot_splat[slot];
-    let window = texel_window(projected[splat], tile_origin_px(keys_in[i]));
-    pairs[i] = Pair(slot, splat, pack_px(vec2i(window.first)), pack_px(vec2i(window.past)));
+    pairs[i] = vec2u(slot, slot_splat[slot]);
 }

@@ -25,7 +25,7 @@
 #include common/tile_sums
 
 @group(0) @binding(1) var<storage, read> projected: array<Projected>; // [n]
-@group(0) @binding(2) var<storage, read> pairs: array<Pair>; // [K] by tile, front to back
+@group(0) @binding(2) var<storage, read> pairs: array<vec2u>; // [2, pair_capacity] by tile, front to back
 @group(0) @binding(3) var<storage, read> tile_ranges: array<vec2u>; // [tiles] of pairs
 @group(0) @binding(4) var<storage, read> texel_values: array<vec4f>; // [T] residual rgb
 #if GEOMETRY
@@ -139,7 +139,7 @@ fn pixel_bwd(replay: ptr<function, Replay>, s: Projected, index: u32, pixel: vec
 #if GEOMETRY
         let m = s.near_over_depth * hit.denominator;
         let c = (*replay).by_moments;
-        let along = dot((*replay).towards, normals[pairs[index].splat].xyz);
+        let along = dot((*replay).towards, normals[pairs[index].y].xyz);
         let by_weight = dot(by_rgb, max(colour, vec3f(0.0))) + (c.x + (c.y + c.z * m) * m + along);
         by_denominator = weight * (c.y + 2.0 * c.z * m) * s.near_over_depth;
 #else
@@ -234,7 +234,7 @@ fn raster_bwd(
     let used = workgroupUniformLoad(&end);
     // Pairs behind everything have sums too: zeros.
     for (var k = used * NUM_SUMS + lane; k < range.y * NUM_SUMS; k += RASTER_GROUP) {
-        partials[pairs[k / NUM_SUMS].slot * NUM_SUMS + k % NUM_SUMS] = 0.0;
+        partials[pairs[k / NUM_SUMS].x * NUM_SUMS + k % NUM_SUMS] = 0.0;
     }
     let at = pixel_at.x * PARTS + pixel_at.y;
     let row = lane % PARTS;
@@ -246,11 +246,12 @@ fn raster_bwd(
     // Once for each block of texels of each splat.
     while i > range.x {
         let pair = pairs[i - 1u];
-        let s = projected[pair.splat];
+        let window = pairs[window_at(i - 1u)];
+        let s = projected[pair.y];
         let low = max(vec2u(s.box_min & 0xffffu, s.box_min >> 16u), origin_px) - origin_px;
         let high = min(vec2u(s.box_max & 0xffffu, s.box_max >> 16u) - origin_px, TILE_SIZE_PX);
-        let window_first = vec2u(pair.window_first & 0xffffu, pair.window_first >> 16u);
-        let window_past = vec2u(pair.window_past & 0xffffu, pair.window_past >> 16u);
+        let window_first = vec2u(window.x & 0xffffu, window.x >> 16u);
+        let window_past = vec2u(window.y & 0xffffu, window.y >> 16u);
         let blocks = (window_past - window_first + BLOCK_TEXELS - 1u) / BLOCK_TEXELS;
         var num_blocks = blocks.x * blocks.y;
 #if SCATTER
@@ -299,7 +300,7 @@ fn raster_bwd(
             for (var k = 0u; k < PARTS && from_last != FAULTS; k += 1u) {
                 total += sum_parts[from_last * PARTS + k];
             }
-            partials[pair.slot * NUM_SUMS + from_last] = total;
+            partials[pair.x * NUM_SUMS + from_last] = total;
         }
         block += 1u;
         if block >= num_blocks {
@@ -312,6 +313,6 @@ fn raster_bwd(
     workgroupBarrier();
     // Only the sum over all is told: the tile's first pair carries it.
     if lane == 0u && range.x < range.y {
-        partials[pairs[range.x].slot * NUM_SUMS + FAULTS] = f32(atomicLoad(&num_faults));
+        partials[pairs[range.x].x * NUM_SUMS + FAULTS] = f32(atomicLoad(&num_faults));
     }
 }

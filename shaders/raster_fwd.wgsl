@@ -1,6 +1,7 @@
 // Forward rasterisation: a workgroup per tile, an invocation per pixel, front to back (twin:
 // reference/raster_fwd.rs; method 1.3, 1.4, 2.1). BATCHED: splats pass through workgroup memory, for GPUs;
-// software drivers are faster without (measured: 30-45 %). COUNT: counts pixel-splat pairs.
+// software drivers are faster without (measured: 30-45 %). COUNT: counts pixel-splat pairs. In steps it leaves
+// the pairs' windows of texels for the backward pass: here the splats are read anyway, each by one invocation.
 // GEOMETRY: depths and normals too; a kernel has no binding left for both.
 
 #constants
@@ -11,10 +12,11 @@
 #include common/projected
 #include common/tile
 #include common/hit
+#include common/texel_window
 #include common/status
 
 @group(0) @binding(1) var<storage, read> projected: array<Projected>; // [n]
-@group(0) @binding(2) var<storage, read> pairs: array<Pair>; // [K] by tile, front to back
+@group(0) @binding(2) var<storage, read_write> pairs: array<vec2u>; // [2, pair_capacity] by tile, front to back
 @group(0) @binding(3) var<storage, read> tile_ranges: array<vec2u>; // [tiles] of pairs
 @group(0) @binding(4) var<storage, read> texel_values: array<vec4f>; // [T] residual rgb
 @group(0) @binding(5) var<storage, read_write> pixels: array<vec4f>; // [P] rgb over background, transmittance
@@ -73,12 +75,20 @@ fn blend(state: ptr<function, Pixel>, s: Projected, index: u32, pixel: vec2u) {
 #if GEOMETRY
     let weight = alpha * before;
     let m = s.near_over_depth * hit.denominator;
-    (*state).normal_depth += weight * vec4f(normals[pairs[index].splat].xyz, step.near / m);
+    (*state).normal_depth += weight * vec4f(normals[pairs[index].y].xyz, step.near / m);
     (*state).moments += weight * vec2f(m, m * m);
 #endif
     (*state).transmittance = after;
     (*state).end = index + 1u;
     (*state).blended += 1u;
+}
+
+// Pictures have no use for windows.
+fn leave_window(s: Projected, index: u32, origin_px: vec2u) {
+    if step.step > 0u {
+        let window = texel_window(s, origin_px);
+        pairs[window_at(index)] = vec2u(pack_px(vec2i(window.first)), pack_px(vec2i(window.past)));
+    }
 }
 
 #if BATCHED
@@ -87,7 +97,7 @@ var<workgroup> batch: array<Projected, BATCH>;
 var<workgroup> num_done: atomic<u32>;
 var<workgroup> all_done: u32;
 
-fn raster_tile(state: ptr<function, Pixel>, range: vec2u, pixel: vec2u, lane: u32) {
+fn raster_tile(state: ptr<function, Pixel>, range: vec2u, origin_px: vec2u, pixel: vec2u, lane: u32) {
     if lane == 0u {
         atomicStore(&num_done, 0u);
         all_done = 0u;
@@ -101,7 +111,9 @@ fn raster_tile(state: ptr<function, Pixel>, range: vec2u, pixel: vec2u, lane: u3
     for (var first = range.x; first < range.y; first += BATCH) {
         let count = min(BATCH, range.y - first);
         if lane < count {
-            batch[lane] = projected[pairs[first + lane].splat];
+            let s = projected[pairs[first + lane].y];
+            batch[lane] = s;
+            leave_window(s, first + lane, origin_px);
         }
         workgroupBarrier();
         for (var k = 0u; k < count && !(*state).done; k += 1u) {
@@ -121,9 +133,12 @@ fn raster_tile(state: ptr<function, Pixel>, range: vec2u, pixel: vec2u, lane: u3
     }
 }
 #else
-fn raster_tile(state: ptr<function, Pixel>, range: vec2u, pixel: vec2u, lane: u32) {
+fn raster_tile(state: ptr<function, Pixel>, range: vec2u, origin_px: vec2u, pixel: vec2u, lane: u32) {
+    for (var i = range.x + lane; i < range.y; i += RASTER_GROUP) {
+        leave_window(projected[pairs[i].y], i, origin_px);
+    }
     for (var i = range.x; i < range.y && !(*state).done; i += 1u) {
-        blend(state, projected[pairs[i].splat], i, pixel);
+        blend(state, projected[pairs[i].y], i, pixel);
     }
 }
 #endif
@@ -138,7 +153,8 @@ fn raster_fwd(
     if tile >= step.grid.x * step.grid.y {
         return;
     }
-    let pixel = tile_origin_px(tile) + pixel_in_tile(lane);
+    let origin_px = tile_origin_px(tile);
+    let pixel = origin_px + pixel_in_tile(lane);
     let in_picture = all(pixel < step.size_px);
     let range = tile_ranges[tile];
 #if GEOMETRY
@@ -146,7 +162,7 @@ fn raster_fwd(
 #else
     var state = Pixel(vec3f(0.0), 1.0, range.x, !in_picture, 0u, 0u, 0u);
 #endif
-    raster_tile(&state, range, pixel, lane);
+    raster_tile(&state, range, origin_px, pixel, lane);
     if in_picture {
         let at = pixel.y * step.size_px.x + pixel.x;
         let t = state.transmittance;

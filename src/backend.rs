@@ -1,10 +1,13 @@
 //! The seam between the optimisation and the machines it runs on. A backend owns the model and the
 //! optimiser's state while training lasts; the trainer sends it views and plans and reads back.
 
+mod limits;
+
 use crate::camera::Camera;
 pub use crate::model::LearningRates;
 use crate::model::{AdamState, Model};
 use crate::{Error, Result};
+pub use limits::{DeviceLimits, SceneShape};
 use serde::{Deserialize, Serialize};
 
 /// A photo as the optimisation sees it: display space, composited, at the size that is rendered.
@@ -360,6 +363,9 @@ pub struct StructurePlan {
 pub trait Backend {
     /// What this is.
     fn device(&self) -> DeviceInfo;
+
+    /// What it can hold at most.
+    fn limits(&self, shape: SceneShape) -> DeviceLimits;
 
     /// Takes over a model and its optimiser state.
     ///

@@ -6,8 +6,8 @@ mod common;
 
 use common::training::{MemoryViews, config, damaged, photos, scene};
 use litetex_gs::backend::{
-    Backend, DeviceInfo, RenderOptions, RenderedImage, StepReport, StepRequest, StructurePlan,
-    WindowStatistics,
+    Backend, DeviceInfo, DeviceLimits, RenderOptions, RenderedImage, SceneShape, StepReport, StepRequest,
+    StructurePlan, WindowStatistics,
 };
 use litetex_gs::camera::Camera;
 use litetex_gs::cpu::CpuBackend;
@@ -48,6 +48,9 @@ impl Batched {
 impl Backend for Batched {
     fn device(&self) -> DeviceInfo {
         self.inner.device()
+    }
+    fn limits(&self, shape: SceneShape) -> DeviceLimits {
+        self.inner.limits(shape)
     }
     fn upload(&mut self, model: &Model, adam: &AdamState) -> Result<()> {
         self.inner.upload(model, adam)

@@ -309,3 +309,18 @@ fn an_older_checkpoint_is_continued_elsewhere_or_by_force() {
     assert_eq!((found(&checkpoints, "safetensors"), found(&checkpoints, "history")), (2, 2));
     assert_eq!(found(&evaluations, "0000"), 2);
 }
+
+#[test]
+fn a_budget_beyond_the_device_is_refused_with_counts_and_leaves_no_folder() {
+    let place = Place::new();
+    let (capture, out) = (place.path("capture"), place.path("run"));
+    let train = |most: &str| {
+        run(&["train", &capture, "-o", &out, "--device", "CPU", "-q", "--steps", "2", "--max-splats", most])
+    };
+    // The CPU numbers splats with 32 bits.
+    let (code, _, stderr) = train("4294967296");
+    assert!(code == 5 && !Path::new(&out).exists(), "{code}: {stderr}");
+    assert!(stderr.contains("--max-splats allows 4294967296 splats, at most 4294967295 fit"), "{stderr}");
+    let (code, _, stderr) = train("4294967295");
+    assert!(code == 0 && Path::new(&out).exists(), "{code}: {stderr}");
+}

@@ -50,7 +50,9 @@ fn the_kit_tells_all_of_a_device_and_what_failed() {
         ["devices", "selftest", "bench-32", "bench-48", "bench-full", "train-32", "train-48", "train-full"];
     let long = ["train-long-48", "train-long-full"];
     assert_eq!(names(&json, true), [&all[..], &long].concat());
-    assert!(code == 0 && json["passed"] == true && json["repeatable"] == true && stdout.contains("yes"));
+    assert!(code == 0 && json["passed"] == true && json["repeatable"]["all"] == true);
+    assert_eq!(json["repeatable"]["yes"], serde_json::json!(sizes));
+    assert!(stdout.contains("yes: 32, 48, full"), "{stdout}");
     assert_eq!(json["device"]["name"], driver.name);
     let positive = |v: &Value, what: &str| assert!(v.as_f64().is_some_and(|x| x > 0.0), "{what}: {v}");
     for size in sizes {
@@ -73,6 +75,14 @@ fn the_kit_tells_all_of_a_device_and_what_failed() {
             kernels == known || bench["device"]["timestamps"] == false,
             "{kernels} of {known} were timed"
         );
+        for (form, hardware) in bench["variants"].as_array().unwrap().iter().zip([false, true]) {
+            assert_eq!(form["hardware_kernels"], hardware);
+            let items = form["counts"]["traffic"]["items"].as_array().unwrap();
+            positive(&items.last().unwrap()["ratio"], "bytes over the floor");
+            positive(&form["counts"]["texel_atomics"]["per_blended_pair"], "atomics");
+            // The flat fields are those of the form that the device gets, which is one for software.
+            assert_eq!(form["counts"]["traffic"] == bench["traffic"], !hardware);
+        }
         assert_eq!(bench["variants"].as_array().unwrap().len(), 2);
         let train = &json["train"][size];
         positive(&train["steps"], "steps");
@@ -108,7 +118,7 @@ fn the_kit_tells_all_of_a_device_and_what_failed() {
     assert_eq!((code, &json["passed"]), (1, &Value::Bool(false)));
     assert_eq!(names(&json, true), ["devices"]);
     assert!(json["parts"][1]["message"].as_str().unwrap().contains("no-such-device"), "{json:#}");
-    assert!(stdout.contains("FAILED") && json["repeatable"].is_null());
+    assert!(stdout.contains("FAILED") && json["repeatable"]["all"].is_null());
     assert_eq!(json["device"]["name"], "no-such-device", "{}", json["device"]);
 }
 

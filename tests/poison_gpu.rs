@@ -91,7 +91,7 @@ fn a_scene_beyond_the_limits_is_refused_with_counts() {
     // 600,000 splats of 58 floats: 132.8 MiB.
     let sources: Vec<u32> = (0..600_000).map(|i| i % 200).collect();
     large.splats = large.splats.gathered(&sources);
-    large.textures = litetex_gs::model::TexturePool::neutral((0..600_000).map(|_| (0, 0, 1.0)));
+    large.textures = litetex_gs::model::TexturePool::neutral((0..600_000).map(|_| (0, 0, 1.0))).unwrap();
     let error = backend.upload(&large, &AdamState::zeros(&large)).unwrap_err();
     assert!(matches!(error, Error::Device(_)), "{error}");
     let text = error.to_string();

@@ -3,8 +3,8 @@
 
 use litetex_gs::Result;
 use litetex_gs::backend::{
-    Backend, DeviceInfo, RenderOptions, RenderedImage, StepReport, StepRequest, StructurePlan,
-    WindowStatistics,
+    Backend, DeviceInfo, DeviceLimits, RenderOptions, RenderedImage, SceneShape, StepReport, StepRequest,
+    StructurePlan, WindowStatistics,
 };
 use litetex_gs::camera::Camera;
 use litetex_gs::cpu::CpuBackend;
@@ -27,6 +27,9 @@ struct Broken(CpuBackend, Fault);
 impl Backend for Broken {
     fn device(&self) -> DeviceInfo {
         self.0.device()
+    }
+    fn limits(&self, shape: SceneShape) -> DeviceLimits {
+        self.0.limits(shape)
     }
     fn upload(&mut self, model: &Model, adam: &AdamState) -> Result<()> {
         self.0.upload(model, adam)

@@ -1,5 +1,5 @@
 //! The Khronos validation layer with synchronisation validation has nothing to say about a run with steps,
-//! statistics, pictures and a change of structure.
+//! statistics, pictures, timestamps, counted atomics and a change of structure.
 #![cfg(feature = "gpu")]
 #![allow(clippy::unwrap_used, reason = "a failing test may panic")]
 
@@ -102,7 +102,19 @@ fn a_run_under_the_layer() {
         };
         let mut backend = open(&driver, Limits::Downlevel, options);
         backend.upload(&scene.model, &AdamState::zeros(&scene.model)).unwrap();
-        backend.steps(&requests(&views, 1..=7)).unwrap();
+        backend.steps(&requests(&views, 1..=4)).unwrap();
+        // Every dispatch in a pass of its own between two timestamps, and the variants that count.
+        let counting =
+            GpuOptions { time_kernels: true, count_texel_atomics: true, count_pairs: true, ..options };
+        backend.set_options(counting).unwrap();
+        let counted = backend.steps(&requests(&views, 5..=7)).unwrap();
+        assert!(
+            counted
+                .iter()
+                .all(|r| r.stages.iter().any(|(name, time)| *name == "raster_bwd" && !time.is_zero()))
+        );
+        assert!(counted.iter().any(|r| r.counters.texel_atomics > 0));
+        backend.set_options(options).unwrap();
         assert_eq!(backend.read_statistics().unwrap().views, 2);
         backend.render(&scene.camera, &pictures).unwrap();
         backend.apply_plan(&plan(scene.model.num_splats())).unwrap();

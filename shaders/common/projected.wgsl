@@ -21,14 +21,11 @@ struct Projected {
     texel_units: f32,
 }
 
-// A splat in a tile.
-struct Pair {
-    // Place among the splat's own pairs, unsorted: where its partial sums go.
-    slot: u32,
-    splat: u32,
-    // Rows and columns, row | col << 16, of the texels that the tile can touch: the first, one past the last.
-    window_first: u32,
-    window_past: u32,
+// A splat in a tile is two records in `pairs`: x is its slot, the place among the splat's own pairs, unsorted,
+// where its partial sums go; y is the splat. So many records further, as pairs fit, stands the window of texels
+// that the tile can touch: x the first row and column, row | col << 16, y one past the last.
+fn window_at(pair: u32) -> u32 {
+    return step.pair_capacity + pair;
 }
 
 fn unpack_px(packed: u32) -> vec2i {

@@ -141,7 +141,8 @@ mod tests {
         splats.log_scales = vec![-3.0, -200.0, 0.0, 1.0, -1.0, -2.0, -3.0, -4.0];
         splats.opacity_logits = vec![0.0, 100.0, -200.0, 1.0];
         splats.sh.iter_mut().enumerate().for_each(|(i, v)| *v = i as f32);
-        let mut textures = TexturePool::neutral([(2, 3, 0.1), (0, 0, 0.0), (1, 1, 0.2), (2, 2, 0.3)]);
+        let mut textures =
+            TexturePool::neutral([(2, 3, 0.1), (0, 0, 0.0), (1, 1, 0.2), (2, 2, 0.3)]).unwrap();
         textures.texels.iter_mut().enumerate().for_each(|(i, v)| *v = i as f32 - 9.0);
         Model {
             splats,

@@ -343,6 +343,9 @@ mod with_gpu {
             let name = if v.hardware_kernels { "rasterisation for hardware" } else { "for software" };
             let times = format!("forward {}, backward {}", ms(v.raster_fwd_secs), ms(v.raster_bwd_secs));
             table.row(name, times);
+            if let Some(c) = &v.counts {
+                table.row("  counted", form_counts(c));
+            }
         }
         let verdict = match (k.repeatable, &k.state_hash) {
             (Some(true), Some(hash)) => format!("yes ({hash})"),
@@ -350,6 +353,15 @@ mod with_gpu {
             _ => "not tried: no time".to_owned(),
         };
         table.row("equal steps, equal bytes", verdict);
+    }
+
+    /// What the two forms differ in.
+    fn form_counts(c: &CountFigures) -> String {
+        let traffic = c.traffic.items.last().and_then(|all| all.ratio).unwrap_or(f64::NAN);
+        format!(
+            "traffic {traffic:.2} times the floor, visited / evaluated {:.2}, atomics per blended pair {:.3}",
+            c.pairs.visited_per_evaluated, c.texel_atomics.per_blended_pair
+        )
     }
 
     fn count_rows(table: &mut Table, c: &CountFigures) {

@@ -25,6 +25,8 @@ struct Listed {
     /// Whether it is a hardware GPU.
     hardware: bool,
     auto: bool,
+    /// Whether it can be used at all.
+    usable: bool,
     /// Why `auto` takes it or not.
     why: String,
 }
@@ -32,7 +34,8 @@ struct Listed {
 /// Prints the devices.
 pub fn run(args: &DevicesArgs) -> anyhow::Result<()> {
     let cpu = open_cpu()?.device();
-    let devices = listed(&gpus(), cpu, opens);
+    let mut devices = listed(&gpus(), cpu, opens);
+    devices.extend(unfit());
     if args.json {
         return Ok(print_json(&devices)?);
     }
@@ -55,6 +58,7 @@ fn listed(gpus: &[Gpu], cpu: DeviceInfo, opens: impl Fn(&Gpu) -> Result<()>) -> 
         description: gpu.description.clone(),
         hardware: gpu.hardware,
         auto,
+        usable: true,
         why,
     };
     for gpu in &hardware {
@@ -73,7 +77,7 @@ fn listed(gpus: &[Gpu], cpu: DeviceInfo, opens: impl Fn(&Gpu) -> Result<()>) -> 
         (false, false) => "no hardware GPU can be used",
     };
     let DeviceInfo { name, description } = cpu;
-    out.push(Listed { name, description, hardware: false, auto: !taken, why: why.to_owned() });
+    out.push(Listed { name, description, hardware: false, auto: !taken, usable: true, why: why.to_owned() });
     for gpu in software {
         let sign = gpu.software.as_deref().unwrap_or_default();
         let why = format!("runs on the processor ({sign}), slower than \"cpu\": taken only by name");
@@ -82,12 +86,25 @@ fn listed(gpus: &[Gpu], cpu: DeviceInfo, opens: impl Fn(&Gpu) -> Result<()>) -> 
     out
 }
 
+/// The row of an adapter that cannot be used, after all others.
+#[cfg_attr(not(feature = "gpu"), allow(dead_code, reason = "a build without GPUs knows no adapter"))]
+fn unfit_row(name: String, description: String, hardware: bool, lacks: &str) -> Listed {
+    Listed {
+        name,
+        description,
+        hardware,
+        auto: false,
+        usable: false,
+        why: format!("cannot be used: {lacks}"),
+    }
+}
+
 /// Makes the backend that `--device` names.
 ///
 /// # Errors
 /// [`litetex_gs::Error::Unsupported`] for a device that is not there, [`litetex_gs::Error::Device`] if it cannot be opened.
 pub fn open(name: &str, log: &Log) -> Result<Box<dyn Backend>> {
-    match name {
+    match name.to_lowercase().as_str() {
         "cpu" => open_cpu(),
         "auto" => {
             let hardware: Vec<Gpu> = gpus().into_iter().filter(|gpu| gpu.hardware).collect();
@@ -96,7 +113,7 @@ pub fn open(name: &str, log: &Log) -> Result<Box<dyn Backend>> {
                 None => open_cpu(),
             }
         }
-        other => open_gpu(other),
+        _ => open_gpu(name),
     }
 }
 
@@ -130,6 +147,12 @@ fn gpus() -> Vec<Gpu> {
     litetex_gs::gpu::list_adapters()
 }
 
+#[cfg(feature = "gpu")]
+fn unfit() -> Vec<Listed> {
+    let unfit = litetex_gs::gpu::unfit_adapters();
+    unfit.into_iter().map(|u| unfit_row(u.name, u.description, u.hardware, &u.lacks)).collect()
+}
+
 /// Whether a GPU can be opened; its kernels are not compiled.
 #[cfg(feature = "gpu")]
 fn opens(gpu: &Gpu) -> Result<()> {
@@ -149,7 +172,7 @@ fn open_gpu(name: &str) -> Result<Box<dyn Backend>> {
 #[cfg(feature = "gpu")]
 pub fn open_gpu_backend(name: &str) -> Result<litetex_gs::gpu::GpuBackend> {
     use litetex_gs::gpu::{GpuBackend, GpuDevice, GpuOptions, Limits, find_adapter};
-    let name = match name {
+    let name = match name.to_lowercase().as_str() {
         "auto" => "gpu",
         "cpu" => {
             return Err(litetex_gs::Error::Usage(
@@ -157,7 +180,7 @@ pub fn open_gpu_backend(name: &str) -> Result<litetex_gs::gpu::GpuBackend> {
                     .into(),
             ));
         }
-        name => name,
+        _ => name,
     };
     let device = GpuDevice::open(&find_adapter(name)?, Limits::Adapter)?;
     GpuBackend::new(device, GpuOptions::default())
@@ -174,6 +197,11 @@ struct Gpu {
 
 #[cfg(not(feature = "gpu"))]
 fn gpus() -> Vec<Gpu> {
+    Vec::new()
+}
+
+#[cfg(not(feature = "gpu"))]
+fn unfit() -> Vec<Listed> {
     Vec::new()
 }
 
@@ -238,5 +266,26 @@ mod tests {
                 assert!(device.why.contains("cannot be opened"), "{}", device.why);
             }
         }
+    }
+
+    #[test]
+    fn names_of_devices_are_taken_in_any_case() {
+        let log = Log::new(super::super::log::LogFormat::Text, true, 0);
+        assert_eq!(open("CPU", &log).map(|b| b.device().name).unwrap(), "cpu");
+        let refusal = |name: &str| open_gpu_backend(name).map(|_| ()).unwrap_err().to_string();
+        assert!(refusal("Cpu").contains("this measures kernels of GPUs"));
+        // Where there is no hardware, "gpu" says so in any case; it is no name of a device.
+        if !gpus().iter().any(|gpu| gpu.hardware) {
+            assert_eq!(open("AUTO", &log).map(|b| b.device().name).unwrap(), "cpu");
+            assert_eq!(refusal("GPU"), refusal("gpu"));
+            assert_ne!(refusal("GPUs"), refusal("gpu"));
+        }
+    }
+
+    #[test]
+    fn an_adapter_that_cannot_serve_is_listed_with_the_reason() {
+        let row =
+            unfit_row("old".into(), "Old, GL".into(), true, "4 storage buffers of a kernel, 8 are needed");
+        assert!(!row.usable && !row.auto && row.why.contains("4 storage buffers of a kernel, 8 are needed"));
     }
 }

@@ -49,7 +49,7 @@ impl ViewSource for Views {
 fn state(step: u32) -> TrainState {
     let model = Model {
         splats: SplatArrays::zeros(1, 0),
-        textures: TexturePool::neutral([(2, 2, 0.1)]),
+        textures: TexturePool::neutral([(2, 2, 0.1)]).unwrap(),
         near: 0.04,
         capture_from_local: Similarity::IDENTITY,
     };

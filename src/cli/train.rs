@@ -16,7 +16,7 @@ use super::{devices, eval};
 use litetex_gs::backend::Backend;
 use litetex_gs::model::Model;
 use litetex_gs::train::checkpoint;
-use litetex_gs::train::{Schedule, StopReason, TrainState, train};
+use litetex_gs::train::{Schedule, StopReason, TrainState, check_limits, train};
 use litetex_gs::views::{Split, ViewSource};
 use litetex_gs::{Error, Report, Result};
 use std::path::{Path, PathBuf};
@@ -112,6 +112,8 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<Summary> {
         log.warn("memory-may-not-suffice", &doubt, 1);
         report.warn("memory-may-not-suffice", 1, doubt);
     }
+    // Before the folder is made: a run that cannot be made leaves nothing behind.
+    check_limits(&plan.config.train, backend.as_ref(), &capture, &state.model)?;
 
     let folder = if resumes_in_place {
         let folder = RunFolder::reopen(&plan.out)?;

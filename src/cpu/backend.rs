@@ -6,10 +6,11 @@ use super::math::BLOCK_PX;
 use super::project::ViewF32;
 use super::simd::SimdLevel;
 use super::structure;
+use super::tiles::TILE_PX;
 use super::update::{UpdateInput, hidden_texture_value, settle, update};
 use crate::backend::{
-    Backend, DeviceInfo, LossValues, RenderOptions, RenderedImage, StepReport, StepRequest, StructurePlan,
-    WindowStatistics,
+    Backend, DeviceInfo, DeviceLimits, LossValues, RenderOptions, RenderedImage, SceneShape, StepReport,
+    StepRequest, StructurePlan, WindowStatistics,
 };
 use crate::camera::{Camera, Similarity};
 use crate::model::{AdamState, Model, SplatArrays, TexturePool};
@@ -162,6 +163,17 @@ impl Backend for CpuBackend {
         }
     }
 
+    fn limits(&self, _shape: SceneShape) -> DeviceLimits {
+        DeviceLimits {
+            // Tiles of a row, and rows of tiles, are counted in 16 bits.
+            max_side_px: TILE_PX as u32 * u32::from(u16::MAX),
+            max_pixels: u32::MAX.into(),
+            max_splats: u32::MAX.into(),
+            // The floats of the texels in sight are counted in 32 bits.
+            max_texels: u64::from(u32::MAX) / 3,
+        }
+    }
+
     fn upload(&mut self, model: &Model, adam: &AdamState) -> Result<()> {
         self.model = model.clone();
         self.adam = adam.clone();
@@ -239,7 +251,8 @@ impl Backend for CpuBackend {
         // Resampling does not commute with the updates that are still owed.
         let (step, model, adam) = (self.adam.step, &mut self.model, &mut self.adam);
         self.pool.install(|| settle(model, adam, None, step));
-        (self.model, self.adam) = self.pool.install(|| structure::apply_plan(&self.model, &self.adam, plan));
+        (self.model, self.adam) =
+            self.pool.install(|| structure::apply_plan(&self.model, &self.adam, plan))?;
         self.settled = None;
         self.statistics = WindowStatistics::empty(self.model.num_splats());
         Ok(())

@@ -1,6 +1,7 @@
 //! Applies a structure plan: gathers splats, changes their maps and moments, edits parameters.
 
 use super::maps::{Outside, regrid, resample};
+use crate::Result;
 use crate::backend::{MapChange, SplatEdit, StructurePlan};
 use crate::model::{AdamState, Model, SplatArrays, SplatGroup, TextureMap, TexturePool};
 use rayon::prelude::*;
@@ -14,7 +15,14 @@ enum Texels {
 }
 
 /// The model and optimiser state after the plan, which must have been checked.
-pub(super) fn apply_plan(model: &Model, adam: &AdamState, plan: &StructurePlan) -> (Model, AdamState) {
+///
+/// # Errors
+/// As [`TexturePool::neutral`].
+pub(super) fn apply_plan(
+    model: &Model,
+    adam: &AdamState,
+    plan: &StructurePlan,
+) -> Result<(Model, AdamState)> {
     let gather = |arrays: &SplatArrays| arrays.gathered(&plan.sources);
     let old = &model.textures.maps;
     let extents = plan.sources.iter().zip(&plan.maps).map(|(&s, change)| match *change {
@@ -27,7 +35,7 @@ pub(super) fn apply_plan(model: &Model, adam: &AdamState, plan: &StructurePlan) 
             (rows, cols, old[s as usize].texel_size * grid.texel_ratio())
         }
     });
-    let mut textures = TexturePool::neutral(extents);
+    let mut textures = TexturePool::neutral(extents)?;
     let change_all = |from: &[f32], which: Texels| -> Vec<f32> {
         let parts: Vec<Vec<f32>> = plan
             .sources
@@ -56,7 +64,7 @@ pub(super) fn apply_plan(model: &Model, adam: &AdamState, plan: &StructurePlan) 
     };
     let mut model = Model { splats: gather(&model.splats), textures, ..*model };
     plan.edits.iter().for_each(|edit| carry_out(edit, &mut model.splats, &mut adam.splats_m));
-    (model, adam)
+    Ok((model, adam))
 }
 
 /// One array of one map after its change.
@@ -100,6 +108,10 @@ mod tests {
     use super::*;
     use crate::backend::Grid;
     use crate::selftest::{SceneOptions, random_scene};
+
+    fn apply_plan(model: &Model, adam: &AdamState, plan: &StructurePlan) -> (Model, AdamState) {
+        super::apply_plan(model, adam, plan).unwrap()
+    }
 
     /// A small model with moments that are no round numbers, and a plan of `change` for its first map.
     fn planned(change: MapChange) -> (Model, AdamState, StructurePlan) {

@@ -176,7 +176,7 @@ pub fn initial_model(capture: &Capture, options: &InitOptions) -> Result<(Model,
     }
     let (turned, mut stream) = (local_from_cameras(capture), Stream::new(options.seed, 4));
     seeds.iter_mut().for_each(|seed| seed.quaternion = quaternion(turned, &mut stream));
-    Ok((model(capture, &along_a_curve(&seeds), options), report))
+    Ok((model(capture, &along_a_curve(&seeds), options)?, report))
 }
 
 fn seeds(capture: &Capture, options: &InitOptions, report: &mut Report) -> Result<Vec<Seed>> {
@@ -285,7 +285,7 @@ fn along_a_curve(seeds: &[Seed]) -> Vec<Seed> {
     order.into_iter().map(|(_, i)| seeds[i]).collect()
 }
 
-fn model(capture: &Capture, seeds: &[Seed], options: &InitOptions) -> Model {
+fn model(capture: &Capture, seeds: &[Seed], options: &InitOptions) -> Result<Model> {
     let mut splats = SplatArrays::zeros(seeds.len(), options.sh_degree);
     let positions: Vec<[f32; 3]> = seeds.iter().map(|s| s.position).collect();
     let sigmas: Vec<f32> = mean_squared_spacing(&positions)
@@ -305,12 +305,12 @@ fn model(capture: &Capture, seeds: &[Seed], options: &InitOptions) -> Model {
         }
     }
     let extents = sigmas.iter().map(|&sigma| map_extent(sigma, options.policy));
-    Model {
-        textures: TexturePool::neutral(extents),
+    Ok(Model {
+        textures: TexturePool::neutral(extents)?,
         splats,
         near: capture.near,
         capture_from_local: capture.capture_from_local,
-    }
+    })
 }
 
 /// Uniform over all rotations, drawn in turned axes.

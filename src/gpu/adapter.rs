@@ -1,5 +1,6 @@
 //! Which GPUs there are, and which one a name means.
 
+use super::shader::{GROUP, MAX_GROUPS};
 use crate::{Error, Result};
 
 /// An adapter as `litetex devices` shows it.
@@ -16,15 +17,57 @@ pub struct AdapterChoice {
     pub(super) adapter: wgpu::Adapter,
 }
 
-/// All adapters that can run the kernels, best first: discrete, integrated and virtual GPUs, software.
-pub fn list_adapters() -> Vec<AdapterChoice> {
+/// An adapter that cannot run the kernels.
+#[derive(Clone, Debug)]
+pub struct UnfitAdapter {
+    /// What `--device` would take for it.
+    pub name: String,
+    /// Adapter, driver and API.
+    pub description: String,
+    /// Whether it is hardware.
+    pub hardware: bool,
+    /// What it lacks, with what it has and what is needed.
+    pub lacks: String,
+}
+
+fn all_adapters() -> Vec<wgpu::Adapter> {
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
         backends: wgpu::Backends::VULKAN | wgpu::Backends::METAL | wgpu::Backends::DX12,
         flags: instance_flags(),
         ..wgpu::InstanceDescriptor::new_without_display_handle()
     });
-    let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()));
-    let mut adapters: Vec<wgpu::Adapter> = adapters.into_iter().filter(can_compute).collect();
+    pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()))
+}
+
+/// What an adapter lacks.
+fn lacks_of(adapter: &wgpu::Adapter) -> Vec<String> {
+    lacks(adapter.get_downlevel_capabilities().flags, &adapter.limits())
+}
+
+fn describe(info: &wgpu::AdapterInfo) -> String {
+    let driver = [info.driver.as_str(), info.driver_info.as_str()].join(" ");
+    format!("{}, {}, {:?}", info.name, driver.trim(), info.backend)
+}
+
+/// Adapters that cannot run the kernels, and why.
+pub fn unfit_adapters() -> Vec<UnfitAdapter> {
+    let unfit = all_adapters().into_iter().filter_map(|adapter| {
+        let (info, lacks) = (adapter.get_info(), lacks_of(&adapter));
+        let unfit = UnfitAdapter {
+            name: short_name(&info.name),
+            description: describe(&info),
+            hardware: software(info.device_type, &[&info.name, &info.driver, &info.driver_info]).is_none(),
+            lacks: lacks.join(", "),
+        };
+        (!lacks.is_empty()).then_some(unfit)
+    });
+    unfit.collect()
+}
+
+/// All adapters that can run the kernels, best first: discrete, integrated and virtual GPUs, software.
+pub fn list_adapters() -> Vec<AdapterChoice> {
+    let mut adapters = all_adapters();
+    adapters.retain(|adapter| lacks_of(adapter).is_empty());
     adapters.sort_by_key(|a| rank(&a.get_info()));
     let mut out: Vec<AdapterChoice> = Vec::new();
     for adapter in adapters {
@@ -36,7 +79,7 @@ pub fn list_adapters() -> Vec<AdapterChoice> {
         let software = software(info.device_type, &[&info.name, &driver]);
         out.push(AdapterChoice {
             name,
-            description: format!("{}, {}, {:?}", info.name, driver.trim(), info.backend),
+            description: describe(&info),
             hardware: software.is_none(),
             software,
             adapter,
@@ -51,13 +94,30 @@ fn instance_flags() -> wgpu::InstanceFlags {
     flags.with_env()
 }
 
-fn can_compute(adapter: &wgpu::Adapter) -> bool {
-    let downlevel = adapter.get_downlevel_capabilities();
-    let needed = wgpu::DownlevelFlags::COMPUTE_SHADERS | wgpu::DownlevelFlags::INDIRECT_EXECUTION;
-    let limits = adapter.limits();
-    downlevel.flags.contains(needed)
-        && limits.max_storage_buffers_per_shader_stage >= 8
-        && limits.max_compute_invocations_per_workgroup >= super::shader::GROUP
+/// Workgroup memory that the kernels need, and storage buffers that one of them binds.
+const WORKGROUP_BYTES: u32 = 16 << 10;
+const STORAGE_BUFFERS: u32 = 8;
+
+/// What the kernels need and an adapter with these capabilities does not have.
+fn lacks(flags: wgpu::DownlevelFlags, limits: &wgpu::Limits) -> Vec<String> {
+    let mut out = Vec::new();
+    let abilities = [
+        (wgpu::DownlevelFlags::COMPUTE_SHADERS, "compute shaders"),
+        (wgpu::DownlevelFlags::INDIRECT_EXECUTION, "indirect dispatches"),
+    ];
+    out.extend(
+        abilities.iter().filter(|(flag, _)| !flags.contains(*flag)).map(|(_, what)| format!("no {what}")),
+    );
+    let wanted = [
+        ("storage buffers of a kernel", limits.max_storage_buffers_per_shader_stage, STORAGE_BUFFERS),
+        ("invocations of a workgroup", limits.max_compute_invocations_per_workgroup, GROUP),
+        ("invocations of a workgroup along x", limits.max_compute_workgroup_size_x, GROUP),
+        ("bytes of workgroup memory", limits.max_compute_workgroup_storage_size, WORKGROUP_BYTES),
+        ("workgroups of a dispatch along an axis", limits.max_compute_workgroups_per_dimension, MAX_GROUPS),
+    ];
+    let missing = wanted.into_iter().filter(|(_, has, needed)| has < needed);
+    out.extend(missing.map(|(what, has, needed)| format!("{has} {what}, {needed} are needed")));
+    out
 }
 
 /// Renderers that run on the processor, by words of their names or of their drivers' names. What forwards to
@@ -127,6 +187,12 @@ pub fn find_adapter(name: &str) -> Result<AdapterChoice> {
     if let Some(found) = found {
         return Ok(found.clone());
     }
+    // What is there and cannot serve says why.
+    let unfit = unfit_adapters();
+    let meant = |u: &&UnfitAdapter| wanted == "gpu" || u.name.contains(&wanted);
+    let unfit: Vec<String> =
+        unfit.iter().filter(meant).map(|u| format!("; {:?} cannot be used: {}", u.name, u.lacks)).collect();
+    let unfit = unfit.concat();
     let known: Vec<String> = all.iter().map(|a| format!("{:?}", a.name)).collect();
     let what = match (wanted.as_str(), known.as_slice()) {
         ("gpu", []) => "no GPU and no graphics driver was found; use \"cpu\"".to_owned(),
@@ -142,7 +208,7 @@ pub fn find_adapter(name: &str) -> Result<AdapterChoice> {
             known.join(", ")
         ),
     };
-    Err(Error::unsupported("--device", what))
+    Err(Error::unsupported("--device", what + &unfit))
 }
 
 #[cfg(test)]
@@ -172,6 +238,32 @@ mod tests {
         for (kind, name, driver) in hardware_ones {
             assert_eq!(software(kind, &[name, driver]), None, "{name}");
         }
+    }
+
+    #[test]
+    fn what_an_adapter_lacks_is_named_with_numbers() {
+        let all = wgpu::DownlevelFlags::all();
+        let floor = wgpu::Limits::downlevel_defaults();
+        let enough = wgpu::Limits {
+            max_storage_buffers_per_shader_stage: 8,
+            max_compute_workgroup_storage_size: 16 << 10,
+            ..floor
+        };
+        assert_eq!(lacks(all, &enough), [""; 0]);
+        let few = wgpu::Limits { max_storage_buffers_per_shader_stage: 4, ..enough.clone() };
+        assert_eq!(lacks(all, &few), ["4 storage buffers of a kernel, 8 are needed"]);
+        let small = wgpu::Limits {
+            max_compute_invocations_per_workgroup: 128,
+            max_compute_workgroup_storage_size: 8192,
+            ..enough
+        };
+        let lacking = lacks(all - wgpu::DownlevelFlags::INDIRECT_EXECUTION, &small);
+        let expected =
+            ["no indirect dispatches", "128 invocations of a workgroup", "8192 bytes of workgroup memory"];
+        assert!(
+            lacking.len() == 3 && lacking.iter().zip(expected).all(|(l, e)| l.starts_with(e)),
+            "{lacking:?}"
+        );
     }
 
     #[test]

@@ -15,10 +15,10 @@ use super::submission::{Promise, check_camera, check_request};
 use super::timing::Timer;
 use super::uniform::{self, Scene, needs_statistics};
 use super::view_buffers::{Capacity, Needs};
-use super::{geometry, sort, structure};
+use super::{geometry, limits, sort, structure};
 use crate::backend::{
-    Backend, DeviceInfo, RenderOptions, RenderedImage, StepReport, StepRequest, StructurePlan,
-    WindowStatistics,
+    Backend, DeviceInfo, DeviceLimits, RenderOptions, RenderedImage, SceneShape, StepReport, StepRequest,
+    StructurePlan, WindowStatistics,
 };
 use crate::camera::{Camera, Similarity};
 use crate::model::{AdamState, Model, SplatArrays, TexturePool};
@@ -247,6 +247,10 @@ impl Backend for GpuBackend {
     fn device(&self) -> DeviceInfo {
         let choice = &self.device.choice;
         DeviceInfo { name: choice.name.clone(), description: choice.description.clone() }
+    }
+
+    fn limits(&self, shape: SceneShape) -> DeviceLimits {
+        limits::limits(self.device.most_buffer_bytes(), shape)
     }
 
     fn upload(&mut self, model: &Model, adam: &AdamState) -> Result<()> {

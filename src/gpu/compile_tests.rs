@@ -6,55 +6,58 @@ use crate::Error;
 
 #[test]
 fn every_kernel_compiles_within_the_lowest_limits() {
-    let Some(choice) = list_adapters().into_iter().next() else { return };
-    let device = GpuDevice::open(&choice, Limits::Downlevel).unwrap();
-    for (id, _) in KERNELS {
-        if let Err(e) = device.pipelines(&[*id], &[]) {
-            panic!("{id:?}: {e}");
+    for choice in list_adapters() {
+        let device = GpuDevice::open(&choice, Limits::Downlevel).unwrap();
+        for (id, _) in KERNELS {
+            if let Err(e) = device.pipelines(&[*id], &[]) {
+                panic!("{id:?}: {e}");
+            }
         }
     }
 }
 
 #[test]
 fn the_lowest_limits_are_in_force() {
-    let Some(choice) = list_adapters().into_iter().next() else { return };
-    let device = GpuDevice::open(&choice, Limits::Downlevel).unwrap();
-    let granted = device.device.limits();
-    assert_eq!(granted.max_storage_buffers_per_shader_stage, 8);
-    assert_eq!(granted.max_compute_workgroup_storage_size, 16 << 10);
-    assert_eq!(granted.max_storage_buffer_binding_size, 128 << 20);
-    // Ours says how many of what there would be.
-    let texels = 130 << 16;
-    let refused = device.buffer("texels", texels, 16).unwrap_err();
-    let message = refused.to_string();
-    assert!(matches!(refused, Error::Device(_)), "{message}");
-    for part in [format!("texels: {texels} x 16 bytes = 130.0 MiB"), "128.0 MiB".into()] {
-        assert!(message.contains(&part), "{message}");
-    }
-    assert!(device.buffer("texels", 1 << 16, 16).is_ok());
-    // wgpu's hold beneath: what the layout of a kernel may bind. The memory of a workgroup it does not check:
-    // shader_tests do.
-    let entry = |binding| wgpu::BindGroupLayoutEntry {
-        binding,
-        visibility: wgpu::ShaderStages::COMPUTE,
-        ty: wgpu::BindingType::Buffer {
-            ty: wgpu::BufferBindingType::Storage { read_only: true },
-            has_dynamic_offset: false,
-            min_binding_size: None,
-        },
-        count: None,
-    };
-    for (bindings, refused) in [(8, false), (9, true)] {
-        let scope = device.device.push_error_scope(wgpu::ErrorFilter::Validation);
-        let entries: Vec<_> = (0..bindings).map(entry).collect();
-        let layout = device
-            .device
-            .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: None, entries: &entries });
-        let _ = device.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: None,
-            bind_group_layouts: &[Some(&layout)],
-            immediate_size: 0,
-        });
-        assert_eq!(pollster::block_on(scope.pop()).is_some(), refused, "{bindings} bindings");
+    for choice in list_adapters() {
+        let device = GpuDevice::open(&choice, Limits::Downlevel).unwrap();
+        let granted = device.device.limits();
+        assert_eq!(granted.max_storage_buffers_per_shader_stage, 8);
+        assert_eq!(granted.max_compute_workgroup_storage_size, 16 << 10);
+        assert_eq!(granted.max_storage_buffer_binding_size, 128 << 20);
+        // Ours says how many of what there would be.
+        let texels = 130 << 16;
+        let refused = device.buffer("texels", texels, 16).unwrap_err();
+        let message = refused.to_string();
+        assert!(matches!(refused, Error::Device(_)), "{message}");
+        for part in [format!("texels: {texels} x 16 bytes = 130.0 MiB"), "128.0 MiB".into()] {
+            assert!(message.contains(&part), "{message}");
+        }
+        assert!(device.buffer("texels", 1 << 16, 16).is_ok());
+        // wgpu's hold beneath: what the layout of a kernel may bind. The memory of a workgroup it does not check:
+        // shader_tests do.
+        let entry = |binding| wgpu::BindGroupLayoutEntry {
+            binding,
+            visibility: wgpu::ShaderStages::COMPUTE,
+            ty: wgpu::BindingType::Buffer {
+                ty: wgpu::BufferBindingType::Storage { read_only: true },
+                has_dynamic_offset: false,
+                min_binding_size: None,
+            },
+            count: None,
+        };
+        for (bindings, refused) in [(8, false), (9, true)] {
+            let scope = device.device.push_error_scope(wgpu::ErrorFilter::Validation);
+            let entries: Vec<_> = (0..bindings).map(entry).collect();
+            let layout = device.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+                label: None,
+                entries: &entries,
+            });
+            let _ = device.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+                label: None,
+                bind_group_layouts: &[Some(&layout)],
+                immediate_size: 0,
+            });
+            assert_eq!(pollster::block_on(scope.pop()).is_some(), refused, "{bindings} bindings");
+        }
     }
 }

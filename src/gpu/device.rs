@@ -18,6 +18,8 @@ pub enum Limits {
     Adapter,
     /// The floor: 8 storage buffers, 16 KiB of workgroup memory, bindings of 128 MiB.
     Downlevel,
+    /// The floor, with buffers of at most so many bytes: for tests of what does not fit.
+    Buffers(u64),
 }
 
 /// A compiled kernel.
@@ -81,6 +83,11 @@ impl GpuDevice {
         let required_limits = match limits {
             Limits::Adapter => adapter.limits(),
             Limits::Downlevel => downlevel(&adapter.limits()),
+            Limits::Buffers(bytes) => wgpu::Limits {
+                max_storage_buffer_binding_size: bytes,
+                max_buffer_size: bytes,
+                ..downlevel(&adapter.limits())
+            },
         };
         let features = adapter.features() & wgpu::Features::TIMESTAMP_QUERY;
         let request = adapter.request_device(&wgpu::DeviceDescriptor {
@@ -172,7 +179,7 @@ impl GpuDevice {
     pub(super) fn buffer(&self, what: &str, count: u64, element_bytes: u64) -> Result<wgpu::Buffer> {
         // Room for one element at least: an empty binding is refused.
         let bytes = (count.max(1) * element_bytes).next_multiple_of(16);
-        let most = self.limits.max_storage_buffer_binding_size.min(self.limits.max_buffer_size);
+        let most = self.most_buffer_bytes();
         if bytes > most {
             return Err(self.error(&format!(
                 "{what}: {count} x {element_bytes} bytes = {:.1} MiB, but a buffer may have {:.1} MiB here; use \

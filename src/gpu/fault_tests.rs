@@ -1,23 +1,24 @@
 //! What is left after a step that failed while the device is alive; and what a call says that comes too early.
 
-use super::adapter::list_adapters;
 use super::backend::{GpuBackend, GpuOptions};
 use super::device::{GpuDevice, Limits};
+use super::harness::test_drivers;
 use super::kernels::Buf;
 use crate::Error;
 use crate::backend::{Backend as _, LearningRates, LossWeights, RenderOptions, StepRequest, TargetImage};
 use crate::model::AdamState;
 use crate::selftest::{Scene, SceneOptions, random_scene};
 
-pub(super) fn backend() -> Option<GpuBackend> {
-    let adapters = list_adapters();
-    let choice = adapters.iter().find(|a| !a.hardware).or(adapters.first());
-    let Some(choice) = choice else {
-        assert!(std::env::var_os("LITETEX_REQUIRE_GPU").is_none(), "no Vulkan driver, but one is required");
-        println!("skipped: no Vulkan driver is installed");
-        return None;
-    };
-    Some(GpuBackend::new(GpuDevice::open(choice, Limits::Downlevel).unwrap(), GpuOptions::default()).unwrap())
+/// Backends on every software driver in turn.
+pub(super) fn backends() -> impl Iterator<Item = GpuBackend> {
+    test_drivers().into_iter().map(|choice| {
+        println!("{}", choice.name);
+        GpuBackend::new(GpuDevice::open(&choice, Limits::Downlevel).unwrap(), GpuOptions::default()).unwrap()
+    })
+}
+
+fn backend() -> Option<GpuBackend> {
+    backends().next()
 }
 
 fn scene() -> Scene {

@@ -1,42 +1,43 @@
 //! Texel gradients in fixed point: what a poisoned picture puts into them.
 
 use super::backend::GpuOptions;
-use super::fault_tests::{backend, request};
+use super::fault_tests::{backends, request};
 use crate::backend::{Backend as _, LossWeights, StepRequest};
 use crate::model::AdamState;
 use crate::selftest::{SceneOptions, random_scene};
 
 #[test]
 fn poisoned_texel_gradients_are_cut_off_and_counted_and_never_wrap_around() {
-    let Some(mut backend) = backend() else { return };
-    // Splats of some 20 px with texels of a little more than one: the form for hardware adds tap by tap, seven of
-    // them a texel. With the limit of a tile's pixels for each the sums wrap around: that was tried.
-    let mut scene = random_scene(&SceneOptions {
-        num_splats: 60,
-        width_px: 64,
-        height_px: 64,
-        map_sizes: vec![(14, 14)],
-        scales: (0.055, 0.06),
-        depths: (0.95, 1.05),
-        opacities: (0.9, 0.99),
-        sh_degree: 0,
-        ..SceneOptions::default()
-    });
-    scene.target.rgb.fill(0);
-    scene.model.textures.texels.fill(0.0);
-    let mut gradients = Vec::new();
-    for (hardware, rgb) in [(true, 1.0), (true, 1e4), (false, 1e4)] {
-        let options = GpuOptions { hardware_kernels: Some(hardware), ..GpuOptions::default() };
-        backend.set_options(options).unwrap();
-        scene.model.splats.sh.fill(((rgb - 0.5) / crate::constants::SH_0) as f32);
-        backend.upload(&scene.model, &AdamState::zeros(&scene.model)).unwrap();
-        let loss = LossWeights { mse: 1.0, ..LossWeights::NONE };
-        let report = backend.step(&StepRequest { loss, ..request(&scene, 1) }).unwrap();
-        // Brighter than black everywhere: no gradient is negative, whatever was cut off.
-        let (_, adam) = backend.read_back().unwrap();
-        assert!(adam.texels_m.iter().all(|&m| m >= 0.0), "a sum has wrapped around: {hardware} {rgb}");
-        assert_eq!(report.non_finite_gradients > 0, rgb > 10.0, "{hardware} {rgb}");
-        gradients.push(adam.texels_m.iter().map(|&m| f64::from(m)).sum::<f64>());
+    for mut backend in backends() {
+        // Splats of some 20 px with texels of a little more than one: the form for hardware adds tap by tap, seven of
+        // them a texel. With the limit of a tile's pixels for each the sums wrap around: that was tried.
+        let mut scene = random_scene(&SceneOptions {
+            num_splats: 60,
+            width_px: 64,
+            height_px: 64,
+            map_sizes: vec![(14, 14)],
+            scales: (0.055, 0.06),
+            depths: (0.95, 1.05),
+            opacities: (0.9, 0.99),
+            sh_degree: 0,
+            ..SceneOptions::default()
+        });
+        scene.target.rgb.fill(0);
+        scene.model.textures.texels.fill(0.0);
+        let mut gradients = Vec::new();
+        for (hardware, rgb) in [(true, 1.0), (true, 1e4), (false, 1e4)] {
+            let options = GpuOptions { hardware_kernels: Some(hardware), ..GpuOptions::default() };
+            backend.set_options(options).unwrap();
+            scene.model.splats.sh.fill(((rgb - 0.5) / crate::constants::SH_0) as f32);
+            backend.upload(&scene.model, &AdamState::zeros(&scene.model)).unwrap();
+            let loss = LossWeights { mse: 1.0, ..LossWeights::NONE };
+            let report = backend.step(&StepRequest { loss, ..request(&scene, 1) }).unwrap();
+            // Brighter than black everywhere: no gradient is negative, whatever was cut off.
+            let (_, adam) = backend.read_back().unwrap();
+            assert!(adam.texels_m.iter().all(|&m| m >= 0.0), "a sum has wrapped around: {hardware} {rgb}");
+            assert_eq!(report.non_finite_gradients > 0, rgb > 10.0, "{hardware} {rgb}");
+            gradients.push(adam.texels_m.iter().map(|&m| f64::from(m)).sum::<f64>());
+        }
+        assert!(gradients[1] > gradients[0] && gradients[2] > gradients[0], "{gradients:?}");
     }
-    assert!(gradients[1] > gradients[0] && gradients[2] > gradients[0], "{gradients:?}");
 }

@@ -1,12 +1,32 @@
 //! For the tests of single kernels: an open device with buffers filled by hand.
 
-use super::adapter::list_adapters;
+use super::adapter::{AdapterChoice, list_adapters};
 use super::device::{GpuDevice, Limits, Pipeline, UNIFORM_STRIDE};
 use super::encode::{Dispatch, encode};
 use super::kernels::{Buf, Groups, KernelId, NUM_GROUPS};
 use super::layout::{DispatchArgs, SortPass, StepUniform};
 use super::resources::Resources;
 use std::collections::BTreeMap;
+
+/// Software drivers, the faster one first; where there is none, any; where there is no driver at all, says so.
+/// `LITETEX_REQUIRE_GPU` says how many there must be.
+pub(super) fn test_drivers() -> Vec<AdapterChoice> {
+    let adapters = list_adapters();
+    let mut software: Vec<_> = adapters.iter().filter(|a| !a.hardware).cloned().collect();
+    software.sort_by_key(|a| a.name != "lavapipe");
+    let required = std::env::var("LITETEX_REQUIRE_GPU").ok().and_then(|n| n.parse().ok()).unwrap_or(0);
+    assert!(
+        software.len() >= required,
+        "{required} software Vulkan drivers are required, there is {adapters:?}"
+    );
+    if !software.is_empty() {
+        return software;
+    }
+    if adapters.is_empty() {
+        println!("skipped: no Vulkan driver is installed");
+    }
+    adapters.into_iter().take(1).collect()
+}
 
 /// A device, the kernels under test and their buffers.
 pub(super) struct Harness {
@@ -16,24 +36,25 @@ pub(super) struct Harness {
 }
 
 impl Harness {
-    /// Opens the first software adapter, else any; `None`, said aloud, where there is no driver at all.
+    /// On every software driver in turn, within the lowest limits.
+    pub(super) fn on_each_driver(kernels: &[KernelId]) -> impl Iterator<Item = Self> {
+        test_drivers().into_iter().map(|choice| Self::on(&choice, kernels))
+    }
+
+    /// On the first of them.
     pub(super) fn new(kernels: &[KernelId]) -> Option<Self> {
-        let adapters = list_adapters();
-        let Some(choice) = adapters.iter().find(|a| !a.hardware).or(adapters.first()) else {
-            assert!(
-                std::env::var_os("LITETEX_REQUIRE_GPU").is_none(),
-                "no Vulkan driver, but one is required"
-            );
-            println!("skipped: no Vulkan driver is installed");
-            return None;
-        };
+        Self::on_each_driver(kernels).next()
+    }
+
+    fn on(choice: &AdapterChoice, kernels: &[KernelId]) -> Self {
+        println!("{}", choice.name);
         let device = GpuDevice::open(choice, Limits::Downlevel).unwrap();
         let steps = device.uniforms("steps", 4).unwrap();
         let sort_passes = device.uniforms("sort passes", 16).unwrap();
         let pipelines = device.pipelines(kernels, &[]).unwrap();
         let mut harness = Self { device, resources: Resources::new(steps, sort_passes), pipelines };
         harness.fill(Buf::Args, &vec![DispatchArgs::default(); NUM_GROUPS as usize]);
-        Some(harness)
+        harness
     }
 
     /// Makes a buffer of these values.

@@ -172,19 +172,19 @@ kernels! {
         write splat_p = SplatP, write splat_m = SplatM, write splat_v = SplatV, read splat_info = SplatInfo,
     ];
     RasterFwd = "raster_fwd" &[], Tiles, false, [
-        read projected = Projected, read pairs = Pairs, read tile_ranges = TileRanges,
+        read projected = Projected, write pairs = Pairs, read tile_ranges = TileRanges,
         read texel_values = TexelValues, write pixels = Pixels, write pixel_state = PixelState,
     ];
     RasterFwdCount = "raster_fwd" &["COUNT", "ATOMIC_STATUS"], Tiles, false, [
-        read projected = Projected, read pairs = Pairs, read tile_ranges = TileRanges,
+        read projected = Projected, write pairs = Pairs, read tile_ranges = TileRanges,
         read texel_values = TexelValues, write pixels = Pixels, write pixel_state = PixelState, write status = Status,
     ];
     RasterFwdBatched = "raster_fwd" &["BATCHED"], Tiles, false, [
-        read projected = Projected, read pairs = Pairs, read tile_ranges = TileRanges,
+        read projected = Projected, write pairs = Pairs, read tile_ranges = TileRanges,
         read texel_values = TexelValues, write pixels = Pixels, write pixel_state = PixelState,
     ];
     RasterFwdBatchedCount = "raster_fwd" &["BATCHED", "COUNT", "ATOMIC_STATUS"], Tiles, false, [
-        read projected = Projected, read pairs = Pairs, read tile_ranges = TileRanges,
+        read projected = Projected, write pairs = Pairs, read tile_ranges = TileRanges,
         read texel_values = TexelValues, write pixels = Pixels, write pixel_state = PixelState, write status = Status,
     ];
     RasterBwd = "raster_bwd" &[], Tiles, false, [
@@ -276,20 +276,19 @@ kernels! {
         read status = Status, read keys_in = KeysB, write ranges_out = TileRanges,
     ];
     GatherPairs = "gather_pairs" &[], Pairs, false, [
-        read status = Status, read keys_in = KeysB, read values_in = ValuesB, read slot_splat = SlotSplat,
-        read projected = Projected, write pairs = Pairs,
+        read status = Status, read values_in = ValuesB, read slot_splat = SlotSplat, write pairs = Pairs,
     ];
     ProjectGeometry = "project" &["GEOMETRY"], Splats, false, [
         write splat_p = SplatP, write splat_m = SplatM, write splat_v = SplatV, read splat_info = SplatInfo,
         write projected = Projected, write bounds = Bounds, write keys_out = KeysA, write normals = Normals,
     ];
     RasterFwdGeometry = "raster_fwd" &["GEOMETRY"], Tiles, false, [
-        read projected = Projected, read pairs = Pairs, read tile_ranges = TileRanges,
+        read projected = Projected, write pairs = Pairs, read tile_ranges = TileRanges,
         read texel_values = TexelValues, write pixels = Pixels, write pixel_state = PixelState,
         read normals = Normals, write geometry = Geometry,
     ];
     RasterFwdBatchedGeometry = "raster_fwd" &["BATCHED", "GEOMETRY"], Tiles, false, [
-        read projected = Projected, read pairs = Pairs, read tile_ranges = TileRanges,
+        read projected = Projected, write pairs = Pairs, read tile_ranges = TileRanges,
         read texel_values = TexelValues, write pixels = Pixels, write pixel_state = PixelState,
         read normals = Normals, write geometry = Geometry,
     ];

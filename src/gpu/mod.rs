@@ -17,6 +17,7 @@ mod geometry;
 mod harness;
 mod kernels;
 mod layout;
+mod limits;
 #[cfg(test)]
 mod loss_tests;
 mod model_buffers;
@@ -40,7 +41,7 @@ mod uniform;
 mod view_buffers;
 mod web;
 
-pub use adapter::{AdapterChoice, find_adapter, list_adapters};
+pub use adapter::{AdapterChoice, UnfitAdapter, find_adapter, list_adapters, unfit_adapters};
 pub use backend::{GpuBackend, GpuOptions};
 pub use device::{DeviceWork, GpuDevice, Limits};
 pub use shader::Expanded;

@@ -75,8 +75,7 @@ impl PhotoPool {
         resources: &mut Resources,
         batch: &[(u32, &TargetImage)],
     ) -> Result<usize> {
-        let limits = &device.limits;
-        let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size).min(POOL_MAX_BYTES);
+        let most = device.most_buffer_bytes().min(POOL_MAX_BYTES);
         let keys: Vec<Key> = batch.iter().map(Key::of).collect();
         let (fitting, wanted_px) = self.wanted(&keys, most / PIXEL_BYTES);
         if wanted_px > self.capacity_px {

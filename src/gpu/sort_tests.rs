@@ -16,14 +16,20 @@ pub(super) const SORT: [KernelId; 3] = [KernelId::SortCount, KernelId::SortScan,
 /// The first entry of the ring of steps.
 pub(super) const STEP: Offsets = Offsets { step: 0, sort_pass: 0 };
 
-/// A device with the table of passes.
+/// Devices with the table of passes.
+pub(super) fn open_all(kernels: &[KernelId]) -> impl Iterator<Item = Harness> {
+    Harness::on_each_driver(kernels).map(|mut harness| {
+        for (slot, pass) in (0..).zip(sort_passes()) {
+            harness.set_sort_pass(slot, &pass);
+        }
+        harness.fill(Buf::Status, &[Status::default(); 4]);
+        harness
+    })
+}
+
+/// The first of them.
 pub(super) fn open(kernels: &[KernelId]) -> Option<Harness> {
-    let mut harness = Harness::new(kernels)?;
-    for (slot, pass) in (0..).zip(sort_passes()) {
-        harness.set_sort_pass(slot, &pass);
-    }
-    harness.fill(Buf::Status, &[Status::default(); 4]);
-    Some(harness)
+    open_all(kernels).next()
 }
 
 /// Buffers of a sort, of splats by depth: keys as given, everything else filled with what must not be read.
@@ -59,59 +65,62 @@ fn sorted_indices(keys: &[u32]) -> Vec<u32> {
 
 #[test]
 fn the_sort_is_that_of_rust_ties_included() {
-    let Some(mut harness) = open(&SORT) else { return };
-    let mut rng = Pcg32::seed_from_u64(1);
-    for (count, distinct) in [0, 1, 255, 256, 1023, 1024, 1025, 5000, 70_000]
-        .into_iter()
-        .flat_map(|count| [(count, 1), (count, 40), (count, 1 << 28)])
-    {
-        let keys = random_keys(count, distinct, &mut rng);
-        fill_sort(&mut harness, &keys, count);
-        harness.run(&depth_sort(STEP));
-        let order = sorted_indices(&keys);
-        assert!(harness.read::<u32>(Buf::ValuesB, count) == order, "{count} keys, {distinct} different");
-        let sorted: Vec<u32> = order.iter().map(|&i| keys[i as usize]).collect();
-        assert!(harness.read::<u32>(Buf::KeysB, count) == sorted, "{count} keys, {distinct} different");
+    for mut harness in open_all(&SORT) {
+        let mut rng = Pcg32::seed_from_u64(1);
+        for (count, distinct) in [0, 1, 255, 256, 1023, 1024, 1025, 5000, 70_000]
+            .into_iter()
+            .flat_map(|count| [(count, 1), (count, 40), (count, 1 << 28)])
+        {
+            let keys = random_keys(count, distinct, &mut rng);
+            fill_sort(&mut harness, &keys, count);
+            harness.run(&depth_sort(STEP));
+            let order = sorted_indices(&keys);
+            assert!(harness.read::<u32>(Buf::ValuesB, count) == order, "{count} keys, {distinct} different");
+            let sorted: Vec<u32> = order.iter().map(|&i| keys[i as usize]).collect();
+            assert!(harness.read::<u32>(Buf::KeysB, count) == sorted, "{count} keys, {distinct} different");
+        }
     }
 }
 
 #[test]
 fn shuffled_ties_are_noticed() {
-    let Some(mut harness) = open(&SORT) else { return };
-    let mut rng = Pcg32::seed_from_u64(2);
-    let keys = random_keys(5000, 40, &mut rng);
-    fill_sort(&mut harness, &keys, keys.len());
-    // Values from ValuesA instead of the index: as an unstable sort would leave them.
-    let mut passes = sort_passes();
-    passes[0].identity_values = 0;
-    harness.set_sort_pass(0, &passes[0]);
-    let mut shuffled: Vec<u32> = (0..5000).collect();
-    for tie in keys.iter().copied().collect::<BTreeSet<u32>>() {
-        let places: Vec<usize> = (0..5000).filter(|&i| keys[i] == tie).collect();
-        let mut values: Vec<u32> = places.iter().map(|&i| i as u32).collect();
-        values.shuffle(&mut rng);
-        places.iter().zip(values).for_each(|(&i, value)| shuffled[i] = value);
+    for mut harness in open_all(&SORT) {
+        let mut rng = Pcg32::seed_from_u64(2);
+        let keys = random_keys(5000, 40, &mut rng);
+        fill_sort(&mut harness, &keys, keys.len());
+        // Values from ValuesA instead of the index: as an unstable sort would leave them.
+        let mut passes = sort_passes();
+        passes[0].identity_values = 0;
+        harness.set_sort_pass(0, &passes[0]);
+        let mut shuffled: Vec<u32> = (0..5000).collect();
+        for tie in keys.iter().copied().collect::<BTreeSet<u32>>() {
+            let places: Vec<usize> = (0..5000).filter(|&i| keys[i] == tie).collect();
+            let mut values: Vec<u32> = places.iter().map(|&i| i as u32).collect();
+            values.shuffle(&mut rng);
+            places.iter().zip(values).for_each(|(&i, value)| shuffled[i] = value);
+        }
+        harness.fill(Buf::ValuesA, &shuffled);
+        harness.run(&depth_sort(STEP));
+        let got = harness.read::<u32>(Buf::ValuesB, 5000);
+        assert!(got.is_sorted_by_key(|&i| keys[i as usize]), "by key alone it is sorted");
+        assert_ne!(got, sorted_indices(&keys));
     }
-    harness.fill(Buf::ValuesA, &shuffled);
-    harness.run(&depth_sort(STEP));
-    let got = harness.read::<u32>(Buf::ValuesB, 5000);
-    assert!(got.is_sorted_by_key(|&i| keys[i as usize]), "by key alone it is sorted");
-    assert_ne!(got, sorted_indices(&keys));
 }
 
 #[test]
 fn a_folded_dispatch_sorts_the_same() {
-    let Some(mut harness) = open(&SORT) else { return };
-    let keys = random_keys(5000, 700, &mut Pcg32::seed_from_u64(3));
-    fill_sort(&mut harness, &keys, keys.len());
-    // Five blocks, one group to spare.
-    harness.set_groups(Groups::SplatBlocks, 2, 3);
-    harness.run(&depth_sort(STEP));
-    assert_eq!(harness.read::<u32>(Buf::ValuesB, 5000), sorted_indices(&keys));
-    fill_sort(&mut harness, &keys, keys.len());
-    harness.set_groups(Groups::SplatBlocks, 2, 2);
-    harness.run(&depth_sort(STEP));
-    assert_ne!(harness.read::<u32>(Buf::ValuesB, 5000), sorted_indices(&keys), "a block is missing");
+    for mut harness in open_all(&SORT) {
+        let keys = random_keys(5000, 700, &mut Pcg32::seed_from_u64(3));
+        fill_sort(&mut harness, &keys, keys.len());
+        // Five blocks, one group to spare.
+        harness.set_groups(Groups::SplatBlocks, 2, 3);
+        harness.run(&depth_sort(STEP));
+        assert_eq!(harness.read::<u32>(Buf::ValuesB, 5000), sorted_indices(&keys));
+        fill_sort(&mut harness, &keys, keys.len());
+        harness.set_groups(Groups::SplatBlocks, 2, 2);
+        harness.run(&depth_sort(STEP));
+        assert_ne!(harness.read::<u32>(Buf::ValuesB, 5000), sorted_indices(&keys), "a block is missing");
+    }
 }
 
 #[test]

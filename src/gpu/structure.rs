@@ -25,7 +25,7 @@ pub(super) fn apply_plan(backend: &mut GpuBackend, plan: &StructurePlan) -> Resu
             (rows, cols, old_maps[s as usize].texel_size * grid.texel_ratio())
         }
     });
-    let textures = TexturePool::neutral(extents);
+    let textures = TexturePool::neutral(extents)?;
     let changes: Vec<layout::MapChange> = (plan.sources.iter().zip(&plan.maps).zip(&textures.maps))
         .map(|((&source, change), new)| record_of(change, source, &old_maps[source as usize], new))
         .collect();

@@ -104,9 +104,7 @@ impl GpuBackend {
 
     /// Pairs whose partial sums fit a buffer.
     fn most_pairs(&self) -> u64 {
-        let limits = &self.device.limits;
-        let bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
-        bytes / (4 * u64::from(uniform::PARTIAL_STRIDE_GEOMETRY))
+        self.device.most_buffer_bytes() / (4 * u64::from(uniform::PARTIAL_STRIDE_GEOMETRY))
     }
 
     /// Makes room for the pairs that a view needs.
@@ -236,7 +234,7 @@ fn stages(dispatches: &[Dispatch], times: &[Duration]) -> Stages {
 }
 
 /// Largest side of a picture: pixels of a box are packed into 16 bits each.
-const MAX_SIDE_PX: u32 = 65_535;
+pub(super) const MAX_SIDE_PX: u32 = 65_535;
 
 pub(super) fn check_camera(camera: &Camera) -> Result<()> {
     let (w, h) = (camera.pinhole.width_px, camera.pinhole.height_px);

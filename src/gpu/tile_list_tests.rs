@@ -4,13 +4,13 @@
 use super::device::UNIFORM_STRIDE;
 use super::harness::Harness;
 use super::kernels::{Buf, Groups, KernelId, NUM_GROUPS};
-use super::layout::{DispatchArgs, PROJECTED_BYTES, Status, StepUniform};
+use super::layout::{DispatchArgs, Status, StepUniform};
 use super::resources::Offsets;
 use super::shader::{BLOCK, GROUP, MAX_GROUPS};
 use super::sort::{
     depth_sort, first_args, folded_groups, num_tile_passes, order_and_bin, pair_slots, tile_lists,
 };
-use super::sort_tests::{SORT, STEP, fill_sort, open};
+use super::sort_tests::{SORT, STEP, fill_sort, open, open_all};
 use super::tile_list_twin::{Case, TestBounds, grid_of};
 use rand::{RngExt as _, SeedableRng as _, seq::SliceRandom as _};
 use rand_pcg::Pcg32;
@@ -57,68 +57,75 @@ fn first_slots(harness: &Harness, n: usize) -> Vec<u32> {
 
 #[test]
 fn slots_are_sums_across_blocks() {
-    let Some(mut harness) = open(&SLOTS) else { return };
-    let mut rng = Pcg32::seed_from_u64(5);
-    // The last has more blocks than one scan takes.
-    for n in [1, 1023, 1024, 1025, 5000, 1_050_000] {
-        let mut counts: Vec<u32> = (0..n).map(|_| rng.random_range(0..9)).collect();
-        run_prefix(&mut harness, &counts, StepUniform { pair_capacity: 1 << 30, ..StepUniform::default() });
-        let sums = |counts: &[u32]| -> Vec<u32> {
-            let running = |sum: &mut u32, &count: &u32| Some(std::mem::replace(sum, *sum + count));
-            counts.iter().scan(0, running).collect()
-        };
-        let got = first_slots(&harness, n);
-        assert!(got == sums(&counts), "{n} splats");
-        let status = harness.read::<Status>(Buf::Status, 4);
-        assert_eq!(status[2].needed_pairs, counts.iter().sum::<u32>());
-        assert_eq!([0, 1, 3].map(|i| status[i]), [Status::default(); 3], "other steps' status");
-        if n > 1 {
-            counts[n / 2 - 1] += 1;
-            assert!(got != sums(&counts), "one tile more is noticed");
+    for mut harness in open_all(&SLOTS) {
+        let mut rng = Pcg32::seed_from_u64(5);
+        // The last has more blocks than one scan takes.
+        for n in [1, 1023, 1024, 1025, 5000, 1_050_000] {
+            let mut counts: Vec<u32> = (0..n).map(|_| rng.random_range(0..9)).collect();
+            run_prefix(
+                &mut harness,
+                &counts,
+                StepUniform { pair_capacity: 1 << 30, ..StepUniform::default() },
+            );
+            let sums = |counts: &[u32]| -> Vec<u32> {
+                let running = |sum: &mut u32, &count: &u32| Some(std::mem::replace(sum, *sum + count));
+                counts.iter().scan(0, running).collect()
+            };
+            let got = first_slots(&harness, n);
+            assert!(got == sums(&counts), "{n} splats");
+            let status = harness.read::<Status>(Buf::Status, 4);
+            assert_eq!(status[2].needed_pairs, counts.iter().sum::<u32>());
+            assert_eq!([0, 1, 3].map(|i| status[i]), [Status::default(); 3], "other steps' status");
+            if n > 1 {
+                counts[n / 2 - 1] += 1;
+                assert!(got != sums(&counts), "one tile more is noticed");
+            }
         }
     }
 }
 
 #[test]
 fn workgroups_of_what_follows_are_folded() {
-    let Some(mut harness) = open(&SLOTS) else { return };
-    let n = 1500;
-    let counts = vec![1_000_000; n];
-    let step = StepUniform {
-        pair_capacity: 1_500_000_000,
-        grid: [4096, 4095],
-        size_px: [65_536, 1_600],
-        ..StepUniform::default()
-    };
-    run_prefix(&mut harness, &counts, step);
-    let (num_tiles, total) = (4096_u32 * 4095, 1_500_000_000_u32);
-    let mut expected = first_args(n as u32);
-    for (groups, count) in [
-        (Groups::OneLater, 1),
-        (Groups::EachSplatLater, 1500),
-        (Groups::SplatsLater, 6),
-        (Groups::Tiles, num_tiles),
-        (Groups::LossTiles, 4096 * 100),
-        (Groups::TileInvocations, num_tiles.div_ceil(GROUP)),
-        (Groups::Pairs, total.div_ceil(GROUP)),
-        (Groups::PairBlocks, total.div_ceil(BLOCK)),
-    ] {
-        expected[groups as usize] = folded_groups(count);
+    for mut harness in open_all(&SLOTS) {
+        let n = 1500;
+        let counts = vec![1_000_000; n];
+        let step = StepUniform {
+            pair_capacity: 1_500_000_000,
+            grid: [4096, 4095],
+            size_px: [65_536, 1_600],
+            ..StepUniform::default()
+        };
+        run_prefix(&mut harness, &counts, step);
+        let (num_tiles, total) = (4096_u32 * 4095, 1_500_000_000_u32);
+        let mut expected = first_args(n as u32);
+        for (groups, count) in [
+            (Groups::OneLater, 1),
+            (Groups::EachSplatLater, 1500),
+            (Groups::SplatsLater, 6),
+            (Groups::Tiles, num_tiles),
+            (Groups::LossTiles, 4096 * 100),
+            (Groups::TileInvocations, num_tiles.div_ceil(GROUP)),
+            (Groups::Pairs, total.div_ceil(GROUP)),
+            (Groups::PairBlocks, total.div_ceil(BLOCK)),
+        ] {
+            expected[groups as usize] = folded_groups(count);
+        }
+        let got = harness.read::<DispatchArgs>(Buf::Args, NUM_GROUPS as usize);
+        assert_eq!(got, expected);
+        assert!(got[Groups::Pairs as usize].y > 1 && got[Groups::Tiles as usize].y > 1, "some are folded");
     }
-    let got = harness.read::<DispatchArgs>(Buf::Args, NUM_GROUPS as usize);
-    assert_eq!(got, expected);
-    assert!(got[Groups::Pairs as usize].y > 1 && got[Groups::Tiles as usize].y > 1, "some are folded");
 }
 
 #[test]
 fn sums_that_overflow_saturate() {
-    let Some(mut harness) = open(&SLOTS) else { return };
-    for counts in [vec![0x4000_0000; 5], vec![0x0010_0001; 4096]] {
-        let step = StepUniform { pair_capacity: 1 << 30, ..StepUniform::default() };
-        run_prefix(&mut harness, &counts, step);
-        assert_eq!(harness.read::<Status>(Buf::Status, 4)[2].needed_pairs, u32::MAX);
-        let args = harness.read::<DispatchArgs>(Buf::Args, NUM_GROUPS as usize);
-        assert_eq!(args, vec![DispatchArgs::default(); NUM_GROUPS as usize]);
+    for mut harness in open_all(&SLOTS) {
+        for counts in [vec![0x4000_0000; 5], vec![0x0010_0001; 4096]] {
+            let step = StepUniform { pair_capacity: 1 << 30, ..StepUniform::default() };
+            run_prefix(&mut harness, &counts, step);
+            assert_eq!(harness.read::<Status>(Buf::Status, 4)[2].needed_pairs, u32::MAX);
+            let args = harness.read::<DispatchArgs>(Buf::Args, NUM_GROUPS as usize);
+            assert_eq!(args, vec![DispatchArgs::default(); NUM_GROUPS as usize]);
+        }
     }
 }
 
@@ -138,8 +145,6 @@ fn fill_case(harness: &mut Harness, case: &Case, capacity: u32) {
     ] {
         harness.fill(name, &vec![0xabcd_ef01_u32; bytes / 4]);
     }
-    // Maps of no size: windows are empty.
-    harness.zeros(Buf::Projected, PROJECTED_BYTES as usize * case.keys.len().max(1));
     harness.fill(Buf::Status, &[Status::default(); 4]);
     for slot in 0..2 {
         harness.set_step(slot, &step_of(case, slot, capacity));
@@ -160,7 +165,7 @@ fn step_of(case: &Case, slot: u32, capacity: u32) -> StepUniform {
 /// Splats of each tile as the device lists them; slots are those of the splats.
 fn read_lists(harness: &Harness, case: &Case) -> Vec<Vec<u32>> {
     let total = harness.read::<Status>(Buf::Status, 1)[0].needed_pairs as usize;
-    let pairs = harness.read::<[u32; 4]>(Buf::Pairs, total);
+    let pairs = harness.read::<[u32; 2]>(Buf::Pairs, total);
     let bounds = harness.read::<TestBounds>(Buf::Bounds, case.bounds.len());
     let mut slots: Vec<u32> = pairs.iter().map(|pair| pair[0]).collect();
     slots.sort_unstable();
@@ -168,7 +173,7 @@ fn read_lists(harness: &Harness, case: &Case) -> Vec<Vec<u32>> {
     let ranges = harness.read::<[u32; 2]>(Buf::TileRanges, case.num_tiles() as usize);
     // The slots that a splat adds up are those of its pairs in tiles: nobody writes the sums of others.
     let mut summed = 0;
-    for [slot, splat, ..] in ranges.iter().flat_map(|&[a, b]| &pairs[a as usize..b as usize]) {
+    for [slot, splat] in ranges.iter().flat_map(|&[a, b]| &pairs[a as usize..b as usize]) {
         let TestBounds { first_slot, num_tiles, .. } = bounds[*splat as usize];
         assert!((first_slot..first_slot + num_tiles).contains(slot), "slot {slot} of splat {splat}");
         summed += 1;
@@ -179,92 +184,96 @@ fn read_lists(harness: &Harness, case: &Case) -> Vec<Vec<u32>> {
 
 #[test]
 fn every_tile_lists_its_splats_in_order_of_depth() {
-    let Some(mut harness) = open(&[&SORT[..], &SLOTS, &LISTS].concat()) else { return };
-    // One pass, two with the last key alone in the second digit, two, three; and nothing in sight.
-    for (seed, size_px, n, passes) in [
-        (1, [80, 48], 700, 1),
-        (2, [64, 64], 1025, 2),
-        (3, [200, 120], 3000, 2),
-        (4, [500, 400], 2500, 3),
-        (5, [64, 64], 0, 2),
-    ] {
-        let mut case = Case::random(seed, size_px, n);
-        assert_eq!(num_tile_passes(case.num_tiles()), passes);
-        let total: u32 = case.bounds.iter().map(|b| b.num_tiles).sum();
-        fill_case(&mut harness, &case, total.max(1));
-        harness.run(&order_and_bin(STEP, case.num_tiles()));
-        let got = read_lists(&harness, &case);
-        assert!(got == case.lists(), "{size_px:?}");
-        // Two neighbours in a list that change places are noticed, also where only a tie orders them.
-        if let Some(list) = got.iter().find(|l| l.windows(2).any(|w| case.same_depth(w[0], w[1]))) {
-            let pair = list.windows(2).find(|w| case.same_depth(w[0], w[1])).unwrap();
-            case.keys[pair[0] as usize] += 1;
-            assert!(got != case.lists());
-        } else {
-            assert_eq!(n, 0, "there are ties");
+    for mut harness in open_all(&[&SORT[..], &SLOTS, &LISTS].concat()) {
+        // One pass, two with the last key alone in the second digit, two, three; and nothing in sight.
+        for (seed, size_px, n, passes) in [
+            (1, [80, 48], 700, 1),
+            (2, [64, 64], 1025, 2),
+            (3, [200, 120], 3000, 2),
+            (4, [500, 400], 2500, 3),
+            (5, [64, 64], 0, 2),
+        ] {
+            let mut case = Case::random(seed, size_px, n);
+            assert_eq!(num_tile_passes(case.num_tiles()), passes);
+            let total: u32 = case.bounds.iter().map(|b| b.num_tiles).sum();
+            fill_case(&mut harness, &case, total.max(1));
+            harness.run(&order_and_bin(STEP, case.num_tiles()));
+            let got = read_lists(&harness, &case);
+            assert!(got == case.lists(), "{size_px:?}");
+            // Two neighbours in a list that change places are noticed, also where only a tie orders them.
+            if let Some(list) = got.iter().find(|l| l.windows(2).any(|w| case.same_depth(w[0], w[1]))) {
+                let pair = list.windows(2).find(|w| case.same_depth(w[0], w[1])).unwrap();
+                case.keys[pair[0] as usize] += 1;
+                assert!(got != case.lists());
+            } else {
+                assert_eq!(n, 0, "there are ties");
+            }
         }
     }
 }
 
 #[test]
 fn pairs_that_do_not_fit_switch_everything_off() {
-    let Some(mut harness) = open(&[&SORT[..], &SLOTS, &LISTS].concat()) else { return };
-    let case = Case::random(6, [200, 120], 1500);
-    let total: u32 = case.bounds.iter().map(|b| b.num_tiles).sum();
-    let second = Offsets { step: UNIFORM_STRIDE as u32, ..STEP };
-    let both = [STEP, second].map(|step| order_and_bin(step, case.num_tiles())).concat();
-    let off = vec![DispatchArgs::default(); NUM_GROUPS as usize];
+    for mut harness in open_all(&[&SORT[..], &SLOTS, &LISTS].concat()) {
+        let case = Case::random(6, [200, 120], 1500);
+        let total: u32 = case.bounds.iter().map(|b| b.num_tiles).sum();
+        let second = Offsets { step: UNIFORM_STRIDE as u32, ..STEP };
+        let both = [STEP, second].map(|step| order_and_bin(step, case.num_tiles())).concat();
+        let off = vec![DispatchArgs::default(); NUM_GROUPS as usize];
 
-    fill_case(&mut harness, &case, total);
-    harness.set_step(0, &step_of(&case, 0, total - 1));
-    harness.run(&both);
-    assert_eq!(harness.read::<DispatchArgs>(Buf::Args, NUM_GROUPS as usize), off);
-    let needed =
-        |harness: &Harness| harness.read::<Status>(Buf::Status, 2).iter().map(|s| s.needed_pairs).collect();
-    let status: Vec<u32> = needed(&harness);
-    assert_eq!(status, [total, 0], "the second step fits, but comes after one that does not");
-    let untouched = vec![[0xabcd_ef01_u32; 4]; total as usize];
-    assert_eq!(harness.read::<[u32; 4]>(Buf::Pairs, total as usize), untouched);
+        fill_case(&mut harness, &case, total);
+        harness.set_step(0, &step_of(&case, 0, total - 1));
+        harness.run(&both);
+        assert_eq!(harness.read::<DispatchArgs>(Buf::Args, NUM_GROUPS as usize), off);
+        let needed = |harness: &Harness| {
+            harness.read::<Status>(Buf::Status, 2).iter().map(|s| s.needed_pairs).collect()
+        };
+        let status: Vec<u32> = needed(&harness);
+        assert_eq!(status, [total, 0], "the second step fits, but comes after one that does not");
+        let untouched = vec![[0xabcd_ef01_u32; 2]; total as usize];
+        assert_eq!(harness.read::<[u32; 2]>(Buf::Pairs, total as usize), untouched);
 
-    // With one pair more of capacity both go through.
-    fill_case(&mut harness, &case, total);
-    harness.run(&both);
-    let args = harness.read::<DispatchArgs>(Buf::Args, NUM_GROUPS as usize);
-    assert!(args.iter().all(|a| a.x * a.y * a.z > 0), "{args:?}");
-    let status: Vec<u32> = needed(&harness);
-    assert_eq!(status, [total, total]);
-    assert_ne!(harness.read::<[u32; 4]>(Buf::Pairs, total as usize), untouched);
+        // With one pair more of capacity both go through.
+        fill_case(&mut harness, &case, total);
+        harness.run(&both);
+        let args = harness.read::<DispatchArgs>(Buf::Args, NUM_GROUPS as usize);
+        assert!(args.iter().all(|a| a.x * a.y * a.z > 0), "{args:?}");
+        let status: Vec<u32> = needed(&harness);
+        assert_eq!(status, [total, total]);
+        assert_ne!(harness.read::<[u32; 2]>(Buf::Pairs, total as usize), untouched);
+    }
 }
 
 #[test]
 fn counts_of_another_rounding_do_no_harm() {
-    let Some(mut harness) = open(&[&SORT[..], &SLOTS, &LISTS].concat()) else { return };
-    let case = Case::random(7, [64, 64], 900);
-    let lists = case.lists();
-    let mut run = |changes: &[(usize, i32)]| {
-        let mut changed = case.clone();
-        for &(splat, by) in changes {
-            let count = &mut changed.bounds[splat].num_tiles;
-            *count = count.checked_add_signed(by).unwrap();
-        }
-        let total: u32 = changed.bounds.iter().map(|b| b.num_tiles).sum();
-        fill_case(&mut harness, &changed, total);
-        harness.run(&order_and_bin(STEP, case.num_tiles()));
-        // Sorted keys stand where an odd number of passes left them, here an even one.
-        let keys = harness.read::<u32>(Buf::KeysA, total as usize);
-        let leftover = keys.iter().filter(|&&key| key == case.num_tiles()).count();
-        (read_lists(&harness, &changed), leftover)
-    };
-    let seen: Vec<usize> = (0..900).filter(|&i| case.bounds[i].num_tiles > 0).collect();
-    let unseen = (0..900).find(|&i| case.bounds[i].num_tiles == 0).unwrap();
-    assert!(run(&[]) == (lists.clone(), 0));
-    assert!(run(&[(seen[3], 2), (seen[100], 1), (unseen, 1)]) == (lists.clone(), 4), "slots to spare");
-    // A slot too few: the splat's last tile goes without it, and nobody else notices.
-    let (got, leftover) = run(&[(seen[7], -1)]);
-    let mut expected = lists.clone();
-    let last = expected.iter_mut().rev().find(|l| l.contains(&(seen[7] as u32))).unwrap();
-    last.retain(|&splat| splat as usize != seen[7]);
-    assert!(got == expected && got != lists && leftover == 0);
+    for mut harness in open_all(&[&SORT[..], &SLOTS, &LISTS].concat()) {
+        let case = Case::random(7, [64, 64], 900);
+        let lists = case.lists();
+        let mut run = |changes: &[(usize, i32)]| {
+            let mut changed = case.clone();
+            for &(splat, by) in changes {
+                let count = &mut changed.bounds[splat].num_tiles;
+                *count = count.checked_add_signed(by).unwrap();
+            }
+            let total: u32 = changed.bounds.iter().map(|b| b.num_tiles).sum();
+            fill_case(&mut harness, &changed, total);
+            harness.run(&order_and_bin(STEP, case.num_tiles()));
+            // Sorted keys stand where an odd number of passes left them, here an even one.
+            let keys = harness.read::<u32>(Buf::KeysA, total as usize);
+            let leftover = keys.iter().filter(|&&key| key == case.num_tiles()).count();
+            (read_lists(&harness, &changed), leftover)
+        };
+        let seen: Vec<usize> = (0..900).filter(|&i| case.bounds[i].num_tiles > 0).collect();
+        let unseen = (0..900).find(|&i| case.bounds[i].num_tiles == 0).unwrap();
+        assert!(run(&[]) == (lists.clone(), 0));
+        assert!(run(&[(seen[3], 2), (seen[100], 1), (unseen, 1)]) == (lists.clone(), 4), "slots to spare");
+        // A slot too few: the splat's last tile goes without it, and nobody else notices.
+        let (got, leftover) = run(&[(seen[7], -1)]);
+        let mut expected = lists.clone();
+        let last = expected.iter_mut().rev().find(|l| l.contains(&(seen[7] as u32))).unwrap();
+        last.retain(|&splat| splat as usize != seen[7]);
+        assert!(got == expected && got != lists && leftover == 0);
+    }
 }
 
 #[test]

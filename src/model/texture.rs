@@ -2,9 +2,10 @@
 //! and activates to a residual in (-1, 1) that is added to the splat's colour.
 
 use crate::constants::{ALPHA_MIN, MAP_SIGMA_MAX};
+use crate::{Error, Result};
 
 /// Place and size of one splat's map.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TextureMap {
     /// Index of the map's first texel in the pool.
     pub offset_texels: u32,
@@ -41,17 +42,25 @@ pub struct TexturePool {
 impl TexturePool {
     /// Maps of the given `(rows, cols, texel_size)` with neutral texels.
     ///
-    /// # Panics
-    /// If the texel count exceeds `u32::MAX`; the forecast before training refuses such sizes.
-    pub fn neutral(extents: impl IntoIterator<Item = (u16, u16, f32)>) -> Self {
-        let mut offset_texels = 0_u32;
+    /// # Errors
+    /// [`Error::Usage`] with counts if there are more texels than 32 bits can number.
+    pub fn neutral(extents: impl IntoIterator<Item = (u16, u16, f32)>) -> Result<Self> {
+        let mut num_texels = 0_u64;
         let mut maps = Vec::new();
         for (rows, cols, texel_size) in extents {
-            maps.push(TextureMap { offset_texels, rows, cols, texel_size });
-            let count = u32::from(rows) * u32::from(cols);
-            offset_texels = offset_texels.checked_add(count).expect("texel count fits u32");
+            // Cut off only where the whole is refused below.
+            maps.push(TextureMap { offset_texels: num_texels as u32, rows, cols, texel_size });
+            num_texels += u64::from(rows) * u64::from(cols);
         }
-        Self { maps, texels: vec![0.0; 3 * offset_texels as usize] }
+        if num_texels > u32::MAX.into() {
+            return Err(Error::Usage(format!(
+                "{num_texels} texels over {} maps, but a model may have {} at most; use fewer splats or smaller \
+                 maps (--max-points, --policy, --max-texels)",
+                maps.len(),
+                u32::MAX
+            )));
+        }
+        Ok(Self { maps, texels: vec![0.0; 3 * num_texels as usize] })
     }
 
     /// Number of texels over all maps.
@@ -75,4 +84,21 @@ pub fn texel_value_slope(v: f64) -> f64 {
 pub fn support_half_extent(sigma_max: f64, opacity: f64) -> f64 {
     let radius = (2.0 * (opacity / ALPHA_MIN).ln()).max(0.0).sqrt();
     sigma_max * radius.min(MAP_SIGMA_MAX)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn more_texels_than_can_be_numbered_are_an_error_with_counts() {
+        // 2^32 texels: one more than fits, of which nothing is allocated.
+        let error = TexturePool::neutral(std::iter::repeat_n((1 << 15, 1 << 15, 1.0), 4)).unwrap_err();
+        assert!(matches!(error, Error::Usage(_)) && error.exit_code() == 2, "{error}");
+        let text = error.to_string();
+        assert!(text.contains("4294967296 texels over 4 maps") && text.contains("4294967295"), "{text}");
+        let pool = TexturePool::neutral([(2, 3, 0.1), (0, 0, 0.0), (1, 4, 0.2)]).unwrap();
+        assert_eq!(pool.maps.iter().map(|m| m.offset_texels).collect::<Vec<_>>(), [0, 6, 6]);
+        assert_eq!((pool.num_texels(), pool.texels.len()), (10, 30));
+    }
 }

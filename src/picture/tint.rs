@@ -1,7 +1,7 @@
 //! Models that show something else than their colours: every splat in one flat colour.
 
 use crate::constants::SH_0;
-use crate::model::{Model, SplatArrays, TexturePool};
+use crate::model::{Model, SplatArrays, TextureMap, TexturePool};
 
 /// The model with one display-space colour for each splat, alike from all sides, in place of spherical
 /// harmonics and texture. Any renderer draws it; shapes, opacities and the order stay.
@@ -18,7 +18,7 @@ pub fn tinted(model: &Model, colours: &[[u8; 3]]) -> Model {
             sh: colours.iter().flatten().map(|&c| coefficient(c)).collect(),
             ..model.splats.clone()
         },
-        textures: TexturePool::neutral(std::iter::repeat_n((0, 0, 0.0), n)),
+        textures: TexturePool { maps: vec![TextureMap::default(); n], texels: Vec::new() },
         ..*model
     }
 }

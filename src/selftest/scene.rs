@@ -62,6 +62,9 @@ pub struct Scene {
 const NEAR: f32 = 0.04;
 
 /// Makes a scene.
+///
+/// # Panics
+/// If its maps have more texels than 32 bits can number.
 pub fn random_scene(options: &SceneOptions) -> Scene {
     let mut rng = Pcg64Mcg::seed_from_u64(options.seed);
     let camera = random_camera(options, &mut rng);
@@ -92,7 +95,7 @@ pub fn random_scene(options: &SceneOptions) -> Scene {
         let half = 2.5 * splats.log_scales[2 * i].max(splats.log_scales[2 * i + 1]).exp();
         extents.push((rows, cols, 2.0 * half / f32::from(rows.max(cols).max(2) - 1)));
     }
-    let mut textures = TexturePool::neutral(extents);
+    let mut textures = TexturePool::neutral(extents).expect("a scene for tests has few texels");
     textures.texels.iter_mut().for_each(|t| *t = (1.5 * normal(&mut rng)) as f32);
     let model = Model { splats, textures, near: NEAR, capture_from_local: Similarity::IDENTITY };
     let target = random_target(options, &mut rng);

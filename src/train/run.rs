@@ -3,13 +3,16 @@
 use super::config::TrainConfig;
 use super::evaluate::{Evaluated, evaluate};
 use super::events::{Control, StopReason, TrainEvent};
+use super::limits::check_limits;
 use super::order::ViewOrder;
 use super::schedule::Schedule;
 use super::state::{CurvePoint, TrainState};
 use super::structure::{StatisticsSource, StructureCounts};
 use super::targets::Targets;
 use super::window::{self, Stage, Structure};
-use crate::backend::{Backend, RenderOptions, RenderedImage, StepReport, StepRequest, TargetImage};
+use crate::backend::{
+    Backend, DeviceLimits, RenderOptions, RenderedImage, StepReport, StepRequest, TargetImage,
+};
 use crate::camera::Camera;
 use crate::clock::process_cpu_secs;
 use crate::schedule::FrequencySchedule;
@@ -28,7 +31,8 @@ const PREFETCH_VIEWS: usize = 4;
 /// limit or the consumer's stop, and returns the final state and why it ended.
 ///
 /// # Errors
-/// [`Error::Usage`] if there is nothing to train on; else whatever the backend, the views or the
+/// [`Error::Usage`] if there is nothing to train on, [`Error::Device`] if the device cannot hold what is asked for
+/// (see [`check_limits`]); else whatever the backend, the views or the
 /// consumer report.
 pub fn train(
     config: &TrainConfig,
@@ -43,6 +47,7 @@ pub fn train(
     }
     let clock = Clock::start();
     window::begin(config, &mut start);
+    let limits = check_limits(config, backend, views, &start.model)?;
     backend.upload(&start.model, &start.adam)?;
     if !start.window.seen.is_empty() {
         backend.set_statistics(&start.window)?;
@@ -65,6 +70,7 @@ pub fn train(
         schedule,
         frequency,
         cameras,
+        limits,
         stage: Stage { render_scale: 1.0, texture_cap: 256 },
         targets,
         size,
@@ -85,6 +91,7 @@ struct Run<'a> {
     test_views: Vec<usize>,
     schedule: Schedule,
     frequency: FrequencySchedule,
+    limits: DeviceLimits,
     /// Of the training views, at full size.
     cameras: Vec<Camera>,
     stage: Stage,
@@ -254,6 +261,7 @@ impl Run<'_> {
             schedule: &self.schedule,
             cameras: &self.cameras,
             stage: self.stage,
+            limits: self.limits,
         };
         let (counts, size) = structure.step(self.backend, &mut self.state, judge)?;
         self.size = size;

@@ -4,10 +4,10 @@
 use super::config::{Policy, TrainConfig};
 use super::schedule::Schedule;
 use super::state::TrainState;
-use super::structure::{self, Life, Revision, Situation, StructureCounts};
+use super::structure::{self, Budget, Life, Revision, Situation, StructureCounts};
 use super::targets::Targets;
 use crate::Result;
-use crate::backend::{Backend, LossWeights, StepRequest, WindowStatistics};
+use crate::backend::{Backend, DeviceLimits, LossWeights, StepRequest, WindowStatistics};
 use crate::camera::Camera;
 use crate::model::LearningRates;
 use crate::schedule::{FrequencySchedule, PrimitiveBudget};
@@ -45,6 +45,8 @@ pub(super) struct Structure<'a> {
     pub schedule: &'a Schedule,
     pub cameras: &'a [Camera],
     pub stage: Stage,
+    /// Bounds what is not bounded by the budget.
+    pub limits: DeviceLimits,
 }
 
 impl Structure<'_> {
@@ -118,12 +120,19 @@ impl Structure<'_> {
         let revision = match config.policy {
             Policy::Plain => {
                 let seed = config.seed ^ u64::from(step).wrapping_mul(0x9E37_79B9_7F4A_7C15);
-                structure::relocate(&situation, &config.structure, &config.budget, seed)
+                // Without a budget the number of splats stays.
+                let budget = match config.budget == Budget::default() {
+                    true => config.budget,
+                    false => config.budget.within(&self.limits),
+                };
+                structure::relocate(&situation, &config.structure, &budget, seed)
             }
             _ => {
                 let share = if last { 1.0 } else { t };
                 let start = [state.pace.initial, 4 * state.pace.initial];
-                let budget = config.budget.paced(share, start, [n, model.num_texels()]);
+                // Only what was asked for is used up evenly: the device is a bound, not a budget.
+                let paced = config.budget.paced(share, start, [n, model.num_texels()]);
+                let budget = paced.within(&self.limits);
                 structure::decide(&situation, &config.structure, &components, &budget)
             }
         };

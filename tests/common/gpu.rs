@@ -25,6 +25,14 @@ pub fn backend(options: GpuOptions) -> Option<GpuBackend> {
     Some(open(&choice, Limits::Adapter, options))
 }
 
+/// Backends on all of them in turn, within the lowest limits: what fits these fits any.
+pub fn backends(options: GpuOptions) -> impl Iterator<Item = GpuBackend> {
+    drivers().into_iter().map(move |choice| {
+        println!("{}", choice.name);
+        open(&choice, Limits::Downlevel, options)
+    })
+}
+
 /// A backend on a driver.
 pub fn open(choice: &AdapterChoice, limits: Limits, options: GpuOptions) -> GpuBackend {
     GpuBackend::new(GpuDevice::open(choice, limits).unwrap(), options).unwrap()

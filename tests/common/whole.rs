@@ -30,7 +30,7 @@ pub fn start(policy: Policy) -> TrainState {
         let half = [0, 1].map(|k| 2.5 * f64::from(model.splats.log_scales[2 * i + k]).exp());
         if policy == Policy::Plain { (0, 0, 0.0) } else { (2, 2, first_texel_size(half) as f32) }
     });
-    model.textures = TexturePool::neutral(extents.collect::<Vec<_>>());
+    model.textures = TexturePool::neutral(extents.collect::<Vec<_>>()).unwrap();
     TrainState::fresh(model)
 }
 

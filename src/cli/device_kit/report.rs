@@ -8,7 +8,7 @@ use serde_json::{Map, Value, json};
 use std::path::Path;
 
 /// Schema of the JSON.
-const SCHEMA: &str = "litetex-device-kit/1";
+const SCHEMA: &str = "litetex-device-kit/2";
 
 /// Points of a curve in the table.
 const CURVE_POINTS: usize = 6;
@@ -35,9 +35,10 @@ fn has_failed(part: &Part) -> bool {
 
 /// The device by the name that was asked for, as the list of devices knows it.
 fn listed(devices: &Value, asked: &str) -> Value {
-    let all = devices.as_array().map_or(&[][..], Vec::as_slice);
-    let name = |d: &&Value| d["name"].as_str().unwrap_or_default().to_owned();
-    let found = match asked {
+    let all: Vec<&Value> =
+        devices.as_array().into_iter().flatten().filter(|d| d["usable"] != false).collect();
+    let name = |d: &Value| d["name"].as_str().unwrap_or_default().to_owned();
+    let found = match asked.to_lowercase().as_str() {
         "gpu" => all.iter().find(|d| d["hardware"] == true),
         "auto" => all.iter().find(|d| d["auto"] == true),
         asked => {
@@ -73,7 +74,7 @@ fn put_together(asked: &str, parts: &[Part]) -> Value {
     let bench = group("bench-");
     let of_first =
         |key: &str| bench.values().map(|b| b[key].clone()).find(|v| !v.is_null()).unwrap_or(Value::Null);
-    let repeatable: Vec<&Value> = bench.values().map(|b| &b["repeatable"]).filter(|v| !v.is_null()).collect();
+    let repeatable = repeatable(&bench);
     let selftest = parts.iter().find(|p| p.name == "selftest");
     let devices = parts.iter().find(|p| p.name == "devices");
     let devices = devices.and_then(|p| serde_json::from_str::<Value>(&p.out).ok()).unwrap_or_default();
@@ -91,10 +92,39 @@ fn put_together(asked: &str, parts: &[Part]) -> Value {
         "selftest": selftest.map(|p| json!({ "passed": p.outcome == Outcome::Passed, "lines": p.out.lines().collect::<Vec<_>>() })),
         "sort": bench.values().map(|b| b["sort"].clone()).find(|s| s.as_array().is_some_and(|s| !s.is_empty())),
         "variants": bench.iter().map(|(k, b)| (k.clone(), b["variants"].clone())).collect::<Map<_, _>>(),
-        "repeatable": (!repeatable.is_empty()).then(|| repeatable.iter().all(|v| **v == true)),
+        "repeatable": repeatable,
         "train": group("train-"),
         "bench": bench,
     })
+}
+
+/// Whether equal steps gave equal bytes: at which sizes they did, at which they did not, and at which it was not
+/// tried. `all` only if it was tried, and true, at every size.
+fn repeatable(bench: &Map<String, Value>) -> Value {
+    let of = |wanted: Value| -> Vec<&String> {
+        bench.iter().filter(|(_, b)| b["repeatable"] == wanted).map(|(size, _)| size).collect()
+    };
+    let [yes, no, not_tried] = [json!(true), json!(false), Value::Null].map(of);
+    let all = match (yes.as_slice(), no.as_slice(), not_tried.as_slice()) {
+        (_, [_, ..], _) => Some(false),
+        ([_, ..], [], []) => Some(true),
+        _ => None,
+    };
+    json!({ "all": all, "yes": yes, "no": no, "not_tried": not_tried })
+}
+
+/// The same in words.
+fn repeatable_words(repeatable: &Value) -> String {
+    let sizes = |key: &str| -> Vec<&str> {
+        repeatable[key].as_array().into_iter().flatten().filter_map(Value::as_str).collect()
+    };
+    let parts = [("NO", "no"), ("yes", "yes"), ("not tried", "not_tried")]
+        .map(|(word, key)| (word, sizes(key)))
+        .into_iter()
+        .filter(|(_, sizes)| !sizes.is_empty())
+        .map(|(word, sizes)| format!("{word}: {}", sizes.join(", ")));
+    let words = parts.collect::<Vec<_>>().join("; ");
+    if words.is_empty() { "not tried".to_owned() } else { words }
 }
 
 fn table(parts: &[Part], kit: &Value) -> Table {
@@ -151,12 +181,7 @@ fn table(parts: &[Part], kit: &Value) -> Table {
             format!("{:.3e} keys/s", number(&sort["keys_per_sec"])),
         );
     }
-    let verdict = match kit["repeatable"].as_bool() {
-        Some(true) => "yes",
-        Some(false) => "NO",
-        None => "unknown",
-    };
-    table.row("repeatable", verdict);
+    table.row("repeatable", repeatable_words(&kit["repeatable"]));
     table
 }
 
@@ -202,10 +227,31 @@ mod tests {
     }
 
     #[test]
+    fn sizes_at_which_repeating_was_not_tried_are_told() {
+        let of = |sizes: &[(&str, Value)]| {
+            let bench = sizes.iter().map(|(size, v)| ((*size).to_owned(), json!({ "repeatable": v })));
+            let value = repeatable(&bench.collect());
+            (value["all"].clone(), repeatable_words(&value))
+        };
+        let (yes, no) = (json!(true), json!(false));
+        assert_eq!(
+            of(&[("480", yes.clone()), ("960", yes.clone())]),
+            (yes.clone(), "yes: 480, 960".to_owned())
+        );
+        let partly = of(&[("480", yes.clone()), ("960", Value::Null)]);
+        assert_eq!(partly, (Value::Null, "yes: 480; not tried: 960".to_owned()));
+        assert_eq!(of(&[("480", yes), ("960", no.clone())]), (no, "NO: 960; yes: 480".to_owned()));
+        assert_eq!(of(&[]), (Value::Null, "not tried".to_owned()));
+    }
+
+    #[test]
     fn skipped_parts_are_no_failures_and_the_device_is_named_whatever_failed() {
         let list = r#"[{ "name": "arc-770", "description": "Arc", "hardware": true, "auto": true },
             { "name": "cpu", "description": "x86", "hardware": false, "auto": false },
             { "name": "lavapipe", "description": "Mesa", "hardware": false, "auto": false }]"#;
+        let with_unfit =
+            list.replacen("[{", r#"[{ "name": "old", "hardware": true, "usable": false }, {"#, 1);
+        assert_eq!(listed(&serde_json::from_str(&with_unfit).unwrap(), "gpu")["name"], "arc-770");
         let failed = || Outcome::Failed(Some(5), "lost".to_owned());
         let parts = [
             part("devices", Outcome::Passed, list, Value::Null),
@@ -215,7 +261,7 @@ mod tests {
         let kit = put_together("lava", &parts);
         assert_eq!(kit["device"], json!({ "name": "lavapipe", "description": "Mesa" }));
         assert_eq!(put_together("gpu", &parts)["device"]["name"], "arc-770");
-        assert_eq!(put_together("auto", &parts)["device"]["name"], "arc-770");
+        assert_eq!(put_together("Auto", &parts)["device"]["name"], "arc-770");
         assert_eq!(put_together("a", &parts)["device"]["name"], "a", "two devices have an a");
         let skipped = &kit["parts"][2];
         assert!(skipped["passed"].is_null() && skipped["skipped"] == true && skipped["exit_code"].is_null());
@@ -225,6 +271,6 @@ mod tests {
         let parts = [part("bench-480", Outcome::Passed, "", measured), Part::skipped("b", String::new())];
         let kit = put_together("lava", &parts);
         assert_eq!((&kit["device"]["name"], &kit["passed"]), (&json!("of-the-bench"), &json!(true)));
-        assert_eq!(kit["repeatable"], true);
+        assert_eq!(kit["repeatable"]["all"], true);
     }
 }

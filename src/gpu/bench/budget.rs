@@ -26,8 +26,9 @@ const COSTS: [(f64, f64); 5] = [
     // The state is read back after each.
     (2.0, 1.5),
     (2.0, 2.0),
-    // One that does not count, and one that does, in both forms; the one not meant for a device may take longer.
-    (10.0, 5.0),
+    // One that does not count and one that does, in both forms, and one of the other form of which pairs are
+    // counted; the one not meant for a device may take longer.
+    (13.0, 8.0),
 ];
 
 impl Repetitions {
@@ -94,7 +95,7 @@ mod tests {
         assert_eq!(Repetitions::planned(WANTED, 1.0), one);
         assert_eq!(Repetitions::planned(WANTED, 2.9), Repetitions { timed: 1, ..one });
         let each = Repetitions { steps: 1, timed: 1, counted: 1, repeated: 1, variants: 1 };
-        assert_eq!(Repetitions::planned(WANTED, 16.0), each);
+        assert_eq!(Repetitions::planned(WANTED, 19.0), each);
     }
 
     #[test]

@@ -2,24 +2,20 @@
 //! clock and the wall's, bytes by the table of [`traffic`](Traffic).
 
 mod budget;
+mod count;
 mod sort;
 mod traffic;
 
 pub use budget::Deadline;
+pub use count::count;
 pub use sort::{SortThroughput, sort_throughput};
 pub use traffic::{Traffic, TrafficCounts, TrafficItem, TrafficShare};
 
 use super::backend::{GpuBackend, GpuOptions};
 use super::device::{DeviceWork, GpuDevice};
-use super::kernels::KernelId;
 use super::pace::Pace;
-use super::resources::Offsets;
-use super::shader::TILE_PX;
-use super::sort::{DEPTH_PASSES, num_tile_passes};
-use super::uniform;
 use crate::Result;
-use crate::backend::{Backend as _, RasterCounters, StepReport, StepRequest};
-use crate::camera::Camera;
+use crate::backend::{Backend as _, StepReport, StepRequest};
 use crate::clock::process_cpu_secs;
 use crate::model::{AdamState, Model, SplatGroup};
 use budget::Repetitions;
@@ -119,15 +115,17 @@ pub struct AtomicFigures {
     pub per_blended_pair: f64,
 }
 
-/// Times of the rasterisation in one of its two forms; `null` without a device clock.
+/// The rasterisation in one of its two forms; times are `null` without a device clock.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct VariantTimes {
+pub struct FormFigures {
     /// Whether it is the form for hardware.
     pub hardware_kernels: bool,
     /// Median, forward.
     pub raster_fwd_secs: Option<f64>,
     /// Median, backward.
     pub raster_bwd_secs: Option<f64>,
+    /// Pairs, atomics and bytes of steps in this form.
+    pub counts: Option<CountFigures>,
 }
 
 /// Everything measured on one scene. Where time was bounded, what it did not suffice for is `null` or empty.
@@ -165,11 +163,11 @@ pub struct StepFigures {
     pub per_step: WorkPerStep,
     /// Median over the steps, by name of the shader, largest first; `null` without a device clock.
     pub kernel_secs: Option<Vec<(&'static str, f64)>>,
-    /// Pairs, atomics and bytes.
+    /// Pairs, atomics and bytes, in the form of the rasterisation that the device gets.
     #[serde(flatten)]
     pub counts: Option<CountFigures>,
     /// Both forms of the rasterisation.
-    pub variants: Vec<VariantTimes>,
+    pub variants: Vec<FormFigures>,
     /// Whether the same steps gave the same bytes twice.
     pub repeatable: Option<bool>,
     /// FNV-1a of the state after them.
@@ -210,7 +208,9 @@ pub fn measure<'a>(
     bench.run(1)?;
     let first_step_secs = start.elapsed().as_secs_f64();
     bench.step_secs = first_step_secs;
-    let steps = if deadline.allows(first_step_secs) { Some(bench.steps(model, steps, views)?) } else { None };
+    // One to run in, and one to measure.
+    let has_time = deadline.allows(2.0 * first_step_secs);
+    let steps = if has_time { Some(bench.steps(model, steps, views)?) } else { None };
     let size_px = (1..=views)
         .map(|step| request(step).camera.pinhole)
         .fold([0, 0], |[w, h]: [u32; 2], p| [w.max(p.width_px), h.max(p.height_px)]);
@@ -231,9 +231,7 @@ struct Bench<'a, 'b> {
 impl Bench<'_, '_> {
     /// Everything, after the first step.
     fn steps(&mut self, model: &Model, steps: u32, views: u32) -> Result<StepFigures> {
-        // At least one more: the first may have compiled.
-        let run_in = (RUN_IN_SHARE * self.deadline.fitting(self.step_secs)).clamp(0.0, f64::from(views - 1));
-        self.run_in_time(run_in as u32)?;
+        self.run_in_time(run_in_steps(views, self.deadline.fitting(self.step_secs)))?;
         let wanted = Repetitions {
             steps,
             timed: steps,
@@ -256,9 +254,11 @@ impl Bench<'_, '_> {
         let timed = GpuOptions { time_kernels: true, ..plain };
         self.backend.set_options(timed)?;
         let kernel_secs = medians(&self.run_in_time(planned.timed)?);
-        let counts = self.count(model, planned.counted)?;
+        let counts = self.count(model, planned.counted, self.backend.gpu().choice.hardware)?;
         let hashes = self.repeated(model, plain, planned.repeated)?;
-        let variants = self.variants(timed, planned.variants)?;
+        let variants = self.variants(model, timed, planned.variants, counts.as_ref())?;
+        // Who goes on with this backend wants neither counters nor timestamps.
+        self.backend.set_options(plain)?;
         Ok(StepFigures {
             steps,
             batch_steps: self.backend.batch_steps(),
@@ -290,10 +290,18 @@ impl Bench<'_, '_> {
         Ok(Some(hashes))
     }
 
-    /// Times of both forms of the rasterisation.
-    fn variants(&mut self, timed: GpuOptions, steps: u32) -> Result<Vec<VariantTimes>> {
+    /// Times and counts of both forms of the rasterisation; the counts of the device's own are known.
+    fn variants(
+        &mut self,
+        model: &Model,
+        timed: GpuOptions,
+        steps: u32,
+        own: Option<&CountFigures>,
+    ) -> Result<Vec<FormFigures>> {
         let mut out = Vec::new();
-        for hardware_kernels in [false, true] {
+        let own_form = self.backend.gpu().choice.hardware;
+        // The device's own form last: it is the one that what follows needs.
+        for hardware_kernels in [!own_form, own_form] {
             if steps == 0 || !self.deadline.allows(2.0 * self.step_secs) {
                 break;
             }
@@ -307,8 +315,13 @@ impl Bench<'_, '_> {
             };
             let of = |name| times.as_ref().and_then(|t| t.iter().find(|(n, _)| *n == name)).map(|(_, s)| *s);
             let (raster_fwd_secs, raster_bwd_secs) = (of("raster_fwd"), of("raster_bwd"));
-            out.push(VariantTimes { hardware_kernels, raster_fwd_secs, raster_bwd_secs });
+            let counts = match own {
+                Some(own) if hardware_kernels == own_form => Some(own.clone()),
+                _ => self.count(model, steps, hardware_kernels)?,
+            };
+            out.push(FormFigures { hardware_kernels, raster_fwd_secs, raster_bwd_secs, counts });
         }
+        out.sort_by_key(|form| form.hardware_kernels);
         Ok(out)
     }
 
@@ -340,85 +353,12 @@ impl Bench<'_, '_> {
         self.next += steps;
         self.backend.steps(&requests)
     }
-
-    /// A few steps, one by one, with everything counted.
-    fn count(&mut self, model: &Model, steps: u32) -> Result<Option<CountFigures>> {
-        if steps == 0 || !self.deadline.allows(self.step_secs) {
-            return Ok(None);
-        }
-        let counting = GpuOptions {
-            count_pairs: true,
-            count_texel_atomics: true,
-            batch_steps: Some(1),
-            ..GpuOptions::default()
-        };
-        self.backend.set_options(counting)?;
-        let (mut sum, mut counts) = (RasterCounters::default(), TrafficCounts::default());
-        let mut before = self.backend.read_back()?.1.last_step;
-        let mut counted = 0;
-        while counted < steps && (counted == 0 || self.deadline.allows(self.step_secs)) {
-            counted += 1;
-            let (step, camera) = (self.next, (self.request)(self.next).camera);
-            let report = self.run(1)?.pop().unwrap_or_default();
-            let after = self.backend.read_back()?.1.last_step;
-            let c = report.counters;
-            sum.pixels += c.pixels;
-            sum.tile_pairs += c.tile_pairs;
-            sum.evaluated_pairs += c.evaluated_pairs;
-            sum.inside_pairs += c.inside_pairs;
-            sum.blended_pairs += c.blended_pairs;
-            counts.texel_atomics += c.texel_atomics as f64;
-            for (i, map) in model.textures.maps.iter().enumerate().filter(|(i, _)| after[*i] == step) {
-                let (texels, lags) = (map.num_texels() as f64, before[i] + 1 < step);
-                counts.visible += 1.0;
-                counts.visible_texels += texels;
-                counts.lagging += f64::from(u8::from(lags));
-                counts.lagging_texels += if lags { texels } else { 0.0 };
-            }
-            let [cols, rows] = uniform::grid(&camera, self.backend.tile_rows_px);
-            counts.tiles += f64::from(cols * rows);
-            counts.tile_passes += f64::from(num_tile_passes(cols * rows));
-            before = after;
-        }
-        let mean = |total: f64| total / f64::from(counted);
-        let counts = TrafficCounts {
-            splats: model.num_splats() as f64,
-            visible: mean(counts.visible),
-            lagging: mean(counts.lagging),
-            pairs: mean(sum.tile_pairs as f64),
-            pixels: mean(sum.pixels as f64),
-            tiles: mean(counts.tiles),
-            visible_texels: mean(counts.visible_texels),
-            lagging_texels: mean(counts.lagging_texels),
-            sh_floats: SplatGroup::Sh.width(model.splats.sh_degree) as f64,
-            texel_atomics: mean(counts.texel_atomics),
-            depth_passes: f64::from(DEPTH_PASSES),
-            tile_passes: mean(counts.tile_passes),
-        };
-        let traffic = Traffic::of(&self.backend.kernels_of_step(&(self.request)(1).camera), &counts);
-        let blended = (sum.blended_pairs as f64).max(1.0);
-        let atomics = AtomicFigures {
-            per_step: counts.texel_atomics,
-            per_blended_pair: counts.texel_atomics / mean(blended),
-        };
-        let tile_pixels = u64::from(TILE_PX * self.backend.tile_rows_px);
-        let pairs = pair_figures(&sum, counts.pairs, tile_pixels);
-        Ok(Some(CountFigures { pairs, texel_atomics: atomics, traffic_counts: counts, traffic }))
-    }
 }
 
-fn pair_figures(sum: &RasterCounters, tile_pairs: f64, tile_pixels: u64) -> PairFigures {
-    let per_pixel = |n: u64| n as f64 / sum.pixels.max(1) as f64;
-    let (visited, evaluated) = (tile_pixels * sum.tile_pairs, sum.evaluated_pairs);
-    PairFigures {
-        tile_pairs,
-        visited: per_pixel(visited),
-        evaluated: per_pixel(evaluated),
-        inside: per_pixel(sum.inside_pairs),
-        blended: per_pixel(sum.blended_pairs),
-        evaluated_per_blended: evaluated as f64 / sum.blended_pairs.max(1) as f64,
-        visited_per_evaluated: visited as f64 / evaluated.max(1) as f64,
-    }
+/// Steps after the first that do not count: the rest of the views, if `fitting` steps of time allow. At least one,
+/// even of a single view: the first may have compiled, and is no measure of the others.
+fn run_in_steps(views: u32, fitting: f64) -> u32 {
+    (RUN_IN_SHARE * fitting).clamp(1.0, f64::from(views.max(2) - 1)) as u32
 }
 
 fn work_per_step(before: DeviceWork, after: DeviceWork, steps: u32) -> WorkPerStep {
@@ -458,13 +398,13 @@ fn state_hash(model: &Model, adam: &AdamState) -> u64 {
         .fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3))
 }
 
-impl GpuBackend {
-    /// Kernels of a step without window statistics, each once.
-    fn kernels_of_step(&self, camera: &Camera) -> Vec<KernelId> {
-        let dispatches = self.step_dispatches(Offsets::default(), camera, false, false);
-        let mut kernels: Vec<_> = dispatches.iter().map(|d| d.kernel).collect();
-        kernels.sort_unstable();
-        kernels.dedup();
-        kernels
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_step_runs_in_whatever_the_views_and_the_time() {
+        assert_eq!([1, 2, 16].map(|views| run_in_steps(views, f64::INFINITY)), [1, 1, 15]);
+        assert_eq!([0.0, 2.0, 50.0, 1e9].map(|fitting| run_in_steps(16, fitting)), [1, 1, 5, 15]);
     }
 }

@@ -97,8 +97,9 @@ const ATOMIC: f64 = 2.0 * WORD;
 const GEOMETRY: f64 = 10.0;
 /// Parameter and both moments, read and written.
 const STATE: f64 = 6.0 * WORD;
-/// A splat in a tile, `Pair` of `shaders/common/projected.wgsl`.
-const PAIR: f64 = 16.0;
+/// Slot and splat of a pair, and the window of its texels (`shaders/common/projected.wgsl`).
+const PAIR: f64 = 8.0;
+const WINDOW: f64 = 8.0;
 const PROJECTED: f64 = PROJECTED_BYTES as f64;
 const BOUNDS: f64 = BOUNDS_BYTES as f64;
 const INFO: f64 = size_of::<SplatInfo>() as f64;
@@ -115,8 +116,9 @@ pub(super) fn traffic(kernel: KernelId, c: &TrafficCounts) -> Vec<(TrafficItem, 
     let values = sorted - (c.splats + c.pairs);
     let block_sums = c.splats / f64::from(BLOCK) * WORD;
     let block_status = (c.splats / f64::from(GROUP)).ceil() * SPLAT_SUMS_BYTES as f64;
-    // Pairs, splats and texels as the rasterisation of a picture reads them.
-    let scene = 8.0 * c.tiles + (PAIR + PROJECTED) * c.pairs + 16.0 * c.visible_texels;
+    // Pairs, splats and texels as the rasterisation reads them; the forward pass writes the windows, the
+    // backward pass reads them.
+    let scene = 8.0 * c.tiles + (PAIR + PROJECTED + WINDOW) * c.pairs + 16.0 * c.visible_texels;
     match kernel {
         K::Project => {
             let all = (GEOMETRY * WORD + BOUNDS + WORD) * c.splats;
@@ -143,7 +145,7 @@ pub(super) fn traffic(kernel: KernelId, c: &TrafficCounts) -> Vec<(TrafficItem, 
         }
         // Both ends of a tile's range are searched for.
         K::TileRanges => vec![(I::Sort, c.tiles * (8.0 + 2.0 * WORD * c.pairs.max(1.0).log2().ceil()))],
-        K::GatherPairs => vec![(I::Sort, (3.0 * WORD + PROJECTED + PAIR) * c.pairs)],
+        K::GatherPairs => vec![(I::Sort, (2.0 * WORD + PAIR) * c.pairs)],
         K::RasterFwd | K::RasterFwdCount | K::RasterFwdBatched | K::RasterFwdBatchedCount => {
             vec![(I::Forward, scene + (16.0 + 8.0) * c.pixels)]
         }
@@ -168,9 +170,9 @@ pub(super) fn traffic(kernel: KernelId, c: &TrafficCounts) -> Vec<(TrafficItem, 
         }
         K::AdamTexel => {
             // Number of pairs of all; box, hidden share, residual sum and record of visible ones. Gradients
-            // are read and set to zero, values read and written.
+            // are read and set to zero, values written.
             let records = WORD * c.splats + (4.0 * WORD + INFO + WORD) * c.visible;
-            vec![(I::Adam, records + (STATE + 4.0 * WORD) * 3.0 * c.visible_texels)]
+            vec![(I::Adam, records + (STATE + 3.0 * WORD) * 3.0 * c.visible_texels)]
         }
         K::FinishBlocks => vec![(I::Status, WORD * c.splats + 4.0 * WORD * c.visible + block_status)],
         K::Finish => vec![(I::Status, block_status + 16.0 * c.tiles + size_of::<Status>() as f64)],
@@ -274,7 +276,7 @@ mod tests {
         let c = counts();
         let of = |kernel| traffic(kernel, &c).iter().map(|(_, bytes)| bytes).sum::<f64>();
         assert_eq!(of(KernelId::LossFwd), 60.0 * 65_536.0 + 4_096.0);
-        assert_eq!(of(KernelId::GatherPairs), 108.0 * 20_480.0);
+        assert_eq!(of(KernelId::GatherPairs), 16.0 * 20_480.0);
         // 133,120 keys in 130 blocks: 16 sums each.
         assert_eq!(of(KernelId::SortScan), 2.0 * 130.0 * 64.0);
         assert_eq!(of(KernelId::SortCount), 133_120.0 * 4.0 + 130.0 * 64.0);

@@ -32,7 +32,8 @@ fn sample(n: usize, sh_degree: u32) -> TrainState {
         textures: TexturePool::neutral((0..n).map(|i| match i % 3 {
             0 => (0, 0, 0.0),
             k => (2 + k as u16, 2, 0.01 * (i + 1) as f32),
-        })),
+        }))
+        .unwrap(),
         near: 0.039_999_9,
         capture_from_local: Similarity { scale: 1.0 / 3.0, translation: DVec3::new(-0.1, 1e300, -0.0) },
     };

@@ -1,13 +1,13 @@
 //! A structure step of the policy `litetex` and its relatives: reads what the window found, decides what
 //! becomes of every splat and its map, and writes the plan (method sections 6 and 7).
 
+use super::candidate::Candidate;
 use super::draft::{Draft, finish};
 use super::geometry::{half_extents, opacity, pixel_sizes, sigmas};
 use super::life::Life;
 use super::maps::{self, MapRule, Sizes};
 use super::score::{Scores, marks_after};
-use super::settings::{Budget, Components, Spending, StructureConfig};
-use super::split;
+use super::settings::{Budget, Components, StructureConfig};
 use crate::backend::{MapChange, StructurePlan, WindowStatistics};
 use crate::camera::Camera;
 use crate::model::Model;
@@ -118,7 +118,8 @@ pub fn decide(
     let mut candidates: Vec<Candidate> = (0..n)
         .filter(|&i| worst[i])
         .filter_map(|i| {
-            Candidate::new(s, config, components, drafts[i].as_ref()?, scores.error[i], pixels[i])
+            let draft = drafts[i].as_ref()?;
+            Some(Candidate::new(s, config, components, draft, scores.error[i], pixels[i]))
         })
         .collect();
     candidates.sort_by(|a, b| b.rank.total_cmp(&a.rank).then(a.splat.cmp(&b.splat)));
@@ -153,43 +154,6 @@ pub fn decide(
     let new: Vec<Draft> = drafts.into_iter().flatten().chain(children).collect();
     let (plan, lives) = finish(s.model, new);
     Revision { plan, lives, counts }
-}
-
-/// One of the worst splats, and what may be done for it.
-struct Candidate {
-    splat: usize,
-    /// The largest comes first.
-    rank: f64,
-    /// The two halves, if it may be split.
-    split: Option<[Draft; 2]>,
-    /// Its map refined, or only its ceiling raised; second choice where both are there.
-    finer: Option<Draft>,
-}
-
-impl Candidate {
-    fn new(
-        s: &Situation<'_>,
-        config: &StructureConfig,
-        components: &Components,
-        draft: &Draft,
-        error: f64,
-        pixel: f64,
-    ) -> Option<Self> {
-        let finer = maps::grown(s, config, components, draft);
-        let split = components.splitting.then(|| split::split(s, config, draft, pixel)).flatten();
-        let splat = draft.source as usize;
-        let more = |texels: usize| 3.0 * (texels as f64 - draft.texels as f64);
-        let cost_finer = finer.map_or(0.0, |d| more(d.texels));
-        let gain_finer = if cost_finer > 0.0 { config.texel_gain / cost_finer } else { 0.0 };
-        let gain_split =
-            split.map_or(0.0, |pair| 1.0 / (59.0 + more(pair[0].texels + pair[1].texels)).max(1.0));
-        let (rank, may_split) = match config.spending {
-            Spending::SplitsFirst => (error, true),
-            Spending::TexelsFirst => (error, !maps::can_be_finer(s, config, components, draft)),
-            Spending::Gain => (error * gain_finer.max(gain_split), gain_split > gain_finer),
-        };
-        Some(Self { splat, rank, split: split.filter(|_| may_split), finer })
-    }
 }
 
 /// The record of a splat after this check; `None` if it is removed.

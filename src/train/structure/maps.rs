@@ -5,7 +5,6 @@ use super::coarse::{coarsening_error, residual};
 use super::decide::{Situation, StructureCounts};
 use super::draft::Draft;
 use super::geometry::{even_texels, first_texel_size};
-use super::life::Life;
 use super::score::Scores;
 use super::settings::{Budget, Components, StructureConfig};
 use crate::backend::{Grid, MapChange};
@@ -191,21 +190,6 @@ pub fn grown(
     Some(grown)
 }
 
-/// Whether texels of half the edge would be allowed if the personal ceiling were no limit.
-pub fn can_be_finer(
-    s: &Situation<'_>,
-    config: &StructureConfig,
-    components: &Components,
-    draft: &Draft,
-) -> bool {
-    if s.rule != MapRule::Adaptive {
-        return false;
-    }
-    let unlimited = Life { ceiling: draft.sizes.cap, ..draft.life };
-    let now = draft.texels;
-    grown(s, config, components, &Draft { life: unlimited, ..*draft }).is_some_and(|d| d.texels > now)
-}
-
 /// Coarsens maps, those of the least error first, until the model is within its budget.
 pub fn shrink_to_budget(
     s: &Situation<'_>,
@@ -221,23 +205,26 @@ pub fn shrink_to_budget(
     }
     let mut order: Vec<usize> = (0..drafts.len()).filter(|&i| drafts[i].is_some()).collect();
     order.sort_by(|&a, &b| scores.error[a].total_cmp(&scores.error[b]).then(a.cmp(&b)));
-    for i in order {
-        if budget.allows(splats, *texels) {
-            return;
-        }
-        let Some(draft) = &mut drafts[i] else { continue };
-        let map = &s.model.textures.maps[i];
-        let before = draft.texels;
-        if map.rows == 0 || !draft.sizes.has_support() {
-            continue;
-        }
-        let mut smaller = *draft;
-        smaller.life.ceiling = (map.rows.max(map.cols) / 2).max(2);
-        stretch(&mut smaller);
-        if smaller.texels < before {
-            counts.coarsened += 1;
-            *texels = *texels - before + smaller.texels;
-            *draft = smaller;
+    // Half the side, then a quarter, ...: padding may have added more than one halving takes away.
+    for halvings in 1..u16::BITS {
+        for &i in &order {
+            if budget.allows(splats, *texels) {
+                return;
+            }
+            let Some(draft) = &mut drafts[i] else { continue };
+            let map = &s.model.textures.maps[i];
+            let before = draft.texels;
+            if map.rows == 0 || !draft.sizes.has_support() {
+                continue;
+            }
+            let mut smaller = *draft;
+            smaller.life.ceiling = (map.rows.max(map.cols) >> halvings).max(2);
+            stretch(&mut smaller);
+            if smaller.texels < before {
+                counts.coarsened += 1;
+                *texels = *texels - before + smaller.texels;
+                *draft = smaller;
+            }
         }
     }
 }

@@ -1,6 +1,7 @@
 //! Settings of the structure steps: who gets texels, who is split, who goes. All times are those of the
 //! published timetable of 30,000 steps; [`Schedule`](crate::train::Schedule) scales them to the run.
 
+use crate::backend::DeviceLimits;
 use serde::{Deserialize, Serialize};
 
 /// Parts of the method that can be switched off one by one.
@@ -103,16 +104,15 @@ impl SplitProfile {
     }
 }
 
-/// What a candidate's share of the budget is spent on, and who comes first.
+/// What the budget is spent on, and who comes first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Spending {
     /// By error; a splat that is long enough is split, others get finer maps (paper).
     #[default]
     SplitsFirst,
-    /// By error; a splat is split only when its map cannot get finer.
-    TexelsFirst,
-    /// By error per parameter that is added: for each candidate the better of both.
+    /// By error per parameter that is added, for each candidate the better of both: a large map has to be
+    /// much worse than a small one to get four times its texels.
     Gain,
 }
 
@@ -249,6 +249,19 @@ impl Budget {
             max_splats: part(self.max_splats, start[0], now[0]),
             max_texels: part(self.max_texels, start[1], now[1]),
             max_params: part(self.max_params, params(start), params(now)),
+        }
+    }
+
+    /// This budget on a device that holds no more than so much: what is not bounded by it is by the device.
+    pub fn within(&self, device: &DeviceLimits) -> Self {
+        let part = |most: Option<usize>, device: u64| {
+            let device = usize::try_from(device).unwrap_or(usize::MAX);
+            Some(most.map_or(device, |most| most.min(device)))
+        };
+        Self {
+            max_splats: part(self.max_splats, device.max_splats),
+            max_texels: part(self.max_texels, device.max_texels),
+            max_params: self.max_params,
         }
     }
 

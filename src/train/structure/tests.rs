@@ -4,9 +4,10 @@ use super::decide::{Revision, Situation, decide};
 use super::geometry::{even_texels, first_texel_size, half_extents, opacity, sigmas};
 use super::life::Life;
 use super::maps::MapRule;
-use super::settings::{Budget, Components, SplitProfile, StructureConfig};
+use super::settings::{Budget, Components, Spending, SplitProfile, StructureConfig};
 use crate::backend::{Grid, MapChange, WindowStatistics};
 use crate::camera::Camera;
+use crate::constants::ALPHA_MIN;
 use crate::model::{Model, TexturePool};
 use crate::selftest::{Scene, SceneOptions, random_scene};
 
@@ -16,14 +17,19 @@ const N: usize = 12;
 fn model(texels: u16) -> Model {
     let mut model = scene().model;
     let extents = (0..N).map(|i| {
-        let half = half_extents(sigmas(&model, i), opacity(&model, i), 1.0 / 255.0);
+        let half = half_extents(sigmas(&model, i), opacity(&model, i), ALPHA_MIN);
         let size = first_texel_size(half) / f64::from(texels - 1);
         let [rows, cols] = half.map(|h| even_texels(h, size) as u16);
         (rows, cols, size as f32)
     });
-    model.textures = TexturePool::neutral(extents.collect::<Vec<_>>());
+    model.textures = TexturePool::neutral(extents.collect::<Vec<_>>()).unwrap();
     model.textures.texels.iter_mut().enumerate().for_each(|(i, t)| *t = (i as f32 * 0.7).sin());
     model
+}
+
+/// Maps as wide as the splats: what the models here are made for.
+fn settings() -> StructureConfig {
+    StructureConfig { alpha_texture: ALPHA_MIN, quantile: 0.85, ..StructureConfig::default() }
 }
 
 fn scene() -> Scene {
@@ -93,7 +99,7 @@ fn the_worst_get_finer_maps_and_higher_ceilings_and_nobody_else_does() {
     let (model, cameras, statistics) = (model(2), [camera()], one_bad());
     let lives = vec![Life::first(2); N];
     let s = situation(&model, &lives, &statistics, &cameras);
-    let config = StructureConfig { coarsen_below: 0.0, ..StructureConfig::default() };
+    let config = StructureConfig { coarsen_below: 0.0, ..settings() };
     let revision = revise(&s, &config, &Budget::default());
     let plan = revision.plan.unwrap();
     assert_eq!(plan.sources, (0..N as u32).collect::<Vec<_>>(), "without new splats the order stays");
@@ -131,7 +137,7 @@ fn maps_follow_their_support_without_moving_a_texel() {
     model.splats.log_scales[7] -= 0.7;
     let lives = vec![Life::first(64); N];
     let s = situation(&model, &lives, &statistics, &cameras);
-    let config = StructureConfig { coarsen_below: 0.0, ..StructureConfig::default() };
+    let config = StructureConfig { coarsen_below: 0.0, ..settings() };
     let plan = revise(&s, &config, &Budget::default()).plan.unwrap();
     for (i, change) in plan.maps.iter().enumerate() {
         let map = &model.textures.maps[i];
@@ -154,7 +160,7 @@ fn smooth_maps_are_coarsened_and_others_are_not() {
     let smooth = model.textures.maps[4].floats();
     model.textures.texels[smooth].fill(0.01);
     let s = situation(&model, &lives, &statistics, &cameras);
-    let plan = revise(&s, &StructureConfig::default(), &Budget::default()).plan.unwrap();
+    let plan = revise(&s, &settings(), &Budget::default()).plan.unwrap();
     for (i, change) in plan.maps.iter().enumerate() {
         let is_coarser = matches!(change, MapChange::Regrid { grid: Grid::Coarser, .. });
         assert_eq!(is_coarser, i == 4, "{i}: {change:?}");
@@ -162,7 +168,7 @@ fn smooth_maps_are_coarsened_and_others_are_not() {
     assert!(
         !s.model.textures.maps.is_empty() && {
             let late = Situation { may_coarsen: false, ..s };
-            revise(&late, &StructureConfig::default(), &Budget::default()).plan.is_none()
+            revise(&late, &settings(), &Budget::default()).plan.is_none()
         }
     );
 }
@@ -182,7 +188,7 @@ fn splats_go_after_consecutive_marks_only_and_those_never_seen_stay() {
             statistics.seen[i] = u32::from(!(i == 2 || i == 3 && check == 1));
         }
         let s = Situation { patience: 4, ..situation(&model, &lives, &statistics, &cameras) };
-        let revision = revise(&s, &StructureConfig::default(), &Budget::default());
+        let revision = revise(&s, &settings(), &Budget::default());
         let removed = |i: u32| revision.plan.as_ref().is_some_and(|p| !p.sources.contains(&i));
         assert_eq!([0, 1, 2].map(removed), [check >= 3, false, false], "check {check}");
         if check == 3 {
@@ -209,10 +215,10 @@ fn halves_lie_on_the_parents_grid_and_survive_their_first_checks() {
         spending: Spending::SplitsFirst,
         // The tight halves are nearer than the texels of this map: they would be resampled.
         split_profile: SplitProfile::Paper,
-        ..StructureConfig::default()
+        ..settings()
     };
-    // Texels first: the map could still get finer.
-    let patient = StructureConfig { spending: Spending::TexelsFirst, ..config.clone() };
+    // Texels are thought better, and the map could still get finer.
+    let patient = StructureConfig { spending: Spending::Gain, texel_gain: 1e3, ..config.clone() };
     assert_eq!(revise(&s, &patient, &Budget::default()).counts.split, 0);
     let coarse = StructureConfig { min_texel_px: 4.0, ..patient };
     let long = Situation { split_texels: 8.0, ..situation(&model, &lives, &statistics, &cameras) };
@@ -261,12 +267,8 @@ fn budgets_hold_whatever_qualifies() {
     let errors = std::array::from_fn(|i| 0.1 + 0.05 * i as f32);
     let (statistics, lives) = (window(errors), vec![Life::first(64); N]);
     let s = Situation { split_texels: 8.0, ..situation(&model, &lives, &statistics, &cameras) };
-    let config = StructureConfig {
-        coarsen_below: 0.0,
-        quantile: 0.1,
-        spending: Spending::SplitsFirst,
-        ..StructureConfig::default()
-    };
+    let config =
+        StructureConfig { coarsen_below: 0.0, quantile: 0.1, spending: Spending::SplitsFirst, ..settings() };
     let size = |budget: &Budget| {
         let revision = revise(&s, &config, budget);
         // Nothing may have been possible.
@@ -296,4 +298,37 @@ fn budgets_hold_whatever_qualifies() {
         let (splats, texels) = size(&budget);
         assert!(budget.allows(splats, texels), "{budget:?}: {splats} splats, {texels} texels");
     }
+}
+
+#[test]
+fn a_budget_goes_where_error_per_parameter_is_largest() {
+    // Splat 5 is worse, but its map has more texels to double than that of splat 7.
+    let (mut mixed, fine, cameras) = (model(2), model(8), [camera()]);
+    let extents = mixed.textures.maps.iter().zip(&fine.textures.maps).enumerate();
+    let extents = extents.map(|(i, (coarse, fine))| if i == 5 { fine } else { coarse });
+    let extents = extents.map(|map| (map.rows, map.cols, map.texel_size)).collect::<Vec<_>>();
+    mixed.textures = TexturePool::neutral(extents).unwrap();
+    let mut errors = [0.1; N];
+    (errors[5], errors[7]) = (0.9, 0.5);
+    let (statistics, lives) = (window(errors), vec![Life::first(64); N]);
+    let s = situation(&mixed, &lives, &statistics, &cameras);
+    let refined = |spending, more: Option<usize>| {
+        let config = StructureConfig { coarsen_below: 0.0, spending, untextured: false, ..settings() };
+        let max_texels = more.map(|more| mixed.num_texels() + more);
+        let plan = revise(&s, &config, &Budget { max_texels, ..Budget::default() }).plan.unwrap();
+        let added = |i: usize| match plan.maps[i] {
+            MapChange::Regrid { grid: Grid::Finer, rows, cols, .. } => {
+                Some((i, usize::from(rows) * usize::from(cols) - mixed.textures.maps[i].num_texels()))
+            }
+            _ => None,
+        };
+        (0..N).filter_map(added).collect::<Vec<_>>()
+    };
+    let both = refined(Spending::Gain, None);
+    let &[(5, large), (7, small)] = &both[..] else { panic!("{both:?}") };
+    assert!(small < large);
+    // There is room for either alone.
+    assert_eq!(refined(Spending::Gain, Some(large)), [(7, small)]);
+    // Negative control: by error alone the large map takes it all.
+    assert_eq!(refined(Spending::SplitsFirst, Some(large)), [(5, large)]);
 }

@@ -1,0 +1,131 @@
+//! Pairs, atomics and bytes of steps in either form of the rasterisation, counted one step at a time.
+
+use super::{AtomicFigures, Bench, CountFigures, Deadline, PairFigures, Traffic, TrafficCounts};
+use crate::Result;
+use crate::backend::{Backend as _, RasterCounters, StepRequest};
+use crate::camera::Camera;
+use crate::gpu::backend::{GpuBackend, GpuOptions};
+use crate::gpu::kernels::KernelId;
+use crate::gpu::resources::Offsets;
+use crate::gpu::shader::TILE_PX;
+use crate::gpu::sort::{DEPTH_PASSES, num_tile_passes};
+use crate::gpu::uniform;
+use crate::model::{Model, SplatGroup};
+
+/// Counts the pairs, atomics and bytes of `steps` steps in one form of the rasterisation, whatever the device.
+///
+/// # Errors
+/// [`crate::Error::Device`] if memory or the device fails.
+pub fn count<'a>(
+    backend: &mut GpuBackend,
+    model: &Model,
+    steps: u32,
+    hardware_kernels: bool,
+    request: &dyn Fn(u32) -> StepRequest<'a>,
+) -> Result<Option<CountFigures>> {
+    let mut bench = Bench { backend, next: 1, request, deadline: Deadline::new(None), step_secs: 0.0 };
+    bench.restart(model, counting(hardware_kernels))?;
+    bench.count(model, steps, hardware_kernels)
+}
+
+/// Everything is counted, step by step.
+fn counting(hardware_kernels: bool) -> GpuOptions {
+    GpuOptions {
+        count_pairs: true,
+        count_texel_atomics: true,
+        batch_steps: Some(1),
+        hardware_kernels: Some(hardware_kernels),
+        ..GpuOptions::default()
+    }
+}
+
+impl Bench<'_, '_> {
+    /// A few steps, one by one, with everything counted.
+    pub(super) fn count(
+        &mut self,
+        model: &Model,
+        steps: u32,
+        hardware_kernels: bool,
+    ) -> Result<Option<CountFigures>> {
+        if steps == 0 || !self.deadline.allows(self.step_secs) {
+            return Ok(None);
+        }
+        self.backend.set_options(counting(hardware_kernels))?;
+        let (mut sum, mut counts) = (RasterCounters::default(), TrafficCounts::default());
+        let mut before = self.backend.read_back()?.1.last_step;
+        let mut counted = 0;
+        while counted < steps && (counted == 0 || self.deadline.allows(self.step_secs)) {
+            counted += 1;
+            let (step, camera) = (self.next, (self.request)(self.next).camera);
+            let report = self.run(1)?.pop().unwrap_or_default();
+            let after = self.backend.read_back()?.1.last_step;
+            let c = report.counters;
+            sum.pixels += c.pixels;
+            sum.tile_pairs += c.tile_pairs;
+            sum.evaluated_pairs += c.evaluated_pairs;
+            sum.inside_pairs += c.inside_pairs;
+            sum.blended_pairs += c.blended_pairs;
+            counts.texel_atomics += c.texel_atomics as f64;
+            for (i, map) in model.textures.maps.iter().enumerate().filter(|(i, _)| after[*i] == step) {
+                let (texels, lags) = (map.num_texels() as f64, before[i] + 1 < step);
+                counts.visible += 1.0;
+                counts.visible_texels += texels;
+                counts.lagging += f64::from(u8::from(lags));
+                counts.lagging_texels += if lags { texels } else { 0.0 };
+            }
+            let [cols, rows] = uniform::grid(&camera, self.backend.tile_rows_px);
+            counts.tiles += f64::from(cols * rows);
+            counts.tile_passes += f64::from(num_tile_passes(cols * rows));
+            before = after;
+        }
+        let mean = |total: f64| total / f64::from(counted);
+        let counts = TrafficCounts {
+            splats: model.num_splats() as f64,
+            visible: mean(counts.visible),
+            lagging: mean(counts.lagging),
+            pairs: mean(sum.tile_pairs as f64),
+            pixels: mean(sum.pixels as f64),
+            tiles: mean(counts.tiles),
+            visible_texels: mean(counts.visible_texels),
+            lagging_texels: mean(counts.lagging_texels),
+            sh_floats: SplatGroup::Sh.width(model.splats.sh_degree) as f64,
+            texel_atomics: mean(counts.texel_atomics),
+            depth_passes: f64::from(DEPTH_PASSES),
+            tile_passes: mean(counts.tile_passes),
+        };
+        let traffic = Traffic::of(&self.backend.kernels_of_step(&(self.request)(1).camera), &counts);
+        let blended = (sum.blended_pairs as f64).max(1.0);
+        let atomics = AtomicFigures {
+            per_step: counts.texel_atomics,
+            per_blended_pair: counts.texel_atomics / mean(blended),
+        };
+        let tile_pixels = u64::from(TILE_PX * self.backend.tile_rows_px);
+        let pairs = pair_figures(&sum, counts.pairs, tile_pixels);
+        Ok(Some(CountFigures { pairs, texel_atomics: atomics, traffic_counts: counts, traffic }))
+    }
+}
+
+fn pair_figures(sum: &RasterCounters, tile_pairs: f64, tile_pixels: u64) -> PairFigures {
+    let per_pixel = |n: u64| n as f64 / sum.pixels.max(1) as f64;
+    let (visited, evaluated) = (tile_pixels * sum.tile_pairs, sum.evaluated_pairs);
+    PairFigures {
+        tile_pairs,
+        visited: per_pixel(visited),
+        evaluated: per_pixel(evaluated),
+        inside: per_pixel(sum.inside_pairs),
+        blended: per_pixel(sum.blended_pairs),
+        evaluated_per_blended: evaluated as f64 / sum.blended_pairs.max(1) as f64,
+        visited_per_evaluated: visited as f64 / evaluated.max(1) as f64,
+    }
+}
+
+impl GpuBackend {
+    /// Kernels of a step without window statistics, each once.
+    fn kernels_of_step(&self, camera: &Camera) -> Vec<KernelId> {
+        let dispatches = self.step_dispatches(Offsets::default(), camera, false, false);
+        let mut kernels: Vec<_> = dispatches.iter().map(|d| d.kernel).collect();
+        kernels.sort_unstable();
+        kernels.dedup();
+        kernels
+    }
+}

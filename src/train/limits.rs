@@ -1,0 +1,182 @@
+//! Whether a device can hold what a run may ask of it: told before the first step, not in the middle of it.
+
+use super::config::TrainConfig;
+use super::structure::Budget;
+use crate::backend::{Backend, DeviceLimits, SceneShape};
+use crate::model::Model;
+use crate::views::ViewSource;
+use crate::{Error, Result};
+
+/// Checks the model that a run starts from, the pictures of all views at full size, and the budget against what
+/// the device can hold; returns that. Growth without a budget needs no check: the device bounds it.
+///
+/// # Errors
+/// [`Error::Device`] with all that does not fit: what is asked for, what the device allows, what to do.
+pub fn check_limits(
+    config: &TrainConfig,
+    backend: &dyn Backend,
+    views: &dyn ViewSource,
+    model: &Model,
+) -> Result<DeviceLimits> {
+    let shape = SceneShape { sh_degree: model.splats.sh_degree, geometry: config.loss.needs_geometry() };
+    let limits = backend.limits(shape);
+    let mut misfits = of_model(model, &limits);
+    misfits.extend(of_budget(&config.budget, &limits));
+    misfits.extend(of_views(views, &limits));
+    if misfits.is_empty() {
+        return Ok(limits);
+    }
+    let name = backend.device().name;
+    Err(Error::Device(format!(
+        "{name} cannot hold this run: {}; or use another --device",
+        misfits.join("; ")
+    )))
+}
+
+fn of_model(model: &Model, limits: &DeviceLimits) -> Vec<String> {
+    let (splats, texels) = (model.num_splats() as u64, model.num_texels() as u64);
+    let mut out = Vec::new();
+    if splats > limits.max_splats {
+        let most = limits.max_splats;
+        out.push(format!("it starts with {splats} splats, at most {most} fit: lower --max-points"));
+    }
+    if texels > limits.max_texels {
+        let most = limits.max_texels;
+        out.push(format!(
+            "it starts with {texels} texels, at most {most} fit: lower --max-points, or choose smaller maps \
+             (--policy)"
+        ));
+    }
+    out
+}
+
+fn of_budget(budget: &Budget, limits: &DeviceLimits) -> Vec<String> {
+    let params =
+        59_u64.saturating_mul(limits.max_splats).saturating_add(3_u64.saturating_mul(limits.max_texels));
+    let bounds = [
+        ("--max-splats", "splats", budget.max_splats, limits.max_splats),
+        ("--max-texels", "texels", budget.max_texels, limits.max_texels),
+        // Of a model with as many splats and texels as fit.
+        ("--budget-params", "parameters", budget.max_params, params),
+    ];
+    let too_large = bounds.into_iter().filter_map(|(flag, what, asked, most)| {
+        let asked = asked.filter(|&asked| asked as u64 > most)?;
+        Some(format!("{flag} allows {asked} {what}, at most {most} fit: lower it, or leave it out"))
+    });
+    too_large.collect()
+}
+
+fn of_views(views: &dyn ViewSource, limits: &DeviceLimits) -> Option<String> {
+    let size = |view: usize| {
+        let p = views.camera(view).pinhole;
+        (p.width_px, p.height_px)
+    };
+    let all = 0..views.num_views();
+    let large: Vec<usize> = all.filter(|&v| !limits.allows_picture(size(v).0, size(v).1)).collect();
+    let worst = large.iter().copied().max_by_key(|&v| u64::from(size(v).0) * u64::from(size(v).1))?;
+    let (width, height) = size(worst);
+    // The longer side of the largest picture that has the shape of this one.
+    let (longer, pixels) = (f64::from(width.max(height)), f64::from(width) * f64::from(height));
+    let fitting = longer * (limits.max_pixels as f64 / pixels).sqrt().min(1.0);
+    let fitting = (fitting as u32).min(limits.max_side_px);
+    Some(format!(
+        "{} of {} views are too large, {:?} most of all with {width} x {height} = {} pixels, at most {} pixels \
+         and {} a side fit: use --max-resolution {fitting}",
+        large.len(),
+        views.num_views(),
+        views.name(worst),
+        u64::from(width) * u64::from(height),
+        limits.max_pixels,
+        limits.max_side_px
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::backend::TargetImage;
+    use crate::camera::Camera;
+    use crate::selftest::{SceneOptions, random_scene};
+    use crate::views::Split;
+    use std::sync::Arc;
+
+    const LIMITS: DeviceLimits =
+        DeviceLimits { max_side_px: 100, max_pixels: 6_000, max_splats: 50, max_texels: 400 };
+
+    struct Views(Vec<Camera>);
+
+    impl ViewSource for Views {
+        fn num_views(&self) -> usize {
+            self.0.len()
+        }
+        fn name(&self, _: usize) -> &str {
+            "a.png"
+        }
+        fn split(&self, _: usize) -> Split {
+            Split::Test
+        }
+        fn camera(&self, view: usize) -> Camera {
+            self.0[view]
+        }
+        fn target(&self, _: usize) -> Result<Arc<TargetImage>> {
+            unreachable!("no photo is needed")
+        }
+    }
+
+    fn model(num_splats: usize, map: (u16, u16)) -> Model {
+        random_scene(&SceneOptions { num_splats, map_sizes: vec![map], ..SceneOptions::default() }).model
+    }
+
+    #[test]
+    fn a_model_at_the_limit_fits_and_one_above_is_told_with_counts() {
+        assert!(of_model(&model(50, (4, 2)), &LIMITS).is_empty());
+        let both = of_model(&model(51, (4, 2)), &LIMITS);
+        assert!(both[0].contains("51 splats, at most 50") && both[1].contains("408 texels, at most 400"));
+    }
+
+    #[test]
+    fn budgets_at_the_limit_fit_and_those_above_are_told_with_counts() {
+        let params = 59 * 50 + 3 * 400;
+        let budget = |splats, texels, params| Budget {
+            max_splats: Some(splats),
+            max_texels: Some(texels),
+            max_params: Some(params),
+        };
+        assert!(of_budget(&budget(50, 400, params), &LIMITS).is_empty());
+        assert!(of_budget(&Budget::default(), &LIMITS).is_empty(), "the device bounds what is not bounded");
+        let all = of_budget(&budget(51, 401, params + 1), &LIMITS);
+        for (text, parts) in
+            all.iter().zip([["51 splats", "most 50"], ["401 texels", "most 400"], ["4151", "4150"]])
+        {
+            assert!(parts.iter().all(|part| text.contains(part)), "{text}");
+        }
+        assert_eq!(all.len(), 3);
+    }
+
+    #[test]
+    fn pictures_are_judged_by_pixels_and_by_sides_and_a_size_is_proposed_that_fits() {
+        let camera = random_scene(&SceneOptions { num_splats: 0, ..SceneOptions::default() }).camera;
+        let views = |sizes: &[(u32, u32)]| Views(sizes.iter().map(|&(w, h)| camera.resized(w, h)).collect());
+        assert_eq!(of_views(&views(&[(100, 60), (60, 100)]), &LIMITS), None);
+        let text = of_views(&views(&[(100, 60), (100, 61), (80, 80)]), &LIMITS).unwrap();
+        for part in
+            ["2 of 3 views", "80 x 80 = 6400 pixels", "6000 pixels", "100 a side", "--max-resolution 77"]
+        {
+            assert!(text.contains(part), "{part}: {text}");
+        }
+        assert!(LIMITS.allows_picture(77, 77) && !LIMITS.allows_picture(78, 78));
+        assert!(of_views(&views(&[(101, 2)]), &LIMITS).unwrap().contains("--max-resolution 100"));
+    }
+
+    #[test]
+    fn a_budget_within_a_device_is_bounded_by_both() {
+        let budget = Budget { max_splats: Some(20), max_texels: None, max_params: Some(7) };
+        let within = budget.within(&LIMITS);
+        assert_eq!((within.max_splats, within.max_texels, within.max_params), (Some(20), Some(400), Some(7)));
+        assert!(Budget::default().within(&LIMITS).allows(50, 400));
+        assert!(
+            !Budget::default().within(&LIMITS).allows(51, 0)
+                && !Budget::default().within(&LIMITS).allows(0, 401)
+        );
+    }
+}

@@ -1,0 +1,141 @@
+//! What a device cannot hold is told before the first step, and growth stops at what it can.
+#![cfg(feature = "gpu")]
+#![allow(clippy::unwrap_used, reason = "a failing test may panic")]
+
+mod common;
+
+use common::gpu::{drivers, open};
+use common::training::{MemoryViews, config, damaged, photos};
+use litetex_gs::Error;
+use litetex_gs::backend::{Backend as _, SceneShape};
+use litetex_gs::gpu::{GpuOptions, Limits};
+use litetex_gs::selftest::{Scene, SceneOptions, random_scene};
+use litetex_gs::train::structure::Budget;
+use litetex_gs::train::{Control, Policy, TrainConfig, TrainEvent, TrainState, train};
+
+/// Buffers of 120,000 bytes: 1,363 splats of 22 floats, 7,500 texels of 16 bytes, 3,333 pixels of 36 bytes.
+const SMALL: Limits = Limits::Buffers(120_000);
+
+fn scene() -> Scene {
+    random_scene(&SceneOptions {
+        num_splats: 150,
+        sh_degree: 1,
+        map_sizes: vec![(4, 4)],
+        width_px: 64,
+        height_px: 48,
+        scales: (0.03, 0.1),
+        opacities: (0.3, 0.9),
+        depths: (0.8, 2.0),
+        ..SceneOptions::default()
+    })
+}
+
+/// Growth as fast as it goes.
+fn growing() -> TrainConfig {
+    let mut config = TrainConfig { policy: Policy::Litetex, save_every: 0, eval_every: 0, ..config(60) };
+    config.components.growth = false;
+    config.structure.quantile = 0.1;
+    config.structure.min_texel_px = 0.2;
+    config
+}
+
+/// What became of a run: the largest model after any structure step, or the error; and the events until then.
+fn run(
+    config: &TrainConfig,
+    limits: Limits,
+    scene: &Scene,
+    views: &MemoryViews,
+) -> Option<(Result<[usize; 2], Error>, usize)> {
+    let driver = drivers().into_iter().next()?;
+    let mut backend = open(&driver, limits, GpuOptions::default());
+    let (mut largest, mut events) = ([0; 2], 0);
+    let mut sink = |event: TrainEvent<'_>| {
+        events += 1;
+        if let TrainEvent::Structure { num_splats, num_texels, .. } = event {
+            largest = [largest[0].max(num_splats), largest[1].max(num_texels)];
+        }
+        // What has outgrown the small device need not grow on.
+        Ok(if largest[1] > 7_500 { Control::Stop } else { Control::Continue })
+    };
+    let outcome = train(config, &mut backend, views, TrainState::fresh(damaged(scene)), &mut sink);
+    Some((outcome.map(|_| largest), events))
+}
+
+#[test]
+fn what_does_not_fit_is_refused_before_the_first_step() {
+    let (scene, config) = (scene(), growing());
+    let views = photos(&scene);
+    let fits = |config: &TrainConfig, views: &MemoryViews, scene: &Scene, parts: &[&str]| {
+        let Some((outcome, events)) = run(config, SMALL, scene, views) else { return };
+        let error = outcome.unwrap_err();
+        let text = error.to_string();
+        assert!(matches!(error, Error::Device(_)) && error.exit_code() == 5, "{text}");
+        assert!(parts.iter().all(|part| text.contains(part)), "{text}");
+        assert_eq!(events, 0, "nothing was begun");
+    };
+    let many = random_scene(&SceneOptions {
+        num_splats: 1_364,
+        sh_degree: 1,
+        map_sizes: vec![(4, 2)],
+        ..SceneOptions::default()
+    });
+    fits(&config, &views, &many, &["1364 splats, at most 1363", "10912 texels, at most 7500"]);
+    let bounded = |budget| TrainConfig { budget, ..config.clone() };
+    let splats = bounded(Budget { max_splats: Some(1_364), ..Budget::default() });
+    fits(&splats, &views, &scene, &["--max-splats allows 1364 splats, at most 1363"]);
+    let texels = bounded(Budget { max_texels: Some(7_501), ..Budget::default() });
+    fits(&texels, &views, &scene, &["--max-texels allows 7501 texels, at most 7500"]);
+    let mut large = photos(&scene);
+    large.0[3].0 = large.0[3].0.resized(70, 50);
+    fits(
+        &config,
+        &large,
+        &scene,
+        &["1 of 6 views", "70 x 50 = 3500 pixels, at most 3333", "--max-resolution 68"],
+    );
+    // Terms on depths and normals leave more for each pixel: 2,500 of 48 bytes fit.
+    let mut geometry = config.clone();
+    geometry.loss.normal = 0.1;
+    fits(&geometry, &views, &scene, &["6 of 6 views", "at most 2500 pixels"]);
+}
+
+#[test]
+fn growth_stops_at_what_the_device_holds() {
+    let (scene, config) = (scene(), growing());
+    let views = photos(&scene);
+    let Some((small, _)) = run(&config, SMALL, &scene, &views) else { return };
+    let [_, texels] = small.unwrap();
+    let Some((plenty, _)) = run(&config, Limits::Downlevel, &scene, &views) else { return };
+    let [_, wanted] = plenty.unwrap();
+    println!("{texels} texels on a device of 7,500, else {wanted}");
+    assert!(texels <= 7_500 && texels > 6_000, "{texels}");
+    // Negative control: without the bound the model outgrows the device.
+    assert!(wanted > 7_500, "{wanted}");
+    // A budget below what the device holds is the bound.
+    let budget = Budget { max_texels: Some(5_000), ..Budget::default() };
+    let Some((bounded, _)) = run(&TrainConfig { budget, ..config }, SMALL, &scene, &views) else { return };
+    assert!(bounded.unwrap()[1] <= 5_000);
+}
+
+#[test]
+fn the_limits_are_those_that_uploads_and_pictures_meet() {
+    let Some(driver) = drivers().into_iter().next() else { return };
+    let mut backend = open(&driver, SMALL, GpuOptions::default());
+    let limits = backend.limits(SceneShape { sh_degree: 1, geometry: false });
+    assert_eq!((limits.max_splats, limits.max_texels, limits.max_pixels), (1_363, 7_500, 3_333));
+    let upload = |n: u64, map, backend: &mut litetex_gs::gpu::GpuBackend| {
+        let options = SceneOptions {
+            num_splats: n as usize,
+            sh_degree: 1,
+            map_sizes: vec![map],
+            ..SceneOptions::default()
+        };
+        let model = random_scene(&options).model;
+        backend.upload(&model, &litetex_gs::model::AdamState::zeros(&model))
+    };
+    assert!(upload(limits.max_splats, (1, 1), &mut backend).is_ok());
+    assert!(matches!(upload(limits.max_splats + 1, (1, 1), &mut backend), Err(Error::Device(_))));
+    // 75 maps of 100 texels.
+    assert!(upload(75, (10, 10), &mut backend).is_ok());
+    assert!(matches!(upload(76, (10, 10), &mut backend), Err(Error::Device(_))));
+}

@@ -1,0 +1,99 @@
+//! What a training step moves and evaluates, in both forms of the rasterisation, against the floor of the cost
+//! model (`src/gpu/bench/traffic.rs`): counted, not timed, and so the same on software drivers as on hardware.
+#![cfg(feature = "gpu")]
+#![allow(clippy::unwrap_used, reason = "a failing test may panic")]
+
+mod common;
+
+use common::gpu::backends;
+use litetex_gs::backend::{LearningRates, LossWeights, StepRequest};
+use litetex_gs::camera::Camera;
+use litetex_gs::gpu::bench::{CountFigures, count};
+use litetex_gs::gpu::{GpuBackend, GpuOptions};
+use litetex_gs::selftest::{Scene, SceneOptions, random_scene};
+
+/// Bytes over the floor, at most: needed 1.20 with large maps.
+const TRAFFIC: f64 = 1.3;
+/// Pixels in the boxes of splats over those that are blended, at most: needed 1.55.
+const EVALUATED: f64 = 1.6;
+/// What the edges of tiles cost beside that: pixels of whole tiles over those in the boxes, for tiles of 16 x 16
+/// pixels on hardware and 16 x 8 on software, at most; needed 2.19 and 1.75 for splats of a few pixels.
+const EDGES: [f64; 2] = [2.3, 1.85];
+
+/// Splats of a few pixels, as trained scenes have them.
+fn scene(scales: (f64, f64), map_sizes: Vec<(u16, u16)>) -> Scene {
+    random_scene(&SceneOptions {
+        num_splats: 6_000,
+        width_px: 360,
+        height_px: 240,
+        scales,
+        map_sizes,
+        ..SceneOptions::default()
+    })
+}
+
+/// Counts steps that see these cameras in turn.
+fn counted(
+    backend: &mut GpuBackend,
+    scene: &Scene,
+    cameras: &[Camera],
+    steps: u32,
+    hardware_kernels: bool,
+) -> CountFigures {
+    let request = |step: u32| StepRequest {
+        step,
+        camera: cameras[step as usize % cameras.len()],
+        photo: 0,
+        target: &scene.target,
+        background: [0.0; 3],
+        sh_degree: 3,
+        loss: LossWeights::default(),
+        rates: LearningRates { texel: 1e-3, ..LearningRates::default() },
+        accumulate_statistics: false,
+    };
+    let c = count(backend, &scene.model, steps, hardware_kernels, &request).unwrap().unwrap();
+    println!("for hardware: {hardware_kernels}, {:?}, {:?}", c.pairs, c.texel_atomics);
+    c.traffic.items.iter().for_each(|share| println!("  {share:?}"));
+    c
+}
+
+/// Within the bounds: of traffic, of pixels in boxes, of edges.
+fn within(c: &CountFigures, hardware: bool) -> [bool; 3] {
+    let traffic = c.traffic.items.last().unwrap().ratio.unwrap();
+    let edges = EDGES[usize::from(!hardware)];
+    [traffic <= TRAFFIC, c.pairs.evaluated_per_blended <= EVALUATED, c.pairs.visited_per_evaluated <= edges]
+}
+
+#[test]
+fn both_forms_stay_near_the_floor() {
+    let Some(mut backend) = backends(GpuOptions::default()).next() else { return };
+    let scales = (0.004, 0.03);
+    for map_sizes in [SceneOptions::default().map_sizes, vec![(2, 2)]] {
+        let scene = scene(scales, map_sizes);
+        for hardware in [true, false] {
+            let c = counted(&mut backend, &scene, &[scene.camera], 2, hardware);
+            assert_eq!(within(&c, hardware), [true; 3]);
+        }
+    }
+}
+
+#[test]
+fn needles_dust_and_views_without_a_splat_in_common_are_beyond_the_bounds() {
+    let Some(mut backend) = backends(GpuOptions::default()).next() else { return };
+    // Their boxes are mostly empty.
+    let mut needles = scene((0.004, 0.03), vec![(2, 2)]);
+    for axes in needles.model.splats.log_scales.chunks_exact_mut(2) {
+        axes.copy_from_slice(&[-3.0, -6.0]);
+    }
+    let c = counted(&mut backend, &needles, &[needles.camera], 1, true);
+    assert!(!within(&c, true)[1]);
+    let dust = scene((0.001, 0.003), vec![(2, 2)]);
+    let c = counted(&mut backend, &dust, &[dust.camera], 1, true);
+    assert!(!within(&c, true)[2]);
+    // Whatever comes back into sight after a step without it has to be brought up to date.
+    let scene = scene((0.004, 0.03), SceneOptions::default().map_sizes);
+    let mut away = scene.camera;
+    away.camera_from_local.translation.z -= 1e3;
+    let c = counted(&mut backend, &scene, &[away, scene.camera], 3, true);
+    assert!(c.traffic_counts.lagging > 1_000.0 && !within(&c, true)[0]);
+}
