@@ -55,7 +55,7 @@ fn stages_cover_the_training_and_tables_say_the_same_as_json() {
     let json = place.json(&["--steps", "1000"]);
     assert_eq!(
         (&json["schema"], &json["steps"], &json["schedule_steps"]),
-        (&"litetex-schedule/1".into(), &1000.into(), &500.into())
+        (&"litetex-schedule/1".into(), &1000.into(), &667.into())
     );
     assert_eq!((&json["schedule"]["views"], &json["width_px"]), (&4.into(), &320.into()));
     let stages = json["stages"].as_array().unwrap();
@@ -71,19 +71,20 @@ fn stages_cover_the_training_and_tables_say_the_same_as_json() {
     assert!((shares - 1.0).abs() < 1e-12);
     let last = &stages[stages.len() - 1];
     assert_eq!((&last["height_px"], &last["texture_cap"]), (&240.into(), &256.into()));
-    assert_eq!(step(last, "first_step"), 501);
+    assert_eq!(step(last, "first_step"), 668);
 
     let table = place.schedule(&["--steps", "1000"]);
     assert_eq!(table.lines().skip_while(|l| !l.is_empty()).skip(2).count(), stages.len(), "{table}");
-    assert!(table.contains("501 - 1,000") && table.contains("320x240"), "{table}");
+    assert!(table.contains("668 - 1,000") && table.contains("320x240"), "{table}");
 }
 
 #[test]
 fn rules_shape_the_work_and_threads_do_not() {
     let place = Place::new();
     let work = |arguments: &[&str]| place.json(arguments)["pixel_work"].as_f64().unwrap();
-    let integer = work(&[]);
-    assert!(integer < 0.95 && work(&["--scale-rule", "fractional"]) < integer - 0.02, "{integer}");
+    let integer = work(&["--scale-rule", "integer"]);
+    assert!(integer < 0.95 && work(&[]) < integer - 0.02, "fractional is the default; {integer}");
+    assert!(work(&["--until", "15000"]) > work(&[]) + 0.02, "full pictures for longer");
     assert_eq!(work(&["--scale-rule", "off"]), 1.0);
     assert_eq!(work(&["--max-scale", "1"]), 1.0);
     assert_ne!(place.json(&["--keep-noise"])["schedule"], place.json(&[])["schedule"]);
@@ -97,7 +98,7 @@ fn charts_are_whole_and_not_replaced_unless_asked() {
     place.schedule(&["--svg", &chart]);
     let text = fs::read_to_string(&chart).unwrap();
     assert!(text.starts_with("<svg ") && text.ends_with("</svg>\n") && !text.contains("NaN"), "{text}");
-    assert!(text.contains("Frequency schedule of capture") && text.contains(">15,000<"));
+    assert!(text.contains("Frequency schedule of capture") && text.contains(">20,000<"));
     let again = ["schedule", &place.path("capture"), "--svg", &chart, "--steps", "600"];
     let (code, stdout, stderr) = run(&again);
     assert!(code == 2 && stdout.is_empty() && stderr.contains("--force"), "{code} {stderr}");

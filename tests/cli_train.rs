@@ -80,7 +80,7 @@ fn a_run_leaves_what_the_schema_documents() {
         ("/quality/ssim_valid", -1.0),
         ("/quality/flip", 0.0),
         ("/size/primitives", 99.0),
-        ("/size/texels", 1599.0),
+        ("/size/texels", 399.0),
         ("/size/params", 0.0),
         ("/time/train_wall_secs", 0.0),
         ("/time/train_cpu_secs", 0.0),

@@ -32,7 +32,7 @@ pub struct BenchKernelsArgs {
     /// Write the figures here
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// End in about this time, loading included: 90s, 2m [default: no limit]
+    /// End in about this time, loading included, but not before the first step: 90s, 2m [default: no limit]
     #[arg(long, value_name = "TIME", value_parser = parse_duration_secs)]
     max_time: Option<f64>,
     /// Run everything of scripts/device-kit and put it together in a folder

@@ -173,8 +173,13 @@ fn short_name(name: &str) -> String {
 /// one whose name contains it.
 ///
 /// # Errors
-/// [`Error::Unsupported`] with what there is.
+/// [`Error::Unsupported`] with what there is; [`Error::Usage`] for an empty name.
 pub fn find_adapter(name: &str) -> Result<AdapterChoice> {
+    // Every name contains the empty one, which an unset variable of a script makes.
+    if name.trim().is_empty() {
+        let known = "a name that \"litetex devices\" lists, \"auto\", \"cpu\" or \"gpu\"";
+        return Err(Error::Usage(format!("--device: found an empty name, expected {known}")));
+    }
     let all = list_adapters();
     let wanted = name.to_lowercase();
     let found = if wanted == "gpu" {
@@ -237,6 +242,14 @@ mod tests {
         ];
         for (kind, name, driver) in hardware_ones {
             assert_eq!(software(kind, &[name, driver]), None, "{name}");
+        }
+    }
+
+    #[test]
+    fn an_empty_name_means_nothing() {
+        for name in ["", "  "] {
+            let error = find_adapter(name).unwrap_err();
+            assert!(matches!(error, Error::Usage(_)), "{error}");
         }
     }
 

@@ -1,7 +1,7 @@
 //! The frequency-aware scheduler: from the photos' spectra, how coarse the training pictures may be at
 //! each time, how large textures may grow and how many primitives there should be (method section 8).
 //!
-//! Times are fractions of T_r, the end of densification (half of the steps). What a trainer does with
+//! Times are fractions of T_r, when the last stage begins (two thirds of the steps). What a trainer does with
 //! the answers does not belong here, nor do backends or files.
 
 mod analyse;

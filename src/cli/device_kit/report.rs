@@ -191,7 +191,9 @@ fn of_the_model(summary: &Value) -> String {
     let share = 100.0 * summary["time"]["structure_wall_secs"].as_f64().unwrap_or(f64::NAN)
         / summary["time"]["train_wall_secs"].as_f64().unwrap_or(f64::NAN);
     let ended = match summary["stopped_by"].as_str() {
-        Some("time") => format!(" of {}: its time was over", count(&summary["steps_planned"])),
+        Some("time") if summary["steps"] != summary["steps_planned"] => {
+            format!(" of {}: its time was over", count(&summary["steps_planned"]))
+        }
         _ => String::new(),
     };
     format!(
