@@ -95,7 +95,7 @@ fn both_backends_decide_alike_and_make_the_same_of_it_on_every_driver() {
     let made = applied(&mut cpu, &settled, plan);
     for driver in drivers() {
         println!("{}", driver.name);
-        let mut gpu = open(&driver, Limits::Adapter, GpuOptions::default());
+        let mut gpu = open(&driver, Limits::Downlevel, GpuOptions::default());
         let found = on(&mut gpu, &before.window);
         assert!(found.plan == expected.plan && found.lives == expected.lives && found.counts == counts);
         assert!(agree(plan, &applied(&mut gpu, &settled, plan), &made), "{}", driver.name);

@@ -19,10 +19,10 @@ pub fn drivers() -> Vec<AdapterChoice> {
     software
 }
 
-/// A backend on the first of them, with all limits of the adapter.
+/// A backend on the first of them, within the lowest limits.
 pub fn backend(options: GpuOptions) -> Option<GpuBackend> {
     let choice = drivers().into_iter().next()?;
-    Some(open(&choice, Limits::Adapter, options))
+    Some(open(&choice, Limits::Downlevel, options))
 }
 
 /// Backends on all of them in turn, within the lowest limits: what fits these fits any.
