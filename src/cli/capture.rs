@@ -2,6 +2,7 @@
 //! the state that training starts from.
 
 use litetex_gs::dataset::{InitOptions, initial_model};
+use litetex_gs::model::SPLAT_PARAMS;
 use litetex_gs::train::{Policy, TrainConfig, TrainState};
 use litetex_gs::{Error, Report, Result};
 use std::path::Path;
@@ -43,7 +44,7 @@ pub fn fresh_state(
     let most = config.budget.most_splats(texels_each).min(max_points.unwrap_or(usize::MAX));
     if most == 0 {
         return Err(Error::Usage(format!(
-            "the budget allows no splat: {:?}, and a splat has 59 parameters and {texels_each} texels at the \
+            "the budget allows no splat: {:?}, and a splat has {SPLAT_PARAMS} parameters and {texels_each} texels at the \
              start; raise --max-splats, --max-texels or --budget-params",
             config.budget
         )));

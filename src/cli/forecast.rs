@@ -4,7 +4,7 @@
 
 use super::values::{format_bytes, format_count, format_duration};
 use litetex_gs::constants::sh_coefficients;
-use litetex_gs::model::Model;
+use litetex_gs::model::{Model, SPLAT_PARAMS, num_params};
 use litetex_gs::train::structure::{Budget, MapRule};
 use litetex_gs::train::{Policy, TrainConfig};
 use litetex_gs::views::{Split, ViewSource};
@@ -99,7 +99,8 @@ impl Workload {
             Policy::Plain if budget.max_splats.is_some() || budget.max_params.is_some() => u64::MAX / 64,
             _ => EXPECTED_GROWTH * self.splats,
         };
-        let splats = wanted.min(bound(budget.max_splats)).min(bound(budget.max_params) / 59);
+        let splats =
+            wanted.min(bound(budget.max_splats)).min(bound(budget.max_params) / u64::from(SPLAT_PARAMS));
         let texels = match config.policy.map_rule() {
             MapRule::None => 0,
             MapRule::Fixed(side) => splats.saturating_mul(u64::from(side).pow(2)),
@@ -107,8 +108,8 @@ impl Workload {
         };
         let texels = texels.min(bound(budget.max_texels));
         // Splats and texels share what the parameters allow as they would share it without a bound.
-        let params = |splats: u64, texels: u64| (59 * splats + 3 * texels) as f64;
-        let (now, then) = (params(self.splats, self.texels), params(splats, texels));
+        let now = num_params(self.splats, self.texels) as f64;
+        let then = num_params(splats, texels) as f64;
         let most = bound(budget.max_params) as f64;
         let share = if then > most { ((most - now) / (then - now)).max(0.0) } else { 1.0 };
         let part = |now: u64, then: u64| (now as f64 + share * (then as f64 - now as f64)) as u64;
@@ -319,7 +320,7 @@ mod tests {
         assert!(
             splats > n
                 && texels > FOX.texels
-                && (2_999_900..=3_000_000).contains(&(59 * splats + 3 * texels))
+                && (2_999_900..=3_000_000).contains(&num_params(splats, texels))
         );
         assert_eq!(grown("litetex", most(None, None, Some(1_000_000))).1, FOX.texels, "less than there is");
         assert_eq!(grown("fixed:4", most(Some(20_000), None, None)), (20_000, 320_000));

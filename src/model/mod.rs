@@ -1,9 +1,11 @@
 //! The scene that is optimised: splats as structure-of-arrays, a jagged pool of texture maps, and
 //! the optimiser's state beside them. Plain data: no device, no files but the checkpoint.
 
+mod params;
 mod splats;
 mod texture;
 
+pub use params::{SPLAT_PARAMS, TEXEL_PARAMS, num_params};
 pub use splats::{SplatArrays, SplatGroup};
 pub use texture::{TextureMap, TexturePool, support_half_extent, texel_value, texel_value_slope};
 
@@ -34,9 +36,9 @@ impl Model {
         self.textures.num_texels()
     }
 
-    /// Parameter count as published: 59 per splat (degree 3, whatever degree is stored) + 3 per texel.
+    /// Parameter count as published, see [`num_params`].
     pub fn num_params(&self) -> usize {
-        59 * self.num_splats() + 3 * self.num_texels()
+        num_params(self.num_splats(), self.num_texels())
     }
 }
 

@@ -3,7 +3,7 @@
 use super::config::TrainConfig;
 use super::structure::Budget;
 use crate::backend::{Backend, DeviceLimits, SceneShape};
-use crate::model::Model;
+use crate::model::{Model, num_params};
 use crate::views::ViewSource;
 use crate::{Error, Result};
 
@@ -51,8 +51,9 @@ fn of_model(model: &Model, limits: &DeviceLimits) -> Vec<String> {
 }
 
 fn of_budget(budget: &Budget, limits: &DeviceLimits) -> Vec<String> {
-    let params =
-        59_u64.saturating_mul(limits.max_splats).saturating_add(3_u64.saturating_mul(limits.max_texels));
+    // In numbers that hold any limits' sum.
+    let params = num_params(u128::from(limits.max_splats), u128::from(limits.max_texels));
+    let params = u64::try_from(params).unwrap_or(u64::MAX);
     let bounds = [
         ("--max-splats", "splats", budget.max_splats, limits.max_splats),
         ("--max-texels", "texels", budget.max_texels, limits.max_texels),
@@ -136,7 +137,7 @@ mod tests {
 
     #[test]
     fn budgets_at_the_limit_fit_and_those_above_are_told_with_counts() {
-        let params = 59 * 50 + 3 * 400;
+        let params = num_params(50, 400);
         let budget = |splats, texels, params| Budget {
             max_splats: Some(splats),
             max_texels: Some(texels),

@@ -3,7 +3,7 @@
 
 use super::training::{BLACK, MemoryViews, damaged, scene, uploaded};
 use litetex_gs::backend::{Backend, TargetImage};
-use litetex_gs::model::TexturePool;
+use litetex_gs::model::{TexturePool, num_params};
 use litetex_gs::train::structure::{Spending, StructureCounts, first_texel_size};
 use litetex_gs::train::{Control, Policy, TrainConfig, TrainEvent, TrainState, train};
 use std::sync::Arc;
@@ -77,7 +77,7 @@ pub fn run_on(
             }
             TrainEvent::Step { num_splats: n, num_texels: t, report, .. } => {
                 assert_eq!(report.non_finite_gradients, 0, "{:?} {steps:?}", config.policy);
-                largest = [largest[0].max(n), largest[1].max(t), largest[2].max(59 * n + 3 * t)];
+                largest = [largest[0].max(n), largest[1].max(t), largest[2].max(num_params(n, t))];
             }
             _ => {}
         }

@@ -5,10 +5,7 @@ use super::draft::Draft;
 use super::maps;
 use super::settings::{Components, Spending, StructureConfig};
 use super::split;
-
-/// Parameters of a splat without texels, and of a texel.
-const SPLAT_PARAMS: f64 = 59.0;
-const TEXEL_PARAMS: f64 = 3.0;
+use crate::model::num_params;
 
 /// One of the worst splats.
 pub struct Candidate {
@@ -34,9 +31,7 @@ impl Candidate {
     ) -> Self {
         let finer = maps::grown(s, config, components, draft);
         let split = components.splitting.then(|| split::split(s, config, draft, pixel)).flatten();
-        let cost = |splats: f64, texels: usize| {
-            SPLAT_PARAMS * splats + TEXEL_PARAMS * (texels as f64 - draft.texels as f64)
-        };
+        let cost = |splats: f64, texels: usize| num_params(splats, texels as f64 - draft.texels as f64);
         // A raised ceiling costs nothing, and gains nothing yet.
         let finer_cost = finer.map_or(0.0, |d| cost(0.0, d.texels));
         let finer_gain = if finer_cost > 0.0 { config.texel_gain / finer_cost } else { 0.0 };

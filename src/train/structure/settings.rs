@@ -2,6 +2,7 @@
 //! published timetable of 30,000 steps; [`Schedule`](crate::train::Schedule) scales them to the run.
 
 use crate::backend::DeviceLimits;
+use crate::model::num_params;
 use serde::{Deserialize, Serialize};
 
 /// Parts of the method that can be switched off one by one.
@@ -233,14 +234,14 @@ impl Budget {
     pub fn allows(&self, num_splats: usize, num_texels: usize) -> bool {
         self.max_splats.is_none_or(|most| num_splats <= most)
             && self.max_texels.is_none_or(|most| num_texels <= most)
-            && self.max_params.is_none_or(|most| 59 * num_splats + 3 * num_texels <= most)
+            && self.max_params.is_none_or(|most| num_params(num_splats, num_texels) <= most)
     }
 
     /// The part of it that may be used at a share of the time to the end of densification: rises evenly from
     /// the size at the start (splats, texels), so that capacity is left for what only the full pictures
     /// show; what there is `now` is not taken back.
     pub fn paced(&self, share: f64, start: [usize; 2], now: [usize; 2]) -> Self {
-        let params = |[splats, texels]: [usize; 2]| 59 * splats + 3 * texels;
+        let params = |[splats, texels]: [usize; 2]| num_params(splats, texels);
         let part = |most: Option<usize>, start: usize, now: usize| {
             let paced = |most: usize| start + (most.saturating_sub(start) as f64 * share) as usize;
             most.map(|most| paced(most).max(now).min(most))
@@ -269,6 +270,6 @@ impl Budget {
     pub fn most_splats(&self, texels_each: usize) -> usize {
         let by = |most: Option<usize>, each: usize| most.map_or(usize::MAX, |m| m / each.max(1));
         let texels = if texels_each == 0 { usize::MAX } else { by(self.max_texels, texels_each) };
-        by(self.max_splats, 1).min(texels).min(by(self.max_params, 59 + 3 * texels_each))
+        by(self.max_splats, 1).min(texels).min(by(self.max_params, num_params(1, texels_each)))
     }
 }
