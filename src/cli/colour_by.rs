@@ -27,7 +27,7 @@ const NONE: [u8; 3] = [86, 180, 233];
 /// Darkest place on the ramp: darker ones vanish before a black background.
 const DARKEST: f64 = 0.2;
 /// Classes of either measure but for none: sides of 2 to 256 texels, texels of up to 1 to 64 pixels and more.
-const CLASSES: usize = 8;
+const CLASSES: usize = TextureMap::SIDE_CLASSES;
 
 impl ColourBy {
     /// Name in file names.
@@ -59,15 +59,15 @@ impl ColourBy {
 
     /// Class of a map; `pixel`: width of a pixel of the nearest camera at the splat.
     fn class(self, map: &TextureMap, pixel: f64) -> usize {
-        let side = map.rows.max(map.cols);
+        let side_class = map.side_class();
         match self {
-            _ if side == 0 => 0,
+            _ if side_class == 0 => 0,
             Self::TexelSize => {
                 let size = f64::from(map.texel_size) / pixel;
                 // Resampling leaves sizes a rounding above the power that they are.
                 (size.log2() - 0.05).ceil().clamp(0.0, (CLASSES - 1) as f64) as usize + 1
             }
-            _ => side.next_power_of_two().ilog2().clamp(1, CLASSES as u32) as usize,
+            _ => side_class,
         }
     }
 }

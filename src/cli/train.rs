@@ -14,7 +14,7 @@ use super::train_args::TrainArgs;
 use super::values::{format_bytes, format_count, format_duration};
 use super::{devices, eval};
 use litetex_gs::backend::Backend;
-use litetex_gs::model::Model;
+use litetex_gs::model::{Model, TextureMap};
 use litetex_gs::train::checkpoint;
 use litetex_gs::train::{Schedule, StopReason, TrainState, check_limits, train};
 use litetex_gs::views::{Split, ViewSource};
@@ -355,12 +355,8 @@ fn capture_figures(capture: &Capture) -> CaptureFigures {
 
 /// Splats by the longer side of their map: none, 2, up to 4, 8, ... 256 texels.
 fn map_sides(model: &Model) -> Vec<usize> {
-    let mut counts = vec![0; 9];
-    for map in &model.textures.maps {
-        let side = map.rows.max(map.cols);
-        let class = if side == 0 { 0 } else { u32::from(side).next_power_of_two().ilog2().clamp(1, 8) };
-        counts[class as usize] += 1;
-    }
+    let mut counts = vec![0; TextureMap::SIDE_CLASSES + 1];
+    model.textures.maps.iter().for_each(|map| counts[map.side_class()] += 1);
     counts
 }
 

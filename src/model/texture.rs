@@ -18,6 +18,16 @@ pub struct TextureMap {
 }
 
 impl TextureMap {
+    /// Highest class of a side: more than 128 texels; no map has more than 256.
+    pub const SIDE_CLASSES: usize = 8;
+
+    /// Class of its longer side: 0 where there is none, 1 for up to 2 texels, 2 for up to 4, 3 for up to 8, ...,
+    /// at most [`Self::SIDE_CLASSES`].
+    pub fn side_class(&self) -> usize {
+        let side = u32::from(self.rows.max(self.cols));
+        if side == 0 { 0 } else { (side.next_power_of_two().ilog2() as usize).clamp(1, Self::SIDE_CLASSES) }
+    }
+
     /// Number of texels.
     pub fn num_texels(&self) -> usize {
         usize::from(self.rows) * usize::from(self.cols)
