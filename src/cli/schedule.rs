@@ -10,7 +10,7 @@ use super::values::{format_count, format_duration};
 use litetex_gs::atomic_file;
 use litetex_gs::clock::process_cpu_secs;
 use litetex_gs::schedule::{FrequencySchedule, ScheduleOptions};
-use litetex_gs::train::PUBLISHED_STEPS;
+use litetex_gs::train::{Schedule, TrainConfig};
 use litetex_gs::views::{Split, ViewSource};
 use litetex_gs::{Error, Result};
 use serde::Serialize;
@@ -132,16 +132,16 @@ fn plan(args: &ScheduleArgs, log: &Log) -> Result<Plan> {
     let (analysis_secs, analysis_cpu_secs) = (began.elapsed().as_secs_f64(), process_cpu_secs() - cpu_began);
     let (width_px, height_px) = usual_size(&capture)
         .ok_or_else(|| Error::Usage("the capture has no training views: see --test-every".to_owned()))?;
-    let until = f64::from(options.until) / PUBLISHED_STEPS;
-    let schedule_steps = (f64::from(args.steps) * until).round().max(1.0) as u32;
-    let stages = stages(&schedule, &options, args.steps, schedule_steps, (width_px, height_px));
+    let config = TrainConfig { steps: args.steps, scheduler: options, ..TrainConfig::default() };
+    let timetable = Schedule::new(&config, capture.indices(Split::Train).len());
+    let stages = stages(&schedule, &timetable, &config, (width_px, height_px));
     let pixels = |s: &Stage| f64::from(s.last_step + 1 - s.first_step) / s.render_scale.powi(2);
     Ok(Plan {
         schema: "litetex-schedule/1",
         capture: args.capture.clone(),
         steps: args.steps,
-        schedule_steps,
-        options,
+        schedule_steps: timetable.full_size_from,
+        options: config.scheduler,
         schedule,
         width_px,
         height_px,
@@ -165,15 +165,15 @@ fn usual_size(views: &dyn ViewSource) -> Option<(u32, u32)> {
 /// Runs of steps with the same render scale and the same cap.
 fn stages(
     schedule: &FrequencySchedule,
-    options: &ScheduleOptions,
-    steps: u32,
-    schedule_steps: u32,
+    timetable: &Schedule,
+    config: &TrainConfig,
     (width_px, height_px): (u32, u32),
 ) -> Vec<Stage> {
     let mut stages: Vec<Stage> = Vec::new();
-    for step in 1..=steps {
+    let options = &config.scheduler;
+    for step in 1..=config.steps {
         // Steps done before this one: the first is rendered at the scale of the start.
-        let t = f64::from(step - 1) / f64::from(schedule_steps);
+        let t = timetable.stage_share(step - 1);
         let scale = schedule.scale(t);
         let render_scale = schedule.render_scale(t, options.scale_rule, width_px.min(height_px));
         let texture_cap = schedule.texture_cap(t, options.cap_rule);

@@ -20,5 +20,5 @@ pub use evaluate::{Evaluated, evaluate};
 pub use events::{Control, StopReason, TrainEvent};
 pub use limits::check_limits;
 pub use run::{Sink, train};
-pub use schedule::{PUBLISHED_STEPS, Schedule};
+pub use schedule::Schedule;
 pub use state::{CurvePoint, TrainHistory, TrainState};

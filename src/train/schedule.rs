@@ -5,7 +5,7 @@ use super::config::{Policy, TrainConfig};
 use crate::backend::LearningRates;
 
 /// Length of the published timetable.
-pub const PUBLISHED_STEPS: f64 = 30_000.0;
+const PUBLISHED_STEPS: f64 = 30_000.0;
 
 /// Rates are raised by at most this: shorter runs than 470 steps gain nothing more.
 const HIGHEST_RAISE: f64 = 8.0;
