@@ -106,11 +106,10 @@ impl SplitProfile {
 }
 
 /// What the budget is spent on, and who comes first.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Spending {
     /// By error; a splat that is long enough is split, others get finer maps (paper).
-    #[default]
     SplitsFirst,
     /// By error per parameter that is added, for each candidate the better of both: a large map has to be
     /// much worse than a small one to get four times its texels.
