@@ -73,7 +73,9 @@ impl Profile {
                 };
             }
             Self::Fast => {
-                // Coarse pictures for longer; maps and splats come later.
+                // Pictures stay coarse for longer: until 27,000 of the timetable's 30,000 steps. Maps and splats
+                // grow at the same times as ever; only what hangs on the pictures' size, such as the finest texel,
+                // follows them.
                 config.scheduler.until = 27_000;
             }
         }
