@@ -121,11 +121,9 @@ impl Structure<'_> {
             Policy::Plain => {
                 let seed = config.seed ^ u64::from(step).wrapping_mul(0x9E37_79B9_7F4A_7C15);
                 // Without a budget the number of splats stays.
-                let budget = match config.budget == Budget::default() {
-                    true => config.budget,
-                    false => config.budget.within(&self.limits),
-                };
-                structure::relocate(&situation, &config.structure, &budget, seed)
+                let has_budget = config.budget != Budget::default();
+                let most = has_budget.then(|| config.budget.within(&self.limits).most_splats(0));
+                structure::relocate(&situation, &config.structure, most, seed)
             }
             _ => {
                 let share = if last { 1.0 } else { t };

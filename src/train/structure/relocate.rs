@@ -8,7 +8,7 @@ use super::draft::{Draft, finish};
 use super::geometry::{opacity, sigmas};
 use super::maps::Sizes;
 use super::score::Scores;
-use super::settings::{Budget, ErrorMeasure, SplitProfile, StructureConfig};
+use super::settings::{ErrorMeasure, SplitProfile, StructureConfig};
 use super::split::children;
 use crate::backend::MapChange;
 use rand::{RngExt as _, SeedableRng as _};
@@ -17,8 +17,8 @@ use rand_pcg::Pcg64Mcg;
 /// Growth of the model in one step (3DGS-MCMC).
 const GROWTH: f64 = 1.05;
 
-/// Decides a relocation.
-pub fn relocate(s: &Situation<'_>, config: &StructureConfig, budget: &Budget, seed: u64) -> Revision {
+/// Decides a relocation; the model grows to `most` splats (`None`: their number stays).
+pub fn relocate(s: &Situation<'_>, config: &StructureConfig, most: Option<usize>, seed: u64) -> Revision {
     let n = s.model.num_splats();
     // The error of a splat is all that it carries: this is where more splats help most.
     let scores = Scores::new(s.statistics, s.cameras.len(), ErrorMeasure::Mass, 0.0);
@@ -35,8 +35,7 @@ pub fn relocate(s: &Situation<'_>, config: &StructureConfig, budget: &Budget, se
     if alive.is_empty() || !s.densify {
         return Revision { plan: None, lives: s.lives.to_vec(), counts: StructureCounts::default() };
     }
-    let has_budget = *budget != Budget::default();
-    let most = if has_budget { budget.most_splats(0) } else { n };
+    let most = most.unwrap_or(n);
     let wanted = ((n as f64 * GROWTH) as usize).clamp(n.min(most), most.max(n.min(most)));
     let added = wanted.saturating_sub(alive.len()).min(alive.len());
 
