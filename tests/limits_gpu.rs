@@ -5,7 +5,7 @@
 mod common;
 
 use common::gpu::{drivers, open};
-use common::training::{MemoryViews, config, damaged, photos};
+use common::training::{MemoryViews, config, damaged, photos, scene_options};
 use litetex_gs::Error;
 use litetex_gs::backend::{Backend as _, SceneShape};
 use litetex_gs::gpu::{GpuOptions, Limits};
@@ -16,18 +16,9 @@ use litetex_gs::train::{Control, Policy, TrainConfig, TrainEvent, TrainState, tr
 /// Buffers of 120,000 bytes: 1,363 splats of 22 floats, 7,500 texels of 16 bytes, 3,333 pixels of 36 bytes.
 const SMALL: Limits = Limits::Buffers(120_000);
 
+/// Half the splats of the common scene, about half as wide: room to grow.
 fn scene() -> Scene {
-    random_scene(&SceneOptions {
-        num_splats: 150,
-        sh_degree: 1,
-        map_sizes: vec![(4, 4)],
-        width_px: 64,
-        height_px: 48,
-        scales: (0.03, 0.1),
-        opacities: (0.3, 0.9),
-        depths: (0.8, 2.0),
-        ..SceneOptions::default()
-    })
+    random_scene(&SceneOptions { num_splats: 150, scales: (0.03, 0.1), ..scene_options() })
 }
 
 /// Growth as fast as it goes.

@@ -56,6 +56,20 @@ fn state(step: u32) -> TrainState {
     TrainState { step, ..TrainState::fresh(model) }
 }
 
+/// A step of the trainer, one second after the one before.
+fn step_event(step: u32, report: &StepReport) -> TrainEvent<'_> {
+    TrainEvent::Step {
+        step,
+        view: 0,
+        loss: LossValues::default(),
+        report,
+        num_splats: 1,
+        num_texels: 4,
+        train_wall_secs: f64::from(step),
+        train_cpu_secs: f64::from(step),
+    }
+}
+
 /// What the trainer emits, for steps after `done`, with an evaluation and a checkpoint each 10 steps.
 fn play(session: &mut Session<'_>, views: &Views, done: u32, steps: u32) -> Result<Control> {
     let report = StepReport::default();
@@ -76,16 +90,7 @@ fn play(session: &mut Session<'_>, views: &Views, done: u32, steps: u32) -> Resu
     })?;
     let mut control = Control::Continue;
     for step in done + 1..=steps {
-        control = session.handle(TrainEvent::Step {
-            step,
-            view: 0,
-            loss: LossValues::default(),
-            report: &report,
-            num_splats: 1,
-            num_texels: 4,
-            train_wall_secs: f64::from(step),
-            train_cpu_secs: f64::from(step),
-        })?;
+        control = session.handle(step_event(step, &report))?;
         if step % 10 != 0 {
             continue;
         }
@@ -169,18 +174,7 @@ fn gradients_that_are_not_finite_are_told_of_whatever_their_step() {
         // Steps that have no line in the metrics.
         for (step, non_finite_gradients) in [3, 17].into_iter().zip(non_finite) {
             let report = StepReport { non_finite_gradients, ..StepReport::default() };
-            session
-                .handle(TrainEvent::Step {
-                    step,
-                    view: 0,
-                    loss: LossValues::default(),
-                    report: &report,
-                    num_splats: 1,
-                    num_texels: 4,
-                    train_wall_secs: 1.0,
-                    train_cpu_secs: 1.0,
-                })
-                .unwrap();
+            session.handle(step_event(step, &report)).unwrap();
         }
         session.handle(TrainEvent::Finished { reason: StopReason::Steps }).unwrap();
         let warning = session.report.warnings.iter().find(|w| w.code == "gradients-not-finite");

@@ -36,8 +36,8 @@ impl ViewSource for MemoryViews {
 }
 
 /// Splats with maps of 4 x 4 texels, which cover most of 64 x 48 pixels.
-pub fn scene() -> Scene {
-    random_scene(&SceneOptions {
+pub fn scene_options() -> SceneOptions {
+    SceneOptions {
         num_splats: 300,
         sh_degree: 1,
         map_sizes: vec![(4, 4)],
@@ -47,7 +47,12 @@ pub fn scene() -> Scene {
         opacities: (0.3, 0.9),
         depths: (0.8, 2.0),
         ..SceneOptions::default()
-    })
+    }
+}
+
+/// The scene of [`scene_options`].
+pub fn scene() -> Scene {
+    random_scene(&scene_options())
 }
 
 /// A backend with the model, and without moments.
