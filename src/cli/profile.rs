@@ -36,6 +36,7 @@ impl Profile {
             error: ErrorMeasure::Mean,
             split_profile: SplitProfile::Paper,
             spending: Spending::SplitsFirst,
+            refill: false,
             ceiling_start: 2,
             ..StructureConfig::default()
         };

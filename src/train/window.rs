@@ -112,6 +112,7 @@ impl Structure<'_> {
             texels_trained: step >= schedule.texture_start + schedule.structure_interval,
             may_coarsen: schedule.may_coarsen(step),
             max_added,
+            first_splats: state.pace.initial,
             split_texels: schedule.split_texels(config, step),
             patience: schedule.patience,
             opacity_floor: schedule.opacity_floor(config, step),

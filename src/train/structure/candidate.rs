@@ -11,6 +11,8 @@ use crate::model::num_params;
 pub struct Candidate {
     /// Its number.
     pub splat: usize,
+    /// Its error.
+    pub error: f64,
     /// The largest comes first.
     pub rank: f64,
     /// The two halves, if it is to be split.
@@ -30,7 +32,8 @@ impl Candidate {
         pixel: f64,
     ) -> Self {
         let finer = maps::grown(s, config, components, draft);
-        let split = components.splitting.then(|| split::split(s, config, draft, pixel)).flatten();
+        let split =
+            components.splitting.then(|| split::split(s, config, draft, pixel, s.split_texels)).flatten();
         let cost = |splats: f64, texels: usize| num_params(splats, texels as f64 - draft.texels as f64);
         // A raised ceiling costs nothing, and gains nothing yet.
         let finer_cost = finer.map_or(0.0, |d| cost(0.0, d.texels));
@@ -42,6 +45,6 @@ impl Candidate {
             Spending::SplitsFirst => (error, true),
             Spending::Gain => (error * finer_gain.max(split_gain), split_gain > finer_gain),
         };
-        Self { splat: draft.source as usize, rank, split: split.filter(|_| may_split), finer }
+        Self { splat: draft.source as usize, error, rank, split: split.filter(|_| may_split), finer }
     }
 }

@@ -8,6 +8,7 @@ use super::life::Life;
 use super::maps::{self, MapRule, Sizes};
 use super::score::{Scores, marks_after};
 use super::settings::{Budget, Components, StructureConfig};
+use super::spend::Spender;
 use crate::backend::{MapChange, StructurePlan, WindowStatistics};
 use crate::camera::Camera;
 use crate::model::Model;
@@ -40,6 +41,8 @@ pub struct Situation<'a> {
     pub may_coarsen: bool,
     /// Most splats that may be added.
     pub max_added: usize,
+    /// Splats at the start of the run.
+    pub first_splats: usize,
     /// More texels a side than this make a splat long enough to split.
     pub split_texels: f64,
     /// Consecutive marks that remove a splat.
@@ -59,7 +62,7 @@ pub struct StructureCounts {
     pub faded: usize,
     /// Splats replaced by two.
     pub split: usize,
-    /// Splats moved to where others are (policy `plain`).
+    /// Removed splats made up for where the error is (policy `plain`; `litetex` with `refill`).
     pub moved: usize,
     /// Maps of twice the texels a side.
     pub refined: usize,
@@ -112,9 +115,7 @@ pub fn decide(
         maps::fit(s, config, components, s.may_coarsen && !worst[i], draft, &mut counts);
     }
 
-    let mut splats = drafts.iter().flatten().count();
-    let mut texels: usize = drafts.iter().flatten().map(|d| d.texels).sum();
-    maps::shrink_to_budget(s, budget, &scores, &mut drafts, splats, &mut texels, &mut counts);
+    maps::shrink_to_budget(s, budget, &scores, &mut drafts, &mut counts);
     let mut candidates: Vec<Candidate> = (0..n)
         .filter(|&i| worst[i])
         .filter_map(|i| {
@@ -123,36 +124,13 @@ pub fn decide(
         })
         .collect();
     candidates.sort_by(|a, b| b.rank.total_cmp(&a.rank).then(a.splat.cmp(&b.splat)));
-    let mut children: Vec<Draft> = Vec::new();
-    let mut added = 0;
-    for candidate in candidates {
-        let draft = &mut drafts[candidate.splat];
-        let Some(old) = *draft else { continue };
-        let without = texels - old.texels;
-        if let Some(pair) = candidate.split.filter(|_| added < s.max_added) {
-            let more = pair[0].texels + pair[1].texels;
-            if budget.allows(splats + 1, without + more) {
-                (splats, texels) = (splats + 1, without + more);
-                added += 1;
-                counts.split += 1;
-                *draft = Some(pair[0]);
-                children.push(pair[1]);
-                continue;
-            }
-            counts.over_budget += 1;
-        }
-        if let Some(finer) = candidate.finer {
-            if budget.allows(splats, without + finer.texels) {
-                texels = without + finer.texels;
-                counts.refined += usize::from(finer.texels > old.texels);
-                *draft = Some(finer);
-            } else {
-                counts.over_budget += 1;
-            }
-        }
+    let mut spender = Spender::new(s, config, budget, drafts);
+    let mut rest = spender.spend(&candidates, &mut counts);
+    if config.refill && components.splitting {
+        rest.sort_by(|a, b| b.error.total_cmp(&a.error).then(a.splat.cmp(&b.splat)));
+        spender.refill(&rest, &pixels, &mut counts);
     }
-    let new: Vec<Draft> = drafts.into_iter().flatten().chain(children).collect();
-    let (plan, lives) = finish(s.model, new);
+    let (plan, lives) = finish(s.model, spender.into_drafts());
     Revision { plan, lives, counts }
 }
 

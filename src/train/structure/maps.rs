@@ -196,11 +196,11 @@ pub fn shrink_to_budget(
     budget: &Budget,
     scores: &Scores,
     drafts: &mut [Option<Draft>],
-    splats: usize,
-    texels: &mut usize,
     counts: &mut StructureCounts,
 ) {
-    if budget.allows(splats, *texels) || s.rule != MapRule::Adaptive {
+    let splats = drafts.iter().flatten().count();
+    let mut texels: usize = drafts.iter().flatten().map(|d| d.texels).sum();
+    if budget.allows(splats, texels) || s.rule != MapRule::Adaptive {
         return;
     }
     let mut order: Vec<usize> = (0..drafts.len()).filter(|&i| drafts[i].is_some()).collect();
@@ -208,7 +208,7 @@ pub fn shrink_to_budget(
     // Half the side, then a quarter, ...: padding may have added more than one halving takes away.
     for halvings in 1..u16::BITS {
         for &i in &order {
-            if budget.allows(splats, *texels) {
+            if budget.allows(splats, texels) {
                 return;
             }
             let Some(draft) = &mut drafts[i] else { continue };
@@ -222,7 +222,7 @@ pub fn shrink_to_budget(
             stretch(&mut smaller);
             if smaller.texels < before {
                 counts.coarsened += 1;
-                *texels = *texels - before + smaller.texels;
+                texels = texels - before + smaller.texels;
                 *draft = smaller;
             }
         }

@@ -11,6 +11,7 @@ mod maps;
 mod relocate;
 mod score;
 mod settings;
+mod spend;
 mod split;
 #[cfg(test)]
 mod tests;

@@ -166,6 +166,8 @@ pub struct StructureConfig {
     pub texel_gain: f64,
     /// Splats of more texels a side than this may be split: at the start, and from 7,000 steps on.
     pub split_texels: [f64; 2],
+    /// Splats that were removed are made up for by splits of shorter ones, as many as there were at the start.
+    pub refill: bool,
     /// Splats grow by at most this share in a structure step.
     pub split_rate: f64,
     /// Sum over the training views of blending weight per pixel below which a splat is marked.
@@ -204,6 +206,7 @@ impl Default for StructureConfig {
             spending: Spending::Gain,
             texel_gain: 2.0,
             split_texels: [64.0, 16.0],
+            refill: true,
             split_rate: 0.2,
             prune_contribution: 5e-6,
             prune_area: 5e-5,

@@ -18,18 +18,24 @@ const GRID_SHIFT_MIN: f64 = 1.5;
 
 /// The two children, or `None` if the splat is not long enough: measured in texels of the finest size
 /// that it is allowed, whatever its map has now.
-pub fn split(s: &Situation<'_>, config: &StructureConfig, draft: &Draft, pixel: f64) -> Option<[Draft; 2]> {
+pub fn split(
+    s: &Situation<'_>,
+    config: &StructureConfig,
+    draft: &Draft,
+    pixel: f64,
+    longer_than_texels: f64,
+) -> Option<[Draft; 2]> {
     let i = draft.source as usize;
     let texels = draft.sizes.extents.map(|h| 2.0 * h / draft.sizes.finest);
     let axis = usize::from(texels[1] > texels[0]);
-    if texels[axis] <= s.split_texels {
+    if texels[axis] <= longer_than_texels {
         return None;
     }
     let sigma = sigmas(s.model, i);
     if sigma[axis] > NEEDLE_ASPECT * sigma[1 - axis] && sigma[1 - axis] < pixel * s.render_scale {
         return None;
     }
-    let widest = s.split_texels * draft.sizes.finest / 3.0;
+    let widest = longer_than_texels * draft.sizes.finest / 3.0;
     Some(children(s, config, draft, axis, config.split_profile, widest))
 }
 

@@ -76,6 +76,7 @@ fn situation<'a>(
         may_coarsen: true,
         texels_trained: true,
         max_added: 100,
+        first_splats: 0,
         split_texels: 1000.0,
         patience: 8,
         opacity_floor: 0.02,
@@ -331,4 +332,31 @@ fn a_budget_goes_where_error_per_parameter_is_largest() {
     assert_eq!(refined(Spending::Gain, Some(large)), [(7, small)]);
     // Negative control: by error alone the large map takes it all.
     assert_eq!(refined(Spending::SplitsFirst, Some(large)), [(5, large)]);
+}
+
+#[test]
+fn removed_splats_are_made_up_for_where_the_error_is() {
+    let (mut model, cameras) = (model(2), [camera()]);
+    model.splats.opacity_logits[..3].fill(-6.0);
+    let errors = std::array::from_fn(|i| 0.1 + 0.05 * i as f32);
+    // At their ceilings: nothing but a split is left.
+    let (statistics, lives) = (window(errors), vec![Life::first(2); N]);
+    let revised = |first_splats: usize, refill: bool, budget: &Budget| {
+        let s =
+            Situation { first_splats, texture_cap: 2, ..situation(&model, &lives, &statistics, &cameras) };
+        let config = StructureConfig { quantile: 0.1, refill, ..settings() };
+        let Revision { plan, counts, .. } = revise(&s, &config, budget);
+        let plan = plan.unwrap();
+        let mut split: Vec<u32> = plan.edits.iter().map(|e| plan.sources[e.splat as usize]).collect();
+        split.sort_unstable();
+        split.dedup();
+        (plan.sources.len(), counts.faded, counts.moved, counts.split, split)
+    };
+    let none = Budget::default();
+    assert_eq!(revised(N, true, &none), (N, 3, 3, 0, vec![9, 10, 11]), "the worst three are halved");
+    assert_eq!(revised(N - 2, true, &none), (N - 2, 3, 1, 0, vec![11]), "no more than at the start");
+    let tight = Budget { max_splats: Some(N - 1), ..none };
+    assert_eq!(revised(N, true, &tight).0, N - 1, "a budget comes first");
+    // Negative control: the published method.
+    assert_eq!(revised(N, false, &none), (N - 3, 3, 0, 0, vec![]));
 }
