@@ -59,6 +59,7 @@ fn decided(backend: &mut dyn Backend, lives: &[Life], cameras: &[Camera]) -> Rev
         texels_trained: true,
         may_coarsen: true,
         max_added: 40,
+        first_splats: model.num_splats(),
         split_texels: 12.0,
         patience: 2,
         opacity_floor: 0.02,

@@ -50,22 +50,20 @@ impl Default for Components {
 }
 
 /// What counts as a splat's error (method section 9.2).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ErrorMeasure {
     /// Loss per unit of contribution: independent of the splat's size (paper).
-    #[default]
     Mean,
     /// Loss that the splat carries in a view: grows with its size.
     Mass,
 }
 
 /// What becomes of the moments of a map whose texels were doubled (method section 4).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum GrowthMoments {
     /// Scaled as the gradients are: first by 1/4, second by 1/16.
-    #[default]
     Scaled,
     /// As they were (paper).
     Kept,
@@ -85,11 +83,10 @@ impl GrowthMoments {
 }
 
 /// Where the children of a split go and how large they are (method section 6.2).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum SplitProfile {
     /// One standard deviation apart from the centre, half as wide, opacity times exp(-1/2) (paper).
-    #[default]
     Paper,
     /// 0.56 standard deviations, half as wide, opacity times 0.9: a third of the error of the profile.
     Tight,
@@ -117,11 +114,10 @@ pub enum Spending {
 }
 
 /// Where the statistics of a structure step come from.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum StatisticsSource {
     /// The training steps since the last one: costs nothing.
-    #[default]
     Window,
     /// A pass over all training views.
     Full,
