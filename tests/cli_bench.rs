@@ -45,7 +45,7 @@ impl Place {
             format!("--device cpu --no-save-images --eval-every {} --steps {steps}", steps.div_ceil(3));
         let mut arguments = vec!["bench".to_owned(), "--scene".to_owned(), self.path("capture")];
         for (flag, value) in [
-            ("--variant", "plain: --texture none"),
+            ("--variant", "plain"),
             ("--variant", "fixed:4"),
             ("--seeds", "1,2"),
             ("--common", &common),
@@ -113,6 +113,7 @@ fn failed_runs_are_recorded_and_others_go_on() {
         assert!(r["utc"].as_str().unwrap().starts_with("20") && r["cores"].as_u64() > Some(0), "{r}");
         if !failed {
             assert_eq!(r["summary"]["seed"], r["seed"]);
+            assert_eq!(r["summary"]["policy"], r["variant"], "bare names are policies");
             assert_eq!(r["summary"]["schema"], "litetex-summary/1");
         }
     }
@@ -241,7 +242,12 @@ fn a_list_makes_nothing_and_a_new_name_costs_no_run() {
     let place = Place::new();
     let (code, list, _) = place.run_bench("b", 3, &["--dry-run"]);
     assert_eq!(code, 0);
-    assert!(list.contains("--texture none") && list.contains("4 of 4 runs to make"), "{list}");
+    assert!(
+        list.contains("--policy plain")
+            && list.contains("--policy fixed:4")
+            && list.contains("4 of 4 runs to make"),
+        "{list}"
+    );
     assert!(!Path::new(&place.path("b")).exists());
     // From a file, one seed, with its own names.
     let (capture, file, out) = (place.path("capture"), place.path("m.toml"), place.path("b"));
@@ -251,6 +257,9 @@ fn a_list_makes_nothing_and_a_new_name_costs_no_run() {
              path = {capture:?}\n[[variant]]\nname = {name:?}\n[[budget]]\nname = \"short\"\nargs = [\"--steps\", \"2\"]\n"
         )
     };
+    fs::write(&file, matrix("none")).unwrap();
+    let list = ok(&["bench", "--config", &file, "-o", &out, "--dry-run"]);
+    assert!(list.contains("--policy none"), "{list}");
     fs::write(&file, matrix("before")).unwrap();
     ok(&["bench", "--config", &file, "-o", &out, "-q"]);
     let first = place.results("b");

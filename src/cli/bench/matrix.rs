@@ -1,6 +1,7 @@
 //! The matrix of a benchmark: scenes x variants x budgets x seeds, from flags or a TOML file, as a list of
 //! cells with the arguments of their `litetex train`. Nothing here runs anything.
 
+use super::words::with_policy;
 use crate::cli::train_args::TrainArgs;
 use crate::cli::{Cli, Command};
 use clap::Parser;
@@ -49,7 +50,7 @@ pub struct Matrix {
     /// Captures.
     #[serde(rename = "scene")]
     pub scenes: Vec<Scene>,
-    /// What is compared.
+    /// What is compared; a bare name of a policy is that policy.
     #[serde(rename = "variant")]
     pub variants: Vec<Setting>,
     /// At which sizes or lengths.
@@ -155,6 +156,7 @@ impl Matrix {
                 scene.name = absolute.file_name().unwrap_or_default().to_string_lossy().into_owned();
             }
         }
+        matrix.variants.iter_mut().for_each(with_policy);
         for settings in [&mut matrix.variants, &mut matrix.budgets] {
             if settings.is_empty() {
                 settings.push(Setting { name: DEFAULT_NAME.to_owned(), args: Vec::new() });
@@ -268,7 +270,7 @@ mod tests {
             scenes: ["captures/a", "captures/b"]
                 .map(|p| crate::cli::bench::words::parse_scene(p).unwrap())
                 .into(),
-            variants: vec![setting("plain: --texture none"), setting("textured")],
+            variants: vec![setting("plain"), setting("textured")],
             budgets: vec![setting("short: --steps 10"), setting("long: --steps 20")],
             seeds: vec![1, 2, 3],
             common: vec!["--steps".to_owned(), "5".to_owned()],
@@ -282,7 +284,7 @@ mod tests {
         let names: Vec<_> =
             cells[..3].iter().map(|c| format!("{} {} {}", c.scene, c.budget, c.variant)).collect();
         assert_eq!(names, ["a short plain", "a short textured", "a long plain"]);
-        assert_eq!(cells[0].args, ["--steps", "5", "--texture", "none", "--steps", "10"]);
+        assert_eq!(cells[0].args, ["--steps", "5", "--policy", "plain", "--steps", "10"]);
         assert_eq!(parse_train(&cells[0].args).unwrap().training.steps, Some(10));
         assert!(cells[..8].iter().all(|c| c.seed == 1) && cells[23].seed == 3);
         // The same matrix, the same keys; another seed, others.
@@ -314,8 +316,8 @@ mod tests {
             (Matrix { scenes: vec![], ..base.clone() }, "--scene"),
             (Matrix { seeds: vec![1, 1], ..base.clone() }, "seed 1 is given twice"),
             (variants(&["a: --colour blue"]), "--colour"),
-            (variants(&["a: --texture fixed:1"]), "fixed:R"),
-            (variants(&["a", "a: --texture none"]), "two variants are called \"a\""),
+            (variants(&["a: --policy fixed:1"]), "fixed:R"),
+            (variants(&["a", "a: --policy none"]), "two variants are called \"a\""),
             (variants(&["a", "b"]), "the same arguments"),
             (variants(&["a: --seed 3"]), "--seeds"),
             (variants(&["a: -o x"]), "--out"),
@@ -344,7 +346,6 @@ mod tests {
             path = "captures/b"
             [[variant]]
             name = "plain"
-            args = ["--texture", "none"]
             [[variant]]
             name = "textured"
             [[budget]]

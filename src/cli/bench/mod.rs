@@ -45,7 +45,8 @@ pub struct BenchArgs {
     /// Captures: DIR or "NAME: DIR"
     #[arg(long, value_name = "SCENE", num_args = 1.., value_parser = words::parse_scene, help_heading = "Matrix")]
     scene: Vec<Scene>,
-    /// What is compared: "NAME: ARGUMENTS of litetex train"; once for each
+    /// What is compared: "NAME: ARGUMENTS of litetex train", or the name of a policy alone: plain, fixed:4; once for
+    /// each
     #[arg(long, value_name = "VARIANT", value_parser = words::parse_setting, help_heading = "Matrix")]
     variant: Vec<Setting>,
     /// At which sizes or lengths: "NAME: ARGUMENTS"; once for each

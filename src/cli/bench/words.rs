@@ -1,6 +1,7 @@
 //! What is typed for a benchmark's matrix: names with arguments, seeds, shards. Text in, values out.
 
 use super::matrix::{Scene, Setting};
+use litetex_gs::train::Policy;
 
 /// Most seeds of a matrix.
 const SEEDS_MAX: u64 = 1000;
@@ -12,9 +13,19 @@ pub fn parse_setting(text: &str) -> Result<Setting, String> {
         None => (text.strip_suffix(':').unwrap_or(text), ""),
     };
     if name.trim().is_empty() || name.trim_start().starts_with('-') {
-        return Err(format!("{text:?}: expected \"NAME: ARGUMENTS\", for example \"plain: --texture none\""));
+        return Err(format!(
+            "{text:?}: expected \"NAME: ARGUMENTS\", for example \"small: --policy fixed:4 --max-splats 5000\""
+        ));
     }
     Ok(Setting { name: name.trim().to_owned(), args: split_words(args)? })
+}
+
+/// A variant without arguments that is called as a policy is that policy: nobody who writes "fixed:4" wants the
+/// default under this name.
+pub fn with_policy(variant: &mut Setting) {
+    if variant.args.is_empty() && variant.name.parse::<Policy>().is_ok() {
+        variant.args = ["--policy", &variant.name].map(ToOwned::to_owned).into();
+    }
 }
 
 /// "DIR" or "NAME: DIR".
@@ -93,21 +104,37 @@ mod tests {
 
     #[test]
     fn settings_and_scenes() {
-        let plain = parse_setting("plain: --texture none").unwrap();
+        let bare = parse_setting("no maps: --policy none").unwrap();
         assert_eq!(
-            (plain.name.as_str(), plain.args),
-            ("plain", vec!["--texture".to_owned(), "none".to_owned()])
+            (bare.name.as_str(), bare.args),
+            ("no maps", vec!["--policy".to_owned(), "none".to_owned()])
         );
         assert_eq!(parse_setting("fixed:4").unwrap().name, "fixed:4");
         assert_eq!(parse_setting("fixed:4: --steps 1").unwrap().name, "fixed:4");
         assert_eq!(parse_setting("bare:").unwrap().name, "bare");
-        for wrong in ["", ": --steps 1", "--texture none", "a: 'b"] {
+        for wrong in ["", ": --steps 1", "--policy none", "a: 'b"] {
             assert!(parse_setting(wrong).is_err(), "{wrong}");
         }
         let scene = parse_scene("fox: captures/1").unwrap();
         assert_eq!((scene.name.as_str(), scene.path.to_str()), ("fox", Some("captures/1")));
         assert_eq!(parse_scene(r"C:\fox").unwrap().path.to_str(), Some(r"C:\fox"));
         assert!(parse_scene("fox: ").is_err());
+    }
+
+    #[test]
+    fn bare_names_of_policies_mean_them() {
+        let args = |text: &str| {
+            let mut setting = parse_setting(text).unwrap();
+            with_policy(&mut setting);
+            setting.args.join(" ")
+        };
+        for name in ["litetex", "cat", "plain", "none", "fixed:4"] {
+            assert_eq!(args(name), format!("--policy {name}"));
+        }
+        // Negative controls: other names, and names whose arguments say what is meant.
+        for (text, meant) in [("fixed:1", ""), ("Plain", ""), ("plain: --steps 3", "--steps 3")] {
+            assert_eq!(args(text), meant, "{text}");
+        }
     }
 
     #[test]
