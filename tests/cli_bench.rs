@@ -129,7 +129,8 @@ fn failed_runs_are_recorded_and_others_go_on() {
         }
     }
     // Nothing is made again unless asked for.
-    assert_eq!(place.run_bench("b", 3, &more).0, 1);
+    let (code, _, stderr) = place.run_bench("b", 3, &more);
+    assert!(code == 1 && !stderr.contains("another build"), "{stderr}");
     assert_eq!(place.results("b").len(), 6);
     assert_eq!(place.run_bench("b", 3, &[&more[..], &["--retry-failed"]].concat()).0, 1);
     let again = place.results("b");
@@ -269,6 +270,13 @@ fn a_list_makes_nothing_and_a_new_name_costs_no_run() {
     assert!(table.contains("after") && !table.contains("before"), "{table}");
     let results = place.results("b");
     assert_eq!((results.len(), &results[1]["utc"]), (2, &first[0]["utc"]));
+    // Results of another build count, not without a word.
+    let build = first[0]["build"].as_str().unwrap();
+    let known = Path::new(&out).join("results.jsonl");
+    fs::write(&known, fs::read_to_string(&known).unwrap().replace(build, "0ld0ld00")).unwrap();
+    let (code, _, stderr) = run(&["bench", "--config", &file, "-o", &out]);
+    assert_eq!((code, stderr.matches("another build").count()), (0, 1), "{stderr}");
+    assert!(stderr.contains("0ld0ld00") && stderr.contains(build), "{stderr}");
     let list = ok(&["bench", "--config", &file, "-o", &out, "--seeds", "7,8", "--dry-run"]);
     assert!(list.contains("done") && list.contains("about") && list.contains("1 of 2 runs"), "{list}");
 }

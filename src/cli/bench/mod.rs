@@ -106,6 +106,8 @@ pub fn run(args: &BenchArgs, threads: Option<u16>, log: &Log) -> anyhow::Result<
     let cells = matrix::shard(cells, part, parts);
     let file = args.out.join(RESULTS);
     let (known, _lock) = open_folder(args, &file, log)?;
+    let build = machine::build();
+    log.report(&tell::other_builds(&known, &build, &file));
     let left: Vec<&Cell> = cells.iter().filter(|c| !is_done(&known, c, args.retry_failed)).collect();
     if args.dry_run {
         return Ok(tell::list(&cells, &left, &known)?);
@@ -117,7 +119,7 @@ pub fn run(args: &BenchArgs, threads: Option<u16>, log: &Log) -> anyhow::Result<
     if left.len() < cells.len() {
         log.info(&format!("{} of {} runs are done already", cells.len() - left.len(), cells.len()));
     }
-    let outcome = run_cells(args, &left, cells.len(), &file, log);
+    let outcome = run_cells(args, &left, cells.len(), &file, build, log);
     let records = read_results(&file, log)?;
     let mine: Vec<&Record> = cells.iter().filter_map(|c| records.iter().find(|r| r.key == c.key)).collect();
     tell::print_table(&mine)?;
@@ -233,7 +235,14 @@ fn rename(cells: &[Cell], known: &[Record], file: &Path) -> Result<()> {
 }
 
 /// Makes the runs in `jobs` threads; results are written and told here, in the order in which runs end.
-fn run_cells(args: &BenchArgs, left: &[&Cell], all: usize, file: &Path, log: &Log) -> Result<()> {
+fn run_cells(
+    args: &BenchArgs,
+    left: &[&Cell],
+    all: usize,
+    file: &Path,
+    build: String,
+    log: &Log,
+) -> Result<()> {
     if left.is_empty() {
         return Ok(());
     }
@@ -248,7 +257,7 @@ fn run_cells(args: &BenchArgs, left: &[&Cell], all: usize, file: &Path, log: &Lo
         timeout_secs: args.timeout,
         interrupt: interrupt.clone(),
         hardware: machine::hardware(),
-        build: machine::build(),
+        build,
         busy: Mutex::new(Vec::new()),
     };
     let (next, stop) = (AtomicUsize::new(0), AtomicBool::new(false));

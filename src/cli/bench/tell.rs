@@ -4,9 +4,11 @@ use super::matrix::Cell;
 use crate::cli::log::Log;
 use crate::cli::table::print_columns;
 use crate::cli::values::{format_count, format_duration};
+use litetex_gs::Report;
 use litetex_gs::results::{Record, Status};
 use serde_json::json;
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
+use std::path::Path;
 
 /// Names of what repetitions have in common.
 type Name<'a> = (&'a str, &'a str, &'a str);
@@ -37,6 +39,29 @@ pub fn tell(log: &Log, record: &Record, done: usize, all: usize, secs_left: f64)
         "budget": record.budget, "seed": record.seed, "status": record.status, "error": record.error,
         "psnr": record.number("/quality/psnr"), "noisy": record.noisy, "secs_left": secs_left });
     log.event("run", &format!("[{done}/{all}] {name}: {what}{rest}"), fields);
+}
+
+/// Warns if results were made by another build of the program than `build`: what counts as done and what is still
+/// made may then differ by more than their arguments.
+pub fn other_builds(known: &[Record], build: &str, file: &Path) -> Report {
+    let others: Vec<&str> = known.iter().map(|r| r.build.as_str()).filter(|b| *b != build).collect();
+    let mut report = Report::default();
+    if !(others.is_empty() || build.is_empty()) {
+        let names: BTreeSet<&str> = others.iter().map(|b| if b.is_empty() { "unknown" } else { b }).collect();
+        report.warn(
+            "other-builds",
+            others.len(),
+            format!(
+                "{}: {} of {} runs were made by another build of the program ({}) than this one ({build}); they count \
+                 as done. Another folder, or --force, makes all of them with one build",
+                file.display(),
+                others.len(),
+                known.len(),
+                names.into_iter().collect::<Vec<_>>().join(", ")
+            ),
+        );
+    }
+    report
 }
 
 /// The runs, and how long those that are left will take by those that are done.
