@@ -109,6 +109,20 @@ fn splats_are_coloured_by_their_maps_on_every_device() {
         "cpu",
         "-q",
     ]);
+    // Depth has no colours to tell anything with; beside the coloured picture it is welcome.
+    let depth = |what: &str| {
+        let out = path("depth");
+        let arguments = ["render", &run, "--orbit", "1", "-o", &out, "--colour-by", "texels", "--what", what];
+        Command::cargo_bin("litetex").unwrap().args(arguments).args(["--device", "cpu"]).output().unwrap()
+    };
+    let refused = depth("depth,alpha");
+    let stderr = String::from_utf8(refused.stderr).unwrap();
+    assert!(refused.status.code() == Some(2) && stderr.contains("--what"), "{stderr}");
+    assert!(!folder("depth").exists());
+    assert!(depth("depth,colour").status.success());
+    for name in ["orbit-0000.depth.png", "orbit-0000.texels.png", "texels.legend.png"] {
+        assert!(folder("depth").join(name).is_file(), "{name}");
+    }
     assert!(folder("own").join("orbit-0000.splats.png").is_file());
     assert!(!folder("own").join("splats.legend.png").exists(), "these colours mean nothing");
 }

@@ -91,6 +91,14 @@ pub fn run(args: &RenderArgs, log: &Log) -> anyhow::Result<()> {
     if args.out.is_file() {
         return Err(Error::Usage(format!("{}: is a file, expected a folder", args.out.display())).into());
     }
+    if let Some(by) = args.colour_by.filter(|_| !args.what.contains(&What::Colour)) {
+        return Err(Error::Usage(format!(
+            "--colour-by {}: only colours can tell it, and --what leaves them out; add colour to --what, or leave \
+             --colour-by out",
+            by.name()
+        ))
+        .into());
+    }
     let trained = Trained::load(&args.source)?;
     let capture = trained.open_capture(args.capture.as_deref())?;
     let jobs = jobs(args, &capture)?;
