@@ -57,6 +57,7 @@ fn stages_cover_the_training_and_tables_say_the_same_as_json() {
         (&json["schema"], &json["steps"], &json["schedule_steps"]),
         (&"litetex-schedule/1".into(), &1000.into(), &667.into())
     );
+    assert_eq!(json["densify_until"], 500);
     assert_eq!((&json["schedule"]["views"], &json["width_px"]), (&4.into(), &320.into()));
     let stages = json["stages"].as_array().unwrap();
     let step = |stage: &Value, name: &str| stage[name].as_u64().unwrap();
@@ -99,6 +100,14 @@ fn charts_are_whole_and_not_replaced_unless_asked() {
     let text = fs::read_to_string(&chart).unwrap();
     assert!(text.starts_with("<svg ") && text.ends_with("</svg>\n") && !text.contains("NaN"), "{text}");
     assert!(text.contains("Frequency schedule of capture") && text.contains(">20,000<"));
+    // 20,000 and 15,000 of 30,000 steps, from 70 to 860 across.
+    for (x, meaning) in [("596.7", "full size from here"), ("465.0", "densification ends")] {
+        let line = format!("<path d=\"M{x} ");
+        assert!(text.lines().any(|l| l.starts_with(&line) && l.contains("dasharray")), "{meaning}: {text}");
+        let place = 6.0 + x.parse::<f64>().unwrap();
+        let words = text.lines().find(|l| l.contains(meaning)).unwrap();
+        assert!(words.starts_with(&format!("<text x=\"{place:.1}\"")), "{words}");
+    }
     let again = ["schedule", &place.path("capture"), "--svg", &chart, "--steps", "600"];
     let (code, stdout, stderr) = run(&again);
     assert!(code == 2 && stdout.is_empty() && stderr.contains("--force"), "{code} {stderr}");

@@ -77,6 +77,8 @@ pub struct Plan {
     pub steps: u32,
     /// T_r: the schedule's end.
     pub schedule_steps: u32,
+    /// Splits and growth of maps end after this step.
+    pub densify_until: u32,
     options: ScheduleOptions,
     /// The schedule.
     pub schedule: FrequencySchedule,
@@ -141,6 +143,7 @@ fn plan(args: &ScheduleArgs, log: &Log) -> Result<Plan> {
         capture: args.capture.clone(),
         steps: args.steps,
         schedule_steps: timetable.full_size_from,
+        densify_until: timetable.densify_until,
         options: config.scheduler,
         schedule,
         width_px,

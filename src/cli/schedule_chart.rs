@@ -52,7 +52,9 @@ impl Chart<'_> {
         self.text((ACROSS.0, 48.0), "fill=\"#666\"", &facts)?;
         self.scales(plan)?;
         self.caps(&plan.stages)?;
-        self.end_of_schedule(f64::from(plan.schedule_steps))?;
+        // Below each other: both may be at one step.
+        self.event(plan.densify_until, SCALES.1 + 17.0, "densification ends")?;
+        self.event(plan.schedule_steps, SCALES.1 + 32.0, "full size from here")?;
         self.out.push_str("</svg>\n");
         Ok(())
     }
@@ -114,14 +116,17 @@ impl Chart<'_> {
         self.text((left, down.0 - 8.0), "fill=\"#444\"", heading)
     }
 
-    fn end_of_schedule(&mut self, step: f64) -> std::fmt::Result {
-        let x = self.x(step);
+    /// A line across both panels, with its meaning between them at a height.
+    fn event(&mut self, step: u32, y: f64, meaning: &str) -> std::fmt::Result {
+        let x = self.x(step.into());
+        // Room for some words to the right, else to the left.
+        let (anchor, offset) = if x < ACROSS.1 - 100.0 { ("start", 6.0) } else { ("end", -6.0) };
         writeln!(
             self.out,
             "<path d=\"M{x:.1} {}V{}\" stroke=\"#888\" stroke-dasharray=\"5 4\"/>",
             SCALES.0, CAPS.1
         )?;
-        self.text((x + 6.0, SCALES.1 + 18.0), "fill=\"#666\"", "densification ends")
+        self.text((x + offset, y), &format!("fill=\"#666\" text-anchor=\"{anchor}\""), meaning)
     }
 
     fn legend(&mut self, first: f64, labels: &[(&str, &str)]) -> std::fmt::Result {
