@@ -74,6 +74,9 @@ fn stages_cover_the_training_and_tables_say_the_same_as_json() {
     assert_eq!((&last["height_px"], &last["texture_cap"]), (&240.into(), &256.into()));
     assert_eq!(step(last, "first_step"), 668);
 
+    let longest = place.json(&["--steps", "4294967295"]);
+    assert_eq!(longest["stages"].as_array().unwrap().last().unwrap()["last_step"], u32::MAX);
+
     let table = place.schedule(&["--steps", "1000"]);
     assert_eq!(table.lines().skip_while(|l| !l.is_empty()).skip(2).count(), stages.len(), "{table}");
     assert!(table.contains("668 - 1,000") && table.contains("320x240"), "{table}");
