@@ -2,6 +2,7 @@
 //! 95 % interval, and a line at 0.
 
 use super::compare::{Difference, Scope, Verdict, compare};
+use super::look::colour;
 use super::measure::Measure;
 use super::paired::signed;
 use super::scale::{Quantity, Scale, labels};
@@ -105,7 +106,7 @@ fn draw_axis(svg: &mut Svg, x: &Scale, at: impl Fn(f64) -> f64, bottom: f64, uni
 
 fn draw_row(svg: &mut Svg, row: &Row, measure: &Measure, at: impl Fn(f64) -> f64, y: f64) {
     let Some(mean) = row.difference.mean() else { return };
-    let colour = row.look % super::svg::PALETTE.len();
+    let colour = colour(row.look);
     let decided = matches!(row.difference.verdict, Verdict::Better | Verdict::Worse);
     let (line, fill) = if decided {
         (format!("lt-line lt-s{colour}"), format!("lt-f{colour}"))

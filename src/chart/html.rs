@@ -23,9 +23,11 @@ nav{display:flex;flex-wrap:wrap;gap:4px 18px;margin:14px 0}\
 .charts{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(560px,100%),1fr));gap:26px}\
 figure{margin:0;min-width:0;max-width:900px}figure svg{width:100%;height:auto;display:block}\
 .table{overflow-x:auto;margin:12px 0}\
-table{border-collapse:collapse;font-size:13px;font-variant-numeric:tabular-nums}\
-th,td{padding:4px 9px;text-align:left;white-space:nowrap;border-bottom:1px solid var(--rule)}\
-th{font-weight:600;color:var(--second);border-bottom-width:2px}\
+.table::-webkit-scrollbar{height:11px;background:var(--zebra)}\
+.table::-webkit-scrollbar-thumb{background:var(--second);border-radius:5px}\
+table{border-collapse:collapse;font-size:12px;font-variant-numeric:tabular-nums}\
+th,td{padding:4px 6px;text-align:left;white-space:nowrap;border-bottom:1px solid var(--rule)}\
+th{font-weight:600;color:var(--second);border-bottom-width:2px;white-space:normal;vertical-align:bottom}\
 tbody tr:nth-child(even){background:var(--zebra)}\
 td:last-child:not(.num){white-space:normal;min-width:16ch}.num{text-align:right}.good{color:var(--good);font-weight:600}\
 .bad{color:var(--bad);font-weight:600}.faint{color:var(--second)}\

@@ -9,6 +9,7 @@ mod fixtures;
 mod forest;
 mod html;
 mod labels;
+mod look;
 mod measure;
 mod paired;
 mod plot;

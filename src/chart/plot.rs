@@ -2,10 +2,11 @@
 //! what is measured.
 
 use super::labels::{Rect, Side, along, around, place_labels};
+use super::look::{colour, line_class};
 use super::scale::{Quantity, Scale, labels};
-use super::svg::{Anchor, PALETTE, Svg, TEXT_PX, TITLE_PX, shortened, text_width_px};
+use super::svg::{Anchor, Svg, TEXT_PX, TITLE_PX, shortened, text_width_px};
 
-/// Size of a chart; higher if the legend needs it.
+/// Size of a chart; higher and wider if the legend needs it.
 const WIDTH_PX: f64 = 760.0;
 const HEIGHT_PX: f64 = 400.0;
 /// Places of title and of the name of the vertical axis (baselines), of the plot, and space below it.
@@ -14,8 +15,11 @@ const AXIS_NAME_Y: f64 = 48.0;
 const TOP: f64 = 60.0;
 const BELOW: f64 = 52.0;
 const RIGHT: f64 = 16.0;
-/// Legend: width of names, of a line's sample, distance of rows.
+/// Legend: width of names that a chart has room for, and that it is widened for at most; its distance to
+/// the plot, width of a line's sample, distance of rows.
 const LEGEND_NAME_PX: f64 = 150.0;
+const LEGEND_NAME_PX_MAX: f64 = 250.0;
+const LEGEND_GAP_PX: f64 = 22.0;
 const LEGEND_SAMPLE_PX: f64 = 30.0;
 const LEGEND_ROW_PX: f64 = 21.0;
 /// Radii of markers: means, single runs.
@@ -115,23 +119,24 @@ impl Chart {
         let points: Vec<(f64, f64)> = self.series.iter().flat_map(of).collect();
         let x = Scale::around(points.iter().map(|p| p.0), self.x.log)?;
         let y = Scale::around(points.iter().map(|p| p.1), self.y.log)?;
-        let legend_px = self.legend_px();
+        let names_px = self.legend_names_px();
+        let width = WIDTH_PX + (names_px - LEGEND_NAME_PX).max(0.0);
         let rows_px = LEGEND_ROW_PX * (self.legend_rows() as f64 + 1.0);
         let height = HEIGHT_PX.max(TOP + rows_px + BELOW);
-        let mut svg = Svg::new(WIDTH_PX, height, &self.describe());
+        let mut svg = Svg::new(width, height, &self.describe());
         let rows = ((height - TOP - BELOW) / TICK_ROW_PX) as usize;
         let y_ticks = y.ticks(rows);
         let y_labels = labels(&y_ticks, self.y.quantity);
         let widest = y_labels.iter().map(|l| text_width_px(l, TEXT_PX)).fold(0.0, f64::max);
         let area = Area {
             left: (widest + TICK_OFFSET_PX + 12.0).max(44.0),
-            right: WIDTH_PX - RIGHT - legend_px,
+            right: width - RIGHT - (LEGEND_GAP_PX + LEGEND_SAMPLE_PX + 6.0 + names_px),
             top: TOP,
             bottom: height - BELOW,
             x,
             y,
         };
-        let title = shortened(&self.title, WIDTH_PX - 24.0, TITLE_PX * 1.05);
+        let title = shortened(&self.title, width - 24.0, TITLE_PX * 1.05);
         svg.text("lt-text lt-title", (12.0, TITLE_Y), Anchor::Start, &title, Some(&self.title));
         svg.text("lt-axis", (12.0, AXIS_NAME_Y), Anchor::Start, &self.y.name, None);
         for (tick, label) in y_ticks.iter().zip(&y_labels) {
@@ -141,7 +146,7 @@ impl Chart {
         }
         self.draw_x_axis(&mut svg, &area);
         self.draw_series(&mut svg, &area);
-        self.draw_legend(&mut svg, area.right + 22.0);
+        self.draw_legend(&mut svg, area.right + LEGEND_GAP_PX);
         Some(svg)
     }
 
@@ -189,7 +194,7 @@ impl Chart {
         let mut drawn_over = along(&steps);
         for s in &self.series {
             let line: Vec<(f64, f64)> = s.line.iter().filter(|p| usable(p)).map(|p| area.at(*p)).collect();
-            svg.polyline(&format!("lt-line lt-s{}", colour(s.look)), &line, false);
+            svg.polyline(&line_class(s.look), &line, false);
             drawn_over.extend(along(&line));
             drawn_over.extend(s.dots.iter().filter(drawn).map(|m| around(area.at(m.at), DOT_PX)));
         }
@@ -227,12 +232,11 @@ impl Chart {
         let name_x = left + LEGEND_SAMPLE_PX + 6.0;
         for s in self.series.iter().filter(|s| !s.name.is_empty()) {
             if s.line.len() > 1 {
-                let class = format!("lt-line lt-s{}", colour(s.look));
-                svg.line(&class, (left, y), (left + LEGEND_SAMPLE_PX, y));
+                svg.line(&line_class(s.look), (left, y), (left + LEGEND_SAMPLE_PX, y));
             }
             let class = format!("lt-f{}", colour(s.look));
             svg.marker(&class, s.look, (left + 0.5 * LEGEND_SAMPLE_PX, y), MARK_PX, "");
-            let short = shortened(&s.name, LEGEND_NAME_PX, TEXT_PX);
+            let short = shortened(&s.name, LEGEND_NAME_PX_MAX, TEXT_PX);
             let hover = (short != s.name).then_some(s.name.as_str());
             svg.text("lt-text", (name_x, y + 4.0), Anchor::Start, &short, hover);
             y += LEGEND_ROW_PX;
@@ -250,12 +254,11 @@ impl Chart {
         self.series.iter().filter(|s| !s.name.is_empty()).count() + if self.front.is_empty() { 0 } else { 2 }
     }
 
-    fn legend_px(&self) -> f64 {
+    fn legend_names_px(&self) -> f64 {
         let names = self.series.iter().map(|s| s.name.as_str());
         let extra = if self.front.is_empty() { "" } else { "Pareto front" };
-        let widest =
-            names.chain([extra]).map(|n| text_width_px(n, TEXT_PX).min(LEGEND_NAME_PX)).fold(0.0, f64::max);
-        22.0 + LEGEND_SAMPLE_PX + 6.0 + widest
+        let widths = names.chain([extra]).map(|n| text_width_px(n, TEXT_PX));
+        widths.fold(0.0, f64::max).min(LEGEND_NAME_PX_MAX)
     }
 
     /// For those who do not see the chart.
@@ -263,11 +266,6 @@ impl Chart {
         let names: Vec<&str> = self.series.iter().map(|s| s.name.as_str()).collect();
         format!("{}: {} against {}, for {}", self.title, self.y.name, self.x.name, names.join(", "))
     }
-}
-
-/// Number of a colour; series beyond the palette share colours and are told apart by the hover text.
-fn colour(look: usize) -> usize {
-    look % PALETTE.len()
 }
 
 /// As many ticks as fit with their labels side by side.
@@ -327,6 +325,22 @@ mod tests {
         assert!(!file.contains("NaN") && !file.contains("inf"), "{file}");
         assert!(!file.contains("at 0, 1"));
         assert!(file.contains("(log scale)"));
+    }
+
+    #[test]
+    fn legends_tell_apart_what_differs_late_in_long_names() {
+        let names =
+            ["0.8", "0.9"].map(|end| format!("structure.quantile and all the rest of the settings at {end}"));
+        let series =
+            |name: &String| Series { name: name.clone(), marks: vec![mark(2.0, 20.0)], ..Series::default() };
+        let file = chart(names.iter().map(series).collect()).draw().unwrap().standalone();
+        // Hovering tells the whole name, the legend the beginning and the end.
+        for (name, end) in names.iter().zip(["0.8", "0.9"]) {
+            assert!(
+                file.contains(&format!("<title>{name}</title>"))
+                    && file.contains(&format!("at {end}</text>"))
+            );
+        }
     }
 
     #[test]

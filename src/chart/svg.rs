@@ -1,20 +1,9 @@
 //! SVG by hand: elements, escaping, colours for light and dark, and how wide text is. What is drawn is
-//! decided elsewhere.
+//! decided elsewhere, how series look in `look`.
 
+use super::look::{DASHES, PALETTE, marker_path};
 use std::fmt::Write;
 
-/// Colours of series before a light and before a dark background. They differ in lightness as well as in
-/// hue, and every series has a marker shape of its own, so that nobody depends on hue.
-pub const PALETTE: [(&str, &str); 8] = [
-    ("#0b62a4", "#5aa9e6"),
-    ("#c8500a", "#ff9a55"),
-    ("#0a7d55", "#3ecf97"),
-    ("#8e3a9d", "#d99be6"),
-    ("#8a6d00", "#e3c04a"),
-    ("#b0203a", "#ff7a8c"),
-    ("#0c7f92", "#52d0e0"),
-    ("#4d545c", "#b9c0c9"),
-];
 /// Background, text, secondary text, grid, and what is greyed out; light and dark.
 pub const BACKGROUND: (&str, &str) = ("#ffffff", "#15181c");
 const TEXT: (&str, &str) = ("#1c2024", "#e8eaed");
@@ -48,6 +37,7 @@ pub fn style() -> String {
         }
         css
     };
+    let dashes = DASHES.iter().enumerate().map(|(i, d)| format!(".lt-d{i}{{stroke-dasharray:{d}}}"));
     format!(
         ".lt-chart text{{font:{TEXT_PX}px system-ui,-apple-system,\"Segoe UI\",Roboto,\"Helvetica Neue\",Arial,sans-serif}}\
          .lt-chart .lt-title{{font-size:{TITLE_PX}px;font-weight:600}}\
@@ -55,7 +45,8 @@ pub fn style() -> String {
          .lt-front{{stroke-width:1.5;fill:none;stroke-dasharray:5 4}}.lt-grey-line{{stroke-width:1.5;fill:none}}\
          .lt-band{{opacity:.16}}.lt-dot{{opacity:.5}}.lt-hit{{fill:transparent}}\
          .lt-label{{paint-order:stroke;stroke-width:3px;stroke-linejoin:round}}\
-         {}@media (prefers-color-scheme:dark){{{}}}",
+         {}{}@media (prefers-color-scheme:dark){{{}}}",
+        dashes.collect::<String>(),
         rules(false),
         rules(true)
     )
@@ -92,19 +83,25 @@ pub fn text_width_px(text: &str, size_px: f64) -> f64 {
     text.chars().map(width).sum::<f64>() * size_px
 }
 
-/// The beginning of a text that fits, with an ellipsis if something is left out.
+/// A text that fits. Of a longer one the middle gives way to an ellipsis: names differ at their beginnings or ends.
 pub fn shortened(text: &str, width_px: f64, size_px: f64) -> String {
     if text_width_px(text, size_px) <= width_px {
         return text.to_owned();
     }
-    let mut out = String::new();
-    for c in text.chars() {
-        if text_width_px(&out, size_px) + text_width_px(&format!("{c}…"), size_px) > width_px {
+    let chars: Vec<char> = text.chars().collect();
+    let mut room = width_px - text_width_px("…", size_px);
+    let (mut head, mut tail) = (0, chars.len());
+    while head < tail {
+        let at_head = head <= chars.len() - tail;
+        let next = chars[if at_head { head } else { tail - 1 }];
+        room -= text_width_px(next.encode_utf8(&mut [0; 4]), size_px);
+        if room < 0.0 {
             break;
         }
-        out.push(c);
+        if at_head { head += 1 } else { tail -= 1 }
     }
-    out.trim_end().to_owned() + "…"
+    let [head, tail] = [&chars[..head], &chars[tail..]].map(|part| part.iter().collect::<String>());
+    format!("{}…{}", head.trim_end(), tail.trim_start())
 }
 
 /// Where a text stands relative to its point.
@@ -177,9 +174,9 @@ impl Svg {
         );
     }
 
-    /// A marker of a series, with its values for the pointer that hovers near it.
-    pub fn marker(&mut self, class: &str, shape: usize, at: (f64, f64), radius_px: f64, hover: &str) {
-        let d = marker_path(shape, at, radius_px);
+    /// The marker of series `look`, with its values for the pointer that hovers near it.
+    pub fn marker(&mut self, class: &str, look: usize, at: (f64, f64), radius_px: f64, hover: &str) {
+        let d = marker_path(look, at, radius_px);
         let title =
             if hover.is_empty() { String::new() } else { format!("<title>{}</title>", escape(hover)) };
         // A larger invisible disc: nobody hits 3 pixels.
@@ -217,46 +214,6 @@ impl Svg {
             escape(&self.label),
             self.body
         )
-    }
-}
-
-/// Outline of the marker of series `shape`.
-fn marker_path(shape: usize, (x, y): (f64, f64), r: f64) -> String {
-    let polygon = |points: &[(f64, f64)]| {
-        let mut d = String::new();
-        for (i, (dx, dy)) in points.iter().enumerate() {
-            let _ = write!(d, "{}{:.1} {:.1}", if i == 0 { "M" } else { "L" }, x + dx * r, y + dy * r);
-        }
-        d + "Z"
-    };
-    // Sizes are such that all shapes have about the area of the circle.
-    match shape % 8 {
-        0 => format!(
-            "M{:.1} {y:.1}a{r:.1} {r:.1} 0 1 0 {:.1} 0a{r:.1} {r:.1} 0 1 0 {:.1} 0Z",
-            x - r,
-            2.0 * r,
-            -2.0 * r
-        ),
-        1 => polygon(&[(-0.9, -0.9), (0.9, -0.9), (0.9, 0.9), (-0.9, 0.9)]),
-        2 => polygon(&[(0.0, -1.25), (1.2, 0.9), (-1.2, 0.9)]),
-        3 => polygon(&[(0.0, -1.3), (1.3, 0.0), (0.0, 1.3), (-1.3, 0.0)]),
-        4 => polygon(&[(0.0, 1.25), (1.2, -0.9), (-1.2, -0.9)]),
-        5 => polygon(&[
-            (-0.4, -1.2),
-            (0.4, -1.2),
-            (0.4, -0.4),
-            (1.2, -0.4),
-            (1.2, 0.4),
-            (0.4, 0.4),
-            (0.4, 1.2),
-            (-0.4, 1.2),
-            (-0.4, 0.4),
-            (-1.2, 0.4),
-            (-1.2, -0.4),
-            (-0.4, -0.4),
-        ]),
-        6 => polygon(&[(0.0, -1.2), (1.15, -0.35), (0.7, 1.0), (-0.7, 1.0), (-1.15, -0.35)]),
-        _ => polygon(&[(-1.4, -0.6), (1.4, -0.6), (1.4, 0.6), (-1.4, 0.6)]),
     }
 }
 
@@ -305,15 +262,13 @@ mod tests {
     #[test]
     fn long_names_are_shortened() {
         assert_eq!(shortened("fox", 100.0, 12.0), "fox");
-        let short = shortened("a very long name of a variant", 80.0, 12.0);
-        assert!(short.ends_with('…') && text_width_px(&short, 12.0) <= 80.0, "{short}");
-    }
-
-    #[test]
-    fn markers_differ() {
-        let shapes: Vec<String> = (0..8).map(|s| marker_path(s, (5.0, 5.0), 4.0)).collect();
-        for (i, shape) in shapes.iter().enumerate() {
-            assert!(shapes[..i].iter().all(|s| s != shape));
-        }
+        let short = |name: &str| shortened(name, 90.0, 12.0);
+        let long = short("a very long name of a variant");
+        assert!(long.starts_with("a ver") && long.ends_with("iant") && long.contains('…'), "{long}");
+        assert!(text_width_px(&long, 12.0) <= 90.0, "{long}");
+        // What differs stays: at the end as at the beginning.
+        assert_ne!(short("structure.quantile=0.8"), short("structure.quantile=0.9"));
+        assert_ne!(short("more structure.quantile"), short("less structure.quantile"));
+        assert_eq!(shortened("abc", 1.0, 12.0), "…");
     }
 }

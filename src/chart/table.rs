@@ -135,7 +135,8 @@ impl Table {
             }
             if names.is_empty() { String::new() } else { format!(" class=\"{}\"", names.join(" ")) }
         };
-        out += "<div class=\"table\"><table>\n<thead><tr>";
+        // Those who have no mouse scroll what they can go to.
+        out += "<div class=\"table\" tabindex=\"0\"><table>\n<thead><tr>";
         for c in &self.columns {
             out += &format!("<th scope=\"col\"{}>{}</th>", class(c, Tone::Plain), escape(&c.name));
         }
