@@ -99,6 +99,14 @@ pub struct Record {
 }
 
 impl Record {
+    /// Its names, for messages.
+    pub fn told(&self) -> String {
+        format!(
+            "scene {:?}, variant {:?}, budget {:?}, seed {}",
+            self.scene, self.variant, self.budget, self.seed
+        )
+    }
+
     /// A finite number of the summary, for example at `/quality/psnr`.
     pub fn number(&self, pointer: &str) -> Option<f64> {
         self.summary.as_ref()?.pointer(pointer)?.as_f64().filter(|x| x.is_finite())

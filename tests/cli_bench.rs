@@ -293,13 +293,19 @@ fn damaged_results_are_left_out_with_a_warning_or_refused() {
     };
     let good = [line("a", "20.5"), line("</svg><script>", "21"), line("c", "null")].concat();
     let damage = "{\"schema\":\"litetex-results/2\"}\n{\"schema\":\"litetex-res\n\u{0}\nNaN\n";
-    fs::write(path("r.jsonl"), format!("{damage}{good}{}", line("d", "NaN"))).unwrap();
+    fs::write(path("r.jsonl"), format!("{damage}{good}{}{}", line("d", "NaN"), line("e", "1e308"))).unwrap();
     let (code, table, stderr) = run(&["chart", &path("r.jsonl"), "-o", &path("out")]);
     assert_eq!(code, 0, "{stderr}");
     assert!(stderr.contains("litetex-results/2") && stderr.contains("line 2 and 3 more"), "{stderr}");
     assert!(table.contains("20.50") && !table.contains("NaN"), "{table}");
+    let warned = "1 implausible value left out";
+    assert!(
+        stderr.contains(warned) && stderr.contains("variant \"e\"") && !table.contains("00000"),
+        "{stderr}{table}"
+    );
     let page = fs::read_to_string(dir.path().join("out/index.html")).unwrap();
     assert!(page.contains("1 pair: no interval") && !page.contains("<script"));
+    assert!(page.contains(warned) && !page.contains("00000000") && !page.contains(">inf<"));
     for (name, text, code, part) in [
         (
             "foreign.jsonl",

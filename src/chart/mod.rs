@@ -12,6 +12,7 @@ mod labels;
 mod look;
 mod measure;
 mod paired;
+mod plausible;
 mod plot;
 mod raw;
 mod scale;

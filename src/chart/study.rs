@@ -2,6 +2,7 @@
 //! nothing is drawn here.
 
 use super::measure::{Better, Measure, bytes_of};
+use super::plausible;
 use super::scale::Quantity;
 use super::stats::Sample;
 use crate::results::{self, Record, Status};
@@ -114,7 +115,7 @@ impl Study {
             names
         };
         let (scenes, variants, budgets) = (names(|r| &r.scene), names(|r| &r.variant), names(|r| &r.budget));
-        let (runs, failed): (Vec<Record>, Vec<Record>) =
+        let (mut runs, failed): (Vec<Record>, Vec<Record>) =
             records.into_iter().partition(|r| r.status == Status::Ok && r.summary.is_some());
         if runs.is_empty() {
             return Err(Error::Usage(format!(
@@ -122,6 +123,7 @@ impl Study {
                 failed.len()
             )));
         }
+        plausible::leave_out(&mut runs, &mut report);
         let baseline = match &options.baseline {
             None => variants[0].clone(),
             Some(name) if variants.contains(name) => name.clone(),
