@@ -21,6 +21,7 @@ mod study;
 mod svg;
 mod table;
 mod tables;
+mod unlike;
 
 pub use study::{Clock, Options};
 
