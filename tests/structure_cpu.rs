@@ -6,11 +6,11 @@
 mod common;
 
 use common::training::{MemoryViews, photos, scene};
-use common::whole::{Outcome, config, run_on, same, start};
+use common::whole::{Outcome, config, is_all_done, run_on, same, start};
 use litetex_gs::backend::{Backend as _, StepRequest, WindowStatistics};
 use litetex_gs::cpu::CpuBackend;
 use litetex_gs::model::{AdamState, LearningRates, Model, num_params};
-use litetex_gs::train::structure::{Budget, StatisticsSource, StructureCounts};
+use litetex_gs::train::structure::{Budget, Spending, StatisticsSource};
 use litetex_gs::train::{Policy, TrainConfig, TrainState};
 use litetex_gs::views::{Split, ViewSource as _};
 
@@ -20,18 +20,19 @@ fn run(config: &TrainConfig, start: TrainState, threads: usize) -> Outcome {
 
 #[test]
 fn every_policy_gives_the_same_bytes_with_any_threads_and_from_any_checkpoint() {
-    for policy in [Policy::Litetex, Policy::Cat, Policy::Fixed(3), Policy::Plain] {
+    let by_gain =
+        [Policy::Litetex, Policy::Cat, Policy::Fixed(3), Policy::Plain].map(|p| (p, Spending::Gain));
+    for (policy, spending) in by_gain.into_iter().chain([(Policy::Litetex, Spending::SplitsFirst)]) {
         let mut config = config(policy);
+        config.structure.spending = spending;
         if policy == Policy::Plain {
             config.budget = Budget { max_splats: Some(400), ..Budget::default() };
         }
         let whole = run(&config, start(policy), 2);
-        let total = |f: fn(&StructureCounts) -> usize| whole.steps.iter().map(|s| f(&s.0)).sum::<usize>();
-        assert!(total(|c| c.split + c.moved) > 10, "{policy}: {:?}", whole.steps);
-        if policy == Policy::Litetex {
-            let counts = [total(|c| c.refined), total(|c| c.coarsened), total(|c| c.pruned + c.faded)];
-            assert!(counts.iter().all(|&c| c > 0), "{counts:?}");
-        }
+        let total = whole.total();
+        println!("{policy} {spending:?}: {total:?}");
+        assert!(total.split + total.moved > 10, "{policy}: {total:?}");
+        assert!(policy != Policy::Litetex || is_all_done(&total), "{total:?}");
         assert!(same(&run(&config, start(policy), 1).last, &whole.last), "{policy}: one thread");
         // Before, at and after structure steps, in the middle of windows.
         for at in [0, 3, 4, 5, 9] {
@@ -52,7 +53,11 @@ fn every_policy_gives_the_same_bytes_with_any_threads_and_from_any_checkpoint() 
 
 #[test]
 fn no_budget_is_ever_exceeded() {
-    let free = run(&config(Policy::Litetex), start(Policy::Litetex), 2).largest;
+    // Nothing fades, and most are long enough to be split.
+    let mut growing = config(Policy::Litetex);
+    growing.structure.opacity_floor = [0.0; 2];
+    growing.structure.split_texels = [3.0; 2];
+    let free = run(&growing, start(Policy::Litetex), 2).largest;
     let initial = start(Policy::Litetex).model;
     assert!(free[0] > initial.num_splats() + 20 && free[1] > initial.num_texels() + 100, "{free:?}");
     let budgets = [
@@ -61,7 +66,7 @@ fn no_budget_is_ever_exceeded() {
         Budget { max_params: Some(initial.num_params() + 500), ..Budget::default() },
     ];
     for budget in budgets {
-        let config = TrainConfig { budget, ..config(Policy::Litetex) };
+        let config = TrainConfig { budget, ..growing.clone() };
         // Each at its largest, not all at one step.
         let [splats, texels, params] = run(&config, start(Policy::Litetex), 2).largest;
         assert!(budget.max_splats.is_none_or(|most| splats <= most), "{budget:?}: {splats} splats");
