@@ -207,7 +207,7 @@ fn splats_go_after_consecutive_marks_only_and_those_never_seen_stay() {
 }
 
 #[test]
-fn halves_lie_on_the_parents_grid_and_survive_their_first_checks() {
+fn halves_lie_on_the_parents_grid() {
     let (model, cameras, statistics) = (model(16), [camera()], one_bad());
     let lives = vec![Life::first(64); N];
     let s = Situation { split_texels: 16.0, ..situation(&model, &lives, &statistics, &cameras) };
@@ -251,15 +251,39 @@ fn halves_lie_on_the_parents_grid_and_survive_their_first_checks() {
         shifts.push(u + v);
     }
     assert_eq!(shifts[0], -shifts[1]);
-    // Nearly transparent and useless children stay for two checks; their elders go.
+}
+
+#[test]
+fn children_stay_for_two_checks_whatever_is_found() {
+    let (model, cameras) = (model(2), [camera()]);
+    // The first three are as many checks old; one mark removes.
+    let survivors = |model: &Model, statistics: &WindowStatistics, checks: u16| {
+        let young = |i: usize| if i < 3 { Life { checks, ..Life::first(2) } } else { Life::first(2) };
+        let lives: Vec<Life> = (0..N).map(young).collect();
+        let s = Situation { patience: 1, densify: false, ..situation(model, &lives, statistics, &cameras) };
+        let Revision { plan, lives, .. } = revise(&s, &settings(), &Budget::default());
+        let mut left: Vec<(u32, u16)> =
+            plan.unwrap().sources.into_iter().zip(lives.iter().map(|life| life.marks)).collect();
+        left.sort_unstable();
+        left
+    };
+    let children = [(0, 0), (1, 0), (2, 0), (11, 0)];
+    // Nothing but the last is of any use.
+    let mut useless = window([0.3; N]);
+    useless.area[..N - 1].fill(0.0);
+    useless.contribution[..N - 1].fill(0.0);
+    // Nothing but the last is opaque: 0.012, between what removes children and what removes others.
     let mut faint = model.clone();
-    faint.splats.opacity_logits.fill(-4.4);
-    let fresh: Vec<Life> =
-        (0..N).map(|i| if i < 3 { Life::first(2).child() } else { Life::first(2) }).collect();
-    let s = Situation { densify: false, ..situation(&faint, &fresh, &statistics, &cameras) };
-    let mut survivors = revise(&s, &config, &Budget::default()).plan.unwrap().sources;
-    survivors.sort_unstable();
-    assert_eq!(survivors, [0, 1, 2]);
+    faint.splats.opacity_logits[..N - 1].fill(-4.4);
+    for checks in [0, 1] {
+        assert_eq!(survivors(&model, &useless, checks), children, "{checks} checks");
+        assert_eq!(survivors(&faint, &window([0.3; N]), checks), children, "{checks} checks");
+    }
+    // Negative controls: as grown-ups they go, and children that are fainter still.
+    assert_eq!(survivors(&model, &useless, 2), children[3..]);
+    assert_eq!(survivors(&faint, &window([0.3; N]), 2), children[3..]);
+    faint.splats.opacity_logits[..N - 1].fill(-5.0);
+    assert_eq!(survivors(&faint, &window([0.3; N]), 0), children[3..]);
 }
 
 #[test]
