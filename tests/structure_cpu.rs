@@ -10,7 +10,7 @@ use common::whole::{Outcome, config, is_all_done, run_on, same, start};
 use litetex_gs::backend::{Backend as _, StepRequest, WindowStatistics};
 use litetex_gs::cpu::CpuBackend;
 use litetex_gs::model::{AdamState, LearningRates, Model, num_params};
-use litetex_gs::train::structure::{Budget, Spending, StatisticsSource};
+use litetex_gs::train::structure::{Budget, Life, Spending, StatisticsSource, StructureConfig};
 use litetex_gs::train::{Policy, TrainConfig, TrainState};
 use litetex_gs::views::{Split, ViewSource as _};
 
@@ -49,6 +49,61 @@ fn every_policy_gives_the_same_bytes_with_any_threads_and_from_any_checkpoint() 
             assert!(!same(&run(&config, other, 2).last, &whole.last), "the window is part of the state");
         }
     }
+}
+
+/// A run whose maps fit throughout and none of whose splats goes, so that all there is to do is to add.
+fn adding_only() -> TrainConfig {
+    let mut config = config(Policy::Litetex);
+    (config.rates.log_scale, config.rates.opacity) = (0.0, 0.0);
+    (config.components.pruning, config.components.coarsening) = (false, false);
+    config.structure = StructureConfig {
+        untextured: false,
+        opacity_floor: [0.0; 2],
+        prune_contribution: 0.0,
+        prune_area: 0.0,
+        split_texels: [1e9; 2],
+        refill: false,
+        ..config.structure
+    };
+    config
+}
+
+#[test]
+fn structure_steps_that_add_nothing_change_nothing_but_records_and_the_window() {
+    let with = |interval: u32, min_texel_px: f64| {
+        let mut config = adding_only();
+        (config.structure.interval, config.structure.min_texel_px) = (interval, min_texel_px);
+        run(&config, start(Policy::Litetex), 2)
+    };
+    // Every texel is finer than any may be; the longest interval is longer than the run.
+    let (idle, none) = (with(250, 1e3), with(3_000_000, 1e3));
+    assert_eq!((idle.steps.len(), none.steps.len()), (7, 0));
+    let rest = |state: &TrainState| TrainState {
+        lives: Vec::new(),
+        window: WindowStatistics::default(),
+        window_views: Vec::new(),
+        stage_step: 0,
+        ..state.clone()
+    };
+    for (idle, none) in idle.saved.iter().zip(&none.saved) {
+        assert!(same(&rest(idle), &rest(none)), "step {}", idle.step);
+        // A structure step follows each 5 steps, and each view is seen once in 5.
+        let views = if idle.step < 39 { idle.step % 5 } else { idle.step - 35 };
+        assert_eq!((idle.window.views, idle.window_views.len()), (views, views as usize), "{}", idle.step);
+        if views == 0 {
+            assert_eq!(idle.window, WindowStatistics::empty(idle.model.num_splats()));
+        }
+        assert_eq!(none.window.views, idle.step.min(5));
+    }
+    // Checks are counted, and the ceilings of the worst rise.
+    let (before, after) = (&none.last.lives, &idle.last.lives);
+    let but_ceilings = |(a, b): (&Life, &Life)| *b == Life { ceiling: b.ceiling, checks: a.checks + 7, ..*a };
+    assert!(before.len() == after.len() && before.iter().zip(after).all(but_ceilings));
+    assert!(after.iter().any(|life| life.ceiling > 2) && before.iter().all(|life| life.ceiling == 2));
+    // Negative control: texels may be finer.
+    let busy = with(250, 0.25);
+    assert!(busy.total().refined > 0 && !same(&rest(&busy.last), &rest(&none.last)));
+    assert_eq!(idle.total(), Default::default());
 }
 
 #[test]

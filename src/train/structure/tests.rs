@@ -1,6 +1,6 @@
 //! The decisions on small models: who goes, who is split, what becomes of the maps.
 
-use super::decide::{Revision, Situation, decide};
+use super::decide::{Revision, Situation, StructureCounts, decide};
 use super::geometry::{even_texels, first_texel_size, half_extents, opacity, sigmas};
 use super::life::Life;
 use super::maps::MapRule;
@@ -284,6 +284,34 @@ fn children_stay_for_two_checks_whatever_is_found() {
     assert_eq!(survivors(&faint, &window([0.3; N]), 2), children[3..]);
     faint.splats.opacity_logits[..N - 1].fill(-5.0);
     assert_eq!(survivors(&faint, &window([0.3; N]), 0), children[3..]);
+}
+
+#[test]
+fn a_step_that_can_add_nothing_changes_nothing_but_records() {
+    let (model, cameras, statistics) = (model(2), [camera()], one_bad());
+    let lives = vec![Life::first(2); N];
+    let free = || situation(&model, &lives, &statistics, &cameras);
+    let config = StructureConfig { coarsen_below: 0.0, untextured: false, refill: false, ..settings() };
+    let fine = StructureConfig { min_texel_px: 200.0, ..config.clone() };
+    let spent = Budget { max_texels: Some(model.num_texels()), ..Budget::default() };
+    // The ceiling of the one candidate is at the cap; its texels are as fine as they may be; there is no
+    // budget for more.
+    for (s, config, budget, ceiling, over_budget) in [
+        (Situation { texture_cap: 2, ..free() }, &config, Budget::default(), 2, 0),
+        (free(), &fine, Budget::default(), 4, 0),
+        (free(), &config, spent, 2, 1),
+    ] {
+        let revision = revise(&s, config, &budget);
+        assert!(revision.plan.is_none());
+        assert_eq!(revision.counts, StructureCounts { over_budget, ..StructureCounts::default() });
+        for (i, (before, after)) in lives.iter().zip(&revision.lives).enumerate() {
+            let ceiling = if i == 5 { ceiling } else { 2 };
+            assert_eq!(*after, Life { ceiling, checks: before.checks + 1, ..*before }, "{i}");
+        }
+    }
+    // Negative control: nothing in the way.
+    let revision = revise(&free(), &config, &Budget::default());
+    assert!(revision.plan.is_some() && revision.counts.refined == 1);
 }
 
 #[test]
