@@ -9,9 +9,9 @@ use common::training::{MemoryViews, photos, scene};
 use common::whole::{Outcome, config, is_all_done, run_on, same, start};
 use litetex_gs::backend::{Backend as _, StepRequest, WindowStatistics};
 use litetex_gs::cpu::CpuBackend;
-use litetex_gs::model::{AdamState, LearningRates, Model, num_params};
+use litetex_gs::model::{AdamState, LearningRates, Model, TexturePool, num_params};
 use litetex_gs::train::structure::{Budget, Life, Spending, StatisticsSource, StructureConfig};
-use litetex_gs::train::{Policy, TrainConfig, TrainState};
+use litetex_gs::train::{Policy, Schedule, TrainConfig, TrainState};
 use litetex_gs::views::{Split, ViewSource as _};
 
 fn run(config: &TrainConfig, start: TrainState, threads: usize) -> Outcome {
@@ -104,6 +104,64 @@ fn structure_steps_that_add_nothing_change_nothing_but_records_and_the_window() 
     let busy = with(250, 0.25);
     assert!(busy.total().refined > 0 && !same(&rest(&busy.last), &rest(&none.last)));
     assert_eq!(idle.total(), Default::default());
+}
+
+/// Steps after which some map has another size than before, and what was before and after.
+fn resized(saved: &[TrainState]) -> Vec<[&TrainState; 2]> {
+    let sizes = |state: &TrainState| {
+        let maps = state.model.textures.maps.iter();
+        maps.map(|m| (m.rows, m.cols, m.texel_size.to_bits())).collect::<Vec<_>>()
+    };
+    saved.windows(2).map(|w| [&w[0], &w[1]]).filter(|[a, b]| sizes(a) != sizes(b)).collect()
+}
+
+#[test]
+fn between_structure_steps_maps_are_cropped_and_padded_from_any_checkpoint_alike() {
+    // Structure steps each 100 of 125 steps, and maps follow their support each 40.
+    let mut config = config(Policy::Litetex);
+    (config.steps, config.save_every) = (125, 1);
+    config.structure =
+        StructureConfig { interval: 24_000, densify_until: 30_000, ceiling_start: 64, ..config.structure };
+    let schedule = Schedule::new(&config, 5);
+    let crops: Vec<u32> = (1..=125).filter(|&step| schedule.is_crop_step(step)).collect();
+    assert_eq!((crops, schedule.structure_interval), (vec![40, 80, 120], 100));
+    let mut model = start(Policy::Litetex).model;
+    let maps = model.textures.maps.iter().map(|m| (8, 8, m.texel_size / 7.0));
+    model.textures = TexturePool::neutral(maps.collect::<Vec<_>>()).unwrap();
+    let first = TrainState::fresh(model);
+
+    let whole = run(&config, first.clone(), 2);
+    let changes = resized(&whole.saved);
+    assert_eq!(changes.iter().map(|[_, after]| after.step).collect::<Vec<_>>(), [40, 80, 100, 120]);
+    let [mut cropped, mut padded] = [0, 0];
+    for [before, after] in changes {
+        if after.step == 100 {
+            assert_eq!(after.window.views, 0, "a structure step begins a window");
+            continue;
+        }
+        for (a, b) in before.model.textures.maps.iter().zip(&after.model.textures.maps) {
+            cropped += usize::from(b.rows < a.rows || b.cols < a.cols);
+            padded += usize::from(b.rows > a.rows || b.cols > a.cols);
+            assert_eq!(b.texel_size, a.texel_size, "resampled after step {}", after.step);
+        }
+        // The window goes on: its five views had been seen.
+        assert!(before.window.views == 5 && before.window == after.window);
+        assert!(before.lives == after.lives && before.window_views == after.window_views);
+    }
+    println!("{cropped} cropped, {padded} padded");
+    assert!(cropped > 0 && padded > 0);
+    assert!(same(&run(&config, first.clone(), 1).last, &whole.last), "one thread");
+    // Before and at each of them: what was done then is not done again.
+    for step in [39, 40, 79, 80, 119, 120] {
+        let saved = whole.saved[step - 1].clone();
+        assert_eq!(saved.step as usize, step);
+        assert!(same(&run(&config, saved, 2).last, &whole.last), "from step {step}");
+    }
+    // Negative control: where structure steps are a step closer to each other, they do all.
+    config.structure.interval = 23_760;
+    let closer = run(&config, first, 2);
+    assert_eq!(resized(&closer.saved).iter().map(|[_, after]| after.step).collect::<Vec<_>>(), [99]);
+    assert!(!same(&closer.last, &whole.last));
 }
 
 #[test]

@@ -315,6 +315,39 @@ fn a_step_that_can_add_nothing_changes_nothing_but_records() {
 }
 
 #[test]
+fn between_structure_steps_maps_follow_their_support_and_nothing_else_is_done() {
+    let (mut model, cameras, mut statistics) = (model(8), [camera()], one_bad());
+    // One splat has shrunk, one has grown.
+    model.splats.log_scales[6..8].iter_mut().for_each(|s| *s -= 0.7);
+    model.splats.log_scales[8..10].iter_mut().for_each(|s| *s += 0.3);
+    // Others have faded, are useless, have a map that is not needed; number 5 is the worst.
+    model.splats.opacity_logits[0] = -6.0;
+    (statistics.area[1], statistics.contribution[1]) = (0.0, 0.0);
+    let smooth = model.textures.maps[2].floats();
+    model.textures.texels[smooth].fill(0.01);
+    let lives = vec![Life::first(64); N];
+    let s = |judge| Situation { patience: 1, judge, ..situation(&model, &lives, &statistics, &cameras) };
+    let revision = revise(&s(false), &settings(), &Budget::default());
+    let plan = revision.plan.unwrap();
+    assert_eq!((plan.sources, plan.edits.len()), ((0..N as u32).collect::<Vec<_>>(), 0));
+    assert!(revision.lives == lives && revision.counts == StructureCounts::default());
+    for (i, (change, map)) in plan.maps.iter().zip(&model.textures.maps).enumerate() {
+        match *change {
+            MapChange::Keep if ![3, 4].contains(&i) => {}
+            MapChange::Regrid { grid: Grid::Same, rows, cols, moment_scale: [1.0, 1.0], .. } => {
+                let texels = [rows, cols, map.rows, map.cols].map(usize::from);
+                let more = texels[0] * texels[1] > texels[2] * texels[3];
+                assert!(i == 3 && !more || i == 4 && more, "{i}: {change:?}");
+            }
+            _ => panic!("{i}: {change:?}"),
+        }
+    }
+    // Negative control: a structure step does all of it.
+    let counts = revise(&s(true), &settings(), &Budget::default()).counts;
+    assert_eq!([counts.faded, counts.pruned, counts.coarsened, counts.refined], [1; 4], "{counts:?}");
+}
+
+#[test]
 fn budgets_hold_whatever_qualifies() {
     let (model, cameras) = (model(4), [camera()]);
     let errors = std::array::from_fn(|i| 0.1 + 0.05 * i as f32);
