@@ -51,6 +51,29 @@ fn every_policy_gives_the_same_bytes_with_any_threads_and_from_any_checkpoint() 
     }
 }
 
+#[test]
+fn budgets_are_spent_evenly_from_the_first_size_on_whatever_it_is() {
+    let policy = Policy::Fixed(8);
+    let first = start(policy);
+    let size = first.model.num_params();
+    // At the first structure step, a quarter of the time to the end of densification: size, and splits.
+    let after_the_first = |budget: usize| {
+        let mut config = config(policy);
+        config.structure.opacity_floor = [0.0; 2];
+        config.structure.split_texels = [3.0; 2];
+        config.budget = Budget { max_params: Some(budget), ..Budget::default() };
+        let (counts, splats, texels) = run(&config, first.clone(), 2).steps[0];
+        (num_params(splats, texels), counts.split)
+    };
+    let (params, split) = after_the_first(3 * size);
+    assert!(
+        split > 0 && params > size && params <= size + 2 * size / 4,
+        "{split} splits: {params} of {size}"
+    );
+    // Negative control: nothing to spend.
+    assert_eq!(after_the_first(size), (size, 0));
+}
+
 /// A run whose maps fit throughout and none of whose splats goes, so that all there is to do is to add.
 fn adding_only() -> TrainConfig {
     let mut config = config(Policy::Litetex);

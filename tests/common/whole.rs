@@ -25,12 +25,17 @@ pub fn config(policy: Policy) -> TrainConfig {
     config
 }
 
-/// The start of a run: maps of 2 x 2 texels, or none.
+/// The start of a run: maps of 2 x 2 texels, of as many as the policy fixes, or none.
 pub fn start(policy: Policy) -> TrainState {
     let mut model = damaged(&scene());
     let extents = (0..model.num_splats()).map(|i| {
         let half = [0, 1].map(|k| 2.5 * f64::from(model.splats.log_scales[2 * i + k]).exp());
-        if policy == Policy::Plain { (0, 0, 0.0) } else { (2, 2, first_texel_size(half) as f32) }
+        let size = first_texel_size(half);
+        match policy {
+            Policy::Plain => (0, 0, 0.0),
+            Policy::Fixed(texels) => (texels, texels, (size / f64::from(texels - 1)) as f32),
+            _ => (2, 2, size as f32),
+        }
     });
     model.textures = TexturePool::neutral(extents.collect::<Vec<_>>()).unwrap();
     TrainState::fresh(model)
