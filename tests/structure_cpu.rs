@@ -6,12 +6,12 @@
 mod common;
 
 use common::training::{MemoryViews, photos, scene};
-use common::whole::{Outcome, config, run_on, same, start};
+use common::whole::{Outcome, config, is_all_done, run_on, same, start};
 use litetex_gs::backend::{Backend as _, StepRequest, WindowStatistics};
 use litetex_gs::cpu::CpuBackend;
-use litetex_gs::model::{AdamState, LearningRates, Model, num_params};
-use litetex_gs::train::structure::{Budget, StatisticsSource, StructureCounts};
-use litetex_gs::train::{Policy, TrainConfig, TrainState};
+use litetex_gs::model::{AdamState, LearningRates, Model, TexturePool, num_params};
+use litetex_gs::train::structure::{Budget, Life, Spending, StatisticsSource, StructureConfig};
+use litetex_gs::train::{Policy, Schedule, TrainConfig, TrainState};
 use litetex_gs::views::{Split, ViewSource as _};
 
 fn run(config: &TrainConfig, start: TrainState, threads: usize) -> Outcome {
@@ -20,18 +20,19 @@ fn run(config: &TrainConfig, start: TrainState, threads: usize) -> Outcome {
 
 #[test]
 fn every_policy_gives_the_same_bytes_with_any_threads_and_from_any_checkpoint() {
-    for policy in [Policy::Litetex, Policy::Cat, Policy::Fixed(3), Policy::Plain] {
+    let by_gain =
+        [Policy::Litetex, Policy::Cat, Policy::Fixed(3), Policy::Plain].map(|p| (p, Spending::Gain));
+    for (policy, spending) in by_gain.into_iter().chain([(Policy::Litetex, Spending::SplitsFirst)]) {
         let mut config = config(policy);
+        config.structure.spending = spending;
         if policy == Policy::Plain {
             config.budget = Budget { max_splats: Some(400), ..Budget::default() };
         }
         let whole = run(&config, start(policy), 2);
-        let total = |f: fn(&StructureCounts) -> usize| whole.steps.iter().map(|s| f(&s.0)).sum::<usize>();
-        assert!(total(|c| c.split + c.moved) > 10, "{policy}: {:?}", whole.steps);
-        if policy == Policy::Litetex {
-            let counts = [total(|c| c.refined), total(|c| c.coarsened), total(|c| c.pruned + c.faded)];
-            assert!(counts.iter().all(|&c| c > 0), "{counts:?}");
-        }
+        let total = whole.total();
+        println!("{policy} {spending:?}: {total:?}");
+        assert!(total.split + total.moved > 10, "{policy}: {total:?}");
+        assert!(policy != Policy::Litetex || is_all_done(&total), "{total:?}");
         assert!(same(&run(&config, start(policy), 1).last, &whole.last), "{policy}: one thread");
         // Before, at and after structure steps, in the middle of windows.
         for at in [0, 3, 4, 5, 9] {
@@ -51,8 +52,148 @@ fn every_policy_gives_the_same_bytes_with_any_threads_and_from_any_checkpoint() 
 }
 
 #[test]
+fn budgets_are_spent_evenly_from_the_first_size_on_whatever_it_is() {
+    let policy = Policy::Fixed(8);
+    let first = start(policy);
+    let size = first.model.num_params();
+    // At the first structure step, a quarter of the time to the end of densification: size, and splits.
+    let after_the_first = |budget: usize| {
+        let mut config = config(policy);
+        config.structure.opacity_floor = [0.0; 2];
+        config.structure.split_texels = [3.0; 2];
+        config.budget = Budget { max_params: Some(budget), ..Budget::default() };
+        let (counts, splats, texels) = run(&config, first.clone(), 2).steps[0];
+        (num_params(splats, texels), counts.split)
+    };
+    let (params, split) = after_the_first(3 * size);
+    assert!(
+        split > 0 && params > size && params <= size + 2 * size / 4,
+        "{split} splits: {params} of {size}"
+    );
+    // Negative control: nothing to spend.
+    assert_eq!(after_the_first(size), (size, 0));
+}
+
+/// A run whose maps fit throughout and none of whose splats goes, so that all there is to do is to add.
+fn adding_only() -> TrainConfig {
+    let mut config = config(Policy::Litetex);
+    (config.rates.log_scale, config.rates.opacity) = (0.0, 0.0);
+    (config.components.pruning, config.components.coarsening) = (false, false);
+    config.structure = StructureConfig {
+        untextured: false,
+        opacity_floor: [0.0; 2],
+        prune_contribution: 0.0,
+        prune_area: 0.0,
+        split_texels: [1e9; 2],
+        refill: false,
+        ..config.structure
+    };
+    config
+}
+
+#[test]
+fn structure_steps_that_add_nothing_change_nothing_but_records_and_the_window() {
+    let with = |interval: u32, min_texel_px: f64| {
+        let mut config = adding_only();
+        (config.structure.interval, config.structure.min_texel_px) = (interval, min_texel_px);
+        run(&config, start(Policy::Litetex), 2)
+    };
+    // Every texel is finer than any may be; the longest interval is longer than the run.
+    let (idle, none) = (with(250, 1e3), with(3_000_000, 1e3));
+    assert_eq!((idle.steps.len(), none.steps.len()), (7, 0));
+    let rest = |state: &TrainState| TrainState {
+        lives: Vec::new(),
+        window: WindowStatistics::default(),
+        window_views: Vec::new(),
+        stage_step: 0,
+        ..state.clone()
+    };
+    for (idle, none) in idle.saved.iter().zip(&none.saved) {
+        assert!(same(&rest(idle), &rest(none)), "step {}", idle.step);
+        // A structure step follows each 5 steps, and each view is seen once in 5.
+        let views = if idle.step < 39 { idle.step % 5 } else { idle.step - 35 };
+        assert_eq!((idle.window.views, idle.window_views.len()), (views, views as usize), "{}", idle.step);
+        if views == 0 {
+            assert_eq!(idle.window, WindowStatistics::empty(idle.model.num_splats()));
+        }
+        assert_eq!(none.window.views, idle.step.min(5));
+    }
+    // Checks are counted, and the ceilings of the worst rise.
+    let (before, after) = (&none.last.lives, &idle.last.lives);
+    let but_ceilings = |(a, b): (&Life, &Life)| *b == Life { ceiling: b.ceiling, checks: a.checks + 7, ..*a };
+    assert!(before.len() == after.len() && before.iter().zip(after).all(but_ceilings));
+    assert!(after.iter().any(|life| life.ceiling > 2) && before.iter().all(|life| life.ceiling == 2));
+    // Negative control: texels may be finer.
+    let busy = with(250, 0.25);
+    assert!(busy.total().refined > 0 && !same(&rest(&busy.last), &rest(&none.last)));
+    assert_eq!(idle.total(), Default::default());
+}
+
+/// Steps after which some map has another size than before, and what was before and after.
+fn resized(saved: &[TrainState]) -> Vec<[&TrainState; 2]> {
+    let sizes = |state: &TrainState| {
+        let maps = state.model.textures.maps.iter();
+        maps.map(|m| (m.rows, m.cols, m.texel_size.to_bits())).collect::<Vec<_>>()
+    };
+    saved.windows(2).map(|w| [&w[0], &w[1]]).filter(|[a, b]| sizes(a) != sizes(b)).collect()
+}
+
+#[test]
+fn between_structure_steps_maps_are_cropped_and_padded_from_any_checkpoint_alike() {
+    // Structure steps each 100 of 125 steps, and maps follow their support each 40.
+    let mut config = config(Policy::Litetex);
+    (config.steps, config.save_every) = (125, 1);
+    config.structure =
+        StructureConfig { interval: 24_000, densify_until: 30_000, ceiling_start: 64, ..config.structure };
+    let schedule = Schedule::new(&config, 5);
+    let crops: Vec<u32> = (1..=125).filter(|&step| schedule.is_crop_step(step)).collect();
+    assert_eq!((crops, schedule.structure_interval), (vec![40, 80, 120], 100));
+    let mut model = start(Policy::Litetex).model;
+    let maps = model.textures.maps.iter().map(|m| (8, 8, m.texel_size / 7.0));
+    model.textures = TexturePool::neutral(maps.collect::<Vec<_>>()).unwrap();
+    let first = TrainState::fresh(model);
+
+    let whole = run(&config, first.clone(), 2);
+    let changes = resized(&whole.saved);
+    assert_eq!(changes.iter().map(|[_, after]| after.step).collect::<Vec<_>>(), [40, 80, 100, 120]);
+    let [mut cropped, mut padded] = [0, 0];
+    for [before, after] in changes {
+        if after.step == 100 {
+            assert_eq!(after.window.views, 0, "a structure step begins a window");
+            continue;
+        }
+        for (a, b) in before.model.textures.maps.iter().zip(&after.model.textures.maps) {
+            cropped += usize::from(b.rows < a.rows || b.cols < a.cols);
+            padded += usize::from(b.rows > a.rows || b.cols > a.cols);
+            assert_eq!(b.texel_size, a.texel_size, "resampled after step {}", after.step);
+        }
+        // The window goes on: its five views had been seen.
+        assert!(before.window.views == 5 && before.window == after.window);
+        assert!(before.lives == after.lives && before.window_views == after.window_views);
+    }
+    println!("{cropped} cropped, {padded} padded");
+    assert!(cropped > 0 && padded > 0);
+    assert!(same(&run(&config, first.clone(), 1).last, &whole.last), "one thread");
+    // Before and at each of them: what was done then is not done again.
+    for step in [39, 40, 79, 80, 119, 120] {
+        let saved = whole.saved[step - 1].clone();
+        assert_eq!(saved.step as usize, step);
+        assert!(same(&run(&config, saved, 2).last, &whole.last), "from step {step}");
+    }
+    // Negative control: where structure steps are a step closer to each other, they do all.
+    config.structure.interval = 23_760;
+    let closer = run(&config, first, 2);
+    assert_eq!(resized(&closer.saved).iter().map(|[_, after]| after.step).collect::<Vec<_>>(), [99]);
+    assert!(!same(&closer.last, &whole.last));
+}
+
+#[test]
 fn no_budget_is_ever_exceeded() {
-    let free = run(&config(Policy::Litetex), start(Policy::Litetex), 2).largest;
+    // Nothing fades, and most are long enough to be split.
+    let mut growing = config(Policy::Litetex);
+    growing.structure.opacity_floor = [0.0; 2];
+    growing.structure.split_texels = [3.0; 2];
+    let free = run(&growing, start(Policy::Litetex), 2).largest;
     let initial = start(Policy::Litetex).model;
     assert!(free[0] > initial.num_splats() + 20 && free[1] > initial.num_texels() + 100, "{free:?}");
     let budgets = [
@@ -61,7 +202,7 @@ fn no_budget_is_ever_exceeded() {
         Budget { max_params: Some(initial.num_params() + 500), ..Budget::default() },
     ];
     for budget in budgets {
-        let config = TrainConfig { budget, ..config(Policy::Litetex) };
+        let config = TrainConfig { budget, ..growing.clone() };
         // Each at its largest, not all at one step.
         let [splats, texels, params] = run(&config, start(Policy::Litetex), 2).largest;
         assert!(budget.max_splats.is_none_or(|most| splats <= most), "{budget:?}: {splats} splats");

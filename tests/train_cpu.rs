@@ -3,15 +3,16 @@
 
 mod common;
 
-use common::training::{BLACK, MemoryViews, config, damaged, photos, scene, uploaded};
+use common::training::{BLACK, MemoryViews, config, damaged, photos, scene, scene_options, uploaded};
 use litetex_gs::backend::{
     Backend as _, Grid, LearningRates, LossWeights, MapChange, RenderOptions, StepRequest, StructurePlan,
     TargetImage, WindowStatistics,
 };
 use litetex_gs::camera::Camera;
+use litetex_gs::constants::SH_0;
 use litetex_gs::cpu::CpuBackend;
-use litetex_gs::model::TextureMap;
-use litetex_gs::selftest::Scene;
+use litetex_gs::model::{TextureMap, TexturePool, texel_value};
+use litetex_gs::selftest::{Scene, SceneOptions, random_scene};
 use litetex_gs::train::{Control, StopReason, TrainConfig, TrainEvent, TrainState, train};
 use litetex_gs::views::{Split, ViewSource};
 use litetex_gs::{Error, Result};
@@ -249,8 +250,8 @@ fn plans_gather_and_resample() {
     assert!(matches!(backend.apply_plan(&wrong), Err(Error::Usage(_))), "150 splats are left");
 }
 
-/// Largest difference between pictures of the model before and after a change of all maps.
-fn difference_by(scene: &Scene, change: impl Fn(&TextureMap) -> MapChange) -> f32 {
+/// Pictures of the model before and after a change of all maps.
+fn pictures_around(scene: &Scene, change: impl Fn(&TextureMap) -> MapChange) -> [Vec<f32>; 2] {
     let mut backend = uploaded(&scene.model);
     let before = backend.render(&scene.camera, &BLACK).unwrap();
     let maps = &scene.model.textures.maps;
@@ -260,9 +261,14 @@ fn difference_by(scene: &Scene, change: impl Fn(&TextureMap) -> MapChange) -> f3
         ..StructurePlan::default()
     };
     backend.apply_plan(&plan).unwrap();
-    let after = backend.render(&scene.camera, &BLACK).unwrap();
+    [before.rgb, backend.render(&scene.camera, &BLACK).unwrap().rgb]
+}
+
+/// Largest difference between them.
+fn difference_by(scene: &Scene, change: impl Fn(&TextureMap) -> MapChange) -> f32 {
+    let [before, after] = pictures_around(scene, change);
     let difference = |(a, b): (&f32, &f32)| (a - b).abs();
-    before.rgb.iter().zip(&after.rgb).map(difference).fold(0.0, f32::max)
+    before.iter().zip(&after).map(difference).fold(0.0, f32::max)
 }
 
 fn margin(map: &TextureMap, texels: i32) -> MapChange {
@@ -304,4 +310,92 @@ fn margins_of_zeros_do_not_show_in_pictures() {
         moment_scale: [1.0; 2],
     };
     assert!(difference_by(&scene, shifted) > 0.1);
+}
+
+/// Each texel becomes 2 x 2, and the window begins so many of the new texels further on.
+fn doubled(first: i32) -> impl Fn(&TextureMap) -> MapChange {
+    move |map| MapChange::Regrid {
+        grid: Grid::Finer,
+        rows: 2 * map.rows,
+        cols: 2 * map.cols,
+        first_row: first,
+        first_col: first,
+        moment_scale: [0.25, 0.0625],
+    }
+}
+
+/// What a sample of a map changes by at most when each texel becomes 2 x 2 of its value, by channel.
+///
+/// Along one axis, with texels of values 0 and d at places 0 and 1: before, a sample at x is d x. After,
+/// there are texels of 0 at -1/4 and 1/4 and of d at 3/4 and 5/4: samples are 0 up to 1/4, d from 3/4 on, and
+/// 2 d (x - 1/4) in between. Both differ by |d| / 4 at most, at 1/4 and 3/4. Beyond the edge stand zeros,
+/// before and after: they are neighbours as any other. Along both axes, bilinear sampling is one after the
+/// other, and each is a mean, which enlarges no difference: the sum of the bounds of both.
+fn doubling_bound(scene: &Scene, map: &TextureMap, channel: usize) -> f64 {
+    let (rows, cols) = (i32::from(map.rows), i32::from(map.cols));
+    let texels = &scene.model.textures.texels[map.floats()];
+    let value = |row: i32, col: i32| {
+        let inside = (0..rows).contains(&row) && (0..cols).contains(&col);
+        if inside { texel_value(texels[3 * (row * cols + col) as usize + channel].into()) } else { 0.0 }
+    };
+    let (mut by_row, mut by_col) = (0.0_f64, 0.0_f64);
+    for (row, col) in (-1..rows).flat_map(|row| (-1..cols).map(move |col| (row, col))) {
+        by_row = by_row.max((value(row + 1, col) - value(row, col)).abs());
+        by_col = by_col.max((value(row, col + 1) - value(row, col)).abs());
+    }
+    (by_row + by_col) / 4.0
+}
+
+#[test]
+fn doubled_texels_change_pictures_by_a_quarter_of_their_neighbours_difference() {
+    // Few splats and opaque, so that one alone makes up most of a pixel.
+    let mut scene = random_scene(&SceneOptions { num_splats: 30, opacities: (0.9, 0.99), ..scene_options() });
+    // Chequered: neighbours differ everywhere by the most that they differ anywhere.
+    for (t, rgb) in scene.model.textures.texels.chunks_exact_mut(3).enumerate() {
+        rgb.fill(if (t / 4 + t) % 2 == 0 { 0.5 } else { -0.5 });
+    }
+    // Colours are blended with weights that do not depend on them, and cut off at zero, which enlarges no
+    // difference: a pixel changes by the blend of the splats' bounds at most. It is the picture of splats
+    // of these colours.
+    let mut bounds = scene.model.clone();
+    bounds.textures = TexturePool::neutral(vec![(0, 0, 0.0); bounds.num_splats()]).unwrap();
+    bounds.splats.sh.fill(0.0);
+    let sh = bounds.splats.sh.len() / bounds.num_splats();
+    for (colours, map) in bounds.splats.sh.chunks_exact_mut(sh).zip(&scene.model.textures.maps) {
+        for (channel, colour) in colours[..3].iter_mut().enumerate() {
+            *colour = ((doubling_bound(&scene, map, channel) - 0.5) / SH_0) as f32;
+        }
+    }
+    let bounds = uploaded(&bounds).render(&scene.camera, &BLACK).unwrap().rgb;
+    // Largest part of a pixel's bound that is used.
+    let used = |first: i32| {
+        let [before, after] = pictures_around(&scene, doubled(first));
+        let parts = before.iter().zip(&after).zip(&bounds);
+        // Rounding may add to it: needed 0.
+        parts.map(|((a, b), bound)| (a - b).abs() / (bound + 1e-6)).fold(0.0, f32::max)
+    };
+    let [used, left, right] = [0, 1, -1].map(used);
+    println!("{used} of the bound, {left} and {right} with a shift");
+    // A place a quarter of a texel from a centre along both axes takes a quarter of the value before and all
+    // of it after: three quarters of the bound.
+    assert!((0.7..1.0).contains(&used), "{used}");
+    // Negative control: a window that begins a new texel too late or too early.
+    assert!(left > 1.1 && right > 1.1, "{left} {right}");
+}
+
+#[test]
+fn doubled_texels_of_one_value_do_not_show_in_pictures() {
+    let mut scene = scene();
+    // The outermost texel centres lie beyond all that is drawn: residuals fade out behind them.
+    scene.model.textures.maps.iter_mut().for_each(|map| map.texel_size *= 1.5);
+    scene.model.textures.texels.fill(0.6);
+    let off = difference_by(&scene, doubled(0));
+    println!("{off:e}");
+    // Weights that sum to 1 are rounded: needed 1.2e-7.
+    assert!(off < 1e-6, "{off:e}");
+    scene.model.textures.texels.fill(0.0);
+    assert_eq!(difference_by(&scene, doubled(0)), 0.0);
+    // Negative control: one texel of each map differs.
+    scene.model.textures.texels.chunks_exact_mut(48).for_each(|map| map[15..18].fill(0.6));
+    assert!(difference_by(&scene, doubled(0)) > 0.01);
 }

@@ -4,7 +4,7 @@
 use super::training::{BLACK, MemoryViews, damaged, scene, uploaded};
 use litetex_gs::backend::{Backend, TargetImage};
 use litetex_gs::model::{TexturePool, num_params};
-use litetex_gs::train::structure::{Spending, StructureCounts, first_texel_size};
+use litetex_gs::train::structure::{StructureCounts, first_texel_size};
 use litetex_gs::train::{Control, Policy, TrainConfig, TrainEvent, TrainState, train};
 use std::sync::Arc;
 
@@ -15,20 +15,27 @@ pub fn config(policy: Policy) -> TrainConfig {
     let mut config =
         TrainConfig { steps: STEPS, sh_degree: 1, policy, save_every: 3, ..TrainConfig::default() };
     // The pictures are small and the splats few: let them grow.
-    config.structure.min_texel_px = 0.25;
-    config.structure.split_texels = [12.0, 12.0];
+    config.structure.min_texel_px = 1.0;
+    // Some are long enough to be split. Others fade, a tenth at the first structure step and more at each,
+    // and are made up for by halves of shorter ones whose maps are as fine as they may be.
+    config.structure.split_texels = [30.0; 2];
+    config.structure.opacity_floor = [0.35, 0.5];
     config.structure.quantile = 0.6;
-    config.structure.spending = Spending::SplitsFirst;
     config.structure.patience_steps = 1;
     config
 }
 
-/// The start of a run: maps of 2 x 2 texels, or none.
+/// The start of a run: maps of 2 x 2 texels, of as many as the policy fixes, or none.
 pub fn start(policy: Policy) -> TrainState {
     let mut model = damaged(&scene());
     let extents = (0..model.num_splats()).map(|i| {
         let half = [0, 1].map(|k| 2.5 * f64::from(model.splats.log_scales[2 * i + k]).exp());
-        if policy == Policy::Plain { (0, 0, 0.0) } else { (2, 2, first_texel_size(half) as f32) }
+        let size = first_texel_size(half);
+        match policy {
+            Policy::Plain => (0, 0, 0.0),
+            Policy::Fixed(texels) => (texels, texels, (size / f64::from(texels - 1)) as f32),
+            _ => (2, 2, size as f32),
+        }
     });
     model.textures = TexturePool::neutral(extents.collect::<Vec<_>>()).unwrap();
     TrainState::fresh(model)
@@ -85,6 +92,28 @@ pub fn run_on(
     };
     let (last, _) = train(config, backend, views, start, &mut sink).unwrap();
     Outcome { last, saved, steps, scales, largest }
+}
+
+impl Outcome {
+    /// What all structure steps together did.
+    pub fn total(&self) -> StructureCounts {
+        let add = |a: StructureCounts, b: &StructureCounts| StructureCounts {
+            pruned: a.pruned + b.pruned,
+            faded: a.faded + b.faded,
+            split: a.split + b.split,
+            moved: a.moved + b.moved,
+            refined: a.refined + b.refined,
+            coarsened: a.coarsened + b.coarsened,
+            over_budget: a.over_budget + b.over_budget,
+        };
+        self.steps.iter().fold(StructureCounts::default(), |sum, (counts, ..)| add(sum, counts))
+    }
+}
+
+/// Whether each thing that a structure step does to splats and maps was done.
+pub fn is_all_done(counts: &StructureCounts) -> bool {
+    let StructureCounts { pruned, faded, split, moved, refined, coarsened, over_budget: _ } = *counts;
+    [pruned + faded, split, moved, refined, coarsened].iter().all(|&c| c > 0)
 }
 
 /// Whether two states are equal in every bit; times do not count.

@@ -1,6 +1,6 @@
 //! The decisions on small models: who goes, who is split, what becomes of the maps.
 
-use super::decide::{Revision, Situation, decide};
+use super::decide::{Revision, Situation, StructureCounts, decide};
 use super::geometry::{even_texels, first_texel_size, half_extents, opacity, sigmas};
 use super::life::Life;
 use super::maps::MapRule;
@@ -207,7 +207,7 @@ fn splats_go_after_consecutive_marks_only_and_those_never_seen_stay() {
 }
 
 #[test]
-fn halves_lie_on_the_parents_grid_and_survive_their_first_checks() {
+fn halves_lie_on_the_parents_grid() {
     let (model, cameras, statistics) = (model(16), [camera()], one_bad());
     let lives = vec![Life::first(64); N];
     let s = Situation { split_texels: 16.0, ..situation(&model, &lives, &statistics, &cameras) };
@@ -251,15 +251,100 @@ fn halves_lie_on_the_parents_grid_and_survive_their_first_checks() {
         shifts.push(u + v);
     }
     assert_eq!(shifts[0], -shifts[1]);
-    // Nearly transparent and useless children stay for two checks; their elders go.
+}
+
+#[test]
+fn children_stay_for_two_checks_whatever_is_found() {
+    let (model, cameras) = (model(2), [camera()]);
+    // The first three are as many checks old; one mark removes.
+    let survivors = |model: &Model, statistics: &WindowStatistics, checks: u16| {
+        let young = |i: usize| if i < 3 { Life { checks, ..Life::first(2) } } else { Life::first(2) };
+        let lives: Vec<Life> = (0..N).map(young).collect();
+        let s = Situation { patience: 1, densify: false, ..situation(model, &lives, statistics, &cameras) };
+        let Revision { plan, lives, .. } = revise(&s, &settings(), &Budget::default());
+        let mut left: Vec<(u32, u16)> =
+            plan.unwrap().sources.into_iter().zip(lives.iter().map(|life| life.marks)).collect();
+        left.sort_unstable();
+        left
+    };
+    let children = [(0, 0), (1, 0), (2, 0), (11, 0)];
+    // Nothing but the last is of any use.
+    let mut useless = window([0.3; N]);
+    useless.area[..N - 1].fill(0.0);
+    useless.contribution[..N - 1].fill(0.0);
+    // Nothing but the last is opaque: 0.012, between what removes children and what removes others.
     let mut faint = model.clone();
-    faint.splats.opacity_logits.fill(-4.4);
-    let fresh: Vec<Life> =
-        (0..N).map(|i| if i < 3 { Life::first(2).child() } else { Life::first(2) }).collect();
-    let s = Situation { densify: false, ..situation(&faint, &fresh, &statistics, &cameras) };
-    let mut survivors = revise(&s, &config, &Budget::default()).plan.unwrap().sources;
-    survivors.sort_unstable();
-    assert_eq!(survivors, [0, 1, 2]);
+    faint.splats.opacity_logits[..N - 1].fill(-4.4);
+    for checks in [0, 1] {
+        assert_eq!(survivors(&model, &useless, checks), children, "{checks} checks");
+        assert_eq!(survivors(&faint, &window([0.3; N]), checks), children, "{checks} checks");
+    }
+    // Negative controls: as grown-ups they go, and children that are fainter still.
+    assert_eq!(survivors(&model, &useless, 2), children[3..]);
+    assert_eq!(survivors(&faint, &window([0.3; N]), 2), children[3..]);
+    faint.splats.opacity_logits[..N - 1].fill(-5.0);
+    assert_eq!(survivors(&faint, &window([0.3; N]), 0), children[3..]);
+}
+
+#[test]
+fn a_step_that_can_add_nothing_changes_nothing_but_records() {
+    let (model, cameras, statistics) = (model(2), [camera()], one_bad());
+    let lives = vec![Life::first(2); N];
+    let free = || situation(&model, &lives, &statistics, &cameras);
+    let config = StructureConfig { coarsen_below: 0.0, untextured: false, refill: false, ..settings() };
+    let fine = StructureConfig { min_texel_px: 200.0, ..config.clone() };
+    let spent = Budget { max_texels: Some(model.num_texels()), ..Budget::default() };
+    // The ceiling of the one candidate is at the cap; its texels are as fine as they may be; there is no
+    // budget for more.
+    for (s, config, budget, ceiling, over_budget) in [
+        (Situation { texture_cap: 2, ..free() }, &config, Budget::default(), 2, 0),
+        (free(), &fine, Budget::default(), 4, 0),
+        (free(), &config, spent, 2, 1),
+    ] {
+        let revision = revise(&s, config, &budget);
+        assert!(revision.plan.is_none());
+        assert_eq!(revision.counts, StructureCounts { over_budget, ..StructureCounts::default() });
+        for (i, (before, after)) in lives.iter().zip(&revision.lives).enumerate() {
+            let ceiling = if i == 5 { ceiling } else { 2 };
+            assert_eq!(*after, Life { ceiling, checks: before.checks + 1, ..*before }, "{i}");
+        }
+    }
+    // Negative control: nothing in the way.
+    let revision = revise(&free(), &config, &Budget::default());
+    assert!(revision.plan.is_some() && revision.counts.refined == 1);
+}
+
+#[test]
+fn between_structure_steps_maps_follow_their_support_and_nothing_else_is_done() {
+    let (mut model, cameras, mut statistics) = (model(8), [camera()], one_bad());
+    // One splat has shrunk, one has grown.
+    model.splats.log_scales[6..8].iter_mut().for_each(|s| *s -= 0.7);
+    model.splats.log_scales[8..10].iter_mut().for_each(|s| *s += 0.3);
+    // Others have faded, are useless, have a map that is not needed; number 5 is the worst.
+    model.splats.opacity_logits[0] = -6.0;
+    (statistics.area[1], statistics.contribution[1]) = (0.0, 0.0);
+    let smooth = model.textures.maps[2].floats();
+    model.textures.texels[smooth].fill(0.01);
+    let lives = vec![Life::first(64); N];
+    let s = |judge| Situation { patience: 1, judge, ..situation(&model, &lives, &statistics, &cameras) };
+    let revision = revise(&s(false), &settings(), &Budget::default());
+    let plan = revision.plan.unwrap();
+    assert_eq!((plan.sources, plan.edits.len()), ((0..N as u32).collect::<Vec<_>>(), 0));
+    assert!(revision.lives == lives && revision.counts == StructureCounts::default());
+    for (i, (change, map)) in plan.maps.iter().zip(&model.textures.maps).enumerate() {
+        match *change {
+            MapChange::Keep if ![3, 4].contains(&i) => {}
+            MapChange::Regrid { grid: Grid::Same, rows, cols, moment_scale: [1.0, 1.0], .. } => {
+                let texels = [rows, cols, map.rows, map.cols].map(usize::from);
+                let more = texels[0] * texels[1] > texels[2] * texels[3];
+                assert!(i == 3 && !more || i == 4 && more, "{i}: {change:?}");
+            }
+            _ => panic!("{i}: {change:?}"),
+        }
+    }
+    // Negative control: a structure step does all of it.
+    let counts = revise(&s(true), &settings(), &Budget::default()).counts;
+    assert_eq!([counts.faded, counts.pruned, counts.coarsened, counts.refined], [1; 4], "{counts:?}");
 }
 
 #[test]
