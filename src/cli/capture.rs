@@ -3,7 +3,7 @@
 
 use litetex_gs::dataset::{InitOptions, initial_model};
 use litetex_gs::model::SPLAT_PARAMS;
-use litetex_gs::train::{Policy, TrainConfig, TrainState};
+use litetex_gs::train::{TrainConfig, TrainState};
 use litetex_gs::{Error, Report, Result};
 use std::path::Path;
 
@@ -34,19 +34,13 @@ pub fn fresh_state(
         seed: config.seed,
         ..InitOptions::default()
     };
-    // Every map starts with 2 x 2 texels, or R x R.
-    let texels_each = match config.policy {
-        Policy::Plain | Policy::None => 0,
-        Policy::Fixed(resolution) => usize::from(resolution).pow(2),
-        Policy::Litetex => 4,
-        Policy::Cat => 64,
-    };
+    let texels_each = config.policy.first_texels_each();
     let most = config.budget.most_splats(texels_each).min(max_points.unwrap_or(usize::MAX));
     if most == 0 {
         return Err(Error::Usage(format!(
-            "the budget allows no splat: {:?}, and a splat has {SPLAT_PARAMS} parameters and {texels_each} texels at the \
-             start; raise --max-splats, --max-texels or --budget-params",
-            config.budget
+            "no splat may be made: a splat has {SPLAT_PARAMS} parameters and, with the policy {}, {texels_each} texels at \
+             the start; raise --max-splats, --max-texels, --budget-params or --max-points",
+            config.policy
         )));
     }
     let options = InitOptions { max_points: options.max_points.min(most), ..options };

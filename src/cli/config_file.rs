@@ -133,11 +133,19 @@ impl RunConfig {
             return refuse("train.max-time-secs: expected a positive number".to_owned());
         }
         let r = &t.rates;
-        for (key, rate) in [("position", r.position), ("position-end", r.position_end)] {
+        let positions = [
+            ("position", r.position),
+            ("position-random", r.position_random),
+            ("position-end", r.position_end),
+        ];
+        for (key, rate) in positions {
             // The schedule between the two is logarithmic.
             if !rate.is_finite() || rate <= 0.0 {
                 return refuse(format!("train.rates.{key}: found {rate}, expected a finite number above 0"));
             }
+        }
+        if let Err(what) = t.structure.check() {
+            return refuse(format!("train.{what}"));
         }
         let l = &t.loss;
         for (key, number) in [
@@ -147,6 +155,8 @@ impl RunConfig {
             ("rates.sh-dc", r.sh_dc),
             ("rates.sh-rest", r.sh_rest),
             ("rates.texel", r.texel),
+            ("rates.texel-growth", r.texel_growth),
+            ("rates.texel-growth-limit", r.texel_growth_limit),
             ("loss.l1", l.l1),
             ("loss.dssim", l.dssim),
             ("loss.mse", l.mse),
@@ -224,6 +234,8 @@ mod tests {
             ("[train.rates]\nposition-end = inf", "train.rates.position-end: found inf"),
             ("[train.rates]\ntexel = -1e-3", "train.rates.texel: found -0.001"),
             ("[train.rates]\nopacity = 1e300", "train.rates.opacity: found inf"),
+            ("[train.structure]\nquantile = 1.2", "train.structure.quantile: found 1.2"),
+            ("[train.rates]\ntexel-growth = nan", "train.rates.texel-growth: found NaN"),
             ("[train.loss]\nl1 = nan", "train.loss.l1: found NaN"),
             ("[train.loss]\nl2 = 1.0", "l2"),
             ("[train", "c.toml"),

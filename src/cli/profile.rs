@@ -16,18 +16,24 @@ pub enum Profile {
     Default,
     /// Constants and rules as published.
     Paper,
-    /// The published tables as the authors' program made them: immediate pruning, warm restarts, error
-    /// mass, generous ceilings.
+    /// The published tables nearer to how the authors' program made them: immediate pruning, warm restarts,
+    /// error mass, generous ceilings. Its crops, interval and first maps are not imitated.
     Authors,
     /// Content-aware texturing, the method's ancestor.
     Cat,
-    /// Smaller and quicker at a little quality.
+    /// Quicker at a little quality.
     Fast,
 }
 
 impl Profile {
-    /// Writes its settings over `config`.
+    /// Writes its settings over `config`: whatever a profile decides is as in the profile afterwards.
     pub fn apply(self, config: &mut TrainConfig) {
+        let TrainConfig { policy, components, structure, scheduler, loss, rates, .. } =
+            TrainConfig::default();
+        *config = TrainConfig { policy, components, structure, scheduler, loss, rates, ..config.clone() };
+        if matches!(self, Self::Paper | Self::Authors | Self::Cat) {
+            config.rates.position_random = config.rates.position;
+        }
         let paper = || StructureConfig {
             quantile: 0.85,
             alpha_texture: litetex_gs::constants::ALPHA_MIN,

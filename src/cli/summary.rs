@@ -4,6 +4,7 @@
 use super::profile::Profile;
 use litetex_gs::backend::DeviceInfo;
 use litetex_gs::eval::{Evaluation, ViewQuality};
+use litetex_gs::train::structure::Components;
 use litetex_gs::train::{CurvePoint, Policy};
 use litetex_gs::{Result, Warning, atomic_file};
 use serde::{Deserialize, Serialize};
@@ -42,6 +43,9 @@ pub struct Summary {
     pub profile: Profile,
     /// Allocation of splats and texels.
     pub policy: Policy,
+    /// Parts of the method that were on.
+    #[serde(default)]
+    pub components: Components,
     /// Parts of the method that could not act in a run of this length.
     pub inactive: Vec<String>,
     /// Splats by the longer side of their map: none, 2, up to 4, 8, ... 256 texels.
@@ -144,6 +148,9 @@ pub struct Times {
     /// Time of structure steps within it: reading the model back, deciding, changing it.
     #[serde(default)]
     pub structure_wall_secs: f64,
+    /// Time of the analysis of the photos' spectra within it.
+    #[serde(default)]
+    pub analysis_wall_secs: f64,
     /// From the start of the command to this file, earlier parts of a resumed run included.
     pub total_wall_secs: f64,
 }

@@ -55,7 +55,7 @@ pub fn run(args: TrainArgs, log: &Log) -> anyhow::Result<()> {
 /// [`Error::Interrupted`] after everything was saved; whatever else goes wrong.
 pub fn train_run(args: &TrainArgs, log: &Log) -> Result<Summary> {
     let started = Instant::now();
-    let plan = plan(args)?;
+    let mut plan = plan(args)?;
     let mut capture = capture::open(plan.config.data()?, &plan.config.capture)?;
     log.report(&capture.report);
     let mut report = std::mem::take(&mut capture.report);
@@ -69,6 +69,7 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<Summary> {
         .resume
         .as_ref()
         .is_some_and(|r| run_of_checkpoint(&r.checkpoint).is_some_and(|run| same_folder(run, &plan.out)));
+    plan.config.train.random_start = plan.config.init.is_random(&capture);
     let state = match plan.resume {
         Some(resume) => {
             check_resumable(&resume, &plan.config, &capture)?;
@@ -144,6 +145,7 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<Summary> {
         steps_planned: plan.config.train.steps,
         profile: plan.config.profile,
         policy: plan.config.train.policy,
+        components: plan.config.train.active_components(),
         inactive: Schedule::new(&plan.config.train, capture.indices(Split::Train).len())
             .inactive(&plan.config.train),
         map_sides: map_sides(&state.model),
@@ -167,6 +169,7 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<Summary> {
             train_wall_secs: state.history.train_wall_secs,
             train_cpu_secs: state.history.train_cpu_secs,
             structure_wall_secs: state.history.structure_wall_secs,
+            analysis_wall_secs: state.history.analysis_wall_secs,
             total_wall_secs: total_secs(),
         },
     };

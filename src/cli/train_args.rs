@@ -5,9 +5,9 @@ use super::capture_args::{CaptureArgs, set};
 use super::config_file::RunConfig;
 use super::profile::Profile;
 use super::values::{parse_colour, parse_count, parse_duration_secs};
-use litetex_gs::Result;
-use litetex_gs::train::Policy;
 use litetex_gs::train::structure::Components;
+use litetex_gs::train::{Policy, TrainConfig};
+use litetex_gs::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -73,20 +73,20 @@ pub struct TrainingArgs {
     /// Parts of the method to switch on again
     #[arg(long, value_name = "PART,...", value_delimiter = ',', value_parser = Components::NAMES)]
     pub with: Vec<String>,
-    /// Any setting of config.toml by its name, such as structure.quantile=0.6; may be repeated
+    /// Any setting of config.toml by its name, such as structure.quantile=0.8; may be repeated
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub settings: Vec<String>,
     /// Never have more primitives than this
-    #[arg(long, value_name = "N", help_heading = "Budget")]
+    #[arg(long, value_name = "N", value_parser = parse_count, help_heading = "Budget")]
     pub max_splats: Option<usize>,
     /// Never have more texels than this
-    #[arg(long, value_name = "N", help_heading = "Budget")]
+    #[arg(long, value_name = "N", value_parser = parse_count, help_heading = "Budget")]
     pub max_texels: Option<usize>,
     /// Never have more parameters than this: 59 a primitive and 3 a texel; 500k, 5M
     #[arg(long, value_name = "N", value_parser = parse_count, help_heading = "Budget")]
     pub budget_params: Option<usize>,
     /// Thin the points to start from to this many, at random
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = parse_count)]
     pub max_points: Option<usize>,
     /// Where primitives start: auto (points of the capture, else random), sfm, ply:FILE, random:N [default: auto]
     #[arg(long, value_name = "START")]
@@ -135,13 +135,6 @@ impl TrainArgs {
         for setting in &t.settings {
             config.set(setting)?;
         }
-        for (names, on) in [(&t.without, false), (&t.with, true)] {
-            for name in names {
-                if let Some(switch) = config.train.components.switch(name) {
-                    *switch = on;
-                }
-            }
-        }
         let budget = &mut config.train.budget;
         for (to, from) in [
             (&mut budget.max_splats, t.max_splats),
@@ -155,6 +148,7 @@ impl TrainArgs {
         set(&mut config.train.seed, t.seed);
         set(&mut config.train.sh_degree, t.sh_degree);
         set(&mut config.train.policy, t.policy);
+        self.switch_components(&mut config.train)?;
         set(&mut config.train.background, t.background);
         set(&mut config.train.eval_every, t.eval_every);
         set(&mut config.train.save_every, t.save_every);
@@ -175,5 +169,78 @@ impl TrainArgs {
         // Alpha is composited on the colour that is rendered behind everything.
         config.capture.background = config.train.background;
         Ok(())
+    }
+
+    fn switch_components(&self, config: &mut TrainConfig) -> Result<()> {
+        let t = &self.training;
+        for (names, on) in [(&t.without, false), (&t.with, true)] {
+            for name in names {
+                if on && t.without.contains(name) {
+                    return Err(Error::Usage(format!("{name:?} is given to both --with and --without")));
+                }
+                if let Some(switch) = config.components.switch(name) {
+                    *switch = on;
+                }
+                if on && config.active_components().switch(name) == Some(&mut false) {
+                    let policy = config.policy;
+                    return Err(Error::Usage(format!(
+                        "--with {name}: the policy {policy} is without it; choose another policy, such as litetex"
+                    )));
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser as _;
+    use litetex_gs::train::structure::StructureConfig;
+
+    #[derive(clap::Parser)]
+    struct Line {
+        #[command(flatten)]
+        args: TrainArgs,
+    }
+
+    /// What flags make of settings.
+    fn over(mut config: RunConfig, flags: &str) -> Result<RunConfig> {
+        let line = Line::try_parse_from(["train"].into_iter().chain(flags.split_whitespace())).unwrap();
+        line.args.apply(&mut config)?;
+        Ok(config)
+    }
+
+    #[test]
+    fn a_profile_leaves_nothing_of_another() {
+        let fresh = |flags: &str| over(RunConfig::default(), flags).unwrap();
+        for first in ["paper", "authors", "cat", "fast"] {
+            let before = fresh(&format!("--profile {first} --without pruning --steps 77 --budget-params 5k"));
+            assert_ne!(before.train, fresh("--steps 77 --budget-params 5k").train, "{first} is no default");
+            for then in ["default", "paper", "cat"] {
+                let after = over(before.clone(), &format!("--profile {then}")).unwrap();
+                let expected = fresh(&format!("--profile {then} --steps 77 --budget-params 5k"));
+                assert_eq!(after, expected, "{then} over {first}");
+            }
+        }
+        let paper = fresh("--profile paper").train;
+        assert!(!paper.structure.refill && paper.rates.position_random == paper.rates.position);
+        assert_eq!(fresh("").train.structure, StructureConfig::default());
+    }
+
+    #[test]
+    fn switches_that_would_do_nothing_are_refused() {
+        let refused = |flags: &str, part: &str| {
+            let error = over(RunConfig::default(), flags).unwrap_err();
+            assert!(error.exit_code() == 2 && error.to_string().contains(part), "{error}");
+        };
+        refused("--policy cat --with scheduler", "the policy cat is without it");
+        refused("--profile cat --with pruning", "the policy cat is without it");
+        refused("--policy plain --with splitting", "the policy plain is without it");
+        refused("--with growth --without growth", "both --with and --without");
+        assert!(over(RunConfig::default(), "--with growth --without pruning").is_ok());
+        let cat = over(RunConfig::default(), "--policy cat").unwrap();
+        assert!(over(cat, "--policy litetex --with scheduler").is_ok());
     }
 }

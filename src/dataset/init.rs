@@ -71,6 +71,17 @@ impl FromStr for InitSource {
     }
 }
 
+impl InitSource {
+    /// Whether splats start at random places.
+    pub fn is_random(&self, capture: &Capture) -> bool {
+        match self {
+            Self::Random(_) => true,
+            Self::Auto => capture.points.is_empty(),
+            Self::Sfm | Self::Ply(_) => false,
+        }
+    }
+}
+
 impl fmt::Display for InitSource {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -123,9 +134,6 @@ impl Default for InitOptions {
         }
     }
 }
-
-/// Texels a side of the first maps with [`Policy::Cat`] (content-aware texturing).
-const CAT_TEXELS: u16 = 8;
 
 /// A point of the local frame with its display-space colour.
 #[derive(Clone, Copy)]
@@ -328,14 +336,11 @@ fn quaternion(turned: DQuat, stream: &mut Stream) -> [f32; 4] {
 /// Rows, columns and texel size of a round splat's map.
 fn map_extent(sigma: f32, policy: Policy) -> (u16, u16, f32) {
     let half_extent = support_half_extent(f64::from(sigma), OPACITY);
-    let spanned = |resolution: u16| {
-        let texel_size = 2.0 * half_extent / f64::from(resolution - 1);
-        (resolution, resolution, texel_size as f32)
+    let side = policy.first_side();
+    let texel_size = match policy {
+        Policy::None | Policy::Plain => 0.0,
+        Policy::Litetex => first_texel_size([half_extent; 2]),
+        Policy::Fixed(_) | Policy::Cat => 2.0 * half_extent / f64::from(side - 1),
     };
-    match policy {
-        Policy::None | Policy::Plain => (0, 0, 0.0),
-        Policy::Fixed(resolution) => spanned(resolution),
-        Policy::Cat => spanned(CAT_TEXELS),
-        Policy::Litetex => (2, 2, first_texel_size([half_extent; 2]) as f32),
-    }
+    (side, side, texel_size as f32)
 }

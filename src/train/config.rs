@@ -34,6 +34,22 @@ impl Policy {
             Self::Plain | Self::None => MapRule::None,
         }
     }
+
+    /// Texels a side of the maps at the start.
+    pub fn first_side(self) -> u16 {
+        match self {
+            Self::Litetex => 2,
+            // Content-aware texturing.
+            Self::Cat => 8,
+            Self::Fixed(resolution) => resolution,
+            Self::Plain | Self::None => 0,
+        }
+    }
+
+    /// Texels of each splat at the start.
+    pub fn first_texels_each(self) -> usize {
+        usize::from(self.first_side()).pow(2)
+    }
 }
 
 impl FromStr for Policy {
@@ -87,6 +103,8 @@ impl From<Policy> for String {
 pub struct RateConfig {
     /// Centres at the start, local units (where the cameras' extent is 1).
     pub position: f32,
+    /// The same where splats start at random places, from which they have further to go.
+    pub position_random: f32,
     /// Centres at the end, log-linear in between.
     pub position_end: f32,
     /// Quaternions.
@@ -114,6 +132,7 @@ impl Default for RateConfig {
     fn default() -> Self {
         Self {
             position: 1.6e-4,
+            position_random: 6.4e-4,
             position_end: 1.6e-6,
             quaternion: 1e-3,
             log_scale: 5e-3,
@@ -140,6 +159,8 @@ pub struct TrainConfig {
     pub seed: u64,
     /// Highest SH degree, 0 to 3.
     pub sh_degree: u32,
+    /// Whether splats start at random places.
+    pub random_start: bool,
     /// Allocation of splats and texels.
     pub policy: Policy,
     /// Parts of the method that are on.
@@ -169,6 +190,7 @@ impl Default for TrainConfig {
             max_time_secs: None,
             seed: 42,
             sh_degree: 3,
+            random_start: false,
             policy: Policy::Litetex,
             components: Components::default(),
             budget: Budget::default(),

@@ -11,13 +11,22 @@ use crate::{Error, Result};
 /// the device can hold; returns that. Growth without a budget needs no check: the device bounds it.
 ///
 /// # Errors
-/// [`Error::Device`] with all that does not fit: what is asked for, what the device allows, what to do.
+/// [`Error::Usage`] if the model has more splats than the budget allows, [`Error::Device`] with all that does not
+/// fit: what is asked for, what the device allows, what to do.
 pub fn check_limits(
     config: &TrainConfig,
     backend: &dyn Backend,
     views: &dyn ViewSource,
     model: &Model,
 ) -> Result<DeviceLimits> {
+    // Maps can be made smaller; splats would have to be thrown away.
+    let (splats, most) = (model.num_splats(), config.budget.most_splats(0));
+    if splats > most {
+        return Err(Error::Usage(format!(
+            "the model has {splats} splats already, the budget allows {most}: raise --max-splats or --budget-params, or \
+             start anew"
+        )));
+    }
     let shape = SceneShape { sh_degree: model.splats.sh_degree, geometry: config.loss.needs_geometry() };
     let limits = backend.limits(shape);
     let mut misfits = of_model(model, &limits);
@@ -179,5 +188,22 @@ mod tests {
             !Budget::default().within(&LIMITS).allows(51, 0)
                 && !Budget::default().within(&LIMITS).allows(0, 401)
         );
+    }
+
+    #[test]
+    fn a_model_with_more_splats_than_the_budget_allows_is_refused() {
+        let backend = crate::cpu::CpuBackend::new(Some(1)).unwrap();
+        let views = Views(vec![random_scene(&SceneOptions::default()).camera]);
+        let check = |budget: Budget| {
+            let config = TrainConfig { budget, ..TrainConfig::default() };
+            check_limits(&config, &backend, &views, &model(20, (4, 4)))
+        };
+        // Texels beyond the budget: maps can give way.
+        let most = |splats, params| Budget { max_splats: splats, max_params: params, max_texels: Some(10) };
+        for refused in [most(Some(19), None), most(None, Some(20 * 59 - 1))] {
+            let error = check(refused).unwrap_err();
+            assert!(error.exit_code() == 2 && error.to_string().contains("20 splats already"), "{error}");
+        }
+        assert!(check(most(Some(20), Some(20 * 59))).is_ok());
     }
 }

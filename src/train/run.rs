@@ -54,10 +54,12 @@ pub fn train(
     }
     let schedule = Schedule::new(config, train_views.len());
     let test_views = views.indices(Split::Test);
+    let before_analysis = clock.wall.elapsed().as_secs_f64();
     let frequency = match config.active_components().scheduler {
         true => FrequencySchedule::analyse(views, &config.scheduler)?,
         false => FrequencySchedule::flat(),
     };
+    start.history.analysis_wall_secs += clock.wall.elapsed().as_secs_f64() - before_analysis;
     let cameras: Vec<Camera> = train_views.iter().map(|&view| views.camera(view)).collect();
     let size = [start.model.num_splats(), start.model.num_texels()];
     let targets = Targets::new(views.num_views(), 1.0);

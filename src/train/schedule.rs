@@ -144,7 +144,8 @@ impl Schedule {
     pub fn rates(&self, config: &TrainConfig, step: u32) -> LearningRates {
         let r = &config.rates;
         let t = (f64::from(step - 1) / f64::from(self.position_end)).min(1.0);
-        let (start, end) = (f64::from(r.position).ln(), f64::from(r.position_end).ln());
+        let position = if config.random_start { r.position_random } else { r.position };
+        let (start, end) = (f64::from(position).ln(), f64::from(r.position_end).ln());
         let missing = if r.raise_in_short_runs { PUBLISHED_STEPS / f64::from(config.steps) } else { 1.0 };
         let raise = missing.max(1.0).sqrt().min(HIGHEST_RAISE);
         let (fast, slow) = (raise as f32, raise.sqrt() as f32);
@@ -183,6 +184,9 @@ mod tests {
         let raise = short.rates(&shorter, 1).position / published.rates(&config, 1).position;
         assert!((raise - 8.0).abs() < 1e-4, "{raise}");
         assert_eq!(short.rates(&shorter, 1).opacity, config.rates.opacity);
+        let random = TrainConfig { random_start: true, ..config.clone() };
+        let quicker = published.rates(&random, 1).position / published.rates(&config, 1).position;
+        assert!((quicker - 4.0).abs() < 1e-5, "{quicker}");
         assert_eq!((short.sh_interval, short.texture_start, short.structure_interval), (10, 10, 43));
         assert_eq!(short.inactive(&shorter), Vec::<String>::new());
         let tiny = TrainConfig { steps: 60, ..config.clone() };

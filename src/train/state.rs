@@ -35,6 +35,9 @@ pub struct TrainHistory {
     /// Time of structure steps within the training time.
     #[serde(default)]
     pub structure_wall_secs: f64,
+    /// Time of the analysis of the photos' spectra within the training time.
+    #[serde(default)]
+    pub analysis_wall_secs: f64,
     /// Time of the whole program until the state was saved: loading, evaluation and files included.
     pub total_wall_secs: f64,
     /// Evaluations so far.

@@ -4,7 +4,7 @@
 use super::config::{Policy, TrainConfig};
 use super::schedule::Schedule;
 use super::state::TrainState;
-use super::structure::{self, Budget, Life, Revision, Situation, StructureCounts};
+use super::structure::{self, Life, Revision, Situation, StructureCounts};
 use super::targets::Targets;
 use crate::Result;
 use crate::backend::{Backend, DeviceLimits, LossWeights, StepRequest, WindowStatistics};
@@ -122,13 +122,14 @@ impl Structure<'_> {
             Policy::Plain => {
                 let seed = config.seed ^ u64::from(step).wrapping_mul(0x9E37_79B9_7F4A_7C15);
                 // Without a budget the number of splats stays.
-                let has_budget = config.budget != Budget::default();
-                let most = has_budget.then(|| config.budget.within(&self.limits).most_splats(0));
+                let bounds_splats = config.budget.max_splats.or(config.budget.max_params).is_some();
+                let most = bounds_splats.then(|| config.budget.within(&self.limits).most_splats(0));
                 structure::relocate(&situation, &config.structure, most, seed)
             }
             _ => {
                 let share = if last { 1.0 } else { t };
-                let start = [state.pace.initial, 4 * state.pace.initial];
+                let each = config.policy.first_texels_each();
+                let start = [state.pace.initial, each * state.pace.initial];
                 // Only what was asked for is used up evenly: the device is a bound, not a budget.
                 let paced = config.budget.paced(share, start, [n, model.num_texels()]);
                 let budget = paced.within(&self.limits);

@@ -71,6 +71,7 @@ fn history(n: usize) -> TrainHistory {
     TrainHistory {
         train_wall_secs: 0.25,
         structure_wall_secs: 0.125,
+        analysis_wall_secs: 0.0625,
         train_cpu_secs: 0.5,
         total_wall_secs: 0.75,
         curve: vec![CurvePoint {

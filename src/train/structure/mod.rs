@@ -1,6 +1,7 @@
 //! Structure decisions, made on the host from what was read back, alike for every backend: which splats
 //! go, split or move, and what size their maps have (method sections 6, 7 and 9).
 
+mod bounds;
 mod candidate;
 mod coarse;
 mod decide;
