@@ -56,7 +56,8 @@ mod tests {
     #[test]
     fn settings_out_of_bounds_are_named() {
         assert_eq!(StructureConfig::default().check(), Ok(()));
-        let wrong: [(&str, fn(&mut StructureConfig)); 8] = [
+        type Change = fn(&mut StructureConfig);
+        let wrong: [(&str, Change); 8] = [
             ("quantile: found 1.2", |c| c.quantile = 1.2),
             ("quantile: found NaN", |c| c.quantile = f64::NAN),
             ("min-texel-px: found 0", |c| c.min_texel_px = 0.0),
