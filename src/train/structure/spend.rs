@@ -12,16 +12,16 @@ const REFILL_TEXELS: f64 = 2.0;
 
 /// The model as it grows in a step.
 pub struct Spender<'a> {
-    pub s: &'a Situation<'a>,
-    pub config: &'a StructureConfig,
-    pub budget: &'a Budget,
+    s: &'a Situation<'a>,
+    config: &'a StructureConfig,
+    budget: &'a Budget,
     /// By splat of the present model; `None`: removed.
-    pub drafts: Vec<Option<Draft>>,
+    drafts: Vec<Option<Draft>>,
     /// Second halves of the splats that were split.
-    pub children: Vec<Draft>,
-    pub splats: usize,
-    pub texels: usize,
-    pub added: usize,
+    children: Vec<Draft>,
+    splats: usize,
+    texels: usize,
+    added: usize,
 }
 
 impl<'a> Spender<'a> {
