@@ -35,7 +35,8 @@ pub fn split(
     if sigma[axis] > NEEDLE_ASPECT * sigma[1 - axis] && sigma[1 - axis] < pixel * s.render_scale {
         return None;
     }
-    let widest = longer_than_texels * draft.sizes.finest / 3.0;
+    // However long the splat: three standard deviations of a half are no longer than what is split as a rule.
+    let widest = s.split_texels * draft.sizes.finest / 3.0;
     Some(children(s, config, draft, axis, config.split_profile, widest))
 }
 

@@ -435,6 +435,14 @@ fn removed_splats_are_made_up_for_where_the_error_is() {
         let mut split: Vec<u32> = plan.edits.iter().map(|e| plan.sources[e.splat as usize]).collect();
         split.sort_unstable();
         split.dedup();
+        for edit in &plan.edits {
+            let parent = plan.sources[edit.splat as usize] as usize;
+            let old = &model.splats.log_scales[2 * parent..2 * parent + 2];
+            let narrower = [0, 1].map(|a| (old[a] - edit.log_scales[a]).exp());
+            let [_, factor, _] = config.split_profile.factors();
+            let halved = narrower.map(|n| (f64::from(n) * factor - 1.0).abs() < 1e-5);
+            assert!(halved[0] != halved[1], "made {narrower:?} times narrower by an ordinary split");
+        }
         (plan.sources.len(), counts.faded, counts.moved, counts.split, split)
     };
     let none = Budget::default();
