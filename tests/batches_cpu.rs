@@ -28,6 +28,8 @@ enum Fault {
     At(u32),
     /// The loss of this step is not a number.
     NotFinite(u32),
+    /// The device fails when the model is read for this change of structure, counted from 1.
+    Revision(usize),
 }
 
 /// The CPU backend, fed in batches.
@@ -37,11 +39,13 @@ struct Batched {
     fault: Fault,
     /// Sizes of the batches so far.
     sizes: Vec<usize>,
+    /// Changes of structure so far.
+    revisions: usize,
 }
 
 impl Batched {
     fn new(size: usize, fault: Fault) -> Self {
-        Self { inner: CpuBackend::new(Some(2)).unwrap(), size, fault, sizes: Vec::new() }
+        Self { inner: CpuBackend::new(Some(2)).unwrap(), size, fault, sizes: Vec::new(), revisions: 0 }
     }
 }
 
@@ -97,6 +101,10 @@ impl Backend for Batched {
         self.inner.read_back()
     }
     fn read_settled(&mut self) -> Result<Model> {
+        self.revisions += 1;
+        if self.fault == Fault::Revision(self.revisions) {
+            return Err(Error::Device("lost".into()));
+        }
         self.inner.read_settled()
     }
 }
@@ -139,6 +147,16 @@ fn start() -> TrainState {
 }
 
 fn run(backend: &mut dyn Backend, views: &dyn ViewSource, start: TrainState, stop_at: u32) -> Told {
+    run_with(&settings(), backend, views, start, stop_at)
+}
+
+fn run_with(
+    config: &TrainConfig,
+    backend: &mut dyn Backend,
+    views: &dyn ViewSource,
+    start: TrainState,
+    stop_at: u32,
+) -> Told {
     let (mut events, mut saved, mut times) = (Vec::new(), Vec::new(), Vec::new());
     let mut sink = |event: TrainEvent<'_>| {
         let mut control = Control::Continue;
@@ -153,6 +171,7 @@ fn run(backend: &mut dyn Backend, views: &dyn ViewSource, start: TrainState, sto
                 num_texels,
                 train_wall_secs,
                 train_cpu_secs,
+                remaining_secs: _,
             } => {
                 times.push([train_wall_secs, train_cpu_secs]);
                 if step == stop_at {
@@ -179,7 +198,7 @@ fn run(backend: &mut dyn Backend, views: &dyn ViewSource, start: TrainState, sto
         });
         Ok(control)
     };
-    let outcome = train(&settings(), backend, views, start, &mut sink);
+    let outcome = train(config, backend, views, start, &mut sink);
     Told { outcome, events, saved, times }
 }
 
@@ -262,6 +281,33 @@ fn a_device_that_fails_within_a_batch_leaves_a_state_that_continues() {
         assert_eq!((last.step, last.adam.step), (at - 1, at - 1));
         let resumed = run(&mut Batched::new(5, Fault::None), &views, last.clone(), 0);
         assert!(resumed.files().last() == single.files().last(), "from step {}", last.step);
+    }
+}
+
+#[test]
+fn a_revision_that_failed_is_done_when_the_run_goes_on() {
+    let views = photos(&scene());
+    // Structure steps each 5 steps; and each 100, with maps that follow their support each 40.
+    let mut cropping = TrainConfig { eval_every: 0, save_every: 0, ..config(125) };
+    cropping.structure.interval = 24_000;
+    let cases = [(settings(), &[5, 10, 15, 20, 25, 30, 35][..]), (cropping, &[40, 80, 100, 120])];
+    for (config, due) in cases {
+        let run = |fault, from: &TrainState| {
+            run_with(&config, &mut Batched::new(5, fault), &views, from.clone(), 0)
+        };
+        let whole = run(Fault::None, &start());
+        let mut revisions = 0;
+        for (nth, &step) in (1..).zip(due) {
+            let told = run(Fault::Revision(nth), &start());
+            assert!(told.outcome.is_err(), "{step}");
+            let last = told.saved.last().unwrap();
+            assert_eq!(last.step, step);
+            assert!(run(Fault::None, last).files().last() == whole.files().last(), "from step {step}");
+            // Negative control: the revision is left out.
+            let skipped = TrainState { revised_step: step, ..last.clone() };
+            revisions += usize::from(run(Fault::None, &skipped).files().last() != whole.files().last());
+        }
+        assert!(revisions > 1, "nothing was revised: nothing was tested");
     }
 }
 

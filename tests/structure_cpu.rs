@@ -106,6 +106,7 @@ fn structure_steps_that_add_nothing_change_nothing_but_records_and_the_window() 
         window: WindowStatistics::default(),
         window_views: Vec::new(),
         stage_step: 0,
+        revised_step: 0,
         ..state.clone()
     };
     for (idle, none) in idle.saved.iter().zip(&none.saved) {

@@ -24,6 +24,7 @@ pub struct StepFigures {
     pub primitives: usize,
     pub texels: usize,
     pub train_wall_secs: f64,
+    pub remaining_secs: f64,
 }
 
 /// Progress of one training.
@@ -90,11 +91,8 @@ impl<'a> Progress<'a> {
     }
 
     fn show(&self, f: &StepFigures, loss: f64, rate: Option<f64>) {
-        let eta_secs = rate.map(|rate| {
-            let by_steps = f64::from(self.steps.saturating_sub(f.step)) / rate;
-            let by_time = self.max_time_secs.map_or(f64::INFINITY, |max| max - f.train_wall_secs);
-            by_steps.min(by_time).max(0.0)
-        });
+        let by_time = self.max_time_secs.map_or(f64::INFINITY, |max| max - f.train_wall_secs);
+        let eta_secs = f.remaining_secs.min(by_time).max(0.0);
         let memory = process_bytes().map(|(now, _)| now);
         let parts = [
             rate.map(|r| if r >= 10.0 { format!("{r:.0} it/s") } else { format!("{r:.2} it/s") }),
@@ -103,7 +101,7 @@ impl<'a> Progress<'a> {
             Some(format!("{} prims", format_count(f.primitives as u64))),
             Some(format!("{} texels", format_count(f.texels as u64))),
             memory.map(format_bytes),
-            eta_secs.map(|s| format!("ETA {}", format_duration(s))),
+            Some(format!("ETA {}", format_duration(eta_secs))),
         ];
         let text = parts.into_iter().flatten().collect::<Vec<_>>().join(", ");
         if let Some(bar) = &self.bar {

@@ -107,6 +107,7 @@ impl<'a> Session<'a> {
                 num_texels,
                 train_wall_secs,
                 train_cpu_secs,
+                remaining_secs,
             } => {
                 self.non_finite_gradients += report.non_finite_gradients;
                 self.progress.step(StepFigures {
@@ -115,6 +116,7 @@ impl<'a> Session<'a> {
                     primitives: num_splats,
                     texels: num_texels,
                     train_wall_secs,
+                    remaining_secs,
                 });
                 if step == 1 || step.is_multiple_of(METRICS_EVERY) || step == self.config.train.steps {
                     self.metric(json!({ "event": "step", "step": step, "view": self.views.name(view),

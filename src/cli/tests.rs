@@ -67,6 +67,7 @@ fn step_event(step: u32, report: &StepReport) -> TrainEvent<'_> {
         num_texels: 4,
         train_wall_secs: f64::from(step),
         train_cpu_secs: f64::from(step),
+        remaining_secs: 0.0,
     }
 }
 

@@ -62,6 +62,8 @@ pub enum TrainEvent<'a> {
         train_wall_secs: f64,
         /// CPU time of the process within it.
         train_cpu_secs: f64,
+        /// Training time that the steps after it will take, as far as can be told.
+        remaining_secs: f64,
     },
     /// A structure step was done.
     Structure {

@@ -8,6 +8,7 @@ mod evaluate;
 mod events;
 mod limits;
 mod order;
+mod outlook;
 mod run;
 mod schedule;
 mod state;

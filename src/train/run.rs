@@ -5,6 +5,7 @@ use super::evaluate::{Evaluated, evaluate};
 use super::events::{Control, StopReason, TrainEvent};
 use super::limits::check_limits;
 use super::order::ViewOrder;
+use super::outlook::Outlook;
 use super::schedule::Schedule;
 use super::state::{CurvePoint, TrainState};
 use super::structure::{StatisticsSource, StructureCounts};
@@ -61,6 +62,9 @@ pub fn train(
     };
     start.history.analysis_wall_secs += clock.wall.elapsed().as_secs_f64() - before_analysis;
     let cameras: Vec<Camera> = train_views.iter().map(|&view| views.camera(view)).collect();
+    let smaller_side_px = smaller_side_px(&cameras);
+    let scale = |step| Stage::at(config, &schedule, &frequency, smaller_side_px, step).render_scale;
+    let outlook = Outlook::new((0..config.steps).map(|step| scale(schedule.last_structure_step(step))));
     let size = [start.model.num_splats(), start.model.num_texels()];
     let targets = Targets::new(views.num_views(), 1.0);
     let mut run = Run {
@@ -73,6 +77,7 @@ pub fn train(
         frequency,
         cameras,
         limits,
+        outlook,
         stage: Stage { render_scale: 1.0, texture_cap: 256 },
         targets,
         size,
@@ -94,6 +99,7 @@ struct Run<'a> {
     schedule: Schedule,
     frequency: FrequencySchedule,
     limits: DeviceLimits,
+    outlook: Outlook,
     /// Of the training views, at full size.
     cameras: Vec<Camera>,
     stage: Stage,
@@ -159,7 +165,7 @@ impl Run<'_> {
         }
         // ... or a failure between a step and the change of structure that was due.
         let step = self.state.step;
-        if step > 0 && self.schedule.is_structure_step(step) && self.state.stage_step != step {
+        if step > 0 && self.state.revised_step != step {
             self.change_structure()?;
         }
         while self.state.step < self.config.steps {
@@ -267,6 +273,7 @@ impl Run<'_> {
         };
         let (counts, size) = structure.step(self.backend, &mut self.state, judge)?;
         self.size = size;
+        self.state.revised_step = step;
         if due {
             self.begin_stage(step);
         }
@@ -275,8 +282,7 @@ impl Run<'_> {
 
     /// Takes scale and cap of the scheduler as of a step.
     fn begin_stage(&mut self, step: u32) {
-        let sides = self.cameras.iter().map(|c| c.pinhole.width_px.min(c.pinhole.height_px));
-        let smaller_side_px = sides.min().unwrap_or(1);
+        let smaller_side_px = smaller_side_px(&self.cameras);
         self.stage = Stage::at(self.config, &self.schedule, &self.frequency, smaller_side_px, step);
         self.targets.set_scale(self.stage.render_scale);
         self.state.stage_step = step;
@@ -362,6 +368,8 @@ impl Run<'_> {
         let (wall_before, cpu_before) = (history.train_wall_secs, history.train_cpu_secs);
         history.train_wall_secs += wall_secs;
         history.train_cpu_secs += cpu_secs;
+        let done = self.state.step;
+        let remaining_secs = self.outlook.observe(done - batch.len() as u32, done, wall_secs);
         let mut control = Control::Continue;
         for (at, (planned, report)) in batch.iter().zip(reports).enumerate() {
             // Exactly 1 at the last step, whose times are those of the history.
@@ -375,6 +383,7 @@ impl Run<'_> {
                 num_texels,
                 train_wall_secs: wall_before + wall_secs * share,
                 train_cpu_secs: cpu_before + cpu_secs * share,
+                remaining_secs: remaining_secs + wall_secs * (1.0 - share),
             })?;
             if answer == Control::Stop {
                 control = Control::Stop;
@@ -426,4 +435,8 @@ impl Run<'_> {
         sink(TrainEvent::Checkpoint { state: &self.state })?;
         Ok(())
     }
+}
+
+fn smaller_side_px(cameras: &[Camera]) -> u32 {
+    cameras.iter().map(|c| c.pinhole.width_px.min(c.pinhole.height_px)).min().unwrap_or(1)
 }

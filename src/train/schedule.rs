@@ -71,6 +71,12 @@ impl Schedule {
         step.is_multiple_of(self.structure_interval) && step <= self.structure_end
     }
 
+    /// The structure step before a step, whose decisions hold in it; 0: none yet.
+    pub fn last_structure_step(&self, done: u32) -> u32 {
+        let last = done.min(self.structure_end);
+        last - last % self.structure_interval
+    }
+
     /// Whether maps are cropped and padded after a step that no structure step follows.
     pub fn is_crop_step(&self, step: u32) -> bool {
         self.crop_interval > 0 && step.is_multiple_of(self.crop_interval) && step <= self.structure_end

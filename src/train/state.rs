@@ -67,6 +67,8 @@ pub struct TrainState {
     pub window: WindowStatistics,
     /// Step at which the scheduler was last asked for scale and cap.
     pub stage_step: u32,
+    /// Step after which the structure was last revised; a failure may come before the revision that is due.
+    pub revised_step: u32,
     /// Pace of the splits.
     pub pace: PrimitiveBudget,
     /// Times and curve.
@@ -87,6 +89,7 @@ impl TrainState {
             window_views: Vec::new(),
             window: WindowStatistics::default(),
             stage_step: 0,
+            revised_step: 0,
             pace: PrimitiveBudget::new(0),
             history: TrainHistory::default(),
         }

@@ -128,8 +128,9 @@ pub fn tensors(state: &TrainState) -> BTreeMap<String, Tensor<'_>> {
     let frame_numbers = vec![frame.scale, frame.translation.x, frame.translation.y, frame.translation.z];
     put("frame.near", Tensor::f32(&[1], vec![model.near]));
     put("frame.capture_from_local", Tensor::new(&[4], Data::F64(frame_numbers)));
-    let counters = vec![state.step, state.epochs, state.epoch_used, state.stage_step];
-    put("state.counters", Tensor::u32(&[4], counters));
+    let TrainState { step, epochs, epoch_used, stage_step, revised_step, .. } = *state;
+    let counters = vec![step, epochs, epoch_used, stage_step, revised_step];
+    put("state.counters", Tensor::u32(&[5], counters));
     let lives = state.lives.iter().flat_map(|l| [l.ceiling, l.marks, l.checks]).collect();
     put("state.lives", Tensor::new(&[state.lives.len(), 3], Data::U16(lives)));
     put("state.pace", Tensor::new(&[2], Data::F64(vec![state.pace.initial as f64, state.pace.momentum])));
@@ -171,7 +172,7 @@ pub fn state(reader: &mut Reader<'_>) -> Result<TrainState> {
     };
     let near = f32s(reader.take("frame.near", Dtype::F32, &[1])?)[0];
     let frame = f64s(reader.take("frame.capture_from_local", Dtype::F64, &[4])?);
-    let counters = u32s(reader.take("state.counters", Dtype::U32, &[4])?);
+    let counters = u32s(reader.take("state.counters", Dtype::U32, &[5])?);
     let views = reader.first_dimension("state.epoch_order")?;
     Ok(TrainState {
         step: counters[0],
@@ -189,6 +190,7 @@ pub fn state(reader: &mut Reader<'_>) -> Result<TrainState> {
         epoch_used: counters[2],
         epochs: counters[1],
         stage_step: counters[3],
+        revised_step: counters[4],
         lives: lives(reader, n)?,
         pace: pace(reader)?,
         window_views: {

@@ -62,6 +62,7 @@ fn sample(n: usize, sh_degree: u32) -> TrainState {
             error: vec![1e-3; n],
         },
         stage_step: 5,
+        revised_step: 6,
         pace: PrimitiveBudget { initial: n, momentum: 12.5 },
         history: history(n),
     }
