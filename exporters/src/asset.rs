@@ -2,6 +2,8 @@
 //! once when a trained model is frozen. Exactness of a format is defined on these numbers. Parameters
 //! of the optimisation (logits, logarithms, moments) do not belong here.
 
+use crate::quaternion;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// Largest side of a map.
@@ -15,32 +17,50 @@ pub const fn num_sh_coefficients(degree: u32) -> usize {
     ((degree + 1) * (degree + 1)) as usize
 }
 
-/// Uniform scale and translation: `in_capture = scale * in_local + translation`.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// A similarity: `in_capture = scale * rotation(in_local) + translation`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CaptureFromLocal {
     /// Length of a local unit in the capture's frame; > 0.
     pub scale: f64,
+    /// Unit quaternion **wxyz**; what the trainer makes is not turned.
+    pub rotation: [f64; 4],
     /// Origin of the local frame in the capture's frame.
     pub translation: [f64; 3],
 }
 
 impl CaptureFromLocal {
     /// The identity.
-    pub const IDENTITY: Self = Self { scale: 1.0, translation: [0.0; 3] };
+    pub const IDENTITY: Self = Self::scaled_and_moved(1.0, [0.0; 3]);
+
+    /// Without a turn.
+    pub const fn scaled_and_moved(scale: f64, translation: [f64; 3]) -> Self {
+        Self { scale, rotation: [1.0, 0.0, 0.0, 0.0], translation }
+    }
+
+    /// Whether nothing is turned.
+    pub fn is_upright(&self) -> bool {
+        self.rotation == Self::IDENTITY.rotation
+    }
 
     /// Maps a point.
     pub fn transform_point(&self, in_local: [f32; 3]) -> [f64; 3] {
-        std::array::from_fn(|i| self.scale * f64::from(in_local[i]) + self.translation[i])
+        let mut p = in_local.map(f64::from);
+        if !self.is_upright() {
+            p = quaternion::turned(self.rotation, p);
+        }
+        std::array::from_fn(|i| self.scale * p[i] + self.translation[i])
     }
 }
 
 /// What the colour values mean, and so in which space blending happens.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum ColourSpace {
     /// sRGB code values of 0 to 1, never linearised: what photos hold and training uses.
     #[default]
+    #[serde(rename = "srgb_rec709_display")]
     SrgbRec709Display,
     /// Linear light with Rec. 709 primaries.
+    #[serde(rename = "lin_rec709_display")]
     LinRec709Display,
 }
 
@@ -53,7 +73,7 @@ pub struct AssetMap {
     pub rows: u16,
     /// Texels along the surfel's axis v; 0: untextured.
     pub cols: u16,
-    /// Edge of a texel, local units. Maps are centred on their splats.
+    /// Edge of a texel, local units; 0: untextured. Maps are centred on their splats.
     pub texel_size: f32,
 }
 
@@ -65,7 +85,8 @@ impl AssetMap {
 }
 
 /// A camera of the capture. Axes: x right, y down, z forward; pixel centres at integer + 0.5.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "camelCase")]
 pub struct AssetCamera {
     /// Original picture name.
     pub name: String,
@@ -84,7 +105,8 @@ pub struct AssetCamera {
 }
 
 /// Where an asset comes from. Empty strings: not known.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "camelCase")]
 pub struct Provenance {
     /// Title of the work.
     pub title: String,
@@ -127,6 +149,8 @@ pub struct SplatAsset {
     pub capture_from_local: CaptureFromLocal,
     /// Meaning of colours.
     pub colour_space: ColourSpace,
+    /// What was behind the scene when it was trained.
+    pub background: [f32; 3],
     /// Cameras of the capture, by name.
     pub cameras: Vec<AssetCamera>,
     /// Title, author, licence and facts.
@@ -148,6 +172,7 @@ impl Default for SplatAsset {
             near: 0.01,
             capture_from_local: CaptureFromLocal::IDENTITY,
             colour_space: ColourSpace::default(),
+            background: [0.0; 3],
             cameras: Vec::new(),
             provenance: Provenance::default(),
         }
@@ -217,7 +242,7 @@ pub(crate) mod tests {
         };
         let mut asset = SplatAsset {
             sh_degree,
-            capture_from_local: CaptureFromLocal { scale: 3.7, translation: [10.0, -4.0, 0.5] },
+            capture_from_local: CaptureFromLocal::scaled_and_moved(3.7, [10.0, -4.0, 0.5]),
             ..SplatAsset::default()
         };
         let mut offset_texels = 0;
@@ -231,7 +256,8 @@ pub(crate) mod tests {
             let width = 3 * num_sh_coefficients(sh_degree);
             asset.sh.extend((0..width).map(|_| random() - 0.5));
             let (rows, cols) = [(2, 2), (0, 0), (5, 3)][i % 3];
-            let map = AssetMap { offset_texels, rows, cols, texel_size: 0.02 };
+            let texel_size = if rows > 0 { 0.02 } else { 0.0 };
+            let map = AssetMap { offset_texels, rows, cols, texel_size };
             asset.maps.push(map);
             offset_texels += map.num_texels() as u32;
             asset.texels.extend((0..3 * map.num_texels()).map(|_| 1.6 * (random() - 0.5)));

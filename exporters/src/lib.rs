@@ -6,14 +6,25 @@
 #![forbid(unsafe_code)]
 
 mod asset;
+pub mod atlas;
+mod baked;
+mod contents;
 mod error;
 mod file;
+mod hash;
+mod meta;
 pub mod ply;
+mod quality;
+mod quaternion;
+mod sh;
 mod validate;
+mod yup;
 
 pub use asset::{
     AssetCamera, AssetMap, CaptureFromLocal, ColourSpace, MAP_SIDE_MAX, Provenance, SPLATS_MAX, SplatAsset,
     num_sh_coefficients,
 };
+pub use contents::{Contents, Describes, Issue, ReadLimits, Section, Severity};
 pub use error::{Error, Result};
 pub use file::write_atomically;
+pub use quality::Quality;

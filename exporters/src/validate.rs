@@ -1,6 +1,6 @@
 //! The rules that every asset keeps, whether a model was baked or a file was read.
 
-use crate::{Error, MAP_SIDE_MAX, Result, SPLATS_MAX, SplatAsset, num_sh_coefficients};
+use crate::{AssetMap, Error, MAP_SIDE_MAX, Result, SPLATS_MAX, SplatAsset, num_sh_coefficients, quaternion};
 
 /// Largest standard deviation, local units.
 const SCALE_MAX: f32 = 1e6;
@@ -40,11 +40,18 @@ impl SplatAsset {
         let frame = &self.capture_from_local;
         let frame_is_sound = frame.scale.is_finite()
             && frame.scale > 0.0
+            && (quaternion::norm(frame.rotation) - 1.0).abs() <= QUATERNION_NORM_TOLERANCE
             && frame.translation.iter().all(|v| v.is_finite())
             && self.near.is_finite()
             && self.near >= 0.0;
         if !frame_is_sound {
-            return invalid(format!("near plane {} and {frame:?}: finite, the scale positive", self.near));
+            return invalid(format!(
+                "near plane {} and {frame:?}: finite, the scale positive, the rotation a unit quaternion",
+                self.near
+            ));
+        }
+        if !self.background.iter().all(|v| (0.0..=1.0).contains(v)) {
+            return invalid(format!("background {:?} is not in [0, 1]", self.background));
         }
         (0..n).try_for_each(|splat| self.validate_splat(splat))?;
         self.validate_maps()?;
@@ -59,7 +66,7 @@ impl SplatAsset {
             return offence(format!("position {position:?} is not finite"));
         }
         let q = self.rotations[splat];
-        let norm = q.iter().map(|&v| f64::from(v).powi(2)).sum::<f64>().sqrt();
+        let norm = quaternion::norm(q.map(f64::from));
         if norm.is_nan() || (norm - 1.0).abs() > QUATERNION_NORM_TOLERANCE {
             return offence(format!("rotation {q:?} is not a unit quaternion"));
         }
@@ -91,10 +98,18 @@ impl SplatAsset {
             if map.offset_texels as usize != next {
                 return offence(format!("offset {}, expected {next}", map.offset_texels));
             }
+            if map.num_texels() == 0
+                && *map != (AssetMap { offset_texels: map.offset_texels, ..AssetMap::default() })
+            {
+                return offence(format!("{map:?} is empty, but not 0 x 0 with texel size 0"));
+            }
             if map.num_texels() > 0 && !(map.texel_size > 0.0 && map.texel_size.is_finite()) {
                 return offence(format!("texel size {} is not positive", map.texel_size));
             }
             next += map.num_texels();
+        }
+        if next > u32::MAX as usize {
+            return Err(Error::too_large("", format!("{next} texels, at most {}", u32::MAX)));
         }
         if self.texels.len() != 3 * next {
             return Err(Error::invalid(
@@ -135,7 +150,7 @@ mod tests {
     #[test]
     fn every_broken_rule_is_found() {
         type Break = fn(&mut SplatAsset);
-        let breaks: [(&str, Break); 14] = [
+        let breaks: [(&str, Break); 18] = [
             ("position", |a| a.positions[1][2] = f32::NAN),
             ("rotation", |a| a.rotations[2] = [0.0; 4]),
             ("rotation", |a| a.rotations[2][0] += 0.01),
@@ -150,6 +165,10 @@ mod tests {
             ("texel", |a| a.texels[9] = 1.01),
             ("texel values", |a| a.texels.truncate(9)),
             ("near", |a| a.capture_from_local.scale = 0.0),
+            ("near", |a| a.capture_from_local.rotation[1] = 0.1),
+            ("empty", |a| a.maps[1].cols = 3),
+            ("empty", |a| a.maps[1].texel_size = 0.1),
+            ("background", |a| a.background[2] = f32::NAN),
         ];
         for (word, change) in breaks {
             let mut asset = fixture(7, 1);

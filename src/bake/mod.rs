@@ -23,10 +23,10 @@ pub fn bake(
     let mut asset = SplatAsset {
         sh_degree: model.splats.sh_degree,
         near: model.near,
-        capture_from_local: CaptureFromLocal {
-            scale: model.capture_from_local.scale,
-            translation: model.capture_from_local.translation.to_array(),
-        },
+        capture_from_local: CaptureFromLocal::scaled_and_moved(
+            model.capture_from_local.scale,
+            model.capture_from_local.translation.to_array(),
+        ),
         colour_space: ColourSpace::SrgbRec709Display,
         cameras: cameras.iter().map(|(name, camera)| asset_camera(name, camera)).collect(),
         provenance,
@@ -101,7 +101,7 @@ fn push_splat(asset: &mut SplatAsset, model: &Model, splat: usize) -> Option<()>
         offset_texels: asset.num_texels() as u32,
         rows: map.rows,
         cols: map.cols,
-        texel_size: map.texel_size,
+        texel_size: if map.num_texels() > 0 { map.texel_size } else { 0.0 },
     });
     asset.texels.extend(texels.iter().map(|&t| texel_value(f64::from(t)) as f32));
     Some(())

@@ -24,8 +24,5 @@ pub use write::{PlyFlavour, PlyOptions, PlySummary, encode_ply, write_ply};
 /// Comment by which SuperSplat and splat-transform know files without `scale_2`.
 const COMMENT_2DGS: &str = "SplatRenderMode: 2dgs";
 
-/// Y_00 of the spherical harmonics.
-const SH_0: f64 = 0.282_094_791_773_878_14;
-
 #[cfg(test)]
 mod tests;

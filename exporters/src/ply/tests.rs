@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::asset::tests::fixture;
+use crate::sh::SH_0;
 use crate::{Error, SplatAsset};
 use std::path::Path;
 

@@ -1,7 +1,8 @@
 //! Writes PLY.
 
-use super::{COMMENT_2DGS, SH_0};
-use crate::{AssetMap, Error, Result, SplatAsset, num_sh_coefficients, write_atomically};
+use super::COMMENT_2DGS;
+use crate::baked::{Baked, Baker};
+use crate::{Error, Result, SplatAsset, num_sh_coefficients, write_atomically};
 use std::path::Path;
 
 /// Which of the two layouts.
@@ -63,30 +64,20 @@ pub fn encode_ply(asset: &SplatAsset, options: &PlyOptions) -> Result<(Vec<u8>, 
     }
     let mut bytes = header(asset, options.flavour, sh_degree).into_bytes();
     let mut summary = PlySummary::default();
-    let mut row = Vec::new();
+    let (mut row, baker) = (Vec::new(), Baker::new(asset));
     for splat in 0..asset.num_splats() {
         row.clear();
-        push_splat(&mut row, asset, splat, options.flavour, sh_degree);
+        let baked = baker.splat(splat);
+        push_splat(&mut row, &baked, options.flavour, sh_degree);
         if !row.iter().all(|v| v.is_finite()) {
             return Err(Error::invalid("", format!("splat {splat}: not finite in the capture frame")));
         }
         bytes.extend(row.iter().flat_map(|v| v.to_le_bytes()));
-        let map = &asset.maps[splat];
-        if map.num_texels() > 0 {
-            summary.averaged_maps += 1;
-            summary.position_error_texels =
-                summary.position_error_texels.max(rounding_error_texels(asset, splat, map));
-        }
+        summary.averaged_maps += usize::from(asset.maps[splat].num_texels() > 0);
+        summary.position_error_texels = summary.position_error_texels.max(baked.rounding_texels);
     }
     summary.bytes = bytes.len();
     Ok((bytes, summary))
-}
-
-fn rounding_error_texels(asset: &SplatAsset, splat: usize, map: &AssetMap) -> f64 {
-    let frame = &asset.capture_from_local;
-    let exact = frame.transform_point(asset.positions[splat]);
-    let squares = exact.iter().map(|&v| (f64::from(v as f32) - v).powi(2));
-    squares.sum::<f64>().sqrt() / (frame.scale * f64::from(map.texel_size))
 }
 
 /// PLY headers are ASCII lines: other characters become `?`, line breaks become spaces.
@@ -146,29 +137,24 @@ fn header(asset: &SplatAsset, flavour: PlyFlavour, sh_degree: u32) -> String {
 }
 
 /// Appends the row of a splat, in the order of the header.
-fn push_splat(row: &mut Vec<f32>, asset: &SplatAsset, splat: usize, flavour: PlyFlavour, sh_degree: u32) {
-    let frame = &asset.capture_from_local;
-    let rotation = asset.rotations[splat];
-    row.extend(frame.transform_point(asset.positions[splat]).map(|v| v as f32));
-    row.extend(normal(rotation));
-
-    let sh = asset.sh_of(splat);
-    let mean = asset.mean_residual(splat);
-    row.extend((0..3).map(|c| (f64::from(sh[c]) + mean[c] / SH_0) as f32));
+fn push_splat(row: &mut Vec<f32>, splat: &Baked, flavour: PlyFlavour, sh_degree: u32) {
+    row.extend(splat.position.map(|v| v as f32));
+    row.extend(normal(splat.rotation));
+    row.extend(splat.sh[..3].iter().map(|&v| v as f32));
     for channel in 0..3 {
-        let coefficient = |k: usize| sh.get(3 * k + channel).copied().unwrap_or(0.0);
+        let coefficient = |k: usize| splat.sh.get(3 * k + channel).map_or(0.0, |&v| v as f32);
         row.extend((1..num_sh_coefficients(sh_degree)).map(coefficient));
     }
-    row.push(logit(asset.opacities[splat]));
+    row.push(logit(splat.opacity));
 
-    let scales = asset.scales[splat].map(|s| f64::from(s) * frame.scale);
+    let scales = splat.scales;
     row.extend(scales.map(|s| s.ln() as f32));
     if flavour == PlyFlavour::Ellipsoid {
         // Always the thinnest axis, however small the capture's unit makes the splat.
         let thickness = THICKNESS.min(0.01 * scales[0].min(scales[1]));
         row.push(thickness.ln() as f32);
     }
-    row.extend(rotation);
+    row.extend(splat.rotation);
 }
 
 /// The surfel's z axis.

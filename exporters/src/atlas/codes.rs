@@ -1,0 +1,48 @@
+//! Texels as codes of 8 bits: `texel = code * scale + bias`, computed in f64 and rounded to f32.
+
+/// How codes become texels. Code 127 is exactly 0.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TexelDecode {
+    /// Texel value of a step.
+    pub scale: f64,
+    /// Texel value of code 0.
+    pub bias: f64,
+}
+
+impl TexelDecode {
+    /// The finest steps that reach all texels.
+    pub fn finest(texels: &[f32]) -> Self {
+        let largest = texels.iter().fold(0.0_f32, |a, t| a.max(t.abs()));
+        let scale = f64::from(largest.max(f32::MIN_POSITIVE)) / 127.0;
+        Self { scale, bias: -127.0 * scale }
+    }
+
+    /// A texel; a little beyond [-1, 1] is drawn back.
+    pub fn texel(&self, code: u8) -> f32 {
+        ((f64::from(code) * self.scale + self.bias) as f32).clamp(-1.0, 1.0)
+    }
+
+    /// The nearest code.
+    pub fn code(&self, texel: f32) -> u8 {
+        ((f64::from(texel) - self.bias) / self.scale).round().clamp(0.0, 254.0) as u8
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn codes_are_nearest_and_zero_is_zero() {
+        let texels = [-0.73_f32, 0.0, 0.1, 0.42];
+        let decode = TexelDecode::finest(&texels);
+        assert_eq!(decode.texel(decode.code(0.0)), 0.0);
+        assert_eq!(decode.texel(decode.code(-0.73)), -0.73);
+        for t in texels {
+            assert!(f64::from((decode.texel(decode.code(t)) - t).abs()) <= 0.5001 * decode.scale);
+        }
+        let extreme = TexelDecode::finest(&[1.0, -1.0]);
+        assert_eq!([0, 127, 254].map(|c| extreme.texel(c)), [-1.0, 0.0, 1.0]);
+        assert_eq!(TexelDecode::finest(&[]).texel(127), 0.0);
+    }
+}

@@ -1,0 +1,68 @@
+//! Splats as formats without textures and frames hold them: in the frame of the capture, maps averaged into the base
+//! colour.
+
+use crate::sh::{SH_0, Turn};
+use crate::{AssetMap, SplatAsset, quaternion};
+
+/// One splat.
+pub struct Baked {
+    /// Centre, capture frame.
+    pub position: [f64; 3],
+    /// capture_from_surfel, wxyz.
+    pub rotation: [f32; 4],
+    /// Standard deviations, capture units.
+    pub scales: [f64; 2],
+    /// In (0, 1].
+    pub opacity: f32,
+    /// Coefficients. `[(degree + 1)^2, 3]`
+    pub sh: Vec<f64>,
+    /// How far f32 is from the centre, in texels of its map; 0 without a map.
+    pub rounding_texels: f64,
+}
+
+/// Makes them.
+pub struct Baker<'a> {
+    asset: &'a SplatAsset,
+    turn: Option<Turn>,
+}
+
+impl<'a> Baker<'a> {
+    /// For an asset.
+    pub fn new(asset: &'a SplatAsset) -> Self {
+        let frame = &asset.capture_from_local;
+        Self { asset, turn: (!frame.is_upright()).then(|| Turn::new(frame.rotation)) }
+    }
+
+    /// One splat.
+    pub fn splat(&self, splat: usize) -> Baked {
+        let (asset, frame) = (self.asset, &self.asset.capture_from_local);
+        let mut rotation = asset.rotations[splat];
+        let mut sh: Vec<f64> = asset.sh_of(splat).iter().map(|&c| c.into()).collect();
+        if let Some(turn) = &self.turn {
+            let turned = quaternion::product(frame.rotation, rotation.map(f64::from));
+            let norm = quaternion::norm(turned);
+            rotation = turned.map(|v| (v / norm) as f32);
+            sh = turn.apply(asset.sh_of(splat));
+        }
+        for (dc, mean) in sh.iter_mut().zip(asset.mean_residual(splat)) {
+            *dc += mean / SH_0;
+        }
+        let position = frame.transform_point(asset.positions[splat]);
+        Baked {
+            position,
+            rotation,
+            scales: asset.scales[splat].map(|s| f64::from(s) * frame.scale),
+            opacity: asset.opacities[splat],
+            sh,
+            rounding_texels: rounding_texels(position, frame.scale, &asset.maps[splat]),
+        }
+    }
+}
+
+fn rounding_texels(position: [f64; 3], scale: f64, map: &AssetMap) -> f64 {
+    if map.num_texels() == 0 {
+        return 0.0;
+    }
+    let squares = position.iter().map(|&v| (f64::from(v as f32) - v).powi(2));
+    squares.sum::<f64>().sqrt() / (scale * f64::from(map.texel_size))
+}

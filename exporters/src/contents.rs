@@ -1,0 +1,81 @@
+//! What readers return besides the asset, alike for all formats.
+
+use crate::{Quality, SplatAsset};
+
+/// What a part of a file describes; sizes are given per splat, per texel or as they are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Describes {
+    /// Splats.
+    Splats,
+    /// Texels.
+    Texels,
+    /// Everything else: headers, tables, metadata, fallbacks.
+    Other,
+}
+
+/// A part of a file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Section {
+    /// Name, the same attribute under the same name in all formats where it is stored apart: `positions`, `rotations`,
+    /// `scales`, `opacities`, `sh0`, `sh_rest`, `maps`, `texels`, `metadata`, `fallback`, ...
+    pub name: String,
+    /// Bytes in the file.
+    pub bytes: u64,
+    /// What it describes.
+    pub describes: Describes,
+}
+
+/// A file that was read.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Contents {
+    /// The scene.
+    pub asset: SplatAsset,
+    /// Name of the format with its version.
+    pub format: String,
+    /// As the file says; `None` where the format has no such thing.
+    pub quality: Option<Quality>,
+    /// [`SplatAsset::hash`] of what the file should hold, as it says.
+    pub hash: Option<u64>,
+    /// Parts of the file; their sum is the file's size.
+    pub sections: Vec<Section>,
+    /// What is odd about the file but no reason to refuse it.
+    pub warnings: Vec<String>,
+}
+
+/// What a reader may use.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ReadLimits {
+    /// Most bytes that a file may decode to.
+    pub decoded_bytes: u64,
+}
+
+impl Default for ReadLimits {
+    fn default() -> Self {
+        Self { decoded_bytes: 8 << 30 }
+    }
+}
+
+/// How bad an issue is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Severity {
+    /// Allowed, but worth knowing.
+    Info,
+    /// Some programs will not show the file as meant.
+    Warning,
+    /// The file breaks a rule.
+    Error,
+}
+
+/// Something that a validation found.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Issue {
+    /// Number that stays the same over versions: `LT1xxx` glTF, `LT2xxx` USD, `LT3xxx` `.ltgs`, `LT4xxx` PLY and SPZ,
+    /// `LT9xxx` any.
+    pub code: &'static str,
+    /// How bad.
+    pub severity: Severity,
+    /// Where in the file: a JSON pointer, a path of prims, a chunk.
+    pub place: String,
+    /// What was found, what was expected.
+    pub message: String,
+}

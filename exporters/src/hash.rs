@@ -1,0 +1,67 @@
+//! A number that tells whether two assets render alike.
+
+use crate::SplatAsset;
+use xxhash_rust::xxh3::Xxh3Default;
+
+impl SplatAsset {
+    /// xxh3-64 over everything that the picture depends on, little-endian: SH degree and number of splats (u32 each), near
+    /// plane, positions, rotations, scales, opacities, SH, rows and columns (u16) and texel size of each map, texels.
+    pub fn hash(&self) -> u64 {
+        let mut hasher = Xxh3Default::new();
+        hasher.update(&self.sh_degree.to_le_bytes());
+        hasher.update(&(self.num_splats() as u32).to_le_bytes());
+        let mut floats = |values: &[f32]| {
+            // In pieces: no copy of the whole asset.
+            for piece in values.chunks(4096) {
+                let bytes: Vec<u8> = piece.iter().flat_map(|v| v.to_le_bytes()).collect();
+                hasher.update(&bytes);
+            }
+        };
+        floats(&[self.near]);
+        floats(self.positions.as_flattened());
+        floats(self.rotations.as_flattened());
+        floats(self.scales.as_flattened());
+        floats(&self.opacities);
+        floats(&self.sh);
+        for map in &self.maps {
+            hasher.update(&map.rows.to_le_bytes());
+            hasher.update(&map.cols.to_le_bytes());
+            hasher.update(&map.texel_size.to_le_bytes());
+        }
+        for piece in self.texels.chunks(4096) {
+            let bytes: Vec<u8> = piece.iter().flat_map(|v| v.to_le_bytes()).collect();
+            hasher.update(&bytes);
+        }
+        hasher.digest()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::asset::tests::fixture;
+
+    #[test]
+    fn everything_that_is_seen_counts_and_titles_do_not() {
+        let asset = fixture(9, 2);
+        let mut titled = asset.clone();
+        titled.provenance.title = "Another".into();
+        titled.cameras.clear();
+        assert_eq!(titled.hash(), asset.hash());
+        type Change = fn(&mut crate::SplatAsset);
+        let changes: [Change; 8] = [
+            |a| a.positions[8][2] += 1e-6,
+            |a| a.rotations[0][3] *= -1.0,
+            |a| a.scales[4][1] *= 1.0 + 1e-6,
+            |a| a.opacities[8] *= 0.5,
+            |a| a.sh[200] += 1e-6,
+            |a| (a.maps[2].rows, a.maps[2].cols) = (3, 5),
+            |a| a.maps[5].texel_size *= 1.01,
+            |a| a.texels[50] = 0.0,
+        ];
+        for (i, change) in changes.iter().enumerate() {
+            let mut changed = asset.clone();
+            change(&mut changed);
+            assert_ne!(changed.hash(), asset.hash(), "change {i}");
+        }
+    }
+}

@@ -1,0 +1,76 @@
+//! All of an asset that is not an array, as JSON: glTF, USD and `.ltgs` carry the same object.
+//! Numbers are written so that they come back bit for bit.
+
+use crate::{AssetCamera, CaptureFromLocal, ColourSpace, Provenance, SplatAsset};
+use serde::{Deserialize, Serialize};
+
+/// Most bytes of the object's text that a reader takes.
+pub const META_BYTES_MAX: usize = 16 << 20;
+
+/// The object. Field names are part of the formats.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub struct Meta {
+    /// Near plane, local units.
+    pub near: f32,
+    /// What was behind the scene in training, display space.
+    pub background: [f32; 3],
+    /// `"srgb_rec709_display"` or `"lin_rec709_display"`.
+    pub colour_space: ColourSpace,
+    /// Way to the frame of the capture.
+    pub capture_from_local: CaptureFromLocal,
+    /// Title, author, licence, source, program version, facts.
+    pub provenance: Provenance,
+    /// Cameras of the capture.
+    pub cameras: Vec<AssetCamera>,
+}
+
+impl Meta {
+    /// Of an asset.
+    pub fn of(asset: &SplatAsset) -> Self {
+        Self {
+            near: asset.near,
+            background: asset.background,
+            colour_space: asset.colour_space,
+            capture_from_local: asset.capture_from_local,
+            provenance: asset.provenance.clone(),
+            cameras: asset.cameras.clone(),
+        }
+    }
+
+    /// Puts it into an asset.
+    pub fn store(self, asset: &mut SplatAsset) {
+        asset.near = self.near;
+        asset.background = self.background;
+        asset.colour_space = self.colour_space;
+        asset.capture_from_local = self.capture_from_local;
+        asset.provenance = self.provenance;
+        asset.cameras = self.cameras;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::asset::tests::fixture;
+
+    #[test]
+    fn numbers_come_back_bit_for_bit() {
+        let mut asset = fixture(3, 0);
+        asset.near = 0.1 + f32::EPSILON;
+        asset.capture_from_local = CaptureFromLocal {
+            scale: 1.0 / 3.0,
+            rotation: [0.6, -0.0, 0.8, 0.0],
+            translation: [1e6 / 7.0, 5e-324, -0.0],
+        };
+        asset.background = [0.1, 0.2, 1.0];
+        asset.colour_space = ColourSpace::LinRec709Display;
+        asset.provenance.training.insert("steps".into(), "7000".into());
+        let text = serde_json::to_string(&Meta::of(&asset)).unwrap();
+        assert!(text.contains("\"lin_rec709_display\"") && text.contains("\"captureFromLocal\""), "{text}");
+        let mut read = SplatAsset { near: 9.0, ..asset.clone() };
+        serde_json::from_str::<Meta>(&text).unwrap().store(&mut read);
+        assert_eq!(Meta::of(&read), Meta::of(&asset));
+        assert!(read.capture_from_local.translation[2].is_sign_negative());
+    }
+}

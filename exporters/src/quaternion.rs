@@ -1,0 +1,73 @@
+//! Quaternions **wxyz** in f64.
+
+/// Length.
+pub fn norm(q: [f64; 4]) -> f64 {
+    q.iter().map(|v| v * v).sum::<f64>().sqrt()
+}
+
+/// The turn `b` first, then `a`.
+pub fn product([aw, ax, ay, az]: [f64; 4], [bw, bx, by, bz]: [f64; 4]) -> [f64; 4] {
+    [
+        aw * bw - ax * bx - ay * by - az * bz,
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+    ]
+}
+
+/// The opposite turn.
+pub fn conjugate([w, x, y, z]: [f64; 4]) -> [f64; 4] {
+    [w, -x, -y, -z]
+}
+
+/// A vector turned by a unit quaternion.
+pub fn turned(q: [f64; 4], v: [f64; 3]) -> [f64; 3] {
+    let [_, x, y, z] = product(product(q, [0.0, v[0], v[1], v[2]]), conjugate(q));
+    [x, y, z]
+}
+
+/// The shortest turn that brings a direction to another; both of any length but zero.
+pub fn between(from: [f64; 3], to: [f64; 3]) -> [f64; 4] {
+    let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    let cross = |a: [f64; 3], b: [f64; 3]| {
+        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    };
+    let lengths = (dot(from, from) * dot(to, to)).sqrt();
+    let cosine = dot(from, to) / lengths;
+    if cosine < -1.0 + 1e-12 {
+        // Half a turn about any axis across.
+        let axis = if from[0].abs() < from[1].abs() { [1.0, 0.0, 0.0] } else { [0.0, 1.0, 0.0] };
+        let [x, y, z] = cross(from, axis);
+        let n = (x * x + y * y + z * z).sqrt();
+        return [0.0, x / n, y / n, z / n];
+    }
+    let [x, y, z] = cross(from, to).map(|v| v / lengths);
+    let q = [1.0 + cosine, x, y, z];
+    let n = norm(q);
+    q.map(|v| v / n)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn turns_bring_directions_where_they_should() {
+        let directions =
+            [[0.0, 1.0, 0.0], [0.0, -2.0, 0.0], [3.0, 0.0, 0.0], [0.3, -0.4, 1.2], [0.0, 0.0, -1.0]];
+        for from in directions {
+            for to in directions {
+                let found = turned(between(from, to), from);
+                let [a, b] = [from, to].map(|v| norm([0.0, v[0], v[1], v[2]]));
+                // Needed 5e-16.
+                assert!(
+                    (0..3).all(|i| (found[i] / a - to[i] / b).abs() < 1e-14),
+                    "{from:?} {to:?} {found:?}"
+                );
+            }
+        }
+        let (a, b) = (between([1.0, 0.0, 0.0], [0.0, 1.0, 0.0]), between([0.0, 1.0, 0.0], [0.0, 0.0, 1.0]));
+        let both = turned(product(b, a), [1.0, 0.0, 0.0]);
+        assert!((both[2] - 1.0).abs() < 1e-15, "{both:?}");
+    }
+}

@@ -1,0 +1,90 @@
+//! The frame of glTF and USD: y up, by half a turn about x from the local frame (COLMAP's axes: y down, z forward).
+//! Only signs and places change, so that nothing is rounded; it is its own inverse but for the quaternion's sign.
+
+use crate::{CaptureFromLocal, quaternion};
+
+/// Half a turn about x as a quaternion wxyz.
+const HALF_TURN: [f64; 4] = [0.0, 1.0, 0.0, 0.0];
+
+/// Signs of SH coefficients under half a turn about x.
+pub const SH_SIGNS: [f32; 16] =
+    [1.0, -1.0, -1.0, 1.0, -1.0, 1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0, -1.0, 1.0, -1.0, 1.0];
+
+/// A point, either way.
+pub fn position([x, y, z]: [f32; 3]) -> [f32; 3] {
+    [x, -y, -z]
+}
+
+/// `yup_from_surfel` from `local_from_surfel`, wxyz.
+pub fn rotation([w, x, y, z]: [f32; 4]) -> [f32; 4] {
+    [-x, w, -z, y]
+}
+
+/// `local_from_surfel` from `yup_from_surfel`, wxyz.
+pub fn rotation_back([w, x, y, z]: [f32; 4]) -> [f32; 4] {
+    [x, -w, z, -y]
+}
+
+/// Coefficients of one splat, either way. `[(degree + 1)^2, 3]`
+pub fn sh(coefficients: &[f32]) -> impl Iterator<Item = f32> {
+    coefficients.iter().enumerate().map(|(i, c)| SH_SIGNS[i / 3] * c)
+}
+
+/// `world_from_yup` of a file whose world is the capture with y up: scale, rotation wxyz and translation of a node.
+pub fn node(frame: &CaptureFromLocal) -> CaptureFromLocal {
+    let [x, y, z] = frame.translation;
+    CaptureFromLocal { scale: frame.scale, rotation: flipped(frame.rotation), translation: [x, -y, -z] }
+}
+
+/// The inverse of [`node`].
+pub fn frame_of_node(node: &CaptureFromLocal) -> CaptureFromLocal {
+    // Twice is not at all.
+    self::node(node)
+}
+
+/// A turn seen from the other frame.
+fn flipped(q: [f64; 4]) -> [f64; 4] {
+    let [w, x, y, z] =
+        quaternion::product(quaternion::product(HALF_TURN, q), quaternion::conjugate(HALF_TURN));
+    // Zeros keep one sign, so that files do not depend on the way here.
+    [w, x, y, z].map(|v| v + 0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::asset::tests::fixture;
+    use crate::sh::Turn;
+
+    #[test]
+    fn signs_are_those_of_half_a_turn_and_everything_comes_back() {
+        let asset = fixture(9, 3);
+        let turn = Turn::new(HALF_TURN);
+        for i in 0..9 {
+            let flipped: Vec<f32> = sh(asset.sh_of(i)).collect();
+            for (found, expected) in flipped.iter().zip(turn.apply(asset.sh_of(i))) {
+                assert!((f64::from(*found) - expected).abs() < 1e-14); // needed 1e-15
+            }
+            assert!(sh(&flipped).eq(asset.sh_of(i).iter().copied()));
+            let q = rotation(asset.rotations[i]);
+            let expected = quaternion::product(HALF_TURN, asset.rotations[i].map(f64::from));
+            assert_eq!(q.map(f64::from), expected.map(|v| v + 0.0));
+            assert_eq!(rotation_back(q), asset.rotations[i]);
+            assert_eq!(position(position(asset.positions[i])), asset.positions[i]);
+        }
+    }
+
+    #[test]
+    fn a_node_does_to_flipped_points_what_the_frame_does_to_local_ones() {
+        let frame =
+            CaptureFromLocal { scale: 2.5, rotation: [0.5, -0.1, 0.7, 0.5], translation: [4.0, -5.0, 6.0] };
+        let node = node(&frame);
+        let p = [0.3, -0.7, 1.1];
+        let [x, y, z] = frame.transform_point(p);
+        let found = node.transform_point(position(p));
+        for (found, expected) in found.iter().zip([x, -y, -z]) {
+            assert!((found - expected).abs() < 1e-14, "{found} {expected}"); // needed 9e-16
+        }
+        assert_eq!(frame_of_node(&node), frame);
+    }
+}
