@@ -90,6 +90,9 @@ impl AssetMap {
 pub struct AssetCamera {
     /// Original picture name.
     pub name: String,
+    /// Whether the photo was kept out of the training.
+    #[serde(default)]
+    pub held_out: bool,
     /// Picture width.
     pub width_px: u32,
     /// Picture height.

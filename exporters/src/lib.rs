@@ -9,6 +9,7 @@ mod asset;
 pub mod atlas;
 mod baked;
 mod contents;
+mod edit;
 mod error;
 mod file;
 mod hash;

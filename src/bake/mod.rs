@@ -1,22 +1,27 @@
 //! Freezes a trained model: activations are computed once, in f64, and rounded to the f32 values on
 //! which every export is defined. Files belong to `litetex-exporters`.
 
-use crate::camera::Camera;
+mod cameras;
+mod thaw;
+
 use crate::model::{Model, texel_value};
 use crate::{Error, Report};
+pub use cameras::{asset_camera, asset_cameras, camera};
 use litetex_exporters::{AssetCamera, AssetMap, CaptureFromLocal, ColourSpace, Provenance, SplatAsset};
+pub use thaw::thaw;
 
 /// Largest standard deviation that an asset may hold, local units.
 const SCALE_MAX: f64 = 1e6;
 
-/// Freezes a settled model with the cameras of its capture, by name.
+/// Freezes a settled model with the cameras of its capture and what was behind the scene.
 ///
 /// Splats that no renderer can draw (numbers that are not finite, a zero quaternion, a standard
 /// deviation beyond 1e6) are left out with their maps and counted in the report as
 /// `splats-not-drawable`. Fill the provenance but for `program_version`, which is set here if empty.
 pub fn bake(
     model: &Model,
-    cameras: &[(String, Camera)],
+    cameras: Vec<AssetCamera>,
+    background: [f32; 3],
     provenance: Provenance,
     report: &mut Report,
 ) -> SplatAsset {
@@ -28,7 +33,8 @@ pub fn bake(
             model.capture_from_local.translation.to_array(),
         ),
         colour_space: ColourSpace::SrgbRec709Display,
-        cameras: cameras.iter().map(|(name, camera)| asset_camera(name, camera)).collect(),
+        background,
+        cameras,
         provenance,
         ..SplatAsset::default()
     };
@@ -49,19 +55,6 @@ pub fn bake(
         );
     }
     asset
-}
-
-fn asset_camera(name: &str, camera: &Camera) -> AssetCamera {
-    let p = &camera.pinhole;
-    AssetCamera {
-        name: name.to_owned(),
-        width_px: p.width_px,
-        height_px: p.height_px,
-        focal_px: [p.fx_px, p.fy_px],
-        principal_px: [p.cx_px, p.cy_px],
-        rotation_rows: camera.camera_from_local.rotation.transpose().to_cols_array_2d(),
-        translation: camera.camera_from_local.translation.to_array(),
-    }
 }
 
 /// Activates one splat and its map; `None`, and nothing is pushed, if it cannot be drawn.
@@ -126,7 +119,7 @@ impl From<litetex_exporters::Error> for Error {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::{Pinhole, RigidTransform, Similarity};
+    use crate::camera::{Camera, Pinhole, RigidTransform, Similarity};
     use crate::model::{SplatArrays, TexturePool};
     use glam::{DMat3, DVec3};
 
@@ -172,8 +165,8 @@ mod tests {
     #[test]
     fn a_baked_model_is_a_valid_asset_with_activated_values() {
         let mut report = Report::default();
-        let cameras = [("a/b.png".to_owned(), camera())];
-        let asset = bake(&model(), &cameras, Provenance::default(), &mut report);
+        let cameras = vec![asset_camera("a/b.png", true, &camera())];
+        let asset = bake(&model(), cameras, [0.25; 3], Provenance::default(), &mut report);
         asset.validate().unwrap();
         assert_eq!(report, Report::default());
         assert_eq!((asset.num_splats(), asset.num_texels()), (4, 11));
@@ -206,7 +199,7 @@ mod tests {
             let mut poisoned = model();
             poison(&mut poisoned);
             let mut report = Report::default();
-            let asset = bake(&poisoned, &[], Provenance::default(), &mut report);
+            let asset = bake(&poisoned, Vec::new(), [0.0; 3], Provenance::default(), &mut report);
             asset.validate().unwrap();
             assert_eq!((asset.num_splats(), asset.num_texels()), (3, 11));
             assert_eq!(report.warnings[0].count, 1);
@@ -214,7 +207,7 @@ mod tests {
         // A poisoned texel takes its splat and its map along; offsets close up.
         let mut poisoned = model();
         poisoned.textures.texels[0] = f32::NAN;
-        let asset = bake(&poisoned, &[], Provenance::default(), &mut Report::default());
+        let asset = bake(&poisoned, Vec::new(), [0.0; 3], Provenance::default(), &mut Report::default());
         asset.validate().unwrap();
         assert_eq!((asset.num_splats(), asset.num_texels()), (3, 5));
         assert_eq!(asset.maps[2].offset_texels, 1);

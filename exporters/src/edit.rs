@@ -1,0 +1,102 @@
+//! What is changed on the way to a file: which splats are kept, which way is up, how long a unit is.
+
+use crate::{AssetMap, SplatAsset, num_sh_coefficients, quaternion};
+
+impl SplatAsset {
+    /// Keeps the splats for which `keep` says so, in their order. `[n]` Returns how many went.
+    pub fn retain(&mut self, keep: &[bool]) -> usize {
+        let before = self.num_splats();
+        let width = 3 * num_sh_coefficients(self.sh_degree);
+        let kept = |i: &usize| keep.get(*i).copied().unwrap_or(true);
+        let indices: Vec<usize> = (0..before).filter(kept).collect();
+        if indices.len() == before {
+            return 0;
+        }
+        let (mut maps, mut texels, mut sh) = (Vec::new(), Vec::new(), Vec::new());
+        for &i in &indices {
+            let offset_texels = (texels.len() / 3) as u32;
+            maps.push(AssetMap { offset_texels, ..self.maps[i] });
+            texels.extend_from_slice(self.texels_of(i));
+            sh.extend_from_slice(&self.sh[i * width..(i + 1) * width]);
+        }
+        self.positions = indices.iter().map(|&i| self.positions[i]).collect();
+        self.rotations = indices.iter().map(|&i| self.rotations[i]).collect();
+        self.scales = indices.iter().map(|&i| self.scales[i]).collect();
+        self.opacities = indices.iter().map(|&i| self.opacities[i]).collect();
+        (self.maps, self.texels, self.sh) = (maps, texels, sh);
+        before - indices.len()
+    }
+
+    /// Keeps the splats whose centres lie in a box of the capture's frame, edges included. Returns how many went.
+    pub fn crop(&mut self, low: [f64; 3], high: [f64; 3]) -> usize {
+        let frame = self.capture_from_local;
+        let inside = |p: &[f32; 3]| {
+            let p = frame.transform_point(*p);
+            (0..3).all(|i| (low[i]..=high[i]).contains(&p[i]))
+        };
+        let keep: Vec<bool> = self.positions.iter().map(inside).collect();
+        self.retain(&keep)
+    }
+
+    /// Turns the capture's frame about its origin so that a direction of it becomes the way up of all formats
+    /// (-y of the capture: cameras' images have y down).
+    pub fn set_up(&mut self, up_in_capture: [f64; 3]) {
+        let turn = quaternion::between(up_in_capture, [0.0, -1.0, 0.0]);
+        let frame = &mut self.capture_from_local;
+        frame.rotation = quaternion::product(turn, frame.rotation).map(|v| v + 0.0);
+        frame.translation = quaternion::turned(turn, frame.translation).map(|v| v + 0.0);
+    }
+
+    /// Makes the capture's units so many times as long as they were: 0.01 for a capture in centimetres gives metres.
+    pub fn rescale(&mut self, factor: f64) {
+        let frame = &mut self.capture_from_local;
+        frame.scale *= factor;
+        frame.translation = frame.translation.map(|t| t * factor);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::asset::tests::fixture;
+
+    #[test]
+    fn splats_are_kept_with_all_that_is_theirs() {
+        let whole = fixture(20, 2);
+        let mut asset = whole.clone();
+        assert_eq!(asset.retain(&[true; 20]), 0);
+        assert_eq!(asset, whole);
+        let frame = whole.capture_from_local;
+        let kept: Vec<usize> = (0..20)
+            .filter(|&i| frame.transform_point(whole.positions[i])[0] <= frame.translation[0])
+            .collect();
+        assert!(kept.len() > 3 && kept.len() < 17);
+        let high = [frame.translation[0], f64::INFINITY, f64::INFINITY];
+        assert_eq!(asset.crop([f64::NEG_INFINITY; 3], high), 20 - kept.len());
+        asset.validate().unwrap();
+        for (new, &old) in kept.iter().enumerate() {
+            assert_eq!(asset.positions[new], whole.positions[old]);
+            assert_eq!(asset.sh_of(new), whole.sh_of(old));
+            assert_eq!(asset.texels_of(new), whole.texels_of(old));
+            assert_eq!((asset.rotations[new], asset.scales[new]), (whole.rotations[old], whole.scales[old]));
+        }
+    }
+
+    #[test]
+    fn up_and_scale_change_the_frame_only() {
+        let whole = fixture(5, 1);
+        let mut asset = whole.clone();
+        asset.set_up([0.0, -1.0, 0.0]);
+        assert_eq!(asset, whole, "already so");
+        // z up: what lay at z lies at -y now.
+        asset.set_up([0.0, 0.0, 2.0]);
+        asset.rescale(0.01);
+        asset.validate().unwrap();
+        assert_eq!((&asset.positions, &asset.sh), (&whole.positions, &whole.sh));
+        for p in &whole.positions {
+            let (before, after) =
+                (whole.capture_from_local.transform_point(*p), asset.capture_from_local.transform_point(*p));
+            assert!((after[1] + 0.01 * before[2]).abs() < 1e-14, "{before:?} {after:?}"); // needed 2e-17
+            assert!((after[0] - 0.01 * before[0]).abs() < 1e-14);
+        }
+    }
+}

@@ -1,0 +1,86 @@
+//! An asset as a model, so that the backends can render it: activations are undone in f64.
+
+use crate::camera::Similarity;
+use crate::model::{Model, SplatArrays, TextureMap, TexturePool};
+use glam::DVec3;
+use litetex_exporters::SplatAsset;
+
+/// Largest opacity and residual that have an inverse: what f32 rounds to 1.
+const BELOW_ONE: f64 = 1.0 - 1.0 / (1_u64 << 26) as f64;
+
+/// A model that renders as the asset says, to the rounding of f32: equal assets give equal bits. A turn of
+/// the frame is left out, for models have none; cameras and splats are in the local frame.
+pub fn thaw(asset: &SplatAsset) -> Model {
+    let splats = SplatArrays {
+        sh_degree: asset.sh_degree,
+        positions: asset.positions.as_flattened().to_vec(),
+        quaternions: asset.rotations.as_flattened().to_vec(),
+        log_scales: asset.scales.as_flattened().iter().map(|&s| f64::from(s).ln() as f32).collect(),
+        opacity_logits: asset.opacities.iter().map(|&o| logit(f64::from(o)) as f32).collect(),
+        sh: asset.sh.clone(),
+    };
+    let maps = asset.maps.iter().map(|m| TextureMap {
+        offset_texels: m.offset_texels,
+        rows: m.rows,
+        cols: m.cols,
+        texel_size: m.texel_size,
+    });
+    let stored = |v: &f32| 2.0 * f64::from(*v).clamp(-BELOW_ONE, BELOW_ONE).atanh();
+    let texels = asset.texels.iter().map(|v| stored(v) as f32).collect();
+    let frame = &asset.capture_from_local;
+    Model {
+        splats,
+        textures: TexturePool { maps: maps.collect(), texels },
+        near: asset.near,
+        capture_from_local: Similarity {
+            scale: frame.scale,
+            translation: DVec3::from_array(frame.translation),
+        },
+    }
+}
+
+fn logit(opacity: f64) -> f64 {
+    let o = opacity.min(BELOW_ONE);
+    (o / (1.0 - o)).ln()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Report;
+    use crate::bake::bake;
+    use litetex_exporters::{AssetMap, Provenance};
+
+    #[test]
+    fn what_is_thawed_freezes_to_the_same_asset() {
+        let asset = SplatAsset {
+            sh_degree: 1,
+            positions: vec![[1.0, -2.0, 3.0], [0.0, 1e-7, 5.0]],
+            rotations: vec![[0.5, -0.5, 0.5, -0.5], [1.0, 0.0, 0.0, 0.0]],
+            scales: vec![[1e-6, 0.25], [3.0, 40.0]],
+            opacities: vec![1.0, 0.004],
+            sh: (0..24).map(|i| i as f32 / 7.0 - 1.0).collect(),
+            maps: vec![
+                AssetMap { offset_texels: 0, rows: 2, cols: 1, texel_size: 0.1 },
+                AssetMap { offset_texels: 2, rows: 0, cols: 0, texel_size: 0.0 },
+            ],
+            texels: vec![1.0, -1.0, 0.0, 0.7, -1e-5, 0.999_999],
+            ..SplatAsset::default()
+        };
+        asset.validate().unwrap();
+        let again = bake(&thaw(&asset), Vec::new(), [0.0; 3], Provenance::default(), &mut Report::default());
+        let close = |a: &[f32], b: &[f32]| {
+            a.len() == b.len() && a.iter().zip(b).all(|(a, b)| (a - b).abs() <= 2e-6 * a.abs())
+        };
+        // Needed 9e-7: f32 of the logarithm of 1e-6.
+        assert!(close(asset.scales.as_flattened(), again.scales.as_flattened()), "{:?}", again.scales);
+        assert!(close(&asset.opacities, &again.opacities) && close(&asset.texels, &again.texels));
+        assert_eq!(
+            (asset.positions, asset.rotations, asset.sh),
+            (again.positions, again.rotations, again.sh)
+        );
+        assert_eq!(asset.maps, again.maps);
+        // Negative control.
+        assert!(!close(&[1.0, 2.0], &[1.0, 2.000_01]));
+    }
+}
