@@ -33,6 +33,11 @@ impl<'a> Baker<'a> {
         Self { asset, turn: (!frame.is_upright()).then(|| Turn::new(frame.rotation)) }
     }
 
+    /// Centre of a splat, capture frame.
+    pub fn position(&self, splat: usize) -> [f64; 3] {
+        self.asset.capture_from_local.transform_point(self.asset.positions[splat])
+    }
+
     /// One splat.
     pub fn splat(&self, splat: usize) -> Baked {
         let (asset, frame) = (self.asset, &self.asset.capture_from_local);
@@ -47,7 +52,7 @@ impl<'a> Baker<'a> {
         for (dc, mean) in sh.iter_mut().zip(asset.mean_residual(splat)) {
             *dc += mean / SH_0;
         }
-        let position = frame.transform_point(asset.positions[splat]);
+        let position = self.position(splat);
         Baked {
             position,
             rotation,

@@ -18,6 +18,7 @@ pub mod ply;
 mod quality;
 mod quaternion;
 mod sh;
+pub mod spz;
 mod validate;
 mod yup;
 

@@ -211,9 +211,7 @@ fn push_splat(contents: &mut PlyContents, columns: &Columns, values: &[f64], pat
     }
     if columns.scales.len() == 3 {
         (quaternion, scales) = thinnest_last(quaternion, scales);
-        if scales[2] > DISC_THICKNESS * scales[0].min(scales[1]) {
-            contents.num_thick += 1;
-        }
+        contents.num_thick += usize::from(is_thick(scales));
     }
     asset.positions.push(columns.position.map(|c| values[c] as f32));
     asset.rotations.push(quaternion.map(|v| v as f32));
@@ -230,8 +228,13 @@ fn push_splat(contents: &mut PlyContents, columns: &Columns, values: &[f64], pat
     Ok(())
 }
 
+/// Whether a splat looks different as a disc.
+pub(crate) fn is_thick(scales: [f64; 3]) -> bool {
+    scales[2] > DISC_THICKNESS * scales[0].min(scales[1])
+}
+
 /// Renames the axes cyclically so that the thinnest is z.
-fn thinnest_last([w, x, y, z]: [f64; 4], s: [f64; 3]) -> ([f64; 4], [f64; 3]) {
+pub(crate) fn thinnest_last([w, x, y, z]: [f64; 4], s: [f64; 3]) -> ([f64; 4], [f64; 3]) {
     if s[2] <= s[0] && s[2] <= s[1] {
         ([w, x, y, z], s)
     } else if s[0] <= s[1] {

@@ -1,0 +1,39 @@
+//! SPZ version 4, the compact format of plain splats: six streams of bytes, each compressed by zstd. Maps are averaged into
+//! the base colour, as in PLY; frame: of the capture with y up (x right, y up, z back).
+//!
+//! | stream | bytes a splat | meaning |
+//! |---|---|---|
+//! | positions | 9 | three fixed-point numbers of 24 bits |
+//! | alphas | 1 | opacity times 255 |
+//! | colours | 3 | SH of degree 0, times 0.15 times 255, from 127.5 |
+//! | scales | 3 | (natural logarithm + 10) times 16; the third is thin |
+//! | rotations | 4 | index of the largest of xyzw (2 bits), then sign and 9 bits for each other |
+//! | SH | 3 ((degree + 1)^2 - 1) | coefficient times 128, from 128, in steps of 8 (degree 1) or 16 |
+
+mod read;
+mod rotation;
+mod write;
+
+pub use read::{decode_spz, read_spz};
+pub use write::{SpzSummary, encode_spz, write_spz};
+
+/// "NGSP".
+const MAGIC: u32 = 0x5053_474e;
+const VERSION: u32 = 4;
+const HEADER_BYTES: usize = 32;
+/// Sizes, compressed and not, of a stream.
+const TOC_ENTRY_BYTES: usize = 16;
+const NUM_STREAMS: usize = 6;
+/// Bit of the header's flags: extension records lie between header and table.
+const HAS_EXTENSIONS: u8 = 0x2;
+/// Our extension record: title, author and so on as JSON. Others skip it by its length.
+const META_RECORD: u32 = 0x4c54_0001;
+const COLOUR_SCALE: f64 = 0.15;
+
+/// Steps of SH codes of a degree.
+fn sh_step(coefficient: usize) -> f64 {
+    if coefficient < 4 { 8.0 } else { 16.0 }
+}
+
+#[cfg(test)]
+mod tests;

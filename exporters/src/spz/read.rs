@@ -1,0 +1,207 @@
+//! Reads SPZ version 4 by any program; extension records of others are skipped.
+
+use super::{
+    HAS_EXTENSIONS, HEADER_BYTES, MAGIC, META_RECORD, NUM_STREAMS, TOC_ENTRY_BYTES, VERSION, rotation,
+};
+use crate::meta::Meta;
+use crate::yup;
+use crate::{
+    AssetMap, Contents, Describes, Error, ReadLimits, Result, SPLATS_MAX, Section, SplatAsset,
+    num_sh_coefficients,
+};
+use std::path::Path;
+
+/// Names of the streams for tables of sizes.
+const NAMES: [&str; NUM_STREAMS] = ["positions", "opacities", "sh0", "scales", "rotations", "sh_rest"];
+/// zstd does not compress bytes of splats by more.
+const MAX_EXPANSION: u64 = 4096;
+
+/// Reads a file. See [`decode_spz`].
+///
+/// # Errors
+/// As [`decode_spz`], and [`Error::Io`].
+pub fn read_spz(path: &Path, limits: &ReadLimits) -> Result<Contents> {
+    let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+    decode_spz(&bytes, path, limits)
+}
+
+struct Header {
+    num_splats: usize,
+    sh_degree: u32,
+    fractional_bits: u32,
+    toc_offset: usize,
+    has_extensions: bool,
+}
+
+/// Decodes the bytes of a file; `path` is only for messages. The asset is in the file's frame turned to y down; if the
+/// file is ours, cameras and provenance are those of the asset that it was made from.
+///
+/// # Errors
+/// [`Error::Invalid`] if the file is damaged or no SPZ, [`Error::Unsupported`] for other versions,
+/// [`Error::TooLarge`].
+pub fn decode_spz(bytes: &[u8], path: &Path, limits: &ReadLimits) -> Result<Contents> {
+    let header = header(bytes, path)?;
+    let streams = streams(bytes, &header, path, limits)?;
+    let mut sections: Vec<Section> = Vec::new();
+    for (name, stream) in NAMES.iter().zip(&streams) {
+        let bytes = stream.packed_bytes;
+        sections.push(Section { name: (*name).to_owned(), bytes, describes: Describes::Splats });
+    }
+    let rest = bytes.len() as u64 - sections.iter().map(|s| s.bytes).sum::<u64>();
+    sections.push(Section { name: "metadata".to_owned(), bytes: rest, describes: Describes::Other });
+    let (mut asset, thick) = splats(&header, &streams, path)?;
+    let mut warnings = Vec::new();
+    if thick > 0 {
+        warnings.push(format!("{thick} splats are no discs: their thinnest axis is left out"));
+    }
+    if let Some(meta) = own_meta(bytes, &header) {
+        // Its frame is in the splats already.
+        let Meta { provenance, background, .. } = meta;
+        (asset.provenance, asset.background) = (provenance, background);
+    }
+    asset.validate().map_err(|e| e.at(path))?;
+    Ok(Contents { asset, format: "SPZ 4".to_owned(), quality: None, hash: None, sections, warnings })
+}
+
+fn word(bytes: &[u8], at: usize) -> Option<u32> {
+    bytes.get(at..at + 4)?.first_chunk().map(|b| u32::from_le_bytes(*b))
+}
+
+fn header(bytes: &[u8], path: &Path) -> Result<Header> {
+    if bytes.starts_with(&[0x1f, 0x8b]) {
+        let what = "SPZ of version 1 to 3 (gzip); supported: version 4; write it anew with a current program";
+        return Err(Error::unsupported(path, what));
+    }
+    let cut = || Error::invalid(path, format!("{} bytes, the header of an SPZ file has 32", bytes.len()));
+    if bytes.len() < HEADER_BYTES {
+        return Err(cut());
+    }
+    let words: Option<Vec<u32>> = [0, 4, 8, 16].iter().map(|&at| word(bytes, at)).collect();
+    let [magic, version, count, toc] = words.ok_or_else(cut)?[..] else { return Err(cut()) };
+    if magic != MAGIC {
+        return Err(Error::invalid(
+            path,
+            format!("begins with {:02x?}, expected \"NGSP\": not an SPZ file", &bytes[..4]),
+        ));
+    }
+    if version != VERSION {
+        return Err(Error::unsupported(path, format!("SPZ version {version}; supported: {VERSION}")));
+    }
+    let [sh_degree, fractional_bits, flags, num_streams] = [12, 13, 14, 15].map(|at| bytes[at]);
+    if sh_degree > 3 {
+        return Err(Error::unsupported(path, format!("SH degree {sh_degree}; supported: 0 to 3")));
+    }
+    if fractional_bits > 30 || usize::from(num_streams) < NUM_STREAMS - usize::from(sh_degree == 0) {
+        let what = format!(
+            "{fractional_bits} fractional bits and {num_streams} streams, expected at most 30 and {NUM_STREAMS}"
+        );
+        return Err(Error::invalid(path, what));
+    }
+    let num_splats = count as usize;
+    if num_splats > SPLATS_MAX {
+        return Err(Error::too_large(path, format!("{num_splats} splats, at most {SPLATS_MAX}")));
+    }
+    Ok(Header {
+        num_splats,
+        sh_degree: sh_degree.into(),
+        fractional_bits: fractional_bits.into(),
+        toc_offset: toc as usize,
+        has_extensions: flags & HAS_EXTENSIONS != 0,
+    })
+}
+
+struct Stream {
+    data: Vec<u8>,
+    packed_bytes: u64,
+}
+
+fn streams(bytes: &[u8], header: &Header, path: &Path, limits: &ReadLimits) -> Result<Vec<Stream>> {
+    let n = header.num_splats;
+    let sh_bytes = 3 * (num_sh_coefficients(header.sh_degree) - 1);
+    let sizes = [9, 1, 3, 3, 4, sh_bytes].map(|width| width * n);
+    let total: usize = sizes.iter().sum();
+    // Positions, rotations and the rest become floats.
+    if 4 * total as u64 > limits.decoded_bytes {
+        return Err(Error::too_large(
+            path,
+            format!("{n} splats, the limit is {} bytes decoded", limits.decoded_bytes),
+        ));
+    }
+    let count = if sh_bytes == 0 { NUM_STREAMS - 1 } else { NUM_STREAMS };
+    // Files without SH may have an empty sixth stream.
+    let declared = usize::from(bytes[15]);
+    let mut at = header.toc_offset.saturating_add(declared.saturating_mul(TOC_ENTRY_BYTES));
+    let mut out = Vec::new();
+    for (i, &expected) in sizes.iter().enumerate().take(count) {
+        let offence = |what: String| Error::invalid(path, format!("stream {:?}: {what}", NAMES[i]));
+        let entry = header.toc_offset.saturating_add(i * TOC_ENTRY_BYTES);
+        let entry = bytes.get(entry..entry.saturating_add(TOC_ENTRY_BYTES));
+        let entry = entry.ok_or_else(|| offence("its sizes lie beyond the end of the file".to_owned()))?;
+        let [packed, raw] = [0, 8].map(|o| entry[o..].first_chunk().map_or(0, |b| u64::from_le_bytes(*b)));
+        if raw != expected as u64 {
+            return Err(offence(format!("{raw} bytes, expected {expected} for {n} splats")));
+        }
+        let end = usize::try_from(packed).ok().and_then(|p| at.checked_add(p));
+        let data = end.and_then(|end| bytes.get(at..end));
+        let data =
+            data.ok_or_else(|| offence(format!("{packed} bytes at {at} of a file of {}", bytes.len())))?;
+        if raw > MAX_EXPANSION * packed.max(1) {
+            return Err(offence(format!("{raw} bytes out of {packed} cannot be")));
+        }
+        let data = zstd::bulk::decompress(data, expected).map_err(|e| offence(format!("zstd: {e}")))?;
+        if data.len() != expected {
+            return Err(offence(format!("{} bytes, expected {expected}", data.len())));
+        }
+        at += packed as usize;
+        out.push(Stream { data, packed_bytes: packed });
+    }
+    Ok(out)
+}
+
+fn splats(header: &Header, streams: &[Stream], path: &Path) -> Result<(SplatAsset, usize)> {
+    let n = header.num_splats;
+    let mut asset = SplatAsset { sh_degree: header.sh_degree, ..SplatAsset::default() };
+    let step = 1.0 / f64::from(1_u32 << header.fractional_bits);
+    let data = |i: usize| streams.get(i).map_or(&[][..], |s| &s.data);
+    let mut thick = 0;
+    let sh_width = 3 * (num_sh_coefficients(header.sh_degree) - 1);
+    for i in 0..n {
+        let row = |stream: usize, width: usize| &data(stream)[i * width..(i + 1) * width];
+        let fixed = |b: &[u8]| i32::from_le_bytes([0, b[0], b[1], b[2]]) >> 8;
+        let p = row(0, 9);
+        let position = [&p[..3], &p[3..6], &p[6..]].map(|b| (f64::from(fixed(b)) * step) as f32);
+        asset.positions.push(yup::position(position));
+        asset.opacities.push((f32::from(row(1, 1)[0]) / 255.0).max(f32::MIN_POSITIVE));
+        let code = row(4, 4).first_chunk().map_or(0, |b| u32::from_le_bytes(*b));
+        let [x, y, z, w] = rotation::decode(code);
+        let s = row(3, 3);
+        let scales = [s[0], s[1], s[2]].map(|c| (f64::from(c) / 16.0 - 10.0).exp());
+        let (q, scales) = crate::ply::thinnest_last([w, x, y, z], scales);
+        thick += usize::from(crate::ply::is_thick(scales));
+        asset.rotations.push(yup::rotation_back(q.map(|v| v as f32)));
+        asset.scales.push([scales[0] as f32, scales[1] as f32]);
+        let dc = row(2, 3).iter().map(|&c| super::write::dc_from_code(c) as f32);
+        let rest = row(5, sh_width).iter().map(|&c| (f32::from(c) - 128.0) / 128.0);
+        let sh: Vec<f32> = dc.chain(rest).collect();
+        asset.sh.extend(yup::sh(&sh));
+        asset.maps.push(AssetMap::default());
+    }
+    if asset.positions.len() != n {
+        return Err(Error::invalid(path, "splats are missing"));
+    }
+    Ok((asset, thick))
+}
+
+/// What our writer left in an extension record.
+fn own_meta(bytes: &[u8], header: &Header) -> Option<Meta> {
+    let mut at = HEADER_BYTES;
+    while header.has_extensions && at.checked_add(8)? <= header.toc_offset.min(bytes.len()) {
+        let (kind, length) = (word(bytes, at)?, word(bytes, at + 4)? as usize);
+        let value = bytes.get(at + 8..(at + 8).checked_add(length)?)?;
+        if kind == META_RECORD && length <= crate::meta::META_BYTES_MAX {
+            return serde_json::from_slice(value).ok();
+        }
+        at = (at + 8).checked_add(length)?;
+    }
+    None
+}

@@ -1,0 +1,63 @@
+//! Unit quaternions in 32 bits: the largest component follows from the other three.
+
+/// Largest of the three smaller components.
+const MOST: f64 = std::f64::consts::FRAC_1_SQRT_2;
+const STEPS: f64 = 511.0;
+
+/// Code of a unit quaternion **xyzw**.
+pub fn encode(q: [f64; 4]) -> u32 {
+    let largest = (1..4).fold(0, |best, i| if q[i].abs() > q[best].abs() { i } else { best });
+    let negative = q[largest] < 0.0;
+    let mut code = largest as u32;
+    for (i, v) in q.iter().enumerate().filter(|&(i, _)| i != largest) {
+        debug_assert!(i < 4);
+        let sign = u32::from((*v < 0.0) != negative);
+        let size = (STEPS * (v.abs() / MOST) + 0.5).min(STEPS) as u32;
+        code = code << 10 | sign << 9 | size;
+    }
+    code
+}
+
+/// The quaternion **xyzw** of a code, of length 1.
+pub fn decode(code: u32) -> [f64; 4] {
+    let largest = (code >> 30) as usize;
+    let mut q = [0.0; 4];
+    let (mut rest, mut squares) = (code, 0.0);
+    for i in (0..4).rev().filter(|&i| i != largest) {
+        let size = MOST * f64::from(rest & 511) / STEPS;
+        q[i] = if rest >> 9 & 1 == 1 { -size } else { size };
+        squares += size * size;
+        rest >>= 10;
+    }
+    q[largest] = (1.0 - squares).max(0.0).sqrt();
+    let norm = q.iter().map(|v| v * v).sum::<f64>().sqrt();
+    q.map(|v| v / norm)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rotations_come_back_within_a_step_and_any_code_is_one() {
+        let mut state = 1_u32;
+        let mut random = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            f64::from(state >> 8) / 8_388_608.0 - 1.0
+        };
+        let mut worst = 0.0_f64;
+        for _ in 0..10_000 {
+            let q: [f64; 4] = std::array::from_fn(|_| random());
+            let norm = q.iter().map(|v| v * v).sum::<f64>().sqrt();
+            let q = q.map(|v| v / norm);
+            let found = decode(encode(q));
+            let cosine: f64 = (0..4).map(|i| q[i] * found[i]).sum();
+            worst = worst.max(2.0 * (1.0 - cosine.abs().min(1.0)).sqrt());
+            let any = decode((random() * 2e9) as i32 as u32);
+            assert!((any.iter().map(|v| v * v).sum::<f64>() - 1.0).abs() < 1e-12);
+        }
+        assert!(worst < 5e-3, "{worst}"); // radians; needed 3.2e-3
+        assert_eq!(decode(encode([0.0, 0.0, 0.0, -1.0])), [0.0, 0.0, 0.0, 1.0]);
+        assert_eq!(encode([0.0, 0.0, 0.0, 1.0]), 0xC000_0000, "the identity as others write it");
+    }
+}

@@ -1,0 +1,101 @@
+//! Writer and reader against each other and against damage.
+
+use super::*;
+use crate::asset::tests::fixture;
+use crate::baked::Baker;
+use crate::{Contents, Error, ReadLimits, SplatAsset};
+use std::path::Path;
+
+fn decode(bytes: &[u8]) -> crate::Result<Contents> {
+    decode_spz(bytes, Path::new("test.spz"), &ReadLimits::default())
+}
+
+/// Largest differences of centres, scales (relative), opacities, DC, other SH, in units of the codes' steps.
+fn differences(asset: &SplatAsset, read: &SplatAsset) -> [f64; 5] {
+    let (baker, mut worst) = (Baker::new(asset), [0.0_f64; 5]);
+    for i in 0..asset.num_splats() {
+        let baked = baker.splat(i);
+        let mut at =
+            |k: usize, a: f64, b: f32, step: f64| worst[k] = worst[k].max((a - f64::from(b)).abs() / step);
+        for c in 0..3 {
+            at(0, baked.position[c], read.positions[i][c], 1.0 / 524_288.0);
+        }
+        for c in 0..2 {
+            at(1, baked.scales[c].ln(), read.scales[i][c].ln(), 1.0 / 16.0);
+        }
+        at(2, baked.opacity.into(), read.opacities[i], 1.0 / 255.0);
+        for (k, (a, b)) in baked.sh.iter().zip(read.sh_of(i)).enumerate() {
+            let step = if k < 3 { 1.0 / 255.0 / COLOUR_SCALE } else { sh_step(k / 3) / 128.0 };
+            at(if k < 3 { 3 } else { 4 }, *a, *b, step);
+        }
+    }
+    worst
+}
+
+#[test]
+fn what_is_written_comes_back_within_half_a_step() {
+    for degree in 0..=3 {
+        let mut asset = fixture(30, degree);
+        asset.capture_from_local.rotation = [0.5, -0.1, 0.7, 0.5];
+        let (bytes, summary) = encode_spz(&asset).unwrap();
+        assert_eq!((summary.bytes, summary.averaged_maps, summary.clamped_scales), (bytes.len(), 20, 0));
+        assert!(summary.position_error_texels > 0.0 && summary.position_error_texels < 1e-4);
+        let read = decode(&bytes).unwrap();
+        assert_eq!(read.sections.iter().map(|s| s.bytes).sum::<u64>(), bytes.len() as u64);
+        assert_eq!(read.asset.provenance, asset.provenance);
+        assert!(read.warnings.is_empty(), "{:?}", read.warnings);
+        let worst = differences(&asset, &read.asset);
+        assert!(worst.iter().all(|w| *w < 0.51), "{worst:?}"); // needed 0.50: half a step
+        let baker = Baker::new(&asset);
+        for (i, found) in read.asset.rotations.iter().enumerate() {
+            let q = baker.splat(i).rotation;
+            let cosine: f32 = (0..4).map(|k| q[k] * found[k]).sum();
+            assert!(cosine.abs() > 0.999_99, "{q:?} {found:?}"); // needed 0.999_998
+        }
+        // Negative controls: a mirrored frame, and a stream of another splat.
+        let mut mirrored = read.asset.clone();
+        mirrored.positions.iter_mut().for_each(|p| p[1] = -p[1]);
+        assert!(differences(&asset, &mirrored)[0] > 100.0);
+    }
+}
+
+#[test]
+fn damage_and_foreign_versions_are_told() {
+    let (bytes, _) = encode_spz(&fixture(40, 2)).unwrap();
+    for cut in 0..100 {
+        assert!(decode(&bytes[..bytes.len() * cut / 100]).is_err(), "cut to {cut} %");
+    }
+    let mut state = 5_u32;
+    for _ in 0..2_000 {
+        let mut damaged = bytes.clone();
+        for _ in 0..3 {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            let at = state as usize % damaged.len();
+            damaged[at] ^= 1 << (state >> 29);
+        }
+        if let Ok(contents) = decode(&damaged) {
+            contents.asset.validate().unwrap();
+        }
+    }
+    let with = |at: usize, word: u32| {
+        let mut changed = bytes.clone();
+        changed[at..at + 4].copy_from_slice(&word.to_le_bytes());
+        decode(&changed).unwrap_err()
+    };
+    assert!(matches!(with(4, 5), Error::Unsupported { .. }));
+    assert!(matches!(with(8, u32::MAX), Error::TooLarge { .. }));
+    assert!(matches!(with(8, 1 << 23), Error::Invalid { .. }), "more splats than there are bytes");
+    assert!(matches!(with(16, u32::MAX), Error::Invalid { .. }));
+    assert!(matches!(decode(&[0x1f, 0x8b, 8, 0]), Err(Error::Unsupported { .. })));
+    let small = ReadLimits { decoded_bytes: 100 };
+    assert!(matches!(decode_spz(&bytes, Path::new("x"), &small), Err(Error::TooLarge { .. })));
+}
+
+#[test]
+fn splats_out_of_reach_are_refused_or_counted() {
+    let mut asset = fixture(4, 0);
+    asset.scales[1] = [1e-7, 0.1];
+    assert_eq!(encode_spz(&asset).unwrap().1.clamped_scales, 1);
+    asset.capture_from_local.translation[2] = 1e7;
+    assert!(encode_spz(&asset).unwrap_err().to_string().contains("origin"));
+}

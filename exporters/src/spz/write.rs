@@ -1,0 +1,139 @@
+//! Writes SPZ.
+
+use super::{COLOUR_SCALE, HAS_EXTENSIONS, HEADER_BYTES, MAGIC, META_RECORD, VERSION, rotation, sh_step};
+use crate::baked::{Baked, Baker};
+use crate::meta::Meta;
+use crate::sh::Turn;
+use crate::{Error, Result, SplatAsset, write_atomically, yup};
+use std::path::Path;
+
+/// Fractional bits that other programs accept.
+const FRACTIONAL_BITS: std::ops::RangeInclusive<u32> = 4..=23;
+/// Largest fixed-point number.
+const FIXED_MAX: f64 = 8_388_607.0;
+/// Files are written once and read often.
+const ZSTD_LEVEL: i32 = 19;
+
+/// What was written.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SpzSummary {
+    /// Size of the file.
+    pub bytes: usize,
+    /// Maps that were averaged.
+    pub averaged_maps: usize,
+    /// Largest error of a centre by its 24 bits, in texels of its own map.
+    pub position_error_texels: f64,
+    /// Splats of which a scale lies outside of what 8 bits reach (4.5e-5 to 380 capture units), the thin axis aside.
+    pub clamped_scales: usize,
+}
+
+/// Writes a file. See [`encode_spz`].
+///
+/// # Errors
+/// As [`encode_spz`], and [`Error::Io`].
+pub fn write_spz(path: &Path, asset: &SplatAsset) -> Result<SpzSummary> {
+    let (bytes, summary) = encode_spz(asset).map_err(|e| e.at(path))?;
+    write_atomically(path, &bytes).map_err(|e| Error::io(path, e))?;
+    Ok(summary)
+}
+
+/// The bytes of a file.
+///
+/// # Errors
+/// [`Error::Invalid`] if the asset breaks a rule or its centres lie too far out, [`Error::TooLarge`].
+pub fn encode_spz(asset: &SplatAsset) -> Result<(Vec<u8>, SpzSummary)> {
+    asset.validate()?;
+    let baker = Baker::new(asset);
+    let n = asset.num_splats();
+    let extent = (0..n).flat_map(|i| baker.position(i)).fold(0.0_f64, |a, v| a.max(v.abs()));
+    let fits = |bits: &u32| extent * f64::from(1_u32 << bits) <= FIXED_MAX;
+    let fractional_bits = FRACTIONAL_BITS.rev().find(fits).ok_or_else(|| {
+        Error::invalid(
+            "",
+            format!("centres up to {extent:.3e} units from the origin, SPZ holds 5.2e5 at most; use --scale"),
+        )
+    })?;
+    let mut streams: [Vec<u8>; super::NUM_STREAMS] = Default::default();
+    let mut summary = SpzSummary::default();
+    let half_turn = Turn::new([0.0, 1.0, 0.0, 0.0]);
+    for i in 0..n {
+        let map = &asset.maps[i];
+        let splat = baker.splat(i);
+        let error = push(&mut streams, &splat, fractional_bits, &half_turn, &mut summary);
+        if map.num_texels() > 0 {
+            summary.averaged_maps += 1;
+            let texels = error / (asset.capture_from_local.scale * f64::from(map.texel_size));
+            summary.position_error_texels = summary.position_error_texels.max(texels);
+        }
+    }
+    let bytes = file(asset, fractional_bits, &streams)?;
+    summary.bytes = bytes.len();
+    Ok((bytes, summary))
+}
+
+/// Appends a splat to the streams; returns the error of its centre.
+fn push(
+    streams: &mut [Vec<u8>; 6],
+    splat: &Baked,
+    fractional_bits: u32,
+    half_turn: &Turn,
+    summary: &mut SpzSummary,
+) -> f64 {
+    let [positions, alphas, colours, scales, rotations, sh] = streams;
+    let step = 1.0 / f64::from(1_u32 << fractional_bits);
+    let [x, y, z] = splat.position;
+    let mut error = 0.0;
+    for v in [x, -y, -z] {
+        let fixed = (v / step).round().clamp(-FIXED_MAX, FIXED_MAX);
+        error += (fixed * step - v).powi(2);
+        positions.extend_from_slice(&(fixed as i32).to_le_bytes()[..3]);
+    }
+    let byte = |v: f64| v.round().clamp(0.0, 255.0) as u8;
+    alphas.push(byte(f64::from(splat.opacity) * 255.0));
+    colours.extend(splat.sh[..3].iter().map(|c| byte(c * COLOUR_SCALE * 255.0 + 127.5)));
+    let codes = splat.scales.map(|s| (s.ln() + 10.0) * 16.0);
+    summary.clamped_scales += usize::from(codes.iter().any(|c| !(-0.5..255.5).contains(c)));
+    scales.extend(codes.map(byte));
+    // The thinnest axis, as thin as there is.
+    scales.push(0);
+    let [w, x, y, z] = yup::rotation(splat.rotation).map(f64::from);
+    rotations.extend(rotation::encode([x, y, z, w]).to_le_bytes());
+    let coefficients: Vec<f32> = splat.sh.iter().map(|&c| c as f32).collect();
+    let flipped = half_turn.apply(&coefficients);
+    for (i, c) in flipped.iter().enumerate().skip(3) {
+        let step = sh_step(i / 3);
+        sh.push(byte(((c * 128.0 + 128.0) / step).round() * step));
+    }
+    error.sqrt()
+}
+
+fn file(asset: &SplatAsset, fractional_bits: u32, streams: &[Vec<u8>; 6]) -> Result<Vec<u8>> {
+    let meta =
+        serde_json::to_vec(&Meta::of(asset)).map_err(|e| Error::invalid("", format!("metadata: {e}")))?;
+    let toc_offset = HEADER_BYTES + 8 + meta.len();
+    let mut bytes = Vec::new();
+    for word in [MAGIC, VERSION, asset.num_splats() as u32] {
+        bytes.extend(word.to_le_bytes());
+    }
+    let num_streams = streams.len() as u8;
+    bytes.extend([asset.sh_degree as u8, fractional_bits as u8, HAS_EXTENSIONS, num_streams]);
+    bytes.extend((toc_offset as u32).to_le_bytes());
+    bytes.resize(HEADER_BYTES, 0);
+    bytes.extend(META_RECORD.to_le_bytes());
+    bytes.extend((meta.len() as u32).to_le_bytes());
+    bytes.extend(meta);
+    let compress = |stream: &Vec<u8>| zstd::bulk::compress(stream, ZSTD_LEVEL);
+    let compressed: std::io::Result<Vec<Vec<u8>>> = streams.iter().map(compress).collect();
+    let compressed = compressed.map_err(|e| Error::invalid("", format!("zstd: {e}")))?;
+    for (stream, packed) in streams.iter().zip(&compressed) {
+        bytes.extend((packed.len() as u64).to_le_bytes());
+        bytes.extend((stream.len() as u64).to_le_bytes());
+    }
+    bytes.extend(compressed.concat());
+    Ok(bytes)
+}
+
+/// Mean colour of a code, for tests and readers alike.
+pub(super) fn dc_from_code(code: u8) -> f64 {
+    (f64::from(code) / 255.0 - 0.5) / COLOUR_SCALE
+}
