@@ -206,6 +206,20 @@ impl SplatAsset {
         &self.texels[first..first + 3 * map.num_texels()]
     }
 
+    /// What formats without textures hold of it: maps averaged into the base colour.
+    pub fn untextured(&self) -> Self {
+        let mut out =
+            Self { maps: vec![AssetMap::default(); self.num_splats()], texels: Vec::new(), ..self.clone() };
+        let width = 3 * num_sh_coefficients(self.sh_degree);
+        for (splat, sh) in out.sh.chunks_exact_mut(width).enumerate() {
+            let mean = self.mean_residual(splat);
+            for (dc, mean) in sh.iter_mut().zip(mean) {
+                *dc = (f64::from(*dc) + mean / crate::sh::SH_0) as f32;
+            }
+        }
+        out
+    }
+
     /// Mean residual of a splat's map as a viewer that knows no textures should show it: weighted by
     /// the Gaussian at the texels' centres, zero where the Gaussian lies outside of the map.
     pub fn mean_residual(&self, splat: usize) -> [f64; 3] {

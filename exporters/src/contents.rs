@@ -79,3 +79,10 @@ pub struct Issue {
     /// What was found, what was expected.
     pub message: String,
 }
+
+impl Issue {
+    /// An issue.
+    pub fn new(code: &'static str, severity: Severity, place: &str, message: &str) -> Self {
+        Self { code, severity, place: place.to_owned(), message: message.to_owned() }
+    }
+}

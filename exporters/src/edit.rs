@@ -1,6 +1,7 @@
 //! What is changed on the way to a file: which splats are kept, which way is up, how long a unit is.
 
-use crate::{AssetMap, SplatAsset, num_sh_coefficients, quaternion};
+use crate::sh::Turn;
+use crate::{AssetMap, CaptureFromLocal, SplatAsset, num_sh_coefficients, quaternion};
 
 impl SplatAsset {
     /// Keeps the splats for which `keep` says so, in their order. `[n]` Returns how many went.
@@ -47,6 +48,37 @@ impl SplatAsset {
         frame.translation = quaternion::turned(turn, frame.translation).map(|v| v + 0.0);
     }
 
+    /// The same scene in another local frame of the same capture; values are rounded anew unless the frames are equal.
+    pub fn in_frame(&self, capture_from_new: &CaptureFromLocal) -> Self {
+        let old = &self.capture_from_local;
+        if old == capture_from_new {
+            return self.clone();
+        }
+        let mut out = Self { capture_from_local: *capture_from_new, ..self.clone() };
+        let new_from_capture = quaternion::conjugate(capture_from_new.rotation);
+        let turn = quaternion::product(new_from_capture, old.rotation);
+        let factor = old.scale / capture_from_new.scale;
+        let sh_turn = Turn::new(turn);
+        let width = 3 * num_sh_coefficients(self.sh_degree);
+        for i in 0..self.num_splats() {
+            let in_capture = old.transform_point(self.positions[i]);
+            let moved = std::array::from_fn(|c| in_capture[c] - capture_from_new.translation[c]);
+            out.positions[i] =
+                quaternion::turned(new_from_capture, moved).map(|v| (v / capture_from_new.scale) as f32);
+            let q = quaternion::product(turn, self.rotations[i].map(f64::from));
+            let norm = quaternion::norm(q);
+            out.rotations[i] = q.map(|v| (v / norm) as f32);
+            out.scales[i] = self.scales[i].map(|s| (f64::from(s) * factor) as f32);
+            out.maps[i].texel_size = (f64::from(self.maps[i].texel_size) * factor) as f32;
+            let sh = &mut out.sh[i * width..(i + 1) * width];
+            sh.iter_mut().zip(sh_turn.apply(self.sh_of(i))).for_each(|(new, v)| *new = v as f32);
+        }
+        out.near = (f64::from(self.near) * factor) as f32;
+        // Cameras belong to the old frame.
+        out.cameras.clear();
+        out
+    }
+
     /// Makes the capture's units so many times as long as they were: 0.01 for a capture in centimetres gives metres.
     pub fn rescale(&mut self, factor: f64) {
         let frame = &mut self.capture_from_local;
@@ -57,6 +89,7 @@ impl SplatAsset {
 
 #[cfg(test)]
 mod tests {
+    use crate::CaptureFromLocal;
     use crate::asset::tests::fixture;
 
     #[test]
@@ -79,6 +112,32 @@ mod tests {
             assert_eq!(asset.texels_of(new), whole.texels_of(old));
             assert_eq!((asset.rotations[new], asset.scales[new]), (whole.rotations[old], whole.scales[old]));
         }
+    }
+
+    #[test]
+    fn another_frame_shows_the_same_places() {
+        let whole = fixture(12, 3);
+        let mut turned = whole.clone();
+        turned.set_up([1.0, 2.0, -0.5]);
+        turned.rescale(3.0);
+        // The same capture from both sides: local frames that differ by the turn.
+        let other =
+            CaptureFromLocal { scale: 0.7, rotation: [0.5, 0.5, -0.5, 0.5], translation: [1.0, 2.0, 3.0] };
+        let moved = turned.in_frame(&other);
+        moved.validate().unwrap();
+        let mut worst = 0.0_f64;
+        for i in 0..12 {
+            let before = turned.capture_from_local.transform_point(turned.positions[i]);
+            let after = moved.capture_from_local.transform_point(moved.positions[i]);
+            worst = (0..3).map(|c| (before[c] - after[c]).abs()).fold(worst, f64::max);
+        }
+        assert!(worst < 1e-5, "{worst}"); // needed 3e-6: f32 at 60 units
+        assert!((moved.scales[3][0] / turned.scales[3][0] - (3.7 * 3.0 / 0.7)).abs() < 1e-4);
+        let back = moved.in_frame(&turned.capture_from_local);
+        for (a, b) in back.sh.iter().zip(&turned.sh) {
+            assert!((a - b).abs() < 1e-6, "{a} {b}"); // needed 2e-7
+        }
+        assert_eq!(turned.in_frame(&turned.capture_from_local), turned);
     }
 
     #[test]

@@ -12,6 +12,7 @@ mod contents;
 mod edit;
 mod error;
 mod file;
+mod format;
 mod hash;
 mod meta;
 pub mod ply;
@@ -29,4 +30,5 @@ pub use asset::{
 pub use contents::{Contents, Describes, Issue, ReadLimits, Section, Severity};
 pub use error::{Error, Result};
 pub use file::write_atomically;
+pub use format::{Format, WriteOptions, Written, read_asset, validate_file, write_asset};
 pub use quality::Quality;

@@ -1,9 +1,12 @@
 //! Cameras as assets carry them, and back.
 
+use crate::backend::TargetImage;
 use crate::camera::{Camera, Pinhole, RigidTransform};
 use crate::views::{Split, ViewSource};
+use crate::{Error, Result};
 use glam::{DMat3, DVec3};
 use litetex_exporters::AssetCamera;
+use std::sync::Arc;
 
 /// All views of a capture.
 pub fn asset_cameras(views: &dyn ViewSource) -> Vec<AssetCamera> {
@@ -41,5 +44,30 @@ pub fn camera(asset: &AssetCamera) -> Camera {
             rotation: DMat3::from_cols_array_2d(&asset.rotation_rows).transpose(),
             translation: DVec3::from_array(asset.translation),
         },
+    }
+}
+
+/// The views of an asset: cameras without photos.
+pub struct AssetViews(pub Vec<AssetCamera>);
+
+impl ViewSource for AssetViews {
+    fn num_views(&self) -> usize {
+        self.0.len()
+    }
+
+    fn name(&self, view: usize) -> &str {
+        &self.0[view].name
+    }
+
+    fn split(&self, view: usize) -> Split {
+        if self.0[view].held_out { Split::Test } else { Split::Train }
+    }
+
+    fn camera(&self, view: usize) -> Camera {
+        camera(&self.0[view])
+    }
+
+    fn target(&self, view: usize) -> Result<Arc<TargetImage>> {
+        Err(Error::Usage(format!("view {:?} of an asset has no photo", self.0[view].name)))
     }
 }

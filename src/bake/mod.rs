@@ -6,7 +6,7 @@ mod thaw;
 
 use crate::model::{Model, texel_value};
 use crate::{Error, Report};
-pub use cameras::{asset_camera, asset_cameras, camera};
+pub use cameras::{AssetViews, asset_camera, asset_cameras, camera};
 use litetex_exporters::{AssetCamera, AssetMap, CaptureFromLocal, ColourSpace, Provenance, SplatAsset};
 pub use thaw::thaw;
 

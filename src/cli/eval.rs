@@ -3,11 +3,12 @@
 use super::capture::{self, Capture};
 use super::config_file::RunConfig;
 use super::devices;
-use super::identity::Identity;
+use super::identity::{self, Identity};
 use super::log::Log;
 use super::run_folder::find_checkpoint;
 use super::session::{write_per_view, write_view};
 use super::table::{Table, print_json};
+use litetex_exporters::AssetCamera;
 use litetex_gs::backend::{Backend, RenderOptions, RenderedImage};
 use litetex_gs::eval::Evaluation;
 use litetex_gs::model::{AdamState, Model};
@@ -54,6 +55,8 @@ pub struct Trained {
     pub config: RunConfig,
     /// Views of the run; older checkpoints do not tell.
     identity: Option<Identity>,
+    /// Cameras of the run; older checkpoints have none.
+    pub cameras: Option<Vec<AssetCamera>>,
 }
 
 impl Trained {
@@ -66,7 +69,8 @@ impl Trained {
         let (state, strings) = checkpoint::load_without_history(&path)?;
         let config = config_of(&path, &strings)?;
         let identity = Identity::from_strings(&path, &strings)?;
-        Ok(Self { path, step: state.step, model: state.model, adam: state.adam, config, identity })
+        let cameras = identity::cameras(&path, &strings)?;
+        Ok(Self { path, step: state.step, model: state.model, adam: state.adam, config, identity, cameras })
     }
 
     /// A backend that holds the scene.

@@ -2,6 +2,8 @@
 //! checkpoint carries it, so that a run is neither continued nor judged on other views by accident.
 
 use super::capture::Capture;
+use litetex_exporters::AssetCamera;
+use litetex_gs::bake::asset_cameras;
 use litetex_gs::camera::Similarity;
 use litetex_gs::views::{Split, ViewSource};
 use litetex_gs::{Error, Result};
@@ -11,6 +13,27 @@ use std::path::Path;
 
 /// Key among the strings of a checkpoint.
 pub const KEY: &str = "views";
+
+/// Key of the cameras.
+pub const CAMERAS: &str = "cameras";
+
+/// The cameras of a run as text for a checkpoint: what assets carry.
+///
+/// # Errors
+/// [`Error::Usage`] if they have no form in JSON, which does not happen.
+pub fn cameras_json(views: &dyn ViewSource) -> Result<String> {
+    serde_json::to_string(&asset_cameras(views))
+        .map_err(|e| Error::Usage(format!("the cameras cannot be written: {e}")))
+}
+
+/// The cameras that a checkpoint carries; `None` for those that were written before it did.
+///
+/// # Errors
+/// [`Error::InvalidInput`] if they are unreadable.
+pub fn cameras(path: &Path, strings: &BTreeMap<String, String>) -> Result<Option<Vec<AssetCamera>>> {
+    let unreadable = |e| Error::invalid(path, format!("entry {CAMERAS:?} of the checkpoint: {e}"));
+    strings.get(CAMERAS).map(|text| serde_json::from_str(text).map_err(unreadable)).transpose()
+}
 
 /// Views and frame of a run.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -1,15 +1,17 @@
-//! `litetex inspect`: what is in a capture, a run, a checkpoint or a PLY file.
+//! `litetex inspect`: what is in a capture, a run, a checkpoint or an asset.
 
 use super::capture::{self, Capture};
 use super::capture_args::CaptureArgs;
 use super::eval::Trained;
+use super::frozen::{Frozen, Origin};
 use super::log::Log;
 use super::run_folder::find_checkpoint;
 use super::summary::Summary;
 use super::table::{Table, print_json};
 use super::values::{format_bytes, format_count};
 use glam::{DVec3, Vec3};
-use litetex_exporters::ply::read_ply;
+use litetex_exporters::{Describes, Format, Quality};
+use litetex_gs::bake::thaw;
 use litetex_gs::dataset::read_ply_points;
 use litetex_gs::model::Model;
 use litetex_gs::views::{Split, ViewSource};
@@ -18,10 +20,10 @@ use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Say what is in a capture, a run, a checkpoint or a PLY file
+/// Say what is in a capture, a run, a checkpoint or an asset
 #[derive(clap::Args)]
 pub struct InspectArgs {
-    /// Folder of a capture or a run, checkpoint (.safetensors) or Gaussians (.ply)
+    /// Folder of a capture or a run, checkpoint (.safetensors) or asset
     #[arg(value_name = "FILE|RUN|CAPTURE")]
     path: PathBuf,
     /// As JSON
@@ -50,7 +52,8 @@ fn inspect(args: &InspectArgs, log: &Log) -> Result<Value> {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default();
     match extension.to_ascii_lowercase().as_str() {
         "safetensors" => checkpoint(path),
-        "ply" if path.is_file() => ply(path),
+        "ply" if path.is_file() => ply(path, log),
+        _ if path.is_file() && Format::from_path(path).is_some() => asset(path, log),
         _ if is_run(path) => run_folder(path),
         _ => {
             let mut options = capture::LoadOptions::default();
@@ -121,45 +124,66 @@ fn of_model(model: &Model) -> Value {
 }
 
 /// Gaussians, or else a point cloud.
-fn ply(path: &Path) -> Result<Value> {
-    match read_ply(path) {
-        Ok(contents) => {
-            let asset = &contents.asset;
-            let (low, high) = bounds(asset.positions.iter().map(|p| Vec3::from(*p).as_dvec3()));
+fn ply(path: &Path, log: &Log) -> Result<Value> {
+    asset(path, log).or_else(|error| match read_ply_points(path) {
+        Ok(points) if !points.is_empty() => {
+            let (low, high) = bounds(points.iter().map(|p| p.position_in_capture));
             Ok(json!({
-                "kind": "gaussians",
+                "kind": "points",
                 "file": path,
-                "primitives": asset.num_splats(),
-                "sh_degree": asset.sh_degree,
-                "surfels": contents.is_surfel,
-                "thick": contents.num_thick,
+                "points": points.len(),
                 "bounds": { "min": low, "max": high },
-                "comments": contents.comments,
             }))
         }
-        Err(error) => match read_ply_points(path) {
-            Ok(points) if !points.is_empty() => {
-                let (low, high) = bounds(points.iter().map(|p| p.position_in_capture));
-                Ok(json!({
-                    "kind": "points",
-                    "file": path,
-                    "points": points.len(),
-                    "bounds": { "min": low, "max": high },
-                }))
-            }
-            _ => Err(from_exporters(error)),
-        },
-    }
+        _ => Err(error),
+    })
 }
 
-fn from_exporters(error: litetex_exporters::Error) -> Error {
-    use litetex_exporters::Error as E;
-    match error {
-        E::Io { path, source } => Error::io(path, source),
-        E::Unsupported { path, what } | E::TooLarge { path, what } => Error::Unsupported { path, what },
-        E::Invalid { path, what } => Error::InvalidInput { path, what },
-        other => Error::Device(other.to_string()),
+/// An asset with the bytes of its parts: per splat or bits per texel, as they describe the one or the other.
+fn asset(path: &Path, log: &Log) -> Result<Value> {
+    let frozen = Frozen::read(path, log)?;
+    let Origin::File(contents) = &frozen.origin else { return Ok(Value::Null) };
+    let asset = &frozen.asset;
+    let bytes: u64 = contents.sections.iter().map(|s| s.bytes).sum();
+    let mut sections = serde_json::Map::new();
+    let mut sums = [0.0; 2];
+    for section in &contents.sections {
+        let size = section.bytes as f64;
+        let mut entry = json!({ "bytes": section.bytes });
+        match section.describes {
+            Describes::Splats => {
+                sums[0] += size;
+                entry["bytes_per_splat"] = rounded(size / asset.num_splats().max(1) as f64);
+            }
+            Describes::Texels => {
+                sums[1] += size;
+                entry["bits_per_texel"] = rounded(8.0 * size / asset.num_texels().max(1) as f64);
+            }
+            Describes::Other => {}
+        }
+        sections.insert(section.name.clone(), entry);
     }
+    Ok(json!({
+        "kind": "asset",
+        "file": path,
+        "format": contents.format,
+        "quality": contents.quality.map(Quality::name),
+        "bytes": bytes,
+        "bytes_per_splat": rounded(sums[0] / asset.num_splats().max(1) as f64),
+        "bits_per_texel": rounded(8.0 * sums[1] / asset.num_texels().max(1) as f64),
+        "sections": sections,
+        "model": of_model(&thaw(asset)),
+        "rotation_of_frame": asset.capture_from_local.rotation,
+        "background": asset.background,
+        "cameras": asset.cameras.len(),
+        "held_out": asset.cameras.iter().filter(|c| c.held_out).count(),
+        "hash": format!("{:016x}", asset.hash()),
+        "provenance": asset.provenance,
+    }))
+}
+
+fn rounded(value: f64) -> Value {
+    json!((value * 1000.0).round() / 1000.0)
 }
 
 fn bounds(points: impl Iterator<Item = DVec3>) -> ([f64; 3], [f64; 3]) {

@@ -1,18 +1,24 @@
 //! The application layer: arguments to plans, progress, files of a run, exit codes. One file per
 //! subcommand; parsing (what was typed) is separate from meaning (what will be done). No mathematics.
 
+mod asset_args;
 mod bench;
 mod bench_kernels;
 mod capture;
 mod capture_args;
 mod chart;
 mod colour_by;
+mod compare;
 mod completions;
 mod config_file;
+mod contribution;
 mod device_kit;
 mod devices;
+mod differences;
 mod eval;
+mod export;
 mod forecast;
+mod frozen;
 mod identity;
 mod inspect;
 mod interrupt;
@@ -36,7 +42,10 @@ mod table;
 mod tests;
 mod train;
 mod train_args;
+mod validate;
 mod values;
+mod verdict;
+mod verify;
 
 use clap::{Parser, Subcommand};
 use litetex_gs::Error;
@@ -82,6 +91,11 @@ enum Command {
     Eval(eval::EvalArgs),
     Render(render::RenderArgs),
     Sample(sample::SampleArgs),
+    Export(Box<export::ExportArgs>),
+    Convert(Box<export::ConvertArgs>),
+    Verify(verify::VerifyArgs),
+    Validate(validate::ValidateArgs),
+    Compare(compare::CompareArgs),
     Inspect(inspect::InspectArgs),
     Schedule(schedule::ScheduleArgs),
     Devices(devices::DevicesArgs),
@@ -134,6 +148,11 @@ fn run(cli: Cli, log: &Log) -> anyhow::Result<()> {
         Command::Eval(args) => eval::run(&args, log),
         Command::Render(args) => render::run(&args, log),
         Command::Sample(args) => sample::run(&args, log),
+        Command::Export(args) => export::run(&args, log),
+        Command::Convert(args) => export::convert(&args, log),
+        Command::Verify(args) => verify::run(&args, log),
+        Command::Validate(args) => validate::run(&args),
+        Command::Compare(args) => compare::run(&args, log),
         Command::Inspect(args) => inspect::run(&args, log),
         Command::Schedule(args) => schedule::run(&args, log),
         Command::Devices(args) => devices::run(&args),

@@ -26,6 +26,17 @@ pub enum Profile {
 }
 
 impl Profile {
+    /// Its name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Default => "default",
+            Self::Paper => "paper",
+            Self::Authors => "authors",
+            Self::Cat => "cat",
+            Self::Fast => "fast",
+        }
+    }
+
     /// Writes its settings over `config`: whatever a profile decides is as in the profile afterwards.
     pub fn apply(self, config: &mut TrainConfig) {
         let TrainConfig { policy, components, structure, scheduler, loss, rates, .. } =

@@ -1,14 +1,16 @@
-//! `litetex render`: pictures of a trained scene from named views, the test views or an orbit.
+//! `litetex render`: pictures of a scene from named views, the test views or an orbit.
 
-use super::capture::Capture;
 use super::colour_by::{ColourBy, Coloured};
 use super::devices;
-use super::eval::{Trained, render_options};
+use super::frozen::Frozen;
 use super::log::Log;
 use super::orbit;
 use super::session::picture_name;
+use super::table::Table;
 use super::values::{PictureSize, parse_picture_size};
-use litetex_gs::backend::RenderedImage;
+use super::verify::photos;
+use litetex_gs::backend::{RenderOptions, RenderedImage};
+use litetex_gs::bake::{AssetViews, thaw};
 use litetex_gs::camera::Camera;
 use litetex_gs::eval::quantised;
 use litetex_gs::model::AdamState;
@@ -17,7 +19,7 @@ use litetex_gs::views::{Split, ViewSource};
 use litetex_gs::{Error, Result};
 use std::path::{Path, PathBuf};
 
-/// Render views of a run as pictures
+/// Render views of a run or an asset as pictures
 ///
 /// Colour as PNG (display space), depth as grey (near is white), normals as the usual normal map, alpha as
 /// grey. With --exr 32-bit float values: linear colour, depth in units of the capture, normals in camera
@@ -25,8 +27,8 @@ use std::path::{Path, PathBuf};
 #[derive(clap::Args)]
 #[command(group(clap::ArgGroup::new("which").required(true)))]
 pub struct RenderArgs {
-    /// Folder of a run, or a checkpoint
-    #[arg(value_name = "RUN|CHECKPOINT")]
+    /// Folder of a run, a checkpoint, or an asset
+    #[arg(value_name = "RUN|CHECKPOINT|ASSET")]
     source: PathBuf,
     /// The view with this picture name
     #[arg(long, value_name = "NAME", group = "which")]
@@ -52,7 +54,7 @@ pub struct RenderArgs {
     /// 32-bit float EXR instead of PNG
     #[arg(long)]
     exr: bool,
-    /// The capture, if it is no longer where it was
+    /// Take the views of this capture instead of those that the scene carries
     #[arg(long, value_name = "DIR")]
     capture: Option<PathBuf>,
     /// Where to compute
@@ -99,24 +101,24 @@ pub fn run(args: &RenderArgs, log: &Log) -> anyhow::Result<()> {
         ))
         .into());
     }
-    let trained = Trained::load(&args.source)?;
-    let capture = trained.open_capture(args.capture.as_deref())?;
-    let jobs = jobs(args, &capture)?;
-    let train_views = capture.indices(Split::Train);
-    let cameras: Vec<Camera> = train_views.iter().map(|&view| capture.camera(view)).collect();
-    let coloured = args.colour_by.map(|by| Coloured::new(by, &trained.model, &cameras));
-    let mut backend = match &coloured {
-        None => trained.on_device(&args.device, log)?,
-        Some(Coloured { model, .. }) => {
-            let mut backend = devices::open(&args.device, log)?;
-            backend.upload(model, &AdamState::zeros(model))?;
-            backend
-        }
+    let frozen = Frozen::load(&args.source, log)?;
+    let of_capture = args.capture.as_deref().map(|folder| photos(&frozen, Some(folder), log)).transpose()?;
+    let views: Box<dyn ViewSource> = match of_capture.flatten() {
+        Some(capture) => Box::new(capture),
+        None => Box::new(AssetViews(frozen.asset.cameras.clone())),
     };
+    let jobs = jobs(args, views.as_ref())?;
+    let train_views = views.indices(Split::Train);
+    let cameras: Vec<Camera> = train_views.iter().map(|&view| views.camera(view)).collect();
+    let whole = thaw(&frozen.asset);
+    let coloured = args.colour_by.map(|by| Coloured::new(by, &whole, &cameras));
+    let model = coloured.as_ref().map_or(&whole, |coloured| &coloured.model);
+    let mut backend = devices::open(&args.device, log)?;
+    backend.upload(model, &AdamState::zeros(model))?;
     let geometry = args.what.iter().any(|w| matches!(w, What::Depth | What::Normal));
-    let model = coloured.as_ref().map_or(&trained.model, |coloured| &coloured.model);
-    let options = render_options(model, trained.config.train.background, geometry);
-    let to_capture = trained.model.capture_from_local.scale as f32;
+    let options =
+        RenderOptions { background: frozen.asset.background, sh_degree: model.splats.sh_degree, geometry };
+    let to_capture = frozen.asset.capture_from_local.scale as f32;
     let mut written = 0;
     for (name, camera) in &jobs {
         let camera = sized(camera, args.size);
@@ -132,8 +134,8 @@ pub fn run(args: &RenderArgs, log: &Log) -> anyhow::Result<()> {
             written += 1;
         }
     }
-    let mut table = super::table::Table::default();
-    table.row("checkpoint", trained.path.display());
+    let mut table = Table::default();
+    table.row("scene", frozen.path.display());
     table.row("pictures", format!("{written} in {}", args.out.display()));
     if let Some(coloured) = &coloured {
         if let Some(path) = coloured.write_legend(&args.out)? {
@@ -144,7 +146,13 @@ pub fn run(args: &RenderArgs, log: &Log) -> anyhow::Result<()> {
     Ok(table.print()?)
 }
 
-fn jobs(args: &RenderArgs, capture: &Capture) -> Result<Vec<(PathBuf, Camera)>> {
+fn jobs(args: &RenderArgs, capture: &dyn ViewSource) -> Result<Vec<(PathBuf, Camera)>> {
+    if capture.num_views() == 0 {
+        return Err(Error::Usage(format!(
+            "{}: carries no cameras; name a capture with --capture",
+            args.source.display()
+        )));
+    }
     let of_view = |v: usize| (picture_name(capture, v), capture.camera(v));
     if let Some(name) = &args.view {
         let all = 0..capture.num_views();
@@ -168,7 +176,7 @@ fn jobs(args: &RenderArgs, capture: &Capture) -> Result<Vec<(PathBuf, Camera)>> 
     }
     let test: Vec<_> = capture.indices(Split::Test).into_iter().map(of_view).collect();
     if test.is_empty() {
-        return Err(Error::Usage("--test: the capture has no test views".to_owned()));
+        return Err(Error::Usage("--test: the scene has no test views".to_owned()));
     }
     Ok(test)
 }

@@ -210,6 +210,7 @@ impl<'a> Session<'a> {
         let history = TrainHistory { total_wall_secs, ..state.history.clone() };
         let identity = Identity::new(self.views, state.model.capture_from_local);
         self.strings.insert(identity::KEY.to_owned(), identity.to_json()?);
+        self.strings.insert(identity::CAMERAS.to_owned(), identity::cameras_json(self.views)?);
         checkpoint::save(&path, state, &history, &self.strings)?;
         self.log.detail(&format!("saved {}", path.display()));
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();

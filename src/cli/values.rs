@@ -139,6 +139,14 @@ pub enum PictureSize {
     Exact(u32, u32),
 }
 
+/// "0.1dB", "0.1 dB" or "0.1".
+pub fn parse_decibels(text: &str) -> Result<f64, String> {
+    let lower = text.trim().to_ascii_lowercase();
+    let number = lower.strip_suffix("db").unwrap_or(&lower).trim_end();
+    let value = number.parse::<f64>().ok().filter(|v| v.is_finite() && *v >= 0.0);
+    value.ok_or_else(|| format!("{text:?}: expected decibels, such as 0.1dB"))
+}
+
 /// "960" (longer side) or "1920x1080".
 pub fn parse_picture_size(text: &str) -> Result<PictureSize, String> {
     let side = |part: &str| part.parse().ok().filter(|px| (1..=32_768).contains(px));
@@ -183,6 +191,14 @@ mod tests {
         assert_eq!(parse_colour("0, 0.5,1"), Ok([0.0, 0.5, 1.0]));
         for wrong in ["", "red", "#ff00", "#ééé", "1,2,3", "0,0", "0,0,nan"] {
             assert!(parse_colour(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn decibels() {
+        assert_eq!(["0.1dB", " 40 db", "3"].map(parse_decibels), [Ok(0.1), Ok(40.0), Ok(3.0)]);
+        for wrong in ["", "dB", "-1dB", "nan", "1 bel"] {
+            assert!(parse_decibels(wrong).is_err(), "{wrong}");
         }
     }
 

@@ -163,6 +163,16 @@ fn read_pixels(path: &Path) -> Result<DynamicImage> {
     open(path)?.decode().map_err(|e| image_error(path, e))
 }
 
+/// A picture as it is in its file: width, height and display-space values `[height, width, 3]`; alpha is left out.
+///
+/// # Errors
+/// [`Error::InvalidInput`] or [`Error::Unsupported`] if it is no picture that can be read.
+pub fn read_picture(path: &Path) -> Result<(u32, u32, Vec<f32>)> {
+    let picture = read_pixels(path)?;
+    let (width, height) = (picture.width(), picture.height());
+    Ok((width, height, picture.into_rgb8().into_raw().into_iter().map(|v| f32::from(v) / 255.0).collect()))
+}
+
 fn is_landscape((width, height): (u32, u32)) -> bool {
     width > height
 }

@@ -27,6 +27,7 @@ mod warp;
 mod warp_tests;
 mod zipped;
 
+pub use decode::read_picture;
 pub use formats::ply::read_points as read_ply_points;
 pub use health::SparseHealth;
 pub use init::{InitOptions, InitSource, initial_model};

@@ -172,7 +172,9 @@ pub fn state(reader: &mut Reader<'_>) -> Result<TrainState> {
     };
     let near = f32s(reader.take("frame.near", Dtype::F32, &[1])?)[0];
     let frame = f64s(reader.take("frame.capture_from_local", Dtype::F64, &[4])?);
-    let counters = u32s(reader.take("state.counters", Dtype::U32, &[5])?);
+    // Files of the first form have no fifth: what was due had been done.
+    let num_counters = reader.first_dimension("state.counters")?.clamp(4, 5);
+    let counters = u32s(reader.take("state.counters", Dtype::U32, &[num_counters])?);
     let views = reader.first_dimension("state.epoch_order")?;
     Ok(TrainState {
         step: counters[0],
@@ -190,7 +192,7 @@ pub fn state(reader: &mut Reader<'_>) -> Result<TrainState> {
         epoch_used: counters[2],
         epochs: counters[1],
         stage_step: counters[3],
-        revised_step: counters[4],
+        revised_step: counters.get(4).copied().unwrap_or(counters[0]),
         lives: lives(reader, n)?,
         pace: pace(reader)?,
         window_views: {

@@ -1,0 +1,180 @@
+//! Formats by their files' extensions: one way in and one way out for all of them.
+
+use crate::{
+    Contents, Describes, Error, Issue, Quality, ReadLimits, Result, Section, Severity, SplatAsset, ply, spz,
+};
+use std::path::{Path, PathBuf};
+
+/// A format of files.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// PLY of 3DGS and 2DGS.
+    Ply,
+    /// SPZ version 4.
+    Spz,
+}
+
+/// What to write.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WriteOptions {
+    /// Profile of quality, where the format has any.
+    pub quality: Quality,
+}
+
+/// What was written.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Written {
+    /// The files, the one that was asked for first.
+    pub files: Vec<PathBuf>,
+    /// Their size.
+    pub bytes: u64,
+    /// What a user should know.
+    pub notes: Vec<String>,
+}
+
+impl Format {
+    /// All.
+    pub const ALL: [Self; 2] = [Self::Ply, Self::Spz];
+
+    /// Extension of its files.
+    pub fn extension(self) -> &'static str {
+        match self {
+            Self::Ply => "ply",
+            Self::Spz => "spz",
+        }
+    }
+
+    /// The format that a file's name means.
+    pub fn from_path(path: &Path) -> Option<Self> {
+        let extension = path.extension()?.to_str()?.to_ascii_lowercase();
+        Self::ALL.into_iter().find(|f| f.extension() == extension)
+    }
+
+    /// As [`Format::from_path`].
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] with the extensions that are known.
+    pub fn of(path: &Path) -> Result<Self> {
+        Self::from_path(path).ok_or_else(|| {
+            let known: Vec<String> = Self::ALL.iter().map(|f| format!(".{}", f.extension())).collect();
+            let found = path.extension().unwrap_or_default().to_string_lossy();
+            Error::unsupported(
+                path,
+                format!("no format has the extension {found:?}; known: {}", known.join(", ")),
+            )
+        })
+    }
+
+    /// Whether textures are kept.
+    pub fn keeps_textures(self) -> bool {
+        !matches!(self, Self::Ply | Self::Spz)
+    }
+
+    /// Profiles of quality; none: the format has one form only.
+    pub fn qualities(self) -> &'static [Quality] {
+        match self {
+            Self::Ply | Self::Spz => &[],
+        }
+    }
+}
+
+impl Format {
+    /// Refuses a quality that the format has not. `path` is only for messages.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] with those that it has.
+    pub fn check_quality(self, quality: Quality, path: &Path) -> Result<()> {
+        let known = self.qualities();
+        if known.is_empty() || known.contains(&quality) {
+            return Ok(());
+        }
+        let names: Vec<&str> = known.iter().map(|q| q.name()).collect();
+        let what = format!("quality {:?}: .{} has {}", quality.name(), self.extension(), names.join(" and "));
+        Err(Error::unsupported(path, what))
+    }
+}
+
+/// Writes an asset in the format that the file's name means. Nothing is left behind if it fails.
+///
+/// # Errors
+/// [`Error::Unsupported`] for an unknown extension or a quality that the format has not, else as the format's writer.
+pub fn write_asset(path: &Path, asset: &SplatAsset, options: &WriteOptions) -> Result<Written> {
+    let format = Format::of(path)?;
+    format.check_quality(options.quality, path)?;
+    let mut written = Written { files: vec![path.to_owned()], ..Written::default() };
+    match format {
+        Format::Ply => {
+            let summary = ply::write_ply(path, asset, &ply::PlyOptions::default())?;
+            written.notes.extend(far_out(summary.position_error_texels));
+        }
+        Format::Spz => {
+            let summary = spz::write_spz(path, asset)?;
+            written.notes.extend(far_out(summary.position_error_texels));
+            if summary.clamped_scales > 0 {
+                written.notes.push(format!(
+                    "{} splats are smaller or larger than SPZ can say (4.5e-5 to 380 units); see --scale",
+                    summary.clamped_scales
+                ));
+            }
+        }
+    }
+    for file in &written.files {
+        written.bytes += std::fs::metadata(file).map_err(|e| Error::io(file, e))?.len();
+    }
+    Ok(written)
+}
+
+/// A note where rounding moves splats by more than a tenth of a texel.
+fn far_out(texels: f64) -> Option<String> {
+    (texels > 0.1).then(|| format!("positions are rounded by up to {texels:.2} texels: the capture lies far from its origin, or is large"))
+}
+
+/// Reads an asset in the format that the file's name means.
+///
+/// # Errors
+/// [`Error::Unsupported`] for an unknown extension, else as the format's reader.
+pub fn read_asset(path: &Path, limits: &ReadLimits) -> Result<Contents> {
+    match Format::of(path)? {
+        Format::Ply => {
+            let read = ply::read_ply(path)?;
+            let bytes = std::fs::metadata(path).map_err(|e| Error::io(path, e))?.len();
+            let thick = read.num_thick;
+            Ok(Contents {
+                asset: read.asset,
+                format: if read.is_surfel { "PLY of 2DGS" } else { "PLY of 3DGS" }.to_owned(),
+                quality: None,
+                hash: None,
+                sections: vec![Section { name: "splats".to_owned(), bytes, describes: Describes::Splats }],
+                warnings: (thick > 0)
+                    .then(|| format!("{thick} splats are no discs: their thinnest axis is left out"))
+                    .into_iter()
+                    .collect(),
+            })
+        }
+        Format::Spz => spz::read_spz(path, limits),
+    }
+}
+
+/// Checks a file against the rules of its format, worst first.
+///
+/// # Errors
+/// [`Error::Io`] if it cannot be read, [`Error::Unsupported`] for an unknown extension. What is wrong inside is an issue.
+pub fn validate_file(path: &Path) -> Result<Vec<Issue>> {
+    let mut issues = match Format::of(path)? {
+        Format::Ply | Format::Spz => Vec::new(),
+    };
+    match read_asset(path, &ReadLimits::default()) {
+        Ok(contents) => {
+            issues.extend(contents.warnings.iter().map(|w| Issue::new("LT9002", Severity::Warning, "", w)));
+            if contents.hash.is_some_and(|hash| hash != contents.asset.hash()) {
+                let what =
+                    "the scene is not the one that the file was written with: another program has changed it";
+                issues.push(Issue::new("LT9003", Severity::Warning, "", what));
+            }
+        }
+        Err(error @ Error::Io { .. }) => return Err(error),
+        Err(error) => issues.push(Issue::new("LT9001", Severity::Error, "", &error.to_string())),
+    }
+    issues.sort_by_key(|i| std::cmp::Reverse(i.severity));
+    Ok(issues)
+}

@@ -1,0 +1,203 @@
+//! `litetex compare`: two pictures, two folders of pictures, or the pictures of two scenes.
+
+use super::differences::{Difference, Stage, spread};
+use super::frozen::Frozen;
+use super::log::Log;
+use super::run_folder::find_checkpoint;
+use super::table::{Columns, print_json};
+use super::values::parse_decibels;
+use litetex_exporters::Format;
+use litetex_gs::backend::RenderedImage;
+use litetex_gs::dataset::read_picture;
+use litetex_gs::{Error, Result};
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+/// Compare two pictures, two folders of pictures, or two scenes
+///
+/// Scenes (runs, checkpoints, assets) are rendered from the cameras of the second. Pictures of folders are paired by name.
+#[derive(clap::Args)]
+pub struct CompareArgs {
+    /// Picture, folder of pictures, run, checkpoint or asset
+    #[arg(value_name = "A")]
+    a: PathBuf,
+    /// The same: what A should look like
+    #[arg(value_name = "B")]
+    b: PathBuf,
+    /// Fail (exit code 1) if the mean PSNR is below this
+    #[arg(long, value_name = "DB", value_parser = parse_decibels)]
+    min_psnr: Option<f64>,
+    /// Render this many views of scenes, evenly spread [default: all]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    views: Option<u32>,
+    /// As JSON
+    #[arg(long)]
+    json: bool,
+    /// Where to compute
+    #[arg(long, value_name = "NAME", default_value = "auto", help_heading = "Device")]
+    device: String,
+}
+
+/// Compares and prints.
+pub fn run(args: &CompareArgs, log: &Log) -> anyhow::Result<()> {
+    let differences = match (is_scene(&args.a), is_scene(&args.b)) {
+        (true, true) => scenes(args, log)?,
+        (false, false) => pictures(&args.a, &args.b)?,
+        _ => {
+            return Err(Error::Usage(format!(
+                "{} and {}: one is a scene, the other is not",
+                args.a.display(),
+                args.b.display()
+            ))
+            .into());
+        }
+    };
+    let count = differences.len() as f64;
+    let mean = |of: fn(&Difference) -> f64| differences.iter().map(of).sum::<f64>() / count;
+    let figures: [(&str, fn(&Difference) -> f64); 5] = [
+        ("PSNR", Difference::psnr),
+        ("grad", |d| d.quality.grad_psnr),
+        ("SSIM", |d| d.quality.ssim_3dgs),
+        ("FLIP", |d| d.quality.flip),
+        ("largest", |d| d.largest.into()),
+    ];
+    if args.json {
+        let of_view = |d: &Difference| {
+            serde_json::json!({ "name": d.quality.name, "psnr": d.psnr(), "grad_psnr": d.quality.grad_psnr,
+                "ssim_3dgs": d.quality.ssim_3dgs, "ssim_valid": d.quality.ssim_valid, "flip": d.quality.flip,
+                "largest": d.largest })
+        };
+        print_json(&serde_json::json!({
+            "schema": "litetex-compare/1",
+            "a": args.a,
+            "b": args.b,
+            "psnr": mean(figures[0].1),
+            "grad_psnr": mean(figures[1].1),
+            "ssim_3dgs": mean(figures[2].1),
+            "flip": mean(figures[3].1),
+            "per_view": differences.iter().map(of_view).collect::<Vec<_>>(),
+        }))?;
+    } else {
+        let mut table = Columns::new(&["picture", "PSNR", "grad", "SSIM", "FLIP", "largest"]);
+        let row = |name: &str, of: &dyn Fn(usize) -> f64| {
+            let digits = [2, 2, 4, 4, 6];
+            let cells = (0..5).map(|i| format!("{:.*}", digits[i], of(i)));
+            std::iter::once(name.to_owned()).chain(cells).collect::<Vec<_>>()
+        };
+        for d in &differences {
+            table.row(row(&d.quality.name, &|i| figures[i].1(d)));
+        }
+        table.row(row("mean", &|i| mean(figures[i].1)));
+        table.print()?;
+    }
+    let psnr = mean(figures[0].1);
+    match args.min_psnr.filter(|least| psnr < *least) {
+        Some(least) => {
+            Err(Error::CheckFailed(format!("PSNR {psnr:.2} dB, at least {least} dB asked for")).into())
+        }
+        None => Ok(()),
+    }
+}
+
+/// Runs, checkpoints and assets.
+fn is_scene(path: &Path) -> bool {
+    let is_file = path.is_file();
+    let is_checkpoint = path.extension().is_some_and(|e| e == "safetensors");
+    (is_file && (Format::from_path(path).is_some() || is_checkpoint))
+        || (!is_file && find_checkpoint(path).is_ok())
+}
+
+fn scenes(args: &CompareArgs, log: &Log) -> Result<Vec<Difference>> {
+    let [a, b] = [&args.a, &args.b].map(|path| Frozen::load(path, log));
+    let (a, b) = (a?, b?);
+    let cameras = &b.asset.cameras;
+    if cameras.is_empty() {
+        let what = "carries no cameras to render from; name the run or an asset that has them second";
+        return Err(Error::Usage(format!("{}: {what}", args.b.display())));
+    }
+    let views = spread(cameras, args.views.map_or(usize::MAX, |v| v as usize));
+    let mut stage = Stage::open(&args.device, log)?;
+    let expected = stage.pictures(&b.asset, &views)?;
+    let mut seen = a.asset.in_frame(&b.asset.capture_from_local);
+    if a.asset.cameras.is_empty() {
+        // Formats without cameras know neither.
+        (seen.near, seen.background) = (b.asset.near, b.asset.background);
+    }
+    let found = stage.pictures(&seen, &views)?;
+    let pairs = views.iter().zip(&found).zip(&expected);
+    Ok(pairs.map(|((v, f), e)| Difference::of(&v.name, f, e)).collect())
+}
+
+fn pictures(a: &Path, b: &Path) -> Result<Vec<Difference>> {
+    if a.is_dir() != b.is_dir() {
+        return Err(Error::Usage(format!("{} and {}: a folder and a file", a.display(), b.display())));
+    }
+    if !a.is_dir() {
+        return Ok(vec![difference(&a.display().to_string(), a, b)?]);
+    }
+    let [in_a, in_b] = [names(a)?, names(b)?];
+    let both: Vec<&PathBuf> = in_a.intersection(&in_b).collect();
+    if both.is_empty() {
+        return Err(Error::Usage(format!(
+            "no picture of {} ({}) has the name of one of {} ({})",
+            a.display(),
+            in_a.len(),
+            b.display(),
+            in_b.len()
+        )));
+    }
+    let alone = in_a.symmetric_difference(&in_b).count();
+    if alone > 0 {
+        return Err(Error::Usage(format!(
+            "{alone} pictures are in one folder only, the first is {}",
+            in_a.symmetric_difference(&in_b).next().map_or(String::new(), |p| p.display().to_string())
+        )));
+    }
+    both.into_iter()
+        .map(|name| difference(&name.display().to_string(), &a.join(name), &b.join(name)))
+        .collect()
+}
+
+fn difference(name: &str, a: &Path, b: &Path) -> Result<Difference> {
+    let [found, expected] = [read(a)?, read(b)?];
+    if [found.width_px, found.height_px] != [expected.width_px, expected.height_px] {
+        return Err(Error::invalid(
+            a,
+            format!(
+                "{} x {} pixels, {} has {} x {}",
+                found.width_px,
+                found.height_px,
+                b.display(),
+                expected.width_px,
+                expected.height_px
+            ),
+        ));
+    }
+    Ok(Difference::of(name, &found, &expected))
+}
+
+fn read(path: &Path) -> Result<RenderedImage> {
+    let (width_px, height_px, rgb) = read_picture(path)?;
+    Ok(RenderedImage { width_px, height_px, rgb, alpha: vec![], depth: vec![], normal: vec![] })
+}
+
+/// Pictures below a folder by their names in it.
+fn names(folder: &Path) -> Result<BTreeSet<PathBuf>> {
+    let mut found = BTreeSet::new();
+    let mut folders = vec![folder.to_owned()];
+    while let Some(at) = folders.pop() {
+        for entry in std::fs::read_dir(&at).map_err(|e| Error::io(&at, e))? {
+            let path = entry.map_err(|e| Error::io(&at, e))?.path();
+            let extension =
+                path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+            if path.is_dir() {
+                folders.push(path);
+            } else if ["png", "jpg", "jpeg", "exr"].contains(&extension.as_str())
+                && let Ok(name) = path.strip_prefix(folder)
+            {
+                found.insert(name.to_owned());
+            }
+        }
+    }
+    Ok(found)
+}

@@ -1,0 +1,260 @@
+//! Whether a file renders as the scene that it was made from, in figures.
+
+use super::capture::Capture;
+use super::differences::{Difference, Stage, loss_db, mse_to_photos};
+use super::table::Table;
+use litetex_exporters::{AssetCamera, Contents, Format, Quality, SplatAsset};
+use litetex_gs::backend::RenderedImage;
+use litetex_gs::eval::quality_of;
+use litetex_gs::views::ViewSource;
+use litetex_gs::{Error, Result};
+use serde::Serialize;
+use std::path::Path;
+
+/// What a file must keep to.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Limits {
+    /// Nothing may differ at all.
+    pub exact: bool,
+    /// Most PSNR lost on photos, mean over the views, dB.
+    pub max_loss_db: Option<f64>,
+    /// The same of the worst view.
+    pub max_loss_worst_db: Option<f64>,
+    /// Least PSNR of the file's pictures against the scene's, mean over the views, dB.
+    pub min_psnr: Option<f64>,
+}
+
+impl Limits {
+    /// No limit.
+    pub const NONE: Self = Self { exact: false, max_loss_db: None, max_loss_worst_db: None, min_psnr: None };
+
+    /// What a profile of quality promises.
+    pub fn of(quality: Quality) -> Self {
+        let bounded = |mean, worst, psnr| Self {
+            exact: false,
+            max_loss_db: Some(mean),
+            max_loss_worst_db: Some(worst),
+            min_psnr: Some(psnr),
+        };
+        match quality {
+            Quality::Lossless => Self { exact: true, ..Self::NONE },
+            Quality::Balanced => bounded(0.02, 0.05, 48.0),
+            Quality::Tiny => bounded(0.10, 0.25, 40.0),
+        }
+    }
+
+    /// What a file of a format that says nothing of its quality should keep: those without textures are held against
+    /// the untextured scene. Needed by the sample scene: PLY 118 dB, SPZ 33 dB.
+    pub fn of_format(format: Option<Format>) -> Self {
+        match format {
+            Some(Format::Ply) => Self { min_psnr: Some(60.0), ..Self::NONE },
+            Some(Format::Spz) => Self { min_psnr: Some(25.0), ..Self::NONE },
+            _ => Self::of(Quality::Lossless),
+        }
+    }
+}
+
+/// PSNR on photos, dB.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct OnPhotos {
+    /// Of the scene.
+    pub before: f64,
+    /// Of the file.
+    pub after: f64,
+}
+
+/// The comparison of a file's pictures with the scene's.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Verdict {
+    /// Views that were rendered.
+    pub views: usize,
+    /// Whether the scene was taken without its textures, since the format has none.
+    pub untextured: bool,
+    /// Mean over the views of the PSNR of the values, not rounded; capped. dB
+    pub psnr: f64,
+    /// Of the worst view.
+    pub psnr_worst: f64,
+    /// Mean over the views, of 8 bits.
+    pub ssim: f64,
+    /// Mean over the views, of 8 bits.
+    pub flip: f64,
+    /// Largest difference of any value.
+    pub largest: f32,
+    /// PSNR lost on photos, mean over the views: measured where there are photos, else estimated from the PSNR on test
+    /// views that the scene tells of. dB
+    pub loss_db: f64,
+    /// Of the worst view.
+    pub loss_worst_db: f64,
+    /// Whether there were photos.
+    pub loss_is_measured: bool,
+    /// How a program without textures shows it: PSNR of the untextured scene against the whole. dB
+    pub fallback_psnr: f64,
+    /// On the views that were trained on.
+    pub on_training_photos: Option<OnPhotos>,
+    /// On the views that were held out.
+    pub on_test_photos: Option<OnPhotos>,
+    /// What it had to keep to.
+    pub limits: Limits,
+    /// What it did not keep to; empty: passed.
+    pub failures: Vec<String>,
+}
+
+/// Renders a scene and what was read of a file, and compares.
+///
+/// # Errors
+/// [`Error::Usage`] without views, or what the device or the capture report.
+pub fn judge(
+    stage: &mut Stage,
+    frozen: &SplatAsset,
+    (found, textured): (&SplatAsset, bool),
+    views: &[AssetCamera],
+    capture: Option<&Capture>,
+    limits: Limits,
+) -> Result<Verdict> {
+    if views.is_empty() {
+        return Err(Error::Usage(
+            "the scene has no cameras to render: name its capture with --capture".into(),
+        ));
+    }
+    let untextured = frozen.untextured();
+    let mut found = found.in_frame(&frozen.capture_from_local);
+    if !textured {
+        // Such formats know neither.
+        (found.near, found.background) = (frozen.near, frozen.background);
+    }
+    let whole = stage.pictures(frozen, views)?;
+    let fallback = stage.pictures(&untextured, views)?;
+    let expected = if textured { &whole } else { &fallback };
+    let pictures = stage.pictures(&found, views)?;
+    let pairs = views.iter().zip(&pictures).zip(expected);
+    let differences: Vec<Difference> = pairs.map(|((v, p), e)| Difference::of(&v.name, p, e)).collect();
+    let mean = |of: &dyn Fn(&Difference) -> f64| differences.iter().map(of).sum::<f64>() / views.len() as f64;
+    let fallbacks = views.iter().zip(&fallback).zip(&whole);
+    let fallback_psnr = fallbacks.map(|((v, p), w)| Difference::of(&v.name, p, w).psnr()).sum::<f64>();
+    let before = mse_to_photos(frozen);
+    let estimated = |d: &Difference| loss_db(d.mse, before);
+    let mut verdict = Verdict {
+        views: views.len(),
+        untextured: !textured,
+        psnr: mean(&Difference::psnr),
+        psnr_worst: differences.iter().map(Difference::psnr).fold(f64::INFINITY, f64::min),
+        ssim: mean(&|d| d.quality.ssim_3dgs),
+        flip: mean(&|d| d.quality.flip),
+        largest: differences.iter().map(|d| d.largest).fold(0.0, f32::max),
+        loss_db: mean(&estimated),
+        loss_worst_db: differences.iter().map(estimated).fold(0.0, f64::max),
+        loss_is_measured: false,
+        fallback_psnr: fallback_psnr / views.len() as f64,
+        on_training_photos: None,
+        on_test_photos: None,
+        limits,
+        failures: Vec::new(),
+    };
+    if let Some(capture) = capture {
+        on_photos(&mut verdict, capture, views, &pictures, expected)?;
+    }
+    verdict.failures = failures(&verdict);
+    Ok(verdict)
+}
+
+/// Fills in what the photos say.
+fn on_photos(
+    verdict: &mut Verdict,
+    capture: &Capture,
+    views: &[AssetCamera],
+    found: &[RenderedImage],
+    expected: &[RenderedImage],
+) -> Result<()> {
+    let mut losses = Vec::new();
+    let mut sums = [(0_usize, OnPhotos::default()); 2];
+    for ((view, found), expected) in views.iter().zip(found).zip(expected) {
+        let index = (0..capture.num_views()).find(|&v| capture.name(v) == view.name);
+        let index = index.ok_or_else(|| {
+            Error::Usage(format!(
+                "the capture has no photo {:?}: it is not the one that was trained on",
+                view.name
+            ))
+        })?;
+        let photo = capture.target(index)?;
+        if [photo.width_px, photo.height_px] != [view.width_px, view.height_px] {
+            return Err(Error::Usage(format!(
+                "{:?}: the photo has {} x {} pixels here, {} x {} in training; use the same --max-resolution",
+                view.name, photo.width_px, photo.height_px, view.width_px, view.height_px
+            )));
+        }
+        let [before, after] = [expected, found].map(|p| quality_of(&view.name, &p.rgb, &photo).psnr);
+        let (count, sum) = &mut sums[usize::from(view.held_out)];
+        *count += 1;
+        *sum = OnPhotos { before: sum.before + before, after: sum.after + after };
+        if !view.held_out {
+            losses.push(before - after);
+        }
+    }
+    let mean = |(count, sum): (usize, OnPhotos)| {
+        let count_f = count as f64;
+        (count > 0).then_some(OnPhotos { before: sum.before / count_f, after: sum.after / count_f })
+    };
+    (verdict.on_training_photos, verdict.on_test_photos) = (mean(sums[0]), mean(sums[1]));
+    if !losses.is_empty() {
+        verdict.loss_is_measured = true;
+        verdict.loss_db = losses.iter().sum::<f64>() / losses.len() as f64;
+        verdict.loss_worst_db = losses.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    }
+    Ok(())
+}
+
+fn failures(v: &Verdict) -> Vec<String> {
+    let mut out = Vec::new();
+    if v.limits.exact && v.largest != 0.0 {
+        out.push(format!("pictures differ by up to {:e}, expected no difference at all", v.largest));
+    }
+    let mut at_most = |name: &str, found: f64, limit: Option<f64>| {
+        if let Some(limit) = limit.filter(|l| found.is_nan() || found > *l) {
+            out.push(format!("{name}: {found:.4} dB lost, at most {limit}"));
+        }
+    };
+    at_most("mean over the views", v.loss_db, v.limits.max_loss_db);
+    at_most("worst view", v.loss_worst_db, v.limits.max_loss_worst_db);
+    if let Some(least) = v.limits.min_psnr.filter(|least| v.psnr.is_nan() || v.psnr < *least) {
+        out.push(format!("{:.2} dB against the scene's pictures, at least {least}", v.psnr));
+    }
+    out
+}
+
+impl Verdict {
+    /// For people.
+    pub fn tell(&self, table: &mut Table) {
+        let scene = if self.untextured { "the scene without textures" } else { "the scene" };
+        table.row("views", self.views);
+        table.row("PSNR", format!("{:.2} dB, worst {:.2} dB, against {scene}", self.psnr, self.psnr_worst));
+        table.row("SSIM, FLIP", format!("{:.6}, {:.6}", self.ssim, self.flip));
+        table.row("largest difference", format!("{:e}", self.largest));
+        let how =
+            if self.loss_is_measured { "measured on training photos" } else { "estimated, without photos" };
+        table.row("lost", format!("{:.4} dB, worst view {:.4} dB ({how})", self.loss_db, self.loss_worst_db));
+        for (name, figures) in
+            [("training photos", self.on_training_photos), ("test photos", self.on_test_photos)]
+        {
+            if let Some(OnPhotos { before, after }) = figures {
+                table.row(name, format!("{before:.3} dB before, {after:.3} dB after"));
+            }
+        }
+        table.row("fallback", format!("{:.2} dB where textures are not known", self.fallback_psnr));
+        table.row(
+            "verified",
+            if self.failures.is_empty() {
+                "yes".to_owned()
+            } else {
+                format!("no: {}", self.failures.join("; "))
+            },
+        );
+    }
+}
+
+/// What a file that was read has to keep to.
+pub fn limits_of(path: &Path, contents: &Contents) -> Limits {
+    match contents.quality {
+        Some(quality) => Limits::of(quality),
+        None => Limits::of_format(Format::from_path(path)),
+    }
+}
