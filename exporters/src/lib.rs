@@ -11,6 +11,7 @@ mod baked;
 mod contents;
 mod error;
 mod file;
+pub mod gltf;
 mod hash;
 mod meta;
 pub mod ply;

@@ -18,6 +18,7 @@ mod scalar;
 mod write;
 
 pub use read::{PlyContents, decode_ply, read_ply};
+pub(crate) use read::thinnest_last;
 pub use scalar::Scalar;
 pub use write::{PlyFlavour, PlyOptions, PlySummary, encode_ply, write_ply};
 

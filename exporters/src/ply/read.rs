@@ -231,7 +231,7 @@ fn push_splat(contents: &mut PlyContents, columns: &Columns, values: &[f64], pat
 }
 
 /// Renames the axes cyclically so that the thinnest is z.
-fn thinnest_last([w, x, y, z]: [f64; 4], s: [f64; 3]) -> ([f64; 4], [f64; 3]) {
+pub(crate) fn thinnest_last([w, x, y, z]: [f64; 4], s: [f64; 3]) -> ([f64; 4], [f64; 3]) {
     if s[2] <= s[0] && s[2] <= s[1] {
         ([w, x, y, z], s)
     } else if s[0] <= s[1] {
