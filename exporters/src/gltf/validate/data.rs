@@ -67,7 +67,7 @@ fn check_counts<'a>(
     place: &impl Fn(&str) -> String,
     issues: &mut Issues,
 ) {
-    let mut first: Option<&(String, View<'_>)> = None;
+    let mut first: Option<(&String, &View<'_>)> = None;
     for (name, view) in all {
         match first {
             Some((of, other)) if other.count != view.count => {
