@@ -54,11 +54,7 @@ impl Arrays {
     /// Begins a view at a multiple of four.
     pub fn begin_view(&mut self, target: Option<u32>) -> u32 {
         self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
-        self.views.push(BufferView {
-            byte_offset: self.bytes.len() as u64,
-            target,
-            ..BufferView::default()
-        });
+        self.views.push(BufferView { byte_offset: self.bytes.len() as u64, target, ..BufferView::default() });
         (self.views.len() - 1) as u32
     }
 

@@ -102,7 +102,8 @@ impl TextureExtension {
         match value.get("version").and_then(Value::as_u64) {
             Some(v) if v == u64::from(VERSION) => {}
             Some(v) => {
-                let what = format!("{EXTENSION} of version {v}, supported: {VERSION}; a newer program reads it");
+                let what =
+                    format!("{EXTENSION} of version {v}, supported: {VERSION}; a newer program reads it");
                 return Err(Error::unsupported(path, what));
             }
             None => return Err(Error::invalid(path, format!("{EXTENSION}: no whole number \"version\""))),

@@ -24,7 +24,8 @@ fn name_from_uri(uri: &str) -> Option<String> {
     while let Some(byte) = rest.next() {
         if byte == b'%' {
             let digits = [rest.next()?, rest.next()?];
-            let text = std::str::from_utf8(&digits).ok().filter(|t| t.bytes().all(|b| b.is_ascii_hexdigit()))?;
+            let text =
+                std::str::from_utf8(&digits).ok().filter(|t| t.bytes().all(|b| b.is_ascii_hexdigit()))?;
             bytes.push(u8::from_str_radix(text, 16).ok()?);
         } else {
             bytes.push(byte);
@@ -55,8 +56,7 @@ pub fn resolve(uri: &str, path: &Path) -> Result<PathBuf> {
     };
     let file = folder.join(name);
     // Links are followed: where they end counts.
-    let [real_folder, real_file] =
-        [folder, &file].map(|p| p.canonicalize().map_err(|e| Error::io(p, e)));
+    let [real_folder, real_file] = [folder, &file].map(|p| p.canonicalize().map_err(|e| Error::io(p, e)));
     if !real_file?.starts_with(real_folder?) {
         return Err(leaves());
     }
@@ -109,7 +109,16 @@ mod tests {
         let gltf = inside.join("scene.gltf");
         assert!(resolve("a%20b.bin", &gltf).is_ok() && resolve("sub/c.bin", &gltf).is_ok());
         let absolute = inside.join("a b.bin").display().to_string();
-        for uri in ["../outside.bin", "sub/../../outside.bin", "%2e%2e/outside.bin", "", ".", "a\\b", "a%00", &absolute] {
+        for uri in [
+            "../outside.bin",
+            "sub/../../outside.bin",
+            "%2e%2e/outside.bin",
+            "",
+            ".",
+            "a\\b",
+            "a%00",
+            &absolute,
+        ] {
             assert!(matches!(resolve(uri, &gltf), Err(Error::Invalid { .. })), "{uri:?}");
         }
         for uri in ["data:;base64,AAAA", "https://example.org/a.bin", "file:///etc/passwd"] {

@@ -72,7 +72,8 @@ impl<'a> Loaded<'a> {
                 (None, _) => Cow::Borrowed(&[]),
             };
             if (bytes.len() as u64) < needed {
-                let what = format!("buffer {i}: {needed} bytes declared, {} there: data are missing", bytes.len());
+                let what =
+                    format!("buffer {i}: {needed} bytes declared, {} there: data are missing", bytes.len());
                 return Err(Error::invalid(self.path, what));
             }
             self.buffers.push(bytes);

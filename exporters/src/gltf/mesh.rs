@@ -2,9 +2,7 @@
 //! one atlas of 8-bit RGBA. A preview: colours do not depend on the direction, viewers blend in linear light, and few sort.
 
 use super::buffer::{Arrays, Use};
-use super::document::{
-    Buffer, Document, Image, MIME_PNG, Mesh, Primitive, Scene, TARGET_INDICES, Texture,
-};
+use super::document::{Buffer, Document, Image, MIME_PNG, Mesh, Primitive, Scene, TARGET_INDICES, Texture};
 use super::{UNLIT, colour, container, write};
 use crate::atlas::{PAGE_SIDE, Placement, pack};
 use crate::sh::SH_0;
@@ -136,7 +134,8 @@ fn residual(asset: &SplatAsset, splat: usize, [a, b]: [f64; 2]) -> [f64; 3] {
     let (u, v) = (coordinate(a, map.rows), coordinate(b, map.cols));
     for (row, in_u) in [(u.floor(), 1.0 - u + u.floor()), (u.floor() + 1.0, u - u.floor())] {
         for (col, in_v) in [(v.floor(), 1.0 - v + v.floor()), (v.floor() + 1.0, v - v.floor())] {
-            let inside = (0.0..f64::from(map.rows)).contains(&row) && (0.0..f64::from(map.cols)).contains(&col);
+            let inside =
+                (0.0..f64::from(map.rows)).contains(&row) && (0.0..f64::from(map.cols)).contains(&col);
             if inside {
                 let first = 3 * (row as usize * usize::from(map.cols) + col as usize);
                 (0..3).for_each(|c| sum[c] += in_u * in_v * f64::from(texels[first + c]));

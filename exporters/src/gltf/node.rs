@@ -148,12 +148,9 @@ mod tests {
 
     #[test]
     fn matrices_decompose() {
-        for rotation in [
-            [0.5, -0.1, 0.7, 0.5],
-            [0.1, 0.9, -0.3, 0.3],
-            [-0.2, 0.1, 0.8, -0.1],
-            [0.0, 0.0, 0.1, -0.99],
-        ] {
+        for rotation in
+            [[0.5, -0.1, 0.7, 0.5], [0.1, 0.9, -0.3, 0.3], [-0.2, 0.1, 0.8, -0.1], [0.0, 0.0, 0.1, -0.99]]
+        {
             let norm = quaternion::norm(rotation);
             let rotation = rotation.map(|v| v / norm);
             let transform = CaptureFromLocal { scale: 2.5, rotation, translation: [1.0, -2.0, 3.0] };

@@ -64,16 +64,16 @@ pub fn layout(
     let rects = own(rects, "rects", 4, &[Component::U16])?;
     let sizes = own(sizes, "texelSize", 1, &[Component::F32])?;
     let pages = extension.pages.map(|p| own(p, "pages", 1, &[Component::U8, Component::U16])).transpose()?;
-    let mut atlas = Atlas { placements: Vec::with_capacity(num_splats), pages: page_sizes(loaded, extension)? };
+    let mut atlas =
+        Atlas { placements: Vec::with_capacity(num_splats), pages: page_sizes(loaded, extension)? };
     let mut maps = Vec::with_capacity(num_splats);
     let mut next = 0_u64;
     let mut page_of = pages.iter().flat_map(|p| p.rows::<1>());
     for ([x, y, cols, rows], [texel_size]) in rects.rows::<4>().zip(sizes.rows::<1>()) {
         // Whole numbers below 2^16: exact.
         let map = AssetMap {
-            offset_texels: u32::try_from(next).map_err(|_| {
-                Error::too_large(loaded.path, format!("more than {} texels", u32::MAX))
-            })?,
+            offset_texels: u32::try_from(next)
+                .map_err(|_| Error::too_large(loaded.path, format!("more than {} texels", u32::MAX)))?,
             rows: rows as u16,
             cols: cols as u16,
             texel_size,

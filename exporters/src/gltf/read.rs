@@ -174,7 +174,8 @@ fn frame(
 fn is_alike(a: &CaptureFromLocal, b: &CaptureFromLocal) -> bool {
     let size = b.translation.iter().fold(b.scale, |size, v| size.max(v.abs()));
     let near = |a: f64, b: f64, size: f64| (a - b).abs() <= NODE_TOLERANCE * size;
-    let sign = if a.rotation.iter().zip(b.rotation).map(|(p, q)| p * q).sum::<f64>() < 0.0 { -1.0 } else { 1.0 };
+    let sign =
+        if a.rotation.iter().zip(b.rotation).map(|(p, q)| p * q).sum::<f64>() < 0.0 { -1.0 } else { 1.0 };
     near(a.scale, b.scale, b.scale)
         && (0..3).all(|i| near(a.translation[i], b.translation[i], size))
         && (0..4).all(|i| near(sign * a.rotation[i], b.rotation[i], 1.0))

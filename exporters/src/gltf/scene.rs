@@ -35,7 +35,7 @@ pub fn find<'a>(document: &'a Document, path: &Path) -> Result<Found<'a>> {
     let Some(found) = all.next() else {
         let mut primitives = document.meshes.iter().flat_map(|m| &m.primitives);
         return Err(match primitives.find_map(Digest::find) {
-            Some(digest) => Error::invalid(path, format!("{}, {KHR} too", lost(&digest))),
+            Some(digest) => Error::invalid(path, lost(&digest)),
             None => Error::unsupported(path, format!("no primitive with {KHR}: not a file of splats")),
         });
     };

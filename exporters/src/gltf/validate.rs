@@ -57,9 +57,12 @@ pub fn validate(bytes: &[u8], path: &Path) -> Vec<Issue> {
             return issues.list;
         }
     };
-    // `Loaded` has parsed it, so both steps succeed.
-    if let Some(json) = container::parts(bytes, path).ok().and_then(|p| serde_json::from_slice(p.json).ok()) {
-        structure::check_extensions(&json, &mut issues);
+    let json = container::parts(bytes, path).ok().map(|p| serde_json::from_slice(p.json));
+    match json {
+        Some(Ok(json)) => structure::check_extensions(&json, &mut issues),
+        // The reader skips what it does not know, however deep.
+        Some(Err(e)) => issues.error("LT1001", "", format!("JSON of the file: {e}")),
+        None => {}
     }
     let found: Vec<Found<'_>> = scene::splat_primitives(&loaded.document).collect();
     for found in &found {

@@ -182,8 +182,8 @@ impl Writer<'_> {
             decode,
             meta: Meta::of(asset),
         };
-        let extension = serde_json::to_value(extension)
-            .map_err(|e| Error::invalid("", format!("{EXTENSION}: {e}")))?;
+        let extension =
+            serde_json::to_value(extension).map_err(|e| Error::invalid("", format!("{EXTENSION}: {e}")))?;
         let splatting = Some(Splatting::new(asset.colour_space, extension));
         Ok(Primitive {
             attributes,

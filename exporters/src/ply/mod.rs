@@ -17,8 +17,8 @@ mod read;
 mod scalar;
 mod write;
 
-pub use read::{PlyContents, decode_ply, read_ply};
 pub(crate) use read::thinnest_last;
+pub use read::{PlyContents, decode_ply, read_ply};
 pub use scalar::Scalar;
 pub use write::{PlyFlavour, PlyOptions, PlySummary, encode_ply, write_ply};
 

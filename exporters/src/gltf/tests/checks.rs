@@ -86,7 +86,9 @@ fn broken_json_is_found() {
         ("LT1024", |j| j.pointer_mut(OURS).unwrap()["atlas"][0]["bufferView"] = json!(0)),
         ("LT1025", |j| j.pointer_mut(OURS).unwrap()["meta"]["near"] = json!(0.5)),
         ("LT1025", |j| j.pointer_mut(OURS).unwrap()["decode"]["scale"] = json!(0.003)),
-        ("LT1026", |j| drop(j.pointer_mut(KHR_OBJECT).unwrap().as_object_mut().unwrap().remove("extensions"))),
+        ("LT1026", |j| {
+            drop(j.pointer_mut(KHR_OBJECT).unwrap().as_object_mut().unwrap().remove("extensions"))
+        }),
         ("LT1026", |j| drop(j.pointer_mut(PRIMITIVE).unwrap().as_object_mut().unwrap().remove("extensions"))),
         ("LT1027", |j| j.pointer_mut(PRIMITIVE).unwrap()["extras"]["litetex"]["texels"] = json!(7)),
         ("LT1027", |j| drop(j.pointer_mut(PRIMITIVE).unwrap().as_object_mut().unwrap().remove("extras"))),

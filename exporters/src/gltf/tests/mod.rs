@@ -5,6 +5,7 @@ mod foreign;
 mod hostile;
 mod quads;
 mod round_trip;
+mod schema;
 
 use super::{GltfOptions, decode_glb};
 use crate::asset::tests::fixture;
@@ -56,19 +57,23 @@ fn hard_fixture(num_splats: usize, sh_degree: u32) -> SplatAsset {
     asset
 }
 
-/// Panics unless two assets are the same to the bit.
-fn assert_same_bits(a: &SplatAsset, b: &SplatAsset) {
-    let bits = |v: &[f32]| v.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
-    assert_eq!(a.sh_degree, b.sh_degree);
-    assert_eq!(bits(a.positions.as_flattened()), bits(b.positions.as_flattened()), "positions");
-    assert_eq!(bits(a.rotations.as_flattened()), bits(b.rotations.as_flattened()), "rotations");
-    assert_eq!(bits(a.scales.as_flattened()), bits(b.scales.as_flattened()), "scales");
-    assert_eq!(bits(&a.opacities), bits(&b.opacities), "opacities");
-    assert_eq!(bits(&a.sh), bits(&b.sh), "sh");
-    assert_eq!(bits(&a.texels), bits(&b.texels), "texels");
-    assert_eq!(a.maps, b.maps);
-    assert_eq!(Meta::of(a), Meta::of(b));
-    assert_eq!(a.hash(), b.hash());
+/// What differs between two assets, by name; every bit counts.
+fn difference(a: &SplatAsset, b: &SplatAsset) -> Option<&'static str> {
+    let differ =
+        |a: &[f32], b: &[f32]| a.len() != b.len() || a.iter().zip(b).any(|(x, y)| x.to_bits() != y.to_bits());
+    let checks = [
+        ("degree", a.sh_degree != b.sh_degree),
+        ("positions", differ(a.positions.as_flattened(), b.positions.as_flattened())),
+        ("rotations", differ(a.rotations.as_flattened(), b.rotations.as_flattened())),
+        ("scales", differ(a.scales.as_flattened(), b.scales.as_flattened())),
+        ("opacities", differ(&a.opacities, &b.opacities)),
+        ("sh", differ(&a.sh, &b.sh)),
+        ("texels", differ(&a.texels, &b.texels)),
+        ("maps", a.maps != b.maps),
+        ("meta", Meta::of(a) != Meta::of(b)),
+        ("hash", a.hash() != b.hash()),
+    ];
+    checks.into_iter().find(|(_, differs)| *differs).map(|(name, _)| name)
 }
 
 /// JSON and BIN chunk of a `.glb`.
@@ -91,4 +96,5 @@ fn edited(glb: &[u8], change: impl FnOnce(&mut Value)) -> Vec<u8> {
 /// JSON pointers of what is changed most.
 const PRIMITIVE: &str = "/meshes/0/primitives/0";
 const KHR_OBJECT: &str = "/meshes/0/primitives/0/extensions/KHR_gaussian_splatting";
-const OURS: &str = "/meshes/0/primitives/0/extensions/KHR_gaussian_splatting/extensions/LITETEX_gaussian_splatting_texture";
+const OURS: &str =
+    "/meshes/0/primitives/0/extensions/KHR_gaussian_splatting/extensions/LITETEX_gaussian_splatting_texture";

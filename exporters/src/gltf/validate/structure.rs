@@ -1,11 +1,11 @@
 //! Rules about the JSON.
 
 use super::Issues;
+use crate::Severity;
 use crate::gltf::document::{Accessor, MODE_POINTS};
 use crate::gltf::loaded::Loaded;
 use crate::gltf::scene::Found;
 use crate::gltf::{EXTENSION, KHR, node, sh_attribute, splats};
-use crate::Severity;
 use serde_json::Value;
 use std::collections::BTreeSet;
 
@@ -29,7 +29,8 @@ pub fn check_extensions(json: &Value, issues: &mut Issues) {
         issues.push("LT1002", Severity::Warning, "/extensionsUsed", what);
     }
     if required.contains(EXTENSION) {
-        let what = format!("{EXTENSION} is required: viewers that do not know it refuse the file for no need");
+        let what =
+            format!("{EXTENSION} is required: viewers that do not know it refuse the file for no need");
         issues.push("LT1003", Severity::Warning, "/extensionsRequired", what);
     }
 }
@@ -73,7 +74,11 @@ pub fn check_primitive(loaded: &Loaded<'_>, found: &Found<'_>, issues: &mut Issu
             .filter(|name| !found.primitive.attributes.contains_key(name))
             .collect();
         if !missing.is_empty() {
-            issues.error("LT1009", &place, format!("{} missing, degree {highest} is there", missing.join(", ")));
+            issues.error(
+                "LT1009",
+                &place,
+                format!("{} missing, degree {highest} is there", missing.join(", ")),
+            );
         }
     }
     for (name, &index) in &found.primitive.attributes {
@@ -124,7 +129,8 @@ fn check_alignment(loaded: &Loaded<'_>, accessor: &Accessor, place: &str, issues
     let offsets = [accessor.byte_offset, view.byte_offset, stride];
     if offsets.iter().any(|v| v % 4 != 0) {
         let [first, view, stride] = offsets;
-        let what = format!("byteOffset {first} in a view at {view} with a stride of {stride}: not multiples of 4");
+        let what =
+            format!("byteOffset {first} in a view at {view} with a stride of {stride}: not multiples of 4");
         issues.error("LT1010", place, what);
     }
 }

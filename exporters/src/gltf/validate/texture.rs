@@ -98,7 +98,10 @@ fn overlap(atlas: &Atlas, maps: &[AssetMap]) -> Option<String> {
             for texel in first..first + usize::from(map.cols) {
                 let (word, bit) = (bits.get_mut(texel / 64)?, 1 << (texel % 64));
                 if *word & bit != 0 {
-                    return Some(format!("the rectangle of splat {splat} on page {} overlaps another", at.page));
+                    return Some(format!(
+                        "the rectangle of splat {splat} on page {} overlaps another",
+                        at.page
+                    ));
                 }
                 *word |= bit;
             }
