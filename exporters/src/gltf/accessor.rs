@@ -86,7 +86,7 @@ impl<'a> View<'a> {
             "VEC3" => 3,
             "VEC4" => 4,
             other => {
-                let shown: String = other.chars().take(20).collect();
+                let shown = super::shown(other);
                 return Err(format!("type {shown:?}, expected SCALAR or VEC2 to VEC4"));
             }
         };

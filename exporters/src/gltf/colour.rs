@@ -20,7 +20,9 @@ pub fn baked_dc(asset: &SplatAsset, splat: usize) -> [f32; 3] {
         return std::array::from_fn(|c| dc[c]);
     }
     let mean = asset.mean_residual(splat);
-    std::array::from_fn(|c| (f64::from(dc[c]) + mean[c] / SH_0) as f32)
+    std::array::from_fn(|c| {
+        (f64::from(dc[c]) + mean[c] / SH_0).clamp(f32::MIN.into(), f32::MAX.into()) as f32
+    })
 }
 
 /// `COLOR_0` of a splat: linear light and opacity.

@@ -39,7 +39,7 @@ fn name_from_uri(uri: &str) -> Option<String> {
 /// # Errors
 /// [`Error::Unsupported`] for data and network URIs, [`Error::Invalid`] for what leaves the folder of `path`.
 pub fn resolve(uri: &str, path: &Path) -> Result<PathBuf> {
-    let shown: String = uri.chars().take(80).collect();
+    let shown = super::shown(uri);
     if uri.contains(':') {
         let what = format!("URI {shown:?}: only files beside the .gltf are read, no data or network URIs");
         return Err(Error::unsupported(path, what));

@@ -100,7 +100,7 @@ impl<'a> Loaded<'a> {
     /// [`Error::Unsupported`] if that is not allowed, else as [`files::resolve`] and [`files::read_at_most`].
     pub fn side_file(&self, uri: &str) -> Result<Vec<u8>> {
         if self.side_files == SideFiles::Refuse {
-            let shown: String = uri.chars().take(80).collect();
+            let shown = super::shown(uri);
             let what = format!("file {shown:?} is needed beside it: open the file by its path");
             return Err(Error::unsupported(self.path, what));
         }
@@ -164,12 +164,12 @@ fn check_versions(document: &Document, path: &Path) -> Result<()> {
     let info = &document.asset;
     let wanted = info.min_version.as_ref().unwrap_or(&info.version);
     if !(wanted == "2.0" || info.min_version.is_none() && wanted.starts_with("2.")) {
-        let shown: String = wanted.chars().take(20).collect();
+        let shown = super::shown(wanted);
         return Err(Error::unsupported(path, format!("glTF of version {shown:?}, supported: \"2.0\"")));
     }
     match document.extensions_required.iter().find(|e| !UNDERSTOOD.contains(&e.as_str())) {
         Some(name) => {
-            let name: String = name.chars().take(80).collect();
+            let name = super::shown(name);
             let what = format!("the file requires the extension {name:?}, supported: {UNDERSTOOD:?}");
             Err(Error::unsupported(path, what))
         }

@@ -51,5 +51,10 @@ fn sh_indices(degree: u32) -> impl Iterator<Item = (u32, u32)> {
     (0..=degree).flat_map(|l| (0..=2 * l).map(move |n| (l, n)))
 }
 
+/// The beginning of a text from a file, for messages.
+fn shown(text: &str) -> String {
+    text.chars().take(80).collect()
+}
+
 #[cfg(test)]
 mod tests;

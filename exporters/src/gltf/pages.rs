@@ -27,10 +27,16 @@ pub fn read_maps(loaded: &Loaded<'_>, extension: &TextureExtension, asset: &mut 
     let texels: u64 = asset.maps.iter().map(|m| m.num_texels() as u64).sum();
     loaded.take_bytes(12 * texels, "texels")?;
     asset.texels = vec![0.0; 3 * texels as usize];
-    // One page at a time.
+    // One page at a time, and every splat once.
+    let mut by_page: Vec<u32> = (0..asset.maps.len() as u32).collect();
+    by_page.sort_by_key(|&splat| atlas.placements[splat as usize].page);
+    let mut rest = by_page.as_slice();
     for (i, page) in extension.atlas.iter().enumerate() {
         let texels = page_texels(loaded, page, extension.decode, i)?;
-        copy_page(&atlas, i, &texels, asset);
+        let end = rest.partition_point(|&splat| usize::from(atlas.placements[splat as usize].page) <= i);
+        let (on_page, others) = rest.split_at(end);
+        copy_maps(&atlas, on_page, &texels, asset);
+        rest = others;
     }
     Ok(())
 }
@@ -170,7 +176,7 @@ fn image_bytes<'a>(loaded: &'a Loaded<'_>, texture: u32, what: &str) -> Result<C
     let image = source.and_then(|s| document.images.get(s as usize));
     let image = image.ok_or_else(|| offence(&format!("texture {texture} without an image")))?;
     if let Some(kind) = image.mime_type.as_ref().filter(|m| m.as_str() != MIME_PNG) {
-        let kind: String = kind.chars().take(40).collect();
+        let kind = super::shown(kind);
         let text = format!("an image of type {kind:?}; residuals must be kept as PNG");
         return Err(Error::unsupported(loaded.path, format!("{what}: {text}")));
     }
@@ -199,13 +205,11 @@ pub fn stored_bytes(loaded: &Loaded<'_>, page: &Page) -> u64 {
     }
 }
 
-/// Copies the maps of one page.
-fn copy_page(atlas: &Atlas, page: usize, texels: &[f32], asset: &mut SplatAsset) {
-    let width = atlas.pages.get(page).map_or(0, |p| usize::from(p[0]));
-    for (map, at) in asset.maps.iter().zip(&atlas.placements) {
-        if usize::from(at.page) != page || map.num_texels() == 0 {
-            continue;
-        }
+/// Copies the maps of the splats that lie on one page.
+fn copy_maps(atlas: &Atlas, splats: &[u32], texels: &[f32], asset: &mut SplatAsset) {
+    for &splat in splats {
+        let (map, at) = (&asset.maps[splat as usize], &atlas.placements[splat as usize]);
+        let width = atlas.pages.get(usize::from(at.page)).map_or(0, |p| usize::from(p[0]));
         let cols = usize::from(map.cols);
         for row in 0..usize::from(map.rows) {
             let from = 3 * ((usize::from(at.y) + row) * width + usize::from(at.x));

@@ -80,16 +80,22 @@ fn ours(
     }
     pages::read_maps(loaded, &extension, &mut asset)?;
     let hash = extension.hash().ok_or_else(|| {
-        Error::invalid(loaded.path, format!("{EXTENSION}: hash {:?} is not 16 digits", extension.hash))
+        Error::invalid(
+            loaded.path,
+            format!("{EXTENSION}: hash {:?} is not 16 digits", super::shown(&extension.hash)),
+        )
     })?;
     let quality = Quality::from_name(&extension.quality);
     if quality.is_none() {
-        warnings.push(format!("unknown quality {:?}", extension.quality));
+        warnings.push(format!("unknown quality {:?}", super::shown(&extension.quality)));
     }
     let sections = sections(loaded, found, Some(&extension));
     extension.meta.store(&mut asset);
     if found.splatting.colour_space(loaded.path)? != asset.colour_space {
-        let what = format!("{KHR}: colorSpace {:?} is not that of the metadata", found.splatting.color_space);
+        let what = format!(
+            "{KHR}: colorSpace {:?} is not that of the metadata",
+            super::shown(&found.splatting.color_space)
+        );
         return Err(Error::invalid(loaded.path, what));
     }
     asset.capture_from_local = frame(loaded, found, Some(asset.capture_from_local), warnings)?;
@@ -138,7 +144,7 @@ fn foreign(
         ));
     }
     if found.splatting.kernel != "ellipse" {
-        let kernel: String = found.splatting.kernel.chars().take(80).collect();
+        let kernel = super::shown(&found.splatting.kernel);
         warnings.push(format!("kernel {kernel:?} is not known, read as \"ellipse\""));
     }
     asset.colour_space = found.splatting.colour_space(loaded.path)?;

@@ -52,6 +52,9 @@ pub fn write_gltf(path: &Path, asset: &SplatAsset, options: &GltfOptions) -> Res
         write_atomically(path, &bytes).map_err(|e| Error::io(path, e))?;
         return Ok(vec![path.to_owned()]);
     }
+    if !path.extension().is_some_and(|e| e.eq_ignore_ascii_case("gltf")) {
+        return Err(Error::invalid(path, "a glTF file is called *.glb or *.gltf"));
+    }
     let stem = path.file_stem().and_then(|s| s.to_str());
     let stem = stem.ok_or_else(|| Error::invalid(path, "not a file name that a URI can hold"))?;
     let assembled = assemble(asset, options, Some(stem)).map_err(|e| e.at(path))?;

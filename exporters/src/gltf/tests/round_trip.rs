@@ -90,7 +90,7 @@ fn files_beside_a_gltf() {
         let error = read_gltf(&path, &ReadLimits::default()).unwrap_err().to_string();
         assert!(error.contains(names[0]), "{error}");
         let path = folder.path().join("one.GLB");
-        assert_eq!(write_gltf(&path, &asset, &options(quality)).unwrap(), [path.clone()]);
+        assert_eq!(write_gltf(&path, &asset, &options(quality)).unwrap(), std::slice::from_ref(&path));
         assert_eq!(read_gltf(&path, &ReadLimits::default()).unwrap().asset, read.asset);
     }
 }
@@ -116,6 +116,8 @@ fn what_cannot_be_written_is_said() {
     for page_side in [0, 2, 9000] {
         assert!(encode_glb(&asset, &GltfOptions { page_side, ..GltfOptions::default() }).is_err());
     }
+    let named_wrongly = write_gltf(Path::new("scene.bin"), &asset, &GltfOptions::default());
+    assert!(matches!(named_wrongly, Err(Error::Invalid { .. })));
     let mut broken = asset;
     broken.opacities[0] = 2.0;
     assert!(matches!(encode_glb(&broken, &options(Quality::Lossless)), Err(Error::Invalid { .. })));
