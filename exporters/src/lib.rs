@@ -13,6 +13,7 @@ mod edit;
 mod error;
 mod file;
 mod format;
+pub mod gltf;
 mod hash;
 mod meta;
 pub mod ply;

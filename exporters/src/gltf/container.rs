@@ -1,0 +1,101 @@
+//! The GLB container: a header of 12 bytes, a chunk of JSON, a chunk of bytes.
+
+use super::JSON_BYTES_MAX;
+use crate::{Error, Result};
+use std::path::Path;
+
+const MAGIC: [u8; 4] = *b"glTF";
+const VERSION: u32 = 2;
+const JSON: [u8; 4] = *b"JSON";
+const BIN: [u8; 4] = *b"BIN\0";
+
+/// Header of a file or of a chunk.
+const HEADER_BYTES: usize = 12;
+const CHUNK_HEADER_BYTES: usize = 8;
+
+/// Whether these are the bytes of a `.glb`, by their first four; else they may be the JSON of a `.gltf`.
+pub fn is_glb(bytes: &[u8]) -> bool {
+    bytes.starts_with(&MAGIC)
+}
+
+/// Joins JSON and bytes to a file.
+///
+/// # Errors
+/// [`Error::TooLarge`] beyond 4 GiB, which is the container's limit.
+pub fn glb(mut json: Vec<u8>, mut bin: Vec<u8>) -> Result<Vec<u8>> {
+    json.resize(json.len().next_multiple_of(4), b' ');
+    bin.resize(bin.len().next_multiple_of(4), 0);
+    let total = HEADER_BYTES + 2 * CHUNK_HEADER_BYTES + json.len() + bin.len();
+    let too_large = || {
+        Error::too_large("", format!("{total} bytes, a .glb holds {}: write a .gltf with files", u32::MAX))
+    };
+    let length = u32::try_from(total).map_err(|_| too_large())?;
+    let mut bytes = Vec::with_capacity(total);
+    bytes.extend(MAGIC);
+    bytes.extend(VERSION.to_le_bytes());
+    bytes.extend(length.to_le_bytes());
+    for (kind, chunk) in [(JSON, json), (BIN, bin)] {
+        // Not longer than the file.
+        bytes.extend((chunk.len() as u32).to_le_bytes());
+        bytes.extend(kind);
+        bytes.extend(chunk);
+    }
+    Ok(bytes)
+}
+
+/// The two parts of a file.
+pub struct Parts<'a> {
+    /// UTF-8, perhaps with spaces at its end.
+    pub json: &'a [u8],
+    /// The bytes of buffer 0; `None` in a `.gltf`.
+    pub bin: Option<&'a [u8]>,
+}
+
+/// Takes a `.glb` apart, or takes the bytes of a `.gltf` as they are.
+///
+/// # Errors
+/// [`Error::Invalid`] if chunks do not fit, [`Error::Unsupported`] for other versions, [`Error::TooLarge`].
+pub fn parts<'a>(bytes: &'a [u8], path: &Path) -> Result<Parts<'a>> {
+    let parts = if is_glb(bytes) { glb_parts(bytes, path)? } else { Parts { json: bytes, bin: None } };
+    if parts.json.len() > JSON_BYTES_MAX {
+        let what = format!("{} bytes of JSON, at most {JSON_BYTES_MAX}", parts.json.len());
+        return Err(Error::too_large(path, what));
+    }
+    Ok(parts)
+}
+
+fn glb_parts<'a>(bytes: &'a [u8], path: &Path) -> Result<Parts<'a>> {
+    let cut = |what: &str| Error::invalid(path, format!("{what}: the file is cut or damaged"));
+    let version = u32_at(bytes, 4).ok_or_else(|| cut("no GLB header"))?;
+    if version != VERSION {
+        return Err(Error::unsupported(path, format!("GLB of version {version}, supported: {VERSION}")));
+    }
+    let length = u32_at(bytes, 8).ok_or_else(|| cut("no GLB header"))? as usize;
+    if length != bytes.len() {
+        return Err(cut(&format!("GLB header says {length} bytes, the file has {}", bytes.len())));
+    }
+    let (mut json, mut bin, mut at) = (None, None, HEADER_BYTES);
+    while at < bytes.len() {
+        let size = u32_at(bytes, at).ok_or_else(|| cut("header of a GLB chunk"))? as usize;
+        let first = at + CHUNK_HEADER_BYTES;
+        let kind = bytes.get(at + 4..first).ok_or_else(|| cut("header of a GLB chunk"))?;
+        let end = first.checked_add(size).filter(|&end| end <= bytes.len());
+        let end = end.ok_or_else(|| cut(&format!("GLB chunk of {size} bytes at byte {at}")))?;
+        let chunk = &bytes[first..end];
+        match () {
+            () if json.is_none() && kind == JSON => json = Some(chunk),
+            () if json.is_none() => return Err(Error::invalid(path, "the first GLB chunk is not JSON")),
+            () if bin.is_none() && kind == BIN => bin = Some(chunk),
+            // Other chunks may follow and mean nothing to us.
+            () => {}
+        }
+        at = end;
+    }
+    let json = json.ok_or_else(|| cut("no JSON chunk"))?;
+    Ok(Parts { json, bin })
+}
+
+fn u32_at(bytes: &[u8], at: usize) -> Option<u32> {
+    let b = bytes.get(at..at.checked_add(4)?)?;
+    Some(u32::from_le_bytes(b.try_into().ok()?))
+}

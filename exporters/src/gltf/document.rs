@@ -1,0 +1,189 @@
+//! The JSON of a glTF file as far as we write or read it; the rest is ignored. Names are those of the specification.
+
+use super::extension::Splatting;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use std::collections::BTreeMap;
+
+/// POINTS.
+pub const MODE_POINTS: u32 = 0;
+/// ARRAY_BUFFER.
+pub const TARGET_ATTRIBUTES: u32 = 34_962;
+/// ELEMENT_ARRAY_BUFFER.
+pub const TARGET_INDICES: u32 = 34_963;
+/// Media type of pages of 8 bits.
+pub const MIME_PNG: &str = "image/png";
+
+/// The root object.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[serde(rename_all = "camelCase", default)]
+pub struct Document {
+    pub asset: AssetInfo,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub extensions_used: Vec<String>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub extensions_required: Vec<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub scene: Option<u32>,
+    pub scenes: Vec<Scene>,
+    pub nodes: Vec<Node>,
+    pub meshes: Vec<Mesh>,
+    #[serde(skip_serializing_if = "Vec::is_empty", skip_deserializing)]
+    pub materials: Vec<Value>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub textures: Vec<Texture>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub images: Vec<Image>,
+    #[serde(skip_serializing_if = "Vec::is_empty", skip_deserializing)]
+    pub samplers: Vec<Value>,
+    pub accessors: Vec<Accessor>,
+    pub buffer_views: Vec<BufferView>,
+    pub buffers: Vec<Buffer>,
+}
+
+/// `asset`.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[serde(rename_all = "camelCase", default)]
+pub struct AssetInfo {
+    pub version: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub min_version: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub generator: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub copyright: Option<String>,
+}
+
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Scene {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub name: Option<String>,
+    pub nodes: Vec<u32>,
+}
+
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Node {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub name: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mesh: Option<u32>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub children: Vec<u32>,
+    /// Columns.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub matrix: Option<[f64; 16]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub translation: Option<[f64; 3]>,
+    /// xyzw.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rotation: Option<[f64; 4]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub scale: Option<[f64; 3]>,
+}
+
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Mesh {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub name: Option<String>,
+    pub primitives: Vec<Primitive>,
+}
+
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Primitive {
+    pub attributes: BTreeMap<String, u32>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub indices: Option<u32>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub material: Option<u32>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mode: Option<u32>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub extensions: Option<PrimitiveExtensions>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub extras: Option<Value>,
+}
+
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct PrimitiveExtensions {
+    #[serde(rename = "KHR_gaussian_splatting", skip_serializing_if = "Option::is_none")]
+    pub splatting: Option<Splatting>,
+}
+
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Texture {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sampler: Option<u32>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub source: Option<u32>,
+}
+
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[serde(rename_all = "camelCase", default)]
+pub struct Image {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub name: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub uri: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub buffer_view: Option<u32>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mime_type: Option<String>,
+}
+
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[serde(rename_all = "camelCase", default)]
+pub struct Accessor {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub buffer_view: Option<u32>,
+    #[serde(skip_serializing_if = "is_zero")]
+    pub byte_offset: u64,
+    pub component_type: u32,
+    #[serde(skip_serializing_if = "is_false")]
+    pub normalized: bool,
+    pub count: u64,
+    #[serde(rename = "type")]
+    pub shape: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub min: Option<Vec<f64>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max: Option<Vec<f64>>,
+    #[serde(skip_serializing)]
+    pub sparse: Option<serde::de::IgnoredAny>,
+}
+
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[serde(rename_all = "camelCase", default)]
+pub struct BufferView {
+    pub buffer: u32,
+    #[serde(skip_serializing_if = "is_zero")]
+    pub byte_offset: u64,
+    pub byte_length: u64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub byte_stride: Option<u64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub target: Option<u32>,
+}
+
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[serde(rename_all = "camelCase", default)]
+pub struct Buffer {
+    pub byte_length: u64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub uri: Option<String>,
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde asks so")]
+fn is_zero(v: &u64) -> bool {
+    *v == 0
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde asks so")]
+fn is_false(v: &bool) -> bool {
+    !*v
+}

@@ -1,0 +1,194 @@
+//! `KHR_gaussian_splatting` and our extension nested in it, as JSON objects, and the digest that outlives both.
+
+use super::KHR;
+use super::document::Primitive;
+use crate::meta::Meta;
+use crate::{ColourSpace, Error, Result, SplatAsset};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use std::path::Path;
+
+/// Name of our extension.
+pub const EXTENSION: &str = "LITETEX_gaussian_splatting_texture";
+
+/// Version that is written and read.
+pub const VERSION: u32 = 1;
+
+/// Key of the digest in a primitive's `extras`.
+const DIGEST: &str = "litetex";
+
+/// The object of `KHR_gaussian_splatting`.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[serde(rename_all = "camelCase", default)]
+pub struct Splatting {
+    pub kernel: String,
+    pub color_space: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub projection: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sorting_method: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub extensions: Option<SplattingExtensions>,
+}
+
+/// Extensions of the extension.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct SplattingExtensions {
+    /// Ours, read only after its version is known.
+    #[serde(rename = "LITETEX_gaussian_splatting_texture", skip_serializing_if = "Option::is_none")]
+    pub texture: Option<Value>,
+}
+
+/// The object of our extension, version 1.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub struct TextureExtension {
+    pub version: u32,
+    /// Name of a [`crate::Quality`].
+    pub quality: String,
+    /// 16 digits.
+    pub hash: String,
+    /// Accessor u16 VEC4 (x, y, cols, rows); absent: no splat has a map.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rects: Option<u32>,
+    /// Accessor u8 or u16 SCALAR; absent: all on page 0.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pages: Option<u32>,
+    /// Accessor f32 SCALAR.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub texel_size: Option<u32>,
+    /// Accessor f32 VEC3; absent: the attribute of degree 0 is exact.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sh0: Option<u32>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub atlas: Vec<Page>,
+    /// Of pages of 8 bits.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub decode: Option<Decode>,
+    pub meta: Meta,
+}
+
+/// A page of the atlas; exactly one of the three sources.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub struct Page {
+    pub width: u32,
+    pub height: u32,
+    /// Raw f32 RGB.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub buffer_view: Option<u32>,
+    /// A core texture whose image is a PNG.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub texture: Option<u32>,
+    /// An EXR file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub uri: Option<String>,
+}
+
+/// `texel = code * scale + bias`.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub struct Decode {
+    pub scale: f64,
+    pub bias: f64,
+}
+
+impl TextureExtension {
+    /// From the JSON object of a file.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] for other versions, [`Error::Invalid`] for wrong or missing properties.
+    pub fn parse(value: &Value, path: &Path) -> Result<Self> {
+        match value.get("version").and_then(Value::as_u64) {
+            Some(v) if v == u64::from(VERSION) => {}
+            Some(v) => {
+                let what =
+                    format!("{EXTENSION} of version {v}, supported: {VERSION}; a newer program reads it");
+                return Err(Error::unsupported(path, what));
+            }
+            None => return Err(Error::invalid(path, format!("{EXTENSION}: no whole number \"version\""))),
+        }
+        Self::deserialize(value).map_err(|e| Error::invalid(path, format!("{EXTENSION}: {e}")))
+    }
+
+    /// The hash as a number.
+    pub fn hash(&self) -> Option<u64> {
+        hash_from_text(&self.hash)
+    }
+}
+
+/// 16 hexadecimal digits.
+pub fn text_from_hash(hash: u64) -> String {
+    format!("{hash:016x}")
+}
+
+fn hash_from_text(text: &str) -> Option<u64> {
+    (text.len() == 16 && text.bytes().all(|b| b.is_ascii_hexdigit()))
+        .then(|| u64::from_str_radix(text, 16).ok())
+        .flatten()
+}
+
+/// What stays in `extras` when a tool drops the extensions that it does not know, so that the loss is seen.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Digest {
+    pub splats: u64,
+    pub texels: u64,
+    pub hash: String,
+}
+
+impl Digest {
+    /// Of what a reader gets.
+    pub fn of(asset: &SplatAsset, hash: u64) -> Self {
+        Self {
+            splats: asset.num_splats() as u64,
+            texels: asset.num_texels() as u64,
+            hash: text_from_hash(hash),
+        }
+    }
+
+    /// As `extras`.
+    pub fn to_extras(&self) -> Value {
+        serde_json::json!({ DIGEST: self })
+    }
+
+    /// From a primitive that may have one.
+    pub fn find(primitive: &Primitive) -> Option<Self> {
+        Self::deserialize(primitive.extras.as_ref()?.get(DIGEST)?).ok()
+    }
+}
+
+impl Splatting {
+    /// What we write, with our extension inside.
+    pub fn new(colour_space: ColourSpace, texture: Value) -> Self {
+        let name = match colour_space {
+            ColourSpace::SrgbRec709Display => "srgb_rec709_display",
+            ColourSpace::LinRec709Display => "lin_rec709_display",
+        };
+        Self {
+            kernel: "ellipse".to_owned(),
+            color_space: name.to_owned(),
+            projection: Some("perspective".to_owned()),
+            sorting_method: Some("cameraDistance".to_owned()),
+            extensions: Some(SplattingExtensions { texture: Some(texture) }),
+        }
+    }
+
+    /// Our extension, if it is there.
+    pub fn texture(&self) -> Option<&Value> {
+        self.extensions.as_ref()?.texture.as_ref()
+    }
+
+    /// What the colours mean.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] for spaces that the specification does not define.
+    pub fn colour_space(&self, path: &Path) -> Result<ColourSpace> {
+        ColourSpace::deserialize(&Value::String(self.color_space.clone())).map_err(|_| {
+            let what = format!(
+                "{KHR}: colorSpace {:?}, supported: \"srgb_rec709_display\", \"lin_rec709_display\"",
+                self.color_space
+            );
+            Error::unsupported(path, what)
+        })
+    }
+}

@@ -1,0 +1,136 @@
+//! Files beside a `.gltf`: their names as URIs, and reading them without leaving the folder.
+
+use crate::{Error, Result};
+use std::fmt::Write as _;
+use std::io::Read as _;
+use std::path::{Component, Path, PathBuf};
+
+/// A file name as a relative URI.
+pub fn uri_from_name(name: &str) -> String {
+    let mut uri = String::new();
+    for byte in name.bytes() {
+        match byte {
+            b'a'..=b'z' | b'A'..=b'Z' | b'0'..=b'9' | b'-' | b'.' | b'_' | b'~' => uri.push(char::from(byte)),
+            // Writing to a string cannot fail.
+            _ => drop(write!(uri, "%{byte:02X}")),
+        }
+    }
+    uri
+}
+
+/// The path that a relative URI means; `None` if an escape is broken.
+fn name_from_uri(uri: &str) -> Option<String> {
+    let (mut bytes, mut rest) = (Vec::new(), uri.bytes());
+    while let Some(byte) = rest.next() {
+        if byte == b'%' {
+            let digits = [rest.next()?, rest.next()?];
+            let text =
+                std::str::from_utf8(&digits).ok().filter(|t| t.bytes().all(|b| b.is_ascii_hexdigit()))?;
+            bytes.push(u8::from_str_radix(text, 16).ok()?);
+        } else {
+            bytes.push(byte);
+        }
+    }
+    String::from_utf8(bytes).ok()
+}
+
+/// Where the file lies that a URI names.
+///
+/// # Errors
+/// [`Error::Unsupported`] for data and network URIs, [`Error::Invalid`] for what leaves the folder of `path`.
+pub fn resolve(uri: &str, path: &Path) -> Result<PathBuf> {
+    let shown = super::shown(uri);
+    if uri.contains(':') {
+        let what = format!("URI {shown:?}: only files beside the .gltf are read, no data or network URIs");
+        return Err(Error::unsupported(path, what));
+    }
+    let leaves = || Error::invalid(path, format!("URI {shown:?} does not name a file in the .gltf's folder"));
+    let name = name_from_uri(uri).filter(|n| !n.is_empty() && !n.contains(['\0', '\\', ':']));
+    let name = PathBuf::from(name.ok_or_else(leaves)?);
+    if !name.components().all(|c| matches!(c, Component::Normal(_))) {
+        return Err(leaves());
+    }
+    let folder = match path.parent() {
+        Some(folder) if folder != Path::new("") => folder,
+        _ => Path::new("."),
+    };
+    let file = folder.join(name);
+    // Links are followed: where they end counts.
+    let [real_folder, real_file] = [folder, &file].map(|p| p.canonicalize().map_err(|e| Error::io(p, e)));
+    if !real_file?.starts_with(real_folder?) {
+        return Err(leaves());
+    }
+    Ok(file)
+}
+
+/// Reads a regular file of at most so many bytes.
+///
+/// # Errors
+/// [`Error::Io`], [`Error::TooLarge`], and [`Error::Invalid`] for anything but a regular file.
+pub fn read_at_most(path: &Path, bytes_max: u64) -> Result<Vec<u8>> {
+    let failed = |e| Error::io(path, e);
+    let facts = std::fs::metadata(path).map_err(failed)?;
+    if !facts.is_file() {
+        return Err(Error::invalid(path, "not a regular file"));
+    }
+    if facts.len() > bytes_max {
+        return Err(Error::too_large(path, format!("{} bytes, at most {bytes_max} are left", facts.len())));
+    }
+    let mut bytes = Vec::with_capacity(usize::try_from(facts.len()).unwrap_or_default());
+    // A file that grows meanwhile is not followed.
+    std::fs::File::open(path).and_then(|f| f.take(facts.len()).read_to_end(&mut bytes)).map_err(failed)?;
+    Ok(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_become_uris_and_come_back() {
+        for name in ["plain.bin", "with space.bin", "ü%2e#?.png", "a:b"] {
+            let uri = uri_from_name(name);
+            assert!(uri.is_ascii() && !uri.contains([' ', ':', '#', '?']), "{uri}");
+            assert_eq!(name_from_uri(&uri).as_deref(), Some(name));
+        }
+        for broken in ["a%2", "a%zz", "%", "%+1", "%ff"] {
+            assert_eq!(name_from_uri(broken), None, "{broken}");
+        }
+    }
+
+    #[test]
+    fn only_files_in_the_folder_are_found() {
+        let folder = tempfile::tempdir().unwrap();
+        let inside = folder.path().join("inside");
+        std::fs::create_dir_all(inside.join("sub")).unwrap();
+        for name in ["outside.bin", "inside/a b.bin", "inside/sub/c.bin"] {
+            std::fs::write(folder.path().join(name), "x").unwrap();
+        }
+        let gltf = inside.join("scene.gltf");
+        assert!(resolve("a%20b.bin", &gltf).is_ok() && resolve("sub/c.bin", &gltf).is_ok());
+        let absolute = inside.join("a b.bin").display().to_string();
+        for uri in [
+            "../outside.bin",
+            "sub/../../outside.bin",
+            "%2e%2e/outside.bin",
+            "",
+            ".",
+            "a\\b",
+            "a%00",
+            &absolute,
+        ] {
+            assert!(matches!(resolve(uri, &gltf), Err(Error::Invalid { .. })), "{uri:?}");
+        }
+        for uri in ["data:;base64,AAAA", "https://example.org/a.bin", "file:///etc/passwd"] {
+            assert!(matches!(resolve(uri, &gltf), Err(Error::Unsupported { .. })), "{uri:?}");
+        }
+        assert!(matches!(resolve("none.bin", &gltf), Err(Error::Io { .. })));
+        #[cfg(unix)]
+        {
+            std::os::unix::fs::symlink(folder.path().join("outside.bin"), inside.join("link.bin")).unwrap();
+            assert!(matches!(resolve("link.bin", &gltf), Err(Error::Invalid { .. })));
+        }
+        assert!(matches!(read_at_most(&inside, 10), Err(Error::Invalid { .. })), "a folder");
+        assert!(matches!(read_at_most(&folder.path().join("outside.bin"), 0), Err(Error::TooLarge { .. })));
+    }
+}

@@ -1,0 +1,178 @@
+//! A file whose JSON is parsed and whose buffers are at hand. Every look-up is checked, every decoded byte is counted.
+
+use super::accessor::View;
+use super::container::{self, Parts};
+use super::document::{Accessor, BufferView, Document};
+use super::{EXTENSION, KHR, QUANTIZATION, UNLIT, files};
+use crate::{Error, ReadLimits, Result};
+use std::borrow::Cow;
+use std::cell::Cell;
+use std::path::Path;
+
+/// Most buffers of a file.
+const BUFFERS_MAX: usize = 1024;
+
+/// Extensions that a file may require of us.
+const UNDERSTOOD: [&str; 4] = [KHR, EXTENSION, QUANTIZATION, UNLIT];
+
+/// Whether files beside the given one may be read.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum SideFiles {
+    /// In its folder.
+    Read,
+    /// None.
+    Refuse,
+}
+
+/// A file.
+pub struct Loaded<'a> {
+    pub document: Document,
+    /// For messages and for the files beside it.
+    pub path: &'a Path,
+    /// Bytes of all files that were read.
+    pub num_bytes: Cell<u64>,
+    buffers: Vec<Cow<'a, [u8]>>,
+    side_files: SideFiles,
+    left_bytes: Cell<u64>,
+}
+
+impl<'a> Loaded<'a> {
+    /// From the bytes of a `.glb` or `.gltf`.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`], [`Error::Unsupported`], [`Error::TooLarge`] as [`super::read_gltf`].
+    pub fn new(bytes: &'a [u8], path: &'a Path, limits: &ReadLimits, side_files: SideFiles) -> Result<Self> {
+        let parts = container::parts(bytes, path)?;
+        let document: Document = serde_json::from_slice(parts.json)
+            .map_err(|e| Error::invalid(path, format!("JSON of the file: {e}")))?;
+        check_versions(&document, path)?;
+        let mut loaded = Self {
+            document,
+            path,
+            num_bytes: Cell::new(bytes.len() as u64),
+            buffers: Vec::new(),
+            side_files,
+            left_bytes: Cell::new(limits.decoded_bytes),
+        };
+        loaded.load_buffers(&parts)?;
+        Ok(loaded)
+    }
+
+    fn load_buffers(&mut self, parts: &Parts<'a>) -> Result<()> {
+        let count = self.document.buffers.len();
+        if count > BUFFERS_MAX {
+            return Err(Error::too_large(self.path, format!("{count} buffers, at most {BUFFERS_MAX}")));
+        }
+        for i in 0..count {
+            let buffer = &self.document.buffers[i];
+            let needed = buffer.byte_length;
+            let bytes: Cow<'a, [u8]> = match (&buffer.uri, parts.bin) {
+                (Some(uri), _) => Cow::Owned(self.side_file(uri)?),
+                (None, Some(bin)) if i == 0 => Cow::Borrowed(bin),
+                (None, _) => Cow::Borrowed(&[]),
+            };
+            if (bytes.len() as u64) < needed {
+                let what =
+                    format!("buffer {i}: {needed} bytes declared, {} there: data are missing", bytes.len());
+                return Err(Error::invalid(self.path, what));
+            }
+            self.buffers.push(bytes);
+        }
+        Ok(())
+    }
+
+    /// Counts bytes that are about to be allocated.
+    ///
+    /// # Errors
+    /// [`Error::TooLarge`] if the limit does not allow them.
+    pub fn take_bytes(&self, bytes: u64, what: &str) -> Result<()> {
+        let left = self.left_bytes.get();
+        let rest = left.checked_sub(bytes).ok_or_else(|| {
+            Error::too_large(self.path, format!("{what}: {bytes} bytes to decode, the limit leaves {left}"))
+        })?;
+        self.left_bytes.set(rest);
+        Ok(())
+    }
+
+    /// Reads a file beside this one.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] if that is not allowed, else as [`files::resolve`] and [`files::read_at_most`].
+    pub fn side_file(&self, uri: &str) -> Result<Vec<u8>> {
+        if self.side_files == SideFiles::Refuse {
+            let shown = super::shown(uri);
+            let what = format!("file {shown:?} is needed beside it: open the file by its path");
+            return Err(Error::unsupported(self.path, what));
+        }
+        let bytes = files::read_at_most(&files::resolve(uri, self.path)?, self.left_bytes.get())?;
+        self.take_bytes(bytes.len() as u64, "files beside it")?;
+        self.num_bytes.set(self.num_bytes.get() + bytes.len() as u64);
+        Ok(bytes)
+    }
+
+    /// Size of a file beside this one, 0 if it cannot be had.
+    pub fn side_file_bytes(&self, uri: &str) -> u64 {
+        let allowed = self.side_files == SideFiles::Read;
+        let file = allowed.then(|| files::resolve(uri, self.path).ok()).flatten();
+        file.and_then(|f| f.metadata().ok()).map_or(0, |facts| facts.len())
+    }
+
+    /// A buffer view and its bytes. `what` names it in messages.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] if it does not lie in its buffer.
+    pub fn view(&self, index: u32, what: &str) -> Result<(&BufferView, &[u8])> {
+        let offence = |text: String| Error::invalid(self.path, format!("{what}: {text}"));
+        let views = &self.document.buffer_views;
+        let view = views.get(index as usize);
+        let view = view.ok_or_else(|| offence(format!("bufferView {index} of {}", views.len())))?;
+        let buffer = self.buffers.get(view.buffer as usize);
+        let buffer =
+            buffer.ok_or_else(|| offence(format!("bufferView {index}: no buffer {}", view.buffer)))?;
+        let declared = self.document.buffers[view.buffer as usize].byte_length;
+        let end = view.byte_offset.checked_add(view.byte_length).filter(|&end| end <= declared);
+        let end = end.ok_or_else(|| {
+            let BufferView { byte_offset, byte_length, .. } = view;
+            offence(format!(
+                "bufferView {index}: {byte_length} bytes from byte {byte_offset} of a buffer of {declared}"
+            ))
+        })?;
+        // The buffer holds what it declares, so these fit usize.
+        Ok((view, &buffer[view.byte_offset as usize..end as usize]))
+    }
+
+    /// An accessor's data. `what` names it in messages.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] if it does not lie in its view, [`Error::Unsupported`] for sparse ones.
+    pub fn accessor(&self, index: u32, what: &str) -> Result<View<'_>> {
+        let accessors = &self.document.accessors;
+        let accessor: &Accessor = accessors.get(index as usize).ok_or_else(|| {
+            Error::invalid(self.path, format!("{what}: accessor {index} of {}", accessors.len()))
+        })?;
+        let Some(view) = accessor.buffer_view.filter(|_| accessor.sparse.is_none()) else {
+            let text = format!("{what}: accessor {index} is sparse or without bufferView; store it in full");
+            return Err(Error::unsupported(self.path, text));
+        };
+        let (view, bytes) = self.view(view, what)?;
+        View::new(accessor, view, bytes)
+            .map_err(|text| Error::invalid(self.path, format!("{what}: accessor {index}: {text}")))
+    }
+}
+
+fn check_versions(document: &Document, path: &Path) -> Result<()> {
+    let info = &document.asset;
+    let wanted = info.min_version.as_ref().unwrap_or(&info.version);
+    if !(wanted == "2.0" || info.min_version.is_none() && wanted.starts_with("2.")) {
+        let shown = super::shown(wanted);
+        return Err(Error::unsupported(path, format!("glTF of version {shown:?}, supported: \"2.0\"")));
+    }
+    match document.extensions_required.iter().find(|e| !UNDERSTOOD.contains(&e.as_str())) {
+        Some(name) => {
+            let name = super::shown(name);
+            let what = format!("the file requires the extension {name:?}, supported: {UNDERSTOOD:?}");
+            Err(Error::unsupported(path, what))
+        }
+        None => Ok(()),
+    }
+}

@@ -1,0 +1,204 @@
+//! The transform of the node that holds the splats.
+
+use super::document::{Document, Node};
+use crate::{CaptureFromLocal, Error, Result, quaternion};
+use std::path::Path;
+
+/// Largest relative difference of two scales, or cosine of two axes, that f32 matrices may show.
+const TOLERANCE: f64 = 1e-5;
+
+/// A node's rotation is kept to the bit while its norm is within this of 1.
+const UNIT_TOLERANCE: f64 = 1e-9;
+
+/// `world_from_node` of the only node with the mesh. `None` if no node shows it.
+///
+/// # Errors
+/// [`Error::Unsupported`] for several nodes and for transforms that are no similarity, [`Error::Invalid`] for broken trees.
+pub fn world_from_mesh(document: &Document, mesh: u32, path: &Path) -> Result<Option<CaptureFromLocal>> {
+    let nodes = &document.nodes;
+    let mut parents = vec![None; nodes.len()];
+    for (i, node) in nodes.iter().enumerate() {
+        for &child in &node.children {
+            match parents.get_mut(child as usize) {
+                Some(parent @ None) => *parent = Some(i),
+                _ => {
+                    let what = format!("node {i}: child {child} does not exist or has two parents");
+                    return Err(Error::invalid(path, what));
+                }
+            }
+        }
+    }
+    let mut showing = nodes.iter().enumerate().filter(|(_, n)| n.mesh == Some(mesh));
+    let Some((mut at, node)) = showing.next() else {
+        return Ok(None);
+    };
+    if let Some((other, _)) = showing.next() {
+        let what = format!("the mesh of splats stands in nodes {at} and {other}, supported: one node");
+        return Err(Error::unsupported(path, what));
+    }
+    let mut world = similarity(node).map_err(|e| Error::unsupported(path, format!("node {at}: {e}")))?;
+    for _ in 0..nodes.len() {
+        let Some(parent) = parents[at] else {
+            return Ok(Some(world));
+        };
+        at = parent;
+        let outer =
+            similarity(&nodes[at]).map_err(|e| Error::unsupported(path, format!("node {at}: {e}")))?;
+        world = product(&outer, &world);
+    }
+    Err(Error::invalid(path, "nodes that are their own ancestors"))
+}
+
+/// The inner transform first.
+fn product(outer: &CaptureFromLocal, inner: &CaptureFromLocal) -> CaptureFromLocal {
+    // Nothing is rounded for nothing.
+    if *outer == CaptureFromLocal::IDENTITY {
+        return *inner;
+    }
+    let moved = quaternion::turned(outer.rotation, inner.translation);
+    let turned = quaternion::product(outer.rotation, inner.rotation);
+    let norm = quaternion::norm(turned);
+    CaptureFromLocal {
+        scale: outer.scale * inner.scale,
+        rotation: turned.map(|v| v / norm),
+        translation: std::array::from_fn(|i| outer.scale * moved[i] + outer.translation[i]),
+    }
+}
+
+/// A node's own transform; the error says why it is no similarity.
+pub fn similarity(node: &Node) -> Result<CaptureFromLocal, String> {
+    if let Some(matrix) = &node.matrix {
+        if node.translation.is_some() || node.rotation.is_some() || node.scale.is_some() {
+            return Err("both a matrix and translation, rotation or scale".to_owned());
+        }
+        return from_matrix(matrix);
+    }
+    let [x, y, z, w] = node.rotation.unwrap_or([0.0, 0.0, 0.0, 1.0]);
+    let mut rotation = [w, x, y, z];
+    let norm = quaternion::norm(rotation);
+    if norm.is_nan() || (norm - 1.0).abs() > 1e-2 {
+        return Err(format!("rotation {:?} is not a unit quaternion", node.rotation));
+    }
+    if (norm - 1.0).abs() > UNIT_TOLERANCE {
+        rotation = rotation.map(|v| v / norm);
+    }
+    let scales = node.scale.unwrap_or([1.0; 3]);
+    let scale = uniform(scales).ok_or_else(|| format!("scale {scales:?} is not uniform and positive"))?;
+    let translation = node.translation.unwrap_or_default();
+    finite(CaptureFromLocal { scale, rotation, translation })
+}
+
+fn finite(transform: CaptureFromLocal) -> Result<CaptureFromLocal, String> {
+    let sound = transform.translation.iter().all(|v| v.is_finite()) && transform.scale.is_finite();
+    if sound { Ok(transform) } else { Err(format!("{transform:?} is not finite")) }
+}
+
+/// The one scale of three that are alike and positive.
+fn uniform(scales: [f64; 3]) -> Option<f64> {
+    let first = scales[0];
+    let alike = scales.iter().all(|s| *s > 0.0 && (s - first).abs() <= TOLERANCE * first);
+    alike.then_some(first)
+}
+
+fn from_matrix(m: &[f64; 16]) -> Result<CaptureFromLocal, String> {
+    let no = || "its matrix is not a rotation times a positive uniform scale with a translation".to_owned();
+    let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    let columns = [0, 4, 8].map(|c| [m[c], m[c + 1], m[c + 2]]);
+    let lengths = columns.map(|c| dot(c, c).sqrt());
+    let scale = uniform(lengths).ok_or_else(no)?;
+    let [x, y, z] = [0, 1, 2].map(|i| columns[i].map(|v| v / lengths[i]));
+    let across = [x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]];
+    let skew = [dot(x, y), dot(y, z), dot(z, x), dot(across, z) - 1.0];
+    let last_row = [m[3], m[7], m[11], m[15] - 1.0];
+    // Mirrors have a last number of -2 in `skew`.
+    if !skew.iter().all(|v| v.abs() <= TOLERANCE) || !last_row.iter().all(|v| v.abs() <= TOLERANCE) {
+        return Err(no());
+    }
+    // Of the four ways to the quaternion, the one that divides by the largest number.
+    let (xx, yy, zz) = (x[0], y[1], z[2]);
+    let ways = [
+        [1.0 + xx + yy + zz, y[2] - z[1], z[0] - x[2], x[1] - y[0]],
+        [y[2] - z[1], 1.0 + xx - yy - zz, x[1] + y[0], z[0] + x[2]],
+        [z[0] - x[2], x[1] + y[0], 1.0 - xx + yy - zz, y[2] + z[1]],
+        [x[1] - y[0], z[0] + x[2], y[2] + z[1], 1.0 - xx - yy + zz],
+    ];
+    let best = (0..4).fold(0, |best, i| if ways[i][i] > ways[best][best] { i } else { best });
+    let norm = quaternion::norm(ways[best]);
+    finite(CaptureFromLocal {
+        scale,
+        rotation: ways[best].map(|v| v / norm),
+        translation: [m[12], m[13], m[14]],
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn matrix(t: &CaptureFromLocal) -> [f64; 16] {
+        let column = |axis: [f64; 3]| quaternion::turned(t.rotation, axis).map(|v| v * t.scale);
+        let mut m = [0.0; 16];
+        for (i, axis) in [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].into_iter().enumerate() {
+            m[4 * i..4 * i + 3].copy_from_slice(&column(axis));
+        }
+        m[12..15].copy_from_slice(&t.translation);
+        m[15] = 1.0;
+        m
+    }
+
+    #[test]
+    fn matrices_decompose() {
+        for rotation in
+            [[0.5, -0.1, 0.7, 0.5], [0.1, 0.9, -0.3, 0.3], [-0.2, 0.1, 0.8, -0.1], [0.0, 0.0, 0.1, -0.99]]
+        {
+            let norm = quaternion::norm(rotation);
+            let rotation = rotation.map(|v| v / norm);
+            let transform = CaptureFromLocal { scale: 2.5, rotation, translation: [1.0, -2.0, 3.0] };
+            let m = matrix(&transform);
+            let found = similarity(&Node { matrix: Some(m), ..Node::default() }).unwrap();
+            for p in [[1.0, 0.0, 0.0], [0.3, -0.7, 2.0]] {
+                let [a, b] = [found, transform].map(|t| t.transform_point(p));
+                // Needed 2e-15.
+                assert!((0..3).all(|i| (a[i] - b[i]).abs() < 1e-12), "{found:?} {transform:?}");
+            }
+            for (at, value) in [(0, m[0] + 0.1), (15, 2.0), (3, 0.5), (12, f64::NAN)] {
+                let mut broken = m;
+                broken[at] = value;
+                assert!(similarity(&Node { matrix: Some(broken), ..Node::default() }).is_err(), "{at}");
+            }
+            let mut mirrored = m;
+            mirrored[0..3].iter_mut().for_each(|v| *v = -*v);
+            assert!(similarity(&Node { matrix: Some(mirrored), ..Node::default() }).is_err());
+        }
+    }
+
+    #[test]
+    fn parents_count_and_odd_trees_are_refused() {
+        let path = Path::new("n");
+        let half_turn = Node {
+            rotation: Some([0.0, 1.0, 0.0, 0.0]),
+            scale: Some([2.0; 3]),
+            children: vec![1],
+            ..Node::default()
+        };
+        let leaf = Node { mesh: Some(0), translation: Some([1.0, 0.0, 0.0]), ..Node::default() };
+        let document = Document { nodes: vec![half_turn, leaf], ..Document::default() };
+        let world = world_from_mesh(&document, 0, path).unwrap().unwrap();
+        assert_eq!(world.transform_point([1.0, 1.0, 0.0]), [-4.0, 2.0, 0.0]);
+        assert_eq!(world_from_mesh(&document, 1, path).unwrap(), None);
+        type Break = fn(&mut Vec<Node>);
+        let breaks: [Break; 6] = [
+            |n| n[1].children = vec![0],
+            |n| n[0].children = vec![1, 1],
+            |n| n[0].children = vec![7],
+            |n| n[0].mesh = Some(0),
+            |n| n[0].scale = Some([1.0, -1.0, 1.0]),
+            |n| n[0].rotation = Some([0.0; 4]),
+        ];
+        for (i, change) in breaks.iter().enumerate() {
+            let mut broken = document.clone();
+            change(&mut broken.nodes);
+            assert!(world_from_mesh(&broken, 0, path).is_err(), "{i}");
+        }
+    }
+}

@@ -1,0 +1,234 @@
+//! Reads `.glb` and `.gltf`.
+
+use super::extension::{Digest, TextureExtension};
+use super::loaded::{Loaded, SideFiles};
+use super::scene::Found;
+use super::splats::Attributes;
+use super::{EXTENSION, KHR, VERSION, container, files, node, pages, scene};
+use crate::{
+    CaptureFromLocal, Contents, Describes, Error, Quality, ReadLimits, Result, Section, SplatAsset, yup,
+};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// A node is as we wrote it while it differs by no more than this relative to the numbers' size.
+const NODE_TOLERANCE: f64 = 1e-6;
+
+/// Reads a file and those beside it. See [`decode_glb`].
+///
+/// # Errors
+/// As [`decode_glb`], and [`Error::Io`]. URIs that leave the file's folder are [`Error::Invalid`].
+pub fn read_gltf(path: &Path, limits: &ReadLimits) -> Result<Contents> {
+    let bytes = files::read_at_most(path, limits.decoded_bytes)?;
+    decode(&bytes, path, limits, SideFiles::Read)
+}
+
+/// Decodes the bytes of a `.glb`; `path` is only for messages. Foreign files of splats are read too: their splats come
+/// as untextured surfels along the two largest axes.
+///
+/// # Errors
+/// [`Error::Invalid`] if the file is damaged or breaks a rule, [`Error::Unsupported`] for other versions, required
+/// extensions that are not known and files beside it, [`Error::TooLarge`].
+pub fn decode_glb(bytes: &[u8], path: &Path, limits: &ReadLimits) -> Result<Contents> {
+    decode(bytes, path, limits, SideFiles::Refuse)
+}
+
+fn decode(bytes: &[u8], path: &Path, limits: &ReadLimits, side_files: SideFiles) -> Result<Contents> {
+    let loaded = Loaded::new(bytes, path, limits, side_files)?;
+    contents(&loaded, container::is_glb(bytes))
+}
+
+/// Reads a loaded file.
+///
+/// # Errors
+/// As [`decode_glb`].
+pub fn contents(loaded: &Loaded<'_>, is_glb: bool) -> Result<Contents> {
+    let found = scene::find(&loaded.document, loaded.path)?;
+    if found.primitive.mode != Some(super::document::MODE_POINTS) {
+        let what = format!("{}: mode {:?}, splats are POINTS (0)", found.pointer, found.primitive.mode);
+        return Err(Error::invalid(loaded.path, what));
+    }
+    let attributes = Attributes::find(loaded, found.primitive)?;
+    let mut warnings = Vec::new();
+    let mut contents = match found.splatting.texture() {
+        Some(value) => {
+            let extension = TextureExtension::parse(value, loaded.path)?;
+            ours(loaded, &found, &attributes, extension, &mut warnings)?
+        }
+        None => foreign(loaded, &found, &attributes, &mut warnings)?,
+    };
+    contents.asset.validate().map_err(|e| e.at(loaded.path))?;
+    if contents.hash.is_some_and(|hash| hash != contents.asset.hash()) {
+        warnings.push("the content is not what its hash says: a tool has changed values since".to_owned());
+    }
+    contents.format = format!("glTF 2.0 ({}), {}", if is_glb { ".glb" } else { ".gltf" }, contents.format);
+    contents.warnings = warnings;
+    Ok(contents)
+}
+
+/// A file with our extension.
+fn ours(
+    loaded: &Loaded<'_>,
+    found: &Found<'_>,
+    attributes: &Attributes<'_>,
+    extension: TextureExtension,
+    warnings: &mut Vec<String>,
+) -> Result<Contents> {
+    let mut asset = attributes.surfels(loaded)?;
+    if let Some(sh0) = extension.sh0 {
+        read_sh0(loaded, sh0, &mut asset)?;
+    }
+    pages::read_maps(loaded, &extension, &mut asset)?;
+    let hash = extension.hash().ok_or_else(|| {
+        Error::invalid(
+            loaded.path,
+            format!("{EXTENSION}: hash {:?} is not 16 digits", super::shown(&extension.hash)),
+        )
+    })?;
+    let quality = Quality::from_name(&extension.quality);
+    if quality.is_none() {
+        warnings.push(format!("unknown quality {:?}", super::shown(&extension.quality)));
+    }
+    let sections = sections(loaded, found, Some(&extension));
+    extension.meta.store(&mut asset);
+    if found.splatting.colour_space(loaded.path)? != asset.colour_space {
+        let what = format!(
+            "{KHR}: colorSpace {:?} is not that of the metadata",
+            super::shown(&found.splatting.color_space)
+        );
+        return Err(Error::invalid(loaded.path, what));
+    }
+    asset.capture_from_local = frame(loaded, found, Some(asset.capture_from_local), warnings)?;
+    let format = format!("{EXTENSION} {VERSION}");
+    Ok(Contents { asset, format, quality, hash: Some(hash), sections, warnings: Vec::new() })
+}
+
+/// The exact SH of degree 0.
+fn read_sh0(loaded: &Loaded<'_>, index: u32, asset: &mut SplatAsset) -> Result<()> {
+    let view = loaded.accessor(index, "sh0")?;
+    let is_sound = view.width == 3 && view.component == super::accessor::Component::F32 && !view.normalised;
+    if !is_sound || view.count != asset.num_splats() {
+        let what = format!(
+            "{EXTENSION}: sh0: {} elements of {} {:?}, expected {} of 3 F32",
+            view.count,
+            view.width,
+            view.component,
+            asset.num_splats()
+        );
+        return Err(Error::invalid(loaded.path, what));
+    }
+    let width = 3 * crate::num_sh_coefficients(asset.sh_degree);
+    for (splat, dc) in asset.sh.chunks_exact_mut(width).zip(view.rows::<3>()) {
+        splat.iter_mut().zip(dc).for_each(|(c, v)| *c = v);
+    }
+    Ok(())
+}
+
+/// A file of another program.
+fn foreign(
+    loaded: &Loaded<'_>,
+    found: &Found<'_>,
+    attributes: &Attributes<'_>,
+    warnings: &mut Vec<String>,
+) -> Result<Contents> {
+    let (mut asset, num_thick) = attributes.flattened(loaded)?;
+    let mut sections = sections(loaded, found, None);
+    sections.retain(|s| s.bytes > 0);
+    if let Some(digest) = Digest::find(found.primitive) {
+        warnings.push(scene::lost(&digest));
+    }
+    if num_thick > 0 {
+        warnings.push(format!(
+            "{num_thick} of {} splats are thick: drawn as discs along their two largest axes they look different",
+            asset.num_splats()
+        ));
+    }
+    if found.splatting.kernel != "ellipse" {
+        let kernel = super::shown(&found.splatting.kernel);
+        warnings.push(format!("kernel {kernel:?} is not known, read as \"ellipse\""));
+    }
+    asset.colour_space = found.splatting.colour_space(loaded.path)?;
+    asset.capture_from_local = frame(loaded, found, None, warnings)?;
+    let info = &loaded.document.asset;
+    asset.provenance.licence = info.copyright.clone().unwrap_or_default();
+    asset.provenance.program_version = info.generator.clone().unwrap_or_default();
+    let quality = None;
+    Ok(Contents { asset, format: KHR.to_owned(), quality, hash: None, sections, warnings: Vec::new() })
+}
+
+/// The way to the capture's frame: the node's, or the metadata's if the node is still what it was made from.
+fn frame(
+    loaded: &Loaded<'_>,
+    found: &Found<'_>,
+    stored: Option<CaptureFromLocal>,
+    warnings: &mut Vec<String>,
+) -> Result<CaptureFromLocal> {
+    let Some(node) = node::world_from_mesh(&loaded.document, found.mesh, loaded.path)? else {
+        warnings.push("no node shows the splats".to_owned());
+        return Ok(stored.unwrap_or(CaptureFromLocal::IDENTITY));
+    };
+    match stored {
+        Some(stored) if is_alike(&node, &yup::node(&stored)) => Ok(stored),
+        Some(_) => {
+            warnings.push("the node was moved since the file was written: its place counts".to_owned());
+            Ok(yup::frame_of_node(&node))
+        }
+        None => Ok(yup::frame_of_node(&node)),
+    }
+}
+
+fn is_alike(a: &CaptureFromLocal, b: &CaptureFromLocal) -> bool {
+    let size = b.translation.iter().fold(b.scale, |size, v| size.max(v.abs()));
+    let near = |a: f64, b: f64, size: f64| (a - b).abs() <= NODE_TOLERANCE * size;
+    let sign =
+        if a.rotation.iter().zip(b.rotation).map(|(p, q)| p * q).sum::<f64>() < 0.0 { -1.0 } else { 1.0 };
+    near(a.scale, b.scale, b.scale)
+        && (0..3).all(|i| near(a.translation[i], b.translation[i], size))
+        && (0..4).all(|i| near(sign * a.rotation[i], b.rotation[i], 1.0))
+}
+
+/// Parts of the file by what they hold; what is left over is the metadata's.
+fn sections(loaded: &Loaded<'_>, found: &Found<'_>, extension: Option<&TextureExtension>) -> Vec<Section> {
+    let mut parts: BTreeMap<(usize, &str), (u64, Describes)> = BTreeMap::new();
+    let mut add = |order: usize, name, bytes, describes| {
+        parts.entry((order, name)).or_insert((0, describes)).0 += bytes;
+    };
+    let size = |index: u32| loaded.accessor(index, "").map_or(0, |view| view.num_bytes());
+    for (name, &index) in &found.primitive.attributes {
+        let (order, name, describes) = match name.strip_prefix(KHR).unwrap_or(name) {
+            "POSITION" => (0, "positions", Describes::Splats),
+            ":ROTATION" => (1, "rotations", Describes::Splats),
+            ":SCALE" => (2, "scales", Describes::Splats),
+            ":OPACITY" => (3, "opacities", Describes::Splats),
+            ":SH_DEGREE_0_COEF_0" if extension.is_some_and(|e| e.sh0.is_some_and(|sh0| sh0 != index)) => {
+                (8, "fallback", Describes::Other)
+            }
+            ":SH_DEGREE_0_COEF_0" => (4, "sh0", Describes::Splats),
+            name if name.starts_with(":SH_DEGREE_") => (5, "sh_rest", Describes::Splats),
+            _ => (8, "fallback", Describes::Other),
+        };
+        add(order, name, size(index), describes);
+    }
+    if let Some(extension) = extension {
+        let exact = extension.sh0.filter(|sh0| !found.primitive.attributes.values().any(|a| a == sh0));
+        add(4, "sh0", exact.map_or(0, size), Describes::Splats);
+        let maps = [extension.rects, extension.pages, extension.texel_size];
+        add(6, "maps", maps.into_iter().flatten().map(size).sum(), Describes::Splats);
+        let texels = extension.atlas.iter().map(|page| pages::stored_bytes(loaded, page)).sum();
+        add(7, "texels", texels, Describes::Texels);
+    }
+    let total = loaded.num_bytes.get();
+    let known: u64 = parts.values().map(|(bytes, _)| bytes).sum();
+    if known > total {
+        // Arrays that share bytes cannot be told apart.
+        let all = Section { name: "file".to_owned(), bytes: total, describes: Describes::Other };
+        return vec![all];
+    }
+    parts.insert((9, "metadata"), (total - known, Describes::Other));
+    let section = |((_, name), (bytes, describes)): ((usize, &str), (u64, Describes))| Section {
+        name: name.to_owned(),
+        bytes,
+        describes,
+    };
+    parts.into_iter().map(section).collect()
+}

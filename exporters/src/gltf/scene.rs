@@ -1,0 +1,57 @@
+//! Finds the splats in a file.
+
+use super::KHR;
+use super::document::{Document, Primitive};
+use super::extension::{Digest, Splatting};
+use crate::{Error, Result};
+use std::path::Path;
+
+/// The one primitive of splats.
+pub struct Found<'a> {
+    pub mesh: u32,
+    pub primitive: &'a Primitive,
+    pub splatting: &'a Splatting,
+    /// For messages.
+    pub pointer: String,
+}
+
+/// All primitives of splats with their meshes' indices and JSON pointers.
+pub fn splat_primitives(document: &Document) -> impl Iterator<Item = Found<'_>> {
+    document.meshes.iter().enumerate().flat_map(|(i, mesh)| {
+        mesh.primitives.iter().enumerate().filter_map(move |(j, primitive)| {
+            let splatting = primitive.extensions.as_ref()?.splatting.as_ref()?;
+            let pointer = format!("/meshes/{i}/primitives/{j}");
+            Some(Found { mesh: i as u32, primitive, splatting, pointer })
+        })
+    })
+}
+
+/// The one primitive of splats.
+///
+/// # Errors
+/// [`Error::Unsupported`] if there is none or more than one, [`Error::Invalid`] if a tool has dropped the extensions.
+pub fn find<'a>(document: &'a Document, path: &Path) -> Result<Found<'a>> {
+    let mut all = splat_primitives(document);
+    let Some(found) = all.next() else {
+        let mut primitives = document.meshes.iter().flat_map(|m| &m.primitives);
+        return Err(match primitives.find_map(Digest::find) {
+            Some(digest) => Error::invalid(path, lost(&digest)),
+            None => Error::unsupported(path, format!("no primitive with {KHR}: not a file of splats")),
+        });
+    };
+    let others = all.count();
+    if others > 0 {
+        let what = format!("{} primitives with {KHR}, supported: one; join them first", others + 1);
+        return Err(Error::unsupported(path, what));
+    }
+    Ok(found)
+}
+
+/// Says that a file was ours and has lost its textures.
+pub fn lost(digest: &Digest) -> String {
+    format!(
+        "the file was written with {} textured texels for {} splats, but a tool that processed it has dropped the \
+         textures: go back to the original file, or use a tool that keeps unknown extensions",
+        digest.texels, digest.splats
+    )
+}

@@ -1,0 +1,186 @@
+//! Damaged and hostile files are errors or sound assets, never a panic and never a large allocation.
+
+use super::*;
+use crate::Error;
+use crate::gltf::{encode_glb, read_gltf, validate, write_gltf};
+use serde_json::json;
+
+/// Decodes and checks; a result must be a sound asset.
+fn survive(bytes: &[u8], what: &str) -> bool {
+    let limits = ReadLimits { decoded_bytes: 64 << 20 };
+    let read = decode_glb(bytes, Path::new(PATH), &limits);
+    if let Ok(contents) = &read {
+        contents.asset.validate().unwrap_or_else(|e| panic!("{what}: {e}"));
+    }
+    read.is_ok()
+}
+
+struct Random(u64);
+
+impl Random {
+    fn below(&mut self, n: usize) -> usize {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        ((self.0 >> 33) as usize) % n
+    }
+}
+
+#[test]
+fn no_truncation_is_accepted() {
+    for quality in [Quality::Lossless, Quality::Balanced] {
+        let bytes = encode_glb(&hard_fixture(60, 1), &options(quality)).unwrap();
+        for share in 0..100 {
+            let mut cut = bytes[..bytes.len() * share / 100].to_vec();
+            assert!(!survive(&cut, "cut"), "cut to {share} of 100");
+            // The same with a header that agrees.
+            if cut.len() >= 12 {
+                let length = cut.len() as u32;
+                cut[8..12].copy_from_slice(&length.to_le_bytes());
+                assert!(!survive(&cut, "cut"), "cut to {share} of 100 with its length");
+            }
+        }
+        assert!(survive(&bytes, "whole"), "negative control");
+    }
+}
+
+#[test]
+fn no_damage_makes_the_reader_panic() {
+    let mut random = Random(3);
+    for quality in [Quality::Lossless, Quality::Balanced] {
+        let bytes = encode_glb(&hard_fixture(60, 1), &options(quality)).unwrap();
+        let json_end = 20 + u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
+        let mut accepted = 0;
+        for round in 0..3000 {
+            let mut damaged = bytes.clone();
+            // Half of them in the JSON, where structure is.
+            let range = if round % 2 == 0 { json_end } else { bytes.len() };
+            for _ in 0..1 + random.below(4) {
+                damaged[random.below(range)] = random.below(256) as u8;
+            }
+            accepted += usize::from(survive(&damaged, &format!("round {round}")));
+            if round % 20 == 0 {
+                drop(validate(&damaged, Path::new(PATH)));
+            }
+        }
+        // Most damage to the data is not seen without the hash.
+        assert!((300..2990).contains(&accepted), "{accepted}");
+    }
+}
+
+#[test]
+fn digits_replaced_by_other_digits_do_not_panic() {
+    let bytes = encode_glb(&hard_fixture(60, 1), &options(Quality::Balanced)).unwrap();
+    let json_end = 20 + u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
+    let digits: Vec<usize> = (20..json_end).filter(|&i| bytes[i].is_ascii_digit()).collect();
+    let mut random = Random(5);
+    for round in 0..3000 {
+        let mut damaged = bytes.clone();
+        for _ in 0..1 + random.below(3) {
+            damaged[digits[random.below(digits.len())]] = b'0' + random.below(10) as u8;
+        }
+        survive(&damaged, &format!("round {round}"));
+    }
+}
+
+#[test]
+fn hostile_counts_offsets_and_sizes() {
+    let bytes = encode_glb(&hard_fixture(60, 1), &options(Quality::Balanced)).unwrap();
+    let huge = [
+        json!(u64::MAX),
+        json!(u32::MAX),
+        json!(1u64 << 40),
+        json!(16_777_216),
+        json!(-1),
+        json!(1.5),
+        json!("1"),
+    ];
+    let (json, _) = split(&bytes);
+    // COLOR_0 is for others: nobody reads it.
+    let unread = json.pointer(PRIMITIVE).unwrap()["attributes"]["COLOR_0"].as_u64().unwrap();
+    let picture = json["images"][0]["bufferView"].as_u64().unwrap();
+    let pointers: Vec<String> = (0..json["accessors"].as_array().unwrap().len())
+        .flat_map(|i| {
+            ["count", "byteOffset", "bufferView", "componentType"].map(|k| format!("/accessors/{i}/{k}"))
+        })
+        .chain((0..json["bufferViews"].as_array().unwrap().len()).flat_map(|i| {
+            ["byteLength", "byteOffset", "buffer", "byteStride"].map(|k| format!("/bufferViews/{i}/{k}"))
+        }))
+        .chain(["rects", "texelSize", "sh0"].map(|k| format!("{OURS}/{k}")))
+        .chain(["width", "height", "texture"].map(|k| format!("{OURS}/atlas/0/{k}")))
+        .chain(["/buffers/0/byteLength", "/images/0/bufferView", "/nodes/0/mesh"].map(str::to_owned))
+        .collect();
+    for pointer in &pointers {
+        for value in &huge {
+            let (parent, name) = pointer.rsplit_once('/').unwrap();
+            let hostile = edited(&bytes, |j| j.pointer_mut(parent).unwrap()[name] = value.clone());
+            let read = survive(&hostile, pointer);
+            // A mesh without a node and a picture with a stride are odd, but harmless.
+            let harmless = pointer == "/nodes/0/mesh"
+                || parent.ends_with(&format!("s/{unread}"))
+                || pointer.ends_with(&format!("s/{picture}/byteStride"));
+            assert!(!read || harmless, "{pointer} = {value}");
+        }
+    }
+}
+
+#[test]
+fn many_things_and_small_limits() {
+    let asset = hard_fixture(60, 1);
+    let bytes = encode_glb(&asset, &options(Quality::Balanced)).unwrap();
+    let tight = |decoded_bytes| decode_glb(&bytes, Path::new(PATH), &ReadLimits { decoded_bytes });
+    assert!(matches!(tight(1000), Err(Error::TooLarge { .. })));
+    assert!(tight(60_000).is_ok(), "negative control");
+    // A page that a few bytes cannot hold.
+    let bomb = edited(&bytes, |j| {
+        j.pointer_mut(OURS).unwrap()["atlas"][0]["width"] = json!(8192);
+        j.pointer_mut(OURS).unwrap()["atlas"][0]["height"] = json!(8192);
+    });
+    assert!(decode(&bomb).unwrap_err().to_string().contains("cannot hold"));
+    // The same page a million times over: bounded by the number of pages or by what may be decoded.
+    let pages = edited(&bytes, |j| {
+        let page = j.pointer(OURS).unwrap()["atlas"][0].clone();
+        j.pointer_mut(OURS).unwrap()["atlas"] = json!(vec![page; 100_000]);
+    });
+    assert!(matches!(decode(&pages), Err(Error::TooLarge { .. })));
+    let buffers = edited(&bytes, |j| j["buffers"] = json!(vec![json!({"byteLength": 0}); 2000]));
+    assert!(matches!(decode(&buffers), Err(Error::TooLarge { .. })));
+    let deep = format!("{}{}", "[".repeat(100_000), "]".repeat(100_000));
+    for (pointer, may_be_read) in [("/asset", true), (PRIMITIVE, false), (OURS, false)] {
+        let nested = edited(&bytes, |j| j.pointer_mut(pointer).unwrap()["extras"] = json!("DEEP"));
+        let (json, bin) = split(&nested);
+        let text = serde_json::to_string(&json).unwrap().replace("\"DEEP\"", &deep);
+        let nested = crate::gltf::container::glb(text.into_bytes(), bin).unwrap();
+        assert_eq!(decode(&nested).is_ok(), may_be_read, "{pointer}");
+        assert!(validate(&nested, Path::new(PATH)).iter().any(|i| i.code == "LT1001"));
+    }
+    let long = vec![b' '; crate::gltf::JSON_BYTES_MAX + 1];
+    assert!(matches!(decode(&long), Err(Error::TooLarge { .. })));
+    assert!(matches!(tight(1 << 30).map(|c| c.asset.num_splats()), Ok(60)));
+}
+
+#[test]
+fn damaged_files_beside_a_gltf() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.gltf");
+    let mut random = Random(9);
+    for quality in [Quality::Lossless, Quality::Balanced] {
+        let written = write_gltf(&path, &hard_fixture(60, 0), &options(quality)).unwrap();
+        for file in &written {
+            let sound = std::fs::read(file).unwrap();
+            for round in 0..60 {
+                let mut damaged = sound.clone();
+                if round % 3 == 0 {
+                    damaged.truncate(sound.len() * round / 60);
+                } else {
+                    damaged[random.below(sound.len())] ^= 1 << random.below(8);
+                }
+                std::fs::write(file, &damaged).unwrap();
+                if let Ok(contents) = read_gltf(&path, &ReadLimits::default()) {
+                    contents.asset.validate().unwrap();
+                    assert!(round % 3 != 0, "{}: cut, but read", file.display());
+                }
+            }
+            std::fs::write(file, &sound).unwrap();
+        }
+        assert!(read_gltf(&path, &ReadLimits::default()).is_ok(), "negative control");
+    }
+}

@@ -1,0 +1,320 @@
+//! Writes `.glb` and `.gltf`.
+
+use super::buffer::{Arrays, Use};
+use super::document::{
+    AssetInfo, Buffer, Document, Image, MIME_PNG, MODE_POINTS, Mesh, Node, Primitive, PrimitiveExtensions,
+    Scene, Texture,
+};
+use super::extension::{Decode, Digest, Page, Splatting, TextureExtension, text_from_hash};
+use super::{EXTENSION, KHR, VERSION, colour, container, files, sh_attribute, sh_indices};
+use crate::atlas::{Atlas, PAGE_SIDE, PAGE_SIDE_MAX, TexelDecode, encode_exr, encode_png};
+use crate::meta::Meta;
+use crate::{Error, Quality, Result, SplatAsset, write_atomically, yup};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// Third scale, as a share of the smaller of the others: viewers of ellipsoids need one.
+const THICKNESS: f32 = 0.01;
+
+/// What to write.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct GltfOptions {
+    /// Lossless or balanced.
+    pub quality: Quality,
+    /// Largest side of an atlas page, texels; at most [`PAGE_SIDE_MAX`].
+    pub page_side: u16,
+}
+
+impl Default for GltfOptions {
+    fn default() -> Self {
+        Self { quality: Quality::default(), page_side: PAGE_SIDE }
+    }
+}
+
+/// The bytes of a `.glb`.
+///
+/// # Errors
+/// [`Error::Invalid`] if the asset breaks a rule or is empty, [`Error::Unsupported`] for [`Quality::Tiny`],
+/// [`Error::TooLarge`] beyond 4 GiB or for maps larger than a page.
+pub fn encode_glb(asset: &SplatAsset, options: &GltfOptions) -> Result<Vec<u8>> {
+    let assembled = assemble(asset, options, None)?;
+    container::glb(json(&assembled.document)?, assembled.bin)
+}
+
+/// Writes a `.glb`, or a `.gltf` with its arrays in `NAME.bin` and its pages in `NAME_atlas_0.png` or `.exr` and so on,
+/// by the extension of `path`. Returns what was written; if something fails, nothing of it stays.
+///
+/// # Errors
+/// As [`encode_glb`], and [`Error::Io`].
+pub fn write_gltf(path: &Path, asset: &SplatAsset, options: &GltfOptions) -> Result<Vec<PathBuf>> {
+    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("glb")) {
+        let bytes = encode_glb(asset, options).map_err(|e| e.at(path))?;
+        write_atomically(path, &bytes).map_err(|e| Error::io(path, e))?;
+        return Ok(vec![path.to_owned()]);
+    }
+    if !path.extension().is_some_and(|e| e.eq_ignore_ascii_case("gltf")) {
+        return Err(Error::invalid(path, "a glTF file is called *.glb or *.gltf"));
+    }
+    let stem = path.file_stem().and_then(|s| s.to_str());
+    let stem = stem.ok_or_else(|| Error::invalid(path, "not a file name that a URI can hold"))?;
+    let assembled = assemble(asset, options, Some(stem)).map_err(|e| e.at(path))?;
+    let mut files = assembled.files;
+    files.push((format!("{stem}.bin"), assembled.bin));
+    let mut written: Vec<PathBuf> = Vec::new();
+    let text = json(&assembled.document).map_err(|e| e.at(path))?;
+    // The file that names the others comes last.
+    let named = files.iter().map(|(name, bytes)| (path.with_file_name(name), bytes));
+    for (file, bytes) in named.chain([(path.to_owned(), &text)]) {
+        if let Err(error) = write_atomically(&file, bytes) {
+            for file in &written {
+                // The first error is the one that matters.
+                let _ = std::fs::remove_file(file);
+            }
+            return Err(Error::io(file, error));
+        }
+        written.push(file);
+    }
+    Ok(written)
+}
+
+/// The JSON of a document.
+pub fn json(document: &Document) -> Result<Vec<u8>> {
+    serde_json::to_vec(document).map_err(|e| Error::invalid("", format!("JSON: {e}")))
+}
+
+/// A file before it has a container.
+struct Assembled {
+    document: Document,
+    bin: Vec<u8>,
+    /// Names and bytes of the pages beside it.
+    files: Vec<(String, Vec<u8>)>,
+}
+
+/// Everything of a file; with files beside it if they have a name.
+fn assemble(asset: &SplatAsset, options: &GltfOptions, stem: Option<&str>) -> Result<Assembled> {
+    asset.validate()?;
+    if asset.num_splats() == 0 {
+        return Err(Error::invalid("", "no splats: a glTF primitive cannot be empty"));
+    }
+    if options.page_side == 0 || options.page_side > PAGE_SIDE_MAX {
+        let what = format!("pages of {} texels a side, expected 1 to {PAGE_SIDE_MAX}", options.page_side);
+        return Err(Error::invalid("", what));
+    }
+    let atlas = Atlas::of(asset, options.page_side)?;
+    let mut writer = Writer { stem, ..Writer::default() };
+    let primitive = match options.quality {
+        Quality::Lossless => writer.primitive(asset, &atlas, options.quality, Writer::lossless_pages)?,
+        Quality::Balanced => {
+            // What a reader gets is what everything else in the file is made from.
+            let decode = TexelDecode::finest(&asset.texels);
+            let codes: Vec<u8> = asset.texels.iter().map(|&t| decode.code(t)).collect();
+            let mut kept = asset.clone();
+            kept.texels.iter_mut().zip(&codes).for_each(|(t, &code)| *t = decode.texel(code));
+            let pages = |writer: &mut Writer<'_>, asset: &SplatAsset, atlas: &Atlas| {
+                writer.coded_pages(asset, atlas, &codes, decode)
+            };
+            writer.primitive(&kept, &atlas, options.quality, pages)?
+        }
+        Quality::Tiny => {
+            let what = "glTF has the qualities lossless and balanced; tiny is for .ltgs";
+            return Err(Error::unsupported("", what));
+        }
+    };
+    Ok(writer.finish(asset, primitive))
+}
+
+/// `asset` of every file that we write.
+pub fn asset_info(asset: &SplatAsset) -> AssetInfo {
+    let facts = &asset.provenance;
+    let copyright: Vec<&str> =
+        [facts.author.as_str(), &facts.licence].into_iter().filter(|s| !s.is_empty()).collect();
+    AssetInfo {
+        version: "2.0".to_owned(),
+        min_version: None,
+        generator: Some(format!("litetex {}", env!("CARGO_PKG_VERSION"))),
+        copyright: (!copyright.is_empty()).then(|| copyright.join(", ")),
+    }
+}
+
+/// What pages add to the extension.
+type Pages = (Vec<Page>, Option<Decode>);
+
+/// Collects the parts of a file.
+#[derive(Default)]
+struct Writer<'a> {
+    arrays: Arrays,
+    textures: Vec<Texture>,
+    images: Vec<Image>,
+    files: Vec<(String, Vec<u8>)>,
+    stem: Option<&'a str>,
+}
+
+impl Writer<'_> {
+    fn primitive(
+        &mut self,
+        asset: &SplatAsset,
+        atlas: &Atlas,
+        quality: Quality,
+        pages: impl FnOnce(&mut Self, &SplatAsset, &Atlas) -> Result<Pages>,
+    ) -> Result<Primitive> {
+        let (attributes, sh0) = self.attributes(asset);
+        let has_maps = !asset.texels.is_empty();
+        let used = Use::Other(None);
+        let rects = asset.maps.iter().zip(&atlas.placements).map(|(m, at)| [at.x, at.y, m.cols, m.rows]);
+        let rects = has_maps.then(|| self.arrays.push(rects, used));
+        let page_indices = atlas.placements.iter().map(|at| at.page);
+        let page_indices = match atlas.pages.len() {
+            0 | 1 => None,
+            // Below 256: no bits are lost.
+            2..=256 => Some(self.arrays.push(page_indices.map(|p| [p as u8]), used)),
+            _ => Some(self.arrays.push(page_indices.map(|p| [p]), used)),
+        };
+        let texel_size = asset.maps.iter().map(|m| [m.texel_size]);
+        let texel_size = has_maps.then(|| self.arrays.push(texel_size, used));
+        let (atlas, decode) = if has_maps { pages(self, asset, atlas)? } else { (Vec::new(), None) };
+        let hash = asset.hash();
+        let extension = TextureExtension {
+            version: VERSION,
+            quality: quality.name().to_owned(),
+            hash: text_from_hash(hash),
+            rects,
+            pages: page_indices,
+            texel_size,
+            sh0,
+            atlas,
+            decode,
+            meta: Meta::of(asset),
+        };
+        let extension =
+            serde_json::to_value(extension).map_err(|e| Error::invalid("", format!("{EXTENSION}: {e}")))?;
+        let splatting = Some(Splatting::new(asset.colour_space, extension));
+        Ok(Primitive {
+            attributes,
+            mode: Some(MODE_POINTS),
+            extensions: Some(PrimitiveExtensions { splatting }),
+            extras: Some(Digest::of(asset, hash).to_extras()),
+            ..Primitive::default()
+        })
+    }
+
+    /// Attributes by name, and the accessor of the exact SH of degree 0 if the attribute is another.
+    fn attributes(&mut self, asset: &SplatAsset) -> (BTreeMap<String, u32>, Option<u32>) {
+        let (arrays, used) = (&mut self.arrays, Use::Attribute);
+        let n = asset.num_splats();
+        let mut attributes = BTreeMap::new();
+        let positions = asset.positions.iter().map(|&p| yup::position(p));
+        attributes.insert("POSITION".to_owned(), arrays.push_positions(positions));
+        let rotations = asset.rotations.iter().map(|&q| {
+            let [w, x, y, z] = yup::rotation(q);
+            [x, y, z, w]
+        });
+        attributes.insert(format!("{KHR}:ROTATION"), arrays.push(rotations, used));
+        let scales = asset.scales.iter().map(|&[u, v]| [u, v, THICKNESS * u.min(v)]);
+        attributes.insert(format!("{KHR}:SCALE"), arrays.push(scales, used));
+        attributes.insert(format!("{KHR}:OPACITY"), arrays.push(asset.opacities.iter().map(|&o| [o]), used));
+        let baked: Vec<[f32; 3]> = (0..n).map(|i| colour::baked_dc(asset, i)).collect();
+        for (k, (l, m)) in sh_indices(asset.sh_degree).enumerate() {
+            let coefficients = (0..n).map(|i| match k {
+                0 => baked[i],
+                _ => std::array::from_fn(|c| yup::SH_SIGNS[k] * asset.sh_of(i)[3 * k + c]),
+            });
+            attributes.insert(sh_attribute(l, m), arrays.push(coefficients, used));
+        }
+        let colours = (0..n).map(|i| colour::vertex_colour(asset, i, baked[i]));
+        attributes.insert("COLOR_0".to_owned(), arrays.push(colours, Use::NormalisedAttribute));
+        let exact = |i: usize| -> [f32; 3] { std::array::from_fn(|c| asset.sh_of(i)[c]) };
+        let is_baked = (0..n).any(|i| exact(i).map(f32::to_bits) != baked[i].map(f32::to_bits));
+        let sh0 = is_baked.then(|| arrays.push((0..n).map(exact), Use::Other(None)));
+        (attributes, sh0)
+    }
+
+    /// Pages whose texels are kept to the bit.
+    fn lossless_pages(&mut self, asset: &SplatAsset, atlas: &Atlas) -> Result<Pages> {
+        let mut pages = Vec::new();
+        for (i, texels) in atlas.pages_from_texels(&asset.maps, &asset.texels).into_iter().enumerate() {
+            let size = atlas.pages[i];
+            let mut page = Page { width: size[0].into(), height: size[1].into(), ..Page::default() };
+            if let Some(stem) = self.stem {
+                let name = format!("{stem}_atlas_{i}.exr");
+                page.uri = Some(files::uri_from_name(&name));
+                self.files.push((name, encode_exr(size, &texels)?));
+            } else {
+                let view = self.arrays.begin_view(None);
+                self.arrays.bytes.extend(texels.iter().flat_map(|t| t.to_le_bytes()));
+                self.arrays.end_view();
+                page.buffer_view = Some(view);
+            }
+            pages.push(page);
+        }
+        Ok((pages, None))
+    }
+
+    /// Pages of 8 bits as core textures.
+    fn coded_pages(
+        &mut self,
+        asset: &SplatAsset,
+        atlas: &Atlas,
+        codes: &[u8],
+        decode: TexelDecode,
+    ) -> Result<Pages> {
+        let mut pages = Vec::new();
+        for (i, rgb) in atlas.pages_from_texels(&asset.maps, codes).into_iter().enumerate() {
+            let size = atlas.pages[i];
+            let png = encode_png(size, &rgb)?;
+            let mut image = Image { name: Some(format!("residuals {i}")), ..Image::default() };
+            image.mime_type = Some(MIME_PNG.to_owned());
+            if let Some(stem) = self.stem {
+                let name = format!("{stem}_atlas_{i}.png");
+                image.uri = Some(files::uri_from_name(&name));
+                self.files.push((name, png));
+            } else {
+                image.buffer_view = Some(self.arrays.push_bytes(&png));
+            }
+            self.images.push(image);
+            self.textures.push(Texture { sampler: Some(0), source: Some(i as u32) });
+            let [width, height] = size.map(u32::from);
+            pages.push(Page { width, height, texture: Some(i as u32), ..Page::default() });
+        }
+        Ok((pages, Some(Decode { scale: decode.scale, bias: decode.bias })))
+    }
+
+    fn finish(self, asset: &SplatAsset, primitive: Primitive) -> Assembled {
+        let title = Some(asset.provenance.title.clone()).filter(|t| !t.is_empty());
+        // Whole texels at the edge: nearest, clamped.
+        let sampler = serde_json::json!({
+            "magFilter": 9728, "minFilter": 9728, "wrapS": 33_071, "wrapT": 33_071
+        });
+        let document = Document {
+            asset: asset_info(asset),
+            extensions_used: vec![KHR.to_owned(), EXTENSION.to_owned()],
+            scene: Some(0),
+            scenes: vec![Scene { name: title.clone(), nodes: vec![0] }],
+            nodes: vec![node(asset)],
+            meshes: vec![Mesh { name: title, primitives: vec![primitive] }],
+            samplers: if self.textures.is_empty() { Vec::new() } else { vec![sampler] },
+            textures: self.textures,
+            images: self.images,
+            accessors: self.arrays.accessors,
+            buffer_views: self.arrays.views,
+            buffers: vec![Buffer {
+                byte_length: self.arrays.bytes.len() as u64,
+                uri: self.stem.map(|stem| files::uri_from_name(&format!("{stem}.bin"))),
+            }],
+            ..Document::default()
+        };
+        Assembled { document, bin: self.arrays.bytes, files: self.files }
+    }
+}
+
+/// The node that shows mesh 0 in the capture's frame with y up.
+pub fn node(asset: &SplatAsset) -> Node {
+    let world_from_node = yup::node(&asset.capture_from_local);
+    let [w, x, y, z] = world_from_node.rotation;
+    Node {
+        mesh: Some(0),
+        translation: Some(world_from_node.translation),
+        rotation: Some([x, y, z, w]),
+        scale: Some([world_from_node.scale; 3]),
+        ..Node::default()
+    }
+}
