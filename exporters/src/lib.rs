@@ -14,9 +14,11 @@ mod file;
 mod hash;
 mod meta;
 pub mod ply;
+mod quads;
 mod quality;
 mod quaternion;
 mod sh;
+pub mod usd;
 mod validate;
 mod yup;
 

@@ -1,0 +1,1 @@
+pub fn validate(_: &std::path::Path) -> Vec<crate::Issue> { Vec::new() }
