@@ -189,12 +189,6 @@ impl Prim {
     pub(super) fn value(&self, name: &str) -> Option<&Value> {
         self.property(name)?.value()
     }
-
-    /// Prims below it, those of all its variants too.
-    pub(super) fn below(&self) -> impl Iterator<Item = &Prim> {
-        let variants = self.variant_sets.iter().flat_map(|s| &s.variants);
-        self.children.iter().chain(variants.flat_map(|v| &v.children))
-    }
 }
 
 /// Calls with every prim of a layer and its path (`/Scene{set=variant}Child`), from the root down.
