@@ -87,7 +87,7 @@ pub(super) fn is_plain_path(path: &str) -> bool {
 }
 
 /// Checksum of zip archives: the reflected polynomial 0xEDB88320, four bits at a time.
-fn crc32(bytes: &[u8]) -> u32 {
+pub(super) fn crc32(bytes: &[u8]) -> u32 {
     const TABLE: [u32; 16] = {
         let mut table = [0; 16];
         let mut i = 0;

@@ -366,7 +366,7 @@ impl Field<'_> {
         let mut offset = 0_u64;
         for (splat, (&[_, _, cols, rows], &texel_size)) in rects.iter().zip(texel_sizes).enumerate() {
             let sides = [rows, cols].map(u16::try_from);
-            let [Ok(rows), Ok(cols)] = sides else {
+            let (Ok(rows), Ok(cols), true) = (sides[0], sides[1], (rows == 0) == (cols == 0)) else {
                 return Err(Error::invalid(self.path, format!("{RECT} of splat {splat}: {rows} x {cols} texels")));
             };
             let offset_texels = u32::try_from(offset).map_err(|_| {

@@ -103,8 +103,8 @@ impl<'a> Values<'a> {
 
     fn read_numbers(&mut self, rep: Rep, form: Form, scalar: usize, name: &str) -> Result<Value> {
         let value = match scalar {
-            0 => Value::Ints(self.numbers(rep, form, name, i32::from_le_bytes, |word| word as i32, i32::from)?),
-            1 => Value::Floats(self.numbers(rep, form, name, f32::from_le_bytes, f32::from_bits, f32::from)?),
+            0 => Value::Ints(self.numbers(rep, form, name, i32::from_le_bytes, |word| word as i32, |i| i)?),
+            1 => Value::Floats(self.numbers(rep, form, name, f32::from_le_bytes, f32::from_bits, |i| i as f32)?),
             _ => Value::Doubles(self.numbers(
                 rep,
                 form,
@@ -128,19 +128,19 @@ impl<'a> Values<'a> {
         name: &str,
         from_bytes: impl Fn([u8; N]) -> T,
         from_word: impl Fn(u32) -> T,
-        from_byte: impl Fn(i8) -> T,
+        from_int: impl Fn(i32) -> T,
     ) -> Result<Numbers<T>> {
         let is_array = rep.has(Rep::ARRAY);
         let width = form.width();
         if rep.has(Rep::COMPRESSED) {
-            return self.compressed(rep, form, name, |word| from_word(word as u32));
+            return self.compressed(rep, form, name, from_bytes, from_int);
         }
         let mut values: Vec<T> = if is_array && rep.payload() == 0 {
             Vec::new()
         } else if rep.has(Rep::INLINED) && form == Form::One {
             vec![from_word(rep.payload() as u32)]
         } else if rep.has(Rep::INLINED) {
-            rep.payload().to_le_bytes()[..width].iter().map(|&b| from_byte(b as i8)).collect()
+            rep.payload().to_le_bytes()[..width].iter().map(|&b| from_int((b as i8).into())).collect()
         } else {
             let raw = self.raw(rep, N * width, is_array).map_err(|what| self.invalid(name, what))?;
             self.spend(raw.len())?;
@@ -162,32 +162,59 @@ impl<'a> Values<'a> {
         cursor.bytes(count * element_bytes)
     }
 
-    /// Compressed arrays: integers; other programs also write floats that are all integers so.
-    fn compressed<T: Copy>(
+    /// Compressed arrays. We compress integers; other programs also floats that are all integers or few.
+    fn compressed<T: Copy, const N: usize>(
         &mut self,
         rep: Rep,
         form: Form,
         name: &str,
-        from_word: impl Fn(i32) -> T,
+        from_bytes: impl Fn([u8; N]) -> T,
+        from_int: impl Fn(i32) -> T,
     ) -> Result<Numbers<T>> {
-        if form != Form::One || rep.value_type() != types::INT || !rep.has(Rep::ARRAY) {
+        if form != Form::One || !rep.has(Rep::ARRAY) {
             let what = format!("{name}: compressed arrays of values of type {}", rep.value_type());
             return Err(Error::unsupported(self.path, what));
         }
-        let words = |values: &Self| -> Words<(Vec<i32>, u64)> {
-            let mut cursor = values.at(rep)?;
-            let (count, length) = (cursor.u64()?, cursor.count(1)?);
-            let count = usize::try_from(count).unwrap_or(usize::MAX);
-            if count.saturating_mul(4) as u64 > values.budget {
-                return Err(format!("{count} integers, more than the limit allows"));
-            }
-            Ok((codec::decompress_ints(cursor.bytes(length)?, count)?, 16 + length as u64))
-        };
-        let (ints, num_bytes) = words(self).map_err(|what| self.invalid(name, what))?;
-        self.spend(4 * ints.len())?;
+        let is_int = rep.value_type() == types::INT;
+        let (values, num_bytes) =
+            self.decompressed(rep, is_int, from_bytes, from_int).map_err(|what| self.invalid(name, what))?;
+        self.spend(N * values.len())?;
         self.last_bytes = num_bytes;
-        let values = Arc::new(ints.into_iter().map(from_word).collect());
-        Ok(Numbers { form, is_array: true, values })
+        Ok(Numbers { form, is_array: true, values: Arc::new(values) })
+    }
+
+    /// The numbers and their length in the file.
+    fn decompressed<T: Copy, const N: usize>(
+        &self,
+        rep: Rep,
+        is_int: bool,
+        from_bytes: impl Fn([u8; N]) -> T,
+        from_int: impl Fn(i32) -> T,
+    ) -> Words<(Vec<T>, u64)> {
+        let mut cursor = self.at(rep)?;
+        let before = cursor.rest.len();
+        let count = usize::try_from(cursor.u64()?).unwrap_or(usize::MAX);
+        if count.saturating_mul(8) as u64 > self.budget {
+            return Err(format!("{count} compressed numbers, more than the limit allows"));
+        }
+        let code = if is_int { b'i' } else { cursor.array::<1>()?[0] };
+        let table: Vec<T> = match code {
+            b'i' => Vec::new(),
+            b't' => {
+                let length = cursor.u32()? as usize;
+                let bytes = cursor.bytes(length.saturating_mul(N))?;
+                bytes.as_chunks::<N>().0.iter().map(|&b| from_bytes(b)).collect()
+            }
+            other => return Err(format!("compressed numbers of kind {other}")),
+        };
+        let length = cursor.count(1)?;
+        let ints = codec::decompress_ints(cursor.bytes(length)?, count)?;
+        let num_bytes = (before - cursor.rest.len()) as u64;
+        if code == b'i' {
+            return Ok((ints.into_iter().map(from_int).collect(), num_bytes));
+        }
+        let entry = |i: i32| table.get(i as u32 as usize).copied().ok_or_else(|| format!("entry {i} of a table"));
+        Ok((ints.into_iter().map(entry).collect::<Words<_>>()?, num_bytes))
     }
 
     /// A counted list of indices.
