@@ -17,10 +17,12 @@ pub mod gltf;
 mod hash;
 mod meta;
 pub mod ply;
+mod quads;
 mod quality;
 mod quaternion;
 mod sh;
 pub mod spz;
+pub mod usd;
 mod validate;
 mod yup;
 

@@ -1,0 +1,272 @@
+//! Splats as textured rectangles for programs that know nothing but meshes: a preview. Each rectangle shows what its
+//! splat looks like from no direction in particular: base colour and map, clamped, with the Gaussian as alpha.
+
+use crate::atlas::{self, Placement};
+use crate::sh::SH_0;
+use crate::{AssetMap, Error, Result, SplatAsset, quaternion, yup};
+
+/// Most rectangles unless something else is asked for: those that are sorted by programs take their time.
+pub(crate) const QUADS_MAX: usize = 50_000;
+
+/// Texels a side of a baked map: at least, and at most.
+const BAKED_SIDE: std::ops::RangeInclusive<u16> = 8..=32;
+
+/// Alpha below which nothing is drawn (method, section 1.4).
+const ALPHA_MIN: f64 = 1.0 / 255.0;
+
+/// Largest alpha.
+const ALPHA_MAX: f64 = 0.99;
+
+/// One rectangle.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Quad {
+    /// Index of its splat.
+    pub(crate) splat: u32,
+    /// Index of its page.
+    pub(crate) page: u16,
+    /// Corners, counter-clockwise seen from where the normal points; y up.
+    pub(crate) corners: [[f32; 3]; 4],
+    /// Places of the corners on the page, from the upper left, in shares of its sides; half a texel inside of the map.
+    pub(crate) uvs: [[f32; 2]; 4],
+}
+
+/// A picture of baked maps.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct QuadPage {
+    /// Width and height.
+    pub(crate) size: [u16; 2],
+    /// sRGB and straight alpha, row by row. `[height, width, 4]`
+    pub(crate) rgba: Vec<u8>,
+}
+
+/// Rectangles in the order of their splats, and their pages.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Quads {
+    pub(crate) quads: Vec<Quad>,
+    pub(crate) pages: Vec<QuadPage>,
+}
+
+/// A splat's share: where its map reaches and how fine it is.
+struct Baked {
+    splat: usize,
+    /// Half sides along u and v, local units.
+    half: [f64; 2],
+    /// Texels along v (columns) and u (rows).
+    size: [u16; 2],
+}
+
+impl Quads {
+    /// Bakes the splats with the largest opacity times area, at most `most`, on pages of at most `side` texels.
+    ///
+    /// # Errors
+    /// [`Error::TooLarge`] if pages are too small for any map.
+    pub(crate) fn of(asset: &SplatAsset, most: usize, side: u16) -> Result<Self> {
+        let baked: Vec<Baked> =
+            chosen(asset, most).into_iter().filter_map(|splat| extent(asset, splat)).collect();
+        let sizes: Vec<[u16; 2]> = baked.iter().map(|b| b.size).collect();
+        let (placements, pages) = atlas::pack(&sizes, side).ok_or_else(|| {
+            Error::too_large("", format!("rectangles: maps of up to 32 texels a side on pages of {side}"))
+        })?;
+        let mut quads = Self::default();
+        quads.pages = pages
+            .into_iter()
+            .map(|size| QuadPage { size, rgba: vec![0; 4 * usize::from(size[0]) * usize::from(size[1])] })
+            .collect();
+        for (baked, at) in baked.iter().zip(&placements) {
+            let page = &mut quads.pages[usize::from(at.page)];
+            draw(asset, baked, at, page);
+            quads.quads.push(quad(asset, baked, at, page.size));
+        }
+        Ok(quads)
+    }
+}
+
+/// Splats that contribute most, by index.
+fn chosen(asset: &SplatAsset, most: usize) -> Vec<usize> {
+    let weight = |splat: usize| {
+        let [u, v] = asset.scales[splat];
+        asset.opacities[splat] * u * v
+    };
+    let mut order: Vec<usize> = (0..asset.num_splats()).collect();
+    order.sort_by(|&a, &b| weight(b).total_cmp(&weight(a)).then(a.cmp(&b)));
+    order.truncate(most);
+    order.sort_unstable();
+    order
+}
+
+/// `None`: the splat is never drawn.
+fn extent(asset: &SplatAsset, splat: usize) -> Option<Baked> {
+    let opacity = f64::from(asset.opacities[splat]);
+    let reach = (2.0 * (opacity / ALPHA_MIN).ln()).sqrt().min(3.0);
+    if reach.is_nan() || reach <= 0.0 {
+        return None;
+    }
+    let half = asset.scales[splat].map(|s| f64::from(s) * reach);
+    let texel_size = f64::from(asset.maps[splat].texel_size);
+    let texels = |half: f64| {
+        let wanted = if texel_size > 0.0 { (2.0 * half / texel_size).ceil() + 1.0 } else { 0.0 };
+        wanted.clamp(f64::from(*BAKED_SIDE.start()), f64::from(*BAKED_SIDE.end())) as u16
+    };
+    Some(Baked { splat, half, size: [texels(half[1]), texels(half[0])] })
+}
+
+/// Position of a texel of `count` between the half sides.
+fn coordinate(index: u16, count: u16, half: f64) -> f64 {
+    (2.0 * f64::from(index) / f64::from(count - 1) - 1.0) * half
+}
+
+fn draw(asset: &SplatAsset, baked: &Baked, at: &Placement, page: &mut QuadPage) {
+    let splat = baked.splat;
+    let [cols, rows] = baked.size;
+    let [scale_u, scale_v] = asset.scales[splat].map(f64::from);
+    let sh = asset.sh_of(splat);
+    let base: [f64; 3] = std::array::from_fn(|c| (0.5 + SH_0 * f64::from(sh[c])).max(0.0));
+    for row in 0..rows {
+        let a = coordinate(row, rows, baked.half[0]);
+        for col in 0..cols {
+            let b = coordinate(col, cols, baked.half[1]);
+            let residual = sample(&asset.maps[splat], asset.texels_of(splat), a, b);
+            let falloff = (-0.5 * ((a / scale_u).powi(2) + (b / scale_v).powi(2))).exp();
+            let alpha = (f64::from(asset.opacities[splat]) * falloff).min(ALPHA_MAX);
+            let pixel = (usize::from(at.y) + usize::from(row)) * usize::from(page.size[0])
+                + usize::from(at.x)
+                + usize::from(col);
+            for c in 0..3 {
+                page.rgba[4 * pixel + c] = code(base[c] + residual[c]);
+            }
+            page.rgba[4 * pixel + 3] = code(alpha);
+        }
+    }
+}
+
+fn code(value: f64) -> u8 {
+    (255.0 * value.clamp(0.0, 1.0)).round() as u8
+}
+
+/// Residual at a position on the surfel: bilinear, zero outside of the map (method, section 1.3).
+fn sample(map: &AssetMap, texels: &[f32], a: f64, b: f64) -> [f64; 3] {
+    let mut sum = [0.0; 3];
+    if map.num_texels() == 0 {
+        return sum;
+    }
+    let k = f64::from(map.texel_size);
+    let u = a / k + 0.5 * (f64::from(map.rows) - 1.0);
+    let v = b / k + 0.5 * (f64::from(map.cols) - 1.0);
+    for row in [u.floor(), u.floor() + 1.0] {
+        for col in [v.floor(), v.floor() + 1.0] {
+            if row < 0.0 || col < 0.0 || row >= f64::from(map.rows) || col >= f64::from(map.cols) {
+                continue;
+            }
+            let weight = (1.0 - (u - row).abs()) * (1.0 - (v - col).abs());
+            let texel = row as usize * usize::from(map.cols) + col as usize;
+            for (s, &t) in sum.iter_mut().zip(&texels[3 * texel..]) {
+                *s += weight * f64::from(t);
+            }
+        }
+    }
+    sum
+}
+
+fn quad(asset: &SplatAsset, baked: &Baked, at: &Placement, page: [u16; 2]) -> Quad {
+    let splat = baked.splat;
+    let centre = yup::position(asset.positions[splat]).map(f64::from);
+    let q = yup::rotation(asset.rotations[splat]).map(f64::from);
+    let [half_u, half_v] = baked.half;
+    let [cols, rows] = baked.size.map(f64::from);
+    let corner = |u: f64, v: f64| {
+        let offset = quaternion::turned(q, [u * half_u, v * half_v, 0.0]);
+        std::array::from_fn(|i| (centre[i] + offset[i]) as f32)
+    };
+    // From the centre of the first texel to that of the last; columns run along v, rows along u.
+    let uv = |u: f64, v: f64| {
+        let x = f64::from(at.x) + 0.5 + 0.5 * (v + 1.0) * (cols - 1.0);
+        let y = f64::from(at.y) + 0.5 + 0.5 * (u + 1.0) * (rows - 1.0);
+        [(x / f64::from(page[0])) as f32, (y / f64::from(page[1])) as f32]
+    };
+    let signs = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)];
+    Quad {
+        splat: splat as u32,
+        page: at.page,
+        corners: signs.map(|(u, v)| corner(u, v)),
+        uvs: signs.map(|(u, v)| uv(u, v)),
+    }
+}
+
+/// A page as PNG with alpha, colours as sRGB.
+///
+/// # Errors
+/// [`Error::Invalid`] if the sizes do not fit each other.
+pub(crate) fn encode_page(page: &QuadPage) -> Result<Vec<u8>> {
+    let failed = |e: png::EncodingError| Error::invalid("", format!("PNG page: {e}"));
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, page.size[0].into(), page.size[1].into());
+    encoder.set_color(png::ColorType::Rgba);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_compression(png::Compression::Balanced);
+    encoder.set_source_srgb(png::SrgbRenderingIntent::RelativeColorimetric);
+    let mut writer = encoder.write_header().map_err(failed)?;
+    writer.write_image_data(&page.rgba).map_err(failed)?;
+    writer.finish().map_err(failed)?;
+    Ok(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::asset::tests::fixture;
+
+    #[test]
+    fn rectangles_show_base_colour_map_and_falloff() {
+        let mut asset = fixture(2, 0);
+        asset.positions[0] = [1.0, 2.0, 3.0];
+        asset.rotations[0] = [1.0, 0.0, 0.0, 0.0];
+        asset.scales[0] = [0.1, 0.2];
+        asset.opacities[0] = 0.8;
+        asset.sh[..3].copy_from_slice(&[0.5, -0.5, 0.0]);
+        asset.maps[0].texel_size = 10.0;
+        asset.texels[..3].copy_from_slice(&[0.25, 0.0, -1.0]);
+        let baked = Quads::of(&asset, 10, 64).unwrap();
+        let quad = &baked.quads[0];
+        // y up: u = x, v = -y, normal = -z. Half sides are three standard deviations.
+        let near = |a: [f32; 3], b: [f32; 3]| (0..3).all(|i| (a[i] - b[i]).abs() < 1e-6); // needed 3e-7
+        assert!(near(quad.corners[0], [0.7, -1.4, -3.0]), "{:?}", quad.corners);
+        assert!(near(quad.corners[2], [1.3, -2.6, -3.0]), "{:?}", quad.corners);
+        let size = baked.pages[0].size;
+        let texel = |uv: [f32; 2]| {
+            let [x, y]: [f32; 2] = std::array::from_fn(|i| uv[i] * f32::from(size[i]) - 0.5);
+            assert!((x - x.round()).abs() < 1e-4 && (y - y.round()).abs() < 1e-4, "centres of texels");
+            4 * (y.round() as usize * usize::from(size[0]) + x.round() as usize)
+        };
+        let corner = texel(quad.uvs[0]);
+        // exp(-9) of the opacity is nothing; the alpha near the centre is not.
+        assert_eq!(baked.pages[0].rgba[corner + 3], 0);
+        let centre = corner + 4 * (3 * usize::from(size[0]) + 3);
+        let [r, g, b, a] = std::array::from_fn(|i| baked.pages[0].rgba[centre + i]);
+        // Texel 3 of 8 lies at -3/7 standard deviations along both axes; texels of 10 units show (nearly) the mean of
+        // the map's four.
+        let alpha = 0.8 * (-9.0_f64 / 49.0).exp();
+        assert_eq!(f64::from(a), (255.0 * alpha).round());
+        let mean = |c: usize| (0..4).map(|t| f64::from(asset.texels[3 * t + c])).sum::<f64>() / 4.0;
+        for (c, (found, dc)) in [(r, 0.5), (g, -0.5), (b, 0.0)].into_iter().enumerate() {
+            let expected = 255.0 * (0.5 + SH_0 * dc + mean(c)).clamp(0.0, 1.0);
+            assert!((f64::from(found) - expected).abs() < 8.0, "{c}: {found} {expected}"); // needed 4
+        }
+    }
+
+    #[test]
+    fn the_most_contributing_are_kept_in_order() {
+        let asset = fixture(30, 1);
+        let weight = |i: usize| asset.opacities[i] * asset.scales[i][0] * asset.scales[i][1];
+        let baked = Quads::of(&asset, 10, 128).unwrap();
+        let kept: Vec<usize> = baked.quads.iter().map(|q| q.splat as usize).collect();
+        assert_eq!(kept.len(), 10);
+        assert!(kept.is_sorted());
+        let least = kept.iter().map(|&i| weight(i)).fold(f32::INFINITY, f32::min);
+        assert!((0..30).filter(|i| !kept.contains(i)).all(|i| weight(i) <= least));
+        assert!(encode_page(&baked.pages[0]).unwrap().starts_with(b"\x89PNG"));
+        // A splat that is never drawn has no rectangle.
+        let mut faint = fixture(1, 0);
+        faint.opacities[0] = 0.003;
+        assert!(Quads::of(&faint, 10, 128).unwrap().quads.is_empty());
+    }
+}

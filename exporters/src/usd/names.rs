@@ -1,0 +1,54 @@
+//! Names of our files' prims, properties and metadata: one definition for writer, reader and validation.
+
+/// Version of what `primvars:litetex:*` mean.
+pub(super) const VERSION: i32 = 1;
+
+/// Root prim.
+pub(super) const SCENE: &str = "Scene";
+/// The splats of a variant.
+pub(super) const SPLATS: &str = "Splats";
+/// Material whose shaders hold the pages.
+pub(super) const ATLAS: &str = "Atlas";
+/// Variant set of the representations.
+pub(super) const REPRESENTATION: &str = "representation";
+
+/// Type of particles without anything built in.
+pub(super) const FIELD_TYPE: &str = "ParticleField";
+/// Type of 3D Gaussians.
+pub(super) const SPLAT3D_TYPE: &str = "ParticleField3DGaussianSplat";
+/// What all kernels begin with.
+pub(super) const KERNEL_PREFIX: &str = "ParticleFieldKernel";
+/// Applied to the textured splats.
+pub(super) const FIELD_SCHEMAS: [&str; 7] = [
+    "ParticleFieldPositionAttributeAPI",
+    "ParticleFieldOrientationAttributeAPI",
+    "ParticleFieldScaleAttributeAPI",
+    "ParticleFieldOpacityAttributeAPI",
+    "ParticleFieldSphericalHarmonicsAttributeAPI",
+    "ParticleFieldKernelGaussianSurfletAPI",
+    "MaterialBindingAPI",
+];
+
+pub(super) const POSITIONS: &str = "positions";
+pub(super) const ORIENTATIONS: &str = "orientations";
+pub(super) const SCALES: &str = "scales";
+pub(super) const OPACITIES: &str = "opacities";
+pub(super) const SH_DEGREE: &str = "radiance:sphericalHarmonicsDegree";
+pub(super) const SH_COEFFICIENTS: &str = "radiance:sphericalHarmonicsCoefficients";
+pub(super) const EXTENT: &str = "extent";
+pub(super) const BINDING: &str = "material:binding";
+
+pub(super) const LITETEX_VERSION: &str = "primvars:litetex:version";
+/// x, y, columns, rows.
+pub(super) const RECT: &str = "primvars:litetex:rect";
+pub(super) const PAGE: &str = "primvars:litetex:page";
+pub(super) const TEXEL_SIZE: &str = "primvars:litetex:texelSize";
+/// SH of degree 0 without the mean of the map.
+pub(super) const SH0: &str = "primvars:litetex:sh0";
+pub(super) const DECODE_SCALE: &str = "primvars:litetex:decodeScale";
+pub(super) const DECODE_BIAS: &str = "primvars:litetex:decodeBias";
+/// Width and height of the pages.
+pub(super) const PAGE_SIZES: &str = "litetex:pageSizes";
+
+/// Our dictionary in the layer's custom data.
+pub(super) const LITETEX: &str = "litetex";

@@ -1,0 +1,150 @@
+//! Packages (`.usdz`): zip archives whose entries are stored as they are, each at a multiple of 64 bytes.
+
+use crate::{Error, ReadLimits, Result};
+use std::io::{Cursor, Read, Write};
+use std::path::Path;
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, DateTime, ZipArchive, ZipWriter};
+
+/// Data of entries begin at multiples of this.
+const ALIGNMENT: u16 = 64;
+
+/// Most entries of a package.
+const ENTRIES_MAX: usize = 1000;
+
+/// A file in a package.
+pub(super) struct Entry {
+    pub(super) name: String,
+    pub(super) bytes: Vec<u8>,
+}
+
+/// A package. The first entry is its root layer. Equal entries make equal bytes: times are fixed.
+///
+/// # Errors
+/// [`Error::Invalid`] with the zip writer's word.
+pub(super) fn package_from_entries(entries: &[Entry]) -> Result<Vec<u8>> {
+    let failed = |what: String| Error::invalid("", format!("package: {what}"));
+    let mut writer = ZipWriter::new(Cursor::new(Vec::new()));
+    for entry in entries {
+        let options = SimpleFileOptions::default()
+            .compression_method(CompressionMethod::Stored)
+            .last_modified_time(DateTime::default())
+            .unix_permissions(0o644)
+            .large_file(entry.bytes.len() >= u32::MAX as usize)
+            .with_alignment(ALIGNMENT);
+        writer.start_file(&entry.name, options).map_err(|e| failed(e.to_string()))?;
+        writer.write_all(&entry.bytes).map_err(|e| failed(e.to_string()))?;
+    }
+    Ok(writer.finish().map_err(|e| failed(e.to_string()))?.into_inner())
+}
+
+/// The entries of a package; `path` is only for messages.
+///
+/// # Errors
+/// [`Error::Invalid`] if it is damaged or breaks the rules of packages, [`Error::TooLarge`].
+pub(super) fn entries_from_package(bytes: &[u8], path: &Path, limits: &ReadLimits) -> Result<Vec<Entry>> {
+    let damaged = |what: String| Error::invalid(path, format!("package: {what}"));
+    let mut archive = ZipArchive::new(Cursor::new(bytes)).map_err(|e| damaged(e.to_string()))?;
+    if archive.len() > ENTRIES_MAX {
+        return Err(Error::too_large(path, format!("{} entries, at most {ENTRIES_MAX}", archive.len())));
+    }
+    let mut entries = Vec::new();
+    let mut total = 0_u64;
+    for index in 0..archive.len() {
+        // Raw: what is not stored is refused and never decompressed.
+        let file = archive.by_index_raw(index).map_err(|e| damaged(e.to_string()))?;
+        let name = file.name().map_err(|e| damaged(e.to_string()))?.into_owned();
+        let invalid = |what: &str| Err(damaged(format!("entry {name:?}: {what}")));
+        if !is_plain_path(&name) {
+            return invalid("not a plain relative path");
+        }
+        if file.compression() != CompressionMethod::Stored || file.encrypted() || file.is_symlink() {
+            return invalid("compressed, encrypted or a link; packages hold stored files only");
+        }
+        if file.data_start().is_none_or(|at| at % u64::from(ALIGNMENT) != 0) {
+            return invalid("its data are not at a multiple of 64 bytes");
+        }
+        total = total.saturating_add(file.size());
+        // Entries that overlap could be many times the file.
+        if file.size() != file.compressed_size() || total > bytes.len() as u64 || total > limits.decoded_bytes
+        {
+            return invalid("larger than the package");
+        }
+        let (size, crc) = (file.size(), file.crc32());
+        let mut data = Vec::new();
+        file.take(size).read_to_end(&mut data).map_err(|e| damaged(format!("entry {name:?}: {e}")))?;
+        if data.len() as u64 != size || crc32(&data) != crc {
+            return invalid("cut or damaged (its checksum differs)");
+        }
+        entries.push(Entry { name, bytes: data });
+    }
+    Ok(entries)
+}
+
+/// Whether a path is relative, without `.` and `..`, without a drive or a scheme.
+pub(super) fn is_plain_path(path: &str) -> bool {
+    !path.contains(['\\', ':', '\0'])
+        && path.split('/').all(|part| !part.is_empty() && part != "." && part != "..")
+}
+
+/// Checksum of zip archives: the reflected polynomial 0xEDB88320, four bits at a time.
+pub(super) fn crc32(bytes: &[u8]) -> u32 {
+    const TABLE: [u32; 16] = {
+        let mut table = [0; 16];
+        let mut i = 0;
+        while i < 16 {
+            let (mut value, mut bit) = (i as u32, 0);
+            while bit < 4 {
+                value = if value & 1 == 1 { value >> 1 ^ 0xedb8_8320 } else { value >> 1 };
+                bit += 1;
+            }
+            table[i] = value;
+            i += 1;
+        }
+        table
+    };
+    let step = |crc: u32, nibble: u32| crc >> 4 ^ TABLE[((crc ^ nibble) & 15) as usize];
+    !bytes.iter().fold(u32::MAX, |crc, &b| step(step(crc, b.into()), u32::from(b) >> 4))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn entries() -> Vec<Entry> {
+        [("scene.usdc", 100), ("textures/page0.png", 77), ("textures/page1.png", 0)]
+            .map(|(name, n)| Entry { name: name.into(), bytes: (0..n).map(|i| i as u8).collect() })
+            .into()
+    }
+
+    #[test]
+    fn entries_are_aligned_stored_and_come_back() {
+        assert_eq!(crc32(b"123456789"), 0xcbf4_3926);
+        let bytes = package_from_entries(&entries()).unwrap();
+        assert_eq!(package_from_entries(&entries()).unwrap(), bytes, "reproducible");
+        let read = entries_from_package(&bytes, Path::new("p"), &ReadLimits::default()).unwrap();
+        for (read, written) in read.iter().zip(entries()) {
+            assert_eq!((&read.name, &read.bytes), (&written.name, &written.bytes));
+        }
+        let at = bytes.windows(4).position(|w| w == [0, 1, 2, 3]).unwrap();
+        assert_eq!(at % 64, 0);
+        // Damage in data is seen.
+        let mut damaged = bytes.clone();
+        damaged[at + 5] ^= 1;
+        assert!(entries_from_package(&damaged, Path::new("p"), &ReadLimits::default()).is_err());
+        for cut in 0..bytes.len() {
+            assert!(entries_from_package(&bytes[..cut], Path::new("p"), &ReadLimits::default()).is_err());
+        }
+    }
+
+    #[test]
+    fn names_that_lead_elsewhere_are_refused() {
+        for name in ["/etc/passwd", "../a.png", "a/../b", "C:/a", "a\\b", "", "a//b", "./a", "http://a"] {
+            assert!(!is_plain_path(name), "{name}");
+        }
+        assert!(is_plain_path("textures/page 0.png"));
+        let evil = [Entry { name: "../scene.usdc".into(), bytes: vec![1] }];
+        let bytes = package_from_entries(&evil).unwrap();
+        assert!(entries_from_package(&bytes, Path::new("p"), &ReadLimits::default()).is_err());
+    }
+}

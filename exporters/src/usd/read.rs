@@ -1,0 +1,446 @@
+//! Reads the asset of a stage that this crate wrote.
+
+use super::binary::{self, BinaryLayer, layer_from_binary};
+use super::files::Container;
+use super::layer::{Layer, Prim, entry, for_each_prim};
+use super::names::*;
+use super::package::{Entry, entries_from_package, is_plain_path};
+use super::sections;
+use super::text_read::layer_from_text;
+use super::value::{Form, Numbers, Value};
+use crate::atlas::{self, Atlas, PAGE_SIDE_MAX, Placement, TexelDecode};
+use crate::meta::{META_BYTES_MAX, Meta};
+use crate::{
+    AssetMap, Contents, Error, Quality, ReadLimits, Result, SPLATS_MAX, SplatAsset, num_sh_coefficients, yup,
+};
+use std::path::Path;
+use std::sync::Arc;
+
+/// Most pages.
+const PAGES_MAX: usize = 1000;
+
+/// Decompression makes at most so many bytes of one; a picture that claims more is refused before it is decoded.
+const PICTURE_EXPANSION_MAX: u64 = 1100;
+
+/// Reads a `.usda`, `.usdc` or `.usdz` file that this crate wrote, also after other programs stored its layer anew.
+/// Pages are looked for beside the file and below only. A hash that differs is a warning.
+///
+/// # Errors
+/// [`Error::Invalid`] for damaged files, [`Error::Unsupported`] naming the feature for those of other programs,
+/// [`Error::TooLarge`], [`Error::Io`].
+pub fn read_usd(path: &Path, limits: &ReadLimits) -> Result<Contents> {
+    Opened::open(path, limits)?.contents(limits)
+}
+
+/// A file's layer and where its pictures are.
+pub(super) struct Opened<'a> {
+    path: &'a Path,
+    pub(super) layer: Layer,
+    /// Length of the layer's file or entry.
+    layer_bytes: u64,
+    /// Bytes of tables and values; `None`: a text.
+    binary: Option<(u64, Vec<(String, u64)>)>,
+    /// Of a package.
+    entries: Option<Vec<Entry>>,
+    file_bytes: u64,
+}
+
+impl<'a> Opened<'a> {
+    pub(super) fn open(path: &'a Path, limits: &ReadLimits) -> Result<Self> {
+        let container = Container::of(path)?;
+        let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+        if container != Container::Package {
+            return Self::layer(path, &bytes, limits);
+        }
+        let mut entries = entries_from_package(&bytes, path, limits)?;
+        if entries.is_empty() {
+            return Err(Error::invalid(path, "a package without entries"));
+        }
+        let root = entries.remove(0);
+        let mut opened = Self::layer(path, &root.bytes, limits)?;
+        (opened.entries, opened.file_bytes) = (Some(entries), bytes.len() as u64);
+        Ok(opened)
+    }
+
+    /// A layer, text or binary as its first bytes say.
+    fn layer(path: &'a Path, bytes: &[u8], limits: &ReadLimits) -> Result<Self> {
+        let file_bytes = bytes.len() as u64;
+        let (layer, binary) = if bytes.starts_with(binary::MAGIC) {
+            let BinaryLayer { layer, table_bytes, value_bytes } = layer_from_binary(bytes, path, limits)?;
+            (layer, Some((table_bytes, value_bytes)))
+        } else {
+            let text = std::str::from_utf8(bytes).map_err(|e| Error::invalid(path, format!("text: {e}")))?;
+            (layer_from_text(text, path)?, None)
+        };
+        Ok(Self { path, layer, layer_bytes: file_bytes, binary, entries: None, file_bytes })
+    }
+
+    /// Every prim with its path without variants.
+    pub(super) fn prims(&self) -> Vec<(String, &Prim)> {
+        let mut prims = Vec::new();
+        for_each_prim(&self.layer, &mut |path, prim| prims.push((without_variants(path), prim)));
+        prims
+    }
+
+    /// Our dictionary.
+    pub(super) fn facts(&self) -> Option<&[(String, Value)]> {
+        let custom = entry(&self.layer.metadata, "customLayerData");
+        let Some(Value::Dictionary(custom)) = custom else { return None };
+        match entry(custom, LITETEX) {
+            Some(Value::Dictionary(facts)) => Some(facts),
+            _ => None,
+        }
+    }
+
+    fn fact(&self, name: &str) -> Option<&str> {
+        entry(self.facts()?, name)?.as_text()
+    }
+
+    /// Bytes of a picture to which the layer refers.
+    fn picture(&self, asset_path: &str, limits: &ReadLimits) -> Result<Vec<u8>> {
+        let invalid = |what: &str| Error::invalid(self.path, format!("page @{asset_path}@: {what}"));
+        let plain = asset_path.strip_prefix("./").unwrap_or(asset_path);
+        if !is_plain_path(plain) {
+            return Err(invalid("pages lie beside or below the file, their paths are relative to it"));
+        }
+        if let Some(entries) = &self.entries {
+            let entry = entries.iter().find(|e| e.name == plain);
+            return entry.map(|e| e.bytes.clone()).ok_or_else(|| invalid("not in the package"));
+        }
+        let place = self.path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let file = place.join(plain);
+        let io = |e| Error::io(&file, e);
+        let (place, real) = (place.canonicalize().map_err(io)?, file.canonicalize().map_err(io)?);
+        if !real.starts_with(&place) {
+            return Err(invalid("a link that leads out of the file's folder"));
+        }
+        if std::fs::metadata(&real).map_err(io)?.len() > limits.decoded_bytes {
+            return Err(Error::too_large(&file, "larger than the limit on what may be decoded"));
+        }
+        std::fs::read(&real).map_err(io)
+    }
+
+    fn contents(&self, limits: &ReadLimits) -> Result<Contents> {
+        let mut asset = SplatAsset::default();
+        let meta = self.fact("meta").ok_or_else(|| {
+            let what = "no customLayerData:litetex:meta: not a file of this program; other USD files are not supported";
+            Error::unsupported(self.path, what)
+        })?;
+        if meta.len() > META_BYTES_MAX {
+            return Err(Error::too_large(self.path, format!("meta of {} bytes", meta.len())));
+        }
+        let meta: Meta = serde_json::from_str(meta)
+            .map_err(|e| Error::invalid(self.path, format!("litetex:meta: {e}")))?;
+        meta.store(&mut asset);
+        let prims = self.prims();
+        let field =
+            prims.iter().find(|(_, p)| p.type_name == FIELD_TYPE && p.property(LITETEX_VERSION).is_some());
+        let (_, field) = field.ok_or_else(|| {
+            Error::unsupported(
+                self.path,
+                format!("no {FIELD_TYPE} with {LITETEX_VERSION}: no textured splats"),
+            )
+        })?;
+        Field { path: self.path, prim: field }.store(&mut asset)?;
+        let texture_bytes = self.texels(field, &prims, &mut asset, limits)?;
+        asset.validate().map_err(|e| e.at(self.path))?;
+        let hash = self.fact("hash").and_then(|h| u64::from_str_radix(h, 16).ok());
+        let mut warnings = Vec::new();
+        match hash {
+            Some(hash) if hash == asset.hash() => {}
+            Some(hash) => warnings.push(format!(
+                "the hash is {:016x}, the file says {hash:016x}: numbers were changed after it was written",
+                asset.hash()
+            )),
+            None => warnings.push("the file has no hash".to_owned()),
+        }
+        self.check_node(&prims, &asset, &mut warnings);
+        Ok(Contents {
+            asset,
+            format: self.format().to_owned(),
+            quality: self.fact("quality").and_then(Quality::from_name),
+            hash,
+            sections: self.sections(texture_bytes),
+            warnings,
+        })
+    }
+
+    /// The transformation is told by the metadata; a stage that was moved since is worth a word.
+    fn check_node(&self, prims: &[(String, &Prim)], asset: &SplatAsset, warnings: &mut Vec<String>) {
+        let node = yup::node(&asset.capture_from_local);
+        let expected = [node.translation.as_slice(), node.rotation.as_slice(), &[node.scale; 3]];
+        let names = ["xformOp:translate", "xformOp:orient", "xformOp:scale"];
+        let scene = prims.iter().find(|(path, _)| *path == format!("/{SCENE}"));
+        let agrees = names.iter().zip(expected).all(|(name, expected)| {
+            let value = scene.and_then(|(_, scene)| scene.value(name));
+            matches!(value, Some(Value::Doubles(n)) if n.values.as_slice() == expected)
+        });
+        if !agrees {
+            warnings
+                .push(format!("the transformation of /{SCENE} is not that of the metadata, which is taken"));
+        }
+    }
+
+    fn format(&self) -> &'static str {
+        match (&self.entries, &self.binary) {
+            (Some(_), Some(_)) => "OpenUSD package (usdz) with a binary layer",
+            (Some(_), None) => "OpenUSD package (usdz) with a text layer",
+            (None, Some(_)) => "OpenUSD binary (usdc)",
+            (None, None) => "OpenUSD text 1.0 (usda)",
+        }
+    }
+
+    fn sections(&self, texture_bytes: u64) -> Vec<crate::Section> {
+        let pictures = self.entries.as_ref().map(|entries| {
+            let of = |e: &Entry| (e.name.clone(), e.bytes.len() as u64);
+            entries.iter().map(of).collect::<Vec<_>>()
+        });
+        let binary = self.binary.as_ref().map(|(tables, values)| (*tables, values.as_slice()));
+        sections::of(self.layer_bytes, binary, pictures.as_deref(), self.file_bytes, texture_bytes)
+    }
+
+    /// Pages that a material of a particle field names.
+    fn page_paths(&self, field: &Prim, prims: &[(String, &Prim)]) -> Vec<String> {
+        use super::layer::Content;
+        let Some(Content::Relationship { targets }) = field.property(BINDING).map(|p| &p.content) else {
+            return Vec::new();
+        };
+        let Some(target) = targets.first() else { return Vec::new() };
+        let prefix = format!("{}/Page", without_variants(target));
+        let file = |(path, prim): &(String, &Prim)| {
+            let index: usize = path.strip_prefix(&prefix)?.parse().ok()?;
+            match prim.value("inputs:file") {
+                Some(Value::Asset(file)) => Some((index, file.clone())),
+                _ => None,
+            }
+        };
+        let mut pages: Vec<_> = prims.iter().filter_map(file).collect();
+        pages.sort();
+        pages.dedup_by_key(|p| p.0);
+        pages.into_iter().map(|(_, file)| file).collect()
+    }
+
+    /// Reads the pages and collects the texels. Returns the bytes of pages beside the file.
+    fn texels(
+        &self,
+        field: &Prim,
+        prims: &[(String, &Prim)],
+        asset: &mut SplatAsset,
+        limits: &ReadLimits,
+    ) -> Result<u64> {
+        let reader = Field { path: self.path, prim: field };
+        let sizes = reader.page_sizes()?;
+        let paths = self.page_paths(field, prims);
+        if sizes.len() != paths.len() {
+            let what = format!("{} pages in {PAGE_SIZES}, but {} in the material", sizes.len(), paths.len());
+            return Err(Error::invalid(self.path, what));
+        }
+        let atlas = Atlas { placements: reader.placements(asset.num_splats())?, pages: sizes };
+        atlas.check(&asset.maps).map_err(|e| e.at(self.path))?;
+        let num_texels: u64 = asset.maps.iter().map(|m| m.num_texels() as u64).sum();
+        let paper: u64 = atlas.pages.iter().map(|p| u64::from(p[0]) * u64::from(p[1])).sum();
+        if num_texels > paper {
+            let what = format!("maps of {num_texels} texels on pages of {paper}: they overlap");
+            return Err(Error::invalid(self.path, what));
+        }
+        let decode = reader.decode()?;
+        let texel_bytes = if decode.is_some() { 3 } else { 12 };
+        if paper.saturating_mul(texel_bytes) > limits.decoded_bytes {
+            return Err(Error::too_large(
+                self.path,
+                format!("pages of {paper} texels, more than the limit allows"),
+            ));
+        }
+        let mut files = Vec::new();
+        for (path, size) in paths.iter().zip(&atlas.pages) {
+            let bytes = self.picture(path, limits)?;
+            let raw = u64::from(size[0]) * u64::from(size[1]) * texel_bytes;
+            if raw > (bytes.len() as u64).saturating_mul(PICTURE_EXPANSION_MAX) {
+                let what =
+                    format!("page @{path}@: {} bytes for {} x {} texels", bytes.len(), size[0], size[1]);
+                return Err(Error::invalid(self.path, what));
+            }
+            files.push(bytes);
+        }
+        let on_pages = files.iter().zip(&atlas.pages);
+        asset.texels = match decode {
+            Some(decode) => {
+                let pages: Vec<Vec<u8>> = on_pages
+                    .map(|(bytes, &size)| atlas::decode_png(bytes, size, self.path))
+                    .collect::<Result<_>>()?;
+                let codes = atlas.texels_from_pages(&asset.maps, &pages);
+                codes.into_iter().map(|code| decode.texel(code)).collect()
+            }
+            None => {
+                let pages: Vec<Vec<f32>> = on_pages
+                    .map(|(bytes, &size)| atlas::decode_exr(bytes, size, self.path))
+                    .collect::<Result<_>>()?;
+                atlas.texels_from_pages(&asset.maps, &pages)
+            }
+        };
+        Ok(if self.entries.is_some() { 0 } else { files.iter().map(|f| f.len() as u64).sum() })
+    }
+}
+
+/// A path without `{set=variant}`.
+pub(super) fn without_variants(path: &str) -> String {
+    let mut out = String::new();
+    let mut rest = path;
+    while let Some((before, after)) = rest.split_once('{') {
+        out.push_str(before);
+        rest = after.split_once('}').map_or("", |(_, rest)| rest);
+        out.push('/');
+    }
+    out + rest
+}
+
+/// The textured particle field.
+pub(super) struct Field<'a> {
+    pub(super) path: &'a Path,
+    pub(super) prim: &'a Prim,
+}
+
+impl Field<'_> {
+    fn wrong<T>(&self, name: &str, expected: &str) -> Result<T> {
+        let found = match self.prim.value(name) {
+            None => "missing".to_owned(),
+            Some(_) => "of another type or length".to_owned(),
+        };
+        Err(Error::invalid(self.path, format!("{}.{name}: {found}, expected {expected}", self.prim.name)))
+    }
+
+    fn floats(&self, name: &str, form: Form, count: usize) -> Result<&[f32]> {
+        match self.prim.value(name) {
+            Some(Value::Floats(n)) if n.is_array && n.form == form && n.num_elements() == count => {
+                Ok(&n.values)
+            }
+            _ => self.wrong(name, &format!("an array of {count} floats ({form:?})")),
+        }
+    }
+
+    fn ints(&self, name: &str, form: Form, count: usize) -> Result<&[i32]> {
+        match self.prim.value(name) {
+            Some(Value::Ints(n)) if n.is_array && n.form == form && n.num_elements() == count => {
+                Ok(&n.values)
+            }
+            _ => self.wrong(name, &format!("an array of {count} integers ({form:?})")),
+        }
+    }
+
+    fn int(&self, name: &str) -> Result<i32> {
+        match self.prim.value(name).and_then(Value::as_int) {
+            Some(value) => Ok(value),
+            None => self.wrong(name, "an integer"),
+        }
+    }
+
+    fn positions(&self) -> Result<&Arc<Vec<f32>>> {
+        match self.prim.value(POSITIONS) {
+            Some(Value::Floats(Numbers { form: Form::Vec3, is_array: true, values })) => Ok(values),
+            _ => self.wrong(POSITIONS, "an array of points"),
+        }
+    }
+
+    /// Puts all but texels into an asset.
+    fn store(&self, asset: &mut SplatAsset) -> Result<()> {
+        let version = self.int(LITETEX_VERSION)?;
+        if version != VERSION {
+            let what = format!("{LITETEX_VERSION} {version}; supported: {VERSION}");
+            return Err(Error::unsupported(self.path, what));
+        }
+        let positions = self.positions()?.as_chunks::<3>().0;
+        let n = positions.len();
+        if n > SPLATS_MAX {
+            return Err(Error::too_large(self.path, format!("{n} splats, at most {SPLATS_MAX}")));
+        }
+        let degree = u32::try_from(self.int(SH_DEGREE)?).ok().filter(|&d| d <= 3);
+        let Some(degree) = degree else { return self.wrong(SH_DEGREE, "0 to 3") };
+        let num_coefficients = num_sh_coefficients(degree);
+        asset.sh_degree = degree;
+        asset.positions = positions.iter().map(|&p| yup::position(p)).collect();
+        let rotations = self.floats(ORIENTATIONS, Form::Quaternion, n)?.as_chunks::<4>().0;
+        asset.rotations = rotations.iter().map(|&q| yup::rotation_back(q)).collect();
+        let scales = self.floats(SCALES, Form::Vec3, n)?.as_chunks::<3>().0;
+        asset.scales = scales.iter().map(|&[u, v, _]| [u, v]).collect();
+        asset.opacities = self.floats(OPACITIES, Form::One, n)?.to_vec();
+        let sh = self.floats(SH_COEFFICIENTS, Form::Vec3, n * num_coefficients)?;
+        let sh0 = self.floats(SH0, Form::Vec3, n)?;
+        asset.sh = Vec::with_capacity(sh.len());
+        for (all, first) in sh.chunks_exact(3 * num_coefficients).zip(sh0.chunks_exact(3)) {
+            asset.sh.extend_from_slice(first);
+            asset.sh.extend(yup::sh(all).skip(3));
+        }
+        self.store_maps(asset, n)
+    }
+
+    fn store_maps(&self, asset: &mut SplatAsset, n: usize) -> Result<()> {
+        let rects = self.ints(RECT, Form::Vec4, n)?.as_chunks::<4>().0;
+        let texel_sizes = self.floats(TEXEL_SIZE, Form::One, n)?;
+        let mut offset = 0_u64;
+        for (splat, (&[_, _, cols, rows], &texel_size)) in rects.iter().zip(texel_sizes).enumerate() {
+            let sides = [rows, cols].map(u16::try_from);
+            let (Ok(rows), Ok(cols), true) = (sides[0], sides[1], (rows == 0) == (cols == 0)) else {
+                return Err(Error::invalid(
+                    self.path,
+                    format!("{RECT} of splat {splat}: {rows} x {cols} texels"),
+                ));
+            };
+            let offset_texels = u32::try_from(offset)
+                .map_err(|_| Error::too_large(self.path, format!("{offset} texels, at most {}", u32::MAX)))?;
+            asset.maps.push(AssetMap { offset_texels, rows, cols, texel_size });
+            offset += u64::from(rows) * u64::from(cols);
+        }
+        Ok(())
+    }
+
+    pub(super) fn placements(&self, n: usize) -> Result<Vec<Placement>> {
+        let rects = self.ints(RECT, Form::Vec4, n)?.as_chunks::<4>().0;
+        let pages = self.ints(PAGE, Form::One, n)?;
+        let mut placements = Vec::with_capacity(n);
+        for (splat, (&[x, y, ..], &page)) in rects.iter().zip(pages).enumerate() {
+            let [Ok(page), Ok(x), Ok(y)] = [page, x, y].map(u16::try_from) else {
+                let what = format!("{RECT} of splat {splat}: column {x}, row {y} of page {page}");
+                return Err(Error::invalid(self.path, what));
+            };
+            placements.push(Placement { page, x, y });
+        }
+        Ok(placements)
+    }
+
+    pub(super) fn page_sizes(&self) -> Result<Vec<[u16; 2]>> {
+        let Some(Value::Ints(Numbers { form: Form::Vec2, is_array: true, values })) =
+            self.prim.value(PAGE_SIZES)
+        else {
+            return self.wrong(PAGE_SIZES, "an array of widths and heights");
+        };
+        let pages = values.as_chunks::<2>().0;
+        if pages.len() > PAGES_MAX {
+            return Err(Error::too_large(self.path, format!("{} pages, at most {PAGES_MAX}", pages.len())));
+        }
+        let side = |s: i32| u16::try_from(s).ok().filter(|s| (1..=PAGE_SIDE_MAX).contains(s));
+        let mut sizes = Vec::new();
+        for &[width, height] in pages {
+            let (Some(width), Some(height)) = (side(width), side(height)) else {
+                let what = format!("{PAGE_SIZES}: {width} x {height}, sides of 1 to {PAGE_SIDE_MAX}");
+                return Err(Error::invalid(self.path, what));
+            };
+            sizes.push([width, height]);
+        }
+        Ok(sizes)
+    }
+
+    /// `None`: pages hold texels as they are.
+    fn decode(&self) -> Result<Option<TexelDecode>> {
+        let [scale, bias] = [DECODE_SCALE, DECODE_BIAS].map(|name| self.prim.value(name));
+        match (scale, bias) {
+            (None, None) => Ok(None),
+            (Some(scale), Some(bias)) => match (scale.as_double(), bias.as_double()) {
+                (Some(scale), Some(bias)) if scale.is_finite() && bias.is_finite() => {
+                    Ok(Some(TexelDecode { scale, bias }))
+                }
+                _ => self.wrong(DECODE_SCALE, "a finite double, as decodeBias"),
+            },
+            _ => self.wrong(DECODE_SCALE, "both decodeScale and decodeBias or none"),
+        }
+    }
+}

@@ -1,0 +1,66 @@
+//! What the parts of a file weigh.
+
+use super::names::*;
+use crate::{Describes, Section};
+
+/// Parts of a file. `binary`: bytes of the tables, and the layer's values by place. `pictures`: a package's entries
+/// but the layer. `texture_bytes`: of pages beside the file, which count as parts of it.
+pub(super) fn of(
+    layer_bytes: u64,
+    binary: Option<(u64, &[(String, u64)])>,
+    pictures: Option<&[(String, u64)]>,
+    file_bytes: u64,
+    texture_bytes: u64,
+) -> Vec<Section> {
+    let mut sections = Vec::new();
+    let mut add = |name: &str, describes, bytes: u64| {
+        let same = sections.iter_mut().find(|s: &&mut Section| s.name == name);
+        match same {
+            Some(section) => section.bytes += bytes,
+            None if bytes > 0 => sections.push(Section { name: name.to_owned(), bytes, describes }),
+            None => {}
+        }
+    };
+    let mut left = layer_bytes;
+    match binary {
+        Some((tables, values)) => {
+            for (place, bytes) in values {
+                let (name, describes) = class(place);
+                add(name, describes, *bytes);
+                left = left.saturating_sub(*bytes);
+            }
+            add("tables", Describes::Other, tables.min(left));
+            add("padding", Describes::Other, left.saturating_sub(tables));
+        }
+        None => add("text", Describes::Other, left),
+    }
+    for (name, bytes) in pictures.unwrap_or_default() {
+        let is_page = name.rsplit('/').next().is_some_and(|file| file.starts_with("page"));
+        let (name, describes) =
+            if is_page { ("texels", Describes::Texels) } else { ("fallback", Describes::Other) };
+        add(name, describes, *bytes);
+        left = left.saturating_add(*bytes);
+    }
+    let inside: u64 = pictures.unwrap_or_default().iter().map(|(_, bytes)| bytes).sum();
+    add("package", Describes::Other, file_bytes.saturating_sub(layer_bytes + inside));
+    add("texels", Describes::Texels, texture_bytes);
+    sections
+}
+
+/// Name of the part to which a value belongs. Arrays that several variants share count where they stand first.
+fn class(place: &str) -> (&'static str, Describes) {
+    let is_textured = !place.contains("=splat3d}") && !place.contains("=mesh}");
+    let property = place.rsplit_once(&format!("{SPLATS}.")).filter(|_| is_textured).map(|(_, name)| name);
+    match property {
+        Some(POSITIONS) => ("positions", Describes::Splats),
+        Some(ORIENTATIONS) => ("rotations", Describes::Splats),
+        Some(SCALES) => ("scales", Describes::Splats),
+        Some(OPACITIES) => ("opacities", Describes::Splats),
+        // Its degree 0 is the mean-baked one, for other programs.
+        Some(SH_COEFFICIENTS) => ("sh", Describes::Splats),
+        Some(SH0) => ("sh0", Describes::Splats),
+        Some(RECT | PAGE | TEXEL_SIZE) => ("maps", Describes::Splats),
+        _ if is_textured => ("metadata", Describes::Other),
+        _ => ("fallback", Describes::Other),
+    }
+}

@@ -1,0 +1,262 @@
+//! The stage of an asset: which prims there are and what they say.
+
+use super::layer::{Layer, Prim, Property, VariantSet};
+use super::names::*;
+use super::numbers::{self, floats, ints};
+use super::value::{Form, Numbers, Value};
+use crate::atlas::{Atlas, TexelDecode};
+use crate::meta::Meta;
+use crate::quads::{Quad, Quads};
+use crate::{Error, Quality, Result, SplatAsset, yup};
+
+/// Pictures of a stage by the asset paths under which it refers to them.
+pub(super) struct Pictures<'a> {
+    pub(super) atlas: &'a Atlas,
+    /// Of the atlas's pages.
+    pub(super) page_paths: &'a [String],
+    /// `None`: pages hold texels as they are.
+    pub(super) decode: Option<TexelDecode>,
+    pub(super) quads: Option<&'a Quads>,
+    /// Of the rectangles' pages.
+    pub(super) quad_paths: &'a [String],
+}
+
+/// The stage. `hash` is that of the asset that a reader gets.
+pub(super) fn layer(asset: &SplatAsset, quality: Quality, hash: u64, pictures: &Pictures) -> Result<Layer> {
+    let mut scene = Prim::def("Xform", SCENE);
+    scene.properties = node(asset);
+    let mut textured = variant("textured", vec![textured_splats(asset, pictures)]);
+    textured.children.extend(atlas_material(pictures));
+    let mut variants = vec![textured, variant("splat3d", vec![splat3d(asset)])];
+    if let Some(quads) = pictures.quads {
+        variants.push(variant("mesh", meshes(quads, pictures.quad_paths)));
+    }
+    scene.variant_sets.push(VariantSet {
+        name: REPRESENTATION.to_owned(),
+        selection: "textured".to_owned(),
+        variants,
+    });
+    let metadata = vec![
+        ("customLayerData".to_owned(), custom_data(asset, quality, hash)?),
+        ("defaultPrim".to_owned(), Value::token(SCENE)),
+        ("metersPerUnit".to_owned(), Value::double(1.0)),
+        ("upAxis".to_owned(), Value::token("Y")),
+    ];
+    Ok(Layer { metadata, prims: vec![scene] })
+}
+
+fn variant(name: &str, children: Vec<Prim>) -> Prim {
+    Prim { name: name.to_owned(), specifier: super::layer::Specifier::Over, children, ..Prim::default() }
+}
+
+/// Facts, sorted by name as other programs sort them.
+fn custom_data(asset: &SplatAsset, quality: Quality, hash: u64) -> Result<Value> {
+    let meta = serde_json::to_string(&Meta::of(asset));
+    let meta = meta.map_err(|e| Error::invalid("", format!("metadata: {e}")))?;
+    if meta.len() > crate::meta::META_BYTES_MAX {
+        let what = format!("metadata of {} bytes, at most {}", meta.len(), crate::meta::META_BYTES_MAX);
+        return Err(Error::too_large("", what));
+    }
+    let facts = &asset.provenance;
+    let entries = [
+        ("author", Value::string(&facts.author)),
+        ("generator", Value::string(concat!("litetex-exporters ", env!("CARGO_PKG_VERSION")))),
+        ("hash", Value::string(&format!("{hash:016x}"))),
+        ("licence", Value::string(&facts.licence)),
+        ("meta", Value::string(&meta)),
+        ("metricScale", Value::Bool(false)),
+        ("programVersion", Value::string(&facts.program_version)),
+        ("quality", Value::string(quality.name())),
+        ("source", Value::string(&facts.source)),
+        ("title", Value::string(&facts.title)),
+        ("version", Value::int(VERSION)),
+    ];
+    if let Some((name, _)) = entries.iter().find(|(_, v)| v.as_text().is_some_and(|t| t.contains('\0'))) {
+        return Err(Error::invalid(
+            "",
+            format!("{name}: a text with a zero character, which USD cannot hold"),
+        ));
+    }
+    let entries = entries.map(|(name, value)| (name.to_owned(), value));
+    Ok(Value::Dictionary(vec![(LITETEX.to_owned(), Value::Dictionary(entries.to_vec()))]))
+}
+
+/// Transformation to the frame of the capture, y up.
+fn node(asset: &SplatAsset) -> Vec<Property> {
+    let node = yup::node(&asset.capture_from_local);
+    let doubles = |form, values| Value::Doubles(Numbers::element(form, values));
+    let operations = ["xformOp:translate", "xformOp:orient", "xformOp:scale"];
+    vec![
+        Property::new("double3", operations[0], doubles(Form::Vec3, node.translation.to_vec())),
+        Property::new("quatd", operations[1], doubles(Form::Quaternion, node.rotation.to_vec())),
+        Property::new("double3", operations[2], doubles(Form::Vec3, vec![node.scale; 3])),
+        Property::uniform("token[]", "xformOpOrder", Value::Tokens(operations.map(str::to_owned).to_vec())),
+    ]
+}
+
+/// What both particle fields have.
+fn particles(asset: &SplatAsset, is_3d: bool) -> Vec<Property> {
+    vec![
+        Property::new("float3[]", EXTENT, numbers::extent(asset)),
+        Property::new("point3f[]", POSITIONS, numbers::positions(asset)),
+        Property::new("quatf[]", ORIENTATIONS, numbers::orientations(asset)),
+        Property::new("float3[]", SCALES, numbers::scales(asset, is_3d)),
+        Property::new("float[]", OPACITIES, numbers::opacities(asset)),
+        Property::uniform("int", SH_DEGREE, Value::int(asset.sh_degree as i32)),
+        Property::new("float3[]", SH_COEFFICIENTS, numbers::mean_baked_sh(asset)),
+    ]
+}
+
+fn textured_splats(asset: &SplatAsset, pictures: &Pictures) -> Prim {
+    let mut prim = Prim::def(FIELD_TYPE, SPLATS);
+    let has_pages = !pictures.page_paths.is_empty();
+    prim.apply(&FIELD_SCHEMAS[..if has_pages { FIELD_SCHEMAS.len() } else { FIELD_SCHEMAS.len() - 1 }]);
+    prim.properties = particles(asset, false);
+    let placed = asset.maps.iter().zip(&pictures.atlas.placements);
+    let rects = placed.flat_map(|(map, at)| [at.x, at.y, map.cols, map.rows].map(i32::from)).collect();
+    let pages = pictures.atlas.placements.iter().map(|at| at.page.into()).collect();
+    let texel_sizes = asset.maps.iter().map(|m| m.texel_size).collect();
+    prim.properties.extend([
+        Property::new("int", LITETEX_VERSION, Value::int(VERSION)).interpolated("constant"),
+        Property::new("int4[]", RECT, ints(Form::Vec4, rects)).interpolated("vertex"),
+        Property::new("int[]", PAGE, ints(Form::One, pages)).interpolated("vertex"),
+        Property::new("float[]", TEXEL_SIZE, floats(Form::One, texel_sizes)).interpolated("vertex"),
+        Property::new("float3[]", SH0, numbers::exact_sh0(asset)).interpolated("vertex"),
+    ]);
+    if let Some(decode) = pictures.decode {
+        for (name, value) in [(DECODE_SCALE, decode.scale), (DECODE_BIAS, decode.bias)] {
+            prim.properties
+                .push(Property::new("double", name, Value::double(value)).interpolated("constant"));
+        }
+    }
+    let sizes = pictures.atlas.pages.iter().flat_map(|p| p.map(i32::from)).collect();
+    prim.properties.push(Property::uniform("int2[]", PAGE_SIZES, ints(Form::Vec2, sizes)).custom());
+    if has_pages {
+        prim.properties.push(Property::relationship(BINDING, format!("/{SCENE}/{ATLAS}")));
+    }
+    prim
+}
+
+/// The pages as shaders of a material, so that packaging and copying take them along.
+fn atlas_material(pictures: &Pictures) -> Option<Prim> {
+    if pictures.page_paths.is_empty() {
+        return None;
+    }
+    let mut material = material(ATLAS);
+    for (i, path) in pictures.page_paths.iter().enumerate() {
+        let mut page = texture(&format!("Page{i}"), path, "raw");
+        if let Some(decode) = pictures.decode {
+            // Shaders see codes as shares of 255.
+            let four = |value: f64| Value::Floats(Numbers::element(Form::Vec4, vec![value as f32; 4]));
+            page.properties.extend([
+                Property::new("float4", "inputs:scale", four(255.0 * decode.scale)),
+                Property::new("float4", "inputs:bias", four(decode.bias)),
+            ]);
+        }
+        page.properties.push(Property::declaration("float3", "outputs:rgb"));
+        material.children.push(page);
+    }
+    Some(material)
+}
+
+/// A material with a black surface.
+fn material(name: &str) -> Prim {
+    let mut material = Prim::def("Material", name);
+    let surface = format!("/{SCENE}/{name}/Surface.outputs:surface");
+    material.properties.push(Property::connected("token", "outputs:surface", vec![surface]));
+    let mut shader = shader("Surface", "UsdPreviewSurface");
+    let black = || Value::Floats(Numbers::element(Form::Vec3, vec![0.0; 3]));
+    shader.properties.extend([
+        Property::new("color3f", "inputs:diffuseColor", black()),
+        Property::new("color3f", "inputs:specularColor", black()),
+        Property::new("int", "inputs:useSpecularWorkflow", Value::int(1)),
+        Property::new("float", "inputs:roughness", Value::float(1.0)),
+        Property::declaration("token", "outputs:surface"),
+    ]);
+    material.children.push(shader);
+    material
+}
+
+fn shader(name: &str, id: &str) -> Prim {
+    let mut shader = Prim::def("Shader", name);
+    shader.properties.push(Property::uniform("token", "info:id", Value::token(id)));
+    shader
+}
+
+fn texture(name: &str, path: &str, colour_space: &str) -> Prim {
+    let mut shader = shader(name, "UsdUVTexture");
+    shader.properties.extend([
+        Property::new("asset", "inputs:file", Value::Asset(path.to_owned())),
+        Property::new("token", "inputs:sourceColorSpace", Value::token(colour_space)),
+        Property::new("token", "inputs:wrapS", Value::token("clamp")),
+        Property::new("token", "inputs:wrapT", Value::token("clamp")),
+    ]);
+    shader
+}
+
+fn splat3d(asset: &SplatAsset) -> Prim {
+    let mut prim = Prim::def(SPLAT3D_TYPE, SPLATS);
+    prim.properties = particles(asset, true);
+    prim.properties.push(Property::uniform("token", "sortingModeHint", Value::token("zDepth")));
+    prim
+}
+
+/// A mesh and a material for each page of rectangles.
+fn meshes(quads: &Quads, paths: &[String]) -> Vec<Prim> {
+    let mut prims = Vec::new();
+    for (page, path) in paths.iter().enumerate() {
+        let on_page: Vec<&Quad> = quads.quads.iter().filter(|q| usize::from(q.page) == page).collect();
+        let material_name = format!("QuadPage{page}");
+        prims.push(mesh(&format!("Quads{page}"), &on_page, &material_name));
+        prims.push(quad_material(&material_name, path));
+    }
+    prims
+}
+
+fn mesh(name: &str, quads: &[&Quad], material: &str) -> Prim {
+    let mut mesh = Prim::def("Mesh", name);
+    mesh.apply(&["MaterialBindingAPI"]);
+    let points: Vec<[f32; 3]> = quads.iter().flat_map(|q| q.corners).collect();
+    // Pictures of USD begin at the lower left.
+    let uvs = quads.iter().flat_map(|q| q.uvs).flat_map(|[u, v]| [u, 1.0 - v]).collect();
+    let limit = |pick: fn(f32, f32) -> f32| {
+        let first = points.first().copied().unwrap_or_default();
+        points.iter().fold(first, |a, b| std::array::from_fn(|i| pick(a[i], b[i])))
+    };
+    let extent = [limit(f32::min), limit(f32::max)].concat();
+    mesh.properties = vec![
+        Property::uniform("bool", "doubleSided", Value::Bool(true)),
+        Property::new("float3[]", EXTENT, floats(Form::Vec3, extent)),
+        Property::new("int[]", "faceVertexCounts", ints(Form::One, vec![4; quads.len()])),
+        Property::new("int[]", "faceVertexIndices", ints(Form::One, (0..4 * quads.len() as i32).collect())),
+        Property::new("point3f[]", "points", floats(Form::Vec3, points.as_flattened().to_vec())),
+        Property::new("texCoord2f[]", "primvars:st", floats(Form::Vec2, uvs)).interpolated("vertex"),
+        Property::uniform("token", "subdivisionScheme", Value::token("none")),
+        Property::relationship(BINDING, format!("/{SCENE}/{material}")),
+    ];
+    mesh
+}
+
+fn quad_material(name: &str, path: &str) -> Prim {
+    let mut material = material(name);
+    let output = |shader: &str, output: &str| vec![format!("/{SCENE}/{name}/{shader}.outputs:{output}")];
+    for surface in &mut material.children {
+        surface.properties.extend([
+            Property::connected("color3f", "inputs:emissiveColor", output("Texture", "rgb")),
+            Property::connected("float", "inputs:opacity", output("Texture", "a")),
+        ]);
+    }
+    let mut texture = texture("Texture", path, "sRGB");
+    texture.properties.extend([
+        Property::connected("float2", "inputs:st", output("Reader", "result")),
+        Property::declaration("float3", "outputs:rgb"),
+        Property::declaration("float", "outputs:a"),
+    ]);
+    let mut reader = shader("Reader", "UsdPrimvarReader_float2");
+    reader.properties.extend([
+        Property::new("string", "inputs:varname", Value::string("st")),
+        Property::declaration("float2", "outputs:result"),
+    ]);
+    material.children.extend([texture, reader]);
+    material
+}

@@ -1,0 +1,424 @@
+//! Files against files, against damage and against what others make of them.
+
+use super::binary::{binary_from_layer, layer_from_binary};
+use super::layer::Layer;
+use super::read::Opened;
+use super::text_read::layer_from_text;
+use super::text_write::text_from_layer;
+use super::*;
+use crate::asset::tests::fixture;
+use crate::atlas::TexelDecode;
+use crate::{
+    AssetCamera, CaptureFromLocal, Contents, Error, Quality, ReadLimits, Result, Severity, SplatAsset,
+};
+use std::path::{Path, PathBuf};
+
+const EXTENSIONS: [&str; 3] = ["usda", "usdc", "usdz"];
+
+/// A fixture with everything that an asset can have.
+fn full(num_splats: usize, sh_degree: u32) -> SplatAsset {
+    let mut asset = fixture(num_splats, sh_degree);
+    asset.capture_from_local = CaptureFromLocal {
+        scale: 1.0 / 3.0,
+        rotation: [0.5, -0.5, 0.5, 0.5],
+        translation: [1e6 / 7.0, -0.1, 3.0],
+    };
+    asset.background = [0.1, 0.2, 1.0];
+    asset.positions[0] = [-0.0, 1e-42, 16_777_216.0];
+    asset.texels[0] = -0.0;
+    asset.provenance.title = "A \"title\" \\ with\nlines, \u{1}, ü and 木".into();
+    asset.provenance.training.insert("steps".into(), "7000".into());
+    asset.cameras.push(AssetCamera {
+        name: "frame 1.png".into(),
+        width_px: 640,
+        height_px: 480,
+        focal_px: [500.5, 501.25],
+        principal_px: [320.0, 240.5],
+        rotation_rows: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+        translation: [0.1, 0.2, 1.0 / 3.0],
+    });
+    asset
+}
+
+fn options(quality: Quality) -> UsdOptions {
+    UsdOptions { quality, page_side: 64, mesh: true }
+}
+
+fn write(folder: &Path, name: &str, asset: &SplatAsset, quality: Quality) -> PathBuf {
+    let path = folder.join(name);
+    let files = write_usd(&path, asset, &options(quality)).unwrap();
+    assert_eq!(files[0], path);
+    assert!(files.iter().all(|f| f.is_file()));
+    path
+}
+
+fn read(path: &Path) -> Result<Contents> {
+    read_usd(path, &ReadLimits::default())
+}
+
+fn bits(values: &[f32]) -> Vec<u32> {
+    values.iter().map(|v| v.to_bits()).collect()
+}
+
+#[test]
+fn lossless_files_give_every_bit_back() {
+    let folder = tempfile::tempdir().unwrap();
+    for degree in 0..4 {
+        let asset = full(100, degree);
+        for extension in EXTENSIONS {
+            let path = write(folder.path(), &format!("s{degree}.{extension}"), &asset, Quality::Lossless);
+            let contents = read(&path).unwrap();
+            assert_eq!(contents.asset, asset, "{extension}");
+            assert_eq!(bits(&contents.asset.texels), bits(&asset.texels));
+            assert_eq!(bits(contents.asset.positions.as_flattened()), bits(asset.positions.as_flattened()));
+            assert_eq!(contents.warnings, Vec::<String>::new());
+            assert_eq!((contents.quality, contents.hash), (Some(Quality::Lossless), Some(asset.hash())));
+            let mut size = std::fs::metadata(&path).unwrap().len();
+            if extension != "usdz" {
+                let pages = std::fs::read_dir(folder.path().join(format!("s{degree}_textures"))).unwrap();
+                let pages =
+                    pages.map(|f| f.unwrap()).filter(|f| f.file_name().to_string_lossy().starts_with("page"));
+                size += pages.map(|f| f.metadata().unwrap().len()).sum::<u64>();
+            }
+            assert_eq!(contents.sections.iter().map(|s| s.bytes).sum::<u64>(), size, "{extension}");
+            assert!(contents.sections.iter().any(|s| s.name == "positions") || extension == "usda");
+        }
+    }
+}
+
+/// Writes samples for `tests/python/check_usd.py` where `LITETEX_USD_SAMPLES` says, with the hashes of their arrays.
+#[test]
+fn samples_for_other_programs() {
+    let Some(folder) = std::env::var_os("LITETEX_USD_SAMPLES").map(PathBuf::from) else {
+        println!("skipped: LITETEX_USD_SAMPLES names no folder");
+        return;
+    };
+    let mut expected = serde_json::Map::new();
+    for (name, asset) in [("small", full(100, 3)), ("large", full(20_000, 1)), ("bare", fixture(0, 0))] {
+        for quality in [Quality::Lossless, Quality::Balanced] {
+            for extension in EXTENSIONS {
+                let stem = format!("{name}_{}", quality.name());
+                let options = UsdOptions { page_side: 512, ..options(quality) };
+                write_usd(&folder.join(format!("{stem}.{extension}")), &asset, &options).unwrap();
+                let entry = serde_json::json!({ "count": asset.num_splats(), "arrays": hashes(&asset) });
+                expected.insert(format!("{stem}.{extension}"), entry);
+            }
+        }
+    }
+    std::fs::write(folder.join("expected.json"), serde_json::to_vec(&expected).unwrap()).unwrap();
+}
+
+/// CRC-32 of arrays as other programs should see them, computed from the asset by other means than the writer's.
+fn hashes(asset: &SplatAsset) -> serde_json::Map<String, serde_json::Value> {
+    let floats = |values: Vec<f32>| values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<_>>();
+    let positions = asset.positions.iter().flat_map(|&[x, y, z]| [x, -y, -z]).collect();
+    let rotations = asset.rotations.iter().flat_map(|&[w, x, y, z]| [w, -z, y, -x]).collect();
+    let thin = |[u, v]: [f32; 2]| [u, v, 0.01 * u.min(v)];
+    let width = asset.sh.len() / asset.num_splats().max(1);
+    let sh0 = (0..asset.num_splats()).flat_map(|i| asset.sh[i * width..][..3].to_vec()).collect();
+    let sizes = asset.maps.iter().map(|m| m.texel_size).collect();
+    let arrays = [
+        ("textured/positions", floats(positions)),
+        ("textured/orientations", floats(rotations)),
+        ("textured/scales", floats(asset.scales.iter().flat_map(|&[u, v]| [u, v, 0.0]).collect())),
+        ("textured/opacities", floats(asset.opacities.clone())),
+        ("textured/primvars:litetex:sh0", floats(sh0)),
+        ("textured/primvars:litetex:texelSize", floats(sizes)),
+        ("splat3d/scales", floats(asset.scales.iter().flat_map(|&s| thin(s)).collect())),
+        ("splat3d/opacities", floats(asset.opacities.clone())),
+    ];
+    arrays.into_iter().map(|(name, bytes)| (name.to_owned(), super::package::crc32(&bytes).into())).collect()
+}
+
+/// Files that Pixar's library stored anew, where `LITETEX_USD_RESAVED` says: named like the samples.
+#[test]
+fn what_others_stored_anew_is_read() {
+    let Some(folder) = std::env::var_os("LITETEX_USD_RESAVED").map(PathBuf::from) else {
+        println!("skipped: LITETEX_USD_RESAVED names no folder");
+        return;
+    };
+    for file in std::fs::read_dir(folder).unwrap().map(|f| f.unwrap().path()).filter(|f| f.is_file()) {
+        let name = file.file_name().unwrap().to_string_lossy().into_owned();
+        let contents = read(&file);
+        println!("{name}: {:?}", contents.as_ref().map(|c| (&c.warnings, c.asset.num_splats(), c.quality)));
+        let contents = contents.unwrap();
+        assert_eq!(contents.hash, Some(contents.asset.hash()), "{name}");
+    }
+}
+
+fn layer_of(asset: &SplatAsset) -> Layer {
+    let folder = tempfile::tempdir().unwrap();
+    let path = write(folder.path(), "s.usdc", asset, Quality::Balanced);
+    Opened::open(&path, &ReadLimits::default()).unwrap().layer
+}
+
+#[test]
+fn text_and_binary_hold_the_same_layer() {
+    let layer = layer_of(&full(40, 2));
+    let text = text_from_layer(&layer);
+    let from_text = layer_from_text(&text, Path::new("t")).unwrap();
+    assert_eq!(from_text, layer);
+    let bytes = binary_from_layer(&from_text);
+    let limits = ReadLimits::default();
+    assert_eq!(layer_from_binary(&bytes, Path::new("b"), &limits).unwrap().layer, layer);
+    assert_eq!(binary_from_layer(&layer), bytes, "reproducible");
+    // Negative control: another sign of a zero is another layer.
+    let changed = text.replacen("-0.0", "0.0", 1);
+    assert_ne!(text_from_layer(&layer_from_text(&changed, Path::new("t")).unwrap()), text);
+    // Layout, comments and order do not matter.
+    let loose =
+        text.replacen("#usda 1.0\n", "#usda 1.0\r\n# a comment (\"{\n", 1).replace("\n    ", "\n\t # x\n  ");
+    assert_eq!(layer_from_text(&loose, Path::new("t")).unwrap(), layer);
+}
+
+#[test]
+fn balanced_files_keep_all_but_texels_and_those_to_half_a_step() {
+    let folder = tempfile::tempdir().unwrap();
+    let asset = full(100, 1);
+    let step = TexelDecode::finest(&asset.texels).scale as f32;
+    let mut decoded = Vec::new();
+    for extension in EXTENSIONS {
+        let path = write(folder.path(), &format!("b.{extension}"), &asset, Quality::Balanced);
+        let contents = read(&path).unwrap();
+        assert_eq!(contents.warnings, Vec::<String>::new());
+        let same = SplatAsset { texels: asset.texels.clone(), ..contents.asset.clone() };
+        assert_eq!(same, asset);
+        let pairs = contents.asset.texels.iter().zip(&asset.texels);
+        let worst = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        // Needed 0.5 steps and rounding; a quarter would not do.
+        assert!(worst <= 0.5001 * step && worst > 0.25 * step, "{worst} of {step}");
+        decoded.push(contents.asset);
+        // The same input makes the same bytes.
+        let before = std::fs::read(&path).unwrap();
+        write(folder.path(), &format!("b.{extension}"), &asset, Quality::Balanced);
+        assert_eq!(std::fs::read(&path).unwrap(), before);
+    }
+    assert_eq!(decoded[0], decoded[1]);
+    assert_eq!(decoded[1], decoded[2]);
+}
+
+#[test]
+fn changed_numbers_are_told_by_the_hash() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = write(folder.path(), "s.usda", &full(9, 0), Quality::Lossless);
+    assert_eq!(validate(&path), Vec::new());
+    let text = std::fs::read_to_string(&path).unwrap();
+    let at = text.find("float[] opacities = [").unwrap() + "float[] opacities = [".len();
+    let end = at + text[at..].find(',').unwrap();
+    let changed = format!("{}0.5{}", &text[..at], &text[end..]);
+    std::fs::write(&path, changed).unwrap();
+    let contents = read(&path).unwrap();
+    assert!(contents.warnings[0].contains("hash"), "{:?}", contents.warnings);
+    assert_eq!(validate(&path)[0].code, "LT2009");
+    std::fs::write(
+        &path,
+        text.replacen("(1000000", "(2000000", 1).replacen("translate = (1", "translate = (2", 1),
+    )
+    .unwrap();
+    let warnings = read(&path).unwrap().warnings;
+    assert!(warnings.len() == 1 && warnings[0].contains("transformation"), "{warnings:?}");
+}
+
+#[test]
+fn validation_finds_every_broken_rule() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = write(folder.path(), "s.usda", &full(9, 0), Quality::Balanced);
+    let text = std::fs::read_to_string(&path).unwrap();
+    let surflet = "\"ParticleFieldKernelGaussianSurfletAPI\", ";
+    let ellipsoid = "\"ParticleFieldKernelGaussianEllipsoidAPI\", ";
+    let value = |name: &str| {
+        let at = text.find(name).unwrap() + name.len();
+        (at, at + text[at..].find(')').unwrap_or(0))
+    };
+    let replaced_first = |name: &str, new: &str| {
+        let (at, end) = value(name);
+        format!("{}{new}{}", &text[..at], &text[end + 1..])
+    };
+    let cases = [
+        ("LT2001", text.replacen("def Xform", "def Xform \"", 1)),
+        ("LT2002", replaced_first("positions = [", "(0, 0, 0), (0, 0, 0)")),
+        ("LT2003", text.replacen(surflet, "", 1)),
+        ("LT2004", text.replacen(surflet, &format!("{surflet}{ellipsoid}"), 1)),
+        ("LT2005", replaced_first("positions = [", "(nan, 0, 0)")),
+        ("LT2006", replaced_first("positions = [", "(0, 99, 0)")),
+        ("LT2006", text.replace("float3[] extent", "float3[] unextent")),
+        ("LT2007", text.replacen(surflet, &format!("{surflet}\"ParticleFieldColourAPI\", "), 1)),
+        ("LT2008", replaced_first("litetex:rect = [", "(4, 0, 99, 2)")),
+        ("LT2008", replaced_first("litetex:rect = [", "(0, 0, 3, 5)")),
+        ("LT2009", text.replacen("string hash = \"", "string hash = \"f", 1)),
+        ("LT2010", text.replacen("upAxis = \"Y\"", "", 1)),
+        ("LT2010", text.replacen("defaultPrim = \"Scene\"", "defaultPrim = \"None\"", 1)),
+        ("LT2011", replaced_first("orientations = [", "(0, 0, 0, 0)")),
+    ];
+    for (code, changed) in cases {
+        assert_ne!(changed, text, "{code}");
+        std::fs::write(&path, changed).unwrap();
+        let issues = validate(&path);
+        assert!(issues.iter().any(|i| i.code == code && i.severity == Severity::Error), "{code}: {issues:?}");
+    }
+    std::fs::write(&path, &text).unwrap();
+    assert_eq!(validate(&path), Vec::new());
+}
+
+#[test]
+fn cut_and_damaged_files_are_errors_or_sound() {
+    let folder = tempfile::tempdir().unwrap();
+    let asset = full(12, 1);
+    let mut state = 99_u64;
+    let mut random = move |n: usize| {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 33) as usize % n
+    };
+    for extension in EXTENSIONS {
+        let path = write(folder.path(), &format!("d.{extension}"), &asset, Quality::Balanced);
+        let bytes = std::fs::read(&path).unwrap();
+        for percent in 0..100 {
+            std::fs::write(&path, &bytes[..bytes.len() * percent / 100]).unwrap();
+            assert!(read(&path).is_err(), "{extension} cut to {percent} %");
+            assert!(!validate(&path).is_empty());
+        }
+        let (mut refused, rounds) = (0, 600);
+        for _ in 0..rounds {
+            let mut damaged = bytes.clone();
+            for _ in 0..1 + random(3) {
+                damaged[random(bytes.len())] ^= 1 << random(8);
+            }
+            std::fs::write(&path, &damaged).unwrap();
+            match read(&path) {
+                Ok(contents) => contents.asset.validate().unwrap(),
+                Err(_) => refused += 1,
+            }
+            validate(&path);
+        }
+        println!("{extension}: {refused} of {rounds} damaged files refused");
+        assert!(refused > rounds / 10);
+    }
+}
+
+#[test]
+fn damaged_tables_never_panic() {
+    let layer = layer_of(&full(3, 0));
+    let bytes = binary_from_layer(&layer);
+    let contents = u64::from_le_bytes(bytes[16..24].try_into().unwrap()) as usize;
+    // Where the tables begin: all before is values.
+    let tables = u64::from_le_bytes(bytes[contents + 24..contents + 32].try_into().unwrap()) as usize;
+    let mut state = 7_u64;
+    for round in 0..4000 {
+        let mut damaged = bytes.clone();
+        for _ in 0..1 + round % 4 {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            let at = tables + (state >> 33) as usize % (bytes.len() - tables);
+            damaged[at] = (state >> 20) as u8;
+        }
+        let _ = layer_from_binary(&damaged, Path::new("b"), &ReadLimits::default());
+    }
+}
+
+#[test]
+fn hostile_counts_and_offsets_are_refused_at_once() {
+    let bytes = binary_from_layer(&layer_of(&full(3, 0)));
+    let contents = u64::from_le_bytes(bytes[16..24].try_into().unwrap()) as usize;
+    let refused =
+        |damaged: &[u8]| layer_from_binary(damaged, Path::new("b"), &ReadLimits::default()).is_err();
+    for value in [u64::MAX, 1 << 62, u64::from(u32::MAX), 1 << 24] {
+        let put = |at: usize| {
+            let mut damaged = bytes.clone();
+            damaged[at..at + 8].copy_from_slice(&value.to_le_bytes());
+            refused(&damaged)
+        };
+        assert!(put(16) && put(contents), "{value}");
+        for section in 0..6 {
+            let entry = contents + 8 + 32 * section;
+            assert!(put(entry + 16) && put(entry + 24), "section {section}: {value}");
+            let start = u64::from_le_bytes(bytes[entry + 16..entry + 24].try_into().unwrap()) as usize;
+            assert!(put(start), "count of section {section}: {value}");
+        }
+    }
+    let mut newer = bytes.clone();
+    newer[9] = 99;
+    let error = layer_from_binary(&newer, Path::new("b"), &ReadLimits::default());
+    assert!(matches!(error, Err(Error::Unsupported { .. })));
+    // Less than the arrays need.
+    let limits = ReadLimits { decoded_bytes: 100 };
+    assert!(layer_from_binary(&bytes, Path::new("b"), &limits).is_err());
+}
+
+#[test]
+fn features_that_are_not_ours_are_named() {
+    let head = "#usda 1.0\n";
+    let cases = [
+        ("references", "def \"A\" (\n prepend references = @x.usda@\n)\n{\n}"),
+        ("payload", "def \"A\" (\n payload = @x.usda@\n)\n{\n}"),
+        ("timeSamples", "def \"A\" {\n float a.timeSamples = { 0: 1 }\n}"),
+        ("matrix4d", "def \"A\" {\n matrix4d a = ((1))\n}"),
+        ("subLayers", ""),
+        ("half", "def \"A\" {\n half[] a = [1]\n}"),
+        ("None", "def \"A\" {\n float a = None\n}"),
+        ("reorder", "def \"A\" {\n reorder nameChildren = [\"B\"]\n}"),
+    ];
+    for (word, body) in cases {
+        let text =
+            if body.is_empty() { format!("{head}(\n subLayers = [@a@]\n)") } else { format!("{head}{body}") };
+        match layer_from_text(&text, Path::new("t")) {
+            Err(Error::Unsupported { what, .. }) => assert!(what.contains(word), "{word}: {what}"),
+            other => panic!("{word}: {other:?}"),
+        }
+    }
+    let deep = format!("{head}{}{}", "def \"A\" {".repeat(100_000), "}".repeat(100_000));
+    assert!(layer_from_text(&deep, Path::new("t")).is_err());
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("other.usda");
+    std::fs::write(&path, format!("{head}def Xform \"A\" {{\n}}\n")).unwrap();
+    assert!(matches!(read(&path), Err(Error::Unsupported { .. })));
+    assert!(matches!(read(&folder.path().join("a.obj")), Err(Error::Unsupported { .. })));
+}
+
+#[test]
+fn pages_elsewhere_are_not_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let below = folder.path().join("below");
+    std::fs::create_dir(&below).unwrap();
+    let path = write(&below, "s.usda", &full(9, 0), Quality::Balanced);
+    let text = std::fs::read_to_string(&path).unwrap();
+    let page = "./s_textures/page0.png";
+    std::fs::copy(below.join(page), folder.path().join("page0.png")).unwrap();
+    let absolute = folder.path().join("page0.png").display().to_string();
+    for other in ["../page0.png", absolute.as_str(), "file:page0.png", "./s_textures/missing.png"] {
+        assert!(text.contains(page));
+        std::fs::write(&path, text.replace(page, other)).unwrap();
+        assert!(read(&path).is_err(), "{other}");
+    }
+    #[cfg(unix)]
+    {
+        std::fs::remove_file(below.join(page)).unwrap();
+        std::os::unix::fs::symlink(folder.path().join("page0.png"), below.join(page)).unwrap();
+        std::fs::write(&path, &text).unwrap();
+        assert!(read(&path).unwrap_err().to_string().contains("link"));
+    }
+}
+
+#[test]
+fn what_cannot_be_written_leaves_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let asset = full(9, 0);
+    let names = || std::fs::read_dir(folder.path()).unwrap().count();
+    let fails = |name: &str, asset: &SplatAsset, options: &UsdOptions| {
+        write_usd(&folder.path().join(name), asset, options).unwrap_err()
+    };
+    assert!(matches!(fails("a.usdz", &asset, &options(Quality::Tiny)), Error::Unsupported { .. }));
+    assert!(matches!(fails("a.obj", &asset, &options(Quality::Balanced)), Error::Unsupported { .. }));
+    assert!(fails("a@b.usda", &asset, &options(Quality::Balanced)).to_string().contains('@'));
+    let small = UsdOptions { page_side: 4, ..options(Quality::Balanced) };
+    assert!(matches!(fails("a.usdc", &asset, &small), Error::TooLarge { .. }));
+    let mut zero = asset.clone();
+    zero.provenance.author = "a\0b".into();
+    assert!(fails("a.usdc", &zero, &options(Quality::Balanced)).to_string().contains("author"));
+    let mut broken = asset.clone();
+    broken.opacities[0] = 2.0;
+    assert!(matches!(fails("a.usdz", &broken, &options(Quality::Balanced)), Error::Invalid { .. }));
+    assert_eq!(names(), 0);
+    // A folder in the way of the last file: pictures are removed again.
+    std::fs::create_dir_all(folder.path().join("b.usdc/x")).unwrap();
+    assert!(matches!(fails("b.usdc", &asset, &options(Quality::Balanced)), Error::Io { .. }));
+    assert_eq!(names(), 1);
+}

@@ -1,0 +1,190 @@
+#!/usr/bin/env python3
+"""Checks USD files with Pixar's library (pip install usd-core==26.11 numpy; 26.3 opens them too).
+
+    check_usd.py EXPECTED.json FILE...
+
+EXPECTED.json: {"FILE NAME": {"count": N, "arrays": {"VARIANT/PROPERTY": CRC32 of little-endian bytes}}}. Files that it
+does not name are checked without hashes. Samples: LITETEX_USD_SAMPLES=DIR cargo test -p litetex-exporters samples_
+
+Asserted for every variant of `representation`: all validators of UsdValidation are silent; the six rules that they do not
+know (lengths, one kernel, finite numbers, extents, schema names); arrays equal bit for bit; the stage is not empty; all
+asset dependencies resolve. Ends with 1 if anything is wrong.
+"""
+
+import json
+import os
+import sys
+import zlib
+
+import numpy as np
+from pxr import Sdf, Usd, UsdUtils
+
+FIELDS = ("ParticleField", "ParticleField3DGaussianSplat")
+ARRAYS = ("positions", "orientations", "scales", "opacities", "radiance:sphericalHarmonicsCoefficients")
+
+
+def array(prim, name):
+    """Value of an attribute as rows of numbers; quaternions xyzw."""
+    value = prim.GetAttribute(name).Get()
+    return np.zeros((0, 1)) if value is None else np.asarray(value)
+
+
+def validation_errors(stage):
+    """What UsdValidation says, without the list where there is no such module (before 26.8)."""
+    try:
+        from pxr import UsdValidation
+    except ImportError:
+        return []
+    validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
+    assert len(validators) >= 20, f"only {len(validators)} validators"
+    errors = UsdValidation.ValidationContext(validators).Validate(stage)
+    return [f"{e.GetName()}: {e.GetMessage()}" for e in errors]
+
+
+def rotated(quaternions, axis):
+    """Columns of rotation matrices; quaternions xyzw, axis 0 or 1."""
+    x, y, z, w = quaternions.astype(np.float64).T
+    if axis == 0:
+        return np.stack([1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)], 1)
+    return np.stack([2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)], 1)
+
+
+def check_field(prim):
+    """The rules of particle fields that UsdValidation does not know."""
+    schemas = prim.GetAppliedSchemas()
+    known = Usd.SchemaRegistry()
+    # Names that are not in the registry are dropped from GetAppliedSchemas; look at what is authored.
+    for name in prim.GetPrimTypeInfo().GetAppliedAPISchemas():
+        if known.FindAppliedAPIPrimDefinition(name.split(":")[0]) is None and ":" not in name:
+            yield f"unknown applied schema {name}"
+    kernels = [s for s in schemas if "Kernel" in s and "Base" not in s]
+    if len(kernels) != 1:
+        yield f"kernels {kernels}"
+    values = {name: array(prim, name) for name in ARRAYS}
+    count = len(values["positions"])
+    degree = prim.GetAttribute("radiance:sphericalHarmonicsDegree").Get()
+    for name, value in values.items():
+        expected = count * (degree + 1) ** 2 if name.startswith("radiance") else count
+        if len(value) != expected:
+            yield f"{name}: {len(value)} elements, expected {expected}"
+            return
+        if not np.isfinite(value).all():
+            yield f"{name}: not finite"
+    extent = prim.GetAttribute("extent").Get()
+    if extent is None or len(extent) != 2:
+        yield "no extent"
+    elif count:
+        q, s = values["orientations"], 3.0 * values["scales"].astype(np.float64)
+        half = np.hypot(rotated(q, 0) * s[:, :1], rotated(q, 1) * s[:, 1:2])
+        low, high = np.asarray(extent, dtype=np.float64)
+        p = values["positions"].astype(np.float64)
+        if ((p - half) < low).any() or ((p + half) > high).any():
+            yield "the extent does not cover the particles"
+
+
+def check_arrays(stage, variant, arrays):
+    """Compares hashes of arrays with the expected ones."""
+    for key, expected in arrays.items():
+        name, attribute = key.split("/")
+        if name != variant:
+            continue
+        value = stage.GetPrimAtPath("/Scene/Splats").GetAttribute(attribute).Get()
+        data = b"" if value is None else np.ascontiguousarray(np.asarray(value)).tobytes()
+        if zlib.crc32(data) != expected:
+            yield f"{attribute}: {len(data)} bytes with another hash"
+
+
+def check_file(path, expected):
+    """Yields what is wrong with a file."""
+    stage = Usd.Stage.Open(path)
+    scene = stage.GetDefaultPrim()
+    if not scene:
+        yield "empty stage"
+        return
+    _, _, unresolved = UsdUtils.ComputeAllDependencies(path)
+    if unresolved:
+        yield f"unresolved {unresolved}"
+    representation = scene.GetVariantSet("representation")
+    if representation.GetVariantSelection() != "textured":
+        yield "textured is not what is shown"
+    for variant in representation.GetVariantNames():
+        representation.SetVariantSelection(variant)
+        prims = list(stage.Traverse())
+        has_content = expected.get("count") == 0 or len(prims) > 1
+        if not has_content:
+            yield f"{variant}: no prims"
+        problems = validation_errors(stage)
+        fields = [p for p in prims if p.GetTypeName() in FIELDS]
+        if variant != "mesh" and len(fields) != 1:
+            problems.append(f"{len(fields)} particle fields")
+        for prim in fields:
+            problems += check_field(prim)
+            if "count" in expected and len(array(prim, "positions")) != expected["count"]:
+                problems.append(f"{len(array(prim, 'positions'))} particles, expected {expected['count']}")
+        problems += check_arrays(stage, variant, expected.get("arrays", {}))
+        yield from (f"{variant}: {p}" for p in problems)
+
+
+def check_text_equals_binary(paths):
+    """Text and binary of a scene must be the same layer but for the paths of pictures."""
+    for path in paths:
+        other = path[:-1] + "c"
+        if path.endswith(".usda") and other in paths:
+            texts = [Sdf.Layer.FindOrOpen(p).ExportToString().split("\n", 1)[1] for p in (path, other)]
+            if texts[0] != texts[1]:
+                yield path, "text and binary differ"
+
+
+def controls(path):
+    """Negative controls: breaks each rule in memory and yields those whose breach is not seen."""
+    surflet, ellipsoid = "ParticleFieldKernelGaussianSurfletAPI", "ParticleFieldKernelGaussianEllipsoidAPI"
+
+    def set_nan(prim):
+        values = np.array(prim.GetAttribute("opacities").Get())
+        values[-1] = np.nan
+        prim.GetAttribute("opacities").Set(values)
+
+    def edit_schemas(prim, remove, add):
+        schemas = Sdf.TokenListOp()
+        kept = [s for s in prim.GetMetadata("apiSchemas").GetAppliedItems() if s != remove]
+        schemas.explicitItems = kept + [s for s in [add] if s]
+        prim.SetMetadata("apiSchemas", schemas)
+
+    breaches = {
+        "short array": lambda p: p.GetAttribute("scales").Set(p.GetAttribute("scales").Get()[:-1]),
+        "no kernel": lambda p: edit_schemas(p, surflet, None),
+        "two kernels": lambda p: edit_schemas(p, None, ellipsoid),
+        "not finite": set_nan,
+        "no extent": lambda p: p.GetAttribute("extent").Block(),
+        "small extent": lambda p: p.GetAttribute("extent").Set([(0, 0, 0), (0.01, 0.01, 0.01)]),
+        "unknown schema": lambda p: edit_schemas(p, None, "ParticleFieldColourAPI"),
+    }
+    for name, breach in breaches.items():
+        stage = Usd.Stage.Open(path)
+        stage.SetEditTarget(stage.GetSessionLayer())
+        prim = stage.GetPrimAtPath("/Scene/Splats")
+        assert not list(check_field(prim)), f"{path} must be sound"
+        breach(prim)
+        if not list(check_field(stage.GetPrimAtPath("/Scene/Splats"))):
+            yield path, f"negative control \"{name}\" was not seen"
+        stage.GetSessionLayer().Clear()
+    if not list(check_arrays(Usd.Stage.Open(path), "textured", {"textured/positions": 1})):
+        yield path, "negative control \"hash\" was not seen"
+
+
+def main():
+    with open(sys.argv[1], encoding="utf-8") as file:
+        expected = json.load(file)
+    paths = sys.argv[2:]
+    problems = [(p, what) for p in paths for what in check_file(p, expected.get(os.path.basename(p), {}))]
+    problems += check_text_equals_binary(paths)
+    sound = [p for p in paths if expected.get(os.path.basename(p), {}).get("count", 0) > 0]
+    problems += [breach for p in sound[:1] for breach in controls(p)]
+    for path, what in problems:
+        print(f"{path}: {what}")
+    print(f"usd-core {Usd.GetVersion()}: {len(paths)} files, {len(problems)} problems")
+    sys.exit(1 if problems or not paths else 0)
+
+
+if __name__ == "__main__":
+    main()
