@@ -1,13 +1,25 @@
 //! Formats by their files' extensions: one way in and one way out for all of them.
 
+use crate::atlas::PAGE_SIDE;
 use crate::{
-    Contents, Describes, Error, Issue, Quality, ReadLimits, Result, Section, Severity, SplatAsset, ply, spz,
+    Contents, Describes, Error, Issue, Quality, ReadLimits, Result, Section, Severity, SplatAsset, gltf, ply,
+    spz, usd,
 };
 use std::path::{Path, PathBuf};
 
 /// A format of files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
+    /// glTF in one file.
+    Glb,
+    /// glTF with its arrays and pages beside it.
+    Gltf,
+    /// OpenUSD as text.
+    Usda,
+    /// OpenUSD, binary.
+    Usdc,
+    /// OpenUSD with its pages in one file.
+    Usdz,
     /// PLY of 3DGS and 2DGS.
     Ply,
     /// SPZ version 4.
@@ -19,6 +31,8 @@ pub enum Format {
 pub struct WriteOptions {
     /// Profile of quality, where the format has any.
     pub quality: Quality,
+    /// USD also gets a mesh of textured quads, a variant for programs that know no splats.
+    pub mesh: bool,
 }
 
 /// What was written.
@@ -34,11 +48,17 @@ pub struct Written {
 
 impl Format {
     /// All.
-    pub const ALL: [Self; 2] = [Self::Ply, Self::Spz];
+    pub const ALL: [Self; 7] =
+        [Self::Glb, Self::Gltf, Self::Usda, Self::Usdc, Self::Usdz, Self::Ply, Self::Spz];
 
     /// Extension of its files.
     pub fn extension(self) -> &'static str {
         match self {
+            Self::Glb => "glb",
+            Self::Gltf => "gltf",
+            Self::Usda => "usda",
+            Self::Usdc => "usdc",
+            Self::Usdz => "usdz",
             Self::Ply => "ply",
             Self::Spz => "spz",
         }
@@ -74,6 +94,9 @@ impl Format {
     pub fn qualities(self) -> &'static [Quality] {
         match self {
             Self::Ply | Self::Spz => &[],
+            Self::Glb | Self::Gltf | Self::Usda | Self::Usdc | Self::Usdz => {
+                &[Quality::Lossless, Quality::Balanced]
+            }
         }
     }
 }
@@ -102,7 +125,16 @@ pub fn write_asset(path: &Path, asset: &SplatAsset, options: &WriteOptions) -> R
     let format = Format::of(path)?;
     format.check_quality(options.quality, path)?;
     let mut written = Written { files: vec![path.to_owned()], ..Written::default() };
+    let quality = options.quality;
     match format {
+        Format::Glb | Format::Gltf => {
+            let gltf_options = gltf::GltfOptions { quality, page_side: PAGE_SIDE };
+            written.files = gltf::write_gltf(path, asset, &gltf_options)?;
+        }
+        Format::Usda | Format::Usdc | Format::Usdz => {
+            let usd_options = usd::UsdOptions { quality, page_side: PAGE_SIDE, mesh: options.mesh };
+            written.files = usd::write_usd(path, asset, &usd_options)?;
+        }
         Format::Ply => {
             let summary = ply::write_ply(path, asset, &ply::PlyOptions::default())?;
             written.notes.extend(far_out(summary.position_error_texels));
@@ -152,6 +184,8 @@ pub fn read_asset(path: &Path, limits: &ReadLimits) -> Result<Contents> {
             })
         }
         Format::Spz => spz::read_spz(path, limits),
+        Format::Glb | Format::Gltf => gltf::read_gltf(path, limits),
+        Format::Usda | Format::Usdc | Format::Usdz => usd::read_usd(path, limits),
     }
 }
 
@@ -162,6 +196,11 @@ pub fn read_asset(path: &Path, limits: &ReadLimits) -> Result<Contents> {
 pub fn validate_file(path: &Path) -> Result<Vec<Issue>> {
     let mut issues = match Format::of(path)? {
         Format::Ply | Format::Spz => Vec::new(),
+        Format::Glb | Format::Gltf => {
+            let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+            gltf::validate(&bytes, path)
+        }
+        Format::Usda | Format::Usdc | Format::Usdz => usd::validate(path),
     };
     match read_asset(path, &ReadLimits::default()) {
         Ok(contents) => {

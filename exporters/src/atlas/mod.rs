@@ -67,7 +67,7 @@ impl Atlas {
         maps: &[AssetMap],
         mut visit: impl FnMut(usize, std::ops::Range<usize>, std::ops::Range<usize>),
     ) {
-        for (map, at) in maps.iter().zip(&self.placements) {
+        for (map, at) in maps.iter().zip(&self.placements).filter(|(m, _)| m.num_texels() > 0) {
             let (page, cols) = (usize::from(at.page), usize::from(map.cols));
             for row in 0..usize::from(map.rows) {
                 let width = usize::from(self.pages[page][0]);
