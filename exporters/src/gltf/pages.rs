@@ -131,8 +131,8 @@ pub fn page_texels<'a>(
     // Sizes were checked by `page_sizes`.
     let size = [page.width as u16, page.height as u16];
     let texels = u64::from(page.width) * u64::from(page.height);
-    let enough = |stored: usize, decoded: u64| {
-        if decoded > EXPANSION_MAX * stored as u64 + 4096 {
+    let enough = |stored: usize, unpacked: u64, decoded: u64| {
+        if unpacked > EXPANSION_MAX * stored as u64 + 4096 {
             return Err(offence(&format!("{stored} bytes cannot hold {} x {} texels", size[0], size[1])));
         }
         loaded.take_bytes(decoded, &what)
@@ -149,7 +149,7 @@ pub fn page_texels<'a>(
         }
         (None, None, Some(uri)) => {
             let bytes = loaded.side_file(uri)?;
-            enough(bytes.len(), 12 * texels)?;
+            enough(bytes.len(), 12 * texels, 12 * texels)?;
             Ok(decode_exr(&bytes, size, loaded.path)?.into())
         }
         (None, Some(texture), None) => {
@@ -159,7 +159,8 @@ pub fn page_texels<'a>(
                 return Err(offence(&format!("{decode:?}: finite, the scale positive")));
             }
             let bytes = image_bytes(loaded, texture, &what)?;
-            enough(bytes.len(), 15 * texels)?;
+            // Codes, and the floats that they become.
+            enough(bytes.len(), 3 * texels, 15 * texels)?;
             let codes = decode_png(&bytes, size, loaded.path)?;
             let table: Vec<f32> = (0..=u8::MAX).map(|code| decode.texel(code)).collect();
             Ok(codes.iter().map(|&code| table[usize::from(code)]).collect())

@@ -47,6 +47,7 @@ const TOLD_MAX: usize = 3;
 /// | LT1027 | the digest in `extras` is missing or not that of the content |
 /// | LT1028 | thick splats, which surfels cannot show |
 /// | LT1029 | the reader refuses the file for another reason |
+/// | LT1030 | something is odd: a moved node, an unknown kernel |
 pub fn validate(bytes: &[u8], path: &Path) -> Vec<Issue> {
     let mut issues = Issues::default();
     let limits = ReadLimits::default();
@@ -107,10 +108,12 @@ fn check_reading(
         Err(e) => return issues.error("LT1029", "", text_of(e)),
     };
     for warning in contents.warnings {
-        let code = if warning.contains("thick") { "LT1028" } else { "LT1029" };
-        if !warning.contains("hash") && Digest::find(found.primitive).is_none() {
-            issues.push(code, Severity::Info, &found.pointer, warning);
+        // These are errors of their own.
+        if ["hash", "dropped", "quality"].iter().any(|word| warning.contains(word)) {
+            continue;
         }
+        let code = if warning.contains("thick") { "LT1028" } else { "LT1030" };
+        issues.push(code, Severity::Info, &found.pointer, warning);
     }
     let Some(expected) = contents.hash else { return };
     let place = format!("{}/extensions/{KHR}/extensions/{}/hash", found.pointer, super::EXTENSION);

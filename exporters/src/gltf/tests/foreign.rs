@@ -120,6 +120,7 @@ fn a_moved_node_counts_and_changed_values_are_noticed() {
     assert_eq!(read.asset.capture_from_local.translation, [1.0, -2.0, -3.0]);
     assert!(read.warnings.iter().any(|w| w.contains("moved")), "{:?}", read.warnings);
     assert_eq!(read.hash, Some(read.asset.hash()), "the place is no part of the picture");
+    assert!(validate(&moved, Path::new(PATH)).iter().all(|i| i.code == "LT1030"));
     // What f32 does to a node is not a move.
     let rounded = edited(&bytes, |j| {
         for v in j["nodes"][0]["rotation"].as_array_mut().unwrap() {

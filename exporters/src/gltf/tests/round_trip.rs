@@ -66,6 +66,27 @@ fn assets_without_maps_and_with_many_pages() {
 }
 
 #[test]
+fn pages_that_pack_to_almost_nothing_are_read() {
+    // No residual anywhere: what training begins with.
+    let mut asset = fixture(1, 0);
+    asset.maps[0] = crate::AssetMap { offset_texels: 0, rows: 1500, cols: 1000, texel_size: 1e-4 };
+    asset.texels = vec![0.0; 3 * 1_500_000];
+    let folder = tempfile::tempdir().unwrap();
+    for (quality, name) in
+        [(Quality::Lossless, "a.gltf"), (Quality::Balanced, "b.gltf"), (Quality::Balanced, "c.glb")]
+    {
+        let path = folder.path().join(name);
+        let options = GltfOptions { quality, ..GltfOptions::default() };
+        let written = write_gltf(&path, &asset, &options).unwrap();
+        let bytes: u64 = written.iter().map(|p| p.metadata().unwrap().len()).sum();
+        println!("{name}: {bytes} bytes");
+        assert!(bytes < 100_000, "{name}: {bytes}");
+        let read = read_gltf(&path, &ReadLimits::default()).unwrap();
+        assert_eq!(difference(&asset, &read.asset), None);
+    }
+}
+
+#[test]
 fn files_beside_a_gltf() {
     let folder = tempfile::tempdir().unwrap();
     let asset = hard_fixture(300, 1);
