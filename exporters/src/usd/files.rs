@@ -123,7 +123,8 @@ impl Bundle {
         let extension = if decode.is_none() { "exr" } else { "png" };
         let mut pictures = named(pages, folder, "page", extension);
         let page_paths = asset_paths(&pictures);
-        let quads = options.mesh.then(|| Quads::of(asset, QUADS_MAX, options.page_side.max(64))).transpose()?;
+        let quads =
+            options.mesh.then(|| Quads::of(asset, QUADS_MAX, options.page_side.max(64))).transpose()?;
         let mut quad_pages = Vec::new();
         for page in quads.iter().flat_map(|q| &q.pages) {
             quad_pages.push(quads::encode_page(page)?);

@@ -73,7 +73,8 @@ pub(super) fn extent(asset: &SplatAsset) -> Value {
         limits = [[0.0; 3]; 2];
     }
     let [low, high] = limits;
-    let values = low.iter().map(|&v| (v as f32).next_down()).chain(high.iter().map(|&v| (v as f32).next_up()));
+    let values =
+        low.iter().map(|&v| (v as f32).next_down()).chain(high.iter().map(|&v| (v as f32).next_up()));
     floats(Form::Vec3, values.collect())
 }
 

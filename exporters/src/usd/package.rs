@@ -66,7 +66,8 @@ pub(super) fn entries_from_package(bytes: &[u8], path: &Path, limits: &ReadLimit
         }
         total = total.saturating_add(file.size());
         // Entries that overlap could be many times the file.
-        if file.size() != file.compressed_size() || total > bytes.len() as u64 || total > limits.decoded_bytes {
+        if file.size() != file.compressed_size() || total > bytes.len() as u64 || total > limits.decoded_bytes
+        {
             return invalid("larger than the package");
         }
         let (size, crc) = (file.size(), file.crc32());

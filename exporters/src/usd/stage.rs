@@ -72,7 +72,10 @@ fn custom_data(asset: &SplatAsset, quality: Quality, hash: u64) -> Result<Value>
         ("version", Value::int(VERSION)),
     ];
     if let Some((name, _)) = entries.iter().find(|(_, v)| v.as_text().is_some_and(|t| t.contains('\0'))) {
-        return Err(Error::invalid("", format!("{name}: a text with a zero character, which USD cannot hold")));
+        return Err(Error::invalid(
+            "",
+            format!("{name}: a text with a zero character, which USD cannot hold"),
+        ));
     }
     let entries = entries.map(|(name, value)| (name.to_owned(), value));
     Ok(Value::Dictionary(vec![(LITETEX.to_owned(), Value::Dictionary(entries.to_vec()))]))

@@ -76,7 +76,8 @@ fn lossless_files_give_every_bit_back() {
             let mut size = std::fs::metadata(&path).unwrap().len();
             if extension != "usdz" {
                 let pages = std::fs::read_dir(folder.path().join(format!("s{degree}_textures"))).unwrap();
-                let pages = pages.map(|f| f.unwrap()).filter(|f| f.file_name().to_string_lossy().starts_with("page"));
+                let pages =
+                    pages.map(|f| f.unwrap()).filter(|f| f.file_name().to_string_lossy().starts_with("page"));
                 size += pages.map(|f| f.metadata().unwrap().len()).sum::<u64>();
             }
             assert_eq!(contents.sections.iter().map(|s| s.bytes).sum::<u64>(), size, "{extension}");
@@ -165,7 +166,8 @@ fn text_and_binary_hold_the_same_layer() {
     let changed = text.replacen("-0.0", "0.0", 1);
     assert_ne!(text_from_layer(&layer_from_text(&changed, Path::new("t")).unwrap()), text);
     // Layout, comments and order do not matter.
-    let loose = text.replacen("#usda 1.0\n", "#usda 1.0\r\n# a comment (\"{\n", 1).replace("\n    ", "\n\t # x\n  ");
+    let loose =
+        text.replacen("#usda 1.0\n", "#usda 1.0\r\n# a comment (\"{\n", 1).replace("\n    ", "\n\t # x\n  ");
     assert_eq!(layer_from_text(&loose, Path::new("t")).unwrap(), layer);
 }
 
@@ -208,7 +210,11 @@ fn changed_numbers_are_told_by_the_hash() {
     let contents = read(&path).unwrap();
     assert!(contents.warnings[0].contains("hash"), "{:?}", contents.warnings);
     assert_eq!(validate(&path)[0].code, "LT2009");
-    std::fs::write(&path, text.replacen("(1000000", "(2000000", 1).replacen("translate = (1", "translate = (2", 1)).unwrap();
+    std::fs::write(
+        &path,
+        text.replacen("(1000000", "(2000000", 1).replacen("translate = (1", "translate = (2", 1),
+    )
+    .unwrap();
     let warnings = read(&path).unwrap().warnings;
     assert!(warnings.len() == 1 && warnings[0].contains("transformation"), "{warnings:?}");
 }
@@ -312,7 +318,8 @@ fn damaged_tables_never_panic() {
 fn hostile_counts_and_offsets_are_refused_at_once() {
     let bytes = binary_from_layer(&layer_of(&full(3, 0)));
     let contents = u64::from_le_bytes(bytes[16..24].try_into().unwrap()) as usize;
-    let refused = |damaged: &[u8]| layer_from_binary(damaged, Path::new("b"), &ReadLimits::default()).is_err();
+    let refused =
+        |damaged: &[u8]| layer_from_binary(damaged, Path::new("b"), &ReadLimits::default()).is_err();
     for value in [u64::MAX, 1 << 62, u64::from(u32::MAX), 1 << 24] {
         let put = |at: usize| {
             let mut damaged = bytes.clone();
@@ -350,7 +357,8 @@ fn features_that_are_not_ours_are_named() {
         ("reorder", "def \"A\" {\n reorder nameChildren = [\"B\"]\n}"),
     ];
     for (word, body) in cases {
-        let text = if body.is_empty() { format!("{head}(\n subLayers = [@a@]\n)") } else { format!("{head}{body}") };
+        let text =
+            if body.is_empty() { format!("{head}(\n subLayers = [@a@]\n)") } else { format!("{head}{body}") };
         match layer_from_text(&text, Path::new("t")) {
             Err(Error::Unsupported { what, .. }) => assert!(what.contains(word), "{word}: {what}"),
             other => panic!("{word}: {other:?}"),
@@ -385,7 +393,7 @@ fn pages_elsewhere_are_not_read() {
         std::fs::remove_file(below.join(page)).unwrap();
         std::os::unix::fs::symlink(folder.path().join("page0.png"), below.join(page)).unwrap();
         std::fs::write(&path, &text).unwrap();
-        assert!(read(&path).unwrap_err().to_string().contains("link"));
+        assert!(read(&path).unwrap_err().to_string().contains("outside"));
     }
 }
 

@@ -168,8 +168,7 @@ fn metadata_entry(
             }
         }
         (_, None) => {
-            let kind = metadata_kind(name)
-                .ok_or_else(|| lexer.unsupported(format!("metadata {name:?}")))?;
+            let kind = metadata_kind(name).ok_or_else(|| lexer.unsupported(format!("metadata {name:?}")))?;
             push(match kind {
                 Some(kind) => read_value(lexer, kind, false)?,
                 None => Value::Dictionary(read_dictionary(lexer, 0)?),
@@ -273,8 +272,8 @@ fn attribute_value(lexer: &mut Lexer, type_name: &str) -> Result<Value> {
         Some(base) => (base, true),
         None => (type_name, false),
     };
-    let kind = kind_from_name(base)
-        .ok_or_else(|| lexer.unsupported(format!("attributes of type {type_name:?}")))?;
+    let kind =
+        kind_from_name(base).ok_or_else(|| lexer.unsupported(format!("attributes of type {type_name:?}")))?;
     read_value(lexer, kind, is_array)
 }
 

@@ -29,7 +29,10 @@ pub(super) fn read_value(lexer: &mut Lexer, kind: Kind, is_array: bool) -> Resul
 }
 
 /// `[a, b, c]`, with or without a comma at the end.
-pub(super) fn read_list<T>(lexer: &mut Lexer, mut one: impl FnMut(&mut Lexer) -> Result<T>) -> Result<Vec<T>> {
+pub(super) fn read_list<T>(
+    lexer: &mut Lexer,
+    mut one: impl FnMut(&mut Lexer) -> Result<T>,
+) -> Result<Vec<T>> {
     lexer.expect('[')?;
     let mut items = Vec::new();
     loop {

@@ -341,8 +341,16 @@ fn type_of(value: &Value) -> &'static str {
         Value::Doubles(n) => of_numbers(
             n,
             [
-                "double", "double[]", "double2", "double2[]", "double3", "double3[]", "double4",
-                "double4[]", "quatd", "quatd[]",
+                "double",
+                "double[]",
+                "double2",
+                "double2[]",
+                "double3",
+                "double3[]",
+                "double4",
+                "double4[]",
+                "quatd",
+                "quatd[]",
             ],
         ),
         Value::String(_) => "string",

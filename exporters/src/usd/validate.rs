@@ -15,12 +15,13 @@
 //! | LT2010 | the stage says `upAxis`, `metersPerUnit` and `defaultPrim`, and has prims |
 //! | LT2011 | quaternions have length 1, opacities are in [0, 1], scales are not negative |
 
+use super::field::Field;
 use super::layer::{Prim, entry, for_each_prim};
 use super::names::*;
 use super::numbers::half_sides;
-use super::read::{Field, Opened};
-use super::value::{Form, Numbers, Value};
+use super::read::Opened;
 use super::read::read_usd;
+use super::value::{Form, Numbers, Value};
 use crate::{Issue, ReadLimits, Severity, num_sh_coefficients, quaternion};
 use std::path::Path;
 
@@ -45,6 +46,9 @@ const EXTENT_TOLERANCE: f64 = 1e-6;
 
 /// Standard deviations that an extent must cover: where programs cut particles off.
 const REACH: f64 = 3.0;
+
+/// Overlaps are looked for on pages of at most so many texels together: a byte each.
+const DRAWN_TEXELS_MAX: usize = 1 << 28;
 
 /// Checks a file; an empty list: nothing to object to.
 pub fn validate(path: &Path) -> Vec<Issue> {
@@ -151,7 +155,11 @@ fn check_prim(path: &Path, place: &str, prim: &Prim, report: &mut Report) {
 fn check_kernels(place: &str, prim: &Prim, built_in: usize, report: &mut Report) {
     let applied: Vec<&String> = prim.applied().iter().filter(|s| s.starts_with(KERNEL_PREFIX)).collect();
     match applied.len() + built_in {
-        0 => report.error("LT2003", place, "no kernel schema is applied: nothing says what a particle is".to_owned()),
+        0 => report.error(
+            "LT2003",
+            place,
+            "no kernel schema is applied: nothing says what a particle is".to_owned(),
+        ),
         1 => {}
         n => report.error("LT2004", place, format!("{n} kernels, expected one; applied: {applied:?}")),
     }
@@ -181,10 +189,18 @@ fn check_lengths(place: &str, prim: &Prim, report: &mut Report) {
         match length(prim.value(name)) {
             None => report.error("LT2002", place, format!("no array {name}")),
             Some(found) if found < expected => {
-                report.error("LT2002", place, format!("{name}: {found} elements for {n} particles, expected {expected}"));
+                report.error(
+                    "LT2002",
+                    place,
+                    format!("{name}: {found} elements for {n} particles, expected {expected}"),
+                );
             }
             Some(found) if found > expected => {
-                report.warning("LT2002", place, format!("{name}: {found} elements, {expected} of them are used"));
+                report.warning(
+                    "LT2002",
+                    place,
+                    format!("{name}: {found} elements, {expected} of them are used"),
+                );
             }
             Some(_) => {}
         }
@@ -203,7 +219,11 @@ fn check_ranges(place: &str, prim: &Prim, report: &mut Report) {
     let quaternions = floats(prim, ORIENTATIONS, Form::Quaternion).as_chunks::<4>().0;
     let is_unit = |q: &[f32; 4]| (quaternion::norm(q.map(f64::from)) - 1.0).abs() <= 1e-5;
     if let Some(i) = quaternions.iter().position(|q| !is_unit(q)) {
-        report.error("LT2011", place, format!("{ORIENTATIONS}[{i}]: {:?} is no unit quaternion", quaternions[i]));
+        report.error(
+            "LT2011",
+            place,
+            format!("{ORIENTATIONS}[{i}]: {:?} is no unit quaternion", quaternions[i]),
+        );
     }
     let opacities = floats(prim, OPACITIES, Form::One);
     if let Some(i) = opacities.iter().position(|o| !(0.0..=1.0).contains(o)) {
@@ -256,8 +276,7 @@ fn check_rectangles(path: &Path, place: &str, prim: &Prim, report: &mut Report) 
     };
     let texels = |s: &[u16; 2]| usize::from(s[0]) * usize::from(s[1]);
     let mut taken: Vec<Vec<bool>> = Vec::new();
-    // Pages of 8192 texels a side by the hundred would be too much to draw.
-    let draws = sizes.iter().map(texels).sum::<usize>() <= 1 << 30;
+    let draws = sizes.iter().map(texels).sum::<usize>() <= DRAWN_TEXELS_MAX;
     if draws {
         taken.extend(sizes.iter().map(|s| vec![false; texels(s)]));
     }

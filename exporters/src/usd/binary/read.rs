@@ -29,7 +29,11 @@ pub(in crate::usd) struct BinaryLayer {
 ///
 /// # Errors
 /// [`Error::Invalid`], [`Error::TooLarge`], [`Error::Unsupported`] naming the feature.
-pub(in crate::usd) fn layer_from_binary(bytes: &[u8], path: &Path, limits: &ReadLimits) -> Result<BinaryLayer> {
+pub(in crate::usd) fn layer_from_binary(
+    bytes: &[u8],
+    path: &Path,
+    limits: &ReadLimits,
+) -> Result<BinaryLayer> {
     let tables = ReadTables::read(bytes, path, limits)?;
     let mut spec_by_path = HashMap::new();
     for spec in &tables.specs {
@@ -39,11 +43,13 @@ pub(in crate::usd) fn layer_from_binary(bytes: &[u8], path: &Path, limits: &Read
     }
     let mut child_by_name = HashMap::new();
     for (i, node) in tables.paths.iter().enumerate().filter(|(_, n)| n.is_known) {
-        child_by_name.insert((node.parent, tables.token(node.token).unwrap_or_default(), node.is_property), i as u32);
+        child_by_name
+            .insert((node.parent, tables.token(node.token).unwrap_or_default(), node.is_property), i as u32);
     }
     let budget = (bytes.len() as u64).saturating_mul(EXPANSION_MAX).saturating_add(SMALL_BYTES);
     let values = Values::new(bytes, &tables, path, budget.min(limits.decoded_bytes));
-    let mut reader = Reader { tables: &tables, values, path, spec_by_path, child_by_name, value_bytes: Vec::new() };
+    let mut reader =
+        Reader { tables: &tables, values, path, spec_by_path, child_by_name, value_bytes: Vec::new() };
     let root = tables.specs.iter().find(|s| s.kind == spec::PSEUDO_ROOT);
     let root = root.ok_or_else(|| Error::invalid(path, "no root"))?.path;
     let root_prim = reader.prim(root, "", "", spec::PSEUDO_ROOT, 0)?;
@@ -69,7 +75,8 @@ impl<'a> Reader<'a> {
 
     /// Fields of a path's spec, which must be of a kind. Each spec is taken once.
     fn fields(&mut self, path: u32, name: &str, kind: u32) -> Result<Vec<(&'a str, Rep)>> {
-        let spec = self.spec_by_path.remove(&path).ok_or_else(|| self.invalid(name, "no spec, or listed twice"))?;
+        let spec =
+            self.spec_by_path.remove(&path).ok_or_else(|| self.invalid(name, "no spec, or listed twice"))?;
         if spec.kind != kind {
             return Err(self.invalid(name, format!("spec of kind {}, expected {kind}", spec.kind)));
         }
@@ -177,7 +184,10 @@ impl<'a> Reader<'a> {
                 }
                 "connectionPaths" | "targetPaths" => paths = self.path_texts(rep, &place)?,
                 "timeSamples" | "spline" => {
-                    return Err(Error::unsupported(self.path, format!("{place}: values over time ({field})")));
+                    return Err(Error::unsupported(
+                        self.path,
+                        format!("{place}: values over time ({field})"),
+                    ));
                 }
                 _ => {
                     let value = self.values.read(rep, &format!("{place} {field}"), 0)?;

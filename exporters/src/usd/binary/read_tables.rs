@@ -5,8 +5,8 @@ use crate::{Error, ReadLimits, Result};
 use std::ops::Range;
 use std::path::Path;
 
-/// Most entries of a table.
-const ENTRIES_MAX: usize = 1 << 24;
+/// Most entries of a table; a stage of ours has some thousands.
+const ENTRIES_MAX: usize = 1 << 20;
 
 /// Most sections of a file.
 const SECTIONS_MAX: u64 = 64;
@@ -20,10 +20,8 @@ pub(super) struct Cursor<'a> {
 impl<'a> Cursor<'a> {
     pub(super) fn bytes(&mut self, count: usize) -> Result<&'a [u8], String> {
         let found = self.rest.len();
-        let (bytes, rest) = self
-            .rest
-            .split_at_checked(count)
-            .ok_or_else(|| format!("{count} bytes needed, {found} left"))?;
+        let (bytes, rest) =
+            self.rest.split_at_checked(count).ok_or_else(|| format!("{count} bytes needed, {found} left"))?;
         self.rest = rest;
         Ok(bytes)
     }
@@ -153,13 +151,12 @@ impl ReadTables {
         if text.len() != length {
             return Err(format!("{} bytes of text, expected {length}", text.len()));
         }
-        let mut parts: Vec<&[u8]> = text.split(|&b| b == 0).collect();
-        // Behind the last zero.
-        parts.pop();
-        if parts.len() != count {
-            return Err(format!("{} tokens, expected {count}", parts.len()));
+        // Counted before anything is allocated for each.
+        let found = text.iter().filter(|&&b| b == 0).count();
+        if found != count {
+            return Err(format!("{found} tokens, expected {count}"));
         }
-        for part in parts {
+        for part in text.split(|&b| b == 0).take(count) {
             self.tokens.push(String::from_utf8(part.to_vec()).map_err(|e| format!("token: {e}"))?);
         }
         Ok(())
@@ -195,8 +192,9 @@ impl ReadTables {
         let count = cursor.entries()?;
         let (paths, sets, kinds) = (cursor.ints(count)?, cursor.ints(count)?, cursor.ints(count)?);
         let columns = paths.into_iter().zip(sets).zip(kinds);
-        self.specs =
-            columns.map(|((path, set), kind)| Spec { path: path as u32, set: set as u32, kind: kind as u32 }).collect();
+        self.specs = columns
+            .map(|((path, set), kind)| Spec { path: path as u32, set: set as u32, kind: kind as u32 })
+            .collect();
         Ok(())
     }
 
@@ -212,12 +210,14 @@ impl ReadTables {
         let mut open = if encoded > 0 { vec![(0_usize, None)] } else { Vec::new() };
         while let Some((mut place, mut parent)) = open.pop() {
             loop {
-                let (Some(&path), Some(&token), Some(&jump)) = (paths.get(place), tokens.get(place), jumps.get(place))
+                let (Some(&path), Some(&token), Some(&jump)) =
+                    (paths.get(place), tokens.get(place), jumps.get(place))
                 else {
                     return Err(format!("entry {place} of {encoded}"));
                 };
                 let node = self.paths.get_mut(path as usize).filter(|_| path >= 0);
-                let node = node.filter(|n| !n.is_known).ok_or_else(|| format!("path {path}, or it stands twice"))?;
+                let node =
+                    node.filter(|n| !n.is_known).ok_or_else(|| format!("path {path}, or it stands twice"))?;
                 *node = PathNode {
                     parent: parent.unwrap_or(path as u32),
                     token: token.unsigned_abs(),
@@ -272,9 +272,13 @@ fn sections(bytes: &[u8], path: &Path) -> Result<Vec<(String, Range<usize>)>> {
         let name: [u8; 16] = cursor.array().map_err(invalid)?;
         let name = String::from_utf8_lossy(name.split(|&b| b == 0).next().unwrap_or_default()).into_owned();
         let (start, size) = (cursor.u64().map_err(invalid)?, cursor.u64().map_err(invalid)?);
-        let range = start.checked_add(size).filter(|&end| end <= bytes.len() as u64).map(|end| start as usize..end as usize);
-        let range = range
-            .ok_or_else(|| invalid(format!("section {name:?}: {size} bytes at {start}, the file has {}", bytes.len())))?;
+        let range = start
+            .checked_add(size)
+            .filter(|&end| end <= bytes.len() as u64)
+            .map(|end| start as usize..end as usize);
+        let range = range.ok_or_else(|| {
+            invalid(format!("section {name:?}: {size} bytes at {start}, the file has {}", bytes.len()))
+        })?;
         sections.push((name, range));
     }
     Ok(sections)

@@ -25,6 +25,9 @@ pub(super) struct Values<'a> {
 
 type Words<T> = Result<T, String>;
 
+/// Makes the edit of a list.
+type Edit = fn(Vec<String>) -> ListOp;
+
 impl<'a> Values<'a> {
     pub(super) fn new(bytes: &'a [u8], tables: &'a ReadTables, path: &'a Path, budget: u64) -> Self {
         Self { bytes, tables, path, arrays: HashMap::new(), budget, last_bytes: 0 }
@@ -83,7 +86,9 @@ impl<'a> Values<'a> {
             (types::STRING, false) => tables.string(word).map_err(wrong)?,
             (types::TOKEN, true) => return Ok(Value::Tokens(self.tokens(rep, name)?)),
             (types::TOKEN_VECTOR, false) => return Ok(Value::Tokens(self.tokens(rep, name)?)),
-            (types::TOKEN_LIST_OP, false) => return Ok(Value::TokenList(self.list(rep, name, ReadTables::token)?)),
+            (types::TOKEN_LIST_OP, false) => {
+                return Ok(Value::TokenList(self.list(rep, name, ReadTables::token)?));
+            }
             (types::STRING_LIST_OP, false) => {
                 return Ok(Value::TokenList(self.list(rep, name, ReadTables::string)?));
             }
@@ -104,7 +109,9 @@ impl<'a> Values<'a> {
     fn read_numbers(&mut self, rep: Rep, form: Form, scalar: usize, name: &str) -> Result<Value> {
         let value = match scalar {
             0 => Value::Ints(self.numbers(rep, form, name, i32::from_le_bytes, |word| word as i32, |i| i)?),
-            1 => Value::Floats(self.numbers(rep, form, name, f32::from_le_bytes, f32::from_bits, |i| i as f32)?),
+            1 => Value::Floats(
+                self.numbers(rep, form, name, f32::from_le_bytes, f32::from_bits, |i| i as f32)?,
+            ),
             _ => Value::Doubles(self.numbers(
                 rep,
                 form,
@@ -213,7 +220,8 @@ impl<'a> Values<'a> {
         if code == b'i' {
             return Ok((ints.into_iter().map(from_int).collect(), num_bytes));
         }
-        let entry = |i: i32| table.get(i as u32 as usize).copied().ok_or_else(|| format!("entry {i} of a table"));
+        let entry =
+            |i: i32| table.get(i as u32 as usize).copied().ok_or_else(|| format!("entry {i} of a table"));
         Ok((ints.into_iter().map(entry).collect::<Words<_>>()?, num_bytes))
     }
 
@@ -261,10 +269,10 @@ impl<'a> Values<'a> {
     }
 
     /// Indices of a list edit and which edit it is.
-    fn list_indices(&mut self, rep: Rep, name: &str) -> Result<(fn(Vec<String>) -> ListOp, Vec<u32>)> {
+    fn list_indices(&mut self, rep: Rep, name: &str) -> Result<(Edit, Vec<u32>)> {
         let mut cursor = self.at(rep).map_err(|what| self.invalid(name, what))?;
         let [bits] = cursor.array().map_err(|what| self.invalid(name, what))?;
-        let edit: fn(Vec<String>) -> ListOp = match bits & !list_op::EXPLICIT {
+        let edit: Edit = match bits & !list_op::EXPLICIT {
             0 | list_op::HAS_EXPLICIT => ListOp::Explicit,
             list_op::HAS_PREPENDED => ListOp::Prepend,
             list_op::HAS_APPENDED => ListOp::Append,

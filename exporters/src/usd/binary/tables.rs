@@ -105,7 +105,10 @@ impl Tables {
     pub(super) fn sections(&self) -> [Vec<u8>; 6] {
         [
             self.token_section(),
-            with_count(&self.strings.iter().flat_map(|s| s.to_le_bytes()).collect::<Vec<_>>(), self.strings.len()),
+            with_count(
+                &self.strings.iter().flat_map(|s| s.to_le_bytes()).collect::<Vec<_>>(),
+                self.strings.len(),
+            ),
             self.field_section(),
             {
                 let mut out = (self.field_sets.len() as u64).to_le_bytes().to_vec();

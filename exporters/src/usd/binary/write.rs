@@ -2,7 +2,8 @@
 
 use super::tables::Tables;
 use super::{
-    COMPRESSED_LENGTH_MIN, FORM_TYPES, HEADER_BYTES, MAGIC, Rep, SECTIONS, VERSION, codec, list_op, spec, types,
+    COMPRESSED_LENGTH_MIN, FORM_TYPES, HEADER_BYTES, MAGIC, Rep, SECTIONS, VERSION, codec, list_op, spec,
+    types,
 };
 use crate::usd::layer::{Content, Layer, Metadata, Prim, Property, Specifier};
 use crate::usd::value::{Form, ListOp, Numbers, Value};
@@ -14,11 +15,8 @@ const ALIGNMENT: usize = 16;
 
 /// The bytes of a layer.
 pub(in crate::usd) fn binary_from_layer(layer: &Layer) -> Vec<u8> {
-    let mut writer = Writer {
-        out: vec![0; HEADER_BYTES],
-        tables: Tables::new(),
-        value_by_content: HashMap::new(),
-    };
+    let mut writer =
+        Writer { out: vec![0; HEADER_BYTES], tables: Tables::new(), value_by_content: HashMap::new() };
     let mut fields = writer.metadata_fields(&layer.metadata);
     fields.extend(writer.children_field("primChildren", layer.prims.iter().map(|p| p.name.as_str())));
     writer.tables.spec(0, fields, spec::PSEUDO_ROOT);
@@ -39,7 +37,8 @@ struct Writer {
 impl Writer {
     fn prim(&mut self, path: u32, prim: &Prim) {
         let specifier = Specifier::ALL.iter().position(|&s| s == prim.specifier).unwrap_or(0);
-        let mut fields = vec![self.tables.field("specifier", Rep::inlined(types::SPECIFIER, specifier as u32))];
+        let mut fields =
+            vec![self.tables.field("specifier", Rep::inlined(types::SPECIFIER, specifier as u32))];
         if !prim.type_name.is_empty() {
             let rep = self.token_rep(&prim.type_name);
             fields.push(self.tables.field("typeName", rep));
