@@ -95,10 +95,10 @@ fn chosen(asset: &SplatAsset, most: usize) -> Vec<usize> {
 /// `None`: the splat is never drawn.
 fn extent(asset: &SplatAsset, splat: usize) -> Option<Baked> {
     let opacity = f64::from(asset.opacities[splat]);
-    let reach = (2.0 * (opacity / ALPHA_MIN).ln()).sqrt().min(3.0);
-    if reach.is_nan() || reach <= 0.0 {
+    if opacity <= ALPHA_MIN {
         return None;
     }
+    let reach = (2.0 * (opacity / ALPHA_MIN).ln()).sqrt().min(3.0);
     let half = asset.scales[splat].map(|s| f64::from(s) * reach);
     let texel_size = f64::from(asset.maps[splat].texel_size);
     let texels = |half: f64| {
