@@ -67,11 +67,9 @@ impl Quads {
         let (placements, pages) = atlas::pack(&sizes, side).ok_or_else(|| {
             Error::too_large("", format!("rectangles: maps of up to 32 texels a side on pages of {side}"))
         })?;
-        let mut quads = Self::default();
-        quads.pages = pages
-            .into_iter()
-            .map(|size| QuadPage { size, rgba: vec![0; 4 * usize::from(size[0]) * usize::from(size[1])] })
-            .collect();
+        let blank = |size: [u16; 2]| vec![0; 4 * usize::from(size[0]) * usize::from(size[1])];
+        let pages = pages.into_iter().map(|size| QuadPage { size, rgba: blank(size) }).collect();
+        let mut quads = Self { quads: Vec::with_capacity(baked.len()), pages };
         for (baked, at) in baked.iter().zip(&placements) {
             let page = &mut quads.pages[usize::from(at.page)];
             draw(asset, baked, at, page);
@@ -97,10 +95,10 @@ fn chosen(asset: &SplatAsset, most: usize) -> Vec<usize> {
 /// `None`: the splat is never drawn.
 fn extent(asset: &SplatAsset, splat: usize) -> Option<Baked> {
     let opacity = f64::from(asset.opacities[splat]);
-    let reach = (2.0 * (opacity / ALPHA_MIN).ln()).sqrt().min(3.0);
-    if reach.is_nan() || reach <= 0.0 {
+    if opacity <= ALPHA_MIN {
         return None;
     }
+    let reach = (2.0 * (opacity / ALPHA_MIN).ln()).sqrt().min(3.0);
     let half = asset.scales[splat].map(|s| f64::from(s) * reach);
     let texel_size = f64::from(asset.maps[splat].texel_size);
     let texels = |half: f64| {
@@ -121,16 +119,18 @@ fn draw(asset: &SplatAsset, baked: &Baked, at: &Placement, page: &mut QuadPage) 
     let [scale_u, scale_v] = asset.scales[splat].map(f64::from);
     let sh = asset.sh_of(splat);
     let base: [f64; 3] = std::array::from_fn(|c| (0.5 + SH_0 * f64::from(sh[c])).max(0.0));
+    let falloff = |d: f64, scale: f64| (-0.5 * (d / scale).powi(2)).exp();
+    // The Gaussian is a product: one exponential a row and a column.
+    let along_v: Vec<(f64, f64)> =
+        (0..cols).map(|col| coordinate(col, cols, baked.half[1])).map(|b| (b, falloff(b, scale_v))).collect();
     for row in 0..rows {
         let a = coordinate(row, rows, baked.half[0]);
-        for col in 0..cols {
-            let b = coordinate(col, cols, baked.half[1]);
+        let opacity = f64::from(asset.opacities[splat]) * falloff(a, scale_u);
+        for (col, &(b, falloff)) in along_v.iter().enumerate() {
             let residual = sample(&asset.maps[splat], asset.texels_of(splat), a, b);
-            let falloff = (-0.5 * ((a / scale_u).powi(2) + (b / scale_v).powi(2))).exp();
-            let alpha = (f64::from(asset.opacities[splat]) * falloff).min(ALPHA_MAX);
-            let pixel = (usize::from(at.y) + usize::from(row)) * usize::from(page.size[0])
-                + usize::from(at.x)
-                + usize::from(col);
+            let alpha = (opacity * falloff).min(ALPHA_MAX);
+            let pixel =
+                (usize::from(at.y) + usize::from(row)) * usize::from(page.size[0]) + usize::from(at.x) + col;
             for c in 0..3 {
                 page.rgba[4 * pixel + c] = code(base[c] + residual[c]);
             }

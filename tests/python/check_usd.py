@@ -30,7 +30,7 @@ def array(prim, name):
 
 
 def validation_errors(stage):
-    """What UsdValidation says, without the list where there is no such module (before 26.8)."""
+    """What UsdValidation says, nothing where there is no such module (old versions)."""
     try:
         from pxr import UsdValidation
     except ImportError:

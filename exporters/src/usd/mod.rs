@@ -5,6 +5,7 @@
 //! that know only those) and `mesh` (baked rectangles, a preview).
 
 mod binary;
+mod field;
 mod files;
 mod layer;
 mod lexer;

@@ -1,29 +1,24 @@
 //! Reads the asset of a stage that this crate wrote.
 
 use super::binary::{self, BinaryLayer, layer_from_binary};
+use super::field::Field;
 use super::files::Container;
 use super::layer::{Layer, Prim, entry, for_each_prim};
 use super::names::*;
 use super::package::{Entry, entries_from_package, is_plain_path};
 use super::sections;
 use super::text_read::layer_from_text;
-use super::value::{Form, Numbers, Value};
-use crate::atlas::{self, Atlas, PAGE_SIDE_MAX, Placement, TexelDecode};
+use super::value::Value;
+use crate::atlas::{self, Atlas};
 use crate::meta::{META_BYTES_MAX, Meta};
-use crate::{
-    AssetMap, Contents, Error, Quality, ReadLimits, Result, SPLATS_MAX, SplatAsset, num_sh_coefficients, yup,
-};
+use crate::{Contents, Error, Quality, ReadLimits, Result, SplatAsset, yup};
 use std::path::Path;
-use std::sync::Arc;
-
-/// Most pages.
-const PAGES_MAX: usize = 1000;
 
 /// Decompression makes at most so many bytes of one; a picture that claims more is refused before it is decoded.
 const PICTURE_EXPANSION_MAX: u64 = 1100;
 
 /// Reads a `.usda`, `.usdc` or `.usdz` file that this crate wrote, also after other programs stored its layer anew.
-/// Pages are looked for beside the file and below only. A hash that differs is a warning.
+/// Pages are looked for beside the file and below only; they count in the sections. A hash that differs is a warning.
 ///
 /// # Errors
 /// [`Error::Invalid`] for damaged files, [`Error::Unsupported`] naming the feature for those of other programs,
@@ -100,7 +95,9 @@ impl<'a> Opened<'a> {
     fn picture(&self, asset_path: &str, limits: &ReadLimits) -> Result<Vec<u8>> {
         let invalid = |what: &str| Error::invalid(self.path, format!("page @{asset_path}@: {what}"));
         let plain = asset_path.strip_prefix("./").unwrap_or(asset_path);
-        if !is_plain_path(plain) {
+        // Programs that flatten stages make paths absolute; they may do so as long as they stay in the folder.
+        let is_absolute = self.entries.is_none() && plain.strip_prefix('/').is_some_and(is_plain_path);
+        if !is_plain_path(plain) && !is_absolute {
             return Err(invalid("pages lie beside or below the file, their paths are relative to it"));
         }
         if let Some(entries) = &self.entries {
@@ -112,7 +109,7 @@ impl<'a> Opened<'a> {
         let io = |e| Error::io(&file, e);
         let (place, real) = (place.canonicalize().map_err(io)?, file.canonicalize().map_err(io)?);
         if !real.starts_with(&place) {
-            return Err(invalid("a link that leads out of the file's folder"));
+            return Err(invalid("it lies outside of the file's folder"));
         }
         if std::fs::metadata(&real).map_err(io)?.len() > limits.decoded_bytes {
             return Err(Error::too_large(&file, "larger than the limit on what may be decoded"));
@@ -292,155 +289,4 @@ pub(super) fn without_variants(path: &str) -> String {
         out.push('/');
     }
     out + rest
-}
-
-/// The textured particle field.
-pub(super) struct Field<'a> {
-    pub(super) path: &'a Path,
-    pub(super) prim: &'a Prim,
-}
-
-impl Field<'_> {
-    fn wrong<T>(&self, name: &str, expected: &str) -> Result<T> {
-        let found = match self.prim.value(name) {
-            None => "missing".to_owned(),
-            Some(_) => "of another type or length".to_owned(),
-        };
-        Err(Error::invalid(self.path, format!("{}.{name}: {found}, expected {expected}", self.prim.name)))
-    }
-
-    fn floats(&self, name: &str, form: Form, count: usize) -> Result<&[f32]> {
-        match self.prim.value(name) {
-            Some(Value::Floats(n)) if n.is_array && n.form == form && n.num_elements() == count => {
-                Ok(&n.values)
-            }
-            _ => self.wrong(name, &format!("an array of {count} floats ({form:?})")),
-        }
-    }
-
-    fn ints(&self, name: &str, form: Form, count: usize) -> Result<&[i32]> {
-        match self.prim.value(name) {
-            Some(Value::Ints(n)) if n.is_array && n.form == form && n.num_elements() == count => {
-                Ok(&n.values)
-            }
-            _ => self.wrong(name, &format!("an array of {count} integers ({form:?})")),
-        }
-    }
-
-    fn int(&self, name: &str) -> Result<i32> {
-        match self.prim.value(name).and_then(Value::as_int) {
-            Some(value) => Ok(value),
-            None => self.wrong(name, "an integer"),
-        }
-    }
-
-    fn positions(&self) -> Result<&Arc<Vec<f32>>> {
-        match self.prim.value(POSITIONS) {
-            Some(Value::Floats(Numbers { form: Form::Vec3, is_array: true, values })) => Ok(values),
-            _ => self.wrong(POSITIONS, "an array of points"),
-        }
-    }
-
-    /// Puts all but texels into an asset.
-    fn store(&self, asset: &mut SplatAsset) -> Result<()> {
-        let version = self.int(LITETEX_VERSION)?;
-        if version != VERSION {
-            let what = format!("{LITETEX_VERSION} {version}; supported: {VERSION}");
-            return Err(Error::unsupported(self.path, what));
-        }
-        let positions = self.positions()?.as_chunks::<3>().0;
-        let n = positions.len();
-        if n > SPLATS_MAX {
-            return Err(Error::too_large(self.path, format!("{n} splats, at most {SPLATS_MAX}")));
-        }
-        let degree = u32::try_from(self.int(SH_DEGREE)?).ok().filter(|&d| d <= 3);
-        let Some(degree) = degree else { return self.wrong(SH_DEGREE, "0 to 3") };
-        let num_coefficients = num_sh_coefficients(degree);
-        asset.sh_degree = degree;
-        asset.positions = positions.iter().map(|&p| yup::position(p)).collect();
-        let rotations = self.floats(ORIENTATIONS, Form::Quaternion, n)?.as_chunks::<4>().0;
-        asset.rotations = rotations.iter().map(|&q| yup::rotation_back(q)).collect();
-        let scales = self.floats(SCALES, Form::Vec3, n)?.as_chunks::<3>().0;
-        asset.scales = scales.iter().map(|&[u, v, _]| [u, v]).collect();
-        asset.opacities = self.floats(OPACITIES, Form::One, n)?.to_vec();
-        let sh = self.floats(SH_COEFFICIENTS, Form::Vec3, n * num_coefficients)?;
-        let sh0 = self.floats(SH0, Form::Vec3, n)?;
-        asset.sh = Vec::with_capacity(sh.len());
-        for (all, first) in sh.chunks_exact(3 * num_coefficients).zip(sh0.chunks_exact(3)) {
-            asset.sh.extend_from_slice(first);
-            asset.sh.extend(yup::sh(all).skip(3));
-        }
-        self.store_maps(asset, n)
-    }
-
-    fn store_maps(&self, asset: &mut SplatAsset, n: usize) -> Result<()> {
-        let rects = self.ints(RECT, Form::Vec4, n)?.as_chunks::<4>().0;
-        let texel_sizes = self.floats(TEXEL_SIZE, Form::One, n)?;
-        let mut offset = 0_u64;
-        for (splat, (&[_, _, cols, rows], &texel_size)) in rects.iter().zip(texel_sizes).enumerate() {
-            let sides = [rows, cols].map(u16::try_from);
-            let (Ok(rows), Ok(cols), true) = (sides[0], sides[1], (rows == 0) == (cols == 0)) else {
-                return Err(Error::invalid(
-                    self.path,
-                    format!("{RECT} of splat {splat}: {rows} x {cols} texels"),
-                ));
-            };
-            let offset_texels = u32::try_from(offset)
-                .map_err(|_| Error::too_large(self.path, format!("{offset} texels, at most {}", u32::MAX)))?;
-            asset.maps.push(AssetMap { offset_texels, rows, cols, texel_size });
-            offset += u64::from(rows) * u64::from(cols);
-        }
-        Ok(())
-    }
-
-    pub(super) fn placements(&self, n: usize) -> Result<Vec<Placement>> {
-        let rects = self.ints(RECT, Form::Vec4, n)?.as_chunks::<4>().0;
-        let pages = self.ints(PAGE, Form::One, n)?;
-        let mut placements = Vec::with_capacity(n);
-        for (splat, (&[x, y, ..], &page)) in rects.iter().zip(pages).enumerate() {
-            let [Ok(page), Ok(x), Ok(y)] = [page, x, y].map(u16::try_from) else {
-                let what = format!("{RECT} of splat {splat}: column {x}, row {y} of page {page}");
-                return Err(Error::invalid(self.path, what));
-            };
-            placements.push(Placement { page, x, y });
-        }
-        Ok(placements)
-    }
-
-    pub(super) fn page_sizes(&self) -> Result<Vec<[u16; 2]>> {
-        let Some(Value::Ints(Numbers { form: Form::Vec2, is_array: true, values })) =
-            self.prim.value(PAGE_SIZES)
-        else {
-            return self.wrong(PAGE_SIZES, "an array of widths and heights");
-        };
-        let pages = values.as_chunks::<2>().0;
-        if pages.len() > PAGES_MAX {
-            return Err(Error::too_large(self.path, format!("{} pages, at most {PAGES_MAX}", pages.len())));
-        }
-        let side = |s: i32| u16::try_from(s).ok().filter(|s| (1..=PAGE_SIDE_MAX).contains(s));
-        let mut sizes = Vec::new();
-        for &[width, height] in pages {
-            let (Some(width), Some(height)) = (side(width), side(height)) else {
-                let what = format!("{PAGE_SIZES}: {width} x {height}, sides of 1 to {PAGE_SIDE_MAX}");
-                return Err(Error::invalid(self.path, what));
-            };
-            sizes.push([width, height]);
-        }
-        Ok(sizes)
-    }
-
-    /// `None`: pages hold texels as they are.
-    fn decode(&self) -> Result<Option<TexelDecode>> {
-        let [scale, bias] = [DECODE_SCALE, DECODE_BIAS].map(|name| self.prim.value(name));
-        match (scale, bias) {
-            (None, None) => Ok(None),
-            (Some(scale), Some(bias)) => match (scale.as_double(), bias.as_double()) {
-                (Some(scale), Some(bias)) if scale.is_finite() && bias.is_finite() => {
-                    Ok(Some(TexelDecode { scale, bias }))
-                }
-                _ => self.wrong(DECODE_SCALE, "a finite double, as decodeBias"),
-            },
-            _ => self.wrong(DECODE_SCALE, "both decodeScale and decodeBias or none"),
-        }
-    }
 }

@@ -393,7 +393,7 @@ fn pages_elsewhere_are_not_read() {
         std::fs::remove_file(below.join(page)).unwrap();
         std::os::unix::fs::symlink(folder.path().join("page0.png"), below.join(page)).unwrap();
         std::fs::write(&path, &text).unwrap();
-        assert!(read(&path).unwrap_err().to_string().contains("link"));
+        assert!(read(&path).unwrap_err().to_string().contains("outside"));
     }
 }
 

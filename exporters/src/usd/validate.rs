@@ -15,11 +15,12 @@
 //! | LT2010 | the stage says `upAxis`, `metersPerUnit` and `defaultPrim`, and has prims |
 //! | LT2011 | quaternions have length 1, opacities are in [0, 1], scales are not negative |
 
+use super::field::Field;
 use super::layer::{Prim, entry, for_each_prim};
 use super::names::*;
 use super::numbers::half_sides;
+use super::read::Opened;
 use super::read::read_usd;
-use super::read::{Field, Opened};
 use super::value::{Form, Numbers, Value};
 use crate::{Issue, ReadLimits, Severity, num_sh_coefficients, quaternion};
 use std::path::Path;
@@ -45,6 +46,9 @@ const EXTENT_TOLERANCE: f64 = 1e-6;
 
 /// Standard deviations that an extent must cover: where programs cut particles off.
 const REACH: f64 = 3.0;
+
+/// Overlaps are looked for on pages of at most so many texels together: a byte each.
+const DRAWN_TEXELS_MAX: usize = 1 << 28;
 
 /// Checks a file; an empty list: nothing to object to.
 pub fn validate(path: &Path) -> Vec<Issue> {
@@ -272,8 +276,7 @@ fn check_rectangles(path: &Path, place: &str, prim: &Prim, report: &mut Report) 
     };
     let texels = |s: &[u16; 2]| usize::from(s[0]) * usize::from(s[1]);
     let mut taken: Vec<Vec<bool>> = Vec::new();
-    // Pages of 8192 texels a side by the hundred would be too much to draw.
-    let draws = sizes.iter().map(texels).sum::<usize>() <= 1 << 30;
+    let draws = sizes.iter().map(texels).sum::<usize>() <= DRAWN_TEXELS_MAX;
     if draws {
         taken.extend(sizes.iter().map(|s| vec![false; texels(s)]));
     }

@@ -5,8 +5,8 @@ use crate::{Error, ReadLimits, Result};
 use std::ops::Range;
 use std::path::Path;
 
-/// Most entries of a table.
-const ENTRIES_MAX: usize = 1 << 24;
+/// Most entries of a table; a stage of ours has some thousands.
+const ENTRIES_MAX: usize = 1 << 20;
 
 /// Most sections of a file.
 const SECTIONS_MAX: u64 = 64;
@@ -151,13 +151,12 @@ impl ReadTables {
         if text.len() != length {
             return Err(format!("{} bytes of text, expected {length}", text.len()));
         }
-        let mut parts: Vec<&[u8]> = text.split(|&b| b == 0).collect();
-        // Behind the last zero.
-        parts.pop();
-        if parts.len() != count {
-            return Err(format!("{} tokens, expected {count}", parts.len()));
+        // Counted before anything is allocated for each.
+        let found = text.iter().filter(|&&b| b == 0).count();
+        if found != count {
+            return Err(format!("{found} tokens, expected {count}"));
         }
-        for part in parts {
+        for part in text.split(|&b| b == 0).take(count) {
             self.tokens.push(String::from_utf8(part.to_vec()).map_err(|e| format!("token: {e}"))?);
         }
         Ok(())

@@ -25,6 +25,9 @@ pub(super) struct Values<'a> {
 
 type Words<T> = Result<T, String>;
 
+/// Makes the edit of a list.
+type Edit = fn(Vec<String>) -> ListOp;
+
 impl<'a> Values<'a> {
     pub(super) fn new(bytes: &'a [u8], tables: &'a ReadTables, path: &'a Path, budget: u64) -> Self {
         Self { bytes, tables, path, arrays: HashMap::new(), budget, last_bytes: 0 }
@@ -266,10 +269,10 @@ impl<'a> Values<'a> {
     }
 
     /// Indices of a list edit and which edit it is.
-    fn list_indices(&mut self, rep: Rep, name: &str) -> Result<(fn(Vec<String>) -> ListOp, Vec<u32>)> {
+    fn list_indices(&mut self, rep: Rep, name: &str) -> Result<(Edit, Vec<u32>)> {
         let mut cursor = self.at(rep).map_err(|what| self.invalid(name, what))?;
         let [bits] = cursor.array().map_err(|what| self.invalid(name, what))?;
-        let edit: fn(Vec<String>) -> ListOp = match bits & !list_op::EXPLICIT {
+        let edit: Edit = match bits & !list_op::EXPLICIT {
             0 | list_op::HAS_EXPLICIT => ListOp::Explicit,
             list_op::HAS_PREPENDED => ListOp::Prepend,
             list_op::HAS_APPENDED => ListOp::Append,

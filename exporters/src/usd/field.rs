@@ -1,0 +1,163 @@
+//! Takes the arrays of a textured particle field apart.
+
+use super::layer::Prim;
+use super::names::*;
+use super::value::{Form, Numbers, Value};
+use crate::atlas::{PAGE_SIDE_MAX, Placement, TexelDecode};
+use crate::{AssetMap, Error, Result, SPLATS_MAX, SplatAsset, num_sh_coefficients, yup};
+use std::path::Path;
+use std::sync::Arc;
+
+/// Most pages.
+const PAGES_MAX: usize = 1000;
+
+/// The textured particle field.
+pub(super) struct Field<'a> {
+    pub(super) path: &'a Path,
+    pub(super) prim: &'a Prim,
+}
+
+impl Field<'_> {
+    fn wrong<T>(&self, name: &str, expected: &str) -> Result<T> {
+        let found = match self.prim.value(name) {
+            None => "missing".to_owned(),
+            Some(_) => "of another type or length".to_owned(),
+        };
+        Err(Error::invalid(self.path, format!("{}.{name}: {found}, expected {expected}", self.prim.name)))
+    }
+
+    fn floats(&self, name: &str, form: Form, count: usize) -> Result<&[f32]> {
+        match self.prim.value(name) {
+            Some(Value::Floats(n)) if n.is_array && n.form == form && n.num_elements() == count => {
+                Ok(&n.values)
+            }
+            _ => self.wrong(name, &format!("an array of {count} floats ({form:?})")),
+        }
+    }
+
+    fn ints(&self, name: &str, form: Form, count: usize) -> Result<&[i32]> {
+        match self.prim.value(name) {
+            Some(Value::Ints(n)) if n.is_array && n.form == form && n.num_elements() == count => {
+                Ok(&n.values)
+            }
+            _ => self.wrong(name, &format!("an array of {count} integers ({form:?})")),
+        }
+    }
+
+    fn int(&self, name: &str) -> Result<i32> {
+        match self.prim.value(name).and_then(Value::as_int) {
+            Some(value) => Ok(value),
+            None => self.wrong(name, "an integer"),
+        }
+    }
+
+    fn positions(&self) -> Result<&Arc<Vec<f32>>> {
+        match self.prim.value(POSITIONS) {
+            Some(Value::Floats(Numbers { form: Form::Vec3, is_array: true, values })) => Ok(values),
+            _ => self.wrong(POSITIONS, "an array of points"),
+        }
+    }
+
+    /// Puts all but texels into an asset.
+    pub(super) fn store(&self, asset: &mut SplatAsset) -> Result<()> {
+        let version = self.int(LITETEX_VERSION)?;
+        if version != VERSION {
+            let what = format!("{LITETEX_VERSION} {version}; supported: {VERSION}");
+            return Err(Error::unsupported(self.path, what));
+        }
+        let positions = self.positions()?.as_chunks::<3>().0;
+        let n = positions.len();
+        if n > SPLATS_MAX {
+            return Err(Error::too_large(self.path, format!("{n} splats, at most {SPLATS_MAX}")));
+        }
+        let degree = u32::try_from(self.int(SH_DEGREE)?).ok().filter(|&d| d <= 3);
+        let Some(degree) = degree else { return self.wrong(SH_DEGREE, "0 to 3") };
+        let num_coefficients = num_sh_coefficients(degree);
+        asset.sh_degree = degree;
+        asset.positions = positions.iter().map(|&p| yup::position(p)).collect();
+        let rotations = self.floats(ORIENTATIONS, Form::Quaternion, n)?.as_chunks::<4>().0;
+        asset.rotations = rotations.iter().map(|&q| yup::rotation_back(q)).collect();
+        let scales = self.floats(SCALES, Form::Vec3, n)?.as_chunks::<3>().0;
+        asset.scales = scales.iter().map(|&[u, v, _]| [u, v]).collect();
+        asset.opacities = self.floats(OPACITIES, Form::One, n)?.to_vec();
+        let sh = self.floats(SH_COEFFICIENTS, Form::Vec3, n * num_coefficients)?;
+        let sh0 = self.floats(SH0, Form::Vec3, n)?;
+        asset.sh = Vec::with_capacity(sh.len());
+        for (all, first) in sh.chunks_exact(3 * num_coefficients).zip(sh0.chunks_exact(3)) {
+            asset.sh.extend_from_slice(first);
+            asset.sh.extend(yup::sh(all).skip(3));
+        }
+        self.store_maps(asset, n)
+    }
+
+    fn store_maps(&self, asset: &mut SplatAsset, n: usize) -> Result<()> {
+        let rects = self.ints(RECT, Form::Vec4, n)?.as_chunks::<4>().0;
+        let texel_sizes = self.floats(TEXEL_SIZE, Form::One, n)?;
+        let mut offset = 0_u64;
+        for (splat, (&[_, _, cols, rows], &texel_size)) in rects.iter().zip(texel_sizes).enumerate() {
+            let sides = [rows, cols].map(u16::try_from);
+            let (Ok(rows), Ok(cols), true) = (sides[0], sides[1], (rows == 0) == (cols == 0)) else {
+                return Err(Error::invalid(
+                    self.path,
+                    format!("{RECT} of splat {splat}: {rows} x {cols} texels"),
+                ));
+            };
+            let offset_texels = u32::try_from(offset)
+                .map_err(|_| Error::too_large(self.path, format!("{offset} texels, at most {}", u32::MAX)))?;
+            asset.maps.push(AssetMap { offset_texels, rows, cols, texel_size });
+            offset += u64::from(rows) * u64::from(cols);
+        }
+        Ok(())
+    }
+
+    pub(super) fn placements(&self, n: usize) -> Result<Vec<Placement>> {
+        let rects = self.ints(RECT, Form::Vec4, n)?.as_chunks::<4>().0;
+        let pages = self.ints(PAGE, Form::One, n)?;
+        let mut placements = Vec::with_capacity(n);
+        for (splat, (&[x, y, ..], &page)) in rects.iter().zip(pages).enumerate() {
+            let [Ok(page), Ok(x), Ok(y)] = [page, x, y].map(u16::try_from) else {
+                let what = format!("{RECT} of splat {splat}: column {x}, row {y} of page {page}");
+                return Err(Error::invalid(self.path, what));
+            };
+            placements.push(Placement { page, x, y });
+        }
+        Ok(placements)
+    }
+
+    pub(super) fn page_sizes(&self) -> Result<Vec<[u16; 2]>> {
+        let Some(Value::Ints(Numbers { form: Form::Vec2, is_array: true, values })) =
+            self.prim.value(PAGE_SIZES)
+        else {
+            return self.wrong(PAGE_SIZES, "an array of widths and heights");
+        };
+        let pages = values.as_chunks::<2>().0;
+        if pages.len() > PAGES_MAX {
+            return Err(Error::too_large(self.path, format!("{} pages, at most {PAGES_MAX}", pages.len())));
+        }
+        let side = |s: i32| u16::try_from(s).ok().filter(|s| (1..=PAGE_SIDE_MAX).contains(s));
+        let mut sizes = Vec::new();
+        for &[width, height] in pages {
+            let (Some(width), Some(height)) = (side(width), side(height)) else {
+                let what = format!("{PAGE_SIZES}: {width} x {height}, sides of 1 to {PAGE_SIDE_MAX}");
+                return Err(Error::invalid(self.path, what));
+            };
+            sizes.push([width, height]);
+        }
+        Ok(sizes)
+    }
+
+    /// `None`: pages hold texels as they are.
+    pub(super) fn decode(&self) -> Result<Option<TexelDecode>> {
+        let [scale, bias] = [DECODE_SCALE, DECODE_BIAS].map(|name| self.prim.value(name));
+        match (scale, bias) {
+            (None, None) => Ok(None),
+            (Some(scale), Some(bias)) => match (scale.as_double(), bias.as_double()) {
+                (Some(scale), Some(bias)) if scale.is_finite() && bias.is_finite() => {
+                    Ok(Some(TexelDecode { scale, bias }))
+                }
+                _ => self.wrong(DECODE_SCALE, "a finite double, as decodeBias"),
+            },
+            _ => self.wrong(DECODE_SCALE, "both decodeScale and decodeBias or none"),
+        }
+    }
+}
