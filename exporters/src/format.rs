@@ -3,7 +3,7 @@
 use crate::atlas::PAGE_SIDE;
 use crate::{
     Contents, Describes, Error, Issue, Quality, ReadLimits, Result, Section, Severity, SplatAsset, gltf, ply,
-    spz, usd,
+    spz, usd, write_atomically,
 };
 use std::path::{Path, PathBuf};
 
@@ -31,7 +31,7 @@ pub enum Format {
 pub struct WriteOptions {
     /// Profile of quality, where the format has any.
     pub quality: Quality,
-    /// USD also gets a mesh of textured quads, a variant for programs that know no splats.
+    /// Also a mesh of textured quads for programs that know no splats: a file of its own beside glTF, a variant in USD.
     pub mesh: bool,
 }
 
@@ -130,6 +130,11 @@ pub fn write_asset(path: &Path, asset: &SplatAsset, options: &WriteOptions) -> R
         Format::Glb | Format::Gltf => {
             let gltf_options = gltf::GltfOptions { quality, page_side: PAGE_SIDE };
             written.files = gltf::write_gltf(path, asset, &gltf_options)?;
+            if options.mesh {
+                let (file, note) = write_mesh(path, asset)?;
+                written.files.push(file);
+                written.notes.extend(note);
+            }
         }
         Format::Usda | Format::Usdc | Format::Usdz => {
             let usd_options = usd::UsdOptions { quality, page_side: PAGE_SIDE, mesh: options.mesh };
@@ -154,6 +159,18 @@ pub fn write_asset(path: &Path, asset: &SplatAsset, options: &WriteOptions) -> R
         written.bytes += std::fs::metadata(file).map_err(|e| Error::io(file, e))?.len();
     }
     Ok(written)
+}
+
+/// The mesh of a glTF file, beside it.
+fn write_mesh(path: &Path, asset: &SplatAsset) -> Result<(PathBuf, Option<String>)> {
+    let file = path.with_extension("mesh.glb");
+    let (bytes, summary) =
+        gltf::encode_mesh(asset, &gltf::MeshOptions::default()).map_err(|e| e.at(&file))?;
+    write_atomically(&file, &bytes).map_err(|e| Error::io(&file, e))?;
+    let note = (summary.omitted > 0).then(|| {
+        format!("the mesh shows the {} most visible splats, {} are left out", summary.quads, summary.omitted)
+    });
+    Ok((file, note))
 }
 
 /// A note where rounding moves splats by more than a tenth of a texel.

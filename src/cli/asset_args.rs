@@ -18,6 +18,9 @@ pub struct AssetArgs {
     /// Make a .ltgs file as small as it gets while at most this much PSNR is lost, such as 0.1dB
     #[arg(long, value_name = "DB", value_parser = parse_decibels, conflicts_with = "max_size")]
     pub max_loss: Option<f64>,
+    /// Also make a mesh of textured quads for programs that know no splats: FILE.mesh.glb beside glTF, a variant in USD
+    #[arg(long)]
+    pub mesh: bool,
     /// Replace existing files
     #[arg(long)]
     pub force: bool,
@@ -46,8 +49,8 @@ pub struct AssetArgs {
     #[arg(long, value_name = "TEXT", visible_alias = "license", help_heading = "Provenance")]
     pub licence: Option<String>,
     /// What it was made from [default: name of the capture]
-    #[arg(long, value_name = "TEXT", help_heading = "Provenance")]
-    pub source: Option<String>,
+    #[arg(long = "source", value_name = "TEXT", help_heading = "Provenance")]
+    pub made_from: Option<String>,
 }
 
 /// Qualities as typed.
@@ -133,7 +136,7 @@ impl AssetArgs {
 
     fn name(&self, asset: &mut SplatAsset) {
         let facts = &mut asset.provenance;
-        let given = [&self.title, &self.author, &self.licence, &self.source];
+        let given = [&self.title, &self.author, &self.licence, &self.made_from];
         let fields = [&mut facts.title, &mut facts.author, &mut facts.licence, &mut facts.source];
         for (field, text) in fields.into_iter().zip(given) {
             if let Some(text) = text {

@@ -128,7 +128,7 @@ pub fn write_all(
         if let Some(folder) = path.parent().filter(|f| !f.as_os_str().is_empty()) {
             std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
         }
-        let options = WriteOptions { quality: args.quality(), mesh: true };
+        let options = WriteOptions { quality: args.quality(), mesh: args.mesh };
         let written = write_asset(path, &frozen.asset, &options)?;
         for note in &written.notes {
             log.warn("export", &format!("{}: {note}", path.display()), 1);
