@@ -12,6 +12,7 @@ mod contents;
 mod error;
 mod file;
 mod hash;
+pub mod ltgs;
 mod meta;
 pub mod ply;
 mod quality;
