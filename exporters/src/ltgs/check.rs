@@ -48,7 +48,8 @@ pub fn validate(bytes: &[u8], path: &Path) -> Vec<Issue> {
                 let what = format!("hash {found:016x}, stated {:?}", reader.meta.hash);
                 issues.push(issue("LT3006", Severity::Error, "metadata", what));
             }
-            issues.extend(contents.warnings.into_iter().map(|w| issue("LT3007", Severity::Info, "header", w)));
+            issues
+                .extend(contents.warnings.into_iter().map(|w| issue("LT3007", Severity::Info, "header", w)));
         }
     }
     issues
@@ -66,7 +67,9 @@ fn issue_of(code: &'static str, place: &str, error: &Error) -> Issue {
         _ => code,
     };
     let message = match error {
-        Error::Invalid { what, .. } | Error::Unsupported { what, .. } | Error::TooLarge { what, .. } => what.clone(),
+        Error::Invalid { what, .. } | Error::Unsupported { what, .. } | Error::TooLarge { what, .. } => {
+            what.clone()
+        }
         other => other.to_string(),
     };
     issue(code, Severity::Error, place, message)

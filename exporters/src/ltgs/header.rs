@@ -142,7 +142,10 @@ impl Header {
             return Err(Error::too_large(path, what));
         }
         if self.num_texels > u32::MAX.into() {
-            return Err(Error::too_large(path, format!("header: {} texels, at most 2^32 - 1", self.num_texels)));
+            return Err(Error::too_large(
+                path,
+                format!("header: {} texels, at most 2^32 - 1", self.num_texels),
+            ));
         }
         if self.meta_text_bytes as usize > crate::meta::META_BYTES_MAX {
             let what = format!("metadata: {} bytes, at most 16 MiB", self.meta_text_bytes);
@@ -152,7 +155,8 @@ impl Header {
             return Err(Error::invalid(path, format!("header: SH degree {}, at most 3", self.sh_degree)));
         }
         if num_chunks as usize != self.num_chunks() {
-            let what = format!("header: {num_chunks} chunks, {} splats need {}", self.num_splats, self.num_chunks());
+            let what =
+                format!("header: {num_chunks} chunks, {} splats need {}", self.num_splats, self.num_chunks());
             return Err(Error::invalid(path, what));
         }
         Ok(())
@@ -205,19 +209,10 @@ impl Entry {
     pub fn decode(bytes: &[u8; ENTRY_BYTES]) -> Self {
         let u64_at = |at: usize| u64::from_le_bytes(std::array::from_fn(|i| bytes[at + i]));
         let u32_at = |at: usize| u32::from_le_bytes(std::array::from_fn(|i| bytes[at + i]));
-        let block = |at: usize| Block {
-            offset: u64_at(at),
-            bytes: u64_at(at + 8),
-            checksum: u64_at(at + 16),
-        };
+        let block =
+            |at: usize| Block { offset: u64_at(at), bytes: u64_at(at + 8), checksum: u64_at(at + 16) };
         let bounds: [[f32; 3]; 2] =
             std::array::from_fn(|k| std::array::from_fn(|i| f32::from_bits(u32_at(64 + 12 * k + 4 * i))));
-        Self {
-            splats: block(0),
-            texels: block(24),
-            num_texels: u64_at(48),
-            num_splats: u32_at(56),
-            bounds,
-        }
+        Self { splats: block(0), texels: block(24), num_texels: u64_at(48), num_splats: u32_at(56), bounds }
     }
 }

@@ -217,7 +217,9 @@ impl<'a> Stream<'a> {
         let mut size = || take_varint(block).ok_or_else(cut);
         let [count, num_symbols, coded, open] = [size()?, size()?, size()?, size()?];
         if count > most as u64 || num_symbols > 2 * count + 1 {
-            return Err(damaged(&format!("{count} numbers in {num_symbols} symbols, expected at most {most}")));
+            return Err(damaged(&format!(
+                "{count} numbers in {num_symbols} symbols, expected at most {most}"
+            )));
         }
         if codec & 15 == STORED && num_symbols != coded {
             return Err(damaged(&format!("{coded} bytes for {num_symbols} stored symbols")));

@@ -11,12 +11,7 @@ use std::ops::Range;
 const MEAN_STEP: f64 = 1.0 / 255.0;
 
 /// `N` planes of the bytes of numbers; within a plane component by component. `values`: `[count, width]`
-fn put_planes<const N: usize>(
-    block: &mut Vec<u8>,
-    values: &[[u8; N]],
-    width: usize,
-    level: i32,
-) {
+fn put_planes<const N: usize>(block: &mut Vec<u8>, values: &[[u8; N]], width: usize, level: i32) {
     for plane in 0..N {
         let component = |c: usize| values.iter().skip(c).step_by(width.max(1)).map(move |v| v[plane]);
         let bytes: Vec<u8> = (0..width).flat_map(component).collect();

@@ -73,7 +73,8 @@ impl<'a> Reader<'a> {
         let header = Header::decode(bytes, path)?;
         let decoded_bytes = decoded_bytes(&header);
         if decoded_bytes > limits.decoded_bytes {
-            let what = format!("decodes to {decoded_bytes} bytes, at most {} are allowed", limits.decoded_bytes);
+            let what =
+                format!("decodes to {decoded_bytes} bytes, at most {} are allowed", limits.decoded_bytes);
             return Err(Error::too_large(path, what));
         }
         let invalid = |what: String| Error::invalid(path, what);
@@ -85,7 +86,9 @@ impl<'a> Reader<'a> {
         let (meta, entries) = tables.split_at(header.meta_bytes as usize);
         let meta = FileMeta::decode(meta, header.meta_is_compressed, header.meta_text_bytes as usize)
             .map_err(|e| e.at(path))?;
-        if meta.quality != header.quality.name() || meta.quantiser.is_none() != (header.quality == Quality::Lossless) {
+        if meta.quality != header.quality.name()
+            || meta.quantiser.is_none() != (header.quality == Quality::Lossless)
+        {
             return Err(invalid(format!(
                 "metadata: quality {:?} with quantiser {:?}, the header says {:?}",
                 meta.quality,
@@ -222,8 +225,7 @@ impl<'a> Reader<'a> {
             .ok_or_else(|| Error::invalid("", format!("chunk {chunk} of {}", self.entries.len())))?;
         let splats = self.checked_block(&entry.splats)?;
         let texels = if with_texels { Some(self.checked_block(&entry.texels)?) } else { None };
-        let (mut tally, n, sh_degree) =
-            (Tally::default(), entry.num_splats as usize, self.header.sh_degree);
+        let (mut tally, n, sh_degree) = (Tally::default(), entry.num_splats as usize, self.header.sh_degree);
         tally.count("texels", texels.map_or(0, |t| t.len() as u64));
         let asset = match &self.meta.quantiser {
             None => {
@@ -279,11 +281,7 @@ fn in_chunk(error: Error, chunk: usize) -> Error {
 /// A splat with its map, as decoded.
 fn map_of(asset: &SplatAsset, exponents: &[i32], splat: usize) -> Map {
     let map = &asset.maps[splat];
-    let shape = Shape {
-        exponent: exponents[splat],
-        scales: asset.scales[splat],
-        texel_size: map.texel_size,
-    };
+    let shape = Shape { exponent: exponents[splat], scales: asset.scales[splat], texel_size: map.texel_size };
     Map { shape, rows: map.rows, cols: map.cols }
 }
 
@@ -316,11 +314,9 @@ fn check_entries(header: &Header, entries: &[Entry]) -> Result<(), String> {
         if block.offset < end {
             return Err(format!("chunk {chunk}: block at {}, but {end} bytes come before it", block.offset));
         }
-        end = block
-            .offset
-            .checked_add(block.bytes)
-            .filter(|&end| end <= header.file_bytes)
-            .ok_or_else(|| format!("chunk {chunk}: {block:?} ends behind the file of {} bytes", header.file_bytes))?;
+        end = block.offset.checked_add(block.bytes).filter(|&end| end <= header.file_bytes).ok_or_else(
+            || format!("chunk {chunk}: {block:?} ends behind the file of {} bytes", header.file_bytes),
+        )?;
     }
     let mut num_texels = 0_u64;
     for (chunk, entry) in entries.iter().enumerate() {

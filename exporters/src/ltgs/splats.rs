@@ -256,10 +256,9 @@ impl SplatCodes {
         let limit = 1_u64 << (3 * (grid.bits - grid.cell_bits));
         for (splat, &exponent) in exponents.iter().enumerate() {
             let gap = u64::from(high[splat]) << 31 | u64::from(low[splat] & 0x7fff_ffff);
-            cell = cell
-                .checked_add(gap)
-                .filter(|&cell| cell < limit)
-                .ok_or_else(|| Error::invalid("", format!("cell of splat {splat} lies outside of the grid")))?;
+            cell = cell.checked_add(gap).filter(|&cell| cell < limit).ok_or_else(|| {
+                Error::invalid("", format!("cell of splat {splat} lies outside of the grid"))
+            })?;
             let mut corner = [0; 3];
             for (corner, of_cell) in corner.iter_mut().zip(coordinates(cell)) {
                 let place = places

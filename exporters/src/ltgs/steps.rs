@@ -30,24 +30,25 @@ pub struct Steps {
 }
 
 impl Steps {
-    /// Where to start for [`crate::Quality::Balanced`].
+    /// Where to start for [`crate::Quality::Balanced`]: about 0.02 dB of a capture at 31 dB. The shares of the attributes
+    /// are those at which a bit buys the same error everywhere, measured by pictures of a trained scene.
     pub fn balanced(_asset: &crate::SplatAsset) -> Self {
         Self {
-            position: 0.2,
-            rotation: 0.06,
-            log2_scale: 0.2,
-            opacity: 1.0 / 48.0,
-            sh0: 0.03,
-            sh_rest: [0.04; 3],
-            texel: 3.0 / 255.0,
+            position: 0.01,
+            rotation: 0.0033,
+            log2_scale: 0.018,
+            opacity: 0.005,
+            sh0: 0.0045,
+            sh_rest: [0.0045; 3],
+            texel: 0.0082,
             chroma: 2.5,
-            log2_texel_size: 0.04,
+            log2_texel_size: 0.03,
         }
     }
 
     /// Where to start for [`crate::Quality::Tiny`].
     pub fn tiny(asset: &crate::SplatAsset) -> Self {
-        Self::balanced(asset).scaled(2.0)
+        Self::balanced(asset).scaled(2.2)
     }
 
     /// All steps times a factor.

@@ -60,7 +60,8 @@ impl Map {
         for (row, of_row) in of_rows.iter().enumerate() {
             let mut left = Neighbour::default();
             for (col, (of_col, above)) in of_cols.iter().zip(&mut above).enumerate() {
-                let exponent = (own_exponent + falloff_exponent(of_row + of_col)).clamp(EXPONENTS.0, EXPONENTS.1);
+                let exponent =
+                    (own_exponent + falloff_exponent(of_row + of_col)).clamp(EXPONENTS.0, EXPONENTS.1);
                 let luma_step = steps.texel * two_to(exponent);
                 let class = 3 * exponent.clamp(0, 3) as usize;
                 let mut here = Neighbour::default();
@@ -194,7 +195,9 @@ impl TexelReader {
         let streams = &mut self.streams;
         map.walk(steps, out, |_, _, stream, _, _| {
             let number = streams.get_mut(stream).and_then(Iterator::next);
-            number.map(unzigzag).ok_or_else(|| Error::invalid("", format!("texel stream {stream} ends early")))
+            number
+                .map(unzigzag)
+                .ok_or_else(|| Error::invalid("", format!("texel stream {stream} ends early")))
         })
     }
 }

@@ -1,10 +1,10 @@
 //! The writer: chunks in parallel, then the file around them.
 
-use super::header::{CHUNK_SPLATS, Block, Entry, HEADER_BYTES, Header, MINOR};
+use super::header::{Block, CHUNK_SPLATS, Entry, HEADER_BYTES, Header, MINOR};
 use super::lossless;
 use super::plan::Plan;
 use super::splats::SplatCodes;
-use super::steps::Steps;
+use super::steps::{Quantiser, Steps};
 use super::tables::{FileMeta, Order};
 use super::texels::{Map, TexelWriter};
 use crate::meta::Meta;
@@ -36,33 +36,43 @@ pub struct LtgsOptions {
 /// [`Error::Invalid`] or [`Error::TooLarge`] if the asset, its metadata or the steps break a rule.
 pub fn encode(asset: &SplatAsset, options: &LtgsOptions) -> Result<Vec<u8>> {
     asset.validate()?;
-    let (chunks, quantiser, hash) = match options.quality {
-        Quality::Lossless => (lossless_chunks(asset), None, asset.hash()),
-        quality => {
-            let steps = options.steps.unwrap_or_else(|| match quality {
-                Quality::Tiny => Steps::tiny(asset),
-                _ => Steps::balanced(asset),
-            });
-            steps.validate()?;
-            let plan = Plan::new(asset, &steps);
-            let coded = map_chunks(asset, |range| {
-                let coded = CodedChunk::new(asset, &plan, range)?;
-                Ok((coded.encode(&plan, asset.sh_degree)?, coded.decoded))
-            })?;
-            let (chunks, decoded): (Vec<_>, Vec<_>) = coded.into_iter().unzip();
-            let near = SplatAsset { near: asset.near, ..SplatAsset::default() };
-            (chunks, Some(plan.quantiser), joined(near, asset.sh_degree, decoded)?.hash())
+    let steps = match (options.quality, options.steps) {
+        (Quality::Lossless, _) => {
+            let meta = file_meta(asset, options.quality, asset.hash(), None);
+            return assemble(asset, options.quality, &meta, &lossless_chunks(asset));
         }
+        (_, Some(steps)) => steps,
+        (Quality::Balanced, None) => Steps::balanced(asset),
+        (Quality::Tiny, None) => Steps::tiny(asset),
     };
-    let order = if quantiser.is_some() { Order::Morton } else { Order::Given };
-    let meta = FileMeta {
-        quality: options.quality.name().to_owned(),
-        order,
+    steps.validate()?;
+    encode_planned(asset, options.quality, &Plan::new(asset, &steps))
+}
+
+/// A lossy file as planned.
+///
+/// # Errors
+/// As [`encode`].
+pub fn encode_planned(asset: &SplatAsset, quality: Quality, plan: &Plan) -> Result<Vec<u8>> {
+    let coded = map_chunks(asset, |range| {
+        let coded = CodedChunk::new(asset, plan, range)?;
+        Ok((coded.encode(plan, asset.sh_degree)?, coded.decoded))
+    })?;
+    let (chunks, decoded): (Vec<_>, Vec<_>) = coded.into_iter().unzip();
+    let near = SplatAsset { near: asset.near, ..SplatAsset::default() };
+    let hash = joined(near, asset.sh_degree, decoded)?.hash();
+    let meta = file_meta(asset, quality, hash, Some(plan.quantiser));
+    assemble(asset, quality, &meta, &chunks)
+}
+
+fn file_meta(asset: &SplatAsset, quality: Quality, hash: u64, quantiser: Option<Quantiser>) -> FileMeta {
+    FileMeta {
+        quality: quality.name().to_owned(),
+        order: if quantiser.is_some() { Order::Morton } else { Order::Given },
         hash: format!("{hash:016x}"),
         quantiser,
         meta: Meta::of(asset),
-    };
-    assemble(asset, options.quality, &meta, &chunks)
+    }
 }
 
 /// The asset that a reader gets from a lossy file with these steps, bit for bit, without making the file.
@@ -80,7 +90,10 @@ pub fn quantised(asset: &SplatAsset, steps: &Steps) -> Result<SplatAsset> {
 }
 
 /// Results for the ranges of splats of all chunks, in order.
-fn map_chunks<T: Send>(asset: &SplatAsset, of_chunk: impl Fn(Range<usize>) -> Result<T> + Sync) -> Result<Vec<T>> {
+fn map_chunks<T: Send>(
+    asset: &SplatAsset,
+    of_chunk: impl Fn(Range<usize>) -> Result<T> + Sync,
+) -> Result<Vec<T>> {
     let n = asset.num_splats();
     let range = |chunk: usize| chunk * CHUNK_SPLATS..((chunk + 1) * CHUNK_SPLATS).min(n);
     (0..n.div_ceil(CHUNK_SPLATS)).into_par_iter().map(|chunk| of_chunk(range(chunk))).collect()
