@@ -70,7 +70,7 @@ pub fn rounded(x: f64) -> i32 {
 
 /// A side of a map as a number that is small for even sides.
 pub fn code_side(side: u16) -> u32 {
-    if side % 2 == 0 { u32::from(side) / 2 } else { 2049 + u32::from(side) / 2 }
+    if side.is_multiple_of(2) { u32::from(side) / 2 } else { 2049 + u32::from(side) / 2 }
 }
 
 /// The inverse of [`code_side`]; `None` if there is no such side.
