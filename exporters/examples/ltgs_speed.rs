@@ -1,0 +1,76 @@
+//! Times `.ltgs` on a made-up scene of 200,000 splats and about 16 million texels, or as many splats as the first
+//! argument says: `cargo run --release --example ltgs_speed -- [SPLATS] [balanced|tiny|lossless]`.
+
+use litetex_exporters::ltgs::{LtgsOptions, decode, encode};
+use litetex_exporters::{AssetMap, Quality, ReadLimits, Result, SplatAsset};
+use std::path::Path;
+use std::time::Instant;
+
+/// A small generator of numbers in [0, 1).
+struct Random(u64);
+
+impl Random {
+    fn uniform(&mut self) -> f32 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 40) as f32 / 16_777_216.0
+    }
+
+    /// Bell-shaped, variance 1.
+    fn normal(&mut self) -> f32 {
+        ((0..12).map(|_| self.uniform()).sum::<f32>()) - 6.0
+    }
+}
+
+/// Splats on a bumpy sheet with noisy maps of 2 to 32 texels a side.
+fn scene(num_splats: usize) -> SplatAsset {
+    let mut random = Random(1);
+    let mut asset = SplatAsset { sh_degree: 3, ..SplatAsset::default() };
+    for _ in 0..num_splats {
+        let (x, y) = (2.0 * random.uniform() - 1.0, 2.0 * random.uniform() - 1.0);
+        asset.positions.push([x, y, 0.2 * (5.0 * x).sin() * (7.0 * y).cos()]);
+        let q: [f32; 4] = std::array::from_fn(|_| random.normal());
+        let norm = q.iter().map(|v| v * v).sum::<f32>().sqrt();
+        asset.rotations.push(q.map(|v| v / norm));
+        asset.scales.push([(-5.5 + 0.6 * random.normal()).exp(), (-5.5 + 0.6 * random.normal()).exp()]);
+        asset.opacities.push((0.6 + 0.2 * random.normal()).clamp(0.02, 1.0));
+        asset.sh.extend((0..48).map(|i| random.normal() * if i < 3 { 0.5 } else { 0.03 }));
+        let side = |random: &mut Random| 2 * (1 + (3.6 * random.uniform().powi(2) * 4.0) as u16);
+        let (rows, cols) = (side(&mut random), side(&mut random));
+        let texel_size = 3.0 * asset.scales[asset.scales.len() - 1][0] / f32::from(rows);
+        let offset_texels = asset.num_texels() as u32;
+        asset.maps.push(AssetMap { offset_texels, rows, cols, texel_size });
+        let num_values = 3 * usize::from(rows) * usize::from(cols);
+        asset.texels.extend((0..num_values).map(|_| (0.1 * random.normal()).clamp(-1.0, 1.0)));
+    }
+    asset
+}
+
+/// Largest memory of the process so far, where the system tells.
+fn peak_mib() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"))?;
+    Some(line.trim().strip_suffix(" kB")?.trim().parse::<u64>().ok()? >> 10)
+}
+
+fn main() -> Result<()> {
+    let mut args = std::env::args().skip(1);
+    let num_splats = args.next().and_then(|a| a.parse().ok()).unwrap_or(200_000);
+    let quality = args.next().and_then(|a| Quality::from_name(&a)).unwrap_or_default();
+    let asset = scene(num_splats);
+    let raw = 4 * (13 * asset.num_splats() + asset.sh.len() + asset.texels.len());
+    println!("{} splats, {} texels, {} MiB", asset.num_splats(), asset.num_texels(), raw >> 20);
+    println!("peak memory {:?} MiB", peak_mib());
+    let start = Instant::now();
+    let bytes = encode(&asset, &LtgsOptions { quality, steps: None })?;
+    println!("{} encode {:.2} s, {} bytes", quality.name(), start.elapsed().as_secs_f64(), bytes.len());
+    println!("peak memory {:?} MiB", peak_mib());
+    drop(asset);
+    let start = Instant::now();
+    let contents = decode(&bytes, Path::new("made up"), &ReadLimits::default())?;
+    println!("decode {:.2} s", start.elapsed().as_secs_f64());
+    println!("peak memory {:?} MiB", peak_mib());
+    for section in contents.sections {
+        println!("  {:12} {:>12}", section.name, section.bytes);
+    }
+    Ok(())
+}

@@ -1,0 +1,52 @@
+//! Streams of a chunk of `.ltgs`: the input replaces the blocks of a sound file of few splats, checksums set right. The
+//! first byte chooses the profile, the second where the splats end and the texels begin.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use litetex_exporters::ltgs::{LtgsOptions, decode, encode};
+use litetex_exporters::{AssetMap, Quality, ReadLimits, SplatAsset};
+use std::path::Path;
+use std::sync::LazyLock;
+use xxhash_rust::xxh3::xxh3_64;
+
+static FILES: LazyLock<Vec<Vec<u8>>> = LazyLock::new(|| {
+    let num_splats = 5;
+    let map = |i: u32| AssetMap { offset_texels: 6 * i, rows: 2, cols: 3, texel_size: 0.1 };
+    let asset = SplatAsset {
+        positions: (0..num_splats).map(|i| [i as f32, 0.5, -1.0]).collect(),
+        rotations: vec![[1.0, 0.0, 0.0, 0.0]; num_splats],
+        scales: vec![[0.1, 0.2]; num_splats],
+        opacities: vec![0.5; num_splats],
+        sh: vec![0.25; 3 * num_splats],
+        maps: (0..num_splats as u32).map(map).collect(),
+        texels: vec![0.125; 18 * num_splats],
+        ..SplatAsset::default()
+    };
+    let file = |quality| encode(&asset, &LtgsOptions { quality, steps: None }).expect("sound");
+    Quality::ALL.into_iter().map(file).collect()
+});
+
+fuzz_target!(|data: &[u8]| {
+    let [profile, at, blocks @ ..] = data else { return };
+    let file = &FILES[usize::from(*profile) % FILES.len()];
+    let number = |at: usize| u32::from_le_bytes(std::array::from_fn(|i| file[at + i])) as usize;
+    let table = 64 + number(28);
+    let first = table + 88;
+    let mut bytes = [&file[..first], blocks].concat();
+    let middle = usize::from(*at) * blocks.len() / 255;
+    for (entry, from, to) in [(table, 0, middle), (table + 24, middle, blocks.len())] {
+        let block = [(first + from) as u64, (to - from) as u64, xxh3_64(&blocks[from..to])];
+        for (i, number) in block.into_iter().enumerate() {
+            bytes[entry + 8 * i..entry + 8 * i + 8].copy_from_slice(&number.to_le_bytes());
+        }
+    }
+    let length = bytes.len() as u64;
+    bytes[40..48].copy_from_slice(&length.to_le_bytes());
+    let checksum = xxh3_64(&bytes[64..first]);
+    bytes[48..56].copy_from_slice(&checksum.to_le_bytes());
+    let checksum = xxh3_64(&bytes[..56]);
+    bytes[56..64].copy_from_slice(&checksum.to_le_bytes());
+    if let Ok(contents) = decode(&bytes, Path::new("fuzz"), &ReadLimits { decoded_bytes: 16 << 20 }) {
+        contents.asset.validate().expect("what is accepted is valid");
+    }
+});

@@ -1,0 +1,218 @@
+//! The fixed parts of a file: 64 bytes of header and the table of contents.
+
+use crate::{Error, Quality, Result, SPLATS_MAX};
+use std::path::Path;
+use xxhash_rust::xxh3::xxh3_64;
+
+/// First bytes of a file.
+pub const MAGIC: [u8; 4] = *b"LTGS";
+
+/// Version that this program writes. A reader refuses a higher major version and reads any minor one.
+pub const MAJOR: u16 = 1;
+/// Minor version that this program writes.
+pub const MINOR: u16 = 0;
+
+/// Bytes of the header.
+pub const HEADER_BYTES: usize = 64;
+
+/// Bytes of an entry of the table of contents.
+pub const ENTRY_BYTES: usize = 88;
+
+/// Splats of every chunk but the last.
+pub const CHUNK_SPLATS: usize = 4096;
+
+/// Flag: the metadata are compressed with zstd.
+const META_ZSTD: u32 = 1;
+
+/// All bits of flags that this version knows.
+const FLAGS_KNOWN: u32 = META_ZSTD;
+
+/// The header.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Header {
+    /// Minor version found.
+    pub minor: u16,
+    /// Whether the metadata are compressed.
+    pub meta_is_compressed: bool,
+    /// Splats.
+    pub num_splats: u32,
+    /// Texels.
+    pub num_texels: u64,
+    /// SH degree, 0 to 3.
+    pub sh_degree: u32,
+    /// Kind of streams and promise.
+    pub quality: Quality,
+    /// Bytes of the metadata in the file.
+    pub meta_bytes: u32,
+    /// Bytes of the metadata's text.
+    pub meta_text_bytes: u32,
+    /// Bytes of the file.
+    pub file_bytes: u64,
+    /// xxh3-64 of metadata and table of contents.
+    pub tables_checksum: u64,
+}
+
+impl Header {
+    /// Number of chunks: as many as the splats need.
+    pub fn num_chunks(&self) -> usize {
+        (self.num_splats as usize).div_ceil(CHUNK_SPLATS)
+    }
+
+    /// Splats of a chunk.
+    pub fn splats_of(&self, chunk: usize) -> usize {
+        (self.num_splats as usize).saturating_sub(chunk * CHUNK_SPLATS).min(CHUNK_SPLATS)
+    }
+
+    /// Bytes of the metadata and the table of contents, which follow the header.
+    pub fn tables_bytes(&self) -> usize {
+        self.meta_bytes as usize + self.num_chunks() * ENTRY_BYTES
+    }
+
+    /// The bytes.
+    pub fn encode(&self) -> Vec<u8> {
+        let mut bytes = Vec::with_capacity(HEADER_BYTES);
+        bytes.extend(MAGIC);
+        bytes.extend(MAJOR.to_le_bytes());
+        bytes.extend(self.minor.to_le_bytes());
+        bytes.extend(if self.meta_is_compressed { META_ZSTD } else { 0 }.to_le_bytes());
+        bytes.extend(self.num_splats.to_le_bytes());
+        bytes.extend(self.num_texels.to_le_bytes());
+        let quality = Quality::ALL.iter().position(|q| *q == self.quality).unwrap_or_default();
+        bytes.extend([self.sh_degree as u8, quality as u8, 0, 0]);
+        bytes.extend(self.meta_bytes.to_le_bytes());
+        bytes.extend(self.meta_text_bytes.to_le_bytes());
+        bytes.extend((self.num_chunks() as u32).to_le_bytes());
+        bytes.extend(self.file_bytes.to_le_bytes());
+        bytes.extend(self.tables_checksum.to_le_bytes());
+        bytes.extend(xxh3_64(&bytes).to_le_bytes());
+        bytes
+    }
+
+    /// Reads and checks the first bytes of a file.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] if it is no `.ltgs` file or damaged, [`Error::Unsupported`] for a higher major version or a
+    /// feature of a later one, [`Error::TooLarge`].
+    pub fn decode(bytes: &[u8], path: &Path) -> Result<Self> {
+        let invalid = |what: String| Err(Error::invalid(path, what));
+        let Some(head) = bytes.first_chunk::<HEADER_BYTES>() else {
+            return invalid(format!("header: {} bytes, expected {HEADER_BYTES}", bytes.len()));
+        };
+        if head[..4] != MAGIC {
+            return invalid(format!("header: begins with {:?}, expected \"LTGS\"", &head[..4]));
+        }
+        let u16_at = |at: usize| u16::from_le_bytes([head[at], head[at + 1]]);
+        let u32_at = |at: usize| u32::from_le_bytes(std::array::from_fn(|i| head[at + i]));
+        let u64_at = |at: usize| u64::from_le_bytes(std::array::from_fn(|i| head[at + i]));
+        if u16_at(4) != MAJOR {
+            let what = format!("version {}.{}; this program reads version {MAJOR}", u16_at(4), u16_at(6));
+            return Err(Error::unsupported(path, what));
+        }
+        let (found, stated) = (xxh3_64(&head[..56]), u64_at(56));
+        if found != stated {
+            return invalid(format!("header: checksum {found:016x}, stated {stated:016x}: damaged"));
+        }
+        let flags = u32_at(8);
+        if flags & !FLAGS_KNOWN != 0 {
+            let what = format!("feature bits {:#x} are unknown to this program", flags & !FLAGS_KNOWN);
+            return Err(Error::unsupported(path, what));
+        }
+        let Some(&quality) = Quality::ALL.get(usize::from(head[25])) else {
+            return Err(Error::unsupported(path, format!("profile {} is unknown to this program", head[25])));
+        };
+        let header = Self {
+            minor: u16_at(6),
+            meta_is_compressed: flags & META_ZSTD != 0,
+            num_splats: u32_at(12),
+            num_texels: u64_at(16),
+            sh_degree: head[24].into(),
+            quality,
+            meta_bytes: u32_at(28),
+            meta_text_bytes: u32_at(32),
+            file_bytes: u64_at(40),
+            tables_checksum: u64_at(48),
+        };
+        header.check(u32_at(36), path)?;
+        Ok(header)
+    }
+
+    fn check(&self, num_chunks: u32, path: &Path) -> Result<()> {
+        if self.num_splats as usize > SPLATS_MAX {
+            let what = format!("header: {} splats, at most {SPLATS_MAX}", self.num_splats);
+            return Err(Error::too_large(path, what));
+        }
+        if self.num_texels > u32::MAX.into() {
+            return Err(Error::too_large(
+                path,
+                format!("header: {} texels, at most 2^32 - 1", self.num_texels),
+            ));
+        }
+        if self.meta_text_bytes as usize > crate::meta::META_BYTES_MAX {
+            let what = format!("metadata: {} bytes, at most 16 MiB", self.meta_text_bytes);
+            return Err(Error::too_large(path, what));
+        }
+        if self.sh_degree > 3 {
+            return Err(Error::invalid(path, format!("header: SH degree {}, at most 3", self.sh_degree)));
+        }
+        if num_chunks as usize != self.num_chunks() {
+            let what =
+                format!("header: {num_chunks} chunks, {} splats need {}", self.num_splats, self.num_chunks());
+            return Err(Error::invalid(path, what));
+        }
+        Ok(())
+    }
+}
+
+/// A part of the file.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Block {
+    /// From the beginning of the file.
+    pub offset: u64,
+    /// Length.
+    pub bytes: u64,
+    /// xxh3-64.
+    pub checksum: u64,
+}
+
+/// What the table of contents says of a chunk.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Entry {
+    /// Splats with colours that contain the maps' means.
+    pub splats: Block,
+    /// Texels.
+    pub texels: Block,
+    /// Splats of the chunk.
+    pub num_splats: u32,
+    /// Texels of the chunk.
+    pub num_texels: u64,
+    /// Smallest and largest centre, local frame.
+    pub bounds: [[f32; 3]; 2],
+}
+
+impl Entry {
+    /// Appends the bytes.
+    pub fn encode(&self, bytes: &mut Vec<u8>) {
+        for block in [self.splats, self.texels] {
+            for number in [block.offset, block.bytes, block.checksum] {
+                bytes.extend(number.to_le_bytes());
+            }
+        }
+        bytes.extend(self.num_texels.to_le_bytes());
+        bytes.extend(self.num_splats.to_le_bytes());
+        bytes.extend([0; 4]);
+        for value in self.bounds.as_flattened() {
+            bytes.extend(value.to_le_bytes());
+        }
+    }
+
+    /// Reads an entry.
+    pub fn decode(bytes: &[u8; ENTRY_BYTES]) -> Self {
+        let u64_at = |at: usize| u64::from_le_bytes(std::array::from_fn(|i| bytes[at + i]));
+        let u32_at = |at: usize| u32::from_le_bytes(std::array::from_fn(|i| bytes[at + i]));
+        let block =
+            |at: usize| Block { offset: u64_at(at), bytes: u64_at(at + 8), checksum: u64_at(at + 16) };
+        let bounds: [[f32; 3]; 2] =
+            std::array::from_fn(|k| std::array::from_fn(|i| f32::from_bits(u32_at(64 + 12 * k + 4 * i))));
+        Self { splats: block(0), texels: block(24), num_texels: u64_at(48), num_splats: u32_at(56), bounds }
+    }
+}

@@ -1,0 +1,181 @@
+//! Chunks of a lossless file: the bytes of f32 numbers sorted by their place in the number, for the upper ones are alike
+//! and the lower ones are noise. Splats keep the order of the asset.
+
+use super::integers::{put_bytes, put_numbers, take_bytes, take_numbers, unzigzag, zigzag};
+use super::tally::Tally;
+use crate::sh::SH_0;
+use crate::{AssetMap, Error, Result, SplatAsset, num_sh_coefficients};
+use std::ops::Range;
+
+/// Step of the means that stand for maps until these arrive.
+const MEAN_STEP: f64 = 1.0 / 255.0;
+
+/// `N` planes of the bytes of numbers; within a plane component by component. `values`: `[count, width]`
+fn put_planes<const N: usize>(block: &mut Vec<u8>, values: &[[u8; N]], width: usize, level: i32) {
+    for plane in 0..N {
+        let component = |c: usize| values.iter().skip(c).step_by(width.max(1)).map(move |v| v[plane]);
+        let bytes: Vec<u8> = (0..width).flat_map(component).collect();
+        put_bytes(block, &bytes, level_for(&bytes, level));
+    }
+}
+
+/// The fastest level for what no level makes smaller.
+fn level_for(bytes: &[u8], level: i32) -> i32 {
+    let sample = &bytes[..bytes.len().min(1 << 16)];
+    let mut counts = [0_u32; 256];
+    sample.iter().for_each(|&b| counts[usize::from(b)] += 1);
+    let total = sample.len() as f64;
+    let entropy: f64 =
+        counts.iter().filter(|&&n| n > 0).map(|&n| f64::from(n) * (total / f64::from(n)).log2()).sum();
+    if entropy > 7.9 * total { 1 } else { level }
+}
+
+fn put_floats(block: &mut Vec<u8>, values: &[f32], width: usize, level: i32) {
+    let bytes: Vec<[u8; 4]> = values.iter().map(|v| v.to_le_bytes()).collect();
+    put_planes(block, &bytes, width, level);
+}
+
+fn take_planes<const N: usize>(block: &mut &[u8], count: usize, width: usize) -> Result<Vec<[u8; N]>> {
+    let mut values = vec![[0; N]; count * width];
+    for plane in 0..N {
+        let bytes = take_bytes(block, count * width)?;
+        for (component, bytes) in bytes.chunks_exact(count.max(1)).enumerate() {
+            for (value, &byte) in values.iter_mut().skip(component).step_by(width.max(1)).zip(bytes) {
+                value[plane] = byte;
+            }
+        }
+    }
+    Ok(values)
+}
+
+fn take_floats(block: &mut &[u8], count: usize, width: usize) -> Result<Vec<f32>> {
+    Ok(take_planes(block, count, width)?.into_iter().map(f32::from_le_bytes).collect())
+}
+
+fn take_arrays<const W: usize>(block: &mut &[u8], count: usize) -> Result<Vec<[f32; W]>> {
+    Ok(take_floats(block, count, W)?.as_chunks::<W>().0.to_vec())
+}
+
+/// The block of splats. `splats`: a chunk.
+pub fn encode_splats(asset: &SplatAsset, splats: Range<usize>, level: i32) -> Vec<u8> {
+    let mut block = Vec::new();
+    let maps = &asset.maps[splats.clone()];
+    for side in [|m: &AssetMap| m.rows, |m: &AssetMap| m.cols] {
+        let bytes: Vec<[u8; 2]> = maps.iter().map(|m| side(m).to_le_bytes()).collect();
+        put_planes(&mut block, &bytes, 1, level);
+    }
+    let texel_sizes: Vec<f32> = maps.iter().map(|m| m.texel_size).collect();
+    put_floats(&mut block, &texel_sizes, 1, level);
+    put_floats(&mut block, asset.positions[splats.clone()].as_flattened(), 3, level);
+    put_floats(&mut block, asset.rotations[splats.clone()].as_flattened(), 4, level);
+    put_floats(&mut block, asset.scales[splats.clone()].as_flattened(), 2, level);
+    put_floats(&mut block, &asset.opacities[splats.clone()], 1, level);
+    let (mut sh0, mut rest) = (Vec::new(), Vec::new());
+    for splat in splats.clone() {
+        let (first, others) = asset.sh_of(splat).split_at(3);
+        sh0.extend_from_slice(first);
+        rest.extend_from_slice(others);
+    }
+    put_floats(&mut block, &sh0, 3, level);
+    put_floats(&mut block, &rest, 3 * num_sh_coefficients(asset.sh_degree) - 3, level);
+    let means: Vec<[i32; 3]> =
+        splats.map(|s| asset.mean_residual(s).map(|m| (m / MEAN_STEP).round() as i32)).collect();
+    for channel in 0..3 {
+        let numbers: Vec<u32> = means.iter().map(|m| zigzag(m[channel])).collect();
+        put_numbers(&mut block, &numbers, level);
+    }
+    block
+}
+
+/// The block of texels of a chunk.
+pub fn encode_texels(texels: &[f32], level: i32) -> Vec<u8> {
+    let mut block = Vec::new();
+    put_floats(&mut block, texels, 3, level);
+    block
+}
+
+/// Splats of a chunk without their texels, and the means that stand for them. `[n, 3]`
+///
+/// # Errors
+/// [`Error::Invalid`] or [`Error::Unsupported`].
+pub fn decode_splats(
+    mut block: &[u8],
+    n: usize,
+    sh_degree: u32,
+    tally: &mut Tally,
+) -> Result<(SplatAsset, Vec<[f64; 3]>)> {
+    let block = &mut block;
+    let mut asset = SplatAsset { sh_degree, ..SplatAsset::default() };
+    let mut before = block.len();
+    let mut count = |name: &str, after: usize| before = tally.add(name, before, after);
+    let sides = |block: &mut &[u8]| -> Result<Vec<u16>> {
+        Ok(take_planes(block, n, 1)?.into_iter().map(u16::from_le_bytes).collect())
+    };
+    let (rows, cols) = (sides(block)?, sides(block)?);
+    let texel_sizes = take_floats(block, n, 1)?;
+    let mut offset_texels = 0_u32;
+    for ((rows, cols), texel_size) in rows.into_iter().zip(cols).zip(texel_sizes) {
+        let map = AssetMap { offset_texels, rows, cols, texel_size };
+        asset.maps.push(map);
+        offset_texels = offset_texels
+            .checked_add(map.num_texels() as u32)
+            .ok_or_else(|| Error::too_large("", "more than 2^32 texels in a chunk"))?;
+    }
+    count("maps", block.len());
+    asset.positions = take_arrays(block, n)?;
+    count("positions", block.len());
+    asset.rotations = take_arrays(block, n)?;
+    count("rotations", block.len());
+    asset.scales = take_arrays(block, n)?;
+    count("scales", block.len());
+    asset.opacities = take_floats(block, n, 1)?;
+    count("opacities", block.len());
+    let sh0 = take_floats(block, n, 3)?;
+    count("sh0", block.len());
+    let width = 3 * num_sh_coefficients(sh_degree) - 3;
+    let rest = take_floats(block, n, width)?;
+    count("sh_rest", block.len());
+    for splat in 0..n {
+        asset.sh.extend_from_slice(&sh0[3 * splat..3 * splat + 3]);
+        asset.sh.extend_from_slice(&rest[width * splat..width * (splat + 1)]);
+    }
+    let mut means = vec![[0.0; 3]; n];
+    for channel in 0..3 {
+        let numbers = take_numbers(block, n)?;
+        if numbers.len() != n {
+            return Err(Error::invalid("", format!("means: {} numbers, expected {n}", numbers.len())));
+        }
+        for (mean, number) in means.iter_mut().zip(numbers) {
+            mean[channel] = f64::from(unzigzag(number)) * MEAN_STEP;
+        }
+    }
+    count("means", block.len());
+    if block.is_empty() {
+        Ok((asset, means))
+    } else {
+        Err(Error::invalid("", format!("splat block: {} bytes too many", block.len())))
+    }
+}
+
+/// Texels of a chunk. `[num_texels, 3]`
+///
+/// # Errors
+/// As [`decode_splats`].
+pub fn decode_texels(mut block: &[u8], num_texels: usize) -> Result<Vec<f32>> {
+    let texels = take_floats(&mut block, num_texels, 3)?;
+    if block.is_empty() {
+        Ok(texels)
+    } else {
+        Err(Error::invalid("", format!("texel block: {} bytes too many", block.len())))
+    }
+}
+
+/// Adds the maps' means to the colours and drops the maps.
+pub fn bake_means(asset: &mut SplatAsset, means: &[[f64; 3]]) {
+    let width = 3 * num_sh_coefficients(asset.sh_degree);
+    for (sh, mean) in asset.sh.chunks_exact_mut(width).zip(means) {
+        for (c, m) in sh.iter_mut().zip(mean) {
+            *c = (f64::from(*c) + m / SH_0) as f32;
+        }
+    }
+}

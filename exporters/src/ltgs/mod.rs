@@ -1,0 +1,39 @@
+//! The compact binary format `.ltgs`: chunks of 4,096 splats with their textures, each readable by itself, all splats
+//! before the first texel. `schema/ltgs.md` has every byte.
+//!
+//! | part | content |
+//! |---|---|
+//! | header | 64 bytes: version, counts, lengths, checksums |
+//! | metadata | JSON: frame, cameras, provenance, hash, steps |
+//! | contents | place, counts, bounds and checksums of each chunk |
+//! | splats | per chunk: one stream per attribute; colours contain the maps' means |
+//! | texels | per chunk: streams of texels |
+//!
+//! `lossless` files hold the bytes of the numbers; `balanced` and `tiny` files hold numbers rounded by [`Steps`], which
+//! the caller chooses by looking at pictures of what [`quantised`] returns.
+
+mod bits;
+mod check;
+mod colour;
+mod header;
+mod integers;
+mod lossless;
+mod math;
+mod morton;
+mod plan;
+mod read;
+mod shape;
+mod splats;
+mod steps;
+mod tables;
+mod tally;
+mod texels;
+mod write;
+
+pub use check::validate;
+pub use read::{Prefix, Reader, decode, decode_prefix};
+pub use steps::{Grid, Quantiser, Steps};
+pub use write::{LtgsOptions, encode, quantised};
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,195 @@
+//! Codes of where splats lie and how large they are: maps' sides, standard deviations, texel sizes, rotations, positions.
+//! `code_*` and `value_*` of a quantity stand side by side; a writer codes against values as a reader will have them.
+
+use super::math::{exp2, floor_log2, log2_in_256ths, two_to};
+use super::steps::Quantiser;
+
+/// Exponents of splats lie within plus and minus this.
+pub const EXPONENT_MAX: i32 = 8;
+
+/// Coarsest steps of quaternions' components and of log2 standard deviations, whatever the exponent.
+const ROTATION_STEP_MAX: f64 = 0.25;
+const LOG2_SCALE_STEP_MAX: f64 = 1.0;
+
+/// Largest and smallest standard deviations.
+const SCALES: [f32; 2] = [f32::MIN_POSITIVE, 1e6];
+
+/// Longest splats, as power of two of the reach, whose rotations get finer steps.
+const LENGTH_MAX: i32 = 12;
+
+/// What the steps of one splat depend on, from decoded numbers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Shape {
+    /// The splat's exponent x.
+    pub exponent: i32,
+    /// Standard deviations as decoded, local units.
+    pub scales: [f32; 2],
+    /// Edge of a texel as decoded; 0: untextured.
+    pub texel_size: f32,
+}
+
+impl Shape {
+    /// The length that steps of positions refer to: the smaller standard deviation, or two texels.
+    fn reach(&self) -> f64 {
+        let smaller = f64::from(self.scales[0].min(self.scales[1]));
+        let texels = 2.0 * f64::from(self.texel_size);
+        if texels > 0.0 && texels < smaller { texels } else { smaller }
+    }
+
+    /// Power of two below the length that steps of positions are in proportion to.
+    pub fn log2_position_step(&self) -> i32 {
+        floor_log2(self.reach()) + self.exponent
+    }
+
+    /// Bits that a position of this splat lacks against the finest.
+    pub fn position_exponent(&self, quantiser: &Quantiser) -> u32 {
+        let grid = &quantiser.grid;
+        let exponent = floor_log2(self.reach() / grid.reach) + self.exponent;
+        exponent.clamp(0, grid.cell_bits as i32) as u32
+    }
+
+    fn rotation_step(&self, quantiser: &Quantiser) -> f64 {
+        let longer = f64::from(self.scales[0].max(self.scales[1]));
+        let length = floor_log2(longer / self.reach()).clamp(0, LENGTH_MAX);
+        (quantiser.steps.rotation * two_to(self.exponent - length)).min(ROTATION_STEP_MAX)
+    }
+
+    /// Exponent of texels' steps: the splat's, and one more for each halving of the texel against the standard deviations.
+    pub fn texel_exponent(&self) -> i32 {
+        let [u, v] = self.scales.map(f64::from);
+        let texel = f64::from(self.texel_size);
+        let fineness = floor_log2(u * v / (texel * texel)).clamp(-16, 16);
+        self.exponent + (fineness >> 1) - 1
+    }
+}
+
+/// Nearest whole number within i32.
+pub fn rounded(x: f64) -> i32 {
+    x.round() as i32
+}
+
+/// A side of a map as a number that is small for even sides.
+pub fn code_side(side: u16) -> u32 {
+    if side.is_multiple_of(2) { u32::from(side) / 2 } else { 2049 + u32::from(side) / 2 }
+}
+
+/// The inverse of [`code_side`]; `None` if there is no such side.
+pub fn value_side(code: u32) -> Option<u16> {
+    match code {
+        0..=2048 => Some(2 * code as u16),
+        2049..=4096 => Some((2 * (code - 2049) + 1) as u16),
+        _ => None,
+    }
+}
+
+fn log2_scale_step(quantiser: &Quantiser, exponent: i32) -> f64 {
+    (quantiser.steps.log2_scale * two_to(exponent)).min(LOG2_SCALE_STEP_MAX)
+}
+
+/// Code of a standard deviation.
+pub fn code_scale(quantiser: &Quantiser, exponent: i32, scale: f32) -> i32 {
+    let above = f64::from(scale).log2() - quantiser.grid.log2_scale;
+    rounded(above / log2_scale_step(quantiser, exponent))
+}
+
+/// log2 of a standard deviation.
+pub fn log2_scale(quantiser: &Quantiser, exponent: i32, code: i32) -> f64 {
+    quantiser.grid.log2_scale + f64::from(code) * log2_scale_step(quantiser, exponent)
+}
+
+/// A standard deviation from its logarithm.
+pub fn value_scale(log2_scale: f64) -> f32 {
+    (exp2(log2_scale) as f32).clamp(SCALES[0], SCALES[1])
+}
+
+/// Expected log2 of a texel's size, and its step. Maps span a fixed multiple of the standard deviations, more or less.
+fn texel_size_basis(quantiser: &Quantiser, log2_scales: [f64; 2], rows: u16, cols: u16) -> (f64, f64) {
+    let log2_texels = f64::from(log2_in_256ths(f64::from(rows) * f64::from(cols))) / 256.0;
+    let expected = 0.5 * (log2_scales[0] + log2_scales[1] - log2_texels) + quantiser.grid.log2_texel_size;
+    let step = quantiser.steps.log2_texel_size * two_to(-floor_log2(f64::from(rows.max(cols))));
+    (expected, step)
+}
+
+/// Code of a texel's edge of a map with texels.
+pub fn code_texel_size(
+    quantiser: &Quantiser,
+    log2_scales: [f64; 2],
+    sides: [u16; 2],
+    texel_size: f32,
+) -> i32 {
+    let (expected, step) = texel_size_basis(quantiser, log2_scales, sides[0], sides[1]);
+    rounded((f64::from(texel_size).log2() - expected) / step)
+}
+
+/// A texel's edge.
+pub fn value_texel_size(quantiser: &Quantiser, log2_scales: [f64; 2], sides: [u16; 2], code: i32) -> f32 {
+    let (expected, step) = texel_size_basis(quantiser, log2_scales, sides[0], sides[1]);
+    (exp2(expected + f64::from(code) * step) as f32).clamp(f32::MIN_POSITIVE, f32::MAX)
+}
+
+/// Place of the largest component and codes of the other three in order.
+pub fn code_rotation(quantiser: &Quantiser, shape: &Shape, q: [f32; 4]) -> (u32, [i32; 3]) {
+    let mut largest = 0;
+    for i in 1..4 {
+        if q[i].abs() > q[largest].abs() {
+            largest = i;
+        }
+    }
+    let sign = if q[largest] < 0.0 { -1.0 } else { 1.0 };
+    let step = shape.rotation_step(quantiser);
+    let codes = others(largest).map(|i| rounded(sign * f64::from(q[i]) / step));
+    (largest as u32, codes)
+}
+
+/// A unit quaternion wxyz whose largest component is positive. `largest` < 4.
+pub fn value_rotation(quantiser: &Quantiser, shape: &Shape, largest: u32, codes: [i32; 3]) -> [f32; 4] {
+    let step = shape.rotation_step(quantiser);
+    let mut parts = codes.map(|code| f64::from(code) * step);
+    let squares = parts[0] * parts[0] + parts[1] * parts[1] + parts[2] * parts[2];
+    let rest = if squares > 1.0 {
+        let norm = squares.sqrt();
+        parts = parts.map(|p| p / norm);
+        0.0
+    } else {
+        (1.0 - squares).sqrt()
+    };
+    let largest = largest as usize & 3;
+    let mut q = [rest as f32; 4];
+    for (i, part) in others(largest).into_iter().zip(parts) {
+        q[i] = part as f32;
+    }
+    q
+}
+
+/// The components that are not the largest, ascending.
+fn others(largest: usize) -> [usize; 3] {
+    std::array::from_fn(|i| if i < largest { i } else { i + 1 })
+}
+
+/// The finest cell of a position, within the cube. `[3]`
+pub fn fine_position(quantiser: &Quantiser, position: [f32; 3]) -> [u32; 3] {
+    let grid = &quantiser.grid;
+    let step = quantiser.steps.position * grid.reach;
+    let last = ((1_u64 << grid.bits) - 1) as f64;
+    std::array::from_fn(|i| {
+        ((f64::from(position[i]) - grid.origin[i]) / step).floor().clamp(0.0, last) as u32
+    })
+}
+
+/// Centre of the cube of `2^exponent` finest steps that begins at `corner`.
+pub fn value_position(quantiser: &Quantiser, corner: [u32; 3], exponent: u32) -> [f32; 3] {
+    let grid = &quantiser.grid;
+    let step = quantiser.steps.position * grid.reach;
+    let half = 0.5 * two_to(exponent as i32);
+    std::array::from_fn(|i| (grid.origin[i] + (f64::from(corner[i]) + half) * step) as f32)
+}
+
+/// Code of an opacity, at least 1.
+pub fn code_opacity(quantiser: &Quantiser, opacity: f32) -> u32 {
+    rounded(f64::from(opacity) / quantiser.steps.opacity).max(1) as u32
+}
+
+/// An opacity; codes of 0 count as 1.
+pub fn value_opacity(quantiser: &Quantiser, code: u32) -> f32 {
+    (f64::from(code.max(1)) * quantiser.steps.opacity).min(1.0) as f32
+}

@@ -1,0 +1,322 @@
+//! The splats of a chunk of a lossy file: columns of codes to values and back.
+
+use super::bits::{BitReader, BitWriter};
+use super::colour::{luma_chroma, rgb};
+use super::integers::{put_bytes, put_numbers, take_bytes, take_numbers, unzigzag, zigzag};
+use super::math::two_to;
+use super::morton::{coordinates, morton};
+use super::shape::{self, EXPONENT_MAX, Shape};
+use super::steps::Quantiser;
+use super::tally::Tally;
+use super::texels::Map;
+use crate::sh::SH_0;
+use crate::{AssetMap, Error, Result, SplatAsset, num_sh_coefficients};
+
+/// Codes of a chunk. Colours of degree 0 contain the maps' means.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SplatCodes {
+    /// Exponents x. `[n]`
+    pub exponents: Vec<i32>,
+    /// Sides of maps. `[n, 2]`
+    pub sides: Vec<[u16; 2]>,
+    /// Of standard deviations. `[n, 2]`
+    pub scales: Vec<[i32; 2]>,
+    /// Of texel sizes, of textured splats only.
+    pub texel_sizes: Vec<i32>,
+    /// Largest components of quaternions. `[n]`
+    pub largest: Vec<u32>,
+    /// The other components. `[n, 3]`
+    pub rotations: Vec<[i32; 3]>,
+    /// Finest cells, ascending in the Morton number of their cells. `[n, 3]`
+    pub positions: Vec<[u32; 3]>,
+    /// Of opacities. `[n]`
+    pub opacities: Vec<u32>,
+    /// Of colours, luma and chroma. `[n, (degree + 1)^2, 3]`
+    pub sh: Vec<i32>,
+}
+
+/// Steps of the colours of a splat. `[coefficient][channel]`
+fn colour_step(quantiser: &Quantiser, exponent: i32, coefficient: usize, channel: usize) -> f64 {
+    let steps = &quantiser.steps;
+    let luma = match coefficient {
+        0 => steps.sh0,
+        1..4 => steps.sh_rest[0],
+        4..9 => steps.sh_rest[1],
+        _ => steps.sh_rest[2],
+    };
+    let luma = luma * two_to(exponent);
+    if channel == 0 { luma } else { luma * steps.chroma }
+}
+
+impl SplatCodes {
+    /// Appends all but the colours of a splat; its shape and its map as readers will have them.
+    pub fn push(&mut self, quantiser: &Quantiser, asset: &SplatAsset, splat: usize, exponent: i32) -> Map {
+        let map = &asset.maps[splat];
+        let scales = asset.scales[splat].map(|s| shape::code_scale(quantiser, exponent, s));
+        let log2_scales = scales.map(|c| shape::log2_scale(quantiser, exponent, c));
+        let mut texel_size = 0.0;
+        if map.num_texels() > 0 {
+            let sides = [map.rows, map.cols];
+            let code = shape::code_texel_size(quantiser, log2_scales, sides, map.texel_size);
+            texel_size = shape::value_texel_size(quantiser, log2_scales, sides, code);
+            self.texel_sizes.push(code);
+        }
+        let shape = Shape { exponent, scales: log2_scales.map(shape::value_scale), texel_size };
+        let (largest, rotation) = shape::code_rotation(quantiser, &shape, asset.rotations[splat]);
+        self.exponents.push(exponent);
+        self.sides.push([map.rows, map.cols]);
+        self.scales.push(scales);
+        self.largest.push(largest);
+        self.rotations.push(rotation);
+        self.positions.push(shape::fine_position(quantiser, asset.positions[splat]));
+        self.opacities.push(shape::code_opacity(quantiser, asset.opacities[splat]));
+        Map { shape, rows: map.rows, cols: map.cols }
+    }
+
+    /// Appends the colours of the splat pushed last; `mean` is the mean residual of its map as decoded.
+    pub fn push_colours(&mut self, quantiser: &Quantiser, sh: &[f32], exponent: i32, mean: [f64; 3]) {
+        for (coefficient, colour) in sh.as_chunks::<3>().0.iter().enumerate() {
+            let mut colour = colour.map(f64::from);
+            if coefficient == 0 {
+                colour = std::array::from_fn(|c| colour[c] + mean[c] / SH_0);
+            }
+            let code = |(channel, value): (usize, f64)| {
+                let off = value / colour_step(quantiser, exponent, coefficient, channel);
+                // Small coefficients of higher degrees are mostly noise: fewer bits are worth more than the error.
+                if coefficient == 0 {
+                    shape::rounded(off)
+                } else {
+                    let size = (off.abs() + 0.4).floor() as i32;
+                    if off < 0.0 { -size } else { size }
+                }
+            };
+            let values = luma_chroma(colour);
+            self.sh.extend(values.into_iter().enumerate().map(code));
+        }
+    }
+
+    /// Splats without texels: colours contain the maps' means, maps have sizes but no texels yet.
+    ///
+    /// # Errors
+    /// [`Error::TooLarge`] if there are more texels than 32 bits can number.
+    pub fn values(&self, quantiser: &Quantiser, sh_degree: u32) -> Result<SplatAsset> {
+        let mut asset = SplatAsset { sh_degree, ..SplatAsset::default() };
+        let width = 3 * num_sh_coefficients(sh_degree);
+        let mut offset_texels = 0_u32;
+        for (splat, (shape, &exponent)) in self.shapes(quantiser)?.iter().zip(&self.exponents).enumerate() {
+            let mut map = AssetMap { offset_texels, ..AssetMap::default() };
+            if shape.texel_size > 0.0 {
+                let [rows, cols] = self.sides[splat];
+                map = AssetMap { offset_texels, rows, cols, texel_size: shape.texel_size };
+            }
+            offset_texels = offset_texels
+                .checked_add(map.num_texels() as u32)
+                .ok_or_else(|| Error::too_large("", "more than 2^32 texels in a chunk"))?;
+            asset.maps.push(map);
+            asset.scales.push(shape.scales);
+            let (largest, rotation) = (self.largest[splat], self.rotations[splat]);
+            asset.rotations.push(shape::value_rotation(quantiser, shape, largest, rotation));
+            let bits = shape.position_exponent(quantiser);
+            let corner = self.positions[splat].map(|c| c >> bits << bits);
+            asset.positions.push(shape::value_position(quantiser, corner, bits));
+            asset.opacities.push(shape::value_opacity(quantiser, self.opacities[splat]));
+            for (coefficient, codes) in
+                self.sh[splat * width..(splat + 1) * width].as_chunks::<3>().0.iter().enumerate()
+            {
+                let step = |channel| colour_step(quantiser, exponent, coefficient, channel);
+                let values = std::array::from_fn(|c| f64::from(codes[c]) * step(c));
+                asset.sh.extend(rgb(values).map(|v| v as f32));
+            }
+        }
+        Ok(asset)
+    }
+
+    /// The block of splats.
+    ///
+    /// # Errors
+    /// None for codes that a writer made.
+    pub fn encode(&self, quantiser: &Quantiser, sh_degree: u32, level: i32) -> Result<Vec<u8>> {
+        let mut block = Vec::new();
+        let mut put = |numbers: Vec<u32>| put_numbers(&mut block, &numbers, level);
+        put(self.exponents.iter().map(|&x| zigzag(x)).collect());
+        for axis in 0..2 {
+            put(self.sides.iter().map(|s| shape::code_side(s[axis])).collect());
+        }
+        for axis in 0..2 {
+            put(self.scales.iter().map(|s| zigzag(s[axis])).collect());
+        }
+        put(self.texel_sizes.iter().map(|&x| zigzag(x)).collect());
+        put(self.largest.clone());
+        for axis in 0..3 {
+            put(self.rotations.iter().map(|r| zigzag(r[axis])).collect());
+        }
+        let (gaps, places) = self.gaps_and_places(quantiser)?;
+        put(gaps.iter().map(|gap| (gap >> 31) as u32).collect());
+        put(gaps.iter().map(|gap| (gap & 0x7fff_ffff) as u32).collect());
+        put_bytes(&mut block, &places, level);
+        put_numbers(&mut block, &self.opacities, level);
+        let width = 3 * num_sh_coefficients(sh_degree);
+        for (first, last) in sh_streams(sh_degree) {
+            for channel in 0..3 {
+                let column = |k: usize| self.sh.iter().skip(3 * k + channel).step_by(width);
+                let numbers: Vec<u32> = (first..last).flat_map(column).map(|&c| zigzag(c)).collect();
+                put_numbers(&mut block, &numbers, level);
+            }
+        }
+        Ok(block)
+    }
+
+    /// Differences of the cells' Morton numbers, and the places within cells.
+    fn gaps_and_places(&self, quantiser: &Quantiser) -> Result<(Vec<u64>, Vec<u8>)> {
+        let cell_bits = quantiser.grid.cell_bits;
+        let (mut gaps, mut places, mut last) = (Vec::new(), BitWriter::default(), 0);
+        for (shape, position) in self.shapes(quantiser)?.iter().zip(&self.positions) {
+            let cell = morton(position.map(|c| c.checked_shr(cell_bits).unwrap_or(0)));
+            gaps.push(cell.wrapping_sub(last));
+            last = cell;
+            let bits = shape.position_exponent(quantiser);
+            for c in position {
+                places.put(c >> bits, cell_bits - bits);
+            }
+        }
+        Ok((gaps, places.finish()))
+    }
+
+    /// The inverse of [`Self::encode`] for that many splats.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] or [`Error::Unsupported`].
+    pub fn decode(
+        mut block: &[u8],
+        n: usize,
+        quantiser: &Quantiser,
+        sh_degree: u32,
+        tally: &mut Tally,
+    ) -> Result<Self> {
+        let mut codes = Self::default();
+        let before = block.len();
+        let take = |block: &mut &[u8]| take_exactly(block, n);
+        for x in take(&mut block)? {
+            let x = unzigzag(x);
+            if x.abs() > EXPONENT_MAX {
+                return Err(Error::invalid("", format!("exponent {x} of a splat, at most {EXPONENT_MAX}")));
+            }
+            codes.exponents.push(x);
+        }
+        let before = tally.add("exponents", before, block.len());
+        codes.sides = vec![[0; 2]; n];
+        for axis in 0..2 {
+            for (side, code) in codes.sides.iter_mut().zip(take(&mut block)?) {
+                side[axis] = shape::value_side(code)
+                    .ok_or_else(|| Error::invalid("", format!("code {code} of a map's side")))?;
+            }
+        }
+        let before = tally.add("maps", before, block.len());
+        codes.scales = vec![[0; 2]; n];
+        for axis in 0..2 {
+            for (scale, code) in codes.scales.iter_mut().zip(take(&mut block)?) {
+                scale[axis] = unzigzag(code);
+            }
+        }
+        let before = tally.add("scales", before, block.len());
+        let textured = codes.sides.iter().filter(|s| s[0] > 0 && s[1] > 0).count();
+        codes.texel_sizes = take_exactly(&mut block, textured)?.into_iter().map(unzigzag).collect();
+        let before = tally.add("maps", before, block.len());
+        codes.largest = take(&mut block)?;
+        codes.rotations = vec![[0; 3]; n];
+        for axis in 0..3 {
+            for (rotation, code) in codes.rotations.iter_mut().zip(take(&mut block)?) {
+                rotation[axis] = unzigzag(code);
+            }
+        }
+        let before = tally.add("rotations", before, block.len());
+        codes.take_positions(&mut block, quantiser)?;
+        let before = tally.add("positions", before, block.len());
+        codes.opacities = take(&mut block)?;
+        tally.add("opacities", before, block.len());
+        codes.take_sh(&mut block, sh_degree, tally)?;
+        if block.is_empty() {
+            Ok(codes)
+        } else {
+            Err(Error::invalid("", format!("splat block: {} bytes too many", block.len())))
+        }
+    }
+
+    fn take_positions(&mut self, block: &mut &[u8], quantiser: &Quantiser) -> Result<()> {
+        let n = self.exponents.len();
+        let high = take_exactly(block, n)?;
+        let low = take_exactly(block, n)?;
+        let grid = &quantiser.grid;
+        let exponents: Vec<u32> =
+            self.shapes(quantiser)?.iter().map(|s| s.position_exponent(quantiser)).collect();
+        let num_bits: u64 = exponents.iter().map(|&e| 3 * u64::from(grid.cell_bits - e)).sum();
+        let places = take_bytes(block, num_bits.div_ceil(8) as usize)?;
+        let mut places = BitReader::new(&places);
+        let mut cell = 0_u64;
+        let limit = 1_u64 << (3 * (grid.bits - grid.cell_bits));
+        for (splat, &exponent) in exponents.iter().enumerate() {
+            let gap = u64::from(high[splat]) << 31 | u64::from(low[splat] & 0x7fff_ffff);
+            cell = cell.checked_add(gap).filter(|&cell| cell < limit).ok_or_else(|| {
+                Error::invalid("", format!("cell of splat {splat} lies outside of the grid"))
+            })?;
+            let mut corner = [0; 3];
+            for (corner, of_cell) in corner.iter_mut().zip(coordinates(cell)) {
+                let place = places
+                    .take(grid.cell_bits - exponent)
+                    .ok_or_else(|| Error::invalid("", "positions: too few bits"))?;
+                // 31 bits at most, as the grid's were checked.
+                *corner = of_cell.checked_shl(grid.cell_bits).unwrap_or(0) | place << exponent;
+            }
+            self.positions.push(corner);
+        }
+        if places.is_spent() { Ok(()) } else { Err(Error::invalid("", "positions: too many bits")) }
+    }
+
+    /// Shapes of the splats, from the codes that come before positions.
+    fn shapes(&self, quantiser: &Quantiser) -> Result<Vec<Shape>> {
+        let mut texel_sizes = self.texel_sizes.iter();
+        let mut of_splat = |splat: usize| {
+            let (exponent, [rows, cols]) = (self.exponents[splat], self.sides[splat]);
+            let log2_scales = self.scales[splat].map(|c| shape::log2_scale(quantiser, exponent, c));
+            let mut texel_size = 0.0;
+            if rows > 0 && cols > 0 {
+                let code = *texel_sizes.next().ok_or_else(|| Error::invalid("", "texel sizes: too few"))?;
+                texel_size = shape::value_texel_size(quantiser, log2_scales, [rows, cols], code);
+            }
+            Ok(Shape { exponent, scales: log2_scales.map(shape::value_scale), texel_size })
+        };
+        (0..self.exponents.len()).map(&mut of_splat).collect()
+    }
+
+    fn take_sh(&mut self, block: &mut &[u8], sh_degree: u32, tally: &mut Tally) -> Result<()> {
+        let n = self.exponents.len();
+        let width = 3 * num_sh_coefficients(sh_degree);
+        self.sh = vec![0; n * width];
+        for (first, last) in sh_streams(sh_degree) {
+            let before = block.len();
+            for channel in 0..3 {
+                let numbers = take_exactly(block, n * (last - first))?;
+                let places = (first..last).flat_map(|k| (0..n).map(move |i| i * width + 3 * k + channel));
+                for (place, number) in places.zip(numbers) {
+                    self.sh[place] = unzigzag(number);
+                }
+            }
+            tally.add(if first == 0 { "sh0" } else { "sh_rest" }, before, block.len());
+        }
+        Ok(())
+    }
+}
+
+/// Ranges of coefficients that share streams: one for each degree.
+fn sh_streams(sh_degree: u32) -> impl Iterator<Item = (usize, usize)> {
+    (0..=sh_degree).map(|d| ((d * d) as usize, num_sh_coefficients(d)))
+}
+
+fn take_exactly(block: &mut &[u8], n: usize) -> Result<Vec<u32>> {
+    let numbers = take_numbers(block, n)?;
+    if numbers.len() == n {
+        Ok(numbers)
+    } else {
+        Err(Error::invalid("", format!("stream: {} numbers, expected {n}", numbers.len())))
+    }
+}

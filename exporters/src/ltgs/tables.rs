@@ -1,0 +1,78 @@
+//! The metadata of a file: what the asset is besides its arrays, and how numbers were rounded. JSON.
+
+use super::integers::{compress, expand};
+use super::steps::Quantiser;
+use crate::meta::{META_BYTES_MAX, Meta};
+use crate::{Error, Result};
+use serde::{Deserialize, Serialize};
+
+/// Texts from this length on are compressed.
+const COMPRESSED_FROM_BYTES: usize = 1024;
+
+/// Order of splats.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Order {
+    /// That of the asset.
+    Given,
+    /// Along a Morton curve.
+    Morton,
+}
+
+/// The object. Field names are part of the format; unknown ones are ignored.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub struct FileMeta {
+    /// Name of the profile, as in the header.
+    pub quality: String,
+    /// Order of splats.
+    pub order: Order,
+    /// [`crate::SplatAsset::hash`] of what a reader gets, 16 hexadecimal digits.
+    pub hash: String,
+    /// Steps; lossless files have none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub quantiser: Option<Quantiser>,
+    /// The same object as in other formats.
+    pub meta: Meta,
+}
+
+impl FileMeta {
+    /// The bytes in the file, and the length of the text: equal if it is not compressed.
+    ///
+    /// # Errors
+    /// [`Error::TooLarge`] for more than 16 MiB of text.
+    pub fn encode(&self) -> Result<(Vec<u8>, usize)> {
+        let text = serde_json::to_vec(self).map_err(|e| Error::invalid("", format!("metadata: {e}")))?;
+        let length = text.len();
+        if length > META_BYTES_MAX {
+            return Err(Error::too_large("", format!("metadata: {length} bytes, at most {META_BYTES_MAX}")));
+        }
+        let compressed = (length >= COMPRESSED_FROM_BYTES).then(|| compress(&text, 19)).flatten();
+        Ok((compressed.filter(|c| c.len() < length).unwrap_or(text), length))
+    }
+
+    /// From the bytes in the file.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`].
+    pub fn decode(bytes: &[u8], is_compressed: bool, text_bytes: usize) -> Result<Self> {
+        let expanded;
+        let text = if is_compressed {
+            expanded = expand(bytes, text_bytes)?;
+            &expanded
+        } else {
+            bytes
+        };
+        let meta: Self =
+            serde_json::from_slice(text).map_err(|e| Error::invalid("", format!("metadata: {e}")))?;
+        if let Some(quantiser) = &meta.quantiser {
+            quantiser.validate()?;
+        }
+        Ok(meta)
+    }
+
+    /// The hash as a number.
+    pub fn hash(&self) -> Option<u64> {
+        u64::from_str_radix(&self.hash, 16).ok()
+    }
+}

@@ -1,0 +1,367 @@
+//! Writer and reader against each other and against damage.
+
+use super::*;
+use crate::asset::tests::fixture;
+use crate::{AssetCamera, Error, Quality, ReadLimits, SplatAsset};
+use std::path::Path;
+
+const PATH: &str = "test.ltgs";
+
+fn limits() -> ReadLimits {
+    ReadLimits { decoded_bytes: 64 << 20 }
+}
+
+fn read(bytes: &[u8]) -> crate::Result<crate::Contents> {
+    decode(bytes, Path::new(PATH), &limits())
+}
+
+fn options(quality: Quality) -> LtgsOptions {
+    LtgsOptions { quality, steps: None }
+}
+
+/// The fixture with a camera and awkward numbers.
+fn awkward(num_splats: usize, sh_degree: u32) -> SplatAsset {
+    let mut asset = fixture(num_splats, sh_degree);
+    asset.cameras.push(AssetCamera {
+        name: "a.png".to_owned(),
+        width_px: 640,
+        height_px: 480,
+        focal_px: [500.0, 510.0],
+        principal_px: [320.0, 240.0],
+        rotation_rows: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+        translation: [0.1, -0.2, 2.0],
+    });
+    asset.near = 0.03;
+    asset.background = [0.25, 0.5, 1.0];
+    asset
+}
+
+/// Whether two assets are the same in every bit.
+fn is_same(a: &SplatAsset, b: &SplatAsset) -> bool {
+    let bits = |a: &SplatAsset| {
+        let mut bits: Vec<u32> = Vec::new();
+        for values in [a.positions.as_flattened(), a.rotations.as_flattened(), a.scales.as_flattened()] {
+            bits.extend(values.iter().map(|v| v.to_bits()));
+        }
+        for values in [&a.opacities, &a.sh, &a.texels] {
+            bits.extend(values.iter().map(|v| v.to_bits()));
+        }
+        bits.extend(a.maps.iter().map(|m| m.texel_size.to_bits()));
+        bits
+    };
+    a == b && bits(a) == bits(b)
+}
+
+#[test]
+fn lossless_keeps_every_bit_and_the_order() {
+    for (num_splats, degree) in [(0, 0), (1, 1), (3, 2), (4096, 0), (4100, 0), (50, 3)] {
+        let mut asset = awkward(num_splats, degree);
+        if num_splats == 50 {
+            asset.positions[3] = [-0.0, f32::MIN_POSITIVE, 1e-44];
+            asset.sh[5] = -0.0;
+            asset.texels[4] = -0.0;
+            asset.scales[7] = [1e-44, 1e6];
+        }
+        let bytes = encode(&asset, &options(Quality::Lossless)).unwrap();
+        let contents = read(&bytes).unwrap();
+        assert!(is_same(&contents.asset, &asset), "{num_splats} splats");
+        assert_eq!(contents.hash, Some(asset.hash()));
+        assert_eq!(contents.sections.iter().map(|s| s.bytes).sum::<u64>(), bytes.len() as u64);
+        assert!(validate(&bytes, Path::new(PATH)).is_empty());
+        if num_splats > 0 {
+            // Negative control.
+            let mut other = contents.asset;
+            other.positions[0][0] = f32::from_bits(other.positions[0][0].to_bits() ^ 1);
+            assert!(!is_same(&other, &asset));
+        }
+    }
+}
+
+#[test]
+fn lossy_files_hold_exactly_what_quantised_says() {
+    for quality in [Quality::Balanced, Quality::Tiny] {
+        for (num_splats, degree) in [(0, 3), (1, 0), (5000, 1), (300, 3)] {
+            let asset = awkward(num_splats, degree);
+            let steps = if quality == Quality::Tiny { Steps::tiny(&asset) } else { Steps::balanced(&asset) };
+            for factor in [1.0, 0.01, 3.7] {
+                let steps = steps.scaled(factor);
+                let bytes = encode(&asset, &LtgsOptions { quality, steps: Some(steps) }).unwrap();
+                let contents = read(&bytes).unwrap();
+                let expected = quantised(&asset, &steps).unwrap();
+                assert!(is_same(&contents.asset, &expected), "{num_splats} splats, factor {factor}");
+                expected.validate().unwrap();
+                assert_eq!(contents.hash, Some(expected.hash()));
+                assert_eq!(contents.quality, Some(quality));
+                assert_eq!(contents.sections.iter().map(|s| s.bytes).sum::<u64>(), bytes.len() as u64);
+                assert!(validate(&bytes, Path::new(PATH)).is_empty());
+                assert_eq!(contents.asset.cameras, asset.cameras);
+            }
+            let again = encode(&asset, &options(quality)).unwrap();
+            assert_eq!(encode(&asset, &options(quality)).unwrap(), again, "the same bytes always");
+        }
+    }
+}
+
+#[test]
+fn splats_may_have_exponents_of_their_own() {
+    let asset = awkward(200, 2);
+    let mut plan = super::plan::Plan::new(&asset, &Steps::balanced(&asset));
+    plan.exponents = (0..200).map(|i| i % 17 - 8).collect();
+    let meta = encode(&asset, &options(Quality::Balanced)).unwrap();
+    let bytes = super::write::encode_planned(&asset, Quality::Balanced, &plan).unwrap();
+    let contents = read(&bytes).unwrap();
+    contents.asset.validate().unwrap();
+    assert_eq!(contents.hash, Some(contents.asset.hash()));
+    assert_ne!(bytes, meta);
+}
+
+/// Largest errors of a rounded asset with the splats in the same order: positions over the smaller standard deviation,
+/// log2 of standard deviations, opacities, angle of rotation, texels.
+fn errors(asset: &SplatAsset, read: &SplatAsset) -> [f64; 5] {
+    let mut worst = [0.0_f64; 5];
+    // Opacities are distinct enough to find the partner by everything at once.
+    for i in 0..read.num_splats() {
+        let distance = |j: &usize| -> f64 {
+            (0..3).map(|c| f64::from(asset.positions[*j][c] - read.positions[i][c]).powi(2)).sum()
+        };
+        let j = (0..asset.num_splats()).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap();
+        let smaller = f64::from(asset.scales[j][0].min(asset.scales[j][1]));
+        worst[0] = worst[0].max(distance(&j).sqrt() / smaller);
+        for axis in 0..2 {
+            let ratio = f64::from(read.scales[i][axis] / asset.scales[j][axis]);
+            worst[1] = worst[1].max(ratio.log2().abs());
+        }
+        worst[2] = worst[2].max(f64::from(read.opacities[i] - asset.opacities[j]).abs());
+        let dot: f64 =
+            (0..4).map(|c| f64::from(asset.rotations[j][c]) * f64::from(read.rotations[i][c])).sum();
+        worst[3] = worst[3].max(2.0 * dot.abs().min(1.0).acos());
+        for (a, b) in asset.texels_of(j).iter().zip(read.texels_of(i)) {
+            worst[4] = worst[4].max(f64::from(a - b).abs());
+        }
+    }
+    worst
+}
+
+#[test]
+fn errors_are_as_the_steps_say() {
+    let asset = awkward(400, 1);
+    let steps = Steps::balanced(&asset);
+    let [position, scale, opacity, angle, texel] = errors(&asset, &quantised(&asset, &steps).unwrap());
+    // Half a step in three axes; floors of the reach and whole powers of two lie below that.
+    assert!(position <= 0.5 * 3.0_f64.sqrt() * steps.position * 1.001, "{position}");
+    assert!(scale <= 0.5 * steps.log2_scale * 1.001, "{scale}");
+    assert!(opacity <= 0.5 * steps.opacity * 1.001, "{opacity}");
+    assert!(angle <= 4.0 * steps.rotation, "{angle}"); // needed 2.9
+    // 0.6 of a step, luma and two chroma together, 16 times that at the rim at most.
+    assert!(texel <= 0.6 * steps.texel * (1.0 + steps.chroma) * 64.0, "{texel}");
+    // Negative control: coarser steps make larger errors.
+    let coarse = errors(&asset, &quantised(&asset, &steps.scaled(8.0)).unwrap());
+    assert!(coarse[0] > 4.0 * position && coarse[1] > 4.0 * scale && coarse[2] > 4.0 * opacity, "{coarse:?}");
+    assert!(coarse[3] > 4.0 * angle && coarse[4] > 2.0 * texel, "{coarse:?}");
+}
+
+#[test]
+fn chunks_are_read_by_themselves() {
+    for quality in Quality::ALL {
+        let asset = awkward(9000, 0);
+        let bytes = encode(&asset, &options(quality)).unwrap();
+        let whole = read(&bytes).unwrap().asset;
+        let reader = Reader::open(&bytes, Path::new(PATH), &limits()).unwrap();
+        assert_eq!((reader.num_chunks(), reader.num_splats(), reader.quality()), (3, 9000, quality));
+        let second = reader.chunk(1).unwrap();
+        assert_eq!(second.positions, whole.positions[4096..8192]);
+        assert_eq!(second.texels_of(17), whole.texels_of(4096 + 17));
+        let [low, high] = reader.bounds(1).unwrap();
+        assert!(second.positions.iter().all(|p| (0..3).all(|i| low[i] <= p[i] && p[i] <= high[i])));
+        assert!(reader.chunk(3).is_err() && reader.bounds(3).is_none());
+        // Damage elsewhere does not matter.
+        let mut damaged = bytes.clone();
+        *damaged.last_mut().unwrap() ^= 1;
+        let reader = Reader::open(&damaged, Path::new(PATH), &limits()).unwrap();
+        assert_eq!(reader.chunk(1).unwrap(), second);
+        assert!(matches!(reader.chunk(2), Err(Error::Invalid { .. })));
+        let issues = validate(&damaged, Path::new(PATH));
+        assert_eq!(issues.iter().map(|i| i.code).collect::<Vec<_>>(), ["LT3004"]);
+    }
+}
+
+#[test]
+fn a_cut_file_shows_what_has_arrived() {
+    for quality in Quality::ALL {
+        let asset = awkward(9000, 1);
+        let bytes = encode(&asset, &options(quality)).unwrap();
+        let whole = read(&bytes).unwrap();
+        let prefix = |length: usize| decode_prefix(&bytes[..length], Path::new(PATH), &limits());
+        let all = prefix(bytes.len()).unwrap();
+        assert!(is_same(&all.asset, &whole.asset));
+        assert_eq!((all.missing_bytes, all.missing_splats, all.missing_texels), (0, 0, 0));
+        let texel_bytes = whole.sections.iter().find(|s| s.name == "texels").unwrap().bytes as usize;
+        let without = prefix(bytes.len() - texel_bytes).unwrap();
+        assert_eq!((without.missing_splats, without.missing_texels), (0, asset.num_texels() as u64));
+        assert!(without.asset.texels.is_empty() && without.asset.positions == whole.asset.positions);
+        // Colours contain the means: off by a step at most; without them off by more.
+        let off = |with_mean: bool| {
+            let difference = |splat: usize| {
+                let mean = whole.asset.mean_residual(splat)[0] / crate::sh::SH_0;
+                let expected = f64::from(whole.asset.sh_of(splat)[0]) + if with_mean { mean } else { 0.0 };
+                (f64::from(without.asset.sh_of(splat)[0]) - expected).abs()
+            };
+            (0..9000).map(difference).fold(0.0, f64::max)
+        };
+        assert!(off(true) < 0.0075, "{}", off(true)); // needed 0.00695: half of 1 / 255 / Y_00 in lossless files
+        assert!(off(false) > 0.1);
+        let half = prefix(bytes.len() / 3).unwrap();
+        assert!(half.missing_bytes > 0 && half.missing_texels > 0);
+        assert!(matches!(prefix(100), Err(Error::Invalid { .. })));
+        assert!(read(&bytes[..bytes.len() - 1]).is_err());
+    }
+}
+
+/// Sets the checksums of header and tables anew, so that what stands behind them is tested.
+fn resealed(mut bytes: Vec<u8>) -> Vec<u8> {
+    let number = |b: &[u8], at: usize| u32::from_le_bytes(b[at..at + 4].try_into().unwrap()) as usize;
+    let tables = 64 + number(&bytes, 28) + 88 * number(&bytes, 36);
+    if tables <= bytes.len() {
+        let checksum = xxhash_rust::xxh3::xxh3_64(&bytes[64..tables]);
+        bytes[48..56].copy_from_slice(&checksum.to_le_bytes());
+    }
+    let checksum = xxhash_rust::xxh3::xxh3_64(&bytes[..56]);
+    bytes[56..64].copy_from_slice(&checksum.to_le_bytes());
+    bytes
+}
+
+#[test]
+fn hostile_headers_and_tables_are_refused() {
+    let bytes = encode(&awkward(5000, 0), &options(Quality::Balanced)).unwrap();
+    let tables = 64 + u32::from_le_bytes(bytes[28..32].try_into().unwrap()) as usize;
+    let with = |at: usize, new: &[u8]| {
+        let mut changed = bytes.clone();
+        changed[at..at + new.len()].copy_from_slice(new);
+        read(&resealed(changed))
+    };
+    assert!(with(0, b"LTGS").is_ok(), "control: sealing anew changes nothing");
+    assert!(matches!(with(0, b"LTGX"), Err(Error::Invalid { .. })));
+    assert!(matches!(with(4, &[2, 0]), Err(Error::Unsupported { .. })));
+    assert!(matches!(with(8, &[0, 1]), Err(Error::Unsupported { .. })), "unknown feature");
+    assert!(matches!(with(25, &[3]), Err(Error::Unsupported { .. })), "unknown profile");
+    let newer = with(6, &[9, 0]).unwrap();
+    assert_eq!((newer.format.as_str(), newer.warnings.len()), ("ltgs 1.9", 1));
+    for (at, new) in [
+        (12, vec![0xff; 4]),                               // splats
+        (12, 4999_u32.to_le_bytes().to_vec()),             // splats that no chunk has
+        (16, vec![0xff; 8]),                               // texels
+        (16, 7_u64.to_le_bytes().to_vec()),                // texels that the chunks do not have
+        (24, vec![4]),                                     // SH degree
+        (24, vec![3]),                                     // SH degree that the streams do not have
+        (25, vec![0]),                                     // lossless with steps
+        (28, vec![0xff; 4]),                               // length of metadata
+        (32, vec![0xff; 4]),                               // length of their text
+        (36, vec![0xff; 4]),                               // chunks
+        (40, vec![0xff; 8]),                               // length of the file
+        (tables, vec![0xff; 8]),                           // offset beyond everything
+        (tables, vec![0; 8]),                              // offset before everything
+        (tables + 88, bytes[tables..tables + 8].to_vec()), // the second chunk overlaps the first
+        (tables + 8, vec![0xff; 8]),                       // length
+        (tables + 48, vec![0xff; 8]),                      // texels of a chunk
+        (tables + 56, vec![0; 4]),                         // splats of a chunk
+    ] {
+        let error = with(at, &new).unwrap_err().to_string();
+        assert!(error.starts_with(PATH), "{at}: {error}");
+    }
+    let small = ReadLimits { decoded_bytes: 1000 };
+    assert!(matches!(decode(&bytes, Path::new(PATH), &small), Err(Error::TooLarge { .. })));
+    for bytes in [&b""[..], b"LTGS", &[0; 64]] {
+        assert_eq!(validate(bytes, Path::new(PATH))[0].code, "LT3001");
+    }
+}
+
+/// A small generator of numbers.
+fn random_numbers() -> impl FnMut(usize) -> usize {
+    let mut state = 1_u32;
+    move |below| {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (state >> 8) as usize % below
+    }
+}
+
+#[test]
+fn no_truncation_is_accepted_and_none_panics() {
+    for quality in Quality::ALL {
+        let bytes = encode(&awkward(60, 1), &options(quality)).unwrap();
+        for percent in 0..100 {
+            let cut = &bytes[..bytes.len() * percent / 100];
+            assert!(read(cut).is_err(), "{percent} %");
+            if let Ok(prefix) = decode_prefix(cut, Path::new(PATH), &limits()) {
+                prefix.asset.validate().unwrap();
+                assert!(prefix.missing_bytes > 0);
+            }
+        }
+    }
+}
+
+#[test]
+fn no_damage_makes_the_reader_panic() {
+    let mut random = random_numbers();
+    let (mut refused, mut accepted) = (0, 0);
+    for quality in Quality::ALL {
+        let bytes = encode(&awkward(40, 1), &options(quality)).unwrap();
+        let tables = 64 + u32::from_le_bytes(bytes[28..32].try_into().unwrap()) as usize;
+        for round in 0..3000 {
+            let mut damaged = bytes.clone();
+            for _ in 0..=random(3) {
+                let at = random(damaged.len());
+                damaged[at] = random(256) as u8;
+            }
+            if round % 3 > 0 {
+                // Checksums of the blocks and of the tables fit again: the streams themselves must hold.
+                for block in [tables, tables + 24] {
+                    let number =
+                        |at: usize| u64::from_le_bytes(damaged[at..at + 8].try_into().unwrap()) as usize;
+                    let (from, length) = (number(block), number(block + 8));
+                    let part = damaged.get(from..from.saturating_add(length)).unwrap_or_default();
+                    let checksum = xxhash_rust::xxh3::xxh3_64(part);
+                    damaged[block + 16..block + 24].copy_from_slice(&checksum.to_le_bytes());
+                }
+                damaged = resealed(damaged);
+            }
+            match read(&damaged) {
+                Err(_) => refused += 1,
+                Ok(contents) => {
+                    contents.asset.validate().unwrap();
+                    accepted += 1;
+                }
+            }
+            if let Ok(prefix) = decode_prefix(&damaged, Path::new(PATH), &limits()) {
+                prefix.asset.validate().unwrap();
+            }
+        }
+    }
+    // Both ways are taken: stored bits of positions and bytes of numbers may be anything.
+    assert!(refused > 3000 && accepted > 100, "{refused} {accepted}");
+}
+
+#[test]
+fn unusable_steps_and_assets_are_refused() {
+    let asset = awkward(5, 0);
+    for steps in [Steps { texel: 0.0, ..Steps::balanced(&asset) }, Steps::balanced(&asset).scaled(f64::NAN)] {
+        let options = LtgsOptions { quality: Quality::Tiny, steps: Some(steps) };
+        assert!(matches!(encode(&asset, &options), Err(Error::Invalid { .. })));
+        assert!(quantised(&asset, &steps).is_err());
+    }
+    let mut broken = asset;
+    broken.opacities[0] = 0.0;
+    assert!(encode(&broken, &options(Quality::Lossless)).is_err());
+    // Extremes of valid assets stay valid.
+    let mut extreme = awkward(30, 0);
+    extreme.positions[0] = [f32::MAX, f32::MIN, 0.0];
+    extreme.scales[1] = [1e-44, 1e6];
+    extreme.opacities[2] = 1e-44;
+    extreme.maps[3].texel_size = f32::MAX;
+    extreme.maps[6].texel_size = 1e-44;
+    for factor in [0.01, 1.0, 50.0] {
+        let steps = Steps::tiny(&extreme).scaled(factor);
+        let options = LtgsOptions { quality: Quality::Tiny, steps: Some(steps) };
+        let read = read(&encode(&extreme, &options).unwrap()).unwrap().asset;
+        assert!(is_same(&read, &quantised(&extreme, &steps).unwrap()));
+    }
+}

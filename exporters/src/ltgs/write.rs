@@ -1,0 +1,252 @@
+//! The writer: chunks in parallel, then the file around them.
+
+use super::header::{Block, CHUNK_SPLATS, Entry, HEADER_BYTES, Header, MINOR};
+use super::lossless;
+use super::plan::Plan;
+use super::splats::SplatCodes;
+use super::steps::{Quantiser, Steps};
+use super::tables::{FileMeta, Order};
+use super::texels::{Map, TexelWriter};
+use crate::meta::Meta;
+use crate::sh::SH_0;
+use crate::{Error, Quality, Result, SplatAsset, num_sh_coefficients};
+use rayon::prelude::*;
+use std::ops::Range;
+use xxhash_rust::xxh3::xxh3_64;
+
+/// zstd's level for splats and for texels.
+const SPLAT_LEVEL: i32 = 19;
+const TEXEL_LEVEL: i32 = 19;
+
+/// How a file is written.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LtgsOptions {
+    /// What the file promises.
+    pub quality: Quality,
+    /// Sizes of steps; `None`: [`Steps::balanced`] or [`Steps::tiny`]. Lossless files have none.
+    pub steps: Option<Steps>,
+}
+
+/// The bytes of a file. The same asset and options give the same bytes.
+///
+/// `lossless` keeps every bit and the order of splats; `balanced` and `tiny` round as the steps say, and put splats in
+/// Morton order: [`quantised`] says what a reader gets.
+///
+/// # Errors
+/// [`Error::Invalid`] or [`Error::TooLarge`] if the asset, its metadata or the steps break a rule.
+pub fn encode(asset: &SplatAsset, options: &LtgsOptions) -> Result<Vec<u8>> {
+    asset.validate()?;
+    let steps = match (options.quality, options.steps) {
+        (Quality::Lossless, _) => {
+            let meta = file_meta(asset, options.quality, asset.hash(), None);
+            return assemble(asset, options.quality, &meta, &lossless_chunks(asset));
+        }
+        (_, Some(steps)) => steps,
+        (Quality::Balanced, None) => Steps::balanced(asset),
+        (Quality::Tiny, None) => Steps::tiny(asset),
+    };
+    steps.validate()?;
+    encode_planned(asset, options.quality, &Plan::new(asset, &steps))
+}
+
+/// A lossy file as planned.
+///
+/// # Errors
+/// As [`encode`].
+pub fn encode_planned(asset: &SplatAsset, quality: Quality, plan: &Plan) -> Result<Vec<u8>> {
+    let coded = map_chunks(asset, |range| {
+        let coded = CodedChunk::new(asset, plan, range)?;
+        Ok((coded.encode(plan, asset.sh_degree)?, coded.decoded))
+    })?;
+    let (chunks, decoded): (Vec<_>, Vec<_>) = coded.into_iter().unzip();
+    let near = SplatAsset { near: asset.near, ..SplatAsset::default() };
+    let hash = joined(near, asset.sh_degree, decoded)?.hash();
+    let meta = file_meta(asset, quality, hash, Some(plan.quantiser));
+    assemble(asset, quality, &meta, &chunks)
+}
+
+fn file_meta(asset: &SplatAsset, quality: Quality, hash: u64, quantiser: Option<Quantiser>) -> FileMeta {
+    FileMeta {
+        quality: quality.name().to_owned(),
+        order: if quantiser.is_some() { Order::Morton } else { Order::Given },
+        hash: format!("{hash:016x}"),
+        quantiser,
+        meta: Meta::of(asset),
+    }
+}
+
+/// The asset that a reader gets from a lossy file with these steps, bit for bit, without making the file.
+///
+/// # Errors
+/// As [`encode`].
+pub fn quantised(asset: &SplatAsset, steps: &Steps) -> Result<SplatAsset> {
+    asset.validate()?;
+    steps.validate()?;
+    let plan = Plan::new(asset, steps);
+    let chunks = map_chunks(asset, |range| Ok(CodedChunk::new(asset, &plan, range)?.decoded))?;
+    let mut whole = SplatAsset::default();
+    Meta::of(asset).store(&mut whole);
+    joined(whole, asset.sh_degree, chunks)
+}
+
+/// Results for the ranges of splats of all chunks, in order.
+fn map_chunks<T: Send>(
+    asset: &SplatAsset,
+    of_chunk: impl Fn(Range<usize>) -> Result<T> + Sync,
+) -> Result<Vec<T>> {
+    let n = asset.num_splats();
+    let range = |chunk: usize| chunk * CHUNK_SPLATS..((chunk + 1) * CHUNK_SPLATS).min(n);
+    (0..n.div_ceil(CHUNK_SPLATS)).into_par_iter().map(|chunk| of_chunk(range(chunk))).collect()
+}
+
+/// Chunks one after the other, appended to an asset without splats.
+///
+/// # Errors
+/// [`Error::TooLarge`] for more than 2^32 - 1 texels.
+pub fn joined(mut whole: SplatAsset, sh_degree: u32, chunks: Vec<SplatAsset>) -> Result<SplatAsset> {
+    whole.sh_degree = sh_degree;
+    whole.texels.reserve_exact(chunks.iter().map(|c| c.texels.len()).sum());
+    whole.sh.reserve_exact(chunks.iter().map(|c| c.sh.len()).sum());
+    for chunk in chunks {
+        let first = u32::try_from(whole.num_texels()).ok();
+        for map in chunk.maps {
+            let offset = first.and_then(|first| first.checked_add(map.offset_texels));
+            let offset_texels = offset.ok_or_else(|| Error::too_large("", "more than 2^32 - 1 texels"))?;
+            whole.maps.push(crate::AssetMap { offset_texels, ..map });
+        }
+        whole.positions.extend(chunk.positions);
+        whole.rotations.extend(chunk.rotations);
+        whole.scales.extend(chunk.scales);
+        whole.opacities.extend(chunk.opacities);
+        whole.sh.extend(chunk.sh);
+        whole.texels.extend(chunk.texels);
+    }
+    Ok(whole)
+}
+
+/// Blocks of a chunk with its place in the table of contents, offsets still missing.
+pub struct Chunk {
+    splats: Vec<u8>,
+    texels: Vec<u8>,
+    entry: Entry,
+}
+
+impl Chunk {
+    fn new(splats: Vec<u8>, texels: Vec<u8>, positions: &[[f32; 3]], num_texels: usize) -> Self {
+        let mut bounds = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
+        for position in positions {
+            for axis in 0..3 {
+                bounds[0][axis] = bounds[0][axis].min(position[axis]);
+                bounds[1][axis] = bounds[1][axis].max(position[axis]);
+            }
+        }
+        let block = |bytes: &[u8]| Block { offset: 0, bytes: bytes.len() as u64, checksum: xxh3_64(bytes) };
+        let entry = Entry {
+            splats: block(&splats),
+            texels: block(&texels),
+            num_splats: positions.len() as u32,
+            num_texels: num_texels as u64,
+            bounds,
+        };
+        Self { splats, texels, entry }
+    }
+}
+
+fn lossless_chunks(asset: &SplatAsset) -> Vec<Chunk> {
+    let of_chunk = |range: Range<usize>| {
+        let first = asset.maps.get(range.start).map_or(0, |m| m.offset_texels as usize);
+        let last = asset.maps.get(range.end).map_or(asset.num_texels(), |m| m.offset_texels as usize);
+        let splats = lossless::encode_splats(asset, range.clone(), SPLAT_LEVEL);
+        let texels = lossless::encode_texels(&asset.texels[3 * first..3 * last], TEXEL_LEVEL);
+        Ok(Chunk::new(splats, texels, &asset.positions[range], last - first))
+    };
+    // This `of_chunk` does not fail.
+    map_chunks(asset, of_chunk).unwrap_or_default()
+}
+
+/// A chunk of a lossy file before its streams are coded.
+struct CodedChunk {
+    splats: SplatCodes,
+    texels: TexelWriter,
+    decoded: SplatAsset,
+}
+
+impl CodedChunk {
+    fn new(asset: &SplatAsset, plan: &Plan, range: Range<usize>) -> Result<Self> {
+        let quantiser = &plan.quantiser;
+        let (mut splats, mut texels) = (SplatCodes::default(), TexelWriter::new());
+        let (mut decoded_texels, mut means) = (Vec::new(), Vec::new());
+        for &splat in &plan.order[range] {
+            let splat = splat as usize;
+            let exponent = plan.exponents[splat];
+            let map = splats.push(quantiser, asset, splat, exponent);
+            let first = decoded_texels.len();
+            texels.push(&quantiser.steps, &map, asset.texels_of(splat), &mut decoded_texels);
+            let mean = mean_of(&map, &decoded_texels[first..]);
+            splats.push_colours(quantiser, asset.sh_of(splat), exponent, mean);
+            means.push(mean);
+        }
+        let mut decoded = splats.values(quantiser, asset.sh_degree)?;
+        decoded.texels = decoded_texels;
+        take_means(&mut decoded, &means);
+        Ok(Self { splats, texels, decoded })
+    }
+
+    fn encode(&self, plan: &Plan, sh_degree: u32) -> Result<Chunk> {
+        let splats = self.splats.encode(&plan.quantiser, sh_degree, SPLAT_LEVEL)?;
+        let texels = self.texels.encode(TEXEL_LEVEL);
+        Ok(Chunk::new(splats, texels, &self.decoded.positions, self.decoded.num_texels()))
+    }
+}
+
+/// Mean residual of a decoded map; zero without one.
+pub fn mean_of(map: &Map, texels: &[f32]) -> [f64; 3] {
+    if texels.is_empty() { [0.0; 3] } else { map.mean_residual(texels) }
+}
+
+/// Takes the maps' means out of colours that contain them.
+pub fn take_means(asset: &mut SplatAsset, means: &[[f64; 3]]) {
+    let width = 3 * num_sh_coefficients(asset.sh_degree);
+    for (sh, mean) in asset.sh.chunks_exact_mut(width).zip(means) {
+        for (c, m) in sh.iter_mut().zip(mean) {
+            *c = (f64::from(*c) - m / SH_0) as f32;
+        }
+    }
+}
+
+fn assemble(asset: &SplatAsset, quality: Quality, meta: &FileMeta, chunks: &[Chunk]) -> Result<Vec<u8>> {
+    let (meta_bytes, meta_text_bytes) = meta.encode()?;
+    let blocks: usize = chunks.iter().map(|c| c.splats.len() + c.texels.len()).sum();
+    let mut header = Header {
+        minor: MINOR,
+        meta_is_compressed: meta_bytes.len() != meta_text_bytes,
+        num_splats: asset.num_splats() as u32,
+        num_texels: asset.num_texels() as u64,
+        sh_degree: asset.sh_degree,
+        quality,
+        meta_bytes: meta_bytes.len() as u32,
+        meta_text_bytes: meta_text_bytes as u32,
+        file_bytes: 0,
+        tables_checksum: 0,
+    };
+    let mut tables = meta_bytes;
+    let first = HEADER_BYTES + header.tables_bytes();
+    header.file_bytes = (first + blocks) as u64;
+    let mut offset = first as u64;
+    let mut entries: Vec<Entry> = chunks.iter().map(|c| c.entry).collect();
+    let place = |block: &mut Block, offset: &mut u64| {
+        block.offset = *offset;
+        *offset += block.bytes;
+    };
+    entries.iter_mut().for_each(|e| place(&mut e.splats, &mut offset));
+    entries.iter_mut().for_each(|e| place(&mut e.texels, &mut offset));
+    entries.iter().for_each(|e| e.encode(&mut tables));
+    header.tables_checksum = xxh3_64(&tables);
+    let mut bytes = Vec::with_capacity(first + blocks);
+    bytes.extend(header.encode());
+    bytes.extend(tables);
+    // All splats before the first texel: what has arrived of a download is a picture.
+    chunks.iter().for_each(|c| bytes.extend_from_slice(&c.splats));
+    chunks.iter().for_each(|c| bytes.extend_from_slice(&c.texels));
+    Ok(bytes)
+}
