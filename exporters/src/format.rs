@@ -2,8 +2,8 @@
 
 use crate::atlas::PAGE_SIDE;
 use crate::{
-    Contents, Describes, Error, Issue, Quality, ReadLimits, Result, Section, Severity, SplatAsset, gltf, ply,
-    spz, usd, write_atomically,
+    Contents, Describes, Error, Issue, Quality, ReadLimits, Result, Section, Severity, SplatAsset, gltf,
+    ltgs, ply, spz, usd, write_atomically,
 };
 use std::path::{Path, PathBuf};
 
@@ -14,6 +14,8 @@ pub enum Format {
     Glb,
     /// glTF with its arrays and pages beside it.
     Gltf,
+    /// Our compact binary format.
+    Ltgs,
     /// OpenUSD as text.
     Usda,
     /// OpenUSD, binary.
@@ -33,6 +35,8 @@ pub struct WriteOptions {
     pub quality: Quality,
     /// Also a mesh of textured quads for programs that know no splats: a file of its own beside glTF, a variant in USD.
     pub mesh: bool,
+    /// Sizes of steps of lossy `.ltgs` files; `None`: those that the quality begins with.
+    pub steps: Option<ltgs::Steps>,
 }
 
 /// What was written.
@@ -48,14 +52,15 @@ pub struct Written {
 
 impl Format {
     /// All.
-    pub const ALL: [Self; 7] =
-        [Self::Glb, Self::Gltf, Self::Usda, Self::Usdc, Self::Usdz, Self::Ply, Self::Spz];
+    pub const ALL: [Self; 8] =
+        [Self::Glb, Self::Gltf, Self::Ltgs, Self::Usda, Self::Usdc, Self::Usdz, Self::Ply, Self::Spz];
 
     /// Extension of its files.
     pub fn extension(self) -> &'static str {
         match self {
             Self::Glb => "glb",
             Self::Gltf => "gltf",
+            Self::Ltgs => "ltgs",
             Self::Usda => "usda",
             Self::Usdc => "usdc",
             Self::Usdz => "usdz",
@@ -94,6 +99,7 @@ impl Format {
     pub fn qualities(self) -> &'static [Quality] {
         match self {
             Self::Ply | Self::Spz => &[],
+            Self::Ltgs => &Quality::ALL,
             Self::Glb | Self::Gltf | Self::Usda | Self::Usdc | Self::Usdz => {
                 &[Quality::Lossless, Quality::Balanced]
             }
@@ -136,6 +142,11 @@ pub fn write_asset(path: &Path, asset: &SplatAsset, options: &WriteOptions) -> R
                 written.notes.extend(note);
             }
         }
+        Format::Ltgs => {
+            let ltgs_options = ltgs::LtgsOptions { quality, steps: options.steps };
+            let bytes = ltgs::encode(asset, &ltgs_options).map_err(|e| e.at(path))?;
+            write_atomically(path, &bytes).map_err(|e| Error::io(path, e))?;
+        }
         Format::Usda | Format::Usdc | Format::Usdz => {
             let usd_options = usd::UsdOptions { quality, page_side: PAGE_SIDE, mesh: options.mesh };
             written.files = usd::write_usd(path, asset, &usd_options)?;
@@ -159,6 +170,10 @@ pub fn write_asset(path: &Path, asset: &SplatAsset, options: &WriteOptions) -> R
         written.bytes += std::fs::metadata(file).map_err(|e| Error::io(file, e))?.len();
     }
     Ok(written)
+}
+
+fn read(path: &Path) -> Result<Vec<u8>> {
+    std::fs::read(path).map_err(|e| Error::io(path, e))
 }
 
 /// The mesh of a glTF file, beside it.
@@ -202,6 +217,7 @@ pub fn read_asset(path: &Path, limits: &ReadLimits) -> Result<Contents> {
         }
         Format::Spz => spz::read_spz(path, limits),
         Format::Glb | Format::Gltf => gltf::read_gltf(path, limits),
+        Format::Ltgs => ltgs::decode(&read(path)?, path, limits),
         Format::Usda | Format::Usdc | Format::Usdz => usd::read_usd(path, limits),
     }
 }
@@ -213,10 +229,8 @@ pub fn read_asset(path: &Path, limits: &ReadLimits) -> Result<Contents> {
 pub fn validate_file(path: &Path) -> Result<Vec<Issue>> {
     let mut issues = match Format::of(path)? {
         Format::Ply | Format::Spz => Vec::new(),
-        Format::Glb | Format::Gltf => {
-            let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
-            gltf::validate(&bytes, path)
-        }
+        Format::Glb | Format::Gltf => gltf::validate(&read(path)?, path),
+        Format::Ltgs => ltgs::validate(&read(path)?, path),
         Format::Usda | Format::Usdc | Format::Usdz => usd::validate(path),
     };
     match read_asset(path, &ReadLimits::default()) {

@@ -78,14 +78,20 @@ impl Difference {
             mask: None,
         };
         let pairs = || found.rgb.iter().zip(&expected.rgb);
-        let squares = pairs().map(|(a, b)| f64::from(a.clamp(0.0, 1.0) - b.clamp(0.0, 1.0)).powi(2));
         let largest = pairs().map(|(a, b)| if a == b { 0.0 } else { (a - b).abs() });
         Self {
             quality: quality_of(name, &found.rgb, &target),
-            mse: squares.sum::<f64>() / found.rgb.len().max(1) as f64,
+            mse: Self::mse_of(found, expected),
             // Not-a-number is as far off as can be.
             largest: largest.fold(0.0, |a, d| if d.is_nan() { f32::INFINITY } else { a.max(d) }),
         }
+    }
+
+    /// Mean squared difference of the values clamped to [0, 1].
+    pub fn mse_of(found: &RenderedImage, expected: &RenderedImage) -> f64 {
+        let pairs = found.rgb.iter().zip(&expected.rgb);
+        let squares = pairs.map(|(a, b)| f64::from(a.clamp(0.0, 1.0) - b.clamp(0.0, 1.0)).powi(2));
+        squares.sum::<f64>() / found.rgb.len().max(1) as f64
     }
 
     /// dB, without rounding to 8 bits.

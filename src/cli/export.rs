@@ -4,6 +4,7 @@ use super::asset_args::AssetArgs;
 use super::differences::{Stage, spread};
 use super::frozen::{Frozen, Origin};
 use super::log::Log;
+use super::search;
 use super::table::Columns;
 use super::values::format_bytes;
 use super::verdict::{Limits, Verdict, judge, limits_of};
@@ -128,7 +129,11 @@ pub fn write_all(
         if let Some(folder) = path.parent().filter(|f| !f.as_os_str().is_empty()) {
             std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
         }
-        let options = WriteOptions { quality: args.quality(), mesh: args.mesh };
+        let (quality, steps) = match Format::of(path)? {
+            Format::Ltgs => search::steps(&frozen, args, device, log)?,
+            _ => (args.quality(), None),
+        };
+        let options = WriteOptions { quality, mesh: args.mesh, steps };
         let written = write_asset(path, &frozen.asset, &options)?;
         for note in &written.notes {
             log.warn("export", &format!("{}: {note}", path.display()), 1);

@@ -34,6 +34,7 @@ mod sample;
 mod schedule;
 mod schedule_args;
 mod schedule_chart;
+mod search;
 mod selftest;
 mod session;
 mod summary;

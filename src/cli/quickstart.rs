@@ -1,5 +1,8 @@
-//! `litetex quickstart`: sample, train, evaluate, pictures; two minutes from nothing to a result.
+//! `litetex quickstart`: sample, train, evaluate, pictures, assets; two minutes from nothing to a result.
 
+use super::asset_args::AssetArgs;
+use super::export;
+use super::frozen::Frozen;
 use super::log::Log;
 use super::run_folder::RunFolder;
 use super::train;
@@ -8,12 +11,14 @@ use litetex_gs::sample::{SampleOptions, write_sample};
 use std::io::Write;
 use std::path::PathBuf;
 
+/// Formats of the assets.
+const EXPORTS: [&str; 4] = ["glb", "ltgs", "usdz", "ply"];
 /// Steps of the schedule: about a minute on two cores at the sample's size (measured: 38 steps a second).
 const STEPS: u32 = 2_000;
 /// Training time after which it ends early on slow machines.
 const MAX_TIME_SECS: f64 = 60.0;
 
-/// Try everything: make a sample capture, train it for about a minute, evaluate
+/// Try everything: make a sample capture, train it for about a minute, evaluate, export
 #[derive(clap::Args)]
 pub struct QuickstartArgs {
     /// Folder for the capture and the run
@@ -32,13 +37,13 @@ pub fn run(args: &QuickstartArgs, log: &Log) -> anyhow::Result<()> {
     let capture = args.out.join("still-life");
     let run = args.out.join("run");
     RunFolder::check_free(&args.out, args.force)?;
-    log.info(&format!("1/2 making a sample capture in {}", capture.display()));
+    log.info(&format!("1/3 making a sample capture in {}", capture.display()));
     if capture.exists() {
         // Reached with --force only; the capture is ours.
         std::fs::remove_dir_all(&capture)?;
     }
     write_sample(&capture, &SampleOptions::default())?;
-    log.info(&format!("2/2 training {} steps, at most {MAX_TIME_SECS:.0} s, on the CPU", args.steps));
+    log.info(&format!("2/3 training {} steps, at most {MAX_TIME_SECS:.0} s, on the CPU", args.steps));
     let train_args = TrainArgs {
         capture: Some(capture.clone()),
         out: Some(run.clone()),
@@ -52,9 +57,15 @@ pub fn run(args: &QuickstartArgs, log: &Log) -> anyhow::Result<()> {
         },
         ..TrainArgs::default()
     };
-    let summary = train::train_run(&train_args, log)?;
+    let (summary, _) = train::train_run(&train_args, log)?;
     train::print(&summary)?;
-    let (capture, run) = (capture.display(), run.display());
+    log.info("3/3 writing assets, and rendering each to prove that it is right");
+    let asset = AssetArgs { force: args.force, title: Some("Still life".to_owned()), ..AssetArgs::default() };
+    let files = EXPORTS.map(|extension| args.out.join(format!("still-life.{extension}")));
+    let frozen = Frozen::load(&run, log)?;
+    println!();
+    export::print(&export::write_all(frozen, &files, &asset, "cpu", log)?)?;
+    let (capture, run, out_folder) = (capture.display(), run.display(), args.out.display());
     let mut out = std::io::stdout().lock();
     writeln!(
         out,
@@ -63,6 +74,7 @@ pub fn run(args: &QuickstartArgs, log: &Log) -> anyhow::Result<()> {
          litetex render {run} --orbit 60 -o {run}/orbit\n  \
          litetex render {run} --test --what colour,depth,normal -o {run}/views\n  \
          litetex inspect {run}\n  \
+         litetex verify {out_folder}/still-life.ltgs --against {run}\n  \
          litetex train {capture} -o runs/untextured --policy plain --steps {}\n  \
          litetex train <your COLMAP or nerfstudio folder> -o runs/mine --max-resolution 480 --steps 1000",
         summary.steps, summary.steps_planned

@@ -1,8 +1,11 @@
 //! `litetex train`: from what was typed to a plan, from the plan to a run folder.
 
+use super::asset_args::AssetArgs;
 use super::capture::{self, Capture};
 use super::config_file::RunConfig;
+use super::export;
 use super::forecast::{Outlook, Workload, machine_bytes, process_bytes};
+use super::frozen::Frozen;
 use super::identity::Identity;
 use super::interrupt::Interrupt;
 use super::log::Log;
@@ -44,16 +47,23 @@ struct Resume {
 
 /// Trains and prints the result.
 pub fn run(args: TrainArgs, log: &Log) -> anyhow::Result<()> {
-    let summary = train_run(&args, log)?;
+    let asset = AssetArgs { force: args.force, ..AssetArgs::default() };
+    // Before hours of training, not after.
+    export::check_outputs(&args.export, &asset)?;
+    let (summary, run) = train_run(&args, log)?;
     print(&summary)?;
+    if !args.export.is_empty() {
+        let frozen = Frozen::load(&run, log)?;
+        export::print(&export::write_all(frozen, &args.export, &asset, &args.device, log)?)?;
+    }
     Ok(())
 }
 
-/// Trains; the summary is written and handed back.
+/// Trains; the summary is written and handed back, with the folder of the run.
 ///
 /// # Errors
 /// [`Error::Interrupted`] after everything was saved; whatever else goes wrong.
-pub fn train_run(args: &TrainArgs, log: &Log) -> Result<Summary> {
+pub fn train_run(args: &TrainArgs, log: &Log) -> Result<(Summary, PathBuf)> {
     let started = Instant::now();
     let mut plan = plan(args)?;
     let mut capture = capture::open(plan.config.data()?, &plan.config.capture)?;
@@ -183,7 +193,7 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<Summary> {
         ));
         return Err(Error::Interrupted);
     }
-    Ok(summary)
+    Ok((summary, plan.out))
 }
 
 fn plan(args: &TrainArgs) -> Result<Plan> {

@@ -35,6 +35,9 @@ pub struct TrainArgs {
     /// Settings as in a run's config.toml; flags win over the file, the file over the defaults
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
+    /// Also write the trained scene as an asset; several may follow. "litetex export" has more options
+    #[arg(long, value_name = "FILE", num_args = 1..)]
+    pub export: Vec<PathBuf>,
     /// Where to compute: auto, gpu, or a name that "litetex devices" lists
     #[arg(long, value_name = "NAME", default_value = "auto", help_heading = "Device")]
     pub device: String,
