@@ -2,6 +2,7 @@
 #![allow(dead_code, reason = "each test binary uses a part")]
 #![allow(clippy::unwrap_used, reason = "a failing test may panic")]
 
+pub mod assets;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 pub mod moved;

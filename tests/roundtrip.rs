@@ -1,0 +1,137 @@
+//! Every format and quality, written, read and rendered again: on the CPU, and on the GPU drivers that are installed.
+#![allow(clippy::unwrap_used, reason = "a failing test may panic")]
+
+mod common;
+
+use common::assets::{asset, pictures, psnr, through};
+use litetex_exporters::{AssetMap, Format, Quality, SplatAsset};
+use litetex_gs::backend::Backend;
+use litetex_gs::cpu::CpuBackend;
+
+/// Least PSNR of pictures of a file against those of the scene. Needed: glTF and USD 57.9, `.ltgs` 48.9 and 42.9 (steps that are
+/// not measured by rendering), PLY 120, SPZ 33.
+fn least(format: Format, quality: Quality) -> f64 {
+    match (format, quality) {
+        (Format::Spz, _) => 28.0,
+        (Format::Ply, _) => 80.0,
+        (Format::Ltgs, Quality::Tiny) => 38.0,
+        (Format::Ltgs, _) => 44.0,
+        _ => 48.0,
+    }
+}
+
+fn every_file_renders_as_the_scene(backend: &mut dyn Backend) {
+    let (asset, folder) = (asset(), tempfile::tempdir().unwrap());
+    let whole = pictures(backend, &asset, &asset);
+    let plain = pictures(backend, &asset.untextured(), &asset);
+    assert!(psnr(&plain, &whole) < 35.0, "the maps are hardly seen: nothing is tested");
+    for format in Format::ALL {
+        let qualities = if format.qualities().is_empty() { &[Quality::Balanced] } else { format.qualities() };
+        for &quality in qualities {
+            let mut read = through(folder.path(), &asset, format, quality);
+            let expected = if format.keeps_textures() { &whole } else { &plain };
+            if !format.keeps_textures() {
+                read = read.in_frame(&asset.capture_from_local);
+                (read.near, read.background) = (asset.near, asset.background);
+            }
+            let found = pictures(backend, &read, &asset);
+            if quality == Quality::Lossless {
+                let same = found.iter().zip(expected).all(|(a, b)| a.to_bits() == b.to_bits());
+                assert!(same, "{format:?}: lossless, but pictures differ");
+            } else {
+                let psnr = psnr(&found, expected);
+                println!("{format:?} {quality:?} {psnr:.2} dB");
+                assert!(psnr >= least(format, quality), "{format:?} {quality:?}: {psnr}");
+            }
+        }
+    }
+}
+
+#[test]
+fn every_file_renders_as_the_scene_on_the_cpu() {
+    every_file_renders_as_the_scene(&mut CpuBackend::new(Some(2)).unwrap());
+}
+
+#[cfg(feature = "gpu")]
+#[test]
+fn every_file_renders_as_the_scene_on_a_gpu() {
+    for mut backend in common::gpu::backends(litetex_gs::gpu::GpuOptions::default()) {
+        every_file_renders_as_the_scene(&mut backend);
+    }
+}
+
+/// The texels of a map as if its rectangle were taken a row further on the page.
+fn shifted_rectangles(asset: &mut SplatAsset) {
+    for i in 0..asset.num_splats() {
+        let map = asset.maps[i];
+        let (first, row) = (3 * map.offset_texels as usize, 3 * usize::from(map.cols));
+        asset.texels[first..first + 3 * map.num_texels()].rotate_left(row);
+    }
+}
+
+/// Each map with its edge repeated around it: taps outside repeat the edge instead of counting as zero.
+fn clamped_edges(asset: &mut SplatAsset) {
+    let old = asset.clone();
+    asset.texels.clear();
+    for (i, map) in old.maps.iter().enumerate() {
+        let offset_texels = (asset.texels.len() / 3) as u32;
+        asset.maps[i].offset_texels = offset_texels;
+        if map.num_texels() == 0 {
+            continue;
+        }
+        let (rows, cols) = (usize::from(map.rows), usize::from(map.cols));
+        asset.maps[i] =
+            AssetMap { offset_texels, rows: map.rows + 2, cols: map.cols + 2, texel_size: map.texel_size };
+        for row in 0..rows + 2 {
+            for col in 0..cols + 2 {
+                let inner = row.clamp(1, rows) - 1;
+                let at = 3 * (inner * cols + col.clamp(1, cols) - 1);
+                asset.texels.extend_from_slice(&old.texels_of(i)[at..at + 3]);
+            }
+        }
+    }
+}
+
+fn decoded_as_srgb(asset: &mut SplatAsset) {
+    let linear = |v: f32| if v <= 0.040_45 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) };
+    asset.texels.iter_mut().for_each(|t| *t = 2.0 * linear(0.5 * (*t + 1.0)) - 1.0);
+}
+
+fn mirrored(asset: &mut SplatAsset) {
+    asset.positions.iter_mut().for_each(|p| p[0] = -p[0]);
+    asset.rotations.iter_mut().for_each(|q| (q[2], q[3]) = (-q[2], -q[3]));
+}
+
+#[test]
+fn what_a_wrong_reader_or_writer_does_is_seen() {
+    let mut backend = CpuBackend::new(Some(2)).unwrap();
+    let asset = asset();
+    let whole = pictures(&mut backend, &asset, &asset);
+    type Mistake = fn(&mut SplatAsset);
+    let mistakes: [(&str, Mistake); 7] = [
+        ("shifted rectangles", shifted_rectangles),
+        ("quaternions as xyzw", |a| a.rotations.iter_mut().for_each(|q| q.rotate_left(1))),
+        ("an atlas decoded as sRGB", decoded_as_srgb),
+        ("clamped edges", clamped_edges),
+        ("a mirrored frame", mirrored),
+        ("SH of another sign", |a| {
+            a.sh.iter_mut().enumerate().for_each(|(i, c)| {
+                if i % 48 == 9 {
+                    *c = -*c
+                }
+            })
+        }),
+        ("rows and columns exchanged", |a| {
+            a.maps.iter_mut().for_each(|m| (m.rows, m.cols) = (m.cols, m.rows));
+        }),
+    ];
+    for (name, mistake) in mistakes {
+        let mut wrong = asset.clone();
+        mistake(&mut wrong);
+        wrong.validate().unwrap();
+        let psnr = psnr(&pictures(&mut backend, &wrong, &asset), &whole);
+        println!("{name}: {psnr:.2} dB");
+        // Below what every quality must keep; found: 10 to 33 dB.
+        assert!(psnr < 38.0, "{name}: {psnr} dB");
+    }
+}
