@@ -118,7 +118,7 @@ fn lossy_files_keep_what_they_promise_and_plain_ones_the_colours() {
         let verdict = json(&["verify", text(&file), "--against", text(run), "--device", "cpu"]);
         assert_eq!(verdict["verified"], true, "{name}: {verdict}");
         let v = &verdict["verdict"];
-        assert_eq!(v["loss_is_measured"], true, "the capture is there");
+        assert!(v["on_test_photos"]["before"].as_f64().unwrap() > 10.0, "the capture is there");
         assert_eq!(v["untextured"], ["e.ply", "f.spz"].contains(&name));
         println!("{name} {quality}: {} dB, {} dB lost", v["psnr"], v["loss_db"]);
     }

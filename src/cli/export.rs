@@ -8,7 +8,9 @@ use super::search;
 use super::table::Columns;
 use super::values::format_bytes;
 use super::verdict::{Limits, Verdict, judge, limits_of};
-use litetex_exporters::{Format, ReadLimits, SplatAsset, WriteOptions, Written, read_asset, write_asset};
+use litetex_exporters::{
+    AssetCamera, Format, ReadLimits, SplatAsset, WriteOptions, Written, read_asset, write_asset,
+};
 use litetex_gs::{Error, Result};
 use std::path::{Path, PathBuf};
 
@@ -145,12 +147,7 @@ pub fn write_all(
 }
 
 /// Reads a file back and compares its pictures with the scene's.
-fn prove(
-    stage: &mut Stage,
-    asset: &SplatAsset,
-    path: &Path,
-    views: &[litetex_exporters::AssetCamera],
-) -> Result<Verdict> {
+fn prove(stage: &mut Stage, asset: &SplatAsset, path: &Path, views: &[AssetCamera]) -> Result<Verdict> {
     let contents = read_asset(path, &ReadLimits::default())?;
     let limits: Limits = limits_of(path, &contents);
     let textured = Format::of(path)?.keeps_textures();
@@ -158,7 +155,7 @@ fn prove(
 }
 
 /// Training views, evenly spread.
-fn proof_views(asset: &SplatAsset) -> Vec<litetex_exporters::AssetCamera> {
+fn proof_views(asset: &SplatAsset) -> Vec<AssetCamera> {
     let training: Vec<_> = asset.cameras.iter().filter(|c| !c.held_out).cloned().collect();
     spread(&training, PROOF_VIEWS)
 }

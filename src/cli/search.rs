@@ -1,20 +1,16 @@
 //! How coarsely a `.ltgs` file may be rounded: steps are found by looking at the pictures.
 
 use super::asset_args::AssetArgs;
-use super::capture::Capture;
 use super::differences::{Difference, Stage, loss_db, mse_to_photos, spread};
 use super::frozen::Frozen;
 use super::log::Log;
 use super::values::format_bytes;
 use super::verdict::Limits;
-use super::verify::photos;
 use litetex_exporters::ltgs::{LtgsOptions, Steps, encode, quantised};
 use litetex_exporters::{AssetCamera, Quality, SplatAsset};
-use litetex_gs::backend::{RenderedImage, TargetImage};
-use litetex_gs::eval::{PicturePair, psnr};
-use litetex_gs::views::ViewSource;
+use litetex_gs::backend::RenderedImage;
+use litetex_gs::eval::psnr_from_mse;
 use litetex_gs::{Error, Result};
-use std::sync::Arc;
 
 /// Views that are looked at.
 const VIEWS: usize = 12;
@@ -114,9 +110,7 @@ struct Look {
     stage: Stage,
     views: Vec<AssetCamera>,
     expected: Vec<RenderedImage>,
-    /// With the PSNR of the scene on each.
-    photos: Option<Vec<(Arc<TargetImage>, f64)>>,
-    /// Mean squared error from photos where there are none.
+    /// Mean squared error of the scene from photos, as far as it tells.
     mse: f64,
 }
 
@@ -124,10 +118,7 @@ impl Look {
     fn new(frozen: &Frozen, views: Vec<AssetCamera>, device: &str, log: &Log) -> Result<Self> {
         let mut stage = Stage::open(device, log)?;
         let expected = stage.pictures(&frozen.asset, &views)?;
-        // A capture that is gone is no reason to stop: the loss is estimated.
-        let capture = photos(frozen, None, log).ok().flatten();
-        let photos = capture.map(|c| photos_of(&c, &views, &expected)).transpose()?.flatten();
-        Ok(Self { stage, views, expected, photos, mse: mse_to_photos(&frozen.asset) })
+        Ok(Self { stage, views, expected, mse: mse_to_photos(&frozen.asset) })
     }
 
     /// Whether pictures with these steps keep to the limits.
@@ -138,16 +129,10 @@ impl Look {
             Err(_) => return Ok(false),
         };
         let pictures = self.stage.pictures(&rounded, &self.views)?;
-        let mut losses = Vec::new();
-        let mut psnrs = Vec::new();
-        for (i, (found, expected)) in pictures.iter().zip(&self.expected).enumerate() {
-            let mse = Difference::mse_of(found, expected);
-            psnrs.push(litetex_gs::eval::psnr_from_mse(mse));
-            losses.push(match &self.photos {
-                Some(photos) => photos[i].1 - psnr(&PicturePair::new(&found.rgb, &photos[i].0)),
-                None => loss_db(mse, self.mse),
-            });
-        }
+        let pairs = pictures.iter().zip(&self.expected);
+        let errors: Vec<f64> = pairs.map(|(found, expected)| Difference::mse_of(found, expected)).collect();
+        let losses: Vec<f64> = errors.iter().map(|&mse| loss_db(mse, self.mse)).collect();
+        let psnrs: Vec<f64> = errors.iter().map(|&mse| psnr_from_mse(mse)).collect();
         let count = self.views.len() as f64;
         let mean = |values: &[f64]| values.iter().sum::<f64>() / count;
         let within = |found: f64, limit: Option<f64>| limit.is_none_or(|l| found <= USED_SHARE * l);
@@ -156,28 +141,6 @@ impl Look {
             // Half a decibel of room, for the same reason.
             && limits.min_psnr.is_none_or(|least| mean(&psnrs) >= least + 0.5))
     }
-}
-
-/// The photos of views, with the PSNR of pictures on them; `None` if one is missing or of another size.
-#[allow(clippy::type_complexity, reason = "named in the struct that it fills")]
-fn photos_of(
-    capture: &Capture,
-    views: &[AssetCamera],
-    pictures: &[RenderedImage],
-) -> Result<Option<Vec<(Arc<TargetImage>, f64)>>> {
-    let mut out = Vec::new();
-    for (view, picture) in views.iter().zip(pictures) {
-        let Some(index) = (0..capture.num_views()).find(|&v| capture.name(v) == view.name) else {
-            return Ok(None);
-        };
-        let photo = capture.target(index)?;
-        if [photo.width_px, photo.height_px] != [view.width_px, view.height_px] {
-            return Ok(None);
-        }
-        let before = psnr(&PicturePair::new(&picture.rgb, &photo));
-        out.push((photo, before));
-    }
-    Ok(Some(out))
 }
 
 #[cfg(test)]

@@ -80,13 +80,11 @@ pub struct Verdict {
     pub flip: f64,
     /// Largest difference of any value.
     pub largest: f32,
-    /// PSNR lost on photos, mean over the views: measured where there are photos, else estimated from the PSNR on test
-    /// views that the scene tells of. dB
+    /// PSNR on photos that the differences cost at the scene's quality on test views, mean over the views: an error of `e`
+    /// on top of one of `m` costs `10 log10(1 + e / m)`. dB
     pub loss_db: f64,
     /// Of the worst view.
     pub loss_worst_db: f64,
-    /// Whether there were photos.
-    pub loss_is_measured: bool,
     /// How a program without textures shows it: PSNR of the untextured scene against the whole. dB
     pub fallback_psnr: f64,
     /// On the views that were trained on.
@@ -143,7 +141,6 @@ pub fn judge(
         largest: differences.iter().map(|d| d.largest).fold(0.0, f32::max),
         loss_db: mean(&estimated),
         loss_worst_db: differences.iter().map(estimated).fold(0.0, f64::max),
-        loss_is_measured: false,
         fallback_psnr: fallback_psnr / views.len() as f64,
         on_training_photos: None,
         on_test_photos: None,
@@ -165,7 +162,6 @@ fn on_photos(
     found: &[RenderedImage],
     expected: &[RenderedImage],
 ) -> Result<()> {
-    let mut losses = Vec::new();
     let mut sums = [(0_usize, OnPhotos::default()); 2];
     for ((view, found), expected) in views.iter().zip(found).zip(expected) {
         let index = (0..capture.num_views()).find(|&v| capture.name(v) == view.name);
@@ -186,20 +182,12 @@ fn on_photos(
         let (count, sum) = &mut sums[usize::from(view.held_out)];
         *count += 1;
         *sum = OnPhotos { before: sum.before + before, after: sum.after + after };
-        if !view.held_out {
-            losses.push(before - after);
-        }
     }
     let mean = |(count, sum): (usize, OnPhotos)| {
         let count_f = count as f64;
         (count > 0).then_some(OnPhotos { before: sum.before / count_f, after: sum.after / count_f })
     };
     (verdict.on_training_photos, verdict.on_test_photos) = (mean(sums[0]), mean(sums[1]));
-    if !losses.is_empty() {
-        verdict.loss_is_measured = true;
-        verdict.loss_db = losses.iter().sum::<f64>() / losses.len() as f64;
-        verdict.loss_worst_db = losses.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    }
     Ok(())
 }
 
@@ -229,9 +217,8 @@ impl Verdict {
         table.row("PSNR", format!("{:.2} dB, worst {:.2} dB, against {scene}", self.psnr, self.psnr_worst));
         table.row("SSIM, FLIP", format!("{:.6}, {:.6}", self.ssim, self.flip));
         table.row("largest difference", format!("{:e}", self.largest));
-        let how =
-            if self.loss_is_measured { "measured on training photos" } else { "estimated, without photos" };
-        table.row("lost", format!("{:.4} dB, worst view {:.4} dB ({how})", self.loss_db, self.loss_worst_db));
+        let [mean, worst] = [self.loss_db, self.loss_worst_db];
+        table.row("lost", format!("{mean:.4} dB at the scene's quality, worst view {worst:.4} dB"));
         for (name, figures) in
             [("training photos", self.on_training_photos), ("test photos", self.on_test_photos)]
         {
