@@ -3,7 +3,7 @@
 //!
 //! Every rule of the picture decides pixels of it: SH of degree 3, rectangular maps on several atlas pages,
 //! off-centre principal points, unequal focal lengths, a coloured background; splats behind the camera and around the
-//! near plane, seen edge-on, opaque on top of each other, and as faint as 1/255. Seeded: the same files every time.
+//! near plane, seen edge-on, opaque on top of each other, of equal depth, and as faint as 1/255. Seeded: the same files every time.
 
 use litetex_exporters::gltf::{GltfOptions, write_gltf};
 use litetex_exporters::usd::{UsdOptions, write_usd};
@@ -19,6 +19,12 @@ const MAP_SIZES: [(u16, u16); 9] =
     [(1, 1), (2, 7), (16, 3), (0, 0), (9, 12), (40, 8), (5, 64), (1, 20), (24, 24)];
 /// So small that there are several pages.
 const PAGE_SIDE: u16 = 128;
+
+/// Kinds of splats (`placed`), and the one of opaque splats on top of each other.
+const KINDS: usize = 20;
+const STACKED: usize = 9;
+/// Kind of splats at the centre of the one before: equal depths, drawn by index.
+const TWIN: usize = 11;
 
 /// Numbers of a linear congruential generator.
 struct Random(u64);
@@ -100,24 +106,33 @@ fn placed(kind: usize, random: &mut Random) -> ([f32; 3], [f64; 4], f32) {
     let z = match kind {
         // Around the near plane of the first camera, and behind it; not on it, where one bit decides.
         0 => NEAR * [-0.8, 0.3, 0.9, 1.1, 1.5][(5.0 * random.unit()) as usize] + random.between(-0.02, 0.02),
+        STACKED => random.between(0.5, 0.62),
         _ => random.between(0.8, 4.0),
     };
     let spread = if kind == 0 { 0.6 * z.abs() + 0.05 } else { 0.55 * z };
-    let position = [random.between(-spread, spread), random.between(-spread, spread), z];
-    let rotation = if kind == 1 {
-        // Edge-on for the first camera, on both sides of the limit of 0.001.
-        let sight = unit(position.map(f64::from));
-        let across = unit(cross(sight, unit(std::array::from_fn(|_| f64::from(random.between(0.1, 1.0))))));
-        let lean = f64::from([0.0003, 0.002, 0.02, 0.08][(4.0 * random.unit()) as usize]);
-        rotation_to_normal(unit(std::array::from_fn(|i| across[i] + lean * sight[i])))
-    } else {
-        random.rotation()
+    let mut position = [random.between(-spread, spread), random.between(-spread, spread), z];
+    if kind == STACKED {
+        // Behind each other, so that pixels see two clamped alphas in a row.
+        let sight = [[-0.3, -0.2], [0.2, 0.3], [0.35, -0.25]][(3.0 * random.unit()) as usize];
+        position = [sight[0] * z, sight[1] * z, z];
+    }
+    let sight = unit(position.map(f64::from));
+    let rotation = match kind {
+        1 => {
+            // Edge-on for the first camera, on both sides of the limit of 0.001.
+            let any = std::array::from_fn(|_| f64::from(random.between(0.1, 1.0)));
+            let across = unit(cross(sight, any));
+            let lean = [0.0003, 0.002, 0.02, 0.08][(4.0 * random.unit()) as usize];
+            rotation_to_normal(unit(std::array::from_fn(|i| across[i] + lean * sight[i])))
+        }
+        STACKED => rotation_to_normal(sight),
+        _ => random.rotation(),
     };
     let opacity = match kind {
         2 | 3 => random.between(0.8, 3.0) / 255.0,
         4 => random.between(0.02, 0.1),
         5..=8 => random.between(0.99, 1.0),
-        9 => 1.0,
+        STACKED => 1.0,
         _ => random.between(0.1, 0.98),
     };
     (position, rotation, opacity)
@@ -127,7 +142,8 @@ fn placed(kind: usize, random: &mut Random) -> ([f32; 3], [f64; 4], f32) {
 fn texels(rows: u16, cols: u16, random: &mut Random) -> Vec<f32> {
     let mut out = Vec::new();
     let mean: [f32; 3] = std::array::from_fn(|_| random.between(-0.4, 0.4));
-    let slopes: [[f32; 2]; 3] = std::array::from_fn(|_| [random.between(-0.5, 0.5), random.between(-0.5, 0.5)]);
+    let slopes: [[f32; 2]; 3] =
+        std::array::from_fn(|_| [random.between(-0.5, 0.5), random.between(-0.5, 0.5)]);
     for i in 0..rows {
         for j in 0..cols {
             let u = (f32::from(i) + 0.5) / f32::from(rows) - 0.5;
@@ -142,8 +158,8 @@ fn texels(rows: u16, cols: u16, random: &mut Random) -> Vec<f32> {
     out
 }
 
-/// The scene, local frame (y down).
-fn scene(sh_degree: u32, splats: usize) -> SplatAsset {
+/// A scene of splats of these kinds, local frame (y down).
+fn scene(sh_degree: u32, kinds: impl Iterator<Item = usize>) -> SplatAsset {
     let mut random = Random(20_260_726);
     let mut asset = SplatAsset {
         sh_degree,
@@ -159,13 +175,14 @@ fn scene(sh_degree: u32, splats: usize) -> SplatAsset {
     };
     asset.provenance.title = "Conformance scene".to_owned();
     let mut offset_texels = 0;
-    for splat in 0..splats {
-        let (position, rotation, opacity) = placed(splat % 20, &mut random);
+    for (splat, kind) in kinds.enumerate() {
+        let (position, rotation, opacity) = placed(kind, &mut random);
         let sigmas: [f32; 2] = std::array::from_fn(|_| {
             let share = random.unit();
-            0.02 + 0.3 * share * share * share
+            if kind == STACKED { 0.06 + 0.02 * share } else { 0.02 + 0.3 * share * share * share }
         });
-        asset.positions.push(position);
+        let twin = asset.positions.last().copied().filter(|_| kind == TWIN);
+        asset.positions.push(twin.unwrap_or(position));
         asset.rotations.push(rotation.map(|v| v as f32));
         asset.scales.push(sigmas);
         asset.opacities.push(opacity);
@@ -193,8 +210,12 @@ fn main() -> Result<()> {
         return Ok(());
     };
     let folder = Path::new(&folder);
-    let asset = scene(3, SPLATS);
-    let linear = SplatAsset { colour_space: ColourSpace::LinRec709Display, ..scene(1, 120) };
+    let asset = scene(3, (0..SPLATS).map(|splat| splat % KINDS));
+    let linear = SplatAsset {
+        colour_space: ColourSpace::LinRec709Display,
+        ..scene(1, (0..120).map(|splat| splat % KINDS))
+    };
+    let opaque = scene(0, (0..24).map(|_| STACKED));
     let gltf = |name: &str, asset: &SplatAsset, quality| {
         write_gltf(&folder.join(name), asset, &GltfOptions { quality, page_side: PAGE_SIDE })
     };
@@ -206,6 +227,7 @@ fn main() -> Result<()> {
     gltf("balanced.glb", &asset, Quality::Balanced)?;
     gltf("lossless.gltf", &asset, Quality::Lossless)?;
     gltf("linear.glb", &linear, Quality::Lossless)?;
+    gltf("opaque.glb", &opaque, Quality::Lossless)?;
     usd("lossless.usda", Quality::Lossless)?;
     usd("balanced.usdc", Quality::Balanced)?;
     usd("balanced.usdz", Quality::Balanced)?;

@@ -237,6 +237,10 @@ class Rules:
     map_edge: str = "constant"  # section 6: zero outside of the map; "edge": clamped
     pixel_centre: float = 0.5  # section 4
     cut_sigma: float = np.inf  # section 6: none but the one by opacity
+    order: str = "depth"  # section 7; "distance": what viewers of ellipsoids do
+    base_min: float = 0.0  # section 5
+    stop_below: float = 0.0001  # section 7
+    alpha_max: float = float(np.float32(0.99))  # section 7: the f32, so that two clamped samples end a pixel
 
 
 def rotation_matrices(quaternions):
@@ -285,13 +289,17 @@ class Pinhole:
     size: tuple  # width, height in pixels
 
     @classmethod
-    def of(cls, camera, data_to_local):
+    def of(cls, camera, data_to_local, size=None):
+        """Of a camera of `meta`, for a picture of `size` (width, height) if that is another one."""
+        own = (camera["widthPx"], camera["heightPx"])
+        size = size or own
+        zoom = (size[0] / own[0], size[1] / own[1])
         return cls(
             rotation=np.array(camera["rotationRows"], np.float64) * np.array(data_to_local),
             translation=np.array(camera["translation"], np.float64),
-            focal=tuple(camera["focalPx"]),
-            principal=tuple(camera["principalPx"]),
-            size=(camera["widthPx"], camera["heightPx"]),
+            focal=tuple(f * z for f, z in zip(camera["focalPx"], zoom)),
+            principal=tuple(c * z for c, z in zip(camera["principalPx"], zoom)),
+            size=size,
         )
 
 
@@ -361,10 +369,10 @@ def draw(splat, pinhole, near, rules, light, clear, live):
     o_g = splat.opacity * np.exp(-square / 2)
     seen = (o_g >= 1 / 255) & (square <= rules.cut_sigma**2)
     row, col, a, b = row[seen] + y0, col[seen] + x0, a[seen], b[seen]
-    alpha = np.minimum(0.99, o_g[seen])
+    alpha = np.minimum(rules.alpha_max, o_g[seen])
     colour = np.maximum(0.0, splat.base + residuals(splat, a, b))
     rest = clear[row, col] * (1 - alpha)
-    stop = rest < 0.0001
+    stop = rest < rules.stop_below
     live[row[stop], col[stop]] = False
     go = ~stop
     row, col, alpha = row[go], col[go], alpha[go]
@@ -380,13 +388,13 @@ def drawn_splats(scene, pinhole, rules):
     direction = scene.positions - eye
     length = np.linalg.norm(direction, axis=1)
     basis = sh_basis(direction / length[:, None], scene.sh.shape[1])
-    base = np.maximum(0.0, 0.5 + np.einsum("nk,nkc->nc", basis, scene.sh))
+    base = np.maximum(rules.base_min, 0.5 + np.einsum("nk,nkc->nc", basis, scene.sh))
     finite = np.isfinite(np.concatenate([p, axes.reshape(-1, 9), scene.sigmas, base], axis=1)).all(axis=1)
     p_n = np.abs(np.einsum("ni,ni->n", p, axes[:, :, 2]))
     edge_on = p_n < 0.001 * np.linalg.norm(p, axis=1)
     skip = ~finite | (p[:, 2] < scene.meta["near"]) | ~(scene.opacities >= 1 / 255) | edge_on
-    depth = p[:, 2].astype(np.float32)
-    for k in np.argsort(depth, kind="stable"):
+    depth = p[:, 2] if rules.order == "depth" else length
+    for k in np.argsort(depth.astype(np.float32), kind="stable"):
         if skip[k]:
             continue
         texels = None
@@ -398,17 +406,16 @@ def drawn_splats(scene, pinhole, rules):
         yield Splat(p[k], axes[k], scene.sigmas[k], scene.opacities[k], base[k], texels, scene.texel_sizes[k])
 
 
-def render(scene, camera, rules=Rules(), background=None):
+def render(scene, camera, rules=Rules(), size=None):
     """The picture (height, width, 3) of a camera of `meta`, in the space of the asset, not clamped."""
-    pinhole = Pinhole.of(camera, rules.data_to_local)
+    pinhole = Pinhole.of(camera, rules.data_to_local, size)
     width, height = pinhole.size
     light, clear = np.zeros((height, width, 3)), np.ones((height, width))
     live = np.ones((height, width), bool)
     with np.errstate(all="ignore"):
         for splat in drawn_splats(scene, pinhole, rules):
             draw(splat, pinhole, scene.meta["near"], rules, light, clear, live)
-    background = scene.meta["background"] if background is None else background
-    return light + clear[:, :, None] * np.array(background)
+    return light + clear[:, :, None] * np.array(scene.meta["background"])
 
 
 # ----------------------------------------------------------------------------------------------------------- comparison
@@ -426,11 +433,11 @@ def linear_from_srgb(code):
     return np.where(code <= 0.04045, code / 12.92, ((code + 0.055) / 1.055) ** 2.4)
 
 
-def read_reference(path, colour_space):
-    """A picture of `litetex render --exr` (linear light) in the space of the asset."""
+def read_reference(path):
+    """The finished numbers of a picture of `litetex render --exr`: the program takes them for sRGB code values, whatever
+    the colour space of the asset, and writes their linear light."""
     with open(path, "rb") as file:
-        linear = read_exr(file.read())
-    return srgb_from_linear(linear) if colour_space == "srgb_rec709_display" else linear
+        return srgb_from_linear(read_exr(file.read()))
 
 
 def psnr(picture, reference):
@@ -452,8 +459,7 @@ def main():
     if arguments.output:
         np.save(arguments.output, picture.astype(np.float32))
     if arguments.compare:
-        reference = read_reference(arguments.compare, scene.meta["colourSpace"])
-        print(f"{psnr(picture, reference):.2f} dB")
+        print(f"{psnr(picture, read_reference(arguments.compare)):.2f} dB")
 
 
 if __name__ == "__main__":
