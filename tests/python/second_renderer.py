@@ -1,0 +1,466 @@
+#!/usr/bin/env python3
+"""A second renderer of the assets, written from their specifications alone.
+
+It shares no code and no idea with the program: its sources are `exporters/schema/gltf.md` and `exporters/schema/usd.md`,
+whose section numbers stand in the comments. Everything is evaluated in f64, splat by splat, in the plain form of the
+text. If the program and this file draw the same picture, the text says what the program does.
+
+    second_renderer.py FILE.glb|.gltf|.usda|.usdc|.usdz --view NAME [-o OUT.npy] [--compare PICTURE.exr]
+
+OUT.npy holds f32 (height, width, 3) in the space of the asset, not clamped. `--compare` prints the PSNR against a
+picture of `litetex render --exr`. Needs numpy, and usd-core for USD.
+"""
+
+import argparse
+import base64
+import json
+import os
+import struct
+import sys
+import zipfile
+from dataclasses import dataclass
+from urllib.parse import unquote
+
+import numpy as np
+
+from second_pictures import read_exr, read_png
+
+KHR = "KHR_gaussian_splatting"
+TEXTURE = "LITETEX_gaussian_splatting_texture"
+Y_0 = 0.28209479177387814
+COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+
+
+@dataclass
+class Scene:
+    """An asset in the frame of the data (right-handed, y up); arrays are f64, one row a splat."""
+
+    positions: np.ndarray  # (n, 3)
+    rotations: np.ndarray  # (n, 4), xyzw
+    sigmas: np.ndarray  # (n, 2), along u and v
+    opacities: np.ndarray  # (n,)
+    sh: np.ndarray  # (n, k, 3), degree 0 exact
+    rects: np.ndarray  # (n, 4), x, y, cols, rows in texels
+    page_of: np.ndarray  # (n,)
+    texel_sizes: np.ndarray  # (n,)
+    pages: list  # of (height, width, 3): residuals
+    meta: dict  # gltf.md, section 8
+
+    def camera(self, name):
+        """The camera of the capture with this name."""
+        named = [c for c in self.meta["cameras"] if c["name"] == name]
+        if not named:
+            sys.exit(f"no camera {name}; there are {[c['name'] for c in self.meta['cameras']]}")
+        return named[0]
+
+
+# ---------------------------------------------------------------------------------------------------------------- files
+
+
+def decoded(codes, scale, bias):
+    """Texels of codes of 8 bits (gltf.md, section 3)."""
+    texels = codes.astype(np.float64) * scale + bias
+    return np.clip(texels.astype(np.float32).astype(np.float64), -1.0, 1.0)
+
+
+class Gltf:
+    """The containers of glTF: JSON, buffers, accessors, images."""
+
+    def __init__(self, path):
+        self.folder = os.path.dirname(path)
+        with open(path, "rb") as file:
+            data = file.read()
+        self.embedded = b""
+        if data[:4] != b"glTF":
+            self.json = json.loads(data)
+            return
+        version, length = struct.unpack_from("<II", data, 4)
+        assert version == 2 and length == len(data), "not a GLB of version 2"
+        at = 12
+        while at < length:
+            size, kind = struct.unpack_from("<I4s", data, at)
+            content = data[at + 8 : at + 8 + size]
+            if kind == b"JSON":
+                self.json = json.loads(content)
+            elif kind == b"BIN\0":
+                self.embedded = content
+            at += 8 + size
+
+    def file(self, uri):
+        """Bytes of a uri: in the file itself or beside it."""
+        if uri.startswith("data:"):
+            return base64.b64decode(uri.split(",", 1)[1])
+        with open(os.path.join(self.folder, unquote(uri)), "rb") as file:
+            return file.read()
+
+    def view(self, index):
+        """Bytes of a buffer view."""
+        view = self.json["bufferViews"][index]
+        buffer = self.json["buffers"][view["buffer"]]
+        data = self.file(buffer["uri"]) if "uri" in buffer else self.embedded
+        start = view.get("byteOffset", 0)
+        return data[start : start + view["byteLength"]]
+
+    def accessor(self, index):
+        """Rows of numbers (count, components)."""
+        accessor = self.json["accessors"][index]
+        assert "sparse" not in accessor, "sparse accessor"
+        width, kind = WIDTHS[accessor["type"]], np.dtype(COMPONENTS[accessor["componentType"]])
+        stride = self.json["bufferViews"][accessor["bufferView"]].get("byteStride", width * kind.itemsize)
+        data = self.view(accessor["bufferView"])[accessor.get("byteOffset", 0) :]
+        rows = np.ndarray((accessor["count"], width), kind, data, 0, (stride, kind.itemsize))
+        return rows.astype(np.float64) if kind.kind == "f" else rows.astype(np.int64)
+
+    def image(self, texture):
+        """Bytes of the image of a core texture."""
+        image = self.json["images"][self.json["textures"][texture]["source"]]
+        return self.view(image["bufferView"]) if "bufferView" in image else self.file(image["uri"])
+
+    def page(self, page, decode):
+        """Residuals of an atlas page (section 3)."""
+        shape = (page["height"], page["width"], 3)
+        if "bufferView" in page:
+            texels = np.frombuffer(self.view(page["bufferView"]), "<f4").astype(np.float64).reshape(shape)
+        elif "uri" in page:
+            texels = read_exr(self.file(page["uri"]))
+        else:
+            texels = decoded(read_png(self.image(page["texture"])), decode["scale"], decode["bias"])
+        assert texels.shape == shape, f"page of {texels.shape}, expected {shape}"
+        return texels
+
+
+def read_gltf(path):
+    """A scene of .glb or .gltf (sections 1 to 3)."""
+    gltf = Gltf(path)
+    primitives = [p for mesh in gltf.json["meshes"] for p in mesh["primitives"] if KHR in p.get("extensions", {})]
+    assert len(primitives) == 1, f"{len(primitives)} primitives of splats"
+    attributes = primitives[0]["attributes"]
+    textured = primitives[0]["extensions"][KHR]["extensions"][TEXTURE]
+    assert textured["version"] == 1, "unknown version"
+
+    def attribute(name):
+        return gltf.accessor(attributes[f"{KHR}:{name}"])
+
+    names = [f"SH_DEGREE_{l}_COEF_{n}" for l in range(4) for n in range(2 * l + 1)]
+    sh = np.stack([attribute(n) for n in names if f"{KHR}:{n}" in attributes], axis=1)
+    if "sh0" in textured:
+        sh[:, 0] = gltf.accessor(textured["sh0"])
+    count = len(sh)
+    no_maps = np.zeros((count, 4), np.int64)
+    return Scene(
+        positions=gltf.accessor(attributes["POSITION"]),
+        rotations=attribute("ROTATION"),
+        sigmas=attribute("SCALE")[:, :2],
+        opacities=attribute("OPACITY")[:, 0],
+        sh=sh,
+        rects=gltf.accessor(textured["rects"]) if "rects" in textured else no_maps,
+        page_of=gltf.accessor(textured["pages"])[:, 0] if "pages" in textured else no_maps[:, 0],
+        texel_sizes=gltf.accessor(textured["texelSize"])[:, 0] if "texelSize" in textured else np.zeros(count),
+        pages=[gltf.page(page, textured.get("decode")) for page in textured.get("atlas", [])],
+        meta=textured["meta"],
+    )
+
+
+def usd_picture(asset):
+    """Bytes of an asset path of a stage, beside the layer or in its package."""
+    path = asset.resolvedPath or asset.path
+    if path.endswith("]"):
+        package, inside = path[:-1].split("[", 1)
+        with zipfile.ZipFile(package) as entries:
+            return entries.read(inside)
+    with open(path, "rb") as file:
+        return file.read()
+
+
+def read_usd(path):
+    """A scene of .usda, .usdc or .usdz (usd.md)."""
+    from pxr import Usd, UsdShade
+
+    stage = Usd.Stage.Open(path)
+    root = stage.GetDefaultPrim()
+    root.GetVariantSet("representation").SetVariantSelection("textured")
+    splats = stage.GetPrimAtPath(f"{root.GetPath()}/Splats")
+
+    def value(name, empty=None):
+        attribute = splats.GetAttribute(name)
+        return attribute.Get() if attribute and attribute.HasAuthoredValue() else empty
+
+    def primvar(name, empty=None):
+        return value(f"primvars:litetex:{name}", empty)
+
+    assert primvar("version") == 1, "unknown version"
+    positions = np.array(value("positions"), np.float64)
+    count = len(positions)
+    degree = value("radiance:sphericalHarmonicsDegree")
+    sh = np.array(value("radiance:sphericalHarmonicsCoefficients"), np.float64).reshape(count, (degree + 1) ** 2, 3)
+    if primvar("sh0") is not None:
+        sh[:, 0] = np.array(primvar("sh0"), np.float64)
+    pages = []
+    for k, (width, height) in enumerate(value("litetex:pageSizes", [])):
+        shader = UsdShade.Shader(stage.GetPrimAtPath(f"{root.GetPath()}/Atlas/Page{k}"))
+        asset = shader.GetInput("file").Get()
+        data = usd_picture(asset)
+        if primvar("decodeScale") is None:
+            texels = read_exr(data)
+        else:
+            texels = decoded(read_png(data), primvar("decodeScale"), primvar("decodeBias"))
+        assert texels.shape == (height, width, 3), f"page of {texels.shape}, expected {(height, width, 3)}"
+        pages.append(texels)
+    return Scene(
+        positions=positions,
+        rotations=np.array([[*q.GetImaginary(), q.GetReal()] for q in value("orientations")], np.float64),
+        sigmas=np.array(value("scales"), np.float64)[:, :2],
+        opacities=np.array(value("opacities"), np.float64),
+        sh=sh,
+        rects=np.array(primvar("rect", np.zeros((count, 4))), np.int64),
+        page_of=np.array(primvar("page", np.zeros(count)), np.int64),
+        texel_sizes=np.array(primvar("texelSize", np.zeros(count)), np.float64),
+        pages=pages,
+        meta=json.loads(stage.GetRootLayer().customLayerData["litetex"]["meta"]),
+    )
+
+
+def read_scene(path):
+    """A scene of any of the formats, by the file's ending."""
+    return read_gltf(path) if path.endswith((".glb", ".gltf")) else read_usd(path)
+
+
+# -------------------------------------------------------------------------------------------------------------- picture
+
+
+@dataclass
+class Rules:
+    """What negative controls may break; the defaults are the specification."""
+
+    data_to_local: tuple = (1.0, -1.0, -1.0)  # section 4
+    map_edge: str = "constant"  # section 6: zero outside of the map; "edge": clamped
+    pixel_centre: float = 0.5  # section 4
+    cut_sigma: float = np.inf  # section 6: none but the one by opacity
+    order: str = "depth"  # section 7; "distance": what viewers of ellipsoids do
+    base_min: float = 0.0  # section 5
+    stop_below: float = 0.0001  # section 7
+    alpha_max: float = float(np.float32(0.99))  # section 7: the f32, so that two clamped samples end a pixel
+
+
+def rotation_matrices(quaternions):
+    """(n, 3, 3) of unit quaternions xyzw; the columns are the images of the axes."""
+    x, y, z, w = quaternions.T
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.moveaxis(np.array(rows), 2, 0)
+
+
+def sh_basis(directions, count):
+    """(n, count): the functions of section 5."""
+    x, y, z = directions.T
+    basis = [
+        np.full_like(x, Y_0),
+        -0.4886025119029199 * y,
+        0.4886025119029199 * z,
+        -0.4886025119029199 * x,
+        1.0925484305920792 * x * y,
+        -1.0925484305920792 * y * z,
+        0.31539156525252005 * (2 * z * z - x * x - y * y),
+        -1.0925484305920792 * x * z,
+        0.5462742152960396 * (x * x - y * y),
+        -0.5900435899266435 * y * (3 * x * x - y * y),
+        2.890611442640554 * x * y * z,
+        -0.4570457994644658 * y * (4 * z * z - x * x - y * y),
+        0.3731763325901154 * z * (2 * z * z - 3 * x * x - 3 * y * y),
+        -0.4570457994644658 * x * (4 * z * z - x * x - y * y),
+        1.445305721320277 * z * (x * x - y * y),
+        -0.5900435899266435 * x * (x * x - 3 * y * y),
+    ]
+    return np.stack(basis[:count], axis=1)
+
+
+@dataclass
+class Pinhole:
+    """A camera of `meta` for a scene's data (section 4)."""
+
+    rotation: np.ndarray  # camera_from_data
+    translation: np.ndarray
+    focal: tuple
+    principal: tuple
+    size: tuple  # width, height in pixels
+
+    @classmethod
+    def of(cls, camera, data_to_local, size=None):
+        """Of a camera of `meta`, for a picture of `size` (width, height) if that is another one."""
+        own = (camera["widthPx"], camera["heightPx"])
+        size = size or own
+        zoom = (size[0] / own[0], size[1] / own[1])
+        return cls(
+            rotation=np.array(camera["rotationRows"], np.float64) * np.array(data_to_local),
+            translation=np.array(camera["translation"], np.float64),
+            focal=tuple(f * z for f, z in zip(camera["focalPx"], zoom)),
+            principal=tuple(c * z for c, z in zip(camera["principalPx"], zoom)),
+            size=size,
+        )
+
+
+@dataclass
+class Splat:
+    """One drawn splat in camera axes."""
+
+    p: np.ndarray
+    axes: np.ndarray  # columns e_u, e_v, n
+    sigma: np.ndarray
+    opacity: float
+    base: np.ndarray
+    texels: np.ndarray  # with a border of one texel, or None
+    texel_size: float
+
+
+def pixel_box(splat, pinhole, near):
+    """Columns and rows (x0, x1, y0, y1) outside of which o G < 1/255: the hull of the disc's bounding rectangle."""
+    width, height = pinhole.size
+    reach = np.sqrt(2 * np.log(max(255 * splat.opacity, 1.0))) * 1.001
+    u, v = splat.axes[:, 0] * splat.sigma[0] * reach, splat.axes[:, 1] * splat.sigma[1] * reach
+    corners = np.array([splat.p + u + v, splat.p + u - v, splat.p - u + v, splat.p - u - v])
+    if corners[:, 2].min() < 0.5 * near or corners[:, 2].min() <= 0:
+        return 0, width, 0, height
+    x = corners[:, 0] / corners[:, 2] * pinhole.focal[0] + pinhole.principal[0]
+    y = corners[:, 1] / corners[:, 2] * pinhole.focal[1] + pinhole.principal[1]
+    x0, x1 = np.clip([np.floor(x.min()) - 1, np.ceil(x.max()) + 1], 0, width).astype(int)
+    y0, y1 = np.clip([np.floor(y.min()) - 1, np.ceil(y.max()) + 1], 0, height).astype(int)
+    return x0, x1, y0, y1
+
+
+def residuals(splat, a, b):
+    """(m, 3): bilinear residuals at places on the surfel (section 6, steps 5 and 6)."""
+    out = np.zeros((len(a), 3))
+    if splat.texels is None:
+        return out
+    rows, cols = splat.texels.shape[0] - 2, splat.texels.shape[1] - 2
+    u = a / splat.texel_size + (rows - 1) / 2
+    v = b / splat.texel_size + (cols - 1) / 2
+    inside = (u >= -1) & (u < rows) & (v >= -1) & (v < cols)
+    u, v = u[inside], v[inside]
+    i, j = np.floor(u).astype(int), np.floor(v).astype(int)
+    f, g = (u - i)[:, None], (v - j)[:, None]
+    t, i, j = splat.texels, i + 1, j + 1
+    out[inside] = (1 - f) * ((1 - g) * t[i, j] + g * t[i, j + 1]) + f * ((1 - g) * t[i + 1, j] + g * t[i + 1, j + 1])
+    return out
+
+
+def draw(splat, pinhole, near, rules, light, clear, live):
+    """Adds one splat to the picture (sections 6 and 7)."""
+    x0, x1, y0, y1 = pixel_box(splat, pinhole, near)
+    if x0 >= x1 or y0 >= y1:
+        return
+    (e_u, e_v, n), p = splat.axes.T, splat.p
+    rx = ((np.arange(x0, x1) + rules.pixel_centre - pinhole.principal[0]) / pinhole.focal[0])[None, :]
+    ry = ((np.arange(y0, y1) + rules.pixel_centre - pinhole.principal[1]) / pinhole.focal[1])[:, None]
+    r_n = rx * n[0] + ry * n[1] + n[2]
+    depth_ratio = p[2] * r_n / (p @ n)
+    hit = live[y0:y1, x0:x1] & (depth_ratio >= 0.0001) & (p[2] >= near * depth_ratio)
+    if not hit.any():
+        return
+    row, col = np.nonzero(hit)
+    t = (p @ n) / r_n[row, col]
+    offset = t[:, None] * np.stack([rx[0, col], ry[row, 0], np.ones(len(t))], axis=1) - p
+    a, b = offset @ e_u, offset @ e_v
+    square = (a / splat.sigma[0]) ** 2 + (b / splat.sigma[1]) ** 2
+    o_g = splat.opacity * np.exp(-square / 2)
+    seen = (o_g >= 1 / 255) & (square <= rules.cut_sigma**2)
+    row, col, a, b = row[seen] + y0, col[seen] + x0, a[seen], b[seen]
+    alpha = np.minimum(rules.alpha_max, o_g[seen])
+    colour = np.maximum(0.0, splat.base + residuals(splat, a, b))
+    rest = clear[row, col] * (1 - alpha)
+    stop = rest < rules.stop_below
+    live[row[stop], col[stop]] = False
+    go = ~stop
+    row, col, alpha = row[go], col[go], alpha[go]
+    light[row, col] += (clear[row, col] * alpha)[:, None] * colour[go]
+    clear[row, col] = rest[go]
+
+
+def drawn_splats(scene, pinhole, rules):
+    """The splats that survive step 1 of section 6, front to back, with their base colours (section 5)."""
+    p = scene.positions @ pinhole.rotation.T + pinhole.translation
+    axes = pinhole.rotation @ rotation_matrices(scene.rotations)
+    eye = -pinhole.rotation.T @ pinhole.translation
+    direction = scene.positions - eye
+    length = np.linalg.norm(direction, axis=1)
+    basis = sh_basis(direction / length[:, None], scene.sh.shape[1])
+    base = np.maximum(rules.base_min, 0.5 + np.einsum("nk,nkc->nc", basis, scene.sh))
+    finite = np.isfinite(np.concatenate([p, axes.reshape(-1, 9), scene.sigmas, base], axis=1)).all(axis=1)
+    p_n = np.abs(np.einsum("ni,ni->n", p, axes[:, :, 2]))
+    edge_on = p_n < 0.001 * np.linalg.norm(p, axis=1)
+    skip = ~finite | (p[:, 2] < scene.meta["near"]) | ~(scene.opacities >= 1 / 255) | edge_on
+    depth = p[:, 2] if rules.order == "depth" else length
+    for k in np.argsort(depth.astype(np.float32), kind="stable"):
+        if skip[k]:
+            continue
+        texels = None
+        x, y, cols, rows = scene.rects[k]
+        if cols > 0 and rows > 0:
+            texels = scene.pages[scene.page_of[k]][y : y + rows, x : x + cols]
+            assert texels.shape == (rows, cols, 3), f"splat {k}: the rectangle leaves its page"
+            texels = np.pad(texels, ((1, 1), (1, 1), (0, 0)), mode=rules.map_edge)
+        yield Splat(p[k], axes[k], scene.sigmas[k], scene.opacities[k], base[k], texels, scene.texel_sizes[k])
+
+
+def render(scene, camera, rules=Rules(), size=None):
+    """The picture (height, width, 3) of a camera of `meta`, in the space of the asset, not clamped."""
+    pinhole = Pinhole.of(camera, rules.data_to_local, size)
+    width, height = pinhole.size
+    light, clear = np.zeros((height, width, 3)), np.ones((height, width))
+    live = np.ones((height, width), bool)
+    with np.errstate(all="ignore"):
+        for splat in drawn_splats(scene, pinhole, rules):
+            draw(splat, pinhole, scene.meta["near"], rules, light, clear, live)
+    return light + clear[:, :, None] * np.array(scene.meta["background"])
+
+
+# ----------------------------------------------------------------------------------------------------------- comparison
+
+
+def srgb_from_linear(linear):
+    """Code values of linear light, channel by channel, not clamped above."""
+    linear = np.maximum(linear, 0.0)
+    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+
+
+def linear_from_srgb(code):
+    """Linear light of code values, channel by channel, not clamped above."""
+    code = np.maximum(code, 0.0)
+    return np.where(code <= 0.04045, code / 12.92, ((code + 0.055) / 1.055) ** 2.4)
+
+
+def read_reference(path):
+    """The finished numbers of a picture of `litetex render --exr`: the program takes them for sRGB code values, whatever
+    the colour space of the asset, and writes their linear light."""
+    with open(path, "rb") as file:
+        return srgb_from_linear(read_exr(file.read()))
+
+
+def psnr(picture, reference):
+    """Peak signal to noise ratio in dB, peak 1, nothing clamped."""
+    assert picture.shape == reference.shape, f"{picture.shape} against {reference.shape}"
+    square = np.mean((picture - reference) ** 2)
+    return np.inf if square == 0 else -10 * np.log10(square)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("file")
+    parser.add_argument("--view", required=True, help="name of a camera in the file")
+    parser.add_argument("-o", "--output", help="writes the picture, .npy of f32")
+    parser.add_argument("--compare", help="picture of litetex render --exr")
+    arguments = parser.parse_args()
+    scene = read_scene(arguments.file)
+    picture = render(scene, scene.camera(arguments.view))
+    if arguments.output:
+        np.save(arguments.output, picture.astype(np.float32))
+    if arguments.compare:
+        print(f"{psnr(picture, read_reference(arguments.compare)):.2f} dB")
+
+
+if __name__ == "__main__":
+    main()
