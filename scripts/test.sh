@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Everything that must hold before a change is merged. Needs a Rust tool chain (rustup) and a C++
-# compiler (the FLIP metric); installs what else it can. The test summaries come last.
+# compiler (the FLIP metric); installs what else it can. The test summaries come last, after them what programs of others
+# say of exported files (scripts/judges.sh).
 #
 # The tests of the wgpu backend run on software drivers: Mesa's lavapipe and SwiftShader, which comes with
 # Chromium. Where these cannot be installed the tests say that they are skipped.
@@ -38,6 +39,9 @@ browser() { command -v chromium || command -v chromium-browser || command -v goo
 swiftshader() {
     find /usr/lib*/chromium* /opt/google/chrome -maxdepth 1 -name vk_swiftshader_icd.json 2>/dev/null | sed -n 1p
 }
+node_js() { command -v node; }
+node_npm() { command -v npm; }
+venv() { python3 -c 'import venv, ensurepip; print("there")' 2>/dev/null; }
 # What is looked for, its package, and what is skipped without it.
 needs=(
     "loader libvulkan1 all tests on a GPU driver"
@@ -45,6 +49,9 @@ needs=(
     "layer vulkan-validationlayers the run under the validation layer"
     "browser chromium the kernels in a browser"
     "swiftshader chromium the tests on SwiftShader"
+    "node_js nodejs judges of glTF, PLY and SPZ"
+    "node_npm npm judges of glTF, PLY and SPZ"
+    "venv python3-venv judges of USD and of the atlas"
 )
 for need in "${needs[@]}"; do
     read -r what package skipped <<<"$need"
@@ -65,6 +72,11 @@ fi
 if [ -n "$(browser)" ] && [ -n "$icd" ]; then
     gpu_env+=(LITETEX_REQUIRE_BROWSER=1)
 fi
+# Samples of USD, for the judges.
+usd_samples=$PWD/target/judges/usd
+rm -rf "$usd_samples"
+mkdir -p "$usd_samples"
+gpu_env+=(LITETEX_USD_SAMPLES="$usd_samples")
 printf '%s\n' "${gpu_env[@]}"
 
 # Each configuration once, in the order from quick to slow.
@@ -102,3 +114,6 @@ for set in "${features[@]}"; do
     # shellcheck disable=SC2086
     env "${run_env[@]}" cargo test --workspace $set
 done
+
+note "judges of exported files"
+LITETEX_USD_SAMPLES="$usd_samples" scripts/judges.sh "${CARGO_TARGET_DIR:-target}/debug/litetex"

@@ -1,4 +1,4 @@
-//! `litetex render --colour-by`: splats coloured by their maps, on every backend that is there.
+//! `litetex render`: splats coloured by their maps, on every backend that is there; assets from a capture's cameras.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests are tests")]
 
@@ -125,4 +125,27 @@ fn splats_are_coloured_by_their_maps_on_every_device() {
     }
     assert!(folder("own").join("orbit-0000.splats.png").is_file());
     assert!(!folder("own").join("splats.legend.png").exists(), "these colours mean nothing");
+}
+
+#[test]
+fn an_asset_is_seen_from_where_its_capture_was_taken() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+    let (capture, run) = (path("capture"), path("run"));
+    ok(&["sample", &capture, "--views", "9", "--size", "64x48", "--points", "300", "--no-truth", "-q"]);
+    let train = ["train", &capture, "-o", &run, "--device", "cpu", "--policy", "plain", "--steps", "40", "-q"];
+    ok(&train);
+    ok(&["render", &run, "--test", "-o", &path("run-seen"), "--device", "cpu", "-q"]);
+    // PLY knows neither frame nor cameras; its splats stand in the capture's frame, cameras in one of the loader.
+    let ply = path("scene.ply");
+    ok(&["export", &run, "-o", &ply, "--no-verify", "-q"]);
+    let seen = path("ply-seen");
+    ok(&["render", &ply, "--capture", &capture, "--test", "-o", &seen, "--device", "cpu", "-q"]);
+    for name in ["view_0000.png", "view_0008.png"] {
+        let of = |folder: &str| pixels(&Path::new(folder).join(name));
+        let (expected, found) = (of(&path("run-seen")), of(&seen));
+        let largest = expected.iter().zip(&found).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
+        assert!(largest <= 2, "{name}: {largest}"); // needed 1
+        assert!(expected.iter().any(|&v| v > 60), "{name} shows nothing");
+    }
 }

@@ -1,5 +1,6 @@
 //! `litetex render`: pictures of a scene from named views, the test views or an orbit.
 
+use super::capture::Capture;
 use super::colour_by::{ColourBy, Coloured};
 use super::devices;
 use super::frozen::Frozen;
@@ -9,6 +10,7 @@ use super::session::picture_name;
 use super::table::Table;
 use super::values::{PictureSize, parse_picture_size};
 use super::verify::photos;
+use litetex_exporters::{CaptureFromLocal, SplatAsset};
 use litetex_gs::backend::{RenderOptions, RenderedImage};
 use litetex_gs::bake::{AssetViews, thaw};
 use litetex_gs::camera::Camera;
@@ -101,10 +103,13 @@ pub fn run(args: &RenderArgs, log: &Log) -> anyhow::Result<()> {
         ))
         .into());
     }
-    let frozen = Frozen::load(&args.source, log)?;
+    let mut frozen = Frozen::load(&args.source, log)?;
     let of_capture = args.capture.as_deref().map(|folder| photos(&frozen, Some(folder), log)).transpose()?;
     let views: Box<dyn ViewSource> = match of_capture.flatten() {
-        Some(capture) => Box::new(capture),
+        Some(capture) => {
+            move_to(&mut frozen.asset, &capture);
+            Box::new(capture)
+        }
         None => Box::new(AssetViews(frozen.asset.cameras.clone())),
     };
     let jobs = jobs(args, views.as_ref())?;
@@ -144,6 +149,17 @@ pub fn run(args: &RenderArgs, log: &Log) -> anyhow::Result<()> {
         coloured.tell(&mut table);
     }
     Ok(table.print()?)
+}
+
+/// Moves a scene to the frame that a capture's cameras stand in: that of a format without frames is the capture's own.
+fn move_to(asset: &mut SplatAsset, capture: &Capture) {
+    let frame = capture.capture_from_local;
+    let frame = CaptureFromLocal::scaled_and_moved(frame.scale, frame.translation.to_array());
+    let knows_near = !asset.cameras.is_empty();
+    *asset = asset.in_frame(&frame);
+    if !knows_near {
+        asset.near = capture.near;
+    }
 }
 
 fn jobs(args: &RenderArgs, capture: &dyn ViewSource) -> Result<Vec<(PathBuf, Camera)>> {

@@ -30,6 +30,7 @@ fn full(num_splats: usize, sh_degree: u32) -> SplatAsset {
     asset.provenance.training.insert("steps".into(), "7000".into());
     asset.cameras.push(AssetCamera {
         name: "frame 1.png".into(),
+        held_out: true,
         width_px: 640,
         height_px: 480,
         focal_px: [500.5, 501.25],

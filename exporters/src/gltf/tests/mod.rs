@@ -42,6 +42,7 @@ fn hard_fixture(num_splats: usize, sh_degree: u32) -> SplatAsset {
     asset.capture_from_local =
         CaptureFromLocal { scale: 1.0 / 3.0, rotation, translation: [1e6 / 7.0, -0.1, 5e-324] };
     asset.cameras = vec![AssetCamera {
+        held_out: true,
         name: "a \"quoted\" ü.png".into(),
         width_px: 640,
         height_px: 480,
