@@ -103,7 +103,7 @@ else
     judge node "$node/transform.mjs" "$binary" "$files/balanced.glb"
 fi
 if [ -n "$python_why" ]; then
-    skip "usd-core; xatlas, raster" "$python_why"
+    skip "usd-core; xatlas, raster; second renderer" "$python_why"
 else
     judge "$python" "$tests/judges/usd_files.py" "$files/lossless.glb" "$files"/scene.usd?
     if [ -n "${LITETEX_USD_SAMPLES:-}" ]; then
@@ -111,6 +111,8 @@ else
         judge "$python" "$tests/python/check_usd.py" "$LITETEX_USD_SAMPLES/expected.json" "${samples[@]}"
     fi
     judge "$python" "$tests/judges/packing.py" "$files/balanced.glb" "$files/lossless.gltf"
+    # A renderer written from the specifications alone.
+    judge "$python" "$tests/python/run_second.py" "$binary"
 fi
 if [ -n "$node_why$python_why" ]; then
     skip "splat-transform" "${node_why:-$python_why}"
