@@ -24,6 +24,7 @@ fn awkward(num_splats: usize, sh_degree: u32) -> SplatAsset {
     let mut asset = fixture(num_splats, sh_degree);
     asset.cameras.push(AssetCamera {
         name: "a.png".to_owned(),
+        held_out: true,
         width_px: 640,
         height_px: 480,
         focal_px: [500.0, 510.0],
