@@ -25,7 +25,7 @@ pub enum Origin {
     /// A run or a checkpoint.
     Trained(Box<Trained>),
     /// An asset's file; its scene has been taken out.
-    File(Contents),
+    File(Box<Contents>),
 }
 
 impl Frozen {
@@ -53,7 +53,7 @@ impl Frozen {
             log.warn("asset", &format!("{}: {warning}", path.display()), 1);
         }
         let asset = std::mem::take(&mut contents.asset);
-        Ok(Self { asset, path: path.to_owned(), origin: Origin::File(contents) })
+        Ok(Self { asset, path: path.to_owned(), origin: Origin::File(Box::new(contents)) })
     }
 
     /// The run that it comes from.
