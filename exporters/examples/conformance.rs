@@ -8,7 +8,8 @@
 use litetex_exporters::gltf::{GltfOptions, write_gltf};
 use litetex_exporters::usd::{UsdOptions, write_usd};
 use litetex_exporters::{
-    AssetCamera, AssetMap, CaptureFromLocal, ColourSpace, Quality, Result, SplatAsset, num_sh_coefficients,
+    AssetCamera, AssetMap, CaptureFromLocal, ColourSpace, Error, Quality, Result, SplatAsset, ltgs,
+    num_sh_coefficients, write_atomically,
 };
 use std::path::Path;
 
@@ -204,12 +205,41 @@ fn scene(sh_degree: u32, kinds: impl Iterator<Item = usize>) -> SplatAsset {
     asset
 }
 
+/// A scene of a few kilobytes for `samples/conformance`: fewer splats, pictures of half the size.
+fn small() -> SplatAsset {
+    let mut asset = scene(3, (0..36).map(|splat| splat % KINDS));
+    for camera in &mut asset.cameras {
+        camera.width_px /= 2;
+        camera.height_px /= 2;
+        camera.focal_px = camera.focal_px.map(|v| v / 2.0);
+        camera.principal_px = camera.principal_px.map(|v| v / 2.0);
+    }
+    asset
+}
+
+/// The pack that authors of viewers begin with.
+fn write_pack(folder: &Path) -> Result<()> {
+    let asset = small();
+    let gltf = |quality| GltfOptions { quality, page_side: PAGE_SIDE };
+    write_gltf(&folder.join("lossless.glb"), &asset, &gltf(Quality::Lossless))?;
+    write_gltf(&folder.join("balanced.glb"), &asset, &gltf(Quality::Balanced))?;
+    let usd = UsdOptions { quality: Quality::Balanced, page_side: PAGE_SIDE, mesh: false };
+    write_usd(&folder.join("balanced.usda"), &asset, &usd)?;
+    let path = folder.join("balanced.ltgs");
+    let options = ltgs::LtgsOptions { quality: Quality::Balanced, steps: None };
+    write_atomically(&path, &ltgs::encode(&asset, &options)?).map_err(|e| Error::io(&path, e))?;
+    Ok(())
+}
+
 fn main() -> Result<()> {
     let Some(folder) = std::env::args().nth(1) else {
-        println!("usage: conformance FOLDER");
+        println!("usage: conformance FOLDER [--pack]");
         return Ok(());
     };
     let folder = Path::new(&folder);
+    if std::env::args().nth(2).as_deref() == Some("--pack") {
+        return write_pack(folder);
+    }
     let asset = scene(3, (0..SPLATS).map(|splat| splat % KINDS));
     let linear = SplatAsset {
         colour_space: ColourSpace::LinRec709Display,

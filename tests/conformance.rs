@@ -1,0 +1,68 @@
+//! The files of `samples/conformance` show what the second renderer, written from the specifications, says of them.
+#![allow(clippy::unwrap_used, reason = "a failing test may panic")]
+
+mod common;
+
+use common::assets::pictures;
+use litetex_exporters::{ReadLimits, SplatAsset, read_asset};
+use litetex_gs::cpu::CpuBackend;
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+
+fn folder() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/conformance")
+}
+
+fn read(name: &str) -> SplatAsset {
+    let contents = read_asset(&folder().join(name), &ReadLimits::default()).unwrap();
+    assert!(contents.warnings.is_empty(), "{:?}", contents.warnings);
+    assert_eq!(contents.hash, Some(contents.asset.hash()), "{name}");
+    contents.asset
+}
+
+/// Largest difference of a file's pictures from the figures.
+fn worst(asset: &SplatAsset, expected: &Value) -> f64 {
+    let mut backend = CpuBackend::new(Some(2)).unwrap();
+    let mut worst = 0.0_f64;
+    for camera in &asset.cameras {
+        let of_view = SplatAsset { cameras: vec![camera.clone()], ..SplatAsset::default() };
+        let picture = pictures(&mut backend, asset, &of_view);
+        let view = &expected["views"][&camera.name];
+        assert_eq!(
+            (view["width"].as_u64(), view["height"].as_u64()),
+            (Some(camera.width_px.into()), Some(camera.height_px.into()))
+        );
+        let pixels = view["pixels"].as_array().unwrap();
+        assert_eq!(pixels.len(), 20);
+        for pixel in pixels {
+            let [x, y] = ["x", "y"].map(|k| pixel[k].as_u64().unwrap() as usize);
+            for c in 0..3 {
+                let found = picture[3 * (y * camera.width_px as usize + x) + c];
+                worst = worst.max((f64::from(found) - pixel["rgb"][c].as_f64().unwrap()).abs());
+            }
+        }
+    }
+    worst
+}
+
+#[test]
+fn the_pack_shows_what_its_figures_say() {
+    let expected: Value =
+        serde_json::from_slice(&std::fs::read(folder().join("expected.json")).unwrap()).unwrap();
+    let scene = read("lossless.glb");
+    assert_eq!((scene.num_splats(), scene.sh_degree, scene.cameras.len()), (36, 3, 3));
+    let exact = worst(&scene, &expected);
+    println!("lossless {exact:e}");
+    // Needed 2e-6: the CPU backend computes in f32.
+    assert!(exact < 1e-4, "{exact}");
+    for name in ["balanced.glb", "balanced.usda", "balanced.ltgs"] {
+        let rounded = worst(&read(name), &expected);
+        println!("{name} {rounded:e}");
+        assert!(rounded < 0.02 && rounded > exact, "{name}: {rounded}");
+    }
+    // Negative control: a splat is gone.
+    let mut other = scene.clone();
+    let keep: Vec<bool> = (0..36).map(|i| i != 20).collect();
+    assert_eq!(other.retain(&keep), 1);
+    assert!(worst(&other, &expected) > 0.01);
+}
