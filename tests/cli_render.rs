@@ -133,7 +133,8 @@ fn an_asset_is_seen_from_where_its_capture_was_taken() {
     let path = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
     let (capture, run) = (path("capture"), path("run"));
     ok(&["sample", &capture, "--views", "9", "--size", "64x48", "--points", "300", "--no-truth", "-q"]);
-    let train = ["train", &capture, "-o", &run, "--device", "cpu", "--policy", "plain", "--steps", "40", "-q"];
+    let train =
+        ["train", &capture, "-o", &run, "--device", "cpu", "--policy", "plain", "--steps", "40", "-q"];
     ok(&train);
     ok(&["render", &run, "--test", "-o", &path("run-seen"), "--device", "cpu", "-q"]);
     // PLY knows neither frame nor cameras; its splats stand in the capture's frame, cameras in one of the loader.
