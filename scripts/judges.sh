@@ -19,6 +19,7 @@ out=$(realpath "$out")
 tests=$PWD/tests
 lines=()
 failed=0
+skipped=0
 export PYTHONDONTWRITEBYTECODE=1
 
 # say LINE: now, and again in the summary.
@@ -26,6 +27,7 @@ say() { printf '%s\n' "$1"; lines+=("$1"); }
 # skip JUDGES WHY
 skip() {
     say "$1: skipped, $2"
+    skipped=1
     [ "${LITETEX_REQUIRE_JUDGES:-0}" = 0 ] || failed=1
 }
 # judge COMMAND...: its last line is the verdict, what stands above are problems.
@@ -148,5 +150,9 @@ fi
 
 printf '\n== judges\n'
 printf '%s\n' "${lines[@]}"
-[ "$failed" = 0 ] && echo "judges: content" || echo "judges: NOT content"
+case $failed$skipped in
+    00) echo "judges: content" ;;
+    01) echo "judges: content, but not all were asked" ;;
+    *) echo "judges: NOT content" ;;
+esac
 exit "$failed"
