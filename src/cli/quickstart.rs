@@ -18,7 +18,7 @@ const STEPS: u32 = 2_000;
 /// Training time after which it ends early on slow machines.
 const MAX_TIME_SECS: f64 = 60.0;
 
-/// Try everything: make a sample capture, train it for about a minute, evaluate, export
+/// Try everything: make a sample capture, train for a minute, evaluate, export
 #[derive(clap::Args)]
 pub struct QuickstartArgs {
     /// Folder for the capture and the run
