@@ -227,7 +227,7 @@ def main():
         problems = list(check(program, folder, out))
     for problem in problems:
         print(f"WRONG: {problem}")
-    print(f"{time.monotonic() - start:.0f} s, {len(problems)} problems")
+    print(f"second renderer: {time.monotonic() - start:.0f} s, {len(problems)} problems")
     sys.exit(1 if problems else 0)
 
 
