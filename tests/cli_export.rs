@@ -127,8 +127,26 @@ fn lossy_files_keep_what_they_promise_and_plain_ones_the_colours() {
     // A size is kept to, and one that is too small is refused.
     let most = (size("d.ltgs") * 9 / 10).to_string();
     let small = at("small.ltgs");
-    good(&["export", text(run), "-o", text(&small), "--quality", "tiny", "--max-size", &most, "--no-verify"]);
+    good(&[
+        "export",
+        text(run),
+        "-o",
+        text(&small),
+        "--quality",
+        "tiny",
+        "--max-size",
+        &most,
+        "--device",
+        "cpu",
+    ]);
     assert!(size("small.ltgs") <= size("d.ltgs") * 9 / 10 && size("small.ltgs") > size("d.ltgs") * 7 / 10);
+    // More may be lost than any quality promises, if that is what was asked for.
+    let coarse = at("coarse.ltgs");
+    good(&["export", text(run), "-o", text(&coarse), "--max-loss", "1dB", "--device", "cpu"]);
+    let (code, told) = bad(&["verify", text(&coarse), "--against", text(run), "--device", "cpu"]);
+    assert!(code == 1 && told.contains("at most 0.1"), "{told}");
+    let (code, told) = bad(&["export", text(run), "-o", text(&at("no.glb")), "--max-loss", "1dB"]);
+    assert!(code == 2 && told.contains(".ltgs"), "{told}");
     let (code, told) = bad(&["export", text(run), "-o", text(&at("no.ltgs")), "--max-size", "500B"]);
     assert!(code == 2 && told.contains("--max-size") && !at("no.ltgs").exists(), "{told}");
 }

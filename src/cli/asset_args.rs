@@ -3,6 +3,7 @@
 use super::frozen::Frozen;
 use super::log::Log;
 use super::values::{format_count, parse_bytes, parse_decibels};
+use super::verdict::Limits;
 use litetex_exporters::{Quality, SplatAsset};
 use litetex_gs::{Error, Result};
 
@@ -89,6 +90,13 @@ impl AssetArgs {
     /// The quality that was asked for.
     pub fn quality(&self) -> Quality {
         self.quality.map_or(Quality::Balanced, Quality::from)
+    }
+
+    /// What a `.ltgs` file has to keep where a size or a loss was asked for; `None`: what its quality promises.
+    pub fn asked_limits(&self) -> Option<Limits> {
+        let loss =
+            |loss| Limits { max_loss_db: Some(loss), max_loss_worst_db: Some(2.5 * loss), ..Limits::NONE };
+        self.max_loss.map(loss).or(self.max_size.map(|_| Limits::NONE))
     }
 
     /// Changes a scene as was asked for; tells what was left out.

@@ -2,12 +2,12 @@
 
 use super::asset_args::AssetArgs;
 use super::differences::{Stage, spread};
-use super::frozen::{Frozen, Origin};
+use super::frozen::Frozen;
 use super::log::Log;
 use super::search;
 use super::table::Columns;
 use super::values::format_bytes;
-use super::verdict::{Limits, Verdict, judge, limits_of};
+use super::verdict::{Expected, Limits, Verdict, judge, limits_of};
 use litetex_exporters::{
     AssetCamera, Format, ReadLimits, SplatAsset, WriteOptions, Written, read_asset, write_asset,
 };
@@ -83,6 +83,10 @@ pub struct Exported {
 /// # Errors
 /// [`Error::Unsupported`] for unknown extensions and qualities, [`Error::Usage`] for files that exist or are named twice.
 pub fn check_outputs(outputs: &[PathBuf], args: &AssetArgs) -> Result<()> {
+    let is_ltgs = |path: &PathBuf| Format::from_path(path) == Some(Format::Ltgs);
+    if args.asked_limits().is_some() && !outputs.iter().any(is_ltgs) {
+        return Err(Error::Usage("--max-size and --max-loss shape .ltgs files, and none is written".into()));
+    }
     for (i, path) in outputs.iter().enumerate() {
         let format = Format::of(path)?;
         format.check_quality(args.quality(), path)?;
@@ -115,23 +119,24 @@ pub fn write_all(
 ) -> Result<Vec<Exported>> {
     args.edit(&mut frozen, log)?;
     frozen.asset.validate().map_err(|e| Error::from(e.at(&frozen.path)))?;
-    if let Origin::File(contents) = &frozen.origin
-        && args.quality.is_none()
-        && let Some(quality) = contents.quality
-    {
-        log.detail(&format!("{}: was {}", frozen.path.display(), quality.name()));
-    }
     let views = proof_views(&frozen.asset);
-    let mut stage = if args.no_verify || views.is_empty() { None } else { Some(Stage::open(device, log)?) };
-    if stage.is_none() && !args.no_verify {
+    let mut proof = None;
+    if args.no_verify {
+        log.detail("the files are not verified");
+    } else if views.is_empty() {
         log.warn("not-verified", "the scene has no cameras: the files cannot be proven by rendering", 1);
+    } else {
+        let mut stage = Stage::open(device, log)?;
+        let expected = Expected::of(&mut stage, &frozen.asset, &views)?;
+        proof = Some((stage, expected));
     }
     let mut done = Vec::new();
     for path in outputs {
         if let Some(folder) = path.parent().filter(|f| !f.as_os_str().is_empty()) {
             std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
         }
-        let (quality, steps) = match Format::of(path)? {
+        let format = Format::of(path)?;
+        let (quality, steps) = match format {
             Format::Ltgs => search::steps(&frozen, args, device, log)?,
             _ => (args.quality(), None),
         };
@@ -140,18 +145,20 @@ pub fn write_all(
         for note in &written.notes {
             log.warn("export", &format!("{}: {note}", path.display()), 1);
         }
-        let verdict = stage.as_mut().map(|stage| prove(stage, &frozen.asset, path, &views)).transpose()?;
+        let asked = args.asked_limits().filter(|_| format == Format::Ltgs);
+        let verdict =
+            proof.as_mut().map(|(stage, expected)| prove(stage, expected, path, asked)).transpose()?;
         done.push(Exported { path: path.clone(), written, raw_bytes: raw_bytes(&frozen.asset), verdict });
     }
     Ok(done)
 }
 
 /// Reads a file back and compares its pictures with the scene's.
-fn prove(stage: &mut Stage, asset: &SplatAsset, path: &Path, views: &[AssetCamera]) -> Result<Verdict> {
+fn prove(stage: &mut Stage, expected: &Expected<'_>, path: &Path, asked: Option<Limits>) -> Result<Verdict> {
     let contents = read_asset(path, &ReadLimits::default())?;
-    let limits: Limits = limits_of(path, &contents);
+    let limits = asked.unwrap_or_else(|| limits_of(path, &contents));
     let textured = Format::of(path)?.keeps_textures();
-    judge(stage, asset, (&contents.asset, textured), views, None, limits)
+    judge(stage, expected, (&contents.asset, textured), None, limits)
 }
 
 /// Training views, evenly spread.

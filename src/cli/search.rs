@@ -60,10 +60,7 @@ pub fn steps(frozen: &Frozen, args: &AssetArgs, device: &str, log: &Log) -> Resu
         log.warn("not-measured", "the scene has no cameras: the steps are not measured by rendering", 1);
         return Ok((asked, None));
     }
-    let limits = match args.max_loss {
-        Some(loss) => Limits { max_loss_db: Some(loss), max_loss_worst_db: Some(2.5 * loss), ..Limits::NONE },
-        None => Limits::of(asked),
-    };
+    let limits = args.asked_limits().unwrap_or(Limits::of(asked));
     let mut look = Look::new(frozen, spread(&training, VIEWS), device, log)?;
     let found = coarsest(|factor| look.keeps(asset, &base(asset, asked).scaled(factor.exp2()), &limits))?;
     let factor = found.ok_or_else(|| {

@@ -5,7 +5,7 @@ use super::differences::{Difference, Stage, loss_db, mse_to_photos};
 use super::table::Table;
 use litetex_exporters::{AssetCamera, Contents, Format, Quality, SplatAsset};
 use litetex_gs::backend::RenderedImage;
-use litetex_gs::eval::quality_of;
+use litetex_gs::eval::{psnr_from_mse, quality_of};
 use litetex_gs::views::ViewSource;
 use litetex_gs::{Error, Result};
 use serde::Serialize;
@@ -97,38 +97,55 @@ pub struct Verdict {
     pub failures: Vec<String>,
 }
 
-/// Renders a scene and what was read of a file, and compares.
+/// Pictures of a scene that files made of it are held against.
+pub struct Expected<'a> {
+    frozen: &'a SplatAsset,
+    views: &'a [AssetCamera],
+    whole: Vec<RenderedImage>,
+    /// Without textures, as programs see it that know none.
+    untextured: Vec<RenderedImage>,
+}
+
+impl<'a> Expected<'a> {
+    /// Renders them.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] without views, or what the device reports.
+    pub fn of(stage: &mut Stage, frozen: &'a SplatAsset, views: &'a [AssetCamera]) -> Result<Self> {
+        if views.is_empty() {
+            let what = "the scene has no cameras to render: name its capture with --capture";
+            return Err(Error::Usage(what.into()));
+        }
+        let whole = stage.pictures(frozen, views)?;
+        let untextured = stage.pictures(&frozen.untextured(), views)?;
+        Ok(Self { frozen, views, whole, untextured })
+    }
+}
+
+/// Renders what was read of a file, and compares.
 ///
 /// # Errors
-/// [`Error::Usage`] without views, or what the device or the capture report.
+/// What the device or the capture report.
 pub fn judge(
     stage: &mut Stage,
-    frozen: &SplatAsset,
+    scene: &Expected<'_>,
     (found, textured): (&SplatAsset, bool),
-    views: &[AssetCamera],
     capture: Option<&Capture>,
     limits: Limits,
 ) -> Result<Verdict> {
-    if views.is_empty() {
-        return Err(Error::Usage(
-            "the scene has no cameras to render: name its capture with --capture".into(),
-        ));
-    }
-    let untextured = frozen.untextured();
+    let Expected { frozen, views, whole, untextured } = scene;
     let mut found = found.in_frame(&frozen.capture_from_local);
     if !textured {
         // Such formats know neither.
         (found.near, found.background) = (frozen.near, frozen.background);
     }
-    let whole = stage.pictures(frozen, views)?;
-    let fallback = stage.pictures(&untextured, views)?;
-    let expected = if textured { &whole } else { &fallback };
+    let expected = if textured { whole } else { untextured };
     let pictures = stage.pictures(&found, views)?;
     let pairs = views.iter().zip(&pictures).zip(expected);
     let differences: Vec<Difference> = pairs.map(|((v, p), e)| Difference::of(&v.name, p, e)).collect();
     let mean = |of: &dyn Fn(&Difference) -> f64| differences.iter().map(of).sum::<f64>() / views.len() as f64;
-    let fallbacks = views.iter().zip(&fallback).zip(&whole);
-    let fallback_psnr = fallbacks.map(|((v, p), w)| Difference::of(&v.name, p, w).psnr()).sum::<f64>();
+    let fallbacks = untextured.iter().zip(whole).map(|(u, w)| psnr_from_mse(Difference::mse_of(u, w)));
+    let fallback_psnr: f64 = fallbacks.sum();
     let before = mse_to_photos(frozen);
     let estimated = |d: &Difference| loss_db(d.mse, before);
     let mut verdict = Verdict {

@@ -6,7 +6,7 @@ use super::frozen::{Frozen, Origin};
 use super::log::Log;
 use super::table::{Table, print_json};
 use super::values::parse_decibels;
-use super::verdict::{Limits, judge, limits_of};
+use super::verdict::{Expected, Limits, judge, limits_of};
 use litetex_exporters::Format;
 use litetex_gs::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -59,8 +59,8 @@ pub fn run(args: &VerifyArgs, log: &Log) -> anyhow::Result<()> {
     let views = spread(&against.asset.cameras, args.views.map_or(usize::MAX, |v| v as usize));
     let mut stage = Stage::open(&args.device, log)?;
     let textured = format.keeps_textures();
-    let verdict =
-        judge(&mut stage, &against.asset, (&found.asset, textured), &views, capture.as_ref(), limits)?;
+    let expected = Expected::of(&mut stage, &against.asset, &views)?;
+    let verdict = judge(&mut stage, &expected, (&found.asset, textured), capture.as_ref(), limits)?;
     if args.json {
         print_json(&serde_json::json!({
             "schema": "litetex-verify/1",
