@@ -1,9 +1,9 @@
-//! Times `.ltgs` on a made-up scene of 200,000 splats and about 16 million texels, or as many splats as the first
-//! argument says: `cargo run --release --example ltgs_speed -- [SPLATS] [balanced|tiny|lossless]`.
+//! Times writing and reading of a made-up scene of 200,000 splats and about 16 million texels, or as many splats as the
+//! third argument says: `cargo run --release --example speed -- [EXTENSION] [QUALITY] [SPLATS]`.
 
-use litetex_exporters::ltgs::{LtgsOptions, decode, encode};
-use litetex_exporters::{AssetMap, Quality, ReadLimits, Result, SplatAsset};
-use std::path::Path;
+use litetex_exporters::{
+    AssetMap, Error, Quality, ReadLimits, Result, SplatAsset, WriteOptions, read_asset, write_asset,
+};
 use std::time::Instant;
 
 /// A small generator of numbers in [0, 1).
@@ -34,7 +34,7 @@ fn scene(num_splats: usize) -> SplatAsset {
         asset.scales.push([(-5.5 + 0.6 * random.normal()).exp(), (-5.5 + 0.6 * random.normal()).exp()]);
         asset.opacities.push((0.6 + 0.2 * random.normal()).clamp(0.02, 1.0));
         asset.sh.extend((0..48).map(|i| random.normal() * if i < 3 { 0.5 } else { 0.03 }));
-        let side = |random: &mut Random| 2 * (1 + (3.6 * random.uniform().powi(2) * 4.0) as u16);
+        let side = |random: &mut Random| 2 * (1 + (12.0 * random.uniform().powi(2)) as u16);
         let (rows, cols) = (side(&mut random), side(&mut random));
         let texel_size = 3.0 * asset.scales[asset.scales.len() - 1][0] / f32::from(rows);
         let offset_texels = asset.num_texels() as u32;
@@ -54,23 +54,32 @@ fn peak_mib() -> Option<u64> {
 
 fn main() -> Result<()> {
     let mut args = std::env::args().skip(1);
-    let num_splats = args.next().and_then(|a| a.parse().ok()).unwrap_or(200_000);
+    let extension = args.next().unwrap_or_else(|| "ltgs".to_owned());
     let quality = args.next().and_then(|a| Quality::from_name(&a)).unwrap_or_default();
+    let num_splats = args.next().and_then(|a| a.parse().ok()).unwrap_or(200_000);
     let asset = scene(num_splats);
     let raw = 4 * (13 * asset.num_splats() + asset.sh.len() + asset.texels.len());
     println!("{} splats, {} texels, {} MiB", asset.num_splats(), asset.num_texels(), raw >> 20);
     println!("peak memory {:?} MiB", peak_mib());
+    let path = std::env::temp_dir().join(format!("litetex_speed_{}.{extension}", std::process::id()));
     let start = Instant::now();
-    let bytes = encode(&asset, &LtgsOptions { quality, steps: None })?;
-    println!("{} encode {:.2} s, {} bytes", quality.name(), start.elapsed().as_secs_f64(), bytes.len());
+    let written = write_asset(&path, &asset, &WriteOptions { quality, mesh: false, steps: None })?;
+    println!(
+        "{extension} {} written in {:.2} s, {} bytes",
+        quality.name(),
+        start.elapsed().as_secs_f64(),
+        written.bytes
+    );
     println!("peak memory {:?} MiB", peak_mib());
     drop(asset);
     let start = Instant::now();
-    let contents = decode(&bytes, Path::new("made up"), &ReadLimits::default())?;
-    println!("decode {:.2} s", start.elapsed().as_secs_f64());
+    let contents = read_asset(&path, &ReadLimits::default())?;
+    println!("read in {:.2} s", start.elapsed().as_secs_f64());
     println!("peak memory {:?} MiB", peak_mib());
     for section in contents.sections {
         println!("  {:12} {:>12}", section.name, section.bytes);
     }
-    Ok(())
+    written.files.iter().try_for_each(|file| {
+        std::fs::remove_file(file).map_err(|e| Error::Io { path: file.clone(), source: e })
+    })
 }

@@ -3,6 +3,7 @@
 //! of the optimisation (logits, logarithms, moments) do not belong here.
 
 use crate::quaternion;
+use crate::sh::SH_0;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -62,6 +63,26 @@ pub enum ColourSpace {
     /// Linear light with Rec. 709 primaries.
     #[serde(rename = "lin_rec709_display")]
     LinRec709Display,
+}
+
+impl ColourSpace {
+    /// Linear light of a value in [0, 1].
+    pub fn linear(self, v: f64) -> f64 {
+        match self {
+            Self::LinRec709Display => v,
+            Self::SrgbRec709Display if v <= 0.040_45 => v / 12.92,
+            Self::SrgbRec709Display => ((v + 0.055) / 1.055).powf(2.4),
+        }
+    }
+
+    /// sRGB code value of a value in [0, 1].
+    pub fn srgb(self, v: f64) -> f64 {
+        match self {
+            Self::SrgbRec709Display => v,
+            Self::LinRec709Display if v <= 0.003_130_8 => 12.92 * v,
+            Self::LinRec709Display => 1.055 * v.powf(1.0 / 2.4) - 0.055,
+        }
+    }
 }
 
 /// Place and size of one splat's map.
@@ -212,12 +233,18 @@ impl SplatAsset {
             Self { maps: vec![AssetMap::default(); self.num_splats()], texels: Vec::new(), ..self.clone() };
         let width = 3 * num_sh_coefficients(self.sh_degree);
         for (splat, sh) in out.sh.chunks_exact_mut(width).enumerate() {
-            let mean = self.mean_residual(splat);
-            for (dc, mean) in sh.iter_mut().zip(mean) {
-                *dc = (f64::from(*dc) + mean / crate::sh::SH_0) as f32;
-            }
+            sh[..3].copy_from_slice(&self.untextured_dc(splat));
         }
         out
+    }
+
+    /// SH of degree 0 with the mean of the splat's map in it; the exact one without a map.
+    pub fn untextured_dc(&self, splat: usize) -> [f32; 3] {
+        let (dc, mean) = (self.sh_of(splat), self.mean_residual(splat));
+        std::array::from_fn(|c| match mean[c] {
+            0.0 => dc[c],
+            mean => (f64::from(dc[c]) + mean / SH_0).clamp(f32::MIN.into(), f32::MAX.into()) as f32,
+        })
     }
 
     /// Mean residual of a splat's map as a viewer that knows no textures should show it: weighted by

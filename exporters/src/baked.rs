@@ -1,7 +1,7 @@
 //! Splats as formats without textures and frames hold them: in the frame of the capture, maps averaged into the base
 //! colour.
 
-use crate::sh::{SH_0, Turn};
+use crate::sh::Turn;
 use crate::{AssetMap, SplatAsset, quaternion};
 
 /// One splat.
@@ -49,8 +49,9 @@ impl<'a> Baker<'a> {
             rotation = turned.map(|v| (v / norm) as f32);
             sh = turn.apply(asset.sh_of(splat));
         }
-        for (dc, mean) in sh.iter_mut().zip(asset.mean_residual(splat)) {
-            *dc += mean / SH_0;
+        // Degree 0 does not turn.
+        for (dc, baked) in sh.iter_mut().zip(asset.untextured_dc(splat)) {
+            *dc = baked.into();
         }
         let position = self.position(splat);
         Baked {

@@ -8,8 +8,11 @@ use crate::{AssetMap, Error, Result, SplatAsset, quaternion, yup};
 /// Most rectangles unless something else is asked for: those that are sorted by programs take their time.
 pub(crate) const QUADS_MAX: usize = 50_000;
 
-/// Texels a side of a baked map: at least, and at most.
-const BAKED_SIDE: std::ops::RangeInclusive<u16> = 8..=32;
+/// Rectangles reach this many standard deviations at most.
+const SIGMA_MAX: f64 = 3.0;
+
+/// Texels of a baked map along a side, at least.
+const SIDE_MIN: u16 = 8;
 
 /// Alpha below which nothing is drawn (method, section 1.4).
 const ALPHA_MIN: f64 = 1.0 / 255.0;
@@ -44,6 +47,8 @@ pub(crate) struct QuadPage {
 pub(crate) struct Quads {
     pub(crate) quads: Vec<Quad>,
     pub(crate) pages: Vec<QuadPage>,
+    /// Texels that the rectangles show.
+    pub(crate) num_texels: usize,
 }
 
 /// A splat's share: where its map reaches and how fine it is.
@@ -61,15 +66,15 @@ impl Quads {
     /// # Errors
     /// [`Error::TooLarge`] if pages are too small for any map.
     pub(crate) fn of(asset: &SplatAsset, most: usize, side: u16) -> Result<Self> {
-        let baked: Vec<Baked> =
-            chosen(asset, most).into_iter().filter_map(|splat| extent(asset, splat)).collect();
+        let baked: Vec<Baked> = chosen(asset, most).into_iter().map(|i| extent(asset, i, side)).collect();
         let sizes: Vec<[u16; 2]> = baked.iter().map(|b| b.size).collect();
+        let num_texels = sizes.iter().map(|s| usize::from(s[0]) * usize::from(s[1])).sum();
         let (placements, pages) = atlas::pack(&sizes, side).ok_or_else(|| {
-            Error::too_large("", format!("rectangles: maps of up to 32 texels a side on pages of {side}"))
+            Error::too_large("", format!("rectangles: {SIDE_MIN} texels a side and more, on pages of {side}"))
         })?;
         let blank = |size: [u16; 2]| vec![0; 4 * usize::from(size[0]) * usize::from(size[1])];
         let pages = pages.into_iter().map(|size| QuadPage { size, rgba: blank(size) }).collect();
-        let mut quads = Self { quads: Vec::with_capacity(baked.len()), pages };
+        let mut quads = Self { quads: Vec::with_capacity(baked.len()), pages, num_texels };
         for (baked, at) in baked.iter().zip(&placements) {
             let page = &mut quads.pages[usize::from(at.page)];
             draw(asset, baked, at, page);
@@ -79,33 +84,31 @@ impl Quads {
     }
 }
 
-/// Splats that contribute most, by index.
+/// Splats that show and have the largest opacity times area, by index.
 fn chosen(asset: &SplatAsset, most: usize) -> Vec<usize> {
     let weight = |splat: usize| {
-        let [u, v] = asset.scales[splat];
-        asset.opacities[splat] * u * v
+        let [u, v] = asset.scales[splat].map(f64::from);
+        f64::from(asset.opacities[splat]) * u * v
     };
-    let mut order: Vec<usize> = (0..asset.num_splats()).collect();
+    let shows = |&splat: &usize| f64::from(asset.opacities[splat]) > ALPHA_MIN;
+    let mut order: Vec<usize> = (0..asset.num_splats()).filter(shows).collect();
     order.sort_by(|&a, &b| weight(b).total_cmp(&weight(a)).then(a.cmp(&b)));
     order.truncate(most);
     order.sort_unstable();
     order
 }
 
-/// `None`: the splat is never drawn.
-fn extent(asset: &SplatAsset, splat: usize) -> Option<Baked> {
-    let opacity = f64::from(asset.opacities[splat]);
-    if opacity <= ALPHA_MIN {
-        return None;
-    }
-    let reach = (2.0 * (opacity / ALPHA_MIN).ln()).sqrt().min(3.0);
+fn extent(asset: &SplatAsset, splat: usize, page_side: u16) -> Baked {
+    let (map, opacity) = (&asset.maps[splat], f64::from(asset.opacities[splat]));
+    let reach = (2.0 * (opacity / ALPHA_MIN).ln()).sqrt().min(SIGMA_MAX);
     let half = asset.scales[splat].map(|s| f64::from(s) * reach);
-    let texel_size = f64::from(asset.maps[splat].texel_size);
-    let texels = |half: f64| {
-        let wanted = if texel_size > 0.0 { (2.0 * half / texel_size).ceil() + 1.0 } else { 0.0 };
-        wanted.clamp(f64::from(*BAKED_SIDE.start()), f64::from(*BAKED_SIDE.end())) as u16
+    // As fine as the map, but not much more of them where a splat has outgrown its map.
+    let texels = |half: f64, of_map: u16| {
+        let most = of_map.saturating_mul(2).clamp(SIDE_MIN, page_side.max(SIDE_MIN));
+        let wanted = (2.0 * half / f64::from(map.texel_size)).ceil() + 1.0;
+        if of_map == 0 { SIDE_MIN } else { wanted.clamp(SIDE_MIN.into(), most.into()) as u16 }
     };
-    Some(Baked { splat, half, size: [texels(half[1]), texels(half[0])] })
+    Baked { splat, half, size: [texels(half[1], map.cols), texels(half[0], map.rows)] }
 }
 
 /// Position of a texel of `count` between the half sides.
@@ -132,7 +135,8 @@ fn draw(asset: &SplatAsset, baked: &Baked, at: &Placement, page: &mut QuadPage) 
             let pixel =
                 (usize::from(at.y) + usize::from(row)) * usize::from(page.size[0]) + usize::from(at.x) + col;
             for c in 0..3 {
-                page.rgba[4 * pixel + c] = code(base[c] + residual[c]);
+                let shown = (base[c] + residual[c]).clamp(0.0, 1.0);
+                page.rgba[4 * pixel + c] = code(asset.colour_space.srgb(shown));
             }
             page.rgba[4 * pixel + 3] = code(alpha);
         }

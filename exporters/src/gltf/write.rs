@@ -212,7 +212,7 @@ impl Writer<'_> {
         let scales = asset.scales.iter().map(|&[u, v]| [u, v, THICKNESS * u.min(v)]);
         attributes.insert(format!("{KHR}:SCALE"), arrays.push(scales, used));
         attributes.insert(format!("{KHR}:OPACITY"), arrays.push(asset.opacities.iter().map(|&o| [o]), used));
-        let baked: Vec<[f32; 3]> = (0..n).map(|i| colour::baked_dc(asset, i)).collect();
+        let baked: Vec<[f32; 3]> = (0..n).map(|i| asset.untextured_dc(i)).collect();
         for (k, (l, m)) in sh_indices(asset.sh_degree).enumerate() {
             let coefficients = (0..n).map(|i| match k {
                 0 => baked[i],

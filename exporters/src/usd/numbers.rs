@@ -1,7 +1,6 @@
 //! Arrays of an asset as a stage holds them: y up.
 
 use super::value::{Form, Numbers, Value};
-use crate::sh::SH_0;
 use crate::{SplatAsset, num_sh_coefficients, quaternion, yup};
 
 /// Third scale of 3D Gaussians, in the smaller of the others: zero would make their covariance singular.
@@ -42,11 +41,7 @@ pub(super) fn mean_baked_sh(asset: &SplatAsset) -> Value {
     for splat in 0..asset.num_splats() {
         let first = out.len();
         out.extend(yup::sh(asset.sh_of(splat)));
-        for (dc, mean) in out[first..].iter_mut().zip(asset.mean_residual(splat)) {
-            if mean != 0.0 {
-                *dc = (f64::from(*dc) + mean / SH_0) as f32;
-            }
-        }
+        out[first..first + 3].copy_from_slice(&asset.untextured_dc(splat));
     }
     floats(Form::Vec3, out)
 }
