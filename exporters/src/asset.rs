@@ -2,7 +2,7 @@
 //! once when a trained model is frozen. Exactness of a format is defined on these numbers. Parameters
 //! of the optimisation (logits, logarithms, moments) do not belong here.
 
-use crate::quaternion;
+use crate::CaptureFromLocal;
 use crate::sh::SH_0;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -16,41 +16,6 @@ pub const SPLATS_MAX: usize = 1 << 24;
 /// Number of SH coefficients per colour channel for a degree.
 pub const fn num_sh_coefficients(degree: u32) -> usize {
     ((degree + 1) * (degree + 1)) as usize
-}
-
-/// A similarity: `in_capture = scale * rotation(in_local) + translation`.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct CaptureFromLocal {
-    /// Length of a local unit in the capture's frame; > 0.
-    pub scale: f64,
-    /// Unit quaternion **wxyz**; what the trainer makes is not turned.
-    pub rotation: [f64; 4],
-    /// Origin of the local frame in the capture's frame.
-    pub translation: [f64; 3],
-}
-
-impl CaptureFromLocal {
-    /// The identity.
-    pub const IDENTITY: Self = Self::scaled_and_moved(1.0, [0.0; 3]);
-
-    /// Without a turn.
-    pub const fn scaled_and_moved(scale: f64, translation: [f64; 3]) -> Self {
-        Self { scale, rotation: [1.0, 0.0, 0.0, 0.0], translation }
-    }
-
-    /// Whether nothing is turned.
-    pub fn is_upright(&self) -> bool {
-        self.rotation == Self::IDENTITY.rotation
-    }
-
-    /// Maps a point.
-    pub fn transform_point(&self, in_local: [f32; 3]) -> [f64; 3] {
-        let mut p = in_local.map(f64::from);
-        if !self.is_upright() {
-            p = quaternion::turned(self.rotation, p);
-        }
-        std::array::from_fn(|i| self.scale * p[i] + self.translation[i])
-    }
 }
 
 /// What the colour values mean, and so in which space blending happens.
@@ -171,6 +136,8 @@ pub struct SplatAsset {
     pub near: f32,
     /// Way back to the frame of the capture.
     pub capture_from_local: CaptureFromLocal,
+    /// Way from there to the frame of files, if they have another one than the capture: another way up, other units.
+    pub world_from_capture: CaptureFromLocal,
     /// Meaning of colours.
     pub colour_space: ColourSpace,
     /// What was behind the scene when it was trained.
@@ -195,6 +162,7 @@ impl Default for SplatAsset {
             texels: Vec::new(),
             near: 0.01,
             capture_from_local: CaptureFromLocal::IDENTITY,
+            world_from_capture: CaptureFromLocal::IDENTITY,
             colour_space: ColourSpace::default(),
             background: [0.0; 3],
             cameras: Vec::new(),
@@ -236,6 +204,11 @@ impl SplatAsset {
             sh[..3].copy_from_slice(&self.untextured_dc(splat));
         }
         out
+    }
+
+    /// Way to the frame of files.
+    pub fn world_from_local(&self) -> CaptureFromLocal {
+        self.world_from_capture.after(&self.capture_from_local)
     }
 
     /// SH of degree 0 with the mean of the splat's map in it; the exact one without a map.

@@ -1,16 +1,16 @@
-//! Splats as formats without textures and frames hold them: in the frame of the capture, maps averaged into the base
+//! Splats as formats without textures and frames hold them: in the frame of files, maps averaged into the base
 //! colour.
 
 use crate::sh::Turn;
-use crate::{AssetMap, SplatAsset, quaternion};
+use crate::{AssetMap, CaptureFromLocal, SplatAsset, quaternion};
 
 /// One splat.
 pub struct Baked {
-    /// Centre, capture frame.
+    /// Centre, world frame.
     pub position: [f64; 3],
-    /// capture_from_surfel, wxyz.
+    /// world_from_surfel, wxyz.
     pub rotation: [f32; 4],
-    /// Standard deviations, capture units.
+    /// Standard deviations, world units.
     pub scales: [f64; 2],
     /// In (0, 1].
     pub opacity: f32,
@@ -23,24 +23,26 @@ pub struct Baked {
 /// Makes them.
 pub struct Baker<'a> {
     asset: &'a SplatAsset,
+    /// World from local.
+    frame: CaptureFromLocal,
     turn: Option<Turn>,
 }
 
 impl<'a> Baker<'a> {
     /// For an asset.
     pub fn new(asset: &'a SplatAsset) -> Self {
-        let frame = &asset.capture_from_local;
-        Self { asset, turn: (!frame.is_upright()).then(|| Turn::new(frame.rotation)) }
+        let frame = asset.world_from_local();
+        Self { asset, frame, turn: (!frame.is_upright()).then(|| Turn::new(frame.rotation)) }
     }
 
-    /// Centre of a splat, capture frame.
+    /// Centre of a splat, world frame.
     pub fn position(&self, splat: usize) -> [f64; 3] {
-        self.asset.capture_from_local.transform_point(self.asset.positions[splat])
+        self.frame.transform_point(self.asset.positions[splat])
     }
 
     /// One splat.
     pub fn splat(&self, splat: usize) -> Baked {
-        let (asset, frame) = (self.asset, &self.asset.capture_from_local);
+        let (asset, frame) = (self.asset, &self.frame);
         let mut rotation = asset.rotations[splat];
         let mut sh: Vec<f64> = asset.sh_of(splat).iter().map(|&c| c.into()).collect();
         if let Some(turn) = &self.turn {

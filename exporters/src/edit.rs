@@ -39,13 +39,21 @@ impl SplatAsset {
         self.retain(&keep)
     }
 
-    /// Turns the capture's frame about its origin so that a direction of it becomes the way up of all formats
-    /// (-y of the capture: cameras' images have y down).
+    /// Chooses the direction of the capture that is up in files, in all formats (without a choice: -y of the capture, as
+    /// cameras' images have y down).
     pub fn set_up(&mut self, up_in_capture: [f64; 3]) {
-        let turn = quaternion::between(up_in_capture, [0.0, -1.0, 0.0]);
-        let frame = &mut self.capture_from_local;
-        frame.rotation = quaternion::product(turn, frame.rotation).map(|v| v + 0.0);
-        frame.translation = quaternion::turned(turn, frame.translation).map(|v| v + 0.0);
+        let world = &mut self.world_from_capture;
+        let turn = quaternion::between(up_in_capture, [0.0, -1.0, 0.0]).map(|v| v + 0.0);
+        let change = quaternion::product(turn, quaternion::conjugate(world.rotation));
+        world.translation = quaternion::turned(change, world.translation).map(|v| v + 0.0);
+        world.rotation = turn;
+    }
+
+    /// Chooses the length of a unit of the capture in files: 0.01 for a capture in centimetres gives metres.
+    pub fn set_scale(&mut self, factor: f64) {
+        let world = &mut self.world_from_capture;
+        world.translation = world.translation.map(|t| t * factor / world.scale);
+        world.scale = factor;
     }
 
     /// The same scene in another local frame of the same capture; values are rounded anew unless the frames are equal.
@@ -77,13 +85,6 @@ impl SplatAsset {
         // Cameras belong to the old frame.
         out.cameras.clear();
         out
-    }
-
-    /// Makes the capture's units so many times as long as they were: 0.01 for a capture in centimetres gives metres.
-    pub fn rescale(&mut self, factor: f64) {
-        let frame = &mut self.capture_from_local;
-        frame.scale *= factor;
-        frame.translation = frame.translation.map(|t| t * factor);
     }
 }
 
@@ -119,7 +120,7 @@ mod tests {
         let whole = fixture(12, 3);
         let mut turned = whole.clone();
         turned.set_up([1.0, 2.0, -0.5]);
-        turned.rescale(3.0);
+        turned.set_scale(3.0);
         // The same capture from both sides: local frames that differ by the turn.
         let other =
             CaptureFromLocal { scale: 0.7, rotation: [0.5, 0.5, -0.5, 0.5], translation: [1.0, 2.0, 3.0] };
@@ -132,7 +133,7 @@ mod tests {
             worst = (0..3).map(|c| (before[c] - after[c]).abs()).fold(worst, f64::max);
         }
         assert!(worst < 1e-5, "{worst}"); // needed 3e-6: f32 at 60 units
-        assert!((moved.scales[3][0] / turned.scales[3][0] - (3.7 * 3.0 / 0.7)).abs() < 1e-4);
+        assert!((moved.scales[3][0] / turned.scales[3][0] - (3.7 / 0.7)).abs() < 1e-4);
         let back = moved.in_frame(&turned.capture_from_local);
         for (a, b) in back.sh.iter().zip(&turned.sh) {
             assert!((a - b).abs() < 1e-6, "{a} {b}"); // needed 2e-7
@@ -141,21 +142,30 @@ mod tests {
     }
 
     #[test]
-    fn up_and_scale_change_the_frame_only() {
+    fn up_and_scale_change_the_world_only() {
         let whole = fixture(5, 1);
         let mut asset = whole.clone();
         asset.set_up([0.0, -1.0, 0.0]);
         assert_eq!(asset, whole, "already so");
-        // z up: what lay at z lies at -y now.
-        asset.set_up([0.0, 0.0, 2.0]);
-        asset.rescale(0.01);
+        // z up: what lay at z lies at -y now. Twice is once.
+        for _ in 0..2 {
+            asset.set_up([0.0, 0.0, 2.0]);
+            asset.set_scale(0.01);
+        }
         asset.validate().unwrap();
-        assert_eq!((&asset.positions, &asset.sh), (&whole.positions, &whole.sh));
+        let world = std::mem::take(&mut asset.world_from_capture);
+        assert_eq!(asset, whole);
+        asset.world_from_capture = world;
         for p in &whole.positions {
-            let (before, after) =
-                (whole.capture_from_local.transform_point(*p), asset.capture_from_local.transform_point(*p));
-            assert!((after[1] + 0.01 * before[2]).abs() < 1e-14, "{before:?} {after:?}"); // needed 2e-17
+            let before = whole.world_from_local().transform_point(*p);
+            let after = asset.world_from_local().transform_point(*p);
+            assert!((after[1] + 0.01 * before[2]).abs() < 1e-14, "{before:?} {after:?}"); // needed 3e-17
             assert!((after[0] - 0.01 * before[0]).abs() < 1e-14);
         }
+        assert_eq!(asset.crop([f64::NEG_INFINITY; 3], [f64::INFINITY; 3]), 0);
+        // A file that was moved by hand keeps its place.
+        asset.world_from_capture.translation = [0.0, 1.0, 0.0];
+        asset.set_up([0.0, 0.0, -1.0]);
+        assert!((asset.world_from_capture.translation[1] + 1.0).abs() < 1e-14);
     }
 }

@@ -13,6 +13,7 @@ mod edit;
 mod error;
 mod file;
 mod format;
+mod frame;
 pub mod gltf;
 mod hash;
 pub mod ltgs;
@@ -28,11 +29,11 @@ mod validate;
 mod yup;
 
 pub use asset::{
-    AssetCamera, AssetMap, CaptureFromLocal, ColourSpace, MAP_SIDE_MAX, Provenance, SPLATS_MAX, SplatAsset,
-    num_sh_coefficients,
+    AssetCamera, AssetMap, ColourSpace, MAP_SIDE_MAX, Provenance, SPLATS_MAX, SplatAsset, num_sh_coefficients,
 };
 pub use contents::{Contents, Describes, Issue, ReadLimits, Section, Severity};
 pub use error::{Error, Result};
 pub use file::write_atomically;
 pub use format::{Format, WriteOptions, Written, read_asset, validate_file, write_asset};
+pub use frame::CaptureFromLocal;
 pub use quality::Quality;

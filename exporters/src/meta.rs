@@ -19,6 +19,9 @@ pub struct Meta {
     pub colour_space: ColourSpace,
     /// Way to the frame of the capture.
     pub capture_from_local: CaptureFromLocal,
+    /// Way from there to the frame of the file; absent: the same frame.
+    #[serde(default, skip_serializing_if = "CaptureFromLocal::is_identity")]
+    pub world_from_capture: CaptureFromLocal,
     /// Title, author, licence, source, program version, facts.
     pub provenance: Provenance,
     /// Cameras of the capture.
@@ -33,6 +36,7 @@ impl Meta {
             background: asset.background,
             colour_space: asset.colour_space,
             capture_from_local: asset.capture_from_local,
+            world_from_capture: asset.world_from_capture,
             provenance: asset.provenance.clone(),
             cameras: asset.cameras.clone(),
         }
@@ -44,6 +48,7 @@ impl Meta {
         asset.background = self.background;
         asset.colour_space = self.colour_space;
         asset.capture_from_local = self.capture_from_local;
+        asset.world_from_capture = self.world_from_capture;
         asset.provenance = self.provenance;
         asset.cameras = self.cameras;
     }

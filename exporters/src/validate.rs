@@ -6,7 +6,7 @@ use crate::{AssetMap, Error, MAP_SIDE_MAX, Result, SPLATS_MAX, SplatAsset, num_s
 const SCALE_MAX: f32 = 1e6;
 
 /// Largest deviation of a quaternion's norm from 1; f32 rounding of unit quaternions needs 1.2e-7.
-const QUATERNION_NORM_TOLERANCE: f64 = 1e-5;
+pub(crate) const QUATERNION_NORM_TOLERANCE: f64 = 1e-5;
 
 /// Highest SH degree.
 const SH_DEGREE_MAX: u32 = 3;
@@ -37,18 +37,15 @@ impl SplatAsset {
         if let Some((name, found, expected)) = lengths.iter().find(|(_, found, expected)| found != expected) {
             return invalid(format!("{name}: {found} entries for {n} splats, expected {expected}"));
         }
-        let frame = &self.capture_from_local;
-        let frame_is_sound = frame.scale.is_finite()
-            && frame.scale > 0.0
-            && (quaternion::norm(frame.rotation) - 1.0).abs() <= QUATERNION_NORM_TOLERANCE
-            && frame.translation.iter().all(|v| v.is_finite())
-            && self.near.is_finite()
-            && self.near >= 0.0;
-        if !frame_is_sound {
-            return invalid(format!(
-                "near plane {} and {frame:?}: finite, the scale positive, the rotation a unit quaternion",
-                self.near
-            ));
+        if !(self.near.is_finite() && self.near >= 0.0) {
+            return invalid(format!("near plane {}, expected a finite number, at least 0", self.near));
+        }
+        let frames =
+            [("captureFromLocal", &self.capture_from_local), ("worldFromCapture", &self.world_from_capture)];
+        if let Some((name, frame)) = frames.iter().find(|(_, frame)| !frame.is_sound()) {
+            let what =
+                format!("{name}: {frame:?}: finite, the scale positive, the rotation a unit quaternion");
+            return invalid(what);
         }
         if !self.background.iter().all(|v| (0.0..=1.0).contains(v)) {
             return invalid(format!("background {:?} is not in [0, 1]", self.background));
@@ -150,7 +147,7 @@ mod tests {
     #[test]
     fn every_broken_rule_is_found() {
         type Break = fn(&mut SplatAsset);
-        let breaks: [(&str, Break); 18] = [
+        let breaks: [(&str, Break); 19] = [
             ("position", |a| a.positions[1][2] = f32::NAN),
             ("rotation", |a| a.rotations[2] = [0.0; 4]),
             ("rotation", |a| a.rotations[2][0] += 0.01),
@@ -164,8 +161,9 @@ mod tests {
             ("texel size", |a| a.maps[0].texel_size = -1.0),
             ("texel", |a| a.texels[9] = 1.01),
             ("texel values", |a| a.texels.truncate(9)),
-            ("near", |a| a.capture_from_local.scale = 0.0),
-            ("near", |a| a.capture_from_local.rotation[1] = 0.1),
+            ("captureFromLocal", |a| a.capture_from_local.scale = 0.0),
+            ("worldFromCapture", |a| a.world_from_capture.rotation[1] = 0.1),
+            ("near", |a| a.near = -1.0),
             ("empty", |a| a.maps[1].cols = 3),
             ("empty", |a| a.maps[1].texel_size = 0.1),
             ("background", |a| a.background[2] = f32::NAN),

@@ -98,7 +98,10 @@ fn ours(
         );
         return Err(Error::invalid(loaded.path, what));
     }
-    asset.capture_from_local = frame(loaded, found, Some(asset.capture_from_local), warnings)?;
+    let world_from_local = frame(loaded, found, Some(asset.world_from_local()), warnings)?;
+    if world_from_local != asset.world_from_local() {
+        asset.world_from_capture = world_from_local.after(&asset.capture_from_local.inverse());
+    }
     let format = format!("{EXTENSION} {VERSION}");
     Ok(Contents { asset, format, quality, hash: Some(hash), sections, warnings: Vec::new() })
 }
@@ -156,7 +159,7 @@ fn foreign(
     Ok(Contents { asset, format: KHR.to_owned(), quality, hash: None, sections, warnings: Vec::new() })
 }
 
-/// The way to the capture's frame: the node's, or the metadata's if the node is still what it was made from.
+/// The way to the file's frame: the node's, or the metadata's if the node is still what it was made from.
 fn frame(
     loaded: &Loaded<'_>,
     found: &Found<'_>,

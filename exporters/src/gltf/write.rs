@@ -308,7 +308,7 @@ impl Writer<'_> {
 
 /// The node that shows mesh 0 in the capture's frame with y up.
 pub fn node(asset: &SplatAsset) -> Node {
-    let world_from_node = yup::node(&asset.capture_from_local);
+    let world_from_node = yup::node(&asset.world_from_local());
     let [w, x, y, z] = world_from_node.rotation;
     Node {
         mesh: Some(0),

@@ -3,7 +3,7 @@
 //!
 //! | property | meaning |
 //! |---|---|
-//! | `x y z` | centre, capture frame (COLMAP axes; scale and translation are applied) |
+//! | `x y z` | centre, frame of the capture (COLMAP's axes) or, if the asset has another one for files, of that |
 //! | `nx ny nz` | the surfel's normal |
 //! | `f_dc_0..2` | SH of degree 0 |
 //! | `f_rest_*` | SH of the higher degrees, **channel by channel**: 0, 9, 24 or 45 |
@@ -11,6 +11,8 @@
 //! | `scale_0 scale_1` | natural logarithm of the standard deviations |
 //! | `scale_2` | logarithm of the thickness; absent in the 2DGS flavour |
 //! | `rot_0..3` | quaternion wxyz |
+
+use crate::CaptureFromLocal;
 
 mod header;
 mod read;
@@ -24,6 +26,21 @@ pub use write::{PlyFlavour, PlyOptions, PlySummary, encode_ply, write_ply};
 
 /// Comment by which SuperSplat and splat-transform know files without `scale_2`.
 const COMMENT_2DGS: &str = "SplatRenderMode: 2dgs";
+
+/// What a comment says of a frame: scale, rotation wxyz, translation.
+fn world_comment(frame: &CaptureFromLocal) -> String {
+    let numbers = [&[frame.scale], frame.rotation.as_slice(), &frame.translation].concat();
+    numbers.iter().map(f64::to_string).collect::<Vec<_>>().join(" ")
+}
+
+/// The inverse of [`world_comment`]; `None` if it is no frame.
+fn world_from_comment(text: &str) -> Option<CaptureFromLocal> {
+    let numbers: Vec<f64> = text.split_whitespace().map(str::parse).collect::<Result<_, _>>().ok()?;
+    let [scale, rotation @ .., x, y, z] = numbers.as_slice() else { return None };
+    let frame =
+        CaptureFromLocal { scale: *scale, rotation: rotation.try_into().ok()?, translation: [*x, *y, *z] };
+    (frame.is_sound() && frame.inverse().is_sound()).then_some(frame)
+}
 
 #[cfg(test)]
 mod tests;

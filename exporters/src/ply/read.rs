@@ -250,12 +250,14 @@ pub(crate) fn thinnest_last([w, x, y, z]: [f64; 4], s: [f64; 3]) -> ([f64; 4], [
 
 /// Facts that our writer leaves in comments.
 fn take_provenance(contents: &mut PlyContents) {
+    let mut world = None;
     let facts = &mut contents.asset.provenance;
     for comment in &contents.comments {
         let Some((name, text)) = comment.split_once(": ") else {
             continue;
         };
         match name {
+            "world_from_capture" => world = super::world_from_comment(text),
             "title" => facts.title = text.to_owned(),
             "author" => facts.author = text.to_owned(),
             "licence" => facts.licence = text.to_owned(),
@@ -268,5 +270,10 @@ fn take_provenance(contents: &mut PlyContents) {
             }
             _ => {}
         }
+    }
+    if let Some(world) = world {
+        // Splats lie in the world.
+        contents.asset.world_from_capture = world;
+        contents.asset.capture_from_local = world.inverse();
     }
 }

@@ -1,6 +1,6 @@
 //! Writes PLY.
 
-use super::COMMENT_2DGS;
+use super::{COMMENT_2DGS, world_comment};
 use crate::baked::{Baked, Baker};
 use crate::{Error, Result, SplatAsset, num_sh_coefficients, write_atomically};
 use std::path::Path;
@@ -106,8 +106,15 @@ fn header(asset: &SplatAsset, flavour: PlyFlavour, sh_degree: u32) -> String {
     comment("colours", "texture maps are averaged into f_dc");
     comment(
         "frame",
-        "of the capture, as COLMAP gave it (cameras: x right, y down, z forward; up is usually -y)",
+        if asset.world_from_capture.is_identity() {
+            "of the capture, as COLMAP gave it (cameras: x right, y down, z forward; up is usually -y)"
+        } else {
+            "of its own (up is -y), see world_from_capture"
+        },
     );
+    if !asset.world_from_capture.is_identity() {
+        comment("world_from_capture", &world_comment(&asset.world_from_capture));
+    }
     comment("title", &facts.title);
     comment("author", &facts.author);
     comment("licence", &facts.licence);

@@ -164,7 +164,7 @@ impl<'a> Opened<'a> {
 
     /// The transformation is told by the metadata; a stage that was moved since is worth a word.
     fn check_node(&self, prims: &[(String, &Prim)], asset: &SplatAsset, warnings: &mut Vec<String>) {
-        let node = yup::node(&asset.capture_from_local);
+        let node = yup::node(&asset.world_from_local());
         let expected = [node.translation.as_slice(), node.rotation.as_slice(), &[node.scale; 3]];
         let names = ["xformOp:translate", "xformOp:orient", "xformOp:scale"];
         let scene = prims.iter().find(|(path, _)| *path == format!("/{SCENE}"));

@@ -83,7 +83,7 @@ fn custom_data(asset: &SplatAsset, quality: Quality, hash: u64) -> Result<Value>
 
 /// Transformation to the frame of the capture, y up.
 fn node(asset: &SplatAsset) -> Vec<Property> {
-    let node = yup::node(&asset.capture_from_local);
+    let node = yup::node(&asset.world_from_local());
     let doubles = |form, values| Value::Doubles(Numbers::element(form, values));
     let operations = ["xformOp:translate", "xformOp:orient", "xformOp:scale"];
     vec![

@@ -117,7 +117,10 @@ fn a_moved_node_counts_and_changed_values_are_noticed() {
     let bytes = encode_glb(&asset, &options(Quality::Lossless)).unwrap();
     let moved = edited(&bytes, |j| j["nodes"][0]["translation"] = json!([1.0, 2.0, 3.0]));
     let read = decode(&moved).unwrap();
-    assert_eq!(read.asset.capture_from_local.translation, [1.0, -2.0, -3.0]);
+    assert_eq!(read.asset.capture_from_local, asset.capture_from_local, "where it came from");
+    let place = read.asset.world_from_local().translation;
+    let near = |p: [f64; 3]| (0..3).all(|i| (p[i] - [1.0, -2.0, -3.0][i]).abs() < 1e-9); // needed 3e-11: 1.4e5 away
+    assert!(near(place) && !near(asset.world_from_local().translation), "{place:?}");
     assert!(read.warnings.iter().any(|w| w.contains("moved")), "{:?}", read.warnings);
     assert_eq!(read.hash, Some(read.asset.hash()), "the place is no part of the picture");
     assert!(validate(&moved, Path::new(PATH)).iter().all(|i| i.code == "LT1030"));

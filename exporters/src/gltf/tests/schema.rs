@@ -212,7 +212,8 @@ fn the_schema_names_everything_that_is_written() {
     let keys = |v: &Value| v.as_object().unwrap().keys().cloned().collect::<Vec<_>>();
     let mut seen = 0;
     for quality in [Quality::Lossless, Quality::Balanced] {
-        let asset = hard_fixture(9000, 0);
+        let mut asset = hard_fixture(9000, 0);
+        asset.set_scale(0.01);
         let (json, _) = split(&encode_glb(&asset, &options(quality)).unwrap());
         let ours = json.pointer(OURS).unwrap();
         for (value, definition) in [
@@ -220,7 +221,8 @@ fn the_schema_names_everything_that_is_written() {
             (&ours["atlas"][0], &schema["$defs"]["page"]),
             (&ours["meta"], &schema["$defs"]["meta"]),
             (&ours["meta"]["provenance"], &schema["$defs"]["meta"]["properties"]["provenance"]),
-            (&ours["meta"]["captureFromLocal"], &schema["$defs"]["meta"]["properties"]["captureFromLocal"]),
+            (&ours["meta"]["captureFromLocal"], &schema["$defs"]["similarity"]),
+            (&ours["meta"]["worldFromCapture"], &schema["$defs"]["similarity"]),
             (&ours["meta"]["cameras"][0], &schema["$defs"]["camera"]),
         ] {
             let known = keys(&definition["properties"]);
