@@ -1,7 +1,7 @@
 //! What is changed on the way to a file: which splats are kept, which way is up, how long a unit is.
 
 use crate::sh::Turn;
-use crate::{AssetMap, CaptureFromLocal, SplatAsset, num_sh_coefficients, quaternion};
+use crate::{AssetCamera, AssetMap, CaptureFromLocal, SplatAsset, num_sh_coefficients, quaternion};
 
 impl SplatAsset {
     /// Keeps the splats for which `keep` says so, in their order. `[n]` Returns how many went.
@@ -82,16 +82,32 @@ impl SplatAsset {
             sh.iter_mut().zip(sh_turn.apply(self.sh_of(i))).for_each(|(new, v)| *new = v as f32);
         }
         out.near = (f64::from(self.near) * factor) as f32;
-        // Cameras belong to the old frame.
-        out.cameras.clear();
+        let new_from_old = capture_from_new.inverse().after(old);
+        out.cameras = self.cameras.iter().map(|camera| camera.in_frame(&new_from_old)).collect();
         out
+    }
+}
+
+impl AssetCamera {
+    /// The same camera for a scene in another frame.
+    pub fn in_frame(&self, new_from_old: &CaptureFromLocal) -> Self {
+        // camera = R old + t, in the old unit; old = Q^T (new - T) / s; in the new unit all is s times as long.
+        let back = quaternion::conjugate(new_from_old.rotation);
+        let rows = self.rotation_rows;
+        let rotation_rows = rows.map(|row| quaternion::turned(new_from_old.rotation, row));
+        let moved = quaternion::turned(back, new_from_old.translation);
+        let translation = std::array::from_fn(|i| {
+            let along: f64 = (0..3).map(|k| rows[i][k] * moved[k]).sum();
+            new_from_old.scale * self.translation[i] - along
+        });
+        Self { rotation_rows, translation, ..self.clone() }
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use crate::CaptureFromLocal;
     use crate::asset::tests::fixture;
+    use crate::{AssetCamera, CaptureFromLocal};
 
     #[test]
     fn splats_are_kept_with_all_that_is_theirs() {
@@ -117,8 +133,17 @@ mod tests {
 
     #[test]
     fn another_frame_shows_the_same_places() {
-        let whole = fixture(12, 3);
-        let mut turned = whole.clone();
+        let mut turned = fixture(12, 3);
+        turned.cameras.push(AssetCamera {
+            name: "one".into(),
+            held_out: false,
+            width_px: 4,
+            height_px: 3,
+            focal_px: [5.0; 2],
+            principal_px: [2.0; 2],
+            rotation_rows: [[0.0, 0.0, 1.0], [0.6, 0.8, 0.0], [-0.8, 0.6, 0.0]],
+            translation: [0.5, -1.0, 4.0],
+        });
         turned.set_up([1.0, 2.0, -0.5]);
         turned.set_scale(3.0);
         // The same capture from both sides: local frames that differ by the turn.
@@ -134,6 +159,21 @@ mod tests {
         }
         assert!(worst < 1e-5, "{worst}"); // needed 3e-6: f32 at 60 units
         assert!((moved.scales[3][0] / turned.scales[3][0] - (3.7 / 0.7)).abs() < 1e-4);
+        // Cameras see the same places, as many times as far as the unit is shorter.
+        let in_camera = |asset: &crate::SplatAsset, i: usize| -> [f64; 3] {
+            let (camera, p) = (&asset.cameras[0], asset.positions[i].map(f64::from));
+            std::array::from_fn(|r| {
+                (0..3).map(|c| camera.rotation_rows[r][c] * p[c]).sum::<f64>() + camera.translation[r]
+            })
+        };
+        assert_eq!(moved.cameras.len(), turned.cameras.len());
+        for i in 0..12 {
+            let (before, after) = (in_camera(&turned, i), in_camera(&moved, i));
+            for c in 0..3 {
+                let expected = before[c] * 3.7 / 0.7;
+                assert!((after[c] - expected).abs() < 1e-4, "{before:?} {after:?}"); // f32 at 60 units
+            }
+        }
         let back = moved.in_frame(&turned.capture_from_local);
         for (a, b) in back.sh.iter().zip(&turned.sh) {
             assert!((a - b).abs() < 1e-6, "{a} {b}"); // needed 2e-7

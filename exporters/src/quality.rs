@@ -10,11 +10,13 @@ pub enum Quality {
     Balanced,
     /// At most 0.1 dB lost on average.
     Tiny,
+    /// Rounded as someone asked for, to a size or a loss, or without having been measured: it promises nothing.
+    Custom,
 }
 
 impl Quality {
     /// All, best first.
-    pub const ALL: [Self; 3] = [Self::Lossless, Self::Balanced, Self::Tiny];
+    pub const ALL: [Self; 4] = [Self::Lossless, Self::Balanced, Self::Tiny, Self::Custom];
 
     /// Its name in commands and files.
     pub fn name(self) -> &'static str {
@@ -22,6 +24,7 @@ impl Quality {
             Self::Lossless => "lossless",
             Self::Balanced => "balanced",
             Self::Tiny => "tiny",
+            Self::Custom => "custom",
         }
     }
 

@@ -13,10 +13,10 @@ pub struct AssetArgs {
     /// How much of the scene a file keeps [default: balanced]
     #[arg(long, value_name = "QUALITY")]
     pub quality: Option<QualityName>,
-    /// Make a .ltgs file at most this large, such as 5MB: as good as it gets
+    /// Make a .ltgs file at most this large, such as 5MB, and as good as it gets
     #[arg(long, value_name = "SIZE", value_parser = parse_bytes)]
     pub max_size: Option<u64>,
-    /// Make a .ltgs file as small as it gets while at most this much PSNR is lost, such as 0.1dB
+    /// Make a .ltgs file as small as it gets while at most this much PSNR is lost, mean over the views, such as 0.1dB
     #[arg(long, value_name = "DB", value_parser = parse_decibels, conflicts_with = "max_size")]
     pub max_loss: Option<f64>,
     /// Also make a mesh of textured quads for programs that know no splats: FILE.mesh.glb beside glTF, a variant in USD
@@ -32,12 +32,12 @@ pub struct AssetArgs {
     #[arg(long, value_name = "BOX", value_parser = parse_box, allow_hyphen_values = true, help_heading = "Scene")]
     pub crop: Option<Box6>,
     /// Leave out splats that contribute less than this many pixels to all training views together
-    #[arg(long, value_name = "PIXELS", help_heading = "Scene")]
+    #[arg(long, value_name = "PIXELS", value_parser = parse_floor, help_heading = "Scene")]
     pub min_contribution: Option<f32>,
-    /// Direction of the capture that is up in the files: x, -x, y, -y, z, -z or X,Y,Z [default: -y, as COLMAP's pictures]
+    /// Direction of the capture that is up in the files: x, -x, y, -y, z, -z or X,Y,Z [default: that of an asset, else -y, as COLMAP's pictures]
     #[arg(long, value_name = "DIRECTION", value_parser = parse_direction, allow_hyphen_values = true, help_heading = "Scene")]
     pub up: Option<Direction>,
-    /// Multiply all lengths: 0.01 makes metres of a capture in centimetres
+    /// Length of the capture's unit in the files: 0.01 makes metres of a capture in centimetres [default: that of an asset, else 1]
     #[arg(long, value_name = "FACTOR", value_parser = parse_factor, help_heading = "Scene")]
     pub scale: Option<f64>,
     /// Title of the work [default: name of the capture]
@@ -94,8 +94,7 @@ impl AssetArgs {
 
     /// What a `.ltgs` file has to keep where a size or a loss was asked for; `None`: what its quality promises.
     pub fn asked_limits(&self) -> Option<Limits> {
-        let loss =
-            |loss| Limits { max_loss_db: Some(loss), max_loss_worst_db: Some(2.5 * loss), ..Limits::NONE };
+        let loss = |loss| Limits { max_loss_db: Some(loss), ..Limits::NONE };
         self.max_loss.map(loss).or(self.max_size.map(|_| Limits::NONE))
     }
 
@@ -136,7 +135,7 @@ impl AssetArgs {
             asset.set_up(up);
         }
         if let Some(factor) = self.scale {
-            asset.rescale(factor);
+            asset.set_scale(factor);
         }
         self.name(asset);
         Ok(())
@@ -173,9 +172,15 @@ fn parse_direction(text: &str) -> Result<Direction, String> {
         "x" => Some([sign, 0.0, 0.0]),
         "y" => Some([0.0, sign, 0.0]),
         "z" => Some([0.0, 0.0, sign]),
-        _ => numbers(text).filter(|v| v.iter().any(|v| *v != 0.0)),
+        // Lengths whose squares are numbers.
+        _ => numbers(text).filter(|v| v.iter().map(|v| v * v).sum::<f64>().is_normal()),
     };
     direction.map(Direction).ok_or_else(|| format!("{text:?}: expected x, -x, y, -y, z, -z or X,Y,Z"))
+}
+
+fn parse_floor(text: &str) -> Result<f32, String> {
+    let floor = text.parse::<f32>().ok().filter(|f| f.is_finite() && *f >= 0.0);
+    floor.ok_or_else(|| format!("{text:?}: expected a number of pixels, 0 or more"))
 }
 
 fn parse_factor(text: &str) -> Result<f64, String> {
@@ -196,9 +201,10 @@ mod tests {
         for wrong in ["", "1,2,3", "1,2:3,4", "0,0,nan:1,1,1"] {
             assert!(parse_box(wrong).is_err(), "{wrong}");
         }
-        for wrong in ["", "w", "0,0,0", "--x", "1,2"] {
+        for wrong in ["", "w", "0,0,0", "--x", "1,2", "1e-300,0,0", "1e300,0,0"] {
             assert!(parse_direction(wrong).is_err(), "{wrong}");
         }
+        assert!(parse_floor("NaN").is_err() && parse_floor("-1").is_err() && parse_floor("0.5") == Ok(0.5));
         assert!(parse_factor("0").is_err() && parse_factor("0.01") == Ok(0.01));
     }
 }

@@ -40,6 +40,11 @@ pub struct CompareArgs {
 
 /// Compares and prints.
 pub fn run(args: &CompareArgs, log: &Log) -> anyhow::Result<()> {
+    for path in [&args.a, &args.b] {
+        if !path.exists() {
+            return Err(Error::io(path, std::io::ErrorKind::NotFound.into()).into());
+        }
+    }
     let differences = match (is_scene(&args.a), is_scene(&args.b)) {
         (true, true) => scenes(args, log)?,
         (false, false) => pictures(&args.a, &args.b)?,

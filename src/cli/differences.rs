@@ -12,6 +12,9 @@ use litetex_gs::model::AdamState;
 /// PSNR on test views that is assumed of a scene that does not tell: most captures lie below.
 const ASSUMED_PSNR: f64 = 30.0;
 
+/// Views of a scene at which files are shaped and proven; "litetex verify" looks at all.
+pub const VIEWS: usize = 12;
+
 /// A scene on a device.
 pub struct Stage {
     backend: Box<dyn Backend>,

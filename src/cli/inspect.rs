@@ -10,7 +10,7 @@ use super::summary::Summary;
 use super::table::{Table, print_json};
 use super::values::{format_bytes, format_count};
 use glam::{DVec3, Vec3};
-use litetex_exporters::{Describes, Format, Quality};
+use litetex_exporters::{CaptureFromLocal, Describes, Format, Quality, SplatAsset};
 use litetex_gs::bake::thaw;
 use litetex_gs::dataset::read_ply_points;
 use litetex_gs::model::Model;
@@ -18,6 +18,7 @@ use litetex_gs::views::{Split, ViewSource};
 use litetex_gs::{Error, Result};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 /// Say what is in a capture, a run, a checkpoint or an asset
@@ -99,12 +100,7 @@ fn checkpoint(path: &Path) -> Result<Value> {
 }
 
 fn of_model(model: &Model) -> Value {
-    let mut histogram: BTreeMap<(u16, u16), usize> = BTreeMap::new();
-    for map in &model.textures.maps {
-        *histogram.entry((map.rows, map.cols)).or_default() += 1;
-    }
-    let histogram: serde_json::Map<String, Value> =
-        histogram.into_iter().map(|((r, c), n)| (format!("{r}x{c}"), json!(n))).collect();
+    let sides = model.textures.maps.iter().map(|m| (m.rows, m.cols));
     let positions = model.splats.positions.as_chunks::<3>().0.iter();
     let in_capture = |p: &[f32; 3]| model.capture_from_local.transform_point(Vec3::from(*p).as_dvec3());
     let (low, high) = bounds(positions.map(in_capture));
@@ -113,7 +109,7 @@ fn of_model(model: &Model) -> Value {
         "texels": model.num_texels(),
         "params": model.num_params(),
         "sh_degree": model.splats.sh_degree,
-        "maps": histogram,
+        "maps": histogram(sides),
         "bounds_in_capture": { "min": low, "max": high },
         "capture_from_local": {
             "scale": model.capture_from_local.scale,
@@ -123,10 +119,41 @@ fn of_model(model: &Model) -> Value {
     })
 }
 
+/// How many maps have which sides.
+fn histogram(sides: impl Iterator<Item = (u16, u16)>) -> serde_json::Map<String, Value> {
+    let mut counts: BTreeMap<(u16, u16), usize> = BTreeMap::new();
+    sides.for_each(|sides| *counts.entry(sides).or_default() += 1);
+    counts.into_iter().map(|((r, c), n)| (format!("{r}x{c}"), json!(n))).collect()
+}
+
+/// As [`of_model`]; frames of assets may be turned.
+fn of_asset(asset: &SplatAsset) -> Value {
+    let frame = |f: &CaptureFromLocal| json!({ "scale": f.scale, "rotation_wxyz": f.rotation, "translation": f.translation });
+    let bounds_in = |f: &CaptureFromLocal| {
+        let (low, high) = bounds(asset.positions.iter().map(|p| DVec3::from_array(f.transform_point(*p))));
+        json!({ "min": low, "max": high })
+    };
+    let mut found = json!({
+        "primitives": asset.num_splats(),
+        "texels": asset.num_texels(),
+        "params": thaw(asset).num_params(),
+        "sh_degree": asset.sh_degree,
+        "maps": histogram(asset.maps.iter().map(|m| (m.rows, m.cols))),
+        "bounds_in_capture": bounds_in(&asset.capture_from_local),
+        "capture_from_local": frame(&asset.capture_from_local),
+        "near": asset.near,
+    });
+    if !asset.world_from_capture.is_identity() {
+        found["bounds_in_world"] = bounds_in(&asset.world_from_local());
+        found["world_from_capture"] = frame(&asset.world_from_capture);
+    }
+    found
+}
+
 /// Gaussians, or else a point cloud.
 fn ply(path: &Path, log: &Log) -> Result<Value> {
     asset(path, log).or_else(|error| match read_ply_points(path) {
-        Ok(points) if !points.is_empty() => {
+        Ok(points) if !points.is_empty() && !names_gaussians(path) => {
             let (low, high) = bounds(points.iter().map(|p| p.position_in_capture));
             Ok(json!({
                 "kind": "points",
@@ -137,6 +164,16 @@ fn ply(path: &Path, log: &Log) -> Result<Value> {
         }
         _ => Err(error),
     })
+}
+
+/// Whether a PLY's header has properties that points do not have: then it is a file of splats, if a damaged one.
+fn names_gaussians(path: &Path) -> bool {
+    const HEADER_BYTES_MAX: u64 = 1 << 16;
+    let mut header = Vec::new();
+    let read = std::fs::File::open(path).and_then(|f| f.take(HEADER_BYTES_MAX).read_to_end(&mut header));
+    let header = String::from_utf8_lossy(&header);
+    let header = header.split("end_header").next().unwrap_or_default();
+    read.is_ok() && [" f_dc_0", " rot_0", " scale_0"].iter().any(|name| header.contains(name))
 }
 
 /// An asset with the bytes of its parts: per splat or bits per texel, as they describe the one or the other.
@@ -172,8 +209,7 @@ fn asset(path: &Path, log: &Log) -> Result<Value> {
         "bytes_per_splat": rounded(sums[0] / asset.num_splats().max(1) as f64),
         "bits_per_texel": rounded(8.0 * sums[1] / asset.num_texels().max(1) as f64),
         "sections": sections,
-        "model": of_model(&thaw(asset)),
-        "rotation_of_frame": asset.capture_from_local.rotation,
+        "model": of_asset(asset),
         "background": asset.background,
         "cameras": asset.cameras.len(),
         "held_out": asset.cameras.iter().filter(|c| c.held_out).count(),

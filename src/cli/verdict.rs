@@ -40,6 +40,7 @@ impl Limits {
             Quality::Lossless => Self { exact: true, ..Self::NONE },
             Quality::Balanced => bounded(0.02, 0.05, 48.0),
             Quality::Tiny => bounded(0.10, 0.25, 40.0),
+            Quality::Custom => Self::NONE,
         }
     }
 
@@ -68,6 +69,8 @@ pub struct OnPhotos {
 pub struct Verdict {
     /// Views that were rendered.
     pub views: usize,
+    /// Splats of the file and of the scene.
+    pub splats: [usize; 2],
     /// Whether the scene was taken without its textures, since the format has none.
     pub untextured: bool,
     /// Mean over the views of the PSNR of the values, not rounded; capped. dB
@@ -113,7 +116,7 @@ impl<'a> Expected<'a> {
     /// [`Error::Usage`] without views, or what the device reports.
     pub fn of(stage: &mut Stage, frozen: &'a SplatAsset, views: &'a [AssetCamera]) -> Result<Self> {
         if views.is_empty() {
-            let what = "the scene has no cameras to render: name its capture with --capture";
+            let what = "the scene has no cameras to render: verify a file made of it that has, or name its capture with --capture";
             return Err(Error::Usage(what.into()));
         }
         let whole = stage.pictures(frozen, views)?;
@@ -150,6 +153,7 @@ pub fn judge(
     let estimated = |d: &Difference| loss_db(d.mse, before);
     let mut verdict = Verdict {
         views: views.len(),
+        splats: [found.num_splats(), frozen.num_splats()],
         untextured: !textured,
         psnr: mean(&Difference::psnr),
         psnr_worst: differences.iter().map(Difference::psnr).fold(f64::INFINITY, f64::min),
@@ -168,6 +172,13 @@ pub fn judge(
         on_photos(&mut verdict, capture, views, &pictures, expected)?;
     }
     verdict.failures = failures(&verdict);
+    if verdict.has_fewer_splats() && !verdict.failures.is_empty() {
+        let [found, scene] = verdict.splats;
+        let what = format!(
+            "it holds {found} of the scene's {scene} splats: if it was cut, compare it with what it was cut from"
+        );
+        verdict.failures.push(what);
+    }
     Ok(verdict)
 }
 
@@ -227,10 +238,17 @@ fn failures(v: &Verdict) -> Vec<String> {
 }
 
 impl Verdict {
+    fn has_fewer_splats(&self) -> bool {
+        self.splats[0] != self.splats[1]
+    }
+
     /// For people.
     pub fn tell(&self, table: &mut Table) {
         let scene = if self.untextured { "the scene without textures" } else { "the scene" };
         table.row("views", self.views);
+        if self.has_fewer_splats() {
+            table.row("splats", format!("{} of the scene's {}", self.splats[0], self.splats[1]));
+        }
         table.row("PSNR", format!("{:.2} dB, worst {:.2} dB, against {scene}", self.psnr, self.psnr_worst));
         table.row("SSIM, FLIP", format!("{:.6}, {:.6}", self.ssim, self.flip));
         table.row("largest difference", format!("{:e}", self.largest));
@@ -240,7 +258,12 @@ impl Verdict {
             [("training photos", self.on_training_photos), ("test photos", self.on_test_photos)]
         {
             if let Some(OnPhotos { before, after }) = figures {
-                table.row(name, format!("{before:.3} dB before, {after:.3} dB after"));
+                table.row(
+                    name,
+                    format!(
+                        "{before:.3} dB before, {after:.3} dB after (told, not judged: chance in few photos)"
+                    ),
+                );
             }
         }
         table.row("fallback", format!("{:.2} dB where textures are not known", self.fallback_psnr));

@@ -7,7 +7,8 @@ use super::log::Log;
 use super::table::{Table, print_json};
 use super::values::parse_decibels;
 use super::verdict::{Expected, Limits, judge, limits_of};
-use litetex_exporters::Format;
+use litetex_exporters::{AssetCamera, CaptureFromLocal, Format, SplatAsset};
+use litetex_gs::bake::asset_cameras;
 use litetex_gs::{Error, Result};
 use std::path::{Path, PathBuf};
 
@@ -56,7 +57,8 @@ pub fn run(args: &VerifyArgs, log: &Log) -> anyhow::Result<()> {
         limits = Limits { max_loss_db: args.max_loss, min_psnr: args.min_psnr, ..Limits::NONE };
     }
     let capture = photos(&against, args.capture.as_deref(), log)?;
-    let views = spread(&against.asset.cameras, args.views.map_or(usize::MAX, |v| v as usize));
+    let cameras = cameras_of(&against.asset, capture.as_ref());
+    let views = spread(&cameras, args.views.map_or(usize::MAX, |v| v as usize));
     let mut stage = Stage::open(&args.device, log)?;
     let textured = format.keeps_textures();
     let expected = Expected::of(&mut stage, &against.asset, &views)?;
@@ -97,6 +99,15 @@ pub fn photos(scene: &Frozen, named: Option<&Path>, log: &Log) -> Result<Option<
     };
     log.report(&capture.report);
     Ok(Some(capture))
+}
+
+/// The cameras of a scene; of its capture, where it has none itself.
+fn cameras_of(scene: &SplatAsset, capture: Option<&Capture>) -> Vec<AssetCamera> {
+    let Some(capture) = capture.filter(|_| scene.cameras.is_empty()) else { return scene.cameras.clone() };
+    let of_capture = &capture.capture_from_local;
+    let frame = CaptureFromLocal::scaled_and_moved(of_capture.scale, of_capture.translation.to_array());
+    let scene_from_local = scene.capture_from_local.inverse().after(&frame);
+    asset_cameras(capture).iter().map(|camera| camera.in_frame(&scene_from_local)).collect()
 }
 
 /// How the capture of an asset is read: its cameras tell the size of the pictures.

@@ -115,8 +115,8 @@ fn assemble(asset: &SplatAsset, options: &GltfOptions, stem: Option<&str>) -> Re
             };
             writer.primitive(&kept, &atlas, options.quality, pages)?
         }
-        Quality::Tiny => {
-            let what = "glTF has the qualities lossless and balanced; tiny is for .ltgs";
+        Quality::Tiny | Quality::Custom => {
+            let what = "glTF has the qualities lossless and balanced; others are for .ltgs";
             return Err(Error::unsupported("", what));
         }
     };

@@ -42,7 +42,7 @@ pub fn encode(asset: &SplatAsset, options: &LtgsOptions) -> Result<Vec<u8>> {
             return assemble(asset, options.quality, &meta, &lossless_chunks(asset));
         }
         (_, Some(steps)) => steps,
-        (Quality::Balanced, None) => Steps::balanced(asset),
+        (Quality::Balanced | Quality::Custom, None) => Steps::balanced(asset),
         (Quality::Tiny, None) => Steps::tiny(asset),
     };
     steps.validate()?;

@@ -115,7 +115,7 @@ impl Bundle {
                 let hash = SplatAsset { texels: decoded, ..asset.clone() }.hash();
                 (png_pages(asset, &atlas, &codes)?, Some(decode), hash)
             }
-            Quality::Tiny => {
+            Quality::Tiny | Quality::Custom => {
                 let what = "quality \"tiny\" in USD; supported: lossless, balanced";
                 return Err(Error::unsupported("", what));
             }
