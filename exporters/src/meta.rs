@@ -13,7 +13,7 @@ pub const META_BYTES_MAX: usize = 16 << 20;
 pub struct Meta {
     /// Near plane, local units.
     pub near: f32,
-    /// What was behind the scene in training, display space.
+    /// What was behind the scene in training, in the colour space.
     pub background: [f32; 3],
     /// `"srgb_rec709_display"` or `"lin_rec709_display"`.
     pub colour_space: ColourSpace,

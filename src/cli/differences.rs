@@ -2,7 +2,7 @@
 
 use super::log::Log;
 use super::{devices, frozen::PSNR_TEST};
-use litetex_exporters::{AssetCamera, SplatAsset};
+use litetex_exporters::{AssetCamera, ColourSpace, SplatAsset};
 use litetex_gs::Result;
 use litetex_gs::backend::{Backend, RenderOptions, RenderedImage, TargetImage};
 use litetex_gs::bake::{camera, thaw};
@@ -19,6 +19,7 @@ pub const VIEWS: usize = 12;
 pub struct Stage {
     backend: Box<dyn Backend>,
     options: RenderOptions,
+    colour_space: ColourSpace,
 }
 
 impl Stage {
@@ -28,7 +29,7 @@ impl Stage {
     /// What the device reports.
     pub fn open(device: &str, log: &Log) -> Result<Self> {
         let options = RenderOptions { background: [0.0; 3], sh_degree: 0, geometry: false };
-        Ok(Self { backend: devices::open(device, log)?, options })
+        Ok(Self { backend: devices::open(device, log)?, options, colour_space: ColourSpace::default() })
     }
 
     /// Puts a scene there.
@@ -39,6 +40,7 @@ impl Stage {
         let model = thaw(asset);
         self.options.sh_degree = asset.sh_degree;
         self.options.background = asset.background;
+        self.colour_space = asset.colour_space;
         self.backend.upload(&model, &AdamState::zeros(&model))
     }
 
@@ -47,7 +49,9 @@ impl Stage {
     /// # Errors
     /// What the device reports.
     pub fn render(&mut self, view: &AssetCamera) -> Result<RenderedImage> {
-        self.backend.render(&camera(view), &self.options)
+        let mut image = self.backend.render(&camera(view), &self.options)?;
+        to_display(&mut image, self.colour_space);
+        Ok(image)
     }
 
     /// Pictures of a scene from several views.
@@ -57,6 +61,13 @@ impl Stage {
     pub fn pictures(&mut self, asset: &SplatAsset, views: &[AssetCamera]) -> Result<Vec<RenderedImage>> {
         self.show(asset)?;
         views.iter().map(|view| self.render(view)).collect()
+    }
+}
+
+/// Colours blended in another space as sRGB code values, which is what pictures hold.
+pub fn to_display(image: &mut RenderedImage, space: ColourSpace) {
+    if space != ColourSpace::SrgbRec709Display {
+        image.rgb.iter_mut().for_each(|v| *v = space.srgb((*v).into()) as f32);
     }
 }
 

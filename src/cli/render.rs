@@ -3,6 +3,7 @@
 use super::capture::Capture;
 use super::colour_by::{ColourBy, Coloured};
 use super::devices;
+use super::differences::to_display;
 use super::frozen::Frozen;
 use super::log::Log;
 use super::orbit;
@@ -127,7 +128,8 @@ pub fn run(args: &RenderArgs, log: &Log) -> anyhow::Result<()> {
     let mut written = 0;
     for (name, camera) in &jobs {
         let camera = sized(camera, args.size);
-        let image = backend.render(&camera, &options)?;
+        let mut image = backend.render(&camera, &options)?;
+        to_display(&mut image, frozen.asset.colour_space);
         for what in &args.what {
             let path = place(&args.out, name, &what.suffix(args.colour_by), args.exr)?;
             if args.exr {

@@ -69,7 +69,7 @@ def product_picture(program, path, view, folder):
     command = [program, "render", path, "--view", view, "--exr", "--device", "cpu", "--quiet", "--out", out]
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
     (picture,) = glob.glob(os.path.join(out, "*.exr"))
-    return read_reference(picture)
+    return read_reference(picture, read_scene(path).is_linear)
 
 
 def worked_example():

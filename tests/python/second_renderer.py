@@ -47,6 +47,11 @@ class Scene:
     pages: list  # of (height, width, 3): residuals
     meta: dict  # gltf.md, section 8
 
+    @property
+    def is_linear(self):
+        """Whether finished numbers are linear light."""
+        return self.meta["colourSpace"] == "lin_rec709_display"
+
     def camera(self, name):
         """The camera of the capture with this name."""
         named = [c for c in self.meta["cameras"] if c["name"] == name]
@@ -433,11 +438,12 @@ def linear_from_srgb(code):
     return np.where(code <= 0.04045, code / 12.92, ((code + 0.055) / 1.055) ** 2.4)
 
 
-def read_reference(path):
-    """The finished numbers of a picture of `litetex render --exr`: the program takes them for sRGB code values, whatever
-    the colour space of the asset, and writes their linear light."""
+def read_reference(path, is_linear):
+    """The finished numbers of a picture of `litetex render --exr`, in the colour space of the asset: the file holds linear
+    light."""
     with open(path, "rb") as file:
-        return srgb_from_linear(read_exr(file.read()))
+        light = read_exr(file.read())
+    return light if is_linear else srgb_from_linear(light)
 
 
 def psnr(picture, reference):
@@ -459,7 +465,7 @@ def main():
     if arguments.output:
         np.save(arguments.output, picture.astype(np.float32))
     if arguments.compare:
-        print(f"{psnr(picture, read_reference(arguments.compare)):.2f} dB")
+        print(f"{psnr(picture, read_reference(arguments.compare, scene.is_linear)):.2f} dB")
 
 
 if __name__ == "__main__":
