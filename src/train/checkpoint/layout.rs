@@ -8,7 +8,7 @@
 //! | `textures.maps.{offset,rows,cols,texel_size}` | u32, u16, u16, f32 `[n]` |
 //! | `textures.texels` | f32 `[t,3]` |
 //! | `frame.near`, `frame.capture_from_local` | f32 `[1]`, f64 `[4]`: scale, translation |
-//! | `state.counters`, `state.epoch_order` | u32 `[4]`: step, epochs, views used, step of the stage; u32 `[views]` |
+//! | `state.counters`, `state.epoch_order` | u32 `[5]`: step, epochs, views used, step of the stage, last step whose structure was revised (absent in older files); u32 `[views]` |
 //! | `state.lives`, `state.pace` | u16 `[n,3]`: ceiling, marks, checks; f64 `[2]` |
 //! | `window.views`, `window.counts`, `window.sums` | u32 `[views]`, u32 `[n + 1]`: views counted, views that saw each; f32 `[3,n]` |
 
