@@ -53,7 +53,7 @@ fn the_pack_shows_what_its_figures_say() {
     assert_eq!((scene.num_splats(), scene.sh_degree, scene.cameras.len()), (36, 3, 3));
     let exact = worst(&scene, &expected);
     println!("lossless {exact:e}");
-    // Needed 2e-6: the CPU backend computes in f32.
+    // Needed 1.1e-6: the CPU backend computes in f32.
     assert!(exact < 1e-4, "{exact}");
     for name in ["balanced.glb", "balanced.usda", "balanced.ltgs"] {
         let rounded = worst(&read(name), &expected);

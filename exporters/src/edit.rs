@@ -157,7 +157,7 @@ mod tests {
             let after = moved.capture_from_local.transform_point(moved.positions[i]);
             worst = (0..3).map(|c| (before[c] - after[c]).abs()).fold(worst, f64::max);
         }
-        assert!(worst < 1e-5, "{worst}"); // needed 3e-6: f32 at 60 units
+        assert!(worst < 1e-5, "{worst}"); // needed 4e-7: f32
         assert!((moved.scales[3][0] / turned.scales[3][0] - (3.7 / 0.7)).abs() < 1e-4);
         // Cameras see the same places, as many times as far as the unit is shorter.
         let in_camera = |asset: &crate::SplatAsset, i: usize| -> [f64; 3] {
@@ -171,12 +171,12 @@ mod tests {
             let (before, after) = (in_camera(&turned, i), in_camera(&moved, i));
             for c in 0..3 {
                 let expected = before[c] * 3.7 / 0.7;
-                assert!((after[c] - expected).abs() < 1e-4, "{before:?} {after:?}"); // f32 at 60 units
+                assert!((after[c] - expected).abs() < 1e-4, "{before:?} {after:?}"); // needed 6e-7
             }
         }
         let back = moved.in_frame(&turned.capture_from_local);
         for (a, b) in back.sh.iter().zip(&turned.sh) {
-            assert!((a - b).abs() < 1e-6, "{a} {b}"); // needed 2e-7
+            assert!((a - b).abs() < 1e-6, "{a} {b}"); // needed 3e-8
         }
         assert_eq!(turned.in_frame(&turned.capture_from_local), turned);
     }
@@ -199,7 +199,7 @@ mod tests {
         for p in &whole.positions {
             let before = whole.world_from_local().transform_point(*p);
             let after = asset.world_from_local().transform_point(*p);
-            assert!((after[1] + 0.01 * before[2]).abs() < 1e-14, "{before:?} {after:?}"); // needed 3e-17
+            assert!((after[1] + 0.01 * before[2]).abs() < 1e-14, "{before:?} {after:?}"); // needed 4e-18
             assert!((after[0] - 0.01 * before[0]).abs() < 1e-14);
         }
         assert_eq!(asset.crop([f64::NEG_INFINITY; 3], [f64::INFINITY; 3]), 0);

@@ -59,7 +59,7 @@ mod tests {
             for to in directions {
                 let found = turned(between(from, to), from);
                 let [a, b] = [from, to].map(|v| norm([0.0, v[0], v[1], v[2]]));
-                // Needed 5e-16.
+                // Needed 4e-16.
                 assert!(
                     (0..3).all(|i| (found[i] / a - to[i] / b).abs() < 1e-14),
                     "{from:?} {to:?} {found:?}"

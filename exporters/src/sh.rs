@@ -114,7 +114,7 @@ mod tests {
                 worst = worst.max((before - after).abs());
             }
         }
-        assert!(worst < 1e-12, "{worst}"); // needed 5e-15
+        assert!(worst < 1e-12, "{worst}"); // needed 3e-15
         // Negative control: the opposite turn.
         let wrong = Turn::new(quaternion::conjugate(TURN)).apply(&sh);
         assert!((wrong[4] - turned[4]).abs() > 0.1);

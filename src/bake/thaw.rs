@@ -72,7 +72,7 @@ mod tests {
         let close = |a: &[f32], b: &[f32]| {
             a.len() == b.len() && a.iter().zip(b).all(|(a, b)| (a - b).abs() <= 2e-6 * a.abs())
         };
-        // Needed 9e-7: f32 of the logarithm of 1e-6.
+        // Needed 3e-7: f32 of the logarithm of 1e-6.
         assert!(close(asset.scales.as_flattened(), again.scales.as_flattened()), "{:?}", again.scales);
         assert!(close(&asset.opacities, &again.opacities) && close(&asset.texels, &again.texels));
         assert_eq!(

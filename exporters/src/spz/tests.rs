@@ -45,12 +45,12 @@ fn what_is_written_comes_back_within_half_a_step() {
         assert_eq!(read.asset.provenance, asset.provenance);
         assert!(read.warnings.is_empty(), "{:?}", read.warnings);
         let worst = differences(&asset, &read.asset);
-        assert!(worst.iter().all(|w| *w < 0.51), "{worst:?}"); // needed 0.50: half a step
+        assert!(worst.iter().all(|w| *w < 0.51), "{worst:?}"); // needed 0.4997: half a step
         let baker = Baker::new(&asset);
         for (i, found) in read.asset.rotations.iter().enumerate() {
             let q = baker.splat(i).rotation;
             let cosine: f32 = (0..4).map(|k| q[k] * found[k]).sum();
-            assert!(cosine.abs() > 0.999_99, "{q:?} {found:?}"); // needed 0.999_998
+            assert!(cosine.abs() > 0.999_99, "{q:?} {found:?}"); // needed 0.999_998_8
         }
         // Negative controls: a mirrored frame, and a stream of another splat.
         let mut mirrored = read.asset.clone();
