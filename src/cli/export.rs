@@ -1,21 +1,19 @@
 //! `litetex export` and `litetex convert`: assets out of runs and of each other.
 
 use super::asset_args::AssetArgs;
-use super::differences::{Stage, spread};
+use super::differences::{Stage, VIEWS, spread};
 use super::frozen::Frozen;
 use super::log::Log;
+use super::outputs;
 use super::search;
 use super::table::Columns;
 use super::values::format_bytes;
 use super::verdict::{Expected, Limits, Verdict, judge, limits_of};
 use litetex_exporters::{
-    AssetCamera, Format, ReadLimits, SplatAsset, WriteOptions, Written, read_asset, write_asset,
+    AssetCamera, Format, ReadLimits, SplatAsset, WriteOptions, Written, read_asset, stage_asset,
 };
 use litetex_gs::{Error, Result};
 use std::path::{Path, PathBuf};
-
-/// Views that are rendered to prove a file right; "litetex verify" renders all.
-const PROOF_VIEWS: usize = 8;
 
 /// Write a trained scene as an asset
 ///
@@ -55,22 +53,30 @@ pub struct ConvertArgs {
 
 /// Exports.
 pub fn run(args: &ExportArgs, log: &Log) -> anyhow::Result<()> {
-    check_outputs(&args.out, &args.asset)?;
+    let source = args.source.is_file().then_some(args.source.as_path());
+    outputs::check(source, &args.out, &args.asset)?;
     let frozen = Frozen::load(&args.source, log)?;
-    Ok(print(&write_all(frozen, &args.out, &args.asset, &args.device, log)?)?)
+    Ok(write_all(frozen, &args.out, &args.asset, &args.device, log)?.print()?)
 }
 
 /// Converts.
 pub fn convert(args: &ConvertArgs, log: &Log) -> anyhow::Result<()> {
-    let outputs = [args.out.clone()];
-    check_outputs(&outputs, &args.asset)?;
+    let out = [args.out.clone()];
+    outputs::check(Some(&args.source), &out, &args.asset)?;
     Format::of(&args.source).map_err(Error::from)?;
     let frozen = Frozen::read(&args.source, log)?;
-    Ok(print(&write_all(frozen, &outputs, &args.asset, &args.device, log)?)?)
+    Ok(write_all(frozen, &out, &args.asset, &args.device, log)?.print()?)
 }
 
-/// A file that was written, with its proof.
-pub struct Exported {
+/// What was written, in order, and what stopped it if something did.
+#[must_use]
+pub struct Exports {
+    files: Vec<Exported>,
+    stopped: Option<Error>,
+}
+
+/// A file with its proof; it is at its place if it is right.
+struct Exported {
     path: PathBuf,
     written: Written,
     /// Size of the scene's numbers as f32.
@@ -78,45 +84,17 @@ pub struct Exported {
     verdict: Option<Verdict>,
 }
 
-/// Refuses what cannot be written before anything is done.
+/// Edits the scene; writes every file, proves it, and puts it at its place if it is right.
 ///
 /// # Errors
-/// [`Error::Unsupported`] for unknown extensions and qualities, [`Error::Usage`] for files that exist or are named twice.
-pub fn check_outputs(outputs: &[PathBuf], args: &AssetArgs) -> Result<()> {
-    let is_ltgs = |path: &PathBuf| Format::from_path(path) == Some(Format::Ltgs);
-    if args.asked_limits().is_some() && !outputs.iter().any(is_ltgs) {
-        return Err(Error::Usage("--max-size and --max-loss shape .ltgs files, and none is written".into()));
-    }
-    for (i, path) in outputs.iter().enumerate() {
-        let format = Format::of(path)?;
-        format.check_quality(args.quality(), path)?;
-        if outputs[..i].contains(path) {
-            return Err(Error::Usage(format!("{}: named twice", path.display())));
-        }
-        if path.is_dir() {
-            return Err(Error::Usage(format!(
-                "{}: is a folder, expected the name of a file",
-                path.display()
-            )));
-        }
-        if path.exists() && !args.force {
-            return Err(Error::Usage(format!("{}: exists; --force replaces it", path.display())));
-        }
-    }
-    Ok(())
-}
-
-/// Edits the scene, writes every file, proves each.
-///
-/// # Errors
-/// What writing, reading back or rendering report. A file that is not right stays, and the error says so: exit code 1.
+/// If nothing can be written or rendered. What is wrong with one file is told by [`Exports::print`].
 pub fn write_all(
     mut frozen: Frozen,
     outputs: &[PathBuf],
     args: &AssetArgs,
     device: &str,
     log: &Log,
-) -> Result<Vec<Exported>> {
+) -> Result<Exports> {
     args.edit(&mut frozen, log)?;
     frozen.asset.validate().map_err(|e| Error::from(e.at(&frozen.path)))?;
     let views = proof_views(&frozen.asset);
@@ -130,27 +108,47 @@ pub fn write_all(
         let expected = Expected::of(&mut stage, &frozen.asset, &views)?;
         proof = Some((stage, expected));
     }
-    let mut done = Vec::new();
+    let mut exports = Exports { files: Vec::new(), stopped: None };
     for path in outputs {
-        if let Some(folder) = path.parent().filter(|f| !f.as_os_str().is_empty()) {
-            std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
+        match write_one(&frozen, path, args, proof.as_mut(), device, log) {
+            Ok(exported) => exports.files.push(exported),
+            Err(error) => {
+                exports.stopped = Some(error);
+                break;
+            }
         }
-        let format = Format::of(path)?;
-        let (quality, steps) = match format {
-            Format::Ltgs => search::steps(&frozen, args, device, log)?,
-            _ => (args.quality(), None),
-        };
-        let options = WriteOptions { quality, mesh: args.mesh, steps };
-        let written = write_asset(path, &frozen.asset, &options)?;
-        for note in &written.notes {
-            log.warn("export", &format!("{}: {note}", path.display()), 1);
-        }
-        let asked = args.asked_limits().filter(|_| format == Format::Ltgs);
-        let verdict =
-            proof.as_mut().map(|(stage, expected)| prove(stage, expected, path, asked)).transpose()?;
-        done.push(Exported { path: path.clone(), written, raw_bytes: raw_bytes(&frozen.asset), verdict });
     }
-    Ok(done)
+    Ok(exports)
+}
+
+fn write_one(
+    frozen: &Frozen,
+    path: &Path,
+    args: &AssetArgs,
+    proof: Option<&mut (Stage, Expected<'_>)>,
+    device: &str,
+    log: &Log,
+) -> Result<Exported> {
+    let format = Format::of(path)?;
+    let (quality, steps) = match format {
+        Format::Ltgs => search::steps(frozen, args, device, log)?,
+        _ => (args.quality(), None),
+    };
+    if let Some(folder) = path.parent().filter(|f| !f.as_os_str().is_empty()) {
+        std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
+    }
+    let options = WriteOptions { quality, mesh: args.mesh, steps };
+    let staged = stage_asset(path, &frozen.asset, &options)?;
+    for note in &staged.written().notes {
+        log.warn("export", &format!("{}: {note}", path.display()), 1);
+    }
+    let asked = args.asked_limits().filter(|_| format == Format::Ltgs);
+    let prove = |(stage, expected): &mut (Stage, Expected<'_>)| prove(stage, expected, &staged.path(), asked);
+    let verdict = proof.map(prove).transpose()?;
+    // What is not right replaces nothing.
+    let is_right = verdict.as_ref().is_none_or(|v| v.failures.is_empty());
+    let written = if is_right { staged.publish(args.force)? } else { staged.written().clone() };
+    Ok(Exported { path: path.to_owned(), written, raw_bytes: raw_bytes(&frozen.asset), verdict })
 }
 
 /// Reads a file back and compares its pictures with the scene's.
@@ -164,7 +162,7 @@ fn prove(stage: &mut Stage, expected: &Expected<'_>, path: &Path, asked: Option<
 /// Training views, evenly spread.
 fn proof_views(asset: &SplatAsset) -> Vec<AssetCamera> {
     let training: Vec<_> = asset.cameras.iter().filter(|c| !c.held_out).cloned().collect();
-    spread(&training, PROOF_VIEWS)
+    spread(&training, VIEWS)
 }
 
 /// Bytes of the numbers of a scene as f32 and u16.
@@ -173,42 +171,50 @@ fn raw_bytes(asset: &SplatAsset) -> u64 {
     (asset.num_splats() * per_splat + 4 * (asset.sh.len() + asset.texels.len())) as u64
 }
 
-/// Prints a row for each file.
-///
-/// # Errors
-/// [`Error::CheckFailed`] if a file is not right.
-pub fn print(files: &[Exported]) -> Result<()> {
-    let mut table = Columns::new(&["file", "size", "ratio", "PSNR to scene", "lost", "verified"]);
-    let mut failures = Vec::new();
-    for file in files {
-        let verdict = file.verdict.as_ref();
-        let told = |of: &dyn Fn(&Verdict) -> String| verdict.map_or_else(|| "-".to_owned(), of);
-        let untextured = verdict.is_some_and(|v| v.untextured);
-        let lost =
-            |v: &Verdict| if v.untextured { "textures".to_owned() } else { format!("{:.3} dB", v.loss_db) };
-        table.row(vec![
-            file.path.display().to_string(),
-            format_bytes(file.written.bytes),
-            format!("{:.1}", file.raw_bytes as f64 / file.written.bytes.max(1) as f64),
-            told(&|v| {
-                if v.largest == 0.0 {
-                    "same".to_owned()
-                } else {
-                    format!("{:.1} dB{}", v.psnr, if untextured { " *" } else { "" })
-                }
+impl Exports {
+    /// Prints a row for each file.
+    ///
+    /// # Errors
+    /// What stopped the writing, else [`Error::CheckFailed`] if a file is not right.
+    pub fn print(self) -> Result<()> {
+        let mut table = Columns::new(&["file", "size", "ratio", "PSNR to scene", "lost", "verified"]);
+        for file in &self.files {
+            table.row(file.row());
+        }
+        if !self.files.is_empty() {
+            table.print().map_err(|e| Error::io("standard output", e))?;
+        }
+        if self.files.iter().any(|f| f.verdict.as_ref().is_some_and(|v| v.untextured)) {
+            println!(
+                "* against the scene without textures: this format has none, maps are averaged into the colours"
+            );
+        }
+        if let Some(error) = self.stopped {
+            return Err(error);
+        }
+        let failures: Vec<String> = self.files.iter().flat_map(Exported::failures).collect();
+        if failures.is_empty() { Ok(()) } else { Err(Error::CheckFailed(failures.join("; "))) }
+    }
+}
+
+impl Exported {
+    fn failures(&self) -> impl Iterator<Item = String> {
+        let all = self.verdict.iter().flat_map(|v| &v.failures);
+        all.map(|f| format!("{}: not written, for it is not right: {f}", self.path.display()))
+    }
+
+    fn row(&self) -> Vec<String> {
+        let told = |of: &dyn Fn(&Verdict) -> String| self.verdict.as_ref().map_or_else(|| "-".to_owned(), of);
+        vec![
+            self.path.display().to_string(),
+            format_bytes(self.written.bytes),
+            format!("{:.1}", self.raw_bytes as f64 / self.written.bytes.max(1) as f64),
+            told(&|v| match v.largest {
+                0.0 => "same".to_owned(),
+                _ => format!("{:.1} dB{}", v.psnr, if v.untextured { " *" } else { "" }),
             }),
-            told(&lost),
+            told(&|v| if v.untextured { "textures".to_owned() } else { format!("{:.3} dB", v.loss_db) }),
             told(&|v| if v.failures.is_empty() { "yes".to_owned() } else { "NO".to_owned() }),
-        ]);
-        failures.extend(
-            verdict.iter().flat_map(|v| &v.failures).map(|f| format!("{}: {f}", file.path.display())),
-        );
+        ]
     }
-    table.print().map_err(|e| Error::io("standard output", e))?;
-    if files.iter().any(|f| f.verdict.as_ref().is_some_and(|v| v.untextured)) {
-        println!(
-            "* against the scene without textures: this format has none, maps are averaged into the colours"
-        );
-    }
-    if failures.is_empty() { Ok(()) } else { Err(Error::CheckFailed(failures.join("; "))) }
 }

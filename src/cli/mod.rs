@@ -25,6 +25,7 @@ mod interrupt;
 mod log;
 mod man;
 mod orbit;
+mod outputs;
 mod profile;
 mod progress;
 mod quickstart;

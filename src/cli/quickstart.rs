@@ -64,7 +64,7 @@ pub fn run(args: &QuickstartArgs, log: &Log) -> anyhow::Result<()> {
     let files = EXPORTS.map(|extension| args.out.join(format!("still-life.{extension}")));
     let frozen = Frozen::load(&run, log)?;
     println!();
-    export::print(&export::write_all(frozen, &files, &asset, "cpu", log)?)?;
+    export::write_all(frozen, &files, &asset, "cpu", log)?.print()?;
     let (capture, run, out_folder) = (capture.display(), run.display(), args.out.display());
     let mut out = std::io::stdout().lock();
     writeln!(

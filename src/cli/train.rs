@@ -3,7 +3,6 @@
 use super::asset_args::AssetArgs;
 use super::capture::{self, Capture};
 use super::config_file::RunConfig;
-use super::export;
 use super::forecast::{Outlook, Workload, machine_bytes, process_bytes};
 use super::frozen::Frozen;
 use super::identity::Identity;
@@ -15,7 +14,7 @@ use super::summary::{CaptureFigures, Fps, Quality, Resumed, SCHEMA, Size, Summar
 use super::table::Table;
 use super::train_args::TrainArgs;
 use super::values::{format_bytes, format_count, format_duration};
-use super::{devices, eval};
+use super::{devices, eval, export, outputs};
 use litetex_gs::backend::Backend;
 use litetex_gs::model::{Model, TextureMap};
 use litetex_gs::train::checkpoint;
@@ -49,12 +48,12 @@ struct Resume {
 pub fn run(args: TrainArgs, log: &Log) -> anyhow::Result<()> {
     let asset = AssetArgs { force: args.force, ..AssetArgs::default() };
     // Before hours of training, not after.
-    export::check_outputs(&args.export, &asset)?;
+    outputs::check(None, &args.export, &asset)?;
     let (summary, run) = train_run(&args, log)?;
     print(&summary)?;
     if !args.export.is_empty() {
         let frozen = Frozen::load(&run, log)?;
-        export::print(&export::write_all(frozen, &args.export, &asset, &args.device, log)?)?;
+        export::write_all(frozen, &args.export, &asset, &args.device, log)?.print()?;
     }
     Ok(())
 }
