@@ -76,7 +76,8 @@ fn lossless_files_give_every_bit_back() {
             assert_eq!((contents.quality, contents.hash), (Some(Quality::Lossless), Some(asset.hash())));
             let mut size = std::fs::metadata(&path).unwrap().len();
             if extension != "usdz" {
-                let pages = std::fs::read_dir(folder.path().join(format!("s{degree}_textures"))).unwrap();
+                let pages =
+                    std::fs::read_dir(folder.path().join(format!("s{degree}_{extension}_textures"))).unwrap();
                 let pages =
                     pages.map(|f| f.unwrap()).filter(|f| f.file_name().to_string_lossy().starts_with("page"));
                 size += pages.map(|f| f.metadata().unwrap().len()).sum::<u64>();
@@ -381,10 +382,10 @@ fn pages_elsewhere_are_not_read() {
     std::fs::create_dir(&below).unwrap();
     let path = write(&below, "s.usda", &full(9, 0), Quality::Balanced);
     let text = std::fs::read_to_string(&path).unwrap();
-    let page = "./s_textures/page0.png";
+    let page = "./s_usda_textures/page0.png";
     std::fs::copy(below.join(page), folder.path().join("page0.png")).unwrap();
     let absolute = folder.path().join("page0.png").display().to_string();
-    for other in ["../page0.png", absolute.as_str(), "file:page0.png", "./s_textures/missing.png"] {
+    for other in ["../page0.png", absolute.as_str(), "file:page0.png", "./s_usda_textures/missing.png"] {
         assert!(text.contains(page));
         std::fs::write(&path, text.replace(page, other)).unwrap();
         assert!(read(&path).is_err(), "{other}");
