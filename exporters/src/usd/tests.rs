@@ -376,6 +376,20 @@ fn features_that_are_not_ours_are_named() {
 }
 
 #[test]
+fn folders_of_pictures_have_any_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = write(folder.path(), "s.usda", &full(9, 0), Quality::Balanced);
+    let before = read(&path).unwrap().asset;
+    std::fs::rename(folder.path().join("s_usda_textures"), folder.path().join("s_textures")).unwrap();
+    assert!(read(&path).is_err(), "negative control");
+    // As files of earlier versions say.
+    let text = std::fs::read_to_string(&path).unwrap();
+    std::fs::write(&path, text.replace("./s_usda_textures/", "./s_textures/")).unwrap();
+    assert_eq!(read(&path).unwrap().asset, before);
+    assert_eq!(validate(&path), Vec::new());
+}
+
+#[test]
 fn pages_elsewhere_are_not_read() {
     let folder = tempfile::tempdir().unwrap();
     let below = folder.path().join("below");
