@@ -90,8 +90,8 @@ export_as() { # export_as QUALITY FILE...
     "$binary" -q export "$out/run" --no-verify --quality "$1" -o "${@:2}" >/dev/null
 }
 export_as lossless "$files/lossless.glb" "$files/lossless.gltf" "$files/scene.usda" "$files/scene.usdc" "$files/scene.usdz"
-"$binary" -q export "$out/run" --no-verify --mesh -o "$files/balanced.glb" "$files/balanced.gltf" \
-    "$files/scene.ply" "$files/scene.spz" >/dev/null
+export_as balanced "$files/balanced.gltf" "$files/scene.ply" "$files/scene.spz"
+"$binary" -q export "$out/run" --no-verify --mesh -o "$files/balanced.glb" >/dev/null
 "$binary" -q render "$files/scene.ply" --capture "$out/capture" --test --device cpu -o "$out/pictures/ours" >/dev/null
 
 # --- judges ---

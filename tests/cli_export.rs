@@ -26,7 +26,14 @@ fn run_folder() -> &'static Path {
             "-q",
             "--max-points",
             "400",
+            "--export",
+            text(&folder.path().join("trained.glb")),
+            "--export",
+            text(&folder.path().join("trained.ltgs")),
         ]);
+        for name in ["trained.glb", "trained.ltgs"] {
+            assert!(folder.path().join(name).is_file(), "{name}");
+        }
         (folder, run)
     });
     run
@@ -143,8 +150,16 @@ fn lossy_files_keep_what_they_promise_and_plain_ones_the_colours() {
     // More may be lost than any quality promises, if that is what was asked for.
     let coarse = at("coarse.ltgs");
     good(&["export", text(run), "-o", text(&coarse), "--max-loss", "1dB", "--device", "cpu"]);
-    let (code, told) = bad(&["verify", text(&coarse), "--against", text(run), "--device", "cpu"]);
+    // Such a file promises nothing, and is held to what verify is asked.
+    assert_eq!(json(&["inspect", text(&coarse)])["quality"], "custom");
+    let verify = ["verify", text(&coarse), "--against", text(run), "--device", "cpu"];
+    assert!(good(&verify).contains("nothing is promised"));
+    assert!(good(&[&verify[..], &["--max-loss", "1.2dB"]].concat()).contains("yes"));
+    let (code, told) = bad(&[&verify[..], &["--max-loss", "0.1dB"]].concat());
     assert!(code == 1 && told.contains("at most 0.1"), "{told}");
+    // Without cameras nothing can be measured.
+    let (code, told) = bad(&["convert", text(&at("e.ply")), text(&at("no.ltgs")), "--max-loss", "0.1dB"]);
+    assert!(code == 2 && told.contains("no cameras"), "{told}");
     let (code, told) = bad(&["export", text(run), "-o", text(&at("no.glb")), "--max-loss", "1dB"]);
     assert!(code == 2 && told.contains(".ltgs"), "{told}");
     let (code, told) = bad(&["export", text(run), "-o", text(&at("no.ltgs")), "--max-size", "500B"]);
@@ -188,19 +203,109 @@ fn scenes_are_cut_turned_and_named() {
         (&found["provenance"]["author"], &found["provenance"]["title"]),
         (&"Ann".into(), &"Half".into())
     );
-    // x stays, doubled; z is where -y was.
-    assert!(found["model"]["bounds_in_capture"]["min"][0].as_f64().unwrap() >= 2.0 * middle(0) - 1e-6);
-    assert_ne!(found["rotation_of_frame"][0], 1.0);
+    let bound = |frame: &str, side: &str, axis: usize| found["model"][frame][side][axis].as_f64().unwrap();
+    assert!(bound("bounds_in_capture", "min", 0) >= middle(0) - 1e-6);
+    // x stays, doubled; z is where -y was, y is where z was.
+    for (world, capture, sign) in [(0, 0, 1.0), (1, 2, -1.0), (2, 1, 1.0)] {
+        let sides = if sign > 0.0 { ["min", "max"] } else { ["max", "min"] };
+        for (side, of_capture) in ["min", "max"].into_iter().zip(sides) {
+            let expected = 2.0 * sign * bound("bounds_in_capture", of_capture, capture);
+            let found = bound("bounds_in_world", side, world);
+            assert!((found - expected).abs() < 1e-6, "{world} {side}: {found} {expected}");
+        }
+    }
+    // What was cut is not the scene, and verify says why.
+    let (code, told) = bad(&["verify", text(&file), "--against", text(run), "--device", "cpu"]);
+    assert!(code == 1 && told.contains("if it was cut"), "{told}");
+}
+
+#[test]
+fn turned_and_rescaled_files_are_the_scene_still() {
+    let (run, folder) = (run_folder(), tempfile::tempdir().unwrap());
+    let at = |name: &str| folder.path().join(name);
+    for name in ["a.glb", "a.ltgs", "a.usda", "a.ply", "a.spz"] {
+        let file = at(name);
+        good(&["export", text(run), "-o", text(&file), "--up", "z", "--scale", "0.5", "--device", "cpu"]);
+        good(&["verify", text(&file), "--against", text(run), "--device", "cpu"]);
+        // The same wish again changes nothing, and boxes are those of the capture.
+        let bounds = |path: &Path| json(&["inspect", text(path)])["model"]["bounds_in_world"].clone();
+        let again = at(&format!("again_{name}"));
+        let everything = "-1e6,-1e6,-1e6:1e6,1e6,1e6";
+        good(&["convert", text(&file), text(&again), "--up", "z", "--crop", everything, "--no-verify"]);
+        let numbers = |v: &serde_json::Value| -> Vec<f64> {
+            let of = |side: &str| {
+                v[side].as_array().unwrap().iter().map(|n| n.as_f64().unwrap()).collect::<Vec<_>>()
+            };
+            [of("min"), of("max")].concat()
+        };
+        let (before, after) = (numbers(&bounds(&file)), numbers(&bounds(&again)));
+        let worst = before.iter().zip(&after).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(worst < 0.01, "{name}: {before:?} {after:?}"); // steps of lossy files
+    }
+}
+
+#[test]
+fn what_is_there_is_replaced_by_what_is_right_only() {
+    let (run, folder) = (run_folder(), tempfile::tempdir().unwrap());
+    let at = |name: &str| folder.path().join(name);
+    let glb = at("a.glb");
+    good(&["export", text(run), "-o", text(&glb), "--quality", "lossless", "--device", "cpu"]);
+    // Pages and arrays of others are no less theirs than the file that is named.
+    std::fs::write(at("b.bin"), "mine").unwrap();
+    let (code, told) = bad(&["convert", text(&glb), text(&at("b.gltf"))]);
+    assert!(code == 2 && told.contains("b.bin") && told.contains("--force"), "{told}");
+    // The first file is written, the second is not right and leaves the old one alone; both are told.
+    std::fs::write(at("c.spz"), "old").unwrap();
+    let output = litetex(&[
+        "export",
+        text(&glb),
+        "-o",
+        text(&at("c.glb")),
+        text(&at("c.spz")),
+        "--scale",
+        "1e-6",
+        "--force",
+        "--device",
+        "cpu",
+    ]);
+    let told = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert_eq!(output.status.code(), Some(1), "{told}");
+    assert!(told.lines().any(|l| l.contains("c.glb") && l.ends_with("yes")), "{told}");
+    assert!(told.lines().any(|l| l.contains("c.spz") && l.ends_with("NO")), "{told}");
+    assert_eq!(std::fs::read(at("c.spz")).unwrap(), b"old");
+    assert!(at("c.glb").is_file());
+    // One that cannot be put in place does not take the others' rows away.
+    std::fs::create_dir(at("d_usda_textures")).unwrap();
+    std::fs::create_dir(at("d_usda_textures/page0.png")).unwrap();
+    let output = litetex(&[
+        "export",
+        text(&glb),
+        "-o",
+        text(&at("d.ply")),
+        text(&at("d.usda")),
+        "--force",
+        "--device",
+        "cpu",
+    ]);
+    let told = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(!output.status.success() && told.contains("d.ply") && at("d.ply").is_file(), "{told}");
+    assert!(!at("d.usda").exists());
+    let hidden = std::fs::read_dir(folder.path())
+        .unwrap()
+        .filter(|e| e.as_ref().unwrap().file_name().to_string_lossy().starts_with('.'));
+    assert_eq!(hidden.count(), 0, "nothing temporary stays");
 }
 
 #[test]
 fn what_cannot_be_is_refused_before_anything_is_written() {
     let (run, folder) = (run_folder(), tempfile::tempdir().unwrap());
     let at = |name: &str| folder.path().join(name);
-    let cases: [(&[&str], i32, &str); 7] = [
+    let cases: [(&[&str], i32, &str); 9] = [
         (&["-o", "x.obj"], 4, "known: .glb"),
         (&["-o", "x.glb", "--quality", "tiny"], 4, "lossless and balanced"),
-        (&["-o", "x.ltgs", "x.ltgs"], 2, "named twice"),
+        (&["-o", "x.ltgs", "./x.ltgs"], 2, "as well"),
+        (&["-o", "x.ltgs", "--mesh"], 2, "--mesh"),
+        (&["-o", "x.ltgs", "--min-contribution", "NaN"], 2, "pixels"),
         (&["-o", "x.ltgs", "--up", "w"], 2, "--up"),
         (&["-o", "x.ltgs", "--crop", "9e8,9e8,9e8:1e9,1e9,1e9"], 2, "leave no splat"),
         (&["-o", "x.ltgs", "--quality", "lossless", "--max-size", "1MB"], 2, "--max-size"),
@@ -209,7 +314,7 @@ fn what_cannot_be_is_refused_before_anything_is_written() {
     for (args, code, word) in cases {
         let args: Vec<String> = args
             .iter()
-            .map(|a| if a.contains("x.") { text(&at(a)).to_owned() } else { (*a).to_owned() })
+            .map(|a| if a.contains("x.") { format!("{}/{a}", text(folder.path())) } else { (*a).to_owned() })
             .collect();
         let args: Vec<&str> = args.iter().map(String::as_str).collect();
         let (found, told) = bad(&[&["export", text(run)], &args[..]].concat());

@@ -45,7 +45,7 @@ pub struct Contents {
 /// What a reader may use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ReadLimits {
-    /// Most bytes that a file may decode to.
+    /// Most bytes that a file may decode to, and most that it may have itself.
     pub decoded_bytes: u64,
 }
 

@@ -64,6 +64,20 @@ impl Error {
         Self::TooLarge { path: path.into(), what: what.into() }
     }
 
+    /// The error about a file beside `path`, told of both: without a side file, the file that names it is not whole.
+    pub(crate) fn named_by(self, path: &Path) -> Self {
+        match self {
+            Self::Io { path: side, source } => {
+                let what = format!("{source} (named by {})", path.display());
+                Self::io(side, std::io::Error::new(source.kind(), what))
+            }
+            Self::TooLarge { path: side, what } if side != path => {
+                Self::too_large(side, format!("{what} (named by {})", path.display()))
+            }
+            other => other,
+        }
+    }
+
     /// The same error about the file at `path`: for what was found before the file was known.
     pub fn at(mut self, path: &Path) -> Self {
         match &mut self {

@@ -1,20 +1,120 @@
-//! Files that appear whole or not at all.
+//! Files that appear whole or not at all, and files of which no more is read than is allowed.
 
-use std::io::Result;
-use std::path::Path;
+use crate::{Error, Result};
+use std::fs::File;
+use std::io::{ErrorKind, Read as _};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Characters of a file's name that its temporary name keeps: names have an end, 255 bytes mostly.
+const SHOWN_CHARS: usize = 40;
 
 /// Writes a file under a temporary name beside its place and renames it, so that no reader and no
-/// interruption ever meets half a file.
+/// interruption ever meets half a file. A link at its place is replaced, not followed.
 ///
 /// # Errors
 /// The operating system's; the temporary file is removed.
-pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
-    let mut name = std::ffi::OsString::from(".");
-    name.push(path.file_name().unwrap_or_default());
-    name.push(format!(".{}.tmp", std::process::id()));
-    let temporary = path.with_file_name(name);
+pub fn write_atomically(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
+    let temporary = temporary_name(path);
     std::fs::write(&temporary, bytes).and_then(|()| std::fs::rename(&temporary, path)).inspect_err(|_| {
         // The first error is the one that matters.
         let _ = std::fs::remove_file(&temporary);
     })
+}
+
+/// A name beside a file that no other call of this process gets: `.NAME.PID-N.tmp`.
+pub(crate) fn temporary_name(path: &Path) -> PathBuf {
+    static CALLS: AtomicU64 = AtomicU64::new(0);
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let name: String = name.chars().take(SHOWN_CHARS).collect();
+    let call = CALLS.fetch_add(1, Ordering::Relaxed);
+    path.with_file_name(format!(".{name}.{}-{call}.tmp", std::process::id()))
+}
+
+/// Reads a regular file of at most so many bytes; links are followed.
+///
+/// # Errors
+/// [`Error::Io`], also for folders, pipes and devices, which may have no end; [`Error::TooLarge`].
+pub(crate) fn read_file(path: &Path, bytes_max: u64) -> Result<Vec<u8>> {
+    let size = regular_file_bytes(path)?;
+    let too_large = |why: &str| Err(Error::too_large(path, format!("a file of {size} bytes, {why}")));
+    if size > bytes_max {
+        return too_large(&format!("at most {bytes_max} are read"));
+    }
+    let mut bytes = Vec::new();
+    if bytes.try_reserve_exact(usize::try_from(size).unwrap_or(usize::MAX)).is_err() {
+        return too_large("more than the memory holds");
+    }
+    // A file that grows meanwhile is not followed.
+    let read = File::open(path).and_then(|file| file.take(size).read_to_end(&mut bytes));
+    read.map_err(|e| Error::io(path, e))?;
+    Ok(bytes)
+}
+
+/// The first bytes of a regular file, fewer if it has no more.
+///
+/// # Errors
+/// [`Error::Io`] as [`read_file`].
+pub(crate) fn read_head(path: &Path, num_bytes: u64) -> Result<Vec<u8>> {
+    let size = regular_file_bytes(path)?;
+    let mut bytes = Vec::new();
+    let read = File::open(path).and_then(|file| file.take(size.min(num_bytes)).read_to_end(&mut bytes));
+    read.map_err(|e| Error::io(path, e))?;
+    Ok(bytes)
+}
+
+/// Size of a file, which must be one: opening a pipe may wait for ever.
+fn regular_file_bytes(path: &Path) -> Result<u64> {
+    let facts = std::fs::metadata(path).map_err(|e| Error::io(path, e))?;
+    let refused = |kind, what: &str| Err(Error::io(path, std::io::Error::new(kind, what)));
+    match () {
+        () if facts.is_file() => Ok(facts.len()),
+        () if facts.is_dir() => refused(ErrorKind::IsADirectory, "a folder, expected a file"),
+        () => refused(ErrorKind::InvalidInput, "a device or a pipe, expected a regular file"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_more_is_read_than_is_allowed() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("file");
+        std::fs::write(&path, b"0123456789").unwrap();
+        assert_eq!(read_file(&path, 10).unwrap(), b"0123456789");
+        assert_eq!(read_head(&path, 3).unwrap(), b"012");
+        assert_eq!(read_head(&path, 30).unwrap().len(), 10);
+        let error = read_file(&path, 9).unwrap_err();
+        assert!(matches!(&error, Error::TooLarge { .. }), "{error}");
+        assert!(error.to_string().contains("10 bytes") && error.to_string().contains("at most 9"), "{error}");
+        // A hole is no memory, but would become some.
+        File::options().write(true).open(&path).unwrap().set_len(20 << 30).unwrap();
+        assert!(matches!(read_file(&path, 8 << 30), Err(Error::TooLarge { .. })));
+        for (path, word) in [(folder.path(), "folder"), (&folder.path().join("none"), "")] {
+            let error = read_file(path, 10).unwrap_err();
+            assert!(matches!(&error, Error::Io { .. }) && error.to_string().contains(word), "{error}");
+            assert!(matches!(read_head(path, 10), Err(Error::Io { .. })));
+        }
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn what_has_no_end_is_not_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let link = folder.path().join("scene.ltgs");
+        std::os::unix::fs::symlink("/dev/zero", &link).unwrap();
+        let error = read_file(&link, u64::MAX).unwrap_err();
+        assert!(matches!(&error, Error::Io { .. }) && error.to_string().contains("device"), "{error}");
+        assert!(matches!(read_head(&link, 4), Err(Error::Io { .. })));
+    }
+
+    #[test]
+    fn temporary_names_differ_and_are_short() {
+        let long = PathBuf::from("folder").join("ü".repeat(120));
+        let names = [temporary_name(&long), temporary_name(&long)];
+        assert_ne!(names[0], names[1]);
+        assert!(names.iter().all(|n| n.parent() == long.parent() && n.file_name().unwrap().len() < 200));
+    }
 }

@@ -1,9 +1,11 @@
 //! Formats by their files' extensions: one way in and one way out for all of them.
 
 use crate::atlas::PAGE_SIDE;
+use crate::file::read_file;
+use crate::staging::SideFile;
 use crate::{
-    Contents, Describes, Error, Issue, Quality, ReadLimits, Result, Section, Severity, SplatAsset, gltf,
-    ltgs, ply, spz, usd, write_atomically,
+    Contents, Describes, Error, Issue, Quality, ReadLimits, Result, Section, Severity, SplatAsset, Staged,
+    gltf, ltgs, ply, sniff, spz, usd,
 };
 use std::path::{Path, PathBuf};
 
@@ -123,69 +125,115 @@ impl Format {
     }
 }
 
-/// Writes an asset in the format that the file's name means. Nothing is left behind if it fails.
+impl Format {
+    /// What writing `path` may take beside it, known before anything is written: files, of pages the first by either
+    /// of its names, and in USD the folder of pictures. Programs refuse clashes with it early; that nothing is replaced
+    /// is made sure by [`Staged::publish`].
+    pub fn side_files(self, path: &Path, mesh: bool) -> Vec<PathBuf> {
+        let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+        let mut names = match self {
+            Self::Gltf => {
+                let pages = ["png", "exr"].map(|extension| gltf::page_name(&stem, 0, extension));
+                [gltf::arrays_name(&stem)].into_iter().chain(pages).collect()
+            }
+            Self::Usda | Self::Usdc => vec![usd::textures_name(&stem, self.extension())],
+            Self::Glb | Self::Ltgs | Self::Usdz | Self::Ply | Self::Spz => Vec::new(),
+        };
+        let mut files: Vec<PathBuf> = names.drain(..).map(|name| path.with_file_name(name)).collect();
+        if mesh && matches!(self, Self::Glb | Self::Gltf) {
+            files.push(mesh_path(path));
+        }
+        files
+    }
+}
+
+/// Writes an asset in the format that the file's name means, and replaces what was there: [`stage_asset`] and
+/// [`Staged::publish`] at once. If it fails, nothing new stays and older files are as they were.
 ///
 /// # Errors
-/// [`Error::Unsupported`] for an unknown extension or a quality that the format has not, else as the format's writer.
+/// As those.
 pub fn write_asset(path: &Path, asset: &SplatAsset, options: &WriteOptions) -> Result<Written> {
+    stage_asset(path, asset, options)?.publish(true)
+}
+
+/// Writes an asset in the format that the file's name means into a temporary folder beside its place, where it can be
+/// read and proven before it replaces anything.
+///
+/// # Errors
+/// [`Error::Unsupported`] for an unknown extension or a quality that the format has not, [`Error::Io`], else as the
+/// format's writer.
+pub fn stage_asset(path: &Path, asset: &SplatAsset, options: &WriteOptions) -> Result<Staged> {
     let format = Format::of(path)?;
     format.check_quality(options.quality, path)?;
-    let mut written = Written { files: vec![path.to_owned()], ..Written::default() };
+    let encoded = encode(format, path, asset, options)?;
+    let mut staged = Staged::new(path, encoded.root, encoded.side)?;
+    staged.add_notes(encoded.notes);
+    Ok(staged)
+}
+
+/// The files of an asset before they are written.
+#[derive(Default)]
+struct Encoded {
+    root: Vec<u8>,
+    side: Vec<SideFile>,
+    notes: Vec<String>,
+}
+
+fn encode(format: Format, path: &Path, asset: &SplatAsset, options: &WriteOptions) -> Result<Encoded> {
+    let mut encoded = Encoded::default();
     let quality = options.quality;
     match format {
         Format::Glb | Format::Gltf => {
             let gltf_options = gltf::GltfOptions { quality, page_side: PAGE_SIDE };
-            written.files = gltf::write_gltf(path, asset, &gltf_options)?;
+            (encoded.root, encoded.side) = gltf::encode_files(path, asset, &gltf_options)?;
             if options.mesh {
-                let (file, note) = write_mesh(path, asset)?;
-                written.files.push(file);
-                written.notes.extend(note);
+                add_mesh(&mut encoded, &mesh_path(path), asset)?;
             }
         }
         Format::Ltgs => {
             let ltgs_options = ltgs::LtgsOptions { quality, steps: options.steps };
-            let bytes = ltgs::encode(asset, &ltgs_options).map_err(|e| e.at(path))?;
-            write_atomically(path, &bytes).map_err(|e| Error::io(path, e))?;
+            encoded.root = ltgs::encode(asset, &ltgs_options).map_err(|e| e.at(path))?;
         }
         Format::Usda | Format::Usdc | Format::Usdz => {
             let usd_options = usd::UsdOptions { quality, page_side: PAGE_SIDE, mesh: options.mesh };
-            written.files = usd::write_usd(path, asset, &usd_options)?;
+            (encoded.root, encoded.side) = usd::encode_files(path, asset, &usd_options)?;
         }
         Format::Ply => {
-            let summary = ply::write_ply(path, asset, &ply::PlyOptions::default())?;
-            written.notes.extend(far_out(summary.position_error_texels));
+            let (bytes, summary) =
+                ply::encode_ply(asset, &ply::PlyOptions::default()).map_err(|e| e.at(path))?;
+            encoded.root = bytes;
+            encoded.notes.extend(far_out(summary.position_error_texels));
         }
         Format::Spz => {
-            let summary = spz::write_spz(path, asset)?;
-            written.notes.extend(far_out(summary.position_error_texels));
+            let (bytes, summary) = spz::encode_spz(asset).map_err(|e| e.at(path))?;
+            encoded.root = bytes;
+            encoded.notes.extend(far_out(summary.position_error_texels));
             if summary.clamped_scales > 0 {
-                written.notes.push(format!(
+                encoded.notes.push(format!(
                     "{} splats are smaller or larger than SPZ can say (4.5e-5 to 380 units); see --scale",
                     summary.clamped_scales
                 ));
             }
         }
     }
-    for file in &written.files {
-        written.bytes += std::fs::metadata(file).map_err(|e| Error::io(file, e))?.len();
+    Ok(encoded)
+}
+
+/// The mesh beside a glTF file.
+fn mesh_path(path: &Path) -> PathBuf {
+    path.with_extension("mesh.glb")
+}
+
+fn add_mesh(encoded: &mut Encoded, file: &Path, asset: &SplatAsset) -> Result<()> {
+    let (bytes, summary) = gltf::encode_mesh(asset, &gltf::MeshOptions::default()).map_err(|e| e.at(file))?;
+    encoded.side.push((file.file_name().unwrap_or_default().to_owned(), bytes));
+    if summary.omitted > 0 {
+        encoded.notes.push(format!(
+            "the mesh shows the {} most visible splats, {} are left out",
+            summary.quads, summary.omitted
+        ));
     }
-    Ok(written)
-}
-
-fn read(path: &Path) -> Result<Vec<u8>> {
-    std::fs::read(path).map_err(|e| Error::io(path, e))
-}
-
-/// The mesh of a glTF file, beside it.
-fn write_mesh(path: &Path, asset: &SplatAsset) -> Result<(PathBuf, Option<String>)> {
-    let file = path.with_extension("mesh.glb");
-    let (bytes, summary) =
-        gltf::encode_mesh(asset, &gltf::MeshOptions::default()).map_err(|e| e.at(&file))?;
-    write_atomically(&file, &bytes).map_err(|e| Error::io(&file, e))?;
-    let note = (summary.omitted > 0).then(|| {
-        format!("the mesh shows the {} most visible splats, {} are left out", summary.quads, summary.omitted)
-    });
-    Ok((file, note))
+    Ok(())
 }
 
 /// A note where rounding moves splats by more than a tenth of a texel.
@@ -196,12 +244,16 @@ fn far_out(texels: f64) -> Option<String> {
 /// Reads an asset in the format that the file's name means.
 ///
 /// # Errors
-/// [`Error::Unsupported`] for an unknown extension, else as the format's reader.
+/// [`Error::Unsupported`] for an unknown extension, [`Error::Invalid`] for a file that begins as another format does,
+/// [`Error::TooLarge`] for one of more bytes than the limits allow to decode, else as the format's reader.
 pub fn read_asset(path: &Path, limits: &ReadLimits) -> Result<Contents> {
-    match Format::of(path)? {
+    let format = Format::of(path)?;
+    sniff::check(path, format)?;
+    match format {
         Format::Ply => {
-            let read = ply::read_ply(path)?;
-            let bytes = std::fs::metadata(path).map_err(|e| Error::io(path, e))?.len();
+            let bytes = read_file(path, limits.decoded_bytes)?;
+            let read = ply::decode_ply(&bytes, path)?;
+            let bytes = bytes.len() as u64;
             let thick = read.num_thick;
             Ok(Contents {
                 asset: read.asset,
@@ -217,23 +269,51 @@ pub fn read_asset(path: &Path, limits: &ReadLimits) -> Result<Contents> {
         }
         Format::Spz => spz::read_spz(path, limits),
         Format::Glb | Format::Gltf => gltf::read_gltf(path, limits),
-        Format::Ltgs => ltgs::decode(&read(path)?, path, limits),
+        Format::Ltgs => ltgs::decode(&read_file(path, limits.decoded_bytes)?, path, limits),
         Format::Usda | Format::Usdc | Format::Usdz => usd::read_usd(path, limits),
     }
 }
 
-/// Checks a file against the rules of its format, worst first.
+/// Checks a file against the rules of its format, worst first. Codes that are not the format's own:
+///
+/// | code | what is wrong |
+/// |---|---|
+/// | LT9001 | the file cannot be read as an asset |
+/// | LT9002 | something is odd, but no reason to refuse the file |
+/// | LT9003 | the scene is not the one that the file was written with |
+/// | LT9004 | the file is of another format than its name says; nothing else is checked |
 ///
 /// # Errors
-/// [`Error::Io`] if it cannot be read, [`Error::Unsupported`] for an unknown extension. What is wrong inside is an issue.
+/// [`Error::Io`] and [`Error::TooLarge`] if the file itself cannot be read, [`Error::Unsupported`] for an unknown
+/// extension. What is wrong inside, or with the files that it names, is an issue.
 pub fn validate_file(path: &Path) -> Result<Vec<Issue>> {
-    let mut issues = match Format::of(path)? {
+    let format = Format::of(path)?;
+    match sniff::check(path, format) {
+        Ok(()) => {}
+        Err(Error::Invalid { what, .. }) => {
+            return Ok(vec![Issue::new("LT9004", Severity::Error, "", &what)]);
+        }
+        Err(error) => return Err(error),
+    }
+    let limits = ReadLimits::default();
+    let read = || read_file(path, limits.decoded_bytes);
+    let mut issues = match format {
         Format::Ply | Format::Spz => Vec::new(),
-        Format::Glb | Format::Gltf => gltf::validate(&read(path)?, path),
-        Format::Ltgs => ltgs::validate(&read(path)?, path),
+        Format::Glb | Format::Gltf => gltf::validate(&read()?, path),
+        Format::Ltgs => ltgs::validate(&read()?, path),
         Format::Usda | Format::Usdc | Format::Usdz => usd::validate(path),
     };
-    match read_asset(path, &ReadLimits::default()) {
+    // It is no asset and need not be one.
+    if !issues.iter().any(|i| i.code == gltf::QUADS_CODE) {
+        check_reading(path, &limits, &mut issues);
+    }
+    issues.sort_by_key(|i| std::cmp::Reverse(i.severity));
+    Ok(issues)
+}
+
+/// What shows when the file is read as an asset.
+fn check_reading(path: &Path, limits: &ReadLimits, issues: &mut Vec<Issue>) {
+    match read_asset(path, limits) {
         Ok(contents) => {
             issues.extend(contents.warnings.iter().map(|w| Issue::new("LT9002", Severity::Warning, "", w)));
             if contents.hash.is_some_and(|hash| hash != contents.asset.hash()) {
@@ -242,9 +322,11 @@ pub fn validate_file(path: &Path) -> Result<Vec<Issue>> {
                 issues.push(Issue::new("LT9003", Severity::Warning, "", what));
             }
         }
-        Err(error @ Error::Io { .. }) => return Err(error),
+        // A file beside it: the format's own rules name it.
+        Err(Error::Io { .. }) if issues.iter().any(|i| i.severity == Severity::Error) => {}
         Err(error) => issues.push(Issue::new("LT9001", Severity::Error, "", &error.to_string())),
     }
-    issues.sort_by_key(|i| std::cmp::Reverse(i.severity));
-    Ok(issues)
 }
+
+#[cfg(test)]
+mod tests;

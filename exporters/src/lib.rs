@@ -23,7 +23,9 @@ mod quads;
 mod quality;
 mod quaternion;
 mod sh;
+mod sniff;
 pub mod spz;
+mod staging;
 pub mod usd;
 mod validate;
 mod yup;
@@ -34,6 +36,7 @@ pub use asset::{
 pub use contents::{Contents, Describes, Issue, ReadLimits, Section, Severity};
 pub use error::{Error, Result};
 pub use file::write_atomically;
-pub use format::{Format, WriteOptions, Written, read_asset, validate_file, write_asset};
+pub use format::{Format, WriteOptions, Written, read_asset, stage_asset, validate_file, write_asset};
 pub use frame::CaptureFromLocal;
 pub use quality::Quality;
+pub use staging::Staged;

@@ -269,7 +269,9 @@ impl Verdict {
         table.row("fallback", format!("{:.2} dB where textures are not known", self.fallback_psnr));
         table.row(
             "verified",
-            if self.failures.is_empty() {
+            if self.limits == Limits::NONE {
+                "nothing is promised; --max-loss and --min-psnr set limits".to_owned()
+            } else if self.failures.is_empty() {
                 "yes".to_owned()
             } else {
                 format!("no: {}", self.failures.join("; "))

@@ -1,9 +1,18 @@
-//! Files beside a `.gltf`: their names as URIs, and reading them without leaving the folder.
+//! Files beside a `.gltf`: their names, also as URIs, and finding them without leaving the folder.
 
 use crate::{Error, Result};
 use std::fmt::Write as _;
-use std::io::Read as _;
 use std::path::{Component, Path, PathBuf};
+
+/// The file of all arrays.
+pub fn arrays_name(stem: &str) -> String {
+    format!("{stem}.bin")
+}
+
+/// The picture of a page.
+pub fn page_name(stem: &str, page: usize, extension: &str) -> String {
+    format!("{stem}_atlas_{page}.{extension}")
+}
 
 /// A file name as a relative URI.
 pub fn uri_from_name(name: &str) -> String {
@@ -63,25 +72,6 @@ pub fn resolve(uri: &str, path: &Path) -> Result<PathBuf> {
     Ok(file)
 }
 
-/// Reads a regular file of at most so many bytes.
-///
-/// # Errors
-/// [`Error::Io`], [`Error::TooLarge`], and [`Error::Invalid`] for anything but a regular file.
-pub fn read_at_most(path: &Path, bytes_max: u64) -> Result<Vec<u8>> {
-    let failed = |e| Error::io(path, e);
-    let facts = std::fs::metadata(path).map_err(failed)?;
-    if !facts.is_file() {
-        return Err(Error::invalid(path, "not a regular file"));
-    }
-    if facts.len() > bytes_max {
-        return Err(Error::too_large(path, format!("{} bytes, at most {bytes_max} are left", facts.len())));
-    }
-    let mut bytes = Vec::with_capacity(usize::try_from(facts.len()).unwrap_or_default());
-    // A file that grows meanwhile is not followed.
-    std::fs::File::open(path).and_then(|f| f.take(facts.len()).read_to_end(&mut bytes)).map_err(failed)?;
-    Ok(bytes)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -130,7 +120,5 @@ mod tests {
             std::os::unix::fs::symlink(folder.path().join("outside.bin"), inside.join("link.bin")).unwrap();
             assert!(matches!(resolve("link.bin", &gltf), Err(Error::Invalid { .. })));
         }
-        assert!(matches!(read_at_most(&inside, 10), Err(Error::Invalid { .. })), "a folder");
-        assert!(matches!(read_at_most(&folder.path().join("outside.bin"), 0), Err(Error::TooLarge { .. })));
     }
 }

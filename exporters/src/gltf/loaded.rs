@@ -4,6 +4,7 @@ use super::accessor::View;
 use super::container::{self, Parts};
 use super::document::{Accessor, BufferView, Document};
 use super::{EXTENSION, KHR, QUANTIZATION, UNLIT, files};
+use crate::file::read_file;
 use crate::{Error, ReadLimits, Result};
 use std::borrow::Cow;
 use std::cell::Cell;
@@ -72,8 +73,13 @@ impl<'a> Loaded<'a> {
                 (None, _) => Cow::Borrowed(&[]),
             };
             if (bytes.len() as u64) < needed {
+                let file = buffer
+                    .uri
+                    .as_deref()
+                    .map_or(String::new(), |uri| format!(" in file {:?}", super::shown(uri)));
+                let found = bytes.len();
                 let what =
-                    format!("buffer {i}: {needed} bytes declared, {} there: data are missing", bytes.len());
+                    format!("buffer {i}: {needed} bytes declared, {found} there{file}: data are missing");
                 return Err(Error::invalid(self.path, what));
             }
             self.buffers.push(bytes);
@@ -97,14 +103,16 @@ impl<'a> Loaded<'a> {
     /// Reads a file beside this one.
     ///
     /// # Errors
-    /// [`Error::Unsupported`] if that is not allowed, else as [`files::resolve`] and [`files::read_at_most`].
+    /// [`Error::Unsupported`] if that is not allowed, else as [`files::resolve`] and [`read_file`], naming both files.
     pub fn side_file(&self, uri: &str) -> Result<Vec<u8>> {
         if self.side_files == SideFiles::Refuse {
             let shown = super::shown(uri);
             let what = format!("file {shown:?} is needed beside it: open the file by its path");
             return Err(Error::unsupported(self.path, what));
         }
-        let bytes = files::read_at_most(&files::resolve(uri, self.path)?, self.left_bytes.get())?;
+        let file = files::resolve(uri, self.path);
+        let bytes = file.and_then(|file| read_file(&file, self.left_bytes.get()));
+        let bytes = bytes.map_err(|e| e.named_by(self.path))?;
         self.take_bytes(bytes.len() as u64, "files beside it")?;
         self.num_bytes.set(self.num_bytes.get() + bytes.len() as u64);
         Ok(bytes)

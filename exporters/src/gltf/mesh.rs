@@ -9,6 +9,16 @@ use crate::quads::{self, QUADS_MAX, Quad, Quads};
 use crate::{Error, Result, SplatAsset};
 use std::collections::BTreeMap;
 
+/// JSON pointer in a primitive's `extras` to what the primitive is, and what stands there. Most tools keep `extras`.
+const KIND: &str = "/litetex/kind";
+const QUADS: &str = "quads";
+
+/// Whether a file is one of these meshes, and so no asset.
+pub fn is_quad_mesh(document: &Document) -> bool {
+    let mut extras = document.meshes.iter().flat_map(|m| &m.primitives).filter_map(|p| p.extras.as_ref());
+    extras.any(|extras| extras.pointer(KIND).is_some_and(|kind| kind == QUADS))
+}
+
 /// What to write.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MeshOptions {
@@ -76,7 +86,8 @@ fn push_quads<'a>(
     let coordinates = quads.flat_map(|quad| quad.uvs);
     attributes.insert("TEXCOORD_0".to_owned(), arrays.push(coordinates, Use::Attribute));
     let indices = arrays.push(indices, Use::Other(Some(TARGET_INDICES)));
-    Primitive { attributes, indices: Some(indices), material: Some(material), ..Primitive::default() }
+    let extras = Some(serde_json::json!({ "litetex": { "kind": QUADS } }));
+    Primitive { attributes, indices: Some(indices), material: Some(material), extras, ..Primitive::default() }
 }
 
 fn push_material(document: &mut Document, view: u32, page: u32) {

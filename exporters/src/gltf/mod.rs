@@ -24,9 +24,12 @@ mod write;
 
 pub use container::is_glb;
 pub use extension::{EXTENSION, VERSION};
+pub(crate) use files::{arrays_name, page_name};
 pub use mesh::{MeshOptions, MeshSummary, encode_mesh};
 pub use read::{decode_glb, read_gltf};
+pub(crate) use validate::QUADS_CODE;
 pub use validate::validate;
+pub(crate) use write::encode_files;
 pub use write::{GltfOptions, encode_glb, write_gltf};
 
 /// The extension of Khronos that ours is nested in.

@@ -1,7 +1,7 @@
 //! Reads rectangles and atlas pages of our extension.
 
 use super::accessor::{Component, View};
-use super::document::MIME_PNG;
+use super::document::{Image, MIME_PNG};
 use super::extension::{Decode, Page, TextureExtension};
 use super::loaded::Loaded;
 use crate::atlas::{Atlas, PAGE_SIDE_MAX, Placement, TexelDecode, decode_exr, decode_png};
@@ -126,6 +126,20 @@ pub fn page_texels<'a>(
     decode: Option<Decode>,
     index: usize,
 ) -> Result<Cow<'a, [f32]>> {
+    decoded_texels(loaded, page, decode, index).map_err(|error| match (error, file_of(loaded, page)) {
+        (Error::Invalid { path, what }, Some(uri)) => {
+            Error::invalid(path, format!("{what} (file {:?})", super::shown(uri)))
+        }
+        (error, _) => error,
+    })
+}
+
+fn decoded_texels<'a>(
+    loaded: &'a Loaded<'_>,
+    page: &Page,
+    decode: Option<Decode>,
+    index: usize,
+) -> Result<Cow<'a, [f32]>> {
     let what = format!("atlas page {index}");
     let offence = |text: &str| Error::invalid(loaded.path, format!("{what}: {text}"));
     // Sizes were checked by `page_sizes`.
@@ -191,19 +205,23 @@ fn image_bytes<'a>(loaded: &'a Loaded<'_>, texture: u32, what: &str) -> Result<C
 /// Bytes of a page in its file.
 pub fn stored_bytes(loaded: &Loaded<'_>, page: &Page) -> u64 {
     let view = |index: u32| loaded.view(index, "").map_or(0, |(_, bytes)| bytes.len() as u64);
-    let file = |uri: &str| loaded.side_file_bytes(uri);
-    if let Some(index) = page.buffer_view {
-        return view(index);
+    let of_image = image_of(loaded, page).and_then(|image| image.buffer_view);
+    match page.buffer_view.or(of_image) {
+        Some(index) => view(index),
+        None => file_of(loaded, page).map_or(0, |uri| loaded.side_file_bytes(uri)),
     }
-    if let Some(uri) = &page.uri {
-        return file(uri);
-    }
+}
+
+/// The image of a page that is a core texture.
+fn image_of<'a>(loaded: &'a Loaded<'_>, page: &Page) -> Option<&'a Image> {
     let document = &loaded.document;
-    let source = page.texture.and_then(|t| document.textures.get(t as usize)).and_then(|t| t.source);
-    match source.and_then(|s| document.images.get(s as usize)) {
-        Some(image) => image.buffer_view.map_or(0, view) + image.uri.as_deref().map_or(0, file),
-        None => 0,
-    }
+    let source = document.textures.get(page.texture? as usize)?.source?;
+    document.images.get(source as usize)
+}
+
+/// URI of a page that is a file.
+fn file_of<'a>(loaded: &'a Loaded<'_>, page: &'a Page) -> Option<&'a str> {
+    page.uri.as_deref().or_else(|| image_of(loaded, page)?.uri.as_deref())
 }
 
 /// Copies the maps of the splats that lie on one page.

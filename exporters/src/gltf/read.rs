@@ -4,7 +4,8 @@ use super::extension::{Digest, TextureExtension};
 use super::loaded::{Loaded, SideFiles};
 use super::scene::Found;
 use super::splats::Attributes;
-use super::{EXTENSION, KHR, VERSION, container, files, node, pages, scene};
+use super::{EXTENSION, KHR, VERSION, container, node, pages, scene};
+use crate::file::read_file;
 use crate::{
     CaptureFromLocal, Contents, Describes, Error, Quality, ReadLimits, Result, Section, SplatAsset, yup,
 };
@@ -19,7 +20,7 @@ const NODE_TOLERANCE: f64 = 1e-6;
 /// # Errors
 /// As [`decode_glb`], and [`Error::Io`]. URIs that leave the file's folder are [`Error::Invalid`].
 pub fn read_gltf(path: &Path, limits: &ReadLimits) -> Result<Contents> {
-    let bytes = files::read_at_most(path, limits.decoded_bytes)?;
+    let bytes = read_file(path, limits.decoded_bytes)?;
     decode(&bytes, path, limits, SideFiles::Read)
 }
 

@@ -3,6 +3,7 @@
 use super::KHR;
 use super::document::{Document, Primitive};
 use super::extension::{Digest, Splatting};
+use super::mesh::is_quad_mesh;
 use crate::{Error, Result};
 use std::path::Path;
 
@@ -36,6 +37,7 @@ pub fn find<'a>(document: &'a Document, path: &Path) -> Result<Found<'a>> {
         let mut primitives = document.meshes.iter().flat_map(|m| &m.primitives);
         return Err(match primitives.find_map(Digest::find) {
             Some(digest) => Error::invalid(path, lost(&digest)),
+            None if is_quad_mesh(document) => Error::unsupported(path, QUADS_ONLY),
             None => Error::unsupported(path, format!("no primitive with {KHR}: not a file of splats")),
         });
     };
@@ -46,6 +48,10 @@ pub fn find<'a>(document: &'a Document, path: &Path) -> Result<Found<'a>> {
     }
     Ok(found)
 }
+
+/// Says what a mesh of quads is.
+pub const QUADS_ONLY: &str =
+    "a mesh of quads made by litetex, a preview without splats; read the asset that it was made from";
 
 /// Says that a file was ours and has lost its textures.
 pub fn lost(digest: &Digest) -> String {

@@ -7,10 +7,14 @@ mod texture;
 
 use super::extension::Digest;
 use super::loaded::{Loaded, SideFiles};
+use super::mesh::is_quad_mesh;
 use super::scene::{self, Found};
 use super::{KHR, container, read};
 use crate::{Error, Issue, ReadLimits, Severity};
 use std::path::Path;
+
+/// Code by which a mesh of quads is told: such a file is no asset, but may be sound.
+pub(crate) const QUADS_CODE: &str = "LT1019";
 
 /// Most offences of a kind that are told one by one; then one issue counts the rest.
 const TOLD_MAX: usize = 3;
@@ -37,6 +41,8 @@ const TOLD_MAX: usize = 3;
 /// | LT1015 | a number is not finite |
 /// | LT1016 | no COLOR_0 for viewers that know no splats |
 /// | LT1017 | the node's transform is no similarity, or its tree is broken |
+/// | LT1018 | a file beside it that holds a buffer is missing or cannot be read |
+/// | LT1019 | no offence: the file is a mesh of quads, a preview without splats |
 /// | LT1020 | the extension's version is not known |
 /// | LT1021 | a property of the extension is missing or wrong |
 /// | LT1022 | rectangles leave their page or do not fit the pages |
@@ -54,7 +60,9 @@ pub fn validate(bytes: &[u8], path: &Path) -> Vec<Issue> {
     let loaded = match Loaded::new(bytes, path, &limits, SideFiles::Read) {
         Ok(loaded) => loaded,
         Err(e) => {
-            issues.error("LT1001", "", text_of(e));
+            // Buffers beside it are all that is read from elsewhere so far.
+            let is_elsewhere = matches!(e, Error::Io { .. });
+            issues.error(if is_elsewhere { "LT1018" } else { "LT1001" }, "", text_of(e));
             return issues.list;
         }
     };
@@ -70,6 +78,10 @@ pub fn validate(bytes: &[u8], path: &Path) -> Vec<Issue> {
         check_primitive(&loaded, found, &mut issues);
     }
     match (scene::find(&loaded.document, path), found.first()) {
+        (Err(_), None) if is_quad_mesh(&loaded.document) => {
+            issues.push(QUADS_CODE, Severity::Info, "/meshes", scene::QUADS_ONLY.to_owned());
+            structure::check_mesh(&loaded, &mut issues);
+        }
         (Err(e @ Error::Invalid { .. }), None) => issues.error("LT1026", "/meshes", text_of(e)),
         (Err(e), _) => issues.error("LT1004", "/meshes", text_of(e)),
         (Ok(found), _) => check_reading(bytes, &loaded, &found, &limits, &mut issues),

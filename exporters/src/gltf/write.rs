@@ -9,7 +9,8 @@ use super::extension::{Decode, Digest, Page, Splatting, TextureExtension, text_f
 use super::{EXTENSION, KHR, VERSION, colour, container, files, sh_attribute, sh_indices};
 use crate::atlas::{Atlas, PAGE_SIDE, PAGE_SIDE_MAX, TexelDecode, encode_exr, encode_png};
 use crate::meta::Meta;
-use crate::{Error, Quality, Result, SplatAsset, write_atomically, yup};
+use crate::staging::{SideFile, Staged};
+use crate::{Error, Quality, Result, SplatAsset, yup};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -42,15 +43,27 @@ pub fn encode_glb(asset: &SplatAsset, options: &GltfOptions) -> Result<Vec<u8>> 
 }
 
 /// Writes a `.glb`, or a `.gltf` with its arrays in `NAME.bin` and its pages in `NAME_atlas_0.png` or `.exr` and so on,
-/// by the extension of `path`. Returns what was written; if something fails, nothing of it stays.
+/// by the extension of `path`. Returns what was written, the file at `path` first; if something fails, nothing of it
+/// stays, and files that were there before are as they were.
 ///
 /// # Errors
 /// As [`encode_glb`], and [`Error::Io`].
 pub fn write_gltf(path: &Path, asset: &SplatAsset, options: &GltfOptions) -> Result<Vec<PathBuf>> {
+    let (root, side) = encode_files(path, asset, options)?;
+    Ok(Staged::new(path, root, side)?.publish(true)?.files)
+}
+
+/// The bytes of the file at `path`, `.glb` or `.gltf`, and those of the files beside it.
+///
+/// # Errors
+/// As [`encode_glb`].
+pub(crate) fn encode_files(
+    path: &Path,
+    asset: &SplatAsset,
+    options: &GltfOptions,
+) -> Result<(Vec<u8>, Vec<SideFile>)> {
     if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("glb")) {
-        let bytes = encode_glb(asset, options).map_err(|e| e.at(path))?;
-        write_atomically(path, &bytes).map_err(|e| Error::io(path, e))?;
-        return Ok(vec![path.to_owned()]);
+        return Ok((encode_glb(asset, options).map_err(|e| e.at(path))?, Vec::new()));
     }
     if !path.extension().is_some_and(|e| e.eq_ignore_ascii_case("gltf")) {
         return Err(Error::invalid(path, "a glTF file is called *.glb or *.gltf"));
@@ -58,23 +71,10 @@ pub fn write_gltf(path: &Path, asset: &SplatAsset, options: &GltfOptions) -> Res
     let stem = path.file_stem().and_then(|s| s.to_str());
     let stem = stem.ok_or_else(|| Error::invalid(path, "not a file name that a URI can hold"))?;
     let assembled = assemble(asset, options, Some(stem)).map_err(|e| e.at(path))?;
-    let mut files = assembled.files;
-    files.push((format!("{stem}.bin"), assembled.bin));
-    let mut written: Vec<PathBuf> = Vec::new();
     let text = json(&assembled.document).map_err(|e| e.at(path))?;
-    // The file that names the others comes last.
-    let named = files.iter().map(|(name, bytes)| (path.with_file_name(name), bytes));
-    for (file, bytes) in named.chain([(path.to_owned(), &text)]) {
-        if let Err(error) = write_atomically(&file, bytes) {
-            for file in &written {
-                // The first error is the one that matters.
-                let _ = std::fs::remove_file(file);
-            }
-            return Err(Error::io(file, error));
-        }
-        written.push(file);
-    }
-    Ok(written)
+    let pages = assembled.files.into_iter().map(|(name, bytes)| (name.into(), bytes));
+    let bin = (files::arrays_name(stem).into(), assembled.bin);
+    Ok((text, pages.chain([bin]).collect()))
 }
 
 /// The JSON of a document.
@@ -235,7 +235,7 @@ impl Writer<'_> {
             let size = atlas.pages[i];
             let mut page = Page { width: size[0].into(), height: size[1].into(), ..Page::default() };
             if let Some(stem) = self.stem {
-                let name = format!("{stem}_atlas_{i}.exr");
+                let name = files::page_name(stem, i, "exr");
                 page.uri = Some(files::uri_from_name(&name));
                 self.files.push((name, encode_exr(size, &texels)?));
             } else {
@@ -264,7 +264,7 @@ impl Writer<'_> {
             let mut image = Image { name: Some(format!("residuals {i}")), ..Image::default() };
             image.mime_type = Some(MIME_PNG.to_owned());
             if let Some(stem) = self.stem {
-                let name = format!("{stem}_atlas_{i}.png");
+                let name = files::page_name(stem, i, "png");
                 image.uri = Some(files::uri_from_name(&name));
                 self.files.push((name, png));
             } else {
@@ -298,7 +298,7 @@ impl Writer<'_> {
             buffer_views: self.arrays.views,
             buffers: vec![Buffer {
                 byte_length: self.arrays.bytes.len() as u64,
-                uri: self.stem.map(|stem| files::uri_from_name(&format!("{stem}.bin"))),
+                uri: self.stem.map(|stem| files::uri_from_name(&files::arrays_name(stem))),
             }],
             ..Document::default()
         };

@@ -3,7 +3,8 @@
 
 use super::header::{Element, Encoding, Header};
 use super::scalar::Scalar;
-use crate::{AssetMap, Error, Result, SPLATS_MAX, SplatAsset, num_sh_coefficients};
+use crate::file::read_file;
+use crate::{AssetMap, Error, ReadLimits, Result, SPLATS_MAX, SplatAsset, num_sh_coefficients};
 use std::path::Path;
 
 /// What a file holds.
@@ -27,8 +28,7 @@ const DISC_THICKNESS: f64 = 0.1;
 /// # Errors
 /// As [`decode_ply`], and [`Error::Io`].
 pub fn read_ply(path: &Path) -> Result<PlyContents> {
-    let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
-    decode_ply(&bytes, path)
+    decode_ply(&read_file(path, ReadLimits::default().decoded_bytes)?, path)
 }
 
 /// Where each quantity stands in a row.

@@ -3,6 +3,7 @@
 use super::{
     HAS_EXTENSIONS, HEADER_BYTES, MAGIC, META_RECORD, NUM_STREAMS, TOC_ENTRY_BYTES, VERSION, rotation,
 };
+use crate::file::read_file;
 use crate::meta::Meta;
 use crate::yup;
 use crate::{
@@ -21,8 +22,7 @@ const MAX_EXPANSION: u64 = 4096;
 /// # Errors
 /// As [`decode_spz`], and [`Error::Io`].
 pub fn read_spz(path: &Path, limits: &ReadLimits) -> Result<Contents> {
-    let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
-    decode_spz(&bytes, path, limits)
+    decode_spz(&read_file(path, limits.decoded_bytes)?, path, limits)
 }
 
 struct Header {

@@ -1,4 +1,4 @@
-//! Writes assets as files: which file holds what, and what is removed if one fails.
+//! Writes assets as files: which file holds what.
 
 use super::binary::binary_from_layer;
 use super::layer::Layer;
@@ -7,7 +7,8 @@ use super::stage::{self, Pictures};
 use super::text_write::text_from_layer;
 use crate::atlas::{self, Atlas, PAGE_SIDE, PAGE_SIDE_MAX, TexelDecode};
 use crate::quads::{self, QUADS_MAX, Quads};
-use crate::{Error, Quality, Result, SplatAsset, write_atomically};
+use crate::staging::{SideFile, Staged};
+use crate::{Error, Quality, Result, SplatAsset};
 use std::path::{Path, PathBuf};
 
 /// Root layer of a package.
@@ -31,17 +32,31 @@ impl Default for UsdOptions {
 }
 
 /// Writes an asset as `.usda`, `.usdc` or `.usdz`, by the path's extension. Text and binary files have their pictures
-/// beside them, in the folder `STEM_textures`; a package holds them. Returns the files, the one at `path` first.
-/// If one cannot be written, those of this call are removed.
+/// beside them, in the folder `STEM_usda_textures` or `STEM_usdc_textures`; a package holds them. Returns the files, the
+/// one at `path` first. If something fails, nothing of it stays, and files that were there before are as they were.
 ///
 /// # Errors
 /// [`Error::Unsupported`] for other extensions and [`Quality::Tiny`], [`Error::Invalid`] and [`Error::TooLarge`] for
 /// assets that break a rule or do not fit, [`Error::Io`].
 pub fn write_usd(path: &Path, asset: &SplatAsset, options: &UsdOptions) -> Result<Vec<PathBuf>> {
+    let (root, side) = encode_files(path, asset, options)?;
+    Ok(Staged::new(path, root, side)?.publish(true)?.files)
+}
+
+/// The bytes of the file at `path` and those of the pictures beside it.
+///
+/// # Errors
+/// As [`write_usd`], without [`Error::Io`].
+pub(crate) fn encode_files(
+    path: &Path,
+    asset: &SplatAsset,
+    options: &UsdOptions,
+) -> Result<(Vec<u8>, Vec<SideFile>)> {
     let container = Container::of(path)?;
     let folder = match container {
         Container::Package => "textures".to_owned(),
-        Container::Text | Container::Binary => format!("{}_textures", stem(path)?),
+        Container::Text => textures_name(stem(path)?, "usda"),
+        Container::Binary => textures_name(stem(path)?, "usdc"),
     };
     let bundle = Bundle::of(asset, options, &folder).map_err(|e| e.at(path))?;
     let root = match container {
@@ -50,11 +65,15 @@ pub fn write_usd(path: &Path, asset: &SplatAsset, options: &UsdOptions) -> Resul
         Container::Package => {
             let root = Entry { name: PACKAGE_ROOT.to_owned(), bytes: binary_from_layer(&bundle.layer) };
             let entries: Vec<Entry> = std::iter::once(root).chain(bundle.pictures).collect();
-            let bytes = package_from_entries(&entries).map_err(|e| e.at(path))?;
-            return write_all(path, &folder, bytes, Vec::new());
+            return Ok((package_from_entries(&entries).map_err(|e| e.at(path))?, Vec::new()));
         }
     };
-    write_all(path, &folder, root, bundle.pictures)
+    Ok((root, bundle.pictures.into_iter().map(|p| (p.name.into(), p.bytes)).collect()))
+}
+
+/// The folder of a layer's pictures: text and binary files of one stem share none.
+pub(crate) fn textures_name(stem: &str, extension: &str) -> String {
+    format!("{stem}_{extension}_textures")
 }
 
 /// Kinds of files.
@@ -162,38 +181,4 @@ fn named(pictures: Vec<Vec<u8>>, folder: &str, name: &str, extension: &str) -> V
 /// How a layer refers to pictures: from its own place.
 fn asset_paths(pictures: &[Entry]) -> Vec<String> {
     pictures.iter().map(|p| format!("./{}", p.name)).collect()
-}
-
-/// Writes pictures and then the root, or nothing.
-fn write_all(path: &Path, folder: &str, root: Vec<u8>, pictures: Vec<Entry>) -> Result<Vec<PathBuf>> {
-    let place = path.parent().unwrap_or(Path::new(""));
-    let folder = place.join(folder);
-    let makes_folder = !pictures.is_empty() && !folder.exists();
-    if makes_folder {
-        std::fs::create_dir(&folder).map_err(|e| Error::io(&folder, e))?;
-    }
-    let mut written = vec![path.to_owned()];
-    let mut write = |path: PathBuf, bytes: &[u8]| {
-        write_atomically(&path, bytes).map_err(|e| Error::io(&path, e)).map(|()| written.push(path))
-    };
-    let result = pictures
-        .iter()
-        .try_for_each(|picture| write(place.join(&picture.name), &picture.bytes))
-        .and_then(|()| write(path.to_owned(), &root));
-    match result {
-        Ok(()) => {
-            written.pop();
-            Ok(written)
-        }
-        Err(error) => {
-            // The first error is the one that matters. The file at `path` was not written.
-            for file in &written[1..] {
-                let _ = std::fs::remove_file(file);
-            }
-            if makes_folder {
-                let _ = std::fs::remove_dir(&folder);
-            }
-            Err(error)
-        }
-    }
 }

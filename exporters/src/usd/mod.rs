@@ -22,6 +22,7 @@ mod validate;
 mod value;
 
 pub use files::{UsdOptions, write_usd};
+pub(crate) use files::{encode_files, textures_name};
 pub use read::read_usd;
 pub use validate::validate;
 

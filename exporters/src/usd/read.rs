@@ -10,6 +10,7 @@ use super::sections;
 use super::text_read::layer_from_text;
 use super::value::Value;
 use crate::atlas::{self, Atlas};
+use crate::file::read_file;
 use crate::meta::{META_BYTES_MAX, Meta};
 use crate::{Contents, Error, Quality, ReadLimits, Result, SplatAsset, yup};
 use std::path::Path;
@@ -43,7 +44,7 @@ pub(super) struct Opened<'a> {
 impl<'a> Opened<'a> {
     pub(super) fn open(path: &'a Path, limits: &ReadLimits) -> Result<Self> {
         let container = Container::of(path)?;
-        let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+        let bytes = read_file(path, limits.decoded_bytes)?;
         if container != Container::Package {
             return Self::layer(path, &bytes, limits);
         }
@@ -92,7 +93,10 @@ impl<'a> Opened<'a> {
     }
 
     /// Bytes of a picture to which the layer refers.
-    fn picture(&self, asset_path: &str, limits: &ReadLimits) -> Result<Vec<u8>> {
+    ///
+    /// # Errors
+    /// Name the picture and the layer.
+    pub(super) fn picture(&self, asset_path: &str, limits: &ReadLimits) -> Result<Vec<u8>> {
         let invalid = |what: &str| Error::invalid(self.path, format!("page @{asset_path}@: {what}"));
         let plain = asset_path.strip_prefix("./").unwrap_or(asset_path);
         // Programs that flatten stages make paths absolute; they may do so as long as they stay in the folder.
@@ -106,15 +110,12 @@ impl<'a> Opened<'a> {
         }
         let place = self.path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let file = place.join(plain);
-        let io = |e| Error::io(&file, e);
+        let io = |e| Error::io(&file, e).named_by(self.path);
         let (place, real) = (place.canonicalize().map_err(io)?, file.canonicalize().map_err(io)?);
         if !real.starts_with(&place) {
             return Err(invalid("it lies outside of the file's folder"));
         }
-        if std::fs::metadata(&real).map_err(io)?.len() > limits.decoded_bytes {
-            return Err(Error::too_large(&file, "larger than the limit on what may be decoded"));
-        }
-        std::fs::read(&real).map_err(io)
+        read_file(&real, limits.decoded_bytes).map_err(|e| e.at(&file).named_by(self.path))
     }
 
     fn contents(&self, limits: &ReadLimits) -> Result<Contents> {
@@ -263,19 +264,34 @@ impl<'a> Opened<'a> {
         asset.texels = match decode {
             Some(decode) => {
                 let pages: Vec<Vec<u8>> = on_pages
-                    .map(|(bytes, &size)| atlas::decode_png(bytes, size, self.path))
+                    .zip(&paths)
+                    .map(|((bytes, &size), name)| {
+                        atlas::decode_png(bytes, size, self.path).map_err(|e| of_page(e, name))
+                    })
                     .collect::<Result<_>>()?;
                 let codes = atlas.texels_from_pages(&asset.maps, &pages);
                 codes.into_iter().map(|code| decode.texel(code)).collect()
             }
             None => {
                 let pages: Vec<Vec<f32>> = on_pages
-                    .map(|(bytes, &size)| atlas::decode_exr(bytes, size, self.path))
+                    .zip(&paths)
+                    .map(|((bytes, &size), name)| {
+                        atlas::decode_exr(bytes, size, self.path).map_err(|e| of_page(e, name))
+                    })
                     .collect::<Result<_>>()?;
                 atlas.texels_from_pages(&asset.maps, &pages)
             }
         };
         Ok(if self.entries.is_some() { 0 } else { files.iter().map(|f| f.len() as u64).sum() })
+    }
+}
+
+/// What is wrong with a page, with its name.
+fn of_page(error: Error, name: &str) -> Error {
+    match error {
+        Error::Invalid { path, what } => Error::invalid(path, format!("page @{name}@: {what}")),
+        Error::Unsupported { path, what } => Error::unsupported(path, format!("page @{name}@: {what}")),
+        other => other,
     }
 }
 

@@ -76,7 +76,8 @@ fn lossless_files_give_every_bit_back() {
             assert_eq!((contents.quality, contents.hash), (Some(Quality::Lossless), Some(asset.hash())));
             let mut size = std::fs::metadata(&path).unwrap().len();
             if extension != "usdz" {
-                let pages = std::fs::read_dir(folder.path().join(format!("s{degree}_textures"))).unwrap();
+                let pages =
+                    std::fs::read_dir(folder.path().join(format!("s{degree}_{extension}_textures"))).unwrap();
                 let pages =
                     pages.map(|f| f.unwrap()).filter(|f| f.file_name().to_string_lossy().starts_with("page"));
                 size += pages.map(|f| f.metadata().unwrap().len()).sum::<u64>();
@@ -375,16 +376,30 @@ fn features_that_are_not_ours_are_named() {
 }
 
 #[test]
+fn folders_of_pictures_have_any_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = write(folder.path(), "s.usda", &full(9, 0), Quality::Balanced);
+    let before = read(&path).unwrap().asset;
+    std::fs::rename(folder.path().join("s_usda_textures"), folder.path().join("s_textures")).unwrap();
+    assert!(read(&path).is_err(), "negative control");
+    // As files of earlier versions say.
+    let text = std::fs::read_to_string(&path).unwrap();
+    std::fs::write(&path, text.replace("./s_usda_textures/", "./s_textures/")).unwrap();
+    assert_eq!(read(&path).unwrap().asset, before);
+    assert_eq!(validate(&path), Vec::new());
+}
+
+#[test]
 fn pages_elsewhere_are_not_read() {
     let folder = tempfile::tempdir().unwrap();
     let below = folder.path().join("below");
     std::fs::create_dir(&below).unwrap();
     let path = write(&below, "s.usda", &full(9, 0), Quality::Balanced);
     let text = std::fs::read_to_string(&path).unwrap();
-    let page = "./s_textures/page0.png";
+    let page = "./s_usda_textures/page0.png";
     std::fs::copy(below.join(page), folder.path().join("page0.png")).unwrap();
     let absolute = folder.path().join("page0.png").display().to_string();
-    for other in ["../page0.png", absolute.as_str(), "file:page0.png", "./s_textures/missing.png"] {
+    for other in ["../page0.png", absolute.as_str(), "file:page0.png", "./s_usda_textures/missing.png"] {
         assert!(text.contains(page));
         std::fs::write(&path, text.replace(page, other)).unwrap();
         assert!(read(&path).is_err(), "{other}");

@@ -14,6 +14,7 @@
 //! | LT2009 | the hash is that of the numbers |
 //! | LT2010 | the stage says `upAxis`, `metersPerUnit` and `defaultPrim`, and has prims |
 //! | LT2011 | quaternions have length 1, opacities are in [0, 1], scales are not negative |
+//! | LT2012 | pictures that the layer names can be read, pages are sound and of their size |
 
 use super::field::Field;
 use super::layer::{Prim, entry, for_each_prim};
@@ -22,7 +23,8 @@ use super::numbers::half_sides;
 use super::read::Opened;
 use super::read::read_usd;
 use super::value::{Form, Numbers, Value};
-use crate::{Issue, ReadLimits, Severity, num_sh_coefficients, quaternion};
+use crate::{Error, Issue, ReadLimits, Severity, num_sh_coefficients, quaternion};
+use std::collections::BTreeSet;
 use std::path::Path;
 
 /// Schemas that may be applied to prims of such files besides [`FIELD_SCHEMAS`].
@@ -59,6 +61,7 @@ pub fn validate(path: &Path) -> Vec<Issue> {
         Ok(opened) => {
             check_stage(&opened, &mut report);
             for_each_prim(&opened.layer, &mut |place, prim| check_prim(path, place, prim, &mut report));
+            check_pictures(&opened, &limits, &mut report);
             // What was found above is the reason of what reading would find.
             if report.issues.iter().all(|i| i.severity < Severity::Error) {
                 check_reading(path, &limits, &mut report);
@@ -99,12 +102,32 @@ fn check_stage(opened: &Opened, report: &mut Report) {
     }
 }
 
+/// Every picture is there; in files of other programs they may be anywhere.
+fn check_pictures(opened: &Opened, limits: &ReadLimits, report: &mut Report) {
+    if opened.facts().is_none() {
+        return;
+    }
+    let mut seen = BTreeSet::new();
+    for (place, prim) in opened.prims() {
+        let Some(Value::Asset(name)) = prim.value("inputs:file") else { continue };
+        if !seen.insert(name) {
+            continue;
+        }
+        if let Err(error) = opened.picture(name, limits) {
+            report.error("LT2012", &place, error.to_string());
+        }
+    }
+}
+
 fn check_reading(path: &Path, limits: &ReadLimits, report: &mut Report) {
     match read_usd(path, limits) {
-        Err(crate::Error::Unsupported { what, .. }) => {
+        Err(Error::Unsupported { what, .. }) => {
             report.add("LT2001", Severity::Info, "", format!("not a file of this program: {what}"));
         }
-        Err(error) => report.error("LT2001", "", error.to_string()),
+        Err(error) => {
+            let is_of_page = matches!(&error, Error::Invalid { what, .. } if what.starts_with("page @"));
+            report.error(if is_of_page { "LT2012" } else { "LT2001" }, "", error.to_string());
+        }
         Ok(contents) => {
             let is_changed = contents.hash != Some(contents.asset.hash());
             if is_changed {

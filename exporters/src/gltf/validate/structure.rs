@@ -2,7 +2,7 @@
 
 use super::Issues;
 use crate::Severity;
-use crate::gltf::document::{Accessor, MODE_POINTS};
+use crate::gltf::document::{Accessor, MODE_POINTS, Primitive};
 use crate::gltf::loaded::Loaded;
 use crate::gltf::scene::Found;
 use crate::gltf::{EXTENSION, KHR, node, sh_attribute, splats};
@@ -85,6 +85,48 @@ pub fn check_primitive(loaded: &Loaded<'_>, found: &Found<'_>, issues: &mut Issu
         if let Some(accessor) = loaded.document.accessors.get(index as usize) {
             check_alignment(loaded, accessor, &format!("{place}/{name}"), issues);
         }
+    }
+}
+
+/// A file of meshes only: their accessors, pictures and nodes are there.
+pub fn check_mesh(loaded: &Loaded<'_>, issues: &mut Issues) {
+    for (i, mesh) in loaded.document.meshes.iter().enumerate() {
+        for (j, primitive) in mesh.primitives.iter().enumerate() {
+            check_arrays(loaded, primitive, &format!("/meshes/{i}/primitives/{j}"), issues);
+        }
+        if let Err(e) = node::world_from_mesh(&loaded.document, i as u32, loaded.path) {
+            issues.error("LT1017", "/nodes", super::text_of(e));
+        }
+    }
+    for (i, image) in loaded.document.images.iter().enumerate() {
+        let bytes = match (image.buffer_view, &image.uri) {
+            (Some(view), _) => loaded.view(view, "image").map(drop),
+            (None, Some(uri)) => loaded.side_file(uri).map(drop),
+            (None, None) => continue,
+        };
+        if let Err(e) = bytes {
+            issues.error("LT1024", &format!("/images/{i}"), super::text_of(e));
+        }
+    }
+}
+
+/// Attributes have equal counts, indices name vertices.
+fn check_arrays(loaded: &Loaded<'_>, primitive: &Primitive, place: &str, issues: &mut Issues) {
+    let mut view_of = |name: &str, accessor: u32| {
+        let view = loaded.accessor(accessor, name);
+        view.map_err(|e| issues.error("LT1007", &format!("{place}/{name}"), super::text_of(e))).ok()
+    };
+    let attributes = primitive.attributes.iter();
+    let counts: Vec<usize> = attributes.filter_map(|(name, &a)| Some(view_of(name, a)?.count)).collect();
+    let indices = primitive.indices.and_then(|a| view_of("indices", a));
+    let Some(&count) = counts.first() else { return };
+    if counts.iter().any(|c| *c != count) {
+        issues.error("LT1008", place, format!("attributes of {counts:?} elements"));
+    }
+    // Below 2^24, and so exact.
+    let largest = indices.and_then(|view| view.rows::<1>().map(|[v]| v as usize).max());
+    if let Some(index) = largest.filter(|index| *index >= count) {
+        issues.error("LT1007", &format!("{place}/indices"), format!("vertex {index} of {count}"));
     }
 }
 

@@ -1,0 +1,121 @@
+//! What a file is by its first bytes, so that one of another format than its name says is told as that and not as damage.
+
+use crate::file::read_head;
+use crate::{Error, Format, Result};
+use std::path::Path;
+
+/// Bytes that are looked at: white space may come before JSON.
+const HEAD_BYTES: u64 = 512;
+
+/// Bytes that are shown of what is not known.
+const SHOWN_BYTES: usize = 8;
+
+/// First bytes, the format that begins with them, and what it is.
+const MAGICS: [(&[u8], Format, &str); 10] = [
+    (b"glTF", Format::Glb, "binary glTF"),
+    (b"LTGS", Format::Ltgs, "compact textured splats"),
+    (b"#usda", Format::Usda, "OpenUSD text"),
+    (b"PXR-USDC", Format::Usdc, "OpenUSD binary"),
+    (b"PK\x03\x04", Format::Usdz, "zip archive"),
+    (b"PK\x05\x06", Format::Usdz, "empty zip archive"),
+    (b"ply\n", Format::Ply, "PLY"),
+    (b"ply\r", Format::Ply, "PLY"),
+    (b"NGSP", Format::Spz, "SPZ of version 4 or later"),
+    (b"\x1f\x8b", Format::Spz, "gzip, as SPZ of version 1 to 3"),
+];
+
+/// The format of a file that begins with these bytes, and what it is called.
+fn format_of(head: &[u8]) -> Option<(Format, &'static str)> {
+    let known = MAGICS.iter().find(|(magic, ..)| head.starts_with(magic));
+    // Some programs write a byte order mark.
+    let text = head.strip_prefix(b"\xef\xbb\xbf").unwrap_or(head);
+    let is_json = text.trim_ascii_start().starts_with(b"{");
+    known.map(|&(_, format, name)| (format, name)).or_else(|| is_json.then_some((Format::Gltf, "JSON")))
+}
+
+/// Checks that a file begins as those of the format of its name do.
+///
+/// # Errors
+/// [`Error::Invalid`] that says what it is instead, [`Error::Io`] if it cannot be read.
+pub(crate) fn check(path: &Path, format: Format) -> Result<()> {
+    let head = read_head(path, HEAD_BYTES)?;
+    let what = match format_of(&head) {
+        Some((found, _)) if found == format => return Ok(()),
+        Some((found, name)) => {
+            format!("this is a .{} file ({name}) named .{}; rename it", found.extension(), format.extension())
+        }
+        None if head.is_empty() => "the file is empty".to_owned(),
+        None => {
+            let shown = head.get(..SHOWN_BYTES).unwrap_or(&head).escape_ascii();
+            format!(
+                "neither a .{} file nor another that is known: begins with \"{shown}\"",
+                format.extension()
+            )
+        }
+    };
+    Err(Error::invalid(path, what))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{ReadLimits, read_asset, validate_file};
+
+    /// A file's first bytes for each format.
+    fn head_of(format: Format) -> &'static [u8] {
+        match format {
+            Format::Gltf => b" \n{\"asset\": {}}",
+            _ => MAGICS.iter().find(|m| m.1 == format).unwrap().0,
+        }
+    }
+
+    #[test]
+    fn every_format_under_every_other_name_is_told() {
+        let folder = tempfile::tempdir().unwrap();
+        for real in Format::ALL {
+            for named in Format::ALL {
+                let path = folder.path().join(format!("file.{}", named.extension()));
+                std::fs::write(&path, head_of(real)).unwrap();
+                let error = read_asset(&path, &ReadLimits::default()).unwrap_err();
+                let is_told = error.to_string().contains("rename it");
+                assert_eq!(is_told, real != named, "{error}");
+                let issues = validate_file(&path).unwrap();
+                assert!(!issues.is_empty());
+                assert_eq!(issues.iter().any(|i| i.code == "LT9004"), real != named, "{issues:?}");
+                if real != named {
+                    let expected = format!("this is a .{} file", real.extension());
+                    let message = error.to_string();
+                    assert!(
+                        matches!(error, Error::Invalid { .. }) && message.contains(&expected),
+                        "{message}"
+                    );
+                    assert!(message.contains(&format!("named .{}", named.extension())), "{message}");
+                    assert_eq!(issues.len(), 1, "{issues:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_nothing_is_shown() {
+        let folder = tempfile::tempdir().unwrap();
+        for format in Format::ALL {
+            let path = folder.path().join(format!("file.{}", format.extension()));
+            for (bytes, word) in
+                [(b"\x89PNG\r\n\x1a\n...".as_slice(), r#""\x89PNG\r\n\x1a\n""#), (b"", "empty")]
+            {
+                std::fs::write(&path, bytes).unwrap();
+                let error = read_asset(&path, &ReadLimits::default()).unwrap_err();
+                assert!(
+                    matches!(error, Error::Invalid { .. }) && error.to_string().contains(word),
+                    "{error}"
+                );
+            }
+        }
+        // Old SPZ is known by its name.
+        let path = folder.path().join("old.spz");
+        std::fs::write(&path, b"\x1f\x8b\x08").unwrap();
+        let error = read_asset(&path, &ReadLimits::default()).unwrap_err();
+        assert!(matches!(error, Error::Unsupported { .. }), "{error}");
+    }
+}

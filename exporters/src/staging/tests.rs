@@ -1,0 +1,209 @@
+//! Nothing is replaced unasked, nothing is lost by what fails, and what is staged can be read.
+
+use super::*;
+use crate::asset::tests::fixture;
+use crate::{Format, Quality, ReadLimits, SplatAsset, WriteOptions, read_asset, stage_asset, write_asset};
+use std::collections::BTreeMap;
+
+fn options(mesh: bool) -> WriteOptions {
+    WriteOptions { quality: Quality::Balanced, mesh, steps: None }
+}
+
+fn with_title(title: &str) -> SplatAsset {
+    let mut asset = fixture(20, 1);
+    asset.provenance.title = title.to_owned();
+    // Other texels: other pictures.
+    asset.texels.iter_mut().for_each(|t| *t *= 1.0 / title.len() as f32);
+    asset
+}
+
+/// Every file below a folder with its bytes; links as `None`.
+fn snapshot(folder: &Path) -> BTreeMap<PathBuf, Option<Vec<u8>>> {
+    let mut found = BTreeMap::new();
+    for entry in std::fs::read_dir(folder).unwrap().map(|e| e.unwrap()) {
+        let path = entry.path();
+        match entry.file_type().unwrap() {
+            kind if kind.is_dir() => {
+                found.extend(snapshot(&path));
+                found.insert(path, None);
+            }
+            kind if kind.is_symlink() => drop(found.insert(path, None)),
+            _ => drop(found.insert(path.clone(), Some(std::fs::read(path).unwrap()))),
+        }
+    }
+    found
+}
+
+fn title(path: &Path) -> String {
+    let contents = read_asset(path, &ReadLimits::default()).unwrap();
+    assert_eq!(contents.hash, Some(contents.asset.hash()), "{}", path.display());
+    contents.asset.provenance.title
+}
+
+fn kind(error: &Error) -> Option<ErrorKind> {
+    match error {
+        Error::Io { source, .. } => Some(source.kind()),
+        _ => None,
+    }
+}
+
+#[test]
+fn what_is_staged_can_be_read_and_goes_where_it_belongs() {
+    let folder = tempfile::tempdir().unwrap();
+    for format in Format::ALL {
+        let stem = format!("{format:?}");
+        let path = folder.path().join(format!("{stem}.{}", format.extension()));
+        let staged = stage_asset(&path, &with_title("a"), &options(true)).unwrap();
+        assert!(!path.exists());
+        let before = read_asset(&staged.path(), &ReadLimits::default()).unwrap();
+        let (files, expected) = (staged.files().to_vec(), staged.written().clone());
+        let written = staged.publish(false).unwrap();
+        assert_eq!((&written.files, &written), (&files, &expected));
+        assert_eq!(written.files[0], path);
+        let sizes = written.files.iter().map(|f| f.metadata().unwrap().len());
+        assert_eq!(sizes.sum::<u64>(), written.bytes, "{format:?}");
+        assert_eq!(read_asset(&path, &ReadLimits::default()).unwrap(), before, "{format:?}");
+        // What is written beside it is what was said before.
+        let said = format.side_files(&path, true);
+        for file in &written.files[1..] {
+            assert!(said.iter().any(|s| file.starts_with(s)), "{}: {said:?}", file.display());
+        }
+        assert!(said.iter().all(|s| s.exists() || s.extension().is_some_and(|e| e == "exr")), "{said:?}");
+        let mesh = said.iter().any(|f| f.ends_with(format!("{stem}.mesh.glb")));
+        assert_eq!(mesh, matches!(format, Format::Glb | Format::Gltf));
+        assert_eq!(format.side_files(&path, false).len(), said.len() - usize::from(mesh));
+    }
+    assert!(snapshot(folder.path()).keys().all(|p| p.extension().is_none_or(|e| e != "tmp")));
+    // Under one stem all formats show each its own scene still: they share nothing but the mesh.
+    for format in Format::ALL.into_iter().filter(|f| f.keeps_textures()) {
+        let path = folder.path().join(format!("scene.{}", format.extension()));
+        write_asset(&path, &with_title(format.extension()), &options(true)).unwrap();
+    }
+    for format in Format::ALL.into_iter().filter(|f| f.keeps_textures()) {
+        assert_eq!(title(&folder.path().join(format!("scene.{}", format.extension()))), format.extension());
+    }
+}
+
+#[test]
+fn what_is_not_published_leaves_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.gltf");
+    write_asset(&path, &with_title("old"), &options(true)).unwrap();
+    let before = snapshot(folder.path());
+    let staged = [(); 2].map(|()| stage_asset(&path, &with_title("new"), &options(true)).unwrap());
+    assert_ne!(staged[0].path(), staged[1].path(), "two at once do not meet");
+    assert!(snapshot(folder.path()).len() > before.len(), "negative control");
+    drop(staged);
+    assert_eq!(snapshot(folder.path()), before);
+}
+
+#[test]
+fn side_files_are_not_replaced_unasked() {
+    for (name, sides) in [
+        ("y.gltf", ["y.bin", "y.mesh.glb", "y_atlas_0.png"].as_slice()),
+        ("y.glb", &["y.mesh.glb"]),
+        ("y.usda", &["y_usda_textures/page0.png", "y_usda_textures/quads0.png"]),
+        ("y.usdc", &["y_usdc_textures/page0.png"]),
+        ("y.ltgs", &["y.ltgs"]),
+    ] {
+        for side in sides {
+            let folder = tempfile::tempdir().unwrap();
+            let (path, side) = (folder.path().join(name), folder.path().join(side));
+            std::fs::create_dir_all(side.parent().unwrap()).unwrap();
+            std::fs::write(&side, "mine").unwrap();
+            let before = snapshot(folder.path());
+            let staged = stage_asset(&path, &with_title("new"), &options(true)).unwrap();
+            let error = staged.publish(false).unwrap_err();
+            assert_eq!(kind(&error), Some(ErrorKind::AlreadyExists), "{error}");
+            let message = error.to_string();
+            assert!(message.contains(&side.display().to_string()) && message.contains(name), "{message}");
+            assert_eq!(snapshot(folder.path()), before);
+            // Negative control: when asked, it is.
+            stage_asset(&path, &with_title("new"), &options(true)).unwrap().publish(true).unwrap();
+            assert_ne!(std::fs::read(&side).unwrap(), b"mine");
+            assert_eq!(title(&path), "new");
+        }
+    }
+}
+
+#[test]
+fn a_failing_overwrite_keeps_the_old_asset() {
+    for name in ["y.gltf", "y.glb", "y.usda", "y.usdc", "y.usdz", "y.ltgs"] {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(name);
+        // First without an older one: nothing stays, the folder of pictures neither.
+        for old in [None, Some(with_title("old"))] {
+            if let Some(old) = &old {
+                write_asset(&path, old, &options(true)).unwrap();
+            }
+            let before = snapshot(folder.path());
+            let num_files = stage_asset(&path, &with_title("new"), &options(true)).unwrap().names.len();
+            for missing in 0..num_files {
+                let staged = stage_asset(&path, &with_title("new"), &options(true)).unwrap();
+                // Renaming this one will fail, after those before it have been renamed.
+                std::fs::remove_file(staged.new_file(&staged.names[missing])).unwrap();
+                assert!(matches!(staged.publish(true), Err(Error::Io { .. })));
+                assert_eq!(snapshot(folder.path()), before, "{name}: file {missing} of {num_files}");
+            }
+            if old.is_some() {
+                assert_eq!(title(&path), "old");
+            }
+        }
+        // Negative control.
+        write_asset(&path, &with_title("new"), &options(true)).unwrap();
+        assert_eq!(title(&path), "new");
+    }
+}
+
+#[test]
+fn folders_and_files_in_each_others_way_are_told() {
+    let asset = with_title("new");
+    for (name, obstacle, is_folder, expected) in [
+        ("y.gltf", "y.gltf", true, ErrorKind::IsADirectory),
+        ("y.gltf", "y.bin", true, ErrorKind::IsADirectory),
+        ("y.usda", "y_usda_textures/page0.png", true, ErrorKind::IsADirectory),
+        ("y.usda", "y_usda_textures", false, ErrorKind::NotADirectory),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, obstacle) = (folder.path().join(name), folder.path().join(obstacle));
+        if is_folder {
+            std::fs::create_dir_all(obstacle.join("full")).unwrap();
+        } else {
+            std::fs::write(&obstacle, "mine").unwrap();
+        }
+        let before = snapshot(folder.path());
+        let error = write_asset(&path, &asset, &options(false)).unwrap_err();
+        assert_eq!(kind(&error), Some(expected), "{error}");
+        assert!(error.to_string().contains(&obstacle.display().to_string()), "{error}");
+        assert_eq!(snapshot(folder.path()), before);
+    }
+    let nowhere = Path::new("no/such/folder/y.glb");
+    let error = write_asset(nowhere, &asset, &options(false)).unwrap_err();
+    assert_eq!(kind(&error), Some(ErrorKind::NotFound), "{error}");
+    assert!(error.to_string().contains("no/such/folder/y.glb"), "{error}");
+}
+
+#[cfg(unix)]
+#[test]
+fn a_link_is_replaced_and_what_it_leads_to_stays() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, real) = (folder.path().join("y.glb"), folder.path().join("real.glb"));
+    std::fs::write(&real, "mine").unwrap();
+    std::os::unix::fs::symlink(&real, &path).unwrap();
+    let staged = stage_asset(&path, &with_title("new"), &options(false)).unwrap();
+    assert_eq!(kind(&staged.publish(false).unwrap_err()), Some(ErrorKind::AlreadyExists));
+    write_asset(&path, &with_title("new"), &options(false)).unwrap();
+    assert_eq!(std::fs::read(&real).unwrap(), b"mine");
+    assert!(!path.is_symlink() && title(&path) == "new");
+    // A link that leads nowhere is in the way, too, and one to a folder of pictures serves as one.
+    let path = folder.path().join("z.usda");
+    std::os::unix::fs::symlink("nowhere", &path).unwrap();
+    let staged = stage_asset(&path, &with_title("new"), &options(false)).unwrap();
+    assert_eq!(kind(&staged.publish(false).unwrap_err()), Some(ErrorKind::AlreadyExists));
+    let elsewhere = folder.path().join("elsewhere");
+    std::fs::create_dir(&elsewhere).unwrap();
+    std::os::unix::fs::symlink(&elsewhere, folder.path().join("z_usda_textures")).unwrap();
+    write_asset(&path, &with_title("new"), &options(false)).unwrap();
+    assert!(elsewhere.join("page0.png").is_file());
+    assert_eq!(title(&path), "new");
+}
