@@ -32,13 +32,15 @@ pub enum Format {
 
 /// What to write.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct WriteOptions {
+pub struct WriteOptions<'a> {
     /// Profile of quality, where the format has any.
     pub quality: Quality,
     /// Also a mesh of textured quads for programs that know no splats: a file of its own beside glTF, a variant in USD.
     pub mesh: bool,
     /// Sizes of steps of lossy `.ltgs` files; `None`: those that the quality begins with.
     pub steps: Option<ltgs::Steps>,
+    /// Exponents of the splats' steps in lossy `.ltgs` files; empty: all zero. `[n]`
+    pub exponents: &'a [i8],
 }
 
 /// What was written.
@@ -152,7 +154,7 @@ impl Format {
 ///
 /// # Errors
 /// As those.
-pub fn write_asset(path: &Path, asset: &SplatAsset, options: &WriteOptions) -> Result<Written> {
+pub fn write_asset(path: &Path, asset: &SplatAsset, options: &WriteOptions<'_>) -> Result<Written> {
     stage_asset(path, asset, options)?.publish(true)
 }
 
@@ -162,7 +164,7 @@ pub fn write_asset(path: &Path, asset: &SplatAsset, options: &WriteOptions) -> R
 /// # Errors
 /// [`Error::Unsupported`] for an unknown extension or a quality that the format has not, [`Error::Io`], else as the
 /// format's writer.
-pub fn stage_asset(path: &Path, asset: &SplatAsset, options: &WriteOptions) -> Result<Staged> {
+pub fn stage_asset(path: &Path, asset: &SplatAsset, options: &WriteOptions<'_>) -> Result<Staged> {
     let format = Format::of(path)?;
     format.check_quality(options.quality, path)?;
     let encoded = encode(format, path, asset, options)?;
@@ -179,7 +181,7 @@ struct Encoded {
     notes: Vec<String>,
 }
 
-fn encode(format: Format, path: &Path, asset: &SplatAsset, options: &WriteOptions) -> Result<Encoded> {
+fn encode(format: Format, path: &Path, asset: &SplatAsset, options: &WriteOptions<'_>) -> Result<Encoded> {
     let mut encoded = Encoded::default();
     let quality = options.quality;
     match format {
@@ -191,7 +193,8 @@ fn encode(format: Format, path: &Path, asset: &SplatAsset, options: &WriteOption
             }
         }
         Format::Ltgs => {
-            let ltgs_options = ltgs::LtgsOptions { quality, steps: options.steps };
+            let ltgs_options =
+                ltgs::LtgsOptions { quality, steps: options.steps, exponents: options.exponents };
             encoded.root = ltgs::encode(asset, &ltgs_options).map_err(|e| e.at(path))?;
         }
         Format::Usda | Format::Usdc | Format::Usdz => {

@@ -1,5 +1,6 @@
 //! Arguments of everything that writes assets.
 
+use super::contribution::Contribution;
 use super::frozen::Frozen;
 use super::log::Log;
 use super::values::{format_count, parse_bytes, parse_decibels};
@@ -107,7 +108,9 @@ impl AssetArgs {
         let before = asset.num_splats();
         let count = |n: usize| format_count(n as u64);
         if let Some(floor) = self.min_contribution {
-            let keep = super::contribution::at_least(asset, floor, log)?;
+            let training: Vec<_> = asset.cameras.iter().filter(|c| !c.held_out).cloned().collect();
+            let contribution = Contribution::of(asset, &training, log)?;
+            let keep: Vec<bool> = contribution.weight_px.iter().map(|c| *c >= floor).collect();
             let gone = asset.retain(&keep);
             log.info(&format!(
                 "{} of {} splats contribute less than {floor} pixels and are left out",

@@ -5,7 +5,7 @@ use super::differences::{Stage, VIEWS, spread};
 use super::frozen::Frozen;
 use super::log::Log;
 use super::outputs;
-use super::search;
+use super::search::{self, Rounding};
 use super::table::Columns;
 use super::values::format_bytes;
 use super::verdict::{Expected, Limits, Verdict, judge, limits_of};
@@ -130,14 +130,15 @@ fn write_one(
     log: &Log,
 ) -> Result<Exported> {
     let format = Format::of(path)?;
-    let (quality, steps) = match format {
-        Format::Ltgs => search::steps(frozen, args, device, log)?,
-        _ => (args.quality(), None),
+    let rounding = match format {
+        Format::Ltgs => search::rounding(frozen, args, device, log)?,
+        _ => Rounding { quality: args.quality(), steps: None, exponents: Vec::new() },
     };
     if let Some(folder) = path.parent().filter(|f| !f.as_os_str().is_empty()) {
         std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
     }
-    let options = WriteOptions { quality, mesh: args.mesh, steps };
+    let Rounding { quality, steps, exponents } = rounding;
+    let options = WriteOptions { quality, mesh: args.mesh, steps, exponents: &exponents };
     let staged = stage_asset(path, &frozen.asset, &options)?;
     for note in &staged.written().notes {
         log.warn("export", &format!("{}: {note}", path.display()), 1);

@@ -1,12 +1,13 @@
 //! How coarsely a `.ltgs` file may be rounded: steps are found by looking at the pictures.
 
 use super::asset_args::AssetArgs;
+use super::contribution::Contribution;
 use super::differences::{Difference, Stage, VIEWS, loss_db, mse_to_photos, spread};
 use super::frozen::Frozen;
 use super::log::Log;
 use super::values::format_bytes;
 use super::verdict::Limits;
-use litetex_exporters::ltgs::{LtgsOptions, Steps, encode, quantised};
+use litetex_exporters::ltgs::{LtgsOptions, Steps, encode, exponents_from_weights, quantised};
 use litetex_exporters::{AssetCamera, Quality, SplatAsset};
 use litetex_gs::backend::RenderedImage;
 use litetex_gs::eval::psnr_from_mse;
@@ -21,11 +22,25 @@ const ROUNDS: u32 = 8;
 /// Of what may be lost, this much is used: other views may lose a little more.
 const USED_SHARE: f64 = 0.95;
 
-/// The steps that were asked for, and what a file with them may be called. `None`: a lossless file.
+/// How a file is rounded.
+pub struct Rounding {
+    /// What it may be called.
+    pub quality: Quality,
+    /// Sizes of steps; `None`: a lossless file.
+    pub steps: Option<Steps>,
+    /// Exponents of splats; empty: zeros.
+    pub exponents: Vec<i8>,
+}
+
+impl Rounding {
+    const LOSSLESS: Self = Self { quality: Quality::Lossless, steps: None, exponents: Vec::new() };
+}
+
+/// The rounding that was asked for.
 ///
 /// # Errors
 /// [`Error::Usage`] if no steps are good or small enough, or what the device reports.
-pub fn steps(frozen: &Frozen, args: &AssetArgs, device: &str, log: &Log) -> Result<(Quality, Option<Steps>)> {
+pub fn rounding(frozen: &Frozen, args: &AssetArgs, device: &str, log: &Log) -> Result<Rounding> {
     let asked = args.quality();
     if asked == Quality::Lossless {
         let contradicted = args.max_size.map(|_| "--max-size").or(args.max_loss.map(|_| "--max-loss"));
@@ -33,17 +48,16 @@ pub fn steps(frozen: &Frozen, args: &AssetArgs, device: &str, log: &Log) -> Resu
             Some(flag) => Err(Error::Usage(format!(
                 "--quality lossless has one size and loses nothing; leave {flag} out"
             ))),
-            None => Ok((asked, None)),
+            None => Ok(Rounding::LOSSLESS),
         };
     }
     let asset = &frozen.asset;
-    let has_cameras = asset.cameras.iter().any(|c| !c.held_out);
-    if let Some(most) = args.max_size {
-        let steps = of_size(asset, asked, most)?;
-        let looks = has_cameras.then(|| Look::new(frozen, device, log)).transpose()?;
-        return Ok((looks.map_or(Ok(Quality::Custom), |mut look| look.quality_of(&steps))?, Some(steps)));
-    }
-    if !has_cameras {
+    let training: Vec<AssetCamera> = asset.cameras.iter().filter(|c| !c.held_out).cloned().collect();
+    if training.is_empty() {
+        if let Some(most) = args.max_size {
+            let steps = Some(of_size(asset, asked, &[], most)?);
+            return Ok(Rounding { quality: Quality::Custom, steps, exponents: Vec::new() });
+        }
         if args.max_loss.is_some() {
             let what = "--max-loss is measured by rendering, and the scene has no cameras; use --max-size";
             return Err(Error::Usage(format!("{}: {what}", frozen.path.display())));
@@ -53,10 +67,17 @@ pub fn steps(frozen: &Frozen, args: &AssetArgs, device: &str, log: &Log) -> Resu
             "the scene has no cameras: nothing is measured by rendering, and the file is of quality \"custom\"",
             1,
         );
-        return Ok((Quality::Custom, Some(base(asset, asked))));
+        let steps = Some(base(asset, asked));
+        return Ok(Rounding { quality: Quality::Custom, steps, exponents: Vec::new() });
+    }
+    let contribution = Contribution::of(asset, &spread(&training, CONFIRMED_VIEWS), log)?;
+    let exponents = exponents_from_weights(&contribution.squared_weight_px);
+    let mut look = Look::new(asset, &exponents, spread(&training, VIEWS), device, log)?;
+    if let Some(most) = args.max_size {
+        let steps = of_size(asset, asked, &exponents, most)?;
+        return Ok(Rounding { quality: look.quality_of(&steps)?, steps: Some(steps), exponents });
     }
     let limits = args.asked_limits().unwrap_or(Limits::of(asked));
-    let mut look = Look::new(frozen, device, log)?;
     let factor = look.coarsest_within(asked, &limits)?.ok_or_else(|| {
         let most = limits.max_loss_db.unwrap_or_default();
         Error::Usage(format!("no steps lose as little as {most} dB; use --quality lossless"))
@@ -64,15 +85,19 @@ pub fn steps(frozen: &Frozen, args: &AssetArgs, device: &str, log: &Log) -> Resu
     log.detail(&format!("steps of {} times {:.3}", asked.name(), factor.exp2()));
     let steps = base(asset, asked).scaled(factor.exp2());
     let quality = if args.max_loss.is_some() { look.quality_of(&steps)? } else { asked };
-    Ok((quality, Some(steps)))
+    Ok(Rounding { quality, steps: Some(steps), exponents })
 }
 
 /// The finest steps of a file that is small enough.
-fn of_size(asset: &SplatAsset, asked: Quality, most: u64) -> Result<Steps> {
-    let factor = coarsest(|factor| Ok(size(asset, asked, factor)? > most))?;
+fn of_size(asset: &SplatAsset, asked: Quality, exponents: &[i8], most: u64) -> Result<Steps> {
+    let size = |factor: f64| -> Result<u64> {
+        let steps = Some(base(asset, asked).scaled(factor.exp2()));
+        Ok(encode(asset, &LtgsOptions { quality: asked, steps, exponents })?.len() as u64)
+    };
+    let factor = coarsest(|factor| Ok(size(factor)? > most))?;
     // One step coarser than what is too large.
     let factor = factor.map_or(FACTOR_LOG2[0], |f| f + resolution());
-    let bytes = size(asset, asked, factor)?;
+    let bytes = size(factor)?;
     if bytes > most {
         return Err(Error::Usage(format!(
             "--max-size {}: the coarsest file has {}; leave splats out with --crop or --min-contribution, or train \
@@ -86,11 +111,6 @@ fn of_size(asset: &SplatAsset, asked: Quality, most: u64) -> Result<Steps> {
 
 fn base(asset: &SplatAsset, quality: Quality) -> Steps {
     if quality == Quality::Tiny { Steps::tiny(asset) } else { Steps::balanced(asset) }
-}
-
-fn size(asset: &SplatAsset, quality: Quality, factor_log2: f64) -> Result<u64> {
-    let steps = Some(base(asset, quality).scaled(factor_log2.exp2()));
-    Ok(encode(asset, &LtgsOptions { quality, steps })?.len() as u64)
 }
 
 fn resolution() -> f64 {
@@ -119,6 +139,7 @@ fn coarsest(mut holds: impl FnMut(f64) -> Result<bool>) -> Result<Option<f64>> {
 /// A scene and its pictures, ready to be compared.
 struct Look<'a> {
     asset: &'a SplatAsset,
+    exponents: &'a [i8],
     stage: Stage,
     views: Vec<AssetCamera>,
     expected: Vec<RenderedImage>,
@@ -127,13 +148,16 @@ struct Look<'a> {
 }
 
 impl<'a> Look<'a> {
-    fn new(frozen: &'a Frozen, device: &str, log: &Log) -> Result<Self> {
-        let asset = &frozen.asset;
-        let training: Vec<AssetCamera> = asset.cameras.iter().filter(|c| !c.held_out).cloned().collect();
+    fn new(
+        asset: &'a SplatAsset,
+        exponents: &'a [i8],
+        views: Vec<AssetCamera>,
+        device: &str,
+        log: &Log,
+    ) -> Result<Self> {
         let mut stage = Stage::open(device, log)?;
-        let views = spread(&training, VIEWS);
         let expected = stage.pictures(asset, &views)?;
-        Ok(Self { asset, stage, views, expected, mse: mse_to_photos(asset) })
+        Ok(Self { asset, exponents, stage, views, expected, mse: mse_to_photos(asset) })
     }
 
     /// The factor, as a power of two, of the coarsest steps that keep to the limits at all views; `None`: no steps do.
@@ -165,7 +189,7 @@ impl<'a> Look<'a> {
     /// Whether pictures of the views with these steps keep to the limits.
     fn keeps(&mut self, steps: &Steps, limits: &Limits) -> Result<bool> {
         // Steps beyond what the format can say keep to nothing.
-        let Ok(rounded) = quantised(self.asset, steps) else { return Ok(false) };
+        let Ok(rounded) = quantised(self.asset, steps, self.exponents) else { return Ok(false) };
         let pictures = self.stage.pictures(&rounded, &self.views)?;
         let pairs = pictures.iter().zip(&self.expected);
         Ok(self.are_within(&pairs.map(|(p, e)| Difference::mse_of(p, e)).collect::<Vec<_>>(), limits))
@@ -173,7 +197,7 @@ impl<'a> Look<'a> {
 
     /// The same of more views.
     fn keeps_everywhere(&mut self, steps: &Steps, limits: &Limits) -> Result<bool> {
-        let Ok(rounded) = quantised(self.asset, steps) else { return Ok(false) };
+        let Ok(rounded) = quantised(self.asset, steps, self.exponents) else { return Ok(false) };
         let mut errors = Vec::new();
         // A few at a time: pictures are large.
         for views in spread(&self.asset.cameras, CONFIRMED_VIEWS).chunks(VIEWS) {

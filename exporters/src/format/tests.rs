@@ -4,7 +4,7 @@ use super::*;
 use crate::asset::tests::fixture;
 
 fn written(path: &Path, mesh: bool) -> Vec<PathBuf> {
-    let options = WriteOptions { quality: Quality::Balanced, mesh, steps: None };
+    let options = WriteOptions { quality: Quality::Balanced, mesh, steps: None, exponents: &[] };
     write_asset(path, &fixture(20, 1), &options).unwrap().files
 }
 

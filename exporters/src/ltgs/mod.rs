@@ -31,6 +31,7 @@ mod texels;
 mod write;
 
 pub use check::validate;
+pub use plan::exponents_from_weights;
 pub use read::{Prefix, Reader, decode, decode_prefix};
 pub use steps::{Grid, Quantiser, Steps};
 pub use write::{LtgsOptions, encode, quantised};

@@ -15,8 +15,8 @@ fn read(bytes: &[u8]) -> crate::Result<crate::Contents> {
     decode(bytes, Path::new(PATH), &limits())
 }
 
-fn options(quality: Quality) -> LtgsOptions {
-    LtgsOptions { quality, steps: None }
+fn options(quality: Quality) -> LtgsOptions<'static> {
+    LtgsOptions { quality, steps: None, exponents: &[] }
 }
 
 /// The fixture with a camera and awkward numbers.
@@ -86,9 +86,10 @@ fn lossy_files_hold_exactly_what_quantised_says() {
             let steps = if quality == Quality::Tiny { Steps::tiny(&asset) } else { Steps::balanced(&asset) };
             for factor in [1.0, 0.01, 3.7] {
                 let steps = steps.scaled(factor);
-                let bytes = encode(&asset, &LtgsOptions { quality, steps: Some(steps) }).unwrap();
+                let bytes =
+                    encode(&asset, &LtgsOptions { quality, steps: Some(steps), exponents: &[] }).unwrap();
                 let contents = read(&bytes).unwrap();
-                let expected = quantised(&asset, &steps).unwrap();
+                let expected = quantised(&asset, &steps, &[]).unwrap();
                 assert!(is_same(&contents.asset, &expected), "{num_splats} splats, factor {factor}");
                 expected.validate().unwrap();
                 assert_eq!(contents.hash, Some(expected.hash()));
@@ -106,14 +107,30 @@ fn lossy_files_hold_exactly_what_quantised_says() {
 #[test]
 fn splats_may_have_exponents_of_their_own() {
     let asset = awkward(200, 2);
-    let mut plan = super::plan::Plan::new(&asset, &Steps::balanced(&asset));
-    plan.exponents = (0..200).map(|i| i % 17 - 8).collect();
-    let meta = encode(&asset, &options(Quality::Balanced)).unwrap();
-    let bytes = super::write::encode_planned(&asset, Quality::Balanced, &plan).unwrap();
+    let exponents: Vec<i8> = (0..200).map(|i| (i % 17 - 8) as i8).collect();
+    let plain = encode(&asset, &options(Quality::Balanced)).unwrap();
+    let bytes = encode(&asset, &LtgsOptions { exponents: &exponents, ..options(Quality::Balanced) }).unwrap();
     let contents = read(&bytes).unwrap();
     contents.asset.validate().unwrap();
     assert_eq!(contents.hash, Some(contents.asset.hash()));
-    assert_ne!(bytes, meta);
+    assert_ne!(bytes, plain);
+    assert!(is_same(&contents.asset, &quantised(&asset, &Steps::balanced(&asset), &exponents).unwrap()));
+    // Too few are zeros from there on, too large ones as large as can be.
+    let short = quantised(&asset, &Steps::balanced(&asset), &[100, 0]).unwrap();
+    let mut long = vec![0; 200];
+    long[0] = 8;
+    assert!(is_same(&short, &quantised(&asset, &Steps::balanced(&asset), &long).unwrap()));
+    assert!(!is_same(&short, &quantised(&asset, &Steps::balanced(&asset), &[]).unwrap()));
+}
+
+#[test]
+fn heavier_splats_get_finer_steps() {
+    let weights = [1.0, 16.0, 256.0, 1.0, 0.0, f32::NAN];
+    let found = exponents_from_weights(&weights);
+    assert!(found[2] < found[1] && found[1] < found[0] && found[0] == found[3], "{found:?}");
+    assert!(found.iter().all(|x| (-5..=5).contains(x)), "{found:?}");
+    assert_eq!(exponents_from_weights(&[7.0; 9]), [0; 9]);
+    assert!(exponents_from_weights(&[]).is_empty());
 }
 
 /// Largest errors of a rounded asset with the splats in the same order: positions over the smaller standard deviation,
@@ -147,7 +164,7 @@ fn errors(asset: &SplatAsset, read: &SplatAsset) -> [f64; 5] {
 fn errors_are_as_the_steps_say() {
     let asset = awkward(400, 1);
     let steps = Steps::balanced(&asset);
-    let [position, scale, opacity, angle, texel] = errors(&asset, &quantised(&asset, &steps).unwrap());
+    let [position, scale, opacity, angle, texel] = errors(&asset, &quantised(&asset, &steps, &[]).unwrap());
     // Half a step in three axes; floors of the reach and whole powers of two lie below that.
     assert!(position <= 0.5 * 3.0_f64.sqrt() * steps.position * 1.001, "{position}");
     assert!(scale <= 0.5 * steps.log2_scale * 1.001, "{scale}");
@@ -156,7 +173,7 @@ fn errors_are_as_the_steps_say() {
     // 0.6 of a step, luma and two chroma together, 16 times that at the rim at most.
     assert!(texel <= 0.6 * steps.texel * (1.0 + steps.chroma) * 64.0, "{texel}");
     // Negative control: coarser steps make larger errors.
-    let coarse = errors(&asset, &quantised(&asset, &steps.scaled(8.0)).unwrap());
+    let coarse = errors(&asset, &quantised(&asset, &steps.scaled(8.0), &[]).unwrap());
     assert!(coarse[0] > 4.0 * position && coarse[1] > 4.0 * scale && coarse[2] > 4.0 * opacity, "{coarse:?}");
     assert!(coarse[3] > 4.0 * angle && coarse[4] > 2.0 * texel, "{coarse:?}");
 }
@@ -345,9 +362,9 @@ fn no_damage_makes_the_reader_panic() {
 fn unusable_steps_and_assets_are_refused() {
     let asset = awkward(5, 0);
     for steps in [Steps { texel: 0.0, ..Steps::balanced(&asset) }, Steps::balanced(&asset).scaled(f64::NAN)] {
-        let options = LtgsOptions { quality: Quality::Tiny, steps: Some(steps) };
+        let options = LtgsOptions { quality: Quality::Tiny, steps: Some(steps), exponents: &[] };
         assert!(matches!(encode(&asset, &options), Err(Error::Invalid { .. })));
-        assert!(quantised(&asset, &steps).is_err());
+        assert!(quantised(&asset, &steps, &[]).is_err());
     }
     let mut broken = asset;
     broken.opacities[0] = 0.0;
@@ -361,8 +378,8 @@ fn unusable_steps_and_assets_are_refused() {
     extreme.maps[6].texel_size = 1e-44;
     for factor in [0.01, 1.0, 50.0] {
         let steps = Steps::tiny(&extreme).scaled(factor);
-        let options = LtgsOptions { quality: Quality::Tiny, steps: Some(steps) };
+        let options = LtgsOptions { quality: Quality::Tiny, steps: Some(steps), exponents: &[] };
         let read = read(&encode(&extreme, &options).unwrap()).unwrap().asset;
-        assert!(is_same(&read, &quantised(&extreme, &steps).unwrap()));
+        assert!(is_same(&read, &quantised(&extreme, &steps, &[]).unwrap()));
     }
 }

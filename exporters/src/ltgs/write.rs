@@ -20,11 +20,13 @@ const TEXEL_LEVEL: i32 = 19;
 
 /// How a file is written.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct LtgsOptions {
+pub struct LtgsOptions<'a> {
     /// What the file promises.
     pub quality: Quality,
     /// Sizes of steps; `None`: [`Steps::balanced`] or [`Steps::tiny`]. Lossless files have none.
     pub steps: Option<Steps>,
+    /// Exponents of the splats' steps, see [`super::exponents_from_weights`]; empty: all zero. `[n]`
+    pub exponents: &'a [i8],
 }
 
 /// The bytes of a file. The same asset and options give the same bytes.
@@ -34,7 +36,7 @@ pub struct LtgsOptions {
 ///
 /// # Errors
 /// [`Error::Invalid`] or [`Error::TooLarge`] if the asset, its metadata or the steps break a rule.
-pub fn encode(asset: &SplatAsset, options: &LtgsOptions) -> Result<Vec<u8>> {
+pub fn encode(asset: &SplatAsset, options: &LtgsOptions<'_>) -> Result<Vec<u8>> {
     asset.validate()?;
     let steps = match (options.quality, options.steps) {
         (Quality::Lossless, _) => {
@@ -46,7 +48,7 @@ pub fn encode(asset: &SplatAsset, options: &LtgsOptions) -> Result<Vec<u8>> {
         (Quality::Tiny, None) => Steps::tiny(asset),
     };
     steps.validate()?;
-    encode_planned(asset, options.quality, &Plan::new(asset, &steps))
+    encode_planned(asset, options.quality, &Plan::new(asset, &steps, options.exponents))
 }
 
 /// A lossy file as planned.
@@ -75,14 +77,14 @@ fn file_meta(asset: &SplatAsset, quality: Quality, hash: u64, quantiser: Option<
     }
 }
 
-/// The asset that a reader gets from a lossy file with these steps, bit for bit, without making the file.
+/// The asset that a reader gets from a lossy file with these steps and exponents, bit for bit, without making the file.
 ///
 /// # Errors
 /// As [`encode`].
-pub fn quantised(asset: &SplatAsset, steps: &Steps) -> Result<SplatAsset> {
+pub fn quantised(asset: &SplatAsset, steps: &Steps, exponents: &[i8]) -> Result<SplatAsset> {
     asset.validate()?;
     steps.validate()?;
-    let plan = Plan::new(asset, steps);
+    let plan = Plan::new(asset, steps, exponents);
     let chunks = map_chunks(asset, |range| Ok(CodedChunk::new(asset, &plan, range)?.decoded))?;
     let mut whole = SplatAsset::default();
     Meta::of(asset).store(&mut whole);

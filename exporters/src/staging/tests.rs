@@ -5,8 +5,8 @@ use crate::asset::tests::fixture;
 use crate::{Format, Quality, ReadLimits, SplatAsset, WriteOptions, read_asset, stage_asset, write_asset};
 use std::collections::BTreeMap;
 
-fn options(mesh: bool) -> WriteOptions {
-    WriteOptions { quality: Quality::Balanced, mesh, steps: None }
+fn options(mesh: bool) -> WriteOptions<'static> {
+    WriteOptions { quality: Quality::Balanced, mesh, steps: None, exponents: &[] }
 }
 
 fn with_title(title: &str) -> SplatAsset {
