@@ -68,9 +68,9 @@ impl Plan {
 pub fn exponents_from_weights(weights: &[f32]) -> Vec<i8> {
     const POWER: f64 = 0.3;
     const MOST: f64 = 5.0;
-    let top = weights.iter().copied().filter(|w| w.is_finite()).fold(f32::MIN_POSITIVE, f32::max);
-    let logs: Vec<f64> =
-        weights.iter().map(|&w| -POWER * f64::from((w / top).clamp(1e-7, 1.0)).log2()).collect();
+    let weights = weights.iter().map(|&w| if w.is_finite() { w } else { 0.0 });
+    let top = weights.clone().fold(f32::MIN_POSITIVE, f32::max);
+    let logs: Vec<f64> = weights.map(|w| -POWER * f64::from((w / top).clamp(1e-7, 1.0)).log2()).collect();
     let mean = logs.iter().sum::<f64>() / logs.len().max(1) as f64;
     logs.iter().map(|x| (x - mean).round().clamp(-MOST, MOST) as i8).collect()
 }

@@ -261,7 +261,7 @@ fn hostile_headers_and_tables_are_refused() {
     assert!(matches!(with(0, b"LTGX"), Err(Error::Invalid { .. })));
     assert!(matches!(with(4, &[2, 0]), Err(Error::Unsupported { .. })));
     assert!(matches!(with(8, &[0, 1]), Err(Error::Unsupported { .. })), "unknown feature");
-    assert!(matches!(with(25, &[3]), Err(Error::Unsupported { .. })), "unknown profile");
+    assert!(matches!(with(25, &[4]), Err(Error::Unsupported { .. })), "unknown profile");
     let newer = with(6, &[9, 0]).unwrap();
     assert_eq!((newer.format.as_str(), newer.warnings.len()), ("ltgs 1.9", 1));
     for (at, new) in [
