@@ -43,6 +43,9 @@ pub struct Contents {
 }
 
 /// What a reader may use.
+///
+/// Sizes that a file states are compared with it before anything is allocated for them. A file of a few bytes gets
+/// less than a large one: see [`ReadLimits::of_file`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ReadLimits {
     /// Most bytes that a file may decode to.
@@ -50,8 +53,9 @@ pub struct ReadLimits {
 }
 
 impl Default for ReadLimits {
+    /// 4 GiB: some ten million splats of SH degree 3, or a million of them with 300 million texels.
     fn default() -> Self {
-        Self { decoded_bytes: 8 << 30 }
+        Self { decoded_bytes: 4 << 30 }
     }
 }
 

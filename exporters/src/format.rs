@@ -200,7 +200,7 @@ fn far_out(texels: f64) -> Option<String> {
 pub fn read_asset(path: &Path, limits: &ReadLimits) -> Result<Contents> {
     match Format::of(path)? {
         Format::Ply => {
-            let read = ply::read_ply(path)?;
+            let read = ply::read_ply(path, limits)?;
             let bytes = std::fs::metadata(path).map_err(|e| Error::io(path, e))?.len();
             let thick = read.num_thick;
             Ok(Contents {

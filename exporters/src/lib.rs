@@ -15,6 +15,7 @@ mod file;
 mod format;
 pub mod gltf;
 mod hash;
+mod limits;
 pub mod ltgs;
 mod meta;
 pub mod ply;

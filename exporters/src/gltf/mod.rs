@@ -24,6 +24,7 @@ mod write;
 
 pub use container::is_glb;
 pub use extension::{EXTENSION, VERSION};
+pub(crate) use files::read_at_most;
 pub use mesh::{MeshOptions, MeshSummary, encode_mesh};
 pub use read::{decode_glb, read_gltf};
 pub use validate::validate;

@@ -15,6 +15,12 @@ use std::path::Path;
 /// Most offences of a kind that are told one by one; then one issue counts the rest.
 const TOLD_MAX: usize = 3;
 
+/// Most issues; a hostile file has no end of them.
+const ISSUES_MAX: usize = 1000;
+
+/// Primitives of splats whose numbers are looked at; there should be one.
+const PRIMITIVES_MAX: usize = 4;
+
 /// Checks the bytes of a `.glb` or `.gltf`; files beside it are looked for in the folder of `path`. No issues, or none
 /// above [`Severity::Info`]: the file is sound. Codes:
 ///
@@ -66,7 +72,7 @@ pub fn validate(bytes: &[u8], path: &Path) -> Vec<Issue> {
         None => {}
     }
     let found: Vec<Found<'_>> = scene::splat_primitives(&loaded.document).collect();
-    for found in &found {
+    for found in found.iter().take(PRIMITIVES_MAX) {
         check_primitive(&loaded, found, &mut issues);
     }
     match (scene::find(&loaded.document, path), found.first()) {
@@ -144,7 +150,9 @@ struct Issues {
 
 impl Issues {
     fn push(&mut self, code: &'static str, severity: Severity, place: &str, message: String) {
-        self.list.push(Issue { code, severity, place: place.to_owned(), message });
+        if self.list.len() < ISSUES_MAX {
+            self.list.push(Issue { code, severity, place: place.to_owned(), message });
+        }
     }
 
     fn error(&mut self, code: &'static str, place: &str, message: impl Into<String>) {

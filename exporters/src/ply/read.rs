@@ -3,7 +3,8 @@
 
 use super::header::{Element, Encoding, Header};
 use super::scalar::Scalar;
-use crate::{AssetMap, Error, Result, SPLATS_MAX, SplatAsset, num_sh_coefficients};
+use crate::limits::{room_for_splats, splat_bytes};
+use crate::{AssetMap, Error, ReadLimits, Result, SPLATS_MAX, SplatAsset, num_sh_coefficients};
 use std::path::Path;
 
 /// What a file holds.
@@ -26,9 +27,9 @@ const DISC_THICKNESS: f64 = 0.1;
 ///
 /// # Errors
 /// As [`decode_ply`], and [`Error::Io`].
-pub fn read_ply(path: &Path) -> Result<PlyContents> {
-    let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
-    decode_ply(&bytes, path)
+pub fn read_ply(path: &Path, limits: &ReadLimits) -> Result<PlyContents> {
+    let bytes = crate::gltf::read_at_most(path, limits.decoded_bytes)?;
+    decode_ply(&bytes, path, limits)
 }
 
 /// Where each quantity stands in a row.
@@ -81,7 +82,7 @@ impl Columns {
 /// # Errors
 /// [`Error::Invalid`] if the file is damaged or no file of splats, [`Error::Unsupported`] for
 /// big-endian files, lists and SH degrees above 3, [`Error::TooLarge`].
-pub fn decode_ply(bytes: &[u8], path: &Path) -> Result<PlyContents> {
+pub fn decode_ply(bytes: &[u8], path: &Path, limits: &ReadLimits) -> Result<PlyContents> {
     let header = Header::parse(bytes, path)?;
     let at = header.elements.iter().position(|e| e.name == "vertex");
     let at = at.ok_or_else(|| Error::invalid(path, "no element \"vertex\""))?;
@@ -98,14 +99,18 @@ pub fn decode_ply(bytes: &[u8], path: &Path) -> Result<PlyContents> {
         return Err(Error::too_large(path, format!("{} splats, at most {SPLATS_MAX}", vertex.count)));
     }
     let columns = Columns::find(vertex, path)?;
+    let decoded = splat_bytes(columns.sh_degree) * vertex.count as u64;
+    limits.check(decoded, &format!("{} splats", vertex.count), path)?;
+    let data = bytes.get(header.num_bytes..).unwrap_or_default();
+    // As many as the data could hold: a byte for each property, or a digit and a blank.
+    let room = vertex.count.min(data.len() / vertex.properties.len().max(1));
     let mut contents = PlyContents {
-        asset: SplatAsset { sh_degree: columns.sh_degree, ..SplatAsset::default() },
+        asset: room_for_splats(room, columns.sh_degree).map_err(|e| e.at(path))?,
         is_surfel: columns.scales.len() == 2,
         num_thick: 0,
         comments: header.comments.clone(),
     };
     take_provenance(&mut contents);
-    let data = bytes.get(header.num_bytes..).unwrap_or_default();
     match header.encoding {
         Encoding::BinaryLittleEndian => {
             let mut values = Vec::with_capacity(scalars.len());

@@ -3,13 +3,13 @@
 use super::*;
 use crate::asset::tests::fixture;
 use crate::sh::SH_0;
-use crate::{Error, SplatAsset};
+use crate::{Error, ReadLimits, SplatAsset};
 use std::path::Path;
 
 const PATH: &str = "test.ply";
 
 fn decode(bytes: &[u8]) -> crate::Result<PlyContents> {
-    decode_ply(bytes, Path::new(PATH))
+    decode_ply(bytes, Path::new(PATH), &ReadLimits::default())
 }
 
 fn options(flavour: PlyFlavour) -> PlyOptions {
@@ -277,7 +277,7 @@ fn files_are_written_and_read() {
     let path = dir.join("a.ply");
     let summary = write_ply(&path, &fixture(4, 1), &PlyOptions::default()).unwrap();
     assert_eq!(std::fs::metadata(&path).unwrap().len(), summary.bytes as u64);
-    assert_eq!(read_ply(&path).unwrap().asset.num_splats(), 4);
-    assert!(matches!(read_ply(&dir.join("b.ply")), Err(Error::Io { .. })));
+    assert_eq!(read_ply(&path, &ReadLimits::default()).unwrap().asset.num_splats(), 4);
+    assert!(matches!(read_ply(&dir.join("b.ply"), &ReadLimits::default()), Err(Error::Io { .. })));
     std::fs::remove_dir_all(dir).unwrap();
 }

@@ -99,3 +99,42 @@ fn splats_out_of_reach_are_refused_or_counted() {
     asset.capture_from_local.translation[2] = 1e7;
     assert!(encode_spz(&asset).unwrap_err().to_string().contains("origin"));
 }
+
+/// A file with streams of zeros, padded by frames that zstd skips.
+fn zeros(num_splats: usize, packed_share: usize) -> Vec<u8> {
+    let mut streams = Vec::new();
+    for width in [9, 1, 3, 3, 4, 45] {
+        let raw = width * num_splats;
+        // Frames of zeros one after another: nothing large is made here.
+        let mut stream =
+            zstd::bulk::compress(&vec![0; raw.min(1 << 20)], 1).unwrap().repeat(raw.div_ceil(1 << 20));
+        let padding = (raw / packed_share).saturating_sub(stream.len() + 8);
+        stream.extend(0x184d_2a50_u32.to_le_bytes());
+        stream.extend((padding as u32).to_le_bytes());
+        stream.resize(stream.len() + padding, 0);
+        streams.push((raw, stream));
+    }
+    let mut bytes = b"NGSP".to_vec();
+    bytes.extend([4, num_splats as u32].iter().flat_map(|w| w.to_le_bytes()));
+    bytes.extend([3, 12, 0, 6, 32, 0, 0, 0]);
+    bytes.resize(32, 0);
+    for (raw, stream) in &streams {
+        bytes.extend([stream.len(), *raw].iter().flat_map(|&w| (w as u64).to_le_bytes()));
+    }
+    bytes.extend(streams.into_iter().flat_map(|(_, s)| s));
+    bytes
+}
+
+#[test]
+fn few_bytes_do_not_become_many_splats() {
+    // As many splats as there may be: more than the limit on what is decoded.
+    let bomb = zeros(1 << 24, 4096);
+    assert!(bomb.len() < 400_000, "{}", bomb.len());
+    assert!(matches!(decode(&bomb), Err(Error::TooLarge { .. })));
+    // Fewer: within that limit, but no scene compresses so well.
+    let error = decode(&zeros(1 << 20, 4096)).unwrap_err();
+    assert!(matches!(error, Error::TooLarge { .. }) && error.to_string().contains("at most"), "{error}");
+    // Negative control: a few alike splats are read, and padded by honest bytes more of them.
+    assert_eq!(decode(&zeros(1000, 4096)).unwrap().asset.num_splats(), 1000);
+    assert_eq!(decode(&zeros(1 << 20, 40)).unwrap().asset.num_splats(), 1 << 20);
+}

@@ -4,7 +4,8 @@ use super::layer::Prim;
 use super::names::*;
 use super::value::{Form, Numbers, Value};
 use crate::atlas::{PAGE_SIDE_MAX, Placement, TexelDecode};
-use crate::{AssetMap, Error, Result, SPLATS_MAX, SplatAsset, num_sh_coefficients, yup};
+use crate::limits::{splat_bytes, with_room};
+use crate::{AssetMap, Error, ReadLimits, Result, SPLATS_MAX, SplatAsset, num_sh_coefficients, yup};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -59,7 +60,7 @@ impl Field<'_> {
     }
 
     /// Puts all but texels into an asset.
-    pub(super) fn store(&self, asset: &mut SplatAsset) -> Result<()> {
+    pub(super) fn store(&self, asset: &mut SplatAsset, limits: &ReadLimits) -> Result<()> {
         let version = self.int(LITETEX_VERSION)?;
         if version != VERSION {
             let what = format!("{LITETEX_VERSION} {version}; supported: {VERSION}");
@@ -72,6 +73,7 @@ impl Field<'_> {
         }
         let degree = u32::try_from(self.int(SH_DEGREE)?).ok().filter(|&d| d <= 3);
         let Some(degree) = degree else { return self.wrong(SH_DEGREE, "0 to 3") };
+        limits.check(splat_bytes(degree) * n as u64, &format!("{n} splats"), self.path)?;
         let num_coefficients = num_sh_coefficients(degree);
         asset.sh_degree = degree;
         asset.positions = positions.iter().map(|&p| yup::position(p)).collect();
@@ -82,7 +84,7 @@ impl Field<'_> {
         asset.opacities = self.floats(OPACITIES, Form::One, n)?.to_vec();
         let sh = self.floats(SH_COEFFICIENTS, Form::Vec3, n * num_coefficients)?;
         let sh0 = self.floats(SH0, Form::Vec3, n)?;
-        asset.sh = Vec::with_capacity(sh.len());
+        asset.sh = with_room(sh.len()).map_err(|e| e.at(self.path))?;
         for (all, first) in sh.chunks_exact(3 * num_coefficients).zip(sh0.chunks_exact(3)) {
             asset.sh.extend_from_slice(first);
             asset.sh.extend(yup::sh(all).skip(3));

@@ -33,11 +33,23 @@ pub(super) struct Lexer<'a> {
     path: &'a Path,
     /// The next token, if somebody looked at it.
     next: Option<Lexeme<'a>>,
+    /// Bytes of memory that the layer may still take.
+    budget: u64,
+    /// Length of the path of the prim that is being read.
+    pub(super) place_bytes: usize,
 }
 
 impl<'a> Lexer<'a> {
-    pub(super) fn new(text: &'a str, path: &'a Path) -> Self {
-        Self { text, at: 0, path, next: None }
+    pub(super) fn new(text: &'a str, path: &'a Path, budget: u64) -> Self {
+        Self { text, at: 0, path, next: None, budget, place_bytes: 0 }
+    }
+
+    /// Counts memory of what is kept; a few characters may become hundreds of bytes.
+    pub(super) fn spend(&mut self, num_bytes: usize) -> Result<()> {
+        self.budget = self.budget.checked_sub(num_bytes as u64).ok_or_else(|| {
+            Error::too_large(self.path, "the text decodes to more bytes than the limit allows")
+        })?;
+        Ok(())
     }
 
     /// An error with the line of the place.
@@ -98,7 +110,10 @@ impl<'a> Lexer<'a> {
     /// Takes a text that must be there.
     pub(super) fn quoted(&mut self, what: &str) -> Result<String> {
         match self.take()? {
-            Lexeme::Text(text) => Ok(text.into_owned()),
+            Lexeme::Text(text) => {
+                self.spend(text.len())?;
+                Ok(text.into_owned())
+            }
             found => Err(self.invalid(format!("{}, expected {what} in quotes", shown(&found)))),
         }
     }

@@ -12,6 +12,7 @@ use super::value::Value;
 use crate::atlas::{self, Atlas};
 use crate::meta::{META_BYTES_MAX, Meta};
 use crate::{Contents, Error, Quality, ReadLimits, Result, SplatAsset, yup};
+use std::borrow::Cow;
 use std::path::Path;
 
 /// Decompression makes at most so many bytes of one; a picture that claims more is refused before it is decoded.
@@ -43,7 +44,8 @@ pub(super) struct Opened<'a> {
 impl<'a> Opened<'a> {
     pub(super) fn open(path: &'a Path, limits: &ReadLimits) -> Result<Self> {
         let container = Container::of(path)?;
-        let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+        let bytes = crate::gltf::read_at_most(path, limits.decoded_bytes)?;
+        let limits = &limits.of_file(bytes.len() as u64);
         if container != Container::Package {
             return Self::layer(path, &bytes, limits);
         }
@@ -65,7 +67,7 @@ impl<'a> Opened<'a> {
             (layer, Some((table_bytes, value_bytes)))
         } else {
             let text = std::str::from_utf8(bytes).map_err(|e| Error::invalid(path, format!("text: {e}")))?;
-            (layer_from_text(text, path)?, None)
+            (layer_from_text(text, path, limits.decoded_bytes)?, None)
         };
         Ok(Self { path, layer, layer_bytes: file_bytes, binary, entries: None, file_bytes })
     }
@@ -91,8 +93,8 @@ impl<'a> Opened<'a> {
         entry(self.facts()?, name)?.as_text()
     }
 
-    /// Bytes of a picture to which the layer refers.
-    fn picture(&self, asset_path: &str, limits: &ReadLimits) -> Result<Vec<u8>> {
+    /// Bytes of a picture to which the layer refers, at most `bytes_max`.
+    fn picture(&self, asset_path: &str, bytes_max: u64) -> Result<Cow<'_, [u8]>> {
         let invalid = |what: &str| Error::invalid(self.path, format!("page @{asset_path}@: {what}"));
         let plain = asset_path.strip_prefix("./").unwrap_or(asset_path);
         // Programs that flatten stages make paths absolute; they may do so as long as they stay in the folder.
@@ -102,7 +104,9 @@ impl<'a> Opened<'a> {
         }
         if let Some(entries) = &self.entries {
             let entry = entries.iter().find(|e| e.name == plain);
-            return entry.map(|e| e.bytes.clone()).ok_or_else(|| invalid("not in the package"));
+            return entry
+                .map(|e| Cow::Borrowed(e.bytes.as_slice()))
+                .ok_or_else(|| invalid("not in the package"));
         }
         let place = self.path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let file = place.join(plain);
@@ -111,10 +115,7 @@ impl<'a> Opened<'a> {
         if !real.starts_with(&place) {
             return Err(invalid("it lies outside of the file's folder"));
         }
-        if std::fs::metadata(&real).map_err(io)?.len() > limits.decoded_bytes {
-            return Err(Error::too_large(&file, "larger than the limit on what may be decoded"));
-        }
-        std::fs::read(&real).map_err(io)
+        crate::gltf::read_at_most(&real, bytes_max).map(Cow::Owned)
     }
 
     fn contents(&self, limits: &ReadLimits) -> Result<Contents> {
@@ -138,7 +139,7 @@ impl<'a> Opened<'a> {
                 format!("no {FIELD_TYPE} with {LITETEX_VERSION}: no textured splats"),
             )
         })?;
-        Field { path: self.path, prim: field }.store(&mut asset)?;
+        Field { path: self.path, prim: field }.store(&mut asset, &limits.of_file(self.file_bytes))?;
         let texture_bytes = self.texels(field, &prims, &mut asset, limits)?;
         asset.validate().map_err(|e| e.at(self.path))?;
         let hash = self.fact("hash").and_then(|h| u64::from_str_radix(h, 16).ok());
@@ -242,15 +243,13 @@ impl<'a> Opened<'a> {
         }
         let decode = reader.decode()?;
         let texel_bytes = if decode.is_some() { 3 } else { 12 };
-        if paper.saturating_mul(texel_bytes) > limits.decoded_bytes {
-            return Err(Error::too_large(
-                self.path,
-                format!("pages of {paper} texels, more than the limit allows"),
-            ));
-        }
         let mut files = Vec::new();
+        let mut picture_bytes = 0;
         for (path, size) in paths.iter().zip(&atlas.pages) {
-            let bytes = self.picture(path, limits)?;
+            let bytes = self.picture(path, limits.decoded_bytes.saturating_sub(picture_bytes))?;
+            if self.entries.is_none() {
+                picture_bytes += bytes.len() as u64;
+            }
             let raw = u64::from(size[0]) * u64::from(size[1]) * texel_bytes;
             if raw > (bytes.len() as u64).saturating_mul(PICTURE_EXPANSION_MAX) {
                 let what =
@@ -259,6 +258,9 @@ impl<'a> Opened<'a> {
             }
             files.push(bytes);
         }
+        // The pages, and the texels with their codes.
+        let decoded = paper.saturating_mul(texel_bytes).saturating_add(num_texels.saturating_mul(15));
+        limits.of_file(self.file_bytes + picture_bytes).check(decoded, "pages", self.path)?;
         let on_pages = files.iter().zip(&atlas.pages);
         asset.texels = match decode {
             Some(decode) => {
@@ -275,7 +277,7 @@ impl<'a> Opened<'a> {
                 atlas.texels_from_pages(&asset.maps, &pages)
             }
         };
-        Ok(if self.entries.is_some() { 0 } else { files.iter().map(|f| f.len() as u64).sum() })
+        Ok(picture_bytes)
     }
 }
 

@@ -157,7 +157,7 @@ fn layer_of(asset: &SplatAsset) -> Layer {
 fn text_and_binary_hold_the_same_layer() {
     let layer = layer_of(&full(40, 2));
     let text = text_from_layer(&layer);
-    let from_text = layer_from_text(&text, Path::new("t")).unwrap();
+    let from_text = layer_from_text(&text, Path::new("t"), 64 << 20).unwrap();
     assert_eq!(from_text, layer);
     let bytes = binary_from_layer(&from_text);
     let limits = ReadLimits::default();
@@ -165,11 +165,11 @@ fn text_and_binary_hold_the_same_layer() {
     assert_eq!(binary_from_layer(&layer), bytes, "reproducible");
     // Negative control: another sign of a zero is another layer.
     let changed = text.replacen("-0.0", "0.0", 1);
-    assert_ne!(text_from_layer(&layer_from_text(&changed, Path::new("t")).unwrap()), text);
+    assert_ne!(text_from_layer(&layer_from_text(&changed, Path::new("t"), 64 << 20).unwrap()), text);
     // Layout, comments and order do not matter.
     let loose =
         text.replacen("#usda 1.0\n", "#usda 1.0\r\n# a comment (\"{\n", 1).replace("\n    ", "\n\t # x\n  ");
-    assert_eq!(layer_from_text(&loose, Path::new("t")).unwrap(), layer);
+    assert_eq!(layer_from_text(&loose, Path::new("t"), 64 << 20).unwrap(), layer);
 }
 
 #[test]
@@ -360,13 +360,13 @@ fn features_that_are_not_ours_are_named() {
     for (word, body) in cases {
         let text =
             if body.is_empty() { format!("{head}(\n subLayers = [@a@]\n)") } else { format!("{head}{body}") };
-        match layer_from_text(&text, Path::new("t")) {
+        match layer_from_text(&text, Path::new("t"), 64 << 20) {
             Err(Error::Unsupported { what, .. }) => assert!(what.contains(word), "{word}: {what}"),
             other => panic!("{word}: {other:?}"),
         }
     }
     let deep = format!("{head}{}{}", "def \"A\" {".repeat(100_000), "}".repeat(100_000));
-    assert!(layer_from_text(&deep, Path::new("t")).is_err());
+    assert!(layer_from_text(&deep, Path::new("t"), 64 << 20).is_err());
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("other.usda");
     std::fs::write(&path, format!("{head}def Xform \"A\" {{\n}}\n")).unwrap();

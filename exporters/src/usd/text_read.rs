@@ -11,11 +11,18 @@ use std::path::Path;
 /// Deepest nesting of prims and dictionaries.
 pub(super) const DEPTH_MAX: usize = 64;
 
+/// Memory of a prim or variant, twice for vectors that grow.
+const PRIM_BYTES: usize = 2 * size_of::<Prim>();
+
+/// Memory of a property or an entry of metadata besides its values.
+const PROPERTY_BYTES: usize = 2 * size_of::<Property>() + 64;
+
 /// A layer from its text; `path` is only for messages.
 ///
 /// # Errors
-/// [`Error::Invalid`] naming the line, [`Error::Unsupported`] naming the feature.
-pub(super) fn layer_from_text(text: &str, path: &Path) -> Result<Layer> {
+/// [`Error::Invalid`] naming the line, [`Error::Unsupported`] naming the feature, [`Error::TooLarge`] beyond `budget`
+/// bytes of memory.
+pub(super) fn layer_from_text(text: &str, path: &Path, budget: u64) -> Result<Layer> {
     let first = text.lines().next().unwrap_or_default().trim_end();
     match first.strip_prefix("#usda ") {
         Some("1.0") => {}
@@ -25,7 +32,7 @@ pub(super) fn layer_from_text(text: &str, path: &Path) -> Result<Layer> {
         }
         None => return Err(Error::invalid(path, "does not begin with the line \"#usda 1.0\"")),
     }
-    let mut lexer = Lexer::new(text, path);
+    let mut lexer = Lexer::new(text, path, budget);
     let mut layer = Layer::default();
     if lexer.take_if('(')? {
         let mut sets = Vec::new();
@@ -56,10 +63,15 @@ fn prim(lexer: &mut Lexer, specifier: Specifier, depth: usize) -> Result<Prim> {
         prim.type_name = lexer.word("a type")?.to_owned();
     }
     prim.name = lexer.quoted("a prim's name")?;
+    // With its path, which is told for each.
+    let name_bytes = prim.name.len() + 1;
+    lexer.place_bytes += name_bytes;
+    lexer.spend(PRIM_BYTES + lexer.place_bytes)?;
     if lexer.take_if('(')? {
         prim.metadata = metadata(lexer, &mut prim.variant_sets)?;
     }
     body(lexer, &mut prim, depth)?;
+    lexer.place_bytes -= name_bytes;
     Ok(prim)
 }
 
@@ -90,12 +102,14 @@ fn variant_set(lexer: &mut Lexer, prim: &mut Prim, depth: usize) -> Result<()> {
         return Err(lexer.unsupported(format!("variants nested more than {DEPTH_MAX} deep")));
     }
     let name = lexer.quoted("a variant set's name")?;
+    lexer.spend(PRIM_BYTES + name.len())?;
     lexer.expect('=')?;
     lexer.expect('{')?;
     let mut variants = Vec::new();
     while !lexer.take_if('}')? {
         let mut variant =
             Prim { name: lexer.quoted("a variant's name")?, specifier: Specifier::Over, ..Prim::default() };
+        lexer.spend(PRIM_BYTES + lexer.place_bytes + variant.name.len())?;
         if lexer.take_if('(')? {
             variant.metadata = metadata(lexer, &mut variant.variant_sets)?;
         }
@@ -123,6 +137,7 @@ fn metadata(lexer: &mut Lexer, sets: &mut Vec<VariantSet>) -> Result<Metadata> {
             Lexeme::Mark(')') => return Ok(metadata),
             Lexeme::Mark(';') => {}
             Lexeme::Text(comment) => {
+                lexer.spend(PROPERTY_BYTES + comment.len())?;
                 metadata.push(("comment".to_owned(), Value::String(comment.into_owned())));
             }
             Lexeme::Word(edit @ ("prepend" | "append")) => {
@@ -146,6 +161,7 @@ fn metadata_entry(
     sets: &mut Vec<VariantSet>,
 ) -> Result<()> {
     lexer.expect('=')?;
+    lexer.spend(PROPERTY_BYTES + name.len())?;
     let mut push = |value| metadata.push((name.to_owned(), value));
     match (name, edit) {
         ("apiSchemas", edit) => {
@@ -202,6 +218,7 @@ fn strings(lexer: &mut Lexer) -> Result<Vec<String>> {
 }
 
 fn property(lexer: &mut Lexer, first: &str, properties: &mut Vec<Property>) -> Result<()> {
+    lexer.spend(PROPERTY_BYTES + first.len())?;
     let mut word = first.to_owned();
     let (mut is_custom, mut is_uniform) = (false, false);
     loop {

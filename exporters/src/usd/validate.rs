@@ -47,8 +47,14 @@ const EXTENT_TOLERANCE: f64 = 1e-6;
 /// Standard deviations that an extent must cover: where programs cut particles off.
 const REACH: f64 = 3.0;
 
-/// Overlaps are looked for on pages of at most so many texels together: a byte each.
-const DRAWN_TEXELS_MAX: usize = 1 << 28;
+/// Overlaps are looked for on pages of at most so many texels together: a bit each.
+const DRAWN_TEXELS_MAX: usize = 1 << 30;
+
+/// Most issues; a hostile file has no end of them.
+const ISSUES_MAX: usize = 1000;
+
+/// Particle fields and rectangles whose numbers are looked at; ours have two.
+const FIELDS_MAX: usize = 8;
 
 /// Checks a file; an empty list: nothing to object to.
 pub fn validate(path: &Path) -> Vec<Issue> {
@@ -71,11 +77,15 @@ pub fn validate(path: &Path) -> Vec<Issue> {
 #[derive(Default)]
 struct Report {
     issues: Vec<Issue>,
+    /// Fields that were looked at.
+    num_fields: usize,
 }
 
 impl Report {
     fn add(&mut self, code: &'static str, severity: Severity, place: &str, message: String) {
-        self.issues.push(Issue { code, severity, place: place.to_owned(), message });
+        if self.issues.len() < ISSUES_MAX {
+            self.issues.push(Issue { code, severity, place: place.to_owned(), message });
+        }
     }
 
     fn error(&mut self, code: &'static str, place: &str, message: String) {
@@ -141,6 +151,11 @@ fn check_prim(path: &Path, place: &str, prim: &Prim, report: &mut Report) {
         }
     }
     let is_field = prim.type_name == FIELD_TYPE;
+    let is_any = is_field || prim.type_name == SPLAT3D_TYPE || prim.property(RECT).is_some();
+    report.num_fields += usize::from(is_any);
+    if report.num_fields > FIELDS_MAX {
+        return;
+    }
     if is_field || prim.type_name == SPLAT3D_TYPE {
         check_kernels(place, prim, if is_field { 0 } else { 1 }, report);
         check_lengths(place, prim, report);
@@ -275,10 +290,9 @@ fn check_rectangles(path: &Path, place: &str, prim: &Prim, report: &mut Report) 
         }
     };
     let texels = |s: &[u16; 2]| usize::from(s[0]) * usize::from(s[1]);
-    let mut taken: Vec<Vec<bool>> = Vec::new();
-    let draws = sizes.iter().map(texels).sum::<usize>() <= DRAWN_TEXELS_MAX;
-    if draws {
-        taken.extend(sizes.iter().map(|s| vec![false; texels(s)]));
+    let mut taken: Vec<Vec<u64>> = Vec::new();
+    if sizes.iter().map(texels).sum::<usize>() <= DRAWN_TEXELS_MAX {
+        taken.extend(sizes.iter().map(|s| vec![0; texels(s).div_ceil(64)]));
     }
     for (splat, (&[x, y, cols, rows], at)) in rects.iter().zip(&places).enumerate() {
         if cols == 0 && rows == 0 {
@@ -297,12 +311,15 @@ fn check_rectangles(path: &Path, place: &str, prim: &Prim, report: &mut Report) 
         let Some(page) = taken.get_mut(usize::from(at.page)) else { continue };
         for row in top..top + down {
             let first = (row * width + left) as usize;
-            let row = &mut page[first..first + across as usize];
-            if row.contains(&true) {
-                report.error("LT2008", place, format!("{RECT}[{splat}] overlaps another"));
-                return;
+            for texel in first..first + across as usize {
+                // It lies on the page, as was seen above.
+                let Some(word) = page.get_mut(texel / 64) else { continue };
+                if *word >> (texel % 64) & 1 == 1 {
+                    report.error("LT2008", place, format!("{RECT}[{splat}] overlaps another"));
+                    return;
+                }
+                *word |= 1 << (texel % 64);
             }
-            row.fill(true);
         }
     }
 }
