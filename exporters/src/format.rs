@@ -222,6 +222,20 @@ pub fn read_asset(path: &Path, limits: &ReadLimits) -> Result<Contents> {
     }
 }
 
+/// What a program gets from a file that knows splats, but no textures: the attributes of `KHR_gaussian_splatting`, or the
+/// prim of type `ParticleField3DGaussianSplat`, as they stand in this file. Frame and cameras are those of [`read_asset`].
+/// `None`: the format has no textures that could be missed, or nobody else reads it, or there is no such prim.
+///
+/// # Errors
+/// [`Error::Unsupported`] for an unknown extension, else as the format's reader.
+pub fn read_fallback(path: &Path, limits: &ReadLimits) -> Result<Option<SplatAsset>> {
+    match Format::of(path)? {
+        Format::Glb | Format::Gltf => gltf::read_fallback(path, limits).map(Some),
+        Format::Usda | Format::Usdc | Format::Usdz => usd::read_fallback(path, limits),
+        Format::Ltgs | Format::Ply | Format::Spz => Ok(None),
+    }
+}
+
 /// Checks a file against the rules of its format, worst first.
 ///
 /// # Errors

@@ -11,6 +11,7 @@ mod baked;
 mod contents;
 mod edit;
 mod error;
+mod fallback;
 mod file;
 mod format;
 pub mod gltf;
@@ -35,5 +36,5 @@ pub use asset::{
 pub use contents::{Contents, Describes, Issue, ReadLimits, Section, Severity};
 pub use error::{Error, Result};
 pub use file::write_atomically;
-pub use format::{Format, WriteOptions, Written, read_asset, validate_file, write_asset};
+pub use format::{Format, WriteOptions, Written, read_asset, read_fallback, validate_file, write_asset};
 pub use quality::Quality;

@@ -26,7 +26,7 @@ pub use container::is_glb;
 pub use extension::{EXTENSION, VERSION};
 pub(crate) use files::read_at_most;
 pub use mesh::{MeshOptions, MeshSummary, encode_mesh};
-pub use read::{decode_glb, read_gltf};
+pub use read::{decode_glb, read_fallback, read_gltf};
 pub use validate::validate;
 pub use write::{GltfOptions, encode_glb, write_gltf};
 

@@ -163,6 +163,11 @@ impl<'a> Attributes<'a> {
         Ok((asset, num_thick))
     }
 
+    /// The first splat whose coefficients of degree 0 are not all finite.
+    pub fn first_dc_not_finite(&self) -> Option<usize> {
+        self.sh.first()?.rows::<3>().position(|dc| !dc.iter().all(|v| v.is_finite()))
+    }
+
     /// Coefficients in the local frame. `[n, (sh_degree + 1)^2, 3]`
     fn sh_coefficients(&self) -> Result<Vec<f32>> {
         let width = 3 * self.sh.len();

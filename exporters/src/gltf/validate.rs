@@ -2,6 +2,7 @@
 //! Unlike a reader it goes on after the first offence.
 
 mod data;
+mod fallback;
 mod structure;
 mod texture;
 
@@ -54,6 +55,9 @@ const PRIMITIVES_MAX: usize = 4;
 /// | LT1028 | thick splats, which surfels cannot show |
 /// | LT1029 | the reader refuses the file for another reason |
 /// | LT1030 | something is odd: a moved node, an unknown kernel |
+/// | LT1031 | SH of degree 0 is not the exact one with the mean of the map in it: splat viewers show wrong colours |
+/// | LT1032 | the third scale is not positive and the smallest: splat viewers show no discs |
+/// | LT1033 | COLOR_0 is not the colour of degree 0 and the opacity: other viewers show wrong points |
 pub fn validate(bytes: &[u8], path: &Path) -> Vec<Issue> {
     let mut issues = Issues::default();
     let limits = ReadLimits::default();
@@ -122,6 +126,7 @@ fn check_reading(
         issues.push(code, Severity::Info, &found.pointer, warning);
     }
     let Some(expected) = contents.hash else { return };
+    fallback::check(loaded, found, &contents.asset, issues);
     let place = format!("{}/extensions/{KHR}/extensions/{}/hash", found.pointer, super::EXTENSION);
     let hash = contents.asset.hash();
     if expected != hash {

@@ -93,6 +93,23 @@ impl<'a> Opened<'a> {
         entry(self.facts()?, name)?.as_text()
     }
 
+    /// Frame, cameras and provenance, if the file is ours.
+    pub(super) fn meta(&self) -> Result<Option<Meta>> {
+        let Some(meta) = self.fact("meta") else { return Ok(None) };
+        if meta.len() > META_BYTES_MAX {
+            return Err(Error::too_large(self.path, format!("meta of {} bytes", meta.len())));
+        }
+        let meta = serde_json::from_str(meta);
+        meta.map(Some).map_err(|e| Error::invalid(self.path, format!("litetex:meta: {e}")))
+    }
+
+    /// Step of the codes of texels; 0: they are floats.
+    pub(super) fn texel_step(&self) -> f64 {
+        let prims = self.prims();
+        let scale = prims.iter().find_map(|(_, p)| p.value(DECODE_SCALE)?.as_double());
+        scale.map_or(0.0, f64::abs)
+    }
+
     /// Bytes of a picture to which the layer refers, at most `bytes_max`.
     fn picture(&self, asset_path: &str, bytes_max: u64) -> Result<Cow<'_, [u8]>> {
         let invalid = |what: &str| Error::invalid(self.path, format!("page @{asset_path}@: {what}"));
@@ -120,15 +137,10 @@ impl<'a> Opened<'a> {
 
     fn contents(&self, limits: &ReadLimits) -> Result<Contents> {
         let mut asset = SplatAsset::default();
-        let meta = self.fact("meta").ok_or_else(|| {
+        let meta = self.meta()?.ok_or_else(|| {
             let what = "no customLayerData:litetex:meta: not a file of this program; other USD files are not supported";
             Error::unsupported(self.path, what)
         })?;
-        if meta.len() > META_BYTES_MAX {
-            return Err(Error::too_large(self.path, format!("meta of {} bytes", meta.len())));
-        }
-        let meta: Meta = serde_json::from_str(meta)
-            .map_err(|e| Error::invalid(self.path, format!("litetex:meta: {e}")))?;
         meta.store(&mut asset);
         let prims = self.prims();
         let field =

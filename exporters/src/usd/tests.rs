@@ -262,6 +262,38 @@ fn validation_finds_every_broken_rule() {
 }
 
 #[test]
+fn a_broken_fallback_is_found() {
+    let folder = tempfile::tempdir().unwrap();
+    for quality in [Quality::Lossless, Quality::Balanced] {
+        let path = write(folder.path(), "f.usda", &full(9, 0), quality);
+        let text = std::fs::read_to_string(&path).unwrap();
+        let replaced = |at: usize, new: &str| {
+            let end = at + text[at..].find(')').unwrap() + 1;
+            std::fs::write(&path, format!("{}{new}{}", &text[..at], &text[end..])).unwrap();
+            let mut codes: Vec<_> = validate(&path).into_iter().map(|i| i.code).collect();
+            codes.dedup();
+            codes
+        };
+        // Of the textured splats, and of those for programs without textures, which come last.
+        let name = "sphericalHarmonicsCoefficients = [";
+        let (first, last) = (text.find(name).unwrap(), text.rfind(name).unwrap());
+        assert!(first < last);
+        // The hash is that of what textured readers get.
+        assert_eq!(replaced(first + name.len(), "(5, 5, 5)"), ["LT2012", "LT2014"]);
+        assert_eq!(replaced(last + name.len(), "(5, 5, 5)"), ["LT2012", "LT2014"]);
+        let scales = text.rfind("float3[] scales = [").unwrap() + "float3[] scales = [".len();
+        assert_eq!(replaced(scales, "(0.01, 0.01, 1000)"), ["LT2013"]);
+        assert_eq!(replaced(scales, "(0.01, 0.01, 0)"), ["LT2013"]);
+        let opacities = text.rfind("float[] opacities = [").unwrap() + "float[] opacities = [".len();
+        let end = opacities + text[opacities..].find(',').unwrap();
+        std::fs::write(&path, format!("{}0.5{}", &text[..opacities], &text[end..])).unwrap();
+        assert_eq!(validate(&path)[0].code, "LT2014");
+        std::fs::write(&path, &text).unwrap();
+        assert_eq!(validate(&path), Vec::new(), "negative control");
+    }
+}
+
+#[test]
 fn cut_and_damaged_files_are_errors_or_sound() {
     let folder = tempfile::tempdir().unwrap();
     let asset = full(12, 1);

@@ -14,7 +14,11 @@
 //! | LT2009 | the hash is that of the numbers |
 //! | LT2010 | the stage says `upAxis`, `metersPerUnit` and `defaultPrim`, and has prims |
 //! | LT2011 | quaternions have length 1, opacities are in [0, 1], scales are not negative |
+//! | LT2012 | SH of degree 0 for programs without textures is the exact one with the mean of the map in it |
+//! | LT2013 | the third scale of 3D Gaussians is positive and the smallest |
+//! | LT2014 | there are 3D Gaussians for programs without textures, where the textured ones are |
 
+use super::fallback;
 use super::field::Field;
 use super::layer::{Prim, entry, for_each_prim};
 use super::names::*;
@@ -67,7 +71,7 @@ pub fn validate(path: &Path) -> Vec<Issue> {
             for_each_prim(&opened.layer, &mut |place, prim| check_prim(path, place, prim, &mut report));
             // What was found above is the reason of what reading would find.
             if report.issues.iter().all(|i| i.severity < Severity::Error) {
-                check_reading(path, &limits, &mut report);
+                check_reading(path, &opened, &limits, &mut report);
             }
         }
     }
@@ -75,7 +79,7 @@ pub fn validate(path: &Path) -> Vec<Issue> {
 }
 
 #[derive(Default)]
-struct Report {
+pub(super) struct Report {
     issues: Vec<Issue>,
     /// Fields that were looked at.
     num_fields: usize,
@@ -88,12 +92,26 @@ impl Report {
         }
     }
 
-    fn error(&mut self, code: &'static str, place: &str, message: String) {
+    pub(super) fn error(&mut self, code: &'static str, place: &str, message: String) {
         self.add(code, Severity::Error, place, message);
     }
 
-    fn warning(&mut self, code: &'static str, place: &str, message: String) {
+    pub(super) fn warning(&mut self, code: &'static str, place: &str, message: String) {
         self.add(code, Severity::Warning, place, message);
+    }
+
+    /// Offences of many splats: the first, and the number of the rest.
+    pub(super) fn many(
+        &mut self,
+        code: &'static str,
+        place: &str,
+        mut offences: impl Iterator<Item = String>,
+    ) {
+        if let Some(first) = offences.next() {
+            let others = offences.count();
+            let rest = if others > 0 { format!(", and {others} more") } else { String::new() };
+            self.error(code, place, format!("{first}{rest}"));
+        }
     }
 }
 
@@ -109,7 +127,7 @@ fn check_stage(opened: &Opened, report: &mut Report) {
     }
 }
 
-fn check_reading(path: &Path, limits: &ReadLimits, report: &mut Report) {
+fn check_reading(path: &Path, opened: &Opened, limits: &ReadLimits, report: &mut Report) {
     match read_usd(path, limits) {
         Err(crate::Error::Unsupported { what, .. }) => {
             report.add("LT2001", Severity::Info, "", format!("not a file of this program: {what}"));
@@ -122,6 +140,7 @@ fn check_reading(path: &Path, limits: &ReadLimits, report: &mut Report) {
                 let expected = contents.asset.hash();
                 report.error("LT2009", "/", format!("hash {found}, the numbers have {expected:016x}"));
             }
+            fallback::check(opened, path, &contents.asset, opened.texel_step(), report);
             for warning in contents.warnings.into_iter().skip(is_changed.into()) {
                 report.warning("LT2001", "/", warning);
             }
