@@ -1,7 +1,7 @@
 //! What is changed on the way to a file: which splats are kept, which way is up, how long a unit is.
 
 use crate::sh::Turn;
-use crate::{AssetMap, CaptureFromLocal, SplatAsset, num_sh_coefficients, quaternion};
+use crate::{AssetCamera, AssetMap, CaptureFromLocal, SplatAsset, num_sh_coefficients, quaternion};
 
 impl SplatAsset {
     /// Keeps the splats for which `keep` says so, in their order. `[n]` Returns how many went.
@@ -74,8 +74,7 @@ impl SplatAsset {
             sh.iter_mut().zip(sh_turn.apply(self.sh_of(i))).for_each(|(new, v)| *new = v as f32);
         }
         out.near = (f64::from(self.near) * factor) as f32;
-        // Cameras belong to the old frame.
-        out.cameras.clear();
+        out.cameras.iter_mut().for_each(|camera| *camera = camera.in_frame(old, capture_from_new));
         out
     }
 
@@ -84,6 +83,28 @@ impl SplatAsset {
         let frame = &mut self.capture_from_local;
         frame.scale *= factor;
         frame.translation = frame.translation.map(|t| t * factor);
+    }
+}
+
+impl AssetCamera {
+    /// The same camera for another local frame of the same capture. Its picture is the same: lengths before the camera
+    /// are counted in the new frame's units.
+    pub fn in_frame(&self, capture_from_old: &CaptureFromLocal, capture_from_new: &CaptureFromLocal) -> Self {
+        let (old, new) = (capture_from_old, capture_from_new);
+        if old == new {
+            return self.clone();
+        }
+        let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+        // Rows are directions in the frame; they turn as splats do.
+        let new_from_old = quaternion::product(quaternion::conjugate(new.rotation), old.rotation);
+        let rotation_rows = self.rotation_rows.map(|row| quaternion::turned(new_from_old, row));
+        // The origin of the new frame, seen from the old one.
+        let moved = std::array::from_fn(|i| new.translation[i] - old.translation[i]);
+        let origin = quaternion::turned(quaternion::conjugate(old.rotation), moved);
+        let translation = std::array::from_fn(|i| {
+            (dot(self.rotation_rows[i], origin) + old.scale * self.translation[i]) / new.scale
+        });
+        Self { rotation_rows, translation, ..self.clone() }
     }
 }
 
@@ -138,6 +159,44 @@ mod tests {
             assert!((a - b).abs() < 1e-6, "{a} {b}"); // needed 2e-7
         }
         assert_eq!(turned.in_frame(&turned.capture_from_local), turned);
+    }
+
+    #[test]
+    fn cameras_see_the_same_pixels_from_another_frame() {
+        let mut asset = fixture(8, 0);
+        asset.set_up([0.3, -1.0, 0.2]);
+        asset.cameras.push(crate::AssetCamera {
+            name: "a".into(),
+            held_out: false,
+            width_px: 40,
+            height_px: 30,
+            focal_px: [35.0, 36.0],
+            principal_px: [20.0, 15.0],
+            rotation_rows: [[1.0, 0.0, 0.0], [0.0, 0.6, -0.8], [0.0, 0.8, 0.6]],
+            translation: [0.1, 0.2, 4.0],
+        });
+        let pixels = |asset: &crate::SplatAsset| -> Vec<f64> {
+            let camera = &asset.cameras[0];
+            let seen = |p: &[f32; 3]| -> [f64; 2] {
+                let at: [f64; 3] = std::array::from_fn(|i| {
+                    let row = camera.rotation_rows[i];
+                    (0..3).map(|c| row[c] * f64::from(p[c])).sum::<f64>() + camera.translation[i]
+                });
+                std::array::from_fn(|i| camera.focal_px[i] * at[i] / at[2] + camera.principal_px[i])
+            };
+            asset.positions.iter().flat_map(seen).collect()
+        };
+        let other =
+            CaptureFromLocal { scale: 0.7, rotation: [0.5, 0.5, -0.5, 0.5], translation: [1.0, 2.0, 3.0] };
+        let moved = asset.in_frame(&other);
+        let worst = |found: Vec<f64>| {
+            found.iter().zip(pixels(&asset)).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+        };
+        let found = worst(pixels(&moved));
+        assert!(found < 1e-4, "{found}"); // needed NEED
+        let mut wrong = moved.clone();
+        wrong.cameras[0].translation[2] *= 1.01;
+        assert!(worst(pixels(&wrong)) > 1e-2, "negative control");
     }
 
     #[test]

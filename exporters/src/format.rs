@@ -2,8 +2,8 @@
 
 use crate::atlas::PAGE_SIDE;
 use crate::{
-    Contents, Describes, Error, Issue, Quality, ReadLimits, Result, Section, Severity, SplatAsset, gltf,
-    ltgs, ply, spz, usd, write_atomically,
+    Contents, Error, Issue, Quality, ReadLimits, Result, Severity, SplatAsset, gltf, ltgs, ply, spz, usd,
+    write_atomically,
 };
 use std::path::{Path, PathBuf};
 
@@ -201,14 +201,13 @@ pub fn read_asset(path: &Path, limits: &ReadLimits) -> Result<Contents> {
     match Format::of(path)? {
         Format::Ply => {
             let read = ply::read_ply(path, limits)?;
-            let bytes = std::fs::metadata(path).map_err(|e| Error::io(path, e))?.len();
             let thick = read.num_thick;
             Ok(Contents {
                 asset: read.asset,
                 format: if read.is_surfel { "PLY of 2DGS" } else { "PLY of 3DGS" }.to_owned(),
                 quality: None,
                 hash: None,
-                sections: vec![Section { name: "splats".to_owned(), bytes, describes: Describes::Splats }],
+                sections: read.sections,
                 warnings: (thick > 0)
                     .then(|| format!("{thick} splats are no discs: their thinnest axis is left out"))
                     .into_iter()
@@ -242,14 +241,19 @@ pub fn read_fallback(path: &Path, limits: &ReadLimits) -> Result<Option<SplatAss
 /// [`Error::Io`] if it cannot be read, [`Error::Unsupported`] for an unknown extension. What is wrong inside is an issue.
 pub fn validate_file(path: &Path) -> Result<Vec<Issue>> {
     let mut issues = match Format::of(path)? {
-        Format::Ply | Format::Spz => Vec::new(),
+        Format::Ply => ply::validate(&read(path)?, path),
+        Format::Spz => spz::validate(&read(path)?, path),
         Format::Glb | Format::Gltf => gltf::validate(&read(path)?, path),
         Format::Ltgs => ltgs::validate(&read(path)?, path),
         Format::Usda | Format::Usdc | Format::Usdz => usd::validate(path),
     };
     match read_asset(path, &ReadLimits::default()) {
         Ok(contents) => {
-            issues.extend(contents.warnings.iter().map(|w| Issue::new("LT9002", Severity::Warning, "", w)));
+            // Rules of the plain formats say the same with numbers of their own.
+            if Format::of(path)?.keeps_textures() {
+                issues
+                    .extend(contents.warnings.iter().map(|w| Issue::new("LT9002", Severity::Warning, "", w)));
+            }
             if contents.hash.is_some_and(|hash| hash != contents.asset.hash()) {
                 let what =
                     "the scene is not the one that the file was written with: another program has changed it";

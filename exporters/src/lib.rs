@@ -19,6 +19,7 @@ mod hash;
 mod limits;
 pub mod ltgs;
 mod meta;
+mod plain;
 pub mod ply;
 mod quads;
 mod quality;

@@ -38,8 +38,9 @@ struct Header {
     has_extensions: bool,
 }
 
-/// Decodes the bytes of a file; `path` is only for messages. The asset is in the file's frame turned to y down; if the
-/// file is ours, cameras and provenance are those of the asset that it was made from.
+/// Decodes the bytes of a file; `path` is only for messages. The asset is in the file's frame turned to y down, which is
+/// the capture's if the file is ours; then cameras, near plane, background and provenance are those of the asset that it
+/// was made from, the former two seen from that frame.
 ///
 /// # Errors
 /// [`Error::Invalid`] if the file is damaged or no SPZ, [`Error::Unsupported`] for other versions,
@@ -59,10 +60,17 @@ pub fn decode_spz(bytes: &[u8], path: &Path, limits: &ReadLimits) -> Result<Cont
     if thick > 0 {
         warnings.push(format!("{thick} splats are no discs: their thinnest axis is left out"));
     }
-    if let Some(meta) = own_meta(bytes, &header) {
-        // Its frame is in the splats already.
-        let Meta { provenance, background, .. } = meta;
-        (asset.provenance, asset.background) = (provenance, background);
+    let meta = own_meta(bytes, &header);
+    if let Some(Err(what)) = &meta {
+        warnings.push(format!("the metadata of this program are damaged: {what}"));
+    }
+    if let Some(Ok(meta)) = meta {
+        // Its frame is in the splats already: cameras come along to the capture's.
+        let (frame, here) = (meta.capture_from_local, asset.capture_from_local);
+        asset.near = (f64::from(meta.near) * frame.scale) as f32;
+        asset.cameras = meta.cameras.iter().map(|camera| camera.in_frame(&frame, &here)).collect();
+        (asset.provenance, asset.background) = (meta.provenance, meta.background);
+        asset.colour_space = meta.colour_space;
     }
     asset.validate().map_err(|e| e.at(path))?;
     Ok(Contents { asset, format: "SPZ 4".to_owned(), quality: None, hash: None, sections, warnings })
@@ -211,14 +219,14 @@ fn splats(header: &Header, streams: &[Stream], path: &Path) -> Result<(SplatAsse
     Ok((asset, thick))
 }
 
-/// What our writer left in an extension record.
-fn own_meta(bytes: &[u8], header: &Header) -> Option<Meta> {
+/// What our writer left in an extension record; the error says why it cannot be read.
+fn own_meta(bytes: &[u8], header: &Header) -> Option<Result<Meta, String>> {
     let mut at = HEADER_BYTES;
     while header.has_extensions && at.checked_add(8)? <= header.toc_offset.min(bytes.len()) {
         let (kind, length) = (word(bytes, at)?, word(bytes, at + 4)? as usize);
         let value = bytes.get(at + 8..(at + 8).checked_add(length)?)?;
         if kind == META_RECORD && length <= crate::meta::META_BYTES_MAX {
-            return serde_json::from_slice(value).ok();
+            return Some(serde_json::from_slice(value).map_err(|e| e.to_string()));
         }
         at = (at + 8).checked_add(length)?;
     }

@@ -138,3 +138,49 @@ fn few_bytes_do_not_become_many_splats() {
     assert_eq!(decode(&zeros(1000, 4096)).unwrap().asset.num_splats(), 1000);
     assert_eq!(decode(&zeros(1 << 20, 40)).unwrap().asset.num_splats(), 1 << 20);
 }
+
+#[test]
+fn cameras_come_along_to_the_frame_of_the_capture() {
+    let mut asset = fixture(10, 0);
+    asset.near = 0.04;
+    asset.cameras.push(crate::AssetCamera {
+        name: "a".into(),
+        held_out: true,
+        width_px: 40,
+        height_px: 30,
+        focal_px: [35.0, 36.0],
+        principal_px: [20.0, 15.0],
+        rotation_rows: [[1.0, 0.0, 0.0], [0.0, 0.6, -0.8], [0.0, 0.8, 0.6]],
+        translation: [0.1, 0.2, 4.0],
+    });
+    let read = decode(&encode_spz(&asset).unwrap().0).unwrap().asset;
+    assert_eq!(read.cameras.len(), 1);
+    let back = read.cameras[0].in_frame(&read.capture_from_local, &asset.capture_from_local);
+    for (a, b) in back.translation.iter().zip(asset.cameras[0].translation) {
+        assert!((a - b).abs() < 1e-12, "{a} {b}"); // needed 9e-16
+    }
+    // 3.7 units of the capture are one of the asset's.
+    assert!((read.near - 0.04 * 3.7).abs() < 1e-7, "{}", read.near);
+    assert!(
+        (read.cameras[0].translation[2] - asset.cameras[0].translation[2]).abs() > 1.0,
+        "negative control"
+    );
+}
+
+#[test]
+fn validation_tells_of_damaged_metadata_and_odd_splats() {
+    let (bytes, _) = encode_spz(&fixture(40, 1)).unwrap();
+    let codes = |bytes: &[u8]| -> Vec<_> {
+        validate(bytes, Path::new("x")).into_iter().map(|i| (i.code, i.severity)).collect()
+    };
+    assert_eq!(codes(&bytes), []);
+    let mut damaged = bytes.clone();
+    damaged[HEADER_BYTES + 8] = b'[';
+    assert_eq!(codes(&damaged), [("LT4010", crate::Severity::Warning)]);
+    assert_eq!(codes(&bytes[..60])[0].0, "LT4001");
+    let mut asset = fixture(40, 1);
+    asset.opacities[3] = 0.001;
+    asset.positions[7] = [1e4, 0.0, 0.0];
+    let found = codes(&encode_spz(&asset).unwrap().0);
+    assert_eq!(found, [("LT4006", crate::Severity::Info), ("LT4007", crate::Severity::Warning)]);
+}

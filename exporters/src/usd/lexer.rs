@@ -33,15 +33,28 @@ pub(super) struct Lexer<'a> {
     path: &'a Path,
     /// The next token, if somebody looked at it.
     next: Option<Lexeme<'a>>,
+    /// Where it was before somebody looked.
+    before_next: usize,
     /// Bytes of memory that the layer may still take.
     budget: u64,
-    /// Length of the path of the prim that is being read.
-    pub(super) place_bytes: usize,
+    /// Path of the prim that is being read.
+    pub(super) place: String,
+    /// Path of a property and bytes of its text.
+    pub(super) value_bytes: Vec<(String, u64)>,
 }
 
 impl<'a> Lexer<'a> {
     pub(super) fn new(text: &'a str, path: &'a Path, budget: u64) -> Self {
-        Self { text, at: 0, path, next: None, budget, place_bytes: 0 }
+        Self {
+            text,
+            at: 0,
+            path,
+            next: None,
+            before_next: 0,
+            budget,
+            place: String::new(),
+            value_bytes: Vec::new(),
+        }
     }
 
     /// Counts memory of what is kept; a few characters may become hundreds of bytes.
@@ -62,6 +75,11 @@ impl<'a> Lexer<'a> {
         Error::unsupported(self.path, format!("line {}: {what}", self.line_number()))
     }
 
+    /// Where the token that was taken last ends.
+    pub(super) fn offset(&self) -> usize {
+        if self.next.is_some() { self.before_next } else { self.at }
+    }
+
     fn line_number(&self) -> usize {
         1 + self.text.as_bytes()[..self.at].iter().filter(|&&b| b == b'\n').count()
     }
@@ -69,6 +87,7 @@ impl<'a> Lexer<'a> {
     /// The next token, which stays.
     pub(super) fn peek(&mut self) -> Result<&Lexeme<'a>> {
         if self.next.is_none() {
+            self.before_next = self.at;
             self.next = Some(self.scan()?);
         }
         Ok(self.next.as_ref().unwrap_or(&Lexeme::End))

@@ -7,7 +7,7 @@ use super::layer::{Layer, Prim, entry, for_each_prim};
 use super::names::*;
 use super::package::{Entry, entries_from_package, is_plain_path};
 use super::sections;
-use super::text_read::layer_from_text;
+use super::text_read::{TextLayer, layer_from_text};
 use super::value::Value;
 use crate::atlas::{self, Atlas};
 use crate::meta::{META_BYTES_MAX, Meta};
@@ -34,8 +34,10 @@ pub(super) struct Opened<'a> {
     pub(super) layer: Layer,
     /// Length of the layer's file or entry.
     layer_bytes: u64,
-    /// Bytes of tables and values; `None`: a text.
-    binary: Option<(u64, Vec<(String, u64)>)>,
+    /// Bytes of a binary layer's tables; `None`: a text.
+    table_bytes: Option<u64>,
+    /// Path of a property and bytes of its value or its text.
+    value_bytes: Vec<(String, u64)>,
     /// Of a package.
     entries: Option<Vec<Entry>>,
     file_bytes: u64,
@@ -62,14 +64,15 @@ impl<'a> Opened<'a> {
     /// A layer, text or binary as its first bytes say.
     fn layer(path: &'a Path, bytes: &[u8], limits: &ReadLimits) -> Result<Self> {
         let file_bytes = bytes.len() as u64;
-        let (layer, binary) = if bytes.starts_with(binary::MAGIC) {
+        let (layer, table_bytes, value_bytes) = if bytes.starts_with(binary::MAGIC) {
             let BinaryLayer { layer, table_bytes, value_bytes } = layer_from_binary(bytes, path, limits)?;
-            (layer, Some((table_bytes, value_bytes)))
+            (layer, Some(table_bytes), value_bytes)
         } else {
             let text = std::str::from_utf8(bytes).map_err(|e| Error::invalid(path, format!("text: {e}")))?;
-            (layer_from_text(text, path, limits.decoded_bytes)?, None)
+            let TextLayer { layer, value_bytes } = layer_from_text(text, path, limits.decoded_bytes)?;
+            (layer, None, value_bytes)
         };
-        Ok(Self { path, layer, layer_bytes: file_bytes, binary, entries: None, file_bytes })
+        Ok(Self { path, layer, layer_bytes: file_bytes, table_bytes, value_bytes, entries: None, file_bytes })
     }
 
     /// Every prim with its path without variants.
@@ -192,7 +195,7 @@ impl<'a> Opened<'a> {
     }
 
     fn format(&self) -> &'static str {
-        match (&self.entries, &self.binary) {
+        match (&self.entries, self.table_bytes) {
             (Some(_), Some(_)) => "OpenUSD package (usdz) with a binary layer",
             (Some(_), None) => "OpenUSD package (usdz) with a text layer",
             (None, Some(_)) => "OpenUSD binary (usdc)",
@@ -205,8 +208,12 @@ impl<'a> Opened<'a> {
             let of = |e: &Entry| (e.name.clone(), e.bytes.len() as u64);
             entries.iter().map(of).collect::<Vec<_>>()
         });
-        let binary = self.binary.as_ref().map(|(tables, values)| (*tables, values.as_slice()));
-        sections::of(self.layer_bytes, binary, pictures.as_deref(), self.file_bytes, texture_bytes)
+        let layer = sections::LayerBytes {
+            all: self.layer_bytes,
+            tables: self.table_bytes,
+            values: &self.value_bytes,
+        };
+        sections::of(&layer, pictures.as_deref(), self.file_bytes, texture_bytes)
     }
 
     /// Pages that a material of a particle field names.

@@ -17,12 +17,20 @@ const PRIM_BYTES: usize = 2 * size_of::<Prim>();
 /// Memory of a property or an entry of metadata besides its values.
 const PROPERTY_BYTES: usize = 2 * size_of::<Property>() + 64;
 
+/// A layer and what its parts weigh.
+#[derive(Debug)]
+pub(super) struct TextLayer {
+    pub(super) layer: Layer,
+    /// Path of a property and bytes of its text.
+    pub(super) value_bytes: Vec<(String, u64)>,
+}
+
 /// A layer from its text; `path` is only for messages.
 ///
 /// # Errors
 /// [`Error::Invalid`] naming the line, [`Error::Unsupported`] naming the feature, [`Error::TooLarge`] beyond `budget`
 /// bytes of memory.
-pub(super) fn layer_from_text(text: &str, path: &Path, budget: u64) -> Result<Layer> {
+pub(super) fn layer_from_text(text: &str, path: &Path, budget: u64) -> Result<TextLayer> {
     let first = text.lines().next().unwrap_or_default().trim_end();
     match first.strip_prefix("#usda ") {
         Some("1.0") => {}
@@ -40,7 +48,7 @@ pub(super) fn layer_from_text(text: &str, path: &Path, budget: u64) -> Result<La
     }
     loop {
         match lexer.take()? {
-            Lexeme::End => return Ok(layer),
+            Lexeme::End => return Ok(TextLayer { layer, value_bytes: lexer.value_bytes }),
             Lexeme::Word(word) => match specifier(word) {
                 Some(specifier) => layer.prims.push(prim(&mut lexer, specifier, 0)?),
                 None => return Err(lexer.unsupported(format!("{word:?} between root prims"))),
@@ -64,14 +72,15 @@ fn prim(lexer: &mut Lexer, specifier: Specifier, depth: usize) -> Result<Prim> {
     }
     prim.name = lexer.quoted("a prim's name")?;
     // With its path, which is told for each.
-    let name_bytes = prim.name.len() + 1;
-    lexer.place_bytes += name_bytes;
-    lexer.spend(PRIM_BYTES + lexer.place_bytes)?;
+    let outer = lexer.place.len();
+    lexer.spend(PRIM_BYTES + outer + prim.name.len() + 1)?;
+    lexer.place.push('/');
+    lexer.place.push_str(&prim.name);
     if lexer.take_if('(')? {
         prim.metadata = metadata(lexer, &mut prim.variant_sets)?;
     }
     body(lexer, &mut prim, depth)?;
-    lexer.place_bytes -= name_bytes;
+    lexer.place.truncate(outer);
     Ok(prim)
 }
 
@@ -91,10 +100,23 @@ fn body(lexer: &mut Lexer, prim: &mut Prim, depth: usize) -> Result<()> {
             "reorder" => return Err(lexer.unsupported("\"reorder\"")),
             _ => match specifier(word) {
                 Some(specifier) => prim.children.push(self::prim(lexer, specifier, depth + 1)?),
-                None => property(lexer, word, &mut prim.properties)?,
+                None => {
+                    let start = lexer.offset().saturating_sub(word.len());
+                    property(lexer, word, &mut prim.properties)?;
+                    count(lexer, prim, start)?;
+                }
             },
         }
     }
+}
+
+/// Notes the text of the property that was read last.
+fn count(lexer: &mut Lexer, prim: &Prim, start: usize) -> Result<()> {
+    let name = prim.properties.last().map_or("", |p| p.name.as_str());
+    lexer.spend(2 * (lexer.place.len() + name.len() + size_of::<(String, u64)>()))?;
+    let num_bytes = lexer.offset().saturating_sub(start) as u64;
+    lexer.value_bytes.push((format!("{}.{name}", lexer.place), num_bytes));
+    Ok(())
 }
 
 fn variant_set(lexer: &mut Lexer, prim: &mut Prim, depth: usize) -> Result<()> {
@@ -109,11 +131,14 @@ fn variant_set(lexer: &mut Lexer, prim: &mut Prim, depth: usize) -> Result<()> {
     while !lexer.take_if('}')? {
         let mut variant =
             Prim { name: lexer.quoted("a variant's name")?, specifier: Specifier::Over, ..Prim::default() };
-        lexer.spend(PRIM_BYTES + lexer.place_bytes + variant.name.len())?;
+        let outer = lexer.place.len();
+        lexer.spend(PRIM_BYTES + outer + name.len() + variant.name.len())?;
+        lexer.place.extend(["{", &name, "=", &variant.name, "}"]);
         if lexer.take_if('(')? {
             variant.metadata = metadata(lexer, &mut variant.variant_sets)?;
         }
         body(lexer, &mut variant, depth + 1)?;
+        lexer.place.truncate(outer);
         variants.push(variant);
     }
     set_named(&mut prim.variant_sets, &name).variants.extend(variants);
