@@ -193,6 +193,7 @@ mod tests {
             found.iter().zip(pixels(&asset)).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
         };
         let found = worst(pixels(&moved));
+        println!("NEED {found:e}");
         assert!(found < 1e-4, "{found}"); // needed NEED
         let mut wrong = moved.clone();
         wrong.cameras[0].translation[2] *= 1.01;
