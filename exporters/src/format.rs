@@ -260,7 +260,10 @@ pub fn validate_file(path: &Path) -> Result<Vec<Issue>> {
                 issues.push(Issue::new("LT9003", Severity::Warning, "", what));
             }
         }
-        Err(error @ Error::Io { .. }) => return Err(error),
+        // Files beside it that are missing are wrong with it.
+        Err(error @ Error::Io { .. }) if matches!(&error, Error::Io { path: p, .. } if p == path) => {
+            return Err(error);
+        }
         Err(error) => issues.push(Issue::new("LT9001", Severity::Error, "", &error.to_string())),
     }
     issues.sort_by_key(|i| std::cmp::Reverse(i.severity));

@@ -139,7 +139,7 @@ fn config(cases: u32) -> ProptestConfig {
 }
 
 proptest! {
-    #![proptest_config(config(48))]
+    #![proptest_config(config(96))]
 
     #[test]
     fn lossless_files_give_every_bit_back(asset in asset(false)) {

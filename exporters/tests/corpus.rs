@@ -98,10 +98,10 @@ fn check(path: &Path, expect: Expect) -> usize {
     }
     let (issues, more, time) = measured(|| validate_file(path));
     assert!(more <= BYTES_MAX && time < TIME_MAX, "{name}: {more} bytes, {time:?} to validate");
-    if let Ok(issues) = issues {
-        let has_errors = issues.iter().any(|i| i.severity == Severity::Error);
-        assert!(has_errors || expect == Expect::Reads || expect == Expect::Unsupported, "{name}: {issues:?}");
-    }
+    let issues = issues.expect("the file is there");
+    let has_errors = issues.iter().any(|i| i.severity == Severity::Error);
+    let may_be_silent = expect == Expect::Reads || expect == Expect::Unsupported;
+    assert!(has_errors || may_be_silent, "{name}: {issues:?}");
     let (_, fallback, time) = measured(|| drop(read_fallback(path, &ReadLimits::default())));
     assert!(fallback <= BYTES_MAX && time < TIME_MAX, "{name}: {fallback} bytes, {time:?} for its fallback");
     bytes.max(more).max(fallback)
@@ -147,7 +147,19 @@ fn validation_says_what_is_odd_about_what_is_read() {
 
 /// Measured, bytes of memory by bytes of the file (`--nocapture` prints it):
 ///
-/// TABLE
+/// | format | what | file | to read | to validate |
+/// |---|---|---|---|---|
+/// | spz | splats of zeros | 0.6 KB | 77 MB | 77 MB |
+/// | ply | properties of a byte | 581 KB | 3 MB | 3 MB |
+/// | glb | a page of neutral texels | 19 KB | 113 MB | 113 MB |
+/// | ltgs | neutral texels | 1 KB | 25 MB | 25 MB |
+/// | glb | JSON of empty nodes | 393 KB | 58 MB | 97 MB |
+/// | glb | JSON of numbers | 1003 KB | 4 MB | 28 MB |
+/// | usda | text of prims | 350 KB | 15 MB | 15 MB |
+/// | usda | text of properties | 538 KB | 16 MB | 16 MB |
+/// | usda | text of numbers | 400 KB | 3 MB | 3 MB |
+/// | usda | text of entries | 400 KB | 7 MB | 7 MB |
+/// | usdz | a page of neutral texels | 9 KB | 18 MB | 18 MB |
 ///
 /// The limits' [`ReadLimits::of_file`] stands above all: 1 GiB for the smallest file.
 #[test]
@@ -161,7 +173,7 @@ fn what_few_bytes_take_is_bounded() {
         let (_, looked, more) = measured(|| drop(validate_file(&path)));
         let extension = path.extension().unwrap_or_default().to_string_lossy();
         println!(
-            "/// | {extension} | {what} | {} KB | {} MB | {} MB | {time:.1?} {more:.1?}",
+            "| {extension} | {what} | {} KB | {} MB | {} MB | {time:.1?} {more:.1?}",
             bytes.len() / 1000,
             read / 1_000_000,
             looked / 1_000_000

@@ -232,7 +232,7 @@ fn ltgs_files(add: Add<'_>) {
     add("wrong_count_of_texels.ltgs", Invalid, sealed(put(&bytes, 16, &7_u64.to_le_bytes())));
     // The second block over the first.
     let (table, length) = (64 + number(&bytes, 28), bytes.len());
-    let overlapping = put(&bytes, table + 24, &bytes[table..table + 8].to_vec());
+    let overlapping = put(&bytes, table + 24, &bytes[table..table + 8]);
     let tables = xxh3_64(&overlapping[64..table + 88]);
     add("overlapping_blocks.ltgs", Invalid, sealed(put(&overlapping, 48, &tables.to_le_bytes())));
     add("damaged_chunk.ltgs", Invalid, put(&bytes, length - 9, &[bytes[length - 9] ^ 1]));
@@ -305,11 +305,7 @@ fn usdz(add: Add<'_>) {
     );
     let locals = places(&bytes, b"PK\x01\x02");
     // The second entry at the place of the first.
-    add(
-        "overlapping_entries.usdz",
-        Invalid,
-        put(&bytes, locals[1] + 42, &bytes[central + 42..central + 46].to_vec()),
-    );
+    add("overlapping_entries.usdz", Invalid, put(&bytes, locals[1] + 42, &bytes[central + 42..central + 46]));
     add("wrong_checksum.usdz", Invalid, put(&bytes, central + 16, &[bytes[central + 16] ^ 1]));
 }
 
