@@ -43,6 +43,21 @@ pub struct Contents {
 }
 
 /// What a reader may use.
+///
+/// Sizes that a file states are compared with it before anything is allocated for them. A file of a few bytes gets
+/// less than a large one: see [`ReadLimits::of_file`]. What readers take besides, as shares of the file:
+///
+/// | format | what small files can blow up | bound |
+/// |---|---|---|
+/// | `.ltgs` | neutral texels (zstd, 1 : 20,000) | `of_file`; chunks and the whole at a time: twice that at worst |
+/// | glTF | neutral pages (PNG, 1 : 1,040; 15 bytes a texel) | `of_file`, over all pages |
+/// | glTF | JSON of empty objects (1 : 250) | 131,072 objects and 2,097,152 values |
+/// | USD | pages, as glTF | `of_file`, over all pages |
+/// | USD text | prims, properties, entries (1 : 45) and their paths | `of_file`, counted as they are read |
+/// | USD binary | tables (LZ4, 1 : 255), paths, values | 2^20 entries; values 16 times the file and 32 MiB |
+/// | USD package | entries of its table | 1,000 |
+/// | PLY | properties of a byte (1 : 5), header | the file's own size; 17 MiB and 1,024 names |
+/// | SPZ | splats of zeros (zstd) | streams 80 times the file, at least 16 MiB; splats four times that |
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ReadLimits {
     /// Most bytes that a file may decode to, and most that it may have itself.
@@ -50,8 +65,9 @@ pub struct ReadLimits {
 }
 
 impl Default for ReadLimits {
+    /// 4 GiB: some ten million splats of SH degree 3, or a million of them with 300 million texels.
     fn default() -> Self {
-        Self { decoded_bytes: 8 << 30 }
+        Self { decoded_bytes: 4 << 30 }
     }
 }
 

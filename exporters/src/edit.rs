@@ -182,6 +182,44 @@ mod tests {
     }
 
     #[test]
+    fn cameras_see_the_same_pixels_from_another_frame() {
+        let mut asset = fixture(8, 0);
+        asset.set_up([0.3, -1.0, 0.2]);
+        asset.cameras.push(crate::AssetCamera {
+            name: "a".into(),
+            held_out: false,
+            width_px: 40,
+            height_px: 30,
+            focal_px: [35.0, 36.0],
+            principal_px: [20.0, 15.0],
+            rotation_rows: [[1.0, 0.0, 0.0], [0.0, 0.6, -0.8], [0.0, 0.8, 0.6]],
+            translation: [0.1, 0.2, 4.0],
+        });
+        let pixels = |asset: &crate::SplatAsset| -> Vec<f64> {
+            let camera = &asset.cameras[0];
+            let seen = |p: &[f32; 3]| -> [f64; 2] {
+                let at: [f64; 3] = std::array::from_fn(|i| {
+                    let row = camera.rotation_rows[i];
+                    (0..3).map(|c| row[c] * f64::from(p[c])).sum::<f64>() + camera.translation[i]
+                });
+                std::array::from_fn(|i| camera.focal_px[i] * at[i] / at[2] + camera.principal_px[i])
+            };
+            asset.positions.iter().flat_map(seen).collect()
+        };
+        let other =
+            CaptureFromLocal { scale: 0.7, rotation: [0.5, 0.5, -0.5, 0.5], translation: [1.0, 2.0, 3.0] };
+        let moved = asset.in_frame(&other);
+        let worst = |found: Vec<f64>| {
+            found.iter().zip(pixels(&asset)).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+        };
+        let found = worst(pixels(&moved));
+        assert!(found < 1e-4, "{found}"); // needed 7.2e-7: f32 of places
+        let mut wrong = moved.clone();
+        wrong.cameras[0].translation[2] *= 1.01;
+        assert!(worst(pixels(&wrong)) > 1e-2, "negative control");
+    }
+
+    #[test]
     fn up_and_scale_change_the_world_only() {
         let whole = fixture(5, 1);
         let mut asset = whole.clone();

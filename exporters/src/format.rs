@@ -4,8 +4,8 @@ use crate::atlas::PAGE_SIDE;
 use crate::file::read_file;
 use crate::staging::SideFile;
 use crate::{
-    Contents, Describes, Error, Issue, Quality, ReadLimits, Result, Section, Severity, SplatAsset, Staged,
-    gltf, ltgs, ply, sniff, spz, usd,
+    Contents, Error, Issue, Quality, ReadLimits, Result, Severity, SplatAsset, Staged, gltf, ltgs, ply,
+    sniff, spz, usd,
 };
 use std::path::{Path, PathBuf};
 
@@ -254,16 +254,14 @@ pub fn read_asset(path: &Path, limits: &ReadLimits) -> Result<Contents> {
     sniff::check(path, format)?;
     match format {
         Format::Ply => {
-            let bytes = read_file(path, limits.decoded_bytes)?;
-            let read = ply::decode_ply(&bytes, path)?;
-            let bytes = bytes.len() as u64;
+            let read = ply::read_ply(path, limits)?;
             let thick = read.num_thick;
             Ok(Contents {
                 asset: read.asset,
                 format: if read.is_surfel { "PLY of 2DGS" } else { "PLY of 3DGS" }.to_owned(),
                 quality: None,
                 hash: None,
-                sections: vec![Section { name: "splats".to_owned(), bytes, describes: Describes::Splats }],
+                sections: read.sections,
                 warnings: (thick > 0)
                     .then(|| format!("{thick} splats are no discs: their thinnest axis is left out"))
                     .into_iter()
@@ -274,6 +272,20 @@ pub fn read_asset(path: &Path, limits: &ReadLimits) -> Result<Contents> {
         Format::Glb | Format::Gltf => gltf::read_gltf(path, limits),
         Format::Ltgs => ltgs::decode(&read_file(path, limits.decoded_bytes)?, path, limits),
         Format::Usda | Format::Usdc | Format::Usdz => usd::read_usd(path, limits),
+    }
+}
+
+/// What a program gets from a file that knows splats, but no textures: the attributes of `KHR_gaussian_splatting`, or the
+/// prim of type `ParticleField3DGaussianSplat`, as they stand in this file. Frame and cameras are those of [`read_asset`].
+/// `None`: the format has no textures that could be missed, or nobody else reads it, or there is no such prim.
+///
+/// # Errors
+/// [`Error::Unsupported`] for an unknown extension, else as the format's reader.
+pub fn read_fallback(path: &Path, limits: &ReadLimits) -> Result<Option<SplatAsset>> {
+    match Format::of(path)? {
+        Format::Glb | Format::Gltf => gltf::read_fallback(path, limits).map(Some),
+        Format::Usda | Format::Usdc | Format::Usdz => usd::read_fallback(path, limits),
+        Format::Ltgs | Format::Ply | Format::Spz => Ok(None),
     }
 }
 
@@ -301,7 +313,8 @@ pub fn validate_file(path: &Path) -> Result<Vec<Issue>> {
     let limits = ReadLimits::default();
     let read = || read_file(path, limits.decoded_bytes);
     let mut issues = match format {
-        Format::Ply | Format::Spz => Vec::new(),
+        Format::Ply => ply::validate(&read()?, path),
+        Format::Spz => spz::validate(&read()?, path),
         Format::Glb | Format::Gltf => gltf::validate(&read()?, path),
         Format::Ltgs => ltgs::validate(&read()?, path),
         Format::Usda | Format::Usdc | Format::Usdz => usd::validate(path),
@@ -318,7 +331,11 @@ pub fn validate_file(path: &Path) -> Result<Vec<Issue>> {
 fn check_reading(path: &Path, limits: &ReadLimits, issues: &mut Vec<Issue>) {
     match read_asset(path, limits) {
         Ok(contents) => {
-            issues.extend(contents.warnings.iter().map(|w| Issue::new("LT9002", Severity::Warning, "", w)));
+            // Rules of the plain formats say the same with numbers of their own.
+            if Format::from_path(path).is_some_and(Format::keeps_textures) {
+                issues
+                    .extend(contents.warnings.iter().map(|w| Issue::new("LT9002", Severity::Warning, "", w)));
+            }
             if contents.hash.is_some_and(|hash| hash != contents.asset.hash()) {
                 let what =
                     "the scene is not the one that the file was written with: another program has changed it";

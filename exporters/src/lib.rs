@@ -11,13 +11,16 @@ mod baked;
 mod contents;
 mod edit;
 mod error;
+mod fallback;
 mod file;
 mod format;
 mod frame;
 pub mod gltf;
 mod hash;
+mod limits;
 pub mod ltgs;
 mod meta;
+mod plain;
 pub mod ply;
 mod quads;
 mod quality;
@@ -36,7 +39,9 @@ pub use asset::{
 pub use contents::{Contents, Describes, Issue, ReadLimits, Section, Severity};
 pub use error::{Error, Result};
 pub use file::write_atomically;
-pub use format::{Format, WriteOptions, Written, read_asset, stage_asset, validate_file, write_asset};
+pub use format::{
+    Format, WriteOptions, Written, read_asset, read_fallback, stage_asset, validate_file, write_asset,
+};
 pub use frame::CaptureFromLocal;
 pub use quality::Quality;
 pub use staging::Staged;

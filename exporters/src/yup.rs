@@ -1,4 +1,4 @@
-//! The frame of glTF and USD: y up, by half a turn about x from the local frame (COLMAP's axes: y down, z forward).
+//! What glTF and USD have in common. Their frame: y up, by half a turn about x from the local frame (COLMAP's axes: y down, z forward).
 //! Only signs and places change, so that nothing is rounded; it is its own inverse but for the quaternion's sign.
 
 use crate::{CaptureFromLocal, quaternion};
@@ -9,6 +9,18 @@ const HALF_TURN: [f64; 4] = [0.0, 1.0, 0.0, 0.0];
 /// Signs of SH coefficients under half a turn about x.
 pub const SH_SIGNS: [f32; 16] =
     [1.0, -1.0, -1.0, 1.0, -1.0, 1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0, -1.0, 1.0, -1.0, 1.0];
+
+/// Third scale of programs that know only ellipsoids, in the smaller of the others: zero would make their covariance
+/// singular.
+const THICKNESS: f32 = 0.01;
+
+/// Smallest f32 above 0.
+const LEAST: f32 = f32::from_bits(1);
+
+/// Third scale of a disc for programs that know only ellipsoids: positive, and not above the others.
+pub fn thickness(scale_u: f32, scale_v: f32) -> f32 {
+    (THICKNESS * scale_u.min(scale_v)).max(LEAST)
+}
 
 /// A point, either way.
 pub fn position([x, y, z]: [f32; 3]) -> [f32; 3] {

@@ -178,7 +178,9 @@ mod tests {
         let sizes = maps(200_000);
         let start = Instant::now();
         assert!(pack(&sizes, 4096).is_some());
-        println!("{:?}", start.elapsed());
+        let took = start.elapsed();
+        // Aim: 0.3 s; needed 0.06 s without debug assertions. Machines that are busy take longer.
+        assert!(took.as_secs_f64() < 2.0, "{took:?}");
     }
 
     #[test]

@@ -13,6 +13,12 @@ use std::path::Path;
 /// Most buffers of a file.
 const BUFFERS_MAX: usize = 1024;
 
+/// Most objects of a file's JSON.
+const JSON_OBJECTS_MAX: usize = 1 << 17;
+
+/// Most commas and lists of a file's JSON.
+const JSON_VALUES_MAX: usize = 1 << 21;
+
 /// Extensions that a file may require of us.
 const UNDERSTOOD: [&str; 4] = [KHR, EXTENSION, QUANTIZATION, UNLIT];
 
@@ -34,7 +40,9 @@ pub struct Loaded<'a> {
     pub num_bytes: Cell<u64>,
     buffers: Vec<Cow<'a, [u8]>>,
     side_files: SideFiles,
-    left_bytes: Cell<u64>,
+    limits: ReadLimits,
+    /// Bytes that were allocated.
+    taken_bytes: Cell<u64>,
 }
 
 impl<'a> Loaded<'a> {
@@ -44,6 +52,7 @@ impl<'a> Loaded<'a> {
     /// [`Error::Invalid`], [`Error::Unsupported`], [`Error::TooLarge`] as [`super::read_gltf`].
     pub fn new(bytes: &'a [u8], path: &'a Path, limits: &ReadLimits, side_files: SideFiles) -> Result<Self> {
         let parts = container::parts(bytes, path)?;
+        check_json(parts.json, path)?;
         let document: Document = serde_json::from_slice(parts.json)
             .map_err(|e| Error::invalid(path, format!("JSON of the file: {e}")))?;
         check_versions(&document, path)?;
@@ -53,7 +62,8 @@ impl<'a> Loaded<'a> {
             num_bytes: Cell::new(bytes.len() as u64),
             buffers: Vec::new(),
             side_files,
-            left_bytes: Cell::new(limits.decoded_bytes),
+            limits: *limits,
+            taken_bytes: Cell::new(0),
         };
         loaded.load_buffers(&parts)?;
         Ok(loaded)
@@ -92,11 +102,13 @@ impl<'a> Loaded<'a> {
     /// # Errors
     /// [`Error::TooLarge`] if the limit does not allow them.
     pub fn take_bytes(&self, bytes: u64, what: &str) -> Result<()> {
-        let left = self.left_bytes.get();
-        let rest = left.checked_sub(bytes).ok_or_else(|| {
-            Error::too_large(self.path, format!("{what}: {bytes} bytes to decode, the limit leaves {left}"))
-        })?;
-        self.left_bytes.set(rest);
+        let taken = self.taken_bytes.get();
+        let left = self.limits.of_file(self.num_bytes.get()).decoded_bytes.saturating_sub(taken);
+        if bytes > left {
+            let what = format!("{what}: {bytes} bytes to decode, the limit leaves {left}");
+            return Err(Error::too_large(self.path, what));
+        }
+        self.taken_bytes.set(taken + bytes);
         Ok(())
     }
 
@@ -110,11 +122,11 @@ impl<'a> Loaded<'a> {
             let what = format!("file {shown:?} is needed beside it: open the file by its path");
             return Err(Error::unsupported(self.path, what));
         }
+        let left = self.limits.decoded_bytes.saturating_sub(self.taken_bytes.get());
         let file = files::resolve(uri, self.path);
-        let bytes = file.and_then(|file| read_file(&file, self.left_bytes.get()));
-        let bytes = bytes.map_err(|e| e.named_by(self.path))?;
-        self.take_bytes(bytes.len() as u64, "files beside it")?;
+        let bytes = file.and_then(|file| read_file(&file, left)).map_err(|e| e.named_by(self.path))?;
         self.num_bytes.set(self.num_bytes.get() + bytes.len() as u64);
+        self.take_bytes(bytes.len() as u64, "files beside it")?;
         Ok(bytes)
     }
 
@@ -166,6 +178,23 @@ impl<'a> Loaded<'a> {
         View::new(accessor, view, bytes)
             .map_err(|text| Error::invalid(self.path, format!("{what}: accessor {index}: {text}")))
     }
+}
+
+/// Bounds what the parser makes of few bytes: a node is two characters, but 300 bytes in memory. Our largest metadata has a
+/// tenth of each.
+fn check_json(json: &[u8], path: &Path) -> Result<()> {
+    let (mut objects, mut values) = (0_usize, 0_usize);
+    for byte in json {
+        objects += usize::from(*byte == b'{');
+        values += usize::from(matches!(byte, b',' | b'['));
+    }
+    if objects > JSON_OBJECTS_MAX || values > JSON_VALUES_MAX {
+        let what = format!(
+            "JSON of {objects} objects and {values} values, at most {JSON_OBJECTS_MAX} and {JSON_VALUES_MAX}"
+        );
+        return Err(Error::too_large(path, what));
+    }
+    Ok(())
 }
 
 fn check_versions(document: &Document, path: &Path) -> Result<()> {

@@ -5,6 +5,7 @@ use super::document::{Image, MIME_PNG};
 use super::extension::{Decode, Page, TextureExtension};
 use super::loaded::Loaded;
 use crate::atlas::{Atlas, PAGE_SIDE_MAX, Placement, TexelDecode, decode_exr, decode_png};
+use crate::limits::filled;
 use crate::{AssetMap, Error, Result, SplatAsset};
 use std::borrow::Cow;
 
@@ -26,7 +27,7 @@ pub fn read_maps(loaded: &Loaded<'_>, extension: &TextureExtension, asset: &mut 
     // Texels are counted once; check_area has bound them by the pages.
     let texels: u64 = asset.maps.iter().map(|m| m.num_texels() as u64).sum();
     loaded.take_bytes(12 * texels, "texels")?;
-    asset.texels = vec![0.0; 3 * texels as usize];
+    asset.texels = filled(3 * texels as usize, 0.0).map_err(|e| e.at(loaded.path))?;
     // One page at a time, and every splat once.
     let mut by_page: Vec<u32> = (0..asset.maps.len() as u32).collect();
     by_page.sort_by_key(|&splat| atlas.placements[splat as usize].page);

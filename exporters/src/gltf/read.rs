@@ -76,6 +76,11 @@ fn ours(
     warnings: &mut Vec<String>,
 ) -> Result<Contents> {
     let mut asset = attributes.surfels(loaded)?;
+    // The fallback's too, though the exact ones replace it.
+    if let Some(splat) = attributes.first_dc_not_finite() {
+        let what = format!("splat {splat}: SH of degree 0 for other viewers is not finite");
+        return Err(Error::invalid(loaded.path, what));
+    }
     if let Some(sh0) = extension.sh0 {
         read_sh0(loaded, sh0, &mut asset)?;
     }
@@ -126,6 +131,28 @@ fn read_sh0(loaded: &Loaded<'_>, index: u32, asset: &mut SplatAsset) -> Result<(
         splat.iter_mut().zip(dc).for_each(|(c, v)| *c = v);
     }
     Ok(())
+}
+
+/// What a viewer that knows only `KHR_gaussian_splatting` gets from a file: its ellipsoids as surfels along their two
+/// largest axes. Frame, near plane and cameras are those of [`read_gltf`], so that both can be drawn alike.
+///
+/// # Errors
+/// As [`read_gltf`], but for our extension's arrays and pages, which are not looked at.
+pub fn read_fallback(path: &Path, limits: &ReadLimits) -> Result<SplatAsset> {
+    let bytes = read_file(path, limits.decoded_bytes)?;
+    let loaded = Loaded::new(&bytes, path, limits, SideFiles::Read)?;
+    let found = scene::find(&loaded.document, path)?;
+    let attributes = Attributes::find(&loaded, found.primitive)?;
+    let mut asset = foreign(&loaded, &found, &attributes, &mut Vec::new())?.asset;
+    let value = found.splatting.texture();
+    if let Some(extension) = value.and_then(|v| TextureExtension::parse(v, path).ok()) {
+        let stored = extension.meta.capture_from_local;
+        extension.meta.store(&mut asset);
+        asset.colour_space = found.splatting.colour_space(path)?;
+        asset.capture_from_local = frame(&loaded, &found, Some(stored), &mut Vec::new())?;
+    }
+    asset.validate().map_err(|e| e.at(path))?;
+    Ok(asset)
 }
 
 /// A file of another program.

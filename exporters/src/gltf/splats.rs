@@ -4,8 +4,9 @@ use super::accessor::{Component, View};
 use super::document::Primitive;
 use super::loaded::Loaded;
 use super::{KHR, sh_attribute, sh_indices};
+use crate::limits::{filled, room_for_splats, splat_bytes};
 use crate::ply::thinnest_last;
-use crate::{AssetMap, Error, Result, SplatAsset, num_sh_coefficients, yup};
+use crate::{AssetMap, Error, Result, SplatAsset, yup};
 
 /// A quaternion keeps its bits while its norm is within this of 1 (what [`SplatAsset::validate`] allows).
 const UNIT_TOLERANCE: f64 = 1e-5;
@@ -15,9 +16,6 @@ const UNIT_TOLERANCE_STORED: f64 = 0.05;
 
 /// A splat is a disc while its thickness is at most this share of its smaller other scale.
 const DISC_THICKNESS: f64 = 0.1;
-
-/// Rough size of a splat in memory besides its SH.
-const SPLAT_BYTES: u64 = 12 + 16 + 8 + 4 + 12;
 
 /// Data of the attributes.
 pub struct Attributes<'a> {
@@ -111,8 +109,7 @@ impl<'a> Attributes<'a> {
             let what = format!("attribute {KHR}:{name}: {} elements for {num_splats} splats", view.count);
             return Err(Error::invalid(loaded.path, what));
         }
-        let bytes = SPLAT_BYTES + 12 * num_sh_coefficients(sh_degree) as u64;
-        loaded.take_bytes(num_splats as u64 * bytes, "splats")?;
+        loaded.take_bytes(num_splats as u64 * splat_bytes(sh_degree), "splats")?;
         Ok(found)
     }
 
@@ -121,17 +118,22 @@ impl<'a> Attributes<'a> {
     /// # Errors
     /// [`Error::Invalid`] for rotations that are none.
     pub fn surfels(&self, loaded: &Loaded<'_>) -> Result<SplatAsset> {
-        let rotations = self.rotation.rows::<4>().enumerate().map(|(i, q)| local_rotation(loaded, i, q));
-        Ok(SplatAsset {
-            sh_degree: self.sh_degree,
-            positions: self.position.rows().map(yup::position).collect(),
-            rotations: rotations.collect::<Result<_>>()?,
-            scales: self.scale.rows().collect(),
-            opacities: self.opacity.rows().map(|[o]| o).collect(),
-            sh: self.sh_coefficients(),
-            maps: vec![AssetMap::default(); self.num_splats],
-            ..SplatAsset::default()
-        })
+        let mut asset = self.room(loaded)?;
+        for (i, q) in self.rotation.rows::<4>().enumerate() {
+            asset.rotations.push(local_rotation(loaded, i, q)?);
+        }
+        asset.scales.extend(self.scale.rows::<2>());
+        asset.opacities.extend(self.opacity.rows().map(|[o]| o));
+        Ok(asset)
+    }
+
+    /// Positions, SH and empty maps, and room for the rest.
+    fn room(&self, loaded: &Loaded<'_>) -> Result<SplatAsset> {
+        let mut asset = room_for_splats(self.num_splats, self.sh_degree).map_err(|e| e.at(loaded.path))?;
+        asset.positions.extend(self.position.rows().map(yup::position));
+        asset.sh = self.sh_coefficients().map_err(|e| e.at(loaded.path))?;
+        asset.maps.resize(self.num_splats, AssetMap::default());
+        Ok(asset)
     }
 
     /// Ellipsoids as surfels along their two largest axes, and how many of them are thick.
@@ -139,13 +141,7 @@ impl<'a> Attributes<'a> {
     /// # Errors
     /// [`Error::Invalid`] for numbers that the specification forbids.
     pub fn flattened(&self, loaded: &Loaded<'_>) -> Result<(SplatAsset, usize)> {
-        let mut asset = SplatAsset {
-            sh_degree: self.sh_degree,
-            positions: self.position.rows().map(yup::position).collect(),
-            sh: self.sh_coefficients(),
-            maps: vec![AssetMap::default(); self.num_splats],
-            ..SplatAsset::default()
-        };
+        let mut asset = self.room(loaded)?;
         let mut num_thick = 0;
         let rows = self.rotation.rows::<4>().zip(self.scale.rows::<3>()).zip(self.opacity.rows::<1>());
         for (i, ((q, scales), [opacity])) in rows.enumerate() {
@@ -167,17 +163,22 @@ impl<'a> Attributes<'a> {
         Ok((asset, num_thick))
     }
 
+    /// The first splat whose coefficients of degree 0 are not all finite.
+    pub fn first_dc_not_finite(&self) -> Option<usize> {
+        self.sh.first()?.rows::<3>().position(|dc| !dc.iter().all(|v| v.is_finite()))
+    }
+
     /// Coefficients in the local frame. `[n, (sh_degree + 1)^2, 3]`
-    fn sh_coefficients(&self) -> Vec<f32> {
+    fn sh_coefficients(&self) -> Result<Vec<f32>> {
         let width = 3 * self.sh.len();
-        let mut sh = vec![0.0; self.num_splats * width];
+        let mut sh = filled(self.num_splats * width, 0.0)?;
         for (k, view) in self.sh.iter().enumerate() {
             let places = sh.chunks_exact_mut(width).filter_map(|c| c.get_mut(3 * k..3 * k + 3));
             for (place, row) in places.zip(view.rows::<3>()) {
                 place.copy_from_slice(&row.map(|c| yup::SH_SIGNS[k] * c));
             }
         }
-        sh
+        Ok(sh)
     }
 }
 

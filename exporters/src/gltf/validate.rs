@@ -2,6 +2,7 @@
 //! Unlike a reader it goes on after the first offence.
 
 mod data;
+mod fallback;
 mod structure;
 mod texture;
 
@@ -18,6 +19,12 @@ pub(crate) const QUADS_CODE: &str = "LT1019";
 
 /// Most offences of a kind that are told one by one; then one issue counts the rest.
 const TOLD_MAX: usize = 3;
+
+/// Most issues; a hostile file has no end of them.
+const ISSUES_MAX: usize = 1000;
+
+/// Primitives of splats whose numbers are looked at; there should be one.
+const PRIMITIVES_MAX: usize = 4;
 
 /// Checks the bytes of a `.glb` or `.gltf`; files beside it are looked for in the folder of `path`. No issues, or none
 /// above [`Severity::Info`]: the file is sound. Codes:
@@ -54,6 +61,9 @@ const TOLD_MAX: usize = 3;
 /// | LT1028 | thick splats, which surfels cannot show |
 /// | LT1029 | the reader refuses the file for another reason |
 /// | LT1030 | something is odd: a moved node, an unknown kernel |
+/// | LT1031 | SH of degree 0 is not the exact one with the mean of the map in it: splat viewers show wrong colours |
+/// | LT1032 | the third scale is not positive and the smallest: splat viewers show no discs |
+/// | LT1033 | COLOR_0 is not the colour of degree 0 and the opacity: other viewers show wrong points |
 pub fn validate(bytes: &[u8], path: &Path) -> Vec<Issue> {
     let mut issues = Issues::default();
     let limits = ReadLimits::default();
@@ -74,7 +84,7 @@ pub fn validate(bytes: &[u8], path: &Path) -> Vec<Issue> {
         None => {}
     }
     let found: Vec<Found<'_>> = scene::splat_primitives(&loaded.document).collect();
-    for found in &found {
+    for found in found.iter().take(PRIMITIVES_MAX) {
         check_primitive(&loaded, found, &mut issues);
     }
     match (scene::find(&loaded.document, path), found.first()) {
@@ -128,6 +138,7 @@ fn check_reading(
         issues.push(code, Severity::Info, &found.pointer, warning);
     }
     let Some(expected) = contents.hash else { return };
+    fallback::check(loaded, found, &contents.asset, issues);
     let place = format!("{}/extensions/{KHR}/extensions/{}/hash", found.pointer, super::EXTENSION);
     let hash = contents.asset.hash();
     if expected != hash {
@@ -156,7 +167,9 @@ struct Issues {
 
 impl Issues {
     fn push(&mut self, code: &'static str, severity: Severity, place: &str, message: String) {
-        self.list.push(Issue { code, severity, place: place.to_owned(), message });
+        if self.list.len() < ISSUES_MAX {
+            self.list.push(Issue { code, severity, place: place.to_owned(), message });
+        }
     }
 
     fn error(&mut self, code: &'static str, place: &str, message: impl Into<String>) {

@@ -14,9 +14,6 @@ use crate::{Error, Quality, Result, SplatAsset, yup};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Third scale, as a share of the smaller of the others: viewers of ellipsoids need one.
-const THICKNESS: f32 = 0.01;
-
 /// What to write.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct GltfOptions {
@@ -209,7 +206,7 @@ impl Writer<'_> {
             [x, y, z, w]
         });
         attributes.insert(format!("{KHR}:ROTATION"), arrays.push(rotations, used));
-        let scales = asset.scales.iter().map(|&[u, v]| [u, v, THICKNESS * u.min(v)]);
+        let scales = asset.scales.iter().map(|&[u, v]| [u, v, yup::thickness(u, v)]);
         attributes.insert(format!("{KHR}:SCALE"), arrays.push(scales, used));
         attributes.insert(format!("{KHR}:OPACITY"), arrays.push(asset.opacities.iter().map(|&o| [o]), used));
         let baked: Vec<[f32; 3]> = (0..n).map(|i| asset.untextured_dc(i)).collect();

@@ -182,7 +182,7 @@ pub fn expand(coded: &[u8], num_bytes: usize) -> Result<Vec<u8>> {
     if num_bytes > coded.len().saturating_mul(ZSTD_EXPANSION) {
         return Err(damaged(&format!("{} bytes cannot hold {num_bytes}", coded.len())));
     }
-    let mut bytes = vec![0; num_bytes];
+    let mut bytes = crate::limits::filled(num_bytes, 0_u8)?;
     let mut decompressor = zstd::bulk::Decompressor::new().map_err(|e| damaged(&e.to_string()))?;
     let found = decompressor.decompress_to_buffer(coded, &mut bytes[..]);
     match found.map_err(|e| damaged(&format!("zstd: {e}")))? {

@@ -8,10 +8,14 @@ use super::tables::FileMeta;
 use super::tally::Tally;
 use super::texels::{Map, TexelReader};
 use super::write::{joined, mean_of, take_means};
-use crate::{AssetMap, Contents, Error, Quality, ReadLimits, Result, SplatAsset, num_sh_coefficients};
+use crate::limits::splat_bytes;
+use crate::{AssetMap, Contents, Error, Quality, ReadLimits, Result, SplatAsset};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use xxhash_rust::xxh3::xxh3_64;
+
+/// A beginning of a file is believed to be at least this share of it when its size decides on memory.
+const PREFIX_SHARE: u64 = 1000;
 
 /// A file whose tables were read and checked; chunks are decoded on demand.
 pub struct Reader<'a> {
@@ -71,12 +75,9 @@ impl<'a> Reader<'a> {
     /// Reads the tables of a file that may be cut behind them.
     fn new(bytes: &'a [u8], path: &Path, limits: &ReadLimits) -> Result<Self> {
         let header = Header::decode(bytes, path)?;
-        let decoded_bytes = decoded_bytes(&header);
-        if decoded_bytes > limits.decoded_bytes {
-            let what =
-                format!("decodes to {decoded_bytes} bytes, at most {} are allowed", limits.decoded_bytes);
-            return Err(Error::too_large(path, what));
-        }
+        // What has not arrived of a download counts too; only the file's own word is known of it.
+        let file_bytes = header.file_bytes.min((bytes.len() as u64).saturating_mul(PREFIX_SHARE));
+        limits.of_file(file_bytes).check(decoded_bytes(&header), "splats and texels", path)?;
         let invalid = |what: String| Error::invalid(path, what);
         let tables = bytes.get(HEADER_BYTES..).and_then(|rest| rest.get(..header.tables_bytes()));
         let tables = tables.ok_or_else(|| invalid("metadata and table of contents are cut".to_owned()))?;
@@ -301,8 +302,7 @@ fn check_texels(asset: &SplatAsset, entry: &Entry) -> Result<()> {
 
 /// Bytes of the arrays that a file decodes to.
 fn decoded_bytes(header: &Header) -> u64 {
-    let of_splat = 4 * (3 + 4 + 2 + 1 + 3 + 3 * num_sh_coefficients(header.sh_degree)) as u64;
-    of_splat * u64::from(header.num_splats) + 12 * header.num_texels
+    splat_bytes(header.sh_degree) * u64::from(header.num_splats) + 12 * header.num_texels
 }
 
 /// Blocks in order, without overlap, within the file; all splats before the first texels; counts as the header says.

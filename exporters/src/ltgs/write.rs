@@ -7,6 +7,7 @@ use super::splats::SplatCodes;
 use super::steps::{Quantiser, Steps};
 use super::tables::{FileMeta, Order};
 use super::texels::{Map, TexelWriter};
+use crate::limits::with_room;
 use crate::meta::Meta;
 use crate::sh::SH_0;
 use crate::{Error, Quality, Result, SplatAsset, num_sh_coefficients};
@@ -107,8 +108,9 @@ fn map_chunks<T: Send>(
 /// [`Error::TooLarge`] for more than 2^32 - 1 texels.
 pub fn joined(mut whole: SplatAsset, sh_degree: u32, chunks: Vec<SplatAsset>) -> Result<SplatAsset> {
     whole.sh_degree = sh_degree;
-    whole.texels.reserve_exact(chunks.iter().map(|c| c.texels.len()).sum());
-    whole.sh.reserve_exact(chunks.iter().map(|c| c.sh.len()).sum());
+    // Pages of memory come into being as they are written, while those of the chunks go.
+    whole.texels = with_room(chunks.iter().map(|c| c.texels.len()).sum())?;
+    whole.sh = with_room(chunks.iter().map(|c| c.sh.len()).sum())?;
     for chunk in chunks {
         let first = u32::try_from(whole.num_texels()).ok();
         for map in chunk.maps {

@@ -4,6 +4,15 @@ use super::scalar::Scalar;
 use crate::{Error, Result};
 use std::path::Path;
 
+/// Longest header: the metadata's most, which ours hold in comments, and room for the rest.
+const HEADER_BYTES_MAX: usize = crate::meta::META_BYTES_MAX + (1 << 20);
+
+/// Most lines of comments; cameras have one each.
+const COMMENTS_MAX: usize = 1 << 20;
+
+/// Most properties and elements; files of splats have 62 and one.
+const NAMES_MAX: usize = 1024;
+
 /// How values are stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Encoding {
@@ -57,7 +66,8 @@ impl Header {
     /// # Errors
     /// [`Error::Invalid`] naming the line, [`Error::Unsupported`] for big-endian files.
     pub(super) fn parse(bytes: &[u8], path: &Path) -> Result<Self> {
-        let mut rest = bytes;
+        let mut rest = &bytes[..bytes.len().min(HEADER_BYTES_MAX)];
+        let available = rest.len();
         if next_line(&mut rest) != Some(b"ply") {
             return Err(Error::invalid(path, "does not begin with the line \"ply\""));
         }
@@ -66,11 +76,20 @@ impl Header {
             Self { encoding: Encoding::Ascii, elements: Vec::new(), comments: Vec::new(), num_bytes: 0 };
         for number in 2.. {
             let Some(line) = next_line(&mut rest) else {
-                return Err(Error::invalid(
-                    path,
-                    format!("the header ends in line {number} without \"end_header\""),
-                ));
+                let what = format!("the header ends in line {number} without \"end_header\"");
+                return Err(if available < bytes.len() {
+                    Error::too_large(path, format!("{what}: longer than {HEADER_BYTES_MAX} bytes"))
+                } else {
+                    Error::invalid(path, what)
+                });
             };
+            let names: usize = header.elements.iter().map(|e| e.properties.len()).sum();
+            if names + header.elements.len() > NAMES_MAX || header.comments.len() > COMMENTS_MAX {
+                let what = format!(
+                    "more than {NAMES_MAX} elements and properties, or {COMMENTS_MAX} comments, in its header"
+                );
+                return Err(Error::too_large(path, what));
+            }
             let line = String::from_utf8_lossy(line);
             let offence = |what: &str| {
                 let shown: String = line.chars().take(80).collect();
@@ -111,7 +130,7 @@ impl Header {
         }
         header.encoding =
             encoding.ok_or_else(|| Error::invalid(path, "the header has no \"format\" line"))?;
-        header.num_bytes = bytes.len() - rest.len();
+        header.num_bytes = available - rest.len();
         Ok(header)
     }
 }

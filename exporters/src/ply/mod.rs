@@ -14,15 +14,22 @@
 
 use crate::CaptureFromLocal;
 
+mod escape;
 mod header;
 mod read;
+mod rows;
 mod scalar;
+mod validate;
 mod write;
 
 pub use read::{PlyContents, decode_ply, read_ply};
 pub(crate) use read::{is_thick, thinnest_last};
 pub use scalar::Scalar;
+pub use validate::validate;
 pub use write::{PlyFlavour, PlyOptions, PlySummary, encode_ply, write_ply};
+
+/// Comment of files whose other comments are escaped.
+const COMMENT_OURS: &str = "written by: litetex ";
 
 /// Comment by which SuperSplat and splat-transform know files without `scale_2`.
 const COMMENT_2DGS: &str = "SplatRenderMode: 2dgs";

@@ -1,10 +1,13 @@
 //! Reads PLY files of splats by any program: properties in any order, further ones ignored, normals
 //! and higher SH optional, two or three scales.
 
-use super::header::{Element, Encoding, Header};
-use super::scalar::Scalar;
+use super::COMMENT_OURS;
+use super::escape::unescaped;
+use super::header::Element;
+use super::rows::Rows;
 use crate::file::read_file;
-use crate::{AssetMap, Error, ReadLimits, Result, SPLATS_MAX, SplatAsset, num_sh_coefficients};
+use crate::limits::{room_for_splats, splat_bytes};
+use crate::{AssetMap, Error, ReadLimits, Result, Section, SplatAsset, num_sh_coefficients};
 use std::path::Path;
 
 /// What a file holds.
@@ -16,6 +19,8 @@ pub struct PlyContents {
     pub is_surfel: bool,
     /// Splats whose thinnest axis is more than a tenth of the next: drawn as discs they look different.
     pub num_thick: usize,
+    /// Parts of the file by property; their sum is its size.
+    pub sections: Vec<Section>,
     /// Comments of the header in order.
     pub comments: Vec<String>,
 }
@@ -27,23 +32,23 @@ const DISC_THICKNESS: f64 = 0.1;
 ///
 /// # Errors
 /// As [`decode_ply`], and [`Error::Io`].
-pub fn read_ply(path: &Path) -> Result<PlyContents> {
-    decode_ply(&read_file(path, ReadLimits::default().decoded_bytes)?, path)
+pub fn read_ply(path: &Path, limits: &ReadLimits) -> Result<PlyContents> {
+    decode_ply(&read_file(path, limits.decoded_bytes)?, path, limits)
 }
 
 /// Where each quantity stands in a row.
-struct Columns {
-    position: [usize; 3],
-    dc: [usize; 3],
-    rest: Vec<usize>,
-    sh_degree: u32,
-    opacity: usize,
-    scales: Vec<usize>,
-    rotation: [usize; 4],
+pub(super) struct Columns {
+    pub(super) position: [usize; 3],
+    pub(super) dc: [usize; 3],
+    pub(super) rest: Vec<usize>,
+    pub(super) sh_degree: u32,
+    pub(super) opacity: usize,
+    pub(super) scales: Vec<usize>,
+    pub(super) rotation: [usize; 4],
 }
 
 impl Columns {
-    fn find(vertex: &Element, path: &Path) -> Result<Self> {
+    pub(super) fn find(vertex: &Element, path: &Path) -> Result<Self> {
         let index = |name: &str| vertex.properties.iter().position(|p| p.name == name);
         let required = |name: &str| {
             index(name).ok_or_else(|| {
@@ -81,115 +86,22 @@ impl Columns {
 /// # Errors
 /// [`Error::Invalid`] if the file is damaged or no file of splats, [`Error::Unsupported`] for
 /// big-endian files, lists and SH degrees above 3, [`Error::TooLarge`].
-pub fn decode_ply(bytes: &[u8], path: &Path) -> Result<PlyContents> {
-    let header = Header::parse(bytes, path)?;
-    let at = header.elements.iter().position(|e| e.name == "vertex");
-    let at = at.ok_or_else(|| Error::invalid(path, "no element \"vertex\""))?;
-    let vertex = &header.elements[at];
-    let scalars: Vec<Scalar> = vertex
-        .properties
-        .iter()
-        .map(|p| {
-            p.scalar
-                .ok_or_else(|| Error::unsupported(path, format!("list property {:?} of \"vertex\"", p.name)))
-        })
-        .collect::<Result<_>>()?;
-    if vertex.count > SPLATS_MAX {
-        return Err(Error::too_large(path, format!("{} splats, at most {SPLATS_MAX}", vertex.count)));
-    }
-    let columns = Columns::find(vertex, path)?;
+pub fn decode_ply(bytes: &[u8], path: &Path, limits: &ReadLimits) -> Result<PlyContents> {
+    let rows = Rows::open(bytes, path)?;
+    let columns = Columns::find(rows.vertex(), path)?;
+    let count = rows.vertex().count;
+    limits.check(splat_bytes(columns.sh_degree) * count as u64, &format!("{count} splats"), path)?;
     let mut contents = PlyContents {
-        asset: SplatAsset { sh_degree: columns.sh_degree, ..SplatAsset::default() },
+        asset: room_for_splats(rows.room(), columns.sh_degree).map_err(|e| e.at(path))?,
         is_surfel: columns.scales.len() == 2,
         num_thick: 0,
-        comments: header.comments.clone(),
+        sections: rows.sections(),
+        comments: rows.header.comments.clone(),
     };
     take_provenance(&mut contents);
-    let data = bytes.get(header.num_bytes..).unwrap_or_default();
-    match header.encoding {
-        Encoding::BinaryLittleEndian => {
-            let mut values = Vec::with_capacity(scalars.len());
-            for row in binary_rows(data, &header.elements[..at], vertex, path)? {
-                let mut rest = row;
-                values.clear();
-                for scalar in &scalars {
-                    // `binary_rows` made the row long enough.
-                    values.push(scalar.read(rest).unwrap_or(f64::NAN));
-                    rest = &rest[scalar.num_bytes()..];
-                }
-                push_splat(&mut contents, &columns, &values, path)?;
-            }
-        }
-        Encoding::Ascii => read_ascii(&mut contents, &columns, data, &header.elements[..=at], path)?,
-    }
+    rows.for_each(&mut |values| push_splat(&mut contents, &columns, values, path))?;
     contents.asset.validate().map_err(|e| e.at(path))?;
     Ok(contents)
-}
-
-/// Rows of the vertices of a binary file, after checking that the file holds them.
-fn binary_rows<'a>(
-    data: &'a [u8],
-    before: &[Element],
-    vertex: &Element,
-    path: &Path,
-) -> Result<impl Iterator<Item = &'a [u8]>> {
-    let mut skipped = 0_usize;
-    for element in before {
-        let row = element.row_bytes().ok_or_else(|| {
-            Error::unsupported(path, format!("lists in element {:?} before \"vertex\"", element.name))
-        })?;
-        skipped = row
-            .checked_mul(element.count)
-            .and_then(|size| size.checked_add(skipped))
-            .ok_or_else(|| Error::invalid(path, format!("count of element {:?}", element.name)))?;
-    }
-    let row = vertex.row_bytes().unwrap_or_default();
-    let needed = row.checked_mul(vertex.count);
-    let found = data.len().saturating_sub(skipped);
-    match needed {
-        Some(needed) if needed <= found && row > 0 => {
-            Ok(data[data.len() - found..][..needed].chunks_exact(row))
-        }
-        _ => Err(Error::invalid(
-            path,
-            format!(
-                "{} splats of {row} bytes each, but {found} bytes of data: the file is cut or damaged",
-                vertex.count
-            ),
-        )),
-    }
-}
-
-/// Reads the rows of a text file: one line per row.
-fn read_ascii(
-    contents: &mut PlyContents,
-    columns: &Columns,
-    data: &[u8],
-    elements: &[Element],
-    path: &Path,
-) -> Result<()> {
-    let text = std::str::from_utf8(data).map_err(|e| Error::invalid(path, format!("ascii data: {e}")))?;
-    let Some((vertex, before)) = elements.split_last() else {
-        return Ok(());
-    };
-    let mut lines = text.lines();
-    for element in before {
-        if element.count > 0 && lines.nth(element.count - 1).is_none() {
-            return Err(Error::invalid(path, format!("element {:?} is cut", element.name)));
-        }
-    }
-    for splat in 0..vertex.count {
-        let line = lines.next().unwrap_or_default();
-        let values: Vec<f64> = line.split_ascii_whitespace().map_while(|word| word.parse().ok()).collect();
-        if values.len() != vertex.properties.len() {
-            return Err(Error::invalid(
-                path,
-                format!("splat {splat}: {} numbers, expected {}", values.len(), vertex.properties.len()),
-            ));
-        }
-        push_splat(contents, columns, &values, path)?;
-    }
-    Ok(())
 }
 
 /// Activates one row.
@@ -251,6 +163,8 @@ pub(crate) fn thinnest_last([w, x, y, z]: [f64; 4], s: [f64; 3]) -> ([f64; 4], [
 /// Facts that our writer leaves in comments.
 fn take_provenance(contents: &mut PlyContents) {
     let mut world = None;
+    let is_ours = contents.comments.iter().any(|c| c.starts_with(COMMENT_OURS));
+    let plain = |text: &str| if is_ours { unescaped(text) } else { text.to_owned() };
     let facts = &mut contents.asset.provenance;
     for comment in &contents.comments {
         let Some((name, text)) = comment.split_once(": ") else {
@@ -258,14 +172,16 @@ fn take_provenance(contents: &mut PlyContents) {
         };
         match name {
             "world_from_capture" => world = super::world_from_comment(text),
-            "title" => facts.title = text.to_owned(),
-            "author" => facts.author = text.to_owned(),
-            "licence" => facts.licence = text.to_owned(),
-            "source" => facts.source = text.to_owned(),
-            "program_version" => facts.program_version = text.to_owned(),
+            "title" => facts.title = plain(text),
+            "author" => facts.author = plain(text),
+            "licence" => facts.licence = plain(text),
+            "source" => facts.source = plain(text),
+            "program_version" => facts.program_version = plain(text),
             "training" => {
-                if let Some((name, value)) = text.split_once(" = ") {
-                    facts.training.insert(name.to_owned(), value.to_owned());
+                // Blanks at the end of a line are gone.
+                let pair = text.split_once(" = ").or_else(|| Some((text.strip_suffix(" =")?, "")));
+                if let Some((name, value)) = pair {
+                    facts.training.insert(plain(name), plain(value));
                 }
             }
             _ => {}

@@ -3,13 +3,13 @@
 use super::*;
 use crate::asset::tests::fixture;
 use crate::sh::SH_0;
-use crate::{Error, SplatAsset};
+use crate::{Error, ReadLimits, SplatAsset};
 use std::path::Path;
 
 const PATH: &str = "test.ply";
 
 fn decode(bytes: &[u8]) -> crate::Result<PlyContents> {
-    decode_ply(bytes, Path::new(PATH))
+    decode_ply(bytes, Path::new(PATH), &ReadLimits::default())
 }
 
 fn options(flavour: PlyFlavour) -> PlyOptions {
@@ -130,7 +130,8 @@ fn header_texts_cannot_break_the_header() {
     asset.provenance.author = "Jos\u{e9}\nend_header\nproperty".to_owned();
     let (bytes, _) = encode_ply(&asset, &PlyOptions::default()).unwrap();
     let read = decode(&bytes).unwrap();
-    assert_eq!(read.asset.provenance.author, "Jos? end_header property");
+    assert_eq!(read.asset.provenance.author, asset.provenance.author);
+    assert_eq!(read.asset.num_splats(), 2);
 }
 
 /// A text file with shuffled, missing and additional properties.
@@ -277,7 +278,93 @@ fn files_are_written_and_read() {
     let path = dir.join("a.ply");
     let summary = write_ply(&path, &fixture(4, 1), &PlyOptions::default()).unwrap();
     assert_eq!(std::fs::metadata(&path).unwrap().len(), summary.bytes as u64);
-    assert_eq!(read_ply(&path).unwrap().asset.num_splats(), 4);
-    assert!(matches!(read_ply(&dir.join("b.ply")), Err(Error::Io { .. })));
+    assert_eq!(read_ply(&path, &ReadLimits::default()).unwrap().asset.num_splats(), 4);
+    assert!(matches!(read_ply(&dir.join("b.ply"), &ReadLimits::default()), Err(Error::Io { .. })));
     std::fs::remove_dir_all(dir).unwrap();
+}
+
+#[test]
+fn texts_of_any_language_come_back() {
+    let mut asset = fixture(3, 0);
+    asset.provenance.author = "Jürgen Ångström, 木村\nand \\ others".to_owned();
+    asset.provenance.licence = " CC BY ".to_owned();
+    asset.provenance.training.insert("a = b: c".to_owned(), "1 = 2".to_owned());
+    asset.provenance.training.insert("empty".to_owned(), String::new());
+    let (bytes, _) = encode_ply(&asset, &PlyOptions::default()).unwrap();
+    let end = bytes.windows(10).position(|w| w == b"end_header").unwrap();
+    // Readers of others refuse what is not ASCII.
+    assert!(bytes[..end].is_ascii());
+    assert_eq!(decode(&bytes).unwrap().asset.provenance, asset.provenance);
+    // Of other programs as they are.
+    let foreign = FOREIGN.replacen("element vertex", "comment author: a\\u{41} ü\nelement vertex", 1);
+    assert_eq!(decode(foreign.as_bytes()).unwrap().asset.provenance.author, "a\\u{41} ü");
+}
+
+#[test]
+fn bytes_are_told_by_attribute_and_add_up() {
+    let (bytes, _) = encode_ply(&fixture(20, 1), &PlyOptions::default()).unwrap();
+    let sections = decode(&bytes).unwrap().sections;
+    let of = |name: &str| sections.iter().find(|s| s.name == name).map_or(0, |s| s.bytes);
+    assert_eq!(sections.iter().map(|s| s.bytes).sum::<u64>(), bytes.len() as u64);
+    let names = ["positions", "normals", "sh0", "sh_rest", "opacities", "scales", "rotations"];
+    assert_eq!(names.map(of), [12, 12, 12, 36, 4, 12, 16].map(|b| 20 * b));
+    assert_eq!(of("header"), bytes.len() as u64 - 20 * 104);
+    let mut longer = bytes.clone();
+    longer.extend([0; 7]);
+    let longer = decode(&longer).unwrap().sections;
+    assert!(longer.iter().any(|s| s.name == "other" && s.bytes == 7));
+}
+
+#[test]
+fn validation_tells_what_is_odd_once_for_each_rule() {
+    let asset = fixture(40, 0);
+    let (bytes, _) = encode_ply(&asset, &PlyOptions::default()).unwrap();
+    assert_eq!(validate(&bytes, Path::new(PATH)), []);
+    let start = bytes.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
+    // x y z, normal, DC, opacity, three scales, quaternion.
+    let row = 4 * (3 + 3 + 3 + 1 + 3 + 4);
+    let cases: [(&str, usize, f32); 12] = [
+        ("LT4002", 0, f32::NAN),
+        ("LT4002", 7, f32::INFINITY),
+        ("LT4002", 9, f32::NAN),
+        ("LT4002", 10, f32::NAN),
+        ("LT4002", 13, f32::NAN),
+        ("LT4004", 13, 7.0),
+        ("LT4005", 10, 30.0),
+        ("LT4006", 9, -9.0),
+        ("LT4007", 0, 1e4),
+        ("LT4008", 12, -1.0),
+        ("LT4009", 0, 1e8),
+        ("LT4005", 10, f32::INFINITY),
+    ];
+    for (code, column, value) in cases {
+        let mut changed = bytes.clone();
+        for splat in [5, 9, 11] {
+            let at = start + splat * row + 4 * column;
+            changed[at..at + 4].copy_from_slice(&value.to_le_bytes());
+        }
+        let found = validate(&changed, Path::new(PATH));
+        let of_rule: Vec<_> = found.iter().filter(|i| i.code == code).collect();
+        assert_eq!(of_rule.len(), 1, "{code} {column}: {found:?}");
+        assert!(of_rule[0].message.starts_with("3 splats") && of_rule[0].place == "splat 5", "{of_rule:?}");
+    }
+    let mut shapeless = bytes.clone();
+    shapeless[start + 52..start + 68].fill(0);
+    assert!(validate(&shapeless, Path::new(PATH)).iter().any(|i| i.code == "LT4003"));
+    let mut longer = bytes.clone();
+    longer.push(0);
+    assert_eq!(validate(&longer, Path::new(PATH))[0].code, "LT4011");
+    assert_eq!(validate(&bytes[..bytes.len() - 1], Path::new(PATH))[0].code, "LT4001");
+}
+
+#[test]
+fn long_headers_are_refused() {
+    let refused = |lines: String| {
+        let file = format!("ply\nformat ascii 1.0\nelement vertex 1\n{lines}end_header\n");
+        matches!(decode(file.as_bytes()), Err(Error::TooLarge { .. }))
+    };
+    assert!(refused((0..2000).map(|i| format!("property uchar p{i}\n")).collect()));
+    assert!(refused("element e 0\n".repeat(2000)));
+    assert!(refused("\n".repeat(20 << 20)));
+    assert!(!refused((0..500).map(|i| format!("property uchar p{i}\n")).collect()), "negative control");
 }

@@ -1,5 +1,6 @@
 //! Writes PLY.
 
+use super::escape::escaped;
 use super::{COMMENT_2DGS, world_comment};
 use crate::baked::{Baked, Baker};
 use crate::{Error, Result, SplatAsset, num_sh_coefficients, write_atomically};
@@ -80,51 +81,39 @@ pub fn encode_ply(asset: &SplatAsset, options: &PlyOptions) -> Result<(Vec<u8>, 
     Ok((bytes, summary))
 }
 
-/// PLY headers are ASCII lines: other characters become `?`, line breaks become spaces.
-fn header_text(text: &str) -> String {
-    text.chars()
-        .map(|c| match c {
-            ' '..='~' => c,
-            c if c.is_whitespace() => ' ',
-            _ => '?',
-        })
-        .collect()
-}
-
 fn header(asset: &SplatAsset, flavour: PlyFlavour, sh_degree: u32) -> String {
     let facts = &asset.provenance;
     let mut lines = vec!["ply".to_owned(), "format binary_little_endian 1.0".to_owned()];
     if flavour == PlyFlavour::Surfel {
         lines.push(format!("comment {COMMENT_2DGS}"));
     }
-    let mut comment = |name: &str, text: &str| {
+    let mut comment = |name: &str, text: String| {
         if !text.is_empty() {
-            lines.push(format!("comment {name}: {}", header_text(text)));
+            lines.push(format!("comment {name}: {text}"));
         }
     };
-    comment("written by", concat!("litetex ", env!("CARGO_PKG_VERSION")));
-    comment("colours", "texture maps are averaged into f_dc");
-    comment(
-        "frame",
-        if asset.world_from_capture.is_identity() {
-            "of the capture, as COLMAP gave it (cameras: x right, y down, z forward; up is usually -y)"
-        } else {
-            "of its own (up is -y), see world_from_capture"
-        },
-    );
+    comment("written by", concat!("litetex ", env!("CARGO_PKG_VERSION")).to_owned());
+    comment("colours", "texture maps are averaged into f_dc".to_owned());
+    let frame = if asset.world_from_capture.is_identity() {
+        "of the capture, as COLMAP gave it (cameras: x right, y down, z forward; up is usually -y)"
+    } else {
+        "of its own (up is -y), see world_from_capture"
+    };
+    comment("frame", frame.to_owned());
     if !asset.world_from_capture.is_identity() {
-        comment("world_from_capture", &world_comment(&asset.world_from_capture));
+        comment("world_from_capture", world_comment(&asset.world_from_capture));
     }
-    comment("title", &facts.title);
-    comment("author", &facts.author);
-    comment("licence", &facts.licence);
-    comment("source", &facts.source);
-    comment("program_version", &facts.program_version);
+    comment("title", escaped(&facts.title));
+    comment("author", escaped(&facts.author));
+    comment("licence", escaped(&facts.licence));
+    comment("source", escaped(&facts.source));
+    comment("program_version", escaped(&facts.program_version));
     for (name, value) in &facts.training {
-        comment("training", &format!("{name} = {value}"));
+        // The first equals sign ends the name.
+        comment("training", format!("{} = {}", escaped(name).replace('=', "\\u{3d}"), escaped(value)));
     }
     for camera in &asset.cameras {
-        comment("camera", &camera.name);
+        comment("camera", escaped(&camera.name));
     }
     lines.push(format!("element vertex {}", asset.num_splats()));
     let num_rest = 3 * (num_sh_coefficients(sh_degree) - 1);

@@ -12,9 +12,11 @@
 
 mod read;
 mod rotation;
+mod validate;
 mod write;
 
 pub use read::{decode_spz, read_spz};
+pub use validate::validate;
 pub use write::{SpzSummary, encode_spz, write_spz};
 
 /// "NGSP".

@@ -4,6 +4,7 @@ use super::{
     HAS_EXTENSIONS, HEADER_BYTES, MAGIC, META_RECORD, NUM_STREAMS, TOC_ENTRY_BYTES, VERSION, rotation,
 };
 use crate::file::read_file;
+use crate::limits::{room_for_splats, splat_bytes, with_room};
 use crate::meta::Meta;
 use crate::yup;
 use crate::{
@@ -14,8 +15,12 @@ use std::path::Path;
 
 /// Names of the streams for tables of sizes.
 const NAMES: [&str; NUM_STREAMS] = ["positions", "opacities", "sh0", "scales", "rotations", "sh_rest"];
-/// zstd does not compress bytes of splats by more.
-const MAX_EXPANSION: u64 = 4096;
+/// All streams together hold at most so many times the file's bytes. Scenes reach 4 to 8; a padded SH of zeros costs
+/// nothing, but the centres beside it do, so that even then nine bytes of a splat's 65 do not compress. Ten times that.
+const EXPANSION_MAX: u64 = 80;
+
+/// Files of a few alike splats may be beyond [`EXPANSION_MAX`].
+const SMALL_BYTES: u64 = 16 << 20;
 
 /// Reads a file. See [`decode_spz`].
 ///
@@ -33,8 +38,9 @@ struct Header {
     has_extensions: bool,
 }
 
-/// Decodes the bytes of a file; `path` is only for messages. The asset is in the file's frame turned to y down; if the
-/// file is ours, cameras and provenance are those of the asset that it was made from.
+/// Decodes the bytes of a file; `path` is only for messages. The asset is in the file's frame turned to y down, which is
+/// the capture's if the file is ours; then cameras, near plane, background and provenance are those of the asset that it
+/// was made from, the former two seen from that frame.
 ///
 /// # Errors
 /// [`Error::Invalid`] if the file is damaged or no SPZ, [`Error::Unsupported`] for other versions,
@@ -54,10 +60,19 @@ pub fn decode_spz(bytes: &[u8], path: &Path, limits: &ReadLimits) -> Result<Cont
     if thick > 0 {
         warnings.push(format!("{thick} splats are no discs: their thinnest axis is left out"));
     }
-    if let Some(meta) = own_meta(bytes, &header) {
-        // Its frame is in the splats already.
-        let Meta { provenance, background, .. } = meta;
-        (asset.provenance, asset.background) = (provenance, background);
+    let meta = own_meta(bytes, &header);
+    if let Some(Err(what)) = &meta {
+        warnings.push(format!("the metadata of this program are damaged: {what}"));
+    }
+    if let Some(Ok(meta)) = meta {
+        // Splats lie in the world; cameras come along to there.
+        let world_from_local = meta.world_from_capture.after(&meta.capture_from_local);
+        asset.world_from_capture = meta.world_from_capture;
+        asset.capture_from_local = meta.world_from_capture.inverse();
+        asset.near = (f64::from(meta.near) * world_from_local.scale) as f32;
+        asset.cameras = meta.cameras.iter().map(|camera| camera.in_frame(&world_from_local)).collect();
+        (asset.provenance, asset.background) = (meta.provenance, meta.background);
+        asset.colour_space = meta.colour_space;
     }
     asset.validate().map_err(|e| e.at(path))?;
     Ok(Contents { asset, format: "SPZ 4".to_owned(), quality: None, hash: None, sections, warnings })
@@ -119,48 +134,62 @@ fn streams(bytes: &[u8], header: &Header, path: &Path, limits: &ReadLimits) -> R
     let n = header.num_splats;
     let sh_bytes = 3 * (num_sh_coefficients(header.sh_degree) - 1);
     let sizes = [9, 1, 3, 3, 4, sh_bytes].map(|width| width * n);
-    let total: usize = sizes.iter().sum();
-    // Positions, rotations and the rest become floats.
-    if 4 * total as u64 > limits.decoded_bytes {
-        return Err(Error::too_large(
-            path,
-            format!("{n} splats, the limit is {} bytes decoded", limits.decoded_bytes),
-        ));
+    let total: u64 = sizes.iter().map(|&s| s as u64).sum();
+    let decoded = total + splat_bytes(header.sh_degree) * n as u64;
+    limits.check(decoded, &format!("{n} splats"), path)?;
+    let entries = entries(bytes, header, &sizes, path)?;
+    let most = EXPANSION_MAX.saturating_mul(bytes.len() as u64).max(SMALL_BYTES);
+    if total > most {
+        let what = format!("{total} bytes of splats in a file of {}, at most {most}", bytes.len());
+        return Err(Error::too_large(path, what));
     }
-    let count = if sh_bytes == 0 { NUM_STREAMS - 1 } else { NUM_STREAMS };
+    let mut out = Vec::new();
+    for (name, (data, &expected)) in NAMES.iter().zip(entries.into_iter().zip(&sizes)) {
+        let offence = |what: String| Error::invalid(path, format!("stream {name:?}: {what}"));
+        let failed = |e: std::io::Error| offence(format!("zstd: {e}"));
+        let mut raw: Vec<u8> = with_room(expected).map_err(|e| e.at(path))?;
+        let mut decompressor = zstd::bulk::Decompressor::new().map_err(failed)?;
+        decompressor.decompress_to_buffer(data, &mut raw).map_err(failed)?;
+        if raw.len() != expected {
+            return Err(offence(format!("{} bytes, expected {expected}", raw.len())));
+        }
+        out.push(Stream { data: raw, packed_bytes: data.len() as u64 });
+    }
+    Ok(out)
+}
+
+/// Compressed bytes of the streams; the table of contents agrees with the sizes.
+fn entries<'a>(bytes: &'a [u8], header: &Header, sizes: &[usize], path: &Path) -> Result<Vec<&'a [u8]>> {
     // Files without SH may have an empty sixth stream.
-    let declared = usize::from(bytes[15]);
+    let count = if header.sh_degree == 0 { NUM_STREAMS - 1 } else { NUM_STREAMS };
+    let declared = bytes.get(15).map_or(0, |&b| usize::from(b));
     let mut at = header.toc_offset.saturating_add(declared.saturating_mul(TOC_ENTRY_BYTES));
     let mut out = Vec::new();
-    for (i, &expected) in sizes.iter().enumerate().take(count) {
-        let offence = |what: String| Error::invalid(path, format!("stream {:?}: {what}", NAMES[i]));
+    for (i, (&expected, name)) in sizes.iter().zip(NAMES).enumerate().take(count) {
+        let offence = |what: String| Error::invalid(path, format!("stream {name:?}: {what}"));
         let entry = header.toc_offset.saturating_add(i * TOC_ENTRY_BYTES);
         let entry = bytes.get(entry..entry.saturating_add(TOC_ENTRY_BYTES));
         let entry = entry.ok_or_else(|| offence("its sizes lie beyond the end of the file".to_owned()))?;
         let [packed, raw] = [0, 8].map(|o| entry[o..].first_chunk().map_or(0, |b| u64::from_le_bytes(*b)));
         if raw != expected as u64 {
-            return Err(offence(format!("{raw} bytes, expected {expected} for {n} splats")));
+            return Err(offence(format!(
+                "{raw} bytes, expected {expected} for {} splats",
+                header.num_splats
+            )));
         }
         let end = usize::try_from(packed).ok().and_then(|p| at.checked_add(p));
         let data = end.and_then(|end| bytes.get(at..end));
-        let data =
-            data.ok_or_else(|| offence(format!("{packed} bytes at {at} of a file of {}", bytes.len())))?;
-        if raw > MAX_EXPANSION * packed.max(1) {
-            return Err(offence(format!("{raw} bytes out of {packed} cannot be")));
-        }
-        let data = zstd::bulk::decompress(data, expected).map_err(|e| offence(format!("zstd: {e}")))?;
-        if data.len() != expected {
-            return Err(offence(format!("{} bytes, expected {expected}", data.len())));
-        }
+        out.push(
+            data.ok_or_else(|| offence(format!("{packed} bytes at {at} of a file of {}", bytes.len())))?,
+        );
         at += packed as usize;
-        out.push(Stream { data, packed_bytes: packed });
     }
     Ok(out)
 }
 
 fn splats(header: &Header, streams: &[Stream], path: &Path) -> Result<(SplatAsset, usize)> {
     let n = header.num_splats;
-    let mut asset = SplatAsset { sh_degree: header.sh_degree, ..SplatAsset::default() };
+    let mut asset = room_for_splats(n, header.sh_degree).map_err(|e| e.at(path))?;
     let step = 1.0 / f64::from(1_u32 << header.fractional_bits);
     let data = |i: usize| streams.get(i).map_or(&[][..], |s| &s.data);
     let mut thick = 0;
@@ -192,14 +221,14 @@ fn splats(header: &Header, streams: &[Stream], path: &Path) -> Result<(SplatAsse
     Ok((asset, thick))
 }
 
-/// What our writer left in an extension record.
-fn own_meta(bytes: &[u8], header: &Header) -> Option<Meta> {
+/// What our writer left in an extension record; the error says why it cannot be read.
+fn own_meta(bytes: &[u8], header: &Header) -> Option<Result<Meta, String>> {
     let mut at = HEADER_BYTES;
     while header.has_extensions && at.checked_add(8)? <= header.toc_offset.min(bytes.len()) {
         let (kind, length) = (word(bytes, at)?, word(bytes, at + 4)? as usize);
         let value = bytes.get(at + 8..(at + 8).checked_add(length)?)?;
         if kind == META_RECORD && length <= crate::meta::META_BYTES_MAX {
-            return serde_json::from_slice(value).ok();
+            return Some(serde_json::from_slice(value).map_err(|e| e.to_string()));
         }
         at = (at + 8).checked_add(length)?;
     }

@@ -99,3 +99,88 @@ fn splats_out_of_reach_are_refused_or_counted() {
     asset.capture_from_local.translation[2] = 1e7;
     assert!(encode_spz(&asset).unwrap_err().to_string().contains("origin"));
 }
+
+/// A file with streams of zeros, padded by frames that zstd skips.
+fn zeros(num_splats: usize, packed_share: usize) -> Vec<u8> {
+    let mut streams = Vec::new();
+    for width in [9, 1, 3, 3, 4, 45] {
+        let raw = width * num_splats;
+        // Frames of zeros one after another: nothing large is made here.
+        let mut stream =
+            zstd::bulk::compress(&vec![0; raw.min(1 << 20)], 1).unwrap().repeat(raw.div_ceil(1 << 20));
+        let padding = (raw / packed_share).saturating_sub(stream.len() + 8);
+        stream.extend(0x184d_2a50_u32.to_le_bytes());
+        stream.extend((padding as u32).to_le_bytes());
+        stream.resize(stream.len() + padding, 0);
+        streams.push((raw, stream));
+    }
+    let mut bytes = b"NGSP".to_vec();
+    bytes.extend([4, num_splats as u32].iter().flat_map(|w| w.to_le_bytes()));
+    bytes.extend([3, 12, 0, 6, 32, 0, 0, 0]);
+    bytes.resize(32, 0);
+    for (raw, stream) in &streams {
+        bytes.extend([stream.len(), *raw].iter().flat_map(|&w| (w as u64).to_le_bytes()));
+    }
+    bytes.extend(streams.into_iter().flat_map(|(_, s)| s));
+    bytes
+}
+
+#[test]
+fn few_bytes_do_not_become_many_splats() {
+    // As many splats as there may be: more than the limit on what is decoded.
+    let bomb = zeros(1 << 24, 4096);
+    assert!(bomb.len() < 400_000, "{}", bomb.len());
+    assert!(matches!(decode(&bomb), Err(Error::TooLarge { .. })));
+    // Fewer: within that limit, but no scene compresses so well.
+    let error = decode(&zeros(1 << 20, 4096)).unwrap_err();
+    assert!(matches!(error, Error::TooLarge { .. }) && error.to_string().contains("at most"), "{error}");
+    // Negative control: a few alike splats are read, and padded by honest bytes more of them.
+    assert_eq!(decode(&zeros(1000, 4096)).unwrap().asset.num_splats(), 1000);
+    assert_eq!(decode(&zeros(1 << 20, 40)).unwrap().asset.num_splats(), 1 << 20);
+}
+
+#[test]
+fn cameras_come_along_to_the_frame_of_the_capture() {
+    let mut asset = fixture(10, 0);
+    asset.near = 0.04;
+    asset.cameras.push(crate::AssetCamera {
+        name: "a".into(),
+        held_out: true,
+        width_px: 40,
+        height_px: 30,
+        focal_px: [35.0, 36.0],
+        principal_px: [20.0, 15.0],
+        rotation_rows: [[1.0, 0.0, 0.0], [0.0, 0.6, -0.8], [0.0, 0.8, 0.6]],
+        translation: [0.1, 0.2, 4.0],
+    });
+    let read = decode(&encode_spz(&asset).unwrap().0).unwrap().asset;
+    assert_eq!(read.cameras.len(), 1);
+    let back = read.cameras[0].in_frame(&asset.capture_from_local.inverse().after(&read.capture_from_local));
+    for (a, b) in back.translation.iter().zip(asset.cameras[0].translation) {
+        assert!((a - b).abs() < 1e-12, "{a} {b}"); // needed 9e-16
+    }
+    // 3.7 units of the capture are one of the asset's.
+    assert!((read.near - 0.04 * 3.7).abs() < 1e-7, "{}", read.near);
+    assert!(
+        (read.cameras[0].translation[2] - asset.cameras[0].translation[2]).abs() > 1.0,
+        "negative control"
+    );
+}
+
+#[test]
+fn validation_tells_of_damaged_metadata_and_odd_splats() {
+    let (bytes, _) = encode_spz(&fixture(40, 1)).unwrap();
+    let codes = |bytes: &[u8]| -> Vec<_> {
+        validate(bytes, Path::new("x")).into_iter().map(|i| (i.code, i.severity)).collect()
+    };
+    assert_eq!(codes(&bytes), []);
+    let mut damaged = bytes.clone();
+    damaged[HEADER_BYTES + 8] = b'[';
+    assert_eq!(codes(&damaged), [("LT4010", crate::Severity::Warning)]);
+    assert_eq!(codes(&bytes[..60])[0].0, "LT4001");
+    let mut asset = fixture(40, 1);
+    asset.opacities[3] = 0.001;
+    asset.positions[7] = [1e4, 0.0, 0.0];
+    let found = codes(&encode_spz(&asset).unwrap().0);
+    assert_eq!(found, [("LT4006", crate::Severity::Info), ("LT4007", crate::Severity::Warning)]);
+}

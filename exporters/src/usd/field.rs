@@ -4,7 +4,8 @@ use super::layer::Prim;
 use super::names::*;
 use super::value::{Form, Numbers, Value};
 use crate::atlas::{PAGE_SIDE_MAX, Placement, TexelDecode};
-use crate::{AssetMap, Error, Result, SPLATS_MAX, SplatAsset, num_sh_coefficients, yup};
+use crate::limits::{splat_bytes, with_room};
+use crate::{AssetMap, Error, ReadLimits, Result, SPLATS_MAX, SplatAsset, num_sh_coefficients, yup};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -26,7 +27,7 @@ impl Field<'_> {
         Err(Error::invalid(self.path, format!("{}.{name}: {found}, expected {expected}", self.prim.name)))
     }
 
-    fn floats(&self, name: &str, form: Form, count: usize) -> Result<&[f32]> {
+    pub(super) fn floats(&self, name: &str, form: Form, count: usize) -> Result<&[f32]> {
         match self.prim.value(name) {
             Some(Value::Floats(n)) if n.is_array && n.form == form && n.num_elements() == count => {
                 Ok(&n.values)
@@ -51,15 +52,22 @@ impl Field<'_> {
         }
     }
 
-    fn positions(&self) -> Result<&Arc<Vec<f32>>> {
+    pub(super) fn positions(&self) -> Result<&Arc<Vec<f32>>> {
         match self.prim.value(POSITIONS) {
             Some(Value::Floats(Numbers { form: Form::Vec3, is_array: true, values })) => Ok(values),
             _ => self.wrong(POSITIONS, "an array of points"),
         }
     }
 
+    pub(super) fn sh_degree(&self) -> Result<u32> {
+        match u32::try_from(self.int(SH_DEGREE)?).ok().filter(|&d| d <= 3) {
+            Some(degree) => Ok(degree),
+            None => self.wrong(SH_DEGREE, "0 to 3"),
+        }
+    }
+
     /// Puts all but texels into an asset.
-    pub(super) fn store(&self, asset: &mut SplatAsset) -> Result<()> {
+    pub(super) fn store(&self, asset: &mut SplatAsset, limits: &ReadLimits) -> Result<()> {
         let version = self.int(LITETEX_VERSION)?;
         if version != VERSION {
             let what = format!("{LITETEX_VERSION} {version}; supported: {VERSION}");
@@ -70,8 +78,8 @@ impl Field<'_> {
         if n > SPLATS_MAX {
             return Err(Error::too_large(self.path, format!("{n} splats, at most {SPLATS_MAX}")));
         }
-        let degree = u32::try_from(self.int(SH_DEGREE)?).ok().filter(|&d| d <= 3);
-        let Some(degree) = degree else { return self.wrong(SH_DEGREE, "0 to 3") };
+        let degree = self.sh_degree()?;
+        limits.check(splat_bytes(degree) * n as u64, &format!("{n} splats"), self.path)?;
         let num_coefficients = num_sh_coefficients(degree);
         asset.sh_degree = degree;
         asset.positions = positions.iter().map(|&p| yup::position(p)).collect();
@@ -82,7 +90,13 @@ impl Field<'_> {
         asset.opacities = self.floats(OPACITIES, Form::One, n)?.to_vec();
         let sh = self.floats(SH_COEFFICIENTS, Form::Vec3, n * num_coefficients)?;
         let sh0 = self.floats(SH0, Form::Vec3, n)?;
-        asset.sh = Vec::with_capacity(sh.len());
+        let is_finite = |all: &[f32]| all.iter().take(3).all(|v| v.is_finite());
+        if let Some(splat) = sh.chunks_exact(3 * num_coefficients).position(|all| !is_finite(all)) {
+            let what =
+                format!("{SH_COEFFICIENTS} of splat {splat}: degree 0 for other programs is not finite");
+            return Err(Error::invalid(self.path, what));
+        }
+        asset.sh = with_room(sh.len()).map_err(|e| e.at(self.path))?;
         for (all, first) in sh.chunks_exact(3 * num_coefficients).zip(sh0.chunks_exact(3)) {
             asset.sh.extend_from_slice(first);
             asset.sh.extend(yup::sh(all).skip(3));

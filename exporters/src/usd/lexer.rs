@@ -33,11 +33,36 @@ pub(super) struct Lexer<'a> {
     path: &'a Path,
     /// The next token, if somebody looked at it.
     next: Option<Lexeme<'a>>,
+    /// Where it was before somebody looked.
+    before_next: usize,
+    /// Bytes of memory that the layer may still take.
+    budget: u64,
+    /// Path of the prim that is being read.
+    pub(super) place: String,
+    /// Path of a property and bytes of its text.
+    pub(super) value_bytes: Vec<(String, u64)>,
 }
 
 impl<'a> Lexer<'a> {
-    pub(super) fn new(text: &'a str, path: &'a Path) -> Self {
-        Self { text, at: 0, path, next: None }
+    pub(super) fn new(text: &'a str, path: &'a Path, budget: u64) -> Self {
+        Self {
+            text,
+            at: 0,
+            path,
+            next: None,
+            before_next: 0,
+            budget,
+            place: String::new(),
+            value_bytes: Vec::new(),
+        }
+    }
+
+    /// Counts memory of what is kept; a few characters may become hundreds of bytes.
+    pub(super) fn spend(&mut self, num_bytes: usize) -> Result<()> {
+        self.budget = self.budget.checked_sub(num_bytes as u64).ok_or_else(|| {
+            Error::too_large(self.path, "the text decodes to more bytes than the limit allows")
+        })?;
+        Ok(())
     }
 
     /// An error with the line of the place.
@@ -50,6 +75,11 @@ impl<'a> Lexer<'a> {
         Error::unsupported(self.path, format!("line {}: {what}", self.line_number()))
     }
 
+    /// Where the token that was taken last ends.
+    pub(super) fn offset(&self) -> usize {
+        if self.next.is_some() { self.before_next } else { self.at }
+    }
+
     fn line_number(&self) -> usize {
         1 + self.text.as_bytes()[..self.at].iter().filter(|&&b| b == b'\n').count()
     }
@@ -57,6 +87,7 @@ impl<'a> Lexer<'a> {
     /// The next token, which stays.
     pub(super) fn peek(&mut self) -> Result<&Lexeme<'a>> {
         if self.next.is_none() {
+            self.before_next = self.at;
             self.next = Some(self.scan()?);
         }
         Ok(self.next.as_ref().unwrap_or(&Lexeme::End))
@@ -98,7 +129,10 @@ impl<'a> Lexer<'a> {
     /// Takes a text that must be there.
     pub(super) fn quoted(&mut self, what: &str) -> Result<String> {
         match self.take()? {
-            Lexeme::Text(text) => Ok(text.into_owned()),
+            Lexeme::Text(text) => {
+                self.spend(text.len())?;
+                Ok(text.into_owned())
+            }
             found => Err(self.invalid(format!("{}, expected {what} in quotes", shown(&found)))),
         }
     }

@@ -5,6 +5,7 @@
 //! that know only those) and `mesh` (baked rectangles, a preview).
 
 mod binary;
+mod fallback;
 mod field;
 mod files;
 mod layer;
@@ -21,6 +22,7 @@ mod text_write;
 mod validate;
 mod value;
 
+pub use fallback::read_fallback;
 pub use files::{UsdOptions, write_usd};
 pub(crate) use files::{encode_files, textures_name};
 pub use read::read_usd;

@@ -3,9 +3,6 @@
 use super::value::{Form, Numbers, Value};
 use crate::{SplatAsset, num_sh_coefficients, quaternion, yup};
 
-/// Third scale of 3D Gaussians, in the smaller of the others: zero would make their covariance singular.
-const THICKNESS: f32 = 0.01;
-
 /// Reach of a splat of opacity 1 in standard deviations: `sqrt(2 ln 255)`, and the 3 of programs that cut there.
 const REACH_MAX: f64 = 3.33;
 
@@ -31,7 +28,7 @@ pub(super) fn opacities(asset: &SplatAsset) -> Value {
 
 /// Two scales and a third: zero for surflets, thin for 3D Gaussians.
 pub(super) fn scales(asset: &SplatAsset, is_3d: bool) -> Value {
-    let third = |u: f32, v: f32| if is_3d { THICKNESS * u.min(v) } else { 0.0 };
+    let third = |u: f32, v: f32| if is_3d { yup::thickness(u, v) } else { 0.0 };
     floats(Form::Vec3, asset.scales.iter().flat_map(|&[u, v]| [u, v, third(u, v)]).collect())
 }
 

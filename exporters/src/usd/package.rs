@@ -44,6 +44,7 @@ pub(super) fn package_from_entries(entries: &[Entry]) -> Result<Vec<u8>> {
 /// [`Error::Invalid`] if it is damaged or breaks the rules of packages, [`Error::TooLarge`].
 pub(super) fn entries_from_package(bytes: &[u8], path: &Path, limits: &ReadLimits) -> Result<Vec<Entry>> {
     let damaged = |what: String| Error::invalid(path, format!("package: {what}"));
+    check_directory(bytes, path)?;
     let mut archive = ZipArchive::new(Cursor::new(bytes)).map_err(|e| damaged(e.to_string()))?;
     if archive.len() > ENTRIES_MAX {
         return Err(Error::too_large(path, format!("{} entries, at most {ENTRIES_MAX}", archive.len())));
@@ -79,6 +80,27 @@ pub(super) fn entries_from_package(bytes: &[u8], path: &Path, limits: &ReadLimit
         entries.push(Entry { name, bytes: data });
     }
     Ok(entries)
+}
+
+/// Refuses archives that say to have more entries than we read, before a table is made for them.
+fn check_directory(bytes: &[u8], path: &Path) -> Result<()> {
+    const END: [u8; 4] = *b"PK\x05\x06";
+    const END_BYTES: usize = 22;
+    /// Of archives with more than 65,535 entries or 4 GiB, right before the end.
+    const LOCATOR: [u8; 4] = *b"PK\x06\x07";
+    const LOCATOR_BYTES: usize = 20;
+    let tail = bytes.len().saturating_sub(END_BYTES + usize::from(u16::MAX));
+    let ends = (tail..bytes.len()).filter(|&at| bytes[at..].starts_with(&END));
+    for at in ends {
+        let count = bytes.get(at + 10..).and_then(<[u8]>::first_chunk).map_or(0, |b| u16::from_le_bytes(*b));
+        let is_large = bytes.len() > u32::MAX as usize;
+        let locator = at.checked_sub(LOCATOR_BYTES).and_then(|at| bytes.get(at..));
+        let has_locator = !is_large && locator.is_some_and(|b| b.starts_with(&LOCATOR));
+        if (usize::from(count) > ENTRIES_MAX && !is_large) || has_locator {
+            return Err(Error::too_large(path, format!("a package of more than {ENTRIES_MAX} entries")));
+        }
+    }
+    Ok(())
 }
 
 /// Whether a path is relative, without `.` and `..`, without a drive or a scheme.

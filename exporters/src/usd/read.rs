@@ -7,12 +7,13 @@ use super::layer::{Layer, Prim, entry, for_each_prim};
 use super::names::*;
 use super::package::{Entry, entries_from_package, is_plain_path};
 use super::sections;
-use super::text_read::layer_from_text;
+use super::text_read::{TextLayer, layer_from_text};
 use super::value::Value;
 use crate::atlas::{self, Atlas};
 use crate::file::read_file;
 use crate::meta::{META_BYTES_MAX, Meta};
 use crate::{Contents, Error, Quality, ReadLimits, Result, SplatAsset, yup};
+use std::borrow::Cow;
 use std::path::Path;
 
 /// Decompression makes at most so many bytes of one; a picture that claims more is refused before it is decoded.
@@ -34,8 +35,10 @@ pub(super) struct Opened<'a> {
     pub(super) layer: Layer,
     /// Length of the layer's file or entry.
     layer_bytes: u64,
-    /// Bytes of tables and values; `None`: a text.
-    binary: Option<(u64, Vec<(String, u64)>)>,
+    /// Bytes of a binary layer's tables; `None`: a text.
+    table_bytes: Option<u64>,
+    /// Path of a property and bytes of its value or its text.
+    value_bytes: Vec<(String, u64)>,
     /// Of a package.
     entries: Option<Vec<Entry>>,
     file_bytes: u64,
@@ -45,6 +48,7 @@ impl<'a> Opened<'a> {
     pub(super) fn open(path: &'a Path, limits: &ReadLimits) -> Result<Self> {
         let container = Container::of(path)?;
         let bytes = read_file(path, limits.decoded_bytes)?;
+        let limits = &limits.of_file(bytes.len() as u64);
         if container != Container::Package {
             return Self::layer(path, &bytes, limits);
         }
@@ -61,14 +65,15 @@ impl<'a> Opened<'a> {
     /// A layer, text or binary as its first bytes say.
     fn layer(path: &'a Path, bytes: &[u8], limits: &ReadLimits) -> Result<Self> {
         let file_bytes = bytes.len() as u64;
-        let (layer, binary) = if bytes.starts_with(binary::MAGIC) {
+        let (layer, table_bytes, value_bytes) = if bytes.starts_with(binary::MAGIC) {
             let BinaryLayer { layer, table_bytes, value_bytes } = layer_from_binary(bytes, path, limits)?;
-            (layer, Some((table_bytes, value_bytes)))
+            (layer, Some(table_bytes), value_bytes)
         } else {
             let text = std::str::from_utf8(bytes).map_err(|e| Error::invalid(path, format!("text: {e}")))?;
-            (layer_from_text(text, path)?, None)
+            let TextLayer { layer, value_bytes } = layer_from_text(text, path, limits.decoded_bytes)?;
+            (layer, None, value_bytes)
         };
-        Ok(Self { path, layer, layer_bytes: file_bytes, binary, entries: None, file_bytes })
+        Ok(Self { path, layer, layer_bytes: file_bytes, table_bytes, value_bytes, entries: None, file_bytes })
     }
 
     /// Every prim with its path without variants.
@@ -92,11 +97,28 @@ impl<'a> Opened<'a> {
         entry(self.facts()?, name)?.as_text()
     }
 
-    /// Bytes of a picture to which the layer refers.
+    /// Frame, cameras and provenance, if the file is ours.
+    pub(super) fn meta(&self) -> Result<Option<Meta>> {
+        let Some(meta) = self.fact("meta") else { return Ok(None) };
+        if meta.len() > META_BYTES_MAX {
+            return Err(Error::too_large(self.path, format!("meta of {} bytes", meta.len())));
+        }
+        let meta = serde_json::from_str(meta);
+        meta.map(Some).map_err(|e| Error::invalid(self.path, format!("litetex:meta: {e}")))
+    }
+
+    /// Step of the codes of texels; 0: they are floats.
+    pub(super) fn texel_step(&self) -> f64 {
+        let prims = self.prims();
+        let scale = prims.iter().find_map(|(_, p)| p.value(DECODE_SCALE)?.as_double());
+        scale.map_or(0.0, f64::abs)
+    }
+
+    /// Bytes of a picture to which the layer refers, at most `bytes_max`.
     ///
     /// # Errors
     /// Name the picture and the layer.
-    pub(super) fn picture(&self, asset_path: &str, limits: &ReadLimits) -> Result<Vec<u8>> {
+    pub(super) fn picture(&self, asset_path: &str, bytes_max: u64) -> Result<Cow<'_, [u8]>> {
         let invalid = |what: &str| Error::invalid(self.path, format!("page @{asset_path}@: {what}"));
         let plain = asset_path.strip_prefix("./").unwrap_or(asset_path);
         // Programs that flatten stages make paths absolute; they may do so as long as they stay in the folder.
@@ -106,7 +128,9 @@ impl<'a> Opened<'a> {
         }
         if let Some(entries) = &self.entries {
             let entry = entries.iter().find(|e| e.name == plain);
-            return entry.map(|e| e.bytes.clone()).ok_or_else(|| invalid("not in the package"));
+            return entry
+                .map(|e| Cow::Borrowed(e.bytes.as_slice()))
+                .ok_or_else(|| invalid("not in the package"));
         }
         let place = self.path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let file = place.join(plain);
@@ -115,20 +139,16 @@ impl<'a> Opened<'a> {
         if !real.starts_with(&place) {
             return Err(invalid("it lies outside of the file's folder"));
         }
-        read_file(&real, limits.decoded_bytes).map_err(|e| e.at(&file).named_by(self.path))
+        let bytes = read_file(&real, bytes_max).map_err(|e| e.at(&file).named_by(self.path))?;
+        Ok(Cow::Owned(bytes))
     }
 
     fn contents(&self, limits: &ReadLimits) -> Result<Contents> {
         let mut asset = SplatAsset::default();
-        let meta = self.fact("meta").ok_or_else(|| {
+        let meta = self.meta()?.ok_or_else(|| {
             let what = "no customLayerData:litetex:meta: not a file of this program; other USD files are not supported";
             Error::unsupported(self.path, what)
         })?;
-        if meta.len() > META_BYTES_MAX {
-            return Err(Error::too_large(self.path, format!("meta of {} bytes", meta.len())));
-        }
-        let meta: Meta = serde_json::from_str(meta)
-            .map_err(|e| Error::invalid(self.path, format!("litetex:meta: {e}")))?;
         meta.store(&mut asset);
         let prims = self.prims();
         let field =
@@ -139,7 +159,7 @@ impl<'a> Opened<'a> {
                 format!("no {FIELD_TYPE} with {LITETEX_VERSION}: no textured splats"),
             )
         })?;
-        Field { path: self.path, prim: field }.store(&mut asset)?;
+        Field { path: self.path, prim: field }.store(&mut asset, &limits.of_file(self.file_bytes))?;
         let texture_bytes = self.texels(field, &prims, &mut asset, limits)?;
         asset.validate().map_err(|e| e.at(self.path))?;
         let hash = self.fact("hash").and_then(|h| u64::from_str_radix(h, 16).ok());
@@ -180,7 +200,7 @@ impl<'a> Opened<'a> {
     }
 
     fn format(&self) -> &'static str {
-        match (&self.entries, &self.binary) {
+        match (&self.entries, self.table_bytes) {
             (Some(_), Some(_)) => "OpenUSD package (usdz) with a binary layer",
             (Some(_), None) => "OpenUSD package (usdz) with a text layer",
             (None, Some(_)) => "OpenUSD binary (usdc)",
@@ -193,8 +213,12 @@ impl<'a> Opened<'a> {
             let of = |e: &Entry| (e.name.clone(), e.bytes.len() as u64);
             entries.iter().map(of).collect::<Vec<_>>()
         });
-        let binary = self.binary.as_ref().map(|(tables, values)| (*tables, values.as_slice()));
-        sections::of(self.layer_bytes, binary, pictures.as_deref(), self.file_bytes, texture_bytes)
+        let layer = sections::LayerBytes {
+            all: self.layer_bytes,
+            tables: self.table_bytes,
+            values: &self.value_bytes,
+        };
+        sections::of(&layer, pictures.as_deref(), self.file_bytes, texture_bytes)
     }
 
     /// Pages that a material of a particle field names.
@@ -243,15 +267,13 @@ impl<'a> Opened<'a> {
         }
         let decode = reader.decode()?;
         let texel_bytes = if decode.is_some() { 3 } else { 12 };
-        if paper.saturating_mul(texel_bytes) > limits.decoded_bytes {
-            return Err(Error::too_large(
-                self.path,
-                format!("pages of {paper} texels, more than the limit allows"),
-            ));
-        }
         let mut files = Vec::new();
+        let mut picture_bytes = 0;
         for (path, size) in paths.iter().zip(&atlas.pages) {
-            let bytes = self.picture(path, limits)?;
+            let bytes = self.picture(path, limits.decoded_bytes.saturating_sub(picture_bytes))?;
+            if self.entries.is_none() {
+                picture_bytes += bytes.len() as u64;
+            }
             let raw = u64::from(size[0]) * u64::from(size[1]) * texel_bytes;
             if raw > (bytes.len() as u64).saturating_mul(PICTURE_EXPANSION_MAX) {
                 let what =
@@ -260,6 +282,9 @@ impl<'a> Opened<'a> {
             }
             files.push(bytes);
         }
+        // The pages, and the texels with their codes.
+        let decoded = paper.saturating_mul(texel_bytes).saturating_add(num_texels.saturating_mul(15));
+        limits.of_file(self.file_bytes + picture_bytes).check(decoded, "pages", self.path)?;
         let on_pages = files.iter().zip(&atlas.pages);
         asset.texels = match decode {
             Some(decode) => {
@@ -282,7 +307,7 @@ impl<'a> Opened<'a> {
                 atlas.texels_from_pages(&asset.maps, &pages)
             }
         };
-        Ok(if self.entries.is_some() { 0 } else { files.iter().map(|f| f.len() as u64).sum() })
+        Ok(picture_bytes)
     }
 }
 

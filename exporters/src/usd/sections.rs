@@ -3,11 +3,19 @@
 use super::names::*;
 use crate::{Describes, Section};
 
-/// Parts of a file. `binary`: bytes of the tables, and the layer's values by place. `pictures`: a package's entries
-/// but the layer. `texture_bytes`: of pages beside the file, which count as parts of it.
+/// What a layer weighs.
+pub(super) struct LayerBytes<'a> {
+    pub(super) all: u64,
+    /// Of a binary layer.
+    pub(super) tables: Option<u64>,
+    /// Path of a property and bytes of its value, or of its text.
+    pub(super) values: &'a [(String, u64)],
+}
+
+/// Parts of a file. `pictures`: a package's entries but the layer. `texture_bytes`: of pages beside the file, which count
+/// as parts of it.
 pub(super) fn of(
-    layer_bytes: u64,
-    binary: Option<(u64, &[(String, u64)])>,
+    layer: &LayerBytes<'_>,
     pictures: Option<&[(String, u64)]>,
     file_bytes: u64,
     texture_bytes: u64,
@@ -21,14 +29,15 @@ pub(super) fn of(
             None => {}
         }
     };
+    let layer_bytes = layer.all;
     let mut left = layer_bytes;
-    match binary {
-        Some((tables, values)) => {
-            for (place, bytes) in values {
-                let (name, describes) = class(place);
-                add(name, describes, *bytes);
-                left = left.saturating_sub(*bytes);
-            }
+    for (place, bytes) in layer.values {
+        let (name, describes) = class(place);
+        add(name, describes, *bytes);
+        left = left.saturating_sub(*bytes);
+    }
+    match layer.tables {
+        Some(tables) => {
             add("tables", Describes::Other, tables.min(left));
             add("padding", Describes::Other, left.saturating_sub(tables));
         }

@@ -158,7 +158,7 @@ fn layer_of(asset: &SplatAsset) -> Layer {
 fn text_and_binary_hold_the_same_layer() {
     let layer = layer_of(&full(40, 2));
     let text = text_from_layer(&layer);
-    let from_text = layer_from_text(&text, Path::new("t")).unwrap();
+    let from_text = layer_from_text(&text, Path::new("t"), 64 << 20).unwrap().layer;
     assert_eq!(from_text, layer);
     let bytes = binary_from_layer(&from_text);
     let limits = ReadLimits::default();
@@ -166,11 +166,11 @@ fn text_and_binary_hold_the_same_layer() {
     assert_eq!(binary_from_layer(&layer), bytes, "reproducible");
     // Negative control: another sign of a zero is another layer.
     let changed = text.replacen("-0.0", "0.0", 1);
-    assert_ne!(text_from_layer(&layer_from_text(&changed, Path::new("t")).unwrap()), text);
+    assert_ne!(text_from_layer(&layer_from_text(&changed, Path::new("t"), 64 << 20).unwrap().layer), text);
     // Layout, comments and order do not matter.
     let loose =
         text.replacen("#usda 1.0\n", "#usda 1.0\r\n# a comment (\"{\n", 1).replace("\n    ", "\n\t # x\n  ");
-    assert_eq!(layer_from_text(&loose, Path::new("t")).unwrap(), layer);
+    assert_eq!(layer_from_text(&loose, Path::new("t"), 64 << 20).unwrap().layer, layer);
 }
 
 #[test]
@@ -260,6 +260,38 @@ fn validation_finds_every_broken_rule() {
     }
     std::fs::write(&path, &text).unwrap();
     assert_eq!(validate(&path), Vec::new());
+}
+
+#[test]
+fn a_broken_fallback_is_found() {
+    let folder = tempfile::tempdir().unwrap();
+    for quality in [Quality::Lossless, Quality::Balanced] {
+        let path = write(folder.path(), "f.usda", &full(9, 0), quality);
+        let text = std::fs::read_to_string(&path).unwrap();
+        let replaced = |at: usize, new: &str| {
+            let end = at + text[at..].find(')').unwrap() + 1;
+            std::fs::write(&path, format!("{}{new}{}", &text[..at], &text[end..])).unwrap();
+            let mut codes: Vec<_> = validate(&path).into_iter().map(|i| i.code).collect();
+            codes.dedup();
+            codes
+        };
+        // Of the textured splats, and of those for programs without textures, which come last.
+        let name = "sphericalHarmonicsCoefficients = [";
+        let (first, last) = (text.find(name).unwrap(), text.rfind(name).unwrap());
+        assert!(first < last);
+        // The hash is that of what textured readers get.
+        assert_eq!(replaced(first + name.len(), "(5, 5, 5)"), ["LT2013", "LT2015"]);
+        assert_eq!(replaced(last + name.len(), "(5, 5, 5)"), ["LT2013", "LT2015"]);
+        let scales = text.rfind("float3[] scales = [").unwrap() + "float3[] scales = [".len();
+        assert_eq!(replaced(scales, "(0.01, 0.01, 1000)"), ["LT2014"]);
+        assert_eq!(replaced(scales, "(0.01, 0.01, 0)"), ["LT2014"]);
+        let opacities = text.rfind("float[] opacities = [").unwrap() + "float[] opacities = [".len();
+        let end = opacities + text[opacities..].find(',').unwrap();
+        std::fs::write(&path, format!("{}0.5{}", &text[..opacities], &text[end..])).unwrap();
+        assert_eq!(validate(&path)[0].code, "LT2015");
+        std::fs::write(&path, &text).unwrap();
+        assert_eq!(validate(&path), Vec::new(), "negative control");
+    }
 }
 
 #[test]
@@ -361,13 +393,13 @@ fn features_that_are_not_ours_are_named() {
     for (word, body) in cases {
         let text =
             if body.is_empty() { format!("{head}(\n subLayers = [@a@]\n)") } else { format!("{head}{body}") };
-        match layer_from_text(&text, Path::new("t")) {
+        match layer_from_text(&text, Path::new("t"), 64 << 20) {
             Err(Error::Unsupported { what, .. }) => assert!(what.contains(word), "{word}: {what}"),
             other => panic!("{word}: {other:?}"),
         }
     }
     let deep = format!("{head}{}{}", "def \"A\" {".repeat(100_000), "}".repeat(100_000));
-    assert!(layer_from_text(&deep, Path::new("t")).is_err());
+    assert!(layer_from_text(&deep, Path::new("t"), 64 << 20).is_err());
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("other.usda");
     std::fs::write(&path, format!("{head}def Xform \"A\" {{\n}}\n")).unwrap();
@@ -437,4 +469,52 @@ fn what_cannot_be_written_leaves_nothing() {
     std::fs::create_dir_all(folder.path().join("b.usdc/x")).unwrap();
     assert!(matches!(fails("b.usdc", &asset, &options(Quality::Balanced)), Error::Io { .. }));
     assert_eq!(names(), 1);
+}
+
+#[test]
+fn bytes_are_told_by_attribute_and_add_up() {
+    let folder = tempfile::tempdir().unwrap();
+    let asset = full(200, 1);
+    for extension in EXTENSIONS {
+        let path = write(folder.path(), &format!("b.{extension}"), &asset, Quality::Balanced);
+        let contents = read(&path).unwrap();
+        let of = |name: &str| contents.sections.iter().find(|s| s.name == name).map_or(0, |s| s.bytes);
+        let pages: u64 = contents.sections.iter().map(|s| s.bytes).sum();
+        let file = std::fs::metadata(&path).unwrap().len();
+        assert!(
+            if extension == "usdz" { pages == file } else { pages > file },
+            "{extension}: {pages} {file}"
+        );
+        for name in ["positions", "rotations", "scales", "opacities", "sh", "sh0", "maps"] {
+            // Text: some ten characters a number.
+            assert!(of(name) >= 4 * 200, "{extension} {name}: {:?}", contents.sections);
+        }
+        if extension == "usda" {
+            let text = std::fs::read_to_string(&path).unwrap();
+            let start = text.find("quatf[] orientations").unwrap();
+            let line = text[start..].lines().next().unwrap().len() as u64;
+            assert_eq!(of("rotations"), line);
+            assert!(of("text") < file / 10, "{:?}", contents.sections);
+        }
+    }
+}
+
+#[test]
+fn few_characters_do_not_become_much_memory() {
+    let head = "#usda 1.0\n(\n)\n";
+    let long = "n".repeat(100_000);
+    let bombs = [
+        "def\"\"{}".repeat(100_000),
+        format!("def \"a\" {{ {} }}", "int a ".repeat(100_000)),
+        format!("def \"a\" {{ {} }}", "double a=0 ".repeat(100_000)),
+        format!("def \"{long}\" {{ {} }}", "def\"\"{}".repeat(1000)),
+        format!("def \"a\" {{ double[] a = [{}] }}", "0,".repeat(600_000)),
+        format!("def \"a\" {{ token[] a = [{}] }}", "\"\",".repeat(200_000)),
+    ];
+    for bomb in bombs {
+        let found = layer_from_text(&format!("{head}{bomb}"), Path::new("t"), 8 << 20);
+        assert!(matches!(found, Err(Error::TooLarge { .. })), "{}", &bomb[..20]);
+    }
+    let small = format!("{head}def \"a\" {{ double[] a = [0, 1, 2] }}");
+    assert!(layer_from_text(&small, Path::new("t"), 8 << 20).is_ok(), "negative control");
 }

@@ -11,11 +11,26 @@ use std::path::Path;
 /// Deepest nesting of prims and dictionaries.
 pub(super) const DEPTH_MAX: usize = 64;
 
+/// Memory of a prim or variant, twice for vectors that grow.
+const PRIM_BYTES: usize = 2 * size_of::<Prim>();
+
+/// Memory of a property or an entry of metadata besides its values.
+const PROPERTY_BYTES: usize = 2 * size_of::<Property>() + 64;
+
+/// A layer and what its parts weigh.
+#[derive(Debug)]
+pub(super) struct TextLayer {
+    pub(super) layer: Layer,
+    /// Path of a property and bytes of its text.
+    pub(super) value_bytes: Vec<(String, u64)>,
+}
+
 /// A layer from its text; `path` is only for messages.
 ///
 /// # Errors
-/// [`Error::Invalid`] naming the line, [`Error::Unsupported`] naming the feature.
-pub(super) fn layer_from_text(text: &str, path: &Path) -> Result<Layer> {
+/// [`Error::Invalid`] naming the line, [`Error::Unsupported`] naming the feature, [`Error::TooLarge`] beyond `budget`
+/// bytes of memory.
+pub(super) fn layer_from_text(text: &str, path: &Path, budget: u64) -> Result<TextLayer> {
     let first = text.lines().next().unwrap_or_default().trim_end();
     match first.strip_prefix("#usda ") {
         Some("1.0") => {}
@@ -25,7 +40,7 @@ pub(super) fn layer_from_text(text: &str, path: &Path) -> Result<Layer> {
         }
         None => return Err(Error::invalid(path, "does not begin with the line \"#usda 1.0\"")),
     }
-    let mut lexer = Lexer::new(text, path);
+    let mut lexer = Lexer::new(text, path, budget);
     let mut layer = Layer::default();
     if lexer.take_if('(')? {
         let mut sets = Vec::new();
@@ -33,7 +48,7 @@ pub(super) fn layer_from_text(text: &str, path: &Path) -> Result<Layer> {
     }
     loop {
         match lexer.take()? {
-            Lexeme::End => return Ok(layer),
+            Lexeme::End => return Ok(TextLayer { layer, value_bytes: lexer.value_bytes }),
             Lexeme::Word(word) => match specifier(word) {
                 Some(specifier) => layer.prims.push(prim(&mut lexer, specifier, 0)?),
                 None => return Err(lexer.unsupported(format!("{word:?} between root prims"))),
@@ -56,10 +71,16 @@ fn prim(lexer: &mut Lexer, specifier: Specifier, depth: usize) -> Result<Prim> {
         prim.type_name = lexer.word("a type")?.to_owned();
     }
     prim.name = lexer.quoted("a prim's name")?;
+    // With its path, which is told for each.
+    let outer = lexer.place.len();
+    lexer.spend(PRIM_BYTES + outer + prim.name.len() + 1)?;
+    lexer.place.push('/');
+    lexer.place.push_str(&prim.name);
     if lexer.take_if('(')? {
         prim.metadata = metadata(lexer, &mut prim.variant_sets)?;
     }
     body(lexer, &mut prim, depth)?;
+    lexer.place.truncate(outer);
     Ok(prim)
 }
 
@@ -79,10 +100,23 @@ fn body(lexer: &mut Lexer, prim: &mut Prim, depth: usize) -> Result<()> {
             "reorder" => return Err(lexer.unsupported("\"reorder\"")),
             _ => match specifier(word) {
                 Some(specifier) => prim.children.push(self::prim(lexer, specifier, depth + 1)?),
-                None => property(lexer, word, &mut prim.properties)?,
+                None => {
+                    let start = lexer.offset().saturating_sub(word.len());
+                    property(lexer, word, &mut prim.properties)?;
+                    count(lexer, prim, start)?;
+                }
             },
         }
     }
+}
+
+/// Notes the text of the property that was read last.
+fn count(lexer: &mut Lexer, prim: &Prim, start: usize) -> Result<()> {
+    let name = prim.properties.last().map_or("", |p| p.name.as_str());
+    lexer.spend(2 * (lexer.place.len() + name.len() + size_of::<(String, u64)>()))?;
+    let num_bytes = lexer.offset().saturating_sub(start) as u64;
+    lexer.value_bytes.push((format!("{}.{name}", lexer.place), num_bytes));
+    Ok(())
 }
 
 fn variant_set(lexer: &mut Lexer, prim: &mut Prim, depth: usize) -> Result<()> {
@@ -90,16 +124,21 @@ fn variant_set(lexer: &mut Lexer, prim: &mut Prim, depth: usize) -> Result<()> {
         return Err(lexer.unsupported(format!("variants nested more than {DEPTH_MAX} deep")));
     }
     let name = lexer.quoted("a variant set's name")?;
+    lexer.spend(PRIM_BYTES + name.len())?;
     lexer.expect('=')?;
     lexer.expect('{')?;
     let mut variants = Vec::new();
     while !lexer.take_if('}')? {
         let mut variant =
             Prim { name: lexer.quoted("a variant's name")?, specifier: Specifier::Over, ..Prim::default() };
+        let outer = lexer.place.len();
+        lexer.spend(PRIM_BYTES + outer + name.len() + variant.name.len())?;
+        lexer.place.extend(["{", &name, "=", &variant.name, "}"]);
         if lexer.take_if('(')? {
             variant.metadata = metadata(lexer, &mut variant.variant_sets)?;
         }
         body(lexer, &mut variant, depth + 1)?;
+        lexer.place.truncate(outer);
         variants.push(variant);
     }
     set_named(&mut prim.variant_sets, &name).variants.extend(variants);
@@ -123,6 +162,7 @@ fn metadata(lexer: &mut Lexer, sets: &mut Vec<VariantSet>) -> Result<Metadata> {
             Lexeme::Mark(')') => return Ok(metadata),
             Lexeme::Mark(';') => {}
             Lexeme::Text(comment) => {
+                lexer.spend(PROPERTY_BYTES + comment.len())?;
                 metadata.push(("comment".to_owned(), Value::String(comment.into_owned())));
             }
             Lexeme::Word(edit @ ("prepend" | "append")) => {
@@ -146,6 +186,7 @@ fn metadata_entry(
     sets: &mut Vec<VariantSet>,
 ) -> Result<()> {
     lexer.expect('=')?;
+    lexer.spend(PROPERTY_BYTES + name.len())?;
     let mut push = |value| metadata.push((name.to_owned(), value));
     match (name, edit) {
         ("apiSchemas", edit) => {
@@ -202,6 +243,7 @@ fn strings(lexer: &mut Lexer) -> Result<Vec<String>> {
 }
 
 fn property(lexer: &mut Lexer, first: &str, properties: &mut Vec<Property>) -> Result<()> {
+    lexer.spend(PROPERTY_BYTES + first.len())?;
     let mut word = first.to_owned();
     let (mut is_custom, mut is_uniform) = (false, false);
     loop {

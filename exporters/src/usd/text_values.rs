@@ -39,6 +39,8 @@ pub(super) fn read_list<T>(
         if lexer.take_if(']')? {
             return Ok(items);
         }
+        // Twice: vectors grow by doubling.
+        lexer.spend(2 * size_of::<T>())?;
         items.push(one(lexer)?);
         if !lexer.take_if(',')? {
             lexer.expect(']')?;
@@ -61,6 +63,7 @@ pub(super) fn read_dictionary(lexer: &mut Lexer, depth: usize) -> Result<Metadat
         if lexer.take_if(';')? {
             continue;
         }
+        lexer.spend(2 * size_of::<(String, Value)>() + 64)?;
         let type_name = lexer.word("a type")?;
         let name = match lexer.take()? {
             Lexeme::Word(name) => name.to_owned(),
@@ -116,6 +119,7 @@ fn numbers<T>(
 ) -> Result<Numbers<T>> {
     let mut values = Vec::new();
     let mut element = |lexer: &mut Lexer| -> Result<()> {
+        lexer.spend(2 * form.width() * size_of::<T>())?;
         if form == Form::One {
             values.push(one(lexer)?);
             return Ok(());

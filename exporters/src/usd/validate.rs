@@ -15,7 +15,11 @@
 //! | LT2010 | the stage says `upAxis`, `metersPerUnit` and `defaultPrim`, and has prims |
 //! | LT2011 | quaternions have length 1, opacities are in [0, 1], scales are not negative |
 //! | LT2012 | pictures that the layer names can be read, pages are sound and of their size |
+//! | LT2013 | SH of degree 0 for programs without textures is the exact one with the mean of the map in it |
+//! | LT2014 | the third scale of 3D Gaussians is positive and the smallest |
+//! | LT2015 | there are 3D Gaussians for programs without textures, where the textured ones are |
 
+use super::fallback;
 use super::field::Field;
 use super::layer::{Prim, entry, for_each_prim};
 use super::names::*;
@@ -49,8 +53,14 @@ const EXTENT_TOLERANCE: f64 = 1e-6;
 /// Standard deviations that an extent must cover: where programs cut particles off.
 const REACH: f64 = 3.0;
 
-/// Overlaps are looked for on pages of at most so many texels together: a byte each.
-const DRAWN_TEXELS_MAX: usize = 1 << 28;
+/// Overlaps are looked for on pages of at most so many texels together: a bit each.
+const DRAWN_TEXELS_MAX: usize = 1 << 30;
+
+/// Most issues; a hostile file has no end of them.
+const ISSUES_MAX: usize = 1000;
+
+/// Particle fields and rectangles whose numbers are looked at; ours have two.
+const FIELDS_MAX: usize = 8;
 
 /// Checks a file; an empty list: nothing to object to.
 pub fn validate(path: &Path) -> Vec<Issue> {
@@ -64,7 +74,7 @@ pub fn validate(path: &Path) -> Vec<Issue> {
             check_pictures(&opened, &limits, &mut report);
             // What was found above is the reason of what reading would find.
             if report.issues.iter().all(|i| i.severity < Severity::Error) {
-                check_reading(path, &limits, &mut report);
+                check_reading(path, &opened, &limits, &mut report);
             }
         }
     }
@@ -72,21 +82,39 @@ pub fn validate(path: &Path) -> Vec<Issue> {
 }
 
 #[derive(Default)]
-struct Report {
+pub(super) struct Report {
     issues: Vec<Issue>,
+    /// Fields that were looked at.
+    num_fields: usize,
 }
 
 impl Report {
     fn add(&mut self, code: &'static str, severity: Severity, place: &str, message: String) {
-        self.issues.push(Issue { code, severity, place: place.to_owned(), message });
+        if self.issues.len() < ISSUES_MAX {
+            self.issues.push(Issue { code, severity, place: place.to_owned(), message });
+        }
     }
 
-    fn error(&mut self, code: &'static str, place: &str, message: String) {
+    pub(super) fn error(&mut self, code: &'static str, place: &str, message: String) {
         self.add(code, Severity::Error, place, message);
     }
 
-    fn warning(&mut self, code: &'static str, place: &str, message: String) {
+    pub(super) fn warning(&mut self, code: &'static str, place: &str, message: String) {
         self.add(code, Severity::Warning, place, message);
+    }
+
+    /// Offences of many splats: the first, and the number of the rest.
+    pub(super) fn many(
+        &mut self,
+        code: &'static str,
+        place: &str,
+        mut offences: impl Iterator<Item = String>,
+    ) {
+        if let Some(first) = offences.next() {
+            let others = offences.count();
+            let rest = if others > 0 { format!(", and {others} more") } else { String::new() };
+            self.error(code, place, format!("{first}{rest}"));
+        }
     }
 }
 
@@ -113,13 +141,13 @@ fn check_pictures(opened: &Opened, limits: &ReadLimits, report: &mut Report) {
         if !seen.insert(name) {
             continue;
         }
-        if let Err(error) = opened.picture(name, limits) {
+        if let Err(error) = opened.picture(name, limits.decoded_bytes) {
             report.error("LT2012", &place, error.to_string());
         }
     }
 }
 
-fn check_reading(path: &Path, limits: &ReadLimits, report: &mut Report) {
+fn check_reading(path: &Path, opened: &Opened, limits: &ReadLimits, report: &mut Report) {
     match read_usd(path, limits) {
         Err(Error::Unsupported { what, .. }) => {
             report.add("LT2001", Severity::Info, "", format!("not a file of this program: {what}"));
@@ -135,6 +163,7 @@ fn check_reading(path: &Path, limits: &ReadLimits, report: &mut Report) {
                 let expected = contents.asset.hash();
                 report.error("LT2009", "/", format!("hash {found}, the numbers have {expected:016x}"));
             }
+            fallback::check(opened, path, &contents.asset, opened.texel_step(), report);
             for warning in contents.warnings.into_iter().skip(is_changed.into()) {
                 report.warning("LT2001", "/", warning);
             }
@@ -164,6 +193,11 @@ fn check_prim(path: &Path, place: &str, prim: &Prim, report: &mut Report) {
         }
     }
     let is_field = prim.type_name == FIELD_TYPE;
+    let is_any = is_field || prim.type_name == SPLAT3D_TYPE || prim.property(RECT).is_some();
+    report.num_fields += usize::from(is_any);
+    if report.num_fields > FIELDS_MAX {
+        return;
+    }
     if is_field || prim.type_name == SPLAT3D_TYPE {
         check_kernels(place, prim, if is_field { 0 } else { 1 }, report);
         check_lengths(place, prim, report);
@@ -298,10 +332,9 @@ fn check_rectangles(path: &Path, place: &str, prim: &Prim, report: &mut Report) 
         }
     };
     let texels = |s: &[u16; 2]| usize::from(s[0]) * usize::from(s[1]);
-    let mut taken: Vec<Vec<bool>> = Vec::new();
-    let draws = sizes.iter().map(texels).sum::<usize>() <= DRAWN_TEXELS_MAX;
-    if draws {
-        taken.extend(sizes.iter().map(|s| vec![false; texels(s)]));
+    let mut taken: Vec<Vec<u64>> = Vec::new();
+    if sizes.iter().map(texels).sum::<usize>() <= DRAWN_TEXELS_MAX {
+        taken.extend(sizes.iter().map(|s| vec![0; texels(s).div_ceil(64)]));
     }
     for (splat, (&[x, y, cols, rows], at)) in rects.iter().zip(&places).enumerate() {
         if cols == 0 && rows == 0 {
@@ -320,12 +353,15 @@ fn check_rectangles(path: &Path, place: &str, prim: &Prim, report: &mut Report) 
         let Some(page) = taken.get_mut(usize::from(at.page)) else { continue };
         for row in top..top + down {
             let first = (row * width + left) as usize;
-            let row = &mut page[first..first + across as usize];
-            if row.contains(&true) {
-                report.error("LT2008", place, format!("{RECT}[{splat}] overlaps another"));
-                return;
+            for texel in first..first + across as usize {
+                // It lies on the page, as was seen above.
+                let Some(word) = page.get_mut(texel / 64) else { continue };
+                if *word >> (texel % 64) & 1 == 1 {
+                    report.error("LT2008", place, format!("{RECT}[{splat}] overlaps another"));
+                    return;
+                }
+                *word |= 1 << (texel % 64);
             }
-            row.fill(true);
         }
     }
 }

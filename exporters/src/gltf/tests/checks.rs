@@ -165,3 +165,36 @@ fn rectangles_and_texels_are_looked_at() {
     assert!(codes(&join(&json, wild)).contains(&"LT1024"));
     assert_eq!(codes(&join(&json, bin)), Vec::<&str>::new(), "negative control: joined again it is sound");
 }
+
+#[test]
+fn a_broken_fallback_is_found() {
+    for quality in [Quality::Lossless, Quality::Balanced] {
+        let sound = file(quality);
+        let (mut json, bin) = split(&sound);
+        let mut at = |name: &str| {
+            let index = attributes(&mut json)[name].as_u64().unwrap() as usize;
+            place(&json, index)
+        };
+        let khr = |name: &str| format!("KHR_gaussian_splatting:{name}");
+        let (dc, scale, colour) = (at(&khr("SH_DEGREE_0_COEF_0")), at(&khr("SCALE")), at("COLOR_0"));
+        let changed = |at: usize, bytes: &[u8]| {
+            let mut bin = bin.clone();
+            bin[at..at + bytes.len()].copy_from_slice(bytes);
+            codes(&join(&json, bin))
+        };
+        let five: Vec<u8> = 5.0_f32.to_le_bytes().repeat(3 * 300);
+        assert_eq!(changed(dc, &five), ["LT1031"]);
+        // A map of one code more or less would be within the tolerance; a hundredth of a colour is not.
+        let old = f32::from_le_bytes(bin[dc + 24..dc + 28].try_into().unwrap());
+        assert_eq!(changed(dc + 24, &(old + 0.036).to_le_bytes()), ["LT1031"]);
+        assert_eq!(changed(dc + 24, &(old + 1e-4).to_le_bytes()), Vec::<&str>::new());
+        for thickness in [1000.0_f32, 0.0] {
+            assert_eq!(changed(scale + 8, &thickness.to_le_bytes()), ["LT1032"]);
+        }
+        assert_eq!(changed(colour, &[0; 8 * 300]), ["LT1033"]);
+        // What is not a number is not read either.
+        let mut bin = bin.clone();
+        bin[dc..dc + 4].copy_from_slice(&f32::NAN.to_le_bytes());
+        assert!(decode(&join(&json, bin)).unwrap_err().to_string().contains("not finite"));
+    }
+}

@@ -106,6 +106,8 @@ impl<'a> Reader<'a> {
             let what = format!("{place}: prims nested more than {DEPTH_MAX} deep");
             return Err(Error::unsupported(self.path, what));
         }
+        // Paths are told for each prim and property.
+        self.values.spend(2 * size_of::<Prim>() + place.len() + name.len())?;
         let mut prim = Prim { name: name.to_owned(), ..Prim::default() };
         let (mut properties, mut children, mut sets, mut chosen) = (vec![], vec![], vec![], vec![]);
         for (field, rep) in self.fields(path, place, kind)? {
@@ -127,7 +129,7 @@ impl<'a> Reader<'a> {
                 }
                 _ => {
                     let value = self.values.read(rep, &format!("{place} {field}"), 0)?;
-                    self.count(place, field);
+                    self.count(place, field)?;
                     prim.metadata.push((field.to_owned(), value));
                 }
             }
@@ -166,6 +168,7 @@ impl<'a> Reader<'a> {
     }
 
     fn property(&mut self, path: u32, prim: &str, name: String) -> Result<Property> {
+        self.values.spend(2 * size_of::<Property>() + prim.len() + 2 * name.len())?;
         let place = format!("{prim}.{name}");
         let kind = self.spec_by_path.get(&path).map_or(spec::ATTRIBUTE, |s| s.kind);
         let is_relationship = kind == spec::RELATIONSHIP;
@@ -180,7 +183,7 @@ impl<'a> Reader<'a> {
                 "typeName" => type_name = self.text(rep, &place)?,
                 "default" => {
                     value = Some(self.values.read(rep, &place, 0)?);
-                    self.count(&place, "");
+                    self.count(&place, "")?;
                 }
                 "connectionPaths" | "targetPaths" => paths = self.path_texts(rep, &place)?,
                 "timeSamples" | "spline" => {
@@ -191,7 +194,7 @@ impl<'a> Reader<'a> {
                 }
                 _ => {
                     let value = self.values.read(rep, &format!("{place} {field}"), 0)?;
-                    self.count(&place, field);
+                    self.count(&place, field)?;
                     metadata.push((field.to_owned(), value));
                 }
             }
@@ -205,11 +208,13 @@ impl<'a> Reader<'a> {
     }
 
     /// Notes the bytes of the value that was read last.
-    fn count(&mut self, place: &str, field: &str) {
+    fn count(&mut self, place: &str, field: &str) -> Result<()> {
         if self.values.last_bytes > 0 {
             let name = if field.is_empty() { place.to_owned() } else { format!("{place} {field}") };
+            self.values.spend(name.len() + 64)?;
             self.value_bytes.push((name, self.values.last_bytes));
         }
+        Ok(())
     }
 
     fn text(&mut self, rep: Rep, place: &str) -> Result<String> {
@@ -229,10 +234,17 @@ impl<'a> Reader<'a> {
     /// Texts of the paths in a list.
     fn path_texts(&mut self, rep: Rep, place: &str) -> Result<Vec<String>> {
         let indices = self.values.path_indices(rep, place)?;
-        indices.into_iter().map(|i| self.path_text(i).map_err(|what| self.invalid(place, what))).collect()
+        let mut texts = Vec::new();
+        for index in indices {
+            let elements = self.path_elements(index).map_err(|what| self.invalid(place, what))?;
+            self.values.spend(elements.iter().map(|e| e.len() + 1).sum::<usize>() + size_of::<String>())?;
+            texts.push(path_text(&elements));
+        }
+        Ok(texts)
     }
 
-    fn path_text(&self, path: u32) -> Result<String, String> {
+    /// Tokens from the root to a path; with what stands before each.
+    fn path_elements(&self, path: u32) -> Result<Vec<Element<'a>>, String> {
         let (mut elements, mut at) = (Vec::new(), path);
         loop {
             let node = self.tables.paths.get(at as usize).filter(|n| n.is_known);
@@ -244,15 +256,30 @@ impl<'a> Reader<'a> {
                 return Err(format!("path {path} is nested more than {DEPTH_MAX} deep"));
             }
             let token = self.tables.token(node.token)?;
-            let separator = match (node.is_property, token.starts_with('{')) {
-                (true, _) => ".",
-                (false, true) => "",
-                (false, false) => "/",
-            };
-            elements.push(format!("{separator}{token}"));
+            elements.push(match (node.is_property, token.starts_with('{')) {
+                (true, _) => Element { separator: ".", token },
+                (false, true) => Element { separator: "", token },
+                (false, false) => Element { separator: "/", token },
+            });
             at = node.parent;
         }
         elements.reverse();
-        Ok(elements.concat())
+        Ok(elements)
     }
+}
+
+/// A step of a path.
+struct Element<'a> {
+    separator: &'static str,
+    token: &'a str,
+}
+
+impl Element<'_> {
+    fn len(&self) -> usize {
+        self.token.len()
+    }
+}
+
+fn path_text(elements: &[Element<'_>]) -> String {
+    elements.iter().flat_map(|e| [e.separator, e.token]).collect()
 }

@@ -38,7 +38,7 @@ impl<'a> Values<'a> {
     }
 
     /// Takes from what may be decoded.
-    fn spend(&mut self, num_bytes: usize) -> Result<()> {
+    pub(super) fn spend(&mut self, num_bytes: usize) -> Result<()> {
         self.budget = self.budget.checked_sub(num_bytes as u64).ok_or_else(|| {
             Error::too_large(self.path, "the values decode to more bytes than the limit allows")
         })?;

@@ -1,0 +1,51 @@
+//! Rules about what viewers without our extension see: colours with the maps' means, thin ellipsoids, coloured points.
+
+use super::Issues;
+use crate::fallback::{wrong_dc, wrong_thickness};
+use crate::gltf::accessor::{Component, View};
+use crate::gltf::extension::TextureExtension;
+use crate::gltf::loaded::Loaded;
+use crate::gltf::scene::Found;
+use crate::gltf::{KHR, colour, sh_attribute, splats};
+use crate::{Severity, SplatAsset};
+
+/// Compares the attributes with the scene that a reader of the extension gets.
+pub fn check(loaded: &Loaded<'_>, found: &Found<'_>, asset: &SplatAsset, issues: &mut Issues) {
+    let place = |name: &str| format!("{}/attributes/{name}", found.pointer);
+    // What is missing was told before.
+    let attribute = |name: &str| splats::attribute(loaded, found.primitive, name).ok();
+    let zeroth = sh_attribute(0, 0);
+    if let Some(view) = attribute(&zeroth) {
+        let value = found.splatting.texture();
+        let extension = value.and_then(|v| TextureExtension::parse(v, loaded.path).ok());
+        let texel_step = extension.and_then(|e| e.decode).map_or(0.0, |d| d.scale.abs());
+        let offences = wrong_dc(asset, view.rows(), texel_step);
+        issues.many("LT1031", &place(&zeroth), offences);
+    }
+    let scale = format!("{KHR}:SCALE");
+    if let Some(view) = attribute(&scale) {
+        issues.many("LT1032", &place(&scale), wrong_thickness(view.rows()));
+    }
+    let colours = found.primitive.attributes.get("COLOR_0").and_then(|&i| loaded.accessor(i, "COLOR_0").ok());
+    if let Some(view) = colours.filter(|view| view.count == asset.num_splats()) {
+        check_colours(&view, asset, &place("COLOR_0"), issues);
+    }
+}
+
+/// Vertex colours are those of degree 0, to the step of their type.
+fn check_colours(view: &View<'_>, asset: &SplatAsset, place: &str, issues: &mut Issues) {
+    let step = if view.component == Component::U8 { 1.0 / 255.0 } else { 1.0 / 65_535.0 };
+    let mut offences = view.rows::<4>().enumerate().filter_map(|(splat, found)| {
+        let expected = colour::vertex_colour(asset, splat, asset.untextured_dc(splat));
+        let expected = expected.map(|code| f32::from(code) / 65_535.0);
+        // Colours of three numbers are opaque.
+        let is_near = |c: usize| (found[c] - expected[c]).abs() <= 1.5 * step;
+        let text = || format!("splat {splat}: {found:?}, its colour and opacity are {expected:?}");
+        (!(0..view.width).all(is_near)).then(text)
+    });
+    if let Some(first) = offences.next() {
+        let others = offences.count();
+        let what = format!("{first}, and {others} more: viewers that know no splats show wrong colours");
+        issues.push("LT1033", Severity::Warning, place, what);
+    }
+}

@@ -1,0 +1,108 @@
+//! Bounds on memory while reading: what arrays will take is counted before anything is allocated for them.
+
+use crate::{Error, ReadLimits, Result, SplatAsset, num_sh_coefficients};
+use std::path::Path;
+
+/// Memory that a file of any size may take; see [`ReadLimits::of_file`].
+const SMALL_BYTES: u64 = 1 << 30;
+
+/// Bytes of memory per byte of a file beyond [`SMALL_BYTES`]: what deflate makes of one at most.
+const EXPANSION_MAX: u64 = 1040;
+
+impl ReadLimits {
+    /// The limits for a file of so many bytes: what a few bytes may ask for is bounded besides [`ReadLimits::decoded_bytes`].
+    ///
+    /// Neutral textures compress a thousandfold, so a ratio alone would refuse honest files; 1 GiB is 90 million neutral
+    /// texels, more than any of ours.
+    pub fn of_file(&self, file_bytes: u64) -> Self {
+        let expanded = SMALL_BYTES.saturating_add(EXPANSION_MAX.saturating_mul(file_bytes));
+        Self { decoded_bytes: self.decoded_bytes.min(expanded) }
+    }
+
+    /// Refuses what would decode to more than is allowed. `what` names it in the message.
+    pub(crate) fn check(&self, bytes: u64, what: &str, path: &Path) -> Result<()> {
+        if bytes <= self.decoded_bytes {
+            return Ok(());
+        }
+        let most = self.decoded_bytes;
+        Err(Error::too_large(path, format!("{what} decode to {bytes} bytes, at most {most} are allowed")))
+    }
+}
+
+/// Bytes of a splat in [`crate::SplatAsset`], its map's texels aside: 232 at degree 3 and 12 for the map's place.
+pub(crate) fn splat_bytes(sh_degree: u32) -> u64 {
+    4 * (3 + 4 + 2 + 1 + 3 + 3 * num_sh_coefficients(sh_degree.min(3)) as u64)
+}
+
+/// An empty vector with room for so many: the counts of files must not end the program where memory ends.
+pub(crate) fn with_room<T>(count: usize) -> Result<Vec<T>> {
+    let mut values = Vec::new();
+    values.try_reserve_exact(count).map_err(|_| no_memory::<T>(count))?;
+    Ok(values)
+}
+
+/// So many copies of a value, as [`with_room`].
+pub(crate) fn filled<T: Clone>(count: usize, value: T) -> Result<Vec<T>> {
+    let mut values = with_room(count)?;
+    values.resize(count, value);
+    Ok(values)
+}
+
+/// An asset without splats that has room for so many of them.
+pub(crate) fn room_for_splats(count: usize, sh_degree: u32) -> Result<SplatAsset> {
+    Ok(SplatAsset {
+        sh_degree,
+        positions: with_room(count)?,
+        rotations: with_room(count)?,
+        scales: with_room(count)?,
+        opacities: with_room(count)?,
+        sh: with_room(count * 3 * num_sh_coefficients(sh_degree))?,
+        maps: with_room(count)?,
+        ..SplatAsset::default()
+    })
+}
+
+fn no_memory<T>(count: usize) -> Error {
+    let bytes = count.saturating_mul(size_of::<T>());
+    Error::too_large("", format!("{bytes} bytes are needed at once, which the system does not give"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::asset::tests::fixture;
+
+    #[test]
+    fn splats_take_what_is_counted() {
+        for degree in 0..=3 {
+            let asset = fixture(10, degree);
+            let bytes = size_of_val(&asset.positions[..])
+                + size_of_val(&asset.rotations[..])
+                + size_of_val(&asset.scales[..])
+                + size_of_val(&asset.opacities[..])
+                + size_of_val(&asset.sh[..])
+                + size_of_val(&asset.maps[..]);
+            assert_eq!(10 * splat_bytes(degree), bytes as u64);
+        }
+        assert_eq!(splat_bytes(3), 244);
+    }
+
+    #[test]
+    fn what_no_system_gives_is_an_error() {
+        assert!(matches!(with_room::<u64>(usize::MAX / 8), Err(Error::TooLarge { .. })));
+        assert_eq!(filled(3, 1.5).unwrap(), [1.5; 3]);
+    }
+
+    #[test]
+    fn small_files_get_less() {
+        let limits = ReadLimits::default();
+        assert_eq!(limits.of_file(100_000).decoded_bytes, SMALL_BYTES + 104_000_000);
+        assert_eq!(limits.of_file(u64::MAX), limits);
+        let tight = ReadLimits { decoded_bytes: 1000 };
+        assert_eq!(tight.of_file(100_000), tight);
+        // Hundreds of thousands of splats with millions of texels, and millions of splats, compressed as well as it gets.
+        assert!(limits.check(2 * (200_000 * splat_bytes(3) + 12 * 16_000_000), "", Path::new("")).is_ok());
+        assert!(limits.check(6_000_000 * (2 * splat_bytes(3) + 65), "", Path::new("")).is_ok());
+        assert!(limits.check((1 << 24) * (splat_bytes(3) + 65), "", Path::new("")).is_err());
+    }
+}

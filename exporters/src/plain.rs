@@ -1,0 +1,171 @@
+//! Rules about splats of the formats without textures, for files of any program: each rule tells how many splats offend
+//! and which is the first, so that a foreign scene of millions makes a few lines.
+//!
+//! | code | severity | rule |
+//! |---|---|---|
+//! | LT4001 | error | the file can be read |
+//! | LT4002 | error | numbers are finite (opacities and scales may be infinite before they are activated) |
+//! | LT4003 | error | quaternions have a length |
+//! | LT4004 | info | quaternions are of length 1: readers that do not normalise them show other shapes |
+//! | LT4005 | warning | standard deviations are within what other programs compute with, and the scene |
+//! | LT4006 | info | splats can be seen: opacity above 1/255 |
+//! | LT4007 | warning | splats lie near the others: viewers fit their camera to all of them |
+//! | LT4008 | info | splats are discs, which is what textured splats are: others lose their thinnest axis here |
+//! | LT4009 | warning | splats lie where f32 resolves their sizes |
+//! | LT4010 | warning | metadata of this program can be read |
+//! | LT4011 | info | the file is laid out as all programs expect it |
+
+use crate::{Issue, Severity};
+
+/// A quaternion counts as one of length 1 within this: f32 of other programs.
+const UNIT_TOLERANCE: f64 = 1e-3;
+
+/// Opacity below which nothing is drawn.
+const OPACITY_MIN: f64 = 1.0 / 255.0;
+
+/// Standard deviations that f32 covariances hold: squares from 1e-36 to 1e12.
+const SCALES: [f64; 2] = [1e-18, 1e6];
+
+/// A splat lies far out beyond so many times the distance within which nine of ten lie.
+const FAR: f64 = 100.0;
+
+/// A place needs so many steps of f32 in a standard deviation.
+const STEPS_MIN: f64 = 4.0;
+
+/// A splat as the file says, activated.
+pub(crate) struct Raw {
+    /// Centre.
+    pub(crate) position: [f64; 3],
+    /// Length of the quaternion.
+    pub(crate) norm: f64,
+    /// Standard deviations along the disc.
+    pub(crate) scales: [f64; 2],
+    /// In [0, 1].
+    pub(crate) opacity: f64,
+    /// Whether SH and all else are numbers.
+    pub(crate) is_finite: bool,
+    /// Whether it is no disc.
+    pub(crate) is_thick: bool,
+}
+
+/// Offenders against one rule.
+#[derive(Clone, Copy, Default)]
+struct Count {
+    first: usize,
+    number: usize,
+}
+
+impl Count {
+    fn add(&mut self, splat: usize, offends: bool) {
+        if offends && self.number == 0 {
+            self.first = splat;
+        }
+        self.number += usize::from(offends);
+    }
+
+    fn issue(self, code: &'static str, severity: Severity, what: &str) -> Option<Issue> {
+        let Self { first, number } = self;
+        (number > 0).then(|| {
+            Issue::new(
+                code,
+                severity,
+                &format!("splat {first}"),
+                &format!("{number} splats {what}; the first is {first}"),
+            )
+        })
+    }
+}
+
+/// Collects splats, then says what is wrong with them.
+#[derive(Default)]
+pub(crate) struct Check {
+    num_splats: usize,
+    broken: Count,
+    shapeless: Count,
+    not_unit: Count,
+    odd_scales: Count,
+    invisible: Count,
+    thick: Count,
+    coarse: Count,
+    positions: Vec<[f32; 3]>,
+}
+
+impl Check {
+    /// Adds the next splat.
+    pub(crate) fn add(&mut self, splat: &Raw) {
+        let i = self.num_splats;
+        self.num_splats += 1;
+        let is_finite = splat.is_finite && splat.position.iter().all(|v| v.is_finite());
+        self.broken.add(i, !is_finite);
+        self.shapeless.add(i, splat.norm == 0.0);
+        self.not_unit.add(i, splat.norm > 0.0 && (splat.norm - 1.0).abs() > UNIT_TOLERANCE);
+        let is_sane = splat.scales.iter().all(|s| (SCALES[0]..=SCALES[1]).contains(s));
+        self.odd_scales.add(i, is_finite && !is_sane);
+        self.invisible.add(i, splat.opacity < OPACITY_MIN);
+        self.thick.add(i, splat.is_thick);
+        let farthest = splat.position.iter().fold(0.0_f64, |a, v| a.max(v.abs()));
+        let step = farthest * f64::from(f32::EPSILON);
+        self.coarse.add(i, is_finite && is_sane && splat.scales[0].max(splat.scales[1]) < STEPS_MIN * step);
+        if is_finite {
+            self.positions.push(splat.position.map(|v| v as f32));
+        }
+    }
+
+    /// What was found.
+    pub(crate) fn issues(self) -> Vec<Issue> {
+        use Severity::{Error, Info, Warning};
+        let far = self.far_out();
+        let found = [
+            self.broken.issue("LT4002", Error, "have numbers that are not finite"),
+            self.shapeless.issue("LT4003", Error, "have a quaternion of length 0"),
+            self.not_unit.issue("LT4004", Info, "have quaternions that are not of length 1"),
+            self.odd_scales.issue("LT4005", Warning, "have standard deviations that are not in 1e-18 to 1e6"),
+            self.invisible.issue("LT4006", Info, "are never drawn: their opacity is below 1/255"),
+            far.issue("LT4007", Warning, "lie a hundred times farther out than nine tenths of the others"),
+            self.thick.issue(
+                "LT4008",
+                Info,
+                "are no discs: as textured splats they lose their thinnest axis",
+            ),
+            self.coarse.issue(
+                "LT4009",
+                Warning,
+                "are smaller than steps of f32 where they lie: move the scene to its origin",
+            ),
+        ];
+        found.into_iter().flatten().collect()
+    }
+
+    /// Splats far from the middle of the others.
+    fn far_out(&self) -> Count {
+        let mut count = Count::default();
+        let n = self.positions.len();
+        if n < 10 {
+            return count;
+        }
+        let middle: [f32; 3] = std::array::from_fn(|axis| {
+            let mut of_axis: Vec<f32> = self.positions.iter().map(|p| p[axis]).collect();
+            *of_axis.select_nth_unstable_by(n / 2, f32::total_cmp).1
+        });
+        let distance = |p: &[f32; 3]| {
+            (0..3).map(|i| (f64::from(p[i]) - f64::from(middle[i])).powi(2)).sum::<f64>().sqrt()
+        };
+        let mut distances: Vec<f64> = self.positions.iter().map(distance).collect();
+        let near = *distances.select_nth_unstable_by(n * 9 / 10, f64::total_cmp).1;
+        for (i, position) in self.positions.iter().enumerate() {
+            count.add(i, near > 0.0 && distance(position) > FAR * near);
+        }
+        count
+    }
+}
+
+/// What keeps a file from being read, as an issue.
+pub(crate) fn unreadable(error: crate::Error) -> Issue {
+    let what = match error {
+        crate::Error::Io { source, .. } => source.to_string(),
+        crate::Error::Invalid { what, .. }
+        | crate::Error::Unsupported { what, .. }
+        | crate::Error::TooLarge { what, .. } => what,
+    };
+    Issue::new("LT4001", Severity::Error, "", &what)
+}

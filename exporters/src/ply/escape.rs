@@ -1,0 +1,81 @@
+//! Texts in comments of a PLY header. The format asks for ASCII lines, and a much used reader in Python refuses others, so
+//! that all else is escaped: `\\u{fc}` for a character, `\\\\` for a backslash.
+
+/// A text in one line of ASCII, without blanks at its ends.
+pub(super) fn escaped(text: &str) -> String {
+    let last = text.chars().count().saturating_sub(1);
+    let mut out = String::with_capacity(text.len());
+    for (i, c) in text.chars().enumerate() {
+        match c {
+            '\\' => out.push_str("\\\\"),
+            // Readers take blanks off the ends.
+            ' ' if i > 0 && i < last => out.push(c),
+            '!'..='~' => out.push(c),
+            c => out.extend(c.escape_unicode()),
+        }
+    }
+    out
+}
+
+/// The inverse of [`escaped`]; what is no escape stays as it is.
+pub(super) fn unescaped(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    let mut rest = text;
+    while let Some((before, after)) = rest.split_once('\\') {
+        out.push_str(before);
+        rest = match after.strip_prefix('\\') {
+            Some(after) => {
+                out.push('\\');
+                after
+            }
+            None => match code(after) {
+                Some((c, after)) => {
+                    out.push(c);
+                    after
+                }
+                None => {
+                    out.push('\\');
+                    after
+                }
+            },
+        };
+    }
+    out + rest
+}
+
+/// `u{CODE}` at the front, and what follows.
+fn code(text: &str) -> Option<(char, &str)> {
+    let (digits, after) = text.strip_prefix("u{")?.split_once('}')?;
+    let is_hex = (1..=6).contains(&digits.len()) && digits.bytes().all(|b| b.is_ascii_hexdigit());
+    let code = is_hex.then(|| u32::from_str_radix(digits, 16).ok()).flatten()?;
+    Some((char::from_u32(code)?, after))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn any_text_comes_back_and_is_a_line_of_ascii() {
+        for text in [
+            "",
+            "plain text",
+            "M\u{fc}ller",
+            "a\nb\r\tc",
+            " blanks ",
+            " ",
+            "C:\\u{41}\\n",
+            "\u{1f600}\\",
+            "\0\u{7f}",
+        ] {
+            let line = escaped(text);
+            assert!(line.bytes().all(|b| (b' '..=b'~').contains(&b)) && line.trim() == line, "{line:?}");
+            assert_eq!(unescaped(&line), text);
+        }
+        assert_eq!(escaped("M\u{fc}ller"), "M\\u{fc}ller");
+        // What others wrote.
+        for text in ["\\n", "\\u{}", "\\u{110000}", "\\u{41", "\\u{+41}", "\\"] {
+            assert_eq!(unescaped(text), text);
+        }
+    }
+}

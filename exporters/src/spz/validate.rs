@@ -1,0 +1,35 @@
+//! Checks SPZ files for what a user of their splats wants to hear. The rules stand in `plain.rs`.
+
+use super::read::decode_spz;
+use crate::plain::{Check, Raw, unreadable};
+use crate::{Issue, ReadLimits, Severity};
+use std::path::Path;
+
+/// Checks the bytes of a file, also of other programs; `path` is only for messages.
+pub fn validate(bytes: &[u8], path: &Path) -> Vec<Issue> {
+    let contents = match decode_spz(bytes, path, &ReadLimits::default()) {
+        Ok(contents) => contents,
+        Err(error) => return vec![unreadable(error)],
+    };
+    let mut issues = Vec::new();
+    for warning in &contents.warnings {
+        if warning.contains("metadata") {
+            issues.push(Issue::new("LT4010", Severity::Warning, "extension record", warning));
+        } else {
+            issues.push(Issue::new("LT4008", Severity::Info, "", warning));
+        }
+    }
+    let (asset, mut check) = (&contents.asset, Check::default());
+    for i in 0..asset.num_splats() {
+        check.add(&Raw {
+            position: asset.positions[i].map(f64::from),
+            norm: 1.0,
+            scales: asset.scales[i].map(f64::from),
+            opacity: asset.opacities[i].into(),
+            is_finite: true,
+            is_thick: false,
+        });
+    }
+    issues.extend(check.issues());
+    issues
+}

@@ -1,0 +1,432 @@
+//! Hostile and odd files of all formats, made from small scenes: each is named by what it is. The same every time.
+
+use crate::common::scene;
+use Expect::{Invalid, Reads, TooLarge, Unsupported};
+use litetex_exporters::{
+    AssetMap, Format, Quality, SplatAsset, WriteOptions, gltf, ltgs, ply, spz, write_asset,
+};
+use serde_json::{Value, json};
+use xxhash_rust::xxh3::xxh3_64;
+
+/// What a reader must say.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Expect {
+    /// It is read; what is odd about it is harmless, or for the validation to tell.
+    Reads,
+    Invalid,
+    Unsupported,
+    TooLarge,
+}
+
+/// A file of the corpus.
+pub struct File {
+    pub name: String,
+    pub bytes: Vec<u8>,
+    pub expect: Expect,
+}
+
+/// All files.
+pub fn all() -> Vec<File> {
+    let mut files = damaged();
+    let mut add =
+        |name: &str, expect, bytes: Vec<u8>| files.push(File { name: name.to_owned(), bytes, expect });
+    glb(&mut add);
+    gltf_text(&mut add);
+    ltgs_files(&mut add);
+    usda(&mut add);
+    usdc(&mut add);
+    usdz(&mut add);
+    ply_files(&mut add);
+    spz_files(&mut add);
+    files.sort_by(|a, b| a.name.cmp(&b.name));
+    files
+}
+
+/// Maps of 2 x 2, none, 5 x 3, 2 x 2.
+fn small_scene() -> SplatAsset {
+    SplatAsset { cameras: Vec::new(), ..scene(4, 0) }
+}
+
+type Add<'a> = &'a mut dyn FnMut(&str, Expect, Vec<u8>);
+
+/// A sound file. Text and binary USD have no maps, so that they need no pages beside them.
+pub fn sound(format: Format) -> Vec<u8> {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("scene").with_extension(format.extension());
+    let mut asset = small_scene();
+    if matches!(format, Format::Usda | Format::Usdc) {
+        asset = asset.untextured();
+    }
+    let options = WriteOptions { quality: Quality::Balanced, mesh: false, steps: None, exponents: &[] };
+    write_asset(&path, &asset, &options).expect("written");
+    std::fs::read(&path).expect("read")
+}
+
+/// What every format meets.
+fn damaged() -> Vec<File> {
+    let mut files = Vec::new();
+    for format in Format::ALL {
+        let bytes = sound(format);
+        let mut add = |name: &str, bytes: Vec<u8>| {
+            let name = format!("{name}.{}", format.extension());
+            files.push(File { name, bytes, expect: Invalid });
+        };
+        add("empty", Vec::new());
+        add("truncated", bytes[..bytes.len() * 2 / 3].to_vec());
+        add("wrong_magic", [b"GARBAGE!", &bytes[8.min(bytes.len())..bytes.len().min(600)]].concat());
+    }
+    files
+}
+
+fn replaced(text: &[u8], from: &str, to: &str) -> Vec<u8> {
+    let text = String::from_utf8(text.to_vec()).expect("text");
+    assert!(text.contains(from), "{from}");
+    text.replacen(from, to, 1).into_bytes()
+}
+
+fn put(bytes: &[u8], at: usize, new: &[u8]) -> Vec<u8> {
+    let mut out = bytes.to_vec();
+    out[at..at + new.len()].copy_from_slice(new);
+    out
+}
+
+fn number(bytes: &[u8], at: usize) -> usize {
+    u32::from_le_bytes(std::array::from_fn(|i| bytes[at + i])) as usize
+}
+
+/// JSON and bytes of a `.glb`.
+fn split(glb: &[u8]) -> (Value, Vec<u8>) {
+    let end = 20 + number(glb, 12);
+    (serde_json::from_slice(&glb[20..end]).expect("JSON"), glb[end + 8..].to_vec())
+}
+
+fn join(json: &Value, bin: &[u8]) -> Vec<u8> {
+    let mut json = json.to_string().into_bytes();
+    json.resize(json.len().next_multiple_of(4), b' ');
+    let total = 28 + json.len() + bin.len();
+    let mut out = b"glTF".to_vec();
+    out.extend([2, total as u32, json.len() as u32].iter().flat_map(|v| v.to_le_bytes()));
+    out.extend(b"JSON");
+    out.extend(json);
+    out.extend((bin.len() as u32).to_le_bytes());
+    out.extend(b"BIN\0");
+    out.extend(bin);
+    out
+}
+
+const PRIMITIVE: &str = "/meshes/0/primitives/0";
+const OURS: &str =
+    "/meshes/0/primitives/0/extensions/KHR_gaussian_splatting/extensions/LITETEX_gaussian_splatting_texture";
+
+/// First byte of an attribute's data.
+fn place(json: &Value, name: &str) -> usize {
+    let accessor =
+        json.pointer(PRIMITIVE).expect("a primitive")["attributes"][name].as_u64().expect("an accessor");
+    let view = json["accessors"][accessor as usize]["bufferView"].as_u64().expect("a view");
+    json["bufferViews"][view as usize]["byteOffset"].as_u64().unwrap_or(0) as usize
+}
+
+fn glb(add: Add<'_>) {
+    let asset = small_scene();
+    let options = gltf::GltfOptions { quality: Quality::Balanced, page_side: 64 };
+    let bytes = gltf::encode_glb(&asset, &options).expect("written");
+    let (sound, bin) = split(&bytes);
+    let edited = |change: &dyn Fn(&mut Value)| {
+        let mut json = sound.clone();
+        change(&mut json);
+        join(&json, &bin)
+    };
+    add("newer_container.glb", Unsupported, put(&bytes, 4, &[3]));
+    add("newer_extension.glb", Unsupported, edited(&|j| at(j, OURS)["version"] = json!(2)));
+    add("huge_count.glb", Invalid, edited(&|j| j["accessors"][0]["count"] = json!(1_u64 << 40)));
+    add(
+        "huge_page.glb",
+        Invalid,
+        edited(&|j| {
+            at(j, OURS)["atlas"][0]["width"] = json!(8192);
+            at(j, OURS)["atlas"][0]["height"] = json!(8192);
+        }),
+    );
+    add(
+        "same_page_many_times.glb",
+        Reads,
+        edited(&|j| {
+            let page = at(j, OURS)["atlas"][0].clone();
+            at(j, OURS)["atlas"] = json!(vec![page; 60]);
+        }),
+    );
+    add(
+        "many_nodes.glb",
+        Reads,
+        edited(&|j| {
+            j["nodes"].as_array_mut().expect("nodes").extend(vec![json!({}); 1000]);
+        }),
+    );
+    add(
+        "cyclic_nodes.glb",
+        Invalid,
+        edited(&|j| {
+            j["nodes"][0]["children"] = json!([1]);
+            j["nodes"].as_array_mut().expect("nodes").push(json!({"children": [0]}));
+        }),
+    );
+    let rects = at(&mut sound.clone(), OURS)["rects"].as_u64().expect("an accessor") as usize;
+    let view = sound["accessors"][rects]["bufferView"].as_u64().expect("a view") as usize;
+    let first = sound["bufferViews"][view]["byteOffset"].as_u64().unwrap_or(0) as usize;
+    let changed = |at: usize, new: &[u8]| join(&sound, &put(&bin, at, new));
+    // Splats 0 and 3 have maps of 2 x 2.
+    let corner: [u8; 4] = std::array::from_fn(|i| bin[first + i]);
+    add("overlapping_maps.glb", Reads, changed(first + 24, &corner));
+    let five: Vec<u8> = 5.0_f32.to_le_bytes().repeat(12);
+    let nan = f32::NAN.to_le_bytes();
+    let dc = place(&sound, "KHR_gaussian_splatting:SH_DEGREE_0_COEF_0");
+    add("wrong_colours_for_others.glb", Reads, changed(dc, &five));
+    add("nan_colours_for_others.glb", Invalid, changed(dc, &nan));
+    add("nan_position.glb", Invalid, changed(place(&sound, "POSITION"), &nan));
+    let scale = place(&sound, "KHR_gaussian_splatting:SCALE");
+    add("thick_for_others.glb", Reads, changed(scale + 8, &1000.0_f32.to_le_bytes()));
+}
+
+fn at<'a>(json: &'a mut Value, pointer: &str) -> &'a mut Value {
+    json.pointer_mut(pointer).expect("is there")
+}
+
+fn gltf_text(add: Add<'_>) {
+    let text = sound(Format::Gltf);
+    add("missing_buffer.gltf", Invalid, text);
+    for (name, uri, expect) in [
+        ("uri_leaves_the_folder.gltf", "../outside.bin", Invalid),
+        ("uri_leaves_the_folder_escaped.gltf", "%2e%2e/outside.bin", Invalid),
+        ("uri_is_absolute.gltf", "/etc/passwd", Invalid),
+        ("uri_of_data.gltf", "data:application/octet-stream;base64,AAAA", Unsupported),
+        ("uri_of_the_network.gltf", "https://example.org/a.bin", Unsupported),
+    ] {
+        let json = json!({"asset": {"version": "2.0"}, "buffers": [{"byteLength": 4, "uri": uri}]});
+        add(name, expect, json.to_string().into_bytes());
+    }
+    let deep = format!("{}{}", "[".repeat(2000), "]".repeat(2000));
+    let nested = format!(
+        "{{\"asset\":{{\"version\":\"2.0\"}},\"meshes\":[{{\"primitives\":[{{\"extras\":{deep}}}]}}]}}"
+    );
+    add("deep_json.gltf", Invalid, nested.into_bytes());
+}
+
+/// Sets the checksum of an `.ltgs` header.
+fn sealed(mut bytes: Vec<u8>) -> Vec<u8> {
+    let checksum = xxh3_64(&bytes[..56]);
+    bytes[56..64].copy_from_slice(&checksum.to_le_bytes());
+    bytes
+}
+
+fn ltgs_files(add: Add<'_>) {
+    let file = |asset: &SplatAsset, quality| {
+        ltgs::encode(asset, &ltgs::LtgsOptions { quality, steps: None, exponents: &[] }).expect("written")
+    };
+    let bytes = file(&small_scene(), Quality::Balanced);
+    add("newer_major_version.ltgs", Unsupported, sealed(put(&bytes, 4, &[2])));
+    add("newer_minor_version.ltgs", Reads, sealed(put(&bytes, 6, &[9])));
+    add("unknown_feature.ltgs", Unsupported, sealed(put(&bytes, 8, &[0x80])));
+    add("wrong_checksum.ltgs", Invalid, put(&bytes, 12, &[9]));
+    add("huge_count_of_splats.ltgs", TooLarge, sealed(put(&bytes, 12, &u32::MAX.to_le_bytes())));
+    add("huge_count_of_texels.ltgs", TooLarge, sealed(put(&bytes, 16, &(1_u64 << 31).to_le_bytes())));
+    add("wrong_count_of_texels.ltgs", Invalid, sealed(put(&bytes, 16, &7_u64.to_le_bytes())));
+    // The second block over the first.
+    let (table, length) = (64 + number(&bytes, 28), bytes.len());
+    let overlapping = put(&bytes, table + 24, &bytes[table..table + 8]);
+    let tables = xxh3_64(&overlapping[64..table + 88]);
+    add("overlapping_blocks.ltgs", Invalid, sealed(put(&overlapping, 48, &tables.to_le_bytes())));
+    add("damaged_chunk.ltgs", Invalid, put(&bytes, length - 9, &[bytes[length - 9] ^ 1]));
+}
+
+fn usda(add: Add<'_>) {
+    let text = sound(Format::Usda);
+    let head = "#usda 1.0\n(\n    upAxis = \"Y\"\n)\n";
+    let small = |body: String| format!("{head}{body}\n").into_bytes();
+    add("newer_version.usda", Unsupported, b"#usda 2.0\n".to_vec());
+    add("reference.usda", Unsupported, small("def \"a\" ( references = @b.usda@ ) {}".into()));
+    add("time_samples.usda", Unsupported, small("def \"a\" { double b.timeSamples = { 0: 1 } }".into()));
+    add("foreign.usda", Unsupported, small("def Xform \"a\" { def Mesh \"b\" { int c = 3 } }".into()));
+    add("deep_prims.usda", Unsupported, small("def \"a\" { ".repeat(200) + &"}".repeat(200)));
+    add("many_prims.usda", Unsupported, small("def \"a\"{}".repeat(300)));
+    let long = "n".repeat(2500);
+    add("long_paths.usda", Unsupported, small(format!("def \"{long}\" {{ {} }}", "def \"a\"{}".repeat(200))));
+    add(
+        "many_texts.usda",
+        Unsupported,
+        small(format!("def \"a\" {{ token[] b = [{}] }}", "\"\",".repeat(1000))),
+    );
+    add("open_quote.usda", Invalid, small("def \"a".into()));
+    add(
+        "nan.usda",
+        Invalid,
+        replaced(&text, "point3f[] positions = [(", "point3f[] positions = [(nan, 0, 0), ("),
+    );
+    add(
+        "newer_arrays.usda",
+        Unsupported,
+        replaced(&text, "int primvars:litetex:version = 1", "int primvars:litetex:version = 2"),
+    );
+}
+
+fn usdc(add: Add<'_>) {
+    let bytes = sound(Format::Usdc);
+    add("newer_version.usdc", Unsupported, put(&bytes, 9, &[99]));
+    add("tables_beyond_the_end.usdc", Invalid, put(&bytes, 16, &u64::MAX.to_le_bytes()));
+    let contents = number(&bytes, 16);
+    add("huge_count_of_sections.usdc", Invalid, put(&bytes, contents, &u64::MAX.to_le_bytes()));
+    for (section, name) in ["tokens", "strings", "fields"].into_iter().enumerate() {
+        let start = number(&bytes, contents + 8 + 32 * section + 16);
+        let name = format!("huge_count_of_{name}.usdc");
+        add(&name, Invalid, put(&bytes, start, &(1_u64 << 40).to_le_bytes()));
+    }
+}
+
+/// Places of a signature in a file.
+fn places(bytes: &[u8], signature: &[u8]) -> Vec<usize> {
+    (0..bytes.len()).filter(|&at| bytes[at..].starts_with(signature)).collect()
+}
+
+fn usdz(add: Add<'_>) {
+    let bytes = sound(Format::Usdz);
+    let end = *places(&bytes, b"PK\x05\x06").last().expect("an end");
+    let count = [60_000_u16.to_le_bytes(); 2].concat();
+    add("huge_count_of_entries.usdz", TooLarge, put(&bytes, end + 8, &count));
+    let [local, central] = [b"PK\x03\x04", b"PK\x01\x02"].map(|s| places(&bytes, s)[0]);
+    // A name of the same length that leads out of the folder, in both places.
+    let renamed = |name: &[u8; 10]| put(&put(&bytes, local + 30, name), central + 46, name);
+    add("path_traversal.usdz", Invalid, renamed(b"../../a.us"));
+    let deflated = put(&put(&bytes, local + 8, &[8]), central + 10, &[8]);
+    add("compressed_entry.usdz", Invalid, deflated);
+    let size = u32::MAX - 1;
+    add(
+        "huge_entry.usdz",
+        Invalid,
+        put(&put(&bytes, central + 20, &size.to_le_bytes()), central + 24, &size.to_le_bytes()),
+    );
+    let locals = places(&bytes, b"PK\x01\x02");
+    // The second entry at the place of the first.
+    add("overlapping_entries.usdz", Invalid, put(&bytes, locals[1] + 42, &bytes[central + 42..central + 46]));
+    add("wrong_checksum.usdz", Invalid, put(&bytes, central + 16, &[bytes[central + 16] ^ 1]));
+}
+
+fn ply_files(add: Add<'_>) {
+    let (bytes, _) = ply::encode_ply(&small_scene(), &ply::PlyOptions::default()).expect("written");
+    let end = places(&bytes, b"end_header\n")[0] + 11;
+    let header = |from: &str, to: &str| [replaced(&bytes[..end], from, to), bytes[end..].to_vec()].concat();
+    add("newer_version.ply", Invalid, header("little_endian 1.0", "little_endian 2.0"));
+    add("big_endian.ply", Unsupported, header("binary_little_endian", "binary_big_endian"));
+    add("list_property.ply", Unsupported, header("property float nx", "property list uchar int nx"));
+    add("huge_count.ply", TooLarge, header("vertex 4", "vertex 99999999999"));
+    add("count_beyond_the_end.ply", Invalid, header("vertex 4", "vertex 5"));
+    add("count_beyond_all_numbers.ply", Invalid, header("vertex 4", "vertex 99999999999999999999999999"));
+    add(
+        "huge_element_before.ply",
+        Invalid,
+        header("element vertex", "element a 18446744073709551615\nproperty double b\nelement vertex"),
+    );
+    add("second_property.ply", Invalid, header("property float ny", "property float nx"));
+    add(
+        "odd_degree.ply",
+        Unsupported,
+        header("property float opacity\n", "property float opacity\nproperty float f_rest_0\n"),
+    );
+    let many = "element e 0\n".repeat(1030);
+    add("many_elements.ply", TooLarge, header("element vertex", &format!("{many}element vertex")));
+    add("nan.ply", Invalid, put(&bytes, end, &f32::NAN.to_le_bytes()));
+    let row = (bytes.len() - end) / 4;
+    add("no_quaternion.ply", Invalid, put(&bytes, end + row - 16, &[0; 16]));
+    add("long_quaternion.ply", Reads, put(&bytes, end + row - 16, &7.0_f32.to_le_bytes()));
+    add("bytes_behind.ply", Reads, [bytes.clone(), vec![0; 9]].concat());
+    add("no_splats.ply", Reads, header("vertex 4", "vertex 0"));
+    add(
+        "not_of_splats.ply",
+        Invalid,
+        b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nend_header\n1\n".to_vec(),
+    );
+}
+
+/// A file of splats that are all zeros.
+pub fn zeros(num_splats: usize) -> Vec<u8> {
+    let mut streams = Vec::new();
+    for width in [9, 1, 3, 3, 4, 45] {
+        let raw = width * num_splats;
+        let piece = vec![0; raw.clamp(1, 1 << 24)];
+        let frames = zstd::bulk::compress(&piece, 1).expect("compressed").repeat(raw.div_ceil(1 << 24));
+        streams.push((frames, raw));
+    }
+    let mut bytes = b"NGSP".to_vec();
+    bytes.extend([4, num_splats as u32].iter().flat_map(|w| w.to_le_bytes()));
+    bytes.extend([3, 12, 0, 6, 32, 0, 0, 0]);
+    bytes.resize(32, 0);
+    for (frames, raw) in &streams {
+        bytes.extend([frames.len(), *raw].iter().flat_map(|&w| (w as u64).to_le_bytes()));
+    }
+    bytes.extend(streams.into_iter().flat_map(|(frames, _)| frames));
+    bytes
+}
+
+fn spz_files(add: Add<'_>) {
+    let (bytes, _) = spz::encode_spz(&small_scene()).expect("written");
+    add("version_1_to_3.spz", Unsupported, vec![0x1f, 0x8b, 8, 0, 0, 0, 0, 0]);
+    add("newer_version.spz", Unsupported, put(&bytes, 4, &[5]));
+    add("high_degree.spz", Unsupported, put(&bytes, 12, &[4]));
+    add("huge_count.spz", TooLarge, put(&bytes, 8, &u32::MAX.to_le_bytes()));
+    add("tables_beyond_the_end.spz", Invalid, put(&bytes, 16, &u32::MAX.to_le_bytes()));
+    add("odd_fraction.spz", Invalid, put(&bytes, 13, &[31]));
+    // Within the limit on memory, but out of nothing.
+    add("bomb.spz", TooLarge, zeros(1 << 22));
+    let meta = places(&bytes, b"{\"near\"")[0];
+    add("damaged_metadata.spz", Reads, put(&bytes, meta, b"["));
+    let frame = places(&bytes, b"\"scale\":3.7")[0];
+    add("mirrored_frame.spz", Invalid, put(&bytes, frame, b"\"scale\":-37"));
+}
+
+/// Files of a few kilobytes that take as much memory as they can, by what they do.
+pub fn greedy() -> Vec<(&'static str, String, Vec<u8>)> {
+    let mut files = Vec::new();
+    let mut add = |what, extension: &str, bytes| files.push((what, format!("greedy.{extension}"), bytes));
+    add("splats of zeros", "spz", zeros(250_000));
+    let names = "x y z f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 rot_0 rot_1 rot_2 rot_3".split(' ');
+    let names = names.map(str::to_owned).chain((0..45).map(|i| format!("f_rest_{i}")));
+    let header: String = names.map(|name| format!("property char {name}\n")).collect();
+    let header = format!("ply\nformat binary_little_endian 1.0\nelement vertex 10000\n{header}end_header\n");
+    add("properties of a byte", "ply", [header.into_bytes(), vec![1; 58 * 10_000]].concat());
+    let neutral = |side: u16| {
+        let num_texels = usize::from(side) * usize::from(side);
+        let mut asset = scene(1, 0);
+        asset.maps[0] = AssetMap { offset_texels: 0, rows: side, cols: side, texel_size: 0.001 };
+        asset.texels = vec![0.0; 3 * num_texels];
+        asset
+    };
+    let options = gltf::GltfOptions { quality: Quality::Balanced, page_side: 2048 };
+    let glb = gltf::encode_glb(&neutral(2048), &options).expect("written");
+    add("a page of neutral texels", "glb", glb);
+    let lossless = ltgs::LtgsOptions { quality: Quality::Lossless, steps: None, exponents: &[] };
+    add("neutral texels", "ltgs", ltgs::encode(&neutral(1024), &lossless).expect("written"));
+    let (json, bin) = split(&gltf::encode_glb(&small_scene(), &options).expect("written"));
+    let mut nodes = json.clone();
+    nodes["nodes"].as_array_mut().expect("nodes").extend(vec![json!({}); 130_000]);
+    add("JSON of empty nodes", "glb", join(&nodes, &bin));
+    let mut numbers = json;
+    numbers["nodes"][0]["children"] = json!(vec![0; 500_000]);
+    add("JSON of numbers", "glb", join(&numbers, &bin));
+    let usda = |body: String| format!("#usda 1.0\n(\n)\n{body}").into_bytes();
+    add("text of prims", "usda", usda("def\"\"{}".repeat(50_000)));
+    add(
+        "text of properties",
+        "usda",
+        usda(format!("def \"a\"{{{}}}", (0..50_000).map(|i| format!("int a{i} ")).collect::<String>())),
+    );
+    add("text of numbers", "usda", usda(format!("def \"a\"{{double[] b=[{}]}}", "0,".repeat(200_000))));
+    add(
+        "text of entries",
+        "usda",
+        usda(format!("def \"a\"(customData={{{}}}){{}}", "int a=0 ".repeat(50_000))),
+    );
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("a.usdz");
+    let options = WriteOptions { quality: Quality::Balanced, mesh: false, steps: None, exponents: &[] };
+    write_asset(&path, &neutral(1024), &options).expect("written");
+    add("a page of neutral texels", "usdz", std::fs::read(&path).expect("read"));
+    files
+}

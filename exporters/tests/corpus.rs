@@ -1,0 +1,198 @@
+//! Every hostile file gets a typed error of the expected kind, within two seconds and with little memory. The files lie in
+//! `corpus/`; `cargo test --test corpus -- --ignored` makes them anew.
+
+#[path = "common/mod.rs"]
+mod common;
+#[path = "common/hostile.rs"]
+mod hostile;
+
+use hostile::{Expect, File};
+use litetex_exporters::{Contents, Error, ReadLimits, Severity, read_asset, read_fallback, validate_file};
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
+
+/// Counts what is allocated.
+struct Counting;
+
+static NOW: AtomicUsize = AtomicUsize::new(0);
+static PEAK: AtomicUsize = AtomicUsize::new(0);
+
+/// Two tests cannot measure at a time.
+static MEASURING: Mutex<()> = Mutex::new(());
+
+#[allow(unsafe_code, reason = "an allocator cannot be written without it")]
+// SAFETY: everything is the system's allocator's; only sizes are added up.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        count(layout.size());
+        // SAFETY: as the caller promises.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        count(layout.size());
+        // SAFETY: as the caller promises.
+        unsafe { System.alloc_zeroed(layout) }
+    }
+
+    unsafe fn dealloc(&self, at: *mut u8, layout: Layout) {
+        NOW.fetch_sub(layout.size(), Ordering::Relaxed);
+        // SAFETY: as the caller promises.
+        unsafe { System.dealloc(at, layout) }
+    }
+}
+
+fn count(bytes: usize) {
+    let now = NOW.fetch_add(bytes, Ordering::Relaxed) + bytes;
+    PEAK.fetch_max(now, Ordering::Relaxed);
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// Most memory beyond what was there before, and time.
+fn measured<T>(run: impl FnOnce() -> T) -> (T, usize, Duration) {
+    let (before, start) = (NOW.load(Ordering::Relaxed), Instant::now());
+    PEAK.store(before, Ordering::Relaxed);
+    let result = run();
+    (result, PEAK.load(Ordering::Relaxed).saturating_sub(before), start.elapsed())
+}
+
+/// Memory that any file of the corpus may take, below 100 KB each.
+const BYTES_MAX: usize = 64 << 20;
+
+/// Time for each step; single ones take milliseconds.
+const TIME_MAX: Duration = Duration::from_secs(2);
+
+fn folder() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/corpus")
+}
+
+fn kind(read: &Result<Contents, Error>) -> Option<Expect> {
+    match read {
+        Ok(_) => Some(Expect::Reads),
+        Err(Error::Invalid { .. }) => Some(Expect::Invalid),
+        Err(Error::Unsupported { .. }) => Some(Expect::Unsupported),
+        Err(Error::TooLarge { .. }) => Some(Expect::TooLarge),
+        // Files that are missing beside it, and nothing else.
+        Err(Error::Io { .. }) => None,
+        Err(_) => None,
+    }
+}
+
+fn check(path: &Path, expect: Expect) -> usize {
+    let name = path.display();
+    let (read, bytes, time) = measured(|| read_asset(path, &ReadLimits::default()));
+    assert!(bytes <= BYTES_MAX && time < TIME_MAX, "{name}: {bytes} bytes, {time:?}");
+    match kind(&read) {
+        Some(found) => assert_eq!(found, expect, "{name}: {:?}", read.err()),
+        None => {
+            assert!(name.to_string().contains("missing_") || name.to_string().contains("leaves"), "{read:?}")
+        }
+    }
+    if let Ok(contents) = read {
+        contents.asset.validate().expect("what is read is sound");
+    }
+    let (issues, more, time) = measured(|| validate_file(path));
+    assert!(more <= BYTES_MAX && time < TIME_MAX, "{name}: {more} bytes, {time:?} to validate");
+    let issues = issues.expect("the file is there");
+    let has_errors = issues.iter().any(|i| i.severity == Severity::Error);
+    let may_be_silent = expect == Expect::Reads || expect == Expect::Unsupported;
+    assert!(has_errors || may_be_silent, "{name}: {issues:?}");
+    let (_, fallback, time) = measured(|| drop(read_fallback(path, &ReadLimits::default())));
+    assert!(fallback <= BYTES_MAX && time < TIME_MAX, "{name}: {fallback} bytes, {time:?} for its fallback");
+    bytes.max(more).max(fallback)
+}
+
+#[test]
+fn every_file_is_answered_as_it_should_be() {
+    let _guard = MEASURING.lock();
+    let files = hostile::all();
+    let mut stored: Vec<String> = std::fs::read_dir(folder())
+        .expect("the corpus")
+        .filter_map(|entry| entry.ok()?.file_name().into_string().ok())
+        .collect();
+    stored.sort();
+    let names: Vec<&str> = files.iter().map(|f| f.name.as_str()).collect();
+    assert_eq!(stored, names, "made anew with --ignored?");
+    let mut worst = (0, "");
+    for File { name, expect, .. } in &files {
+        let bytes = check(&folder().join(name), *expect);
+        worst = worst.max((bytes, name));
+    }
+    println!("{} files, at most {worst:?}", files.len());
+}
+
+#[test]
+fn validation_says_what_is_odd_about_what_is_read() {
+    let codes = |name: &str| -> Vec<&str> {
+        validate_file(&folder().join(name)).expect("looked at").iter().map(|i| i.code).collect()
+    };
+    for (name, code) in [
+        ("overlapping_maps.glb", "LT1023"),
+        ("wrong_colours_for_others.glb", "LT1031"),
+        ("nan_colours_for_others.glb", "LT1015"),
+        ("thick_for_others.glb", "LT1032"),
+        ("long_quaternion.ply", "LT4004"),
+        ("bytes_behind.ply", "LT4011"),
+        ("damaged_metadata.spz", "LT4010"),
+        ("newer_minor_version.ltgs", "LT3007"),
+    ] {
+        assert!(codes(name).contains(&code), "{name}: {:?}", codes(name));
+    }
+}
+
+/// Measured, bytes of memory by bytes of the file (`--nocapture` prints it):
+///
+/// | format | what | file | to read | to validate |
+/// |---|---|---|---|---|
+/// | spz | splats of zeros | 0.6 KB | 77 MB | 77 MB |
+/// | ply | properties of a byte | 581 KB | 3 MB | 3 MB |
+/// | glb | a page of neutral texels | 19 KB | 113 MB | 113 MB |
+/// | ltgs | neutral texels | 1 KB | 25 MB | 25 MB |
+/// | glb | JSON of empty nodes | 393 KB | 58 MB | 97 MB |
+/// | glb | JSON of numbers | 1003 KB | 4 MB | 28 MB |
+/// | usda | text of prims | 350 KB | 15 MB | 15 MB |
+/// | usda | text of properties | 538 KB | 16 MB | 16 MB |
+/// | usda | text of numbers | 400 KB | 3 MB | 3 MB |
+/// | usda | text of entries | 400 KB | 7 MB | 7 MB |
+/// | usdz | a page of neutral texels | 9 KB | 18 MB | 18 MB |
+///
+/// The limits' [`ReadLimits::of_file`] stands above all: 1 GiB for the smallest file.
+#[test]
+fn what_few_bytes_take_is_bounded() {
+    let _guard = MEASURING.lock();
+    let folder = tempfile::tempdir().expect("a folder");
+    for (what, name, bytes) in hostile::greedy() {
+        let path = folder.path().join(name);
+        std::fs::write(&path, &bytes).expect("written");
+        let (_, read, time) = measured(|| drop(read_asset(&path, &ReadLimits::default())));
+        let (_, looked, more) = measured(|| drop(validate_file(&path)));
+        let extension = path.extension().unwrap_or_default().to_string_lossy();
+        println!(
+            "| {extension} | {what} | {} KB | {} MB | {} MB | {time:.1?} {more:.1?}",
+            bytes.len() / 1000,
+            read / 1_000_000,
+            looked / 1_000_000
+        );
+        assert!(read.max(looked) < (160 << 20) + 64 * bytes.len(), "{what}: {read}, {looked}");
+        assert!(time.max(more) < TIME_MAX, "{what}: {time:?}, {more:?}");
+    }
+}
+
+#[test]
+#[ignore = "writes the corpus"]
+fn write_the_corpus() {
+    let _ = std::fs::remove_dir_all(folder());
+    std::fs::create_dir_all(folder()).expect("made");
+    let mut total = 0;
+    for File { name, bytes, .. } in hostile::all() {
+        total += bytes.len();
+        std::fs::write(folder().join(name), bytes).expect("written");
+    }
+    assert!(total < 200_000, "{total} bytes");
+    println!("{total} bytes");
+}
