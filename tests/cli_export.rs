@@ -332,6 +332,45 @@ fn what_cannot_be_is_refused_before_anything_is_written() {
     assert_eq!(code, 1);
 }
 
+/// Overwrites an attribute of the only primitive of a `.glb` with a number.
+fn falsify(glb: &Path, attribute: &str, number: f32) {
+    let mut bytes = std::fs::read(glb).unwrap();
+    let word = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize;
+    let json_bytes = word(12);
+    let json: serde_json::Value = serde_json::from_slice(&bytes[20..20 + json_bytes]).unwrap();
+    let index = json["meshes"][0]["primitives"][0]["attributes"][attribute].as_u64().unwrap() as usize;
+    let accessor = &json["accessors"][index];
+    let view = &json["bufferViews"][accessor["bufferView"].as_u64().unwrap() as usize];
+    let first = |v: &serde_json::Value| v["byteOffset"].as_u64().unwrap_or(0) as usize;
+    let start = 28 + json_bytes + first(view) + first(accessor);
+    let count = 3 * accessor["count"].as_u64().unwrap() as usize;
+    for value in bytes[start..start + 4 * count].as_chunks_mut::<4>().0 {
+        *value = number.to_le_bytes();
+    }
+    std::fs::write(glb, bytes).unwrap();
+}
+
+#[test]
+fn what_other_programs_see_is_checked_as_it_stands_in_the_file() {
+    let (run, folder) = (run_folder(), tempfile::tempdir().unwrap());
+    let glb = folder.path().join("a.glb");
+    let verify = ["verify", text(&glb), "--against", text(run), "--device", "cpu"];
+    for quality in ["lossless", "balanced"] {
+        let export =
+            ["export", text(run), "-o", text(&glb), "--quality", quality, "--force", "--device", "cpu"];
+        good(&export);
+        let verdict = json(&verify)["verdict"].clone();
+        println!("{quality}: {} dB", verdict["fallback_psnr_to_untextured"]);
+        assert!(verdict["fallback_psnr_to_untextured"].as_f64().unwrap() > 55.0, "{verdict}");
+        // All that our own reader draws is untouched.
+        falsify(&glb, "KHR_gaussian_splatting:SH_DEGREE_0_COEF_0", 5.0);
+        let (code, told) = bad(&verify);
+        assert!(code == 1 && told.contains("without textures show something else"), "{told}");
+        let (code, told) = bad(&["validate", text(&glb)]);
+        assert!(code == 1, "{told}");
+    }
+}
+
 #[test]
 fn pictures_folders_and_scenes_are_compared() {
     let (run, folder) = (run_folder(), tempfile::tempdir().unwrap());

@@ -8,9 +8,10 @@ use super::outputs;
 use super::search::{self, Rounding};
 use super::table::Columns;
 use super::values::format_bytes;
-use super::verdict::{Expected, Limits, Verdict, judge, limits_of};
+use super::verdict::{Expected, Found, Limits, Verdict, judge, limits_of};
 use litetex_exporters::{
-    AssetCamera, Format, ReadLimits, SplatAsset, WriteOptions, Written, read_asset, stage_asset,
+    AssetCamera, Format, ReadLimits, SplatAsset, WriteOptions, Written, read_asset, read_fallback,
+    stage_asset,
 };
 use litetex_gs::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -156,8 +157,10 @@ fn write_one(
 fn prove(stage: &mut Stage, expected: &Expected<'_>, path: &Path, asked: Option<Limits>) -> Result<Verdict> {
     let contents = read_asset(path, &ReadLimits::default())?;
     let limits = asked.unwrap_or_else(|| limits_of(path, &contents));
+    let fallback = read_fallback(path, &ReadLimits::default())?;
     let textured = Format::of(path)?.keeps_textures();
-    judge(stage, expected, (&contents.asset, textured), None, limits)
+    let found = Found { asset: &contents.asset, textured, fallback: fallback.as_ref() };
+    judge(stage, expected, found, None, limits)
 }
 
 /// Training views, evenly spread.

@@ -6,8 +6,8 @@ use super::frozen::{Frozen, Origin};
 use super::log::Log;
 use super::table::{Table, print_json};
 use super::values::parse_decibels;
-use super::verdict::{Expected, Limits, judge, limits_of};
-use litetex_exporters::{AssetCamera, CaptureFromLocal, Format, SplatAsset};
+use super::verdict::{Expected, Found, Limits, judge, limits_of};
+use litetex_exporters::{AssetCamera, CaptureFromLocal, Format, ReadLimits, SplatAsset, read_fallback};
 use litetex_gs::bake::asset_cameras;
 use litetex_gs::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -61,8 +61,10 @@ pub fn run(args: &VerifyArgs, log: &Log) -> anyhow::Result<()> {
     let views = spread(&cameras, args.views.map_or(usize::MAX, |v| v as usize));
     let mut stage = Stage::open(&args.device, log)?;
     let textured = format.keeps_textures();
+    let fallback = read_fallback(&args.file, &ReadLimits::default()).map_err(Error::from)?;
+    let asset = Found { asset: &found.asset, textured, fallback: fallback.as_ref() };
     let expected = Expected::of(&mut stage, &against.asset, &views)?;
-    let verdict = judge(&mut stage, &expected, (&found.asset, textured), capture.as_ref(), limits)?;
+    let verdict = judge(&mut stage, &expected, asset, capture.as_ref(), limits)?;
     if args.json {
         print_json(&serde_json::json!({
             "schema": "litetex-verify/1",

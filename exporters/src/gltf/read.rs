@@ -104,10 +104,7 @@ fn ours(
         );
         return Err(Error::invalid(loaded.path, what));
     }
-    let world_from_local = frame(loaded, found, Some(asset.world_from_local()), warnings)?;
-    if world_from_local != asset.world_from_local() {
-        asset.world_from_capture = world_from_local.after(&asset.capture_from_local.inverse());
-    }
+    place(loaded, found, &mut asset, warnings)?;
     let format = format!("{EXTENSION} {VERSION}");
     Ok(Contents { asset, format, quality, hash: Some(hash), sections, warnings: Vec::new() })
 }
@@ -146,10 +143,9 @@ pub fn read_fallback(path: &Path, limits: &ReadLimits) -> Result<SplatAsset> {
     let mut asset = foreign(&loaded, &found, &attributes, &mut Vec::new())?.asset;
     let value = found.splatting.texture();
     if let Some(extension) = value.and_then(|v| TextureExtension::parse(v, path).ok()) {
-        let stored = extension.meta.capture_from_local;
         extension.meta.store(&mut asset);
         asset.colour_space = found.splatting.colour_space(path)?;
-        asset.capture_from_local = frame(&loaded, &found, Some(stored), &mut Vec::new())?;
+        place(&loaded, &found, &mut asset, &mut Vec::new())?;
     }
     asset.validate().map_err(|e| e.at(path))?;
     Ok(asset)
@@ -185,6 +181,20 @@ fn foreign(
     asset.provenance.program_version = info.generator.clone().unwrap_or_default();
     let quality = None;
     Ok(Contents { asset, format: KHR.to_owned(), quality, hash: None, sections, warnings: Vec::new() })
+}
+
+/// Gives an asset with its metadata the place in the world that the node says.
+fn place(
+    loaded: &Loaded<'_>,
+    found: &Found<'_>,
+    asset: &mut SplatAsset,
+    warnings: &mut Vec<String>,
+) -> Result<()> {
+    let world_from_local = frame(loaded, found, Some(asset.world_from_local()), warnings)?;
+    if world_from_local != asset.world_from_local() {
+        asset.world_from_capture = world_from_local.after(&asset.capture_from_local.inverse());
+    }
+    Ok(())
 }
 
 /// The way to the file's frame: the node's, or the metadata's if the node is still what it was made from.
