@@ -131,6 +131,7 @@ def check_text_equals_binary(paths):
         other = path[:-1] + "c"
         if path.endswith(".usda") and other in paths:
             texts = [Sdf.Layer.FindOrOpen(p).ExportToString().split("\n", 1)[1] for p in (path, other)]
+            texts[0] = texts[0].replace("_usda_textures/", "_usdc_textures/")
             if texts[0] != texts[1]:
                 yield path, "text and binary differ"
 
