@@ -8,7 +8,7 @@
 use litetex_exporters::gltf::{GltfOptions, write_gltf};
 use litetex_exporters::usd::{UsdOptions, write_usd};
 use litetex_exporters::{
-    AssetCamera, AssetMap, CaptureFromLocal, ColourSpace, Error, Quality, Result, SplatAsset, ltgs,
+    AssetCamera, AssetMap, ColourSpace, Error, Quality, Result, SplatAsset, Transform, ltgs,
     num_sh_coefficients, write_atomically,
 };
 use std::path::Path;
@@ -167,7 +167,7 @@ fn scene(sh_degree: u32, kinds: impl Iterator<Item = usize>) -> SplatAsset {
         near: NEAR,
         background: [0.125, 0.4, 0.7],
         cameras: cameras(),
-        capture_from_local: CaptureFromLocal {
+        capture_from_local: Transform {
             scale: 2.5,
             rotation: [0.5, -0.5, 0.1, 0.7],
             translation: [10.0, -3.0, 0.5],

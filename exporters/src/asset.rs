@@ -2,7 +2,7 @@
 //! once when a trained model is frozen. Exactness of a format is defined on these numbers. Parameters
 //! of the optimisation (logits, logarithms, moments) do not belong here.
 
-use crate::CaptureFromLocal;
+use crate::Transform;
 use crate::sh::SH_0;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -135,9 +135,9 @@ pub struct SplatAsset {
     /// Near plane, local units.
     pub near: f32,
     /// Way back to the frame of the capture.
-    pub capture_from_local: CaptureFromLocal,
+    pub capture_from_local: Transform,
     /// Way from there to the frame of files, if they have another one than the capture: another way up, other units.
-    pub world_from_capture: CaptureFromLocal,
+    pub world_from_capture: Transform,
     /// Meaning of colours.
     pub colour_space: ColourSpace,
     /// What was behind the scene when it was trained.
@@ -161,8 +161,8 @@ impl Default for SplatAsset {
             maps: Vec::new(),
             texels: Vec::new(),
             near: 0.01,
-            capture_from_local: CaptureFromLocal::IDENTITY,
-            world_from_capture: CaptureFromLocal::IDENTITY,
+            capture_from_local: Transform::IDENTITY,
+            world_from_capture: Transform::IDENTITY,
             colour_space: ColourSpace::default(),
             background: [0.0; 3],
             cameras: Vec::new(),
@@ -207,7 +207,7 @@ impl SplatAsset {
     }
 
     /// Way to the frame of files.
-    pub fn world_from_local(&self) -> CaptureFromLocal {
+    pub fn world_from_local(&self) -> Transform {
         self.world_from_capture.after(&self.capture_from_local)
     }
 
@@ -259,7 +259,7 @@ pub(crate) mod tests {
         };
         let mut asset = SplatAsset {
             sh_degree,
-            capture_from_local: CaptureFromLocal::scaled_and_moved(3.7, [10.0, -4.0, 0.5]),
+            capture_from_local: Transform::scaled_and_moved(3.7, [10.0, -4.0, 0.5]),
             ..SplatAsset::default()
         };
         let mut offset_texels = 0;

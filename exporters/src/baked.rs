@@ -2,7 +2,7 @@
 //! colour.
 
 use crate::sh::Turn;
-use crate::{AssetMap, CaptureFromLocal, SplatAsset, quaternion};
+use crate::{AssetMap, SplatAsset, Transform, quaternion};
 
 /// One splat.
 pub struct Baked {
@@ -24,7 +24,7 @@ pub struct Baked {
 pub struct Baker<'a> {
     asset: &'a SplatAsset,
     /// World from local.
-    frame: CaptureFromLocal,
+    frame: Transform,
     turn: Option<Turn>,
 }
 

@@ -1,7 +1,7 @@
 //! What is changed on the way to a file: which splats are kept, which way is up, how long a unit is.
 
 use crate::sh::Turn;
-use crate::{AssetCamera, AssetMap, CaptureFromLocal, SplatAsset, num_sh_coefficients, quaternion};
+use crate::{AssetCamera, AssetMap, SplatAsset, Transform, num_sh_coefficients, quaternion};
 
 impl SplatAsset {
     /// Keeps the splats for which `keep` says so, in their order. `[n]` Returns how many went.
@@ -57,7 +57,7 @@ impl SplatAsset {
     }
 
     /// The same scene in another local frame of the same capture; values are rounded anew unless the frames are equal.
-    pub fn in_frame(&self, capture_from_new: &CaptureFromLocal) -> Self {
+    pub fn in_frame(&self, capture_from_new: &Transform) -> Self {
         let old = &self.capture_from_local;
         if old == capture_from_new {
             return self.clone();
@@ -90,7 +90,7 @@ impl SplatAsset {
 
 impl AssetCamera {
     /// The same camera for a scene in another frame.
-    pub fn in_frame(&self, new_from_old: &CaptureFromLocal) -> Self {
+    pub fn in_frame(&self, new_from_old: &Transform) -> Self {
         // camera = R old + t, in the old unit; old = Q^T (new - T) / s; in the new unit all is s times as long.
         let back = quaternion::conjugate(new_from_old.rotation);
         let rows = self.rotation_rows;
@@ -107,7 +107,7 @@ impl AssetCamera {
 #[cfg(test)]
 mod tests {
     use crate::asset::tests::fixture;
-    use crate::{AssetCamera, CaptureFromLocal};
+    use crate::{AssetCamera, Transform};
 
     #[test]
     fn splats_are_kept_with_all_that_is_theirs() {
@@ -147,8 +147,7 @@ mod tests {
         turned.set_up([1.0, 2.0, -0.5]);
         turned.set_scale(3.0);
         // The same capture from both sides: local frames that differ by the turn.
-        let other =
-            CaptureFromLocal { scale: 0.7, rotation: [0.5, 0.5, -0.5, 0.5], translation: [1.0, 2.0, 3.0] };
+        let other = Transform { scale: 0.7, rotation: [0.5, 0.5, -0.5, 0.5], translation: [1.0, 2.0, 3.0] };
         let moved = turned.in_frame(&other);
         moved.validate().unwrap();
         let mut worst = 0.0_f64;
@@ -206,8 +205,7 @@ mod tests {
             };
             asset.positions.iter().flat_map(seen).collect()
         };
-        let other =
-            CaptureFromLocal { scale: 0.7, rotation: [0.5, 0.5, -0.5, 0.5], translation: [1.0, 2.0, 3.0] };
+        let other = Transform { scale: 0.7, rotation: [0.5, 0.5, -0.5, 0.5], translation: [1.0, 2.0, 3.0] };
         let moved = asset.in_frame(&other);
         let worst = |found: Vec<f64>| {
             found.iter().zip(pixels(&asset)).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)

@@ -109,9 +109,19 @@ impl Format {
             }
         }
     }
-}
 
-impl Format {
+    /// Refuses a name that the file itself could not hold, as the writers would.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] with what it must be.
+    pub fn check_name(self, path: &Path) -> Result<()> {
+        match self {
+            Self::Gltf => gltf::stem(path).map(drop),
+            Self::Usda | Self::Usdc | Self::Usdz => usd::stem(path).map(drop),
+            Self::Glb | Self::Ltgs | Self::Ply | Self::Spz => Ok(()),
+        }
+    }
+
     /// Refuses a quality that the format has not. `path` is only for messages.
     ///
     /// # Errors

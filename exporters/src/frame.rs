@@ -6,22 +6,22 @@ use serde::{Deserialize, Serialize};
 
 /// A similarity from one frame to another, most often `in_capture = scale * rotation(in_local) + translation`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct CaptureFromLocal {
-    /// Length of a local unit in the capture's frame; > 0.
+pub struct Transform {
+    /// Length of a unit of the one frame in the other; > 0.
     pub scale: f64,
     /// Unit quaternion **wxyz**; what the trainer makes is not turned.
     pub rotation: [f64; 4],
-    /// Origin of the local frame in the capture's frame.
+    /// Origin of the one frame in the other.
     pub translation: [f64; 3],
 }
 
-impl Default for CaptureFromLocal {
+impl Default for Transform {
     fn default() -> Self {
         Self::IDENTITY
     }
 }
 
-impl CaptureFromLocal {
+impl Transform {
     /// The identity.
     pub const IDENTITY: Self = Self::scaled_and_moved(1.0, [0.0; 3]);
 
@@ -41,10 +41,12 @@ impl CaptureFromLocal {
             return if first.is_identity() { *self } else { *first };
         }
         let turned = quaternion::turned(self.rotation, first.translation);
+        let rotation = quaternion::product(self.rotation, first.rotation);
+        let norm = quaternion::norm(rotation);
         Self {
             scale: self.scale * first.scale,
             // Zeros keep one sign, so that files do not depend on the way here.
-            rotation: quaternion::product(self.rotation, first.rotation).map(|v| v + 0.0),
+            rotation: rotation.map(|v| v / norm + 0.0),
             translation: std::array::from_fn(|i| self.scale * turned[i] + self.translation[i] + 0.0),
         }
     }
@@ -86,10 +88,8 @@ mod tests {
 
     #[test]
     fn there_and_back_again() {
-        let a =
-            CaptureFromLocal { scale: 2.5, rotation: [0.5, -0.5, 0.5, 0.5], translation: [1.0, -2.0, 3.0] };
-        let b =
-            CaptureFromLocal { scale: 0.01, rotation: [0.6, 0.0, 0.8, 0.0], translation: [-7.0, 0.5, 0.0] };
+        let a = Transform { scale: 2.5, rotation: [0.5, -0.5, 0.5, 0.5], translation: [1.0, -2.0, 3.0] };
+        let b = Transform { scale: 0.01, rotation: [0.6, 0.0, 0.8, 0.0], translation: [-7.0, 0.5, 0.0] };
         let p = [0.3_f32, -4.0, 11.0];
         let one_by_one = a.transform_point(b.transform_point(p).map(|v| v as f32));
         let at_once = a.after(&b).transform_point(p);
@@ -98,9 +98,9 @@ mod tests {
             assert!((one_by_one[i] - at_once[i]).abs() < 1e-6, "{one_by_one:?} {at_once:?}"); // f32 between: needed 3e-7
             assert!((back[i] - f64::from(p[i])).abs() < 1e-12, "{back:?}"); // needed 2e-14
         }
-        assert_eq!(a.after(&CaptureFromLocal::IDENTITY), a);
-        assert_eq!(CaptureFromLocal::IDENTITY.after(&b), b);
-        assert!(a.is_sound() && !CaptureFromLocal { scale: 0.0, ..a }.is_sound());
-        assert!(!CaptureFromLocal { rotation: [0.5; 4].map(|v| 1.1 * v), ..a }.is_sound());
+        assert_eq!(a.after(&Transform::IDENTITY), a);
+        assert_eq!(Transform::IDENTITY.after(&b), b);
+        assert!(a.is_sound() && !Transform { scale: 0.0, ..a }.is_sound());
+        assert!(!Transform { rotation: [0.5; 4].map(|v| 1.1 * v), ..a }.is_sound());
     }
 }

@@ -42,6 +42,6 @@ pub use file::write_atomically;
 pub use format::{
     Format, WriteOptions, Written, read_asset, read_fallback, stage_asset, validate_file, write_asset,
 };
-pub use frame::CaptureFromLocal;
+pub use frame::Transform;
 pub use quality::Quality;
 pub use staging::Staged;

@@ -1,7 +1,7 @@
 //! All of an asset that is not an array, as JSON: glTF, USD and `.ltgs` carry the same object.
 //! Numbers are written so that they come back bit for bit.
 
-use crate::{AssetCamera, CaptureFromLocal, ColourSpace, Provenance, SplatAsset};
+use crate::{AssetCamera, ColourSpace, Provenance, SplatAsset, Transform};
 use serde::{Deserialize, Serialize};
 
 /// Most bytes of the object's text that a reader takes.
@@ -18,10 +18,10 @@ pub struct Meta {
     /// `"srgb_rec709_display"` or `"lin_rec709_display"`.
     pub colour_space: ColourSpace,
     /// Way to the frame of the capture.
-    pub capture_from_local: CaptureFromLocal,
+    pub capture_from_local: Transform,
     /// Way from there to the frame of the file; absent: the same frame.
-    #[serde(default, skip_serializing_if = "CaptureFromLocal::is_identity")]
-    pub world_from_capture: CaptureFromLocal,
+    #[serde(default, skip_serializing_if = "Transform::is_identity")]
+    pub world_from_capture: Transform,
     /// Title, author, licence, source, program version, facts.
     pub provenance: Provenance,
     /// Cameras of the capture.
@@ -63,7 +63,7 @@ mod tests {
     fn numbers_come_back_bit_for_bit() {
         let mut asset = fixture(3, 0);
         asset.near = 0.1 + f32::EPSILON;
-        asset.capture_from_local = CaptureFromLocal {
+        asset.capture_from_local = Transform {
             scale: 1.0 / 3.0,
             rotation: [0.6, -0.0, 0.8, 0.0],
             translation: [1e6 / 7.0, 5e-324, -0.0],

@@ -1,7 +1,7 @@
 //! What glTF and USD have in common. Their frame: y up, by half a turn about x from the local frame (COLMAP's axes: y down, z forward).
 //! Only signs and places change, so that nothing is rounded; it is its own inverse but for the quaternion's sign.
 
-use crate::{CaptureFromLocal, quaternion};
+use crate::{Transform, quaternion};
 
 /// Half a turn about x as a quaternion wxyz.
 const HALF_TURN: [f64; 4] = [0.0, 1.0, 0.0, 0.0];
@@ -43,13 +43,13 @@ pub fn sh(coefficients: &[f32]) -> impl Iterator<Item = f32> {
 }
 
 /// `world_from_yup` of a file whose world is the capture with y up: scale, rotation wxyz and translation of a node.
-pub fn node(frame: &CaptureFromLocal) -> CaptureFromLocal {
+pub fn node(frame: &Transform) -> Transform {
     let [x, y, z] = frame.translation;
-    CaptureFromLocal { scale: frame.scale, rotation: flipped(frame.rotation), translation: [x, -y, -z] }
+    Transform { scale: frame.scale, rotation: flipped(frame.rotation), translation: [x, -y, -z] }
 }
 
 /// The inverse of [`node`].
-pub fn frame_of_node(node: &CaptureFromLocal) -> CaptureFromLocal {
+pub fn frame_of_node(node: &Transform) -> Transform {
     // Twice is not at all.
     self::node(node)
 }
@@ -88,8 +88,7 @@ mod tests {
 
     #[test]
     fn a_node_does_to_flipped_points_what_the_frame_does_to_local_ones() {
-        let frame =
-            CaptureFromLocal { scale: 2.5, rotation: [0.5, -0.1, 0.7, 0.5], translation: [4.0, -5.0, 6.0] };
+        let frame = Transform { scale: 2.5, rotation: [0.5, -0.1, 0.7, 0.5], translation: [4.0, -5.0, 6.0] };
         let node = node(&frame);
         let p = [0.3, -0.7, 1.1];
         let [x, y, z] = frame.transform_point(p);

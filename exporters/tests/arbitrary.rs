@@ -2,7 +2,7 @@
 //! a file is an error or a sound asset.
 
 use litetex_exporters::{
-    AssetMap, CaptureFromLocal, Contents, Format, Quality, ReadLimits, SplatAsset, WriteOptions, ltgs,
+    AssetMap, Contents, Format, Quality, ReadLimits, SplatAsset, Transform, WriteOptions, ltgs,
     num_sh_coefficients, read_asset, read_fallback, validate_file, write_asset,
 };
 use proptest::collection::vec;
@@ -91,7 +91,7 @@ fn asset(is_tame: bool) -> impl Strategy<Value = SplatAsset> {
         let mut asset = SplatAsset {
             sh_degree,
             near,
-            capture_from_local: CaptureFromLocal { scale, rotation, translation },
+            capture_from_local: Transform { scale, rotation, translation },
             ..SplatAsset::default()
         };
         asset.provenance.title = title;
@@ -183,7 +183,7 @@ proptest! {
     #[test]
     fn plain_formats_keep_splats_to_their_steps(asset in asset(true)) {
         let folder = tempfile::tempdir().expect("a folder");
-        let expected = asset.untextured().in_frame(&CaptureFromLocal::IDENTITY);
+        let expected = asset.untextured().in_frame(&Transform::IDENTITY);
         let ply = through(folder.path(), &asset, Format::Ply, Quality::Balanced).asset;
         let far = 2e3 + 1.0;
         // f32 of places up to 2,000 units out needs 6e-5, of SH after a turn 4e-7.

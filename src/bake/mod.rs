@@ -7,7 +7,7 @@ mod thaw;
 use crate::model::{Model, texel_value};
 use crate::{Error, Report};
 pub use cameras::{AssetViews, asset_camera, asset_cameras, camera};
-use litetex_exporters::{AssetCamera, AssetMap, CaptureFromLocal, ColourSpace, Provenance, SplatAsset};
+use litetex_exporters::{AssetCamera, AssetMap, Transform, ColourSpace, Provenance, SplatAsset};
 pub use thaw::thaw;
 
 /// Largest standard deviation that an asset may hold, local units.
@@ -28,7 +28,7 @@ pub fn bake(
     let mut asset = SplatAsset {
         sh_degree: model.splats.sh_degree,
         near: model.near,
-        capture_from_local: CaptureFromLocal::scaled_and_moved(
+        capture_from_local: Transform::scaled_and_moved(
             model.capture_from_local.scale,
             model.capture_from_local.translation.to_array(),
         ),

@@ -10,7 +10,7 @@ use super::summary::Summary;
 use super::table::{Table, print_json};
 use super::values::{format_bytes, format_count};
 use glam::{DVec3, Vec3};
-use litetex_exporters::{CaptureFromLocal, Describes, Format, Quality, SplatAsset};
+use litetex_exporters::{Transform, Describes, Format, Quality, SplatAsset};
 use litetex_gs::bake::thaw;
 use litetex_gs::dataset::read_ply_points;
 use litetex_gs::model::Model;
@@ -128,8 +128,8 @@ fn histogram(sides: impl Iterator<Item = (u16, u16)>) -> serde_json::Map<String,
 
 /// As [`of_model`]; frames of assets may be turned.
 fn of_asset(asset: &SplatAsset) -> Value {
-    let frame = |f: &CaptureFromLocal| json!({ "scale": f.scale, "rotation_wxyz": f.rotation, "translation": f.translation });
-    let bounds_in = |f: &CaptureFromLocal| {
+    let frame = |f: &Transform| json!({ "scale": f.scale, "rotation_wxyz": f.rotation, "translation": f.translation });
+    let bounds_in = |f: &Transform| {
         let (low, high) = bounds(asset.positions.iter().map(|p| DVec3::from_array(f.transform_point(*p))));
         json!({ "min": low, "max": high })
     };

@@ -15,6 +15,7 @@ pub fn check(source: Option<&Path>, outputs: &[PathBuf], args: &AssetArgs) -> Re
     for path in outputs {
         let format = Format::of(path)?;
         format.check_quality(args.quality(), path)?;
+        format.check_name(path)?;
         let refuse = |what: &str| Err(Error::Usage(format!("{}: {what}", path.display())));
         if path.is_dir() || path.to_string_lossy().ends_with(std::path::is_separator) {
             return refuse("is a folder, expected the name of a file");
@@ -105,6 +106,7 @@ mod tests {
             assert_eq!(fails(None, &[name], &AssetArgs { force: true, ..AssetArgs::default() }), None);
         }
         assert!(fails(None, &["y.bin/z.glb"], &plain).unwrap().contains("expected a folder"));
+        assert!(fails(None, &["a@b.usda"], &plain).unwrap().contains("must be UTF-8 without"));
         assert!(fails(None, &["z.glb/"], &plain).unwrap().contains("is a folder"));
         assert!(fails(None, &["z.ltgs"], &mesh).unwrap().contains("--mesh"));
         let left: Vec<_> = std::fs::read_dir(folder.path()).unwrap().collect();

@@ -11,7 +11,7 @@ use super::session::picture_name;
 use super::table::Table;
 use super::values::{PictureSize, parse_picture_size};
 use super::verify::photos;
-use litetex_exporters::{CaptureFromLocal, SplatAsset};
+use litetex_exporters::{Transform, SplatAsset};
 use litetex_gs::backend::{RenderOptions, RenderedImage};
 use litetex_gs::bake::{AssetViews, thaw};
 use litetex_gs::camera::Camera;
@@ -156,7 +156,7 @@ pub fn run(args: &RenderArgs, log: &Log) -> anyhow::Result<()> {
 /// Moves a scene to the frame that a capture's cameras stand in: that of a format without frames is the capture's own.
 fn move_to(asset: &mut SplatAsset, capture: &Capture) {
     let frame = capture.capture_from_local;
-    let frame = CaptureFromLocal::scaled_and_moved(frame.scale, frame.translation.to_array());
+    let frame = Transform::scaled_and_moved(frame.scale, frame.translation.to_array());
     let knows_near = !asset.cameras.is_empty();
     *asset = asset.in_frame(&frame);
     if !knows_near {

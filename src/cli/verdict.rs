@@ -292,7 +292,7 @@ impl Verdict {
                 table.row(
                     name,
                     format!(
-                        "{before:.3} dB before, {after:.3} dB after (told, not judged: chance in few photos)"
+                        "{before:.3} dB before, {after:.3} dB after (told, not judged)"
                     ),
                 );
             }

@@ -7,7 +7,7 @@ use super::log::Log;
 use super::table::{Table, print_json};
 use super::values::parse_decibels;
 use super::verdict::{Expected, Found, Limits, judge, limits_of};
-use litetex_exporters::{AssetCamera, CaptureFromLocal, Format, ReadLimits, SplatAsset, read_fallback};
+use litetex_exporters::{AssetCamera, Transform, Format, ReadLimits, SplatAsset, read_fallback};
 use litetex_gs::bake::asset_cameras;
 use litetex_gs::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -107,7 +107,7 @@ pub fn photos(scene: &Frozen, named: Option<&Path>, log: &Log) -> Result<Option<
 fn cameras_of(scene: &SplatAsset, capture: Option<&Capture>) -> Vec<AssetCamera> {
     let Some(capture) = capture.filter(|_| scene.cameras.is_empty()) else { return scene.cameras.clone() };
     let of_capture = &capture.capture_from_local;
-    let frame = CaptureFromLocal::scaled_and_moved(of_capture.scale, of_capture.translation.to_array());
+    let frame = Transform::scaled_and_moved(of_capture.scale, of_capture.translation.to_array());
     let scene_from_local = scene.capture_from_local.inverse().after(&frame);
     asset_cameras(capture).iter().map(|camera| camera.in_frame(&scene_from_local)).collect()
 }

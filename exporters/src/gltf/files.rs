@@ -4,6 +4,15 @@ use crate::{Error, Result};
 use std::fmt::Write as _;
 use std::path::{Component, Path, PathBuf};
 
+/// Name without extension, as it stands in the URIs of files beside a `.gltf`.
+///
+/// # Errors
+/// [`Error::Invalid`] if it is not UTF-8.
+pub fn stem(path: &Path) -> Result<&str> {
+    let stem = path.file_stem().and_then(|s| s.to_str());
+    stem.ok_or_else(|| Error::invalid(path, "the file's name must be UTF-8: URIs hold it"))
+}
+
 /// The file of all arrays.
 pub fn arrays_name(stem: &str) -> String {
     format!("{stem}.bin")

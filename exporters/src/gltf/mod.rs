@@ -24,7 +24,7 @@ mod write;
 
 pub use container::is_glb;
 pub use extension::{EXTENSION, VERSION};
-pub(crate) use files::{arrays_name, page_name};
+pub(crate) use files::{arrays_name, page_name, stem};
 pub use mesh::{MeshOptions, MeshSummary, encode_mesh};
 pub use read::{decode_glb, read_fallback, read_gltf};
 pub(crate) use validate::QUADS_CODE;

@@ -1,7 +1,7 @@
 //! The transform of the node that holds the splats.
 
 use super::document::{Document, Node};
-use crate::{CaptureFromLocal, Error, Result, quaternion};
+use crate::{Error, Result, Transform, quaternion};
 use std::path::Path;
 
 /// Largest relative difference of two scales, or cosine of two axes, that f32 matrices may show.
@@ -14,7 +14,7 @@ const UNIT_TOLERANCE: f64 = 1e-9;
 ///
 /// # Errors
 /// [`Error::Unsupported`] for several nodes and for transforms that are no similarity, [`Error::Invalid`] for broken trees.
-pub fn world_from_mesh(document: &Document, mesh: u32, path: &Path) -> Result<Option<CaptureFromLocal>> {
+pub fn world_from_mesh(document: &Document, mesh: u32, path: &Path) -> Result<Option<Transform>> {
     let nodes = &document.nodes;
     let mut parents = vec![None; nodes.len()];
     for (i, node) in nodes.iter().enumerate() {
@@ -44,29 +44,13 @@ pub fn world_from_mesh(document: &Document, mesh: u32, path: &Path) -> Result<Op
         at = parent;
         let outer =
             similarity(&nodes[at]).map_err(|e| Error::unsupported(path, format!("node {at}: {e}")))?;
-        world = product(&outer, &world);
+        world = outer.after(&world);
     }
     Err(Error::invalid(path, "nodes that are their own ancestors"))
 }
 
-/// The inner transform first.
-fn product(outer: &CaptureFromLocal, inner: &CaptureFromLocal) -> CaptureFromLocal {
-    // Nothing is rounded for nothing.
-    if *outer == CaptureFromLocal::IDENTITY {
-        return *inner;
-    }
-    let moved = quaternion::turned(outer.rotation, inner.translation);
-    let turned = quaternion::product(outer.rotation, inner.rotation);
-    let norm = quaternion::norm(turned);
-    CaptureFromLocal {
-        scale: outer.scale * inner.scale,
-        rotation: turned.map(|v| v / norm),
-        translation: std::array::from_fn(|i| outer.scale * moved[i] + outer.translation[i]),
-    }
-}
-
 /// A node's own transform; the error says why it is no similarity.
-pub fn similarity(node: &Node) -> Result<CaptureFromLocal, String> {
+pub fn similarity(node: &Node) -> Result<Transform, String> {
     if let Some(matrix) = &node.matrix {
         if node.translation.is_some() || node.rotation.is_some() || node.scale.is_some() {
             return Err("both a matrix and translation, rotation or scale".to_owned());
@@ -85,10 +69,10 @@ pub fn similarity(node: &Node) -> Result<CaptureFromLocal, String> {
     let scales = node.scale.unwrap_or([1.0; 3]);
     let scale = uniform(scales).ok_or_else(|| format!("scale {scales:?} is not uniform and positive"))?;
     let translation = node.translation.unwrap_or_default();
-    finite(CaptureFromLocal { scale, rotation, translation })
+    finite(Transform { scale, rotation, translation })
 }
 
-fn finite(transform: CaptureFromLocal) -> Result<CaptureFromLocal, String> {
+fn finite(transform: Transform) -> Result<Transform, String> {
     let sound = transform.translation.iter().all(|v| v.is_finite()) && transform.scale.is_finite();
     if sound { Ok(transform) } else { Err(format!("{transform:?} is not finite")) }
 }
@@ -100,7 +84,7 @@ fn uniform(scales: [f64; 3]) -> Option<f64> {
     alike.then_some(first)
 }
 
-fn from_matrix(m: &[f64; 16]) -> Result<CaptureFromLocal, String> {
+fn from_matrix(m: &[f64; 16]) -> Result<Transform, String> {
     let no = || "its matrix is not a rotation times a positive uniform scale with a translation".to_owned();
     let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     let columns = [0, 4, 8].map(|c| [m[c], m[c + 1], m[c + 2]]);
@@ -124,18 +108,14 @@ fn from_matrix(m: &[f64; 16]) -> Result<CaptureFromLocal, String> {
     ];
     let best = (0..4).fold(0, |best, i| if ways[i][i] > ways[best][best] { i } else { best });
     let norm = quaternion::norm(ways[best]);
-    finite(CaptureFromLocal {
-        scale,
-        rotation: ways[best].map(|v| v / norm),
-        translation: [m[12], m[13], m[14]],
-    })
+    finite(Transform { scale, rotation: ways[best].map(|v| v / norm), translation: [m[12], m[13], m[14]] })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn matrix(t: &CaptureFromLocal) -> [f64; 16] {
+    fn matrix(t: &Transform) -> [f64; 16] {
         let column = |axis: [f64; 3]| quaternion::turned(t.rotation, axis).map(|v| v * t.scale);
         let mut m = [0.0; 16];
         for (i, axis) in [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].into_iter().enumerate() {
@@ -153,7 +133,7 @@ mod tests {
         {
             let norm = quaternion::norm(rotation);
             let rotation = rotation.map(|v| v / norm);
-            let transform = CaptureFromLocal { scale: 2.5, rotation, translation: [1.0, -2.0, 3.0] };
+            let transform = Transform { scale: 2.5, rotation, translation: [1.0, -2.0, 3.0] };
             let m = matrix(&transform);
             let found = similarity(&Node { matrix: Some(m), ..Node::default() }).unwrap();
             for p in [[1.0, 0.0, 0.0], [0.3, -0.7, 2.0]] {

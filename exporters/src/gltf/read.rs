@@ -6,9 +6,7 @@ use super::scene::Found;
 use super::splats::Attributes;
 use super::{EXTENSION, KHR, VERSION, container, node, pages, scene};
 use crate::file::read_file;
-use crate::{
-    CaptureFromLocal, Contents, Describes, Error, Quality, ReadLimits, Result, Section, SplatAsset, yup,
-};
+use crate::{Contents, Describes, Error, Quality, ReadLimits, Result, Section, SplatAsset, Transform, yup};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -201,12 +199,12 @@ fn place(
 fn frame(
     loaded: &Loaded<'_>,
     found: &Found<'_>,
-    stored: Option<CaptureFromLocal>,
+    stored: Option<Transform>,
     warnings: &mut Vec<String>,
-) -> Result<CaptureFromLocal> {
+) -> Result<Transform> {
     let Some(node) = node::world_from_mesh(&loaded.document, found.mesh, loaded.path)? else {
         warnings.push("no node shows the splats".to_owned());
-        return Ok(stored.unwrap_or(CaptureFromLocal::IDENTITY));
+        return Ok(stored.unwrap_or(Transform::IDENTITY));
     };
     match stored {
         Some(stored) if is_alike(&node, &yup::node(&stored)) => Ok(stored),
@@ -218,7 +216,7 @@ fn frame(
     }
 }
 
-fn is_alike(a: &CaptureFromLocal, b: &CaptureFromLocal) -> bool {
+fn is_alike(a: &Transform, b: &Transform) -> bool {
     let size = b.translation.iter().fold(b.scale, |size, v| size.max(v.abs()));
     let near = |a: f64, b: f64, size: f64| (a - b).abs() <= NODE_TOLERANCE * size;
     let sign =

@@ -65,8 +65,7 @@ pub(crate) fn encode_files(
     if !path.extension().is_some_and(|e| e.eq_ignore_ascii_case("gltf")) {
         return Err(Error::invalid(path, "a glTF file is called *.glb or *.gltf"));
     }
-    let stem = path.file_stem().and_then(|s| s.to_str());
-    let stem = stem.ok_or_else(|| Error::invalid(path, "not a file name that a URI can hold"))?;
+    let stem = files::stem(path)?;
     let assembled = assemble(asset, options, Some(stem)).map_err(|e| e.at(path))?;
     let text = json(&assembled.document).map_err(|e| e.at(path))?;
     let pages = assembled.files.into_iter().map(|(name, bytes)| (name.into(), bytes));

@@ -15,9 +15,8 @@ use rayon::prelude::*;
 use std::ops::Range;
 use xxhash_rust::xxh3::xxh3_64;
 
-/// zstd's level for splats and for texels.
-const SPLAT_LEVEL: i32 = 19;
-const TEXEL_LEVEL: i32 = 19;
+/// zstd's level: files are written once and read often.
+const ZSTD_LEVEL: i32 = 19;
 
 /// How a file is written.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -160,8 +159,8 @@ fn lossless_chunks(asset: &SplatAsset) -> Vec<Chunk> {
     let of_chunk = |range: Range<usize>| {
         let first = asset.maps.get(range.start).map_or(0, |m| m.offset_texels as usize);
         let last = asset.maps.get(range.end).map_or(asset.num_texels(), |m| m.offset_texels as usize);
-        let splats = lossless::encode_splats(asset, range.clone(), SPLAT_LEVEL);
-        let texels = lossless::encode_texels(&asset.texels[3 * first..3 * last], TEXEL_LEVEL);
+        let splats = lossless::encode_splats(asset, range.clone(), ZSTD_LEVEL);
+        let texels = lossless::encode_texels(&asset.texels[3 * first..3 * last], ZSTD_LEVEL);
         Ok(Chunk::new(splats, texels, &asset.positions[range], last - first))
     };
     // This `of_chunk` does not fail.
@@ -197,8 +196,8 @@ impl CodedChunk {
     }
 
     fn encode(&self, plan: &Plan, sh_degree: u32) -> Result<Chunk> {
-        let splats = self.splats.encode(&plan.quantiser, sh_degree, SPLAT_LEVEL)?;
-        let texels = self.texels.encode(TEXEL_LEVEL);
+        let splats = self.splats.encode(&plan.quantiser, sh_degree, ZSTD_LEVEL)?;
+        let texels = self.texels.encode(ZSTD_LEVEL);
         Ok(Chunk::new(splats, texels, &self.decoded.positions, self.decoded.num_texels()))
     }
 }

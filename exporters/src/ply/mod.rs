@@ -12,7 +12,7 @@
 //! | `scale_2` | logarithm of the thickness; absent in the 2DGS flavour |
 //! | `rot_0..3` | quaternion wxyz |
 
-use crate::CaptureFromLocal;
+use crate::Transform;
 
 mod escape;
 mod header;
@@ -35,17 +35,16 @@ const COMMENT_OURS: &str = "written by: litetex ";
 const COMMENT_2DGS: &str = "SplatRenderMode: 2dgs";
 
 /// What a comment says of a frame: scale, rotation wxyz, translation.
-fn world_comment(frame: &CaptureFromLocal) -> String {
+fn world_comment(frame: &Transform) -> String {
     let numbers = [&[frame.scale], frame.rotation.as_slice(), &frame.translation].concat();
     numbers.iter().map(f64::to_string).collect::<Vec<_>>().join(" ")
 }
 
 /// The inverse of [`world_comment`]; `None` if it is no frame.
-fn world_from_comment(text: &str) -> Option<CaptureFromLocal> {
+fn world_from_comment(text: &str) -> Option<Transform> {
     let numbers: Vec<f64> = text.split_whitespace().map(str::parse).collect::<Result<_, _>>().ok()?;
     let [scale, rotation @ .., x, y, z] = numbers.as_slice() else { return None };
-    let frame =
-        CaptureFromLocal { scale: *scale, rotation: rotation.try_into().ok()?, translation: [*x, *y, *z] };
+    let frame = Transform { scale: *scale, rotation: rotation.try_into().ok()?, translation: [*x, *y, *z] };
     (frame.is_sound() && frame.inverse().is_sound()).then_some(frame)
 }
 

@@ -50,7 +50,7 @@ pub fn encode_spz(asset: &SplatAsset) -> Result<(Vec<u8>, SpzSummary)> {
     let fractional_bits = FRACTIONAL_BITS.rev().find(fits).ok_or_else(|| {
         Error::invalid(
             "",
-            format!("centres up to {extent:.3e} units from the origin, SPZ holds 5.2e5 at most; use --scale"),
+            format!("centres up to {extent:.3e} units from the origin; SPZ holds coordinates up to 524,287: use other units"),
         )
     })?;
     let mut streams: [Vec<u8>; super::NUM_STREAMS] = Default::default();

@@ -101,7 +101,7 @@ impl Container {
 }
 
 /// Name without extension, as it may stand in a file.
-fn stem(path: &Path) -> Result<&str> {
+pub(crate) fn stem(path: &Path) -> Result<&str> {
     let stem = path.file_stem().and_then(|s| s.to_str()).unwrap_or_default();
     if stem.is_empty() || stem.contains(|c: char| c.is_control() || matches!(c, '@' | ':' | '\\')) {
         let what = "the file's name must be UTF-8 without \"@\", \":\", \"\\\" and control characters: USD files hold it";

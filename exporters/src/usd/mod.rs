@@ -24,7 +24,7 @@ mod value;
 
 pub use fallback::read_fallback;
 pub use files::{UsdOptions, write_usd};
-pub(crate) use files::{encode_files, textures_name};
+pub(crate) use files::{encode_files, stem, textures_name};
 pub use read::read_usd;
 pub use validate::validate;
 

@@ -1,6 +1,6 @@
 //! Scenes for tests from outside.
 
-use litetex_exporters::{AssetCamera, AssetMap, CaptureFromLocal, SplatAsset, num_sh_coefficients};
+use litetex_exporters::{AssetCamera, AssetMap, SplatAsset, Transform, num_sh_coefficients};
 
 /// Pseudo-random splats with maps of several shapes, every third without; a camera and a frame.
 pub fn scene(num_splats: usize, sh_degree: u32) -> SplatAsset {
@@ -11,7 +11,7 @@ pub fn scene(num_splats: usize, sh_degree: u32) -> SplatAsset {
     };
     let mut asset = SplatAsset {
         sh_degree,
-        capture_from_local: CaptureFromLocal::scaled_and_moved(3.7, [10.0, -4.0, 0.5]),
+        capture_from_local: Transform::scaled_and_moved(3.7, [10.0, -4.0, 0.5]),
         cameras: vec![camera()],
         ..SplatAsset::default()
     };

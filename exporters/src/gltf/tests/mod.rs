@@ -10,7 +10,7 @@ mod schema;
 use super::{GltfOptions, decode_glb};
 use crate::asset::tests::fixture;
 use crate::meta::Meta;
-use crate::{AssetCamera, CaptureFromLocal, Contents, Quality, ReadLimits, SplatAsset};
+use crate::{AssetCamera, Contents, Quality, ReadLimits, SplatAsset, Transform};
 use serde_json::Value;
 use std::path::Path;
 
@@ -40,7 +40,7 @@ fn hard_fixture(num_splats: usize, sh_degree: u32) -> SplatAsset {
     asset.background = [0.1, 0.0, 1.0];
     let rotation = [0.5, -0.1, 0.7, 0.5];
     asset.capture_from_local =
-        CaptureFromLocal { scale: 1.0 / 3.0, rotation, translation: [1e6 / 7.0, -0.1, 5e-324] };
+        Transform { scale: 1.0 / 3.0, rotation, translation: [1e6 / 7.0, -0.1, 5e-324] };
     asset.cameras = vec![AssetCamera {
         held_out: true,
         name: "a \"quoted\" ü.png".into(),
