@@ -332,6 +332,40 @@ fn what_cannot_be_is_refused_before_anything_is_written() {
     assert_eq!(code, 1);
 }
 
+#[cfg(unix)]
+#[test]
+fn nothing_stays_of_an_export_that_is_interrupted() {
+    let (run, folder) = (run_folder(), tempfile::tempdir().unwrap());
+    let names = || -> Vec<String> {
+        let entries = std::fs::read_dir(folder.path()).unwrap();
+        entries.map(|e| e.unwrap().file_name().to_string_lossy().into_owned()).collect()
+    };
+    let old = folder.path().join("a.usda");
+    std::fs::write(&old, "old").unwrap();
+    // Again where the program was faster than this test.
+    for attempt in 0..20 {
+        let mut child = std::process::Command::new(env!("CARGO_BIN_EXE_litetex"))
+            .args(["export", text(run), "-o", text(&old), "--force", "--device", "cpu", "-q"])
+            .stdout(std::process::Stdio::null())
+            .spawn()
+            .unwrap();
+        while !names().iter().any(|n| n.starts_with('.')) && child.try_wait().unwrap().is_none() {
+            std::thread::sleep(std::time::Duration::from_millis(1));
+        }
+        std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+        let code = child.wait().unwrap().code();
+        assert!(!names().iter().any(|n| n.starts_with('.')), "{:?}", names());
+        if code == Some(130) {
+            assert_eq!(std::fs::read(&old).unwrap(), b"old");
+            return;
+        }
+        println!("attempt {attempt}: {code:?}");
+        std::fs::remove_dir_all(folder.path().join("a_usda_textures")).unwrap();
+        std::fs::write(&old, "old").unwrap();
+    }
+    panic!("never in time");
+}
+
 /// Overwrites an attribute of the only primitive of a `.glb` with a number.
 fn falsify(glb: &Path, attribute: &str, number: f32) {
     let mut bytes = std::fs::read(glb).unwrap();

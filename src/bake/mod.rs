@@ -7,7 +7,7 @@ mod thaw;
 use crate::model::{Model, texel_value};
 use crate::{Error, Report};
 pub use cameras::{AssetViews, asset_camera, asset_cameras, camera};
-use litetex_exporters::{AssetCamera, AssetMap, Transform, ColourSpace, Provenance, SplatAsset};
+use litetex_exporters::{AssetCamera, AssetMap, ColourSpace, Provenance, SplatAsset, Transform};
 pub use thaw::thaw;
 
 /// Largest standard deviation that an asset may hold, local units.

@@ -1,6 +1,7 @@
 //! How much each splat contributes to pictures.
 
 use super::devices;
+use super::interrupt::Interrupt;
 use super::log::Log;
 use litetex_exporters::{AssetCamera, SplatAsset};
 use litetex_gs::Result;
@@ -20,14 +21,16 @@ impl Contribution {
     /// Of the splats of a scene.
     ///
     /// # Errors
-    /// What the device reports.
+    /// What the device reports, [`litetex_gs::Error::Interrupted`].
     pub fn of(asset: &SplatAsset, views: &[AssetCamera], log: &Log) -> Result<Self> {
         let model = thaw(asset);
         let mut backend = devices::open("cpu", log)?;
         backend.upload(&model, &AdamState::zeros(&model))?;
         let none = vec![0.0; model.num_splats()];
         let mut all = Self { weight_px: none.clone(), squared_weight_px: none };
+        let interrupt = Interrupt::current();
         for (i, view) in views.iter().enumerate() {
+            interrupt.check()?;
             let pixels = view.width_px as usize * view.height_px as usize;
             let target = TargetImage {
                 width_px: view.width_px,

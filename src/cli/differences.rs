@@ -1,5 +1,6 @@
 //! How far the pictures of two scenes lie apart, view by view.
 
+use super::interrupt::Interrupt;
 use super::log::Log;
 use super::{devices, frozen::PSNR_TEST};
 use litetex_exporters::{AssetCamera, ColourSpace, SplatAsset};
@@ -20,6 +21,7 @@ pub struct Stage {
     backend: Box<dyn Backend>,
     options: RenderOptions,
     colour_space: ColourSpace,
+    interrupt: Interrupt,
 }
 
 impl Stage {
@@ -29,7 +31,12 @@ impl Stage {
     /// What the device reports.
     pub fn open(device: &str, log: &Log) -> Result<Self> {
         let options = RenderOptions { background: [0.0; 3], sh_degree: 0, geometry: false };
-        Ok(Self { backend: devices::open(device, log)?, options, colour_space: ColourSpace::default() })
+        Ok(Self {
+            backend: devices::open(device, log)?,
+            options,
+            colour_space: ColourSpace::default(),
+            interrupt: Interrupt::current(),
+        })
     }
 
     /// Puts a scene there.
@@ -47,8 +54,9 @@ impl Stage {
     /// A picture of it.
     ///
     /// # Errors
-    /// What the device reports.
+    /// What the device reports, [`litetex_gs::Error::Interrupted`].
     pub fn render(&mut self, view: &AssetCamera) -> Result<RenderedImage> {
+        self.interrupt.check()?;
         let mut image = self.backend.render(&camera(view), &self.options)?;
         to_display(&mut image, self.colour_space);
         Ok(image)

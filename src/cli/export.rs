@@ -3,6 +3,7 @@
 use super::asset_args::AssetArgs;
 use super::differences::{Stage, VIEWS, spread};
 use super::frozen::Frozen;
+use super::interrupt::Interrupt;
 use super::log::Log;
 use super::outputs;
 use super::search::{self, Rounding};
@@ -96,6 +97,8 @@ pub fn write_all(
     device: &str,
     log: &Log,
 ) -> Result<Exports> {
+    // Staged files must not stay behind.
+    let interrupt = Interrupt::listen()?;
     args.edit(&mut frozen, log)?;
     frozen.asset.validate().map_err(|e| Error::from(e.at(&frozen.path)))?;
     let views = proof_views(&frozen.asset);
@@ -111,7 +114,9 @@ pub fn write_all(
     }
     let mut exports = Exports { files: Vec::new(), stopped: None };
     for path in outputs {
-        match write_one(&frozen, path, args, proof.as_mut(), device, log) {
+        let next =
+            interrupt.check().and_then(|()| write_one(&frozen, path, args, proof.as_mut(), device, log));
+        match next {
             Ok(exported) => exports.files.push(exported),
             Err(error) => {
                 exports.stopped = Some(error);

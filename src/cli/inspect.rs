@@ -10,7 +10,7 @@ use super::summary::Summary;
 use super::table::{Table, print_json};
 use super::values::{format_bytes, format_count};
 use glam::{DVec3, Vec3};
-use litetex_exporters::{Transform, Describes, Format, Quality, SplatAsset};
+use litetex_exporters::{Describes, Format, Quality, SplatAsset, Transform};
 use litetex_gs::bake::thaw;
 use litetex_gs::dataset::read_ply_points;
 use litetex_gs::model::Model;

@@ -11,7 +11,7 @@ use super::session::picture_name;
 use super::table::Table;
 use super::values::{PictureSize, parse_picture_size};
 use super::verify::photos;
-use litetex_exporters::{Transform, SplatAsset};
+use litetex_exporters::{SplatAsset, Transform};
 use litetex_gs::backend::{RenderOptions, RenderedImage};
 use litetex_gs::bake::{AssetViews, thaw};
 use litetex_gs::camera::Camera;

@@ -289,12 +289,7 @@ impl Verdict {
             [("training photos", self.on_training_photos), ("test photos", self.on_test_photos)]
         {
             if let Some(OnPhotos { before, after }) = figures {
-                table.row(
-                    name,
-                    format!(
-                        "{before:.3} dB before, {after:.3} dB after (told, not judged)"
-                    ),
-                );
+                table.row(name, format!("{before:.3} dB before, {after:.3} dB after (told, not judged)"));
             }
         }
         table.row("fallback", format!("{:.2} dB where textures are not known", self.fallback_psnr));

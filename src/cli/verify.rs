@@ -7,7 +7,7 @@ use super::log::Log;
 use super::table::{Table, print_json};
 use super::values::parse_decibels;
 use super::verdict::{Expected, Found, Limits, judge, limits_of};
-use litetex_exporters::{AssetCamera, Transform, Format, ReadLimits, SplatAsset, read_fallback};
+use litetex_exporters::{AssetCamera, Format, ReadLimits, SplatAsset, Transform, read_fallback};
 use litetex_gs::bake::asset_cameras;
 use litetex_gs::{Error, Result};
 use std::path::{Path, PathBuf};
