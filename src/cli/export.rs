@@ -2,7 +2,7 @@
 
 use super::asset_args::AssetArgs;
 use super::differences::{Stage, VIEWS, spread};
-use super::frozen::Frozen;
+use super::frozen::{Frozen, read_limits};
 use super::interrupt::Interrupt;
 use super::log::Log;
 use super::outputs;
@@ -11,8 +11,7 @@ use super::table::Columns;
 use super::values::format_bytes;
 use super::verdict::{Expected, Found, Limits, Verdict, judge, limits_of};
 use litetex_exporters::{
-    AssetCamera, Format, ReadLimits, SplatAsset, WriteOptions, Written, read_asset, read_fallback,
-    stage_asset,
+    AssetCamera, Format, SplatAsset, WriteOptions, Written, read_asset, read_fallback, stage_asset,
 };
 use litetex_gs::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -160,9 +159,9 @@ fn write_one(
 
 /// Reads a file back and compares its pictures with the scene's.
 fn prove(stage: &mut Stage, expected: &Expected<'_>, path: &Path, asked: Option<Limits>) -> Result<Verdict> {
-    let contents = read_asset(path, &ReadLimits::default())?;
+    let contents = read_asset(path, &read_limits())?;
     let limits = asked.unwrap_or_else(|| limits_of(path, &contents));
-    let fallback = read_fallback(path, &ReadLimits::default())?;
+    let fallback = read_fallback(path, &read_limits())?;
     let textured = Format::of(path)?.keeps_textures();
     let found = Found { asset: &contents.asset, textured, fallback: fallback.as_ref() };
     judge(stage, expected, found, None, limits)

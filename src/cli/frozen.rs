@@ -2,6 +2,7 @@
 
 use super::devices;
 use super::eval::Trained;
+use super::forecast::machine_bytes;
 use super::log::Log;
 use super::summary::Summary;
 use litetex_exporters::{Contents, Format, Provenance, ReadLimits, SplatAsset, read_asset};
@@ -48,7 +49,7 @@ impl Frozen {
     /// # Errors
     /// As its format's reader.
     pub fn read(path: &Path, log: &Log) -> Result<Self> {
-        let mut contents = read_asset(path, &ReadLimits::default())?;
+        let mut contents = read_asset(path, &read_limits())?;
         for warning in &contents.warnings {
             log.warn("asset", &format!("{}: {warning}", path.display()), 1);
         }
@@ -63,6 +64,12 @@ impl Frozen {
             Origin::File(_) => None,
         }
     }
+}
+
+/// How much memory an asset may take: the library's default, or half of what this machine has if that is more.
+pub fn read_limits() -> ReadLimits {
+    let default = ReadLimits::default().decoded_bytes;
+    ReadLimits { decoded_bytes: machine_bytes().map_or(default, |bytes| default.max(bytes / 2)) }
 }
 
 /// The scene of a checkpoint with all lazy updates done, activated once.

@@ -2,12 +2,12 @@
 
 use super::capture::{self, Capture};
 use super::differences::{Stage, spread};
-use super::frozen::{Frozen, Origin};
+use super::frozen::{Frozen, Origin, read_limits};
 use super::log::Log;
 use super::table::{Table, print_json};
 use super::values::parse_decibels;
 use super::verdict::{Expected, Found, Limits, judge, limits_of};
-use litetex_exporters::{AssetCamera, Format, ReadLimits, SplatAsset, Transform, read_fallback};
+use litetex_exporters::{AssetCamera, Format, SplatAsset, Transform, read_fallback};
 use litetex_gs::bake::asset_cameras;
 use litetex_gs::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -61,7 +61,7 @@ pub fn run(args: &VerifyArgs, log: &Log) -> anyhow::Result<()> {
     let views = spread(&cameras, args.views.map_or(usize::MAX, |v| v as usize));
     let mut stage = Stage::open(&args.device, log)?;
     let textured = format.keeps_textures();
-    let fallback = read_fallback(&args.file, &ReadLimits::default()).map_err(Error::from)?;
+    let fallback = read_fallback(&args.file, &read_limits()).map_err(Error::from)?;
     let asset = Found { asset: &found.asset, textured, fallback: fallback.as_ref() };
     let expected = Expected::of(&mut stage, &against.asset, &views)?;
     let verdict = judge(&mut stage, &expected, asset, capture.as_ref(), limits)?;
