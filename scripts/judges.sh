@@ -92,6 +92,9 @@ export_as() { # export_as QUALITY FILE...
 export_as lossless "$files/lossless.glb" "$files/lossless.gltf" "$files/scene.usda" "$files/scene.usdc" "$files/scene.usdz"
 export_as balanced "$files/balanced.gltf" "$files/scene.ply" "$files/scene.spz"
 "$binary" -q export "$out/run" --no-verify --mesh -o "$files/balanced.glb" >/dev/null
+cp "$files/lossless.glb" "$files/scene.glb"
+"$binary" -q export "$out/run" --no-verify --quality lossless --up=0.3,-0.7,0.5 --scale 0.5 \
+    -o "$files"/turned.{glb,ply,spz} >/dev/null
 "$binary" -q render "$files/scene.ply" --capture "$out/capture" --test --device cpu -o "$out/pictures/ours" >/dev/null
 
 # --- judges ---
@@ -120,13 +123,15 @@ if [ -n "$node_why$python_why" ]; then
     skip "splat-transform" "${node_why:-$python_why}"
 else
     convert() { node "$node/node_modules/@playcanvas/splat-transform/bin/cli.mjs" -q -w "$1" "$2"; }
-    if text=$(convert "$files/scene.ply" "$files/scene.ply.other.ply" 2>&1 \
-        && convert "$files/scene.spz" "$files/scene.spz.other.ply" 2>&1); then
-        judge "$python" "$tests/judges/columns.py" "$files/lossless.glb" "$files"/scene.{ply,spz}.other.ply "$files/scene.spz"
-    else
-        failed=1
-        say "splat-transform: FAILED: $(tail -n 5 <<<"$text")"
-    fi
+    for name in scene turned; do
+        if text=$(convert "$files/$name.ply" "$files/$name.ply.other.ply" 2>&1 \
+            && convert "$files/$name.spz" "$files/$name.spz.other.ply" 2>&1); then
+            judge "$python" "$tests/judges/columns.py" "$files/$name.glb" "$files/$name".{ply,spz}.other.ply "$files/$name.spz"
+        else
+            failed=1
+            say "splat-transform: FAILED: $(tail -n 5 <<<"$text")"
+        fi
+    done
 fi
 if [ -n "$node_why$python_why$browser_why" ]; then
     skip "three.js in Chromium" "${node_why:-${python_why:-$browser_why}}"

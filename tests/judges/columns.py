@@ -5,11 +5,15 @@ what follows from the lossless .glb by the formats' definitions.
     columns.py FILE.glb FROM_PLY.ply FROM_SPZ.ply FILE.spz
 """
 
+import os
 import sys
 
 import numpy as np
 
-from gltf import SH_SIGNS, Gltf
+from gltf import Gltf
+
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "python"))
+from second_renderer import sh_basis
 
 SH_0 = 0.28209479177387814
 SH_REST = 45
@@ -36,15 +40,38 @@ def product(a, b):
     return b @ left.T
 
 
+def matrix(q):
+    """Rotation of a unit quaternion wxyz."""
+    w, x, y, z = q
+    return np.array([
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ])
+
+
+def turned_sh(sh, turn):
+    """Coefficients (n, k, 3) that give in turned directions what these give in the directions: by least squares."""
+    directions = np.random.default_rng(1).normal(size=(200, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    before, after = (sh_basis(d, sh.shape[1]) for d in (directions, directions @ turn.T))
+    new_from_old = np.linalg.lstsq(after, before, rcond=None)[0]
+    return np.einsum("jk,nkc->njc", new_from_old, sh)
+
+
 def expected(path, y_up):
-    """Columns in the frame of the capture, y down as in PLY or up as in SPZ: log scales, logits, quaternions wxyz."""
+    """Columns in the frame of files, y down as in PLY or up as in SPZ: log scales, logits, quaternions wxyz."""
     file = Gltf(path)
-    frame = file.textures["meta"]["captureFromLocal"]
-    scale, rotation = frame["scale"], np.array(frame["rotation"], np.float64)
-    assert abs(rotation[0]) == 1.0, "made for captures whose frame is not turned: SH would have to be turned too"
+    meta = file.textures["meta"]
+    scale, rotation, translation = 1.0, np.array([1.0, 0, 0, 0]), np.zeros(3)
+    for name in ("captureFromLocal", "worldFromCapture"):
+        if frame := meta.get(name):
+            turn = np.array(frame["rotation"], np.float64)
+            translation = frame["scale"] * matrix(turn) @ translation + frame["translation"]
+            scale, rotation = frame["scale"] * scale, product(turn, rotation[None])[0]
     local = file.attribute("POSITION").astype(np.float64) * [1, -1, -1]
     turn = np.array([1, -1, -1] if y_up else [1, 1, 1])
-    out = dict(zip("xyz", (turn * (scale * local + frame["translation"])).T))
+    out = dict(zip("xyz", (turn * (scale * local @ matrix(rotation).T + translation)).T))
     x, y, z, w = file.attribute("ROTATION").astype(np.float64).T
     turned = product(rotation, np.stack([x, -w, z, -y], 1))
     if y_up:
@@ -55,8 +82,9 @@ def expected(path, y_up):
     opacity = np.minimum(file.attribute("OPACITY")[:, 0], np.float32(1 - 2**-24)).astype(np.float64)
     out["opacity"] = np.log(opacity / (1 - opacity))
     sh = file.sh().astype(np.float64)
-    if not y_up:
-        sh *= SH_SIGNS[None, : sh.shape[1], None]
+    # From the data's axes (y up) to y down, turned, and to y up again for SPZ.
+    flip = np.diag([1.0, -1, -1])
+    sh = turned_sh(sh, (flip if y_up else np.eye(3)) @ matrix(rotation) @ flip)
     out |= {f"f_dc_{c}": sh[:, 0, c] for c in range(3)}
     rest = np.zeros((len(sh), SH_REST // 3, 3))
     rest[:, : sh.shape[1] - 1] = sh[:, 1:]
