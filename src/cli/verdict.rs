@@ -66,6 +66,8 @@ pub struct OnPhotos {
     pub before: f64,
     /// Of the file.
     pub after: f64,
+    /// Of the file in a program that knows no textures.
+    pub fallback: f64,
 }
 
 /// The comparison of a file's pictures with the scene's.
@@ -194,7 +196,15 @@ pub fn judge(
         failures: Vec::new(),
     };
     if let Some(capture) = capture {
-        on_photos(&mut verdict, capture, views, &pictures, expected)?;
+        let shown = shown.as_ref().unwrap_or(untextured);
+        let before = on_photos(capture, views, expected)?;
+        let after = on_photos(capture, views, &pictures)?;
+        let fallback = on_photos(capture, views, shown)?;
+        let of = |i: usize| {
+            let (before, after, fallback) = (before[i]?, after[i]?, fallback[i]?);
+            Some(OnPhotos { before, after, fallback })
+        };
+        (verdict.on_training_photos, verdict.on_test_photos) = (of(0), of(1));
     }
     verdict.failures = failures(&verdict);
     if verdict.has_fewer_splats() && !verdict.failures.is_empty() {
@@ -207,16 +217,14 @@ pub fn judge(
     Ok(verdict)
 }
 
-/// Fills in what the photos say.
+/// Mean PSNR of pictures on the photos that were trained on, and on those held out; dB.
 fn on_photos(
-    verdict: &mut Verdict,
     capture: &Capture,
     views: &[AssetCamera],
-    found: &[RenderedImage],
-    expected: &[RenderedImage],
-) -> Result<()> {
-    let mut sums = [(0_usize, OnPhotos::default()); 2];
-    for ((view, found), expected) in views.iter().zip(found).zip(expected) {
+    pictures: &[RenderedImage],
+) -> Result<[Option<f64>; 2]> {
+    let mut psnrs = [Vec::new(), Vec::new()];
+    for (view, picture) in views.iter().zip(pictures) {
         let index = (0..capture.num_views()).find(|&v| capture.name(v) == view.name);
         let index = index.ok_or_else(|| {
             Error::Usage(format!(
@@ -231,17 +239,10 @@ fn on_photos(
                 view.name, photo.width_px, photo.height_px, view.width_px, view.height_px
             )));
         }
-        let [before, after] = [expected, found].map(|p| quality_of(&view.name, &p.rgb, &photo).psnr);
-        let (count, sum) = &mut sums[usize::from(view.held_out)];
-        *count += 1;
-        *sum = OnPhotos { before: sum.before + before, after: sum.after + after };
+        psnrs[usize::from(view.held_out)].push(quality_of(&view.name, &picture.rgb, &photo).psnr);
     }
-    let mean = |(count, sum): (usize, OnPhotos)| {
-        let count_f = count as f64;
-        (count > 0).then_some(OnPhotos { before: sum.before / count_f, after: sum.after / count_f })
-    };
-    (verdict.on_training_photos, verdict.on_test_photos) = (mean(sums[0]), mean(sums[1]));
-    Ok(())
+    let mean = |all: Vec<f64>| (!all.is_empty()).then(|| all.iter().sum::<f64>() / all.len() as f64);
+    Ok(psnrs.map(mean))
 }
 
 fn failures(v: &Verdict) -> Vec<String> {
@@ -288,11 +289,14 @@ impl Verdict {
         for (name, figures) in
             [("training photos", self.on_training_photos), ("test photos", self.on_test_photos)]
         {
-            if let Some(OnPhotos { before, after }) = figures {
+            if let Some(OnPhotos { before, after, .. }) = figures {
                 table.row(name, format!("{before:.3} dB before, {after:.3} dB after (told, not judged)"));
             }
         }
-        table.row("fallback", format!("{:.2} dB where textures are not known", self.fallback_psnr));
+        let on_photos = self.on_test_photos.or(self.on_training_photos);
+        let on_photos = on_photos.map_or_else(String::new, |p| format!(", {:.3} dB on photos", p.fallback));
+        let fallback = self.fallback_psnr;
+        table.row("fallback", format!("{fallback:.2} dB where textures are not known{on_photos}"));
         table.row(
             "verified",
             if self.limits == Limits::NONE {

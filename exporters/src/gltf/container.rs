@@ -30,17 +30,19 @@ pub fn glb(mut json: Vec<u8>, mut bin: Vec<u8>) -> Result<Vec<u8>> {
         Error::too_large("", format!("{total} bytes, a .glb holds {}: write a .gltf with files", u32::MAX))
     };
     let length = u32::try_from(total).map_err(|_| too_large())?;
-    let mut bytes = Vec::with_capacity(total);
-    bytes.extend(MAGIC);
-    bytes.extend(VERSION.to_le_bytes());
-    bytes.extend(length.to_le_bytes());
-    for (kind, chunk) in [(JSON, json), (BIN, bin)] {
-        // Not longer than the file.
-        bytes.extend((chunk.len() as u32).to_le_bytes());
-        bytes.extend(kind);
-        bytes.extend(chunk);
-    }
-    Ok(bytes)
+    let mut head = Vec::with_capacity(total - bin.len());
+    head.extend(MAGIC);
+    head.extend(VERSION.to_le_bytes());
+    head.extend(length.to_le_bytes());
+    // Chunks are not longer than the file.
+    let chunk_header = |bytes: usize, kind: [u8; 4]| (bytes as u32).to_le_bytes().into_iter().chain(kind);
+    head.extend(chunk_header(json.len(), JSON));
+    head.extend(json);
+    head.extend(chunk_header(bin.len(), BIN));
+    // In place: two copies of large files would not fit where one does.
+    bin.reserve_exact(head.len());
+    bin.splice(0..0, head);
+    Ok(bin)
 }
 
 /// The two parts of a file.

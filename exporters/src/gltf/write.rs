@@ -236,6 +236,7 @@ impl Writer<'_> {
                 self.files.push((name, encode_exr(size, &texels)?));
             } else {
                 let view = self.arrays.begin_view(None);
+                self.arrays.bytes.reserve_exact(4 * texels.len());
                 self.arrays.bytes.extend(texels.iter().flat_map(|t| t.to_le_bytes()));
                 self.arrays.end_view();
                 page.buffer_view = Some(view);

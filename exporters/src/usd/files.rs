@@ -58,17 +58,18 @@ pub(crate) fn encode_files(
         Container::Text => textures_name(stem(path)?, "usda"),
         Container::Binary => textures_name(stem(path)?, "usdc"),
     };
-    let bundle = Bundle::of(asset, options, &folder).map_err(|e| e.at(path))?;
+    let Bundle { layer, pictures } = Bundle::of(asset, options, &folder).map_err(|e| e.at(path))?;
     let root = match container {
-        Container::Text => text_from_layer(&bundle.layer).into_bytes(),
-        Container::Binary => binary_from_layer(&bundle.layer),
-        Container::Package => {
-            let root = Entry { name: PACKAGE_ROOT.to_owned(), bytes: binary_from_layer(&bundle.layer) };
-            let entries: Vec<Entry> = std::iter::once(root).chain(bundle.pictures).collect();
-            return Ok((package_from_entries(&entries).map_err(|e| e.at(path))?, Vec::new()));
-        }
+        Container::Text => text_from_layer(&layer).into_bytes(),
+        Container::Binary | Container::Package => binary_from_layer(&layer),
     };
-    Ok((root, bundle.pictures.into_iter().map(|p| (p.name.into(), p.bytes)).collect()))
+    drop(layer);
+    if container == Container::Package {
+        let root = Entry { name: PACKAGE_ROOT.to_owned(), bytes: root };
+        let entries = std::iter::once(root).chain(pictures).collect();
+        return Ok((package_from_entries(entries).map_err(|e| e.at(path))?, Vec::new()));
+    }
+    Ok((root, pictures.into_iter().map(|p| (p.name.into(), p.bytes)).collect()))
 }
 
 /// The folder of a layer's pictures: text and binary files of one stem share none.

@@ -22,9 +22,11 @@ pub(super) struct Entry {
 ///
 /// # Errors
 /// [`Error::Invalid`] with the zip writer's word.
-pub(super) fn package_from_entries(entries: &[Entry]) -> Result<Vec<u8>> {
+pub(super) fn package_from_entries(entries: Vec<Entry>) -> Result<Vec<u8>> {
     let failed = |what: String| Error::invalid("", format!("package: {what}"));
-    let mut writer = ZipWriter::new(Cursor::new(Vec::new()));
+    // Room for alignment and directory too.
+    let room = entries.iter().map(|e| e.bytes.len() + 2 * e.name.len() + 512).sum();
+    let mut writer = ZipWriter::new(Cursor::new(Vec::with_capacity(room)));
     for entry in entries {
         let options = SimpleFileOptions::default()
             .compression_method(CompressionMethod::Stored)
@@ -142,8 +144,8 @@ mod tests {
     #[test]
     fn entries_are_aligned_stored_and_come_back() {
         assert_eq!(crc32(b"123456789"), 0xcbf4_3926);
-        let bytes = package_from_entries(&entries()).unwrap();
-        assert_eq!(package_from_entries(&entries()).unwrap(), bytes, "reproducible");
+        let bytes = package_from_entries(entries()).unwrap();
+        assert_eq!(package_from_entries(entries()).unwrap(), bytes, "reproducible");
         let read = entries_from_package(&bytes, Path::new("p"), &ReadLimits::default()).unwrap();
         for (read, written) in read.iter().zip(entries()) {
             assert_eq!((&read.name, &read.bytes), (&written.name, &written.bytes));
@@ -166,7 +168,7 @@ mod tests {
         }
         assert!(is_plain_path("textures/page 0.png"));
         let evil = [Entry { name: "../scene.usdc".into(), bytes: vec![1] }];
-        let bytes = package_from_entries(&evil).unwrap();
+        let bytes = package_from_entries(evil.into()).unwrap();
         assert!(entries_from_package(&bytes, Path::new("p"), &ReadLimits::default()).is_err());
     }
 }
