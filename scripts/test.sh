@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Everything that must hold before a change is merged. Needs a Rust tool chain (rustup) and a C++
-# compiler (the FLIP metric); installs what else it can. The test summaries come last, after them what programs of others
-# say of exported files (scripts/judges.sh).
+# compiler (the FLIP metric); installs what else it can. Tests come last, after them what programs of others say of exported
+# files (scripts/judges.sh), and the sum of all tests.
 #
 # The tests of the wgpu backend run on software drivers: Mesa's lavapipe and SwiftShader, which comes with
 # Chromium. Where these cannot be installed the tests say that they are skipped.
@@ -107,13 +107,19 @@ done
 note "documentation"
 RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --document-private-items
 
+results=${gpu_env[0]#*=}/results
 for set in "${features[@]}"; do
     note "tests ${set:-(default features)}"
     run_env=()
     if [ -z "$set" ]; then run_env=("${gpu_env[@]}"); fi
     # shellcheck disable=SC2086
-    env "${run_env[@]}" cargo test --workspace $set
+    env "${run_env[@]}" cargo test --workspace $set | tee -a "$results"
 done
 
 note "judges of exported files"
 LITETEX_USD_SAMPLES="$usd_samples" scripts/judges.sh "${CARGO_TARGET_DIR:-target}/debug/litetex"
+
+note "tests of all configurations"
+awk '/^test result: / { passed += $4; failed += $6; ignored += $8; binaries++ }
+    END { printf "test result: ok. %d passed; %d failed; %d ignored; in %d binaries\n", passed, failed, ignored, binaries }' \
+    "$results"
