@@ -2,6 +2,7 @@
 
 use super::shader::{GROUP, MAX_GROUPS};
 use crate::{Error, Result};
+use std::sync::OnceLock;
 
 /// An adapter as `litetex devices` shows it.
 #[derive(Clone, Debug)]
@@ -31,10 +32,15 @@ pub struct UnfitAdapter {
 }
 
 fn all_adapters() -> Vec<wgpu::Adapter> {
-    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
-        backends: wgpu::Backends::VULKAN | wgpu::Backends::METAL | wgpu::Backends::DX12,
-        flags: instance_flags(),
-        ..wgpu::InstanceDescriptor::new_without_display_handle()
+    // One for the process, never dropped: loaders unload drivers with their last instance, and threads that make and drop
+    // instances at once have been seen to end in a call into a driver that was gone.
+    static INSTANCE: OnceLock<wgpu::Instance> = OnceLock::new();
+    let instance = INSTANCE.get_or_init(|| {
+        wgpu::Instance::new(wgpu::InstanceDescriptor {
+            backends: wgpu::Backends::VULKAN | wgpu::Backends::METAL | wgpu::Backends::DX12,
+            flags: instance_flags(),
+            ..wgpu::InstanceDescriptor::new_without_display_handle()
+        })
     });
     pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()))
 }
