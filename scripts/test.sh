@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Everything that must hold before a change is merged. Needs a Rust tool chain (rustup) and a C++
 # compiler (the FLIP metric); installs what else it can. Tests come last, after them what programs of others say of exported
-# files (scripts/judges.sh), and the sum of all tests.
+# files (scripts/third-party.sh), and the sum of all tests.
 #
 # The tests of the wgpu backend run on software drivers: Mesa's lavapipe and SwiftShader, which comes with
 # Chromium. Where these cannot be installed the tests say that they are skipped.
@@ -73,7 +73,7 @@ if [ -n "$(browser)" ] && [ -n "$icd" ]; then
     gpu_env+=(LITETEX_REQUIRE_BROWSER=1)
 fi
 # Samples of USD, for the judges.
-usd_samples=$PWD/target/judges/usd
+usd_samples=$PWD/target/third-party/usd
 rm -rf "$usd_samples"
 mkdir -p "$usd_samples"
 gpu_env+=(LITETEX_USD_SAMPLES="$usd_samples")
@@ -117,7 +117,7 @@ for set in "${features[@]}"; do
 done
 
 note "judges of exported files"
-LITETEX_USD_SAMPLES="$usd_samples" scripts/judges.sh "${CARGO_TARGET_DIR:-target}/debug/litetex"
+LITETEX_USD_SAMPLES="$usd_samples" scripts/third-party.sh "${CARGO_TARGET_DIR:-target}/debug/litetex"
 
 note "tests of all configurations"
 awk '/^test result: / { passed += $4; failed += $6; ignored += $8; binaries++ }

@@ -1,5 +1,5 @@
-// Carries out the edits of a structure plan after its gathering: a workgroup per edit writes the splat's new
-// parameters and ends the momentum of all of them (twin: cpu/structure.rs).
+// Carries out the edits of a density-control plan after its gathering: a workgroup per edit writes the splat's new
+// parameters and ends the momentum of all of them (twin: cpu/apply_plan.rs).
 
 #constants
 #include common/groups

@@ -1,4 +1,4 @@
-// Applies a structure plan to one array of the splats' parameters: a workgroup per new splat copies its source's
+// Applies a density-control plan to one array of the splats' parameters: a workgroup per new splat copies its source's
 // entries (twin: SplatArrays::gathered).
 
 #constants

@@ -1,4 +1,4 @@
-// Derivative of the loss by the picture, from the maps of `loss_fwd`: the window is its own adjoint (twin:
+// Derivative of the loss by the image, from the maps of `loss_fwd`: the window is its own adjoint (twin:
 // reference/loss.rs). A workgroup per tile, an invocation per pixel.
 
 #constants
@@ -26,7 +26,7 @@ fn loss_bwd(
     let pixel0 = halo_pixel(tile, lid);
     let pixel1 = halo_pixel(tile, lid + GROUP);
     let pixel2 = halo_pixel(tile, lid + 2u * GROUP);
-    let pixel = picture_pixel(tile, vec2i(vec2u(lid % TILE_PX, lid / TILE_PX)));
+    let pixel = image_pixel(tile, vec2i(vec2u(lid % TILE_PX, lid / TILE_PX)));
     let pair = pair_at(pixel);
     var gradient = vec3f();
     for (var c = 0u; c < 3u; c += 1u) {
@@ -54,7 +54,7 @@ fn loss_bwd(
     }
 }
 
-// Outside the picture there are no windows.
+// Outside the image there are no windows.
 fn stage(c: u32, place: u32, pixel: u32) {
     var maps = vec3f();
     if pixel != OUTSIDE {

@@ -1,4 +1,4 @@
-// L1, SSIM and squared difference of picture and photo, and the derivatives of SSIM by the means under each
+// L1, SSIM and squared difference of image and photo, and the derivatives of SSIM by the means under each
 // window (twin: reference/loss.rs). A workgroup per tile, an invocation per pixel; `loss_bwd` follows.
 
 #constants
@@ -32,7 +32,7 @@ fn loss_fwd(
     let pair2 = pair_at(halo_pixel(tile, lid + 2u * GROUP));
     let x = lid % TILE_PX;
     let y = lid / TILE_PX;
-    let pixel = picture_pixel(tile, vec2i(vec2u(x, y)));
+    let pixel = image_pixel(tile, vec2i(vec2u(x, y)));
     let num_pixels = step.size_px.x * step.size_px.y;
     let scale = -step.loss_dssim / (3.0 * f32(num_pixels));
     var sums = vec3f();

@@ -98,7 +98,7 @@ fn project(
 
 // SH at the direction from the camera, brought up to date as of the last step.
 fn base_colour(i: u32, position: vec3f, last_step: u32) -> vec3f {
-    let skip = adam_skip(last_step, step.settled_step);
+    let skip = adam_skip(last_step, step.flushed_step);
     let basis = sh_basis(step.sh_degree, normalize(position - step.camera_in_local));
     let used = 3u * sh_coefficients(step.sh_degree);
     let base = i * step.splat_stride + SH;

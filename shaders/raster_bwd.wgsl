@@ -10,7 +10,7 @@
 // select(). The form before it, with more of both, took this kernel 3.9 times as long on lavapipe. COUNT: global
 // atomics are told in the place of faults. SCATTER, for hardware: windows of many texels get an atomic per tap
 // instead; its units are those of the whole box, so that the rounding of taps shows where a splat covers much of
-// the picture.
+// the image.
 
 #constants
 #include common/groups

@@ -83,7 +83,7 @@ fn blend(state: ptr<function, Pixel>, s: Projected, index: u32, pixel: vec2u) {
     (*state).blended += 1u;
 }
 
-// Pictures have no use for windows.
+// Images have no use for windows.
 fn leave_window(s: Projected, index: u32, origin_px: vec2u) {
     if step.step > 0u {
         let window = texel_window(s, origin_px);
@@ -155,15 +155,15 @@ fn raster_fwd(
     }
     let origin_px = tile_origin_px(tile);
     let pixel = origin_px + pixel_in_tile(lane);
-    let in_picture = all(pixel < step.size_px);
+    let in_image = all(pixel < step.size_px);
     let range = tile_ranges[tile];
 #if GEOMETRY
-    var state = Pixel(vec3f(0.0), 1.0, range.x, !in_picture, 0u, 0u, 0u, vec4f(0.0), vec2f(0.0));
+    var state = Pixel(vec3f(0.0), 1.0, range.x, !in_image, 0u, 0u, 0u, vec4f(0.0), vec2f(0.0));
 #else
-    var state = Pixel(vec3f(0.0), 1.0, range.x, !in_picture, 0u, 0u, 0u);
+    var state = Pixel(vec3f(0.0), 1.0, range.x, !in_image, 0u, 0u, 0u);
 #endif
     raster_tile(&state, range, origin_px, pixel, lane);
-    if in_picture {
+    if in_image {
         let at = pixel.y * step.size_px.x + pixel.x;
         let t = state.transmittance;
         pixels[at] = vec4f(state.rgb + t * step.background, t);

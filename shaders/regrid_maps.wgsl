@@ -1,4 +1,4 @@
-// Applies a structure plan to one array of the texels: a workgroup per new map cuts its window from the grid of its
+// Applies a density-control plan to one array of the texels: a workgroup per new map cuts its window from the grid of its
 // source, or from one twice as fine or coarse, and scales it (twin: cpu/maps.rs). Outside of the grid is nothing,
 // with FLAG_NEAREST_OUTSIDE the nearest texel. Leaves what is resampled to resample_maps. Carries the source's last
 // step along.

@@ -1,4 +1,4 @@
-// Applies a structure plan to one array of the texels: a workgroup per new map that is resampled samples its source
+// Applies a density-control plan to one array of the texels: a workgroup per new map that is resampled samples its source
 // bilinearly about a place beside its centre, zero outside, and scales the result (twin: cpu/maps.rs). All other maps are
 // left to regrid_maps.
 

@@ -9,7 +9,7 @@ pub use crate::model::LearningRates;
 use crate::model::{AdamState, Model};
 use crate::{Error, Result};
 pub use limits::{DeviceLimits, SceneShape};
-pub use plan::{Grid, MapChange, SplatEdit, StructurePlan};
+pub use plan::{Grid, MapChange, SplatEdit, DensityPlan};
 use serde::{Deserialize, Serialize};
 
 /// A photo as the optimisation sees it: display space, composited, at the size that is rendered.
@@ -285,7 +285,7 @@ pub trait Backend {
     /// One iteration: forward, loss, backward, Adam.
     ///
     /// # Errors
-    /// [`Error::Device`] if memory or the device fails, [`Error::Usage`] if picture and camera differ in size.
+    /// [`Error::Device`] if memory or the device fails, [`Error::Usage`] if image and camera differ in size.
     fn step(&mut self, request: &StepRequest<'_>) -> Result<StepReport>;
 
     /// How many steps this machine wants at once, at least 1: a device that is fed through a queue
@@ -305,7 +305,7 @@ pub trait Backend {
         requests.iter().map(|request| self.step(request)).collect()
     }
 
-    /// Sums since the window began: with the last upload or change of structure, or as set by
+    /// Sums since the window began: with the last upload or density-control step, or as set by
     /// [`Backend::set_statistics`]. Leaves them as they are.
     ///
     /// # Errors
@@ -322,11 +322,11 @@ pub trait Backend {
     ///
     /// # Errors
     /// [`Error::Usage`] if the plan does not fit the model, [`Error::Device`] if memory fails.
-    fn apply_plan(&mut self, plan: &StructurePlan) -> Result<()>;
+    fn apply_plan(&mut self, plan: &DensityPlan) -> Result<()>;
 
     /// The state exactly as it is: uploading it elsewhere continues the run bit for bit. Parameters of
     /// splats that the last steps did not see may lag behind (`AdamState::last_step`); see
-    /// [`Backend::read_settled`].
+    /// [`Backend::read_flushed`].
     ///
     /// # Errors
     /// [`Error::Device`] if the device fails.
@@ -336,5 +336,5 @@ pub trait Backend {
     ///
     /// # Errors
     /// [`Error::Device`] if the device fails.
-    fn read_settled(&mut self) -> Result<Model>;
+    fn read_flushed(&mut self) -> Result<Model>;
 }

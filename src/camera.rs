@@ -6,12 +6,12 @@
 use glam::{DMat3, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
-/// Pinhole intrinsics for a picture of a given size.
+/// Pinhole intrinsics for an image of a given size.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Pinhole {
-    /// Picture width.
+    /// Image width.
     pub width_px: u32,
-    /// Picture height.
+    /// Image height.
     pub height_px: u32,
     /// Focal length along x.
     pub fx_px: f64,
@@ -24,7 +24,7 @@ pub struct Pinhole {
 }
 
 impl Pinhole {
-    /// The same camera for the picture resized to `width_px` x `height_px` (same field of view).
+    /// The same camera for the image resized to `width_px` x `height_px` (same field of view).
     pub fn resized(&self, width_px: u32, height_px: u32) -> Self {
         let sx = f64::from(width_px) / f64::from(self.width_px);
         let sy = f64::from(height_px) / f64::from(self.height_px);
@@ -48,7 +48,7 @@ impl Pinhole {
         })
     }
 
-    /// Ray direction (z = 1) through a picture position, in camera coordinates.
+    /// Ray direction (z = 1) through an image position, in camera coordinates.
     pub fn direction_in_camera(&self, position_px: DVec2) -> DVec3 {
         DVec3::new((position_px.x - self.cx_px) / self.fx_px, (position_px.y - self.cy_px) / self.fy_px, 1.0)
     }
@@ -138,7 +138,7 @@ impl Camera {
         self.camera_from_local.origin_of_a_in_b()
     }
 
-    /// The same view at another picture size.
+    /// The same view at another image size.
     pub fn resized(&self, width_px: u32, height_px: u32) -> Self {
         Self { pinhole: self.pinhole.resized(width_px, height_px), ..*self }
     }

@@ -1,4 +1,4 @@
-//! Constants of the picture: fixed by the version of the format, shared by every renderer, and the
+//! Constants of the image: fixed by the version of the format, shared by every renderer, and the
 //! source of the shaders' prelude. Nothing that a user may configure belongs here.
 
 /// A sample is drawn where `opacity * falloff` reaches this (3DGS and all its successors).

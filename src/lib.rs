@@ -16,12 +16,12 @@ pub mod eval;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 pub mod model;
-pub mod picture;
+pub mod image;
 pub mod reference;
 mod report;
 pub mod results;
 pub mod sample;
-pub mod schedule;
+pub mod frequency;
 pub mod selftest;
 pub mod train;
 pub mod views;

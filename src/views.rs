@@ -17,7 +17,7 @@ pub enum Split {
 
 /// Views in an order that follows from where their cameras stand and not from their names: by distance from
 /// the origin, which is the cameras' mean in the local frame; at equal distances as given. A capture that
-/// was turned, or whose pictures were renamed, is then drawn from in the same order.
+/// was turned, or whose images were renamed, is then drawn from in the same order.
 pub fn by_place(views: &dyn ViewSource, mut indices: Vec<usize>) -> Vec<usize> {
     indices.sort_by(|&a, &b| {
         let distance = |view: usize| views.camera(view).centre_in_local().length_squared();
@@ -31,7 +31,7 @@ pub trait ViewSource: Sync {
     /// Number of views, both sides of the split.
     fn num_views(&self) -> usize;
 
-    /// Original picture name of a view, relative to the picture folder.
+    /// Original image name of a view, relative to the image folder.
     fn name(&self, view: usize) -> &str;
 
     /// Side of the split.

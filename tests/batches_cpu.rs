@@ -7,7 +7,7 @@ mod common;
 use common::training::{MemoryViews, config, damaged, photos, scene};
 use litetex_gs::backend::{
     Backend, DeviceInfo, DeviceLimits, RenderOptions, RenderedImage, SceneShape, StepReport, StepRequest,
-    StructurePlan, WindowStatistics,
+    DensityPlan, WindowStatistics,
 };
 use litetex_gs::camera::Camera;
 use litetex_gs::cpu::CpuBackend;
@@ -28,7 +28,7 @@ enum Fault {
     At(u32),
     /// The loss of this step is not a number.
     NotFinite(u32),
-    /// The device fails when the model is read for this change of structure, counted from 1.
+    /// The device fails when the model is read for this density-control step, counted from 1.
     Revision(usize),
 }
 
@@ -39,7 +39,7 @@ struct Batched {
     fault: Fault,
     /// Sizes of the batches so far.
     sizes: Vec<usize>,
-    /// Changes of structure so far.
+    /// Density-control steps so far.
     revisions: usize,
 }
 
@@ -94,18 +94,18 @@ impl Backend for Batched {
     fn read_statistics(&mut self) -> Result<WindowStatistics> {
         self.inner.read_statistics()
     }
-    fn apply_plan(&mut self, plan: &StructurePlan) -> Result<()> {
+    fn apply_plan(&mut self, plan: &DensityPlan) -> Result<()> {
         self.inner.apply_plan(plan)
     }
     fn read_back(&mut self) -> Result<(Model, AdamState)> {
         self.inner.read_back()
     }
-    fn read_settled(&mut self) -> Result<Model> {
+    fn read_flushed(&mut self) -> Result<Model> {
         self.revisions += 1;
         if self.fault == Fault::Revision(self.revisions) {
             return Err(Error::Device("lost".into()));
         }
-        self.inner.read_settled()
+        self.inner.read_flushed()
     }
 }
 
@@ -183,8 +183,8 @@ fn run_with(
             TrainEvent::EvalView { step, view, image } => {
                 format!("view {step} {view} {:?}", &image.rgb[..99])
             }
-            TrainEvent::Structure { step, counts, num_splats, num_texels, .. } => {
-                format!("structure {step} {counts:?} {num_splats} {num_texels}")
+            TrainEvent::DensityControl { step, counts, num_splats, num_texels, .. } => {
+                format!("density control {step} {counts:?} {num_splats} {num_texels}")
             }
             TrainEvent::Evaluated { step, evaluation, point, last } => {
                 format!("evaluated {step} {} {evaluation:?} {last}", point.psnr_test)
@@ -264,7 +264,7 @@ fn a_stop_within_a_batch_takes_effect_at_its_end() {
     let told = run(&mut Batched::new(5, Fault::None), &views, start(), 7);
     let (state, reason) = told.outcome.as_ref().unwrap();
     assert_eq!((state.step, *reason), (9, StopReason::Consumer));
-    assert_eq!(told.events[..11], single.events[..11], "started, nine steps, a structure step");
+    assert_eq!(told.events[..11], single.events[..11], "started, nine steps, a density-control step");
     assert_eq!(told.events[11..], ["checkpoint 9", "finished Consumer"]);
     assert!(told.files()[0] == single.files()[0]);
 }
@@ -287,9 +287,9 @@ fn a_device_that_fails_within_a_batch_leaves_a_state_that_continues() {
 #[test]
 fn a_revision_that_failed_is_done_when_the_run_goes_on() {
     let views = photos(&scene());
-    // Structure steps each 5 steps; and each 100, with maps that follow their support each 40.
+    // Density-control steps each 5 steps; and each 100, with maps that follow their support each 40.
     let mut cropping = TrainConfig { eval_every: 0, save_every: 0, ..config(125) };
-    cropping.structure.interval = 24_000;
+    cropping.density.interval = 24_000;
     let cases = [(settings(), &[5, 10, 15, 20, 25, 30, 35][..]), (cropping, &[40, 80, 100, 120])];
     for (config, due) in cases {
         let run = |fault, from: &TrainState| {

@@ -238,6 +238,6 @@ fn sample(dir: &Path) -> String {
         ["sample", &capture, "--views", "9", "--size", "64x48", "--points", "300", "--no-truth", "-q"];
     let (code, stdout, stderr) = run(&arguments);
     assert_eq!(code, 0, "{stderr}");
-    assert!(stdout.contains("pictures") && stderr.is_empty(), "{stdout}{stderr}");
+    assert!(stdout.contains("images") && stderr.is_empty(), "{stdout}{stderr}");
     capture
 }

@@ -22,7 +22,7 @@ fn ok(arguments: &[&str]) -> String {
     stdout
 }
 
-/// A folder with a capture of 9 pictures, 2 of them held out.
+/// A folder with a capture of 9 images, 2 of them held out.
 struct Place {
     dir: tempfile::TempDir,
 }

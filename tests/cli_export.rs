@@ -406,7 +406,7 @@ fn what_other_programs_see_is_checked_as_it_stands_in_the_file() {
 }
 
 #[test]
-fn pictures_folders_and_scenes_are_compared() {
+fn images_folders_and_scenes_are_compared() {
     let (run, folder) = (run_folder(), tempfile::tempdir().unwrap());
     let at = |name: &str| folder.path().join(name);
     let glb = at("a.glb");
@@ -417,11 +417,11 @@ fn pictures_folders_and_scenes_are_compared() {
     assert_eq!((&same["psnr"], &same["per_view"].as_array().unwrap().len()), (&100.0.into(), &2));
     let scenes = json(&["compare", text(&glb), text(run), "--views", "3", "--device", "cpu"]);
     assert_eq!(scenes["per_view"][2]["largest"], 0.0);
-    let pictures: Vec<PathBuf> = std::fs::read_dir(at("run")).unwrap().map(|e| e.unwrap().path()).collect();
-    let (code, told) = bad(&["compare", text(&pictures[0]), text(&pictures[1]), "--min-psnr", "60dB"]);
+    let images: Vec<PathBuf> = std::fs::read_dir(at("run")).unwrap().map(|e| e.unwrap().path()).collect();
+    let (code, told) = bad(&["compare", text(&images[0]), text(&images[1]), "--min-psnr", "60dB"]);
     assert!(code == 1 && told.contains("60"), "{told}");
-    let (code, _) = bad(&["compare", text(&pictures[0]), text(&glb)]);
+    let (code, _) = bad(&["compare", text(&images[0]), text(&glb)]);
     assert_eq!(code, 2);
     let (code, told) = bad(&["compare", text(&at("run")), text(folder.path())]);
-    assert!(code == 2 && told.contains("no picture"), "{told}");
+    assert!(code == 2 && told.contains("no image"), "{told}");
 }

@@ -64,19 +64,19 @@ fn splats_are_coloured_by_their_maps_on_every_device() {
         assert!(sides.iter().filter(|&&n| n > 0).count() > 1, "maps of one size tell nothing: {table}");
         assert_eq!(classes.iter().map(|c| c.3 as u64).sum::<u64>(), summary["size"]["texels"], "{table}");
         assert!(folder(&device).join("texels.legend.png").is_file());
-        let pictures: Vec<Vec<u8>> =
+        let images: Vec<Vec<u8>> =
             names.iter().map(|name| pixels(&folder(&device).join(format!("{name}.texels.png")))).collect();
         match &first {
-            None => first = Some(pictures),
+            None => first = Some(images),
             Some(first) => {
                 let off = |a: &[u8], b: &[u8]| a.iter().zip(b).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
-                let worst = first.iter().zip(&pictures).map(|(a, b)| off(a, b)).max().unwrap();
+                let worst = first.iter().zip(&images).map(|(a, b)| off(a, b)).max().unwrap();
                 println!("{device}: {worst} of 255 from cpu");
                 // A pixel at the edge of a support may flip by 1/255 of a colour, and rounding by another.
                 assert!(worst <= 3, "{device}: {worst}");
                 // Negative control: the scene as it looks.
                 let plain = pixels(&folder("plain").join("view_0000.png"));
-                assert!(off(&plain, &pictures[0]) > 60);
+                assert!(off(&plain, &images[0]) > 60);
             }
         }
     }
@@ -109,7 +109,7 @@ fn splats_are_coloured_by_their_maps_on_every_device() {
         "cpu",
         "-q",
     ]);
-    // Depth has no colours to tell anything with; beside the coloured picture it is welcome.
+    // Depth has no colours to tell anything with; beside the coloured image it is welcome.
     let depth = |what: &str| {
         let out = path("depth");
         let arguments = ["render", &run, "--orbit", "1", "-o", &out, "--colour-by", "texels", "--what", what];

@@ -19,7 +19,7 @@ fn ok(arguments: &[&str]) -> String {
     stdout
 }
 
-/// A folder with a capture of 5 pictures, one of them held out.
+/// A folder with a capture of 5 images, one of them held out.
 struct Place(tempfile::TempDir);
 
 impl Place {
@@ -88,7 +88,7 @@ fn rules_shape_the_work_and_threads_do_not() {
     let work = |arguments: &[&str]| place.json(arguments)["pixel_work"].as_f64().unwrap();
     let integer = work(&["--scale-rule", "integer"]);
     assert!(integer < 0.95 && work(&[]) < integer - 0.02, "fractional is the default; {integer}");
-    assert!(work(&["--until", "15000"]) > work(&[]) + 0.02, "full pictures for longer");
+    assert!(work(&["--until", "15000"]) > work(&[]) + 0.02, "full images for longer");
     assert_eq!(work(&["--scale-rule", "off"]), 1.0);
     assert_eq!(work(&["--max-scale", "1"]), 1.0);
     assert_ne!(place.json(&["--keep-noise"])["schedule"], place.json(&[])["schedule"]);

@@ -20,7 +20,7 @@ fn ok(arguments: &[&str]) -> String {
     stdout
 }
 
-/// A folder with a capture of 9 pictures, 2 of them held out.
+/// A folder with a capture of 9 images, 2 of them held out.
 struct Place {
     dir: tempfile::TempDir,
 }
@@ -120,10 +120,10 @@ fn the_settings_of_a_run_repeat_it_byte_for_byte_with_any_number_of_threads() {
     // Negative control: another seed draws other views.
     place.train("c", &["--steps", "12", "--texture", "fixed:3", "--seed", "7"]);
     assert!(checkpoint_of("a") != checkpoint_of("c"));
-    let pictures = |run: &str| -> Vec<Vec<u8>> {
+    let images = |run: &str| -> Vec<Vec<u8>> {
         pngs(&place.path(&format!("{run}/eval/000012"))).iter().map(|p| fs::read(p).unwrap()).collect()
     };
-    assert_eq!(pictures("a"), pictures("b"));
+    assert_eq!(images("a"), images("b"));
 }
 
 #[test]
@@ -161,11 +161,11 @@ fn a_run_is_evaluated_rendered_and_inspected() {
     let json: Value = serde_json::from_str(&ok(&["eval", &run_dir, "--json", "-q", "-o", &out])).unwrap();
     let trained = place.json("run/summary.json");
     assert_eq!(json["quality"]["psnr"], trained["quality"]["psnr"]);
-    let pictures = pngs(&out);
-    assert_eq!(pictures.len(), 2);
-    let name = pictures[0].file_name().unwrap();
+    let images = pngs(&out);
+    assert_eq!(images.len(), 2);
+    let name = images[0].file_name().unwrap();
     let of_run = Path::new(&run_dir).join("eval/000012").join(name);
-    assert_eq!(fs::read(&pictures[0]).unwrap(), fs::read(of_run).unwrap());
+    assert_eq!(fs::read(&images[0]).unwrap(), fs::read(of_run).unwrap());
 
     let views = place.path("views");
     ok(&["render", &run_dir, "--test", "-o", &views, "--what", "colour,depth,normal,alpha", "-q"]);

@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::assets::pictures;
+use common::assets::images;
 use litetex_exporters::{ReadLimits, SplatAsset, read_asset};
 use litetex_gs::cpu::CpuBackend;
 use serde_json::Value;
@@ -20,13 +20,13 @@ fn read(name: &str) -> SplatAsset {
     contents.asset
 }
 
-/// Largest difference of a file's pictures from the figures.
+/// Largest difference of a file's images from the figures.
 fn worst(asset: &SplatAsset, expected: &Value) -> f64 {
     let mut backend = CpuBackend::new(Some(2)).unwrap();
     let mut worst = 0.0_f64;
     for camera in &asset.cameras {
         let of_view = SplatAsset { cameras: vec![camera.clone()], ..SplatAsset::default() };
-        let picture = pictures(&mut backend, asset, &of_view);
+        let image = images(&mut backend, asset, &of_view);
         let view = &expected["views"][&camera.name];
         assert_eq!(
             (view["width"].as_u64(), view["height"].as_u64()),
@@ -37,7 +37,7 @@ fn worst(asset: &SplatAsset, expected: &Value) -> f64 {
         for pixel in pixels {
             let [x, y] = ["x", "y"].map(|k| pixel[k].as_u64().unwrap() as usize);
             for c in 0..3 {
-                let found = picture[3 * (y * camera.width_px as usize + x) + c];
+                let found = image[3 * (y * camera.width_px as usize + x) + c];
                 worst = worst.max((f64::from(found) - pixel["rgb"][c].as_f64().unwrap()).abs());
             }
         }

@@ -93,7 +93,7 @@ fn damaged_text_models_never_panic() {
     let scene = Scene::ring(3);
     let sparse = folder.path().join("sparse/0");
     scene.write_text(&sparse);
-    scene.write_pictures(&folder.path().join("images"), (12, 8));
+    scene.write_images(&folder.path().join("images"), (12, 8));
     let mut state = 5_u32;
     for file in ["cameras.txt", "images.txt", "points3D.txt"] {
         let path = sparse.join(file);
@@ -179,7 +179,7 @@ fn intrinsics_without_sense_name_their_camera() {
 }
 
 #[test]
-fn pictures_of_another_shape_name_both_sizes() {
+fn images_of_another_shape_name_both_sizes() {
     let folder = ring(3);
     image::RgbImage::new(8, 12).save(folder.path().join("images/p02.png")).unwrap();
     let text = message(folder.path());
@@ -189,17 +189,17 @@ fn pictures_of_another_shape_name_both_sizes() {
 }
 
 #[test]
-fn unreadable_pictures_are_named_when_they_are_asked_for_or_before() {
+fn unreadable_images_are_named_when_they_are_asked_for_or_before() {
     let folder = ring(3);
     let path = folder.path().join("images/p02.png");
     let whole = std::fs::read(&path).unwrap();
-    std::fs::write(&path, b"no picture").unwrap();
+    std::fs::write(&path, b"no image").unwrap();
     assert!(message(folder.path()).contains("p02.png"));
     // The header is whole, the pixels are not: seen when decoded.
     std::fs::write(&path, &whole[..whole.len() / 2 + 10]).unwrap();
     let capture = load(folder.path()).unwrap();
     let text = capture.target(1).unwrap_err().to_string();
-    assert!(text.contains("p02.png") && text.contains("unreadable picture"), "{text}");
+    assert!(text.contains("p02.png") && text.contains("unreadable image"), "{text}");
     assert!(capture.target(0).is_ok());
 }
 
@@ -207,7 +207,7 @@ fn unreadable_pictures_are_named_when_they_are_asked_for_or_before() {
 fn damaged_transforms_name_the_frame() {
     let scene = Scene::ring(3);
     let folder = tempfile::tempdir().unwrap();
-    scene.write_pictures(&folder.path().join("images"), (12, 8));
+    scene.write_images(&folder.path().join("images"), (12, 8));
     let path = folder.path().join("transforms.json");
     let sound = scene.transforms("images/");
     let check = |change: &dyn Fn(&mut serde_json::Value), parts: &[&str]| {

@@ -93,12 +93,12 @@ fn the_kit_tells_all_of_a_device_and_what_failed() {
         let train = &json["train"][size];
         assert_eq!((&train["steps"], &train["stopped_by"]), (&steps.into(), &"steps".into()));
         assert_eq!(train["curve"].as_array().unwrap().len(), points, "{train}");
-        // Structure steps were done, and took a part of the time.
+        // Density-control steps were done, and took a part of the time.
         let time = &train["time"];
-        positive(&time["structure_wall_secs"], "structure steps");
-        assert!(time["structure_wall_secs"].as_f64() < time["train_wall_secs"].as_f64());
+        positive(&time["density_control_wall_secs"], "density-control steps");
+        assert!(time["density_control_wall_secs"].as_f64() < time["train_wall_secs"].as_f64());
     }
-    assert!(stdout.contains("structure steps") && stdout.contains("texels"), "{stdout}");
+    assert!(stdout.contains("density-control steps") && stdout.contains("texels"), "{stdout}");
     // A batch is one submission with its status, read once; how long batches are follows from the speed.
     let bench = &json["bench"]["32"];
     let batches = 2_u64.div_ceil(bench["batch_steps"].as_u64().unwrap());

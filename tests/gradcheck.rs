@@ -1,6 +1,6 @@
 //! The reference's gradients against central differences, for every kind of parameter by itself.
 //!
-//! The smooth cut-off makes the picture differentiable but for kinks of measure zero (texel centres, the
+//! The smooth cut-off makes the image differentiable but for kinks of measure zero (texel centres, the
 //! L1 term, the colour clamp); with differences this small none of these scenes meets one.
 #![allow(clippy::unwrap_used, reason = "a failing test may panic")]
 
@@ -139,7 +139,7 @@ fn a_wrong_gradient_of_any_kind_is_noticed() {
     }
 }
 
-/// Turns splat 0 until it is seen under two degrees and puts it in the middle of the picture.
+/// Turns splat 0 until it is seen under two degrees and puts it in the middle of the image.
 fn turn_edge_on(scene: &mut Scene) {
     let local_from_camera = scene.camera.camera_from_local.inverse();
     let pinhole = scene.camera.pinhole;

@@ -1,5 +1,5 @@
 //! What must not matter: where the capture lies, how it is turned, in what units it is, in what order points
-//! and pictures stand in their files and what the pictures are called.
+//! and images stand in their files and what the images are called.
 
 #![allow(clippy::unwrap_used, reason = "a failing test may panic")]
 
@@ -85,7 +85,7 @@ fn median(mut values: Vec<f64>) -> f64 {
 }
 
 #[test]
-fn neither_the_order_of_points_and_pictures_nor_names_change_a_bit() {
+fn neither_the_order_of_points_and_images_nor_names_change_a_bit() {
     let sample = sample();
     let plain = sample.changed("plain", &Change::NONE);
     let other = sample.changed("other", &Change::NONE.with_disorder(true));

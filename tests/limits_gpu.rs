@@ -10,7 +10,7 @@ use litetex_gs::Error;
 use litetex_gs::backend::{Backend as _, SceneShape};
 use litetex_gs::gpu::{GpuOptions, Limits};
 use litetex_gs::selftest::{Scene, SceneOptions, random_scene};
-use litetex_gs::train::structure::Budget;
+use litetex_gs::train::density::Budget;
 use litetex_gs::train::{Control, Policy, TrainConfig, TrainEvent, TrainState, train};
 
 /// Buffers of 120,000 bytes: 1,363 splats of 22 floats, 7,500 texels of 16 bytes, 3,333 pixels of 36 bytes.
@@ -25,12 +25,12 @@ fn scene() -> Scene {
 fn growing() -> TrainConfig {
     let mut config = TrainConfig { policy: Policy::Litetex, save_every: 0, eval_every: 0, ..config(60) };
     config.components.growth = false;
-    config.structure.quantile = 0.1;
-    config.structure.min_texel_px = 0.2;
+    config.density.quantile = 0.1;
+    config.density.min_texel_px = 0.2;
     config
 }
 
-/// What became of a run: the largest model after any structure step, or the error; and the events until then.
+/// What became of a run: the largest model after any density-control step, or the error; and the events until then.
 fn run(
     config: &TrainConfig,
     limits: Limits,
@@ -42,7 +42,7 @@ fn run(
     let (mut largest, mut events) = ([0; 2], 0);
     let mut sink = |event: TrainEvent<'_>| {
         events += 1;
-        if let TrainEvent::Structure { num_splats, num_texels, .. } = event {
+        if let TrainEvent::DensityControl { num_splats, num_texels, .. } = event {
             largest = [largest[0].max(num_splats), largest[1].max(num_texels)];
         }
         // What has outgrown the small device need not grow on.
@@ -109,7 +109,7 @@ fn growth_stops_at_what_the_device_holds() {
 }
 
 #[test]
-fn the_limits_are_those_that_uploads_and_pictures_meet() {
+fn the_limits_are_those_that_uploads_and_images_meet() {
     let Some(driver) = drivers().into_iter().next() else { return };
     let mut backend = open(&driver, SMALL, GpuOptions::default());
     let limits = backend.limits(SceneShape { sh_degree: 1, geometry: false });

@@ -8,14 +8,14 @@ use common::gpu::{backend, drivers_and_limits, open};
 use common::plans::{State, agree, applied, keep};
 use common::steps::{differences, plan, requests, scene, views};
 use litetex_gs::Error;
-use litetex_gs::backend::{Backend, Grid, MapChange, StructurePlan, WindowStatistics};
+use litetex_gs::backend::{Backend, Grid, MapChange, DensityPlan, WindowStatistics};
 use litetex_gs::cpu::CpuBackend;
 use litetex_gs::gpu::{AdapterChoice, GpuOptions, Limits};
 use litetex_gs::model::{AdamState, SplatGroup};
 use litetex_gs::selftest::Scene;
 
 /// After three steps, and nothing lags behind: what a plan makes of it owes nothing to the updates.
-fn settled(scene: &Scene) -> State {
+fn flushed(scene: &Scene) -> State {
     let mut cpu = CpuBackend::new(Some(2)).unwrap();
     cpu.upload(&scene.model, &AdamState::zeros(&scene.model)).unwrap();
     cpu.steps(&requests(&views(scene), 1..=3)).unwrap();
@@ -28,7 +28,7 @@ fn settled(scene: &Scene) -> State {
 #[test]
 fn plans_are_applied_as_on_the_cpu_on_every_driver() {
     let scene = scene(10);
-    let start = settled(&scene);
+    let start = flushed(&scene);
     let plan = plan(start.0.num_splats());
     let mut cpu = CpuBackend::new(Some(2)).unwrap();
     let expected = applied(&mut cpu, &start, &plan);
@@ -42,7 +42,7 @@ fn plans_are_applied_as_on_the_cpu_on_every_driver() {
 }
 
 /// A plan that differs in one number is noticed, whichever it is.
-fn negative_controls(gpu: &mut dyn Backend, start: &State, plan: &StructurePlan, expected: &State) {
+fn negative_controls(gpu: &mut dyn Backend, start: &State, plan: &DensityPlan, expected: &State) {
     let mut others = Vec::new();
     // Of windows that are neither empty nor out of sight.
     for at in [1, 2, 3, 6, 7, 8, 9] {
@@ -74,7 +74,7 @@ fn the_new_structure_is_trained_on_as_on_the_cpu_on_every_driver() {
 
 fn is_trained_on_as_on_the_cpu(driver: &AdapterChoice, limits: Limits) {
     let scene = scene(10);
-    let start = settled(&scene);
+    let start = flushed(&scene);
     let views = views(&scene);
     let plan = plan(start.0.num_splats());
     let mut gpu = open(driver, limits, GpuOptions::default());
@@ -83,7 +83,7 @@ fn is_trained_on_as_on_the_cpu(driver: &AdapterChoice, limits: Limits) {
     for backend in [&mut gpu as &mut dyn Backend, &mut cpu] {
         let (begin, _) = applied(backend, &start, &plan);
         backend.steps(&requests(&views, 4..=6)).unwrap();
-        ends.push((begin, backend.read_settled().unwrap()));
+        ends.push((begin, backend.read_flushed().unwrap()));
     }
     let [(_, g), (begin, c)] = ends.try_into().ok().unwrap();
     for (group, difference) in differences(&begin, &g, &c) {
@@ -100,10 +100,10 @@ fn is_trained_on_as_on_the_cpu(driver: &AdapterChoice, limits: Limits) {
 fn edits_end_the_momentum_and_only_that() {
     let Some(mut gpu) = backend(GpuOptions::default()) else { return };
     let scene = scene(11);
-    let start = settled(&scene);
+    let start = flushed(&scene);
     let plan = plan(start.0.num_splats());
     let edited = applied(&mut gpu, &start, &plan);
-    let plain = applied(&mut gpu, &start, &StructurePlan { edits: Vec::new(), ..plan.clone() });
+    let plain = applied(&mut gpu, &start, &DensityPlan { edits: Vec::new(), ..plan.clone() });
     assert_eq!(edited.1.splats_v, plain.1.splats_v);
     assert_eq!((&edited.1.texels_m, &edited.1.texels_v), (&plain.1.texels_m, &plain.1.texels_v));
     for group in SplatGroup::ALL {

@@ -1,4 +1,4 @@
-//! Poisoned input: the answer is a clean picture and clean gradients, or a typed error.
+//! Poisoned input: the answer is a clean image and clean gradients, or a typed error.
 #![allow(clippy::unwrap_used, reason = "a failing test may panic")]
 
 mod common;
@@ -10,8 +10,8 @@ use litetex_gs::cpu::CpuBackend;
 use litetex_gs::model::AdamState;
 
 #[test]
-fn poisoned_splats_leave_picture_and_others_clean() {
-    poison::poisoned_splats_leave_picture_and_others_clean(&mut CpuBackend::new(Some(2)).unwrap());
+fn poisoned_splats_leave_image_and_others_clean() {
+    poison::poisoned_splats_leave_image_and_others_clean(&mut CpuBackend::new(Some(2)).unwrap());
 }
 
 #[test]
@@ -20,8 +20,8 @@ fn degenerate_splats_are_survived() {
 }
 
 #[test]
-fn odd_picture_sizes_are_rendered() {
-    poison::odd_picture_sizes_are_rendered(&mut CpuBackend::new(Some(2)).unwrap());
+fn odd_image_sizes_are_rendered() {
+    poison::odd_image_sizes_are_rendered(&mut CpuBackend::new(Some(2)).unwrap());
 }
 
 #[test]

@@ -12,9 +12,9 @@ use litetex_gs::gpu::GpuOptions;
 use litetex_gs::model::AdamState;
 
 #[test]
-fn poisoned_splats_leave_picture_and_others_clean() {
+fn poisoned_splats_leave_image_and_others_clean() {
     let Some(mut backend) = backend(GpuOptions::default()) else { return };
-    poison::poisoned_splats_leave_picture_and_others_clean(&mut backend);
+    poison::poisoned_splats_leave_image_and_others_clean(&mut backend);
 }
 
 #[test]
@@ -24,9 +24,9 @@ fn degenerate_splats_are_survived() {
 }
 
 #[test]
-fn odd_picture_sizes_are_rendered() {
+fn odd_image_sizes_are_rendered() {
     let Some(mut backend) = backend(GpuOptions::default()) else { return };
-    poison::odd_picture_sizes_are_rendered(&mut backend);
+    poison::odd_image_sizes_are_rendered(&mut backend);
 }
 
 fn request<'a>(scene: &'a litetex_gs::selftest::Scene, target: &'a TargetImage) -> StepRequest<'a> {
@@ -62,7 +62,7 @@ fn a_lost_device_is_a_typed_error_everywhere() {
     backend.step(&request(&scene, &scene.target)).unwrap();
     backend.lose_device();
     let options = RenderOptions { background: [0.0; 3], sh_degree: 0, geometry: false };
-    let plan = litetex_gs::backend::StructurePlan {
+    let plan = litetex_gs::backend::DensityPlan {
         sources: vec![0],
         maps: vec![litetex_gs::backend::MapChange::Keep],
         edits: Vec::new(),
@@ -71,7 +71,7 @@ fn a_lost_device_is_a_typed_error_everywhere() {
         backend.step(&StepRequest { step: 2, ..request(&scene, &scene.target) }).err(),
         backend.render(&scene.camera, &options).err(),
         backend.read_back().err(),
-        backend.read_settled().err(),
+        backend.read_flushed().err(),
         backend.read_statistics().err(),
         backend.apply_plan(&plan).err(),
         backend.upload(&scene.model, &AdamState::zeros(&scene.model)).err(),

@@ -3,12 +3,12 @@
 
 mod common;
 
-use common::assets::{asset, pictures, psnr, through};
+use common::assets::{asset, images, psnr, through};
 use litetex_exporters::{AssetMap, Format, Quality, SplatAsset};
 use litetex_gs::backend::Backend;
 use litetex_gs::cpu::CpuBackend;
 
-/// Least PSNR of pictures of a file against those of the scene: what the qualities promise. Measured: glTF and USD 64.6,
+/// Least PSNR of images of a file against those of the scene: what the qualities promise. Measured: glTF and USD 64.6,
 /// `.ltgs` 50.1 and 43.7 (with the steps that a search would begin with), PLY 161, SPZ 34.5.
 fn least(format: Format, quality: Quality) -> f64 {
     match (format, quality) {
@@ -21,8 +21,8 @@ fn least(format: Format, quality: Quality) -> f64 {
 
 fn every_file_renders_as_the_scene(backend: &mut dyn Backend) {
     let (asset, folder) = (asset(), tempfile::tempdir().unwrap());
-    let whole = pictures(backend, &asset, &asset);
-    let plain = pictures(backend, &asset.untextured(), &asset);
+    let whole = images(backend, &asset, &asset);
+    let plain = images(backend, &asset.untextured(), &asset);
     assert!(psnr(&plain, &whole) < 35.0, "the maps are hardly seen: nothing is tested");
     for format in Format::ALL {
         let qualities = if format.qualities().is_empty() { &[Quality::Balanced] } else { format.qualities() };
@@ -33,10 +33,10 @@ fn every_file_renders_as_the_scene(backend: &mut dyn Backend) {
                 read = read.in_frame(&asset.capture_from_local);
                 (read.near, read.background) = (asset.near, asset.background);
             }
-            let found = pictures(backend, &read, &asset);
+            let found = images(backend, &read, &asset);
             if quality == Quality::Lossless {
                 let same = found.iter().zip(expected).all(|(a, b)| a.to_bits() == b.to_bits());
-                assert!(same, "{format:?}: lossless, but pictures differ");
+                assert!(same, "{format:?}: lossless, but images differ");
             } else {
                 let psnr = psnr(&found, expected);
                 println!("{format:?} {quality:?} {psnr:.2} dB");
@@ -105,7 +105,7 @@ fn mirrored(asset: &mut SplatAsset) {
 fn what_a_wrong_reader_or_writer_does_is_seen() {
     let mut backend = CpuBackend::new(Some(2)).unwrap();
     let asset = asset();
-    let whole = pictures(&mut backend, &asset, &asset);
+    let whole = images(&mut backend, &asset, &asset);
     type Mistake = fn(&mut SplatAsset);
     let mistakes: [(&str, Mistake); 7] = [
         ("shifted rectangles", shifted_rectangles),
@@ -128,7 +128,7 @@ fn what_a_wrong_reader_or_writer_does_is_seen() {
         let mut wrong = asset.clone();
         mistake(&mut wrong);
         wrong.validate().unwrap();
-        let psnr = psnr(&pictures(&mut backend, &wrong, &asset), &whole);
+        let psnr = psnr(&images(&mut backend, &wrong, &asset), &whole);
         println!("{name}: {psnr:.2} dB");
         // Below what every quality must keep; found: 10 to 33 dB.
         assert!(psnr < 38.0, "{name}: {psnr} dB");

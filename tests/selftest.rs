@@ -4,7 +4,7 @@
 use litetex_gs::Result;
 use litetex_gs::backend::{
     Backend, DeviceInfo, DeviceLimits, RenderOptions, RenderedImage, SceneShape, StepReport, StepRequest,
-    StructurePlan, WindowStatistics,
+    DensityPlan, WindowStatistics,
 };
 use litetex_gs::camera::Camera;
 use litetex_gs::cpu::CpuBackend;
@@ -16,7 +16,7 @@ use litetex_gs::selftest;
 enum Fault {
     /// The photo that the loss sees is one pixel off.
     Photo,
-    /// Terms on depths and normals do nothing, and pictures of them show those of another place.
+    /// Terms on depths and normals do nothing, and images of them show those of another place.
     Depths,
     /// Texels of maps above 9 blocks of 4 x 4 get no gradient.
     LargeMaps,
@@ -58,7 +58,7 @@ impl Backend for Broken {
     fn read_statistics(&mut self) -> Result<WindowStatistics> {
         self.0.read_statistics()
     }
-    fn apply_plan(&mut self, plan: &StructurePlan) -> Result<()> {
+    fn apply_plan(&mut self, plan: &DensityPlan) -> Result<()> {
         self.0.apply_plan(plan)
     }
     fn read_back(&mut self) -> Result<(Model, AdamState)> {
@@ -70,8 +70,8 @@ impl Backend for Broken {
         }
         Ok((model, adam))
     }
-    fn read_settled(&mut self) -> Result<Model> {
-        self.0.read_settled()
+    fn read_flushed(&mut self) -> Result<Model> {
+        self.0.read_flushed()
     }
 }
 
@@ -86,7 +86,7 @@ fn the_cpu_passes_and_a_broken_device_does_not() {
         failed.collect::<Vec<_>>()
     };
     let failed = broken_by(Fault::Photo);
-    assert!(failed.iter().all(|name| !name.contains("picture")), "rendering is sound: {failed:#?}");
+    assert!(failed.iter().all(|name| !name.contains("image")), "rendering is sound: {failed:#?}");
     let gradients = checks.iter().filter(|c| c.name.contains("gradient"));
     gradients.for_each(|c| assert!(failed.contains(&c.name), "{}: {failed:#?}", c.name));
     let failed = broken_by(Fault::Depths);

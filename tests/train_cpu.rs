@@ -5,7 +5,7 @@ mod common;
 
 use common::training::{BLACK, MemoryViews, config, damaged, photos, scene, scene_options, uploaded};
 use litetex_gs::backend::{
-    Backend as _, Grid, LearningRates, LossWeights, MapChange, RenderOptions, StepRequest, StructurePlan,
+    Backend as _, Grid, LearningRates, LossWeights, MapChange, RenderOptions, StepRequest, DensityPlan,
     TargetImage, WindowStatistics,
 };
 use litetex_gs::camera::Camera;
@@ -187,7 +187,7 @@ fn rendering_in_between_changes_no_bit() {
         step(&mut plain, &views, t);
         step(&mut watched, &views, t);
         watched.render(&scene.camera, &RenderOptions { geometry: true, ..BLACK }).unwrap();
-        watched.read_settled().unwrap();
+        watched.read_flushed().unwrap();
     }
     assert!(plain.read_back().unwrap() == watched.read_back().unwrap());
 }
@@ -210,7 +210,7 @@ fn statistics_sum_over_a_window_and_start_anew() {
     let window = backend.read_statistics().unwrap();
     assert_eq!((window.views, window.seen.iter().max()), (3, Some(&3)));
     assert_eq!(window.contribution, sum);
-    assert!(sum.iter().sum::<f32>() > 0.5, "the splats cover most of the picture");
+    assert!(sum.iter().sum::<f32>() > 0.5, "the splats cover most of the image");
     assert_eq!(backend.read_statistics().unwrap(), window, "reading leaves them as they are");
 }
 
@@ -224,7 +224,7 @@ fn plans_gather_and_resample() {
     let (model, adam) = backend.read_back().unwrap();
     let n = model.num_splats() as u32;
     let reversed: Vec<u32> = (0..n).rev().collect();
-    let plan = |sources: &[u32], change| StructurePlan {
+    let plan = |sources: &[u32], change| DensityPlan {
         sources: sources.to_vec(),
         maps: vec![change; sources.len()],
         edits: Vec::new(),
@@ -250,15 +250,15 @@ fn plans_gather_and_resample() {
     assert!(matches!(backend.apply_plan(&wrong), Err(Error::Usage(_))), "150 splats are left");
 }
 
-/// Pictures of the model before and after a change of all maps.
-fn pictures_around(scene: &Scene, change: impl Fn(&TextureMap) -> MapChange) -> [Vec<f32>; 2] {
+/// Images of the model before and after a change of all maps.
+fn images_around(scene: &Scene, change: impl Fn(&TextureMap) -> MapChange) -> [Vec<f32>; 2] {
     let mut backend = uploaded(&scene.model);
     let before = backend.render(&scene.camera, &BLACK).unwrap();
     let maps = &scene.model.textures.maps;
-    let plan = StructurePlan {
+    let plan = DensityPlan {
         sources: (0..maps.len() as u32).collect(),
         maps: maps.iter().map(change).collect(),
-        ..StructurePlan::default()
+        ..DensityPlan::default()
     };
     backend.apply_plan(&plan).unwrap();
     [before.rgb, backend.render(&scene.camera, &BLACK).unwrap().rgb]
@@ -266,7 +266,7 @@ fn pictures_around(scene: &Scene, change: impl Fn(&TextureMap) -> MapChange) -> 
 
 /// Largest difference between them.
 fn difference_by(scene: &Scene, change: impl Fn(&TextureMap) -> MapChange) -> f32 {
-    let [before, after] = pictures_around(scene, change);
+    let [before, after] = images_around(scene, change);
     let difference = |(a, b): (&f32, &f32)| (a - b).abs();
     before.iter().zip(&after).map(difference).fold(0.0, f32::max)
 }
@@ -284,7 +284,7 @@ fn margin(map: &TextureMap, texels: i32) -> MapChange {
 }
 
 #[test]
-fn margins_of_zeros_do_not_show_in_pictures() {
+fn margins_of_zeros_do_not_show_in_images() {
     let mut scene = scene();
     // A margin of zeros around the inner 2 x 2 texels of each map.
     for (t, rgb) in scene.model.textures.texels.chunks_exact_mut(3).enumerate() {
@@ -347,7 +347,7 @@ fn doubling_bound(scene: &Scene, map: &TextureMap, channel: usize) -> f64 {
 }
 
 #[test]
-fn doubled_texels_change_pictures_by_a_quarter_of_their_neighbours_difference() {
+fn doubled_texels_change_images_by_a_quarter_of_their_neighbours_difference() {
     // Few splats and opaque, so that one alone makes up most of a pixel.
     let mut scene = random_scene(&SceneOptions { num_splats: 30, opacities: (0.9, 0.99), ..scene_options() });
     // Chequered: neighbours differ everywhere by the most that they differ anywhere.
@@ -355,7 +355,7 @@ fn doubled_texels_change_pictures_by_a_quarter_of_their_neighbours_difference() 
         rgb.fill(if (t / 4 + t) % 2 == 0 { 0.5 } else { -0.5 });
     }
     // Colours are blended with weights that do not depend on them, and cut off at zero, which enlarges no
-    // difference: a pixel changes by the blend of the splats' bounds at most. It is the picture of splats
+    // difference: a pixel changes by the blend of the splats' bounds at most. It is the image of splats
     // of these colours.
     let mut bounds = scene.model.clone();
     bounds.textures = TexturePool::neutral(vec![(0, 0, 0.0); bounds.num_splats()]).unwrap();
@@ -369,7 +369,7 @@ fn doubled_texels_change_pictures_by_a_quarter_of_their_neighbours_difference() 
     let bounds = uploaded(&bounds).render(&scene.camera, &BLACK).unwrap().rgb;
     // Largest part of a pixel's bound that is used.
     let used = |first: i32| {
-        let [before, after] = pictures_around(&scene, doubled(first));
+        let [before, after] = images_around(&scene, doubled(first));
         let parts = before.iter().zip(&after).zip(&bounds);
         // Rounding may add to it: needed 0.
         parts.map(|((a, b), bound)| (a - b).abs() / (bound + 1e-6)).fold(0.0, f32::max)
@@ -384,7 +384,7 @@ fn doubled_texels_change_pictures_by_a_quarter_of_their_neighbours_difference() 
 }
 
 #[test]
-fn doubled_texels_of_one_value_do_not_show_in_pictures() {
+fn doubled_texels_of_one_value_do_not_show_in_images() {
     let mut scene = scene();
     // The outermost texel centres lie beyond all that is drawn: residuals fade out behind them.
     scene.model.textures.maps.iter_mut().for_each(|map| map.texel_size *= 1.5);

@@ -48,7 +48,7 @@ fn ten_steps_follow_the_cpu_backend(driver: &AdapterChoice, limits: Limits) {
         assert!((g.loss.total / c.loss.total - 1.0).abs() < 1e-4, "{:?} {:?}", g.loss, c.loss);
         assert_eq!(g.non_finite_gradients, 0);
     }
-    let (g, c) = (gpu.read_settled().unwrap(), cpu.read_settled().unwrap());
+    let (g, c) = (gpu.read_flushed().unwrap(), cpu.read_flushed().unwrap());
     for (group, difference) in differences(&scene.model, &g, &c) {
         println!("{} {group}: {difference:.2e}", driver.name);
         // Adam turns the sign of a tiny gradient into a full step, so that rounding shows: needed 7e-3.
@@ -158,31 +158,31 @@ fn looking_does_not_change_a_bit() {
     let scene = scene(7);
     let views = views(&scene);
     let (expected, expected_adam, _) = trained(&mut backend, &scene, 12);
-    let settled = backend.read_settled().unwrap();
+    let flushed = backend.read_flushed().unwrap();
     backend.upload(&scene.model, &AdamState::zeros(&scene.model)).unwrap();
     let options = RenderOptions { background: [0.0; 3], sh_degree: 3, geometry: false };
-    let mut settled_then = None;
+    let mut flushed_then = None;
     for request in requests(&views, 1..=12) {
         backend.step(&request).unwrap();
         for (camera, _) in &views {
             backend.render(camera, &options).unwrap();
         }
-        settled_then = Some(backend.read_settled().unwrap());
+        flushed_then = Some(backend.read_flushed().unwrap());
     }
     let (model, adam) = backend.read_back().unwrap();
     assert!(model == expected && adam == expected_adam);
-    assert!(settled_then.unwrap() == settled && settled != expected, "something lagged");
+    assert!(flushed_then.unwrap() == flushed && flushed != expected, "something lagged");
 }
 
 #[test]
-fn a_picture_shows_the_settled_model() {
+fn a_image_shows_the_flushed_model() {
     let Some(mut backend) = gpu(GpuOptions::default()) else { return };
     let scene = scene(8);
     trained(&mut backend, &scene, 12);
     let options = RenderOptions { background: [0.0; 3], sh_degree: 3, geometry: false };
     let lagging = backend.render(&scene.camera, &options).unwrap();
-    let settled = backend.read_settled().unwrap();
-    backend.upload(&settled, &AdamState::zeros(&settled)).unwrap();
+    let flushed = backend.read_flushed().unwrap();
+    backend.upload(&flushed, &AdamState::zeros(&flushed)).unwrap();
     assert_eq!(lagging, backend.render(&scene.camera, &options).unwrap());
 }
 

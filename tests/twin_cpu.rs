@@ -1,10 +1,10 @@
-//! The CPU backend against the f64 reference: picture, loss and every gradient on random scenes.
+//! The CPU backend against the f64 reference: image, loss and every gradient on random scenes.
 #![allow(clippy::unwrap_used, reason = "a failing test may panic")]
 
 mod common;
 
 use common::twin::{
-    Observed, WEIGHTS, agree, observe, reference, scenes, texels_settle_at_the_rate_of_their_map,
+    Observed, WEIGHTS, agree, observe, reference, scenes, texels_flush_at_the_rate_of_their_map,
 };
 use litetex_gs::cpu::{CpuBackend, SimdLevel};
 use litetex_gs::selftest::{Scene, SceneOptions, random_scene};
@@ -56,5 +56,5 @@ fn threads_do_not_change_a_bit() {
 
 #[test]
 fn lagging_texels_come_up_to_date_at_the_rate_of_their_map() {
-    assert!(texels_settle_at_the_rate_of_their_map(&mut CpuBackend::new(Some(2)).unwrap()));
+    assert!(texels_flush_at_the_rate_of_their_map(&mut CpuBackend::new(Some(2)).unwrap()));
 }

@@ -8,7 +8,7 @@ mod common;
 use common::compare;
 use common::gpu::backends;
 use common::twin::{
-    BACKGROUND, Observed, WEIGHTS, agree, observe, reference, scenes, texels_settle_at_the_rate_of_their_map,
+    BACKGROUND, Observed, WEIGHTS, agree, observe, reference, scenes, texels_flush_at_the_rate_of_their_map,
 };
 use litetex_gs::backend::{Backend as _, LearningRates, LossWeights, RenderOptions, StepRequest};
 use litetex_gs::gpu::{GpuBackend, GpuOptions};
@@ -122,9 +122,9 @@ fn terms_match(hardware: bool, without: &LossWeights) {
     }
 }
 
-/// Depth and normals of a picture against the reference: needed 4.3e-5 of the largest, no pixel beyond.
-fn pictures_agree(backend: &mut GpuBackend, scene: &Scene, moved: f32) -> bool {
-    let expected = reference(scene, &NO_GEOMETRY).picture;
+/// Depth and normals of an image against the reference: needed 4.3e-5 of the largest, no pixel beyond.
+fn images_agree(backend: &mut GpuBackend, scene: &Scene, moved: f32) -> bool {
+    let expected = reference(scene, &NO_GEOMETRY).image;
     let mut model = scene.model.clone();
     model.splats.positions.chunks_exact_mut(3).for_each(|p| p[2] += moved);
     backend.upload(&model, &AdamState::zeros(&model)).unwrap();
@@ -144,11 +144,11 @@ fn pictures_agree(backend: &mut GpuBackend, scene: &Scene, moved: f32) -> bool {
 }
 
 #[test]
-fn pictures_of_depths_and_normals_match_the_reference() {
+fn images_of_depths_and_normals_match_the_reference() {
     for mut backend in backends(GpuOptions::default()) {
         for scene in surfaces() {
-            assert!(pictures_agree(&mut backend, &scene, 0.0));
-            assert!(!pictures_agree(&mut backend, &scene, 1e-3));
+            assert!(images_agree(&mut backend, &scene, 0.0));
+            assert!(!images_agree(&mut backend, &scene, 1e-3));
         }
     }
 }
@@ -183,6 +183,6 @@ fn a_step_does_not_depend_on_terms_of_the_step_before() {
 #[test]
 fn lagging_texels_come_up_to_date_at_the_rate_of_their_map() {
     for mut backend in backends(GpuOptions::default()) {
-        assert!(texels_settle_at_the_rate_of_their_map(&mut backend), "{:?}", backend.device());
+        assert!(texels_flush_at_the_rate_of_their_map(&mut backend), "{:?}", backend.device());
     }
 }

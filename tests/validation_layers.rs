@@ -1,5 +1,5 @@
 //! The Khronos validation layer with synchronisation validation has nothing to say about a run with steps,
-//! statistics, pictures, timestamps, counted atomics and a change of structure.
+//! statistics, images, timestamps, counted atomics and a density-control step.
 #![cfg(feature = "gpu")]
 #![allow(clippy::unwrap_used, reason = "a failing test may panic")]
 
@@ -92,7 +92,7 @@ fn a_run_under_the_layer() {
     let Some(driver) = drivers().into_iter().next() else { return };
     let scene = scene(11);
     let views = views(&scene);
-    let pictures = RenderOptions { background: [0.0; 3], sh_degree: 3, geometry: false };
+    let images = RenderOptions { background: [0.0; 3], sh_degree: 3, geometry: false };
     for (hardware_kernels, pair_capacity) in [(false, None), (true, Some(50))] {
         let options = GpuOptions {
             hardware_kernels: Some(hardware_kernels),
@@ -116,15 +116,15 @@ fn a_run_under_the_layer() {
         assert!(counted.iter().any(|r| r.counters.texel_atomics > 0));
         backend.set_options(options).unwrap();
         assert_eq!(backend.read_statistics().unwrap().views, 2);
-        backend.render(&scene.camera, &pictures).unwrap();
+        backend.render(&scene.camera, &images).unwrap();
         backend.apply_plan(&plan(scene.model.num_splats())).unwrap();
         backend.steps(&requests(&views, 8..=10)).unwrap();
-        backend.read_settled().unwrap();
+        backend.read_flushed().unwrap();
         backend.read_back().unwrap();
-        // The terms on depths and normals, and pictures of them.
+        // The terms on depths and normals, and images of them.
         let mut geometry = requests(&views, 11..=12);
         geometry.iter_mut().for_each(|r| (r.loss.distortion, r.loss.normal) = (0.1, 0.05));
         backend.steps(&geometry).unwrap();
-        backend.render(&scene.camera, &RenderOptions { geometry: true, ..pictures }).unwrap();
+        backend.render(&scene.camera, &RenderOptions { geometry: true, ..images }).unwrap();
     }
 }

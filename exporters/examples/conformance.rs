@@ -1,7 +1,7 @@
 //! Writes the scene that independent renderers are checked with (`tests/python/run_second.py`), in several formats:
 //! `cargo run --example conformance -- FOLDER`
 //!
-//! Every rule of the picture decides pixels of it: SH of degree 3, rectangular maps on several atlas pages,
+//! Every rule of the image decides pixels of it: SH of degree 3, rectangular maps on several atlas pages,
 //! off-centre principal points, unequal focal lengths, a coloured background; splats behind the camera and around the
 //! near plane, seen edge-on, opaque on top of each other, of equal depth, and as faint as 1/255. Seeded: the same files every time.
 
@@ -205,7 +205,7 @@ fn scene(sh_degree: u32, kinds: impl Iterator<Item = usize>) -> SplatAsset {
     asset
 }
 
-/// A scene of a few kilobytes for `samples/conformance`: fewer splats, pictures of half the size.
+/// A scene of a few kilobytes for `samples/conformance`: fewer splats, images of half the size.
 fn small() -> SplatAsset {
     let mut asset = scene(3, (0..36).map(|splat| splat % KINDS));
     for camera in &mut asset.cameras {

@@ -74,14 +74,14 @@ impl AssetMap {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub struct AssetCamera {
-    /// Original picture name.
+    /// Original image name.
     pub name: String,
     /// Whether the photo was kept out of the training.
     #[serde(default)]
     pub held_out: bool,
-    /// Picture width.
+    /// Image width.
     pub width_px: u32,
-    /// Picture height.
+    /// Image height.
     pub height_px: u32,
     /// Focal lengths along x and y.
     pub focal_px: [f64; 2],

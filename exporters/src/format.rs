@@ -139,7 +139,7 @@ impl Format {
 
 impl Format {
     /// What writing `path` may take beside it, known before anything is written: files, of pages the first by either
-    /// of its names, and in USD the folder of pictures. Programs refuse clashes with it early; that nothing is replaced
+    /// of its names, and in USD the folder of images. Programs refuse clashes with it early; that nothing is replaced
     /// is made sure by [`Staged::publish`].
     pub fn side_files(self, path: &Path, mesh: bool) -> Vec<PathBuf> {
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();

@@ -4,7 +4,7 @@ use crate::SplatAsset;
 use xxhash_rust::xxh3::Xxh3Default;
 
 impl SplatAsset {
-    /// xxh3-64 over everything that the picture depends on, little-endian: SH degree and number of splats (u32 each), near
+    /// xxh3-64 over everything that the image depends on, little-endian: SH degree and number of splats (u32 each), near
     /// plane, positions, rotations, scales, opacities, SH, rows and columns (u16) and texel size of each map, texels.
     pub fn hash(&self) -> u64 {
         let mut hasher = Xxh3Default::new();

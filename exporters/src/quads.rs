@@ -33,7 +33,7 @@ pub(crate) struct Quad {
     pub(crate) uvs: [[f32; 2]; 4],
 }
 
-/// A picture of baked maps.
+/// An image of baked maps.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct QuadPage {
     /// Width and height.

@@ -37,7 +37,7 @@ fn no_bounds() -> Bounds {
     return Bounds(vec2f(), 0.0, 0.0, 0.0, 0.0, 0u, 0u, 0u, 0u, 0u, 0.0, 0.0, 0u, 0u, 0u);
 }
 
-// Pixels whose centres lie in the box, widened by the margin and clipped to the picture.
+// Pixels whose centres lie in the box, widened by the margin and clipped to the image.
 fn with_box(shape: Bounds, extent: Box) -> Bounds {
     let size = vec2f(step.size_px);
     let first = clamp(ceil(extent.low - 0.5 - MARGIN_PX), vec2f(0.0), size);

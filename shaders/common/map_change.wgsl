@@ -1,4 +1,4 @@
-// What a structure plan makes of a map. Mirrors `layout`.
+// What a density-control plan makes of a map. Mirrors `layout`.
 
 struct MapChange {
     // Splat that the new one comes from.

@@ -1,4 +1,4 @@
-// What one iteration or one picture is about. Mirrors `layout::StepUniform`.
+// What one iteration or one image is about. Mirrors `layout::StepUniform`.
 
 struct Step {
     // camera_from_local, rows; translation in w.
@@ -18,10 +18,10 @@ struct Step {
     sh_degree: u32,
     // Floats per splat in the parameter arrays.
     splat_stride: u32,
-    // From 1; in pictures 0.
+    // From 1; in images 0.
     step: u32,
     // Steps that are done: lagging parameters are brought up to here.
-    settled_step: u32,
+    flushed_step: u32,
     // FLAG_*
     flags: u32,
     status_slot: u32,
@@ -65,7 +65,7 @@ struct Step {
     pad1: u32,
 }
 
-// Parameters brought up to date are stored: an iteration, not a picture.
+// Parameters brought up to date are stored: an iteration, not an image.
 const FLAG_PERSIST = 1u;
 // Window statistics are summed up.
 const FLAG_STATISTICS = 2u;

@@ -25,7 +25,7 @@ fn statistics_row(row: u32, columns: vec2u, origin_px: vec2u) {
     for (var column = columns.x; column < columns.y; column += 1u) {
         let at = column * PARTS + row;
         let weight = lanes[WEIGHT * RASTER_GROUP + at];
-        // Rows and columns of the box are within the picture.
+        // Rows and columns of the box are within the image.
 #if GEOMETRY
         let loss = pixel_records[3u * ((origin_px.y + row) * step.size_px.x + origin_px.x + column)].w;
 #else

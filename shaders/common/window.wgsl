@@ -1,5 +1,5 @@
-// Picture and photo under the 11-tap window of SSIM, for a workgroup per tile (twin: `blur` in
-// reference/loss.rs). The window sees sum and difference of picture and photo: where they agree, nothing
+// Image and photo under the 11-tap window of SSIM, for a workgroup per tile (twin: `blur` in
+// reference/loss.rs). The window sees sum and difference of image and photo: where they agree, nothing
 // cancels. Wants `pixels` and `photo` bound, and the functions `tap` and `row`.
 
 // A tile with the radius of the window around it: edge, pixels, and those of its rows that are in the tile's
@@ -7,7 +7,7 @@
 const HALO_PX = TILE_PX + 2u * SSIM_RADIUS_PX;
 const HALO = HALO_PX * HALO_PX;
 const ACROSS = HALO_PX * TILE_PX;
-// No pixel of the picture.
+// No pixel of the image.
 const OUTSIDE = 0xffffffffu;
 
 struct Pair {
@@ -16,20 +16,20 @@ struct Pair {
     difference: vec3f,
 }
 
-// Pixel of the picture at an offset from the tile's first.
-fn picture_pixel(tile: u32, offset: vec2i) -> u32 {
+// Pixel of the image at an offset from the tile's first.
+fn image_pixel(tile: u32, offset: vec2i) -> u32 {
     let px = vec2i(vec2u(tile % step.grid.x, tile / step.grid.x) * TILE_PX) + offset;
     let inside = all(px >= vec2i(0)) && all(px < vec2i(step.size_px));
     return select(OUTSIDE, u32(px.y) * step.size_px.x + u32(px.x), inside);
 }
 
-// Pixel of the picture at a place of the halo.
+// Pixel of the image at a place of the halo.
 fn halo_pixel(tile: u32, place: u32) -> u32 {
     let offset = vec2i(vec2u(place % HALO_PX, place / HALO_PX)) - i32(SSIM_RADIUS_PX);
-    return select(OUTSIDE, picture_pixel(tile, offset), place < HALO);
+    return select(OUTSIDE, image_pixel(tile, offset), place < HALO);
 }
 
-// Masked pixels count as equal to the photo, those outside the picture as black in both.
+// Masked pixels count as equal to the photo, those outside the image as black in both.
 fn pair_at(pixel: u32) -> Pair {
     if pixel == OUTSIDE {
         return Pair(vec3f(), vec3f());

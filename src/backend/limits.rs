@@ -11,13 +11,13 @@ pub struct SceneShape {
     pub geometry: bool,
 }
 
-/// The largest scene and pictures that a device takes, each by itself: limits of its buffers and of our indices.
+/// The largest scene and images that a device takes, each by itself: limits of its buffers and of our indices.
 /// Its memory may be less; and how many tile-splat pairs a view has is not known before it is rendered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DeviceLimits {
-    /// Longest side of a picture.
+    /// Longest side of an image.
     pub max_side_px: u32,
-    /// Pixels of a picture.
+    /// Pixels of an image.
     pub max_pixels: u64,
     /// Splats of a model.
     pub max_splats: u64,
@@ -26,8 +26,8 @@ pub struct DeviceLimits {
 }
 
 impl DeviceLimits {
-    /// Whether a picture fits.
-    pub fn allows_picture(&self, width_px: u32, height_px: u32) -> bool {
+    /// Whether an image fits.
+    pub fn allows_image(&self, width_px: u32, height_px: u32) -> bool {
         width_px.max(height_px) <= self.max_side_px
             && u64::from(width_px) * u64::from(height_px) <= self.max_pixels
     }

@@ -1,4 +1,4 @@
-//! What becomes of splats and their maps in a structure step: decided by the trainer, carried out alike by every
+//! What becomes of splats and their maps in a density-control step: decided by the trainer, carried out alike by every
 //! backend.
 
 use crate::{Error, Result};
@@ -90,10 +90,10 @@ pub struct SplatEdit {
     pub opacity_logit: f32,
 }
 
-/// A change of structure, decided on the host and applied alike by every backend. It is applied to the
-/// settled model: the one that [`Backend::read_settled`](super::Backend::read_settled) gives.
+/// A density-control step, decided on the host and applied alike by every backend. It is applied to the
+/// flushed model: the one that [`Backend::read_flushed`](super::Backend::read_flushed) gives.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct StructurePlan {
+pub struct DensityPlan {
     /// For each splat of the new model the splat it comes from. `[n_new]`
     pub sources: Vec<u32>,
     /// For each splat of the new model what becomes of its source's map. `[n_new]`
@@ -102,7 +102,7 @@ pub struct StructurePlan {
     pub edits: Vec<SplatEdit>,
 }
 
-impl StructurePlan {
+impl DensityPlan {
     /// Checks the plan against a model of `num_splats` splats.
     ///
     /// # Errors
@@ -110,14 +110,14 @@ impl StructurePlan {
     pub fn check(&self, num_splats: usize) -> Result<()> {
         if self.sources.len() != self.maps.len() {
             return Err(Error::Usage(format!(
-                "structure plan: {} sources but {} map changes",
+                "density-control plan: {} sources but {} map changes",
                 self.sources.len(),
                 self.maps.len()
             )));
         }
         if let Some(at) = self.sources.iter().position(|&s| s as usize >= num_splats) {
             return Err(Error::Usage(format!(
-                "structure plan: source {} of new splat {at} is not one of the {num_splats} splats",
+                "density-control plan: source {} of new splat {at} is not one of the {num_splats} splats",
                 self.sources[at]
             )));
         }
@@ -126,7 +126,7 @@ impl StructurePlan {
                 && !moment_scale.iter().all(|f| f.is_finite() && *f >= 0.0)
             {
                 return Err(Error::Usage(format!(
-                    "structure plan: moment scale {moment_scale:?} of new splat {at}, expected finite numbers \
+                    "density-control plan: moment scale {moment_scale:?} of new splat {at}, expected finite numbers \
                      of at least 0"
                 )));
             }
@@ -134,7 +134,7 @@ impl StructurePlan {
                 && (*rows == 0) != (*cols == 0)
             {
                 return Err(Error::Usage(format!(
-                    "structure plan: a map of {rows} x {cols} texels for new splat {at}, expected texels along \
+                    "density-control plan: a map of {rows} x {cols} texels for new splat {at}, expected texels along \
                      both axes or along none"
                 )));
             }
@@ -144,7 +144,7 @@ impl StructurePlan {
             let values = edit.position.iter().chain(&edit.log_scales).chain([&edit.opacity_logit]);
             if edit.splat < next || edit.splat as usize >= self.sources.len() {
                 return Err(Error::Usage(format!(
-                    "structure plan: edits of {} new splats must name each once and in order, found {} where at \
+                    "density-control plan: edits of {} new splats must name each once and in order, found {} where at \
                      least {next} was expected",
                     self.sources.len(),
                     edit.splat
@@ -152,7 +152,7 @@ impl StructurePlan {
             }
             if !values.into_iter().all(|v| v.is_finite()) {
                 return Err(Error::Usage(format!(
-                    "structure plan: edit {edit:?} has values that are not finite"
+                    "density-control plan: edit {edit:?} has values that are not finite"
                 )));
             }
             next = edit.splat + 1;

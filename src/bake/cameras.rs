@@ -14,7 +14,7 @@ pub fn asset_cameras(views: &dyn ViewSource) -> Vec<AssetCamera> {
     (0..views.num_views()).map(of_view).collect()
 }
 
-/// A camera under the name of its picture.
+/// A camera under the name of its image.
 pub fn asset_camera(name: &str, held_out: bool, camera: &Camera) -> AssetCamera {
     let p = &camera.pinhole;
     AssetCamera {

@@ -13,7 +13,7 @@ pub use thaw::thaw;
 /// Largest standard deviation that an asset may hold, local units.
 const SCALE_MAX: f64 = 1e6;
 
-/// Freezes a settled model with the cameras of its capture and what was behind the scene.
+/// Freezes a flushed model with the cameras of its capture and what was behind the scene.
 ///
 /// Splats that no renderer can draw (numbers that are not finite, a zero quaternion, a standard
 /// deviation beyond 1e6) are left out with their maps and counted in the report as

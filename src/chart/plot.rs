@@ -330,7 +330,7 @@ mod tests {
     #[test]
     fn legends_tell_apart_what_differs_late_in_long_names() {
         let names =
-            ["0.8", "0.9"].map(|end| format!("structure.quantile and all the rest of the settings at {end}"));
+            ["0.8", "0.9"].map(|end| format!("density.quantile and all the rest of the settings at {end}"));
         let series =
             |name: &String| Series { name: name.clone(), marks: vec![mark(2.0, 20.0)], ..Series::default() };
         let file = chart(names.iter().map(series).collect()).draw().unwrap().standalone();

@@ -4,7 +4,7 @@
 use super::measure::{Better, Measure, bytes_of};
 use super::scale::Quantity;
 use super::stats::Sample;
-use super::unlike::same_pictures;
+use super::unlike::same_images;
 use super::{plausible, unlike};
 use crate::results::{self, Record, Status};
 use crate::{Error, Report, Result};
@@ -250,14 +250,14 @@ impl Study {
     }
 
     /// Differences `a - b` between the runs with equal seeds of two groups of a scene; of costs the logarithm
-    /// of their ratio. Times are only compared on the same machine, and nothing if the pictures were others.
+    /// of their ratio. Times are only compared on the same machine, and nothing if the images were others.
     pub fn differences(&self, a: &Group<'_>, b: &Group<'_>, measure: &Measure) -> Vec<f64> {
         let mut out = Vec::new();
         for run in &a.runs {
             let partner = b.runs.iter().find(|p| p.seed == run.seed && p.scene == run.scene);
             let Some(partner) = partner else { continue };
             let is_comparable = !measure.is_time || machine(run) == machine(partner);
-            if !(is_comparable && same_pictures(run, partner)) {
+            if !(is_comparable && same_images(run, partner)) {
                 continue;
             }
             let (Some(x), Some(y)) = (self.value(run, measure), self.value(partner, measure)) else {

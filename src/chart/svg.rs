@@ -267,8 +267,8 @@ mod tests {
         assert!(long.starts_with("a ver") && long.ends_with("iant") && long.contains('…'), "{long}");
         assert!(text_width_px(&long, 12.0) <= 90.0, "{long}");
         // What differs stays: at the end as at the beginning.
-        assert_ne!(short("structure.quantile=0.8"), short("structure.quantile=0.9"));
-        assert_ne!(short("more structure.quantile"), short("less structure.quantile"));
+        assert_ne!(short("density.quantile=0.8"), short("density.quantile=0.9"));
+        assert_ne!(short("more density.quantile"), short("less density.quantile"));
         assert_eq!(shortened("abc", 1.0, 12.0), "…");
     }
 }

@@ -8,31 +8,31 @@ use serde_json::Value;
 use std::collections::{HashMap, HashSet};
 
 /// What test figures hang on besides the model: size and number of the views, and how photos were resampled.
-const PICTURES: [&str; 5] =
+const IMAGES: [&str; 5] =
     ["/capture/width_px", "/capture/height_px", "/capture/train_views", "/capture/test_views", "/resample"];
 /// Characters of arguments that a warning shows.
 const ARGS_CHARS_MAX: usize = 80;
 
-/// Whether the figures of two runs of a scene are about the same pictures.
-pub fn same_pictures(a: &Record, b: &Record) -> bool {
-    pictures(a) == pictures(b)
+/// Whether the figures of two runs of a scene are about the same images.
+pub fn same_images(a: &Record, b: &Record) -> bool {
+    images(a) == images(b)
 }
 
-/// Warns of scenes whose runs saw other pictures, and of repetitions that differ in more than the seed.
+/// Warns of scenes whose runs saw other images, and of repetitions that differ in more than the seed.
 pub fn warn(runs: &[Record], report: &mut Report) {
-    let (others, first) = unlike(runs, |r| r.scene.as_str(), same_pictures);
+    let (others, first) = unlike(runs, |r| r.scene.as_str(), same_images);
     if let Some((a, b)) = first {
         report.warn(
-            "unlike-pictures",
+            "unlike-images",
             others,
             format!(
-                "the runs of {} were made of unlike pictures (size, number of views or resampling): {} {}, \
+                "the runs of {} were made of unlike images (size, number of views or resampling): {} {}, \
                  {} {}; unlike ones are not paired, and means over both say little",
                 counted(others, "scene"),
                 a.told(),
-                pictures_told(a),
+                images_told(a),
                 b.told(),
-                pictures_told(b)
+                images_told(b)
             ),
         );
     }
@@ -82,17 +82,17 @@ fn unlike<'a, K: Eq + std::hash::Hash>(
     (groups.len(), first_two)
 }
 
-fn pictures(run: &Record) -> [Option<&Value>; PICTURES.len()] {
-    PICTURES.map(|pointer| run.summary.as_ref().and_then(|s| s.pointer(pointer)))
+fn images(run: &Record) -> [Option<&Value>; IMAGES.len()] {
+    IMAGES.map(|pointer| run.summary.as_ref().and_then(|s| s.pointer(pointer)))
 }
 
-fn pictures_told(run: &Record) -> String {
+fn images_told(run: &Record) -> String {
     let of = |value: Option<&Value>| match value {
         None | Some(Value::Null) => "?".to_owned(),
         Some(Value::String(text)) => text.clone(),
         Some(other) => other.to_string(),
     };
-    let [width, height, train, test, resample] = pictures(run).map(of);
+    let [width, height, train, test, resample] = images(run).map(of);
     format!("({width}x{height} px, {train} + {test} views, {resample})")
 }
 
@@ -179,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn runs_of_other_pictures_are_not_paired() {
+    fn runs_of_other_images_are_not_paired() {
         let is_half = |r: &Record| r.seed > 3 && r.variant == "plain" && r.scene == "fox";
         for (change, part) in [
             (
@@ -191,7 +191,7 @@ mod tests {
             (|r| r.summary.as_mut().unwrap()["capture"] = json!(null), "?x? px"),
         ] {
             let (warnings, pairs) = look(changed(is_half, change));
-            assert_eq!((warnings.len(), warnings[0].0.as_str(), pairs), (1, "unlike-pictures", 3));
+            assert_eq!((warnings.len(), warnings[0].0.as_str(), pairs), (1, "unlike-images", 3));
             assert!(warnings[0].1.contains(part) && warnings[0].1.contains("not paired"), "{warnings:?}");
         }
     }

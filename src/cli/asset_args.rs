@@ -35,7 +35,7 @@ pub struct AssetArgs {
     /// Leave out splats that contribute less than this many pixels to all training views together
     #[arg(long, value_name = "PIXELS", value_parser = parse_floor, help_heading = "Scene")]
     pub min_contribution: Option<f32>,
-    /// Direction of the capture that is up in the files: x, -x, y, -y, z, -z or X,Y,Z [default: that of an asset, else -y, as COLMAP's pictures]
+    /// Direction of the capture that is up in the files: x, -x, y, -y, z, -z or X,Y,Z [default: that of an asset, else -y, as COLMAP's images]
     #[arg(long, value_name = "DIRECTION", value_parser = parse_direction, allow_hyphen_values = true, help_heading = "Scene")]
     pub up: Option<Direction>,
     /// Length of the capture's unit in the files: 0.01 makes metres of a capture in centimetres [default: that of an asset, else 1]

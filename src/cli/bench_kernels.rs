@@ -17,7 +17,7 @@ pub struct BenchKernelsArgs {
     /// Which GPU
     #[arg(long, value_name = "NAME", default_value = "gpu", help_heading = "Device")]
     device: String,
-    /// Bound of the pictures' longer side in pixels
+    /// Bound of the images' longer side in pixels
     #[arg(long, value_name = "N", default_value_t = 480, value_parser = clap::value_parser!(u32).range(16..))]
     max_resolution: u32,
     /// Splats of the random scene

@@ -4,17 +4,17 @@ use super::capture::{CaptureFormat, LoadOptions};
 use super::values::parse_bytes;
 use std::path::PathBuf;
 
-/// Smallest bound of the pictures' longer side that makes sense: SSIM's window is 11 pixels wide.
+/// Smallest bound of the images' longer side that makes sense: SSIM's window is 11 pixels wide.
 pub const MAX_RESOLUTION_MIN: u32 = 16;
 
 /// Flags of the capture; what is not given stays as the configuration file or the default says.
 #[derive(clap::Args, Clone, Debug, Default)]
 #[command(next_help_heading = "Capture")]
 pub struct CaptureArgs {
-    /// Bound of the pictures' longer side in pixels; larger ones are averaged down by area [default: 1600]
+    /// Bound of the images' longer side in pixels; larger ones are averaged down by area [default: 1600]
     #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u32).range(i64::from(MAX_RESOLUTION_MIN)..=65_536))]
     pub max_resolution: Option<u32>,
-    /// Folder of the pictures, for example images_4 [default: images]
+    /// Folder of the images, for example images_4 [default: images]
     #[arg(long, value_name = "DIR")]
     pub images: Option<PathBuf>,
     /// Folder of the masks, white keeps [default: masks, where it exists]
@@ -32,7 +32,7 @@ pub struct CaptureArgs {
     /// File with the names of the views to hold out, one a line; wins over everything
     #[arg(long, value_name = "FILE")]
     pub test_list: Option<PathBuf>,
-    /// Memory for decoded pictures [default: 4GiB]
+    /// Memory for decoded images [default: 4GiB]
     #[arg(long, value_name = "SIZE", value_parser = parse_bytes)]
     pub image_cache: Option<u64>,
 }

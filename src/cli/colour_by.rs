@@ -1,12 +1,12 @@
 //! `litetex render --colour-by`: splats coloured by what they are made of instead of what they show, with
-//! a legend. The classes are fixed, so that pictures of different runs can be compared.
+//! a legend. The classes are fixed, so that images of different runs can be compared.
 
 use super::table::Table;
 use super::values::format_count;
 use litetex_gs::camera::Camera;
 use litetex_gs::model::{Model, TextureMap};
-use litetex_gs::picture::{Channels, legend, magma, tinted, write_png};
-use litetex_gs::train::structure::pixel_sizes;
+use litetex_gs::image::{Channels, legend, magma, tinted, write_png};
+use litetex_gs::train::density::pixel_sizes;
 use litetex_gs::{Error, Result};
 use std::path::{Path, PathBuf};
 
@@ -126,7 +126,7 @@ impl Coloured {
             return Ok(None);
         }
         std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
-        // No view's picture is called that: theirs end in the name of what they show.
+        // No view's image is called that: theirs end in the name of what they show.
         let path = folder.join(format!("{}.legend.png", self.by.name()));
         let labels = self.by.labels().into_iter().enumerate();
         let entries: Vec<_> = labels.map(|(class, label)| (label, colour(self.by, class))).collect();

@@ -1,4 +1,4 @@
-//! `litetex compare`: two pictures, two folders of pictures, or the pictures of two scenes.
+//! `litetex compare`: two images, two folders of images, or the images of two scenes.
 
 use super::differences::{Difference, Stage, spread};
 use super::frozen::Frozen;
@@ -8,17 +8,17 @@ use super::table::{Columns, print_json};
 use super::values::parse_decibels;
 use litetex_exporters::Format;
 use litetex_gs::backend::RenderedImage;
-use litetex_gs::dataset::read_picture;
+use litetex_gs::dataset::read_image;
 use litetex_gs::{Error, Result};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-/// Compare two pictures, two folders of pictures, or two scenes
+/// Compare two images, two folders of images, or two scenes
 ///
-/// Scenes (runs, checkpoints, assets) are rendered from the cameras of the second. Pictures of folders are paired by name.
+/// Scenes (runs, checkpoints, assets) are rendered from the cameras of the second. Images of folders are paired by name.
 #[derive(clap::Args)]
 pub struct CompareArgs {
-    /// Picture, folder of pictures, run, checkpoint or asset
+    /// Image, folder of images, run, checkpoint or asset
     #[arg(value_name = "A")]
     a: PathBuf,
     /// The same: what A should look like
@@ -47,7 +47,7 @@ pub fn run(args: &CompareArgs, log: &Log) -> anyhow::Result<()> {
     }
     let differences = match (is_scene(&args.a), is_scene(&args.b)) {
         (true, true) => scenes(args, log)?,
-        (false, false) => pictures(&args.a, &args.b)?,
+        (false, false) => images(&args.a, &args.b)?,
         _ => {
             return Err(Error::Usage(format!(
                 "{} and {}: one is a scene, the other is not",
@@ -84,7 +84,7 @@ pub fn run(args: &CompareArgs, log: &Log) -> anyhow::Result<()> {
             "per_view": differences.iter().map(of_view).collect::<Vec<_>>(),
         }))?;
     } else {
-        let mut table = Columns::new(&["picture", "PSNR", "grad", "SSIM", "FLIP", "largest"]);
+        let mut table = Columns::new(&["image", "PSNR", "grad", "SSIM", "FLIP", "largest"]);
         let row = |name: &str, of: &dyn Fn(usize) -> f64| {
             let digits = [2, 2, 4, 4, 6];
             let cells = (0..5).map(|i| format!("{:.*}", digits[i], of(i)));
@@ -126,18 +126,18 @@ fn scenes(args: &CompareArgs, log: &Log) -> Result<Vec<Difference>> {
     }
     let views = spread(cameras, args.views.map_or(usize::MAX, |v| v as usize));
     let mut stage = Stage::open(&args.device, log)?;
-    let expected = stage.pictures(&b.asset, &views)?;
+    let expected = stage.images(&b.asset, &views)?;
     let mut seen = a.asset.in_frame(&b.asset.capture_from_local);
     if a.asset.cameras.is_empty() {
         // Formats without cameras know neither.
         (seen.near, seen.background) = (b.asset.near, b.asset.background);
     }
-    let found = stage.pictures(&seen, &views)?;
+    let found = stage.images(&seen, &views)?;
     let pairs = views.iter().zip(&found).zip(&expected);
     Ok(pairs.map(|((v, f), e)| Difference::of(&v.name, f, e)).collect())
 }
 
-fn pictures(a: &Path, b: &Path) -> Result<Vec<Difference>> {
+fn images(a: &Path, b: &Path) -> Result<Vec<Difference>> {
     if a.is_dir() != b.is_dir() {
         return Err(Error::Usage(format!("{} and {}: a folder and a file", a.display(), b.display())));
     }
@@ -148,7 +148,7 @@ fn pictures(a: &Path, b: &Path) -> Result<Vec<Difference>> {
     let both: Vec<&PathBuf> = in_a.intersection(&in_b).collect();
     if both.is_empty() {
         return Err(Error::Usage(format!(
-            "no picture of {} ({}) has the name of one of {} ({})",
+            "no image of {} ({}) has the name of one of {} ({})",
             a.display(),
             in_a.len(),
             b.display(),
@@ -158,7 +158,7 @@ fn pictures(a: &Path, b: &Path) -> Result<Vec<Difference>> {
     let alone = in_a.symmetric_difference(&in_b).count();
     if alone > 0 {
         return Err(Error::Usage(format!(
-            "{alone} pictures are in one folder only, the first is {}",
+            "{alone} images are in one folder only, the first is {}",
             in_a.symmetric_difference(&in_b).next().map_or(String::new(), |p| p.display().to_string())
         )));
     }
@@ -186,11 +186,11 @@ fn difference(name: &str, a: &Path, b: &Path) -> Result<Difference> {
 }
 
 fn read(path: &Path) -> Result<RenderedImage> {
-    let (width_px, height_px, rgb) = read_picture(path)?;
+    let (width_px, height_px, rgb) = read_image(path)?;
     Ok(RenderedImage { width_px, height_px, rgb, alpha: vec![], depth: vec![], normal: vec![] })
 }
 
-/// Pictures below a folder by their names in it.
+/// Images below a folder by their names in it.
 fn names(folder: &Path) -> Result<BTreeSet<PathBuf>> {
     let mut found = BTreeSet::new();
     let mut folders = vec![folder.to_owned()];

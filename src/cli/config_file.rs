@@ -27,7 +27,7 @@ pub struct RunConfig {
     /// More points than this are thinned at random before the start.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_points: Option<usize>,
-    /// Which evaluations leave pictures.
+    /// Which evaluations leave images.
     pub save_images: SaveImages,
     /// How the capture is read.
     pub capture: LoadOptions,
@@ -80,7 +80,7 @@ impl RunConfig {
         let wrong = |what: String| Error::Usage(format!("--set {setting}: {what}"));
         let (key, value) = setting
             .split_once('=')
-            .ok_or_else(|| wrong("expected KEY=VALUE, such as structure.quantile=0.6".to_owned()))?;
+            .ok_or_else(|| wrong("expected KEY=VALUE, such as density.quantile=0.6".to_owned()))?;
         let mut table = toml::Table::try_from(&*self)
             .map_err(|e| wrong(format!("the settings have no TOML form: {e}")))?;
         let mut path: Vec<&str> = key.trim().split('.').collect();
@@ -144,7 +144,7 @@ impl RunConfig {
                 return refuse(format!("train.rates.{key}: found {rate}, expected a finite number above 0"));
             }
         }
-        if let Err(what) = t.structure.check() {
+        if let Err(what) = t.density.check() {
             return refuse(format!("train.{what}"));
         }
         let l = &t.loss;
@@ -234,7 +234,7 @@ mod tests {
             ("[train.rates]\nposition-end = inf", "train.rates.position-end: found inf"),
             ("[train.rates]\ntexel = -1e-3", "train.rates.texel: found -0.001"),
             ("[train.rates]\nopacity = 1e300", "train.rates.opacity: found inf"),
-            ("[train.structure]\nquantile = 1.2", "train.structure.quantile: found 1.2"),
+            ("[train.density]\nquantile = 1.2", "train.density.quantile: found 1.2"),
             ("[train.rates]\ntexel-growth = nan", "train.rates.texel-growth: found NaN"),
             ("[train.loss]\nl1 = nan", "train.loss.l1: found NaN"),
             ("[train.loss]\nl2 = 1.0", "l2"),

@@ -1,4 +1,4 @@
-//! How much each splat contributes to pictures.
+//! How much each splat contributes to images.
 
 use super::devices;
 use super::interrupt::Interrupt;

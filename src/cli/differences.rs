@@ -1,4 +1,4 @@
-//! How far the pictures of two scenes lie apart, view by view.
+//! How far the images of two scenes lie apart, view by view.
 
 use super::interrupt::Interrupt;
 use super::log::Log;
@@ -51,7 +51,7 @@ impl Stage {
         self.backend.upload(&model, &AdamState::zeros(&model))
     }
 
-    /// A picture of it.
+    /// An image of it.
     ///
     /// # Errors
     /// What the device reports, [`litetex_gs::Error::Interrupted`].
@@ -62,24 +62,24 @@ impl Stage {
         Ok(image)
     }
 
-    /// Pictures of a scene from several views.
+    /// Images of a scene from several views.
     ///
     /// # Errors
     /// What the device reports.
-    pub fn pictures(&mut self, asset: &SplatAsset, views: &[AssetCamera]) -> Result<Vec<RenderedImage>> {
+    pub fn images(&mut self, asset: &SplatAsset, views: &[AssetCamera]) -> Result<Vec<RenderedImage>> {
         self.show(asset)?;
         views.iter().map(|view| self.render(view)).collect()
     }
 }
 
-/// Colours blended in another space as sRGB code values, which is what pictures hold.
+/// Colours blended in another space as sRGB code values, which is what images hold.
 pub fn to_display(image: &mut RenderedImage, space: ColourSpace) {
     if space != ColourSpace::SrgbRec709Display {
         image.rgb.iter_mut().for_each(|v| *v = space.srgb((*v).into()) as f32);
     }
 }
 
-/// Two pictures of one view against each other.
+/// Two images of one view against each other.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Difference {
     /// SSIM, FLIP and so on, of 8 bits.
@@ -91,7 +91,7 @@ pub struct Difference {
 }
 
 impl Difference {
-    /// Of a picture from what it should be.
+    /// Of an image from what it should be.
     pub fn of(name: &str, found: &RenderedImage, expected: &RenderedImage) -> Self {
         let target = TargetImage {
             width_px: expected.width_px,
@@ -122,7 +122,7 @@ impl Difference {
     }
 }
 
-/// The mean squared error of a scene's pictures from photos, as far as the asset tells.
+/// The mean squared error of a scene's images from photos, as far as the asset tells.
 pub fn mse_to_photos(asset: &SplatAsset) -> f64 {
     let told = asset.provenance.training.get(PSNR_TEST).and_then(|v| v.parse::<f64>().ok());
     10.0_f64.powf(-told.filter(|p| p.is_finite()).unwrap_or(ASSUMED_PSNR) / 10.0)
@@ -143,7 +143,7 @@ pub fn spread(views: &[AssetCamera], most: usize) -> Vec<AssetCamera> {
 mod tests {
     use super::*;
 
-    fn picture(value: f32) -> RenderedImage {
+    fn image(value: f32) -> RenderedImage {
         let rgb = (0..16 * 16 * 3).map(|i| value + (i % 7) as f32 / 100.0).collect();
         RenderedImage {
             width_px: 16,
@@ -157,7 +157,7 @@ mod tests {
 
     #[test]
     fn differences_are_measured_before_rounding() {
-        let (a, mut b) = (picture(0.25), picture(0.25));
+        let (a, mut b) = (image(0.25), image(0.25));
         assert_eq!(Difference::of("a", &a, &b).largest, 0.0);
         b.rgb[5] += 1e-4;
         let found = Difference::of("a", &b, &a);

@@ -30,7 +30,7 @@ pub struct EvalArgs {
     /// The capture, if it is no longer where it was
     #[arg(long, value_name = "DIR")]
     capture: Option<PathBuf>,
-    /// Also write pictures, error maps and per_view.csv into this empty folder
+    /// Also write images, error maps and per_view.csv into this empty folder
     #[arg(long, short, value_name = "DIR")]
     out: Option<PathBuf>,
     /// All figures, of each view too, as JSON
@@ -49,7 +49,7 @@ pub struct Trained {
     pub step: u32,
     /// The scene.
     pub model: Model,
-    /// The optimiser: lazily updated parameters are settled with it.
+    /// The optimiser: lazily updated parameters are flushed with it.
     pub adam: AdamState,
     /// Settings of the run.
     pub config: RunConfig,

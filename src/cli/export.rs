@@ -157,7 +157,7 @@ fn write_one(
     Ok(Exported { path: path.to_owned(), written, raw_bytes: raw_bytes(&frozen.asset), verdict })
 }
 
-/// Reads a file back and compares its pictures with the scene's.
+/// Reads a file back and compares its images with the scene's.
 fn prove(stage: &mut Stage, expected: &Expected<'_>, path: &Path, asked: Option<Limits>) -> Result<Verdict> {
     let contents = read_asset(path, &read_limits())?;
     let limits = asked.unwrap_or_else(|| limits_of(path, &contents));

@@ -5,7 +5,7 @@
 use super::values::{format_bytes, format_count, format_duration};
 use litetex_gs::constants::sh_coefficients;
 use litetex_gs::model::{Model, SPLAT_PARAMS, num_params};
-use litetex_gs::train::structure::{Budget, MapRule};
+use litetex_gs::train::density::{Budget, MapRule};
 use litetex_gs::train::{Policy, TrainConfig};
 use litetex_gs::views::{Split, ViewSource};
 use litetex_gs::{Error, Result};
@@ -18,7 +18,7 @@ use litetex_gs::{Error, Result};
 const CPU_SECS_PER_STEP: f64 = 0.015;
 const CPU_SECS_PER_PIXEL: f64 = 0.42e-6;
 const CPU_SECS_PER_SPLAT: f64 = 1.5e-6;
-/// Bytes per pixel of one view at work: photo, picture, gradient, SSIM's windows, kept blending state.
+/// Bytes per pixel of one view at work: photo, image, gradient, SSIM's windows, kept blending state.
 const BYTES_PER_PIXEL: u64 = 120;
 /// Bytes per splat of one view at work: projection, its gradient, about eight tile pairs with partial sums.
 const BYTES_PER_SPLAT: u64 = 1400;

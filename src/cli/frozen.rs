@@ -81,7 +81,7 @@ fn freeze(trained: &Trained, log: &Log) -> Result<(SplatAsset, Report)> {
     };
     let mut backend = devices::open("cpu", log)?;
     backend.upload(&trained.model, &trained.adam)?;
-    let model = backend.read_settled()?;
+    let model = backend.read_flushed()?;
     let mut report = Report::default();
     let asset = bake(&model, cameras, trained.config.train.background, provenance(trained), &mut report);
     Ok((asset, report))

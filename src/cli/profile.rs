@@ -2,8 +2,8 @@
 //! what it means is recorded setting by setting in `config.toml`.
 
 use litetex_gs::backend::LossWeights;
-use litetex_gs::schedule::{CapRule, ScheduleOptions};
-use litetex_gs::train::structure::{ErrorMeasure, GrowthMoments, Spending, SplitProfile, StructureConfig};
+use litetex_gs::frequency::{CapRule, FrequencyOptions};
+use litetex_gs::train::density::{ErrorMeasure, GrowthMoments, Spending, SplitProfile, DensityConfig};
 use litetex_gs::train::{Policy, TrainConfig};
 use serde::{Deserialize, Serialize};
 
@@ -39,13 +39,13 @@ impl Profile {
 
     /// Writes its settings over `config`: whatever a profile decides is as in the profile afterwards.
     pub fn apply(self, config: &mut TrainConfig) {
-        let TrainConfig { policy, components, structure, scheduler, loss, rates, .. } =
+        let TrainConfig { policy, components, density, scheduler, loss, rates, .. } =
             TrainConfig::default();
-        *config = TrainConfig { policy, components, structure, scheduler, loss, rates, ..config.clone() };
+        *config = TrainConfig { policy, components, density, scheduler, loss, rates, ..config.clone() };
         if matches!(self, Self::Paper | Self::Authors | Self::Cat) {
             config.rates.position_random = config.rates.position;
         }
-        let paper = || StructureConfig {
+        let paper = || DensityConfig {
             quantile: 0.85,
             alpha_texture: litetex_gs::constants::ALPHA_MIN,
             growth_moments: GrowthMoments::Kept,
@@ -53,19 +53,19 @@ impl Profile {
             error: ErrorMeasure::Mean,
             split_profile: SplitProfile::Paper,
             spending: Spending::SplitsFirst,
-            refill: false,
+            respawn: false,
             ceiling_start: 2,
-            ..StructureConfig::default()
+            ..DensityConfig::default()
         };
         match self {
             Self::Default => {}
             Self::Paper => {
-                config.structure = paper();
-                config.scheduler = ScheduleOptions::paper();
+                config.density = paper();
+                config.scheduler = FrequencyOptions::paper();
                 config.loss = LossWeights::PUBLISHED;
             }
             Self::Authors => {
-                config.structure = StructureConfig {
+                config.density = DensityConfig {
                     growth_moments: GrowthMoments::Zero,
                     error: ErrorMeasure::Mass,
                     ceiling_start: 32,
@@ -73,13 +73,13 @@ impl Profile {
                     ..paper()
                 };
                 config.scheduler =
-                    ScheduleOptions { cap_rule: CapRule::Authors, quantile: 0.0, ..ScheduleOptions::paper() };
+                    FrequencyOptions { cap_rule: CapRule::Authors, quantile: 0.0, ..FrequencyOptions::paper() };
                 config.loss = LossWeights { mse: 0.03, ..LossWeights::PUBLISHED };
             }
             Self::Cat => {
                 config.policy = Policy::Cat;
                 config.loss = LossWeights::PUBLISHED;
-                config.structure = StructureConfig {
+                config.density = DensityConfig {
                     growth_moments: GrowthMoments::Zero,
                     error: ErrorMeasure::Mass,
                     quantile: 0.9,
@@ -91,8 +91,8 @@ impl Profile {
                 };
             }
             Self::Fast => {
-                // Pictures stay coarse for longer: until 27,000 of the timetable's 30,000 steps. Maps and splats
-                // grow at the same times as ever; only what hangs on the pictures' size, such as the finest texel,
+                // Images stay coarse for longer: until 27,000 of the timetable's 30,000 steps. Maps and splats
+                // grow at the same times as ever; only what hangs on the images' size, such as the finest texel,
                 // follows them.
                 config.scheduler.until = 27_000;
             }

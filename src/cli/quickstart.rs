@@ -1,4 +1,4 @@
-//! `litetex quickstart`: sample, train, evaluate, pictures, assets; two minutes from nothing to a result.
+//! `litetex quickstart`: sample, train, evaluate, images, assets; two minutes from nothing to a result.
 
 use super::asset_args::AssetArgs;
 use super::export;
@@ -69,7 +69,7 @@ pub fn run(args: &QuickstartArgs, log: &Log) -> anyhow::Result<()> {
     let mut out = std::io::stdout().lock();
     writeln!(
         out,
-        "\nLook at  {run}/eval/{:06}/ (pictures; error/ holds error maps) beside {capture}/images/\n\
+        "\nLook at  {run}/eval/{:06}/ (images; error/ holds error maps) beside {capture}/images/\n\
          Then try\n  \
          litetex render {run} --orbit 60 -o {run}/orbit\n  \
          litetex render {run} --test --what colour,depth,normal -o {run}/views\n  \

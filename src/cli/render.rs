@@ -1,4 +1,4 @@
-//! `litetex render`: pictures of a scene from named views, the test views or an orbit.
+//! `litetex render`: images of a scene from named views, the test views or an orbit.
 
 use super::capture::Capture;
 use super::colour_by::{ColourBy, Coloured};
@@ -7,9 +7,9 @@ use super::differences::to_display;
 use super::frozen::Frozen;
 use super::log::Log;
 use super::orbit;
-use super::session::picture_name;
+use super::session::image_name;
 use super::table::Table;
-use super::values::{PictureSize, parse_picture_size};
+use super::values::{ImageSize, parse_image_size};
 use super::verify::photos;
 use litetex_exporters::{SplatAsset, Transform};
 use litetex_gs::backend::{RenderOptions, RenderedImage};
@@ -17,12 +17,12 @@ use litetex_gs::bake::{AssetViews, thaw};
 use litetex_gs::camera::Camera;
 use litetex_gs::eval::quantised;
 use litetex_gs::model::AdamState;
-use litetex_gs::picture::{Channels, depth_range, grey_from_depth, rgb_from_normal, write_exr, write_png};
+use litetex_gs::image::{Channels, depth_range, grey_from_depth, rgb_from_normal, write_exr, write_png};
 use litetex_gs::views::{Split, ViewSource};
 use litetex_gs::{Error, Result};
 use std::path::{Path, PathBuf};
 
-/// Render views of a run or an asset as pictures
+/// Render views of a run or an asset as images
 ///
 /// Colour as PNG (display space), depth as grey (near is white), normals as the usual normal map, alpha as
 /// grey. With --exr 32-bit float values: linear colour, depth in units of the capture, normals in camera
@@ -33,7 +33,7 @@ pub struct RenderArgs {
     /// Folder of a run, a checkpoint, or an asset
     #[arg(value_name = "RUN|CHECKPOINT|ASSET")]
     source: PathBuf,
-    /// The view with this picture name
+    /// The view with this image name
     #[arg(long, value_name = "NAME", group = "which")]
     view: Option<String>,
     /// All test views
@@ -42,7 +42,7 @@ pub struct RenderArgs {
     /// N views on a circle around what the cameras look at
     #[arg(long, value_name = "N", group = "which", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     orbit: Option<u32>,
-    /// Folder to write into; existing pictures of the same name are replaced
+    /// Folder to write into; existing images of the same name are replaced
     #[arg(long, short, value_name = "DIR")]
     out: PathBuf,
     /// What to render
@@ -52,8 +52,8 @@ pub struct RenderArgs {
     #[arg(long, value_name = "WHAT", visible_alias = "color-by", conflicts_with = "exr")]
     colour_by: Option<ColourBy>,
     /// Size: WIDTHxHEIGHT or the longer side [default: as trained]
-    #[arg(long, value_name = "SIZE", value_parser = parse_picture_size)]
-    size: Option<PictureSize>,
+    #[arg(long, value_name = "SIZE", value_parser = parse_image_size)]
+    size: Option<ImageSize>,
     /// 32-bit float EXR instead of PNG
     #[arg(long)]
     exr: bool,
@@ -80,7 +80,7 @@ enum What {
 }
 
 impl What {
-    /// Inserted before the extension; colour is the picture itself, unless it tells something else.
+    /// Inserted before the extension; colour is the image itself, unless it tells something else.
     fn suffix(self, colour_by: Option<ColourBy>) -> String {
         match self {
             Self::Colour => colour_by.map_or(String::new(), |by| format!(".{}", by.name())),
@@ -135,7 +135,7 @@ pub fn run(args: &RenderArgs, log: &Log) -> anyhow::Result<()> {
             if args.exr {
                 write_values(&path, &image, *what, to_capture)?;
             } else {
-                write_picture(&path, &image, *what)?;
+                write_image(&path, &image, *what)?;
             }
             log.detail(&format!("wrote {}", path.display()));
             written += 1;
@@ -143,7 +143,7 @@ pub fn run(args: &RenderArgs, log: &Log) -> anyhow::Result<()> {
     }
     let mut table = Table::default();
     table.row("scene", frozen.path.display());
-    table.row("pictures", format!("{written} in {}", args.out.display()));
+    table.row("images", format!("{written} in {}", args.out.display()));
     if let Some(coloured) = &coloured {
         if let Some(path) = coloured.write_legend(&args.out)? {
             table.row("legend", path.display());
@@ -171,7 +171,7 @@ fn jobs(args: &RenderArgs, capture: &dyn ViewSource) -> Result<Vec<(PathBuf, Cam
             args.source.display()
         )));
     }
-    let of_view = |v: usize| (picture_name(capture, v), capture.camera(v));
+    let of_view = |v: usize| (image_name(capture, v), capture.camera(v));
     if let Some(name) = &args.view {
         let all = 0..capture.num_views();
         return match all.clone().find(|&v| capture.name(v) == name) {
@@ -199,12 +199,12 @@ fn jobs(args: &RenderArgs, capture: &dyn ViewSource) -> Result<Vec<(PathBuf, Cam
     Ok(test)
 }
 
-fn sized(camera: &Camera, size: Option<PictureSize>) -> Camera {
+fn sized(camera: &Camera, size: Option<ImageSize>) -> Camera {
     let p = camera.pinhole;
     match size {
         None => *camera,
-        Some(PictureSize::Exact(w, h)) => camera.resized(w, h),
-        Some(PictureSize::Longer(px)) => {
+        Some(ImageSize::Exact(w, h)) => camera.resized(w, h),
+        Some(ImageSize::Longer(px)) => {
             let longer = f64::from(p.width_px.max(p.height_px));
             let side = |s: u32| (f64::from(s) * f64::from(px) / longer).round().max(1.0) as u32;
             camera.resized(side(p.width_px), side(p.height_px))
@@ -222,7 +222,7 @@ fn place(out: &Path, name: &Path, suffix: &str, exr: bool) -> Result<PathBuf> {
     Ok(path)
 }
 
-fn write_picture(path: &Path, image: &RenderedImage, what: What) -> Result<()> {
+fn write_image(path: &Path, image: &RenderedImage, what: What) -> Result<()> {
     let (channels, bytes) = match what {
         What::Colour => (Channels::Rgb, quantised(&image.rgb)),
         What::Alpha => (Channels::Grey, quantised(&image.alpha)),

@@ -82,7 +82,7 @@ impl RunFolder {
         self.root.join("summary.json")
     }
 
-    /// Pictures and figures of the evaluation after `step`.
+    /// Images and figures of the evaluation after `step`.
     pub fn eval(&self, step: u32) -> PathBuf {
         self.root.join("eval").join(format!("{step:06}"))
     }
@@ -129,11 +129,11 @@ impl RunFolder {
         Ok(())
     }
 
-    /// Removes the pictures of an evaluation; its table stays.
+    /// Removes the images of an evaluation; its table stays.
     ///
     /// # Errors
     /// [`Error::Io`].
-    pub fn drop_pictures(&self, step: u32) -> Result<()> {
+    pub fn drop_images(&self, step: u32) -> Result<()> {
         for entry in entries(&self.eval(step)).unwrap_or_default() {
             if entry.extension().is_none_or(|e| e != "csv") {
                 remove(&entry)?;
@@ -275,7 +275,7 @@ mod tests {
             assert_eq!(staged.publish().unwrap(), dir.path().join("eval/000300"));
         }
         assert_eq!(fs::read_to_string(run.eval(300).join("a.png")).unwrap(), "second");
-        run.drop_pictures(300).unwrap();
+        run.drop_images(300).unwrap();
         assert_eq!(entries(&run.eval(300)).unwrap().len(), 1);
     }
 

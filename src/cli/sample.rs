@@ -8,18 +8,18 @@ use std::path::PathBuf;
 
 /// Make a small synthetic capture to try things with
 ///
-/// A ray-cast still life with rich texture in COLMAP layout: pictures, exact poses, sparse points, and the
+/// A ray-cast still life with rich texture in COLMAP layout: images, exact poses, sparse points, and the
 /// truth (depths) beside them. Same options, same bytes.
 #[derive(clap::Args)]
 pub struct SampleArgs {
     /// Folder to write into; must be empty
     dir: PathBuf,
-    /// Number of pictures
+    /// Number of images
     #[arg(long, value_name = "N", default_value_t = SampleOptions::default().views)]
     views: usize,
-    /// Width and height of the pictures
-    #[arg(long, value_name = "WxH", value_parser = super::values::parse_picture_size, default_value = "320x240")]
-    size: super::values::PictureSize,
+    /// Width and height of the images
+    #[arg(long, value_name = "WxH", value_parser = super::values::parse_image_size, default_value = "320x240")]
+    size: super::values::ImageSize,
     /// Number of sparse points
     #[arg(long, value_name = "N", default_value_t = SampleOptions::default().points)]
     points: usize,
@@ -36,10 +36,10 @@ pub struct SampleArgs {
 
 /// Writes the capture and prints what it holds.
 pub fn run(args: &SampleArgs, log: &Log) -> anyhow::Result<()> {
-    use super::values::PictureSize;
+    use super::values::ImageSize;
     let (width_px, height_px) = match args.size {
-        PictureSize::Exact(w, h) => (w, h),
-        PictureSize::Longer(w) => (w, (w * 3 / 4).max(1)),
+        ImageSize::Exact(w, h) => (w, h),
+        ImageSize::Longer(w) => (w, (w * 3 / 4).max(1)),
     };
     RunFolder::check_free(&args.dir, false)?;
     let options = SampleOptions {
@@ -52,11 +52,11 @@ pub fn run(args: &SampleArgs, log: &Log) -> anyhow::Result<()> {
         truth: !args.no_truth,
         ..SampleOptions::default()
     };
-    log.info(&format!("casting {} pictures of {width_px} x {height_px}", options.views));
+    log.info(&format!("casting {} images of {width_px} x {height_px}", options.views));
     let made = write_sample(&args.dir, &options)?;
     let mut table = Table::default();
     table.row("capture", args.dir.display());
-    table.row("pictures", made.views);
+    table.row("images", made.views);
     table.row("points", made.points);
     table.row("observations", made.observations);
     table.row("mean reprojection error", format!("{:.2} px", made.mean_reprojection_error_px));

@@ -9,7 +9,7 @@ use super::table::{Columns, Table, print_json};
 use super::values::{format_count, format_duration};
 use litetex_gs::atomic_file;
 use litetex_gs::clock::process_cpu_secs;
-use litetex_gs::schedule::{FrequencySchedule, ScheduleOptions};
+use litetex_gs::frequency::{FrequencySchedule, FrequencyOptions};
 use litetex_gs::train::{Schedule, TrainConfig};
 use litetex_gs::views::{Split, ViewSource};
 use litetex_gs::{Error, Result};
@@ -18,7 +18,7 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Show how the sizes of pictures and textures will rise in a training
+/// Show how the sizes of images and textures will rise in a training
 ///
 /// Analyses the frequencies of the training photos and lists the stages that follow: which steps render at
 /// which scale, how large textures may grow, and how the work is shared out. Nothing is trained.
@@ -55,7 +55,7 @@ pub struct Stage {
     pub scale_from: f64,
     /// Continuous scale at the last step.
     pub scale_to: f64,
-    /// Scale of the pictures.
+    /// Scale of the images.
     pub render_scale: f64,
     /// Their width.
     pub width_px: u32,
@@ -68,8 +68,8 @@ pub struct Stage {
 }
 
 impl Stage {
-    /// Its work, in pictures of full size.
-    fn full_pictures(&self) -> f64 {
+    /// Its work, in images of full size.
+    fn full_images(&self) -> f64 {
         // Not the last step plus 1, which may be one too many for its type.
         (f64::from(self.last_step - self.first_step) + 1.0) / self.render_scale.powi(2)
     }
@@ -87,7 +87,7 @@ pub struct Plan {
     pub schedule_steps: u32,
     /// Splits and growth of maps end after this step.
     pub densify_until: u32,
-    options: ScheduleOptions,
+    options: FrequencyOptions,
     /// The schedule.
     pub schedule: FrequencySchedule,
     /// Width of most of the training photos.
@@ -132,7 +132,7 @@ fn check_writable(path: &Path, force: bool) -> Result<()> {
 fn plan(args: &ScheduleArgs, log: &Log) -> Result<Plan> {
     let mut load = capture::LoadOptions::default();
     args.capture_args.apply(&mut load);
-    let mut options = ScheduleOptions::default();
+    let mut options = FrequencyOptions::default();
     args.schedule_flags.apply(&mut options);
     options.check()?;
     let capture = capture::open(&args.capture, &load)?;
@@ -155,7 +155,7 @@ fn plan(args: &ScheduleArgs, log: &Log) -> Result<Plan> {
         schedule,
         width_px,
         height_px,
-        pixel_work: stages.iter().map(Stage::full_pictures).sum::<f64>() / f64::from(args.steps),
+        pixel_work: stages.iter().map(Stage::full_images).sum::<f64>() / f64::from(args.steps),
         stages,
         analysis_secs,
         analysis_cpu_secs,
@@ -205,9 +205,9 @@ fn stages(
         });
         next = last_step.checked_add(1);
     }
-    let total: f64 = stages.iter().map(Stage::full_pictures).sum();
+    let total: f64 = stages.iter().map(Stage::full_images).sum();
     for stage in &mut stages {
-        stage.pixel_share = stage.full_pictures() / total;
+        stage.pixel_share = stage.full_images() / total;
     }
     stages
 }
@@ -264,13 +264,13 @@ fn print(plan: &Plan) -> std::io::Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use litetex_gs::schedule::{CapRule, ScaleRule};
+    use litetex_gs::frequency::{CapRule, ScaleRule};
 
     /// Stages of a schedule with several nodes, from 900x700 px.
     fn of(steps: u32, scale_rule: ScaleRule, cap_rule: CapRule) -> (Vec<Stage>, impl Fn(u32) -> (f64, u16)) {
         let nodes = vec![(0.0, 3.7), (0.2, 2.9), (0.21, 1.8), (0.7, 1.2), (1.0, 1.0)];
         let schedule = FrequencySchedule { s_max: 3.7, nodes, views: 3, noise: 0.0 };
-        let scheduler = ScheduleOptions { scale_rule, cap_rule, ..ScheduleOptions::default() };
+        let scheduler = FrequencyOptions { scale_rule, cap_rule, ..FrequencyOptions::default() };
         let config = TrainConfig { steps, scheduler, ..TrainConfig::default() };
         let timetable = Schedule::new(&config, 10);
         let stages = stages(&schedule, &timetable, &config, (900, 700));

@@ -1,7 +1,7 @@
 //! Options of the frequency scheduler, as typed.
 
 use super::capture_args::set;
-use litetex_gs::schedule::{CapRule, ScaleRule, ScheduleOptions};
+use litetex_gs::frequency::{CapRule, ScaleRule, FrequencyOptions};
 
 /// Flags of the scheduler; what is not given stays as the configuration file or the default says.
 #[derive(clap::Args, Clone, Debug, Default)]
@@ -49,7 +49,7 @@ pub enum CapRuleArg {
 
 impl ScheduleFlags {
     /// Writes what was given over `options`.
-    pub fn apply(&self, options: &mut ScheduleOptions) {
+    pub fn apply(&self, options: &mut FrequencyOptions) {
         set(&mut options.scale_rule, self.scale_rule.map(ScaleRule::from));
         set(&mut options.cap_rule, self.cap_rule.map(CapRule::from));
         set(&mut options.until, self.until);

@@ -5,7 +5,7 @@ use super::schedule::{Plan, Stage};
 use super::values::format_count;
 use std::fmt::Write as _;
 
-/// Picture and panels, in units of the picture. `(left, right)`, `(top, bottom)`
+/// Image and panels, in units of the image. `(left, right)`, `(top, bottom)`
 const SIZE: (f64, f64) = (900.0, 560.0);
 const ACROSS: (f64, f64) = (70.0, 860.0);
 const SCALES: (f64, f64) = (80.0, 320.0);

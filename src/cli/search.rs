@@ -1,4 +1,4 @@
-//! How coarsely a `.ltgs` file may be rounded: steps are found by looking at the pictures.
+//! How coarsely a `.ltgs` file may be rounded: steps are found by looking at the images.
 
 use super::asset_args::AssetArgs;
 use super::contribution::Contribution;
@@ -136,7 +136,7 @@ fn coarsest(mut holds: impl FnMut(f64) -> Result<bool>) -> Result<Option<f64>> {
     Ok(Some(at(low)))
 }
 
-/// A scene and its pictures, ready to be compared.
+/// A scene and its images, ready to be compared.
 struct Look<'a> {
     asset: &'a SplatAsset,
     exponents: &'a [i8],
@@ -156,7 +156,7 @@ impl<'a> Look<'a> {
         log: &Log,
     ) -> Result<Self> {
         let mut stage = Stage::open(device, log)?;
-        let expected = stage.pictures(asset, &views)?;
+        let expected = stage.images(asset, &views)?;
         Ok(Self { asset, exponents, stage, views, expected, mse: mse_to_photos(asset) })
     }
 
@@ -186,12 +186,12 @@ impl<'a> Look<'a> {
         Ok(Quality::Custom)
     }
 
-    /// Whether pictures of the views with these steps keep to the limits.
+    /// Whether images of the views with these steps keep to the limits.
     fn keeps(&mut self, steps: &Steps, limits: &Limits) -> Result<bool> {
         // Steps beyond what the format can say keep to nothing.
         let Ok(rounded) = quantised(self.asset, steps, self.exponents) else { return Ok(false) };
-        let pictures = self.stage.pictures(&rounded, &self.views)?;
-        let pairs = pictures.iter().zip(&self.expected);
+        let images = self.stage.images(&rounded, &self.views)?;
+        let pairs = images.iter().zip(&self.expected);
         Ok(self.are_within(&pairs.map(|(p, e)| Difference::mse_of(p, e)).collect::<Vec<_>>(), limits))
     }
 
@@ -199,11 +199,11 @@ impl<'a> Look<'a> {
     fn keeps_everywhere(&mut self, steps: &Steps, limits: &Limits) -> Result<bool> {
         let Ok(rounded) = quantised(self.asset, steps, self.exponents) else { return Ok(false) };
         let mut errors = Vec::new();
-        // A few at a time: pictures are large.
+        // A few at a time: images are large.
         for views in spread(&self.asset.cameras, CONFIRMED_VIEWS).chunks(VIEWS) {
-            let expected = self.stage.pictures(self.asset, views)?;
-            let pictures = self.stage.pictures(&rounded, views)?;
-            errors.extend(pictures.iter().zip(&expected).map(|(p, e)| Difference::mse_of(p, e)));
+            let expected = self.stage.images(self.asset, views)?;
+            let images = self.stage.images(&rounded, views)?;
+            errors.extend(images.iter().zip(&expected).map(|(p, e)| Difference::mse_of(p, e)));
         }
         Ok(self.are_within(&errors, limits))
     }

@@ -10,7 +10,7 @@ use super::run_folder::{RunFolder, StagedFolder};
 use super::train_args::SaveImages;
 use litetex_gs::backend::{RenderedImage, StepReport};
 use litetex_gs::eval::{Evaluation, error_map, quantised};
-use litetex_gs::picture::{Channels, write_png};
+use litetex_gs::image::{Channels, write_png};
 use litetex_gs::train::checkpoint;
 use litetex_gs::train::{Control, StopReason, TrainEvent, TrainHistory, TrainState};
 use litetex_gs::views::ViewSource;
@@ -37,7 +37,7 @@ pub struct Session<'a> {
     strings: BTreeMap<String, String>,
     total_wall_secs: Box<dyn Fn() -> f64 + 'a>,
     staged: Option<StagedFolder>,
-    pictured: Option<u32>,
+    imaged: Option<u32>,
     /// Gradient entries that were not finite, over all steps.
     non_finite_gradients: u64,
     /// The last evaluation.
@@ -76,7 +76,7 @@ impl<'a> Session<'a> {
             strings: BTreeMap::from([("config".to_owned(), toml)]),
             total_wall_secs: Box::new(total_wall_secs),
             staged: None,
-            pictured: None,
+            imaged: None,
             non_finite_gradients: 0,
             evaluation: None,
             checkpoint: None,
@@ -126,7 +126,7 @@ impl<'a> Session<'a> {
                         "non_finite_gradients": report.non_finite_gradients }))?;
                 }
             }
-            TrainEvent::Structure {
+            TrainEvent::DensityControl {
                 step,
                 counts,
                 num_splats,
@@ -134,7 +134,7 @@ impl<'a> Session<'a> {
                 render_scale,
                 texture_cap,
                 wall_secs,
-            } => self.metric(json!({ "event": "structure", "step": step, "counts": counts,
+            } => self.metric(json!({ "event": "density-control", "step": step, "counts": counts,
                 "num_splats": num_splats, "num_texels": num_texels, "render_scale": render_scale,
                 "texture_cap": texture_cap, "wall_secs": wall_secs }))?,
             TrainEvent::EvalView { step, view, image } => self.eval_view(step, view, image)?,
@@ -195,10 +195,10 @@ impl<'a> Session<'a> {
         write_per_view(&staged.path().join("per_view.csv"), evaluation)?;
         staged.publish()?;
         if self.config.save_images == SaveImages::Last
-            && let Some(before) = self.pictured.replace(step)
+            && let Some(before) = self.imaged.replace(step)
             && before != step
         {
-            self.folder.drop_pictures(before)?;
+            self.folder.drop_images(before)?;
         }
         self.evaluation = Some(evaluation.clone());
         Ok(())
@@ -276,7 +276,7 @@ fn open_metrics(path: &Path, done: u32) -> Result<File> {
 /// # Errors
 /// [`Error::Io`], or what decoding the photo found.
 pub fn write_view(folder: &Path, views: &dyn ViewSource, view: usize, image: &RenderedImage) -> Result<()> {
-    let name = picture_name(views, view);
+    let name = image_name(views, view);
     let target = views.target(view)?;
     let put = |path: PathBuf, rgb: &[u8]| {
         if let Some(parent) = path.parent() {
@@ -288,9 +288,9 @@ pub fn write_view(folder: &Path, views: &dyn ViewSource, view: usize, image: &Re
     put(folder.join("error").join(&name), &error_map(&image.rgb, &target))
 }
 
-/// File name for pictures of a view: the photo's with the extension `png`, or `png` appended where
+/// File name for images of a view: the photo's with the extension `png`, or `png` appended where
 /// two photos differ only in their extension. Never leads out of the folder.
-pub fn picture_name(views: &dyn ViewSource, view: usize) -> PathBuf {
+pub fn image_name(views: &dyn ViewSource, view: usize) -> PathBuf {
     let name = views.name(view);
     let stem = |name: &str| Path::new(name).with_extension("");
     let shared = (0..views.num_views()).any(|v| v != view && stem(views.name(v)) == stem(name));

@@ -4,7 +4,7 @@
 use super::profile::Profile;
 use litetex_gs::backend::DeviceInfo;
 use litetex_gs::eval::{Evaluation, ViewQuality};
-use litetex_gs::train::structure::Components;
+use litetex_gs::train::density::Components;
 use litetex_gs::train::{CurvePoint, Policy};
 use litetex_gs::{Result, Warning, atomic_file};
 use serde::{Deserialize, Serialize};
@@ -14,7 +14,7 @@ use std::path::Path;
 pub const SCHEMA: &str = "litetex-summary/1";
 /// Why LPIPS is null.
 pub const LPIPS_REASON: &str =
-    "needs network weights that are not shipped: compute it from the pictures in eval/";
+    "needs network weights that are not shipped: compute it from the images in eval/";
 
 /// The result of a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -27,7 +27,7 @@ pub struct Summary {
     pub scene: String,
     /// What was trained on.
     pub capture: CaptureFigures,
-    /// How pictures were brought to size.
+    /// How images were brought to size.
     pub resample: String,
     /// Display-space colour behind everything.
     pub background: [f32; 3],
@@ -145,9 +145,9 @@ pub struct Times {
     pub train_wall_secs: f64,
     /// CPU time of the process within it.
     pub train_cpu_secs: f64,
-    /// Time of structure steps within it: reading the model back, deciding, changing it.
+    /// Time of density-control steps within it: reading the model back, deciding, changing it.
     #[serde(default)]
-    pub structure_wall_secs: f64,
+    pub density_control_wall_secs: f64,
     /// Time of the analysis of the photos' spectra within it.
     #[serde(default)]
     pub analysis_wall_secs: f64,
@@ -158,11 +158,11 @@ pub struct Times {
 /// Rendering speed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Fps {
-    /// Pictures per second, median.
+    /// Images per second, median.
     pub median: f64,
     /// The slowest twentieth.
     pub p5: f64,
-    /// Pictures rendered.
+    /// Images rendered.
     pub renders: usize,
     /// Largest width.
     pub width_px: u32,

@@ -5,7 +5,7 @@ use super::config_file::RunConfig;
 use super::interrupt::Interrupt;
 use super::log::{Log, LogFormat};
 use super::run_folder::{RunFolder, find_checkpoint};
-use super::session::{Session, picture_name};
+use super::session::{Session, image_name};
 use super::train_args::SaveImages;
 use clap::CommandFactory;
 use litetex_gs::Result;
@@ -13,7 +13,7 @@ use litetex_gs::backend::{DeviceInfo, LossValues, RenderedImage, StepReport, Tar
 use litetex_gs::camera::{Camera, Pinhole, RigidTransform, Similarity};
 use litetex_gs::eval::{Evaluation, quality_of};
 use litetex_gs::model::{Model, SplatArrays, TexturePool};
-use litetex_gs::schedule::ScheduleOptions;
+use litetex_gs::frequency::FrequencyOptions;
 use litetex_gs::train::checkpoint;
 use litetex_gs::train::{Control, CurvePoint, StopReason, TrainConfig, TrainEvent, TrainState};
 use litetex_gs::views::{Split, ViewSource};
@@ -222,12 +222,12 @@ fn events_fill_the_run_folder() {
 }
 
 #[test]
-fn pictures_of_all_evaluations_or_none_are_kept_if_asked_for() {
-    for (save_images, pictures) in [(SaveImages::None, 0), (SaveImages::Last, 4), (SaveImages::All, 8)] {
+fn images_of_all_evaluations_or_none_are_kept_if_asked_for() {
+    for (save_images, images) in [(SaveImages::None, 0), (SaveImages::Last, 4), (SaveImages::All, 8)] {
         let dir = tempfile::tempdir().unwrap();
         run(&RunFolder::create(dir.path(), false).unwrap(), save_images, 0, 20);
         let found = files(dir.path()).iter().filter(|f| f.ends_with(".png")).count();
-        assert_eq!(found, pictures, "{save_images:?}");
+        assert_eq!(found, images, "{save_images:?}");
     }
 }
 
@@ -262,10 +262,10 @@ fn an_interruption_stops_the_trainer() {
 }
 
 #[test]
-fn picture_names_follow_the_photos_and_stay_in_their_folder() {
+fn image_names_follow_the_photos_and_stay_in_their_folder() {
     let views = Views(vec!["x/1.jpg", "1.jpg", "1.png", "../../etc/passwd", "/abs.png"]);
     let names: Vec<String> =
-        (0..5).map(|v| picture_name(&views, v).display().to_string().replace('\\', "/")).collect();
+        (0..5).map(|v| image_name(&views, v).display().to_string().replace('\\', "/")).collect();
     assert_eq!(names, ["x/1.png", "1.jpg.png", "1.png.png", "etc/passwd.png", "abs.png"]);
 }
 
@@ -287,7 +287,7 @@ fn stated(command: &str, flag: &str) -> Option<String> {
 
 #[test]
 fn the_help_of_schedule_states_the_defaults() {
-    let options = ScheduleOptions::default();
+    let options = FrequencyOptions::default();
     let name = |value: serde_json::Result<Value>| value.unwrap().as_str().unwrap().to_owned();
     for (flag, default) in [
         ("--scale-rule", name(serde_json::to_value(options.scale_rule))),

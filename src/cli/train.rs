@@ -177,7 +177,7 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<(Summary, PathBuf)> {
         time: Times {
             train_wall_secs: state.history.train_wall_secs,
             train_cpu_secs: state.history.train_cpu_secs,
-            structure_wall_secs: state.history.structure_wall_secs,
+            density_control_wall_secs: state.history.density_control_wall_secs,
             analysis_wall_secs: state.history.analysis_wall_secs,
             total_wall_secs: total_secs(),
         },
@@ -297,7 +297,7 @@ fn changed_settings(before: &RunConfig, now: &RunConfig) -> Vec<String> {
         ("sh-degree", b.sh_degree != n.sh_degree),
         ("policy", b.policy != n.policy),
         ("components", b.components != n.components),
-        ("structure", b.structure != n.structure),
+        ("density", b.density != n.density),
         ("scheduler", b.scheduler != n.scheduler),
         ("budget", b.budget != n.budget),
         ("max-points", before.max_points != now.max_points),
@@ -372,7 +372,7 @@ fn map_sides(model: &Model) -> Vec<usize> {
     counts
 }
 
-/// Renders the test views, at least 8 pictures, after one that does not count.
+/// Renders the test views, at least 8 images, after one that does not count.
 fn measure_fps(
     backend: &mut dyn Backend,
     capture: &Capture,

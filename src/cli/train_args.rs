@@ -5,7 +5,7 @@ use super::capture_args::{CaptureArgs, set};
 use super::config_file::RunConfig;
 use super::profile::Profile;
 use super::values::{parse_colour, parse_count, parse_duration_secs};
-use litetex_gs::train::structure::Components;
+use litetex_gs::train::density::Components;
 use litetex_gs::train::{Policy, TrainConfig};
 use litetex_gs::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -15,7 +15,7 @@ use std::path::PathBuf;
 ///
 /// Reads photos with poses (a COLMAP model or transforms.json), optimises textured 2D Gaussians, evaluates
 /// them on held-out views and writes a run folder: config.toml, metrics.jsonl, summary.json, checkpoints
-/// and pictures. Ctrl-C saves; --resume continues.
+/// and images. Ctrl-C saves; --resume continues.
 // Of a flag given twice the last holds: so a benchmark's variants win over what all its runs have in common.
 #[derive(clap::Args, Clone, Debug, Default)]
 #[command(args_override_self = true)]
@@ -76,7 +76,7 @@ pub struct TrainingArgs {
     /// Parts of the method to switch on again
     #[arg(long, value_name = "PART,...", value_delimiter = ',', value_parser = Components::NAMES)]
     pub with: Vec<String>,
-    /// Any setting of config.toml by its name, such as structure.quantile=0.8; may be repeated
+    /// Any setting of config.toml by its name, such as density.quantile=0.8; may be repeated
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub settings: Vec<String>,
     /// Never have more primitives than this
@@ -103,15 +103,15 @@ pub struct TrainingArgs {
     /// Save a checkpoint each N steps, 0: only at the end [default: 0]
     #[arg(long, value_name = "N", help_heading = "Output")]
     pub save_every: Option<u32>,
-    /// Keep the pictures of every evaluation, not only of the last
+    /// Keep the images of every evaluation, not only of the last
     #[arg(long, conflicts_with = "no_save_images", help_heading = "Output")]
     pub save_images: bool,
-    /// Write no pictures of test views
+    /// Write no images of test views
     #[arg(long, help_heading = "Output")]
     pub no_save_images: bool,
 }
 
-/// Which evaluations leave pictures.
+/// Which evaluations leave images.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum SaveImages {
@@ -200,7 +200,7 @@ impl TrainArgs {
 mod tests {
     use super::*;
     use clap::Parser as _;
-    use litetex_gs::train::structure::StructureConfig;
+    use litetex_gs::train::density::DensityConfig;
 
     #[derive(clap::Parser)]
     struct Line {
@@ -228,8 +228,8 @@ mod tests {
             }
         }
         let paper = fresh("--profile paper").train;
-        assert!(!paper.structure.refill && paper.rates.position_random == paper.rates.position);
-        assert_eq!(fresh("").train.structure, StructureConfig::default());
+        assert!(!paper.density.respawn && paper.rates.position_random == paper.rates.position);
+        assert_eq!(fresh("").train.density, DensityConfig::default());
     }
 
     #[test]

@@ -130,9 +130,9 @@ pub fn parse_colour(text: &str) -> Result<[f32; 3], String> {
     }
 }
 
-/// Size of a rendered picture.
+/// Size of a rendered image.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum PictureSize {
+pub enum ImageSize {
     /// Longer side; the other follows.
     Longer(u32),
     /// Both sides.
@@ -148,11 +148,11 @@ pub fn parse_decibels(text: &str) -> Result<f64, String> {
 }
 
 /// "960" (longer side) or "1920x1080".
-pub fn parse_picture_size(text: &str) -> Result<PictureSize, String> {
+pub fn parse_image_size(text: &str) -> Result<ImageSize, String> {
     let side = |part: &str| part.parse().ok().filter(|px| (1..=32_768).contains(px));
     let size = match text.split_once('x') {
-        Some((w, h)) => side(w).zip(side(h)).map(|(w, h)| PictureSize::Exact(w, h)),
-        None => side(text).map(PictureSize::Longer),
+        Some((w, h)) => side(w).zip(side(h)).map(|(w, h)| ImageSize::Exact(w, h)),
+        None => side(text).map(ImageSize::Longer),
     };
     size.ok_or_else(|| format!("{text:?}: expected WIDTHxHEIGHT or the longer side, 1 to 32768"))
 }
@@ -203,11 +203,11 @@ mod tests {
     }
 
     #[test]
-    fn picture_sizes() {
-        assert_eq!(parse_picture_size("960"), Ok(PictureSize::Longer(960)));
-        assert_eq!(parse_picture_size("17x13"), Ok(PictureSize::Exact(17, 13)));
+    fn image_sizes() {
+        assert_eq!(parse_image_size("960"), Ok(ImageSize::Longer(960)));
+        assert_eq!(parse_image_size("17x13"), Ok(ImageSize::Exact(17, 13)));
         for wrong in ["", "0", "x", "10x", "40000", "3x-1"] {
-            assert!(parse_picture_size(wrong).is_err(), "{wrong}");
+            assert!(parse_image_size(wrong).is_err(), "{wrong}");
         }
     }
 

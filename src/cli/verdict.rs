@@ -20,7 +20,7 @@ pub struct Limits {
     pub max_loss_db: Option<f64>,
     /// The same of the worst view.
     pub max_loss_worst_db: Option<f64>,
-    /// Least PSNR of the file's pictures against the scene's, mean over the views, dB.
+    /// Least PSNR of the file's images against the scene's, mean over the views, dB.
     pub min_psnr: Option<f64>,
 }
 
@@ -70,7 +70,7 @@ pub struct OnPhotos {
     pub fallback: f64,
 }
 
-/// The comparison of a file's pictures with the scene's.
+/// The comparison of a file's images with the scene's.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Verdict {
     /// Views that were rendered.
@@ -108,7 +108,7 @@ pub struct Verdict {
     pub failures: Vec<String>,
 }
 
-/// Pictures of a scene that files made of it are held against.
+/// Images of a scene that files made of it are held against.
 pub struct Expected<'a> {
     frozen: &'a SplatAsset,
     views: &'a [AssetCamera],
@@ -127,8 +127,8 @@ impl<'a> Expected<'a> {
             let what = "the scene has no cameras to render: verify a file made of it that has, or name its capture with --capture";
             return Err(Error::Usage(what.into()));
         }
-        let whole = stage.pictures(frozen, views)?;
-        let untextured = stage.pictures(&frozen.untextured(), views)?;
+        let whole = stage.images(frozen, views)?;
+        let untextured = stage.images(&frozen.untextured(), views)?;
         Ok(Self { frozen, views, whole, untextured })
     }
 }
@@ -161,14 +161,14 @@ pub fn judge(
         (found.near, found.background) = (frozen.near, frozen.background);
     }
     let expected = if textured { whole } else { untextured };
-    let pictures = stage.pictures(&found, views)?;
-    let pairs = views.iter().zip(&pictures).zip(expected);
+    let images = stage.images(&found, views)?;
+    let pairs = views.iter().zip(&images).zip(expected);
     let differences: Vec<Difference> = pairs.map(|((v, p), e)| Difference::of(&v.name, p, e)).collect();
     let mean = |of: &dyn Fn(&Difference) -> f64| differences.iter().map(of).sum::<f64>() / views.len() as f64;
     let shown = fallback
         .map(|fallback| {
             let fallback = fallback.in_frame(&frozen.capture_from_local);
-            stage.pictures(&SplatAsset { near: frozen.near, ..fallback }, views)
+            stage.images(&SplatAsset { near: frozen.near, ..fallback }, views)
         })
         .transpose()?;
     let mean_psnr = |a: &[RenderedImage], b: &[RenderedImage]| {
@@ -198,7 +198,7 @@ pub fn judge(
     if let Some(capture) = capture {
         let shown = shown.as_ref().unwrap_or(untextured);
         let before = on_photos(capture, views, expected)?;
-        let after = on_photos(capture, views, &pictures)?;
+        let after = on_photos(capture, views, &images)?;
         let fallback = on_photos(capture, views, shown)?;
         let of = |i: usize| {
             let (before, after, fallback) = (before[i]?, after[i]?, fallback[i]?);
@@ -217,14 +217,14 @@ pub fn judge(
     Ok(verdict)
 }
 
-/// Mean PSNR of pictures on the photos that were trained on, and on those held out; dB.
+/// Mean PSNR of images on the photos that were trained on, and on those held out; dB.
 fn on_photos(
     capture: &Capture,
     views: &[AssetCamera],
-    pictures: &[RenderedImage],
+    images: &[RenderedImage],
 ) -> Result<[Option<f64>; 2]> {
     let mut psnrs = [Vec::new(), Vec::new()];
-    for (view, picture) in views.iter().zip(pictures) {
+    for (view, image) in views.iter().zip(images) {
         let index = (0..capture.num_views()).find(|&v| capture.name(v) == view.name);
         let index = index.ok_or_else(|| {
             Error::Usage(format!(
@@ -239,7 +239,7 @@ fn on_photos(
                 view.name, photo.width_px, photo.height_px, view.width_px, view.height_px
             )));
         }
-        psnrs[usize::from(view.held_out)].push(quality_of(&view.name, &picture.rgb, &photo).psnr);
+        psnrs[usize::from(view.held_out)].push(quality_of(&view.name, &image.rgb, &photo).psnr);
     }
     let mean = |all: Vec<f64>| (!all.is_empty()).then(|| all.iter().sum::<f64>() / all.len() as f64);
     Ok(psnrs.map(mean))
@@ -248,7 +248,7 @@ fn on_photos(
 fn failures(v: &Verdict) -> Vec<String> {
     let mut out = Vec::new();
     if v.limits.exact && v.largest != 0.0 {
-        out.push(format!("pictures differ by up to {:e}, expected no difference at all", v.largest));
+        out.push(format!("images differ by up to {:e}, expected no difference at all", v.largest));
     }
     let mut at_most = |name: &str, found: f64, limit: Option<f64>| {
         if let Some(limit) = limit.filter(|l| found.is_nan() || found > *l) {
@@ -264,7 +264,7 @@ fn failures(v: &Verdict) -> Vec<String> {
         ));
     }
     if let Some(least) = v.limits.min_psnr.filter(|least| v.psnr.is_nan() || v.psnr < *least) {
-        out.push(format!("{:.2} dB against the scene's pictures, at least {least}", v.psnr));
+        out.push(format!("{:.2} dB against the scene's images, at least {least}", v.psnr));
     }
     out
 }

@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 ///
 /// Renders both on the views of the scene and compares. Exit code 1 if the file does not keep what its quality promises:
 /// lossless no difference at all; balanced at most 0.02 dB lost on average, 0.05 dB in any view; tiny 0.10 and 0.25 dB.
-/// What is lost follows from the pictures' differences at the scene's PSNR on test views; photos are also told of.
+/// What is lost follows from the images' differences at the scene's PSNR on test views; photos are also told of.
 /// Files without textures are compared with the scene without its textures.
 #[derive(clap::Args)]
 pub struct VerifyArgs {
@@ -35,7 +35,7 @@ pub struct VerifyArgs {
     /// Most PSNR that may be lost on average, such as 0.1dB, instead of what the quality promises
     #[arg(long, value_name = "DB", value_parser = parse_decibels)]
     max_loss: Option<f64>,
-    /// Least PSNR against the scene's pictures, instead of what the quality promises
+    /// Least PSNR against the scene's images, instead of what the quality promises
     #[arg(long, value_name = "DB", value_parser = parse_decibels)]
     min_psnr: Option<f64>,
     /// As JSON
@@ -112,7 +112,7 @@ fn cameras_of(scene: &SplatAsset, capture: Option<&Capture>) -> Vec<AssetCamera>
     asset_cameras(capture).iter().map(|camera| camera.in_frame(&scene_from_local)).collect()
 }
 
-/// How the capture of an asset is read: its cameras tell the size of the pictures.
+/// How the capture of an asset is read: its cameras tell the size of the images.
 fn options_of(scene: &Frozen) -> capture::LoadOptions {
     let longer = scene.asset.cameras.iter().map(|c| c.width_px.max(c.height_px)).max();
     let mut options = capture::LoadOptions { background: scene.asset.background, ..Default::default() };

@@ -5,12 +5,12 @@ use super::loss::LossBuffers;
 use super::math::BLOCK_PX;
 use super::project::ViewF32;
 use super::simd::SimdLevel;
-use super::structure;
+use super::apply_plan;
 use super::tiles::TILE_PX;
-use super::update::{UpdateInput, hidden_texture_value, settle, update};
+use super::update::{UpdateInput, hidden_texture_value, flush, update};
 use crate::backend::{
     Backend, DeviceInfo, DeviceLimits, LossValues, RenderOptions, RenderedImage, SceneShape, StepReport,
-    StepRequest, StructurePlan, WindowStatistics,
+    StepRequest, DensityPlan, WindowStatistics,
 };
 use crate::camera::{Camera, Similarity};
 use crate::model::{AdamState, Model, SplatArrays, TexturePool};
@@ -24,8 +24,8 @@ pub struct CpuBackend {
     pool: rayon::ThreadPool,
     model: Model,
     adam: AdamState,
-    /// The settled model, until the next step.
-    settled: Option<Model>,
+    /// The flushed model, until the next step.
+    flushed: Option<Model>,
     statistics: WindowStatistics,
     count_pairs: bool,
     frame: Frame,
@@ -89,7 +89,7 @@ impl CpuBackend {
             pool,
             adam: AdamState::zeros(&model),
             model,
-            settled: None,
+            flushed: None,
             statistics: WindowStatistics::default(),
             count_pairs: false,
             frame: Frame::default(),
@@ -135,11 +135,11 @@ impl CpuBackend {
         out
     }
 
-    /// Takes the settled model; put it back where it is still valid.
-    fn take_settled(&mut self) -> Model {
-        self.settled.take().unwrap_or_else(|| {
+    /// Takes the flushed model; put it back where it is still valid.
+    fn take_flushed(&mut self) -> Model {
+        self.flushed.take().unwrap_or_else(|| {
             let (mut model, mut adam) = (self.model.clone(), self.adam.clone());
-            self.pool.install(|| settle(&mut model, &mut adam, None, self.adam.step));
+            self.pool.install(|| flush(&mut model, &mut adam, None, self.adam.step));
             model
         })
     }
@@ -177,13 +177,13 @@ impl Backend for CpuBackend {
     fn upload(&mut self, model: &Model, adam: &AdamState) -> Result<()> {
         self.model = model.clone();
         self.adam = adam.clone();
-        self.settled = None;
+        self.flushed = None;
         self.statistics = WindowStatistics::empty(model.num_splats());
         Ok(())
     }
 
     fn render(&mut self, camera: &Camera, options: &RenderOptions) -> Result<RenderedImage> {
-        let model = self.take_settled();
+        let model = self.take_flushed();
         let Self { level, pool, frame, .. } = self;
         let image = pool.install(|| {
             frame.project(*level, &model, ViewF32::new(camera, model.near));
@@ -192,13 +192,13 @@ impl Backend for CpuBackend {
             frame.raster(*level, false, geometry.as_mut());
             frame.image(options.background, geometry.as_deref())
         });
-        self.settled = Some(model);
+        self.flushed = Some(model);
         Ok(image)
     }
 
     fn step(&mut self, request: &StepRequest<'_>) -> Result<StepReport> {
         request.check()?;
-        self.settled = None;
+        self.flushed = None;
         let Self { level, pool, model, adam, frame, loss, partials, statistics, count_pairs, .. } = self;
         let level = *level;
         pool.install(|| {
@@ -207,9 +207,9 @@ impl Backend for CpuBackend {
             frame.project(level, model, view);
             stages.end("project+bin");
             // With the rates of the last step, not of this one.
-            settle(model, adam, Some(&frame.visible_ids()), request.step - 1);
+            flush(model, adam, Some(&frame.visible_ids()), request.step - 1);
             frame.colours(level, model, request.sh_degree);
-            stages.end("settle+colours");
+            stages.end("flush+colours");
             frame.raster_for(level, *count_pairs, request);
             stages.end("forward");
             let terms = frame.loss(level, loss, request);
@@ -246,14 +246,14 @@ impl Backend for CpuBackend {
         Ok(())
     }
 
-    fn apply_plan(&mut self, plan: &StructurePlan) -> Result<()> {
+    fn apply_plan(&mut self, plan: &DensityPlan) -> Result<()> {
         plan.check(self.model.num_splats())?;
         // Resampling does not commute with the updates that are still owed.
         let (step, model, adam) = (self.adam.step, &mut self.model, &mut self.adam);
-        self.pool.install(|| settle(model, adam, None, step));
+        self.pool.install(|| flush(model, adam, None, step));
         (self.model, self.adam) =
-            self.pool.install(|| structure::apply_plan(&self.model, &self.adam, plan))?;
-        self.settled = None;
+            self.pool.install(|| apply_plan::apply_plan(&self.model, &self.adam, plan))?;
+        self.flushed = None;
         self.statistics = WindowStatistics::empty(self.model.num_splats());
         Ok(())
     }
@@ -262,9 +262,9 @@ impl Backend for CpuBackend {
         Ok((self.model.clone(), self.adam.clone()))
     }
 
-    fn read_settled(&mut self) -> Result<Model> {
-        let model = self.take_settled();
-        self.settled = Some(model.clone());
+    fn read_flushed(&mut self) -> Result<Model> {
+        let model = self.take_flushed();
+        self.flushed = Some(model.clone());
         Ok(model)
     }
 }

@@ -58,7 +58,7 @@ pub(super) fn bounds(
 }
 
 impl Bounds {
-    /// Clips the box to the picture; `None` if nothing is left.
+    /// Clips the box to the image; `None` if nothing is left.
     fn within(mut self, view: &ViewF32) -> Option<Self> {
         self.x0 = self.x0.max(0);
         self.y0 = self.y0.max(0);

@@ -118,7 +118,7 @@ impl Frame {
         self.outputs = outputs;
     }
 
-    /// Calls `f(tile, element, pixel)` for the pixels of a picture row.
+    /// Calls `f(tile, element, pixel)` for the pixels of an image row.
     fn for_row(&self, y: usize, width: usize, mut f: impl FnMut(&TileOutput, usize, usize, usize)) {
         let row = y / TILE_PX * self.tiles.grid[0];
         for x in 0..width {
@@ -127,7 +127,7 @@ impl Frame {
         }
     }
 
-    /// The picture over a background.
+    /// The image over a background.
     pub(super) fn image(&self, background: [f32; 3], geometry: Option<&[TileGeometry]>) -> RenderedImage {
         let [width, height] = self.view.map_or([0, 0], |v| v.size_px);
         let (w, n) = (width as usize, (width * height) as usize);
@@ -161,7 +161,7 @@ impl Frame {
         image
     }
 
-    /// Loss terms l1, dssim, mse; leaves the picture's gradient in the buffers.
+    /// Loss terms l1, dssim, mse; leaves the image's gradient in the buffers.
     pub(super) fn loss(
         &self,
         level: Level,
@@ -171,7 +171,7 @@ impl Frame {
         let p = &request.camera.pinhole;
         let w = p.width_px as usize;
         buffers.resize(p.num_pixels());
-        let [r, g, b] = &mut buffers.picture;
+        let [r, g, b] = &mut buffers.image;
         let rows = (r.par_chunks_mut(w), g.par_chunks_mut(w), b.par_chunks_mut(w)).into_par_iter();
         rows.enumerate().for_each(|(y, (r, g, b))| {
             self.for_row(y, w, |out, _, at, x| {
@@ -261,7 +261,7 @@ impl Frame {
         for y in origin[1]..height.min(origin[1] + TILE_PX) {
             for x in origin[0]..width.min(origin[0] + TILE_PX) {
                 let (at, pixel) = (element_of(x - origin[0], y - origin[1]), y * width + x);
-                (0..3).for_each(|c| out.rgb[c][at] = buffers.picture[c][pixel]);
+                (0..3).for_each(|c| out.rgb[c][at] = buffers.image[c][pixel]);
                 out.loss[at] = buffers.map[pixel];
                 if let Some(planes) = &mut planes {
                     (0..6).for_each(|k| planes[k][at] = self.coefficients[pixel][k]);

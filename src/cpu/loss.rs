@@ -9,11 +9,11 @@ use rayon::prelude::*;
 
 const TAPS: usize = 2 * SSIM_RADIUS_PX + 1;
 
-/// Planes of a picture, padded to whole rows, and the work space of the loss.
+/// Planes of an image, padded to whole rows, and the work space of the loss.
 #[derive(Default)]
 pub(super) struct LossBuffers {
-    /// Rendered picture, by channel. After [`image_loss`]: the derivative by it.
-    pub picture: [Vec<f32>; 3],
+    /// Rendered image, by channel. After [`image_loss`]: the derivative by it.
+    pub image: [Vec<f32>; 3],
     /// Loss per pixel: l1 and dssim terms, not averaged.
     pub map: Vec<f32>,
     target: [Vec<f32>; 3],
@@ -22,9 +22,9 @@ pub(super) struct LossBuffers {
 }
 
 impl LossBuffers {
-    /// Makes room for a picture.
+    /// Makes room for an image.
     pub(super) fn resize(&mut self, num_pixels: usize) {
-        for plane in self.picture.iter_mut().chain(&mut self.target).chain(&mut self.partial) {
+        for plane in self.image.iter_mut().chain(&mut self.target).chain(&mut self.partial) {
             plane.resize(num_pixels, 0.0);
         }
         self.blurred.iter_mut().for_each(|plane| plane.resize(num_pixels, 0.0));
@@ -48,7 +48,7 @@ pub(super) fn image_loss(
         load_target(buffers, target, channel);
         blur_rows(
             level,
-            &buffers.picture[channel],
+            &buffers.image[channel],
             &buffers.target[channel],
             &mut buffers.blurred,
             w,
@@ -64,15 +64,15 @@ pub(super) fn image_loss(
         sums[0] += l1;
         sums[2] += mse;
         if target.mask.is_some() {
-            clear_masked(&mut buffers.picture[channel], target);
+            clear_masked(&mut buffers.image[channel], target);
         }
     }
     sums
 }
 
 fn load_target(buffers: &mut LossBuffers, target: &TargetImage, channel: usize) {
-    let LossBuffers { picture, target: planes, .. } = buffers;
-    let (x, y) = (&mut picture[channel], &mut planes[channel]);
+    let LossBuffers { image, target: planes, .. } = buffers;
+    let (x, y) = (&mut image[channel], &mut planes[channel]);
     y.par_iter_mut().with_min_len(4096).enumerate().for_each(|(i, y)| {
         *y = f32::from(target.rgb[3 * i + channel]) / 255.0;
     });
@@ -165,7 +165,7 @@ fn blur_column<S: Simd>(_simd: S, plane: &[f32], y: usize, w: usize, out: &mut [
     }
 }
 
-/// Vertical window, SSIM and its derivatives by the three means that depend on the picture, each times
+/// Vertical window, SSIM and its derivatives by the three means that depend on the image, each times
 /// `scale`; adds (1 - SSIM) to the map. Returns the sum of SSIM.
 fn ssim_rows(level: Level, buffers: &mut LossBuffers, w: usize, window: &[f32; TAPS], scale: f32) -> f64 {
     let LossBuffers { blurred, partial, map, .. } = buffers;
@@ -205,7 +205,7 @@ fn ssim_row<S: Simd>(
     let [mx, my, mxx, myy, mxy, ssim] = means else { return };
     let (mx, my, mxx, myy, mxy, ssim) = (&mx[..w], &my[..w], &mxx[..w], &myy[..w], &mxy[..w], &mut ssim[..w]);
     let (p0, p1, p2) = (&mut p0[..w], &mut p1[..w], &mut p2[..w]);
-    // `scale` belongs to a mean over all values of the picture, the map to one over a pixel's channels.
+    // `scale` belongs to a mean over all values of the image, the map to one over a pixel's channels.
     let per_channel = scale * blurred[0].len() as f32;
     for i in 0..w {
         let (mx, my) = (mx[i], my[i]);
@@ -243,7 +243,7 @@ fn blur_partials(
     }
 }
 
-/// Vertical window over the derivative planes and the pixel-wise terms; the picture's plane becomes
+/// Vertical window over the derivative planes and the pixel-wise terms; the image's plane becomes
 /// the gradient. Returns the l1 and mse terms.
 fn combine(
     level: Level,
@@ -254,8 +254,8 @@ fn combine(
     weights: &LossWeights,
     count: f32,
 ) -> (f64, f64) {
-    let LossBuffers { picture, map, target, blurred, .. } = buffers;
-    let rows = (picture[channel].par_chunks_mut(w), map.par_chunks_mut(w), target[channel].par_chunks(w));
+    let LossBuffers { image, map, target, blurred, .. } = buffers;
+    let rows = (image[channel].par_chunks_mut(w), map.par_chunks_mut(w), target[channel].par_chunks(w));
     let row_sums: Vec<(f64, f64)> = rows
         .into_par_iter()
         .enumerate()

@@ -1,5 +1,5 @@
 //! Changes of one texture map: windows of its texel grid or of one twice as fine or coarse, and bilinear
-//! resampling. What becomes of whole models stands in `structure`.
+//! resampling. What becomes of whole models stands in `apply_plan`.
 
 use crate::backend::Grid;
 use crate::model::TextureMap;

@@ -18,7 +18,7 @@ mod raster_bwd;
 mod raster_fwd;
 mod shape;
 mod simd;
-mod structure;
+mod apply_plan;
 mod tiles;
 mod update;
 

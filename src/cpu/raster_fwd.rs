@@ -69,7 +69,7 @@ pub(super) struct TileInput<'a> {
 }
 
 impl TileInput<'_> {
-    /// 1 for the tile's pixels within the picture, else 0.
+    /// 1 for the tile's pixels within the image, else 0.
     pub(super) fn coverage(&self) -> TilePlane {
         let mut plane = [0.0; TILE_PIXELS];
         let extent =

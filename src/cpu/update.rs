@@ -100,7 +100,7 @@ fn triples<'a>(
 }
 
 /// Brings SH and texels of the given splats (ascending ids), or of all, up to date as of step `now`.
-pub(super) fn settle(model: &mut Model, adam: &mut AdamState, only: Option<&[u32]>, now: u32) {
+pub(super) fn flush(model: &mut Model, adam: &mut AdamState, only: Option<&[u32]>, now: u32) {
     let (rates, sh_degree) = (adam.rates, model.splats.sh_degree);
     let width = 3 * sh_coefficients(model.splats.sh_degree);
     let Model { splats, textures, .. } = model;
@@ -111,7 +111,7 @@ pub(super) fn settle(model: &mut Model, adam: &mut AdamState, only: Option<&[u32
     chunks.into_par_iter().for_each(|mut chunk| {
         let base = 3 * maps[chunk.first].offset_texels as usize;
         let len = chunk.last_step.len();
-        let mut settle_one = |i: usize| {
+        let mut flush_one = |i: usize| {
             if let Some(skip) = AdamSkip::new(chunk.last_step[i], now) {
                 let [p, m, v] = &mut chunk.groups[4];
                 let dc = i * width..i * width + 3;
@@ -130,9 +130,9 @@ pub(super) fn settle(model: &mut Model, adam: &mut AdamState, only: Option<&[u32
         };
         match only {
             Some(ids) => {
-                ids_within(ids, chunk.first, len).for_each(|id| settle_one(id as usize - chunk.first))
+                ids_within(ids, chunk.first, len).for_each(|id| flush_one(id as usize - chunk.first))
             }
-            None => (0..len).for_each(settle_one),
+            None => (0..len).for_each(flush_one),
         }
     });
 }

@@ -1,12 +1,12 @@
-//! From picture files to the photo that is trained on: composited, undistorted, reduced and masked.
-//! Which files and sizes belongs to `pictures.rs`, keeping the results to `store.rs`.
+//! From image files to the photo that is trained on: composited, undistorted, reduced and masked.
+//! Which files and sizes belongs to `images.rs`, keeping the results to `store.rs`.
 
-use super::exr_picture;
+use super::exr_photo;
 use super::lens::Lens;
-use super::pictures::{image_error, open};
+use super::photos::{image_error, open};
 use super::warp::Warp;
 use crate::backend::TargetImage;
-use crate::picture::resample::{by_area, to_byte};
+use crate::image::resample::{by_area, to_byte};
 use crate::{Error, Result};
 use image::DynamicImage;
 use image::metadata::Orientation;
@@ -15,9 +15,9 @@ use std::path::{Path, PathBuf};
 /// All that is needed to make one photo.
 #[derive(Clone, Debug)]
 pub(crate) struct Recipe {
-    pub picture: PathBuf,
+    pub image: PathBuf,
     /// Size after the turn.
-    pub picture_size: (u32, u32),
+    pub image_size: (u32, u32),
     pub turn: Orientation,
     pub mask: Option<PathBuf>,
     pub mask_invert: bool,
@@ -57,12 +57,12 @@ impl Recipe {
     }
 
     fn read(&self, path: &Path) -> Result<DynamicImage> {
-        let mut picture = read_pixels(path)?;
-        picture.apply_orientation(self.turn);
-        Ok(picture)
+        let mut image = read_pixels(path)?;
+        image.apply_orientation(self.turn);
+        Ok(image)
     }
 
-    /// The warp for a picture of a given size, if the lens needs one.
+    /// The warp for an image of a given size, if the lens needs one.
     fn warp(&self, (width, height): (u32, u32)) -> Option<Warp> {
         self.lens
             .is_distorted()
@@ -70,19 +70,19 @@ impl Recipe {
     }
 
     fn colours(&self) -> Result<(Vec<u8>, Option<Vec<u8>>)> {
-        let picture = self.read(&self.picture)?;
-        let size = (picture.width(), picture.height());
-        if size != self.picture_size {
+        let image = self.read(&self.image)?;
+        let size = (image.width(), image.height());
+        if size != self.image_size {
             return Err(Error::invalid(
-                &self.picture,
+                &self.image,
                 format!(
-                    "the picture has {}x{} pixels now, it had {}x{} when the capture was loaded",
-                    size.0, size.1, self.picture_size.0, self.picture_size.1
+                    "the image has {}x{} pixels now, it had {}x{} when the capture was loaded",
+                    size.0, size.1, self.image_size.0, self.image_size.1
                 ),
             ));
         }
-        Ok(if picture.color().has_alpha() {
-            let pixels = picture.into_rgba8().into_raw();
+        Ok(if image.color().has_alpha() {
+            let pixels = image.into_rgba8().into_raw();
             let background = self.background.map(|b| 255.0 * b);
             self.reduce(size, |i| {
                 let [r, g, b, a] = [0, 1, 2, 3].map(|c| f32::from(pixels[4 * i + c]));
@@ -91,7 +91,7 @@ impl Recipe {
                 [over(r, background[0]), over(g, background[1]), over(b, background[2])]
             })
         } else {
-            let pixels = picture.into_rgb8().into_raw();
+            let pixels = image.into_rgb8().into_raw();
             if size == self.size && !self.lens.is_distorted() {
                 return Ok((pixels, None));
             }
@@ -99,7 +99,7 @@ impl Recipe {
         })
     }
 
-    /// Undistorts and reduces a picture given by pixel index; colours, and where they are valid.
+    /// Undistorts and reduces an image given by pixel index; colours, and where they are valid.
     fn reduce<const N: usize>(
         &self,
         size: (u32, u32),
@@ -129,23 +129,23 @@ impl Recipe {
         (colours, Some(valid))
     }
 
-    /// The mask at the size of the result, 255 where the picture counts.
+    /// The mask at the size of the result, 255 where the image counts.
     fn kept(&self, path: &Path) -> Result<Vec<u8>> {
         let mut mask = read_pixels(path)?;
         let stored = (mask.width(), mask.height());
-        if self.turn != Orientation::NoTransforms && is_landscape(stored) != is_landscape(self.picture_size) {
+        if self.turn != Orientation::NoTransforms && is_landscape(stored) != is_landscape(self.image_size) {
             mask.apply_orientation(self.turn);
         }
         let size = (mask.width(), mask.height());
-        let expected = f64::from(self.picture_size.0) / f64::from(self.picture_size.1);
+        let expected = f64::from(self.image_size.0) / f64::from(self.image_size.1);
         let found = f64::from(size.0) / f64::from(size.1);
-        // Rounded sides of small masks; another shape is another picture's mask.
+        // Rounded sides of small masks; another shape is another image's mask.
         if (found / expected - 1.0).abs() > 0.02 {
             return Err(Error::invalid(
                 path,
                 format!(
-                    "size mismatch: the mask has {}x{} pixels, its picture {}x{}; expected the same shape",
-                    stored.0, stored.1, self.picture_size.0, self.picture_size.1
+                    "size mismatch: the mask has {}x{} pixels, its image {}x{}; expected the same shape",
+                    stored.0, stored.1, self.image_size.0, self.image_size.1
                 ),
             ));
         }
@@ -157,20 +157,20 @@ impl Recipe {
 
 /// The pixels as stored, display space.
 fn read_pixels(path: &Path) -> Result<DynamicImage> {
-    if exr_picture::is_exr(path) {
-        return exr_picture::read(path);
+    if exr_photo::is_exr(path) {
+        return exr_photo::read(path);
     }
     open(path)?.decode().map_err(|e| image_error(path, e))
 }
 
-/// A picture as it is in its file: width, height and display-space values `[height, width, 3]`; alpha is left out.
+/// An image as it is in its file: width, height and display-space values `[height, width, 3]`; alpha is left out.
 ///
 /// # Errors
-/// [`Error::InvalidInput`] or [`Error::Unsupported`] if it is no picture that can be read.
-pub fn read_picture(path: &Path) -> Result<(u32, u32, Vec<f32>)> {
-    let picture = read_pixels(path)?;
-    let (width, height) = (picture.width(), picture.height());
-    Ok((width, height, picture.into_rgb8().into_raw().into_iter().map(|v| f32::from(v) / 255.0).collect()))
+/// [`Error::InvalidInput`] or [`Error::Unsupported`] if it is no image that can be read.
+pub fn read_image(path: &Path) -> Result<(u32, u32, Vec<f32>)> {
+    let image = read_pixels(path)?;
+    let (width, height) = (image.width(), image.height());
+    Ok((width, height, image.into_rgb8().into_raw().into_iter().map(|v| f32::from(v) / 255.0).collect()))
 }
 
 fn is_landscape((width, height): (u32, u32)) -> bool {

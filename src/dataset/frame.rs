@@ -66,7 +66,7 @@ pub(crate) fn capture_from_local(source: &Source, report: &mut Report) -> Simila
 }
 
 /// Axes that turn with the capture: towards the farthest camera, and across the mean downward direction of
-/// the pictures. What is drawn at random in them turns too, so that a capture that was turned starts alike.
+/// the images. What is drawn at random in them turns too, so that a capture that was turned starts alike.
 pub(crate) fn local_from_cameras(capture: &Capture) -> DQuat {
     let views = by_place(capture, (0..capture.num_views()).collect());
     let cameras: Vec<_> = views.iter().map(|&view| capture.views[view].camera).collect();

@@ -28,7 +28,7 @@ const MAX_REPROJECTION_ERROR_PX: f64 = 1.5;
 pub struct SparseHealth {
     /// Views with a pose.
     pub registered: usize,
-    /// Pictures in the picture folder.
+    /// Images in the image folder.
     pub present: usize,
     /// Points.
     pub points: usize,
@@ -80,9 +80,9 @@ fn warn(source: &Source, health: &SparseHealth, extent: f64, report: &mut Report
     if health.present > health.registered {
         let missing = health.present - health.registered;
         report.warn(
-            "pictures-not-registered",
+            "images-not-registered",
             missing,
-            format!("{missing} of {} pictures have no pose", health.present),
+            format!("{missing} of {} images have no pose", health.present),
         );
     }
     if health.observations > 0 && health.views_under_50_observations > 0 {

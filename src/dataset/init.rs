@@ -9,7 +9,7 @@ use super::{Capture, read_ply_points};
 use crate::constants::{SH_0, SH_DEGREE_MAX, sh_coefficients};
 use crate::model::{Model, SplatArrays, TexturePool, support_half_extent};
 use crate::train::Policy;
-use crate::train::structure::{first_texel_size, morton_codes};
+use crate::train::density::{first_texel_size, morton_codes};
 use crate::{Error, Report, Result};
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
@@ -285,7 +285,7 @@ fn thinned(mut seeds: Vec<Seed>, options: &InitOptions, report: &mut Report) -> 
     seeds
 }
 
-/// In the order in which structure steps store splats: neighbours in space are neighbours in memory.
+/// In the order in which density-control steps store splats: neighbours in space are neighbours in memory.
 fn along_a_curve(seeds: &[Seed]) -> Vec<Seed> {
     let positions: Vec<f32> = seeds.iter().flat_map(|seed| seed.position).collect();
     let mut order: Vec<(u64, usize)> = morton_codes(&positions).into_iter().zip(0..).collect();

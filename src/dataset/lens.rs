@@ -1,10 +1,10 @@
 //! Lenses as the pose files describe them: pinhole intrinsics plus a distortion. The rest of the
-//! program knows pinholes only; `warp.rs` resamples distorted pictures when they are decoded.
+//! program knows pinholes only; `warp.rs` resamples distorted images when they are decoded.
 
 use crate::camera::Pinhole;
 use glam::DVec2;
 
-/// Displacement of picture positions against a pinhole, on the plane z = 1.
+/// Displacement of image positions against a pinhole, on the plane z = 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Distortion {
     /// A pinhole.
@@ -54,7 +54,7 @@ impl Lens {
         (!finite).then(|| format!("the distortion is {:?}", self.distortion))
     }
 
-    /// Whether pictures must be resampled to become pinhole pictures.
+    /// Whether images must be resampled to become pinhole images.
     pub fn is_distorted(&self) -> bool {
         match &self.distortion {
             Distortion::None => false,
@@ -107,7 +107,7 @@ impl Distortion {
     /// Undistorted radius up to which the distorted radius rises: beyond it a polynomial folds back and
     /// would show the same pixels twice. Searched up to `limit`.
     pub fn monotonic_radius(&self, limit: f64) -> f64 {
-        // Fine enough to see any fold that spans a pixel of a 4000 pixel picture.
+        // Fine enough to see any fold that spans a pixel of a 4000 pixel image.
         const STEPS: u32 = 4096;
         let mut previous = 0.0;
         for step in 1..=STEPS {

@@ -1,10 +1,10 @@
-//! The steps from a folder to a [`Capture`]: find the poses, read them, find the pictures and masks,
+//! The steps from a folder to a [`Capture`]: find the poses, read them, find the images and masks,
 //! split, and move everything into the local frame.
 
 use super::decode::Recipe;
 use super::formats::{colmap, reality_capture, transforms};
 use super::options::{CaptureFormat, LoadOptions};
-use super::pictures::{PictureFolder, bounded, fit};
+use super::photos::{ImageFolder, bounded, fit};
 use super::source::{Source, SourceView, first_names};
 use super::store::ImageStore;
 use super::{Capture, View, frame, health, split, zipped};
@@ -35,7 +35,7 @@ fn load_folder(path: &Path, options: &LoadOptions) -> Result<Capture> {
     let mut report = Report::default();
     let (root, mut source) = read(path, options, &mut report)?;
     report.merge(std::mem::take(&mut source.report));
-    if source.views.is_empty() && source.without_picture.is_empty() {
+    if source.views.is_empty() && source.without_image.is_empty() {
         return Err(Error::invalid(
             &source.path,
             "no registered images; the reconstruction failed: run it again with more overlap",
@@ -44,10 +44,10 @@ fn load_folder(path: &Path, options: &LoadOptions) -> Result<Capture> {
     let capture_from_local = frame::capture_from_local(&source, &mut report);
     let near = frame::near(&source, capture_from_local.scale);
     sort_by_name(&mut source)?;
-    let folder = picture_folder(&root, &source, options)?;
+    let folder = image_folder(&root, &source, options)?;
     let health = (source.format == CaptureFormat::Colmap)
         .then(|| health::check(&source, capture_from_local.scale, folder.count(), &mut report));
-    find_pictures(&mut source, &folder, &mut report)?;
+    find_images(&mut source, &folder, &mut report)?;
     find_masks(&root, &mut source, options, &mut report)?;
     let splits = split::assign(&mut source.views, options)?;
     if !splits.contains(&Split::Train) {
@@ -70,16 +70,16 @@ fn load_folder(path: &Path, options: &LoadOptions) -> Result<Capture> {
             name: view.name.clone(),
             split,
             camera: Camera {
-                // In two steps: a scaled copy of the picture may have rounded sides.
+                // In two steps: a scaled copy of the image may have rounded sides.
                 pinhole: view
                     .lens
                     .pinhole
-                    .resized(recipe.picture_size.0, recipe.picture_size.1)
+                    .resized(recipe.image_size.0, recipe.image_size.1)
                     .resized(recipe.size.0, recipe.size.1),
                 camera_from_local: capture_from_local.rebase_camera(&view.camera_from_capture),
             },
-            picture: recipe.picture.clone(),
-            picture_size_px: recipe.picture_size,
+            image: recipe.image.clone(),
+            image_size_px: recipe.image_size,
             mask: recipe.mask.clone(),
         })
         .collect();
@@ -102,7 +102,7 @@ fn load_folder(path: &Path, options: &LoadOptions) -> Result<Capture> {
 fn check(options: &LoadOptions) -> Result<()> {
     if options.max_resolution == 0 {
         return Err(Error::Usage(
-            "max-resolution is 0; expected the pictures' longer side in pixels".to_owned(),
+            "max-resolution is 0; expected the images' longer side in pixels".to_owned(),
         ));
     }
     if let Some(bad) = options.background.iter().find(|b| !(0.0..=1.0).contains(*b)) {
@@ -120,7 +120,7 @@ fn name_of(root: &Path) -> String {
 fn read(path: &Path, options: &LoadOptions, report: &mut Report) -> Result<(PathBuf, Source)> {
     let images = |root: &Path| {
         let folder = options.images.as_ref();
-        folder.map(|f| PictureFolder::given(root, f, "--images")).transpose()
+        folder.map(|f| ImageFolder::given(root, f, "--images")).transpose()
     };
     if path.is_file() {
         if path.extension().is_none_or(|e| e != "json") {
@@ -148,8 +148,8 @@ fn read(path: &Path, options: &LoadOptions, report: &mut Report) -> Result<(Path
     {
         let folder = match images(path)? {
             Some(folder) => folder,
-            None if path.join("images").is_dir() => PictureFolder::at(&path.join("images")),
-            None => PictureFolder::at(path),
+            None if path.join("images").is_dir() => ImageFolder::at(&path.join("images")),
+            None => ImageFolder::at(path),
         };
         return Ok((path.to_owned(), reality_capture::read(&file, &folder)?));
     }
@@ -199,50 +199,50 @@ fn sort_by_name(source: &mut Source) -> Result<()> {
     match twice {
         Some(name) => Err(Error::invalid(
             &source.path,
-            format!("the picture {name:?} occurs twice; expected one pose a picture"),
+            format!("the image {name:?} occurs twice; expected one pose an image"),
         )),
         None => Ok(()),
     }
 }
 
-/// The folder of the pictures, which must exist unless the pose file names every picture.
-fn picture_folder(root: &Path, source: &Source, options: &LoadOptions) -> Result<PictureFolder> {
+/// The folder of the images, which must exist unless the pose file names every image.
+fn image_folder(root: &Path, source: &Source, options: &LoadOptions) -> Result<ImageFolder> {
     if let Some(folder) = &options.images {
-        return PictureFolder::given(root, folder, "--images");
+        return ImageFolder::given(root, folder, "--images");
     }
     let images = root.join("images");
     if images.is_dir() {
-        return Ok(PictureFolder::at(&images));
+        return Ok(ImageFolder::at(&images));
     }
-    let beside = PictureFolder::at(root);
-    let found = source.views.iter().any(|v| v.picture.is_some() || beside.find(&v.name).is_some());
+    let beside = ImageFolder::at(root);
+    let found = source.views.iter().any(|v| v.image.is_some() || beside.find(&v.name).is_some());
     if found {
         return Ok(beside);
     }
     Err(Error::invalid(
         images,
         format!(
-            "no folder of pictures; expected pictures such as {:?} there: name the folder with --images",
+            "no folder of images; expected images such as {:?} there: name the folder with --images",
             source
                 .views
                 .first()
                 .map(|v| &v.name)
-                .or(source.without_picture.first())
+                .or(source.without_image.first())
                 .map_or("0001.jpg", String::as_str)
         ),
     ))
 }
 
-/// Gives every view its picture; views without one are left out and counted.
-fn find_pictures(source: &mut Source, folder: &PictureFolder, report: &mut Report) -> Result<()> {
-    let mut missing = std::mem::take(&mut source.without_picture);
+/// Gives every view its image; views without one are left out and counted.
+fn find_images(source: &mut Source, folder: &ImageFolder, report: &mut Report) -> Result<()> {
+    let mut missing = std::mem::take(&mut source.without_image);
     for view in &mut source.views {
-        view.picture = view.picture.take().or_else(|| folder.find(&view.name));
-        if view.picture.is_none() {
+        view.image = view.image.take().or_else(|| folder.find(&view.name));
+        if view.image.is_none() {
             missing.push(view.name.clone());
         }
     }
-    source.views.retain(|v| v.picture.is_some());
+    source.views.retain(|v| v.image.is_some());
     let total = source.views.len() + missing.len();
     let names = first_names(missing.iter().map(String::as_str));
     if source.views.len() < 2 {
@@ -251,7 +251,7 @@ fn find_pictures(source: &mut Source, folder: &PictureFolder, report: &mut Repor
             match missing.is_empty() {
                 true => format!("{total} view with a pose, expected at least two"),
                 false => format!(
-                    "pictures of {} of {total} views are missing ({names}), at least two are needed; name their \
+                    "images of {} of {total} views are missing ({names}), at least two are needed; name their \
                      folder with --images",
                     missing.len()
                 ),
@@ -260,10 +260,10 @@ fn find_pictures(source: &mut Source, folder: &PictureFolder, report: &mut Repor
     }
     if !missing.is_empty() {
         report.warn(
-            "frames-without-picture",
+            "frames-without-image",
             missing.len(),
             format!(
-                "{} of {total} views have no picture in {} and are left out: {names}",
+                "{} of {total} views have no image in {} and are left out: {names}",
                 missing.len(),
                 folder.path().display()
             ),
@@ -274,8 +274,8 @@ fn find_pictures(source: &mut Source, folder: &PictureFolder, report: &mut Repor
 
 fn find_masks(root: &Path, source: &mut Source, options: &LoadOptions, report: &mut Report) -> Result<()> {
     let folder = match &options.masks {
-        Some(folder) => Some(PictureFolder::given(root, folder, "--masks")?),
-        None => Some(root.join("masks")).filter(|p| p.is_dir()).map(|p| PictureFolder::at(&p)),
+        Some(folder) => Some(ImageFolder::given(root, folder, "--masks")?),
+        None => Some(root.join("masks")).filter(|p| p.is_dir()).map(|p| ImageFolder::at(&p)),
     };
     if let Some(folder) = folder {
         for view in &mut source.views {
@@ -302,16 +302,16 @@ fn find_masks(root: &Path, source: &mut Source, options: &LoadOptions, report: &
 }
 
 fn recipe(view: &SourceView, options: &LoadOptions) -> Result<Recipe> {
-    let picture = view.picture.clone().unwrap_or_default();
-    let (picture_size, turn) = fit(&picture, &view.name, &view.lens)?;
+    let image = view.image.clone().unwrap_or_default();
+    let (image_size, turn) = fit(&image, &view.name, &view.lens)?;
     Ok(Recipe {
-        picture,
-        picture_size,
+        image,
+        image_size,
         turn,
         mask: view.mask.clone(),
         mask_invert: options.mask_invert,
         lens: view.lens,
-        size: bounded(picture_size, options.max_resolution),
+        size: bounded(image_size, options.max_resolution),
         background: options.background,
     })
 }

@@ -2,7 +2,7 @@
 //! which they are trained on. Nothing here knows how training or rendering works.
 
 mod decode;
-mod exr_picture;
+mod exr_photo;
 #[cfg(test)]
 mod fixtures;
 mod formats;
@@ -15,7 +15,7 @@ mod knn;
 mod lens;
 mod load;
 mod options;
-mod pictures;
+mod photos;
 mod random;
 mod source;
 mod split;
@@ -27,7 +27,7 @@ mod warp;
 mod warp_tests;
 mod zipped;
 
-pub use decode::read_picture;
+pub use decode::read_image;
 pub use formats::ply::read_points as read_ply_points;
 pub use health::SparseHealth;
 pub use init::{InitOptions, InitSource, initial_model};
@@ -45,16 +45,16 @@ use store::ImageStore;
 /// One posed photo.
 #[derive(Clone, Debug, PartialEq)]
 pub struct View {
-    /// Name of the picture relative to the picture folder, with forward slashes.
+    /// Name of the image relative to the image folder, with forward slashes.
     pub name: String,
     /// Side of the split.
     pub split: Split,
     /// Camera in the local frame, at the size that is trained.
     pub camera: Camera,
-    /// The picture file.
-    pub picture: PathBuf,
-    /// Width and height of the picture file.
-    pub picture_size_px: (u32, u32),
+    /// The image file.
+    pub image: PathBuf,
+    /// Width and height of the image file.
+    pub image_size_px: (u32, u32),
     /// The mask file.
     pub mask: Option<PathBuf>,
 }
@@ -87,7 +87,7 @@ pub struct Capture {
 }
 
 impl Capture {
-    /// Reads the poses and points of a capture and checks its pictures' sizes; decodes no picture.
+    /// Reads the poses and points of a capture and checks its images' sizes; decodes no image.
     ///
     /// `path` is the capture's folder, a ZIP archive of it, its sparse model or its `transforms.json`.
     ///

@@ -31,21 +31,21 @@ impl std::fmt::Display for CaptureFormat {
 pub struct LoadOptions {
     /// Pose format; `None`: a sparse model wins over `transforms.json`, which wins over CSV.
     pub format: Option<CaptureFormat>,
-    /// Folder of the pictures, absolute or relative to the capture (`images_4`); `None`: `images`.
+    /// Folder of the images, absolute or relative to the capture (`images_4`); `None`: `images`.
     pub images: Option<PathBuf>,
     /// Folder of the masks, absolute or relative to the capture; `None`: `masks` where it exists.
     pub masks: Option<PathBuf>,
     /// Black keeps instead of white.
     pub mask_invert: bool,
-    /// Bound of the pictures' longer side.
+    /// Bound of the images' longer side.
     pub max_resolution: u32,
-    /// Display-space colour on which pictures with alpha are composited, 0 to 1.
+    /// Display-space colour on which images with alpha are composited, 0 to 1.
     pub background: [f32; 3],
     /// Each so many views one is held out, in the order of names; 0: none. Files that state a split win.
     pub test_every: usize,
     /// File with the names of the views to hold out, one a line; wins over every other rule.
     pub test_list: Option<PathBuf>,
-    /// Memory for decoded pictures.
+    /// Memory for decoded images.
     pub image_cache_bytes: u64,
 }
 

@@ -18,20 +18,20 @@ pub struct SfmPoint {
     pub rgb: [u8; 3],
 }
 
-/// A registered picture.
+/// A registered image.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct SourceView {
-    /// Name relative to the picture folder, with forward slashes.
+    /// Name relative to the image folder, with forward slashes.
     pub name: String,
-    /// The picture, where the format says it and `--images` does not say otherwise.
-    pub picture: Option<PathBuf>,
+    /// The image, where the format says it and `--images` does not say otherwise.
+    pub image: Option<PathBuf>,
     /// The mask, where the format says it.
     pub mask: Option<PathBuf>,
     pub lens: Lens,
     pub camera_from_capture: RigidTransform,
     /// Where the format states a split.
     pub split: Option<Split>,
-    /// Indices of the points that were triangulated from this picture.
+    /// Indices of the points that were triangulated from this image.
     pub observed: Vec<u32>,
 }
 
@@ -45,8 +45,8 @@ pub(crate) struct Source {
     pub points: Vec<SfmPoint>,
     /// Mean reprojection error of the points in pixels, where the format states it.
     pub reprojection_error_px: Option<f64>,
-    /// Frames that were left out because their picture is missing.
-    pub without_picture: Vec<String>,
+    /// Frames that were left out because their image is missing.
+    pub without_image: Vec<String>,
     pub report: Report,
 }
 

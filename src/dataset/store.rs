@@ -255,11 +255,11 @@ mod tests {
     fn store(folder: &Path, count: u8, budget_bytes: u64) -> ImageStore {
         let recipes = (0..count)
             .map(|i| {
-                let picture = folder.join(format!("{i}.png"));
-                image::RgbImage::from_pixel(SIDE, SIDE, image::Rgb([i; 3])).save(&picture).unwrap();
+                let image = folder.join(format!("{i}.png"));
+                image::RgbImage::from_pixel(SIDE, SIDE, image::Rgb([i; 3])).save(&image).unwrap();
                 Recipe {
-                    picture,
-                    picture_size: (SIDE, SIDE),
+                    image,
+                    image_size: (SIDE, SIDE),
                     turn: Orientation::NoTransforms,
                     mask: None,
                     mask_invert: false,
@@ -371,7 +371,7 @@ mod tests {
     fn errors_of_prefetched_photos_surface_when_they_are_asked_for() {
         let folder = tempfile::tempdir().unwrap();
         let store = store(folder.path(), 2, 1 << 20);
-        std::fs::write(folder.path().join("1.png"), b"no picture").unwrap();
+        std::fs::write(folder.path().join("1.png"), b"no image").unwrap();
         store.prefetch(&[1, 0, 99]);
         assert!(store.get(0).is_ok());
         for _ in 0..2 {

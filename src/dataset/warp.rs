@@ -1,10 +1,10 @@
-//! Removal of lens distortion: rows of the picture that a pinhole of the same size and focal length
+//! Removal of lens distortion: rows of the image that a pinhole of the same size and focal length
 //! would have taken. Which lens it is belongs to `lens.rs`.
 
 use super::lens::Lens;
 use glam::DVec2;
 
-/// Samples a distorted picture along the rows of its pinhole picture.
+/// Samples a distorted image along the rows of its pinhole image.
 pub(crate) struct Warp {
     lens: Lens,
     /// Rays beyond this distance from the axis on z = 1 were not imaged once and only once.
@@ -12,7 +12,7 @@ pub(crate) struct Warp {
 }
 
 impl Warp {
-    /// For a lens given at the picture's size.
+    /// For a lens given at the image's size.
     pub fn new(lens: Lens) -> Self {
         let c = &lens.pinhole;
         let corner = |x: f64, y: f64| c.direction_in_camera(DVec2::new(x, y)).truncate().length();
@@ -21,7 +21,7 @@ impl Warp {
         Self { lens, max_radius: lens.distortion.monotonic_radius(farthest) }
     }
 
-    /// Where pixel `(x, y)` of the pinhole picture lies in the distorted picture; `None` outside.
+    /// Where pixel `(x, y)` of the pinhole image lies in the distorted image; `None` outside.
     pub fn source_px(&self, x: usize, y: usize) -> Option<DVec2> {
         let c = &self.lens.pinhole;
         let centre = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
@@ -36,8 +36,8 @@ impl Warp {
         inside.then_some(at)
     }
 
-    /// Writes row `y`: the picture's channels times validity, then validity (0 or 1).
-    /// `pixel(x, y)` gives the channels of the distorted picture. `[width, CHANNELS + 1]`
+    /// Writes row `y`: the image's channels times validity, then validity (0 or 1).
+    /// `pixel(x, y)` gives the channels of the distorted image. `[width, CHANNELS + 1]`
     pub fn fill_row<const CHANNELS: usize>(
         &self,
         y: usize,

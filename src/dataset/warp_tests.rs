@@ -1,4 +1,4 @@
-//! Distorted captures against pictures of the same scene through a pinhole.
+//! Distorted captures against images of the same scene through a pinhole.
 
 use super::fixtures::Scene;
 use super::lens::Distortion;
@@ -40,11 +40,11 @@ fn captured(model: (i32, &'static str), extra: &[f64], distortion: &Distortion, 
     let folder = tempdir().unwrap();
     scene.write(folder.path());
     for image in &scene.images {
-        let picture = image::RgbImage::from_fn(SIZE.0, SIZE.1, |x, y| {
+        let pixels = image::RgbImage::from_fn(SIZE.0, SIZE.1, |x, y| {
             let at = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
             image::Rgb(colour(undistort(distortion, (at - CENTRE_PX) / FOCAL_PX)))
         });
-        picture.save(folder.path().join("images").join(&image.name)).unwrap();
+        pixels.save(folder.path().join("images").join(&image.name)).unwrap();
     }
     let options = LoadOptions { test_every: 0, max_resolution: max, ..LoadOptions::default() };
     let capture = Capture::load(folder.path(), &options).unwrap();
@@ -52,7 +52,7 @@ fn captured(model: (i32, &'static str), extra: &[f64], distortion: &Distortion, 
     TargetImage::clone(&capture.target(0).unwrap())
 }
 
-/// Mean and worst difference to the pinhole picture where the mask keeps, and the share kept.
+/// Mean and worst difference to the pinhole image where the mask keeps, and the share kept.
 fn differences(photo: &TargetImage) -> (f64, f64, f64) {
     let scale = f64::from(SIZE.0) / f64::from(photo.width_px);
     let (mut sum, mut worst, mut kept) = (0.0, 0.0_f64, 0);
@@ -81,7 +81,7 @@ fn radial(k: [f64; 6], p: [f64; 2]) -> Distortion {
 }
 
 #[test]
-fn every_lens_model_is_undistorted_to_the_pinhole_picture() {
+fn every_lens_model_is_undistorted_to_the_pinhole_image() {
     let fisheye = |k| Distortion::Fisheye { k };
     let cases: [((i32, &str), &[f64], Distortion); 7] = [
         ((2, "SIMPLE_RADIAL"), &[-0.15], radial([-0.15, 0., 0., 0., 0., 0.], [0.; 2])),
@@ -101,7 +101,7 @@ fn every_lens_model_is_undistorted_to_the_pinhole_picture() {
         // Needed: mean 0.6, worst 3 (truncation of colours, bilinear sampling).
         assert!(mean < 1.0 && worst <= 4.0, "{model:?}: mean {mean}, worst {worst}");
         assert!(kept > 0.9, "{model:?}: {kept}");
-        // Negative control: the same pictures taken for a pinhole's.
+        // Negative control: the same images taken for a pinhole's.
         let (mean, ..) = differences(&captured((1, "PINHOLE"), &[], distortion, 120));
         assert!(mean > 1.5, "{model:?}: {mean} without undistortion");
     }
@@ -116,7 +116,7 @@ fn undistortion_and_reduction_go_together() {
 
 #[test]
 fn pixels_that_the_lens_did_not_see_are_masked_out() {
-    // Pincushion: the picture shows less than the pinhole would.
+    // Pincushion: the image shows less than the pinhole would.
     let distortion = radial([0.5, 0., 0., 0., 0., 0.], [0.; 2]);
     let photo = captured((2, "SIMPLE_RADIAL"), &[0.5], &distortion, 120);
     let mask = photo.mask.clone().unwrap();

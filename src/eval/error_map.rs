@@ -1,8 +1,8 @@
-//! Pictures of where two pictures differ.
+//! Images of where two images differ.
 
-use super::PicturePair;
+use super::ImagePair;
 use crate::backend::TargetImage;
-use crate::picture::magma;
+use crate::image::magma;
 
 /// Mean absolute difference of the channels (of 1) that has the brightest colour.
 pub const ERROR_MAP_MAX: f64 = 0.25;
@@ -11,9 +11,9 @@ pub const ERROR_MAP_MAX: f64 = 0.25;
 /// [`ERROR_MAP_MAX`] and more; pixels that do not count are mid-grey. `[height, width, 3]`
 ///
 /// # Panics
-/// If the picture (display space, `[height, width, 3]`) and its photo differ in size.
+/// If the image (display space, `[height, width, 3]`) and its photo differ in size.
 pub fn error_map(rendered_rgb: &[f32], target: &TargetImage) -> Vec<u8> {
-    let pair = PicturePair::new(rendered_rgb, target);
+    let pair = ImagePair::new(rendered_rgb, target);
     // 766 possible sums: one table.
     let colours: Vec<[u8; 3]> =
         (0..=3 * 255_u32).map(|sum| magma(f64::from(sum) / (3.0 * 255.0 * ERROR_MAP_MAX))).collect();

@@ -1,18 +1,18 @@
-//! FLIP (Andersson et al. 2020): the difference that a person sees when flipping between two pictures.
+//! FLIP (Andersson et al. 2020): the difference that a person sees when flipping between two images.
 
-use super::PicturePair;
+use super::ImagePair;
 
 /// Mean FLIP error over the pixels that count, 0 to 1; 0 if none counts. LDR, for a viewer who sees
 /// 67 pixels per degree (the metric's default: a 4K screen 0.7 m wide at 0.7 m).
-pub fn mean_flip(pair: &PicturePair) -> f64 {
-    // Picture sizes come from u32, so the narrowing is exact.
+pub fn mean_flip(pair: &ImagePair) -> f64 {
+    // Image sizes come from u32, so the narrowing is exact.
     let (width, height) = (pair.width_px as u32, pair.height_px as u32);
     if width == 0 || height == 0 {
         return 0.0;
     }
-    let picture = |rgb: &[u8]| nv_flip::FlipImageRgb8::with_data(width, height, rgb);
+    let image = |rgb: &[u8]| nv_flip::FlipImageRgb8::with_data(width, height, rgb);
     let errors =
-        nv_flip::flip(picture(&pair.target), picture(&pair.rendered), nv_flip::DEFAULT_PIXELS_PER_DEGREE)
+        nv_flip::flip(image(&pair.target), image(&pair.rendered), nv_flip::DEFAULT_PIXELS_PER_DEGREE)
             .to_vec();
     let (mut sum, mut count) = (0.0, 0_u64);
     for (pixel, &error) in errors.iter().enumerate() {

@@ -1,7 +1,7 @@
-//! PSNR of picture gradients: says whether texture detail is there, which PSNR hardly does. Blurred
+//! PSNR of image gradients: says whether texture detail is there, which PSNR hardly does. Blurred
 //! photos score high in PSNR because most of a photo's energy lies in low frequencies.
 
-use super::{PSNR_CAP_DB, PicturePair, psnr_from_mse};
+use super::{PSNR_CAP_DB, ImagePair, psnr_from_mse};
 use rayon::prelude::*;
 
 /// PSNR (peak 1) of the Sobel gradients of the channel mean, dB.
@@ -9,7 +9,7 @@ use rayon::prelude::*;
 /// Taps 1-2-1 across and -1, 0, 1 along, divided by 8, so that a ramp has its own slope. Only where
 /// the 3 x 3 window fits and all of its pixels count; the squared error is the mean over both
 /// components. The cap if there is no such place.
-pub fn gradient_psnr(pair: &PicturePair) -> f64 {
+pub fn gradient_psnr(pair: &ImagePair) -> f64 {
     let (width, height) = (pair.width_px, pair.height_px);
     if width < 3 || height < 3 {
         return PSNR_CAP_DB;

@@ -1,8 +1,8 @@
-//! Quality figures of rendered pictures against photos.
+//! Quality figures of rendered images against photos.
 //!
 //! Definitions are those of the 3DGS family's evaluation unless a name says otherwise: PSNR over all
-//! pixels and channels of one picture, figures of a set are means of figures of pictures. Pixels whose
-//! mask is 0 count in no figure; both pictures are black there before windows are applied, so that
+//! pixels and channels of one image, figures of a set are means of figures of images. Pixels whose
+//! mask is 0 count in no figure; both images are black there before windows are applied, so that
 //! what a mask hides has no influence.
 
 mod error_map;
@@ -20,10 +20,10 @@ pub use ssim::{Ssim, ssim};
 use crate::backend::TargetImage;
 use serde::{Deserialize, Serialize};
 
-/// Figures of one picture. Pictures are rounded to 8 bits before they are compared, as when written.
+/// Figures of one image. Images are rounded to 8 bits before they are compared, as when written.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ViewQuality {
-    /// Original picture name.
+    /// Original image name.
     pub name: String,
     /// PSNR over all pixels and channels, dB.
     pub psnr: f64,
@@ -37,7 +37,7 @@ pub struct ViewQuality {
     pub flip: f64,
 }
 
-/// Figures of a set of pictures: arithmetic means over the views.
+/// Figures of a set of images: arithmetic means over the views.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Evaluation {
     /// dB
@@ -73,14 +73,14 @@ impl Evaluation {
     }
 }
 
-/// Two pictures of one size, in 8 bits, black where the mask excludes them: what the figures compare.
+/// Two images of one size, in 8 bits, black where the mask excludes them: what the figures compare.
 #[derive(Clone, Debug, PartialEq)]
-pub struct PicturePair {
+pub struct ImagePair {
     /// Width.
     pub width_px: usize,
     /// Height.
     pub height_px: usize,
-    /// The rendered picture. `[height, width, 3]`
+    /// The rendered image. `[height, width, 3]`
     pub rendered: Vec<u8>,
     /// The photo. `[height, width, 3]`
     pub target: Vec<u8>,
@@ -88,8 +88,8 @@ pub struct PicturePair {
     pub counts: Option<Vec<bool>>,
 }
 
-impl PicturePair {
-    /// Clamps a rendered picture (display space, `[height, width, 3]`) to [0, 1], rounds it to 8 bits
+impl ImagePair {
+    /// Clamps a rendered image (display space, `[height, width, 3]`) to [0, 1], rounds it to 8 bits
     /// and pairs it with its photo. NaN becomes black.
     ///
     /// # Panics
@@ -97,7 +97,7 @@ impl PicturePair {
     pub fn new(rendered_rgb: &[f32], target: &TargetImage) -> Self {
         let (width_px, height_px) = (target.width_px as usize, target.height_px as usize);
         let num_pixels = width_px * height_px;
-        assert_eq!(rendered_rgb.len(), 3 * num_pixels, "size of the rendered picture");
+        assert_eq!(rendered_rgb.len(), 3 * num_pixels, "size of the rendered image");
         assert_eq!(target.rgb.len(), 3 * num_pixels, "size of the photo");
         let mut pair = Self {
             width_px,
@@ -128,12 +128,12 @@ pub fn quantised(display_rgb: &[f32]) -> Vec<u8> {
     display_rgb.iter().map(|v| (v.clamp(0.0, 1.0) * 255.0).round() as u8).collect()
 }
 
-/// All figures of one rendered picture (display space, not clamped, `[height, width, 3]`).
+/// All figures of one rendered image (display space, not clamped, `[height, width, 3]`).
 ///
 /// # Panics
-/// If the picture and its photo differ in size.
+/// If the image and its photo differ in size.
 pub fn quality_of(name: &str, rendered_rgb: &[f32], target: &TargetImage) -> ViewQuality {
-    let pair = PicturePair::new(rendered_rgb, target);
+    let pair = ImagePair::new(rendered_rgb, target);
     let ssim = ssim(&pair);
     ViewQuality {
         name: name.to_owned(),

@@ -1,8 +1,8 @@
 //! Peak signal-to-noise ratio.
 
-use super::PicturePair;
+use super::ImagePair;
 
-/// PSNR is at most this: JSON has no infinity, and identical pictures must have a figure. At 8 bits
+/// PSNR is at most this: JSON has no infinity, and identical images must have a figure. At 8 bits
 /// one wrong code value in 5 million is 115 dB, so nothing of interest lies above.
 pub const PSNR_CAP_DB: f64 = 100.0;
 
@@ -12,7 +12,7 @@ pub fn psnr_from_mse(mse: f64) -> f64 {
 }
 
 /// PSNR over the pixels that count and all channels, dB; the cap if no pixel counts.
-pub fn psnr(pair: &PicturePair) -> f64 {
+pub fn psnr(pair: &ImagePair) -> f64 {
     // Squares of code values are summed as integers: exact, so in any order the same.
     let (mut sum, mut pixels) = (0_u64, 0_u64);
     for (pixel, (a, b)) in pair.rendered.chunks_exact(3).zip(pair.target.chunks_exact(3)).enumerate() {

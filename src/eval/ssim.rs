@@ -1,22 +1,22 @@
-//! Structural similarity by the constants of 3DGS, in its two usual readings of the picture's edge.
+//! Structural similarity by the constants of 3DGS, in its two usual readings of the image's edge.
 //! The trainer's SSIM loss does not belong here.
 
-use super::PicturePair;
+use super::ImagePair;
 use crate::constants::{SSIM_C1, SSIM_C2, SSIM_RADIUS_PX, SSIM_SIGMA_PX};
 use rayon::prelude::*;
 
 /// Means of one SSIM map over pixels and channels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ssim {
-    /// Over all pixels that count, zeros beyond the picture: what the 3DGS family publishes.
+    /// Over all pixels that count, zeros beyond the image: what the 3DGS family publishes.
     pub zero_padded: f64,
-    /// Over those pixels that count whose window lies in the picture; equal to `zero_padded` if the
-    /// picture is smaller than the window or no such pixel counts.
+    /// Over those pixels that count whose window lies in the image; equal to `zero_padded` if the
+    /// image is smaller than the window or no such pixel counts.
     pub valid: f64,
 }
 
 /// SSIM with an 11 x 11 Gaussian window and biased variances; 1 if no pixel counts.
-pub fn ssim(pair: &PicturePair) -> Ssim {
+pub fn ssim(pair: &ImagePair) -> Ssim {
     let (width, height) = (pair.width_px, pair.height_px);
     let r = SSIM_RADIUS_PX;
     let inside = |x: usize, y: usize| x >= r && y >= r && x + r < width && y + r < height;
@@ -56,12 +56,12 @@ fn window() -> [f64; 2 * SSIM_RADIUS_PX + 1] {
     taps.map(|t| t / sum)
 }
 
-/// SSIM at every pixel of one channel, zeros beyond the picture. `[height, width]`
-fn ssim_map(pair: &PicturePair, channel: usize) -> Vec<f64> {
+/// SSIM at every pixel of one channel, zeros beyond the image. `[height, width]`
+fn ssim_map(pair: &ImagePair, channel: usize) -> Vec<f64> {
     let (width, height) = (pair.width_px, pair.height_px);
     let taps = window();
-    let plane = |picture: &[u8]| -> Vec<f64> {
-        picture[channel.min(picture.len())..].iter().step_by(3).map(|&v| f64::from(v) / 255.0).collect()
+    let plane = |image: &[u8]| -> Vec<f64> {
+        image[channel.min(image.len())..].iter().step_by(3).map(|&v| f64::from(v) / 255.0).collect()
     };
     let (x, y) = (plane(&pair.rendered), plane(&pair.target));
     // Rows blurred along x: E[x], E[y], E[x^2], E[y^2], E[xy]. `[height, width, 5]`

@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// A deterministic picture with structure at several scales.
+/// A deterministic image with structure at several scales.
 fn photo(width_px: u32, height_px: u32) -> TargetImage {
     let rgb = (0..width_px * height_px)
         .flat_map(|i| {
@@ -36,7 +36,7 @@ fn without_noise(photo: &TargetImage) -> Vec<f32> {
 const SIZES: [(u32, u32); 5] = [(1, 1), (3, 2), (17, 13), (11, 11), (40, 31)];
 
 #[test]
-fn identical_pictures_have_the_best_figures() {
+fn identical_images_have_the_best_figures() {
     for (w, h) in SIZES {
         let photo = photo(w, h);
         let q = quality_of("a.png", &without_noise(&photo), &photo);
@@ -81,7 +81,7 @@ fn clamp_and_rounding_come_first() {
 #[test]
 fn gradient_psnr_equals_a_direct_sobel() {
     let photo = photo(17, 13);
-    let pair = PicturePair::new(&noisy(&photo, 0.2), &photo);
+    let pair = ImagePair::new(&noisy(&photo, 0.2), &photo);
     let mean = |p: &[u8], x: i32, y: i32| {
         let at = 3 * (y * 17 + x) as usize;
         p[at..at + 3].iter().map(|&v| f64::from(v) / 255.0).sum::<f64>() / 3.0
@@ -109,20 +109,20 @@ fn gradient_psnr_equals_a_direct_sobel() {
     let expected = 10.0 * (count / sum).log10();
     // Needed 0; the direct sum may round otherwise elsewhere.
     assert!((gradient_psnr(&pair) - expected).abs() < 1e-10);
-    // A ramp's gradient is its slope: 2 code values per pixel against a flat picture.
+    // A ramp's gradient is its slope: 2 code values per pixel against a flat image.
     let ramp = TargetImage {
         width_px: 8,
         height_px: 8,
         rgb: (0..64).flat_map(|i| [2 * (i % 8) as u8; 3]).collect(),
         mask: None,
     };
-    let flat = PicturePair::new(&[0.0; 192], &ramp);
+    let flat = ImagePair::new(&[0.0; 192], &ramp);
     let slope = 2.0 / 255.0_f64;
     assert!((gradient_psnr(&flat) - psnr_from_mse(slope * slope / 2.0)).abs() < 1e-10);
 }
 
 /// SSIM by its definition: a full 2-D window at each pixel, padded by zeros.
-fn direct_ssim(pair: &PicturePair, sigma: f64) -> (f64, f64) {
+fn direct_ssim(pair: &ImagePair, sigma: f64) -> (f64, f64) {
     let (w, h) = (pair.width_px as i32, pair.height_px as i32);
     let g = |d: i32| (-f64::from(d * d) / (2.0 * sigma * sigma)).exp();
     let norm: f64 = (-5..=5).flat_map(|a| (-5..=5).map(move |b| g(a) * g(b))).sum();
@@ -164,7 +164,7 @@ fn direct_ssim(pair: &PicturePair, sigma: f64) -> (f64, f64) {
 fn ssim_equals_its_definition() {
     for (w, h) in SIZES {
         let photo = photo(w, h);
-        let pair = PicturePair::new(&noisy(&photo, 0.2), &photo);
+        let pair = ImagePair::new(&noisy(&photo, 0.2), &photo);
         let ours = ssim(&pair);
         let (all, valid) = direct_ssim(&pair, 1.5);
         // Needed 1.7e-15.
@@ -198,7 +198,7 @@ fn hidden_pixels_have_no_influence() {
 }
 
 #[test]
-fn a_picture_of_which_nothing_counts_has_figures() {
+fn a_image_of_which_nothing_counts_has_figures() {
     let mut photo = photo(17, 13);
     photo.mask = Some(vec![0; 17 * 13]);
     let q = quality_of("", &noisy(&photo, 0.5), &photo);
@@ -224,7 +224,7 @@ fn error_map_shows_where() {
     let mut rendered = without_noise(&photo);
     rendered[3..6].iter_mut().for_each(|v| *v = 1.0 - v.round());
     let map = error_map(&rendered, &photo);
-    assert_eq!(map[0..3], crate::picture::magma(0.0));
-    assert_eq!(map[3..6], crate::picture::magma(1.0));
+    assert_eq!(map[0..3], crate::image::magma(0.0));
+    assert_eq!(map[3..6], crate::image::magma(1.0));
     assert_eq!(map[9..12], [128; 3]);
 }

@@ -15,10 +15,10 @@ use super::submission::{Promise, check_camera, check_request};
 use super::timing::Timer;
 use super::uniform::{self, Scene, needs_statistics};
 use super::view_buffers::{Capacity, Needs};
-use super::{geometry, limits, sort, structure};
+use super::{apply_plan, geometry, limits, sort};
 use crate::backend::{
     Backend, DeviceInfo, DeviceLimits, RenderOptions, RenderedImage, SceneShape, StepReport, StepRequest,
-    StructurePlan, WindowStatistics,
+    DensityPlan, WindowStatistics,
 };
 use crate::camera::{Camera, Similarity};
 use crate::model::{AdamState, Model, SplatArrays, TexturePool};
@@ -159,8 +159,8 @@ impl GpuBackend {
             near: self.shape.near,
             pair_capacity: self.capacity.pairs as u32,
             tile_rows_px: self.tile_rows_px,
-            settled_step: self.clock.step,
-            settled_rates: self.clock.rates,
+            flushed_step: self.clock.step,
+            flushed_rates: self.clock.rates,
         }
     }
 
@@ -196,11 +196,11 @@ impl GpuBackend {
     }
 
     /// Writes all lagging parameters down, as of the last step.
-    pub(super) fn settle_all(&mut self) {
+    pub(super) fn flush_all(&mut self) {
         self.arm();
         let uniform = uniform::without_view(&self.scene(), FLAG_PERSIST | FLAG_ALL_MAPS);
         let offsets = self.set_uniform(0, &uniform);
-        let kernels = [KernelId::SettleSplat, KernelId::SettleTexel];
+        let kernels = [KernelId::FlushSplat, KernelId::FlushTexel];
         self.submit(&kernels.map(|id| Dispatch::new(id, offsets)));
     }
 
@@ -213,8 +213,8 @@ impl GpuBackend {
         self.arm();
         let uniform = uniform::without_view(&self.scene(), FLAG_ALL_MAPS);
         // Nothing lags at step 0: this only activates.
-        let offsets = self.set_uniform(0, &StepUniform { settled_step: 0, ..uniform });
-        self.submit(&[Dispatch::new(KernelId::SettleTexel, offsets)]);
+        let offsets = self.set_uniform(0, &StepUniform { flushed_step: 0, ..uniform });
+        self.submit(&[Dispatch::new(KernelId::FlushTexel, offsets)]);
     }
 
     /// What every call but the first wants: a model, and a device that has done all that it was asked to do.
@@ -275,7 +275,7 @@ impl Backend for GpuBackend {
             self.arm();
             let degree = options.sh_degree.min(self.shape.splats.sh_degree);
             let offsets =
-                self.set_uniform(0, &uniform::picture(&self.scene(), camera, options.background, degree));
+                self.set_uniform(0, &uniform::image(&self.scene(), camera, options.background, degree));
             let dispatches = self.forward(offsets, camera, options.geometry);
             let status = self.submit_for_status(&dispatches, 1)?;
             if u64::from(status[0].needed_pairs) <= self.capacity.pairs {
@@ -370,10 +370,10 @@ impl Backend for GpuBackend {
         Ok(())
     }
 
-    fn apply_plan(&mut self, plan: &StructurePlan) -> Result<()> {
+    fn apply_plan(&mut self, plan: &DensityPlan) -> Result<()> {
         self.check()?;
         plan.check(self.shape.num_splats())?;
-        structure::apply_plan(self, plan)
+        apply_plan::apply_plan(self, plan)
     }
 
     fn read_back(&mut self) -> Result<(Model, AdamState)> {
@@ -389,7 +389,7 @@ impl Backend for GpuBackend {
         Ok((model, adam))
     }
 
-    fn read_settled(&mut self) -> Result<Model> {
+    fn read_flushed(&mut self) -> Result<Model> {
         self.check()?;
         // On a copy: what the next steps compute must not depend on who looked.
         let lagging =
@@ -399,20 +399,20 @@ impl Backend for GpuBackend {
             self.device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let mut copies = Vec::new();
         for (name, original) in &originals {
-            let copy = self.device.buffer("settled parameters", original.size() / 16, 16)?;
+            let copy = self.device.buffer("flushed parameters", original.size() / 16, 16)?;
             encoder.copy_buffer_to_buffer(original, 0, &copy, 0, original.size());
             copies.push((*name, copy));
         }
         // Nothing is refused from here on: the originals come back on every path.
         copies.into_iter().for_each(|(name, copy)| self.resources.set(name, copy));
         self.device.submit(encoder);
-        self.settle_all();
-        let settled = self.read_back();
+        self.flush_all();
+        let flushed = self.read_back();
         for (name, original) in originals {
             self.resources.set(name, original);
         }
-        // What was refused now has not settled.
+        // What was refused now has not flushed.
         self.device.check()?;
-        Ok(settled?.0)
+        Ok(flushed?.0)
     }
 }

@@ -183,7 +183,7 @@ impl GpuDevice {
         if bytes > most {
             return Err(self.error(&format!(
                 "{what}: {count} x {element_bytes} bytes = {:.1} MiB, but a buffer may have {:.1} MiB here; use \
-                 fewer splats, smaller maps or smaller pictures, or the device \"cpu\"",
+                 fewer splats, smaller maps or smaller images, or the device \"cpu\"",
                 mib(bytes),
                 mib(most)
             )));

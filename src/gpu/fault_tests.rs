@@ -66,7 +66,7 @@ fn what_was_applied_is_read_back_after_a_refusal_but_nothing_builds_on_it() {
     let errors = [
         backend.step(&request(&scene, 3)).err(),
         backend.render(&scene.camera, &options).err(),
-        backend.read_settled().err(),
+        backend.read_flushed().err(),
     ];
     assert!(errors.iter().all(|e| matches!(e, Some(Error::Device(_)))), "{errors:?}");
     assert!(backend.read_back().unwrap() == expected, "those changed nothing");
@@ -103,7 +103,7 @@ fn a_batch_that_fails_half_way_leaves_the_steps_before_whole() {
     backend.upload(&scene.model, &AdamState::zeros(&scene.model)).unwrap();
     backend.step(&request(&scene, 1)).unwrap();
     let expected = backend.read_back().unwrap();
-    // A photo of the wrong size, and a picture that no device can hold.
+    // A photo of the wrong size, and an image that no device can hold.
     let small = TargetImage { width_px: 1, height_px: 1, rgb: vec![0; 3], mask: None };
     let bad = StepRequest { target: &small, ..request(&scene, 3) };
     assert!(backend.steps(&[request(&scene, 2), bad]).is_err());
@@ -125,9 +125,9 @@ fn before_the_first_upload_there_is_an_error_and_no_panic() {
         backend.step(&request(&scene, 1)).err(),
         backend.render(&scene.camera, &options).err(),
         backend.read_back().err(),
-        backend.read_settled().err(),
+        backend.read_flushed().err(),
         backend.read_statistics().err(),
-        backend.apply_plan(&crate::backend::StructurePlan::default()).err(),
+        backend.apply_plan(&crate::backend::DensityPlan::default()).err(),
     ];
     assert!(errors.iter().all(|e| matches!(e, Some(Error::Usage(_)))), "{errors:?}");
 }
@@ -149,7 +149,7 @@ fn an_upload_gives_back_what_the_model_before_needed() {
     }
     assert!(seen[1].iter().zip(&seen[0]).all(|(small, large)| small < large), "{seen:?}");
     assert_eq!(seen[0], seen[2]);
-    // A picture that needs more pairs than any step does not enlarge the partial sums of steps.
+    // An image that needs more pairs than any step does not enlarge the partial sums of steps.
     let before = backend.capacity.training_pairs;
     backend.capacity.pairs *= 2;
     backend.step(&request(&large, 2)).unwrap();

@@ -1,4 +1,4 @@
-//! Texel gradients in fixed point: what a poisoned picture puts into them.
+//! Texel gradients in fixed point: what a poisoned image puts into them.
 
 use super::backend::GpuOptions;
 use super::fault_tests::{backends, request};

@@ -1,4 +1,4 @@
-//! Depths and normals of a picture from the sums that the rasterisation leaves.
+//! Depths and normals of an image from the sums that the rasterisation leaves.
 
 use crate::backend::RenderedImage;
 

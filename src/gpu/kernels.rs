@@ -164,11 +164,11 @@ kernels! {
         write splat_p = SplatP, write splat_m = SplatM, write splat_v = SplatV, read splat_info = SplatInfo,
         write projected = Projected, write bounds = Bounds, write keys_out = KeysA,
     ];
-    SettleTexel = "settle_texel" &[], EachSplat, false, [
+    FlushTexel = "flush_texel" &[], EachSplat, false, [
         write texel_p = TexelP, write texel_m = TexelM, write texel_v = TexelV, write texel_values = TexelValues,
         write splat_info = SplatInfo, read bounds = Bounds,
     ];
-    SettleSplat = "settle_splat" &[], EachSplat, false, [
+    FlushSplat = "flush_splat" &[], EachSplat, false, [
         write splat_p = SplatP, write splat_m = SplatM, write splat_v = SplatV, read splat_info = SplatInfo,
     ];
     RasterFwd = "raster_fwd" &[], Tiles, false, [
@@ -382,7 +382,7 @@ impl RasterKernels {
         Self { fwd, bwd, bwd_statistics, fwd_geometry, bwd_geometry }
     }
 
-    /// What depths and normals need beside the rest: for a picture, or for a step.
+    /// What depths and normals need beside the rest: for an image, or for a step.
     pub fn geometry(&self, training: bool) -> Vec<KernelId> {
         use KernelId as K;
         let mut out = vec![K::ProjectGeometry, self.fwd_geometry];

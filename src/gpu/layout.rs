@@ -3,7 +3,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-/// One iteration or one picture (`shaders/common/step.wgsl`).
+/// One iteration or one image (`shaders/common/step.wgsl`).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct StepUniform {
@@ -33,10 +33,10 @@ pub struct StepUniform {
     pub sh_degree: u32,
     /// Floats per splat in the parameter arrays.
     pub splat_stride: u32,
-    /// From 1; in pictures 0.
+    /// From 1; in images 0.
     pub step: u32,
     /// Steps that are done.
-    pub settled_step: u32,
+    pub flushed_step: u32,
     /// `FLAG_*`
     pub flags: u32,
     /// Which entry of the status ring is this step's.
@@ -142,7 +142,7 @@ pub struct SplatInfo {
     pub last_step: u32,
 }
 
-/// What a structure plan makes of a map (`shaders/common/map_change.wgsl`).
+/// What a density-control plan makes of a map (`shaders/common/map_change.wgsl`).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct MapChange {

@@ -1,4 +1,4 @@
-//! What an open device can hold: the largest scene and pictures whose buffers are within its limits and whose
+//! What an open device can hold: the largest scene and images whose buffers are within its limits and whose
 //! elements are within the 32 bits that shaders count in.
 
 use super::device::GpuDevice;

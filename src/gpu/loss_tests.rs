@@ -13,7 +13,7 @@ use rand::{Rng, RngExt, SeedableRng};
 /// Photos of other views before this one's.
 const PHOTO_OFFSET_PX: usize = 5;
 
-/// What a picture starts from, before noise is added.
+/// What an image starts from, before noise is added.
 #[derive(Clone, Copy, PartialEq)]
 enum Start {
     /// Nothing: it has nothing to do with the photo.
@@ -145,7 +145,7 @@ fn expected(case: &Case) -> ImageLoss {
 }
 
 /// Of values, gradients and maps; three times what the cases below need, 4.9e-8, 3.6e-6 and 6.3e-7. The
-/// gradient's need is that of a picture which nearly is the photo: the photo's values are rounded to f32.
+/// gradient's need is that of an image which nearly is the photo: the photo's values are rounded to f32.
 const TOLERANCES: [f64; 3] = [1.5e-7, 1.1e-5, 1.9e-6];
 
 fn agrees(found: &[f64; 3]) -> [bool; 3] {
@@ -179,7 +179,7 @@ fn loss_is_that_of_the_reference() {
 }
 
 #[test]
-fn a_perturbed_picture_mask_or_weight_is_noticed() {
+fn a_perturbed_image_mask_or_weight_is_noticed() {
     for mut harness in Harness::on_each_driver(&[KernelId::LossFwd, KernelId::LossBwd]) {
         let original = || case((37, 23), true, Start::Noise, [0.5, 0.3, 0.7], 7);
         let reference = expected(&original());

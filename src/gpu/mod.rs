@@ -30,7 +30,7 @@ mod shader_tests;
 mod sort;
 #[cfg(test)]
 mod sort_tests;
-mod structure;
+mod apply_plan;
 mod submission;
 #[cfg(test)]
 mod tile_list_tests;

@@ -85,7 +85,7 @@ pub(super) fn tile_lists(step: Offsets, num_tiles: u32) -> Vec<Dispatch> {
     out
 }
 
-/// Everything between `project` and the picture.
+/// Everything between `project` and the image.
 pub(super) fn order_and_bin(step: Offsets, num_tiles: u32) -> Vec<Dispatch> {
     [depth_sort(step), pair_slots(step), tile_lists(step, num_tiles)].concat()
 }

@@ -1,4 +1,4 @@
-//! What a submission is made of: the dispatches of steps and pictures, what they need room for, and what their
+//! What a submission is made of: the dispatches of steps and images, what they need room for, and what their
 //! status tells. Who asks for them, and what happens when they did not fit, stands in `backend`.
 
 use super::backend::{GpuBackend, tile_flags};
@@ -28,7 +28,7 @@ pub(super) struct Promise {
 }
 
 impl GpuBackend {
-    /// Projection to picture.
+    /// Projection to image.
     pub(super) fn forward(&self, offsets: Offsets, camera: &Camera, geometry: bool) -> Vec<Dispatch> {
         let [cols, rows] = uniform::grid(camera, self.tile_rows_px);
         let (project, raster) = if geometry {
@@ -37,7 +37,7 @@ impl GpuBackend {
             (KernelId::Project, self.raster.fwd)
         };
         let mut out = vec![Dispatch::new(project, offsets)];
-        out.push(Dispatch::new(KernelId::SettleTexel, offsets));
+        out.push(Dispatch::new(KernelId::FlushTexel, offsets));
         out.extend(sort::order_and_bin(offsets, cols * rows));
         out.push(Dispatch::new(raster, offsets));
         out
@@ -141,7 +141,7 @@ impl GpuBackend {
             let statistics = needs_statistics(request);
             dispatches.extend(self.step_dispatches(offsets, &request.camera, geometry, statistics));
             ends.push(dispatches.len());
-            (scene.settled_step, scene.settled_rates) = (request.step, request.rates);
+            (scene.flushed_step, scene.flushed_rates) = (request.step, request.rates);
         }
         let promise = |r: &StepRequest<'_>| Promise {
             step: r.step,
@@ -233,7 +233,7 @@ fn stages(dispatches: &[Dispatch], times: &[Duration]) -> Stages {
     out
 }
 
-/// Largest side of a picture: pixels of a box are packed into 16 bits each.
+/// Largest side of an image: pixels of a box are packed into 16 bits each.
 pub(super) const MAX_SIDE_PX: u32 = 65_535;
 
 pub(super) fn check_camera(camera: &Camera) -> Result<()> {
@@ -241,7 +241,7 @@ pub(super) fn check_camera(camera: &Camera) -> Result<()> {
     if w.max(h) <= MAX_SIDE_PX && w.min(h) > 0 {
         return Ok(());
     }
-    Err(Error::Usage(format!("a picture of {w}x{h} px: GPUs take sides of 1 to {MAX_SIDE_PX} px here")))
+    Err(Error::Usage(format!("an image of {w}x{h} px: GPUs take sides of 1 to {MAX_SIDE_PX} px here")))
 }
 
 pub(super) fn check_request(request: &StepRequest<'_>) -> Result<()> {

@@ -1,4 +1,4 @@
-//! Fills the uniform of a step or a picture.
+//! Fills the uniform of a step or an image.
 
 use super::layout::{FLAG_PERSIST, FLAG_STATISTICS, StepUniform};
 use super::shader::{FIXED_MAX, TILE_PX};
@@ -17,9 +17,9 @@ pub(super) struct Scene {
     /// Height of the rasterisation's tiles.
     pub tile_rows_px: u32,
     /// Steps that are done.
-    pub settled_step: u32,
+    pub flushed_step: u32,
     /// Rates of the last of them.
-    pub settled_rates: LearningRates,
+    pub flushed_rates: LearningRates,
 }
 
 /// Columns and rows of tiles.
@@ -33,21 +33,21 @@ pub(super) fn without_view(scene: &Scene, flags: u32) -> StepUniform {
         near: scene.near,
         num_splats: scene.num_splats,
         splat_stride: scene.splat_stride,
-        settled_step: scene.settled_step,
+        flushed_step: scene.flushed_step,
         pair_capacity: scene.pair_capacity,
         partial_stride: PARTIAL_STRIDE,
-        last_rate_sh_dc: scene.settled_rates.sh_dc,
-        last_rate_sh_rest: scene.settled_rates.sh_rest,
-        last_rate_texel: scene.settled_rates.texel,
-        last_rate_texel_growth: scene.settled_rates.texel_growth,
-        last_rate_texel_growth_limit: scene.settled_rates.texel_growth_limit,
+        last_rate_sh_dc: scene.flushed_rates.sh_dc,
+        last_rate_sh_rest: scene.flushed_rates.sh_rest,
+        last_rate_texel: scene.flushed_rates.texel,
+        last_rate_texel_growth: scene.flushed_rates.texel_growth,
+        last_rate_texel_growth_limit: scene.flushed_rates.texel_growth_limit,
         flags,
         ..StepUniform::default()
     }
 }
 
-/// For a picture.
-pub(super) fn picture(scene: &Scene, camera: &Camera, background: [f32; 3], sh_degree: u32) -> StepUniform {
+/// For an image.
+pub(super) fn image(scene: &Scene, camera: &Camera, background: [f32; 3], sh_degree: u32) -> StepUniform {
     let rotation = camera.camera_from_local.rotation;
     let translation = camera.camera_from_local.translation;
     let row = |r: usize| {
@@ -123,13 +123,13 @@ pub(super) fn step(
         rate_texel_growth_limit: rates.texel_growth_limit,
         m_correction: (1.0 / (1.0 - ADAM_BETA1.powf(t))) as f32,
         v_correction_sqrt: (1.0 / (1.0 - ADAM_BETA2.powf(t)).sqrt()) as f32,
-        ..picture(scene, &request.camera, request.background, request.sh_degree)
+        ..image(scene, &request.camera, request.background, request.sh_degree)
     }
 }
 
 /// Bound of the derivative of the loss by a channel of a pixel, times their number: 1 for L1, 2 per unit of
 /// difference for MSE, and for SSIM 2 / sqrt(C2), where a window is flat in the photo; a power of two.
-/// Poisoned pictures may exceed it: sums saturate then, and are counted.
+/// Poisoned images may exceed it: sums saturate then, and are counted.
 fn gradient_bound(loss: &LossWeights) -> f64 {
     let bound = f64::from(loss.l1) + 4.0 * f64::from(loss.mse) + 67.0 * f64::from(loss.dssim);
     bound.max(1e-6).log2().ceil().exp2()

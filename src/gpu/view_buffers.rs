@@ -1,4 +1,4 @@
-//! Buffers that follow in size from the pictures and from the number of pairs. They grow from one upload of a
+//! Buffers that follow in size from the images and from the number of pairs. They grow from one upload of a
 //! model to the next, which gives them back.
 
 use super::device::GpuDevice;
@@ -13,9 +13,9 @@ use crate::Result;
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Capacity {
     splats: u64,
-    /// Of pictures.
+    /// Of images.
     pub pairs: u64,
-    /// Of steps: those whose partial sums have room, too. A picture may have needed more.
+    /// Of steps: those whose partial sums have room, too. An image may have needed more.
     pub training_pairs: u64,
     /// Floats of the partial sums.
     partials: u64,

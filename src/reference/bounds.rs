@@ -6,7 +6,7 @@ use crate::camera::Camera;
 use crate::constants::{ALPHA_MIN, CONIC_MARGIN};
 use glam::{DVec2, DVec3};
 
-/// Half-open ranges of pixels whose centres lie within the bounds, clipped to the picture.
+/// Half-open ranges of pixels whose centres lie within the bounds, clipped to the image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PixelBounds {
     /// First column.

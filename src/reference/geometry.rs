@@ -1,7 +1,7 @@
 //! Optional terms on depths and normals (method section 3): distortion and normal consistency. They act
 //! on samples through their weight, their depth and the normal of their splat.
 
-use super::Picture;
+use super::Image;
 use crate::backend::{LossWeights, TargetImage};
 use crate::camera::Camera;
 use crate::constants::SURFACE_ALPHA_MIN;
@@ -36,7 +36,7 @@ pub struct GeometryLoss {
 /// of `w_i w_j (m_i - m_j)^2` over pairs; normal consistency, the sum of `w (1 - n . surface)`. Means over
 /// all pixels; masked ones count as 0. Surface normals are constants to the derivative.
 pub fn geometry_loss(
-    picture: &Picture,
+    image: &Image,
     normals: &[DVec3],
     target: &TargetImage,
     weights: &LossWeights,
@@ -45,19 +45,19 @@ pub fn geometry_loss(
     if !weights.needs_geometry() {
         return out;
     }
-    let count = picture.transmittance.len() as f64;
+    let count = image.transmittance.len() as f64;
     let (distortion, normal) = (f64::from(weights.distortion) / count, f64::from(weights.normal) / count);
-    for (pixel, moments) in picture.moments.iter().enumerate() {
+    for (pixel, moments) in image.moments.iter().enumerate() {
         let mut c = GeometryCoefficients::default();
         if target.mask.as_ref().is_none_or(|m| m[pixel] != 0) {
-            let alpha = 1.0 - picture.transmittance[pixel];
+            let alpha = 1.0 - image.transmittance[pixel];
             out.distortion += distortion * (alpha * moments[1] - moments[0] * moments[0]);
             c.constant = distortion * moments[1];
             c.linear = -2.0 * distortion * moments[0];
             c.square = distortion * alpha;
             let surface = normals[pixel];
             if surface != DVec3::ZERO {
-                out.normal += normal * (alpha - picture.normal_sum[pixel].dot(surface));
+                out.normal += normal * (alpha - image.normal_sum[pixel].dot(surface));
                 c.constant += normal;
                 c.towards = -normal * surface;
             }
@@ -69,13 +69,13 @@ pub fn geometry_loss(
 
 /// Normals of the depth map by central differences, camera axes, facing the camera; zero at the border and
 /// where a neighbour is not opaque.
-pub fn surface_normals(picture: &Picture, camera: &Camera) -> Vec<DVec3> {
-    let (w, h) = (picture.width_px, picture.height_px);
+pub fn surface_normals(image: &Image, camera: &Camera) -> Vec<DVec3> {
+    let (w, h) = (image.width_px, image.height_px);
     let point = |x: usize, y: usize| {
         let pixel = y * w + x;
-        let opaque = 1.0 - picture.transmittance[pixel] >= SURFACE_ALPHA_MIN;
+        let opaque = 1.0 - image.transmittance[pixel] >= SURFACE_ALPHA_MIN;
         let ray = camera.pinhole.direction_in_camera(DVec2::new(x as f64 + 0.5, y as f64 + 0.5));
-        opaque.then(|| ray * picture.depth[pixel])
+        opaque.then(|| ray * image.depth[pixel])
     };
     let normal = |x: usize, y: usize| -> Option<DVec3> {
         let inside = x > 0 && y > 0 && x + 1 < w && y + 1 < h;

@@ -1,15 +1,15 @@
-//! L1 + SSIM + MSE of a picture against a photo, and the derivative by every pixel (method section 3).
+//! L1 + SSIM + MSE of an image against a photo, and the derivative by every pixel (method section 3).
 //!
-//! Masked pixels count as equal to the photo; means run over all pixels of the picture.
+//! Masked pixels count as equal to the photo; means run over all pixels of the image.
 
 use crate::backend::{LossValues, LossWeights, TargetImage};
 use crate::constants::{SSIM_C1, SSIM_C2, SSIM_RADIUS_PX, ssim_window};
 
-/// Loss of a picture.
+/// Loss of an image.
 pub struct ImageLoss {
     /// `l1`, `dssim` and `mse`, weighted.
     pub values: LossValues,
-    /// By the picture. `[height, width, 3]`
+    /// By the image. `[height, width, 3]`
     pub gradient: Vec<f64>,
     /// Loss per pixel for the window statistics: the l1 and dssim terms, not averaged.
     /// `[height, width]`

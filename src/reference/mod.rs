@@ -19,7 +19,7 @@ pub use geometry::{GeometryCoefficients, GeometryLoss, geometry_loss, surface_no
 pub use loss::{ImageLoss, image_loss};
 pub use params::Params;
 pub use project::{Projected, project};
-pub use raster_fwd::{Hit, Picture, hit, raster_fwd};
+pub use raster_fwd::{Hit, Image, hit, raster_fwd};
 pub use sh::{sh_basis, sh_basis_derivative};
 
 use crate::backend::{LossValues, LossWeights, TargetImage};
@@ -61,8 +61,8 @@ pub struct Settings {
 
 /// Result of one forward and backward pass.
 pub struct Gradients {
-    /// Rendered picture.
-    pub picture: Picture,
+    /// Rendered image.
+    pub image: Image,
     /// Loss terms.
     pub loss: LossValues,
     /// Derivative of the total loss by every stored parameter.
@@ -100,25 +100,25 @@ pub fn gradients_at(
         (0..params.len()).map(|i| project(params, i, camera, settings)).collect();
     let visible: Vec<bool> =
         projected.iter().map(|p| p.as_ref().is_some_and(|p| is_visible(p, camera, settings))).collect();
-    let picture = raster_fwd(params, &projected, camera, settings);
-    let image = image_loss(&picture.rgb, target, weights);
-    let surface_normals = normals.map_or_else(|| surface_normals(&picture, camera), <[DVec3]>::to_vec);
-    let geometry = geometry_loss(&picture, &surface_normals, target, weights);
+    let image = raster_fwd(params, &projected, camera, settings);
+    let losses = image_loss(&image.rgb, target, weights);
+    let surface_normals = normals.map_or_else(|| surface_normals(&image, camera), <[DVec3]>::to_vec);
+    let geometry = geometry_loss(&image, &surface_normals, target, weights);
     let mut grad = params.zeros_like();
     let splat_grads =
-        raster_bwd::raster_bwd(params, &projected, &picture, &image, &geometry, settings, &mut grad);
+        raster_bwd::raster_bwd(params, &projected, &image, &losses, &geometry, settings, &mut grad);
     for (i, (projected, screen)) in projected.iter().zip(&splat_grads).enumerate() {
         if let Some(projected) = projected {
             project_bwd::project_bwd(params, i, projected, screen, camera, settings, &mut grad);
         }
     }
-    let mut loss = image.values;
+    let mut loss = losses.values;
     (loss.distortion, loss.normal) = (geometry.distortion, geometry.normal);
     regularise(params, &visible, &splat_grads, weights, &mut loss, &mut grad);
     loss.total =
         loss.l1 + loss.dssim + loss.mse + loss.opacity + loss.texture + loss.distortion + loss.normal;
     let statistics = splat_grads.iter().map(|s| s.statistics).collect();
-    Gradients { picture, loss, params: grad, visible, statistics, surface_normals }
+    Gradients { image, loss, params: grad, visible, statistics, surface_normals }
 }
 
 /// Whether any pixel centre lies where alpha reaches 1/255, covered by others or not.

@@ -4,7 +4,7 @@
 use super::geometry::{GeometryCoefficients, GeometryLoss};
 use super::loss::ImageLoss;
 use super::raster_fwd::{Sample, tap_values};
-use super::{ColourGradient, Params, Picture, Projected, Settings};
+use super::{ColourGradient, Params, Image, Projected, Settings};
 use crate::model::{texel_value, texel_value_slope};
 use glam::{DVec2, DVec3};
 
@@ -39,16 +39,16 @@ pub struct ScreenGradient {
 pub(super) fn raster_bwd(
     params: &Params,
     projected: &[Option<Projected>],
-    picture: &Picture,
-    image: &ImageLoss,
+    image: &Image,
+    image_loss: &ImageLoss,
     geometry: &GeometryLoss,
     settings: &Settings,
     grad: &mut Params,
 ) -> Vec<ScreenGradient> {
     let mut out = vec![ScreenGradient::default(); projected.len()];
-    for (pixel, samples) in picture.samples.iter().enumerate() {
-        let by_pixel = DVec3::from_slice(&image.gradient[3 * pixel..]);
-        let mut behind = DVec3::from_array(settings.background) * picture.transmittance[pixel];
+    for (pixel, samples) in image.samples.iter().enumerate() {
+        let by_pixel = DVec3::from_slice(&image_loss.gradient[3 * pixel..]);
+        let mut behind = DVec3::from_array(settings.background) * image.transmittance[pixel];
         let coefficients = geometry.coefficients.get(pixel).copied().unwrap_or_default();
         let mut geometry_behind = 0.0;
         for sample in samples.iter().rev() {
@@ -73,7 +73,7 @@ pub(super) fn raster_bwd(
             s.centre_px -= by_denominator * p.g;
             s.statistics[0] += 1.0;
             s.statistics[1] += weight;
-            s.statistics[2] += weight * image.map[pixel];
+            s.statistics[2] += weight * image_loss.map[pixel];
             sample_bwd(params, p, sample, by_alpha, by_pixel * weight, settings, s, grad);
         }
     }

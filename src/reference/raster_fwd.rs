@@ -34,8 +34,8 @@ pub(super) struct Sample {
     pub taps: Option<Taps>,
 }
 
-/// A rendered picture with its samples.
-pub struct Picture {
+/// A rendered image with its samples.
+pub struct Image {
     /// Width.
     pub width_px: usize,
     /// Height.
@@ -140,13 +140,13 @@ fn smooth_alpha(raw: f64) -> (f64, f64) {
     (raw * step, step + raw * step_slope)
 }
 
-/// Renders the picture. Order is by (f32 bits of the centre's depth, index).
+/// Renders the image. Order is by (f32 bits of the centre's depth, index).
 pub fn raster_fwd(
     params: &Params,
     projected: &[Option<Projected>],
     camera: &Camera,
     settings: &Settings,
-) -> Picture {
+) -> Image {
     let mut order: Vec<(u32, usize)> = projected
         .iter()
         .enumerate()
@@ -154,7 +154,7 @@ pub fn raster_fwd(
         .collect();
     order.sort_unstable();
     let (width_px, height_px) = (camera.pinhole.width_px as usize, camera.pinhole.height_px as usize);
-    let mut picture = Picture {
+    let mut image = Image {
         width_px,
         height_px,
         rgb: Vec::new(),
@@ -168,10 +168,10 @@ pub fn raster_fwd(
     for y in 0..height_px {
         for x in 0..width_px {
             let pixel_px = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
-            raster_pixel(params, projected, &order, pixel_px, settings, &mut picture);
+            raster_pixel(params, projected, &order, pixel_px, settings, &mut image);
         }
     }
-    picture
+    image
 }
 
 fn raster_pixel(
@@ -180,7 +180,7 @@ fn raster_pixel(
     order: &[(u32, usize)],
     pixel_px: DVec2,
     settings: &Settings,
-    picture: &mut Picture,
+    image: &mut Image,
 ) {
     let mut transmittance = 1.0;
     let mut rgb = DVec3::ZERO;
@@ -215,11 +215,11 @@ fn raster_pixel(
         transmittance = after;
     }
     rgb += DVec3::from_array(settings.background) * transmittance;
-    picture.rgb.extend_from_slice(&rgb.to_array());
-    picture.transmittance.push(transmittance);
-    picture.depth.push(if transmittance < 1.0 { depth / (1.0 - transmittance) } else { 0.0 });
-    picture.normal.push(normal.normalize_or_zero());
-    picture.normal_sum.push(normal);
-    picture.moments.push(moments);
-    picture.samples.push(samples);
+    image.rgb.extend_from_slice(&rgb.to_array());
+    image.transmittance.push(transmittance);
+    image.depth.push(if transmittance < 1.0 { depth / (1.0 - transmittance) } else { 0.0 });
+    image.normal.push(normal.normalize_or_zero());
+    image.normal_sum.push(normal);
+    image.moments.push(moments);
+    image.samples.push(samples);
 }

@@ -115,7 +115,7 @@ fn points(
 }
 
 impl Capture {
-    /// Places cameras and points; pictures are rendered on demand.
+    /// Places cameras and points; images are rendered on demand.
     pub fn new(options: &SampleOptions) -> Self {
         let (width, height) = (f64::from(options.width_px), f64::from(options.height_px));
         let focal_px = 0.95 * width.max(height);
@@ -141,10 +141,10 @@ impl Capture {
         Self { options: options.clone(), scene, sparse: SparseModel { pinhole, images, points } }
     }
 
-    /// Picture of a view. `[height, width, 3]`
-    pub fn picture(&self, view: usize) -> Vec<u8> {
+    /// Image of a view. `[height, width, 3]`
+    pub fn image(&self, view: usize) -> Vec<u8> {
         let pose = &self.sparse.images[view].camera_from_capture;
-        render::picture(&self.scene, &self.sparse.pinhole, pose, self.options.supersampling)
+        render::image(&self.scene, &self.sparse.pinhole, pose, self.options.supersampling)
     }
 
     /// True depth of a view along the optical axis. `[height, width]`

@@ -11,10 +11,10 @@ use std::path::Path;
 /// COLMAP's number of the `PINHOLE` model.
 const MODEL_PINHOLE: i32 = 1;
 
-/// A posed picture; its COLMAP id is its index + 1, its camera's id is 1.
+/// A posed image; its COLMAP id is its index + 1, its camera's id is 1.
 #[derive(Clone, Debug)]
 pub struct SparseImage {
-    /// Relative to the picture folder.
+    /// Relative to the image folder.
     pub name: String,
     /// Pose.
     pub camera_from_capture: RigidTransform,
@@ -29,27 +29,27 @@ pub struct SparsePoint {
     pub rgb: [u8; 3],
     /// Mean reprojection error.
     pub error_px: f64,
-    /// Index of a picture and where the point was seen in it.
+    /// Index of an image and where the point was seen in it.
     pub observations: Vec<(usize, DVec2)>,
 }
 
-/// A model with one camera that all pictures share.
+/// A model with one camera that all images share.
 #[derive(Clone, Debug)]
 pub struct SparseModel {
-    /// Intrinsics of all pictures.
+    /// Intrinsics of all images.
     pub pinhole: Pinhole,
-    /// Pictures.
+    /// Images.
     pub images: Vec<SparseImage>,
     /// Points.
     pub points: Vec<SparsePoint>,
 }
 
-/// Observations of one picture: place and index of the point. The index in this list is what tracks
+/// Observations of one image: place and index of the point. The index in this list is what tracks
 /// refer to.
 type Keypoints = Vec<(DVec2, usize)>;
 
 impl SparseModel {
-    /// Keypoints of all pictures, and for each point its track: index of picture and of keypoint.
+    /// Keypoints of all images, and for each point its track: index of image and of keypoint.
     fn keypoints_and_tracks(&self) -> (Vec<Keypoints>, Vec<Vec<(usize, usize)>>) {
         let mut keypoints = vec![Keypoints::new(); self.images.len()];
         let tracks = self

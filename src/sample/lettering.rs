@@ -1,7 +1,7 @@
 //! Letters of dots: detail on the sample scene's surfaces whose loss anyone sees.
 
 use super::noise::Noise;
-use crate::picture::glyphs::{GLYPHS, SMALL_PRINT, glyph, has_ink};
+use crate::image::glyphs::{GLYPHS, SMALL_PRINT, glyph, has_ink};
 use glam::DVec2;
 
 /// Whether a centred line of text has ink at a place (right, up) from its centre; `dot` is the edge

@@ -1,4 +1,4 @@
-//! A procedural capture: pictures of a small still life from a ray caster, with exact poses, sparse
+//! A procedural capture: images of a small still life from a ray caster, with exact poses, sparse
 //! points and true depths, in COLMAP's layout. For trying the program and for tests; no photo and no
 //! licence is involved.
 
@@ -13,7 +13,7 @@ mod texture;
 pub use colmap_write::{SparseImage, SparseModel, SparsePoint};
 
 use crate::atomic_file;
-use crate::picture::{Channels, write_exr, write_png};
+use crate::image::{Channels, write_exr, write_png};
 use crate::{Error, Result};
 use capture::Capture;
 use serde::{Deserialize, Serialize};
@@ -22,11 +22,11 @@ use std::path::Path;
 /// What to make.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SampleOptions {
-    /// Number of pictures, at least 2.
+    /// Number of images, at least 2.
     pub views: usize,
-    /// Width of the pictures.
+    /// Width of the images.
     pub width_px: u32,
-    /// Height of the pictures.
+    /// Height of the images.
     pub height_px: u32,
     /// Sets patterns, placement, the cameras' jitter and the points.
     pub seed: u64,
@@ -61,17 +61,17 @@ impl Default for SampleOptions {
 /// What was made.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SampleSummary {
-    /// Pictures.
+    /// Images.
     pub views: usize,
     /// Sparse points.
     pub points: usize,
-    /// Observations of the points over all pictures.
+    /// Observations of the points over all images.
     pub observations: usize,
     /// Mean distance between an observation and the projection of its (noisy) point.
     pub mean_reprojection_error_px: f64,
 }
 
-/// Largest picture side; the ray caster is for small captures.
+/// Largest image side; the ray caster is for small captures.
 const SIDE_MAX_PX: u32 = 8192;
 
 impl SampleOptions {
@@ -112,7 +112,7 @@ pub fn write_sample(dir: &Path, options: &SampleOptions) -> Result<SampleSummary
     let (images, sparse) = (folder("images")?, folder("sparse/0")?);
     let (width_px, height_px) = (options.width_px, options.height_px);
     for (view, image) in capture.sparse.images.iter().enumerate() {
-        let rgb = capture.picture(view);
+        let rgb = capture.image(view);
         write_png(&images.join(&image.name), width_px, height_px, Channels::Rgb, &rgb)?;
     }
     capture.sparse.write_binary(&sparse)?;

@@ -1,5 +1,5 @@
-//! Pictures and depths of the sample scene by ray casting: Lambert shading under one area light, a
-//! fill light and ambient light. Nothing depends on the direction of view, so that the pictures are
+//! Images and depths of the sample scene by ray casting: Lambert shading under one area light, a
+//! fill light and ambient light. Nothing depends on the direction of view, so that the images are
 //! those of a scene with constant colours.
 
 use super::scene::{Hit, Ray, Scene};
@@ -53,7 +53,7 @@ pub fn point_colour(scene: &Scene, hit: &Hit) -> [u8; 3] {
     rgb8(sum / f64::from(samples))
 }
 
-/// Ray through a picture position; t of a hit is its depth along the optical axis.
+/// Ray through an image position; t of a hit is its depth along the optical axis.
 pub fn ray_through(pinhole: &Pinhole, camera_from_scene: &RigidTransform, position_px: DVec2) -> Ray {
     Ray {
         origin: camera_from_scene.origin_of_a_in_b(),
@@ -63,7 +63,7 @@ pub fn ray_through(pinhole: &Pinhole, camera_from_scene: &RigidTransform, positi
 
 /// A view of the scene, `supersampling`^2 rays per pixel, averaged in linear light.
 /// 8 bits, display space. `[height, width, 3]`
-pub fn picture(
+pub fn image(
     scene: &Scene,
     pinhole: &Pinhole,
     camera_from_scene: &RigidTransform,

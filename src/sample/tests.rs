@@ -52,13 +52,13 @@ fn same_options_give_the_same_bytes_for_any_number_of_threads() {
     assert_eq!(first.len(), 6 + 3 + 3 + 6 + 1);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     assert!(pool.install(|| sample("b", &small())) == first);
-    // Negative control: another seed changes every picture.
+    // Negative control: another seed changes every image.
     let other = sample("c", &SampleOptions { seed: 1, ..small() });
-    let pictures = |files: &[(PathBuf, Vec<u8>)]| -> Vec<Vec<u8>> {
+    let images = |files: &[(PathBuf, Vec<u8>)]| -> Vec<Vec<u8>> {
         let png = files.iter().filter(|f| f.0.extension().is_some_and(|e| e == "png"));
         png.map(|f| f.1.clone()).collect()
     };
-    assert!(pictures(&first).iter().zip(&pictures(&other)).all(|(a, b)| a != b));
+    assert!(images(&first).iter().zip(&images(&other)).all(|(a, b)| a != b));
 }
 
 #[test]
@@ -85,7 +85,7 @@ fn tracks_and_keypoints_agree() {
         let file = files.iter().find(|f| f.0 == Path::new("sparse/0").join(name));
         String::from_utf8(file.unwrap().1.clone()).unwrap()
     };
-    // Point id of each keypoint of each picture.
+    // Point id of each keypoint of each image.
     let images = text("images.txt");
     let lines: Vec<&str> = images.lines().filter(|l| !l.starts_with('#')).collect();
     let keypoints: Vec<Vec<&str>> =
@@ -98,7 +98,7 @@ fn tracks_and_keypoints_agree() {
             assert_eq!(keypoints[image - 1][keypoint], fields[0]);
             observations += 1;
         }
-        assert!(fields.len() >= 8 + 2 * 2, "seen in two pictures");
+        assert!(fields.len() >= 8 + 2 * 2, "seen in two images");
     }
     assert_eq!(observations, keypoints.iter().map(Vec::len).sum::<usize>());
 }
@@ -107,7 +107,7 @@ fn tracks_and_keypoints_agree() {
 fn points_have_the_colour_of_the_pixels_where_they_are_seen() {
     let options = SampleOptions { width_px: 320, height_px: 240, ..small() };
     let capture = Capture::new(&options);
-    let pictures: Vec<_> = (0..options.views).map(|v| capture.picture(v)).collect();
+    let images: Vec<_> = (0..options.views).map(|v| capture.image(v)).collect();
     let differences = |shift_px: f64| -> Vec<u8> {
         let points = &capture.sparse.points;
         let mut all: Vec<u8> = points
@@ -116,7 +116,7 @@ fn points_have_the_colour_of_the_pixels_where_they_are_seen() {
             .map(|(p, &(view, at))| {
                 let at = (at + DVec2::splat(shift_px)).clamp(DVec2::ZERO, DVec2::new(319.0, 239.0));
                 let pixel = 3 * (at.y as usize * 320 + at.x as usize);
-                (0..3).map(|c| pictures[view][pixel + c].abs_diff(p.rgb[c])).max().unwrap()
+                (0..3).map(|c| images[view][pixel + c].abs_diff(p.rgb[c])).max().unwrap()
             })
             .collect();
         all.sort_unstable();

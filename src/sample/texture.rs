@@ -1,7 +1,7 @@
 //! Procedural surfaces of the sample scene: albedo (linear light) as a function of a place on a
 //! surface in metres. Shading and geometry do not belong here.
 //!
-//! Details are a few millimetres to a few centimetres: about one to ten pixels of the default pictures.
+//! Details are a few millimetres to a few centimetres: about one to ten pixels of the default images.
 
 use super::lettering::{small_print, text};
 use super::noise::Noise;

@@ -68,7 +68,7 @@ fn share_off(name: String, got: &[f64], expected: &[f64], limit: f64) -> Check {
     Check { name, difference, limit, passed: difference <= limit }
 }
 
-/// Compares a backend with the reference on small random scenes: pictures, all gradients and ten steps.
+/// Compares a backend with the reference on small random scenes: images, all gradients and ten steps.
 ///
 /// # Errors
 /// Whatever the backend reports; a difference is not an error but a failed [`Check`].
@@ -88,7 +88,7 @@ pub fn run(backend: &mut dyn Backend) -> Result<Vec<Check>> {
         };
         let scene = random_scene(&options);
         let name = |what: &str| format!("SH degree {sh_degree}: {what}");
-        checks.push(picture(backend, &scene, name("picture"))?);
+        checks.push(image(backend, &scene, name("image"))?);
         checks.extend(first_step(backend, &scene, &WEIGHTS, &name)?);
         checks.extend(ten_steps(backend, &scene, &name)?);
     }
@@ -105,7 +105,7 @@ pub fn run(backend: &mut dyn Backend) -> Result<Vec<Check>> {
         ..SceneOptions::default()
     });
     let name = |what: &str| format!("large maps: {what}");
-    checks.push(picture(backend, &scene, name("picture"))?);
+    checks.push(image(backend, &scene, name("image"))?);
     checks.extend(first_step(backend, &scene, &WEIGHTS, &name)?);
     let name = |what: &str| format!("depth terms: {what}");
     checks.extend(depths_and_normals(backend, &scene, &name)?);
@@ -145,16 +145,16 @@ fn wide(values: &[f32]) -> Vec<f64> {
     values.iter().map(|&v| f64::from(v)).collect()
 }
 
-fn picture(backend: &mut dyn Backend, scene: &Scene, name: String) -> Result<Check> {
+fn image(backend: &mut dyn Backend, scene: &Scene, name: String) -> Result<Check> {
     backend.upload(&scene.model, &AdamState::zeros(&scene.model))?;
     let options =
         RenderOptions { background: BACKGROUND, sh_degree: scene.model.splats.sh_degree, geometry: false };
     let image = backend.render(&scene.camera, &options)?;
-    let expected = reference(scene, &Params::from_model(&scene.model), &WEIGHTS).picture;
+    let expected = reference(scene, &Params::from_model(&scene.model), &WEIGHTS).image;
     Ok(Check::new(name, &wide(&image.rgb), &expected.rgb, 1e-4))
 }
 
-/// Depths and normals of a picture.
+/// Depths and normals of an image.
 fn depths_and_normals(
     backend: &mut dyn Backend,
     scene: &Scene,
@@ -164,7 +164,7 @@ fn depths_and_normals(
     let sh_degree = scene.model.splats.sh_degree;
     let options = RenderOptions { background: BACKGROUND, sh_degree, geometry: true };
     let image = backend.render(&scene.camera, &options)?;
-    let expected = reference(scene, &Params::from_model(&scene.model), &WEIGHTS).picture;
+    let expected = reference(scene, &Params::from_model(&scene.model), &WEIGHTS).image;
     let normals: Vec<f64> = expected.normal.iter().flat_map(|n| n.to_array()).collect();
     // None was off on the CPU backend; 2 of 1,000 may flip.
     Ok(vec![
@@ -204,7 +204,7 @@ fn ten_steps(backend: &mut dyn Backend, scene: &Scene, name: &dyn Fn(&str) -> St
     // As the trainer hands them over: together.
     let requests: Vec<StepRequest<'_>> = (1..=STEPS).map(|t| request(scene, t, &WEIGHTS)).collect();
     backend.steps(&requests)?;
-    let got = Params::from_model(&backend.read_settled()?);
+    let got = Params::from_model(&backend.read_flushed()?);
     let start = Params::from_model(&scene.model);
     let mut params = start.clone();
     let (mut m, mut v) = (start.zeros_like(), start.zeros_like());

@@ -18,9 +18,9 @@ pub struct SceneOptions {
     pub sh_degree: u32,
     /// Sizes of maps, drawn at random for each splat; (0, 0) is untextured.
     pub map_sizes: Vec<(u16, u16)>,
-    /// Picture width.
+    /// Image width.
     pub width_px: u32,
-    /// Picture height.
+    /// Image height.
     pub height_px: u32,
     /// Standard deviations, local units, log-uniform between these.
     pub scales: (f64, f64),
@@ -122,7 +122,7 @@ fn random_camera(options: &SceneOptions, rng: &mut Pcg64Mcg) -> Camera {
     }
 }
 
-/// Smooth coloured waves: differs from the rendered picture everywhere, so that no pixel sits at the
+/// Smooth coloured waves: differs from the rendered image everywhere, so that no pixel sits at the
 /// kink of the L1 term.
 fn random_target(options: &SceneOptions, rng: &mut Pcg64Mcg) -> TargetImage {
     let mut rgb = Vec::new();

@@ -1,9 +1,9 @@
 //! Settings of a training run: everything that shapes the result, with defaults and their sources.
 //! The command line and `config.toml` fill it; the trainer reads it.
 
-use super::structure::{Budget, Components, MapRule, StructureConfig};
+use super::density::{Budget, Components, MapRule, DensityConfig};
 use crate::backend::LossWeights;
-use crate::schedule::ScheduleOptions;
+use crate::frequency::FrequencyOptions;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
@@ -167,10 +167,10 @@ pub struct TrainConfig {
     pub components: Components,
     /// Largest model.
     pub budget: Budget,
-    /// Structure steps.
-    pub structure: StructureConfig,
+    /// Density-control steps.
+    pub density: DensityConfig,
     /// Frequency-aware scheduler.
-    pub scheduler: ScheduleOptions,
+    pub scheduler: FrequencyOptions,
     /// Display-space colour behind everything, 0 to 1.
     pub background: [f32; 3],
     /// Evaluates the test views each so many steps (0: only at the end).
@@ -194,8 +194,8 @@ impl Default for TrainConfig {
             policy: Policy::Litetex,
             components: Components::default(),
             budget: Budget::default(),
-            structure: StructureConfig::default(),
-            scheduler: ScheduleOptions::default(),
+            density: DensityConfig::default(),
+            scheduler: FrequencyOptions::default(),
             background: [0.0; 3],
             eval_every: 0,
             save_every: 0,

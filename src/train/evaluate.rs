@@ -7,7 +7,7 @@ use crate::eval::{Evaluation, ViewQuality, quality_of};
 use crate::views::ViewSource;
 use rayon::prelude::*;
 
-/// Views whose pictures are held at once.
+/// Views whose images are held at once.
 const EVAL_BATCH: usize = 4;
 
 /// Outcome of [`evaluate`].
@@ -20,7 +20,7 @@ pub enum Evaluated {
     Stopped,
 }
 
-/// Renders views and compares them with their photos; `on_view` sees each picture. Views of which the
+/// Renders views and compares them with their photos; `on_view` sees each image. Views of which the
 /// mask leaves nothing are rendered but have no figures.
 ///
 /// # Errors

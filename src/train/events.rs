@@ -2,7 +2,7 @@
 //! consume. The consumer answers whether to go on.
 
 use super::state::TrainState;
-use super::structure::StructureCounts;
+use super::density::DensityCounts;
 use crate::Warning;
 use crate::backend::{DeviceInfo, LossValues, RenderedImage, StepReport};
 use crate::eval::Evaluation;
@@ -65,17 +65,17 @@ pub enum TrainEvent<'a> {
         /// Training time that the steps after it will take, as far as can be told.
         remaining_secs: f64,
     },
-    /// A structure step was done.
-    Structure {
+    /// A density-control step was done.
+    DensityControl {
         /// Steps done.
         step: u32,
         /// What it did.
-        counts: StructureCounts,
+        counts: DensityCounts,
         /// Splats after it.
         num_splats: usize,
         /// Texels after it.
         num_texels: usize,
-        /// Full size of the pictures over their size from here on.
+        /// Full size of the images over their size from here on.
         render_scale: f64,
         /// Most texels a side of any map from here on.
         texture_cap: u16,
@@ -88,7 +88,7 @@ pub enum TrainEvent<'a> {
         step: u32,
         /// View.
         view: usize,
-        /// The picture.
+        /// The image.
         image: &'a RenderedImage,
     },
     /// The test views were evaluated.

@@ -1,13 +1,13 @@
 //! Whether a device can hold what a run may ask of it: told before the first step, not in the middle of it.
 
 use super::config::TrainConfig;
-use super::structure::Budget;
+use super::density::Budget;
 use crate::backend::{Backend, DeviceLimits, SceneShape};
 use crate::model::{Model, num_params};
 use crate::views::ViewSource;
 use crate::{Error, Result};
 
-/// Checks the model that a run starts from, the pictures of all views at full size, and the budget against what
+/// Checks the model that a run starts from, the images of all views at full size, and the budget against what
 /// the device can hold; returns that. Growth without a budget needs no check: the device bounds it.
 ///
 /// # Errors
@@ -82,10 +82,10 @@ fn of_views(views: &dyn ViewSource, limits: &DeviceLimits) -> Option<String> {
         (p.width_px, p.height_px)
     };
     let all = 0..views.num_views();
-    let large: Vec<usize> = all.filter(|&v| !limits.allows_picture(size(v).0, size(v).1)).collect();
+    let large: Vec<usize> = all.filter(|&v| !limits.allows_image(size(v).0, size(v).1)).collect();
     let worst = large.iter().copied().max_by_key(|&v| u64::from(size(v).0) * u64::from(size(v).1))?;
     let (width, height) = size(worst);
-    // The longer side of the largest picture that has the shape of this one.
+    // The longer side of the largest image that has the shape of this one.
     let (longer, pixels) = (f64::from(width.max(height)), f64::from(width) * f64::from(height));
     let fitting = longer * (limits.max_pixels as f64 / pixels).sqrt().min(1.0);
     let fitting = (fitting as u32).min(limits.max_side_px);
@@ -164,7 +164,7 @@ mod tests {
     }
 
     #[test]
-    fn pictures_are_judged_by_pixels_and_by_sides_and_a_size_is_proposed_that_fits() {
+    fn images_are_judged_by_pixels_and_by_sides_and_a_size_is_proposed_that_fits() {
         let camera = random_scene(&SceneOptions { num_splats: 0, ..SceneOptions::default() }).camera;
         let views = |sizes: &[(u32, u32)]| Views(sizes.iter().map(|&(w, h)| camera.resized(w, h)).collect());
         assert_eq!(of_views(&views(&[(100, 60), (60, 100)]), &LIMITS), None);
@@ -174,7 +174,7 @@ mod tests {
         {
             assert!(text.contains(part), "{part}: {text}");
         }
-        assert!(LIMITS.allows_picture(77, 77) && !LIMITS.allows_picture(78, 78));
+        assert!(LIMITS.allows_image(77, 77) && !LIMITS.allows_image(78, 78));
         assert!(of_views(&views(&[(101, 2)]), &LIMITS).unwrap().contains("--max-resolution 100"));
     }
 

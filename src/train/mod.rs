@@ -8,11 +8,11 @@ mod evaluate;
 mod events;
 mod limits;
 mod order;
-mod outlook;
+mod eta;
 mod run;
 mod schedule;
 mod state;
-pub mod structure;
+pub mod density;
 mod targets;
 mod window;
 

@@ -5,18 +5,18 @@ use super::evaluate::{Evaluated, evaluate};
 use super::events::{Control, StopReason, TrainEvent};
 use super::limits::check_limits;
 use super::order::ViewOrder;
-use super::outlook::Outlook;
+use super::eta::Eta;
 use super::schedule::Schedule;
 use super::state::{CurvePoint, TrainState};
-use super::structure::{StatisticsSource, StructureCounts};
+use super::density::{StatisticsSource, DensityCounts};
 use super::targets::Targets;
-use super::window::{self, Stage, Structure};
+use super::window::{self, Stage, DensityControl};
 use crate::backend::{
     Backend, DeviceLimits, RenderOptions, RenderedImage, StepReport, StepRequest, TargetImage,
 };
 use crate::camera::Camera;
 use crate::clock::process_cpu_secs;
-use crate::schedule::FrequencySchedule;
+use crate::frequency::FrequencySchedule;
 use crate::views::{Split, ViewSource, by_place};
 use crate::{Error, Result, Warning};
 use std::sync::Arc;
@@ -64,7 +64,7 @@ pub fn train(
     let cameras: Vec<Camera> = train_views.iter().map(|&view| views.camera(view)).collect();
     let smaller_side_px = smaller_side_px(&cameras);
     let scale = |step| Stage::at(config, &schedule, &frequency, smaller_side_px, step).render_scale;
-    let outlook = Outlook::new((0..config.steps).map(|step| scale(schedule.last_structure_step(step))));
+    let eta = Eta::new((0..config.steps).map(|step| scale(schedule.last_density_step(step))));
     let size = [start.model.num_splats(), start.model.num_texels()];
     let targets = Targets::new(views.num_views(), 1.0);
     let mut run = Run {
@@ -77,7 +77,7 @@ pub fn train(
         frequency,
         cameras,
         limits,
-        outlook,
+        eta,
         stage: Stage { render_scale: 1.0, texture_cap: 256 },
         targets,
         size,
@@ -99,7 +99,7 @@ struct Run<'a> {
     schedule: Schedule,
     frequency: FrequencySchedule,
     limits: DeviceLimits,
-    outlook: Outlook,
+    eta: Eta,
     /// Of the training views, at full size.
     cameras: Vec<Camera>,
     stage: Stage,
@@ -163,10 +163,10 @@ impl Run<'_> {
         {
             self.evaluate(false, sink)?;
         }
-        // ... or a failure between a step and the change of structure that was due.
+        // ... or a failure between a step and the density-control step that was due.
         let step = self.state.step;
         if step > 0 && self.state.revised_step != step {
-            self.change_structure()?;
+            self.apply_plan()?;
         }
         while self.state.step < self.config.steps {
             let mut control = self.batch(sink)?;
@@ -218,9 +218,9 @@ impl Run<'_> {
         self.advance(batch.len());
         let diverged = reports.iter().position(|report| !report.loss.total.is_finite());
         let (stepped, size) = (Instant::now(), self.size);
-        let changed = if diverged.is_none() { self.change_structure()? } else { None };
-        let structure_secs = stepped.elapsed().as_secs_f64();
-        self.state.history.structure_wall_secs += structure_secs;
+        let changed = if diverged.is_none() { self.apply_plan()? } else { None };
+        let density_control_secs = stepped.elapsed().as_secs_f64();
+        self.state.history.density_control_wall_secs += density_control_secs;
         let wall_secs = clock.wall.elapsed().as_secs_f64();
         let times = [wall_secs, process_cpu_secs() - clock.cpu_secs];
         let sound = diverged.unwrap_or(batch.len());
@@ -228,14 +228,14 @@ impl Run<'_> {
         if let Some(counts) = changed {
             let [num_splats, num_texels] = self.size;
             let (step, Stage { render_scale, texture_cap }) = (self.state.step, self.stage);
-            let event = TrainEvent::Structure {
+            let event = TrainEvent::DensityControl {
                 step,
                 counts,
                 num_splats,
                 num_texels,
                 render_scale,
                 texture_cap,
-                wall_secs: structure_secs,
+                wall_secs: density_control_secs,
             };
             if sink(event)? == Control::Stop {
                 control = Control::Stop;
@@ -250,28 +250,28 @@ impl Run<'_> {
         }
     }
 
-    /// The structure step that may be due.
-    fn change_structure(&mut self) -> Result<Option<StructureCounts>> {
+    /// The density-control step that may be due.
+    fn apply_plan(&mut self) -> Result<Option<DensityCounts>> {
         let step = self.state.step;
-        let due = self.schedule.is_structure_step(step);
+        let due = self.schedule.is_density_step(step);
         if !due && !self.schedule.is_crop_step(step) {
             return Ok(None);
         }
-        let judge = due && step >= self.schedule.structure_start;
-        if judge && self.config.structure.statistics == StatisticsSource::Full {
+        let judge = due && step >= self.schedule.density_start;
+        if judge && self.config.density.statistics == StatisticsSource::Full {
             let (views, background) = (self.views, self.config.background);
             let degree = self.schedule.sh_degree(step, self.config.sh_degree);
             let (train_views, targets) = (&self.train_views, &mut self.targets);
             window::full_statistics(self.backend, views, train_views, targets, background, degree)?;
         }
-        let structure = Structure {
+        let density = DensityControl {
             config: self.config,
             schedule: &self.schedule,
             cameras: &self.cameras,
             stage: self.stage,
             limits: self.limits,
         };
-        let (counts, size) = structure.step(self.backend, &mut self.state, judge)?;
+        let (counts, size) = density.step(self.backend, &mut self.state, judge)?;
         self.size = size;
         self.state.revised_step = step;
         if due {
@@ -296,7 +296,7 @@ impl Run<'_> {
             let TrainConfig { eval_every, save_every, .. } = *self.config;
             self.is_due(eval_every, step)
                 || self.is_due(save_every, step)
-                || self.schedule.is_structure_step(step)
+                || self.schedule.is_density_step(step)
                 || self.schedule.is_crop_step(step)
         };
         let steps = (first..=self.config.steps).take(wanted);
@@ -369,7 +369,7 @@ impl Run<'_> {
         history.train_wall_secs += wall_secs;
         history.train_cpu_secs += cpu_secs;
         let done = self.state.step;
-        let remaining_secs = self.outlook.observe(done - batch.len() as u32, done, wall_secs);
+        let remaining_secs = self.eta.observe(done - batch.len() as u32, done, wall_secs);
         let mut control = Control::Continue;
         for (at, (planned, report)) in batch.iter().zip(reports).enumerate() {
             // Exactly 1 at the last step, whose times are those of the history.

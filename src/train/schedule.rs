@@ -19,20 +19,20 @@ pub struct Schedule {
     pub texture_start: u32,
     /// The position's rate reaches its end here (published: 24,000).
     pub position_end: u32,
-    /// Steps between structure steps (published: 250).
-    pub structure_interval: u32,
+    /// Steps between density-control steps (published: 250).
+    pub density_interval: u32,
     /// No splat is judged before this step (published: 500).
-    pub structure_start: u32,
+    pub density_start: u32,
     /// Splits and growth of maps end here (published: 15,000).
     pub densify_until: u32,
-    /// Pictures of full size and maps of any size from here on (published: 15,000).
+    /// Images of full size and maps of any size from here on (published: 15,000).
     pub full_size_from: u32,
     /// After that, maps are tested for coarsening at most each so many steps (published: 1,000).
     pub coarsen_interval: u32,
-    /// Maps are cropped and padded each so many steps; 0: at structure steps only (published: 100).
+    /// Maps are cropped and padded each so many steps; 0: at density-control steps only (published: 100).
     pub crop_interval: u32,
     /// The structure stays as it is from here on (published: the last 1,000 steps).
-    pub structure_end: u32,
+    pub density_end: u32,
     /// Consecutive marks that remove a splat (published: 8).
     pub patience: u16,
 }
@@ -42,68 +42,68 @@ impl Schedule {
     pub fn new(config: &TrainConfig, train_views: usize) -> Self {
         let s = f64::from(config.steps) / PUBLISHED_STEPS;
         let at = |published: f64| ((published * s).round() as u32).max(1);
-        let c = &config.structure;
+        let c = &config.density;
         let (published, shortest) = match config.policy {
             Policy::Plain => (c.relocate_interval, 25),
             _ => (c.interval, 50),
         };
         let low = (train_views as u32).clamp(1, shortest).min(published.max(1));
-        let structure_interval = at(published.into()).clamp(low, published.max(1));
+        let density_interval = at(published.into()).clamp(low, published.max(1));
         let until = if config.policy == Policy::Plain { c.relocate_until } else { c.densify_until };
-        let patience = (f64::from(c.patience_steps) * s / f64::from(structure_interval)).round();
+        let patience = (f64::from(c.patience_steps) * s / f64::from(density_interval)).round();
         Self {
             sh_interval: at(1_000.0),
             texture_start: at(c.texture_start.into()),
             position_end: at(24_000.0),
-            structure_interval,
-            structure_start: at(c.start.into()),
+            density_interval,
+            density_start: at(c.start.into()),
             densify_until: at(until.into()),
             full_size_from: at(config.scheduler.until.into()),
             coarsen_interval: at(1_000.0),
-            crop_interval: if structure_interval >= 100 { structure_interval * 2 / 5 } else { 0 },
-            structure_end: config.steps.saturating_sub(at(1_000.0)),
+            crop_interval: if density_interval >= 100 { density_interval * 2 / 5 } else { 0 },
+            density_end: config.steps.saturating_sub(at(1_000.0)),
             patience: (patience as u16).max(if c.patience_steps == 0 { 1 } else { 2 }),
         }
     }
 
-    /// Whether a structure step follows a step.
-    pub fn is_structure_step(&self, step: u32) -> bool {
-        step.is_multiple_of(self.structure_interval) && step <= self.structure_end
+    /// Whether a density-control step follows a step.
+    pub fn is_density_step(&self, step: u32) -> bool {
+        step.is_multiple_of(self.density_interval) && step <= self.density_end
     }
 
-    /// The structure step before a step, whose decisions hold in it; 0: none yet.
-    pub fn last_structure_step(&self, done: u32) -> u32 {
-        let last = done.min(self.structure_end);
-        last - last % self.structure_interval
+    /// The density-control step before a step, whose decisions hold in it; 0: none yet.
+    pub fn last_density_step(&self, done: u32) -> u32 {
+        let last = done.min(self.density_end);
+        last - last % self.density_interval
     }
 
-    /// Whether maps are cropped and padded after a step that no structure step follows.
+    /// Whether maps are cropped and padded after a step that no density-control step follows.
     pub fn is_crop_step(&self, step: u32) -> bool {
-        self.crop_interval > 0 && step.is_multiple_of(self.crop_interval) && step <= self.structure_end
+        self.crop_interval > 0 && step.is_multiple_of(self.crop_interval) && step <= self.density_end
     }
 
-    /// Whether a structure step tests maps for coarsening.
+    /// Whether a density-control step tests maps for coarsening.
     pub fn may_coarsen(&self, step: u32) -> bool {
-        step <= self.densify_until || step % self.coarsen_interval < self.structure_interval
+        step <= self.densify_until || step % self.coarsen_interval < self.density_interval
     }
 
     /// Parts of the method that are on but cannot act in a run of this length, and why.
     pub fn inactive(&self, config: &TrainConfig) -> Vec<String> {
         let parts = config.active_components();
         let judged = |until: u32| {
-            let end = until.min(self.structure_end);
-            (end / self.structure_interval)
-                .saturating_sub((self.structure_start - 1) / self.structure_interval)
+            let end = until.min(self.density_end);
+            (end / self.density_interval)
+                .saturating_sub((self.density_start - 1) / self.density_interval)
         };
         let mut out = Vec::new();
         let densifying = judged(self.densify_until);
         if densifying == 0 && (parts.growth || parts.splitting || config.policy == Policy::Plain) {
             out.push(format!(
-                "growth and splitting: no structure step (each {} steps) before step {}",
-                self.structure_interval, self.densify_until
+                "growth and splitting: no density-control step (each {} steps) before step {}",
+                self.density_interval, self.densify_until
             ));
         }
-        let checks = judged(self.structure_end);
+        let checks = judged(self.density_end);
         if parts.pruning && checks < u32::from(self.patience) {
             out.push(format!("pruning: {checks} checks, {} marks in a row are needed", self.patience));
         }
@@ -125,14 +125,14 @@ impl Schedule {
 
     /// Texels a side above which splats may be split (published: falling over 7,000 steps).
     pub fn split_texels(&self, config: &TrainConfig, step: u32) -> f64 {
-        let [start, end] = config.structure.split_texels;
+        let [start, end] = config.density.split_texels;
         let t = f64::from(step) / f64::from(config.steps) * PUBLISHED_STEPS / 7_000.0;
         (start + (end - start) * t).max(end.min(start))
     }
 
     /// Opacity below which splats are removed.
     pub fn opacity_floor(&self, config: &TrainConfig, step: u32) -> f64 {
-        let [start, end] = config.structure.opacity_floor;
+        let [start, end] = config.density.opacity_floor;
         start + (end - start) * f64::from(step) / f64::from(config.steps)
     }
 
@@ -178,7 +178,7 @@ mod tests {
         let config = TrainConfig::default();
         let published = Schedule::new(&config, 300);
         assert_eq!(
-            (published.sh_interval, published.texture_start, published.structure_interval),
+            (published.sh_interval, published.texture_start, published.density_interval),
             (1_000, 1_000, 250)
         );
         assert_eq!([1, 1_000, 1_001, 3_001, 9_000].map(|t| published.sh_degree(t, 3)), [0, 0, 1, 3, 3]);
@@ -193,13 +193,13 @@ mod tests {
         let random = TrainConfig { random_start: true, ..config.clone() };
         let quicker = published.rates(&random, 1).position / published.rates(&config, 1).position;
         assert!((quicker - 4.0).abs() < 1e-5, "{quicker}");
-        assert_eq!((short.sh_interval, short.texture_start, short.structure_interval), (10, 10, 43));
+        assert_eq!((short.sh_interval, short.texture_start, short.density_interval), (10, 10, 43));
         assert_eq!(short.inactive(&shorter), Vec::<String>::new());
         let tiny = TrainConfig { steps: 60, ..config.clone() };
         let inactive = Schedule::new(&tiny, 43).inactive(&tiny);
         assert!(inactive.len() == 2 && inactive[0].starts_with("growth"), "{inactive:?}");
-        assert!(short.is_structure_step(43) && !short.is_structure_step(44));
-        assert!(!short.is_structure_step(301) && short.structure_end == 290);
+        assert!(short.is_density_step(43) && !short.is_density_step(44));
+        assert!(!short.is_density_step(301) && short.density_end == 290);
         assert_eq!((published.patience, published.crop_interval, published.densify_until), (8, 100, 15_000));
         assert_eq!((short.patience, short.crop_interval, short.densify_until), (2, 0, 150));
         assert_eq!(

@@ -1,9 +1,9 @@
 //! Everything that a run needs to continue bit for bit, and the curve that it has drawn so far.
 
-use super::structure::Life;
+use super::density::Life;
 use crate::backend::WindowStatistics;
 use crate::model::{AdamState, Model};
-use crate::schedule::PrimitiveBudget;
+use crate::frequency::SplatBudget;
 use serde::{Deserialize, Serialize};
 
 /// One evaluation on the way.
@@ -32,9 +32,9 @@ pub struct TrainHistory {
     pub train_wall_secs: f64,
     /// CPU time within it.
     pub train_cpu_secs: f64,
-    /// Time of structure steps within the training time.
+    /// Time of density-control steps within the training time.
     #[serde(default)]
-    pub structure_wall_secs: f64,
+    pub density_control_wall_secs: f64,
     /// Time of the analysis of the photos' spectra within the training time.
     #[serde(default)]
     pub analysis_wall_secs: f64,
@@ -70,7 +70,7 @@ pub struct TrainState {
     /// Step after which the structure was last revised; a failure may come before the revision that is due.
     pub revised_step: u32,
     /// Pace of the splits.
-    pub pace: PrimitiveBudget,
+    pub pace: SplatBudget,
     /// Times and curve.
     pub history: TrainHistory,
 }
@@ -90,7 +90,7 @@ impl TrainState {
             window: WindowStatistics::default(),
             stage_step: 0,
             revised_step: 0,
-            pace: PrimitiveBudget::new(0),
+            pace: SplatBudget::new(0),
             history: TrainHistory::default(),
         }
     }

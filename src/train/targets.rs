@@ -3,7 +3,7 @@
 use crate::Result;
 use crate::backend::TargetImage;
 use crate::camera::{Camera, Pinhole};
-use crate::picture::resample::{by_area, to_byte};
+use crate::image::resample::{by_area, to_byte};
 use crate::views::ViewSource;
 use std::sync::Arc;
 
@@ -73,7 +73,7 @@ impl Targets {
     }
 }
 
-/// The camera for pictures reduced by a factor of at least 1; sizes are rounded down.
+/// The camera for images reduced by a factor of at least 1; sizes are rounded down.
 fn reduced(pinhole: &Pinhole, scale: f64) -> Pinhole {
     let side = |px: u32| ((f64::from(px) / scale) as u32).max(1);
     pinhole.resized(side(pinhole.width_px), side(pinhole.height_px))

@@ -1,22 +1,22 @@
-//! The window of statistics between two structure steps, and the step itself: reads what the window
-//! found, lets [`structure`] decide, has the backend carry out the plan.
+//! The window of statistics between two density-control steps, and the step itself: reads what the window
+//! found, lets [`density`] decide, has the backend carry out the plan.
 
 use super::config::{Policy, TrainConfig};
 use super::schedule::Schedule;
 use super::state::TrainState;
-use super::structure::{self, Life, Revision, Situation, StructureCounts};
+use super::density::{self, Life, Revision, Situation, DensityCounts};
 use super::targets::Targets;
 use crate::Result;
 use crate::backend::{Backend, DeviceLimits, LossWeights, StepRequest, WindowStatistics};
 use crate::camera::Camera;
 use crate::model::LearningRates;
-use crate::schedule::{FrequencySchedule, PrimitiveBudget};
+use crate::frequency::{FrequencySchedule, SplatBudget};
 use crate::views::ViewSource;
 
-/// What the scheduler says from one structure step to the next.
+/// What the scheduler says from one density-control step to the next.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Stage {
-    /// Full size of the pictures over their size in training.
+    /// Full size of the images over their size in training.
     pub render_scale: f64,
     /// Most texels a side of any map.
     pub texture_cap: u16,
@@ -39,8 +39,8 @@ impl Stage {
     }
 }
 
-/// Who takes part in a structure step.
-pub(super) struct Structure<'a> {
+/// Who takes part in a density-control step.
+pub(super) struct DensityControl<'a> {
     pub config: &'a TrainConfig,
     pub schedule: &'a Schedule,
     pub cameras: &'a [Camera],
@@ -49,7 +49,7 @@ pub(super) struct Structure<'a> {
     pub limits: DeviceLimits,
 }
 
-impl Structure<'_> {
+impl DensityControl<'_> {
     /// Decides and applies the step that is due after `state.step`, and begins a new window. Returns what
     /// was done, and splats and texels after it.
     ///
@@ -60,8 +60,8 @@ impl Structure<'_> {
         backend: &mut dyn Backend,
         state: &mut TrainState,
         judge: bool,
-    ) -> Result<(StructureCounts, [usize; 2])> {
-        let model = backend.read_settled()?;
+    ) -> Result<(DensityCounts, [usize; 2])> {
+        let model = backend.read_flushed()?;
         let statistics = backend.read_statistics()?;
         let revision = self.decide(&model, &statistics, state, judge);
         let mut size = [model.num_splats(), model.num_texels()];
@@ -92,14 +92,14 @@ impl Structure<'_> {
         let densify = judge && step <= schedule.densify_until;
         let t = schedule.densify_share(step);
         let n = model.num_splats();
-        // The last structure step before the end of densification may bring all.
-        let last = step + schedule.structure_interval >= schedule.densify_until;
+        // The last density-control step before the end of densification may bring all.
+        let last = step + schedule.density_interval >= schedule.densify_until;
         let rate = if components.scheduler {
             state.pace.rate(n, if last { 1.0 } else { t }, self.stage.render_scale)
         } else {
             1.0
         };
-        let max_added = (rate.min(config.structure.split_rate) * n as f64) as usize;
+        let max_added = (rate.min(config.density.split_rate) * n as f64) as usize;
         let situation = Situation {
             model,
             lives: &state.lives,
@@ -109,10 +109,10 @@ impl Structure<'_> {
             texture_cap: self.stage.texture_cap,
             densify,
             judge,
-            texels_trained: step >= schedule.texture_start + schedule.structure_interval,
+            texels_trained: step >= schedule.texture_start + schedule.density_interval,
             may_coarsen: schedule.may_coarsen(step),
             max_added,
-            first_splats: state.pace.initial,
+            initial_splats: state.pace.initial,
             split_texels: schedule.split_texels(config, step),
             patience: schedule.patience,
             opacity_floor: schedule.opacity_floor(config, step),
@@ -124,7 +124,7 @@ impl Structure<'_> {
                 // Without a budget the number of splats stays.
                 let bounds_splats = config.budget.max_splats.or(config.budget.max_params).is_some();
                 let most = bounds_splats.then(|| config.budget.within(&self.limits).most_splats(0));
-                structure::relocate(&situation, &config.structure, most, seed)
+                density::relocate(&situation, &config.density, most, seed)
             }
             _ => {
                 let share = if last { 1.0 } else { t };
@@ -133,7 +133,7 @@ impl Structure<'_> {
                 // Only what was asked for is used up evenly: the device is a bound, not a budget.
                 let paced = config.budget.paced(share, start, [n, model.num_texels()]);
                 let budget = paced.within(&self.limits);
-                structure::decide(&situation, &config.structure, &components, &budget)
+                density::decide(&situation, &config.density, &components, &budget)
             }
         };
         if judge {
@@ -148,17 +148,17 @@ pub(super) fn begin(config: &TrainConfig, state: &mut TrainState) {
     let n = state.model.num_splats();
     if state.lives.len() != n {
         let ceiling = if config.active_components().growth {
-            config.structure.ceiling_start
+            config.density.ceiling_start
         } else {
-            structure::TEXELS_MAX
+            density::TEXELS_MAX
         };
         state.lives = vec![Life::first(ceiling); n];
-        state.pace = PrimitiveBudget::new(n);
+        state.pace = SplatBudget::new(n);
     }
 }
 
 /// Splats and texels of a model after a plan.
-fn size_after(model: &crate::model::Model, plan: &crate::backend::StructurePlan) -> [usize; 2] {
+fn size_after(model: &crate::model::Model, plan: &crate::backend::DensityPlan) -> [usize; 2] {
     use crate::backend::MapChange::{Keep, Regrid, Resample};
     let texels = plan.sources.iter().zip(&plan.maps).map(|(&source, change)| match *change {
         Keep => model.textures.maps[source as usize].num_texels(),
@@ -167,7 +167,7 @@ fn size_after(model: &crate::model::Model, plan: &crate::backend::StructurePlan)
     [plan.sources.len(), texels.sum()]
 }
 
-/// The statistics of all training views for the settled model as it is, at the size of the stage: what a
+/// The statistics of all training views for the flushed model as it is, at the size of the stage: what a
 /// window that sees each view once would find if nothing moved. Renders every view; leaves the backend
 /// as it was but for its window, which is this.
 ///

@@ -32,8 +32,8 @@ pub fn asset() -> SplatAsset {
     bake(&scene.model, cameras.collect(), [0.2, 0.4, 0.1], Default::default(), &mut Report::default())
 }
 
-/// Its pictures, one after another.
-pub fn pictures(backend: &mut dyn Backend, asset: &SplatAsset, views: &SplatAsset) -> Vec<f32> {
+/// Its images, one after another.
+pub fn images(backend: &mut dyn Backend, asset: &SplatAsset, views: &SplatAsset) -> Vec<f32> {
     let model = thaw(asset);
     backend.upload(&model, &AdamState::zeros(&model)).unwrap();
     let options = RenderOptions { background: asset.background, sh_degree: asset.sh_degree, geometry: false };
@@ -41,7 +41,7 @@ pub fn pictures(backend: &mut dyn Backend, asset: &SplatAsset, views: &SplatAsse
     views.cameras.iter().flat_map(render).collect()
 }
 
-/// PSNR of pictures against others, of values clamped to [0, 1].
+/// PSNR of images against others, of values clamped to [0, 1].
 pub fn psnr(a: &[f32], b: &[f32]) -> f64 {
     let squares = a.iter().zip(b).map(|(a, b)| f64::from(a.clamp(0.0, 1.0) - b.clamp(0.0, 1.0)).powi(2));
     -10.0 * (squares.sum::<f64>() / a.len() as f64).log10()

@@ -1,4 +1,4 @@
-//! The sample capture moved, turned, scaled, with its points and pictures in another order and under other names.
+//! The sample capture moved, turned, scaled, with its points and images in another order and under other names.
 
 use glam::{DMat3, DQuat, DVec3};
 use litetex_gs::camera::{Pinhole, RigidTransform};
@@ -13,7 +13,7 @@ pub struct Change {
     pub shift: DVec3,
     /// Of the points alone: 1 for a change that must not matter.
     pub points_scale: f64,
-    /// Points and pictures in another order in their files, pictures under other names; the same are held out.
+    /// Points and images in another order in their files, images under other names; the same are held out.
     pub disorder: bool,
 }
 

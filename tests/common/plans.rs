@@ -1,6 +1,6 @@
-//! What backends make of structure plans, compared: bit for bit where that is promised.
+//! What backends make of density-control plans, compared: bit for bit where that is promised.
 
-use litetex_gs::backend::{Backend, MapChange, StructurePlan};
+use litetex_gs::backend::{Backend, MapChange, DensityPlan};
 use litetex_gs::model::{AdamState, Model};
 
 pub type State = (Model, AdamState);
@@ -9,15 +9,15 @@ pub type State = (Model, AdamState);
 type Values = fn(&State) -> &Vec<f32>;
 
 /// Nothing but the storage changes.
-pub fn keep(num_splats: usize) -> StructurePlan {
-    StructurePlan {
+pub fn keep(num_splats: usize) -> DensityPlan {
+    DensityPlan {
         sources: (0..num_splats as u32).collect(),
         maps: vec![MapChange::Keep; num_splats],
-        ..StructurePlan::default()
+        ..DensityPlan::default()
     }
 }
 
-pub fn applied(backend: &mut dyn Backend, start: &State, plan: &StructurePlan) -> State {
+pub fn applied(backend: &mut dyn Backend, start: &State, plan: &DensityPlan) -> State {
     backend.upload(&start.0, &start.1).unwrap();
     backend.apply_plan(plan).unwrap();
     backend.read_back().unwrap()
@@ -25,7 +25,7 @@ pub fn applied(backend: &mut dyn Backend, start: &State, plan: &StructurePlan) -
 
 /// Values that differ, of the texels of maps that were resampled and of all others, and the largest difference of
 /// the former over the largest of their values. Values too small for a normal number count as zero on some devices.
-fn texels_off(plan: &StructurePlan, a: &State, b: &State, array: Values) -> [f32; 3] {
+fn texels_off(plan: &DensityPlan, a: &State, b: &State, array: Values) -> [f32; 3] {
     let (mut resampled, mut other, mut worst) = (0, 0, 0.0_f32);
     let (a_values, b_values) = (array(a), array(b));
     assert_eq!(a_values.len(), b_values.len());
@@ -52,7 +52,7 @@ const ARRAYS: [(&str, Values); 3] = [
 ];
 
 /// Whether two backends made the same of a plan.
-pub fn agree(plan: &StructurePlan, a: &State, b: &State) -> bool {
+pub fn agree(plan: &DensityPlan, a: &State, b: &State) -> bool {
     let mut ok = a.0.textures.maps == b.0.textures.maps && a.1.last_step == b.1.last_step;
     ok &= (&a.0.splats, &a.1.splats_m, &a.1.splats_v) == (&b.0.splats, &b.1.splats_m, &b.1.splats_v);
     if a.0.textures.maps != b.0.textures.maps {

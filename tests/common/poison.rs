@@ -1,4 +1,4 @@
-//! Poisoned input: the answer is a clean picture and clean gradients, on every backend. One backend sees all
+//! Poisoned input: the answer is a clean image and clean gradients, on every backend. One backend sees all
 //! cases in turn, so that none may leave anything behind.
 
 use litetex_gs::backend::{Backend, LearningRates, LossWeights, RenderOptions, StepRequest};
@@ -50,7 +50,7 @@ fn survives(backend: &mut dyn Backend, scene: &Scene, name: &str) -> f64 {
             .unwrap();
         assert!(report.loss.total.is_finite(), "{name}: {:?}", report.loss);
     }
-    let after = backend.read_settled().unwrap();
+    let after = backend.read_flushed().unwrap();
     let spread = |before: &[f32], after: &[f32]| {
         before.iter().zip(after).filter(|(b, a)| b.is_finite() && !a.is_finite()).count()
     };
@@ -74,7 +74,7 @@ pub fn scene(seed: u64) -> Scene {
 }
 
 /// A third of the splats, or texels, hold a value that they must not hold.
-pub fn poisoned_splats_leave_picture_and_others_clean(backend: &mut dyn Backend) {
+pub fn poisoned_splats_leave_image_and_others_clean(backend: &mut dyn Backend) {
     assert!(survives(backend, &scene(1), "control") > 100.0);
     let values = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX, f32::MIN_POSITIVE / 2.0, 1e20, -1e20];
     for value in values {
@@ -118,7 +118,7 @@ pub fn degenerate_splats_are_survived(backend: &mut dyn Backend) {
 }
 
 /// Down to a single pixel.
-pub fn odd_picture_sizes_are_rendered(backend: &mut dyn Backend) {
+pub fn odd_image_sizes_are_rendered(backend: &mut dyn Backend) {
     for (w, h) in [(1, 1), (17, 13), (1, 300), (33, 2), (64, 64)] {
         let options = SceneOptions {
             num_splats: 300,

@@ -1,7 +1,7 @@
 //! Steps by hand, for backends of any kind: a scene with views in two sizes, requests and a plan.
 
 use litetex_gs::backend::{
-    Grid, LearningRates, LossWeights, MapChange, SplatEdit, StepRequest, StructurePlan, TargetImage,
+    Grid, LearningRates, LossWeights, MapChange, SplatEdit, StepRequest, DensityPlan, TargetImage,
 };
 use litetex_gs::camera::{Camera, RigidTransform};
 use litetex_gs::model::{Model, SplatGroup};
@@ -104,9 +104,9 @@ pub fn changes() -> Vec<MapChange> {
 }
 
 /// Every fourth splat goes, every seventh comes twice, maps change in every way, every fifth splat is edited.
-pub fn plan(num_splats: usize) -> StructurePlan {
+pub fn plan(num_splats: usize) -> DensityPlan {
     let changes = changes();
-    let mut plan = StructurePlan::default();
+    let mut plan = DensityPlan::default();
     for i in (0..num_splats).filter(|i| i % 4 != 0) {
         for copy in 0..1 + usize::from(i % 7 == 0) {
             plan.maps.push(changes[plan.sources.len() % changes.len()]);

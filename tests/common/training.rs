@@ -6,7 +6,7 @@ use litetex_gs::camera::Camera;
 use litetex_gs::cpu::CpuBackend;
 use litetex_gs::model::{AdamState, Model};
 use litetex_gs::selftest::{Scene, SceneOptions, random_scene};
-use litetex_gs::train::structure::Components;
+use litetex_gs::train::density::Components;
 use litetex_gs::train::{Policy, TrainConfig};
 use litetex_gs::views::{Split, ViewSource};
 use std::sync::Arc;

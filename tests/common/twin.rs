@@ -92,7 +92,7 @@ pub fn agree(scene: &Scene, got: &Observed, expected: &Gradients, texel_rms: f64
         ok &= d.beyond as f64 <= share * d.entries as f64 && d.rms < rms && d.non_zero * 12 > d.entries;
     };
     // A pixel at the edge of a support may flip by 1/255 of a colour: counted, at most 2 in 1,000.
-    check("picture", &got.image.rgb, &expected.picture.rgb, 2e-5, 2e-3, 1e-4);
+    check("image", &got.image.rgb, &expected.image.rgb, 2e-5, 2e-3, 1e-4);
     for group in SplatGroup::ALL {
         check(&format!("{group:?}"), got.splats.group(group), expected.params.group(group), 2e-4, 4e-3, 1e-3);
     }
@@ -133,7 +133,7 @@ pub fn scenes() -> Vec<SceneOptions> {
 
 /// Largest difference of texels that are brought up to date by seven steps, from the reference, over the largest
 /// change of any; `growth` is that of the backend's rates and of the reference's.
-fn settled_texels_off(backend: &mut dyn Backend, scene: &Scene, growth: [f32; 2]) -> f64 {
+fn flushed_texels_off(backend: &mut dyn Backend, scene: &Scene, growth: [f32; 2]) -> f64 {
     let [rates, expected] = growth.map(|texel_growth| LearningRates {
         texel: 2e-3,
         texel_growth,
@@ -145,13 +145,13 @@ fn settled_texels_off(backend: &mut dyn Backend, scene: &Scene, growth: [f32; 2]
     adam.texels_m.fill(0.3);
     adam.texels_v.fill(0.02);
     backend.upload(&scene.model, &adam).unwrap();
-    let settled = backend.read_settled().unwrap();
+    let flushed = backend.read_flushed().unwrap();
     let (mut off, mut change) = (0.0_f64, 0.0_f64);
     for map in &scene.model.textures.maps {
         for f in map.floats() {
             let state = (f64::from(scene.model.textures.texels[f]), 0.3, 0.02);
             let want = adam_skipped(state, map_rate(&expected, map.num_texels()), 3, 7).0;
-            off = off.max((f64::from(settled.textures.texels[f]) - want).abs());
+            off = off.max((f64::from(flushed.textures.texels[f]) - want).abs());
             change = change.max((want - state.0).abs());
         }
     }
@@ -159,11 +159,11 @@ fn settled_texels_off(backend: &mut dyn Backend, scene: &Scene, growth: [f32; 2]
 }
 
 /// Whether lagging texels come up to date at the rate of their map: needed 1.3e-5, the rounding of the texels.
-pub fn texels_settle_at_the_rate_of_their_map(backend: &mut dyn Backend) -> bool {
+pub fn texels_flush_at_the_rate_of_their_map(backend: &mut dyn Backend) -> bool {
     let scene = random_scene(&SceneOptions { num_splats: 60, ..SceneOptions::default() });
-    let off = settled_texels_off(backend, &scene, [0.5, 0.5]);
-    println!("settled texels: {off:.1e}");
+    let off = flushed_texels_off(backend, &scene, [0.5, 0.5]);
+    println!("flushed texels: {off:.1e}");
     // Negative control: a little more growth.
-    assert!(settled_texels_off(backend, &scene, [0.5, 0.501]) > 1e-3);
+    assert!(flushed_texels_off(backend, &scene, [0.5, 0.501]) > 1e-3);
     off < 5e-5
 }

@@ -1,27 +1,27 @@
-//! Short runs with the whole method on the common scene: structure steps each 5 steps in which everything
+//! Short runs with the whole method on the common scene: density-control steps each 5 steps in which everything
 //! happens, on any backend.
 
 use super::training::{BLACK, MemoryViews, damaged, scene, uploaded};
 use litetex_gs::backend::{Backend, TargetImage};
 use litetex_gs::model::{TexturePool, num_params};
-use litetex_gs::train::structure::{StructureCounts, first_texel_size};
+use litetex_gs::train::density::{DensityCounts, first_texel_size};
 use litetex_gs::train::{Control, Policy, TrainConfig, TrainEvent, TrainState, train};
 use std::sync::Arc;
 
 pub const STEPS: u32 = 40;
 
-/// A short run in which everything happens: structure steps each 5 steps.
+/// A short run in which everything happens: density-control steps each 5 steps.
 pub fn config(policy: Policy) -> TrainConfig {
     let mut config =
         TrainConfig { steps: STEPS, sh_degree: 1, policy, save_every: 3, ..TrainConfig::default() };
-    // The pictures are small and the splats few: let them grow.
-    config.structure.min_texel_px = 1.0;
-    // Some are long enough to be split. Others fade, a tenth at the first structure step and more at each,
+    // The images are small and the splats few: let them grow.
+    config.density.min_texel_px = 1.0;
+    // Some are long enough to be split. Others fade, a tenth at the first density-control step and more at each,
     // and are made up for by halves of shorter ones whose maps are as fine as they may be.
-    config.structure.split_texels = [30.0; 2];
-    config.structure.opacity_floor = [0.35, 0.5];
-    config.structure.quantile = 0.6;
-    config.structure.patience_steps = 1;
+    config.density.split_texels = [30.0; 2];
+    config.density.opacity_floor = [0.35, 0.5];
+    config.density.quantile = 0.6;
+    config.density.patience_steps = 1;
     config
 }
 
@@ -45,9 +45,9 @@ pub fn start(policy: Policy) -> TrainState {
 pub struct Outcome {
     pub last: TrainState,
     pub saved: Vec<TrainState>,
-    /// Of each structure step: what it did, splats and texels after it.
-    pub steps: Vec<(StructureCounts, usize, usize)>,
-    /// Full size of the pictures over their size after each structure step.
+    /// Of each density-control step: what it did, splats and texels after it.
+    pub steps: Vec<(DensityCounts, usize, usize)>,
+    /// Full size of the images over their size after each density-control step.
     pub scales: Vec<f64>,
     /// Splats, texels and parameters at their largest.
     pub largest: [usize; 3],
@@ -78,7 +78,7 @@ pub fn run_on(
     let mut sink = |event: TrainEvent<'_>| {
         match event {
             TrainEvent::Checkpoint { state } => saved.push(state.clone()),
-            TrainEvent::Structure { counts, num_splats, num_texels, render_scale, .. } => {
+            TrainEvent::DensityControl { counts, num_splats, num_texels, render_scale, .. } => {
                 steps.push((counts, num_splats, num_texels));
                 scales.push(render_scale);
             }
@@ -95,9 +95,9 @@ pub fn run_on(
 }
 
 impl Outcome {
-    /// What all structure steps together did.
-    pub fn total(&self) -> StructureCounts {
-        let add = |a: StructureCounts, b: &StructureCounts| StructureCounts {
+    /// What all density-control steps together did.
+    pub fn total(&self) -> DensityCounts {
+        let add = |a: DensityCounts, b: &DensityCounts| DensityCounts {
             pruned: a.pruned + b.pruned,
             faded: a.faded + b.faded,
             split: a.split + b.split,
@@ -106,13 +106,13 @@ impl Outcome {
             coarsened: a.coarsened + b.coarsened,
             over_budget: a.over_budget + b.over_budget,
         };
-        self.steps.iter().fold(StructureCounts::default(), |sum, (counts, ..)| add(sum, counts))
+        self.steps.iter().fold(DensityCounts::default(), |sum, (counts, ..)| add(sum, counts))
     }
 }
 
-/// Whether each thing that a structure step does to splats and maps was done.
-pub fn is_all_done(counts: &StructureCounts) -> bool {
-    let StructureCounts { pruned, faded, split, moved, refined, coarsened, over_budget: _ } = *counts;
+/// Whether each thing that a density-control step does to splats and maps was done.
+pub fn is_all_done(counts: &DensityCounts) -> bool {
+    let DensityCounts { pruned, faded, split, moved, refined, coarsened, over_budget: _ } = *counts;
     [pruned + faded, split, moved, refined, coarsened].iter().all(|&c| c > 0)
 }
 

@@ -126,7 +126,7 @@ def check_file(path, expected):
 
 
 def check_text_equals_binary(paths):
-    """Text and binary of a scene must be the same layer but for the paths of pictures."""
+    """Text and binary of a scene must be the same layer but for the paths of images."""
     for path in paths:
         other = path[:-1] + "c"
         if path.endswith(".usda") and other in paths:

@@ -40,7 +40,7 @@ from second_renderer import (
 
 AGREE_DB = 60.0
 CONTROL_DB = 55.0
-# For rules that touch so few pixels that 60 dB would hold without them: far below the 130 dB of the true picture.
+# For rules that touch so few pixels that 60 dB would hold without them: far below the 130 dB of the true image.
 FINE_CONTROL_DB = 90.0
 VIEWS = ("wide", "side", "inside")
 FILES = {
@@ -63,13 +63,13 @@ def make_scene(program, folder):
     subprocess.run([built, folder] if os.path.exists(built) else cargo, cwd=root, check=True)
 
 
-def product_picture(program, path, view, folder):
+def product_image(program, path, view, folder):
     """What the program draws: the finished numbers."""
     out = os.path.join(folder, f"{os.path.basename(path)}-{view}")
     command = [program, "render", path, "--view", view, "--exr", "--device", "cpu", "--quiet", "--out", out]
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
-    (picture,) = glob.glob(os.path.join(out, "*.exr"))
-    return read_reference(picture, read_scene(path).is_linear)
+    (image,) = glob.glob(os.path.join(out, "*.exr"))
+    return read_reference(image, read_scene(path).is_linear)
 
 
 def worked_example():
@@ -117,7 +117,7 @@ def texels_changed(scene, change):
 
 
 def controls(folder):
-    """(what is broken, file, scene, rules, limit in dB): the pictures must differ from the program's."""
+    """(what is broken, file, scene, rules, limit in dB): the images must differ from the program's."""
     lossless, balanced, opaque = "lossless.glb", "balanced.glb", "opaque.glb"
     scene, codes, stacks = (read_scene(os.path.join(folder, name)) for name in (lossless, balanced, opaque))
     gltf = Gltf(os.path.join(folder, balanced))
@@ -201,7 +201,7 @@ def check(program, folder, out):
         path = os.path.join(folder, name)
         scene = read_scene(path)
         for view in views:
-            references[name, view] = product_picture(program, path, view, out)
+            references[name, view] = product_image(program, path, view, out)
             found = psnr(render(scene, scene.camera(view)), references[name, view])
             print(f"{name:14} {view:7} {found:7.2f} dB")
             if not found >= AGREE_DB:

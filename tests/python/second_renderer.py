@@ -3,12 +3,12 @@
 
 It shares no code and no idea with the program: its sources are `exporters/schema/gltf.md` and `exporters/schema/usd.md`,
 whose section numbers stand in the comments. Everything is evaluated in f64, splat by splat, in the plain form of the
-text. If the program and this file draw the same picture, the text says what the program does.
+text. If the program and this file draw the same image, the text says what the program does.
 
-    second_renderer.py FILE.glb|.gltf|.usda|.usdc|.usdz --view NAME [-o OUT.npy] [--compare PICTURE.exr]
+    second_renderer.py FILE.glb|.gltf|.usda|.usdc|.usdz --view NAME [-o OUT.npy] [--compare IMAGE.exr]
 
 OUT.npy holds f32 (height, width, 3) in the space of the asset, not clamped. `--compare` prints the PSNR against a
-picture of `litetex render --exr`. Needs numpy, and usd-core for USD.
+image of `litetex render --exr`. Needs numpy, and usd-core for USD.
 """
 
 import argparse
@@ -23,7 +23,7 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from second_pictures import read_exr, read_png
+from second_images import read_exr, read_png
 
 KHR = "KHR_gaussian_splatting"
 TEXTURE = "LITETEX_gaussian_splatting_texture"
@@ -167,7 +167,7 @@ def read_gltf(path):
     )
 
 
-def usd_picture(asset):
+def usd_image(asset):
     """Bytes of an asset path of a stage, beside the layer or in its package."""
     path = asset.resolvedPath or asset.path
     if path.endswith("]"):
@@ -205,7 +205,7 @@ def read_usd(path):
     for k, (width, height) in enumerate(value("litetex:pageSizes", [])):
         shader = UsdShade.Shader(stage.GetPrimAtPath(f"{root.GetPath()}/Atlas/Page{k}"))
         asset = shader.GetInput("file").Get()
-        data = usd_picture(asset)
+        data = usd_image(asset)
         if primvar("decodeScale") is None:
             texels = read_exr(data)
         else:
@@ -231,7 +231,7 @@ def read_scene(path):
     return read_gltf(path) if path.endswith((".glb", ".gltf")) else read_usd(path)
 
 
-# -------------------------------------------------------------------------------------------------------------- picture
+# -------------------------------------------------------------------------------------------------------------- image
 
 
 @dataclass
@@ -295,7 +295,7 @@ class Pinhole:
 
     @classmethod
     def of(cls, camera, data_to_local, size=None):
-        """Of a camera of `meta`, for a picture of `size` (width, height) if that is another one."""
+        """Of a camera of `meta`, for an image of `size` (width, height) if that is another one."""
         own = (camera["widthPx"], camera["heightPx"])
         size = size or own
         zoom = (size[0] / own[0], size[1] / own[1])
@@ -354,7 +354,7 @@ def residuals(splat, a, b):
 
 
 def draw(splat, pinhole, near, rules, light, clear, live):
-    """Adds one splat to the picture (sections 6 and 7)."""
+    """Adds one splat to the image (sections 6 and 7)."""
     x0, x1, y0, y1 = pixel_box(splat, pinhole, near)
     if x0 >= x1 or y0 >= y1:
         return
@@ -412,7 +412,7 @@ def drawn_splats(scene, pinhole, rules):
 
 
 def render(scene, camera, rules=Rules(), size=None):
-    """The picture (height, width, 3) of a camera of `meta`, in the space of the asset, not clamped."""
+    """The image (height, width, 3) of a camera of `meta`, in the space of the asset, not clamped."""
     pinhole = Pinhole.of(camera, rules.data_to_local, size)
     width, height = pinhole.size
     light, clear = np.zeros((height, width, 3)), np.ones((height, width))
@@ -439,17 +439,17 @@ def linear_from_srgb(code):
 
 
 def read_reference(path, is_linear):
-    """The finished numbers of a picture of `litetex render --exr`, in the colour space of the asset: the file holds linear
+    """The finished numbers of an image of `litetex render --exr`, in the colour space of the asset: the file holds linear
     light."""
     with open(path, "rb") as file:
         light = read_exr(file.read())
     return light if is_linear else srgb_from_linear(light)
 
 
-def psnr(picture, reference):
+def psnr(image, reference):
     """Peak signal to noise ratio in dB, peak 1, nothing clamped."""
-    assert picture.shape == reference.shape, f"{picture.shape} against {reference.shape}"
-    square = np.mean((picture - reference) ** 2)
+    assert image.shape == reference.shape, f"{image.shape} against {reference.shape}"
+    square = np.mean((image - reference) ** 2)
     return np.inf if square == 0 else -10 * np.log10(square)
 
 
@@ -457,15 +457,15 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("file")
     parser.add_argument("--view", required=True, help="name of a camera in the file")
-    parser.add_argument("-o", "--output", help="writes the picture, .npy of f32")
-    parser.add_argument("--compare", help="picture of litetex render --exr")
+    parser.add_argument("-o", "--output", help="writes the image, .npy of f32")
+    parser.add_argument("--compare", help="image of litetex render --exr")
     arguments = parser.parse_args()
     scene = read_scene(arguments.file)
-    picture = render(scene, scene.camera(arguments.view))
+    image = render(scene, scene.camera(arguments.view))
     if arguments.output:
-        np.save(arguments.output, picture.astype(np.float32))
+        np.save(arguments.output, image.astype(np.float32))
     if arguments.compare:
-        print(f"{psnr(picture, read_reference(arguments.compare, scene.is_linear)):.2f} dB")
+        print(f"{psnr(image, read_reference(arguments.compare, scene.is_linear)):.2f} dB")
 
 
 if __name__ == "__main__":

@@ -1,10 +1,10 @@
-//! Pages as pictures: 8-bit PNG and f32 EXR. They hold data, not colours: no gamma, no profile.
+//! Pages as images: 8-bit PNG and f32 EXR. They hold data, not colours: no gamma, no profile.
 
 use crate::{Error, Result};
 use std::io::Cursor;
 use std::path::Path;
 
-/// An RGB picture of 8 bits as PNG, without any colour information.
+/// An RGB image of 8 bits as PNG, without any colour information.
 ///
 /// # Errors
 /// [`Error::Invalid`] if the sizes do not fit each other.
@@ -21,7 +21,7 @@ pub fn encode_png([width, height]: [u16; 2], rgb: &[u8]) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Reads an RGB picture of 8 bits whose size must be the given one. `path` is only for messages.
+/// Reads an RGB image of 8 bits whose size must be the given one. `path` is only for messages.
 ///
 /// # Errors
 /// [`Error::Invalid`] if it is damaged or of another size or kind.
@@ -42,7 +42,7 @@ pub fn decode_png(bytes: &[u8], size: [u16; 2], path: &Path) -> Result<Vec<u8>> 
     Ok(rgb)
 }
 
-/// An RGB picture of f32 as EXR: every bit is kept.
+/// An RGB image of f32 as EXR: every bit is kept.
 ///
 /// # Errors
 /// [`Error::Invalid`] if the sizes do not fit each other.
@@ -68,7 +68,7 @@ pub fn encode_exr([width, height]: [u16; 2], rgb: &[f32]) -> Result<Vec<u8>> {
     Ok(bytes.into_inner())
 }
 
-/// Reads an RGB picture of f32 whose size must be the given one. `path` is only for messages.
+/// Reads an RGB image of f32 whose size must be the given one. `path` is only for messages.
 ///
 /// # Errors
 /// [`Error::Invalid`] if it is damaged or of another size or kind.
@@ -76,7 +76,7 @@ pub fn decode_exr(bytes: &[u8], size: [u16; 2], path: &Path) -> Result<Vec<f32>>
     use exr::prelude::{ReadChannels, ReadLayers};
     let failed = |e: exr::error::Error| Error::invalid(path, format!("EXR page: {e}"));
     let [width, height] = size.map(usize::from);
-    // The header first: no picture is allocated for a size that is wrong.
+    // The header first: no image is allocated for a size that is wrong.
     let meta = exr::meta::MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(failed)?;
     let sizes: Vec<_> = meta.headers.iter().map(|h| (h.layer_size.0, h.layer_size.1)).collect();
     if sizes != [(width, height)] {

@@ -46,7 +46,7 @@ fn every_side_file_that_is_missing_or_wrong_is_an_issue() {
             }
             std::fs::write(side, &sound[..sound.len() / 2]).unwrap();
             let issues = errors(&path);
-            // Pictures of rectangles are not looked into.
+            // Images of rectangles are not looked into.
             let is_told = issues.iter().any(|i| i.message.contains(file_name));
             assert_eq!(is_told, !file_name.starts_with("quads"), "{file_name} cut: {issues:?}");
             std::fs::write(side, sound).unwrap();

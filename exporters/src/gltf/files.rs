@@ -18,7 +18,7 @@ pub fn arrays_name(stem: &str) -> String {
     format!("{stem}.bin")
 }
 
-/// The picture of a page.
+/// The image of a page.
 pub fn page_name(stem: &str, page: usize, extension: &str) -> String {
     format!("{stem}_atlas_{page}.{extension}")
 }

@@ -117,7 +117,7 @@ fn finish(document: &mut Document, asset: &SplatAsset, arrays: &Arrays) {
     document.scene = Some(0);
     document.scenes = vec![Scene { name: None, nodes: vec![0] }];
     document.nodes = vec![write::node(asset)];
-    // Bilinear, no smaller pictures: they would mix neighbours.
+    // Bilinear, no smaller images: they would mix neighbours.
     document.samplers = vec![serde_json::json!({
         "magFilter": 9729, "minFilter": 9729, "wrapS": 33_071, "wrapT": 33_071
     })];

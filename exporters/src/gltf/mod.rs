@@ -1,8 +1,8 @@
 //! glTF 2.0: one POINTS primitive with `KHR_gaussian_splatting`, whose data every viewer of splats can show, and nested in
 //! it our extension [`EXTENSION`] with the maps, for viewers that know textured surfels. What the extension holds and how
-//! its picture is drawn stands in `schema/gltf.md`.
+//! its image is drawn stands in `schema/gltf.md`.
 //!
-//! A `.glb` is one file; a `.gltf` has its arrays in a `.bin` and its atlas pages as pictures beside it. Core viewers see
+//! A `.glb` is one file; a `.gltf` has its arrays in a `.bin` and its atlas pages as images beside it. Core viewers see
 //! coloured points (`COLOR_0`); [`encode_mesh`] makes a file of textured quads for them.
 
 mod accessor;

@@ -10,7 +10,7 @@
 //! | texels | per chunk: streams of texels |
 //!
 //! `lossless` files hold the bytes of the numbers; `balanced` and `tiny` files hold numbers rounded by [`Steps`], which
-//! the caller chooses by looking at pictures of what [`quantised`] returns.
+//! the caller chooses by looking at images of what [`quantised`] returns.
 
 mod bits;
 mod check;

@@ -60,10 +60,10 @@ impl Plan {
     }
 }
 
-/// Exponents for splats by what an error of each weighs in the pictures: the sum over pixels of its squared blending
+/// Exponents for splats by what an error of each weighs in the images: the sum over pixels of its squared blending
 /// weight, in any unit. An error that costs the same everywhere would call for steps in proportion to `weight^-1/2`; less of
 /// a spread costs fewer bytes, for exponents are stored too and weights are those of the training views only. Measured at
-/// equal error of the pictures, beside exponents of 0: 7.6 % fewer bytes (fox at 960), 6 % (flower), 3.5 % (lego) with a
+/// equal error of the images, beside exponents of 0: 7.6 % fewer bytes (fox at 960), 6 % (flower), 3.5 % (lego) with a
 /// power of 0.3; 0.2 and 0.4 save up to 2 % less.
 pub fn exponents_from_weights(weights: &[f32]) -> Vec<i8> {
     const POWER: f64 = 0.3;

@@ -5,7 +5,7 @@ use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 
 /// Sizes of steps. Each splat has an exponent x of its own, chosen by the writer from what the splat matters for the
-/// pictures; its steps are `2^x` times these.
+/// images; its steps are `2^x` times these.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub struct Steps {
@@ -31,7 +31,7 @@ pub struct Steps {
 
 impl Steps {
     /// Where to start for [`crate::Quality::Balanced`]: about 0.02 dB of a capture at 31 dB. The shares of the attributes
-    /// are those at which a bit buys the same error everywhere, measured by pictures of a trained scene.
+    /// are those at which a bit buys the same error everywhere, measured by images of a trained scene.
     pub fn balanced(_asset: &crate::SplatAsset) -> Self {
         Self {
             position: 0.01,

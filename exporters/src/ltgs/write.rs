@@ -248,7 +248,7 @@ fn assemble(asset: &SplatAsset, quality: Quality, meta: &FileMeta, chunks: &[Chu
     let mut bytes = Vec::with_capacity(first + blocks);
     bytes.extend(header.encode());
     bytes.extend(tables);
-    // All splats before the first texel: what has arrived of a download is a picture.
+    // All splats before the first texel: what has arrived of a download is an image.
     chunks.iter().for_each(|c| bytes.extend_from_slice(&c.splats));
     chunks.iter().for_each(|c| bytes.extend_from_slice(&c.texels));
     Ok(bytes)

@@ -12,7 +12,7 @@ fn options(mesh: bool) -> WriteOptions<'static> {
 fn with_title(title: &str) -> SplatAsset {
     let mut asset = fixture(20, 1);
     asset.provenance.title = title.to_owned();
-    // Other texels: other pictures.
+    // Other texels: other images.
     asset.texels.iter_mut().for_each(|t| *t *= 1.0 / title.len() as f32);
     asset
 }
@@ -131,7 +131,7 @@ fn a_failing_overwrite_keeps_the_old_asset() {
     for name in ["y.gltf", "y.glb", "y.usda", "y.usdc", "y.usdz", "y.ltgs"] {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join(name);
-        // First without an older one: nothing stays, the folder of pictures neither.
+        // First without an older one: nothing stays, the folder of images neither.
         for old in [None, Some(with_title("old"))] {
             if let Some(old) = &old {
                 write_asset(&path, old, &options(true)).unwrap();
@@ -195,7 +195,7 @@ fn a_link_is_replaced_and_what_it_leads_to_stays() {
     write_asset(&path, &with_title("new"), &options(false)).unwrap();
     assert_eq!(std::fs::read(&real).unwrap(), b"mine");
     assert!(!path.is_symlink() && title(&path) == "new");
-    // A link that leads nowhere is in the way, too, and one to a folder of pictures serves as one.
+    // A link that leads nowhere is in the way, too, and one to a folder of images serves as one.
     let path = folder.path().join("z.usda");
     std::os::unix::fs::symlink("nowhere", &path).unwrap();
     let staged = stage_asset(&path, &with_title("new"), &options(false)).unwrap();

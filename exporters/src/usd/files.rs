@@ -3,7 +3,7 @@
 use super::binary::binary_from_layer;
 use super::layer::Layer;
 use super::package::{Entry, package_from_entries};
-use super::stage::{self, Pictures};
+use super::stage::{self, Images};
 use super::text_write::text_from_layer;
 use crate::atlas::{self, Atlas, PAGE_SIDE, PAGE_SIDE_MAX, TexelDecode};
 use crate::quads::{self, QUADS_MAX, Quads};
@@ -31,7 +31,7 @@ impl Default for UsdOptions {
     }
 }
 
-/// Writes an asset as `.usda`, `.usdc` or `.usdz`, by the path's extension. Text and binary files have their pictures
+/// Writes an asset as `.usda`, `.usdc` or `.usdz`, by the path's extension. Text and binary files have their images
 /// beside them, in the folder `STEM_usda_textures` or `STEM_usdc_textures`; a package holds them. Returns the files, the
 /// one at `path` first. If something fails, nothing of it stays, and files that were there before are as they were.
 ///
@@ -43,7 +43,7 @@ pub fn write_usd(path: &Path, asset: &SplatAsset, options: &UsdOptions) -> Resul
     Ok(Staged::new(path, root, side)?.publish(true)?.files)
 }
 
-/// The bytes of the file at `path` and those of the pictures beside it.
+/// The bytes of the file at `path` and those of the images beside it.
 ///
 /// # Errors
 /// As [`write_usd`], without [`Error::Io`].
@@ -58,7 +58,7 @@ pub(crate) fn encode_files(
         Container::Text => textures_name(stem(path)?, "usda"),
         Container::Binary => textures_name(stem(path)?, "usdc"),
     };
-    let Bundle { layer, pictures } = Bundle::of(asset, options, &folder).map_err(|e| e.at(path))?;
+    let Bundle { layer, images } = Bundle::of(asset, options, &folder).map_err(|e| e.at(path))?;
     let root = match container {
         Container::Text => text_from_layer(&layer).into_bytes(),
         Container::Binary | Container::Package => binary_from_layer(&layer),
@@ -66,13 +66,13 @@ pub(crate) fn encode_files(
     drop(layer);
     if container == Container::Package {
         let root = Entry { name: PACKAGE_ROOT.to_owned(), bytes: root };
-        let entries = std::iter::once(root).chain(pictures).collect();
+        let entries = std::iter::once(root).chain(images).collect();
         return Ok((package_from_entries(entries).map_err(|e| e.at(path))?, Vec::new()));
     }
-    Ok((root, pictures.into_iter().map(|p| (p.name.into(), p.bytes)).collect()))
+    Ok((root, images.into_iter().map(|p| (p.name.into(), p.bytes)).collect()))
 }
 
-/// The folder of a layer's pictures: text and binary files of one stem share none.
+/// The folder of a layer's images: text and binary files of one stem share none.
 pub(crate) fn textures_name(stem: &str, extension: &str) -> String {
     format!("{stem}_{extension}_textures")
 }
@@ -111,10 +111,10 @@ pub(crate) fn stem(path: &Path) -> Result<&str> {
     Ok(stem)
 }
 
-/// A stage and its pictures; names are relative to the layer.
+/// A stage and its images; names are relative to the layer.
 struct Bundle {
     layer: Layer,
-    pictures: Vec<Entry>,
+    images: Vec<Entry>,
 }
 
 impl Bundle {
@@ -141,26 +141,26 @@ impl Bundle {
             }
         };
         let extension = if decode.is_none() { "exr" } else { "png" };
-        let mut pictures = named(pages, folder, "page", extension);
-        let page_paths = asset_paths(&pictures);
+        let mut images = named(pages, folder, "page", extension);
+        let page_paths = asset_paths(&images);
         let quads =
             options.mesh.then(|| Quads::of(asset, QUADS_MAX, options.page_side.max(64))).transpose()?;
         let mut quad_pages = Vec::new();
         for page in quads.iter().flat_map(|q| &q.pages) {
             quad_pages.push(quads::encode_page(page)?);
         }
-        let quad_pictures = named(quad_pages, folder, "quads", "png");
-        let quad_paths = asset_paths(&quad_pictures);
-        pictures.extend(quad_pictures);
-        let stage_pictures = Pictures {
+        let quad_images = named(quad_pages, folder, "quads", "png");
+        let quad_paths = asset_paths(&quad_images);
+        images.extend(quad_images);
+        let stage_images = Images {
             atlas: &atlas,
             page_paths: &page_paths,
             decode,
             quads: quads.as_ref(),
             quad_paths: &quad_paths,
         };
-        let layer = stage::layer(asset, options.quality, hash, &stage_pictures)?;
-        Ok(Self { layer, pictures })
+        let layer = stage::layer(asset, options.quality, hash, &stage_images)?;
+        Ok(Self { layer, images })
     }
 }
 
@@ -174,12 +174,12 @@ fn png_pages(asset: &SplatAsset, atlas: &Atlas, codes: &[u8]) -> Result<Vec<Vec<
     pages.iter().zip(&atlas.pages).map(|(page, &size)| atlas::encode_png(size, page)).collect()
 }
 
-fn named(pictures: Vec<Vec<u8>>, folder: &str, name: &str, extension: &str) -> Vec<Entry> {
+fn named(images: Vec<Vec<u8>>, folder: &str, name: &str, extension: &str) -> Vec<Entry> {
     let named = |(i, bytes)| Entry { name: format!("{folder}/{name}{i}.{extension}"), bytes };
-    pictures.into_iter().enumerate().map(named).collect()
+    images.into_iter().enumerate().map(named).collect()
 }
 
-/// How a layer refers to pictures: from its own place.
-fn asset_paths(pictures: &[Entry]) -> Vec<String> {
-    pictures.iter().map(|p| format!("./{}", p.name)).collect()
+/// How a layer refers to images: from its own place.
+fn asset_paths(images: &[Entry]) -> Vec<String> {
+    images.iter().map(|p| format!("./{}", p.name)).collect()
 }

@@ -16,8 +16,8 @@ use crate::{Contents, Error, Quality, ReadLimits, Result, SplatAsset, yup};
 use std::borrow::Cow;
 use std::path::Path;
 
-/// Decompression makes at most so many bytes of one; a picture that claims more is refused before it is decoded.
-const PICTURE_EXPANSION_MAX: u64 = 1100;
+/// Decompression makes at most so many bytes of one; an image that claims more is refused before it is decoded.
+const IMAGE_EXPANSION_MAX: u64 = 1100;
 
 /// Reads a `.usda`, `.usdc` or `.usdz` file that this crate wrote, also after other programs stored its layer anew.
 /// Pages are looked for beside the file and below only; they count in the sections. A hash that differs is a warning.
@@ -29,7 +29,7 @@ pub fn read_usd(path: &Path, limits: &ReadLimits) -> Result<Contents> {
     Opened::open(path, limits)?.contents(limits)
 }
 
-/// A file's layer and where its pictures are.
+/// A file's layer and where its images are.
 pub(super) struct Opened<'a> {
     path: &'a Path,
     pub(super) layer: Layer,
@@ -114,11 +114,11 @@ impl<'a> Opened<'a> {
         scale.map_or(0.0, f64::abs)
     }
 
-    /// Bytes of a picture to which the layer refers, at most `bytes_max`.
+    /// Bytes of an image to which the layer refers, at most `bytes_max`.
     ///
     /// # Errors
-    /// Name the picture and the layer.
-    pub(super) fn picture(&self, asset_path: &str, bytes_max: u64) -> Result<Cow<'_, [u8]>> {
+    /// Name the image and the layer.
+    pub(super) fn image(&self, asset_path: &str, bytes_max: u64) -> Result<Cow<'_, [u8]>> {
         let invalid = |what: &str| Error::invalid(self.path, format!("page @{asset_path}@: {what}"));
         let plain = asset_path.strip_prefix("./").unwrap_or(asset_path);
         // Programs that flatten stages make paths absolute; they may do so as long as they stay in the folder.
@@ -209,7 +209,7 @@ impl<'a> Opened<'a> {
     }
 
     fn sections(&self, texture_bytes: u64) -> Vec<crate::Section> {
-        let pictures = self.entries.as_ref().map(|entries| {
+        let images = self.entries.as_ref().map(|entries| {
             let of = |e: &Entry| (e.name.clone(), e.bytes.len() as u64);
             entries.iter().map(of).collect::<Vec<_>>()
         });
@@ -218,7 +218,7 @@ impl<'a> Opened<'a> {
             tables: self.table_bytes,
             values: &self.value_bytes,
         };
-        sections::of(&layer, pictures.as_deref(), self.file_bytes, texture_bytes)
+        sections::of(&layer, images.as_deref(), self.file_bytes, texture_bytes)
     }
 
     /// Pages that a material of a particle field names.
@@ -268,14 +268,14 @@ impl<'a> Opened<'a> {
         let decode = reader.decode()?;
         let texel_bytes = if decode.is_some() { 3 } else { 12 };
         let mut files = Vec::new();
-        let mut picture_bytes = 0;
+        let mut image_bytes = 0;
         for (path, size) in paths.iter().zip(&atlas.pages) {
-            let bytes = self.picture(path, limits.decoded_bytes.saturating_sub(picture_bytes))?;
+            let bytes = self.image(path, limits.decoded_bytes.saturating_sub(image_bytes))?;
             if self.entries.is_none() {
-                picture_bytes += bytes.len() as u64;
+                image_bytes += bytes.len() as u64;
             }
             let raw = u64::from(size[0]) * u64::from(size[1]) * texel_bytes;
-            if raw > (bytes.len() as u64).saturating_mul(PICTURE_EXPANSION_MAX) {
+            if raw > (bytes.len() as u64).saturating_mul(IMAGE_EXPANSION_MAX) {
                 let what =
                     format!("page @{path}@: {} bytes for {} x {} texels", bytes.len(), size[0], size[1]);
                 return Err(Error::invalid(self.path, what));
@@ -284,7 +284,7 @@ impl<'a> Opened<'a> {
         }
         // The pages, and the texels with their codes.
         let decoded = paper.saturating_mul(texel_bytes).saturating_add(num_texels.saturating_mul(15));
-        limits.of_file(self.file_bytes + picture_bytes).check(decoded, "pages", self.path)?;
+        limits.of_file(self.file_bytes + image_bytes).check(decoded, "pages", self.path)?;
         let on_pages = files.iter().zip(&atlas.pages);
         asset.texels = match decode {
             Some(decode) => {
@@ -307,7 +307,7 @@ impl<'a> Opened<'a> {
                 atlas.texels_from_pages(&asset.maps, &pages)
             }
         };
-        Ok(picture_bytes)
+        Ok(image_bytes)
     }
 }
 

@@ -12,11 +12,11 @@ pub(super) struct LayerBytes<'a> {
     pub(super) values: &'a [(String, u64)],
 }
 
-/// Parts of a file. `pictures`: a package's entries but the layer. `texture_bytes`: of pages beside the file, which count
+/// Parts of a file. `images`: a package's entries but the layer. `texture_bytes`: of pages beside the file, which count
 /// as parts of it.
 pub(super) fn of(
     layer: &LayerBytes<'_>,
-    pictures: Option<&[(String, u64)]>,
+    images: Option<&[(String, u64)]>,
     file_bytes: u64,
     texture_bytes: u64,
 ) -> Vec<Section> {
@@ -43,14 +43,14 @@ pub(super) fn of(
         }
         None => add("text", Describes::Other, left),
     }
-    for (name, bytes) in pictures.unwrap_or_default() {
+    for (name, bytes) in images.unwrap_or_default() {
         let is_page = name.rsplit('/').next().is_some_and(|file| file.starts_with("page"));
         let (name, describes) =
             if is_page { ("texels", Describes::Texels) } else { ("fallback", Describes::Other) };
         add(name, describes, *bytes);
         left = left.saturating_add(*bytes);
     }
-    let inside: u64 = pictures.unwrap_or_default().iter().map(|(_, bytes)| bytes).sum();
+    let inside: u64 = images.unwrap_or_default().iter().map(|(_, bytes)| bytes).sum();
     add("package", Describes::Other, file_bytes.saturating_sub(layer_bytes + inside));
     add("texels", Describes::Texels, texture_bytes);
     sections

@@ -9,8 +9,8 @@ use crate::meta::Meta;
 use crate::quads::{Quad, Quads};
 use crate::{Error, Quality, Result, SplatAsset, yup};
 
-/// Pictures of a stage by the asset paths under which it refers to them.
-pub(super) struct Pictures<'a> {
+/// Images of a stage by the asset paths under which it refers to them.
+pub(super) struct Images<'a> {
     pub(super) atlas: &'a Atlas,
     /// Of the atlas's pages.
     pub(super) page_paths: &'a [String],
@@ -22,14 +22,14 @@ pub(super) struct Pictures<'a> {
 }
 
 /// The stage. `hash` is that of the asset that a reader gets.
-pub(super) fn layer(asset: &SplatAsset, quality: Quality, hash: u64, pictures: &Pictures) -> Result<Layer> {
+pub(super) fn layer(asset: &SplatAsset, quality: Quality, hash: u64, images: &Images) -> Result<Layer> {
     let mut scene = Prim::def("Xform", SCENE);
     scene.properties = node(asset);
-    let mut textured = variant("textured", vec![textured_splats(asset, pictures)]);
-    textured.children.extend(atlas_material(pictures));
+    let mut textured = variant("textured", vec![textured_splats(asset, images)]);
+    textured.children.extend(atlas_material(images));
     let mut variants = vec![textured, variant("splat3d", vec![splat3d(asset)])];
-    if let Some(quads) = pictures.quads {
-        variants.push(variant("mesh", meshes(quads, pictures.quad_paths)));
+    if let Some(quads) = images.quads {
+        variants.push(variant("mesh", meshes(quads, images.quad_paths)));
     }
     scene.variant_sets.push(VariantSet {
         name: REPRESENTATION.to_owned(),
@@ -107,14 +107,14 @@ fn particles(asset: &SplatAsset, is_3d: bool) -> Vec<Property> {
     ]
 }
 
-fn textured_splats(asset: &SplatAsset, pictures: &Pictures) -> Prim {
+fn textured_splats(asset: &SplatAsset, images: &Images) -> Prim {
     let mut prim = Prim::def(FIELD_TYPE, SPLATS);
-    let has_pages = !pictures.page_paths.is_empty();
+    let has_pages = !images.page_paths.is_empty();
     prim.apply(&FIELD_SCHEMAS[..if has_pages { FIELD_SCHEMAS.len() } else { FIELD_SCHEMAS.len() - 1 }]);
     prim.properties = particles(asset, false);
-    let placed = asset.maps.iter().zip(&pictures.atlas.placements);
+    let placed = asset.maps.iter().zip(&images.atlas.placements);
     let rects = placed.flat_map(|(map, at)| [at.x, at.y, map.cols, map.rows].map(i32::from)).collect();
-    let pages = pictures.atlas.placements.iter().map(|at| at.page.into()).collect();
+    let pages = images.atlas.placements.iter().map(|at| at.page.into()).collect();
     let texel_sizes = asset.maps.iter().map(|m| m.texel_size).collect();
     prim.properties.extend([
         Property::new("int", LITETEX_VERSION, Value::int(VERSION)).interpolated("constant"),
@@ -123,13 +123,13 @@ fn textured_splats(asset: &SplatAsset, pictures: &Pictures) -> Prim {
         Property::new("float[]", TEXEL_SIZE, floats(Form::One, texel_sizes)).interpolated("vertex"),
         Property::new("float3[]", SH0, numbers::exact_sh0(asset)).interpolated("vertex"),
     ]);
-    if let Some(decode) = pictures.decode {
+    if let Some(decode) = images.decode {
         for (name, value) in [(DECODE_SCALE, decode.scale), (DECODE_BIAS, decode.bias)] {
             prim.properties
                 .push(Property::new("double", name, Value::double(value)).interpolated("constant"));
         }
     }
-    let sizes = pictures.atlas.pages.iter().flat_map(|p| p.map(i32::from)).collect();
+    let sizes = images.atlas.pages.iter().flat_map(|p| p.map(i32::from)).collect();
     prim.properties.push(Property::uniform("int2[]", PAGE_SIZES, ints(Form::Vec2, sizes)).custom());
     if has_pages {
         prim.properties.push(Property::relationship(BINDING, format!("/{SCENE}/{ATLAS}")));
@@ -138,14 +138,14 @@ fn textured_splats(asset: &SplatAsset, pictures: &Pictures) -> Prim {
 }
 
 /// The pages as shaders of a material, so that packaging and copying take them along.
-fn atlas_material(pictures: &Pictures) -> Option<Prim> {
-    if pictures.page_paths.is_empty() {
+fn atlas_material(images: &Images) -> Option<Prim> {
+    if images.page_paths.is_empty() {
         return None;
     }
     let mut material = material(ATLAS);
-    for (i, path) in pictures.page_paths.iter().enumerate() {
+    for (i, path) in images.page_paths.iter().enumerate() {
         let mut page = texture(&format!("Page{i}"), path, "raw");
-        if let Some(decode) = pictures.decode {
+        if let Some(decode) = images.decode {
             // Shaders see codes as shares of 255.
             let four = |value: f64| Value::Floats(Numbers::element(Form::Vec4, vec![value as f32; 4]));
             page.properties.extend([
@@ -217,7 +217,7 @@ fn mesh(name: &str, quads: &[&Quad], material: &str) -> Prim {
     let mut mesh = Prim::def("Mesh", name);
     mesh.apply(&["MaterialBindingAPI"]);
     let points: Vec<[f32; 3]> = quads.iter().flat_map(|q| q.corners).collect();
-    // Pictures of USD begin at the lower left.
+    // Images of USD begin at the lower left.
     let uvs = quads.iter().flat_map(|q| q.uvs).flat_map(|[u, v]| [u, 1.0 - v]).collect();
     let limit = |pick: fn(f32, f32) -> f32| {
         let first = points.first().copied().unwrap_or_default();

@@ -14,7 +14,7 @@
 //! | LT2009 | the hash is that of the numbers |
 //! | LT2010 | the stage says `upAxis`, `metersPerUnit` and `defaultPrim`, and has prims |
 //! | LT2011 | quaternions have length 1, opacities are in [0, 1], scales are not negative |
-//! | LT2012 | pictures that the layer names can be read, pages are sound and of their size |
+//! | LT2012 | images that the layer names can be read, pages are sound and of their size |
 //! | LT2013 | SH of degree 0 for programs without textures is the exact one with the mean of the map in it |
 //! | LT2014 | the third scale of 3D Gaussians is positive and the smallest |
 //! | LT2015 | there are 3D Gaussians for programs without textures, where the textured ones are |
@@ -71,7 +71,7 @@ pub fn validate(path: &Path) -> Vec<Issue> {
         Ok(opened) => {
             check_stage(&opened, &mut report);
             for_each_prim(&opened.layer, &mut |place, prim| check_prim(path, place, prim, &mut report));
-            check_pictures(&opened, &limits, &mut report);
+            check_images(&opened, &limits, &mut report);
             // What was found above is the reason of what reading would find.
             if report.issues.iter().all(|i| i.severity < Severity::Error) {
                 check_reading(path, &opened, &limits, &mut report);
@@ -130,8 +130,8 @@ fn check_stage(opened: &Opened, report: &mut Report) {
     }
 }
 
-/// Every picture is there; in files of other programs they may be anywhere.
-fn check_pictures(opened: &Opened, limits: &ReadLimits, report: &mut Report) {
+/// Every image is there; in files of other programs they may be anywhere.
+fn check_images(opened: &Opened, limits: &ReadLimits, report: &mut Report) {
     if opened.facts().is_none() {
         return;
     }
@@ -141,7 +141,7 @@ fn check_pictures(opened: &Opened, limits: &ReadLimits, report: &mut Report) {
         if !seen.insert(name) {
             continue;
         }
-        if let Err(error) = opened.picture(name, limits.decoded_bytes) {
+        if let Err(error) = opened.image(name, limits.decoded_bytes) {
             report.error("LT2012", &place, error.to_string());
         }
     }

@@ -30,7 +30,7 @@ pub struct Runner {
     pub program: PathBuf,
     /// Folder of the runs' folders.
     pub runs: PathBuf,
-    /// Whether checkpoints, pictures and metrics are kept.
+    /// Whether checkpoints, images and metrics are kept.
     pub keep_runs: bool,
     /// Runs at the same time.
     pub jobs: usize,

@@ -76,7 +76,7 @@ pub struct BenchArgs {
     /// Stop at the first failed run instead of going on with the others
     #[arg(long)]
     fail_fast: bool,
-    /// Keep checkpoints, pictures and metrics of the runs, not only summary.json and config.toml
+    /// Keep checkpoints, images and metrics of the runs, not only summary.json and config.toml
     #[arg(long)]
     keep_runs: bool,
     /// Delete the results and runs of an earlier benchmark in the folder and start anew

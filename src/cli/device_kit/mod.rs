@@ -40,17 +40,17 @@ const BENCH_SECS: [f64; 3] = [60.0, 60.0, 80.0];
 const AROUND_TRAINING_SECS: f64 = 25.0;
 /// Saving a checkpoint and starting a process.
 const SAVING_SECS: f64 = 3.0;
-/// An evaluated view over a step, where it was not measured: a picture, and its comparison with the photo.
+/// An evaluated view over a step, where it was not measured: an image, and its comparison with the photo.
 const VIEW_PER_STEP: f64 = 0.25;
 /// Steps and evaluations may take so many times what was measured: other work comes and goes on a machine whose
 /// processor is the device.
 const SLACK: f64 = 2.0;
-/// A step of the grown model over one of the first, on average over a run: maps are larger, early pictures smaller.
+/// A step of the grown model over one of the first, on average over a run: maps are larger, early images smaller.
 /// Measured, fox at 270 x 480 on the CPU: 1.2.
 const GROWN_STEP: f64 = 1.5;
 /// Steps that a training of unknown speed plans for.
 const STEPS_MAX: u32 = 30_000;
-/// Long trainings: picture size, steps, steps between evaluations.
+/// Long trainings: image size, steps, steps between evaluations.
 const LONG: [(&str, u32, u32); 2] = [("960", 7_000, 1_000), ("full", 30_000, 3_000)];
 const LONG_TINY: [(&str, u32, u32); 2] = [("48", 40, 10), ("full", 60, 20)];
 /// A long training that takes longer is stopped.

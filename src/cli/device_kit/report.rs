@@ -185,10 +185,10 @@ fn table(parts: &[Part], kit: &Value) -> Table {
     table
 }
 
-/// Size, quality and length of a training, and what share of it the structure steps took.
+/// Size, quality and length of a training, and what share of it the density-control steps took.
 fn of_the_model(summary: &Value) -> String {
     let count = |v: &Value| v.as_u64().map_or("-".to_owned(), format_count);
-    let share = 100.0 * summary["time"]["structure_wall_secs"].as_f64().unwrap_or(f64::NAN)
+    let share = 100.0 * summary["time"]["density_control_wall_secs"].as_f64().unwrap_or(f64::NAN)
         / summary["time"]["train_wall_secs"].as_f64().unwrap_or(f64::NAN);
     let ended = match summary["stopped_by"].as_str() {
         Some("time") if summary["steps"] != summary["steps_planned"] => {
@@ -197,7 +197,7 @@ fn of_the_model(summary: &Value) -> String {
         _ => String::new(),
     };
     format!(
-        "{} splats, {} texels, {:.2} dB after {} steps{ended}; structure steps {share:.1} % of the time",
+        "{} splats, {} texels, {:.2} dB after {} steps{ended}; density-control steps {share:.1} % of the time",
         count(&summary["size"]["primitives"]),
         count(&summary["size"]["texels"]),
         summary["quality"]["psnr"].as_f64().unwrap_or(f64::NAN),
@@ -210,16 +210,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_training_is_told_with_its_size_quality_and_structure_steps() {
+    fn a_training_is_told_with_its_size_quality_and_density_control_steps() {
         let summary = |stopped_by: &str| {
             json!({ "steps": 3000, "steps_planned": 4000, "stopped_by": stopped_by, "quality": { "psnr": 27.125 },
                 "size": { "primitives": 14553, "texels": 1_000_000 },
-                "time": { "train_wall_secs": 40.0, "structure_wall_secs": 1.0 } })
+                "time": { "train_wall_secs": 40.0, "density_control_wall_secs": 1.0 } })
         };
         let told = of_the_model(&summary("steps"));
         assert_eq!(
             told,
-            "14,553 splats, 1,000,000 texels, 27.12 dB after 3,000 steps; structure steps 2.5 % of the time"
+            "14,553 splats, 1,000,000 texels, 27.12 dB after 3,000 steps; density-control steps 2.5 % of the time"
         );
         assert!(of_the_model(&summary("time")).contains("3,000 steps of 4,000: its time was over"));
     }

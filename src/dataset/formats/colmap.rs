@@ -252,7 +252,7 @@ pub(crate) fn read(folder: &Path) -> Result<Source> {
             .map(|p| SfmPoint { position_in_capture: DVec3::from_array(p.position), rgb: p.rgb })
             .collect(),
         reprojection_error_px: (count > 0).then(|| sum / f64::from(count)),
-        without_picture: Vec::new(),
+        without_image: Vec::new(),
         report,
     })
 }
@@ -346,7 +346,7 @@ fn view(
     *lost += image.point_ids.len() - observed.len();
     Ok(SourceView {
         name: image.name.replace('\\', "/"),
-        picture: None,
+        image: None,
         mask: None,
         lens,
         camera_from_capture: pose,

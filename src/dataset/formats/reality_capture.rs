@@ -1,12 +1,12 @@
-//! The CSV export "Internal/External camera parameters" of RealityCapture / RealityScan: one picture a
+//! The CSV export "Internal/External camera parameters" of RealityCapture / RealityScan: one image a
 //! row. Positions are `x, y, alt` with z up; `heading, pitch, roll` are degrees; `f`, `px`, `py` refer
-//! to a 36 mm wide film, laid along the picture's longer side.
+//! to a 36 mm wide film, laid along the image's longer side.
 
 use super::bytes::read_text;
 use crate::camera::Pinhole;
 use crate::dataset::lens::{Distortion, Lens};
 use crate::dataset::options::CaptureFormat;
-use crate::dataset::pictures::{PictureFolder, picture_size};
+use crate::dataset::photos::{ImageFolder, image_size};
 use crate::dataset::source::{Source, SourceView, checked_pose};
 use crate::{Error, Report, Result};
 use glam::{DMat3, DVec3};
@@ -84,8 +84,8 @@ impl Row<'_> {
     }
 }
 
-/// Reads the export; pictures are looked up in `folder`.
-pub(crate) fn read(path: &Path, folder: &PictureFolder) -> Result<Source> {
+/// Reads the export; images are looked up in `folder`.
+pub(crate) fn read(path: &Path, folder: &ImageFolder) -> Result<Source> {
     let text = read_text(path)?;
     let mut source = Source {
         format: CaptureFormat::RealityCapture,
@@ -93,7 +93,7 @@ pub(crate) fn read(path: &Path, folder: &PictureFolder) -> Result<Source> {
         views: Vec::new(),
         points: Vec::new(),
         reprojection_error_px: None,
-        without_picture: Vec::new(),
+        without_image: Vec::new(),
         report: Report::default(),
     };
     let mut columns: Option<Vec<String>> = None;
@@ -109,15 +109,15 @@ pub(crate) fn read(path: &Path, folder: &PictureFolder) -> Result<Source> {
         let row = Row { path, line_number: index + 1, columns, fields: line.split(',').collect() };
         let name = row.text("name").ok_or_else(|| row.invalid("no name"))?.replace('\\', "/");
         let pose = pose(&row)?;
-        let Some(picture) = folder.find(&name) else {
-            source.without_picture.push(name);
+        let Some(image) = folder.find(&name) else {
+            source.without_image.push(name);
             continue;
         };
         num_k4 += usize::from(row.or_zero("k4")? != 0.0);
         source.views.push(SourceView {
-            lens: lens(&row, picture_size(&picture)?)?,
+            lens: lens(&row, image_size(&image)?)?,
             name,
-            picture: Some(picture),
+            image: Some(image),
             mask: None,
             camera_from_capture: pose,
             split: None,

@@ -6,7 +6,7 @@ use super::ply;
 use crate::camera::{Pinhole, RigidTransform};
 use crate::dataset::lens::{Distortion, Lens};
 use crate::dataset::options::CaptureFormat;
-use crate::dataset::pictures::{PictureFolder, picture_size};
+use crate::dataset::photos::{ImageFolder, image_size};
 use crate::dataset::source::{Source, SourceView, checked_pose};
 use crate::views::Split;
 use crate::{Error, Report, Result};
@@ -76,7 +76,7 @@ pub(crate) fn find_files(root: &Path) -> Vec<(PathBuf, Option<Split>)> {
 pub(crate) fn read(
     root: &Path,
     files: &[(PathBuf, Option<Split>)],
-    images: Option<&PictureFolder>,
+    images: Option<&ImageFolder>,
 ) -> Result<Source> {
     let mut source = Source {
         format: CaptureFormat::Transforms,
@@ -84,7 +84,7 @@ pub(crate) fn read(
         views: Vec::new(),
         points: Vec::new(),
         reprojection_error_px: None,
-        without_picture: Vec::new(),
+        without_image: Vec::new(),
         report: Report::default(),
     };
     for (path, split) in files {
@@ -98,7 +98,7 @@ fn read_one(
     root: &Path,
     path: &Path,
     split: Option<Split>,
-    images: Option<&PictureFolder>,
+    images: Option<&ImageFolder>,
     source: &mut Source,
 ) -> Result<()> {
     let file: File = serde_json::from_slice(&read_file(path)?).map_err(|e| {
@@ -108,12 +108,12 @@ fn read_one(
         let element = format!("frames[{index}] ({:?})", frame.file_path);
         let camera_from_capture = pose(&frame.transform_matrix)
             .map_err(|e| Error::invalid(path, format!("{element}: transform_matrix: {e}")))?;
-        let Some(picture) = find_picture(root, &frame.file_path, images) else {
-            source.without_picture.push(frame.file_path.clone());
+        let Some(image) = find_image(root, &frame.file_path, images) else {
+            source.without_image.push(frame.file_path.clone());
             continue;
         };
         let intrinsics = frame.intrinsics.or(&file.intrinsics);
-        let lens = intrinsics.lens(path, &element, &picture)?;
+        let lens = intrinsics.lens(path, &element, &image)?;
         let listed = file.test_filenames.as_ref().map(|names| {
             match names.iter().any(|n| plain(n) == plain(&frame.file_path)) {
                 true => Split::Test,
@@ -121,8 +121,8 @@ fn read_one(
             }
         });
         source.views.push(SourceView {
-            name: name(root, &frame.file_path, &picture),
-            picture: Some(picture),
+            name: name(root, &frame.file_path, &image),
+            image: Some(image),
             mask: frame.mask_path.as_ref().map(|m| root.join(m)),
             lens,
             camera_from_capture,
@@ -142,17 +142,17 @@ fn plain(file_path: &str) -> String {
     path.trim_start_matches("./").to_owned()
 }
 
-/// Name of a view: the stored path, with the extension of the picture that was found.
-fn name(root: &Path, file_path: &str, picture: &Path) -> String {
+/// Name of a view: the stored path, with the extension of the image that was found.
+fn name(root: &Path, file_path: &str, image: &Path) -> String {
     let stored = plain(file_path);
-    let inside = picture.strip_prefix(root).ok().map(|p| plain(&p.to_string_lossy()));
+    let inside = image.strip_prefix(root).ok().map(|p| plain(&p.to_string_lossy()));
     match inside {
         Some(inside) if inside.starts_with(&stored) => inside,
         _ => stored,
     }
 }
 
-/// If all pictures lie below one folder, names are relative to it, as COLMAP's are.
+/// If all images lie below one folder, names are relative to it, as COLMAP's are.
 fn strip_common_folder(views: &mut [SourceView]) {
     while let Some((folder, _)) = views.first().and_then(|v| v.name.split_once('/')) {
         let prefix = format!("{folder}/");
@@ -165,10 +165,10 @@ fn strip_common_folder(views: &mut [SourceView]) {
     }
 }
 
-fn find_picture(root: &Path, file_path: &str, images: Option<&PictureFolder>) -> Option<PathBuf> {
+fn find_image(root: &Path, file_path: &str, images: Option<&ImageFolder>) -> Option<PathBuf> {
     let stored = plain(file_path);
     let Some(folder) = images else {
-        return PictureFolder::at(root).find(&stored);
+        return ImageFolder::at(root).find(&stored);
     };
     // `--images images_4` replaces the leading folders of the stored path.
     let mut rest = stored.as_str();
@@ -217,7 +217,7 @@ impl Intrinsics {
         }
     }
 
-    fn lens(&self, path: &Path, element: &str, picture: &Path) -> Result<Lens> {
+    fn lens(&self, path: &Path, element: &str, image: &Path) -> Result<Lens> {
         let invalid = |what: String| Error::invalid(path, format!("{element}: {what}"));
         let (width_px, height_px) = match (self.w, self.h) {
             (Some(w), Some(h)) => {
@@ -227,7 +227,7 @@ impl Intrinsics {
                     _ => return Err(invalid(format!("the size (w, h) is {:?}", (w, h)))),
                 }
             }
-            _ => picture_size(picture)?,
+            _ => image_size(image)?,
         };
         let (w, h) = (f64::from(width_px), f64::from(height_px));
         let from_angle = |side: f64, angle: f64| 0.5 * side / (0.5 * angle).tan();
@@ -266,7 +266,7 @@ impl Intrinsics {
                     path,
                     format!(
                         "{element}: camera_model {other:?}; supported: SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, \
-                         RADIAL, OPENCV, FULL_OPENCV, OPENCV_FISHEYE; undistort the pictures"
+                         RADIAL, OPENCV, FULL_OPENCV, OPENCV_FISHEYE; undistort the images"
                     ),
                 ));
             }

@@ -58,7 +58,7 @@ pub enum TrafficItem {
     Preprocess,
     /// From depth keys to the tiles' lists.
     Sort,
-    /// Picture.
+    /// Image.
     Forward,
     /// Loss and its derivative.
     Loss,
@@ -127,7 +127,7 @@ pub(super) fn traffic(kernel: KernelId, c: &TrafficCounts) -> Vec<(TrafficItem, 
             let lagging = 5.0 * WORD * c.sh_floats * c.lagging;
             vec![(I::Preprocess, all + visible), (I::Adam, lagging)]
         }
-        K::SettleTexel => {
+        K::FlushTexel => {
             let records = WORD * c.splats + INFO * c.visible + WORD * c.lagging;
             vec![(I::Adam, records + (STATE + WORD) * 3.0 * c.lagging_texels)]
         }
@@ -149,7 +149,7 @@ pub(super) fn traffic(kernel: KernelId, c: &TrafficCounts) -> Vec<(TrafficItem, 
         K::RasterFwd | K::RasterFwdCount | K::RasterFwdBatched | K::RasterFwdBatchedCount => {
             vec![(I::Forward, scene + (16.0 + 8.0) * c.pixels)]
         }
-        // Picture, photo, maps, loss.
+        // Image, photo, maps, loss.
         K::LossFwd => vec![(I::Loss, (16.0 + 4.0 + 36.0 + 4.0) * c.pixels + 16.0 * c.tiles)],
         // The same, read, and the derivative.
         K::LossBwd => vec![(I::Loss, (16.0 + 4.0 + 36.0 + 4.0 + 16.0) * c.pixels)],
@@ -185,7 +185,7 @@ pub(super) fn traffic(kernel: KernelId, c: &TrafficCounts) -> Vec<(TrafficItem, 
         | K::RasterBwdGeometryScatter
         | K::ProjectBwdGeometry
         | K::FinishGeometry
-        | K::SettleSplat
+        | K::FlushSplat
         | K::GatherSplats
         | K::EditSplats
         | K::RegridMaps

@@ -72,7 +72,7 @@ pub(super) fn mirrors() -> Vec<Mirror> {
                 sh_degree,
                 splat_stride,
                 step,
-                settled_step,
+                flushed_step,
                 flags,
                 status_slot,
                 pair_capacity,

@@ -18,8 +18,8 @@ use crate::backend::WindowStatistics;
 use crate::camera::Similarity;
 use crate::constants::{SH_DEGREE_MAX, sh_coefficients};
 use crate::model::{AdamState, LearningRates, Model, SplatArrays, SplatGroup, TextureMap, TexturePool};
-use crate::schedule::PrimitiveBudget;
-use crate::train::structure::Life;
+use crate::frequency::SplatBudget;
+use crate::train::density::Life;
 use crate::train::{TrainHistory, TrainState};
 use glam::DVec3;
 use safetensors::{Dtype, View};
@@ -215,14 +215,14 @@ fn lives(reader: &mut Reader<'_>, n: usize) -> Result<Vec<Life>> {
     Ok(values.chunks_exact(3).map(life).collect())
 }
 
-fn pace(reader: &mut Reader<'_>) -> Result<PrimitiveBudget> {
+fn pace(reader: &mut Reader<'_>) -> Result<SplatBudget> {
     let values = f64s(reader.take("state.pace", Dtype::F64, &[2])?);
     if !values.iter().all(|v| v.is_finite() && *v >= 0.0) {
         return Err(
             reader.invalid(format!("tensor \"state.pace\": found {values:?}, expected numbers from 0"))
         );
     }
-    Ok(PrimitiveBudget { initial: values[0] as usize, momentum: values[1] })
+    Ok(SplatBudget { initial: values[0] as usize, momentum: values[1] })
 }
 
 /// Sums of the window: of no splat, or of each.

@@ -4,8 +4,8 @@ use super::*;
 use crate::backend::WindowStatistics;
 use crate::camera::Similarity;
 use crate::model::{AdamState, Model, SplatArrays, SplatGroup, TexturePool};
-use crate::schedule::PrimitiveBudget;
-use crate::train::structure::Life;
+use crate::frequency::SplatBudget;
+use crate::train::density::Life;
 use crate::train::{CurvePoint, TrainHistory};
 use glam::DVec3;
 use safetensors::tensor::TensorView;
@@ -63,7 +63,7 @@ fn sample(n: usize, sh_degree: u32) -> TrainState {
         },
         stage_step: 5,
         revised_step: 6,
-        pace: PrimitiveBudget { initial: n, momentum: 12.5 },
+        pace: SplatBudget { initial: n, momentum: 12.5 },
         history: history(n),
     }
 }
@@ -71,7 +71,7 @@ fn sample(n: usize, sh_degree: u32) -> TrainState {
 fn history(n: usize) -> TrainHistory {
     TrainHistory {
         train_wall_secs: 0.25,
-        structure_wall_secs: 0.125,
+        density_control_wall_secs: 0.125,
         analysis_wall_secs: 0.0625,
         train_cpu_secs: 0.5,
         total_wall_secs: 0.75,

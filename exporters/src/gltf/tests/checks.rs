@@ -31,9 +31,9 @@ fn our_files_are_sound() {
         let written = write_gltf(&path, &hard_fixture(300, 2), &options(quality)).unwrap();
         let text = std::fs::read(&path).unwrap();
         assert_eq!(validate(&text, &path), []);
-        // A page of another picture's size, and none.
+        // A page of another image's size, and none.
         let page = &written[1];
-        std::fs::write(page, b"no picture").unwrap();
+        std::fs::write(page, b"no image").unwrap();
         assert!(validate(&text, &path).iter().any(|i| i.code == "LT1024"));
         std::fs::remove_file(page).unwrap();
         let found = validate(&text, &path);

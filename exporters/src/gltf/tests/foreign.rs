@@ -122,7 +122,7 @@ fn a_moved_node_counts_and_changed_values_are_noticed() {
     let near = |p: [f64; 3]| (0..3).all(|i| (p[i] - [1.0, -2.0, -3.0][i]).abs() < 1e-9); // needed 3e-11: 1.4e5 away
     assert!(near(place) && !near(asset.world_from_local().translation), "{place:?}");
     assert!(read.warnings.iter().any(|w| w.contains("moved")), "{:?}", read.warnings);
-    assert_eq!(read.hash, Some(read.asset.hash()), "the place is no part of the picture");
+    assert_eq!(read.hash, Some(read.asset.hash()), "the place is no part of the image");
     assert!(validate(&moved, Path::new(PATH)).iter().all(|i| i.code == "LT1030"));
     // What f32 does to a node is not a move.
     let rounded = edited(&bytes, |j| {

@@ -96,7 +96,7 @@ fn hostile_counts_offsets_and_sizes() {
     let (json, _) = split(&bytes);
     // COLOR_0 is for others: nobody reads it.
     let unread = json.pointer(PRIMITIVE).unwrap()["attributes"]["COLOR_0"].as_u64().unwrap();
-    let picture = json["images"][0]["bufferView"].as_u64().unwrap();
+    let image = json["images"][0]["bufferView"].as_u64().unwrap();
     let pointers: Vec<String> = (0..json["accessors"].as_array().unwrap().len())
         .flat_map(|i| {
             ["count", "byteOffset", "bufferView", "componentType"].map(|k| format!("/accessors/{i}/{k}"))
@@ -113,10 +113,10 @@ fn hostile_counts_offsets_and_sizes() {
             let (parent, name) = pointer.rsplit_once('/').unwrap();
             let hostile = edited(&bytes, |j| j.pointer_mut(parent).unwrap()[name] = value.clone());
             let read = survive(&hostile, pointer);
-            // A mesh without a node and a picture with a stride are odd, but harmless.
+            // A mesh without a node and an image with a stride are odd, but harmless.
             let harmless = pointer == "/nodes/0/mesh"
                 || parent.ends_with(&format!("s/{unread}"))
-                || pointer.ends_with(&format!("s/{picture}/byteStride"));
+                || pointer.ends_with(&format!("s/{image}/byteStride"));
             assert!(!read || harmless, "{pointer} = {value}");
         }
     }

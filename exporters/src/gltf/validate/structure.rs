@@ -88,7 +88,7 @@ pub fn check_primitive(loaded: &Loaded<'_>, found: &Found<'_>, issues: &mut Issu
     }
 }
 
-/// A file of meshes only: their accessors, pictures and nodes are there.
+/// A file of meshes only: their accessors, images and nodes are there.
 pub fn check_mesh(loaded: &Loaded<'_>, issues: &mut Issues) {
     for (i, mesh) in loaded.document.meshes.iter().enumerate() {
         for (j, primitive) in mesh.primitives.iter().enumerate() {

@@ -159,7 +159,7 @@ fn what_cannot_be_written_leaves_nothing() {
     broken.opacities[0] = 2.0;
     assert!(matches!(fails("a.usdz", &broken, &options(Quality::Balanced)), Error::Invalid { .. }));
     assert_eq!(names(), 0);
-    // A folder in the way of the last file: pictures are removed again.
+    // A folder in the way of the last file: images are removed again.
     std::fs::create_dir_all(folder.path().join("b.usdc/x")).unwrap();
     assert!(matches!(fails("b.usdc", &asset, &options(Quality::Balanced)), Error::Io { .. }));
     assert_eq!(names(), 1);

@@ -292,7 +292,7 @@ fn a_broken_fallback_is_found() {
 }
 
 #[test]
-fn folders_of_pictures_have_any_name() {
+fn folders_of_images_have_any_name() {
     let folder = tempfile::tempdir().unwrap();
     let path = write(folder.path(), "s.usda", &full(9, 0), Quality::Balanced);
     let before = read(&path).unwrap().asset;

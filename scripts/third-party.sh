@@ -1,0 +1,163 @@
+#!/usr/bin/env bash
+# Programs of others judge the files that a build of ours exports: scripts/third-party.sh BINARY [OUT_DIR]
+#
+# Needs node 20 or newer with npm, Python 3.11 or newer with venv, and Chromium; fetches the judges at pinned versions
+# (tests/third_party/) into target/third-party/ once. One line per judge; exit code 1 if one is not content.
+#
+# A judge that cannot be had is skipped, with the reason; LITETEX_REQUIRE_THIRD_PARTY=1 makes that a failure.
+# LITETEX_USD_SAMPLES: folder with the samples that the tests of exporters/ have written, also checked if it is there.
+set -euo pipefail
+
+[ $# -ge 1 ] && [ -x "$1" ] || { echo "usage: scripts/third-party.sh BINARY [OUT_DIR]" >&2; exit 2; }
+binary=$(realpath "$1")
+cd "$(dirname "$0")/.."
+cache=${CARGO_TARGET_DIR:-target}/judges
+out=${2:-$cache/out}
+mkdir -p "$cache" "$out"
+cache=$(realpath "$cache")
+out=$(realpath "$out")
+tests=$PWD/tests
+lines=()
+failed=0
+skipped=0
+export PYTHONDONTWRITEBYTECODE=1
+
+# say LINE: now, and again in the summary.
+say() { printf '%s\n' "$1"; lines+=("$1"); }
+# skip JUDGES WHY
+skip() {
+    say "$1: skipped, $2"
+    skipped=1
+    [ "${LITETEX_REQUIRE_THIRD_PARTY:-0}" = 0 ] || failed=1
+}
+# judge COMMAND...: its last line is the verdict, what stands above are problems.
+judge() {
+    local text
+    if ! text=$("$@" 2>&1); then
+        failed=1
+        say "$text"
+        return
+    fi
+    say "$(tail -n 1 <<<"$text")"
+}
+
+# --- tools ---
+
+node_why="" python_why="" browser_why=""
+node=$cache/node venv=$cache/venv
+if ! command -v node >/dev/null || ! command -v npm >/dev/null; then
+    node_why="node and npm are missing"
+elif [ "$(node -p 'parseInt(process.versions.node)')" -lt 20 ]; then
+    node_why="node 20 or newer is needed, found $(node --version)"
+else
+    mkdir -p "$node"
+    cp "$tests"/judges/*.mjs "$tests"/judges/*.html "$tests"/judges/package*.json "$node/"
+    if ! cmp -s "$node/package-lock.json" "$node/installed"; then
+        rm -f "$node/installed"
+        # The version of node that one of them asks for is not needed for what is used of it.
+        if (cd "$node" && npm ci --no-audit --no-fund --ignore-scripts --loglevel=error) >"$cache/npm.log" 2>&1; then
+            cp "$node/package-lock.json" "$node/installed"
+        else
+            node_why="npm ci failed, see $cache/npm.log"
+        fi
+    fi
+fi
+if ! command -v python3 >/dev/null || ! python3 -c 'import ensurepip, sys, venv; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then
+    python_why="python3 (3.11 or newer) with venv is missing"
+elif ! cmp -s "$tests/third_party/requirements.txt" "$venv/installed"; then
+    rm -rf "$venv"
+    if python3 -m venv "$venv" >"$cache/pip.log" 2>&1 \
+        && "$venv/bin/pip" install -q --disable-pip-version-check -r "$tests/third_party/requirements.txt" >>"$cache/pip.log" 2>&1; then
+        cp "$tests/third_party/requirements.txt" "$venv/installed"
+    else
+        python_why="pip failed, see $cache/pip.log"
+    fi
+fi
+if ! command -v chromium chromium-browser google-chrome google-chrome-stable >/dev/null; then
+    browser_why="Chromium is missing"
+fi
+python=$venv/bin/python
+
+# --- files: a capture of ours, trained for a few seconds ---
+
+rm -rf "${out:?}/capture" "$out/run" "$out/files" "$out/images"
+mkdir -p "$out/files" "$out/images"
+"$binary" -q sample "$out/capture" --views 20 --size 240x180 --points 3000 --no-truth --text >/dev/null
+"$binary" -q train "$out/capture" -o "$out/run" --device cpu --steps 300 --eval-every 0 \
+    --set density.start=50 --set density.interval=50 --set density.texture-start=100 >/dev/null
+files=$out/files
+export_as() { # export_as QUALITY FILE...
+    "$binary" -q export "$out/run" --no-verify --quality "$1" -o "${@:2}" >/dev/null
+}
+export_as lossless "$files/lossless.glb" "$files/lossless.gltf" "$files/scene.usda" "$files/scene.usdc" "$files/scene.usdz"
+export_as balanced "$files/balanced.gltf" "$files/scene.ply" "$files/scene.spz"
+"$binary" -q export "$out/run" --no-verify --mesh -o "$files/balanced.glb" >/dev/null
+cp "$files/lossless.glb" "$files/scene.glb"
+"$binary" -q export "$out/run" --no-verify --quality lossless --up=0.3,-0.7,0.5 --scale 0.5 \
+    -o "$files"/turned.{glb,ply,spz} >/dev/null
+"$binary" -q render "$files/scene.ply" --capture "$out/capture" --test --device cpu -o "$out/images/ours" >/dev/null
+
+# --- judges ---
+
+if [ -n "$node_why" ]; then
+    skip "gltf-validator; three GLTFLoader; glTF-Transform, gltfpack" "$node_why"
+else
+    judge node "$node/validator.mjs" "$files/lossless.glb" "$files/balanced.glb" "$files/lossless.gltf" \
+        "$files/balanced.gltf" "$files/balanced.mesh.glb"
+    judge node "$node/loader.mjs" "$files/lossless.glb" "$files/balanced.glb"
+    judge node "$node/transform.mjs" "$binary" "$files/balanced.glb"
+fi
+if [ -n "$python_why" ]; then
+    skip "usd-core; xatlas, raster; second renderer" "$python_why"
+else
+    judge "$python" "$tests/third_party/usd_files.py" "$files/lossless.glb" "$files"/scene.usd?
+    if [ -n "${LITETEX_USD_SAMPLES:-}" ]; then
+        samples=("$LITETEX_USD_SAMPLES"/*.usd?)
+        judge "$python" "$tests/python/check_usd.py" "$LITETEX_USD_SAMPLES/expected.json" "${samples[@]}"
+    fi
+    judge "$python" "$tests/third_party/packing.py" "$files/balanced.glb" "$files/lossless.gltf"
+    # A renderer written from the specifications alone.
+    judge "$python" "$tests/python/run_second.py" "$binary"
+fi
+if [ -n "$node_why$python_why" ]; then
+    skip "splat-transform" "${node_why:-$python_why}"
+else
+    convert() { node "$node/node_modules/@playcanvas/splat-transform/bin/cli.mjs" -q -w "$1" "$2"; }
+    for name in scene turned; do
+        if text=$(convert "$files/$name.ply" "$files/$name.ply.other.ply" 2>&1 \
+            && convert "$files/$name.spz" "$files/$name.spz.other.ply" 2>&1); then
+            judge "$python" "$tests/third_party/columns.py" "$files/$name.glb" "$files/$name".{ply,spz}.other.ply "$files/$name.spz"
+        else
+            failed=1
+            say "splat-transform: FAILED: $(tail -n 5 <<<"$text")"
+        fi
+    done
+fi
+if [ -n "$node_why$python_why$browser_why" ]; then
+    skip "three.js in Chromium" "${node_why:-${python_why:-$browser_why}}"
+else
+    controls=(mirrored rotations sh-signs)
+    wide=("wide=$files/lossless.glb")
+    for control in "${controls[@]}"; do wide+=("$control=$files/$control.broken.glb"); done
+    node "$node/controls.mjs" "$files/lossless.glb" "${wide[@]:1}"
+    rendered() { # rendered SIGMAS NAME=FILE...
+        node "$node/browser.mjs" "$1" "$out/capture" "$out/images/ours" "$out/images" "${@:2}" >>"$out/browser.log" 2>&1
+    }
+    : >"$out/browser.log"
+    if rendered shipped "lossless=$files/lossless.glb" "balanced=$files/balanced.glb" && rendered 3.33 "${wide[@]}"; then
+        judge "$python" "$tests/third_party/images.py" "$out/capture/images" "$out/images/ours" "$out/images" \
+            lossless,balanced wide "$(IFS=,; echo "${controls[*]}")"
+    else
+        failed=1
+        say "three.js in Chromium: FAILED: $(tail -n 5 "$out/browser.log")"
+    fi
+fi
+
+printf '\n== judges\n'
+printf '%s\n' "${lines[@]}"
+case $failed$skipped in
+    00) echo "judges: content" ;;
+    01) echo "judges: content, but not all were asked" ;;
+    *) echo "judges: NOT content" ;;
+esac
+exit "$failed"

@@ -1,0 +1,37 @@
+// Brings the SH of every splat up to date, seen or not: before the structure changes, and for a model that is
+// read to be shown (twin: adam_skipped of reference/adam.rs). The step up to which a splat has come is written by
+// flush_texel, which goes after this.
+
+#constants
+#include common/groups
+#include common/numbers
+#include common/step
+#include common/splat
+#include common/adam
+
+@group(0) @binding(1) var<storage, read_write> splat_p: array<f32>; // [n, stride]
+@group(0) @binding(2) var<storage, read_write> splat_m: array<f32>; // [n, stride]
+@group(0) @binding(3) var<storage, read_write> splat_v: array<f32>; // [n, stride]
+@group(0) @binding(4) var<storage, read> splat_info: array<SplatInfo>; // [n]
+
+@compute @workgroup_size(SPLAT_GROUP)
+fn flush_splat(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let i = group_index(group, groups);
+    let f = SH + lane;
+    if i >= step.num_splats || f >= step.splat_stride {
+        return;
+    }
+    let skip = adam_skip(splat_info[i].last_step, step.flushed_step);
+    if skip.any {
+        let at = i * step.splat_stride + f;
+        let rate = select(step.last_rate_sh_rest, step.last_rate_sh_dc, lane < 3u);
+        let now = adam_skipped(Moments(splat_p[at], splat_m[at], splat_v[at]), skip, rate);
+        splat_p[at] = now.p;
+        splat_m[at] = now.m;
+        splat_v[at] = now.v;
+    }
+}

@@ -1,0 +1,286 @@
+//! Applies a density-control plan: gathers splats, changes their maps and moments, edits parameters.
+
+use super::maps::{Outside, regrid, resample};
+use crate::Result;
+use crate::backend::{MapChange, SplatEdit, DensityPlan};
+use crate::model::{AdamState, Model, SplatArrays, SplatGroup, TextureMap, TexturePool};
+use rayon::prelude::*;
+
+/// Which array of the texels is changed.
+#[derive(Clone, Copy)]
+enum Texels {
+    Values,
+    FirstMoments,
+    SecondMoments,
+}
+
+/// The model and optimiser state after the plan, which must have been checked.
+///
+/// # Errors
+/// As [`TexturePool::neutral`].
+pub(super) fn apply_plan(
+    model: &Model,
+    adam: &AdamState,
+    plan: &DensityPlan,
+) -> Result<(Model, AdamState)> {
+    let gather = |arrays: &SplatArrays| arrays.gathered(&plan.sources);
+    let old = &model.textures.maps;
+    let extents = plan.sources.iter().zip(&plan.maps).map(|(&s, change)| match *change {
+        MapChange::Keep => {
+            let map = &old[s as usize];
+            (map.rows, map.cols, map.texel_size)
+        }
+        MapChange::Resample { rows, cols, texel_size, .. } => (rows, cols, texel_size),
+        MapChange::Regrid { grid, rows, cols, .. } => {
+            (rows, cols, old[s as usize].texel_size * grid.texel_ratio())
+        }
+    });
+    let mut textures = TexturePool::neutral(extents)?;
+    let change_all = |from: &[f32], which: Texels| -> Vec<f32> {
+        let parts: Vec<Vec<f32>> = plan
+            .sources
+            .par_iter()
+            .zip(&plan.maps)
+            .zip(&textures.maps)
+            .with_min_len(256)
+            .map(|((&s, change), new)| {
+                let old = &old[s as usize];
+                changed(old, &from[old.floats()], new, change, which)
+            })
+            .collect();
+        parts.concat()
+    };
+    let texels = change_all(&model.textures.texels, Texels::Values);
+    let texels_m = change_all(&adam.texels_m, Texels::FirstMoments);
+    let texels_v = change_all(&adam.texels_v, Texels::SecondMoments);
+    textures.texels = texels;
+    let mut adam = AdamState {
+        splats_m: gather(&adam.splats_m),
+        splats_v: gather(&adam.splats_v),
+        texels_m,
+        texels_v,
+        last_step: plan.sources.iter().map(|&s| adam.last_step[s as usize]).collect(),
+        ..*adam
+    };
+    let mut model = Model { splats: gather(&model.splats), textures, ..*model };
+    plan.edits.iter().for_each(|edit| carry_out(edit, &mut model.splats, &mut adam.splats_m));
+    Ok((model, adam))
+}
+
+/// One array of one map after its change.
+fn changed(old: &TextureMap, from: &[f32], new: &TextureMap, change: &MapChange, which: Texels) -> Vec<f32> {
+    let (mut out, moment_scale) = match *change {
+        MapChange::Keep => return from.to_vec(),
+        MapChange::Resample { shift_texels, moment_scale, .. } => {
+            (resample(old, from, new, shift_texels), moment_scale)
+        }
+        MapChange::Regrid { grid, first_row, first_col, moment_scale, .. } => {
+            let outside = match which {
+                Texels::Values | Texels::FirstMoments => Outside::Zero,
+                Texels::SecondMoments => Outside::Nearest,
+            };
+            (regrid(old, from, new, grid, [first_row, first_col], outside), moment_scale)
+        }
+    };
+    let factor = match which {
+        Texels::Values => return out,
+        Texels::FirstMoments => moment_scale[0],
+        Texels::SecondMoments => moment_scale[1],
+    };
+    out.iter_mut().for_each(|value| *value *= factor);
+    out
+}
+
+/// Writes the edited parameters, and ends the momentum of all parameters of the splat.
+fn carry_out(edit: &SplatEdit, splats: &mut SplatArrays, first_moments: &mut SplatArrays) {
+    let i = edit.splat as usize;
+    splats.positions[3 * i..3 * i + 3].copy_from_slice(&edit.position);
+    splats.log_scales[2 * i..2 * i + 2].copy_from_slice(&edit.log_scales);
+    splats.opacity_logits[i] = edit.opacity_logit;
+    for group in SplatGroup::ALL {
+        let width = group.width(first_moments.sh_degree);
+        first_moments.group_mut(group)[i * width..(i + 1) * width].fill(0.0);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::backend::Grid;
+    use crate::selftest::{SceneOptions, random_scene};
+
+    fn apply_plan(model: &Model, adam: &AdamState, plan: &DensityPlan) -> (Model, AdamState) {
+        super::apply_plan(model, adam, plan).unwrap()
+    }
+
+    /// A small model with moments that are no round numbers, and a plan of `change` for its first map.
+    fn planned(change: MapChange) -> (Model, AdamState, DensityPlan) {
+        let options = SceneOptions { num_splats: 3, map_sizes: vec![(4, 3)], ..SceneOptions::default() };
+        let model = random_scene(&options).model;
+        let mut adam = AdamState::zeros(&model);
+        adam.texels_m.iter_mut().enumerate().for_each(|(i, m)| *m = 0.1 * (i as f32).sin());
+        adam.texels_v.iter_mut().enumerate().for_each(|(i, v)| *v = 0.01 * (i as f32).cos().abs());
+        adam.splats_m.positions.fill(0.3);
+        let maps = vec![change, MapChange::Keep, MapChange::Keep];
+        (model, adam, DensityPlan { sources: vec![0, 1, 2], maps, ..DensityPlan::default() })
+    }
+
+    #[test]
+    fn moments_are_scaled_after_resampling_and_nothing_else_is() {
+        // Twice as many texels per axis, and the same size (which is not resampled).
+        for (rows, cols, finer) in [(8, 6, 0.5), (4, 3, 1.0)] {
+            let run = |moment_scale| {
+                let (model, adam, mut plan) = planned(MapChange::Keep);
+                let texel_size = finer * model.textures.maps[0].texel_size;
+                plan.maps[0] =
+                    MapChange::Resample { rows, cols, texel_size, shift_texels: [0.0; 2], moment_scale };
+                plan.check(3).unwrap();
+                apply_plan(&model, &adam, &plan)
+            };
+            let (plain_model, plain) = run([1.0, 1.0]);
+            let (model, adam) = run([0.25, 0.0625]);
+            assert_eq!(model, plain_model, "texels and splats are not scaled");
+            let first = model.textures.maps[0].floats();
+            let scaled = |v: &[f32], f: f32| v[first.clone()].iter().map(|v| f * v).collect::<Vec<_>>();
+            assert_eq!(adam.texels_m[first.clone()], scaled(&plain.texels_m, 0.25));
+            assert_eq!(adam.texels_v[first.clone()], scaled(&plain.texels_v, 0.0625));
+            assert!(plain.texels_m[first.clone()].iter().filter(|m| **m != 0.0).count() > 20);
+            // The kept maps and the moments of the splats stay.
+            assert_eq!(adam.texels_m[first.end..], plain.texels_m[first.end..]);
+            assert_eq!(adam.texels_v[first.end..], plain.texels_v[first.end..]);
+            assert_eq!((&adam.splats_m, &adam.splats_v), (&plain.splats_m, &plain.splats_v));
+            // Negative control: exchanged factors show in both moments.
+            let (_, exchanged) = run([0.0625, 0.25]);
+            assert!(exchanged.texels_m != adam.texels_m && exchanged.texels_v != adam.texels_v);
+        }
+    }
+
+    #[test]
+    fn a_scale_of_one_keeps_every_bit_of_a_map_of_the_same_size() {
+        let (model, adam, mut plan) = planned(MapChange::Keep);
+        let kept = apply_plan(&model, &adam, &plan);
+        let texel_size = model.textures.maps[0].texel_size;
+        plan.maps[0] = MapChange::Resample {
+            rows: 4,
+            cols: 3,
+            texel_size,
+            shift_texels: [0.0; 2],
+            moment_scale: [1.0, 1.0],
+        };
+        assert_eq!(apply_plan(&model, &adam, &plan), kept);
+        assert_eq!(kept, (model, adam));
+    }
+
+    #[test]
+    fn scales_that_would_ruin_the_moments_are_refused() {
+        let (_, _, mut plan) = planned(MapChange::Keep);
+        plan.check(3).unwrap();
+        for moment_scale in [[f32::NAN, 1.0], [1.0, -0.25], [f32::INFINITY, 1.0]] {
+            plan.maps[0] = MapChange::Resample {
+                rows: 2,
+                cols: 2,
+                texel_size: 0.1,
+                shift_texels: [0.0; 2],
+                moment_scale,
+            };
+            let message = plan.check(3).unwrap_err().to_string();
+            assert!(message.contains("moment scale") && message.contains("new splat 0"), "{message}");
+        }
+    }
+
+    fn window(grid: Grid, size: [u16; 2], first: [i32; 2]) -> MapChange {
+        let ([rows, cols], [first_row, first_col]) = (size, first);
+        MapChange::Regrid { grid, rows, cols, first_row, first_col, moment_scale: [0.25, 0.0625] }
+    }
+
+    #[test]
+    fn windows_pad_texels_with_zeros_and_second_moments_with_their_nearest() {
+        // The first map, 4 x 3, gets a column on each side.
+        let (model, adam, plan) = planned(window(Grid::Same, [4, 5], [0, -1]));
+        plan.check(3).unwrap();
+        let (new, moments) = apply_plan(&model, &adam, &plan);
+        assert_eq!(new.textures.maps[0].num_texels(), 20);
+        assert_eq!(new.textures.maps[0].texel_size, model.textures.maps[0].texel_size);
+        for (t, before) in (0..20).map(|t: usize| (t, 3 * (t / 5 * 3 + (t % 5).clamp(1, 3) - 1))) {
+            let padding = t % 5 == 0 || t % 5 == 4;
+            for c in 0..3 {
+                let texel = if padding { 0.0 } else { model.textures.texels[before + c] };
+                let first = if padding { 0.0 } else { 0.25 * adam.texels_m[before + c] };
+                assert_eq!(new.textures.texels[3 * t + c], texel, "texel {t}");
+                assert_eq!(moments.texels_m[3 * t + c], first, "texel {t}");
+                assert_eq!(moments.texels_v[3 * t + c], 0.0625 * adam.texels_v[before + c], "texel {t}");
+            }
+        }
+        // The other maps and all splats stay.
+        assert_eq!(new.textures.texels[60..], model.textures.texels[36..]);
+        assert_eq!((&new.splats, &moments.splats_m), (&model.splats, &adam.splats_m));
+        // A grid of other density changes the edge of a texel, no texels drop the map.
+        let (model, adam, plan) = planned(window(Grid::Finer, [8, 6], [0, 0]));
+        let (new, _) = apply_plan(&model, &adam, &plan);
+        assert_eq!(new.textures.maps[0].texel_size, 0.5 * model.textures.maps[0].texel_size);
+        let (_, _, plan) = planned(window(Grid::Same, [0, 0], [0, 0]));
+        plan.check(3).unwrap();
+        assert_eq!(apply_plan(&model, &adam, &plan).0.num_texels(), model.num_texels() - 12);
+    }
+
+    #[test]
+    fn a_window_of_texels_along_one_axis_only_is_refused() {
+        for (size, first) in [([0, 3], [0, 0]), ([4, 0], [0, 0])] {
+            let (_, _, plan) = planned(window(Grid::Same, size, first));
+            let message = plan.check(3).unwrap_err().to_string();
+            assert!(message.contains("new splat 0") && message.contains("texels"), "{message}");
+        }
+    }
+
+    #[test]
+    fn edits_write_parameters_and_end_the_momentum_of_their_splat_only() {
+        let (model, mut adam, mut plan) = planned(MapChange::Keep);
+        for (k, group) in SplatGroup::ALL.into_iter().enumerate() {
+            adam.splats_m.group_mut(group).fill(0.1 + k as f32);
+            adam.splats_v.group_mut(group).fill(0.01 + k as f32);
+        }
+        let edit = |splat, x| SplatEdit {
+            splat,
+            position: [x, 2.0, 3.0],
+            log_scales: [-1.0, -2.0],
+            opacity_logit: 0.5,
+        };
+        plan.sources = vec![2, 0, 0];
+        let (before, _) = apply_plan(&model, &adam, &plan);
+        plan.edits = vec![edit(1, 7.0), edit(2, 8.0)];
+        plan.check(3).unwrap();
+        let (after, moments) = apply_plan(&model, &adam, &plan);
+        assert_eq!(after.splats.positions[3..], [7.0, 2.0, 3.0, 8.0, 2.0, 3.0]);
+        assert_eq!(after.splats.log_scales[2..], [-1.0, -2.0, -1.0, -2.0]);
+        assert_eq!(after.splats.opacity_logits[1..], [0.5, 0.5]);
+        assert_eq!(after.splats.positions[..3], before.splats.positions[..3]);
+        assert_eq!(after.splats.quaternions, before.splats.quaternions);
+        assert_eq!(after.splats.sh, before.splats.sh);
+        assert_eq!(after.textures, before.textures);
+        for group in SplatGroup::ALL {
+            let width = group.width(3);
+            let (m, v) = (moments.splats_m.group(group), moments.splats_v.group(group));
+            // The splat that is not edited keeps its momentum: the negative control.
+            assert!(m[..width].iter().all(|m| *m != 0.0), "{group:?}");
+            assert!(m[width..].iter().all(|m| *m == 0.0), "{group:?}");
+            assert_eq!(v, adam.splats_v.group(group), "{group:?}");
+        }
+        // The maps have factors of their own: one zero in each copy of the first map is as it was.
+        assert_eq!(moments.texels_m.iter().filter(|m| **m != 0.0).count(), 36 * 3 - 2);
+    }
+
+    #[test]
+    fn edits_out_of_order_or_range_are_refused() {
+        let (_, _, mut plan) = planned(MapChange::Keep);
+        let edit = |splat, opacity_logit| SplatEdit {
+            splat,
+            position: [0.0; 3],
+            log_scales: [0.0; 2],
+            opacity_logit,
+        };
+        for edits in [vec![edit(3, 0.0)], vec![edit(1, 0.0), edit(1, 0.0)], vec![edit(0, f32::NAN)]] {
+            plan.edits = edits;
+            assert!(plan.check(3).unwrap_err().to_string().contains("edit"));
+        }
+    }
+}

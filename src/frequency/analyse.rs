@@ -1,0 +1,65 @@
+//! Which views are looked at, and how their spectra become one schedule.
+
+use super::fft::PlaneTransform;
+use super::options::FrequencyOptions;
+use super::spectrum::{RINGS, Spectrum, Windows};
+use super::{FrequencySchedule, noise, significance, stages};
+use crate::views::{Split, ViewSource};
+use crate::{Error, Result};
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+
+/// See [`FrequencySchedule::analyse`].
+pub(super) fn analyse(views: &dyn ViewSource, options: &FrequencyOptions) -> Result<FrequencySchedule> {
+    options.check()?;
+    let chosen = evenly_picked(&views.indices(Split::Train), options.max_views);
+    let mut transforms = BTreeMap::new();
+    for &view in &chosen {
+        let p = views.camera(view).pinhole;
+        transforms
+            .entry((p.width_px, p.height_px))
+            .or_insert_with_key(|&(w, h)| PlaneTransform::new(w as usize, h as usize));
+    }
+    // Collected in the order of views, so that sums do not depend on threads.
+    let spectra: Vec<Option<Spectrum>> = chosen
+        .par_iter()
+        .map(|&view| {
+            let photo = views.target(view)?;
+            let size = (photo.width_px, photo.height_px);
+            match transforms.get(&size) {
+                Some(transform) => Ok(significance::spectrum(&photo, transform)),
+                None => Err(Error::Usage(format!(
+                    "{:?}: the photo is {}x{} px, its camera of another size",
+                    views.name(view),
+                    size.0,
+                    size.1
+                ))),
+            }
+        })
+        .collect::<Result<_>>()?;
+    let spectra: Vec<Spectrum> = spectra.into_iter().flatten().collect();
+    Ok(schedule(&spectra, options))
+}
+
+/// At most `most` of `views`, in their order, at equal distances.
+fn evenly_picked(views: &[usize], most: usize) -> Vec<usize> {
+    let num = views.len().min(most);
+    // The middle of each of `num` equal parts.
+    (0..num).map(|i| views[(2 * i + 1) * views.len() / (2 * num)]).collect()
+}
+
+/// The schedule of views with these spectra.
+pub(super) fn schedule(spectra: &[Spectrum], options: &FrequencyOptions) -> FrequencySchedule {
+    let denoised = |view: &Spectrum| match options.noise_robust {
+        true => noise::denoised_rings(view),
+        false => (view.rings(), 0.0),
+    };
+    let (rings, noise): (Vec<Vec<f64>>, Vec<f64>) = spectra.iter().map(denoised).unzip();
+    let single: Vec<Windows> = rings.iter().map(|rings| Windows::new(rings.iter().copied())).collect();
+    let s_max = stages::start_scale(&single, options);
+    // A sum: the number of views drops out of every use.
+    let mean = (0..RINGS).map(|ring| rings.iter().map(|view| view[ring]).sum::<f64>());
+    let nodes = stages::nodes(&Windows::new(mean), s_max, options.levels);
+    let noise = stages::quantile(noise, 0.5).unwrap_or(0.0).sqrt();
+    FrequencySchedule { s_max: nodes[0].1, nodes, views: spectra.len(), noise: stages::rounded(noise) }
+}

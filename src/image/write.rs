@@ -1,0 +1,181 @@
+//! Writing images: 8-bit PNG for people and metrics, 32-bit float EXR for quantities. A file
+//! appears under its name only when it is complete.
+
+use crate::{Error, Result, atomic_file};
+use exr::prelude::{
+    AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, SmallVec, WritableImage,
+};
+use image::{ExtendedColorType, ImageEncoder, codecs::png};
+use std::io::Cursor;
+use std::path::Path;
+
+/// Channels of an image, interleaved.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Channels {
+    /// One: brightness, depth.
+    Grey,
+    /// Red, green, blue.
+    Rgb,
+    /// Red, green, blue and coverage, colour not multiplied by it.
+    Rgba,
+}
+
+impl Channels {
+    /// Values per pixel.
+    pub const fn count(self) -> usize {
+        match self {
+            Self::Grey => 1,
+            Self::Rgb => 3,
+            Self::Rgba => 4,
+        }
+    }
+
+    fn names(self) -> &'static [&'static str] {
+        match self {
+            Self::Grey => &["Y"],
+            Self::Rgb => &["R", "G", "B"],
+            Self::Rgba => &["R", "G", "B", "A"],
+        }
+    }
+
+    fn check(self, path: &Path, width_px: u32, height_px: u32, num_values: usize) -> Result<()> {
+        let expected = width_px as usize * height_px as usize * self.count();
+        if num_values == expected && expected > 0 {
+            return Ok(());
+        }
+        Err(Error::invalid(
+            path,
+            format!(
+                "an image of {width_px} x {height_px} with {} channels has {expected} values, found {num_values}",
+                self.count()
+            ),
+        ))
+    }
+}
+
+/// Writes an 8-bit PNG. `values`: `[height, width, channels]`
+///
+/// # Errors
+/// [`Error::InvalidInput`] if the number of values does not match or is zero, [`Error::Io`].
+pub fn write_png(
+    path: &Path,
+    width_px: u32,
+    height_px: u32,
+    channels: Channels,
+    values: &[u8],
+) -> Result<()> {
+    channels.check(path, width_px, height_px, values.len())?;
+    let colour = match channels {
+        Channels::Grey => ExtendedColorType::L8,
+        Channels::Rgb => ExtendedColorType::Rgb8,
+        Channels::Rgba => ExtendedColorType::Rgba8,
+    };
+    let mut bytes = Vec::new();
+    png::PngEncoder::new_with_quality(&mut bytes, png::CompressionType::Default, png::FilterType::Adaptive)
+        .write_image(values, width_px, height_px, colour)
+        .map_err(|e| Error::io(path, std::io::Error::other(e)))?;
+    atomic_file::write(path, &bytes)
+}
+
+/// Writes a 32-bit float EXR (lossless ZIP). Grey becomes channel `Y`.
+/// `values`: `[height, width, channels]`
+///
+/// # Errors
+/// [`Error::InvalidInput`] if the number of values does not match or is zero, [`Error::Io`].
+pub fn write_exr(
+    path: &Path,
+    width_px: u32,
+    height_px: u32,
+    channels: Channels,
+    values: &[f32],
+) -> Result<()> {
+    channels.check(path, width_px, height_px, values.len())?;
+    let planes: SmallVec<[AnyChannel<FlatSamples>; 4]> = channels
+        .names()
+        .iter()
+        .enumerate()
+        .map(|(c, &name)| {
+            let plane = values[c..].iter().step_by(channels.count()).copied().collect();
+            AnyChannel::new(name, FlatSamples::F32(plane))
+        })
+        .collect();
+    let layer = Layer::new(
+        (width_px as usize, height_px as usize),
+        LayerAttributes::default(),
+        Encoding::SMALL_LOSSLESS,
+        AnyChannels::sort(planes),
+    );
+    let mut bytes = Cursor::new(Vec::new());
+    Image::from_layer(layer)
+        .write()
+        .non_parallel()
+        .to_buffered(&mut bytes)
+        .map_err(|e| Error::io(path, std::io::Error::other(e.to_string())))?;
+    atomic_file::write(path, bytes.get_ref())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::PathBuf;
+
+    fn folder(name: &str) -> PathBuf {
+        let dir = std::env::temp_dir().join(format!("litetex-image-{name}-{}", std::process::id()));
+        std::fs::create_dir_all(&dir).unwrap();
+        dir
+    }
+
+    #[test]
+    fn png_round_trip_is_exact() {
+        let dir = folder("png");
+        let path = dir.join("p.png");
+        for channels in [Channels::Grey, Channels::Rgb, Channels::Rgba] {
+            let values: Vec<u8> = (0..7 * 5 * channels.count()).map(|i| (i * 37) as u8).collect();
+            write_png(&path, 7, 5, channels, &values).unwrap();
+            let read = image::open(&path).unwrap();
+            assert_eq!((read.width(), read.height()), (7, 5));
+            assert_eq!(read.into_bytes(), values);
+        }
+        // Nothing but the image is left.
+        assert_eq!(std::fs::read_dir(&dir).unwrap().count(), 1);
+        std::fs::remove_dir_all(dir).unwrap();
+    }
+
+    #[test]
+    fn exr_round_trip_keeps_every_bit() {
+        let dir = folder("exr");
+        let path = dir.join("p.exr");
+        for channels in [Channels::Grey, Channels::Rgb, Channels::Rgba] {
+            let n = 7 * 5 * channels.count();
+            let mut values: Vec<f32> = (0..n).map(|i| (i as f32 * 0.37).sin() * 1e3).collect();
+            values[0] = f32::MIN_POSITIVE / 4.0;
+            values[1] = -0.0;
+            values[2] = f32::INFINITY;
+            write_exr(&path, 7, 5, channels, &values).unwrap();
+            let read = exr::prelude::read_first_flat_layer_from_file(&path).unwrap();
+            let planes = &read.layer_data.channel_data.list;
+            assert_eq!(planes.len(), channels.count());
+            for (c, &name) in channels.names().iter().enumerate() {
+                let plane = planes.iter().find(|p| p.name.eq(name)).unwrap();
+                let ours = values[c..].iter().step_by(channels.count());
+                assert!(plane.sample_data.values_as_f32().map(f32::to_bits).eq(ours.map(|v| v.to_bits())));
+            }
+        }
+        std::fs::remove_dir_all(dir).unwrap();
+    }
+
+    #[test]
+    fn wrong_sizes_and_places_are_errors() {
+        let dir = folder("bad");
+        let bad = write_png(&dir.join("p.png"), 2, 2, Channels::Rgb, &[0; 11]);
+        assert!(matches!(bad, Err(Error::InvalidInput { .. })), "{bad:?}");
+        assert!(write_exr(&dir.join("p.exr"), 0, 2, Channels::Grey, &[]).is_err());
+        let nowhere = write_png(&dir.join("none/p.png"), 1, 1, Channels::Grey, &[1]);
+        assert!(matches!(nowhere, Err(Error::Io { .. })));
+        // A folder in the way: the temporary file goes away again.
+        std::fs::create_dir(dir.join("taken")).unwrap();
+        assert!(write_png(&dir.join("taken"), 1, 1, Channels::Grey, &[0]).is_err());
+        assert_eq!(std::fs::read_dir(&dir).unwrap().count(), 1);
+        std::fs::remove_dir_all(dir).unwrap();
+    }
+}

@@ -1,0 +1,77 @@
+//! Bounds that settings from files and the command line are held to.
+
+use super::geometry::TEXELS_MAX;
+use super::settings::DensityConfig;
+
+impl DensityConfig {
+    /// What is wrong, with the setting's name, what was found and what is expected.
+    ///
+    /// # Errors
+    /// The first setting out of its bounds.
+    pub fn check(&self) -> Result<(), String> {
+        let [split_start, split_end] = self.split_texels;
+        let [floor_start, floor_end] = self.opacity_floor;
+        // Lower bound, upper bound, and whether the lower one is itself allowed.
+        let bounds = [
+            ("quantile", self.quantile, 0.0, 1.0, true),
+            ("min-texel-px", self.min_texel_px, 0.0, 1e3, false),
+            ("alpha-texture", self.alpha_texture, 0.0, 0.99, false),
+            ("coarsen-below", self.coarsen_below, 0.0, 1e3, true),
+            ("texel-gain", self.texel_gain, 0.0, 1e6, true),
+            ("split-texels", split_start, 0.0, 1e6, false),
+            ("split-texels", split_end, 0.0, 1e6, false),
+            ("split-rate", self.split_rate, 0.0, 1.0, true),
+            ("prune-contribution", self.prune_contribution, 0.0, 1e3, true),
+            ("prune-area", self.prune_area, 0.0, 1e3, true),
+            ("opacity-floor", floor_start, 0.0, 0.99, true),
+            ("opacity-floor", floor_end, 0.0, 0.99, true),
+            ("relocate-below", self.relocate_below, 0.0, 0.99, true),
+        ];
+        for (key, found, least, most, with_least) in bounds {
+            let high_enough = if with_least { found >= least } else { found > least };
+            if !(high_enough && found <= most) {
+                let from = if with_least { "from" } else { "above" };
+                return Err(format!(
+                    "density.{key}: found {found}, expected a number {from} {least} to {most}"
+                ));
+            }
+        }
+        for (key, found) in [("interval", self.interval), ("relocate-interval", self.relocate_interval)] {
+            if found == 0 {
+                return Err(format!("density.{key}: found 0, expected at least 1 step"));
+            }
+        }
+        if !(2..=TEXELS_MAX).contains(&self.ceiling_start) {
+            let found = self.ceiling_start;
+            return Err(format!("density.ceiling-start: found {found}, expected 2 to {TEXELS_MAX} texels"));
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn settings_out_of_bounds_are_named() {
+        assert_eq!(DensityConfig::default().check(), Ok(()));
+        type Change = fn(&mut DensityConfig);
+        let wrong: [(&str, Change); 8] = [
+            ("quantile: found 1.2", |c| c.quantile = 1.2),
+            ("quantile: found NaN", |c| c.quantile = f64::NAN),
+            ("min-texel-px: found 0", |c| c.min_texel_px = 0.0),
+            ("alpha-texture: found 2", |c| c.alpha_texture = 2.0),
+            ("split-texels: found -5", |c| c.split_texels = [64.0, -5.0]),
+            ("opacity-floor: found inf", |c| c.opacity_floor = [f64::INFINITY, 0.0]),
+            ("interval: found 0", |c| c.interval = 0),
+            ("ceiling-start: found 0", |c| c.ceiling_start = 0),
+        ];
+        for (what, change) in wrong {
+            let mut config = DensityConfig::default();
+            change(&mut config);
+            let error = config.check().unwrap_err();
+            assert!(error.contains(what), "{error}");
+        }
+    }
+}

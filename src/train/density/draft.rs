@@ -1,0 +1,69 @@
+//! A splat of the model to be, and the plan made of all of them.
+
+use super::geometry::morton_codes;
+use super::life::Life;
+use super::maps::Sizes;
+use crate::backend::{MapChange, SplatEdit, DensityPlan};
+use crate::model::Model;
+
+/// New parameters of a splat.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Change {
+    pub position: [f32; 3],
+    pub log_scales: [f32; 2],
+    pub opacity_logit: f32,
+}
+
+/// One splat of the new model.
+#[derive(Clone, Copy, Debug)]
+pub struct Draft {
+    /// The splat that it is or comes from.
+    pub source: u32,
+    /// What becomes of the source's map.
+    pub change: MapChange,
+    /// Where it differs from its source.
+    pub edit: Option<Change>,
+    /// Its record.
+    pub life: Life,
+    /// Bounds of its map.
+    pub sizes: Sizes,
+    /// Texels of its map.
+    pub texels: usize,
+}
+
+/// The plan and the records in its order; no plan if everything stays as it is.
+pub fn finish(model: &Model, mut drafts: Vec<Draft>) -> (Option<DensityPlan>, Vec<Life>) {
+    let n = model.num_splats();
+    let same_splats = drafts.len() == n && drafts.iter().all(|d| d.edit.is_none());
+    let same_maps = drafts.iter().all(|d| d.change == MapChange::Keep);
+    if same_splats && same_maps {
+        return (None, drafts.iter().map(|d| d.life).collect());
+    }
+    if !same_splats {
+        let positions: Vec<f32> = drafts.iter().flat_map(|d| position(model, d)).collect();
+        let codes = morton_codes(&positions);
+        let mut order: Vec<(u64, usize)> = codes.into_iter().zip(0..).collect();
+        order.sort_unstable();
+        drafts = order.into_iter().map(|(_, i)| drafts[i]).collect();
+    }
+    let edit = |(i, draft): (usize, &Draft)| {
+        draft.edit.map(|e| SplatEdit {
+            splat: i as u32,
+            position: e.position,
+            log_scales: e.log_scales,
+            opacity_logit: e.opacity_logit,
+        })
+    };
+    let plan = DensityPlan {
+        sources: drafts.iter().map(|d| d.source).collect(),
+        maps: drafts.iter().map(|d| d.change).collect(),
+        edits: drafts.iter().enumerate().filter_map(edit).collect(),
+    };
+    (Some(plan), drafts.iter().map(|d| d.life).collect())
+}
+
+fn position(model: &Model, draft: &Draft) -> [f32; 3] {
+    let at = 3 * draft.source as usize;
+    let p = &model.splats.positions;
+    draft.edit.map_or([p[at], p[at + 1], p[at + 2]], |e| e.position)
+}

@@ -1,0 +1,70 @@
+//! A density-control step of the policy `plain`: no textures, the strongest allocation of splats alone that we
+//! know. Splats that have faded are moved to where the error is, and the model grows to its budget, both
+//! by splitting splats drawn by the error that they carry (relocation after 3DGS-MCMC; halves instead of
+//! copies, because copies at one place would have the same gradients for ever).
+
+use super::decide::{Revision, Situation, DensityCounts};
+use super::draft::{Draft, finish};
+use super::geometry::{opacity, sigmas};
+use super::maps::Sizes;
+use super::score::Scores;
+use super::settings::{ErrorMeasure, SplitProfile, DensityConfig};
+use super::split::children;
+use crate::backend::MapChange;
+use rand::{RngExt as _, SeedableRng as _};
+use rand_pcg::Pcg64Mcg;
+
+/// Growth of the model in one step (3DGS-MCMC).
+const GROWTH: f64 = 1.05;
+
+/// Decides a relocation; the model grows to `most` splats (`None`: their number stays).
+pub fn relocate(s: &Situation<'_>, config: &DensityConfig, most: Option<usize>, seed: u64) -> Revision {
+    let n = s.model.num_splats();
+    // The error of a splat is all that it carries: this is where more splats help most.
+    let scores = Scores::new(s.statistics, s.cameras.len(), ErrorMeasure::Mass, 0.0);
+    let draft = |i: usize| Draft {
+        source: i as u32,
+        change: MapChange::Keep,
+        edit: None,
+        life: s.lives[i],
+        sizes: Sizes { cap: 0, ..Sizes::default() },
+        texels: 0,
+    };
+    let alive: Vec<usize> = (0..n).filter(|&i| opacity(s.model, i) >= config.relocate_below).collect();
+    let faded = n - alive.len();
+    if alive.is_empty() || !s.densify {
+        return Revision { plan: None, lives: s.lives.to_vec(), counts: DensityCounts::default() };
+    }
+    let most = most.unwrap_or(n);
+    let wanted = ((n as f64 * GROWTH) as usize).clamp(n.min(most), most.max(n.min(most)));
+    let added = wanted.saturating_sub(alive.len()).min(alive.len());
+
+    // Weighted drawing without replacement: the largest of u^(1/w) (Efraimidis and Spirakis).
+    let mut rng = Pcg64Mcg::seed_from_u64(seed);
+    let mut keys: Vec<(f64, usize)> = alive
+        .iter()
+        .map(|&i| {
+            let u: f64 = rng.random_range(1e-12..1.0);
+            (u.ln() / scores.error[i].max(1e-30), i)
+        })
+        .collect();
+    keys.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    let mut chosen = vec![false; n];
+    keys[..added].iter().for_each(|&(_, i)| chosen[i] = true);
+    let mut drafts = Vec::with_capacity(alive.len() + added);
+    for &i in &alive {
+        let parent = draft(i);
+        if chosen[i] {
+            let sigma = sigmas(s.model, i);
+            let axis = usize::from(sigma[1] > sigma[0]);
+            drafts.extend(children(s, config, &parent, axis, SplitProfile::Tight, f64::INFINITY));
+        } else {
+            drafts.push(parent);
+        }
+    }
+    let moved = faded.min(added);
+    let counts =
+        DensityCounts { moved, split: added - moved, faded: faded - moved, ..DensityCounts::default() };
+    let (plan, lives) = finish(s.model, drafts);
+    Revision { plan, lives, counts }
+}

@@ -1,0 +1,124 @@
+//! Errors, marks and quantiles from the statistics of a window (method section 9).
+
+use super::settings::ErrorMeasure;
+use crate::backend::WindowStatistics;
+
+/// Errors below this are noise (CAT).
+const ERROR_MIN: f64 = 1e-6;
+
+/// Statistics as the decisions use them: as if each training view had been seen once.
+pub struct Scores {
+    /// Whether a view of the window saw the splat.
+    pub seen: Vec<bool>,
+    /// Sum over the training views of covered share of the image.
+    pub area: Vec<f64>,
+    /// Sum over the training views of blending weight per pixel.
+    pub contribution: Vec<f64>,
+    /// Error, by the chosen measure; 0 where there is nothing to judge by.
+    pub error: Vec<f64>,
+}
+
+impl Scores {
+    /// From the sums of a window in which `statistics.views` of `train_views` views were counted.
+    pub fn new(
+        statistics: &WindowStatistics,
+        train_views: usize,
+        measure: ErrorMeasure,
+        least_contribution: f64,
+    ) -> Self {
+        let scale = train_views as f64 / f64::from(statistics.views.max(1));
+        let scaled = |values: &[f32]| values.iter().map(|&v| f64::from(v) * scale).collect::<Vec<_>>();
+        let contribution = scaled(&statistics.contribution);
+        let mass = scaled(&statistics.error);
+        let error = mass
+            .iter()
+            .zip(&contribution)
+            .zip(&statistics.seen)
+            .map(|((&mass, &contribution), &seen)| {
+                if seen == 0 || contribution < least_contribution {
+                    return 0.0;
+                }
+                match measure {
+                    ErrorMeasure::Mean => mass / (contribution + 1e-8),
+                    // The mean over the views that see it.
+                    ErrorMeasure::Mass => mass / (f64::from(seen) * scale),
+                }
+            })
+            .collect();
+        Self {
+            seen: statistics.seen.iter().map(|&s| s > 0).collect(),
+            area: scaled(&statistics.area),
+            contribution,
+            error,
+        }
+    }
+
+    /// Splats whose error is strictly above the quantile of those that have one.
+    pub fn worst(&self, quantile: f64) -> Vec<bool> {
+        let mut errors: Vec<f64> = self.error.iter().copied().filter(|&e| e > 0.0).collect();
+        if errors.is_empty() {
+            return vec![false; self.error.len()];
+        }
+        let at = (quantile * (errors.len() - 1) as f64).floor() as usize;
+        let (_, &mut threshold, _) = errors.select_nth_unstable_by(at, f64::total_cmp);
+        self.error.iter().map(|&e| e > threshold.max(ERROR_MIN)).collect()
+    }
+}
+
+/// Counts consecutive marks: up when marked, back to zero when not, as it was when not judged.
+pub fn marks_after(marks: u16, marked: Option<bool>) -> u16 {
+    match marked {
+        None => marks,
+        Some(false) => 0,
+        Some(true) => marks.saturating_add(1),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn statistics(error: Vec<f32>) -> WindowStatistics {
+        let n = error.len();
+        WindowStatistics { views: 2, seen: vec![1; n], area: vec![0.1; n], contribution: vec![0.1; n], error }
+    }
+
+    #[test]
+    fn the_quantile_is_strict_and_ties_at_zero_choose_nobody() {
+        let window = statistics((0..100).map(|i| i as f32 * 1e-3).collect());
+        let worst = Scores::new(&window, 4, ErrorMeasure::Mean, 5e-6).worst(0.85);
+        assert_eq!(worst.iter().filter(|w| **w).count(), 15);
+        assert!(worst[85..].iter().all(|w| *w));
+        let none = Scores::new(&statistics(vec![0.0; 10]), 4, ErrorMeasure::Mean, 5e-6);
+        assert!(none.worst(0.85).iter().all(|w| !w));
+        let equal = Scores::new(&statistics(vec![0.3; 10]), 4, ErrorMeasure::Mean, 5e-6);
+        assert!(equal.worst(0.5).iter().all(|w| !w), "nobody is worse than the others");
+    }
+
+    #[test]
+    fn a_window_of_half_the_views_counts_twice_and_the_mean_does_not_depend_on_size() {
+        let mut window = statistics(vec![0.05, 0.1]);
+        window.contribution = vec![0.1, 0.2];
+        let mean = Scores::new(&window, 4, ErrorMeasure::Mean, 0.0);
+        assert!((mean.contribution[0] - 0.2).abs() < 1e-8 && (mean.area[0] - 0.2).abs() < 1e-8);
+        assert!((mean.error[0] - mean.error[1]).abs() < 1e-6);
+        let mass = Scores::new(&window, 4, ErrorMeasure::Mass, 0.0);
+        assert!((mass.error[1] / mass.error[0] - 2.0).abs() < 1e-6, "twice the size, twice the mass");
+        let hidden = Scores::new(&window, 4, ErrorMeasure::Mean, 0.3);
+        assert_eq!(hidden.error[0], 0.0, "a splat that contributes nothing is no candidate");
+        assert!(hidden.error[1] > 0.0);
+    }
+
+    #[test]
+    fn marks_must_be_consecutive() {
+        let script = [Some(true), Some(true), None, Some(true), Some(false), Some(true)];
+        let counts: Vec<u16> = script
+            .iter()
+            .scan(0, |marks, &marked| {
+                *marks = marks_after(*marks, marked);
+                Some(*marks)
+            })
+            .collect();
+        assert_eq!(counts, [1, 2, 2, 3, 0, 1]);
+    }
+}

@@ -1,0 +1,134 @@
+//! Splitting of a splat along its longer axis (method section 6.2).
+
+use super::decide::Situation;
+use super::draft::{Change, Draft};
+use super::geometry::{half_extents, opacity, sigmas};
+use super::maps::MapRule;
+use super::settings::{SplitProfile, DensityConfig};
+use crate::backend::{Grid, MapChange};
+use crate::constants::LOG_SCALE_RANGE;
+use glam::{DQuat, DVec3};
+
+/// A needle is not split along its length if its aspect is above this and its width below a pixel: it
+/// would be split for ever.
+const NEEDLE_ASPECT: f64 = 50.0;
+
+/// Children whose shift is at least this many texels keep the parent's grid.
+const GRID_SHIFT_MIN: f64 = 1.5;
+
+/// The two children, or `None` if the splat is not long enough: measured in texels of the finest size
+/// that it is allowed, whatever its map has now.
+pub fn split(
+    s: &Situation<'_>,
+    config: &DensityConfig,
+    draft: &Draft,
+    pixel: f64,
+    longer_than_texels: f64,
+) -> Option<[Draft; 2]> {
+    let i = draft.source as usize;
+    let texels = draft.sizes.extents.map(|h| 2.0 * h / draft.sizes.finest);
+    let axis = usize::from(texels[1] > texels[0]);
+    if texels[axis] <= longer_than_texels {
+        return None;
+    }
+    let sigma = sigmas(s.model, i);
+    if sigma[axis] > NEEDLE_ASPECT * sigma[1 - axis] && sigma[1 - axis] < pixel * s.render_scale {
+        return None;
+    }
+    // However long the splat: three standard deviations of a half are no longer than what is split as a rule.
+    let widest = s.split_texels * draft.sizes.finest / 3.0;
+    Some(children(s, config, draft, axis, config.split_profile, widest))
+}
+
+/// The two halves of a splat along one of its axes; their standard deviation there is at most `widest`.
+pub fn children(
+    s: &Situation<'_>,
+    config: &DensityConfig,
+    draft: &Draft,
+    axis: usize,
+    profile: SplitProfile,
+    widest: f64,
+) -> [Draft; 2] {
+    let i = draft.source as usize;
+    let sigma = sigmas(s.model, i);
+    let [shift_sigmas, sigma_factor, opacity_factor] = profile.factors();
+    let map = &s.model.textures.maps[i];
+    let texel_size = f64::from(map.texel_size);
+    let exact = shift_sigmas * sigma[axis];
+    let on_grid = s.rule == MapRule::Adaptive && map.rows > 0 && exact / texel_size >= GRID_SHIFT_MIN;
+    // Whole texels, so that no texel has to be resampled.
+    let shift = if on_grid { (exact / texel_size).floor() * texel_size } else { exact };
+    let mut child_sigma = sigma;
+    child_sigma[axis] = (sigma[axis] * sigma_factor).min(widest);
+    let child_opacity = opacity(s.model, i) * opacity_factor;
+    let mut sizes = draft.sizes;
+    sizes.extents = half_extents(child_sigma, child_opacity, config.alpha_texture);
+    let child = |direction: f64| {
+        let (change, texels) = child_map(s, draft, &sizes, axis, direction * shift, on_grid);
+        let edit = Change {
+            position: moved(s, i, axis, direction * shift),
+            log_scales: child_sigma.map(|v| v.ln().clamp(LOG_SCALE_RANGE.0, LOG_SCALE_RANGE.1) as f32),
+            opacity_logit: (child_opacity / (1.0 - child_opacity)).ln() as f32,
+        };
+        Draft { change, edit: Some(edit), life: draft.life.child(), sizes, texels, ..*draft }
+    };
+    [child(1.0), child(-1.0)]
+}
+
+/// The centre of a splat moved along one of its axes, local units.
+fn moved(s: &Situation<'_>, splat: usize, axis: usize, by: f64) -> [f32; 3] {
+    let q = &s.model.splats.quaternions[4 * splat..4 * splat + 4];
+    let [w, x, y, z] = [q[0], q[1], q[2], q[3]].map(f64::from);
+    let direction = DQuat::from_xyzw(x, y, z, w).normalize() * [DVec3::X, DVec3::Y][axis];
+    let p = &s.model.splats.positions[3 * splat..3 * splat + 3];
+    (DVec3::new(p[0].into(), p[1].into(), p[2].into()) + by * direction).as_vec3().to_array()
+}
+
+/// The part of the parent's map that lies under a child.
+fn child_map(
+    s: &Situation<'_>,
+    draft: &Draft,
+    sizes: &super::maps::Sizes,
+    axis: usize,
+    shift: f64,
+    on_grid: bool,
+) -> (MapChange, usize) {
+    let map = &s.model.textures.maps[draft.source as usize];
+    if map.rows == 0 {
+        return (MapChange::Keep, 0);
+    }
+    // Children start anew: first moments zero.
+    let moment_scale = [0.0, 1.0];
+    let texel_size = f64::from(map.texel_size);
+    let mut shift_texels = [0.0; 2];
+    shift_texels[axis] = shift / texel_size;
+    if on_grid {
+        let [rows, cols] = sizes.texels(texel_size);
+        let first = |old: u16, new: u32, by: f64| (i32::from(old) - new as i32) / 2 + by.round() as i32;
+        let change = MapChange::Regrid {
+            grid: Grid::Same,
+            rows: rows as u16,
+            cols: cols as u16,
+            first_row: first(map.rows, rows, shift_texels[0]),
+            first_col: first(map.cols, cols, shift_texels[1]),
+            moment_scale,
+        };
+        return (change, (rows * cols) as usize);
+    }
+    let half = sizes.extents[0].max(sizes.extents[1]).max(1e-3 * texel_size);
+    let (texel_size, rows, cols) = match s.rule {
+        MapRule::Fixed(resolution) => (2.0 * half / (f64::from(resolution) - 1.0), resolution, resolution),
+        _ => {
+            let [rows, cols] = sizes.texels(texel_size);
+            (texel_size, rows as u16, cols as u16)
+        }
+    };
+    let change = MapChange::Resample {
+        rows,
+        cols,
+        texel_size: texel_size as f32,
+        shift_texels: shift_texels.map(|t| t as f32),
+        moment_scale,
+    };
+    (change, usize::from(rows) * usize::from(cols))
+}

@@ -1,0 +1,455 @@
+//! The decisions on small models: who goes, who is split, what becomes of the maps.
+
+use super::decide::{Revision, Situation, DensityCounts, decide};
+use super::geometry::{even_texels, first_texel_size, half_extents, opacity, sigmas};
+use super::life::Life;
+use super::maps::MapRule;
+use super::settings::{Budget, Components, Spending, SplitProfile, DensityConfig};
+use crate::backend::{Grid, MapChange, WindowStatistics};
+use crate::camera::Camera;
+use crate::constants::ALPHA_MIN;
+use crate::model::{Model, TexturePool};
+use crate::selftest::{Scene, SceneOptions, random_scene};
+
+const N: usize = 12;
+
+/// Splats at a depth of about 1, with maps that fit.
+fn model(texels: u16) -> Model {
+    let mut model = scene().model;
+    let extents = (0..N).map(|i| {
+        let half = half_extents(sigmas(&model, i), opacity(&model, i), ALPHA_MIN);
+        let size = first_texel_size(half) / f64::from(texels - 1);
+        let [rows, cols] = half.map(|h| even_texels(h, size) as u16);
+        (rows, cols, size as f32)
+    });
+    model.textures = TexturePool::neutral(extents.collect::<Vec<_>>()).unwrap();
+    model.textures.texels.iter_mut().enumerate().for_each(|(i, t)| *t = (i as f32 * 0.7).sin());
+    model
+}
+
+/// Maps as wide as the splats: what the models here are made for.
+fn settings() -> DensityConfig {
+    DensityConfig { alpha_texture: ALPHA_MIN, quantile: 0.85, ..DensityConfig::default() }
+}
+
+fn scene() -> Scene {
+    random_scene(&SceneOptions {
+        num_splats: N,
+        map_sizes: vec![(2, 2)],
+        scales: (0.1, 0.11),
+        opacities: (0.5, 0.6),
+        depths: (0.9, 1.1),
+        ..SceneOptions::default()
+    })
+}
+
+fn camera() -> Camera {
+    scene().camera
+}
+
+/// Every splat seen and useful; the errors given.
+fn window(errors: [f32; N]) -> WindowStatistics {
+    WindowStatistics {
+        views: 1,
+        seen: vec![1; N],
+        area: vec![0.1; N],
+        contribution: vec![0.1; N],
+        error: errors.map(|e| 0.1 * e).to_vec(),
+    }
+}
+
+fn situation<'a>(
+    model: &'a Model,
+    lives: &'a [Life],
+    statistics: &'a WindowStatistics,
+    cameras: &'a [Camera],
+) -> Situation<'a> {
+    Situation {
+        model,
+        lives,
+        statistics,
+        cameras,
+        render_scale: 1.0,
+        texture_cap: 256,
+        densify: true,
+        judge: true,
+        may_coarsen: true,
+        texels_trained: true,
+        max_added: 100,
+        initial_splats: 0,
+        split_texels: 1000.0,
+        patience: 8,
+        opacity_floor: 0.02,
+        rule: MapRule::Adaptive,
+    }
+}
+
+fn revise(s: &Situation<'_>, config: &DensityConfig, budget: &Budget) -> Revision {
+    decide(s, config, &Components::default(), budget)
+}
+
+/// One splat is much worse than the others.
+fn one_bad() -> WindowStatistics {
+    let mut errors = [0.1; N];
+    errors[5] = 0.9;
+    window(errors)
+}
+
+#[test]
+fn the_worst_get_finer_maps_and_higher_ceilings_and_nobody_else_does() {
+    let (model, cameras, statistics) = (model(2), [camera()], one_bad());
+    let lives = vec![Life::first(2); N];
+    let s = situation(&model, &lives, &statistics, &cameras);
+    let config = DensityConfig { coarsen_below: 0.0, ..settings() };
+    let revision = revise(&s, &config, &Budget::default());
+    let plan = revision.plan.unwrap();
+    assert_eq!(plan.sources, (0..N as u32).collect::<Vec<_>>(), "without new splats the order stays");
+    for (i, (map, life)) in plan.maps.iter().zip(&revision.lives).enumerate() {
+        match *map {
+            MapChange::Regrid { grid: Grid::Finer, rows, cols, moment_scale, .. } if i == 5 => {
+                assert!(rows <= 4 && cols <= 4 && rows.max(cols) == 4, "{rows} x {cols}");
+                assert_eq!((life.ceiling, moment_scale), (4, [0.25, 0.0625]));
+            }
+            MapChange::Keep if i != 5 => assert_eq!(life.ceiling, 2),
+            _ => panic!("{i}: {map:?}"),
+        }
+    }
+    // Negative controls: equal errors, a cap below, a texel that is as fine as allowed, a spent budget.
+    assert!(
+        revise(&Situation { statistics: &window([0.3; N]), ..s }, &config, &Budget::default()).plan.is_none()
+    );
+    let kept = |s: &Situation<'_>, config: &DensityConfig, budget: &Budget| {
+        let revision = revise(s, config, budget);
+        revision.plan.is_none_or(|plan| plan.maps.iter().all(|m| *m == MapChange::Keep))
+    };
+    let s = situation(&model, &lives, &statistics, &cameras);
+    assert!(kept(&Situation { texture_cap: 2, ..s }, &config, &Budget::default()));
+    let s = situation(&model, &lives, &statistics, &cameras);
+    let coarse = DensityConfig { min_texel_px: 200.0, untextured: false, ..config.clone() };
+    assert!(kept(&s, &coarse, &Budget::default()));
+    let full = Budget { max_texels: Some(model.num_texels()), ..Budget::default() };
+    assert!(kept(&s, &config, &full));
+}
+
+#[test]
+fn maps_follow_their_support_without_moving_a_texel() {
+    let (mut model, cameras, statistics) = (model(8), [camera()], window([0.3; N]));
+    model.splats.log_scales[6] -= 0.7;
+    model.splats.log_scales[7] -= 0.7;
+    let lives = vec![Life::first(64); N];
+    let s = situation(&model, &lives, &statistics, &cameras);
+    let config = DensityConfig { coarsen_below: 0.0, ..settings() };
+    let plan = revise(&s, &config, &Budget::default()).plan.unwrap();
+    for (i, change) in plan.maps.iter().enumerate() {
+        let map = &model.textures.maps[i];
+        match *change {
+            MapChange::Regrid { grid: Grid::Same, rows, cols, first_row, first_col, .. } if i == 3 => {
+                assert_eq!(2 * first_row + i32::from(rows), i32::from(map.rows), "same centre");
+                assert_eq!(2 * first_col + i32::from(cols), i32::from(map.cols), "same centre");
+                assert!(rows < map.rows && cols < map.cols);
+            }
+            MapChange::Keep if i != 3 => {}
+            _ => panic!("{i}: {change:?}"),
+        }
+    }
+}
+
+#[test]
+fn smooth_maps_are_coarsened_and_others_are_not() {
+    let (mut model, cameras, statistics) = (model(8), [camera()], window([0.3; N]));
+    let lives = vec![Life::first(64); N];
+    let smooth = model.textures.maps[4].floats();
+    model.textures.texels[smooth].fill(0.01);
+    let s = situation(&model, &lives, &statistics, &cameras);
+    let plan = revise(&s, &settings(), &Budget::default()).plan.unwrap();
+    for (i, change) in plan.maps.iter().enumerate() {
+        let is_coarser = matches!(change, MapChange::Regrid { grid: Grid::Coarser, .. });
+        assert_eq!(is_coarser, i == 4, "{i}: {change:?}");
+    }
+    assert!(
+        !s.model.textures.maps.is_empty() && {
+            let late = Situation { may_coarsen: false, ..s };
+            revise(&late, &settings(), &Budget::default()).plan.is_none()
+        }
+    );
+}
+
+#[test]
+fn splats_go_after_consecutive_marks_only_and_those_never_seen_stay() {
+    let (model, cameras) = (model(2), [camera()]);
+    let mut lives = vec![Life::first(2); N];
+    // Splat 0 is useless throughout, 1 is useful once, 2 is never seen, 3 is unseen once.
+    for check in 0..5 {
+        let mut statistics = window([0.3; N]);
+        for i in 0..4 {
+            let useless = i != 1 || check != 2;
+            if useless {
+                (statistics.area[i], statistics.contribution[i]) = (0.0, 0.0);
+            }
+            statistics.seen[i] = u32::from(!(i == 2 || i == 3 && check == 1));
+        }
+        let s = Situation { patience: 4, ..situation(&model, &lives, &statistics, &cameras) };
+        let revision = revise(&s, &settings(), &Budget::default());
+        let removed = |i: u32| revision.plan.as_ref().is_some_and(|p| !p.sources.contains(&i));
+        assert_eq!([0, 1, 2].map(removed), [check >= 3, false, false], "check {check}");
+        if check == 3 {
+            assert!(!removed(3), "one check did not see it");
+            // From here on without splat 0.
+            lives[3].marks = 3;
+            continue;
+        }
+        if check < 3 {
+            lives = revision.lives;
+        } else {
+            assert!(removed(3), "four marks at last");
+        }
+    }
+}
+
+#[test]
+fn halves_lie_on_the_parents_grid() {
+    let (model, cameras, statistics) = (model(16), [camera()], one_bad());
+    let lives = vec![Life::first(64); N];
+    let s = Situation { split_texels: 16.0, ..situation(&model, &lives, &statistics, &cameras) };
+    let config = DensityConfig {
+        coarsen_below: 0.0,
+        spending: Spending::SplitsFirst,
+        // The tight halves are nearer than the texels of this map: they would be resampled.
+        split_profile: SplitProfile::Paper,
+        ..settings()
+    };
+    // Texels are thought better, and the map could still get finer.
+    let patient = DensityConfig { spending: Spending::Gain, texel_gain: 1e3, ..config.clone() };
+    assert_eq!(revise(&s, &patient, &Budget::default()).counts.split, 0);
+    let coarse = DensityConfig { min_texel_px: 4.0, ..patient };
+    let long = Situation { split_texels: 8.0, ..situation(&model, &lives, &statistics, &cameras) };
+    assert_eq!(revise(&long, &coarse, &Budget::default()).counts.split, 1, "it cannot");
+    let revision = revise(&s, &config, &Budget::default());
+    let plan = revision.plan.unwrap();
+    assert_eq!((plan.sources.len(), plan.edits.len(), revision.counts.split), (N + 1, 2, 1));
+    let parent = &model.textures.maps[5];
+    let mut shifts = Vec::new();
+    for edit in &plan.edits {
+        let i = edit.splat as usize;
+        assert_eq!(plan.sources[i], 5);
+        assert!(revision.lives[i].is_fresh());
+        let MapChange::Regrid { grid: Grid::Same, rows, cols, first_row, first_col, moment_scale } =
+            plan.maps[i]
+        else {
+            panic!("{:?}", plan.maps[i])
+        };
+        assert_eq!(moment_scale[0], 0.0, "children start anew");
+        // Shift of the window's centre, in texels: whole, and what the centre has moved by.
+        let by =
+            |first: i32, new: u16, old: u16| f64::from(2 * first + i32::from(new) - i32::from(old)) / 2.0;
+        let (u, v) = (by(first_row, rows, parent.rows), by(first_col, cols, parent.cols));
+        assert!((u == 0.0) != (v == 0.0) && u.fract() == 0.0 && v.fract() == 0.0, "{u} {v}");
+        let old = &model.splats.positions[15..18];
+        let moved: f64 = (0..3).map(|k| f64::from(edit.position[k] - old[k]).powi(2)).sum::<f64>().sqrt();
+        let texels = moved / f64::from(parent.texel_size);
+        assert!((texels - (u + v).abs()).abs() < 1e-3, "{texels} {u} {v}");
+        shifts.push(u + v);
+    }
+    assert_eq!(shifts[0], -shifts[1]);
+}
+
+#[test]
+fn children_stay_for_two_checks_whatever_is_found() {
+    let (model, cameras) = (model(2), [camera()]);
+    // The first three are as many checks old; one mark removes.
+    let survivors = |model: &Model, statistics: &WindowStatistics, checks: u16| {
+        let young = |i: usize| if i < 3 { Life { checks, ..Life::first(2) } } else { Life::first(2) };
+        let lives: Vec<Life> = (0..N).map(young).collect();
+        let s = Situation { patience: 1, densify: false, ..situation(model, &lives, statistics, &cameras) };
+        let Revision { plan, lives, .. } = revise(&s, &settings(), &Budget::default());
+        let mut left: Vec<(u32, u16)> =
+            plan.unwrap().sources.into_iter().zip(lives.iter().map(|life| life.marks)).collect();
+        left.sort_unstable();
+        left
+    };
+    let children = [(0, 0), (1, 0), (2, 0), (11, 0)];
+    // Nothing but the last is of any use.
+    let mut useless = window([0.3; N]);
+    useless.area[..N - 1].fill(0.0);
+    useless.contribution[..N - 1].fill(0.0);
+    // Nothing but the last is opaque: 0.012, between what removes children and what removes others.
+    let mut faint = model.clone();
+    faint.splats.opacity_logits[..N - 1].fill(-4.4);
+    for checks in [0, 1] {
+        assert_eq!(survivors(&model, &useless, checks), children, "{checks} checks");
+        assert_eq!(survivors(&faint, &window([0.3; N]), checks), children, "{checks} checks");
+    }
+    // Negative controls: as grown-ups they go, and children that are fainter still.
+    assert_eq!(survivors(&model, &useless, 2), children[3..]);
+    assert_eq!(survivors(&faint, &window([0.3; N]), 2), children[3..]);
+    faint.splats.opacity_logits[..N - 1].fill(-5.0);
+    assert_eq!(survivors(&faint, &window([0.3; N]), 0), children[3..]);
+}
+
+#[test]
+fn a_step_that_can_add_nothing_changes_nothing_but_records() {
+    let (model, cameras, statistics) = (model(2), [camera()], one_bad());
+    let lives = vec![Life::first(2); N];
+    let free = || situation(&model, &lives, &statistics, &cameras);
+    let config = DensityConfig { coarsen_below: 0.0, untextured: false, respawn: false, ..settings() };
+    let fine = DensityConfig { min_texel_px: 200.0, ..config.clone() };
+    let spent = Budget { max_texels: Some(model.num_texels()), ..Budget::default() };
+    // The ceiling of the one candidate is at the cap; its texels are as fine as they may be; there is no
+    // budget for more.
+    for (s, config, budget, ceiling, over_budget) in [
+        (Situation { texture_cap: 2, ..free() }, &config, Budget::default(), 2, 0),
+        (free(), &fine, Budget::default(), 4, 0),
+        (free(), &config, spent, 2, 1),
+    ] {
+        let revision = revise(&s, config, &budget);
+        assert!(revision.plan.is_none());
+        assert_eq!(revision.counts, DensityCounts { over_budget, ..DensityCounts::default() });
+        for (i, (before, after)) in lives.iter().zip(&revision.lives).enumerate() {
+            let ceiling = if i == 5 { ceiling } else { 2 };
+            assert_eq!(*after, Life { ceiling, checks: before.checks + 1, ..*before }, "{i}");
+        }
+    }
+    // Negative control: nothing in the way.
+    let revision = revise(&free(), &config, &Budget::default());
+    assert!(revision.plan.is_some() && revision.counts.refined == 1);
+}
+
+#[test]
+fn between_density_control_steps_maps_follow_their_support_and_nothing_else_is_done() {
+    let (mut model, cameras, mut statistics) = (model(8), [camera()], one_bad());
+    // One splat has shrunk, one has grown.
+    model.splats.log_scales[6..8].iter_mut().for_each(|s| *s -= 0.7);
+    model.splats.log_scales[8..10].iter_mut().for_each(|s| *s += 0.3);
+    // Others have faded, are useless, have a map that is not needed; number 5 is the worst.
+    model.splats.opacity_logits[0] = -6.0;
+    (statistics.area[1], statistics.contribution[1]) = (0.0, 0.0);
+    let smooth = model.textures.maps[2].floats();
+    model.textures.texels[smooth].fill(0.01);
+    let lives = vec![Life::first(64); N];
+    let s = |judge| Situation { patience: 1, judge, ..situation(&model, &lives, &statistics, &cameras) };
+    let revision = revise(&s(false), &settings(), &Budget::default());
+    let plan = revision.plan.unwrap();
+    assert_eq!((plan.sources, plan.edits.len()), ((0..N as u32).collect::<Vec<_>>(), 0));
+    assert!(revision.lives == lives && revision.counts == DensityCounts::default());
+    for (i, (change, map)) in plan.maps.iter().zip(&model.textures.maps).enumerate() {
+        match *change {
+            MapChange::Keep if ![3, 4].contains(&i) => {}
+            MapChange::Regrid { grid: Grid::Same, rows, cols, moment_scale: [1.0, 1.0], .. } => {
+                let texels = [rows, cols, map.rows, map.cols].map(usize::from);
+                let more = texels[0] * texels[1] > texels[2] * texels[3];
+                assert!(i == 3 && !more || i == 4 && more, "{i}: {change:?}");
+            }
+            _ => panic!("{i}: {change:?}"),
+        }
+    }
+    // Negative control: a density-control step does all of it.
+    let counts = revise(&s(true), &settings(), &Budget::default()).counts;
+    assert_eq!([counts.faded, counts.pruned, counts.coarsened, counts.refined], [1; 4], "{counts:?}");
+}
+
+#[test]
+fn budgets_hold_whatever_qualifies() {
+    let (model, cameras) = (model(4), [camera()]);
+    let errors = std::array::from_fn(|i| 0.1 + 0.05 * i as f32);
+    let (statistics, lives) = (window(errors), vec![Life::first(64); N]);
+    let s = Situation { split_texels: 8.0, ..situation(&model, &lives, &statistics, &cameras) };
+    let config =
+        DensityConfig { coarsen_below: 0.0, quantile: 0.1, spending: Spending::SplitsFirst, ..settings() };
+    let size = |budget: &Budget| {
+        let revision = revise(&s, &config, budget);
+        // Nothing may have been possible.
+        let Some(plan) = revision.plan else { return (N, model.num_texels()) };
+        let texels: usize = plan
+            .sources
+            .iter()
+            .zip(&plan.maps)
+            .map(|(&source, m)| match *m {
+                MapChange::Keep => model.textures.maps[source as usize].num_texels(),
+                MapChange::Regrid { rows, cols, .. } | MapChange::Resample { rows, cols, .. } => {
+                    usize::from(rows) * usize::from(cols)
+                }
+            })
+            .sum();
+        (plan.sources.len(), texels)
+    };
+    let free = size(&Budget::default());
+    assert!(free.0 > N + 3, "{free:?}");
+    for budget in [
+        Budget { max_splats: Some(N + 3), ..Budget::default() },
+        Budget { max_texels: Some(model.num_texels() + 40), ..Budget::default() },
+        Budget { max_params: Some(model.num_params() + 200), ..Budget::default() },
+        // Less than there is: maps must give way.
+        Budget { max_texels: Some(model.num_texels() / 2), ..Budget::default() },
+    ] {
+        let (splats, texels) = size(&budget);
+        assert!(budget.allows(splats, texels), "{budget:?}: {splats} splats, {texels} texels");
+    }
+}
+
+#[test]
+fn a_budget_goes_where_error_per_parameter_is_largest() {
+    // Splat 5 is worse, but its map has more texels to double than that of splat 7.
+    let (mut mixed, fine, cameras) = (model(2), model(8), [camera()]);
+    let extents = mixed.textures.maps.iter().zip(&fine.textures.maps).enumerate();
+    let extents = extents.map(|(i, (coarse, fine))| if i == 5 { fine } else { coarse });
+    let extents = extents.map(|map| (map.rows, map.cols, map.texel_size)).collect::<Vec<_>>();
+    mixed.textures = TexturePool::neutral(extents).unwrap();
+    let mut errors = [0.1; N];
+    (errors[5], errors[7]) = (0.9, 0.5);
+    let (statistics, lives) = (window(errors), vec![Life::first(64); N]);
+    let s = situation(&mixed, &lives, &statistics, &cameras);
+    let refined = |spending, more: Option<usize>| {
+        let config = DensityConfig { coarsen_below: 0.0, spending, untextured: false, ..settings() };
+        let max_texels = more.map(|more| mixed.num_texels() + more);
+        let plan = revise(&s, &config, &Budget { max_texels, ..Budget::default() }).plan.unwrap();
+        let added = |i: usize| match plan.maps[i] {
+            MapChange::Regrid { grid: Grid::Finer, rows, cols, .. } => {
+                Some((i, usize::from(rows) * usize::from(cols) - mixed.textures.maps[i].num_texels()))
+            }
+            _ => None,
+        };
+        (0..N).filter_map(added).collect::<Vec<_>>()
+    };
+    let both = refined(Spending::Gain, None);
+    let &[(5, large), (7, small)] = &both[..] else { panic!("{both:?}") };
+    assert!(small < large);
+    // There is room for either alone.
+    assert_eq!(refined(Spending::Gain, Some(large)), [(7, small)]);
+    // Negative control: by error alone the large map takes it all.
+    assert_eq!(refined(Spending::SplitsFirst, Some(large)), [(5, large)]);
+}
+
+#[test]
+fn removed_splats_are_made_up_for_where_the_error_is() {
+    let (mut model, cameras) = (model(2), [camera()]);
+    model.splats.opacity_logits[..3].fill(-6.0);
+    let errors = std::array::from_fn(|i| 0.1 + 0.05 * i as f32);
+    // At their ceilings: nothing but a split is left.
+    let (statistics, lives) = (window(errors), vec![Life::first(2); N]);
+    let revised = |initial_splats: usize, respawn: bool, budget: &Budget| {
+        let s =
+            Situation { initial_splats, texture_cap: 2, ..situation(&model, &lives, &statistics, &cameras) };
+        let config = DensityConfig { quantile: 0.1, respawn, ..settings() };
+        let Revision { plan, counts, .. } = revise(&s, &config, budget);
+        let plan = plan.unwrap();
+        let mut split: Vec<u32> = plan.edits.iter().map(|e| plan.sources[e.splat as usize]).collect();
+        split.sort_unstable();
+        split.dedup();
+        for edit in &plan.edits {
+            let parent = plan.sources[edit.splat as usize] as usize;
+            let old = &model.splats.log_scales[2 * parent..2 * parent + 2];
+            let narrower = [0, 1].map(|a| (old[a] - edit.log_scales[a]).exp());
+            let [_, factor, _] = config.split_profile.factors();
+            let halved = narrower.map(|n| (f64::from(n) * factor - 1.0).abs() < 1e-5);
+            assert!(halved[0] != halved[1], "made {narrower:?} times narrower by an ordinary split");
+        }
+        (plan.sources.len(), counts.faded, counts.moved, counts.split, split)
+    };
+    let none = Budget::default();
+    assert_eq!(revised(N, true, &none), (N, 3, 3, 0, vec![9, 10, 11]), "the worst three are halved");
+    assert_eq!(revised(N - 2, true, &none), (N - 2, 3, 1, 0, vec![11]), "no more than at the start");
+    let tight = Budget { max_splats: Some(N - 1), ..none };
+    assert_eq!(revised(N, true, &tight).0, N - 1, "a budget comes first");
+    // Negative control: the published method.
+    assert_eq!(revised(N, false, &none), (N - 3, 3, 0, 0, vec![]));
+}

@@ -1,0 +1,295 @@
+//! Training with the whole method on the CPU backend: density-control steps in the loop, resumed anywhere, with
+//! any number of threads, within budgets.
+
+#![allow(clippy::unwrap_used, reason = "a failing test may panic")]
+
+mod common;
+
+use common::training::{MemoryViews, photos, scene};
+use common::whole::{Outcome, config, is_all_done, run_on, same, start};
+use litetex_gs::backend::{Backend as _, StepRequest, WindowStatistics};
+use litetex_gs::cpu::CpuBackend;
+use litetex_gs::model::{AdamState, LearningRates, Model, TexturePool, num_params};
+use litetex_gs::train::density::{Budget, Life, Spending, StatisticsSource, DensityConfig};
+use litetex_gs::train::{Policy, Schedule, TrainConfig, TrainState};
+use litetex_gs::views::{Split, ViewSource as _};
+
+fn run(config: &TrainConfig, start: TrainState, threads: usize) -> Outcome {
+    run_on(&mut CpuBackend::new(Some(threads)).unwrap(), config, &photos(&scene()), start)
+}
+
+#[test]
+fn every_policy_gives_the_same_bytes_with_any_threads_and_from_any_checkpoint() {
+    let by_gain =
+        [Policy::Litetex, Policy::Cat, Policy::Fixed(3), Policy::Plain].map(|p| (p, Spending::Gain));
+    for (policy, spending) in by_gain.into_iter().chain([(Policy::Litetex, Spending::SplitsFirst)]) {
+        let mut config = config(policy);
+        config.density.spending = spending;
+        if policy == Policy::Plain {
+            config.budget = Budget { max_splats: Some(400), ..Budget::default() };
+        }
+        let whole = run(&config, start(policy), 2);
+        let total = whole.total();
+        println!("{policy} {spending:?}: {total:?}");
+        assert!(total.split + total.moved > 10, "{policy}: {total:?}");
+        assert!(policy != Policy::Litetex || is_all_done(&total), "{total:?}");
+        assert!(same(&run(&config, start(policy), 1).last, &whole.last), "{policy}: one thread");
+        // Before, at and after density-control steps, in the middle of windows.
+        for at in [0, 3, 4, 5, 9] {
+            let resumed = run(&config, whole.saved[at].clone(), 2);
+            assert!(same(&resumed.last, &whole.last), "{policy}: from step {}", whole.saved[at].step);
+        }
+        // Negative control: a record that differs ends elsewhere, or the records are for nothing.
+        if policy == Policy::Litetex {
+            let mut other = whole.saved[3].clone();
+            other.lives.iter_mut().for_each(|life| life.ceiling = 2);
+            assert!(!same(&run(&config, other, 2).last, &whole.last));
+            let mut other = whole.saved[3].clone();
+            other.window.error.reverse();
+            assert!(!same(&run(&config, other, 2).last, &whole.last), "the window is part of the state");
+        }
+    }
+}
+
+#[test]
+fn budgets_are_spent_evenly_from_the_first_size_on_whatever_it_is() {
+    let policy = Policy::Fixed(8);
+    let first = start(policy);
+    let size = first.model.num_params();
+    // At the first density-control step, a quarter of the time to the end of densification: size, and splits.
+    let after_the_first = |budget: usize| {
+        let mut config = config(policy);
+        config.density.opacity_floor = [0.0; 2];
+        config.density.split_texels = [3.0; 2];
+        config.budget = Budget { max_params: Some(budget), ..Budget::default() };
+        let (counts, splats, texels) = run(&config, first.clone(), 2).steps[0];
+        (num_params(splats, texels), counts.split)
+    };
+    let (params, split) = after_the_first(3 * size);
+    assert!(
+        split > 0 && params > size && params <= size + 2 * size / 4,
+        "{split} splits: {params} of {size}"
+    );
+    // Negative control: nothing to spend.
+    assert_eq!(after_the_first(size), (size, 0));
+}
+
+/// A run whose maps fit throughout and none of whose splats goes, so that all there is to do is to add.
+fn adding_only() -> TrainConfig {
+    let mut config = config(Policy::Litetex);
+    (config.rates.log_scale, config.rates.opacity) = (0.0, 0.0);
+    (config.components.pruning, config.components.coarsening) = (false, false);
+    config.density = DensityConfig {
+        untextured: false,
+        opacity_floor: [0.0; 2],
+        prune_contribution: 0.0,
+        prune_area: 0.0,
+        split_texels: [1e9; 2],
+        respawn: false,
+        ..config.density
+    };
+    config
+}
+
+#[test]
+fn density_control_steps_that_add_nothing_change_nothing_but_records_and_the_window() {
+    let with = |interval: u32, min_texel_px: f64| {
+        let mut config = adding_only();
+        (config.density.interval, config.density.min_texel_px) = (interval, min_texel_px);
+        run(&config, start(Policy::Litetex), 2)
+    };
+    // Every texel is finer than any may be; the longest interval is longer than the run.
+    let (idle, none) = (with(250, 1e3), with(3_000_000, 1e3));
+    assert_eq!((idle.steps.len(), none.steps.len()), (7, 0));
+    let rest = |state: &TrainState| TrainState {
+        lives: Vec::new(),
+        window: WindowStatistics::default(),
+        window_views: Vec::new(),
+        stage_step: 0,
+        revised_step: 0,
+        ..state.clone()
+    };
+    for (idle, none) in idle.saved.iter().zip(&none.saved) {
+        assert!(same(&rest(idle), &rest(none)), "step {}", idle.step);
+        // A density-control step follows each 5 steps, and each view is seen once in 5.
+        let views = if idle.step < 39 { idle.step % 5 } else { idle.step - 35 };
+        assert_eq!((idle.window.views, idle.window_views.len()), (views, views as usize), "{}", idle.step);
+        if views == 0 {
+            assert_eq!(idle.window, WindowStatistics::empty(idle.model.num_splats()));
+        }
+        assert_eq!(none.window.views, idle.step.min(5));
+    }
+    // Checks are counted, and the ceilings of the worst rise.
+    let (before, after) = (&none.last.lives, &idle.last.lives);
+    let but_ceilings = |(a, b): (&Life, &Life)| *b == Life { ceiling: b.ceiling, checks: a.checks + 7, ..*a };
+    assert!(before.len() == after.len() && before.iter().zip(after).all(but_ceilings));
+    assert!(after.iter().any(|life| life.ceiling > 2) && before.iter().all(|life| life.ceiling == 2));
+    // Negative control: texels may be finer.
+    let busy = with(250, 0.25);
+    assert!(busy.total().refined > 0 && !same(&rest(&busy.last), &rest(&none.last)));
+    assert_eq!(idle.total(), Default::default());
+}
+
+/// Steps after which some map has another size than before, and what was before and after.
+fn resized(saved: &[TrainState]) -> Vec<[&TrainState; 2]> {
+    let sizes = |state: &TrainState| {
+        let maps = state.model.textures.maps.iter();
+        maps.map(|m| (m.rows, m.cols, m.texel_size.to_bits())).collect::<Vec<_>>()
+    };
+    saved.windows(2).map(|w| [&w[0], &w[1]]).filter(|[a, b]| sizes(a) != sizes(b)).collect()
+}
+
+#[test]
+fn between_density_control_steps_maps_are_cropped_and_padded_from_any_checkpoint_alike() {
+    // Density-control steps each 100 of 125 steps, and maps follow their support each 40.
+    let mut config = config(Policy::Litetex);
+    (config.steps, config.save_every) = (125, 1);
+    config.density =
+        DensityConfig { interval: 24_000, densify_until: 30_000, ceiling_start: 64, ..config.density };
+    let schedule = Schedule::new(&config, 5);
+    let crops: Vec<u32> = (1..=125).filter(|&step| schedule.is_crop_step(step)).collect();
+    assert_eq!((crops, schedule.density_interval), (vec![40, 80, 120], 100));
+    let mut model = start(Policy::Litetex).model;
+    let maps = model.textures.maps.iter().map(|m| (8, 8, m.texel_size / 7.0));
+    model.textures = TexturePool::neutral(maps.collect::<Vec<_>>()).unwrap();
+    let first = TrainState::fresh(model);
+
+    let whole = run(&config, first.clone(), 2);
+    let changes = resized(&whole.saved);
+    assert_eq!(changes.iter().map(|[_, after]| after.step).collect::<Vec<_>>(), [40, 80, 100, 120]);
+    let [mut cropped, mut padded] = [0, 0];
+    for [before, after] in changes {
+        if after.step == 100 {
+            assert_eq!(after.window.views, 0, "a density-control step begins a window");
+            continue;
+        }
+        for (a, b) in before.model.textures.maps.iter().zip(&after.model.textures.maps) {
+            cropped += usize::from(b.rows < a.rows || b.cols < a.cols);
+            padded += usize::from(b.rows > a.rows || b.cols > a.cols);
+            assert_eq!(b.texel_size, a.texel_size, "resampled after step {}", after.step);
+        }
+        // The window goes on: its five views had been seen.
+        assert!(before.window.views == 5 && before.window == after.window);
+        assert!(before.lives == after.lives && before.window_views == after.window_views);
+    }
+    println!("{cropped} cropped, {padded} padded");
+    assert!(cropped > 0 && padded > 0);
+    assert!(same(&run(&config, first.clone(), 1).last, &whole.last), "one thread");
+    // Before and at each of them: what was done then is not done again.
+    for step in [39, 40, 79, 80, 119, 120] {
+        let saved = whole.saved[step - 1].clone();
+        assert_eq!(saved.step as usize, step);
+        assert!(same(&run(&config, saved, 2).last, &whole.last), "from step {step}");
+    }
+    // Negative control: where density-control steps are a step closer to each other, they do all.
+    config.density.interval = 23_760;
+    let closer = run(&config, first, 2);
+    assert_eq!(resized(&closer.saved).iter().map(|[_, after]| after.step).collect::<Vec<_>>(), [99]);
+    assert!(!same(&closer.last, &whole.last));
+}
+
+#[test]
+fn no_budget_is_ever_exceeded() {
+    // Nothing fades, and most are long enough to be split.
+    let mut growing = config(Policy::Litetex);
+    growing.density.opacity_floor = [0.0; 2];
+    growing.density.split_texels = [3.0; 2];
+    let free = run(&growing, start(Policy::Litetex), 2).largest;
+    let initial = start(Policy::Litetex).model;
+    assert!(free[0] > initial.num_splats() + 20 && free[1] > initial.num_texels() + 100, "{free:?}");
+    let budgets = [
+        Budget { max_splats: Some(initial.num_splats() + 7), ..Budget::default() },
+        Budget { max_texels: Some(initial.num_texels() + 60), ..Budget::default() },
+        Budget { max_params: Some(initial.num_params() + 500), ..Budget::default() },
+    ];
+    for budget in budgets {
+        let config = TrainConfig { budget, ..growing.clone() };
+        // Each at its largest, not all at one step.
+        let [splats, texels, params] = run(&config, start(Policy::Litetex), 2).largest;
+        assert!(budget.max_splats.is_none_or(|most| splats <= most), "{budget:?}: {splats} splats");
+        assert!(budget.max_texels.is_none_or(|most| texels <= most), "{budget:?}: {texels} texels");
+        assert!(budget.max_params.is_none_or(|most| params <= most), "{budget:?}: {params} parameters");
+    }
+}
+
+#[test]
+fn statistics_of_a_window_are_those_of_a_full_pass_if_nothing_moves() {
+    // All rates zero: a window in which each view is seen once is a full pass.
+    let mut config = config(Policy::Litetex);
+    config.rates.position = 1e-30;
+    config.rates.position_end = 1e-30;
+    for rate in [
+        &mut config.rates.quaternion,
+        &mut config.rates.log_scale,
+        &mut config.rates.opacity,
+        &mut config.rates.sh_dc,
+        &mut config.rates.sh_rest,
+        &mut config.rates.texel,
+    ] {
+        *rate = 0.0;
+    }
+    let plans = |source| {
+        let mut config = config.clone();
+        config.density.statistics = source;
+        run(&config, start(Policy::Litetex), 2).steps
+    };
+    let (window, full) = (plans(StatisticsSource::Window), plans(StatisticsSource::Full));
+    assert!(window.iter().any(|(counts, ..)| counts.refined > 0));
+    assert_eq!(window, full, "the same decisions");
+
+    // And number by number, in any order of the views.
+    let views = photos(&scene());
+    let model = start(Policy::Litetex).model;
+    let order = views.indices(Split::Train);
+    let reversed: Vec<usize> = order.iter().rev().copied().collect();
+    let (forward, backward) = (sums(&views, &model, &order), sums(&views, &model, &reversed));
+    assert_eq!(forward.seen, backward.seen);
+    // Needed: 2e-7 of the largest, the order of five f32 summands.
+    let close = |a: &[f32], b: &[f32]| {
+        let largest = a.iter().copied().fold(0.0, f32::max);
+        a.iter().zip(b).all(|(a, b)| (a - b).abs() <= 1e-6 * largest)
+    };
+    assert!(close(&forward.error, &backward.error) && close(&forward.area, &backward.area));
+    // Negative control: a view less.
+    assert!(!close(&forward.error, &sums(&views, &model, &order[1..]).error));
+}
+
+fn sums(views: &MemoryViews, model: &Model, order: &[usize]) -> WindowStatistics {
+    let mut backend = CpuBackend::new(Some(2)).unwrap();
+    backend.upload(model, &AdamState::zeros(model)).unwrap();
+    for &view in order {
+        let (camera, target) = &views.0[view];
+        backend
+            .step(&StepRequest {
+                step: 1,
+                camera: *camera,
+                photo: view as u32,
+                target,
+                background: [0.0; 3],
+                sh_degree: 1,
+                loss: Default::default(),
+                rates: LearningRates::default(),
+                accumulate_statistics: true,
+            })
+            .unwrap();
+    }
+    backend.read_statistics().unwrap()
+}
+
+#[test]
+fn parameters_count_as_in_the_papers_ablation() {
+    // Points, texels and parameters of rows I to V, in thousands and millions as printed.
+    for (points, texels, params) in [
+        (255e3, 40.0e6, 135.0e6),
+        (162e3, 14.1e6, 52.0e6),
+        (119e3, 16.2e6, 55.8e6),
+        (173e3, 10.5e6, 41.7e6),
+        (209e3, 16.3e6, 61.2e6),
+    ] {
+        let counted: f64 = num_params(points, texels);
+        // The printed texels are rounded to 0.05 M.
+        assert!((counted - params).abs() < 3.0 * 0.05e6 + 59.0 * 0.5e3 + 0.05e6, "{counted} {params}");
+    }
+    let model = scene().model;
+    assert_eq!(model.num_params(), 59 * model.num_splats() + 3 * model.num_texels());
+}
