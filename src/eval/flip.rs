@@ -1,9 +1,9 @@
-//! FLIP (Andersson et al. 2020): the difference that a person sees when flipping between two images.
+//! FLIP (Andersson et al. 2020): the difference a viewer perceives when flipping between two images.
 
 use super::ImagePair;
 
-/// Mean FLIP error over the pixels that count, 0 to 1; 0 if none counts. LDR, for a viewer who sees
-/// 67 pixels per degree (the metric's default: a 4K screen 0.7 m wide at 0.7 m).
+/// Mean LDR-FLIP error over the unmasked pixels, 0 to 1; 0 if every pixel is masked. Assumes 67 pixels
+/// per degree, the metric's default: a 4K screen 0.7 m wide, viewed from 0.7 m.
 pub fn mean_flip(pair: &ImagePair) -> f64 {
     // Image sizes come from u32, so the narrowing is exact.
     let (width, height) = (pair.width_px as u32, pair.height_px as u32);
@@ -16,7 +16,7 @@ pub fn mean_flip(pair: &ImagePair) -> f64 {
             .to_vec();
     let (mut sum, mut count) = (0.0, 0_u64);
     for (pixel, &error) in errors.iter().enumerate() {
-        if pair.counts.as_ref().is_none_or(|c| c[pixel]) {
+        if pair.unmasked.as_ref().is_none_or(|u| u[pixel]) {
             sum += f64::from(error);
             count += 1;
         }

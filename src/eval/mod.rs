@@ -1,9 +1,9 @@
-//! Quality figures of rendered images against photos.
+//! Quality figures of renders against photos.
 //!
-//! Definitions are those of the 3DGS family's evaluation unless a name says otherwise: PSNR over all
-//! pixels and channels of one image, figures of a set are means of figures of images. Pixels whose
-//! mask is 0 count in no figure; both images are black there before windows are applied, so that
-//! what a mask hides has no influence.
+//! Definitions follow the evaluation scripts of the 3DGS family unless a name says otherwise: PSNR is
+//! taken over all pixels and channels of one image, and the figures of a set are means over its images.
+//! Pixels whose mask is 0 are left out. Both images are set to black there before windowed metrics run,
+//! so masked content has no influence.
 
 mod error_map;
 mod flip;
@@ -20,42 +20,42 @@ pub use ssim::{Ssim, ssim};
 use crate::backend::TargetImage;
 use serde::{Deserialize, Serialize};
 
-/// Figures of one image. Images are rounded to 8 bits before they are compared, as when written.
+/// Quality figures of one view. Renders are rounded to 8 bits first, as in written files.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ViewQuality {
-    /// Original image name.
+    /// Name of the photo.
     pub name: String,
     /// PSNR over all pixels and channels, dB.
     pub psnr: f64,
-    /// PSNR of the gradients of the channel mean, dB.
+    /// PSNR of the Sobel gradients of the channel mean, dB.
     pub grad_psnr: f64,
     /// SSIM with zero padding, as the 3DGS family computes it.
     pub ssim_3dgs: f64,
-    /// SSIM over the region where the window fits.
+    /// SSIM over the pixels whose window lies inside the image.
     pub ssim_valid: f64,
     /// Mean FLIP error, 0 to 1.
     pub flip: f64,
 }
 
-/// Figures of a set of images: arithmetic means over the views.
+/// Quality figures of a set of views: arithmetic means over the views.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Evaluation {
-    /// dB
+    /// Mean of [`ViewQuality::psnr`], dB.
     pub psnr: f64,
-    /// dB
+    /// Mean of [`ViewQuality::grad_psnr`], dB.
     pub grad_psnr: f64,
-    /// With zero padding.
+    /// Mean of [`ViewQuality::ssim_3dgs`].
     pub ssim_3dgs: f64,
-    /// Valid region.
+    /// Mean of [`ViewQuality::ssim_valid`].
     pub ssim_valid: f64,
-    /// Mean FLIP error.
+    /// Mean of [`ViewQuality::flip`].
     pub flip: f64,
-    /// In the order of the views.
+    /// The figures of each view, in the order given.
     pub per_view: Vec<ViewQuality>,
 }
 
 impl Evaluation {
-    /// Means over the views; `None` without a view, for then there is no figure.
+    /// Averages over the views; `None` if there are none.
     pub fn from_views(per_view: Vec<ViewQuality>) -> Option<Self> {
         if per_view.is_empty() {
             return None;
@@ -73,38 +73,38 @@ impl Evaluation {
     }
 }
 
-/// Two images of one size, in 8 bits, black where the mask excludes them: what the figures compare.
+/// A render and its photo as the metrics compare them: same size, 8 bits, black where masked.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ImagePair {
-    /// Width.
+    /// Width of both images.
     pub width_px: usize,
-    /// Height.
+    /// Height of both images.
     pub height_px: usize,
-    /// The rendered image. `[height, width, 3]`
+    /// The render. `[height, width, 3]`
     pub rendered: Vec<u8>,
     /// The photo. `[height, width, 3]`
     pub target: Vec<u8>,
-    /// Whether a pixel counts; `None`: all do. `[height, width]`
-    pub counts: Option<Vec<bool>>,
+    /// Whether each pixel is compared; `None` if all are. `[height, width]`
+    pub unmasked: Option<Vec<bool>>,
 }
 
 impl ImagePair {
-    /// Clamps a rendered image (display space, `[height, width, 3]`) to [0, 1], rounds it to 8 bits
-    /// and pairs it with its photo. NaN becomes black.
+    /// Clamps a render (display space, `[height, width, 3]`) to [0, 1], rounds it to 8 bits and pairs
+    /// it with its photo. NaN becomes 0.
     ///
     /// # Panics
     /// If an array's length does not match the photo's size.
     pub fn new(rendered_rgb: &[f32], target: &TargetImage) -> Self {
         let (width_px, height_px) = (target.width_px as usize, target.height_px as usize);
         let num_pixels = width_px * height_px;
-        assert_eq!(rendered_rgb.len(), 3 * num_pixels, "size of the rendered image");
+        assert_eq!(rendered_rgb.len(), 3 * num_pixels, "size of the render");
         assert_eq!(target.rgb.len(), 3 * num_pixels, "size of the photo");
         let mut pair = Self {
             width_px,
             height_px,
             rendered: quantised(rendered_rgb),
             target: target.rgb.clone(),
-            counts: None,
+            unmasked: None,
         };
         if let Some(mask) = &target.mask {
             assert_eq!(mask.len(), num_pixels, "size of the mask");
@@ -112,14 +112,14 @@ impl ImagePair {
                 pair.rendered[3 * pixel..3 * pixel + 3].fill(0);
                 pair.target[3 * pixel..3 * pixel + 3].fill(0);
             }
-            pair.counts = Some(mask.iter().map(|&m| m != 0).collect());
+            pair.unmasked = Some(mask.iter().map(|&m| m != 0).collect());
         }
         pair
     }
 
-    /// Whether the pixel in column `x` of row `y` counts.
-    pub fn counts_at(&self, x: usize, y: usize) -> bool {
-        self.counts.as_ref().is_none_or(|c| c[y * self.width_px + x])
+    /// Whether the pixel in column `x` of row `y` is compared.
+    pub fn is_unmasked(&self, x: usize, y: usize) -> bool {
+        self.unmasked.as_ref().is_none_or(|u| u[y * self.width_px + x])
     }
 }
 
@@ -128,10 +128,10 @@ pub fn quantised(display_rgb: &[f32]) -> Vec<u8> {
     display_rgb.iter().map(|v| (v.clamp(0.0, 1.0) * 255.0).round() as u8).collect()
 }
 
-/// All figures of one rendered image (display space, not clamped, `[height, width, 3]`).
+/// All quality figures of one render (display space, not clamped, `[height, width, 3]`).
 ///
 /// # Panics
-/// If the image and its photo differ in size.
+/// If the render and its photo differ in size.
 pub fn quality_of(name: &str, rendered_rgb: &[f32], target: &TargetImage) -> ViewQuality {
     let pair = ImagePair::new(rendered_rgb, target);
     let ssim = ssim(&pair);

@@ -2,21 +2,21 @@
 
 use super::ImagePair;
 
-/// PSNR is at most this: JSON has no infinity, and identical images must have a figure. At 8 bits
-/// one wrong code value in 5 million is 115 dB, so nothing of interest lies above.
+/// Upper limit of every PSNR: identical images need a figure and JSON has no infinity. Nothing of
+/// interest lies above; at 8 bits, one value in 5 million off by one is 115 dB.
 pub const PSNR_CAP_DB: f64 = 100.0;
 
-/// `20 log10(1 / sqrt(mse))` for a peak of 1, capped.
+/// PSNR in dB for a peak of 1: `-10 log10(mse)`, at most [`PSNR_CAP_DB`].
 pub fn psnr_from_mse(mse: f64) -> f64 {
     (-10.0 * mse.log10()).min(PSNR_CAP_DB)
 }
 
-/// PSNR over the pixels that count and all channels, dB; the cap if no pixel counts.
+/// PSNR over all channels of the unmasked pixels, dB; [`PSNR_CAP_DB`] if every pixel is masked.
 pub fn psnr(pair: &ImagePair) -> f64 {
-    // Squares of code values are summed as integers: exact, so in any order the same.
+    // Integer sums of squared code values are exact.
     let (mut sum, mut pixels) = (0_u64, 0_u64);
     for (pixel, (a, b)) in pair.rendered.chunks_exact(3).zip(pair.target.chunks_exact(3)).enumerate() {
-        if pair.counts.as_ref().is_none_or(|c| c[pixel]) {
+        if pair.unmasked.as_ref().is_none_or(|u| u[pixel]) {
             pixels += 1;
             sum += (0..3).map(|c| u64::from(a[c].abs_diff(b[c])).pow(2)).sum::<u64>();
         }

@@ -1,5 +1,5 @@
-//! Structural similarity by the constants of 3DGS, in its two usual readings of the image's edge.
-//! The trainer's SSIM loss does not belong here.
+//! Structural similarity with the constants of 3DGS, under both common treatments of the image border.
+//! The backends implement the SSIM loss of training themselves.
 
 use super::ImagePair;
 use crate::constants::{SSIM_C1, SSIM_C2, SSIM_RADIUS_PX, SSIM_SIGMA_PX};
@@ -8,14 +8,14 @@ use rayon::prelude::*;
 /// Means of one SSIM map over pixels and channels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ssim {
-    /// Over all pixels that count, zeros beyond the image: what the 3DGS family publishes.
+    /// Over all unmasked pixels, with zeros beyond the border, as published by the 3DGS family.
     pub zero_padded: f64,
-    /// Over those pixels that count whose window lies in the image; equal to `zero_padded` if the
-    /// image is smaller than the window or no such pixel counts.
+    /// Over the unmasked pixels whose window lies inside the image; equal to `zero_padded` if there
+    /// are none, for example because the image is smaller than the window.
     pub valid: f64,
 }
 
-/// SSIM with an 11 x 11 Gaussian window and biased variances; 1 if no pixel counts.
+/// SSIM with an 11 x 11 Gaussian window and biased variances; 1 if every pixel is masked.
 pub fn ssim(pair: &ImagePair) -> Ssim {
     let (width, height) = (pair.width_px, pair.height_px);
     let r = SSIM_RADIUS_PX;
@@ -23,11 +23,11 @@ pub fn ssim(pair: &ImagePair) -> Ssim {
     let [mut all, mut valid] = [(0.0, 0_u64); 2];
     for channel in 0..3 {
         let map = ssim_map(pair, channel);
-        // One sum per row, then rows in order: the same bits for any number of threads.
+        // One sum per row, then rows in order, which fixes the order of the additions.
         for (y, row) in map.chunks_exact(width.max(1)).enumerate() {
             let [mut row_all, mut row_valid] = [0.0; 2];
             for (x, &value) in row.iter().enumerate() {
-                if pair.counts_at(x, y) {
+                if pair.is_unmasked(x, y) {
                     row_all += value;
                     all.1 += 1;
                     if inside(x, y) {
@@ -56,7 +56,7 @@ fn window() -> [f64; 2 * SSIM_RADIUS_PX + 1] {
     taps.map(|t| t / sum)
 }
 
-/// SSIM at every pixel of one channel, zeros beyond the image. `[height, width]`
+/// SSIM at every pixel of one channel, with zeros beyond the border. `[height, width]`
 fn ssim_map(pair: &ImagePair, channel: usize) -> Vec<f64> {
     let (width, height) = (pair.width_px, pair.height_px);
     let taps = window();
@@ -64,7 +64,7 @@ fn ssim_map(pair: &ImagePair, channel: usize) -> Vec<f64> {
         image[channel.min(image.len())..].iter().step_by(3).map(|&v| f64::from(v) / 255.0).collect()
     };
     let (x, y) = (plane(&pair.rendered), plane(&pair.target));
-    // Rows blurred along x: E[x], E[y], E[x^2], E[y^2], E[xy]. `[height, width, 5]`
+    // Blurred along rows: E[x], E[y], E[x^2], E[y^2], E[xy]. `[height, width, 5]`
     let mut blurred = vec![[0.0; 5]; width * height];
     blurred.par_chunks_exact_mut(width.max(1)).enumerate().for_each(|(row, out)| {
         let (x, y) = (&x[row * width..(row + 1) * width], &y[row * width..(row + 1) * width]);
@@ -92,7 +92,7 @@ fn ssim_map(pair: &ImagePair, channel: usize) -> Vec<f64> {
     map
 }
 
-/// Positions and taps of the window around `centre` that lie in `0..size`.
+/// Positions in `0..size` covered by the window around `centre`, with their taps.
 fn taps_within(taps: &[f64], centre: usize, size: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
     let first = centre.saturating_sub(SSIM_RADIUS_PX);
     let end = (centre + SSIM_RADIUS_PX + 1).min(size);

@@ -1,4 +1,4 @@
-//! Figures against direct implementations written apart from the code, and properties they must have.
+//! Quality figures against independent direct implementations, and the properties they must have.
 
 use super::*;
 
@@ -29,7 +29,7 @@ fn noisy(photo: &TargetImage, amplitude: f32) -> Vec<f32> {
         .collect()
 }
 
-fn without_noise(photo: &TargetImage) -> Vec<f32> {
+fn exact(photo: &TargetImage) -> Vec<f32> {
     noisy(photo, 0.0)
 }
 
@@ -39,7 +39,7 @@ const SIZES: [(u32, u32); 5] = [(1, 1), (3, 2), (17, 13), (11, 11), (40, 31)];
 fn identical_images_have_the_best_figures() {
     for (w, h) in SIZES {
         let photo = photo(w, h);
-        let q = quality_of("a.png", &without_noise(&photo), &photo);
+        let q = quality_of("a.png", &exact(&photo), &photo);
         assert_eq!((q.psnr, q.grad_psnr), (PSNR_CAP_DB, PSNR_CAP_DB), "{w}x{h}");
         // Needed 0.
         assert!((q.ssim_3dgs - 1.0).abs() < 1e-14 && (q.ssim_valid - 1.0).abs() < 1e-14);
@@ -62,24 +62,24 @@ fn figures_get_worse_with_noise() {
 }
 
 #[test]
-fn psnr_of_a_constant_difference_is_the_formula() {
+fn psnr_of_a_constant_offset_follows_the_formula() {
     let photo = TargetImage { width_px: 5, height_px: 4, rgb: vec![100; 60], mask: None };
     let rendered = vec![110.4 / 255.0; 60]; // rounds to 110
     let q = quality_of("", &rendered, &photo);
     // Needed 0.
     assert!((q.psnr - 20.0 * (25.5_f64).log10()).abs() < 1e-12);
-    assert_eq!(q.grad_psnr, PSNR_CAP_DB); // no gradient differs
+    assert_eq!(q.grad_psnr, PSNR_CAP_DB, "an offset changes no gradient");
 }
 
 #[test]
-fn clamp_and_rounding_come_first() {
+fn renders_are_clamped_and_rounded_before_comparison() {
     let photo = TargetImage { width_px: 2, height_px: 1, rgb: vec![255, 0, 128, 0, 255, 0], mask: None };
     let rendered = [7.0, -3.0, 128.4 / 255.0, f32::NAN, 1.0019, -0.0];
     assert_eq!(quality_of("", &rendered, &photo).psnr, PSNR_CAP_DB);
 }
 
 #[test]
-fn gradient_psnr_equals_a_direct_sobel() {
+fn gradient_psnr_matches_a_direct_sobel_filter() {
     let photo = photo(17, 13);
     let pair = ImagePair::new(&noisy(&photo, 0.2), &photo);
     let mean = |p: &[u8], x: i32, y: i32| {
@@ -107,9 +107,9 @@ fn gradient_psnr_equals_a_direct_sobel() {
         }
     }
     let expected = 10.0 * (count / sum).log10();
-    // Needed 0; the direct sum may round otherwise elsewhere.
+    // Needed 0; the direct sum may round differently on other machines.
     assert!((gradient_psnr(&pair) - expected).abs() < 1e-10);
-    // A ramp's gradient is its slope: 2 code values per pixel against a flat image.
+    // The gradient of a ramp is its slope: here 2 code values per pixel, against a flat image.
     let ramp = TargetImage {
         width_px: 8,
         height_px: 8,
@@ -121,7 +121,7 @@ fn gradient_psnr_equals_a_direct_sobel() {
     assert!((gradient_psnr(&flat) - psnr_from_mse(slope * slope / 2.0)).abs() < 1e-10);
 }
 
-/// SSIM by its definition: a full 2-D window at each pixel, padded by zeros.
+/// SSIM by definition, with a full 2D window at each pixel and zero padding: (all pixels, valid region).
 fn direct_ssim(pair: &ImagePair, sigma: f64) -> (f64, f64) {
     let (w, h) = (pair.width_px as i32, pair.height_px as i32);
     let g = |d: i32| (-f64::from(d * d) / (2.0 * sigma * sigma)).exp();
@@ -161,7 +161,7 @@ fn direct_ssim(pair: &ImagePair, sigma: f64) -> (f64, f64) {
 }
 
 #[test]
-fn ssim_equals_its_definition() {
+fn ssim_matches_its_definition() {
     for (w, h) in SIZES {
         let photo = photo(w, h);
         let pair = ImagePair::new(&noisy(&photo, 0.2), &photo);
@@ -170,7 +170,7 @@ fn ssim_equals_its_definition() {
         // Needed 1.7e-15.
         assert!((ours.zero_padded - all).abs() < 1e-12, "{w}x{h}");
         assert!((ours.valid - valid).abs() < 1e-12, "{w}x{h}");
-        // Negative control: another window is told apart (by 5e-3).
+        // Negative control: a window of another width is detected (it differs by 5e-3).
         if w > 10 {
             assert!((ours.zero_padded - direct_ssim(&pair, 1.6).0).abs() > 1e-3);
         }
@@ -178,18 +178,18 @@ fn ssim_equals_its_definition() {
 }
 
 #[test]
-fn hidden_pixels_have_no_influence() {
+fn masked_pixels_have_no_influence() {
     let mut photo = photo(40, 31);
-    let hidden = |i: usize| (i % 40) < 9 || i / 40 == 20;
-    photo.mask = Some((0..40 * 31).map(|i| if hidden(i) { 0 } else { 255 }).collect());
+    let masked = |i: usize| (i % 40) < 9 || i / 40 == 20;
+    photo.mask = Some((0..40 * 31).map(|i| if masked(i) { 0 } else { 255 }).collect());
     let clean = noisy(&photo, 0.05);
     let mut dirty = clean.clone();
-    for pixel in (0..40 * 31).filter(|&i| hidden(i)) {
+    for pixel in (0..40 * 31).filter(|&i| masked(i)) {
         dirty[3 * pixel..3 * pixel + 3].fill(0.77);
     }
     let a = quality_of("", &clean, &photo);
     assert_eq!(a, quality_of("", &dirty, &photo));
-    // Negative control: without the mask the same change shows everywhere.
+    // Negative control: without the mask, the same change affects every figure.
     photo.mask = None;
     let b = quality_of("", &clean, &photo);
     let c = quality_of("", &dirty, &photo);
@@ -198,7 +198,7 @@ fn hidden_pixels_have_no_influence() {
 }
 
 #[test]
-fn a_image_of_which_nothing_counts_has_figures() {
+fn a_fully_masked_view_has_the_best_figures() {
     let mut photo = photo(17, 13);
     photo.mask = Some(vec![0; 17 * 13]);
     let q = quality_of("", &noisy(&photo, 0.5), &photo);
@@ -206,7 +206,7 @@ fn a_image_of_which_nothing_counts_has_figures() {
 }
 
 #[test]
-fn figures_of_a_set_are_means() {
+fn figures_of_a_set_are_means_over_its_views() {
     let photo = photo(17, 13);
     let views =
         vec![quality_of("a", &noisy(&photo, 0.1), &photo), quality_of("b", &noisy(&photo, 0.4), &photo)];
@@ -214,14 +214,14 @@ fn figures_of_a_set_are_means() {
     assert_eq!(e.psnr, (views[0].psnr + views[1].psnr) / 2.0);
     assert_eq!(e.flip, (views[0].flip + views[1].flip) / 2.0);
     assert_eq!(e.per_view, views);
-    assert_eq!(Evaluation::from_views(Vec::new()), None, "no view, no figure");
+    assert_eq!(Evaluation::from_views(Vec::new()), None, "no views");
 }
 
 #[test]
-fn error_map_shows_where() {
+fn error_maps_show_where_images_differ() {
     let mut photo = photo(4, 1);
     photo.mask = Some(vec![255, 255, 255, 0]);
-    let mut rendered = without_noise(&photo);
+    let mut rendered = exact(&photo);
     rendered[3..6].iter_mut().for_each(|v| *v = 1.0 - v.round());
     let map = error_map(&rendered, &photo);
     assert_eq!(map[0..3], crate::image::magma(0.0));

@@ -1,4 +1,4 @@
-//! Cameras around the sample scene, the sparse points that they see, and what is known of it all.
+//! Cameras around the sample scene, the sparse points they observe, and the ground truth.
 
 use super::colmap_write::{SparseImage, SparseModel, SparsePoint};
 use super::render;
@@ -10,21 +10,21 @@ use rand::Rng;
 use rand_pcg::Pcg32;
 use serde_json::{Value, json};
 
-/// Streams of random numbers by purpose.
+// Separate random streams: adding a view does not shift the random numbers of the points.
 const STREAM_CAMERAS: u64 = 1;
 const STREAM_POINTS: u64 = 2;
 
-/// Where the cameras look.
+/// Point that the cameras look at, up to jitter.
 const CENTRE: DVec3 = DVec3::new(0.03, -0.26, 0.1);
 
-/// Largest azimuth of a camera to either side.
+/// Largest azimuth of a camera to either side, before jitter.
 const AZIMUTH_MAX_DEG: f64 = 66.0;
 
 /// The scene with its cameras and points.
 pub struct Capture {
     options: SampleOptions,
     scene: Scene,
-    /// Cameras and points as they are written.
+    /// Cameras and points, as written to `sparse/0`.
     pub sparse: SparseModel,
 }
 
@@ -32,13 +32,13 @@ fn uniform(rng: &mut Pcg32) -> f64 {
     (f64::from(rng.next_u32()) + 0.5) / 4_294_967_296.0
 }
 
-/// Standard normal numbers (Box and Muller).
+/// Two independent standard normal numbers (Box-Muller).
 fn normal_pair(rng: &mut Pcg32) -> DVec2 {
     let radius = (-2.0 * uniform(rng).ln()).sqrt();
     radius * DVec2::from_angle(std::f64::consts::TAU * uniform(rng))
 }
 
-/// Pose of a camera at `position` that looks at `target`, its x axis level.
+/// camera_from_capture of a camera at `position` that looks at `target` with its x axis level.
 fn looking_at(position: DVec3, target: DVec3) -> RigidTransform {
     let forward = (target - position).normalize();
     let right = DVec3::Y.cross(forward).normalize();
@@ -47,10 +47,10 @@ fn looking_at(position: DVec3, target: DVec3) -> RigidTransform {
     RigidTransform { rotation, translation: -(rotation * position) }
 }
 
-/// Poses on an arc in front of the scene, at three heights in turn, with jitter.
+/// Poses on an arc in front of the scene, alternating between three heights, with jitter.
 fn poses(options: &SampleOptions) -> Vec<RigidTransform> {
     let mut rng = Pcg32::new(options.seed, STREAM_CAMERAS);
-    let mut jitter = |size: f64| size * (2.0 * uniform(&mut rng) - 1.0);
+    let mut jitter = |amplitude: f64| amplitude * (2.0 * uniform(&mut rng) - 1.0);
     (0..options.views)
         .map(|view| {
             let along = (view as f64 + 0.5) / options.views as f64 * 2.0 - 1.0;
@@ -66,7 +66,7 @@ fn poses(options: &SampleOptions) -> Vec<RigidTransform> {
         .collect()
 }
 
-/// Sparse points on surfaces, seen from at least two of the poses.
+/// Sparse points on surfaces, each visible from at least two poses.
 fn points(
     options: &SampleOptions,
     scene: &Scene,
@@ -76,7 +76,7 @@ fn points(
     let mut rng = Pcg32::new(options.seed, STREAM_POINTS);
     let size = DVec2::new(f64::from(pinhole.width_px), f64::from(pinhole.height_px));
     let mut points = Vec::with_capacity(options.points);
-    // Nearly every surface is seen by several cameras; the bound only guards odd options.
+    // Nearly every surface is visible from several cameras; the bound only matters for unusual options.
     for attempt in 0..8 * options.points {
         if points.len() == options.points {
             break;
@@ -115,7 +115,7 @@ fn points(
 }
 
 impl Capture {
-    /// Places cameras and points; images are rendered on demand.
+    /// Places cameras and points. Images are rendered on demand.
     pub fn new(options: &SampleOptions) -> Self {
         let (width, height) = (f64::from(options.width_px), f64::from(options.height_px));
         let focal_px = 0.95 * width.max(height);
@@ -141,22 +141,22 @@ impl Capture {
         Self { options: options.clone(), scene, sparse: SparseModel { pinhole, images, points } }
     }
 
-    /// Image of a view. `[height, width, 3]`
+    /// The photo of a view, 8 bits, display space. `[height, width, 3]`
     pub fn image(&self, view: usize) -> Vec<u8> {
         let pose = &self.sparse.images[view].camera_from_capture;
         render::image(&self.scene, &self.sparse.pinhole, pose, self.options.supersampling)
     }
 
-    /// True depth of a view along the optical axis. `[height, width]`
+    /// Exact depth of a view along the optical axis, metres. `[height, width]`
     pub fn depth(&self, view: usize) -> Vec<f32> {
         render::depth(&self.scene, &self.sparse.pinhole, &self.sparse.images[view].camera_from_capture)
     }
 
-    /// Counts and errors.
+    /// Counts and the mean reprojection error.
     pub fn summary(&self) -> SampleSummary {
         let points = &self.sparse.points;
         let observations: usize = points.iter().map(|p| p.observations.len()).sum();
-        // Not sum(): that of nothing is -0.
+        // Not sum(), which is -0 for an empty iterator.
         let error = points.iter().fold(0.0, |sum, p| sum + p.error_px * p.observations.len() as f64);
         SampleSummary {
             views: self.sparse.images.len(),
@@ -166,7 +166,7 @@ impl Capture {
         }
     }
 
-    /// The truth: frame, options, geometry and cameras.
+    /// Contents of `truth/scene.json`: frame, options, geometry and cameras.
     pub fn description(&self) -> Value {
         let vector = |v: DVec3| v.to_array();
         let matrix_rows = |m: DMat3| m.transpose().to_cols_array_2d();

@@ -1,5 +1,5 @@
 //! Writes a sparse model in COLMAP's binary and text layouts (`cameras`, `images`, `points3D`).
-//! Reading belongs to `dataset`.
+//! `dataset::formats` reads them.
 
 use crate::Result;
 use crate::atomic_file;
@@ -8,48 +8,47 @@ use glam::{DQuat, DVec2, DVec3};
 use std::fmt::Write as _;
 use std::path::Path;
 
-/// COLMAP's number of the `PINHOLE` model.
+/// COLMAP's model id of `PINHOLE`.
 const MODEL_PINHOLE: i32 = 1;
 
-/// A posed image; its COLMAP id is its index + 1, its camera's id is 1.
+/// A posed image. Its COLMAP id is its index + 1; its camera has the id 1.
 #[derive(Clone, Debug)]
 pub struct SparseImage {
-    /// Relative to the image folder.
+    /// File name, relative to the image folder.
     pub name: String,
-    /// Pose.
+    /// Pose of the camera.
     pub camera_from_capture: RigidTransform,
 }
 
-/// A sparse point; its COLMAP id is its index + 1.
+/// A sparse point. Its COLMAP id is its index + 1.
 #[derive(Clone, Debug)]
 pub struct SparsePoint {
-    /// Capture frame.
+    /// Position in the capture's frame.
     pub position: DVec3,
-    /// Display space.
+    /// Colour, display space.
     pub rgb: [u8; 3],
-    /// Mean reprojection error.
+    /// Mean reprojection error over the observations.
     pub error_px: f64,
-    /// Index of an image and where the point was seen in it.
+    /// Index of each image that observes the point, with the point's pixel position in it.
     pub observations: Vec<(usize, DVec2)>,
 }
 
-/// A model with one camera that all images share.
+/// A sparse model whose images share one camera.
 #[derive(Clone, Debug)]
 pub struct SparseModel {
-    /// Intrinsics of all images.
+    /// Intrinsics shared by all images.
     pub pinhole: Pinhole,
-    /// Images.
+    /// Posed images, in COLMAP id order.
     pub images: Vec<SparseImage>,
-    /// Points.
+    /// Sparse points, in COLMAP id order.
     pub points: Vec<SparsePoint>,
 }
 
-/// Observations of one image: place and index of the point. The index in this list is what tracks
-/// refer to.
+/// Observations in one image: pixel position and point index. Tracks refer to indices into this list.
 type Keypoints = Vec<(DVec2, usize)>;
 
 impl SparseModel {
-    /// Keypoints of all images, and for each point its track: index of image and of keypoint.
+    /// Keypoints of each image, and the track of each point as pairs of image and keypoint index.
     fn keypoints_and_tracks(&self) -> (Vec<Keypoints>, Vec<Vec<(usize, usize)>>) {
         let mut keypoints = vec![Keypoints::new(); self.images.len()];
         let tracks = self
@@ -125,7 +124,7 @@ impl SparseModel {
         out
     }
 
-    /// Writes `cameras.txt`, `images.txt` and `points3D.txt`; numbers are exact.
+    /// Writes `cameras.txt`, `images.txt` and `points3D.txt`. Numbers read back exactly.
     ///
     /// # Errors
     /// [`crate::Error::Io`].
@@ -143,8 +142,8 @@ impl SparseModel {
         for (index, (image, keypoints)) in self.images.iter().zip(&keypoints).enumerate() {
             let pose = pose_numbers(&image.camera_from_capture).map(|v| v.to_string());
             let _ = writeln!(images, "{} {} 1 {}", index + 1, pose.join(" "), image.name);
-            let places = keypoints.iter().map(|(at, point)| format!("{} {} {}", at.x, at.y, point + 1));
-            let _ = writeln!(images, "{}", places.collect::<Vec<_>>().join(" "));
+            let points2d = keypoints.iter().map(|(at, point)| format!("{} {} {}", at.x, at.y, point + 1));
+            let _ = writeln!(images, "{}", points2d.collect::<Vec<_>>().join(" "));
         }
         let mut points =
             String::from("# POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as (IMAGE_ID, POINT2D_IDX)\n");

@@ -1,11 +1,11 @@
-//! Letters of dots: detail on the sample scene's surfaces whose loss anyone sees.
+//! Dot-matrix lettering on the sample scene's surfaces: detail whose loss is obvious.
 
 use super::noise::Noise;
 use crate::image::glyphs::{GLYPHS, SMALL_PRINT, glyph, has_ink};
 use glam::DVec2;
 
-/// Whether a centred line of text has ink at a place (right, up) from its centre; `dot` is the edge
-/// of one of the glyphs' 5 x 7 dots.
+/// Whether a centred line of text has ink at the offset `at` (right, up) from its centre. Glyphs have
+/// 5 x 7 dots of edge `dot`.
 pub fn text(line: &str, at: DVec2, dot: f64) -> bool {
     let length = line.chars().count() as f64;
     let x = at.x / dot + 3.0 * length;
@@ -17,7 +17,7 @@ pub fn text(line: &str, at: DVec2, dot: f64) -> bool {
     rows.is_some_and(|rows| has_ink(rows, (x % 6.0) as i64, row))
 }
 
-/// A block of small print: pseudo-random words in lines of 10 dots.
+/// Whether a block of small print has ink at `at`: pseudo-random words, one line every 10 dots.
 pub fn small_print(noise: &Noise, at: DVec2, dot: f64) -> bool {
     let (x, y) = ((at.x / dot).floor() as i64, (-at.y / dot).floor() as i64);
     let (letter, line) = (x.div_euclid(6), y.div_euclid(10));
@@ -31,8 +31,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn text_reads_from_left_to_right_and_from_the_top() {
-        // The L has its stem on the left and its foot below.
+    fn text_is_upright_and_not_mirrored() {
+        // An L has its stem on the left and its foot at the bottom.
         let ink = |x: f64, y: f64| text("L", DVec2::new(x, y), 1.0);
         assert!(ink(-2.5, 3.0) && ink(-2.5, -3.0) && ink(1.5, -3.0));
         assert!(!ink(1.5, 3.0) && !ink(-2.5, 4.0) && !ink(-3.5, 0.0));

@@ -1,6 +1,6 @@
-//! A procedural capture: images of a small still life from a ray caster, with exact poses, sparse
-//! points and true depths, in COLMAP's layout. For trying the program and for tests; no photo and no
-//! licence is involved.
+//! A procedural capture in COLMAP's layout: ray-cast images of a small still life with exact poses,
+//! sparse points and exact depths. For trying the program and for tests, without photos or licences of
+//! others.
 
 mod capture;
 mod colmap_write;
@@ -19,26 +19,26 @@ use capture::Capture;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// What to make.
+/// Options of [`write_sample`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SampleOptions {
-    /// Number of images, at least 2.
+    /// Number of views, at least 2.
     pub views: usize,
     /// Width of the images.
     pub width_px: u32,
     /// Height of the images.
     pub height_px: u32,
-    /// Sets patterns, placement, the cameras' jitter and the points.
+    /// Seed of the patterns, the placement of objects, the camera jitter and the points.
     pub seed: u64,
     /// Rays per pixel along each axis.
     pub supersampling: u32,
     /// Number of sparse points.
     pub points: usize,
-    /// Standard deviation of the points' positions along each axis, metres.
+    /// Standard deviation of the noise on point positions, per axis, metres.
     pub point_noise_m: f64,
-    /// Whether the sparse model is also written as text.
+    /// Also write the sparse model as text.
     pub text: bool,
-    /// Whether `truth/` is written: depths and the scene.
+    /// Write `truth/`: depths and a description of the scene.
     pub truth: bool,
 }
 
@@ -58,20 +58,20 @@ impl Default for SampleOptions {
     }
 }
 
-/// What was made.
+/// What [`write_sample`] has written.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SampleSummary {
-    /// Images.
+    /// Number of views.
     pub views: usize,
-    /// Sparse points.
+    /// Number of sparse points.
     pub points: usize,
-    /// Observations of the points over all images.
+    /// Number of observations of the points, over all images.
     pub observations: usize,
     /// Mean distance between an observation and the projection of its (noisy) point.
     pub mean_reprojection_error_px: f64,
 }
 
-/// Largest image side; the ray caster is for small captures.
+/// Longest image side; the ray caster is meant for small captures.
 const SIDE_MAX_PX: u32 = 8192;
 
 impl SampleOptions {
@@ -96,11 +96,11 @@ impl SampleOptions {
     }
 }
 
-/// Writes a capture to `dir`: `images/*.png`, `sparse/0/*.bin` and, if asked for, `sparse/0/*.txt`,
-/// `truth/depth/*.exr` and `truth/scene.json`. Same options, same bytes.
+/// Writes a capture to `dir`: `images/*.png`, `sparse/0/*.bin` and, if requested, `sparse/0/*.txt`,
+/// `truth/depth/*.exr` and `truth/scene.json`. Equal options give equal bytes.
 ///
 /// # Errors
-/// [`Error::Usage`] for options out of range, [`Error::Io`].
+/// [`Error::Usage`] for options out of range, [`Error::Io`] if writing fails.
 pub fn write_sample(dir: &Path, options: &SampleOptions) -> Result<SampleSummary> {
     options.check()?;
     let capture = Capture::new(options);

@@ -1,22 +1,22 @@
-//! Noise on a lattice by hashing: the irregularity of the sample scene's surfaces.
+//! Hashed lattice noise, for irregular surfaces in the sample scene.
 
 use glam::DVec2;
 
-/// Lattice noise of one seed.
+/// A seeded noise function.
 #[derive(Clone, Copy, Debug)]
 pub struct Noise {
     seed: u32,
 }
 
 impl Noise {
-    /// Noise of a seed.
+    /// Folds the seed to 32 bits.
     pub fn new(seed: u64) -> Self {
         Self { seed: (seed ^ (seed >> 32)) as u32 }
     }
 
-    /// Uniform in [0, 1) by cell.
+    /// White noise: one uniform number in [0, 1) per lattice cell.
     pub fn cell(&self, x: i64, y: i64) -> f64 {
-        // Integer finaliser of MurmurHash3; wrap-around of far cells is harmless.
+        // Finaliser of MurmurHash3. Cells 2^32 apart coincide, which is harmless.
         let mut h = self.seed ^ (x as u32).wrapping_mul(0x9E37_79B1) ^ (y as u32).wrapping_mul(0x85EB_CA77);
         h ^= h >> 16;
         h = h.wrapping_mul(0x85EB_CA6B);

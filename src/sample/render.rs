@@ -1,6 +1,6 @@
-//! Images and depths of the sample scene by ray casting: Lambert shading under one area light, a
-//! fill light and ambient light. Nothing depends on the direction of view, so that the images are
-//! those of a scene with constant colours.
+//! Images and depths of the sample scene by ray casting: Lambertian shading under an area light, a
+//! fill light and ambient light. Nothing is view-dependent, so every surface point has one colour in
+//! all images.
 
 use super::scene::{Hit, Ray, Scene};
 use crate::camera::{Pinhole, RigidTransform};
@@ -11,15 +11,16 @@ use rayon::prelude::*;
 const LIGHT_GRID: u32 = 3;
 /// Centre of the area light: above, in front and to the left.
 const LIGHT_CENTRE: DVec3 = DVec3::new(-1.0, -2.45, -1.3);
-/// Edge of the area light.
+/// Edge length of the area light.
 const LIGHT_EDGE: f64 = 0.7;
 
-/// Radiance (linear) at a hit, lit by the light sample `sample` of `LIGHT_GRID^2`, times their number.
+/// Linear radiance at a hit. Sample number `sample` of the `LIGHT_GRID^2` on the area light stands for
+/// all of it.
 fn radiance(scene: &Scene, hit: &Hit, sample: u32) -> DVec3 {
     let cell = |i: u32| (f64::from(i) + 0.5) / f64::from(LIGHT_GRID) - 0.5;
-    let place = DVec3::new(cell(sample % LIGHT_GRID), 0.0, cell(sample / LIGHT_GRID % LIGHT_GRID));
+    let on_light = DVec3::new(cell(sample % LIGHT_GRID), 0.0, cell(sample / LIGHT_GRID % LIGHT_GRID));
     let origin = hit.position + 1e-6 * hit.normal;
-    let direction = LIGHT_CENTRE + LIGHT_EDGE * place - origin;
+    let direction = LIGHT_CENTRE + LIGHT_EDGE * on_light - origin;
     let distance_squared = direction.length_squared();
     let cosine = direction.dot(hit.normal) / distance_squared.sqrt();
     let key = if cosine > 0.0 && !scene.occludes(&Ray { origin, direction }) {
@@ -28,7 +29,7 @@ fn radiance(scene: &Scene, hit: &Hit, sample: u32) -> DVec3 {
         0.0
     };
     let fill = 0.16 * hit.normal.dot(DVec3::new(0.5, -0.45, -0.74)).max(0.0);
-    // More ambient light comes from above.
+    // Ambient light is stronger from above.
     let ambient = (0.25 - 0.07 * hit.normal.y) * scene.openness(hit);
     let light = key * DVec3::new(1.0, 0.95, 0.86)
         + fill * DVec3::new(0.85, 0.93, 1.0)
@@ -36,7 +37,7 @@ fn radiance(scene: &Scene, hit: &Hit, sample: u32) -> DVec3 {
     scene.albedo(hit) * light
 }
 
-/// Display-space value of a linear one, by the sRGB curve, clipped to [0, 1].
+/// sRGB transfer function, clipped to [0, 1].
 pub fn display_from_linear(linear: f64) -> f64 {
     let v = linear.clamp(0.0, 1.0);
     if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 }
@@ -46,14 +47,14 @@ fn rgb8(linear: DVec3) -> [u8; 3] {
     linear.to_array().map(|v| (display_from_linear(v) * 255.0).round() as u8)
 }
 
-/// Colour of a surface point under the whole light, 8 bits, display space.
+/// Colour of a surface point under all light samples, 8 bits, display space.
 pub fn point_colour(scene: &Scene, hit: &Hit) -> [u8; 3] {
     let samples = LIGHT_GRID * LIGHT_GRID;
     let sum: DVec3 = (0..samples).map(|s| radiance(scene, hit, s)).sum();
     rgb8(sum / f64::from(samples))
 }
 
-/// Ray through an image position; t of a hit is its depth along the optical axis.
+/// Ray through an image position. The `t` of a hit is its depth along the optical axis.
 pub fn ray_through(pinhole: &Pinhole, camera_from_scene: &RigidTransform, position_px: DVec2) -> Ray {
     Ray {
         origin: camera_from_scene.origin_of_a_in_b(),
@@ -61,8 +62,8 @@ pub fn ray_through(pinhole: &Pinhole, camera_from_scene: &RigidTransform, positi
     }
 }
 
-/// A view of the scene, `supersampling`^2 rays per pixel, averaged in linear light.
-/// 8 bits, display space. `[height, width, 3]`
+/// Image with `supersampling`^2 rays per pixel, averaged in linear light; 8 bits, display space.
+/// `[height, width, 3]`
 pub fn image(
     scene: &Scene,
     pinhole: &Pinhole,
@@ -79,7 +80,7 @@ pub fn image(
                 let within = DVec2::new(f64::from(i) + 0.5, f64::from(j) + 0.5) / rays;
                 let at = DVec2::new(x as f64, y as f64) + within;
                 let hit = scene.cast(&ray_through(pinhole, camera_from_scene, at));
-                // 7 is prime to 9: 3 x 3 rays of a pixel see every part of the light once.
+                // 7 and 9 are coprime: the 3 x 3 rays of a pixel sample each part of the light once.
                 sum += radiance(scene, &hit, 7 * sample + (x + 2 * y) as u32 % 9);
             }
             pixel.copy_from_slice(&rgb8(sum / (rays * rays)));

@@ -1,61 +1,60 @@
-//! Geometry of the sample scene and rays through it: a room with three boxes and a sphere on its
-//! floor. Metres; axes as in a capture of COLMAP: x right, y down (the floor is y = 0), z away from
-//! the cameras.
+//! Geometry of the sample scene and ray intersection: a room with three boxes and a globe. Units are
+//! metres; axes are COLMAP's: x right, y down (the floor is y = 0), z away from the cameras.
 
 use super::noise::Noise;
 use super::texture;
 use glam::{DMat3, DVec2, DVec3};
 
-/// A half line; `origin + t * direction` for t > 0.
+/// The points `origin + t * direction` for t > 0.
 #[derive(Clone, Copy, Debug)]
 pub struct Ray {
-    /// Start.
+    /// Position at t = 0.
     pub origin: DVec3,
-    /// Any length: with z = 1 in camera axes, t is the depth.
+    /// Of any length. If its z in camera axes is 1, t is the depth.
     pub direction: DVec3,
 }
 
-/// A surface with its own texture.
+/// A surface with its own pattern.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Surface {
-    /// Inside of the room, face by normal axis and side (false: at the minimum).
+    /// A wall, the floor or the ceiling: axis of its normal, and whether it is at the axis' maximum.
     Room(usize, bool),
-    /// A box by index, face by normal axis and side.
+    /// A face of a box: index of the box, axis of the normal, and whether it is at the axis' maximum.
     Box(usize, usize, bool),
-    /// The globe.
+    /// The whole sphere.
     Globe,
 }
 
 /// Where a ray meets a surface.
 #[derive(Clone, Copy, Debug)]
 pub struct Hit {
-    /// In lengths of the ray's direction.
+    /// Ray parameter: distance in lengths of the ray's direction.
     pub t: f64,
-    /// Place.
+    /// Position of the hit.
     pub position: DVec3,
-    /// Unit, towards the ray's origin.
+    /// Unit normal, on the side of the ray's origin.
     pub normal: DVec3,
-    /// What was hit.
+    /// The surface that was hit.
     pub surface: Surface,
 }
 
-/// A box that stands on the floor or on another, turned about the vertical.
+/// A box on the floor, rotated about the vertical.
 #[derive(Clone, Copy, Debug)]
 pub struct StandingBox {
-    /// Centre.
+    /// Centre of the box.
     pub centre: DVec3,
-    /// Half edges.
+    /// Half edge lengths.
     pub half: DVec3,
     /// scene_from_box
     pub rotation: DMat3,
 }
 
-/// All geometry.
+/// Room, objects and patterns of the sample.
 #[derive(Clone, Debug)]
 pub struct Scene {
-    /// Corners of the room.
+    /// Minimum and maximum corner of the room.
     pub room: [DVec3; 2],
-    /// Crate, carton and book pile.
+    /// Crate, carton and pile of books.
     pub boxes: [StandingBox; 3],
     /// Centre and radius.
     pub globe: (DVec3, f64),
@@ -63,7 +62,7 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// The scene of a seed: the seed sets the patterns and, by a few degrees, the boxes' turns.
+    /// The scene of a seed, which sets the patterns and varies the boxes' rotations by a few degrees.
     pub fn new(seed: u64) -> Self {
         let noise = Noise::new(seed);
         let standing = |index: i64, x: f64, base: f64, z: f64, half: DVec3, turn_deg: f64| StandingBox {
@@ -85,7 +84,7 @@ impl Scene {
         }
     }
 
-    /// The nearest surface along a ray that starts in the room, outside of the objects.
+    /// The nearest hit of a ray that starts in the room and outside the objects.
     pub fn cast(&self, ray: &Ray) -> Hit {
         let mut best = self.cast_room(ray);
         for (index, b) in self.boxes.iter().enumerate() {
@@ -111,7 +110,8 @@ impl Scene {
         best
     }
 
-    /// Whether an object lies on the segment `origin .. origin + direction` (the convex room never does).
+    /// Whether an object intersects the segment from `origin` to `origin + direction`. The room is
+    /// convex and never does.
     pub fn occludes(&self, ray: &Ray) -> bool {
         self.boxes.iter().any(|b| b.cast(ray, 1.0).is_some()) || self.cast_globe(ray).is_some_and(|t| t < 1.0)
     }
@@ -122,7 +122,7 @@ impl Scene {
             let d = ray.direction[axis];
             let max_side = d > 0.0;
             let t = (self.room[usize::from(max_side)][axis] - ray.origin[axis]) / d;
-            // 0 / 0 on a wall along it: NaN loses.
+            // 0 / 0, for a ray inside a wall, is NaN and fails the comparison.
             if t >= 0.0 && t < best.0 {
                 best = (t, axis, max_side);
             }
@@ -174,7 +174,7 @@ impl Scene {
         }
     }
 
-    /// How open a place is to light from all around, 0 to 1: falls towards corners and objects.
+    /// Approximate ambient occlusion: 1 in the open, falling towards 0 near corners and objects.
     pub fn openness(&self, hit: &Hit) -> f64 {
         let p = hit.position + 0.02 * hit.normal;
         let mut open = 1.0;
@@ -199,7 +199,8 @@ impl Scene {
 }
 
 impl StandingBox {
-    /// Distance, face axis and side where a ray from outside enters, if before `limit`.
+    /// Entry of a ray from outside if it lies before `limit`: t, axis of the face, whether the face is
+    /// at the axis' maximum.
     fn cast(&self, ray: &Ray, limit: f64) -> Option<(f64, usize, bool)> {
         let box_from_scene = self.rotation.transpose();
         let origin = box_from_scene * (ray.origin - self.centre);
@@ -218,7 +219,7 @@ impl StandingBox {
         (enter > 1e-9 && enter < leave && enter < limit).then_some((enter, face.0, face.1))
     }
 
-    /// Place on a face (right, up as seen from outside) and the face's half size.
+    /// Position on a face (right, up as seen from outside) and the face's half size.
     fn face_coordinates(&self, local: DVec3, axis: usize, max_side: bool) -> (DVec2, DVec2) {
         let sign = if max_side { 1.0 } else { -1.0 };
         let h = self.half;

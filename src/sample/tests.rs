@@ -1,4 +1,4 @@
-//! The sample capture against itself: files, colours, depths, determinism.
+//! Consistency of the sample capture: files, colours, depths, determinism.
 
 use super::*;
 use glam::DVec2;
@@ -19,7 +19,7 @@ fn folder(name: &str) -> PathBuf {
     std::env::temp_dir().join(format!("litetex-sample-{name}-{}", std::process::id()))
 }
 
-/// All files below a folder with their bytes, sorted.
+/// All files below a folder with their bytes, sorted by path.
 fn contents(dir: &Path) -> Vec<(PathBuf, Vec<u8>)> {
     let mut found = Vec::new();
     let mut folders = vec![dir.to_owned()];
@@ -62,7 +62,7 @@ fn same_options_give_the_same_bytes_for_any_number_of_threads() {
 }
 
 #[test]
-fn binary_files_have_the_sizes_of_their_counts() {
+fn binary_file_sizes_follow_from_the_counts() {
     let capture = Capture::new(&small());
     let summary = capture.summary();
     let files = sample("sizes", &small());
@@ -85,7 +85,7 @@ fn tracks_and_keypoints_agree() {
         let file = files.iter().find(|f| f.0 == Path::new("sparse/0").join(name));
         String::from_utf8(file.unwrap().1.clone()).unwrap()
     };
-    // Point id of each keypoint of each image.
+    // Point ids of the keypoints, by image.
     let images = text("images.txt");
     let lines: Vec<&str> = images.lines().filter(|l| !l.starts_with('#')).collect();
     let keypoints: Vec<Vec<&str>> =
@@ -98,7 +98,7 @@ fn tracks_and_keypoints_agree() {
             assert_eq!(keypoints[image - 1][keypoint], fields[0]);
             observations += 1;
         }
-        assert!(fields.len() >= 8 + 2 * 2, "seen in two images");
+        assert!(fields.len() >= 8 + 2 * 2, "every point is seen in at least two images");
     }
     assert_eq!(observations, keypoints.iter().map(Vec::len).sum::<usize>());
 }
@@ -122,16 +122,16 @@ fn points_have_the_colour_of_the_pixels_where_they_are_seen() {
         all.sort_unstable();
         all
     };
-    let there = differences(0.0);
+    let in_place = differences(0.0);
     let median = |d: &[u8]| d[d.len() / 2];
-    // A pixel averages over patterns as fine as itself: the middle must agree, not the tail. Needed 3.
-    assert!(median(&there) <= 5, "median {}", median(&there));
-    // Negative control: 12 pixels away colours have nothing to do with each other (median 63).
+    // Pixels average over patterns of about their own size, so only the median must agree. Needed 3.
+    assert!(median(&in_place) <= 5, "median {}", median(&in_place));
+    // Negative control: colours 12 pixels away are unrelated (median 63).
     assert!(median(&differences(12.0)) > 30);
 }
 
 #[test]
-fn depth_leads_back_to_the_points() {
+fn depths_agree_with_the_points() {
     let capture = Capture::new(&SampleOptions { point_noise_m: 0.0, ..small() });
     let pinhole = capture.sparse.pinhole;
     let depths: Vec<_> = (0..6).map(|v| capture.depth(v)).collect();
@@ -145,12 +145,12 @@ fn depth_leads_back_to_the_points() {
             all += 1;
         }
     }
-    // The rest lies at depth edges and on floors seen at a flat angle. Needed 0.976.
+    // The rest lies at depth edges and on floors seen at a grazing angle. Needed 0.976.
     assert!(close as f64 > 0.95 * f64::from(all), "{close} of {all}");
 }
 
 #[test]
-fn odd_options_are_refused_or_work() {
+fn unusual_options_work_and_invalid_ones_are_refused() {
     let dir = folder("odd");
     for bad in [
         SampleOptions { views: 1, ..small() },
@@ -166,9 +166,9 @@ fn odd_options_are_refused_or_work() {
     std::fs::remove_dir_all(dir).unwrap();
 }
 
-/// Writes the default capture to the folder named by `LITETEX_SAMPLE_DIR`, to be looked at.
+/// Writes the default capture to the folder named by `LITETEX_SAMPLE_DIR`.
 #[test]
-#[ignore = "writes the default capture for people to look at; takes seconds"]
+#[ignore = "writes the default capture for visual inspection; takes seconds"]
 fn write_default_capture() {
     if let Some(dir) = std::env::var_os("LITETEX_SAMPLE_DIR") {
         let start = std::time::Instant::now();

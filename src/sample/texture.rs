@@ -1,7 +1,7 @@
-//! Procedural surfaces of the sample scene: albedo (linear light) as a function of a place on a
-//! surface in metres. Shading and geometry do not belong here.
+//! Procedural patterns of the sample scene: albedo in linear light as a function of the position on a
+//! surface, in metres.
 //!
-//! Details are a few millimetres to a few centimetres: about one to ten pixels of the default images.
+//! Details measure a few millimetres to a few centimetres, about one to ten pixels of the default images.
 
 use super::lettering::{small_print, text};
 use super::noise::Noise;
@@ -20,7 +20,7 @@ fn checker(at: DVec2, size: f64) -> bool {
     ((at.x / size).floor() + (at.y / size).floor()).rem_euclid(2.0) < 0.5
 }
 
-/// Wood whose grain runs along `at.y`.
+/// Wood with its grain along `at.y`; `tone`, 0 to 1, varies its brightness.
 fn wood(noise: &Noise, at: DVec2, tone: f64) -> DVec3 {
     let warp = noise.fractal(DVec2::new(at.x * 9.0, at.y * 1.3));
     let rings = 0.5 + 0.5 * (at.x * 130.0 + 22.0 * warp).sin();
@@ -30,7 +30,7 @@ fn wood(noise: &Noise, at: DVec2, tone: f64) -> DVec3 {
     mix(light, dark, 0.62 * rings * warp + 0.45 * (pores - 0.45).max(0.0) * 2.0)
 }
 
-/// Floor: planks, and a checkered rug with borders in the middle.
+/// Floor: planks, with a chequered, bordered rug in the middle.
 pub fn floor(noise: &Noise, at: DVec2) -> DVec3 {
     let half = DVec2::new(1.25, 0.85);
     let inside = (half - at.abs()).min_element();
@@ -59,7 +59,7 @@ pub fn floor(noise: &Noise, at: DVec2) -> DVec3 {
     wood(noise, at + offset, tone) * if gap < 0.0035 { 0.3 } else { 1.0 }
 }
 
-/// Back wall: bricks and a framed poster.
+/// Back wall: bricks with a framed poster.
 pub fn back_wall(noise: &Noise, at: DVec2) -> DVec3 {
     let poster = at - DVec2::new(0.0, -0.28);
     let inside = (DVec2::new(0.78, 0.46) - poster.abs()).min_element();
@@ -102,7 +102,7 @@ fn poster_face(noise: &Noise, at: DVec2) -> DVec3 {
     paper
 }
 
-/// Left wall: woven plaid.
+/// Left wall: a woven plaid.
 pub fn plaid(noise: &Noise, at: DVec2) -> DVec3 {
     let bands = |x: f64| {
         let p = x.rem_euclid(0.36);
@@ -134,13 +134,13 @@ pub fn wallpaper(noise: &Noise, at: DVec2) -> DVec3 {
     }
 }
 
-/// Ceiling and the wall behind the cameras: plaster panels.
+/// Ceiling, and the wall behind the cameras: plaster panels.
 pub fn plaster(noise: &Noise, at: DVec2) -> DVec3 {
     let seam = from_line(at.x, 0.6).min(from_line(at.y, 0.6)) < 0.006;
     DVec3::new(0.72, 0.7, 0.66) * (0.86 + 0.2 * noise.fractal(at * 9.0)) * if seam { 0.6 } else { 1.0 }
 }
 
-/// Wooden crate: frame, slats and nails. `half` is the half size of the face.
+/// A face of the wooden crate: frame, slats, nails and lettering. `half` is the face's half size.
 pub fn crate_face(noise: &Noise, at: DVec2, half: DVec2) -> DVec3 {
     let edge = (half - at.abs()).min_element();
     if edge < 0.05 {
@@ -158,12 +158,12 @@ pub fn crate_face(noise: &Noise, at: DVec2, half: DVec2) -> DVec3 {
     wood(noise, DVec2::new(at.y + 3.0 * slat, at.x), tone * 0.7) * if gap { 0.25 } else { 1.0 }
 }
 
-/// A printed carton.
+/// A face of the printed carton. `half` is the face's half size.
 pub fn carton_face(noise: &Noise, at: DVec2, half: DVec2) -> DVec3 {
     let relative = at / half;
     let white = DVec3::new(0.8, 0.8, 0.76);
     if half.min_element() < 0.1 {
-        // Narrow sides: the table of contents.
+        // Narrow sides carry small print.
         let margin = (half - at.abs()).min_element() > 0.015;
         return if margin && small_print(noise, at, 0.0045) { DVec3::splat(0.04) } else { white };
     }
@@ -189,7 +189,7 @@ pub fn carton_face(noise: &Noise, at: DVec2, half: DVec2) -> DVec3 {
     mix(DVec3::new(0.07, 0.22, 0.5), DVec3::new(0.1, 0.42, 0.45), 0.5 + 0.5 * relative.y)
 }
 
-/// A pile of books: covers above and below, pages at the sides.
+/// A face of the book pile: covers at top and bottom, page edges at the sides.
 pub fn book_face(noise: &Noise, at: DVec2, half: DVec2, is_cover: bool) -> DVec3 {
     if is_cover {
         let edge = (half - at.abs()).min_element();
@@ -210,11 +210,11 @@ pub fn book_face(noise: &Noise, at: DVec2, half: DVec2, is_cover: bool) -> DVec3
     DVec3::new(0.76, 0.7, 0.55) * (0.6 + 0.45 * sheet)
 }
 
-/// A globe: seas, lands, ice and a graticule. `direction` is unit, `y` down.
+/// The globe: sea, land, ice and a graticule. `direction` is a unit vector from the centre, y down.
 pub fn globe(noise: &Noise, direction: DVec3) -> DVec3 {
     let longitude = direction.x.atan2(-direction.z);
     let latitude = (-direction.y).clamp(-1.0, 1.0).asin();
-    // Three planes of noise mixed by direction: no seam and no poles.
+    // Triplanar noise has neither a seam nor poles.
     let w = direction * direction;
     let height = w.x * noise.fractal(DVec2::new(direction.y, direction.z) * 2.6 + 9.0)
         + w.y * noise.fractal(DVec2::new(direction.x, direction.z) * 2.6 + 40.0)
@@ -240,7 +240,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_surface_is_an_albedo() {
+    fn every_albedo_is_between_0_and_1() {
         let noise = Noise::new(0);
         for i in 0..20_000 {
             let at = DVec2::new(noise.cell(i, 0) * 6.0 - 3.0, noise.cell(i, 1) * 4.0 - 2.0);
