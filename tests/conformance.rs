@@ -1,4 +1,5 @@
-//! The files of `samples/conformance` show what the second renderer, written from the specifications, says of them.
+//! The files of `samples/conformance` render to the pixels that the second renderer, written from the specifications,
+//! computed for them.
 #![allow(clippy::unwrap_used, reason = "a failing test may panic")]
 
 mod common;
@@ -20,10 +21,10 @@ fn read(name: &str) -> SplatAsset {
     contents.asset
 }
 
-/// Largest difference of a file's images from the figures.
-fn worst(asset: &SplatAsset, expected: &Value) -> f64 {
+/// Largest difference between an asset's images and the expected pixels.
+fn max_error(asset: &SplatAsset, expected: &Value) -> f64 {
     let mut backend = CpuBackend::new(Some(2)).unwrap();
-    let mut worst = 0.0_f64;
+    let mut max = 0.0_f64;
     for camera in &asset.cameras {
         let of_view = SplatAsset { cameras: vec![camera.clone()], ..SplatAsset::default() };
         let image = images(&mut backend, asset, &of_view);
@@ -38,31 +39,31 @@ fn worst(asset: &SplatAsset, expected: &Value) -> f64 {
             let [x, y] = ["x", "y"].map(|k| pixel[k].as_u64().unwrap() as usize);
             for c in 0..3 {
                 let found = image[3 * (y * camera.width_px as usize + x) + c];
-                worst = worst.max((f64::from(found) - pixel["rgb"][c].as_f64().unwrap()).abs());
+                max = max.max((f64::from(found) - pixel["rgb"][c].as_f64().unwrap()).abs());
             }
         }
     }
-    worst
+    max
 }
 
 #[test]
-fn the_pack_shows_what_its_figures_say() {
+fn the_pack_renders_to_its_expected_pixels() {
     let expected: Value =
         serde_json::from_slice(&std::fs::read(folder().join("expected.json")).unwrap()).unwrap();
     let scene = read("lossless.glb");
     assert_eq!((scene.num_splats(), scene.sh_degree, scene.cameras.len()), (36, 3, 3));
-    let exact = worst(&scene, &expected);
+    let exact = max_error(&scene, &expected);
     println!("lossless {exact:e}");
     // Needed 1.1e-6: the CPU backend computes in f32.
     assert!(exact < 1e-4, "{exact}");
     for name in ["balanced.glb", "balanced.usda", "balanced.ltgs"] {
-        let rounded = worst(&read(name), &expected);
+        let rounded = max_error(&read(name), &expected);
         println!("{name} {rounded:e}");
         assert!(rounded < 0.02 && rounded > exact, "{name}: {rounded}");
     }
-    // Negative control: a splat is gone.
+    // Negative control: one splat is missing.
     let mut other = scene.clone();
     let keep: Vec<bool> = (0..36).map(|i| i != 20).collect();
     assert_eq!(other.retain(&keep), 1);
-    assert!(worst(&other, &expected) > 0.01);
+    assert!(max_error(&other, &expected) > 0.01);
 }

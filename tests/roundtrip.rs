@@ -1,4 +1,5 @@
-//! Every format and quality, written, read and rendered again: on the CPU, and on the GPU drivers that are installed.
+//! Round trips through every format and quality: written, read back and rendered, on the CPU and on every installed GPU
+//! driver.
 #![allow(clippy::unwrap_used, reason = "a failing test may panic")]
 
 mod common;
@@ -8,9 +9,9 @@ use litetex_exporters::{AssetMap, Format, Quality, SplatAsset};
 use litetex_gs::backend::Backend;
 use litetex_gs::cpu::CpuBackend;
 
-/// Least PSNR of images of a file against those of the scene: what the qualities promise. Measured: glTF and USD 64.6,
-/// `.ltgs` 50.1 and 43.7 (with the steps that a search would begin with), PLY 161, SPZ 34.5.
-fn least(format: Format, quality: Quality) -> f64 {
+/// Lowest PSNR allowed between renders of a file and of its scene, dB. Measured: glTF and USD 64.6, `.ltgs` 50.1 and 43.7
+/// (with the steps from which a search starts), PLY 161, SPZ 34.5.
+fn min_psnr(format: Format, quality: Quality) -> f64 {
     match (format, quality) {
         (Format::Spz, _) => 32.0,
         (Format::Ply, _) => 120.0,
@@ -19,16 +20,19 @@ fn least(format: Format, quality: Quality) -> f64 {
     }
 }
 
-fn every_file_renders_as_the_scene(backend: &mut dyn Backend) {
+fn check_every_format(backend: &mut dyn Backend) {
     let (asset, folder) = (asset(), tempfile::tempdir().unwrap());
-    let whole = images(backend, &asset, &asset);
-    let plain = images(backend, &asset.untextured(), &asset);
-    assert!(psnr(&plain, &whole) < 35.0, "the maps are hardly seen: nothing is tested");
+    let textured = images(backend, &asset, &asset);
+    let untextured = images(backend, &asset.untextured(), &asset);
+    assert!(
+        psnr(&untextured, &textured) < 35.0,
+        "the maps barely affect the images, so this would test nothing"
+    );
     for format in Format::ALL {
         let qualities = if format.qualities().is_empty() { &[Quality::Balanced] } else { format.qualities() };
         for &quality in qualities {
             let mut read = through(folder.path(), &asset, format, quality);
-            let expected = if format.keeps_textures() { &whole } else { &plain };
+            let expected = if format.keeps_textures() { &textured } else { &untextured };
             if !format.keeps_textures() {
                 read = read.in_frame(&asset.capture_from_local);
                 (read.near, read.background) = (asset.near, asset.background);
@@ -36,30 +40,30 @@ fn every_file_renders_as_the_scene(backend: &mut dyn Backend) {
             let found = images(backend, &read, &asset);
             if quality == Quality::Lossless {
                 let same = found.iter().zip(expected).all(|(a, b)| a.to_bits() == b.to_bits());
-                assert!(same, "{format:?}: lossless, but images differ");
+                assert!(same, "{format:?}: images of the lossless file differ");
             } else {
                 let psnr = psnr(&found, expected);
                 println!("{format:?} {quality:?} {psnr:.2} dB");
-                assert!(psnr >= least(format, quality), "{format:?} {quality:?}: {psnr}");
+                assert!(psnr >= min_psnr(format, quality), "{format:?} {quality:?}: {psnr}");
             }
         }
     }
 }
 
 #[test]
-fn every_file_renders_as_the_scene_on_the_cpu() {
-    every_file_renders_as_the_scene(&mut CpuBackend::new(Some(2)).unwrap());
+fn files_render_like_their_scene_on_the_cpu() {
+    check_every_format(&mut CpuBackend::new(Some(2)).unwrap());
 }
 
 #[cfg(feature = "gpu")]
 #[test]
-fn every_file_renders_as_the_scene_on_a_gpu() {
+fn files_render_like_their_scene_on_a_gpu() {
     for mut backend in common::gpu::backends(litetex_gs::gpu::GpuOptions::default()) {
-        every_file_renders_as_the_scene(&mut backend);
+        check_every_format(&mut backend);
     }
 }
 
-/// The texels of a map as if its rectangle were taken a row further on the page.
+/// Texels as if each map's rectangle were read one row off on its page.
 fn shifted_rectangles(asset: &mut SplatAsset) {
     for i in 0..asset.num_splats() {
         let map = asset.maps[i];
@@ -68,7 +72,7 @@ fn shifted_rectangles(asset: &mut SplatAsset) {
     }
 }
 
-/// Each map with its edge repeated around it: taps outside repeat the edge instead of counting as zero.
+/// Maps extended by a copy of their edge, so that taps outside repeat the edge instead of reading zero.
 fn clamped_edges(asset: &mut SplatAsset) {
     let old = asset.clone();
     asset.texels.clear();
@@ -102,25 +106,25 @@ fn mirrored(asset: &mut SplatAsset) {
 }
 
 #[test]
-fn what_a_wrong_reader_or_writer_does_is_seen() {
+fn mistakes_of_readers_and_writers_change_the_images() {
     let mut backend = CpuBackend::new(Some(2)).unwrap();
     let asset = asset();
-    let whole = images(&mut backend, &asset, &asset);
+    let textured = images(&mut backend, &asset, &asset);
     type Mistake = fn(&mut SplatAsset);
     let mistakes: [(&str, Mistake); 7] = [
         ("shifted rectangles", shifted_rectangles),
-        ("quaternions as xyzw", |a| a.rotations.iter_mut().for_each(|q| q.rotate_left(1))),
+        ("quaternions read as xyzw", |a| a.rotations.iter_mut().for_each(|q| q.rotate_left(1))),
         ("an atlas decoded as sRGB", decoded_as_srgb),
         ("clamped edges", clamped_edges),
         ("a mirrored frame", mirrored),
-        ("SH of another sign", |a| {
+        ("an SH coefficient of the wrong sign", |a| {
             a.sh.iter_mut().enumerate().for_each(|(i, c)| {
                 if i % 48 == 9 {
                     *c = -*c
                 }
             })
         }),
-        ("rows and columns exchanged", |a| {
+        ("rows and columns swapped", |a| {
             a.maps.iter_mut().for_each(|m| (m.rows, m.cols) = (m.cols, m.rows));
         }),
     ];
@@ -128,9 +132,9 @@ fn what_a_wrong_reader_or_writer_does_is_seen() {
         let mut wrong = asset.clone();
         mistake(&mut wrong);
         wrong.validate().unwrap();
-        let psnr = psnr(&images(&mut backend, &wrong, &asset), &whole);
+        let psnr = psnr(&images(&mut backend, &wrong, &asset), &textured);
         println!("{name}: {psnr:.2} dB");
-        // Below what every quality must keep; found: 10 to 33 dB.
+        // Below the limit of every textured format; measured 10 to 33 dB.
         assert!(psnr < 38.0, "{name}: {psnr} dB");
     }
 }
