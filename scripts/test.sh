@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
-# Everything that must hold before a change is merged. Needs a Rust tool chain (rustup) and a C++
-# compiler (the FLIP metric); installs what else it can. Tests come last, after them what programs of others say of exported
-# files (scripts/third-party.sh), and the sum of all tests.
+# Every check that must pass before a change is merged: formatting, lints, licences, documentation, tests, and third-party
+# validation of exported files (scripts/third-party.sh). Ends with the total of all tests.
 #
-# The tests of the wgpu backend run on software drivers: Mesa's lavapipe and SwiftShader, which comes with
-# Chromium. Where these cannot be installed the tests say that they are skipped.
+# Needs a Rust tool chain (rustup) and a C++ compiler (for the FLIP metric), and installs the rest if it can. The tests of
+# the GPU backend run on software drivers: Mesa's lavapipe, and the SwiftShader that ships with Chromium. Without a driver
+# they print that they are skipped.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -31,7 +31,7 @@ fi
 cargo --version
 
 note "graphics drivers"
-# Chromium has a loader of its own, which is of no use to others.
+# Chromium bundles a loader that other programs cannot use.
 loader() { find /usr/lib* /usr/local/lib -maxdepth 2 -name libvulkan.so.1 -not -path '*chrom*' 2>/dev/null; }
 lavapipe() { find /usr/share/vulkan/icd.d -name 'lvp_icd*.json' 2>/dev/null; }
 layer() { find /usr/share/vulkan/explicit_layer.d -name 'VkLayer_khronos_validation.json' 2>/dev/null; }
@@ -42,16 +42,16 @@ swiftshader() {
 node_js() { command -v node; }
 node_npm() { command -v npm; }
 venv() { python3 -c 'import venv, ensurepip; print("there")' 2>/dev/null; }
-# What is looked for, its package, and what is skipped without it.
+# The function that finds it, its package, and what is skipped without it.
 needs=(
     "loader libvulkan1 all tests on a GPU driver"
     "lavapipe mesa-vulkan-drivers the tests on lavapipe"
     "layer vulkan-validationlayers the run under the validation layer"
-    "browser chromium the kernels in a browser"
+    "browser chromium compiling the kernels in a browser"
     "swiftshader chromium the tests on SwiftShader"
-    "node_js nodejs judges of glTF, PLY and SPZ"
-    "node_npm npm judges of glTF, PLY and SPZ"
-    "venv python3-venv judges of USD and of the atlas"
+    "node_js nodejs third-party validation of glTF, PLY and SPZ"
+    "node_npm npm third-party validation of glTF, PLY and SPZ"
+    "venv python3-venv third-party validation of USD and the atlas"
 )
 for need in "${needs[@]}"; do
     read -r what package skipped <<<"$need"
@@ -59,10 +59,10 @@ for need in "${needs[@]}"; do
         echo "skipped: $skipped ($what is missing; package $package)"
     fi
 done
-# For the tests with the feature gpu: where the drivers are, and what must therefore not be skipped.
+# Environment of the tests with the feature gpu: where the drivers are, and which tests must not be skipped.
 gpu_env=(XDG_RUNTIME_DIR="$(mktemp -d)")
 trap 'rm -rf "${gpu_env[0]#*=}"' EXIT
-icd=$(swiftshader || true) # find complains of folders that are not there
+icd=$(swiftshader || true) # find fails where a folder is missing
 if [ -n "$icd" ]; then
     gpu_env+=(VK_ADD_DRIVER_FILES="$icd")
 fi
@@ -72,14 +72,13 @@ fi
 if [ -n "$(browser)" ] && [ -n "$icd" ]; then
     gpu_env+=(LITETEX_REQUIRE_BROWSER=1)
 fi
-# Samples of USD, for the judges.
+# USD samples, written by the tests for the third-party validators.
 usd_samples=$PWD/target/third-party/usd
 rm -rf "$usd_samples"
 mkdir -p "$usd_samples"
 gpu_env+=(LITETEX_USD_SAMPLES="$usd_samples")
 printf '%s\n' "${gpu_env[@]}"
 
-# Each configuration once, in the order from quick to slow.
 features=("" "--no-default-features")
 
 note "format"
@@ -116,10 +115,10 @@ for set in "${features[@]}"; do
     env "${run_env[@]}" cargo test --workspace $set | tee -a "$results"
 done
 
-note "judges of exported files"
+note "third-party validation of exported files"
 LITETEX_USD_SAMPLES="$usd_samples" scripts/third-party.sh "${CARGO_TARGET_DIR:-target}/debug/litetex"
 
-note "tests of all configurations"
+note "total of all tests"
 awk '/^test result: / { passed += $4; failed += $6; ignored += $8; binaries++ }
     END { printf "test result: ok. %d passed; %d failed; %d ignored; in %d binaries\n", passed, failed, ignored, binaries }' \
     "$results"

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
-"""Judge of PLY and SPZ: what splat-transform reads from them, written as PLY again, is compared column by column with
-what follows from the lossless .glb by the formats' definitions.
+"""Validates PLY and SPZ with splat-transform: it reads both and writes them as PLY, whose columns are compared with the
+values that the formats' definitions give for the lossless .glb.
 
     columns.py FILE.glb FROM_PLY.ply FROM_SPZ.ply FILE.spz
 """
@@ -28,13 +28,13 @@ def ply(path):
     assert "format binary_little_endian 1.0" in lines, lines[1]
     count = next(int(line.split()[-1]) for line in lines if line.startswith("element vertex"))
     names = [line.split()[-1] for line in lines if line.startswith("property float")]
-    assert len(names) == sum(line.startswith("property") for line in lines), "properties that are no floats"
+    assert len(names) == sum(line.startswith("property") for line in lines), "properties that are not floats"
     rows = np.frombuffer(body, "<f4", count * len(names)).reshape(count, len(names))
     return {name: rows[:, i].astype(np.float64) for i, name in enumerate(names)}
 
 
 def product(a, b):
-    """Of quaternions wxyz, the first one for all."""
+    """Product of the quaternion a with each quaternion of b, wxyz."""
     w, x, y, z = a
     left = np.array([[w, -x, -y, -z], [x, w, -z, y], [y, z, w, -x], [z, -y, x, w]])
     return b @ left.T
@@ -51,7 +51,7 @@ def matrix(q):
 
 
 def turned_sh(sh, turn):
-    """Coefficients (n, k, 3) that give in turned directions what these give in the directions: by least squares."""
+    """Coefficients (n, k, 3) of the rotated functions, by least squares over random directions."""
     directions = np.random.default_rng(1).normal(size=(200, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     before, after = (sh_basis(d, sh.shape[1]) for d in (directions, directions @ turn.T))
@@ -60,7 +60,7 @@ def turned_sh(sh, turn):
 
 
 def expected(path, y_up):
-    """Columns in the frame of files, y down as in PLY or up as in SPZ: log scales, logits, quaternions wxyz."""
+    """Expected columns, with y down as in PLY or up as in SPZ: log scales, logits, quaternions wxyz."""
     file = Gltf(path)
     meta = file.textures["meta"]
     scale, rotation, translation = 1.0, np.array([1.0, 0, 0, 0]), np.zeros(3)
@@ -82,13 +82,13 @@ def expected(path, y_up):
     opacity = np.minimum(file.attribute("OPACITY")[:, 0], np.float32(1 - 2**-24)).astype(np.float64)
     out["opacity"] = np.log(opacity / (1 - opacity))
     sh = file.sh().astype(np.float64)
-    # From the data's axes (y up) to y down, turned, and to y up again for SPZ.
+    # From the data's axes (y up) to y down, rotated, and back to y up for SPZ.
     flip = np.diag([1.0, -1, -1])
     sh = turned_sh(sh, (flip if y_up else np.eye(3)) @ matrix(rotation) @ flip)
     out |= {f"f_dc_{c}": sh[:, 0, c] for c in range(3)}
     rest = np.zeros((len(sh), SH_REST // 3, 3))
     rest[:, : sh.shape[1] - 1] = sh[:, 1:]
-    # Channel by channel.
+    # PLY and SPZ store one channel after the other.
     out |= {f"f_rest_{i}": rest[:, i % 15, i // 15] for i in range(SH_REST)}
     return out
 
@@ -99,7 +99,7 @@ def quaternions(columns):
 
 
 def errors(found, wanted, tolerances):
-    """Largest error of each kind of column in units of its tolerance."""
+    """Largest error of each kind of column, in units of its tolerance."""
     out = {}
     for name, values in wanted.items():
         kind = name.split("_")[0] if name[0] in "rso" else name.rsplit("_", 1)[0] if "_" in name else "xyz"
@@ -121,7 +121,7 @@ def errors(found, wanted, tolerances):
 
 
 def opacity_step(logits):
-    """What half a step of 1/255 is as a logit."""
+    """Half a quantisation step of 1/255, as a difference of logits."""
     o = 1 / (1 + np.exp(-logits))
     low, high = np.clip(o - 0.51 / 255, 1e-9, 1), np.clip(o + 0.51 / 255, 0, 1 - 1e-9)
     return np.maximum(np.log(high / (1 - high)) - logits, logits - np.log(low / (1 - low)))
@@ -132,7 +132,7 @@ def main():
     with open(spz, "rb") as file:
         fractional_bits = file.read(14)[13]
     exact = {
-        # Rounding of f32, and of the logit and the logarithm where they are computed in single precision.
+        # Rounding of f32, also of logits and logarithms computed in single precision.
         "xyz": lambda v: 1e-6 * np.maximum(1, np.abs(v)), "scale": 2e-6, "rot": 1e-3, "opacity": lambda v: 1e-5 * np.maximum(1, np.abs(v)),
         "f_dc": lambda v: 1e-6 * np.maximum(1, np.abs(v)), "f_rest_1": 1e-6, "f_rest_2": 1e-6,
     }
@@ -142,10 +142,10 @@ def main():
     }
     problems, figures = [], []
     for name, file, tolerances in (("PLY", from_ply, exact), ("SPZ", from_spz, coded)):
-        # splat-transform takes the numbers of SPZ as they are.
+        # splat-transform takes the coordinates of SPZ as they are.
         found, wanted = ply(file), expected(path, y_up=name == "SPZ")
         worst = errors(found, wanted, tolerances)
-        problems += [f"{name}: {kind} is wrong by {e:.3g} of what is allowed" for kind, e in worst.items() if not e <= 1]
+        problems += [f"{name}: {kind} is off by {e:.3g} times its tolerance" for kind, e in worst.items() if not e <= 1]
         if not (found["scale_2"] < np.minimum(found["scale_0"], found["scale_1"])).all():
             problems.append(f"{name}: the third scale is not the smallest")
         figures.append(f"{name} " + " ".join(f"{kind} {e:.2f}" for kind, e in worst.items()))
@@ -156,7 +156,7 @@ def main():
     for problem in problems:
         print(f"  splat-transform: {problem}")
     print("splat-transform: " + (f"FAILED, {len(problems)} problems" if problems else
-          f"{len(wanted['x'])} splats, errors as shares of what is allowed: " + "; ".join(figures) + "; 14 controls caught"))
+          f"{len(wanted['x'])} splats, errors in units of their tolerances: " + "; ".join(figures) + "; 14 controls caught"))
     sys.exit(1 if problems else 0)
 
 

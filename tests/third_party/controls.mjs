@@ -1,4 +1,4 @@
-// Broken copies of a file for the judge that renders: what a writer with wrong frames or signs would have written.
+// Broken copies of a file, negative controls of the rendering test: files from writers with wrong frames or signs.
 //
 //     node controls.mjs FILE.glb mirrored=OUT.glb sh-signs=OUT.glb ...
 
@@ -7,22 +7,22 @@ import { KHR, accessor, edit, primitive, read, write } from './gltf.mjs';
 const SH_SIGNS = [[1], [-1, -1, 1], [-1, 1, 1, -1, 1], [-1, 1, -1, -1, 1, -1, 1]];
 
 const BREACHES = {
-    /** The scene as in a mirror: x is taken for -x. */
+    /** The scene mirrored in x. */
     mirrored: (file, attributes) => {
         edit(file, attributes.POSITION, (v, c) => (c === 0 ? -v : v));
         edit(file, attributes[`${KHR}:ROTATION`], (v, c) => (c === 1 || c === 2 ? -v : v));
     },
-    /** Positions turned from y down to y up, but not rotations. */
+    /** Positions converted from y down to y up, rotations not. */
     rotations: (file, attributes) => {
         const q = accessor(file, attributes[`${KHR}:ROTATION`]).array;
         let i = 0;
-        // (x, y, z, w) becomes (w, -z, y, -x) of the frame with y down.
+        // (x, y, z, w) with y up is (w, -z, y, -x) with y down.
         edit(file, attributes[`${KHR}:ROTATION`], (_, c) => {
             const at = 4 * Math.floor(i++ / 4);
             return [q[at + 3], -q[at + 2], q[at + 1], -q[at]][c];
         });
     },
-    /** The SH of the frame with y down. */
+    /** SH coefficients left in the frame with y down. */
     'sh-signs': (file, attributes) => SH_SIGNS.forEach((signs, degree) => signs.forEach((sign, n) => {
         const index = attributes[`${KHR}:SH_DEGREE_${degree}_COEF_${n}`];
         if (index !== undefined && sign < 0) edit(file, index, (v) => -v);

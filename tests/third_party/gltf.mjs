@@ -1,4 +1,4 @@
-// glTF files as JSON and arrays, read and written by the glTF 2.0 specification alone. Nothing of the project is used here.
+// Reads and writes glTF as JSON and arrays, from the glTF 2.0 specification alone: shares no code with the project.
 
 import { readFileSync, writeFileSync } from 'node:fs';
 import { dirname, join } from 'node:path';
@@ -9,7 +9,7 @@ export const OURS = 'LITETEX_gaussian_splatting_texture';
 const ARRAYS = { 5120: Int8Array, 5121: Uint8Array, 5122: Int16Array, 5123: Uint16Array, 5125: Uint32Array, 5126: Float32Array };
 const WIDTHS = { SCALAR: 1, VEC2: 2, VEC3: 3, VEC4: 4, MAT4: 16 };
 
-/** `{json, bin}` of a .glb, or of a .gltf and the one buffer beside it. */
+/** `{json, bin}` of a .glb, or of a .gltf with one external buffer. */
 export function read(path) {
     const bytes = readFileSync(path);
     if (!path.endsWith('.glb')) {
@@ -38,12 +38,12 @@ export function write(path, { json, bin }) {
     writeFileSync(path, Buffer.concat([head, chunks]));
 }
 
-/** A copy that can be broken without harm. */
+/** A deep copy. */
 export function copy({ json, bin }) {
     return { json: structuredClone(json), bin: Buffer.from(bin) };
 }
 
-/** The one primitive. */
+/** The only primitive. */
 export function primitive({ json }) {
     return json.meshes[0].primitives[0];
 }
@@ -63,7 +63,7 @@ export function accessor({ json, bin }, index) {
     return { array: new Type(packed.buffer), width, count, normalized };
 }
 
-/** Replaces the values of an accessor in place by `change(value, index in the element)`. */
+/** Replaces each value of an accessor, in place, with `change(value, component index)`. */
 export function edit(file, index, change) {
     const { array, width, count } = accessor(file, index);
     const { bufferView, byteOffset = 0 } = file.json.accessors[index];

@@ -1,4 +1,4 @@
-"""glTF files as JSON and arrays, by the glTF 2.0 specification alone. Nothing of the project is used here."""
+"""Reads glTF as JSON and arrays, from the glTF 2.0 specification alone: shares no code with the project."""
 
 import json
 import os
@@ -16,7 +16,7 @@ SH_SIGNS = np.array([1, -1, -1, 1, -1, 1, 1, -1, 1, -1, 1, -1, -1, 1, -1, 1], dt
 
 
 class Gltf:
-    """A .glb, or a .gltf with one buffer beside it."""
+    """A .glb, or a .gltf with one external buffer."""
 
     def __init__(self, path):
         with open(path, "rb") as file:
@@ -33,7 +33,7 @@ class Gltf:
         self.textures = self.splatting["extensions"][OURS]
 
     def accessor(self, index):
-        """Array of [count, width]."""
+        """Values of an accessor, [count, width]."""
         entry = self.json["accessors"][index]
         view = self.json["bufferViews"][entry["bufferView"]]
         dtype, width = np.dtype(DTYPES[entry["componentType"]]), WIDTHS[entry["type"]]
@@ -42,12 +42,12 @@ class Gltf:
         return np.ndarray((entry["count"], width), dtype, self.bin, start, (stride, dtype.itemsize)).copy()
 
     def attribute(self, name):
-        """Array of an attribute of KHR_gaussian_splatting, or of the core."""
+        """Values of an attribute of core glTF or of KHR_gaussian_splatting."""
         attributes = self.primitive["attributes"]
         return self.accessor(attributes[name if name in attributes else f"{KHR}:{name}"])
 
     def sh(self):
-        """[count, coefficients, 3], y up, as viewers without textures see it."""
+        """SH coefficients [count, coefficients, 3], y up, as read by viewers without texture support."""
         names = [f"SH_DEGREE_{l}_COEF_{n}" for l in range(4) for n in range(2 * l + 1)]
         known = [name for name in names if f"{KHR}:{name}" in self.primitive["attributes"]]
         return np.stack([self.attribute(name) for name in known], 1)

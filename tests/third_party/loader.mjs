@@ -1,5 +1,5 @@
-// Judge: GLTFLoader of three.js, which knows nothing of splats here, must see points with the right counts and colours in
-// linear light, at the right places.
+// Validates the point fallback with the GLTFLoader of three.js, here without its splat extension: it must load points with
+// the right counts, positions and colours in linear light.
 //
 //     node loader.mjs FILE.glb...
 
@@ -24,8 +24,8 @@ function load(path) {
     return new Promise((resolve, reject) => new GLTFLoader().parse(buffer, '', resolve, reject));
 }
 
-/** What is wrong with a file, and the largest error of a colour. */
-async function judge(path) {
+/** `{problems, worst, count}` of a file: `worst` is the largest colour error. */
+async function validate(path) {
     const name = basename(path);
     const file = read(path);
     const attributes = primitive(file).attributes;
@@ -52,7 +52,7 @@ async function judge(path) {
             worst = Math.max(worst, Math.abs(geometry.getAttribute('color').getComponent(i, c) - expected));
         }
     }
-    if (!(worst <= COLOUR_TOLERANCE)) problems.push(`${name}: COLOR_0 is wrong by up to ${worst}`);
+    if (!(worst <= COLOUR_TOLERANCE)) problems.push(`${name}: COLOR_0 is off by up to ${worst}`);
 
     const node = file.json.nodes[0];
     const world = new Matrix4().compose(...[
@@ -65,20 +65,20 @@ async function judge(path) {
     for (let i = 0; i < count; i++) {
         for (let c = 0; c < 3; c++) {
             const v = position.getComponent(i, c);
-            if (!(v >= bounds.min[c] && v <= bounds.max[c])) return { problems: [`${name}: splat ${i} lies outside of the bounds`] };
+            if (!(v >= bounds.min[c] && v <= bounds.max[c])) return { problems: [`${name}: splat ${i} lies outside the bounds`] };
         }
     }
     if (off > 1e-9) problems.push(`${name}: the node's transform differs by ${off}`);
     return { problems, worst, count };
 }
 
-/** Each must be caught. */
+/** Negative controls: each must be caught. */
 const BREACHES = {
     'colours not in linear light': (f) => edit(f, primitive(f).attributes.COLOR_0, (v, c) =>
         Math.round(c < 3 ? 65535 * (v / 65535) ** (1 / 2.2) : v)),
-    'opacity of 8 bits': (f) => edit(f, primitive(f).attributes.COLOR_0, (v, c) => (c < 3 ? v : 257 * Math.round(v / 257))),
-    'no points': (f) => (primitive(f).mode = 1),
-    'a splat less': (f) => f.json.accessors[primitive(f).attributes[`${KHR}:SCALE`]].count--,
+    '8-bit opacity': (f) => edit(f, primitive(f).attributes.COLOR_0, (v, c) => (c < 3 ? v : 257 * Math.round(v / 257))),
+    'lines instead of points': (f) => (primitive(f).mode = 1),
+    'one scale missing': (f) => f.json.accessors[primitive(f).attributes[`${KHR}:SCALE`]].count--,
     'positions moved': (f) => edit(f, primitive(f).attributes.POSITION, (v) => v + 1),
 };
 
@@ -86,7 +86,7 @@ const files = process.argv.slice(2);
 const problems = [];
 let [worst, points] = [0, 0];
 for (const path of files) {
-    const found = await judge(path);
+    const found = await validate(path);
     problems.push(...found.problems);
     worst = Math.max(worst, found.worst ?? 0);
     points += found.count ?? 0;
@@ -96,7 +96,7 @@ for (const [name, breach] of Object.entries(BREACHES)) {
     breach(file);
     const path = files[0].replace(/\.glb$/, '.broken.glb');
     write(path, file);
-    const caught = await judge(path).then((found) => found.problems.length > 0, () => true);
+    const caught = await validate(path).then((found) => found.problems.length > 0, () => true);
     if (!caught) problems.push(`control "${name}" was not caught`);
 }
 finish('three GLTFLoader', `${files.length} files, ${points} points, COLOR_0 off by at most ${(65535 * worst).toFixed(2)}/65535; `

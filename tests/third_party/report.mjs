@@ -1,6 +1,6 @@
-// One line per judge on standard output; exit code 1 if anything is wrong.
+// Result of a validator: one line on standard output, preceded by the problems; exit code 1 if there are any.
 
-/** Ends a judge: `figures` if nothing is wrong, else the problems. */
+/** Prints the result and exits: `figures` if there are no problems. */
 export function finish(name, figures, problems) {
     for (const problem of problems) console.log(`  ${name}: ${problem}`);
     console.log(`${name}: ${problems.length ? `FAILED, ${problems.length} problems` : figures}`);

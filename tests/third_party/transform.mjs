@@ -1,5 +1,5 @@
-// Judge: programs that rewrite glTF. What glTF-Transform and gltfpack make of a file must either be whole (the same hash) or
-// our reader must say that the textures are gone; never a scene that silently lost them.
+// Rewrites a file with glTF-Transform and gltfpack. The result must either be complete (same hash), or our reader must
+// report that the textures are gone: textures are never lost silently.
 //
 //     node transform.mjs BINARY FILE.glb
 
@@ -11,10 +11,10 @@ import { KHR, OURS } from './gltf.mjs';
 import { finish } from './report.mjs';
 
 const ARRAYS = ['rects', 'texelSize', 'pages', 'sh0'];
-/** A tool has dropped the textures; the content is not what its hash says. */
+/** Issue codes: a tool dropped the textures; the content does not match its hash. */
 const [DROPPED, CHANGED] = ['LT1026', 'LT1025'];
 
-/** The object of both extensions: arrays and textures as references, the rest as it came. */
+/** The object of both extensions: arrays and textures as references, the rest unchanged. */
 class Splatting extends ExtensionProperty {
     init() {
         this.extensionName = KHR;
@@ -27,8 +27,8 @@ class Splatting extends ExtensionProperty {
     }
 }
 
-/** An extension for glTF-Transform that passes both on, but for what `lose` takes out of the JSON. */
-function passing(lose) {
+/** A glTF-Transform extension that preserves both of ours, except what `lose` removes from the JSON. */
+function preserving(lose) {
     return class extends Extension {
         static EXTENSION_NAME = KHR;
         extensionName = KHR;
@@ -68,7 +68,7 @@ function passing(lose) {
     };
 }
 
-/** Lists our extension as used; the other one passes it on. */
+/** Declares our extension as used; the KHR extension preserves its content. */
 class Ours extends Extension {
     static EXTENSION_NAME = OURS;
     extensionName = OURS;
@@ -83,54 +83,54 @@ class Ours extends Extension {
 const [binary, source] = process.argv.slice(2);
 const target = (name) => source.replace(/\.glb$/, `.${name}.glb`);
 
-/** What our program says of a file: codes of errors, exit code of inspect, hash, all texts. */
-function ask(path) {
+/** Result of our commands for a file: error codes of validate; exit code, hash and messages of inspect. */
+function check(path) {
     const run = (...args) => spawnSync(binary, args, { encoding: 'utf8' });
     const [validated, inspected] = [run('validate', '--json', path), run('inspect', '--json', path)];
     const issues = JSON.parse(validated.stdout).issues.filter((issue) => issue.severity === 'error');
     const codes = [...new Set(issues.map((issue) => issue.code))];
     if ((validated.status === 0) !== (codes.length === 0)) codes.push(`exit code ${validated.status}`);
     const hash = inspected.status === 0 ? JSON.parse(inspected.stdout).hash : null;
-    return { codes, hash, inspect: inspected.status, said: inspected.stderr };
+    return { codes, hash, inspect: inspected.status, messages: inspected.stderr };
 }
 
-/** Passes a file through glTF-Transform. */
+/** Rewrites the source with glTF-Transform and checks the result. */
 async function transform(name, extensions, changes = []) {
     const io = new NodeIO().setLogger(new Logger(Logger.Verbosity.SILENT)).registerExtensions(extensions);
-    // Interleaved: other strides than ours.
+    // Interleaved, to get strides unlike ours.
     io.setVertexLayout(VertexLayout.INTERLEAVED);
     const document = await io.read(source);
     document.setLogger(new Logger(Logger.Verbosity.SILENT));
     await document.transform(...changes);
     await io.write(target(name), document);
-    return ask(target(name));
+    return check(target(name));
 }
 
 const problems = [];
-const original = ask(source);
-if (original.codes.length > 0 || !original.hash) problems.push(`control: the file itself has ${original.codes}`);
+const original = check(source);
+if (original.codes.length > 0 || !original.hash) problems.push(`control: the source itself has issues [${original.codes}]`);
 
-/** The textures are gone, and both commands say so. */
+/** The textures are gone, and both commands report it. */
 function expectDropped(name, found) {
-    const told = /textures/.test(found.said);
-    if (!found.codes.includes(DROPPED) || !told) {
-        problems.push(`${name}: issues [${found.codes}], expected ${DROPPED}; inspect ended with ${found.inspect} and said: ${found.said.trim()}`);
+    const reported = /textures/.test(found.messages);
+    if (!found.codes.includes(DROPPED) || !reported) {
+        problems.push(`${name}: issues [${found.codes}], expected ${DROPPED}; inspect exited with ${found.inspect}: ${found.messages.trim()}`);
     }
 }
 
-function expectWhole(name, found) {
+function expectComplete(name, found) {
     if (found.codes.length > 0 || found.hash !== original.hash) {
         problems.push(`${name}: issues [${found.codes}], hash ${found.hash}, expected none and ${original.hash}`);
     }
 }
 
-expectDropped('glTF-Transform as it is', await transform('stock', []));
-const withoutOurs = passing((json) => delete json.extensions);
-expectDropped('glTF-Transform that knows KHR_gaussian_splatting', await transform('khr', [withoutOurs]));
-expectWhole('glTF-Transform that passes all on', await transform('whole', [passing(() => {}), Ours]));
-expectWhole('the same with dedup and prune', await transform('pruned', [passing(() => {}), Ours], [dedup(), prune()]));
+expectDropped('unmodified glTF-Transform', await transform('stock', []));
+const withoutOurs = preserving((json) => delete json.extensions);
+expectDropped('glTF-Transform with KHR_gaussian_splatting', await transform('khr', [withoutOurs]));
+expectComplete('glTF-Transform with both extensions', await transform('complete', [preserving(() => {}), Ours]));
+expectComplete('the same with dedup and prune', await transform('pruned', [preserving(() => {}), Ours], [dedup(), prune()]));
 
-const partly = await transform('partly', [passing((json) => delete json.extensions[OURS].sh0), Ours]);
+const partly = await transform('partly', [preserving((json) => delete json.extensions[OURS].sh0), Ours]);
 if (!partly.codes.includes(CHANGED)) problems.push(`control "sh0 lost" has issues [${partly.codes}], expected ${CHANGED}`);
 
 const gltfpack = createRequire(import.meta.url).resolve('gltfpack/cli.js');
@@ -141,9 +141,9 @@ for (const [name, options] of Object.entries({ pack: [], packke: ['-ke', '-noq']
         problems.push(`gltfpack ${options}: ${ran.status} ${ran.stderr}`);
         continue;
     }
-    packed[name] = ask(target(name));
+    packed[name] = check(target(name));
     if (packed[name].hash === original.hash) continue;
-    if (packed[name].codes.length === 0) problems.push(`gltfpack ${options}: no error, yet another hash`);
+    if (packed[name].codes.length === 0) problems.push(`gltfpack ${options}: another hash, but no error`);
 }
-finish('glTF-Transform, gltfpack', `passed on: same hash; dropped: ${DROPPED}; partly: ${CHANGED}; `
+finish('glTF-Transform, gltfpack', `preserved: same hash; dropped: ${DROPPED}; partly dropped: ${CHANGED}; `
     + `gltfpack: ${Object.values(packed).map((p) => p.codes.join(' ') || 'same hash').join(', ')}`, problems);

@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
-"""Judge of USD: Pixar's library must find in USD files what the lossless .glb of the same scene holds, bit for bit.
+"""Validates USD with Pixar's library: it must read the same arrays, bit for bit, as the lossless .glb of the scene holds.
 
     usd_files.py FILE.glb FILE.usda FILE.usdc FILE.usdz
 
-Writes expected.json beside the .glb and leaves the rest to ../python/check_usd.py.
+Writes expected.json next to the .glb and runs ../python/check_usd.py.
 """
 
 import json
@@ -18,7 +18,7 @@ from gltf import Gltf
 
 
 def arrays(path):
-    """CRC-32 of what USD must hold: both formats have y up, and the same arrays."""
+    """Number of splats, and the CRC-32 of each array that USD must hold: both formats have y up and the same arrays."""
     file = Gltf(path)
     scales = file.attribute("SCALE")
     flat = np.stack([scales[:, 0], scales[:, 1], np.zeros(len(scales), "<f4")], 1)

@@ -1,5 +1,5 @@
-// Judge: the validator of Khronos. It knows no names of attributes with a colon (its issue 252), so each attribute of
-// KHR_gaussian_splatting is one error; exactly these are allowed.
+// Validates glTF with Khronos' validator. It rejects attribute names that contain a colon (its issue 252), so each
+// attribute of KHR_gaussian_splatting gives one error; exactly these are allowed.
 //
 //     node validator.mjs FILE...
 
@@ -12,8 +12,8 @@ import { finish } from './report.mjs';
 const ALLOWED = new RegExp(
     `^/meshes/0/primitives/0/attributes/${KHR}:(ROTATION|SCALE|OPACITY|SH_DEGREE_[0-3]_COEF_[0-6])$`);
 
-/** What is wrong with a file, and how many errors were allowed. */
-async function judge(path) {
+/** `{problems, allowed, warnings}` of a file: `allowed` is the number of errors that are allowed. */
+async function validate(path) {
     const report = await validator.validateBytes(new Uint8Array(readFileSync(path)), {
         uri: basename(path),
         maxIssues: 0,
@@ -29,35 +29,35 @@ async function judge(path) {
     const problems = wrong.map((m) => `${basename(path)}: ${m.code} ${m.pointer}: ${m.message}`);
     const allowed = errors.length - wrong.length;
     if (allowed !== names.length || report.issues.truncated || report.issues.numErrors !== errors.length) {
-        problems.push(`${basename(path)}: ${allowed} errors of attributes for ${names.length} attributes`);
+        problems.push(`${basename(path)}: ${allowed} attribute errors for ${names.length} attributes`);
     }
     return { problems, allowed, warnings: report.issues.numWarnings };
 }
 
-/** Each must be caught. */
+/** Negative controls: each must be caught. */
 const BREACHES = {
-    'bounds of POSITION': (f) => (f.json.accessors[primitive(f).attributes.POSITION].min[0] += 1),
+    'wrong bounds of POSITION': (f) => (f.json.accessors[primitive(f).attributes.POSITION].min[0] += 1),
     'accessor beyond its view': (f) => (f.json.accessors[primitive(f).attributes[`${KHR}:OPACITY`]].count += 1000),
     'unknown attribute': (f) => (primitive(f).attributes[`${KHR}:GLOSS`] = primitive(f).attributes[`${KHR}:OPACITY`]),
-    'node without a mesh': (f) => (f.json.nodes[0].mesh = 7),
+    'node with a missing mesh': (f) => (f.json.nodes[0].mesh = 7),
 };
 
 const files = process.argv.slice(2);
 const problems = [];
 let [allowed, warnings] = [0, 0];
 for (const path of files) {
-    const found = await judge(path);
+    const found = await validate(path);
     problems.push(...found.problems);
     allowed += found.allowed;
     warnings += found.warnings;
 }
-const sound = files.find((path) => path.endsWith('.glb') && primitive(read(path)).extensions?.[KHR]);
+const valid = files.find((path) => path.endsWith('.glb') && primitive(read(path)).extensions?.[KHR]);
 for (const [name, breach] of Object.entries(BREACHES)) {
-    const file = copy(read(sound));
+    const file = copy(read(valid));
     breach(file);
-    const path = sound.replace(/\.glb$/, '.broken.glb');
+    const path = valid.replace(/\.glb$/, '.broken.glb');
     write(path, file);
-    if ((await judge(path)).problems.length === 0) problems.push(`control "${name}" was not caught`);
+    if ((await validate(path)).problems.length === 0) problems.push(`control "${name}" was not caught`);
 }
-finish('gltf-validator', `${files.length} files, ${allowed} errors of attributes allowed, 0 others, ${warnings} warnings; `
+finish('gltf-validator', `${files.length} files, ${allowed} allowed attribute errors, 0 others, ${warnings} warnings; `
     + `${Object.keys(BREACHES).length} controls caught`, problems);
