@@ -3,12 +3,12 @@
 
     check_usd.py EXPECTED.json FILE...
 
-EXPECTED.json: {"FILE NAME": {"count": N, "arrays": {"VARIANT/PROPERTY": CRC32 of little-endian bytes}}}. Files that it
-does not name are checked without hashes. Samples: LITETEX_USD_SAMPLES=DIR cargo test -p litetex-exporters samples_
+EXPECTED.json: {"FILE NAME": {"count": N, "arrays": {"VARIANT/PROPERTY": CRC32 of little-endian bytes}}}. Files it does not
+list are checked without hashes. To write samples: LITETEX_USD_SAMPLES=DIR cargo test -p litetex-exporters samples_
 
-Asserted for every variant of `representation`: all validators of UsdValidation are silent; the six rules that they do not
-know (lengths, one kernel, finite numbers, extents, schema names); arrays equal bit for bit; the stage is not empty; all
-asset dependencies resolve. Ends with 1 if anything is wrong.
+Checks every variant of `representation`: no validator of UsdValidation reports an error; the rules they do not cover hold
+(array lengths, one kernel, finite numbers, extents, schema names); arrays equal the expected ones bit for bit; the stage is
+not empty; all asset dependencies resolve. Exits with 1 if any check fails.
 """
 
 import json
@@ -24,13 +24,13 @@ ARRAYS = ("positions", "orientations", "scales", "opacities", "radiance:spherica
 
 
 def array(prim, name):
-    """Value of an attribute as rows of numbers; quaternions xyzw."""
+    """Value of an attribute as an array, one row per element; quaternions are xyzw."""
     value = prim.GetAttribute(name).Get()
     return np.zeros((0, 1)) if value is None else np.asarray(value)
 
 
 def validation_errors(stage):
-    """What UsdValidation says, nothing where there is no such module (old versions)."""
+    """Errors of UsdValidation; none in versions without that module."""
     try:
         from pxr import UsdValidation
     except ImportError:
@@ -42,7 +42,7 @@ def validation_errors(stage):
 
 
 def rotated(quaternions, axis):
-    """Columns of rotation matrices; quaternions xyzw, axis 0 or 1."""
+    """The given axis, 0 or 1, rotated by each quaternion (xyzw): columns of rotation matrices."""
     x, y, z, w = quaternions.astype(np.float64).T
     if axis == 0:
         return np.stack([1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)], 1)
@@ -50,16 +50,16 @@ def rotated(quaternions, axis):
 
 
 def check_field(prim):
-    """The rules of particle fields that UsdValidation does not know."""
+    """Yields violations of the rules of particle fields that UsdValidation does not check."""
     schemas = prim.GetAppliedSchemas()
     known = Usd.SchemaRegistry()
-    # Names that are not in the registry are dropped from GetAppliedSchemas; look at what is authored.
+    # GetAppliedSchemas drops names that are not registered, so check the authored ones.
     for name in prim.GetPrimTypeInfo().GetAppliedAPISchemas():
         if known.FindAppliedAPIPrimDefinition(name.split(":")[0]) is None and ":" not in name:
             yield f"unknown applied schema {name}"
     kernels = [s for s in schemas if "Kernel" in s and "Base" not in s]
     if len(kernels) != 1:
-        yield f"kernels {kernels}"
+        yield f"kernels {kernels}, expected one"
     values = {name: array(prim, name) for name in ARRAYS}
     count = len(values["positions"])
     degree = prim.GetAttribute("radiance:sphericalHarmonicsDegree").Get()
@@ -69,7 +69,7 @@ def check_field(prim):
             yield f"{name}: {len(value)} elements, expected {expected}"
             return
         if not np.isfinite(value).all():
-            yield f"{name}: not finite"
+            yield f"{name}: values that are not finite"
     extent = prim.GetAttribute("extent").Get()
     if extent is None or len(extent) != 2:
         yield "no extent"
@@ -83,7 +83,7 @@ def check_field(prim):
 
 
 def check_arrays(stage, variant, arrays):
-    """Compares hashes of arrays with the expected ones."""
+    """Yields arrays of the variant whose hash is not the expected one."""
     for key, expected in arrays.items():
         name, attribute = key.split("/")
         if name != variant:
@@ -91,11 +91,11 @@ def check_arrays(stage, variant, arrays):
         value = stage.GetPrimAtPath("/Scene/Splats").GetAttribute(attribute).Get()
         data = b"" if value is None else np.ascontiguousarray(np.asarray(value)).tobytes()
         if zlib.crc32(data) != expected:
-            yield f"{attribute}: {len(data)} bytes with another hash"
+            yield f"{attribute}: {len(data)} bytes with a hash other than expected"
 
 
 def check_file(path, expected):
-    """Yields what is wrong with a file."""
+    """Yields all problems of a file."""
     stage = Usd.Stage.Open(path)
     scene = stage.GetDefaultPrim()
     if not scene:
@@ -106,7 +106,7 @@ def check_file(path, expected):
         yield f"unresolved {unresolved}"
     representation = scene.GetVariantSet("representation")
     if representation.GetVariantSelection() != "textured":
-        yield "textured is not what is shown"
+        yield "the default variant is not textured"
     for variant in representation.GetVariantNames():
         representation.SetVariantSelection(variant)
         prims = list(stage.Traverse())
@@ -126,7 +126,7 @@ def check_file(path, expected):
 
 
 def check_text_equals_binary(paths):
-    """Text and binary of a scene must be the same layer but for the paths of images."""
+    """Yields pairs of .usda and .usdc whose layers differ in more than the paths of images."""
     for path in paths:
         other = path[:-1] + "c"
         if path.endswith(".usda") and other in paths:
@@ -137,7 +137,7 @@ def check_text_equals_binary(paths):
 
 
 def controls(path):
-    """Negative controls: breaks each rule in memory and yields those whose breach is not seen."""
+    """Negative controls: breaks each rule in memory and yields those whose violation goes unnoticed."""
     surflet, ellipsoid = "ParticleFieldKernelGaussianSurfletAPI", "ParticleFieldKernelGaussianEllipsoidAPI"
 
     def set_nan(prim):
@@ -164,25 +164,25 @@ def controls(path):
         stage = Usd.Stage.Open(path)
         stage.SetEditTarget(stage.GetSessionLayer())
         prim = stage.GetPrimAtPath("/Scene/Splats")
-        assert not list(check_field(prim)), f"{path} must be sound"
+        assert not list(check_field(prim)), f"{path} must be valid"
         breach(prim)
         if not list(check_field(stage.GetPrimAtPath("/Scene/Splats"))):
-            yield path, f"negative control \"{name}\" was not seen"
+            yield path, f"negative control \"{name}\" was not caught"
         stage.GetSessionLayer().Clear()
     if not list(check_arrays(Usd.Stage.Open(path), "textured", {"textured/positions": 1})):
-        yield path, "negative control \"hash\" was not seen"
+        yield path, "negative control \"hash\" was not caught"
 
 
 def main():
     with open(sys.argv[1], encoding="utf-8") as file:
         expected = json.load(file)
     paths = sys.argv[2:]
-    problems = [(p, what) for p in paths for what in check_file(p, expected.get(os.path.basename(p), {}))]
+    problems = [(p, problem) for p in paths for problem in check_file(p, expected.get(os.path.basename(p), {}))]
     problems += check_text_equals_binary(paths)
-    sound = [p for p in paths if expected.get(os.path.basename(p), {}).get("count", 0) > 0]
-    problems += [breach for p in sound[:1] for breach in controls(p)]
-    for path, what in problems:
-        print(f"{path}: {what}")
+    with_splats = [p for p in paths if expected.get(os.path.basename(p), {}).get("count", 0) > 0]
+    problems += [uncaught for p in with_splats[:1] for uncaught in controls(p)]
+    for path, problem in problems:
+        print(f"{path}: {problem}")
     print(f"usd-core {Usd.GetVersion()}: {len(paths)} files, {len(problems)} problems")
     sys.exit(1 if problems or not paths else 0)
 

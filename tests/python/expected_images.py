@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
-"""What images of a file must show, by the second renderer: expected_images.py FILE > expected.json
+"""Expected pixels of a file's views, computed by the second renderer: expected_images.py FILE > expected.json
 
-Needs Python 3.11 and tests/python/requirements.txt. Numbers are in the file's colour space, not clamped, not rounded.
+Needs Python 3.11 and tests/python/requirements.txt. Colours are in the file's colour space, neither clamped nor rounded
+to 8 bits.
 """
 
 import json
@@ -13,7 +14,7 @@ import numpy as np
 
 from second_renderer import read_scene, render
 
-# Pixels of each view that are listed, spread evenly.
+# Grid of the pixels that are listed, spread evenly over each view.
 COLUMNS, ROWS = 5, 4
 
 

@@ -3,13 +3,13 @@
 
     run_second.py LITETEX [FOLDER]
 
-LITETEX: the program. FOLDER: what `cargo run -p litetex-exporters --example conformance -- FOLDER` has written; without
-it the scene is made in a temporary folder, with `examples/conformance` beside the program or else with cargo.
+LITETEX: the program. FOLDER: output of `cargo run -p litetex-exporters --example conformance -- FOLDER`; without it, the
+scene is written to a temporary folder, by `examples/conformance` next to the program or else by cargo.
 
-Every file and view must agree to 60 dB (finished numbers, peak 1, nothing clamped; 124 dB and more were found); every
-negative control (one rule of the specification broken on purpose) must stay below its limit, 55 dB as a rule. Prints
-the figures; ends with 1 if anything is wrong.
-Needs Python 3.11 and tests/python/requirements.txt; takes about 20 s, without FOLDER and `examples/conformance` a build more.
+Every file and view must agree to 60 dB (final values, peak 1, not clamped; measured 124 dB and more). Every negative
+control, which breaks one rule of the specification, must stay below its limit, usually 55 dB. Prints the figures; exits
+with 1 if any check fails.
+Needs Python 3.11 and tests/python/requirements.txt. Takes about 20 s, plus a build if cargo has to make the scene.
 """
 
 import dataclasses
@@ -40,7 +40,7 @@ from second_renderer import (
 
 AGREE_DB = 60.0
 CONTROL_DB = 55.0
-# For rules that touch so few pixels that 60 dB would hold without them: far below the 130 dB of the true image.
+# For rules that affect too few pixels to fall below 60 dB; still far below the 130 dB of the correct image.
 FINE_CONTROL_DB = 90.0
 VIEWS = ("wide", "side", "inside")
 FILES = {
@@ -56,15 +56,15 @@ FILES = {
 
 
 def make_scene(program, folder):
-    """Writes the conformance scene."""
+    """Writes the conformance scene in all formats."""
     built = os.path.join(os.path.dirname(os.path.abspath(program)), "examples", "conformance")
     root = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..")
     cargo = ["cargo", "run", "-q", "-p", "litetex-exporters", "--example", "conformance", "--", folder]
     subprocess.run([built, folder] if os.path.exists(built) else cargo, cwd=root, check=True)
 
 
-def product_image(program, path, view, folder):
-    """What the program draws: the finished numbers."""
+def program_image(program, path, view, folder):
+    """The program's render of a view: final values in the space of the asset."""
     out = os.path.join(folder, f"{os.path.basename(path)}-{view}")
     command = [program, "render", path, "--view", view, "--exr", "--device", "cpu", "--quiet", "--out", out]
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
@@ -73,7 +73,7 @@ def product_image(program, path, view, folder):
 
 
 def worked_example():
-    """gltf.md, section 11: difference of the pixel from the printed one."""
+    """Largest difference from the pixel printed in gltf.md, section 11."""
     texels = [[(0.5, 0, 0), (0, 0.5, 0), (0, 0, 0.5)], [(0.25, 0.25, 0), (0, 0.25, 0.25), (-0.5, 0, 0.25)]]
     sh = [(0.5, 0, -1), (0.25, 0.5, 0), (0, 0.25, 0.5), (0.5, 0, 0.25)]
     camera = {"widthPx": 64, "heightPx": 48, "focalPx": [100, 100], "principalPx": [32, 24]}
@@ -94,7 +94,7 @@ def worked_example():
 
 
 def shifted(scene):
-    """Every rectangle one column beside its place."""
+    """Every rectangle shifted by one column."""
     rects = scene.rects.copy()
     widths = np.array([page.shape[1] for page in scene.pages])[scene.page_of]
     rects[:, 0] += np.where(rects[:, 0] + rects[:, 2] < widths, 1, -1) * (rects[:, 2] > 0)
@@ -102,13 +102,13 @@ def shifted(scene):
 
 
 def reversed_splats(scene):
-    """The last splat first: only the order of equal depths depends on it."""
+    """Splats in reverse order, which only affects splats of equal depth."""
     names = ("positions", "rotations", "sigmas", "opacities", "sh", "rects", "page_of", "texel_sizes")
     return dataclasses.replace(scene, **{name: getattr(scene, name)[::-1] for name in names})
 
 
 def texels_changed(scene, change):
-    """Another scene of which every map is `change` of the true one."""
+    """The scene with `change` applied to every map."""
     pages = [page.copy() for page in scene.pages]
     for (x, y, cols, rows), page in zip(scene.rects, scene.page_of):
         part = pages[page][y : y + rows, x : x + cols]
@@ -117,14 +117,14 @@ def texels_changed(scene, change):
 
 
 def controls(folder):
-    """(what is broken, file, scene, rules, limit in dB): the images must differ from the program's."""
+    """Yields (violation, file, scene, rules, limit in dB); the image must differ from the program's."""
     lossless, balanced, opaque = "lossless.glb", "balanced.glb", "opaque.glb"
     scene, codes, stacks = (read_scene(os.path.join(folder, name)) for name in (lossless, balanced, opaque))
     gltf = Gltf(os.path.join(folder, balanced))
     primitive = gltf.json["meshes"][0]["primitives"][0]
     decode = primitive["extensions"][KHR]["extensions"][TEXTURE]["decode"]
 
-    def as_colours(texels):
+    def decoded_as_srgb(texels):
         code = (texels - decode["bias"]) / decode["scale"]
         return decoded(255 * linear_from_srgb(code / 255), decode["scale"], decode["bias"])
 
@@ -138,9 +138,9 @@ def controls(folder):
         "maps mirrored along u": texels_changed(scene, lambda texels: texels[::-1]),
         "maps mirrored along v": texels_changed(scene, lambda texels: texels[:, ::-1]),
         "no maps": dataclasses.replace(scene, rects=0 * scene.rects),
-        "degree 0 with the map's mean": dataclasses.replace(scene, sh=averaged),
+        "DC with the map's mean": dataclasses.replace(scene, sh=averaged),
         "degrees 0 and 1 only": dataclasses.replace(scene, sh=scene.sh[:, :4]),
-        "splats of equal depth turned round": reversed_splats(scene),
+        "splats of equal depth reversed": reversed_splats(scene),
         "black background": dataclasses.replace(scene, meta=black),
         "half the near plane": dataclasses.replace(scene, meta=close),
     }
@@ -148,69 +148,69 @@ def controls(folder):
         "map clamped at its edge": Rules(map_edge="edge"),
         "frame mirrored in x": Rules(data_to_local=(-1.0, -1.0, -1.0)),
         "frame mirrored in y": Rules(data_to_local=(1.0, 1.0, -1.0)),
-        "pixel centres at whole numbers": Rules(pixel_centre=0.0),
+        "pixel centres at integers": Rules(pixel_centre=0.0),
         "order by distance": Rules(order="distance"),
         "cut at 3 sigma": Rules(cut_sigma=3.0),
     }
     fine_rules = {"base not clamped": Rules(base_min=-np.inf), "no early stop": Rules(stop_below=0.0)}
-    for what, broken in broken_scenes.items():
-        yield what, lossless, broken, Rules(), CONTROL_DB
-    for what, rules in broken_rules.items():
-        yield what, lossless, scene, rules, CONTROL_DB
-    for what, rules in fine_rules.items():
-        yield what, lossless, scene, rules, FINE_CONTROL_DB
-    yield "atlas decoded as sRGB", balanced, texels_changed(codes, as_colours), Rules(), CONTROL_DB
+    for violation, broken in broken_scenes.items():
+        yield violation, lossless, broken, Rules(), CONTROL_DB
+    for violation, rules in broken_rules.items():
+        yield violation, lossless, scene, rules, CONTROL_DB
+    for violation, rules in fine_rules.items():
+        yield violation, lossless, scene, rules, FINE_CONTROL_DB
+    yield "atlas decoded as sRGB", balanced, texels_changed(codes, decoded_as_srgb), Rules(), CONTROL_DB
     yield "0.99 not rounded to f32", opaque, stacks, Rules(alpha_max=0.99), FINE_CONTROL_DB
 
 
 def check_pages(folder):
-    """The same scene in other containers: arrays equal, and texels of 8 bits within half a code."""
+    """Yields differences between containers of the scene: arrays must be equal, 8-bit texels within half a step."""
     first = read_scene(os.path.join(folder, "lossless.glb"))
     for name in ("lossless.gltf", "lossless.usda"):
         scene = read_scene(os.path.join(folder, name))
         for field in ("positions", "rotations", "sigmas", "opacities", "sh", "texel_sizes"):
             if not np.array_equal(getattr(first, field), getattr(scene, field)):
-                yield f"{name}: other {field}"
-        if any((maps_of(first, k) != maps_of(scene, k)).any() for k in range(len(first.rects))):
-            yield f"{name}: other texels"
+                yield f"{name}: {field} differ from lossless.glb"
+        if any((map_of(first, k) != map_of(scene, k)).any() for k in range(len(first.rects))):
+            yield f"{name}: texels differ from lossless.glb"
     for name in ("balanced.glb", "balanced.usdc", "balanced.usdz"):
         scene = read_scene(os.path.join(folder, name))
-        error = max(np.abs(maps_of(first, k) - maps_of(scene, k)).max(initial=0.0) for k in range(len(first.rects)))
-        # Residuals of [-1, 1] in at least 254 steps, rounded.
+        error = max(np.abs(map_of(first, k) - map_of(scene, k)).max(initial=0.0) for k in range(len(first.rects)))
+        # Residuals in [-1, 1], rounded to at least 254 steps.
         if not 0 < error <= 1.001 / 254:
             yield f"{name}: texels differ by {error}"
     if len(first.pages) < 3:
-        yield f"only {len(first.pages)} pages"
+        yield f"{len(first.pages)} atlas pages, expected at least 3"
 
 
-def maps_of(scene, splat):
-    """Texels of a splat."""
+def map_of(scene, splat):
+    """The texture map of a splat, (rows, cols, 3)."""
     x, y, cols, rows = scene.rects[splat]
     return scene.pages[scene.page_of[splat]][y : y + rows, x : x + cols]
 
 
 def check(program, folder, out):
-    """Prints all figures; yields what is wrong."""
+    """Prints all figures; yields the problems."""
     error = worked_example()
     print(f"worked example of the specification: {error:.1e}")
     if error > 1e-6:
-        yield "the worked example"
+        yield f"worked example: the pixel differs by {error:.1e}"
     yield from check_pages(folder)
     references = {}
     for name, views in FILES.items():
         path = os.path.join(folder, name)
         scene = read_scene(path)
         for view in views:
-            references[name, view] = product_image(program, path, view, out)
+            references[name, view] = program_image(program, path, view, out)
             found = psnr(render(scene, scene.camera(view)), references[name, view])
             print(f"{name:14} {view:7} {found:7.2f} dB")
             if not found >= AGREE_DB:
                 yield f"{name} {view}: {found:.2f} dB"
-    for what, name, scene, rules, limit in controls(folder):
+    for violation, name, scene, rules, limit in controls(folder):
         found = psnr(render(scene, scene.camera("wide"), rules), references[name, "wide"])
-        print(f"control: {what:34} {found:7.2f} dB")
+        print(f"control: {violation:34} {found:7.2f} dB")
         if not found < limit:
-            yield f"control \"{what}\": {found:.2f} dB"
+            yield f"control \"{violation}\" was not caught: {found:.2f} dB"
 
 
 def main():

@@ -1,7 +1,7 @@
-"""Images by hand, for the second renderer: PNG (RGB of 8 bits) and OpenEXR (scan lines, uncompressed or ZIP).
+"""Image readers of the second renderer: PNG (8-bit RGB) and OpenEXR (scan lines, uncompressed or ZIP).
 
-Written from the public specifications of both formats, with zlib and numpy only, so that nothing of the program under
-test and no image library stands between its files and the numbers.
+Written from the public specifications with zlib and numpy only, so that the second renderer shares no image code with
+the program under test.
 """
 
 import struct
@@ -11,13 +11,13 @@ import numpy as np
 
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 EXR_MAGIC = 20000630
-# Code of the compression attribute: scan lines in a block.
+# Scan lines per block, by the code of the compression attribute.
 EXR_BLOCK_LINES = {0: 1, 2: 1, 3: 16}
 EXR_PIXEL_TYPES = {0: "<u4", 1: "<f2", 2: "<f4"}
 
 
 def png_chunks(data):
-    """Yields (kind, content) of the chunks; checks the signature and the checksums."""
+    """Yields (kind, content) of each chunk after checking the signature and the checksums."""
     assert data[:8] == PNG_SIGNATURE, "not a PNG"
     at = 8
     while at < len(data):
@@ -30,7 +30,7 @@ def png_chunks(data):
 
 
 def unfiltered_row(kind, row, above, step):
-    """One row of bytes with its PNG filter undone; `above` is the row before, `step` the bytes of a pixel."""
+    """Undoes the PNG filter of a row of bytes; `above` is the unfiltered previous row, `step` the bytes per pixel."""
     if kind == 0:
         return row
     if kind == 1:
@@ -52,7 +52,7 @@ def unfiltered_row(kind, row, above, step):
 
 
 def read_png(data):
-    """Codes (height, width, 3), u8, of a PNG that is RGB of 8 bits and not interlaced."""
+    """Codes (height, width, 3), u8, of an 8-bit RGB PNG that is not interlaced."""
     chunks = list(png_chunks(data))
     width, height, depth, colour, _, _, interlace = struct.unpack(">IIBBBBB", dict(chunks)[b"IHDR"])
     assert (depth, colour, interlace) == (8, 2, 0), f"PNG of depth {depth}, colour type {colour}, interlace {interlace}"
@@ -66,13 +66,13 @@ def read_png(data):
 
 
 def exr_text(data, at):
-    """A text that ends with a zero, and the place behind it."""
+    """A zero-terminated string and the offset after it."""
     end = data.index(b"\0", at)
     return data[at:end].decode(), end + 1
 
 
 def exr_header(data):
-    """Attributes {name: bytes} of a file of one part with scan lines, and the place behind them."""
+    """Attributes {name: bytes} of a single-part scan-line file, and the offset after the header."""
     magic, version = struct.unpack_from("<II", data)
     assert magic == EXR_MAGIC, "not an OpenEXR file"
     assert version & 0x1A00 == 0, "tiles, deep pixels or several parts"
@@ -87,7 +87,7 @@ def exr_header(data):
 
 
 def exr_channels(content):
-    """(name, dtype) of the channels in the order of the file."""
+    """(name, dtype) of the channels, in file order."""
     channels, at = [], 0
     while content[at]:
         name, at = exr_text(content, at)
@@ -99,7 +99,7 @@ def exr_channels(content):
 
 
 def exr_unzipped(block, size):
-    """Bytes of a block: inflated, differences summed, the two interleaved halves put together."""
+    """Decodes a ZIP block: inflates it, undoes the differences and interleaves the two halves."""
     if len(block) == size:
         return block
     packed = np.frombuffer(zlib.decompress(block), np.uint8).astype(np.uint64)

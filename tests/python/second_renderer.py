@@ -1,14 +1,14 @@
 #!/usr/bin/env python3
-"""A second renderer of the assets, written from their specifications alone.
+"""A second renderer of assets, written from their specifications alone.
 
-It shares no code and no idea with the program: its sources are `exporters/schema/gltf.md` and `exporters/schema/usd.md`,
-whose section numbers stand in the comments. Everything is evaluated in f64, splat by splat, in the plain form of the
-text. If the program and this file draw the same image, the text says what the program does.
+It shares no code with the program. Its only sources are `exporters/schema/gltf.md` and `exporters/schema/usd.md`; comments
+cite their sections. It evaluates the formulas in f64, splat by splat, as the text states them. If the program and this file
+render the same image, the specifications describe what the program does.
 
     second_renderer.py FILE.glb|.gltf|.usda|.usdc|.usdz --view NAME [-o OUT.npy] [--compare IMAGE.exr]
 
-OUT.npy holds f32 (height, width, 3) in the space of the asset, not clamped. `--compare` prints the PSNR against a
-image of `litetex render --exr`. Needs numpy, and usd-core for USD.
+OUT.npy holds f32 (height, width, 3) in the space of the asset, not clamped. `--compare` prints the PSNR against an image
+written by `litetex render --exr`. Needs numpy, and usd-core for USD.
 """
 
 import argparse
@@ -34,7 +34,7 @@ WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 @dataclass
 class Scene:
-    """An asset in the frame of the data (right-handed, y up); arrays are f64, one row a splat."""
+    """An asset in the frame of its data (right-handed, y up); arrays are f64 with one row per splat."""
 
     positions: np.ndarray  # (n, 3)
     rotations: np.ndarray  # (n, 4), xyzw
@@ -44,16 +44,16 @@ class Scene:
     rects: np.ndarray  # (n, 4), x, y, cols, rows in texels
     page_of: np.ndarray  # (n,)
     texel_sizes: np.ndarray  # (n,)
-    pages: list  # of (height, width, 3): residuals
+    pages: list  # residuals, each (height, width, 3)
     meta: dict  # gltf.md, section 8
 
     @property
     def is_linear(self):
-        """Whether finished numbers are linear light."""
+        """Whether final values are linear light."""
         return self.meta["colourSpace"] == "lin_rec709_display"
 
     def camera(self, name):
-        """The camera of the capture with this name."""
+        """The stored camera with this name."""
         named = [c for c in self.meta["cameras"] if c["name"] == name]
         if not named:
             sys.exit(f"no camera {name}; there are {[c['name'] for c in self.meta['cameras']]}")
@@ -64,13 +64,13 @@ class Scene:
 
 
 def decoded(codes, scale, bias):
-    """Texels of codes of 8 bits (gltf.md, section 3)."""
+    """Texels from 8-bit codes (gltf.md, section 3)."""
     texels = codes.astype(np.float64) * scale + bias
     return np.clip(texels.astype(np.float32).astype(np.float64), -1.0, 1.0)
 
 
 class Gltf:
-    """The containers of glTF: JSON, buffers, accessors, images."""
+    """A glTF container: JSON, buffers, accessors, images."""
 
     def __init__(self, path):
         self.folder = os.path.dirname(path)
@@ -93,7 +93,7 @@ class Gltf:
             at += 8 + size
 
     def file(self, uri):
-        """Bytes of a uri: in the file itself or beside it."""
+        """Bytes behind a URI: embedded data or a file relative to this one."""
         if uri.startswith("data:"):
             return base64.b64decode(uri.split(",", 1)[1])
         with open(os.path.join(self.folder, unquote(uri)), "rb") as file:
@@ -108,7 +108,7 @@ class Gltf:
         return data[start : start + view["byteLength"]]
 
     def accessor(self, index):
-        """Rows of numbers (count, components)."""
+        """Values of an accessor, (count, components), f64 or i64."""
         accessor = self.json["accessors"][index]
         assert "sparse" not in accessor, "sparse accessor"
         width, kind = WIDTHS[accessor["type"]], np.dtype(COMPONENTS[accessor["componentType"]])
@@ -118,7 +118,7 @@ class Gltf:
         return rows.astype(np.float64) if kind.kind == "f" else rows.astype(np.int64)
 
     def image(self, texture):
-        """Bytes of the image of a core texture."""
+        """Bytes of the image behind a core texture."""
         image = self.json["images"][self.json["textures"][texture]["source"]]
         return self.view(image["bufferView"]) if "bufferView" in image else self.file(image["uri"])
 
@@ -136,10 +136,10 @@ class Gltf:
 
 
 def read_gltf(path):
-    """A scene of .glb or .gltf (sections 1 to 3)."""
+    """Reads the scene of a .glb or .gltf (sections 1 to 3)."""
     gltf = Gltf(path)
     primitives = [p for mesh in gltf.json["meshes"] for p in mesh["primitives"] if KHR in p.get("extensions", {})]
-    assert len(primitives) == 1, f"{len(primitives)} primitives of splats"
+    assert len(primitives) == 1, f"{len(primitives)} primitives with splats, expected one"
     attributes = primitives[0]["attributes"]
     textured = primitives[0]["extensions"][KHR]["extensions"][TEXTURE]
     assert textured["version"] == 1, "unknown version"
@@ -168,7 +168,7 @@ def read_gltf(path):
 
 
 def usd_image(asset):
-    """Bytes of an asset path of a stage, beside the layer or in its package."""
+    """Bytes of an asset that a stage refers to, next to the layer or inside its package."""
     path = asset.resolvedPath or asset.path
     if path.endswith("]"):
         package, inside = path[:-1].split("[", 1)
@@ -179,7 +179,7 @@ def usd_image(asset):
 
 
 def read_usd(path):
-    """A scene of .usda, .usdc or .usdz (usd.md)."""
+    """Reads the scene of a .usda, .usdc or .usdz (usd.md)."""
     from pxr import Usd, UsdShade
 
     stage = Usd.Stage.Open(path)
@@ -227,7 +227,7 @@ def read_usd(path):
 
 
 def read_scene(path):
-    """A scene of any of the formats, by the file's ending."""
+    """Reads a scene, choosing the format by the file's extension."""
     return read_gltf(path) if path.endswith((".glb", ".gltf")) else read_usd(path)
 
 
@@ -236,20 +236,20 @@ def read_scene(path):
 
 @dataclass
 class Rules:
-    """What negative controls may break; the defaults are the specification."""
+    """Rules that negative controls can break; the defaults are the specification."""
 
     data_to_local: tuple = (1.0, -1.0, -1.0)  # section 4
-    map_edge: str = "constant"  # section 6: zero outside of the map; "edge": clamped
+    map_edge: str = "constant"  # section 6: zero outside the map; "edge" clamps
     pixel_centre: float = 0.5  # section 4
-    cut_sigma: float = np.inf  # section 6: none but the one by opacity
-    order: str = "depth"  # section 7; "distance": what viewers of ellipsoids do
+    cut_sigma: float = np.inf  # section 6: no cut-off other than by alpha
+    order: str = "depth"  # section 7; "distance" is the order of ellipsoid viewers
     base_min: float = 0.0  # section 5
     stop_below: float = 0.0001  # section 7
-    alpha_max: float = float(np.float32(0.99))  # section 7: the f32, so that two clamped samples end a pixel
+    alpha_max: float = float(np.float32(0.99))  # section 7: as f32, so that two clamped samples finish a pixel
 
 
 def rotation_matrices(quaternions):
-    """(n, 3, 3) of unit quaternions xyzw; the columns are the images of the axes."""
+    """(n, 3, 3) from unit quaternions xyzw; the columns are the rotated axes."""
     x, y, z, w = quaternions.T
     rows = [
         [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
@@ -260,7 +260,7 @@ def rotation_matrices(quaternions):
 
 
 def sh_basis(directions, count):
-    """(n, count): the functions of section 5."""
+    """(n, count): the basis functions of section 5."""
     x, y, z = directions.T
     basis = [
         np.full_like(x, Y_0),
@@ -285,7 +285,7 @@ def sh_basis(directions, count):
 
 @dataclass
 class Pinhole:
-    """A camera of `meta` for a scene's data (section 4)."""
+    """A camera from `meta`, in the frame of the scene's data (section 4)."""
 
     rotation: np.ndarray  # camera_from_data
     translation: np.ndarray
@@ -295,7 +295,7 @@ class Pinhole:
 
     @classmethod
     def of(cls, camera, data_to_local, size=None):
-        """Of a camera of `meta`, for an image of `size` (width, height) if that is another one."""
+        """From a camera in `meta`, scaled to an image of `size` (width, height) if given."""
         own = (camera["widthPx"], camera["heightPx"])
         size = size or own
         zoom = (size[0] / own[0], size[1] / own[1])
@@ -310,19 +310,19 @@ class Pinhole:
 
 @dataclass
 class Splat:
-    """One drawn splat in camera axes."""
+    """A splat to draw, in camera axes."""
 
     p: np.ndarray
     axes: np.ndarray  # columns e_u, e_v, n
     sigma: np.ndarray
     opacity: float
     base: np.ndarray
-    texels: np.ndarray  # with a border of one texel, or None
+    texels: np.ndarray  # with a border of one texel; None without a map
     texel_size: float
 
 
 def pixel_box(splat, pinhole, near):
-    """Columns and rows (x0, x1, y0, y1) outside of which o G < 1/255: the hull of the disc's bounding rectangle."""
+    """Pixel bounds (x0, x1, y0, y1) outside which o G < 1/255: the projected bounding rectangle of the support."""
     width, height = pinhole.size
     reach = np.sqrt(2 * np.log(max(255 * splat.opacity, 1.0))) * 1.001
     u, v = splat.axes[:, 0] * splat.sigma[0] * reach, splat.axes[:, 1] * splat.sigma[1] * reach
@@ -337,7 +337,7 @@ def pixel_box(splat, pinhole, near):
 
 
 def residuals(splat, a, b):
-    """(m, 3): bilinear residuals at places on the surfel (section 6, steps 5 and 6)."""
+    """(m, 3): bilinear residuals at positions (a, b) on the splat (section 6, steps 5 and 6)."""
     out = np.zeros((len(a), 3))
     if splat.texels is None:
         return out
@@ -354,7 +354,7 @@ def residuals(splat, a, b):
 
 
 def draw(splat, pinhole, near, rules, light, clear, live):
-    """Adds one splat to the image (sections 6 and 7)."""
+    """Blends one splat into the image (sections 6 and 7)."""
     x0, x1, y0, y1 = pixel_box(splat, pinhole, near)
     if x0 >= x1 or y0 >= y1:
         return
@@ -386,7 +386,7 @@ def draw(splat, pinhole, near, rules, light, clear, live):
 
 
 def drawn_splats(scene, pinhole, rules):
-    """The splats that survive step 1 of section 6, front to back, with their base colours (section 5)."""
+    """Yields the splats that pass step 1 of section 6, front to back, with their base colours (section 5)."""
     p = scene.positions @ pinhole.rotation.T + pinhole.translation
     axes = pinhole.rotation @ rotation_matrices(scene.rotations)
     eye = -pinhole.rotation.T @ pinhole.translation
@@ -412,7 +412,7 @@ def drawn_splats(scene, pinhole, rules):
 
 
 def render(scene, camera, rules=Rules(), size=None):
-    """The image (height, width, 3) of a camera of `meta`, in the space of the asset, not clamped."""
+    """Renders a camera of `meta`: (height, width, 3) in the space of the asset, not clamped."""
     pinhole = Pinhole.of(camera, rules.data_to_local, size)
     width, height = pinhole.size
     light, clear = np.zeros((height, width, 3)), np.ones((height, width))
@@ -427,27 +427,27 @@ def render(scene, camera, rules=Rules(), size=None):
 
 
 def srgb_from_linear(linear):
-    """Code values of linear light, channel by channel, not clamped above."""
+    """sRGB code values from linear light, not clamped above."""
     linear = np.maximum(linear, 0.0)
     return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
 
 
 def linear_from_srgb(code):
-    """Linear light of code values, channel by channel, not clamped above."""
+    """Linear light from sRGB code values, not clamped above."""
     code = np.maximum(code, 0.0)
     return np.where(code <= 0.04045, code / 12.92, ((code + 0.055) / 1.055) ** 2.4)
 
 
 def read_reference(path, is_linear):
-    """The finished numbers of an image of `litetex render --exr`, in the colour space of the asset: the file holds linear
-    light."""
+    """Final values of an image written by `litetex render --exr`, converted from its linear light to the colour space of
+    the asset."""
     with open(path, "rb") as file:
         light = read_exr(file.read())
     return light if is_linear else srgb_from_linear(light)
 
 
 def psnr(image, reference):
-    """Peak signal to noise ratio in dB, peak 1, nothing clamped."""
+    """Peak signal-to-noise ratio in dB for a peak of 1, without clamping."""
     assert image.shape == reference.shape, f"{image.shape} against {reference.shape}"
     square = np.mean((image - reference) ** 2)
     return np.inf if square == 0 else -10 * np.log10(square)
@@ -456,9 +456,9 @@ def psnr(image, reference):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("file")
-    parser.add_argument("--view", required=True, help="name of a camera in the file")
-    parser.add_argument("-o", "--output", help="writes the image, .npy of f32")
-    parser.add_argument("--compare", help="image of litetex render --exr")
+    parser.add_argument("--view", required=True, help="name of a camera stored in the file")
+    parser.add_argument("-o", "--output", help="write the image to a .npy file (f32)")
+    parser.add_argument("--compare", help="print the PSNR against an image written by litetex render --exr")
     arguments = parser.parse_args()
     scene = read_scene(arguments.file)
     image = render(scene, scene.camera(arguments.view))
