@@ -1,14 +1,16 @@
 //! `litetex compare`: two images, two folders of images, or the images of two scenes.
 
-use super::differences::{Difference, Stage, spread};
-use super::frozen::Frozen;
+use super::devices;
+use super::interrupt::Interrupt;
 use super::log::Log;
 use super::run_folder::find_checkpoint;
-use super::table::{Columns, print_json};
+use super::sources::load_scene;
+use super::table::{Columns, path_text, print_json};
 use super::values::parse_decibels;
 use litetex_exporters::Format;
 use litetex_gs::backend::RenderedImage;
 use litetex_gs::dataset::read_image;
+use litetex_gs::verify::{Difference, SceneRenderer, evenly_spread};
 use litetex_gs::{Error, Result};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -75,8 +77,8 @@ pub fn run(args: &CompareArgs, log: &Log) -> anyhow::Result<()> {
         };
         print_json(&serde_json::json!({
             "schema": "litetex-compare/1",
-            "a": args.a,
-            "b": args.b,
+            "a": path_text(&args.a),
+            "b": path_text(&args.b),
             "psnr": mean(figures[0]),
             "grad_psnr": mean(figures[1]),
             "ssim_3dgs": mean(figures[2]),
@@ -117,22 +119,24 @@ fn is_scene(path: &Path) -> bool {
 }
 
 fn scenes(args: &CompareArgs, log: &Log) -> Result<Vec<Difference>> {
-    let [a, b] = [&args.a, &args.b].map(|path| Frozen::load(path, log));
-    let (a, b) = (a?, b?);
+    let (a, _) = load_scene(&args.a, log)?;
+    let (b, _) = load_scene(&args.b, log)?;
     let cameras = &b.asset.cameras;
     if cameras.is_empty() {
         let what = "carries no cameras to render from; name the run or an asset that has them second";
         return Err(Error::Usage(format!("{}: {what}", args.b.display())));
     }
-    let views = spread(cameras, args.views.map_or(usize::MAX, |v| v as usize));
-    let mut stage = Stage::open(&args.device, log)?;
-    let expected = stage.images(&b.asset, &views)?;
+    let views = evenly_spread(cameras, args.views.map_or(usize::MAX, |v| v as usize));
+    let interrupt = Interrupt::current();
+    let go_on = || !interrupt.is_requested();
+    let mut renderer = SceneRenderer::new(devices::open(&args.device, log)?, &go_on);
+    let expected = renderer.images(&b.asset, &views)?;
     let mut seen = a.asset.in_frame(&b.asset.capture_from_local);
     if a.asset.cameras.is_empty() {
         // Formats without cameras know neither.
         (seen.near, seen.background) = (b.asset.near, b.asset.background);
     }
-    let found = stage.images(&seen, &views)?;
+    let found = renderer.images(&seen, &views)?;
     let pairs = views.iter().zip(&found).zip(&expected);
     Ok(pairs.map(|((v, f), e)| Difference::of(&v.name, f, e)).collect())
 }

@@ -2,16 +2,15 @@
 
 use super::capture::{self, Capture};
 use super::capture_args::CaptureArgs;
-use super::eval::Trained;
-use super::frozen::{Frozen, Origin};
 use super::log::Log;
 use super::run_folder::find_checkpoint;
+use super::sources::{Trained, read_scene};
 use super::summary::Summary;
-use super::table::{Table, print_json};
+use super::table::{Table, path_text, print_json};
 use super::values::{format_bytes, format_count};
 use glam::{DVec3, Vec3};
 use litetex_exporters::{Describes, Format, Quality, SplatAsset, Transform};
-use litetex_gs::bake::thaw;
+use litetex_gs::bake::model_from_asset;
 use litetex_gs::dataset::read_ply_points;
 use litetex_gs::model::Model;
 use litetex_gs::views::{Split, ViewSource};
@@ -136,7 +135,7 @@ fn of_asset(asset: &SplatAsset) -> Value {
     let mut found = json!({
         "primitives": asset.num_splats(),
         "texels": asset.num_texels(),
-        "params": thaw(asset).num_params(),
+        "params": model_from_asset(asset).num_params(),
         "sh_degree": asset.sh_degree,
         "maps": histogram(asset.maps.iter().map(|m| (m.rows, m.cols))),
         "bounds_in_capture": bounds_in(&asset.capture_from_local),
@@ -178,9 +177,9 @@ fn names_gaussians(path: &Path) -> bool {
 
 /// An asset with the bytes of its parts: per splat or bits per texel, as they describe the one or the other.
 fn asset(path: &Path, log: &Log) -> Result<Value> {
-    let frozen = Frozen::read(path, log)?;
-    let Origin::File(contents) = &frozen.origin else { return Ok(Value::Null) };
-    let asset = &frozen.asset;
+    let scene = read_scene(path, log)?;
+    let Some(contents) = &scene.contents else { return Ok(Value::Null) };
+    let asset = &scene.asset;
     let bytes: u64 = contents.sections.iter().map(|s| s.bytes).sum();
     let mut sections = serde_json::Map::new();
     let mut sums = [0.0; 2];

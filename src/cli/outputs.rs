@@ -1,4 +1,4 @@
-//! Names of files that are to be written, checked before anything is done.
+//! Checks the names of assets to be written before any work is done.
 
 use super::asset_args::AssetArgs;
 use litetex_exporters::Format;
@@ -38,7 +38,7 @@ pub fn check(source: Option<&Path>, outputs: &[PathBuf], args: &AssetArgs) -> Re
         check_folder(path)?;
     }
     let any = |is: fn(Format) -> bool| outputs.iter().filter_map(|p| Format::from_path(p)).any(is);
-    if args.asked_limits().is_some() && !any(|f| f == Format::Ltgs) {
+    if args.rate_goal().own_limits().is_some() && !any(|f| f == Format::Ltgs) {
         return Err(Error::Usage("--max-size and --max-loss shape .ltgs files, and none is written".into()));
     }
     if args.mesh && !any(|f| f.keeps_textures() && f != Format::Ltgs) {

@@ -2,11 +2,12 @@
 
 use super::asset_args::AssetArgs;
 use super::export;
-use super::frozen::Frozen;
 use super::log::Log;
 use super::run_folder::RunFolder;
+use super::sources::load_scene;
 use super::train;
 use super::train_args::{TrainArgs, TrainingArgs};
+use super::train_summary;
 use litetex_gs::sample::{SampleOptions, write_sample};
 use std::io::Write;
 use std::path::PathBuf;
@@ -58,13 +59,13 @@ pub fn run(args: &QuickstartArgs, log: &Log) -> anyhow::Result<()> {
         ..TrainArgs::default()
     };
     let (summary, _) = train::train_run(&train_args, log)?;
-    train::print(&summary)?;
+    train_summary::print(&summary)?;
     log.info("3/3 writing assets, and rendering each to prove that it is right");
     let asset = AssetArgs { force: args.force, title: Some("Still life".to_owned()), ..AssetArgs::default() };
     let files = EXPORTS.map(|extension| args.out.join(format!("still-life.{extension}")));
-    let frozen = Frozen::load(&run, log)?;
+    let (scene, _) = load_scene(&run, log)?;
     println!();
-    export::write_all(frozen, &files, &asset, "cpu", log)?.print()?;
+    export::write_all(scene, &files, &asset, "cpu", log)?.print()?;
     let (capture, run, out_folder) = (capture.display(), run.display(), args.out.display());
     let mut out = std::io::stdout().lock();
     writeln!(

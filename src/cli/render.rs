@@ -3,21 +3,19 @@
 use super::capture::Capture;
 use super::colour_by::{ColourBy, Coloured};
 use super::devices;
-use super::differences::to_display;
-use super::frozen::Frozen;
 use super::log::Log;
-use super::orbit;
-use super::session::image_name;
+use super::sources::{load_scene, open_photos};
 use super::table::Table;
 use super::values::{ImageSize, parse_image_size};
-use super::verify::photos;
+use super::view_files::image_name;
 use litetex_exporters::{SplatAsset, Transform};
 use litetex_gs::backend::{RenderOptions, RenderedImage};
-use litetex_gs::bake::{AssetViews, thaw};
-use litetex_gs::camera::Camera;
+use litetex_gs::bake::{AssetViews, model_from_asset};
+use litetex_gs::camera::{Camera, orbit};
 use litetex_gs::eval::quantised;
 use litetex_gs::model::AdamState;
 use litetex_gs::image::{Channels, depth_range, grey_from_depth, rgb_from_normal, write_exr, write_png};
+use litetex_gs::verify::to_display;
 use litetex_gs::views::{Split, ViewSource};
 use litetex_gs::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -104,32 +102,35 @@ pub fn run(args: &RenderArgs, log: &Log) -> anyhow::Result<()> {
         ))
         .into());
     }
-    let mut frozen = Frozen::load(&args.source, log)?;
-    let of_capture = args.capture.as_deref().map(|folder| photos(&frozen, Some(folder), log)).transpose()?;
-    let views: Box<dyn ViewSource> = match of_capture.flatten() {
+    let (mut scene, trained) = load_scene(&args.source, log)?;
+    let of_capture = match &args.capture {
+        Some(folder) => open_photos(&scene, trained.as_ref(), Some(folder), log)?,
+        None => None,
+    };
+    let views: Box<dyn ViewSource> = match of_capture {
         Some(capture) => {
-            move_to(&mut frozen.asset, &capture);
+            move_to(&mut scene.asset, &capture);
             Box::new(capture)
         }
-        None => Box::new(AssetViews(frozen.asset.cameras.clone())),
+        None => Box::new(AssetViews(scene.asset.cameras.clone())),
     };
     let jobs = jobs(args, views.as_ref())?;
     let train_views = views.indices(Split::Train);
     let cameras: Vec<Camera> = train_views.iter().map(|&view| views.camera(view)).collect();
-    let whole = thaw(&frozen.asset);
+    let whole = model_from_asset(&scene.asset);
     let coloured = args.colour_by.map(|by| Coloured::new(by, &whole, &cameras));
     let model = coloured.as_ref().map_or(&whole, |coloured| &coloured.model);
     let mut backend = devices::open(&args.device, log)?;
     backend.upload(model, &AdamState::zeros(model))?;
     let geometry = args.what.iter().any(|w| matches!(w, What::Depth | What::Normal));
     let options =
-        RenderOptions { background: frozen.asset.background, sh_degree: model.splats.sh_degree, geometry };
-    let to_capture = frozen.asset.capture_from_local.scale as f32;
+        RenderOptions { background: scene.asset.background, sh_degree: model.splats.sh_degree, geometry };
+    let to_capture = scene.asset.capture_from_local.scale as f32;
     let mut written = 0;
     for (name, camera) in &jobs {
         let camera = sized(camera, args.size);
         let mut image = backend.render(&camera, &options)?;
-        to_display(&mut image, frozen.asset.colour_space);
+        to_display(&mut image, scene.asset.colour_space);
         for what in &args.what {
             let path = place(&args.out, name, &what.suffix(args.colour_by), args.exr)?;
             if args.exr {
@@ -142,7 +143,7 @@ pub fn run(args: &RenderArgs, log: &Log) -> anyhow::Result<()> {
         }
     }
     let mut table = Table::default();
-    table.row("scene", frozen.path.display());
+    table.row("scene", scene.path.display());
     table.row("images", format!("{written} in {}", args.out.display()));
     if let Some(coloured) = &coloured {
         if let Some(path) = coloured.write_legend(&args.out)? {
@@ -188,7 +189,7 @@ fn jobs(args: &RenderArgs, capture: &dyn ViewSource) -> Result<Vec<(PathBuf, Cam
     }
     if let Some(count) = args.orbit {
         let cameras: Vec<Camera> = (0..capture.num_views()).map(|v| capture.camera(v)).collect();
-        let orbit = orbit::cameras(&cameras, count)?;
+        let orbit = orbit(&cameras, count);
         let named = |(i, camera)| (PathBuf::from(format!("orbit-{i:04}.png")), camera);
         return Ok(orbit.into_iter().enumerate().map(named).collect());
     }

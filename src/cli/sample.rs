@@ -1,7 +1,7 @@
 //! `litetex sample`: writes the procedural capture.
 
 use super::log::Log;
-use super::run_folder::RunFolder;
+use super::run_folder::check_empty;
 use super::table::Table;
 use litetex_gs::sample::{SampleOptions, write_sample};
 use std::path::PathBuf;
@@ -41,7 +41,7 @@ pub fn run(args: &SampleArgs, log: &Log) -> anyhow::Result<()> {
         ImageSize::Exact(w, h) => (w, h),
         ImageSize::Longer(w) => (w, (w * 3 / 4).max(1)),
     };
-    RunFolder::check_free(&args.dir, false)?;
+    check_empty(&args.dir)?;
     let options = SampleOptions {
         views: args.views,
         width_px,

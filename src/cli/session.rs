@@ -1,18 +1,17 @@
 //! The consumer of the trainer's events on the command line: it fills the run folder, feeds the
 //! progress display and answers whether to go on. It computes nothing but file names.
 
-use super::config_file::RunConfig;
-use super::identity::{self, Identity};
+use super::config_file::{RunConfig, SaveImages};
 use super::interrupt::Interrupt;
 use super::log::Log;
 use super::progress::{Progress, StepFigures};
 use super::run_folder::{RunFolder, StagedFolder};
-use super::train_args::SaveImages;
+use super::view_files::{write_per_view, write_view};
 use litetex_gs::backend::{RenderedImage, StepReport};
-use litetex_gs::eval::{Evaluation, error_map, quantised};
-use litetex_gs::image::{Channels, write_png};
+use litetex_gs::eval::Evaluation;
 use litetex_gs::train::checkpoint;
 use litetex_gs::train::{Control, StopReason, TrainEvent, TrainHistory, TrainState};
+use litetex_gs::verify::{CAMERAS_KEY, CaptureIdentity, IDENTITY_KEY, cameras_json};
 use litetex_gs::views::ViewSource;
 use litetex_gs::{Error, Report, Result, Warning, atomic_file};
 use serde_json::{Value, json};
@@ -192,7 +191,7 @@ impl<'a> Session<'a> {
             Some(staged) => staged,
             None => self.folder.stage_eval(step)?,
         };
-        write_per_view(&staged.path().join("per_view.csv"), evaluation)?;
+        write_per_view(staged.path(), evaluation)?;
         staged.publish()?;
         if self.config.save_images == SaveImages::Last
             && let Some(before) = self.imaged.replace(step)
@@ -208,9 +207,9 @@ impl<'a> Session<'a> {
         let path = self.folder.checkpoint(state.step)?;
         let total_wall_secs = (self.total_wall_secs)();
         let history = TrainHistory { total_wall_secs, ..state.history.clone() };
-        let identity = Identity::new(self.views, state.model.capture_from_local);
-        self.strings.insert(identity::KEY.to_owned(), identity.to_json()?);
-        self.strings.insert(identity::CAMERAS.to_owned(), identity::cameras_json(self.views)?);
+        let identity = CaptureIdentity::new(self.views, state.model.capture_from_local);
+        self.strings.insert(IDENTITY_KEY.to_owned(), identity.to_json()?);
+        self.strings.insert(CAMERAS_KEY.to_owned(), cameras_json(self.views)?);
         checkpoint::save(&path, state, &history, &self.strings)?;
         self.log.detail(&format!("saved {}", path.display()));
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -269,52 +268,4 @@ fn open_metrics(path: &Path, done: u32) -> Result<File> {
     let kept: String = kept.lines().filter(is_earlier).flat_map(|line| [line, "\n"]).collect();
     atomic_file::write(path, kept.as_bytes())?;
     File::options().append(true).open(path).map_err(|e| Error::io(path, e))
-}
-
-/// Writes a rendered view and its error map below `folder`, under the photo's name.
-///
-/// # Errors
-/// [`Error::Io`], or what decoding the photo found.
-pub fn write_view(folder: &Path, views: &dyn ViewSource, view: usize, image: &RenderedImage) -> Result<()> {
-    let name = image_name(views, view);
-    let target = views.target(view)?;
-    let put = |path: PathBuf, rgb: &[u8]| {
-        if let Some(parent) = path.parent() {
-            fs::create_dir_all(parent).map_err(|e| Error::io(parent, e))?;
-        }
-        write_png(&path, image.width_px, image.height_px, Channels::Rgb, rgb)
-    };
-    put(folder.join(&name), &quantised(&image.rgb))?;
-    put(folder.join("error").join(&name), &error_map(&image.rgb, &target))
-}
-
-/// File name for images of a view: the photo's with the extension `png`, or `png` appended where
-/// two photos differ only in their extension. Never leads out of the folder.
-pub fn image_name(views: &dyn ViewSource, view: usize) -> PathBuf {
-    let name = views.name(view);
-    let stem = |name: &str| Path::new(name).with_extension("");
-    let shared = (0..views.num_views()).any(|v| v != view && stem(views.name(v)) == stem(name));
-    let name = if shared { format!("{name}.png") } else { format!("{}.png", stem(name).display()) };
-    let parts = name.split(['/', '\\']).filter(|part| !matches!(*part, "" | "." | ".."));
-    parts.map(|part| part.replace(':', "_")).collect()
-}
-
-/// Writes the figures of each view as a table.
-///
-/// # Errors
-/// [`Error::Io`].
-pub fn write_per_view(path: &Path, evaluation: &Evaluation) -> Result<()> {
-    let mut text = String::from("name,psnr,grad_psnr,ssim_3dgs,ssim_valid,flip\n");
-    for v in &evaluation.per_view {
-        let name = if v.name.contains([',', '"', '\n']) {
-            format!("\"{}\"", v.name.replace('"', "\"\""))
-        } else {
-            v.name.clone()
-        };
-        text.push_str(&format!(
-            "{name},{},{},{},{},{}\n",
-            v.psnr, v.grad_psnr, v.ssim_3dgs, v.ssim_valid, v.flip
-        ));
-    }
-    atomic_file::write(path, text.as_bytes())
 }

@@ -1,12 +1,12 @@
 //! Tests of the application layer that need its inside: a run folder filled from scripted events, and
 //! the help's agreement with the defaults.
 
-use super::config_file::RunConfig;
+use super::config_file::{RunConfig, SaveImages};
 use super::interrupt::Interrupt;
 use super::log::{Log, LogFormat};
-use super::run_folder::{RunFolder, find_checkpoint};
-use super::session::{Session, image_name};
-use super::train_args::SaveImages;
+use super::run_folder::{RunFolder, RunLock, find_checkpoint};
+use super::session::Session;
+use super::view_files::image_name;
 use clap::CommandFactory;
 use litetex_gs::Result;
 use litetex_gs::backend::{DeviceInfo, LossValues, RenderedImage, StepReport, TargetImage};
@@ -236,7 +236,8 @@ fn a_resumed_run_keeps_the_metrics_before_its_checkpoint_and_no_other() {
     let dir = tempfile::tempdir().unwrap();
     let folder = RunFolder::create(dir.path(), false).unwrap();
     run(&folder, SaveImages::None, 0, 40);
-    let folder = RunFolder::reopen(dir.path()).unwrap();
+    drop(folder);
+    let folder = RunFolder::reopen(dir.path(), RunLock::take(dir.path()).unwrap()).unwrap();
     run(&folder, SaveImages::None, 20, 40);
     let steps: Vec<u64> = metrics(&folder).into_iter().filter(|(e, _)| e == "step").map(|(_, s)| s).collect();
     assert_eq!(steps, [1, 10, 20, 30, 40]);

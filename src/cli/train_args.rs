@@ -2,13 +2,12 @@
 
 use super::capture::InitSource;
 use super::capture_args::{CaptureArgs, set};
-use super::config_file::RunConfig;
+use super::config_file::{RunConfig, SaveImages};
 use super::profile::Profile;
 use super::values::{parse_colour, parse_count, parse_duration_secs};
 use litetex_gs::train::density::Components;
 use litetex_gs::train::{Policy, TrainConfig};
 use litetex_gs::{Error, Result};
-use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
 /// Train a scene from a capture
@@ -109,19 +108,6 @@ pub struct TrainingArgs {
     /// Write no images of test views
     #[arg(long, help_heading = "Output")]
     pub no_save_images: bool,
-}
-
-/// Which evaluations leave images.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum SaveImages {
-    /// None.
-    None,
-    /// The latest.
-    #[default]
-    Last,
-    /// All.
-    All,
 }
 
 impl TrainArgs {

@@ -1,5 +1,7 @@
-//! Values on the command line: durations, sizes in bytes, colours, sizes in pixels. Text in, number
+//! Values on the command line: durations, sizes in bytes, counts, colours, sizes in pixels. Text in, numbers
 //! out; nothing here opens a file.
+
+pub use litetex_gs::text::{format_bytes, format_count, format_duration};
 
 /// "90", "90s", "20m", "1.5h", "1h30m" in seconds.
 pub fn parse_duration_secs(text: &str) -> Result<f64, String> {
@@ -67,44 +69,6 @@ pub fn parse_count(text: &str) -> Result<usize, String> {
     let number: f64 = digits.trim().parse().map_err(|_| expected())?;
     let count = number * unit;
     if (1.0..=1e12).contains(&count) { Ok(count as usize) } else { Err(expected()) }
-}
-
-/// "4.0 GiB".
-pub fn format_bytes(bytes: u64) -> String {
-    match bytes as f64 {
-        b if b >= 1_073_741_824.0 => format!("{:.1} GiB", b / 1_073_741_824.0),
-        b if b >= 1_048_576.0 => format!("{:.1} MiB", b / 1_048_576.0),
-        b if b >= 1024.0 => format!("{:.1} KiB", b / 1024.0),
-        b => format!("{b} B"),
-    }
-}
-
-/// "45 s", "12 min", "3 h 20 min".
-pub fn format_duration(secs: f64) -> String {
-    let secs = secs.max(0.0);
-    if secs < 10.0 {
-        format!("{secs:.1} s")
-    } else if secs < 120.0 {
-        format!("{secs:.0} s")
-    } else if secs < 7200.0 {
-        format!("{:.0} min", secs / 60.0)
-    } else {
-        let minutes = (secs / 60.0).round() as u64;
-        format!("{} h {:02} min", minutes / 60, minutes % 60)
-    }
-}
-
-/// "1,234,567".
-pub fn format_count(n: u64) -> String {
-    let digits = n.to_string();
-    let mut out = String::new();
-    for (i, digit) in digits.chars().enumerate() {
-        if i > 0 && (digits.len() - i).is_multiple_of(3) {
-            out.push(',');
-        }
-        out.push(digit);
-    }
-    out
 }
 
 /// "black", "white", "#rrggbb" or "r,g,b" with numbers from 0 to 1, display space.
@@ -181,7 +145,6 @@ mod tests {
         for wrong in ["", "GiB", "-1GiB", "1e30GiB", "4Gi"] {
             assert!(parse_bytes(wrong).is_err(), "{wrong}");
         }
-        assert_eq!(format_bytes(4 << 30), "4.0 GiB");
     }
 
     #[test]
@@ -209,13 +172,5 @@ mod tests {
         for wrong in ["", "0", "x", "10x", "40000", "3x-1"] {
             assert!(parse_image_size(wrong).is_err(), "{wrong}");
         }
-    }
-
-    #[test]
-    fn counts_and_times_for_people() {
-        assert_eq!(format_count(0), "0");
-        assert_eq!(format_count(1_234_567), "1,234,567");
-        assert_eq!(format_duration(3.25), "3.2 s");
-        assert_eq!(format_duration(12_000.0), "3 h 20 min");
     }
 }

@@ -4,11 +4,11 @@
 
 pub mod checkpoint;
 mod config;
+mod eta;
 mod evaluate;
 mod events;
 mod limits;
 mod order;
-mod eta;
 mod run;
 mod schedule;
 mod state;

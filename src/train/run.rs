@@ -1,11 +1,11 @@
 //! The loop: draws views, steps, changes the structure, evaluates, reports.
 
 use super::config::TrainConfig;
+use super::eta::Eta;
 use super::evaluate::{Evaluated, evaluate};
 use super::events::{Control, StopReason, TrainEvent};
 use super::limits::check_limits;
 use super::order::ViewOrder;
-use super::eta::Eta;
 use super::schedule::Schedule;
 use super::state::{CurvePoint, TrainState};
 use super::density::{StatisticsSource, DensityCounts};
