@@ -5,7 +5,7 @@ use super::log::Log;
 use super::run_folder::check_empty;
 use super::sources::{Trained, render_options};
 use super::summary::Quality;
-use super::table::{Table, print_json};
+use super::table::{Table, path_text, print_json};
 use super::view_files::{write_per_view, write_view};
 use litetex_gs::backend::{Backend, RenderedImage};
 use litetex_gs::eval::Evaluation;
@@ -51,7 +51,7 @@ pub fn run(args: &EvalArgs, log: &Log) -> anyhow::Result<()> {
     if args.json {
         return Ok(print_json(&serde_json::json!({
             "schema": "litetex-eval/1",
-            "checkpoint": trained.path,
+            "checkpoint": path_text(&trained.path),
             "step": trained.step,
             "resample": "area",
             "quality": Quality::from(&evaluation),

@@ -46,8 +46,11 @@ pub struct ConvertArgs {
     #[arg(value_name = "IN")]
     source: PathBuf,
     /// File to write
-    #[arg(value_name = "OUT")]
-    out: PathBuf,
+    #[arg(value_name = "OUT", required_unless_present = "out_option")]
+    out: Option<PathBuf>,
+    /// The same as OUT, as "litetex export" takes it
+    #[arg(long = "out", short, value_name = "FILE", id = "out_option", conflicts_with = "out", hide = true)]
+    out_option: Option<PathBuf>,
     #[command(flatten)]
     asset: AssetArgs,
     /// Where to render for the comparison
@@ -65,7 +68,7 @@ pub fn run(args: &ExportArgs, log: &Log) -> anyhow::Result<()> {
 
 /// Runs `litetex convert`.
 pub fn convert(args: &ConvertArgs, log: &Log) -> anyhow::Result<()> {
-    let out = [args.out.clone()];
+    let out: Vec<PathBuf> = args.out.iter().chain(&args.out_option).cloned().collect();
     outputs::check(Some(&args.source), &out, &args.asset)?;
     Format::of(&args.source).map_err(Error::from)?;
     let scene = read_scene(&args.source, log)?;
@@ -231,6 +234,10 @@ fn write_one(
 ) -> Result<Exported> {
     if let Some(folder) = path.parent().filter(|f| !f.as_os_str().is_empty()) {
         std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
+    }
+    if args.quality.is_some() && Format::of(path)?.qualities().is_empty() {
+        let what = "has one form only, --quality does not apply to it";
+        log.warn("quality-not-applied", &format!("{}: {what}", path.display()), 1);
     }
     let Rounding { quality, steps, exponents } = rounding;
     let options = WriteOptions { quality, mesh: args.mesh, steps, exponents: &exponents };

@@ -90,10 +90,10 @@ fn checkpoint(path: &Path) -> Result<Value> {
     let trained = Trained::load(path)?;
     Ok(json!({
         "kind": "checkpoint",
-        "file": path,
+        "file": path_text(path),
         "bytes": std::fs::metadata(path).map_or(0, |m| m.len()),
         "step": trained.step,
-        "capture": trained.config.data,
+        "capture": trained.config.data.as_deref().map(path_text),
         "model": of_model(&trained.model),
     }))
 }
@@ -156,7 +156,7 @@ fn ply(path: &Path, log: &Log) -> Result<Value> {
             let (low, high) = bounds(points.iter().map(|p| p.position_in_capture));
             Ok(json!({
                 "kind": "points",
-                "file": path,
+                "file": path_text(path),
                 "points": points.len(),
                 "bounds": { "min": low, "max": high },
             }))
@@ -201,7 +201,7 @@ fn asset(path: &Path, log: &Log) -> Result<Value> {
     }
     Ok(json!({
         "kind": "asset",
-        "file": path,
+        "file": path_text(path),
         "format": contents.format,
         "quality": contents.quality.map(Quality::name),
         "bytes": bytes,
@@ -237,7 +237,7 @@ fn of_capture(capture: &Capture) -> Value {
         |split| -> Vec<&str> { capture.indices(split).into_iter().map(|v| capture.name(v)).collect() };
     json!({
         "kind": "capture",
-        "path": capture.root,
+        "path": path_text(&capture.root),
         "format": capture.format,
         "views": capture.num_views(),
         "train_views": capture.indices(Split::Train).len(),

@@ -30,6 +30,7 @@ mod sample;
 mod schedule;
 mod schedule_args;
 mod schedule_chart;
+mod schedule_report;
 mod selftest;
 mod session;
 mod sources;
@@ -46,7 +47,7 @@ mod values;
 mod verify;
 mod view_files;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use litetex_gs::Error;
 use log::Log;
 use std::process::ExitCode;
@@ -107,11 +108,24 @@ enum Command {
     Man(man::ManArgs),
 }
 
+/// The program's command line. Options take "-1" as a value, so that their own parsers refuse it with their own words.
+fn command() -> clap::Command {
+    fn take_negative_numbers(command: clap::Command) -> clap::Command {
+        command
+            .mut_args(|arg| match arg.get_action().takes_values() && !arg.is_positional() {
+                true => arg.allow_negative_numbers(true),
+                false => arg,
+            })
+            .mut_subcommands(take_negative_numbers)
+    }
+    take_negative_numbers(Cli::command())
+}
+
 /// Parses, runs and answers with the exit code of the error's family.
 pub fn main() -> ExitCode {
-    let cli = match Cli::try_parse() {
+    let cli = match command().try_get_matches().and_then(|matches| Cli::from_arg_matches(&matches)) {
         Ok(cli) => cli,
-        // Help and version are no errors; clap tells them apart and knows the stream.
+        // Help and version arrive here too; clap knows their stream.
         Err(e) => {
             let code = if e.use_stderr() { 2 } else { 0 };
             let _ = e.print();
@@ -160,8 +174,8 @@ fn run(cli: Cli, log: &Log) -> anyhow::Result<()> {
         Command::Chart(args) => chart::run(&args, log),
         Command::BenchKernels(args) => bench_kernels::run(&args, log),
         Command::Quickstart(args) => quickstart::run(&args, log),
-        Command::Completions(args) => completions::run(&args),
-        Command::Man(args) => man::run(&args),
+        Command::Completions(args) => completions::run(&args, Cli::command()),
+        Command::Man(args) => man::run(&args, Cli::command()),
     }
 }
 

@@ -5,7 +5,25 @@ use litetex_exporters::Format;
 use litetex_gs::{Error, Result};
 use std::path::{Path, PathBuf};
 
-/// Refuses what cannot be written. `source` is what the files are made from, if that is a file.
+/// Refuses files that exist, unless they may be replaced, and folders in their place.
+///
+/// # Errors
+/// [`Error::Usage`] naming the first of them.
+pub fn check_free(files: &[PathBuf], force: bool) -> Result<()> {
+    if let Some(folder) = files.iter().find(|file| file.is_dir()) {
+        return Err(Error::Usage(format!("{}: is a folder, expected the name of a file", folder.display())));
+    }
+    let taken: Vec<&PathBuf> =
+        files.iter().filter(|file| !force && file.symlink_metadata().is_ok()).collect();
+    let Some(first) = taken.first() else { return Ok(()) };
+    let what = match taken.len() {
+        1 => "exists already; --force replaces it".to_owned(),
+        n => format!("exists already, as do {} more of the files to write; --force replaces them", n - 1),
+    };
+    Err(Error::Usage(format!("{}: {what}", first.display())))
+}
+
+/// Refuses assets that cannot be written. `source` is what they are made from, if that is a file.
 ///
 /// # Errors
 /// [`Error::Unsupported`] for unknown extensions and qualities, [`Error::Usage`] for files that exist, that two outputs
@@ -40,6 +58,12 @@ pub fn check(source: Option<&Path>, outputs: &[PathBuf], args: &AssetArgs) -> Re
     let any = |is: fn(Format) -> bool| outputs.iter().filter_map(|p| Format::from_path(p)).any(is);
     if args.rate_goal().own_limits().is_some() && !any(|f| f == Format::Ltgs) {
         return Err(Error::Usage("--max-size and --max-loss shape .ltgs files, and none is written".into()));
+    }
+    if args.quality.is_some() && !any(|f| !f.qualities().is_empty()) {
+        return Err(Error::Usage(
+            "--quality is for glTF, USD and .ltgs files, and none is written: PLY and SPZ have one form each"
+                .into(),
+        ));
     }
     if args.mesh && !any(|f| f.keeps_textures() && f != Format::Ltgs) {
         return Err(Error::Usage("--mesh is for glTF and USD files, and none is written".into()));

@@ -74,6 +74,14 @@ pub fn path_text(path: &Path) -> String {
     path.display().to_string()
 }
 
+/// [`path_text`] for derived serialisation.
+///
+/// # Errors
+/// As the serializer.
+pub fn serialize_path<S: serde::Serializer>(path: &Path, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str(&path_text(path))
+}
+
 /// Prints a value as JSON.
 ///
 /// # Errors

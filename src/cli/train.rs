@@ -13,7 +13,9 @@ use super::train_job::TrainJob;
 use super::train_summary::{self, Outcome};
 use super::{devices, export, outputs};
 use litetex_gs::backend::Backend;
-use litetex_gs::train::{StopReason, TrainState, check_limits, train};
+use litetex_gs::model::num_params;
+use litetex_gs::train::density::Budget;
+use litetex_gs::train::{StopReason, TrainConfig, TrainState, check_limits, train};
 use litetex_gs::{Error, Report, Result};
 use std::path::PathBuf;
 use std::time::Instant;
@@ -95,7 +97,39 @@ fn first_state(job: &mut TrainJob, capture: &Capture, report: &mut Report, log: 
     let (state, left_out) = capture::fresh_state(capture, &config.init, config.max_points, &config.train)?;
     log.report(&left_out);
     report.merge(left_out);
+    if let Some(what) = bounded_start(&config.train, state.model.num_splats()) {
+        log.warn("start-bounded-by-budget", &what, 1);
+        report.warn("start-bounded-by-budget", 1, what);
+    }
     Ok(state)
+}
+
+/// What to tell if texels or parameters, and not splats, bound how many splats a new model has: users who set several
+/// budgets do not expect it.
+fn bounded_start(config: &TrainConfig, num_splats: usize) -> Option<String> {
+    let texels_each = config.policy.first_texels_each();
+    let params_each = num_params(1, texels_each);
+    let room = |most: Option<usize>, each: usize| most.map_or(usize::MAX, |most| most / each.max(1));
+    let Budget { max_splats, max_texels, max_params } = config.budget;
+    let by_texels = if texels_each == 0 { usize::MAX } else { room(max_texels, texels_each) };
+    let by_params = room(max_params, params_each);
+    let most = by_texels.min(by_params);
+    if most > num_splats || max_splats.is_some_and(|max| max <= most) {
+        return None;
+    }
+    let (flag, each) = match by_texels <= by_params {
+        true => (format!("--max-texels {}", max_texels.unwrap_or_default()), format!("{texels_each} texels")),
+        false => (
+            format!("--budget-params {}", max_params.unwrap_or_default()),
+            format!("{params_each} parameters"),
+        ),
+    };
+    let splats = if num_splats == 1 { "1 splat".to_owned() } else { format!("{num_splats} splats") };
+    Some(format!(
+        "{flag} leaves room for {splats} at the start, since each begins with {each} (policy {}); raise it to start \
+         with more",
+        config.policy
+    ))
 }
 
 /// Tells what memory and time the training will take; refuses what the machine cannot hold.
@@ -119,4 +153,27 @@ fn check_memory(
         report.warn("memory-may-not-suffice", 1, doubt);
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use litetex_gs::train::Policy;
+
+    #[test]
+    fn the_budget_that_bounds_the_start_is_named() {
+        let told = |policy, max_splats, max_texels, max_params, splats| {
+            let budget = Budget { max_splats, max_texels, max_params };
+            bounded_start(&TrainConfig { policy, budget, ..TrainConfig::default() }, splats)
+        };
+        let texels = told(Policy::Litetex, Some(10), Some(5), None, 1).unwrap();
+        assert!(texels.contains("--max-texels 5") && texels.contains("4 texels"), "{texels}");
+        let params = told(Policy::Litetex, Some(10), None, Some(300), 4).unwrap();
+        assert!(params.contains("--budget-params 300") && params.contains("71 parameters"), "{params}");
+        // Bounded by the splats or by the points, and a policy without texels.
+        assert_eq!(told(Policy::Litetex, Some(10), Some(40), None, 10), None);
+        assert_eq!(told(Policy::Litetex, None, Some(5000), None, 300), None);
+        assert_eq!(told(Policy::Plain, Some(10), Some(5), None, 10), None);
+        assert_eq!(told(Policy::Litetex, None, None, None, 300), None);
+    }
 }
