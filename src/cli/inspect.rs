@@ -13,6 +13,7 @@ use litetex_exporters::{Describes, Format, Quality, SplatAsset, Transform};
 use litetex_gs::bake::model_from_asset;
 use litetex_gs::dataset::read_ply_points;
 use litetex_gs::model::Model;
+use litetex_gs::text::shortened;
 use litetex_gs::views::{Split, ViewSource};
 use litetex_gs::{Error, Result};
 use serde_json::{Value, json};
@@ -257,10 +258,12 @@ fn of_capture(capture: &Capture) -> Value {
 /// Nested names become `a.b`; long lists are counted.
 fn flatten(prefix: &str, value: &Value, table: &mut Table) {
     const SHOWN: usize = 8;
+    const NAME_CHARS: usize = 60;
     match value {
         Value::Object(fields) => {
             for (name, value) in fields {
-                let name = if prefix.is_empty() { name.clone() } else { format!("{prefix}.{name}") };
+                let name = shortened(name, NAME_CHARS);
+                let name = if prefix.is_empty() { name.into_owned() } else { format!("{prefix}.{name}") };
                 flatten(&name, value, table);
             }
         }
@@ -287,6 +290,8 @@ fn flatten(prefix: &str, value: &Value, table: &mut Table) {
     }
 }
 
+/// A value in a cell; names from files may be of any length.
 fn text(value: &Value) -> String {
-    value.as_str().map_or_else(|| value.to_string(), str::to_owned)
+    const SHOWN_CHARS: usize = 200;
+    value.as_str().map_or_else(|| value.to_string(), |text| shortened(text, SHOWN_CHARS).into_owned())
 }

@@ -14,6 +14,7 @@ mod config_file;
 mod device_kit;
 mod devices;
 mod eval;
+mod evaluations;
 mod export;
 mod forecast;
 mod inspect;

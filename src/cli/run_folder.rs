@@ -1,7 +1,10 @@
-//! The folder of a run: which file lies where, who may write into it, what may be deleted, and evaluations that
-//! appear whole or not at all. What the files say is written elsewhere.
+//! The folder of a run: which file lies where, who may write into it and what may be deleted. What the files say is
+//! written elsewhere.
 
-use super::view_files::PER_VIEW;
+use super::evaluations::{
+    StagedFolder, entries, entries_or_none, name_of, remove, remove_evaluation, remove_if_empty,
+    remove_staged,
+};
 use litetex_gs::{Error, Result};
 use std::fs::{self, File, TryLockError};
 use std::path::{Path, PathBuf};
@@ -89,11 +92,7 @@ impl RunFolder {
     /// [`Error::Io`].
     pub fn reopen(root: &Path, lock: RunLock) -> Result<Self> {
         let folder = Self { root: root.to_owned(), _lock: lock };
-        for entry in entries_or_none(&folder.root.join(EVALUATIONS))? {
-            if name_of(&entry).is_some_and(|name| name.starts_with('.') && name.ends_with(".part")) {
-                remove(&entry)?;
-            }
-        }
+        remove_staged(&folder.root.join(EVALUATIONS))?;
         Ok(folder)
     }
 
@@ -136,10 +135,7 @@ impl RunFolder {
     /// # Errors
     /// [`Error::Io`].
     pub fn stage_eval(&self, step: u32) -> Result<StagedFolder> {
-        let staging = self.root.join(EVALUATIONS).join(format!(".{step:06}.part"));
-        remove(&staging)?;
-        fs::create_dir_all(&staging).map_err(|e| Error::io(&staging, e))?;
-        Ok(StagedFolder { staging: Some(staging), target: self.eval(step) })
+        StagedFolder::new(self.eval(step))
     }
 
     /// Deletes the checkpoints, their histories and the evaluations of later steps.
@@ -221,42 +217,6 @@ pub fn is_run(folder: &Path) -> bool {
     settings.is_some_and(|table| table.contains_key("version") && table.contains_key("train"))
 }
 
-/// A folder under construction; dropped without [`StagedFolder::publish`] it vanishes.
-pub struct StagedFolder {
-    staging: Option<PathBuf>,
-    target: PathBuf,
-}
-
-impl StagedFolder {
-    /// Where to write now.
-    pub fn path(&self) -> &Path {
-        self.staging.as_deref().unwrap_or(&self.target)
-    }
-
-    /// Puts the folder in its place, instead of an earlier evaluation there.
-    ///
-    /// # Errors
-    /// [`Error::Io`].
-    pub fn publish(mut self) -> Result<PathBuf> {
-        if let Some(staging) = self.staging.take()
-            && let Err(e) = replace_evaluation(&staging, &self.target)
-        {
-            self.staging = Some(staging);
-            return Err(e);
-        }
-        Ok(self.target.clone())
-    }
-}
-
-impl Drop for StagedFolder {
-    fn drop(&mut self) {
-        if let Some(staging) = &self.staging {
-            // An error has no reader here; the next run cleans up again.
-            let _ = fs::remove_dir_all(staging);
-        }
-    }
-}
-
 /// The checkpoint that a file is, or the last one in the folder of a run.
 ///
 /// # Errors
@@ -307,68 +267,6 @@ fn step_of(path: &Path, suffix: &str) -> Option<u32> {
 /// The step of a folder with an evaluation.
 fn step_of_evaluation(path: &Path) -> Option<u32> {
     name_of(path).filter(|name| name.len() >= 6 && path.is_dir())?.parse().ok()
-}
-
-/// Moves a new evaluation to its place. Files there that no evaluation writes stay beside it.
-fn replace_evaluation(staging: &Path, target: &Path) -> Result<()> {
-    remove_evaluation(target, true)?;
-    if !target.exists() {
-        return fs::rename(staging, target).map_err(|e| Error::io(target, e));
-    }
-    for entry in entries(staging)? {
-        let place = target.join(entry.file_name().unwrap_or_default());
-        if entry.is_dir() && place.is_dir() {
-            replace_evaluation(&entry, &place)?;
-        } else {
-            fs::rename(&entry, &place).map_err(|e| Error::io(&place, e))?;
-        }
-    }
-    remove(staging)
-}
-
-/// Deletes the images of an evaluation, its table if `table` says so, and the folders that are empty then.
-fn remove_evaluation(folder: &Path, table: bool) -> Result<()> {
-    for entry in entries_or_none(folder)? {
-        let is_link = entry.is_symlink();
-        if entry.is_dir() && !is_link {
-            remove_evaluation(&entry, table)?;
-        } else if entry.extension().is_some_and(|e| e == "png")
-            || (table && name_of(&entry) == Some(PER_VIEW))
-        {
-            remove(&entry)?;
-        }
-    }
-    remove_if_empty(folder)
-}
-
-fn name_of(path: &Path) -> Option<&str> {
-    path.file_name()?.to_str()
-}
-
-fn entries_or_none(folder: &Path) -> Result<Vec<PathBuf>> {
-    if folder.is_dir() { entries(folder) } else { Ok(Vec::new()) }
-}
-
-fn entries(folder: &Path) -> Result<Vec<PathBuf>> {
-    fs::read_dir(folder)
-        .and_then(|all| all.map(|entry| entry.map(|e| e.path())).collect())
-        .map_err(|e| Error::io(folder, e))
-}
-
-fn remove_if_empty(folder: &Path) -> Result<()> {
-    if folder.is_dir() && entries(folder)?.is_empty() {
-        fs::remove_dir(folder).map_err(|e| Error::io(folder, e))?;
-    }
-    Ok(())
-}
-
-fn remove(path: &Path) -> Result<()> {
-    let removed = match fs::symlink_metadata(path) {
-        Ok(meta) if meta.is_dir() => fs::remove_dir_all(path),
-        Ok(_) => fs::remove_file(path),
-        Err(_) => Ok(()),
-    };
-    removed.map_err(|e| Error::io(path, e))
 }
 
 #[cfg(test)]
@@ -449,29 +347,6 @@ mod tests {
         // The file is still there.
         assert_eq!(files_below(dir.path()), [LOCK]);
         RunFolder::create(dir.path(), false).unwrap();
-    }
-
-    #[test]
-    fn evaluations_appear_whole_or_not_at_all() {
-        let dir = tempfile::tempdir().unwrap();
-        let run = RunFolder::create(dir.path(), false).unwrap();
-        let staged = run.stage_eval(300).unwrap();
-        fs::write(staged.path().join("a.png"), "x").unwrap();
-        drop(staged);
-        assert!(entries(&dir.path().join("eval")).unwrap().is_empty());
-        for content in ["first", "second"] {
-            let staged = run.stage_eval(300).unwrap();
-            fs::create_dir(staged.path().join("error")).unwrap();
-            for name in ["a.png", "error/a.png", PER_VIEW] {
-                fs::write(staged.path().join(name), content).unwrap();
-            }
-            assert_eq!(staged.publish().unwrap(), dir.path().join("eval/000300"));
-            // Not of an evaluation: stays.
-            fs::write(run.eval(300).join("error/notes.txt"), "mine").unwrap();
-        }
-        assert_eq!(fs::read_to_string(run.eval(300).join("error/a.png")).unwrap(), "second");
-        run.drop_images(300).unwrap();
-        assert_eq!(files_below(&run.eval(300)), ["error/notes.txt", PER_VIEW]);
     }
 
     #[test]

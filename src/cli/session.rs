@@ -1,11 +1,12 @@
-//! The consumer of the trainer's events on the command line: it fills the run folder, feeds the
-//! progress display and answers whether to go on. It computes nothing but file names.
+//! The consumer of the trainer's events on the command line: it fills the run folder, feeds the progress display and
+//! answers whether to go on.
 
 use super::config_file::{RunConfig, SaveImages};
+use super::evaluations::StagedFolder;
 use super::interrupt::Interrupt;
 use super::log::Log;
 use super::progress::{Progress, StepFigures};
-use super::run_folder::{RunFolder, StagedFolder};
+use super::run_folder::RunFolder;
 use super::view_files::{write_per_view, write_view};
 use litetex_gs::backend::{RenderedImage, StepReport};
 use litetex_gs::eval::Evaluation;
@@ -23,7 +24,7 @@ use std::path::{Path, PathBuf};
 /// Steps between two lines of `metrics.jsonl`; the first and the last step are always there.
 pub const METRICS_EVERY: u32 = 10;
 
-/// Files and display of one training.
+/// The files and the display of one training.
 pub struct Session<'a> {
     folder: &'a RunFolder,
     views: &'a dyn ViewSource,
@@ -32,24 +33,26 @@ pub struct Session<'a> {
     interrupt: Interrupt,
     progress: Progress<'a>,
     metrics: File,
-    /// Strings that go into every checkpoint.
+    /// The strings of every checkpoint.
     strings: BTreeMap<String, String>,
     total_wall_secs: Box<dyn Fn() -> f64 + 'a>,
+    /// The evaluation in progress.
     staged: Option<StagedFolder>,
-    imaged: Option<u32>,
-    /// Gradient entries that were not finite, over all steps.
+    /// Step of the last evaluation that has images.
+    last_with_images: Option<u32>,
+    /// Number of gradient entries, over all steps, that were not finite.
     non_finite_gradients: u64,
     /// The last evaluation.
     pub evaluation: Option<Evaluation>,
     /// The last checkpoint.
     pub checkpoint: Option<PathBuf>,
-    /// What was warned of.
+    /// Warnings of the trainer.
     pub report: Report,
 }
 
 impl<'a> Session<'a> {
-    /// A session that continues after `done` steps: later lines of `metrics.jsonl` are dropped, for these
-    /// steps will be done again.
+    /// A session that continues after `done` steps: lines of later steps are dropped from `metrics.jsonl`, since these
+    /// steps will be repeated.
     ///
     /// # Errors
     /// [`Error::Io`].
@@ -75,7 +78,7 @@ impl<'a> Session<'a> {
             strings: BTreeMap::from([("config".to_owned(), toml)]),
             total_wall_secs: Box::new(total_wall_secs),
             staged: None,
-            imaged: None,
+            last_with_images: None,
             non_finite_gradients: 0,
             evaluation: None,
             checkpoint: None,
@@ -83,10 +86,10 @@ impl<'a> Session<'a> {
         })
     }
 
-    /// Takes in one event.
+    /// Handles one event.
     ///
     /// # Errors
-    /// What writing reports.
+    /// What writing files reports.
     pub fn handle(&mut self, event: TrainEvent<'_>) -> Result<Control> {
         match event {
             TrainEvent::Started { device, step, steps, train_views, test_views } => {
@@ -97,34 +100,7 @@ impl<'a> Session<'a> {
                 self.metric(json!({ "event": "started", "step": step, "steps": steps, "device": device,
                     "train_views": train_views, "test_views": test_views }))?;
             }
-            TrainEvent::Step {
-                step,
-                view,
-                loss,
-                report,
-                num_splats,
-                num_texels,
-                train_wall_secs,
-                train_cpu_secs,
-                remaining_secs,
-            } => {
-                self.non_finite_gradients += report.non_finite_gradients;
-                self.progress.step(StepFigures {
-                    step,
-                    loss: loss.total,
-                    primitives: num_splats,
-                    texels: num_texels,
-                    train_wall_secs,
-                    remaining_secs,
-                });
-                if step == 1 || step.is_multiple_of(METRICS_EVERY) || step == self.config.train.steps {
-                    self.metric(json!({ "event": "step", "step": step, "view": self.views.name(view),
-                        "loss": loss, "primitives": num_splats, "texels": num_texels,
-                        "train_wall_secs": train_wall_secs, "train_cpu_secs": train_cpu_secs,
-                        "counters": counters(report), "stages_secs": stages(report),
-                        "non_finite_gradients": report.non_finite_gradients }))?;
-                }
-            }
+            TrainEvent::Step { .. } => self.step(&event)?,
             TrainEvent::DensityControl {
                 step,
                 counts,
@@ -152,20 +128,54 @@ impl<'a> Session<'a> {
             }
             TrainEvent::Finished { reason } => {
                 self.progress.finish();
-                self.tell_of_gradients()?;
+                self.warn_of_gradients()?;
                 self.metric(json!({ "event": "finished", "reason": reason_name(reason) }))?;
             }
         }
         Ok(if self.interrupt.is_requested() { Control::Stop } else { Control::Continue })
     }
 
-    /// Steps count them one by one; a run tells of them once.
-    fn tell_of_gradients(&mut self) -> Result<()> {
+    fn step(&mut self, event: &TrainEvent<'_>) -> Result<()> {
+        let &TrainEvent::Step {
+            step,
+            view,
+            loss,
+            report,
+            num_splats,
+            num_texels,
+            train_wall_secs,
+            train_cpu_secs,
+            remaining_secs,
+        } = event
+        else {
+            return Ok(());
+        };
+        self.non_finite_gradients += report.non_finite_gradients;
+        self.progress.step(StepFigures {
+            step,
+            loss: loss.total,
+            primitives: num_splats,
+            texels: num_texels,
+            train_wall_secs,
+            remaining_secs,
+        });
+        if step == 1 || step.is_multiple_of(METRICS_EVERY) || step == self.config.train.steps {
+            self.metric(json!({ "event": "step", "step": step, "view": self.views.name(view),
+                "loss": loss, "primitives": num_splats, "texels": num_texels,
+                "train_wall_secs": train_wall_secs, "train_cpu_secs": train_cpu_secs,
+                "counters": counters(report), "stages_secs": stages(report),
+                "non_finite_gradients": report.non_finite_gradients }))?;
+        }
+        Ok(())
+    }
+
+    /// Warns once a run of the gradients that the steps have counted.
+    fn warn_of_gradients(&mut self) -> Result<()> {
         let count = self.non_finite_gradients;
         if count == 0 {
             return Ok(());
         }
-        let message = format!("{count} gradients were NaN or infinite and counted as zero");
+        let message = format!("{count} gradients were NaN or infinite and were taken as zero");
         self.handle(TrainEvent::Warning(Warning {
             code: "gradients-not-finite".to_owned(),
             message,
@@ -194,7 +204,7 @@ impl<'a> Session<'a> {
         write_per_view(staged.path(), evaluation)?;
         staged.publish()?;
         if self.config.save_images == SaveImages::Last
-            && let Some(before) = self.imaged.replace(step)
+            && let Some(before) = self.last_with_images.replace(step)
             && before != step
         {
             self.folder.drop_images(before)?;
@@ -219,14 +229,14 @@ impl<'a> Session<'a> {
     }
 
     fn metric(&mut self, line: Value) -> Result<()> {
-        // One write per line: an interruption cannot leave half of one.
+        // One write per line, so that an interruption cannot leave half a line.
         self.metrics
             .write_all(format!("{line}\n").as_bytes())
             .map_err(|e| Error::io(self.folder.metrics(), e))
     }
 }
 
-/// Name of a reason in files.
+/// Name of a stop reason in `metrics.jsonl` and `summary.json`.
 pub fn reason_name(reason: StopReason) -> &'static str {
     match reason {
         StopReason::Steps => "steps",
@@ -235,7 +245,7 @@ pub fn reason_name(reason: StopReason) -> &'static str {
     }
 }
 
-/// Counters of a step; null for those that the device did not count.
+/// Counters of a step; null for those that the device does not count.
 fn counters(report: &StepReport) -> Value {
     let c = &report.counters;
     let mut counters = json!(c);
@@ -247,11 +257,13 @@ fn counters(report: &StepReport) -> Value {
     counters
 }
 
+/// Seconds of a step by stage of the pipeline.
 fn stages(report: &StepReport) -> Value {
     let secs = report.stages.iter().map(|(name, time)| ((*name).to_owned(), json!(time.as_secs_f64())));
     Value::Object(secs.collect())
 }
 
+/// Opens `metrics.jsonl` for appending, without the lines of steps after `done`.
 fn open_metrics(path: &Path, done: u32) -> Result<File> {
     let kept = match fs::read_to_string(path) {
         Ok(text) if done > 0 => text,
