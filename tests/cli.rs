@@ -238,7 +238,7 @@ fn sample(dir: &Path) -> String {
         ["sample", &capture, "--views", "9", "--size", "64x48", "--points", "300", "--no-truth", "-q"];
     let (code, stdout, stderr) = run(&arguments);
     assert_eq!(code, 0, "{stderr}");
-    assert!(stdout.contains("images") && stderr.is_empty(), "{stdout}{stderr}");
+    assert!(stdout.contains("photos") && stderr.is_empty(), "{stdout}{stderr}");
     capture
 }
 
@@ -261,7 +261,9 @@ fn paths_that_are_not_unicode_end_no_command_in_a_panic() {
     let at = |name: &str| folder.join(name);
     let command = |arguments: &[&dyn AsRef<std::ffi::OsStr>]| {
         let mut command = litetex();
-        arguments.iter().for_each(|argument| drop(command.arg(argument)));
+        for argument in arguments {
+            command.arg(argument);
+        }
         let output = command.output().unwrap();
         let stderr = String::from_utf8(output.stderr).unwrap();
         assert!(!stderr.contains("panicked"), "{stderr}");

@@ -345,7 +345,9 @@ fn settings_and_budgets_that_make_no_sense_are_named() {
     assert!(!Path::new(&out).exists());
     let (code, _, stderr) = run(&[&train[..], &["--max-splats", "10", "--max-texels", "5"]].concat());
     assert!(code == 0 && stderr.contains("--max-texels 5 leaves room for 1 splat"), "{code}: {stderr}");
-    assert_eq!(place.json("run/summary.json")["warnings"][0]["code"], "start-bounded-by-budget");
+    let summary = place.json("run/summary.json");
+    let warnings = summary["warnings"].as_array().unwrap();
+    assert!(warnings.iter().any(|w| w["code"] == "start-bounded-by-budget"), "{warnings:?}");
 }
 
 /// Everything below a folder whose name contains `part`.

@@ -1,4 +1,4 @@
-//! `litetex completions`: shell completions from the same tree as the help.
+//! `litetex completions`: shell completions, from the same definitions as the help.
 
 use std::io::Write;
 
@@ -7,7 +7,7 @@ use std::io::Write;
 /// For example: litetex completions bash > ~/.local/share/bash-completion/completions/litetex
 #[derive(clap::Args)]
 pub struct CompletionsArgs {
-    /// Which shell
+    /// Shell to complete for
     shell: clap_complete::Shell,
 }
 

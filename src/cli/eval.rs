@@ -1,4 +1,4 @@
-//! `litetex eval`: quality figures of a trained scene on its held-out views.
+//! `litetex eval`: quality figures of a trained scene on its test views.
 
 use super::capture::Capture;
 use super::log::Log;
@@ -17,20 +17,19 @@ use std::path::{Path, PathBuf};
 
 /// Evaluate a run on its test views
 ///
-/// Renders the held-out views from the last checkpoint of a run, or from a given one, and compares them
-/// with the photos.
+/// Renders the test views from the last checkpoint of a run, or from a given one, and compares them with the photos.
 #[derive(clap::Args)]
 pub struct EvalArgs {
     /// Folder of a run, or a checkpoint
     #[arg(value_name = "RUN|CHECKPOINT")]
     source: PathBuf,
-    /// The capture, if it is no longer where it was
+    /// Capture of the run, if it has been moved
     #[arg(long, value_name = "DIR")]
     capture: Option<PathBuf>,
     /// Also write images, error maps and per_view.csv into this empty folder
     #[arg(long, short, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// All figures, of each view too, as JSON
+    /// Print JSON, with the figures of each view
     #[arg(long)]
     json: bool,
     /// Where to compute
@@ -75,7 +74,9 @@ fn evaluate(
 ) -> Result<Evaluation> {
     let views = capture.indices(Split::Test);
     if views.is_empty() {
-        return Err(Error::Usage("the capture has no test views: see --test-every of train".to_owned()));
+        return Err(Error::Usage(
+            "the capture has no test views; --test-every of train holds some out".to_owned(),
+        ));
     }
     trained.identity.check_held_out(&CaptureIdentity::new(capture, capture.capture_from_local))?;
     if let Some(out) = out {
@@ -90,7 +91,7 @@ fn evaluate(
     };
     let Evaluated::Figures(evaluation) = train::evaluate(backend, capture, &views, &options, &mut on_view)?
     else {
-        return Err(Error::Usage("no test view has a pixel that counts: look at its masks".to_owned()));
+        return Err(Error::Usage("the masks leave no pixel of any test view; check them".to_owned()));
     };
     if let Some(out) = out {
         write_per_view(out, &evaluation)?;

@@ -1,4 +1,4 @@
-//! `litetex inspect`: what is in a capture, a run, a checkpoint or an asset.
+//! `litetex inspect`: the contents of a capture, a run, a checkpoint or an asset.
 
 use super::capture::{self, Capture};
 use super::capture_args::CaptureArgs;
@@ -21,20 +21,20 @@ use std::collections::BTreeMap;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-/// Say what is in a capture, a run, a checkpoint or an asset
+/// Show what is in a capture, a run, a checkpoint or an asset
 #[derive(clap::Args)]
 pub struct InspectArgs {
     /// Folder of a capture or a run, checkpoint (.safetensors) or asset
     #[arg(value_name = "FILE|RUN|CAPTURE")]
     path: PathBuf,
-    /// As JSON
+    /// Print JSON
     #[arg(long)]
     json: bool,
     #[command(flatten)]
     capture_args: CaptureArgs,
 }
 
-/// Prints what was found.
+/// Reads and prints.
 pub fn run(args: &InspectArgs, log: &Log) -> anyhow::Result<()> {
     let found = inspect(args, log)?;
     if args.json {
@@ -75,7 +75,7 @@ fn run_folder(path: &Path) -> Result<Value> {
     if path.join("summary.json").is_file() {
         let mut summary = Summary::read(&path.join("summary.json"))?;
         if let Some(quality) = &mut summary.quality {
-            // The table per view is in the file itself.
+            // For one line per view there is the file itself.
             quality.per_view.clear();
         }
         summary.curve.clear();
@@ -119,14 +119,14 @@ fn of_model(model: &Model) -> Value {
     })
 }
 
-/// How many maps have which sides.
+/// Number of maps of each size.
 fn histogram(sides: impl Iterator<Item = (u16, u16)>) -> serde_json::Map<String, Value> {
     let mut counts: BTreeMap<(u16, u16), usize> = BTreeMap::new();
     sides.for_each(|sides| *counts.entry(sides).or_default() += 1);
     counts.into_iter().map(|((r, c), n)| (format!("{r}x{c}"), json!(n))).collect()
 }
 
-/// As [`of_model`]; frames of assets may be turned.
+/// As [`of_model`]; the frame of an asset may be rotated too.
 fn of_asset(asset: &SplatAsset) -> Value {
     let frame = |f: &Transform| json!({ "scale": f.scale, "rotation_wxyz": f.rotation, "translation": f.translation });
     let bounds_in = |f: &Transform| {
@@ -150,7 +150,7 @@ fn of_asset(asset: &SplatAsset) -> Value {
     found
 }
 
-/// Gaussians, or else a point cloud.
+/// A PLY file of splats or, failing that, of points.
 fn ply(path: &Path, log: &Log) -> Result<Value> {
     asset(path, log).or_else(|error| match read_ply_points(path) {
         Ok(points) if !points.is_empty() && !names_gaussians(path) => {
@@ -166,7 +166,7 @@ fn ply(path: &Path, log: &Log) -> Result<Value> {
     })
 }
 
-/// Whether a PLY's header has properties that points do not have: then it is a file of splats, if a damaged one.
+/// Whether a PLY's header has properties that only splats have: it is then a damaged file of splats.
 fn names_gaussians(path: &Path) -> bool {
     const HEADER_BYTES_MAX: u64 = 1 << 16;
     let mut header = Vec::new();
@@ -176,7 +176,7 @@ fn names_gaussians(path: &Path) -> bool {
     read.is_ok() && [" f_dc_0", " rot_0", " scale_0"].iter().any(|name| header.contains(name))
 }
 
-/// An asset with the bytes of its parts: per splat or bits per texel, as they describe the one or the other.
+/// An asset with the sizes of its sections: in bytes per splat or bits per texel where they describe these.
 fn asset(path: &Path, log: &Log) -> Result<Value> {
     let scene = read_scene(path, log)?;
     let Some(contents) = &scene.contents else { return Ok(Value::Null) };
@@ -255,7 +255,7 @@ fn of_capture(capture: &Capture) -> Value {
     })
 }
 
-/// Nested names become `a.b`; long lists are counted.
+/// Adds a value to a table: nested names become `a.b`, and long lists a count.
 fn flatten(prefix: &str, value: &Value, table: &mut Table) {
     const SHOWN: usize = 8;
     const NAME_CHARS: usize = 60;

@@ -10,18 +10,18 @@ use std::io::Write;
 /// Form of the messages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum LogFormat {
-    /// Sentences for people
+    /// Sentences
     Text,
     /// One JSON object a line
     Json,
 }
 
-/// Where messages go.
+/// Writer of messages.
 pub struct Log {
     format: LogFormat,
     quiet: bool,
     verbosity: u8,
-    /// A bar that must step aside while a message is written.
+    /// A progress bar that is hidden while a message is written.
     bar: RefCell<Option<ProgressBar>>,
 }
 
@@ -46,7 +46,7 @@ impl Log {
         self.quiet
     }
 
-    /// Lets a bar share the terminal.
+    /// Shares the terminal with a progress bar, or with none any more.
     pub fn attach_bar(&self, bar: Option<ProgressBar>) {
         *self.bar.borrow_mut() = bar;
     }

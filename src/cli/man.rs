@@ -1,4 +1,4 @@
-//! `litetex man`: manual pages from the same tree as the help.
+//! `litetex man`: manual pages, from the same definitions as the help.
 
 use super::outputs;
 use clap::Command;
@@ -9,7 +9,7 @@ use std::path::PathBuf;
 /// Print the manual page, or write the pages of all commands into a folder
 #[derive(clap::Args)]
 pub struct ManArgs {
-    /// Write litetex.1, litetex-train.1, ... here instead
+    /// Write litetex.1, litetex-train.1 and so on into this folder instead
     #[arg(long, short, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Replace pages that exist

@@ -1,5 +1,5 @@
-//! The application layer: arguments to plans, progress, files of a run, exit codes. One file per
-//! subcommand; parsing (what was typed) is separate from meaning (what will be done). No mathematics.
+//! The application layer: arguments, messages, progress, the files of a run, exit codes. One file per subcommand;
+//! arguments (`*_args`, what was typed) are separate from their meaning (what will be done). No mathematics.
 
 mod asset_args;
 mod bench;
@@ -69,19 +69,19 @@ struct Cli {
     command: Command,
 }
 
-/// What every subcommand understands.
+/// Options of every subcommand.
 #[derive(clap::Args)]
 struct CommonArgs {
-    /// Say only what is wrong
+    /// Print only warnings and errors
     #[arg(long, short, global = true, help_heading = "Messages")]
     quiet: bool,
-    /// Say more; twice: everything
+    /// Print more
     #[arg(long, short, global = true, action = clap::ArgAction::Count, conflicts_with = "quiet", help_heading = "Messages")]
     verbose: u8,
     /// Form of the messages on standard error
     #[arg(long, global = true, value_name = "FORM", default_value = "text", help_heading = "Messages")]
     log_format: log::LogFormat,
-    /// Worker threads [default: one per core]; results do not depend on it
+    /// Number of worker threads, on which results do not depend [default: one per core]
     #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), help_heading = "Device")]
     threads: Option<u16>,
 }
@@ -122,7 +122,7 @@ fn command() -> clap::Command {
     take_negative_numbers(Cli::command())
 }
 
-/// Parses, runs and answers with the exit code of the error's family.
+/// Parses the arguments, runs the command and returns the exit code of its error's family.
 pub fn main() -> ExitCode {
     let cli = match command().try_get_matches().and_then(|matches| Cli::from_arg_matches(&matches)) {
         Ok(cli) => cli,
@@ -138,7 +138,7 @@ pub fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
         Err(error) if exit_code(&error) == 130 => {
-            // The user knows, and was told where to continue.
+            // The command has said where to continue.
             log.detail("interrupted");
             ExitCode::from(130)
         }
@@ -180,12 +180,12 @@ fn run(cli: Cli, log: &Log) -> anyhow::Result<()> {
     }
 }
 
-/// Exit code of the first error of the chain that has one.
+/// Exit code of the first error in the chain that has one; 5 if none has.
 fn exit_code(error: &anyhow::Error) -> u8 {
     error.chain().find_map(|e| e.downcast_ref::<Error>()).map_or(5, Error::exit_code)
 }
 
-/// Whoever reads our output has enough: that is no failure.
+/// Whether the reader closed the pipe, as `head` does, which is not a failure.
 fn is_broken_pipe(error: &anyhow::Error) -> bool {
     error.chain().any(|e| {
         let io = match e.downcast_ref::<Error>() {

@@ -26,8 +26,8 @@ pub fn check_free(files: &[PathBuf], force: bool) -> Result<()> {
 /// Refuses assets that cannot be written. `source` is what they are made from, if that is a file.
 ///
 /// # Errors
-/// [`Error::Unsupported`] for unknown extensions and qualities, [`Error::Usage`] for files that exist, that two outputs
-/// or the source share, and for options without effect, [`Error::Io`] for folders that cannot be written to.
+/// [`Error::Unsupported`] for unknown extensions and qualities; [`Error::Usage`] for files that exist, files that two
+/// outputs or the source share, and options without effect; [`Error::Io`] for folders that cannot be written to.
 pub fn check(source: Option<&Path>, outputs: &[PathBuf], args: &AssetArgs) -> Result<()> {
     let mut taken: Vec<(PathBuf, &Path)> = source.map(|s| (normal(s), s)).into_iter().collect();
     for path in outputs {
@@ -41,11 +41,8 @@ pub fn check(source: Option<&Path>, outputs: &[PathBuf], args: &AssetArgs) -> Re
         for file in std::iter::once(path.clone()).chain(format.side_files(path, args.mesh)) {
             let name = normal(&file);
             if let Some((_, other)) = taken.iter().find(|(n, _)| *n == name) {
-                let what = format!(
-                    "{} is needed by {} as well; choose another name",
-                    file.display(),
-                    other.display()
-                );
+                let what =
+                    format!("{} belongs to {} as well; choose another name", file.display(), other.display());
                 return refuse(&what);
             }
             if file.exists() && !args.force {
@@ -71,7 +68,7 @@ pub fn check(source: Option<&Path>, outputs: &[PathBuf], args: &AssetArgs) -> Re
     Ok(())
 }
 
-/// One spelling for each file, as far as its folder exists.
+/// One spelling for each file whose folder exists.
 fn normal(path: &Path) -> PathBuf {
     let folder = folder_of(path);
     let folder =
@@ -83,7 +80,7 @@ fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|f| !f.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// Whether files can be made where a file is to be, or where its folder is to be.
+/// Checks that files can be created in the folder of a file or, if it does not exist yet, where it will be made.
 fn check_folder(path: &Path) -> Result<()> {
     let folder = folder_of(path);
     let there = folder.ancestors().find(|f| f.exists()).unwrap_or(Path::new("."));
@@ -122,7 +119,7 @@ mod tests {
             let error = fails(source, &outputs, &mesh).unwrap();
             assert!(error.contains("as well"), "{outputs:?}: {error}");
         }
-        // Pages and arrays count, not only what is named.
+        // Sidecar files count, not only the named ones.
         std::fs::write(at("y.bin"), "mine").unwrap();
         std::fs::create_dir(at("y_usda_textures")).unwrap();
         for name in ["y.gltf", "y.usda"] {

@@ -1,4 +1,4 @@
-//! `litetex validate`: whether a file keeps the rules of its format.
+//! `litetex validate`: checks a file against the rules of its format.
 
 use super::table::{Table, path_text, print_json};
 use litetex_exporters::{Issue, Severity, validate_file};
@@ -7,13 +7,13 @@ use std::path::PathBuf;
 
 /// Check a file against the rules of its format
 ///
-/// Numbered issues, each an error, a warning or an information. Exit code 1 if there is an error.
+/// Lists numbered issues, each an error, a warning or a piece of information. Exit code 1 if one is an error.
 #[derive(clap::Args)]
 pub struct ValidateArgs {
-    /// The file
+    /// File to validate
     #[arg(value_name = "FILE")]
     file: PathBuf,
-    /// As JSON
+    /// Print JSON
     #[arg(long)]
     json: bool,
 }

@@ -3,7 +3,7 @@
 
 pub use litetex_gs::text::{format_bytes, format_count, format_duration};
 
-/// "90", "90s", "20m", "1.5h", "1h30m" in seconds.
+/// Reads a time as seconds: "90", "90s", "20m", "1.5h", "1h30m".
 pub fn parse_duration_secs(text: &str) -> Result<f64, String> {
     let wrong = || format!("{text:?}: expected a time like 90s, 20m or 1h30m");
     let mut secs = 0.0;
@@ -31,7 +31,7 @@ fn positive(x: f64) -> Option<f64> {
     (x.is_finite() && x > 0.0).then_some(x)
 }
 
-/// "4GiB", "512MiB", "2GB", "1000000" in bytes.
+/// Reads a size as bytes: "4GiB", "512MiB", "2GB", "1000000".
 pub fn parse_bytes(text: &str) -> Result<u64, String> {
     const UNITS: [(&str, f64); 9] = [
         ("KiB", 1024.0),
@@ -55,10 +55,7 @@ pub fn parse_bytes(text: &str) -> Result<u64, String> {
     }
 }
 
-/// Reads `5000`, `500k`, `1.5M`.
-///
-/// # Errors
-/// A sentence that says what was expected.
+/// Reads a count: "5000", "500k", "1.5M".
 pub fn parse_count(text: &str) -> Result<usize, String> {
     let expected = || format!("{text:?}: expected a number of at least 1, such as 5000, 500k or 1.5M");
     let (digits, unit) = match text.char_indices().next_back() {
@@ -71,7 +68,7 @@ pub fn parse_count(text: &str) -> Result<usize, String> {
     if (1.0..=1e12).contains(&count) { Ok(count as usize) } else { Err(expected()) }
 }
 
-/// "black", "white", "#rrggbb" or "r,g,b" with numbers from 0 to 1, display space.
+/// Reads a colour, display space: "black", "white", "#rrggbb" or "r,g,b" with numbers from 0 to 1.
 pub fn parse_colour(text: &str) -> Result<[f32; 3], String> {
     let wrong = || format!("{text:?}: expected black, white, #rrggbb or r,g,b with numbers from 0 to 1");
     match text {
@@ -94,16 +91,16 @@ pub fn parse_colour(text: &str) -> Result<[f32; 3], String> {
     }
 }
 
-/// Size of a rendered image.
+/// Size of an image to make.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ImageSize {
-    /// Longer side; the other follows.
+    /// The longer side, pixels; the aspect ratio is kept.
     Longer(u32),
-    /// Both sides.
+    /// Width and height, pixels.
     Exact(u32, u32),
 }
 
-/// "0.1dB", "0.1 dB" or "0.1".
+/// Reads decibels: "0.1dB", "0.1 dB" or "0.1".
 pub fn parse_decibels(text: &str) -> Result<f64, String> {
     let lower = text.trim().to_ascii_lowercase();
     let number = lower.strip_suffix("db").unwrap_or(&lower).trim_end();
@@ -111,7 +108,7 @@ pub fn parse_decibels(text: &str) -> Result<f64, String> {
     value.ok_or_else(|| format!("{text:?}: expected decibels, such as 0.1dB"))
 }
 
-/// "960" (longer side) or "1920x1080".
+/// Reads the size of an image: "960" (longer side) or "1920x1080".
 pub fn parse_image_size(text: &str) -> Result<ImageSize, String> {
     let side = |part: &str| part.parse().ok().filter(|px| (1..=32_768).contains(px));
     let size = match text.split_once('x') {
