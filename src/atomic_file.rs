@@ -2,19 +2,23 @@
 //! renamed. What the files hold does not belong here.
 
 use crate::{Error, Result};
-use std::fs::{self, File};
+use std::fs::{self, File, Permissions};
 use std::path::{Path, PathBuf};
 
 /// Lets `fill` write a file at a temporary place in the same folder and moves it to `path` once it is
-/// safely on the disk. If anything fails, the temporary file is removed and `path` is as before.
+/// safely on the disk, with the permissions of any new file. If anything fails, the temporary file is removed and
+/// `path` is as before.
 ///
 /// # Errors
 /// What `fill` reports, or [`Error::Io`] naming `path`.
 pub fn write_with(path: &Path, fill: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
     let temporary = temporary_beside(path)?;
-    let outcome = fill(&temporary).and_then(|()| publish(&temporary, path).map_err(|e| Error::io(path, e)));
+    let outcome = new_file_permissions(&temporary).map_err(|e| Error::io(path, e)).and_then(|permissions| {
+        fill(&temporary)?;
+        publish(&temporary, permissions, path).map_err(|e| Error::io(path, e))
+    });
     if outcome.is_err() {
-        // The first error is the one to tell; a leftover that cannot be removed either is no news.
+        // The first error is the one to report, not that of removing a leftover.
         let _ = fs::remove_file(&temporary);
     }
     outcome
@@ -38,8 +42,19 @@ fn temporary_beside(path: &Path) -> Result<PathBuf> {
     Ok(path.with_file_name(hidden))
 }
 
-fn publish(temporary: &Path, path: &Path) -> std::io::Result<()> {
-    File::options().write(true).open(temporary)?.sync_all()?;
+/// The permissions that the system gives to new files. `fill` may replace the file by one with others, as libraries
+/// do that write through private temporary files.
+fn new_file_permissions(temporary: &Path) -> std::io::Result<Permissions> {
+    Ok(File::create(temporary)?.metadata()?.permissions())
+}
+
+fn publish(temporary: &Path, permissions: Permissions, path: &Path) -> std::io::Result<()> {
+    let file = File::options().write(true).open(temporary)?;
+    if file.metadata()?.permissions() != permissions {
+        file.set_permissions(permissions)?;
+    }
+    file.sync_all()?;
+    drop(file);
     fs::rename(temporary, path)?;
     // The rename itself must survive a power cut too; not every system lets a folder be opened.
     if let Some(folder) = path.parent()
@@ -53,6 +68,24 @@ fn publish(temporary: &Path, path: &Path) -> std::io::Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[cfg(unix)]
+    #[test]
+    fn a_file_has_the_permissions_of_any_new_file_however_it_was_filled() {
+        use std::os::unix::fs::PermissionsExt;
+        let folder = tempfile::tempdir().unwrap();
+        let (path, plain) = (folder.path().join("a.txt"), folder.path().join("b.txt"));
+        write_with(&path, |temporary| {
+            // A file of its own that only its owner may read.
+            let private = tempfile::NamedTempFile::new_in(folder.path()).unwrap();
+            private.persist(temporary).unwrap();
+            Ok(())
+        })
+        .unwrap();
+        fs::write(&plain, "").unwrap();
+        let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode() & 0o777;
+        assert_eq!(mode(&path), mode(&plain));
+    }
 
     #[test]
     fn failure_leaves_the_old_file_and_no_leftover() {

@@ -3,7 +3,10 @@
 //! Camera axes follow COLMAP / OpenCV: x right, y down, z forward. A pixel's centre lies at its
 //! integer index + 0.5. Lens distortion does not belong here: `dataset` removes it on load.
 
+mod orbit;
+
 use glam::{DMat3, DVec2, DVec3};
+pub use orbit::orbit;
 use serde::{Deserialize, Serialize};
 
 /// Pinhole intrinsics for an image of a given size.

@@ -23,7 +23,9 @@ pub mod results;
 pub mod sample;
 pub mod frequency;
 pub mod selftest;
+pub mod text;
 pub mod train;
+pub mod verify;
 pub mod views;
 
 pub use error::{Error, Result};

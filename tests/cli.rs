@@ -238,6 +238,104 @@ fn sample(dir: &Path) -> String {
         ["sample", &capture, "--views", "9", "--size", "64x48", "--points", "300", "--no-truth", "-q"];
     let (code, stdout, stderr) = run(&arguments);
     assert_eq!(code, 0, "{stderr}");
-    assert!(stdout.contains("images") && stderr.is_empty(), "{stdout}{stderr}");
+    assert!(stdout.contains("photos") && stderr.is_empty(), "{stdout}{stderr}");
     capture
+}
+
+/// A folder whose name is not UTF-8, or `None` where the file system refuses such names.
+#[cfg(unix)]
+fn folder_that_is_not_unicode(dir: &Path) -> Option<std::path::PathBuf> {
+    use std::os::unix::ffi::OsStrExt;
+    let folder = dir.join(std::ffi::OsStr::from_bytes(b"not\xffunicode"));
+    std::fs::create_dir(&folder).ok().map(|()| folder)
+}
+
+#[cfg(unix)]
+#[test]
+fn paths_that_are_not_unicode_end_no_command_in_a_panic() {
+    let dir = tempfile::tempdir().unwrap();
+    let Some(folder) = folder_that_is_not_unicode(dir.path()) else {
+        println!("skipped: the file system takes no such names");
+        return;
+    };
+    let at = |name: &str| folder.join(name);
+    let command = |arguments: &[&dyn AsRef<std::ffi::OsStr>]| {
+        let mut command = litetex();
+        for argument in arguments {
+            command.arg(argument);
+        }
+        let output = command.output().unwrap();
+        let stderr = String::from_utf8(output.stderr).unwrap();
+        assert!(!stderr.contains("panicked"), "{stderr}");
+        (output.status.code().unwrap(), String::from_utf8_lossy(&output.stdout).into_owned(), stderr)
+    };
+    let (capture, run_dir) = (at("capture"), at("run"));
+    let plain = dir.path().join("capture");
+    for capture in [&capture, &plain] {
+        let sample: [&dyn AsRef<std::ffi::OsStr>; 9] =
+            [&"sample", capture, &"--views", &"9", &"--size", &"64x48", &"--points", &"300", &"--no-truth"];
+        assert_eq!(command(&sample).0, 0);
+    }
+    // The settings of a run are text, and name the capture.
+    let (code, _, stderr) = command(&[&"train", &capture, &"-o", &dir.path().join("run")]);
+    assert!(code == 2 && stderr.contains("UTF-8"), "{code}: {stderr}");
+    assert!(!dir.path().join("run").exists());
+    let (code, _, stderr) =
+        command(&[&"train", &plain, &"-o", &run_dir, &"--steps", &"3", &"--device", &"cpu", &"-q"]);
+    assert_eq!((code, stderr.as_str()), (0, ""));
+    let (glb, ply, images) = (at("a.glb"), at("a.ply"), at("images"));
+    let cpu: [&dyn AsRef<std::ffi::OsStr>; 2] = [&"--device", &"cpu"];
+    let of_run: [&[&dyn AsRef<std::ffi::OsStr>]; 13] = [
+        &[&"eval", &run_dir, &"--json", cpu[0], cpu[1]],
+        &[&"eval", &run_dir, &"-o", &at("evaluated"), cpu[0], cpu[1]],
+        &[&"export", &run_dir, &"-o", &glb, &ply, cpu[0], cpu[1]],
+        &[&"convert", &glb, &at("b.ltgs"), cpu[0], cpu[1]],
+        &[&"render", &run_dir, &"--test", &"-o", &images, cpu[0], cpu[1]],
+        &[&"verify", &glb, &"--against", &run_dir, &"--json", cpu[0], cpu[1]],
+        &[&"validate", &glb, &"--json"],
+        &[&"compare", &glb, &run_dir, &"--json", cpu[0], cpu[1]],
+        &[&"compare", &images, &images, &"--json"],
+        &[&"inspect", &run_dir, &"--json"],
+        &[&"inspect", &glb, &"--json"],
+        &[&"inspect", &capture, &"--json"],
+        &[&"schedule", &capture, &"--json", &"--svg", &at("chart.svg")],
+    ];
+    for arguments in of_run {
+        let (code, stdout, stderr) = command(arguments);
+        let words: Vec<_> = arguments.iter().map(|a| a.as_ref().to_owned()).collect();
+        assert_eq!(code, 0, "{words:?}: {stderr}");
+        if words.iter().any(|word| word == "--json") {
+            serde_json::from_str::<serde_json::Value>(&stdout).unwrap();
+        }
+    }
+    let resume = command(&[&"train", &"--resume", &run_dir, &"--steps", &"5", &"--device", &"cpu"]);
+    assert_eq!(resume.0, 0, "{}", resume.2);
+}
+
+#[test]
+fn wrong_numbers_are_refused_in_the_words_of_their_options() {
+    for (arguments, part) in [
+        (&["train", "x", "-o", "y", "--seed", "-1"][..], "'-1' for '--seed <N>'"),
+        (&["train", "x", "-o", "y", "--steps", "-5"], "'-5' for '--steps <N>'"),
+        (&["train", "x", "-o", "y", "--max-splats", "-5"], "5000, 500k or 1.5M"),
+        (&["sample", "x", "--seed", "-1"], "'-1' for '--seed <N>'"),
+        (&["verify", "x", "--against", "y", "--max-loss", "-1"], "such as 0.1dB"),
+    ] {
+        let (code, _, stderr) = run(arguments);
+        assert!(code == 2 && stderr.contains(part) && !stderr.contains("tip:"), "{arguments:?}: {stderr}");
+    }
+}
+
+#[test]
+fn manual_pages_are_not_replaced_unless_asked() {
+    let dir = tempfile::tempdir().unwrap();
+    let mine = dir.path().join("litetex-eval.1");
+    std::fs::write(&mine, "mine").unwrap();
+    let out = ["man", "-o", dir.path().to_str().unwrap()];
+    let (code, _, stderr) = run(&out);
+    assert!(code == 2 && stderr.contains("litetex-eval.1") && stderr.contains("--force"), "{stderr}");
+    assert_eq!(std::fs::read_to_string(&mine).unwrap(), "mine");
+    assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 1);
+    assert_eq!(run(&[&out[..], &["--force"]].concat()).0, 0);
+    assert_ne!(std::fs::read_to_string(&mine).unwrap(), "mine");
 }

@@ -113,21 +113,23 @@ fn lossy_files_keep_what_they_promise_and_plain_ones_the_colours() {
     let (run, folder) = (run_folder(), tempfile::tempdir().unwrap());
     let at = |name: &str| folder.path().join(name);
     for (name, quality) in [
-        ("a.glb", "balanced"),
-        ("b.ltgs", "balanced"),
-        ("c.usdz", "balanced"),
-        ("d.ltgs", "tiny"),
-        ("e.ply", "tiny"),
-        ("f.spz", "tiny"),
+        ("a.glb", Some("balanced")),
+        ("b.ltgs", Some("balanced")),
+        ("c.usdz", Some("balanced")),
+        ("d.ltgs", Some("tiny")),
+        ("e.ply", None),
+        ("f.spz", None),
     ] {
         let file = at(name);
-        good(&["export", text(run), "-o", text(&file), "--quality", quality, "--device", "cpu"]);
+        let export = ["export", text(run), "-o", text(&file), "--device", "cpu"];
+        let quality: Vec<&str> = quality.into_iter().flat_map(|q| ["--quality", q]).collect();
+        good(&[&export[..], &quality].concat());
         let verdict = json(&["verify", text(&file), "--against", text(run), "--device", "cpu"]);
         assert_eq!(verdict["verified"], true, "{name}: {verdict}");
         let v = &verdict["verdict"];
         assert!(v["on_test_photos"]["before"].as_f64().unwrap() > 10.0, "the capture is there");
         assert_eq!(v["untextured"], ["e.ply", "f.spz"].contains(&name));
-        println!("{name} {quality}: {} dB, {} dB lost", v["psnr"], v["loss_db"]);
+        println!("{name} {quality:?}: {} dB, {} dB lost", v["psnr"], v["loss_db"]);
     }
     let size = |name: &str| std::fs::metadata(at(name)).unwrap().len();
     assert!(size("d.ltgs") < size("b.ltgs") && size("b.ltgs") < size("a.glb"));
@@ -424,4 +426,50 @@ fn images_folders_and_scenes_are_compared() {
     assert_eq!(code, 2);
     let (code, told) = bad(&["compare", text(&at("run")), text(folder.path())]);
     assert!(code == 2 && told.contains("no image"), "{told}");
+}
+
+#[test]
+fn names_from_files_cannot_steer_the_terminal() {
+    let (run, folder) = (run_folder(), tempfile::tempdir().unwrap());
+    let glb = folder.path().join("a.glb");
+    let title = "red \u{1b}[31m bell \u{7} line\nforged: row \u{202e}";
+    good(&["export", text(run), "-o", text(&glb), "--title", title, "--no-verify", "-q"]);
+    let table = good(&["inspect", text(&glb)]);
+    assert!(table.contains("red \\u{1b}[31m bell \\u{7} line\\nforged: row \\u{202e}"), "{table}");
+    assert!(!table.contains(['\u{1b}', '\u{7}', '\u{202e}']) && !table.contains("\nforged"), "{table}");
+    assert_eq!(json(&["inspect", text(&glb)])["provenance"]["title"], title);
+    let missing = folder.path().join("b\u{1b}[2J.glb");
+    let (code, told) = bad(&["validate", text(&missing)]);
+    assert!(code == 3 && told.contains("b\\u{1b}[2J.glb") && !told.contains('\u{1b}'), "{told}");
+    // A title of a megabyte does not fill the screen.
+    let long = "x".repeat(100_000);
+    good(&["export", text(run), "-o", text(&glb), "--title", &long, "--no-verify", "-q", "--force"]);
+    assert!(good(&["inspect", text(&glb)]).len() < 10_000);
+    let (code, told) = bad(&["render", text(&glb), "--view", &long, "-o", text(folder.path())]);
+    assert!(code == 2 && told.len() < 1_000, "{told}");
+}
+
+#[test]
+fn quality_is_refused_or_said_to_be_ignored_where_it_does_not_apply() {
+    let (run, folder) = (run_folder(), tempfile::tempdir().unwrap());
+    let at = |name: &str| folder.path().join(name);
+    let export = ["export", text(run), "--quality", "lossless", "--no-verify", "-q", "-o"];
+    let (code, told) = bad(&[&export[..], &[text(&at("a.ply")), text(&at("a.spz"))]].concat());
+    assert!(code == 2 && told.contains("--quality") && !at("a.ply").exists(), "{told}");
+    let (code, told) = bad(&[&export[..], &[text(&at("a.glb")), text(&at("a.ply"))]].concat());
+    assert!(code == 0 && told.contains("a.ply: has one form only") && !told.contains("a.glb"), "{told}");
+}
+
+#[test]
+fn convert_takes_its_output_as_export_does() {
+    let (run, folder) = (run_folder(), tempfile::tempdir().unwrap());
+    let at = |name: &str| folder.path().join(name);
+    good(&["export", text(run), "-o", text(&at("a.glb")), "--no-verify"]);
+    good(&["convert", text(&at("a.glb")), "-o", text(&at("b.ply")), "--no-verify"]);
+    good(&["convert", text(&at("a.glb")), text(&at("c.ply")), "--no-verify"]);
+    assert_eq!(std::fs::read(at("b.ply")).unwrap(), std::fs::read(at("c.ply")).unwrap());
+    for arguments in [&[][..], &[text(&at("d.ply")), "-o", text(&at("e.ply"))]] {
+        let (code, told) = bad(&[&["convert", text(&at("a.glb"))], arguments].concat());
+        assert!(code == 2 && told.contains("OUT"), "{told}");
+    }
 }

@@ -150,3 +150,37 @@ fn an_asset_is_seen_from_where_its_capture_was_taken() {
         assert!(expected.iter().any(|&v| v > 60), "{name} shows nothing");
     }
 }
+
+#[test]
+fn photos_of_the_same_names_are_not_replaced_unless_asked() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+    let (capture, run, images) = (path("capture"), path("run"), path("capture/images"));
+    ok(&["sample", &capture, "--views", "9", "--size", "64x48", "--points", "300", "--no-truth", "-q"]);
+    ok(&["train", &capture, "-o", &run, "--device", "cpu", "--steps", "2", "-q"]);
+    let photo = Path::new(&images).join("view_0008.png");
+    let before = std::fs::read(&photo).unwrap();
+    let count = || std::fs::read_dir(&images).unwrap().count();
+    let files = count();
+    let render = ["render", &run, "--test", "-o", &images, "--device", "cpu", "-q"];
+    let output = Command::cargo_bin("litetex").unwrap().args(render).output().unwrap();
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{stderr}");
+    assert!(
+        stderr.contains("view_0000.png") && stderr.contains("1 more") && stderr.contains("--force"),
+        "{stderr}"
+    );
+    assert!(std::fs::read(&photo).unwrap() == before);
+    // Depths have names of their own, legends too.
+    ok(&[&render[..], &["--what", "depth"]].concat());
+    assert_eq!(count(), files + 2);
+    let legend = path("legend");
+    let coloured =
+        ["render", &run, "--orbit", "1", "-o", &legend, "--colour-by", "texels", "--device", "cpu", "-q"];
+    std::fs::create_dir(&legend).unwrap();
+    std::fs::write(Path::new(&legend).join("texels.legend.png"), "mine").unwrap();
+    let output = Command::cargo_bin("litetex").unwrap().args(coloured).output().unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    ok(&[&render[..], &["--force"]].concat());
+    assert!(std::fs::read(&photo).unwrap() != before);
+}

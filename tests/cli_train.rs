@@ -70,7 +70,7 @@ fn pngs(folder: &str) -> Vec<PathBuf> {
 fn a_run_leaves_what_the_schema_documents() {
     let place = Place::new();
     let table = place.train("run", &["--steps", "30", "--eval-every", "10", "--save-every", "20"]);
-    assert!(table.contains("test PSNR") && table.contains("primitives"), "{table}");
+    assert!(table.contains("test PSNR") && table.contains("splats"), "{table}");
     let summary = place.json("run/summary.json");
     assert_eq!(summary["schema"], "litetex-summary/1");
     for (pointer, above) in [
@@ -203,30 +203,151 @@ fn a_time_limit_stops_early_and_progress_is_json_if_asked_for() {
     assert_eq!(place.json("run/summary.json")["steps"], 2);
 }
 
+/// A training without end in the folder `out`, once it has done some steps. Killed when dropped.
+#[cfg(unix)]
+struct Running(std::process::Child);
+
+#[cfg(unix)]
+impl Running {
+    fn start(place: &Place, out: &str) -> Self {
+        let (capture, out) = (place.path("capture"), place.path(out));
+        let child = std::process::Command::new(env!("CARGO_BIN_EXE_litetex"))
+            .args(["train", &capture, "-o", &out, "--steps", "1000000", "--device", "cpu", "-q"])
+            .args(["--save-every", "5"])
+            .stderr(std::process::Stdio::piped())
+            .spawn()
+            .unwrap();
+        let running = Self(child);
+        let metrics = Path::new(&out).join("metrics.jsonl");
+        let has_stepped = || fs::read_to_string(&metrics).is_ok_and(|t| t.contains("\"step\":10"));
+        for _ in 0..600 {
+            if has_stepped() {
+                return running;
+            }
+            std::thread::sleep(std::time::Duration::from_millis(50));
+        }
+        panic!("no step in half a minute");
+    }
+
+    /// Sends as many signals at once as there are names.
+    fn kill(&self, names: &[&str]) {
+        let kills = names.iter().map(|name| format!("kill -{name} {}", self.0.id()));
+        let script = kills.collect::<Vec<_>>().join("; ");
+        std::process::Command::new("sh").args(["-c", &script]).status().unwrap();
+    }
+
+    /// Exit code and standard error.
+    fn wait(mut self) -> (Option<i32>, String) {
+        let mut stderr = String::new();
+        std::io::Read::read_to_string(&mut self.0.stderr.take().unwrap(), &mut stderr).unwrap();
+        (self.0.wait().unwrap().code(), stderr)
+    }
+}
+
+#[cfg(unix)]
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
 #[cfg(unix)]
 #[test]
-fn an_interrupted_run_is_saved_and_exits_with_130() {
+fn an_interrupted_run_is_saved_and_exits_with_130_even_if_the_signal_comes_twice() {
+    let place = Place::new();
+    for (out, signals) in [("once", &["INT"][..]), ("twice", &["INT", "TERM"])] {
+        let running = Running::start(&place, out);
+        running.kill(signals);
+        let (code, stderr) = running.wait();
+        assert_eq!(code, Some(130), "{out}: {stderr}");
+        assert_eq!(stderr.matches("saving the run; press Ctrl-C again to abort").count(), 1, "{stderr}");
+        let summary = place.json(&format!("{out}/summary.json"));
+        assert_eq!(summary["stopped_by"], "interrupted");
+        let found: Value = serde_json::from_str(&ok(&["inspect", &place.path(out), "--json"])).unwrap();
+        assert_eq!(found["checkpoint"]["step"], summary["steps"], "the last step is saved");
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_folder_takes_one_training_at_a_time_and_a_killed_one_frees_it() {
     let place = Place::new();
     let (capture, out) = (place.path("capture"), place.path("run"));
-    let mut child = std::process::Command::new(env!("CARGO_BIN_EXE_litetex"))
-        .args(["train", &capture, "-o", &out, "--steps", "1000000", "-q"])
-        .spawn()
-        .unwrap();
-    let metrics = Path::new(&out).join("metrics.jsonl");
-    let has_stepped = || fs::read_to_string(&metrics).is_ok_and(|t| t.contains("\"step\":10"));
-    for _ in 0..600 {
-        if has_stepped() {
-            break;
-        }
-        std::thread::sleep(std::time::Duration::from_millis(50));
+    let running = Running::start(&place, "run");
+    for arguments in [
+        &["train", &capture, "-o", &out, "--force", "--steps", "2"][..],
+        &["train", "--resume", &out],
+        &["train", "--resume", &out, "--force"],
+    ] {
+        let (code, _, stderr) = run(&[arguments, &["--device", "cpu"]].concat());
+        assert!(code == 2 && stderr.contains("another training") && stderr.contains(&out), "{stderr}");
     }
-    assert!(has_stepped());
-    let id = child.id().to_string();
-    assert!(std::process::Command::new("kill").args(["-INT", &id]).status().unwrap().success());
-    assert_eq!(child.wait().unwrap().code(), Some(130));
-    assert_eq!(place.json("run/summary.json")["stopped_by"], "interrupted");
-    let found: Value = serde_json::from_str(&ok(&["inspect", &out, "--json"])).unwrap();
-    assert!(found["checkpoint"]["step"].as_u64().unwrap() >= 10);
+    // Reading is harmless.
+    ok(&["eval", &out, "--device", "cpu", "-q"]);
+    ok(&["render", &out, "--test", "-o", &place.path("views"), "--device", "cpu", "-q"]);
+    running.kill(&["KILL"]);
+    assert_eq!(running.wait().0, None);
+    let done = ok(&["inspect", &out, "--json"]);
+    let done: Value = serde_json::from_str(&done).unwrap();
+    let next = (done["checkpoint"]["step"].as_u64().unwrap() + 1).to_string();
+    ok(&["train", "--resume", &out, "--steps", &next, "--device", "cpu", "-q"]);
+}
+
+#[test]
+fn force_deletes_nothing_that_is_not_of_a_run() {
+    let place = Place::new();
+    let (capture, out) = (place.path("capture"), place.path("models"));
+    for folder in ["checkpoints", "eval/000001"] {
+        fs::create_dir_all(Path::new(&out).join(folder)).unwrap();
+    }
+    let mine = ["checkpoints/best.pt", "eval/000001/notes.txt"].map(|name| Path::new(&out).join(name));
+    mine.iter().for_each(|file| fs::write(file, "mine").unwrap());
+    let train = ["train", &capture, "-o", &out, "--steps", "2", "--device", "cpu", "-q"];
+    for arguments in [&train[..], &[&train[..], &["--force"]].concat()] {
+        let (code, _, stderr) = run(arguments);
+        assert!(code == 2 && stderr.contains("not empty") && stderr.contains(&out), "{stderr}");
+    }
+    assert_eq!(fs::read_dir(&out).unwrap().count(), 2, "nothing was made");
+    // A run beside files of others is replaced, and they stay.
+    place.train("run", &["--steps", "3"]);
+    let stays = place.path("run/checkpoints/best.pt");
+    fs::write(&stays, "mine").unwrap();
+    place.train("run", &["--steps", "2", "--force"]);
+    assert_eq!(place.json("run/summary.json")["steps"], 2);
+    assert_eq!(found(&place.path("run/checkpoints"), "step-"), 2);
+    for file in mine.iter().map(PathBuf::as_path).chain([Path::new(&stays)]) {
+        assert_eq!(fs::read_to_string(file).unwrap(), "mine", "{}", file.display());
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn checkpoints_can_be_read_by_whoever_the_umask_allows() {
+    use std::os::unix::fs::PermissionsExt;
+    let place = Place::new();
+    place.train("run", &["--steps", "2"]);
+    let mode = |name: &str| fs::metadata(place.path(name)).unwrap().permissions().mode() & 0o777;
+    let checkpoint = mode("run/checkpoints/step-000002.safetensors");
+    assert_eq!(checkpoint, mode("capture/images/view_0000.png"));
+    assert_ne!(checkpoint, 0o600);
+}
+
+#[test]
+fn settings_and_budgets_that_make_no_sense_are_named() {
+    let place = Place::new();
+    let (capture, out) = (place.path("capture"), place.path("run"));
+    let train = ["train", &capture, "-o", &out, "--steps", "2", "--device", "cpu"];
+    for (setting, part) in [("stps=3", "stps"), ("rates.texel=-1", "train.rates.texel: found -1")] {
+        let (code, _, stderr) = run(&[&train[..], &["--set", setting]].concat());
+        assert!(code == 2 && stderr.contains(part), "{code}: {stderr}");
+    }
+    assert!(!Path::new(&out).exists());
+    let (code, _, stderr) = run(&[&train[..], &["--max-splats", "10", "--max-texels", "5"]].concat());
+    assert!(code == 0 && stderr.contains("--max-texels 5 leaves room for 1 splat"), "{code}: {stderr}");
+    let summary = place.json("run/summary.json");
+    let warnings = summary["warnings"].as_array().unwrap();
+    assert!(warnings.iter().any(|w| w["code"] == "start-bounded-by-budget"), "{warnings:?}");
 }
 
 /// Everything below a folder whose name contains `part`.

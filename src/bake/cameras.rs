@@ -1,4 +1,4 @@
-//! Cameras as assets carry them, and back.
+//! Converts cameras to the form that assets carry, and back.
 
 use crate::backend::TargetImage;
 use crate::camera::{Camera, Pinhole, RigidTransform};
@@ -8,13 +8,13 @@ use glam::{DMat3, DVec3};
 use litetex_exporters::AssetCamera;
 use std::sync::Arc;
 
-/// All views of a capture.
+/// The cameras of all views, in their order.
 pub fn asset_cameras(views: &dyn ViewSource) -> Vec<AssetCamera> {
     let of_view = |v| asset_camera(views.name(v), views.split(v) == Split::Test, &views.camera(v));
     (0..views.num_views()).map(of_view).collect()
 }
 
-/// A camera under the name of its image.
+/// A camera as an asset carries it, under the name of its photo.
 pub fn asset_camera(name: &str, held_out: bool, camera: &Camera) -> AssetCamera {
     let p = &camera.pinhole;
     AssetCamera {
@@ -29,7 +29,7 @@ pub fn asset_camera(name: &str, held_out: bool, camera: &Camera) -> AssetCamera 
     }
 }
 
-/// The camera of an asset.
+/// The camera that an asset carries.
 pub fn camera(asset: &AssetCamera) -> Camera {
     Camera {
         pinhole: Pinhole {
@@ -47,7 +47,7 @@ pub fn camera(asset: &AssetCamera) -> Camera {
     }
 }
 
-/// The views of an asset: cameras without photos.
+/// The cameras of an asset as views without photos.
 pub struct AssetViews(pub Vec<AssetCamera>);
 
 impl ViewSource for AssetViews {

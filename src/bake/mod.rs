@@ -1,23 +1,23 @@
-//! Freezes a trained model: activations are computed once, in f64, and rounded to the f32 values on
+//! Bakes a trained model into an asset: activations are computed once, in f64, and rounded to the f32 values on
 //! which every export is defined. Files belong to `litetex-exporters`.
 
 mod cameras;
-mod thaw;
+mod model_from_asset;
 
 use crate::model::{Model, texel_value};
 use crate::{Error, Report};
 pub use cameras::{AssetViews, asset_camera, asset_cameras, camera};
 use litetex_exporters::{AssetCamera, AssetMap, ColourSpace, Provenance, SplatAsset, Transform};
-pub use thaw::thaw;
+pub use model_from_asset::model_from_asset;
 
-/// Largest standard deviation that an asset may hold, local units.
+/// Largest standard deviation of a splat in an asset, local units.
 const SCALE_MAX: f64 = 1e6;
 
-/// Freezes a flushed model with the cameras of its capture and what was behind the scene.
+/// Bakes a model without pending lazy updates, with the cameras of its capture and the colour of its background.
 ///
 /// Splats that no renderer can draw (numbers that are not finite, a zero quaternion, a standard
-/// deviation beyond 1e6) are left out with their maps and counted in the report as
-/// `splats-not-drawable`. Fill the provenance but for `program_version`, which is set here if empty.
+/// deviation above 1e6) are left out with their maps and counted in the report as
+/// `splats-not-drawable`. An empty `program_version` of the provenance is filled in.
 pub fn bake(
     model: &Model,
     cameras: Vec<AssetCamera>,
@@ -51,13 +51,16 @@ pub fn bake(
         report.warn(
             "splats-not-drawable",
             dropped.len(),
-            format!("splats that cannot be drawn were left out of the asset, the first is {first}"),
+            format!(
+                "splats that no renderer can draw were left out of the asset (numbers that are not finite, or \
+                 absurd scales), the first is number {first}"
+            ),
         );
     }
     asset
 }
 
-/// Activates one splat and its map; `None`, and nothing is pushed, if it cannot be drawn.
+/// Activates one splat and its map and appends them; `None`, and no change, if no renderer can draw it.
 fn push_splat(asset: &mut SplatAsset, model: &Model, splat: usize) -> Option<()> {
     let s = &model.splats;
     let sh_width = 3 * crate::constants::sh_coefficients(s.sh_degree);
@@ -85,12 +88,12 @@ fn push_splat(asset: &mut SplatAsset, model: &Model, splat: usize) -> Option<()>
     }
     asset.positions.push(position);
     asset.rotations.push(quaternion.map(|v| (f64::from(v) / norm) as f32));
-    // What underflows is as small as f32 can be: the asset's values are positive.
+    // An asset's scales and opacities are positive: what underflows becomes the smallest normal number.
     asset.scales.push(scales.map(|v| (v as f32).max(f32::MIN_POSITIVE)));
     asset.opacities.push((opacity as f32).max(f32::MIN_POSITIVE));
     asset.sh.extend(sh);
     asset.maps.push(AssetMap {
-        // The model's own offsets fit, and these are no larger.
+        // No larger than the model's own offsets, which fit.
         offset_texels: asset.num_texels() as u32,
         rows: map.rows,
         cols: map.cols,

@@ -3,6 +3,7 @@
 
 use super::device_kit::{self, Kit};
 use super::log::Log;
+use super::outputs;
 use super::values::parse_duration_secs;
 use std::path::PathBuf;
 
@@ -29,9 +30,12 @@ pub struct BenchKernelsArgs {
     /// Also sort 100,000 and 1,000,000 keys
     #[arg(long)]
     sort: bool,
-    /// Write the figures here
+    /// Also write the figures as JSON
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
+    /// Replace the file of --json if it exists
+    #[arg(long, requires = "json")]
+    force: bool,
     /// End in about this time, loading included, but not before the first step: 90s, 2m [default: no limit]
     #[arg(long, value_name = "TIME", value_parser = parse_duration_secs)]
     max_time: Option<f64>,
@@ -51,6 +55,9 @@ pub struct BenchKernelsArgs {
 
 /// Measures and prints a table.
 pub fn run(args: &BenchKernelsArgs, log: &Log) -> anyhow::Result<()> {
+    if let Some(json) = &args.json {
+        outputs::check_free(std::slice::from_ref(json), args.force)?;
+    }
     let (Some(folder), Some(capture)) = (&args.kit, &args.capture) else { return measured(args, log) };
     device_kit::run(&Kit {
         capture: capture.clone(),

@@ -1,5 +1,5 @@
-//! `litetex render --colour-by`: splats coloured by what they are made of instead of what they show, with
-//! a legend. The classes are fixed, so that images of different runs can be compared.
+//! `litetex render --colour-by`: splats coloured by a property of theirs instead of their appearance, with a legend.
+//! The classes are fixed, so that images of different runs can be compared.
 
 use super::table::Table;
 use super::values::format_count;
@@ -10,33 +10,38 @@ use litetex_gs::train::density::pixel_sizes;
 use litetex_gs::{Error, Result};
 use std::path::{Path, PathBuf};
 
-/// What the colour of a splat tells.
+/// What the colour of a splat shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum ColourBy {
     /// Texels along the longer side of its map
     Texels,
     /// Edge of its texels in pixels of the nearest training camera
     TexelSize,
-    /// Nothing: each splat has a colour of its own, so that they can be told apart
+    /// Nothing: each splat has a colour of its own, to tell it from its neighbours
     Splats,
 }
 
-/// Splats without map: a hue that the ramp does not have, also to who sees no red or no green (sky blue of
-/// Okabe and Ito).
+/// Splats without a map: a hue that is not on the ramp, for colour-blind readers too (sky blue of Okabe and Ito).
 const NONE: [u8; 3] = [86, 180, 233];
-/// Darkest place on the ramp: darker ones vanish before a black background.
+/// Darkest place used on the ramp: darker colours vanish on a black background.
 const DARKEST: f64 = 0.2;
-/// Classes of either measure but for none: sides of 2 to 256 texels, texels of up to 1 to 64 pixels and more.
+/// Classes of either measure besides "none": sides of 2 to 256 texels, texels of up to 1 to 64 pixels and more.
 const CLASSES: usize = TextureMap::SIDE_CLASSES;
 
 impl ColourBy {
-    /// Name in file names.
+    /// Name on the command line and in file names.
     pub fn name(self) -> &'static str {
         match self {
             Self::Texels => "texels",
             Self::TexelSize => "texel-size",
             Self::Splats => "splats",
         }
+    }
+
+    /// Where the legend is written; `None` for colours that mean nothing. No view's image has this name: theirs end in
+    /// the name of what they show.
+    pub fn legend_path(self, folder: &Path) -> Option<PathBuf> {
+        (self != Self::Splats).then(|| folder.join(format!("{}.legend.png", self.name())))
     }
 
     fn title(self) -> &'static str {
@@ -46,7 +51,7 @@ impl ColourBy {
         }
     }
 
-    /// Labels of the classes; the first is that of splats without map.
+    /// Labels of the classes, from that of splats without a map.
     fn labels(self) -> Vec<String> {
         let class = |class: usize| match self {
             _ if class == 0 => "none".to_owned(),
@@ -57,14 +62,14 @@ impl ColourBy {
         (0..=CLASSES).map(class).collect()
     }
 
-    /// Class of a map; `pixel`: width of a pixel of the nearest camera at the splat.
+    /// Class of a map; `pixel` is the width of a pixel of the nearest camera at the splat, local units.
     fn class(self, map: &TextureMap, pixel: f64) -> usize {
         let side_class = map.side_class();
         match self {
             _ if side_class == 0 => 0,
             Self::TexelSize => {
                 let size = f64::from(map.texel_size) / pixel;
-                // Resampling leaves sizes a rounding above the power that they are.
+                // Resampling leaves sizes slightly above a power of two.
                 (size.log2() - 0.05).ceil().clamp(0.0, (CLASSES - 1) as f64) as usize + 1
             }
             _ => side_class,
@@ -82,23 +87,23 @@ fn colour(by: ColourBy, class: usize) -> [u8; 3] {
     magma(DARKEST + (1.0 - DARKEST) * lightness)
 }
 
-/// A colour for a number, far from those of its neighbours: lightness and hue are scattered.
+/// A colour for a number, far from those of the next numbers.
 fn scattered(number: usize) -> [u8; 3] {
     let hashed = (number as u32).wrapping_add(1).wrapping_mul(0x9E37_79B1);
     let hashed = (hashed ^ hashed >> 15).wrapping_mul(0x85EB_CA77);
     [0, 8, 16].map(|shift| 40 + (hashed >> shift & 0xFF) as u8 % 216)
 }
 
-/// The scene in these colours, and what stands for what.
+/// A scene in these colours, with counts for the legend.
 pub struct Coloured {
     by: ColourBy,
     pub model: Model,
-    /// Splats and texels of each class; none where colours mean nothing.
+    /// Splats and texels of each class; empty where colours mean nothing.
     counts: Vec<[usize; 2]>,
 }
 
 impl Coloured {
-    /// `cameras`: of the training views, at the size that was trained.
+    /// Colours the splats of a model; `cameras` are those of the training views at the size trained.
     pub fn new(by: ColourBy, model: &Model, cameras: &[Camera]) -> Self {
         let n = model.num_splats();
         if by == ColourBy::Splats {
@@ -117,17 +122,13 @@ impl Coloured {
         Self { by, model: tinted(model, &colours), counts }
     }
 
-    /// Writes the legend into a folder, where there is one.
+    /// Writes the legend, for colours that mean something.
     ///
     /// # Errors
     /// [`Error::Io`].
     pub fn write_legend(&self, folder: &Path) -> Result<Option<PathBuf>> {
-        if self.counts.is_empty() {
-            return Ok(None);
-        }
+        let Some(path) = self.by.legend_path(folder) else { return Ok(None) };
         std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
-        // No view's image is called that: theirs end in the name of what they show.
-        let path = folder.join(format!("{}.legend.png", self.by.name()));
         let labels = self.by.labels().into_iter().enumerate();
         let entries: Vec<_> = labels.map(|(class, label)| (label, colour(self.by, class))).collect();
         let (width_px, height_px, rgb) = legend(self.by.title(), &entries);
@@ -135,8 +136,8 @@ impl Coloured {
         Ok(Some(path))
     }
 
-    /// Adds what stands for what.
-    pub fn tell(&self, table: &mut Table) {
+    /// Adds the classes with their colours and counts to a table.
+    pub fn add_rows(&self, table: &mut Table) {
         if self.counts.is_empty() {
             return;
         }

@@ -1,14 +1,17 @@
 //! `litetex compare`: two images, two folders of images, or the images of two scenes.
 
-use super::differences::{Difference, Stage, spread};
-use super::frozen::Frozen;
+use super::devices;
+use super::interrupt::Interrupt;
 use super::log::Log;
 use super::run_folder::find_checkpoint;
-use super::table::{Columns, print_json};
+use super::sources::load_scene;
+use super::table::{Columns, path_text, print_json};
 use super::values::parse_decibels;
 use litetex_exporters::Format;
 use litetex_gs::backend::RenderedImage;
 use litetex_gs::dataset::read_image;
+use litetex_gs::text::shortened;
+use litetex_gs::verify::{Difference, SceneRenderer, evenly_spread};
 use litetex_gs::{Error, Result};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -21,7 +24,7 @@ pub struct CompareArgs {
     /// Image, folder of images, run, checkpoint or asset
     #[arg(value_name = "A")]
     a: PathBuf,
-    /// The same: what A should look like
+    /// What A should look like: of the same kind
     #[arg(value_name = "B")]
     b: PathBuf,
     /// Fail (exit code 1) if the mean PSNR is below this
@@ -30,13 +33,16 @@ pub struct CompareArgs {
     /// Render this many views of scenes, evenly spread [default: all]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     views: Option<u32>,
-    /// As JSON
+    /// Print JSON
     #[arg(long)]
     json: bool,
     /// Where to compute
     #[arg(long, value_name = "NAME", default_value = "auto", help_heading = "Device")]
     device: String,
 }
+
+/// Characters of a name that a table shows at most.
+const NAME_CHARS: usize = 60;
 
 /// Compares and prints.
 pub fn run(args: &CompareArgs, log: &Log) -> anyhow::Result<()> {
@@ -57,49 +63,15 @@ pub fn run(args: &CompareArgs, log: &Log) -> anyhow::Result<()> {
             .into());
         }
     };
-    let count = differences.len() as f64;
-    let mean = |of: Figure| differences.iter().map(of).sum::<f64>() / count;
-    // In the order of the table's columns.
-    let figures: [Figure; 5] = [
-        Difference::psnr,
-        |d| d.quality.grad_psnr,
-        |d| d.quality.ssim_3dgs,
-        |d| d.quality.flip,
-        |d| d.largest.into(),
-    ];
     if args.json {
-        let of_view = |d: &Difference| {
-            serde_json::json!({ "name": d.quality.name, "psnr": d.psnr(), "grad_psnr": d.quality.grad_psnr,
-                "ssim_3dgs": d.quality.ssim_3dgs, "ssim_valid": d.quality.ssim_valid, "flip": d.quality.flip,
-                "largest": d.largest })
-        };
-        print_json(&serde_json::json!({
-            "schema": "litetex-compare/1",
-            "a": args.a,
-            "b": args.b,
-            "psnr": mean(figures[0]),
-            "grad_psnr": mean(figures[1]),
-            "ssim_3dgs": mean(figures[2]),
-            "flip": mean(figures[3]),
-            "per_view": differences.iter().map(of_view).collect::<Vec<_>>(),
-        }))?;
+        print_as_json(args, &differences)?;
     } else {
-        let mut table = Columns::new(&["image", "PSNR", "grad", "SSIM", "FLIP", "largest"]);
-        let row = |name: &str, of: &dyn Fn(usize) -> f64| {
-            let digits = [2, 2, 4, 4, 6];
-            let cells = (0..5).map(|i| format!("{:.*}", digits[i], of(i)));
-            std::iter::once(name.to_owned()).chain(cells).collect::<Vec<_>>()
-        };
-        for d in &differences {
-            table.row(row(&d.quality.name, &|i| figures[i](d)));
-        }
-        table.row(row("mean", &|i| mean(figures[i])));
-        table.print()?;
+        print_table(&differences)?;
     }
-    let psnr = mean(figures[0]);
+    let psnr = mean(&differences, Difference::psnr);
     match args.min_psnr.filter(|least| psnr < *least) {
         Some(least) => {
-            Err(Error::CheckFailed(format!("PSNR {psnr:.2} dB, at least {least} dB asked for")).into())
+            Err(Error::CheckFailed(format!("PSNR {psnr:.2} dB, expected at least {least} dB")).into())
         }
         None => Ok(()),
     }
@@ -108,7 +80,50 @@ pub fn run(args: &CompareArgs, log: &Log) -> anyhow::Result<()> {
 /// A figure of a difference.
 type Figure = fn(&Difference) -> f64;
 
-/// Runs, checkpoints and assets.
+fn mean(differences: &[Difference], figure: Figure) -> f64 {
+    differences.iter().map(figure).sum::<f64>() / differences.len() as f64
+}
+
+fn print_as_json(args: &CompareArgs, differences: &[Difference]) -> std::io::Result<()> {
+    let of_view = |d: &Difference| {
+        serde_json::json!({ "name": d.quality.name, "psnr": d.psnr(), "grad_psnr": d.quality.grad_psnr,
+            "ssim_3dgs": d.quality.ssim_3dgs, "ssim_valid": d.quality.ssim_valid, "flip": d.quality.flip,
+            "largest": d.largest })
+    };
+    print_json(&serde_json::json!({
+        "schema": "litetex-compare/1",
+        "a": path_text(&args.a),
+        "b": path_text(&args.b),
+        "psnr": mean(differences, Difference::psnr),
+        "grad_psnr": mean(differences, |d| d.quality.grad_psnr),
+        "ssim_3dgs": mean(differences, |d| d.quality.ssim_3dgs),
+        "flip": mean(differences, |d| d.quality.flip),
+        "per_view": differences.iter().map(of_view).collect::<Vec<_>>(),
+    }))
+}
+
+fn print_table(differences: &[Difference]) -> std::io::Result<()> {
+    let figures: [(&str, usize, Figure); 5] = [
+        ("PSNR", 2, Difference::psnr),
+        ("grad", 2, |d| d.quality.grad_psnr),
+        ("SSIM", 4, |d| d.quality.ssim_3dgs),
+        ("FLIP", 4, |d| d.quality.flip),
+        ("largest", 6, |d| d.largest.into()),
+    ];
+    let headings: Vec<&str> = std::iter::once("image").chain(figures.iter().map(|f| f.0)).collect();
+    let mut table = Columns::new(&headings);
+    let row = |name: &str, of: &dyn Fn(Figure) -> f64| {
+        let cells = figures.iter().map(|&(_, digits, figure)| format!("{:.digits$}", of(figure)));
+        std::iter::once(name.to_owned()).chain(cells).collect()
+    };
+    for d in differences {
+        table.row(row(&shortened(&d.quality.name, NAME_CHARS), &|figure| figure(d)));
+    }
+    table.row(row("mean", &|figure| mean(differences, figure)));
+    table.print()
+}
+
+/// Whether a path names a run, a checkpoint or an asset.
 fn is_scene(path: &Path) -> bool {
     let is_file = path.is_file();
     let is_checkpoint = path.extension().is_some_and(|e| e == "safetensors");
@@ -117,22 +132,24 @@ fn is_scene(path: &Path) -> bool {
 }
 
 fn scenes(args: &CompareArgs, log: &Log) -> Result<Vec<Difference>> {
-    let [a, b] = [&args.a, &args.b].map(|path| Frozen::load(path, log));
-    let (a, b) = (a?, b?);
+    let (a, _) = load_scene(&args.a, log)?;
+    let (b, _) = load_scene(&args.b, log)?;
     let cameras = &b.asset.cameras;
     if cameras.is_empty() {
         let what = "carries no cameras to render from; name the run or an asset that has them second";
         return Err(Error::Usage(format!("{}: {what}", args.b.display())));
     }
-    let views = spread(cameras, args.views.map_or(usize::MAX, |v| v as usize));
-    let mut stage = Stage::open(&args.device, log)?;
-    let expected = stage.images(&b.asset, &views)?;
+    let views = evenly_spread(cameras, args.views.map_or(usize::MAX, |v| v as usize));
+    let interrupt = Interrupt::current();
+    let go_on = || !interrupt.is_requested();
+    let mut renderer = SceneRenderer::new(devices::open(&args.device, log)?, &go_on);
+    let expected = renderer.images(&b.asset, &views)?;
     let mut seen = a.asset.in_frame(&b.asset.capture_from_local);
     if a.asset.cameras.is_empty() {
-        // Formats without cameras know neither.
+        // Formats without cameras carry neither.
         (seen.near, seen.background) = (b.asset.near, b.asset.background);
     }
-    let found = stage.images(&seen, &views)?;
+    let found = renderer.images(&seen, &views)?;
     let pairs = views.iter().zip(&found).zip(&expected);
     Ok(pairs.map(|((v, f), e)| Difference::of(&v.name, f, e)).collect())
 }
@@ -148,7 +165,7 @@ fn images(a: &Path, b: &Path) -> Result<Vec<Difference>> {
     let both: Vec<&PathBuf> = in_a.intersection(&in_b).collect();
     if both.is_empty() {
         return Err(Error::Usage(format!(
-            "no image of {} ({}) has the name of one of {} ({})",
+            "no image of the {1} in {0} has the name of one of the {3} in {2}",
             a.display(),
             in_a.len(),
             b.display(),
@@ -190,7 +207,7 @@ fn read(path: &Path) -> Result<RenderedImage> {
     Ok(RenderedImage { width_px, height_px, rgb, alpha: vec![], depth: vec![], normal: vec![] })
 }
 
-/// Images below a folder by their names in it.
+/// Paths of the images below a folder, relative to it.
 fn names(folder: &Path) -> Result<BTreeSet<PathBuf>> {
     let mut found = BTreeSet::new();
     let mut folders = vec![folder.to_owned()];

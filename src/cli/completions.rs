@@ -1,6 +1,5 @@
-//! `litetex completions`: shell completions from the same tree as the help.
+//! `litetex completions`: shell completions, from the same definitions as the help.
 
-use clap::CommandFactory;
 use std::io::Write;
 
 /// Print completions for a shell
@@ -8,14 +7,14 @@ use std::io::Write;
 /// For example: litetex completions bash > ~/.local/share/bash-completion/completions/litetex
 #[derive(clap::Args)]
 pub struct CompletionsArgs {
-    /// Which shell
+    /// Shell to complete for
     shell: clap_complete::Shell,
 }
 
-/// Prints the completions.
-pub fn run(args: &CompletionsArgs) -> anyhow::Result<()> {
+/// Prints the completions for `command`, the whole program.
+pub fn run(args: &CompletionsArgs, mut command: clap::Command) -> anyhow::Result<()> {
     let mut text = Vec::new();
-    clap_complete::generate(args.shell, &mut super::Cli::command(), "litetex", &mut text);
+    clap_complete::generate(args.shell, &mut command, "litetex", &mut text);
     std::io::stdout().write_all(&text)?;
     Ok(())
 }

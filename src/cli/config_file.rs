@@ -1,38 +1,62 @@
-//! `config.toml`: everything that repeats a run, as read from `--config` and as written, resolved, into
-//! the run folder and every checkpoint.
+//! `config.toml`: everything needed to repeat a run, as read from `--config` and as written, resolved, into the
+//! run folder and every checkpoint.
 
 use super::capture::{InitSource, LoadOptions};
 use super::capture_args::MAX_RESOLUTION_MIN;
 use super::profile::Profile;
-use super::train_args::SaveImages;
 use litetex_gs::train::TrainConfig;
 use litetex_gs::{Error, Result};
 use serde::{Deserialize, Serialize};
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
+
+/// Settings that do not shape the trained model, or follow from others.
+const NOT_SHAPING: [&str; 9] = [
+    "version",
+    "profile",
+    "save-images",
+    "train.max-time-secs",
+    "train.eval-every",
+    "train.save-every",
+    "train.random-start",
+    "capture.background",
+    "capture.image-cache-bytes",
+];
 
 /// Settings of a run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default, rename_all = "kebab-case")]
 pub struct RunConfig {
-    /// Version of the program that wrote this; empty in files that people write.
+    /// Version of the program that wrote the file; empty in files written by hand.
     #[serde(skip_serializing_if = "String::is_empty")]
     pub version: String,
     /// Folder of the capture.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub data: Option<PathBuf>,
-    /// Profile that the settings below started from; what they say counts.
+    /// Profile that the settings below started from; a record, they are resolved already.
     pub profile: Profile,
-    /// Where primitives start.
+    /// Where splats start.
     pub init: InitSource,
-    /// More points than this are thinned at random before the start.
+    /// At most this many points become splats; more are thinned at random.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_points: Option<usize>,
-    /// Which evaluations leave images.
+    /// Which evaluations keep their images.
     pub save_images: SaveImages,
     /// How the capture is read.
     pub capture: LoadOptions,
     /// How it is trained.
     pub train: TrainConfig,
+}
+
+/// Which evaluations keep their images.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SaveImages {
+    None,
+    /// Only the latest evaluation.
+    #[default]
+    Last,
+    All,
 }
 
 impl RunConfig {
@@ -52,7 +76,7 @@ impl RunConfig {
     pub fn parse(path: &Path, text: &str) -> Result<Self> {
         let mut config: Self =
             toml::from_str(text).map_err(|e| Error::invalid(path, e.to_string().trim_end().to_owned()))?;
-        config.check(path)?;
+        config.check().map_err(|what| Error::invalid(path, what))?;
         config.capture.background = config.train.background;
         Ok(config)
     }
@@ -60,7 +84,7 @@ impl RunConfig {
     /// The resolved settings as a file that `--config` accepts.
     ///
     /// # Errors
-    /// [`Error::Usage`] if a value has no form in TOML (a path that is not text).
+    /// [`Error::Usage`] if a value has no form in TOML: a path that is not Unicode.
     pub fn to_toml(&self) -> Result<String> {
         let mut config = self.clone();
         config.version = env!("CARGO_PKG_VERSION").to_owned();
@@ -71,8 +95,8 @@ impl RunConfig {
         ))
     }
 
-    /// Changes one setting, given as `key=value` with a key as in the file; what is not at the top of the
-    /// file is looked for in `train`.
+    /// Changes one setting, given as `key=value` with a key as in the file. Keys that are not at the top of the
+    /// file are looked up in `train`.
     ///
     /// # Errors
     /// [`Error::Usage`] naming the setting and what was expected.
@@ -90,17 +114,17 @@ impl RunConfig {
         let value = value.trim();
         let parsed: toml::Table = toml::from_str(&format!("v = {value}"))
             .or_else(|_| toml::from_str(&format!("v = {value:?}")))
-            .map_err(|_| wrong(format!("{value:?} is no value")))?;
+            .map_err(|_| wrong(format!("{value:?} is not a value")))?;
         let (last, parents) = path.split_last().expect("split yields at least one part");
         let mut at = &mut table;
         for part in parents {
             at = at.get_mut(*part).and_then(toml::Value::as_table_mut).ok_or_else(|| {
-                wrong(format!("there is no section {part:?}; config.toml of a run lists all"))
+                wrong(format!("there is no section {part:?}; config.toml of a run lists all settings"))
             })?;
         }
         at.insert((*last).to_owned(), parsed["v"].clone());
         *self = table.try_into().map_err(|e: toml::de::Error| wrong(e.message().to_owned()))?;
-        self.check(Path::new("--set"))
+        self.check().map_err(wrong)
     }
 
     /// The capture's folder.
@@ -113,24 +137,56 @@ impl RunConfig {
             .ok_or_else(|| Error::Usage("no capture given: litetex train <CAPTURE> -o <RUN>".to_owned()))
     }
 
-    /// Bounds that flags check by themselves and a file must be held to.
-    fn check(&self, path: &Path) -> Result<()> {
+    /// Names of the settings that differ and shape the result: all but those in [`NOT_SHAPING`].
+    ///
+    /// # Errors
+    /// As [`RunConfig::to_toml`].
+    pub fn shaping_differences(&self, other: &Self) -> Result<Vec<String>> {
+        let [mine, others] = [self.shaping_settings()?, other.shaping_settings()?];
+        let names: BTreeSet<&String> = mine.keys().chain(others.keys()).collect();
+        let differing = names.into_iter().filter(|name| mine.get(*name) != others.get(*name));
+        Ok(differing.map(|name| name.rsplit('.').next().unwrap_or(name).to_owned()).collect())
+    }
+
+    /// Settings by name, those in sections as `section.name`.
+    fn shaping_settings(&self) -> Result<BTreeMap<String, toml::Value>> {
+        let mut settings = BTreeMap::new();
+        for (name, value) in self.to_table()? {
+            match value {
+                toml::Value::Table(section) if name == "train" || name == "capture" => {
+                    settings.extend(section.into_iter().map(|(key, value)| (format!("{name}.{key}"), value)));
+                }
+                value => drop(settings.insert(name, value)),
+            }
+        }
+        NOT_SHAPING.iter().for_each(|name| drop(settings.remove(*name)));
+        if let Some(name) = self.data.as_deref().and_then(Path::file_name).and_then(|name| name.to_str()) {
+            // A capture may have moved.
+            settings.insert("data".to_owned(), name.into());
+        }
+        Ok(settings)
+    }
+
+    fn to_table(&self) -> Result<toml::Table> {
+        let not_text = |e| Error::Usage(format!("the settings cannot be written as TOML: {e}"));
+        toml::Table::try_from(self).map_err(not_text)
+    }
+
+    /// Bounds that flags check by themselves and other sources must be held to; the error says what was found and
+    /// expected.
+    fn check(&self) -> Result<(), String> {
         let t = &self.train;
-        let refuse = |what: String| Err(Error::invalid(path, what));
         if t.steps == 0 {
-            return refuse("train.steps: found 0, expected at least 1".to_owned());
+            return Err("train.steps: found 0, expected at least 1".to_owned());
         }
         if t.sh_degree > 3 {
-            return refuse(format!("train.sh-degree: found {}, expected 0 to 3", t.sh_degree));
+            return Err(format!("train.sh-degree: found {}, expected 0 to 3", t.sh_degree));
         }
         if t.background.iter().any(|x| !(0.0..=1.0).contains(x)) {
-            return refuse(format!(
-                "train.background: found {:?}, expected numbers from 0 to 1",
-                t.background
-            ));
+            return Err(format!("train.background: found {:?}, expected numbers from 0 to 1", t.background));
         }
         if t.max_time_secs.is_some_and(|s| !s.is_finite() || s <= 0.0) {
-            return refuse("train.max-time-secs: expected a positive number".to_owned());
+            return Err("train.max-time-secs: expected a positive number".to_owned());
         }
         let r = &t.rates;
         let positions = [
@@ -139,45 +195,38 @@ impl RunConfig {
             ("position-end", r.position_end),
         ];
         for (key, rate) in positions {
-            // The schedule between the two is logarithmic.
+            // The schedule between them is logarithmic.
             if !rate.is_finite() || rate <= 0.0 {
-                return refuse(format!("train.rates.{key}: found {rate}, expected a finite number above 0"));
+                return Err(format!("train.rates.{key}: found {rate}, expected a finite number above 0"));
             }
         }
-        if let Err(what) = t.density.check() {
-            return refuse(format!("train.{what}"));
-        }
-        let l = &t.loss;
-        for (key, number) in [
-            ("rates.quaternion", r.quaternion),
-            ("rates.log-scale", r.log_scale),
-            ("rates.opacity", r.opacity),
-            ("rates.sh-dc", r.sh_dc),
-            ("rates.sh-rest", r.sh_rest),
-            ("rates.texel", r.texel),
-            ("rates.texel-growth", r.texel_growth),
-            ("rates.texel-growth-limit", r.texel_growth_limit),
-            ("loss.l1", l.l1),
-            ("loss.dssim", l.dssim),
-            ("loss.mse", l.mse),
-            ("loss.opacity", l.opacity),
-            ("loss.texture", l.texture),
-            ("loss.texture-hidden", l.texture_hidden),
-            ("loss.distortion", l.distortion),
-            ("loss.normal", l.normal),
-        ] {
-            if !number.is_finite() || number < 0.0 {
-                return refuse(format!("train.{key}: found {number}, expected a finite number, 0 or above"));
-            }
-        }
+        check_not_negative("rates", &t.rates)?;
+        check_not_negative("loss", &t.loss)?;
+        t.density.check().map_err(|what| format!("train.{what}"))?;
         if self.capture.max_resolution < MAX_RESOLUTION_MIN {
-            return refuse(format!(
+            return Err(format!(
                 "capture.max-resolution: found {}, expected at least {MAX_RESOLUTION_MIN}",
                 self.capture.max_resolution
             ));
         }
         Ok(())
     }
+}
+
+/// Checks that each number of a section is finite and not negative.
+fn check_not_negative(section: &str, settings: &impl Serialize) -> Result<(), String> {
+    let table = toml::Table::try_from(settings).map_err(|e| format!("train.{section}: {e}"))?;
+    for (key, value) in table {
+        // Shown as the f32 that it is.
+        if let Some(number) = value.as_float().map(|number| number as f32)
+            && (!number.is_finite() || number < 0.0)
+        {
+            return Err(format!(
+                "train.{section}.{key}: found {number}, expected a finite number, 0 or above"
+            ));
+        }
+    }
+    Ok(())
 }
 
 #[cfg(test)]
@@ -216,6 +265,37 @@ mod tests {
         assert_eq!(parse("").unwrap(), RunConfig::default());
         let loss = parse("[train.loss]\nmse = 0.5\n").unwrap().train.loss;
         assert_eq!(loss, LossWeights { mse: 0.5, ..LossWeights::default() });
+    }
+
+    #[test]
+    fn settings_that_shape_the_model_are_told_from_others() {
+        let before = RunConfig { data: Some("/a/fox".into()), ..RunConfig::default() };
+        let differences = |settings: &[&str]| {
+            let mut now = before.clone();
+            settings.iter().for_each(|setting| now.set(setting).unwrap());
+            now.shaping_differences(&before).unwrap()
+        };
+        let others = ["eval-every=7", "save-every=7", "max-time-secs=7.0", "capture.image-cache-bytes=7"];
+        assert_eq!(differences(&others), [""; 0]);
+        for setting in ["seed=7", "policy=plain", "sh-degree=1", "rates.texel=1.0", "capture.test-every=7"] {
+            let section = setting.split(['=', '.']).find(|part| *part != "capture").unwrap();
+            assert_eq!(differences(&[setting]), [section]);
+        }
+        assert_eq!(differences(&["max-points=7", "init=random:7"]), ["init", "max-points"]);
+        let moved = RunConfig { data: Some("/b/fox".into()), ..before.clone() };
+        assert_eq!(moved.shaping_differences(&before).unwrap(), [""; 0]);
+        let other = RunConfig { data: Some("/a/toy".into()), ..before.clone() };
+        assert_eq!(other.shaping_differences(&before).unwrap(), ["data"]);
+    }
+
+    #[test]
+    fn a_setting_on_the_command_line_that_is_wrong_is_a_usage_error() {
+        for setting in
+            ["density.quantile=1.2", "rates.texel=-1.0", "steps=many", "stps=3", "a.b=1", "steps"]
+        {
+            let error = RunConfig::default().set(setting).unwrap_err();
+            assert!(error.exit_code() == 2 && error.to_string().contains(setting), "{error}");
+        }
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! `litetex devices`, and the choice of a backend by name.
+//! `litetex devices`, and opening a backend by name.
 
 use super::log::Log;
 use super::table::{Table, print_json};
@@ -12,12 +12,12 @@ use serde::Serialize;
 /// List where training and rendering can run
 #[derive(clap::Args)]
 pub struct DevicesArgs {
-    /// As JSON
+    /// Print JSON
     #[arg(long)]
     json: bool,
 }
 
-/// A device and what `--device auto` makes of it.
+/// A device as it is listed, and whether `--device auto` chooses it.
 #[derive(Serialize)]
 struct Listed {
     name: String,
@@ -27,7 +27,7 @@ struct Listed {
     auto: bool,
     /// Whether it can be used at all.
     usable: bool,
-    /// Why `auto` takes it or not.
+    /// Why `auto` chooses it or not.
     why: String,
 }
 
@@ -41,14 +41,14 @@ pub fn run(args: &DevicesArgs) -> anyhow::Result<()> {
     }
     let mut table = Table::default();
     for device in &devices {
-        let mark = if device.auto { "taken by auto: " } else { "" };
+        let mark = if device.auto { "chosen by auto: " } else { "" };
         table.row(&device.name, format!("{} ({mark}{})", device.description, device.why));
     }
     Ok(table.print()?)
 }
 
-/// What `--device` accepts besides `auto` and `gpu`, best first: hardware, the processor, software. `opens` says
-/// whether a GPU can be used.
+/// The names that `--device` accepts besides `auto` and `gpu`, best first: hardware GPUs, the CPU, software drivers.
+/// `opens` reports whether a GPU can be used.
 fn listed(gpus: &[Gpu], cpu: DeviceInfo, opens: impl Fn(&Gpu) -> Result<()>) -> Vec<Listed> {
     let mut out: Vec<Listed> = Vec::new();
     let mut taken = false;
@@ -62,17 +62,17 @@ fn listed(gpus: &[Gpu], cpu: DeviceInfo, opens: impl Fn(&Gpu) -> Result<()>) -> 
         why,
     };
     for gpu in &hardware {
-        // What is not asked for need not be opened.
+        // Once one is chosen, the others need not be opened.
         let (auto, why) = match (taken, if taken { Ok(()) } else { opens(gpu) }) {
-            (true, _) => (false, "hardware, but another GPU is ranked before it".to_owned()),
+            (true, _) => (false, "hardware, but ranked after another GPU".to_owned()),
             (false, Ok(())) => (true, "the best hardware GPU".to_owned()),
-            (false, Err(e)) => (false, format!("hardware, but auto passes it over: {e}")),
+            (false, Err(e)) => (false, format!("hardware, but auto skips it: {e}")),
         };
         taken |= auto;
         out.push(row(gpu, auto, why));
     }
     let why = match (taken, hardware.is_empty()) {
-        (true, _) => "taken by name, or where there is no GPU",
+        (true, _) => "chosen by name, or where there is no GPU",
         (false, true) => "no hardware GPU was found",
         (false, false) => "no hardware GPU can be used",
     };
@@ -80,13 +80,13 @@ fn listed(gpus: &[Gpu], cpu: DeviceInfo, opens: impl Fn(&Gpu) -> Result<()>) -> 
     out.push(Listed { name, description, hardware: false, auto: !taken, usable: true, why: why.to_owned() });
     for gpu in software {
         let sign = gpu.software.as_deref().unwrap_or_default();
-        let why = format!("runs on the processor ({sign}), slower than \"cpu\": taken only by name");
+        let why = format!("runs on the processor ({sign}), slower than \"cpu\": chosen only by name");
         out.push(row(gpu, false, why));
     }
     out
 }
 
-/// The row of an adapter that cannot be used, after all others.
+/// The row of an adapter that cannot be used; such rows follow all others.
 #[cfg_attr(not(feature = "gpu"), allow(dead_code, reason = "a build without GPUs knows no adapter"))]
 fn unfit_row(name: String, description: String, hardware: bool, lacks: &str) -> Listed {
     Listed {
@@ -99,10 +99,11 @@ fn unfit_row(name: String, description: String, hardware: bool, lacks: &str) -> 
     }
 }
 
-/// Makes the backend that `--device` names.
+/// Opens the backend that `--device` names.
 ///
 /// # Errors
-/// [`litetex_gs::Error::Unsupported`] for a device that is not there, [`litetex_gs::Error::Device`] if it cannot be opened.
+/// [`litetex_gs::Error::Unsupported`] for a device that does not exist, [`litetex_gs::Error::Device`] for one that cannot be
+/// opened.
 pub fn open(name: &str, log: &Log) -> Result<Box<dyn Backend>> {
     match name.to_lowercase().as_str() {
         "cpu" => open_cpu(),
@@ -117,8 +118,8 @@ pub fn open(name: &str, log: &Log) -> Result<Box<dyn Backend>> {
     }
 }
 
-/// The first GPU that can be used; of each before it a warning. `auto` promises that there is an answer: there is
-/// always the processor.
+/// The first GPU that can be used, with a warning for each before it that cannot. If there is none, `auto` falls back to
+/// the CPU.
 fn first_that_opens<T>(
     gpus: &[Gpu],
     open: impl Fn(&str) -> Result<T>,
@@ -128,14 +129,14 @@ fn first_that_opens<T>(
         Ok(backend) => Some(backend),
         Err(e) => {
             let next = gpus.get(at + 1).map_or("cpu", |next| &next.name);
-            warn(&format!("{e}; {next:?} is tried instead (\"--device {}\" makes this an error)", gpu.name));
+            warn(&format!("{e}; trying {next:?} instead (\"--device {}\" makes this an error)", gpu.name));
             None
         }
     })
 }
 
 fn open_cpu() -> Result<Box<dyn Backend>> {
-    // `--threads` has set the size of rayon's pool; the backend follows it.
+    // The backend uses as many threads as rayon's pool, whose size `--threads` has set.
     Ok(Box::new(CpuBackend::new(Some(rayon::current_num_threads()))?))
 }
 
@@ -165,10 +166,10 @@ fn open_gpu(name: &str) -> Result<Box<dyn Backend>> {
     Ok(Box::new(open_gpu_backend(name)?))
 }
 
-/// A GPU by name, for what the trait [`Backend`] does not offer.
+/// Opens a GPU by name, for measurements that the trait [`Backend`] does not offer.
 ///
 /// # Errors
-/// As [`open`]; the processor is not a GPU.
+/// As [`open`]; [`litetex_gs::Error::Usage`] for the CPU.
 #[cfg(feature = "gpu")]
 pub fn open_gpu_backend(name: &str) -> Result<litetex_gs::gpu::GpuBackend> {
     use litetex_gs::gpu::{GpuBackend, GpuDevice, GpuOptions, Limits, find_adapter};
@@ -176,7 +177,7 @@ pub fn open_gpu_backend(name: &str) -> Result<litetex_gs::gpu::GpuBackend> {
         "auto" => "gpu",
         "cpu" => {
             return Err(litetex_gs::Error::Usage(
-                "--device cpu: this measures kernels of GPUs; for the CPU: cargo bench --bench bench_scene"
+                "--device cpu: this command measures kernels of GPUs; to measure the CPU: cargo bench --bench bench_scene"
                     .into(),
             ));
         }
@@ -186,7 +187,7 @@ pub fn open_gpu_backend(name: &str) -> Result<litetex_gs::gpu::GpuBackend> {
     GpuBackend::new(device, GpuOptions::default())
 }
 
-/// A build without GPUs knows none.
+/// A GPU, of which a build without the feature `gpu` has none.
 #[cfg(not(feature = "gpu"))]
 struct Gpu {
     name: String,
@@ -214,7 +215,9 @@ fn opens(_gpu: &Gpu) -> Result<()> {
 fn open_gpu(name: &str) -> Result<Box<dyn Backend>> {
     Err(Error::unsupported(
         "--device",
-        format!("{name:?} is not a device of this build, which has no GPUs; there is \"auto\" and \"cpu\""),
+        format!(
+            "{name:?} is not a device of this build, which was compiled without GPU support; expected \"auto\" or \"cpu\""
+        ),
     ))
 }
 
@@ -238,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn auto_takes_the_next_gpu_and_in_the_end_the_processor_with_a_warning() {
+    fn auto_chooses_the_next_gpu_or_at_last_the_cpu_with_a_warning() {
         let Some(first) = of_this_machine("first", true) else {
             println!("skipped: no Vulkan driver is installed");
             return;
@@ -253,7 +256,7 @@ mod tests {
             let opened = first_that_opens(&gpus, refuses(refused), |m| said.push(m.to_owned()));
             assert_eq!((opened.as_deref(), said.len()), (taken, warnings), "{said:?}");
             assert!(said.last().is_none_or(|m| m.contains("cannot be opened")));
-            // The list agrees with what is done.
+            // The list agrees with what `auto` does.
             let all = [&gpus[..], std::slice::from_ref(&software)].concat();
             let cpu = DeviceInfo { name: "cpu".into(), description: String::new() };
             let list = listed(&all, cpu, |gpu| refuses(refused)(&gpu.name).map(drop));
@@ -269,12 +272,12 @@ mod tests {
     }
 
     #[test]
-    fn names_of_devices_are_taken_in_any_case() {
+    fn names_of_devices_are_accepted_in_any_case() {
         let log = Log::new(super::super::log::LogFormat::Text, true, 0);
         assert_eq!(open("CPU", &log).map(|b| b.device().name).unwrap(), "cpu");
         let refusal = |name: &str| open_gpu_backend(name).map(|_| ()).unwrap_err().to_string();
-        assert!(refusal("Cpu").contains("this measures kernels of GPUs"));
-        // Where there is no hardware, "gpu" says so in any case; it is no name of a device.
+        assert!(refusal("Cpu").contains("measures kernels of GPUs"));
+        // Without hardware, "gpu" says so in any case; it is not the name of a device.
         if !gpus().iter().any(|gpu| gpu.hardware) {
             assert_eq!(open("AUTO", &log).map(|b| b.device().name).unwrap(), "cpu");
             assert_eq!(refusal("GPU"), refusal("gpu"));

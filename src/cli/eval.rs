@@ -1,39 +1,35 @@
-//! `litetex eval`: quality figures of a trained scene on its held-out views.
+//! `litetex eval`: quality figures of a trained scene on its test views.
 
-use super::capture::{self, Capture};
-use super::config_file::RunConfig;
-use super::devices;
-use super::identity::{self, Identity};
+use super::capture::Capture;
 use super::log::Log;
-use super::run_folder::find_checkpoint;
-use super::session::{write_per_view, write_view};
-use super::table::{Table, print_json};
-use litetex_exporters::AssetCamera;
-use litetex_gs::backend::{Backend, RenderOptions, RenderedImage};
+use super::run_folder::check_empty;
+use super::sources::{Trained, render_options};
+use super::summary::Quality;
+use super::table::{Table, path_text, print_json};
+use super::view_files::{write_per_view, write_view};
+use litetex_gs::backend::{Backend, RenderedImage};
 use litetex_gs::eval::Evaluation;
-use litetex_gs::model::{AdamState, Model};
-use litetex_gs::train::{self, Control, Evaluated, checkpoint};
+use litetex_gs::train::{self, Control, Evaluated};
+use litetex_gs::verify::CaptureIdentity;
 use litetex_gs::views::{Split, ViewSource};
 use litetex_gs::{Error, Result};
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// Evaluate a run on its test views
 ///
-/// Renders the held-out views from the last checkpoint of a run, or from a given one, and compares them
-/// with the photos.
+/// Renders the test views from the last checkpoint of a run, or from a given one, and compares them with the photos.
 #[derive(clap::Args)]
 pub struct EvalArgs {
     /// Folder of a run, or a checkpoint
     #[arg(value_name = "RUN|CHECKPOINT")]
     source: PathBuf,
-    /// The capture, if it is no longer where it was
+    /// Capture of the run, if it has been moved
     #[arg(long, value_name = "DIR")]
     capture: Option<PathBuf>,
     /// Also write images, error maps and per_view.csv into this empty folder
     #[arg(long, short, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// All figures, of each view too, as JSON
+    /// Print JSON, with the figures of each view
     #[arg(long)]
     json: bool,
     /// Where to compute
@@ -41,85 +37,10 @@ pub struct EvalArgs {
     device: String,
 }
 
-/// A trained scene with what it was trained from.
-pub struct Trained {
-    /// The checkpoint.
-    pub path: PathBuf,
-    /// Steps done.
-    pub step: u32,
-    /// The scene.
-    pub model: Model,
-    /// The optimiser: lazily updated parameters are flushed with it.
-    pub adam: AdamState,
-    /// Settings of the run.
-    pub config: RunConfig,
-    /// Views of the run; older checkpoints do not tell.
-    identity: Option<Identity>,
-    /// Cameras of the run; older checkpoints have none.
-    pub cameras: Option<Vec<AssetCamera>>,
-}
-
-impl Trained {
-    /// Loads the checkpoint that a path means.
-    ///
-    /// # Errors
-    /// What is wrong with it.
-    pub fn load(source: &Path) -> Result<Self> {
-        let path = find_checkpoint(source)?;
-        let (state, strings) = checkpoint::load_without_history(&path)?;
-        let config = config_of(&path, &strings)?;
-        let identity = Identity::from_strings(&path, &strings)?;
-        let cameras = identity::cameras(&path, &strings)?;
-        Ok(Self { path, step: state.step, model: state.model, adam: state.adam, config, identity, cameras })
-    }
-
-    /// A backend that holds the scene.
-    ///
-    /// # Errors
-    /// What the device reports.
-    pub fn on_device(&self, name: &str, log: &Log) -> Result<Box<dyn Backend>> {
-        let mut backend = devices::open(name, log)?;
-        backend.upload(&self.model, &self.adam)?;
-        Ok(backend)
-    }
-
-    /// The capture that it was trained from, at its place or another.
-    ///
-    /// # Errors
-    /// What the loader found; [`Error::Usage`] if it is another capture.
-    pub fn open_capture(&self, elsewhere: Option<&Path>) -> Result<Capture> {
-        let path = match elsewhere {
-            Some(path) => path,
-            None => self.config.data()?,
-        };
-        let capture = capture::open(path, &self.config.capture)?;
-        if let Some(identity) = &self.identity {
-            identity.check_frame(&Identity::of(&capture))?;
-        }
-        Ok(capture)
-    }
-}
-
-/// The settings that a checkpoint carries.
-///
-/// # Errors
-/// [`Error::InvalidInput`] if they are missing or unreadable.
-pub fn config_of(path: &Path, strings: &BTreeMap<String, String>) -> Result<RunConfig> {
-    let text = strings
-        .get("config")
-        .ok_or_else(|| Error::invalid(path, "the checkpoint carries no settings (\"config\")"))?;
-    RunConfig::parse(path, text)
-}
-
-/// How a scene is rendered.
-pub fn render_options(model: &Model, background: [f32; 3], geometry: bool) -> RenderOptions {
-    RenderOptions { background, sh_degree: model.splats.sh_degree, geometry }
-}
-
 /// Evaluates and prints.
 pub fn run(args: &EvalArgs, log: &Log) -> anyhow::Result<()> {
     if let Some(out) = &args.out {
-        super::run_folder::RunFolder::check_free(out, false)?;
+        check_empty(out)?;
     }
     let trained = Trained::load(&args.source)?;
     let capture = trained.open_capture(args.capture.as_deref())?;
@@ -129,10 +50,10 @@ pub fn run(args: &EvalArgs, log: &Log) -> anyhow::Result<()> {
     if args.json {
         return Ok(print_json(&serde_json::json!({
             "schema": "litetex-eval/1",
-            "checkpoint": trained.path,
+            "checkpoint": path_text(&trained.path),
             "step": trained.step,
             "resample": "area",
-            "quality": super::summary::Quality::from(&evaluation),
+            "quality": Quality::from(&evaluation),
         }))?);
     }
     let mut table = Table::default();
@@ -153,11 +74,11 @@ fn evaluate(
 ) -> Result<Evaluation> {
     let views = capture.indices(Split::Test);
     if views.is_empty() {
-        return Err(Error::Usage("the capture has no test views: see --test-every of train".to_owned()));
+        return Err(Error::Usage(
+            "the capture has no test views; --test-every of train holds some out".to_owned(),
+        ));
     }
-    if let Some(identity) = &trained.identity {
-        identity.check_held_out(&Identity::of(capture))?;
-    }
+    trained.identity.check_held_out(&CaptureIdentity::new(capture, capture.capture_from_local))?;
     if let Some(out) = out {
         std::fs::create_dir_all(out).map_err(|e| Error::io(out, e))?;
     }
@@ -170,10 +91,10 @@ fn evaluate(
     };
     let Evaluated::Figures(evaluation) = train::evaluate(backend, capture, &views, &options, &mut on_view)?
     else {
-        return Err(Error::Usage("no test view has a pixel that counts: look at its masks".to_owned()));
+        return Err(Error::Usage("the masks leave no pixel of any test view; check them".to_owned()));
     };
     if let Some(out) = out {
-        write_per_view(&out.join("per_view.csv"), &evaluation)?;
+        write_per_view(out, &evaluation)?;
     }
     Ok(evaluation)
 }

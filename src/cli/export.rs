@@ -1,24 +1,27 @@
-//! `litetex export` and `litetex convert`: assets out of runs and of each other.
+//! `litetex export` and `litetex convert`: assets from runs and from each other.
 
-use super::asset_args::AssetArgs;
-use super::differences::{Stage, VIEWS, spread};
-use super::frozen::{Frozen, read_limits};
+use super::asset_args::{AssetArgs, CropBox, UpDirection};
+use super::devices;
 use super::interrupt::Interrupt;
 use super::log::Log;
 use super::outputs;
-use super::search::{self, Rounding};
+use super::sources::{load_scene, read_limits, read_scene};
 use super::table::Columns;
-use super::values::format_bytes;
-use super::verdict::{Expected, Found, Limits, Verdict, judge, limits_of};
+use super::values::{format_bytes, format_count};
 use litetex_exporters::{
     AssetCamera, Format, SplatAsset, WriteOptions, Written, read_asset, read_fallback, stage_asset,
 };
-use litetex_gs::{Error, Result};
+use litetex_gs::verify::{
+    Backends, BakedScene, Contribution, EXPORT_VIEWS, ExpectedImages, GoOn, QualityLimits, ReadBack,
+    Rounding, SceneRenderer, Verdict, evenly_spread, find_rounding, verify,
+};
+use litetex_gs::{Error, Report, Result};
 use std::path::{Path, PathBuf};
 
 /// Write a trained scene as an asset
 ///
-/// The extension of each file decides its format. Every file is read back and rendered to prove that it is right.
+/// The extension of each file decides its format. Every file is read back, rendered and compared with the scene before
+/// it takes its place.
 #[derive(clap::Args)]
 pub struct ExportArgs {
     /// A run, a checkpoint or an asset
@@ -29,92 +32,97 @@ pub struct ExportArgs {
     out: Vec<PathBuf>,
     #[command(flatten)]
     asset: AssetArgs,
-    /// Where to render for the proof
+    /// Where to render for the comparison
     #[arg(long, value_name = "NAME", default_value = "auto", help_heading = "Device")]
     device: String,
 }
 
 /// Write an asset in another format
 ///
-/// As "litetex export ASSET -o FILE".
+/// The same as "litetex export ASSET -o FILE".
 #[derive(clap::Args)]
 pub struct ConvertArgs {
     /// The asset
     #[arg(value_name = "IN")]
     source: PathBuf,
     /// File to write
-    #[arg(value_name = "OUT")]
-    out: PathBuf,
+    #[arg(value_name = "OUT", required_unless_present = "out_option")]
+    out: Option<PathBuf>,
+    /// The same as OUT, as "litetex export" takes it
+    #[arg(long = "out", short, value_name = "FILE", id = "out_option", conflicts_with = "out", hide = true)]
+    out_option: Option<PathBuf>,
     #[command(flatten)]
     asset: AssetArgs,
-    /// Where to render for the proof
+    /// Where to render for the comparison
     #[arg(long, value_name = "NAME", default_value = "auto", help_heading = "Device")]
     device: String,
 }
 
-/// Exports.
+/// Runs `litetex export`.
 pub fn run(args: &ExportArgs, log: &Log) -> anyhow::Result<()> {
     let source = args.source.is_file().then_some(args.source.as_path());
     outputs::check(source, &args.out, &args.asset)?;
-    let frozen = Frozen::load(&args.source, log)?;
-    Ok(write_all(frozen, &args.out, &args.asset, &args.device, log)?.print()?)
+    let (scene, _) = load_scene(&args.source, log)?;
+    Ok(write_all(scene, &args.out, &args.asset, &args.device, log)?.print()?)
 }
 
-/// Converts.
+/// Runs `litetex convert`.
 pub fn convert(args: &ConvertArgs, log: &Log) -> anyhow::Result<()> {
-    let out = [args.out.clone()];
+    let out: Vec<PathBuf> = args.out.iter().chain(&args.out_option).cloned().collect();
     outputs::check(Some(&args.source), &out, &args.asset)?;
     Format::of(&args.source).map_err(Error::from)?;
-    let frozen = Frozen::read(&args.source, log)?;
-    Ok(write_all(frozen, &out, &args.asset, &args.device, log)?.print()?)
+    let scene = read_scene(&args.source, log)?;
+    Ok(write_all(scene, &out, &args.asset, &args.device, log)?.print()?)
 }
 
-/// What was written, in order, and what stopped it if something did.
+/// The files that were written, in order, and the error that stopped the rest, if one did.
 #[must_use]
 pub struct Exports {
     files: Vec<Exported>,
     stopped: Option<Error>,
 }
 
-/// A file with its proof; it is at its place if it is right.
+/// A file and how it compares with the scene; it is in its place only if nothing failed.
 struct Exported {
     path: PathBuf,
     written: Written,
     /// Size of the scene's numbers as f32.
     raw_bytes: u64,
+    /// `None` if the file was not verified.
     verdict: Option<Verdict>,
 }
 
-/// Edits the scene; writes every file, proves it, and puts it at its place if it is right.
+/// What files are compared with.
+struct Verification<'a> {
+    renderer: SceneRenderer<'a>,
+    expected: ExpectedImages<'a>,
+}
+
+/// Edits the scene, then writes and verifies each file and puts it in its place if it is right.
 ///
 /// # Errors
-/// If nothing can be written or rendered. What is wrong with one file is told by [`Exports::print`].
+/// If nothing can be written or rendered. What is wrong with a single file is left to [`Exports::print`].
 pub fn write_all(
-    mut frozen: Frozen,
+    mut scene: BakedScene,
     outputs: &[PathBuf],
     args: &AssetArgs,
     device: &str,
     log: &Log,
 ) -> Result<Exports> {
     // Staged files must not stay behind.
-    let interrupt = Interrupt::listen()?;
-    args.edit(&mut frozen, log)?;
-    frozen.asset.validate().map_err(|e| Error::from(e.at(&frozen.path)))?;
-    let views = proof_views(&frozen.asset);
-    let mut proof = None;
-    if args.no_verify {
-        log.detail("the files are not verified");
-    } else if views.is_empty() {
-        log.warn("not-verified", "the scene has no cameras: the files cannot be proven by rendering", 1);
-    } else {
-        let mut stage = Stage::open(device, log)?;
-        let expected = Expected::of(&mut stage, &frozen.asset, &views)?;
-        proof = Some((stage, expected));
-    }
+    let interrupt = Interrupt::listen(log, "removing unfinished files")?;
+    let go_on = || !interrupt.is_requested();
+    edit(&mut scene, args, &go_on, log)?;
+    scene.asset.validate().map_err(|e| Error::from(e.at(&scene.path)))?;
+    let training: Vec<_> = scene.asset.cameras.iter().filter(|c| !c.held_out).cloned().collect();
+    let views = evenly_spread(&training, EXPORT_VIEWS);
+    let mut verification = verification(&scene.asset, &views, args, device, &go_on, log)?;
     let mut exports = Exports { files: Vec::new(), stopped: None };
     for path in outputs {
-        let next =
-            interrupt.check().and_then(|()| write_one(&frozen, path, args, proof.as_mut(), device, log));
+        let next = interrupt.check().and_then(|()| {
+            let rounding = rounding(&scene, path, args, device, &go_on, log)?;
+            write_one(&scene.asset, path, args, rounding, verification.as_mut(), log)
+        });
         match next {
             Ok(exported) => exports.files.push(exported),
             Err(error) => {
@@ -126,51 +134,133 @@ pub fn write_all(
     Ok(exports)
 }
 
-fn write_one(
-    frozen: &Frozen,
+/// Changes a scene as the arguments say and reports how many splats were left out.
+fn edit(scene: &mut BakedScene, args: &AssetArgs, go_on: GoOn<'_>, log: &Log) -> Result<()> {
+    let asset = &mut scene.asset;
+    let before = asset.num_splats();
+    let log_left_out = |gone: usize, why: &str| {
+        let [gone, before] = [gone, before].map(|n| format_count(n as u64));
+        log.info(&format!("{gone} of {before} splats {why} and are left out"));
+    };
+    if let Some(floor) = args.min_contribution {
+        let training: Vec<_> = asset.cameras.iter().filter(|c| !c.held_out).cloned().collect();
+        let mut backend = devices::open("cpu", log)?;
+        let contribution = Contribution::measure(backend.as_mut(), asset, &training, go_on)?;
+        let keep: Vec<bool> = contribution.weight_px.iter().map(|c| *c >= floor).collect();
+        log_left_out(asset.retain(&keep), &format!("contribute less than {floor} pixels"));
+    }
+    if let Some(CropBox { low, high }) = args.crop {
+        log_left_out(asset.crop(low, high), "lie outside the box");
+    }
+    if asset.num_splats() == 0 {
+        let why = match before {
+            0 => "the scene has no splats",
+            _ => "--crop and --min-contribution leave no splat",
+        };
+        return Err(Error::Usage(format!("{}: {why}", scene.path.display())));
+    }
+    if let Some(UpDirection(up)) = args.up {
+        asset.set_up(up);
+    }
+    if let Some(factor) = args.scale {
+        asset.set_scale(factor);
+    }
+    let facts = &mut asset.provenance;
+    for (field, given) in [
+        (&mut facts.title, &args.title),
+        (&mut facts.author, &args.author),
+        (&mut facts.licence, &args.licence),
+        (&mut facts.source, &args.made_from),
+    ] {
+        if let Some(text) = given {
+            field.clone_from(text);
+        }
+    }
+    Ok(())
+}
+
+/// Renders the scene, unless files are not to be verified or it has no cameras.
+fn verification<'a>(
+    asset: &'a SplatAsset,
+    views: &'a [AssetCamera],
+    args: &AssetArgs,
+    device: &str,
+    go_on: GoOn<'a>,
+    log: &Log,
+) -> Result<Option<Verification<'a>>> {
+    if args.no_verify {
+        log.detail("the files are not verified");
+        return Ok(None);
+    }
+    if views.is_empty() {
+        log.warn("not-verified", "the scene has no cameras: the files cannot be verified by rendering", 1);
+        return Ok(None);
+    }
+    let mut renderer = SceneRenderer::new(devices::open(device, log)?, go_on);
+    let expected = ExpectedImages::render(&mut renderer, asset, views)?;
+    Ok(Some(Verification { renderer, expected }))
+}
+
+/// How the numbers of a file are rounded; only `.ltgs` files leave a choice.
+fn rounding(
+    scene: &BakedScene,
     path: &Path,
     args: &AssetArgs,
-    proof: Option<&mut (Stage, Expected<'_>)>,
     device: &str,
+    go_on: GoOn<'_>,
+    log: &Log,
+) -> Result<Rounding> {
+    if Format::of(path)? != Format::Ltgs {
+        return Ok(Rounding { quality: args.quality(), steps: None, exponents: Vec::new() });
+    }
+    let mut report = Report::default();
+    let backends = Backends {
+        statistics: &|| devices::open("cpu", log),
+        rendering: &|| devices::open(device, log),
+        go_on,
+    };
+    let rounding = find_rounding(scene, &args.rate_goal(), &backends, &mut report)?;
+    log.report(&report);
+    Ok(rounding)
+}
+
+fn write_one(
+    asset: &SplatAsset,
+    path: &Path,
+    args: &AssetArgs,
+    rounding: Rounding,
+    verification: Option<&mut Verification<'_>>,
     log: &Log,
 ) -> Result<Exported> {
-    let format = Format::of(path)?;
-    let rounding = match format {
-        Format::Ltgs => search::rounding(frozen, args, device, log)?,
-        _ => Rounding { quality: args.quality(), steps: None, exponents: Vec::new() },
-    };
     if let Some(folder) = path.parent().filter(|f| !f.as_os_str().is_empty()) {
         std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
     }
+    if args.quality.is_some() && Format::of(path)?.qualities().is_empty() {
+        let what = "has one form only, --quality does not apply to it";
+        log.warn("quality-not-applied", &format!("{}: {what}", path.display()), 1);
+    }
     let Rounding { quality, steps, exponents } = rounding;
     let options = WriteOptions { quality, mesh: args.mesh, steps, exponents: &exponents };
-    let staged = stage_asset(path, &frozen.asset, &options)?;
+    let staged = stage_asset(path, asset, &options)?;
     for note in &staged.written().notes {
         log.warn("export", &format!("{}: {note}", path.display()), 1);
     }
-    let asked = args.asked_limits().filter(|_| format == Format::Ltgs);
-    let prove = |(stage, expected): &mut (Stage, Expected<'_>)| prove(stage, expected, &staged.path(), asked);
-    let verdict = proof.map(prove).transpose()?;
-    // What is not right replaces nothing.
+    let limits = args.rate_goal().own_limits().filter(|_| Format::from_path(path) == Some(Format::Ltgs));
+    let verdict = verification.map(|with| verify_staged(with, &staged.path(), limits)).transpose()?;
+    // A file that failed replaces nothing.
     let is_right = verdict.as_ref().is_none_or(|v| v.failures.is_empty());
     let written = if is_right { staged.publish(args.force)? } else { staged.written().clone() };
-    Ok(Exported { path: path.to_owned(), written, raw_bytes: raw_bytes(&frozen.asset), verdict })
+    Ok(Exported { path: path.to_owned(), written, raw_bytes: raw_bytes(asset), verdict })
 }
 
 /// Reads a file back and compares its images with the scene's.
-fn prove(stage: &mut Stage, expected: &Expected<'_>, path: &Path, asked: Option<Limits>) -> Result<Verdict> {
+fn verify_staged(with: &mut Verification<'_>, path: &Path, limits: Option<QualityLimits>) -> Result<Verdict> {
     let contents = read_asset(path, &read_limits())?;
-    let limits = asked.unwrap_or_else(|| limits_of(path, &contents));
+    let limits = limits.unwrap_or_else(|| QualityLimits::of_file(path, &contents));
     let fallback = read_fallback(path, &read_limits())?;
     let textured = Format::of(path)?.keeps_textures();
-    let found = Found { asset: &contents.asset, textured, fallback: fallback.as_ref() };
-    judge(stage, expected, found, None, limits)
-}
-
-/// Training views, evenly spread.
-fn proof_views(asset: &SplatAsset) -> Vec<AssetCamera> {
-    let training: Vec<_> = asset.cameras.iter().filter(|c| !c.held_out).cloned().collect();
-    spread(&training, VIEWS)
+    let file = ReadBack { asset: &contents.asset, textured, fallback: fallback.as_ref() };
+    verify(&mut with.renderer, &with.expected, file, None, limits)
 }
 
 /// Bytes of the numbers of a scene as f32 and u16.
@@ -183,7 +273,7 @@ impl Exports {
     /// Prints a row for each file.
     ///
     /// # Errors
-    /// What stopped the writing, else [`Error::CheckFailed`] if a file is not right.
+    /// What stopped the writing, else [`Error::CheckFailed`] if a file failed verification.
     pub fn print(self) -> Result<()> {
         let mut table = Columns::new(&["file", "size", "ratio", "PSNR to scene", "lost", "verified"]);
         for file in &self.files {
@@ -194,7 +284,7 @@ impl Exports {
         }
         if self.files.iter().any(|f| f.verdict.as_ref().is_some_and(|v| v.untextured)) {
             println!(
-                "* against the scene without textures: this format has none, maps are averaged into the colours"
+                "* against the untextured scene: this format has no textures, maps are averaged into the colours"
             );
         }
         if let Some(error) = self.stopped {
@@ -208,21 +298,21 @@ impl Exports {
 impl Exported {
     fn failures(&self) -> impl Iterator<Item = String> {
         let all = self.verdict.iter().flat_map(|v| &v.failures);
-        all.map(|f| format!("{}: not written, for it is not right: {f}", self.path.display()))
+        all.map(|f| format!("{}: not written, verification failed: {f}", self.path.display()))
     }
 
     fn row(&self) -> Vec<String> {
-        let told = |of: &dyn Fn(&Verdict) -> String| self.verdict.as_ref().map_or_else(|| "-".to_owned(), of);
+        let cell = |of: &dyn Fn(&Verdict) -> String| self.verdict.as_ref().map_or_else(|| "-".to_owned(), of);
         vec![
             self.path.display().to_string(),
             format_bytes(self.written.bytes),
             format!("{:.1}", self.raw_bytes as f64 / self.written.bytes.max(1) as f64),
-            told(&|v| match v.largest {
+            cell(&|v| match v.largest {
                 0.0 => "same".to_owned(),
                 _ => format!("{:.1} dB{}", v.psnr, if v.untextured { " *" } else { "" }),
             }),
-            told(&|v| if v.untextured { "textures".to_owned() } else { format!("{:.3} dB", v.loss_db) }),
-            told(&|v| if v.failures.is_empty() { "yes".to_owned() } else { "NO".to_owned() }),
+            cell(&|v| if v.untextured { "textures".to_owned() } else { format!("{:.3} dB", v.loss_db) }),
+            cell(&|v| if v.failures.is_empty() { "yes".to_owned() } else { "NO".to_owned() }),
         ]
     }
 }

@@ -1,19 +1,19 @@
-//! `litetex inspect`: what is in a capture, a run, a checkpoint or an asset.
+//! `litetex inspect`: the contents of a capture, a run, a checkpoint or an asset.
 
 use super::capture::{self, Capture};
 use super::capture_args::CaptureArgs;
-use super::eval::Trained;
-use super::frozen::{Frozen, Origin};
 use super::log::Log;
 use super::run_folder::find_checkpoint;
+use super::sources::{Trained, read_scene};
 use super::summary::Summary;
-use super::table::{Table, print_json};
+use super::table::{Table, path_text, print_json};
 use super::values::{format_bytes, format_count};
 use glam::{DVec3, Vec3};
 use litetex_exporters::{Describes, Format, Quality, SplatAsset, Transform};
-use litetex_gs::bake::thaw;
+use litetex_gs::bake::model_from_asset;
 use litetex_gs::dataset::read_ply_points;
 use litetex_gs::model::Model;
+use litetex_gs::text::shortened;
 use litetex_gs::views::{Split, ViewSource};
 use litetex_gs::{Error, Result};
 use serde_json::{Value, json};
@@ -21,20 +21,20 @@ use std::collections::BTreeMap;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-/// Say what is in a capture, a run, a checkpoint or an asset
+/// Show what is in a capture, a run, a checkpoint or an asset
 #[derive(clap::Args)]
 pub struct InspectArgs {
     /// Folder of a capture or a run, checkpoint (.safetensors) or asset
     #[arg(value_name = "FILE|RUN|CAPTURE")]
     path: PathBuf,
-    /// As JSON
+    /// Print JSON
     #[arg(long)]
     json: bool,
     #[command(flatten)]
     capture_args: CaptureArgs,
 }
 
-/// Prints what was found.
+/// Reads and prints.
 pub fn run(args: &InspectArgs, log: &Log) -> anyhow::Result<()> {
     let found = inspect(args, log)?;
     if args.json {
@@ -75,7 +75,7 @@ fn run_folder(path: &Path) -> Result<Value> {
     if path.join("summary.json").is_file() {
         let mut summary = Summary::read(&path.join("summary.json"))?;
         if let Some(quality) = &mut summary.quality {
-            // The table per view is in the file itself.
+            // For one line per view there is the file itself.
             quality.per_view.clear();
         }
         summary.curve.clear();
@@ -91,10 +91,10 @@ fn checkpoint(path: &Path) -> Result<Value> {
     let trained = Trained::load(path)?;
     Ok(json!({
         "kind": "checkpoint",
-        "file": path,
+        "file": path_text(path),
         "bytes": std::fs::metadata(path).map_or(0, |m| m.len()),
         "step": trained.step,
-        "capture": trained.config.data,
+        "capture": trained.config.data.as_deref().map(path_text),
         "model": of_model(&trained.model),
     }))
 }
@@ -119,14 +119,14 @@ fn of_model(model: &Model) -> Value {
     })
 }
 
-/// How many maps have which sides.
+/// Number of maps of each size.
 fn histogram(sides: impl Iterator<Item = (u16, u16)>) -> serde_json::Map<String, Value> {
     let mut counts: BTreeMap<(u16, u16), usize> = BTreeMap::new();
     sides.for_each(|sides| *counts.entry(sides).or_default() += 1);
     counts.into_iter().map(|((r, c), n)| (format!("{r}x{c}"), json!(n))).collect()
 }
 
-/// As [`of_model`]; frames of assets may be turned.
+/// As [`of_model`]; the frame of an asset may be rotated too.
 fn of_asset(asset: &SplatAsset) -> Value {
     let frame = |f: &Transform| json!({ "scale": f.scale, "rotation_wxyz": f.rotation, "translation": f.translation });
     let bounds_in = |f: &Transform| {
@@ -136,7 +136,7 @@ fn of_asset(asset: &SplatAsset) -> Value {
     let mut found = json!({
         "primitives": asset.num_splats(),
         "texels": asset.num_texels(),
-        "params": thaw(asset).num_params(),
+        "params": model_from_asset(asset).num_params(),
         "sh_degree": asset.sh_degree,
         "maps": histogram(asset.maps.iter().map(|m| (m.rows, m.cols))),
         "bounds_in_capture": bounds_in(&asset.capture_from_local),
@@ -150,14 +150,14 @@ fn of_asset(asset: &SplatAsset) -> Value {
     found
 }
 
-/// Gaussians, or else a point cloud.
+/// A PLY file of splats or, failing that, of points.
 fn ply(path: &Path, log: &Log) -> Result<Value> {
     asset(path, log).or_else(|error| match read_ply_points(path) {
         Ok(points) if !points.is_empty() && !names_gaussians(path) => {
             let (low, high) = bounds(points.iter().map(|p| p.position_in_capture));
             Ok(json!({
                 "kind": "points",
-                "file": path,
+                "file": path_text(path),
                 "points": points.len(),
                 "bounds": { "min": low, "max": high },
             }))
@@ -166,7 +166,7 @@ fn ply(path: &Path, log: &Log) -> Result<Value> {
     })
 }
 
-/// Whether a PLY's header has properties that points do not have: then it is a file of splats, if a damaged one.
+/// Whether a PLY's header has properties that only splats have: it is then a damaged file of splats.
 fn names_gaussians(path: &Path) -> bool {
     const HEADER_BYTES_MAX: u64 = 1 << 16;
     let mut header = Vec::new();
@@ -176,11 +176,11 @@ fn names_gaussians(path: &Path) -> bool {
     read.is_ok() && [" f_dc_0", " rot_0", " scale_0"].iter().any(|name| header.contains(name))
 }
 
-/// An asset with the bytes of its parts: per splat or bits per texel, as they describe the one or the other.
+/// An asset with the sizes of its sections: in bytes per splat or bits per texel where they describe these.
 fn asset(path: &Path, log: &Log) -> Result<Value> {
-    let frozen = Frozen::read(path, log)?;
-    let Origin::File(contents) = &frozen.origin else { return Ok(Value::Null) };
-    let asset = &frozen.asset;
+    let scene = read_scene(path, log)?;
+    let Some(contents) = &scene.contents else { return Ok(Value::Null) };
+    let asset = &scene.asset;
     let bytes: u64 = contents.sections.iter().map(|s| s.bytes).sum();
     let mut sections = serde_json::Map::new();
     let mut sums = [0.0; 2];
@@ -202,7 +202,7 @@ fn asset(path: &Path, log: &Log) -> Result<Value> {
     }
     Ok(json!({
         "kind": "asset",
-        "file": path,
+        "file": path_text(path),
         "format": contents.format,
         "quality": contents.quality.map(Quality::name),
         "bytes": bytes,
@@ -238,7 +238,7 @@ fn of_capture(capture: &Capture) -> Value {
         |split| -> Vec<&str> { capture.indices(split).into_iter().map(|v| capture.name(v)).collect() };
     json!({
         "kind": "capture",
-        "path": capture.root,
+        "path": path_text(&capture.root),
         "format": capture.format,
         "views": capture.num_views(),
         "train_views": capture.indices(Split::Train).len(),
@@ -255,13 +255,15 @@ fn of_capture(capture: &Capture) -> Value {
     })
 }
 
-/// Nested names become `a.b`; long lists are counted.
+/// Adds a value to a table: nested names become `a.b`, and long lists a count.
 fn flatten(prefix: &str, value: &Value, table: &mut Table) {
     const SHOWN: usize = 8;
+    const NAME_CHARS: usize = 60;
     match value {
         Value::Object(fields) => {
             for (name, value) in fields {
-                let name = if prefix.is_empty() { name.clone() } else { format!("{prefix}.{name}") };
+                let name = shortened(name, NAME_CHARS);
+                let name = if prefix.is_empty() { name.into_owned() } else { format!("{prefix}.{name}") };
                 flatten(&name, value, table);
             }
         }
@@ -288,6 +290,8 @@ fn flatten(prefix: &str, value: &Value, table: &mut Table) {
     }
 }
 
+/// A value in a cell; names from files may be of any length.
 fn text(value: &Value) -> String {
-    value.as_str().map_or_else(|| value.to_string(), str::to_owned)
+    const SHOWN_CHARS: usize = 200;
+    value.as_str().map_or_else(|| value.to_string(), |text| shortened(text, SHOWN_CHARS).into_owned())
 }

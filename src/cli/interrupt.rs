@@ -1,43 +1,70 @@
-//! Ctrl-C (and termination): the first asks for an orderly end, the second ends at once.
+//! Ctrl-C and termination: the first asks for an orderly end and is answered at once, a later one ends the process.
 
+use super::log::{Log, LogFormat, write_line};
 use litetex_gs::{Error, Result};
+use serde_json::json;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::time::{Duration, Instant};
 
-/// The one that listens: a process has one handler.
+/// A process has one handler.
 static LISTENING: OnceLock<Interrupt> = OnceLock::new();
+
+/// Signals within this time after the answer to the first count as the same request: terminals and wrappers may
+/// deliver Ctrl-C twice.
+const SAME_REQUEST: Duration = Duration::from_millis(500);
 
 /// Whether the user asked to stop.
 #[derive(Clone, Default)]
-pub struct Interrupt(Arc<AtomicBool>);
+pub struct Interrupt(Arc<State>);
+
+#[derive(Default)]
+struct State {
+    requested: AtomicBool,
+    /// What is being done about it, for the answer.
+    doing: Mutex<&'static str>,
+}
+
+/// What a signal leads to.
+#[derive(Debug, PartialEq, Eq)]
+enum Reaction {
+    Stop,
+    Ignore,
+    Abort,
+}
 
 impl Interrupt {
-    /// Takes over Ctrl-C from the system, once.
+    /// Takes over Ctrl-C from the system. `doing` says what happens after the first one, as in "saving the run".
     ///
     /// # Errors
-    /// [`Error::Device`] if the system does not let us.
-    pub fn listen() -> Result<Self> {
-        if let Some(interrupt) = LISTENING.get() {
-            return Ok(interrupt.clone());
+    /// [`Error::Device`] if the system does not allow it.
+    pub fn listen(log: &Log, doing: &'static str) -> Result<Self> {
+        if LISTENING.get().is_none() {
+            let interrupt = Self::default();
+            let (state, format) = (interrupt.clone(), log.format());
+            let mut answered = None;
+            ctrlc::set_handler(move || match reaction(answered, Instant::now()) {
+                Reaction::Stop => {
+                    state.0.requested.store(true, Ordering::SeqCst);
+                    answer(format, *state.0.doing.lock().unwrap_or_else(PoisonError::into_inner));
+                    answered = Some(Instant::now());
+                }
+                Reaction::Ignore => {}
+                Reaction::Abort => std::process::exit(130),
+            })
+            .map_err(|e| Error::Device(format!("cannot listen to Ctrl-C: {e}")))?;
+            LISTENING.get_or_init(|| interrupt);
         }
-        let interrupt = Self::default();
-        let flag = interrupt.clone();
-        ctrlc::set_handler(move || {
-            if flag.0.swap(true, Ordering::SeqCst) {
-                std::process::exit(130);
-            }
-        })
-        .map_err(|e| Error::Device(format!("cannot listen to Ctrl-C: {e}")))?;
-        Ok(LISTENING.get_or_init(|| interrupt).clone())
+        let interrupt = Self::current();
+        *interrupt.0.doing.lock().unwrap_or_else(PoisonError::into_inner) = doing;
+        Ok(interrupt)
     }
 
-    /// The one that listens; one that is never requested if none does.
+    /// The one that listens; if none does, one that is never requested.
     pub fn current() -> Self {
         LISTENING.get().cloned().unwrap_or_default()
     }
 
-    /// Ends what takes long.
-    ///
     /// # Errors
     /// [`Error::Interrupted`] after Ctrl-C.
     pub fn check(&self) -> Result<()> {
@@ -46,12 +73,46 @@ impl Interrupt {
 
     /// Whether Ctrl-C was pressed.
     pub fn is_requested(&self) -> bool {
-        self.0.load(Ordering::SeqCst)
+        self.0.requested.load(Ordering::SeqCst)
     }
 
     /// As if Ctrl-C had been pressed.
     #[cfg(test)]
     pub fn request(&self) {
-        self.0.store(true, Ordering::SeqCst);
+        self.0.requested.store(true, Ordering::SeqCst);
+    }
+}
+
+/// `answered`: when the first signal was answered, if there was one before.
+fn reaction(answered: Option<Instant>, now: Instant) -> Reaction {
+    match answered {
+        None => Reaction::Stop,
+        Some(at) if now.duration_since(at) < SAME_REQUEST => Reaction::Ignore,
+        Some(_) => Reaction::Abort,
+    }
+}
+
+/// Tells the user, even with `--quiet`, that the request was heard.
+fn answer(format: LogFormat, doing: &str) {
+    let message = format!("interrupted: {doing}; press Ctrl-C again to abort");
+    // The terminal has echoed ^C and may show a progress bar.
+    let line = match format {
+        LogFormat::Text => format!("\n{message}"),
+        LogFormat::Json => json!({ "event": "interrupted", "message": message }).to_string(),
+    };
+    write_line(&line);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_a_later_signal_aborts() {
+        let answered = Instant::now();
+        let after = |millis| reaction(Some(answered), answered + Duration::from_millis(millis));
+        assert_eq!(reaction(None, answered), Reaction::Stop);
+        assert_eq!([after(0), after(499)], [Reaction::Ignore, Reaction::Ignore]);
+        assert_eq!([after(500), after(60_000)], [Reaction::Abort, Reaction::Abort]);
     }
 }

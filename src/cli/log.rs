@@ -1,7 +1,8 @@
-//! Messages on standard error, as text or as one JSON object a line. Results belong to standard
-//! output and are none of this module's business.
+//! Messages on standard error, as text or as one JSON object a line. Results belong to standard output, that is to
+//! `table`.
 
 use indicatif::ProgressBar;
+use litetex_gs::text::printable;
 use serde_json::{Value, json};
 use std::cell::RefCell;
 use std::io::Write;
@@ -9,25 +10,30 @@ use std::io::Write;
 /// Form of the messages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum LogFormat {
-    /// Sentences for people
+    /// Sentences
     Text,
     /// One JSON object a line
     Json,
 }
 
-/// Where messages go.
+/// Writer of messages.
 pub struct Log {
     format: LogFormat,
     quiet: bool,
     verbosity: u8,
-    /// A bar that must step aside while a message is written.
+    /// A progress bar that is hidden while a message is written.
     bar: RefCell<Option<ProgressBar>>,
 }
 
 impl Log {
-    /// Messages in one form; quiet leaves errors and warnings.
+    /// A log of messages in one form; `quiet` leaves errors and warnings.
     pub fn new(format: LogFormat, quiet: bool, verbosity: u8) -> Self {
         Self { format, quiet, verbosity, bar: RefCell::new(None) }
+    }
+
+    /// Form of the messages.
+    pub fn format(&self) -> LogFormat {
+        self.format
     }
 
     /// Whether messages are JSON.
@@ -35,47 +41,47 @@ impl Log {
         self.format == LogFormat::Json
     }
 
-    /// Whether only errors and warnings are told.
+    /// Whether only errors and warnings are written.
     pub fn is_quiet(&self) -> bool {
         self.quiet
     }
 
-    /// Lets a bar share the terminal.
+    /// Shares the terminal with a progress bar, or with none any more.
     pub fn attach_bar(&self, bar: Option<ProgressBar>) {
         *self.bar.borrow_mut() = bar;
     }
 
-    /// What went wrong, once, at the end.
+    /// Writes what ended the command.
     pub fn error(&self, message: &str) {
         self.write("error", &format!("error: {message}"), json!({ "message": message }));
     }
 
-    /// What the user should know but does not stop us.
+    /// Writes a problem that does not end the command.
     pub fn warn(&self, code: &str, message: &str, count: usize) {
         let text = format!("warning: {message}");
         self.write("warning", &text, json!({ "code": code, "message": message, "count": count }));
     }
 
-    /// All warnings of a report.
+    /// Writes all warnings of a report.
     pub fn report(&self, report: &litetex_gs::Report) {
         for w in &report.warnings {
             self.warn(&w.code, &w.message, w.count);
         }
     }
 
-    /// What is going on.
+    /// Writes what is going on.
     pub fn info(&self, message: &str) {
         self.event("info", message, json!({ "message": message }));
     }
 
-    /// What is going on in detail (`-v`).
+    /// Writes what is going on in detail (`-v`).
     pub fn detail(&self, message: &str) {
         if self.verbosity > 0 {
             self.info(message);
         }
     }
 
-    /// A typed event: `text` for people, `fields` for machines.
+    /// Writes a typed event: `text` for people, `fields` for machines.
     pub fn event(&self, event: &str, text: &str, fields: Value) {
         if !self.quiet {
             self.write(event, text, fields);
@@ -84,17 +90,22 @@ impl Log {
 
     fn write(&self, event: &str, text: &str, mut fields: Value) {
         let line = match self.format {
-            LogFormat::Text => text.to_owned(),
+            // Errors of parsers have several lines; nothing else may move the cursor.
+            LogFormat::Text => printable(text, &['\n']).into_owned(),
             LogFormat::Json => {
                 fields["event"] = json!(event);
                 fields.to_string()
             }
         };
-        // Standard error may be closed; there is nobody to tell.
-        let print = || drop(writeln!(std::io::stderr(), "{line}"));
+        let print = || write_line(&line);
         match &*self.bar.borrow() {
             Some(bar) => bar.suspend(print),
             None => print(),
         }
     }
+}
+
+/// Writes a line to standard error; if that is closed there is no one to report it to.
+pub fn write_line(line: &str) {
+    let _ = writeln!(std::io::stderr(), "{line}");
 }

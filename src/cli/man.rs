@@ -1,6 +1,7 @@
-//! `litetex man`: manual pages from the same tree as the help.
+//! `litetex man`: manual pages, from the same definitions as the help.
 
-use clap::{Command, CommandFactory};
+use super::outputs;
+use clap::Command;
 use litetex_gs::{Error, atomic_file};
 use std::io::Write;
 use std::path::PathBuf;
@@ -8,26 +9,33 @@ use std::path::PathBuf;
 /// Print the manual page, or write the pages of all commands into a folder
 #[derive(clap::Args)]
 pub struct ManArgs {
-    /// Write litetex.1, litetex-train.1, ... here instead
+    /// Write litetex.1, litetex-train.1 and so on into this folder instead
     #[arg(long, short, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Replace pages that exist
+    #[arg(long, requires = "out")]
+    force: bool,
 }
 
-/// Prints or writes the pages.
-pub fn run(args: &ManArgs) -> anyhow::Result<()> {
-    let mut command = super::Cli::command();
+/// Prints or writes the pages of `command`, the whole program.
+pub fn run(args: &ManArgs, mut command: Command) -> anyhow::Result<()> {
     command.build();
     let Some(folder) = &args.out else {
         std::io::stdout().write_all(&page(command)?)?;
         return Ok(());
     };
-    std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
-    for sub in command.get_subcommands() {
+    let subcommands = command.get_subcommands().map(|sub| {
         let name = format!("litetex-{}", sub.get_name());
-        let sub = sub.clone().name(name.clone());
-        atomic_file::write(&folder.join(format!("{name}.1")), &page(sub)?)?;
+        (folder.join(format!("{name}.1")), sub.clone().name(name))
+    });
+    let pages: Vec<(PathBuf, Command)> =
+        subcommands.chain([(folder.join("litetex.1"), command.clone())]).collect();
+    let files: Vec<PathBuf> = pages.iter().map(|(file, _)| file.clone()).collect();
+    outputs::check_free(&files, args.force)?;
+    std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
+    for (file, command) in pages {
+        atomic_file::write(&file, &page(command)?)?;
     }
-    atomic_file::write(&folder.join("litetex.1"), &page(command)?)?;
     Ok(())
 }
 

@@ -1,5 +1,5 @@
-//! The application layer: arguments to plans, progress, files of a run, exit codes. One file per
-//! subcommand; parsing (what was typed) is separate from meaning (what will be done). No mathematics.
+//! The application layer: arguments, messages, progress, the files of a run, exit codes. One file per subcommand;
+//! arguments (`*_args`, what was typed) are separate from their meaning (what will be done). No mathematics.
 
 mod asset_args;
 mod bench;
@@ -11,20 +11,16 @@ mod colour_by;
 mod compare;
 mod completions;
 mod config_file;
-mod contribution;
 mod device_kit;
 mod devices;
-mod differences;
 mod eval;
+mod evaluations;
 mod export;
 mod forecast;
-mod frozen;
-mod identity;
 mod inspect;
 mod interrupt;
 mod log;
 mod man;
-mod orbit;
 mod outputs;
 mod profile;
 mod progress;
@@ -35,21 +31,24 @@ mod sample;
 mod schedule;
 mod schedule_args;
 mod schedule_chart;
-mod search;
+mod schedule_report;
 mod selftest;
 mod session;
+mod sources;
 mod summary;
 mod table;
 #[cfg(test)]
 mod tests;
 mod train;
 mod train_args;
+mod train_job;
+mod train_summary;
 mod validate;
 mod values;
-mod verdict;
 mod verify;
+mod view_files;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use litetex_gs::Error;
 use log::Log;
 use std::process::ExitCode;
@@ -70,19 +69,19 @@ struct Cli {
     command: Command,
 }
 
-/// What every subcommand understands.
+/// Options of every subcommand.
 #[derive(clap::Args)]
 struct CommonArgs {
-    /// Say only what is wrong
+    /// Print only warnings and errors
     #[arg(long, short, global = true, help_heading = "Messages")]
     quiet: bool,
-    /// Say more; twice: everything
+    /// Print more
     #[arg(long, short, global = true, action = clap::ArgAction::Count, conflicts_with = "quiet", help_heading = "Messages")]
     verbose: u8,
     /// Form of the messages on standard error
     #[arg(long, global = true, value_name = "FORM", default_value = "text", help_heading = "Messages")]
     log_format: log::LogFormat,
-    /// Worker threads [default: one per core]; results do not depend on it
+    /// Number of worker threads, on which results do not depend [default: one per core]
     #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), help_heading = "Device")]
     threads: Option<u16>,
 }
@@ -110,11 +109,24 @@ enum Command {
     Man(man::ManArgs),
 }
 
-/// Parses, runs and answers with the exit code of the error's family.
+/// The program's command line. Options take "-1" as a value, so that their own parsers refuse it with their own words.
+fn command() -> clap::Command {
+    fn take_negative_numbers(command: clap::Command) -> clap::Command {
+        command
+            .mut_args(|arg| match arg.get_action().takes_values() && !arg.is_positional() {
+                true => arg.allow_negative_numbers(true),
+                false => arg,
+            })
+            .mut_subcommands(take_negative_numbers)
+    }
+    take_negative_numbers(Cli::command())
+}
+
+/// Parses the arguments, runs the command and returns the exit code of its error's family.
 pub fn main() -> ExitCode {
-    let cli = match Cli::try_parse() {
+    let cli = match command().try_get_matches().and_then(|matches| Cli::from_arg_matches(&matches)) {
         Ok(cli) => cli,
-        // Help and version are no errors; clap tells them apart and knows the stream.
+        // Help and version arrive here too; clap knows their stream.
         Err(e) => {
             let code = if e.use_stderr() { 2 } else { 0 };
             let _ = e.print();
@@ -126,7 +138,7 @@ pub fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
         Err(error) if exit_code(&error) == 130 => {
-            // The user knows, and was told where to continue.
+            // The command has said where to continue.
             log.detail("interrupted");
             ExitCode::from(130)
         }
@@ -163,17 +175,17 @@ fn run(cli: Cli, log: &Log) -> anyhow::Result<()> {
         Command::Chart(args) => chart::run(&args, log),
         Command::BenchKernels(args) => bench_kernels::run(&args, log),
         Command::Quickstart(args) => quickstart::run(&args, log),
-        Command::Completions(args) => completions::run(&args),
-        Command::Man(args) => man::run(&args),
+        Command::Completions(args) => completions::run(&args, Cli::command()),
+        Command::Man(args) => man::run(&args, Cli::command()),
     }
 }
 
-/// Exit code of the first error of the chain that has one.
+/// Exit code of the first error in the chain that has one; 5 if none has.
 fn exit_code(error: &anyhow::Error) -> u8 {
     error.chain().find_map(|e| e.downcast_ref::<Error>()).map_or(5, Error::exit_code)
 }
 
-/// Whoever reads our output has enough: that is no failure.
+/// Whether the reader closed the pipe, as `head` does, which is not a failure.
 fn is_broken_pipe(error: &anyhow::Error) -> bool {
     error.chain().any(|e| {
         let io = match e.downcast_ref::<Error>() {

@@ -1,15 +1,33 @@
-//! Names of files that are to be written, checked before anything is done.
+//! Checks the names of assets to be written before any work is done.
 
 use super::asset_args::AssetArgs;
 use litetex_exporters::Format;
 use litetex_gs::{Error, Result};
 use std::path::{Path, PathBuf};
 
-/// Refuses what cannot be written. `source` is what the files are made from, if that is a file.
+/// Refuses files that exist, unless they may be replaced, and folders in their place.
 ///
 /// # Errors
-/// [`Error::Unsupported`] for unknown extensions and qualities, [`Error::Usage`] for files that exist, that two outputs
-/// or the source share, and for options without effect, [`Error::Io`] for folders that cannot be written to.
+/// [`Error::Usage`] naming the first of them.
+pub fn check_free(files: &[PathBuf], force: bool) -> Result<()> {
+    if let Some(folder) = files.iter().find(|file| file.is_dir()) {
+        return Err(Error::Usage(format!("{}: is a folder, expected the name of a file", folder.display())));
+    }
+    let taken: Vec<&PathBuf> =
+        files.iter().filter(|file| !force && file.symlink_metadata().is_ok()).collect();
+    let Some(first) = taken.first() else { return Ok(()) };
+    let what = match taken.len() {
+        1 => "exists already; --force replaces it".to_owned(),
+        n => format!("exists already, as do {} more of the files to write; --force replaces them", n - 1),
+    };
+    Err(Error::Usage(format!("{}: {what}", first.display())))
+}
+
+/// Refuses assets that cannot be written. `source` is what they are made from, if that is a file.
+///
+/// # Errors
+/// [`Error::Unsupported`] for unknown extensions and qualities; [`Error::Usage`] for files that exist, files that two
+/// outputs or the source share, and options without effect; [`Error::Io`] for folders that cannot be written to.
 pub fn check(source: Option<&Path>, outputs: &[PathBuf], args: &AssetArgs) -> Result<()> {
     let mut taken: Vec<(PathBuf, &Path)> = source.map(|s| (normal(s), s)).into_iter().collect();
     for path in outputs {
@@ -23,11 +41,8 @@ pub fn check(source: Option<&Path>, outputs: &[PathBuf], args: &AssetArgs) -> Re
         for file in std::iter::once(path.clone()).chain(format.side_files(path, args.mesh)) {
             let name = normal(&file);
             if let Some((_, other)) = taken.iter().find(|(n, _)| *n == name) {
-                let what = format!(
-                    "{} is needed by {} as well; choose another name",
-                    file.display(),
-                    other.display()
-                );
+                let what =
+                    format!("{} belongs to {} as well; choose another name", file.display(), other.display());
                 return refuse(&what);
             }
             if file.exists() && !args.force {
@@ -38,8 +53,14 @@ pub fn check(source: Option<&Path>, outputs: &[PathBuf], args: &AssetArgs) -> Re
         check_folder(path)?;
     }
     let any = |is: fn(Format) -> bool| outputs.iter().filter_map(|p| Format::from_path(p)).any(is);
-    if args.asked_limits().is_some() && !any(|f| f == Format::Ltgs) {
+    if args.rate_goal().own_limits().is_some() && !any(|f| f == Format::Ltgs) {
         return Err(Error::Usage("--max-size and --max-loss shape .ltgs files, and none is written".into()));
+    }
+    if args.quality.is_some() && !any(|f| !f.qualities().is_empty()) {
+        return Err(Error::Usage(
+            "--quality is for glTF, USD and .ltgs files, and none is written: PLY and SPZ have one form each"
+                .into(),
+        ));
     }
     if args.mesh && !any(|f| f.keeps_textures() && f != Format::Ltgs) {
         return Err(Error::Usage("--mesh is for glTF and USD files, and none is written".into()));
@@ -47,7 +68,7 @@ pub fn check(source: Option<&Path>, outputs: &[PathBuf], args: &AssetArgs) -> Re
     Ok(())
 }
 
-/// One spelling for each file, as far as its folder exists.
+/// One spelling for each file whose folder exists.
 fn normal(path: &Path) -> PathBuf {
     let folder = folder_of(path);
     let folder =
@@ -59,7 +80,7 @@ fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|f| !f.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// Whether files can be made where a file is to be, or where its folder is to be.
+/// Checks that files can be created in the folder of a file or, if it does not exist yet, where it will be made.
 fn check_folder(path: &Path) -> Result<()> {
     let folder = folder_of(path);
     let there = folder.ancestors().find(|f| f.exists()).unwrap_or(Path::new("."));
@@ -98,7 +119,7 @@ mod tests {
             let error = fails(source, &outputs, &mesh).unwrap();
             assert!(error.contains("as well"), "{outputs:?}: {error}");
         }
-        // Pages and arrays count, not only what is named.
+        // Sidecar files count, not only the named ones.
         std::fs::write(at("y.bin"), "mine").unwrap();
         std::fs::create_dir(at("y_usda_textures")).unwrap();
         for name in ["y.gltf", "y.usda"] {

@@ -1,5 +1,5 @@
-//! Named sets of defaults. A profile is written over the defaults before anything else that was typed;
-//! what it means is recorded setting by setting in `config.toml`.
+//! Named sets of defaults. A profile replaces the defaults before any other option applies; `config.toml` records its
+//! settings one by one.
 
 use litetex_gs::backend::LossWeights;
 use litetex_gs::frequency::{CapRule, FrequencyOptions};
@@ -7,26 +7,26 @@ use litetex_gs::train::density::{ErrorMeasure, GrowthMoments, Spending, SplitPro
 use litetex_gs::train::{Policy, TrainConfig};
 use serde::{Deserialize, Serialize};
 
-/// A set of defaults.
+/// A named set of defaults.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum Profile {
-    /// What we measured to be best.
+    /// What measured best
     #[default]
     Default,
-    /// Constants and rules as published.
+    /// Constants and rules as published
     Paper,
-    /// The published tables nearer to how the authors' program made them: immediate pruning, warm restarts,
-    /// error mass, generous ceilings. Its crops, interval and first maps are not imitated.
+    /// Closer to the program behind the published tables: immediate pruning, warm restarts, error mass, generous
+    /// ceilings; its crops, interval and initial maps are not imitated
     Authors,
-    /// Content-aware texturing, the method's ancestor.
+    /// Content-aware texturing, the method's ancestor
     Cat,
-    /// Quicker at a little quality.
+    /// Faster, at slightly lower quality
     Fast,
 }
 
 impl Profile {
-    /// Its name on the command line.
+    /// Name on the command line and in files.
     pub fn name(self) -> &'static str {
         match self {
             Self::Default => "default",
@@ -37,7 +37,7 @@ impl Profile {
         }
     }
 
-    /// Writes its settings over `config`: whatever a profile decides is as in the profile afterwards.
+    /// Replaces all settings that profiles decide, so that nothing of another profile is left.
     pub fn apply(self, config: &mut TrainConfig) {
         let TrainConfig { policy, components, density, scheduler, loss, rates, .. } =
             TrainConfig::default();
@@ -91,9 +91,8 @@ impl Profile {
                 };
             }
             Self::Fast => {
-                // Images stay coarse for longer: until 27,000 of the timetable's 30,000 steps. Maps and splats
-                // grow at the same times as ever; only what hangs on the images' size, such as the finest texel,
-                // follows them.
+                // Images stay small for longer: until step 27,000 of the schedule's 30,000. Maps and splats grow at
+                // the same steps as always, except for what depends on the image size, such as the finest texel.
                 config.scheduler.until = 27_000;
             }
         }

@@ -1,5 +1,4 @@
-//! Progress of training on standard error: a bar on a terminal, a plain line every few seconds
-//! elsewhere, JSON if asked for. The only place that knows of indicatif's bars.
+//! Progress of training on standard error: a bar on a terminal, elsewhere a plain line every few seconds, or JSON.
 
 use super::forecast::process_bytes;
 use super::log::Log;
@@ -13,10 +12,10 @@ use std::time::{Duration, Instant};
 const LINE_INTERVAL: Duration = Duration::from_secs(5);
 /// Time between updates of the bar.
 const BAR_INTERVAL: Duration = Duration::from_millis(200);
-/// Weight of the newest loss in the running mean that is shown: the loss differs from view to view.
+/// Weight of the newest loss in the running mean shown: losses differ from view to view.
 const LOSS_SMOOTHING: f64 = 0.05;
 
-/// What is shown of one step.
+/// Figures of one step to show.
 #[derive(Clone, Copy, Debug)]
 pub struct StepFigures {
     pub step: u32,
@@ -33,7 +32,7 @@ pub struct Progress<'a> {
     bar: Option<ProgressBar>,
     steps: u32,
     max_time_secs: Option<f64>,
-    /// Step and training time at the start of this process (a resumed run has earlier ones).
+    /// First step of this process and the training time then; a resumed run has earlier ones.
     origin: Option<(u32, f64)>,
     loss: Option<f64>,
     psnr: Option<f64>,
@@ -56,7 +55,7 @@ impl<'a> Progress<'a> {
         Self { log, bar, steps, max_time_secs, origin: None, loss: None, psnr: None, shown: None }
     }
 
-    /// A step is done.
+    /// Takes in a step and shows it if it is time to.
     pub fn step(&mut self, figures: StepFigures) {
         let smoothed = self.loss.map_or(figures.loss, |old| old + LOSS_SMOOTHING * (figures.loss - old));
         self.loss = Some(smoothed);
@@ -72,7 +71,7 @@ impl<'a> Progress<'a> {
         self.show(&figures, smoothed, rate);
     }
 
-    /// The test views were evaluated.
+    /// Logs an evaluation of the test views.
     pub fn evaluated(&mut self, step: u32, psnr: f64, grad_psnr: f64) {
         self.psnr = Some(psnr);
         self.log.event(
@@ -82,7 +81,7 @@ impl<'a> Progress<'a> {
         );
     }
 
-    /// Takes the bar away.
+    /// Removes the bar.
     pub fn finish(&mut self) {
         self.log.attach_bar(None);
         if let Some(bar) = self.bar.take() {
@@ -98,7 +97,7 @@ impl<'a> Progress<'a> {
             rate.map(|r| if r >= 10.0 { format!("{r:.0} it/s") } else { format!("{r:.2} it/s") }),
             Some(format!("loss {loss:.4}")),
             self.psnr.map(|p| format!("test {p:.2} dB")),
-            Some(format!("{} prims", format_count(f.primitives as u64))),
+            Some(format!("{} splats", format_count(f.primitives as u64))),
             Some(format!("{} texels", format_count(f.texels as u64))),
             memory.map(format_bytes),
             Some(format!("ETA {}", format_duration(eta_secs))),

@@ -1,21 +1,27 @@
-//! `litetex quickstart`: sample, train, evaluate, images, assets; two minutes from nothing to a result.
+//! `litetex quickstart`: from nothing to a trained and exported scene in two minutes.
 
 use super::asset_args::AssetArgs;
 use super::export;
-use super::frozen::Frozen;
 use super::log::Log;
-use super::run_folder::RunFolder;
+use super::run_folder::check_empty;
+use super::sources::load_scene;
 use super::train;
 use super::train_args::{TrainArgs, TrainingArgs};
+use super::train_summary;
 use litetex_gs::sample::{SampleOptions, write_sample};
+use litetex_gs::{Error, Result};
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-/// Formats of the assets.
+/// Name of the sample, its folder and its assets.
+const NAME: &str = "still-life";
+/// Name of the run's folder.
+const RUN: &str = "run";
+/// Formats of the exported assets.
 const EXPORTS: [&str; 4] = ["glb", "ltgs", "usdz", "ply"];
-/// Steps of the schedule: about a minute on two cores at the sample's size (measured: 38 steps a second).
+/// Steps of the training: about a minute on two cores at the sample's size (measured: 38 steps a second).
 const STEPS: u32 = 2_000;
-/// Training time after which it ends early on slow machines.
+/// Training time after which slow machines stop early.
 const MAX_TIME_SECS: f64 = 60.0;
 
 /// Try everything: make a sample capture, train for a minute, evaluate, export
@@ -27,21 +33,18 @@ pub struct QuickstartArgs {
     /// Replace an earlier quickstart
     #[arg(long)]
     force: bool,
-    /// Steps
+    /// Steps of the training
     #[arg(long, value_name = "N", default_value_t = STEPS, value_parser = clap::value_parser!(u32).range(1..))]
     steps: u32,
 }
 
-/// Makes, trains, evaluates, and says what to try next.
+/// Makes the sample, trains, exports, and says what to try next.
 pub fn run(args: &QuickstartArgs, log: &Log) -> anyhow::Result<()> {
-    let capture = args.out.join("still-life");
-    let run = args.out.join("run");
-    RunFolder::check_free(&args.out, args.force)?;
+    let capture = args.out.join(NAME);
+    let run = args.out.join(RUN);
+    check_folder(&args.out, args.force)?;
     log.info(&format!("1/3 making a sample capture in {}", capture.display()));
-    if capture.exists() {
-        // Reached with --force only; the capture is ours.
-        std::fs::remove_dir_all(&capture)?;
-    }
+    // An earlier sample has the same files.
     write_sample(&capture, &SampleOptions::default())?;
     log.info(&format!("2/3 training {} steps, at most {MAX_TIME_SECS:.0} s, on the CPU", args.steps));
     let train_args = TrainArgs {
@@ -58,13 +61,13 @@ pub fn run(args: &QuickstartArgs, log: &Log) -> anyhow::Result<()> {
         ..TrainArgs::default()
     };
     let (summary, _) = train::train_run(&train_args, log)?;
-    train::print(&summary)?;
-    log.info("3/3 writing assets, and rendering each to prove that it is right");
+    train_summary::print(&summary)?;
+    log.info("3/3 writing assets, and rendering each to verify it");
     let asset = AssetArgs { force: args.force, title: Some("Still life".to_owned()), ..AssetArgs::default() };
-    let files = EXPORTS.map(|extension| args.out.join(format!("still-life.{extension}")));
-    let frozen = Frozen::load(&run, log)?;
+    let files = EXPORTS.map(|extension| args.out.join(format!("{NAME}.{extension}")));
+    let (scene, _) = load_scene(&run, log)?;
     println!();
-    export::write_all(frozen, &files, &asset, "cpu", log)?.print()?;
+    export::write_all(scene, &files, &asset, "cpu", log)?.print()?;
     let (capture, run, out_folder) = (capture.display(), run.display(), args.out.display());
     let mut out = std::io::stdout().lock();
     writeln!(
@@ -79,5 +82,23 @@ pub fn run(args: &QuickstartArgs, log: &Log) -> anyhow::Result<()> {
          litetex train <your COLMAP or nerfstudio folder> -o runs/mine --max-resolution 480 --steps 1000",
         summary.steps, summary.steps_planned
     )?;
+    Ok(())
+}
+
+/// Refuses a folder that is not empty, but for one that holds a quickstart and nothing else, with `force`.
+fn check_folder(folder: &Path, force: bool) -> Result<()> {
+    if !force || !folder.is_dir() {
+        return check_empty(folder);
+    }
+    for entry in std::fs::read_dir(folder).map_err(|e| Error::io(folder, e))? {
+        let name = entry.map_err(|e| Error::io(folder, e))?.file_name();
+        if Path::new(&name).file_stem().is_none_or(|stem| stem != NAME && stem != RUN) {
+            return Err(Error::Usage(format!(
+                "{}: the folder is not empty, and {name:?} in it is not of a quickstart that --force could replace; choose \
+                 another folder",
+                folder.display()
+            )));
+        }
+    }
     Ok(())
 }

@@ -1,23 +1,23 @@
-//! `litetex render`: images of a scene from named views, the test views or an orbit.
+//! `litetex render`: images of a scene from a named view, the test views or an orbit.
 
 use super::capture::Capture;
 use super::colour_by::{ColourBy, Coloured};
 use super::devices;
-use super::differences::to_display;
-use super::frozen::Frozen;
 use super::log::Log;
-use super::orbit;
-use super::session::image_name;
+use super::outputs;
+use super::sources::{load_scene, open_photos, render_options};
 use super::table::Table;
 use super::values::{ImageSize, parse_image_size};
-use super::verify::photos;
+use super::view_files::image_name;
 use litetex_exporters::{SplatAsset, Transform};
-use litetex_gs::backend::{RenderOptions, RenderedImage};
-use litetex_gs::bake::{AssetViews, thaw};
-use litetex_gs::camera::Camera;
+use litetex_gs::backend::RenderedImage;
+use litetex_gs::bake::{AssetViews, model_from_asset};
+use litetex_gs::camera::{Camera, orbit};
 use litetex_gs::eval::quantised;
-use litetex_gs::model::AdamState;
+use litetex_gs::model::{AdamState, Model};
 use litetex_gs::image::{Channels, depth_range, grey_from_depth, rgb_from_normal, write_exr, write_png};
+use litetex_gs::text::quoted;
+use litetex_gs::verify::to_display;
 use litetex_gs::views::{Split, ViewSource};
 use litetex_gs::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -33,31 +33,34 @@ pub struct RenderArgs {
     /// Folder of a run, a checkpoint, or an asset
     #[arg(value_name = "RUN|CHECKPOINT|ASSET")]
     source: PathBuf,
-    /// The view with this image name
+    /// Render the view of the photo with this name
     #[arg(long, value_name = "NAME", group = "which")]
     view: Option<String>,
-    /// All test views
+    /// Render all test views
     #[arg(long, group = "which")]
     test: bool,
-    /// N views on a circle around what the cameras look at
+    /// Render N views on a circle around what the cameras look at
     #[arg(long, value_name = "N", group = "which", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     orbit: Option<u32>,
-    /// Folder to write into; existing images of the same name are replaced
+    /// Folder to write into
     #[arg(long, short, value_name = "DIR")]
     out: PathBuf,
+    /// Replace files of the same names
+    #[arg(long)]
+    force: bool,
     /// What to render
     #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "colour")]
     what: Vec<What>,
-    /// Colour each splat by what it is made of, with a legend, instead of what it shows
+    /// Colour each splat by a property of its map, with a legend, instead of its appearance
     #[arg(long, value_name = "WHAT", visible_alias = "color-by", conflicts_with = "exr")]
     colour_by: Option<ColourBy>,
     /// Size: WIDTHxHEIGHT or the longer side [default: as trained]
     #[arg(long, value_name = "SIZE", value_parser = parse_image_size)]
     size: Option<ImageSize>,
-    /// 32-bit float EXR instead of PNG
+    /// Write EXR in 32-bit float instead of PNG
     #[arg(long)]
     exr: bool,
-    /// Take the views of this capture instead of those that the scene carries
+    /// Use the views of this capture instead of the scene's own
     #[arg(long, value_name = "DIR")]
     capture: Option<PathBuf>,
     /// Where to compute
@@ -80,7 +83,7 @@ enum What {
 }
 
 impl What {
-    /// Inserted before the extension; colour is the image itself, unless it tells something else.
+    /// Inserted before the extension; empty for the colours of the scene itself.
     fn suffix(self, colour_by: Option<ColourBy>) -> String {
         match self {
             Self::Colour => colour_by.map_or(String::new(), |by| format!(".{}", by.name())),
@@ -98,107 +101,146 @@ pub fn run(args: &RenderArgs, log: &Log) -> anyhow::Result<()> {
     }
     if let Some(by) = args.colour_by.filter(|_| !args.what.contains(&What::Colour)) {
         return Err(Error::Usage(format!(
-            "--colour-by {}: only colours can tell it, and --what leaves them out; add colour to --what, or leave \
+            "--colour-by {}: only colours can show it, and --what leaves them out; add colour to --what, or leave \
              --colour-by out",
             by.name()
         ))
         .into());
     }
-    let mut frozen = Frozen::load(&args.source, log)?;
-    let of_capture = args.capture.as_deref().map(|folder| photos(&frozen, Some(folder), log)).transpose()?;
-    let views: Box<dyn ViewSource> = match of_capture.flatten() {
+    let (mut scene, trained) = load_scene(&args.source, log)?;
+    let of_capture = match &args.capture {
+        Some(folder) => open_photos(&scene, trained.as_ref(), Some(folder), log)?,
+        None => None,
+    };
+    let views: Box<dyn ViewSource> = match of_capture {
         Some(capture) => {
-            move_to(&mut frozen.asset, &capture);
+            move_to(&mut scene.asset, &capture);
             Box::new(capture)
         }
-        None => Box::new(AssetViews(frozen.asset.cameras.clone())),
+        None => Box::new(AssetViews(scene.asset.cameras.clone())),
     };
     let jobs = jobs(args, views.as_ref())?;
+    let legend = args.colour_by.and_then(|by| by.legend_path(&args.out));
+    let files: Vec<PathBuf> = jobs.iter().flat_map(|job| job.files.clone()).chain(legend).collect();
+    outputs::check_free(&files, args.force)?;
     let train_views = views.indices(Split::Train);
     let cameras: Vec<Camera> = train_views.iter().map(|&view| views.camera(view)).collect();
-    let whole = thaw(&frozen.asset);
-    let coloured = args.colour_by.map(|by| Coloured::new(by, &whole, &cameras));
-    let model = coloured.as_ref().map_or(&whole, |coloured| &coloured.model);
-    let mut backend = devices::open(&args.device, log)?;
-    backend.upload(model, &AdamState::zeros(model))?;
-    let geometry = args.what.iter().any(|w| matches!(w, What::Depth | What::Normal));
-    let options =
-        RenderOptions { background: frozen.asset.background, sh_degree: model.splats.sh_degree, geometry };
-    let to_capture = frozen.asset.capture_from_local.scale as f32;
-    let mut written = 0;
-    for (name, camera) in &jobs {
-        let camera = sized(camera, args.size);
-        let mut image = backend.render(&camera, &options)?;
-        to_display(&mut image, frozen.asset.colour_space);
-        for what in &args.what {
-            let path = place(&args.out, name, &what.suffix(args.colour_by), args.exr)?;
-            if args.exr {
-                write_values(&path, &image, *what, to_capture)?;
-            } else {
-                write_image(&path, &image, *what)?;
-            }
-            log.detail(&format!("wrote {}", path.display()));
-            written += 1;
-        }
-    }
+    let model = model_from_asset(&scene.asset);
+    let coloured = args.colour_by.map(|by| Coloured::new(by, &model, &cameras));
+    let model = coloured.as_ref().map_or(&model, |coloured| &coloured.model);
+    let written = render_all(args, &jobs, &scene.asset, model, log)?;
     let mut table = Table::default();
-    table.row("scene", frozen.path.display());
+    table.row("scene", scene.path.display());
     table.row("images", format!("{written} in {}", args.out.display()));
     if let Some(coloured) = &coloured {
         if let Some(path) = coloured.write_legend(&args.out)? {
             table.row("legend", path.display());
         }
-        coloured.tell(&mut table);
+        coloured.add_rows(&mut table);
     }
     Ok(table.print()?)
 }
 
-/// Moves a scene to the frame that a capture's cameras stand in: that of a format without frames is the capture's own.
+/// Renders and writes the images; returns how many.
+fn render_all(
+    args: &RenderArgs,
+    jobs: &[Job],
+    asset: &SplatAsset,
+    model: &Model,
+    log: &Log,
+) -> Result<usize> {
+    let mut backend = devices::open(&args.device, log)?;
+    backend.upload(model, &AdamState::zeros(model))?;
+    let geometry = args.what.iter().any(|w| matches!(w, What::Depth | What::Normal));
+    let options = render_options(model, asset.background, geometry);
+    let capture_from_local_scale = asset.capture_from_local.scale as f32;
+    let mut written = 0;
+    for job in jobs {
+        let mut image = backend.render(&job.camera, &options)?;
+        to_display(&mut image, asset.colour_space);
+        for (what, path) in args.what.iter().zip(&job.files) {
+            if let Some(folder) = path.parent() {
+                std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
+            }
+            if args.exr {
+                write_values(path, &image, *what, capture_from_local_scale)?;
+            } else {
+                write_image(path, &image, *what)?;
+            }
+            log.detail(&format!("wrote {}", path.display()));
+            written += 1;
+        }
+    }
+    Ok(written)
+}
+
+/// Moves a scene into the local frame of a capture's cameras. Formats without cameras carry no near distance either.
 fn move_to(asset: &mut SplatAsset, capture: &Capture) {
     let frame = capture.capture_from_local;
     let frame = Transform::scaled_and_moved(frame.scale, frame.translation.to_array());
-    let knows_near = !asset.cameras.is_empty();
+    let has_near = !asset.cameras.is_empty();
     *asset = asset.in_frame(&frame);
-    if !knows_near {
+    if !has_near {
         asset.near = capture.near;
     }
 }
 
-fn jobs(args: &RenderArgs, capture: &dyn ViewSource) -> Result<Vec<(PathBuf, Camera)>> {
-    if capture.num_views() == 0 {
+/// A view to render.
+struct Job {
+    camera: Camera,
+    /// A file for each of `--what`.
+    files: Vec<PathBuf>,
+}
+
+impl Job {
+    fn new(args: &RenderArgs, name: &Path, camera: &Camera) -> Self {
+        let extension = if args.exr { "exr" } else { "png" };
+        let stem = name.with_extension("");
+        let file = |what: &What| {
+            args.out.join(format!("{}{}.{extension}", stem.display(), what.suffix(args.colour_by)))
+        };
+        Self { camera: sized(camera, args.size), files: args.what.iter().map(file).collect() }
+    }
+}
+
+/// The views that were asked for.
+fn jobs(args: &RenderArgs, views: &dyn ViewSource) -> Result<Vec<Job>> {
+    if views.num_views() == 0 {
         return Err(Error::Usage(format!(
             "{}: carries no cameras; name a capture with --capture",
             args.source.display()
         )));
     }
-    let of_view = |v: usize| (image_name(capture, v), capture.camera(v));
+    let of_view = |v: usize| Job::new(args, &image_name(views, v), &views.camera(v));
+    let mut all = 0..views.num_views();
     if let Some(name) = &args.view {
-        let all = 0..capture.num_views();
-        return match all.clone().find(|&v| capture.name(v) == name) {
+        return match all.clone().find(|&v| views.name(v) == name) {
             Some(view) => Ok(vec![of_view(view)]),
             None => {
-                let some: Vec<&str> = all.take(5).map(|v| capture.name(v)).collect();
+                let some: Vec<String> = all.by_ref().take(5).map(|v| quoted(views.name(v))).collect();
                 Err(Error::Usage(format!(
-                    "--view {name:?}: no such view among {}, for example {}",
-                    capture.num_views(),
+                    "--view {}: no such view among {}, for example {}",
+                    quoted(name),
+                    views.num_views(),
                     some.join(", ")
                 )))
             }
         };
     }
     if let Some(count) = args.orbit {
-        let cameras: Vec<Camera> = (0..capture.num_views()).map(|v| capture.camera(v)).collect();
-        let orbit = orbit::cameras(&cameras, count)?;
-        let named = |(i, camera)| (PathBuf::from(format!("orbit-{i:04}.png")), camera);
+        let cameras: Vec<Camera> = all.map(|v| views.camera(v)).collect();
+        let orbit = orbit(&cameras, count);
+        let named = |(i, camera)| Job::new(args, Path::new(&format!("orbit-{i:04}.png")), &camera);
         return Ok(orbit.into_iter().enumerate().map(named).collect());
     }
-    let test: Vec<_> = capture.indices(Split::Test).into_iter().map(of_view).collect();
+    let test: Vec<_> = views.indices(Split::Test).into_iter().map(of_view).collect();
     if test.is_empty() {
         return Err(Error::Usage("--test: the scene has no test views".to_owned()));
     }
     Ok(test)
 }
 
+/// The camera at the size that was asked for.
 fn sized(camera: &Camera, size: Option<ImageSize>) -> Camera {
     let p = camera.pinhole;
     match size {
@@ -210,16 +252,6 @@ fn sized(camera: &Camera, size: Option<ImageSize>) -> Camera {
             camera.resized(side(p.width_px), side(p.height_px))
         }
     }
-}
-
-fn place(out: &Path, name: &Path, suffix: &str, exr: bool) -> Result<PathBuf> {
-    let extension = if exr { "exr" } else { "png" };
-    let stem = name.with_extension("");
-    let path = out.join(format!("{}{}.{extension}", stem.display(), suffix));
-    if let Some(folder) = path.parent() {
-        std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
-    }
-    Ok(path)
 }
 
 fn write_image(path: &Path, image: &RenderedImage, what: What) -> Result<()> {

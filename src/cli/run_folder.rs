@@ -1,98 +1,131 @@
-//! The folder of a run: which file lies where, who may write into it, and evaluations that appear
-//! whole or not at all. What the files say is written elsewhere.
+//! The folder of a run: which file lies where, who may write into it and what may be deleted. What the files say is
+//! written elsewhere.
 
+use super::evaluations::{
+    StagedFolder, entries, entries_or_none, name_of, remove, remove_evaluation, remove_if_empty,
+    remove_staged,
+};
 use litetex_gs::{Error, Result};
-use std::fs;
+use std::fs::{self, File, TryLockError};
 use std::path::{Path, PathBuf};
 
-/// What a run writes; `--force` removes these and nothing else.
-const OURS: [&str; 5] = ["config.toml", "metrics.jsonl", "summary.json", "checkpoints", "eval"];
+/// Files that a run writes beside the folders of its checkpoints and evaluations.
+const FILES: [&str; 3] = ["config.toml", "metrics.jsonl", "summary.json"];
+const CHECKPOINTS: &str = "checkpoints";
+const EVALUATIONS: &str = "eval";
+/// The file that a training keeps locked. The lock ends with the process; the file stays and does no harm.
+const LOCK: &str = ".litetex-train.lock";
 
-/// The folder of a run.
-#[derive(Clone, Debug)]
+/// The folder of a run, locked against other trainings until it is dropped.
+#[derive(Debug)]
 pub struct RunFolder {
     root: PathBuf,
+    _lock: RunLock,
+}
+
+/// Keeps other trainings out of a folder until it is dropped or the process ends.
+#[derive(Debug)]
+pub struct RunLock(#[expect(dead_code, reason = "holds the lock")] File);
+
+impl RunLock {
+    /// Locks a folder that exists.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if another training holds the lock, [`Error::Io`].
+    pub fn take(root: &Path) -> Result<Self> {
+        let path = root.join(LOCK);
+        let file = File::options().write(true).create(true).truncate(false).open(&path);
+        let file = file.map_err(|e| Error::io(&path, e))?;
+        match file.try_lock() {
+            Err(TryLockError::WouldBlock) => Err(Error::Usage(format!(
+                "{}: another training is writing into this folder; wait until it ends, or choose another folder with \
+                 --out",
+                root.display()
+            ))),
+            // Not every file system has locks; two trainings in one folder are the user's risk there.
+            Ok(()) | Err(TryLockError::Error(_)) => Ok(Self(file)),
+        }
+    }
 }
 
 impl RunFolder {
-    /// Refuses a folder that holds something, unless it may be replaced. Touches nothing.
+    /// Refuses a folder that a new run may not use. Changes nothing.
     ///
     /// # Errors
-    /// [`Error::Usage`] if the folder is not empty, [`Error::Io`].
+    /// [`Error::Usage`] for a folder that is not empty, unless it holds a run and `force` is set; [`Error::Io`].
     pub fn check_free(root: &Path, force: bool) -> Result<()> {
-        if root.is_file() {
-            return Err(Error::Usage(format!("{}: is a file, not a folder", root.display())));
-        }
-        if force || !root.exists() || entries(root)?.is_empty() {
+        if is_empty_or_missing(root)? {
             return Ok(());
         }
-        Err(Error::Usage(format!(
-            "{}: the output folder is not empty; --force replaces the run in it, --resume continues it",
-            root.display()
-        )))
+        let refuse = |what: &str| Err(Error::Usage(format!("{}: {what}", root.display())));
+        match (is_run(root), force) {
+            (true, true) => Ok(()),
+            (true, false) => refuse(
+                "the folder is not empty, it holds a run; --force replaces that run, --resume continues it",
+            ),
+            (false, true) => refuse(
+                "the folder is not empty, and what it holds is no run that --force could replace; choose another \
+                 folder",
+            ),
+            (false, false) => refuse("the folder is not empty; choose another"),
+        }
     }
 
-    /// Makes the folder and, with `force`, removes an earlier run's files.
+    /// Makes the folder of a new run and, with `force`, deletes the files of the run in it.
     ///
     /// # Errors
-    /// As [`RunFolder::check_free`].
+    /// As [`RunFolder::check_free`] and [`RunLock::take`].
     pub fn create(root: &Path, force: bool) -> Result<Self> {
         Self::check_free(root, force)?;
-        let folder = Self::reopen(root)?;
-        for name in OURS {
-            remove(&root.join(name))?;
-        }
+        fs::create_dir_all(root).map_err(|e| Error::io(root, e))?;
+        let lock = RunLock::take(root)?;
+        // Another training may have begun between the first check and the lock.
+        Self::check_free(root, force)?;
+        let folder = Self::reopen(root, lock)?;
+        folder.delete_run()?;
         Ok(folder)
     }
 
-    /// An existing folder, to be continued.
+    /// The folder of a run that is continued; leftovers of an interrupted evaluation are deleted.
     ///
     /// # Errors
     /// [`Error::Io`].
-    pub fn reopen(root: &Path) -> Result<Self> {
-        fs::create_dir_all(root).map_err(|e| Error::io(root, e))?;
-        let folder = Self { root: root.to_owned() };
-        // What an interrupted evaluation left behind.
-        for entry in entries(&folder.root.join("eval")).unwrap_or_default() {
-            let name = entry.file_name().unwrap_or_default().to_string_lossy().into_owned();
-            if name.starts_with('.') && name.ends_with(".part") {
-                remove(&entry)?;
-            }
-        }
+    pub fn reopen(root: &Path, lock: RunLock) -> Result<Self> {
+        let folder = Self { root: root.to_owned(), _lock: lock };
+        remove_staged(&folder.root.join(EVALUATIONS))?;
         Ok(folder)
     }
 
-    /// The folder.
     pub fn root(&self) -> &Path {
         &self.root
     }
 
-    /// Resolved settings.
+    /// Path of the resolved settings.
     pub fn config(&self) -> PathBuf {
         self.root.join("config.toml")
     }
 
-    /// Events, one JSON object a line.
+    /// Path of the events, one JSON object a line.
     pub fn metrics(&self) -> PathBuf {
         self.root.join("metrics.jsonl")
     }
 
-    /// Result.
+    /// Path of the result.
     pub fn summary(&self) -> PathBuf {
         self.root.join("summary.json")
     }
 
-    /// Images and figures of the evaluation after `step`.
+    /// Folder with the images and figures of the evaluation after `step`.
     pub fn eval(&self, step: u32) -> PathBuf {
-        self.root.join("eval").join(format!("{step:06}"))
+        self.root.join(EVALUATIONS).join(format!("{step:06}"))
     }
 
-    /// Checkpoint after `step`; its folder is made.
+    /// Path of the checkpoint after `step`; its folder is made.
     ///
     /// # Errors
     /// [`Error::Io`].
     pub fn checkpoint(&self, step: u32) -> Result<PathBuf> {
-        let folder = self.root.join("checkpoints");
+        let folder = self.root.join(CHECKPOINTS);
         fs::create_dir_all(&folder).map_err(|e| Error::io(&folder, e))?;
         Ok(folder.join(format!("step-{step:06}.safetensors")))
     }
@@ -102,86 +135,89 @@ impl RunFolder {
     /// # Errors
     /// [`Error::Io`].
     pub fn stage_eval(&self, step: u32) -> Result<StagedFolder> {
-        let staging = self.root.join("eval").join(format!(".{step:06}.part"));
-        remove(&staging)?;
-        fs::create_dir_all(&staging).map_err(|e| Error::io(&staging, e))?;
-        Ok(StagedFolder { staging: Some(staging), target: self.eval(step) })
+        StagedFolder::new(self.eval(step))
     }
 
-    /// Removes checkpoints, their histories and evaluations of later steps.
+    /// Deletes the checkpoints, their histories and the evaluations of later steps.
     ///
     /// # Errors
     /// [`Error::Io`].
     pub fn remove_after(&self, step: u32) -> Result<()> {
-        let folder = self.root.join("checkpoints");
-        for entry in entries_or_none(&folder)? {
-            if step_of(&entry, ".safetensors").or(step_of(&entry, ".history.json")).is_some_and(|s| s > step)
-            {
+        for entry in entries_or_none(&self.root.join(CHECKPOINTS))? {
+            if step_of_checkpoint_file(&entry).is_some_and(|s| s > step) {
                 remove(&entry)?;
             }
         }
-        for entry in entries_or_none(&self.root.join("eval"))? {
-            let name = entry.file_name().unwrap_or_default().to_str();
-            if name.and_then(|n| n.parse().ok()).is_some_and(|s: u32| s > step) {
-                remove(&entry)?;
+        for entry in entries_or_none(&self.root.join(EVALUATIONS))? {
+            if step_of_evaluation(&entry).is_some_and(|s| s > step) {
+                remove_evaluation(&entry, true)?;
             }
         }
         Ok(())
     }
 
-    /// Removes the images of an evaluation; its table stays.
+    /// Deletes the images of an evaluation; its table stays.
     ///
     /// # Errors
     /// [`Error::Io`].
     pub fn drop_images(&self, step: u32) -> Result<()> {
-        for entry in entries(&self.eval(step)).unwrap_or_default() {
-            if entry.extension().is_none_or(|e| e != "csv") {
+        remove_evaluation(&self.eval(step), false)
+    }
+
+    /// Deletes what a run has written. Anything else stays, and with it the folders that hold it.
+    fn delete_run(&self) -> Result<()> {
+        for name in FILES {
+            remove(&self.root.join(name))?;
+        }
+        let checkpoints = self.root.join(CHECKPOINTS);
+        for entry in entries_or_none(&checkpoints)? {
+            let is_leftover =
+                name_of(&entry).is_some_and(|n| n.starts_with(".step-") && n.ends_with(".part"));
+            if is_leftover || step_of_checkpoint_file(&entry).is_some() {
                 remove(&entry)?;
             }
         }
-        Ok(())
-    }
-}
-
-/// A folder under construction; dropped without [`StagedFolder::publish`] it vanishes.
-pub struct StagedFolder {
-    staging: Option<PathBuf>,
-    target: PathBuf,
-}
-
-impl StagedFolder {
-    /// Where to write now.
-    pub fn path(&self) -> &Path {
-        self.staging.as_deref().unwrap_or(&self.target)
-    }
-
-    /// Puts the folder in its place, instead of whatever was there.
-    ///
-    /// # Errors
-    /// [`Error::Io`].
-    pub fn publish(mut self) -> Result<PathBuf> {
-        if let Some(staging) = self.staging.take() {
-            let moved = remove(&self.target)
-                .and_then(|()| fs::rename(&staging, &self.target).map_err(|e| Error::io(&self.target, e)));
-            if let Err(e) = moved {
-                self.staging = Some(staging);
-                return Err(e);
+        let evaluations = self.root.join(EVALUATIONS);
+        for entry in entries_or_none(&evaluations)? {
+            if step_of_evaluation(&entry).is_some() {
+                remove_evaluation(&entry, true)?;
             }
         }
-        Ok(self.target.clone())
+        remove_if_empty(&checkpoints)?;
+        remove_if_empty(&evaluations)
     }
 }
 
-impl Drop for StagedFolder {
-    fn drop(&mut self) {
-        if let Some(staging) = &self.staging {
-            // Nobody is left to tell; the next run cleans up again.
-            let _ = fs::remove_dir_all(staging);
-        }
+/// Refuses a folder that holds something, for commands that fill an empty one. Changes nothing.
+///
+/// # Errors
+/// [`Error::Usage`], [`Error::Io`].
+pub fn check_empty(folder: &Path) -> Result<()> {
+    if is_empty_or_missing(folder)? {
+        return Ok(());
     }
+    Err(Error::Usage(format!("{}: the folder is not empty; choose another", folder.display())))
 }
 
-/// The checkpoint that is meant by a file, or the last one of a run's folder.
+/// Whether a folder does not exist or holds nothing but the file of a lock.
+fn is_empty_or_missing(folder: &Path) -> Result<bool> {
+    if !folder.exists() {
+        return Ok(true);
+    }
+    if !folder.is_dir() {
+        return Err(Error::Usage(format!("{}: is a file, expected a folder", folder.display())));
+    }
+    Ok(entries(folder)?.iter().all(|entry| name_of(entry) == Some(LOCK)))
+}
+
+/// Whether a run has written into a folder: the first thing it writes are its settings, with the version.
+pub fn is_run(folder: &Path) -> bool {
+    let settings = fs::read_to_string(folder.join("config.toml")).ok();
+    let settings = settings.and_then(|text| text.parse::<toml::Table>().ok());
+    settings.is_some_and(|table| table.contains_key("version") && table.contains_key("train"))
+}
+
+/// The checkpoint that a file is, or the last one in the folder of a run.
 ///
 /// # Errors
 /// [`Error::InvalidInput`] if there is none, [`Error::Io`].
@@ -205,78 +241,112 @@ pub fn checkpoints_after(run: &Path, step: u32) -> Result<Vec<PathBuf>> {
     Ok(checkpoints(run)?.into_iter().filter(|(s, _)| *s > step).map(|(_, file)| file).collect())
 }
 
-/// Checkpoints of a run by step.
+/// Checkpoints of a run with their steps, in order.
 fn checkpoints(run: &Path) -> Result<Vec<(u32, PathBuf)>> {
-    let all = entries_or_none(&run.join("checkpoints"))?.into_iter();
+    let all = entries_or_none(&run.join(CHECKPOINTS))?.into_iter();
     let mut found: Vec<_> = all.filter_map(|p| Some((step_of(&p, ".safetensors")?, p))).collect();
     found.sort();
     Ok(found)
 }
 
-fn step_of(path: &Path, suffix: &str) -> Option<u32> {
-    path.file_name()?.to_str()?.strip_prefix("step-")?.strip_suffix(suffix)?.parse().ok()
-}
-
-fn entries_or_none(folder: &Path) -> Result<Vec<PathBuf>> {
-    if folder.is_dir() { entries(folder) } else { Ok(Vec::new()) }
-}
-
 /// The run's folder that a checkpoint lies in, if it does.
 pub fn run_of_checkpoint(checkpoint: &Path) -> Option<&Path> {
     let folder = checkpoint.parent()?;
-    (folder.file_name()? == "checkpoints").then(|| folder.parent())?
+    (folder.file_name()? == CHECKPOINTS).then(|| folder.parent())?
 }
 
-fn entries(folder: &Path) -> Result<Vec<PathBuf>> {
-    fs::read_dir(folder)
-        .and_then(|all| all.map(|entry| entry.map(|e| e.path())).collect())
-        .map_err(|e| Error::io(folder, e))
+/// The step of a checkpoint or of its history.
+fn step_of_checkpoint_file(path: &Path) -> Option<u32> {
+    step_of(path, ".safetensors").or_else(|| step_of(path, ".history.json"))
 }
 
-fn remove(path: &Path) -> Result<()> {
-    let removed = match fs::symlink_metadata(path) {
-        Ok(meta) if meta.is_dir() => fs::remove_dir_all(path),
-        Ok(_) => fs::remove_file(path),
-        Err(_) => Ok(()),
-    };
-    removed.map_err(|e| Error::io(path, e))
+fn step_of(path: &Path, suffix: &str) -> Option<u32> {
+    name_of(path)?.strip_prefix("step-")?.strip_suffix(suffix)?.parse().ok()
+}
+
+/// The step of a folder with an evaluation.
+fn step_of_evaluation(path: &Path) -> Option<u32> {
+    name_of(path).filter(|name| name.len() >= 6 && path.is_dir())?.parse().ok()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    #[test]
-    fn a_foreign_folder_is_refused_and_force_removes_only_a_run() {
+    /// A folder with files of these names.
+    fn folder_with(names: &[&str]) -> tempfile::TempDir {
         let dir = tempfile::tempdir().unwrap();
-        RunFolder::create(dir.path(), false).unwrap();
-        fs::write(dir.path().join("thesis.doc"), "years").unwrap();
-        fs::write(dir.path().join("summary.json"), "{}").unwrap();
-        let error = RunFolder::create(dir.path(), false).unwrap_err();
-        assert_eq!(error.exit_code(), 2);
-        assert!(error.to_string().contains("--force"), "{error}");
-        RunFolder::create(dir.path(), true).unwrap();
-        assert!(dir.path().join("thesis.doc").exists());
-        assert!(!dir.path().join("summary.json").exists());
+        for name in names {
+            let path = dir.path().join(name);
+            fs::create_dir_all(path.parent().unwrap()).unwrap();
+            let settings = "version = \"0.1.0\"\n[train]\n";
+            fs::write(path, if *name == "config.toml" { settings } else { "x" }).unwrap();
+        }
+        dir
+    }
+
+    fn files_below(folder: &Path) -> Vec<String> {
+        let mut found = Vec::new();
+        for entry in entries(folder).unwrap() {
+            let name = name_of(&entry).unwrap().to_owned();
+            match entry.is_dir() {
+                true => found.extend(files_below(&entry).into_iter().map(|n| format!("{name}/{n}"))),
+                false => found.push(name),
+            }
+        }
+        found.sort();
+        found
     }
 
     #[test]
-    fn evaluations_appear_whole_or_not_at_all() {
-        let dir = tempfile::tempdir().unwrap();
-        let run = RunFolder::create(dir.path(), false).unwrap();
-        let staged = run.stage_eval(300).unwrap();
-        fs::write(staged.path().join("a.png"), "x").unwrap();
-        drop(staged);
-        assert!(entries(&dir.path().join("eval")).unwrap().is_empty());
-        for content in ["first", "second"] {
-            let staged = run.stage_eval(300).unwrap();
-            fs::write(staged.path().join("a.png"), content).unwrap();
-            fs::write(staged.path().join("per_view.csv"), content).unwrap();
-            assert_eq!(staged.publish().unwrap(), dir.path().join("eval/000300"));
+    fn force_replaces_a_run_and_nothing_else() {
+        let foreign = ["checkpoints/best.pt", "eval/notes.txt", "summary.json"];
+        let dir = folder_with(&foreign);
+        for force in [false, true] {
+            let error = RunFolder::create(dir.path(), force).unwrap_err();
+            assert!(error.exit_code() == 2 && error.to_string().contains("not empty"), "{error}");
         }
-        assert_eq!(fs::read_to_string(run.eval(300).join("a.png")).unwrap(), "second");
-        run.drop_images(300).unwrap();
-        assert_eq!(entries(&run.eval(300)).unwrap().len(), 1);
+        assert_eq!(files_below(dir.path()), foreign);
+
+        let dir = folder_with(&[
+            "config.toml",
+            "metrics.jsonl",
+            "summary.json",
+            "checkpoints/step-000010.safetensors",
+            "checkpoints/step-000010.history.json",
+            "checkpoints/.step-000020.safetensors.7.part",
+            "checkpoints/step-final.safetensors",
+            "eval/000010/a/0001.png",
+            "eval/000010/error/0001.png",
+            "eval/000010/per_view.csv",
+            "eval/000010/notes.txt",
+            "eval/2024/trip.png",
+            "thesis.doc",
+        ]);
+        let error = RunFolder::create(dir.path(), false).unwrap_err();
+        assert!(error.exit_code() == 2 && error.to_string().contains("--force"), "{error}");
+        drop(RunFolder::create(dir.path(), true).unwrap());
+        let left = [
+            LOCK,
+            "checkpoints/step-final.safetensors",
+            "eval/000010/notes.txt",
+            "eval/2024/trip.png",
+            "thesis.doc",
+        ];
+        assert_eq!(files_below(dir.path()), left);
+    }
+
+    #[test]
+    fn a_folder_is_locked_as_long_as_a_run_uses_it() {
+        let dir = tempfile::tempdir().unwrap();
+        let first = RunFolder::create(dir.path(), false).unwrap();
+        let error = RunFolder::create(dir.path(), true).unwrap_err();
+        let named = error.to_string().contains(&dir.path().display().to_string());
+        assert!(error.exit_code() == 2 && named, "{error}");
+        drop(first);
+        // The file is still there.
+        assert_eq!(files_below(dir.path()), [LOCK]);
+        RunFolder::create(dir.path(), false).unwrap();
     }
 
     #[test]

@@ -1,23 +1,23 @@
-//! `litetex sample`: writes the procedural capture.
+//! `litetex sample`: writes a synthetic capture.
 
 use super::log::Log;
-use super::run_folder::RunFolder;
+use super::run_folder::check_empty;
 use super::table::Table;
 use litetex_gs::sample::{SampleOptions, write_sample};
 use std::path::PathBuf;
 
 /// Make a small synthetic capture to try things with
 ///
-/// A ray-cast still life with rich texture in COLMAP layout: images, exact poses, sparse points, and the
-/// truth (depths) beside them. Same options, same bytes.
+/// A ray-cast still life with rich texture in COLMAP layout: photos, exact poses, sparse points, and the true depths
+/// beside them. The same options give the same bytes.
 #[derive(clap::Args)]
 pub struct SampleArgs {
     /// Folder to write into; must be empty
     dir: PathBuf,
-    /// Number of images
+    /// Number of photos
     #[arg(long, value_name = "N", default_value_t = SampleOptions::default().views)]
     views: usize,
-    /// Width and height of the images
+    /// Width and height of the photos
     #[arg(long, value_name = "WxH", value_parser = super::values::parse_image_size, default_value = "320x240")]
     size: super::values::ImageSize,
     /// Number of sparse points
@@ -29,19 +29,19 @@ pub struct SampleArgs {
     /// Also write the sparse model as text
     #[arg(long)]
     text: bool,
-    /// Leave out depths and scene description
+    /// Leave out the depths and the description of the scene
     #[arg(long)]
     no_truth: bool,
 }
 
-/// Writes the capture and prints what it holds.
+/// Writes the capture and prints its figures.
 pub fn run(args: &SampleArgs, log: &Log) -> anyhow::Result<()> {
     use super::values::ImageSize;
     let (width_px, height_px) = match args.size {
         ImageSize::Exact(w, h) => (w, h),
         ImageSize::Longer(w) => (w, (w * 3 / 4).max(1)),
     };
-    RunFolder::check_free(&args.dir, false)?;
+    check_empty(&args.dir)?;
     let options = SampleOptions {
         views: args.views,
         width_px,
@@ -52,11 +52,11 @@ pub fn run(args: &SampleArgs, log: &Log) -> anyhow::Result<()> {
         truth: !args.no_truth,
         ..SampleOptions::default()
     };
-    log.info(&format!("casting {} images of {width_px} x {height_px}", options.views));
+    log.info(&format!("casting {} photos of {width_px} x {height_px}", options.views));
     let made = write_sample(&args.dir, &options)?;
     let mut table = Table::default();
     table.row("capture", args.dir.display());
-    table.row("images", made.views);
+    table.row("photos", made.views);
     table.row("points", made.points);
     table.row("observations", made.observations);
     table.row("mean reprojection error", format!("{:.2} px", made.mean_reprojection_error_px));

@@ -1,9 +1,9 @@
-//! Options of the frequency scheduler, as typed.
+//! Arguments of the frequency scheduler.
 
 use super::capture_args::set;
 use litetex_gs::frequency::{CapRule, ScaleRule, FrequencyOptions};
 
-/// Flags of the scheduler; what is not given stays as the configuration file or the default says.
+/// Flags of the scheduler; settings whose flag is not given are left alone.
 #[derive(clap::Args, Clone, Debug, Default)]
 #[command(next_help_heading = "Schedule")]
 pub struct ScheduleFlags {
@@ -13,21 +13,21 @@ pub struct ScheduleFlags {
     /// How the cap of the texture resolution follows the schedule [default: squared]
     #[arg(long, value_name = "RULE")]
     pub cap_rule: Option<CapRuleArg>,
-    /// Where the last stage begins, in steps of a run of 30,000 [default: 20000]
+    /// Step of a run of 30,000 at which the last stage begins [default: 20000]
     #[arg(long, value_name = "STEP")]
     pub until: Option<u32>,
     /// Coarsest render scale [default: 4]
     #[arg(long, value_name = "S")]
     pub max_scale: Option<f64>,
-    /// The first stage sees 1/BETA of what the photos show [default: 3]
+    /// The first stage keeps 1/BETA of the photos' frequency content [default: 3]
     #[arg(long, value_name = "BETA")]
     pub beta: Option<f64>,
-    /// Take noise for detail, as published, instead of taking white noise out first
+    /// Count white noise as detail, as published, instead of subtracting it first
     #[arg(long)]
     pub keep_noise: bool,
 }
 
-/// See [`ScaleRule`].
+/// [`ScaleRule`] on the command line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum ScaleRuleArg {
     /// Always full size
@@ -38,10 +38,10 @@ pub enum ScaleRuleArg {
     Fractional,
 }
 
-/// See [`CapRule`].
+/// [`CapRule`] on the command line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum CapRuleArg {
-    /// Texels per primitive follow pixels per view
+    /// Texels per splat follow pixels per view
     Squared,
     /// As in the authors' code
     Authors,

@@ -1,8 +1,9 @@
 //! A schedule as a chart: scales above, the cap of the textures below, over the steps. SVG by hand; it
 //! needs no fonts or scripts beyond what every browser has.
 
-use super::schedule::{Plan, Stage};
+use super::schedule_report::ScheduleReport;
 use super::values::format_count;
+use litetex_gs::train::StageSpan;
 use std::fmt::Write as _;
 
 /// Image and panels, in units of the image. `(left, right)`, `(top, bottom)`
@@ -17,7 +18,7 @@ const RENDERED: &str = "#d55e00";
 const CAP: &str = "#009e73";
 
 /// The chart.
-pub fn svg(plan: &Plan) -> String {
+pub fn svg(plan: &ScheduleReport) -> String {
     let mut out = String::new();
     let draw = Chart { out: &mut out, steps: f64::from(plan.steps) };
     // Writing to a string does not fail.
@@ -31,7 +32,7 @@ struct Chart<'a> {
 }
 
 impl Chart<'_> {
-    fn all(mut self, plan: &Plan) -> std::fmt::Result {
+    fn all(mut self, plan: &ScheduleReport) -> std::fmt::Result {
         let (width, height) = SIZE;
         writeln!(
             self.out,
@@ -60,7 +61,7 @@ impl Chart<'_> {
     }
 
     /// s(t) and the render scale.
-    fn scales(&mut self, plan: &Plan) -> std::fmt::Result {
+    fn scales(&mut self, plan: &ScheduleReport) -> std::fmt::Result {
         // One unit of room above the first scale, so that its line does not lie on the frame.
         let highest = plan.schedule.s_max.ceil().max(2.0) + 0.25;
         let y = |scale: f64| along(SCALES, 1.0 - (scale - 0.75) / (highest - 0.75));
@@ -82,7 +83,7 @@ impl Chart<'_> {
     }
 
     /// The cap of the texture resolution, on a logarithmic axis.
-    fn caps(&mut self, stages: &[Stage]) -> std::fmt::Result {
+    fn caps(&mut self, stages: &[StageSpan]) -> std::fmt::Result {
         // From 4 to 256, with a little room.
         let y = |cap: f64| along(CAPS, 1.0 - (cap.log2() - 1.5) / 7.0);
         let ticks: Vec<(f64, String)> = [4, 16, 64, 256].map(|cap| (y(cap.into()), cap.to_string())).into();
@@ -140,8 +141,8 @@ impl Chart<'_> {
     }
 
     /// Level over the steps of each stage.
-    fn staircase(&self, stages: &[Stage], y: impl Fn(&Stage) -> f64) -> Vec<(f64, f64)> {
-        let ends = |s: &Stage| [f64::from(s.first_step - 1), f64::from(s.last_step)];
+    fn staircase(&self, stages: &[StageSpan], y: impl Fn(&StageSpan) -> f64) -> Vec<(f64, f64)> {
+        let ends = |s: &StageSpan| [f64::from(s.first_step - 1), f64::from(s.last_step)];
         stages.iter().flat_map(|s| ends(s).map(|step| (self.x(step), y(s)))).collect()
     }
 

@@ -1,4 +1,4 @@
-//! `litetex selftest`: does this machine compute what the f64 reference computes?
+//! `litetex selftest`: whether a device computes what the f64 reference computes.
 
 use super::devices;
 use super::log::Log;
@@ -7,15 +7,15 @@ use std::io::Write as _;
 
 /// Check a device against the reference on a small random scene
 ///
-/// Forward, backward and a few steps, compared with the f64 reference. Exit code 1 if it fails.
+/// Compares rendering, gradients and a few steps with the f64 reference. Exit code 1 if a check fails.
 #[derive(clap::Args)]
 pub struct SelftestArgs {
-    /// Which device
+    /// Device to check
     #[arg(long, value_name = "NAME", default_value = "auto", help_heading = "Device")]
     device: String,
 }
 
-/// Runs the checks and prints figures and verdicts.
+/// Runs the checks and prints their results.
 pub fn run(args: &SelftestArgs, log: &Log) -> anyhow::Result<()> {
     let mut backend = devices::open(&args.device, log)?;
     let device = backend.device();
@@ -29,8 +29,10 @@ pub fn run(args: &SelftestArgs, log: &Log) -> anyhow::Result<()> {
     }
     let failed = checks.iter().filter(|c| !c.passed).count();
     if failed > 0 {
-        let what =
-            format!("{failed} of {} checks failed: this device or its driver computes wrongly", checks.len());
+        let what = format!(
+            "{failed} of {} checks failed: this device or its driver computes wrong results",
+            checks.len()
+        );
         return Err(Error::CheckFailed(what).into());
     }
     writeln!(out, "all {} checks passed", checks.len())?;

@@ -1,18 +1,18 @@
-//! The consumer of the trainer's events on the command line: it fills the run folder, feeds the
-//! progress display and answers whether to go on. It computes nothing but file names.
+//! The consumer of the trainer's events on the command line: it fills the run folder, feeds the progress display and
+//! answers whether to go on.
 
-use super::config_file::RunConfig;
-use super::identity::{self, Identity};
+use super::config_file::{RunConfig, SaveImages};
+use super::evaluations::StagedFolder;
 use super::interrupt::Interrupt;
 use super::log::Log;
 use super::progress::{Progress, StepFigures};
-use super::run_folder::{RunFolder, StagedFolder};
-use super::train_args::SaveImages;
+use super::run_folder::RunFolder;
+use super::view_files::{write_per_view, write_view};
 use litetex_gs::backend::{RenderedImage, StepReport};
-use litetex_gs::eval::{Evaluation, error_map, quantised};
-use litetex_gs::image::{Channels, write_png};
+use litetex_gs::eval::Evaluation;
 use litetex_gs::train::checkpoint;
 use litetex_gs::train::{Control, StopReason, TrainEvent, TrainHistory, TrainState};
+use litetex_gs::verify::{CAMERAS_KEY, CaptureIdentity, IDENTITY_KEY, cameras_json};
 use litetex_gs::views::ViewSource;
 use litetex_gs::{Error, Report, Result, Warning, atomic_file};
 use serde_json::{Value, json};
@@ -24,7 +24,7 @@ use std::path::{Path, PathBuf};
 /// Steps between two lines of `metrics.jsonl`; the first and the last step are always there.
 pub const METRICS_EVERY: u32 = 10;
 
-/// Files and display of one training.
+/// The files and the display of one training.
 pub struct Session<'a> {
     folder: &'a RunFolder,
     views: &'a dyn ViewSource,
@@ -33,24 +33,26 @@ pub struct Session<'a> {
     interrupt: Interrupt,
     progress: Progress<'a>,
     metrics: File,
-    /// Strings that go into every checkpoint.
+    /// The strings of every checkpoint.
     strings: BTreeMap<String, String>,
     total_wall_secs: Box<dyn Fn() -> f64 + 'a>,
+    /// The evaluation in progress.
     staged: Option<StagedFolder>,
-    imaged: Option<u32>,
-    /// Gradient entries that were not finite, over all steps.
+    /// Step of the last evaluation that has images.
+    last_with_images: Option<u32>,
+    /// Number of gradient entries, over all steps, that were not finite.
     non_finite_gradients: u64,
     /// The last evaluation.
     pub evaluation: Option<Evaluation>,
     /// The last checkpoint.
     pub checkpoint: Option<PathBuf>,
-    /// What was warned of.
+    /// Warnings of the trainer.
     pub report: Report,
 }
 
 impl<'a> Session<'a> {
-    /// A session that continues after `done` steps: later lines of `metrics.jsonl` are dropped, for these
-    /// steps will be done again.
+    /// A session that continues after `done` steps: lines of later steps are dropped from `metrics.jsonl`, since these
+    /// steps will be repeated.
     ///
     /// # Errors
     /// [`Error::Io`].
@@ -76,7 +78,7 @@ impl<'a> Session<'a> {
             strings: BTreeMap::from([("config".to_owned(), toml)]),
             total_wall_secs: Box::new(total_wall_secs),
             staged: None,
-            imaged: None,
+            last_with_images: None,
             non_finite_gradients: 0,
             evaluation: None,
             checkpoint: None,
@@ -84,10 +86,10 @@ impl<'a> Session<'a> {
         })
     }
 
-    /// Takes in one event.
+    /// Handles one event.
     ///
     /// # Errors
-    /// What writing reports.
+    /// What writing files reports.
     pub fn handle(&mut self, event: TrainEvent<'_>) -> Result<Control> {
         match event {
             TrainEvent::Started { device, step, steps, train_views, test_views } => {
@@ -98,34 +100,7 @@ impl<'a> Session<'a> {
                 self.metric(json!({ "event": "started", "step": step, "steps": steps, "device": device,
                     "train_views": train_views, "test_views": test_views }))?;
             }
-            TrainEvent::Step {
-                step,
-                view,
-                loss,
-                report,
-                num_splats,
-                num_texels,
-                train_wall_secs,
-                train_cpu_secs,
-                remaining_secs,
-            } => {
-                self.non_finite_gradients += report.non_finite_gradients;
-                self.progress.step(StepFigures {
-                    step,
-                    loss: loss.total,
-                    primitives: num_splats,
-                    texels: num_texels,
-                    train_wall_secs,
-                    remaining_secs,
-                });
-                if step == 1 || step.is_multiple_of(METRICS_EVERY) || step == self.config.train.steps {
-                    self.metric(json!({ "event": "step", "step": step, "view": self.views.name(view),
-                        "loss": loss, "primitives": num_splats, "texels": num_texels,
-                        "train_wall_secs": train_wall_secs, "train_cpu_secs": train_cpu_secs,
-                        "counters": counters(report), "stages_secs": stages(report),
-                        "non_finite_gradients": report.non_finite_gradients }))?;
-                }
-            }
+            TrainEvent::Step { .. } => self.step(&event)?,
             TrainEvent::DensityControl {
                 step,
                 counts,
@@ -153,20 +128,54 @@ impl<'a> Session<'a> {
             }
             TrainEvent::Finished { reason } => {
                 self.progress.finish();
-                self.tell_of_gradients()?;
+                self.warn_of_gradients()?;
                 self.metric(json!({ "event": "finished", "reason": reason_name(reason) }))?;
             }
         }
         Ok(if self.interrupt.is_requested() { Control::Stop } else { Control::Continue })
     }
 
-    /// Steps count them one by one; a run tells of them once.
-    fn tell_of_gradients(&mut self) -> Result<()> {
+    fn step(&mut self, event: &TrainEvent<'_>) -> Result<()> {
+        let &TrainEvent::Step {
+            step,
+            view,
+            loss,
+            report,
+            num_splats,
+            num_texels,
+            train_wall_secs,
+            train_cpu_secs,
+            remaining_secs,
+        } = event
+        else {
+            return Ok(());
+        };
+        self.non_finite_gradients += report.non_finite_gradients;
+        self.progress.step(StepFigures {
+            step,
+            loss: loss.total,
+            primitives: num_splats,
+            texels: num_texels,
+            train_wall_secs,
+            remaining_secs,
+        });
+        if step == 1 || step.is_multiple_of(METRICS_EVERY) || step == self.config.train.steps {
+            self.metric(json!({ "event": "step", "step": step, "view": self.views.name(view),
+                "loss": loss, "primitives": num_splats, "texels": num_texels,
+                "train_wall_secs": train_wall_secs, "train_cpu_secs": train_cpu_secs,
+                "counters": counters(report), "stages_secs": stages(report),
+                "non_finite_gradients": report.non_finite_gradients }))?;
+        }
+        Ok(())
+    }
+
+    /// Warns once a run of the gradients that the steps have counted.
+    fn warn_of_gradients(&mut self) -> Result<()> {
         let count = self.non_finite_gradients;
         if count == 0 {
             return Ok(());
         }
-        let message = format!("{count} gradients were NaN or infinite and counted as zero");
+        let message = format!("{count} gradients were NaN or infinite and were taken as zero");
         self.handle(TrainEvent::Warning(Warning {
             code: "gradients-not-finite".to_owned(),
             message,
@@ -192,10 +201,10 @@ impl<'a> Session<'a> {
             Some(staged) => staged,
             None => self.folder.stage_eval(step)?,
         };
-        write_per_view(&staged.path().join("per_view.csv"), evaluation)?;
+        write_per_view(staged.path(), evaluation)?;
         staged.publish()?;
         if self.config.save_images == SaveImages::Last
-            && let Some(before) = self.imaged.replace(step)
+            && let Some(before) = self.last_with_images.replace(step)
             && before != step
         {
             self.folder.drop_images(before)?;
@@ -208,9 +217,9 @@ impl<'a> Session<'a> {
         let path = self.folder.checkpoint(state.step)?;
         let total_wall_secs = (self.total_wall_secs)();
         let history = TrainHistory { total_wall_secs, ..state.history.clone() };
-        let identity = Identity::new(self.views, state.model.capture_from_local);
-        self.strings.insert(identity::KEY.to_owned(), identity.to_json()?);
-        self.strings.insert(identity::CAMERAS.to_owned(), identity::cameras_json(self.views)?);
+        let identity = CaptureIdentity::new(self.views, state.model.capture_from_local);
+        self.strings.insert(IDENTITY_KEY.to_owned(), identity.to_json()?);
+        self.strings.insert(CAMERAS_KEY.to_owned(), cameras_json(self.views)?);
         checkpoint::save(&path, state, &history, &self.strings)?;
         self.log.detail(&format!("saved {}", path.display()));
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -220,14 +229,14 @@ impl<'a> Session<'a> {
     }
 
     fn metric(&mut self, line: Value) -> Result<()> {
-        // One write per line: an interruption cannot leave half of one.
+        // One write per line, so that an interruption cannot leave half a line.
         self.metrics
             .write_all(format!("{line}\n").as_bytes())
             .map_err(|e| Error::io(self.folder.metrics(), e))
     }
 }
 
-/// Name of a reason in files.
+/// Name of a stop reason in `metrics.jsonl` and `summary.json`.
 pub fn reason_name(reason: StopReason) -> &'static str {
     match reason {
         StopReason::Steps => "steps",
@@ -236,7 +245,7 @@ pub fn reason_name(reason: StopReason) -> &'static str {
     }
 }
 
-/// Counters of a step; null for those that the device did not count.
+/// Counters of a step; null for those that the device does not count.
 fn counters(report: &StepReport) -> Value {
     let c = &report.counters;
     let mut counters = json!(c);
@@ -248,11 +257,13 @@ fn counters(report: &StepReport) -> Value {
     counters
 }
 
+/// Seconds of a step by stage of the pipeline.
 fn stages(report: &StepReport) -> Value {
     let secs = report.stages.iter().map(|(name, time)| ((*name).to_owned(), json!(time.as_secs_f64())));
     Value::Object(secs.collect())
 }
 
+/// Opens `metrics.jsonl` for appending, without the lines of steps after `done`.
 fn open_metrics(path: &Path, done: u32) -> Result<File> {
     let kept = match fs::read_to_string(path) {
         Ok(text) if done > 0 => text,
@@ -269,52 +280,4 @@ fn open_metrics(path: &Path, done: u32) -> Result<File> {
     let kept: String = kept.lines().filter(is_earlier).flat_map(|line| [line, "\n"]).collect();
     atomic_file::write(path, kept.as_bytes())?;
     File::options().append(true).open(path).map_err(|e| Error::io(path, e))
-}
-
-/// Writes a rendered view and its error map below `folder`, under the photo's name.
-///
-/// # Errors
-/// [`Error::Io`], or what decoding the photo found.
-pub fn write_view(folder: &Path, views: &dyn ViewSource, view: usize, image: &RenderedImage) -> Result<()> {
-    let name = image_name(views, view);
-    let target = views.target(view)?;
-    let put = |path: PathBuf, rgb: &[u8]| {
-        if let Some(parent) = path.parent() {
-            fs::create_dir_all(parent).map_err(|e| Error::io(parent, e))?;
-        }
-        write_png(&path, image.width_px, image.height_px, Channels::Rgb, rgb)
-    };
-    put(folder.join(&name), &quantised(&image.rgb))?;
-    put(folder.join("error").join(&name), &error_map(&image.rgb, &target))
-}
-
-/// File name for images of a view: the photo's with the extension `png`, or `png` appended where
-/// two photos differ only in their extension. Never leads out of the folder.
-pub fn image_name(views: &dyn ViewSource, view: usize) -> PathBuf {
-    let name = views.name(view);
-    let stem = |name: &str| Path::new(name).with_extension("");
-    let shared = (0..views.num_views()).any(|v| v != view && stem(views.name(v)) == stem(name));
-    let name = if shared { format!("{name}.png") } else { format!("{}.png", stem(name).display()) };
-    let parts = name.split(['/', '\\']).filter(|part| !matches!(*part, "" | "." | ".."));
-    parts.map(|part| part.replace(':', "_")).collect()
-}
-
-/// Writes the figures of each view as a table.
-///
-/// # Errors
-/// [`Error::Io`].
-pub fn write_per_view(path: &Path, evaluation: &Evaluation) -> Result<()> {
-    let mut text = String::from("name,psnr,grad_psnr,ssim_3dgs,ssim_valid,flip\n");
-    for v in &evaluation.per_view {
-        let name = if v.name.contains([',', '"', '\n']) {
-            format!("\"{}\"", v.name.replace('"', "\"\""))
-        } else {
-            v.name.clone()
-        };
-        text.push_str(&format!(
-            "{name},{},{},{},{},{}\n",
-            v.psnr, v.grad_psnr, v.ssim_3dgs, v.ssim_valid, v.flip
-        ));
-    }
-    atomic_file::write(path, text.as_bytes())
 }

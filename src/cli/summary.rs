@@ -1,5 +1,5 @@
-//! `summary.json`: the result of a run in one object, documented in `docs/summary-schema.md`. Names are
-//! part of the contract with whoever reads it; a change of meaning raises the number in `SCHEMA`.
+//! `summary.json`: the result of a run in one object, documented in `docs/summary-schema.md`. Other programs rely on
+//! its names; a change of meaning raises the number in `SCHEMA`.
 
 use super::profile::Profile;
 use litetex_gs::backend::DeviceInfo;
@@ -10,7 +10,7 @@ use litetex_gs::{Result, Warning, atomic_file};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// Identifier and version of the schema.
+/// Name and version of the schema.
 pub const SCHEMA: &str = "litetex-summary/1";
 /// Why LPIPS is null.
 pub const LPIPS_REASON: &str =
@@ -25,88 +25,81 @@ pub struct Summary {
     pub version: String,
     /// Name of the capture's folder.
     pub scene: String,
-    /// What was trained on.
     pub capture: CaptureFigures,
-    /// How images were brought to size.
+    /// Filter by which photos were resized.
     pub resample: String,
-    /// Display-space colour behind everything.
+    /// Colour of the background, display space.
     pub background: [f32; 3],
-    /// Where it ran.
+    /// Device that it ran on.
     pub device: DeviceInfo,
-    /// Seed.
     pub seed: u64,
     /// Steps done.
     pub steps: u32,
     /// Steps of the schedule.
     pub steps_planned: u32,
-    /// Set of defaults that the settings started from.
+    /// Profile that the settings started from.
     pub profile: Profile,
-    /// Allocation of splats and texels.
+    /// Policy of allocation.
     pub policy: Policy,
     /// Parts of the method that were on.
-    #[serde(default)]
     pub components: Components,
     /// Parts of the method that could not act in a run of this length.
     pub inactive: Vec<String>,
-    /// Splats by the longer side of their map: none, 2, up to 4, 8, ... 256 texels.
+    /// Number of splats by the longer side of their map: none, 2, up to 4, 8, ... 256 texels.
     pub map_sides: Vec<usize>,
     /// `steps`, `time` or `interrupted`.
     pub stopped_by: String,
-    /// Of the last evaluation; null without test views.
+    /// Figures of the last evaluation; null without test views.
     pub quality: Option<Quality>,
-    /// Size of the model.
     pub size: Size,
-    /// Times.
     pub time: Times,
     /// Rendering speed on the test views; null if none was rendered.
     pub fps: Option<Fps>,
-    /// Evaluations on the way.
+    /// All evaluations.
     pub curve: Vec<CurvePoint>,
     /// Null for an uninterrupted run.
     pub resumed: Option<Resumed>,
     /// Largest resident memory of the process; null where the system does not tell.
     pub memory_peak_bytes: Option<u64>,
-    /// Everything that was warned of.
+    /// All warnings.
     pub warnings: Vec<Warning>,
 }
 
-/// What was trained on.
+/// The capture that was trained on.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CaptureFigures {
-    /// Folder.
     pub path: String,
-    /// `colmap` or `transforms`.
+    /// Format of the poses, such as `colmap`.
     pub format: String,
-    /// Views trained on.
+    /// Number of training views.
     pub train_views: usize,
-    /// Views held out.
+    /// Number of test views.
     pub test_views: usize,
     /// Largest width at which views are trained and evaluated.
     pub width_px: u32,
-    /// Largest height.
+    /// Largest height of views.
     pub height_px: u32,
-    /// Sparse points in the capture.
+    /// Number of sparse points in the capture.
     pub points: usize,
 }
 
-/// Figures of the test views, means over the views.
+/// Quality figures, means over the test views.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Quality {
-    /// dB
+    /// PSNR, dB.
     pub psnr: f64,
-    /// dB
+    /// Gradient-PSNR, dB.
     pub grad_psnr: f64,
-    /// With zero padding.
+    /// SSIM with zero padding, as in 3DGS.
     pub ssim_3dgs: f64,
-    /// Valid region.
+    /// SSIM over the region where the window fits.
     pub ssim_valid: f64,
     /// Mean FLIP error.
     pub flip: f64,
-    /// Always null.
+    /// Always null; `lpips_reason` says why.
     pub lpips: Option<f64>,
-    /// Why.
     pub lpips_reason: String,
-    /// In the order of the views.
+    /// Figures of each view, in the order of the views.
     pub per_view: Vec<ViewQuality>,
 }
 
@@ -128,45 +121,42 @@ impl From<&Evaluation> for Quality {
 /// Size of the model.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Size {
-    /// Splats.
+    /// Number of splats.
     pub primitives: usize,
-    /// Texels.
     pub texels: usize,
-    /// 59 per primitive and 3 per texel, as published.
+    /// Number of parameters: 59 per splat and 3 per texel, as published.
     pub params: usize,
-    /// Of the last checkpoint, optimiser included.
+    /// Size of the last checkpoint, which includes the optimiser.
     pub checkpoint_bytes: u64,
 }
 
-/// Times.
+/// Times of a run, seconds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Times {
-    /// Training, evaluation and saving not counted.
+    /// Training, without evaluation and saving.
     pub train_wall_secs: f64,
     /// CPU time of the process within it.
     pub train_cpu_secs: f64,
-    /// Time of density-control steps within it: reading the model back, deciding, changing it.
-    #[serde(default)]
+    /// Share of density control in the training time: reading the model back, planning and carrying out the plan.
     pub density_control_wall_secs: f64,
-    /// Time of the analysis of the photos' spectra within it.
-    #[serde(default)]
+    /// Share of the analysis of the photos' spectra in the training time.
     pub analysis_wall_secs: f64,
-    /// From the start of the command to this file, earlier parts of a resumed run included.
+    /// From the start of the command to the writing of this file, with the earlier parts of a resumed run.
     pub total_wall_secs: f64,
 }
 
-/// Rendering speed.
+/// Speed of rendering the test views.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Fps {
-    /// Images per second, median.
+    /// Median, images per second.
     pub median: f64,
-    /// The slowest twentieth.
+    /// Fifth percentile: 95 % of the images are rendered faster.
     pub p5: f64,
-    /// Images rendered.
+    /// Number of images rendered.
     pub renders: usize,
-    /// Largest width.
+    /// Largest width of views.
     pub width_px: u32,
-    /// Largest height.
+    /// Largest height of views.
     pub height_px: u32,
 }
 
@@ -182,7 +172,7 @@ pub struct Resumed {
 }
 
 impl Summary {
-    /// Writes the file, whole or not at all.
+    /// Writes `summary.json`, whole or not at all.
     ///
     /// # Errors
     /// [`litetex_gs::Error::Io`].
@@ -192,7 +182,7 @@ impl Summary {
         atomic_file::write(path, &text)
     }
 
-    /// Reads the file.
+    /// Reads `summary.json`.
     ///
     /// # Errors
     /// [`litetex_gs::Error::Io`], [`litetex_gs::Error::InvalidInput`].

@@ -1,8 +1,11 @@
-//! Results on standard output: short aligned tables, nothing else.
+//! Results on standard output: short aligned tables and JSON. Cells may hold names from files, so that control
+//! characters are escaped here.
 
+use litetex_gs::text::printable;
 use std::io::Write;
+use std::path::Path;
 
-/// Two columns, aligned.
+/// Rows of a name and a value, aligned.
 #[derive(Default)]
 pub struct Table {
     rows: Vec<(String, String)>,
@@ -11,14 +14,14 @@ pub struct Table {
 impl Table {
     /// Adds a row.
     pub fn row(&mut self, name: &str, value: impl std::fmt::Display) -> &mut Self {
-        self.rows.push((name.to_owned(), value.to_string()));
+        self.rows.push((printable(name, &[]).into_owned(), printable(&value.to_string(), &[]).into_owned()));
         self
     }
 
     /// Prints the table.
     ///
     /// # Errors
-    /// What standard output says; a closed pipe is treated as success further up.
+    /// What writing reports; a closed pipe counts as success in `main`.
     pub fn print(&self) -> std::io::Result<()> {
         let width = self.rows.iter().map(|(n, _)| n.chars().count()).max().unwrap_or(0);
         let mut out = std::io::stdout().lock();
@@ -29,20 +32,20 @@ impl Table {
     }
 }
 
-/// Rows of as many cells as there are headings, each column aligned to the right.
+/// Rows with one cell for each heading, all aligned to the right.
 pub struct Columns {
     rows: Vec<Vec<String>>,
 }
 
 impl Columns {
-    /// A table with these headings.
+    /// An empty table with these headings.
     pub fn new(headings: &[&str]) -> Self {
         Self { rows: vec![headings.iter().map(|&h| h.to_owned()).collect()] }
     }
 
     /// Adds a row.
     pub fn row(&mut self, cells: Vec<String>) -> &mut Self {
-        self.rows.push(cells);
+        self.rows.push(cells.iter().map(|cell| printable(cell, &[]).into_owned()).collect());
         self
     }
 
@@ -66,10 +69,23 @@ impl Columns {
     }
 }
 
-/// Prints JSON for machines.
+/// A path as JSON holds it: characters that are not Unicode are replaced, as in messages.
+pub fn path_text(path: &Path) -> String {
+    path.display().to_string()
+}
+
+/// [`path_text`] for derived serialisation.
 ///
 /// # Errors
-/// What standard output says.
+/// As the serializer.
+pub fn serialize_path<S: serde::Serializer>(path: &Path, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str(&path_text(path))
+}
+
+/// Prints a value as JSON.
+///
+/// # Errors
+/// What writing reports.
 pub fn print_json(value: &impl serde::Serialize) -> std::io::Result<()> {
     let mut out = std::io::stdout().lock();
     serde_json::to_writer_pretty(&mut out, value)?;
@@ -77,10 +93,10 @@ pub fn print_json(value: &impl serde::Serialize) -> std::io::Result<()> {
     out.flush()
 }
 
-/// Prints rows under a header, columns aligned; nothing if there are no rows.
+/// Prints rows under a header with numbers aligned to the right; nothing if there are no rows.
 ///
 /// # Errors
-/// What standard output says.
+/// What writing reports.
 pub fn print_columns(header: &[&str], rows: &[Vec<String>]) -> std::io::Result<()> {
     if rows.is_empty() {
         return Ok(());
@@ -90,9 +106,11 @@ pub fn print_columns(header: &[&str], rows: &[Vec<String>]) -> std::io::Result<(
     out.flush()
 }
 
-/// Columns of numbers end, others begin at the same place.
+/// Aligns columns of numbers to the right and others to the left.
 fn columns(header: &[&str], rows: &[Vec<String>]) -> String {
-    let cell = |row: &[String], c: usize| row.get(c).cloned().unwrap_or_default();
+    let cell = |row: &[String], c: usize| {
+        row.get(c).map(|cell| printable(cell, &[]).into_owned()).unwrap_or_default()
+    };
     let is_number = |text: &str| match text.strip_prefix(['-', '+']).unwrap_or(text) {
         "" => true,
         digits => digits.starts_with(|c: char| c.is_ascii_digit()),

@@ -1,12 +1,11 @@
-//! Tests of the application layer that need its inside: a run folder filled from scripted events, and
-//! the help's agreement with the defaults.
+//! Tests of the application layer from within: a run folder filled by scripted events, and defaults stated in the help.
 
-use super::config_file::RunConfig;
+use super::config_file::{RunConfig, SaveImages};
 use super::interrupt::Interrupt;
 use super::log::{Log, LogFormat};
-use super::run_folder::{RunFolder, find_checkpoint};
-use super::session::{Session, image_name};
-use super::train_args::SaveImages;
+use super::run_folder::{RunFolder, RunLock, find_checkpoint};
+use super::session::Session;
+use super::view_files::image_name;
 use clap::CommandFactory;
 use litetex_gs::Result;
 use litetex_gs::backend::{DeviceInfo, LossValues, RenderedImage, StepReport, TargetImage};
@@ -21,9 +20,9 @@ use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-struct Views(Vec<&'static str>);
+struct TestViews(Vec<&'static str>);
 
-impl ViewSource for Views {
+impl ViewSource for TestViews {
     fn num_views(&self) -> usize {
         self.0.len()
     }
@@ -71,8 +70,8 @@ fn step_event(step: u32, report: &StepReport) -> TrainEvent<'_> {
     }
 }
 
-/// What the trainer emits, for steps after `done`, with an evaluation and a checkpoint each 10 steps.
-fn play(session: &mut Session<'_>, views: &Views, done: u32, steps: u32) -> Result<Control> {
+/// Emits what the trainer would for steps after `done`, with an evaluation and a checkpoint every 10 steps.
+fn play(session: &mut Session<'_>, views: &TestViews, done: u32, steps: u32) -> Result<Control> {
     let report = StepReport::default();
     let image = RenderedImage {
         width_px: 12,
@@ -128,7 +127,7 @@ fn config(steps: u32, save_images: SaveImages) -> RunConfig {
 }
 
 fn run(folder: &RunFolder, save_images: SaveImages, done: u32, steps: u32) -> Control {
-    let views = Views(vec!["a/0001.jpg", "a/0002.jpg"]);
+    let views = TestViews(vec!["a/0001.jpg", "a/0002.jpg"]);
     let config = config(steps, save_images);
     let log = Log::new(LogFormat::Text, true, 0);
     let mut session =
@@ -164,15 +163,15 @@ fn files(folder: &Path) -> Vec<String> {
 }
 
 #[test]
-fn gradients_that_are_not_finite_are_told_of_whatever_their_step() {
+fn gradients_that_are_not_finite_are_reported_whatever_their_step() {
     for (non_finite, told) in [([0, 0], None), ([2, 5], Some(7))] {
         let dir = tempfile::tempdir().unwrap();
         let folder = RunFolder::create(dir.path(), false).unwrap();
-        let (views, config) = (Views(vec!["a.jpg"]), config(20, SaveImages::None));
+        let (views, config) = (TestViews(vec!["a.jpg"]), config(20, SaveImages::None));
         let log = Log::new(LogFormat::Text, true, 0);
         let mut session =
             Session::new(&folder, &views, &config, &log, Interrupt::default(), 0, || 1.5).unwrap();
-        // Steps that have no line in the metrics.
+        // Neither step has a line in the metrics.
         for (step, non_finite_gradients) in [3, 17].into_iter().zip(non_finite) {
             let report = StepReport { non_finite_gradients, ..StepReport::default() };
             session.handle(step_event(step, &report)).unwrap();
@@ -191,6 +190,7 @@ fn events_fill_the_run_folder() {
     assert_eq!(
         files(dir.path()),
         [
+            ".litetex-train.lock",
             "checkpoints/step-000010.history.json",
             "checkpoints/step-000010.safetensors",
             "checkpoints/step-000020.history.json",
@@ -236,13 +236,14 @@ fn a_resumed_run_keeps_the_metrics_before_its_checkpoint_and_no_other() {
     let dir = tempfile::tempdir().unwrap();
     let folder = RunFolder::create(dir.path(), false).unwrap();
     run(&folder, SaveImages::None, 0, 40);
-    let folder = RunFolder::reopen(dir.path()).unwrap();
+    drop(folder);
+    let folder = RunFolder::reopen(dir.path(), RunLock::take(dir.path()).unwrap()).unwrap();
     run(&folder, SaveImages::None, 20, 40);
     let steps: Vec<u64> = metrics(&folder).into_iter().filter(|(e, _)| e == "step").map(|(_, s)| s).collect();
     assert_eq!(steps, [1, 10, 20, 30, 40]);
     let text = std::fs::read_to_string(folder.metrics()).unwrap();
     let step: Value = serde_json::from_str(text.lines().find(|l| l.contains("counters")).unwrap()).unwrap();
-    // What was not counted is no zero.
+    // Counters that were not counted are null, not zero.
     assert!(step["counters"]["blended_pairs"].is_null() && step["counters"]["pixels"].is_u64(), "{step}");
     assert_eq!(metrics(&folder).iter().filter(|(e, _)| e == "started").count(), 2);
     assert_eq!(metrics(&folder).iter().filter(|(e, _)| e == "finished").count(), 1);
@@ -252,7 +253,7 @@ fn a_resumed_run_keeps_the_metrics_before_its_checkpoint_and_no_other() {
 fn an_interruption_stops_the_trainer() {
     let dir = tempfile::tempdir().unwrap();
     let folder = RunFolder::create(dir.path(), false).unwrap();
-    let views = Views(vec!["a.png"]);
+    let views = TestViews(vec!["a.png"]);
     let config = config(5, SaveImages::None);
     let log = Log::new(LogFormat::Json, true, 0);
     let interrupt = Interrupt::default();
@@ -263,7 +264,7 @@ fn an_interruption_stops_the_trainer() {
 
 #[test]
 fn image_names_follow_the_photos_and_stay_in_their_folder() {
-    let views = Views(vec!["x/1.jpg", "1.jpg", "1.png", "../../etc/passwd", "/abs.png"]);
+    let views = TestViews(vec!["x/1.jpg", "1.jpg", "1.png", "../../etc/passwd", "/abs.png"]);
     let names: Vec<String> =
         (0..5).map(|v| image_name(&views, v).display().to_string().replace('\\', "/")).collect();
     assert_eq!(names, ["x/1.png", "1.jpg.png", "1.png.png", "etc/passwd.png", "abs.png"]);
@@ -274,7 +275,7 @@ fn the_arguments_are_consistent() {
     super::Cli::command().debug_assert();
 }
 
-/// The default that a command's help states for a flag.
+/// The default of a flag as the command's help states it.
 fn stated(command: &str, flag: &str) -> Option<String> {
     let mut all = super::Cli::command();
     all.build();

@@ -1,22 +1,21 @@
-//! Arguments of `litetex train` as typed. What they mean is `config_file`'s and `train`'s business.
+//! Arguments of `litetex train`, and how they change the settings of a run.
 
 use super::capture::InitSource;
 use super::capture_args::{CaptureArgs, set};
-use super::config_file::RunConfig;
+use super::config_file::{RunConfig, SaveImages};
 use super::profile::Profile;
 use super::values::{parse_colour, parse_count, parse_duration_secs};
 use litetex_gs::train::density::Components;
 use litetex_gs::train::{Policy, TrainConfig};
 use litetex_gs::{Error, Result};
-use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
 /// Train a scene from a capture
 ///
-/// Reads photos with poses (a COLMAP model or transforms.json), optimises textured 2D Gaussians, evaluates
-/// them on held-out views and writes a run folder: config.toml, metrics.jsonl, summary.json, checkpoints
-/// and images. Ctrl-C saves; --resume continues.
-// Of a flag given twice the last holds: so a benchmark's variants win over what all its runs have in common.
+/// Reads photos with poses (a COLMAP model or transforms.json), optimises textured 2D Gaussian splats, evaluates them on
+/// test views and writes a run folder: config.toml, metrics.jsonl, summary.json, checkpoints and images. Ctrl-C saves;
+/// --resume continues.
+// The last of repeated flags wins, so that the variants of a benchmark override what its runs have in common.
 #[derive(clap::Args, Clone, Debug, Default)]
 #[command(args_override_self = true)]
 pub struct TrainArgs {
@@ -25,20 +24,20 @@ pub struct TrainArgs {
     /// Folder of the run
     #[arg(long, short, value_name = "RUN")]
     pub out: Option<PathBuf>,
-    /// Replace the run in a folder that is not empty; files that are not ours stay. With --resume CHECKPOINT
-    /// inside its own run: delete the later checkpoints and evaluations
+    /// Replace the run in the folder; files that no run writes stay. With --resume CHECKPOINT in the folder of its run:
+    /// delete the later checkpoints and evaluations
     #[arg(long)]
     pub force: bool,
     /// Continue a run from its last checkpoint, or from a given one [default: the run of --out]
     #[arg(long, value_name = "RUN|CHECKPOINT", num_args = 0..=1)]
     pub resume: Option<Option<PathBuf>>,
-    /// Settings as in a run's config.toml; flags win over the file, the file over the defaults
+    /// File of settings like a run's config.toml; flags override it, and it overrides the defaults
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
-    /// Also write the trained scene as an asset; several may follow. "litetex export" has more options
+    /// Also write the trained scene as an asset; several files may follow. "litetex export" has more options
     #[arg(long, value_name = "FILE", num_args = 1..)]
     pub export: Vec<PathBuf>,
-    /// Where to compute: auto, gpu, or a name that "litetex devices" lists
+    /// Where to compute: auto, gpu, or a name listed by "litetex devices"
     #[arg(long, value_name = "NAME", default_value = "auto", help_heading = "Device")]
     pub device: String,
     #[command(flatten)]
@@ -51,23 +50,24 @@ pub struct TrainArgs {
 #[derive(clap::Args, Clone, Debug, Default)]
 #[command(next_help_heading = "Training")]
 pub struct TrainingArgs {
-    /// Steps; schedules are fractions of it [default: 30000]
+    /// Number of steps, to which all schedules scale [default: 30000]
     #[arg(long, visible_alias = "iterations", value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub steps: Option<u32>,
     /// Stop early after this much training time: 90s, 20m, 1h30m [default: no limit]
     #[arg(long, value_name = "TIME", value_parser = parse_duration_secs)]
     pub max_time: Option<f64>,
-    /// Seed of everything random [default: 42]
+    /// Seed of all random numbers [default: 42]
     #[arg(long, value_name = "N")]
     pub seed: Option<u64>,
     /// Highest degree of the spherical harmonics, 0 to 3 [default: 3]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=3))]
     pub sh_degree: Option<u32>,
-    /// Set of defaults: default, paper (constants as published), authors, cat, fast [default: default]
+    /// Set of defaults [default: default]
     #[arg(long, value_name = "NAME")]
     pub profile: Option<Profile>,
-    /// Who gets how many primitives and texels: litetex, cat, fixed:R (R x R texels each), plain (no
-    /// textures, primitives by error) or none (no textures, primitives as with litetex) [default: litetex]
+    /// How splats and texels are allocated: litetex; cat (content-aware texturing); fixed:R (R x R texels for each
+    /// splat); plain (no textures: 2DGS-MCMC, 2D Gaussian splatting with MCMC-style relocation, the baseline); or none
+    /// (no textures, splats as with litetex) [default: litetex]
     #[arg(long, alias = "texture", value_name = "POLICY")]
     pub policy: Option<Policy>,
     /// Parts of the method to switch off: scheduler, pruning, growth, update-rule, splitting, coarsening
@@ -76,31 +76,31 @@ pub struct TrainingArgs {
     /// Parts of the method to switch on again
     #[arg(long, value_name = "PART,...", value_delimiter = ',', value_parser = Components::NAMES)]
     pub with: Vec<String>,
-    /// Any setting of config.toml by its name, such as density.quantile=0.8; may be repeated
+    /// Any setting of config.toml by name, such as density.quantile=0.8; may be repeated
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub settings: Vec<String>,
-    /// Never have more primitives than this
+    /// Largest number of splats
     #[arg(long, value_name = "N", value_parser = parse_count, help_heading = "Budget")]
     pub max_splats: Option<usize>,
-    /// Never have more texels than this
+    /// Largest number of texels
     #[arg(long, value_name = "N", value_parser = parse_count, help_heading = "Budget")]
     pub max_texels: Option<usize>,
-    /// Never have more parameters than this: 59 a primitive and 3 a texel; 500k, 5M
+    /// Largest number of parameters, 59 per splat and 3 per texel, such as 500k or 5M
     #[arg(long, value_name = "N", value_parser = parse_count, help_heading = "Budget")]
     pub budget_params: Option<usize>,
-    /// Thin the points to start from to this many, at random
+    /// Start from at most this many points, chosen at random
     #[arg(long, value_name = "N", value_parser = parse_count)]
     pub max_points: Option<usize>,
-    /// Where primitives start: auto (points of the capture, else random), sfm, ply:FILE, random:N [default: auto]
+    /// Where splats start: auto (points of the capture, else random), sfm, ply:FILE, random:N [default: auto]
     #[arg(long, value_name = "START")]
     pub init: Option<InitSource>,
-    /// Colour behind everything: black, white, #rrggbb or r,g,b from 0 to 1 [default: black]
+    /// Colour of the background: black, white, #rrggbb or r,g,b from 0 to 1 [default: black]
     #[arg(long, value_name = "COLOUR", value_parser = parse_colour)]
     pub background: Option<[f32; 3]>,
-    /// Evaluate the test views each N steps, 0: only at the end [default: 0]
+    /// Evaluate the test views every N steps; 0: only at the end [default: 0]
     #[arg(long, value_name = "N", help_heading = "Output")]
     pub eval_every: Option<u32>,
-    /// Save a checkpoint each N steps, 0: only at the end [default: 0]
+    /// Save a checkpoint every N steps; 0: only at the end [default: 0]
     #[arg(long, value_name = "N", help_heading = "Output")]
     pub save_every: Option<u32>,
     /// Keep the images of every evaluation, not only of the last
@@ -111,24 +111,11 @@ pub struct TrainingArgs {
     pub no_save_images: bool,
 }
 
-/// Which evaluations leave images.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum SaveImages {
-    /// None.
-    None,
-    /// The latest.
-    #[default]
-    Last,
-    /// All.
-    All,
-}
-
 impl TrainArgs {
-    /// Writes what was given over `config`.
+    /// Overwrites the settings of `config` whose flags were given.
     ///
     /// # Errors
-    /// [`litetex_gs::Error::Usage`] for a setting that there is not.
+    /// [`Error::Usage`] for an unknown setting or a contradiction.
     pub fn apply(&self, config: &mut RunConfig) -> Result<()> {
         let t = &self.training;
         if let Some(profile) = t.profile {
@@ -169,7 +156,7 @@ impl TrainArgs {
             config.data.clone_from(&self.capture);
         }
         self.capture_args.apply(&mut config.capture);
-        // Alpha is composited on the colour that is rendered behind everything.
+        // Photos with alpha are composited onto the rendered background.
         config.capture.background = config.train.background;
         Ok(())
     }
@@ -179,7 +166,7 @@ impl TrainArgs {
         for (names, on) in [(&t.without, false), (&t.with, true)] {
             for name in names {
                 if on && t.without.contains(name) {
-                    return Err(Error::Usage(format!("{name:?} is given to both --with and --without")));
+                    return Err(Error::Usage(format!("--with and --without both name {name:?}")));
                 }
                 if let Some(switch) = config.components.switch(name) {
                     *switch = on;
@@ -187,7 +174,7 @@ impl TrainArgs {
                 if on && config.active_components().switch(name) == Some(&mut false) {
                     let policy = config.policy;
                     return Err(Error::Usage(format!(
-                        "--with {name}: the policy {policy} is without it; choose another policy, such as litetex"
+                        "--with {name}: the policy {policy} has no such part; choose another policy, such as litetex"
                     )));
                 }
             }
@@ -220,7 +207,11 @@ mod tests {
         let fresh = |flags: &str| over(RunConfig::default(), flags).unwrap();
         for first in ["paper", "authors", "cat", "fast"] {
             let before = fresh(&format!("--profile {first} --without pruning --steps 77 --budget-params 5k"));
-            assert_ne!(before.train, fresh("--steps 77 --budget-params 5k").train, "{first} is no default");
+            assert_ne!(
+                before.train,
+                fresh("--steps 77 --budget-params 5k").train,
+                "{first} equals the default"
+            );
             for then in ["default", "paper", "cat"] {
                 let after = over(before.clone(), &format!("--profile {then}")).unwrap();
                 let expected = fresh(&format!("--profile {then} --steps 77 --budget-params 5k"));
@@ -238,10 +229,10 @@ mod tests {
             let error = over(RunConfig::default(), flags).unwrap_err();
             assert!(error.exit_code() == 2 && error.to_string().contains(part), "{error}");
         };
-        refused("--policy cat --with scheduler", "the policy cat is without it");
-        refused("--profile cat --with pruning", "the policy cat is without it");
-        refused("--policy plain --with splitting", "the policy plain is without it");
-        refused("--with growth --without growth", "both --with and --without");
+        refused("--policy cat --with scheduler", "the policy cat has no such part");
+        refused("--profile cat --with pruning", "the policy cat has no such part");
+        refused("--policy plain --with splitting", "the policy plain has no such part");
+        refused("--with growth --without growth", "--with and --without both");
         assert!(over(RunConfig::default(), "--with growth --without pruning").is_ok());
         let cat = over(RunConfig::default(), "--policy cat").unwrap();
         assert!(over(cat, "--policy litetex --with scheduler").is_ok());

@@ -1,19 +1,19 @@
-//! `litetex validate`: whether a file keeps the rules of its format.
+//! `litetex validate`: checks a file against the rules of its format.
 
-use super::table::{Table, print_json};
+use super::table::{Table, path_text, print_json};
 use litetex_exporters::{Issue, Severity, validate_file};
 use litetex_gs::Error;
 use std::path::PathBuf;
 
 /// Check a file against the rules of its format
 ///
-/// Numbered issues, each an error, a warning or an information. Exit code 1 if there is an error.
+/// Lists numbered issues, each an error, a warning or a piece of information. Exit code 1 if one is an error.
 #[derive(clap::Args)]
 pub struct ValidateArgs {
-    /// The file
+    /// File to validate
     #[arg(value_name = "FILE")]
     file: PathBuf,
-    /// As JSON
+    /// Print JSON
     #[arg(long)]
     json: bool,
 }
@@ -26,7 +26,7 @@ pub fn run(args: &ValidateArgs) -> anyhow::Result<()> {
         let of_issue = |i: &Issue| serde_json::json!({ "code": i.code, "severity": name(i.severity), "place": i.place, "message": i.message });
         print_json(&serde_json::json!({
             "schema": "litetex-validate/1",
-            "file": args.file,
+            "file": path_text(&args.file),
             "valid": errors == 0,
             "issues": issues.iter().map(of_issue).collect::<Vec<_>>(),
         }))?;

@@ -1,7 +1,9 @@
-//! Values on the command line: durations, sizes in bytes, colours, sizes in pixels. Text in, number
+//! Values on the command line: durations, sizes in bytes, counts, colours, sizes in pixels. Text in, numbers
 //! out; nothing here opens a file.
 
-/// "90", "90s", "20m", "1.5h", "1h30m" in seconds.
+pub use litetex_gs::text::{format_bytes, format_count, format_duration};
+
+/// Reads a time as seconds: "90", "90s", "20m", "1.5h", "1h30m".
 pub fn parse_duration_secs(text: &str) -> Result<f64, String> {
     let wrong = || format!("{text:?}: expected a time like 90s, 20m or 1h30m");
     let mut secs = 0.0;
@@ -29,7 +31,7 @@ fn positive(x: f64) -> Option<f64> {
     (x.is_finite() && x > 0.0).then_some(x)
 }
 
-/// "4GiB", "512MiB", "2GB", "1000000" in bytes.
+/// Reads a size as bytes: "4GiB", "512MiB", "2GB", "1000000".
 pub fn parse_bytes(text: &str) -> Result<u64, String> {
     const UNITS: [(&str, f64); 9] = [
         ("KiB", 1024.0),
@@ -53,10 +55,7 @@ pub fn parse_bytes(text: &str) -> Result<u64, String> {
     }
 }
 
-/// Reads `5000`, `500k`, `1.5M`.
-///
-/// # Errors
-/// A sentence that says what was expected.
+/// Reads a count: "5000", "500k", "1.5M".
 pub fn parse_count(text: &str) -> Result<usize, String> {
     let expected = || format!("{text:?}: expected a number of at least 1, such as 5000, 500k or 1.5M");
     let (digits, unit) = match text.char_indices().next_back() {
@@ -69,45 +68,7 @@ pub fn parse_count(text: &str) -> Result<usize, String> {
     if (1.0..=1e12).contains(&count) { Ok(count as usize) } else { Err(expected()) }
 }
 
-/// "4.0 GiB".
-pub fn format_bytes(bytes: u64) -> String {
-    match bytes as f64 {
-        b if b >= 1_073_741_824.0 => format!("{:.1} GiB", b / 1_073_741_824.0),
-        b if b >= 1_048_576.0 => format!("{:.1} MiB", b / 1_048_576.0),
-        b if b >= 1024.0 => format!("{:.1} KiB", b / 1024.0),
-        b => format!("{b} B"),
-    }
-}
-
-/// "45 s", "12 min", "3 h 20 min".
-pub fn format_duration(secs: f64) -> String {
-    let secs = secs.max(0.0);
-    if secs < 10.0 {
-        format!("{secs:.1} s")
-    } else if secs < 120.0 {
-        format!("{secs:.0} s")
-    } else if secs < 7200.0 {
-        format!("{:.0} min", secs / 60.0)
-    } else {
-        let minutes = (secs / 60.0).round() as u64;
-        format!("{} h {:02} min", minutes / 60, minutes % 60)
-    }
-}
-
-/// "1,234,567".
-pub fn format_count(n: u64) -> String {
-    let digits = n.to_string();
-    let mut out = String::new();
-    for (i, digit) in digits.chars().enumerate() {
-        if i > 0 && (digits.len() - i).is_multiple_of(3) {
-            out.push(',');
-        }
-        out.push(digit);
-    }
-    out
-}
-
-/// "black", "white", "#rrggbb" or "r,g,b" with numbers from 0 to 1, display space.
+/// Reads a colour, display space: "black", "white", "#rrggbb" or "r,g,b" with numbers from 0 to 1.
 pub fn parse_colour(text: &str) -> Result<[f32; 3], String> {
     let wrong = || format!("{text:?}: expected black, white, #rrggbb or r,g,b with numbers from 0 to 1");
     match text {
@@ -130,16 +91,16 @@ pub fn parse_colour(text: &str) -> Result<[f32; 3], String> {
     }
 }
 
-/// Size of a rendered image.
+/// Size of an image to make.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ImageSize {
-    /// Longer side; the other follows.
+    /// The longer side, pixels; the aspect ratio is kept.
     Longer(u32),
-    /// Both sides.
+    /// Width and height, pixels.
     Exact(u32, u32),
 }
 
-/// "0.1dB", "0.1 dB" or "0.1".
+/// Reads decibels: "0.1dB", "0.1 dB" or "0.1".
 pub fn parse_decibels(text: &str) -> Result<f64, String> {
     let lower = text.trim().to_ascii_lowercase();
     let number = lower.strip_suffix("db").unwrap_or(&lower).trim_end();
@@ -147,7 +108,7 @@ pub fn parse_decibels(text: &str) -> Result<f64, String> {
     value.ok_or_else(|| format!("{text:?}: expected decibels, such as 0.1dB"))
 }
 
-/// "960" (longer side) or "1920x1080".
+/// Reads the size of an image: "960" (longer side) or "1920x1080".
 pub fn parse_image_size(text: &str) -> Result<ImageSize, String> {
     let side = |part: &str| part.parse().ok().filter(|px| (1..=32_768).contains(px));
     let size = match text.split_once('x') {
@@ -181,7 +142,6 @@ mod tests {
         for wrong in ["", "GiB", "-1GiB", "1e30GiB", "4Gi"] {
             assert!(parse_bytes(wrong).is_err(), "{wrong}");
         }
-        assert_eq!(format_bytes(4 << 30), "4.0 GiB");
     }
 
     #[test]
@@ -209,13 +169,5 @@ mod tests {
         for wrong in ["", "0", "x", "10x", "40000", "3x-1"] {
             assert!(parse_image_size(wrong).is_err(), "{wrong}");
         }
-    }
-
-    #[test]
-    fn counts_and_times_for_people() {
-        assert_eq!(format_count(0), "0");
-        assert_eq!(format_count(1_234_567), "1,234,567");
-        assert_eq!(format_duration(3.25), "3.2 s");
-        assert_eq!(format_duration(12_000.0), "3 h 20 min");
     }
 }

@@ -1,44 +1,48 @@
 //! `litetex verify`: reads a file back and renders it beside the scene that it was made from.
 
-use super::capture::{self, Capture};
-use super::differences::{Stage, spread};
-use super::frozen::{Frozen, Origin, read_limits};
+use super::capture::Capture;
+use super::devices;
+use super::interrupt::Interrupt;
 use super::log::Log;
-use super::table::{Table, print_json};
+use super::sources::{load_scene, open_photos, read_limits, read_scene};
+use super::table::{Table, path_text, print_json};
 use super::values::parse_decibels;
-use super::verdict::{Expected, Found, Limits, judge, limits_of};
 use litetex_exporters::{AssetCamera, Format, SplatAsset, Transform, read_fallback};
+use litetex_gs::Error;
 use litetex_gs::bake::asset_cameras;
-use litetex_gs::{Error, Result};
-use std::path::{Path, PathBuf};
+use litetex_gs::verify::{
+    ExpectedImages, PhotoPsnr, QualityLimits, ReadBack, SceneRenderer, Verdict, evenly_spread, verify,
+};
+use litetex_gs::views::ViewSource;
+use std::path::PathBuf;
 
-/// Prove that a file renders as the scene it was made from
+/// Verify that a file renders as the scene it was made from
 ///
-/// Renders both on the views of the scene and compares. Exit code 1 if the file does not keep what its quality promises:
-/// lossless no difference at all; balanced at most 0.02 dB lost on average, 0.05 dB in any view; tiny 0.10 and 0.25 dB.
-/// What is lost follows from the images' differences at the scene's PSNR on test views; photos are also told of.
-/// Files without textures are compared with the scene without its textures.
+/// Renders both from the views of the scene and compares them. Exit code 1 if the file breaks the promise of its
+/// quality: lossless, no difference at all; balanced, at most 0.02 dB lost on average and 0.05 dB in any view; tiny,
+/// 0.10 and 0.25 dB. The loss follows from the differences between the images at the scene's PSNR on test views; PSNR
+/// on the photos is printed too, but not checked. Files without textures are compared with the untextured scene.
 #[derive(clap::Args)]
 pub struct VerifyArgs {
-    /// The file
+    /// File to verify
     #[arg(value_name = "FILE")]
     file: PathBuf,
     /// What it was made from: a run, a checkpoint or another asset
     #[arg(long, value_name = "RUN|CHECKPOINT|ASSET")]
     against: PathBuf,
-    /// The capture: also measures the PSNR on its photos, before and after [default: that of the run, if it is there]
+    /// Also measure the PSNR on the photos of this capture, before and after [default: the run's, if it is there]
     #[arg(long, value_name = "DIR")]
     capture: Option<PathBuf>,
     /// Render this many views, evenly spread [default: all]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     views: Option<u32>,
-    /// Most PSNR that may be lost on average, such as 0.1dB, instead of what the quality promises
+    /// Allow this much PSNR to be lost on average, such as 0.1dB, instead of what the quality promises
     #[arg(long, value_name = "DB", value_parser = parse_decibels)]
     max_loss: Option<f64>,
-    /// Least PSNR against the scene's images, instead of what the quality promises
+    /// Require this PSNR against the scene's images, instead of what the quality promises
     #[arg(long, value_name = "DB", value_parser = parse_decibels)]
     min_psnr: Option<f64>,
-    /// As JSON
+    /// Print JSON
     #[arg(long)]
     json: bool,
     /// Where to compute
@@ -49,36 +53,39 @@ pub struct VerifyArgs {
 /// Renders, compares, prints.
 pub fn run(args: &VerifyArgs, log: &Log) -> anyhow::Result<()> {
     let format = Format::of(&args.file).map_err(Error::from)?;
-    let found = Frozen::read(&args.file, log)?;
-    let against = Frozen::load(&args.against, log)?;
-    let Origin::File(contents) = &found.origin else { return Err(Error::Usage("not a file".into()).into()) };
-    let mut limits = limits_of(&args.file, contents);
+    let file = read_scene(&args.file, log)?;
+    let (scene, trained) = load_scene(&args.against, log)?;
+    let Some(contents) = &file.contents else { return Err(Error::Usage("not a file".into()).into()) };
+    let mut limits = QualityLimits::of_file(&args.file, contents);
     if args.max_loss.is_some() || args.min_psnr.is_some() {
-        limits = Limits { max_loss_db: args.max_loss, min_psnr: args.min_psnr, ..Limits::NONE };
+        limits = QualityLimits { max_loss_db: args.max_loss, min_psnr: args.min_psnr, ..QualityLimits::NONE };
     }
-    let capture = photos(&against, args.capture.as_deref(), log)?;
-    let cameras = cameras_of(&against.asset, capture.as_ref());
-    let views = spread(&cameras, args.views.map_or(usize::MAX, |v| v as usize));
-    let mut stage = Stage::open(&args.device, log)?;
-    let textured = format.keeps_textures();
+    let photos = open_photos(&scene, trained.as_ref(), args.capture.as_deref(), log)?;
+    let cameras = cameras_of(&scene.asset, photos.as_ref());
+    let views = evenly_spread(&cameras, args.views.map_or(usize::MAX, |v| v as usize));
+    let interrupt = Interrupt::current();
+    let go_on = || !interrupt.is_requested();
+    let mut renderer = SceneRenderer::new(devices::open(&args.device, log)?, &go_on);
     let fallback = read_fallback(&args.file, &read_limits()).map_err(Error::from)?;
-    let asset = Found { asset: &found.asset, textured, fallback: fallback.as_ref() };
-    let expected = Expected::of(&mut stage, &against.asset, &views)?;
-    let verdict = judge(&mut stage, &expected, asset, capture.as_ref(), limits)?;
+    let read_back =
+        ReadBack { asset: &file.asset, textured: format.keeps_textures(), fallback: fallback.as_ref() };
+    let expected = ExpectedImages::render(&mut renderer, &scene.asset, &views)?;
+    let photos = photos.as_ref().map(|capture| capture as &dyn ViewSource);
+    let verdict = verify(&mut renderer, &expected, read_back, photos, limits)?;
     if args.json {
         print_json(&serde_json::json!({
             "schema": "litetex-verify/1",
-            "file": args.file,
+            "file": path_text(&args.file),
             "format": contents.format,
-            "against": against.path,
+            "against": path_text(&scene.path),
             "verified": verdict.failures.is_empty(),
             "verdict": verdict,
         }))?;
     } else {
         let mut table = Table::default();
         table.row("file", format!("{} ({})", args.file.display(), contents.format));
-        table.row("against", against.path.display());
-        verdict.tell(&mut table);
+        table.row("against", scene.path.display());
+        add_rows(&verdict, &mut table);
         table.print()?;
     }
     if verdict.failures.is_empty() {
@@ -87,23 +94,7 @@ pub fn run(args: &VerifyArgs, log: &Log) -> anyhow::Result<()> {
     Err(Error::CheckFailed(format!("{}: {}", args.file.display(), verdict.failures.join("; "))).into())
 }
 
-/// The photos of a scene: of the folder that is named, else of the run's own, if it is still there.
-///
-/// # Errors
-/// What the loader found in the folder that is named.
-pub fn photos(scene: &Frozen, named: Option<&Path>, log: &Log) -> Result<Option<Capture>> {
-    let capture = match (scene.trained(), named) {
-        (Some(trained), _) if named.is_some() || trained.config.data().is_ok_and(Path::is_dir) => {
-            trained.open_capture(named)?
-        }
-        (None, Some(folder)) => capture::open(folder, &options_of(scene))?,
-        _ => return Ok(None),
-    };
-    log.report(&capture.report);
-    Ok(Some(capture))
-}
-
-/// The cameras of a scene; of its capture, where it has none itself.
+/// The cameras of a scene, or those of its capture if the scene has none.
 fn cameras_of(scene: &SplatAsset, capture: Option<&Capture>) -> Vec<AssetCamera> {
     let Some(capture) = capture.filter(|_| scene.cameras.is_empty()) else { return scene.cameras.clone() };
     let of_capture = &capture.capture_from_local;
@@ -112,12 +103,36 @@ fn cameras_of(scene: &SplatAsset, capture: Option<&Capture>) -> Vec<AssetCamera>
     asset_cameras(capture).iter().map(|camera| camera.in_frame(&scene_from_local)).collect()
 }
 
-/// How the capture of an asset is read: its cameras tell the size of the images.
-fn options_of(scene: &Frozen) -> capture::LoadOptions {
-    let longer = scene.asset.cameras.iter().map(|c| c.width_px.max(c.height_px)).max();
-    let mut options = capture::LoadOptions { background: scene.asset.background, ..Default::default() };
-    if let Some(longer) = longer {
-        options.max_resolution = longer;
+/// A verdict as rows of a table.
+fn add_rows(v: &Verdict, table: &mut Table) {
+    let scene = if v.untextured { "the untextured scene" } else { "the scene" };
+    table.row("views", v.views);
+    if v.has_other_splats() {
+        table.row("splats", format!("{} of the scene's {}", v.splats[0], v.splats[1]));
     }
-    options
+    table.row("PSNR", format!("{:.2} dB, worst {:.2} dB, against {scene}", v.psnr, v.psnr_worst));
+    table.row("SSIM, FLIP", format!("{:.6}, {:.6}", v.ssim, v.flip));
+    table.row("largest difference", format!("{:e}", v.largest));
+    table.row(
+        "lost",
+        format!("{:.4} dB at the scene's quality, worst view {:.4} dB", v.loss_db, v.loss_worst_db),
+    );
+    for (name, figures) in [("training photos", v.on_training_photos), ("test photos", v.on_test_photos)] {
+        if let Some(PhotoPsnr { before, after, .. }) = figures {
+            table.row(name, format!("{before:.3} dB before, {after:.3} dB after (not checked)"));
+        }
+    }
+    let on_photos = v.on_test_photos.or(v.on_training_photos);
+    let on_photos = on_photos.map_or_else(String::new, |p| format!(", {:.3} dB on photos", p.fallback));
+    table.row("fallback", format!("{:.2} dB in programs without textures{on_photos}", v.fallback_psnr));
+    table.row(
+        "verified",
+        if v.limits == QualityLimits::NONE {
+            "nothing is promised; --max-loss and --min-psnr set limits".to_owned()
+        } else if v.failures.is_empty() {
+            "yes".to_owned()
+        } else {
+            format!("no: {}", v.failures.join("; "))
+        },
+    );
 }

@@ -1,23 +1,23 @@
-//! How long the rest of a run will take. Images grow during a run, and steps slow down with them: the mean
-//! speed so far would promise an end that is far too early.
+//! The time that the rest of a run will take. Images grow during a run and steps slow down with them, so the mean
+//! speed so far would promise far too early an end.
 
-/// Weight of a measured time falls by e over this share of the run's work.
+/// The weight of a measured time falls by a factor of e over this share of the run's work.
 const MEMORY_SHARE: f64 = 0.02;
 
-/// Work of a step without pixels, as a share of that of an image of full size. Measured: fox at 960,
-/// a step at scale 4 takes 0.034 s, one at full size 0.4 s.
+/// Work of a step that does not depend on its pixels, as a share of the work on an image of full size. Measured on
+/// fox at 960: a step at render scale 4 takes 0.034 s, one at full size 0.4 s.
 const FIXED_WORK: f64 = 0.025;
 
-/// Work of a run's steps, and time for a unit of it.
+/// The work of each step of a run, and the recent time per unit of work.
 pub(super) struct Eta {
-    /// Work of the first `[step]` steps.
+    /// Work of the first `i` steps at index `i`. `[steps + 1]`
     work: Vec<f64>,
     secs: f64,
     measured: f64,
 }
 
 impl Eta {
-    /// For a run in which step `i + 1` renders at `scales[i]`: full size over image size.
+    /// For a run whose step `i + 1` has the `i`-th of these render scales.
     pub fn new(scales: impl Iterator<Item = f64>) -> Self {
         let mut work = vec![0.0];
         for scale in scales {
@@ -26,7 +26,7 @@ impl Eta {
         Self { work, secs: 0.0, measured: 0.0 }
     }
 
-    /// Steps `from + 1` to `to` took a time. Returns how long those after them will take.
+    /// Takes in that steps `from + 1` to `to` took `secs`, and returns the seconds that all later steps will take.
     pub fn observe(&mut self, from: u32, to: u32, secs: f64) -> f64 {
         let at = |step: u32| self.work[(step as usize).min(self.work.len() - 1)];
         let (done, all) = (at(to) - at(from), self.work[self.work.len() - 1]);

@@ -4,13 +4,14 @@
 
 pub mod checkpoint;
 mod config;
+mod eta;
 mod evaluate;
 mod events;
 mod limits;
 mod order;
-mod eta;
 mod run;
 mod schedule;
+mod stages;
 mod state;
 pub mod density;
 mod targets;
@@ -22,4 +23,5 @@ pub use events::{Control, StopReason, TrainEvent};
 pub use limits::check_limits;
 pub use run::{Sink, train};
 pub use schedule::Schedule;
+pub use stages::{StageSpan, stage_spans};
 pub use state::{CurvePoint, TrainHistory, TrainState};

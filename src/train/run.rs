@@ -1,11 +1,11 @@
 //! The loop: draws views, steps, changes the structure, evaluates, reports.
 
 use super::config::TrainConfig;
+use super::eta::Eta;
 use super::evaluate::{Evaluated, evaluate};
 use super::events::{Control, StopReason, TrainEvent};
 use super::limits::check_limits;
 use super::order::ViewOrder;
-use super::eta::Eta;
 use super::schedule::Schedule;
 use super::state::{CurvePoint, TrainState};
 use super::density::{StatisticsSource, DensityCounts};
@@ -67,7 +67,7 @@ pub fn train(
     let eta = Eta::new((0..config.steps).map(|step| scale(schedule.last_density_step(step))));
     let size = [start.model.num_splats(), start.model.num_texels()];
     let targets = Targets::new(views.num_views(), 1.0);
-    let mut run = Run {
+    let mut trainer = Trainer {
         config,
         backend,
         views,
@@ -83,14 +83,15 @@ pub fn train(
         size,
         state: start,
     };
-    run.begin_stage(run.state.stage_step);
+    trainer.begin_stage(trainer.state.stage_step);
     // The analysis of the photos is part of the training time.
-    run.state.history.train_wall_secs += clock.wall.elapsed().as_secs_f64();
-    run.state.history.train_cpu_secs += process_cpu_secs() - clock.cpu_secs;
-    run.train(sink)
+    trainer.state.history.train_wall_secs += clock.wall.elapsed().as_secs_f64();
+    trainer.state.history.train_cpu_secs += process_cpu_secs() - clock.cpu_secs;
+    trainer.train(sink)
 }
 
-struct Run<'a> {
+/// A training under way.
+struct Trainer<'a> {
     config: &'a TrainConfig,
     backend: &'a mut dyn Backend,
     views: &'a dyn ViewSource,
@@ -130,7 +131,7 @@ impl Clock {
     }
 }
 
-impl Run<'_> {
+impl Trainer<'_> {
     fn train(&mut self, sink: Sink<'_>) -> Result<(TrainState, StopReason)> {
         sink(TrainEvent::Started {
             device: self.backend.device(),

@@ -3,7 +3,7 @@
 use litetex_exporters::{Format, Quality, ReadLimits, SplatAsset, WriteOptions, read_asset, write_asset};
 use litetex_gs::Report;
 use litetex_gs::backend::{Backend, RenderOptions};
-use litetex_gs::bake::{asset_camera, bake, camera, thaw};
+use litetex_gs::bake::{asset_camera, bake, camera, model_from_asset};
 use litetex_gs::model::AdamState;
 use litetex_gs::selftest::{SceneOptions, random_scene};
 use std::path::Path;
@@ -34,7 +34,7 @@ pub fn asset() -> SplatAsset {
 
 /// Its images, one after another.
 pub fn images(backend: &mut dyn Backend, asset: &SplatAsset, views: &SplatAsset) -> Vec<f32> {
-    let model = thaw(asset);
+    let model = model_from_asset(asset);
     backend.upload(&model, &AdamState::zeros(&model)).unwrap();
     let options = RenderOptions { background: asset.background, sh_degree: asset.sh_degree, geometry: false };
     let render = |view| backend.render(&camera(view), &options).unwrap().rgb;

@@ -247,7 +247,7 @@ fn run_cells(
         return Ok(());
     }
     let jobs = usize::from(args.jobs);
-    let interrupt = Interrupt::listen()?;
+    let interrupt = Interrupt::listen(log, "ending the runs in progress")?;
     let runner = Runner {
         program: std::env::current_exe()
             .map_err(|e| Error::Device(format!("cannot find this program: {e}")))?,

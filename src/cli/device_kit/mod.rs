@@ -86,7 +86,7 @@ pub fn run(kit: &Kit) -> anyhow::Result<()> {
             args.extend(["--max-resolution".into(), bound(size).into()]);
             args.extend(["--steps".into(), steps.to_string().into()]);
             args.extend(["--max-time".into(), format!("{share:.1}").into()]);
-            args.extend(["--json".into(), kit.folder.join(name).into()]);
+            args.extend(["--force".into(), "--json".into(), kit.folder.join(name).into()]);
             if size == sizes[0] {
                 args.push("--sort".into());
             }

@@ -1,23 +1,25 @@
-//! Which capture a run was trained on: names of its views by side of the split, and its frame. Every
-//! checkpoint carries it, so that a run is neither continued nor judged on other views by accident.
+//! Which capture a run was trained on: the names of its views by side of the split, and its frame. Every
+//! checkpoint carries both and the cameras, so that a run is neither continued nor evaluated on other views by
+//! accident.
 
-use super::capture::Capture;
+use crate::bake::asset_cameras;
+use crate::camera::Similarity;
+use crate::text::quoted;
+use crate::views::{Split, ViewSource};
+use crate::{Error, Result};
 use litetex_exporters::AssetCamera;
-use litetex_gs::bake::asset_cameras;
-use litetex_gs::camera::Similarity;
-use litetex_gs::views::{Split, ViewSource};
-use litetex_gs::{Error, Result};
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-/// Key among the strings of a checkpoint.
-pub const KEY: &str = "views";
+/// Key of a [`CaptureIdentity`] among the strings of a checkpoint.
+pub const IDENTITY_KEY: &str = "views";
 
-/// Key of the cameras.
-pub const CAMERAS: &str = "cameras";
+/// Key of the cameras among the strings of a checkpoint.
+pub const CAMERAS_KEY: &str = "cameras";
 
-/// The cameras of a run as text for a checkpoint: what assets carry.
+/// The cameras of a run, as assets carry them, for a checkpoint.
 ///
 /// # Errors
 /// [`Error::Usage`] if they have no form in JSON, which does not happen.
@@ -26,35 +28,42 @@ pub fn cameras_json(views: &dyn ViewSource) -> Result<String> {
         .map_err(|e| Error::Usage(format!("the cameras cannot be written: {e}")))
 }
 
-/// The cameras that a checkpoint carries; `None` for those that were written before it did.
+/// The cameras that a checkpoint carries.
 ///
 /// # Errors
-/// [`Error::InvalidInput`] if they are unreadable.
-pub fn cameras(path: &Path, strings: &BTreeMap<String, String>) -> Result<Option<Vec<AssetCamera>>> {
-    let unreadable = |e| Error::invalid(path, format!("entry {CAMERAS:?} of the checkpoint: {e}"));
-    strings.get(CAMERAS).map(|text| serde_json::from_str(text).map_err(unreadable)).transpose()
+/// [`Error::InvalidInput`] if they are missing or unreadable.
+pub fn cameras_from_strings(path: &Path, strings: &BTreeMap<String, String>) -> Result<Vec<AssetCamera>> {
+    entry(path, strings, CAMERAS_KEY)
 }
 
-/// Views and frame of a run.
+/// An entry of a checkpoint's strings, read from JSON.
+fn entry<T: DeserializeOwned>(path: &Path, strings: &BTreeMap<String, String>, key: &str) -> Result<T> {
+    let text = strings
+        .get(key)
+        .ok_or_else(|| Error::invalid(path, format!("the checkpoint lacks the entry {key:?}")))?;
+    serde_json::from_str(text)
+        .map_err(|e| Error::invalid(path, format!("entry {key:?} of the checkpoint: {e}")))
+}
+
+/// The views and the frame of a capture as a run saw them.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Identity {
-    /// Names of the views trained on, in order.
+pub struct CaptureIdentity {
+    /// Names of the training views, in order.
     train: Vec<String>,
-    /// Names of the views held out, in order.
+    /// Names of the test views, in order.
     test: Vec<String>,
-    /// Bits of the frame.
     capture_from_local: FrameBits,
 }
 
-/// A [`Similarity`] to the bit: the 16 hexadecimal digits of each f64.
+/// A [`Similarity`] bit for bit: 16 hexadecimal digits for each f64.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 struct FrameBits {
     scale: String,
     translation: [String; 3],
 }
 
-impl Identity {
-    /// Of views in a frame.
+impl CaptureIdentity {
+    /// The identity of views that were moved into a local frame.
     pub fn new(views: &dyn ViewSource, capture_from_local: Similarity) -> Self {
         let names = |split| views.indices(split).into_iter().map(|v| views.name(v).to_owned()).collect();
         let hex = |x: f64| format!("{:016x}", x.to_bits());
@@ -68,11 +77,6 @@ impl Identity {
         }
     }
 
-    /// Of a capture as it was read.
-    pub fn of(capture: &Capture) -> Self {
-        Self::new(capture, capture.capture_from_local)
-    }
-
     /// As a string for a checkpoint.
     ///
     /// # Errors
@@ -82,71 +86,71 @@ impl Identity {
             .map_err(|e| Error::Usage(format!("the names of the views cannot be written: {e}")))
     }
 
-    /// What a checkpoint carries; `None` for those that were written before it was recorded.
+    /// The identity that a checkpoint carries.
     ///
     /// # Errors
-    /// [`Error::InvalidInput`] if it is unreadable.
-    pub fn from_strings(path: &Path, strings: &BTreeMap<String, String>) -> Result<Option<Self>> {
-        let unreadable = |e| Error::invalid(path, format!("entry {KEY:?} of the checkpoint: {e}"));
-        strings.get(KEY).map(|text| serde_json::from_str(text).map_err(unreadable)).transpose()
+    /// [`Error::InvalidInput`] if it is missing or unreadable.
+    pub fn from_strings(path: &Path, strings: &BTreeMap<String, String>) -> Result<Self> {
+        entry(path, strings, IDENTITY_KEY)
     }
 
-    /// Whether the run can go on with a capture that is read as `now`.
+    /// Checks that the run can be continued with a capture whose identity is `now`.
     ///
     /// # Errors
-    /// [`Error::Usage`] naming the first view that differs.
+    /// [`Error::Usage`] naming the first difference.
     pub fn check_resumable(&self, now: &Self) -> Result<()> {
         for (before, now, role) in
             [(&self.train, &now.train, "a training view"), (&self.test, &now.test, "a test view")]
         {
             if let Some(what) = first_difference(before, now, role) {
                 return Err(Error::Usage(format!(
-                    "--resume: {what}; start a new run, or restore the capture and its split as they were"
+                    "the run cannot be continued: {what}; start a new run, or restore the capture and its split"
                 )));
             }
         }
         if self.capture_from_local != now.capture_from_local {
             return Err(Error::Usage(
-                "--resume: position or scale of the capture differ from those of the run, its poses have \
-                 changed; start a new run, or restore the capture"
+                "the run cannot be continued: the poses of the capture have changed, its position or scale differ \
+                 from the run's; start a new run, or restore the capture"
                     .to_owned(),
             ));
         }
         Ok(())
     }
 
-    /// Whether the scene and a capture that is read as `now` are in one frame.
+    /// Checks that the run and a capture whose identity is `now` share a local frame.
     ///
     /// # Errors
-    /// [`Error::Usage`].
+    /// [`Error::Usage`] if they do not.
     pub fn check_frame(&self, now: &Self) -> Result<()> {
         if self.capture_from_local == now.capture_from_local {
             return Ok(());
         }
         Err(Error::Usage(
-            "this is not the capture the run was trained on: position or scale of its cameras differ; name \
-             the right one with --capture, or restore it"
+            "this is not the capture the run was trained on: the position or scale of its cameras differ; name the \
+             right one with --capture, or restore it"
                 .to_owned(),
         ))
     }
 
-    /// Whether none of the views that `now` holds out was trained on.
+    /// Checks that no test view of `now` was a training view of the run.
     ///
     /// # Errors
-    /// [`Error::Usage`] naming the first one.
+    /// [`Error::Usage`] naming the first that was.
     pub fn check_held_out(&self, now: &Self) -> Result<()> {
         let trained: BTreeSet<&String> = self.train.iter().collect();
         match now.test.iter().find(|name| trained.contains(name)) {
             None => Ok(()),
             Some(name) => Err(Error::Usage(format!(
-                "test view {name:?} was a training view of the run, its figures would say nothing; restore \
-                 the capture and its split as they were"
+                "test view {} was a training view of the run, so its figures would mean nothing; restore the capture \
+                 and its split",
+                quoted(name)
             ))),
         }
     }
 }
 
-/// The first name that only one of two lists has.
+/// The first difference between two lists of names, in words.
 fn first_difference(before: &[String], now: &[String], role: &str) -> Option<String> {
     let only_in = |a: &[String], b: &[String]| {
         let b: BTreeSet<&String> = b.iter().collect();
@@ -154,23 +158,25 @@ fn first_difference(before: &[String], now: &[String], role: &str) -> Option<Str
     };
     let counts = format!("{} then, {} now", before.len(), now.len());
     if let Some(name) = only_in(before, now) {
-        return Some(format!("{name:?} was {role} of the run and is not now ({counts})"));
+        return Some(format!("{} was {role} of the run and is not now ({counts})", quoted(&name)));
     }
     if let Some(name) = only_in(now, before) {
-        return Some(format!("{name:?} is {role} now and was not in the run ({counts})"));
+        return Some(format!("{} is {role} now and was not in the run ({counts})", quoted(&name)));
     }
     let other = before.iter().zip(now).find(|(b, n)| b != n);
-    other.map(|(b, n)| format!("the order of the views differs: {n:?} stands where {b:?} stood"))
+    other.map(|(b, n)| {
+        format!("the order of the views differs: {} stands where {} stood", quoted(n), quoted(b))
+    })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn identity(train: &[&str], test: &[&str], scale: f64) -> Identity {
+    fn identity(train: &[&str], test: &[&str], scale: f64) -> CaptureIdentity {
         let names = |all: &[&str]| all.iter().map(|&n| n.to_owned()).collect();
         let hex = |x: f64| format!("{:016x}", x.to_bits());
-        Identity {
+        CaptureIdentity {
             train: names(train),
             test: names(test),
             capture_from_local: FrameBits { scale: hex(scale), translation: [0.0, -0.0, 3.0].map(hex) },
@@ -200,13 +206,14 @@ mod tests {
     }
 
     #[test]
-    fn a_checkpoint_may_lack_it_but_not_garble_it() {
+    fn a_checkpoint_without_an_identity_or_with_a_garbled_one_is_refused() {
         let path = Path::new("c.safetensors");
         let run = identity(&["b"], &["ä \"1\""], 2.0);
-        let strings = |text: String| BTreeMap::from([(KEY.to_owned(), text)]);
-        assert_eq!(Identity::from_strings(path, &BTreeMap::new()).unwrap(), None);
-        let read = Identity::from_strings(path, &strings(run.to_json().unwrap())).unwrap();
-        assert_eq!(read, Some(run));
-        assert_eq!(Identity::from_strings(path, &strings("{}".into())).unwrap_err().exit_code(), 3);
+        let strings = |text: String| BTreeMap::from([(IDENTITY_KEY.to_owned(), text)]);
+        let read = CaptureIdentity::from_strings(path, &strings(run.to_json().unwrap())).unwrap();
+        assert_eq!(read, run);
+        for strings in [BTreeMap::new(), strings("{}".into())] {
+            assert_eq!(CaptureIdentity::from_strings(path, &strings).unwrap_err().exit_code(), 3);
+        }
     }
 }

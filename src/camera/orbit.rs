@@ -1,18 +1,13 @@
-//! Cameras on a circle around what a capture's cameras look at.
+//! Cameras on a circle around what other cameras look at.
 
+use super::{Camera, RigidTransform};
 use glam::{DMat3, DVec3};
-use litetex_gs::camera::{Camera, RigidTransform};
-use litetex_gs::{Error, Result};
 
 /// `count` cameras on a circle. Its centre is the point nearest to all optical axes, its axis the mean
-/// upward direction, its radius and height the cameras' medians; the lens is the first camera's.
-///
-/// # Errors
-/// [`Error::Usage`] without cameras.
-pub fn cameras(views: &[Camera], count: u32) -> Result<Vec<Camera>> {
-    let Some(first) = views.first() else {
-        return Err(Error::Usage("--orbit: the capture has no cameras".to_owned()));
-    };
+/// upward direction, its radius and height the cameras' medians; the lens is the first camera's. Empty without
+/// cameras.
+pub fn orbit(views: &[Camera], count: u32) -> Vec<Camera> {
+    let Some(first) = views.first() else { return Vec::new() };
     let up = views
         .iter()
         .map(|c| -c.camera_from_local.rotation.row(1))
@@ -32,7 +27,7 @@ pub fn cameras(views: &[Camera], count: u32) -> Result<Vec<Camera>> {
         let centre = target + radius * (angle.cos() * east + angle.sin() * north) + height * up;
         Camera { pinhole: first.pinhole, camera_from_local: looking(centre, target, up) }
     };
-    Ok((0..count).map(at).collect())
+    (0..count).map(at).collect()
 }
 
 /// A camera at `centre` that looks at `target`.
@@ -77,7 +72,7 @@ fn median(mut values: Vec<f64>) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use litetex_gs::camera::Pinhole;
+    use crate::camera::Pinhole;
 
     const LENS: Pinhole =
         Pinhole { width_px: 40, height_px: 30, fx_px: 30.0, fy_px: 30.0, cx_px: 20.0, cy_px: 15.0 };
@@ -98,7 +93,7 @@ mod tests {
         let target = DVec3::new(1.0, -2.0, 3.0);
         let up = DVec3::new(0.1, -0.9, 0.2).normalize();
         let given = ring(target, up);
-        let orbit = cameras(&given, 12).unwrap();
+        let orbit = orbit(&given, 12);
         assert_eq!(orbit.len(), 12);
         assert!(orbit[0].centre_in_local().distance(given[0].centre_in_local()) < 1e-9);
         for camera in &orbit {
@@ -112,12 +107,12 @@ mod tests {
     }
 
     #[test]
-    fn parallel_cameras_and_none_have_an_answer() {
+    fn an_orbit_of_parallel_cameras_is_finite_and_of_none_empty() {
         let camera = Camera { pinhole: LENS, camera_from_local: RigidTransform::IDENTITY };
-        for c in cameras(&[camera, camera], 3).unwrap() {
+        for c in orbit(&[camera, camera], 3) {
             assert!(c.camera_from_local.translation.is_finite());
             assert!(c.camera_from_local.rotation.is_finite());
         }
-        assert!(cameras(&[], 3).is_err());
+        assert!(orbit(&[], 3).is_empty());
     }
 }

@@ -1,16 +1,16 @@
-//! An asset as a model, so that the backends can render it: activations are undone in f64.
+//! Turns an asset back into a model that backends can render: activations are inverted in f64.
 
 use crate::camera::Similarity;
 use crate::model::{Model, SplatArrays, TextureMap, TexturePool};
 use glam::DVec3;
 use litetex_exporters::SplatAsset;
 
-/// Largest opacity and residual that have an inverse: what f32 rounds to 1.
+/// Largest opacity and residual that can be inverted; f32 rounds it to 1.
 const BELOW_ONE: f64 = 1.0 - 1.0 / (1_u64 << 26) as f64;
 
-/// A model that renders as the asset says, to the rounding of f32: equal assets give equal bits. A turn of
-/// the frame is left out, for models have none; cameras and splats are in the local frame.
-pub fn thaw(asset: &SplatAsset) -> Model {
+/// A model that renders as the asset, to the rounding of f32; equal assets give equal models, bit for bit. A
+/// rotation of the frame is dropped, since models have none: cameras and splats are in the local frame anyway.
+pub fn model_from_asset(asset: &SplatAsset) -> Model {
     let splats = SplatArrays {
         sh_degree: asset.sh_degree,
         positions: asset.positions.as_flattened().to_vec(),
@@ -52,7 +52,7 @@ mod tests {
     use litetex_exporters::{AssetMap, Provenance};
 
     #[test]
-    fn what_is_thawed_freezes_to_the_same_asset() {
+    fn a_model_from_an_asset_bakes_to_the_same_asset() {
         let asset = SplatAsset {
             sh_degree: 1,
             positions: vec![[1.0, -2.0, 3.0], [0.0, 1e-7, 5.0]],
@@ -68,7 +68,13 @@ mod tests {
             ..SplatAsset::default()
         };
         asset.validate().unwrap();
-        let again = bake(&thaw(&asset), Vec::new(), [0.0; 3], Provenance::default(), &mut Report::default());
+        let again = bake(
+            &model_from_asset(&asset),
+            Vec::new(),
+            [0.0; 3],
+            Provenance::default(),
+            &mut Report::default(),
+        );
         let close = |a: &[f32], b: &[f32]| {
             a.len() == b.len() && a.iter().zip(b).all(|(a, b)| (a - b).abs() <= 2e-6 * a.abs())
         };

@@ -1,0 +1,219 @@
+//! What a call of `litetex train` amounts to: resolved settings, the folder, and the state of the run to continue.
+
+use super::capture::Capture;
+use super::config_file::RunConfig;
+use super::log::Log;
+use super::run_folder::{RunFolder, RunLock, checkpoints_after, find_checkpoint, run_of_checkpoint};
+use super::sources::config_of;
+use super::summary::Resumed;
+use super::train_args::TrainArgs;
+use litetex_gs::train::{TrainState, checkpoint};
+use litetex_gs::verify::CaptureIdentity;
+use litetex_gs::views::ViewSource;
+use litetex_gs::{Error, Report, Result};
+use std::path::{Path, PathBuf};
+
+/// A training to do.
+pub struct TrainJob {
+    pub config: RunConfig,
+    /// Folder of the run.
+    pub out: PathBuf,
+    /// Whether to replace the run in the folder, or its later checkpoints.
+    pub force: bool,
+    pub device: String,
+    pub resume: Option<Resume>,
+    /// The lock of the folder, taken as soon as it is known to hold a run.
+    lock: Option<RunLock>,
+}
+
+/// A run to continue.
+pub struct Resume {
+    pub checkpoint: PathBuf,
+    pub state: TrainState,
+    /// Settings that shape the result and differ from those of the checkpoint.
+    pub changed: Vec<String>,
+    identity: CaptureIdentity,
+    /// Problems of the checkpoint worth reporting.
+    pub report: Report,
+    /// Whether it continues in its own folder.
+    in_place: bool,
+}
+
+impl TrainJob {
+    /// Resolves the arguments; reads the settings and the checkpoint that they name, and writes nothing.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for arguments that contradict each other or a folder that may not be used; what reading found.
+    pub fn plan(args: &TrainArgs) -> Result<Self> {
+        let mut resumed = resume_source(args)?.map(|path| Resume::load(&path)).transpose()?;
+        let before = resumed.as_ref().map(|(_, config)| config);
+        let config = resolve_config(args, before)?;
+        let out = match (&args.out, &resumed) {
+            (Some(out), _) => out.clone(),
+            (None, Some((resume, _))) => run_of_checkpoint(&resume.checkpoint)
+                .map(Path::to_owned)
+                .ok_or_else(|| Error::Usage("--out: name the folder of the run".to_owned()))?,
+            (None, None) => {
+                return Err(Error::Usage(
+                    "no output folder given: litetex train <CAPTURE> -o <RUN>".to_owned(),
+                ));
+            }
+        };
+        let mut lock = None;
+        if let Some((resume, before)) = &mut resumed {
+            resume.in_place = run_of_checkpoint(&resume.checkpoint).is_some_and(|run| same_folder(run, &out));
+            resume.changed = config.shaping_differences(before)?;
+        }
+        let resume = resumed.map(|(resume, _)| resume);
+        if let Some(resume) = resume.as_ref().filter(|resume| resume.in_place) {
+            // Before looking for later checkpoints, which a running training may be about to write.
+            lock = Some(RunLock::take(&out)?);
+            if !args.force {
+                check_latest(&resume.state, &out)?;
+            }
+        } else {
+            RunFolder::check_free(&out, args.force)?;
+        }
+        Ok(Self { config, out, force: args.force, device: args.device.clone(), resume, lock })
+    }
+
+    /// Makes or opens the folder of the run, after which the run of an earlier training may be gone.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if the folder may not be used (any more), [`Error::Io`].
+    pub fn open_folder(&mut self, done: u32) -> Result<RunFolder> {
+        let Some(lock) = self.lock.take() else { return RunFolder::create(&self.out, self.force) };
+        let folder = RunFolder::reopen(&self.out, lock)?;
+        if self.force {
+            folder.remove_after(done)?;
+        }
+        Ok(folder)
+    }
+}
+
+impl Resume {
+    fn load(path: &Path) -> Result<(Self, RunConfig)> {
+        let file = find_checkpoint(path)?;
+        let (state, strings) = checkpoint::load(&file)?;
+        let config = config_of(&file, &strings)?;
+        let identity = CaptureIdentity::from_strings(&file, &strings)?;
+        let mut report = Report::default();
+        let history = checkpoint::history_path(&file);
+        if !history.exists() {
+            let what = format!("{}: missing; the times and the curve up to here are lost", history.display());
+            report.warn("history-missing", 1, what);
+        }
+        let resume = Self { checkpoint: file, state, changed: Vec::new(), identity, report, in_place: false };
+        Ok((resume, config))
+    }
+
+    /// Checks that the run can be continued with these settings on this capture.
+    ///
+    /// # Errors
+    /// [`Error::Usage`], or [`Error::InvalidInput`] for a checkpoint that does not match the capture.
+    pub fn check(&self, config: &RunConfig, capture: &Capture) -> Result<()> {
+        let fixed = ["sh-degree", "policy", "seed", "init", "max-points"];
+        if let Some(name) = self.changed.iter().find(|name| fixed.contains(&name.as_str())) {
+            return Err(Error::Usage(format!(
+                "--{name}: a resumed run keeps the value of its checkpoint; start a new run to change it"
+            )));
+        }
+        if self.state.step > config.train.steps {
+            return Err(Error::Usage(format!(
+                "--steps {}: the checkpoint is already at step {}",
+                config.train.steps, self.state.step
+            )));
+        }
+        self.identity.check_resumable(&CaptureIdentity::new(capture, capture.capture_from_local))?;
+        if let Some(view) = self.state.epoch_order.iter().find(|&&v| v as usize >= capture.num_views()) {
+            return Err(Error::invalid(
+                &self.checkpoint,
+                format!(
+                    "view {view} of its epoch is not one of the capture's {}: the capture has changed since",
+                    capture.num_views()
+                ),
+            ));
+        }
+        Ok(())
+    }
+
+    /// Logs where the run continues and what differs, and puts it into the report.
+    pub fn announce(&mut self, report: &mut Report, log: &Log) {
+        log.report(&self.report);
+        report.merge(std::mem::take(&mut self.report));
+        log.info(&format!("continuing {} after step {}", self.checkpoint.display(), self.state.step));
+        if !self.changed.is_empty() {
+            log.warn(
+                "resumed-with-other-settings",
+                &format!(
+                    "{} differ from the checkpoint: this is a new schedule, not the continuation of the old run",
+                    self.changed.join(", ")
+                ),
+                self.changed.len(),
+            );
+        }
+    }
+
+    /// How the summary describes it.
+    pub fn summary(&self) -> Resumed {
+        Resumed {
+            from_step: self.state.step,
+            new_schedule: !self.changed.is_empty(),
+            changed: self.changed.clone(),
+        }
+    }
+}
+
+/// The run or checkpoint to continue, if any.
+fn resume_source(args: &TrainArgs) -> Result<Option<PathBuf>> {
+    match (&args.resume, &args.out) {
+        (None, _) => Ok(None),
+        (Some(Some(path)), _) | (Some(None), Some(path)) => Ok(Some(path.clone())),
+        (Some(None), None) => Err(Error::Usage("--resume: name the run here or with --out".to_owned())),
+    }
+}
+
+/// The settings: of `--config`, else of the run that is continued (`before`), else the defaults; flags win.
+fn resolve_config(args: &TrainArgs, before: Option<&RunConfig>) -> Result<RunConfig> {
+    let mut config = match (&args.config, before) {
+        (Some(file), before) => {
+            let mut config = RunConfig::read(file)?;
+            if let (None, Some(before)) = (&config.data, before) {
+                config.data.clone_from(&before.data);
+            }
+            config
+        }
+        (None, Some(before)) => before.clone(),
+        (None, None) => RunConfig::default(),
+    };
+    args.apply(&mut config)?;
+    config.version.clear();
+    if let Some(data) = &config.data {
+        // The run must be repeatable from any folder.
+        config.data = Some(std::path::absolute(data).map_err(|e| Error::io(data, e))?);
+    }
+    config.data()?;
+    // Every run records its settings: what cannot be written is refused before any work.
+    config.to_toml()?;
+    Ok(config)
+}
+
+/// Refuses to continue from the middle of a run: later checkpoints would be mixed with new ones.
+fn check_latest(state: &TrainState, run: &Path) -> Result<()> {
+    match checkpoints_after(run, state.step)?.last() {
+        None => Ok(()),
+        Some(last) => Err(Error::Usage(format!(
+            "the run has checkpoints after step {}, up to {}; continue it elsewhere with -o <RUN>, or add \
+             --force to delete the later checkpoints and evaluations",
+            state.step,
+            last.display()
+        ))),
+    }
+}
+
+fn same_folder(a: &Path, b: &Path) -> bool {
+    match (a.canonicalize(), b.canonicalize()) {
+        (Ok(a), Ok(b)) => a == b,
+        _ => false,
+    }
+}

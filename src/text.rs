@@ -1,0 +1,102 @@
+//! Numbers and names as people read them in messages and tables.
+
+use std::borrow::Cow;
+
+/// Characters of a name from a file that a message quotes at most.
+const QUOTED_CHARS_MAX: usize = 72;
+
+/// A name from a file in double quotes, escaped and cut: files may hold names of megabytes.
+pub fn quoted(name: &str) -> String {
+    format!("{:?}", shortened(name, QUOTED_CHARS_MAX))
+}
+
+/// The first `chars_max` characters, with an ellipsis if any were cut.
+pub fn shortened(text: &str, chars_max: usize) -> Cow<'_, str> {
+    match text.char_indices().nth(chars_max) {
+        Some((end, _)) => Cow::Owned(format!("{}…", &text[..end])),
+        None => Cow::Borrowed(text),
+    }
+}
+
+/// Text that a terminal shows and does not obey: control characters and those that reverse the direction of
+/// writing are escaped, but for those in `kept`.
+pub fn printable<'a>(text: &'a str, kept: &[char]) -> Cow<'a, str> {
+    let escapes = |c: char| {
+        (c.is_control() || matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}'))
+            && !kept.contains(&c)
+    };
+    if !text.contains(escapes) {
+        return Cow::Borrowed(text);
+    }
+    let mut out = String::with_capacity(text.len());
+    for c in text.chars() {
+        if escapes(c) {
+            out.extend(c.escape_default());
+        } else {
+            out.push(c);
+        }
+    }
+    Cow::Owned(out)
+}
+
+/// "4.0 GiB".
+pub fn format_bytes(bytes: u64) -> String {
+    match bytes as f64 {
+        b if b >= 1_073_741_824.0 => format!("{:.1} GiB", b / 1_073_741_824.0),
+        b if b >= 1_048_576.0 => format!("{:.1} MiB", b / 1_048_576.0),
+        b if b >= 1024.0 => format!("{:.1} KiB", b / 1024.0),
+        b => format!("{b} B"),
+    }
+}
+
+/// "45 s", "12 min", "3 h 20 min".
+pub fn format_duration(secs: f64) -> String {
+    let secs = secs.max(0.0);
+    if secs < 10.0 {
+        format!("{secs:.1} s")
+    } else if secs < 120.0 {
+        format!("{secs:.0} s")
+    } else if secs < 7200.0 {
+        format!("{:.0} min", secs / 60.0)
+    } else {
+        let minutes = (secs / 60.0).round() as u64;
+        format!("{} h {:02} min", minutes / 60, minutes % 60)
+    }
+}
+
+/// "1,234,567".
+pub fn format_count(n: u64) -> String {
+    let digits = n.to_string();
+    let mut out = String::new();
+    for (i, digit) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i).is_multiple_of(3) {
+            out.push(',');
+        }
+        out.push(digit);
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn counts_and_times_for_people() {
+        assert_eq!(format_count(0), "0");
+        assert_eq!(format_count(1_234_567), "1,234,567");
+        assert_eq!(format_duration(3.25), "3.2 s");
+        assert_eq!(format_duration(12_000.0), "3 h 20 min");
+        assert_eq!(format_bytes(4 << 30), "4.0 GiB");
+    }
+
+    #[test]
+    fn names_from_files_are_escaped_and_cut() {
+        assert_eq!(printable("füchse 1\n", &['\n']), "füchse 1\n");
+        assert_eq!(printable("a\u{1b}[31mb\u{9b}\n\u{202e}", &[]), "a\\u{1b}[31mb\\u{9b}\\n\\u{202e}");
+        assert_eq!(quoted("a\"\u{1b}"), "\"a\\\"\\u{1b}\"");
+        let long = quoted(&"é".repeat(1 << 20));
+        assert!(long.chars().count() == QUOTED_CHARS_MAX + 3 && long.ends_with("é…\""), "{long}");
+        assert_eq!(shortened("abc", 3), "abc");
+    }
+}

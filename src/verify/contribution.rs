@@ -1,0 +1,85 @@
+//! How much each splat contributes to the views of a scene.
+
+use super::renderer::GoOn;
+use crate::backend::{Backend, LearningRates, LossWeights, StepRequest, TargetImage, WindowStatistics};
+use crate::bake::{camera, model_from_asset};
+use crate::model::AdamState;
+use crate::{Error, Result};
+use litetex_exporters::{AssetCamera, SplatAsset};
+
+/// What each splat contributes to a set of views.
+pub struct Contribution {
+    /// Sum of the blending weights over all pixels. `[num_splats]`
+    pub weight_px: Vec<f32>,
+    /// Sum of the squared blending weights, as if a splat's weight were the same in all its pixels of a view.
+    /// `[num_splats]`
+    pub squared_weight_px: Vec<f32>,
+}
+
+impl Contribution {
+    /// Measures the splats of an asset on a backend, which keeps the asset's model.
+    ///
+    /// # Errors
+    /// What the device reports, [`Error::Interrupted`].
+    pub fn measure(
+        backend: &mut dyn Backend,
+        asset: &SplatAsset,
+        views: &[AssetCamera],
+        go_on: GoOn<'_>,
+    ) -> Result<Self> {
+        let model = model_from_asset(asset);
+        backend.upload(&model, &AdamState::zeros(&model))?;
+        let zeros = vec![0.0; model.num_splats()];
+        let mut all = Self { weight_px: zeros.clone(), squared_weight_px: zeros };
+        for (photo, view) in views.iter().enumerate() {
+            if !go_on() {
+                return Err(Error::Interrupted);
+            }
+            backend.set_statistics(&WindowStatistics::empty(model.num_splats()))?;
+            step_without_learning(backend, asset, view, photo as u32)?;
+            all.add(&backend.read_statistics()?, num_pixels(view) as f32);
+        }
+        Ok(all)
+    }
+
+    /// Adds the statistics of one view, which are shares of its pixels.
+    fn add(&mut self, of_view: &WindowStatistics, pixels: f32) {
+        for (splat, (weight, area)) in of_view.contribution.iter().zip(&of_view.area).enumerate() {
+            self.weight_px[splat] += weight * pixels;
+            if *area > 0.0 {
+                self.squared_weight_px[splat] += weight * weight / area * pixels;
+            }
+        }
+    }
+}
+
+/// Backends accumulate statistics in training steps only; with learning rates of zero nothing moves.
+fn step_without_learning(
+    backend: &mut dyn Backend,
+    asset: &SplatAsset,
+    view: &AssetCamera,
+    photo: u32,
+) -> Result<()> {
+    let target = TargetImage {
+        width_px: view.width_px,
+        height_px: view.height_px,
+        rgb: vec![0; 3 * num_pixels(view)],
+        mask: None,
+    };
+    backend.step(&StepRequest {
+        step: 1,
+        camera: camera(view),
+        photo,
+        target: &target,
+        background: asset.background,
+        sh_degree: asset.sh_degree,
+        loss: LossWeights::default(),
+        rates: LearningRates::default(),
+        accumulate_statistics: true,
+    })?;
+    Ok(())
+}
+
+fn num_pixels(view: &AssetCamera) -> usize {
+    view.width_px as usize * view.height_px as usize
+}

@@ -1,0 +1,24 @@
+//! Whether a file shows what the scene it was made from shows, and how coarsely a file may be rounded while it
+//! does: scenes are rendered and their images compared. Nothing here prints, writes files or chooses a device;
+//! callers pass backends, get data and warnings back, and may stop the work through a callback.
+
+mod baked_scene;
+mod contribution;
+mod difference;
+mod identity;
+mod limits;
+mod rate_distortion;
+mod renderer;
+mod verdict;
+
+pub use baked_scene::{BakedScene, bake_checkpoint};
+pub use contribution::Contribution;
+pub use difference::{Difference, PSNR_TEST, evenly_spread};
+pub use identity::{CAMERAS_KEY, CaptureIdentity, IDENTITY_KEY, cameras_from_strings, cameras_json};
+pub use limits::QualityLimits;
+pub use rate_distortion::{Backends, RateGoal, Rounding, find_rounding};
+pub use renderer::{GoOn, SceneRenderer, to_display};
+pub use verdict::{ExpectedImages, PhotoPsnr, ReadBack, Verdict, verify};
+
+/// Views at which a file is shaped and checked while it is written; a later, separate check may look at all.
+pub const EXPORT_VIEWS: usize = 12;

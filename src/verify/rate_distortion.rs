@@ -1,0 +1,281 @@
+//! How coarsely the numbers of a `.ltgs` file may be rounded: quantisation steps are found by rendering.
+
+use super::contribution::Contribution;
+use super::difference::{Difference, evenly_spread, loss_db, mse_to_photos};
+use super::renderer::GoOn;
+use super::{BakedScene, EXPORT_VIEWS, QualityLimits, SceneRenderer};
+use crate::backend::{Backend, RenderedImage};
+use crate::eval::psnr_from_mse;
+use crate::text::format_bytes;
+use crate::{Error, Report, Result};
+use litetex_exporters::ltgs::{LtgsOptions, Steps, encode, exponents_from_weights, quantised};
+use litetex_exporters::{AssetCamera, Quality, SplatAsset};
+
+/// Views at which steps are confirmed, test views among them; the search itself uses [`EXPORT_VIEWS`].
+const CONFIRMED_VIEWS: usize = 48;
+/// Bounds of the factor on all steps, as powers of two.
+const FACTOR_LOG2: [f64; 2] = [-6.0, 6.0];
+/// The factor is found to 3 %: `12 / 2^8` powers of two.
+const ROUNDS: u32 = 8;
+/// Share of the allowed loss that is used: other views may lose a little more.
+const USED_SHARE: f64 = 0.95;
+
+/// What a `.ltgs` file should keep to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RateGoal {
+    /// The quality whose steps are scaled, and whose promise holds unless one of the bounds below is given.
+    pub quality: Quality,
+    /// Largest size of the file.
+    pub max_bytes: Option<u64>,
+    /// Most PSNR that may be lost, mean over the views, dB.
+    pub max_loss_db: Option<f64>,
+}
+
+impl RateGoal {
+    /// The limits that replace those of the quality; `None` if neither bound is given.
+    pub fn own_limits(&self) -> Option<QualityLimits> {
+        let bounded = |loss| QualityLimits { max_loss_db: Some(loss), ..QualityLimits::NONE };
+        self.max_loss_db.map(bounded).or(self.max_bytes.map(|_| QualityLimits::NONE))
+    }
+}
+
+/// Where the search computes; backends are opened only if it needs them.
+pub struct Backends<'a> {
+    /// Opens the backend that accumulates statistics.
+    pub statistics: &'a dyn Fn() -> Result<Box<dyn Backend>>,
+    /// Opens the backend that renders.
+    pub rendering: &'a dyn Fn() -> Result<Box<dyn Backend>>,
+    /// Whether to go on, asked before each view.
+    pub go_on: GoOn<'a>,
+}
+
+/// How the numbers of a file are rounded.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rounding {
+    /// The quality whose promise the file keeps.
+    pub quality: Quality,
+    /// Quantisation steps; `None` for a lossless file.
+    pub steps: Option<Steps>,
+    /// A power of two for each splat that divides its steps; empty for all zeros.
+    pub exponents: Vec<i8>,
+}
+
+/// Finds the coarsest rounding that reaches the goal, or for a bounded size the finest.
+///
+/// # Errors
+/// [`Error::Usage`] if no steps are fine or coarse enough, what a device reports, or [`Error::Interrupted`].
+pub fn find_rounding(
+    scene: &BakedScene,
+    goal: &RateGoal,
+    backends: &Backends<'_>,
+    report: &mut Report,
+) -> Result<Rounding> {
+    if goal.quality == Quality::Lossless {
+        return lossless(goal);
+    }
+    let asset = &scene.asset;
+    let training: Vec<AssetCamera> = asset.cameras.iter().filter(|c| !c.held_out).cloned().collect();
+    if training.is_empty() {
+        return unmeasured(scene, goal, report);
+    }
+    let confirmed = evenly_spread(&training, CONFIRMED_VIEWS);
+    let mut backend = (backends.statistics)()?;
+    let contribution = Contribution::measure(backend.as_mut(), asset, &confirmed, backends.go_on)?;
+    drop(backend);
+    let exponents = exponents_from_weights(&contribution.squared_weight_px);
+    let renderer = SceneRenderer::new((backends.rendering)()?, backends.go_on);
+    let mut search = Search::new(asset, &exponents, evenly_spread(&training, EXPORT_VIEWS), renderer)?;
+    if let Some(most) = goal.max_bytes {
+        let steps = steps_of_size(asset, goal.quality, &exponents, most)?;
+        return Ok(Rounding { quality: search.quality_of(&steps)?, steps: Some(steps), exponents });
+    }
+    let limits = goal.own_limits().unwrap_or(QualityLimits::of(goal.quality));
+    let factor = search.coarsest_within(goal.quality, &limits)?.ok_or_else(|| {
+        let most = limits.max_loss_db.unwrap_or_default();
+        Error::Usage(format!("no steps lose as little as {most} dB; use --quality lossless"))
+    })?;
+    let steps = base_steps(asset, goal.quality).scaled(factor.exp2());
+    let quality = if goal.max_loss_db.is_some() { search.quality_of(&steps)? } else { goal.quality };
+    Ok(Rounding { quality, steps: Some(steps), exponents })
+}
+
+fn lossless(goal: &RateGoal) -> Result<Rounding> {
+    let contradicted = goal.max_bytes.map(|_| "--max-size").or(goal.max_loss_db.map(|_| "--max-loss"));
+    match contradicted {
+        Some(flag) => {
+            Err(Error::Usage(format!("--quality lossless has one size and loses nothing; leave {flag} out")))
+        }
+        None => Ok(Rounding { quality: Quality::Lossless, steps: None, exponents: Vec::new() }),
+    }
+}
+
+/// The rounding of a scene without cameras, which cannot be rendered.
+fn unmeasured(scene: &BakedScene, goal: &RateGoal, report: &mut Report) -> Result<Rounding> {
+    let asset = &scene.asset;
+    let steps = match (goal.max_bytes, goal.max_loss_db) {
+        (Some(most), _) => steps_of_size(asset, goal.quality, &[], most)?,
+        (None, Some(_)) => {
+            return Err(Error::Usage(format!(
+                "{}: --max-loss is measured by rendering, and the scene has no cameras; use --max-size",
+                scene.path.display()
+            )));
+        }
+        (None, None) => {
+            let what = "the scene has no cameras, so no loss was measured; the file is of quality \"custom\"";
+            report.warn("not-measured", 1, what);
+            base_steps(asset, goal.quality)
+        }
+    };
+    Ok(Rounding { quality: Quality::Custom, steps: Some(steps), exponents: Vec::new() })
+}
+
+/// The finest steps that make a file of at most `most` bytes.
+fn steps_of_size(asset: &SplatAsset, asked: Quality, exponents: &[i8], most: u64) -> Result<Steps> {
+    let size = |factor: f64| -> Result<u64> {
+        let steps = Some(base_steps(asset, asked).scaled(factor.exp2()));
+        Ok(encode(asset, &LtgsOptions { quality: asked, steps, exponents })?.len() as u64)
+    };
+    let factor = coarsest(|factor| Ok(size(factor)? > most))?;
+    // One notch coarser than the last that is too large.
+    let factor = factor.map_or(FACTOR_LOG2[0], |f| f + resolution());
+    let bytes = size(factor)?;
+    if bytes > most {
+        return Err(Error::Usage(format!(
+            "--max-size {}: the coarsest file has {}; leave splats out with --crop or --min-contribution, or train \
+             a smaller scene with --max-splats",
+            format_bytes(most),
+            format_bytes(bytes)
+        )));
+    }
+    Ok(base_steps(asset, asked).scaled(factor.exp2()))
+}
+
+fn base_steps(asset: &SplatAsset, quality: Quality) -> Steps {
+    if quality == Quality::Tiny { Steps::tiny(asset) } else { Steps::balanced(asset) }
+}
+
+fn resolution() -> f64 {
+    (FACTOR_LOG2[1] - FACTOR_LOG2[0]) / f64::from(1_u32 << ROUNDS)
+}
+
+/// The largest factor, as a power of two, for which `holds` is true; it must be monotonic. `None` if it never is.
+fn coarsest(mut holds: impl FnMut(f64) -> Result<bool>) -> Result<Option<f64>> {
+    let (mut low, mut high) = (0_u32, 1_u32 << ROUNDS);
+    let at = |i: u32| FACTOR_LOG2[0] + f64::from(i) * resolution();
+    if !holds(at(0))? {
+        return Ok(None);
+    }
+    while high - low > 1 {
+        let middle = low.midpoint(high);
+        if holds(at(middle))? {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    Ok(Some(at(low)))
+}
+
+/// A scene with its images, with which those of rounded scenes are compared.
+struct Search<'a> {
+    asset: &'a SplatAsset,
+    exponents: &'a [i8],
+    renderer: SceneRenderer<'a>,
+    views: Vec<AssetCamera>,
+    /// The scene at the views.
+    expected: Vec<RenderedImage>,
+    /// Mean squared error of the scene against photos.
+    mse_to_photos: f64,
+}
+
+impl<'a> Search<'a> {
+    fn new(
+        asset: &'a SplatAsset,
+        exponents: &'a [i8],
+        views: Vec<AssetCamera>,
+        mut renderer: SceneRenderer<'a>,
+    ) -> Result<Self> {
+        let expected = renderer.images(asset, &views)?;
+        Ok(Self { asset, exponents, renderer, views, expected, mse_to_photos: mse_to_photos(asset) })
+    }
+
+    /// The factor, as a power of two, of the coarsest steps that keep the limits at all views; `None` if none do.
+    fn coarsest_within(&mut self, quality: Quality, limits: &QualityLimits) -> Result<Option<f64>> {
+        let asset = self.asset;
+        let steps = |factor: f64| base_steps(asset, quality).scaled(factor.exp2());
+        let Some(mut factor) = coarsest(|factor| self.keeps(&steps(factor), limits))? else {
+            return Ok(None);
+        };
+        while !self.keeps_everywhere(&steps(factor), limits)? {
+            factor -= resolution();
+            if factor < FACTOR_LOG2[0] {
+                return Ok(None);
+            }
+        }
+        Ok(Some(factor))
+    }
+
+    /// The best quality whose promise the steps keep at all views.
+    fn quality_of(&mut self, steps: &Steps) -> Result<Quality> {
+        for quality in [Quality::Balanced, Quality::Tiny] {
+            if self.keeps_everywhere(steps, &QualityLimits::of(quality))? {
+                return Ok(quality);
+            }
+        }
+        Ok(Quality::Custom)
+    }
+
+    /// Whether images rounded with these steps keep the limits at the views of the search.
+    fn keeps(&mut self, steps: &Steps, limits: &QualityLimits) -> Result<bool> {
+        // The format cannot express steps that are too coarse: they keep no limit.
+        let Ok(rounded) = quantised(self.asset, steps, self.exponents) else { return Ok(false) };
+        let images = self.renderer.images(&rounded, &self.views)?;
+        let pairs = images.iter().zip(&self.expected);
+        Ok(self.are_within(&pairs.map(|(i, e)| Difference::mse_of(i, e)).collect::<Vec<_>>(), limits))
+    }
+
+    /// [`Search::keeps`] at the views of confirmation.
+    fn keeps_everywhere(&mut self, steps: &Steps, limits: &QualityLimits) -> Result<bool> {
+        let Ok(rounded) = quantised(self.asset, steps, self.exponents) else { return Ok(false) };
+        let mut errors = Vec::new();
+        // A few at a time: images are large.
+        for views in evenly_spread(&self.asset.cameras, CONFIRMED_VIEWS).chunks(EXPORT_VIEWS) {
+            let expected = self.renderer.images(self.asset, views)?;
+            let images = self.renderer.images(&rounded, views)?;
+            errors.extend(images.iter().zip(&expected).map(|(i, e)| Difference::mse_of(i, e)));
+        }
+        Ok(self.are_within(&errors, limits))
+    }
+
+    /// Whether the mean squared errors of some views keep the limits.
+    fn are_within(&self, errors: &[f64], limits: &QualityLimits) -> bool {
+        let losses: Vec<f64> = errors.iter().map(|&mse| loss_db(mse, self.mse_to_photos)).collect();
+        let psnrs: Vec<f64> = errors.iter().map(|&mse| psnr_from_mse(mse)).collect();
+        let mean = |values: &[f64]| values.iter().sum::<f64>() / errors.len().max(1) as f64;
+        let within = |found: f64, limit: Option<f64>| limit.is_none_or(|l| found <= USED_SHARE * l);
+        within(mean(&losses), limits.max_loss_db)
+            && within(losses.iter().copied().fold(0.0, f64::max), limits.max_loss_worst_db)
+            // A margin for other views, as `USED_SHARE` is.
+            && limits.min_psnr.is_none_or(|least| mean(&psnrs) >= least + 0.2)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_coarsest_that_holds_is_found() {
+        for limit in [-5.9, -0.3, 0.0, 2.22, 5.99] {
+            let mut asked = 0;
+            let found = coarsest(|factor| {
+                asked += 1;
+                Ok(factor <= limit)
+            });
+            let found = found.unwrap().unwrap();
+            assert!(found <= limit && found > limit - resolution(), "{limit}: {found}");
+            assert!(asked <= ROUNDS + 1);
+        }
+        assert_eq!(coarsest(|_| Ok(false)).unwrap(), None);
+    }
+}
