@@ -1,10 +1,10 @@
 //! The decisions on small models: who goes, who is split, what becomes of the maps.
 
-use super::decide::{Revision, Situation, DensityCounts, decide};
+use super::decide::{DensityCounts, Revision, Situation, decide};
 use super::geometry::{even_texels, first_texel_size, half_extents, opacity, sigmas};
 use super::life::Life;
 use super::maps::MapRule;
-use super::settings::{Budget, Components, Spending, SplitProfile, DensityConfig};
+use super::settings::{Budget, Components, DensityConfig, Spending, SplitProfile};
 use crate::backend::{Grid, MapChange, WindowStatistics};
 use crate::camera::Camera;
 use crate::constants::ALPHA_MIN;
