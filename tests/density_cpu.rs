@@ -31,7 +31,7 @@ fn every_policy_gives_the_same_bytes_with_any_threads_and_from_any_checkpoint() 
         let whole = run(&config, start(policy), 2);
         let total = whole.total();
         println!("{policy} {spending:?}: {total:?}");
-        assert!(total.split + total.moved > 10, "{policy}: {total:?}");
+        assert!(total.split + total.respawned > 10, "{policy}: {total:?}");
         assert!(policy != Policy::Litetex || is_all_done(&total), "{total:?}");
         assert!(same(&run(&config, start(policy), 1).last, &whole.last), "{policy}: one thread");
         // Before, at and after density-control steps, in the middle of windows.

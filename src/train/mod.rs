@@ -1,6 +1,6 @@
-//! The optimisation loop. It knows neither files nor progress bars nor devices: it drives a
-//! [`Backend`](crate::backend::Backend) over a [`ViewSource`](crate::views::ViewSource) and emits
-//! [`TrainEvent`]s.
+//! The training loop. It drives a [`Backend`](crate::backend::Backend) over a
+//! [`ViewSource`](crate::views::ViewSource) and emits [`TrainEvent`]s; it knows no files, progress bars or
+//! devices.
 
 pub mod checkpoint;
 mod config;
