@@ -30,10 +30,19 @@ fn root() -> PathBuf {
 
 /// Sources and documents, except for this file, whose examples lead nowhere.
 fn files() -> Vec<(PathBuf, String)> {
-    let mut folders: Vec<PathBuf> =
-        ["src", "shaders", "tests", "benches", "docs", "samples", "scripts", "exporters/src", "exporters/schema"]
-            .map(|folder| root().join(folder))
-            .into();
+    let mut folders: Vec<PathBuf> = [
+        "src",
+        "shaders",
+        "tests",
+        "benches",
+        "docs",
+        "samples",
+        "scripts",
+        "exporters/src",
+        "exporters/schema",
+    ]
+    .map(|folder| root().join(folder))
+    .into();
     let mut files: Vec<PathBuf> =
         ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md"].map(|file| root().join(file)).into();
     while let Some(folder) = folders.pop() {
@@ -186,7 +195,8 @@ fn every_named_document_exists() {
 
 #[test]
 fn made_up_documents_and_headings_are_refused() {
-    let text = "[a](method.md#62-statistics-and-error) [b](method.md#no-such-heading) [c](nowhere.md) docs/gone.md.";
+    let text =
+        "[a](method.md#62-statistics-and-error) [b](method.md#no-such-heading) [c](nowhere.md) docs/gone.md.";
     let wrong = broken(&root().join("docs/glossary.md"), text);
     assert_eq!(wrong, ["docs/gone.md", "method.md#no-such-heading", "nowhere.md"]);
 }

@@ -104,8 +104,10 @@ fn half_detailed(exponent: f64, sigma: f64) -> TargetImage {
 fn photos_without_noise_keep_their_stages() {
     // Real photos have quiet places, where noise can be told from detail.
     let photo = half_detailed(1.0, 0.0);
-    let (plain, robust) =
-        (schedule_of(vec![photo.clone()], &FrequencyOptions::paper()), schedule_of(vec![photo], &FrequencyOptions::default()));
+    let (plain, robust) = (
+        schedule_of(vec![photo.clone()], &FrequencyOptions::paper()),
+        schedule_of(vec![photo], &FrequencyOptions::default()),
+    );
     assert_eq!(robust.noise, 0.0);
     let ((two, one), (robust_two, robust_one)) = (openings(&plain), openings(&robust));
     assert!(two.abs_diff(robust_two) < 50 && one.abs_diff(robust_one) < 50);
@@ -209,8 +211,9 @@ fn one_noisy_photo_does_not_decide_for_all() {
     let mut photos: Vec<TargetImage> =
         (0..20).map(|seed| noisy(120, 90, &fractal(120, 90, 1.3, seed), 0.0)).collect();
     photos[7] = noisy(120, 90, &vec![0.5; 120 * 90], 0.2);
-    let start =
-        |quantile: f64| schedule_of(photos.clone(), &FrequencyOptions { quantile, ..FrequencyOptions::paper() }).s_max;
+    let start = |quantile: f64| {
+        schedule_of(photos.clone(), &FrequencyOptions { quantile, ..FrequencyOptions::paper() }).s_max
+    };
     assert!(start(0.0) < 1.9 && start(0.1) > 3.0, "{} {}", start(0.0), start(0.1));
 }
 

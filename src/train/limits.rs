@@ -153,7 +153,10 @@ mod tests {
             max_params: Some(params),
         };
         assert!(of_budget(&budget(50, 400, params), &LIMITS).is_empty());
-        assert!(of_budget(&Budget::default(), &LIMITS).is_empty(), "without a budget the device is the bound");
+        assert!(
+            of_budget(&Budget::default(), &LIMITS).is_empty(),
+            "without a budget the device is the bound"
+        );
         let all = of_budget(&budget(51, 401, params + 1), &LIMITS);
         for (text, parts) in
             all.iter().zip([["51 splats", "most 50"], ["401 texels", "most 400"], ["4151", "4150"]])

@@ -218,9 +218,8 @@ fn lives(reader: &mut Reader<'_>, n: usize) -> Result<Vec<Life>> {
 fn pace(reader: &mut Reader<'_>) -> Result<SplatBudget> {
     let values = f64s(reader.take("state.pace", Dtype::F64, &[2])?);
     if !values.iter().all(|v| v.is_finite() && *v >= 0.0) {
-        return Err(
-            reader.invalid(format!("tensor \"state.pace\": found {values:?}, expected numbers of at least 0"))
-        );
+        return Err(reader
+            .invalid(format!("tensor \"state.pace\": found {values:?}, expected numbers of at least 0")));
     }
     Ok(SplatBudget { initial: values[0] as usize, momentum: values[1] })
 }

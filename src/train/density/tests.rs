@@ -449,7 +449,11 @@ fn pruned_splats_are_respawned_where_the_error_is() {
         (plan.sources.len(), counts.faded, counts.respawned, counts.split, split)
     };
     let none = Budget::default();
-    assert_eq!(revised(N, true, &none), (N, 3, 3, 0, vec![9, 10, 11]), "the three of largest error are split");
+    assert_eq!(
+        revised(N, true, &none),
+        (N, 3, 3, 0, vec![9, 10, 11]),
+        "the three of largest error are split"
+    );
     assert_eq!(revised(N - 2, true, &none), (N - 2, 3, 1, 0, vec![11]), "no more than initially");
     let tight = Budget { max_splats: Some(N - 1), ..none };
     assert_eq!(revised(N, true, &tight).0, N - 1, "a budget comes first");
