@@ -299,7 +299,7 @@ pub trait Backend {
     ///
     /// # Errors
     /// As [`Backend::step`]. Some of the first steps, or none, have then been applied completely; the state is still
-    /// readable, and its [`AdamState::step`] tells how many.
+    /// readable, and its [`AdamState::step`] is the number of steps done.
     fn steps(&mut self, requests: &[StepRequest<'_>]) -> Result<Vec<StepReport>> {
         requests.iter().map(|request| self.step(request)).collect()
     }

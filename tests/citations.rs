@@ -177,8 +177,8 @@ fn every_cited_section_exists() {
 
 #[test]
 fn made_up_citations_are_refused() {
-    let text = "//! Order (method 2.1,\n//! 2.2 and 99.1), see choices 77; `gltf.md`, section 9 and 12. The methods 3,\n\
-                # method 2DGS and gltf.md 55 cite nothing; (Method, sections 1.4 and 6.99).";
+    let text = "//! Order (method 2.1,\n//! 2.2 and 99.1), see choices 77; `gltf.md`, section 9 and 12. The\n\
+                # methods 3, method 2DGS and gltf.md 55 cite nothing; (Method, sections 1.4 and 6.99).";
     assert_eq!(dangling(text), ["method 99.1", "choices 77", "gltf.md 12", "method 6.99"]);
     assert_eq!(citations(text).len(), 8);
 }

@@ -25,7 +25,7 @@ impl std::fmt::Display for CaptureFormat {
     }
 }
 
-/// How a capture is read. Each default names its source, as in [`TrainConfig`](crate::train::TrainConfig).
+/// How a capture is read. Each default names its source, as in `TrainConfig`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default, rename_all = "kebab-case")]
 pub struct LoadOptions {

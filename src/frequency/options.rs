@@ -1,5 +1,4 @@
-//! Settings of the frequency schedule. Each default names its source, as in
-//! [`TrainConfig`](crate::train::TrainConfig).
+//! Settings of the frequency schedule. Each default names its source, as in `TrainConfig`.
 
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};

@@ -107,7 +107,7 @@ mod tests {
         let mass = Scores::new(&window, 4, ErrorMeasure::Mass, 0.0);
         assert!((mass.error[1] / mass.error[0] - 2.0).abs() < 1e-6, "twice the size, twice the mass");
         let hidden = Scores::new(&window, 4, ErrorMeasure::Mean, 0.3);
-        assert_eq!(hidden.error[0], 0.0, "a splat that contributes nothing is no candidate");
+        assert_eq!(hidden.error[0], 0.0, "a splat that contributes too little has no error");
         assert!(hidden.error[1] > 0.0);
     }
 
