@@ -1,5 +1,5 @@
 // Per splat, a workgroup: sums its pairs in a fixed order, projects the sums back to its parameters, and takes
-// one step of Adam (twins: reference/project_bwd.rs, reference/adam.rs; method 2.4, "per splat, once", and 4).
+// one step of Adam (twins: reference/project_bwd.rs, reference/adam.rs; method 2.4, "per splat, once"; method 4.1).
 // Splats out of sight take the step without a gradient, but for SH, which lag.
 // GEOMETRY: sums of depth and normal too.
 

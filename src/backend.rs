@@ -1,5 +1,5 @@
-//! The seam between the optimisation and the machines it runs on. A backend owns the model and the
-//! optimiser's state while training lasts; the trainer sends it views and plans and reads back.
+//! The interface between the trainer and the devices. A backend owns the model and the optimiser's state during
+//! training; the trainer sends it views and plans and reads results back.
 
 mod limits;
 mod plan;
@@ -9,30 +9,30 @@ pub use crate::model::LearningRates;
 use crate::model::{AdamState, Model};
 use crate::{Error, Result};
 pub use limits::{DeviceLimits, SceneShape};
-pub use plan::{Grid, MapChange, SplatEdit, DensityPlan};
+pub use plan::{DensityPlan, Grid, MapChange, SplatEdit};
 use serde::{Deserialize, Serialize};
 
-/// A photo as the optimisation sees it: display space, composited, at the size that is rendered.
+/// A photo as the loss sees it: in display space, composited on the background, at the rendered size.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TargetImage {
-    /// Width.
+    /// Width in pixels.
     pub width_px: u32,
-    /// Height.
+    /// Height in pixels.
     pub height_px: u32,
-    /// Row-major. `[height, width, 3]`
+    /// Colours, row-major. `[height, width, 3]`
     pub rgb: Vec<u8>,
-    /// 255: counts in loss and metrics, 0: does not. `[height, width]`
+    /// 255 for pixels that count in loss and metrics, 0 for masked ones; `None`: all count. `[height, width]`
     pub mask: Option<Vec<u8>>,
 }
 
 impl TargetImage {
-    /// Whether any pixel counts in loss and metrics.
+    /// Whether any pixel counts in loss and metrics, that is, whether the photo is not wholly masked.
     pub fn has_pixels_that_count(&self) -> bool {
         self.mask.as_ref().is_none_or(|mask| mask.iter().any(|&m| m != 0))
     }
 }
 
-/// What a device says of itself.
+/// Description of a device.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DeviceInfo {
     /// Short name accepted by `--device`.
@@ -41,61 +41,62 @@ pub struct DeviceInfo {
     pub description: String,
 }
 
-/// What to render besides the colour.
+/// Options of [`Backend::render`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RenderOptions {
-    /// Display-space colour behind everything.
+    /// Display-space colour behind all splats.
     pub background: [f32; 3],
-    /// SH degree to evaluate (at most the model's).
+    /// SH degree to evaluate, at most the model's.
     pub sh_degree: u32,
-    /// Also depth and normals.
+    /// Whether to render depth and normals too.
     pub geometry: bool,
 }
 
 /// A rendered view.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RenderedImage {
-    /// Width.
+    /// Width in pixels.
     pub width_px: u32,
-    /// Height.
+    /// Height in pixels.
     pub height_px: u32,
-    /// Display space, not clamped. `[height, width, 3]`
+    /// Colours in display space, not clamped. `[height, width, 3]`
     pub rgb: Vec<f32>,
     /// 1 - transmittance. `[height, width]`
     pub alpha: Vec<f32>,
-    /// Expected hit depth along the optical axis, local units, 0 where nothing is drawn;
-    /// empty unless asked for. `[height, width]`
+    /// Expected depth of the hits along the optical axis, local units, 0 where nothing is drawn;
+    /// empty without [`RenderOptions::geometry`]. `[height, width]`
     pub depth: Vec<f32>,
     /// Blended normals in camera axes, facing the camera, normalised, 0 where nothing is drawn;
-    /// empty unless asked for. `[height, width, 3]`
+    /// empty without [`RenderOptions::geometry`]. `[height, width, 3]`
     pub normal: Vec<f32>,
 }
 
-/// Weights of the loss terms (method section 3); a weight of 0 switches a term off.
+/// Weights of the loss terms (method 3); a weight of 0 switches a term off.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct LossWeights {
-    /// Mean absolute difference.
+    /// Mean absolute difference. Default 0.8 (3DGS; paper, Adaptive Per-Gaussian Texture Optimization).
     pub l1: f32,
-    /// 1 - mean SSIM.
+    /// 1 - mean SSIM. Default 0.2 (as above).
     pub dssim: f32,
-    /// Mean squared difference.
+    /// Mean squared difference. Default 0 (paper; authors' configuration: 0.03; not measured).
     pub mse: f32,
-    /// Mean over all splats of the opacity of those that this view sees. Published: 0.01; off by default,
-    /// since it makes surfaces of many thin layers, each of which has texels (`docs/choices.md`).
+    /// Mean over all splats of the opacity of the visible ones. Default 0 (choices 1; CAT and authors' code: 0.01):
+    /// the term favours surfaces of many thin layers, each of which has texels.
     pub opacity: f32,
-    /// Sum of absolute residuals over the texels of the maps that this view sees.
+    /// Sum of the absolute residuals over the texels of visible maps. Default 1e-8 (CAT; not measured).
     pub texture: f32,
-    /// The same, each map times 1 - the mean transmittance in front of it: hidden maps go smooth.
+    /// The same, each map times 1 - the mean transmittance in front of it, so that hidden maps become smooth.
+    /// Default 0 (CAT's release; not measured).
     pub texture_hidden: f32,
-    /// Spread of the depths that make up a pixel; for geometry, off by default.
+    /// Spread of the depths of a pixel's samples, for geometry. Default 0 (paper; not measured).
     pub distortion: f32,
-    /// Deviation of the splats' normals from those of the depth map; for geometry, off by default.
+    /// Deviation of the splats' normals from those of the depth map, for geometry. Default 0 (paper; not measured).
     pub normal: f32,
 }
 
 impl LossWeights {
-    /// Every term off.
+    /// All terms off.
     pub const NONE: Self = Self {
         l1: 0.0,
         dssim: 0.0,
@@ -122,41 +123,41 @@ impl Default for LossWeights {
     }
 }
 
-/// One iteration on one view.
+/// A training step on one view.
 pub struct StepRequest<'a> {
-    /// 1 for the first step of the run: the optimiser's clock.
+    /// Number of the step, 1 for the first of a run; the optimiser's time.
     pub step: u32,
-    /// The view.
+    /// Camera of the view.
     pub camera: Camera,
-    /// Identity of the photo: equal numbers are equal photos, at equal size, until the next upload of a
-    /// model, so that a backend may keep them resident. The trainer passes the index of the view.
+    /// Identity of the photo: until the next upload of a model, equal numbers mean equal photos of equal size, so
+    /// that a backend may keep them resident.
     pub photo: u32,
     /// The photo, of the camera's size.
     pub target: &'a TargetImage,
-    /// Display-space colour behind everything.
+    /// Display-space colour behind all splats.
     pub background: [f32; 3],
     /// SH degree in use.
     pub sh_degree: u32,
-    /// Loss terms.
+    /// Weights of the loss terms.
     pub loss: LossWeights,
-    /// Learning rates.
+    /// Learning rates of this step.
     pub rates: LearningRates,
-    /// Whether this render counts in the window statistics.
+    /// Whether this render counts in the statistics window.
     pub accumulate_statistics: bool,
 }
 
 impl StepRequest<'_> {
-    /// Checks that camera and photo are of one size.
+    /// Checks that camera and photo have the same size.
     ///
     /// # Errors
-    /// [`Error::Usage`] with both.
+    /// [`Error::Usage`] with both sizes.
     pub fn check(&self) -> Result<()> {
         let (p, t) = (&self.camera.pinhole, self.target);
         if (p.width_px, p.height_px) == (t.width_px, t.height_px) && t.rgb.len() == 3 * p.num_pixels() {
             return Ok(());
         }
         Err(Error::Usage(format!(
-            "camera is {}x{} px but its photo {}x{} px with {} values",
+            "the camera has {}x{} px, but its photo {}x{} px with {} values",
             p.width_px,
             p.height_px,
             t.width_px,
@@ -166,24 +167,24 @@ impl StepRequest<'_> {
     }
 }
 
-/// Value of each loss term, weighted.
+/// Values of the loss terms, times their weights. See [`LossWeights`] for the terms.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct LossValues {
-    /// Sum of the others.
+    /// Sum of all terms.
     pub total: f64,
-    /// L1 term.
+    /// Mean absolute difference.
     pub l1: f64,
-    /// SSIM term.
+    /// 1 - mean SSIM.
     pub dssim: f64,
-    /// MSE term.
+    /// Mean squared difference.
     pub mse: f64,
-    /// Opacity term.
+    /// Opacity of visible splats.
     pub opacity: f64,
-    /// Texture terms.
+    /// Residuals of visible maps: both texture terms.
     pub texture: f64,
-    /// Distortion term.
+    /// Spread of depths.
     pub distortion: f64,
-    /// Normal term.
+    /// Deviation of normals.
     pub normal: f64,
 }
 
@@ -192,43 +193,42 @@ pub struct LossValues {
 pub struct RasterCounters {
     /// Pixels of the view.
     pub pixels: u64,
-    /// Splats that touch a tile.
+    /// Splats that touch at least one tile.
     pub visible_splats: u64,
-    /// Tile-splat pairs.
+    /// Pairs of a tile and a splat that touches it.
     pub tile_pairs: u64,
-    /// Pixel-splat pairs for which the falloff was computed (SIMD lanes included).
+    /// Samples whose falloff was computed, unused SIMD lanes included.
     pub evaluated_pairs: u64,
-    /// ... with alpha >= 1/255, before the pixel stopped or not.
+    /// Samples with alpha >= 1/255, also after their pixel stopped.
     pub inside_pairs: u64,
-    /// ... blended.
+    /// Samples that were blended.
     pub blended_pairs: u64,
-    /// Global atomics that added texel gradients in the backward pass, where they are counted.
+    /// Global atomic additions of texel gradients in the backward pass, on devices that count them.
     #[serde(default)]
     pub texel_atomics: u64,
 }
 
-/// What one step did.
+/// Report of a training step.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct StepReport {
     /// Loss before the update.
     pub loss: LossValues,
     /// Work of the forward pass.
     pub counters: RasterCounters,
-    /// Gradient entries that were NaN or infinite and counted as zero.
+    /// Number of gradient entries that were NaN or infinite and treated as zero.
     pub non_finite_gradients: u64,
-    /// Time per stage, in the order of execution.
+    /// Time by part of the step, in the order of execution.
     pub stages: Vec<(&'static str, std::time::Duration)>,
 }
 
-/// Sums over the views rendered since the last reading (method section 9); views are normalised by
-/// their pixel count.
+/// Sums over the views of a statistics window, each view's divided by its number of pixels (method 6.2).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct WindowStatistics {
-    /// Views counted.
+    /// Number of views counted.
     pub views: u32,
-    /// Views in which a splat touched a tile. `[n]`
+    /// Number of views in which the splat touched a tile. `[n]`
     pub seen: Vec<u32>,
-    /// Share of pixels with alpha >= 1/255 before the stop, summed over views. `[n]`
+    /// Share of pixels with alpha >= 1/255 before they stopped, summed over views. `[n]`
     pub area: Vec<f32>,
     /// Blending weight per pixel, summed over views. `[n]`
     pub contribution: Vec<f32>,
@@ -237,7 +237,7 @@ pub struct WindowStatistics {
 }
 
 impl WindowStatistics {
-    /// A window that has just begun.
+    /// A window without views.
     pub fn empty(num_splats: usize) -> Self {
         let zeros = vec![0.0; num_splats];
         Self {
@@ -249,90 +249,88 @@ impl WindowStatistics {
         }
     }
 
-    /// Checks that there is one entry for each of `num_splats` splats.
+    /// Checks that every array has one entry for each of `num_splats` splats.
     ///
     /// # Errors
-    /// [`Error::Usage`] with the numbers.
+    /// [`Error::Usage`] with the lengths found.
     pub fn check(&self, num_splats: usize) -> Result<()> {
         let found = [self.seen.len(), self.area.len(), self.contribution.len(), self.error.len()];
         if found == [num_splats; 4] {
             return Ok(());
         }
-        Err(Error::Usage(format!("window statistics of {found:?} entries for {num_splats} splats")))
+        Err(Error::Usage(format!("window statistics: found {found:?} entries for {num_splats} splats")))
     }
 }
 
-/// A machine that renders and optimises.
+/// An implementation of rendering and optimisation on a device.
 pub trait Backend {
-    /// What this is.
+    /// Describes the device.
     fn device(&self) -> DeviceInfo;
 
-    /// What it can hold at most.
+    /// The largest models and images that the device can hold.
     fn limits(&self, shape: SceneShape) -> DeviceLimits;
 
-    /// Takes over a model and its optimiser state.
+    /// Replaces the model and the optimiser state.
     ///
     /// # Errors
-    /// [`Error::Device`] if it does not fit, with counts.
+    /// [`Error::Device`] with counts if they do not fit.
     fn upload(&mut self, model: &Model, adam: &AdamState) -> Result<()>;
 
-    /// Renders the model as of the last step. Does not influence later steps in any bit.
+    /// Renders the model after the last step. Does not change a bit of later steps.
     ///
     /// # Errors
     /// [`Error::Device`] if memory or the device fails.
     fn render(&mut self, camera: &Camera, options: &RenderOptions) -> Result<RenderedImage>;
 
-    /// One iteration: forward, loss, backward, Adam.
+    /// Does a training step: forward, loss, backward, Adam.
     ///
     /// # Errors
-    /// [`Error::Device`] if memory or the device fails, [`Error::Usage`] if image and camera differ in size.
+    /// [`Error::Device`] if memory or the device fails, [`Error::Usage`] if photo and camera differ in size.
     fn step(&mut self, request: &StepRequest<'_>) -> Result<StepReport>;
 
-    /// How many steps this machine wants at once, at least 1: a device that is fed through a queue
-    /// idles if every step waits for the report of the one before. The photos of a batch are held in
-    /// memory while it runs.
+    /// Preferred number of steps per call of [`Backend::steps`], at least 1. A device that is fed through a queue
+    /// idles if every step waits for the previous report. The photos of a batch are held in memory while it runs.
     fn batch_steps(&self) -> usize {
         1
     }
 
-    /// Several iterations, in order: one report for each request. Gives the same bits, in the state and
-    /// in the reports, as calling [`Backend::step`] for each.
+    /// Does several training steps in order, with one report for each. State and reports are bit for bit those of
+    /// calling [`Backend::step`] for each request.
     ///
     /// # Errors
-    /// As [`Backend::step`]. None or some of the steps, from the first on, have then been applied whole;
-    /// the state stays readable, and its `AdamState::step` says how many.
+    /// As [`Backend::step`]. Some of the first steps, or none, have then been applied completely; the state is still
+    /// readable, and its [`AdamState::step`] is the number of steps done.
     fn steps(&mut self, requests: &[StepRequest<'_>]) -> Result<Vec<StepReport>> {
         requests.iter().map(|request| self.step(request)).collect()
     }
 
-    /// Sums since the window began: with the last upload or density-control step, or as set by
-    /// [`Backend::set_statistics`]. Leaves them as they are.
+    /// Reads the sums of the window, which begins with an upload or a density-control step, or as set by
+    /// [`Backend::set_statistics`]. Does not reset them.
     ///
     /// # Errors
     /// [`Error::Device`] if the device fails.
     fn read_statistics(&mut self) -> Result<WindowStatistics>;
 
-    /// Continues a window from the sums of [`Backend::read_statistics`], or begins one from zeros.
+    /// Replaces the sums of the window, to continue one or, with zeros, to begin one.
     ///
     /// # Errors
-    /// [`Error::Usage`] if they are not of the model's size, [`Error::Device`] if the device fails.
+    /// [`Error::Usage`] if their length does not match the model, [`Error::Device`] if the device fails.
     fn set_statistics(&mut self, statistics: &WindowStatistics) -> Result<()>;
 
-    /// Changes the structure, and begins a new window of statistics.
+    /// Carries out a density-control plan and begins a new statistics window.
     ///
     /// # Errors
-    /// [`Error::Usage`] if the plan does not fit the model, [`Error::Device`] if memory fails.
+    /// [`Error::Usage`] if the plan does not match the model, [`Error::Device`] if memory fails.
     fn apply_plan(&mut self, plan: &DensityPlan) -> Result<()>;
 
-    /// The state exactly as it is: uploading it elsewhere continues the run bit for bit. Parameters of
-    /// splats that the last steps did not see may lag behind (`AdamState::last_step`); see
-    /// [`Backend::read_flushed`].
+    /// Reads the state as it is; uploaded elsewhere, it continues the run bit for bit. Parameters of splats that the
+    /// last steps did not see may lag behind ([`AdamState::last_step`]), see [`Backend::read_flushed`].
     ///
     /// # Errors
     /// [`Error::Device`] if the device fails.
     fn read_back(&mut self) -> Result<(Model, AdamState)>;
 
-    /// The model with all lazy updates done: what is rendered, evaluated and exported.
+    /// Reads the model with all lazy updates done, as it is rendered, evaluated and exported.
     ///
     /// # Errors
     /// [`Error::Device`] if the device fails.

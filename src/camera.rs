@@ -1,7 +1,7 @@
 //! Pinhole cameras and the transforms between frames, in f64.
 //!
-//! Camera axes follow COLMAP / OpenCV: x right, y down, z forward. A pixel's centre lies at its
-//! integer index + 0.5. Lens distortion does not belong here: `dataset` removes it on load.
+//! Camera axes follow COLMAP and OpenCV: x right, y down, z forward. A pixel's centre lies at its
+//! integer index + 0.5. There is no lens distortion here; `dataset` removes it on load.
 
 mod orbit;
 
@@ -9,7 +9,7 @@ use glam::{DMat3, DVec2, DVec3};
 pub use orbit::orbit;
 use serde::{Deserialize, Serialize};
 
-/// Pinhole intrinsics for an image of a given size.
+/// Pinhole intrinsics for a given image size.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Pinhole {
     /// Image width.
@@ -27,7 +27,7 @@ pub struct Pinhole {
 }
 
 impl Pinhole {
-    /// The same camera for the image resized to `width_px` x `height_px` (same field of view).
+    /// The same camera for an image resized to `width_px` x `height_px`, with the same field of view.
     pub fn resized(&self, width_px: u32, height_px: u32) -> Self {
         let sx = f64::from(width_px) / f64::from(self.width_px);
         let sy = f64::from(height_px) / f64::from(self.height_px);
@@ -41,7 +41,7 @@ impl Pinhole {
         }
     }
 
-    /// Projects a point given in camera coordinates; `None` at or behind the camera plane.
+    /// Projects a point in camera coordinates to pixels; `None` at or behind the camera plane.
     pub fn project(&self, in_camera: DVec3) -> Option<DVec2> {
         (in_camera.z > 0.0).then(|| {
             DVec2::new(
@@ -51,12 +51,12 @@ impl Pinhole {
         })
     }
 
-    /// Ray direction (z = 1) through an image position, in camera coordinates.
+    /// Direction of the ray through an image position, in camera coordinates with z = 1.
     pub fn direction_in_camera(&self, position_px: DVec2) -> DVec3 {
         DVec3::new((position_px.x - self.cx_px) / self.fx_px, (position_px.y - self.cy_px) / self.fy_px, 1.0)
     }
 
-    /// Number of pixels.
+    /// Pixels of the image, width times height.
     pub fn num_pixels(&self) -> usize {
         self.width_px as usize * self.height_px as usize
     }
@@ -65,14 +65,14 @@ impl Pinhole {
 /// A rotation and a translation: `in_a = rotation * in_b + translation` for `a_from_b`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RigidTransform {
-    /// Orthonormal, determinant +1.
+    /// Orthonormal, with determinant +1.
     pub rotation: DMat3,
-    /// In units of frame a.
+    /// Origin of frame b in frame a.
     pub translation: DVec3,
 }
 
 impl RigidTransform {
-    /// The identity.
+    /// The transform that changes nothing.
     pub const IDENTITY: Self = Self { rotation: DMat3::IDENTITY, translation: DVec3::ZERO };
 
     /// Maps a point of frame b to frame a.
@@ -80,13 +80,13 @@ impl RigidTransform {
         self.rotation * in_b + self.translation
     }
 
-    /// `b_from_a`.
+    /// The inverse transform, `b_from_a`.
     pub fn inverse(&self) -> Self {
         let rotation = self.rotation.transpose();
         Self { rotation, translation: -(rotation * self.translation) }
     }
 
-    /// Origin of frame a in frame b: for `camera_from_local`, the camera's centre.
+    /// Origin of frame a in frame b. For `camera_from_local` this is the camera's centre.
     pub fn origin_of_a_in_b(&self) -> DVec3 {
         -(self.rotation.transpose() * self.translation)
     }
@@ -94,18 +94,18 @@ impl RigidTransform {
 
 /// Uniform scale and translation: `in_a = scale * in_b + translation` for `a_from_b`.
 ///
-/// `capture_from_local` of a model is one of these: training happens in a local frame in which
-/// the cameras' extent is 1, and every file carries the way back.
+/// The `capture_from_local` of a model is one: training happens in a local frame in which the capture's extent
+/// is 1, and every file stores the transform back.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Similarity {
-    /// Length of one unit of frame b in frame a; > 0.
+    /// Length of one unit of frame b in frame a, greater than 0.
     pub scale: f64,
     /// Origin of frame b in frame a.
     pub translation: DVec3,
 }
 
 impl Similarity {
-    /// The identity.
+    /// The transform that changes nothing.
     pub const IDENTITY: Self = Self { scale: 1.0, translation: DVec3::ZERO };
 
     /// Maps a point of frame b to frame a.
@@ -113,12 +113,12 @@ impl Similarity {
         self.scale * in_b + self.translation
     }
 
-    /// `b_from_a`.
+    /// The inverse transform, `b_from_a`.
     pub fn inverse(&self) -> Self {
         Self { scale: 1.0 / self.scale, translation: -self.translation / self.scale }
     }
 
-    /// `camera_from_b` for a camera posed in frame a; camera space is rescaled to b's units.
+    /// `camera_from_b` for a camera with a pose in frame a. Camera space is rescaled to the units of frame b.
     pub fn rebase_camera(&self, camera_from_a: &RigidTransform) -> RigidTransform {
         let translation =
             (camera_from_a.rotation * self.translation + camera_from_a.translation) / self.scale;
@@ -126,22 +126,22 @@ impl Similarity {
     }
 }
 
-/// A camera placed in the model's local frame: all that a renderer needs to know of a view.
+/// A camera posed in the local frame: all that a renderer needs of a view.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Camera {
-    /// Intrinsics at the size that is rendered.
+    /// Intrinsics at the rendered size.
     pub pinhole: Pinhole,
-    /// Pose.
+    /// Pose in the local frame.
     pub camera_from_local: RigidTransform,
 }
 
 impl Camera {
-    /// Camera centre in the local frame.
+    /// The camera's centre in the local frame.
     pub fn centre_in_local(&self) -> DVec3 {
         self.camera_from_local.origin_of_a_in_b()
     }
 
-    /// The same view at another image size.
+    /// The same camera at another image size.
     pub fn resized(&self, width_px: u32, height_px: u32) -> Self {
         Self { pinhole: self.pinhole.resized(width_px, height_px), ..*self }
     }

@@ -1,10 +1,9 @@
-//! CPU time of this process, the honest measure of work on a shared machine. Wall time is
-//! `std::time::Instant`'s business.
+//! CPU time of the process, which measures work on a shared machine better than wall time does.
 
 use cpu_time::ProcessTime;
 
-/// CPU seconds (user and system, all threads) that this process has used so far; 0 where the system
-/// does not tell. Differences of two readings are what is meaningful.
+/// CPU seconds (user and system, all threads) that the process has used so far; 0 where the system does not report
+/// them. Only differences between readings are meaningful.
 pub fn process_cpu_secs() -> f64 {
     ProcessTime::try_now().map_or(0.0, |t| t.as_duration().as_secs_f64())
 }
@@ -14,7 +13,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn work_raises_the_reading() {
+    fn work_uses_cpu_time() {
         let before = process_cpu_secs();
         let mut x = 1.0_f64;
         while process_cpu_secs() - before < 0.02 {

@@ -1,5 +1,5 @@
-//! Constants of the image: fixed by the version of the format, shared by every renderer, and the
-//! source of the shaders' prelude. Nothing that a user may configure belongs here.
+//! Constants of the renderers: fixed by the version of the asset formats, shared by all renderers, and the source of
+//! the shaders' prelude. Settings do not belong here.
 
 /// A sample is drawn where `opacity * falloff` reaches this (3DGS and all its successors).
 pub const ALPHA_MIN: f64 = 1.0 / 255.0;
@@ -10,39 +10,40 @@ pub const ALPHA_MAX: f64 = 0.99;
 /// A pixel stops *before* the sample that would bring its transmittance below this (3DGS).
 pub const TRANSMITTANCE_MIN: f64 = 1e-4;
 
-/// Extent of a texture map, in standard deviations, is at most this (CAT).
+/// Largest half extent of a texture map, in standard deviations (CAT).
 pub const MAP_SIGMA_MAX: f64 = 3.0;
 
-/// Pixels that are less opaque than this have no surface normal (normal consistency term).
+/// Alpha below which a pixel has no surface normal, for the normal term.
 pub const SURFACE_ALPHA_MIN: f64 = 0.5;
 
-/// A splat is skipped if `abs(p . n) < EDGE_ON_MIN * |p|`: seen edge-on its map coefficients explode.
+/// A splat is skipped if `abs(p . n) < EDGE_ON_MIN * |p|`: seen edge-on, the coefficients of its intersection
+/// explode.
 pub const EDGE_ON_MIN: f64 = 1e-3;
 
-/// A pixel-splat pair is skipped below this denominator: the hit is behind the camera or at infinity.
+/// A sample is skipped if its denominator D is below this: the hit is behind the camera or at infinity.
 pub const DENOMINATOR_MIN: f64 = 1e-4;
 
-/// The conic bounds hold while `denominator < -CONIC_MARGIN * tw_z^2`; else the disc is clipped at the
-/// near plane.
+/// The bounds of the conic are valid where `denominator < -CONIC_MARGIN * tw_z^2`; elsewhere the disc's quad is
+/// clipped at the near plane.
 pub const CONIC_MARGIN: f64 = 1e-3;
 
-/// Near plane is at most this in local units, where the cameras' extent is 1.
+/// Farthest near plane, local units.
 pub const NEAR_MAX: f64 = 0.04;
 
-/// Standard deviation and half width of the SSIM window (Wang et al. 2004, as in 3DGS).
+/// Standard deviation of the SSIM window (Wang et al. 2004, as in 3DGS).
 pub const SSIM_SIGMA_PX: f64 = 1.5;
 /// Half width of the 11 x 11 SSIM window.
 pub const SSIM_RADIUS_PX: usize = 5;
-/// First stabiliser of SSIM, (0.01 * peak)^2.
+/// First constant of SSIM, (0.01 * peak)^2.
 pub const SSIM_C1: f64 = 1e-4;
-/// Second stabiliser of SSIM, (0.03 * peak)^2.
+/// Second constant of SSIM, (0.03 * peak)^2.
 pub const SSIM_C2: f64 = 9e-4;
 
-/// Spherical harmonics of degree 0.
+/// Factor of the spherical harmonic of degree 0.
 pub const SH_0: f64 = 0.282_094_791_773_878_14;
-/// Spherical harmonics of degree 1 (sign and order of 3DGS).
+/// Factor of the spherical harmonics of degree 1 (signs and order of 3DGS).
 pub const SH_1: f64 = 0.488_602_511_902_919_9;
-/// Spherical harmonics of degree 2 (sign and order of 3DGS).
+/// Factors of the spherical harmonics of degree 2 (signs and order of 3DGS).
 pub const SH_2: [f64; 5] = [
     1.092_548_430_592_079_2,
     -1.092_548_430_592_079_2,
@@ -50,7 +51,7 @@ pub const SH_2: [f64; 5] = [
     -1.092_548_430_592_079_2,
     0.546_274_215_296_039_6,
 ];
-/// Spherical harmonics of degree 3 (sign and order of 3DGS).
+/// Factors of the spherical harmonics of degree 3 (signs and order of 3DGS).
 pub const SH_3: [f64; 7] = [
     -0.590_043_589_926_643_5,
     2.890_611_442_640_554,
@@ -64,12 +65,12 @@ pub const SH_3: [f64; 7] = [
 /// Highest supported SH degree.
 pub const SH_DEGREE_MAX: u32 = 3;
 
-/// Number of SH coefficients per colour channel for a degree.
+/// SH coefficients per colour channel up to a degree.
 pub const fn sh_coefficients(degree: u32) -> usize {
     ((degree + 1) * (degree + 1)) as usize
 }
 
-/// Normalised weights of the 11-tap Gaussian window of SSIM.
+/// Weights of the 11-tap Gaussian window of SSIM, which sum to 1.
 pub fn ssim_window() -> [f64; 2 * SSIM_RADIUS_PX + 1] {
     let weights = std::array::from_fn(|i| {
         let d = i as f64 - SSIM_RADIUS_PX as f64;
@@ -79,15 +80,16 @@ pub fn ssim_window() -> [f64; 2 * SSIM_RADIUS_PX + 1] {
     weights.map(|w: f64| w / sum)
 }
 
-/// Decay of Adam's first moment (method section 4).
+/// Decay of Adam's first moment (method 4.1).
 pub const ADAM_BETA1: f64 = 0.9;
-/// Decay of Adam's second moment (method section 4).
+/// Decay of Adam's second moment (method 4.1).
 pub const ADAM_BETA2: f64 = 0.999;
-/// Guards Adam's division; so small that the update is scale-free (method section 4).
+/// Guards Adam's division; small enough to keep the update scale-free (method 4.1).
 pub const ADAM_EPSILON: f64 = 1e-15;
 
-/// Log-scales are kept within this: 1e-7 to 10 local units (method section 11).
+/// Range of log-scales: 1e-7 to 10 local units (method 8).
 pub const LOG_SCALE_RANGE: (f64, f64) = (-16.118_095_650_958_32, std::f64::consts::LN_10);
 
-/// Guard of base colours, far above any display-space colour: squares in the loss stay finite.
+/// Upper bound of base colours, far above any display-space colour, so that squares in the loss stay finite
+/// (method 8).
 pub const BASE_RGB_MAX: f64 = 1e4;

@@ -1,43 +1,43 @@
-//! The library's error type. Its variants are the families that users must tell apart: the input is
-//! wrong, we do not support it, the machine failed, the user stopped us. Each maps to an exit code.
+//! The library's error type. Its variants are the families that users need to distinguish, such as invalid input,
+//! unsupported input or a failing device. Each has an exit code.
 
 use std::path::PathBuf;
 
 /// Result with the library's error.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
-/// What went wrong, by family.
+/// An error, by family.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// A file or folder holds something that it must not hold.
+    /// A file or folder has invalid content.
     #[error("{}: {what}", path.display())]
     InvalidInput {
         /// The file or folder.
         path: PathBuf,
-        /// Element, what was found, what was expected and what to do.
+        /// The element, what was found, what was expected and what to do.
         what: String,
     },
-    /// A file is sound, but this program cannot use it.
+    /// A file is valid, but this program cannot use it.
     #[error("{}: {what}", path.display())]
     Unsupported {
         /// The file or folder.
         path: PathBuf,
-        /// What is not supported, what is, and what to do.
+        /// What is unsupported, what is supported instead, and what to do.
         what: String,
     },
-    /// Options that contradict each other or the data.
+    /// Options contradict each other or the data.
     #[error("{0}")]
     Usage(String),
     /// Reading or writing failed.
-    #[error("{}: {}", path.display(), in_words(cause))]
+    #[error("{}: {}", path.display(), described(cause))]
     Io {
         /// The file or folder.
         path: PathBuf,
-        /// The operating system's word. Part of the message and so no `source`: it would be told twice.
+        /// The OS error. It is part of the message and therefore not a `source`, or it would be printed twice.
         cause: std::io::Error,
     },
-    /// The device cannot do it: memory, limits, driver.
+    /// The device failed or is too small: memory, limits, driver.
     #[error("{0}")]
     Device(String),
     /// A check ran and failed.
@@ -72,7 +72,7 @@ impl Error {
             Self::Usage(_) => 2,
             Self::InvalidInput { .. } => 3,
             Self::Unsupported { .. } => 4,
-            // A missing input is the input's fault; everything else that the system refuses is run time.
+            // A missing file counts as invalid input, every other refusal of the system as a run-time failure.
             Self::Io { cause, .. } if cause.kind() == std::io::ErrorKind::NotFound => 3,
             Self::Io { .. } | Self::Device(_) => 5,
             Self::Interrupted => 130,
@@ -80,8 +80,8 @@ impl Error {
     }
 }
 
-/// What the system said, and what to do where that is known.
-fn in_words(cause: &std::io::Error) -> String {
+/// The OS error, with a remedy where one is known.
+fn described(cause: &std::io::Error) -> String {
     use std::io::ErrorKind;
     match cause.kind() {
         ErrorKind::NotFound => "no such file or folder; check the path".to_owned(),
@@ -99,7 +99,7 @@ mod tests {
     use std::io::ErrorKind;
 
     #[test]
-    fn causes_are_told_once_and_with_a_remedy() {
+    fn causes_are_reported_once_with_a_remedy() {
         let missing = Error::io("a/b", ErrorKind::NotFound.into());
         assert_eq!(missing.to_string(), "a/b: no such file or folder; check the path");
         assert_eq!(missing.exit_code(), 3);

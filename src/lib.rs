@@ -1,6 +1,7 @@
-//! Textured Gaussian splats: 2D Gaussian primitives, each with its own small RGB texture, optimised
-//! from photos with poses. See `ARCHITECTURE.md` for the map of modules and the data flow;
-//! "method section N" in the code refers to `docs/method.md`.
+//! Textured Gaussian splats: 2D Gaussians, each with its own small RGB texture map, trained from photos with poses.
+//!
+//! `ARCHITECTURE.md` describes modules and data flow, `docs/glossary.md` the terms. "method 6.2" in a comment
+//! cites that section of `docs/method.md`, "choices 2" one of `docs/choices.md`.
 
 pub mod atomic_file;
 pub mod backend;
@@ -13,15 +14,15 @@ pub mod cpu;
 pub mod dataset;
 mod error;
 pub mod eval;
+pub mod frequency;
 #[cfg(feature = "gpu")]
 pub mod gpu;
-pub mod model;
 pub mod image;
+pub mod model;
 pub mod reference;
 mod report;
 pub mod results;
 pub mod sample;
-pub mod frequency;
 pub mod selftest;
 pub mod text;
 pub mod train;

@@ -1,15 +1,15 @@
-//! Typed warnings with counts, collected while work goes on and printed once.
+//! Typed warnings with counts, collected during the work and printed once at the end.
 
 use serde::{Deserialize, Serialize};
 
-/// One kind of warning and how often it occurred.
+/// A kind of warning, with the number of its occurrences.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Warning {
     /// Stable identifier, kebab-case ("frames-without-image").
     pub code: String,
-    /// One sentence for people, naming what, where and the first few cases.
+    /// One sentence for the user: what, where, and the first few cases.
     pub message: String,
-    /// Number of occurrences.
+    /// How often it occurred.
     pub count: usize,
 }
 
@@ -21,7 +21,7 @@ pub struct Report {
 }
 
 impl Report {
-    /// Records `count` occurrences; a second call with the same code adds to the first.
+    /// Records `count` occurrences. A later call with the same code adds to the count and keeps the first message.
     pub fn warn(&mut self, code: &str, count: usize, message: impl Into<String>) {
         match self.warnings.iter_mut().find(|w| w.code == code) {
             Some(known) => known.count += count,
@@ -29,7 +29,7 @@ impl Report {
         }
     }
 
-    /// Takes over all warnings of another report.
+    /// Adds all warnings of another report.
     pub fn merge(&mut self, other: Report) {
         for w in other.warnings {
             self.warn(&w.code, w.count, w.message);

@@ -1,23 +1,23 @@
-//! What the trainer and the evaluation need to know of a capture: cameras in the local frame, names,
-//! the split and photos on demand. `dataset` implements it from files, tests from memory.
+//! A capture as the trainer and the evaluation see it: cameras in the local frame, names, the split, and photos on
+//! demand. `dataset` implements it for files, tests do so in memory.
 
 use crate::Result;
 use crate::backend::TargetImage;
 use crate::camera::Camera;
 use std::sync::Arc;
 
-/// Which side of the split a view is on.
+/// The side of the split that a view is on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Split {
-    /// Optimised on.
+    /// Training view.
     Train,
-    /// Held out.
+    /// Test view, held out from training.
     Test,
 }
 
-/// Views in an order that follows from where their cameras stand and not from their names: by distance from
-/// the origin, which is the cameras' mean in the local frame; at equal distances as given. A capture that
-/// was turned, or whose images were renamed, is then drawn from in the same order.
+/// Sorts views by the distance of their cameras from the origin, which is the cameras' mean in the local frame;
+/// ties keep their order. The views of a capture are then drawn in the same order after it was rotated or its
+/// photos renamed.
 pub fn by_place(views: &dyn ViewSource, mut indices: Vec<usize>) -> Vec<usize> {
     indices.sort_by(|&a, &b| {
         let distance = |view: usize| views.camera(view).centre_in_local().length_squared();
@@ -26,27 +26,27 @@ pub fn by_place(views: &dyn ViewSource, mut indices: Vec<usize>) -> Vec<usize> {
     indices
 }
 
-/// A set of posed photos.
+/// Views with cameras and photos.
 pub trait ViewSource: Sync {
     /// Number of views, both sides of the split.
     fn num_views(&self) -> usize;
 
-    /// Original image name of a view, relative to the image folder.
+    /// Name of a view's photo, relative to the folder of the photos.
     fn name(&self, view: usize) -> &str;
 
-    /// Side of the split.
+    /// Side of the split that a view is on.
     fn split(&self, view: usize) -> Split;
 
-    /// Camera at the size that is trained and evaluated.
+    /// Camera of a view, at the size of training and evaluation.
     fn camera(&self, view: usize) -> Camera;
 
-    /// The photo, of the camera's size. May decode it now.
+    /// The photo, of the camera's size. May block while it is decoded.
     ///
     /// # Errors
-    /// What reading the file found.
+    /// Whatever reading the file reports.
     fn target(&self, view: usize) -> Result<Arc<TargetImage>>;
 
-    /// Says which views will be asked for next, so that they can be decoded meanwhile.
+    /// Announces the views that will be needed next, so that they can be decoded in the background.
     fn prefetch(&self, _views: &[usize]) {}
 
     /// Indices of one side of the split, ascending.

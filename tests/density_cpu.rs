@@ -10,7 +10,7 @@ use common::whole::{Outcome, config, is_all_done, run_on, same, start};
 use litetex_gs::backend::{Backend as _, StepRequest, WindowStatistics};
 use litetex_gs::cpu::CpuBackend;
 use litetex_gs::model::{AdamState, LearningRates, Model, TexturePool, num_params};
-use litetex_gs::train::density::{Budget, Life, Spending, StatisticsSource, DensityConfig};
+use litetex_gs::train::density::{Budget, DensityConfig, Life, Spending, StatisticsSource};
 use litetex_gs::train::{Policy, Schedule, TrainConfig, TrainState};
 use litetex_gs::views::{Split, ViewSource as _};
 
@@ -31,7 +31,7 @@ fn every_policy_gives_the_same_bytes_with_any_threads_and_from_any_checkpoint() 
         let whole = run(&config, start(policy), 2);
         let total = whole.total();
         println!("{policy} {spending:?}: {total:?}");
-        assert!(total.split + total.moved > 10, "{policy}: {total:?}");
+        assert!(total.split + total.respawned > 10, "{policy}: {total:?}");
         assert!(policy != Policy::Litetex || is_all_done(&total), "{total:?}");
         assert!(same(&run(&config, start(policy), 1).last, &whole.last), "{policy}: one thread");
         // Before, at and after density-control steps, in the middle of windows.

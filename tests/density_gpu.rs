@@ -50,7 +50,7 @@ fn decided(backend: &mut dyn Backend, lives: &[Life], cameras: &[Camera]) -> Rev
         render_scale: 1.0,
         texture_cap: 64,
         densify: true,
-        judge: true,
+        use_statistics: true,
         texels_trained: true,
         may_coarsen: true,
         max_added: 40,

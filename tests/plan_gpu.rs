@@ -8,7 +8,7 @@ use common::gpu::{backend, drivers_and_limits, open};
 use common::plans::{State, agree, applied, keep};
 use common::steps::{differences, plan, requests, scene, views};
 use litetex_gs::Error;
-use litetex_gs::backend::{Backend, Grid, MapChange, DensityPlan, WindowStatistics};
+use litetex_gs::backend::{Backend, DensityPlan, Grid, MapChange, WindowStatistics};
 use litetex_gs::cpu::CpuBackend;
 use litetex_gs::gpu::{AdapterChoice, GpuOptions, Limits};
 use litetex_gs::model::{AdamState, SplatGroup};

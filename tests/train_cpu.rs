@@ -5,7 +5,7 @@ mod common;
 
 use common::training::{BLACK, MemoryViews, config, damaged, photos, scene, scene_options, uploaded};
 use litetex_gs::backend::{
-    Backend as _, Grid, LearningRates, LossWeights, MapChange, RenderOptions, StepRequest, DensityPlan,
+    Backend as _, DensityPlan, Grid, LearningRates, LossWeights, MapChange, RenderOptions, StepRequest,
     TargetImage, WindowStatistics,
 };
 use litetex_gs::camera::Camera;

@@ -1,38 +1,38 @@
-//! What a device can hold at all, as far as that can be known beforehand.
+//! Upper bounds of what a device can hold, as far as they are known beforehand.
 
 use serde::{Deserialize, Serialize};
 
-/// What of a scene the limits depend on.
+/// Properties of a run that the limits depend on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SceneShape {
     /// SH degree of the splats.
     pub sh_degree: u32,
-    /// Whether it is trained with terms on depths and normals.
+    /// Whether loss terms on depths and normals are used.
     pub geometry: bool,
 }
 
-/// The largest scene and images that a device takes, each by itself: limits of its buffers and of our indices.
-/// Its memory may be less; and how many tile-splat pairs a view has is not known before it is rendered.
+/// The largest model and images that a device can hold, each taken separately: limits of its buffers and of our
+/// indices. Memory may run out earlier, and the number of pairs of a view is not known before it is rendered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DeviceLimits {
-    /// Longest side of an image.
+    /// Longest side of an image, in pixels.
     pub max_side_px: u32,
-    /// Pixels of an image.
+    /// Largest number of pixels of an image.
     pub max_pixels: u64,
-    /// Splats of a model.
+    /// Largest number of splats of a model.
     pub max_splats: u64,
-    /// Texels over all maps of a model.
+    /// Largest number of texels over all maps of a model.
     pub max_texels: u64,
 }
 
 impl DeviceLimits {
-    /// Whether an image fits.
+    /// Whether an image of this size fits.
     pub fn allows_image(&self, width_px: u32, height_px: u32) -> bool {
         width_px.max(height_px) <= self.max_side_px
             && u64::from(width_px) * u64::from(height_px) <= self.max_pixels
     }
 
-    /// Whether a model fits.
+    /// Whether a model of this size fits.
     pub fn allows_model(&self, num_splats: usize, num_texels: usize) -> bool {
         num_splats as u64 <= self.max_splats && num_texels as u64 <= self.max_texels
     }

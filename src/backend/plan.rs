@@ -1,24 +1,23 @@
-//! What becomes of splats and their maps in a density-control step: decided by the trainer, carried out alike by every
-//! backend.
+//! The plan of a density-control step: decided by the trainer, carried out by every backend in the same way.
 
 use crate::{Error, Result};
 
-/// The texel grid of a map, seen as it is or at twice or half its density. Outside of it texels and first
-/// moments are zero and second moments those of the nearest texel of the grid, so that a texel that comes
-/// into being starts with steps of the usual size. A map without texels has zeros everywhere.
+/// The texel grid of a map, at its own density, twice or half of it. Outside of the map texels and first moments are
+/// zero, and second moments are those of the nearest texel, so that new texels start with steps of the usual size. A
+/// map without texels has zeros everywhere.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Grid {
-    /// The texels as they are: crop, pad, shift.
+    /// The texels of the map, for crops, pads and shifts.
     Same,
-    /// Each texel twice along each axis, texels of half the edge.
+    /// Each texel repeated 2 x 2, with half the edge.
     Finer,
-    /// Means of 2 x 2 texels, of twice the edge. Sizes that are no multiple of four are first padded evenly
-    /// by replication, so that the result is even and has the same centre.
+    /// Means of 2 x 2 texels, with twice the edge. Sizes that are not multiples of four are first padded evenly by
+    /// replication, so that the result is even and has the same centre.
     Coarser,
 }
 
 impl Grid {
-    /// Rows (or columns) that a map of `texels` rows has on this grid.
+    /// Rows (or columns) on this grid of a map with `texels` rows (or columns).
     pub fn texels(self, texels: u16) -> u16 {
         match self {
             Self::Same => texels,
@@ -27,7 +26,7 @@ impl Grid {
         }
     }
 
-    /// Edge of a texel on this grid over its edge on the map.
+    /// Texel edge of this grid divided by that of the map.
     pub fn texel_ratio(self) -> f32 {
         match self {
             Self::Same => 1.0,
@@ -37,68 +36,67 @@ impl Grid {
     }
 }
 
-/// What becomes of one map.
+/// The change of one map.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum MapChange {
-    /// Stays as it is.
+    /// The map stays the same.
     Keep,
-    /// A window of the map on its own texel grid or one twice as fine or coarse: no texel leaves its place
-    /// on the surfel beyond what the grid asks for. See [`Grid`].
+    /// A window of the map on its own texel grid, or on one twice as fine or as coarse. On its own grid no texel
+    /// moves on the surfel.
     Regrid {
         /// Grid that the window is cut from.
         grid: Grid,
-        /// New texels along u; 0: untextured.
+        /// New number of rows, along u; 0: untextured.
         rows: u16,
-        /// New texels along v; 0: untextured.
+        /// New number of columns, along v; 0: untextured.
         cols: u16,
-        /// Row of that grid that becomes row 0; may be negative.
+        /// Row of the grid that becomes row 0; may be negative.
         first_row: i32,
-        /// Column of that grid that becomes column 0; may be negative.
+        /// Column of the grid that becomes column 0; may be negative.
         first_col: i32,
         /// Factors of the texels' first and second moments.
         moment_scale: [f32; 2],
     },
-    /// Bilinear resampling to a new size about the centre or a place beside it; texels and moments outside are zero. The
-    /// moments of the splat's other parameters stay as they are.
+    /// Bilinear resampling to a new size about the map's centre or a point off it. Texels and moments outside of the
+    /// map are zero; the moments of the splat's other parameters do not change.
     Resample {
-        /// New texels along u.
+        /// New number of rows, along u.
         rows: u16,
-        /// New texels along v.
+        /// New number of columns, along v.
         cols: u16,
-        /// New edge of a texel, local units.
+        /// New texel edge, local units.
         texel_size: f32,
-        /// Place of the new map's centre in the old one, texels of the old map from its centre.
+        /// Centre of the new map, in texels of the old map from its centre.
         shift_texels: [f32; 2],
-        /// Factors of the texels' first and second moments, applied after the resampling:
-        /// `[1.0, 1.0]` is the resampling alone. A gradient by a texel shrinks with its area, so a map
-        /// of twice as many texels per axis takes `[1.0 / 4.0, 1.0 / 16.0]`.
+        /// Factors of the texels' first and second moments after resampling. The gradient of a texel shrinks with its
+        /// area, so a map of twice as many texels per axis takes `[1.0 / 4.0, 1.0 / 16.0]`.
         moment_scale: [f32; 2],
     },
 }
 
-/// New values for some parameters of a splat, which starts anew there: its first moments become zero, its
-/// second moments stay those of its source, so that its first steps are small and soon of the usual size.
+/// New values for some parameters of a splat. Their first moments become zero, their second moments stay those of the
+/// source, so that the first steps are small and soon of the usual size.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SplatEdit {
-    /// Index in the new model.
+    /// Index of the splat in the new model.
     pub splat: u32,
     /// Centre, local frame.
     pub position: [f32; 3],
-    /// Logarithms of the standard deviations.
+    /// Logarithms of the standard deviations, local units.
     pub log_scales: [f32; 2],
     /// Opacity before the sigmoid.
     pub opacity_logit: f32,
 }
 
-/// A density-control step, decided on the host and applied alike by every backend. It is applied to the
-/// flushed model: the one that [`Backend::read_flushed`](super::Backend::read_flushed) gives.
+/// A density-control step, decided on the host and carried out by the backend on the flushed model, the one returned
+/// by [`Backend::read_flushed`](super::Backend::read_flushed).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct DensityPlan {
-    /// For each splat of the new model the splat it comes from. `[n_new]`
+    /// For each splat of the new model, the index of its source. `[n_new]`
     pub sources: Vec<u32>,
-    /// For each splat of the new model what becomes of its source's map. `[n_new]`
+    /// For each splat of the new model, the change of its source's map. `[n_new]`
     pub maps: Vec<MapChange>,
-    /// Splats that get other parameters than their source has, ascending.
+    /// New parameters of splats that differ from their source, by ascending index.
     pub edits: Vec<SplatEdit>,
 }
 
@@ -135,7 +133,7 @@ impl DensityPlan {
             {
                 return Err(Error::Usage(format!(
                     "density-control plan: a map of {rows} x {cols} texels for new splat {at}, expected texels along \
-                     both axes or along none"
+                     both axes or none"
                 )));
             }
         }
@@ -144,7 +142,7 @@ impl DensityPlan {
             let values = edit.position.iter().chain(&edit.log_scales).chain([&edit.opacity_logit]);
             if edit.splat < next || edit.splat as usize >= self.sources.len() {
                 return Err(Error::Usage(format!(
-                    "density-control plan: edits of {} new splats must name each once and in order, found {} where at \
+                    "density-control plan: edits of {} new splats must be in ascending order, found splat {} where at \
                      least {next} was expected",
                     self.sources.len(),
                     edit.splat
@@ -152,7 +150,7 @@ impl DensityPlan {
             }
             if !values.into_iter().all(|v| v.is_finite()) {
                 return Err(Error::Usage(format!(
-                    "density-control plan: edit {edit:?} has values that are not finite"
+                    "density-control plan: edit {edit:?} has non-finite values"
                 )));
             }
             next = edit.splat + 1;

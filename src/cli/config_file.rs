@@ -290,8 +290,7 @@ mod tests {
 
     #[test]
     fn a_setting_on_the_command_line_that_is_wrong_is_a_usage_error() {
-        for setting in
-            ["density.quantile=1.2", "rates.texel=-1.0", "steps=many", "stps=3", "a.b=1", "steps"]
+        for setting in ["density.quantile=1.2", "rates.texel=-1.0", "steps=many", "stps=3", "a.b=1", "steps"]
         {
             let error = RunConfig::default().set(setting).unwrap_err();
             assert!(error.exit_code() == 2 && error.to_string().contains(setting), "{error}");

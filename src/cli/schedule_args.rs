@@ -1,7 +1,7 @@
 //! Arguments of the frequency scheduler.
 
 use super::capture_args::set;
-use litetex_gs::frequency::{CapRule, ScaleRule, FrequencyOptions};
+use litetex_gs::frequency::{CapRule, FrequencyOptions, ScaleRule};
 
 /// Flags of the scheduler; settings whose flag is not given are left alone.
 #[derive(clap::Args, Clone, Debug, Default)]

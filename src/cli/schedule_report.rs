@@ -4,7 +4,7 @@ use super::capture::Capture;
 use super::table::{Columns, Table, serialize_path};
 use super::values::{format_count, format_duration};
 use litetex_gs::clock::process_cpu_secs;
-use litetex_gs::frequency::{FrequencySchedule, FrequencyOptions};
+use litetex_gs::frequency::{FrequencyOptions, FrequencySchedule};
 use litetex_gs::train::{Schedule, StageSpan, TrainConfig, stage_spans};
 use litetex_gs::views::{Split, ViewSource};
 use litetex_gs::{Error, Result};

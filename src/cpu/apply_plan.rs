@@ -2,7 +2,7 @@
 
 use super::maps::{Outside, regrid, resample};
 use crate::Result;
-use crate::backend::{MapChange, SplatEdit, DensityPlan};
+use crate::backend::{DensityPlan, MapChange, SplatEdit};
 use crate::model::{AdamState, Model, SplatArrays, SplatGroup, TextureMap, TexturePool};
 use rayon::prelude::*;
 
@@ -18,11 +18,7 @@ enum Texels {
 ///
 /// # Errors
 /// As [`TexturePool::neutral`].
-pub(super) fn apply_plan(
-    model: &Model,
-    adam: &AdamState,
-    plan: &DensityPlan,
-) -> Result<(Model, AdamState)> {
+pub(super) fn apply_plan(model: &Model, adam: &AdamState, plan: &DensityPlan) -> Result<(Model, AdamState)> {
     let gather = |arrays: &SplatArrays| arrays.gathered(&plan.sources);
     let old = &model.textures.maps;
     let extents = plan.sources.iter().zip(&plan.maps).map(|(&s, change)| match *change {

@@ -1,16 +1,16 @@
 //! The CPU backend: owns model, moments and work space, and runs the passes in order.
 
+use super::apply_plan;
 use super::frame::{Frame, with_regularisers};
 use super::loss::LossBuffers;
 use super::math::BLOCK_PX;
 use super::project::ViewF32;
 use super::simd::SimdLevel;
-use super::apply_plan;
 use super::tiles::TILE_PX;
-use super::update::{UpdateInput, hidden_texture_value, flush, update};
+use super::update::{UpdateInput, flush, hidden_texture_value, update};
 use crate::backend::{
-    Backend, DeviceInfo, DeviceLimits, LossValues, RenderOptions, RenderedImage, SceneShape, StepReport,
-    StepRequest, DensityPlan, WindowStatistics,
+    Backend, DensityPlan, DeviceInfo, DeviceLimits, LossValues, RenderOptions, RenderedImage, SceneShape,
+    StepReport, StepRequest, WindowStatistics,
 };
 use crate::camera::{Camera, Similarity};
 use crate::model::{AdamState, Model, SplatArrays, TexturePool};

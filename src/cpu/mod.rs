@@ -5,6 +5,7 @@
 //! are taken per splat in the order of the tiles.
 
 mod adam;
+mod apply_plan;
 mod backend;
 mod bounds;
 mod frame;
@@ -18,7 +19,6 @@ mod raster_bwd;
 mod raster_fwd;
 mod shape;
 mod simd;
-mod apply_plan;
 mod tiles;
 mod update;
 

@@ -24,7 +24,7 @@ const OPACITY: f64 = 0.1;
 /// Floor of the mean squared spacing, local units (CAT).
 const SPACING_FLOOR: f32 = 1e-7;
 
-/// Bounds of the standard deviations at the start, local units (method section 11).
+/// Bounds of the initial standard deviations, local units (method 5.1).
 const SIGMA_BOUNDS: (f32, f32) = (1e-7, 1.0);
 
 /// Points closer to a camera than this give tiny splats and NaN (graphdeco-inria/gaussian-splatting 41).

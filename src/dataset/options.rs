@@ -25,27 +25,30 @@ impl std::fmt::Display for CaptureFormat {
     }
 }
 
-/// How a capture is read.
+/// How a capture is read. Each default names its source, as in `TrainConfig`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default, rename_all = "kebab-case")]
 pub struct LoadOptions {
-    /// Pose format; `None`: a sparse model wins over `transforms.json`, which wins over CSV.
+    /// Pose format. Default `None`: a sparse model takes precedence over `transforms.json`, and that over CSV.
     pub format: Option<CaptureFormat>,
-    /// Folder of the images, absolute or relative to the capture (`images_4`); `None`: `images`.
+    /// Folder of the photos, absolute or relative to the capture (`images_4`). Default `None`: `images` (COLMAP's
+    /// layout).
     pub images: Option<PathBuf>,
-    /// Folder of the masks, absolute or relative to the capture; `None`: `masks` where it exists.
+    /// Folder of the masks, absolute or relative to the capture. Default `None`: `masks` where it exists.
     pub masks: Option<PathBuf>,
-    /// Black keeps instead of white.
+    /// Whether black keeps pixels instead of white. Default off, as COLMAP's masks are.
     pub mask_invert: bool,
-    /// Bound of the images' longer side.
+    /// Largest longer side of an image, in pixels; larger photos are reduced. Default 1,600 (3DGS bounds the width
+    /// by as much).
     pub max_resolution: u32,
-    /// Display-space colour on which images with alpha are composited, 0 to 1.
+    /// Display-space colour on which photos with alpha are composited, 0 to 1. Default black (3DGS).
     pub background: [f32; 3],
-    /// Each so many views one is held out, in the order of names; 0: none. Files that state a split win.
+    /// Every how many views one is held out, in the order of names; 0: none. A split stated by the capture takes
+    /// precedence. Default 8 (paper, Experimental Setup).
     pub test_every: usize,
-    /// File with the names of the views to hold out, one a line; wins over every other rule.
+    /// File with the names of the views to hold out, one per line; takes precedence over every other rule.
     pub test_list: Option<PathBuf>,
-    /// Memory for decoded images.
+    /// Memory for decoded photos, in bytes. Default 4 GiB (not measured; does not change the result).
     pub image_cache_bytes: u64,
 }
 

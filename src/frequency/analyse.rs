@@ -1,4 +1,4 @@
-//! Which views are looked at, and how their spectra become one schedule.
+//! Selects the views to analyse and combines their spectra into one schedule.
 
 use super::fft::PlaneTransform;
 use super::options::FrequencyOptions;
@@ -20,7 +20,7 @@ pub(super) fn analyse(views: &dyn ViewSource, options: &FrequencyOptions) -> Res
             .entry((p.width_px, p.height_px))
             .or_insert_with_key(|&(w, h)| PlaneTransform::new(w as usize, h as usize));
     }
-    // Collected in the order of views, so that sums do not depend on threads.
+    // Collected in the order of the views, so that sums do not depend on the threads.
     let spectra: Vec<Option<Spectrum>> = chosen
         .par_iter()
         .map(|&view| {
@@ -29,7 +29,7 @@ pub(super) fn analyse(views: &dyn ViewSource, options: &FrequencyOptions) -> Res
             match transforms.get(&size) {
                 Some(transform) => Ok(significance::spectrum(&photo, transform)),
                 None => Err(Error::Usage(format!(
-                    "{:?}: the photo is {}x{} px, its camera of another size",
+                    "{:?}: the photo has {}x{} px, its camera another size",
                     views.name(view),
                     size.0,
                     size.1
@@ -41,14 +41,14 @@ pub(super) fn analyse(views: &dyn ViewSource, options: &FrequencyOptions) -> Res
     Ok(schedule(&spectra, options))
 }
 
-/// At most `most` of `views`, in their order, at equal distances.
+/// At most `most` of `views`, in order and evenly spaced.
 fn evenly_picked(views: &[usize], most: usize) -> Vec<usize> {
     let num = views.len().min(most);
     // The middle of each of `num` equal parts.
     (0..num).map(|i| views[(2 * i + 1) * views.len() / (2 * num)]).collect()
 }
 
-/// The schedule of views with these spectra.
+/// The schedule for views with these spectra.
 pub(super) fn schedule(spectra: &[Spectrum], options: &FrequencyOptions) -> FrequencySchedule {
     let denoised = |view: &Spectrum| match options.noise_robust {
         true => noise::denoised_rings(view),
@@ -57,7 +57,7 @@ pub(super) fn schedule(spectra: &[Spectrum], options: &FrequencyOptions) -> Freq
     let (rings, noise): (Vec<Vec<f64>>, Vec<f64>) = spectra.iter().map(denoised).unzip();
     let single: Vec<Windows> = rings.iter().map(|rings| Windows::new(rings.iter().copied())).collect();
     let s_max = stages::start_scale(&single, options);
-    // A sum: the number of views drops out of every use.
+    // The sum will do: the number of views cancels in every use.
     let mean = (0..RINGS).map(|ring| rings.iter().map(|view| view[ring]).sum::<f64>());
     let nodes = stages::nodes(&Windows::new(mean), s_max, options.levels);
     let noise = stages::quantile(noise, 0.5).unwrap_or(0.0).sqrt();

@@ -1,43 +1,42 @@
-//! How many primitives there should be at a time, rho(t): the count follows the pixels that are
-//! trained with (method section 8.5).
+//! Target number of splats: it follows the number of pixels in training (method 7.5).
 
 use serde::{Deserialize, Serialize};
 
-/// Momentum at the start, in primitives of the start (method section 8.5).
+/// Initial momentum as a multiple of the initial splats (DashGaussian).
 const START_MOMENTUM: f64 = 5.0;
 
-/// What is kept of the momentum from step to step (method section 8.5).
+/// Factor of the momentum per density-control step (DashGaussian).
 const DECAY: f64 = 0.98;
 
-/// What one step may add to the momentum, in primitives of the start. Published: 10^6, for scenes that
-/// start with about 115,000 SfM points; as a multiple it means the same for captures of any size.
+/// Largest gain of momentum per step as a multiple of the initial splats. Published: 10^6, for scenes that
+/// start from about 115,000 SfM points; as a multiple it means the same for captures of any size.
 const LARGEST_GAIN: f64 = 9.0;
 
-/// Most that one density-control step may add, as a part of what there is (method section 8.5).
+/// Largest share of splats that a density-control step may add (DashGaussian).
 const LARGEST_RATE: f64 = 0.2;
 
-/// The target count of primitives and its momentum; part of a run's state.
+/// Target number of splats and its momentum; part of a run's state.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
 pub struct SplatBudget {
-    /// Primitives at the start, P_init.
+    /// Splats at initialisation, P_0.
     pub initial: usize,
-    /// M: how many more than at the start there may be in the end. Never falls.
+    /// M: how many splats more than P_0 the final model may have. Never falls.
     pub momentum: f64,
 }
 
 impl SplatBudget {
-    /// The budget of a run that starts with `initial` primitives.
+    /// The target of a run that starts with `initial` splats.
     pub fn new(initial: usize) -> Self {
         Self { initial, momentum: START_MOMENTUM * initial as f64 }
     }
 
-    /// P_max = P_init + M, the count that full-size images are worth.
+    /// P_max = P_0 + M, the number of splats for images of full size.
     pub fn maximum(&self) -> usize {
         (self.initial as f64 + self.momentum).round() as usize
     }
 
-    /// P(t) = P_init + M / r^(2 - t): early in a run the count follows the pixels, later their root.
+    /// P(t) = P_0 + M / r^(2 - t): early in a run the number follows the pixels, later their square root.
     /// From one density-control step before T_r on, the caller passes `t = 1`, which gives P_max.
     pub fn target(&self, t: f64, render_scale: f64) -> usize {
         if t >= 1.0 {
@@ -48,16 +47,16 @@ impl SplatBudget {
         (self.initial as f64 + more).round() as usize
     }
 
-    /// Part of `present` primitives that a density-control step may add, 0 to 0.2.
-    pub fn rate(&self, present: usize, t: f64, render_scale: f64) -> f64 {
-        if present == 0 {
+    /// Share of the `current` splats that a density-control step may add, 0 to 0.2.
+    pub fn rate(&self, current: usize, t: f64, render_scale: f64) -> f64 {
+        if current == 0 {
             return 0.0;
         }
-        let (target, present) = (self.target(t, render_scale) as f64, present as f64);
-        ((target - present) / present).clamp(0.0, LARGEST_RATE)
+        let (target, current) = (self.target(t, render_scale) as f64, current as f64);
+        ((target - current) / current).clamp(0.0, LARGEST_RATE)
     }
 
-    /// Takes note of how many primitives a density-control step added: M <- max(M, 0.98 M + added).
+    /// Updates the momentum by the splats that a density-control step added: M <- max(M, 0.98 M + added).
     pub fn observe(&mut self, added: usize) {
         let gain = (added as f64).min(LARGEST_GAIN * self.initial as f64);
         self.momentum = self.momentum.max(DECAY * self.momentum + gain);
@@ -71,7 +70,7 @@ mod tests {
     #[test]
     fn targets_follow_pixels_early_and_reach_the_maximum() {
         let budget = SplatBudget::new(1_000);
-        // Method section 8.5: 1.31 P_init at r = 4, 2.25 at r = 2, both at the start.
+        // By the formula, 1.31 P_0 at r = 4 and 2.25 P_0 at r = 2, both at t = 0.
         assert_eq!((budget.target(0.0, 4.0), budget.target(0.0, 2.0)), (1_313, 2_250));
         assert_eq!(
             (budget.target(0.9, 1.0), budget.target(1.0, 4.0), budget.maximum()),
@@ -82,7 +81,7 @@ mod tests {
     }
 
     #[test]
-    fn rates_stay_within_their_bounds() {
+    fn rates_are_between_0_and_20_percent() {
         let budget = SplatBudget::new(1_000);
         assert_eq!(budget.rate(1_000, 0.0, 1.0), 0.2);
         assert_eq!(budget.rate(7_000, 0.0, 1.0), 0.0);

@@ -1,16 +1,14 @@
-//! The discrete Fourier transform of a real plane, column by column of its half spectrum. Nothing here
-//! knows what the numbers mean.
+//! Discrete Fourier transform of a real plane, by columns of its half spectrum.
 
 use realfft::num_complex::Complex;
 use realfft::{RealFftPlanner, RealToComplex};
 use rustfft::{Fft, FftPlanner};
 use std::sync::Arc;
 
-/// Columns gathered at a time: reads of a row are then whole cache lines, and the block stays in the
-/// nearest caches.
+/// Columns transformed at a time: reads of a row are then whole cache lines, and the block stays in cache.
 const COLUMNS_AT_ONCE: usize = 8;
 
-/// Plans for planes of one size; shared by threads.
+/// FFT plans for planes of one size, shared by threads.
 pub(super) struct PlaneTransform {
     width: usize,
     height: usize,
@@ -18,7 +16,7 @@ pub(super) struct PlaneTransform {
     along_columns: Arc<dyn Fft<f64>>,
 }
 
-/// Memory that transforms of one size reuse.
+/// Buffers reused by transforms of one size.
 pub(super) struct Workspace {
     /// `[height, width / 2 + 1]`
     half_rows: Vec<Complex<f64>>,
@@ -29,9 +27,9 @@ pub(super) struct Workspace {
 }
 
 impl PlaneTransform {
-    /// Plans the transform of `height` rows of `width` values, both at least 1. Any size works; sizes
-    /// with large prime factors take longer (measured: the analysis of 541x967, both prime, takes 1.8 times as long as that of
-    /// 539x960), which no photo is worth being cropped for.
+    /// Plans the transform of `height` rows of `width` values, both at least 1. Sizes with large prime factors take
+    /// longer, but not enough to crop a photo (measured: the analysis of 541x967, both prime, takes 1.8 times as
+    /// long as that of 539x960).
     pub fn new(width: usize, height: usize) -> Self {
         Self {
             width,
@@ -41,7 +39,7 @@ impl PlaneTransform {
         }
     }
 
-    /// Memory for [`Self::visit_columns`].
+    /// Buffers for [`Self::visit_columns`].
     pub fn workspace(&self) -> Workspace {
         let zeros = |n: usize| vec![Complex::default(); n];
         Workspace {
@@ -52,9 +50,9 @@ impl PlaneTransform {
         }
     }
 
-    /// Transforms `plane` (`[height, width]`, used up) and calls `visit(kx, column)` for the horizontal
-    /// frequencies `kx` from 0 to `width / 2`, ascending; `column[ky]` are the unnormalised
-    /// coefficients. Those of `-kx` are their conjugates.
+    /// Transforms `plane` (`[height, width]`, overwritten) and calls `visit(kx, column)` for the horizontal
+    /// frequencies `kx` from 0 to `width / 2`, ascending. `column[ky]` is the unnormalised coefficient; those of
+    /// `-kx` are the conjugates.
     pub fn visit_columns(
         &self,
         plane: &mut [f64],
@@ -64,7 +62,7 @@ impl PlaneTransform {
         let half = self.width / 2 + 1;
         for (row, out) in plane.chunks_exact_mut(self.width).zip(work.half_rows.chunks_exact_mut(half)) {
             let done = self.along_rows.process_with_scratch(row, out, &mut work.row_scratch);
-            debug_assert!(done.is_ok(), "lengths are the plan's");
+            debug_assert!(done.is_ok(), "the lengths match the plan");
         }
         for first in (0..half).step_by(COLUMNS_AT_ONCE) {
             let num = COLUMNS_AT_ONCE.min(half - first);
@@ -87,7 +85,7 @@ mod tests {
     use super::*;
     use std::f64::consts::TAU;
 
-    /// Straight from the definition.
+    /// A coefficient by the definition.
     fn coefficient(plane: &[f64], (width, height): (usize, usize), (kx, ky): (usize, usize)) -> Complex<f64> {
         let turns = |x: usize, y: usize| (kx * x) as f64 / width as f64 + (ky * y) as f64 / height as f64;
         let mut sum = Complex::default();
@@ -99,7 +97,7 @@ mod tests {
         sum
     }
 
-    fn worst(size: (usize, usize), shift: usize) -> f64 {
+    fn largest_error(size: (usize, usize), shift: usize) -> f64 {
         let plane: Vec<f64> = (0..size.0 * size.1).map(|i| ((i * i) % 17) as f64 / 17.0).collect();
         let transform = PlaneTransform::new(size.0, size.1);
         let (mut error, mut seen) = (0.0_f64, 0);
@@ -118,11 +116,11 @@ mod tests {
     #[test]
     fn coefficients_match_the_definition_for_even_odd_and_prime_sizes() {
         for size in [(1, 1), (1, 7), (6, 1), (8, 6), (21, 13), (34, 11), (37, 20)] {
-            // Needed: 4e-13 of sums up to 400.
-            let error = worst(size, 0);
+            // Needed: 4e-13, with sums up to 400.
+            let error = largest_error(size, 0);
             assert!(error < 1e-11, "{size:?}: {error}");
         }
-        // The comparison sees a column that is rolled by one.
-        assert!(worst((21, 13), 1) > 1.0);
+        // Negative control: columns shifted by one.
+        assert!(largest_error((21, 13), 1) > 1.0);
     }
 }

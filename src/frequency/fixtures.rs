@@ -1,6 +1,6 @@
-//! Photos with known spectra, for tests.
+//! Photos with known spectra for tests.
 
-use super::{FrequencySchedule, FrequencyOptions};
+use super::{FrequencyOptions, FrequencySchedule};
 use crate::Result;
 use crate::backend::TargetImage;
 use crate::camera::{Camera, Pinhole, RigidTransform};
@@ -12,7 +12,7 @@ use rustfft::num_complex::Complex;
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
-/// Training views in memory.
+/// Training views held in memory.
 pub(super) struct Photos(pub Vec<Arc<TargetImage>>);
 
 impl ViewSource for Photos {
@@ -39,7 +39,7 @@ impl ViewSource for Photos {
     }
 }
 
-/// A photo from values between 0 and 1 by pixel index.
+/// A photo of these values, 0 to 1, by pixel index.
 pub(super) fn photo(width: usize, height: usize, mut rgb: impl FnMut(usize) -> [f64; 3]) -> TargetImage {
     let byte = |v: f64| (v * 255.0).round().clamp(0.0, 255.0) as u8;
     TargetImage {
@@ -50,7 +50,7 @@ pub(super) fn photo(width: usize, height: usize, mut rgb: impl FnMut(usize) -> [
     }
 }
 
-/// Standard normal numbers (Box and Muller).
+/// A standard normal number (Box and Muller).
 fn normal(random: &mut Pcg64Mcg) -> f64 {
     let (a, b): (f64, f64) = (random.random(), random.random());
     (-2.0 * (1.0 - a).ln()).sqrt() * (TAU * b).cos()
@@ -86,8 +86,8 @@ pub(super) fn noisy(width: usize, height: usize, values: &[f64], sigma: f64) -> 
     photo(width, height, |i| [0; 3].map(|_: i32| values[i] + sigma * normal(&mut random)))
 }
 
-/// Their schedule.
-pub(super) fn of(photos: Vec<TargetImage>, options: &FrequencyOptions) -> FrequencySchedule {
+/// The schedule of these photos.
+pub(super) fn schedule_of(photos: Vec<TargetImage>, options: &FrequencyOptions) -> FrequencySchedule {
     let photos = Photos(photos.into_iter().map(Arc::new).collect());
     FrequencySchedule::analyse(&photos, options).unwrap()
 }

@@ -1,8 +1,8 @@
-//! The frequency-aware scheduler: from the photos' spectra, how coarse the training images may be at
-//! each time, how large textures may grow and how many primitives there should be (method section 8).
+//! Frequency schedule (method 7): derives from the photos' spectra how coarse training images may be at each time,
+//! how large texture maps may be and how many splats the model should have.
 //!
-//! Times are fractions of T_r, when the last stage begins (two thirds of the steps). What a trainer does with
-//! the answers does not belong here, nor do backends or files.
+//! Times are fractions of T_r, the step at which the last stage begins (two thirds of the run by default). The
+//! module knows views and photos, but neither the trainer nor backends nor files.
 
 mod analyse;
 mod budget;
@@ -16,7 +16,7 @@ mod spectrum;
 mod stages;
 
 pub use budget::SplatBudget;
-pub use options::{CapRule, ScaleRule, FrequencyOptions};
+pub use options::{CapRule, FrequencyOptions, ScaleRule};
 
 #[cfg(test)]
 mod tests;
@@ -25,38 +25,36 @@ use crate::Result;
 use crate::views::ViewSource;
 use serde::{Deserialize, Serialize};
 
-/// The smaller side of a reduced image is at least this: SSIM's window is 11 pixels, a tile 16
-/// (method section 11).
+/// Least smaller side of a reduced image: the window of SSIM has 11 pixels, a tile 16 (method 7.4).
 pub const SMALLEST_SIDE_PX: u32 = 64;
 
-/// Bounds of the texture cap (method section 8.6).
+/// Bounds of the texture cap, in texels (method 7.4).
 const CAP_MIN: u16 = 4;
 const CAP_MAX: u16 = 256;
 
 /// Steps of [`ScaleRule::Fractional`] per octave.
 const STEPS_PER_OCTAVE: f64 = 4.0;
 
-/// Logarithms of powers of two must not fall short of the integer that they are. Relative 1e-9 of a
-/// scale is no pixel.
+/// Added before rounding down, so that logarithms of powers of two reach their integer; far below a pixel.
 const ROUNDING: f64 = 1e-9;
 
-/// How scales fall over time, from the photos alone.
+/// The scale over time, which depends only on the photos.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, try_from = "Unchecked")]
 pub struct FrequencySchedule {
     /// Scale of the first stage.
     pub s_max: f64,
-    /// Time as a fraction of T_r, and scale there; times rise from 0 to 1, scales fall to 1. Between
-    /// nodes 1/s^2, the share of pixels, is linear in time. One node (0, 1): nothing to schedule.
+    /// Times as fractions of T_r, rising from 0 to 1, and the scales there, falling to 1. Between nodes 1/s^2, the
+    /// share of pixels, is linear in time. A single node (0, 1) means full size throughout.
     pub nodes: Vec<(f64, f64)>,
-    /// Views that were analysed.
+    /// Number of views analysed.
     pub views: usize,
-    /// Standard deviation of the noise that was taken out, of channel values from 0 to 1 (median over
-    /// views); 0 where none was looked for.
+    /// Standard deviation of the noise removed, for channel values from 0 to 1 (median over views); 0 if noise is
+    /// not estimated.
     pub noise: f64,
 }
 
-/// What a file says, before it is believed.
+/// A schedule as read from a file, before its nodes are checked.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Unchecked {
@@ -73,10 +71,10 @@ impl TryFrom<Unchecked> for FrequencySchedule {
         let Unchecked { s_max, nodes, views, noise } = found;
         let ordered = nodes.windows(2).all(|n| n[0].0 <= n[1].0 && n[0].1 >= n[1].1);
         let ends = nodes.first().zip(nodes.last());
-        let sound = ends.is_some_and(|(first, last)| {
+        let ends_match = ends.is_some_and(|(first, last)| {
             first.0 == 0.0 && first.1 == s_max && last.1 == 1.0 && (nodes.len() == 1 || last.0 == 1.0)
         });
-        if !(ordered && sound) {
+        if !(ordered && ends_match) {
             return Err("nodes of a schedule must rise in time from 0 to 1 and fall in scale to 1".to_owned());
         }
         Ok(Self { s_max, nodes, views, noise })
@@ -84,20 +82,20 @@ impl TryFrom<Unchecked> for FrequencySchedule {
 }
 
 impl FrequencySchedule {
-    /// The scheduler switched off: full size and the largest textures from the start.
+    /// The schedule that is off: full size and the largest texture cap throughout.
     pub fn flat() -> Self {
         Self { s_max: 1.0, nodes: vec![(0.0, 1.0)], views: 0, noise: 0.0 }
     }
 
-    /// The schedule for the training views of a capture. Deterministic for any number of threads.
+    /// Analyses the training views of a capture. The result does not depend on the number of threads.
     ///
     /// # Errors
-    /// Settings that make no sense, and what reading the photos found.
+    /// [`Error::Usage`](crate::Error::Usage) for invalid settings, and whatever reading the photos reports.
     pub fn analyse(views: &dyn ViewSource, options: &FrequencyOptions) -> Result<Self> {
         analyse::analyse(views, options)
     }
 
-    /// The continuous scale s(t), from `s_max` at t = 0 to 1 at t = 1 and after.
+    /// The continuous scale s(t), from `s_max` at t = 0 to 1 from t = 1 on.
     pub fn scale(&self, t: f64) -> f64 {
         let Some((before, after, part)) = self.between(t) else { return 1.0 };
         let share = |s: f64| 1.0 / (s * s);
@@ -105,8 +103,8 @@ impl FrequencySchedule {
         (1.0 / (low + (high - low) * part)).sqrt().max(1.0)
     }
 
-    /// Scale of the images to train with: at most s(t), so that they never show less than the stage
-    /// asks for, and such that `smaller_side_px / scale` is at least [`SMALLEST_SIDE_PX`].
+    /// Render scale r(t): at most s(t), so that images never show less than the stage requires, and small enough
+    /// for `smaller_side_px / scale` to be at least [`SMALLEST_SIDE_PX`].
     pub fn render_scale(&self, t: f64, rule: ScaleRule, smaller_side_px: u32) -> f64 {
         let limit = f64::from(smaller_side_px) / f64::from(SMALLEST_SIDE_PX);
         let scale = self.scale(t).min(limit).max(1.0);
@@ -119,7 +117,7 @@ impl FrequencySchedule {
         }
     }
 
-    /// Cap of the texture resolution u(t); never falls.
+    /// Texture cap u(t), in texels; never falls.
     pub fn texture_cap(&self, t: f64, rule: CapRule) -> u16 {
         match rule {
             CapRule::Squared => {
@@ -136,8 +134,8 @@ impl FrequencySchedule {
         }
     }
 
-    /// Scales of the nodes before and after a time, and how far between them it lies; `None` when
-    /// everything is open.
+    /// Scales of the nodes before and after a time, and its position between them, 0 to 1; `None` after the last
+    /// node.
     fn between(&self, t: f64) -> Option<(f64, f64, f64)> {
         let t = t.max(0.0);
         let next = self.nodes.partition_point(|node| node.0 <= t);

@@ -1,46 +1,46 @@
-//! Taking white noise out of a spectrum. Noise of a camera adds the same power to every frequency; the
-//! published significance reads that as detail, starts at a finer scale and opens it sooner (measured
-//! on six captures: with noise of 10/255, full size comes 17 to 46 % earlier; corrected, at most 8 %).
-//! Ours, not the paper's.
+//! Removes white noise from a spectrum (method 7.3; ours, not the paper's). Camera noise adds the same power to
+//! every frequency; the published significance takes it for detail, starts at a finer scale and reaches full size
+//! sooner (measured on six captures: with noise of 10/255, full size comes 17 to 46 % earlier; corrected, at most
+//! 8 %).
 //!
-//! How much noise there is, is the smaller of two upper bounds. Noise is in every direction alike: no
-//! more than the quietest direction holds in the highest band. And noise is everywhere in the image:
-//! no more than quiet places show of their finest diagonal detail. Either alone takes detail for
-//! noise: the first that of sharp synthetic images, whose aliases fill the highest band; the second
-//! that of surfaces that are rough all over. (What is rough all over, in all directions, down to the
-//! pixel remains taken for noise: nothing but its name tells it apart.)
+//! The noise is estimated by the smaller of two upper bounds. Noise has no direction: there is at most as much as
+//! the quietest direction has in the highest band. And noise is everywhere in the image: there is at most as much
+//! as quiet places have of the finest diagonal detail. Each bound alone takes some detail for noise: the first that
+//! of sharp synthetic images, whose aliases fill the highest band; the second that of surfaces rough everywhere.
+//! (A surface that is rough everywhere, in all directions and down to the pixel is still taken for noise; it cannot
+//! be told apart.)
 
 use super::spectrum::{Cell, RINGS, SECTORS, Spectrum};
 use super::stages::quantile;
 use crate::backend::TargetImage;
 
-/// The highest band begins here.
+/// Lower end of the highest band, in rho.
 const HIGHEST_BAND: f64 = 0.9;
 
-/// Rings over which powers are averaged before the floor is taken off: few enough to follow the
+/// Rings over which powers are averaged before the noise floor is subtracted: few enough to follow the
 /// spectrum, enough to average over hundreds of frequencies.
 const RINGS_TOGETHER: usize = 16;
 
-/// A little more than the floor is taken off, since what chance leaves above it comes back as a root:
-/// 1 % of power as 10 % of amplitude. Measured on ten photos and fractals with noise of 10/255, by how
-/// far the step of full size moves (root mean square): 6 % (1.0), 3 % (1.05), 4 % (1.1).
+/// Factor of the noise floor that is subtracted. A little more than 1, since what chance leaves above the floor
+/// returns as a square root: 1 % of power as 10 % of amplitude. Measured on ten photos and fractals with noise of
+/// 10/255, by how far the step of full size moves (root mean square): 6 % (1.0), 3 % (1.05), 4 % (1.1).
 const OVERSUBTRACTION: f64 = 1.05;
 
-/// Side of the patches that are judged by themselves: 64 blocks of 2x2 pixels.
+/// Side of the patches whose noise is estimated separately: 64 blocks of 2x2 pixels.
 const PATCH_PX: usize = 16;
 
-/// Patches up to this quantile are quiet. Lower ones find black and saturated places, which have no
-/// noise, higher ones detail (measured as above: 5 % at 0.1, 4 % at 0.3 and 0.4, 9 % for a median over
-/// all blocks, which a photo with much detail moves).
+/// Quantile over patches that counts as quiet. Lower quantiles find black and saturated places, which have no
+/// noise, higher ones find detail (measured as above: 5 % at 0.1, 4 % at 0.3 and 0.4, 9 % for a median over
+/// all blocks, which shifts in photos with much detail).
 const QUIET_PATCHES: f64 = 0.3;
 
-/// That quantile of mean squares of 64 standard normal numbers (Wilson and Hilferty).
+/// The same quantile of the mean square of 64 standard normal numbers (Wilson and Hilferty).
 const QUIET_OF_NOISE: f64 = 0.900;
 
-/// Amplitude of each ring without the noise, and the noise's variance (channel values 0 to 1).
+/// Amplitude of each ring without the noise, and the variance of the noise (channel values 0 to 1).
 ///
-/// Powers add up, amplitudes do not. Where the signal's coefficients are as scattered as the noise's,
-/// amplitudes go as the root of the power, so each cell's amplitude falls as the root of what is left.
+/// Powers add up, amplitudes do not. Where the coefficients of the signal scatter like those of noise, amplitude is
+/// proportional to the square root of power, so each cell's amplitude is scaled by the root of the remaining power.
 pub(super) fn denoised_rings(spectrum: &Spectrum) -> (Vec<f64>, f64) {
     let noise = variance(spectrum);
     let floor = OVERSUBTRACTION * noise * spectrum.mean_square_weight;
@@ -58,7 +58,7 @@ pub(super) fn denoised_rings(spectrum: &Spectrum) -> (Vec<f64>, f64) {
     (rings, noise)
 }
 
-/// Variance of the noise: the smaller of both bounds.
+/// Variance of the noise: the smaller of the two bounds.
 fn variance(spectrum: &Spectrum) -> f64 {
     let first = (HIGHEST_BAND * RINGS as f64).round() as usize;
     let highest = sum(&spectrum.cells[first..]);
@@ -70,7 +70,7 @@ fn variance(spectrum: &Spectrum) -> f64 {
     spectrum.fine_variance.min(quietest / spectrum.mean_square_weight)
 }
 
-/// Sums over rings, by direction.
+/// Sums over rings, per direction.
 fn sum(rings: &[[Cell; SECTORS]]) -> [Cell; SECTORS] {
     let mut sums = [Cell::default(); SECTORS];
     for ring in rings {
@@ -81,8 +81,8 @@ fn sum(rings: &[[Cell; SECTORS]]) -> [Cell; SECTORS] {
     sums
 }
 
-/// Variance of the finest diagonal detail, a - b - c + d over blocks of 2x2 pixels, at quiet places;
-/// mean over channels. 0 for photos without a whole patch.
+/// Variance of the finest diagonal detail, a - b - c + d over blocks of 2x2 pixels, at quiet places, as a mean over
+/// channels. 0 for photos without a complete patch.
 pub(super) fn fine_variance(photo: &TargetImage) -> f64 {
     let (width, height) = (photo.width_px as usize, photo.height_px as usize);
     let pixels = photo.rgb.as_chunks::<3>().0;
@@ -110,7 +110,7 @@ pub(super) fn fine_variance(photo: &TargetImage) -> f64 {
             }
         }
     }
-    // Blocks of a patch, and the four pixels whose variances add up in each.
+    // Blocks per patch, times the four pixels whose variances add up in a block.
     let terms = (PATCH_PX * PATCH_PX) as f64;
     let quiet = patches.map(|sums| quantile(sums, QUIET_PATCHES).unwrap_or(0.0));
     quiet.iter().sum::<f64>() / 3.0 / terms / (255.0 * 255.0) / QUIET_OF_NOISE
@@ -120,7 +120,7 @@ pub(super) fn fine_variance(photo: &TargetImage) -> f64 {
 mod tests {
     use super::*;
 
-    /// White noise of a standard deviation of 8 bytes, with stripes in the upper part.
+    /// White noise with a standard deviation of 8/255, with stripes in the upper rows.
     fn noisy(width: usize, height: usize, striped_rows: usize) -> TargetImage {
         let mut state = 1_u32;
         let mut uniform = || {
@@ -128,7 +128,7 @@ mod tests {
             f64::from(state >> 8) / f64::from(1 << 24) - 0.5
         };
         let mut value = |i: usize| {
-            // Twelve uniform numbers: variance 1.
+            // The sum of twelve uniform numbers has variance 1.
             let noise: f64 = (0..12).map(|_| uniform()).sum();
             let striped = i / 3 / width < striped_rows && (i / 3 + i / 3 / width).is_multiple_of(2);
             (128.0 + 8.0 * noise + if striped { 40.0 } else { 0.0 }).round() as u8
@@ -146,10 +146,10 @@ mod tests {
     }
 
     #[test]
-    fn quiet_places_tell_the_noise() {
+    fn noise_is_measured_at_quiet_places() {
         // Needed: 0.05; rounding to bytes adds 0.005.
         assert!((deviation(&noisy(320, 240, 0)) - 8.0).abs() < 0.15, "{}", deviation(&noisy(320, 240, 0)));
-        // With detail in half of the image it is a higher quantile of the quiet half: 8.68.
+        // With detail in half of the image, the quantile lies higher in the quiet half: 8.68.
         let half = deviation(&noisy(320, 240, 120));
         assert!((8.0..9.0).contains(&half), "{half}");
         assert!(deviation(&noisy(320, 240, 240)) > 30.0, "detail everywhere is taken for noise");
@@ -157,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn masked_places_do_not_count() {
+    fn masked_patches_are_ignored() {
         let mut photo = noisy(160, 128, 128);
         let rows = noisy(160, 128, 0).rgb;
         photo.rgb[160 * 96 * 3..].copy_from_slice(&rows[160 * 96 * 3..]);

@@ -1,56 +1,56 @@
-//! Settings of the frequency scheduler, with defaults and their sources.
+//! Settings of the frequency schedule. Each default names its source, as in `TrainConfig`.
 
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 
-/// How the render scale follows the continuous scale s(t).
+/// How the render scale follows from the continuous scale s(t) (method 7.4).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ScaleRule {
     /// Always full size.
     Off,
-    /// Rounded down to an integer (paper; method section 8.2).
+    /// Rounded down to an integer (paper).
     Integer,
-    /// Rounded down to a power of 2^(1/4), so that reduced photos can be kept: nine sizes between full
-    /// and a quarter (method section 8.3).
+    /// Rounded down to a power of 2^(1/4), which gives nine sizes from full to a quarter, few enough to keep the
+    /// reduced photos.
     #[default]
     Fractional,
 }
 
-/// How the cap of the texture resolution follows the continuous scale s(t) (method section 8.6).
+/// How the texture cap follows from the continuous scale s(t) (method 7.4).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum CapRule {
-    /// The power of two below 256 / s^2, 4 to 256: texels per primitive follow pixels per view.
+    /// The power of two below 256 / s^2, 4 to 256: texels per splat follow pixels per view.
     #[default]
     Squared,
-    /// 256 / ceil(s), rounded down, with s linear between the stages: the authors' code.
+    /// 256 / ceil(s), rounded down, with s linear between the stages (authors' code).
     Authors,
 }
 
-/// Settings of the frequency scheduler.
+/// Settings of the frequency schedule.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default, rename_all = "kebab-case")]
 pub struct FrequencyOptions {
-    /// The first stage sees this part of the significance: 1 / beta (paper: 3).
+    /// The first stage shows 1 / beta of the significance. Default 3 (paper, Frequency-Aware Scheduling; choices 11).
     pub beta: f64,
-    /// Coarsest render scale (paper: s_cfg = 4).
+    /// Largest render scale, s_cfg. Default 4 (paper, Frequency-Aware Scheduling).
     pub max_scale: f64,
-    /// The last stage begins at this step of the published timetable (paper: at the end of densification).
+    /// Step of the published timetable at which the last stage begins. Default 20,000 (choices 4; paper: the end of
+    /// densification, 15,000).
     pub until: u32,
-    /// Number of stages (paper: L = 32).
+    /// Number of stages, L. Default 32 (paper, Frequency-Aware Scheduling).
     pub levels: usize,
-    /// Quantile over single views of the scale at which each of them would start. 0 is the published
-    /// minimum, with which one noisy photo decides for all (method section 8.2).
+    /// Quantile over views of the scales at which each view alone would start. Default 0.1 (method 7.2; authors'
+    /// code: 0, the minimum, by which one noisy photo decides for all).
     pub quantile: f64,
-    /// At most this many training views are analysed, evenly picked (method section 8.1).
+    /// Largest number of training views that are analysed, evenly picked. Default 50 (bounds the cost; not measured).
     pub max_views: usize,
-    /// Whether the amplitude of white noise is taken out first: see `schedule::noise`. Ours; off in the
-    /// paper's profile.
+    /// Whether white noise is removed from the spectra. Default on (method 7.3; not in the paper).
     pub noise_robust: bool,
-    /// How the render scale follows.
+    /// How the render scale follows. Default `fractional` (choices 1; paper: `integer`).
     pub scale_rule: ScaleRule,
-    /// How the cap of the texture resolution follows.
+    /// How the texture cap follows. Default `squared` (method 7.4; not measured; authors' code: `authors`).
     pub cap_rule: CapRule,
 }
 
@@ -71,18 +71,18 @@ impl Default for FrequencyOptions {
 }
 
 impl FrequencyOptions {
-    /// The published constants, without our corrections of the spectrum.
+    /// The published settings, without our correction of the spectrum.
     pub fn paper() -> Self {
         Self { until: 15_000, noise_robust: false, scale_rule: ScaleRule::Integer, ..Self::default() }
     }
 
-    /// Checks that the numbers make sense.
+    /// Checks that all settings are in range.
     ///
     /// # Errors
-    /// [`Error::Usage`] naming the setting.
+    /// [`Error::Usage`] naming the setting, what was found and what was expected.
     pub fn check(&self) -> Result<()> {
         let complain = |name: &str, found: &dyn std::fmt::Display, expected: &str| {
-            Err(Error::Usage(format!("schedule: {name} is {found}, expected {expected}")))
+            Err(Error::Usage(format!("scheduler.{name}: found {found}, expected {expected}")))
         };
         if !(self.beta > 1.0 && self.beta <= 1e6) {
             return complain("beta", &self.beta, "more than 1 and at most 1e6");

@@ -1,27 +1,26 @@
-//! The significance of a photo's frequencies: the spectrum of the photo weighted by its own gradient
-//! (method section 8.1). Views with fine structure where they have contrast ask for fine images.
+//! The significance of a photo's frequencies: the spectrum of the photo weighted by its own gradient (method 7.1).
+//! Photos with fine detail where they have contrast require fine images.
 
 use super::fft::PlaneTransform;
 use super::noise;
 use super::spectrum::{Lines, Spectrum};
 use crate::backend::TargetImage;
 
-/// W = clip(1 + 1.5 G, 1, 3) with G in 0..1 (method section 8.1; so the upper clip never acts).
+/// W = clip(1 + 1.5 G, 1, 3) with G in 0..1 (paper), so that the upper clip never acts.
 const GRADIENT_GAIN: f64 = 1.5;
 const WEIGHT_MAX: f64 = 3.0;
 
-/// Added to the range of the gradient (method section 8.1).
+/// Added to the range of the gradient before dividing by it (authors' code).
 const RANGE_EPSILON: f64 = 1e-6;
 
-/// Photos whose grey values span less than this have no gradient to weigh by: what the normalisation
-/// would blow up to full range is the step to the zero padding or rounding. Half a step of 8 bits.
+/// Photos whose grey values span less than this are not weighted: normalisation would amplify rounding, or the step
+/// to the zero padding, to full range. Half a step of 8 bits.
 const RANGE_MIN: f64 = 0.5 / 255.0;
 
-/// Channel planes, 0 to 1. `[3][height, width]`
+/// Channels of a photo, 0 to 1. `[3][height, width]`
 type Planes = [Vec<f64>; 3];
 
-/// The spectrum of a photo's significance: |FFT2(W I)| of each channel, added up. `None` if no pixel of
-/// it counts.
+/// The spectrum of a photo's significance: |FFT2(W I)|, summed over channels. `None` for a wholly masked photo.
 pub(super) fn spectrum(photo: &TargetImage, transform: &PlaneTransform) -> Option<Spectrum> {
     let (width, height) = (photo.width_px as usize, photo.height_px as usize);
     let mut planes = planes(photo)?;
@@ -43,12 +42,11 @@ pub(super) fn spectrum(photo: &TargetImage, transform: &PlaneTransform) -> Optio
     })
 }
 
-/// Channels as numbers from 0 to 1.
+/// Channels as numbers from 0 to 1, masked pixels replaced by the mean of the others.
 ///
-/// Pixels that do not count become the mean of those that do. They carry nothing to be learnt, so their
-/// own detail must not ask for resolution; and of all constants the mean makes the smallest step at the
-/// edge of the mask, which is no detail either. (Black would make the mask's outline the strongest edge
-/// of most images.)
+/// Nothing is learnt from masked pixels, so their detail must not require resolution. Of all constants the mean
+/// makes the smallest step at the edge of the mask, which is not detail either; black would make the mask's outline
+/// the strongest edge of most images.
 fn planes(photo: &TargetImage) -> Option<Planes> {
     let value = |byte: u8| f64::from(byte) / 255.0;
     let pixels = photo.rgb.as_chunks::<3>().0;
@@ -66,7 +64,7 @@ fn planes(photo: &TargetImage) -> Option<Planes> {
     }))
 }
 
-/// W, from the Sobel gradient of the channels' mean (taps 1-2-1, unnormalised, zeros outside).
+/// W, from the Sobel gradient of the mean over channels (taps 1-2-1, unnormalised, zeros outside).
 fn weights(planes: &Planes, width: usize, height: usize) -> Vec<f64> {
     let grey: Vec<f64> =
         (0..width * height).map(|i| planes.iter().map(|p| p[i]).sum::<f64>() / 3.0).collect();
@@ -81,7 +79,7 @@ fn weights(planes: &Planes, width: usize, height: usize) -> Vec<f64> {
         let above = if y > 0 { row(y - 1) } else { &zeros };
         let below = if y + 1 < height { row(y + 1) } else { &zeros };
         let here = row(y);
-        // Of a column of three: smoothed, and the difference.
+        // The smoothed value and the difference of a column of three.
         let smooth = |x: usize| above[x] + 2.0 * here[x] + below[x];
         let slope = |x: usize| below[x] - above[x];
         let (mut left, mut middle) = ((0.0, 0.0), (smooth(0), slope(0)));

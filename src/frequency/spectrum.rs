@@ -1,32 +1,32 @@
-//! What is kept of an image's spectrum: amplitudes by box scale, which is all that the windows of the
-//! stages ask for, and by direction, which the noise floor needs.
+//! A compact description of an image's spectrum: amplitudes by box scale, which the windows of the stages need, and
+//! by direction, which the noise floor needs (method 7.1).
 //!
 //! The window of render scale s keeps the frequencies with max(|fx|, |fy|) <= 1 / 2s (cycles per pixel).
 //! With rho = 2 max(|fx|, |fy|), from 0 at the mean to 1 at the highest frequency, that is rho <= 1/s
-//! whatever the image's size, so that views of different sizes share one description.
+//! for any image size, so that views of different sizes share one description.
 
 use realfft::num_complex::Complex;
 
-/// Rings of equal width in rho. Finer than the lines of images up to 1024 pixels wide.
+/// Number of rings of equal width in rho: finer than the lines of images up to 1024 pixels wide.
 pub(super) const RINGS: usize = 512;
 
-/// Directions: equal steps of min(|fx|, |fy|) / max(|fx|, |fy|). The first holds the axes, where the
-/// image's edges (its periodic continuation, the zero padding of the gradient) leave their mark.
+/// Number of directions, in equal steps of min(|fx|, |fy|) / max(|fx|, |fy|). The first contains the axes, where
+/// the edges of the image show (its periodic continuation, the zero padding of the gradient).
 pub(super) const SECTORS: usize = 8;
 
 /// Sums over the frequencies of one cell.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Cell {
-    /// Of |F| / sqrt(pixels).
+    /// Sum of |F| / sqrt(pixels).
     pub amplitude: f64,
-    /// Of |F|^2 / pixels: for white noise its variance, whatever the image's size.
+    /// Sum of |F|^2 / pixels; for white noise each term is its variance, at any image size.
     pub power: f64,
-    /// Number of frequencies.
+    /// Number of frequencies; not an integer, since lines are shared between rings.
     pub count: f64,
 }
 
 impl Cell {
-    /// Adds a part of another cell.
+    /// Adds another cell times `weight`.
     pub fn add(&mut self, other: &Self, weight: f64) {
         self.amplitude += weight * other.amplitude;
         self.power += weight * other.power;
@@ -34,19 +34,19 @@ impl Cell {
     }
 }
 
-/// One image's spectrum, and what tells noise apart in it.
+/// The spectrum of an image, with what is needed to estimate its noise.
 ///
 /// All sums are divided by the number of pixels, so that a stationary texture gives the same numbers at
-/// any image size and a larger view weighs no more than a small one. (For views of one size this is a
-/// common factor, which drops out of every use.)
+/// any image size and a large view weighs no more than a small one. (For views of one size this is a
+/// common factor that cancels in every use.)
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Spectrum {
     /// `[RINGS, SECTORS]`
     pub cells: Vec<[Cell; SECTORS]>,
-    /// Mean over all pixels of the squared weight, counting pixels only: white noise of variance 1 in
-    /// the photo has this power at every frequency.
+    /// Sum of the squared weights of the unmasked pixels over the number of all pixels: white noise of variance 1
+    /// in the photo has this power at every frequency.
     pub mean_square_weight: f64,
-    /// See `noise::fine_variance`.
+    /// Variance of the finest detail at quiet places, see `noise::fine_variance`.
     pub fine_variance: f64,
 }
 
@@ -57,8 +57,8 @@ impl Spectrum {
     }
 }
 
-/// Collects the coefficients of one image by spectral line: all frequencies whose larger component is
-/// the line's have one rho.
+/// Sums of an image's coefficients by spectral line. The frequencies of a line share their larger component and
+/// so their rho.
 pub(super) struct Lines {
     width: usize,
     height: usize,
@@ -85,15 +85,15 @@ impl Lines {
             let (x, y) = (kx * height, ky * width);
             let (line, low, high) =
                 if x >= y { (&mut self.vertical[kx], y, x) } else { (&mut self.horizontal[ky], x, y) };
-            // The mean has no direction.
+            // The mean (0 : 0) has no direction and goes to the first sector.
             let sector = (SECTORS * low).checked_div(high).unwrap_or(0).min(SECTORS - 1);
             let power = coefficient.norm_sqr();
             line[sector].add(&Cell { amplitude: power.sqrt(), power, count: 1.0 }, multiplicity);
         }
     }
 
-    /// The cells of what was added. A line's frequencies stand for the interval of rho that reaches
-    /// half-way to the next lines, so that windows which end between two lines get their share.
+    /// The cells of all columns added. A line covers the interval of rho that reaches half-way to the lines next to
+    /// it, so that windows which end between two lines get their share.
     pub fn cells(&self) -> Vec<[Cell; SECTORS]> {
         let mut cells = vec![[Cell::default(); SECTORS]; RINGS];
         let pixels = (self.width * self.height) as f64;
@@ -120,15 +120,15 @@ impl Lines {
     }
 }
 
-/// win(s): the amplitude within the window of a scale, cumulated over rings.
+/// win(s): the amplitude within the window of a scale, as a cumulative sum over rings.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Windows {
-    /// Sum of the rings below. `[RINGS + 1]`
+    /// Sums of the rings below each edge. `[RINGS + 1]`
     sums: Vec<f64>,
 }
 
 impl Windows {
-    /// From the amplitude of each ring.
+    /// Sums up the amplitudes of the rings.
     pub fn new(rings: impl Iterator<Item = f64>) -> Self {
         let mut sums = vec![0.0];
         let mut sum = 0.0;
@@ -139,7 +139,7 @@ impl Windows {
         Self { sums }
     }
 
-    /// win(1): everything.
+    /// win(1), the whole amplitude.
     pub fn total(&self) -> f64 {
         self.sums[self.sums.len() - 1]
     }
@@ -152,8 +152,8 @@ impl Windows {
         low + (high - low) * (at - ring as f64)
     }
 
-    /// The scale whose window holds `amplitude`, up to `highest`: bisection of 1/s, in which windows
-    /// grow (method section 8.2). 64 steps exhaust f64.
+    /// The scale whose window holds `amplitude`, at most `highest`, by bisection of 1/s, with which windows grow
+    /// (method 7.2). 64 steps exhaust f64.
     pub fn solve(&self, amplitude: f64, highest: f64) -> f64 {
         let (mut low, mut high) = (1.0 / highest, 1.0);
         if self.within(highest) >= amplitude {
@@ -200,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn windows_are_the_boxes_of_the_definition() {
+    fn windows_match_the_boxes_of_their_definition() {
         for (width, height) in [(64, 64), (81, 135), (96, 32)] {
             let mut lines = Lines::new(width, height);
             let all = amplitudes(width, height, &mut lines);
@@ -223,7 +223,7 @@ mod tests {
                 let error = |want: f64| (got / want - 1.0).abs();
                 // Needed: 4.3e-4 where lines and rings do not align, else 1e-14.
                 assert!(error(box_of(half)) < 1e-3, "{width}x{height}, {odd}: {}", error(box_of(half)));
-                assert!(error(box_of(half + 1)) > 0.01, "a column more is seen");
+                assert!(error(box_of(half + 1)) > 0.01, "negative control: one more column");
             }
             assert_eq!(share(1.0), 1.0);
             let half = windows.solve(0.5 * windows.total(), 100.0);

@@ -1,20 +1,20 @@
-//! Properties of the schedule on images whose spectra are known.
+//! Properties of the schedule for images with known spectra.
 
-use super::fixtures::{Photos, fractal, noisy, of, photo};
+use super::fixtures::{Photos, fractal, noisy, photo, schedule_of};
 use super::*;
 use crate::backend::TargetImage;
 
-/// First of 15,000 steps whose scale is below `limit`.
+/// The first of 15,000 steps at which the scale is below `limit`.
 fn first_below(schedule: &FrequencySchedule, limit: f64) -> u32 {
     (0..=15_000).find(|&step| schedule.scale(f64::from(step) / 15_000.0) < limit).unwrap()
 }
 
-/// Steps of 15,000 at which r <= 2 and r = 1 begin.
+/// The steps of 15,000 from which r <= 2 and r = 1.
 fn openings(schedule: &FrequencySchedule) -> (u32, u32) {
     (first_below(schedule, 3.0), first_below(schedule, 2.0))
 }
 
-/// Mean of 1 / r^2 over T_r.
+/// Mean share of pixels, 1 / r^2, until T_r.
 fn pixel_work(schedule: &FrequencySchedule, rule: ScaleRule) -> f64 {
     let share = |step: u32| schedule.render_scale(f64::from(step) / 1500.0, rule, 540).powi(-2);
     (0..1500).map(share).sum::<f64>() / 1500.0
@@ -26,33 +26,33 @@ const SIZE: (usize, usize) = (800, 540);
 fn constant_images_have_one_stage() {
     for value in [0.0, 0.5, 1.0] {
         for options in [FrequencyOptions::default(), FrequencyOptions::paper()] {
-            let schedule = of(vec![photo(97, 64, |_| [value; 3])], &options);
+            let schedule = schedule_of(vec![photo(97, 64, |_| [value; 3])], &options);
             assert_eq!(schedule.nodes, FrequencySchedule::flat().nodes, "{value}");
             assert_eq!((schedule.s_max, schedule.views, schedule.scale(0.3)), (1.0, 1, 1.0));
         }
     }
-    assert_eq!(of(vec![], &FrequencyOptions::default()), FrequencySchedule::flat());
+    assert_eq!(schedule_of(vec![], &FrequencyOptions::default()), FrequencySchedule::flat());
 }
 
 #[test]
 fn white_noise_starts_at_the_root_of_beta() {
     let values = vec![0.5; SIZE.0 * SIZE.1];
     let noise = noisy(SIZE.0, SIZE.1, &values, 40.0 / 255.0);
-    let schedule = of(vec![noise.clone()], &FrequencyOptions::paper());
+    let schedule = schedule_of(vec![noise.clone()], &FrequencyOptions::paper());
     // Needed: 2.01 %; the mean and the zero padding of the gradient are not white.
     assert!((schedule.s_max / 3.0_f64.sqrt() - 1.0).abs() < 0.03, "{}", schedule.s_max);
     let limited = FrequencyOptions { max_scale: 1.5, ..FrequencyOptions::paper() };
-    assert_eq!(of(vec![noise.clone()], &limited).s_max, 1.5);
-    // Known to be noise, it asks for nothing; what remains is still a schedule.
-    let robust = of(vec![noise], &FrequencyOptions::default());
+    assert_eq!(schedule_of(vec![noise.clone()], &limited).s_max, 1.5);
+    // Recognised as noise it requires no resolution, and the schedule is still valid.
+    let robust = schedule_of(vec![noise], &FrequencyOptions::default());
     assert!((robust.noise * 255.0 - 40.0).abs() < 2.0, "{}", robust.noise * 255.0);
     assert!(robust.s_max > 3.0 && robust.nodes.iter().all(|n| n.0.is_finite() && n.1 >= 1.0));
 }
 
 #[test]
 fn fractal_images_meet_the_published_formula() {
-    // Method section 8.3, computed independently on other images of the same spectra: exponent, s_max,
-    // steps at which r <= 2 and r = 1 begin, pixel work with integer scales.
+    // The formulas of method 7.2, computed by another program on other images of the same spectra: exponent, s_max,
+    // steps from which r <= 2 and r = 1, share of pixels with integer scales.
     for (exponent, s_max, two, one, work) in [
         (0.8, 2.4, 0, 3_355, 0.83),
         (1.0, 2.9, 0, 5_156, 0.74),
@@ -60,7 +60,7 @@ fn fractal_images_meet_the_published_formula() {
         (1.6, 4.0, 3_183, 7_906, 0.58),
     ] {
         let values = fractal(SIZE.0, SIZE.1, exponent, 1);
-        let schedule = of(vec![noisy(SIZE.0, SIZE.1, &values, 0.0)], &FrequencyOptions::paper());
+        let schedule = schedule_of(vec![noisy(SIZE.0, SIZE.1, &values, 0.0)], &FrequencyOptions::paper());
         let (r2, r1) = openings(&schedule);
         let integer = pixel_work(&schedule, ScaleRule::Integer);
         let fractional = pixel_work(&schedule, ScaleRule::Fractional);
@@ -73,11 +73,11 @@ fn fractal_images_meet_the_published_formula() {
 }
 
 #[test]
-fn noise_hardly_moves_the_stages_unless_it_is_left_in() {
+fn noise_hardly_moves_the_stages_once_it_is_removed() {
     for exponent in [1.0, 1.3, 1.6] {
         let values = fractal(SIZE.0, SIZE.1, exponent, 1);
         let with = |sigma: f64, options: &FrequencyOptions| {
-            of(vec![noisy(SIZE.0, SIZE.1, &values, sigma / 255.0)], options)
+            schedule_of(vec![noisy(SIZE.0, SIZE.1, &values, sigma / 255.0)], options)
         };
         let moved = |options: &FrequencyOptions| {
             let (clean, noisy) = (with(0.0, options), with(10.0, options));
@@ -87,13 +87,13 @@ fn noise_hardly_moves_the_stages_unless_it_is_left_in() {
         // Needed: 1.3 % and 0.015.
         let (step, scale) = moved(&FrequencyOptions::default());
         assert!(step.abs() < 0.03 && scale.abs() < 0.03, "{exponent}: {step} {scale}");
-        // 19 to 74 %.
+        // Negative control: with the noise left in they move by 19 to 74 %.
         let (step, scale) = moved(&FrequencyOptions::paper());
         assert!(step < -0.15 && scale < -0.2, "{exponent}: {step} {scale}");
     }
 }
 
-/// Detail in one half, an even surface in the other.
+/// A photo with detail in one part and a uniform surface in the other.
 fn half_detailed(exponent: f64, sigma: f64) -> TargetImage {
     let mut values = fractal(SIZE.0, SIZE.1, exponent, 3);
     values[SIZE.0 * SIZE.1 * 2 / 5..].fill(0.4);
@@ -101,27 +101,29 @@ fn half_detailed(exponent: f64, sigma: f64) -> TargetImage {
 }
 
 #[test]
-fn clean_photos_with_an_even_part_keep_their_stages() {
-    // Real photos have quiet places; there, noise is told from detail.
+fn photos_without_noise_keep_their_stages() {
+    // Real photos have quiet places, where noise can be told from detail.
     let photo = half_detailed(1.0, 0.0);
-    let (plain, robust) =
-        (of(vec![photo.clone()], &FrequencyOptions::paper()), of(vec![photo], &FrequencyOptions::default()));
+    let (plain, robust) = (
+        schedule_of(vec![photo.clone()], &FrequencyOptions::paper()),
+        schedule_of(vec![photo], &FrequencyOptions::default()),
+    );
     assert_eq!(robust.noise, 0.0);
     let ((two, one), (robust_two, robust_one)) = (openings(&plain), openings(&robust));
     assert!(two.abs_diff(robust_two) < 50 && one.abs_diff(robust_one) < 50);
-    let noisy = |options: &FrequencyOptions| of(vec![half_detailed(1.0, 6.0 / 255.0)], options);
+    let noisy = |options: &FrequencyOptions| schedule_of(vec![half_detailed(1.0, 6.0 / 255.0)], options);
     let (left_in, taken_out) = (noisy(&FrequencyOptions::paper()), noisy(&FrequencyOptions::default()));
-    // An upper bound.
+    // The estimate is an upper bound.
     assert!((6.0..6.5).contains(&(taken_out.noise * 255.0)), "{}", taken_out.noise * 255.0);
     let moved = |schedule: &FrequencySchedule| (f64::from(openings(schedule).1) / f64::from(one) - 1.0).abs();
-    // Needed: 2.2 %, against 14.7 %.
+    // Needed: 2.2 %, against 14.7 % with the noise left in.
     assert!(moved(&taken_out) < 0.04 && moved(&left_in) > 0.1);
 }
 
 #[test]
 fn scales_fall_and_caps_rise_from_start_to_end() {
     let values = fractal(200, 136, 1.3, 5);
-    let schedule = of(vec![noisy(200, 136, &values, 0.0)], &FrequencyOptions::paper());
+    let schedule = schedule_of(vec![noisy(200, 136, &values, 0.0)], &FrequencyOptions::paper());
     let (first, last) = (schedule.nodes[0], schedule.nodes[31]);
     assert_eq!((schedule.nodes.len(), first, last), (32, (0.0, schedule.s_max), (1.0, 1.0)));
     assert!(schedule.nodes.windows(2).all(|n| n[0].0 < n[1].0 && n[0].1 >= n[1].1), "{:?}", schedule.nodes);
@@ -173,35 +175,35 @@ fn a_view_weighs_the_same_at_any_size() {
     let fine = || noisy(SIZE.0, SIZE.1, &vec![0.5; SIZE.0 * SIZE.1], 0.15);
     let coarse = |w: usize, h: usize| noisy(w, h, &fractal(w, h, 1.3, 2), 0.0);
     let one = |schedule: &FrequencySchedule| openings(schedule).1;
-    let same = one(&of(vec![fine(), coarse(SIZE.0, SIZE.1)], &options));
-    let smaller = one(&of(vec![fine(), coarse(267, 180)], &options));
-    let alone = one(&of(vec![coarse(267, 180)], &options));
-    // Needed: 480 steps. (The spectrum of a smaller fractal has fewer octaves.)
+    let same = one(&schedule_of(vec![fine(), coarse(SIZE.0, SIZE.1)], &options));
+    let smaller = one(&schedule_of(vec![fine(), coarse(267, 180)], &options));
+    let alone = one(&schedule_of(vec![coarse(267, 180)], &options));
+    // Needed: 480 steps, since the spectrum of a smaller fractal has fewer octaves.
     assert!(same.abs_diff(smaller) < 700, "{same} {smaller}");
-    // Weighed by its pixels, the small view would not be noticed; alone, it decides.
-    let unnoticed = one(&of(vec![fine()], &options));
+    // Weighted by its pixels, the small view would make no difference; alone, it decides.
+    let unnoticed = one(&schedule_of(vec![fine()], &options));
     assert!(smaller > unnoticed + 2_000 && alone > smaller + 500, "{unnoticed} {smaller} {alone}");
 }
 
 #[test]
-fn masked_pixels_have_no_say() {
+fn masked_pixels_are_ignored() {
     let (width, height) = (120, 100);
     let values = fractal(width, height, 1.0, 4);
     let with = |masked: f64, mask: bool| {
         let hidden = |i: usize| i % width > 80;
         let mut photo = photo(width, height, |i| {
-            // Stripes of two pixels: all fine detail.
+            // Stripes two pixels wide are fine detail.
             let stripe = f64::from(u8::from(i / 2 % 2 == 0));
             [if hidden(i) { masked * stripe } else { values[i] }; 3]
         });
         photo.mask = mask.then(|| (0..width * height).map(|i| 255 * u8::from(!hidden(i))).collect());
-        of(vec![photo], &FrequencyOptions::default())
+        schedule_of(vec![photo], &FrequencyOptions::default())
     };
     assert_eq!(with(1.0, true), with(0.0, true));
     assert_ne!(with(1.0, false).nodes, with(0.0, false).nodes);
     let mut hidden = photo(16, 16, |i| [(i % 7) as f64 / 7.0; 3]);
     hidden.mask = Some(vec![0; 256]);
-    assert_eq!(of(vec![hidden], &FrequencyOptions::default()), FrequencySchedule::flat());
+    assert_eq!(schedule_of(vec![hidden], &FrequencyOptions::default()), FrequencySchedule::flat());
 }
 
 #[test]
@@ -209,18 +211,19 @@ fn one_noisy_photo_does_not_decide_for_all() {
     let mut photos: Vec<TargetImage> =
         (0..20).map(|seed| noisy(120, 90, &fractal(120, 90, 1.3, seed), 0.0)).collect();
     photos[7] = noisy(120, 90, &vec![0.5; 120 * 90], 0.2);
-    let start =
-        |quantile: f64| of(photos.clone(), &FrequencyOptions { quantile, ..FrequencyOptions::paper() }).s_max;
+    let start = |quantile: f64| {
+        schedule_of(photos.clone(), &FrequencyOptions { quantile, ..FrequencyOptions::paper() }).s_max
+    };
     assert!(start(0.0) < 1.9 && start(0.1) > 3.0, "{} {}", start(0.0), start(0.1));
 }
 
 #[test]
-fn schedules_do_not_depend_on_threads_and_survive_text() {
+fn schedules_do_not_depend_on_threads_and_survive_json() {
     let photos: Vec<TargetImage> =
         (0..7).map(|seed| noisy(90, 67, &fractal(90, 67, 1.2, seed), 0.02)).collect();
     let with = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| of(photos.clone(), &FrequencyOptions::default()))
+        pool.install(|| schedule_of(photos.clone(), &FrequencyOptions::default()))
     };
     let schedule = with(1);
     assert_eq!(schedule, with(3));
@@ -239,7 +242,7 @@ fn schedules_do_not_depend_on_threads_and_survive_text() {
 }
 
 #[test]
-fn settings_are_checked_and_read_with_their_names() {
+fn settings_are_read_by_name_and_checked() {
     let options: FrequencyOptions = toml::from_str("max-scale = 3.0\nscale-rule = \"fractional\"").unwrap();
     assert_eq!((options.max_scale, options.beta, options.scale_rule), (3.0, 3.0, ScaleRule::Fractional));
     assert!(toml::from_str::<FrequencyOptions>("max_scale = 3.0").is_err());

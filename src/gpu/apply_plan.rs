@@ -8,7 +8,7 @@ use super::layout::{self, CHANGE_COARSER, CHANGE_FINER, CHANGE_RESAMPLE, CHANGE_
 use super::model_buffers::{self, filled, splat_infos, splat_stride};
 use super::uniform;
 use crate::Result;
-use crate::backend::{Grid, MapChange, SplatEdit, DensityPlan};
+use crate::backend::{DensityPlan, Grid, MapChange, SplatEdit};
 use crate::model::{AdamState, Model, SplatArrays, TextureMap, TexturePool};
 
 /// Carries out a plan that has been checked.

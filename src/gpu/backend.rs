@@ -17,8 +17,8 @@ use super::uniform::{self, Scene, needs_statistics};
 use super::view_buffers::{Capacity, Needs};
 use super::{apply_plan, geometry, limits, sort};
 use crate::backend::{
-    Backend, DeviceInfo, DeviceLimits, RenderOptions, RenderedImage, SceneShape, StepReport, StepRequest,
-    DensityPlan, WindowStatistics,
+    Backend, DensityPlan, DeviceInfo, DeviceLimits, RenderOptions, RenderedImage, SceneShape, StepReport,
+    StepRequest, WindowStatistics,
 };
 use crate::camera::{Camera, Similarity};
 use crate::model::{AdamState, Model, SplatArrays, TexturePool};

@@ -2,6 +2,7 @@
 //! is who hands them which buffers, in which order, and what comes back.
 
 mod adapter;
+mod apply_plan;
 mod backend;
 pub mod bench;
 #[cfg(test)]
@@ -30,7 +31,6 @@ mod shader_tests;
 mod sort;
 #[cfg(test)]
 mod sort_tests;
-mod apply_plan;
 mod submission;
 #[cfg(test)]
 mod tile_list_tests;

@@ -1,5 +1,5 @@
-//! The scene that is optimised: splats as structure-of-arrays, a jagged pool of texture maps, and
-//! the optimiser's state beside them. Plain data: no device, no files but the checkpoint.
+//! The model in training: splats as structure of arrays, a jagged pool of texture maps, and the optimiser's
+//! state. Plain data that knows no device and no file.
 
 mod params;
 mod splats;
@@ -12,16 +12,16 @@ pub use texture::{TextureMap, TexturePool, support_half_extent, texel_value, tex
 use crate::camera::Similarity;
 use serde::{Deserialize, Serialize};
 
-/// All that is needed to render a scene.
+/// Splats and texture maps, with the frame they are in: all that rendering needs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Model {
-    /// Stored (not activated) parameters of the splats.
+    /// Parameters of the splats, before activation.
     pub splats: SplatArrays,
     /// Texture maps, one per splat (0 x 0: untextured).
     pub textures: TexturePool,
-    /// Near plane, local units: samples and centres in front of it are not drawn.
+    /// Near plane, local units: nearer samples and centres are not drawn.
     pub near: f32,
-    /// Frame of the capture, from the local frame in which everything here is expressed.
+    /// Transform to the capture's frame from the local frame, in which the model is expressed.
     pub capture_from_local: Similarity,
 }
 
@@ -42,7 +42,7 @@ impl Model {
     }
 }
 
-/// Learning rates of one step.
+/// Learning rates of one step (method 4.2).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct LearningRates {
     /// Centres, local units.
@@ -59,15 +59,14 @@ pub struct LearningRates {
     pub sh_rest: f32,
     /// Texels of a 2 x 2 map; 0 before their training starts.
     pub texel: f32,
-    /// A map of more texels learns faster, by `(texels / 4)` to this power... (0: all maps alike; paper:
-    /// resolution-aware update rule, 0.5)
+    /// Exponent by which larger maps learn faster, a map of T texels by (T / 4) to this power; 0: no faster.
     pub texel_growth: f32,
-    /// ... at most by this factor (paper: 4).
+    /// Largest factor by which a map learns faster.
     pub texel_growth_limit: f32,
 }
 
 impl LearningRates {
-    /// In the order of the fields.
+    /// All rates, in the order of the fields.
     pub fn to_array(&self) -> [f32; 9] {
         [
             self.position,
@@ -82,7 +81,7 @@ impl LearningRates {
         ]
     }
 
-    /// Rate of the texels of a map.
+    /// Rate of the texels of a map with `num_texels` texels.
     pub fn of_map(&self, num_texels: usize) -> f32 {
         if self.texel_growth == 0.0 {
             return self.texel;
@@ -91,7 +90,7 @@ impl LearningRates {
         self.texel * factor.clamp(1.0, self.texel_growth_limit.max(1.0))
     }
 
-    /// From values in the order of the fields; missing ones are 0.
+    /// Inverse of [`Self::to_array`]; missing values are 0.
     pub fn from_array(values: &[f32]) -> Self {
         let at = |i: usize| values.get(i).copied().unwrap_or(0.0);
         Self {
@@ -108,7 +107,7 @@ impl LearningRates {
     }
 }
 
-/// State of the optimiser for every parameter of a [`Model`].
+/// State of Adam for every parameter of a [`Model`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct AdamState {
     /// First moments of the splats' parameters.
@@ -119,17 +118,17 @@ pub struct AdamState {
     pub texels_m: Vec<f32>,
     /// Second moments of the texels. `[num_texels, 3]`
     pub texels_v: Vec<f32>,
-    /// Step at which the lazily updated parameters (SH, texels) of a splat were last brought up to
-    /// date. `[num_splats]`
+    /// Step at which the lazily updated parameters (SH, texels) of each splat were last flushed.
+    /// `[num_splats]`
     pub last_step: Vec<u32>,
     /// Steps done.
     pub step: u32,
-    /// Rates of the last step: those that bring lagging parameters up to date.
+    /// Rates of the last step, with which lagging parameters are flushed.
     pub rates: LearningRates,
 }
 
 impl AdamState {
-    /// Zero moments for a model.
+    /// The state before the first step: all moments zero.
     pub fn zeros(model: &Model) -> Self {
         let n = model.num_splats();
         Self {

@@ -1,42 +1,42 @@
-//! Structure-of-arrays of per-splat quantities. The same type holds parameters, gradients and
-//! moments, so that loops over "every parameter" are written once.
+//! Structure of arrays of per-splat quantities. The same type holds parameters, gradients and moments, so that
+//! loops over all parameters are written once.
 
 use crate::constants::sh_coefficients;
 
-/// One array per group of parameters; entries of a splat are contiguous.
+/// One array per group of parameters; the entries of a splat are contiguous.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SplatArrays {
     /// SH degree of `sh`.
     pub sh_degree: u32,
     /// Centres, local frame. `[n, 3]`
     pub positions: Vec<f32>,
-    /// local_from_surfel rotation as quaternion wxyz, not normalised. `[n, 4]`
+    /// Rotations local_from_surfel as quaternions wxyz, not normalised. `[n, 4]`
     pub quaternions: Vec<f32>,
-    /// Natural logarithm of the standard deviations along the surfel's axes, local units. `[n, 2]`
+    /// Natural logarithms of the standard deviations along the surfel's axes, local units. `[n, 2]`
     pub log_scales: Vec<f32>,
-    /// Opacity before the sigmoid. `[n]`
+    /// Opacities before the sigmoid. `[n]`
     pub opacity_logits: Vec<f32>,
-    /// Spherical harmonics, display space. `[n, (sh_degree + 1)^2, 3]`
+    /// SH coefficients, display space. `[n, (sh_degree + 1)^2, 3]`
     pub sh: Vec<f32>,
 }
 
 /// A group of parameters with its own learning rate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum SplatGroup {
-    /// Centres.
+    /// Centres, 3 floats.
     Position,
-    /// Rotations.
+    /// Rotations, 4 floats.
     Quaternion,
-    /// Logarithms of the standard deviations.
+    /// Logarithms of the standard deviations, 2 floats.
     LogScale,
-    /// Opacity logits.
+    /// Opacity before the sigmoid, 1 float.
     Opacity,
-    /// Spherical harmonics.
+    /// SH coefficients, 3 floats each.
     Sh,
 }
 
 impl SplatGroup {
-    /// All groups, in the order of their storage.
+    /// All groups, in storage order.
     pub const ALL: [Self; 5] = [Self::Position, Self::Quaternion, Self::LogScale, Self::Opacity, Self::Sh];
 
     /// Floats per splat.
@@ -52,7 +52,7 @@ impl SplatGroup {
 }
 
 impl SplatArrays {
-    /// `n` splats, all zero.
+    /// `n` splats with all values zero.
     pub fn zeros(n: usize, sh_degree: u32) -> Self {
         let array = |g: SplatGroup| vec![0.0; n * g.width(sh_degree)];
         Self {
@@ -70,7 +70,7 @@ impl SplatArrays {
         self.opacity_logits.len()
     }
 
-    /// Whether there is no splat.
+    /// Whether the number of splats is 0.
     pub fn is_empty(&self) -> bool {
         self.opacity_logits.is_empty()
     }
@@ -86,7 +86,7 @@ impl SplatArrays {
         }
     }
 
-    /// The array of one group, to be written. `[n, width]`
+    /// The array of one group, mutable. `[n, width]`
     pub fn group_mut(&mut self, group: SplatGroup) -> &mut Vec<f32> {
         match group {
             SplatGroup::Position => &mut self.positions,
@@ -97,7 +97,7 @@ impl SplatArrays {
         }
     }
 
-    /// Splats `sources[0], sources[1], ...` of this, in that order.
+    /// The splats with the indices `sources`, in that order.
     pub fn gathered(&self, sources: &[u32]) -> Self {
         let mut out = Self::zeros(0, self.sh_degree);
         for group in SplatGroup::ALL {

@@ -1,10 +1,10 @@
-//! Texture maps of any rectangular size in one jagged pool. A texel is stored before its activation
-//! and activates to a residual in (-1, 1) that is added to the splat's colour.
+//! Texture maps of any rectangular size in one jagged pool. A texel is stored before activation and activated to a
+//! residual in (-1, 1), which is added to the base colour.
 
 use crate::constants::{ALPHA_MIN, MAP_SIGMA_MAX};
 use crate::{Error, Result};
 
-/// Place and size of one splat's map.
+/// Position in the pool and size of one splat's map.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TextureMap {
     /// Index of the map's first texel in the pool.
@@ -18,22 +18,22 @@ pub struct TextureMap {
 }
 
 impl TextureMap {
-    /// Highest class of a side: more than 128 texels; no map has more than 256.
+    /// Highest side class: maps of more than 128 texels per side, of at most 256.
     pub const SIDE_CLASSES: usize = 8;
 
-    /// Class of its longer side: 0 where there is none, 1 for up to 2 texels, 2 for up to 4, 3 for up to 8, ...,
-    /// at most [`Self::SIDE_CLASSES`].
+    /// Class of the longer side: 0 for untextured splats, 1 for up to 2 texels, 2 for up to 4, 3 for up to 8 and so
+    /// on, at most [`Self::SIDE_CLASSES`].
     pub fn side_class(&self) -> usize {
         let side = u32::from(self.rows.max(self.cols));
         if side == 0 { 0 } else { (side.next_power_of_two().ilog2() as usize).clamp(1, Self::SIDE_CLASSES) }
     }
 
-    /// Number of texels.
+    /// Number of texels, rows times columns.
     pub fn num_texels(&self) -> usize {
         usize::from(self.rows) * usize::from(self.cols)
     }
 
-    /// Range of this map's floats in [`TexturePool::texels`].
+    /// Range of the map's floats in [`TexturePool::texels`].
     pub fn floats(&self) -> std::ops::Range<usize> {
         let first = 3 * self.offset_texels as usize;
         first..first + 3 * self.num_texels()
@@ -43,28 +43,28 @@ impl TextureMap {
 /// All maps and their texels.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TexturePool {
-    /// One per splat; offsets rise in order and leave no gap.
+    /// One per splat, in the order of their texels, without gaps.
     pub maps: Vec<TextureMap>,
     /// Texels before activation, map by map, row-major. `[num_texels, 3]` RGB
     pub texels: Vec<f32>,
 }
 
 impl TexturePool {
-    /// Maps of the given `(rows, cols, texel_size)` with neutral texels.
+    /// Maps of the given `(rows, cols, texel_size)` with zero texels.
     ///
     /// # Errors
-    /// [`Error::Usage`] with counts if there are more texels than 32 bits can number.
+    /// [`Error::Usage`] with counts if there are more texels than 32-bit offsets can address.
     pub fn neutral(extents: impl IntoIterator<Item = (u16, u16, f32)>) -> Result<Self> {
         let mut num_texels = 0_u64;
         let mut maps = Vec::new();
         for (rows, cols, texel_size) in extents {
-            // Cut off only where the whole is refused below.
+            // Truncates only if the whole is refused below.
             maps.push(TextureMap { offset_texels: num_texels as u32, rows, cols, texel_size });
             num_texels += u64::from(rows) * u64::from(cols);
         }
         if num_texels > u32::MAX.into() {
             return Err(Error::Usage(format!(
-                "{num_texels} texels over {} maps, but a model may have {} at most; use fewer splats or smaller \
+                "{num_texels} texels over {} maps, but a model may have at most {}; use fewer splats or smaller \
                  maps (--max-points, --policy, --max-texels)",
                 maps.len(),
                 u32::MAX
@@ -84,13 +84,13 @@ pub fn texel_value(stored: f64) -> f64 {
     (0.5 * stored).tanh()
 }
 
-/// Derivative of [`texel_value`] expressed by its value `v`.
+/// Derivative of [`texel_value`] as a function of its value `v`.
 pub fn texel_value_slope(v: f64) -> f64 {
     0.5 * (1.0 - v * v)
 }
 
-/// Half extent of a splat's map, local units: its larger standard deviation times the radius at which
-/// alpha falls to 1/255, at most three (method section 1.4); 0 where it never gets there.
+/// Half extent of a splat's map, local units: the larger standard deviation times the radius at which alpha falls
+/// to 1/255, at most three (method 1.4). 0 if alpha never reaches 1/255.
 pub fn support_half_extent(sigma_max: f64, opacity: f64) -> f64 {
     let radius = (2.0 * (opacity / ALPHA_MIN).ln()).max(0.0).sqrt();
     sigma_max * radius.min(MAP_SIGMA_MAX)
@@ -101,8 +101,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn more_texels_than_can_be_numbered_are_an_error_with_counts() {
-        // 2^32 texels: one more than fits, of which nothing is allocated.
+    fn too_many_texels_are_refused_with_counts() {
+        // 2^32 texels are one more than fits; nothing is allocated.
         let error = TexturePool::neutral(std::iter::repeat_n((1 << 15, 1 << 15, 1.0), 4)).unwrap_err();
         assert!(matches!(error, Error::Usage(_)) && error.exit_code() == 2, "{error}");
         let text = error.to_string();

@@ -42,6 +42,7 @@ pub struct SampleOptions {
     pub truth: bool,
 }
 
+/// A capture that trains in about a minute; the values are not measured.
 impl Default for SampleOptions {
     fn default() -> Self {
         Self {

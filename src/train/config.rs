@@ -1,32 +1,36 @@
-//! Settings of a training run: everything that shapes the result, with defaults and their sources.
-//! The command line and `config.toml` fill it; the trainer reads it.
+//! Settings of a training run: everything that shapes the result. The command line and `config.toml` fill
+//! them in, the trainer reads them.
+//!
+//! Every default names its source: the paper, by the title of the section; 3DGS or CAT (content-aware
+//! texturing), whose values the paper inherits; the configuration that the authors published with their code;
+//! a section of `docs/choices.md` ("choices 2") or `docs/method.md` ("method 6.1"); or "not measured".
 
-use super::density::{Budget, Components, MapRule, DensityConfig};
+use super::density::{Budget, Components, DensityConfig, MapRule};
 use crate::backend::LossWeights;
 use crate::frequency::FrequencyOptions;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
 
-/// Who gets how many splats and texels.
+/// How splats and texels are allocated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub enum Policy {
-    /// Maps grow with error, splats are split where their maps are full (LiteTex-GS).
+    /// High-error splats are refined or split (LiteTex-GS).
     Litetex,
-    /// The ancestor's allocation: as above without scheduler, ceilings, pruning by contribution and
-    /// resolution-aware rates (content-aware texturing).
+    /// Content-aware texturing, the ancestor: as `litetex`, without scheduler, ceilings, pruning by
+    /// contribution and resolution-aware rates.
     Cat,
-    /// R x R texels for every splat, splats as with `litetex`.
+    /// R x R texels for every splat; splats as with `litetex`.
     Fixed(u16),
-    /// No textures; splats are moved and added by error: the strongest untextured allocation we know.
+    /// 2DGS-MCMC: no textures, splats are relocated and added by error (method 6.12).
     Plain,
-    /// No textures, splats as with `litetex`.
+    /// No textures; splats as with `litetex`.
     None,
 }
 
 impl Policy {
-    /// How the sizes of maps are decided.
+    /// The rule that sets the sizes of maps.
     pub fn map_rule(self) -> MapRule {
         match self {
             Self::Litetex | Self::Cat => MapRule::Adaptive,
@@ -35,18 +39,19 @@ impl Policy {
         }
     }
 
-    /// Texels a side of the maps at the start.
+    /// Side of the initial maps, in texels.
     pub fn first_side(self) -> u16 {
         match self {
+            // Paper, Adaptive Per-Gaussian Texture Optimization.
             Self::Litetex => 2,
-            // Content-aware texturing.
+            // CAT.
             Self::Cat => 8,
             Self::Fixed(resolution) => resolution,
             Self::Plain | Self::None => 0,
         }
     }
 
-    /// Texels of each splat at the start.
+    /// Texels of each initial splat.
     pub fn first_texels_each(self) -> usize {
         usize::from(self.first_side()).pow(2)
     }
@@ -97,34 +102,35 @@ impl From<Policy> for String {
     }
 }
 
-/// Learning rates at the start, and their schedule (method section 4).
+/// Learning rates for 30,000 steps (method 4.2). Variations of most were measured (choices 2).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default, rename_all = "kebab-case")]
 pub struct RateConfig {
-    /// Centres at the start, local units (where the cameras' extent is 1).
+    /// Centres at the first step, local units. Default 1.6e-4 (3DGS).
     pub position: f32,
-    /// The same where splats start at random places, from which they have further to go.
+    /// The same for random initialisation, where splats have further to go. Default 6.4e-4 (choices 3).
     pub position_random: f32,
-    /// Centres at the end, log-linear in between.
+    /// Centres at the end of their decay, which is log-linear. Default 1.6e-6 (3DGS).
     pub position_end: f32,
-    /// Quaternions.
+    /// Quaternions. Default 1e-3 (3DGS).
     pub quaternion: f32,
-    /// Log-scales.
+    /// Log-scales. Default 5e-3 (3DGS).
     pub log_scale: f32,
-    /// Opacity logits.
+    /// Opacity logits. Default 0.05 (3DGS).
     pub opacity: f32,
-    /// SH degree 0.
+    /// SH degree 0. Default 2.5e-3 (3DGS).
     pub sh_dc: f32,
-    /// SH degrees 1 to 3.
+    /// SH degrees 1 to 3. Default 1.25e-4 (3DGS; not measured).
     pub sh_rest: f32,
-    /// Texels of a 2 x 2 map.
+    /// Texels of a 2 x 2 map. Default 7e-4 (authors' configuration; choices 2).
     pub texel: f32,
-    /// A map of T texels learns faster by (T / 4) to this power (paper: gamma)...
+    /// Exponent by which larger maps learn faster: a map of T texels by (T / 4) to this power. Default 0.5
+    /// (gamma in the paper, Resolution-Aware Optimization; choices 11).
     pub texel_growth: f32,
-    /// ... at most by this factor (paper: lambda_max).
+    /// Largest factor by which a map learns faster. Default 4 (lambda_max, there too; choices 11).
     pub texel_growth_limit: f32,
-    /// Whether runs shorter than the published 30,000 steps use higher rates; see
-    /// [`Schedule::rates`](super::Schedule::rates).
+    /// Whether runs shorter than the published 30,000 steps use higher rates, see
+    /// [`Schedule::rates`](super::Schedule::rates). Default on (choices 12).
     pub raise_in_short_runs: bool,
 }
 
@@ -151,35 +157,35 @@ impl Default for RateConfig {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default, rename_all = "kebab-case")]
 pub struct TrainConfig {
-    /// Steps; schedules are fractions of it.
+    /// Length of the run; schedules are fractions of it. Default 30,000 (paper, Experimental Setup).
     pub steps: u32,
-    /// Stops early after this much training time (evaluation not counted).
+    /// Training time after which the run stops early, evaluation not counted. Default none.
     pub max_time_secs: Option<f64>,
-    /// Seed of everything random.
+    /// Seed of everything random. Default 42 (arbitrary; choices 10 has the spread over seeds).
     pub seed: u64,
-    /// Highest SH degree, 0 to 3.
+    /// Highest SH degree, 0 to 3. Default 3 (3DGS; the paper counts its parameters).
     pub sh_degree: u32,
-    /// Whether splats start at random places.
+    /// Whether initialisation is random, which selects [`RateConfig::position_random`]. Set with the initial model.
     pub random_start: bool,
-    /// Allocation of splats and texels.
+    /// Allocation of splats and texels. Default `litetex` (choices 5 and 7).
     pub policy: Policy,
-    /// Parts of the method that are on.
+    /// Parts of the method that are on. Default all (choices 6).
     pub components: Components,
-    /// Largest model.
+    /// Upper bounds on the model's size. Default none.
     pub budget: Budget,
-    /// Density-control steps.
+    /// Density control.
     pub density: DensityConfig,
-    /// Frequency-aware scheduler.
+    /// Frequency schedule.
     pub scheduler: FrequencyOptions,
-    /// Display-space colour behind everything, 0 to 1.
+    /// Display-space colour behind all splats, 0 to 1. Default black (3DGS).
     pub background: [f32; 3],
-    /// Evaluates the test views each so many steps (0: only at the end).
+    /// Steps between evaluations of the test views; 0: only at the end. Default 0: does not change the model.
     pub eval_every: u32,
-    /// Writes a checkpoint each so many steps (0: only at the end).
+    /// Steps between checkpoints; 0: only at the end. Default 0: does not change the model.
     pub save_every: u32,
-    /// Loss terms.
+    /// Weights of the loss terms.
     pub loss: LossWeights,
-    /// Learning rates.
+    /// Learning rates and their schedule.
     pub rates: RateConfig,
 }
 
@@ -206,7 +212,7 @@ impl Default for TrainConfig {
 }
 
 impl TrainConfig {
-    /// The parts that are on, those that the policy rules out taken off.
+    /// The parts that are on, less those that the policy excludes.
     pub fn active_components(&self) -> Components {
         let c = self.components;
         match self.policy {

@@ -1,4 +1,4 @@
-//! Renders views and compares them with their photos.
+//! Evaluation: renders views and compares them with their photos.
 
 use super::events::Control;
 use crate::Result;
@@ -7,21 +7,21 @@ use crate::eval::{Evaluation, ViewQuality, quality_of};
 use crate::views::ViewSource;
 use rayon::prelude::*;
 
-/// Views whose images are held at once.
+/// Views whose renders are held in memory at once.
 const EVAL_BATCH: usize = 4;
 
 /// Outcome of [`evaluate`].
 pub enum Evaluated {
-    /// Figures of the views that have pixels to compare.
+    /// Quality figures of the views that have unmasked pixels.
     Figures(Evaluation),
-    /// There are none.
+    /// No view has an unmasked pixel.
     Nothing,
-    /// The consumer stopped it.
+    /// The consumer stopped the evaluation.
     Stopped,
 }
 
-/// Renders views and compares them with their photos; `on_view` sees each image. Views of which the
-/// mask leaves nothing are rendered but have no figures.
+/// Renders views and compares them with their photos; `on_view` receives each render. Wholly masked views are
+/// rendered but have no figures.
 ///
 /// # Errors
 /// Whatever the backend, the views or `on_view` report.

@@ -1,117 +1,117 @@
-//! What the trainer tells: one stream of typed events that progress bars, logs, run folders and tests
-//! consume. The consumer answers whether to go on.
+//! The trainer's output: one stream of typed events for progress bars, logs, run folders and tests. The
+//! consumer answers each with whether to go on.
 
-use super::state::TrainState;
 use super::density::DensityCounts;
+use super::state::TrainState;
 use crate::Warning;
 use crate::backend::{DeviceInfo, LossValues, RenderedImage, StepReport};
 use crate::eval::Evaluation;
 
-/// Consumer's answer to an event.
+/// The consumer's answer to an event.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Control {
-    /// Go on.
+    /// Go on training.
     Continue,
-    /// Stop after this step, or after the batch that the backend has done with it; the trainer emits a
-    /// last [`TrainEvent::Checkpoint`].
+    /// Stop after this step, or after the batch that contains it; the trainer emits a last
+    /// [`TrainEvent::Checkpoint`].
     Stop,
 }
 
 /// Why training ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StopReason {
-    /// All steps done.
+    /// All steps are done.
     Steps,
-    /// `max_time_secs` reached.
+    /// `max_time_secs` was reached.
     Time,
-    /// The consumer said so.
+    /// The consumer answered [`Control::Stop`].
     Consumer,
 }
 
-/// An event.
+/// An event of a run; `step` is the number of steps done.
 pub enum TrainEvent<'a> {
-    /// Before the first step.
+    /// Training is about to begin.
     Started {
-        /// Where it runs.
+        /// Device that trains.
         device: DeviceInfo,
-        /// Steps already done (resumed runs).
+        /// Steps already done, more than 0 in resumed runs.
         step: u32,
-        /// Steps in all.
+        /// Steps of the whole run.
         steps: u32,
-        /// Views that are trained on.
+        /// Number of training views.
         train_views: usize,
-        /// Views that are held out.
+        /// Number of test views.
         test_views: usize,
     },
-    /// Once for each step, in order; after the batch where the backend takes several steps at once, each
-    /// of which then counts with an even share of the batch's time.
+    /// A step was done. The steps of a batch are reported after it, in order, each with an even share of the
+    /// batch's time.
     Step {
         /// Steps done.
         step: u32,
-        /// View of this step.
+        /// Index of the view that was rendered.
         view: usize,
         /// Loss before the update.
         loss: LossValues,
-        /// Everything else that the step reported.
+        /// The backend's report of the step.
         report: &'a StepReport,
-        /// Splats.
+        /// Splats during the step.
         num_splats: usize,
-        /// Texels.
+        /// Texels during the step.
         num_texels: usize,
         /// Training time so far, evaluation and saving not counted.
         train_wall_secs: f64,
-        /// CPU time of the process within it.
+        /// CPU time of the process during the training time.
         train_cpu_secs: f64,
-        /// Training time that the steps after it will take, as far as can be told.
+        /// ETA: predicted training time of the remaining steps.
         remaining_secs: f64,
     },
     /// A density-control step was done.
     DensityControl {
         /// Steps done.
         step: u32,
-        /// What it did.
+        /// What the revision did.
         counts: DensityCounts,
-        /// Splats after it.
+        /// Splats after the revision.
         num_splats: usize,
-        /// Texels after it.
+        /// Texels after the revision.
         num_texels: usize,
-        /// Full size of the images over their size from here on.
+        /// Render scale of the stage that begins.
         render_scale: f64,
-        /// Most texels a side of any map from here on.
+        /// Texture cap of the stage that begins, in texels.
         texture_cap: u16,
         /// Time that it took, part of the training time of the last step.
         wall_secs: f64,
     },
-    /// One test view was rendered in an evaluation; [`TrainEvent::Evaluated`] follows.
+    /// A test view was rendered for the evaluation that [`TrainEvent::Evaluated`] will report.
     EvalView {
         /// Steps done.
         step: u32,
-        /// View.
+        /// Index of the view.
         view: usize,
-        /// The image.
+        /// The render.
         image: &'a RenderedImage,
     },
     /// The test views were evaluated.
     Evaluated {
         /// Steps done.
         step: u32,
-        /// Figures.
+        /// Quality figures, per view and as means.
         evaluation: &'a Evaluation,
         /// The point just added to the curve.
         point: &'a super::state::CurvePoint,
         /// Whether this is the last evaluation of the run.
         last: bool,
     },
-    /// The state should be saved: periodically, at the end and when stopped.
+    /// The state should be saved: periodically, at the end, and when stopped.
     Checkpoint {
-        /// Everything needed to continue bit for bit.
+        /// The state, complete enough to continue bit for bit.
         state: &'a TrainState,
     },
-    /// Something to tell once.
+    /// A problem worth reporting once.
     Warning(Warning),
-    /// After the last evaluation and checkpoint.
+    /// The run ended; emitted after the last evaluation and checkpoint.
     Finished {
-        /// Why.
+        /// Why it ended.
         reason: StopReason,
     },
 }

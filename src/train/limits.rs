@@ -1,4 +1,4 @@
-//! Whether a device can hold what a run may ask of it: told before the first step, not in the middle of it.
+//! Whether a device can hold a run, checked before the first step so that a run does not fail halfway.
 
 use super::config::TrainConfig;
 use super::density::Budget;
@@ -7,24 +7,24 @@ use crate::model::{Model, num_params};
 use crate::views::ViewSource;
 use crate::{Error, Result};
 
-/// Checks the model that a run starts from, the images of all views at full size, and the budget against what
-/// the device can hold; returns that. Growth without a budget needs no check: the device bounds it.
+/// Checks the initial model, the images of all views at full size and the budget against the limits of the
+/// device, and returns these. A run without a budget needs no further check: the limits bound its growth.
 ///
 /// # Errors
-/// [`Error::Usage`] if the model has more splats than the budget allows, [`Error::Device`] with all that does not
-/// fit: what is asked for, what the device allows, what to do.
+/// [`Error::Usage`] if the model has more splats than the budget allows; [`Error::Device`] listing everything
+/// that does not fit, with counts, limits and remedies.
 pub fn check_limits(
     config: &TrainConfig,
     backend: &dyn Backend,
     views: &dyn ViewSource,
     model: &Model,
 ) -> Result<DeviceLimits> {
-    // Maps can be made smaller; splats would have to be thrown away.
+    // Maps can be made smaller; splats would have to be removed.
     let (splats, most) = (model.num_splats(), config.budget.most_splats(0));
     if splats > most {
         return Err(Error::Usage(format!(
-            "the model has {splats} splats already, the budget allows {most}: raise --max-splats or --budget-params, or \
-             start anew"
+            "the model already has {splats} splats, the budget allows {most}: raise --max-splats or \
+             --budget-params, or start a new run"
         )));
     }
     let shape = SceneShape { sh_degree: model.splats.sh_degree, geometry: config.loss.needs_geometry() };
@@ -47,31 +47,31 @@ fn of_model(model: &Model, limits: &DeviceLimits) -> Vec<String> {
     let mut out = Vec::new();
     if splats > limits.max_splats {
         let most = limits.max_splats;
-        out.push(format!("it starts with {splats} splats, at most {most} fit: lower --max-points"));
+        out.push(format!("the initial model has {splats} splats, at most {most} fit: lower --max-points"));
     }
     if texels > limits.max_texels {
         let most = limits.max_texels;
         out.push(format!(
-            "it starts with {texels} texels, at most {most} fit: lower --max-points, or choose smaller maps \
-             (--policy)"
+            "the initial model has {texels} texels, at most {most} fit: lower --max-points, or choose smaller \
+             maps (--policy)"
         ));
     }
     out
 }
 
 fn of_budget(budget: &Budget, limits: &DeviceLimits) -> Vec<String> {
-    // In numbers that hold any limits' sum.
+    // Wide enough for the sum of any limits.
     let params = num_params(u128::from(limits.max_splats), u128::from(limits.max_texels));
     let params = u64::try_from(params).unwrap_or(u64::MAX);
     let bounds = [
         ("--max-splats", "splats", budget.max_splats, limits.max_splats),
         ("--max-texels", "texels", budget.max_texels, limits.max_texels),
-        // Of a model with as many splats and texels as fit.
+        // The parameters of the largest model that fits.
         ("--budget-params", "parameters", budget.max_params, params),
     ];
     let too_large = bounds.into_iter().filter_map(|(flag, what, asked, most)| {
         let asked = asked.filter(|&asked| asked as u64 > most)?;
-        Some(format!("{flag} allows {asked} {what}, at most {most} fit: lower it, or leave it out"))
+        Some(format!("{flag} allows {asked} {what}, at most {most} fit: lower or omit it"))
     });
     too_large.collect()
 }
@@ -83,18 +83,18 @@ fn of_views(views: &dyn ViewSource, limits: &DeviceLimits) -> Option<String> {
     };
     let all = 0..views.num_views();
     let large: Vec<usize> = all.filter(|&v| !limits.allows_image(size(v).0, size(v).1)).collect();
-    let worst = large.iter().copied().max_by_key(|&v| u64::from(size(v).0) * u64::from(size(v).1))?;
-    let (width, height) = size(worst);
-    // The longer side of the largest image that has the shape of this one.
+    let largest = large.iter().copied().max_by_key(|&v| u64::from(size(v).0) * u64::from(size(v).1))?;
+    let (width, height) = size(largest);
+    // The longer side of the largest image with this aspect ratio.
     let (longer, pixels) = (f64::from(width.max(height)), f64::from(width) * f64::from(height));
     let fitting = longer * (limits.max_pixels as f64 / pixels).sqrt().min(1.0);
     let fitting = (fitting as u32).min(limits.max_side_px);
     Some(format!(
-        "{} of {} views are too large, {:?} most of all with {width} x {height} = {} pixels, at most {} pixels \
-         and {} a side fit: use --max-resolution {fitting}",
+        "{} of {} views are too large, the largest is {:?} with {width} x {height} = {} pixels, at most {} pixels \
+         and {} per side fit: use --max-resolution {fitting}",
         large.len(),
         views.num_views(),
-        views.name(worst),
+        views.name(largest),
         u64::from(width) * u64::from(height),
         limits.max_pixels,
         limits.max_side_px
@@ -138,14 +138,14 @@ mod tests {
     }
 
     #[test]
-    fn a_model_at_the_limit_fits_and_one_above_is_told_with_counts() {
+    fn a_model_above_the_limits_is_reported_with_counts() {
         assert!(of_model(&model(50, (4, 2)), &LIMITS).is_empty());
         let both = of_model(&model(51, (4, 2)), &LIMITS);
         assert!(both[0].contains("51 splats, at most 50") && both[1].contains("408 texels, at most 400"));
     }
 
     #[test]
-    fn budgets_at_the_limit_fit_and_those_above_are_told_with_counts() {
+    fn budgets_above_the_limits_are_reported_with_counts() {
         let params = num_params(50, 400);
         let budget = |splats, texels, params| Budget {
             max_splats: Some(splats),
@@ -153,7 +153,10 @@ mod tests {
             max_params: Some(params),
         };
         assert!(of_budget(&budget(50, 400, params), &LIMITS).is_empty());
-        assert!(of_budget(&Budget::default(), &LIMITS).is_empty(), "the device bounds what is not bounded");
+        assert!(
+            of_budget(&Budget::default(), &LIMITS).is_empty(),
+            "without a budget the device is the bound"
+        );
         let all = of_budget(&budget(51, 401, params + 1), &LIMITS);
         for (text, parts) in
             all.iter().zip([["51 splats", "most 50"], ["401 texels", "most 400"], ["4151", "4150"]])
@@ -164,13 +167,13 @@ mod tests {
     }
 
     #[test]
-    fn images_are_judged_by_pixels_and_by_sides_and_a_size_is_proposed_that_fits() {
+    fn too_large_images_are_reported_with_a_resolution_that_fits() {
         let camera = random_scene(&SceneOptions { num_splats: 0, ..SceneOptions::default() }).camera;
         let views = |sizes: &[(u32, u32)]| Views(sizes.iter().map(|&(w, h)| camera.resized(w, h)).collect());
         assert_eq!(of_views(&views(&[(100, 60), (60, 100)]), &LIMITS), None);
         let text = of_views(&views(&[(100, 60), (100, 61), (80, 80)]), &LIMITS).unwrap();
         for part in
-            ["2 of 3 views", "80 x 80 = 6400 pixels", "6000 pixels", "100 a side", "--max-resolution 77"]
+            ["2 of 3 views", "80 x 80 = 6400 pixels", "6000 pixels", "100 per side", "--max-resolution 77"]
         {
             assert!(text.contains(part), "{part}: {text}");
         }
@@ -179,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn a_budget_within_a_device_is_bounded_by_both() {
+    fn budget_and_device_bound_the_model_together() {
         let budget = Budget { max_splats: Some(20), max_texels: None, max_params: Some(7) };
         let within = budget.within(&LIMITS);
         assert_eq!((within.max_splats, within.max_texels, within.max_params), (Some(20), Some(400), Some(7)));
@@ -198,11 +201,11 @@ mod tests {
             let config = TrainConfig { budget, ..TrainConfig::default() };
             check_limits(&config, &backend, &views, &model(20, (4, 4)))
         };
-        // Texels beyond the budget: maps can give way.
+        // Texels beyond the budget are accepted: maps can be made smaller.
         let most = |splats, params| Budget { max_splats: splats, max_params: params, max_texels: Some(10) };
         for refused in [most(Some(19), None), most(None, Some(20 * 59 - 1))] {
             let error = check(refused).unwrap_err();
-            assert!(error.exit_code() == 2 && error.to_string().contains("20 splats already"), "{error}");
+            assert!(error.exit_code() == 2 && error.to_string().contains("already has 20 splats"), "{error}");
         }
         assert!(check(most(Some(20), Some(20 * 59))).is_ok());
     }

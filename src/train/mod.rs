@@ -1,9 +1,10 @@
-//! The optimisation loop. It knows neither files nor progress bars nor devices: it drives a
-//! [`Backend`](crate::backend::Backend) over a [`ViewSource`](crate::views::ViewSource) and emits
-//! [`TrainEvent`]s.
+//! The training loop. It drives a [`Backend`](crate::backend::Backend) over a
+//! [`ViewSource`](crate::views::ViewSource) and emits [`TrainEvent`]s; it knows no files, progress bars or
+//! devices.
 
 pub mod checkpoint;
 mod config;
+pub mod density;
 mod eta;
 mod evaluate;
 mod events;
@@ -13,7 +14,6 @@ mod run;
 mod schedule;
 mod stages;
 mod state;
-pub mod density;
 mod targets;
 mod window;
 

@@ -1,13 +1,13 @@
-//! The order in which views are drawn: each epoch is a permutation of the training views that follows
-//! from the seed and the number of the epoch alone.
+//! The order in which views are drawn. Each epoch is a permutation of the training views that depends only on
+//! the seed and the number of the epoch.
 
 use super::state::TrainState;
 use rand::SeedableRng as _;
 use rand::seq::SliceRandom as _;
 use rand_pcg::Pcg64Mcg;
 
-/// A place in the endless sequence of views. It is a copy of what a [`TrainState`] says, so that views
-/// can be drawn ahead; the state follows by [`ViewOrder::store`] once their steps are done.
+/// A position in the endless sequence of views. It is a copy of the position in a [`TrainState`], so that
+/// views can be drawn ahead; [`ViewOrder::store`] moves the state on once their steps are done.
 pub(super) struct ViewOrder<'a> {
     seed: u64,
     train_views: &'a [usize],
@@ -17,13 +17,13 @@ pub(super) struct ViewOrder<'a> {
 }
 
 impl<'a> ViewOrder<'a> {
-    /// The place after the steps of `state`; `train_views` must not be empty.
+    /// The position after the steps of `state`; `train_views` must not be empty.
     pub fn after(state: &TrainState, seed: u64, train_views: &'a [usize]) -> Self {
         let order = state.epoch_order.clone();
         Self { seed, train_views, order, used: state.epoch_used, epochs: state.epochs }
     }
 
-    /// Makes this the place of `state`.
+    /// Moves `state` to this position.
     pub fn store(self, state: &mut TrainState) {
         (state.epoch_order, state.epoch_used, state.epochs) = (self.order, self.used, self.epochs);
     }
@@ -54,7 +54,7 @@ mod tests {
     use crate::selftest::{SceneOptions, random_scene};
 
     #[test]
-    fn drawing_ahead_and_storing_anywhere_draws_the_same_views() {
+    fn drawing_ahead_does_not_change_the_order_of_views() {
         let scene = random_scene(&SceneOptions { num_splats: 1, ..SceneOptions::default() });
         let fresh = TrainState::fresh(scene.model);
         let views = [1, 2, 4, 7, 8];
@@ -65,10 +65,10 @@ mod tests {
         for epoch in whole.chunks_exact(5) {
             let mut sorted = epoch.to_vec();
             sorted.sort_unstable();
-            assert_eq!(sorted, views, "an epoch has each view once");
+            assert_eq!(sorted, views, "an epoch has every view once");
         }
         assert_ne!(whole[..5], whole[5..10], "epochs differ");
-        // At 5, 10 and 15 an epoch is used up and the next one not begun.
+        // At 5, 10 and 15 one epoch is used up and the next has not begun.
         for done in 0..=16 {
             let mut state = fresh.clone();
             let mut order = ViewOrder::after(&state, 42, &views);
@@ -76,7 +76,7 @@ mod tests {
             order.store(&mut state);
             assert_eq!(draw(&state, 42, 7), whole[done..done + 7], "after {done}");
         }
-        // Negative control.
+        // Negative control: another seed.
         assert_ne!(draw(&fresh, 43, 23), whole);
     }
 }

@@ -1,6 +1,7 @@
-//! The loop: draws views, steps, changes the structure, evaluates, reports.
+//! The training loop: draws views, steps, applies density control, evaluates and emits events.
 
 use super::config::TrainConfig;
+use super::density::{DensityCounts, StatisticsSource};
 use super::eta::Eta;
 use super::evaluate::{Evaluated, evaluate};
 use super::events::{Control, StopReason, TrainEvent};
@@ -8,9 +9,8 @@ use super::limits::check_limits;
 use super::order::ViewOrder;
 use super::schedule::Schedule;
 use super::state::{CurvePoint, TrainState};
-use super::density::{StatisticsSource, DensityCounts};
 use super::targets::Targets;
-use super::window::{self, Stage, DensityControl};
+use super::window::{self, DensityControl, Stage};
 use crate::backend::{
     Backend, DeviceLimits, RenderOptions, RenderedImage, StepReport, StepRequest, TargetImage,
 };
@@ -22,19 +22,18 @@ use crate::{Error, Result, Warning};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Consumer of the events.
+/// Consumer of a run's events.
 pub type Sink<'a> = &'a mut dyn FnMut(TrainEvent<'_>) -> Result<Control>;
 
-/// Views decoded ahead, unless a batch is longer.
+/// Views decoded ahead; more if a batch is longer.
 const PREFETCH_VIEWS: usize = 4;
 
-/// Trains from `start` (a fresh state or a loaded checkpoint) to the end of `config.steps`, the time
-/// limit or the consumer's stop, and returns the final state and why it ended.
+/// Trains from `start` (a fresh state or a loaded checkpoint) to `config.steps`, the time limit or the
+/// consumer's stop. Returns the final state and why the run ended.
 ///
 /// # Errors
-/// [`Error::Usage`] if there is nothing to train on, [`Error::Device`] if the device cannot hold what is asked for
-/// (see [`check_limits`]); else whatever the backend, the views or the
-/// consumer report.
+/// [`Error::Usage`] if there is no training view, [`Error::Device`] if the device cannot hold the run (see
+/// [`check_limits`]); otherwise whatever the backend, the views or the consumer report.
 pub fn train(
     config: &TrainConfig,
     backend: &mut dyn Backend,
@@ -101,25 +100,25 @@ struct Trainer<'a> {
     frequency: FrequencySchedule,
     limits: DeviceLimits,
     eta: Eta,
-    /// Of the training views, at full size.
+    /// Cameras of the training views, at full size.
     cameras: Vec<Camera>,
     stage: Stage,
     targets: Targets,
-    /// Splats and texels now; the model of the state is that of the last checkpoint.
+    /// Splats and texels of the backend's model; the model of the state is that of the last checkpoint.
     size: [usize; 2],
     state: TrainState,
 }
 
-/// A step that is about to be done; holds its photo.
+/// A step of the next batch, with its photo.
 struct PlannedStep {
     step: u32,
     view: usize,
     target: Arc<TargetImage>,
-    /// Whether its render counts in the window of statistics: the first one of its view does.
+    /// Whether its render counts in the statistics window: only the first render of a view does.
     counts: bool,
 }
 
-/// Training time since a moment.
+/// Start of a span of training time.
 struct Clock {
     wall: Instant,
     cpu_secs: f64,
@@ -143,12 +142,12 @@ impl Trainer<'_> {
         let reason = match self.steps(sink) {
             Ok(reason) => reason,
             Err(error) => {
-                // A photo that cannot be read must not cost the work so far; the first error is told.
+                // An unreadable photo must not cost the work so far. Only the first error is reported.
                 let _ = self.checkpoint(sink);
                 return Err(error);
             }
         };
-        // Saved before the evaluation reads photos, and again with its figures.
+        // Saved before the evaluation, which may fail to read photos, and again with its figures.
         self.checkpoint(sink)?;
         if reason != StopReason::Consumer && self.evaluate(true, sink)? == Control::Continue {
             self.checkpoint(sink)?;
@@ -158,13 +157,13 @@ impl Trainer<'_> {
     }
 
     fn steps(&mut self, sink: Sink<'_>) -> Result<StopReason> {
-        // An interruption may have come between a step and the evaluation that was due.
+        // The run may have been interrupted between a step and the evaluation due after it,
         if self.is_due(self.config.eval_every, self.state.step)
             && self.evaluated_at() != Some(self.state.step)
         {
             self.evaluate(false, sink)?;
         }
-        // ... or a failure between a step and the density-control step that was due.
+        // or have failed between a step and the density-control step due after it.
         let step = self.state.step;
         if step > 0 && self.state.revised_step != step {
             self.apply_plan()?;
@@ -189,7 +188,7 @@ impl Trainer<'_> {
         Ok(StopReason::Steps)
     }
 
-    /// Whether something that happens each `every` steps is due after `step`; the end has its own.
+    /// Whether something done every `every` steps is due after `step`. The last step is handled separately.
     fn is_due(&self, every: u32, step: u32) -> bool {
         every > 0 && step > 0 && step.is_multiple_of(every) && step < self.config.steps
     }
@@ -198,8 +197,8 @@ impl Trainer<'_> {
         self.state.history.curve.last().map(|p| p.step)
     }
 
-    /// The steps that go to the backend at once, and the revision that may follow them; the times end
-    /// up in the history.
+    /// Does the steps that go to the backend at once and the density-control step that may follow them, and
+    /// adds their time to the history.
     fn batch(&mut self, sink: Sink<'_>) -> Result<Control> {
         let clock = Clock::start();
         let batch = self.plan_batch()?;
@@ -207,7 +206,7 @@ impl Trainer<'_> {
         let reports = match self.backend.steps(&requests) {
             Ok(reports) if reports.len() == batch.len() => reports,
             outcome => {
-                // What is saved now must count the steps that the backend did before it failed.
+                // A checkpoint saved now must include the steps done before the backend failed.
                 if let Ok((_, adam)) = self.backend.read_back() {
                     let done = adam.step.saturating_sub(self.state.step) as usize;
                     self.advance(done.min(batch.len()));
@@ -251,7 +250,7 @@ impl Trainer<'_> {
         }
     }
 
-    /// The density-control step that may be due.
+    /// Does the density-control step or the crop step that may be due; returns what a density-control step did.
     fn apply_plan(&mut self) -> Result<Option<DensityCounts>> {
         let step = self.state.step;
         let due = self.schedule.is_density_step(step);
@@ -281,7 +280,7 @@ impl Trainer<'_> {
         Ok(due.then_some(counts))
     }
 
-    /// Takes scale and cap of the scheduler as of a step.
+    /// Sets render scale and texture cap to those of a step.
     fn begin_stage(&mut self, step: u32) {
         let smaller_side_px = smaller_side_px(&self.cameras);
         self.stage = Stage::at(self.config, &self.schedule, &self.frequency, smaller_side_px, step);
@@ -289,7 +288,7 @@ impl Trainer<'_> {
         self.state.stage_step = step;
     }
 
-    /// The next steps, up to the first one after which something reads or changes the model.
+    /// The next steps, up to the first after which something reads or changes the model.
     fn plan_batch(&mut self) -> Result<Vec<PlannedStep>> {
         let first = self.state.step + 1;
         let wanted = self.backend.batch_steps().max(1);
@@ -305,7 +304,7 @@ impl Trainer<'_> {
 
         let mut order = ViewOrder::after(&self.state, self.config.seed, &self.train_views);
         let views: Vec<usize> = order.by_ref().take(len).collect();
-        // All photos of the next batch are wanted as soon as this one is done.
+        // All photos of the next batch will be needed as soon as this one is done.
         let left = (self.config.steps - self.state.step) as usize - len;
         let next = order.take(wanted.max(PREFETCH_VIEWS).min(left));
         let wished = views.iter().copied().chain(next).filter(|&view| self.targets.needs_full(view));
@@ -320,7 +319,7 @@ impl Trainer<'_> {
                     counted.extend(counts.then_some(view as u32));
                     batch.push(PlannedStep { step, view, target, counts });
                 }
-                // The steps before it are done first. Then it is asked for again.
+                // Do the steps before it first; the next batch requests it again.
                 Err(_) if !batch.is_empty() => break,
                 Err(error) => return Err(error),
             }
@@ -356,8 +355,8 @@ impl Trainer<'_> {
         self.state.step += steps as u32;
     }
 
-    /// Tells of the steps of a batch, each with an even share of the batch's `[wall, cpu]` seconds. The
-    /// state is that of its end: a consumer that says stop hears of the rest all the same.
+    /// Reports the steps of a batch, each with an even share of its `[wall, cpu]` seconds. The backend has done
+    /// all of them, so all are reported even if the consumer answers stop.
     fn report(
         &mut self,
         (batch, reports): (&[PlannedStep], &[StepReport]),
@@ -373,7 +372,7 @@ impl Trainer<'_> {
         let remaining_secs = self.eta.observe(done - batch.len() as u32, done, wall_secs);
         let mut control = Control::Continue;
         for (at, (planned, report)) in batch.iter().zip(reports).enumerate() {
-            // Exactly 1 at the last step, whose times are those of the history.
+            // Exactly 1 at the last step, so that its times equal those of the history.
             let share = (at + 1) as f64 / batch.len() as f64;
             let answer = sink(TrainEvent::Step {
                 step: planned.step,

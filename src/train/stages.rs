@@ -94,7 +94,7 @@ fn reduced(side_px: u32, scale: f64) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frequency::{CapRule, ScaleRule, FrequencyOptions};
+    use crate::frequency::{CapRule, FrequencyOptions, ScaleRule};
 
     /// Stages of a schedule with several nodes, from 900x700 px.
     fn of(

@@ -1,82 +1,84 @@
-//! Everything that a run needs to continue bit for bit, and the curve that it has drawn so far.
+//! The state from which a run continues bit for bit, and its history of times and evaluations.
 
 use super::density::Life;
 use crate::backend::WindowStatistics;
-use crate::model::{AdamState, Model};
 use crate::frequency::SplatBudget;
+use crate::model::{AdamState, Model};
 use serde::{Deserialize, Serialize};
 
-/// One evaluation on the way.
+/// One evaluation of the test views during a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CurvePoint {
     /// Steps done.
     pub step: u32,
     /// Training time, evaluation and saving not counted.
     pub wall_secs: f64,
-    /// CPU time of the process within it.
+    /// CPU time of the process during the training time.
     pub cpu_secs: f64,
     /// Mean PSNR of the test views, dB.
     pub psnr_test: f64,
     /// Mean gradient-PSNR of the test views, dB.
     pub grad_psnr_test: f64,
-    /// Splats.
+    /// Splats of the model.
     pub primitives: usize,
-    /// Texels.
+    /// Texels over all maps.
     pub texels: usize,
 }
 
-/// Times and curve: what a resumed run carries on besides the state proper.
+/// Times and evaluations, which a resumed run continues but which do not shape the result.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TrainHistory {
-    /// Training time so far.
+    /// Training time, evaluation and saving not counted.
     pub train_wall_secs: f64,
-    /// CPU time within it.
+    /// CPU time of the process during the training time.
     pub train_cpu_secs: f64,
-    /// Time of density-control steps within the training time.
+    /// The part of the training time spent on density-control steps.
     #[serde(default)]
     pub density_control_wall_secs: f64,
-    /// Time of the analysis of the photos' spectra within the training time.
+    /// The part of the training time spent on the analysis of the photos' spectra.
     #[serde(default)]
     pub analysis_wall_secs: f64,
-    /// Time of the whole program until the state was saved: loading, evaluation and files included.
+    /// Time of the whole program until the state was saved, with loading, evaluation and files.
     pub total_wall_secs: f64,
     /// Evaluations so far.
     pub curve: Vec<CurvePoint>,
 }
 
-/// State of a run between two steps.
+/// State of a run between two steps. The model and the optimiser are those of the last checkpoint while the
+/// backend trains.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TrainState {
     /// Steps done.
     pub step: u32,
-    /// The scene.
+    /// Splats and texture maps.
     pub model: Model,
-    /// The optimiser.
+    /// Moments of the optimiser.
     pub adam: AdamState,
     /// Views of the current epoch, in the order in which they are drawn.
     pub epoch_order: Vec<u32>,
     /// Views of the current epoch already used.
     pub epoch_used: u32,
-    /// Epochs begun; the order of an epoch follows from the seed and this.
+    /// Epochs begun; with the seed it determines the order of an epoch.
     pub epochs: u32,
-    /// What is known of each splat besides its parameters.
+    /// History of each splat; empty before the first step.
     pub lives: Vec<Life>,
-    /// Views whose renders count in the window of statistics, in the order of their steps.
+    /// Views whose renders count in the statistics window, in the order of their steps.
     pub window_views: Vec<u32>,
-    /// Sums of that window; as of the last checkpoint.
+    /// Sums of that window, as of the last checkpoint.
     pub window: WindowStatistics,
-    /// Step at which the scheduler was last asked for scale and cap.
+    /// Step at which render scale and texture cap were last set.
     pub stage_step: u32,
-    /// Step after which the structure was last revised; a failure may come before the revision that is due.
+    /// Last step after which density control ran. A failure may come between a step and the revision due
+    /// after it.
     pub revised_step: u32,
-    /// Pace of the splits.
+    /// Target number of splats.
     pub pace: SplatBudget,
-    /// Times and curve.
+    /// Times and evaluations.
     pub history: TrainHistory,
 }
 
 impl TrainState {
-    /// A run that has not begun.
+    /// The state of a run before its first step.
     pub fn fresh(model: Model) -> Self {
         Self {
             step: 0,

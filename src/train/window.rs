@@ -1,29 +1,29 @@
-//! The window of statistics between two density-control steps, and the step itself: reads what the window
-//! found, lets [`density`] decide, has the backend carry out the plan.
+//! A density-control step and the statistics window before it: reads the window, lets [`density`] decide, has
+//! the backend carry out the plan.
 
 use super::config::{Policy, TrainConfig};
+use super::density::{self, DensityCounts, Life, Revision, Situation};
 use super::schedule::Schedule;
 use super::state::TrainState;
-use super::density::{self, Life, Revision, Situation, DensityCounts};
 use super::targets::Targets;
 use crate::Result;
 use crate::backend::{Backend, DeviceLimits, LossWeights, StepRequest, WindowStatistics};
 use crate::camera::Camera;
-use crate::model::LearningRates;
 use crate::frequency::{FrequencySchedule, SplatBudget};
+use crate::model::LearningRates;
 use crate::views::ViewSource;
 
-/// What the scheduler says from one density-control step to the next.
+/// A resolution stage: what the frequency schedule sets from one density-control step to the next.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Stage {
-    /// Full size of the images over their size in training.
+    /// Full image size divided by the size in training.
     pub render_scale: f64,
-    /// Most texels a side of any map.
+    /// Largest map side, in texels.
     pub texture_cap: u16,
 }
 
 impl Stage {
-    /// As of a step.
+    /// The stage at a step.
     pub fn at(
         config: &TrainConfig,
         schedule: &Schedule,
@@ -39,19 +39,19 @@ impl Stage {
     }
 }
 
-/// Who takes part in a density-control step.
+/// What a density-control step depends on besides the state.
 pub(super) struct DensityControl<'a> {
     pub config: &'a TrainConfig,
     pub schedule: &'a Schedule,
     pub cameras: &'a [Camera],
     pub stage: Stage,
-    /// Bounds what is not bounded by the budget.
+    /// Bound of the model where the budget has none.
     pub limits: DeviceLimits,
 }
 
 impl DensityControl<'_> {
-    /// Decides and applies the step that is due after `state.step`, and begins a new window. Returns what
-    /// was done, and splats and texels after it.
+    /// Decides and applies the revision due after `state.step`. Returns what it did, and splats and texels
+    /// after it. With `use_statistics` a new window begins; without, maps are only fitted.
     ///
     /// # Errors
     /// Whatever the backend reports.
@@ -59,22 +59,22 @@ impl DensityControl<'_> {
         &self,
         backend: &mut dyn Backend,
         state: &mut TrainState,
-        judge: bool,
+        use_statistics: bool,
     ) -> Result<(DensityCounts, [usize; 2])> {
         let model = backend.read_flushed()?;
         let statistics = backend.read_statistics()?;
-        let revision = self.decide(&model, &statistics, state, judge);
+        let revision = self.decide(&model, &statistics, state, use_statistics);
         let mut size = [model.num_splats(), model.num_texels()];
         state.lives = revision.lives;
         if let Some(plan) = &revision.plan {
             backend.apply_plan(plan)?;
             size = size_after(&model, plan);
         }
-        if judge {
+        if use_statistics {
             backend.set_statistics(&WindowStatistics::empty(size[0]))?;
             state.window_views.clear();
         } else {
-            // The splats are the same: their window goes on.
+            // The splats are the same, so their window continues.
             backend.set_statistics(&statistics)?;
         }
         Ok((revision.counts, size))
@@ -85,14 +85,14 @@ impl DensityControl<'_> {
         model: &crate::model::Model,
         statistics: &WindowStatistics,
         state: &mut TrainState,
-        judge: bool,
+        use_statistics: bool,
     ) -> Revision {
         let (config, schedule, step) = (self.config, self.schedule, state.step);
         let components = config.active_components();
-        let densify = judge && step <= schedule.densify_until;
+        let densify = use_statistics && step <= schedule.densify_until;
         let t = schedule.densify_share(step);
         let n = model.num_splats();
-        // The last density-control step before the end of densification may bring all.
+        // The last step of densification may spend the whole budget.
         let last = step + schedule.density_interval >= schedule.densify_until;
         let rate = if components.scheduler {
             state.pace.rate(n, if last { 1.0 } else { t }, self.stage.render_scale)
@@ -108,7 +108,7 @@ impl DensityControl<'_> {
             render_scale: self.stage.render_scale,
             texture_cap: self.stage.texture_cap,
             densify,
-            judge,
+            use_statistics,
             texels_trained: step >= schedule.texture_start + schedule.density_interval,
             may_coarsen: schedule.may_coarsen(step),
             max_added,
@@ -121,7 +121,7 @@ impl DensityControl<'_> {
         let revision = match config.policy {
             Policy::Plain => {
                 let seed = config.seed ^ u64::from(step).wrapping_mul(0x9E37_79B9_7F4A_7C15);
-                // Without a budget the number of splats stays.
+                // Without a budget the number of splats stays the same.
                 let bounds_splats = config.budget.max_splats.or(config.budget.max_params).is_some();
                 let most = bounds_splats.then(|| config.budget.within(&self.limits).most_splats(0));
                 density::relocate(&situation, &config.density, most, seed)
@@ -130,20 +130,20 @@ impl DensityControl<'_> {
                 let share = if last { 1.0 } else { t };
                 let each = config.policy.first_texels_each();
                 let start = [state.pace.initial, each * state.pace.initial];
-                // Only what was asked for is used up evenly: the device is a bound, not a budget.
+                // Only the user's budget is spent evenly over time: the device is a bound, not a budget.
                 let paced = config.budget.paced(share, start, [n, model.num_texels()]);
                 let budget = paced.within(&self.limits);
                 density::decide(&situation, &config.density, &components, &budget)
             }
         };
-        if judge {
+        if use_statistics {
             state.pace.observe(revision.counts.split);
         }
         revision
     }
 }
 
-/// Records and pace for a run that has none yet.
+/// Gives a run that has not begun the histories of its splats and its target number of splats.
 pub(super) fn begin(config: &TrainConfig, state: &mut TrainState) {
     let n = state.model.num_splats();
     if state.lives.len() != n {
@@ -167,9 +167,9 @@ fn size_after(model: &crate::model::Model, plan: &crate::backend::DensityPlan) -
     [plan.sources.len(), texels.sum()]
 }
 
-/// The statistics of all training views for the flushed model as it is, at the size of the stage: what a
-/// window that sees each view once would find if nothing moved. Renders every view; leaves the backend
-/// as it was but for its window, which is this.
+/// The statistics of all training views for the flushed model, at the image size of the stage: those of a
+/// window that sees each view once while nothing moves. Renders every view. Leaves these statistics as the
+/// backend's window and its state otherwise unchanged.
 ///
 /// # Errors
 /// Whatever the backend or the views report.
@@ -185,7 +185,7 @@ pub(super) fn full_statistics(
     backend.set_statistics(&WindowStatistics::empty(model.num_splats()))?;
     for &view in train_views {
         let target = targets.get(views, view)?;
-        // Without rates nothing moves but the moments, which are put back.
+        // With all rates zero only the moments change, and they are restored below.
         backend.step(&StepRequest {
             step: adam.step + 1,
             camera: targets.camera(views, view),

@@ -1,7 +1,7 @@
 //! Steps by hand, for backends of any kind: a scene with views in two sizes, requests and a plan.
 
 use litetex_gs::backend::{
-    Grid, LearningRates, LossWeights, MapChange, SplatEdit, StepRequest, DensityPlan, TargetImage,
+    DensityPlan, Grid, LearningRates, LossWeights, MapChange, SplatEdit, StepRequest, TargetImage,
 };
 use litetex_gs::camera::{Camera, RigidTransform};
 use litetex_gs::model::{Model, SplatGroup};

@@ -101,7 +101,7 @@ impl Outcome {
             pruned: a.pruned + b.pruned,
             faded: a.faded + b.faded,
             split: a.split + b.split,
-            moved: a.moved + b.moved,
+            respawned: a.respawned + b.respawned,
             refined: a.refined + b.refined,
             coarsened: a.coarsened + b.coarsened,
             over_budget: a.over_budget + b.over_budget,
@@ -112,8 +112,8 @@ impl Outcome {
 
 /// Whether each thing that a density-control step does to splats and maps was done.
 pub fn is_all_done(counts: &DensityCounts) -> bool {
-    let DensityCounts { pruned, faded, split, moved, refined, coarsened, over_budget: _ } = *counts;
-    [pruned + faded, split, moved, refined, coarsened].iter().all(|&c| c > 0)
+    let DensityCounts { pruned, faded, split, respawned, refined, coarsened, over_budget: _ } = *counts;
+    [pruned + faded, split, respawned, refined, coarsened].iter().all(|&c| c > 0)
 }
 
 /// Whether two states are equal in every bit; times do not count.

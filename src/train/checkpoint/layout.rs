@@ -1,4 +1,4 @@
-//! Names, types and shapes of a checkpoint's tensors: writing and reading side by side.
+//! Names, types and shapes of a checkpoint's tensors, with writing and reading side by side.
 //!
 //! | tensor | type and shape |
 //! |---|---|
@@ -8,8 +8,8 @@
 //! | `textures.maps.{offset,rows,cols,texel_size}` | u32, u16, u16, f32 `[n]` |
 //! | `textures.texels` | f32 `[t,3]` |
 //! | `frame.near`, `frame.capture_from_local` | f32 `[1]`, f64 `[4]`: scale, translation |
-//! | `state.counters`, `state.epoch_order` | u32 `[5]`: step, epochs, views used, step of the stage, last step whose structure was revised (absent in older files); u32 `[views]` |
-//! | `state.lives`, `state.pace` | u16 `[n,3]`: ceiling, marks, checks; f64 `[2]` |
+//! | `state.counters`, `state.epoch_order` | u32 `[5]`: step, epochs, views used, step of the stage, last step with a revision (absent in older files); u32 `[views]` |
+//! | `state.lives`, `state.pace` | u16 `[n,3]`: map ceiling, prune count, checks; f64 `[2]`: initial splats, momentum |
 //! | `window.views`, `window.counts`, `window.sums` | u32 `[views]`, u32 `[n + 1]`: views counted, views that saw each; f32 `[3,n]` |
 
 use super::reader::{Reader, f32s, f64s, u16s, u32s};
@@ -17,8 +17,8 @@ use crate::Result;
 use crate::backend::WindowStatistics;
 use crate::camera::Similarity;
 use crate::constants::{SH_DEGREE_MAX, sh_coefficients};
-use crate::model::{AdamState, LearningRates, Model, SplatArrays, SplatGroup, TextureMap, TexturePool};
 use crate::frequency::SplatBudget;
+use crate::model::{AdamState, LearningRates, Model, SplatArrays, SplatGroup, TextureMap, TexturePool};
 use crate::train::density::Life;
 use crate::train::{TrainHistory, TrainState};
 use glam::DVec3;
@@ -26,7 +26,7 @@ use safetensors::{Dtype, View};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 
-/// An array on its way into the file.
+/// An array to be written.
 pub struct Tensor<'a> {
     pub shape: Vec<usize>,
     data: Data<'a>,
@@ -144,7 +144,7 @@ pub fn tensors(state: &TrainState) -> BTreeMap<String, Tensor<'_>> {
     out
 }
 
-/// The state that the tensors hold; sizes are checked against each other, values are not.
+/// The state in the tensors. Sizes are checked against each other, values are not.
 pub fn state(reader: &mut Reader<'_>) -> Result<TrainState> {
     let n = reader.first_dimension("splats.opacity_logits")?;
     let degree = sh_degree(reader, n)?;
@@ -172,7 +172,7 @@ pub fn state(reader: &mut Reader<'_>) -> Result<TrainState> {
     };
     let near = f32s(reader.take("frame.near", Dtype::F32, &[1])?)[0];
     let frame = f64s(reader.take("frame.capture_from_local", Dtype::F64, &[4])?);
-    // Files of the first form have no fifth: what was due had been done.
+    // Older files have no fifth counter: they were written with no revision due.
     let num_counters = reader.first_dimension("state.counters")?.clamp(4, 5);
     let counters = u32s(reader.take("state.counters", Dtype::U32, &[num_counters])?);
     let views = reader.first_dimension("state.epoch_order")?;
@@ -204,11 +204,11 @@ pub fn state(reader: &mut Reader<'_>) -> Result<TrainState> {
     })
 }
 
-/// Records of the splats: none in the state of a run that has not begun.
+/// Histories of the splats; none in the state of a run that has not begun.
 fn lives(reader: &mut Reader<'_>, n: usize) -> Result<Vec<Life>> {
     let found = reader.first_dimension("state.lives")?;
     if found != n && found != 0 {
-        return Err(reader.invalid(format!("tensor \"state.lives\": found {found} records for {n} splats")));
+        return Err(reader.invalid(format!("tensor \"state.lives\": found {found} histories for {n} splats")));
     }
     let values = u16s(reader.take("state.lives", Dtype::U16, &[found, 3])?);
     let life = |v: &[u16]| Life { ceiling: v[0], marks: v[1], checks: v[2] };
@@ -218,14 +218,13 @@ fn lives(reader: &mut Reader<'_>, n: usize) -> Result<Vec<Life>> {
 fn pace(reader: &mut Reader<'_>) -> Result<SplatBudget> {
     let values = f64s(reader.take("state.pace", Dtype::F64, &[2])?);
     if !values.iter().all(|v| v.is_finite() && *v >= 0.0) {
-        return Err(
-            reader.invalid(format!("tensor \"state.pace\": found {values:?}, expected numbers from 0"))
-        );
+        return Err(reader
+            .invalid(format!("tensor \"state.pace\": found {values:?}, expected numbers of at least 0")));
     }
     Ok(SplatBudget { initial: values[0] as usize, momentum: values[1] })
 }
 
-/// Sums of the window: of no splat, or of each.
+/// Sums of the statistics window, of every splat or of none.
 fn window(reader: &mut Reader<'_>) -> Result<WindowStatistics> {
     let entries = reader.first_dimension("window.counts")?;
     let counts = u32s(reader.take("window.counts", Dtype::U32, &[entries])?);

@@ -1,13 +1,12 @@
-//! Checkpoints: a [`TrainState`] as one safetensors file, bit for bit, whole or not there.
+//! Checkpoints: a [`TrainState`] as one safetensors file, bit for bit and written atomically.
 //!
 //! Layout (`litetex-checkpoint/1`): one little-endian tensor per array, see `layout.rs`. The only
-//! metadata entry, `litetex`, is a JSON object with the format, the program's version and the caller's
-//! strings; a single entry because the order of several would differ from file to file. The tensor
-//! `checksum` is the CRC-32 over everything else, so a damaged file is refused, never half believed.
-//! What the strings mean does not belong here.
+//! metadata entry, `litetex`, is a JSON object with the format, the program's version and strings that belong to
+//! the caller; a single entry, because the order of several would differ from file to file. The tensor
+//! `checksum` is the CRC-32 of everything else, so that a damaged file is refused.
 //!
-//! Times and the curve so far stand in a JSON file beside it (`step-000300.history.json`), so that equal
-//! states are equal files. Without it a run continues just the same, with its clock at zero.
+//! Times and evaluations are in a JSON file next to it (`step-000300.history.json`), so that equal
+//! states are equal files. Without it a run continues all the same, with its clock at zero.
 
 mod layout;
 mod reader;
@@ -28,7 +27,7 @@ const METADATA_KEY: &str = "litetex";
 /// Name of the tensor that holds the CRC-32.
 const CHECKSUM: &str = "checksum";
 
-/// The JSON of the metadata entry.
+/// JSON object of the metadata entry.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Header {
@@ -37,11 +36,11 @@ struct Header {
     strings: BTreeMap<String, String>,
 }
 
-/// Writes a state, and first the history that belongs to it (that of the state is not written).
-/// `strings` are the caller's: configuration, capture, whatever repeats the run.
+/// Writes `history`, then the state without its own history. `strings` are the caller's: configuration, views,
+/// whatever is needed to repeat the run.
 ///
 /// # Errors
-/// [`Error::Io`] naming the file; no half-written one is left behind then.
+/// [`Error::Io`] naming the file; no partial file is left behind.
 pub fn save(
     path: &Path,
     state: &TrainState,
@@ -82,16 +81,16 @@ pub fn load(path: &Path) -> Result<(TrainState, BTreeMap<String, String>)> {
     Ok((state, strings))
 }
 
-/// [`load`] for those who need no history: it is left empty, its file may be missing or damaged.
+/// [`load`] without the history, which is left empty; its file may be missing or damaged.
 ///
 /// # Errors
-/// As [`load`], but for the history.
+/// As [`load`], except for the history.
 pub fn load_without_history(path: &Path) -> Result<(TrainState, BTreeMap<String, String>)> {
     let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
     load_bytes(path, &bytes)
 }
 
-/// The file of times and curve beside a checkpoint.
+/// The file with a checkpoint's times and evaluations.
 pub fn history_path(checkpoint: &Path) -> PathBuf {
     checkpoint.with_extension("history.json")
 }
@@ -99,14 +98,14 @@ pub fn history_path(checkpoint: &Path) -> PathBuf {
 fn load_history(path: &Path) -> Result<TrainHistory> {
     match std::fs::read(path) {
         Ok(bytes) => serde_json::from_slice(&bytes).map_err(|e| {
-            Error::invalid(path, format!("not a history of a run: {e}; delete it to continue without"))
+            Error::invalid(path, format!("not the history of a run: {e}; delete it to continue without"))
         }),
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(TrainHistory::default()),
         Err(e) => Err(Error::io(path, e)),
     }
 }
 
-/// [`load`] from memory, without history; `path` only names the file in errors.
+/// [`load_without_history`] from memory; `path` only names the file in errors.
 ///
 /// # Errors
 /// As [`load`].
@@ -118,7 +117,7 @@ pub fn load_bytes(path: &Path, bytes: &[u8]) -> Result<(TrainState, BTreeMap<Str
     Ok((state, strings))
 }
 
-/// CRC-32 over the header and all tensors but itself, in the order of their names.
+/// CRC-32 over the header and all other tensors, in the order of their names.
 struct Checksum(crc32fast::Hasher);
 
 impl Checksum {

@@ -1,5 +1,5 @@
-//! Access to a checkpoint's tensors that trusts nothing: every name, type and shape is checked before
-//! it is used, sizes are bounded by the file's length, and the checksum covers what was read.
+//! Checked access to a checkpoint's tensors: every name, type and shape is checked before use, sizes are
+//! bounded by the length of the file, and the checksum covers all that was read.
 
 use super::{CHECKSUM, Checksum, FORMAT, Header, METADATA_KEY};
 use crate::model::TexturePool;
@@ -23,14 +23,14 @@ impl<'a> Reader<'a> {
     /// Parses the header.
     pub fn open(path: &'a Path, bytes: &'a [u8]) -> Result<Self> {
         let damaged = |e| {
-            let remedy = "the file is damaged or no checkpoint; use an earlier one from checkpoints/";
-            Error::invalid(path, format!("not a sound safetensors file ({e}): {remedy}"))
+            let remedy = "the file is damaged or not a checkpoint; use an earlier one from checkpoints/";
+            Error::invalid(path, format!("not a valid safetensors file ({e}): {remedy}"))
         };
         let (_, metadata) = SafeTensors::read_metadata(bytes).map_err(damaged)?;
         let entry = metadata.metadata().as_ref().and_then(|m| m.get(METADATA_KEY));
         let Some(header_text) = entry.cloned() else {
             let what = format!(
-                "no metadata entry {METADATA_KEY:?}: a safetensors file, but not a checkpoint of litetex"
+                "no metadata entry {METADATA_KEY:?}: a safetensors file, but not a litetex checkpoint"
             );
             return Err(Error::invalid(path, what));
         };
@@ -87,7 +87,7 @@ impl<'a> Reader<'a> {
         Ok(data)
     }
 
-    /// Checks that nothing is left over and that the checksum holds; hands out the caller's strings.
+    /// Checks that no tensor is left over and that the checksum matches; returns the caller's strings.
     pub fn finish(mut self) -> Result<BTreeMap<String, String>> {
         let stated = u32s(self.take(CHECKSUM, Dtype::U32, &[1])?)[0];
         if let Some(unknown) = self.tensors.keys().find(|name| !self.taken.contains(*name)) {
@@ -112,7 +112,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// Checks what types and shapes cannot say.
+/// Checks the values that types and shapes do not constrain.
 pub fn check_values(path: &Path, state: &TrainState) -> Result<()> {
     let invalid = |what: String| Err(Error::invalid(path, what));
     let model = &state.model;
@@ -177,7 +177,7 @@ fn check_maps(path: &Path, textures: &TexturePool) -> Result<()> {
 
 macro_rules! from_le_bytes {
     ($name:ident, $number:ty) => {
-        /// Little-endian numbers.
+        /// Numbers from their little-endian bytes.
         pub fn $name(bytes: &[u8]) -> Vec<$number> {
             let (numbers, _) = bytes.as_chunks::<{ size_of::<$number>() }>();
             numbers.iter().map(|b| <$number>::from_le_bytes(*b)).collect()

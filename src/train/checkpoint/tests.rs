@@ -1,17 +1,17 @@
-//! Round trips bit for bit, and damage of every kind.
+//! Checkpoints survive a round trip bit for bit, and damaged ones are refused.
 
 use super::*;
 use crate::backend::WindowStatistics;
 use crate::camera::Similarity;
-use crate::model::{AdamState, Model, SplatArrays, SplatGroup, TexturePool};
 use crate::frequency::SplatBudget;
+use crate::model::{AdamState, Model, SplatArrays, SplatGroup, TexturePool};
 use crate::train::density::Life;
 use crate::train::{CurvePoint, TrainHistory};
 use glam::DVec3;
 use safetensors::tensor::TensorView;
 use std::path::PathBuf;
 
-/// A small state full of numbers that are easily lost on the way: negative zero, denormals, odd bits.
+/// A small state with numbers that are easily lost: negative zero, denormals, odd bit patterns.
 fn sample(n: usize, sh_degree: u32) -> TrainState {
     let mut bits = 0x1234_5678_u32;
     let mut next = || {
@@ -106,7 +106,7 @@ fn load_from(bytes: &[u8]) -> Result<(TrainState, BTreeMap<String, String>)> {
     load_bytes(&PathBuf::from("x.safetensors"), bytes)
 }
 
-/// The file with one tensor replaced, removed or added, by way of the crate's own writer.
+/// The file with one tensor replaced, removed or added, by the writer of the safetensors crate.
 fn edited(bytes: &[u8], name: &str, replacement: Option<(Dtype, Vec<usize>, Vec<u8>)>) -> Vec<u8> {
     let (_, header) = safetensors::SafeTensors::read_metadata(bytes).unwrap();
     let file = safetensors::SafeTensors::deserialize(bytes).unwrap();
@@ -120,14 +120,14 @@ fn edited(bytes: &[u8], name: &str, replacement: Option<(Dtype, Vec<usize>, Vec<
 }
 
 #[test]
-fn every_bit_comes_back() {
+fn states_survive_a_round_trip_bit_for_bit() {
     for (n, degree) in [(0, 0), (1, 1), (7, 2), (10, 3)] {
         let state = sample(n, degree);
         let bytes = saved(&state);
         let (mut loaded, read_strings) = load_from(&bytes).unwrap();
         assert_eq!(loaded.history, TrainHistory::default());
         loaded.history = state.history.clone();
-        // PartialEq takes -0 for 0; the second file shows every bit.
+        // -0 equals 0 here; the second file shows every bit.
         assert_eq!(loaded, state);
         assert_eq!(read_strings, strings());
         assert!(saved(&loaded) == bytes, "{n} splats, degree {degree}");
@@ -135,7 +135,7 @@ fn every_bit_comes_back() {
 }
 
 #[test]
-fn the_history_stands_beside_the_checkpoint_and_may_be_missing_but_not_broken() {
+fn a_history_may_be_missing_but_not_damaged() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("step-000007.safetensors");
     let state = sample(3, 1);
@@ -168,7 +168,7 @@ fn flipped_bits_are_refused() {
             let mut damaged = bytes.clone();
             damaged[at] ^= 1 << bit;
             if let Ok((loaded, _)) = load_from(&damaged) {
-                // Blanks that pad the header carry nothing.
+                // Spaces that pad the header carry no information.
                 assert!(bytes[at] == b' ' && loaded == state, "byte {at}, bit {bit}");
             }
         }
@@ -176,7 +176,7 @@ fn flipped_bits_are_refused() {
 }
 
 #[test]
-fn a_header_of_absurd_sizes_allocates_nothing() {
+fn headers_with_absurd_sizes_are_refused_without_allocating() {
     for text in [
         r#"{"splats.sh":{"dtype":"F32","shape":[4294967295,16,3],"data_offsets":[0,824633720640]}}"#,
         r#"{"splats.sh":{"dtype":"F32","shape":[18446744073709551615,16,3],"data_offsets":[0,0]}}"#,

@@ -1,17 +1,17 @@
-//! Bounds that settings from files and the command line are held to.
+//! Valid ranges of the settings of density control.
 
 use super::geometry::TEXELS_MAX;
 use super::settings::DensityConfig;
 
 impl DensityConfig {
-    /// What is wrong, with the setting's name, what was found and what is expected.
+    /// Checks all settings.
     ///
     /// # Errors
-    /// The first setting out of its bounds.
+    /// The first setting out of its range: its name, what was found and what is expected.
     pub fn check(&self) -> Result<(), String> {
         let [split_start, split_end] = self.split_texels;
         let [floor_start, floor_end] = self.opacity_floor;
-        // Lower bound, upper bound, and whether the lower one is itself allowed.
+        // Name, value, lower bound, upper bound, and whether the lower bound itself is allowed.
         let bounds = [
             ("quantile", self.quantile, 0.0, 1.0, true),
             ("min-texel-px", self.min_texel_px, 0.0, 1e3, false),

@@ -1,9 +1,9 @@
-//! Whether a map would be missed at half its resolution.
+//! What an image loses if a map is coarsened or dropped (method 6.5).
 
 use crate::model::{Model, texel_value};
 
-/// Mean absolute residual of the map (mean of the channels, weighted by the splat's falloff at the texels):
-/// what the image loses if the splat has no map at all. 1 for a splat without one.
+/// Mean absolute residual of the map (mean over channels, weighted by the splat's falloff at the texels): what
+/// the image loses if the map is dropped. 1 for a splat without a map.
 pub fn residual(model: &Model, splat: usize) -> f64 {
     let map = &model.textures.maps[splat];
     let texels = model.textures.texels[map.floats()].chunks_exact(3);
@@ -28,9 +28,9 @@ fn falloff(model: &Model, splat: usize, row: usize, col: usize) -> f64 {
     (-0.5 * (squared(0, row, map.rows) + squared(1, col, map.cols))).exp()
 }
 
-/// Mean absolute change of the map's image (mean of the channels, weighted by the splat's falloff at
-/// the texels) if its texels were averaged in twos along both axes and sampled bilinearly again: what the
-/// renderer would show, zero outside included. 1 for maps of less than two texels a side.
+/// Mean absolute change of the map's image (mean over channels, weighted by the splat's falloff at the texels)
+/// if its texels are averaged in 2 x 2 and sampled bilinearly again, as the renderer would, with zeros outside.
+/// 1 for maps of less than two texels per side.
 pub fn coarsening_error(model: &Model, splat: usize) -> f64 {
     let map = &model.textures.maps[splat];
     let (rows, cols) = (usize::from(map.rows), usize::from(map.cols));
@@ -43,7 +43,7 @@ pub fn coarsening_error(model: &Model, splat: usize) -> f64 {
         .collect();
     let padded = |n: usize| n.next_multiple_of(4);
     let (half_rows, half_cols) = (padded(rows) / 2, padded(cols) / 2);
-    // Padding is even on both sides: the centre stays.
+    // Padding is the same on both sides, so that the centre stays.
     let (pad_u, pad_v) = ((padded(rows) - rows) / 2, (padded(cols) - cols) / 2);
     let clamped = |i: usize, pad: usize, n: usize| i.saturating_sub(pad).min(n - 1);
     let mean = |i: usize, j: usize| {

@@ -1,5 +1,5 @@
-//! A density-control step of the policy `litetex` and its relatives: reads what the window found, decides what
-//! becomes of every splat and its map, and writes the plan (method sections 6 and 7).
+//! A density-control step of the policy `litetex` and its variants: decides from the statistics window what
+//! happens to every splat and its map, and writes the plan (method 6).
 
 use super::candidate::Candidate;
 use super::draft::{Draft, finish};
@@ -9,80 +9,81 @@ use super::maps::{self, MapRule, Sizes};
 use super::score::{Scores, marks_after};
 use super::settings::{Budget, Components, DensityConfig};
 use super::spend::Spender;
-use crate::backend::{MapChange, DensityPlan, WindowStatistics};
+use crate::backend::{DensityPlan, MapChange, WindowStatistics};
 use crate::camera::Camera;
 use crate::model::Model;
 use serde::Serialize;
 
-/// Opacity below which even fresh children are removed.
-const CHILD_OPACITY_MIN: f64 = 0.01;
+/// Opacity below which even fresh halves fade.
+const FRESH_OPACITY_MIN: f64 = 0.01;
 
-/// What the step is decided from.
+/// What a revision is decided from.
 pub struct Situation<'a> {
     /// The flushed model.
     pub model: &'a Model,
-    /// Records of its splats.
+    /// Histories of its splats.
     pub lives: &'a [Life],
-    /// Sums of the window.
+    /// Sums of the statistics window.
     pub statistics: &'a WindowStatistics,
     /// Cameras of the training views, at full size.
     pub cameras: &'a [Camera],
-    /// Full size of the images over their size in training, now.
+    /// Full image size divided by the current size in training.
     pub render_scale: f64,
-    /// Most texels a side of any map, now.
+    /// Current largest map side, in texels.
     pub texture_cap: u16,
-    /// Whether maps may grow and splats may split.
+    /// Whether maps may be refined and splats split.
     pub densify: bool,
-    /// Whether the window's statistics may be used to judge: from the first density-control step on.
-    pub judge: bool,
-    /// Whether texels have been trained long enough for their values to tell something.
+    /// Whether the statistics are used. Before the first density-control step and at crop steps they are not:
+    /// maps are then only fitted to their support.
+    pub use_statistics: bool,
+    /// Whether texels have been trained long enough for their values to mean something.
     pub texels_trained: bool,
     /// Whether maps are tested for coarsening.
     pub may_coarsen: bool,
-    /// Most splats that may be added.
+    /// Largest number of splats that may be added.
     pub max_added: usize,
-    /// Splats at the start of the run.
+    /// Number of splats at initialisation.
     pub initial_splats: usize,
-    /// More texels a side than this make a splat long enough to split.
+    /// Length in finest texels above which a splat is split.
     pub split_texels: f64,
-    /// Consecutive marks that remove a splat.
+    /// Prune count that removes a splat.
     pub patience: u16,
-    /// Opacity below which splats are removed.
+    /// Opacity below which splats fade.
     pub opacity_floor: f64,
-    /// `fixed:R`, or maps of their own size.
+    /// How the sizes of maps are decided.
     pub rule: MapRule,
 }
 
-/// What a density-control step did.
+/// What a revision did, in numbers of splats or maps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct DensityCounts {
     /// Splats removed because they contributed or covered too little.
     pub pruned: usize,
-    /// Splats removed because they were nearly transparent.
+    /// Splats removed because they were nearly transparent (`plain`: those not respawned).
     pub faded: usize,
-    /// Splats replaced by two.
+    /// Splats replaced by two halves.
     pub split: usize,
-    /// Removed splats made up for where the error is (policy `plain`; `litetex` with `respawn`).
-    pub moved: usize,
-    /// Maps of twice the texels a side.
+    /// Splats split to replace pruned ones (`litetex` with `respawn`; `plain`).
+    pub respawned: usize,
+    /// Maps refined to twice the texels per side.
     pub refined: usize,
-    /// Maps of half the texels a side.
+    /// Maps coarsened, dropped or made smaller to fit their ceiling or the budget.
     pub coarsened: usize,
-    /// Candidates left as they were because the budget is spent.
+    /// Times that a candidate was not split, or not refined, for lack of budget.
     pub over_budget: usize,
 }
 
-/// A decided step.
+/// The outcome of a density-control step.
 pub struct Revision {
-    /// `None` if nothing changes.
+    /// The backend's plan; `None` if nothing changes.
     pub plan: Option<DensityPlan>,
-    /// Records of the splats after the plan.
+    /// Histories of the splats after the plan.
     pub lives: Vec<Life>,
-    /// What was done.
+    /// What the plan does.
     pub counts: DensityCounts,
 }
 
-/// Decides a density-control step.
+/// Decides a density-control step: prune and fade, fit, coarsen, refine or split, respawn.
 pub fn decide(
     s: &Situation<'_>,
     config: &DensityConfig,
@@ -92,11 +93,12 @@ pub fn decide(
     let n = s.model.num_splats();
     let scores = Scores::new(s.statistics, s.cameras.len(), config.error, config.prune_contribution);
     let pixels = pixel_sizes(s.model, s.cameras);
-    let worst = if s.judge && s.densify { scores.worst(config.quantile) } else { vec![false; n] };
+    let high_error =
+        if s.use_statistics && s.densify { scores.high_error(config.quantile) } else { vec![false; n] };
     let mut counts = DensityCounts::default();
     let mut drafts: Vec<Option<Draft>> = (0..n)
         .map(|i| {
-            let life = judged(s, config, components, &scores, i, &mut counts)?;
+            let life = checked(s, config, components, &scores, i, &mut counts)?;
             let extents = half_extents(sigmas(s.model, i), opacity(s.model, i), config.alpha_texture);
             let sizes = Sizes {
                 extents,
@@ -106,18 +108,18 @@ pub fn decide(
             Some(Draft { source: i as u32, change: MapChange::Keep, edit: None, life, sizes, texels: 0 })
         })
         .collect();
-    // Nothing may be added to an empty model, and nobody wants one.
+    // Never prune every splat: nothing can be added to an empty model.
     if drafts.iter().all(Option::is_none) {
         return Revision { plan: None, lives: s.lives.to_vec(), counts: DensityCounts::default() };
     }
     for draft in drafts.iter_mut().flatten() {
         let i = draft.source as usize;
-        maps::fit(s, config, components, s.may_coarsen && !worst[i], draft, &mut counts);
+        maps::fit(s, config, components, s.may_coarsen && !high_error[i], draft, &mut counts);
     }
 
     maps::shrink_to_budget(s, budget, &scores, &mut drafts, &mut counts);
     let mut candidates: Vec<Candidate> = (0..n)
-        .filter(|&i| worst[i])
+        .filter(|&i| high_error[i])
         .filter_map(|i| {
             let draft = drafts[i].as_ref()?;
             Some(Candidate::new(s, config, components, draft, scores.error[i], pixels[i]))
@@ -134,8 +136,8 @@ pub fn decide(
     Revision { plan, lives, counts }
 }
 
-/// The record of a splat after this check; `None` if it is removed.
-fn judged(
+/// The history of a splat after this check; `None` if it is pruned (method 6.3).
+fn checked(
     s: &Situation<'_>,
     config: &DensityConfig,
     components: &Components,
@@ -144,21 +146,21 @@ fn judged(
     counts: &mut DensityCounts,
 ) -> Option<Life> {
     let mut life = s.lives[i];
-    if !s.judge {
+    if !s.use_statistics {
         return Some(life);
     }
-    // Narrow splats can miss every pixel of a coarse image: those windows only clear marks.
     let low = scores.contribution[i] < config.prune_contribution || scores.area[i] < config.prune_area;
+    // Narrow splats can miss every pixel of a coarse image: such windows can only reset the prune count.
     let reliable = s.render_scale < 3.0;
-    let judgeable = scores.seen[i] && !life.is_fresh() && (reliable || !low);
-    life.marks = marks_after(life.marks, judgeable.then_some(low));
-    let faded = if life.is_fresh() { CHILD_OPACITY_MIN } else { s.opacity_floor };
+    let is_counted = scores.seen[i] && !life.is_fresh() && (reliable || !low);
+    life.marks = marks_after(life.marks, is_counted.then_some(low));
+    let opacity_floor = if life.is_fresh() { FRESH_OPACITY_MIN } else { s.opacity_floor };
     life.checks = life.checks.saturating_add(1);
     if components.pruning && life.marks >= s.patience {
         counts.pruned += 1;
         return None;
     }
-    if opacity(s.model, i) < faded {
+    if opacity(s.model, i) < opacity_floor {
         counts.faded += 1;
         return None;
     }

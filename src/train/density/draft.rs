@@ -1,12 +1,12 @@
-//! A splat of the model to be, and the plan made of all of them.
+//! Planned splats, and the plan made of them.
 
 use super::geometry::morton_codes;
 use super::life::Life;
 use super::maps::Sizes;
-use crate::backend::{MapChange, SplatEdit, DensityPlan};
+use crate::backend::{DensityPlan, MapChange, SplatEdit};
 use crate::model::Model;
 
-/// New parameters of a splat.
+/// New parameters of a half.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Change {
     pub position: [f32; 3],
@@ -14,24 +14,25 @@ pub struct Change {
     pub opacity_logit: f32,
 }
 
-/// One splat of the new model.
+/// A planned splat: one of the model after the revision.
 #[derive(Clone, Copy, Debug)]
 pub struct Draft {
-    /// The splat that it is or comes from.
+    /// Index of the splat that it is or comes from.
     pub source: u32,
-    /// What becomes of the source's map.
+    /// What happens to the source's map.
     pub change: MapChange,
-    /// Where it differs from its source.
+    /// New parameters, if it is a half.
     pub edit: Option<Change>,
-    /// Its record.
+    /// History of the splat.
     pub life: Life,
     /// Bounds of its map.
     pub sizes: Sizes,
-    /// Texels of its map.
+    /// Number of texels of its map.
     pub texels: usize,
 }
 
-/// The plan and the records in its order; no plan if everything stays as it is.
+/// The plan, and the histories in its order; no plan if nothing changes. New splats are stored along a Morton
+/// curve (method 6.11).
 pub fn finish(model: &Model, mut drafts: Vec<Draft>) -> (Option<DensityPlan>, Vec<Life>) {
     let n = model.num_splats();
     let same_splats = drafts.len() == n && drafts.iter().all(|d| d.edit.is_none());

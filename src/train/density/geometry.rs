@@ -1,4 +1,4 @@
-//! Sizes of splats in the units that decisions are made in: extents of maps, pixels of cameras.
+//! Sizes of splats in the units of density control: extents of maps, pixels of cameras.
 
 use crate::camera::Camera;
 use crate::constants::MAP_SIGMA_MAX;
@@ -6,10 +6,10 @@ use crate::model::Model;
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// Largest map, texels a side (paper).
+/// Largest map side, in texels (authors' code).
 pub const TEXELS_MAX: u16 = 256;
 
-/// Opacity of a splat.
+/// Activated opacity of a splat.
 pub fn opacity(model: &Model, splat: usize) -> f64 {
     1.0 / (1.0 + f64::from(-model.splats.opacity_logits[splat]).exp())
 }
@@ -19,15 +19,15 @@ pub fn sigmas(model: &Model, splat: usize) -> [f64; 2] {
     [0, 1].map(|axis| f64::from(model.splats.log_scales[2 * splat + axis]).exp())
 }
 
-/// Half extents of the texture's domain for standard deviations and an opacity: up to where alpha falls
-/// to `alpha_texture`, at most three standard deviations (method section 1.4); 0 where it never gets there.
+/// Half extents of a map, in the unit of `sigmas`: to where alpha falls to `alpha_texture`, at most three
+/// standard deviations (method 6.4). 0 if alpha never reaches it.
 pub fn half_extents(sigmas: [f64; 2], opacity: f64, alpha_texture: f64) -> [f64; 2] {
     let radius = (2.0 * (opacity / alpha_texture).ln()).max(0.0).sqrt().min(MAP_SIGMA_MAX);
     sigmas.map(|sigma| sigma * radius)
 }
 
-/// Texels that cover a half extent along one axis: even, at least 2, with at most one to spare on each
-/// side (method section 7.1).
+/// Texels that cover a half extent along one axis: even, at least 2, with at most one to spare on each side
+/// (method 6.4).
 pub fn even_texels(half_extent: f64, texel_size: f64) -> u32 {
     let needed = (2.0 * half_extent / texel_size).ceil().clamp(0.0, 1e6) as u32;
     if needed.is_multiple_of(2) { needed + 2 } else { needed + 1 }
@@ -38,8 +38,8 @@ pub fn first_texel_size(half_extents: [f64; 2]) -> f64 {
     2.5 * half_extents[0].max(half_extents[1])
 }
 
-/// For each splat the width of one pixel at its depth, local units, in the nearest of the cameras that
-/// have its centre in view; those in no view get the largest width found.
+/// For each splat the width of a pixel at its depth, local units, in the nearest camera that has its centre in
+/// view. Splats in no view get the largest width found.
 pub fn pixel_sizes(model: &Model, cameras: &[Camera]) -> Vec<f64> {
     let positions = &model.splats.positions;
     let mut sizes: Vec<f64> = positions
@@ -66,7 +66,8 @@ pub fn pixel_sizes(model: &Model, cameras: &[Camera]) -> Vec<f64> {
     sizes
 }
 
-/// Interleaves the bits of positions in the box of all: neighbours in space become neighbours in memory.
+/// Morton codes of positions, scaled to their bounding box: sorted by them, neighbours in space are neighbours
+/// in memory. `positions` is `[n, 3]`.
 pub fn morton_codes(positions: &[f32]) -> Vec<u64> {
     let mut low = [f32::INFINITY; 3];
     let mut high = [f32::NEG_INFINITY; 3];
@@ -92,7 +93,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn maps_are_even_and_cover_their_extent_with_at_most_a_texel_to_spare() {
+    fn maps_have_an_even_number_of_texels_that_just_covers_their_extent() {
         for tenths in 1..400 {
             let half = f64::from(tenths) / 10.0;
             let texels = even_texels(half, 1.0);
@@ -120,9 +121,9 @@ mod tests {
             let blocks = order.chunks_exact(8);
             blocks.map(|b| (0..3).map(|axis| extent(b, axis)).fold(0.0, f32::max)).fold(0.0, f32::max)
         };
-        assert_eq!(widest(&order), 1.0, "each eight are a cube");
-        // Negative control: row by row.
+        assert_eq!(widest(&order), 1.0, "every eight form a cube");
+        // Negative control: the same positions row by row.
         assert_eq!(widest(&(0..64).collect::<Vec<_>>()), 3.0);
-        assert!(morton_codes(&[1.0, 1.0, 1.0]).len() == 1, "a single point is no division by zero");
+        assert!(morton_codes(&[1.0, 1.0, 1.0]).len() == 1, "a single point does not divide by zero");
     }
 }

@@ -1,31 +1,31 @@
-//! What the trainer knows of each splat besides its parameters.
+//! The history of a splat: what the trainer keeps of it besides its parameters.
 
-/// Checks after which a splat is no longer fresh.
+/// Density-control steps during which a half is fresh.
 pub const FRESH_CHECKS: u16 = 2;
 
-/// One splat's record.
+/// History of a splat.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Life {
-    /// Most texels a side that its map may have.
+    /// Largest side that its map may have, in texels.
     pub ceiling: u16,
-    /// Checks in a row that found it useless.
+    /// Prune count: checks in a row that found it useless.
     pub marks: u16,
-    /// Checks since it was born; saturates.
+    /// Checks since it was made; saturates.
     pub checks: u16,
 }
 
 impl Life {
-    /// A splat of the first model.
+    /// A splat of the initial model, which is never fresh.
     pub fn first(ceiling: u16) -> Self {
         Self { ceiling, marks: 0, checks: FRESH_CHECKS }
     }
 
-    /// A child of this.
-    pub fn child(self) -> Self {
+    /// The history of a half of this splat.
+    pub fn half(self) -> Self {
         Self { marks: 0, checks: 0, ..self }
     }
 
-    /// Whether it is too young to be judged.
+    /// Whether it is too young for its statistics to be used.
     pub fn is_fresh(self) -> bool {
         self.checks < FRESH_CHECKS
     }

@@ -1,8 +1,8 @@
-//! Sizes of the maps: crop and pad with the support, refine the worst, coarsen what does not need its
-//! texels (method section 7.3). Texels keep their place on the surfel throughout.
+//! Sizes of texture maps: crop and pad them to their support, coarsen those that do not need their texels, refine
+//! those of high-error splats (method 6.4, 6.5 and 6.7). Texels keep their place on the surfel throughout.
 
 use super::coarse::{coarsening_error, residual};
-use super::decide::{Situation, DensityCounts};
+use super::decide::{DensityCounts, Situation};
 use super::draft::Draft;
 use super::geometry::{even_texels, first_texel_size};
 use super::score::Scores;
@@ -10,42 +10,41 @@ use super::settings::{Budget, Components, DensityConfig};
 use crate::backend::{Grid, MapChange};
 use crate::model::TextureMap;
 
-/// Maps of `fixed:R` whose texel size is off by less than this factor are left alone: each resampling
-/// blurs.
+/// Maps of `fixed:R` whose texel edge is off by less than this factor are kept, since resampling blurs.
 const TOLERATED: f64 = 1.1;
 
-/// Factors of moments where four texels become one, whose gradient is the sum of theirs.
+/// Factors of the moments where four texels become one, whose gradient is the sum of theirs.
 const MERGED_MOMENTS: [f32; 2] = [4.0, 16.0];
 
-/// Who decides on the size of the maps.
+/// How the sizes of maps are decided.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MapRule {
-    /// No maps.
+    /// No splat has a map.
     None,
-    /// So many texels a side, always.
+    /// Every map has this side, in texels.
     Fixed(u16),
-    /// Each its own.
+    /// Every map has its own size, refined and coarsened as needed.
     Adaptive,
 }
 
-/// What bounds a map.
+/// Bounds of a map.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Sizes {
-    /// Half extents of the texture's domain, local units.
+    /// Half extents of the map, local units.
     pub extents: [f64; 2],
     /// Edge of the finest texel allowed, local units.
     pub finest: f64,
-    /// Most texels a side, whatever the ceiling.
+    /// Largest side whatever the ceiling, in texels.
     pub cap: u16,
 }
 
 impl Sizes {
-    /// Texels that the map needs with texels of an edge.
+    /// Rows and columns that cover the extents with texels of this edge.
     pub fn texels(&self, texel_size: f64) -> [u32; 2] {
         self.extents.map(|h| even_texels(h, texel_size))
     }
 
-    /// Whether a map of these texels is within a ceiling.
+    /// Whether a map of this size is within `ceiling` and cap.
     fn fits(&self, texels: [u32; 2], ceiling: u16) -> bool {
         texels[0].max(texels[1]) <= u32::from(ceiling.min(self.cap))
     }
@@ -55,7 +54,7 @@ impl Sizes {
     }
 }
 
-/// The window of a grid that has the given size and the same centre.
+/// The change to a map of `rows` x `cols` texels of `grid` about the same centre.
 pub fn centred(map: &TextureMap, grid: Grid, [rows, cols]: [u32; 2], moment_scale: [f32; 2]) -> MapChange {
     let first = |old: u16, new: u32| (i32::from(grid.texels(old)) - new as i32) / 2;
     if grid == Grid::Same && (u32::from(map.rows), u32::from(map.cols)) == (rows, cols) {
@@ -76,8 +75,7 @@ fn set(draft: &mut Draft, change: MapChange, [rows, cols]: [u32; 2]) {
     draft.texels = (rows * cols) as usize;
 }
 
-/// Fits the map to the support: what every map gets, candidates for growth or not. `may_coarsen`: the
-/// splat is not among the worst.
+/// Fits a map to its support, and coarsens or drops it if `may_coarsen` and its image hardly changes.
 pub fn fit(
     s: &Situation<'_>,
     config: &DensityConfig,
@@ -91,7 +89,7 @@ pub fn fit(
     match s.rule {
         MapRule::None => {}
         MapRule::Fixed(resolution) => refit_fixed(map, resolution, draft),
-        // A splat without support keeps its map: it may come back.
+        // A splat without support keeps its map, for the support may come back.
         MapRule::Adaptive if !draft.sizes.has_support() || map.rows == 0 => {}
         MapRule::Adaptive => {
             let sizes = draft.sizes;
@@ -102,7 +100,7 @@ pub fn fit(
                     && map.rows.max(map.cols) == 2
                     && residual(s.model, draft.source as usize) < config.coarsen_below
             };
-            if config.untextured && may_coarsen && s.judge && (extent < sizes.finest || is_idle()) {
+            if config.untextured && may_coarsen && s.use_statistics && (extent < sizes.finest || is_idle()) {
                 set(draft, centred(map, Grid::Same, [0, 0], [1.0; 2]), [0, 0]);
                 counts.coarsened += 1;
                 return;
@@ -113,7 +111,7 @@ pub fn fit(
                 counts.coarsened += 1;
                 stretch(draft);
             } else if may_coarsen
-                && s.judge
+                && s.use_statistics
                 && components.coarsening
                 && map.rows.min(map.cols) > 1
                 && map.rows.max(map.cols) > 2
@@ -128,14 +126,14 @@ pub fn fit(
     }
 }
 
-/// Halves the map's texels a side.
+/// Halves the side of a map.
 fn coarsen(map: &TextureMap, draft: &mut Draft) {
     let needed = draft.sizes.texels(2.0 * f64::from(map.texel_size));
     set(draft, centred(map, Grid::Coarser, needed, MERGED_MOMENTS), needed);
 }
 
-/// Spreads as many texels as the ceiling allows over a support that has outgrown them. Resampled, not
-/// halved: the support has rarely doubled.
+/// Spreads as many texels as the ceiling allows over a support that has outgrown them. Resampled rather than
+/// coarsened, because the support has rarely doubled.
 fn stretch(draft: &mut Draft) {
     let most = draft.life.ceiling.min(draft.sizes.cap).max(2);
     let texel_size = first_texel_size(draft.sizes.extents) / f64::from(most - 1);
@@ -150,8 +148,9 @@ fn stretch(draft: &mut Draft) {
     set(draft, change, needed);
 }
 
-/// A finer map for one of the worst splats, with its ceiling raised; `None` if its bounds forbid both.
-pub fn grown(
+/// A candidate with its ceiling raised and, if its bounds allow it, its map refined; `None` without adaptive maps
+/// or support.
+pub fn refined(
     s: &Situation<'_>,
     config: &DensityConfig,
     components: &Components,
@@ -161,10 +160,10 @@ pub fn grown(
         return None;
     }
     let map = &s.model.textures.maps[draft.source as usize];
-    let mut grown = *draft;
+    let mut refined = *draft;
     let sizes = draft.sizes;
     if components.growth {
-        grown.life.ceiling = draft.life.ceiling.saturating_mul(2).min(sizes.cap).max(draft.life.ceiling);
+        refined.life.ceiling = draft.life.ceiling.saturating_mul(2).min(sizes.cap).max(draft.life.ceiling);
     }
     if map.rows == 0 {
         let extent = 2.0 * sizes.extents[0].max(sizes.extents[1]);
@@ -177,20 +176,20 @@ pub fn grown(
                 shift_texels: [0.0; 2],
                 moment_scale: [1.0; 2],
             };
-            set(&mut grown, change, [2, 2]);
+            set(&mut refined, change, [2, 2]);
         }
-        return Some(grown);
+        return Some(refined);
     }
     let half = f64::from(map.texel_size) / 2.0;
     let needed = sizes.texels(half);
-    if half >= sizes.finest && sizes.fits(needed, grown.life.ceiling) {
+    if half >= sizes.finest && sizes.fits(needed, refined.life.ceiling) {
         let change = centred(map, Grid::Finer, needed, config.growth_moments.scale());
-        set(&mut grown, change, needed);
+        set(&mut refined, change, needed);
     }
-    Some(grown)
+    Some(refined)
 }
 
-/// Coarsens maps, those of the least error first, until the model is within its budget.
+/// Makes maps smaller, those of the least error first, until the model is within its budget.
 pub fn shrink_to_budget(
     s: &Situation<'_>,
     budget: &Budget,
@@ -205,7 +204,7 @@ pub fn shrink_to_budget(
     }
     let mut order: Vec<usize> = (0..drafts.len()).filter(|&i| drafts[i].is_some()).collect();
     order.sort_by(|&a, &b| scores.error[a].total_cmp(&scores.error[b]).then(a.cmp(&b)));
-    // Half the side, then a quarter, ...: padding may have added more than one halving takes away.
+    // Half the side, then a quarter and so on: padding may have added more than one halving removes.
     for halvings in 1..u16::BITS {
         for &i in &order {
             if budget.allows(splats, texels) {
@@ -229,7 +228,7 @@ pub fn shrink_to_budget(
     }
 }
 
-/// `fixed:R`: resamples a map that no longer fits its splat's support.
+/// Resamples a map of `fixed:R` that no longer fits its splat's support.
 fn refit_fixed(map: &TextureMap, resolution: u16, draft: &mut Draft) {
     let half = draft.sizes.extents[0].max(draft.sizes.extents[1]);
     let wanted = 2.0 * half / (f64::from(resolution) - 1.0);

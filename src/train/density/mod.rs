@@ -1,5 +1,5 @@
-//! Structure decisions, made on the host from what was read back, alike for every backend: which splats
-//! go, split or move, and what size their maps have (method sections 6, 7 and 9).
+//! Density control (method 6): which splats are pruned, split or relocated and what size their maps have,
+//! decided on the host from the flushed model and its statistics, so that all backends decide alike.
 
 mod bounds;
 mod candidate;
@@ -17,12 +17,11 @@ mod split;
 #[cfg(test)]
 mod tests;
 
-pub use decide::{Revision, Situation, DensityCounts, decide};
+pub use decide::{DensityCounts, Revision, Situation, decide};
 pub use geometry::{TEXELS_MAX, first_texel_size, half_extents, morton_codes, pixel_sizes};
 pub use life::Life;
 pub use maps::MapRule;
 pub use relocate::relocate;
 pub use settings::{
-    Budget, Components, ErrorMeasure, GrowthMoments, Spending, SplitProfile, StatisticsSource,
-    DensityConfig,
+    Budget, Components, DensityConfig, ErrorMeasure, GrowthMoments, Spending, SplitProfile, StatisticsSource,
 };

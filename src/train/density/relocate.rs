@@ -1,26 +1,26 @@
-//! A density-control step of the policy `plain`: no textures, the strongest allocation of splats alone that we
-//! know. Splats that have faded are moved to where the error is, and the model grows to its budget, both
-//! by splitting splats drawn by the error that they carry (relocation after 3DGS-MCMC; halves instead of
-//! copies, because copies at one place would have the same gradients for ever).
+//! A density-control step of the policy `plain` (method 6.12): no textures, the strongest allocation of splats
+//! alone that we know. Faded splats are relocated to where the error is, and the model grows to its budget, both by
+//! splitting splats drawn by the error that they carry. This is the relocation of 3DGS-MCMC with halves instead of
+//! copies, because copies in one place would have the same gradients for ever.
 
-use super::decide::{Revision, Situation, DensityCounts};
+use super::decide::{DensityCounts, Revision, Situation};
 use super::draft::{Draft, finish};
 use super::geometry::{opacity, sigmas};
 use super::maps::Sizes;
 use super::score::Scores;
-use super::settings::{ErrorMeasure, SplitProfile, DensityConfig};
-use super::split::children;
+use super::settings::{DensityConfig, ErrorMeasure, SplitProfile};
+use super::split::halves;
 use crate::backend::MapChange;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64Mcg;
 
-/// Growth of the model in one step (3DGS-MCMC).
+/// Largest factor by which the number of splats grows in one step (3DGS-MCMC).
 const GROWTH: f64 = 1.05;
 
-/// Decides a relocation; the model grows to `most` splats (`None`: their number stays).
+/// Decides a relocation. The model grows to `most` splats; with `None` their number stays the same.
 pub fn relocate(s: &Situation<'_>, config: &DensityConfig, most: Option<usize>, seed: u64) -> Revision {
     let n = s.model.num_splats();
-    // The error of a splat is all that it carries: this is where more splats help most.
+    // By mass, whatever the settings: splats that carry much error are those where more splats help.
     let scores = Scores::new(s.statistics, s.cameras.len(), ErrorMeasure::Mass, 0.0);
     let draft = |i: usize| Draft {
         source: i as u32,
@@ -39,7 +39,7 @@ pub fn relocate(s: &Situation<'_>, config: &DensityConfig, most: Option<usize>, 
     let wanted = ((n as f64 * GROWTH) as usize).clamp(n.min(most), most.max(n.min(most)));
     let added = wanted.saturating_sub(alive.len()).min(alive.len());
 
-    // Weighted drawing without replacement: the largest of u^(1/w) (Efraimidis and Spirakis).
+    // Weighted sampling without replacement: the largest keys u^(1/w) (Efraimidis and Spirakis).
     let mut rng = Pcg64Mcg::seed_from_u64(seed);
     let mut keys: Vec<(f64, usize)> = alive
         .iter()
@@ -57,14 +57,18 @@ pub fn relocate(s: &Situation<'_>, config: &DensityConfig, most: Option<usize>, 
         if chosen[i] {
             let sigma = sigmas(s.model, i);
             let axis = usize::from(sigma[1] > sigma[0]);
-            drafts.extend(children(s, config, &parent, axis, SplitProfile::Tight, f64::INFINITY));
+            drafts.extend(halves(s, config, &parent, axis, SplitProfile::Tight, f64::INFINITY));
         } else {
             drafts.push(parent);
         }
     }
-    let moved = faded.min(added);
-    let counts =
-        DensityCounts { moved, split: added - moved, faded: faded - moved, ..DensityCounts::default() };
+    let respawned = faded.min(added);
+    let counts = DensityCounts {
+        respawned,
+        split: added - respawned,
+        faded: faded - respawned,
+        ..DensityCounts::default()
+    };
     let (plan, lives) = finish(s.model, drafts);
     Revision { plan, lives, counts }
 }

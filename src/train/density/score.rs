@@ -1,25 +1,26 @@
-//! Errors, marks and quantiles from the statistics of a window (method section 9).
+//! Error, contribution and prune counts from the statistics of a window (method 6.2 and 6.3).
 
 use super::settings::ErrorMeasure;
 use crate::backend::WindowStatistics;
 
-/// Errors below this are noise (CAT).
+/// Error at or below which a splat is never a candidate (CAT).
 const ERROR_MIN: f64 = 1e-6;
 
-/// Statistics as the decisions use them: as if each training view had been seen once.
+/// Statistics of each splat, scaled as if each training view had been counted once.
 pub struct Scores {
     /// Whether a view of the window saw the splat.
     pub seen: Vec<bool>,
-    /// Sum over the training views of covered share of the image.
+    /// Covered share of the image, summed over the training views.
     pub area: Vec<f64>,
-    /// Sum over the training views of blending weight per pixel.
+    /// Blending weight per pixel, summed over the training views.
     pub contribution: Vec<f64>,
-    /// Error, by the chosen measure; 0 where there is nothing to judge by.
+    /// Error by the chosen measure; 0 for splats that no view saw or that contribute too little.
     pub error: Vec<f64>,
 }
 
 impl Scores {
-    /// From the sums of a window in which `statistics.views` of `train_views` views were counted.
+    /// Scales the sums of a window that counted `statistics.views` of `train_views` views. Splats that contribute
+    /// less than `least_contribution` have no error.
     pub fn new(
         statistics: &WindowStatistics,
         train_views: usize,
@@ -40,7 +41,7 @@ impl Scores {
                 }
                 match measure {
                     ErrorMeasure::Mean => mass / (contribution + 1e-8),
-                    // The mean over the views that see it.
+                    // The mean over the views that see the splat.
                     ErrorMeasure::Mass => mass / (f64::from(seen) * scale),
                 }
             })
@@ -53,8 +54,8 @@ impl Scores {
         }
     }
 
-    /// Splats whose error is strictly above the quantile of those that have one.
-    pub fn worst(&self, quantile: f64) -> Vec<bool> {
+    /// High-error splats: those whose error is strictly above the quantile of all that have one.
+    pub fn high_error(&self, quantile: f64) -> Vec<bool> {
         let mut errors: Vec<f64> = self.error.iter().copied().filter(|&e| e > 0.0).collect();
         if errors.is_empty() {
             return vec![false; self.error.len()];
@@ -65,9 +66,10 @@ impl Scores {
     }
 }
 
-/// Counts consecutive marks: up when marked, back to zero when not, as it was when not judged.
-pub fn marks_after(marks: u16, marked: Option<bool>) -> u16 {
-    match marked {
+/// The prune count after a check: one more if the splat was useless, zero if it was not, unchanged if the check
+/// did not count (`None`).
+pub fn marks_after(marks: u16, useless: Option<bool>) -> u16 {
+    match useless {
         None => marks,
         Some(false) => 0,
         Some(true) => marks.saturating_add(1),
@@ -84,19 +86,19 @@ mod tests {
     }
 
     #[test]
-    fn the_quantile_is_strict_and_ties_at_zero_choose_nobody() {
+    fn the_quantile_is_strict_and_equal_errors_select_no_splat() {
         let window = statistics((0..100).map(|i| i as f32 * 1e-3).collect());
-        let worst = Scores::new(&window, 4, ErrorMeasure::Mean, 5e-6).worst(0.85);
-        assert_eq!(worst.iter().filter(|w| **w).count(), 15);
-        assert!(worst[85..].iter().all(|w| *w));
+        let high_error = Scores::new(&window, 4, ErrorMeasure::Mean, 5e-6).high_error(0.85);
+        assert_eq!(high_error.iter().filter(|is_high| **is_high).count(), 15);
+        assert!(high_error[85..].iter().all(|is_high| *is_high));
         let none = Scores::new(&statistics(vec![0.0; 10]), 4, ErrorMeasure::Mean, 5e-6);
-        assert!(none.worst(0.85).iter().all(|w| !w));
+        assert!(none.high_error(0.85).iter().all(|is_high| !is_high));
         let equal = Scores::new(&statistics(vec![0.3; 10]), 4, ErrorMeasure::Mean, 5e-6);
-        assert!(equal.worst(0.5).iter().all(|w| !w), "nobody is worse than the others");
+        assert!(equal.high_error(0.5).iter().all(|is_high| !is_high), "no splat is above the others");
     }
 
     #[test]
-    fn a_window_of_half_the_views_counts_twice_and_the_mean_does_not_depend_on_size() {
+    fn a_window_of_half_the_views_counts_double_and_the_mean_error_ignores_size() {
         let mut window = statistics(vec![0.05, 0.1]);
         window.contribution = vec![0.1, 0.2];
         let mean = Scores::new(&window, 4, ErrorMeasure::Mean, 0.0);
@@ -105,17 +107,17 @@ mod tests {
         let mass = Scores::new(&window, 4, ErrorMeasure::Mass, 0.0);
         assert!((mass.error[1] / mass.error[0] - 2.0).abs() < 1e-6, "twice the size, twice the mass");
         let hidden = Scores::new(&window, 4, ErrorMeasure::Mean, 0.3);
-        assert_eq!(hidden.error[0], 0.0, "a splat that contributes nothing is no candidate");
+        assert_eq!(hidden.error[0], 0.0, "a splat that contributes too little has no error");
         assert!(hidden.error[1] > 0.0);
     }
 
     #[test]
-    fn marks_must_be_consecutive() {
+    fn prune_counts_are_of_consecutive_checks() {
         let script = [Some(true), Some(true), None, Some(true), Some(false), Some(true)];
         let counts: Vec<u16> = script
             .iter()
-            .scan(0, |marks, &marked| {
-                *marks = marks_after(*marks, marked);
+            .scan(0, |marks, &useless| {
+                *marks = marks_after(*marks, useless);
                 Some(*marks)
             })
             .collect();

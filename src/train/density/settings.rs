@@ -1,34 +1,35 @@
-//! Settings of the density-control steps: who gets texels, who is split, who goes. All times are those of the
-//! published timetable of 30,000 steps; [`Schedule`](crate::train::Schedule) scales them to the run.
+//! Settings of density control: what is refined, split and pruned. All times are steps of the published
+//! timetable of 30,000; [`Schedule`](crate::train::Schedule) scales them to the run. Each default names its
+//! source, as in [`TrainConfig`](crate::train::TrainConfig).
 
 use crate::backend::DeviceLimits;
 use crate::model::num_params;
 use serde::{Deserialize, Serialize};
 
-/// Parts of the method that can be switched off one by one.
+/// Parts of the method that can be switched off one by one. Default: all on (choices 6).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default, rename_all = "kebab-case")]
 pub struct Components {
-    /// Frequency-aware scheduler: size of the images, cap of the maps and pace of the splits follow from
-    /// the photos' spectra. Off: full size, cap 256, splits limited to 20 % a step alone.
+    /// Frequency schedule: image size, texture cap and number of splats follow from the photos' spectra. Off:
+    /// full size, a cap of 256 texels, and splits limited only by [`DensityConfig::split_rate`].
     pub scheduler: bool,
-    /// Removal of splats that contribute or cover too little for several checks in a row.
+    /// Pruning of splats that contribute or cover too little for several checks in a row.
     pub pruning: bool,
-    /// Personal ceilings that start low and double with error. Off: maps get finer with error alone.
+    /// Map ceilings that start low and double with error. Off: maps are refined by error alone.
     pub growth: bool,
-    /// Resolution-aware rates of the texels.
+    /// Rates of texels that rise with the size of their map.
     pub update_rule: bool,
-    /// Splitting along the axes.
+    /// Splitting of splats along their longer axis.
     pub splitting: bool,
-    /// Down-scaling of maps that lose nothing by it.
+    /// Coarsening of maps that hardly change by it.
     pub coarsening: bool,
 }
 
 impl Components {
-    /// Names, in the order of the fields.
+    /// Names of the switches, in the order of the fields.
     pub const NAMES: [&str; 6] = ["scheduler", "pruning", "growth", "update-rule", "splitting", "coarsening"];
 
-    /// The switch of a name.
+    /// The switch of this name, if there is one.
     pub fn switch(&mut self, name: &str) -> Option<&mut bool> {
         let Self { scheduler, pruning, growth, update_rule, splitting, coarsening } = self;
         let all = [scheduler, pruning, growth, update_rule, splitting, coarsening];
@@ -49,30 +50,30 @@ impl Default for Components {
     }
 }
 
-/// What counts as a splat's error (method section 9.2).
+/// What counts as a splat's error (method 6.2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ErrorMeasure {
-    /// Loss per unit of contribution: independent of the splat's size (paper).
+    /// Loss per unit of contribution, independent of the splat's size (paper).
     Mean,
-    /// Loss that the splat carries in a view: grows with its size.
+    /// Loss that the splat carries in a view; larger for larger splats.
     Mass,
 }
 
-/// What becomes of the moments of a map whose texels were doubled (method section 4).
+/// What happens to the moments of a refined map (method 6.7).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum GrowthMoments {
-    /// Scaled as the gradients are: first by 1/4, second by 1/16.
+    /// Scaled as the gradients are: first moments by 1/4, second by 1/16.
     Scaled,
-    /// As they were (paper).
+    /// Kept unscaled (paper).
     Kept,
-    /// Zero: an accidental warm restart (authors' code).
+    /// Set to zero: an accidental warm restart (authors' code).
     Zero,
 }
 
 impl GrowthMoments {
-    /// Factors of first and second moments.
+    /// Factors of the first and second moments.
     pub fn scale(self) -> [f32; 2] {
         match self {
             Self::Scaled => [1.0 / 4.0, 1.0 / 16.0],
@@ -82,13 +83,14 @@ impl GrowthMoments {
     }
 }
 
-/// Where the children of a split go and how large they are (method section 6.2).
+/// Placement, width and opacity of the halves of a split (method 6.8).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum SplitProfile {
-    /// One standard deviation apart from the centre, half as wide, opacity times exp(-1/2) (paper).
+    /// One standard deviation from the centre, half as wide, opacity times exp(-1/2) (CAT).
     Paper,
-    /// 0.56 standard deviations, half as wide, opacity times 0.9: a third of the error of the profile.
+    /// 0.56 standard deviations from the centre, half as wide, opacity times 0.9: a third of the deviation from
+    /// the parent's falloff.
     Tight,
 }
 
@@ -102,83 +104,95 @@ impl SplitProfile {
     }
 }
 
-/// What the budget is spent on, and who comes first.
+/// How the budget is spent on candidates (method 6.6).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Spending {
-    /// By error; a splat that is long enough is split, others get finer maps (paper).
+    /// In the order of error; candidates that are long enough are split, others refined (paper).
     SplitsFirst,
-    /// By error per parameter that is added, for each candidate the better of both: a large map has to be
-    /// much worse than a small one to get four times its texels.
+    /// In the order of error per added parameter, with the better of both for each candidate: to be refined, a
+    /// large map needs a much larger error than a small one.
     Gain,
 }
 
-/// Where the statistics of a density-control step come from.
+/// Source of the statistics of a density-control step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum StatisticsSource {
-    /// The training steps since the last one: costs nothing.
+    /// The training steps since the last density-control step, at no cost.
     Window,
     /// A pass over all training views.
     Full,
 }
 
-/// Settings of the density-control steps.
+/// Settings of density control.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default, rename_all = "kebab-case")]
 pub struct DensityConfig {
-    /// Steps between density-control steps.
+    /// Steps between density-control steps. Default 250 (paper, Contribution- and Area-Aware Geometric
+    /// Management).
     pub interval: u32,
-    /// First density-control step.
+    /// First density-control step that uses statistics. Default 500 (authors' configuration; not measured).
     pub start: u32,
-    /// Splitting and growth of maps end here.
+    /// Last step after which splats are split and maps refined. Default 15,000 (authors' configuration;
+    /// choices 1 and 2).
     pub densify_until: u32,
-    /// Texels are trained from here on.
+    /// Step from which texels are trained. Default 1,000 (authors' configuration; not measured).
     pub texture_start: u32,
-    /// Share of the splats, by error, that are not candidates for growth and splits.
+    /// Quantile of the error above which splats are candidates. Default 0.6 (choices 1 and 11; paper: 0.85,
+    /// for Tanks & Temples 0.6).
     pub quantile: f64,
-    /// What counts as error.
+    /// What counts as error. Default `mass` (choices 2; paper: `mean`).
     pub error: ErrorMeasure,
-    /// Where it is measured.
+    /// Source of the statistics. Default `window`: free (paper: all training views; not measured against it).
     pub statistics: StatisticsSource,
-    /// Personal ceiling of a map at the start, texels a side.
+    /// Initial map ceiling, texels per side. Default 2 (paper, Adaptive Per-Gaussian Texture Optimization;
+    /// choices 2).
     pub ceiling_start: u16,
-    /// Finest texel, in pixels of the nearest camera at the current size of the images.
+    /// Finest texel, in pixels of the nearest camera at the image size of the stage. Default 2 (CAT; choices 1
+    /// and 2).
     pub min_texel_px: f64,
-    /// Maps end where alpha falls to this.
+    /// Alpha at which maps end. Default 0.25 (choices 1; paper: 1/255).
     pub alpha_texture: f64,
-    /// A map is halved if that changes its image by less (mean over its falloff).
+    /// A map is coarsened if that changes its image by less, as a mean weighted by the falloff. Default 0.02
+    /// (CAT; choices 2).
     pub coarsen_below: f64,
-    /// What becomes of the moments when texels are doubled.
+    /// What happens to the moments of a refined map. Default `scaled` (choices 2; paper: `kept`).
     pub growth_moments: GrowthMoments,
-    /// Splats whose whole support is below the finest texel have no map.
+    /// Whether maps that are idle, or whose whole support is below the finest texel, are dropped. Default on
+    /// (method 6.5; not measured).
     pub untextured: bool,
-    /// Children of a split.
+    /// Halves of a split. Default `tight` (choices 2; paper: `paper`).
     pub split_profile: SplitProfile,
-    /// Splits or texels.
+    /// How the budget is spent. Default `gain` (choices 1; paper: `splits-first`).
     pub spending: Spending,
-    /// With `gain`: the part of a splat's error that a finer map is expected to remove, over the part that
-    /// a split removes.
+    /// With `gain`: the share of a splat's error that refining its map is expected to remove, over the share
+    /// that a split removes. Default 2 (choices 1 and 2).
     pub texel_gain: f64,
-    /// Splats of more texels a side than this may be split: at the start, and from 7,000 steps on.
+    /// Length in finest texels above which splats are split: at step 0, and from step 7,000 on, linear in
+    /// between. Default 64 and 16 (CAT, authors' configuration; choices 1 and 2).
     pub split_texels: [f64; 2],
-    /// Splats that were removed are made up for by splits of shorter ones, as many as there were at the start.
+    /// Whether pruned splats are replaced by splits of shorter ones, up to the initial number. Default on
+    /// (choices 3; not in the paper).
     pub respawn: bool,
-    /// Splats grow by at most this share in a density-control step.
+    /// Largest share of splats that a density-control step may add. Default 0.2 (DashGaussian; not measured).
     pub split_rate: f64,
-    /// Sum over the training views of blending weight per pixel below which a splat is marked.
+    /// Sum over the training views of blending weight per pixel below which the prune count rises. Default 5e-6
+    /// (paper, Contribution- and Area-Aware Geometric Management; choices 1 and 11).
     pub prune_contribution: f64,
-    /// Sum over the training views of covered share of the image below which a splat is marked.
+    /// Sum over the training views of the covered share of the image below which the prune count rises. Default
+    /// 5e-5 (paper, as above; choices 11).
     pub prune_area: f64,
-    /// Steps of the published timetable for which a splat must stay marked to be removed.
+    /// Patience as steps of the published timetable. Default 2,000 (paper, as above: 8 checks; choices 2 and 11).
     pub patience_steps: u32,
-    /// Less opaque splats are removed: threshold at the start and at the end, linear in between.
+    /// Opacity below which splats fade: at step 0 and at the last, linear in between. Default 0.015 and 0.04
+    /// (authors' code; choices 2).
     pub opacity_floor: [f64; 2],
-    /// Policy `plain`: splats less opaque than this are moved to where others are opaque.
+    /// Policy `plain`: opacity below which splats are relocated. Default 0.005 (3DGS-MCMC; not measured).
     pub relocate_below: f64,
-    /// Policy `plain`: steps between relocations.
+    /// Policy `plain`: steps between relocations. Default 100 (3DGS-MCMC; not measured).
     pub relocate_interval: u32,
-    /// Policy `plain`: relocation ends here.
+    /// Policy `plain`: last step after which splats are relocated. Default 25,000 (3DGS-MCMC; not measured).
     pub relocate_until: u32,
 }
 
@@ -215,29 +229,29 @@ impl Default for DensityConfig {
     }
 }
 
-/// Largest model that a run may make; `None`: no limit.
+/// Upper bounds on the size of the model; `None`: no bound, the default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default, rename_all = "kebab-case")]
 pub struct Budget {
-    /// Splats.
+    /// Bound on the number of splats.
     pub max_splats: Option<usize>,
-    /// Texels over all maps.
+    /// Bound on the number of texels over all maps.
     pub max_texels: Option<usize>,
-    /// Parameters: 59 a splat and 3 a texel.
+    /// Bound on the number of parameters, 59 per splat and 3 per texel.
     pub max_params: Option<usize>,
 }
 
 impl Budget {
-    /// Whether a model of this size is within it.
+    /// Whether a model of this size is within the budget.
     pub fn allows(&self, num_splats: usize, num_texels: usize) -> bool {
         self.max_splats.is_none_or(|most| num_splats <= most)
             && self.max_texels.is_none_or(|most| num_texels <= most)
             && self.max_params.is_none_or(|most| num_params(num_splats, num_texels) <= most)
     }
 
-    /// The part of it that may be used at a share of the time to the end of densification: rises evenly from
-    /// the size at the start (splats, texels), so that capacity is left for what only the full images
-    /// show; what there is `now` is not taken back.
+    /// The budget after a share of the steps to the end of densification. It rises evenly from the initial size
+    /// (splats, texels), so that capacity is left for detail that only full-size images show, and is never
+    /// below the size `now`.
     pub fn paced(&self, share: f64, start: [usize; 2], now: [usize; 2]) -> Self {
         let params = |[splats, texels]: [usize; 2]| num_params(splats, texels);
         let part = |most: Option<usize>, start: usize, now: usize| {
@@ -251,7 +265,7 @@ impl Budget {
         }
     }
 
-    /// This budget on a device that holds no more than so much: what is not bounded by it is by the device.
+    /// This budget on a device with limits: splats and texels are bounded by the smaller of both.
     pub fn within(&self, device: &DeviceLimits) -> Self {
         let part = |most: Option<usize>, device: u64| {
             let device = usize::try_from(device).unwrap_or(usize::MAX);
@@ -264,7 +278,7 @@ impl Budget {
         }
     }
 
-    /// Most splats of a number of texels each that fit.
+    /// Largest number of splats, with `texels_each` texels each, that fits.
     pub fn most_splats(&self, texels_each: usize) -> usize {
         let by = |most: Option<usize>, each: usize| most.map_or(usize::MAX, |m| m / each.max(1));
         let texels = if texels_each == 0 { usize::MAX } else { by(self.max_texels, texels_each) };

@@ -1,31 +1,31 @@
-//! What is added in a density-control step: the worst splats are split or get finer maps while the budget lasts,
-//! then splats that were removed are made up for (method sections 6.2 and 7.3).
+//! The budget allocator: splits candidates or refines their maps while the budget lasts, then respawns pruned
+//! splats (method 6.6 and 6.10).
 
 use super::candidate::Candidate;
-use super::decide::{Situation, DensityCounts};
+use super::decide::{DensityCounts, Situation};
 use super::draft::Draft;
 use super::settings::{Budget, DensityConfig};
 use super::split;
 
-/// Splats of more than this many of the finest texels a side may be split to make up for removed ones.
+/// Length in finest texels above which a splat may be split to replace a pruned one. Not measured.
 const RESPAWN_TEXELS: f64 = 2.0;
 
-/// The model as it grows in a step.
+/// The planned splats, and what is left of the limits of a step.
 pub struct Spender<'a> {
     s: &'a Situation<'a>,
     config: &'a DensityConfig,
     budget: &'a Budget,
-    /// By splat of the present model; `None`: removed.
+    /// One per splat of the current model; `None`: pruned. A split replaces it by the first half.
     drafts: Vec<Option<Draft>>,
     /// Second halves of the splats that were split.
-    children: Vec<Draft>,
+    second_halves: Vec<Draft>,
     splats: usize,
     texels: usize,
     added: usize,
 }
 
 impl<'a> Spender<'a> {
-    /// Begins with what is left of the present model.
+    /// Begins with the splats that were not pruned.
     pub fn new(
         s: &'a Situation<'a>,
         config: &'a DensityConfig,
@@ -34,10 +34,10 @@ impl<'a> Spender<'a> {
     ) -> Self {
         let splats = drafts.iter().flatten().count();
         let texels = drafts.iter().flatten().map(|d| d.texels).sum();
-        Self { s, config, budget, drafts, children: Vec::new(), splats, texels, added: 0 }
+        Self { s, config, budget, drafts, second_halves: Vec::new(), splats, texels, added: 0 }
     }
 
-    /// Goes through the candidates, best first. Returns those whose splat and map stayed as they were.
+    /// Serves the candidates in order. Returns those that were neither split nor refined.
     pub fn spend<'c>(
         &mut self,
         candidates: &'c [Candidate],
@@ -46,7 +46,7 @@ impl<'a> Spender<'a> {
         candidates.iter().filter(|candidate| !self.spend_on(candidate, counts)).collect()
     }
 
-    /// Whether the splat was split or got a finer map.
+    /// Splits the splat or refines its map, if the budget allows it; returns whether it did.
     fn spend_on(&mut self, candidate: &Candidate, counts: &mut DensityCounts) -> bool {
         if let Some(pair) = candidate.split.filter(|_| self.added < self.s.max_added) {
             if self.split(candidate.splat, pair) {
@@ -55,21 +55,21 @@ impl<'a> Spender<'a> {
             }
             counts.over_budget += 1;
         }
-        let (Some(old), Some(finer)) = (self.drafts[candidate.splat], candidate.finer) else { return false };
-        let texels = self.texels - old.texels + finer.texels;
+        let (Some(old), Some(new)) = (self.drafts[candidate.splat], candidate.refined) else { return false };
+        let texels = self.texels - old.texels + new.texels;
         if !self.budget.allows(self.splats, texels) {
             counts.over_budget += 1;
             return false;
         }
         self.texels = texels;
-        self.drafts[candidate.splat] = Some(finer);
-        let refined = finer.texels > old.texels;
+        self.drafts[candidate.splat] = Some(new);
+        let refined = new.texels > old.texels;
         counts.refined += usize::from(refined);
         refined
     }
 
-    /// Makes up for removed splats: shorter ones than usual are split until there are as many as there
-    /// were at the start. Random starts lose most of their splats, for want of a surface near them.
+    /// Replaces pruned splats: splits shorter ones than usual until there are as many as at initialisation. Random
+    /// initialisation loses most of its splats, which have no surface near them.
     pub fn respawn(&mut self, rest: &[&Candidate], pixels: &[f64], counts: &mut DensityCounts) {
         for candidate in rest {
             if self.splats >= self.s.initial_splats || self.added >= self.s.max_added {
@@ -79,7 +79,7 @@ impl<'a> Spender<'a> {
             let pixel = pixels[candidate.splat];
             let halves = split::split(self.s, self.config, &draft, pixel, RESPAWN_TEXELS);
             let done = halves.is_some_and(|pair| self.split(candidate.splat, pair));
-            counts.moved += usize::from(done);
+            counts.respawned += usize::from(done);
         }
     }
 
@@ -92,12 +92,12 @@ impl<'a> Spender<'a> {
         }
         (self.splats, self.texels, self.added) = (self.splats + 1, texels, self.added + 1);
         self.drafts[splat] = Some(first);
-        self.children.push(second);
+        self.second_halves.push(second);
         true
     }
 
-    /// The splats of the model to be.
+    /// All planned splats.
     pub fn into_drafts(self) -> Vec<Draft> {
-        self.drafts.into_iter().flatten().chain(self.children).collect()
+        self.drafts.into_iter().flatten().chain(self.second_halves).collect()
     }
 }

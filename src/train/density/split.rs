@@ -1,23 +1,23 @@
-//! Splitting of a splat along its longer axis (method section 6.2).
+//! Splitting of a splat along its longer axis (method 6.8).
 
 use super::decide::Situation;
 use super::draft::{Change, Draft};
 use super::geometry::{half_extents, opacity, sigmas};
 use super::maps::MapRule;
-use super::settings::{SplitProfile, DensityConfig};
+use super::settings::{DensityConfig, SplitProfile};
 use crate::backend::{Grid, MapChange};
 use crate::constants::LOG_SCALE_RANGE;
 use glam::{DQuat, DVec3};
 
-/// A needle is not split along its length if its aspect is above this and its width below a pixel: it
-/// would be split for ever.
+/// Aspect above which a splat is not split if its smaller standard deviation is below a pixel: such a needle would
+/// be split for ever.
 const NEEDLE_ASPECT: f64 = 50.0;
 
-/// Children whose shift is at least this many texels keep the parent's grid.
+/// Halves whose shift is at least this many texels keep the parent's grid.
 const GRID_SHIFT_MIN: f64 = 1.5;
 
-/// The two children, or `None` if the splat is not long enough: measured in texels of the finest size
-/// that it is allowed, whatever its map has now.
+/// The two halves, or `None` if the splat is too short to split. Its length is measured in finest texels, whatever
+/// the texels of its map.
 pub fn split(
     s: &Situation<'_>,
     config: &DensityConfig,
@@ -35,13 +35,13 @@ pub fn split(
     if sigma[axis] > NEEDLE_ASPECT * sigma[1 - axis] && sigma[1 - axis] < pixel * s.render_scale {
         return None;
     }
-    // However long the splat: three standard deviations of a half are no longer than what is split as a rule.
+    // Three standard deviations of a half are at most the length from which splats are split.
     let widest = s.split_texels * draft.sizes.finest / 3.0;
-    Some(children(s, config, draft, axis, config.split_profile, widest))
+    Some(halves(s, config, draft, axis, config.split_profile, widest))
 }
 
-/// The two halves of a splat along one of its axes; their standard deviation there is at most `widest`.
-pub fn children(
+/// The two halves of a splat along one of its axes; their standard deviation along it is at most `widest`.
+pub fn halves(
     s: &Situation<'_>,
     config: &DensityConfig,
     draft: &Draft,
@@ -56,27 +56,27 @@ pub fn children(
     let texel_size = f64::from(map.texel_size);
     let exact = shift_sigmas * sigma[axis];
     let on_grid = s.rule == MapRule::Adaptive && map.rows > 0 && exact / texel_size >= GRID_SHIFT_MIN;
-    // Whole texels, so that no texel has to be resampled.
+    // A shift by whole texels spares resampling.
     let shift = if on_grid { (exact / texel_size).floor() * texel_size } else { exact };
-    let mut child_sigma = sigma;
-    child_sigma[axis] = (sigma[axis] * sigma_factor).min(widest);
-    let child_opacity = opacity(s.model, i) * opacity_factor;
+    let mut half_sigma = sigma;
+    half_sigma[axis] = (sigma[axis] * sigma_factor).min(widest);
+    let half_opacity = opacity(s.model, i) * opacity_factor;
     let mut sizes = draft.sizes;
-    sizes.extents = half_extents(child_sigma, child_opacity, config.alpha_texture);
-    let child = |direction: f64| {
-        let (change, texels) = child_map(s, draft, &sizes, axis, direction * shift, on_grid);
+    sizes.extents = half_extents(half_sigma, half_opacity, config.alpha_texture);
+    let half = |direction: f64| {
+        let (change, texels) = half_map(s, draft, &sizes, axis, direction * shift, on_grid);
         let edit = Change {
-            position: moved(s, i, axis, direction * shift),
-            log_scales: child_sigma.map(|v| v.ln().clamp(LOG_SCALE_RANGE.0, LOG_SCALE_RANGE.1) as f32),
-            opacity_logit: (child_opacity / (1.0 - child_opacity)).ln() as f32,
+            position: shifted(s, i, axis, direction * shift),
+            log_scales: half_sigma.map(|v| v.ln().clamp(LOG_SCALE_RANGE.0, LOG_SCALE_RANGE.1) as f32),
+            opacity_logit: (half_opacity / (1.0 - half_opacity)).ln() as f32,
         };
-        Draft { change, edit: Some(edit), life: draft.life.child(), sizes, texels, ..*draft }
+        Draft { change, edit: Some(edit), life: draft.life.half(), sizes, texels, ..*draft }
     };
-    [child(1.0), child(-1.0)]
+    [half(1.0), half(-1.0)]
 }
 
-/// The centre of a splat moved along one of its axes, local units.
-fn moved(s: &Situation<'_>, splat: usize, axis: usize, by: f64) -> [f32; 3] {
+/// The centre of a splat shifted along one of its axes, local units.
+fn shifted(s: &Situation<'_>, splat: usize, axis: usize, by: f64) -> [f32; 3] {
     let q = &s.model.splats.quaternions[4 * splat..4 * splat + 4];
     let [w, x, y, z] = [q[0], q[1], q[2], q[3]].map(f64::from);
     let direction = DQuat::from_xyzw(x, y, z, w).normalize() * [DVec3::X, DVec3::Y][axis];
@@ -84,8 +84,8 @@ fn moved(s: &Situation<'_>, splat: usize, axis: usize, by: f64) -> [f32; 3] {
     (DVec3::new(p[0].into(), p[1].into(), p[2].into()) + by * direction).as_vec3().to_array()
 }
 
-/// The part of the parent's map that lies under a child.
-fn child_map(
+/// The part of the parent's map that lies under a half, and its number of texels.
+fn half_map(
     s: &Situation<'_>,
     draft: &Draft,
     sizes: &super::maps::Sizes,
@@ -97,7 +97,7 @@ fn child_map(
     if map.rows == 0 {
         return (MapChange::Keep, 0);
     }
-    // Children start anew: first moments zero.
+    // First moments start at zero, second ones are kept (method 6.8).
     let moment_scale = [0.0, 1.0];
     let texel_size = f64::from(map.texel_size);
     let mut shift_texels = [0.0; 2];

@@ -1,10 +1,10 @@
-//! The decisions on small models: who goes, who is split, what becomes of the maps.
+//! Revisions of small models: what is pruned, split, refined and coarsened.
 
-use super::decide::{Revision, Situation, DensityCounts, decide};
+use super::decide::{DensityCounts, Revision, Situation, decide};
 use super::geometry::{even_texels, first_texel_size, half_extents, opacity, sigmas};
 use super::life::Life;
 use super::maps::MapRule;
-use super::settings::{Budget, Components, Spending, SplitProfile, DensityConfig};
+use super::settings::{Budget, Components, DensityConfig, Spending, SplitProfile};
 use crate::backend::{Grid, MapChange, WindowStatistics};
 use crate::camera::Camera;
 use crate::constants::ALPHA_MIN;
@@ -13,7 +13,7 @@ use crate::selftest::{Scene, SceneOptions, random_scene};
 
 const N: usize = 12;
 
-/// Splats at a depth of about 1, with maps that fit.
+/// Splats at a depth of about 1, with maps of `texels` per side that fit their support.
 fn model(texels: u16) -> Model {
     let mut model = scene().model;
     let extents = (0..N).map(|i| {
@@ -27,7 +27,7 @@ fn model(texels: u16) -> Model {
     model
 }
 
-/// Maps as wide as the splats: what the models here are made for.
+/// Maps as wide as the support, like those of the models here.
 fn settings() -> DensityConfig {
     DensityConfig { alpha_texture: ALPHA_MIN, quantile: 0.85, ..DensityConfig::default() }
 }
@@ -47,7 +47,7 @@ fn camera() -> Camera {
     scene().camera
 }
 
-/// Every splat seen and useful; the errors given.
+/// A window in which every splat is visible and useful, with these errors.
 fn window(errors: [f32; N]) -> WindowStatistics {
     WindowStatistics {
         views: 1,
@@ -72,7 +72,7 @@ fn situation<'a>(
         render_scale: 1.0,
         texture_cap: 256,
         densify: true,
-        judge: true,
+        use_statistics: true,
         may_coarsen: true,
         texels_trained: true,
         max_added: 100,
@@ -88,22 +88,22 @@ fn revise(s: &Situation<'_>, config: &DensityConfig, budget: &Budget) -> Revisio
     decide(s, config, &Components::default(), budget)
 }
 
-/// One splat is much worse than the others.
-fn one_bad() -> WindowStatistics {
+/// A window in which splat 5 has a much larger error than the others.
+fn one_high_error() -> WindowStatistics {
     let mut errors = [0.1; N];
     errors[5] = 0.9;
     window(errors)
 }
 
 #[test]
-fn the_worst_get_finer_maps_and_higher_ceilings_and_nobody_else_does() {
-    let (model, cameras, statistics) = (model(2), [camera()], one_bad());
+fn only_high_error_splats_get_finer_maps_and_higher_ceilings() {
+    let (model, cameras, statistics) = (model(2), [camera()], one_high_error());
     let lives = vec![Life::first(2); N];
     let s = situation(&model, &lives, &statistics, &cameras);
     let config = DensityConfig { coarsen_below: 0.0, ..settings() };
     let revision = revise(&s, &config, &Budget::default());
     let plan = revision.plan.unwrap();
-    assert_eq!(plan.sources, (0..N as u32).collect::<Vec<_>>(), "without new splats the order stays");
+    assert_eq!(plan.sources, (0..N as u32).collect::<Vec<_>>(), "without new splats the order is kept");
     for (i, (map, life)) in plan.maps.iter().zip(&revision.lives).enumerate() {
         match *map {
             MapChange::Regrid { grid: Grid::Finer, rows, cols, moment_scale, .. } if i == 5 => {
@@ -114,7 +114,7 @@ fn the_worst_get_finer_maps_and_higher_ceilings_and_nobody_else_does() {
             _ => panic!("{i}: {map:?}"),
         }
     }
-    // Negative controls: equal errors, a cap below, a texel that is as fine as allowed, a spent budget.
+    // Negative controls: equal errors, a low cap, texels as fine as allowed, a spent budget.
     assert!(
         revise(&Situation { statistics: &window([0.3; N]), ..s }, &config, &Budget::default()).plan.is_none()
     );
@@ -175,10 +175,10 @@ fn smooth_maps_are_coarsened_and_others_are_not() {
 }
 
 #[test]
-fn splats_go_after_consecutive_marks_only_and_those_never_seen_stay() {
+fn splats_are_pruned_after_consecutive_useless_checks_and_unseen_ones_are_kept() {
     let (model, cameras) = (model(2), [camera()]);
     let mut lives = vec![Life::first(2); N];
-    // Splat 0 is useless throughout, 1 is useful once, 2 is never seen, 3 is unseen once.
+    // Splat 0 is always useless, 1 is useful once, 2 is never seen, 3 is unseen once.
     for check in 0..5 {
         let mut statistics = window([0.3; N]);
         for i in 0..4 {
@@ -193,37 +193,37 @@ fn splats_go_after_consecutive_marks_only_and_those_never_seen_stay() {
         let removed = |i: u32| revision.plan.as_ref().is_some_and(|p| !p.sources.contains(&i));
         assert_eq!([0, 1, 2].map(removed), [check >= 3, false, false], "check {check}");
         if check == 3 {
-            assert!(!removed(3), "one check did not see it");
-            // From here on without splat 0.
+            assert!(!removed(3), "unseen in one of the four checks");
+            // The revision's histories have no splat 0, so the old ones are kept, with the new prune count of 3.
             lives[3].marks = 3;
             continue;
         }
         if check < 3 {
             lives = revision.lives;
         } else {
-            assert!(removed(3), "four marks at last");
+            assert!(removed(3), "useless in four checks");
         }
     }
 }
 
 #[test]
 fn halves_lie_on_the_parents_grid() {
-    let (model, cameras, statistics) = (model(16), [camera()], one_bad());
+    let (model, cameras, statistics) = (model(16), [camera()], one_high_error());
     let lives = vec![Life::first(64); N];
     let s = Situation { split_texels: 16.0, ..situation(&model, &lives, &statistics, &cameras) };
     let config = DensityConfig {
         coarsen_below: 0.0,
         spending: Spending::SplitsFirst,
-        // The tight halves are nearer than the texels of this map: they would be resampled.
+        // The tight profile shifts by less than the grid allows on this map and would resample.
         split_profile: SplitProfile::Paper,
         ..settings()
     };
-    // Texels are thought better, and the map could still get finer.
+    // Texels are preferred and the map can still be refined.
     let patient = DensityConfig { spending: Spending::Gain, texel_gain: 1e3, ..config.clone() };
     assert_eq!(revise(&s, &patient, &Budget::default()).counts.split, 0);
     let coarse = DensityConfig { min_texel_px: 4.0, ..patient };
     let long = Situation { split_texels: 8.0, ..situation(&model, &lives, &statistics, &cameras) };
-    assert_eq!(revise(&long, &coarse, &Budget::default()).counts.split, 1, "it cannot");
+    assert_eq!(revise(&long, &coarse, &Budget::default()).counts.split, 1, "the map cannot be refined");
     let revision = revise(&s, &config, &Budget::default());
     let plan = revision.plan.unwrap();
     assert_eq!((plan.sources.len(), plan.edits.len(), revision.counts.split), (N + 1, 2, 1));
@@ -238,15 +238,15 @@ fn halves_lie_on_the_parents_grid() {
         else {
             panic!("{:?}", plan.maps[i])
         };
-        assert_eq!(moment_scale[0], 0.0, "children start anew");
-        // Shift of the window's centre, in texels: whole, and what the centre has moved by.
+        assert_eq!(moment_scale[0], 0.0, "first moments start at zero");
+        // The window's centre is shifted by whole texels, and by as much as the splat's centre.
         let by =
             |first: i32, new: u16, old: u16| f64::from(2 * first + i32::from(new) - i32::from(old)) / 2.0;
         let (u, v) = (by(first_row, rows, parent.rows), by(first_col, cols, parent.cols));
         assert!((u == 0.0) != (v == 0.0) && u.fract() == 0.0 && v.fract() == 0.0, "{u} {v}");
         let old = &model.splats.positions[15..18];
-        let moved: f64 = (0..3).map(|k| f64::from(edit.position[k] - old[k]).powi(2)).sum::<f64>().sqrt();
-        let texels = moved / f64::from(parent.texel_size);
+        let distance: f64 = (0..3).map(|k| f64::from(edit.position[k] - old[k]).powi(2)).sum::<f64>().sqrt();
+        let texels = distance / f64::from(parent.texel_size);
         assert!((texels - (u + v).abs()).abs() < 1e-3, "{texels} {u} {v}");
         shifts.push(u + v);
     }
@@ -254,9 +254,9 @@ fn halves_lie_on_the_parents_grid() {
 }
 
 #[test]
-fn children_stay_for_two_checks_whatever_is_found() {
+fn fresh_halves_survive_two_checks() {
     let (model, cameras) = (model(2), [camera()]);
-    // The first three are as many checks old; one mark removes.
+    // The first three splats are `checks` old; a prune count of one removes.
     let survivors = |model: &Model, statistics: &WindowStatistics, checks: u16| {
         let young = |i: usize| if i < 3 { Life { checks, ..Life::first(2) } } else { Life::first(2) };
         let lives: Vec<Life> = (0..N).map(young).collect();
@@ -267,35 +267,34 @@ fn children_stay_for_two_checks_whatever_is_found() {
         left.sort_unstable();
         left
     };
-    let children = [(0, 0), (1, 0), (2, 0), (11, 0)];
-    // Nothing but the last is of any use.
+    let fresh_and_last = [(0, 0), (1, 0), (2, 0), (11, 0)];
+    // Only the last splat is useful.
     let mut useless = window([0.3; N]);
     useless.area[..N - 1].fill(0.0);
     useless.contribution[..N - 1].fill(0.0);
-    // Nothing but the last is opaque: 0.012, between what removes children and what removes others.
+    // All but the last have an opacity of 0.012, between the floors of fresh and of other splats.
     let mut faint = model.clone();
     faint.splats.opacity_logits[..N - 1].fill(-4.4);
     for checks in [0, 1] {
-        assert_eq!(survivors(&model, &useless, checks), children, "{checks} checks");
-        assert_eq!(survivors(&faint, &window([0.3; N]), checks), children, "{checks} checks");
+        assert_eq!(survivors(&model, &useless, checks), fresh_and_last, "{checks} checks");
+        assert_eq!(survivors(&faint, &window([0.3; N]), checks), fresh_and_last, "{checks} checks");
     }
-    // Negative controls: as grown-ups they go, and children that are fainter still.
-    assert_eq!(survivors(&model, &useless, 2), children[3..]);
-    assert_eq!(survivors(&faint, &window([0.3; N]), 2), children[3..]);
+    // Negative controls: splats that are no longer fresh, and fresh ones below their floor.
+    assert_eq!(survivors(&model, &useless, 2), fresh_and_last[3..]);
+    assert_eq!(survivors(&faint, &window([0.3; N]), 2), fresh_and_last[3..]);
     faint.splats.opacity_logits[..N - 1].fill(-5.0);
-    assert_eq!(survivors(&faint, &window([0.3; N]), 0), children[3..]);
+    assert_eq!(survivors(&faint, &window([0.3; N]), 0), fresh_and_last[3..]);
 }
 
 #[test]
-fn a_step_that_can_add_nothing_changes_nothing_but_records() {
-    let (model, cameras, statistics) = (model(2), [camera()], one_bad());
+fn a_step_that_can_add_nothing_changes_only_histories() {
+    let (model, cameras, statistics) = (model(2), [camera()], one_high_error());
     let lives = vec![Life::first(2); N];
     let free = || situation(&model, &lives, &statistics, &cameras);
     let config = DensityConfig { coarsen_below: 0.0, untextured: false, respawn: false, ..settings() };
     let fine = DensityConfig { min_texel_px: 200.0, ..config.clone() };
     let spent = Budget { max_texels: Some(model.num_texels()), ..Budget::default() };
-    // The ceiling of the one candidate is at the cap; its texels are as fine as they may be; there is no
-    // budget for more.
+    // The candidate's ceiling is at the cap; its texels are as fine as allowed; the budget is spent.
     for (s, config, budget, ceiling, over_budget) in [
         (Situation { texture_cap: 2, ..free() }, &config, Budget::default(), 2, 0),
         (free(), &fine, Budget::default(), 4, 0),
@@ -309,24 +308,28 @@ fn a_step_that_can_add_nothing_changes_nothing_but_records() {
             assert_eq!(*after, Life { ceiling, checks: before.checks + 1, ..*before }, "{i}");
         }
     }
-    // Negative control: nothing in the way.
+    // Negative control: none of these limits.
     let revision = revise(&free(), &config, &Budget::default());
     assert!(revision.plan.is_some() && revision.counts.refined == 1);
 }
 
 #[test]
-fn between_density_control_steps_maps_follow_their_support_and_nothing_else_is_done() {
-    let (mut model, cameras, mut statistics) = (model(8), [camera()], one_bad());
-    // One splat has shrunk, one has grown.
+fn without_statistics_maps_are_only_fitted_to_their_support() {
+    let (mut model, cameras, mut statistics) = (model(8), [camera()], one_high_error());
+    // Splat 3 has shrunk, splat 4 has widened.
     model.splats.log_scales[6..8].iter_mut().for_each(|s| *s -= 0.7);
     model.splats.log_scales[8..10].iter_mut().for_each(|s| *s += 0.3);
-    // Others have faded, are useless, have a map that is not needed; number 5 is the worst.
+    // Others have faded, are useless or have an unneeded map; splat 5 has a high error.
     model.splats.opacity_logits[0] = -6.0;
     (statistics.area[1], statistics.contribution[1]) = (0.0, 0.0);
     let smooth = model.textures.maps[2].floats();
     model.textures.texels[smooth].fill(0.01);
     let lives = vec![Life::first(64); N];
-    let s = |judge| Situation { patience: 1, judge, ..situation(&model, &lives, &statistics, &cameras) };
+    let s = |use_statistics| Situation {
+        patience: 1,
+        use_statistics,
+        ..situation(&model, &lives, &statistics, &cameras)
+    };
     let revision = revise(&s(false), &settings(), &Budget::default());
     let plan = revision.plan.unwrap();
     assert_eq!((plan.sources, plan.edits.len()), ((0..N as u32).collect::<Vec<_>>(), 0));
@@ -342,13 +345,13 @@ fn between_density_control_steps_maps_follow_their_support_and_nothing_else_is_d
             _ => panic!("{i}: {change:?}"),
         }
     }
-    // Negative control: a density-control step does all of it.
+    // Negative control: with statistics all of it is done.
     let counts = revise(&s(true), &settings(), &Budget::default()).counts;
     assert_eq!([counts.faded, counts.pruned, counts.coarsened, counts.refined], [1; 4], "{counts:?}");
 }
 
 #[test]
-fn budgets_hold_whatever_qualifies() {
+fn budgets_are_never_exceeded() {
     let (model, cameras) = (model(4), [camera()]);
     let errors = std::array::from_fn(|i| 0.1 + 0.05 * i as f32);
     let (statistics, lives) = (window(errors), vec![Life::first(64); N]);
@@ -357,7 +360,7 @@ fn budgets_hold_whatever_qualifies() {
         DensityConfig { coarsen_below: 0.0, quantile: 0.1, spending: Spending::SplitsFirst, ..settings() };
     let size = |budget: &Budget| {
         let revision = revise(&s, &config, budget);
-        // Nothing may have been possible.
+        // No plan: nothing was possible.
         let Some(plan) = revision.plan else { return (N, model.num_texels()) };
         let texels: usize = plan
             .sources
@@ -378,7 +381,7 @@ fn budgets_hold_whatever_qualifies() {
         Budget { max_splats: Some(N + 3), ..Budget::default() },
         Budget { max_texels: Some(model.num_texels() + 40), ..Budget::default() },
         Budget { max_params: Some(model.num_params() + 200), ..Budget::default() },
-        // Less than there is: maps must give way.
+        // Less than the model has: maps must be made smaller.
         Budget { max_texels: Some(model.num_texels() / 2), ..Budget::default() },
     ] {
         let (splats, texels) = size(&budget);
@@ -387,8 +390,8 @@ fn budgets_hold_whatever_qualifies() {
 }
 
 #[test]
-fn a_budget_goes_where_error_per_parameter_is_largest() {
-    // Splat 5 is worse, but its map has more texels to double than that of splat 7.
+fn a_budget_is_spent_where_error_per_parameter_is_largest() {
+    // Splat 5 has the larger error, but refining its map adds more texels than refining that of splat 7.
     let (mut mixed, fine, cameras) = (model(2), model(8), [camera()]);
     let extents = mixed.textures.maps.iter().zip(&fine.textures.maps).enumerate();
     let extents = extents.map(|(i, (coarse, fine))| if i == 5 { fine } else { coarse });
@@ -413,18 +416,18 @@ fn a_budget_goes_where_error_per_parameter_is_largest() {
     let both = refined(Spending::Gain, None);
     let &[(5, large), (7, small)] = &both[..] else { panic!("{both:?}") };
     assert!(small < large);
-    // There is room for either alone.
+    // The budget allows one of the two.
     assert_eq!(refined(Spending::Gain, Some(large)), [(7, small)]);
-    // Negative control: by error alone the large map takes it all.
+    // Negative control: by error alone the large map takes the whole budget.
     assert_eq!(refined(Spending::SplitsFirst, Some(large)), [(5, large)]);
 }
 
 #[test]
-fn removed_splats_are_made_up_for_where_the_error_is() {
+fn pruned_splats_are_respawned_where_the_error_is() {
     let (mut model, cameras) = (model(2), [camera()]);
     model.splats.opacity_logits[..3].fill(-6.0);
     let errors = std::array::from_fn(|i| 0.1 + 0.05 * i as f32);
-    // At their ceilings: nothing but a split is left.
+    // All maps are at their ceilings, so that only splits are possible.
     let (statistics, lives) = (window(errors), vec![Life::first(2); N]);
     let revised = |initial_splats: usize, respawn: bool, budget: &Budget| {
         let s =
@@ -441,13 +444,17 @@ fn removed_splats_are_made_up_for_where_the_error_is() {
             let narrower = [0, 1].map(|a| (old[a] - edit.log_scales[a]).exp());
             let [_, factor, _] = config.split_profile.factors();
             let halved = narrower.map(|n| (f64::from(n) * factor - 1.0).abs() < 1e-5);
-            assert!(halved[0] != halved[1], "made {narrower:?} times narrower by an ordinary split");
+            assert!(halved[0] != halved[1], "{narrower:?} times narrower than the parent");
         }
-        (plan.sources.len(), counts.faded, counts.moved, counts.split, split)
+        (plan.sources.len(), counts.faded, counts.respawned, counts.split, split)
     };
     let none = Budget::default();
-    assert_eq!(revised(N, true, &none), (N, 3, 3, 0, vec![9, 10, 11]), "the worst three are halved");
-    assert_eq!(revised(N - 2, true, &none), (N - 2, 3, 1, 0, vec![11]), "no more than at the start");
+    assert_eq!(
+        revised(N, true, &none),
+        (N, 3, 3, 0, vec![9, 10, 11]),
+        "the three of largest error are split"
+    );
+    assert_eq!(revised(N - 2, true, &none), (N - 2, 3, 1, 0, vec![11]), "no more than initially");
     let tight = Budget { max_splats: Some(N - 1), ..none };
     assert_eq!(revised(N, true, &tight).0, N - 1, "a budget comes first");
     // Negative control: the published method.
