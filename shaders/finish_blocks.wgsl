@@ -1,5 +1,5 @@
-// Sums opacity and texture terms, visible splats and faults over each block of GROUP splats, in a fixed order; `finish`
-// sums the blocks (no twin).
+// Sums opacity and texture terms, visible splats and faults over each block of GROUP splats, in a fixed order;
+// `finish` sums the blocks (no twin).
 // Workgroup: a block of splats. Invocation: a splat.
 
 #constants

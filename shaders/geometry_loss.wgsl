@@ -14,8 +14,9 @@
 @group(0) @binding(3) var<storage, read> tile_ranges: array<vec2u>; // [tiles] of pairs
 @group(0) @binding(4) var<storage, read> photo: array<u32>; // [pool] r | g << 8 | b << 16 | a << 24
 @group(0) @binding(5) var<storage, read> pixel_grad: array<vec4f>; // [P] by rgb; loss of the pixel
-// [P, 3] by rgb, loss; constant, linear, square, transmittance; towards x, y, z, number of pairs up to the last blended
-// one. The number is converted, not bit-cast: as a float, a small integer's bits are a denormal and may be flushed.
+// [P, 3] by rgb, loss; constant, linear, square, transmittance; towards x, y, z, number of pairs up to the last
+// blended one. The number is converted, not bit-cast: as a float, a small integer's bits are a denormal and may
+// be flushed.
 @group(0) @binding(6) var<storage, read_write> pixel_records: array<vec4f>;
 @group(0) @binding(7) var<storage, read_write> geometry_partials: array<vec2f>; // [tiles] distortion, normal
 
@@ -28,9 +29,9 @@ fn surface_depth(pixel: vec2u) -> f32 {
     return select(0.0, geometry[2u * at].w / max(alpha, SURFACE_ALPHA_MIN), alpha >= SURFACE_ALPHA_MIN);
 }
 
-// Normal of the depth map by central differences, in camera axes, facing the camera; zero at the border and where a
-// neighbour is not opaque. With r the ray of the pixel, its neighbours' points are (r +- e / focal) depth. The formula
-// subtracts depths rather than points, whose rounding errors a difference would magnify.
+// Normal of the depth map by central differences, in camera axes, facing the camera; zero at the border and
+// where a neighbour is not opaque. With r the ray of the pixel, its neighbours' points are (r +- e / focal)
+// depth. The formula subtracts depths rather than points, whose rounding errors a difference would magnify.
 fn surface_normal(pixel: vec2u) -> vec3f {
     if any(pixel < vec2u(1u)) || any(pixel + 1u >= step.size_px) {
         return vec3f(0.0);

@@ -18,8 +18,8 @@ var<workgroup> across: array<vec4f, ACROSS>; // blurred along x: sum, difference
 struct Similarity {
     // 1 - SSIM
     loss: f32,
-    // With s and d the sum and difference of image and photo at a pixel under the window, the derivative of SSIM by that
-    // pixel is the window's weight times slopes.x + slopes.y s + slopes.z d.
+    // With s and d the sum and difference of image and photo at a pixel under the window, the derivative of
+    // SSIM by that pixel is the window's weight times slopes.x + slopes.y s + slopes.z d.
     slopes: vec3f,
 }
 
@@ -95,9 +95,9 @@ fn row(i: u32, k: u32) -> vec4f {
     return across[i + k * TILE_PX];
 }
 
-// SSIM from the means of u, v, u^2 and v^2 with u = x + y and v = x - y: 2 mx my = (mu^2 - mv^2) / 2 and
-// 2 cov = (var u - var v) / 2, with plus signs in the denominators. Every term of 1 - SSIM then has mv^2 or var v as a
-// factor, so that nothing cancels where image and photo agree.
+// SSIM from the means of u, v, u^2 and v^2 with u = x + y and v = x - y: 2 mx my = (mu^2 - mv^2) / 2 and 2 cov
+// = (var u - var v) / 2, with plus signs in the denominators. Every term of 1 - SSIM then has mv^2 or var v as
+// a factor, so that nothing cancels where image and photo agree.
 fn similarity(mean: vec4f) -> Similarity {
     let u = mean.x;
     let v = mean.y;

@@ -1,6 +1,6 @@
-// First slot of each block of splats, the total number of pairs, and the workgroup counts of every later dispatch of the
-// step (no twin; tested in gpu/tile_list_tests.rs). If the pairs exceed the capacity, all counts become zero, so that nothing further
-// in the submission is applied.
+// First slot of each block of splats, the total number of pairs, and the workgroup counts of every later
+// dispatch of the step (no twin; tested in gpu/tile_list_tests.rs). If the pairs exceed the capacity, all
+// counts become zero, so that nothing further in the submission is applied.
 // One workgroup, dispatched directly: a dispatch must not read its size from a table that it writes.
 
 #constants

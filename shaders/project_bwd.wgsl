@@ -1,6 +1,7 @@
-// Sums the partial sums of each splat's pairs in a fixed order, applies the chain rule back to its stored parameters, and
-// takes one step of Adam (twins: reference/project_bwd.rs, reference/adam.rs; method 2.4, "per splat, once", and 4).
-// Invisible splats step with a zero gradient, except for their SH, which are updated lazily.
+// Sums the partial sums of each splat's pairs in a fixed order, applies the chain rule back to its stored
+// parameters, and takes one step of Adam (twins: reference/project_bwd.rs, reference/adam.rs; method 2.4, "per
+// splat, once", and 4). Invisible splats step with a zero gradient, except for their SH, which are updated
+// lazily.
 // GEOMETRY: also the sums by depth and normal.
 // Workgroup: a splat. Invocation: a sum over the pairs, then a float of the parameters.
 

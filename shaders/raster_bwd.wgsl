@@ -1,11 +1,12 @@
 // Backward rasterisation: walks the splats of a tile back to front, and sums the derivatives by the projected
 // quantities of each splat and by its texels over the tile's pixels (twin: reference/raster_bwd.rs; method 2.4).
-// Workgroup: a tile. Invocation: a pixel, then a (quantity, row of pixels) of the sums, then a sum or a texel channel.
+// Workgroup: a tile. Invocation: a pixel, then a (quantity, row of pixels) of the sums, then a sum or a texel
+// channel.
 //
-// Per splat, each invocation stores the derivatives of its pixel in workgroup memory; then the invocations sum them up in
-// a fixed order, with two barriers, no atomics and no subgroups. A pair's sums go to its slot in `partials`. Texel
-// gradients are summed the same way, one block of 4 x 4 texels at a time, and added to memory in fixed point: three
-// atomics per texel and tile.
+// Per splat, each invocation stores the derivatives of its pixel in workgroup memory; then the invocations sum
+// them up in a fixed order, with two barriers, no atomics and no subgroups. A pair's sums go to its slot in
+// `partials`. Texel gradients are summed the same way, one block of 4 x 4 texels at a time, and added to memory
+// in fixed point: three atomics per texel and tile.
 //
 // Software drivers execute both sides of every branch, and pay at each barrier for every value that lives across it.
 // Hence two barriers per splat, little code, and select() instead of branches: an earlier form with more of both took
@@ -13,8 +14,9 @@
 //
 // STATISTICS: also the sums for the window statistics.
 // GEOMETRY (with STATISTICS): also the distortion and normal terms.
-// SCATTER (hardware): windows of many texels are not gathered; each tap is an atomic. The fixed-point unit is that of the
-// splat's whole box, so that the rounding of single taps shows where a splat covers much of the image.
+// SCATTER (hardware): windows of many texels are not gathered; each tap is an atomic. The fixed-point unit is
+// that of the splat's whole box, so that the rounding of single taps shows where a splat covers much of the
+// image.
 // COUNT: counts global atomics instead of faults.
 
 #constants
@@ -101,8 +103,8 @@ struct Replay {
     // Texel gradients that were not finite or did not fit.
     faults: u32,
 #if GEOMETRY
-    // The derivative by a sample's weight is constant + linear m + square m^2 + towards . normal, with m the near depth
-    // over the sample's depth.
+    // The derivative by a sample's weight is constant + linear m + square m^2 + towards . normal, with m the
+    // near depth over the sample's depth.
     by_moments: vec3f,
     towards: vec3f,
 #endif

@@ -1,8 +1,10 @@
-// Forward rasterisation: blends the splats of a tile front to back (twin: reference/raster_fwd.rs; method 1.3, 1.4, 2.1).
-// In training steps it also stores the texel window of each pair for the backward pass, since it reads the splats anyway.
+// Forward rasterisation: blends the splats of a tile front to back (twin: reference/raster_fwd.rs; method 1.3,
+// 1.4, 2.1). In training steps it also stores the texel window of each pair for the backward pass, since it
+// reads the splats anyway.
 // Workgroup: a tile. Invocation: a pixel.
 //
-// BATCHED (hardware): splats are loaded through workgroup memory; software drivers are 30-45 % faster without (measured).
+// BATCHED (hardware): splats are loaded through workgroup memory; software drivers are 30-45 % faster without
+// (measured).
 // COUNT: counts evaluated, inside and blended pixel-splat pairs.
 // GEOMETRY: also sums depths and normals. Excludes COUNT: no binding is left.
 
@@ -30,8 +32,8 @@ var<workgroup> counts: array<atomic<u32>, 3>;
 #endif
 #if GEOMETRY
 @group(0) @binding(7) var<storage, read> normals: array<vec4f>; // [n] camera axes, facing the camera
-// [P, 2] sums of weight times normal, weight times depth; weight times m, weight times m^2, 0, 0; with m the near depth
-// over the depth of a sample
+// [P, 2] sums of weight times normal, weight times depth; weight times m, weight times m^2, 0, 0; with m the
+// near depth over the depth of a sample
 @group(0) @binding(8) var<storage, read_write> geometry: array<vec4f>;
 #endif
 

@@ -1,7 +1,7 @@
-// Applies a density-control plan to one array of texels or moments: cuts each new map out of the texel grid of its source,
-// or of a grid twice as fine or coarse, and scales it (twin: cpu/maps.rs). Outside the grid, values are zero, or with
-// FLAG_NEAREST_OUTSIDE those of the nearest texel. Also copies the source's last step. Resampled maps are left to
-// resample_maps.
+// Applies a density-control plan to one array of texels or moments: cuts each new map out of the texel grid of
+// its source, or of a grid twice as fine or coarse, and scales it (twin: cpu/maps.rs). Outside the grid, values
+// are zero, or with FLAG_NEAREST_OUTSIDE those of the nearest texel. Also copies the source's last step.
+// Resampled maps are left to resample_maps.
 // Workgroup: a new splat. Invocation: every SPLAT_GROUP-th float of its map.
 
 #constants

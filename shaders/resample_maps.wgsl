@@ -1,6 +1,6 @@
-// Applies a density-control plan to one array of texels or moments: samples the source of each resampled map bilinearly,
-// with its centre shifted and zeros outside, and scales the result (twin: cpu/maps.rs). All other maps are left to
-// regrid_maps.
+// Applies a density-control plan to one array of texels or moments: samples the source of each resampled map
+// bilinearly, with its centre shifted and zeros outside, and scales the result (twin: cpu/maps.rs). All other
+// maps are left to regrid_maps.
 // Workgroup: a new splat. Invocation: every SPLAT_GROUP-th float of its map.
 
 #constants

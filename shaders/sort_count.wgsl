@@ -1,5 +1,5 @@
-// First kernel of a radix sort pass: counts how often each digit occurs in each block of BLOCK keys (no twin; tested in
-// gpu/sort_tests.rs).
+// First kernel of a radix sort pass: counts how often each digit occurs in each block of BLOCK keys (no twin;
+// tested in gpu/sort_tests.rs).
 // Workgroup: a block. Invocation: every GROUP-th key of the block.
 
 #constants

@@ -1,5 +1,5 @@
-// Second kernel of a radix sort pass: turns the counts into the output position of the first key of each digit and block
-// (no twin; tested in gpu/sort_tests.rs).
+// Second kernel of a radix sort pass: turns the counts into the output position of the first key of each digit
+// and block (no twin; tested in gpu/sort_tests.rs).
 // One workgroup. Invocation: LANE_ELEMENTS neighbouring counts at a time.
 
 #constants

@@ -1,6 +1,6 @@
 // Third kernel of a radix sort pass: moves every key and its value to the output position (no twin; tested in
-// gpu/sort_tests.rs). A bit mask marks the keys of a block that have a digit; the rank of a key is the number of lower bits
-// set in its mask. So the sort is stable, whatever the schedule.
+// gpu/sort_tests.rs). A bit mask marks the keys of a block that have a digit; the rank of a key is the number
+// of lower bits set in its mask. So the sort is stable, whatever the schedule.
 // Workgroup: a block of BLOCK keys. Invocation: every GROUP-th key of the block.
 
 #constants

@@ -1,5 +1,5 @@
-// Writes a pair for each splat and tile that it touches: splats in depth order, the tiles of a splat row by row (twin:
-// gpu/tile_list_twin.rs).
+// Writes a pair for each splat and tile that it touches: splats in depth order, the tiles of a splat row by row
+// (twin: gpu/tile_list_twin.rs).
 // Invocation: a splat.
 
 #constants

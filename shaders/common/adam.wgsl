@@ -47,7 +47,8 @@ fn adam_skipped(state: Moments, skip: Skip, rate: f32) -> Moments {
     return Moments(state.p - change, state.m * skip.m_decay, state.v * skip.v_decay);
 }
 
-// Learning rate of the texels of a map: larger maps learn faster, up to a limit (twin: map_rate in reference/adam.rs).
+// Learning rate of the texels of a map: larger maps learn faster, up to a limit (twin: map_rate in
+// reference/adam.rs).
 fn map_rate(rate: f32, growth: f32, limit: f32, num_texels: u32) -> f32 {
     if growth == 0.0 {
         return rate;

@@ -144,8 +144,8 @@ fn tile_run(bounds: Bounds, tile_row: i32) -> vec2i {
             }
         }
     } else {
-        // The right ends of the spans are concave in y and the left ends convex: the extremes lie at the outermost points
-        // of the ellipse or at the edges of the tile.
+        // The right ends of the spans are concave in y and the left ends convex: the extremes lie at the
+        // outermost points of the ellipse or at the edges of the tile.
         let first_dy = f32(first_row) + 0.5 - bounds.centre_px.y;
         let last_dy = f32(past_row) - 0.5 - bounds.centre_px.y;
         let right_dy = clamp(bounds.rightmost_dy_px, first_dy, last_dy);

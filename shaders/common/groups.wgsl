@@ -1,7 +1,8 @@
 // Dispatches of more workgroups than one dimension allows.
 
-// Workgroup counts along x and y for a dispatch of `groups` workgroups, folded to two dimensions if one is too few (twin:
-// `folded_groups` in gpu/sort.rs). The fold is balanced: fewer workgroups are superfluous than there are rows.
+// Workgroup counts along x and y for a dispatch of `groups` workgroups, folded to two dimensions if one is too
+// few (twin: `folded_groups` in gpu/sort.rs). The fold is balanced: fewer workgroups are superfluous than there
+// are rows.
 fn folded_groups(groups: u32) -> vec2u {
     let rows = max((groups + (MAX_GROUPS - 1u)) / MAX_GROUPS, 1u);
     return vec2u((groups + (rows - 1u)) / rows, rows);

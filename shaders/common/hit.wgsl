@@ -1,5 +1,6 @@
-// Intersection of a pixel's ray with a splat, alpha there, and the texture taps. Forward and backward pass call the same
-// functions and so get the same bits (twin: reference/raster_fwd.rs; method 2.2). Requires `texel_values` bound.
+// Intersection of a pixel's ray with a splat, alpha there, and the texture taps. Forward and backward pass call
+// the same functions and so get the same bits (twin: reference/raster_fwd.rs; method 2.2). Requires
+// `texel_values` bound.
 
 struct Hit {
     inside: bool,

@@ -5,8 +5,8 @@ struct MapChange {
     source: u32,
     // CHANGE_*
     kind: u32,
-    // Row and column of the grid that become row and column 0. For resampled maps, the bits of the shift of the centre
-    // as f32, in texels of the old map.
+    // Row and column of the grid that become row and column 0. For resampled maps, the bits of the shift of the
+    // centre as f32, in texels of the old map.
     first_row: i32,
     first_col: i32,
 }

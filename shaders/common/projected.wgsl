@@ -1,5 +1,6 @@
-// A splat projected to a view. With d the offset of a pixel from the projected centre and D = 1 + g . d, the pixel's ray
-// hits the surfel's plane at (a . d, b . d) / D standard deviations from the centre, at the depth of the centre over D.
+// A splat projected to a view. With d the offset of a pixel from the projected centre and D = 1 + g . d, the
+// pixel's ray hits the surfel's plane at (a . d, b . d) / D standard deviations from the centre, at the depth
+// of the centre over D.
 
 struct Projected {
     centre_px: vec2f,
@@ -21,9 +22,10 @@ struct Projected {
     texel_units: f32,
 }
 
-// A pair of tile and splat has two entries in `pairs`. The first, in the order of tiles and depth: x is the slot of its
-// partial sums (the slots of a splat are contiguous), y the splat. The second, `pair_capacity` entries later: the window
-// of texels that the tile can touch, x the first row and column as row | col << 16, y one past the last.
+// A pair of tile and splat has two entries in `pairs`. The first, in the order of tiles and depth: x is the
+// slot of its partial sums (the slots of a splat are contiguous), y the splat. The second, `pair_capacity`
+// entries later: the window of texels that the tile can touch, x the first row and column as row | col << 16, y
+// one past the last.
 fn window_at(pair: u32) -> u32 {
     return step.pair_capacity + pair;
 }

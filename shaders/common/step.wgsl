@@ -56,7 +56,8 @@ struct Step {
     v_correction_sqrt: f32,
     loss_distortion: f32,
     loss_normal: f32,
-    // Growth of the texels' learning rate with the size of the map, and its limit; the same for the last completed step.
+    // Growth of the texels' learning rate with the size of the map, and its limit; the same for the last
+    // completed step.
     rate_texel_growth: f32,
     rate_texel_growth_limit: f32,
     last_rate_texel_growth: f32,
@@ -78,8 +79,8 @@ const FLAG_COUNT_ATOMICS = 16u;
 
 @group(0) @binding(0) var<uniform> step: Step;
 
-// Tiles of the rasterisation are half as high for software drivers, which compute every pixel of a tile, whether the splat
-// reaches it or not.
+// Tiles of the rasterisation are half as high for software drivers, which compute every pixel of a tile,
+// whether the splat reaches it or not.
 #if HALF_TILES
 const TILE_ROWS_PX = HALF_TILE_ROWS_PX;
 #else

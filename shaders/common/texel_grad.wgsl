@@ -1,5 +1,5 @@
-// Adds texel gradients to memory by atomics, in fixed point. Requires `texel_grad` bound. The functions return the number
-// of faults, or with COUNT the number of atomics. SCATTER: also defines `scatter`.
+// Adds texel gradients to memory by atomics, in fixed point. Requires `texel_grad` bound. The functions return
+// the number of faults, or with COUNT the number of atomics. SCATTER: also defines `scatter`.
 
 #if SCATTER
 // Adds the gradient of a sample to its four taps.

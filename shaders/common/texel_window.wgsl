@@ -1,5 +1,5 @@
-// The texels that the bilinear taps of a splat can touch within a tile. The map from pixels to texels is projective, so
-// its extremes over a rectangle lie at the corners as long as the denominator is positive there.
+// The texels that the bilinear taps of a splat can touch within a tile. The map from pixels to texels is
+// projective, so its extremes over a rectangle lie at the corners as long as the denominator is positive there.
 
 struct Window {
     first: vec2u,

@@ -1,5 +1,5 @@
-// The pixel of a tile that an invocation computes: 32 consecutive invocations cover 8 x 4 pixels, so that subgroups of any
-// size stay compact.
+// The pixel of a tile that an invocation computes: 32 consecutive invocations cover 8 x 4 pixels, so that
+// subgroups of any size stay compact.
 
 const TILE_SIZE_PX = vec2u(TILE_PX, TILE_ROWS_PX);
 

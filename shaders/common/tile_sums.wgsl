@@ -1,5 +1,6 @@
-// Partial sums over the pixels of a tile, from the quantities that they stored in workgroup memory: those of a pair, and
-// the gradients of a block of texels. Requires the declarations of raster_bwd. Each function is one invocation's share.
+// Partial sums over the pixels of a tile, from the quantities that they stored in workgroup memory: those of a
+// pair, and the gradients of a block of texels. Requires the declarations of raster_bwd. Each function is one
+// invocation's share.
 
 // Sums one quantity over a row of pixels; the first three also times dx and dy.
 fn sum_row(quantity: u32, row: u32, columns: vec2u, to_first: vec2f) {

@@ -1,6 +1,6 @@
-// Blurs image and photo with the 11-tap window of SSIM, for a workgroup per tile (twin: `blur` in reference/loss.rs). The
-// window is applied to sum and difference of image and photo, so that nothing cancels where they agree. Requires `pixels`
-// and `photo` bound, and the functions `tap` and `row`.
+// Blurs image and photo with the 11-tap window of SSIM, for a workgroup per tile (twin: `blur` in
+// reference/loss.rs). The window is applied to sum and difference of image and photo, so that nothing cancels
+// where they agree. Requires `pixels` and `photo` bound, and the functions `tap` and `row`.
 
 // The halo is the tile with the window's radius around it: its edge, and its pixels.
 const HALO_PX = TILE_PX + 2u * SSIM_RADIUS_PX;
