@@ -76,7 +76,7 @@ impl GpuBackend {
     /// [`crate::Error::Device`] if the driver refuses a kernel or memory.
     pub fn new(device: GpuDevice, options: GpuOptions) -> Result<Self> {
         let (raster, tile_rows_px) = variants(&device, &options);
-        let pipelines = device.pipelines(&raster.and_all_others(), tile_flags(tile_rows_px))?;
+        let pipelines = device.pipelines(&raster.without_geometry(), tile_flags(tile_rows_px))?;
         let passes = sort::sort_passes();
         let mut resources = Resources::new(
             device.uniforms("steps", BATCH as u64)?,
@@ -133,7 +133,7 @@ impl GpuBackend {
         let (raster, tile_rows_px) = variants(&self.device, &options);
         // The height of tiles is compiled into most of them: another height keeps none.
         let keeps = tile_rows_px == self.tile_rows_px;
-        let mut missing = raster.and_all_others();
+        let mut missing = raster.without_geometry();
         missing.retain(|id| !keeps || !self.pipelines.contains_key(id));
         let compiled = self.device.pipelines(&missing, tile_flags(tile_rows_px))?;
         if !keeps {

@@ -414,7 +414,7 @@ fn layout_entries(kernel: &Kernel) -> Vec<wgpu::BindGroupLayoutEntry> {
     for (binding, Binding { writes, .. }) in (1..).zip(kernel.bindings) {
         entries.push(entry(binding, wgpu::BufferBindingType::Storage { read_only: !writes }, None));
     }
-    if kernel.has_sort_pass {
+    if kernel.has_sort_pass() {
         entries.push(entry(SORT_PASS_BINDING, uniform, Some(size_of::<SortPass>() as u64)));
     }
     entries

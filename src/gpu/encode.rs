@@ -48,7 +48,7 @@ pub(super) fn encode(
         let offsets = [dispatch.offsets.step, dispatch.offsets.sort_pass];
         let group = resources.group(device, dispatch.kernel, pipeline, dispatch.swapped);
         pass.set_pipeline(&pipeline.pipeline);
-        pass.set_bind_group(0, group, &offsets[..1 + usize::from(kernel.has_sort_pass)]);
+        pass.set_bind_group(0, group, &offsets[..1 + usize::from(kernel.has_sort_pass())]);
         if kernel.is_direct() {
             pass.dispatch_workgroups(1, 1, 1);
         } else {

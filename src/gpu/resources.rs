@@ -107,7 +107,7 @@ impl Resources {
             let name = if swapped { bound.buffer.swapped() } else { bound.buffer };
             entries.push(wgpu::BindGroupEntry { binding, resource: self.buffer(name).as_entire_binding() });
         }
-        if kernel.has_sort_pass {
+        if kernel.has_sort_pass() {
             entries.push(uniform(SORT_PASS_BINDING, &self.sort_passes, size_of::<SortPass>()));
         }
         device.device.create_bind_group(&wgpu::BindGroupDescriptor {

@@ -67,7 +67,7 @@ impl GpuBackend {
 
     /// Compiles what depths and normals need, the first time.
     pub(super) fn compile_geometry(&mut self, training: bool) -> Result<()> {
-        let mut missing = self.raster.geometry(training);
+        let mut missing = self.raster.geometry_only(training);
         missing.retain(|id| !self.pipelines.contains_key(id));
         if !missing.is_empty() {
             let compiled = self.device.pipelines(&missing, tile_flags(self.tile_rows_px))?;

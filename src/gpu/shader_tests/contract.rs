@@ -113,7 +113,7 @@ fn check_bindings(parsed: &Parsed, kernel: &Kernel) -> Vec<String> {
     for (binding, bound) in (1..).zip(kernel.bindings) {
         expected.insert(binding, (bound.name.into(), if bound.writes { "read_write" } else { "read" }));
     }
-    if kernel.has_sort_pass {
+    if kernel.has_sort_pass() {
         expected.insert(SORT_PASS_BINDING, ("sort_pass".into(), "uniform SortPass"));
     }
     let mut wrong = Vec::new();
