@@ -9,7 +9,7 @@ pub use crate::model::LearningRates;
 use crate::model::{AdamState, Model};
 use crate::{Error, Result};
 pub use limits::{DeviceLimits, SceneShape};
-pub use plan::{Grid, MapChange, SplatEdit, DensityPlan};
+pub use plan::{DensityPlan, Grid, MapChange, SplatEdit};
 use serde::{Deserialize, Serialize};
 
 /// A photo as the optimisation sees it: display space, composited, at the size that is rendered.

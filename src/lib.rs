@@ -13,15 +13,15 @@ pub mod cpu;
 pub mod dataset;
 mod error;
 pub mod eval;
+pub mod frequency;
 #[cfg(feature = "gpu")]
 pub mod gpu;
-pub mod model;
 pub mod image;
+pub mod model;
 pub mod reference;
 mod report;
 pub mod results;
 pub mod sample;
-pub mod frequency;
 pub mod selftest;
 pub mod train;
 pub mod views;

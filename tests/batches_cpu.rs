@@ -6,8 +6,8 @@ mod common;
 
 use common::training::{MemoryViews, config, damaged, photos, scene};
 use litetex_gs::backend::{
-    Backend, DeviceInfo, DeviceLimits, RenderOptions, RenderedImage, SceneShape, StepReport, StepRequest,
-    DensityPlan, WindowStatistics,
+    Backend, DensityPlan, DeviceInfo, DeviceLimits, RenderOptions, RenderedImage, SceneShape, StepReport,
+    StepRequest, WindowStatistics,
 };
 use litetex_gs::camera::Camera;
 use litetex_gs::cpu::CpuBackend;

@@ -8,9 +8,9 @@ use common::gpu::backend;
 use litetex_gs::backend::{Backend, LearningRates, LossWeights, StepReport, StepRequest};
 use litetex_gs::gpu::{GpuBackend, GpuOptions};
 use litetex_gs::model::{AdamState, Model};
-use litetex_gs::selftest::{Scene, SceneOptions, random_scene};
+use litetex_gs::selftest::{RandomScene, SceneOptions, random_scene};
 
-fn scene(map_sizes: Vec<(u16, u16)>) -> Scene {
+fn scene(map_sizes: Vec<(u16, u16)>) -> RandomScene {
     random_scene(&SceneOptions {
         num_splats: 200,
         width_px: 64,
@@ -24,7 +24,7 @@ fn scene(map_sizes: Vec<(u16, u16)>) -> Scene {
 
 fn run(
     backend: &mut GpuBackend,
-    scene: &Scene,
+    scene: &RandomScene,
     options: GpuOptions,
     steps: u32,
 ) -> (Model, AdamState, Vec<StepReport>) {

@@ -7,9 +7,9 @@ use litetex_gs::backend::Backend as _;
 use litetex_gs::cpu::CpuBackend;
 use litetex_gs::model::AdamState;
 use litetex_gs::reference::{AlphaCutoff, ColourGradient, Params, Settings, hit, pixel_bounds, project};
-use litetex_gs::selftest::{Scene, SceneOptions, random_scene};
+use litetex_gs::selftest::{RandomScene, SceneOptions, random_scene};
 
-fn settings(scene: &Scene) -> Settings {
+fn settings(scene: &RandomScene) -> Settings {
     Settings {
         cutoff: AlphaCutoff::Hard,
         colour_gradient: ColourGradient::Strict,
@@ -72,11 +72,7 @@ fn no_pixel_outside_its_bounds() {
         ),
         ("tiny", 400, SceneOptions { scales: (1e-4, 0.01), seed: 3, ..base.clone() }),
         ("needles", 80, SceneOptions { scales: (1e-4, 2.0), seed: 4, ..base.clone() }),
-        (
-            "wide image",
-            16,
-            SceneOptions { width_px: 1500, height_px: 37, num_splats: 150, seed: 5, ..base },
-        ),
+        ("wide image", 16, SceneOptions { width_px: 1500, height_px: 37, num_splats: 150, seed: 5, ..base }),
     ];
     for (name, limit, options) in cases {
         let out = check(&options);

@@ -10,7 +10,7 @@ use common::whole::{Outcome, config, is_all_done, run_on, same, start};
 use litetex_gs::backend::{Backend as _, StepRequest, WindowStatistics};
 use litetex_gs::cpu::CpuBackend;
 use litetex_gs::model::{AdamState, LearningRates, Model, TexturePool, num_params};
-use litetex_gs::train::density::{Budget, Life, Spending, StatisticsSource, DensityConfig};
+use litetex_gs::train::density::{Budget, DensityConfig, Life, Spending, StatisticsSource};
 use litetex_gs::train::{Policy, Schedule, TrainConfig, TrainState};
 use litetex_gs::views::{Split, ViewSource as _};
 

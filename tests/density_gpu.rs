@@ -11,7 +11,7 @@ use common::whole::{Outcome, config, is_all_done, large_photos, run_on, same, st
 use litetex_gs::backend::{Backend, WindowStatistics};
 use litetex_gs::camera::Camera;
 use litetex_gs::cpu::CpuBackend;
-use litetex_gs::gpu::{GpuOptions, Limits};
+use litetex_gs::gpu::{GpuOptions, LimitChoice};
 use litetex_gs::train::density::{Budget, Components, Life, MapRule, Revision, Situation, decide};
 use litetex_gs::train::{Policy, TrainState};
 
@@ -91,7 +91,7 @@ fn both_backends_decide_alike_and_make_the_same_of_it_on_every_driver() {
     let made = applied(&mut cpu, &flushed, plan);
     for driver in drivers() {
         println!("{}", driver.name);
-        let mut gpu = open(&driver, Limits::Downlevel, GpuOptions::default());
+        let mut gpu = open(&driver, LimitChoice::Downlevel, GpuOptions::default());
         let found = on(&mut gpu, &before.window);
         assert!(found.plan == expected.plan && found.lives == expected.lives && found.counts == counts);
         assert!(agree(plan, &applied(&mut gpu, &flushed, plan), &made), "{}", driver.name);

@@ -10,7 +10,7 @@ use litetex_gs::model::SplatGroup;
 use litetex_gs::reference::{
     AlphaCutoff, ColourGradient, Params, Settings, gradients, gradients_at, hit, project,
 };
-use litetex_gs::selftest::{Scene, SceneOptions, random_scene};
+use litetex_gs::selftest::{RandomScene, SceneOptions, random_scene};
 
 const WEIGHTS: LossWeights = LossWeights {
     l1: 0.8,
@@ -30,7 +30,7 @@ const TOLERANCE_NEAR: f64 = 5e-4;
 /// One kind more than the groups of splats: texels.
 const NUM_KINDS: usize = 6;
 
-fn settings(scene: &Scene) -> Settings {
+fn settings(scene: &RandomScene) -> Settings {
     Settings {
         cutoff: AlphaCutoff::Smooth,
         colour_gradient: ColourGradient::Strict,
@@ -85,7 +85,7 @@ impl Outcome {
 }
 
 /// Compares all kinds; the analytic derivatives of kind `spoilt` are off by a thousandth.
-fn check(scene: &Scene, settings: &Settings, spoilt: Option<usize>) -> Vec<Outcome> {
+fn check(scene: &RandomScene, settings: &Settings, spoilt: Option<usize>) -> Vec<Outcome> {
     let params = Params::from_model(&scene.model);
     // The depth map's normals are constants to the derivative; here they are made up and differ everywhere.
     let normal =
@@ -140,7 +140,7 @@ fn a_wrong_gradient_of_any_kind_is_noticed() {
 }
 
 /// Turns splat 0 until it is seen under two degrees and puts it in the middle of the image.
-fn turn_edge_on(scene: &mut Scene) {
+fn turn_edge_on(scene: &mut RandomScene) {
     let local_from_camera = scene.camera.camera_from_local.inverse();
     let pinhole = scene.camera.pinhole;
     let ray = pinhole.direction_in_camera(DVec2::new(12.3, 9.8));

@@ -8,16 +8,16 @@ use common::gpu::{drivers, open};
 use common::training::{MemoryViews, config, damaged, photos, scene_options};
 use litetex_gs::Error;
 use litetex_gs::backend::{Backend as _, SceneShape};
-use litetex_gs::gpu::{GpuOptions, Limits};
-use litetex_gs::selftest::{Scene, SceneOptions, random_scene};
+use litetex_gs::gpu::{GpuOptions, LimitChoice};
+use litetex_gs::selftest::{RandomScene, SceneOptions, random_scene};
 use litetex_gs::train::density::Budget;
 use litetex_gs::train::{Control, Policy, TrainConfig, TrainEvent, TrainState, train};
 
 /// Buffers of 120,000 bytes: 1,363 splats of 22 floats, 7,500 texels of 16 bytes, 3,333 pixels of 36 bytes.
-const SMALL: Limits = Limits::Buffers(120_000);
+const SMALL: LimitChoice = LimitChoice::Buffers(120_000);
 
 /// Half the splats of the common scene, about half as wide: room to grow.
-fn scene() -> Scene {
+fn scene() -> RandomScene {
     random_scene(&SceneOptions { num_splats: 150, scales: (0.03, 0.1), ..scene_options() })
 }
 
@@ -33,8 +33,8 @@ fn growing() -> TrainConfig {
 /// What became of a run: the largest model after any density-control step, or the error; and the events until then.
 fn run(
     config: &TrainConfig,
-    limits: Limits,
-    scene: &Scene,
+    limits: LimitChoice,
+    scene: &RandomScene,
     views: &MemoryViews,
 ) -> Option<(Result<[usize; 2], Error>, usize)> {
     let driver = drivers().into_iter().next()?;
@@ -56,7 +56,7 @@ fn run(
 fn what_does_not_fit_is_refused_before_the_first_step() {
     let (scene, config) = (scene(), growing());
     let views = photos(&scene);
-    let fits = |config: &TrainConfig, views: &MemoryViews, scene: &Scene, parts: &[&str]| {
+    let fits = |config: &TrainConfig, views: &MemoryViews, scene: &RandomScene, parts: &[&str]| {
         let Some((outcome, events)) = run(config, SMALL, scene, views) else { return };
         let error = outcome.unwrap_err();
         let text = error.to_string();
@@ -96,7 +96,7 @@ fn growth_stops_at_what_the_device_holds() {
     let views = photos(&scene);
     let Some((small, _)) = run(&config, SMALL, &scene, &views) else { return };
     let [_, texels] = small.unwrap();
-    let Some((plenty, _)) = run(&config, Limits::Downlevel, &scene, &views) else { return };
+    let Some((plenty, _)) = run(&config, LimitChoice::Downlevel, &scene, &views) else { return };
     let [_, wanted] = plenty.unwrap();
     println!("{texels} texels on a device of 7,500, else {wanted}");
     assert!(texels <= 7_500 && texels > 6_000, "{texels}");

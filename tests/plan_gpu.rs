@@ -8,14 +8,14 @@ use common::gpu::{backend, drivers_and_limits, open};
 use common::plans::{State, agree, applied, keep};
 use common::steps::{differences, plan, requests, scene, views};
 use litetex_gs::Error;
-use litetex_gs::backend::{Backend, Grid, MapChange, DensityPlan, WindowStatistics};
+use litetex_gs::backend::{Backend, DensityPlan, Grid, MapChange, WindowStatistics};
 use litetex_gs::cpu::CpuBackend;
-use litetex_gs::gpu::{AdapterChoice, GpuOptions, Limits};
+use litetex_gs::gpu::{AdapterChoice, GpuOptions, LimitChoice};
 use litetex_gs::model::{AdamState, SplatGroup};
-use litetex_gs::selftest::Scene;
+use litetex_gs::selftest::RandomScene;
 
 /// After three steps, and nothing lags behind: what a plan makes of it owes nothing to the updates.
-fn flushed(scene: &Scene) -> State {
+fn flushed(scene: &RandomScene) -> State {
     let mut cpu = CpuBackend::new(Some(2)).unwrap();
     cpu.upload(&scene.model, &AdamState::zeros(&scene.model)).unwrap();
     cpu.steps(&requests(&views(scene), 1..=3)).unwrap();
@@ -72,7 +72,7 @@ fn the_new_structure_is_trained_on_as_on_the_cpu_on_every_driver() {
     drivers_and_limits().iter().for_each(|(driver, limits)| is_trained_on_as_on_the_cpu(driver, *limits));
 }
 
-fn is_trained_on_as_on_the_cpu(driver: &AdapterChoice, limits: Limits) {
+fn is_trained_on_as_on_the_cpu(driver: &AdapterChoice, limits: LimitChoice) {
     let scene = scene(10);
     let start = flushed(&scene);
     let views = views(&scene);
@@ -124,7 +124,7 @@ fn edits_end_the_momentum_and_only_that() {
 #[test]
 fn a_plan_that_does_not_fit_changes_nothing() {
     for (driver, limits) in drivers_and_limits().into_iter().take(1) {
-        assert_eq!(limits, Limits::Downlevel);
+        assert_eq!(limits, LimitChoice::Downlevel);
         let mut gpu = open(&driver, limits, GpuOptions::default());
         let scene = scene(12);
         let n = scene.model.num_splats();

@@ -29,7 +29,7 @@ fn odd_image_sizes_are_rendered() {
     poison::odd_image_sizes_are_rendered(&mut backend);
 }
 
-fn request<'a>(scene: &'a litetex_gs::selftest::Scene, target: &'a TargetImage) -> StepRequest<'a> {
+fn request<'a>(scene: &'a litetex_gs::selftest::RandomScene, target: &'a TargetImage) -> StepRequest<'a> {
     StepRequest {
         step: 1,
         camera: scene.camera,

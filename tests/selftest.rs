@@ -3,8 +3,8 @@
 
 use litetex_gs::Result;
 use litetex_gs::backend::{
-    Backend, DeviceInfo, DeviceLimits, RenderOptions, RenderedImage, SceneShape, StepReport, StepRequest,
-    DensityPlan, WindowStatistics,
+    Backend, DensityPlan, DeviceInfo, DeviceLimits, RenderOptions, RenderedImage, SceneShape, StepReport,
+    StepRequest, WindowStatistics,
 };
 use litetex_gs::camera::Camera;
 use litetex_gs::cpu::CpuBackend;

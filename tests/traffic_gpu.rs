@@ -10,7 +10,7 @@ use litetex_gs::backend::{LearningRates, LossWeights, StepRequest};
 use litetex_gs::camera::Camera;
 use litetex_gs::gpu::bench::{CountFigures, count};
 use litetex_gs::gpu::{GpuBackend, GpuOptions};
-use litetex_gs::selftest::{Scene, SceneOptions, random_scene};
+use litetex_gs::selftest::{RandomScene, SceneOptions, random_scene};
 
 /// Bytes over the floor, at most: needed 1.20 with large maps.
 const TRAFFIC: f64 = 1.3;
@@ -21,7 +21,7 @@ const EVALUATED: f64 = 1.6;
 const EDGES: [f64; 2] = [2.3, 1.85];
 
 /// Splats of a few pixels, as trained scenes have them.
-fn scene(scales: (f64, f64), map_sizes: Vec<(u16, u16)>) -> Scene {
+fn scene(scales: (f64, f64), map_sizes: Vec<(u16, u16)>) -> RandomScene {
     random_scene(&SceneOptions {
         num_splats: 6_000,
         width_px: 360,
@@ -35,7 +35,7 @@ fn scene(scales: (f64, f64), map_sizes: Vec<(u16, u16)>) -> Scene {
 /// Counts steps that see these cameras in turn.
 fn counted(
     backend: &mut GpuBackend,
-    scene: &Scene,
+    scene: &RandomScene,
     cameras: &[Camera],
     steps: u32,
     hardware_kernels: bool,

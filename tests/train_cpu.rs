@@ -5,14 +5,14 @@ mod common;
 
 use common::training::{BLACK, MemoryViews, config, damaged, photos, scene, scene_options, uploaded};
 use litetex_gs::backend::{
-    Backend as _, Grid, LearningRates, LossWeights, MapChange, RenderOptions, StepRequest, DensityPlan,
+    Backend as _, DensityPlan, Grid, LearningRates, LossWeights, MapChange, RenderOptions, StepRequest,
     TargetImage, WindowStatistics,
 };
 use litetex_gs::camera::Camera;
 use litetex_gs::constants::SH_0;
 use litetex_gs::cpu::CpuBackend;
 use litetex_gs::model::{TextureMap, TexturePool, texel_value};
-use litetex_gs::selftest::{Scene, SceneOptions, random_scene};
+use litetex_gs::selftest::{RandomScene, SceneOptions, random_scene};
 use litetex_gs::train::{Control, StopReason, TrainConfig, TrainEvent, TrainState, train};
 use litetex_gs::views::{Split, ViewSource};
 use litetex_gs::{Error, Result};
@@ -251,7 +251,7 @@ fn plans_gather_and_resample() {
 }
 
 /// Images of the model before and after a change of all maps.
-fn images_around(scene: &Scene, change: impl Fn(&TextureMap) -> MapChange) -> [Vec<f32>; 2] {
+fn images_around(scene: &RandomScene, change: impl Fn(&TextureMap) -> MapChange) -> [Vec<f32>; 2] {
     let mut backend = uploaded(&scene.model);
     let before = backend.render(&scene.camera, &BLACK).unwrap();
     let maps = &scene.model.textures.maps;
@@ -265,7 +265,7 @@ fn images_around(scene: &Scene, change: impl Fn(&TextureMap) -> MapChange) -> [V
 }
 
 /// Largest difference between them.
-fn difference_by(scene: &Scene, change: impl Fn(&TextureMap) -> MapChange) -> f32 {
+fn difference_by(scene: &RandomScene, change: impl Fn(&TextureMap) -> MapChange) -> f32 {
     let [before, after] = images_around(scene, change);
     let difference = |(a, b): (&f32, &f32)| (a - b).abs();
     before.iter().zip(&after).map(difference).fold(0.0, f32::max)
@@ -331,7 +331,7 @@ fn doubled(first: i32) -> impl Fn(&TextureMap) -> MapChange {
 /// 2 d (x - 1/4) in between. Both differ by |d| / 4 at most, at 1/4 and 3/4. Beyond the edge stand zeros,
 /// before and after: they are neighbours as any other. Along both axes, bilinear sampling is one after the
 /// other, and each is a mean, which enlarges no difference: the sum of the bounds of both.
-fn doubling_bound(scene: &Scene, map: &TextureMap, channel: usize) -> f64 {
+fn doubling_bound(scene: &RandomScene, map: &TextureMap, channel: usize) -> f64 {
     let (rows, cols) = (i32::from(map.rows), i32::from(map.cols));
     let texels = &scene.model.textures.texels[map.floats()];
     let value = |row: i32, col: i32| {

@@ -10,17 +10,17 @@ use litetex_gs::backend::{Backend, LossWeights, RenderOptions, StepReport, StepR
 use litetex_gs::cpu::CpuBackend;
 use litetex_gs::gpu::{AdapterChoice, GpuBackend, GpuOptions, Limits};
 use litetex_gs::model::{AdamState, Model};
-use litetex_gs::selftest::Scene;
+use litetex_gs::selftest::RandomScene;
 
 type Trained = (Model, AdamState, Vec<StepReport>);
 
-fn trained(backend: &mut dyn Backend, scene: &Scene, steps: u32) -> Trained {
+fn trained(backend: &mut dyn Backend, scene: &RandomScene, steps: u32) -> Trained {
     let views = views(scene);
     let requests = requests(&views, 1..=steps);
     trained_with(backend, scene, &requests)
 }
 
-fn trained_with(backend: &mut dyn Backend, scene: &Scene, requests: &[StepRequest<'_>]) -> Trained {
+fn trained_with(backend: &mut dyn Backend, scene: &RandomScene, requests: &[StepRequest<'_>]) -> Trained {
     backend.upload(&scene.model, &AdamState::zeros(&scene.model)).unwrap();
     let reports = backend.steps(requests).unwrap();
     let (model, adam) = backend.read_back().unwrap();

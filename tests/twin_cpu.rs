@@ -7,12 +7,12 @@ use common::twin::{
     Observed, WEIGHTS, agree, observe, reference, scenes, texels_flush_at_the_rate_of_their_map,
 };
 use litetex_gs::cpu::{CpuBackend, SimdLevel};
-use litetex_gs::selftest::{Scene, SceneOptions, random_scene};
+use litetex_gs::selftest::{RandomScene, SceneOptions, random_scene};
 
 /// Limit of the texels' gradients, rms over that of the reference: needed 6e-4.
 const TEXEL_RMS: f64 = 1e-3;
 
-fn cpu(scene: &Scene, threads: usize) -> Observed {
+fn cpu(scene: &RandomScene, threads: usize) -> Observed {
     observe(&mut CpuBackend::new(Some(threads)).unwrap(), scene, &WEIGHTS)
 }
 

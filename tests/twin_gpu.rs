@@ -13,7 +13,7 @@ use common::twin::{
 use litetex_gs::backend::{Backend as _, LearningRates, LossWeights, RenderOptions, StepRequest};
 use litetex_gs::gpu::{GpuBackend, GpuOptions};
 use litetex_gs::model::AdamState;
-use litetex_gs::selftest::{Scene, SceneOptions, random_scene};
+use litetex_gs::selftest::{RandomScene, SceneOptions, random_scene};
 
 /// Limit of the texels' gradients, rms over that of the reference.
 const TEXEL_RMS: f64 = 2e-4; // needed 6.9e-5 on lavapipe and SwiftShader, with maps finer than pixels
@@ -85,7 +85,7 @@ fn a_small_change_of_the_scene_is_noticed() {
 }
 
 /// An opaque scene, in which pixels have surfaces, and one near the camera, whose photo has a mask.
-fn surfaces() -> [Scene; 2] {
+fn surfaces() -> [RandomScene; 2] {
     let mut scenes = [(scenes().swap_remove(1), 700), (scenes().swap_remove(4), 200)]
         .map(|(options, num_splats)| random_scene(&SceneOptions { num_splats, ..options }));
     let num_pixels = scenes[1].camera.pinhole.num_pixels();
@@ -123,7 +123,7 @@ fn terms_match(hardware: bool, without: &LossWeights) {
 }
 
 /// Depth and normals of an image against the reference: needed 4.3e-5 of the largest, no pixel beyond.
-fn images_agree(backend: &mut GpuBackend, scene: &Scene, moved: f32) -> bool {
+fn images_agree(backend: &mut GpuBackend, scene: &RandomScene, moved: f32) -> bool {
     let expected = reference(scene, &NO_GEOMETRY).image;
     let mut model = scene.model.clone();
     model.splats.positions.chunks_exact_mut(3).for_each(|p| p[2] += moved);

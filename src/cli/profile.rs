@@ -3,7 +3,7 @@
 
 use litetex_gs::backend::LossWeights;
 use litetex_gs::frequency::{CapRule, FrequencyOptions};
-use litetex_gs::train::density::{ErrorMeasure, GrowthMoments, Spending, SplitProfile, DensityConfig};
+use litetex_gs::train::density::{DensityConfig, ErrorMeasure, GrowthMoments, Spending, SplitProfile};
 use litetex_gs::train::{Policy, TrainConfig};
 use serde::{Deserialize, Serialize};
 
@@ -39,8 +39,7 @@ impl Profile {
 
     /// Writes its settings over `config`: whatever a profile decides is as in the profile afterwards.
     pub fn apply(self, config: &mut TrainConfig) {
-        let TrainConfig { policy, components, density, scheduler, loss, rates, .. } =
-            TrainConfig::default();
+        let TrainConfig { policy, components, density, scheduler, loss, rates, .. } = TrainConfig::default();
         *config = TrainConfig { policy, components, density, scheduler, loss, rates, ..config.clone() };
         if matches!(self, Self::Paper | Self::Authors | Self::Cat) {
             config.rates.position_random = config.rates.position;
@@ -72,8 +71,11 @@ impl Profile {
                     patience_steps: 0,
                     ..paper()
                 };
-                config.scheduler =
-                    FrequencyOptions { cap_rule: CapRule::Authors, quantile: 0.0, ..FrequencyOptions::paper() };
+                config.scheduler = FrequencyOptions {
+                    cap_rule: CapRule::Authors,
+                    quantile: 0.0,
+                    ..FrequencyOptions::paper()
+                };
                 config.loss = LossWeights { mse: 0.03, ..LossWeights::PUBLISHED };
             }
             Self::Cat => {

@@ -9,7 +9,7 @@ use super::table::{Columns, Table, print_json};
 use super::values::{format_count, format_duration};
 use litetex_gs::atomic_file;
 use litetex_gs::clock::process_cpu_secs;
-use litetex_gs::frequency::{FrequencySchedule, FrequencyOptions};
+use litetex_gs::frequency::{FrequencyOptions, FrequencySchedule};
 use litetex_gs::train::{Schedule, TrainConfig};
 use litetex_gs::views::{Split, ViewSource};
 use litetex_gs::{Error, Result};

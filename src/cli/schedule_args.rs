@@ -1,7 +1,7 @@
 //! Options of the frequency scheduler, as typed.
 
 use super::capture_args::set;
-use litetex_gs::frequency::{CapRule, ScaleRule, FrequencyOptions};
+use litetex_gs::frequency::{CapRule, FrequencyOptions, ScaleRule};
 
 /// Flags of the scheduler; what is not given stays as the configuration file or the default says.
 #[derive(clap::Args, Clone, Debug, Default)]

@@ -218,11 +218,7 @@ pub fn judge(
 }
 
 /// Mean PSNR of images on the photos that were trained on, and on those held out; dB.
-fn on_photos(
-    capture: &Capture,
-    views: &[AssetCamera],
-    images: &[RenderedImage],
-) -> Result<[Option<f64>; 2]> {
+fn on_photos(capture: &Capture, views: &[AssetCamera], images: &[RenderedImage]) -> Result<[Option<f64>; 2]> {
     let mut psnrs = [Vec::new(), Vec::new()];
     for (view, image) in views.iter().zip(images) {
         let index = (0..capture.num_views()).find(|&v| capture.name(v) == view.name);

@@ -2,13 +2,13 @@
 
 use super::maps::{Outside, regrid, resample};
 use crate::Result;
-use crate::backend::{MapChange, SplatEdit, DensityPlan};
+use crate::backend::{DensityPlan, MapChange, SplatEdit};
 use crate::model::{AdamState, Model, SplatArrays, SplatGroup, TextureMap, TexturePool};
 use rayon::prelude::*;
 
 /// Which array of the texels is changed.
 #[derive(Clone, Copy)]
-enum Texels {
+enum TexelArray {
     Values,
     FirstMoments,
     SecondMoments,
@@ -18,11 +18,7 @@ enum Texels {
 ///
 /// # Errors
 /// As [`TexturePool::neutral`].
-pub(super) fn apply_plan(
-    model: &Model,
-    adam: &AdamState,
-    plan: &DensityPlan,
-) -> Result<(Model, AdamState)> {
+pub(super) fn apply_plan(model: &Model, adam: &AdamState, plan: &DensityPlan) -> Result<(Model, AdamState)> {
     let gather = |arrays: &SplatArrays| arrays.gathered(&plan.sources);
     let old = &model.textures.maps;
     let extents = plan.sources.iter().zip(&plan.maps).map(|(&s, change)| match *change {
@@ -36,7 +32,7 @@ pub(super) fn apply_plan(
         }
     });
     let mut textures = TexturePool::neutral(extents)?;
-    let change_all = |from: &[f32], which: Texels| -> Vec<f32> {
+    let change_all = |from: &[f32], which: TexelArray| -> Vec<f32> {
         let parts: Vec<Vec<f32>> = plan
             .sources
             .par_iter()
@@ -50,9 +46,9 @@ pub(super) fn apply_plan(
             .collect();
         parts.concat()
     };
-    let texels = change_all(&model.textures.texels, Texels::Values);
-    let texels_m = change_all(&adam.texels_m, Texels::FirstMoments);
-    let texels_v = change_all(&adam.texels_v, Texels::SecondMoments);
+    let texels = change_all(&model.textures.texels, TexelArray::Values);
+    let texels_m = change_all(&adam.texels_m, TexelArray::FirstMoments);
+    let texels_v = change_all(&adam.texels_v, TexelArray::SecondMoments);
     textures.texels = texels;
     let mut adam = AdamState {
         splats_m: gather(&adam.splats_m),
@@ -68,7 +64,13 @@ pub(super) fn apply_plan(
 }
 
 /// One array of one map after its change.
-fn changed(old: &TextureMap, from: &[f32], new: &TextureMap, change: &MapChange, which: Texels) -> Vec<f32> {
+fn changed(
+    old: &TextureMap,
+    from: &[f32],
+    new: &TextureMap,
+    change: &MapChange,
+    which: TexelArray,
+) -> Vec<f32> {
     let (mut out, moment_scale) = match *change {
         MapChange::Keep => return from.to_vec(),
         MapChange::Resample { shift_texels, moment_scale, .. } => {
@@ -76,16 +78,16 @@ fn changed(old: &TextureMap, from: &[f32], new: &TextureMap, change: &MapChange,
         }
         MapChange::Regrid { grid, first_row, first_col, moment_scale, .. } => {
             let outside = match which {
-                Texels::Values | Texels::FirstMoments => Outside::Zero,
-                Texels::SecondMoments => Outside::Nearest,
+                TexelArray::Values | TexelArray::FirstMoments => Outside::Zero,
+                TexelArray::SecondMoments => Outside::Nearest,
             };
             (regrid(old, from, new, grid, [first_row, first_col], outside), moment_scale)
         }
     };
     let factor = match which {
-        Texels::Values => return out,
-        Texels::FirstMoments => moment_scale[0],
-        Texels::SecondMoments => moment_scale[1],
+        TexelArray::Values => return out,
+        TexelArray::FirstMoments => moment_scale[0],
+        TexelArray::SecondMoments => moment_scale[1],
     };
     out.iter_mut().for_each(|value| *value *= factor);
     out

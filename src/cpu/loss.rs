@@ -46,14 +46,7 @@ pub(super) fn image_loss(
     let mut sums = [0.0_f64; 3];
     for channel in 0..3 {
         load_target(buffers, target, channel);
-        blur_rows(
-            level,
-            &buffers.image[channel],
-            &buffers.target[channel],
-            &mut buffers.blurred,
-            w,
-            &window,
-        );
+        blur_rows(level, &buffers.image[channel], &buffers.target[channel], &mut buffers.blurred, w, &window);
         let scale = weights.dssim / count;
         let ssim_sum = ssim_rows(level, buffers, w, &window, scale);
         sums[1] +=

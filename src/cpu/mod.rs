@@ -5,20 +5,20 @@
 //! are taken per splat in the order of the tiles.
 
 mod adam;
+mod apply_plan;
 mod backend;
+mod block;
 mod bounds;
-mod frame;
 mod geometry;
 mod loss;
 mod maps;
 mod math;
+mod pipeline;
 mod project;
 mod project_bwd;
 mod raster_bwd;
 mod raster_fwd;
-mod shape;
 mod simd;
-mod apply_plan;
 mod tiles;
 mod update;
 

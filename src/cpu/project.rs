@@ -83,7 +83,7 @@ impl ProjectedSplat {
 pub(super) struct MapView {
     pub rows: i32,
     pub cols: i32,
-    /// First float of the map's activated texels in the frame's pool, `[rows, cols, 3]`.
+    /// First float of the map's activated texels in the view's pool, `[rows, cols, 3]`.
     pub first: u32,
     /// Texels per standard deviation along u and v.
     pub texels_per_sigma: [f32; 2],

@@ -1,12 +1,12 @@
 //! Forward rasterisation of one tile (twin: `reference/raster_fwd.rs`): splats outside, front to back;
 //! blocks of pixels inside.
 
-use super::math::{LANES, Lanes};
-use super::project::ProjectedSplat;
-use super::shape::{
-    BLOCK_COLS, BlockHit, Shape, block_at, block_taps, clamped_alpha, element_of, residual, splat_rgb,
+use super::block::{
+    BLOCK_COLS, BlockHit, SplatInTile, block_at, block_taps, clamped_alpha, element_of, residual, splat_rgb,
     strip_span, strips,
 };
+use super::math::{LANES, Lanes};
+use super::project::ProjectedSplat;
 use super::tiles::{Pair, TILE_PIXELS, TILE_PX};
 use crate::backend::RasterCounters;
 use crate::constants::TRANSMITTANCE_MIN;
@@ -60,7 +60,7 @@ impl Default for TileGeometry {
 /// What a tile's kernels read.
 pub(super) struct TileInput<'a> {
     pub splats: &'a [ProjectedSplat],
-    /// Activated texels of the frame.
+    /// Activated texels of the pipeline.
     pub texels: &'a [f32],
     pub pairs: &'a [Pair],
     pub origin_px: [i32; 2],
@@ -108,7 +108,7 @@ pub(super) fn raster_fwd<S: Simd, const COUNT: bool>(
             break;
         }
         let splat = &input.splats[pair.splat as usize];
-        let shape = Shape::new(splat, input.origin_px, input.near);
+        let in_tile = SplatInTile::new(splat, input.origin_px, input.near);
         let texels = &input.texels[splat.map.first as usize..];
         let (strip0, strip1) = strips(splat, input.origin_px);
         for strip in strip0..strip1 {
@@ -119,7 +119,7 @@ pub(super) fn raster_fwd<S: Simd, const COUNT: bool>(
                     continue;
                 }
                 let at = block_at(strip, col)..block_at(strip, col) + LANES;
-                let hit = shape.hit(simd, strip, col);
+                let hit = in_tile.hit(simd, strip, col);
                 if COUNT {
                     counters.evaluated_pairs += LANES as u64;
                     counters.inside_pairs += u64::from(hit.inside.to_bitmask().count_ones());

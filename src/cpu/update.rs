@@ -16,27 +16,27 @@ use rayon::prelude::*;
 const CHUNK: usize = 256;
 
 /// Parameter, first and second moment of one group for a chunk.
-type Triple<'a> = [&'a mut [f32]; 3];
+type WithMoments<'a> = [&'a mut [f32]; 3];
 
 /// A chunk's exclusive view of model, moments and statistics.
-struct Chunk<'a> {
+struct SplatChunk<'a> {
     first: usize,
-    groups: [Triple<'a>; 5],
-    texels: Triple<'a>,
+    groups: [WithMoments<'a>; 5],
+    texels: WithMoments<'a>,
     last_step: &'a mut [u32],
     statistics: Option<[&'a mut [f32]; 3]>,
     seen: Option<&'a mut [u32]>,
 }
 
 /// Splits everything into chunks of splats.
-fn chunks<'a>(
+fn split_chunks<'a>(
     groups: [[&'a mut Vec<f32>; 3]; 5],
     texels: [&'a mut Vec<f32>; 3],
     last_step: &'a mut Vec<u32>,
     statistics: Option<&'a mut WindowStatistics>,
     maps: &[TextureMap],
     sh_degree: u32,
-) -> Vec<Chunk<'a>> {
+) -> Vec<SplatChunk<'a>> {
     let n = last_step.len();
     let mut groups = groups.map(|g| g.map(|v| v.as_mut_slice()));
     let mut texels = texels.map(|v| v.as_mut_slice());
@@ -59,7 +59,7 @@ fn chunks<'a>(
         let Ok(taken) = taken.try_into() else { unreachable!("five groups") };
         let (head, tail) = std::mem::take(&mut last_step).split_at_mut(len);
         last_step = tail;
-        out.push(Chunk {
+        out.push(SplatChunk {
             first,
             groups: taken,
             texels: take(&mut texels, texel_floats),
@@ -106,7 +106,7 @@ pub(super) fn flush(model: &mut Model, adam: &mut AdamState, only: Option<&[u32]
     let Model { splats, textures, .. } = model;
     let groups = triples(splats, &mut adam.splats_m, &mut adam.splats_v);
     let texels = [&mut textures.texels, &mut adam.texels_m, &mut adam.texels_v];
-    let chunks = chunks(groups, texels, &mut adam.last_step, None, &textures.maps, sh_degree);
+    let chunks = split_chunks(groups, texels, &mut adam.last_step, None, &textures.maps, sh_degree);
     let maps = &textures.maps;
     chunks.into_par_iter().for_each(|mut chunk| {
         let base = 3 * maps[chunk.first].offset_texels as usize;
@@ -148,7 +148,7 @@ pub(super) struct UpdateInput<'a> {
     pub splats: &'a [ProjectedSplat],
     pub tiles: &'a Tiles,
     pub partials: &'a [f32],
-    /// Activated texels of the frame.
+    /// Activated texels of the pipeline.
     pub texel_values: &'a [f32],
     pub view: ViewF32,
     pub sh_degree: u32,
@@ -274,7 +274,7 @@ pub(super) fn update(
     let groups = triples(splats, &mut adam.splats_m, &mut adam.splats_v);
     let texels = [&mut textures.texels, &mut adam.texels_m, &mut adam.texels_v];
     let maps = &textures.maps;
-    let chunks = chunks(groups, texels, &mut adam.last_step, statistics, maps, sh_degree);
+    let chunks = split_chunks(groups, texels, &mut adam.last_step, statistics, maps, sh_degree);
     chunks.into_par_iter().zip(&gradients).for_each(|(mut chunk, gradients)| {
         dispatch!(input.level, simd => update_chunk(simd, &mut chunk, gradients, maps, sh_width, input));
     });
@@ -285,7 +285,7 @@ pub(super) fn update(
 #[inline(always)]
 fn update_chunk<S: Simd>(
     _simd: S,
-    chunk: &mut Chunk<'_>,
+    chunk: &mut SplatChunk<'_>,
     gradients: &ChunkGradients,
     maps: &[TextureMap],
     sh_width: usize,

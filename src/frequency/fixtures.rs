@@ -1,6 +1,6 @@
 //! Photos with known spectra, for tests.
 
-use super::{FrequencySchedule, FrequencyOptions};
+use super::{FrequencyOptions, FrequencySchedule};
 use crate::Result;
 use crate::backend::TargetImage;
 use crate::camera::{Camera, Pinhole, RigidTransform};

@@ -16,7 +16,7 @@ mod spectrum;
 mod stages;
 
 pub use budget::SplatBudget;
-pub use options::{CapRule, ScaleRule, FrequencyOptions};
+pub use options::{CapRule, FrequencyOptions, ScaleRule};
 
 #[cfg(test)]
 mod tests;

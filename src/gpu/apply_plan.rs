@@ -8,7 +8,7 @@ use super::layout::{self, CHANGE_COARSER, CHANGE_FINER, CHANGE_RESAMPLE, CHANGE_
 use super::model_buffers::{self, filled, splat_infos, splat_stride};
 use super::uniform;
 use crate::Result;
-use crate::backend::{Grid, MapChange, SplatEdit, DensityPlan};
+use crate::backend::{DensityPlan, Grid, MapChange, SplatEdit};
 use crate::model::{AdamState, Model, SplatArrays, TextureMap, TexturePool};
 
 /// Carries out a plan that has been checked.
@@ -142,7 +142,7 @@ fn change_array(backend: &mut GpuBackend, kernels: &[KernelId], flags: u32, name
 
 fn run(backend: &mut GpuBackend, kernels: &[KernelId], flags: u32) {
     backend.arm();
-    let uniform = uniform::without_view(&backend.scene(), flags);
+    let uniform = uniform::without_view(&backend.uniform_inputs(), flags);
     let offsets = backend.set_uniform(0, &uniform);
     let dispatches: Vec<Dispatch> = kernels.iter().map(|&kernel| Dispatch::new(kernel, offsets)).collect();
     backend.submit(&dispatches);

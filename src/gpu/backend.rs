@@ -9,16 +9,16 @@ use super::layout::{DispatchArgs, FLAG_ALL_MAPS, FLAG_PERSIST, Status, StepUnifo
 use super::model_buffers::{self, splat_stride};
 use super::pace::{BATCH, Pace};
 use super::photos::PhotoPool;
-use super::resources::{Offsets, Resources};
+use super::resources::{Resources, UniformOffsets};
 use super::shader::{HALF_TILE_ROWS_PX, HALF_TILES, TILE_PX};
-use super::submission::{Promise, check_camera, check_request};
+use super::submission::{PendingStep, check_camera, check_request};
 use super::timing::Timer;
-use super::uniform::{self, Scene, needs_statistics};
-use super::view_buffers::{Capacity, Needs};
+use super::uniform::{self, UniformInputs, needs_statistics};
+use super::view_buffers::{Capacity, RequiredCapacity};
 use super::{apply_plan, geometry, limits, sort};
 use crate::backend::{
-    Backend, DeviceInfo, DeviceLimits, RenderOptions, RenderedImage, SceneShape, StepReport, StepRequest,
-    DensityPlan, WindowStatistics,
+    Backend, DensityPlan, DeviceInfo, DeviceLimits, RenderOptions, RenderedImage, SceneShape, StepReport,
+    StepRequest, WindowStatistics,
 };
 use crate::camera::{Camera, Similarity};
 use crate::model::{AdamState, Model, SplatArrays, TexturePool};
@@ -64,7 +64,7 @@ pub struct GpuBackend {
     pub(super) timer: Option<Timer>,
     pub(super) pace: Pace,
     /// Steps that were submitted and of which it is not known yet whether they were applied.
-    pub(super) in_flight: Vec<Promise>,
+    pub(super) in_flight: Vec<PendingStep>,
     /// Where the status of a submission is read. One is enough: it is read before the next is submitted.
     pub(super) staging: wgpu::Buffer,
 }
@@ -152,8 +152,8 @@ impl GpuBackend {
     }
 
     /// What all uniforms have in common now.
-    pub(super) fn scene(&self) -> Scene {
-        Scene {
+    pub(super) fn uniform_inputs(&self) -> UniformInputs {
+        UniformInputs {
             num_splats: self.shape.num_splats() as u32,
             splat_stride: splat_stride(self.shape.splats.sh_degree) as u32,
             near: self.shape.near,
@@ -174,10 +174,10 @@ impl GpuBackend {
     }
 
     /// Writes an entry of the ring of uniforms.
-    pub(super) fn set_uniform(&self, slot: usize, values: &StepUniform) -> Offsets {
+    pub(super) fn set_uniform(&self, slot: usize, values: &StepUniform) -> UniformOffsets {
         let at = slot as u64 * UNIFORM_STRIDE;
         self.device.queue.write_buffer(self.resources.steps(), at, bytemuck::bytes_of(values));
-        Offsets { step: at as u32, sort_pass: 0 }
+        UniformOffsets { step: at as u32, sort_pass: 0 }
     }
 
     /// Dispatches in an encoder that is not submitted yet.
@@ -198,7 +198,7 @@ impl GpuBackend {
     /// Writes all lagging parameters down, as of the last step.
     pub(super) fn flush_all(&mut self) {
         self.arm();
-        let uniform = uniform::without_view(&self.scene(), FLAG_PERSIST | FLAG_ALL_MAPS);
+        let uniform = uniform::without_view(&self.uniform_inputs(), FLAG_PERSIST | FLAG_ALL_MAPS);
         let offsets = self.set_uniform(0, &uniform);
         let kernels = [KernelId::FlushSplat, KernelId::FlushTexel];
         self.submit(&kernels.map(|id| Dispatch::new(id, offsets)));
@@ -211,7 +211,7 @@ impl GpuBackend {
         self.window_views = 0;
         self.in_flight.clear();
         self.arm();
-        let uniform = uniform::without_view(&self.scene(), FLAG_ALL_MAPS);
+        let uniform = uniform::without_view(&self.uniform_inputs(), FLAG_ALL_MAPS);
         // Nothing lags at step 0: this only activates.
         let offsets = self.set_uniform(0, &StepUniform { flushed_step: 0, ..uniform });
         self.submit(&[Dispatch::new(KernelId::FlushTexel, offsets)]);
@@ -268,14 +268,16 @@ impl Backend for GpuBackend {
         if options.geometry {
             self.compile_geometry(false)?;
         }
-        let needs =
-            Needs { geometry: options.geometry, ..self.needs(std::iter::once(*camera), false, false) };
+        let needs = RequiredCapacity {
+            geometry: options.geometry,
+            ..self.needs(std::iter::once(*camera), false, false)
+        };
         self.capacity.ensure(&self.device, &mut self.resources, &needs)?;
         loop {
             self.arm();
             let degree = options.sh_degree.min(self.shape.splats.sh_degree);
-            let offsets =
-                self.set_uniform(0, &uniform::image(&self.scene(), camera, options.background, degree));
+            let offsets = self
+                .set_uniform(0, &uniform::image(&self.uniform_inputs(), camera, options.background, degree));
             let dispatches = self.forward(offsets, camera, options.geometry);
             let status = self.submit_for_status(&dispatches, 1)?;
             if u64::from(status[0].needed_pairs) <= self.capacity.pairs {
@@ -323,7 +325,7 @@ impl Backend for GpuBackend {
             let fitting = self.photos.prepare(&self.device, &mut self.resources, &photos)?;
             let batch = &rest[..fitting];
             let statistics = batch.iter().any(needs_statistics);
-            let needs = Needs {
+            let needs = RequiredCapacity {
                 geometry: batch.iter().any(|r| r.loss.needs_geometry()),
                 ..self.needs(batch.iter().map(|r| r.camera), true, statistics)
             };

@@ -1,6 +1,6 @@
 //! Every kernel compiles on the driver at hand, and within limits that are in force.
 use super::adapter::list_adapters;
-use super::device::{GpuDevice, Limits};
+use super::device::{GpuDevice, LimitChoice};
 use super::kernels::KERNELS;
 use super::shader::HALF_TILES;
 use crate::Error;
@@ -12,7 +12,7 @@ fn every_kernel_compiles_within_the_lowest_limits() {
         println!("skipped: no Vulkan driver is installed");
     }
     for choice in adapters {
-        let device = GpuDevice::open(&choice, Limits::Downlevel).unwrap();
+        let device = GpuDevice::open(&choice, LimitChoice::Downlevel).unwrap();
         for flags in [&[][..], &[HALF_TILES]] {
             for (id, _) in KERNELS {
                 if let Err(e) = device.pipelines(&[*id], flags) {
@@ -26,7 +26,7 @@ fn every_kernel_compiles_within_the_lowest_limits() {
 #[test]
 fn the_lowest_limits_are_in_force() {
     for choice in list_adapters() {
-        let device = GpuDevice::open(&choice, Limits::Downlevel).unwrap();
+        let device = GpuDevice::open(&choice, LimitChoice::Downlevel).unwrap();
         let granted = device.device.limits();
         assert_eq!(granted.max_storage_buffers_per_shader_stage, 8);
         assert_eq!(granted.max_compute_workgroup_storage_size, 16 << 10);

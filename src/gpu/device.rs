@@ -4,7 +4,7 @@
 use super::adapter::AdapterChoice;
 use super::kernels::{Binding, KERNELS, Kernel, KernelId, SORT_PASS_BINDING};
 use super::layout::{SortPass, StepUniform};
-use super::shader::{Target, expand};
+use super::shader::{Dialect, expand};
 use crate::{Error, Result};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -13,7 +13,7 @@ use std::sync::{Arc, Mutex};
 
 /// Which limits are asked of a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Limits {
+pub enum LimitChoice {
     /// All that the adapter has.
     Adapter,
     /// The floor: 8 storage buffers, 16 KiB of workgroup memory, bindings of 128 MiB.
@@ -30,7 +30,7 @@ pub(super) struct Pipeline {
 
 /// What the driver said outside of any call.
 #[derive(Clone, Debug, Default)]
-struct Faults {
+struct DriverErrors {
     /// Why the device is gone.
     lost: Option<String>,
     /// The first uncaptured error: something that was asked has not been done.
@@ -38,7 +38,7 @@ struct Faults {
 }
 
 /// The first of each kind.
-type Fault = Arc<Mutex<Faults>>;
+type SharedErrors = Arc<Mutex<DriverErrors>>;
 
 /// What was asked of a device, counted where it is asked.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
@@ -53,7 +53,7 @@ pub struct DeviceWork {
 
 /// Counters behind [`DeviceWork`].
 #[derive(Default)]
-struct Work {
+struct WorkCounters {
     dispatches: AtomicU64,
     submissions: AtomicU64,
     waits: AtomicU64,
@@ -66,8 +66,8 @@ pub struct GpuDevice {
     pub(super) device: wgpu::Device,
     pub(super) queue: wgpu::Queue,
     pub(super) limits: wgpu::Limits,
-    fault: Fault,
-    work: Work,
+    fault: SharedErrors,
+    work: WorkCounters,
 }
 
 /// Bytes between entries that are bound at dynamic offsets: the largest alignment that a device may ask for.
@@ -78,12 +78,12 @@ impl GpuDevice {
     ///
     /// # Errors
     /// [`Error::Device`] if the driver refuses.
-    pub fn open(choice: &AdapterChoice, limits: Limits) -> Result<Self> {
+    pub fn open(choice: &AdapterChoice, limits: LimitChoice) -> Result<Self> {
         let adapter = &choice.adapter;
         let required_limits = match limits {
-            Limits::Adapter => adapter.limits(),
-            Limits::Downlevel => downlevel(&adapter.limits()),
-            Limits::Buffers(bytes) => wgpu::Limits {
+            LimitChoice::Adapter => adapter.limits(),
+            LimitChoice::Downlevel => downlevel(&adapter.limits()),
+            LimitChoice::Buffers(bytes) => wgpu::Limits {
                 max_storage_buffer_binding_size: bytes,
                 max_buffer_size: bytes,
                 ..downlevel(&adapter.limits())
@@ -98,7 +98,7 @@ impl GpuDevice {
         });
         let (device, queue) = pollster::block_on(request)
             .map_err(|e| Error::Device(format!("{}: cannot be opened: {e}", choice.name)))?;
-        let fault = Fault::default();
+        let fault = SharedErrors::default();
         let on_error = fault.clone();
         device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
             note(&on_error, |faults| &mut faults.refused, error.to_string());
@@ -115,7 +115,7 @@ impl GpuDevice {
             queue,
             limits: required_limits,
             fault,
-            work: Work::default(),
+            work: WorkCounters::default(),
         })
     }
 
@@ -144,7 +144,7 @@ impl GpuDevice {
     /// # Errors
     /// [`Error::Device`].
     pub(super) fn check(&self) -> Result<()> {
-        let Faults { lost, refused } = self.faults();
+        let DriverErrors { lost, refused } = self.faults();
         lost.or(refused).map_or(Ok(()), |what| Err(self.error(&what)))
     }
 
@@ -157,7 +157,7 @@ impl GpuDevice {
         self.faults().lost.map_or(Ok(()), |what| Err(self.error(&what)))
     }
 
-    fn faults(&self) -> Faults {
+    fn faults(&self) -> DriverErrors {
         self.fault.lock().map_or_else(|e| e.into_inner().clone(), |f| f.clone())
     }
 
@@ -245,7 +245,7 @@ impl GpuDevice {
 
     fn pipeline(&self, kernel: &Kernel, flags: &[&str]) -> Result<Pipeline> {
         let flags = [kernel.flags, flags].concat();
-        let expanded = expand(kernel.name, &flags, Target::Native).map_err(|e| self.error(&e))?;
+        let expanded = expand(kernel.name, &flags, Dialect::Native).map_err(|e| self.error(&e))?;
         let filters =
             [wgpu::ErrorFilter::OutOfMemory, wgpu::ErrorFilter::Internal, wgpu::ErrorFilter::Validation];
         let scopes = filters.map(|filter| self.device.push_error_scope(filter));
@@ -375,7 +375,7 @@ impl GpuDevice {
     }
 }
 
-fn note(fault: &Fault, kind: fn(&mut Faults) -> &mut Option<String>, message: String) {
+fn note(fault: &SharedErrors, kind: fn(&mut DriverErrors) -> &mut Option<String>, message: String) {
     if let Ok(mut faults) = fault.lock() {
         kind(&mut faults).get_or_insert(message);
     }

@@ -4,7 +4,7 @@
 use super::device::{GpuDevice, Pipeline};
 use super::kernels::{Buf, Groups, KernelId};
 use super::layout::DispatchArgs;
-use super::resources::{Offsets, Resources};
+use super::resources::{Resources, UniformOffsets};
 use super::timing::Timer;
 use std::collections::BTreeMap;
 
@@ -15,11 +15,11 @@ pub(super) struct Dispatch {
     pub groups: Groups,
     /// Whether the sort's halves change places.
     pub swapped: bool,
-    pub offsets: Offsets,
+    pub offsets: UniformOffsets,
 }
 
 impl Dispatch {
-    pub(super) fn new(kernel: KernelId, offsets: Offsets) -> Self {
+    pub(super) fn new(kernel: KernelId, offsets: UniformOffsets) -> Self {
         Self { kernel, groups: kernel.kernel().groups, swapped: false, offsets }
     }
 }

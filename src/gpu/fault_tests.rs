@@ -1,19 +1,20 @@
 //! What is left after a step that failed while the device is alive; and what a call says that comes too early.
 
 use super::backend::{GpuBackend, GpuOptions};
-use super::device::{GpuDevice, Limits};
+use super::device::{GpuDevice, LimitChoice};
 use super::harness::test_drivers;
 use super::kernels::Buf;
 use crate::Error;
 use crate::backend::{Backend as _, LearningRates, LossWeights, RenderOptions, StepRequest, TargetImage};
 use crate::model::AdamState;
-use crate::selftest::{Scene, SceneOptions, random_scene};
+use crate::selftest::{RandomScene, SceneOptions, random_scene};
 
 /// Backends on every software driver in turn.
 pub(super) fn backends() -> impl Iterator<Item = GpuBackend> {
     test_drivers().into_iter().map(|choice| {
         println!("{}", choice.name);
-        GpuBackend::new(GpuDevice::open(&choice, Limits::Downlevel).unwrap(), GpuOptions::default()).unwrap()
+        GpuBackend::new(GpuDevice::open(&choice, LimitChoice::Downlevel).unwrap(), GpuOptions::default())
+            .unwrap()
     })
 }
 
@@ -21,12 +22,12 @@ fn backend() -> Option<GpuBackend> {
     backends().next()
 }
 
-fn scene() -> Scene {
+fn scene() -> RandomScene {
     let options = SceneOptions { num_splats: 100, width_px: 48, height_px: 40, ..SceneOptions::default() };
     random_scene(&options)
 }
 
-pub(super) fn request(scene: &Scene, step: u32) -> StepRequest<'_> {
+pub(super) fn request(scene: &RandomScene, step: u32) -> StepRequest<'_> {
     StepRequest {
         step,
         camera: scene.camera,

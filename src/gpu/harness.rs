@@ -1,7 +1,7 @@
 //! For the tests of single kernels: an open device with buffers filled by hand.
 
 use super::adapter::{AdapterChoice, list_adapters};
-use super::device::{GpuDevice, Limits, Pipeline, UNIFORM_STRIDE};
+use super::device::{GpuDevice, LimitChoice, Pipeline, UNIFORM_STRIDE};
 use super::encode::{Dispatch, encode};
 use super::kernels::{Buf, Groups, KernelId, NUM_GROUPS};
 use super::layout::{DispatchArgs, SortPass, StepUniform};
@@ -48,7 +48,7 @@ impl Harness {
 
     fn on(choice: &AdapterChoice, kernels: &[KernelId]) -> Self {
         println!("{}", choice.name);
-        let device = GpuDevice::open(choice, Limits::Downlevel).unwrap();
+        let device = GpuDevice::open(choice, LimitChoice::Downlevel).unwrap();
         let steps = device.uniforms("steps", 4).unwrap();
         let sort_passes = device.uniforms("sort passes", 16).unwrap();
         let pipelines = device.pipelines(kernels, &[]).unwrap();

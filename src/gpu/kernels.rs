@@ -69,7 +69,10 @@ impl Buf {
 #[derive(Clone, Copy, Debug)]
 pub struct Binding {
     /// Name of the variable in the shader.
-    #[cfg_attr(not(test), allow(dead_code, reason = "only the tests compare names; bindings go by position"))]
+    #[cfg_attr(
+        not(test),
+        allow(dead_code, reason = "only the tests compare names; bindings go by position")
+    )]
     pub name: &'static str,
     /// Buffer bound by even sort passes; odd ones bind [`Buf::swapped`].
     pub buffer: Buf,

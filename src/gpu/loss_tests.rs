@@ -4,7 +4,7 @@ use super::encode::Dispatch;
 use super::harness::Harness;
 use super::kernels::{Buf, Groups, KernelId};
 use super::layout::StepUniform;
-use super::resources::Offsets;
+use super::resources::UniformOffsets;
 use super::shader::TILE_PX;
 use crate::backend::{LossWeights, TargetImage};
 use crate::reference::{ImageLoss, image_loss};
@@ -15,14 +15,14 @@ const PHOTO_OFFSET_PX: usize = 5;
 
 /// What an image starts from, before noise is added.
 #[derive(Clone, Copy, PartialEq)]
-enum Start {
+enum BaseImage {
     /// Nothing: it has nothing to do with the photo.
     Noise,
     /// The photo, nearly: where SSIM cancels.
     Photo,
 }
 
-struct Case {
+struct LossCase {
     /// As f32, as the kernels see it. `[height, width, 3]`
     rgb: Vec<f32>,
     target: TargetImage,
@@ -30,7 +30,7 @@ struct Case {
 }
 
 /// What the kernels leave.
-struct Outcome {
+struct KernelLoss {
     /// Weighted l1, dssim and mse.
     values: [f64; 3],
     /// `[height, width, 4]`
@@ -40,7 +40,7 @@ struct Outcome {
     ssim_maps: Vec<u32>,
 }
 
-fn case(size: (u32, u32), masked: bool, start: Start, weights: [f32; 3], seed: u64) -> Case {
+fn case(size: (u32, u32), masked: bool, start: BaseImage, weights: [f32; 3], seed: u64) -> LossCase {
     let mut random = rand_pcg::Pcg64Mcg::seed_from_u64(seed);
     let num_pixels = (size.0 * size.1) as usize;
     // Smooth parts, noise and saturated values.
@@ -57,8 +57,8 @@ fn case(size: (u32, u32), masked: bool, start: Start, weights: [f32; 3], seed: u
     let mut rgb: Vec<f32> = photo
         .iter()
         .map(|&v| match start {
-            Start::Noise => random.random::<f32>() * 1.2 - 0.1,
-            Start::Photo => f32::from(v) / 255.0 + random.random::<f32>() * 0.02 - 0.01,
+            BaseImage::Noise => random.random::<f32>() * 1.2 - 0.1,
+            BaseImage::Photo => f32::from(v) / 255.0 + random.random::<f32>() * 0.02 - 0.01,
         })
         .collect();
     // Differences of exactly zero, whose sign is zero.
@@ -66,7 +66,7 @@ fn case(size: (u32, u32), masked: bool, start: Start, weights: [f32; 3], seed: u
     rgb[0] = 1.0;
     let target = TargetImage { width_px: size.0, height_px: size.1, rgb: photo, mask };
     let [l1, dssim, mse] = weights;
-    Case { rgb, target, weights: LossWeights { l1, dssim, mse, ..LossWeights::PUBLISHED } }
+    LossCase { rgb, target, weights: LossWeights { l1, dssim, mse, ..LossWeights::PUBLISHED } }
 }
 
 fn packed_photo(target: &TargetImage) -> Vec<u32> {
@@ -78,7 +78,7 @@ fn packed_photo(target: &TargetImage) -> Vec<u32> {
 }
 
 /// Fills the buffers; a row of workgroups more than there are tiles.
-fn prepare(harness: &mut Harness, case: &Case) -> usize {
+fn prepare(harness: &mut Harness, case: &LossCase) -> usize {
     let (w, h) = (case.target.width_px, case.target.height_px);
     let grid = [w.div_ceil(TILE_PX), h.div_ceil(TILE_PX)];
     let (num_pixels, num_tiles) = ((w * h) as usize, (grid[0] * grid[1]) as usize);
@@ -104,15 +104,15 @@ fn prepare(harness: &mut Harness, case: &Case) -> usize {
     num_tiles
 }
 
-fn run(harness: &mut Harness, case: &Case) -> Outcome {
+fn run(harness: &mut Harness, case: &LossCase) -> KernelLoss {
     let num_tiles = prepare(harness, case);
     let num_pixels = case.rgb.len() / 3;
-    let of = |id| Dispatch::new(id, Offsets::default());
+    let of = |id| Dispatch::new(id, UniformOffsets::default());
     harness.run(&[of(KernelId::LossFwd), of(KernelId::LossBwd)]);
     let partials: Vec<[f32; 4]> = harness.read(Buf::LossPartials, num_tiles);
     let weights = [case.weights.l1, case.weights.dssim, case.weights.mse].map(f64::from);
     let sum = |k: usize| partials.iter().map(|p| f64::from(p[k])).sum::<f64>();
-    Outcome {
+    KernelLoss {
         values: std::array::from_fn(|k| weights[k] * sum(k) / case.rgb.len() as f64),
         gradient: harness.read(Buf::PixelGrad, num_pixels),
         map: harness.read(Buf::LossMap, num_pixels),
@@ -121,7 +121,7 @@ fn run(harness: &mut Harness, case: &Case) -> Outcome {
 }
 
 /// Largest error of values, of the gradient as a fraction of its largest entry, and of the map.
-fn errors(outcome: &Outcome, expected: &ImageLoss) -> [f64; 3] {
+fn errors(outcome: &KernelLoss, expected: &ImageLoss) -> [f64; 3] {
     let most =
         |v: &mut dyn Iterator<Item = f64>| v.fold(0.0, |a: f64, b| if b >= a || b.is_nan() { b } else { a });
     let values = [expected.values.l1, expected.values.dssim, expected.values.mse];
@@ -139,7 +139,7 @@ fn errors(outcome: &Outcome, expected: &ImageLoss) -> [f64; 3] {
     ]
 }
 
-fn expected(case: &Case) -> ImageLoss {
+fn expected(case: &LossCase) -> ImageLoss {
     let rgb: Vec<f64> = case.rgb.iter().map(|&v| f64::from(v)).collect();
     image_loss(&rgb, &case.target, &case.weights)
 }
@@ -161,7 +161,9 @@ fn loss_is_that_of_the_reference() {
         let mut need = [0.0_f64; 3];
         let mut seed = 1;
         for size in [(1, 1), (16, 16), (37, 23), (83, 61)] {
-            for (masked, start) in [false, true].map(|m| [(m, Start::Noise), (m, Start::Photo)]).concat() {
+            for (masked, start) in
+                [false, true].map(|m| [(m, BaseImage::Noise), (m, BaseImage::Photo)]).concat()
+            {
                 for weights in WEIGHTS {
                     seed += 1;
                     let case = case(size, masked, start, weights, seed);
@@ -181,9 +183,9 @@ fn loss_is_that_of_the_reference() {
 #[test]
 fn a_perturbed_image_mask_or_weight_is_noticed() {
     for mut harness in Harness::on_each_driver(&[KernelId::LossFwd, KernelId::LossBwd]) {
-        let original = || case((37, 23), true, Start::Noise, [0.5, 0.3, 0.7], 7);
+        let original = || case((37, 23), true, BaseImage::Noise, [0.5, 0.3, 0.7], 7);
         let reference = expected(&original());
-        let mut found = |change: &dyn Fn(&mut Case)| {
+        let mut found = |change: &dyn Fn(&mut LossCase)| {
             let mut changed = original();
             change(&mut changed);
             agrees(&errors(&run(&mut harness, &changed), &reference))
@@ -208,14 +210,14 @@ fn a_perturbed_image_mask_or_weight_is_noticed() {
 #[ignore = "measures the whole process: to be run alone"]
 fn cpu_time_stays_in_bounds() {
     let Some(mut harness) = Harness::new(&[KernelId::LossFwd, KernelId::LossBwd]) else { return };
-    let case = case((270, 480), false, Start::Noise, [0.8, 0.2, 0.0], 3);
+    let case = case((270, 480), false, BaseImage::Noise, [0.8, 0.2, 0.0], 3);
     run(&mut harness, &case);
     let runs = 5;
     let mut total_s = 0.0;
     for id in [KernelId::LossFwd, KernelId::LossBwd] {
         let before_s = crate::clock::process_cpu_secs();
         for _ in 0..runs {
-            harness.run(&[Dispatch::new(id, Offsets::default())]);
+            harness.run(&[Dispatch::new(id, UniformOffsets::default())]);
         }
         let _: Vec<f32> = harness.read(Buf::LossMap, 1);
         let each_s = (crate::clock::process_cpu_secs() - before_s) / f64::from(runs);

@@ -2,6 +2,7 @@
 //! is who hands them which buffers, in which order, and what comes back.
 
 mod adapter;
+mod apply_plan;
 mod backend;
 pub mod bench;
 #[cfg(test)]
@@ -30,7 +31,6 @@ mod shader_tests;
 mod sort;
 #[cfg(test)]
 mod sort_tests;
-mod apply_plan;
 mod submission;
 #[cfg(test)]
 mod tile_list_tests;
@@ -43,6 +43,6 @@ mod web;
 
 pub use adapter::{AdapterChoice, UnfitAdapter, find_adapter, list_adapters, unfit_adapters};
 pub use backend::{GpuBackend, GpuOptions};
-pub use device::{DeviceWork, GpuDevice, Limits};
-pub use shader::Expanded;
+pub use device::{DeviceWork, GpuDevice, LimitChoice};
+pub use shader::ExpandedShader;
 pub use web::{WebShader, web_shaders};

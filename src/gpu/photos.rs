@@ -9,12 +9,12 @@ use crate::backend::TargetImage;
 
 /// Identity of a photo: its number, and its size, since one number may come in several.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Key {
+struct PhotoKey {
     photo: u32,
     size_px: [u32; 2],
 }
 
-impl Key {
+impl PhotoKey {
     fn of((photo, target): &(u32, &TargetImage)) -> Self {
         Self { photo: *photo, size_px: [target.width_px, target.height_px] }
     }
@@ -26,12 +26,12 @@ impl Key {
 
 /// A photo in the pool.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Resident {
-    key: Key,
+struct ResidentPhoto {
+    key: PhotoKey,
     first_px: u64,
 }
 
-impl Resident {
+impl ResidentPhoto {
     fn end_px(self) -> u64 {
         self.first_px + self.key.num_px()
     }
@@ -39,7 +39,7 @@ impl Resident {
 
 /// Where a photo stands, and whether it has yet to be sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Slot {
+struct PhotoSlot {
     first_px: u64,
     is_new: bool,
 }
@@ -47,7 +47,7 @@ struct Slot {
 /// Which photos are where.
 #[derive(Default)]
 pub(super) struct PhotoPool {
-    resident: Vec<Resident>,
+    resident: Vec<ResidentPhoto>,
     capacity_px: u64,
     next_px: u64,
 }
@@ -76,7 +76,7 @@ impl PhotoPool {
         batch: &[(u32, &TargetImage)],
     ) -> Result<usize> {
         let most = device.most_buffer_bytes().min(POOL_MAX_BYTES);
-        let keys: Vec<Key> = batch.iter().map(Key::of).collect();
+        let keys: Vec<PhotoKey> = batch.iter().map(PhotoKey::of).collect();
         let (fitting, wanted_px) = self.wanted(&keys, most / PIXEL_BYTES);
         if wanted_px > self.capacity_px {
             resources.set(Buf::Photo, device.buffer("photos, pixels", wanted_px, PIXEL_BYTES)?);
@@ -87,8 +87,8 @@ impl PhotoPool {
 
     /// Photos of a batch, from the first on, that a pool of `most_px` holds at once, and the pool to have for
     /// them.
-    fn wanted(&self, batch: &[Key], most_px: u64) -> (usize, u64) {
-        let (mut distinct, mut fitting): (Vec<Key>, usize) = (Vec::new(), 0);
+    fn wanted(&self, batch: &[PhotoKey], most_px: u64) -> (usize, u64) {
+        let (mut distinct, mut fitting): (Vec<PhotoKey>, usize) = (Vec::new(), 0);
         for &key in batch {
             if !distinct.contains(&key) {
                 let needed_px = distinct.iter().map(|k| k.num_px()).sum::<u64>() + key.num_px();
@@ -119,7 +119,7 @@ impl PhotoPool {
         resources: &Resources,
         batch: &[(u32, &TargetImage)],
     ) -> Result<Vec<u32>> {
-        let keys: Vec<Key> = batch.iter().map(Key::of).collect();
+        let keys: Vec<PhotoKey> = batch.iter().map(PhotoKey::of).collect();
         let slots = self.slots(&keys).ok_or_else(|| {
             device.error("the photos of a batch do not fit the pool that was made for them")
         })?;
@@ -133,7 +133,7 @@ impl PhotoPool {
 
     /// Places all of a batch. Where photos that must stay leave only holes that are too small, everything is
     /// forgotten and the batch placed anew, side by side.
-    fn slots(&mut self, batch: &[Key]) -> Option<Vec<Slot>> {
+    fn slots(&mut self, batch: &[PhotoKey]) -> Option<Vec<PhotoSlot>> {
         for _ in 0..2 {
             if let Some(slots) = batch.iter().map(|key| self.slot(*key, batch)).collect() {
                 return Some(slots);
@@ -145,9 +145,9 @@ impl PhotoPool {
     }
 
     /// Finds or makes a place for one photo; those of `kept` must stay.
-    fn slot(&mut self, key: Key, kept: &[Key]) -> Option<Slot> {
+    fn slot(&mut self, key: PhotoKey, kept: &[PhotoKey]) -> Option<PhotoSlot> {
         if let Some(resident) = self.find(key) {
-            return Some(Slot { first_px: resident.first_px, is_new: false });
+            return Some(PhotoSlot { first_px: resident.first_px, is_new: false });
         }
         let mut first_px = self.next_px;
         // Twice around at most: kept photos are jumped over.
@@ -159,22 +159,22 @@ impl PhotoPool {
             if end_px > self.capacity_px {
                 return None;
             }
-            let overlaps = |r: &Resident| r.first_px < end_px && first_px < r.end_px();
+            let overlaps = |r: &ResidentPhoto| r.first_px < end_px && first_px < r.end_px();
             let blocked = self.resident.iter().filter(|r| overlaps(r) && kept.contains(&r.key));
             match blocked.map(|r| r.end_px()).max() {
                 Some(end) => first_px = end,
                 None => {
                     self.resident.retain(|r| !overlaps(r));
-                    self.resident.push(Resident { key, first_px });
+                    self.resident.push(ResidentPhoto { key, first_px });
                     self.next_px = end_px;
-                    return Some(Slot { first_px, is_new: true });
+                    return Some(PhotoSlot { first_px, is_new: true });
                 }
             }
         }
         None
     }
 
-    fn find(&self, key: Key) -> Option<&Resident> {
+    fn find(&self, key: PhotoKey) -> Option<&ResidentPhoto> {
         self.resident.iter().find(|r| r.key == key)
     }
 }
@@ -195,27 +195,28 @@ mod tests {
     use rand::{RngExt as _, SeedableRng as _};
     use rand_pcg::Pcg32;
 
-    fn key(photo: u32, width_px: u32) -> Key {
-        Key { photo, size_px: [width_px, 1] }
+    fn key(photo: u32, width_px: u32) -> PhotoKey {
+        PhotoKey { photo, size_px: [width_px, 1] }
     }
 
     /// What the photos of the pool show: `(number, width)` of each pixel.
-    struct Pool {
+    struct FilledPool {
         pool: PhotoPool,
-        pixels: Vec<Option<Key>>,
+        pixels: Vec<Option<PhotoKey>>,
     }
 
-    impl Pool {
+    impl FilledPool {
         fn new(capacity_px: u64) -> Self {
             let pool = PhotoPool { capacity_px, ..PhotoPool::default() };
             Self { pool, pixels: vec![None; capacity_px as usize] }
         }
 
         /// Places a batch, sends what is new, and checks that every photo of the batch is whole.
-        fn place(&mut self, batch: &[Key]) -> usize {
+        fn place(&mut self, batch: &[PhotoKey]) -> usize {
             let slots = self.pool.slots(batch).unwrap_or_else(|| panic!("{batch:?} found no place"));
-            let range =
-                |key: Key, slot: &Slot| slot.first_px as usize..(slot.first_px + key.num_px()) as usize;
+            let range = |key: PhotoKey, slot: &PhotoSlot| {
+                slot.first_px as usize..(slot.first_px + key.num_px()) as usize
+            };
             for (&key, slot) in batch.iter().zip(&slots).filter(|(_, slot)| slot.is_new) {
                 self.pixels[range(key, slot)].fill(Some(key));
             }
@@ -228,7 +229,7 @@ mod tests {
 
     #[test]
     fn a_photo_stays_until_its_place_is_needed_and_sizes_are_told_apart() {
-        let mut pool = Pool::new(100);
+        let mut pool = FilledPool::new(100);
         assert_eq!(pool.place(&[key(0, 40), key(1, 20), key(0, 40)]), 2);
         assert_eq!(pool.place(&[key(1, 20), key(0, 40)]), 0, "both are still there");
         // The same number at another size is another photo, and drives nobody out while there is room.
@@ -239,7 +240,7 @@ mod tests {
 
     #[test]
     fn holes_between_kept_photos_do_not_fail_a_batch_that_fits() {
-        let mut pool = Pool::new(100);
+        let mut pool = FilledPool::new(100);
         pool.place(&[key(0, 30)]);
         pool.place(&[key(1, 30)]);
         // Photo 1 stands in the middle: 30 px before it, 40 behind.
@@ -252,7 +253,7 @@ mod tests {
     #[test]
     fn any_batch_that_fits_is_placed() {
         let mut random = Pcg32::seed_from_u64(3);
-        let mut pool = Pool::new(64);
+        let mut pool = FilledPool::new(64);
         let mut sent = 0;
         for _ in 0..2_000 {
             let (mut batch, mut left) = (Vec::new(), 64_u32);

@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 
 /// Where the host's uniforms of a dispatch start.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Offsets {
+pub(super) struct UniformOffsets {
     /// In the ring of steps, bytes.
     pub step: u32,
     /// In the table of sort passes, bytes.

@@ -86,7 +86,7 @@ pub const SOURCES: &[(&str, &str)] = sources![
 
 /// For whom a shader is expanded: browsers want directives that naga rejects, and the other way round.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Target {
+pub enum Dialect {
     /// naga.
     Native,
     /// A browser.
@@ -95,14 +95,14 @@ pub enum Target {
 
 /// A shader ready to be compiled.
 #[derive(Clone, Debug)]
-pub struct Expanded {
+pub struct ExpandedShader {
     /// WGSL.
     pub text: String,
     /// For each line of the text the file and the line it comes from.
     lines: Vec<(&'static str, u32)>,
 }
 
-impl Expanded {
+impl ExpandedShader {
     /// Where line `line` (from 1) of the text stands in the sources.
     pub fn origin(&self, line: u32) -> String {
         let (file, line) = self.lines.get(line.max(1) as usize - 1).copied().unwrap_or(("?", 0));
@@ -114,8 +114,8 @@ impl Expanded {
 ///
 /// # Errors
 /// The place and what is wrong there.
-pub fn expand(kernel: &str, flags: &[&str], target: Target) -> Result<Expanded, String> {
-    let mut out = Expanded { text: String::new(), lines: Vec::new() };
+pub fn expand(kernel: &str, flags: &[&str], target: Dialect) -> Result<ExpandedShader, String> {
+    let mut out = ExpandedShader { text: String::new(), lines: Vec::new() };
     let mut included = Vec::new();
     include(kernel, flags, target, &mut included, &mut out)?;
     Ok(out)
@@ -124,9 +124,9 @@ pub fn expand(kernel: &str, flags: &[&str], target: Target) -> Result<Expanded, 
 fn include(
     name: &str,
     flags: &[&str],
-    target: Target,
+    target: Dialect,
     included: &mut Vec<&'static str>,
-    out: &mut Expanded,
+    out: &mut ExpandedShader,
 ) -> Result<(), String> {
     let Some(&(name, source)) = SOURCES.iter().find(|(n, _)| *n == name) else {
         return Err(format!("there is no shader file {name:?}"));
@@ -143,7 +143,7 @@ fn include(
         let active = taken.iter().all(|&t| t);
         match directive {
             Some(("if", flag)) => {
-                let web = flag == "WEB" && target == Target::Web;
+                let web = flag == "WEB" && target == Dialect::Web;
                 taken.push(web || flags.contains(&flag));
             }
             Some(("else", _)) => {
@@ -168,7 +168,7 @@ fn include(
     if taken.is_empty() { Ok(()) } else { Err(format!("shaders/{name}.wgsl: #if without #endif")) }
 }
 
-fn push(out: &mut Expanded, line: &str, file: &'static str, number: u32) {
+fn push(out: &mut ExpandedShader, line: &str, file: &'static str, number: u32) {
     out.text.push_str(line);
     out.text.push('\n');
     out.lines.push((file, number));
@@ -255,7 +255,7 @@ mod tests {
 
     #[test]
     fn lines_are_traced_to_their_files() {
-        let expanded = expand("project", &[], Target::Native).unwrap();
+        let expanded = expand("project", &[], Dialect::Native).unwrap();
         let line = expanded.text.lines().position(|l| l.starts_with("fn project(")).unwrap() as u32 + 1;
         assert!(expanded.origin(line).starts_with("shaders/project.wgsl:"), "{}", expanded.origin(line));
         assert!(!expanded.text.contains("\n#"), "no directive is left");
@@ -263,7 +263,7 @@ mod tests {
 
     #[test]
     fn an_unknown_file_is_named() {
-        assert!(expand("nothing", &[], Target::Native).unwrap_err().contains("nothing"));
+        assert!(expand("nothing", &[], Dialect::Native).unwrap_err().contains("nothing"));
     }
 
     #[test]

@@ -5,18 +5,18 @@ mod contract;
 mod mirrors;
 
 use super::kernels::{KERNELS, Kernel};
-use super::shader::{Expanded, HALF_TILES, SOURCES, Target, expand};
+use super::shader::{Dialect, ExpandedShader, HALF_TILES, SOURCES, expand};
 use contract::{Parsed, check, workgroup_bytes};
 use mirrors::{check_structs, mirrors};
 use std::collections::BTreeSet;
 
-fn native(kernel: &Kernel) -> Expanded {
-    expand(kernel.name, kernel.flags, Target::Native).unwrap()
+fn native(kernel: &Kernel) -> ExpandedShader {
+    expand(kernel.name, kernel.flags, Dialect::Native).unwrap()
 }
 
 /// As software drivers get it.
-fn half_tiles(kernel: &Kernel) -> Expanded {
-    expand(kernel.name, &[kernel.flags, &[HALF_TILES]].concat(), Target::Native).unwrap()
+fn half_tiles(kernel: &Kernel) -> ExpandedShader {
+    expand(kernel.name, &[kernel.flags, &[HALF_TILES]].concat(), Dialect::Native).unwrap()
 }
 
 #[test]
@@ -36,7 +36,7 @@ fn structures_are_those_of_rust() {
     let mut wrong = Vec::new();
     let kernels = KERNELS.iter().map(|(_, kernel)| native(kernel));
     // No kernel need use every structure.
-    let alone = [&[][..], &["ATOMIC_STATUS"]].map(|f| expand("common/status", f, Target::Native).unwrap());
+    let alone = [&[][..], &["ATOMIC_STATUS"]].map(|f| expand("common/status", f, Dialect::Native).unwrap());
     for expanded in kernels.chain(alone) {
         wrong.extend(check_structs(&Parsed::new(expanded).unwrap(), &mut seen));
     }
@@ -134,7 +134,7 @@ fn every_file_is_listed_and_every_kernel_has_one() {
 #[test]
 fn kernels_expand_for_browsers() {
     for (_, kernel) in KERNELS {
-        let web = expand(kernel.name, kernel.flags, Target::Web).unwrap();
+        let web = expand(kernel.name, kernel.flags, Dialect::Web).unwrap();
         assert!(web.text.contains(&format!("fn {}(", kernel.name)));
         assert!(!web.text.lines().any(|l| l.trim_start().starts_with('#')), "{}", kernel.name);
     }

@@ -9,7 +9,7 @@ use super::device::UNIFORM_STRIDE;
 use super::encode::Dispatch;
 use super::kernels::{Groups, KernelId, NUM_GROUPS};
 use super::layout::{DispatchArgs, SortPass};
-use super::resources::Offsets;
+use super::resources::UniformOffsets;
 use super::shader::{BLOCK, DEPTH_KEY_BITS, DIGIT_BITS, GROUP, MAX_GROUPS};
 
 /// Passes of the sort by depth. Odd, so that the order stands in the second half.
@@ -59,12 +59,12 @@ pub(super) fn first_args(num_splats: u32) -> Vec<DispatchArgs> {
 }
 
 /// Sorts all splats by depth key and index; afterwards the order stands in `ValuesB`.
-pub(super) fn depth_sort(step: Offsets) -> Vec<Dispatch> {
+pub(super) fn depth_sort(step: UniformOffsets) -> Vec<Dispatch> {
     (0..DEPTH_PASSES).flat_map(|i| pass(step, i, i, [Groups::SplatBlocks, Groups::One])).collect()
 }
 
 /// From the order to the slots of the pairs, the workgroups of what follows, and the pairs' tiles in `KeysA`.
-pub(super) fn pair_slots(step: Offsets) -> Vec<Dispatch> {
+pub(super) fn pair_slots(step: UniformOffsets) -> Vec<Dispatch> {
     [KernelId::PrefixBlocks, KernelId::PrefixSums, KernelId::TileEmit]
         .map(|kernel| Dispatch::new(kernel, step))
         .to_vec()
@@ -72,7 +72,7 @@ pub(super) fn pair_slots(step: Offsets) -> Vec<Dispatch> {
 
 /// Sorts the pairs by tile, each tile's by depth; afterwards they stand in `Pairs`, and each tile's range of
 /// them in `TileRanges`.
-pub(super) fn tile_lists(step: Offsets, num_tiles: u32) -> Vec<Dispatch> {
+pub(super) fn tile_lists(step: UniformOffsets, num_tiles: u32) -> Vec<Dispatch> {
     let passes = num_tile_passes(num_tiles);
     let groups = [Groups::PairBlocks, Groups::OneLater];
     let mut out: Vec<Dispatch> = (0..passes).flat_map(|i| pass(step, i, DEPTH_PASSES + i, groups)).collect();
@@ -86,13 +86,13 @@ pub(super) fn tile_lists(step: Offsets, num_tiles: u32) -> Vec<Dispatch> {
 }
 
 /// Everything between `project` and the image.
-pub(super) fn order_and_bin(step: Offsets, num_tiles: u32) -> Vec<Dispatch> {
+pub(super) fn order_and_bin(step: UniformOffsets, num_tiles: u32) -> Vec<Dispatch> {
     [depth_sort(step), pair_slots(step), tile_lists(step, num_tiles)].concat()
 }
 
 /// Pass `index` of a sort, with entry `entry` of the table.
-fn pass(step: Offsets, index: u32, entry: u32, [blocks, one]: [Groups; 2]) -> [Dispatch; 3] {
-    let offsets = Offsets { sort_pass: entry * UNIFORM_STRIDE as u32, ..step };
+fn pass(step: UniformOffsets, index: u32, entry: u32, [blocks, one]: [Groups; 2]) -> [Dispatch; 3] {
+    let offsets = UniformOffsets { sort_pass: entry * UNIFORM_STRIDE as u32, ..step };
     [(KernelId::SortCount, blocks), (KernelId::SortScan, one), (KernelId::SortScatter, blocks)]
         .map(|(kernel, groups)| Dispatch { kernel, groups, swapped: index % 2 == 1, offsets })
 }

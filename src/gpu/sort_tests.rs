@@ -4,7 +4,7 @@ use super::encode::Dispatch;
 use super::harness::Harness;
 use super::kernels::{Buf, Groups, KernelId};
 use super::layout::{Status, StepUniform};
-use super::resources::Offsets;
+use super::resources::UniformOffsets;
 use super::sort::{depth_sort, first_args, histogram_entries, sort_passes};
 use rand::{RngExt as _, SeedableRng as _, seq::SliceRandom as _};
 use rand_pcg::Pcg32;
@@ -14,7 +14,7 @@ use std::collections::BTreeSet;
 pub(super) const SORT: [KernelId; 3] = [KernelId::SortCount, KernelId::SortScan, KernelId::SortScatter];
 
 /// The first entry of the ring of steps.
-pub(super) const STEP: Offsets = Offsets { step: 0, sort_pass: 0 };
+pub(super) const STEP: UniformOffsets = UniformOffsets { step: 0, sort_pass: 0 };
 
 /// Devices with the table of passes.
 pub(super) fn open_all(kernels: &[KernelId]) -> impl Iterator<Item = Harness> {

@@ -6,10 +6,10 @@ use super::encode::Dispatch;
 use super::kernels::Buf;
 use super::kernels::KernelId;
 use super::layout::{FLAG_COUNT_ATOMICS, Status, StepUniform};
-use super::resources::Offsets;
+use super::resources::UniformOffsets;
 use super::sort;
 use super::uniform::{self, needs_statistics};
-use super::view_buffers::Needs;
+use super::view_buffers::RequiredCapacity;
 use crate::backend::{LossValues, RasterCounters, StepReport, StepRequest};
 use crate::camera::Camera;
 use crate::model::LearningRates;
@@ -21,7 +21,7 @@ const PAIRS_PER_SPLAT: u64 = 8;
 
 /// A step of a submission whose status has not been read yet.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Promise {
+pub(super) struct PendingStep {
     step: u32,
     rates: LearningRates,
     counts_in_window: bool,
@@ -29,7 +29,7 @@ pub(super) struct Promise {
 
 impl GpuBackend {
     /// Projection to image.
-    pub(super) fn forward(&self, offsets: Offsets, camera: &Camera, geometry: bool) -> Vec<Dispatch> {
+    pub(super) fn forward(&self, offsets: UniformOffsets, camera: &Camera, geometry: bool) -> Vec<Dispatch> {
         let [cols, rows] = uniform::grid(camera, self.tile_rows_px);
         let (project, raster) = if geometry {
             (KernelId::ProjectGeometry, self.raster.fwd_geometry)
@@ -46,7 +46,7 @@ impl GpuBackend {
     /// A whole step, with or without the terms on depths and normals, and the window statistics.
     pub(super) fn step_dispatches(
         &self,
-        offsets: Offsets,
+        offsets: UniformOffsets,
         camera: &Camera,
         geometry: bool,
         statistics: bool,
@@ -81,18 +81,18 @@ impl GpuBackend {
         cameras: impl Iterator<Item = Camera>,
         training: bool,
         statistics: bool,
-    ) -> Needs {
+    ) -> RequiredCapacity {
         let n = self.shape.num_splats() as u64;
         let guess = self.options.pair_capacity.unwrap_or((PAIRS_PER_SPLAT * n).max(1 << 14));
         // A guess must not be what the device refuses.
         let guess = guess.min(self.most_pairs()).max(1);
-        let mut needs = Needs {
+        let mut needs = RequiredCapacity {
             // A model without splats has buffers too.
             splats: n.max(1),
             pairs: self.capacity.pairs_of(training).max(guess),
             training,
             statistics,
-            ..Needs::default()
+            ..RequiredCapacity::default()
         };
         for camera in cameras {
             let [cols, rows] = uniform::grid(&camera, self.tile_rows_px);
@@ -108,7 +108,7 @@ impl GpuBackend {
     }
 
     /// Makes room for the pairs that a view needs.
-    pub(super) fn grow_pairs(&mut self, status: &Status, needs: &Needs) -> Result<()> {
+    pub(super) fn grow_pairs(&mut self, status: &Status, needs: &RequiredCapacity) -> Result<()> {
         if u64::from(status.needed_pairs) <= self.capacity.pairs_of(needs.training) {
             return Err(self
                 .device
@@ -116,7 +116,7 @@ impl GpuBackend {
         }
         let needed = u64::from(status.needed_pairs);
         let pairs = (needed * 3 / 2).min(self.most_pairs()).max(needed);
-        self.capacity.ensure(&self.device, &mut self.resources, &Needs { pairs, ..*needs })
+        self.capacity.ensure(&self.device, &mut self.resources, &RequiredCapacity { pairs, ..*needs })
     }
 
     /// Runs steps that fit one submission; returns what those that were applied tell, and the one after them.
@@ -124,26 +124,29 @@ impl GpuBackend {
     /// The host encodes a batch only after it has read the status of the one before: the trait hands over a batch
     /// at a time and wants its reports back. To encode one while another runs, requests would have to come
     /// before the reports of earlier ones are due.
-    pub(super) fn submit_steps(&mut self, requests: &[StepRequest<'_>]) -> Result<Vec<(Status, Stages)>> {
+    pub(super) fn submit_steps(
+        &mut self,
+        requests: &[StepRequest<'_>],
+    ) -> Result<Vec<(Status, KernelTimes)>> {
         let start = Instant::now();
         let photos: Vec<_> = requests.iter().map(|r| (r.photo, r.target)).collect();
         let photos_px = self.photos.place(&self.device, &self.resources, &photos)?;
         self.arm();
         let mut dispatches = Vec::new();
         let mut ends = Vec::new();
-        let mut scene = self.scene();
-        scene.pair_capacity = self.capacity.training_pairs as u32;
+        let mut inputs = self.uniform_inputs();
+        inputs.pair_capacity = self.capacity.training_pairs as u32;
         for (slot, (request, photo_px)) in requests.iter().zip(photos_px).enumerate() {
             let flags = if self.counts_atomics(request) { FLAG_COUNT_ATOMICS } else { 0 };
-            let uniform = uniform::step(&scene, request, photo_px, slot as u32);
+            let uniform = uniform::step(&inputs, request, photo_px, slot as u32);
             let offsets = self.set_uniform(slot, &StepUniform { flags: uniform.flags | flags, ..uniform });
             let geometry = request.loss.needs_geometry();
             let statistics = needs_statistics(request);
             dispatches.extend(self.step_dispatches(offsets, &request.camera, geometry, statistics));
             ends.push(dispatches.len());
-            (scene.flushed_step, scene.flushed_rates) = (request.step, request.rates);
+            (inputs.flushed_step, inputs.flushed_rates) = (request.step, request.rates);
         }
-        let promise = |r: &StepRequest<'_>| Promise {
+        let promise = |r: &StepRequest<'_>| PendingStep {
             step: r.step,
             rates: r.rates,
             counts_in_window: r.accumulate_statistics,
@@ -191,7 +194,12 @@ impl GpuBackend {
         self.options.count_texel_atomics && !request.loss.needs_geometry() && !needs_statistics(request)
     }
 
-    pub(super) fn report(&self, request: &StepRequest<'_>, status: &Status, stages: Stages) -> StepReport {
+    pub(super) fn report(
+        &self,
+        request: &StepRequest<'_>,
+        status: &Status,
+        stages: KernelTimes,
+    ) -> StepReport {
         let s = status;
         let mut loss = LossValues {
             total: 0.0,
@@ -219,10 +227,10 @@ impl GpuBackend {
 }
 
 /// Times by kernel, in the order in which they first run.
-pub(super) type Stages = Vec<(&'static str, Duration)>;
+pub(super) type KernelTimes = Vec<(&'static str, Duration)>;
 
-fn stages(dispatches: &[Dispatch], times: &[Duration]) -> Stages {
-    let mut out: Stages = Vec::new();
+fn stages(dispatches: &[Dispatch], times: &[Duration]) -> KernelTimes {
+    let mut out: KernelTimes = Vec::new();
     for (dispatch, time) in dispatches.iter().zip(times) {
         let name = dispatch.kernel.kernel().name;
         match out.iter_mut().find(|(n, _)| *n == name) {

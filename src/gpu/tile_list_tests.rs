@@ -5,13 +5,13 @@ use super::device::UNIFORM_STRIDE;
 use super::harness::Harness;
 use super::kernels::{Buf, Groups, KernelId, NUM_GROUPS};
 use super::layout::{DispatchArgs, Status, StepUniform};
-use super::resources::Offsets;
+use super::resources::UniformOffsets;
 use super::shader::{BLOCK, GROUP, MAX_GROUPS};
 use super::sort::{
     depth_sort, first_args, folded_groups, num_tile_passes, order_and_bin, pair_slots, tile_lists,
 };
 use super::sort_tests::{SORT, STEP, fill_sort, open, open_all};
-use super::tile_list_twin::{Case, TestBounds, grid_of};
+use super::tile_list_twin::{TestBounds, TileListCase, grid_of};
 use rand::{RngExt as _, SeedableRng as _, seq::SliceRandom as _};
 use rand_pcg::Pcg32;
 
@@ -130,7 +130,7 @@ fn sums_that_overflow_saturate() {
 }
 
 /// A device with all buffers of a case.
-fn fill_case(harness: &mut Harness, case: &Case, capacity: u32) {
+fn fill_case(harness: &mut Harness, case: &TileListCase, capacity: u32) {
     let most = case.keys.len().max(capacity as usize);
     fill_sort(harness, &case.keys, most);
     // A binding holds at least one element.
@@ -151,7 +151,7 @@ fn fill_case(harness: &mut Harness, case: &Case, capacity: u32) {
     }
 }
 
-fn step_of(case: &Case, slot: u32, capacity: u32) -> StepUniform {
+fn step_of(case: &TileListCase, slot: u32, capacity: u32) -> StepUniform {
     StepUniform {
         num_splats: case.keys.len() as u32,
         size_px: case.size_px,
@@ -163,7 +163,7 @@ fn step_of(case: &Case, slot: u32, capacity: u32) -> StepUniform {
 }
 
 /// Splats of each tile as the device lists them; slots are those of the splats.
-fn read_lists(harness: &Harness, case: &Case) -> Vec<Vec<u32>> {
+fn read_lists(harness: &Harness, case: &TileListCase) -> Vec<Vec<u32>> {
     let total = harness.read::<Status>(Buf::Status, 1)[0].needed_pairs as usize;
     let pairs = harness.read::<[u32; 2]>(Buf::Pairs, total);
     let bounds = harness.read::<TestBounds>(Buf::Bounds, case.bounds.len());
@@ -193,7 +193,7 @@ fn every_tile_lists_its_splats_in_order_of_depth() {
             (4, [500, 400], 2500, 3),
             (5, [64, 64], 0, 2),
         ] {
-            let mut case = Case::random(seed, size_px, n);
+            let mut case = TileListCase::random(seed, size_px, n);
             assert_eq!(num_tile_passes(case.num_tiles()), passes);
             let total: u32 = case.bounds.iter().map(|b| b.num_tiles).sum();
             fill_case(&mut harness, &case, total.max(1));
@@ -215,9 +215,9 @@ fn every_tile_lists_its_splats_in_order_of_depth() {
 #[test]
 fn pairs_that_do_not_fit_switch_everything_off() {
     for mut harness in open_all(&[&SORT[..], &SLOTS, &LISTS].concat()) {
-        let case = Case::random(6, [200, 120], 1500);
+        let case = TileListCase::random(6, [200, 120], 1500);
         let total: u32 = case.bounds.iter().map(|b| b.num_tiles).sum();
-        let second = Offsets { step: UNIFORM_STRIDE as u32, ..STEP };
+        let second = UniformOffsets { step: UNIFORM_STRIDE as u32, ..STEP };
         let both = [STEP, second].map(|step| order_and_bin(step, case.num_tiles())).concat();
         let off = vec![DispatchArgs::default(); NUM_GROUPS as usize];
 
@@ -247,7 +247,7 @@ fn pairs_that_do_not_fit_switch_everything_off() {
 #[test]
 fn counts_of_another_rounding_do_no_harm() {
     for mut harness in open_all(&[&SORT[..], &SLOTS, &LISTS].concat()) {
-        let case = Case::random(7, [64, 64], 900);
+        let case = TileListCase::random(7, [64, 64], 900);
         let lists = case.lists();
         let mut run = |changes: &[(usize, i32)]| {
             let mut changed = case.clone();
@@ -280,7 +280,7 @@ fn counts_of_another_rounding_do_no_harm() {
 #[ignore = "a measurement, to be asked for"]
 fn throughput() {
     let Some(mut harness) = open(&[&SORT[..], &SLOTS, &LISTS].concat()) else { return };
-    let case = Case::random(9, [1600, 1200], 20_000);
+    let case = TileListCase::random(9, [1600, 1200], 20_000);
     let total: u32 = case.bounds.iter().map(|b| b.num_tiles).sum();
     fill_case(&mut harness, &case, total);
     // Once for the compiler, then again from the beginning.

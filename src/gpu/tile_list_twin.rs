@@ -22,7 +22,7 @@ pub(super) struct TestBounds {
 
 /// Splats of a view.
 #[derive(Clone)]
-pub(super) struct Case {
+pub(super) struct TileListCase {
     pub size_px: [u32; 2],
     pub bounds: Vec<TestBounds>,
     pub keys: Vec<u32>,
@@ -35,7 +35,7 @@ pub(super) fn grid_of(size_px: [u32; 2]) -> [u32; 2] {
     size_px.map(|size| size.div_ceil(TILE_PX))
 }
 
-impl Case {
+impl TileListCase {
     /// Boxes, ellipses, single pixels, and splats out of sight; depth keys with many ties.
     pub(super) fn random(seed: u64, size_px: [u32; 2], n: usize) -> Self {
         let mut rng = Pcg32::seed_from_u64(seed);

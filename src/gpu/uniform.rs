@@ -9,7 +9,7 @@ use crate::model::LearningRates;
 
 /// What all uniforms of a backend have in common.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Scene {
+pub(super) struct UniformInputs {
     pub num_splats: u32,
     pub splat_stride: u32,
     pub near: f32,
@@ -28,26 +28,31 @@ pub(super) fn grid(camera: &Camera, tile_rows_px: u32) -> [u32; 2] {
 }
 
 /// For what looks at no view.
-pub(super) fn without_view(scene: &Scene, flags: u32) -> StepUniform {
+pub(super) fn without_view(inputs: &UniformInputs, flags: u32) -> StepUniform {
     StepUniform {
-        near: scene.near,
-        num_splats: scene.num_splats,
-        splat_stride: scene.splat_stride,
-        flushed_step: scene.flushed_step,
-        pair_capacity: scene.pair_capacity,
+        near: inputs.near,
+        num_splats: inputs.num_splats,
+        splat_stride: inputs.splat_stride,
+        flushed_step: inputs.flushed_step,
+        pair_capacity: inputs.pair_capacity,
         partial_stride: PARTIAL_STRIDE,
-        last_rate_sh_dc: scene.flushed_rates.sh_dc,
-        last_rate_sh_rest: scene.flushed_rates.sh_rest,
-        last_rate_texel: scene.flushed_rates.texel,
-        last_rate_texel_growth: scene.flushed_rates.texel_growth,
-        last_rate_texel_growth_limit: scene.flushed_rates.texel_growth_limit,
+        last_rate_sh_dc: inputs.flushed_rates.sh_dc,
+        last_rate_sh_rest: inputs.flushed_rates.sh_rest,
+        last_rate_texel: inputs.flushed_rates.texel,
+        last_rate_texel_growth: inputs.flushed_rates.texel_growth,
+        last_rate_texel_growth_limit: inputs.flushed_rates.texel_growth_limit,
         flags,
         ..StepUniform::default()
     }
 }
 
 /// For an image.
-pub(super) fn image(scene: &Scene, camera: &Camera, background: [f32; 3], sh_degree: u32) -> StepUniform {
+pub(super) fn image(
+    inputs: &UniformInputs,
+    camera: &Camera,
+    background: [f32; 3],
+    sh_degree: u32,
+) -> StepUniform {
     let rotation = camera.camera_from_local.rotation;
     let translation = camera.camera_from_local.translation;
     let row = |r: usize| {
@@ -62,10 +67,10 @@ pub(super) fn image(scene: &Scene, camera: &Camera, background: [f32; 3], sh_deg
         focal_px: [pinhole.fx_px as f32, pinhole.fy_px as f32],
         principal_px: [pinhole.cx_px as f32, pinhole.cy_px as f32],
         size_px: [pinhole.width_px, pinhole.height_px],
-        grid: grid(camera, scene.tile_rows_px),
+        grid: grid(camera, inputs.tile_rows_px),
         background,
         sh_degree,
-        ..without_view(scene, 0)
+        ..without_view(inputs, 0)
     }
 }
 
@@ -83,7 +88,7 @@ pub(super) fn needs_statistics(request: &StepRequest<'_>) -> bool {
 
 /// For a step.
 pub(super) fn step(
-    scene: &Scene,
+    inputs: &UniformInputs,
     request: &StepRequest<'_>,
     photo_offset_px: u32,
     status_slot: u32,
@@ -107,7 +112,7 @@ pub(super) fn step(
         loss_mse: loss.mse,
         loss_distortion: loss.distortion,
         loss_normal: loss.normal,
-        opacity_weight: loss.opacity / scene.num_splats.max(1) as f32,
+        opacity_weight: loss.opacity / inputs.num_splats.max(1) as f32,
         texture_weight: loss.texture,
         texture_hidden_weight: loss.texture_hidden,
         texel_units: (3.0 * num_pixels * FIXED_MAX / gradient_bound(loss)) as f32,
@@ -123,7 +128,7 @@ pub(super) fn step(
         rate_texel_growth_limit: rates.texel_growth_limit,
         m_correction: (1.0 / (1.0 - ADAM_BETA1.powf(t))) as f32,
         v_correction_sqrt: (1.0 / (1.0 - ADAM_BETA2.powf(t)).sqrt()) as f32,
-        ..image(scene, &request.camera, request.background, request.sh_degree)
+        ..image(inputs, &request.camera, request.background, request.sh_degree)
     }
 }
 

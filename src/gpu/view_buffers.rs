@@ -31,7 +31,7 @@ pub(super) struct Capacity {
 
 /// What a submission needs.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Needs {
+pub(super) struct RequiredCapacity {
     pub splats: u64,
     pub pairs: u64,
     pub pixels: u64,
@@ -88,7 +88,7 @@ impl Capacity {
         &mut self,
         device: &GpuDevice,
         resources: &mut Resources,
-        needs: &Needs,
+        needs: &RequiredCapacity,
     ) -> Result<()> {
         if needs.pairs > self.pairs || needs.splats > self.splats {
             let (pairs, splats) = (needs.pairs.max(self.pairs), needs.splats.max(self.splats));
@@ -144,7 +144,7 @@ impl Capacity {
         &mut self,
         device: &GpuDevice,
         resources: &mut Resources,
-        needs: &Needs,
+        needs: &RequiredCapacity,
     ) -> Result<()> {
         if needs.splats > self.geometry_splats {
             resources.set(Buf::Normals, device.buffer("normals of splats", needs.splats, 16)?);

@@ -1,7 +1,7 @@
 //! The kernels as browsers see them.
 
 use super::kernels::KERNELS;
-use super::shader::{Expanded, HALF_TILES, Target, expand};
+use super::shader::{Dialect, ExpandedShader, HALF_TILES, expand};
 use crate::{Error, Result};
 
 /// A kernel in the form for browsers.
@@ -12,7 +12,7 @@ pub struct WebShader {
     /// Its entry point.
     pub entry_point: &'static str,
     /// Its text, and where each line comes from.
-    pub shader: Expanded,
+    pub shader: ExpandedShader,
 }
 
 /// All kernels and their variants, with tiles of both heights where it makes a difference, expanded for browsers.
@@ -24,7 +24,7 @@ pub fn web_shaders() -> Result<Vec<WebShader>> {
     for (_, kernel) in KERNELS {
         for tiles in [&[][..], &[HALF_TILES]] {
             let flags = [kernel.flags, tiles].concat();
-            let shader = expand(kernel.name, &flags, Target::Web).map_err(Error::Device)?;
+            let shader = expand(kernel.name, &flags, Dialect::Web).map_err(Error::Device)?;
             // Most kernels do not ask for the height of tiles: they only see it defined.
             let heights = ["TILE_ROWS_PX", "TILE_SIZE_PX", "RASTER_GROUP"];
             let mut code = shader.text.lines().filter(|line| !line.starts_with("const "));

@@ -4,7 +4,7 @@
 use super::geometry::{GeometryCoefficients, GeometryLoss};
 use super::loss::ImageLoss;
 use super::raster_fwd::{Sample, tap_values};
-use super::{ColourGradient, Params, Image, Projected, Settings};
+use super::{ColourGradient, Image, Params, Projected, Settings};
 use crate::model::{texel_value, texel_value_slope};
 use glam::{DVec2, DVec3};
 

@@ -2,7 +2,7 @@
 //! trait, so that the same checks serve every backend: gradients are read from the first moments after
 //! one step, which are `(1 - beta1)` times the gradient.
 
-use super::scene::{Scene, SceneOptions, random_scene};
+use super::random_scene::{RandomScene, SceneOptions, random_scene};
 use crate::Result;
 use crate::backend::{Backend, LearningRates, LossWeights, RenderOptions, StepRequest};
 use crate::constants::{ADAM_BETA1, sh_coefficients};
@@ -113,7 +113,7 @@ pub fn run(backend: &mut dyn Backend) -> Result<Vec<Check>> {
     Ok(checks)
 }
 
-fn settings(scene: &Scene) -> Settings {
+fn settings(scene: &RandomScene) -> Settings {
     Settings {
         cutoff: AlphaCutoff::Hard,
         colour_gradient: ColourGradient::Projected,
@@ -123,11 +123,11 @@ fn settings(scene: &Scene) -> Settings {
     }
 }
 
-fn reference(scene: &Scene, params: &Params, loss: &LossWeights) -> Gradients {
+fn reference(scene: &RandomScene, params: &Params, loss: &LossWeights) -> Gradients {
     gradients(params, &scene.camera, &scene.target, loss, &settings(scene))
 }
 
-fn request<'a>(scene: &'a Scene, step: u32, loss: &LossWeights) -> StepRequest<'a> {
+fn request<'a>(scene: &'a RandomScene, step: u32, loss: &LossWeights) -> StepRequest<'a> {
     StepRequest {
         step,
         camera: scene.camera,
@@ -145,7 +145,7 @@ fn wide(values: &[f32]) -> Vec<f64> {
     values.iter().map(|&v| f64::from(v)).collect()
 }
 
-fn image(backend: &mut dyn Backend, scene: &Scene, name: String) -> Result<Check> {
+fn image(backend: &mut dyn Backend, scene: &RandomScene, name: String) -> Result<Check> {
     backend.upload(&scene.model, &AdamState::zeros(&scene.model))?;
     let options =
         RenderOptions { background: BACKGROUND, sh_degree: scene.model.splats.sh_degree, geometry: false };
@@ -157,7 +157,7 @@ fn image(backend: &mut dyn Backend, scene: &Scene, name: String) -> Result<Check
 /// Depths and normals of an image.
 fn depths_and_normals(
     backend: &mut dyn Backend,
-    scene: &Scene,
+    scene: &RandomScene,
     name: &dyn Fn(&str) -> String,
 ) -> Result<Vec<Check>> {
     backend.upload(&scene.model, &AdamState::zeros(&scene.model))?;
@@ -176,7 +176,7 @@ fn depths_and_normals(
 /// Gradients, as the first moments after one step.
 fn first_step(
     backend: &mut dyn Backend,
-    scene: &Scene,
+    scene: &RandomScene,
     loss: &LossWeights,
     name: &dyn Fn(&str) -> String,
 ) -> Result<Vec<Check>> {
@@ -199,7 +199,11 @@ fn first_step(
 }
 
 /// Change of the parameters over ten steps.
-fn ten_steps(backend: &mut dyn Backend, scene: &Scene, name: &dyn Fn(&str) -> String) -> Result<Vec<Check>> {
+fn ten_steps(
+    backend: &mut dyn Backend,
+    scene: &RandomScene,
+    name: &dyn Fn(&str) -> String,
+) -> Result<Vec<Check>> {
     backend.upload(&scene.model, &AdamState::zeros(&scene.model))?;
     // As the trainer hands them over: together.
     let requests: Vec<StepRequest<'_>> = (1..=STEPS).map(|t| request(scene, t, &WEIGHTS)).collect();

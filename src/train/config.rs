@@ -1,7 +1,7 @@
 //! Settings of a training run: everything that shapes the result, with defaults and their sources.
 //! The command line and `config.toml` fill it; the trainer reads it.
 
-use super::density::{Budget, Components, MapRule, DensityConfig};
+use super::density::{Budget, Components, DensityConfig, MapRule};
 use crate::backend::LossWeights;
 use crate::frequency::FrequencyOptions;
 use serde::{Deserialize, Serialize};

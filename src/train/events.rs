@@ -1,8 +1,8 @@
 //! What the trainer tells: one stream of typed events that progress bars, logs, run folders and tests
 //! consume. The consumer answers whether to go on.
 
-use super::state::TrainState;
 use super::density::DensityCounts;
+use super::state::TrainState;
 use crate::Warning;
 use crate::backend::{DeviceInfo, LossValues, RenderedImage, StepReport};
 use crate::eval::Evaluation;

@@ -4,15 +4,15 @@
 
 pub mod checkpoint;
 mod config;
+pub mod density;
+mod eta;
 mod evaluate;
 mod events;
 mod limits;
 mod order;
-mod eta;
 mod run;
 mod schedule;
 mod state;
-pub mod density;
 mod targets;
 mod window;
 

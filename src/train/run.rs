@@ -1,16 +1,16 @@
 //! The loop: draws views, steps, changes the structure, evaluates, reports.
 
 use super::config::TrainConfig;
+use super::density::{DensityCounts, StatisticsSource};
+use super::eta::Eta;
 use super::evaluate::{Evaluated, evaluate};
 use super::events::{Control, StopReason, TrainEvent};
 use super::limits::check_limits;
 use super::order::ViewOrder;
-use super::eta::Eta;
 use super::schedule::Schedule;
 use super::state::{CurvePoint, TrainState};
-use super::density::{StatisticsSource, DensityCounts};
 use super::targets::Targets;
-use super::window::{self, Stage, DensityControl};
+use super::window::{self, DensityControl, Stage};
 use crate::backend::{
     Backend, DeviceLimits, RenderOptions, RenderedImage, StepReport, StepRequest, TargetImage,
 };

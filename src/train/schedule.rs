@@ -92,8 +92,7 @@ impl Schedule {
         let parts = config.active_components();
         let judged = |until: u32| {
             let end = until.min(self.density_end);
-            (end / self.density_interval)
-                .saturating_sub((self.density_start - 1) / self.density_interval)
+            (end / self.density_interval).saturating_sub((self.density_start - 1) / self.density_interval)
         };
         let mut out = Vec::new();
         let densifying = judged(self.densify_until);

@@ -2,8 +2,8 @@
 
 use super::density::Life;
 use crate::backend::WindowStatistics;
-use crate::model::{AdamState, Model};
 use crate::frequency::SplatBudget;
+use crate::model::{AdamState, Model};
 use serde::{Deserialize, Serialize};
 
 /// One evaluation on the way.

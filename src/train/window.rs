@@ -2,15 +2,15 @@
 //! found, lets [`density`] decide, has the backend carry out the plan.
 
 use super::config::{Policy, TrainConfig};
+use super::density::{self, DensityCounts, Life, Revision, Situation};
 use super::schedule::Schedule;
 use super::state::TrainState;
-use super::density::{self, Life, Revision, Situation, DensityCounts};
 use super::targets::Targets;
 use crate::Result;
 use crate::backend::{Backend, DeviceLimits, LossWeights, StepRequest, WindowStatistics};
 use crate::camera::Camera;
-use crate::model::LearningRates;
 use crate::frequency::{FrequencySchedule, SplatBudget};
+use crate::model::LearningRates;
 use crate::views::ViewSource;
 
 /// What the scheduler says from one density-control step to the next.

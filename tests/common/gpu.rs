@@ -1,6 +1,6 @@
 //! Backends on the software drivers that are installed.
 
-use litetex_gs::gpu::{AdapterChoice, GpuBackend, GpuDevice, GpuOptions, Limits, list_adapters};
+use litetex_gs::gpu::{AdapterChoice, GpuBackend, GpuDevice, GpuOptions, LimitChoice, list_adapters};
 
 /// Software drivers: `LITETEX_REQUIRE_GPU` says how many there must be; where there is none, says so.
 pub fn drivers() -> Vec<AdapterChoice> {
@@ -22,24 +22,24 @@ pub fn drivers() -> Vec<AdapterChoice> {
 /// A backend on the first of them, within the lowest limits.
 pub fn backend(options: GpuOptions) -> Option<GpuBackend> {
     let choice = drivers().into_iter().next()?;
-    Some(open(&choice, Limits::Downlevel, options))
+    Some(open(&choice, LimitChoice::Downlevel, options))
 }
 
 /// Backends on all of them in turn, within the lowest limits: what fits these fits any.
 pub fn backends(options: GpuOptions) -> impl Iterator<Item = GpuBackend> {
     drivers().into_iter().map(move |choice| {
         println!("{}", choice.name);
-        open(&choice, Limits::Downlevel, options)
+        open(&choice, LimitChoice::Downlevel, options)
     })
 }
 
 /// A backend on a driver.
-pub fn open(choice: &AdapterChoice, limits: Limits, options: GpuOptions) -> GpuBackend {
+pub fn open(choice: &AdapterChoice, limits: LimitChoice, options: GpuOptions) -> GpuBackend {
     GpuBackend::new(GpuDevice::open(choice, limits).unwrap(), options).unwrap()
 }
 
 /// Every driver, the first of them within the lowest limits.
-pub fn drivers_and_limits() -> Vec<(AdapterChoice, Limits)> {
-    let limits = std::iter::once(Limits::Downlevel).chain(std::iter::repeat(Limits::Adapter));
+pub fn drivers_and_limits() -> Vec<(AdapterChoice, LimitChoice)> {
+    let limits = std::iter::once(LimitChoice::Downlevel).chain(std::iter::repeat(LimitChoice::Adapter));
     drivers().into_iter().zip(limits).collect()
 }

@@ -1,6 +1,6 @@
 //! What backends make of density-control plans, compared: bit for bit where that is promised.
 
-use litetex_gs::backend::{Backend, MapChange, DensityPlan};
+use litetex_gs::backend::{Backend, DensityPlan, MapChange};
 use litetex_gs::model::{AdamState, Model};
 
 pub type State = (Model, AdamState);

@@ -3,7 +3,7 @@
 
 use litetex_gs::backend::{Backend, LearningRates, LossWeights, RenderOptions, StepRequest};
 use litetex_gs::model::AdamState;
-use litetex_gs::selftest::{Scene, SceneOptions, random_scene};
+use litetex_gs::selftest::{RandomScene, SceneOptions, random_scene};
 
 pub const RATES: LearningRates = LearningRates {
     position: 1e-4,
@@ -18,7 +18,7 @@ pub const RATES: LearningRates = LearningRates {
 };
 
 /// Renders and takes three steps; every pixel and every parameter that was finite must stay so.
-fn survives(backend: &mut dyn Backend, scene: &Scene, name: &str) -> f64 {
+fn survives(backend: &mut dyn Backend, scene: &RandomScene, name: &str) -> f64 {
     backend.upload(&scene.model, &AdamState::zeros(&scene.model)).unwrap();
     let options = RenderOptions { background: [0.1, 0.2, 0.3], sh_degree: 3, geometry: true };
     let image = backend.render(&scene.camera, &options).unwrap();
@@ -63,7 +63,7 @@ fn survives(backend: &mut dyn Backend, scene: &Scene, name: &str) -> f64 {
 }
 
 /// A small scene.
-pub fn scene(seed: u64) -> Scene {
+pub fn scene(seed: u64) -> RandomScene {
     random_scene(&SceneOptions {
         num_splats: 200,
         width_px: 61,

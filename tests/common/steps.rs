@@ -1,11 +1,11 @@
 //! Steps by hand, for backends of any kind: a scene with views in two sizes, requests and a plan.
 
 use litetex_gs::backend::{
-    Grid, LearningRates, LossWeights, MapChange, SplatEdit, StepRequest, DensityPlan, TargetImage,
+    DensityPlan, Grid, LearningRates, LossWeights, MapChange, SplatEdit, StepRequest, TargetImage,
 };
 use litetex_gs::camera::{Camera, RigidTransform};
 use litetex_gs::model::{Model, SplatGroup};
-use litetex_gs::selftest::{Scene, SceneOptions, random_scene};
+use litetex_gs::selftest::{RandomScene, SceneOptions, random_scene};
 
 const RATES: LearningRates = LearningRates {
     position: 2e-4,
@@ -19,7 +19,7 @@ const RATES: LearningRates = LearningRates {
     texel_growth_limit: 4.0,
 };
 
-pub fn scene(seed: u64) -> Scene {
+pub fn scene(seed: u64) -> RandomScene {
     random_scene(&SceneOptions {
         num_splats: 600,
         scales: (0.02, 0.15),
@@ -32,7 +32,7 @@ pub fn scene(seed: u64) -> Scene {
 }
 
 /// The scene from a few sides and in two sizes: splats come into sight and leave it, and lag behind.
-pub fn views(scene: &Scene) -> Vec<(Camera, TargetImage)> {
+pub fn views(scene: &RandomScene) -> Vec<(Camera, TargetImage)> {
     let turned = |k: usize| {
         let angle = (k as f64 - 2.0) * 0.35;
         let turn = glam::DMat3::from_rotation_y(angle);

@@ -5,7 +5,7 @@ use litetex_gs::backend::{Backend as _, RenderOptions, TargetImage};
 use litetex_gs::camera::Camera;
 use litetex_gs::cpu::CpuBackend;
 use litetex_gs::model::{AdamState, Model};
-use litetex_gs::selftest::{Scene, SceneOptions, random_scene};
+use litetex_gs::selftest::{RandomScene, SceneOptions, random_scene};
 use litetex_gs::train::density::Components;
 use litetex_gs::train::{Policy, TrainConfig};
 use litetex_gs::views::{Split, ViewSource};
@@ -51,7 +51,7 @@ pub fn scene_options() -> SceneOptions {
 }
 
 /// The scene of [`scene_options`].
-pub fn scene() -> Scene {
+pub fn scene() -> RandomScene {
     random_scene(&scene_options())
 }
 
@@ -63,7 +63,7 @@ pub fn uploaded(model: &Model) -> CpuBackend {
 }
 
 /// Photos of the scene from cameras side by side.
-pub fn photos(scene: &Scene) -> MemoryViews {
+pub fn photos(scene: &RandomScene) -> MemoryViews {
     let mut backend = uploaded(&scene.model);
     let views = (0..6).map(|i| {
         let mut camera = scene.camera;
@@ -76,7 +76,7 @@ pub fn photos(scene: &Scene) -> MemoryViews {
 }
 
 /// The scene with colours lost and centres jittered.
-pub fn damaged(scene: &Scene) -> Model {
+pub fn damaged(scene: &RandomScene) -> Model {
     let mut model = scene.model.clone();
     model.splats.sh.fill(0.0);
     model.textures.texels.fill(0.0);

@@ -10,7 +10,7 @@ use litetex_gs::model::{AdamState, SplatArrays, SplatGroup};
 use litetex_gs::reference::{
     AlphaCutoff, ColourGradient, Gradients, Params, Settings, adam_skipped, gradients, map_rate,
 };
-use litetex_gs::selftest::{Scene, SceneOptions, random_scene};
+use litetex_gs::selftest::{RandomScene, SceneOptions, random_scene};
 
 pub const WEIGHTS: LossWeights = LossWeights {
     l1: 0.8,
@@ -25,7 +25,7 @@ pub const WEIGHTS: LossWeights = LossWeights {
 pub const BACKGROUND: [f32; 3] = [0.3, 0.5, 0.2];
 
 /// The reference's answer.
-pub fn reference(scene: &Scene, weights: &LossWeights) -> Gradients {
+pub fn reference(scene: &RandomScene, weights: &LossWeights) -> Gradients {
     let settings = Settings {
         cutoff: AlphaCutoff::Hard,
         colour_gradient: ColourGradient::Projected,
@@ -48,7 +48,7 @@ pub struct Observed {
 }
 
 /// Renders and takes one step at rest. Gradients are the first moments, which are `(1 - beta1)` of them.
-pub fn observe(backend: &mut dyn Backend, scene: &Scene, weights: &LossWeights) -> Observed {
+pub fn observe(backend: &mut dyn Backend, scene: &RandomScene, weights: &LossWeights) -> Observed {
     backend.upload(&scene.model, &AdamState::zeros(&scene.model)).unwrap();
     let sh_degree = scene.model.splats.sh_degree;
     let options = RenderOptions { background: BACKGROUND, sh_degree, geometry: false };
@@ -76,7 +76,7 @@ pub fn observe(backend: &mut dyn Backend, scene: &Scene, weights: &LossWeights) 
 }
 
 /// Whether both agree; prints by how much. `texel_rms` is the limit for the texels' gradients.
-pub fn agree(scene: &Scene, got: &Observed, expected: &Gradients, texel_rms: f64) -> bool {
+pub fn agree(scene: &RandomScene, got: &Observed, expected: &Gradients, texel_rms: f64) -> bool {
     // Splats that graze a pixel centre within the margin of the bounds count as seen: needed 9 in 3,000.
     // Their maps get the texture term on one side only; they are compared without it.
     let visible: Vec<bool> = got.statistics.seen.iter().map(|&s| s > 0).collect();
@@ -133,7 +133,7 @@ pub fn scenes() -> Vec<SceneOptions> {
 
 /// Largest difference of texels that are brought up to date by seven steps, from the reference, over the largest
 /// change of any; `growth` is that of the backend's rates and of the reference's.
-fn flushed_texels_off(backend: &mut dyn Backend, scene: &Scene, growth: [f32; 2]) -> f64 {
+fn flushed_texels_off(backend: &mut dyn Backend, scene: &RandomScene, growth: [f32; 2]) -> f64 {
     let [rates, expected] = growth.map(|texel_growth| LearningRates {
         texel: 2e-3,
         texel_growth,

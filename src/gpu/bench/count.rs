@@ -1,12 +1,12 @@
 //! Pairs, atomics and bytes of steps in either form of the rasterisation, counted one step at a time.
 
-use super::{AtomicFigures, Bench, CountFigures, Deadline, PairFigures, Traffic, TrafficCounts};
+use super::{AtomicFigures, BenchRun, CountFigures, Deadline, PairFigures, Traffic, TrafficCounts};
 use crate::Result;
 use crate::backend::{Backend as _, RasterCounters, StepRequest};
 use crate::camera::Camera;
 use crate::gpu::backend::{GpuBackend, GpuOptions};
 use crate::gpu::kernels::KernelId;
-use crate::gpu::resources::Offsets;
+use crate::gpu::resources::UniformOffsets;
 use crate::gpu::shader::TILE_PX;
 use crate::gpu::sort::{DEPTH_PASSES, num_tile_passes};
 use crate::gpu::uniform;
@@ -23,7 +23,7 @@ pub fn count<'a>(
     hardware_kernels: bool,
     request: &dyn Fn(u32) -> StepRequest<'a>,
 ) -> Result<Option<CountFigures>> {
-    let mut bench = Bench { backend, next: 1, request, deadline: Deadline::new(None), step_secs: 0.0 };
+    let mut bench = BenchRun { backend, next: 1, request, deadline: Deadline::new(None), step_secs: 0.0 };
     bench.restart(model, counting(hardware_kernels))?;
     bench.count(model, steps, hardware_kernels)
 }
@@ -39,7 +39,7 @@ fn counting(hardware_kernels: bool) -> GpuOptions {
     }
 }
 
-impl Bench<'_, '_> {
+impl BenchRun<'_, '_> {
     /// A few steps, one by one, with everything counted.
     pub(super) fn count(
         &mut self,
@@ -122,7 +122,7 @@ fn pair_figures(sum: &RasterCounters, tile_pairs: f64, tile_pixels: u64) -> Pair
 impl GpuBackend {
     /// Kernels of a step without window statistics, each once.
     fn kernels_of_step(&self, camera: &Camera) -> Vec<KernelId> {
-        let dispatches = self.step_dispatches(Offsets::default(), camera, false, false);
+        let dispatches = self.step_dispatches(UniformOffsets::default(), camera, false, false);
         let mut kernels: Vec<_> = dispatches.iter().map(|d| d.kernel).collect();
         kernels.sort_unstable();
         kernels.dedup();

@@ -117,7 +117,7 @@ pub struct AtomicFigures {
 
 /// The rasterisation in one of its two forms; times are `null` without a device clock.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct FormFigures {
+pub struct VariantFigures {
     /// Whether it is the form for hardware.
     pub hardware_kernels: bool,
     /// Median, forward.
@@ -167,7 +167,7 @@ pub struct StepFigures {
     #[serde(flatten)]
     pub counts: Option<CountFigures>,
     /// Both forms of the rasterisation.
-    pub variants: Vec<FormFigures>,
+    pub variants: Vec<VariantFigures>,
     /// Whether the same steps gave the same bytes twice.
     pub repeatable: Option<bool>,
     /// FNV-1a of the state after them.
@@ -202,7 +202,7 @@ pub fn measure<'a>(
     deadline: Deadline,
     request: &dyn Fn(u32) -> StepRequest<'a>,
 ) -> Result<KernelFigures> {
-    let mut bench = Bench { backend, next: 1, request, deadline, step_secs: 0.0 };
+    let mut bench = BenchRun { backend, next: 1, request, deadline, step_secs: 0.0 };
     bench.restart(model, GpuOptions::default())?;
     let start = Instant::now();
     bench.run(1)?;
@@ -219,7 +219,7 @@ pub fn measure<'a>(
 }
 
 /// A backend and where it stands.
-struct Bench<'a, 'b> {
+struct BenchRun<'a, 'b> {
     backend: &'b mut GpuBackend,
     next: u32,
     request: &'b dyn Fn(u32) -> StepRequest<'a>,
@@ -228,7 +228,7 @@ struct Bench<'a, 'b> {
     step_secs: f64,
 }
 
-impl Bench<'_, '_> {
+impl BenchRun<'_, '_> {
     /// Everything, after the first step.
     fn steps(&mut self, model: &Model, steps: u32, views: u32) -> Result<StepFigures> {
         self.run_in_time(run_in_steps(views, self.deadline.fitting(self.step_secs)))?;
@@ -297,7 +297,7 @@ impl Bench<'_, '_> {
         timed: GpuOptions,
         steps: u32,
         own: Option<&CountFigures>,
-    ) -> Result<Vec<FormFigures>> {
+    ) -> Result<Vec<VariantFigures>> {
         let mut out = Vec::new();
         let own_form = self.backend.gpu().choice.hardware;
         // The device's own form last: it is the one that what follows needs.
@@ -319,7 +319,7 @@ impl Bench<'_, '_> {
                 Some(own) if hardware_kernels == own_form => Some(own.clone()),
                 _ => self.count(model, steps, hardware_kernels)?,
             };
-            out.push(FormFigures { hardware_kernels, raster_fwd_secs, raster_bwd_secs, counts });
+            out.push(VariantFigures { hardware_kernels, raster_fwd_secs, raster_bwd_secs, counts });
         }
         out.sort_by_key(|form| form.hardware_kernels);
         Ok(out)

@@ -6,7 +6,7 @@ use crate::gpu::encode::encode;
 use crate::gpu::kernels::{Buf, KernelId};
 use crate::gpu::layout::{Status, StepUniform};
 use crate::gpu::model_buffers::filled;
-use crate::gpu::resources::{Offsets, Resources};
+use crate::gpu::resources::{Resources, UniformOffsets};
 use crate::gpu::shader::DEPTH_KEY_BITS;
 use crate::gpu::sort::{DEPTH_PASSES, depth_sort, first_args, histogram_entries, sort_passes};
 use serde::Serialize;
@@ -64,7 +64,7 @@ pub fn sort_throughput(device: &GpuDevice, keys: usize) -> Result<SortThroughput
         for _ in 0..runs {
             let to = resources.buffer(Buf::KeysA);
             encoder.copy_buffer_to_buffer(&unsorted, 0, to, 0, unsorted.size());
-            let dispatches = depth_sort(Offsets::default());
+            let dispatches = depth_sort(UniformOffsets::default());
             encode(device, &mut encoder, &mut resources, &pipelines, &dispatches, None);
         }
         device.submit(encoder);

@@ -3,7 +3,7 @@
 use super::mirrors::check_structs;
 use crate::gpu::kernels::{Kernel, SORT_PASS_BINDING};
 use crate::gpu::layout;
-use crate::gpu::shader::{Expanded, GROUP, shared_constants};
+use crate::gpu::shader::{ExpandedShader, GROUP, shared_constants};
 use crate::model::SplatGroup;
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 use naga::{AddressSpace, Expression, GlobalVariable, Handle, Literal, Span, StorageAccess};
@@ -18,11 +18,11 @@ pub(super) struct Parsed {
     pub module: naga::Module,
     info: ModuleInfo,
     layouter: naga::proc::Layouter,
-    pub expanded: Expanded,
+    pub expanded: ExpandedShader,
 }
 
 impl Parsed {
-    pub fn new(expanded: Expanded) -> Result<Self, String> {
+    pub fn new(expanded: ExpandedShader) -> Result<Self, String> {
         let text = &expanded.text;
         let place = |line: Option<u32>| expanded.origin(line.unwrap_or(1));
         let module = naga::front::wgsl::parse_str(text).map_err(|e| {
@@ -105,11 +105,11 @@ fn check_constants(parsed: &Parsed) -> Vec<String> {
 }
 
 /// A binding: its name and how it is accessed.
-type Bound = (String, &'static str);
+type NamedAccess = (String, &'static str);
 
 /// Bindings that differ from the table, and storage that the kernel binds but does not touch.
 fn check_bindings(parsed: &Parsed, kernel: &Kernel) -> Vec<String> {
-    let mut expected: BTreeMap<u32, Bound> = BTreeMap::from([(0, ("step".into(), "uniform Step"))]);
+    let mut expected: BTreeMap<u32, NamedAccess> = BTreeMap::from([(0, ("step".into(), "uniform Step"))]);
     for (binding, bound) in (1..).zip(kernel.bindings) {
         expected.insert(binding, (bound.name.into(), if bound.writes { "read_write" } else { "read" }));
     }
@@ -177,7 +177,7 @@ pub(super) fn workgroup_bytes(parsed: &Parsed) -> u32 {
 }
 
 /// Everything that is wrong with a kernel.
-pub(super) fn check(expanded: Expanded, kernel: &Kernel) -> Vec<String> {
+pub(super) fn check(expanded: ExpandedShader, kernel: &Kernel) -> Vec<String> {
     let parsed = match Parsed::new(expanded) {
         Ok(parsed) => parsed,
         Err(e) => return vec![e],

@@ -17,15 +17,15 @@ pub(super) struct Mirror {
 }
 
 /// Types of members; the host has no vectors, but arrays of the same layout.
-trait Shape {
+trait WgslType {
     const NAME: &'static str;
 }
 
-macro_rules! shapes {
-    ($($ty:ty = $name:literal),* $(,)?) => { $(impl Shape for $ty { const NAME: &'static str = $name; })* };
+macro_rules! wgsl_types {
+    ($($ty:ty = $name:literal),* $(,)?) => { $(impl WgslType for $ty { const NAME: &'static str = $name; })* };
 }
 
-shapes![
+wgsl_types![
     u32 = "u32",
     [u32; 2] = "vec2u",
     i32 = "i32",
@@ -35,7 +35,7 @@ shapes![
     [f32; 4] = "vec4f",
 ];
 
-fn shape_of<T: Shape>(_: &T) -> &'static str {
+fn wgsl_type_of<T: WgslType>(_: &T) -> &'static str {
     T::NAME
 }
 
@@ -45,7 +45,7 @@ macro_rules! mirror {
         let $ty { $($member),* } = $ty::default();
         let mut members: Vec<Member> = vec![$((
             stringify!($member).to_owned(),
-            shape_of(&$member),
+            wgsl_type_of(&$member),
             std::mem::offset_of!($ty, $member) as u32,
         )),*];
         members.sort_by_key(|m| m.2);

@@ -3,8 +3,8 @@
 use super::*;
 use crate::backend::WindowStatistics;
 use crate::camera::Similarity;
-use crate::model::{AdamState, Model, SplatArrays, SplatGroup, TexturePool};
 use crate::frequency::SplatBudget;
+use crate::model::{AdamState, Model, SplatArrays, SplatGroup, TexturePool};
 use crate::train::density::Life;
 use crate::train::{CurvePoint, TrainHistory};
 use glam::DVec3;

@@ -3,7 +3,7 @@
 use super::decide::Situation;
 use super::draft::Draft;
 use super::maps;
-use super::settings::{Components, Spending, DensityConfig};
+use super::settings::{Components, DensityConfig, Spending};
 use super::split;
 use crate::model::num_params;
 

@@ -9,7 +9,7 @@ use super::maps::{self, MapRule, Sizes};
 use super::score::{Scores, marks_after};
 use super::settings::{Budget, Components, DensityConfig};
 use super::spend::Spender;
-use crate::backend::{MapChange, DensityPlan, WindowStatistics};
+use crate::backend::{DensityPlan, MapChange, WindowStatistics};
 use crate::camera::Camera;
 use crate::model::Model;
 use serde::Serialize;

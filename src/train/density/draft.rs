@@ -3,7 +3,7 @@
 use super::geometry::morton_codes;
 use super::life::Life;
 use super::maps::Sizes;
-use crate::backend::{MapChange, SplatEdit, DensityPlan};
+use crate::backend::{DensityPlan, MapChange, SplatEdit};
 use crate::model::Model;
 
 /// New parameters of a splat.

@@ -2,7 +2,7 @@
 //! texels (method section 7.3). Texels keep their place on the surfel throughout.
 
 use super::coarse::{coarsening_error, residual};
-use super::decide::{Situation, DensityCounts};
+use super::decide::{DensityCounts, Situation};
 use super::draft::Draft;
 use super::geometry::{even_texels, first_texel_size};
 use super::score::Scores;

@@ -17,12 +17,11 @@ mod split;
 #[cfg(test)]
 mod tests;
 
-pub use decide::{Revision, Situation, DensityCounts, decide};
+pub use decide::{DensityCounts, Revision, Situation, decide};
 pub use geometry::{TEXELS_MAX, first_texel_size, half_extents, morton_codes, pixel_sizes};
 pub use life::Life;
 pub use maps::MapRule;
 pub use relocate::relocate;
 pub use settings::{
-    Budget, Components, ErrorMeasure, GrowthMoments, Spending, SplitProfile, StatisticsSource,
-    DensityConfig,
+    Budget, Components, DensityConfig, ErrorMeasure, GrowthMoments, Spending, SplitProfile, StatisticsSource,
 };

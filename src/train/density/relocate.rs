@@ -3,12 +3,12 @@
 //! by splitting splats drawn by the error that they carry (relocation after 3DGS-MCMC; halves instead of
 //! copies, because copies at one place would have the same gradients for ever).
 
-use super::decide::{Revision, Situation, DensityCounts};
+use super::decide::{DensityCounts, Revision, Situation};
 use super::draft::{Draft, finish};
 use super::geometry::{opacity, sigmas};
 use super::maps::Sizes;
 use super::score::Scores;
-use super::settings::{ErrorMeasure, SplitProfile, DensityConfig};
+use super::settings::{DensityConfig, ErrorMeasure, SplitProfile};
 use super::split::children;
 use crate::backend::MapChange;
 use rand::{RngExt as _, SeedableRng as _};

@@ -2,7 +2,7 @@
 //! then splats that were removed are made up for (method sections 6.2 and 7.3).
 
 use super::candidate::Candidate;
-use super::decide::{Situation, DensityCounts};
+use super::decide::{DensityCounts, Situation};
 use super::draft::Draft;
 use super::settings::{Budget, DensityConfig};
 use super::split;

@@ -4,7 +4,7 @@ use super::decide::Situation;
 use super::draft::{Change, Draft};
 use super::geometry::{half_extents, opacity, sigmas};
 use super::maps::MapRule;
-use super::settings::{SplitProfile, DensityConfig};
+use super::settings::{DensityConfig, SplitProfile};
 use crate::backend::{Grid, MapChange};
 use crate::constants::LOG_SCALE_RANGE;
 use glam::{DQuat, DVec3};

@@ -1,15 +1,15 @@
 //! The decisions on small models: who goes, who is split, what becomes of the maps.
 
-use super::decide::{Revision, Situation, DensityCounts, decide};
+use super::decide::{DensityCounts, Revision, Situation, decide};
 use super::geometry::{even_texels, first_texel_size, half_extents, opacity, sigmas};
 use super::life::Life;
 use super::maps::MapRule;
-use super::settings::{Budget, Components, Spending, SplitProfile, DensityConfig};
+use super::settings::{Budget, Components, DensityConfig, Spending, SplitProfile};
 use crate::backend::{Grid, MapChange, WindowStatistics};
 use crate::camera::Camera;
 use crate::constants::ALPHA_MIN;
 use crate::model::{Model, TexturePool};
-use crate::selftest::{Scene, SceneOptions, random_scene};
+use crate::selftest::{RandomScene, SceneOptions, random_scene};
 
 const N: usize = 12;
 
@@ -32,7 +32,7 @@ fn settings() -> DensityConfig {
     DensityConfig { alpha_texture: ALPHA_MIN, quantile: 0.85, ..DensityConfig::default() }
 }
 
-fn scene() -> Scene {
+fn scene() -> RandomScene {
     random_scene(&SceneOptions {
         num_splats: N,
         map_sizes: vec![(2, 2)],

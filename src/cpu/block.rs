@@ -69,7 +69,7 @@ pub(super) fn strips(splat: &ProjectedSplat, origin_px: [i32; 2]) -> (usize, usi
 
 /// A splat's constants for the kernels.
 #[derive(Clone, Copy)]
-pub(super) struct Shape {
+pub(super) struct SplatInTile {
     /// Tile's origin relative to the projected centre.
     offset_px: [f32; 2],
     a: [f32; 2],
@@ -96,7 +96,7 @@ pub(super) struct BlockHit<S: Simd> {
     pub inside: LaneMask<S>,
 }
 
-impl Shape {
+impl SplatInTile {
     #[inline(always)]
     pub(super) fn new(splat: &ProjectedSplat, origin_px: [i32; 2], near: f32) -> Self {
         Self {

@@ -1,13 +1,13 @@
 //! One view on its way through the passes: projection, tiles, forward, loss, backward. What a pass
 //! computes stands in its own file; here is who hands what to whom, and on how many threads.
 
+use super::block::element_of;
 use super::geometry::{Coefficients, PixelSums, geometry_loss};
 use super::loss::{LossBuffers, image_loss};
 use super::math::texel_values;
 use super::project::{ProjectedSplat, ViewF32, base_colours, project_all};
 use super::raster_bwd::{HEADER_FLOATS, TileGradient, raster_bwd};
 use super::raster_fwd::{TileGeometry, TileInput, TileOutput, raster_fwd};
-use super::shape::element_of;
 use super::tiles::{TILE_PIXELS, TILE_PX, Tiles, build_tiles};
 use super::update::UpdateInput;
 use crate::backend::{LossValues, RasterCounters, RenderedImage, StepRequest};
@@ -17,7 +17,7 @@ use rayon::prelude::*;
 
 /// What the forward pass of a view leaves behind.
 #[derive(Default)]
-pub(super) struct Frame {
+pub(super) struct ViewPipeline {
     view: Option<ViewF32>,
     pub splats: Vec<ProjectedSplat>,
     pub tiles: Tiles,
@@ -29,7 +29,7 @@ pub(super) struct Frame {
     coefficients: Vec<Coefficients>,
 }
 
-impl Frame {
+impl ViewPipeline {
     /// Geometry of the splats in sight, and their tiles.
     pub(super) fn project(&mut self, level: Level, model: &Model, view: ViewF32) {
         self.view = Some(view);
@@ -97,17 +97,17 @@ impl Frame {
         let Some(view) = self.view else { return };
         let mut outputs = std::mem::take(&mut self.outputs);
         outputs.resize_with(self.tiles.len(), TileOutput::default);
-        let frame = &*self;
+        let pipeline = &*self;
         match geometry {
             Some(geometry) => {
-                geometry.resize_with(frame.tiles.len(), TileGeometry::default);
+                geometry.resize_with(pipeline.tiles.len(), TileGeometry::default);
                 outputs.par_iter_mut().zip(geometry).enumerate().for_each(|(tile, (out, geometry))| {
-                    let input = frame.tile_input(tile, &view);
+                    let input = pipeline.tile_input(tile, &view);
                     dispatch!(level, simd => raster_fwd::<_, false>(simd, &input, out, Some(geometry)));
                 });
             }
             None => outputs.par_iter_mut().enumerate().for_each(|(tile, out)| {
-                let input = frame.tile_input(tile, &view);
+                let input = pipeline.tile_input(tile, &view);
                 if count {
                     dispatch!(level, simd => raster_fwd::<_, true>(simd, &input, out, None));
                 } else {
@@ -317,12 +317,12 @@ impl Frame {
 pub(super) fn with_regularisers(
     terms: [f64; 3],
     model: &Model,
-    frame: &Frame,
+    pipeline: &ViewPipeline,
     request: &StepRequest<'_>,
 ) -> LossValues {
-    let visible = frame.tiles.slot_start.windows(2).zip(&frame.splats).filter(|(w, _)| w[0] < w[1]);
+    let visible = pipeline.tiles.slot_start.windows(2).zip(&pipeline.splats).filter(|(w, _)| w[0] < w[1]);
     let opacity: f64 = visible.map(|(_, s)| f64::from(s.opacity)).sum();
-    let residual: f64 = frame
+    let residual: f64 = pipeline
         .texels
         .par_chunks(1 << 14)
         .map(|c| c.iter().map(|v| f64::from(v.abs())).sum::<f64>())

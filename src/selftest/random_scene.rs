@@ -49,7 +49,7 @@ impl Default for SceneOptions {
 }
 
 /// A random scene.
-pub struct Scene {
+pub struct RandomScene {
     /// Splats and maps.
     pub model: Model,
     /// The view.
@@ -65,7 +65,7 @@ const NEAR: f32 = 0.04;
 ///
 /// # Panics
 /// If its maps have more texels than 32 bits can number.
-pub fn random_scene(options: &SceneOptions) -> Scene {
+pub fn random_scene(options: &SceneOptions) -> RandomScene {
     let mut rng = Pcg64Mcg::seed_from_u64(options.seed);
     let camera = random_camera(options, &mut rng);
     let local_from_camera = camera.camera_from_local.inverse();
@@ -99,7 +99,7 @@ pub fn random_scene(options: &SceneOptions) -> Scene {
     textures.texels.iter_mut().for_each(|t| *t = (1.5 * normal(&mut rng)) as f32);
     let model = Model { splats, textures, near: NEAR, capture_from_local: Similarity::IDENTITY };
     let target = random_target(options, &mut rng);
-    Scene { model, camera, target }
+    RandomScene { model, camera, target }
 }
 
 fn random_camera(options: &SceneOptions, rng: &mut Pcg64Mcg) -> Camera {
