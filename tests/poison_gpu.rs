@@ -85,7 +85,8 @@ fn a_lost_device_is_a_typed_error_everywhere() {
 #[test]
 fn a_scene_beyond_the_limits_is_refused_with_counts() {
     let Some(driver) = common::gpu::drivers().into_iter().next() else { return };
-    let mut backend = common::gpu::open(&driver, litetex_gs::gpu::Limits::Downlevel, GpuOptions::default());
+    let mut backend =
+        common::gpu::open(&driver, litetex_gs::gpu::LimitChoice::Downlevel, GpuOptions::default());
     let small = scene(1);
     let mut large = small.model.clone();
     // 600,000 splats of 58 floats: 132.8 MiB.

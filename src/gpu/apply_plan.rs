@@ -1,5 +1,5 @@
-//! Applies a density-control plan on the device (twin: `cpu/apply_plan.rs`): gathers splats, changes their maps and
-//! moments, edits parameters.
+//! Applies a density-control plan on the device (twin: `cpu/apply_plan.rs`): gathers splats, changes their maps
+//! and moments, edits parameters.
 
 use super::backend::GpuBackend;
 use super::encode::Dispatch;
@@ -11,7 +11,7 @@ use crate::Result;
 use crate::backend::{DensityPlan, Grid, MapChange, SplatEdit};
 use crate::model::{AdamState, Model, SplatArrays, TextureMap, TexturePool};
 
-/// Carries out a plan that has been checked.
+/// Applies a plan that has been checked.
 pub(super) fn apply_plan(backend: &mut GpuBackend, plan: &DensityPlan) -> Result<()> {
     let old = &backend.shape;
     let old_maps = &old.textures.maps;
@@ -55,9 +55,9 @@ pub(super) fn apply_plan(backend: &mut GpuBackend, plan: &DensityPlan) -> Result
         new_texels.push((name, values, filled(device, "scales of the plan", &scales)?));
     }
     let derived = model_buffers::derived(device, n, shape.num_texels())?;
-    // Everything is allocated: from here on nothing can fail half-way.
+    // Everything is allocated: nothing can fail half-way from here on.
 
-    // Changes of maps do not commute with the updates that are still owed.
+    // Map changes do not commute with pending lazy updates.
     backend.flush_all();
     backend.resources.set(Buf::Sources, sources);
     backend.resources.set(Buf::MapChanges, changes);
@@ -85,10 +85,9 @@ pub(super) fn apply_plan(backend: &mut GpuBackend, plan: &DensityPlan) -> Result
     backend.device.check()
 }
 
-/// Further from a map than any window reaches, and no overflow of its sum with a row or column.
+/// Farther from a map than any window reaches, yet too small to overflow when added to a row or column.
 const FAR: i32 = 1 << 18;
 
-/// A change as the shaders see it.
 fn record_of(change: &MapChange, source: u32, old: &TextureMap, new: &TextureMap) -> layout::MapChange {
     let record = |kind, first_row: i32, first_col: i32| layout::MapChange {
         source,
@@ -96,7 +95,7 @@ fn record_of(change: &MapChange, source: u32, old: &TextureMap, new: &TextureMap
         first_row: first_row.clamp(-FAR, FAR),
         first_col: first_col.clamp(-FAR, FAR),
     };
-    // Resampling to the same size in the same place is no resampling.
+    // Resampling to the same grid copies the map.
     let same = (old.rows, old.cols, old.texel_size) == (new.rows, new.cols, new.texel_size);
     match *change {
         MapChange::Resample { shift_texels, .. } if !same || shift_texels != [0.0; 2] => {
@@ -115,7 +114,7 @@ fn record_of(change: &MapChange, source: u32, old: &TextureMap, new: &TextureMap
     }
 }
 
-/// What a change multiplies the texels (0), their first (1) and second moments (2) by.
+/// Factor of a change for the texels (0), their first (1) and their second moments (2).
 fn scale_of(change: &MapChange, moment: usize) -> f32 {
     match *change {
         MapChange::Keep => 1.0,
@@ -125,13 +124,12 @@ fn scale_of(change: &MapChange, moment: usize) -> f32 {
     }
 }
 
-/// An edit as the shaders see it.
 fn edit_of(edit: &SplatEdit) -> layout::Edit {
     let SplatEdit { splat, position, log_scales, opacity_logit } = *edit;
     layout::Edit { position, opacity_logit, log_scales, splat, pad: 0 }
 }
 
-/// Makes one array from the old one, and puts it in its place.
+/// Computes a new array from the old one with `kernels`, and replaces it.
 fn change_array(backend: &mut GpuBackend, kernels: &[KernelId], flags: u32, name: Buf, new: wgpu::Buffer) {
     let old = backend.resources.buffer(name).clone();
     backend.resources.set(Buf::OldValues, old);

@@ -1,5 +1,5 @@
-//! The wgpu backend: the optimisation on any GPU. Kernels stand in `shaders/`, one entry point per file; here
-//! is who hands them which buffers, in which order, and what comes back.
+//! The wgpu backend: rendering and training on any GPU. The kernels are in `shaders/`, one entry point per file;
+//! this module allocates their buffers, orders their dispatches and reads back the results.
 
 mod adapter;
 mod apply_plan;

@@ -1,5 +1,5 @@
-//! Photos that stay on the device: one pool, filled in a ring. A view's photo is sent again only once another
-//! has taken its place.
+//! A cache of photos on the device: one pool, filled as a ring. A photo is uploaded again only after others have
+//! evicted it.
 
 use super::device::GpuDevice;
 use super::kernels::Buf;
@@ -7,7 +7,7 @@ use super::resources::Resources;
 use crate::Result;
 use crate::backend::TargetImage;
 
-/// Identity of a photo: its number, and its size, since one number may come in several.
+/// Identity of a cached photo: its number and its size, since a photo may be used at several sizes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct PhotoKey {
     photo: u32,
@@ -24,7 +24,6 @@ impl PhotoKey {
     }
 }
 
-/// A photo in the pool.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct ResidentPhoto {
     key: PhotoKey,
@@ -37,14 +36,14 @@ impl ResidentPhoto {
     }
 }
 
-/// Where a photo stands, and whether it has yet to be sent.
+/// Position of a photo in the pool, and whether it still has to be uploaded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct PhotoSlot {
     first_px: u64,
     is_new: bool,
 }
 
-/// Which photos are where.
+/// The photos in the pool.
 #[derive(Default)]
 pub(super) struct PhotoPool {
     resident: Vec<ResidentPhoto>,
@@ -52,23 +51,22 @@ pub(super) struct PhotoPool {
     next_px: u64,
 }
 
-/// Bytes of a pixel.
 const PIXEL_BYTES: u64 = 4;
-/// The pool grows to at most this, or to the device's limit.
+/// Largest size of the pool, unless the device's limit is smaller.
 const POOL_MAX_BYTES: u64 = 2 << 30;
 
 impl PhotoPool {
-    /// Numbers may stand for other photos from now on; the memory goes back.
+    /// Forgets all photos and frees the pool.
     pub(super) fn release(&mut self, resources: &mut Resources) {
         resources.remove(Buf::Photo);
         *self = Self::default();
     }
 
-    /// Makes room for a batch of photos of these sizes: all of them can be resident at once afterwards. Says how
-    /// many of them, from the first on, fit the largest pool that the device allows.
+    /// Makes room for the photos of a batch to be resident at once. Returns how many of them, counted from the
+    /// first, fit into the largest pool that the device allows.
     ///
     /// # Errors
-    /// If not even the first fits.
+    /// [`crate::Error::Device`] if not even the first fits.
     pub(super) fn prepare(
         &mut self,
         device: &GpuDevice,
@@ -85,8 +83,8 @@ impl PhotoPool {
         Ok(fitting)
     }
 
-    /// Photos of a batch, from the first on, that a pool of `most_px` holds at once, and the pool to have for
-    /// them.
+    /// How many photos of a batch, counted from the first, a pool of at most `most_px` pixels can hold at once, and
+    /// the capacity that the pool should have for them.
     fn wanted(&self, batch: &[PhotoKey], most_px: u64) -> (usize, u64) {
         let (mut distinct, mut fitting): (Vec<PhotoKey>, usize) = (Vec::new(), 0);
         for &key in batch {
@@ -100,7 +98,7 @@ impl PhotoPool {
             fitting += 1;
         }
         let needed_px: u64 = distinct.iter().map(|k| k.num_px()).sum();
-        // Photos met for the first time are worth a larger pool; a batch may wrap around once, hence twice.
+        // Room for every photo seen so far, and at least twice the batch, because placing it may wrap around once.
         let missing = distinct.iter().filter(|k| self.find(**k).is_none());
         let seen_px = self.resident.iter().map(|r| r.key.num_px()).sum::<u64>()
             + missing.map(|k| k.num_px()).sum::<u64>();
@@ -111,8 +109,8 @@ impl PhotoPool {
         (fitting, wanted_px)
     }
 
-    /// First pixels of a batch's photos in the pool, after sending those that are not there. The batch must
-    /// have been prepared.
+    /// Uploads the photos of a batch that are not resident, and returns the first pixel of each in the pool. The
+    /// batch must have been prepared.
     pub(super) fn place(
         &mut self,
         device: &GpuDevice,
@@ -121,7 +119,7 @@ impl PhotoPool {
     ) -> Result<Vec<u32>> {
         let keys: Vec<PhotoKey> = batch.iter().map(PhotoKey::of).collect();
         let slots = self.slots(&keys).ok_or_else(|| {
-            device.error("the photos of a batch do not fit the pool that was made for them")
+            device.error("the photos of a batch do not fit into the pool that was allocated for them")
         })?;
         let pool = resources.buffer(Buf::Photo);
         for ((_, target), slot) in batch.iter().zip(&slots).filter(|(_, slot)| slot.is_new) {
@@ -131,8 +129,8 @@ impl PhotoPool {
         Ok(slots.iter().map(|slot| slot.first_px as u32).collect())
     }
 
-    /// Places all of a batch. Where photos that must stay leave only holes that are too small, everything is
-    /// forgotten and the batch placed anew, side by side.
+    /// Finds positions for all photos of a batch. If its resident photos leave only gaps that are too small, the
+    /// pool is cleared and the whole batch placed contiguously.
     fn slots(&mut self, batch: &[PhotoKey]) -> Option<Vec<PhotoSlot>> {
         for _ in 0..2 {
             if let Some(slots) = batch.iter().map(|key| self.slot(*key, batch)).collect() {
@@ -144,13 +142,13 @@ impl PhotoPool {
         None
     }
 
-    /// Finds or makes a place for one photo; those of `kept` must stay.
+    /// Finds the position of one photo, or makes room for it without evicting those of `kept`.
     fn slot(&mut self, key: PhotoKey, kept: &[PhotoKey]) -> Option<PhotoSlot> {
         if let Some(resident) = self.find(key) {
             return Some(PhotoSlot { first_px: resident.first_px, is_new: false });
         }
         let mut first_px = self.next_px;
-        // Twice around at most: kept photos are jumped over.
+        // Skips over kept photos, at most twice around the ring.
         for _ in 0..2 * self.resident.len() + 3 {
             if first_px + key.num_px() > self.capacity_px {
                 first_px = 0;
@@ -179,7 +177,7 @@ impl PhotoPool {
     }
 }
 
-/// RGB and the mask as the bytes of words. `[height, width]`
+/// RGB and mask, packed as the four bytes of an integer. `[height, width]`
 fn packed(target: &TargetImage) -> Vec<u32> {
     let rgb = target.rgb.chunks_exact(3).enumerate();
     rgb.map(|(i, p)| {
@@ -199,7 +197,7 @@ mod tests {
         PhotoKey { photo, size_px: [width_px, 1] }
     }
 
-    /// What the photos of the pool show: `(number, width)` of each pixel.
+    /// A pool that records which photo each pixel belongs to.
     struct FilledPool {
         pool: PhotoPool,
         pixels: Vec<Option<PhotoKey>>,
@@ -211,7 +209,8 @@ mod tests {
             Self { pool, pixels: vec![None; capacity_px as usize] }
         }
 
-        /// Places a batch, sends what is new, and checks that every photo of the batch is whole.
+        /// Places a batch, fills in new photos, and checks that every photo of the batch is intact. Returns the
+        /// number of new photos.
         fn place(&mut self, batch: &[PhotoKey]) -> usize {
             let slots = self.pool.slots(batch).unwrap_or_else(|| panic!("{batch:?} found no place"));
             let range = |key: PhotoKey, slot: &PhotoSlot| {
@@ -228,25 +227,25 @@ mod tests {
     }
 
     #[test]
-    fn a_photo_stays_until_its_place_is_needed_and_sizes_are_told_apart() {
+    fn photos_stay_until_their_space_is_needed_and_are_cached_by_size() {
         let mut pool = FilledPool::new(100);
         assert_eq!(pool.place(&[key(0, 40), key(1, 20), key(0, 40)]), 2);
         assert_eq!(pool.place(&[key(1, 20), key(0, 40)]), 0, "both are still there");
-        // The same number at another size is another photo, and drives nobody out while there is room.
+        // The same number at another size is another photo, which evicts nothing while there is room.
         assert_eq!(pool.place(&[key(0, 10), key(0, 40)]), 1);
         assert_eq!(pool.place(&[key(2, 60)]), 1);
-        assert_eq!(pool.place(&[key(0, 40)]), 1, "it had to go");
+        assert_eq!(pool.place(&[key(0, 40)]), 1, "it was evicted");
     }
 
     #[test]
-    fn holes_between_kept_photos_do_not_fail_a_batch_that_fits() {
+    fn a_batch_that_fits_is_placed_despite_gaps_between_kept_photos() {
         let mut pool = FilledPool::new(100);
         pool.place(&[key(0, 30)]);
         pool.place(&[key(1, 30)]);
-        // Photo 1 stands in the middle: 30 px before it, 40 behind.
+        // Photo 1 is in the middle, with 30 px before it and 40 px after.
         assert_eq!(pool.pool.resident.iter().map(|r| r.first_px).collect::<Vec<_>>(), [0, 30]);
-        assert_eq!(pool.place(&[key(1, 30), key(2, 60)]), 2, "both are placed anew");
-        // Negative control: what does not fit is refused.
+        assert_eq!(pool.place(&[key(1, 30), key(2, 60)]), 2, "both are placed again");
+        // Negative control: a batch that does not fit is refused.
         assert!(pool.pool.slots(&[key(1, 30), key(3, 71)]).is_none());
     }
 
@@ -269,15 +268,15 @@ mod tests {
             }
             sent += pool.place(&batch);
         }
-        assert!(sent > 1_000, "photos had to go: {sent}");
+        assert!(sent > 1_000, "photos were evicted: {sent}");
     }
 
     #[test]
-    fn a_pool_holds_all_photos_of_a_batch_or_as_many_as_the_device_allows() {
+    fn the_pool_holds_a_whole_batch_or_what_the_device_allows() {
         let pool = PhotoPool::default();
         assert_eq!(pool.wanted(&[key(0, 10), key(1, 20), key(0, 10)], 1_000), (3, 60));
         assert_eq!(pool.wanted(&[key(0, 10), key(1, 20), key(2, 10)], 35), (2, 35));
-        // The first is refused by the device, with its size in the message.
+        // Too large for the device, which reports its size when the pool is allocated.
         assert_eq!(pool.wanted(&[key(0, 10)], 5), (1, 10));
     }
 }

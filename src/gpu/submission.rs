@@ -1,5 +1,5 @@
-//! What a submission is made of: the dispatches of steps and images, what they need room for, and what their
-//! status tells. Who asks for them, and what happens when they did not fit, stands in `backend`.
+//! Submissions: the dispatches of steps and images, the buffer capacity that they need, and the evaluation of
+//! their status. `backend` decides what to submit, and repeats what did not fit.
 
 use super::backend::{GpuBackend, tile_flags};
 use super::encode::Dispatch;
@@ -16,10 +16,10 @@ use crate::model::LearningRates;
 use crate::{Error, Result};
 use std::time::{Duration, Instant};
 
-/// Pairs that a fresh backend has room for, per splat.
+/// Initial pair capacity per splat.
 const PAIRS_PER_SPLAT: u64 = 8;
 
-/// A step of a submission whose status has not been read yet.
+/// A submitted step whose status has not been read.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PendingStep {
     step: u32,
@@ -28,7 +28,7 @@ pub(super) struct PendingStep {
 }
 
 impl GpuBackend {
-    /// Projection to image.
+    /// Dispatches from the projection to the image.
     pub(super) fn forward(&self, offsets: UniformOffsets, camera: &Camera, geometry: bool) -> Vec<Dispatch> {
         let [cols, rows] = uniform::grid(camera, self.tile_rows_px);
         let (project, raster) = if geometry {
@@ -43,7 +43,7 @@ impl GpuBackend {
         out
     }
 
-    /// A whole step, with or without the terms on depths and normals, and the window statistics.
+    /// Dispatches of a training step; `geometry` includes the distortion and normal terms, and window statistics.
     pub(super) fn step_dispatches(
         &self,
         offsets: UniformOffsets,
@@ -65,7 +65,7 @@ impl GpuBackend {
         out
     }
 
-    /// Compiles what depths and normals need, the first time.
+    /// Compiles the kernels for depths and normals when they are first needed.
     pub(super) fn compile_geometry(&mut self, training: bool) -> Result<()> {
         let mut missing = self.raster.geometry_only(training);
         missing.retain(|id| !self.pipelines.contains_key(id));
@@ -76,6 +76,7 @@ impl GpuBackend {
         Ok(())
     }
 
+    /// Capacity that renders or training steps with these cameras need.
     pub(super) fn needs(
         &self,
         cameras: impl Iterator<Item = Camera>,
@@ -84,10 +85,10 @@ impl GpuBackend {
     ) -> RequiredCapacity {
         let n = self.shape.num_splats() as u64;
         let guess = self.options.pair_capacity.unwrap_or((PAIRS_PER_SPLAT * n).max(1 << 14));
-        // A guess must not be what the device refuses.
+        // The guess must not exceed the device's limits.
         let guess = guess.min(self.most_pairs()).max(1);
         let mut needs = RequiredCapacity {
-            // A model without splats has buffers too.
+            // An empty model has buffers too.
             splats: n.max(1),
             pairs: self.capacity.pairs_of(training).max(guess),
             training,
@@ -102,28 +103,29 @@ impl GpuBackend {
         needs
     }
 
-    /// Pairs whose partial sums fit a buffer.
+    /// Largest number of pairs whose partial sums fit into a buffer.
     fn most_pairs(&self) -> u64 {
         self.device.most_buffer_bytes() / (4 * u64::from(uniform::PARTIAL_STRIDE_GEOMETRY))
     }
 
-    /// Makes room for the pairs that a view needs.
+    /// Grows the buffers to the number of pairs that a view needs.
     pub(super) fn grow_pairs(&mut self, status: &Status, needs: &RequiredCapacity) -> Result<()> {
         if u64::from(status.needed_pairs) <= self.capacity.pairs_of(needs.training) {
             return Err(self
                 .device
-                .error("a submission was not carried out, and the driver does not say why"));
+                .error("a submission was not carried out, and the driver reports no reason"));
         }
         let needed = u64::from(status.needed_pairs);
         let pairs = (needed * 3 / 2).min(self.most_pairs()).max(needed);
         self.capacity.ensure(&self.device, &mut self.resources, &RequiredCapacity { pairs, ..*needs })
     }
 
-    /// Runs steps that fit one submission; returns what those that were applied tell, and the one after them.
+    /// Runs steps as one submission. Returns the status and times of the applied steps, and of the first that was
+    /// not applied.
     ///
-    /// The host encodes a batch only after it has read the status of the one before: the trait hands over a batch
-    /// at a time and wants its reports back. To encode one while another runs, requests would have to come
-    /// before the reports of earlier ones are due.
+    /// The host encodes a batch only after reading the status of the one before: the trait passes one batch at a
+    /// time and expects its reports. To overlap encoding and execution, requests would have to arrive before the
+    /// reports of earlier ones are returned.
     pub(super) fn submit_steps(
         &mut self,
         requests: &[StepRequest<'_>],
@@ -146,12 +148,12 @@ impl GpuBackend {
             ends.push(dispatches.len());
             (inputs.flushed_step, inputs.flushed_rates) = (request.step, request.rates);
         }
-        let promise = |r: &StepRequest<'_>| PendingStep {
+        let pending = |r: &StepRequest<'_>| PendingStep {
             step: r.step,
             rates: r.rates,
             counts_in_window: r.accumulate_statistics,
         };
-        self.in_flight = requests.iter().map(promise).collect();
+        self.in_flight = requests.iter().map(pending).collect();
         let statuses = self.submit_for_status(&dispatches, requests.len())?;
         let applied = self.count_applied(&statuses);
         let times = match &self.timer {
@@ -160,27 +162,27 @@ impl GpuBackend {
         };
         let stages = (0..requests.len()).map(|k| {
             let range = ends[..k].last().copied().unwrap_or(0)..ends[k];
-            stages(&dispatches[range.clone()], times.get(range).unwrap_or_default())
+            times_by_kernel(&dispatches[range.clone()], times.get(range).unwrap_or_default())
         });
-        // A batch that was cut short tells nothing of the time that a whole one takes.
+        // The time of a batch that was cut short does not predict that of a whole one.
         if applied == requests.len() {
             self.pace.learn(applied, start.elapsed().as_secs_f64());
         }
         Ok(statuses.into_iter().zip(stages).take(applied + 1).collect())
     }
 
-    /// Counts the steps of the last submission that were applied.
+    /// Updates the clock to the steps of the last submission that were applied, and returns their number.
     pub(super) fn count_applied(&mut self, statuses: &[Status]) -> usize {
         let applied = statuses.iter().take_while(|s| s.done == 1).count();
-        let promised = std::mem::take(&mut self.in_flight);
-        if let Some(last) = promised[..applied].last() {
+        let pending = std::mem::take(&mut self.in_flight);
+        if let Some(last) = pending[..applied].last() {
             (self.clock.step, self.clock.rates) = (last.step, last.rates);
         }
-        self.window_views += promised[..applied].iter().filter(|p| p.counts_in_window).count() as u32;
+        self.window_views += pending[..applied].iter().filter(|p| p.counts_in_window).count() as u32;
         applied
     }
 
-    /// Submits dispatches and the copy of their status, and waits for it.
+    /// Submits dispatches and a copy of the first `count` statuses, and waits for them.
     pub(super) fn submit_for_status(&mut self, dispatches: &[Dispatch], count: usize) -> Result<Vec<Status>> {
         let mut encoder = self.encoded(dispatches);
         let bytes = (count * size_of::<Status>()) as u64;
@@ -189,7 +191,7 @@ impl GpuBackend {
         self.device.read_staged(&self.staging, count)
     }
 
-    /// Whether a step runs the variant that counts atomics.
+    /// Whether a step runs the kernel variant that counts atomics.
     fn counts_atomics(&self, request: &StepRequest<'_>) -> bool {
         self.options.count_texel_atomics && !request.loss.needs_geometry() && !needs_statistics(request)
     }
@@ -226,10 +228,10 @@ impl GpuBackend {
     }
 }
 
-/// Times by kernel, in the order in which they first run.
+/// Time by kernel, in the order of their first dispatch.
 pub(super) type KernelTimes = Vec<(&'static str, Duration)>;
 
-fn stages(dispatches: &[Dispatch], times: &[Duration]) -> KernelTimes {
+fn times_by_kernel(dispatches: &[Dispatch], times: &[Duration]) -> KernelTimes {
     let mut out: KernelTimes = Vec::new();
     for (dispatch, time) in dispatches.iter().zip(times) {
         let name = dispatch.kernel.kernel().name;
@@ -241,7 +243,7 @@ fn stages(dispatches: &[Dispatch], times: &[Duration]) -> KernelTimes {
     out
 }
 
-/// Largest side of an image: pixels of a box are packed into 16 bits each.
+/// Largest side of an image: pixel coordinates of boxes are packed into 16 bits each.
 pub(super) const MAX_SIDE_PX: u32 = 65_535;
 
 pub(super) fn check_camera(camera: &Camera) -> Result<()> {
@@ -249,7 +251,7 @@ pub(super) fn check_camera(camera: &Camera) -> Result<()> {
     if w.max(h) <= MAX_SIDE_PX && w.min(h) > 0 {
         return Ok(());
     }
-    Err(Error::Usage(format!("an image of {w}x{h} px: GPUs take sides of 1 to {MAX_SIDE_PX} px here")))
+    Err(Error::Usage(format!("image of {w}x{h} px: on GPUs, sides must be between 1 and {MAX_SIDE_PX} px")))
 }
 
 pub(super) fn check_request(request: &StepRequest<'_>) -> Result<()> {

@@ -1,4 +1,4 @@
-//! Fills the uniform of a step or an image.
+//! Fills in the uniforms of training steps and images.
 
 use super::layout::{FLAG_PERSIST, FLAG_STATISTICS, StepUniform};
 use super::shader::{FIXED_MAX, TILE_PX};
@@ -7,7 +7,7 @@ use crate::camera::Camera;
 use crate::constants::{ADAM_BETA1, ADAM_BETA2};
 use crate::model::LearningRates;
 
-/// What all uniforms of a backend have in common.
+/// State of a backend that every uniform contains.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct UniformInputs {
     pub num_splats: u32,
@@ -16,9 +16,9 @@ pub(super) struct UniformInputs {
     pub pair_capacity: u32,
     /// Height of the rasterisation's tiles.
     pub tile_rows_px: u32,
-    /// Steps that are done.
+    /// Last completed step.
     pub flushed_step: u32,
-    /// Rates of the last of them.
+    /// Learning rates of that step.
     pub flushed_rates: LearningRates,
 }
 
@@ -27,7 +27,7 @@ pub(super) fn grid(camera: &Camera, tile_rows_px: u32) -> [u32; 2] {
     [camera.pinhole.width_px.div_ceil(TILE_PX), camera.pinhole.height_px.div_ceil(tile_rows_px)]
 }
 
-/// For what looks at no view.
+/// Uniform of dispatches that use no view.
 pub(super) fn without_view(inputs: &UniformInputs, flags: u32) -> StepUniform {
     StepUniform {
         near: inputs.near,
@@ -46,7 +46,7 @@ pub(super) fn without_view(inputs: &UniformInputs, flags: u32) -> StepUniform {
     }
 }
 
-/// For an image.
+/// Uniform of an image.
 pub(super) fn image(
     inputs: &UniformInputs,
     camera: &Camera,
@@ -74,19 +74,19 @@ pub(super) fn image(
     }
 }
 
-/// Floats of a pair's partial sums.
+/// Floats per pair in the partial sums.
 pub(super) const PARTIAL_STRIDE: u32 = 16;
-/// The same where window statistics are summed.
+/// Floats per pair with window statistics.
 pub(super) const PARTIAL_STRIDE_STATISTICS: u32 = 20;
-/// The same where the terms on depths and normals are on: these and the window statistics.
+/// Floats per pair with distortion and normal terms, which imply window statistics.
 pub(super) const PARTIAL_STRIDE_GEOMETRY: u32 = 24;
 
-/// Whether a step needs the sums of the window statistics.
+/// Whether a step needs the sums for the window statistics.
 pub(super) fn needs_statistics(request: &StepRequest<'_>) -> bool {
     request.accumulate_statistics || request.loss.texture_hidden != 0.0
 }
 
-/// For a step.
+/// Uniform of a training step.
 pub(super) fn step(
     inputs: &UniformInputs,
     request: &StepRequest<'_>,
@@ -132,9 +132,9 @@ pub(super) fn step(
     }
 }
 
-/// Bound of the derivative of the loss by a channel of a pixel, times their number: 1 for L1, 2 per unit of
-/// difference for MSE, and for SSIM 2 / sqrt(C2), where a window is flat in the photo; a power of two.
-/// Poisoned images may exceed it: sums saturate then, and are counted.
+/// Upper bound of the derivative of the loss by a channel of a pixel, times the number of channels, rounded up to
+/// a power of two: 1 for L1; 2 per unit of difference for MSE; 2 / sqrt(C2) for SSIM, reached where the photo is
+/// flat under the window. Poisoned images may exceed it; their gradients are clamped and counted.
 fn gradient_bound(loss: &LossWeights) -> f64 {
     let bound = f64::from(loss.l1) + 4.0 * f64::from(loss.mse) + 67.0 * f64::from(loss.dssim);
     bound.max(1e-6).log2().ceil().exp2()

@@ -1,22 +1,22 @@
-//! Structures that shaders and Rust both have.
+//! The structures that the shaders share with Rust, and their comparison.
 
 use super::contract::Parsed;
 use crate::gpu::layout::{self, Edit, MapChange, SortPass, SplatInfo, Status, StepUniform};
 use naga::TypeInner;
 use std::collections::BTreeSet;
 
-/// A member: its name, type and offset.
+/// Name, type and offset of a member.
 type Member = (String, &'static str, u32);
 
-/// A structure as Rust has it.
+/// A structure as defined in Rust.
 pub(super) struct Mirror {
     pub name: &'static str,
     bytes: u32,
-    /// Empty where Rust knows the size alone.
+    /// Empty if Rust only knows the size.
     members: Vec<Member>,
 }
 
-/// Types of members; the host has no vectors, but arrays of the same layout.
+/// WGSL type of a member. Rust uses arrays in place of vectors.
 trait WgslType {
     const NAME: &'static str;
 }
@@ -39,7 +39,7 @@ fn wgsl_type_of<T: WgslType>(_: &T) -> &'static str {
     T::NAME
 }
 
-/// By destructuring, so that no member can be left out; sorted by offset.
+/// Members sorted by offset; destructuring ensures that none is left out.
 macro_rules! mirror {
     ($name:literal, $ty:ident { $($member:ident),* $(,)? }) => {{
         let $ty { $($member),* } = $ty::default();
@@ -148,11 +148,11 @@ fn wgsl_name(inner: &TypeInner) -> &'static str {
         TypeInner::Vector { size: VectorSize::Bi, scalar: Scalar::F32 } => "vec2f",
         TypeInner::Vector { size: VectorSize::Tri, scalar: Scalar::F32 } => "vec3f",
         TypeInner::Vector { size: VectorSize::Quad, scalar: Scalar::F32 } => "vec4f",
-        _ => "a type without twin in Rust",
+        _ => "a type without counterpart in Rust",
     }
 }
 
-/// Structures that differ from Rust's; notes the names of those that were compared.
+/// Structures that differ from Rust's; `seen` collects the names of those that were compared.
 pub(super) fn check_structs(parsed: &Parsed, seen: &mut BTreeSet<&'static str>) -> Vec<String> {
     let mut wrong = Vec::new();
     for (handle, ty) in parsed.module.types.iter() {
