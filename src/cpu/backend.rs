@@ -1,4 +1,4 @@
-//! The CPU backend: owns model, moments and work space, and runs the passes in order.
+//! The CPU backend: owns model, moments and working memory, and runs the passes in order.
 
 use super::apply_plan;
 use super::loss::LossBuffers;
@@ -18,7 +18,7 @@ use crate::{Error, Result};
 use fearless_simd::Level;
 use std::time::{Duration, Instant};
 
-/// Renders and optimises on all cores, without driver or GPU.
+/// Renders and trains on all cores, without a GPU or driver.
 pub struct CpuBackend {
     level: Level,
     pool: rayon::ThreadPool,
@@ -33,15 +33,15 @@ pub struct CpuBackend {
     partials: Vec<f32>,
 }
 
-/// Which pixels a splat's tiles and row spans cover.
+/// The pixels on which a splat is evaluated.
 pub struct PairCoverage {
-    /// Model index of the splat.
+    /// Index of the splat in the model.
     pub splat: usize,
-    /// `[height, width]`
+    /// Whether each pixel is covered. `[height, width]`
     pub covered: Vec<bool>,
 }
 
-/// Times of consecutive stages.
+/// Times of consecutive passes.
 struct PassTimes {
     since: Instant,
     stages: Vec<(&'static str, Duration)>,
@@ -68,7 +68,7 @@ impl CpuBackend {
         Self::with_simd(threads, SimdLevel::best())
     }
 
-    /// A backend that uses a given instruction set.
+    /// A backend with a given instruction set.
     ///
     /// # Errors
     /// As [`CpuBackend::new`].
@@ -98,12 +98,12 @@ impl CpuBackend {
         })
     }
 
-    /// Fills the pair counters of the reports (a few per cent slower).
+    /// Turns the pair counters of the step reports on or off; steps with counters are a few per cent slower.
     pub fn count_pairs(&mut self, on: bool) {
         self.count_pairs = on;
     }
 
-    /// The pixels that each visible splat is evaluated on, for the test of the bounds.
+    /// The pixels on which each projected splat is evaluated, for tests of the bounds.
     pub fn coverage(&mut self, camera: &Camera) -> Vec<PairCoverage> {
         let view = ViewF32::new(camera, self.model.near);
         self.pipeline.project(self.level, &self.model, view);
@@ -135,7 +135,7 @@ impl CpuBackend {
         out
     }
 
-    /// Takes the flushed model; put it back where it is still valid.
+    /// Takes the flushed model, or makes one; callers put it back if it stays valid.
     fn take_flushed(&mut self) -> Model {
         self.flushed.take().unwrap_or_else(|| {
             let (mut model, mut adam) = (self.model.clone(), self.adam.clone());
@@ -145,7 +145,7 @@ impl CpuBackend {
     }
 }
 
-/// Adds what is known only after the backward pass, and sums up.
+/// Adds the terms that are known only after the backward pass, and sets the total.
 fn total(values: &mut LossValues, request: &StepRequest<'_>, input: &UpdateInput<'_>) {
     if request.loss.texture_hidden != 0.0 {
         values.texture += f64::from(request.loss.texture_hidden) * hidden_texture_value(input);
@@ -165,11 +165,11 @@ impl Backend for CpuBackend {
 
     fn limits(&self, _shape: SceneShape) -> DeviceLimits {
         DeviceLimits {
-            // Tiles of a row, and rows of tiles, are counted in 16 bits.
+            // Columns and rows of tiles are stored in 16 bits.
             max_side_px: TILE_PX as u32 * u32::from(u16::MAX),
             max_pixels: u32::MAX.into(),
             max_splats: u32::MAX.into(),
-            // The floats of the texels in sight are counted in 32 bits.
+            // The floats of visible texels are indexed by 32 bits.
             max_texels: u64::from(u32::MAX) / 3,
         }
     }
@@ -206,7 +206,7 @@ impl Backend for CpuBackend {
             let view = ViewF32::new(&request.camera, model.near);
             pipeline.project(level, model, view);
             stages.end("project+bin");
-            // With the rates of the last step, not of this one.
+            // With the learning rates of the last step, not of this one.
             flush(model, adam, Some(&pipeline.visible_ids()), request.step - 1);
             pipeline.colours(level, model, request.sh_degree);
             stages.end("flush+colours");
@@ -248,7 +248,7 @@ impl Backend for CpuBackend {
 
     fn apply_plan(&mut self, plan: &DensityPlan) -> Result<()> {
         plan.check(self.model.num_splats())?;
-        // Resampling does not commute with the updates that are still owed.
+        // Map changes do not commute with pending lazy updates.
         let (step, model, adam) = (self.adam.step, &mut self.model, &mut self.adam);
         self.pool.install(|| flush(model, adam, None, step));
         (self.model, self.adam) =

@@ -1,5 +1,5 @@
-//! One view on its way through the passes: projection, tiles, forward, loss, backward. What a pass
-//! computes stands in its own file; here is who hands what to whom, and on how many threads.
+//! Runs the passes over a view: projection, tiles, forward, loss, backward. Each pass is in its own file; this module
+//! passes data between them and distributes the work over threads.
 
 use super::block::element_of;
 use super::geometry::{Coefficients, PixelSums, geometry_loss};
@@ -15,7 +15,7 @@ use crate::model::Model;
 use fearless_simd::{Level, dispatch};
 use rayon::prelude::*;
 
-/// What the forward pass of a view leaves behind.
+/// Intermediate results of the passes over one view.
 #[derive(Default)]
 pub(super) struct ViewPipeline {
     view: Option<ViewF32>,
@@ -23,27 +23,27 @@ pub(super) struct ViewPipeline {
     pub tiles: Tiles,
     texels: Vec<f32>,
     outputs: Vec<TileOutput>,
-    /// Depths and normals, where they were asked for.
+    /// Depths and normals, if the loss needs them.
     geometry: Vec<TileGeometry>,
-    /// Coefficients of the geometry terms; empty where they are off. `[height, width]`
+    /// Coefficients of the distortion and normal terms; empty if both are off. `[height, width]`
     coefficients: Vec<Coefficients>,
 }
 
 impl ViewPipeline {
-    /// Geometry of the splats in sight, and their tiles.
+    /// Projects the splats and lists those of each tile.
     pub(super) fn project(&mut self, level: Level, model: &Model, view: ViewF32) {
         self.view = Some(view);
         self.splats = project_all(model, &view);
         self.tiles = build_tiles(level, &self.splats, view.size_px, HEADER_FLOATS);
     }
 
-    /// Model indices of the splats that touch a tile, ascending.
+    /// Model indices of the visible splats, ascending.
     pub(super) fn visible_ids(&self) -> Vec<u32> {
         let slots = self.tiles.slot_start.windows(2);
         slots.zip(&self.splats).filter(|(w, _)| w[0] < w[1]).map(|(_, s)| s.id).collect()
     }
 
-    /// Base colours and activated texels.
+    /// Computes base colours and activated texels of the visible splats.
     pub(super) fn colours(&mut self, level: Level, model: &Model, sh_degree: u32) {
         let Some(view) = self.view else { return };
         base_colours(model, &view, sh_degree, &mut self.splats);
@@ -118,7 +118,7 @@ impl ViewPipeline {
         self.outputs = outputs;
     }
 
-    /// Calls `f(tile, element, pixel)` for the pixels of an image row.
+    /// Calls `f(output of the tile, tile, element within the tile, x)` for each pixel of an image row.
     fn for_row(&self, y: usize, width: usize, mut f: impl FnMut(&TileOutput, usize, usize, usize)) {
         let row = y / TILE_PX * self.tiles.grid[0];
         for x in 0..width {
@@ -127,7 +127,7 @@ impl ViewPipeline {
         }
     }
 
-    /// The image over a background.
+    /// The image over a background, with depths and normals if given.
     pub(super) fn image(&self, background: [f32; 3], geometry: Option<&[TileGeometry]>) -> RenderedImage {
         let [width, height] = self.view.map_or([0, 0], |v| v.size_px);
         let (w, n) = (width as usize, (width * height) as usize);
@@ -161,7 +161,7 @@ impl ViewPipeline {
         image
     }
 
-    /// Loss terms l1, dssim, mse; leaves the image's gradient in the buffers.
+    /// Loss terms l1, dssim and mse; writes the gradient by the image to `buffers`.
     pub(super) fn loss(
         &self,
         level: Level,
@@ -184,7 +184,7 @@ impl ViewPipeline {
         image_loss(level, buffers, request.target, &request.loss)
     }
 
-    /// Forward pass of a training step: with depths and normals where the loss needs them.
+    /// Forward pass of a training step, with depths and normals if the loss needs them.
     pub(super) fn raster_for(&mut self, level: Level, count: bool, request: &StepRequest<'_>) {
         let mut geometry = std::mem::take(&mut self.geometry);
         geometry.clear();
@@ -193,7 +193,7 @@ impl ViewPipeline {
         self.geometry = geometry;
     }
 
-    /// Distortion and normal terms; leaves the coefficients for the backward pass.
+    /// Distortion and normal terms; keeps their coefficients for the backward pass.
     pub(super) fn geometry_loss(&mut self, request: &StepRequest<'_>) -> (f64, f64) {
         if !request.loss.needs_geometry() {
             self.coefficients.clear();
@@ -216,7 +216,7 @@ impl ViewPipeline {
         (distortion, normal)
     }
 
-    /// Backward pass over all tiles into the partial sums.
+    /// Backward pass over all tiles; writes the pairs' partial sums.
     pub(super) fn backward(
         &self,
         level: Level,
