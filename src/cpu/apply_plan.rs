@@ -267,7 +267,7 @@ mod tests {
             assert!(m[width..].iter().all(|m| *m == 0.0), "{group:?}");
             assert_eq!(v, adam.splats_v.group(group), "{group:?}");
         }
-        // Edits do not change the texels' moments: 36 floats per map, and the one zero in each copy of the first map.
+        // Edits do not touch the texels' moments: 36 floats per map, one of them zero in each copy of the first map.
         assert_eq!(moments.texels_m.iter().filter(|m| **m != 0.0).count(), 36 * 3 - 2);
     }
 

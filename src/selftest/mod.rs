@@ -1,5 +1,4 @@
-//! Comparison of a production backend with the reference, for tests and for users whose driver may be
-//! broken.
+//! Compares a production backend with the reference, for tests and for users whose driver may be broken.
 
 mod random_scene;
 mod run;
