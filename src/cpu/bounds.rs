@@ -5,7 +5,7 @@ use super::project::ViewF32;
 use crate::constants::{ALPHA_MIN, CONIC_MARGIN};
 
 /// Spans are widened by this to absorb rounding: f32 centres of pixels far from the origin are off by up to 1e-4 px
-/// (measured: test `no_pixel_outside_its_bounds`).
+/// (measured: test `no_pixel_lies_outside_its_bounds`).
 const MARGIN_PX: f32 = 0.01;
 
 /// Where a splat can reach alpha 1/255: a box of pixels, and within it an ellipse or the whole box.
