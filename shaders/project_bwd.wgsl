@@ -91,7 +91,7 @@ fn chain_rule(i: u32) {
     let u = vec3f(sums[U], sums[U + 1u], sums[U + 2u]);
     let v = vec3f(sums[V], sums[V + 1u], sums[V + 2u]);
     let d = vec3f(sums[D], sums[D + 1u], sums[D + 2u]);
-    // The map in standard deviations is the map in world units over sigma.
+    // The map in standard deviations is the map in local units over sigma.
     let by_cross_a = vec3f(u.yz * per_px / scales.x, 0.0);
     let by_cross_b = vec3f(v.yz * per_px / scales.y, 0.0);
     let by_w0 = -(dot(u.yz, s.a) + dot(v.yz, s.b) + dot(d.yz, s.g)) / w0;

@@ -1,4 +1,4 @@
-// Adam, with lazy updates that stand for dense ones (twin: reference/adam.rs).
+// Adam with lazy updates in place of dense ones (twin: reference/adam.rs).
 
 struct Moments {
     p: f32,

@@ -1,4 +1,4 @@
-//! Adam in f32 (twin: `reference/adam.rs`), with lazy updates that stand for dense ones: a parameter without gradient
+//! Adam in f32 (twin: `reference/adam.rs`), with lazy updates in place of dense ones: a parameter without gradient
 //! for k steps is flushed in closed form before it is used again.
 
 use crate::constants::{ADAM_BETA1, ADAM_BETA2, ADAM_EPSILON};

@@ -65,7 +65,7 @@ fn map_bwd(splat: &ProjectedSplat, sums: &[f32; HEADER_FLOATS], view: &ViewF32) 
     let [fx, fy] = view.focal_px;
     let w0 = dot(p, n) / p[2];
     let numerator = |x: f32, y: f32| [x / (fx * w0), y / (fy * w0), 0.0];
-    // The map in standard deviations is the map in world units over sigma.
+    // The map in standard deviations is the map in local units over sigma.
     let by_cross_a = numerator(s(Sum::UX) / splat.scales[0], s(Sum::UY) / splat.scales[0]);
     let by_cross_b = numerator(s(Sum::VX) / splat.scales[1], s(Sum::VY) / splat.scales[1]);
     let along = s(Sum::UX) * splat.a[0]

@@ -2,10 +2,11 @@
 //! and moments, edits parameters.
 
 use super::backend::GpuBackend;
+use super::device::GpuDevice;
 use super::encode::Dispatch;
 use super::kernels::{Buf, KernelId};
 use super::layout::{self, CHANGE_COARSER, CHANGE_FINER, CHANGE_RESAMPLE, CHANGE_SAME, FLAG_NEAREST_OUTSIDE};
-use super::model_buffers::{self, filled, splat_infos, splat_stride};
+use super::model_buffers::{self, NewBuffers, filled, splat_infos, splat_stride};
 use super::uniform;
 use crate::Result;
 use crate::backend::{DensityPlan, Grid, MapChange, SplatEdit};
@@ -14,7 +15,50 @@ use crate::model::{AdamState, Model, SplatArrays, TextureMap, TexturePool};
 /// Applies a plan that has been checked.
 pub(super) fn apply_plan(backend: &mut GpuBackend, plan: &DensityPlan) -> Result<()> {
     let old = &backend.shape;
-    let old_maps = &old.textures.maps;
+    let textures = planned_textures(&old.textures.maps, plan)?;
+    let changes: Vec<layout::MapChange> = (plan.sources.iter().zip(&plan.maps).zip(&textures.maps))
+        .map(|((&source, change), new)| record_of(change, source, &old.textures.maps[source as usize], new))
+        .collect();
+    let mut map_kernels = vec![KernelId::RegridMaps];
+    map_kernels.extend(changes.iter().find(|c| c.kind == CHANGE_RESAMPLE).map(|_| KernelId::ResampleMaps));
+    let splats = SplatArrays::zeros(plan.sources.len(), old.splats.sh_degree);
+    let shape = Model { splats, textures, ..*old };
+    let clock =
+        AdamState { step: backend.clock.step, rates: backend.clock.rates, ..AdamState::zeros(&shape) };
+    let new = PlanBuffers::new(&backend.device, plan, &shape, &changes)?;
+    // Everything is allocated: nothing can fail half-way from here on.
+
+    // Map changes do not commute with pending lazy updates.
+    backend.flush_all();
+    let old_info = backend.resources.buffer(Buf::SplatInfo).clone();
+    backend.resources.set(Buf::Sources, new.sources);
+    backend.resources.set(Buf::MapChanges, new.changes);
+    backend.resources.set(Buf::OldSplatInfo, old_info);
+    backend.resources.set(Buf::SplatInfo, new.infos);
+    backend.shape = shape.clone();
+    for (name, values) in new.splats {
+        change_array(backend, &[KernelId::GatherSplats], 0, name, values);
+    }
+    if !plan.edits.is_empty() {
+        backend.resources.set(Buf::Edits, new.edits);
+        run(backend, &[KernelId::EditSplats], 0);
+    }
+    for (name, values, scales) in new.texels {
+        backend.resources.set(Buf::Scales, scales);
+        let flags = if name == Buf::TexelV { FLAG_NEAREST_OUTSIDE } else { 0 };
+        change_array(backend, &map_kernels, flags, name, values);
+    }
+    let of_the_plan = [Buf::Sources, Buf::MapChanges, Buf::OldSplatInfo, Buf::Scales, Buf::Edits];
+    for name in of_the_plan.into_iter().chain([Buf::OldValues, Buf::NewValues]) {
+        backend.resources.remove(name);
+    }
+    new.derived.into_iter().for_each(|(name, buffer)| backend.resources.set(name, buffer));
+    backend.adopt(shape, clock);
+    backend.device.check()
+}
+
+/// The texture maps after a plan, with neutral texels.
+fn planned_textures(old_maps: &[TextureMap], plan: &DensityPlan) -> Result<TexturePool> {
     let extents = plan.sources.iter().zip(&plan.maps).map(|(&s, change)| match *change {
         MapChange::Keep => {
             let map = &old_maps[s as usize];
@@ -25,64 +69,52 @@ pub(super) fn apply_plan(backend: &mut GpuBackend, plan: &DensityPlan) -> Result
             (rows, cols, old_maps[s as usize].texel_size * grid.texel_ratio())
         }
     });
-    let textures = TexturePool::neutral(extents)?;
-    let changes: Vec<layout::MapChange> = (plan.sources.iter().zip(&plan.maps).zip(&textures.maps))
-        .map(|((&source, change), new)| record_of(change, source, &old_maps[source as usize], new))
-        .collect();
-    let mut map_kernels = vec![KernelId::RegridMaps];
-    map_kernels.extend(changes.iter().find(|c| c.kind == CHANGE_RESAMPLE).map(|_| KernelId::ResampleMaps));
-    let (n, degree) = (plan.sources.len(), old.splats.sh_degree);
-    let shape = Model { splats: SplatArrays::zeros(n, degree), textures, ..*old };
-    let clock =
-        AdamState { step: backend.clock.step, rates: backend.clock.rates, ..AdamState::zeros(&shape) };
+    TexturePool::neutral(extents)
+}
 
-    let old_info = backend.resources.buffer(Buf::SplatInfo).clone();
-    let device = &backend.device;
-    let infos = filled(device, "splat records", &splat_infos(&shape.textures.maps, |_| 0))?;
-    let sources = filled(device, "sources of the plan", &plan.sources)?;
-    let changes = filled(device, "map changes of the plan", &changes)?;
-    let edits: Vec<layout::Edit> = plan.edits.iter().map(edit_of).collect();
-    let edits = filled(device, "edits of the plan", &edits)?;
-    let mut new_splats = Vec::new();
-    for name in [Buf::SplatP, Buf::SplatM, Buf::SplatV] {
-        new_splats
-            .push((name, device.buffer("splat parameters", n as u64, 4 * splat_stride(degree) as u64)?));
-    }
-    let mut new_texels = Vec::new();
-    for (moment, name) in [Buf::TexelP, Buf::TexelM, Buf::TexelV].into_iter().enumerate() {
-        let scales: Vec<f32> = plan.maps.iter().map(|change| scale_of(change, moment)).collect();
-        let values = device.buffer("texel parameters", 3 * shape.num_texels() as u64, 4)?;
-        new_texels.push((name, values, filled(device, "scales of the plan", &scales)?));
-    }
-    let derived = model_buffers::derived(device, n, shape.num_texels())?;
-    // Everything is allocated: nothing can fail half-way from here on.
+/// Buffers of the plan, and of the model after it.
+struct PlanBuffers {
+    sources: wgpu::Buffer,
+    changes: wgpu::Buffer,
+    edits: wgpu::Buffer,
+    infos: wgpu::Buffer,
+    splats: NewBuffers,
+    /// New texels or moments, and the factor of each map.
+    texels: Vec<(Buf, wgpu::Buffer, wgpu::Buffer)>,
+    derived: NewBuffers,
+}
 
-    // Map changes do not commute with pending lazy updates.
-    backend.flush_all();
-    backend.resources.set(Buf::Sources, sources);
-    backend.resources.set(Buf::MapChanges, changes);
-    backend.resources.set(Buf::OldSplatInfo, old_info);
-    backend.resources.set(Buf::SplatInfo, infos);
-    backend.shape = shape.clone();
-    for (name, values) in new_splats {
-        change_array(backend, &[KernelId::GatherSplats], 0, name, values);
+impl PlanBuffers {
+    /// Buffers for a model of the given shape.
+    fn new(
+        device: &GpuDevice,
+        plan: &DensityPlan,
+        shape: &Model,
+        changes: &[layout::MapChange],
+    ) -> Result<Self> {
+        let (n, num_texels) = (shape.num_splats(), shape.num_texels());
+        let splat_bytes = 4 * splat_stride(shape.splats.sh_degree) as u64;
+        let edits: Vec<layout::Edit> = plan.edits.iter().map(edit_of).collect();
+        let mut splats = Vec::new();
+        for name in [Buf::SplatP, Buf::SplatM, Buf::SplatV] {
+            splats.push((name, device.buffer("splat parameters", n as u64, splat_bytes)?));
+        }
+        let mut texels = Vec::new();
+        for (moment, name) in [Buf::TexelP, Buf::TexelM, Buf::TexelV].into_iter().enumerate() {
+            let scales: Vec<f32> = plan.maps.iter().map(|change| scale_of(change, moment)).collect();
+            let values = device.buffer("texel parameters", 3 * num_texels as u64, 4)?;
+            texels.push((name, values, filled(device, "scales of the plan", &scales)?));
+        }
+        Ok(Self {
+            sources: filled(device, "sources of the plan", &plan.sources)?,
+            changes: filled(device, "map changes of the plan", changes)?,
+            edits: filled(device, "edits of the plan", &edits)?,
+            infos: filled(device, "splat records", &splat_infos(&shape.textures.maps, |_| 0))?,
+            splats,
+            texels,
+            derived: model_buffers::derived(device, n, num_texels)?,
+        })
     }
-    if !plan.edits.is_empty() {
-        backend.resources.set(Buf::Edits, edits);
-        run(backend, &[KernelId::EditSplats], 0);
-    }
-    for (name, values, scales) in new_texels {
-        backend.resources.set(Buf::Scales, scales);
-        let flags = if name == Buf::TexelV { FLAG_NEAREST_OUTSIDE } else { 0 };
-        change_array(backend, &map_kernels, flags, name, values);
-    }
-    let of_the_plan = [Buf::Sources, Buf::MapChanges, Buf::OldSplatInfo, Buf::Scales, Buf::Edits];
-    for name in of_the_plan.into_iter().chain([Buf::OldValues, Buf::NewValues]) {
-        backend.resources.remove(name);
-    }
-    derived.into_iter().for_each(|(name, buffer)| backend.resources.set(name, buffer));
-    backend.adopt(shape, clock);
-    backend.device.check()
 }
 
 /// Farther from a map than any window reaches, yet too small to overflow when added to a row or column.

@@ -2,9 +2,9 @@
 //! 0 is the step, 1 and up are the buffers in the order of the table, [`SORT_PASS_BINDING`] is the pass of the
 //! sort. A test compares the table with the shaders.
 
-/// A storage buffer of the backend. The shaders state the shape of each beside its binding.
+/// A storage buffer of the backend. The shaders state the shape of each next to its binding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-#[allow(missing_docs, reason = "documented by the shape beside each binding in the shaders")]
+#[allow(missing_docs, reason = "the shaders state the shape next to each binding")]
 pub enum Buf {
     SplatP,
     SplatM,
