@@ -1,6 +1,6 @@
 // Writes slot and splat of each tile-splat pair in the sorted order (twin: gpu/tile_list_twin.rs). raster_fwd
 // adds the pairs' texel windows, because it reads the splats anyway.
-// Invocation: a pair.
+// Workgroup: GROUP pairs. Invocation: a pair.
 
 #constants
 #include common/groups

@@ -1,7 +1,8 @@
 // First slot of each block of splats, the total number of pairs, and the workgroup counts of every later
 // dispatch of the step (no twin; tested in gpu/tile_list_tests.rs). If the pairs exceed the capacity, all
 // counts become zero, so that nothing further in the submission is applied.
-// One workgroup, dispatched directly: a dispatch must not read its size from a table that it writes.
+// One workgroup, dispatched directly: a dispatch must not read its size from a table that it writes. Invocation:
+// LANE_ELEMENTS neighbouring blocks at a time.
 
 #constants
 #include common/groups

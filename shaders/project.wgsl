@@ -1,6 +1,6 @@
 // Projects every splat to the view: bounds, number of tiles, depth key and base colour (twin: reference/project.rs;
 // method 1.2, 2.2, 2.3). Flushes the SH of visible splats on the way. GEOMETRY: also writes normals.
-// Invocation: a splat.
+// Workgroup: GROUP splats. Invocation: a splat.
 
 #constants
 #include common/groups

@@ -1,6 +1,6 @@
 // Writes a pair for each splat and tile that it touches: splats in depth order, the tiles of a splat row by row
 // (twin: gpu/tile_list_twin.rs).
-// Invocation: a splat.
+// Workgroup: GROUP splats. Invocation: a splat.
 
 #constants
 #include common/groups

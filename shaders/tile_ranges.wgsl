@@ -1,5 +1,5 @@
 // Finds the range of each tile's pairs among the sorted pairs by binary search (twin: gpu/tile_list_twin.rs).
-// Invocation: a tile.
+// Workgroup: GROUP tiles. Invocation: a tile.
 
 #constants
 #include common/groups
