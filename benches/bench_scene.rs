@@ -1,9 +1,9 @@
-//! Time and error of the CPU backend on a capture, in one table:
+//! Time and error of training on the CPU backend:
 //!
 //! `cargo bench --bench bench_scene -- CAPTURE [--max-resolution 480] [--steps 300] [--policy fixed:4]`
 //!
-//! Prints PSNR and gradient-PSNR of the held-out views over CPU time, CPU seconds per step, the share
-//! of the cores that were busy, time by stage and pixel-splat pairs per pixel.
+//! Prints quality figures of the test views over CPU time, CPU seconds per step, the number of busy cores, time
+//! by pass, and pixel-splat pairs per pixel.
 
 use litetex_gs::backend::{Backend as _, RasterCounters};
 use litetex_gs::clock::process_cpu_secs;
@@ -38,7 +38,7 @@ fn options() -> Option<Options> {
             "--policy" => options.config.policy = value.parse().ok()?,
             "--seed" => options.config.seed = value.parse().ok()?,
             "--threads" => options.threads = Some(value.parse().ok()?),
-            // rates.NAME=VALUE and so on, as in config.toml.
+            // Any setting of config.toml, as in rates.NAME=VALUE.
             "--set" => options.config = toml_set(&options.config, &value)?,
             _ => return None,
         }

@@ -1,6 +1,7 @@
-// Per splat in sight, a workgroup: one step of Adam on the texels of its map (twin: reference/adam.rs), with the
-// texture term and the slope of the activation. Leaves the gradients zero, the new texels activated, and the sum
-// of the absolute residuals before the step.
+// One step of Adam on the texels of every visible splat, with the texture term and the slope of the activation (twin:
+// reference/adam.rs). Also activates the new texels, resets the gradients to zero, and stores the sum of the absolute
+// residuals before the step.
+// Workgroup: a splat. Invocation: every SPLAT_GROUP-th float of its map.
 
 #constants
 #include common/groups
@@ -24,10 +25,10 @@ var<workgroup> residuals: array<f32, SPLAT_GROUP>;
 
 // Returns the absolute residual before the step.
 fn update(at: u32, units: f32, weight: f32, rate: f32) -> f32 {
-    // The forward pass saw this value; computing it again is cheaper than reading it.
+    // The value that the forward pass used: recomputing it is cheaper than reading it.
     let parameter = texel_p[at];
     let value = texel_value(parameter);
-    // At exactly 0 the texture term is at rest.
+    // The texture term has no gradient at exactly 0.
     let by_value = f32(texel_grad[at]) / units + weight * sign(value);
     texel_grad[at] = 0;
     let by = by_value * texel_value_slope(value);
@@ -49,13 +50,13 @@ fn adam_texel(
     if i >= step.num_splats {
         return;
     }
-    let shape = bounds[i];
+    let footprint = bounds[i];
     let info = splat_info[i];
     let texels = num_texels(info.map_size);
-    let num_floats = select(0u, 3u * texels, shape.num_tiles > 0u);
+    let num_floats = select(0u, 3u * texels, footprint.num_tiles > 0u);
     let rate = map_rate(step.rate_texel, step.rate_texel_growth, step.rate_texel_growth_limit, texels);
-    let units = texel_units(shape.box_min, shape.box_max);
-    let weight = step.texture_weight + step.texture_hidden_weight * shape.hidden;
+    let units = texel_units(footprint.box_min, footprint.box_max);
+    let weight = step.texture_weight + step.texture_hidden_weight * footprint.hidden;
     var residual_sum = 0.0;
     for (var f = lane; f < num_floats; f += SPLAT_GROUP) {
         residual_sum += update(3u * info.map_offset_texels + f, units, weight, rate);
@@ -68,7 +69,7 @@ fn adam_texel(
         }
         workgroupBarrier();
     }
-    if lane == 0u && shape.num_tiles > 0u {
+    if lane == 0u && footprint.num_tiles > 0u {
         bounds[i].texture_sum = residuals[0];
         splat_info[i].last_step = step.step;
     }

@@ -1,5 +1,6 @@
-// Carries out the edits of a density-control plan after its gathering: a workgroup per edit writes the splat's new
-// parameters and ends the momentum of all of them (twin: cpu/apply_plan.rs).
+// Applies the edits of a density-control plan, after gather_splats: writes the new parameters of a splat and zeroes
+// the first moments of all its parameters (twin: cpu/apply_plan.rs).
+// Workgroup: an edit. Invocation: a float of the splat's parameters.
 
 #constants
 #include common/groups
@@ -15,7 +16,7 @@ struct Edit {
     pad: u32,
 }
 
-@group(0) @binding(1) var<storage, read> edits: array<Edit>; // as many as the plan has
+@group(0) @binding(1) var<storage, read> edits: array<Edit>; // [num_edits]
 @group(0) @binding(2) var<storage, read_write> splat_p: array<f32>; // [n_new, stride]
 @group(0) @binding(3) var<storage, read_write> splat_m: array<f32>; // [n_new, stride]
 
@@ -25,7 +26,7 @@ fn edit_splats(
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) lane: u32,
 ) {
-    // Workgroups are as many as splats.
+    // Dispatched with one workgroup per splat; a plan has at most as many edits.
     let e = group_index(group, groups);
     if e >= arrayLength(&edits) || lane >= step.splat_stride {
         return;

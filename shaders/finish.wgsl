@@ -1,4 +1,5 @@
-// One workgroup: sums up what the host is told of a step, in a fixed order.
+// Sums the loss terms and counters of a step into its status, which the host reads; in a fixed order (no twin).
+// One workgroup. Invocation: every GROUP-th tile and every GROUP-th block of splats.
 
 #constants
 #include common/step
@@ -14,11 +15,9 @@
 var<workgroup> geometries: array<vec2f, GROUP>;
 #endif
 
-// l1, dssim, mse, opacity; texture.
-var<workgroup> losses: array<vec4f, GROUP>;
+var<workgroup> losses: array<vec4f, GROUP>; // l1, dssim, mse, opacity
 var<workgroup> textures: array<f32, GROUP>;
-// Visible splats, faults.
-var<workgroup> counts: array<vec2u, GROUP>;
+var<workgroup> counts: array<vec2u, GROUP>; // visible splats, faults
 
 @compute @workgroup_size(GROUP)
 fn finish(@builtin(local_invocation_index) lane: u32) {

@@ -1,4 +1,6 @@
-// Per block of splats: sums up what the host is told of them, in a fixed order; `finish` adds up the blocks.
+// Sums opacity and texture terms, visible splats and faults over each block of GROUP splats, in a fixed order;
+// `finish` sums the blocks (no twin).
+// Workgroup: a block of splats. Invocation: a splat.
 
 #constants
 #include common/groups

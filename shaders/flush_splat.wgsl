@@ -1,6 +1,6 @@
-// Brings the SH of every splat up to date, seen or not: before the structure changes, and for a model that is
-// read to be shown (twin: adam_skipped of reference/adam.rs). The step up to which a splat has come is written by
-// flush_texel, which goes after this.
+// Flushes the SH of every splat, visible or not: before density control, and before the model is read for display
+// (twin: adam_skipped in reference/adam.rs). flush_texel, which runs after this, updates the splats' last step.
+// Workgroup: a splat. Invocation: a float of its SH.
 
 #constants
 #include common/groups

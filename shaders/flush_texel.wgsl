@@ -1,6 +1,7 @@
-// Per splat in sight, a workgroup: brings the texels of its map up to date where they lag behind, and activates
-// them (twin: adam_skipped of reference/adam.rs). What is not stored in the parameters (in images) is still
-// activated, so that the image shows it. FLAG_ALL_MAPS: every map, seen or not, is activated.
+// Flushes the texels of every visible splat and activates them (twin: adam_skipped in reference/adam.rs). Without
+// FLAG_PERSIST (images) the flushed parameters are not stored, only activated. FLAG_ALL_MAPS: all splats, visible or
+// not, and also maps that have nothing to flush.
+// Workgroup: a splat. Invocation: every SPLAT_GROUP-th float of its map.
 
 #constants
 #include common/groups

@@ -1,4 +1,6 @@
-// The sorted pairs: slot and splat. Their windows of texels follow where the splats are read anyway (raster_fwd).
+// Writes slot and splat of each tile-splat pair in the sorted order (twin: gpu/tile_list_twin.rs). raster_fwd
+// adds the pairs' texel windows, because it reads the splats anyway.
+// Workgroup: GROUP pairs. Invocation: a pair.
 
 #constants
 #include common/groups

@@ -1,5 +1,6 @@
-// Applies a density-control plan to one array of the splats' parameters: a workgroup per new splat copies its source's
-// entries (twin: SplatArrays::gathered).
+// Applies a density-control plan to one array of splat parameters or moments: copies the entries of each new splat
+// from its source (twin: SplatArrays::gathered).
+// Workgroup: a new splat. Invocation: a float of its parameters.
 
 #constants
 #include common/groups

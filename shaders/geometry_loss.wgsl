@@ -1,6 +1,7 @@
-// Terms on depths and normals (twin: reference/geometry.rs; method 3): their values per tile, and per pixel the
-// coefficients of the derivative, put together with what else the backward pass wants to know of a pixel. A
-// workgroup per tile, an invocation per pixel. Surface normals are constants to the derivative.
+// Distortion and normal terms (twin: reference/geometry.rs; method 3): their values, summed per tile, and for each
+// pixel a record for the backward pass, with the coefficients of their derivatives. Surface normals are constants in
+// the derivative.
+// Workgroup: a tile. Invocation: a pixel.
 
 #constants
 #include common/groups
@@ -9,27 +10,28 @@
 #include common/tile
 
 @group(0) @binding(1) var<storage, read> geometry: array<vec4f>; // [P, 2] by raster_fwd
-@group(0) @binding(2) var<storage, read> pixel_state: array<vec2u>; // [P] transmittance, end of pairs
+@group(0) @binding(2) var<storage, read> pixel_state: array<vec2u>; // [P] transmittance, one past the last blended pair
 @group(0) @binding(3) var<storage, read> tile_ranges: array<vec2u>; // [tiles] of pairs
 @group(0) @binding(4) var<storage, read> photo: array<u32>; // [pool] r | g << 8 | b << 16 | a << 24
 @group(0) @binding(5) var<storage, read> pixel_grad: array<vec4f>; // [P] by rgb; loss of the pixel
-// [P, 3] by rgb, loss; constant, linear, square, transmittance; towards x, y, z, pairs up to the end: a number,
-// because bits of small integers may not survive as a float
+// [P, 3] by rgb, loss; constant, linear, square, transmittance; towards x, y, z, number of pairs up to the last
+// blended one. The number is converted, not bit-cast: as a float, a small integer's bits are a denormal and may
+// be flushed.
 @group(0) @binding(6) var<storage, read_write> pixel_records: array<vec4f>;
 @group(0) @binding(7) var<storage, read_write> geometry_partials: array<vec2f>; // [tiles] distortion, normal
 
 var<workgroup> sums: array<vec2f, RASTER_GROUP>;
 
-// Depth of a pixel, 0 where it is not opaque enough for a surface.
+// Depth of a pixel; 0 where its alpha is below SURFACE_ALPHA_MIN.
 fn surface_depth(pixel: vec2u) -> f32 {
     let at = pixel.y * step.size_px.x + pixel.x;
     let alpha = 1.0 - bitcast<f32>(pixel_state[at].x);
     return select(0.0, geometry[2u * at].w / max(alpha, SURFACE_ALPHA_MIN), alpha >= SURFACE_ALPHA_MIN);
 }
 
-// Normal of the depth map by central differences, camera axes, facing the camera; zero at the border and where
-// a neighbour is not opaque. With r the ray of the pixel, the points beside it are (r +- e / focal) depth: the
-// differences are taken of depths, not of points, whose rounding they would magnify.
+// Normal of the depth map by central differences, in camera axes, facing the camera; zero at the border and
+// where a neighbour is not opaque. With r the ray of the pixel, its neighbours' points are (r +- e / focal)
+// depth. The formula subtracts depths rather than points, whose rounding errors a difference would magnify.
 fn surface_normal(pixel: vec2u) -> vec3f {
     if any(pixel < vec2u(1u)) || any(pixel + 1u >= step.size_px) {
         return vec3f(0.0);
@@ -50,7 +52,7 @@ fn surface_normal(pixel: vec2u) -> vec3f {
     return select(normal, -normal, dot(normal, ray) > 0.0) / size;
 }
 
-// Values of both terms at a pixel; leaves its record.
+// Writes the record of a pixel and returns the values of both terms there.
 fn pixel_loss(pixel: vec2u, first_pair: u32) -> vec2f {
     let at = pixel.y * step.size_px.x + pixel.x;
     let state = pixel_state[at];

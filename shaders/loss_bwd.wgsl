@@ -1,5 +1,6 @@
-// Derivative of the loss by the image, from the maps of `loss_fwd`: the window is its own adjoint (twin:
-// reference/loss.rs). A workgroup per tile, an invocation per pixel.
+// Derivative of the image loss by each pixel, from the SSIM maps of `loss_fwd`: the window is its own adjoint (twin:
+// reference/loss.rs).
+// Workgroup: a tile of 16 x 16 pixels. Invocation: a pixel.
 
 #constants
 #include common/step
@@ -11,10 +12,10 @@
 @group(0) @binding(4) var<storage, read> loss_map: array<f32>; // [h, w]
 @group(0) @binding(5) var<storage, read_write> pixel_grad: array<vec4f>; // [h, w] by r, g, b; loss_map
 
-// The three maps of a channel, in two parts because a vec3f takes the room of a vec4f; blurred along x.
+// The three maps of a channel, in two arrays because a vec3f occupies 16 bytes.
 var<workgroup> halo_xy: array<vec2f, HALO>;
 var<workgroup> halo_z: array<f32, HALO>;
-var<workgroup> across: array<vec3f, ACROSS>;
+var<workgroup> across: array<vec3f, ACROSS>; // blurred along x
 
 @compute @workgroup_size(GROUP)
 fn loss_bwd(
@@ -27,13 +28,13 @@ fn loss_bwd(
     let pixel1 = halo_pixel(tile, lid + GROUP);
     let pixel2 = halo_pixel(tile, lid + 2u * GROUP);
     let pixel = image_pixel(tile, vec2i(vec2u(lid % TILE_PX, lid / TILE_PX)));
-    let pair = pair_at(pixel);
+    let here = sum_difference_at(pixel);
     var gradient = vec3f();
     for (var c = 0u; c < 3u; c += 1u) {
-        stage(c, lid, pixel0);
-        stage(c, lid + GROUP, pixel1);
+        load_maps(c, lid, pixel0);
+        load_maps(c, lid + GROUP, pixel1);
         if lid + 2u * GROUP < HALO {
-            stage(c, lid + 2u * GROUP, pixel2);
+            load_maps(c, lid + 2u * GROUP, pixel2);
         }
         workgroupBarrier();
         if 2u * lid < ACROSS {
@@ -43,19 +44,19 @@ fn loss_bwd(
         }
         workgroupBarrier();
         let slopes = blurred_down(lid);
-        gradient[c] = slopes.x + pair.sum[c] * slopes.y + pair.difference[c] * slopes.z;
+        gradient[c] = slopes.x + here.sum[c] * slopes.y + here.difference[c] * slopes.z;
     }
     if pixel != OUTSIDE {
         let per = 1.0 / (3.0 * f32(step.size_px.x * step.size_px.y));
-        let d = pair.difference;
+        let d = here.difference;
         gradient += per * (step.loss_l1 * sign(d) + 2.0 * step.loss_mse * d);
         let kept = photo[step.photo_offset_px + pixel] >= 0x80000000u;
         pixel_grad[pixel] = vec4f(select(vec3f(), gradient, kept), loss_map[pixel]);
     }
 }
 
-// Outside the image there are no windows.
-fn stage(c: u32, place: u32, pixel: u32) {
+// Copies the SSIM maps of a channel at one pixel into workgroup memory; zero outside the image, which has no windows.
+fn load_maps(c: u32, place: u32, pixel: u32) {
     var maps = vec3f();
     if pixel != OUTSIDE {
         let num_pixels = step.size_px.x * step.size_px.y;

@@ -1,5 +1,6 @@
-// L1, SSIM and squared difference of image and photo, and the derivatives of SSIM by the means under each
-// window (twin: reference/loss.rs). A workgroup per tile, an invocation per pixel; `loss_bwd` follows.
+// L1, SSIM and squared difference of image and photo, and the derivatives of SSIM by the means under each window,
+// which `loss_bwd` reads (twin: reference/loss.rs).
+// Workgroup: a tile of 16 x 16 pixels. Invocation: a pixel.
 
 #constants
 #include common/step
@@ -14,9 +15,11 @@
 var<workgroup> halo: array<vec2f, HALO>; // sum and difference of a channel
 var<workgroup> across: array<vec4f, ACROSS>; // blurred along x: sum, difference, their squares
 
-// 1 - SSIM, and what SSIM changes by: (mean) + (sum) * sum + (difference) * difference of a pixel.
 struct Similarity {
+    // 1 - SSIM
     loss: f32,
+    // With s and d the sum and difference of image and photo at a pixel under the window, the derivative of
+    // SSIM by that pixel is the window's weight times slopes.x + slopes.y s + slopes.z d.
     slopes: vec3f,
 }
 
@@ -27,9 +30,9 @@ fn loss_fwd(
     @builtin(local_invocation_index) lid: u32,
 ) {
     let tile = wid.x + wid.y * groups.x;
-    let pair0 = pair_at(halo_pixel(tile, lid));
-    let pair1 = pair_at(halo_pixel(tile, lid + GROUP));
-    let pair2 = pair_at(halo_pixel(tile, lid + 2u * GROUP));
+    let values0 = sum_difference_at(halo_pixel(tile, lid));
+    let values1 = sum_difference_at(halo_pixel(tile, lid + GROUP));
+    let values2 = sum_difference_at(halo_pixel(tile, lid + 2u * GROUP));
     let x = lid % TILE_PX;
     let y = lid / TILE_PX;
     let pixel = image_pixel(tile, vec2i(vec2u(x, y)));
@@ -37,10 +40,10 @@ fn loss_fwd(
     let scale = -step.loss_dssim / (3.0 * f32(num_pixels));
     var sums = vec3f();
     for (var c = 0u; c < 3u; c += 1u) {
-        halo[lid] = vec2f(pair0.sum[c], pair0.difference[c]);
-        halo[lid + GROUP] = vec2f(pair1.sum[c], pair1.difference[c]);
+        halo[lid] = vec2f(values0.sum[c], values0.difference[c]);
+        halo[lid + GROUP] = vec2f(values1.sum[c], values1.difference[c]);
         if lid + 2u * GROUP < HALO {
-            halo[lid + 2u * GROUP] = vec2f(pair2.sum[c], pair2.difference[c]);
+            halo[lid + 2u * GROUP] = vec2f(values2.sum[c], values2.difference[c]);
         }
         workgroupBarrier();
         let d = halo[(y + SSIM_RADIUS_PX) * HALO_PX + x + SSIM_RADIUS_PX].y;
@@ -62,7 +65,7 @@ fn loss_fwd(
     if pixel != OUTSIDE {
         loss_map[pixel] = (step.loss_l1 * sums.x + step.loss_dssim * sums.y) / 3.0;
     }
-    // Rows first, then their sums: the same order whatever the schedule.
+    // Each row, then the sums of the rows: a fixed order, whatever the schedule.
     workgroupBarrier();
     across[lid] = vec4f(sums, 0.0);
     workgroupBarrier();
@@ -92,12 +95,13 @@ fn row(i: u32, k: u32) -> vec4f {
     return across[i + k * TILE_PX];
 }
 
-// With u = x + y and v = x - y: 2 mx my = (mu^2 - mv^2) / 2, 2 cov = (var u - var v) / 2, and the same with
-// plus in the denominators; so 1 - SSIM has terms in mv^2 and var v alone.
+// SSIM from the means of u, v, u^2 and v^2 with u = x + y and v = x - y: 2 mx my = (mu^2 - mv^2) / 2 and 2 cov
+// = (var u - var v) / 2, with plus signs in the denominators. Every term of 1 - SSIM then has mv^2 or var v as
+// a factor, so that nothing cancels where image and photo agree.
 fn similarity(mean: vec4f) -> Similarity {
     let u = mean.x;
     let v = mean.y;
-    // Variances are non-negative but for rounding.
+    // Rounding may make a variance negative.
     let variance = max(mean.zw - mean.xy * mean.xy, vec2f(0.0));
     let a1 = 0.5 * (u * u - v * v) + SSIM_C1;
     let b1 = 0.5 * (u * u + v * v) + SSIM_C1;

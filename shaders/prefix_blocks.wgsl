@@ -1,4 +1,6 @@
-// Slots of the splats' pairs, in depth order: exclusive sums of their numbers of tiles within each block.
+// First slot of each splat's pairs relative to its block: exclusive prefix sums of the tile counts, in depth order,
+// within blocks of BLOCK splats (no twin; tested in gpu/tile_list_tests.rs). prefix_sums adds the blocks.
+// Workgroup: a block. Invocation: LANE_ELEMENTS neighbouring splats.
 
 #constants
 #include common/groups

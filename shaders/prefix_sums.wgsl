@@ -1,5 +1,8 @@
-// Slots of the blocks' pairs, the number of pairs, and the workgroups of everything that follows. One
-// workgroup, dispatched directly: nothing can be dispatched from a table that it writes.
+// First slot of each block of splats, the total number of pairs, and the workgroup counts of every later
+// dispatch of the step (no twin; tested in gpu/tile_list_tests.rs). If the pairs exceed the capacity, all
+// counts become zero, so that nothing further in the submission is applied.
+// One workgroup, dispatched directly: a dispatch must not read its size from a table that it writes. Invocation:
+// LANE_ELEMENTS neighbouring blocks at a time.
 
 #constants
 #include common/groups
@@ -31,7 +34,7 @@ fn prefix_sums(@builtin(local_invocation_index) lane: u32) {
         }
         total = add_saturating(total, scan.total);
     }
-    // A step before this one did not fit: the sums are old, and everything stays off.
+    // An earlier step of the submission did not fit: the block sums are stale, and all counts stay zero.
     if lane > 0u || args[3u * GROUPS_ONE] == 0u {
         return;
     }
@@ -53,7 +56,7 @@ fn prefix_sums(@builtin(local_invocation_index) lane: u32) {
     set_groups(GROUPS_PAIR_BLOCKS, blocks_of(total));
 }
 
-// Workgroups that have an invocation for each of `count`.
+// Workgroups that provide `count` invocations.
 fn invocations(count: u32) -> u32 {
     return (count + (GROUP - 1u)) / GROUP;
 }

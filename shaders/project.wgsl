@@ -1,6 +1,6 @@
-// Projection of every splat to the view, its tiles, colour and depth key (twin: reference/project.rs; method
-// 1.2, 2.2, 2.3). SH that lag behind are brought up to date on the way, for splats in sight.
-// GEOMETRY: normals too.
+// Projects every splat to the view: bounds, number of tiles, depth key and base colour (twin: reference/project.rs;
+// method 1.2, 2.2, 2.3). Flushes the SH of visible splats on the way. GEOMETRY: also writes normals.
+// Workgroup: GROUP splats. Invocation: a splat.
 
 #constants
 #include common/groups
@@ -24,7 +24,8 @@
 @group(0) @binding(8) var<storage, read_write> normals: array<vec4f>; // [n] camera axes, facing the camera
 #endif
 
-const OUT_OF_SIGHT = (1u << DEPTH_KEY_BITS) - 1u;
+// Depth key of invisible splats: sorts last.
+const INVISIBLE_KEY = (1u << DEPTH_KEY_BITS) - 1u;
 
 @compute @workgroup_size(GROUP)
 fn project(
@@ -54,26 +55,26 @@ fn project(
     let g = n.xy * per_px;
     let centre_px = step.focal_px * p.xy / p.z + step.principal_px;
 
-    // A sum is finite only if its terms are.
+    // A sum is finite only if all its terms are.
     let map_sum = a.x + a.y + b.x + b.y + g.x + g.y + centre_px.x + centre_px.y;
-    let sound = is_finite(p_n + p.x + p.y + p.z + opacity + scales.x + scales.y) && is_finite(map_sum);
-    let in_sight = sound && min(scales.x, scales.y) > 1.2e-38 && p.z >= step.near && opacity >= ALPHA_MIN
+    let finite = is_finite(p_n + p.x + p.y + p.z + opacity + scales.x + scales.y) && is_finite(map_sum);
+    let drawable = finite && min(scales.x, scales.y) > 1.2e-38 && p.z >= step.near && opacity >= ALPHA_MIN
         && abs(p_n) >= EDGE_ON_MIN * length(p);
-    var shape = no_bounds();
-    if in_sight {
-        shape = splat_bounds(p, e_u, e_v, scales, opacity, centre_px);
-        let rows = tile_rows(shape);
+    var footprint = empty_bounds();
+    if drawable {
+        footprint = splat_bounds(p, e_u, e_v, scales, opacity, centre_px);
+        let rows = tile_rows(footprint);
         for (var row = rows.x; row < rows.y; row += 1) {
-            let run = tile_run(shape, row);
-            shape.num_tiles += u32(run.y - run.x);
+            let run = tile_run(footprint, row);
+            footprint.num_tiles += u32(run.y - run.x);
         }
     }
-    bounds[i] = shape;
-    if shape.num_tiles == 0u {
-        keys_out[i] = OUT_OF_SIGHT;
+    bounds[i] = footprint;
+    if footprint.num_tiles == 0u {
+        keys_out[i] = INVISIBLE_KEY;
         return;
     }
-    keys_out[i] = min(bitcast<u32>(p.z) - bitcast<u32>(step.near), OUT_OF_SIGHT - 1u);
+    keys_out[i] = min(bitcast<u32>(p.z) - bitcast<u32>(step.near), INVISIBLE_KEY - 1u);
     let info = splat_info[i];
     projected[i] = Projected(
         centre_px,
@@ -82,21 +83,21 @@ fn project(
         g,
         base_colour(i, position, info.last_step),
         opacity,
-        // A map of no texels may have a texel size of zero.
+        // An empty map may have a texel edge of zero.
         select(scales / info.texel_size, vec2f(0.0), info.map_size == 0u),
         step.near / p.z,
         info.map_size,
         info.map_offset_texels,
-        shape.box_min,
-        shape.box_max,
-        texel_units(shape.box_min, shape.box_max),
+        footprint.box_min,
+        footprint.box_max,
+        texel_units(footprint.box_min, footprint.box_max),
     );
 #if GEOMETRY
     normals[i] = vec4f(select(n, -n, p_n > 0.0), 0.0);
 #endif
 }
 
-// SH at the direction from the camera, brought up to date as of the last step.
+// Base colour from the flushed SH in the direction from the camera.
 fn base_colour(i: u32, position: vec3f, last_step: u32) -> vec3f {
     let skip = adam_skip(last_step, step.flushed_step);
     let basis = sh_basis(step.sh_degree, normalize(position - step.camera_in_local));
@@ -119,10 +120,10 @@ fn base_colour(i: u32, position: vec3f, last_step: u32) -> vec3f {
             rgb[k % 3u] += basis[k / 3u] * value;
         }
     }
-    // Poisoned coefficients must not spread.
     return vec3f(guarded(rgb[0]), guarded(rgb[1]), guarded(rgb[2]));
 }
 
+// Keeps non-finite coefficients from reaching other splats through the loss.
 fn guarded(v: f32) -> f32 {
     return select(0.0, clamp(v, -BASE_RGB_MAX, BASE_RGB_MAX), is_finite(v));
 }

@@ -1,7 +1,9 @@
-// Per splat, a workgroup: sums its pairs in a fixed order, projects the sums back to its parameters, and takes
-// one step of Adam (twins: reference/project_bwd.rs, reference/adam.rs; method 2.4, "per splat, once"; method 4.1).
-// Splats out of sight take the step without a gradient, but for SH, which lag.
-// GEOMETRY: sums of depth and normal too.
+// Sums the partial sums of each splat's pairs in a fixed order, applies the chain rule back to its stored
+// parameters, and takes one step of Adam (twins: reference/project_bwd.rs, reference/adam.rs; method 2.4, "per
+// splat, once", and 4.1). Invisible splats step with a zero gradient, except for their SH, which are updated
+// lazily.
+// GEOMETRY: also the sums by depth and normal.
+// Workgroup: a splat. Invocation: a sum over the pairs, then a float of the parameters.
 
 #constants
 #include common/groups
@@ -21,7 +23,7 @@
 @group(0) @binding(6) var<storage, read> partials: array<f32>; // [K, partial_stride] by slot
 @group(0) @binding(7) var<storage, read_write> statistics: array<vec4f>; // [n] seen, area, weight, error
 
-// Sums of a pair, in the order in which raster_bwd leaves them.
+// Indices of a pair's sums, in the order in which raster_bwd writes them.
 const U = 0u;
 const V = 3u;
 const D = 6u;
@@ -34,14 +36,14 @@ const WEIGHT = 17u;
 const ERROR = 18u;
 const TRANSMITTANCE = 19u;
 #if GEOMETRY
-// By the depth, times minus the depth; by the normal that faces the camera.
+// DEPTH: derivative by the centre's depth, times minus that depth. NORMAL: by the normal that faces the camera.
 const DEPTH = 20u;
 const NORMAL = 21u;
 const MAX_SUMS = 24u;
 #else
 const MAX_SUMS = 20u;
 #endif
-// Invocations that share the pairs of a splat.
+// Each sum over the pairs of a splat is split among this many invocations.
 const PARTS = 4u;
 const MAX_STRIDE = 58u;
 
@@ -70,7 +72,7 @@ fn set_gradient(at: u32, v: vec3f) {
     gradient[at + 2u] = v.z;
 }
 
-// Derivatives by the centre and the axes, camera axes, and from there by the stored parameters.
+// Derivatives by the centre and the surfel axes in camera axes, and from there by the stored parameters.
 fn chain_rule(i: u32) {
     let s = projected[i];
     let base = i * step.splat_stride;
@@ -89,7 +91,7 @@ fn chain_rule(i: u32) {
     let u = vec3f(sums[U], sums[U + 1u], sums[U + 2u]);
     let v = vec3f(sums[V], sums[V + 1u], sums[V + 2u]);
     let d = vec3f(sums[D], sums[D + 1u], sums[D + 2u]);
-    // The map in standard deviations is the map in world units over sigma.
+    // The map in standard deviations is the map in local units over sigma.
     let by_cross_a = vec3f(u.yz * per_px / scales.x, 0.0);
     let by_cross_b = vec3f(v.yz * per_px / scales.y, 0.0);
     let by_w0 = -(dot(u.yz, s.a) + dot(v.yz, s.b) + dot(d.yz, s.g)) / w0;
@@ -118,7 +120,7 @@ fn chain_rule(i: u32) {
     gradient[OPACITY] = (sums[FALLOFF] + step.opacity_weight) * s.opacity * (1.0 - s.opacity);
 }
 
-// Leaves the gradient of SH and returns the derivative by the position through the direction.
+// Writes the gradient of the SH and returns the derivative by the position through the view direction.
 fn sh_bwd(base: u32, position: vec3f, rgb: vec3f) -> vec3f {
     let by_clamped = vec3f(sums[RED], sums[RED + 1u], sums[RED + 2u]);
     let by_rgb = select(vec3f(0.0), by_clamped, rgb > vec3f(0.0));
@@ -194,9 +196,9 @@ fn project_bwd(
     if i >= step.num_splats {
         return;
     }
-    // Written by no one before the last barrier.
-    let shape = bounds[i];
-    let visible = shape.num_tiles > 0u;
+    // Not written before the last barrier.
+    let footprint = bounds[i];
+    let visible = footprint.num_tiles > 0u;
     if lane < MAX_STRIDE {
         gradient[lane] = 0.0;
     }
@@ -204,7 +206,7 @@ fn project_bwd(
         atomicStore(&num_faults, 0u);
     }
     for (var index = lane; visible && index < step.partial_stride * PARTS; index += SPLAT_GROUP) {
-        add_part(index, shape);
+        add_part(index, footprint);
     }
     workgroupBarrier();
     if lane < MAX_SUMS {
@@ -217,7 +219,7 @@ fn project_bwd(
         chain_rule(i);
     }
     workgroupBarrier();
-    // Coefficients of degrees not yet in use are at rest, and so are all of a splat out of sight.
+    // SH of degrees not yet in use, and all SH of invisible splats, take no step.
     let used = select(SH, SH + 3u * sh_coefficients(step.sh_degree), visible);
     if lane < used {
         update(i, lane);

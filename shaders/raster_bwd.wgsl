@@ -1,16 +1,23 @@
-// Backward rasterisation: a workgroup per tile, splats back to front (twin: reference/raster_bwd.rs; method
-// 2.4). For each splat every invocation leaves the derivatives of its pixel in workgroup memory; then the same
-// invocations, as (quantity, row of pixels), add them up in a fixed order: two barriers a splat, no atomics,
-// no subgroups. Sums go to the pair's unsorted slot. Texel gradients are gathered the same way, blocks of 4 x 4
-// texels in turn, and reach memory as fixed point, three atomics per texel and tile. STATISTICS: more sums.
-// GEOMETRY, with STATISTICS: the terms on depths and normals.
+// Backward rasterisation: walks the splats of a tile back to front, and sums the derivatives by the projected
+// quantities of each splat and by its texels over the tile's pixels (twin: reference/raster_bwd.rs; method 2.4).
+// Workgroup: a tile. Invocation: a pixel, then a (quantity, row of pixels) of the sums, then a sum or a texel
+// channel.
 //
-// Software drivers walk through every branch and every loop once, whether an invocation takes it or not, and pay
-// for each barrier by what lives across it: so the code is short and has two barriers a splat, the rest is
-// select(). The form before it, with more of both, took this kernel 3.9 times as long on lavapipe. COUNT: global
-// atomics are told in the place of faults. SCATTER, for hardware: windows of many texels get an atomic per tap
-// instead; its units are those of the whole box, so that the rounding of taps shows where a splat covers much of
-// the image.
+// Per splat, each invocation stores the derivatives of its pixel in workgroup memory; then the invocations sum
+// them up in a fixed order, with two barriers, no atomics and no subgroups. A pair's sums go to its slot in
+// `partials`. Texel gradients are summed the same way, one block of 4 x 4 texels at a time, and added to memory
+// in fixed point: three atomics per texel and tile.
+//
+// Software drivers execute both sides of every branch, and pay at each barrier for every value that lives across it.
+// Hence two barriers per splat, little code, and select() instead of branches: an earlier form with more of both took
+// 3.9 times as long on lavapipe.
+//
+// STATISTICS: also the sums for the window statistics.
+// GEOMETRY (with STATISTICS): also the distortion and normal terms.
+// SCATTER (hardware): windows of many texels are not gathered; each tap is an atomic. The fixed-point unit is
+// that of the splat's whole box, so that the rounding of single taps shows where a splat covers much of the
+// image.
+// COUNT: counts global atomics instead of faults.
 
 #constants
 #include common/groups
@@ -30,17 +37,17 @@
 @group(0) @binding(4) var<storage, read> texel_values: array<vec4f>; // [T] residual rgb
 #if GEOMETRY
 @group(0) @binding(5) var<storage, read> normals: array<vec4f>; // [n] camera axes, facing the camera
-// [P, 3] by rgb, loss; constant, linear, square, transmittance; towards x, y, z, end of pairs (geometry_loss)
+// [P, 3] by rgb, loss; constant, linear, square, transmittance; towards x, y, z, number of pairs (geometry_loss)
 @group(0) @binding(6) var<storage, read> pixel_records: array<vec4f>;
 #else
-@group(0) @binding(5) var<storage, read> pixel_state: array<vec2u>; // [P] transmittance, end of pairs
+@group(0) @binding(5) var<storage, read> pixel_state: array<vec2u>; // [P] transmittance, one past the last blended pair
 @group(0) @binding(6) var<storage, read> pixel_grad: array<vec4f>; // [P] by rgb; loss of the pixel
 #endif
 @group(0) @binding(7) var<storage, read_write> partials: array<f32>; // [K, partial_stride] by slot
 @group(0) @binding(8) var<storage, read_write> texel_grad: array<atomic<i32>>; // [T, 3] fixed point
 
-// What a pixel leaves behind, [quantity, column, row]. The first three also count times dx and dy.
-const U = 0u; // by the coordinate along u over the denominator
+// Quantities that a pixel stores, [quantity, column, row]. The first three are also summed times dx and dy.
+const U = 0u; // by the surfel coordinate along u, over the denominator
 const V = 1u;
 const D = 2u; // by the denominator
 const SCALE_U = 3u; // by the log-scales
@@ -66,16 +73,16 @@ const NUM_QUANTITIES = 11u;
 const NUM_SUMS = 16u;
 const TEXEL_PARTS = TILE_ROWS_PX;
 #endif
-// Sum of a pair in which the faults of the whole tile are told.
+// Sum of a tile's first pair that carries the faults of the whole tile.
 const FAULTS = 15u;
 const BLOCK_TEXELS = 4u;
-// Rows of pixels, which sums are made of.
+// Each sum has one part per row of pixels.
 const PARTS = TILE_ROWS_PX;
 
-// Channels of the texels of a block, then the sums: each in parts that one invocation adds up.
+// Texel channels of a block.
 const NUM_CHANNELS = 3u * BLOCK_TEXELS * BLOCK_TEXELS;
 #if SCATTER
-// Windows of more blocks than this are not gathered.
+// Windows of more blocks than this are scattered.
 const GATHERED_BLOCKS_MAX = 9u;
 #endif
 
@@ -86,28 +93,28 @@ var<workgroup> last: atomic<u32>;
 var<workgroup> end: u32;
 var<workgroup> num_faults: atomic<u32>;
 
-// The pixel on its way back to front.
+// State of a pixel on its way back to front.
 struct Replay {
     transmittance: f32,
-    // Derivative by weight of everything behind, times its weight.
+    // Sum of weight times the derivative by weight, over the samples behind.
     behind: f32,
     end: u32,
     by_rgb: vec3f,
-    // What this invocation could not add to a texel.
+    // Texel gradients that were not finite or did not fit.
     faults: u32,
 #if GEOMETRY
-    // The derivative by a sample's weight is constant + linear m + square m^2 + towards . normal, with m its
-    // inverse depth over that of the near plane.
+    // The derivative by a sample's weight is constant + linear m + square m^2 + towards . normal, with m the
+    // near depth over the sample's depth.
     by_moments: vec3f,
     towards: vec3f,
 #endif
 }
 
-fn leave(quantity: u32, at: u32, value: f32) {
+fn store(quantity: u32, at: u32, value: f32) {
     lanes[quantity * RASTER_GROUP + at] = value;
 }
 
-// One pixel of one splat; zeros where it has no part in it.
+// Derivatives of one pixel by one splat; zeros where the splat was not blended.
 fn pixel_bwd(replay: ptr<function, Replay>, s: Projected, index: u32, pixel: vec2u, at: u32, scattered: bool) {
     let hit = splat_hit(s, vec2f(pixel) + 0.5);
     let blended = hit.inside && index < (*replay).end && in_box(s, pixel);
@@ -130,7 +137,7 @@ fn pixel_bwd(replay: ptr<function, Replay>, s: Projected, index: u32, pixel: vec
         var values = array<vec3f, 4>();
         if taps.inside {
             values = tap_values(s, taps);
-            // Else far from every texel.
+            // Otherwise it stays far from every texel.
             coordinate = taps.coordinate;
         }
         let f = taps.fraction;
@@ -149,7 +156,7 @@ fn pixel_bwd(replay: ptr<function, Replay>, s: Projected, index: u32, pixel: vec
         (*replay).behind += weight * by_weight;
         (*replay).transmittance = before;
 
-        // Passes where the colour is positive or descent would raise it.
+        // The gradient passes where the colour is positive or descent would raise it.
         let passes = (colour > vec3f(0.0)) | (by_rgb < vec3f(0.0));
         by_colour = select(vec3f(0.0), by_rgb * weight, passes);
         by_falloff = select(0.0, by_alpha * hit.falloff, hit.raw_alpha <= ALPHA_MAX);
@@ -166,24 +173,24 @@ fn pixel_bwd(replay: ptr<function, Replay>, s: Projected, index: u32, pixel: vec
         }
 #endif
     }
-    leave(U, at, by_hit.x);
-    leave(V, at, by_hit.y);
+    store(U, at, by_hit.x);
+    store(V, at, by_hit.y);
 #if GEOMETRY
-    leave(D, at, by_denominator - dot(by_hit, hit.plane));
+    store(D, at, by_denominator - dot(by_hit, hit.plane));
 #else
-    leave(D, at, -dot(by_hit, hit.plane));
+    store(D, at, -dot(by_hit, hit.plane));
 #endif
-    leave(SCALE_U, at, by_plane.x * hit.plane.x);
-    leave(SCALE_V, at, by_plane.y * hit.plane.y);
-    leave(FALLOFF, at, by_falloff);
-    leave(RED, at, by_colour.x);
-    leave(RED + 1u, at, by_colour.y);
-    leave(RED + 2u, at, by_colour.z);
-    leave(TEXEL_U, at, coordinate.x);
-    leave(TEXEL_V, at, coordinate.y);
+    store(SCALE_U, at, by_plane.x * hit.plane.x);
+    store(SCALE_V, at, by_plane.y * hit.plane.y);
+    store(FALLOFF, at, by_falloff);
+    store(RED, at, by_colour.x);
+    store(RED + 1u, at, by_colour.y);
+    store(RED + 2u, at, by_colour.z);
+    store(TEXEL_U, at, coordinate.x);
+    store(TEXEL_V, at, coordinate.y);
 #if STATISTICS
-    leave(WEIGHT, at, weight);
-    leave(TRANSMITTANCE, at, before);
+    store(WEIGHT, at, weight);
+    store(TRANSMITTANCE, at, before);
 #endif
 }
 
@@ -232,18 +239,18 @@ fn raster_bwd(
         end = atomicLoad(&last);
     }
     let used = workgroupUniformLoad(&end);
-    // Pairs behind everything have sums too: zeros.
+    // Pairs behind the last blended one have zero sums.
     for (var k = used * NUM_SUMS + lane; k < range.y * NUM_SUMS; k += RASTER_GROUP) {
         partials[pairs[k / NUM_SUMS].x * NUM_SUMS + k % NUM_SUMS] = 0.0;
     }
     let at = pixel_at.x * PARTS + pixel_at.y;
     let row = lane % PARTS;
     let quantity = lane / PARTS;
-    // From the last invocations on: the first ones have sums to make.
+    // Counted from the last invocation: the first ones are busy with other sums.
     let from_last = RASTER_GROUP - 1u - lane;
     var i = used;
     var block = 0u;
-    // Once for each block of texels of each splat.
+    // One round per block of texels of each splat; the first round of a splat also does everything else.
     while i > range.x {
         let pair = pairs[i - 1u];
         let window = pairs[window_at(i - 1u)];
@@ -311,7 +318,7 @@ fn raster_bwd(
     atomicAdd(&num_faults, replay.faults);
     storageBarrier();
     workgroupBarrier();
-    // Only the sum over all is told: the tile's first pair carries it.
+    // The host needs only the total: the tile's first pair carries it.
     if lane == 0u && range.x < range.y {
         partials[pairs[range.x].x * NUM_SUMS + FAULTS] = f32(atomicLoad(&num_faults));
     }

@@ -1,8 +1,12 @@
-// Forward rasterisation: a workgroup per tile, an invocation per pixel, front to back (twin:
-// reference/raster_fwd.rs; method 1.3, 1.4, 2.1). BATCHED: splats pass through workgroup memory, for GPUs;
-// software drivers are faster without (measured: 30-45 %). COUNT: counts pixel-splat pairs. In steps it leaves
-// the pairs' windows of texels for the backward pass: here the splats are read anyway, each by one invocation.
-// GEOMETRY: depths and normals too; a kernel has no binding left for both.
+// Forward rasterisation: blends the splats of a tile front to back (twin: reference/raster_fwd.rs; method 1.3,
+// 1.4, 2.1). In training steps it also stores the texel window of each pair for the backward pass, since it
+// reads the splats anyway.
+// Workgroup: a tile. Invocation: a pixel.
+//
+// BATCHED (hardware): splats are loaded through workgroup memory; software drivers are 30-45 % faster without
+// (measured).
+// COUNT: counts evaluated, inside and blended pixel-splat pairs.
+// GEOMETRY: also sums depths and normals. Excludes COUNT: no binding is left.
 
 #constants
 #include common/groups
@@ -20,7 +24,7 @@
 @group(0) @binding(3) var<storage, read> tile_ranges: array<vec2u>; // [tiles] of pairs
 @group(0) @binding(4) var<storage, read> texel_values: array<vec4f>; // [T] residual rgb
 @group(0) @binding(5) var<storage, read_write> pixels: array<vec4f>; // [P] rgb over background, transmittance
-@group(0) @binding(6) var<storage, read_write> pixel_state: array<vec2u>; // [P] transmittance, end of pairs
+@group(0) @binding(6) var<storage, read_write> pixel_state: array<vec2u>; // [P] transmittance, one past the last blended pair
 #if COUNT
 @group(0) @binding(7) var<storage, read_write> status: array<Status>;
 
@@ -28,12 +32,12 @@ var<workgroup> counts: array<atomic<u32>, 3>;
 #endif
 #if GEOMETRY
 @group(0) @binding(7) var<storage, read> normals: array<vec4f>; // [n] camera axes, facing the camera
-// [P, 2] sums of weight times normal, weight times depth; weight times m, times m^2, 0, 0; with m the inverse
-// depth of a sample over that of the near plane.
+// [P, 2] sums of weight times normal, weight times depth; weight times m, weight times m^2, 0, 0; with m the
+// near depth over the depth of a sample
 @group(0) @binding(8) var<storage, read_write> geometry: array<vec4f>;
 #endif
 
-// A pixel while it is blended.
+// State of a pixel while it is blended.
 struct Pixel {
     rgb: vec3f,
     transmittance: f32,
@@ -83,8 +87,8 @@ fn blend(state: ptr<function, Pixel>, s: Projected, index: u32, pixel: vec2u) {
     (*state).blended += 1u;
 }
 
-// Images have no use for windows.
-fn leave_window(s: Projected, index: u32, origin_px: vec2u) {
+// Stores the texel window of a pair, in training steps.
+fn store_window(s: Projected, index: u32, origin_px: vec2u) {
     if step.step > 0u {
         let window = texel_window(s, origin_px);
         pairs[window_at(index)] = vec2u(pack_px(vec2i(window.first)), pack_px(vec2i(window.past)));
@@ -113,7 +117,7 @@ fn raster_tile(state: ptr<function, Pixel>, range: vec2u, origin_px: vec2u, pixe
         if lane < count {
             let s = projected[pairs[first + lane].y];
             batch[lane] = s;
-            leave_window(s, first + lane, origin_px);
+            store_window(s, first + lane, origin_px);
         }
         workgroupBarrier();
         for (var k = 0u; k < count && !(*state).done; k += 1u) {
@@ -135,7 +139,7 @@ fn raster_tile(state: ptr<function, Pixel>, range: vec2u, origin_px: vec2u, pixe
 #else
 fn raster_tile(state: ptr<function, Pixel>, range: vec2u, origin_px: vec2u, pixel: vec2u, lane: u32) {
     for (var i = range.x + lane; i < range.y; i += RASTER_GROUP) {
-        leave_window(projected[pairs[i].y], i, origin_px);
+        store_window(projected[pairs[i].y], i, origin_px);
     }
     for (var i = range.x; i < range.y && !(*state).done; i += 1u) {
         blend(state, projected[pairs[i].y], i, pixel);

@@ -1,7 +1,8 @@
-// Applies a density-control plan to one array of the texels: a workgroup per new map cuts its window from the grid of its
-// source, or from one twice as fine or coarse, and scales it (twin: cpu/maps.rs). Outside of the grid is nothing,
-// with FLAG_NEAREST_OUTSIDE the nearest texel. Leaves what is resampled to resample_maps. Carries the source's last
-// step along.
+// Applies a density-control plan to one array of texels or moments: cuts each new map out of the texel grid of
+// its source, or of a grid twice as fine or coarse, and scales it (twin: cpu/maps.rs). Outside the grid, values
+// are zero, or with FLAG_NEAREST_OUTSIDE those of the nearest texel. Also copies the source's last step.
+// Resampled maps are left to resample_maps.
+// Workgroup: a new splat. Invocation: every SPLAT_GROUP-th float of its map.
 
 #constants
 #include common/groups
@@ -29,14 +30,14 @@ fn old_texel(old: SplatInfo, row: i32, col: i32, channel: u32) -> f32 {
     return old_values[3u * (old.map_offset_texels + u32(row) * map_cols(old.map_size) + u32(col)) + channel];
 }
 
-// The texels in which the four quarters of the edge of a coarse texel lie, along one axis.
+// The texels that contain the four quarters of a coarse texel, along one axis.
 fn quarters(coarse: i32, texels: i32) -> vec4i {
     let padding = (4 - texels % 4) % 4;
     // A shift rounds down, below zero too.
     return clamp((vec4i(0, 1, 2, 3) + (4 * coarse - padding)) >> vec4u(1u), vec4i(0), vec4i(texels - 1));
 }
 
-// In the order of the twin.
+// Adds in the order of the twin.
 fn mean(v: vec4f) -> f32 {
     return ((v.x + v.y) + (v.z + v.w)) * 0.25;
 }
@@ -46,7 +47,7 @@ fn grid_texel(old: SplatInfo, kind: u32, at: vec2i, channel: u32) -> f32 {
     let rows = quarters(at.x, extent.x);
     let cols = quarters(at.y, extent.y);
     var means = vec4f();
-    // Drivers that execute both sides of a branch leave out a loop of no rounds.
+    // A loop of zero rounds instead of a branch: drivers that execute both sides of a branch skip it.
     for (var k = 0; k < select(0, 4, kind == CHANGE_COARSER); k++) {
         means[k] = mean(vec4f(
             old_texel(old, rows[k], cols.x, channel),

@@ -1,6 +1,7 @@
-// Applies a density-control plan to one array of the texels: a workgroup per new map that is resampled samples its source
-// bilinearly about a place beside its centre, zero outside, and scales the result (twin: cpu/maps.rs). All other maps are
-// left to regrid_maps.
+// Applies a density-control plan to one array of texels or moments: samples the source of each resampled map
+// bilinearly, with its centre shifted and zeros outside, and scales the result (twin: cpu/maps.rs). All other
+// maps are left to regrid_maps.
+// Workgroup: a new splat. Invocation: every SPLAT_GROUP-th float of its map.
 
 #constants
 #include common/groups
@@ -24,13 +25,13 @@ fn old_texel(old: SplatInfo, texel: vec2i, channel: u32) -> f32 {
 }
 
 fn resampled(old: SplatInfo, new_size: vec2u, ratio: f32, shift: vec2f, texel: vec2u, channel: u32) -> f32 {
-    // Its texel size may be zero.
+    // The texel edge of an empty map may be zero.
     if old.map_size == 0u {
         return 0.0;
     }
     let old_size = vec2f(f32(map_rows(old.map_size)), f32(map_cols(old.map_size)));
     let coordinate = (vec2f(texel) - (vec2f(new_size) - 1.0) / 2.0) * ratio + ((old_size - 1.0) / 2.0 + shift);
-    // Far outside is outside: the conversion to integers must not overflow.
+    // Clamped, so that the conversion to integers cannot overflow.
     let first = vec2i(floor(clamp(coordinate, vec2f(-2.0), old_size + 1.0)));
     let f = coordinate - floor(coordinate);
     let upper = old_texel(old, first, channel) * (1.0 - f.y) + old_texel(old, first + vec2i(0, 1), channel) * f.y;

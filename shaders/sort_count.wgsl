@@ -1,4 +1,6 @@
-// Radix sort, first of a pass: how often each digit occurs in each block of keys.
+// First kernel of a radix sort pass: counts how often each digit occurs in each block of BLOCK keys (no twin;
+// tested in gpu/sort_tests.rs).
+// Workgroup: a block. Invocation: every GROUP-th key of the block.
 
 #constants
 #include common/groups
@@ -10,7 +12,7 @@
 @group(0) @binding(2) var<storage, read> keys_in: array<u32>; // [num_keys]
 @group(0) @binding(3) var<storage, read_write> histogram: array<u32>; // [DIGITS, num_blocks]
 
-// Many lanes meet the same digit: each counts in one of several columns.
+// Each digit has several counters, to reduce contention.
 const COLUMNS = GROUP / DIGITS;
 
 var<workgroup> counts: array<atomic<u32>, GROUP>; // [DIGITS, COLUMNS]

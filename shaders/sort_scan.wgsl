@@ -1,4 +1,6 @@
-// Radix sort, second of a pass: where each block's keys of each digit start in the output. One workgroup.
+// Second kernel of a radix sort pass: turns the counts into the output position of the first key of each digit
+// and block (no twin; tested in gpu/sort_tests.rs).
+// One workgroup. Invocation: LANE_ELEMENTS neighbouring counts at a time.
 
 #constants
 #include common/groups

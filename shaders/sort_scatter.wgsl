@@ -1,5 +1,7 @@
-// Radix sort, third of a pass: every key and value to its place. A block's keys of one digit are a mask of
-// bits in the order of the keys, so that ranks are counts of lower bits: stable, whatever the schedule.
+// Third kernel of a radix sort pass: moves every key and its value to the output position (no twin; tested in
+// gpu/sort_tests.rs). A bit mask marks the keys of a block that have a digit; the rank of a key is the number
+// of lower bits set in its mask. So the sort is stable, whatever the schedule.
+// Workgroup: a block of BLOCK keys. Invocation: every GROUP-th key of the block.
 
 #constants
 #include common/groups
@@ -16,13 +18,13 @@
 
 // Words of a digit's mask.
 const WORDS = BLOCK / 32u;
-// Lanes that share a digit's words, two each.
+// Invocations that share the words of a digit, two words each.
 const PARTS = GROUP / DIGITS;
 const_assert WORDS == 2u * PARTS;
 
 var<workgroup> masks: array<atomic<u32>, DIGITS * WORDS>; // [DIGITS, WORDS]
-var<workgroup> part_sums: array<u32, GROUP>; // [DIGITS, PARTS] keys in a lane's words
-var<workgroup> starts: array<u32, DIGITS * WORDS>; // [DIGITS, WORDS] place of a word's first key in the output
+var<workgroup> part_sums: array<u32, GROUP>; // [DIGITS, PARTS] keys in an invocation's words
+var<workgroup> starts: array<u32, DIGITS * WORDS>; // [DIGITS, WORDS] output position of a word's first key
 
 @compute @workgroup_size(GROUP)
 fn sort_scatter(

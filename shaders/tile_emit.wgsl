@@ -1,4 +1,6 @@
-// A pair per splat and tile that it touches: splats in depth order, a splat's tiles row by row.
+// Writes a pair for each splat and tile that it touches: splats in depth order, the tiles of a splat row by row
+// (twin: gpu/tile_list_twin.rs).
+// Workgroup: GROUP splats. Invocation: a splat.
 
 #constants
 #include common/groups
@@ -24,23 +26,23 @@ fn tile_emit(
         return;
     }
     let splat = values_in[rank];
-    let shape = bounds[splat];
+    let footprint = bounds[splat];
     let first_slot = slot_offsets[rank] + block_sums[rank / BLOCK];
     var slot = first_slot;
     bounds[splat].first_slot = slot;
-    // Slots were counted by another kernel, whose rounding a driver need not repeat: no tile beyond them, and
-    // those left over go to no tile.
-    let past = slot + shape.num_tiles;
-    let rows = tile_rows(shape);
+    // The slots were counted by `project`, and a driver need not round the same way here: tiles beyond the count are
+    // dropped, and slots left over get a tile past the last one.
+    let past = slot + footprint.num_tiles;
+    let rows = tile_rows(footprint);
     for (var row = rows.x; row < rows.y; row += 1) {
-        let run = tile_run(shape, row);
+        let run = tile_run(footprint, row);
         for (var column = run.x; column < run.y && slot < past; column += 1) {
             keys_out[slot] = u32(row) * step.grid.x + u32(column);
             slot_splat[slot] = splat;
             slot += 1u;
         }
     }
-    // Nobody writes the sums of those: they are not added up.
+    // raster_bwd writes no sums for slots left over, and project_bwd must not read them.
     bounds[splat].num_tiles = slot - first_slot;
     for (; slot < past; slot += 1u) {
         keys_out[slot] = step.grid.x * step.grid.y;

@@ -1,4 +1,5 @@
-// Where each tile's pairs stand among the sorted ones.
+// Finds the range of each tile's pairs among the sorted pairs by binary search (twin: gpu/tile_list_twin.rs).
+// Workgroup: GROUP tiles. Invocation: a tile.
 
 #constants
 #include common/groups
@@ -23,7 +24,7 @@ fn tile_ranges(
     ranges_out[tile] = vec2u(first, lower_bound(tile + 1u, first));
 }
 
-// First pair from `start` on whose tile is not before `tile`.
+// First pair at or after `start` whose tile is at least `tile`.
 fn lower_bound(tile: u32, start: u32) -> u32 {
     var low = start;
     var high = status[step.status_slot].needed_pairs;

@@ -1,5 +1,5 @@
-//! Steps handed over in batches give what single steps give: states, events, and what is saved when
-//! something fails in between.
+//! Batches of steps give the same results as single steps: states, events, and checkpoints after failures within a
+//! batch.
 #![allow(clippy::unwrap_used, reason = "a failing test may panic")]
 
 mod common;
@@ -18,22 +18,22 @@ use litetex_gs::{Error, Result};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// What goes wrong in a batch.
+/// A fault injected into batches.
 #[derive(Clone, Copy, PartialEq)]
 enum Fault {
     None,
-    /// The first two views of each batch are exchanged.
+    /// Exchanges the first two views of each batch.
     Swap,
-    /// The device fails when it should do this step.
+    /// The device fails at this step.
     At(u32),
-    /// The loss of this step is not a number.
+    /// The loss of this step is NaN.
     NotFinite(u32),
     /// The device fails when the model is read for this density-control step, counted from 1.
     Revision(usize),
 }
 
-/// The CPU backend, fed in batches.
-struct Batched {
+/// The CPU backend with batches of a given size, and a fault.
+struct BatchedBackend {
     inner: CpuBackend,
     size: usize,
     fault: Fault,
@@ -43,13 +43,13 @@ struct Batched {
     revisions: usize,
 }
 
-impl Batched {
+impl BatchedBackend {
     fn new(size: usize, fault: Fault) -> Self {
         Self { inner: CpuBackend::new(Some(2)).unwrap(), size, fault, sizes: Vec::new(), revisions: 0 }
     }
 }
 
-impl Backend for Batched {
+impl Backend for BatchedBackend {
     fn device(&self) -> DeviceInfo {
         self.inner.device()
     }
@@ -63,7 +63,7 @@ impl Backend for Batched {
         self.inner.render(camera, options)
     }
     fn step(&mut self, _: &StepRequest<'_>) -> Result<StepReport> {
-        unreachable!("the trainer hands over batches")
+        unreachable!("the trainer passes batches")
     }
     fn batch_steps(&self) -> usize {
         self.size
@@ -109,17 +109,17 @@ impl Backend for Batched {
     }
 }
 
-/// What is told of a training, but for times.
-struct Told {
+/// Results of a training run.
+struct RunRecord {
     outcome: Result<(TrainState, StopReason)>,
-    /// One line per event.
+    /// One line per event, without times.
     events: Vec<String>,
     saved: Vec<TrainState>,
-    /// `[wall, cpu]` seconds after each step.
+    /// Wall and CPU seconds after each step.
     times: Vec<[f64; 2]>,
 }
 
-impl Told {
+impl RunRecord {
     /// The checkpoints as files.
     fn files(&self) -> Vec<Vec<u8>> {
         let folder = tempfile::tempdir().unwrap();
@@ -136,7 +136,7 @@ fn settings() -> TrainConfig {
     TrainConfig { eval_every: 12, save_every: 9, ..config(37) }
 }
 
-/// Within an epoch, so that the steps up to a revision (each 5) draw from two.
+/// Starts within an epoch, so that the 5 steps up to a density-control step draw from two epochs.
 fn start() -> TrainState {
     TrainState {
         epoch_order: vec![3, 1, 5, 2, 4],
@@ -146,7 +146,7 @@ fn start() -> TrainState {
     }
 }
 
-fn run(backend: &mut dyn Backend, views: &dyn ViewSource, start: TrainState, stop_at: u32) -> Told {
+fn run(backend: &mut dyn Backend, views: &dyn ViewSource, start: TrainState, stop_at: u32) -> RunRecord {
     run_with(&settings(), backend, views, start, stop_at)
 }
 
@@ -156,7 +156,7 @@ fn run_with(
     views: &dyn ViewSource,
     start: TrainState,
     stop_at: u32,
-) -> Told {
+) -> RunRecord {
     let (mut events, mut saved, mut times) = (Vec::new(), Vec::new(), Vec::new());
     let mut sink = |event: TrainEvent<'_>| {
         let mut control = Control::Continue;
@@ -199,10 +199,10 @@ fn run_with(
         Ok(control)
     };
     let outcome = train(config, backend, views, start, &mut sink);
-    Told { outcome, events, saved, times }
+    RunRecord { outcome, events, saved, times }
 }
 
-fn plain(views: &MemoryViews) -> Told {
+fn plain(views: &MemoryViews) -> RunRecord {
     run(&mut CpuBackend::new(Some(2)).unwrap(), views, start(), 0)
 }
 
@@ -214,21 +214,22 @@ fn batches_give_the_same_files_and_events() {
     let steps: Vec<u32> = single.saved.iter().map(|s| s.step).collect();
     assert_eq!(steps, [9, 18, 27, 36, 37, 37]);
     let maps = |i: usize| &single.saved[i].model.textures.maps;
-    assert!(maps(0) != maps(1), "no map was revised between two checkpoints: nothing was tested");
-    // Ends at 5, 9 (saved), 10 (revised), 12 (evaluated), 15, 18, 20, 24, 25, 27, 30, 35, 36 and 37.
+    assert!(maps(0) != maps(1), "no map changed between two checkpoints: nothing was tested");
+    // Batches end at 5, 9 (checkpoint), 10 (density control), 12 (evaluation), 15, 18, 20, 24, 25, 27, 30, 35,
+    // 36, 37.
     let expected = [5, 4, 1, 2, 3, 3, 2, 4, 1, 2, 3, 5, 1, 1];
     for (size, sizes) in [(0, &[1; 37][..]), (1, &[1; 37]), (5, &expected), (16, &expected)] {
-        let mut backend = Batched::new(size, Fault::None);
+        let mut backend = BatchedBackend::new(size, Fault::None);
         let batched = run(&mut backend, &views, start(), 0);
         assert_eq!(backend.sizes, sizes);
         assert_eq!(batched.events, single.events, "batches of {size}");
         assert!(batched.files() == files, "batches of {size}");
     }
-    let mut backend = Batched::new(3, Fault::None);
+    let mut backend = BatchedBackend::new(3, Fault::None);
     assert!(run(&mut backend, &views, start(), 0).files() == files);
-    assert_eq!(backend.sizes[..4], [3, 2, 3, 1], "batches of less than the way to a revision");
+    assert_eq!(backend.sizes[..4], [3, 2, 3, 1], "batches shorter than the interval of density control");
     // Negative control: two views of a batch exchanged.
-    let swapped = run(&mut Batched::new(5, Fault::Swap), &views, start(), 0);
+    let swapped = run(&mut BatchedBackend::new(5, Fault::Swap), &views, start(), 0);
     assert!(swapped.events != single.events && swapped.files()[0] != files[0]);
 }
 
@@ -237,94 +238,94 @@ fn resuming_between_batches_continues_bit_for_bit() {
     let views = photos(&scene());
     let single = plain(&views);
     for at in &single.saved[..4] {
-        let resumed = run(&mut Batched::new(4, Fault::None), &views, at.clone(), 0);
+        let resumed = run(&mut BatchedBackend::new(4, Fault::None), &views, at.clone(), 0);
         assert!(resumed.files().last() == single.files().last(), "from step {}", at.step);
     }
 }
 
 #[test]
-fn times_rise_in_even_shares_to_those_of_the_state() {
+fn the_time_of_a_batch_is_shared_evenly_by_its_steps() {
     let views = photos(&scene());
-    let told = run(&mut Batched::new(5, Fault::None), &views, start(), 0);
-    let history = &told.outcome.unwrap().0.history;
-    assert_eq!(told.times.len(), 37);
-    assert_eq!(told.times[36], [history.train_wall_secs, history.train_cpu_secs]);
-    assert!(told.times.windows(2).all(|w| w[0][0] < w[1][0] && w[0][1] <= w[1][1]), "{:?}", told.times);
+    let record = run(&mut BatchedBackend::new(5, Fault::None), &views, start(), 0);
+    let history = &record.outcome.unwrap().0.history;
+    assert_eq!(record.times.len(), 37);
+    assert_eq!(record.times[36], [history.train_wall_secs, history.train_cpu_secs]);
+    assert!(record.times.windows(2).all(|w| w[0][0] < w[1][0] && w[0][1] <= w[1][1]), "{:?}", record.times);
     // The first batch has five steps.
-    let share = told.times[1][0] - told.times[0][0];
-    assert!((told.times[4][0] - told.times[0][0] - 4.0 * share).abs() < 1e-12 && share > 0.0);
-    // A checkpoint knows the time of all its steps.
-    assert_eq!(told.saved[0].history.train_wall_secs, told.times[8][0]);
+    let share = record.times[1][0] - record.times[0][0];
+    assert!((record.times[4][0] - record.times[0][0] - 4.0 * share).abs() < 1e-12 && share > 0.0);
+    // A checkpoint includes the time of all its steps.
+    assert_eq!(record.saved[0].history.train_wall_secs, record.times[8][0]);
 }
 
 #[test]
-fn a_stop_within_a_batch_takes_effect_at_its_end() {
+fn a_stop_within_a_batch_takes_effect_at_the_end_of_the_batch() {
     let views = photos(&scene());
     let single = plain(&views);
-    let told = run(&mut Batched::new(5, Fault::None), &views, start(), 7);
-    let (state, reason) = told.outcome.as_ref().unwrap();
+    let record = run(&mut BatchedBackend::new(5, Fault::None), &views, start(), 7);
+    let (state, reason) = record.outcome.as_ref().unwrap();
     assert_eq!((state.step, *reason), (9, StopReason::Consumer));
-    assert_eq!(told.events[..11], single.events[..11], "started, nine steps, a density-control step");
-    assert_eq!(told.events[11..], ["checkpoint 9", "finished Consumer"]);
-    assert!(told.files()[0] == single.files()[0]);
+    assert_eq!(record.events[..11], single.events[..11], "started, nine steps, a density-control step");
+    assert_eq!(record.events[11..], ["checkpoint 9", "finished Consumer"]);
+    assert!(record.files()[0] == single.files()[0]);
 }
 
 #[test]
-fn a_device_that_fails_within_a_batch_leaves_a_state_that_continues() {
+fn after_a_device_failure_within_a_batch_training_can_be_resumed() {
     let views = photos(&scene());
     let single = plain(&views);
-    // The batches are of the steps 1 to 5, 6 to 9, 10, 11 and 12; views of two epochs are in the first.
+    // The batches are steps 1 to 5, 6 to 9, 10, 11 and 12; the first has views of two epochs.
     for at in [1, 3, 4, 5, 6, 8, 12] {
-        let told = run(&mut Batched::new(5, Fault::At(at)), &views, start(), 0);
-        assert!(matches!(&told.outcome, Err(Error::Device(message)) if message == "lost"));
-        let last = told.saved.last().unwrap();
+        let record = run(&mut BatchedBackend::new(5, Fault::At(at)), &views, start(), 0);
+        assert!(matches!(&record.outcome, Err(Error::Device(message)) if message == "lost"));
+        let last = record.saved.last().unwrap();
         assert_eq!((last.step, last.adam.step), (at - 1, at - 1));
-        let resumed = run(&mut Batched::new(5, Fault::None), &views, last.clone(), 0);
+        let resumed = run(&mut BatchedBackend::new(5, Fault::None), &views, last.clone(), 0);
         assert!(resumed.files().last() == single.files().last(), "from step {}", last.step);
     }
 }
 
 #[test]
-fn a_revision_that_failed_is_done_when_the_run_goes_on() {
+fn a_failed_density_control_step_is_repeated_on_resume() {
     let views = photos(&scene());
-    // Density-control steps each 5 steps; and each 100, with maps that follow their support each 40.
+    // Density control every 5 steps; then every 100 steps, with maps cropped and padded every 40.
     let mut cropping = TrainConfig { eval_every: 0, save_every: 0, ..config(125) };
     cropping.density.interval = 24_000;
     let cases = [(settings(), &[5, 10, 15, 20, 25, 30, 35][..]), (cropping, &[40, 80, 100, 120])];
     for (config, due) in cases {
         let run = |fault, from: &TrainState| {
-            run_with(&config, &mut Batched::new(5, fault), &views, from.clone(), 0)
+            run_with(&config, &mut BatchedBackend::new(5, fault), &views, from.clone(), 0)
         };
         let whole = run(Fault::None, &start());
         let mut revisions = 0;
         for (nth, &step) in (1..).zip(due) {
-            let told = run(Fault::Revision(nth), &start());
-            assert!(told.outcome.is_err(), "{step}");
-            let last = told.saved.last().unwrap();
+            let record = run(Fault::Revision(nth), &start());
+            assert!(record.outcome.is_err(), "{step}");
+            let last = record.saved.last().unwrap();
             assert_eq!(last.step, step);
             assert!(run(Fault::None, last).files().last() == whole.files().last(), "from step {step}");
-            // Negative control: the revision is left out.
+            // Negative control: skips the density-control step.
             let skipped = TrainState { revised_step: step, ..last.clone() };
             revisions += usize::from(run(Fault::None, &skipped).files().last() != whole.files().last());
         }
-        assert!(revisions > 1, "nothing was revised: nothing was tested");
+        assert!(revisions > 1, "density control changed nothing: nothing was tested");
     }
 }
 
 #[test]
-fn a_loss_that_is_not_finite_is_found_within_a_batch() {
+fn a_loss_that_is_not_finite_is_detected_within_a_batch() {
     let views = photos(&scene());
     let single = plain(&views);
-    let told = run(&mut Batched::new(5, Fault::NotFinite(8)), &views, start(), 0);
-    let message = told.outcome.as_ref().unwrap_err().to_string();
+    let record = run(&mut BatchedBackend::new(5, Fault::NotFinite(8)), &views, start(), 0);
+    let message = record.outcome.as_ref().unwrap_err().to_string();
     assert!(message.contains("step 8: the loss is NaN"), "{message}");
-    // The steps before it are told; what is saved is the end of its batch.
-    assert_eq!(told.events[..9], single.events[..9]);
-    assert_eq!(told.events[9..], ["checkpoint 9"]);
-    assert_eq!((told.saved[0].step, told.saved[0].adam.step), (9, 9));
+    // The steps before it are reported; the checkpoint is from the end of its batch.
+    assert_eq!(record.events[..9], single.events[..9]);
+    assert_eq!(record.events[9..], ["checkpoint 9"]);
+    assert_eq!((record.saved[0].step, record.saved[0].adam.step), (9, 9));
 }
 
-/// Views of which one that is trained on cannot be read.
+/// Views of which the photo of a training view cannot be read.
 struct Unreadable<'a>(&'a MemoryViews, usize);
 
 impl ViewSource for Unreadable<'_> {
@@ -346,20 +347,20 @@ impl ViewSource for Unreadable<'_> {
 }
 
 #[test]
-fn an_unreadable_photo_within_a_batch_costs_no_step_before_it() {
+fn an_unreadable_photo_within_a_batch_loses_no_earlier_step() {
     let views = photos(&scene());
     let single = plain(&views);
     let drawn = |event: &String| event.split(' ').nth(2).unwrap().parse::<usize>().unwrap();
     let order: Vec<usize> = single.events[1..=5].iter().map(drawn).collect();
     for size in [1, 5] {
-        // The third photo that is drawn.
+        // The third photo in the order of training.
         let unreadable = Unreadable(&views, order[2]);
-        let told = run(&mut Batched::new(size, Fault::None), &unreadable, start(), 0);
-        assert!(matches!(told.outcome, Err(Error::InvalidInput { .. })));
-        assert_eq!(told.events[..3], single.events[..3], "two steps");
-        let last = told.saved.last().unwrap();
+        let record = run(&mut BatchedBackend::new(size, Fault::None), &unreadable, start(), 0);
+        assert!(matches!(record.outcome, Err(Error::InvalidInput { .. })));
+        assert_eq!(record.events[..3], single.events[..3], "two steps");
+        let last = record.saved.last().unwrap();
         assert_eq!(last.step, 2);
-        let resumed = run(&mut Batched::new(size, Fault::None), &views, last.clone(), 0);
+        let resumed = run(&mut BatchedBackend::new(size, Fault::None), &views, last.clone(), 0);
         assert!(resumed.files().last() == single.files().last());
     }
 }

@@ -1,5 +1,5 @@
-//! No pixel at which a splat's alpha reaches 1/255 lies outside the tiles and row spans on which the CPU
-//! backend evaluates it; and the bounds are not idle: they leave out most of what they could.
+//! The tiles and row spans on which the CPU backend evaluates a splat include every pixel where its alpha reaches
+//! 1/255, and few others.
 #![allow(clippy::unwrap_used, reason = "a failing test may panic")]
 
 use glam::DVec2;
@@ -7,9 +7,9 @@ use litetex_gs::backend::Backend as _;
 use litetex_gs::cpu::CpuBackend;
 use litetex_gs::model::AdamState;
 use litetex_gs::reference::{AlphaCutoff, ColourGradient, Params, Settings, hit, pixel_bounds, project};
-use litetex_gs::selftest::{Scene, SceneOptions, random_scene};
+use litetex_gs::selftest::{RandomScene, SceneOptions, random_scene};
 
-fn settings(scene: &Scene) -> Settings {
+fn settings(scene: &RandomScene) -> Settings {
     Settings {
         cutoff: AlphaCutoff::Hard,
         colour_gradient: ColourGradient::Strict,
@@ -19,14 +19,19 @@ fn settings(scene: &Scene) -> Settings {
     }
 }
 
-struct Outcome {
+/// Pixel-splat pairs.
+struct PixelCounts {
+    /// Pairs with alpha >= 1/255.
     inside: usize,
+    /// Inside, but not evaluated.
     missed: usize,
+    /// Inside, but not in the reference's box.
     outside_box: usize,
+    /// Evaluated pairs.
     covered: usize,
 }
 
-fn check(options: &SceneOptions) -> Outcome {
+fn count_pixels(options: &SceneOptions) -> PixelCounts {
     let scene = random_scene(options);
     let settings = settings(&scene);
     let params = Params::from_model(&scene.model);
@@ -36,7 +41,7 @@ fn check(options: &SceneOptions) -> Outcome {
     let (w, h) = (options.width_px as usize, options.height_px as usize);
     let mut covered_by: Vec<Option<&Vec<bool>>> = vec![None; params.len()];
     coverage.iter().for_each(|c| covered_by[c.splat] = Some(&c.covered));
-    let mut out = Outcome { inside: 0, missed: 0, outside_box: 0, covered: 0 };
+    let mut out = PixelCounts { inside: 0, missed: 0, outside_box: 0, covered: 0 };
     for (i, covered) in covered_by.iter().enumerate() {
         let Some(p) = project(&params, i, &scene.camera, &settings) else {
             continue;
@@ -60,7 +65,7 @@ fn check(options: &SceneOptions) -> Outcome {
 }
 
 #[test]
-fn no_pixel_outside_its_bounds() {
+fn no_pixel_lies_outside_its_bounds() {
     let base =
         SceneOptions { num_splats: 600, map_sizes: vec![(0, 0)], sh_degree: 0, ..SceneOptions::default() };
     let cases = [
@@ -75,12 +80,12 @@ fn no_pixel_outside_its_bounds() {
         ("wide image", 16, SceneOptions { width_px: 1500, height_px: 37, num_splats: 150, seed: 5, ..base }),
     ];
     for (name, limit, options) in cases {
-        let out = check(&options);
+        let out = count_pixels(&options);
         println!("{name}: inside {} covered {} missed {}", out.inside, out.covered, out.missed);
-        assert!(out.inside > 400, "{name}: the scene shows too little: {}", out.inside);
-        assert_eq!(out.missed, 0, "{name}: pixels of alpha >= 1/255 that no tile visits");
+        assert!(out.inside > 400, "{name}: too few visible pixels: {}", out.inside);
+        assert_eq!(out.missed, 0, "{name}: pixels with alpha >= 1/255 that are not evaluated");
         assert_eq!(out.outside_box, 0, "{name}: pixels outside the reference's exact box");
-        // Bounds that let everything through would pass the above.
+        // Bounds that exclude nothing would pass the above.
         assert!(
             out.covered * 10 < out.inside * limit,
             "{name}: {} covered, {} inside",

@@ -1,5 +1,5 @@
-//! Every kernel compiles in a browser: Tint is stricter than naga, above all on uniform control flow. A page
-//! compiles them in headless Chromium on its software driver and posts what it was told.
+//! Every kernel compiles in a browser: Tint is stricter than naga, especially about uniform control flow. A page in
+//! headless Chromium compiles the kernels on its software driver and posts the messages.
 #![cfg(feature = "gpu")]
 #![allow(clippy::unwrap_used, reason = "a failing test may panic")]
 
@@ -21,14 +21,15 @@ const FLAGS: [&str; 7] = [
     "--enable-features=Vulkan",
     "--use-webgpu-adapter=swiftshader",
 ];
-/// 28 s were needed on two busy cores, before tiles of both heights were compiled; with every kernel twice 120 s on
-/// two that four others shared.
-const PATIENCE: Duration = Duration::from_secs(300);
+/// Needed 28 s on two busy cores, before tiles of both heights were compiled; with every kernel compiled twice,
+/// 120 s on two cores shared with four other jobs.
+const TIMEOUT: Duration = Duration::from_secs(300);
 
 #[derive(Deserialize)]
 struct Report {
-    /// The driver, or nothing and why.
+    /// The driver.
     adapter: Option<String>,
+    /// Why there is no driver.
     why: Option<String>,
     results: Option<Vec<Compiled>>,
 }
@@ -37,7 +38,7 @@ struct Report {
 struct Compiled {
     name: String,
     messages: Vec<Message>,
-    /// Why there is no pipeline; empty if there is.
+    /// Why creating the pipeline failed; empty if it succeeded.
     pipeline: String,
 }
 
@@ -49,7 +50,7 @@ struct Message {
     text: String,
 }
 
-/// Answers one request; the body of the report goes to the sender.
+/// Serves one request; sends the body of a report to `reports`.
 fn answer(mut stream: TcpStream, shaders: &str, reports: &mpsc::Sender<String>) -> std::io::Result<()> {
     let mut reader = BufReader::new(stream.try_clone()?);
     let (mut request, mut length) = (String::new(), 0);
@@ -83,7 +84,7 @@ fn answer(mut stream: TcpStream, shaders: &str, reports: &mpsc::Sender<String>) 
     Ok(())
 }
 
-/// Has the shaders, by name, entry point and text, compiled; or says why that cannot be.
+/// Compiles shaders, given by name, entry point and text, in a browser; or returns why that is not possible.
 fn compile(shaders: &[(String, String, String)]) -> Result<Vec<Compiled>, String> {
     let shaders: Vec<_> = shaders
         .iter()
@@ -93,7 +94,7 @@ fn compile(shaders: &[(String, String, String)]) -> Result<Vec<Compiled>, String
     let listener = TcpListener::bind("127.0.0.1:0").map_err(|e| format!("no port: {e}"))?;
     let address = format!("http://{}/", listener.local_addr().unwrap());
     let (sender, receiver) = mpsc::channel();
-    // It waits for connections until the process ends.
+    // The thread accepts connections until the process ends.
     std::thread::spawn(move || {
         for stream in listener.incoming().flatten() {
             let (shaders, sender) = (shaders.clone(), sender.clone());
@@ -114,19 +115,19 @@ fn compile(shaders: &[(String, String, String)]) -> Result<Vec<Compiled>, String
             .ok()
     };
     let mut browser = BROWSERS.iter().find_map(start).ok_or("Chromium is not installed")?;
-    let report = receiver.recv_timeout(PATIENCE);
+    let report = receiver.recv_timeout(TIMEOUT);
     let _ = browser.kill();
     let _ = browser.wait();
     let report = report.map_err(|_| {
         let log = std::fs::read_to_string(&log).unwrap_or_default();
-        format!("no report came within {} s; the browser said: {log}", PATIENCE.as_secs())
+        format!("no report within {} s; log of the browser: {log}", TIMEOUT.as_secs())
     })?;
     let report: Report = serde_json::from_str(&report).map_err(|e| format!("{e} in {report}"))?;
     println!("adapter: {}", report.adapter.as_deref().unwrap_or("none"));
     report.results.ok_or_else(|| format!("no WebGPU in this browser: {}", report.why.unwrap_or_default()))
 }
 
-/// What is wrong with a shader, with the places named by `origin`.
+/// Errors of a shader, with positions given by `origin`.
 fn errors(compiled: &Compiled, origin: impl Fn(u32) -> String) -> Vec<String> {
     let mut out: Vec<String> = compiled
         .messages
@@ -145,7 +146,7 @@ fn every_kernel_compiles_in_a_browser() {
     let kernels = web_shaders().unwrap();
     let mut shaders: Vec<_> =
         kernels.iter().map(|k| (k.name.clone(), k.entry_point.to_owned(), k.shader.text.clone())).collect();
-    // Negative controls: a barrier that not all may reach, and more buffers than WebGPU promises.
+    // Negative controls: a barrier in non-uniform control flow, and more buffers than WebGPU guarantees.
     let barrier = "@group(0) @binding(0) var<storage, read_write> x: array<u32>;\n\
         @compute @workgroup_size(64) fn main(@builtin(local_invocation_index) i: u32) {\n\
         if (x[i] > 1u) { workgroupBarrier(); }\nx[i] = 1u; }";
@@ -167,7 +168,7 @@ fn every_kernel_compiles_in_a_browser() {
     for variant in ["raster_bwd SCATTER", "raster_bwd HALF_TILES", "raster_fwd BATCHED"] {
         assert!(kernels.iter().any(|k| k.name == variant), "{variant} is not compiled");
     }
-    assert!(kernels.iter().all(|k| k.name != "sort_scan HALF_TILES"), "it has no use for tiles");
+    assert!(kernels.iter().all(|k| k.name != "sort_scan HALF_TILES"), "sort_scan does not use tiles");
     let mut wrong = Vec::new();
     for (kernel, compiled) in kernels.iter().zip(&compiled) {
         assert_eq!(kernel.name, compiled.name);

@@ -1,12 +1,12 @@
-//! Training with the whole method on the CPU backend: density-control steps in the loop, resumed anywhere, with
-//! any number of threads, within budgets.
+//! Training with the full method on the CPU backend: density control in the loop, resumed from any checkpoint,
+//! with any number of threads, within budgets.
 
 #![allow(clippy::unwrap_used, reason = "a failing test may panic")]
 
 mod common;
 
+use common::full_method::{RunRecord, config, is_all_done, run_on, same, start};
 use common::training::{MemoryViews, photos, scene};
-use common::whole::{Outcome, config, is_all_done, run_on, same, start};
 use litetex_gs::backend::{Backend as _, StepRequest, WindowStatistics};
 use litetex_gs::cpu::CpuBackend;
 use litetex_gs::model::{AdamState, LearningRates, Model, TexturePool, num_params};
@@ -14,12 +14,12 @@ use litetex_gs::train::density::{Budget, DensityConfig, Life, Spending, Statisti
 use litetex_gs::train::{Policy, Schedule, TrainConfig, TrainState};
 use litetex_gs::views::{Split, ViewSource as _};
 
-fn run(config: &TrainConfig, start: TrainState, threads: usize) -> Outcome {
+fn run(config: &TrainConfig, start: TrainState, threads: usize) -> RunRecord {
     run_on(&mut CpuBackend::new(Some(threads)).unwrap(), config, &photos(&scene()), start)
 }
 
 #[test]
-fn every_policy_gives_the_same_bytes_with_any_threads_and_from_any_checkpoint() {
+fn every_policy_gives_the_same_bytes_with_any_number_of_threads_and_from_any_checkpoint() {
     let by_gain =
         [Policy::Litetex, Policy::Cat, Policy::Fixed(3), Policy::Plain].map(|p| (p, Spending::Gain));
     for (policy, spending) in by_gain.into_iter().chain([(Policy::Litetex, Spending::SplitsFirst)]) {
@@ -34,29 +34,30 @@ fn every_policy_gives_the_same_bytes_with_any_threads_and_from_any_checkpoint() 
         assert!(total.split + total.respawned > 10, "{policy}: {total:?}");
         assert!(policy != Policy::Litetex || is_all_done(&total), "{total:?}");
         assert!(same(&run(&config, start(policy), 1).last, &whole.last), "{policy}: one thread");
-        // Before, at and after density-control steps, in the middle of windows.
+        // Before, at and after density-control steps, and within statistics windows.
         for at in [0, 3, 4, 5, 9] {
             let resumed = run(&config, whole.saved[at].clone(), 2);
             assert!(same(&resumed.last, &whole.last), "{policy}: from step {}", whole.saved[at].step);
         }
-        // Negative control: a record that differs ends elsewhere, or the records are for nothing.
+        // Negative controls: different splat histories, and a different window, end differently.
         if policy == Policy::Litetex {
             let mut other = whole.saved[3].clone();
             other.lives.iter_mut().for_each(|life| life.ceiling = 2);
             assert!(!same(&run(&config, other, 2).last, &whole.last));
             let mut other = whole.saved[3].clone();
             other.window.error.reverse();
-            assert!(!same(&run(&config, other, 2).last, &whole.last), "the window is part of the state");
+            assert!(!same(&run(&config, other, 2).last, &whole.last), "the window does not matter");
         }
     }
 }
 
 #[test]
-fn budgets_are_spent_evenly_from_the_first_size_on_whatever_it_is() {
+fn budgets_are_spent_evenly_from_any_initial_size() {
     let policy = Policy::Fixed(8);
     let first = start(policy);
     let size = first.model.num_params();
-    // At the first density-control step, a quarter of the time to the end of densification: size, and splits.
+    // Parameters and splits after the first density-control step, at a quarter of the time to the end of
+    // densification.
     let after_the_first = |budget: usize| {
         let mut config = config(policy);
         config.density.opacity_floor = [0.0; 2];
@@ -70,11 +71,11 @@ fn budgets_are_spent_evenly_from_the_first_size_on_whatever_it_is() {
         split > 0 && params > size && params <= size + 2 * size / 4,
         "{split} splits: {params} of {size}"
     );
-    // Negative control: nothing to spend.
+    // Negative control: a budget that is used up.
     assert_eq!(after_the_first(size), (size, 0));
 }
 
-/// A run whose maps fit throughout and none of whose splats goes, so that all there is to do is to add.
+/// Settings with which maps always fit and no splat is removed, so that density control can only add.
 fn adding_only() -> TrainConfig {
     let mut config = config(Policy::Litetex);
     (config.rates.log_scale, config.rates.opacity) = (0.0, 0.0);
@@ -92,13 +93,13 @@ fn adding_only() -> TrainConfig {
 }
 
 #[test]
-fn density_control_steps_that_add_nothing_change_nothing_but_records_and_the_window() {
+fn density_control_that_adds_nothing_only_changes_histories_and_the_window() {
     let with = |interval: u32, min_texel_px: f64| {
         let mut config = adding_only();
         (config.density.interval, config.density.min_texel_px) = (interval, min_texel_px);
         run(&config, start(Policy::Litetex), 2)
     };
-    // Every texel is finer than any may be; the longest interval is longer than the run.
+    // In both, texels are already finer than allowed; in the second, the interval is longer than the run.
     let (idle, none) = (with(250, 1e3), with(3_000_000, 1e3));
     assert_eq!((idle.steps.len(), none.steps.len()), (7, 0));
     let rest = |state: &TrainState| TrainState {
@@ -111,7 +112,7 @@ fn density_control_steps_that_add_nothing_change_nothing_but_records_and_the_win
     };
     for (idle, none) in idle.saved.iter().zip(&none.saved) {
         assert!(same(&rest(idle), &rest(none)), "step {}", idle.step);
-        // A density-control step follows each 5 steps, and each view is seen once in 5.
+        // Density control runs every 5 steps, and each view is used once in 5.
         let views = if idle.step < 39 { idle.step % 5 } else { idle.step - 35 };
         assert_eq!((idle.window.views, idle.window_views.len()), (views, views as usize), "{}", idle.step);
         if views == 0 {
@@ -119,18 +120,18 @@ fn density_control_steps_that_add_nothing_change_nothing_but_records_and_the_win
         }
         assert_eq!(none.window.views, idle.step.min(5));
     }
-    // Checks are counted, and the ceilings of the worst rise.
+    // Checks are counted, and the ceilings of high-error splats rise.
     let (before, after) = (&none.last.lives, &idle.last.lives);
     let but_ceilings = |(a, b): (&Life, &Life)| *b == Life { ceiling: b.ceiling, checks: a.checks + 7, ..*a };
     assert!(before.len() == after.len() && before.iter().zip(after).all(but_ceilings));
     assert!(after.iter().any(|life| life.ceiling > 2) && before.iter().all(|life| life.ceiling == 2));
-    // Negative control: texels may be finer.
+    // Negative control: allows finer texels.
     let busy = with(250, 0.25);
     assert!(busy.total().refined > 0 && !same(&rest(&busy.last), &rest(&none.last)));
     assert_eq!(idle.total(), Default::default());
 }
 
-/// Steps after which some map has another size than before, and what was before and after.
+/// Pairs of consecutive states between which some map changed its size.
 fn resized(saved: &[TrainState]) -> Vec<[&TrainState; 2]> {
     let sizes = |state: &TrainState| {
         let maps = state.model.textures.maps.iter();
@@ -140,8 +141,8 @@ fn resized(saved: &[TrainState]) -> Vec<[&TrainState; 2]> {
 }
 
 #[test]
-fn between_density_control_steps_maps_are_cropped_and_padded_from_any_checkpoint_alike() {
-    // Density-control steps each 100 of 125 steps, and maps follow their support each 40.
+fn cropping_between_density_control_steps_is_the_same_from_any_checkpoint() {
+    // Density control after 100 of 125 steps; maps are cropped and padded every 40.
     let mut config = config(Policy::Litetex);
     (config.steps, config.save_every) = (125, 1);
     config.density =
@@ -168,20 +169,20 @@ fn between_density_control_steps_maps_are_cropped_and_padded_from_any_checkpoint
             padded += usize::from(b.rows > a.rows || b.cols > a.cols);
             assert_eq!(b.texel_size, a.texel_size, "resampled after step {}", after.step);
         }
-        // The window goes on: its five views had been seen.
+        // The window continues: all of its five views had been used.
         assert!(before.window.views == 5 && before.window == after.window);
         assert!(before.lives == after.lives && before.window_views == after.window_views);
     }
     println!("{cropped} cropped, {padded} padded");
     assert!(cropped > 0 && padded > 0);
     assert!(same(&run(&config, first.clone(), 1).last, &whole.last), "one thread");
-    // Before and at each of them: what was done then is not done again.
+    // Resumes before and at each of them: a crop is not repeated.
     for step in [39, 40, 79, 80, 119, 120] {
         let saved = whole.saved[step - 1].clone();
         assert_eq!(saved.step as usize, step);
         assert!(same(&run(&config, saved, 2).last, &whole.last), "from step {step}");
     }
-    // Negative control: where density-control steps are a step closer to each other, they do all.
+    // Negative control: with an interval one step shorter, there is no cropping in between.
     config.density.interval = 23_760;
     let closer = run(&config, first, 2);
     assert_eq!(resized(&closer.saved).iter().map(|[_, after]| after.step).collect::<Vec<_>>(), [99]);
@@ -190,7 +191,7 @@ fn between_density_control_steps_maps_are_cropped_and_padded_from_any_checkpoint
 
 #[test]
 fn no_budget_is_ever_exceeded() {
-    // Nothing fades, and most are long enough to be split.
+    // No splat fades, and most are long enough to be split.
     let mut growing = config(Policy::Litetex);
     growing.density.opacity_floor = [0.0; 2];
     growing.density.split_texels = [3.0; 2];
@@ -204,7 +205,7 @@ fn no_budget_is_ever_exceeded() {
     ];
     for budget in budgets {
         let config = TrainConfig { budget, ..growing.clone() };
-        // Each at its largest, not all at one step.
+        // Each is its own maximum over the run.
         let [splats, texels, params] = run(&config, start(Policy::Litetex), 2).largest;
         assert!(budget.max_splats.is_none_or(|most| splats <= most), "{budget:?}: {splats} splats");
         assert!(budget.max_texels.is_none_or(|most| texels <= most), "{budget:?}: {texels} texels");
@@ -213,8 +214,8 @@ fn no_budget_is_ever_exceeded() {
 }
 
 #[test]
-fn statistics_of_a_window_are_those_of_a_full_pass_if_nothing_moves() {
-    // All rates zero: a window in which each view is seen once is a full pass.
+fn window_statistics_equal_those_of_a_full_pass_if_nothing_moves() {
+    // With learning rates of zero, a window in which each view is used once equals a full pass.
     let mut config = config(Policy::Litetex);
     config.rates.position = 1e-30;
     config.rates.position_end = 1e-30;
@@ -235,22 +236,22 @@ fn statistics_of_a_window_are_those_of_a_full_pass_if_nothing_moves() {
     };
     let (window, full) = (plans(StatisticsSource::Window), plans(StatisticsSource::Full));
     assert!(window.iter().any(|(counts, ..)| counts.refined > 0));
-    assert_eq!(window, full, "the same decisions");
+    assert_eq!(window, full, "the decisions differ");
 
-    // And number by number, in any order of the views.
+    // The statistics themselves agree for any order of the views.
     let views = photos(&scene());
     let model = start(Policy::Litetex).model;
     let order = views.indices(Split::Train);
     let reversed: Vec<usize> = order.iter().rev().copied().collect();
     let (forward, backward) = (sums(&views, &model, &order), sums(&views, &model, &reversed));
     assert_eq!(forward.seen, backward.seen);
-    // Needed: 2e-7 of the largest, the order of five f32 summands.
+    // Needed 2e-7 of the largest, because of the order of five f32 summands.
     let close = |a: &[f32], b: &[f32]| {
         let largest = a.iter().copied().fold(0.0, f32::max);
         a.iter().zip(b).all(|(a, b)| (a - b).abs() <= 1e-6 * largest)
     };
     assert!(close(&forward.error, &backward.error) && close(&forward.area, &backward.area));
-    // Negative control: a view less.
+    // Negative control: one view less.
     assert!(!close(&forward.error, &sums(&views, &model, &order[1..]).error));
 }
 
@@ -278,7 +279,7 @@ fn sums(views: &MemoryViews, model: &Model, order: &[usize]) -> WindowStatistics
 
 #[test]
 fn parameters_count_as_in_the_papers_ablation() {
-    // Points, texels and parameters of rows I to V, in thousands and millions as printed.
+    // Points, texels and parameters of rows I to V, as printed in thousands and millions.
     for (points, texels, params) in [
         (255e3, 40.0e6, 135.0e6),
         (162e3, 14.1e6, 52.0e6),
@@ -287,7 +288,7 @@ fn parameters_count_as_in_the_papers_ablation() {
         (209e3, 16.3e6, 61.2e6),
     ] {
         let counted: f64 = num_params(points, texels);
-        // The printed texels are rounded to 0.05 M.
+        // The printed numbers are rounded: texels to 0.05 M.
         assert!((counted - params).abs() < 3.0 * 0.05e6 + 59.0 * 0.5e3 + 0.05e6, "{counted} {params}");
     }
     let model = scene().model;

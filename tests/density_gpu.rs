@@ -1,45 +1,45 @@
-//! Training with the whole method on the wgpu backend: density-control steps and coarse stages in the loop, repeated
-//! and resumed anywhere; the same decisions as on the CPU backend from the same statistics.
+//! Training with the full method on the wgpu backend: density control and coarse stages in the loop, repeated,
+//! and resumed from any checkpoint; from the same statistics, the same decisions as on the CPU backend.
 #![cfg(feature = "gpu")]
 #![allow(clippy::unwrap_used, reason = "a failing test may panic")]
 
 mod common;
 
+use common::full_method::{RunRecord, config, is_all_done, large_photos, run_on, same, start};
 use common::gpu::{backend, drivers, open};
 use common::plans::{State, agree, applied, keep};
-use common::whole::{Outcome, config, is_all_done, large_photos, run_on, same, start};
 use litetex_gs::backend::{Backend, WindowStatistics};
 use litetex_gs::camera::Camera;
 use litetex_gs::cpu::CpuBackend;
-use litetex_gs::gpu::{GpuOptions, Limits};
+use litetex_gs::gpu::{GpuOptions, LimitChoice};
 use litetex_gs::train::density::{Budget, Components, Life, MapRule, Revision, Situation, decide};
 use litetex_gs::train::{Policy, TrainState};
 
-fn run(start: TrainState) -> Option<Outcome> {
+fn run(start: TrainState) -> Option<RunRecord> {
     let mut backend = backend(GpuOptions::default())?;
     Some(run_on(&mut backend, &config(Policy::Litetex), &large_photos(), start))
 }
 
 #[test]
-fn the_whole_method_gives_the_same_bytes_again_and_from_any_checkpoint() {
+fn the_full_method_gives_the_same_bytes_again_and_from_any_checkpoint() {
     let Some(whole) = run(start(Policy::Litetex)) else { return };
     println!("{:?} {:?}", whole.total(), whole.scales);
     assert!(is_all_done(&whole.total()), "{:?}", whole.total());
     assert!(whole.scales[0] > 1.0 && whole.scales.last() == Some(&1.0), "{:?}", whole.scales);
-    assert!(same(&run(start(Policy::Litetex)).unwrap().last, &whole.last), "again");
-    // Density-control steps follow each 5 steps: after one, before one, at one.
+    assert!(same(&run(start(Policy::Litetex)).unwrap().last, &whole.last), "a second run differs");
+    // Density control runs every 5 steps: resumes after it, before it, and at it.
     for (at, step) in [(1, 6), (2, 9), (4, 15)] {
         let saved = &whole.saved[at];
         assert_eq!(saved.step, step);
         assert!(same(&run(saved.clone()).unwrap().last, &whole.last), "from step {step}");
     }
-    // Negative control: a window that differs.
+    // Negative control: different window statistics.
     let mut other = whole.saved[2].clone();
     other.window.error.reverse();
     assert!(!same(&run(other).unwrap().last, &whole.last));
 }
 
-/// What a backend holds, and what is decided from it.
+/// The decisions from the model and statistics of a backend.
 fn decided(backend: &mut dyn Backend, lives: &[Life], cameras: &[Camera]) -> Revision {
     let (model, statistics) = (backend.read_flushed().unwrap(), backend.read_statistics().unwrap());
     let situation = Situation {
@@ -64,13 +64,13 @@ fn decided(backend: &mut dyn Backend, lives: &[Life], cameras: &[Camera]) -> Rev
 }
 
 #[test]
-fn both_backends_decide_alike_and_make_the_same_of_it_on_every_driver() {
+fn both_backends_take_and_apply_the_same_decisions_on_every_driver() {
     let views = large_photos();
     let mut cpu = CpuBackend::new(Some(2)).unwrap();
     let saved = run_on(&mut cpu, &config(Policy::Litetex), &views, start(Policy::Litetex)).saved;
     let before = saved.into_iter().find(|s| s.step == 9).unwrap();
     let cameras: Vec<Camera> = views.0[1..].iter().map(|(camera, _)| *camera).collect();
-    // Nothing lags behind, for updates differ in their last bits.
+    // Flushes everything, because updates differ in their last bits between the backends.
     cpu.upload(&before.model, &before.adam).unwrap();
     cpu.apply_plan(&keep(before.model.num_splats())).unwrap();
     let flushed: State = cpu.read_back().unwrap();
@@ -87,15 +87,15 @@ fn both_backends_decide_alike_and_make_the_same_of_it_on_every_driver() {
     let mut reversed = before.window.clone();
     reversed.error.reverse();
     let other = on(&mut cpu, &reversed).plan.unwrap();
-    assert!(other != *plan, "negative control: other errors, another plan");
+    assert!(other != *plan, "negative control: different errors give a different plan");
     let made = applied(&mut cpu, &flushed, plan);
     for driver in drivers() {
         println!("{}", driver.name);
-        let mut gpu = open(&driver, Limits::Downlevel, GpuOptions::default());
+        let mut gpu = open(&driver, LimitChoice::Downlevel, GpuOptions::default());
         let found = on(&mut gpu, &before.window);
         assert!(found.plan == expected.plan && found.lives == expected.lives && found.counts == counts);
         assert!(agree(plan, &applied(&mut gpu, &flushed, plan), &made), "{}", driver.name);
-        // Negative control: a map that is not changed as planned.
+        // Negative control: one map is not changed as planned.
         let mut other = plan.clone();
         let at = plan.maps.iter().position(|m| *m != litetex_gs::backend::MapChange::Keep).unwrap();
         other.maps[at] = litetex_gs::backend::MapChange::Keep;

@@ -1,7 +1,7 @@
-//! The reference's gradients against central differences, for every kind of parameter by itself.
+//! The gradients of the reference against central differences, separately for every kind of parameter.
 //!
-//! The smooth cut-off makes the image differentiable but for kinks of measure zero (texel centres, the
-//! L1 term, the colour clamp); with differences this small none of these scenes meets one.
+//! With the smooth cut-off, the image is differentiable except at kinks of measure zero (texel centres, the L1
+//! term, the colour clamp); with differences this small, none of these scenes meets one.
 #![allow(clippy::unwrap_used, reason = "a failing test may panic")]
 
 use glam::{DMat3, DQuat, DVec2, DVec3};
@@ -10,7 +10,7 @@ use litetex_gs::model::SplatGroup;
 use litetex_gs::reference::{
     AlphaCutoff, ColourGradient, Params, Settings, gradients, gradients_at, hit, project,
 };
-use litetex_gs::selftest::{Scene, SceneOptions, random_scene};
+use litetex_gs::selftest::{RandomScene, SceneOptions, random_scene};
 
 const WEIGHTS: LossWeights = LossWeights {
     l1: 0.8,
@@ -22,15 +22,15 @@ const WEIGHTS: LossWeights = LossWeights {
     normal: 0.2,
     ..LossWeights::NONE
 };
-/// Relative to the largest derivative of the kind; needed 8e-7: rounding of the differences,
-/// which the mathematical library of another machine shifts.
+/// Relative to the largest derivative of the kind; needed 8e-7, because of rounding in the differences, which
+/// varies with the maths library.
 const TOLERANCE: f64 = 2e-6;
-/// The same close to the camera, where the ramp of the cut-off is steep; needed 2e-4, truncation.
+/// As `TOLERANCE`, close to the camera, where the ramp of the cut-off is steep; needed 2e-4, because of truncation.
 const TOLERANCE_NEAR: f64 = 5e-4;
-/// One kind more than the groups of splats: texels.
+/// The parameter groups of splats, and texels.
 const NUM_KINDS: usize = 6;
 
-fn settings(scene: &Scene) -> Settings {
+fn settings(scene: &RandomScene) -> Settings {
     Settings {
         cutoff: AlphaCutoff::Smooth,
         colour_gradient: ColourGradient::Strict,
@@ -54,7 +54,7 @@ fn small(sh_degree: u32, seed: u64) -> SceneOptions {
     }
 }
 
-/// Array of a kind: the groups of splats, then the texels.
+/// Array of a kind: the groups of splats in order, then the texels.
 fn array(params: &mut Params, kind: usize) -> &mut [f64] {
     match SplatGroup::ALL.get(kind) {
         Some(group) => params.group_mut(*group),
@@ -62,8 +62,8 @@ fn array(params: &mut Params, kind: usize) -> &mut [f64] {
     }
 }
 
-/// How one kind fared.
-struct Outcome {
+/// Errors of the derivatives of one kind.
+struct GradientErrors {
     kind: usize,
     /// Error of each entry, relative to the largest derivative of the kind.
     errors: Vec<f64>,
@@ -71,11 +71,11 @@ struct Outcome {
     non_zero: usize,
 }
 
-impl Outcome {
+impl GradientErrors {
     fn passes(&self, tolerance: f64) -> bool {
         let worst = self.errors.iter().fold(0.0_f64, |m, e| m.max(*e));
         println!(
-            "kind {}: {} entries, {} of size, worst {worst:.1e}",
+            "kind {}: {} entries, {} non-zero, worst error {worst:.1e}",
             self.kind,
             self.errors.len(),
             self.non_zero
@@ -84,22 +84,22 @@ impl Outcome {
     }
 }
 
-/// Compares all kinds; the analytic derivatives of kind `spoilt` are off by a thousandth.
-fn check(scene: &Scene, settings: &Settings, spoilt: Option<usize>) -> Vec<Outcome> {
+/// Compares all kinds; the analytic derivatives of kind `perturbed` are changed by a thousandth.
+fn check(scene: &RandomScene, settings: &Settings, perturbed: Option<usize>) -> Vec<GradientErrors> {
     let params = Params::from_model(&scene.model);
-    // The depth map's normals are constants to the derivative; here they are made up and differ everywhere.
+    // The depth map's normals are constants in the derivative; here they are made up and different everywhere.
     let normal =
         |i: usize| DVec3::new(0.5 * (i as f64).sin(), 0.4 * (0.7 * i as f64).cos(), -1.0).normalize();
     let normals: Vec<DVec3> = (0..scene.camera.pinhole.num_pixels()).map(normal).collect();
-    let still = Some(&normals[..]);
-    let base = gradients_at(&params, &scene.camera, &scene.target, &WEIGHTS, settings, still);
+    let fixed = Some(&normals[..]);
+    let base = gradients_at(&params, &scene.camera, &scene.target, &WEIGHTS, settings, fixed);
     assert!(base.loss.distortion > 1e-5 && base.loss.normal > 1e-3, "{:?}", base.loss);
     let loss =
-        |p: &Params| gradients_at(p, &scene.camera, &scene.target, &WEIGHTS, settings, still).loss.total;
+        |p: &Params| gradients_at(p, &scene.camera, &scene.target, &WEIGHTS, settings, fixed).loss.total;
     let mut analytic = base.params;
     let mut outcomes = Vec::new();
     for kind in 0..NUM_KINDS {
-        let factor = if spoilt == Some(kind) { 1.001 } else { 1.0 };
+        let factor = if perturbed == Some(kind) { 1.001 } else { 1.0 };
         let analytic: Vec<f64> = array(&mut analytic, kind).iter().map(|g| g * factor).collect();
         let largest = analytic.iter().fold(1e-9_f64, |m, g| m.max(g.abs()));
         let numeric = |i: usize| {
@@ -113,7 +113,7 @@ fn check(scene: &Scene, settings: &Settings, spoilt: Option<usize>) -> Vec<Outco
         };
         let errors = analytic.iter().enumerate().map(|(i, g)| (numeric(i) - g).abs() / largest).collect();
         let non_zero = analytic.iter().filter(|g| g.abs() > 1e-3 * largest).count();
-        outcomes.push(Outcome { kind, errors, non_zero });
+        outcomes.push(GradientErrors { kind, errors, non_zero });
     }
     outcomes
 }
@@ -130,17 +130,17 @@ fn every_kind_matches_central_differences_for_every_sh_degree() {
 }
 
 #[test]
-fn a_wrong_gradient_of_any_kind_is_noticed() {
+fn a_wrong_gradient_of_any_kind_is_detected() {
     let scene = random_scene(&small(1, 0));
-    for spoilt in 0..NUM_KINDS {
-        let outcomes = check(&scene, &settings(&scene), Some(spoilt));
+    for perturbed in 0..NUM_KINDS {
+        let outcomes = check(&scene, &settings(&scene), Some(perturbed));
         let failed: Vec<usize> = outcomes.iter().filter(|o| !o.passes(TOLERANCE)).map(|o| o.kind).collect();
-        assert_eq!(failed, [spoilt]);
+        assert_eq!(failed, [perturbed]);
     }
 }
 
-/// Turns splat 0 until it is seen under two degrees and puts it in the middle of the image.
-fn turn_edge_on(scene: &mut Scene) {
+/// Moves splat 0 to the middle of the image and turns it to two degrees from edge-on.
+fn turn_edge_on(scene: &mut RandomScene) {
     let local_from_camera = scene.camera.camera_from_local.inverse();
     let pinhole = scene.camera.pinhole;
     let ray = pinhole.direction_in_camera(DVec2::new(12.3, 9.8));
@@ -157,20 +157,20 @@ fn turn_edge_on(scene: &mut Scene) {
 }
 
 #[test]
-fn gradients_of_a_splat_seen_edge_on_hold() {
+fn gradients_are_correct_for_a_splat_seen_edge_on() {
     let mut scene = random_scene(&small(1, 8));
     turn_edge_on(&mut scene);
     let settings = settings(&scene);
     let outcomes = check(&scene, &settings, None);
     assert!(outcomes.iter().all(|o| o.passes(TOLERANCE)));
-    // The subject itself receives a gradient.
+    // The splat itself receives a gradient.
     let params = Params::from_model(&scene.model);
     let analytic = gradients(&params, &scene.camera, &scene.target, &WEIGHTS, &settings).params;
     assert!(analytic.positions[..3].iter().all(|g| g.abs() > 1e-6), "{:?}", &analytic.positions[..3]);
 }
 
 #[test]
-fn gradients_of_discs_that_cross_the_near_plane_hold() {
+fn gradients_are_correct_for_discs_that_cross_the_near_plane() {
     let mut crossing = 0;
     for seed in 7..10 {
         let near = SceneOptions { depths: (0.05, 0.3), scales: (0.05, 0.3), ..small(1, seed) };
@@ -191,7 +191,7 @@ fn gradients_of_discs_that_cross_the_near_plane_hold() {
 }
 
 #[test]
-fn the_geometry_terms_are_of_weight_in_these_scenes() {
+fn the_geometry_terms_matter_in_these_scenes() {
     let scene = random_scene(&small(1, 0));
     let (params, settings) = (Params::from_model(&scene.model), settings(&scene));
     let normals = vec![DVec3::new(0.3, -0.2, -0.9).normalize(); scene.camera.pinhole.num_pixels()];
@@ -200,7 +200,7 @@ fn the_geometry_terms_are_of_weight_in_these_scenes() {
             gradients_at(&params, &scene.camera, &scene.target, weights, &settings, Some(&normals)).params
         };
         let (mut with, mut without) = (gradient(&WEIGHTS), gradient(&off));
-        // Positions, rotations and opacities: without the term they are off by far more than the tolerance.
+        // Without the term, derivatives by positions, rotations and opacities change by far more than the tolerance.
         for kind in [0, 1, 3] {
             let (a, b) = (array(&mut with, kind).to_vec(), array(&mut without, kind).to_vec());
             let largest = a.iter().fold(0.0_f64, |m, v| m.max(v.abs()));

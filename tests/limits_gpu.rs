@@ -1,4 +1,4 @@
-//! What a device cannot hold is told before the first step, and growth stops at what it can.
+//! Scenes that a device cannot hold are refused before the first step, and growth stops at its limits.
 #![cfg(feature = "gpu")]
 #![allow(clippy::unwrap_used, reason = "a failing test may panic")]
 
@@ -8,20 +8,20 @@ use common::gpu::{drivers, open};
 use common::training::{MemoryViews, config, damaged, photos, scene_options};
 use litetex_gs::Error;
 use litetex_gs::backend::{Backend as _, SceneShape};
-use litetex_gs::gpu::{GpuOptions, Limits};
-use litetex_gs::selftest::{Scene, SceneOptions, random_scene};
+use litetex_gs::gpu::{GpuOptions, LimitChoice};
+use litetex_gs::selftest::{RandomScene, SceneOptions, random_scene};
 use litetex_gs::train::density::Budget;
 use litetex_gs::train::{Control, Policy, TrainConfig, TrainEvent, TrainState, train};
 
 /// Buffers of 120,000 bytes: 1,363 splats of 22 floats, 7,500 texels of 16 bytes, 3,333 pixels of 36 bytes.
-const SMALL: Limits = Limits::Buffers(120_000);
+const SMALL: LimitChoice = LimitChoice::Buffers(120_000);
 
-/// Half the splats of the common scene, about half as wide: room to grow.
-fn scene() -> Scene {
+/// Half as many splats as in the common scene, about half as wide, so that there is room to grow.
+fn scene() -> RandomScene {
     random_scene(&SceneOptions { num_splats: 150, scales: (0.03, 0.1), ..scene_options() })
 }
 
-/// Growth as fast as it goes.
+/// Settings for the fastest growth.
 fn growing() -> TrainConfig {
     let mut config = TrainConfig { policy: Policy::Litetex, save_every: 0, eval_every: 0, ..config(60) };
     config.components.growth = false;
@@ -30,11 +30,12 @@ fn growing() -> TrainConfig {
     config
 }
 
-/// What became of a run: the largest model after any density-control step, or the error; and the events until then.
+/// Runs a training. Returns the largest number of splats and texels after any density-control step, or the
+/// error; and the number of events.
 fn run(
     config: &TrainConfig,
-    limits: Limits,
-    scene: &Scene,
+    limits: LimitChoice,
+    scene: &RandomScene,
     views: &MemoryViews,
 ) -> Option<(Result<[usize; 2], Error>, usize)> {
     let driver = drivers().into_iter().next()?;
@@ -45,7 +46,7 @@ fn run(
         if let TrainEvent::DensityControl { num_splats, num_texels, .. } = event {
             largest = [largest[0].max(num_splats), largest[1].max(num_texels)];
         }
-        // What has outgrown the small device need not grow on.
+        // Stops once the model has outgrown the small device.
         Ok(if largest[1] > 7_500 { Control::Stop } else { Control::Continue })
     };
     let outcome = train(config, &mut backend, views, TrainState::fresh(damaged(scene)), &mut sink);
@@ -53,16 +54,16 @@ fn run(
 }
 
 #[test]
-fn what_does_not_fit_is_refused_before_the_first_step() {
+fn scenes_that_do_not_fit_are_refused_before_the_first_step() {
     let (scene, config) = (scene(), growing());
     let views = photos(&scene);
-    let fits = |config: &TrainConfig, views: &MemoryViews, scene: &Scene, parts: &[&str]| {
+    let is_refused = |config: &TrainConfig, views: &MemoryViews, scene: &RandomScene, parts: &[&str]| {
         let Some((outcome, events)) = run(config, SMALL, scene, views) else { return };
         let error = outcome.unwrap_err();
         let text = error.to_string();
         assert!(matches!(error, Error::Device(_)) && error.exit_code() == 5, "{text}");
         assert!(parts.iter().all(|part| text.contains(part)), "{text}");
-        assert_eq!(events, 0, "nothing was begun");
+        assert_eq!(events, 0, "training had started");
     };
     let many = random_scene(&SceneOptions {
         num_splats: 1_364,
@@ -70,46 +71,46 @@ fn what_does_not_fit_is_refused_before_the_first_step() {
         map_sizes: vec![(4, 2)],
         ..SceneOptions::default()
     });
-    fits(&config, &views, &many, &["1364 splats, at most 1363", "10912 texels, at most 7500"]);
+    is_refused(&config, &views, &many, &["1364 splats, at most 1363", "10912 texels, at most 7500"]);
     let bounded = |budget| TrainConfig { budget, ..config.clone() };
     let splats = bounded(Budget { max_splats: Some(1_364), ..Budget::default() });
-    fits(&splats, &views, &scene, &["--max-splats allows 1364 splats, at most 1363"]);
+    is_refused(&splats, &views, &scene, &["--max-splats allows 1364 splats, at most 1363"]);
     let texels = bounded(Budget { max_texels: Some(7_501), ..Budget::default() });
-    fits(&texels, &views, &scene, &["--max-texels allows 7501 texels, at most 7500"]);
+    is_refused(&texels, &views, &scene, &["--max-texels allows 7501 texels, at most 7500"]);
     let mut large = photos(&scene);
     large.0[3].0 = large.0[3].0.resized(70, 50);
-    fits(
+    is_refused(
         &config,
         &large,
         &scene,
         &["1 of 6 views", "70 x 50 = 3500 pixels, at most 3333", "--max-resolution 68"],
     );
-    // Terms on depths and normals leave more for each pixel: 2,500 of 48 bytes fit.
+    // Terms on depths and normals need 48 bytes per pixel, of which 2,500 fit.
     let mut geometry = config.clone();
     geometry.loss.normal = 0.1;
-    fits(&geometry, &views, &scene, &["6 of 6 views", "at most 2500 pixels"]);
+    is_refused(&geometry, &views, &scene, &["6 of 6 views", "at most 2500 pixels"]);
 }
 
 #[test]
-fn growth_stops_at_what_the_device_holds() {
+fn growth_stops_at_the_limits_of_the_device() {
     let (scene, config) = (scene(), growing());
     let views = photos(&scene);
     let Some((small, _)) = run(&config, SMALL, &scene, &views) else { return };
     let [_, texels] = small.unwrap();
-    let Some((plenty, _)) = run(&config, Limits::Downlevel, &scene, &views) else { return };
+    let Some((plenty, _)) = run(&config, LimitChoice::Downlevel, &scene, &views) else { return };
     let [_, wanted] = plenty.unwrap();
-    println!("{texels} texels on a device of 7,500, else {wanted}");
+    println!("{texels} texels on a device that holds 7,500, {wanted} on another");
     assert!(texels <= 7_500 && texels > 6_000, "{texels}");
-    // Negative control: without the bound the model outgrows the device.
+    // Negative control: on a larger device the model outgrows this limit.
     assert!(wanted > 7_500, "{wanted}");
-    // A budget below what the device holds is the bound.
+    // A budget below the limits of the device applies.
     let budget = Budget { max_texels: Some(5_000), ..Budget::default() };
     let Some((bounded, _)) = run(&TrainConfig { budget, ..config }, SMALL, &scene, &views) else { return };
     assert!(bounded.unwrap()[1] <= 5_000);
 }
 
 #[test]
-fn the_limits_are_those_that_uploads_and_images_meet() {
+fn the_reported_limits_are_those_of_uploads() {
     let Some(driver) = drivers().into_iter().next() else { return };
     let mut backend = open(&driver, SMALL, GpuOptions::default());
     let limits = backend.limits(SceneShape { sh_degree: 1, geometry: false });

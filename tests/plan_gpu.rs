@@ -1,4 +1,5 @@
-//! Structure plans and statistics on the wgpu backend: as on the CPU backend, bit for bit where that is promised.
+//! Density-control plans and window statistics on the wgpu backend: as on the CPU backend, bit for bit where that is
+//! promised.
 #![cfg(feature = "gpu")]
 #![allow(clippy::unwrap_used, reason = "a failing test may panic")]
 
@@ -10,12 +11,12 @@ use common::steps::{differences, plan, requests, scene, views};
 use litetex_gs::Error;
 use litetex_gs::backend::{Backend, DensityPlan, Grid, MapChange, WindowStatistics};
 use litetex_gs::cpu::CpuBackend;
-use litetex_gs::gpu::{AdapterChoice, GpuOptions, Limits};
+use litetex_gs::gpu::{AdapterChoice, GpuOptions, LimitChoice};
 use litetex_gs::model::{AdamState, SplatGroup};
-use litetex_gs::selftest::Scene;
+use litetex_gs::selftest::RandomScene;
 
-/// After three steps, and nothing lags behind: what a plan makes of it owes nothing to the updates.
-fn flushed(scene: &Scene) -> State {
+/// A state after three steps, with everything flushed, so that applying a plan involves no updates.
+fn flushed(scene: &RandomScene) -> State {
     let mut cpu = CpuBackend::new(Some(2)).unwrap();
     cpu.upload(&scene.model, &AdamState::zeros(&scene.model)).unwrap();
     cpu.steps(&requests(&views(scene), 1..=3)).unwrap();
@@ -41,10 +42,10 @@ fn plans_are_applied_as_on_the_cpu_on_every_driver() {
     }
 }
 
-/// A plan that differs in one number is noticed, whichever it is.
+/// Plans that differ in a single number, or lack an edit, give a different state.
 fn negative_controls(gpu: &mut dyn Backend, start: &State, plan: &DensityPlan, expected: &State) {
     let mut others = Vec::new();
-    // Of windows that are neither empty nor out of sight.
+    // Windows that are neither empty nor outside their grid.
     for at in [1, 2, 3, 6, 7, 8, 9] {
         for k in 0..2 {
             let mut other = plan.clone();
@@ -68,11 +69,13 @@ fn negative_controls(gpu: &mut dyn Backend, start: &State, plan: &DensityPlan, e
 }
 
 #[test]
-fn the_new_structure_is_trained_on_as_on_the_cpu_on_every_driver() {
-    drivers_and_limits().iter().for_each(|(driver, limits)| is_trained_on_as_on_the_cpu(driver, *limits));
+fn training_after_a_plan_follows_the_cpu_backend_on_every_driver() {
+    drivers_and_limits()
+        .iter()
+        .for_each(|(driver, limits)| training_after_a_plan_follows_the_cpu_backend(driver, *limits));
 }
 
-fn is_trained_on_as_on_the_cpu(driver: &AdapterChoice, limits: Limits) {
+fn training_after_a_plan_follows_the_cpu_backend(driver: &AdapterChoice, limits: LimitChoice) {
     let scene = scene(10);
     let start = flushed(&scene);
     let views = views(&scene);
@@ -88,8 +91,8 @@ fn is_trained_on_as_on_the_cpu(driver: &AdapterChoice, limits: Limits) {
     let [(_, g), (begin, c)] = ends.try_into().ok().unwrap();
     for (group, difference) in differences(&begin, &g, &c) {
         println!("{} {group}: {difference:.2e}", driver.name);
-        // Needed 2.4e-2 for texels, by those that come into being where nothing was and get next to no gradient:
-        // of other texels 2e-3, of all else 4e-5.
+        // Needed 2.4e-2 for texels, because of new ones that get almost no gradient; 2e-3 for other texels, and 4e-5
+        // for everything else.
         assert!(difference < 0.03, "{group}: {difference}");
     }
     let negative_control = differences(&begin, &begin, &c);
@@ -97,7 +100,7 @@ fn is_trained_on_as_on_the_cpu(driver: &AdapterChoice, limits: Limits) {
 }
 
 #[test]
-fn edits_end_the_momentum_and_only_that() {
+fn edits_zero_only_the_first_moments_of_their_splats() {
     let Some(mut gpu) = backend(GpuOptions::default()) else { return };
     let scene = scene(11);
     let start = flushed(&scene);
@@ -117,14 +120,14 @@ fn edits_end_the_momentum_and_only_that() {
             let expected = if is_edited { vec![0.0; width] } else { before };
             assert_eq!(of(&edited, i), expected, "{group:?} of {i}");
         }
-        assert!(moved > 20, "{group:?}: {moved} had any momentum");
+        assert!(moved > 20, "{group:?}: only {moved} edited splats had first moments");
     }
 }
 
 #[test]
 fn a_plan_that_does_not_fit_changes_nothing() {
     for (driver, limits) in drivers_and_limits().into_iter().take(1) {
-        assert_eq!(limits, Limits::Downlevel);
+        assert_eq!(limits, LimitChoice::Downlevel);
         let mut gpu = open(&driver, limits, GpuOptions::default());
         let scene = scene(12);
         let n = scene.model.num_splats();
@@ -132,7 +135,7 @@ fn a_plan_that_does_not_fit_changes_nothing() {
         gpu.steps(&requests(&views(&scene), 1..=5)).unwrap();
         let before = (gpu.read_back().unwrap(), gpu.read_statistics().unwrap());
         let mut plan = keep(n);
-        // 192 MB of texels, where a buffer may have 128 MiB.
+        // 192 MB of texels; buffers are limited to 128 MiB.
         plan.maps[n - 1] = MapChange::Regrid {
             grid: Grid::Same,
             rows: 4000,
@@ -150,7 +153,7 @@ fn a_plan_that_does_not_fit_changes_nothing() {
 }
 
 #[test]
-fn a_window_of_statistics_continues_where_it_was_read() {
+fn window_statistics_continue_from_where_they_were_read() {
     let cpu: Box<dyn Backend> = Box::new(CpuBackend::new(Some(2)).unwrap());
     let gpu = backend(GpuOptions::default()).map(|gpu| Box::new(gpu) as Box<dyn Backend>);
     let scene = scene(13);
@@ -163,7 +166,7 @@ fn a_window_of_statistics_continues_where_it_was_read() {
         backend.steps(&requests(&views, 5..=9)).unwrap();
         let whole = backend.read_statistics().unwrap();
         assert_eq!((whole.views, whole.seen.iter().max()), (3, Some(&3)));
-        // As a run is resumed.
+        // As when a run is resumed.
         backend.upload(&model, &adam).unwrap();
         let empty = WindowStatistics::empty(model.num_splats());
         assert_eq!(backend.read_statistics().unwrap(), empty);
@@ -175,7 +178,7 @@ fn a_window_of_statistics_continues_where_it_was_read() {
         backend.upload(&model, &adam).unwrap();
         backend.steps(&requests(&views, 5..=9)).unwrap();
         assert_ne!(backend.read_statistics().unwrap(), whole);
-        // One splat too many is refused, and nothing is set.
+        // Statistics of one splat too many are refused and change nothing.
         let before = backend.read_statistics().unwrap();
         let other = WindowStatistics::empty(model.num_splats() + 1);
         assert!(matches!(backend.set_statistics(&other), Err(Error::Usage(_))));

@@ -1,4 +1,4 @@
-//! Poisoned input: the answer is a clean image and clean gradients, or a typed error.
+//! Poisoned input on the CPU backend gives a clean image and clean gradients, or a typed error.
 #![allow(clippy::unwrap_used, reason = "a failing test may panic")]
 
 mod common;

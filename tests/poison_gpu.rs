@@ -29,7 +29,7 @@ fn odd_image_sizes_are_rendered() {
     poison::odd_image_sizes_are_rendered(&mut backend);
 }
 
-fn request<'a>(scene: &'a litetex_gs::selftest::Scene, target: &'a TargetImage) -> StepRequest<'a> {
+fn request<'a>(scene: &'a litetex_gs::selftest::RandomScene, target: &'a TargetImage) -> StepRequest<'a> {
     StepRequest {
         step: 1,
         camera: scene.camera,
@@ -51,7 +51,7 @@ fn a_photo_of_another_size_is_a_usage_error() {
     let target = TargetImage { width_px: 3, height_px: 3, rgb: vec![0; 27], mask: None };
     let error = backend.step(&request(&scene, &target)).unwrap_err();
     assert!(matches!(error, Error::Usage(_)), "{error}");
-    assert!(backend.step(&request(&scene, &scene.target)).is_ok(), "the backend goes on");
+    assert!(backend.step(&request(&scene, &scene.target)).is_ok(), "the backend still works");
 }
 
 #[test]
@@ -77,15 +77,16 @@ fn a_lost_device_is_a_typed_error_everywhere() {
         backend.upload(&scene.model, &AdamState::zeros(&scene.model)).err(),
     ];
     for (k, error) in errors.into_iter().enumerate() {
-        let error = error.unwrap_or_else(|| panic!("call {k} went through"));
+        let error = error.unwrap_or_else(|| panic!("call {k} succeeded"));
         assert!(matches!(error, Error::Device(_)) && error.exit_code() == 5, "call {k}: {error}");
     }
 }
 
 #[test]
-fn a_scene_beyond_the_limits_is_refused_with_counts() {
+fn a_scene_beyond_the_limits_is_refused_with_sizes() {
     let Some(driver) = common::gpu::drivers().into_iter().next() else { return };
-    let mut backend = common::gpu::open(&driver, litetex_gs::gpu::Limits::Downlevel, GpuOptions::default());
+    let mut backend =
+        common::gpu::open(&driver, litetex_gs::gpu::LimitChoice::Downlevel, GpuOptions::default());
     let small = scene(1);
     let mut large = small.model.clone();
     // 600,000 splats of 58 floats: 132.8 MiB.

@@ -1,4 +1,4 @@
-//! The self-test passes on the CPU backend and fails on one that computes slightly wrongly.
+//! The self-test passes on the CPU backend, and fails on backends with slight faults.
 #![allow(clippy::unwrap_used, reason = "a failing test may panic")]
 
 use litetex_gs::Result;
@@ -11,17 +11,18 @@ use litetex_gs::cpu::CpuBackend;
 use litetex_gs::model::{AdamState, Model};
 use litetex_gs::selftest;
 
-/// What a broken driver gets wrong.
+/// Fault of a broken driver.
 #[derive(Clone, Copy, PartialEq)]
 enum Fault {
-    /// The photo that the loss sees is one pixel off.
+    /// The loss uses a photo that is shifted by one pixel.
     Photo,
-    /// Terms on depths and normals do nothing, and images of them show those of another place.
+    /// Terms on depths and normals have no effect, and rendered depths and normals are shifted by one pixel.
     Depths,
     /// Texels of maps above 9 blocks of 4 x 4 get no gradient.
     LargeMaps,
 }
 
+/// The CPU backend with a fault.
 struct Broken(CpuBackend, Fault);
 
 impl Backend for Broken {
@@ -76,7 +77,7 @@ impl Backend for Broken {
 }
 
 #[test]
-fn the_cpu_passes_and_a_broken_device_does_not() {
+fn the_self_test_passes_on_the_cpu_and_fails_on_broken_devices() {
     let checks = selftest::run(&mut CpuBackend::new(Some(2)).unwrap()).unwrap();
     checks.iter().for_each(|c| println!("{:<40} {:.2e} of {:.1e}", c.name, c.difference, c.limit));
     assert!(checks.iter().all(|c| c.passed), "{checks:#?}");
@@ -86,7 +87,7 @@ fn the_cpu_passes_and_a_broken_device_does_not() {
         failed.collect::<Vec<_>>()
     };
     let failed = broken_by(Fault::Photo);
-    assert!(failed.iter().all(|name| !name.contains("image")), "rendering is sound: {failed:#?}");
+    assert!(failed.iter().all(|name| !name.contains("image")), "rendering is not affected: {failed:#?}");
     let gradients = checks.iter().filter(|c| c.name.contains("gradient"));
     gradients.for_each(|c| assert!(failed.contains(&c.name), "{}: {failed:#?}", c.name));
     let failed = broken_by(Fault::Depths);

@@ -1,5 +1,6 @@
-//! What a training step moves and evaluates, in both forms of the rasterisation, against the floor of the cost
-//! model (`src/gpu/bench/traffic.rs`): counted, not timed, and so the same on software drivers as on hardware.
+//! The bytes and pairs of a training step, with both variants of the rasterisation, against the floor of the
+//! cost model (`src/gpu/bench/traffic.rs`). They are counted, not timed, and so the same on software drivers as
+//! on hardware.
 #![cfg(feature = "gpu")]
 #![allow(clippy::unwrap_used, reason = "a failing test may panic")]
 
@@ -10,18 +11,18 @@ use litetex_gs::backend::{LearningRates, LossWeights, StepRequest};
 use litetex_gs::camera::Camera;
 use litetex_gs::gpu::bench::{CountFigures, count};
 use litetex_gs::gpu::{GpuBackend, GpuOptions};
-use litetex_gs::selftest::{Scene, SceneOptions, random_scene};
+use litetex_gs::selftest::{RandomScene, SceneOptions, random_scene};
 
-/// Bytes over the floor, at most: needed 1.20 with large maps.
+/// Most bytes over the floor: needed 1.20 with large maps.
 const TRAFFIC: f64 = 1.3;
-/// Pixels in the boxes of splats over those that are blended, at most: needed 1.55.
+/// Most pixels in the boxes of splats per blended one: needed 1.55.
 const EVALUATED: f64 = 1.6;
-/// What the edges of tiles cost beside that: pixels of whole tiles over those in the boxes, for tiles of 16 x 16
-/// pixels on hardware and 16 x 8 on software, at most; needed 2.19 and 1.75 for splats of a few pixels.
+/// Most pixels of whole tiles per pixel in the boxes, the cost of tile edges, for tiles of 16 x 16 pixels on
+/// hardware and 16 x 8 on software: needed 2.19 and 1.75 for splats of a few pixels.
 const EDGES: [f64; 2] = [2.3, 1.85];
 
-/// Splats of a few pixels, as trained scenes have them.
-fn scene(scales: (f64, f64), map_sizes: Vec<(u16, u16)>) -> Scene {
+/// Splats of a few pixels, as in trained scenes.
+fn scene(scales: (f64, f64), map_sizes: Vec<(u16, u16)>) -> RandomScene {
     random_scene(&SceneOptions {
         num_splats: 6_000,
         width_px: 360,
@@ -32,10 +33,10 @@ fn scene(scales: (f64, f64), map_sizes: Vec<(u16, u16)>) -> Scene {
     })
 }
 
-/// Counts steps that see these cameras in turn.
+/// Counts steps that use these cameras in turn.
 fn counted(
     backend: &mut GpuBackend,
-    scene: &Scene,
+    scene: &RandomScene,
     cameras: &[Camera],
     steps: u32,
     hardware_kernels: bool,
@@ -52,12 +53,12 @@ fn counted(
         accumulate_statistics: false,
     };
     let c = count(backend, &scene.model, steps, hardware_kernels, &request).unwrap().unwrap();
-    println!("for hardware: {hardware_kernels}, {:?}, {:?}", c.pairs, c.texel_atomics);
+    println!("hardware kernels: {hardware_kernels}, {:?}, {:?}", c.pairs, c.texel_atomics);
     c.traffic.items.iter().for_each(|share| println!("  {share:?}"));
     c
 }
 
-/// Within the bounds: of traffic, of pixels in boxes, of edges.
+/// Whether traffic, pixels in boxes and tile edges are within their bounds.
 fn within(c: &CountFigures, hardware: bool) -> [bool; 3] {
     let traffic = c.traffic.items.last().unwrap().ratio.unwrap();
     let edges = EDGES[usize::from(!hardware)];
@@ -65,7 +66,7 @@ fn within(c: &CountFigures, hardware: bool) -> [bool; 3] {
 }
 
 #[test]
-fn both_forms_stay_near_the_floor() {
+fn both_variants_stay_near_the_floor() {
     let Some(mut backend) = backends(GpuOptions::default()).next() else { return };
     let scales = (0.004, 0.03);
     for map_sizes in [SceneOptions::default().map_sizes, vec![(2, 2)]] {
@@ -78,7 +79,7 @@ fn both_forms_stay_near_the_floor() {
 }
 
 #[test]
-fn needles_dust_and_views_without_a_splat_in_common_are_beyond_the_bounds() {
+fn needles_dust_and_disjoint_views_exceed_the_bounds() {
     let Some(mut backend) = backends(GpuOptions::default()).next() else { return };
     // Their boxes are mostly empty.
     let mut needles = scene((0.004, 0.03), vec![(2, 2)]);
@@ -90,7 +91,7 @@ fn needles_dust_and_views_without_a_splat_in_common_are_beyond_the_bounds() {
     let dust = scene((0.001, 0.003), vec![(2, 2)]);
     let c = counted(&mut backend, &dust, &[dust.camera], 1, true);
     assert!(!within(&c, true)[2]);
-    // Whatever comes back into sight after a step without it has to be brought up to date.
+    // Splats that become visible again after a step without them must be flushed.
     let scene = scene((0.004, 0.03), SceneOptions::default().map_sizes);
     let mut away = scene.camera;
     away.camera_from_local.translation.z -= 1e3;

@@ -1,4 +1,4 @@
-//! The trainer and the CPU backend together, from memory: no files.
+//! The trainer with the CPU backend, on views from memory instead of files.
 #![allow(clippy::unwrap_used, reason = "a failing test may panic")]
 
 mod common;
@@ -12,13 +12,13 @@ use litetex_gs::camera::Camera;
 use litetex_gs::constants::SH_0;
 use litetex_gs::cpu::CpuBackend;
 use litetex_gs::model::{TextureMap, TexturePool, texel_value};
-use litetex_gs::selftest::{Scene, SceneOptions, random_scene};
+use litetex_gs::selftest::{RandomScene, SceneOptions, random_scene};
 use litetex_gs::train::{Control, StopReason, TrainConfig, TrainEvent, TrainState, train};
 use litetex_gs::views::{Split, ViewSource};
 use litetex_gs::{Error, Result};
 use std::sync::Arc;
 
-/// Trains and returns the end and every checkpoint on the way.
+/// Trains, and returns the final state and every checkpoint.
 fn run(config: &TrainConfig, views: &MemoryViews, start: TrainState) -> (TrainState, Vec<TrainState>) {
     let mut saved = Vec::new();
     let mut sink = |event: TrainEvent<'_>| {
@@ -41,7 +41,7 @@ fn training_recovers_a_damaged_scene() {
     let curve: Vec<f64> = state.history.curve.iter().map(|p| p.psnr_test).collect();
     println!("{curve:?}");
     assert_eq!(curve.len(), 2);
-    // The damaged scene starts near 12 dB on the held-out view.
+    // The damaged scene starts near 12 dB on the test view.
     assert!(curve[1] > 25.0 && curve[1] > curve[0], "{curve:?}");
 }
 
@@ -52,17 +52,17 @@ fn resuming_anywhere_continues_bit_for_bit() {
     let config = config(30);
     let (whole, saved) = run(&config, &views, TrainState::fresh(damaged(&scene)));
     let steps: Vec<u32> = saved.iter().map(|s| s.step).collect();
-    // Epochs are of 5 views and maps are revised each 5 steps: the checkpoints fall within both.
-    // The end is saved before its evaluation and after.
+    // Epochs have 5 views and density control runs every 5 steps: the checkpoints fall within both. The final
+    // state is saved before and after its evaluation.
     assert_eq!(steps, [7, 14, 21, 28, 30, 30]);
     let revised = |s: &TrainState| s.model.textures.maps != saved[0].model.textures.maps;
-    assert!(revised(&whole), "no map was revised: nothing was tested");
+    assert!(revised(&whole), "no map changed: nothing was tested");
     for start in &saved[..4] {
         let (resumed, _) = run(&config, &views, start.clone());
         assert!(resumed.model == whole.model && resumed.adam == whole.adam, "from step {}", start.step);
         assert_eq!((resumed.epochs, resumed.epoch_used), (whole.epochs, whole.epoch_used));
     }
-    // Negative control: a state that differs in one bit ends elsewhere.
+    // Negative control: a state that differs in one bit ends differently.
     let mut other = saved[0].clone();
     other.model.splats.positions[0] = f32::from_bits(other.model.splats.positions[0].to_bits() ^ 1);
     assert!(run(&config, &views, other).0.model != whole.model);
@@ -89,7 +89,7 @@ fn the_consumer_stops_training_with_a_checkpoint() {
 }
 
 #[test]
-fn without_a_training_view_the_error_says_so() {
+fn without_training_views_training_is_a_usage_error() {
     let scene = scene();
     let views = MemoryViews(photos(&scene).0[..1].to_vec());
     let start = TrainState::fresh(scene.model);
@@ -99,7 +99,7 @@ fn without_a_training_view_the_error_says_so() {
 }
 
 #[test]
-fn views_of_which_the_mask_leaves_nothing_have_no_figures() {
+fn fully_masked_test_views_are_not_evaluated() {
     let scene = scene();
     let mut views = photos(&scene);
     for (_, target) in &mut views.0 {
@@ -117,7 +117,7 @@ fn views_of_which_the_mask_leaves_nothing_have_no_figures() {
     assert_eq!((warned, evaluated, state.history.curve.len()), (2, 0, 0));
 }
 
-/// Views of which the held-out photo cannot be read.
+/// Views of which the test view's photo cannot be read.
 struct Unreadable(MemoryViews);
 
 impl ViewSource for Unreadable {
@@ -139,7 +139,7 @@ impl ViewSource for Unreadable {
 }
 
 #[test]
-fn an_unreadable_held_out_photo_does_not_cost_the_work() {
+fn an_unreadable_test_photo_does_not_lose_the_training() {
     let scene = scene();
     let views = Unreadable(photos(&scene));
     for eval_every in [0, 5] {
@@ -179,7 +179,7 @@ fn step(backend: &mut CpuBackend, views: &MemoryViews, step: u32) {
 }
 
 #[test]
-fn rendering_in_between_changes_no_bit() {
+fn rendering_during_training_does_not_change_it() {
     let scene = scene();
     let views = photos(&scene);
     let (mut plain, mut watched) = (uploaded(&damaged(&scene)), uploaded(&damaged(&scene)));
@@ -193,7 +193,7 @@ fn rendering_in_between_changes_no_bit() {
 }
 
 #[test]
-fn statistics_sum_over_a_window_and_start_anew() {
+fn statistics_are_summed_over_a_window_and_can_be_reset() {
     let scene = scene();
     let views = photos(&scene);
     let mut backend = uploaded(&damaged(&scene));
@@ -211,7 +211,7 @@ fn statistics_sum_over_a_window_and_start_anew() {
     assert_eq!((window.views, window.seen.iter().max()), (3, Some(&3)));
     assert_eq!(window.contribution, sum);
     assert!(sum.iter().sum::<f32>() > 0.5, "the splats cover most of the image");
-    assert_eq!(backend.read_statistics().unwrap(), window, "reading leaves them as they are");
+    assert_eq!(backend.read_statistics().unwrap(), window, "reading does not change them");
 }
 
 #[test]
@@ -231,10 +231,10 @@ fn plans_gather_and_resample() {
     };
     backend.apply_plan(&plan(&reversed, MapChange::Keep)).unwrap();
     let after = backend.render(&scene.camera, &BLACK).unwrap();
-    // The order of the storage does not show, but for ties of depth.
+    // The order of storage does not matter, except for ties of depth.
     assert_eq!(before.rgb, after.rgb);
     backend.apply_plan(&plan(&reversed, MapChange::Keep)).unwrap();
-    assert!(backend.read_back().unwrap() == (model.clone(), adam), "twice reversed is as before");
+    assert!(backend.read_back().unwrap() == (model.clone(), adam), "reversing twice restores the order");
 
     let half: Vec<u32> = (0..n).step_by(2).collect();
     let texel_size = model.textures.maps[0].texel_size;
@@ -251,7 +251,7 @@ fn plans_gather_and_resample() {
 }
 
 /// Images of the model before and after a change of all maps.
-fn images_around(scene: &Scene, change: impl Fn(&TextureMap) -> MapChange) -> [Vec<f32>; 2] {
+fn images_around(scene: &RandomScene, change: impl Fn(&TextureMap) -> MapChange) -> [Vec<f32>; 2] {
     let mut backend = uploaded(&scene.model);
     let before = backend.render(&scene.camera, &BLACK).unwrap();
     let maps = &scene.model.textures.maps;
@@ -264,8 +264,8 @@ fn images_around(scene: &Scene, change: impl Fn(&TextureMap) -> MapChange) -> [V
     [before.rgb, backend.render(&scene.camera, &BLACK).unwrap().rgb]
 }
 
-/// Largest difference between them.
-fn difference_by(scene: &Scene, change: impl Fn(&TextureMap) -> MapChange) -> f32 {
+/// Largest difference between the images before and after a change of all maps.
+fn difference_by(scene: &RandomScene, change: impl Fn(&TextureMap) -> MapChange) -> f32 {
     let [before, after] = images_around(scene, change);
     let difference = |(a, b): (&f32, &f32)| (a - b).abs();
     before.iter().zip(&after).map(difference).fold(0.0, f32::max)
@@ -284,7 +284,7 @@ fn margin(map: &TextureMap, texels: i32) -> MapChange {
 }
 
 #[test]
-fn margins_of_zeros_do_not_show_in_images() {
+fn margins_of_zeros_do_not_change_images() {
     let mut scene = scene();
     // A margin of zeros around the inner 2 x 2 texels of each map.
     for (t, rgb) in scene.model.textures.texels.chunks_exact_mut(3).enumerate() {
@@ -296,10 +296,10 @@ fn margins_of_zeros_do_not_show_in_images() {
     for texels in [-1, 0, 1, 5] {
         let off = difference_by(&scene, same(texels));
         println!("margin {texels}: {off:e}");
-        // The place of a sample on the map is rounded to its size: needed 3e-7.
+        // The rounding of texture coordinates depends on the size of the map: needed 3e-7.
         assert!(if texels == 0 { off == 0.0 } else { off < 1e-6 }, "margin {texels}: {off:e}");
     }
-    // Negative controls: without its inner texels nothing is left of a map; a shift moves it.
+    // Negative controls: maps without their inner texels, and shifted maps.
     assert!(difference_by(&scene, same(-2)) > 0.1);
     let shifted = |map: &TextureMap| MapChange::Regrid {
         grid: Grid::Same,
@@ -312,7 +312,7 @@ fn margins_of_zeros_do_not_show_in_images() {
     assert!(difference_by(&scene, shifted) > 0.1);
 }
 
-/// Each texel becomes 2 x 2, and the window begins so many of the new texels further on.
+/// Each texel becomes 2 x 2; the window begins at row and column `first` of the finer grid.
 fn doubled(first: i32) -> impl Fn(&TextureMap) -> MapChange {
     move |map| MapChange::Regrid {
         grid: Grid::Finer,
@@ -324,14 +324,14 @@ fn doubled(first: i32) -> impl Fn(&TextureMap) -> MapChange {
     }
 }
 
-/// What a sample of a map changes by at most when each texel becomes 2 x 2 of its value, by channel.
+/// Upper bound of the change of a sample in one channel when each texel becomes 2 x 2 texels of its value.
 ///
-/// Along one axis, with texels of values 0 and d at places 0 and 1: before, a sample at x is d x. After,
-/// there are texels of 0 at -1/4 and 1/4 and of d at 3/4 and 5/4: samples are 0 up to 1/4, d from 3/4 on, and
-/// 2 d (x - 1/4) in between. Both differ by |d| / 4 at most, at 1/4 and 3/4. Beyond the edge stand zeros,
-/// before and after: they are neighbours as any other. Along both axes, bilinear sampling is one after the
-/// other, and each is a mean, which enlarges no difference: the sum of the bounds of both.
-fn doubling_bound(scene: &Scene, map: &TextureMap, channel: usize) -> f64 {
+/// Along one axis, take texels with the values 0 and d at 0 and 1. Before, a sample at x is d x. After, there
+/// are texels with 0 at -1/4 and 1/4 and with d at 3/4 and 5/4: samples are 0 up to 1/4, d from 3/4 on, and 2 d
+/// (x - 1/4) in between. They differ by at most |d| / 4, at 1/4 and 3/4. The zeros outside the map are
+/// neighbours like any others. Bilinear sampling handles one axis after the other, and each is a mean, which
+/// does not increase differences: the bound is the sum over both axes.
+fn doubling_bound(scene: &RandomScene, map: &TextureMap, channel: usize) -> f64 {
     let (rows, cols) = (i32::from(map.rows), i32::from(map.cols));
     let texels = &scene.model.textures.texels[map.floats()];
     let value = |row: i32, col: i32| {
@@ -347,16 +347,16 @@ fn doubling_bound(scene: &Scene, map: &TextureMap, channel: usize) -> f64 {
 }
 
 #[test]
-fn doubled_texels_change_images_by_a_quarter_of_their_neighbours_difference() {
-    // Few splats and opaque, so that one alone makes up most of a pixel.
+fn doubling_texels_changes_images_by_a_quarter_of_their_differences() {
+    // Few, opaque splats, so that most pixels are dominated by one.
     let mut scene = random_scene(&SceneOptions { num_splats: 30, opacities: (0.9, 0.99), ..scene_options() });
-    // Chequered: neighbours differ everywhere by the most that they differ anywhere.
+    // A chequerboard: all neighbours differ by the same amount.
     for (t, rgb) in scene.model.textures.texels.chunks_exact_mut(3).enumerate() {
         rgb.fill(if (t / 4 + t) % 2 == 0 { 0.5 } else { -0.5 });
     }
-    // Colours are blended with weights that do not depend on them, and cut off at zero, which enlarges no
-    // difference: a pixel changes by the blend of the splats' bounds at most. It is the image of splats
-    // of these colours.
+    // Blending weights do not depend on colours, and the clamp at zero does not increase differences. So the
+    // change of a pixel is bounded by the blend of the splats' bounds: an image of splats with the bounds as
+    // colours.
     let mut bounds = scene.model.clone();
     bounds.textures = TexturePool::neutral(vec![(0, 0, 0.0); bounds.num_splats()]).unwrap();
     bounds.splats.sh.fill(0.0);
@@ -367,31 +367,31 @@ fn doubled_texels_change_images_by_a_quarter_of_their_neighbours_difference() {
         }
     }
     let bounds = uploaded(&bounds).render(&scene.camera, &BLACK).unwrap().rgb;
-    // Largest part of a pixel's bound that is used.
+    // Largest change of a pixel over its bound.
     let used = |first: i32| {
         let [before, after] = images_around(&scene, doubled(first));
         let parts = before.iter().zip(&after).zip(&bounds);
-        // Rounding may add to it: needed 0.
+        // Allows for rounding: needed 0.
         parts.map(|((a, b), bound)| (a - b).abs() / (bound + 1e-6)).fold(0.0, f32::max)
     };
     let [used, left, right] = [0, 1, -1].map(used);
     println!("{used} of the bound, {left} and {right} with a shift");
-    // A place a quarter of a texel from a centre along both axes takes a quarter of the value before and all
-    // of it after: three quarters of the bound.
+    // The largest change is at positions a quarter of a texel from a centre along both axes: samples there have
+    // a quarter of the texel's value before and all of it after, three quarters of the bound.
     assert!((0.7..1.0).contains(&used), "{used}");
-    // Negative control: a window that begins a new texel too late or too early.
+    // Negative control: windows that begin one fine texel too late or too early.
     assert!(left > 1.1 && right > 1.1, "{left} {right}");
 }
 
 #[test]
-fn doubled_texels_of_one_value_do_not_show_in_images() {
+fn doubling_uniform_texels_does_not_change_images() {
     let mut scene = scene();
-    // The outermost texel centres lie beyond all that is drawn: residuals fade out behind them.
+    // Moves the outermost texel centres, beyond which residuals fade out, outside the support.
     scene.model.textures.maps.iter_mut().for_each(|map| map.texel_size *= 1.5);
     scene.model.textures.texels.fill(0.6);
     let off = difference_by(&scene, doubled(0));
     println!("{off:e}");
-    // Weights that sum to 1 are rounded: needed 1.2e-7.
+    // Rounding of weights that sum to 1: needed 1.2e-7.
     assert!(off < 1e-6, "{off:e}");
     scene.model.textures.texels.fill(0.0);
     assert_eq!(difference_by(&scene, doubled(0)), 0.0);

@@ -1,4 +1,5 @@
-//! Steps on the wgpu backend: against the CPU backend, against itself, and across what a run does in between.
+//! Training steps on the wgpu backend: compared with the CPU backend, repeated with other options, and interrupted by
+//! renders and checkpoints.
 #![cfg(feature = "gpu")]
 #![allow(clippy::unwrap_used, reason = "a failing test may panic")]
 
@@ -8,19 +9,19 @@ use common::gpu::{backend, drivers_and_limits, open};
 use common::steps::{differences, requests, scene, views};
 use litetex_gs::backend::{Backend, LossWeights, RenderOptions, StepReport, StepRequest};
 use litetex_gs::cpu::CpuBackend;
-use litetex_gs::gpu::{AdapterChoice, GpuBackend, GpuOptions, Limits};
+use litetex_gs::gpu::{AdapterChoice, GpuBackend, GpuOptions, LimitChoice};
 use litetex_gs::model::{AdamState, Model};
-use litetex_gs::selftest::Scene;
+use litetex_gs::selftest::RandomScene;
 
 type Trained = (Model, AdamState, Vec<StepReport>);
 
-fn trained(backend: &mut dyn Backend, scene: &Scene, steps: u32) -> Trained {
+fn trained(backend: &mut dyn Backend, scene: &RandomScene, steps: u32) -> Trained {
     let views = views(scene);
     let requests = requests(&views, 1..=steps);
     trained_with(backend, scene, &requests)
 }
 
-fn trained_with(backend: &mut dyn Backend, scene: &Scene, requests: &[StepRequest<'_>]) -> Trained {
+fn trained_with(backend: &mut dyn Backend, scene: &RandomScene, requests: &[StepRequest<'_>]) -> Trained {
     backend.upload(&scene.model, &AdamState::zeros(&scene.model)).unwrap();
     let reports = backend.steps(requests).unwrap();
     let (model, adam) = backend.read_back().unwrap();
@@ -38,7 +39,7 @@ fn ten_steps_follow_the_cpu_backend_on_every_driver() {
         .for_each(|(driver, limits)| ten_steps_follow_the_cpu_backend(driver, *limits));
 }
 
-fn ten_steps_follow_the_cpu_backend(driver: &AdapterChoice, limits: Limits) {
+fn ten_steps_follow_the_cpu_backend(driver: &AdapterChoice, limits: LimitChoice) {
     let mut gpu = open(driver, limits, GpuOptions::default());
     let scene = scene(3);
     let (_, _, gpu_reports) = trained(&mut gpu, &scene, 10);
@@ -51,7 +52,7 @@ fn ten_steps_follow_the_cpu_backend(driver: &AdapterChoice, limits: Limits) {
     let (g, c) = (gpu.read_flushed().unwrap(), cpu.read_flushed().unwrap());
     for (group, difference) in differences(&scene.model, &g, &c) {
         println!("{} {group}: {difference:.2e}", driver.name);
-        // Adam turns the sign of a tiny gradient into a full step, so that rounding shows: needed 7e-3.
+        // Adam turns a tiny gradient into a full step, so that rounding of its sign shows: needed 7e-3.
         assert!(difference < 0.03, "{group}: {difference}");
     }
     let negative_control = differences(&scene.model, &scene.model, &c);
@@ -59,17 +60,17 @@ fn ten_steps_follow_the_cpu_backend(driver: &AdapterChoice, limits: Limits) {
 }
 
 #[test]
-fn neither_batches_nor_capacity_nor_reruns_change_a_bit_on_any_driver() {
+fn results_do_not_depend_on_batches_or_capacity_on_any_driver() {
     for (driver, limits) in drivers_and_limits() {
-        neither_batches_nor_capacity_nor_reruns_change_a_bit(&driver, limits);
+        results_do_not_depend_on_batches_or_capacity(&driver, limits);
     }
 }
 
-fn neither_batches_nor_capacity_nor_reruns_change_a_bit(driver: &AdapterChoice, limits: Limits) {
+fn results_do_not_depend_on_batches_or_capacity(driver: &AdapterChoice, limits: LimitChoice) {
     let reference = GpuOptions::default();
     let variants = [
         reference,
-        // Overflows at once, and again as splats come into sight.
+        // Overflows in the first step, and again as more splats become visible.
         GpuOptions { pair_capacity: Some(50), ..reference },
         GpuOptions { batch_steps: Some(1), ..reference },
         GpuOptions { batch_steps: Some(16), ..reference },
@@ -77,8 +78,8 @@ fn neither_batches_nor_capacity_nor_reruns_change_a_bit(driver: &AdapterChoice, 
     ];
     let scene = scene(5);
     let mut first: Option<(Model, AdamState, Vec<StepReport>)> = None;
-    // Batches of the default follow the device's speed, and so are other ones each time. The slower drivers get
-    // the first two.
+    // Default batches adapt to the device's speed, and so differ from run to run. Slower drivers run only the
+    // first two variants.
     let count = if driver.name == "lavapipe" { variants.len() } else { 2 };
     for options in variants.into_iter().take(count) {
         let mut backend = open(driver, limits, options);
@@ -92,7 +93,7 @@ fn neither_batches_nor_capacity_nor_reruns_change_a_bit(driver: &AdapterChoice, 
     }
     let other = GpuOptions::default();
     let different = trained(&mut open(driver, limits, other), &common::steps::scene(6), 21);
-    assert!(first.unwrap().0 != different.0, "another scene gives another model");
+    assert!(first.unwrap().0 != different.0, "negative control: another scene gives another model");
 }
 
 /// Steps of every kind: with statistics, with hidden textures, with terms on depths and normals.
@@ -113,8 +114,8 @@ fn mixed<'a>(
 }
 
 #[test]
-fn steps_of_every_kind_are_skipped_and_replayed_bit_for_bit_by_the_kernels_for_hardware_too() {
-    // Large maps, so that texels are added tap by tap as well.
+fn steps_of_every_kind_are_repeated_bit_for_bit_with_both_kernel_variants() {
+    // Large maps, so that some texel gradients are added tap by tap.
     let scene = litetex_gs::selftest::random_scene(&litetex_gs::selftest::SceneOptions {
         num_splats: 300,
         scales: (0.02, 0.15),
@@ -149,11 +150,11 @@ fn steps_of_every_kind_are_skipped_and_replayed_bit_for_bit_by_the_kernels_for_h
         assert_eq!(statistics.views, 4);
         models.push(model);
     }
-    assert!(models[0] != models[1], "the forms differ in their last bits: each was run");
+    assert!(models[0] != models[1], "results of different variants differ in their last bits");
 }
 
 #[test]
-fn looking_does_not_change_a_bit() {
+fn rendering_during_training_does_not_change_it() {
     let Some(mut backend) = gpu(GpuOptions::default()) else { return };
     let scene = scene(7);
     let views = views(&scene);
@@ -171,11 +172,11 @@ fn looking_does_not_change_a_bit() {
     }
     let (model, adam) = backend.read_back().unwrap();
     assert!(model == expected && adam == expected_adam);
-    assert!(flushed_then.unwrap() == flushed && flushed != expected, "something lagged");
+    assert!(flushed_then.unwrap() == flushed && flushed != expected, "nothing lagged, or flushing differs");
 }
 
 #[test]
-fn a_image_shows_the_flushed_model() {
+fn an_image_shows_the_flushed_model() {
     let Some(mut backend) = gpu(GpuOptions::default()) else { return };
     let scene = scene(8);
     trained(&mut backend, &scene, 12);
@@ -187,7 +188,7 @@ fn a_image_shows_the_flushed_model() {
 }
 
 #[test]
-fn a_run_continues_bit_for_bit_from_what_was_read_back() {
+fn training_continues_bit_for_bit_from_the_state_read_back() {
     let Some(mut backend) = gpu(GpuOptions::default()) else { return };
     let scene = scene(9);
     let views = views(&scene);

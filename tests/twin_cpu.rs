@@ -7,12 +7,12 @@ use common::twin::{
     Observed, WEIGHTS, agree, observe, reference, scenes, texels_flush_at_the_rate_of_their_map,
 };
 use litetex_gs::cpu::{CpuBackend, SimdLevel};
-use litetex_gs::selftest::{Scene, SceneOptions, random_scene};
+use litetex_gs::selftest::{RandomScene, SceneOptions, random_scene};
 
-/// Limit of the texels' gradients, rms over that of the reference: needed 6e-4.
+/// Largest rms error of the texel gradients, over the rms of the reference: needed 6e-4.
 const TEXEL_RMS: f64 = 1e-3;
 
-fn cpu(scene: &Scene, threads: usize) -> Observed {
+fn cpu(scene: &RandomScene, threads: usize) -> Observed {
     observe(&mut CpuBackend::new(Some(threads)).unwrap(), scene, &WEIGHTS)
 }
 
@@ -38,7 +38,7 @@ fn every_instruction_set_matches_the_reference() {
 }
 
 #[test]
-fn a_small_change_of_the_scene_is_noticed() {
+fn a_small_change_of_the_scene_is_detected() {
     let options = SceneOptions { num_splats: 500, ..SceneOptions::default() };
     let mut scene = random_scene(&options);
     let expected = reference(&scene, &WEIGHTS);
@@ -49,12 +49,12 @@ fn a_small_change_of_the_scene_is_noticed() {
 }
 
 #[test]
-fn threads_do_not_change_a_bit() {
+fn results_do_not_depend_on_the_number_of_threads() {
     let scene = random_scene(&SceneOptions::default());
     assert_eq!(cpu(&scene, 1), cpu(&scene, 2));
 }
 
 #[test]
-fn lagging_texels_come_up_to_date_at_the_rate_of_their_map() {
+fn lagging_texels_flush_at_the_rate_of_their_map() {
     assert!(texels_flush_at_the_rate_of_their_map(&mut CpuBackend::new(Some(2)).unwrap()));
 }

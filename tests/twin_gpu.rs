@@ -1,5 +1,4 @@
-//! The wgpu backend against the f64 reference, on every software driver that is installed and within the lowest
-//! limits that it may meet.
+//! The wgpu backend against the f64 reference, on every installed software driver and within the minimum limits.
 #![cfg(feature = "gpu")]
 #![allow(clippy::unwrap_used, reason = "a failing test may panic")]
 
@@ -13,9 +12,9 @@ use common::twin::{
 use litetex_gs::backend::{Backend as _, LearningRates, LossWeights, RenderOptions, StepRequest};
 use litetex_gs::gpu::{GpuBackend, GpuOptions};
 use litetex_gs::model::AdamState;
-use litetex_gs::selftest::{Scene, SceneOptions, random_scene};
+use litetex_gs::selftest::{RandomScene, SceneOptions, random_scene};
 
-/// Limit of the texels' gradients, rms over that of the reference.
+/// Largest rms error of the texel gradients, over the rms of the reference.
 const TEXEL_RMS: f64 = 2e-4; // needed 6.9e-5 on lavapipe and SwiftShader, with maps finer than pixels
 
 const NO_GEOMETRY: LossWeights = LossWeights { distortion: 0.0, normal: 0.0, ..WEIGHTS };
@@ -24,7 +23,7 @@ const NO_GEOMETRY: LossWeights = LossWeights { distortion: 0.0, normal: 0.0, ..W
 fn gpu_matches_the_reference_on_every_driver() {
     let mut backends: Vec<GpuBackend> = backends(GpuOptions::default()).collect();
     for options in scenes() {
-        // Half as many as the CPU backend gets: the slowest driver sets the pace.
+        // Half as many splats as for the CPU backend, because of the slowest driver.
         let options = SceneOptions { num_splats: options.num_splats / 2, ..options };
         let scene = random_scene(&options);
         println!("{options:?}");
@@ -41,22 +40,22 @@ fn gpu_matches_the_reference_on_every_driver() {
     }
 }
 
-/// One of the forms of the rasterisation, pairs counted.
-fn form(hardware: bool) -> GpuOptions {
+/// Options for a variant of the rasterisation, with pairs counted.
+fn variant(hardware: bool) -> GpuOptions {
     GpuOptions { hardware_kernels: Some(hardware), count_pairs: true, ..GpuOptions::default() }
 }
 
 #[test]
-fn the_kernels_for_hardware_match_the_reference_too() {
-    // The scene with maps that are finer than the pixels, and a common one.
+fn the_kernels_for_hardware_match_the_reference() {
+    // The scene with texels smaller than pixels, and an ordinary one.
     let cases = [3, 0].map(|at| {
         let scene = random_scene(&SceneOptions { num_splats: 600, ..scenes().swap_remove(at) });
         let expected = reference(&scene, &NO_GEOMETRY);
         (scene, expected)
     });
-    for mut backend in backends(form(true)) {
+    for mut backend in backends(variant(true)) {
         let mut observed = |hardware: bool| {
-            backend.set_options(form(hardware)).unwrap();
+            backend.set_options(variant(hardware)).unwrap();
             cases.each_ref().map(|(scene, _)| observe(&mut backend, scene, &NO_GEOMETRY))
         };
         let (hardware, software) = (observed(true), observed(false));
@@ -65,14 +64,14 @@ fn the_kernels_for_hardware_match_the_reference_too() {
             assert_eq!(hardware.image, software.image);
             assert!(
                 hardware.splats != software.splats,
-                "gradients differ in their last bits: each form was run"
+                "gradients of different variants differ in their last bits"
             );
         }
     }
 }
 
 #[test]
-fn a_small_change_of_the_scene_is_noticed() {
+fn a_small_change_of_the_scene_is_detected() {
     for mut backend in backends(GpuOptions::default()) {
         let mut scene = random_scene(&SceneOptions { num_splats: 500, ..SceneOptions::default() });
         let expected = reference(&scene, &NO_GEOMETRY);
@@ -84,8 +83,8 @@ fn a_small_change_of_the_scene_is_noticed() {
     }
 }
 
-/// An opaque scene, in which pixels have surfaces, and one near the camera, whose photo has a mask.
-fn surfaces() -> [Scene; 2] {
+/// An opaque scene, whose pixels have surface normals, and a scene near the camera, whose photo has a mask.
+fn surfaces() -> [RandomScene; 2] {
     let mut scenes = [(scenes().swap_remove(1), 700), (scenes().swap_remove(4), 200)]
         .map(|(options, num_splats)| random_scene(&SceneOptions { num_splats, ..options }));
     let num_pixels = scenes[1].camera.pinhole.num_pixels();
@@ -99,18 +98,19 @@ fn terms_on_depths_and_normals_match_the_reference() {
 }
 
 #[test]
-fn terms_on_depths_and_normals_match_the_reference_in_the_form_for_hardware() {
+fn terms_on_depths_and_normals_match_the_reference_with_the_kernels_for_hardware() {
     terms_match(true, &LossWeights { normal: 0.0, ..WEIGHTS });
 }
 
-/// On every driver; that nothing agrees without one of the terms is seen on the first.
+/// Compares on every driver; the negative control on the first is a step with the weights `without`, which omit
+/// a term.
 fn terms_match(hardware: bool, without: &LossWeights) {
     let cases = surfaces().map(|scene| {
         let expected = reference(&scene, &WEIGHTS);
         assert!(expected.loss.distortion > 0.0 && expected.loss.normal > 0.0);
         (scene, expected)
     });
-    for (at, mut backend) in backends(form(hardware)).enumerate() {
+    for (at, mut backend) in backends(variant(hardware)).enumerate() {
         for (scene, expected) in &cases {
             let got = observe(&mut backend, scene, &WEIGHTS);
             assert!(agree(scene, &got, expected, TEXEL_RMS));
@@ -122,8 +122,9 @@ fn terms_match(hardware: bool, without: &LossWeights) {
     }
 }
 
-/// Depth and normals of an image against the reference: needed 4.3e-5 of the largest, no pixel beyond.
-fn images_agree(backend: &mut GpuBackend, scene: &Scene, moved: f32) -> bool {
+/// Whether depths and normals of an image agree with the reference, with all splats moved by `moved`: needed
+/// 4.3e-5 of the largest, for all pixels.
+fn images_agree(backend: &mut GpuBackend, scene: &RandomScene, moved: f32) -> bool {
     let expected = reference(scene, &NO_GEOMETRY).image;
     let mut model = scene.model.clone();
     model.splats.positions.chunks_exact_mut(3).for_each(|p| p[2] += moved);
@@ -144,7 +145,7 @@ fn images_agree(backend: &mut GpuBackend, scene: &Scene, moved: f32) -> bool {
 }
 
 #[test]
-fn images_of_depths_and_normals_match_the_reference() {
+fn rendered_depths_and_normals_match_the_reference() {
     for mut backend in backends(GpuOptions::default()) {
         for scene in surfaces() {
             assert!(images_agree(&mut backend, &scene, 0.0));
@@ -154,13 +155,13 @@ fn images_of_depths_and_normals_match_the_reference() {
 }
 
 #[test]
-fn a_step_does_not_depend_on_terms_of_the_step_before() {
+fn a_step_does_not_depend_on_the_loss_terms_of_the_step_before() {
     for mut backend in backends(GpuOptions::default()) {
         let scene = random_scene(&SceneOptions { num_splats: 300, ..SceneOptions::default() });
         let fresh = observe(&mut backend, &scene, &NO_GEOMETRY);
         let weights = [WEIGHTS, NO_GEOMETRY];
         backend.upload(&scene.model, &AdamState::zeros(&scene.model)).unwrap();
-        // At rest, in one submission: the model stays, only its moments change.
+        // With learning rates of zero, in one submission: only the moments change.
         let request = |k: usize| StepRequest {
             step: k as u32 + 1,
             camera: scene.camera,
@@ -181,7 +182,7 @@ fn a_step_does_not_depend_on_terms_of_the_step_before() {
 }
 
 #[test]
-fn lagging_texels_come_up_to_date_at_the_rate_of_their_map() {
+fn lagging_texels_flush_at_the_rate_of_their_map() {
     for mut backend in backends(GpuOptions::default()) {
         assert!(texels_flush_at_the_rate_of_their_map(&mut backend), "{:?}", backend.device());
     }

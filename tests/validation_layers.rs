@@ -1,5 +1,5 @@
-//! The Khronos validation layer with synchronisation validation has nothing to say about a run with steps,
-//! statistics, images, timestamps, counted atomics and a density-control step.
+//! The Khronos validation layer, with synchronisation validation, reports nothing about a run with steps, statistics,
+//! images, timestamps, counted atomics and a density-control step.
 #![cfg(feature = "gpu")]
 #![allow(clippy::unwrap_used, reason = "a failing test may panic")]
 
@@ -8,27 +8,27 @@ mod common;
 use common::gpu::{drivers, open};
 use common::steps::{plan, requests, scene, views};
 use litetex_gs::backend::{Backend as _, RenderOptions};
-use litetex_gs::gpu::{GpuOptions, Limits};
+use litetex_gs::gpu::{GpuOptions, LimitChoice};
 use litetex_gs::model::AdamState;
 use std::path::Path;
 use std::process::Command;
 
-/// Where a loader on Linux looks for the manifest of the layer.
+/// Folders in which the loader on Linux searches for the layer's manifest.
 const MANIFESTS: [&str; 3] = ["/usr/share", "/usr/local/share", "/etc"];
 
-/// Two checks: hazards within a submission, and between submissions. Layers that do not know the second ignore
-/// it or do both with the first.
+/// Checks for hazards within a submission, and between submissions. Layers that do not know the second flag
+/// ignore it, or do both checks with the first.
 const SYNCHRONISATION: &str = "VK_VALIDATION_FEATURE_ENABLE_SYNCHRONIZATION_VALIDATION";
 const BETWEEN_SUBMISSIONS: &str = "VALIDATION_CHECK_ENABLE_SYNCHRONIZATION_VALIDATION_QUEUE_SUBMIT";
 
-/// Lines of a log of the layer that report an error or a warning. Each report starts with a line such as
-/// `VUID-...(ERROR / SPEC): msgNum: ...`; none has to be ignored.
+/// Lines of the layer's log that report an error or a warning. Each report starts with a line such as
+/// `VUID-...(ERROR / SPEC): msgNum: ...`; there are no known ones to ignore.
 fn complaints(log: &str) -> Vec<&str> {
     let marks = ["(ERROR /", "(WARN /", "Validation Error", "Validation Warning", "Validation Performance"];
     log.lines().filter(|line| marks.iter().any(|mark| line.contains(mark))).collect()
 }
 
-/// Whether the layer was there and looked at synchronisation.
+/// Whether the layer was loaded and checked synchronisation.
 fn was_active(log: &str) -> bool {
     let enables = log.lines().find(|line| line.trim_start().starts_with("Current Enables:"));
     log.contains("Khronos Validation Layer Active")
@@ -41,7 +41,7 @@ fn is_installed() -> bool {
 }
 
 #[test]
-fn the_validation_layer_has_nothing_to_say() {
+fn the_validation_layer_reports_nothing() {
     let Some(driver) = drivers().into_iter().next() else { return };
     if !is_installed() {
         assert!(std::env::var_os("LITETEX_REQUIRE_GPU").is_none(), "the validation layer is required");
@@ -63,18 +63,18 @@ fn the_validation_layer_has_nothing_to_say() {
         .args(["--ignored", "--exact", "a_run_under_the_layer", "--nocapture"])
         .env("VK_INSTANCE_LAYERS", "VK_LAYER_KHRONOS_validation")
         .env("VK_LAYER_SETTINGS_PATH", folder.path())
-        // In debug builds wgpu names WGSL as the source language in the SPIR-V. Layers of 2023 do not know the
-        // name, say so, and look no further into the module.
+        // In debug builds, wgpu names WGSL as the source language of the SPIR-V. Layers of 2023 report it as unknown
+        // and do not validate the module any further.
         .env("WGPU_DEBUG", "0")
         .output()
         .unwrap();
-    let said = [run.stdout, run.stderr].map(|text| String::from_utf8_lossy(&text).into_owned()).join("\n");
-    assert!(run.status.success(), "{}: {said}", driver.name);
-    assert!(said.contains("1 passed"), "{said}");
+    let output = [run.stdout, run.stderr].map(|text| String::from_utf8_lossy(&text).into_owned()).join("\n");
+    assert!(run.status.success(), "{}: {output}", driver.name);
+    assert!(output.contains("1 passed"), "{output}");
     let log = std::fs::read_to_string(&log).unwrap_or_default();
-    assert!(was_active(&log), "the layer was not active: {log:?}\n{said}");
+    assert!(was_active(&log), "the layer was not active: {log:?}\n{output}");
     assert!(complaints(&log).is_empty(), "{log}");
-    // Negative control: one report among those lines is noticed.
+    // Negative control: a report in the same log is found.
     for report in [
         "SYNC-HAZARD-WRITE-AFTER-READ(ERROR / SPEC): msgNum: 929810911 - Validation Error: [ SYNC-HAZARD ]",
         "UNASSIGNED-BestPractices-x(WARN / SPEC): msgNum: 1 - Validation Warning: [ UNASSIGNED ]",
@@ -85,9 +85,9 @@ fn the_validation_layer_has_nothing_to_say() {
     assert!(!was_active(&log.replace(SYNCHRONISATION, "None")) && !was_active(""));
 }
 
-/// The run itself, in a process of its own, for the layer reads its settings from the environment.
+/// The run itself, in a separate process, because the layer reads its settings from the environment.
 #[test]
-#[ignore = "started by the test above, under the layer"]
+#[ignore = "started by the_validation_layer_reports_nothing, under the layer"]
 fn a_run_under_the_layer() {
     let Some(driver) = drivers().into_iter().next() else { return };
     let scene = scene(11);
@@ -100,10 +100,10 @@ fn a_run_under_the_layer() {
             count_pairs: hardware_kernels,
             ..GpuOptions::default()
         };
-        let mut backend = open(&driver, Limits::Downlevel, options);
+        let mut backend = open(&driver, LimitChoice::Downlevel, options);
         backend.upload(&scene.model, &AdamState::zeros(&scene.model)).unwrap();
         backend.steps(&requests(&views, 1..=4)).unwrap();
-        // Every dispatch in a pass of its own between two timestamps, and the variants that count.
+        // With every dispatch in a separate pass between timestamps, and with the variants that count.
         let counting =
             GpuOptions { time_kernels: true, count_texel_atomics: true, count_pairs: true, ..options };
         backend.set_options(counting).unwrap();
@@ -121,7 +121,7 @@ fn a_run_under_the_layer() {
         backend.steps(&requests(&views, 8..=10)).unwrap();
         backend.read_flushed().unwrap();
         backend.read_back().unwrap();
-        // The terms on depths and normals, and images of them.
+        // Terms on depths and normals, and rendered depths and normals.
         let mut geometry = requests(&views, 11..=12);
         geometry.iter_mut().for_each(|r| (r.loss.distortion, r.loss.normal) = (0.1, 0.05));
         backend.steps(&geometry).unwrap();

@@ -1,4 +1,4 @@
-// Adam, dense in meaning and lazy in work (twin: reference/adam.rs).
+// Adam with lazy updates in place of dense ones (twin: reference/adam.rs).
 
 struct Moments {
     p: f32,
@@ -6,7 +6,7 @@ struct Moments {
     v: f32,
 }
 
-// One step on one parameter, with the corrections of the step.
+// One step on one parameter, with the bias corrections of `step`.
 fn adam_step(state: Moments, gradient: f32, rate: f32) -> Moments {
     let m = ADAM_BETA1 * state.m + (1.0 - ADAM_BETA1) * gradient;
     let v = ADAM_BETA2 * state.v + (1.0 - ADAM_BETA2) * gradient * gradient;
@@ -14,7 +14,7 @@ fn adam_step(state: Moments, gradient: f32, rate: f32) -> Moments {
     return Moments(state.p - change, m, v);
 }
 
-// Factors that bring a parameter from after step `last` to after step `now`.
+// Closed form of the steps without gradient that a lazily updated parameter has skipped.
 struct Skip {
     any: bool,
     rate_factor: f32,
@@ -23,6 +23,7 @@ struct Skip {
     v_decay: f32,
 }
 
+// The steps after `last`, up to and including `now`.
 fn adam_skip(last: u32, now: u32) -> Skip {
     if last == 0u || now <= last {
         return Skip(false, 0.0, 1.0, 1.0, 1.0);
@@ -46,7 +47,8 @@ fn adam_skipped(state: Moments, skip: Skip, rate: f32) -> Moments {
     return Moments(state.p - change, state.m * skip.m_decay, state.v * skip.v_decay);
 }
 
-// Rate of the texels of a map: larger maps learn faster, within limits (twin: map_rate).
+// Learning rate of the texels of a map: larger maps learn faster, up to a limit (twin: map_rate in
+// reference/adam.rs).
 fn map_rate(rate: f32, growth: f32, limit: f32, num_texels: u32) -> f32 {
     if growth == 0.0 {
         return rate;

@@ -1,31 +1,32 @@
 // Where a splat can reach alpha 1/255: a box of pixels, and within it an ellipse or the whole box (twin:
-// reference/bounds.rs; method 2.3). Counting and emitting tiles both ask `tile_run`. Mirrors `layout::Bounds`.
+// reference/bounds.rs; method 2.3). `project` counts tiles and `tile_emit` lists them, both by `tile_run`.
 
 struct Bounds {
     centre_px: vec2f,
-    // 1 / half height; 0 where the shape is the whole box.
+    // 1 / half height; 0 where every row spans the whole box.
     per_half_height: f32,
     // Shift of a span's middle per row.
     shear: f32,
     // Half length of the span through the centre.
     half_span_px: f32,
-    // Row of the rightmost point, from the centre; the leftmost is opposite.
+    // Vertical offset of the rightmost point from the centre; the leftmost point is opposite.
     rightmost_dy_px: f32,
     box_min: u32,
     box_max: u32,
     num_tiles: u32,
     first_slot: u32,
-    // What the backward pass leaves: entries that were not finite or did not fit fixed point; share of the
-    // splat that others hide; sum of the absolute residuals of its map.
+    // Results of the backward pass: gradients that were not finite or did not fit fixed point; ...
     faults: u32,
+    // ... 1 - mean transmittance in front of the splat; ...
     hidden: f32,
+    // ... sum of the absolute residuals of its map.
     texture_sum: f32,
     pad0: u32,
     pad1: u32,
     pad2: u32,
 }
 
-// Spans are widened by this against rounding (measured for the CPU backend: 1e-4 px far from the origin).
+// Spans are widened by this to absorb rounding (measured on the CPU backend: up to 1e-4 px far from the origin).
 const MARGIN_PX = 0.01;
 
 struct Box {
@@ -33,16 +34,16 @@ struct Box {
     high: vec2f,
 }
 
-fn no_bounds() -> Bounds {
+fn empty_bounds() -> Bounds {
     return Bounds(vec2f(), 0.0, 0.0, 0.0, 0.0, 0u, 0u, 0u, 0u, 0u, 0.0, 0.0, 0u, 0u, 0u);
 }
 
-// Pixels whose centres lie in the box, widened by the margin and clipped to the image.
-fn with_box(shape: Bounds, extent: Box) -> Bounds {
+// Sets the box to the pixels whose centres lie in `extent`, widened by the margin and clipped to the image.
+fn with_box(bounds: Bounds, extent: Box) -> Bounds {
     let size = vec2f(step.size_px);
     let first = clamp(ceil(extent.low - 0.5 - MARGIN_PX), vec2f(0.0), size);
     let past = clamp(floor(extent.high - 0.5 + MARGIN_PX) + 1.0, vec2f(0.0), size);
-    var out = shape;
+    var out = bounds;
     if first.x < past.x && first.y < past.y {
         out.box_min = pack_px(vec2i(first));
         out.box_max = pack_px(vec2i(past));
@@ -50,12 +51,12 @@ fn with_box(shape: Bounds, extent: Box) -> Bounds {
     return out;
 }
 
-// The projected disc as an ellipse, from homography rows relative to the projected centre; a box of width
-// zero where nothing is in sight.
+// Bounds of a splat: the ellipse that its disc projects to, from homography rows relative to the projected centre, or
+// the box of the clipped disc where it reaches the camera plane. The box is empty if no pixel is inside.
 fn splat_bounds(p: vec3f, e_u: vec3f, e_v: vec3f, scales: vec2f, opacity: f32, centre_px: vec2f) -> Bounds {
     let r2 = 2.0 * log(opacity / ALPHA_MIN);
     if r2 < 0.0 {
-        return no_bounds();
+        return empty_bounds();
     }
     let su = e_u * scales.x;
     let sv = e_v * scales.y;
@@ -72,9 +73,9 @@ fn splat_bounds(p: vec3f, e_u: vec3f, e_v: vec3f, scales: vec2f, opacity: f32, c
     let half = sqrt(half2);
     let centre = centre_px + offset;
     let height2 = max(half2.y, 1e-37);
-    // A needle's span suffers cancellation of order epsilon * half2: widen by as much.
+    // For needles the difference cancels with an error of order epsilon * half2: widen by that much.
     let span2 = max(half2.x - covariance * covariance / height2, 0.0) + 4e-6 * half2.x;
-    var out = no_bounds();
+    var out = empty_bounds();
     out.centre_px = centre;
     if half.y < 1e-3 {
         out.half_span_px = half.x;
@@ -107,13 +108,13 @@ fn clipped_bounds(p: vec3f, half_u: vec3f, half_v: vec3f) -> Bounds {
             extent = including(extent, vec3f(mix(corner.xy, next.xy, t), step.near));
         }
     }
-    var out = no_bounds();
+    var out = empty_bounds();
     if extent.low.x > extent.high.x {
         return out;
     }
-    // Row spans are clipped to the box.
+    // Wider than any image: spans are clipped to the box.
     out.half_span_px = 1e9;
-    // Rounding of far crossings: widen by a relative 1e-5.
+    // Rounding of distant intersections: widen by a relative 1e-5.
     let slack = 1e-5 * (abs(extent.low) + abs(extent.high));
     return with_box(out, Box(extent.low - slack, extent.high + slack));
 }
@@ -123,7 +124,7 @@ fn including(extent: Box, v: vec3f) -> Box {
     return Box(min(extent.low, px), max(extent.high, px));
 }
 
-// Half-open range of tile columns that the splat touches in a row of tiles.
+// Half-open range of the tile columns that the splat touches in a row of tiles.
 fn tile_run(bounds: Bounds, tile_row: i32) -> vec2i {
     let low = unpack_px(bounds.box_min);
     let high = unpack_px(bounds.box_max);
@@ -134,7 +135,7 @@ fn tile_run(bounds: Bounds, tile_row: i32) -> vec2i {
     let limit = vec2f(f32(low.x), f32(high.x));
     var run = vec2f(limit.y, limit.x);
     if high.y - low.y <= tile {
-        // A small splat may lie between all pixel centres: row by row, none is touched in vain.
+        // A small splat may miss all pixel centres: testing each row lists no tile without need.
         for (var row = first_row; row < past_row; row += 1) {
             let dy = f32(row) + 0.5 - bounds.centre_px.y;
             let span = span_px(bounds, dy, dy, limit);
@@ -143,7 +144,8 @@ fn tile_run(bounds: Bounds, tile_row: i32) -> vec2i {
             }
         }
     } else {
-        // The span's ends are concave in y: the extremes lie at the outermost points or at an edge.
+        // The right ends of the spans are concave in y and the left ends convex: the extremes lie at the
+        // outermost points of the ellipse or at the edges of the tile.
         let first_dy = f32(first_row) + 0.5 - bounds.centre_px.y;
         let last_dy = f32(past_row) - 0.5 - bounds.centre_px.y;
         let right_dy = clamp(bounds.rightmost_dy_px, first_dy, last_dy);
@@ -171,7 +173,7 @@ fn half_span(bounds: Bounds, dy_px: f32) -> f32 {
     return bounds.half_span_px * sqrt(max(1.0 - t * t, 0.0));
 }
 
-// Half-open range of the rows of tiles.
+// Half-open range of the rows of tiles that the box touches.
 fn tile_rows(bounds: Bounds) -> vec2i {
     let low = unpack_px(bounds.box_min);
     let high = unpack_px(bounds.box_max);

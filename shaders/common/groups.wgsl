@@ -1,16 +1,19 @@
-// Workgroups of a dispatch, folded to two dimensions where one does not hold them (twin: `folded_groups` in
-// sort.rs). A balanced fold has fewer groups to spare than it has rows; those find nothing to do.
+// Dispatches of more workgroups than one dimension allows.
 
+// Workgroup counts along x and y for a dispatch of `groups` workgroups, folded to two dimensions if one is too
+// few (twin: `folded_groups` in gpu/sort.rs). The fold is balanced: fewer workgroups are superfluous than there
+// are rows.
 fn folded_groups(groups: u32) -> vec2u {
     let rows = max((groups + (MAX_GROUPS - 1u)) / MAX_GROUPS, 1u);
     return vec2u((groups + (rows - 1u)) / rows, rows);
 }
 
-// A workgroup's index, whatever the fold.
+// Linear index of a workgroup.
 fn group_index(id: vec3u, groups: vec3u) -> u32 {
     return id.x + id.y * groups.x;
 }
 
+// Blocks of BLOCK elements that hold `count`; cannot overflow.
 fn blocks_of(count: u32) -> u32 {
     return count / BLOCK + u32(count % BLOCK != 0u);
 }

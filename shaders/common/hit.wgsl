@@ -1,12 +1,13 @@
-// Where a pixel's ray meets a splat, its alpha there, and the texture taps: one function each, so that forward
-// and backward pass see the same bits (twin: reference/raster_fwd.rs; method 2.2).
+// Intersection of a pixel's ray with a splat, alpha there, and the texture taps. Forward and backward pass call
+// the same functions and so get the same bits (twin: reference/raster_fwd.rs; method 2.2). Requires
+// `texel_values` bound.
 
 struct Hit {
     inside: bool,
     offset_px: vec2f,
     per_denominator: f32,
     denominator: f32,
-    // In standard deviations.
+    // Coordinates on the surfel, in standard deviations.
     plane: vec2f,
     falloff: f32,
     // opacity * falloff, before the clamp
@@ -22,7 +23,7 @@ fn in_box(s: Projected, pixel: vec2u) -> bool {
 fn splat_hit(s: Projected, pixel_px: vec2f) -> Hit {
     let offset_px = pixel_px - s.centre_px;
     let denominator = 1.0 + dot(s.g, offset_px);
-    // Pixels behind the camera are outside whatever the rest says: any positive divisor serves.
+    // `inside` excludes hits behind the camera: there, any positive divisor will do.
     let per_denominator = 1.0 / max(denominator, DENOMINATOR_MIN);
     let plane = vec2f(dot(s.a, offset_px), dot(s.b, offset_px)) * per_denominator;
     let falloff = exp(-0.5 * dot(plane, plane));
@@ -32,7 +33,7 @@ fn splat_hit(s: Projected, pixel_px: vec2f) -> Hit {
     return Hit(inside, offset_px, per_denominator, denominator, plane, falloff, raw_alpha);
 }
 
-// Bilinear taps: the first texel (may be -1) and the fractions.
+// Bilinear taps: the first texel, whose row or column may be -1, and the fractions.
 struct Taps {
     inside: bool,
     coordinate: vec2f,
@@ -48,7 +49,7 @@ fn texture_taps(s: Projected, plane: vec2f) -> Taps {
     return Taps(inside, coordinate, vec2i(whole), coordinate - whole);
 }
 
-// The residual of a texel; outside the map it is zero.
+// Residual of a texel; zero outside the map.
 fn tap(s: Projected, texel: vec2i) -> vec3f {
     let rows = i32(map_rows(s.map_size));
     let cols = i32(map_cols(s.map_size));
@@ -58,7 +59,7 @@ fn tap(s: Projected, texel: vec2i) -> vec3f {
     return texel_values[s.map_offset_texels + u32(texel.x * cols + texel.y)].xyz;
 }
 
-// The four residuals in the order of the footprint: row by row.
+// Residuals of the four taps, row by row.
 fn tap_values(s: Projected, taps: Taps) -> array<vec3f, 4> {
     return array(
         tap(s, taps.first),

@@ -1,11 +1,11 @@
-// Arithmetic that drivers are free to get wrong otherwise.
+// Arithmetic that stays accurate whatever liberties a driver takes.
 
-// WGSL lets an implementation assume that there is no NaN or infinity: only the bits tell.
+// Tests the bits: WGSL allows implementations to assume that NaN and infinity do not occur.
 fn is_finite(x: f32) -> bool {
     return (bitcast<u32>(x) & 0x7f800000u) != 0x7f800000u;
 }
 
-// 1 - e^-x for x >= 0, without the cancellation of small x.
+// 1 - e^-x for x >= 0, without cancellation for small x.
 fn one_minus_exp(x: f32) -> f32 {
     if x > 0.2 {
         return 1.0 - exp(-x);
@@ -17,7 +17,7 @@ fn sigmoid(x: f32) -> f32 {
     return 1.0 / (1.0 + exp(-x));
 }
 
-// tanh(t / 2), the activation of texels; odd in every bit, so that a neutral texel adds exactly nothing.
+// tanh(t / 2), the activation of texels. Exactly odd, so that a neutral texel adds exactly 0.
 fn texel_value(t: f32) -> f32 {
     let e = one_minus_exp(min(abs(t), 60.0));
     return sign(t) * e / (2.0 - e);

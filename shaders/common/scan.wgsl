@@ -1,8 +1,8 @@
-// Prefix sums over the lanes of a workgroup.
+// Prefix sums over the invocations (lanes) of a workgroup.
 
 var<workgroup> scan_sums: array<u32, GROUP>; // inclusive sums up to each lane
 
-// What does not fit stays at the largest number: sums of any order agree, and an overflow cannot hide.
+// Saturates: the result does not depend on the order of summation, and an overflow stays visible.
 fn add_saturating(a: u32, b: u32) -> u32 {
     let sum = a + b;
     return select(sum, 0xffffffffu, sum < a);
@@ -14,10 +14,10 @@ struct Scan {
     total: u32,
 }
 
-// To be called by all lanes.
+// Must be called in uniform control flow.
 fn scan_group(lane: u32, value: u32) -> Scan {
     var sum = value;
-    // The sums of an earlier call may still be read.
+    // Other invocations may still be reading the sums of an earlier call.
     workgroupBarrier();
     scan_sums[lane] = sum;
     workgroupBarrier();
@@ -38,5 +38,5 @@ fn scan_group(lane: u32, value: u32) -> Scan {
     return Scan(before, scan_sums[GROUP - 1u]);
 }
 
-// Elements of a block that each lane sums up by itself: neighbours.
+// Neighbouring elements of a block that each lane sums on its own.
 const LANE_ELEMENTS = BLOCK / GROUP;

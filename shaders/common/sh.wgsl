@@ -1,4 +1,4 @@
-// Real spherical harmonics up to degree 3, constants, signs and order of 3DGS (twin: reference/sh.rs).
+// Real spherical harmonics up to degree 3 with the constants, signs and order of 3DGS (twin: reference/sh.rs).
 
 // Basis at a unit direction; entries above `degree` are 0.
 fn sh_basis(degree: u32, d: vec3f) -> array<f32, 16> {
@@ -34,7 +34,7 @@ fn sh_basis(degree: u32, d: vec3f) -> array<f32, 16> {
     return out;
 }
 
-// Derivatives of the basis by the components of the direction, as if they were independent.
+// Derivatives of the basis by the components of the direction, treated as independent.
 fn sh_basis_derivative(degree: u32, d: vec3f) -> array<vec3f, 16> {
     var out = array<vec3f, 16>();
     let x = d.x;

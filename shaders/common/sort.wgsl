@@ -1,12 +1,12 @@
-// One pass of the stable radix sort, from the low digit to the high one. Mirrors `layout::SortPass`. Kernels
-// that include this bind `status`.
+// One pass of the stable radix sort, which runs from the lowest digit to the highest. Mirrors `layout::SortPass`.
+// Requires `status` bound.
 
 struct SortPass {
     // Bits below the digit.
     shift: u32,
-    // 1: as many keys as pairs, 0: as many as splats.
+    // 1: one key per pair, 0: one per splat.
     counts_pairs: u32,
-    // 1: values are the indices of their keys and are not read.
+    // 1: the values are the indices of the keys, and are not read.
     identity_values: u32,
     pad: u32,
 }

@@ -1,4 +1,4 @@
-// Where a splat's parameters stand. Mirrors `layout` and the order of `SplatGroup`.
+// Layout of a splat's parameters, in the order of `SplatGroup`, and the record of its map.
 
 const POSITION = 0u;
 const QUATERNION = 3u;
@@ -6,12 +6,14 @@ const LOG_SCALE = 7u;
 const OPACITY = 9u;
 const SH = 10u;
 
-// Place and size of a map, and the step up to which SH and texels have been brought.
+// Position and size of a splat's map. Mirrors `layout::SplatInfo`.
 struct SplatInfo {
     map_offset_texels: u32,
     // rows | cols << 16
     map_size: u32,
+    // Texel edge, local units.
     texel_size: f32,
+    // Step up to which SH and texels have been flushed.
     last_step: u32,
 }
 
@@ -27,7 +29,7 @@ fn num_texels(map_size: u32) -> u32 {
     return map_rows(map_size) * map_cols(map_size);
 }
 
-// Columns of local_from_surfel from a quaternion wxyz of any length.
+// Columns of local_from_surfel, from a quaternion wxyz of any non-zero length.
 fn rotation_of(q: vec4f) -> mat3x3f {
     let unit = q / length(q);
     let w = unit.x;

@@ -1,7 +1,7 @@
-// What `finish_blocks` leaves of a block of GROUP splats for `finish`. The host never reads it.
+// Sums over a block of GROUP splats, which `finish_blocks` writes and `finish` reads. The host never reads them.
 
 struct SplatSums {
-    // Opacity and texture terms, weighted.
+    // Weighted opacity and texture terms.
     opacity: f32,
     texture: f32,
     // Splats that touch a tile.

@@ -1,4 +1,4 @@
-// What a step tells the host. Mirrors `layout::Status`; `STATUS_COUNT` is what its counters are made of.
+// Results of a step that the host reads. Mirrors `layout::Status`. ATOMIC_STATUS: the counters of pairs are atomic.
 
 #if ATOMIC_STATUS
 alias StatusCount = atomic<u32>;
@@ -9,16 +9,19 @@ alias StatusCount = u32;
 struct Status {
     // 1 once the step has been applied.
     done: u32,
-    // Pairs that the view needs; more than the capacity means that nothing was applied.
+    // Pairs that the view needs; if they exceed the capacity, the step was not applied.
     needed_pairs: u32,
+    // Splats that touch a tile.
     visible: u32,
+    // Gradients that were not finite or did not fit fixed point.
     faults: u32,
+    // Loss terms, weighted.
     l1: f32,
     dssim: f32,
     mse: f32,
     opacity: f32,
     texture: f32,
-    // Pixel-splat pairs and global atomics, where they are counted.
+    // Pixel-splat pairs and global atomics, in the variants that count them.
     evaluated: StatusCount,
     inside: StatusCount,
     blended: StatusCount,

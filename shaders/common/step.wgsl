@@ -1,4 +1,4 @@
-// What one iteration or one image is about. Mirrors `layout::StepUniform`.
+// Inputs of one training step or one image. Mirrors `layout::StepUniform`.
 
 struct Step {
     // camera_from_local, rows; translation in w.
@@ -14,28 +14,28 @@ struct Step {
     grid: vec2u,
     background: vec3f,
     num_splats: u32,
-    // Degree to evaluate.
+    // SH degree to evaluate.
     sh_degree: u32,
     // Floats per splat in the parameter arrays.
     splat_stride: u32,
-    // From 1; in images 0.
+    // Counts from 1; 0 for images.
     step: u32,
-    // Steps that are done: lagging parameters are brought up to here.
+    // Last completed step, up to which lazily updated parameters are flushed.
     flushed_step: u32,
     // FLAG_*
     flags: u32,
     status_slot: u32,
     pair_capacity: u32,
-    // Floats of a pair's partial sums.
+    // Floats per pair in the partial sums.
     partial_stride: u32,
     loss_l1: f32,
     loss_dssim: f32,
     loss_mse: f32,
-    // Weight of the opacity term over the number of splats.
+    // Weight of the opacity term divided by the number of splats.
     opacity_weight: f32,
     texture_weight: f32,
     texture_hidden_weight: f32,
-    // Fixed-point units per unit of texel gradient, for a splat of one pixel.
+    // Fixed-point units per unit of texel gradient for a splat of one pixel.
     texel_units: f32,
     // First pixel of the view's photo in the pool of photos.
     photo_offset_px: u32,
@@ -48,7 +48,7 @@ struct Step {
     rate_texel: f32,
     // 1 / (1 - beta1^t)
     m_correction: f32,
-    // Rates of the last step: those that bring lagging parameters up to date.
+    // Learning rates of the last completed step, for flushing.
     last_rate_sh_dc: f32,
     last_rate_sh_rest: f32,
     last_rate_texel: f32,
@@ -56,7 +56,8 @@ struct Step {
     v_correction_sqrt: f32,
     loss_distortion: f32,
     loss_normal: f32,
-    // Growth of the texels' rates with the size of a map, and its limit; the same of the last step.
+    // Growth of the texels' learning rate with the size of the map, and its limit; the same for the last
+    // completed step.
     rate_texel_growth: f32,
     rate_texel_growth_limit: f32,
     last_rate_texel_growth: f32,
@@ -65,21 +66,21 @@ struct Step {
     pad1: u32,
 }
 
-// Parameters brought up to date are stored: an iteration, not an image.
+// Flushed parameters are stored: a training step, not an image.
 const FLAG_PERSIST = 1u;
-// Window statistics are summed up.
+// Window statistics are accumulated.
 const FLAG_STATISTICS = 2u;
-// Every map is activated, seen or not.
+// All maps are flushed and activated, not only those of visible splats.
 const FLAG_ALL_MAPS = 4u;
-// Outside of a map is its nearest texel, not nothing.
+// Outside a map, values are those of the nearest texel instead of zero.
 const FLAG_NEAREST_OUTSIDE = 8u;
-// What comes in the place of faults are atomics: of the variant that counts them.
+// The variant that counts global atomics reports them in place of faults.
 const FLAG_COUNT_ATOMICS = 16u;
 
 @group(0) @binding(0) var<uniform> step: Step;
 
-// Tiles of the rasterisation: half as high for software drivers, which compute every pixel of a tile whether the
-// splat reaches it or not.
+// Tiles of the rasterisation are half as high for software drivers, which compute every pixel of a tile,
+// whether the splat reaches it or not.
 #if HALF_TILES
 const TILE_ROWS_PX = HALF_TILE_ROWS_PX;
 #else
@@ -87,7 +88,7 @@ const TILE_ROWS_PX = TILE_PX;
 #endif
 const RASTER_GROUP = TILE_PX * TILE_ROWS_PX;
 
-// Tiles of the loss are squares, in as many columns as those of the rasterisation.
+// The loss always uses square tiles, in the same columns as the rasterisation.
 fn num_loss_tiles() -> u32 {
     return step.grid.x * ((step.size_px.y + TILE_PX - 1u) / TILE_PX);
 }
@@ -96,11 +97,12 @@ fn has_flag(flag: u32) -> bool {
     return (step.flags & flag) != 0u;
 }
 
+// Rotates a direction from the local frame into camera axes.
 fn in_camera(v: vec3f) -> vec3f {
     return vec3f(dot(step.camera_row0.xyz, v), dot(step.camera_row1.xyz, v), dot(step.camera_row2.xyz, v));
 }
 
-// local_from_camera rotation.
+// Inverse of in_camera.
 fn in_local(v: vec3f) -> vec3f {
     return step.camera_row0.xyz * v.x + step.camera_row1.xyz * v.y + step.camera_row2.xyz * v.z;
 }

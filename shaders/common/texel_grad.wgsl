@@ -1,7 +1,8 @@
-// How texel gradients reach memory: as fixed point, added by atomics. Wants `texel_grad` bound. COUNT: what is
-// returned are atomics instead of faults. SCATTER: tap by tap as well.
+// Adds texel gradients to memory by atomics, in fixed point. Requires `texel_grad` bound. The functions return
+// the number of faults, or with COUNT the number of atomics. SCATTER: also defines `scatter`.
 
 #if SCATTER
+// Adds the gradient of a sample to its four taps.
 fn scatter(s: Projected, taps: Taps, by_colour: vec3f) -> u32 {
     let f = taps.fraction;
     return add_texel(s, taps.first, by_colour * ((1.0 - f.x) * (1.0 - f.y)))
@@ -22,10 +23,11 @@ fn add_texel(s: Projected, texel: vec2i, by_texel: vec3f) -> u32 {
 }
 #endif
 
-// Adds to a texel's gradient; returns 1 for what is not finite or too large.
+// Adds to one channel of a texel's gradient. A value that is not finite or exceeds the limit is a fault: it counts as
+// zero, or is clamped.
 fn add_fixed(at: u32, by_texel: f32, units: f32, limit: f32) -> u32 {
     let value = by_texel * units;
-    let sound = is_finite(value) && abs(value) <= limit;
+    let fits = is_finite(value) && abs(value) <= limit;
     let fixed = i32(round(select(0.0, clamp(value, -limit, limit), is_finite(value))));
     if fixed != 0 {
         atomicAdd(&texel_grad[at], fixed);
@@ -33,6 +35,6 @@ fn add_fixed(at: u32, by_texel: f32, units: f32, limit: f32) -> u32 {
 #if COUNT
     return u32(fixed != 0);
 #else
-    return u32(!sound);
+    return u32(!fits);
 #endif
 }

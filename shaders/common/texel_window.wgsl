@@ -1,12 +1,12 @@
-// The texels that bilinear taps of a splat's pixels in a tile can touch: the map is projective, so that its
-// extremes over a rectangle of pixels lie at the corners while the denominator is positive there.
+// The texels that the bilinear taps of a splat can touch within a tile. The map from pixels to texels is
+// projective, so its extremes over a rectangle lie at the corners as long as the denominator is positive there.
 
 struct Window {
     first: vec2u,
     past: vec2u,
 }
 
-// Maps up to this are kept whole: they are one block, or hardly more.
+// The window of a smaller map is the whole map: one block, or hardly more.
 const WHOLE_MAP_TEXELS = 16u;
 
 fn texel_window(s: Projected, origin_px: vec2u) -> Window {
@@ -31,7 +31,7 @@ fn texel_window(s: Projected, origin_px: vec2u) -> Window {
     if least < 1e-2 {
         return Window(vec2u(0u), size);
     }
-    // A hundredth of a texel of slack for rounding.
+    // 0.01 texels of slack for rounding.
     let limit = vec2f(size);
     let first = clamp(floor(low - 0.01), vec2f(0.0), limit);
     let past = clamp(floor(high + 0.01) + 2.0, first, limit);

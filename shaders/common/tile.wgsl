@@ -1,5 +1,5 @@
-// Which pixel of a tile an invocation has: 32 invocations in a row cover 8 x 4 pixels, so
-// that subgroups stay compact whatever their size.
+// The pixel of a tile that an invocation computes: 32 consecutive invocations cover 8 x 4 pixels, so that
+// subgroups of any size stay compact.
 
 const TILE_SIZE_PX = vec2u(TILE_PX, TILE_ROWS_PX);
 

@@ -1,7 +1,8 @@
-// Sums over the rows of a tile of what its pixels leave in workgroup memory: of the pair's quantities, and of the
-// gradients of a block of texels. Wants the declarations of raster_bwd; each function is one invocation's part.
+// Partial sums over the pixels of a tile, from the quantities that they stored in workgroup memory: those of a
+// pair, and the gradients of a block of texels. Requires the declarations of raster_bwd. Each function is one
+// invocation's share.
 
-// Sums of one quantity over a row of pixels: times 1, dx and dy for the first three.
+// Sums one quantity over a row of pixels; the first three also times dx and dy.
 fn sum_row(quantity: u32, row: u32, columns: vec2u, to_first: vec2f) {
     var total = 0.0;
     var times_dx = 0.0;
@@ -19,13 +20,13 @@ fn sum_row(quantity: u32, row: u32, columns: vec2u, to_first: vec2f) {
 }
 
 #if STATISTICS
-// Pixels, blending weight, weight times loss, transmittance in front, over a row of pixels.
+// Sums pixels, blending weight, weight times loss and transmittance in front over a row of pixels.
 fn statistics_row(row: u32, columns: vec2u, origin_px: vec2u) {
     var total = vec4f(0.0);
     for (var column = columns.x; column < columns.y; column += 1u) {
         let at = column * PARTS + row;
         let weight = lanes[WEIGHT * RASTER_GROUP + at];
-        // Rows and columns of the box are within the image.
+        // In bounds: the box lies within the image.
 #if GEOMETRY
         let loss = pixel_records[3u * ((origin_px.y + row) * step.size_px.x + origin_px.x + column)].w;
 #else
@@ -40,7 +41,7 @@ fn statistics_row(row: u32, columns: vec2u, origin_px: vec2u) {
 #endif
 
 #if GEOMETRY
-// By m times m, and by the normal, over a row of pixels.
+// Sums the derivative by m, times m, and the derivative by the normal over a row of pixels.
 fn geometry_row(s: Projected, row: u32, columns: vec2u, origin_px: vec2u) {
     var total = vec4f(0.0);
     for (var column = columns.x; column < columns.y; column += 1u) {
@@ -57,7 +58,7 @@ fn geometry_row(s: Projected, row: u32, columns: vec2u, origin_px: vec2u) {
 }
 #endif
 
-// Gradients of four texels of a row of a block over a part of the rows of pixels.
+// Sums the gradients of a row of four texels of a block over every TEXEL_PARTS-th row of pixels.
 fn gather_row(first: vec2u, texel_row: u32, part: u32, low: vec2u, high: vec2u) {
     var red = vec4f(0.0);
     var green = vec4f(0.0);

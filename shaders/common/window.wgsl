@@ -1,45 +1,47 @@
-// Image and photo under the 11-tap window of SSIM, for a workgroup per tile (twin: `blur` in
-// reference/loss.rs). The window sees sum and difference of image and photo: where they agree, nothing
-// cancels. Wants `pixels` and `photo` bound, and the functions `tap` and `row`.
+// Blurs image and photo with the 11-tap window of SSIM, for a workgroup per tile (twin: `blur` in
+// reference/loss.rs). The window is applied to sum and difference of image and photo, so that nothing cancels
+// where they agree. Requires `pixels` and `photo` bound, and the functions `tap` and `row`.
 
-// A tile with the radius of the window around it: edge, pixels, and those of its rows that are in the tile's
-// columns.
+// The halo is the tile with the window's radius around it: its edge, and its pixels.
 const HALO_PX = TILE_PX + 2u * SSIM_RADIUS_PX;
 const HALO = HALO_PX * HALO_PX;
+// Pixels of the halo in the columns of the tile.
 const ACROSS = HALO_PX * TILE_PX;
-// No pixel of the image.
+// Index of pixels outside the image.
 const OUTSIDE = 0xffffffffu;
 
-struct Pair {
-    // x + y, x - y
+// Image x and photo y at one pixel.
+struct SumDifference {
+    // x + y
     sum: vec3f,
+    // x - y
     difference: vec3f,
 }
 
-// Pixel of the image at an offset from the tile's first.
+// Index of the pixel at an offset from the tile's first pixel.
 fn image_pixel(tile: u32, offset: vec2i) -> u32 {
     let px = vec2i(vec2u(tile % step.grid.x, tile / step.grid.x) * TILE_PX) + offset;
     let inside = all(px >= vec2i(0)) && all(px < vec2i(step.size_px));
     return select(OUTSIDE, u32(px.y) * step.size_px.x + u32(px.x), inside);
 }
 
-// Pixel of the image at a place of the halo.
+// Index of the pixel at a position in the halo.
 fn halo_pixel(tile: u32, place: u32) -> u32 {
     let offset = vec2i(vec2u(place % HALO_PX, place / HALO_PX)) - i32(SSIM_RADIUS_PX);
     return select(OUTSIDE, image_pixel(tile, offset), place < HALO);
 }
 
-// Masked pixels count as equal to the photo, those outside the image as black in both.
-fn pair_at(pixel: u32) -> Pair {
+// Masked pixels count as equal to the photo, pixels outside the image as black in both.
+fn sum_difference_at(pixel: u32) -> SumDifference {
     if pixel == OUTSIDE {
-        return Pair(vec3f(), vec3f());
+        return SumDifference(vec3f(), vec3f());
     }
     let y = unpack4x8unorm(photo[step.photo_offset_px + pixel]);
     let difference = select(vec3f(), pixels[pixel].xyz - y.xyz, y.w > 0.5);
-    return Pair(difference + 2.0 * y.xyz, difference);
+    return SumDifference(difference + 2.0 * y.xyz, difference);
 }
 
-// By text: an array of weights would be indexed at run time.
+// Unrolled by hand: a loop would index the array of weights at run time.
 fn window(
     a: vec4f, b: vec4f, c: vec4f, d: vec4f, e: vec4f, middle: vec4f,
     e1: vec4f, d1: vec4f, c1: vec4f, b1: vec4f, a1: vec4f,
@@ -48,7 +50,7 @@ fn window(
         + SSIM_WINDOW[3] * (d + d1) + SSIM_WINDOW[4] * (e + e1) + SSIM_WINDOW[5] * middle;
 }
 
-// Two neighbours in a row of the tile share most of their windows. `tap` is a place of the halo.
+// Blurs two neighbours of a row at once, since they share most of their windows. `tap` reads a position in the halo.
 fn blurred_across(i: u32) -> mat2x4f {
     let at = i / TILE_PX * HALO_PX + i % TILE_PX;
     let a = tap(at);
@@ -66,7 +68,7 @@ fn blurred_across(i: u32) -> mat2x4f {
     return mat2x4f(window(a, b, c, d, e, f, g, h, k, l, m), window(b, c, d, e, f, g, h, k, l, m, n));
 }
 
-// `row` is what came of that, so many rows below a pixel.
+// Blurs along the column. `row` reads the result of `blurred_across`, k rows below.
 fn blurred_down(i: u32) -> vec4f {
     return window(
         row(i, 0u), row(i, 1u), row(i, 2u), row(i, 3u), row(i, 4u), row(i, 5u),

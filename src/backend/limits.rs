@@ -31,9 +31,4 @@ impl DeviceLimits {
         width_px.max(height_px) <= self.max_side_px
             && u64::from(width_px) * u64::from(height_px) <= self.max_pixels
     }
-
-    /// Whether a model of this size fits.
-    pub fn allows_model(&self, num_splats: usize, num_texels: usize) -> bool {
-        num_splats as u64 <= self.max_splats && num_texels as u64 <= self.max_texels
-    }
 }

@@ -157,8 +157,8 @@ fn unfit() -> Vec<Listed> {
 /// Whether a GPU can be opened; its kernels are not compiled.
 #[cfg(feature = "gpu")]
 fn opens(gpu: &Gpu) -> Result<()> {
-    use litetex_gs::gpu::{GpuDevice, Limits};
-    GpuDevice::open(gpu, Limits::Adapter).map(drop)
+    use litetex_gs::gpu::{GpuDevice, LimitChoice};
+    GpuDevice::open(gpu, LimitChoice::Adapter).map(drop)
 }
 
 #[cfg(feature = "gpu")]
@@ -172,7 +172,7 @@ fn open_gpu(name: &str) -> Result<Box<dyn Backend>> {
 /// As [`open`]; [`litetex_gs::Error::Usage`] for the CPU.
 #[cfg(feature = "gpu")]
 pub fn open_gpu_backend(name: &str) -> Result<litetex_gs::gpu::GpuBackend> {
-    use litetex_gs::gpu::{GpuBackend, GpuDevice, GpuOptions, Limits, find_adapter};
+    use litetex_gs::gpu::{GpuBackend, GpuDevice, GpuOptions, LimitChoice, find_adapter};
     let name = match name.to_lowercase().as_str() {
         "auto" => "gpu",
         "cpu" => {
@@ -183,7 +183,7 @@ pub fn open_gpu_backend(name: &str) -> Result<litetex_gs::gpu::GpuBackend> {
         }
         _ => name,
     };
-    let device = GpuDevice::open(&find_adapter(name)?, Limits::Adapter)?;
+    let device = GpuDevice::open(&find_adapter(name)?, LimitChoice::Adapter)?;
     GpuBackend::new(device, GpuOptions::default())
 }
 

@@ -1,9 +1,9 @@
-//! Adam in f32 (twin: `reference/adam.rs`): dense in meaning, lazy in work. A parameter that no view
-//! touched for k steps is brought up to date in closed form before it is used again.
+//! Adam in f32 (twin: `reference/adam.rs`), with lazy updates in place of dense ones: a parameter without gradient
+//! for k steps is flushed in closed form before it is used again.
 
 use crate::constants::{ADAM_BETA1, ADAM_BETA2, ADAM_EPSILON};
 
-/// Factors of one step.
+/// Bias corrections of a step.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct AdamStep {
     /// 1 / (1 - beta1^t)
@@ -13,7 +13,7 @@ pub(super) struct AdamStep {
 }
 
 impl AdamStep {
-    /// Factors of step `t`, from 1.
+    /// Bias corrections of step `t`, which counts from 1.
     pub(super) fn new(t: u32) -> Self {
         let t = f64::from(t);
         Self {
@@ -22,7 +22,7 @@ impl AdamStep {
         }
     }
 
-    /// One step on parameters of one learning rate.
+    /// One step on parameters with the same learning rate.
     #[inline(always)]
     pub(super) fn update(&self, p: &mut [f32], m: &mut [f32], v: &mut [f32], gradient: &[f32], rate: f32) {
         let (b1, b2) = (ADAM_BETA1 as f32, ADAM_BETA2 as f32);
@@ -35,7 +35,7 @@ impl AdamStep {
     }
 }
 
-/// Factors that bring a parameter from one step to a later one.
+/// Closed form of the steps without gradient that a lazily updated parameter has skipped.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct AdamSkip {
     from: AdamStep,
@@ -46,7 +46,7 @@ pub(super) struct AdamSkip {
 }
 
 impl AdamSkip {
-    /// From after step `last` to after step `now`; `None` if nothing was skipped or nothing ever moved.
+    /// The steps after `last`, up to and including `now`; `None` if there are none, or the parameter has never moved.
     pub(super) fn new(last: u32, now: u32) -> Option<Self> {
         if last == 0 || now <= last {
             return None;
@@ -61,7 +61,7 @@ impl AdamSkip {
         })
     }
 
-    /// Brings parameters of one learning rate up to date.
+    /// Flushes parameters with the same learning rate.
     #[inline(always)]
     pub(super) fn update(&self, p: &mut [f32], m: &mut [f32], v: &mut [f32], rate: f32) {
         let scaled_rate = rate * self.from.m_correction * self.sum;
@@ -78,7 +78,7 @@ mod tests {
     use super::*;
     use crate::reference::{adam_dense, adam_skipped};
 
-    /// Gradient of a parameter that every tenth step sees.
+    /// Gradient of a parameter that is visible in every tenth step.
     fn gradient(step: u32) -> f64 {
         if step % 10 == 1 { 1e-4 * (1.0 + (f64::from(step) * 0.1).sin()) } else { 0.0 }
     }
@@ -110,7 +110,7 @@ mod tests {
             skip.update(&mut p, &mut m, &mut v, rate as f32);
         }
         assert!((f64::from(p[0]) / closed.0 - 1.0).abs() < 2e-5, "{} {}", p[0], closed.0);
-        // Bias corrections frozen over the gap: needed 6e-3, in the first steps.
+        // The bias corrections are constant over a gap: needed 6e-3, in the first steps.
         assert!((closed.0 / dense.0 - 1.0).abs() < 1e-2, "{} {}", closed.0, dense.0);
         assert!(
             (sparse.0 / dense.0 - 1.0).abs() > 0.2,

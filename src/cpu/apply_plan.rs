@@ -6,15 +6,15 @@ use crate::backend::{DensityPlan, MapChange, SplatEdit};
 use crate::model::{AdamState, Model, SplatArrays, SplatGroup, TextureMap, TexturePool};
 use rayon::prelude::*;
 
-/// Which array of the texels is changed.
+/// One of the three texel arrays.
 #[derive(Clone, Copy)]
-enum Texels {
+enum TexelArray {
     Values,
     FirstMoments,
     SecondMoments,
 }
 
-/// The model and optimiser state after the plan, which must have been checked.
+/// The model and optimiser state after a plan, which must have been checked.
 ///
 /// # Errors
 /// As [`TexturePool::neutral`].
@@ -32,7 +32,7 @@ pub(super) fn apply_plan(model: &Model, adam: &AdamState, plan: &DensityPlan) ->
         }
     });
     let mut textures = TexturePool::neutral(extents)?;
-    let change_all = |from: &[f32], which: Texels| -> Vec<f32> {
+    let change_all = |from: &[f32], which: TexelArray| -> Vec<f32> {
         let parts: Vec<Vec<f32>> = plan
             .sources
             .par_iter()
@@ -46,9 +46,9 @@ pub(super) fn apply_plan(model: &Model, adam: &AdamState, plan: &DensityPlan) ->
             .collect();
         parts.concat()
     };
-    let texels = change_all(&model.textures.texels, Texels::Values);
-    let texels_m = change_all(&adam.texels_m, Texels::FirstMoments);
-    let texels_v = change_all(&adam.texels_v, Texels::SecondMoments);
+    let texels = change_all(&model.textures.texels, TexelArray::Values);
+    let texels_m = change_all(&adam.texels_m, TexelArray::FirstMoments);
+    let texels_v = change_all(&adam.texels_v, TexelArray::SecondMoments);
     textures.texels = texels;
     let mut adam = AdamState {
         splats_m: gather(&adam.splats_m),
@@ -59,12 +59,18 @@ pub(super) fn apply_plan(model: &Model, adam: &AdamState, plan: &DensityPlan) ->
         ..*adam
     };
     let mut model = Model { splats: gather(&model.splats), textures, ..*model };
-    plan.edits.iter().for_each(|edit| carry_out(edit, &mut model.splats, &mut adam.splats_m));
+    plan.edits.iter().for_each(|edit| apply_edit(edit, &mut model.splats, &mut adam.splats_m));
     Ok((model, adam))
 }
 
-/// One array of one map after its change.
-fn changed(old: &TextureMap, from: &[f32], new: &TextureMap, change: &MapChange, which: Texels) -> Vec<f32> {
+/// The values of a map in one of the arrays after its change.
+fn changed(
+    old: &TextureMap,
+    from: &[f32],
+    new: &TextureMap,
+    change: &MapChange,
+    which: TexelArray,
+) -> Vec<f32> {
     let (mut out, moment_scale) = match *change {
         MapChange::Keep => return from.to_vec(),
         MapChange::Resample { shift_texels, moment_scale, .. } => {
@@ -72,23 +78,23 @@ fn changed(old: &TextureMap, from: &[f32], new: &TextureMap, change: &MapChange,
         }
         MapChange::Regrid { grid, first_row, first_col, moment_scale, .. } => {
             let outside = match which {
-                Texels::Values | Texels::FirstMoments => Outside::Zero,
-                Texels::SecondMoments => Outside::Nearest,
+                TexelArray::Values | TexelArray::FirstMoments => Outside::Zero,
+                TexelArray::SecondMoments => Outside::Nearest,
             };
             (regrid(old, from, new, grid, [first_row, first_col], outside), moment_scale)
         }
     };
     let factor = match which {
-        Texels::Values => return out,
-        Texels::FirstMoments => moment_scale[0],
-        Texels::SecondMoments => moment_scale[1],
+        TexelArray::Values => return out,
+        TexelArray::FirstMoments => moment_scale[0],
+        TexelArray::SecondMoments => moment_scale[1],
     };
     out.iter_mut().for_each(|value| *value *= factor);
     out
 }
 
-/// Writes the edited parameters, and ends the momentum of all parameters of the splat.
-fn carry_out(edit: &SplatEdit, splats: &mut SplatArrays, first_moments: &mut SplatArrays) {
+/// Writes the edited parameters, and zeroes the first moments of all parameters of the splat.
+fn apply_edit(edit: &SplatEdit, splats: &mut SplatArrays, first_moments: &mut SplatArrays) {
     let i = edit.splat as usize;
     splats.positions[3 * i..3 * i + 3].copy_from_slice(&edit.position);
     splats.log_scales[2 * i..2 * i + 2].copy_from_slice(&edit.log_scales);
@@ -109,7 +115,7 @@ mod tests {
         super::apply_plan(model, adam, plan).unwrap()
     }
 
-    /// A small model with moments that are no round numbers, and a plan of `change` for its first map.
+    /// A small model with irregular moments, and a plan that makes `change` to its first map.
     fn planned(change: MapChange) -> (Model, AdamState, DensityPlan) {
         let options = SceneOptions { num_splats: 3, map_sizes: vec![(4, 3)], ..SceneOptions::default() };
         let model = random_scene(&options).model;
@@ -122,8 +128,8 @@ mod tests {
     }
 
     #[test]
-    fn moments_are_scaled_after_resampling_and_nothing_else_is() {
-        // Twice as many texels per axis, and the same size (which is not resampled).
+    fn resampling_scales_the_moments_and_nothing_else() {
+        // Twice as many texels per axis; then the same grid, which is copied.
         for (rows, cols, finer) in [(8, 6, 0.5), (4, 3, 1.0)] {
             let run = |moment_scale| {
                 let (model, adam, mut plan) = planned(MapChange::Keep);
@@ -141,18 +147,18 @@ mod tests {
             assert_eq!(adam.texels_m[first.clone()], scaled(&plain.texels_m, 0.25));
             assert_eq!(adam.texels_v[first.clone()], scaled(&plain.texels_v, 0.0625));
             assert!(plain.texels_m[first.clone()].iter().filter(|m| **m != 0.0).count() > 20);
-            // The kept maps and the moments of the splats stay.
+            // Kept maps and the splats' moments do not change.
             assert_eq!(adam.texels_m[first.end..], plain.texels_m[first.end..]);
             assert_eq!(adam.texels_v[first.end..], plain.texels_v[first.end..]);
             assert_eq!((&adam.splats_m, &adam.splats_v), (&plain.splats_m, &plain.splats_v));
-            // Negative control: exchanged factors show in both moments.
+            // Negative control: exchanged factors change both moments.
             let (_, exchanged) = run([0.0625, 0.25]);
             assert!(exchanged.texels_m != adam.texels_m && exchanged.texels_v != adam.texels_v);
         }
     }
 
     #[test]
-    fn a_scale_of_one_keeps_every_bit_of_a_map_of_the_same_size() {
+    fn resampling_to_the_same_grid_keeps_every_bit() {
         let (model, adam, mut plan) = planned(MapChange::Keep);
         let kept = apply_plan(&model, &adam, &plan);
         let texel_size = model.textures.maps[0].texel_size;
@@ -168,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn scales_that_would_ruin_the_moments_are_refused() {
+    fn invalid_moment_scales_are_refused() {
         let (_, _, mut plan) = planned(MapChange::Keep);
         plan.check(3).unwrap();
         for moment_scale in [[f32::NAN, 1.0], [1.0, -0.25], [f32::INFINITY, 1.0]] {
@@ -191,7 +197,7 @@ mod tests {
 
     #[test]
     fn windows_pad_texels_with_zeros_and_second_moments_with_their_nearest() {
-        // The first map, 4 x 3, gets a column on each side.
+        // Adds a column on each side of the first map, which is 4 x 3.
         let (model, adam, plan) = planned(window(Grid::Same, [4, 5], [0, -1]));
         plan.check(3).unwrap();
         let (new, moments) = apply_plan(&model, &adam, &plan);
@@ -207,10 +213,10 @@ mod tests {
                 assert_eq!(moments.texels_v[3 * t + c], 0.0625 * adam.texels_v[before + c], "texel {t}");
             }
         }
-        // The other maps and all splats stay.
+        // The other maps and all splats are unchanged.
         assert_eq!(new.textures.texels[60..], model.textures.texels[36..]);
         assert_eq!((&new.splats, &moments.splats_m), (&model.splats, &adam.splats_m));
-        // A grid of other density changes the edge of a texel, no texels drop the map.
+        // A finer grid halves the texel edge; a window without texels drops the map.
         let (model, adam, plan) = planned(window(Grid::Finer, [8, 6], [0, 0]));
         let (new, _) = apply_plan(&model, &adam, &plan);
         assert_eq!(new.textures.maps[0].texel_size, 0.5 * model.textures.maps[0].texel_size);
@@ -220,7 +226,7 @@ mod tests {
     }
 
     #[test]
-    fn a_window_of_texels_along_one_axis_only_is_refused() {
+    fn a_window_with_texels_along_only_one_axis_is_refused() {
         for (size, first) in [([0, 3], [0, 0]), ([4, 0], [0, 0])] {
             let (_, _, plan) = planned(window(Grid::Same, size, first));
             let message = plan.check(3).unwrap_err().to_string();
@@ -229,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn edits_write_parameters_and_end_the_momentum_of_their_splat_only() {
+    fn edits_write_parameters_and_zero_the_first_moments_of_their_splat_only() {
         let (model, mut adam, mut plan) = planned(MapChange::Keep);
         for (k, group) in SplatGroup::ALL.into_iter().enumerate() {
             adam.splats_m.group_mut(group).fill(0.1 + k as f32);
@@ -256,12 +262,12 @@ mod tests {
         for group in SplatGroup::ALL {
             let width = group.width(3);
             let (m, v) = (moments.splats_m.group(group), moments.splats_v.group(group));
-            // The splat that is not edited keeps its momentum: the negative control.
+            // Negative control: the splat that is not edited keeps its first moments.
             assert!(m[..width].iter().all(|m| *m != 0.0), "{group:?}");
             assert!(m[width..].iter().all(|m| *m == 0.0), "{group:?}");
             assert_eq!(v, adam.splats_v.group(group), "{group:?}");
         }
-        // The maps have factors of their own: one zero in each copy of the first map is as it was.
+        // Edits do not touch the texels' moments: 36 floats per map, one of them zero in each copy of the first map.
         assert_eq!(moments.texels_m.iter().filter(|m| **m != 0.0).count(), 36 * 3 - 2);
     }
 

@@ -1,9 +1,9 @@
-//! The CPU backend: owns model, moments and work space, and runs the passes in order.
+//! The CPU backend: owns model, moments and working memory, and runs the passes in order.
 
 use super::apply_plan;
-use super::frame::{Frame, with_regularisers};
 use super::loss::LossBuffers;
 use super::math::BLOCK_PX;
+use super::pipeline::{ViewPipeline, with_regularisers};
 use super::project::ViewF32;
 use super::simd::SimdLevel;
 use super::tiles::TILE_PX;
@@ -18,7 +18,7 @@ use crate::{Error, Result};
 use fearless_simd::Level;
 use std::time::{Duration, Instant};
 
-/// Renders and optimises on all cores, without driver or GPU.
+/// Renders and trains on all cores, without a GPU or driver.
 pub struct CpuBackend {
     level: Level,
     pool: rayon::ThreadPool,
@@ -28,26 +28,26 @@ pub struct CpuBackend {
     flushed: Option<Model>,
     statistics: WindowStatistics,
     count_pairs: bool,
-    frame: Frame,
+    pipeline: ViewPipeline,
     loss: LossBuffers,
     partials: Vec<f32>,
 }
 
-/// Which pixels a splat's tiles and row spans cover.
+/// The pixels on which a splat is evaluated.
 pub struct PairCoverage {
-    /// Model index of the splat.
+    /// Index of the splat in the model.
     pub splat: usize,
-    /// `[height, width]`
+    /// Whether each pixel is covered. `[height, width]`
     pub covered: Vec<bool>,
 }
 
-/// Times of consecutive stages.
-struct Stages {
+/// Times of consecutive passes.
+struct PassTimes {
     since: Instant,
     stages: Vec<(&'static str, Duration)>,
 }
 
-impl Stages {
+impl PassTimes {
     fn start() -> Self {
         Self { since: Instant::now(), stages: Vec::new() }
     }
@@ -68,7 +68,7 @@ impl CpuBackend {
         Self::with_simd(threads, SimdLevel::best())
     }
 
-    /// A backend that uses a given instruction set.
+    /// A backend with a given instruction set.
     ///
     /// # Errors
     /// As [`CpuBackend::new`].
@@ -92,35 +92,35 @@ impl CpuBackend {
             flushed: None,
             statistics: WindowStatistics::default(),
             count_pairs: false,
-            frame: Frame::default(),
+            pipeline: ViewPipeline::default(),
             loss: LossBuffers::default(),
             partials: Vec::new(),
         })
     }
 
-    /// Fills the pair counters of the reports (a few per cent slower).
+    /// Turns the pair counters of the step reports on or off; steps with counters are a few per cent slower.
     pub fn count_pairs(&mut self, on: bool) {
         self.count_pairs = on;
     }
 
-    /// The pixels that each visible splat is evaluated on, for the test of the bounds.
+    /// The pixels on which each projected splat is evaluated, for tests of the bounds.
     pub fn coverage(&mut self, camera: &Camera) -> Vec<PairCoverage> {
         let view = ViewF32::new(camera, self.model.near);
-        self.frame.project(self.level, &self.model, view);
+        self.pipeline.project(self.level, &self.model, view);
         let size = view.size_px.map(|s| s as usize);
         let mut out: Vec<PairCoverage> = self
-            .frame
+            .pipeline
             .splats
             .iter()
             .map(|s| PairCoverage { splat: s.id as usize, covered: vec![false; size[0] * size[1]] })
             .collect();
-        for tile in 0..self.frame.tiles.len() {
-            let origin = self.frame.tiles.origin_px(tile);
-            for pair in self.frame.tiles.pairs_of(tile) {
-                let splat = &self.frame.splats[pair.splat as usize];
-                let (strip0, strip1) = super::shape::strips(splat, origin);
+        for tile in 0..self.pipeline.tiles.len() {
+            let origin = self.pipeline.tiles.origin_px(tile);
+            for pair in self.pipeline.tiles.pairs_of(tile) {
+                let splat = &self.pipeline.splats[pair.splat as usize];
+                let (strip0, strip1) = super::block::strips(splat, origin);
                 for strip in strip0..strip1 {
-                    let (col0, col1) = super::shape::strip_span(splat, origin, strip);
+                    let (col0, col1) = super::block::strip_span(splat, origin, strip);
                     let rows = BLOCK_PX[1] * strip..BLOCK_PX[1] * (strip + 1);
                     let cols = BLOCK_PX[0] * col0..BLOCK_PX[0] * col1;
                     for (y, x) in rows.flat_map(|y| cols.clone().map(move |x| (y, x))) {
@@ -135,7 +135,7 @@ impl CpuBackend {
         out
     }
 
-    /// Takes the flushed model; put it back where it is still valid.
+    /// Takes the flushed model, or makes one; callers put it back if it stays valid.
     fn take_flushed(&mut self) -> Model {
         self.flushed.take().unwrap_or_else(|| {
             let (mut model, mut adam) = (self.model.clone(), self.adam.clone());
@@ -145,7 +145,7 @@ impl CpuBackend {
     }
 }
 
-/// Adds what is known only after the backward pass, and sums up.
+/// Adds the terms that are known only after the backward pass, and sets the total.
 fn total(values: &mut LossValues, request: &StepRequest<'_>, input: &UpdateInput<'_>) {
     if request.loss.texture_hidden != 0.0 {
         values.texture += f64::from(request.loss.texture_hidden) * hidden_texture_value(input);
@@ -165,11 +165,11 @@ impl Backend for CpuBackend {
 
     fn limits(&self, _shape: SceneShape) -> DeviceLimits {
         DeviceLimits {
-            // Tiles of a row, and rows of tiles, are counted in 16 bits.
+            // Columns and rows of tiles are stored in 16 bits.
             max_side_px: TILE_PX as u32 * u32::from(u16::MAX),
             max_pixels: u32::MAX.into(),
             max_splats: u32::MAX.into(),
-            // The floats of the texels in sight are counted in 32 bits.
+            // The floats of visible texels are indexed by 32 bits.
             max_texels: u64::from(u32::MAX) / 3,
         }
     }
@@ -184,13 +184,13 @@ impl Backend for CpuBackend {
 
     fn render(&mut self, camera: &Camera, options: &RenderOptions) -> Result<RenderedImage> {
         let model = self.take_flushed();
-        let Self { level, pool, frame, .. } = self;
+        let Self { level, pool, pipeline, .. } = self;
         let image = pool.install(|| {
-            frame.project(*level, &model, ViewF32::new(camera, model.near));
-            frame.colours(*level, &model, options.sh_degree.min(model.splats.sh_degree));
+            pipeline.project(*level, &model, ViewF32::new(camera, model.near));
+            pipeline.colours(*level, &model, options.sh_degree.min(model.splats.sh_degree));
             let mut geometry = options.geometry.then(Vec::new);
-            frame.raster(*level, false, geometry.as_mut());
-            frame.image(options.background, geometry.as_deref())
+            pipeline.raster(*level, false, geometry.as_mut());
+            pipeline.image(options.background, geometry.as_deref())
         });
         self.flushed = Some(model);
         Ok(image)
@@ -199,27 +199,27 @@ impl Backend for CpuBackend {
     fn step(&mut self, request: &StepRequest<'_>) -> Result<StepReport> {
         request.check()?;
         self.flushed = None;
-        let Self { level, pool, model, adam, frame, loss, partials, statistics, count_pairs, .. } = self;
+        let Self { level, pool, model, adam, pipeline, loss, partials, statistics, count_pairs, .. } = self;
         let level = *level;
         pool.install(|| {
-            let mut stages = Stages::start();
+            let mut stages = PassTimes::start();
             let view = ViewF32::new(&request.camera, model.near);
-            frame.project(level, model, view);
+            pipeline.project(level, model, view);
             stages.end("project+bin");
-            // With the rates of the last step, not of this one.
-            flush(model, adam, Some(&frame.visible_ids()), request.step - 1);
-            frame.colours(level, model, request.sh_degree);
+            // With the learning rates of the last step, not of this one.
+            flush(model, adam, Some(&pipeline.visible_ids()), request.step - 1);
+            pipeline.colours(level, model, request.sh_degree);
             stages.end("flush+colours");
-            frame.raster_for(level, *count_pairs, request);
+            pipeline.raster_for(level, *count_pairs, request);
             stages.end("forward");
-            let terms = frame.loss(level, loss, request);
-            let mut values = with_regularisers(terms, model, frame, request);
-            (values.distortion, values.normal) = frame.geometry_loss(request);
+            let terms = pipeline.loss(level, loss, request);
+            let mut values = with_regularisers(terms, model, pipeline, request);
+            (values.distortion, values.normal) = pipeline.geometry_loss(request);
             stages.end("loss");
             let sums = request.accumulate_statistics || request.loss.texture_hidden != 0.0;
-            frame.backward(level, loss, request, partials, sums);
+            pipeline.backward(level, loss, request, partials, sums);
             stages.end("backward");
-            let input = frame.update_input(level, model, request, partials, view);
+            let input = pipeline.update_input(level, model, request, partials, view);
             total(&mut values, request, &input);
             let window = request.accumulate_statistics.then(|| {
                 statistics.views += 1;
@@ -229,7 +229,7 @@ impl Backend for CpuBackend {
             stages.end("reduce+update");
             Ok(StepReport {
                 loss: values,
-                counters: frame.counters(),
+                counters: pipeline.counters(),
                 non_finite_gradients,
                 stages: stages.stages,
             })
@@ -248,7 +248,7 @@ impl Backend for CpuBackend {
 
     fn apply_plan(&mut self, plan: &DensityPlan) -> Result<()> {
         plan.check(self.model.num_splats())?;
-        // Resampling does not commute with the updates that are still owed.
+        // Map changes do not commute with pending lazy updates.
         let (step, model, adam) = (self.adam.step, &mut self.model, &mut self.adam);
         self.pool.install(|| flush(model, adam, None, step));
         (self.model, self.adam) =

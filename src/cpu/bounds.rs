@@ -1,11 +1,11 @@
-//! Pixel bounds and row spans of a splat (twin: `reference/bounds.rs`). Tiles and kernels both ask
-//! [`Bounds::row_span`], so that no pair is counted that is not visited, or the other way round.
+//! Pixel bounds and row spans of a splat (twin: `reference/bounds.rs`). Tile lists and kernels both use
+//! [`Bounds::row_span`], so that exactly the listed pairs are visited.
 
 use super::project::ViewF32;
 use crate::constants::{ALPHA_MIN, CONIC_MARGIN};
 
-/// Spans are widened by this against rounding: f32 centres of pixels far from the origin are off by
-/// up to 1e-4 px (measured: test `no_pixel_outside_its_bounds`).
+/// Spans are widened by this to absorb rounding: f32 centres of pixels far from the origin are off by up to 1e-4 px
+/// (measured: test `no_pixel_lies_outside_its_bounds`).
 const MARGIN_PX: f32 = 0.01;
 
 /// Where a splat can reach alpha 1/255: a box of pixels, and within it an ellipse or the whole box.
@@ -17,16 +17,16 @@ pub(super) struct Bounds {
     pub y0: i32,
     pub y1: i32,
     centre_px: [f32; 2],
-    /// 1 / half height; 0 where the shape is the whole box.
+    /// 1 / half height; 0 where every row spans the whole box.
     per_half_height: f32,
-    /// Shift of the span's middle per row.
+    /// Shift of a span's middle per row.
     shear: f32,
     /// Half length of the span through the centre.
     half_span_px: f32,
 }
 
 impl Bounds {
-    /// Half-open range of pixels of row `y` that may be inside.
+    /// Half-open range of the pixels of row `y` that may be inside.
     #[inline(always)]
     pub(super) fn row_span(&self, y: i32) -> (i32, i32) {
         let dy = y as f32 + 0.5 - self.centre_px[1];
@@ -58,7 +58,7 @@ pub(super) fn bounds(
 }
 
 impl Bounds {
-    /// Clips the box to the image; `None` if nothing is left.
+    /// Clips the box to the image; `None` if it becomes empty.
     fn within(mut self, view: &ViewF32) -> Option<Self> {
         self.x0 = self.x0.max(0);
         self.y0 = self.y0.max(0);
@@ -68,13 +68,13 @@ impl Bounds {
     }
 }
 
-/// Pixels whose centres lie in `[low, high]`, widened by the margin; far values saturate.
+/// Half-open range of the pixels whose centres lie in `[low, high]`, widened by the margin; saturates.
 fn pixels(low: f32, high: f32) -> (i32, i32) {
     ((low - 0.5 - MARGIN_PX).ceil() as i32, ((high - 0.5 + MARGIN_PX).floor() as i32).saturating_add(1))
 }
 
-/// The projected disc as an ellipse, from homography rows relative to the projected centre; `None`
-/// where it reaches the camera plane and is none.
+/// The ellipse that the disc projects to, from homography rows relative to the projected centre; `None` if the disc
+/// reaches the camera plane, where the conic is not an ellipse.
 fn conic(
     p: [f32; 3],
     axes: &[[f32; 3]; 3],
@@ -101,7 +101,7 @@ fn conic(
     let centre = [0, 1].map(|i| centre_px[i] + offset[i]);
     let (x0, x1) = pixels(centre[0] - half[0], centre[0] + half[0]);
     let (y0, y1) = pixels(centre[1] - half[1], centre[1] + half[1]);
-    // A needle's span suffers cancellation of order f32::EPSILON * half2: widen by as much.
+    // For needles the difference cancels with an error of order f32::EPSILON * half2: widen by that much.
     let height2 = half2[1].max(f32::MIN_POSITIVE);
     let span2 = (half2[0] - covariance * covariance / height2).max(0.0) + 4e-6 * half2[0];
     let flat = half[1] < 1e-3;
@@ -117,7 +117,7 @@ fn conic(
     })
 }
 
-/// Box of the disc's bounding quad after clipping at the near plane.
+/// Box of the disc's bounding quad, clipped at the near plane.
 fn clipped(p: [f32; 3], axes: &[[f32; 3]; 3], scales: [f32; 2], r: f32, view: &ViewF32) -> Option<Bounds> {
     let corner = |su: f32, sv: f32| {
         [0, 1, 2].map(|i| p[i] + axes[0][i] * (su * r * scales[0]) + axes[1][i] * (sv * r * scales[1]))
@@ -147,7 +147,7 @@ fn clipped(p: [f32; 3], axes: &[[f32; 3]; 3], scales: [f32; 2], r: f32, view: &V
     if low[0] > high[0] {
         return None;
     }
-    // Rounding of far crossings: widen by a relative 1e-5.
+    // Rounding of distant intersections: widen by a relative 1e-5.
     let slack = [0, 1].map(|i| 1e-5 * (high[i].abs() + low[i].abs()));
     let (x0, x1) = pixels(low[0] - slack[0], high[0] + slack[0]);
     let (y0, y1) = pixels(low[1] - slack[1], high[1] + slack[1]);
@@ -159,7 +159,7 @@ fn clipped(p: [f32; 3], axes: &[[f32; 3]; 3], scales: [f32; 2], r: f32, view: &V
         centre_px: [0.0; 2],
         per_half_height: 0.0,
         shear: 0.0,
-        // Row spans are clipped to the box.
+        // Wider than any image: row spans are clipped to the box.
         half_span_px: 1e9,
     })
 }

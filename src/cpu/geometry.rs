@@ -1,19 +1,19 @@
-//! Optional terms on depths and normals (twin: `reference/geometry.rs`): values, and per pixel the
-//! coefficients from which the backward pass derives.
+//! Optional terms on depths and normals (twin: `reference/geometry.rs`): their values, and for each pixel the
+//! coefficients of their derivatives, for the backward pass.
 
 use crate::backend::{LossWeights, RenderedImage, TargetImage};
 use crate::camera::Pinhole;
 use crate::constants::SURFACE_ALPHA_MIN;
 use rayon::prelude::*;
 
-/// Constant, linear and square part of the derivative by a sample's weight in its m; the vector that is
-/// dotted with its normal.
+/// Coefficients of the derivative by a sample's weight: constant, factors of m and m^2, and the vector
+/// multiplied with the sample's normal.
 pub(super) type Coefficients = [f32; 6];
 
-/// Sums over a pixel's samples: weight times m, times m^2, times the normal.
+/// Sums over a pixel's samples: weight times m, weight times m^2, weight times the normal.
 pub(super) type PixelSums = [f32; 5];
 
-/// Distortion and normal terms, weighted, and the coefficients. `[height, width]`
+/// Weighted distortion and normal terms, and the coefficients of each pixel. `[height, width]`
 pub(super) fn geometry_loss(
     image: &RenderedImage,
     sums: &[PixelSums],
@@ -47,7 +47,8 @@ pub(super) fn geometry_loss(
     (values.0, values.1, pixels.into_iter().map(|(_, c)| c).collect())
 }
 
-/// Normal of the depth map by central differences, camera axes, facing the camera.
+/// Normal of the depth map by central differences, in camera axes, facing the camera; `None` at the border and
+/// where a neighbour is not opaque.
 fn surface_normal(image: &RenderedImage, pinhole: &Pinhole, pixel: usize) -> Option<[f32; 3]> {
     let (w, h) = (image.width_px as usize, image.height_px as usize);
     let (x, y) = (pixel % w, pixel / w);

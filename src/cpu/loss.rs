@@ -1,6 +1,6 @@
-//! Fused L1 + SSIM + MSE with gradient (twin: `reference/loss.rs`). Planes are `[height, width]` f32.
+//! Fused L1, SSIM and MSE terms with their gradient (twin: `reference/loss.rs`). Planes are `[height, width]` f32.
 //!
-//! Plain multiplications and additions only, no fused ones: the same bits at every SIMD level.
+//! No fused multiply-adds: every SIMD level gives the same bits.
 
 use crate::backend::{LossWeights, TargetImage};
 use crate::constants::{SSIM_C1, SSIM_C2, SSIM_RADIUS_PX, ssim_window};
@@ -9,12 +9,12 @@ use rayon::prelude::*;
 
 const TAPS: usize = 2 * SSIM_RADIUS_PX + 1;
 
-/// Planes of an image, padded to whole rows, and the work space of the loss.
+/// Planes of image and photo, and working memory of the loss.
 #[derive(Default)]
 pub(super) struct LossBuffers {
-    /// Rendered image, by channel. After [`image_loss`]: the derivative by it.
+    /// Rendered image, by channel; after [`image_loss`], the derivative by it.
     pub image: [Vec<f32>; 3],
-    /// Loss per pixel: l1 and dssim terms, not averaged.
+    /// Loss of each pixel: l1 and dssim terms, averaged over the channels only.
     pub map: Vec<f32>,
     target: [Vec<f32>; 3],
     blurred: [Vec<f32>; 5],
@@ -22,7 +22,7 @@ pub(super) struct LossBuffers {
 }
 
 impl LossBuffers {
-    /// Makes room for an image.
+    /// Resizes all planes to an image, and clears the map.
     pub(super) fn resize(&mut self, num_pixels: usize) {
         for plane in self.image.iter_mut().chain(&mut self.target).chain(&mut self.partial) {
             plane.resize(num_pixels, 0.0);
@@ -33,7 +33,7 @@ impl LossBuffers {
     }
 }
 
-/// Weighted l1, dssim and mse terms; leaves gradient and map in the buffers.
+/// Weighted l1, dssim and mse terms; writes gradient and map to the buffers.
 pub(super) fn image_loss(
     level: Level,
     buffers: &mut LossBuffers,
@@ -87,7 +87,7 @@ fn clear_masked(gradient: &mut [f32], target: &TargetImage) {
     }
 }
 
-/// Horizontal window over x, y, xx, yy, xy.
+/// Blurs x, y, xx, yy and xy along the rows.
 fn blur_rows(level: Level, x: &[f32], y: &[f32], out: &mut [Vec<f32>; 5], w: usize, window: &[f32; TAPS]) {
     let [o0, o1, o2, o3, o4] = out;
     let rows = (
@@ -105,7 +105,7 @@ fn blur_rows(level: Level, x: &[f32], y: &[f32], out: &mut [Vec<f32>; 5], w: usi
     );
 }
 
-/// The five blurs of one row. `padded` is scratch with zero margins.
+/// The five blurs of a row. `padded` is scratch memory with zero margins.
 #[inline(always)]
 fn blur_products<S: Simd>(
     simd: S,
@@ -158,7 +158,7 @@ fn blur_column<S: Simd>(_simd: S, plane: &[f32], y: usize, w: usize, out: &mut [
     }
 }
 
-/// Vertical window, SSIM and its derivatives by the three means that depend on the image, each times
+/// Blurs along the columns, then computes SSIM and its derivatives by the three means that depend on the image, times
 /// `scale`; adds (1 - SSIM) to the map. Returns the sum of SSIM.
 fn ssim_rows(level: Level, buffers: &mut LossBuffers, w: usize, window: &[f32; TAPS], scale: f32) -> f64 {
     let LossBuffers { blurred, partial, map, .. } = buffers;
@@ -180,7 +180,7 @@ fn ssim_rows(level: Level, buffers: &mut LossBuffers, w: usize, window: &[f32; T
     row_sums.iter().sum()
 }
 
-/// One row of [`ssim_rows`]; `means` is scratch, its last row receives SSIM.
+/// One row of [`ssim_rows`]. `means` is scratch memory whose last row receives SSIM.
 #[inline(always)]
 fn ssim_row<S: Simd>(
     simd: S,
@@ -198,14 +198,14 @@ fn ssim_row<S: Simd>(
     let [mx, my, mxx, myy, mxy, ssim] = means else { return };
     let (mx, my, mxx, myy, mxy, ssim) = (&mx[..w], &my[..w], &mxx[..w], &myy[..w], &mxy[..w], &mut ssim[..w]);
     let (p0, p1, p2) = (&mut p0[..w], &mut p1[..w], &mut p2[..w]);
-    // `scale` belongs to a mean over all values of the image, the map to one over a pixel's channels.
+    // `scale` contains the mean over all values of the image; the map has only the mean over a pixel's channels.
     let per_channel = scale * blurred[0].len() as f32;
     for i in 0..w {
         let (mx, my) = (mx[i], my[i]);
         let a1 = 2.0 * mx * my + SSIM_C1 as f32;
         let a2 = 2.0 * (mxy[i] - mx * my) + SSIM_C2 as f32;
         let b1 = mx * mx + my * my + SSIM_C1 as f32;
-        // Variances are non-negative but for rounding.
+        // Rounding may make a variance negative.
         let b2 = (mxx[i] - mx * mx).max(0.0) + (myy[i] - my * my).max(0.0) + SSIM_C2 as f32;
         let per = 1.0 / (b1 * b2);
         let s = a1 * a2 * per;
@@ -217,7 +217,7 @@ fn ssim_row<S: Simd>(
     }
 }
 
-/// Horizontal window over the three derivative planes.
+/// Blurs the three derivative planes along the rows.
 fn blur_partials(
     level: Level,
     planes: &[Vec<f32>; 3],
@@ -236,8 +236,8 @@ fn blur_partials(
     }
 }
 
-/// Vertical window over the derivative planes and the pixel-wise terms; the image's plane becomes
-/// the gradient. Returns the l1 and mse terms.
+/// Blurs the derivative planes along the columns and adds the pixel-wise terms; the gradient replaces the
+/// image's plane. Returns the l1 and mse terms.
 fn combine(
     level: Level,
     buffers: &mut LossBuffers,
@@ -274,8 +274,8 @@ fn combine(
     )
 }
 
-/// One row of [`combine`]; `columns` is scratch. `rates` are the weights of the L1 gradient, of the MSE
-/// gradient and of L1 in the map.
+/// One row of [`combine`]. `columns` is scratch memory; `[l1, mse, map_l1]` are the weights of the L1 gradient,
+/// of the MSE gradient, and of L1 in the map.
 #[allow(clippy::too_many_arguments, reason = "inlined into its only caller; split for reading")]
 #[inline(always)]
 fn combine_row<S: Simd>(

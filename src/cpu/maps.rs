@@ -1,20 +1,20 @@
-//! Changes of one texture map: windows of its texel grid or of one twice as fine or coarse, and bilinear
-//! resampling. What becomes of whole models stands in `apply_plan`.
+//! Changes to a texture map: windows of its texel grid, or of a grid twice as fine or coarse, and bilinear
+//! resampling. `apply_plan` applies them to a model.
 
 use crate::backend::Grid;
 use crate::model::TextureMap;
 
-/// What stands outside of a map's grid.
+/// Values outside a map's grid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Outside {
-    /// Nothing: texels and first moments.
+    /// Zero, for texels and first moments.
     Zero,
-    /// The nearest texel of the grid: second moments.
+    /// Those of the nearest texel, for second moments.
     Nearest,
 }
 
-/// The window of `new`'s size, from row and column `first` on, of a grid over the map `old` with the values
-/// `from`. `[new.rows, new.cols, 3]`
+/// Cuts a window of `new`'s size out of a grid over the map `old`, whose values are `from`; `first` is the row and
+/// column of the grid where the window begins. `[new.rows, new.cols, 3]`
 pub(super) fn regrid(
     old: &TextureMap,
     from: &[f32],
@@ -27,7 +27,7 @@ pub(super) fn regrid(
     if old.num_texels() == 0 {
         return out;
     }
-    // Where on the grid a row or column of the window is, drawn to the grid, and whether it was there before.
+    // For each row or column of the window, its position clamped to the grid, and whether it was inside.
     let places = |count: u16, first: i32, old_count: u16| -> Vec<(usize, bool)> {
         let last = i64::from(grid.texels(old_count)) - 1;
         let place = |i: u16| {
@@ -47,7 +47,7 @@ pub(super) fn regrid(
     out
 }
 
-/// A channel of a texel of the grid.
+/// One channel of a texel of the grid.
 fn grid_texel(old: &TextureMap, from: &[f32], grid: Grid, [row, col]: [usize; 2], channel: usize) -> f32 {
     let texel = |row: usize, col: usize| from[3 * (row * usize::from(old.cols) + col) + channel];
     match grid {
@@ -60,20 +60,20 @@ fn grid_texel(old: &TextureMap, from: &[f32], grid: Grid, [row, col]: [usize; 2]
     }
 }
 
-/// The texels of a map in which the four quarters of the edge of a coarse texel lie: each quarter is half a
-/// texel, so that odd maps keep their centre too. Outside of the map the outermost texels go on.
+/// The texels that contain the four quarters of a coarse texel, along one axis. A quarter is half a texel, so
+/// that maps with an odd number of texels keep their centre too. The outermost texels extend beyond the map.
 fn quarters(coarse: usize, texels: u16) -> [usize; 4] {
     let texels = i64::from(texels);
     let padding = (4 - texels % 4) % 4;
     [0, 1, 2, 3].map(|k| (4 * coarse as i64 - padding + k).div_euclid(2).clamp(0, texels - 1) as usize)
 }
 
-/// In this order: the shader sums in it too.
+/// Adds in the same order as the shader.
 fn mean([a, b, c, d]: [f32; 4]) -> f32 {
     ((a + b) + (c + d)) * 0.25
 }
 
-/// Bilinear resampling about a place that is `shift` texels of the old map from its centre; zero outside
+/// Resamples a map bilinearly, with its new centre `shift` texels of the old map away from the old one; zero outside
 /// the old map.
 pub(super) fn resample(old: &TextureMap, from: &[f32], new: &TextureMap, shift: [f32; 2]) -> Vec<f32> {
     let same = (old.rows, old.cols, old.texel_size) == (new.rows, new.cols, new.texel_size);
@@ -116,12 +116,12 @@ mod tests {
         TextureMap { offset_texels: 0, rows, cols, texel_size }
     }
 
-    /// Values that are no round numbers, none of them zero.
+    /// Irregular values, none of them zero.
     fn values(map: &TextureMap) -> Vec<f32> {
         (0..3 * map.num_texels()).map(|i| 1.5 + (0.7 * i as f32).sin()).collect()
     }
 
-    /// A window of a map's grid, and its map.
+    /// A window of a map's grid: the new map and its values.
     fn window(
         old: &TextureMap,
         from: &[f32],
@@ -141,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_cropped_comes_back_in_its_place_as_zeros() {
+    fn cropping_and_padding_back_keeps_the_inner_texels_in_place() {
         let old = map(6, 5, 0.1);
         let from = values(&old);
         let (small, cropped) = window(&old, &from, Grid::Same, [3, 2], [1, 2], Outside::Zero);
@@ -158,14 +158,14 @@ mod tests {
                     assert_eq!(rgb, &from[nearest..nearest + 3], "texel {row}, {col}");
                 }
             }
-            // Negative control: a window that begins one column further on.
+            // Negative control: a window that begins one column later.
             assert_ne!(window(&small, &cropped, Grid::Same, [6, 5], [-1, -1], outside).1, back);
         }
         assert_eq!(whole(&old, &from, Grid::Same).1, from);
     }
 
     #[test]
-    fn a_shift_moves_whole_texels() {
+    fn a_shifted_window_moves_whole_texels() {
         let old = map(4, 4, 0.1);
         let from = values(&old);
         let (_, shifted) = window(&old, &from, Grid::Same, [4, 4], [1, -1], Outside::Zero);
@@ -174,7 +174,7 @@ mod tests {
             let expected = if row < 4 && col < 4 { &from[3 * (4 * row + col)..][..3] } else { &[0.0; 3] };
             assert_eq!(rgb, expected, "texel {t}");
         }
-        // As far away as can be said: nothing, or the outermost texel, and no overflow.
+        // Extreme offsets give zeros or the outermost texel, without overflow.
         for far in [i32::MIN, i32::MAX] {
             let (_, out) = window(&old, &from, Grid::Finer, [2, 2], [far, far], Outside::Zero);
             assert_eq!(out, [0.0; 12]);
@@ -185,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn coarser_undoes_finer_in_every_bit() {
+    fn coarsening_inverts_refinement_bit_for_bit() {
         for (rows, cols) in [(2, 2), (4, 6), (8, 2)] {
             let old = map(rows, cols, 0.1);
             let from = values(&old);
@@ -194,7 +194,7 @@ mod tests {
             let (again, back) = whole(&fine, &refined, Grid::Coarser);
             assert_eq!((again.rows, again.cols, again.texel_size), (rows, cols, 0.1));
             assert_eq!(back, from);
-            // Negative control: half a coarse texel off.
+            // Negative control: shifted by half a coarse texel.
             let (_, off) =
                 window(&fine, &refined, Grid::Same, [2 * rows, 2 * cols], [1, 0], Outside::Nearest);
             assert_ne!(whole(&fine, &off, Grid::Coarser).1, from);
@@ -207,7 +207,7 @@ mod tests {
     }
 
     #[test]
-    fn coarser_maps_are_even_and_keep_their_centre() {
+    fn coarsened_maps_have_even_sides_and_keep_their_centre() {
         for (rows, cols) in [(8, 12), (6, 10), (5, 7), (9, 6)] {
             let old = map(rows, cols, 0.1);
             let from: Vec<f32> = (0..old.num_texels())
@@ -218,7 +218,7 @@ mod tests {
                 .collect();
             let (new, out) = whole(&old, &from, Grid::Coarser);
             assert_eq!((new.rows % 2, new.cols % 2), (0, 0));
-            // A linear map stays the same function of place, but where the padding reaches.
+            // A linear map stays the same function of position, except where the padding reaches.
             let worst = |first: usize| {
                 let inner = |t: &usize| {
                     let (row, col) = (t / usize::from(new.cols), t % usize::from(new.cols));
@@ -233,7 +233,7 @@ mod tests {
                 (0..new.num_texels()).filter(inner).map(off).reduce(f32::max).unwrap()
             };
             println!("{rows} x {cols}: {:.1e}", worst(0));
-            // Needed 0. Negative control: a row further on.
+            // Needed 0. Negative control: off by a row.
             assert!(worst(0) < 1e-7, "{rows} x {cols}: {}", worst(0));
             assert!(worst(1) > 0.1);
             assert!(out.iter().skip(2).step_by(3).all(|one| *one == 1.0));
@@ -241,22 +241,22 @@ mod tests {
     }
 
     #[test]
-    fn padding_repeats_the_outermost_texels() {
-        // 2 becomes 4: each row twice, so that the means are the texels themselves.
+    fn coarsening_pads_with_the_outermost_texels() {
+        // 2 rows become 4 by repeating each, so that the means are the texels themselves.
         let old = map(2, 2, 0.1);
         let from = values(&old);
         assert_eq!(whole(&old, &from, Grid::Coarser).1, from);
-        // 6 becomes 8: the first pair of rows is the first row twice, the second is rows 1 and 2.
+        // 6 rows become 8: the first pair is row 0 twice, the second is rows 1 and 2.
         assert_eq!(quarters(0, 6), [0, 0, 0, 0]);
         assert_eq!(quarters(1, 6), [1, 1, 2, 2]);
         assert_eq!(quarters(3, 6), [5, 5, 5, 5]);
-        // 5 lies in the middle of 8: the second coarse texel has the middle of row 1.
+        // 5 rows are centred in 8: the second coarse texel contains the middle of row 1.
         assert_eq!(quarters(1, 5), [0, 1, 1, 2]);
         assert_eq!(quarters(2, 5), [2, 3, 3, 4]);
     }
 
     #[test]
-    fn a_map_without_texels_has_zeros_everywhere() {
+    fn a_window_of_an_empty_map_is_zero() {
         for grid in [Grid::Same, Grid::Finer, Grid::Coarser] {
             for outside in [Outside::Zero, Outside::Nearest] {
                 assert_eq!(window(&map(0, 0, 0.1), &[], grid, [2, 3], [-1, 0], outside).1, [0.0; 18]);

@@ -1,11 +1,11 @@
-//! Small vector functions. Each is generic over the SIMD level and inlined into the kernels.
+//! Small vector functions. Those on lanes are generic over the SIMD level and inlined into the kernels.
 
 use fearless_simd::{Bytes as _, Simd, SimdBase as _, SimdFloat as _, f32x16, i32x16, mask32x16};
 
-/// Pixels of a block along x and along y; a block fills the lanes of the kernels' vectors. (Measured on
-/// fox at 270x480: 4 x 4 lanes need less time than 4 x 2 although more of them lie outside the splat.)
+/// Pixels of a block along x and y; a block fills the lanes of a vector. (Measured on fox at 270x480: 4 x 4 lanes are
+/// faster than 4 x 2, although more of them lie outside the splat.)
 pub(super) const BLOCK_PX: [usize; 2] = [4, 4];
-/// Lanes of the kernels' vectors.
+/// Lanes of a vector.
 pub(super) const LANES: usize = BLOCK_PX[0] * BLOCK_PX[1];
 /// One value per pixel of a block.
 pub(super) type Lanes<S> = f32x16<S>;
@@ -14,13 +14,13 @@ pub(super) type LaneMask<S> = mask32x16<S>;
 /// One integer per pixel of a block.
 type LaneInts<S> = i32x16<S>;
 
-/// e^x for x in [-80, 80]; relative error below 2e-7 (measured in the test).
+/// e^x for x in [-80, 80], with a relative error below 2e-7 (measured in the test).
 #[inline(always)]
 pub(super) fn exp<S: Simd>(simd: S, x: Lanes<S>) -> Lanes<S> {
     // 2^(n + f), f in [-1/2, 1/2]; Taylor coefficients of 2^f.
     let scaled = x * std::f32::consts::LOG2_E;
     let n = scaled.round_ties_even();
-    // Two-step reduction keeps f accurate: x - n ln 2 with ln 2 split.
+    // Splitting ln 2 in two keeps the reduced argument x - n ln 2 accurate.
     let f = n.mul_add(-1.428_606_8e-6, n.mul_add(-0.693_145_75, x));
     let c = |v: f32| Lanes::splat(simd, v);
     let mut p = f.mul_add(c(1.0 / 720.0), c(1.0 / 120.0));
@@ -56,12 +56,10 @@ pub(super) fn texel_values<S: Simd>(simd: S, stored: &[f32], values: &mut [f32])
     v.copy_from_slice(&last[..t.len()]);
 }
 
-/// Dot product.
 pub(super) fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// Cross product.
 pub(super) fn cross(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
@@ -79,7 +77,7 @@ mod tests {
             let got: [f32; LANES] = dispatch!(Level::new(), simd => exp(simd, Lanes::splat(simd, x)).into());
             worst = worst.max((f64::from(got[3]) / f64::from(x).exp() - 1.0).abs());
         }
-        assert!(worst < 4e-7, "{worst:.2e}"); // needed 3.6e-7: the argument's own rounding included
+        assert!(worst < 4e-7, "{worst:.2e}"); // needed 3.6e-7, including the rounding of the argument
         let stored: Vec<f32> = (0..1003).map(|i| (i as f32 - 500.0) * 0.02).collect();
         let mut values = vec![0.0; stored.len()];
         dispatch!(Level::new(), simd => texel_values(simd, &stored, &mut values));
@@ -89,6 +87,6 @@ mod tests {
             .map(|(&t, &v)| (crate::model::texel_value(f64::from(t)) - f64::from(v)).abs())
             .fold(0.0, f64::max);
         assert!(worst < 3e-7, "{worst:.2e}");
-        assert_eq!(values[500], 0.0, "a neutral texel adds exactly nothing");
+        assert_eq!(values[500], 0.0, "a neutral texel adds exactly 0");
     }
 }

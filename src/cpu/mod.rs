@@ -1,23 +1,22 @@
 //! The production backend for machines without a GPU: f32, all cores, SIMD chosen at run time.
 //!
-//! Every pass has its own file and its f64 twin of the same name in `reference`. Results do not
-//! depend on the number of threads: parallel work writes to places of its own, and sums over tiles
-//! are taken per splat in the order of the tiles.
+//! Every pass is a file of its own, and has an f64 twin of the same name in `reference`. Results do not depend on the
+//! number of threads: parallel jobs write to disjoint memory, and each splat sums over its tiles in a fixed order.
 
 mod adam;
 mod apply_plan;
 mod backend;
+mod block;
 mod bounds;
-mod frame;
 mod geometry;
 mod loss;
 mod maps;
 mod math;
+mod pipeline;
 mod project;
 mod project_bwd;
 mod raster_bwd;
 mod raster_fwd;
-mod shape;
 mod simd;
 mod tiles;
 mod update;

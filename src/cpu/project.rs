@@ -1,4 +1,4 @@
-//! Projection of the splats to a view (twin: `reference/project.rs`), and their bounds.
+//! Projects the splats to a view and computes their bounds and base colours (twin: `reference/project.rs`).
 
 use super::bounds::{Bounds, bounds};
 use super::math::{cross, dot};
@@ -7,10 +7,10 @@ use crate::constants::{ALPHA_MIN, BASE_RGB_MAX, EDGE_ON_MIN, SH_0, SH_1, SH_2, S
 use crate::model::Model;
 use rayon::prelude::*;
 
-/// The view in f32.
+/// Camera and near plane in f32.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ViewF32 {
-    /// camera_from_local rotation, rows.
+    /// Rows of the rotation camera_from_local.
     pub rotation: [[f32; 3]; 3],
     pub translation: [f32; 3],
     pub centre_in_local: [f32; 3],
@@ -36,32 +36,34 @@ impl ViewF32 {
         }
     }
 
+    /// Rotates a direction from the local frame into camera axes.
     pub(super) fn rotate(&self, v: [f32; 3]) -> [f32; 3] {
         self.rotation.map(|row| dot(row, v))
     }
 
-    /// local_from_camera rotation.
+    /// Inverse of [`ViewF32::rotate`].
     pub(super) fn rotate_back(&self, v: [f32; 3]) -> [f32; 3] {
         [0, 1, 2]
             .map(|k| self.rotation[0][k] * v[0] + self.rotation[1][k] * v[1] + self.rotation[2][k] * v[2])
     }
 }
 
-/// A splat as one view sees it. Coordinates on the surfel are in standard deviations.
+/// A splat projected to a view. Coordinates on the surfel are in standard deviations.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ProjectedSplat {
     /// Index in the model.
     pub id: u32,
     pub centre_px: [f32; 2],
-    /// Numerators along u and v, standard deviations per pixel.
+    /// Numerator of the coordinate along u, standard deviations per pixel.
     pub a: [f32; 2],
+    /// Numerator of the coordinate along v, standard deviations per pixel.
     pub b: [f32; 2],
-    /// Denominator, per pixel.
+    /// Gradient of the denominator, per pixel.
     pub g: [f32; 2],
     pub depth: f32,
     pub opacity: f32,
     pub scales: [f32; 2],
-    /// Base colour, clamped; filled by [`base_colours`].
+    /// Base colour, clamped at zero; set by [`base_colours`].
     pub rgb: [f32; 3],
     /// Channels whose base colour was not clamped.
     pub rgb_positive: [bool; 3],
@@ -78,12 +80,12 @@ impl ProjectedSplat {
     }
 }
 
-/// A map as the kernels sample it.
+/// A splat's texture map, in the form that the kernels sample.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct MapView {
     pub rows: i32,
     pub cols: i32,
-    /// First float of the map's activated texels in the frame's pool, `[rows, cols, 3]`.
+    /// First float of the map's activated texels in the view's pool, `[rows, cols, 3]`.
     pub first: u32,
     /// Texels per standard deviation along u and v.
     pub texels_per_sigma: [f32; 2],
@@ -91,7 +93,7 @@ pub(super) struct MapView {
     pub origin: [f32; 2],
 }
 
-/// Projects all splats; those in sight in the order of their indices.
+/// Projects all splats; the result keeps the order of their indices and omits culled ones.
 pub(super) fn project_all(model: &Model, view: &ViewF32) -> Vec<ProjectedSplat> {
     (0..model.num_splats())
         .into_par_iter()
@@ -149,14 +151,14 @@ fn project(model: &Model, i: usize, view: &ViewF32) -> Option<ProjectedSplat> {
             rows: i32::from(map.rows),
             cols: i32::from(map.cols),
             first: 0,
-            // A map of no texels may have a texel size of zero.
+            // An empty map may have a texel edge of zero.
             texels_per_sigma: scales.map(|s| if map.rows == 0 { 0.0 } else { s / map.texel_size }),
             origin: [(f32::from(map.rows) - 1.0) / 2.0, (f32::from(map.cols) - 1.0) / 2.0],
         },
     })
 }
 
-/// Columns of the rotation of a quaternion (wxyz, any length; NaN for length zero).
+/// Columns of the rotation of a quaternion wxyz of any length; NaN for length zero.
 pub(super) fn rotation_columns(q: [f32; 4]) -> [[f32; 3]; 3] {
     let norm = (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]).sqrt();
     let [w, x, y, z] = q.map(|v| v / norm);
@@ -167,7 +169,7 @@ pub(super) fn rotation_columns(q: [f32; 4]) -> [[f32; 3]; 3] {
     ]
 }
 
-/// Fills in the base colours: SH at the direction from the camera, clamped at zero.
+/// Sets the base colours: SH in the direction from the camera, clamped at zero.
 pub(super) fn base_colours(model: &Model, view: &ViewF32, degree: u32, splats: &mut [ProjectedSplat]) {
     let width = 3 * sh_coefficients(model.splats.sh_degree);
     splats.par_iter_mut().with_min_len(256).for_each(|splat| {
@@ -179,19 +181,19 @@ pub(super) fn base_colours(model: &Model, view: &ViewF32, degree: u32, splats: &
             (0..3).for_each(|c| rgb[c] += y * model.splats.sh[i * width + 3 * k + c]);
         }
         splat.rgb_positive = rgb.map(|v| v > 0.0);
-        // Poisoned coefficients must not spread: NaN becomes 0, and squares in the loss stay finite.
+        // Keeps poisoned coefficients from spreading: NaN becomes 0, and squares in the loss stay finite.
         splat.rgb = rgb.map(|v| if v.is_nan() { 0.0 } else { v.clamp(0.0, BASE_RGB_MAX as f32) });
     });
 }
 
-/// Unit direction from the camera to a splat, local frame, and the distance.
+/// Unit direction from the camera to a splat in the local frame, and the distance.
 pub(super) fn view_direction(model: &Model, i: usize, view: &ViewF32) -> ([f32; 3], f32) {
     let offset = [0, 1, 2].map(|k| model.splats.positions[3 * i + k] - view.centre_in_local[k]);
     let length = dot(offset, offset).sqrt();
     (offset.map(|v| v / length), length)
 }
 
-/// SH basis; entries above `degree` are 0.
+/// The SH basis at a unit direction; functions above `degree` are 0.
 pub(super) fn sh_basis(degree: u32, [x, y, z]: [f32; 3]) -> [f32; 16] {
     let mut out = [0.0; 16];
     out[0] = SH_0 as f32;
@@ -219,7 +221,7 @@ pub(super) fn sh_basis(degree: u32, [x, y, z]: [f32; 3]) -> [f32; 16] {
     out
 }
 
-/// Derivatives of [`sh_basis`] by the components of the direction.
+/// Derivatives of [`sh_basis`] by the components of the direction, treated as independent.
 pub(super) fn sh_basis_derivative(degree: u32, [x, y, z]: [f32; 3]) -> [[f32; 3]; 16] {
     let mut out = [[0.0; 3]; 16];
     if degree >= 1 {

@@ -1,5 +1,5 @@
-//! Backward projection of one splat (twin: `reference/project_bwd.rs`): from the sums over its pixels
-//! to the derivatives by its stored parameters.
+//! Backward projection of a splat (twin: `reference/project_bwd.rs`): applies the chain rule from the sums over its
+//! pixels to its stored parameters.
 
 use super::math::{cross, dot};
 use super::project::{ProjectedSplat, ViewF32, sh_basis, sh_basis_derivative, view_direction};
@@ -7,18 +7,18 @@ use super::raster_bwd::{HEADER_FLOATS, Sum};
 use crate::constants::sh_coefficients;
 use crate::model::Model;
 
-/// Derivatives by a splat's stored parameters, without its texels.
+/// Derivatives by a splat's stored parameters, except its texels.
 #[derive(Clone, Debug)]
 pub(super) struct SplatGradient {
     pub position: [f32; 3],
     pub quaternion: [f32; 4],
     pub log_scale: [f32; 2],
     pub opacity: f32,
-    /// `[(degree in use + 1)^2, 3]`, rest 0
+    /// Zero above the degree in use. `[16, 3]`
     pub sh: [f32; 48],
 }
 
-/// Chain rule from `sums`, the sums over all of the splat's pairs.
+/// Applies the chain rule to `sums`, the sums over all pairs of the splat.
 pub(super) fn project_bwd(
     model: &Model,
     splat: &ProjectedSplat,
@@ -57,7 +57,7 @@ pub(super) fn project_bwd(
     out
 }
 
-/// Derivatives by the centre and the three axes, in camera axes.
+/// Derivatives by the centre and the three surfel axes, in camera axes.
 fn map_bwd(splat: &ProjectedSplat, sums: &[f32; HEADER_FLOATS], view: &ViewF32) -> ([f32; 3], [[f32; 3]; 3]) {
     let s = |sum: Sum| sums[sum as usize];
     let p = splat.centre_in_camera;
@@ -65,7 +65,7 @@ fn map_bwd(splat: &ProjectedSplat, sums: &[f32; HEADER_FLOATS], view: &ViewF32) 
     let [fx, fy] = view.focal_px;
     let w0 = dot(p, n) / p[2];
     let numerator = |x: f32, y: f32| [x / (fx * w0), y / (fy * w0), 0.0];
-    // The map in standard deviations is the map in world units over sigma.
+    // The map in standard deviations is the map in local units over sigma.
     let by_cross_a = numerator(s(Sum::UX) / splat.scales[0], s(Sum::UY) / splat.scales[0]);
     let by_cross_b = numerator(s(Sum::VX) / splat.scales[1], s(Sum::VY) / splat.scales[1]);
     let along = s(Sum::UX) * splat.a[0]

@@ -1,34 +1,34 @@
-//! Backward rasterisation of one tile (twin: `reference/raster_bwd.rs`): splats outside, back to
-//! front; blocks of pixels inside. Sums of a pair go to its own place among the partial sums, those of
-//! texels too: no quantum and no saturation as with fixed point, and no atomics (measured, 25,000 pairs
-//! of 4 x 4 maps: 1.0 ms a step to write and gather, 3.5 ms to add uncontended i32 atomics).
+//! Backward rasterisation of a tile (twin: `reference/raster_bwd.rs`). The outer loop visits splats back to
+//! front, the inner loop blocks of pixels. Each pair has its own record of partial sums, including those of its
+//! texels. Unlike fixed-point atomics, these neither quantise nor saturate, and they are faster (measured for
+//! 25,000 pairs of 4 x 4 maps: 1.0 ms per step to write and gather, 3.5 ms to add uncontended i32 atomics).
 
+use super::block::{
+    BlockHit, BlockTaps, SplatInTile, block_at, block_taps, clamped_alpha, hat_slope, residual, splat_rgb,
+    strip_span, strips,
+};
 use super::math::{LANES, LaneMask, Lanes};
 use super::project::{MapView, ProjectedSplat};
 use super::raster_fwd::{TileInput, TileOutput, TilePlane};
-use super::shape::{
-    BlockHit, BlockTaps, Shape, block_at, block_taps, clamped_alpha, hat_slope, residual, splat_rgb,
-    strip_span, strips,
-};
 use super::tiles::{TILE_PIXELS, TexelWindow};
 use crate::constants::ALPHA_MAX;
 use fearless_simd::{Select as _, Simd, SimdBase as _, SimdFloat as _, SimdMask as _};
 
-/// Sums over a pair's pixels; `d` is the pixel's offset from the projected centre.
+/// Sums over the pixels of a pair; (dx, dy) is a pixel's offset from the projected centre.
 #[derive(Clone, Copy, Debug)]
 #[repr(usize)]
 pub(super) enum Sum {
-    /// 1 if any pixel contributed, else 0 and the rest of the record is not written.
+    /// 1 if any pixel contributed; otherwise 0, and the rest of the record is not written.
     Touched,
-    /// Derivative by the plane coordinate along u over the denominator: sum, times dx, times dy.
+    /// Derivative by the surfel coordinate along u, over the denominator: the sum, times dx, times dy.
     U,
     UX,
     UY,
-    /// The same along v.
+    /// As `U`, along v.
     V,
     VX,
     VY,
-    /// Derivative by the denominator: sum, times dx, times dy.
+    /// Derivative by the denominator: the sum, times dx, times dy.
     D,
     DX,
     DY,
@@ -38,7 +38,7 @@ pub(super) enum Sum {
     Red,
     Green,
     Blue,
-    /// By the centre's depth and by the normal, where the geometry terms act on them directly.
+    /// By the centre's depth and the normal, through the distortion and normal terms.
     Depth,
     NormalX,
     NormalY,
@@ -46,9 +46,9 @@ pub(super) enum Sum {
     Pixels,
     Weight,
     Error,
-    /// Transmittance in front.
+    /// Transmittance in front of the splat.
     Transmittance,
-    /// Number of sums: texel sums of the window follow, `[rows, cols, 3]`.
+    /// Number of sums. The texel sums of the pair's window follow, `[rows, cols, 3]`.
     Len,
 }
 
@@ -61,21 +61,21 @@ pub(super) struct TileGradient {
     pub rgb: [TilePlane; 3],
     /// Loss per pixel, for the window statistics.
     pub loss: TilePlane,
-    /// Coefficients of the geometry terms, one plane each, where they are on.
+    /// Coefficients of the distortion and normal terms, one plane each, if they are on.
     pub geometry: Option<Box<[TilePlane; 6]>>,
 }
 
-/// State of the pass over a tile.
+/// State of a tile's pixels on the way back to front.
 struct Replay<'a> {
-    /// Transmittance behind the splats not yet visited; becomes that in front of them.
+    /// Transmittance behind the next splat to visit.
     transmittance: TilePlane,
-    /// Derivative by weight of everything behind, times its weight.
+    /// Sum of weight times the derivative by weight, over the samples behind.
     behind: TilePlane,
     last: &'a TilePlane,
     gradient: &'a TileGradient,
 }
 
-/// Per-lane sums of a pair.
+/// Sums of a pair, per lane.
 struct Sums<S: Simd>([Lanes<S>; HEADER_FLOATS]);
 
 impl<S: Simd> Sums<S> {
@@ -90,9 +90,9 @@ impl<S: Simd> Sums<S> {
     }
 }
 
-/// Runs the pass over a tile. `partials` starts at the tile's first partial sum, `partial_base` floats
-/// from the start of all; `lanes` is scratch. Returns nothing: all results are in `partials`.
-#[allow(clippy::too_many_arguments, reason = "inputs, output and scratch of a kernel, named")]
+/// Runs the backward pass over a tile. `partials` starts at the first record of the tile, `partial_base` floats after
+/// the first of all, and receives the results; `lanes` is scratch memory. `STATS` enables the window statistics.
+#[allow(clippy::too_many_arguments, reason = "inputs, output and scratch memory of a kernel")]
 #[inline(always)]
 pub(super) fn raster_bwd<S: Simd, const STATS: bool>(
     simd: S,
@@ -151,7 +151,7 @@ fn pair_bwd<S: Simd, const STATS: bool>(
     sums: &mut Sums<S>,
     lanes: &mut [[f32; LANES]],
 ) -> bool {
-    let shape = Shape::new(splat, input.origin_px, input.near);
+    let in_tile = SplatInTile::new(splat, input.origin_px, input.near);
     let map_texels = &input.texels[splat.map.first as usize..];
     let mut touched = false;
     let (strip0, strip1) = strips(splat, input.origin_px);
@@ -164,14 +164,14 @@ fn pair_bwd<S: Simd, const STATS: bool>(
             if !visited.any_true() {
                 continue;
             }
-            let hit = shape.hit(simd, strip, col);
+            let hit = in_tile.hit(simd, strip, col);
             let blended = hit.inside & visited;
             if !blended.any_true() {
                 continue;
             }
             touched = true;
             block_bwd::<S, STATS>(
-                simd, splat, &shape, &hit, blended, at, replay, map_texels, window, sums, lanes,
+                simd, splat, &in_tile, &hit, blended, at, replay, map_texels, window, sums, lanes,
             );
         }
     }
@@ -183,7 +183,7 @@ fn pair_bwd<S: Simd, const STATS: bool>(
 fn block_bwd<S: Simd, const STATS: bool>(
     simd: S,
     splat: &ProjectedSplat,
-    shape: &Shape,
+    in_tile: &SplatInTile,
     hit: &BlockHit<S>,
     blended: LaneMask<S>,
     at: std::ops::Range<usize>,
@@ -219,7 +219,7 @@ fn block_bwd<S: Simd, const STATS: bool>(
         by_pixel_dot_colour = by_pixel[k].mul_add(colour[k].max(zero), by_pixel_dot_colour);
     }
     let (mut by_weight, mut by_m) = (by_pixel_dot_colour, zero);
-    let m = hit.denominator * (shape.near / splat.depth);
+    let m = hit.denominator * (in_tile.near / splat.depth);
     if let Some(planes) = &replay.gradient.geometry {
         let c = |k: usize| Lanes::from_slice(simd, &planes[k][at.clone()]);
         let (linear, square) = (c(1), c(2));
@@ -238,7 +238,7 @@ fn block_bwd<S: Simd, const STATS: bool>(
     let by_alpha = before * by_weight - behind * per_rest;
     weight.mul_add(by_weight, behind).store_slice(&mut replay.behind[at.clone()]);
 
-    // Projected gradient at the clamp: passes where the colour is positive or descent would raise it.
+    // The gradient passes where the colour is positive or descent would raise it.
     let mut by_colour = [zero; 3];
     for k in 0..3 {
         let passes = colour[k].simd_gt(0.0) | by_pixel[k].simd_lt(0.0);
@@ -254,11 +254,11 @@ fn block_bwd<S: Simd, const STATS: bool>(
         sums.mul_add(Sum::Error, weight, Lanes::from_slice(simd, &replay.gradient.loss[at]));
     }
 
-    // The derivative by alpha is cut where alpha is clamped.
+    // No gradient where alpha is clamped.
     let by_raw = (blended & hit.raw_alpha.simd_le(ALPHA_MAX as f32)).select(by_alpha, zero);
     let by_raw_falloff = by_raw * hit.falloff;
     sums.add(Sum::Opacity, by_raw_falloff);
-    let by_exponent = by_raw_falloff * shape.opacity;
+    let by_exponent = by_raw_falloff * in_tile.opacity;
     let (a, b) = (blended.select(hit.a, zero), blended.select(hit.b, zero));
     let (by_a, by_b) = (by_exponent * a, by_exponent * b);
     sums.mul_add(Sum::LogScaleU, by_a, a);
@@ -270,7 +270,7 @@ fn block_bwd<S: Simd, const STATS: bool>(
     let per = hit.per_denominator;
     let u = (by_u * splat.map.texels_per_sigma[0] - by_a) * per;
     let v = (by_v * splat.map.texels_per_sigma[1] - by_b) * per;
-    let d = by_m * (shape.near / splat.depth) - u.mul_add(a, v * b);
+    let d = by_m * (in_tile.near / splat.depth) - u.mul_add(a, v * b);
     sums.add(Sum::U, u);
     sums.mul_add(Sum::UX, u, hit.dx);
     sums.mul_add(Sum::UY, u, hit.dy);
@@ -282,7 +282,7 @@ fn block_bwd<S: Simd, const STATS: bool>(
     sums.mul_add(Sum::DY, d, hit.dy);
 }
 
-/// Adds to the texels' lane sums; returns the derivatives by the texture coordinates.
+/// Adds the texel gradients to their lane sums; returns the derivatives by the texture coordinates.
 #[inline(always)]
 fn texture_bwd<S: Simd>(
     simd: S,

@@ -1,30 +1,30 @@
-//! Forward rasterisation of one tile (twin: `reference/raster_fwd.rs`): splats outside, front to back;
-//! blocks of pixels inside.
+//! Forward rasterisation of a tile (twin: `reference/raster_fwd.rs`). The outer loop visits splats front to back, the
+//! inner loop blocks of pixels.
 
-use super::math::{LANES, Lanes};
-use super::project::ProjectedSplat;
-use super::shape::{
-    BLOCK_COLS, BlockHit, Shape, block_at, block_taps, clamped_alpha, element_of, residual, splat_rgb,
+use super::block::{
+    BLOCK_COLS, BlockHit, SplatInTile, block_at, block_taps, clamped_alpha, element_of, residual, splat_rgb,
     strip_span, strips,
 };
+use super::math::{LANES, Lanes};
+use super::project::ProjectedSplat;
 use super::tiles::{Pair, TILE_PIXELS, TILE_PX};
 use crate::backend::RasterCounters;
 use crate::constants::TRANSMITTANCE_MIN;
 use fearless_simd::{Select as _, Simd, SimdBase as _, SimdFloat as _, SimdMask as _};
 
-/// Pixels of a tile, block by block.
+/// A value per pixel of a tile, block by block.
 pub(super) type TilePlane = [f32; TILE_PIXELS];
 
-/// What the forward pass leaves for a tile.
+/// Results of the forward pass for a tile.
 #[derive(Clone)]
 pub(super) struct TileOutput {
     /// Colour without background.
     pub rgb: [TilePlane; 3],
     /// Transmittance behind the last blended splat.
     pub transmittance: TilePlane,
-    /// Index within the tile's pairs of the last blended splat, as a float; -1: none.
+    /// Index of the last blended pair of the tile, as a float; -1 if there is none.
     pub last: TilePlane,
-    /// Index of the last pair that any pixel blended, plus 1.
+    /// One past the last pair that any pixel blended.
     pub used_pairs: usize,
     pub counters: RasterCounters,
 }
@@ -42,12 +42,12 @@ impl Default for TileOutput {
     }
 }
 
-/// Depth and normals, gathered on demand.
+/// Sums for depths, normals and the terms on them, if requested.
 #[derive(Clone)]
 pub(super) struct TileGeometry {
     pub depth: TilePlane,
     pub normal: [TilePlane; 3],
-    /// Sums of weight times m and times m^2, m the inverse depth over that of the near plane.
+    /// Sums of weight times m and weight times m^2, with m the near depth over a sample's depth.
     pub moments: [TilePlane; 2],
 }
 
@@ -57,10 +57,10 @@ impl Default for TileGeometry {
     }
 }
 
-/// What a tile's kernels read.
+/// Input of the kernels for a tile.
 pub(super) struct TileInput<'a> {
     pub splats: &'a [ProjectedSplat],
-    /// Activated texels of the frame.
+    /// Activated texels of the view.
     pub texels: &'a [f32],
     pub pairs: &'a [Pair],
     pub origin_px: [i32; 2],
@@ -69,7 +69,7 @@ pub(super) struct TileInput<'a> {
 }
 
 impl TileInput<'_> {
-    /// 1 for the tile's pixels within the image, else 0.
+    /// 1 for pixels of the tile within the image, else 0.
     pub(super) fn coverage(&self) -> TilePlane {
         let mut plane = [0.0; TILE_PIXELS];
         let extent =
@@ -81,7 +81,7 @@ impl TileInput<'_> {
     }
 }
 
-/// Rasterises a tile. With `COUNT`, fills the pair counters.
+/// Rasterises a tile. `COUNT` enables the pair counters.
 #[inline(always)]
 pub(super) fn raster_fwd<S: Simd, const COUNT: bool>(
     simd: S,
@@ -89,7 +89,7 @@ pub(super) fn raster_fwd<S: Simd, const COUNT: bool>(
     out: &mut TileOutput,
     mut geometry: Option<&mut TileGeometry>,
 ) {
-    // Transmittance of pixels that still blend; 0 once they have stopped.
+    // Transmittance of pixels that are still blending, 0 for those that have stopped.
     let mut live = input.coverage();
     out.rgb = [[0.0; TILE_PIXELS]; 3];
     out.transmittance = [1.0; TILE_PIXELS];
@@ -108,7 +108,7 @@ pub(super) fn raster_fwd<S: Simd, const COUNT: bool>(
             break;
         }
         let splat = &input.splats[pair.splat as usize];
-        let shape = Shape::new(splat, input.origin_px, input.near);
+        let in_tile = SplatInTile::new(splat, input.origin_px, input.near);
         let texels = &input.texels[splat.map.first as usize..];
         let (strip0, strip1) = strips(splat, input.origin_px);
         for strip in strip0..strip1 {
@@ -119,7 +119,7 @@ pub(super) fn raster_fwd<S: Simd, const COUNT: bool>(
                     continue;
                 }
                 let at = block_at(strip, col)..block_at(strip, col) + LANES;
-                let hit = shape.hit(simd, strip, col);
+                let hit = in_tile.hit(simd, strip, col);
                 if COUNT {
                     counters.evaluated_pairs += LANES as u64;
                     counters.inside_pairs += u64::from(hit.inside.to_bitmask().count_ones());

@@ -1,20 +1,20 @@
-//! Which instruction sets the kernels can use on this machine. All of them are compiled in; the best is
-//! chosen at run time. `fearless_simd` keeps the `unsafe` of intrinsics behind proofs of support, so that
-//! this crate needs none of its own.
+//! The instruction sets that the kernels can use on this machine. All are compiled in, and the best is chosen at run
+//! time. `fearless_simd` guards the `unsafe` intrinsics by tokens that prove support, so that this crate needs no
+//! `unsafe` of its own.
 
 use fearless_simd::Level;
 
-/// An instruction set that this machine has.
+/// An instruction set that this machine supports.
 #[derive(Clone, Copy, Debug)]
 pub struct SimdLevel(pub(super) Level);
 
 impl SimdLevel {
-    /// The best one.
+    /// The best instruction set of this machine.
     pub fn best() -> Self {
         Self(Level::new())
     }
 
-    /// All, the best first: results are equal only within one of them.
+    /// All instruction sets of this machine, best first. Results are bit-identical only at the same level.
     #[cfg(target_arch = "x86_64")]
     pub fn all() -> Vec<Self> {
         let best = Level::new();
@@ -27,13 +27,13 @@ impl SimdLevel {
         levels.into_iter().flatten().map(Self).collect()
     }
 
-    /// All: there is one.
+    /// The only instruction set of this machine.
     #[cfg(not(target_arch = "x86_64"))]
     pub fn all() -> Vec<Self> {
         vec![Self::best()]
     }
 
-    /// Lower-case name: "avx512", "avx2", "neon", ...
+    /// Name in lower case: "avx512", "avx2", "neon", ...
     pub fn name(self) -> String {
         let debug = format!("{:?}", self.0);
         debug.split('(').next().unwrap_or_default().to_lowercase()

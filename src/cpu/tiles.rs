@@ -1,17 +1,17 @@
-//! Which splats touch which tile, per tile in the order of depth.
+//! Lists the splats that touch each tile, in depth order.
 
 use super::project::ProjectedSplat;
 use fearless_simd::{Level, Simd, dispatch};
 use rayon::prelude::*;
 
-/// Edge of a tile. Larger tiles than a GPU's: a pair costs its set-up and its partial sums, while rows
-/// outside a splat cost nothing here (measured: 32 beats 16 on fox at 270x480).
+/// Edge of a tile. Larger than on GPUs: each pair costs set-up and partial sums, while rows outside a splat cost
+/// nothing here (measured: 32 beats 16 on fox at 270x480).
 pub(super) const TILE_PX: usize = 32;
 
 /// Pixels of a tile.
 pub(super) const TILE_PIXELS: usize = TILE_PX * TILE_PX;
 
-/// Texels of a splat's map that a tile can touch.
+/// The texels of a splat's map that a tile can touch.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct TexelWindow {
     pub row0: i32,
@@ -26,12 +26,12 @@ impl TexelWindow {
     }
 }
 
-/// A splat in a tile.
+/// A pair of tile and splat.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Pair {
     /// Index into the projected splats.
     pub splat: u32,
-    /// Where its partial sums start, in floats from the start of all partial sums.
+    /// Position of its partial sums, in floats from the first of all.
     pub partial: usize,
     pub window: TexelWindow,
 }
@@ -39,21 +39,21 @@ pub(super) struct Pair {
 /// Tile grid and pairs of a view.
 #[derive(Default)]
 pub(super) struct Tiles {
-    /// Columns and rows of the grid.
+    /// Columns and rows of tiles.
     pub grid: [usize; 2],
     /// Pairs by tile, front to back.
     pub pairs: Vec<Pair>,
-    /// First pair of each tile, and the number of all. `[tiles + 1]`
+    /// First pair of each tile; the last entry is the number of pairs. `[tiles + 1]`
     pub tile_start: Vec<u32>,
-    /// First slot of each projected splat, and the number of all. `[splats + 1]`
+    /// First slot of each projected splat; the last entry is the number of slots. `[splats + 1]`
     pub slot_start: Vec<u32>,
-    /// Index of the pair in each slot; the slots of a splat follow its tiles row by row.
+    /// Index of the pair in each slot; a splat has a slot per tile, row by row.
     pub slot_pair: Vec<u32>,
-    /// Length of all partial sums, floats.
+    /// Number of floats of all partial sums.
     pub partial_floats: usize,
 }
 
-/// Tiles `tx0..tx1` of tile row `ty` are touched.
+/// A splat touches the tiles `tx0..tx1` of row `ty`.
 #[derive(Clone, Copy)]
 struct TileRun {
     ty: u16,
@@ -61,7 +61,7 @@ struct TileRun {
     tx1: u16,
 }
 
-/// Builds the lists. `header_floats` is the fixed part of a pair's partial sums.
+/// Lists the pairs of all tiles. `header_floats` is the fixed part of a pair's partial sums.
 pub(super) fn build_tiles(
     level: Level,
     splats: &[ProjectedSplat],
@@ -112,12 +112,12 @@ pub(super) fn build_tiles(
 }
 
 impl Tiles {
-    /// Tile's first pixel.
+    /// First pixel of a tile.
     pub(super) fn origin_px(&self, tile: usize) -> [i32; 2] {
         [(tile % self.grid[0] * TILE_PX) as i32, (tile / self.grid[0] * TILE_PX) as i32]
     }
 
-    /// Pairs of a tile.
+    /// Pairs of a tile, front to back.
     pub(super) fn pairs_of(&self, tile: usize) -> &[Pair] {
         &self.pairs[self.tile_start[tile] as usize..self.tile_start[tile + 1] as usize]
     }
@@ -127,6 +127,7 @@ impl Tiles {
         self.grid[0] * self.grid[1]
     }
 
+    /// Sets texel window and position of the partial sums of each pair.
     fn place_partials(&mut self, splats: &[ProjectedSplat], header_floats: usize) {
         let mut next = 0;
         for tile in 0..self.len() {
@@ -142,10 +143,10 @@ impl Tiles {
     }
 }
 
-/// Splats whose runs are found together.
+/// Splats per parallel job.
 const RUN_CHUNK: usize = 256;
 
-/// Runs of a chunk of splats.
+/// Tile runs of a chunk of splats.
 struct ChunkRuns {
     runs: Vec<TileRun>,
     /// End of each splat's runs.
@@ -153,13 +154,14 @@ struct ChunkRuns {
 }
 
 impl ChunkRuns {
+    /// Runs of a splat of the chunk.
     fn of(&self, splat: usize) -> &[TileRun] {
         let start = if splat == 0 { 0 } else { self.ends[splat - 1] as usize };
         &self.runs[start..self.ends[splat] as usize]
     }
 }
 
-/// Inlined into a context of the instruction set, where rounding is an instruction and not a call.
+/// Inlined into the context of the instruction set, where rounding is an instruction instead of a call.
 #[inline(always)]
 fn chunk_runs<S: Simd>(_simd: S, splats: &[ProjectedSplat]) -> ChunkRuns {
     let mut out =
@@ -187,11 +189,11 @@ fn chunk_runs<S: Simd>(_simd: S, splats: &[ProjectedSplat]) -> ChunkRuns {
     out
 }
 
-/// Maps up to this many texels are kept whole: finding a smaller window would cost more.
+/// For maps of up to this many texels the window is the whole map: finding a smaller one would cost more.
 const WHOLE_MAP_TEXELS: i32 = 25;
 
-/// Texels that bilinear taps of pixels in the tile can touch: the map is projective, so that its
-/// extremes over a rectangle of pixels are at the corners while the denominator is positive there.
+/// The texels that the bilinear taps of a splat can touch within a tile. The map from pixels to texels is projective,
+/// so its extremes over a rectangle lie at the corners as long as the denominator is positive there.
 fn texel_window(splat: &ProjectedSplat, origin_px: [i32; 2]) -> TexelWindow {
     let map = &splat.map;
     let whole = TexelWindow { row0: 0, col0: 0, rows: map.rows, cols: map.cols };
@@ -217,7 +219,7 @@ fn texel_window(splat: &ProjectedSplat, origin_px: [i32; 2]) -> TexelWindow {
             high[k] = high[k].max(texel);
         }
     }
-    // One texel of slack for rounding.
+    // 0.01 texels of slack for rounding.
     let range = |k: usize, size: i32| {
         let first = ((low[k] - 0.01).floor() as i32).clamp(0, size);
         let past = ((high[k] + 0.01).floor() as i32).saturating_add(2).clamp(first, size);

@@ -1,5 +1,6 @@
-//! Per splat, once a step: sum its pairs, project the sums back, regularise, guard, update by Adam.
-//! Splats are handled in chunks, each with exclusive slices of every array.
+//! Updates the splats once per step: sums the pairs of each splat, applies the chain rule back to its
+//! parameters, adds regularisers, zeroes non-finite gradients, and takes an Adam step. Splats are processed in
+//! parallel chunks, each with exclusive slices of every array.
 
 use super::adam::{AdamSkip, AdamStep};
 use super::project::{ProjectedSplat, ViewF32};
@@ -12,31 +13,31 @@ use crate::model::{AdamState, Model, SplatArrays, SplatGroup, TextureMap, texel_
 use fearless_simd::{Level, Simd, dispatch};
 use rayon::prelude::*;
 
-/// Splats per chunk of parallel work.
+/// Splats per chunk.
 const CHUNK: usize = 256;
 
-/// Parameter, first and second moment of one group for a chunk.
-type Triple<'a> = [&'a mut [f32]; 3];
+/// Parameters, first and second moments.
+type WithMoments<'a> = [&'a mut [f32]; 3];
 
-/// A chunk's exclusive view of model, moments and statistics.
-struct Chunk<'a> {
+/// A chunk of splats with exclusive access to its part of model, moments and statistics.
+struct SplatChunk<'a> {
     first: usize,
-    groups: [Triple<'a>; 5],
-    texels: Triple<'a>,
+    groups: [WithMoments<'a>; 5],
+    texels: WithMoments<'a>,
     last_step: &'a mut [u32],
     statistics: Option<[&'a mut [f32]; 3]>,
     seen: Option<&'a mut [u32]>,
 }
 
 /// Splits everything into chunks of splats.
-fn chunks<'a>(
+fn split_chunks<'a>(
     groups: [[&'a mut Vec<f32>; 3]; 5],
     texels: [&'a mut Vec<f32>; 3],
     last_step: &'a mut Vec<u32>,
     statistics: Option<&'a mut WindowStatistics>,
     maps: &[TextureMap],
     sh_degree: u32,
-) -> Vec<Chunk<'a>> {
+) -> Vec<SplatChunk<'a>> {
     let n = last_step.len();
     let mut groups = groups.map(|g| g.map(|v| v.as_mut_slice()));
     let mut texels = texels.map(|v| v.as_mut_slice());
@@ -59,7 +60,7 @@ fn chunks<'a>(
         let Ok(taken) = taken.try_into() else { unreachable!("five groups") };
         let (head, tail) = std::mem::take(&mut last_step).split_at_mut(len);
         last_step = tail;
-        out.push(Chunk {
+        out.push(SplatChunk {
             first,
             groups: taken,
             texels: take(&mut texels, texel_floats),
@@ -75,7 +76,7 @@ fn chunks<'a>(
     out
 }
 
-/// The first `len` elements of three slices, which keep the rest.
+/// Splits off the first `len` elements of three slices.
 fn take<'a>(slices: &mut [&'a mut [f32]; 3], len: usize) -> [&'a mut [f32]; 3] {
     let [a, b, c] = slices;
     [a, b, c].map(|slice| {
@@ -99,14 +100,14 @@ fn triples<'a>(
     [[p0, m0, v0], [p1, m1, v1], [p2, m2, v2], [p3, m3, v3], [p4, m4, v4]]
 }
 
-/// Brings SH and texels of the given splats (ascending ids), or of all, up to date as of step `now`.
+/// Flushes SH and texels of the given splats (ascending ids), or of all splats, up to step `now`.
 pub(super) fn flush(model: &mut Model, adam: &mut AdamState, only: Option<&[u32]>, now: u32) {
     let (rates, sh_degree) = (adam.rates, model.splats.sh_degree);
     let width = 3 * sh_coefficients(model.splats.sh_degree);
     let Model { splats, textures, .. } = model;
     let groups = triples(splats, &mut adam.splats_m, &mut adam.splats_v);
     let texels = [&mut textures.texels, &mut adam.texels_m, &mut adam.texels_v];
-    let chunks = chunks(groups, texels, &mut adam.last_step, None, &textures.maps, sh_degree);
+    let chunks = split_chunks(groups, texels, &mut adam.last_step, None, &textures.maps, sh_degree);
     let maps = &textures.maps;
     chunks.into_par_iter().for_each(|mut chunk| {
         let base = 3 * maps[chunk.first].offset_texels as usize;
@@ -142,26 +143,26 @@ fn ids_within(ids: &[u32], first: usize, len: usize) -> impl Iterator<Item = u32
     ids[start..].iter().copied().take_while(move |&id| (id as usize) < first + len)
 }
 
-/// Everything that the update reads.
+/// Input of the update.
 pub(super) struct UpdateInput<'a> {
     pub level: Level,
     pub splats: &'a [ProjectedSplat],
     pub tiles: &'a Tiles,
     pub partials: &'a [f32],
-    /// Activated texels of the frame.
+    /// Activated texels of the view.
     pub texel_values: &'a [f32],
     pub view: ViewF32,
     pub sh_degree: u32,
     pub step: u32,
     pub rates: LearningRates,
-    /// Weight of the opacity term over the number of splats.
+    /// Weight of the opacity term divided by the number of splats.
     pub opacity_weight: f32,
     pub texture_weight: f32,
     pub texture_hidden_weight: f32,
     pub num_pixels: f32,
 }
 
-/// Pairs of a projected splat that any pixel contributed to, with their partial sums, in the order of tiles.
+/// Pairs of a projected splat to which any pixel contributed, with their partial sums, in the order of tiles.
 #[inline(always)]
 fn touched_records<'a>(
     input: &'a UpdateInput<'_>,
@@ -175,7 +176,8 @@ fn touched_records<'a>(
     })
 }
 
-/// Gradient of one visible splat; texel gradients are left in `texels`.
+/// Gradient, statistics and number of non-finite gradients of a visible splat; its texel gradients replace the
+/// contents of `texels`.
 #[inline(always)]
 fn splat_gradient(
     model: &Model,
@@ -221,7 +223,7 @@ fn hidden_share(sums: &[f32; HEADER_FLOATS]) -> f32 {
     1.0 - sums[Sum::Transmittance as usize] / sums[Sum::Pixels as usize].max(1.0)
 }
 
-/// Value of the texture term on hidden maps, for a weight of 1.
+/// Value of the texture term on hidden maps for a weight of 1.
 pub(super) fn hidden_texture_value(input: &UpdateInput<'_>) -> f64 {
     let value = |index: usize| {
         if input.tiles.slot_start[index] == input.tiles.slot_start[index + 1] {
@@ -238,9 +240,9 @@ pub(super) fn hidden_texture_value(input: &UpdateInput<'_>) -> f64 {
     (0..input.splats.len()).into_par_iter().map(value).collect::<Vec<_>>().iter().sum()
 }
 
-/// Non-finite entries become zero; returns their number.
+/// Sets non-finite gradients to zero and returns their number.
 fn guard(gradient: &mut SplatGradient, texels: &mut [f32]) -> u32 {
-    // Zero times anything finite is zero: one sum tells whether there is anything to look for.
+    // Zero times any finite number is zero: a single sum shows whether all gradients are finite.
     let fixed = gradient.position.iter().chain(&gradient.quaternion).chain(&gradient.log_scale);
     let probe: f32 = fixed.chain(&gradient.sh).chain(texels.iter()).map(|g| g * 0.0).sum();
     if probe + gradient.opacity * 0.0 == 0.0 {
@@ -258,8 +260,8 @@ fn guard(gradient: &mut SplatGradient, texels: &mut [f32]) -> u32 {
     count
 }
 
-/// One step of Adam on everything: geometry of all splats, SH and texels of the visible ones. Returns
-/// the number of non-finite gradients.
+/// Takes one step of Adam on position, rotation, scales and opacity of all splats, and on SH and texels of
+/// visible ones. Returns the number of non-finite gradients.
 pub(super) fn update(
     model: &mut Model,
     adam: &mut AdamState,
@@ -274,18 +276,18 @@ pub(super) fn update(
     let groups = triples(splats, &mut adam.splats_m, &mut adam.splats_v);
     let texels = [&mut textures.texels, &mut adam.texels_m, &mut adam.texels_v];
     let maps = &textures.maps;
-    let chunks = chunks(groups, texels, &mut adam.last_step, statistics, maps, sh_degree);
+    let chunks = split_chunks(groups, texels, &mut adam.last_step, statistics, maps, sh_degree);
     chunks.into_par_iter().zip(&gradients).for_each(|(mut chunk, gradients)| {
         dispatch!(input.level, simd => update_chunk(simd, &mut chunk, gradients, maps, sh_width, input));
     });
     gradients.iter().map(|c| c.non_finite).sum()
 }
 
-/// One step on the splats of a chunk.
+/// One step of Adam on the splats of a chunk.
 #[inline(always)]
 fn update_chunk<S: Simd>(
     _simd: S,
-    chunk: &mut Chunk<'_>,
+    chunk: &mut SplatChunk<'_>,
     gradients: &ChunkGradients,
     maps: &[TextureMap],
     sh_width: usize,
@@ -293,7 +295,7 @@ fn update_chunk<S: Simd>(
 ) {
     let step = AdamStep::new(input.step);
     let rates = &input.rates;
-    // Coefficients of degrees not yet in use are at rest.
+    // SH of degrees not yet in use take no step.
     let sh_used = 3 * sh_coefficients(input.sh_degree);
 
     let base = 3 * maps[chunk.first].offset_texels as usize;

@@ -1,19 +1,19 @@
-//! Which GPUs there are, and which one a name means.
+//! Lists the GPUs of the machine and finds one by name.
 
 use super::shader::{GROUP, MAX_GROUPS};
 use crate::{Error, Result};
 use std::sync::OnceLock;
 
-/// An adapter as `litetex devices` shows it.
+/// An adapter that can run the kernels.
 #[derive(Clone, Debug)]
 pub struct AdapterChoice {
-    /// What `--device` takes for it.
+    /// Name that selects it with `--device`.
     pub name: String,
     /// Adapter, driver and API.
     pub description: String,
-    /// Whether it is hardware: software adapters are taken only by name.
+    /// Whether it is hardware; software adapters are selected only by name.
     pub hardware: bool,
-    /// What betrays that it computes on the processor, if it is not hardware.
+    /// Why it counts as software, if it does.
     pub software: Option<String>,
     pub(super) adapter: wgpu::Adapter,
 }
@@ -21,19 +21,19 @@ pub struct AdapterChoice {
 /// An adapter that cannot run the kernels.
 #[derive(Clone, Debug)]
 pub struct UnfitAdapter {
-    /// What `--device` would take for it.
+    /// Name that would select it with `--device`.
     pub name: String,
     /// Adapter, driver and API.
     pub description: String,
     /// Whether it is hardware.
     pub hardware: bool,
-    /// What it lacks, with what it has and what is needed.
+    /// The missing capabilities, with found and needed values.
     pub lacks: String,
 }
 
 fn all_adapters() -> Vec<wgpu::Adapter> {
-    // One for the process, never dropped: loaders unload drivers with their last instance, and threads that make and drop
-    // instances at once have been seen to end in a call into a driver that was gone.
+    // One instance for the process, never dropped: loaders unload drivers with the last instance, and threads that
+    // create and drop instances concurrently have crashed in calls into an unloaded driver.
     static INSTANCE: OnceLock<wgpu::Instance> = OnceLock::new();
     let instance = INSTANCE.get_or_init(|| {
         wgpu::Instance::new(wgpu::InstanceDescriptor {
@@ -45,7 +45,6 @@ fn all_adapters() -> Vec<wgpu::Adapter> {
     pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()))
 }
 
-/// What an adapter lacks.
 fn lacks_of(adapter: &wgpu::Adapter) -> Vec<String> {
     lacks(adapter.get_downlevel_capabilities().flags, &adapter.limits())
 }
@@ -70,7 +69,7 @@ pub fn unfit_adapters() -> Vec<UnfitAdapter> {
     unfit.collect()
 }
 
-/// All adapters that can run the kernels, best first: discrete, integrated and virtual GPUs, software.
+/// All adapters that can run the kernels, best first: discrete, integrated, virtual and other GPUs, then software.
 pub fn list_adapters() -> Vec<AdapterChoice> {
     let mut adapters = all_adapters();
     adapters.retain(|adapter| lacks_of(adapter).is_empty());
@@ -94,17 +93,19 @@ pub fn list_adapters() -> Vec<AdapterChoice> {
     out
 }
 
-/// Our indirect dispatches are written by our own kernels: validating each would cost a dispatch more.
+/// Without validation of indirect dispatches: only our own kernels write their sizes, and validating each one would
+/// cost an additional dispatch.
 fn instance_flags() -> wgpu::InstanceFlags {
     let flags = wgpu::InstanceFlags::from_build_config() - wgpu::InstanceFlags::VALIDATION_INDIRECT_CALL;
     flags.with_env()
 }
 
-/// Workgroup memory that the kernels need, and storage buffers that one of them binds.
+/// Workgroup memory that the kernels need.
 const WORKGROUP_BYTES: u32 = 16 << 10;
+/// Storage buffers that a kernel binds.
 const STORAGE_BUFFERS: u32 = 8;
 
-/// What the kernels need and an adapter with these capabilities does not have.
+/// Capabilities that the kernels need and an adapter lacks.
 fn lacks(flags: wgpu::DownlevelFlags, limits: &wgpu::Limits) -> Vec<String> {
     let mut out = Vec::new();
     let abilities = [
@@ -115,26 +116,25 @@ fn lacks(flags: wgpu::DownlevelFlags, limits: &wgpu::Limits) -> Vec<String> {
         abilities.iter().filter(|(flag, _)| !flags.contains(*flag)).map(|(_, what)| format!("no {what}")),
     );
     let wanted = [
-        ("storage buffers of a kernel", limits.max_storage_buffers_per_shader_stage, STORAGE_BUFFERS),
-        ("invocations of a workgroup", limits.max_compute_invocations_per_workgroup, GROUP),
-        ("invocations of a workgroup along x", limits.max_compute_workgroup_size_x, GROUP),
+        ("storage buffers per kernel", limits.max_storage_buffers_per_shader_stage, STORAGE_BUFFERS),
+        ("invocations per workgroup", limits.max_compute_invocations_per_workgroup, GROUP),
+        ("invocations per workgroup along x", limits.max_compute_workgroup_size_x, GROUP),
         ("bytes of workgroup memory", limits.max_compute_workgroup_storage_size, WORKGROUP_BYTES),
-        ("workgroups of a dispatch along an axis", limits.max_compute_workgroups_per_dimension, MAX_GROUPS),
+        ("workgroups per dispatch and axis", limits.max_compute_workgroups_per_dimension, MAX_GROUPS),
     ];
     let missing = wanted.into_iter().filter(|(_, has, needed)| has < needed);
-    out.extend(missing.map(|(what, has, needed)| format!("{has} {what}, {needed} are needed")));
+    out.extend(missing.map(|(what, has, needed)| format!("{has} {what} ({needed} needed)")));
     out
 }
 
-/// Renderers that run on the processor, by words of their names or of their drivers' names. What forwards to
-/// another driver, as virtual GPUs do, carries its name along.
+/// Software renderers, by words in their names or in those of their drivers. Virtual GPUs that forward to another
+/// driver include its name.
 const SOFTWARE: [&str; 7] =
     ["llvmpipe", "lavapipe", "softpipe", "swiftshader", "swrast", "warp", "basic render"];
 
-/// What says that an adapter computes on the processor; `None` if nothing does. A virtual GPU may be either, and
-/// says nothing of it in its type.
+/// Why an adapter counts as software; `None` for hardware. The type alone is not enough: virtual GPUs may be either.
 fn software(kind: wgpu::DeviceType, names: &[&str]) -> Option<String> {
-    // Words alone: "warp" is part of other names.
+    // Whole words only: "warp" is part of other names.
     let words = |text: &str| {
         let plain = text.to_lowercase().replace(|c: char| !c.is_alphanumeric(), " ");
         format!(" {} ", plain.split_whitespace().collect::<Vec<_>>().join(" "))
@@ -161,8 +161,8 @@ fn rank(info: &wgpu::AdapterInfo) -> u32 {
     }
 }
 
-/// A name to type: lower case, without what stands in brackets; Mesa's software GPU goes by the name of the
-/// driver that everybody knows.
+/// A name that is easy to type: lower case, without anything in brackets. Mesa's software GPU gets the name of its
+/// driver, which is better known.
 fn short_name(name: &str) -> String {
     let name = name.to_lowercase();
     if name.starts_with("llvmpipe") {
@@ -175,13 +175,13 @@ fn short_name(name: &str) -> String {
     plain.split_whitespace().collect::<Vec<_>>().join("-")
 }
 
-/// The adapter that `name` means: `gpu` is the first that is hardware, else the one of that name or the only
-/// one whose name contains it.
+/// Finds an adapter by name: `gpu` selects the first hardware adapter, any other name the adapter of that name, or
+/// the only one whose name contains it.
 ///
 /// # Errors
-/// [`Error::Unsupported`] with what there is; [`Error::Usage`] for an empty name.
+/// [`Error::Unsupported`], listing the available adapters; [`Error::Usage`] for an empty name.
 pub fn find_adapter(name: &str) -> Result<AdapterChoice> {
-    // Every name contains the empty one, which an unset variable of a script makes.
+    // An empty name, as from an unset variable in a script, is contained in every name.
     if name.trim().is_empty() {
         let known = "a name that \"litetex devices\" lists, \"auto\", \"cpu\" or \"gpu\"";
         return Err(Error::Usage(format!("--device: found an empty name, expected {known}")));
@@ -198,24 +198,24 @@ pub fn find_adapter(name: &str) -> Result<AdapterChoice> {
     if let Some(found) = found {
         return Ok(found.clone());
     }
-    // What is there and cannot serve says why.
+    // Explains adapters that match but are unfit.
     let unfit = unfit_adapters();
-    let meant = |u: &&UnfitAdapter| wanted == "gpu" || u.name.contains(&wanted);
+    let matches = |u: &&UnfitAdapter| wanted == "gpu" || u.name.contains(&wanted);
     let unfit: Vec<String> =
-        unfit.iter().filter(meant).map(|u| format!("; {:?} cannot be used: {}", u.name, u.lacks)).collect();
+        unfit.iter().filter(matches).map(|u| format!("; {:?} cannot be used: {}", u.name, u.lacks)).collect();
     let unfit = unfit.concat();
     let known: Vec<String> = all.iter().map(|a| format!("{:?}", a.name)).collect();
     let what = match (wanted.as_str(), known.as_slice()) {
         ("gpu", []) => "no GPU and no graphics driver was found; use \"cpu\"".to_owned(),
         ("gpu", known) => {
-            format!("no hardware GPU was found; use \"cpu\", or software by name: {}", known.join(", "))
+            format!("no hardware GPU was found; use \"cpu\", or name a software driver: {}", known.join(", "))
         }
         (_, []) => {
-            format!("{name:?} is not a device here; there is \"auto\" and \"cpu\", and no graphics driver")
+            format!("no device is named {name:?}, and no graphics driver was found; use \"auto\" or \"cpu\"")
         }
         (_, known) => format!(
-            "{name:?} is not a device here, or not the only one of that name; there is \"auto\", \"cpu\", \
-             \"gpu\", {}; see \"litetex devices\"",
+            "{name:?} matches no device, or more than one; expected \"auto\", \"cpu\", \"gpu\" or one of {}; see \
+             \"litetex devices\"",
             known.join(", ")
         ),
     };
@@ -228,7 +228,7 @@ mod tests {
     use wgpu::DeviceType as Type;
 
     #[test]
-    fn software_is_told_from_hardware_by_type_and_by_name() {
+    fn software_is_recognised_by_type_and_by_name() {
         let software_ones = [
             (Type::Cpu, "llvmpipe (LLVM 15.0.6, 256 bits)", "llvmpipe Mesa 22.3.6"),
             (Type::VirtualGpu, "Virtio-GPU Venus (llvmpipe (LLVM 19.1.7, 256 bits))", "venus Mesa 25.0.7"),
@@ -252,7 +252,7 @@ mod tests {
     }
 
     #[test]
-    fn an_empty_name_means_nothing() {
+    fn an_empty_name_is_a_usage_error() {
         for name in ["", "  "] {
             let error = find_adapter(name).unwrap_err();
             assert!(matches!(error, Error::Usage(_)), "{error}");
@@ -260,7 +260,7 @@ mod tests {
     }
 
     #[test]
-    fn what_an_adapter_lacks_is_named_with_numbers() {
+    fn missing_capabilities_are_listed_with_found_and_needed_values() {
         let all = wgpu::DownlevelFlags::all();
         let floor = wgpu::Limits::downlevel_defaults();
         let enough = wgpu::Limits {
@@ -270,7 +270,7 @@ mod tests {
         };
         assert_eq!(lacks(all, &enough), [""; 0]);
         let few = wgpu::Limits { max_storage_buffers_per_shader_stage: 4, ..enough.clone() };
-        assert_eq!(lacks(all, &few), ["4 storage buffers of a kernel, 8 are needed"]);
+        assert_eq!(lacks(all, &few), ["4 storage buffers per kernel (8 needed)"]);
         let small = wgpu::Limits {
             max_compute_invocations_per_workgroup: 128,
             max_compute_workgroup_storage_size: 8192,
@@ -278,7 +278,7 @@ mod tests {
         };
         let lacking = lacks(all - wgpu::DownlevelFlags::INDIRECT_EXECUTION, &small);
         let expected =
-            ["no indirect dispatches", "128 invocations of a workgroup", "8192 bytes of workgroup memory"];
+            ["no indirect dispatches", "128 invocations per workgroup", "8192 bytes of workgroup memory"];
         assert!(
             lacking.len() == 3 && lacking.iter().zip(expected).all(|(l, e)| l.starts_with(e)),
             "{lacking:?}"
@@ -286,7 +286,7 @@ mod tests {
     }
 
     #[test]
-    fn names_to_type() {
+    fn short_names_are_lower_case_without_brackets() {
         assert_eq!(short_name("llvmpipe (LLVM 15.0.6, 256 bits)"), "lavapipe");
         assert_eq!(short_name("NVIDIA H200"), "nvidia-h200");
         assert_eq!(short_name("Virtio-GPU Venus (llvmpipe (LLVM 19))"), "virtio-gpu-venus");

@@ -1,20 +1,64 @@
-//! Applies a density-control plan on the device (twin: `cpu/apply_plan.rs`): gathers splats, changes their maps and
-//! moments, edits parameters.
+//! Applies a density-control plan on the device (twin: `cpu/apply_plan.rs`): gathers splats, changes their maps
+//! and moments, edits parameters.
 
 use super::backend::GpuBackend;
+use super::device::GpuDevice;
 use super::encode::Dispatch;
 use super::kernels::{Buf, KernelId};
 use super::layout::{self, CHANGE_COARSER, CHANGE_FINER, CHANGE_RESAMPLE, CHANGE_SAME, FLAG_NEAREST_OUTSIDE};
-use super::model_buffers::{self, filled, splat_infos, splat_stride};
+use super::model_buffers::{self, NewBuffers, filled, splat_infos, splat_stride};
 use super::uniform;
 use crate::Result;
 use crate::backend::{DensityPlan, Grid, MapChange, SplatEdit};
 use crate::model::{AdamState, Model, SplatArrays, TextureMap, TexturePool};
 
-/// Carries out a plan that has been checked.
+/// Applies a plan that has been checked.
 pub(super) fn apply_plan(backend: &mut GpuBackend, plan: &DensityPlan) -> Result<()> {
     let old = &backend.shape;
-    let old_maps = &old.textures.maps;
+    let textures = planned_textures(&old.textures.maps, plan)?;
+    let changes: Vec<layout::MapChange> = (plan.sources.iter().zip(&plan.maps).zip(&textures.maps))
+        .map(|((&source, change), new)| record_of(change, source, &old.textures.maps[source as usize], new))
+        .collect();
+    let mut map_kernels = vec![KernelId::RegridMaps];
+    map_kernels.extend(changes.iter().find(|c| c.kind == CHANGE_RESAMPLE).map(|_| KernelId::ResampleMaps));
+    let splats = SplatArrays::zeros(plan.sources.len(), old.splats.sh_degree);
+    let shape = Model { splats, textures, ..*old };
+    let clock =
+        AdamState { step: backend.clock.step, rates: backend.clock.rates, ..AdamState::zeros(&shape) };
+    let new = PlanBuffers::new(&backend.device, plan, &shape, &changes)?;
+    // Everything is allocated: nothing can fail half-way from here on.
+
+    // Map changes do not commute with pending lazy updates.
+    backend.flush_all();
+    let old_info = backend.resources.buffer(Buf::SplatInfo).clone();
+    backend.resources.set(Buf::Sources, new.sources);
+    backend.resources.set(Buf::MapChanges, new.changes);
+    backend.resources.set(Buf::OldSplatInfo, old_info);
+    backend.resources.set(Buf::SplatInfo, new.infos);
+    backend.shape = shape.clone();
+    for (name, values) in new.splats {
+        change_array(backend, &[KernelId::GatherSplats], 0, name, values);
+    }
+    if !plan.edits.is_empty() {
+        backend.resources.set(Buf::Edits, new.edits);
+        run(backend, &[KernelId::EditSplats], 0);
+    }
+    for (name, values, scales) in new.texels {
+        backend.resources.set(Buf::Scales, scales);
+        let flags = if name == Buf::TexelV { FLAG_NEAREST_OUTSIDE } else { 0 };
+        change_array(backend, &map_kernels, flags, name, values);
+    }
+    let of_the_plan = [Buf::Sources, Buf::MapChanges, Buf::OldSplatInfo, Buf::Scales, Buf::Edits];
+    for name in of_the_plan.into_iter().chain([Buf::OldValues, Buf::NewValues]) {
+        backend.resources.remove(name);
+    }
+    new.derived.into_iter().for_each(|(name, buffer)| backend.resources.set(name, buffer));
+    backend.adopt(shape, clock);
+    backend.device.check()
+}
+
+/// The texture maps after a plan, with neutral texels.
+fn planned_textures(old_maps: &[TextureMap], plan: &DensityPlan) -> Result<TexturePool> {
     let extents = plan.sources.iter().zip(&plan.maps).map(|(&s, change)| match *change {
         MapChange::Keep => {
             let map = &old_maps[s as usize];
@@ -25,70 +69,57 @@ pub(super) fn apply_plan(backend: &mut GpuBackend, plan: &DensityPlan) -> Result
             (rows, cols, old_maps[s as usize].texel_size * grid.texel_ratio())
         }
     });
-    let textures = TexturePool::neutral(extents)?;
-    let changes: Vec<layout::MapChange> = (plan.sources.iter().zip(&plan.maps).zip(&textures.maps))
-        .map(|((&source, change), new)| record_of(change, source, &old_maps[source as usize], new))
-        .collect();
-    let mut map_kernels = vec![KernelId::RegridMaps];
-    map_kernels.extend(changes.iter().find(|c| c.kind == CHANGE_RESAMPLE).map(|_| KernelId::ResampleMaps));
-    let (n, degree) = (plan.sources.len(), old.splats.sh_degree);
-    let shape = Model { splats: SplatArrays::zeros(n, degree), textures, ..*old };
-    let clock =
-        AdamState { step: backend.clock.step, rates: backend.clock.rates, ..AdamState::zeros(&shape) };
-
-    let old_info = backend.resources.buffer(Buf::SplatInfo).clone();
-    let device = &backend.device;
-    let infos = filled(device, "splat records", &splat_infos(&shape.textures.maps, |_| 0))?;
-    let sources = filled(device, "sources of the plan", &plan.sources)?;
-    let changes = filled(device, "map changes of the plan", &changes)?;
-    let edits: Vec<layout::Edit> = plan.edits.iter().map(edit_of).collect();
-    let edits = filled(device, "edits of the plan", &edits)?;
-    let mut new_splats = Vec::new();
-    for name in [Buf::SplatP, Buf::SplatM, Buf::SplatV] {
-        new_splats
-            .push((name, device.buffer("splat parameters", n as u64, 4 * splat_stride(degree) as u64)?));
-    }
-    let mut new_texels = Vec::new();
-    for (moment, name) in [Buf::TexelP, Buf::TexelM, Buf::TexelV].into_iter().enumerate() {
-        let scales: Vec<f32> = plan.maps.iter().map(|change| scale_of(change, moment)).collect();
-        let values = device.buffer("texel parameters", 3 * shape.num_texels() as u64, 4)?;
-        new_texels.push((name, values, filled(device, "scales of the plan", &scales)?));
-    }
-    let derived = model_buffers::derived(device, n, shape.num_texels())?;
-    // Everything is allocated: from here on nothing can fail half-way.
-
-    // Changes of maps do not commute with the updates that are still owed.
-    backend.flush_all();
-    backend.resources.set(Buf::Sources, sources);
-    backend.resources.set(Buf::MapChanges, changes);
-    backend.resources.set(Buf::OldSplatInfo, old_info);
-    backend.resources.set(Buf::SplatInfo, infos);
-    backend.shape = shape.clone();
-    for (name, values) in new_splats {
-        change_array(backend, &[KernelId::GatherSplats], 0, name, values);
-    }
-    if !plan.edits.is_empty() {
-        backend.resources.set(Buf::Edits, edits);
-        run(backend, &[KernelId::EditSplats], 0);
-    }
-    for (name, values, scales) in new_texels {
-        backend.resources.set(Buf::Scales, scales);
-        let flags = if name == Buf::TexelV { FLAG_NEAREST_OUTSIDE } else { 0 };
-        change_array(backend, &map_kernels, flags, name, values);
-    }
-    let of_the_plan = [Buf::Sources, Buf::MapChanges, Buf::OldSplatInfo, Buf::Scales, Buf::Edits];
-    for name in of_the_plan.into_iter().chain([Buf::OldValues, Buf::NewValues]) {
-        backend.resources.remove(name);
-    }
-    derived.into_iter().for_each(|(name, buffer)| backend.resources.set(name, buffer));
-    backend.adopt(shape, clock);
-    backend.device.check()
+    TexturePool::neutral(extents)
 }
 
-/// Further from a map than any window reaches, and no overflow of its sum with a row or column.
+/// Buffers of the plan, and of the model after it.
+struct PlanBuffers {
+    sources: wgpu::Buffer,
+    changes: wgpu::Buffer,
+    edits: wgpu::Buffer,
+    infos: wgpu::Buffer,
+    splats: NewBuffers,
+    /// New texels or moments, and the factor of each map.
+    texels: Vec<(Buf, wgpu::Buffer, wgpu::Buffer)>,
+    derived: NewBuffers,
+}
+
+impl PlanBuffers {
+    /// Buffers for a model of the given shape.
+    fn new(
+        device: &GpuDevice,
+        plan: &DensityPlan,
+        shape: &Model,
+        changes: &[layout::MapChange],
+    ) -> Result<Self> {
+        let (n, num_texels) = (shape.num_splats(), shape.num_texels());
+        let splat_bytes = 4 * splat_stride(shape.splats.sh_degree) as u64;
+        let edits: Vec<layout::Edit> = plan.edits.iter().map(edit_of).collect();
+        let mut splats = Vec::new();
+        for name in [Buf::SplatP, Buf::SplatM, Buf::SplatV] {
+            splats.push((name, device.buffer("splat parameters", n as u64, splat_bytes)?));
+        }
+        let mut texels = Vec::new();
+        for (moment, name) in [Buf::TexelP, Buf::TexelM, Buf::TexelV].into_iter().enumerate() {
+            let scales: Vec<f32> = plan.maps.iter().map(|change| scale_of(change, moment)).collect();
+            let values = device.buffer("texel parameters", 3 * num_texels as u64, 4)?;
+            texels.push((name, values, filled(device, "scales of the plan", &scales)?));
+        }
+        Ok(Self {
+            sources: filled(device, "sources of the plan", &plan.sources)?,
+            changes: filled(device, "map changes of the plan", changes)?,
+            edits: filled(device, "edits of the plan", &edits)?,
+            infos: filled(device, "splat records", &splat_infos(&shape.textures.maps, |_| 0))?,
+            splats,
+            texels,
+            derived: model_buffers::derived(device, n, num_texels)?,
+        })
+    }
+}
+
+/// Farther from a map than any window reaches, yet too small to overflow when added to a row or column.
 const FAR: i32 = 1 << 18;
 
-/// A change as the shaders see it.
 fn record_of(change: &MapChange, source: u32, old: &TextureMap, new: &TextureMap) -> layout::MapChange {
     let record = |kind, first_row: i32, first_col: i32| layout::MapChange {
         source,
@@ -96,7 +127,7 @@ fn record_of(change: &MapChange, source: u32, old: &TextureMap, new: &TextureMap
         first_row: first_row.clamp(-FAR, FAR),
         first_col: first_col.clamp(-FAR, FAR),
     };
-    // Resampling to the same size in the same place is no resampling.
+    // Resampling to the same grid copies the map.
     let same = (old.rows, old.cols, old.texel_size) == (new.rows, new.cols, new.texel_size);
     match *change {
         MapChange::Resample { shift_texels, .. } if !same || shift_texels != [0.0; 2] => {
@@ -115,7 +146,7 @@ fn record_of(change: &MapChange, source: u32, old: &TextureMap, new: &TextureMap
     }
 }
 
-/// What a change multiplies the texels (0), their first (1) and second moments (2) by.
+/// Factor of a change for the texels (0), their first (1) and their second moments (2).
 fn scale_of(change: &MapChange, moment: usize) -> f32 {
     match *change {
         MapChange::Keep => 1.0,
@@ -125,13 +156,12 @@ fn scale_of(change: &MapChange, moment: usize) -> f32 {
     }
 }
 
-/// An edit as the shaders see it.
 fn edit_of(edit: &SplatEdit) -> layout::Edit {
     let SplatEdit { splat, position, log_scales, opacity_logit } = *edit;
     layout::Edit { position, opacity_logit, log_scales, splat, pad: 0 }
 }
 
-/// Makes one array from the old one, and puts it in its place.
+/// Computes a new array from the old one with `kernels`, and replaces it.
 fn change_array(backend: &mut GpuBackend, kernels: &[KernelId], flags: u32, name: Buf, new: wgpu::Buffer) {
     let old = backend.resources.buffer(name).clone();
     backend.resources.set(Buf::OldValues, old);
@@ -142,7 +172,7 @@ fn change_array(backend: &mut GpuBackend, kernels: &[KernelId], flags: u32, name
 
 fn run(backend: &mut GpuBackend, kernels: &[KernelId], flags: u32) {
     backend.arm();
-    let uniform = uniform::without_view(&backend.scene(), flags);
+    let uniform = uniform::without_view(&backend.uniform_inputs(), flags);
     let offsets = backend.set_uniform(0, &uniform);
     let dispatches: Vec<Dispatch> = kernels.iter().map(|&kernel| Dispatch::new(kernel, offsets)).collect();
     backend.submit(&dispatches);

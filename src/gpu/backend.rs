@@ -1,6 +1,6 @@
-//! The GPU as a [`Backend`]: many iterations per submission, their status read afterwards. A step whose pairs
-//! did not fit applies nothing and stops what follows it in the submission; the buffers grow and it is done
-//! again, with the same bits as if they had been large enough from the start.
+//! The GPU as a [`Backend`]: several steps per submission, whose status is read afterwards. A step whose pairs do
+//! not fit is not applied, nor is any later step of the submission; then the buffers grow and the steps are
+//! repeated, with the same bits as if the buffers had been large enough from the start.
 
 use super::device::{GpuDevice, Pipeline, UNIFORM_STRIDE};
 use super::encode::{Dispatch, encode};
@@ -9,12 +9,12 @@ use super::layout::{DispatchArgs, FLAG_ALL_MAPS, FLAG_PERSIST, Status, StepUnifo
 use super::model_buffers::{self, splat_stride};
 use super::pace::{BATCH, Pace};
 use super::photos::PhotoPool;
-use super::resources::{Offsets, Resources};
+use super::resources::{Resources, UniformOffsets};
 use super::shader::{HALF_TILE_ROWS_PX, HALF_TILES, TILE_PX};
-use super::submission::{Promise, check_camera, check_request};
+use super::submission::{PendingStep, check_camera, check_request};
 use super::timing::Timer;
-use super::uniform::{self, Scene, needs_statistics};
-use super::view_buffers::{Capacity, Needs};
+use super::uniform::{self, UniformInputs, needs_statistics};
+use super::view_buffers::{Capacity, RequiredCapacity};
 use super::{apply_plan, geometry, limits, sort};
 use crate::backend::{
     Backend, DensityPlan, DeviceInfo, DeviceLimits, RenderOptions, RenderedImage, SceneShape, StepReport,
@@ -25,28 +25,27 @@ use crate::model::{AdamState, Model, SplatArrays, TexturePool};
 use crate::{Error, Result};
 use std::collections::BTreeMap;
 
-/// How a [`GpuBackend`] works. Only `hardware_kernels` changes results, in their last bits.
+/// Options of a [`GpuBackend`]. Only `hardware_kernels` changes results, in their last bits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct GpuOptions {
-    /// Steps per submission, at most 16; 1 reads the status after each. `None`: as many as the device does in
+    /// Steps per submission, at most 16; 1 reads the status after each. `None`: as many as the device completes in
     /// less than a second.
     pub batch_steps: Option<usize>,
-    /// Whether pixel-splat pairs are counted.
+    /// Whether to count pixel-splat pairs.
     pub count_pairs: bool,
-    /// Whether to use the variants for hardware: tiles of 16 x 16 pixels instead of 16 x 8, splats pass through
-    /// workgroup memory on their way to pixels, and texels of large windows get an atomic per tap. `None`: on
-    /// hardware.
+    /// Whether to use the kernel variants for hardware: tiles of 16 x 16 pixels instead of 16 x 8, splats loaded
+    /// through workgroup memory, and an atomic per tap for the texels of large windows. `None`: on hardware.
     pub hardware_kernels: Option<bool>,
-    /// Whether the global atomics of the texels' gradients are counted; faults are not told then. Not of steps
-    /// that sum window statistics or have terms on depths and normals.
+    /// Whether to count the global atomics of the texel gradients, instead of faults. Ignored in steps with window
+    /// statistics or terms on depths and normals.
     pub count_texel_atomics: bool,
-    /// Whether every dispatch is timed, where the device can: reports tell times by kernel.
+    /// Whether to time every dispatch, if the device can: step reports then contain times by kernel.
     pub time_kernels: bool,
-    /// Pairs to make room for at first; `None`: a guess from the number of splats.
+    /// Pairs to allocate buffers for at first; `None`: a guess from the number of splats.
     pub pair_capacity: Option<u64>,
 }
 
-/// Renders and optimises through wgpu.
+/// Renders and trains through wgpu.
 pub struct GpuBackend {
     pub(super) device: GpuDevice,
     pub(super) resources: Resources,
@@ -54,18 +53,18 @@ pub struct GpuBackend {
     pub(super) options: GpuOptions,
     pub(super) raster: RasterKernels,
     pub(super) tile_rows_px: u32,
-    /// Everything of the model but its parameters, which live on the device.
+    /// The model without its parameters, which are on the device.
     pub(super) shape: Model,
-    /// Clock and rates of the optimiser; its moments live on the device.
+    /// Step and learning rates of the optimiser; its moments are on the device.
     pub(super) clock: AdamState,
     pub(super) capacity: Capacity,
     pub(super) photos: PhotoPool,
     pub(super) window_views: u32,
     pub(super) timer: Option<Timer>,
     pub(super) pace: Pace,
-    /// Steps that were submitted and of which it is not known yet whether they were applied.
-    pub(super) in_flight: Vec<Promise>,
-    /// Where the status of a submission is read. One is enough: it is read before the next is submitted.
+    /// Submitted steps whose status has not been read.
+    pub(super) in_flight: Vec<PendingStep>,
+    /// Receives the status of a submission. One is enough: it is read before the next submission.
     pub(super) staging: wgpu::Buffer,
 }
 
@@ -73,10 +72,10 @@ impl GpuBackend {
     /// Compiles the kernels on an open device.
     ///
     /// # Errors
-    /// [`crate::Error::Device`] if the driver refuses a kernel or memory.
+    /// [`crate::Error::Device`] if the driver rejects a kernel or allocation fails.
     pub fn new(device: GpuDevice, options: GpuOptions) -> Result<Self> {
         let (raster, tile_rows_px) = variants(&device, &options);
-        let pipelines = device.pipelines(&raster.and_all_others(), tile_flags(tile_rows_px))?;
+        let pipelines = device.pipelines(&raster.without_geometry(), tile_flags(tile_rows_px))?;
         let passes = sort::sort_passes();
         let mut resources = Resources::new(
             device.uniforms("steps", BATCH as u64)?,
@@ -115,25 +114,24 @@ impl GpuBackend {
         })
     }
 
-    /// Takes the device away, as a driver does that hangs or is updated: for tests of what follows.
+    /// Simulates the loss of the device, as when a driver hangs or is updated; for tests.
     pub fn lose_device(&self) {
         self.device.lose();
     }
 
-    /// Changes how it works from the next step on: the model stays where it is. Kernels that are missing are
-    /// compiled.
+    /// Changes the options from the next step on and compiles missing kernels. The model stays on the device.
     ///
     /// # Errors
-    /// [`crate::Error::Device`] if the driver refuses a kernel or memory.
+    /// [`crate::Error::Device`] if the driver rejects a kernel or allocation fails.
     pub fn set_options(&mut self, options: GpuOptions) -> Result<()> {
         if options.batch_steps != self.options.batch_steps {
             self.pace = Pace::new(options.batch_steps);
         }
         self.options = options;
         let (raster, tile_rows_px) = variants(&self.device, &options);
-        // The height of tiles is compiled into most of them: another height keeps none.
+        // The height of tiles is compiled into most kernels: if it changes, none can be kept.
         let keeps = tile_rows_px == self.tile_rows_px;
-        let mut missing = raster.and_all_others();
+        let mut missing = raster.without_geometry();
         missing.retain(|id| !keeps || !self.pipelines.contains_key(id));
         let compiled = self.device.pipelines(&missing, tile_flags(tile_rows_px))?;
         if !keeps {
@@ -146,14 +144,13 @@ impl GpuBackend {
         Ok(())
     }
 
-    /// The device that it runs on.
+    /// The device that the backend runs on.
     pub fn gpu(&self) -> &GpuDevice {
         &self.device
     }
 
-    /// What all uniforms have in common now.
-    pub(super) fn scene(&self) -> Scene {
-        Scene {
+    pub(super) fn uniform_inputs(&self) -> UniformInputs {
+        UniformInputs {
             num_splats: self.shape.num_splats() as u32,
             splat_stride: splat_stride(self.shape.splats.sh_degree) as u32,
             near: self.shape.near,
@@ -164,7 +161,7 @@ impl GpuBackend {
         }
     }
 
-    /// Writes the host's part of the table of dispatches and clears the status ring.
+    /// Prepares a submission: writes the host's part of the dispatch table and clears the status ring.
     pub(super) fn arm(&self) {
         let n = self.shape.num_splats() as u32;
         let args = sort::first_args(n);
@@ -173,14 +170,14 @@ impl GpuBackend {
         self.device.queue.write_buffer(self.resources.buffer(Buf::Status), 0, bytemuck::cast_slice(&status));
     }
 
-    /// Writes an entry of the ring of uniforms.
-    pub(super) fn set_uniform(&self, slot: usize, values: &StepUniform) -> Offsets {
+    /// Writes an entry of the uniform ring.
+    pub(super) fn set_uniform(&self, slot: usize, values: &StepUniform) -> UniformOffsets {
         let at = slot as u64 * UNIFORM_STRIDE;
         self.device.queue.write_buffer(self.resources.steps(), at, bytemuck::bytes_of(values));
-        Offsets { step: at as u32, sort_pass: 0 }
+        UniformOffsets { step: at as u32, sort_pass: 0 }
     }
 
-    /// Dispatches in an encoder that is not submitted yet.
+    /// Encodes dispatches, without submitting them.
     pub(super) fn encoded(&mut self, dispatches: &[Dispatch]) -> wgpu::CommandEncoder {
         let mut encoder =
             self.device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
@@ -189,35 +186,34 @@ impl GpuBackend {
         encoder
     }
 
-    /// Submits dispatches.
     pub(super) fn submit(&mut self, dispatches: &[Dispatch]) {
         let encoder = self.encoded(dispatches);
         self.device.submit(encoder);
     }
 
-    /// Writes all lagging parameters down, as of the last step.
+    /// Flushes all lazily updated parameters, as of the last step.
     pub(super) fn flush_all(&mut self) {
         self.arm();
-        let uniform = uniform::without_view(&self.scene(), FLAG_PERSIST | FLAG_ALL_MAPS);
+        let uniform = uniform::without_view(&self.uniform_inputs(), FLAG_PERSIST | FLAG_ALL_MAPS);
         let offsets = self.set_uniform(0, &uniform);
         let kernels = [KernelId::FlushSplat, KernelId::FlushTexel];
         self.submit(&kernels.map(|id| Dispatch::new(id, offsets)));
     }
 
-    /// Takes over the shape of a model whose parameters are on the device, and activates its texels.
+    /// Adopts a model whose parameters are already on the device, and activates its texels.
     pub(super) fn adopt(&mut self, shape: Model, clock: AdamState) {
         self.shape = shape;
         self.clock = clock;
         self.window_views = 0;
         self.in_flight.clear();
         self.arm();
-        let uniform = uniform::without_view(&self.scene(), FLAG_ALL_MAPS);
-        // Nothing lags at step 0: this only activates.
+        let uniform = uniform::without_view(&self.uniform_inputs(), FLAG_ALL_MAPS);
+        // At step 0 there is nothing to flush: this only activates.
         let offsets = self.set_uniform(0, &StepUniform { flushed_step: 0, ..uniform });
         self.submit(&[Dispatch::new(KernelId::FlushTexel, offsets)]);
     }
 
-    /// What every call but the first wants: a model, and a device that has done all that it was asked to do.
+    /// Requires a model, and a device without errors.
     fn check(&self) -> Result<()> {
         self.check_model()?;
         self.device.check()
@@ -227,18 +223,18 @@ impl GpuBackend {
         if self.resources.has(Buf::SplatP) {
             return Ok(());
         }
-        Err(Error::Usage(format!("{}: there is no model on it yet", self.device.choice.name)))
+        Err(Error::Usage(format!("{}: no model has been uploaded", self.device.choice.name)))
     }
 }
 
-/// Kernels of the rasterisation and the height of its tiles.
+/// Kernel variants of the rasterisation, and the height of its tiles.
 fn variants(device: &GpuDevice, options: &GpuOptions) -> (RasterKernels, u32) {
     let hardware = options.hardware_kernels.unwrap_or(device.choice.hardware);
     let raster = RasterKernels::choose(hardware, options.count_pairs, options.count_texel_atomics);
     (raster, if hardware { TILE_PX } else { HALF_TILE_ROWS_PX })
 }
 
-/// Flags of all kernels for tiles of this height.
+/// Preprocessor flags of all kernels for tiles of a given height.
 pub(super) fn tile_flags(tile_rows_px: u32) -> &'static [&'static str] {
     if tile_rows_px == HALF_TILE_ROWS_PX { &[HALF_TILES] } else { &[] }
 }
@@ -255,7 +251,7 @@ impl Backend for GpuBackend {
 
     fn upload(&mut self, model: &Model, adam: &AdamState) -> Result<()> {
         model_buffers::upload(&self.device, &mut self.resources, model, adam)?;
-        // Numbers stand for other photos from now on, and a smaller model needs less room for its views.
+        // Photo numbers may now mean other photos, and a smaller model may need smaller buffers.
         self.photos.release(&mut self.resources);
         self.capacity.release(&mut self.resources);
         self.adopt(model.clone(), adam.clone());
@@ -268,14 +264,16 @@ impl Backend for GpuBackend {
         if options.geometry {
             self.compile_geometry(false)?;
         }
-        let needs =
-            Needs { geometry: options.geometry, ..self.needs(std::iter::once(*camera), false, false) };
+        let needs = RequiredCapacity {
+            geometry: options.geometry,
+            ..self.needs(std::iter::once(*camera), false, false)
+        };
         self.capacity.ensure(&self.device, &mut self.resources, &needs)?;
         loop {
             self.arm();
             let degree = options.sh_degree.min(self.shape.splats.sh_degree);
-            let offsets =
-                self.set_uniform(0, &uniform::image(&self.scene(), camera, options.background, degree));
+            let offsets = self
+                .set_uniform(0, &uniform::image(&self.uniform_inputs(), camera, options.background, degree));
             let dispatches = self.forward(offsets, camera, options.geometry);
             let status = self.submit_for_status(&dispatches, 1)?;
             if u64::from(status[0].needed_pairs) <= self.capacity.pairs {
@@ -302,7 +300,7 @@ impl Backend for GpuBackend {
 
     fn step(&mut self, request: &StepRequest<'_>) -> Result<StepReport> {
         let mut reports = self.steps(std::slice::from_ref(request))?;
-        reports.pop().ok_or_else(|| self.device.error("a step has no report"))
+        reports.pop().ok_or_else(|| self.device.error("a step returned no report"))
     }
 
     fn batch_steps(&self) -> usize {
@@ -323,7 +321,7 @@ impl Backend for GpuBackend {
             let fitting = self.photos.prepare(&self.device, &mut self.resources, &photos)?;
             let batch = &rest[..fitting];
             let statistics = batch.iter().any(needs_statistics);
-            let needs = Needs {
+            let needs = RequiredCapacity {
                 geometry: batch.iter().any(|r| r.loss.needs_geometry()),
                 ..self.needs(batch.iter().map(|r| r.camera), true, statistics)
             };
@@ -341,7 +339,7 @@ impl Backend for GpuBackend {
     }
 
     fn read_statistics(&mut self) -> Result<WindowStatistics> {
-        // They are part of what is saved: as in `read_back`.
+        // Readable after refused commands, like the model in `read_back`: both are part of a checkpoint.
         self.check_model()?;
         let n = self.shape.num_splats();
         let values: Vec<[f32; 4]> = self.device.rescue(self.resources.buffer(Buf::Statistics), n)?;
@@ -377,7 +375,7 @@ impl Backend for GpuBackend {
     }
 
     fn read_back(&mut self) -> Result<(Model, AdamState)> {
-        // Also after something was refused: what was applied before is whole, and worth saving.
+        // Works after refused commands too: the steps applied before are intact, and worth saving.
         self.check_model()?;
         if !self.in_flight.is_empty() {
             let statuses: Vec<Status> =
@@ -391,10 +389,10 @@ impl Backend for GpuBackend {
 
     fn read_flushed(&mut self) -> Result<Model> {
         self.check()?;
-        // On a copy: what the next steps compute must not depend on who looked.
-        let lagging =
+        // Flushes a copy: reading must not change what the next steps compute.
+        let lazily_updated =
             [Buf::SplatP, Buf::SplatM, Buf::SplatV, Buf::TexelP, Buf::TexelM, Buf::TexelV, Buf::SplatInfo];
-        let originals = lagging.map(|name| (name, self.resources.buffer(name).clone()));
+        let originals = lazily_updated.map(|name| (name, self.resources.buffer(name).clone()));
         let mut encoder =
             self.device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let mut copies = Vec::new();
@@ -403,7 +401,7 @@ impl Backend for GpuBackend {
             encoder.copy_buffer_to_buffer(original, 0, &copy, 0, original.size());
             copies.push((*name, copy));
         }
-        // Nothing is refused from here on: the originals come back on every path.
+        // No early return from here on: the originals are restored on every path.
         copies.into_iter().for_each(|(name, copy)| self.resources.set(name, copy));
         self.device.submit(encoder);
         self.flush_all();
@@ -411,7 +409,7 @@ impl Backend for GpuBackend {
         for (name, original) in originals {
             self.resources.set(name, original);
         }
-        // What was refused now has not flushed.
+        // If a command was refused, the copy is not flushed.
         self.device.check()?;
         Ok(flushed?.0)
     }

@@ -1,18 +1,19 @@
-//! Every kernel compiles on the driver at hand, and within limits that are in force.
+//! Every kernel compiles on every installed driver, within enforced limits.
+
 use super::adapter::list_adapters;
-use super::device::{GpuDevice, Limits};
+use super::device::{GpuDevice, LimitChoice};
 use super::kernels::KERNELS;
 use super::shader::HALF_TILES;
 use crate::Error;
 
 #[test]
-fn every_kernel_compiles_within_the_lowest_limits() {
+fn every_kernel_compiles_within_the_minimum_limits() {
     let adapters = list_adapters();
     if adapters.is_empty() {
         println!("skipped: no Vulkan driver is installed");
     }
     for choice in adapters {
-        let device = GpuDevice::open(&choice, Limits::Downlevel).unwrap();
+        let device = GpuDevice::open(&choice, LimitChoice::Downlevel).unwrap();
         for flags in [&[][..], &[HALF_TILES]] {
             for (id, _) in KERNELS {
                 if let Err(e) = device.pipelines(&[*id], flags) {
@@ -24,14 +25,14 @@ fn every_kernel_compiles_within_the_lowest_limits() {
 }
 
 #[test]
-fn the_lowest_limits_are_in_force() {
+fn the_minimum_limits_are_enforced() {
     for choice in list_adapters() {
-        let device = GpuDevice::open(&choice, Limits::Downlevel).unwrap();
+        let device = GpuDevice::open(&choice, LimitChoice::Downlevel).unwrap();
         let granted = device.device.limits();
         assert_eq!(granted.max_storage_buffers_per_shader_stage, 8);
         assert_eq!(granted.max_compute_workgroup_storage_size, 16 << 10);
         assert_eq!(granted.max_storage_buffer_binding_size, 128 << 20);
-        // Ours says how many of what there would be.
+        // Our own check reports what would be allocated.
         let texels = 130 << 16;
         let refused = device.buffer("texels", texels, 16).unwrap_err();
         let message = refused.to_string();
@@ -40,8 +41,7 @@ fn the_lowest_limits_are_in_force() {
             assert!(message.contains(&part), "{message}");
         }
         assert!(device.buffer("texels", 1 << 16, 16).is_ok());
-        // wgpu's hold beneath: what the layout of a kernel may bind. The memory of a workgroup it does not check:
-        // shader_tests do.
+        // wgpu enforces the number of bindings. It does not check workgroup memory: shader_tests does.
         let entry = |binding| wgpu::BindGroupLayoutEntry {
             binding,
             visibility: wgpu::ShaderStages::COMPUTE,

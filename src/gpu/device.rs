@@ -1,24 +1,24 @@
-//! An open device: buffers within its limits, pipelines, waiting and reading back. Everything that can fail
-//! in a driver becomes a typed error here.
+//! An open device: allocates buffers within its limits, compiles pipelines, waits and reads back. All driver
+//! failures become typed errors here.
 
 use super::adapter::AdapterChoice;
 use super::kernels::{Binding, KERNELS, Kernel, KernelId, SORT_PASS_BINDING};
 use super::layout::{SortPass, StepUniform};
-use super::shader::{Target, expand};
+use super::shader::{Dialect, expand};
 use crate::{Error, Result};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 
-/// Which limits are asked of a device.
+/// Limits to request when a device is opened.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Limits {
-    /// All that the adapter has.
+pub enum LimitChoice {
+    /// All that the adapter offers.
     Adapter,
-    /// The floor: 8 storage buffers, 16 KiB of workgroup memory, bindings of 128 MiB.
+    /// The minimum that WebGPU guarantees: 8 storage buffers, 16 KiB of workgroup memory, bindings of 128 MiB.
     Downlevel,
-    /// The floor, with buffers of at most so many bytes: for tests of what does not fit.
+    /// As `Downlevel`, with buffers of at most this many bytes: for tests with scenes that do not fit.
     Buffers(u64),
 }
 
@@ -28,32 +28,31 @@ pub(super) struct Pipeline {
     pub layout: wgpu::BindGroupLayout,
 }
 
-/// What the driver said outside of any call.
+/// Errors that the driver reported asynchronously, the first of each kind.
 #[derive(Clone, Debug, Default)]
-struct Faults {
-    /// Why the device is gone.
+struct DriverErrors {
+    /// Why the device was lost.
     lost: Option<String>,
-    /// The first uncaptured error: something that was asked has not been done.
+    /// The first uncaptured error: some command was not carried out.
     refused: Option<String>,
 }
 
-/// The first of each kind.
-type Fault = Arc<Mutex<Faults>>;
+type SharedErrors = Arc<Mutex<DriverErrors>>;
 
-/// What was asked of a device, counted where it is asked.
+/// Work that a device was given, counted when it is encoded or submitted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct DeviceWork {
-    /// Dispatches.
+    /// Number of dispatches.
     pub dispatches: u64,
-    /// Submissions of command buffers, copies to staging buffers included.
+    /// Number of submissions of command buffers, including copies to staging buffers.
     pub submissions: u64,
-    /// Times that the host waited for the device.
+    /// How often the host waited for the device.
     pub waits: u64,
 }
 
 /// Counters behind [`DeviceWork`].
 #[derive(Default)]
-struct Work {
+struct WorkCounters {
     dispatches: AtomicU64,
     submissions: AtomicU64,
     waits: AtomicU64,
@@ -66,11 +65,11 @@ pub struct GpuDevice {
     pub(super) device: wgpu::Device,
     pub(super) queue: wgpu::Queue,
     pub(super) limits: wgpu::Limits,
-    fault: Fault,
-    work: Work,
+    errors: SharedErrors,
+    work: WorkCounters,
 }
 
-/// Bytes between entries that are bound at dynamic offsets: the largest alignment that a device may ask for.
+/// Bytes between entries that are bound at dynamic offsets: the largest alignment that a device may require.
 pub(super) const UNIFORM_STRIDE: u64 = 256;
 
 impl GpuDevice {
@@ -78,12 +77,12 @@ impl GpuDevice {
     ///
     /// # Errors
     /// [`Error::Device`] if the driver refuses.
-    pub fn open(choice: &AdapterChoice, limits: Limits) -> Result<Self> {
+    pub fn open(choice: &AdapterChoice, limits: LimitChoice) -> Result<Self> {
         let adapter = &choice.adapter;
         let required_limits = match limits {
-            Limits::Adapter => adapter.limits(),
-            Limits::Downlevel => downlevel(&adapter.limits()),
-            Limits::Buffers(bytes) => wgpu::Limits {
+            LimitChoice::Adapter => adapter.limits(),
+            LimitChoice::Downlevel => downlevel(&adapter.limits()),
+            LimitChoice::Buffers(bytes) => wgpu::Limits {
                 max_storage_buffer_binding_size: bytes,
                 max_buffer_size: bytes,
                 ..downlevel(&adapter.limits())
@@ -98,15 +97,15 @@ impl GpuDevice {
         });
         let (device, queue) = pollster::block_on(request)
             .map_err(|e| Error::Device(format!("{}: cannot be opened: {e}", choice.name)))?;
-        let fault = Fault::default();
-        let on_error = fault.clone();
+        let errors = SharedErrors::default();
+        let on_error = errors.clone();
         device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
-            note(&on_error, |faults| &mut faults.refused, error.to_string());
+            record_first(&on_error, |errors| &mut errors.refused, error.to_string());
         }));
-        let on_lost = fault.clone();
+        let on_lost = errors.clone();
         device.set_device_lost_callback(move |reason, message| {
             if reason != wgpu::DeviceLostReason::Destroyed {
-                note(&on_lost, |faults| &mut faults.lost, format!("the device was lost: {message}"));
+                record_first(&on_lost, |errors| &mut errors.lost, format!("the device was lost: {message}"));
             }
         });
         Ok(Self {
@@ -114,12 +113,12 @@ impl GpuDevice {
             device,
             queue,
             limits: required_limits,
-            fault,
-            work: Work::default(),
+            errors,
+            work: WorkCounters::default(),
         })
     }
 
-    /// What has been asked of it since it was opened.
+    /// Work that it was given since it was opened.
     pub fn work(&self) -> DeviceWork {
         let [dispatches, submissions, waits] =
             [&self.work.dispatches, &self.work.submissions, &self.work.waits]
@@ -127,43 +126,41 @@ impl GpuDevice {
         DeviceWork { dispatches, submissions, waits }
     }
 
-    /// Counts a dispatch that is being encoded.
     pub(super) fn count_dispatch(&self) {
         self.work.dispatches.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// Submits what was encoded.
     pub(super) fn submit(&self, encoder: wgpu::CommandEncoder) {
         self.work.submissions.fetch_add(1, Ordering::Relaxed);
         self.queue.submit([encoder.finish()]);
     }
 
-    /// Fails with the first thing that went wrong outside of any call, for good: who computes on must not
-    /// build on what may not have been done.
+    /// Fails, from the first asynchronous error on: later steps must not build on commands that may not have been
+    /// carried out.
     ///
     /// # Errors
-    /// [`Error::Device`].
+    /// [`Error::Device`] with the first error that the driver reported.
     pub(super) fn check(&self) -> Result<()> {
-        let Faults { lost, refused } = self.faults();
+        let DriverErrors { lost, refused } = self.driver_errors();
         lost.or(refused).map_or(Ok(()), |what| Err(self.error(&what)))
     }
 
-    /// Fails only if the device is gone. A submission that was refused changed nothing: what was on the device
-    /// before is there and whole.
+    /// Fails only if the device was lost. A refused submission changed nothing: the earlier contents of the device
+    /// are intact.
     ///
     /// # Errors
-    /// [`Error::Device`].
+    /// [`Error::Device`] with the driver's reason.
     fn check_alive(&self) -> Result<()> {
-        self.faults().lost.map_or(Ok(()), |what| Err(self.error(&what)))
+        self.driver_errors().lost.map_or(Ok(()), |what| Err(self.error(&what)))
     }
 
-    fn faults(&self) -> Faults {
-        self.fault.lock().map_or_else(|e| e.into_inner().clone(), |f| f.clone())
+    fn driver_errors(&self) -> DriverErrors {
+        self.errors.lock().map_or_else(|e| e.into_inner().clone(), |errors| errors.clone())
     }
 
-    /// Destroys the device and notes it as lost.
+    /// Destroys the device and records it as lost.
     pub(super) fn lose(&self) {
-        note(&self.fault, |faults| &mut faults.lost, "the device was lost: destroyed".into());
+        record_first(&self.errors, |errors| &mut errors.lost, "the device was lost: destroyed".into());
         self.device.destroy();
     }
 
@@ -175,14 +172,14 @@ impl GpuDevice {
     /// A storage buffer of zeros for `count` elements of `element_bytes`.
     ///
     /// # Errors
-    /// [`Error::Device`] with counts if it exceeds a limit, or if the memory is not to be had.
+    /// [`Error::Device`], with the sizes if the buffer exceeds a limit, or if allocation fails.
     pub(super) fn buffer(&self, what: &str, count: u64, element_bytes: u64) -> Result<wgpu::Buffer> {
-        // Room for one element at least: an empty binding is refused.
+        // Room for at least one element: empty bindings are invalid.
         let bytes = (count.max(1) * element_bytes).next_multiple_of(16);
         let most = self.most_buffer_bytes();
         if bytes > most {
             return Err(self.error(&format!(
-                "{what}: {count} x {element_bytes} bytes = {:.1} MiB, but a buffer may have {:.1} MiB here; use \
+                "{what}: {count} x {element_bytes} bytes = {:.1} MiB, but buffers are limited to {:.1} MiB; use \
                  fewer splats, smaller maps or smaller images, or the device \"cpu\"",
                 mib(bytes),
                 mib(most)
@@ -202,7 +199,7 @@ impl GpuDevice {
     /// A buffer of any usage.
     ///
     /// # Errors
-    /// [`Error::Device`] if the memory is not to be had.
+    /// [`Error::Device`] if allocation fails.
     pub(super) fn allocate(&self, descriptor: &wgpu::BufferDescriptor<'_>) -> Result<wgpu::Buffer> {
         let memory = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
         let validation = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
@@ -210,7 +207,7 @@ impl GpuDevice {
         let refused = [pollster::block_on(validation.pop()), pollster::block_on(memory.pop())];
         match refused.into_iter().flatten().next() {
             Some(error) => Err(self.error(&format!(
-                "{} of {:.1} MiB was refused: {error}",
+                "cannot allocate {} of {:.1} MiB: {error}",
                 descriptor.label.unwrap_or("a buffer"),
                 mib(descriptor.size)
             ))),
@@ -231,10 +228,10 @@ impl GpuDevice {
         })
     }
 
-    /// Compiles kernels, with flags for the preprocessor on top of their own.
+    /// Compiles kernels, with preprocessor flags in addition to their own.
     ///
     /// # Errors
-    /// [`Error::Device`] with the place in the shader if the driver does not take it.
+    /// [`Error::Device`] with the driver's message if it rejects a shader.
     pub(super) fn pipelines(&self, ids: &[KernelId], flags: &[&str]) -> Result<BTreeMap<KernelId, Pipeline>> {
         let mut out = BTreeMap::new();
         for (id, kernel) in KERNELS.iter().filter(|(id, _)| ids.contains(id)) {
@@ -245,7 +242,7 @@ impl GpuDevice {
 
     fn pipeline(&self, kernel: &Kernel, flags: &[&str]) -> Result<Pipeline> {
         let flags = [kernel.flags, flags].concat();
-        let expanded = expand(kernel.name, &flags, Target::Native).map_err(|e| self.error(&e))?;
+        let expanded = expand(kernel.name, &flags, Dialect::Native).map_err(|e| self.error(&e))?;
         let filters =
             [wgpu::ErrorFilter::OutOfMemory, wgpu::ErrorFilter::Internal, wgpu::ErrorFilter::Validation];
         let scopes = filters.map(|filter| self.device.push_error_scope(filter));
@@ -265,22 +262,22 @@ impl GpuDevice {
             module: &module,
             entry_point: Some(kernel.name),
             compilation_options: wgpu::PipelineCompilationOptions {
-                // The kernels initialise what they read.
+                // The kernels initialise all workgroup memory that they read.
                 zero_initialize_workgroup_memory: false,
                 ..wgpu::PipelineCompilationOptions::default()
             },
             cache: None,
         });
-        // Scopes end in the reverse order of their beginnings.
+        // Error scopes form a stack.
         let refused = scopes.into_iter().rev().filter_map(|scope| pollster::block_on(scope.pop())).next();
         match refused {
-            Some(error) => Err(self.error(&format!("shader {} was refused: {error}", kernel.name))),
+            Some(error) => Err(self.error(&format!("the driver rejected shader {}: {error}", kernel.name))),
             None => Ok(Pipeline { pipeline, layout }),
         }
     }
 
     /// A shader module without the loop counters and division guards that wgpu adds for untrusted code.
-    #[allow(unsafe_code, reason = "the only way to ask for it")]
+    #[allow(unsafe_code, reason = "wgpu offers no safe way to leave them out")]
     fn module(&self, name: &str, text: &str) -> wgpu::ShaderModule {
         let descriptor =
             wgpu::ShaderModuleDescriptor { label: Some(name), source: wgpu::ShaderSource::Wgsl(text.into()) };
@@ -290,25 +287,25 @@ impl GpuDevice {
             int_div_checks: false,
             ..wgpu::ShaderRuntimeChecks::checked()
         };
-        // SAFETY: the shaders are ours. Every loop counts up to a bound or down to zero and every divisor is
-        // positive, by reading: no test proves it. Indices are still checked against their buffers.
+        // SAFETY: the shaders are our own. By inspection, not by test: every loop counts up to a bound or down to
+        // zero, and every divisor is positive. Indices are still checked against the bounds of their buffers.
         unsafe { self.device.create_shader_module_trusted(descriptor, checks) }
     }
 
-    /// Waits for everything submitted and reads the first `count` elements of a buffer.
+    /// Waits for all submitted work and reads the first `count` elements of a buffer.
     ///
     /// # Errors
-    /// [`Error::Device`] if the device is gone, or if something that was asked of it has not been done.
+    /// [`Error::Device`] if the device was lost, or any command was not carried out.
     pub(super) fn read<T: bytemuck::Pod>(&self, buffer: &wgpu::Buffer, count: usize) -> Result<Vec<T>> {
         let values = self.rescue(buffer, count);
         self.check()?;
         values
     }
 
-    /// As [`GpuDevice::read`], also where something was refused before: for what a refusal leaves whole.
+    /// As [`GpuDevice::read`], but also works after refused commands: for buffers that they leave intact.
     ///
     /// # Errors
-    /// [`Error::Device`] if the device is gone.
+    /// [`Error::Device`] if the device was lost.
     pub(super) fn rescue<T: bytemuck::Pod>(&self, buffer: &wgpu::Buffer, count: usize) -> Result<Vec<T>> {
         let bytes = (count * size_of::<T>()) as u64;
         if bytes == 0 {
@@ -321,7 +318,7 @@ impl GpuDevice {
         self.staged(&staging, count)
     }
 
-    /// A buffer that is copied to on the device and read here.
+    /// A buffer that the device copies to and the host reads.
     ///
     /// # Errors
     /// As [`GpuDevice::allocate`].
@@ -352,13 +349,13 @@ impl GpuDevice {
         let bytes = (count * size_of::<T>()) as u64;
         let (sender, receiver) = std::sync::mpsc::channel();
         staging.map_async(wgpu::MapMode::Read, 0..bytes, move |outcome| {
-            // The receiver is gone only if polling failed, which is reported below.
+            // The receiver is dropped only if polling failed, which is reported below.
             let _ = sender.send(outcome);
         });
         self.work.waits.fetch_add(1, Ordering::Relaxed);
         self.device
             .poll(wgpu::PollType::wait_indefinitely())
-            .map_err(|e| self.error(&format!("waiting for it failed: {e}")))?;
+            .map_err(|e| self.error(&format!("waiting for the device failed: {e}")))?;
         self.check_alive()?;
         match receiver.try_recv() {
             Ok(Ok(())) => {}
@@ -375,9 +372,10 @@ impl GpuDevice {
     }
 }
 
-fn note(fault: &Fault, kind: fn(&mut Faults) -> &mut Option<String>, message: String) {
-    if let Ok(mut faults) = fault.lock() {
-        kind(&mut faults).get_or_insert(message);
+/// Keeps the message unless there is an earlier error of the same kind.
+fn record_first(errors: &SharedErrors, kind: fn(&mut DriverErrors) -> &mut Option<String>, message: String) {
+    if let Ok(mut errors) = errors.lock() {
+        kind(&mut errors).get_or_insert(message);
     }
 }
 
@@ -385,7 +383,7 @@ fn mib(bytes: u64) -> f64 {
     bytes as f64 / f64::from(1 << 20)
 }
 
-/// The floor of WebGPU, in everything that the kernels use.
+/// The minimum limits of WebGPU, for all that the kernels use.
 fn downlevel(adapter: &wgpu::Limits) -> wgpu::Limits {
     wgpu::Limits {
         max_storage_buffers_per_shader_stage: 8,
@@ -414,7 +412,7 @@ fn layout_entries(kernel: &Kernel) -> Vec<wgpu::BindGroupLayoutEntry> {
     for (binding, Binding { writes, .. }) in (1..).zip(kernel.bindings) {
         entries.push(entry(binding, wgpu::BufferBindingType::Storage { read_only: !writes }, None));
     }
-    if kernel.has_sort_pass {
+    if kernel.has_sort_pass() {
         entries.push(entry(SORT_PASS_BINDING, uniform, Some(size_of::<SortPass>() as u64)));
     }
     entries

@@ -1,35 +1,33 @@
-//! Puts dispatches into a command encoder: one compute pass for all of them, or one each with timestamps
-//! around it where kernels are timed.
+//! Encodes dispatches: in one compute pass, or if kernels are timed, each in its own pass between timestamps.
 
 use super::device::{GpuDevice, Pipeline};
 use super::kernels::{Buf, Groups, KernelId};
 use super::layout::DispatchArgs;
-use super::resources::{Offsets, Resources};
+use super::resources::{Resources, UniformOffsets};
 use super::timing::Timer;
 use std::collections::BTreeMap;
 
-/// One dispatch.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Dispatch {
     pub kernel: KernelId,
     pub groups: Groups,
-    /// Whether the sort's halves change places.
+    /// Whether input and output of the sort are exchanged.
     pub swapped: bool,
-    pub offsets: Offsets,
+    pub offsets: UniformOffsets,
 }
 
 impl Dispatch {
-    pub(super) fn new(kernel: KernelId, offsets: Offsets) -> Self {
+    pub(super) fn new(kernel: KernelId, offsets: UniformOffsets) -> Self {
         Self { kernel, groups: kernel.kernel().groups, swapped: false, offsets }
     }
 }
 
-/// Byte offset of an entry of the table of indirect dispatches.
+/// Byte offset of an entry in the table of indirect dispatches.
 pub(super) fn args_offset(groups: Groups) -> u64 {
     groups as u64 * size_of::<DispatchArgs>() as u64
 }
 
-/// Encodes dispatches in order. With a timer, each in a pass of its own between two timestamps.
+/// Encodes dispatches in order; with a timer, each in its own pass between two timestamps.
 pub(super) fn encode(
     device: &GpuDevice,
     encoder: &mut wgpu::CommandEncoder,
@@ -48,7 +46,7 @@ pub(super) fn encode(
         let offsets = [dispatch.offsets.step, dispatch.offsets.sort_pass];
         let group = resources.group(device, dispatch.kernel, pipeline, dispatch.swapped);
         pass.set_pipeline(&pipeline.pipeline);
-        pass.set_bind_group(0, group, &offsets[..1 + usize::from(kernel.has_sort_pass)]);
+        pass.set_bind_group(0, group, &offsets[..1 + usize::from(kernel.has_sort_pass())]);
         if kernel.is_direct() {
             pass.dispatch_workgroups(1, 1, 1);
         } else {

@@ -1,19 +1,20 @@
-//! What is left after a step that failed while the device is alive; and what a call says that comes too early.
+//! State of the backend after steps that failed on a live device, and errors of calls before the first upload.
 
 use super::backend::{GpuBackend, GpuOptions};
-use super::device::{GpuDevice, Limits};
+use super::device::{GpuDevice, LimitChoice};
 use super::harness::test_drivers;
 use super::kernels::Buf;
 use crate::Error;
 use crate::backend::{Backend as _, LearningRates, LossWeights, RenderOptions, StepRequest, TargetImage};
 use crate::model::AdamState;
-use crate::selftest::{Scene, SceneOptions, random_scene};
+use crate::selftest::{RandomScene, SceneOptions, random_scene};
 
-/// Backends on every software driver in turn.
+/// A backend on each of [`test_drivers`] in turn.
 pub(super) fn backends() -> impl Iterator<Item = GpuBackend> {
     test_drivers().into_iter().map(|choice| {
         println!("{}", choice.name);
-        GpuBackend::new(GpuDevice::open(&choice, Limits::Downlevel).unwrap(), GpuOptions::default()).unwrap()
+        GpuBackend::new(GpuDevice::open(&choice, LimitChoice::Downlevel).unwrap(), GpuOptions::default())
+            .unwrap()
     })
 }
 
@@ -21,12 +22,12 @@ fn backend() -> Option<GpuBackend> {
     backends().next()
 }
 
-fn scene() -> Scene {
+fn scene() -> RandomScene {
     let options = SceneOptions { num_splats: 100, width_px: 48, height_px: 40, ..SceneOptions::default() };
     random_scene(&options)
 }
 
-pub(super) fn request(scene: &Scene, step: u32) -> StepRequest<'_> {
+pub(super) fn request(scene: &RandomScene, step: u32) -> StepRequest<'_> {
     StepRequest {
         step,
         camera: scene.camera,
@@ -40,7 +41,7 @@ pub(super) fn request(scene: &Scene, step: u32) -> StepRequest<'_> {
     }
 }
 
-/// Asks for something that no driver allows, outside of any call that would catch it.
+/// Causes an uncaptured error, by a request that every driver rejects.
 fn refuse(backend: &GpuBackend) {
     let _ = backend.device.device.create_buffer(&wgpu::BufferDescriptor {
         label: Some("refused"),
@@ -52,7 +53,7 @@ fn refuse(backend: &GpuBackend) {
 }
 
 #[test]
-fn what_was_applied_is_read_back_after_a_refusal_but_nothing_builds_on_it() {
+fn after_a_refused_command_the_state_can_be_read_but_not_advanced() {
     let Some(mut backend) = backend() else { return };
     let scene = scene();
     backend.upload(&scene.model, &AdamState::zeros(&scene.model)).unwrap();
@@ -69,15 +70,15 @@ fn what_was_applied_is_read_back_after_a_refusal_but_nothing_builds_on_it() {
         backend.read_flushed().err(),
     ];
     assert!(errors.iter().all(|e| matches!(e, Some(Error::Device(_)))), "{errors:?}");
-    assert!(backend.read_back().unwrap() == expected, "those changed nothing");
-    assert_eq!(backend.read_statistics().unwrap(), statistics, "a checkpoint needs them too");
-    // Negative control: a device that is gone has nothing to give.
+    assert!(backend.read_back().unwrap() == expected, "failed calls change nothing");
+    assert_eq!(backend.read_statistics().unwrap(), statistics, "checkpoints include the statistics");
+    // Negative control: a lost device cannot be read.
     backend.lose_device();
     assert!(matches!(backend.read_back(), Err(Error::Device(_))));
 }
 
 #[test]
-fn steps_of_a_batch_whose_status_was_not_read_are_counted() {
+fn applied_steps_count_even_if_their_status_was_not_read() {
     let Some(mut backend) = backend() else { return };
     let scene = scene();
     let adam = AdamState::zeros(&scene.model);
@@ -86,24 +87,24 @@ fn steps_of_a_batch_whose_status_was_not_read_are_counted() {
     let expected = backend.read_back().unwrap();
     backend.upload(&scene.model, &adam).unwrap();
     backend.steps(&[request(&scene, 1)]).unwrap();
-    // The status of the second step cannot be read: its staging buffer is gone.
+    // Destroys the staging buffer, so that the status of the second step cannot be read.
     backend.staging.destroy();
     let error = backend.steps(&[request(&scene, 2)]).unwrap_err();
     assert!(matches!(error, Error::Device(_)), "{error}");
     let got = backend.read_back().unwrap();
-    // Whether the driver took the submission or not: the clock fits the parameters.
+    // Whether or not the driver executed the submission, the clock matches the parameters.
     assert!(got.1.step == 1 || got == expected, "step {}", got.1.step);
     assert_eq!(got.0 == expected.0, got.1.step == 2);
 }
 
 #[test]
-fn a_batch_that_fails_half_way_leaves_the_steps_before_whole() {
+fn a_failing_batch_leaves_earlier_steps_intact() {
     let Some(mut backend) = backend() else { return };
     let scene = scene();
     backend.upload(&scene.model, &AdamState::zeros(&scene.model)).unwrap();
     backend.step(&request(&scene, 1)).unwrap();
     let expected = backend.read_back().unwrap();
-    // A photo of the wrong size, and an image that no device can hold.
+    // A photo of the wrong size, then an image that no device can hold.
     let small = TargetImage { width_px: 1, height_px: 1, rgb: vec![0; 3], mask: None };
     let bad = StepRequest { target: &small, ..request(&scene, 3) };
     assert!(backend.steps(&[request(&scene, 2), bad]).is_err());
@@ -113,11 +114,11 @@ fn a_batch_that_fails_half_way_leaves_the_steps_before_whole() {
     assert!(matches!(error, Err(Error::Device(_))));
     assert!(backend.read_back().unwrap() == expected);
     backend.step(&request(&scene, 2)).unwrap();
-    assert_eq!(backend.read_back().unwrap().1.step, 2, "a refused size is not the end");
+    assert_eq!(backend.read_back().unwrap().1.step, 2, "training continues after a refused size");
 }
 
 #[test]
-fn before_the_first_upload_there_is_an_error_and_no_panic() {
+fn calls_before_the_first_upload_are_errors_not_panics() {
     let Some(mut backend) = backend() else { return };
     let scene = scene();
     let options = RenderOptions { background: [0.0; 3], sh_degree: 3, geometry: false };
@@ -133,7 +134,7 @@ fn before_the_first_upload_there_is_an_error_and_no_panic() {
 }
 
 #[test]
-fn an_upload_gives_back_what_the_model_before_needed() {
+fn an_upload_frees_the_buffers_of_the_previous_model() {
     let Some(mut backend) = backend() else { return };
     let large = random_scene(&SceneOptions { num_splats: 4_000, ..SceneOptions::default() });
     let small = scene();
@@ -149,7 +150,7 @@ fn an_upload_gives_back_what_the_model_before_needed() {
     }
     assert!(seen[1].iter().zip(&seen[0]).all(|(small, large)| small < large), "{seen:?}");
     assert_eq!(seen[0], seen[2]);
-    // An image that needs more pairs than any step does not enlarge the partial sums of steps.
+    // Images that need more pairs than any step do not enlarge the partial sums.
     let before = backend.capacity.training_pairs;
     backend.capacity.pairs *= 2;
     backend.step(&request(&large, 2)).unwrap();

@@ -1,4 +1,4 @@
-//! Texel gradients in fixed point: what a poisoned image puts into them.
+//! Fixed-point texel gradients of poisoned images.
 
 use super::backend::GpuOptions;
 use super::fault_tests::{backends, request};
@@ -7,10 +7,10 @@ use crate::model::AdamState;
 use crate::selftest::{SceneOptions, random_scene};
 
 #[test]
-fn poisoned_texel_gradients_are_cut_off_and_counted_and_never_wrap_around() {
+fn poisoned_texel_gradients_are_clamped_and_counted_and_never_wrap_around() {
     for mut backend in backends() {
-        // Splats of some 20 px with texels of a little more than one: the form for hardware adds tap by tap, seven of
-        // them a texel. With the limit of a tile's pixels for each the sums wrap around: that was tried.
+        // Splats of some 20 px with texels of just over 1 px: the hardware variant adds tap by tap, seven taps per
+        // texel. If each tap had the limit of a tile's pixels, the sums would wrap around (tried).
         let mut scene = random_scene(&SceneOptions {
             num_splats: 60,
             width_px: 64,
@@ -32,7 +32,7 @@ fn poisoned_texel_gradients_are_cut_off_and_counted_and_never_wrap_around() {
             backend.upload(&scene.model, &AdamState::zeros(&scene.model)).unwrap();
             let loss = LossWeights { mse: 1.0, ..LossWeights::NONE };
             let report = backend.step(&StepRequest { loss, ..request(&scene, 1) }).unwrap();
-            // Brighter than black everywhere: no gradient is negative, whatever was cut off.
+            // The image is brighter than the black photo everywhere, so no gradient is negative, clamped or not.
             let (_, adam) = backend.read_back().unwrap();
             assert!(adam.texels_m.iter().all(|&m| m >= 0.0), "a sum has wrapped around: {hardware} {rgb}");
             assert_eq!(report.non_finite_gradients > 0, rgb > 10.0, "{hardware} {rgb}");

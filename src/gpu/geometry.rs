@@ -1,9 +1,9 @@
-//! Depths and normals of an image from the sums that the rasterisation leaves.
+//! Depths and normals of an image, from the sums that the forward pass writes.
 
 use crate::backend::RenderedImage;
 
-/// Fills in depth and normals from the sums per pixel: normal and depth, each times the blending weight, in
-/// the first vector, the second is for the loss. `[height, width, 2]`
+/// Sets depths and normals from the sums of each pixel. The first vector has the sums of normal and depth, weighted
+/// by the blending weight; the second is for the loss. `[height, width, 2]`
 pub(super) fn fill_in(image: &mut RenderedImage, sums: &[[[f32; 4]; 2]]) {
     image.depth = sums
         .iter()

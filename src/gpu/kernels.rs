@@ -1,10 +1,10 @@
 //! The table of kernels: which buffers each one binds, and how many workgroups it gets. Bindings of group 0:
-//! 0 is the step, 1 and on are the buffers in the order of the table, [`SORT_PASS_BINDING`] the pass of the
+//! 0 is the step, 1 and up are the buffers in the order of the table, [`SORT_PASS_BINDING`] is the pass of the
 //! sort. A test compares the table with the shaders.
 
-/// A buffer of the backend.
+/// A storage buffer of the backend. The shaders state the shape of each next to its binding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-#[allow(missing_docs, reason = "documented by the shape beside each binding in the shaders")]
+#[allow(missing_docs, reason = "the shaders state the shape next to each binding")]
 pub enum Buf {
     SplatP,
     SplatM,
@@ -53,7 +53,7 @@ pub enum Buf {
 }
 
 impl Buf {
-    /// The other one of the two halves that a sort swaps; itself for every other buffer.
+    /// The counterpart of a key or value buffer, which sort passes alternate between; other buffers are unchanged.
     pub fn swapped(self) -> Self {
         match self {
             Self::KeysA => Self::KeysB,
@@ -65,13 +65,16 @@ impl Buf {
     }
 }
 
-/// A storage binding: its name in the shader, its buffer, and whether the shader writes it.
+/// A storage binding of a kernel.
 #[derive(Clone, Copy, Debug)]
 pub struct Binding {
-    /// Name of the variable; the tests compare it with the shader.
-    #[cfg_attr(not(test), allow(dead_code, reason = "bindings go by their place"))]
+    /// Name of the variable in the shader.
+    #[cfg_attr(
+        not(test),
+        allow(dead_code, reason = "only the tests compare names; bindings go by position")
+    )]
     pub name: &'static str,
-    /// Buffer, before the sort's swap.
+    /// Buffer bound by even sort passes; odd ones bind [`Buf::swapped`].
     pub buffer: Buf,
     /// Whether the access is `read_write`.
     pub writes: bool,
@@ -85,280 +88,252 @@ const fn write(name: &'static str, buffer: Buf) -> Binding {
     Binding { name, buffer, writes: true }
 }
 
-/// Who decides on the number of workgroups: entries of the table of indirect dispatches. Those of the first
-/// kind are known before a step, the others follow from its number of pairs; all are zero once a step of the
-/// same submission did not fit, so that nothing after it is applied.
+/// Numbers of workgroups: entries of the table of indirect dispatches. The host knows the first four before a
+/// step; `prefix_sums` writes the others once it has counted the pairs. If the pairs of a step do not fit, it
+/// zeroes all entries, so that nothing after it in the submission is applied.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u32)]
 pub enum Groups {
-    /// One.
+    /// One workgroup.
     One,
-    /// An invocation per splat.
+    /// One invocation per splat.
     Splats,
-    /// A block of [`super::shader::BLOCK`] splats each.
+    /// One workgroup per block of [`super::shader::BLOCK`] splats.
     SplatBlocks,
-    /// A workgroup per splat.
+    /// One workgroup per splat.
     EachSplat,
-    /// One, after the pairs are known.
+    /// One workgroup, once the pairs are counted.
     OneLater,
-    /// A workgroup per splat, after the pairs are known.
+    /// One workgroup per splat, once the pairs are counted.
     EachSplatLater,
-    /// An invocation per splat, after the pairs are known.
+    /// One invocation per splat, once the pairs are counted.
     SplatsLater,
-    /// A workgroup per tile.
+    /// One workgroup per tile of the rasterisation.
     Tiles,
-    /// A workgroup per tile of the loss.
+    /// One workgroup per tile of the loss.
     LossTiles,
-    /// An invocation per tile.
+    /// One invocation per tile of the rasterisation.
     TileInvocations,
-    /// An invocation per pair.
+    /// One invocation per pair.
     Pairs,
-    /// A block of [`super::shader::BLOCK`] pairs each.
+    /// One workgroup per block of [`super::shader::BLOCK`] pairs.
     PairBlocks,
 }
 
 /// Entries of the table of indirect dispatches.
 pub const NUM_GROUPS: u32 = Groups::PairBlocks as u32 + 1;
 
-/// Binding of the pass of the sort, in kernels that have one.
+/// Binding of the [`super::layout::SortPass`], in the kernels of the sort.
 pub const SORT_PASS_BINDING: u32 = 15;
 
-/// A kernel.
+/// A kernel, or a variant of one.
 #[derive(Clone, Copy, Debug)]
 pub struct Kernel {
     /// Name of its file and of its entry point.
     pub name: &'static str,
-    /// Flags for the preprocessor.
+    /// Preprocessor flags of the variant.
     pub flags: &'static [&'static str],
     /// Storage bindings 1, 2, ...
     pub bindings: &'static [Binding],
-    /// Workgroups.
+    /// Number of workgroups, unless a [`super::encode::Dispatch`] overrides it.
     pub groups: Groups,
-    /// Whether it binds the pass of the sort.
-    pub has_sort_pass: bool,
 }
 
+/// Bindings of a kernel, and those that a variant adds.
+macro_rules! bindings {
+    ($([$($access:ident $binding:ident = $buffer:ident),* $(,)?])*) => {
+        &[$($($access(stringify!($binding), Buf::$buffer)),*),*]
+    };
+}
+
+/// Each kernel as `file, workgroups, [bindings] => { variant [flags] + [additional bindings]; ... }`.
 macro_rules! kernels {
-    ($($id:ident = $name:literal $flags:expr, $groups:ident, $sort:expr, [$($access:ident $binding:ident = $buffer:ident),* $(,)?];)*) => {
-        /// Kernels by their index in [`KERNELS`].
+    ($($name:literal, $groups:ident, $base:tt => { $($id:ident $flags:tt $(+ $added:tt)?);* $(;)? })*) => {
+        /// Index of a kernel variant in [`KERNELS`].
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-        #[allow(missing_docs, reason = "named after their files")]
-        pub enum KernelId { $($id),* }
+        #[allow(missing_docs, reason = "named after their files and flags")]
+        pub enum KernelId { $($($id),*),* }
 
         /// All kernels and their variants.
-        pub const KERNELS: &[(KernelId, Kernel)] = &[$((
+        pub const KERNELS: &[(KernelId, Kernel)] = &[$($((
             KernelId::$id,
-            Kernel {
-                name: $name,
-                flags: $flags,
-                bindings: &[$($access(stringify!($binding), Buf::$buffer)),*],
-                groups: Groups::$groups,
-                has_sort_pass: $sort,
-            },
-        )),*];
+            Kernel { name: $name, flags: &$flags, bindings: bindings!($base $($added)?), groups: Groups::$groups },
+        )),*),*];
     };
 }
 
 kernels! {
-    Project = "project" &[], Splats, false, [
+    "project", Splats, [
         write splat_p = SplatP, write splat_m = SplatM, write splat_v = SplatV, read splat_info = SplatInfo,
         write projected = Projected, write bounds = Bounds, write keys_out = KeysA,
-    ];
-    FlushTexel = "flush_texel" &[], EachSplat, false, [
+    ] => {
+        Project [];
+        ProjectGeometry ["GEOMETRY"] + [write normals = Normals];
+    }
+    "flush_texel", EachSplat, [
         write texel_p = TexelP, write texel_m = TexelM, write texel_v = TexelV, write texel_values = TexelValues,
         write splat_info = SplatInfo, read bounds = Bounds,
-    ];
-    FlushSplat = "flush_splat" &[], EachSplat, false, [
+    ] => { FlushTexel [] }
+    "flush_splat", EachSplat, [
         write splat_p = SplatP, write splat_m = SplatM, write splat_v = SplatV, read splat_info = SplatInfo,
-    ];
-    RasterFwd = "raster_fwd" &[], Tiles, false, [
+    ] => { FlushSplat [] }
+    "raster_fwd", Tiles, [
         read projected = Projected, write pairs = Pairs, read tile_ranges = TileRanges,
         read texel_values = TexelValues, write pixels = Pixels, write pixel_state = PixelState,
-    ];
-    RasterFwdCount = "raster_fwd" &["COUNT", "ATOMIC_STATUS"], Tiles, false, [
-        read projected = Projected, write pairs = Pairs, read tile_ranges = TileRanges,
-        read texel_values = TexelValues, write pixels = Pixels, write pixel_state = PixelState, write status = Status,
-    ];
-    RasterFwdBatched = "raster_fwd" &["BATCHED"], Tiles, false, [
-        read projected = Projected, write pairs = Pairs, read tile_ranges = TileRanges,
-        read texel_values = TexelValues, write pixels = Pixels, write pixel_state = PixelState,
-    ];
-    RasterFwdBatchedCount = "raster_fwd" &["BATCHED", "COUNT", "ATOMIC_STATUS"], Tiles, false, [
-        read projected = Projected, write pairs = Pairs, read tile_ranges = TileRanges,
-        read texel_values = TexelValues, write pixels = Pixels, write pixel_state = PixelState, write status = Status,
-    ];
-    RasterBwd = "raster_bwd" &[], Tiles, false, [
+    ] => {
+        RasterFwd [];
+        RasterFwdCount ["COUNT", "ATOMIC_STATUS"] + [write status = Status];
+        RasterFwdBatched ["BATCHED"];
+        RasterFwdBatchedCount ["BATCHED", "COUNT", "ATOMIC_STATUS"] + [write status = Status];
+        RasterFwdGeometry ["GEOMETRY"] + [read normals = Normals, write geometry = Geometry];
+        RasterFwdBatchedGeometry ["BATCHED", "GEOMETRY"] + [read normals = Normals, write geometry = Geometry];
+    }
+    "raster_bwd", Tiles, [
         read projected = Projected, read pairs = Pairs, read tile_ranges = TileRanges,
         read texel_values = TexelValues, read pixel_state = PixelState, read pixel_grad = PixelGrad,
         write partials = Partials, write texel_grad = TexelGrad,
-    ];
-    RasterBwdStatistics = "raster_bwd" &["STATISTICS"], Tiles, false, [
+    ] => {
+        RasterBwd [];
+        RasterBwdStatistics ["STATISTICS"];
+        RasterBwdScatter ["SCATTER"];
+        RasterBwdStatisticsScatter ["STATISTICS", "SCATTER"];
+        RasterBwdCount ["COUNT"];
+        RasterBwdScatterCount ["SCATTER", "COUNT"];
+    }
+    // With GEOMETRY the state and gradient of a pixel are part of its record.
+    "raster_bwd", Tiles, [
         read projected = Projected, read pairs = Pairs, read tile_ranges = TileRanges,
-        read texel_values = TexelValues, read pixel_state = PixelState, read pixel_grad = PixelGrad,
+        read texel_values = TexelValues, read normals = Normals, read pixel_records = PixelRecords,
         write partials = Partials, write texel_grad = TexelGrad,
-    ];
-    RasterBwdScatter = "raster_bwd" &["SCATTER"], Tiles, false, [
-        read projected = Projected, read pairs = Pairs, read tile_ranges = TileRanges,
-        read texel_values = TexelValues, read pixel_state = PixelState, read pixel_grad = PixelGrad,
-        write partials = Partials, write texel_grad = TexelGrad,
-    ];
-    RasterBwdStatisticsScatter = "raster_bwd" &["STATISTICS", "SCATTER"], Tiles, false, [
-        read projected = Projected, read pairs = Pairs, read tile_ranges = TileRanges,
-        read texel_values = TexelValues, read pixel_state = PixelState, read pixel_grad = PixelGrad,
-        write partials = Partials, write texel_grad = TexelGrad,
-    ];
-    RasterBwdCount = "raster_bwd" &["COUNT"], Tiles, false, [
-        read projected = Projected, read pairs = Pairs, read tile_ranges = TileRanges,
-        read texel_values = TexelValues, read pixel_state = PixelState, read pixel_grad = PixelGrad,
-        write partials = Partials, write texel_grad = TexelGrad,
-    ];
-    RasterBwdScatterCount = "raster_bwd" &["SCATTER", "COUNT"], Tiles, false, [
-        read projected = Projected, read pairs = Pairs, read tile_ranges = TileRanges,
-        read texel_values = TexelValues, read pixel_state = PixelState, read pixel_grad = PixelGrad,
-        write partials = Partials, write texel_grad = TexelGrad,
-    ];
-    ProjectBwd = "project_bwd" &[], EachSplatLater, false, [
+    ] => {
+        RasterBwdGeometry ["STATISTICS", "GEOMETRY"];
+        RasterBwdGeometryScatter ["STATISTICS", "GEOMETRY", "SCATTER"];
+    }
+    "project_bwd", EachSplatLater, [
         write splat_p = SplatP, write splat_m = SplatM, write splat_v = SplatV, read projected = Projected,
         write bounds = Bounds, read partials = Partials, write statistics = Statistics,
-    ];
-    AdamTexel = "adam_texel" &[], EachSplatLater, false, [
+    ] => {
+        ProjectBwd [];
+        ProjectBwdGeometry ["GEOMETRY"];
+    }
+    "adam_texel", EachSplatLater, [
         write texel_p = TexelP, write texel_m = TexelM, write texel_v = TexelV, write texel_grad = TexelGrad,
         write texel_values = TexelValues, write splat_info = SplatInfo, write bounds = Bounds,
-    ];
-    FinishBlocks = "finish_blocks" &[], SplatsLater, false, [
+    ] => { AdamTexel [] }
+    "finish_blocks", SplatsLater, [
         read projected = Projected, read bounds = Bounds, write splat_sums = SplatSums,
-    ];
-    Finish = "finish" &[], OneLater, false, [
+    ] => { FinishBlocks [] }
+    "finish", OneLater, [
         read splat_sums = SplatSums, read loss_partials = LossPartials, write status = Status,
-    ];
-    GatherSplats = "gather_splats" &[], EachSplat, false, [
+    ] => {
+        Finish [];
+        FinishGeometry ["GEOMETRY"] + [read geometry_partials = GeometryPartials];
+    }
+    "gather_splats", EachSplat, [
         read sources = Sources, read old_values = OldValues, write new_values = NewValues,
-    ];
-    EditSplats = "edit_splats" &[], EachSplat, false, [
+    ] => { GatherSplats [] }
+    "edit_splats", EachSplat, [
         read edits = Edits, write splat_p = SplatP, write splat_m = SplatM,
-    ];
-    RegridMaps = "regrid_maps" &[], EachSplat, false, [
+    ] => { EditSplats [] }
+    "regrid_maps", EachSplat, [
         read changes = MapChanges, read old_info = OldSplatInfo, write splat_info = SplatInfo,
         read old_values = OldValues, write new_values = NewValues, read scales = Scales,
-    ];
-    ResampleMaps = "resample_maps" &[], EachSplat, false, [
+    ] => { RegridMaps [] }
+    "resample_maps", EachSplat, [
         read changes = MapChanges, read old_info = OldSplatInfo, read splat_info = SplatInfo,
         read old_values = OldValues, write new_values = NewValues, read scales = Scales,
-    ];
-    LossFwd = "loss_fwd" &[], LossTiles, false, [
+    ] => { ResampleMaps [] }
+    "loss_fwd", LossTiles, [
         read pixels = Pixels, read photo = Photo, write ssim_maps = SsimMaps, write loss_map = LossMap,
         write loss_partials = LossPartials,
-    ];
-    LossBwd = "loss_bwd" &[], LossTiles, false, [
+    ] => { LossFwd [] }
+    "loss_bwd", LossTiles, [
         read pixels = Pixels, read photo = Photo, read ssim_maps = SsimMaps, read loss_map = LossMap,
         write pixel_grad = PixelGrad,
-    ];
-    SortCount = "sort_count" &[], SplatBlocks, true, [
-        read status = Status, read keys_in = KeysA, write histogram = Histogram,
-    ];
-    SortScan = "sort_scan" &[], One, true, [read status = Status, write histogram = Histogram];
-    SortScatter = "sort_scatter" &[], SplatBlocks, true, [
-        read status = Status, read histogram = Histogram, read keys_in = KeysA, read values_in = ValuesA,
-        write keys_out = KeysB, write values_out = ValuesB,
-    ];
-    PrefixBlocks = "prefix_blocks" &[], SplatBlocks, false, [
-        read values_in = ValuesB, read bounds = Bounds, write slot_offsets = SlotOffsets,
-        write block_sums = BlockSums,
-    ];
-    PrefixSums = "prefix_sums" &[], One, false, [
-        write status = Status, write block_sums = BlockSums, write args = Args,
-    ];
-    TileEmit = "tile_emit" &[], SplatsLater, false, [
-        read values_in = ValuesB, read slot_offsets = SlotOffsets, read block_sums = BlockSums,
-        write bounds = Bounds, write keys_out = KeysA, write slot_splat = SlotSplat,
-    ];
-    TileRanges = "tile_ranges" &[], TileInvocations, false, [
-        read status = Status, read keys_in = KeysB, write ranges_out = TileRanges,
-    ];
-    GatherPairs = "gather_pairs" &[], Pairs, false, [
-        read status = Status, read values_in = ValuesB, read slot_splat = SlotSplat, write pairs = Pairs,
-    ];
-    ProjectGeometry = "project" &["GEOMETRY"], Splats, false, [
-        write splat_p = SplatP, write splat_m = SplatM, write splat_v = SplatV, read splat_info = SplatInfo,
-        write projected = Projected, write bounds = Bounds, write keys_out = KeysA, write normals = Normals,
-    ];
-    RasterFwdGeometry = "raster_fwd" &["GEOMETRY"], Tiles, false, [
-        read projected = Projected, write pairs = Pairs, read tile_ranges = TileRanges,
-        read texel_values = TexelValues, write pixels = Pixels, write pixel_state = PixelState,
-        read normals = Normals, write geometry = Geometry,
-    ];
-    RasterFwdBatchedGeometry = "raster_fwd" &["BATCHED", "GEOMETRY"], Tiles, false, [
-        read projected = Projected, write pairs = Pairs, read tile_ranges = TileRanges,
-        read texel_values = TexelValues, write pixels = Pixels, write pixel_state = PixelState,
-        read normals = Normals, write geometry = Geometry,
-    ];
-    GeometryLoss = "geometry_loss" &["GEOMETRY"], Tiles, false, [
+    ] => { LossBwd [] }
+    "geometry_loss", Tiles, [
         read geometry = Geometry, read pixel_state = PixelState, read tile_ranges = TileRanges,
         read photo = Photo, read pixel_grad = PixelGrad, write pixel_records = PixelRecords,
         write geometry_partials = GeometryPartials,
-    ];
-    RasterBwdGeometry = "raster_bwd" &["STATISTICS", "GEOMETRY"], Tiles, false, [
-        read projected = Projected, read pairs = Pairs, read tile_ranges = TileRanges,
-        read texel_values = TexelValues, read normals = Normals, read pixel_records = PixelRecords,
-        write partials = Partials, write texel_grad = TexelGrad,
-    ];
-    RasterBwdGeometryScatter = "raster_bwd" &["STATISTICS", "GEOMETRY", "SCATTER"], Tiles, false, [
-        read projected = Projected, read pairs = Pairs, read tile_ranges = TileRanges,
-        read texel_values = TexelValues, read normals = Normals, read pixel_records = PixelRecords,
-        write partials = Partials, write texel_grad = TexelGrad,
-    ];
-    ProjectBwdGeometry = "project_bwd" &["GEOMETRY"], EachSplatLater, false, [
-        write splat_p = SplatP, write splat_m = SplatM, write splat_v = SplatV, read projected = Projected,
-        write bounds = Bounds, read partials = Partials, write statistics = Statistics,
-    ];
-    FinishGeometry = "finish" &["GEOMETRY"], OneLater, false, [
-        read splat_sums = SplatSums, read loss_partials = LossPartials, write status = Status,
-        read geometry_partials = GeometryPartials,
-    ];
+    ] => { GeometryLoss ["GEOMETRY"] }
+    "sort_count", SplatBlocks, [
+        read status = Status, read keys_in = KeysA, write histogram = Histogram,
+    ] => { SortCount [] }
+    "sort_scan", One, [read status = Status, write histogram = Histogram] => { SortScan [] }
+    "sort_scatter", SplatBlocks, [
+        read status = Status, read histogram = Histogram, read keys_in = KeysA, read values_in = ValuesA,
+        write keys_out = KeysB, write values_out = ValuesB,
+    ] => { SortScatter [] }
+    "prefix_blocks", SplatBlocks, [
+        read values_in = ValuesB, read bounds = Bounds, write slot_offsets = SlotOffsets,
+        write block_sums = BlockSums,
+    ] => { PrefixBlocks [] }
+    "prefix_sums", One, [
+        write status = Status, write block_sums = BlockSums, write args = Args,
+    ] => { PrefixSums [] }
+    "tile_emit", SplatsLater, [
+        read values_in = ValuesB, read slot_offsets = SlotOffsets, read block_sums = BlockSums,
+        write bounds = Bounds, write keys_out = KeysA, write slot_splat = SlotSplat,
+    ] => { TileEmit [] }
+    "tile_ranges", TileInvocations, [
+        read status = Status, read keys_in = KeysB, write ranges_out = TileRanges,
+    ] => { TileRanges [] }
+    "gather_pairs", Pairs, [
+        read status = Status, read values_in = ValuesB, read slot_splat = SlotSplat, write pairs = Pairs,
+    ] => { GatherPairs [] }
 }
 
 impl Kernel {
-    /// Whether it is dispatched directly, as one workgroup: it writes the table of indirect dispatches, and no
-    /// buffer may be written by a dispatch that reads its own size from it.
+    /// Whether it is dispatched directly, as one workgroup: it writes the table of indirect dispatches, and a
+    /// dispatch must not read its own size from a buffer that it writes.
     pub fn is_direct(&self) -> bool {
-        self.bindings.iter().any(|binding| binding.buffer == Buf::Args)
+        self.binds(Buf::Args)
     }
 
-    /// Whether it is there for depths, normals or the terms on them: compiled once one is asked for.
+    /// Whether it binds a [`super::layout::SortPass`]: the kernels of the sort, which share a histogram.
+    pub fn has_sort_pass(&self) -> bool {
+        self.binds(Buf::Histogram)
+    }
+
+    /// Whether it computes depths, normals or the terms on them: compiled when first needed.
     pub fn is_geometry(&self) -> bool {
         self.flags.contains(&"GEOMETRY")
+    }
+
+    fn binds(&self, buffer: Buf) -> bool {
+        self.bindings.iter().any(|binding| binding.buffer == buffer)
     }
 }
 
 impl KernelId {
-    /// All of them.
+    /// All kernels and variants, in the order of the table.
     pub fn all() -> impl Iterator<Item = Self> {
         KERNELS.iter().map(|(id, _)| *id)
     }
 
-    /// Its entry in the table.
+    /// The entry in the table.
     pub fn kernel(self) -> &'static Kernel {
         &KERNELS[self as usize].1
     }
 }
 
-/// Variants of the rasterisation that a backend uses.
+/// The variants of the rasterisation that a backend uses.
 #[derive(Clone, Copy, Debug)]
 pub struct RasterKernels {
-    /// Forward.
+    /// Forward pass.
     pub fwd: KernelId,
-    /// Backward.
+    /// Backward pass.
     pub bwd: KernelId,
-    /// Backward with window statistics.
+    /// Backward pass with window statistics.
     pub bwd_statistics: KernelId,
-    /// Forward with depths and normals; pairs are not counted.
+    /// Forward pass with depths and normals; never counts pairs.
     pub fwd_geometry: KernelId,
-    /// Backward with the terms on them, and with window statistics.
+    /// Backward pass with the terms on depths and normals, and with window statistics.
     pub bwd_geometry: KernelId,
 }
 
 impl RasterKernels {
-    /// For hardware or software, with or without counted pairs and atomics.
+    /// The variants for hardware or software, with or without counters for pairs and atomics.
     pub fn choose(hardware: bool, count_pairs: bool, count_texel_atomics: bool) -> Self {
         use KernelId as K;
         let fwd = match (hardware, count_pairs) {
@@ -382,8 +357,8 @@ impl RasterKernels {
         Self { fwd, bwd, bwd_statistics, fwd_geometry, bwd_geometry }
     }
 
-    /// What depths and normals need beside the rest: for an image, or for a step.
-    pub fn geometry(&self, training: bool) -> Vec<KernelId> {
+    /// Kernels that depths and normals need in addition to [`Self::without_geometry`], for images or for training.
+    pub fn geometry_only(&self, training: bool) -> Vec<KernelId> {
         use KernelId as K;
         let mut out = vec![K::ProjectGeometry, self.fwd_geometry];
         if training {
@@ -392,8 +367,8 @@ impl RasterKernels {
         out
     }
 
-    /// These without depths and normals, and every kernel that is not of the rasterisation.
-    pub fn and_all_others(&self) -> Vec<KernelId> {
+    /// All kernels except those for depths and normals, with the chosen variants of the rasterisation.
+    pub fn without_geometry(&self) -> Vec<KernelId> {
         let chosen = [self.fwd, self.bwd, self.bwd_statistics];
         let is_raster = |id: &KernelId| id.kernel().name.starts_with("raster_");
         KernelId::all()

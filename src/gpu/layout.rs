@@ -1,57 +1,57 @@
-//! Structures as the shaders see them. Scalars only, in the order and at the offsets of the WGSL structs of
-//! the same names (a test compares every member).
+//! Structures shared with the shaders: members have the order, types and offsets of the WGSL structs of the same
+//! names (a test compares every member).
 
 use bytemuck::{Pod, Zeroable};
 
-/// One iteration or one image (`shaders/common/step.wgsl`).
+/// Inputs of one training step or one image: `Step` of `shaders/common/step.wgsl`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct StepUniform {
-    /// camera_from_local, rows; translation in the last column.
+    /// First row of camera_from_local, translation last.
     pub camera_row0: [f32; 4],
-    /// Second row.
+    /// Second row of camera_from_local, translation last.
     pub camera_row1: [f32; 4],
-    /// Third row.
+    /// Third row of camera_from_local, translation last.
     pub camera_row2: [f32; 4],
-    /// Camera's centre.
+    /// Centre of the camera, local frame.
     pub camera_in_local: [f32; 3],
     /// Near plane, local units.
     pub near: f32,
-    /// Focal lengths.
+    /// Focal lengths along x and y.
     pub focal_px: [f32; 2],
-    /// Principal point.
+    /// Principal point, x and y.
     pub principal_px: [f32; 2],
-    /// Width and height.
+    /// Width and height of the image.
     pub size_px: [u32; 2],
     /// Columns and rows of tiles.
     pub grid: [u32; 2],
-    /// Display-space colour behind everything.
+    /// Display-space colour behind all splats.
     pub background: [f32; 3],
-    /// Splats of the model.
+    /// Number of splats of the model.
     pub num_splats: u32,
     /// SH degree to evaluate.
     pub sh_degree: u32,
     /// Floats per splat in the parameter arrays.
     pub splat_stride: u32,
-    /// From 1; in images 0.
+    /// Counts from 1; 0 for images.
     pub step: u32,
-    /// Steps that are done.
+    /// Last completed step, up to which lazily updated parameters are flushed.
     pub flushed_step: u32,
-    /// `FLAG_*`
+    /// Any of `FLAG_*`.
     pub flags: u32,
-    /// Which entry of the status ring is this step's.
+    /// Entry of the status ring that belongs to this step.
     pub status_slot: u32,
-    /// Pairs that the buffers hold.
+    /// Number of pairs that the buffers can hold.
     pub pair_capacity: u32,
-    /// Floats of a pair's partial sums.
+    /// Floats per pair in the partial sums.
     pub partial_stride: u32,
-    /// Weight of L1.
+    /// Weight of the L1 term.
     pub loss_l1: f32,
-    /// Weight of 1 - SSIM.
+    /// Weight of the SSIM term, 1 - SSIM.
     pub loss_dssim: f32,
-    /// Weight of the squared difference.
+    /// Weight of the mean squared difference.
     pub loss_mse: f32,
-    /// Weight of the opacity term over the number of splats.
+    /// Weight of the opacity term divided by the number of splats.
     pub opacity_weight: f32,
     /// Weight of the texture term.
     pub texture_weight: f32,
@@ -75,92 +75,92 @@ pub struct StepUniform {
     pub rate_sh_rest: f32,
     /// Learning rate of texels.
     pub rate_texel: f32,
-    /// 1 / (1 - beta1^step)
+    /// Bias correction of the first moment, 1 / (1 - beta1^step).
     pub m_correction: f32,
-    /// The same rates of the step before.
+    /// `rate_sh_dc` of the last completed step, for flushing.
     pub last_rate_sh_dc: f32,
-    /// The same rates of the step before.
+    /// `rate_sh_rest` of the last completed step, for flushing.
     pub last_rate_sh_rest: f32,
-    /// The same rates of the step before.
+    /// `rate_texel` of the last completed step, for flushing.
     pub last_rate_texel: f32,
-    /// 1 / sqrt(1 - beta2^step)
+    /// Bias correction of the second moment's root, 1 / sqrt(1 - beta2^step).
     pub v_correction_sqrt: f32,
     /// Weight of the distortion term.
     pub loss_distortion: f32,
     /// Weight of the normal term.
     pub loss_normal: f32,
-    /// Growth of the texels' rates with the size of a map.
+    /// Exponent by which the texels' learning rate grows with the size of the map.
     pub rate_texel_growth: f32,
-    /// Its limit.
+    /// Largest factor of that growth.
     pub rate_texel_growth_limit: f32,
-    /// The same of the step before.
+    /// `rate_texel_growth` of the last completed step, for flushing.
     pub last_rate_texel_growth: f32,
-    /// The same of the step before.
+    /// `rate_texel_growth_limit` of the last completed step, for flushing.
     pub last_rate_texel_growth_limit: f32,
-    /// To a multiple of 16 bytes.
+    /// Pads to a multiple of 16 bytes.
     pub pad0: u32,
-    /// To a multiple of 16 bytes.
+    /// Pads to a multiple of 16 bytes.
     pub pad1: u32,
 }
 
-/// Lagging parameters are stored when they are brought up to date.
+/// Flushed parameters are stored: a training step, not an image.
 pub const FLAG_PERSIST: u32 = 1;
-/// Window statistics are summed up.
+/// Window statistics are accumulated.
 pub const FLAG_STATISTICS: u32 = 2;
-/// Every map is activated, seen or not.
+/// All maps are flushed and activated, not only those of visible splats.
 pub const FLAG_ALL_MAPS: u32 = 4;
-/// Outside of a map is its nearest texel, not nothing.
+/// Outside a map, values are those of the nearest texel instead of zero.
 pub const FLAG_NEAREST_OUTSIDE: u32 = 8;
-/// What comes in the place of faults are atomics: of the variant that counts them.
+/// The variant that counts global atomics reports them in place of faults.
 pub const FLAG_COUNT_ATOMICS: u32 = 16;
 
 /// One pass of the radix sort (`shaders/common/sort.wgsl`).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct SortPass {
-    /// Bits below the digit.
+    /// Number of key bits below the digit.
     pub shift: u32,
-    /// 1: as many keys as the status says there are pairs, 0: as many as splats.
+    /// 1: one key per pair, as counted in the status; 0: one per splat.
     pub counts_pairs: u32,
-    /// 1: values are the indices of their keys and are not read.
+    /// 1: the values are the indices of the keys, and are not read.
     pub identity_values: u32,
-    /// To a multiple of 16 bytes.
+    /// Pads to a multiple of 16 bytes.
     pub pad: u32,
 }
 
-/// Place and size of a map (`shaders/common/splat.wgsl`).
+/// Position and size of a splat's map (`shaders/common/splat.wgsl`).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct SplatInfo {
     /// First texel of the map in the pool.
     pub map_offset_texels: u32,
-    /// rows | cols << 16
+    /// Size of the map: rows | cols << 16.
     pub map_size: u32,
-    /// Edge of a texel, local units.
+    /// Texel edge, local units.
     pub texel_size: f32,
-    /// Step up to which SH and texels have been brought.
+    /// Step up to which SH and texels have been flushed.
     pub last_step: u32,
 }
 
-/// What a density-control plan makes of a map (`shaders/common/map_change.wgsl`).
+/// How a density-control plan changes a map (`shaders/common/map_change.wgsl`).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct MapChange {
-    /// Splat that the new one comes from.
+    /// Old splat that the new one is made from.
     pub source: u32,
-    /// `CHANGE_*`
+    /// One of `CHANGE_*`.
     pub kind: u32,
-    /// Row of the grid that becomes row 0; not of resampled maps.
+    /// Row of the grid that becomes row 0; for resampled maps the bits of the shift along the rows, in old texels.
     pub first_row: i32,
-    /// Column of the grid that becomes column 0.
+    /// Column of the grid that becomes column 0; for resampled maps the bits of the shift along the columns.
     pub first_col: i32,
 }
 
-/// A window of the map's own texels, ...
+/// A window of the map's own texel grid.
 pub const CHANGE_SAME: u32 = 0;
-/// ... of a grid of texels of half the edge, ...
+/// A window of the grid with half the texel edge.
 pub const CHANGE_FINER: u32 = 1;
-/// ... of twice the edge.
+/// A window of the grid with twice the texel edge.
 pub const CHANGE_COARSER: u32 = 2;
 /// Bilinear resampling to another size.
 pub const CHANGE_RESAMPLE: u32 = 3;
@@ -177,28 +177,28 @@ pub struct Edit {
     pub log_scales: [f32; 2],
     /// Index in the new model.
     pub splat: u32,
-    /// To a multiple of 16 bytes.
+    /// Pads to a multiple of 16 bytes.
     pub pad: u32,
 }
 
-/// Bytes of a projected splat (`shaders/common/projected.wgsl`), which the host never reads.
+/// Bytes of a projected splat (`shaders/common/projected.wgsl`), which the host never reads back.
 pub const PROJECTED_BYTES: u64 = 80;
-/// Bytes of a splat's bounds (`shaders/common/bounds.wgsl`), which the host never reads.
+/// Bytes of a splat's bounds (`shaders/common/bounds.wgsl`), which the host never reads back.
 pub const BOUNDS_BYTES: u64 = 64;
-/// Bytes of the sums over a block of splats (`shaders/common/splat_sums.wgsl`), which the host never reads.
+/// Bytes of the sums over a block of splats (`shaders/common/splat_sums.wgsl`), which the host never reads back.
 pub const SPLAT_SUMS_BYTES: u64 = 16;
 
-/// What a step tells the host (`shaders/common/status.wgsl`).
+/// Results of a step that the host reads (`shaders/common/status.wgsl`).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Status {
     /// 1 once the step has been applied.
     pub done: u32,
-    /// Pairs that the view needs.
+    /// Pairs that the view needs; if they exceed the capacity, the step was not applied.
     pub needed_pairs: u32,
     /// Splats that touch a tile.
     pub visible: u32,
-    /// Gradient entries that were not finite or did not fit fixed point.
+    /// Gradients that were not finite or did not fit fixed point.
     pub faults: u32,
     /// L1 term, weighted.
     pub l1: f32,
@@ -210,30 +210,30 @@ pub struct Status {
     pub opacity: f32,
     /// Texture terms, weighted.
     pub texture: f32,
-    /// Pixel-splat pairs for which the falloff was computed, where counted.
+    /// Pixel-splat pairs in the splats' boxes, if counted.
     pub evaluated: u32,
-    /// ... with alpha >= 1/255.
+    /// Pixel-splat pairs with alpha >= 1/255, if counted.
     pub inside: u32,
-    /// ... blended.
+    /// Pixel-splat pairs that were blended, if counted.
     pub blended: u32,
-    /// Global atomics of the texel gradients, where counted.
+    /// Global atomics of the texel gradients, if counted.
     pub texel_atomics: u32,
     /// Distortion term, weighted.
     pub distortion: f32,
     /// Normal term, weighted.
     pub normal: f32,
-    /// To a multiple of 16 bytes.
+    /// Pads to a multiple of 16 bytes.
     pub pad: u32,
 }
 
-/// Groups of an indirect dispatch.
+/// Number of workgroups of an indirect dispatch.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct DispatchArgs {
-    /// Groups along x.
+    /// Workgroups along x.
     pub x: u32,
-    /// Groups along y.
+    /// Workgroups along y.
     pub y: u32,
-    /// Groups along z.
+    /// Workgroups along z.
     pub z: u32,
 }

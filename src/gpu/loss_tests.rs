@@ -1,46 +1,46 @@
-//! The kernels of the image loss against `reference::image_loss`.
+//! Tests of the image loss kernels against `reference::image_loss`.
 
 use super::encode::Dispatch;
 use super::harness::Harness;
 use super::kernels::{Buf, Groups, KernelId};
 use super::layout::StepUniform;
-use super::resources::Offsets;
+use super::resources::UniformOffsets;
 use super::shader::TILE_PX;
 use crate::backend::{LossWeights, TargetImage};
 use crate::reference::{ImageLoss, image_loss};
 use rand::{Rng, RngExt, SeedableRng};
 
-/// Photos of other views before this one's.
+/// Pixels before the photo in the pool.
 const PHOTO_OFFSET_PX: usize = 5;
 
-/// What an image starts from, before noise is added.
+/// How the image of a case is made.
 #[derive(Clone, Copy, PartialEq)]
-enum Start {
-    /// Nothing: it has nothing to do with the photo.
+enum BaseImage {
+    /// Noise, unrelated to the photo.
     Noise,
-    /// The photo, nearly: where SSIM cancels.
+    /// The photo with slight noise, where SSIM cancels.
     Photo,
 }
 
-struct Case {
-    /// As f32, as the kernels see it. `[height, width, 3]`
+struct LossCase {
+    /// The image. `[height, width, 3]`
     rgb: Vec<f32>,
     target: TargetImage,
     weights: LossWeights,
 }
 
-/// What the kernels leave.
-struct Outcome {
+/// Results of the kernels.
+struct KernelLoss {
     /// Weighted l1, dssim and mse.
     values: [f64; 3],
-    /// `[height, width, 4]`
+    /// Derivative by rgb, loss of the pixel. `[height, width]`
     gradient: Vec<[f32; 4]>,
     map: Vec<f32>,
-    /// Bits of the derivative maps.
+    /// Bits of the SSIM maps.
     ssim_maps: Vec<u32>,
 }
 
-fn case(size: (u32, u32), masked: bool, start: Start, weights: [f32; 3], seed: u64) -> Case {
+fn case(size: (u32, u32), masked: bool, start: BaseImage, weights: [f32; 3], seed: u64) -> LossCase {
     let mut random = rand_pcg::Pcg64Mcg::seed_from_u64(seed);
     let num_pixels = (size.0 * size.1) as usize;
     // Smooth parts, noise and saturated values.
@@ -57,16 +57,16 @@ fn case(size: (u32, u32), masked: bool, start: Start, weights: [f32; 3], seed: u
     let mut rgb: Vec<f32> = photo
         .iter()
         .map(|&v| match start {
-            Start::Noise => random.random::<f32>() * 1.2 - 0.1,
-            Start::Photo => f32::from(v) / 255.0 + random.random::<f32>() * 0.02 - 0.01,
+            BaseImage::Noise => random.random::<f32>() * 1.2 - 0.1,
+            BaseImage::Photo => f32::from(v) / 255.0 + random.random::<f32>() * 0.02 - 0.01,
         })
         .collect();
-    // Differences of exactly zero, whose sign is zero.
+    // A difference of exactly zero, whose sign is zero.
     photo[0] = 255;
     rgb[0] = 1.0;
     let target = TargetImage { width_px: size.0, height_px: size.1, rgb: photo, mask };
     let [l1, dssim, mse] = weights;
-    Case { rgb, target, weights: LossWeights { l1, dssim, mse, ..LossWeights::PUBLISHED } }
+    LossCase { rgb, target, weights: LossWeights { l1, dssim, mse, ..LossWeights::PUBLISHED } }
 }
 
 fn packed_photo(target: &TargetImage) -> Vec<u32> {
@@ -77,15 +77,15 @@ fn packed_photo(target: &TargetImage) -> Vec<u32> {
     std::iter::repeat_n(0x1234_5678, PHOTO_OFFSET_PX).chain(pixels).collect()
 }
 
-/// Fills the buffers; a row of workgroups more than there are tiles.
-fn prepare(harness: &mut Harness, case: &Case) -> usize {
+/// Sets the buffers, and dispatches a row of workgroups more than there are tiles. Returns the number of tiles.
+fn prepare(harness: &mut Harness, case: &LossCase) -> usize {
     let (w, h) = (case.target.width_px, case.target.height_px);
     let grid = [w.div_ceil(TILE_PX), h.div_ceil(TILE_PX)];
     let (num_pixels, num_tiles) = ((w * h) as usize, (grid[0] * grid[1]) as usize);
     let pixels: Vec<[f32; 4]> = case.rgb.as_chunks::<3>().0.iter().map(|&[r, g, b]| [r, g, b, 0.7]).collect();
     harness.fill(Buf::Pixels, &pixels);
     harness.fill(Buf::Photo, &packed_photo(&case.target));
-    // Every value that is read must have been written.
+    // NaN shows up if a kernel reads a value that was not written.
     harness.fill(Buf::SsimMaps, &vec![f32::NAN; 9 * num_pixels]);
     harness.fill(Buf::LossMap, &vec![f32::NAN; num_pixels]);
     harness.fill(Buf::LossPartials, &vec![[f32::NAN; 4]; num_tiles]);
@@ -104,15 +104,15 @@ fn prepare(harness: &mut Harness, case: &Case) -> usize {
     num_tiles
 }
 
-fn run(harness: &mut Harness, case: &Case) -> Outcome {
+fn run(harness: &mut Harness, case: &LossCase) -> KernelLoss {
     let num_tiles = prepare(harness, case);
     let num_pixels = case.rgb.len() / 3;
-    let of = |id| Dispatch::new(id, Offsets::default());
+    let of = |id| Dispatch::new(id, UniformOffsets::default());
     harness.run(&[of(KernelId::LossFwd), of(KernelId::LossBwd)]);
     let partials: Vec<[f32; 4]> = harness.read(Buf::LossPartials, num_tiles);
     let weights = [case.weights.l1, case.weights.dssim, case.weights.mse].map(f64::from);
     let sum = |k: usize| partials.iter().map(|p| f64::from(p[k])).sum::<f64>();
-    Outcome {
+    KernelLoss {
         values: std::array::from_fn(|k| weights[k] * sum(k) / case.rgb.len() as f64),
         gradient: harness.read(Buf::PixelGrad, num_pixels),
         map: harness.read(Buf::LossMap, num_pixels),
@@ -121,7 +121,7 @@ fn run(harness: &mut Harness, case: &Case) -> Outcome {
 }
 
 /// Largest error of values, of the gradient as a fraction of its largest entry, and of the map.
-fn errors(outcome: &Outcome, expected: &ImageLoss) -> [f64; 3] {
+fn errors(outcome: &KernelLoss, expected: &ImageLoss) -> [f64; 3] {
     let most =
         |v: &mut dyn Iterator<Item = f64>| v.fold(0.0, |a: f64, b| if b >= a || b.is_nan() { b } else { a });
     let values = [expected.values.l1, expected.values.dssim, expected.values.mse];
@@ -139,13 +139,13 @@ fn errors(outcome: &Outcome, expected: &ImageLoss) -> [f64; 3] {
     ]
 }
 
-fn expected(case: &Case) -> ImageLoss {
+fn expected(case: &LossCase) -> ImageLoss {
     let rgb: Vec<f64> = case.rgb.iter().map(|&v| f64::from(v)).collect();
     image_loss(&rgb, &case.target, &case.weights)
 }
 
-/// Of values, gradients and maps; three times what the cases below need, 4.9e-8, 3.6e-6 and 6.3e-7. The
-/// gradient's need is that of an image which nearly is the photo: the photo's values are rounded to f32.
+/// Tolerances of values, gradients and maps: three times what the cases below need, 4.9e-8, 3.6e-6 and 6.3e-7. The
+/// gradient needs that much where the image is close to the photo, whose values are rounded to f32.
 const TOLERANCES: [f64; 3] = [1.5e-7, 1.1e-5, 1.9e-6];
 
 fn agrees(found: &[f64; 3]) -> [bool; 3] {
@@ -156,12 +156,14 @@ const WEIGHTS: [[f32; 3]; 6] =
     [[0.8, 0.2, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.5, 0.3, 0.7], [0.0; 3]];
 
 #[test]
-fn loss_is_that_of_the_reference() {
+fn the_loss_agrees_with_the_reference() {
     for mut harness in Harness::on_each_driver(&[KernelId::LossFwd, KernelId::LossBwd]) {
         let mut need = [0.0_f64; 3];
         let mut seed = 1;
         for size in [(1, 1), (16, 16), (37, 23), (83, 61)] {
-            for (masked, start) in [false, true].map(|m| [(m, Start::Noise), (m, Start::Photo)]).concat() {
+            for (masked, start) in
+                [false, true].map(|m| [(m, BaseImage::Noise), (m, BaseImage::Photo)]).concat()
+            {
                 for weights in WEIGHTS {
                     seed += 1;
                     let case = case(size, masked, start, weights, seed);
@@ -174,48 +176,48 @@ fn loss_is_that_of_the_reference() {
                 }
             }
         }
-        println!("need {need:?}");
+        println!("needed {need:?}");
     }
 }
 
 #[test]
-fn a_perturbed_image_mask_or_weight_is_noticed() {
+fn a_perturbed_image_mask_or_weight_is_detected() {
     for mut harness in Harness::on_each_driver(&[KernelId::LossFwd, KernelId::LossBwd]) {
-        let original = || case((37, 23), true, Start::Noise, [0.5, 0.3, 0.7], 7);
+        let original = || case((37, 23), true, BaseImage::Noise, [0.5, 0.3, 0.7], 7);
         let reference = expected(&original());
-        let mut found = |change: &dyn Fn(&mut Case)| {
+        let mut found = |change: &dyn Fn(&mut LossCase)| {
             let mut changed = original();
             change(&mut changed);
             agrees(&errors(&run(&mut harness, &changed), &reference))
         };
         assert_eq!(found(&|_| {}), [true; 3]);
-        // One value of 2553, in a pixel that counts.
+        // One value of 2553, in an unmasked pixel.
         let at = original().target.mask.unwrap().iter().rposition(|&m| m != 0).unwrap();
         assert_eq!(found(&|c| c.rgb[3 * at + 1] += 0.01), [false; 3]);
         assert_eq!(found(&|c| c.target.rgb[3 * at + 2] ^= 4), [false; 3]);
         assert_eq!(found(&|c| c.target.mask.as_mut().unwrap()[at] = 0), [false; 3]);
         assert_eq!(found(&|c| c.weights.l1 *= 1.001), [false; 3]);
         assert_eq!(found(&|c| c.weights.dssim *= 1.001), [false; 3]);
-        assert_eq!(found(&|c| c.weights.mse *= 1.001)[..2], [false; 2], "the map has no squares");
-        // What a masked pixel shows does not matter.
+        assert_eq!(found(&|c| c.weights.mse *= 1.001)[..2], [false; 2], "the map does not include MSE");
+        // Masked pixels are ignored.
         let at = original().target.mask.unwrap().iter().position(|&m| m == 0).unwrap();
         assert_eq!(found(&|c| c.rgb[3 * at] = f32::NAN), [true; 3]);
     }
 }
 
-/// CPU time of both kernels on lavapipe: 0.14 s on the machine where the bound was set.
+/// Bounds the CPU time of both kernels on lavapipe, which was 0.14 s on the machine where the bound was set.
 #[test]
-#[ignore = "measures the whole process: to be run alone"]
-fn cpu_time_stays_in_bounds() {
+#[ignore = "measures the whole process: run it alone"]
+fn cpu_time_stays_within_bounds() {
     let Some(mut harness) = Harness::new(&[KernelId::LossFwd, KernelId::LossBwd]) else { return };
-    let case = case((270, 480), false, Start::Noise, [0.8, 0.2, 0.0], 3);
+    let case = case((270, 480), false, BaseImage::Noise, [0.8, 0.2, 0.0], 3);
     run(&mut harness, &case);
     let runs = 5;
     let mut total_s = 0.0;
     for id in [KernelId::LossFwd, KernelId::LossBwd] {
         let before_s = crate::clock::process_cpu_secs();
         for _ in 0..runs {
-            harness.run(&[Dispatch::new(id, Offsets::default())]);
+            harness.run(&[Dispatch::new(id, UniformOffsets::default())]);
         }
         let _: Vec<f32> = harness.read(Buf::LossMap, 1);
         let each_s = (crate::clock::process_cpu_secs() - before_s) / f64::from(runs);

@@ -1,5 +1,5 @@
-//! The wgpu backend: the optimisation on any GPU. Kernels stand in `shaders/`, one entry point per file; here
-//! is who hands them which buffers, in which order, and what comes back.
+//! The wgpu backend: rendering and training on any GPU. The kernels are in `shaders/`, one entry point per file;
+//! this module allocates their buffers, orders their dispatches and reads back the results.
 
 mod adapter;
 mod apply_plan;
@@ -43,6 +43,6 @@ mod web;
 
 pub use adapter::{AdapterChoice, UnfitAdapter, find_adapter, list_adapters, unfit_adapters};
 pub use backend::{GpuBackend, GpuOptions};
-pub use device::{DeviceWork, GpuDevice, Limits};
-pub use shader::Expanded;
+pub use device::{DeviceWork, GpuDevice, LimitChoice};
+pub use shader::ExpandedShader;
 pub use web::{WebShader, web_shaders};

@@ -1,5 +1,5 @@
-//! The model and the optimiser's state on the device, and back. Parameters of a splat are contiguous there:
-//! position, quaternion, log-scales, opacity, SH (`shaders/common/splat.wgsl`).
+//! Uploads model and optimiser state, and reads them back. On the device, the parameters of a splat are
+//! contiguous: position, quaternion, log-scales, opacity, SH (`shaders/common/splat.wgsl`).
 
 use super::device::GpuDevice;
 use super::kernels::Buf;
@@ -9,12 +9,12 @@ use super::shader::GROUP;
 use crate::Result;
 use crate::model::{AdamState, Model, SplatArrays, SplatGroup, TextureMap};
 
-/// Floats per splat.
+/// Floats per splat in the parameter arrays.
 pub(super) fn splat_stride(sh_degree: u32) -> usize {
     SplatGroup::ALL.iter().map(|g| g.width(sh_degree)).sum()
 }
 
-/// Splat by splat. `[n, stride]`
+/// The parameters splat by splat. `[n, stride]`
 fn interleaved(arrays: &SplatArrays) -> Vec<f32> {
     let mut out = Vec::with_capacity(arrays.len() * splat_stride(arrays.sh_degree));
     for i in 0..arrays.len() {
@@ -26,7 +26,7 @@ fn interleaved(arrays: &SplatArrays) -> Vec<f32> {
     out
 }
 
-/// Group by group again.
+/// Inverse of [`interleaved`].
 fn separated(values: &[f32], sh_degree: u32) -> SplatArrays {
     let stride = splat_stride(sh_degree);
     let mut out = SplatArrays::zeros(0, sh_degree);
@@ -40,7 +40,6 @@ fn separated(values: &[f32], sh_degree: u32) -> SplatArrays {
     out
 }
 
-/// Records of the maps.
 pub(super) fn splat_infos(maps: &[TextureMap], last_step: impl Fn(usize) -> u32) -> Vec<SplatInfo> {
     let info = |(i, map): (usize, &TextureMap)| SplatInfo {
         map_offset_texels: map.offset_texels,
@@ -51,20 +50,20 @@ pub(super) fn splat_infos(maps: &[TextureMap], last_step: impl Fn(usize) -> u32)
     maps.iter().enumerate().map(info).collect()
 }
 
-/// A buffer with these values.
+/// A new buffer that contains `values`.
 pub(super) fn filled<T: bytemuck::Pod>(device: &GpuDevice, what: &str, values: &[T]) -> Result<wgpu::Buffer> {
     let buffer = device.buffer(what, values.len() as u64, size_of::<T>() as u64)?;
     device.queue.write_buffer(&buffer, 0, bytemuck::cast_slice(values));
     Ok(buffer)
 }
 
-/// Buffers that are to be put in place together.
+/// Buffers to be set together.
 pub(super) type NewBuffers = Vec<(Buf, wgpu::Buffer)>;
 
-/// Sends model and state: all of it, or nothing.
+/// Uploads model and optimiser state, completely or not at all.
 ///
 /// # Errors
-/// [`crate::Error::Device`] with counts if it does not fit.
+/// [`crate::Error::Device`] with the sizes if they do not fit.
 pub(super) fn upload(
     device: &GpuDevice,
     resources: &mut Resources,
@@ -87,7 +86,7 @@ pub(super) fn upload(
     Ok(())
 }
 
-/// The buffers that follow in size from the numbers of splats and texels, all zero.
+/// The other buffers whose size depends on the numbers of splats and texels, all zero.
 ///
 /// # Errors
 /// As [`upload`].
@@ -103,11 +102,11 @@ pub(super) fn derived(device: &GpuDevice, num_splats: usize, num_texels: usize) 
     ])
 }
 
-/// Reads model parameters, both moments and the last steps of splats, into `model` and `adam`: also after a
-/// failed step, while the device is there.
+/// Reads parameters, both moments and the splats' last steps into `model` and `adam`. Works after a failed step too,
+/// unless the device was lost.
 ///
 /// # Errors
-/// [`crate::Error::Device`] if the device is gone.
+/// [`crate::Error::Device`] if the device was lost.
 pub(super) fn read_back(
     device: &GpuDevice,
     resources: &Resources,
@@ -137,7 +136,7 @@ mod tests {
     use crate::selftest::{SceneOptions, random_scene};
 
     #[test]
-    fn groups_come_back_from_interleaved_splats() {
+    fn interleaved_splats_round_trip() {
         for sh_degree in [0, 2, 3] {
             let options = SceneOptions { num_splats: 7, sh_degree, ..SceneOptions::default() };
             let splats = random_scene(&options).model.splats;

@@ -1,15 +1,14 @@
-//! How many steps go into a submission: as many as keep the device busy, as few as keep the host waiting for
-//! its answer no longer than a person would. It changes no bit of what is computed.
+//! Chooses the number of steps per submission: enough to keep the device busy, but few enough that the host
+//! responds within about half a second. It does not change the results.
 
-/// Most steps of a submission, and entries of the rings.
+/// Largest number of steps per submission, and entries of the uniform and status rings.
 pub(super) const BATCH: usize = 16;
 
-/// A batch that takes less is worth a longer one.
+/// Batches that take less time are doubled.
 const SHORT_SECS: f64 = 0.3;
-/// A batch that takes longer is too long: beyond what doubling a short one comes to.
+/// Batches that take more time are halved. Doubling a short batch does not exceed this.
 const LONG_SECS: f64 = 2.0 * SHORT_SECS;
 
-/// Steps of the next submission.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Pace {
     steps: usize,
@@ -17,7 +16,7 @@ pub(super) struct Pace {
 }
 
 impl Pace {
-    /// A fixed number of steps, or one that begins with 1 and follows the device.
+    /// A fixed number of steps, or one that starts at 1 and adapts to the device.
     pub(super) fn new(fixed: Option<usize>) -> Self {
         Self { steps: fixed.unwrap_or(1).clamp(1, BATCH), adapts: fixed.is_none() }
     }
@@ -27,12 +26,12 @@ impl Pace {
         self.steps
     }
 
-    /// Follows the time of a submission of `steps` steps.
+    /// Adapts to the duration of a submission of `steps` steps.
     pub(super) fn learn(&mut self, steps: usize, secs: f64) {
         if !self.adapts || steps == 0 {
             return;
         }
-        // A batch may have been shorter than the pace: what counts is the time of one of full length.
+        // The batch may have been shorter than planned: extrapolate to the full length.
         let secs = secs / steps as f64 * self.steps as f64;
         if secs < SHORT_SECS {
             self.steps = (2 * self.steps).min(BATCH);
@@ -41,7 +40,7 @@ impl Pace {
         }
     }
 
-    /// What it comes to on a device that takes `step_secs` for each step.
+    /// The number of steps on which it settles if each takes `step_secs`.
     pub(super) fn at(step_secs: f64) -> usize {
         let mut pace = Self::new(None);
         (0..BATCH).for_each(|_| pace.learn(pace.steps, step_secs * pace.steps as f64));
@@ -54,7 +53,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn batches_double_while_they_are_short_and_halve_once_they_are_long() {
+    fn short_batches_double_and_long_ones_halve() {
         let mut pace = Pace::new(None);
         let mut seen = Vec::new();
         for secs in [0.01, 0.02, 0.04, 0.31, 0.31, 0.61, 0.1, 0.2, 0.2, 0.2] {
@@ -62,13 +61,13 @@ mod tests {
             pace.learn(pace.steps(), secs);
         }
         assert_eq!(seen, [1, 2, 4, 8, 8, 8, 4, 8, 16, 16]);
-        // A short batch is judged by its steps: 2 of 16 in 0.1 s would be 0.8 s.
+        // Shorter batches are extrapolated: 2 of 16 steps in 0.1 s mean 0.8 s for all.
         pace.learn(2, 0.1);
         assert_eq!(pace.steps(), 8);
     }
 
     #[test]
-    fn a_slow_device_answers_after_each_step_and_a_fixed_pace_stays() {
+    fn slow_devices_get_single_steps_and_a_fixed_pace_does_not_adapt() {
         assert_eq!([0.0001, 0.02, 0.1, 0.31, 20.0].map(Pace::at), [16, 16, 4, 1, 1]);
         let mut fixed = Pace::new(Some(40));
         fixed.learn(16, 100.0);

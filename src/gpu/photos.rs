@@ -1,5 +1,5 @@
-//! Photos that stay on the device: one pool, filled in a ring. A view's photo is sent again only once another
-//! has taken its place.
+//! A cache of photos on the device: one pool, filled as a ring. A photo is uploaded again only after others have
+//! evicted it.
 
 use super::device::GpuDevice;
 use super::kernels::Buf;
@@ -7,14 +7,14 @@ use super::resources::Resources;
 use crate::Result;
 use crate::backend::TargetImage;
 
-/// Identity of a photo: its number, and its size, since one number may come in several.
+/// Identity of a cached photo: its number and its size, since a photo may be used at several sizes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Key {
+struct PhotoKey {
     photo: u32,
     size_px: [u32; 2],
 }
 
-impl Key {
+impl PhotoKey {
     fn of((photo, target): &(u32, &TargetImage)) -> Self {
         Self { photo: *photo, size_px: [target.width_px, target.height_px] }
     }
@@ -24,51 +24,49 @@ impl Key {
     }
 }
 
-/// A photo in the pool.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Resident {
-    key: Key,
+struct ResidentPhoto {
+    key: PhotoKey,
     first_px: u64,
 }
 
-impl Resident {
+impl ResidentPhoto {
     fn end_px(self) -> u64 {
         self.first_px + self.key.num_px()
     }
 }
 
-/// Where a photo stands, and whether it has yet to be sent.
+/// Position of a photo in the pool, and whether it still has to be uploaded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Slot {
+struct PhotoSlot {
     first_px: u64,
     is_new: bool,
 }
 
-/// Which photos are where.
+/// The photos in the pool.
 #[derive(Default)]
 pub(super) struct PhotoPool {
-    resident: Vec<Resident>,
+    resident: Vec<ResidentPhoto>,
     capacity_px: u64,
     next_px: u64,
 }
 
-/// Bytes of a pixel.
 const PIXEL_BYTES: u64 = 4;
-/// The pool grows to at most this, or to the device's limit.
+/// Largest size of the pool, unless the device's limit is smaller.
 const POOL_MAX_BYTES: u64 = 2 << 30;
 
 impl PhotoPool {
-    /// Numbers may stand for other photos from now on; the memory goes back.
+    /// Forgets all photos and frees the pool.
     pub(super) fn release(&mut self, resources: &mut Resources) {
         resources.remove(Buf::Photo);
         *self = Self::default();
     }
 
-    /// Makes room for a batch of photos of these sizes: all of them can be resident at once afterwards. Says how
-    /// many of them, from the first on, fit the largest pool that the device allows.
+    /// Makes room for the photos of a batch to be resident at once. Returns how many of them, counted from the
+    /// first, fit into the largest pool that the device allows.
     ///
     /// # Errors
-    /// If not even the first fits.
+    /// [`crate::Error::Device`] if not even the first fits.
     pub(super) fn prepare(
         &mut self,
         device: &GpuDevice,
@@ -76,7 +74,7 @@ impl PhotoPool {
         batch: &[(u32, &TargetImage)],
     ) -> Result<usize> {
         let most = device.most_buffer_bytes().min(POOL_MAX_BYTES);
-        let keys: Vec<Key> = batch.iter().map(Key::of).collect();
+        let keys: Vec<PhotoKey> = batch.iter().map(PhotoKey::of).collect();
         let (fitting, wanted_px) = self.wanted(&keys, most / PIXEL_BYTES);
         if wanted_px > self.capacity_px {
             resources.set(Buf::Photo, device.buffer("photos, pixels", wanted_px, PIXEL_BYTES)?);
@@ -85,10 +83,10 @@ impl PhotoPool {
         Ok(fitting)
     }
 
-    /// Photos of a batch, from the first on, that a pool of `most_px` holds at once, and the pool to have for
-    /// them.
-    fn wanted(&self, batch: &[Key], most_px: u64) -> (usize, u64) {
-        let (mut distinct, mut fitting): (Vec<Key>, usize) = (Vec::new(), 0);
+    /// How many photos of a batch, counted from the first, a pool of at most `most_px` pixels can hold at once, and
+    /// the capacity that the pool should have for them.
+    fn wanted(&self, batch: &[PhotoKey], most_px: u64) -> (usize, u64) {
+        let (mut distinct, mut fitting): (Vec<PhotoKey>, usize) = (Vec::new(), 0);
         for &key in batch {
             if !distinct.contains(&key) {
                 let needed_px = distinct.iter().map(|k| k.num_px()).sum::<u64>() + key.num_px();
@@ -100,7 +98,7 @@ impl PhotoPool {
             fitting += 1;
         }
         let needed_px: u64 = distinct.iter().map(|k| k.num_px()).sum();
-        // Photos met for the first time are worth a larger pool; a batch may wrap around once, hence twice.
+        // Room for every photo seen so far, and at least twice the batch, because placing it may wrap around once.
         let missing = distinct.iter().filter(|k| self.find(**k).is_none());
         let seen_px = self.resident.iter().map(|r| r.key.num_px()).sum::<u64>()
             + missing.map(|k| k.num_px()).sum::<u64>();
@@ -111,17 +109,17 @@ impl PhotoPool {
         (fitting, wanted_px)
     }
 
-    /// First pixels of a batch's photos in the pool, after sending those that are not there. The batch must
-    /// have been prepared.
+    /// Uploads the photos of a batch that are not resident, and returns the first pixel of each in the pool. The
+    /// batch must have been prepared.
     pub(super) fn place(
         &mut self,
         device: &GpuDevice,
         resources: &Resources,
         batch: &[(u32, &TargetImage)],
     ) -> Result<Vec<u32>> {
-        let keys: Vec<Key> = batch.iter().map(Key::of).collect();
+        let keys: Vec<PhotoKey> = batch.iter().map(PhotoKey::of).collect();
         let slots = self.slots(&keys).ok_or_else(|| {
-            device.error("the photos of a batch do not fit the pool that was made for them")
+            device.error("the photos of a batch do not fit into the pool that was allocated for them")
         })?;
         let pool = resources.buffer(Buf::Photo);
         for ((_, target), slot) in batch.iter().zip(&slots).filter(|(_, slot)| slot.is_new) {
@@ -131,9 +129,9 @@ impl PhotoPool {
         Ok(slots.iter().map(|slot| slot.first_px as u32).collect())
     }
 
-    /// Places all of a batch. Where photos that must stay leave only holes that are too small, everything is
-    /// forgotten and the batch placed anew, side by side.
-    fn slots(&mut self, batch: &[Key]) -> Option<Vec<Slot>> {
+    /// Finds positions for all photos of a batch. If its resident photos leave only gaps that are too small, the
+    /// pool is cleared and the whole batch placed contiguously.
+    fn slots(&mut self, batch: &[PhotoKey]) -> Option<Vec<PhotoSlot>> {
         for _ in 0..2 {
             if let Some(slots) = batch.iter().map(|key| self.slot(*key, batch)).collect() {
                 return Some(slots);
@@ -144,13 +142,13 @@ impl PhotoPool {
         None
     }
 
-    /// Finds or makes a place for one photo; those of `kept` must stay.
-    fn slot(&mut self, key: Key, kept: &[Key]) -> Option<Slot> {
+    /// Finds the position of one photo, or makes room for it without evicting those of `kept`.
+    fn slot(&mut self, key: PhotoKey, kept: &[PhotoKey]) -> Option<PhotoSlot> {
         if let Some(resident) = self.find(key) {
-            return Some(Slot { first_px: resident.first_px, is_new: false });
+            return Some(PhotoSlot { first_px: resident.first_px, is_new: false });
         }
         let mut first_px = self.next_px;
-        // Twice around at most: kept photos are jumped over.
+        // Skips over kept photos, at most twice around the ring.
         for _ in 0..2 * self.resident.len() + 3 {
             if first_px + key.num_px() > self.capacity_px {
                 first_px = 0;
@@ -159,27 +157,27 @@ impl PhotoPool {
             if end_px > self.capacity_px {
                 return None;
             }
-            let overlaps = |r: &Resident| r.first_px < end_px && first_px < r.end_px();
+            let overlaps = |r: &ResidentPhoto| r.first_px < end_px && first_px < r.end_px();
             let blocked = self.resident.iter().filter(|r| overlaps(r) && kept.contains(&r.key));
             match blocked.map(|r| r.end_px()).max() {
                 Some(end) => first_px = end,
                 None => {
                     self.resident.retain(|r| !overlaps(r));
-                    self.resident.push(Resident { key, first_px });
+                    self.resident.push(ResidentPhoto { key, first_px });
                     self.next_px = end_px;
-                    return Some(Slot { first_px, is_new: true });
+                    return Some(PhotoSlot { first_px, is_new: true });
                 }
             }
         }
         None
     }
 
-    fn find(&self, key: Key) -> Option<&Resident> {
+    fn find(&self, key: PhotoKey) -> Option<&ResidentPhoto> {
         self.resident.iter().find(|r| r.key == key)
     }
 }
 
-/// RGB and the mask as the bytes of words. `[height, width]`
+/// RGB and mask, packed as the four bytes of an integer. `[height, width]`
 fn packed(target: &TargetImage) -> Vec<u32> {
     let rgb = target.rgb.chunks_exact(3).enumerate();
     rgb.map(|(i, p)| {
@@ -195,27 +193,29 @@ mod tests {
     use rand::{RngExt as _, SeedableRng as _};
     use rand_pcg::Pcg32;
 
-    fn key(photo: u32, width_px: u32) -> Key {
-        Key { photo, size_px: [width_px, 1] }
+    fn key(photo: u32, width_px: u32) -> PhotoKey {
+        PhotoKey { photo, size_px: [width_px, 1] }
     }
 
-    /// What the photos of the pool show: `(number, width)` of each pixel.
-    struct Pool {
+    /// A pool that records which photo each pixel belongs to.
+    struct FilledPool {
         pool: PhotoPool,
-        pixels: Vec<Option<Key>>,
+        pixels: Vec<Option<PhotoKey>>,
     }
 
-    impl Pool {
+    impl FilledPool {
         fn new(capacity_px: u64) -> Self {
             let pool = PhotoPool { capacity_px, ..PhotoPool::default() };
             Self { pool, pixels: vec![None; capacity_px as usize] }
         }
 
-        /// Places a batch, sends what is new, and checks that every photo of the batch is whole.
-        fn place(&mut self, batch: &[Key]) -> usize {
+        /// Places a batch, fills in new photos, and checks that every photo of the batch is intact. Returns the
+        /// number of new photos.
+        fn place(&mut self, batch: &[PhotoKey]) -> usize {
             let slots = self.pool.slots(batch).unwrap_or_else(|| panic!("{batch:?} found no place"));
-            let range =
-                |key: Key, slot: &Slot| slot.first_px as usize..(slot.first_px + key.num_px()) as usize;
+            let range = |key: PhotoKey, slot: &PhotoSlot| {
+                slot.first_px as usize..(slot.first_px + key.num_px()) as usize
+            };
             for (&key, slot) in batch.iter().zip(&slots).filter(|(_, slot)| slot.is_new) {
                 self.pixels[range(key, slot)].fill(Some(key));
             }
@@ -227,32 +227,32 @@ mod tests {
     }
 
     #[test]
-    fn a_photo_stays_until_its_place_is_needed_and_sizes_are_told_apart() {
-        let mut pool = Pool::new(100);
+    fn photos_stay_until_their_space_is_needed_and_are_cached_by_size() {
+        let mut pool = FilledPool::new(100);
         assert_eq!(pool.place(&[key(0, 40), key(1, 20), key(0, 40)]), 2);
         assert_eq!(pool.place(&[key(1, 20), key(0, 40)]), 0, "both are still there");
-        // The same number at another size is another photo, and drives nobody out while there is room.
+        // The same number at another size is another photo, which evicts nothing while there is room.
         assert_eq!(pool.place(&[key(0, 10), key(0, 40)]), 1);
         assert_eq!(pool.place(&[key(2, 60)]), 1);
-        assert_eq!(pool.place(&[key(0, 40)]), 1, "it had to go");
+        assert_eq!(pool.place(&[key(0, 40)]), 1, "it was evicted");
     }
 
     #[test]
-    fn holes_between_kept_photos_do_not_fail_a_batch_that_fits() {
-        let mut pool = Pool::new(100);
+    fn a_batch_that_fits_is_placed_despite_gaps_between_kept_photos() {
+        let mut pool = FilledPool::new(100);
         pool.place(&[key(0, 30)]);
         pool.place(&[key(1, 30)]);
-        // Photo 1 stands in the middle: 30 px before it, 40 behind.
+        // Photo 1 is in the middle, with 30 px before it and 40 px after.
         assert_eq!(pool.pool.resident.iter().map(|r| r.first_px).collect::<Vec<_>>(), [0, 30]);
-        assert_eq!(pool.place(&[key(1, 30), key(2, 60)]), 2, "both are placed anew");
-        // Negative control: what does not fit is refused.
+        assert_eq!(pool.place(&[key(1, 30), key(2, 60)]), 2, "both are placed again");
+        // Negative control: a batch that does not fit is refused.
         assert!(pool.pool.slots(&[key(1, 30), key(3, 71)]).is_none());
     }
 
     #[test]
     fn any_batch_that_fits_is_placed() {
         let mut random = Pcg32::seed_from_u64(3);
-        let mut pool = Pool::new(64);
+        let mut pool = FilledPool::new(64);
         let mut sent = 0;
         for _ in 0..2_000 {
             let (mut batch, mut left) = (Vec::new(), 64_u32);
@@ -268,15 +268,15 @@ mod tests {
             }
             sent += pool.place(&batch);
         }
-        assert!(sent > 1_000, "photos had to go: {sent}");
+        assert!(sent > 1_000, "photos were evicted: {sent}");
     }
 
     #[test]
-    fn a_pool_holds_all_photos_of_a_batch_or_as_many_as_the_device_allows() {
+    fn the_pool_holds_a_whole_batch_or_what_the_device_allows() {
         let pool = PhotoPool::default();
         assert_eq!(pool.wanted(&[key(0, 10), key(1, 20), key(0, 10)], 1_000), (3, 60));
         assert_eq!(pool.wanted(&[key(0, 10), key(1, 20), key(2, 10)], 35), (2, 35));
-        // The first is refused by the device, with its size in the message.
+        // Too large for the device, which reports its size when the pool is allocated.
         assert_eq!(pool.wanted(&[key(0, 10)], 5), (1, 10));
     }
 }

@@ -1,21 +1,20 @@
-//! Buffers by name, and the bind groups of kernels over them. Growing a buffer drops the bind groups; they
-//! are made anew when they are next used.
+//! Buffers by name, and the kernels' bind groups. Replacing a buffer drops all bind groups, which are recreated
+//! when next used.
 
 use super::device::{GpuDevice, Pipeline};
 use super::kernels::{Buf, KernelId, SORT_PASS_BINDING};
 use super::layout::{SortPass, StepUniform};
 use std::collections::BTreeMap;
 
-/// Where the host's uniforms of a dispatch start.
+/// Byte offsets of the uniforms of a dispatch.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Offsets {
-    /// In the ring of steps, bytes.
+pub(super) struct UniformOffsets {
+    /// Offset in the ring of step uniforms.
     pub step: u32,
-    /// In the table of sort passes, bytes.
+    /// Offset in the table of sort passes.
     pub sort_pass: u32,
 }
 
-/// Buffers and bind groups.
 pub(super) struct Resources {
     buffers: BTreeMap<Buf, wgpu::Buffer>,
     steps: wgpu::Buffer,
@@ -24,22 +23,20 @@ pub(super) struct Resources {
 }
 
 impl Resources {
-    /// With the uniforms that every kernel binds, and no other buffer yet.
+    /// Only the uniforms; the other buffers are set later.
     pub(super) fn new(steps: wgpu::Buffer, sort_passes: wgpu::Buffer) -> Self {
         Self { buffers: BTreeMap::new(), steps, sort_passes, groups: BTreeMap::new() }
     }
 
-    /// The ring of step uniforms.
     pub(super) fn steps(&self) -> &wgpu::Buffer {
         &self.steps
     }
 
-    /// The table of sort passes.
     pub(super) fn sort_passes(&self) -> &wgpu::Buffer {
         &self.sort_passes
     }
 
-    /// Puts a buffer in place; the one before goes once the device is done with it.
+    /// Sets a buffer; an earlier one is freed once the device no longer uses it.
     pub(super) fn set(&mut self, name: Buf, buffer: wgpu::Buffer) {
         if self.buffers.get(&name) != Some(&buffer) {
             self.groups.clear();
@@ -47,31 +44,30 @@ impl Resources {
         }
     }
 
-    /// For pipelines that have been made anew.
+    /// Drops all bind groups, after pipelines were recompiled.
     pub(super) fn forget_groups(&mut self) {
         self.groups.clear();
     }
 
-    /// Gives a buffer back.
+    /// Frees a buffer.
     pub(super) fn remove(&mut self, name: Buf) {
         self.groups.clear();
         self.buffers.remove(&name);
     }
 
-    /// A buffer that must have been put in place.
+    /// A buffer that has been set.
     ///
     /// # Panics
-    /// If it has not: the order of calls in this module is wrong.
+    /// If it has not been set, which is a bug in this backend.
     pub(super) fn buffer(&self, name: Buf) -> &wgpu::Buffer {
-        self.buffers.get(&name).unwrap_or_else(|| panic!("{name:?} has not been made"))
+        self.buffers.get(&name).unwrap_or_else(|| panic!("buffer {name:?} has not been set"))
     }
 
-    /// Whether a buffer has been put in place.
     pub(super) fn has(&self, name: Buf) -> bool {
         self.buffers.contains_key(&name)
     }
 
-    /// The bind group of a kernel; with `swapped`, the sort's halves change places.
+    /// The bind group of a kernel; `swapped` exchanges input and output of the sort.
     pub(super) fn group(
         &mut self,
         device: &GpuDevice,
@@ -107,7 +103,7 @@ impl Resources {
             let name = if swapped { bound.buffer.swapped() } else { bound.buffer };
             entries.push(wgpu::BindGroupEntry { binding, resource: self.buffer(name).as_entire_binding() });
         }
-        if kernel.has_sort_pass {
+        if kernel.has_sort_pass() {
             entries.push(uniform(SORT_PASS_BINDING, &self.sort_passes, size_of::<SortPass>()));
         }
         device.device.create_bind_group(&wgpu::BindGroupDescriptor {

@@ -1,42 +1,42 @@
-//! The preprocessor of the shaders: includes by name, conditional lines, constants from Rust. It knows
-//! nothing of devices; naga and the browsers see plain WGSL.
+//! The preprocessor of the shaders: includes, conditional lines, and constants from Rust. It does not touch any
+//! device; naga and browsers get plain WGSL.
 //!
-//! Directives stand alone on a line: `#include common/x` (each file once), `#constants`, `#if FLAG`,
-//! `#else`, `#endif`.
+//! Directives take a line each: `#include common/x` (each file once), `#constants`, `#if FLAG`, `#else`,
+//! `#endif`.
 
 use super::kernels::{Groups, NUM_GROUPS};
 use crate::constants as c;
 use std::fmt::Write as _;
 
-/// Edge of a tile.
+/// Width of a tile, and height unless [`HALF_TILES`] is set.
 pub const TILE_PX: u32 = 16;
 /// Height of the rasterisation's tiles with the flag [`HALF_TILES`].
 pub const HALF_TILE_ROWS_PX: u32 = 8;
-/// Largest sum of texel gradients in fixed point, with room for one more bit.
+/// Largest sum of texel gradients in fixed point; one spare bit absorbs rounding.
 pub const FIXED_MAX: f64 = (1 << 30) as f64;
-/// Flag of all kernels on software drivers.
+/// Flag that all kernels get on software drivers.
 pub const HALF_TILES: &str = "HALF_TILES";
 /// Invocations of most workgroups, and pixels of a tile.
 pub const GROUP: u32 = 256;
-/// Invocations of the kernels that give a workgroup to each splat.
+/// Invocations per workgroup in kernels with one workgroup per splat.
 pub const SPLAT_GROUP: u32 = 64;
-/// Elements that a workgroup of the prefix sum and of the sort handles.
+/// Elements per workgroup in the prefix sums and the sort.
 pub const BLOCK: u32 = 1024;
 /// Bits of a digit of the radix sort.
 pub const DIGIT_BITS: u32 = 4;
-/// Most workgroups along one axis of a dispatch; more are folded to two.
+/// Most workgroups along one axis of a dispatch; larger dispatches are folded to two axes.
 pub const MAX_GROUPS: u32 = 65_535;
-/// Bits of a depth key: the f32 bits of the depth less those of the near plane, up to 2^32 times near.
+/// Bits of a depth key: the f32 bits of the depth minus those of the near plane; enough for depths up to 2^32
+/// times near.
 pub const DEPTH_KEY_BITS: u32 = 28;
 
-/// Every shader file by its name below `shaders/`, without the extension.
 macro_rules! sources {
     ($($name:literal),* $(,)?) => {
         &[$(($name, include_str!(concat!("../../shaders/", $name, ".wgsl")))),*]
     };
 }
 
-/// All files.
+/// Every shader file: its name below `shaders/` without the extension, and its text.
 pub const SOURCES: &[(&str, &str)] = sources![
     "common/adam",
     "common/bounds",
@@ -84,38 +84,38 @@ pub const SOURCES: &[(&str, &str)] = sources![
     "tile_ranges",
 ];
 
-/// For whom a shader is expanded: browsers want directives that naga rejects, and the other way round.
+/// Dialect of WGSL: browsers require directives that naga rejects. `Web` sets the flag WEB.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Target {
-    /// naga.
+pub enum Dialect {
+    /// As naga accepts it.
     Native,
-    /// A browser.
+    /// As browsers accept it.
     Web,
 }
 
-/// A shader ready to be compiled.
+/// Preprocessed WGSL, ready to be compiled.
 #[derive(Clone, Debug)]
-pub struct Expanded {
-    /// WGSL.
+pub struct ExpandedShader {
+    /// The WGSL source.
     pub text: String,
-    /// For each line of the text the file and the line it comes from.
+    /// File and line that each line of `text` comes from.
     lines: Vec<(&'static str, u32)>,
 }
 
-impl Expanded {
-    /// Where line `line` (from 1) of the text stands in the sources.
+impl ExpandedShader {
+    /// File and line that a line of `text` (counted from 1) comes from, as `shaders/FILE.wgsl:LINE`.
     pub fn origin(&self, line: u32) -> String {
         let (file, line) = self.lines.get(line.max(1) as usize - 1).copied().unwrap_or(("?", 0));
         format!("shaders/{file}.wgsl:{line}")
     }
 }
 
-/// Expands a kernel.
+/// Preprocesses a kernel.
 ///
 /// # Errors
-/// The place and what is wrong there.
-pub fn expand(kernel: &str, flags: &[&str], target: Target) -> Result<Expanded, String> {
-    let mut out = Expanded { text: String::new(), lines: Vec::new() };
+/// File, line and problem, if a directive is invalid or a file is missing.
+pub fn expand(kernel: &str, flags: &[&str], target: Dialect) -> Result<ExpandedShader, String> {
+    let mut out = ExpandedShader { text: String::new(), lines: Vec::new() };
     let mut included = Vec::new();
     include(kernel, flags, target, &mut included, &mut out)?;
     Ok(out)
@@ -124,9 +124,9 @@ pub fn expand(kernel: &str, flags: &[&str], target: Target) -> Result<Expanded, 
 fn include(
     name: &str,
     flags: &[&str],
-    target: Target,
+    target: Dialect,
     included: &mut Vec<&'static str>,
-    out: &mut Expanded,
+    out: &mut ExpandedShader,
 ) -> Result<(), String> {
     let Some(&(name, source)) = SOURCES.iter().find(|(n, _)| *n == name) else {
         return Err(format!("there is no shader file {name:?}"));
@@ -135,7 +135,7 @@ fn include(
         return Ok(());
     }
     included.push(name);
-    // Whether the lines of each open #if are taken.
+    // For each open #if, whether its lines are active.
     let mut taken: Vec<bool> = Vec::new();
     for (number, line) in (1..).zip(source.lines()) {
         let wrong = |what: &str| format!("shaders/{name}.wgsl:{number}: {what}: {line:?}");
@@ -143,7 +143,7 @@ fn include(
         let active = taken.iter().all(|&t| t);
         match directive {
             Some(("if", flag)) => {
-                let web = flag == "WEB" && target == Target::Web;
+                let web = flag == "WEB" && target == Dialect::Web;
                 taken.push(web || flags.contains(&flag));
             }
             Some(("else", _)) => {
@@ -168,16 +168,16 @@ fn include(
     if taken.is_empty() { Ok(()) } else { Err(format!("shaders/{name}.wgsl: #if without #endif")) }
 }
 
-fn push(out: &mut Expanded, line: &str, file: &'static str, number: u32) {
+fn push(out: &mut ExpandedShader, line: &str, file: &'static str, number: u32) {
     out.text.push_str(line);
     out.text.push('\n');
     out.lines.push((file, number));
 }
 
-/// Values by name.
+/// Values with their names.
 pub type Named<T> = Vec<(&'static str, T)>;
 
-/// Constants shared with Rust.
+/// Scalar constants shared by Rust and the shaders: floats and integers.
 pub fn shared_constants() -> (Named<f64>, Named<u32>) {
     let floats = vec![
         ("ALPHA_MIN", c::ALPHA_MIN),
@@ -244,7 +244,7 @@ fn constants() -> Vec<String> {
     out
 }
 
-/// A float as WGSL reads it back exactly.
+/// A float literal that WGSL parses back to the same f32.
 fn float(value: f64) -> String {
     format!("{:?}", value as f32)
 }
@@ -254,20 +254,20 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lines_are_traced_to_their_files() {
-        let expanded = expand("project", &[], Target::Native).unwrap();
+    fn expanded_lines_keep_their_origin() {
+        let expanded = expand("project", &[], Dialect::Native).unwrap();
         let line = expanded.text.lines().position(|l| l.starts_with("fn project(")).unwrap() as u32 + 1;
         assert!(expanded.origin(line).starts_with("shaders/project.wgsl:"), "{}", expanded.origin(line));
-        assert!(!expanded.text.contains("\n#"), "no directive is left");
+        assert!(!expanded.text.contains("\n#"), "a directive is left");
     }
 
     #[test]
-    fn an_unknown_file_is_named() {
-        assert!(expand("nothing", &[], Target::Native).unwrap_err().contains("nothing"));
+    fn a_missing_file_is_named_in_the_error() {
+        assert!(expand("nothing", &[], Dialect::Native).unwrap_err().contains("nothing"));
     }
 
     #[test]
-    fn floats_come_back_exactly() {
+    fn float_literals_round_trip_exactly() {
         for value in [c::ALPHA_MIN, c::ADAM_EPSILON, c::TRANSMITTANCE_MIN] {
             assert_eq!(float(value).parse::<f32>().unwrap(), value as f32);
         }

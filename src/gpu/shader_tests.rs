@@ -1,26 +1,26 @@
-//! The contract between the table of kernels, the structures of `layout` and the shaders, checked by naga
-//! without any device.
+//! Checks by naga, without a device, that the shaders agree with the table of kernels and the structures of
+//! `layout`.
 
 mod contract;
 mod mirrors;
 
 use super::kernels::{KERNELS, Kernel};
-use super::shader::{Expanded, HALF_TILES, SOURCES, Target, expand};
+use super::shader::{Dialect, ExpandedShader, HALF_TILES, SOURCES, expand};
 use contract::{Parsed, check, workgroup_bytes};
 use mirrors::{check_structs, mirrors};
 use std::collections::BTreeSet;
 
-fn native(kernel: &Kernel) -> Expanded {
-    expand(kernel.name, kernel.flags, Target::Native).unwrap()
+fn native(kernel: &Kernel) -> ExpandedShader {
+    expand(kernel.name, kernel.flags, Dialect::Native).unwrap()
 }
 
-/// As software drivers get it.
-fn half_tiles(kernel: &Kernel) -> Expanded {
-    expand(kernel.name, &[kernel.flags, &[HALF_TILES]].concat(), Target::Native).unwrap()
+/// The kernel as compiled for software drivers.
+fn half_tiles(kernel: &Kernel) -> ExpandedShader {
+    expand(kernel.name, &[kernel.flags, &[HALF_TILES]].concat(), Dialect::Native).unwrap()
 }
 
 #[test]
-fn kernels_keep_the_contract() {
+fn kernels_agree_with_the_table() {
     let both = |kernel| [check(native(kernel), kernel), check(half_tiles(kernel), kernel)].concat();
     let wrong: Vec<String> = KERNELS.iter().flat_map(|(_, kernel)| both(kernel)).collect();
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
@@ -31,81 +31,82 @@ fn kernels_keep_the_contract() {
 }
 
 #[test]
-fn structures_are_those_of_rust() {
+fn structures_agree_with_rust() {
     let mut seen = BTreeSet::new();
     let mut wrong = Vec::new();
     let kernels = KERNELS.iter().map(|(_, kernel)| native(kernel));
-    // No kernel need use every structure.
-    let alone = [&[][..], &["ATOMIC_STATUS"]].map(|f| expand("common/status", f, Target::Native).unwrap());
+    // Includes the atomic variant of Status.
+    let alone = [&[][..], &["ATOMIC_STATUS"]].map(|f| expand("common/status", f, Dialect::Native).unwrap());
     for expanded in kernels.chain(alone) {
         wrong.extend(check_structs(&Parsed::new(expanded).unwrap(), &mut seen));
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
-    let sorts = KERNELS.iter().any(|(_, kernel)| kernel.has_sort_pass);
+    let sorts = KERNELS.iter().any(|(_, kernel)| kernel.has_sort_pass());
     let unseen: Vec<&str> = mirrors().iter().map(|m| m.name).filter(|name| !seen.contains(name)).collect();
     assert!(unseen.is_empty() || (unseen == ["SortPass"] && !sorts), "no shader has {unseen:?}");
 }
 
 #[test]
-fn planted_faults_are_noticed() {
+fn planted_faults_are_detected() {
     let (_, kernel) = KERNELS.iter().find(|(_, k)| k.name == "project").unwrap();
     let planted = |original: &str, replacement: &str| {
         let mut expanded = native(kernel);
-        assert!(expanded.text.contains(original), "{original:?} is gone");
+        assert!(expanded.text.contains(original), "{original:?} is missing");
         expanded.text = expanded.text.replacen(original, replacement, 1);
         check(expanded, kernel).join("\n")
     };
     assert_eq!(planted("sh_degree: u32", "sh_degree: u32"), "");
-    let noticed = |original: &str, replacement: &str, place: &str, what: &str| {
+    let detected = |original: &str, replacement: &str, place: &str, what: &str| {
         let found = planted(original, replacement);
         assert!(found.contains(place) && found.contains(what), "{replacement:?}: {found:?}");
     };
     let step = "shaders/common/step.wgsl:";
     let source = SOURCES.iter().find(|(name, _)| *name == "common/step").unwrap().1;
     let line = source.lines().position(|l| l == "    rate_sh_dc: f32,");
-    noticed(
+    detected(
         "    rate_sh_dc: f32,\n    rate_sh_rest: f32,",
         "    rate_sh_rest: f32,\n    rate_sh_dc: f32,",
         &format!("{step}{}: ", line.unwrap() + 1),
         "Step member 31",
     );
-    noticed("    loss_l1: f32,", "    loss_l1: u32,", step, "Step member 19");
-    noticed("    grid: vec2u,", "    grid: vec4u,", step, "bytes");
+    detected("    loss_l1: f32,", "    loss_l1: u32,", step, "Step member 19");
+    detected("    grid: vec2u,", "    grid: vec4u,", step, "bytes");
     let project = "shaders/project.wgsl:";
-    noticed(
+    detected(
         "const EDGE_ON_MIN: f32 = 0.001;",
         "const EDGE_ON_MIN: f32 = 0.00100001;",
         project,
         "EDGE_ON_MIN",
     );
-    noticed("const FLAG_STATISTICS = 2u", "const FLAG_STATISTICS = 8u", step, "FLAG_STATISTICS");
-    noticed("const OPACITY = 9u", "const OPACITY = 10u", "shaders/common/splat.wgsl:", "OPACITY");
+    detected("const FLAG_STATISTICS = 2u", "const FLAG_STATISTICS = 8u", step, "FLAG_STATISTICS");
+    detected("const OPACITY = 9u", "const OPACITY = 10u", "shaders/common/splat.wgsl:", "OPACITY");
     let extra = "@group(0) @binding(8) var<storage, read> extra: array<f32>; @compute @workgroup_size(GROUP)";
-    noticed("@compute @workgroup_size(GROUP)", extra, project, "extra");
-    noticed("@group(0) @binding(7)", "@group(0) @binding(9)", project, "keys_out");
-    noticed("@group(0) @binding(4)", "@group(1) @binding(4)", project, "splat_info");
-    noticed("read> splat_info", "read_write> splat_info", project, "splat_info");
-    noticed("read_write> bounds: ", "read> bounds: ", project, "bounds");
-    noticed(
+    detected("@compute @workgroup_size(GROUP)", extra, project, "extra");
+    detected("@group(0) @binding(7)", "@group(0) @binding(9)", project, "keys_out");
+    detected("@group(0) @binding(4)", "@group(1) @binding(4)", project, "splat_info");
+    detected("read> splat_info", "read_write> splat_info", project, "splat_info");
+    detected("read_write> bounds: ", "read> bounds: ", project, "bounds");
+    detected(
         "@workgroup_size(GROUP)",
         "@workgroup_size(GROUP, 1, 2)",
         project.trim_end_matches(':'),
         "workgroups of",
     );
-    noticed("fn project(", "fn projects(", "shaders/project.wgsl", "entry points");
-    noticed("    let base = i *", "    let base = nonsense *", project, "nonsense");
+    detected("fn project(", "fn projects(", "shaders/project.wgsl", "entry points");
+    detected("    let base = i *", "    let base = nonsense *", project, "nonsense");
     let hoard = "var<workgroup> hoard: array<vec4f, 1025>; @compute @workgroup_size(GROUP)";
-    let used = "hoard[0] = vec4f(); bounds[i] = shape;";
+    let write = "bounds[i] = footprint;";
+    let used = format!("hoard[0] = vec4f(); {write}");
     let mut expanded = native(kernel);
-    expanded.text =
-        expanded.text.replace("@compute @workgroup_size(GROUP)", hoard).replace("bounds[i] = shape;", used);
+    assert!(expanded.text.contains(write), "{write:?} is missing");
+    expanded.text = expanded.text.replace("@compute @workgroup_size(GROUP)", hoard).replace(write, &used);
     assert!(check(expanded, kernel).join("\n").contains("16400 bytes of workgroup memory"));
     let mut one_less = *kernel;
     one_less.bindings = &kernel.bindings[..6];
     assert!(check(native(kernel), &one_less).join("\n").contains("keys_out"));
 }
 
-/// Names of the files below a directory of shaders, without the extension.
+/// Collects the names of all shaders below a directory, without the extension.
 fn files_below(directory: &std::path::Path, prefix: &str, out: &mut BTreeSet<String>) {
     for entry in std::fs::read_dir(directory).unwrap() {
         let path = entry.unwrap().path();
@@ -119,7 +120,7 @@ fn files_below(directory: &std::path::Path, prefix: &str, out: &mut BTreeSet<Str
 }
 
 #[test]
-fn every_file_is_listed_and_every_kernel_has_one() {
+fn every_shader_file_is_listed_and_every_kernel_has_one() {
     let mut files = BTreeSet::new();
     files_below(&std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("shaders"), "", &mut files);
     let listed: BTreeSet<String> = SOURCES.iter().map(|(name, _)| (*name).to_owned()).collect();
@@ -134,7 +135,7 @@ fn every_file_is_listed_and_every_kernel_has_one() {
 #[test]
 fn kernels_expand_for_browsers() {
     for (_, kernel) in KERNELS {
-        let web = expand(kernel.name, kernel.flags, Target::Web).unwrap();
+        let web = expand(kernel.name, kernel.flags, Dialect::Web).unwrap();
         assert!(web.text.contains(&format!("fn {}(", kernel.name)));
         assert!(!web.text.lines().any(|l| l.trim_start().starts_with('#')), "{}", kernel.name);
     }

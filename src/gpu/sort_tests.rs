@@ -1,22 +1,21 @@
-//! Tests of the sort against that of Rust, and a measurement.
+//! Tests of the radix sort against Rust's stable sort, and a measurement.
 
 use super::encode::Dispatch;
 use super::harness::Harness;
 use super::kernels::{Buf, Groups, KernelId};
 use super::layout::{Status, StepUniform};
-use super::resources::Offsets;
+use super::resources::UniformOffsets;
 use super::sort::{depth_sort, first_args, histogram_entries, sort_passes};
 use rand::{RngExt as _, SeedableRng as _, seq::SliceRandom as _};
 use rand_pcg::Pcg32;
 use std::collections::BTreeSet;
 
-/// Kernels of the sort.
 pub(super) const SORT: [KernelId; 3] = [KernelId::SortCount, KernelId::SortScan, KernelId::SortScatter];
 
-/// The first entry of the ring of steps.
-pub(super) const STEP: Offsets = Offsets { step: 0, sort_pass: 0 };
+/// The first entry of the uniform ring.
+pub(super) const STEP: UniformOffsets = UniformOffsets { step: 0, sort_pass: 0 };
 
-/// Devices with the table of passes.
+/// Harnesses with the table of sort passes set.
 pub(super) fn open_all(kernels: &[KernelId]) -> impl Iterator<Item = Harness> {
     Harness::on_each_driver(kernels).map(|mut harness| {
         for (slot, pass) in (0..).zip(sort_passes()) {
@@ -27,12 +26,12 @@ pub(super) fn open_all(kernels: &[KernelId]) -> impl Iterator<Item = Harness> {
     })
 }
 
-/// The first of them.
+/// The first of [`open_all`].
 pub(super) fn open(kernels: &[KernelId]) -> Option<Harness> {
     open_all(kernels).next()
 }
 
-/// Buffers of a sort, of splats by depth: keys as given, everything else filled with what must not be read.
+/// Sets the buffers of a sort by depth; everything except the keys is filled with junk that must not be read.
 pub(super) fn fill_sort(harness: &mut Harness, keys: &[u32], most: usize) {
     let junk = vec![0xabcd_ef01_u32; most.max(1)];
     let mut padded = junk.clone();
@@ -46,7 +45,7 @@ pub(super) fn fill_sort(harness: &mut Harness, keys: &[u32], most: usize) {
     harness.set_step(0, &StepUniform { num_splats: keys.len() as u32, ..StepUniform::default() });
 }
 
-/// Keys of 28 bits of which only `distinct` occur, spread over all digits; some out of sight.
+/// Keys of 28 bits with only `distinct` values, spread over all digits; some are those of invisible splats.
 fn random_keys(count: usize, distinct: u32, rng: &mut Pcg32) -> Vec<u32> {
     let mask = (1 << 28) - 1;
     let mut key = || match rng.random_range(0..distinct + distinct / 16) {
@@ -56,7 +55,7 @@ fn random_keys(count: usize, distinct: u32, rng: &mut Pcg32) -> Vec<u32> {
     (0..count).map(|_| key()).collect()
 }
 
-/// Indices in the order of the keys, ties by index.
+/// Indices in the order of the keys, then by index.
 fn sorted_indices(keys: &[u32]) -> Vec<u32> {
     let mut order: Vec<u32> = (0..keys.len() as u32).collect();
     order.sort_by_key(|&i| keys[i as usize]);
@@ -64,7 +63,7 @@ fn sorted_indices(keys: &[u32]) -> Vec<u32> {
 }
 
 #[test]
-fn the_sort_is_that_of_rust_ties_included() {
+fn the_order_is_that_of_a_stable_sort_in_rust() {
     for mut harness in open_all(&SORT) {
         let mut rng = Pcg32::seed_from_u64(1);
         for (count, distinct) in [0, 1, 255, 256, 1023, 1024, 1025, 5000, 70_000]
@@ -83,12 +82,12 @@ fn the_sort_is_that_of_rust_ties_included() {
 }
 
 #[test]
-fn shuffled_ties_are_noticed() {
+fn shuffled_ties_are_detected() {
     for mut harness in open_all(&SORT) {
         let mut rng = Pcg32::seed_from_u64(2);
         let keys = random_keys(5000, 40, &mut rng);
         fill_sort(&mut harness, &keys, keys.len());
-        // Values from ValuesA instead of the index: as an unstable sort would leave them.
+        // Starts from the values in ValuesA instead of the indices, shuffled as by an unstable sort.
         let mut passes = sort_passes();
         passes[0].identity_values = 0;
         harness.set_sort_pass(0, &passes[0]);
@@ -102,17 +101,17 @@ fn shuffled_ties_are_noticed() {
         harness.fill(Buf::ValuesA, &shuffled);
         harness.run(&depth_sort(STEP));
         let got = harness.read::<u32>(Buf::ValuesB, 5000);
-        assert!(got.is_sorted_by_key(|&i| keys[i as usize]), "by key alone it is sorted");
+        assert!(got.is_sorted_by_key(|&i| keys[i as usize]), "it is sorted by key");
         assert_ne!(got, sorted_indices(&keys));
     }
 }
 
 #[test]
-fn a_folded_dispatch_sorts_the_same() {
+fn a_folded_dispatch_sorts_like_an_unfolded_one() {
     for mut harness in open_all(&SORT) {
         let keys = random_keys(5000, 700, &mut Pcg32::seed_from_u64(3));
         fill_sort(&mut harness, &keys, keys.len());
-        // Five blocks, one group to spare.
+        // Five blocks in six workgroups.
         harness.set_groups(Groups::SplatBlocks, 2, 3);
         harness.run(&depth_sort(STEP));
         assert_eq!(harness.read::<u32>(Buf::ValuesB, 5000), sorted_indices(&keys));
@@ -124,7 +123,7 @@ fn a_folded_dispatch_sorts_the_same() {
 }
 
 #[test]
-#[ignore = "a measurement, to be asked for"]
+#[ignore = "a measurement: run on demand"]
 fn throughput() {
     let Some(mut harness) = open(&SORT) else { return };
     for count in [100_000, 1_000_000] {
@@ -137,7 +136,7 @@ fn throughput() {
     }
 }
 
-/// In CPU time of the whole process: that of a software GPU.
+/// Throughput by CPU time of the process, in which software drivers compute, and by wall time.
 fn keys_per_second(harness: &mut Harness, keys: &[u32], dispatches: &[Dispatch]) -> String {
     fill_sort(harness, keys, keys.len());
     harness.run(&depth_sort(STEP));

@@ -1,35 +1,35 @@
-//! What a submission is made of: the dispatches of steps and images, what they need room for, and what their
-//! status tells. Who asks for them, and what happens when they did not fit, stands in `backend`.
+//! Submissions: the dispatches of steps and images, the buffer capacity that they need, and the evaluation of
+//! their status. `backend` decides what to submit, and repeats what did not fit.
 
 use super::backend::{GpuBackend, tile_flags};
 use super::encode::Dispatch;
 use super::kernels::Buf;
 use super::kernels::KernelId;
 use super::layout::{FLAG_COUNT_ATOMICS, Status, StepUniform};
-use super::resources::Offsets;
+use super::resources::UniformOffsets;
 use super::sort;
 use super::uniform::{self, needs_statistics};
-use super::view_buffers::Needs;
+use super::view_buffers::RequiredCapacity;
 use crate::backend::{LossValues, RasterCounters, StepReport, StepRequest};
 use crate::camera::Camera;
 use crate::model::LearningRates;
 use crate::{Error, Result};
 use std::time::{Duration, Instant};
 
-/// Pairs that a fresh backend has room for, per splat.
+/// Initial pair capacity per splat.
 const PAIRS_PER_SPLAT: u64 = 8;
 
-/// A step of a submission whose status has not been read yet.
+/// A submitted step whose status has not been read.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Promise {
+pub(super) struct PendingStep {
     step: u32,
     rates: LearningRates,
     counts_in_window: bool,
 }
 
 impl GpuBackend {
-    /// Projection to image.
-    pub(super) fn forward(&self, offsets: Offsets, camera: &Camera, geometry: bool) -> Vec<Dispatch> {
+    /// Dispatches from the projection to the image.
+    pub(super) fn forward(&self, offsets: UniformOffsets, camera: &Camera, geometry: bool) -> Vec<Dispatch> {
         let [cols, rows] = uniform::grid(camera, self.tile_rows_px);
         let (project, raster) = if geometry {
             (KernelId::ProjectGeometry, self.raster.fwd_geometry)
@@ -43,10 +43,10 @@ impl GpuBackend {
         out
     }
 
-    /// A whole step, with or without the terms on depths and normals, and the window statistics.
+    /// Dispatches of a training step; `geometry` includes the distortion and normal terms, and window statistics.
     pub(super) fn step_dispatches(
         &self,
-        offsets: Offsets,
+        offsets: UniformOffsets,
         camera: &Camera,
         geometry: bool,
         statistics: bool,
@@ -65,9 +65,9 @@ impl GpuBackend {
         out
     }
 
-    /// Compiles what depths and normals need, the first time.
+    /// Compiles the kernels for depths and normals when they are first needed.
     pub(super) fn compile_geometry(&mut self, training: bool) -> Result<()> {
-        let mut missing = self.raster.geometry(training);
+        let mut missing = self.raster.geometry_only(training);
         missing.retain(|id| !self.pipelines.contains_key(id));
         if !missing.is_empty() {
             let compiled = self.device.pipelines(&missing, tile_flags(self.tile_rows_px))?;
@@ -76,23 +76,24 @@ impl GpuBackend {
         Ok(())
     }
 
+    /// Capacity that renders or training steps with these cameras need.
     pub(super) fn needs(
         &self,
         cameras: impl Iterator<Item = Camera>,
         training: bool,
         statistics: bool,
-    ) -> Needs {
+    ) -> RequiredCapacity {
         let n = self.shape.num_splats() as u64;
         let guess = self.options.pair_capacity.unwrap_or((PAIRS_PER_SPLAT * n).max(1 << 14));
-        // A guess must not be what the device refuses.
+        // The guess must not exceed the device's limits.
         let guess = guess.min(self.most_pairs()).max(1);
-        let mut needs = Needs {
-            // A model without splats has buffers too.
+        let mut needs = RequiredCapacity {
+            // An empty model has buffers too.
             splats: n.max(1),
             pairs: self.capacity.pairs_of(training).max(guess),
             training,
             statistics,
-            ..Needs::default()
+            ..RequiredCapacity::default()
         };
         for camera in cameras {
             let [cols, rows] = uniform::grid(&camera, self.tile_rows_px);
@@ -102,53 +103,57 @@ impl GpuBackend {
         needs
     }
 
-    /// Pairs whose partial sums fit a buffer.
+    /// Largest number of pairs whose partial sums fit into a buffer.
     fn most_pairs(&self) -> u64 {
         self.device.most_buffer_bytes() / (4 * u64::from(uniform::PARTIAL_STRIDE_GEOMETRY))
     }
 
-    /// Makes room for the pairs that a view needs.
-    pub(super) fn grow_pairs(&mut self, status: &Status, needs: &Needs) -> Result<()> {
+    /// Grows the buffers to the number of pairs that a view needs.
+    pub(super) fn grow_pairs(&mut self, status: &Status, needs: &RequiredCapacity) -> Result<()> {
         if u64::from(status.needed_pairs) <= self.capacity.pairs_of(needs.training) {
             return Err(self
                 .device
-                .error("a submission was not carried out, and the driver does not say why"));
+                .error("a submission was not carried out, and the driver reports no reason"));
         }
         let needed = u64::from(status.needed_pairs);
         let pairs = (needed * 3 / 2).min(self.most_pairs()).max(needed);
-        self.capacity.ensure(&self.device, &mut self.resources, &Needs { pairs, ..*needs })
+        self.capacity.ensure(&self.device, &mut self.resources, &RequiredCapacity { pairs, ..*needs })
     }
 
-    /// Runs steps that fit one submission; returns what those that were applied tell, and the one after them.
+    /// Runs steps as one submission. Returns the status and times of the applied steps, and of the first that was
+    /// not applied.
     ///
-    /// The host encodes a batch only after it has read the status of the one before: the trait hands over a batch
-    /// at a time and wants its reports back. To encode one while another runs, requests would have to come
-    /// before the reports of earlier ones are due.
-    pub(super) fn submit_steps(&mut self, requests: &[StepRequest<'_>]) -> Result<Vec<(Status, Stages)>> {
+    /// The host encodes a batch only after reading the status of the one before: the trait passes one batch at a
+    /// time and expects its reports. To overlap encoding and execution, requests would have to arrive before the
+    /// reports of earlier ones are returned.
+    pub(super) fn submit_steps(
+        &mut self,
+        requests: &[StepRequest<'_>],
+    ) -> Result<Vec<(Status, KernelTimes)>> {
         let start = Instant::now();
         let photos: Vec<_> = requests.iter().map(|r| (r.photo, r.target)).collect();
         let photos_px = self.photos.place(&self.device, &self.resources, &photos)?;
         self.arm();
         let mut dispatches = Vec::new();
         let mut ends = Vec::new();
-        let mut scene = self.scene();
-        scene.pair_capacity = self.capacity.training_pairs as u32;
+        let mut inputs = self.uniform_inputs();
+        inputs.pair_capacity = self.capacity.training_pairs as u32;
         for (slot, (request, photo_px)) in requests.iter().zip(photos_px).enumerate() {
             let flags = if self.counts_atomics(request) { FLAG_COUNT_ATOMICS } else { 0 };
-            let uniform = uniform::step(&scene, request, photo_px, slot as u32);
+            let uniform = uniform::step(&inputs, request, photo_px, slot as u32);
             let offsets = self.set_uniform(slot, &StepUniform { flags: uniform.flags | flags, ..uniform });
             let geometry = request.loss.needs_geometry();
             let statistics = needs_statistics(request);
             dispatches.extend(self.step_dispatches(offsets, &request.camera, geometry, statistics));
             ends.push(dispatches.len());
-            (scene.flushed_step, scene.flushed_rates) = (request.step, request.rates);
+            (inputs.flushed_step, inputs.flushed_rates) = (request.step, request.rates);
         }
-        let promise = |r: &StepRequest<'_>| Promise {
+        let pending = |r: &StepRequest<'_>| PendingStep {
             step: r.step,
             rates: r.rates,
             counts_in_window: r.accumulate_statistics,
         };
-        self.in_flight = requests.iter().map(promise).collect();
+        self.in_flight = requests.iter().map(pending).collect();
         let statuses = self.submit_for_status(&dispatches, requests.len())?;
         let applied = self.count_applied(&statuses);
         let times = match &self.timer {
@@ -157,27 +162,27 @@ impl GpuBackend {
         };
         let stages = (0..requests.len()).map(|k| {
             let range = ends[..k].last().copied().unwrap_or(0)..ends[k];
-            stages(&dispatches[range.clone()], times.get(range).unwrap_or_default())
+            times_by_kernel(&dispatches[range.clone()], times.get(range).unwrap_or_default())
         });
-        // A batch that was cut short tells nothing of the time that a whole one takes.
+        // The time of a batch that was cut short does not predict that of a whole one.
         if applied == requests.len() {
             self.pace.learn(applied, start.elapsed().as_secs_f64());
         }
         Ok(statuses.into_iter().zip(stages).take(applied + 1).collect())
     }
 
-    /// Counts the steps of the last submission that were applied.
+    /// Updates the clock to the steps of the last submission that were applied, and returns their number.
     pub(super) fn count_applied(&mut self, statuses: &[Status]) -> usize {
         let applied = statuses.iter().take_while(|s| s.done == 1).count();
-        let promised = std::mem::take(&mut self.in_flight);
-        if let Some(last) = promised[..applied].last() {
+        let pending = std::mem::take(&mut self.in_flight);
+        if let Some(last) = pending[..applied].last() {
             (self.clock.step, self.clock.rates) = (last.step, last.rates);
         }
-        self.window_views += promised[..applied].iter().filter(|p| p.counts_in_window).count() as u32;
+        self.window_views += pending[..applied].iter().filter(|p| p.counts_in_window).count() as u32;
         applied
     }
 
-    /// Submits dispatches and the copy of their status, and waits for it.
+    /// Submits dispatches and a copy of the first `count` statuses, and waits for them.
     pub(super) fn submit_for_status(&mut self, dispatches: &[Dispatch], count: usize) -> Result<Vec<Status>> {
         let mut encoder = self.encoded(dispatches);
         let bytes = (count * size_of::<Status>()) as u64;
@@ -186,12 +191,17 @@ impl GpuBackend {
         self.device.read_staged(&self.staging, count)
     }
 
-    /// Whether a step runs the variant that counts atomics.
+    /// Whether a step runs the kernel variant that counts atomics.
     fn counts_atomics(&self, request: &StepRequest<'_>) -> bool {
         self.options.count_texel_atomics && !request.loss.needs_geometry() && !needs_statistics(request)
     }
 
-    pub(super) fn report(&self, request: &StepRequest<'_>, status: &Status, stages: Stages) -> StepReport {
+    pub(super) fn report(
+        &self,
+        request: &StepRequest<'_>,
+        status: &Status,
+        stages: KernelTimes,
+    ) -> StepReport {
         let s = status;
         let mut loss = LossValues {
             total: 0.0,
@@ -218,11 +228,11 @@ impl GpuBackend {
     }
 }
 
-/// Times by kernel, in the order in which they first run.
-pub(super) type Stages = Vec<(&'static str, Duration)>;
+/// Time by kernel, in the order of their first dispatch.
+pub(super) type KernelTimes = Vec<(&'static str, Duration)>;
 
-fn stages(dispatches: &[Dispatch], times: &[Duration]) -> Stages {
-    let mut out: Stages = Vec::new();
+fn times_by_kernel(dispatches: &[Dispatch], times: &[Duration]) -> KernelTimes {
+    let mut out: KernelTimes = Vec::new();
     for (dispatch, time) in dispatches.iter().zip(times) {
         let name = dispatch.kernel.kernel().name;
         match out.iter_mut().find(|(n, _)| *n == name) {
@@ -233,7 +243,7 @@ fn stages(dispatches: &[Dispatch], times: &[Duration]) -> Stages {
     out
 }
 
-/// Largest side of an image: pixels of a box are packed into 16 bits each.
+/// Largest side of an image: pixel coordinates of boxes are packed into 16 bits each.
 pub(super) const MAX_SIDE_PX: u32 = 65_535;
 
 pub(super) fn check_camera(camera: &Camera) -> Result<()> {
@@ -241,7 +251,7 @@ pub(super) fn check_camera(camera: &Camera) -> Result<()> {
     if w.max(h) <= MAX_SIDE_PX && w.min(h) > 0 {
         return Ok(());
     }
-    Err(Error::Usage(format!("an image of {w}x{h} px: GPUs take sides of 1 to {MAX_SIDE_PX} px here")))
+    Err(Error::Usage(format!("image of {w}x{h} px: on GPUs, sides must be between 1 and {MAX_SIDE_PX} px")))
 }
 
 pub(super) fn check_request(request: &StepRequest<'_>) -> Result<()> {

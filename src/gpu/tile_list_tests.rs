@@ -1,17 +1,17 @@
-//! Tests of the tile lists, each kernel by itself and all in a chain, against straightforward computations in
-//! Rust.
+//! Tests of the kernels that list the splats of each tile, separately and together, against straightforward
+//! computations in Rust.
 
 use super::device::UNIFORM_STRIDE;
 use super::harness::Harness;
 use super::kernels::{Buf, Groups, KernelId, NUM_GROUPS};
 use super::layout::{DispatchArgs, Status, StepUniform};
-use super::resources::Offsets;
+use super::resources::UniformOffsets;
 use super::shader::{BLOCK, GROUP, MAX_GROUPS};
 use super::sort::{
     depth_sort, first_args, folded_groups, num_tile_passes, order_and_bin, pair_slots, tile_lists,
 };
 use super::sort_tests::{SORT, STEP, fill_sort, open, open_all};
-use super::tile_list_twin::{Case, TestBounds, grid_of};
+use super::tile_list_twin::{TestBounds, TileListCase, grid_of};
 use rand::{RngExt as _, SeedableRng as _, seq::SliceRandom as _};
 use rand_pcg::Pcg32;
 
@@ -19,7 +19,7 @@ const SLOTS: [KernelId; 2] = [KernelId::PrefixBlocks, KernelId::PrefixSums];
 const LISTS: [KernelId; 3] = [KernelId::TileEmit, KernelId::TileRanges, KernelId::GatherPairs];
 
 #[test]
-fn folds_hold_all_groups() {
+fn folded_dispatches_cover_all_workgroups() {
     assert_eq!(folded_groups(0), DispatchArgs { x: 0, y: 1, z: 1 });
     assert_eq!(folded_groups(MAX_GROUPS), DispatchArgs { x: MAX_GROUPS, y: 1, z: 1 });
     assert_eq!(folded_groups(MAX_GROUPS + 1), DispatchArgs { x: 32_768, y: 2, z: 1 });
@@ -31,7 +31,7 @@ fn folds_hold_all_groups() {
     }
 }
 
-/// Runs the prefix sums over `counts` by rank, in a shuffled order of splats.
+/// Runs the prefix sums over tile counts by rank, with the splats in a shuffled order.
 fn run_prefix(harness: &mut Harness, counts: &[u32], step: StepUniform) {
     let n = counts.len();
     let mut order: Vec<u32> = (0..n as u32).collect();
@@ -48,7 +48,7 @@ fn run_prefix(harness: &mut Harness, counts: &[u32], step: StepUniform) {
     harness.run(&pair_slots(STEP)[..2]);
 }
 
-/// First slots by rank.
+/// First slot of each splat, by rank.
 fn first_slots(harness: &Harness, n: usize) -> Vec<u32> {
     let blocks = harness.read::<u32>(Buf::BlockSums, n.div_ceil(BLOCK as usize));
     let offsets = harness.read::<u32>(Buf::SlotOffsets, n);
@@ -56,10 +56,10 @@ fn first_slots(harness: &Harness, n: usize) -> Vec<u32> {
 }
 
 #[test]
-fn slots_are_sums_across_blocks() {
+fn slots_are_prefix_sums_across_blocks() {
     for mut harness in open_all(&SLOTS) {
         let mut rng = Pcg32::seed_from_u64(5);
-        // The last has more blocks than one scan takes.
+        // The last has more blocks than a single scan handles.
         for n in [1, 1023, 1024, 1025, 5000, 1_050_000] {
             let mut counts: Vec<u32> = (0..n).map(|_| rng.random_range(0..9)).collect();
             run_prefix(
@@ -75,17 +75,17 @@ fn slots_are_sums_across_blocks() {
             assert!(got == sums(&counts), "{n} splats");
             let status = harness.read::<Status>(Buf::Status, 4);
             assert_eq!(status[2].needed_pairs, counts.iter().sum::<u32>());
-            assert_eq!([0, 1, 3].map(|i| status[i]), [Status::default(); 3], "other steps' status");
+            assert_eq!([0, 1, 3].map(|i| status[i]), [Status::default(); 3], "status of other steps");
             if n > 1 {
                 counts[n / 2 - 1] += 1;
-                assert!(got != sums(&counts), "one tile more is noticed");
+                assert!(got != sums(&counts), "negative control: one tile more");
             }
         }
     }
 }
 
 #[test]
-fn workgroups_of_what_follows_are_folded() {
+fn workgroup_counts_of_later_dispatches_are_folded() {
     for mut harness in open_all(&SLOTS) {
         let n = 1500;
         let counts = vec![1_000_000; n];
@@ -117,7 +117,7 @@ fn workgroups_of_what_follows_are_folded() {
 }
 
 #[test]
-fn sums_that_overflow_saturate() {
+fn overflowing_sums_saturate() {
     for mut harness in open_all(&SLOTS) {
         for counts in [vec![0x4000_0000; 5], vec![0x0010_0001; 4096]] {
             let step = StepUniform { pair_capacity: 1 << 30, ..StepUniform::default() };
@@ -129,8 +129,8 @@ fn sums_that_overflow_saturate() {
     }
 }
 
-/// A device with all buffers of a case.
-fn fill_case(harness: &mut Harness, case: &Case, capacity: u32) {
+/// Sets all buffers; those that kernels must write before reading are filled with junk.
+fn fill_case(harness: &mut Harness, case: &TileListCase, capacity: u32) {
     let most = case.keys.len().max(capacity as usize);
     fill_sort(harness, &case.keys, most);
     // A binding holds at least one element.
@@ -151,7 +151,7 @@ fn fill_case(harness: &mut Harness, case: &Case, capacity: u32) {
     }
 }
 
-fn step_of(case: &Case, slot: u32, capacity: u32) -> StepUniform {
+fn step_of(case: &TileListCase, slot: u32, capacity: u32) -> StepUniform {
     StepUniform {
         num_splats: case.keys.len() as u32,
         size_px: case.size_px,
@@ -162,8 +162,8 @@ fn step_of(case: &Case, slot: u32, capacity: u32) -> StepUniform {
     }
 }
 
-/// Splats of each tile as the device lists them; slots are those of the splats.
-fn read_lists(harness: &Harness, case: &Case) -> Vec<Vec<u32>> {
+/// Splats of each tile as the device lists them. Also checks that the slots are those of the splats.
+fn read_lists(harness: &Harness, case: &TileListCase) -> Vec<Vec<u32>> {
     let total = harness.read::<Status>(Buf::Status, 1)[0].needed_pairs as usize;
     let pairs = harness.read::<[u32; 2]>(Buf::Pairs, total);
     let bounds = harness.read::<TestBounds>(Buf::Bounds, case.bounds.len());
@@ -171,7 +171,7 @@ fn read_lists(harness: &Harness, case: &Case) -> Vec<Vec<u32>> {
     slots.sort_unstable();
     assert!(slots.into_iter().eq(0..total as u32), "each slot has one pair");
     let ranges = harness.read::<[u32; 2]>(Buf::TileRanges, case.num_tiles() as usize);
-    // The slots that a splat adds up are those of its pairs in tiles: nobody writes the sums of others.
+    // A splat must sum only the slots of pairs that are in a tile: no kernel writes the others.
     let mut summed = 0;
     for [slot, splat] in ranges.iter().flat_map(|&[a, b]| &pairs[a as usize..b as usize]) {
         let TestBounds { first_slot, num_tiles, .. } = bounds[*splat as usize];
@@ -183,9 +183,9 @@ fn read_lists(harness: &Harness, case: &Case) -> Vec<Vec<u32>> {
 }
 
 #[test]
-fn every_tile_lists_its_splats_in_order_of_depth() {
+fn every_tile_lists_its_splats_in_depth_order() {
     for mut harness in open_all(&[&SORT[..], &SLOTS, &LISTS].concat()) {
-        // One pass, two with the last key alone in the second digit, two, three; and nothing in sight.
+        // One pass; two, where only the last key needs the second digit; two; three; and an empty scene.
         for (seed, size_px, n, passes) in [
             (1, [80, 48], 700, 1),
             (2, [64, 64], 1025, 2),
@@ -193,14 +193,14 @@ fn every_tile_lists_its_splats_in_order_of_depth() {
             (4, [500, 400], 2500, 3),
             (5, [64, 64], 0, 2),
         ] {
-            let mut case = Case::random(seed, size_px, n);
+            let mut case = TileListCase::random(seed, size_px, n);
             assert_eq!(num_tile_passes(case.num_tiles()), passes);
             let total: u32 = case.bounds.iter().map(|b| b.num_tiles).sum();
             fill_case(&mut harness, &case, total.max(1));
             harness.run(&order_and_bin(STEP, case.num_tiles()));
             let got = read_lists(&harness, &case);
             assert!(got == case.lists(), "{size_px:?}");
-            // Two neighbours in a list that change places are noticed, also where only a tie orders them.
+            // Negative control: exchanges two neighbours of equal depth.
             if let Some(list) = got.iter().find(|l| l.windows(2).any(|w| case.same_depth(w[0], w[1]))) {
                 let pair = list.windows(2).find(|w| case.same_depth(w[0], w[1])).unwrap();
                 case.keys[pair[0] as usize] += 1;
@@ -213,11 +213,11 @@ fn every_tile_lists_its_splats_in_order_of_depth() {
 }
 
 #[test]
-fn pairs_that_do_not_fit_switch_everything_off() {
+fn pairs_that_do_not_fit_disable_all_later_dispatches() {
     for mut harness in open_all(&[&SORT[..], &SLOTS, &LISTS].concat()) {
-        let case = Case::random(6, [200, 120], 1500);
+        let case = TileListCase::random(6, [200, 120], 1500);
         let total: u32 = case.bounds.iter().map(|b| b.num_tiles).sum();
-        let second = Offsets { step: UNIFORM_STRIDE as u32, ..STEP };
+        let second = UniformOffsets { step: UNIFORM_STRIDE as u32, ..STEP };
         let both = [STEP, second].map(|step| order_and_bin(step, case.num_tiles())).concat();
         let off = vec![DispatchArgs::default(); NUM_GROUPS as usize];
 
@@ -229,11 +229,11 @@ fn pairs_that_do_not_fit_switch_everything_off() {
             harness.read::<Status>(Buf::Status, 2).iter().map(|s| s.needed_pairs).collect()
         };
         let status: Vec<u32> = needed(&harness);
-        assert_eq!(status, [total, 0], "the second step fits, but comes after one that does not");
+        assert_eq!(status, [total, 0], "the second step fits, but follows one that does not");
         let untouched = vec![[0xabcd_ef01_u32; 2]; total as usize];
         assert_eq!(harness.read::<[u32; 2]>(Buf::Pairs, total as usize), untouched);
 
-        // With one pair more of capacity both go through.
+        // Negative control: with room for one more pair, both steps are applied.
         fill_case(&mut harness, &case, total);
         harness.run(&both);
         let args = harness.read::<DispatchArgs>(Buf::Args, NUM_GROUPS as usize);
@@ -245,9 +245,9 @@ fn pairs_that_do_not_fit_switch_everything_off() {
 }
 
 #[test]
-fn counts_of_another_rounding_do_no_harm() {
+fn tile_counts_that_differ_by_rounding_do_no_harm() {
     for mut harness in open_all(&[&SORT[..], &SLOTS, &LISTS].concat()) {
-        let case = Case::random(7, [64, 64], 900);
+        let case = TileListCase::random(7, [64, 64], 900);
         let lists = case.lists();
         let mut run = |changes: &[(usize, i32)]| {
             let mut changed = case.clone();
@@ -258,7 +258,7 @@ fn counts_of_another_rounding_do_no_harm() {
             let total: u32 = changed.bounds.iter().map(|b| b.num_tiles).sum();
             fill_case(&mut harness, &changed, total);
             harness.run(&order_and_bin(STEP, case.num_tiles()));
-            // Sorted keys stand where an odd number of passes left them, here an even one.
+            // An even number of passes leaves the sorted keys in KeysA.
             let keys = harness.read::<u32>(Buf::KeysA, total as usize);
             let leftover = keys.iter().filter(|&&key| key == case.num_tiles()).count();
             (read_lists(&harness, &changed), leftover)
@@ -266,8 +266,8 @@ fn counts_of_another_rounding_do_no_harm() {
         let seen: Vec<usize> = (0..900).filter(|&i| case.bounds[i].num_tiles > 0).collect();
         let unseen = (0..900).find(|&i| case.bounds[i].num_tiles == 0).unwrap();
         assert!(run(&[]) == (lists.clone(), 0));
-        assert!(run(&[(seen[3], 2), (seen[100], 1), (unseen, 1)]) == (lists.clone(), 4), "slots to spare");
-        // A slot too few: the splat's last tile goes without it, and nobody else notices.
+        assert!(run(&[(seen[3], 2), (seen[100], 1), (unseen, 1)]) == (lists.clone(), 4), "spare slots");
+        // With one slot too few, the splat is missing from its last tile, and nothing else changes.
         let (got, leftover) = run(&[(seen[7], -1)]);
         let mut expected = lists.clone();
         let last = expected.iter_mut().rev().find(|l| l.contains(&(seen[7] as u32))).unwrap();
@@ -277,13 +277,13 @@ fn counts_of_another_rounding_do_no_harm() {
 }
 
 #[test]
-#[ignore = "a measurement, to be asked for"]
+#[ignore = "a measurement: run on demand"]
 fn throughput() {
     let Some(mut harness) = open(&[&SORT[..], &SLOTS, &LISTS].concat()) else { return };
-    let case = Case::random(9, [1600, 1200], 20_000);
+    let case = TileListCase::random(9, [1600, 1200], 20_000);
     let total: u32 = case.bounds.iter().map(|b| b.num_tiles).sum();
     fill_case(&mut harness, &case, total);
-    // Once for the compiler, then again from the beginning.
+    // The first run may compile.
     harness.run(&order_and_bin(STEP, case.num_tiles()));
     fill_case(&mut harness, &case, total);
     harness.run(&depth_sort(STEP));

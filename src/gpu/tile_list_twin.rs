@@ -1,10 +1,11 @@
-//! Hand-made bounds and their tile lists, computed the plain way, for the tests of the tile lists.
+//! Twin of the kernels that list the splats of each tile, for tests: random bounds, and their tile lists computed in
+//! the obvious way.
 
 use super::shader::TILE_PX;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg32;
 
-/// `Bounds` of `common/bounds.wgsl`.
+/// `Bounds` of `shaders/common/bounds.wgsl`.
 #[derive(Clone, Copy, Debug, Default, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub(super) struct TestBounds {
@@ -20,9 +21,9 @@ pub(super) struct TestBounds {
     rest: [u32; 6],
 }
 
-/// Splats of a view.
+/// The splats of a view.
 #[derive(Clone)]
-pub(super) struct Case {
+pub(super) struct TileListCase {
     pub size_px: [u32; 2],
     pub bounds: Vec<TestBounds>,
     pub keys: Vec<u32>,
@@ -35,8 +36,8 @@ pub(super) fn grid_of(size_px: [u32; 2]) -> [u32; 2] {
     size_px.map(|size| size.div_ceil(TILE_PX))
 }
 
-impl Case {
-    /// Boxes, ellipses, single pixels, and splats out of sight; depth keys with many ties.
+impl TileListCase {
+    /// Boxes, ellipses, single pixels and invisible splats, with many ties among the depth keys.
     pub(super) fn random(seed: u64, size_px: [u32; 2], n: usize) -> Self {
         let mut rng = Pcg32::seed_from_u64(seed);
         let mut case = Self { size_px, bounds: Vec::new(), keys: Vec::new(), tiles: Vec::new() };
@@ -46,8 +47,8 @@ impl Case {
                 1 => random_box(size_px, &mut rng),
                 _ => random_ellipse(size_px, &mut rng),
             };
-            // Shapes whose tiles depend on the last digits are left out: 0.02 px, where rounding moves an end
-            // by up to 0.007 px (the root near the tip of a span of 30 px).
+            // Leaves out bounds whose tiles change within 0.02 px: rounding moves the end of a span by up to 0.007 px
+            // (at the root near the tip of a span of 30 px).
             let tiles = tiles_of(&bounds, size_px, 0.03);
             if tiles != tiles_of(&bounds, size_px, -0.01) {
                 continue;
@@ -120,8 +121,8 @@ fn random_ellipse(size_px: [u32; 2], rng: &mut Pcg32) -> TestBounds {
     }
 }
 
-/// Tiles that a shape touches: in each row of tiles the whole run between the outermost points; for a shape of
-/// at most a tile's height, of those in the rows of pixel centres.
+/// Tiles that a splat touches: in each row of tiles, the run between its leftmost and rightmost point; if it is at
+/// most a tile high, only points at the height of pixel centres count.
 fn tiles_of(bounds: &TestBounds, size_px: [u32; 2], margin_px: f64) -> Vec<u32> {
     let unpack = |packed: u32| [packed & 0xffff, packed >> 16];
     let (low, high) = (unpack(bounds.box_min), unpack(bounds.box_max));

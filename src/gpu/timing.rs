@@ -1,10 +1,9 @@
-//! Times of single dispatches by the device's own clock.
+//! Times individual dispatches by the device's timestamps.
 
 use super::device::GpuDevice;
 use crate::Result;
 use std::time::Duration;
 
-/// Queries of a set, at most.
 const MAX_QUERIES: u32 = wgpu::QUERY_SET_MAX_QUERIES;
 
 /// Two timestamps around each dispatch of a submission.
@@ -18,7 +17,7 @@ impl Timer {
     /// `None` on devices without timestamps.
     ///
     /// # Errors
-    /// [`crate::Error::Device`] if memory is refused.
+    /// [`crate::Error::Device`] if allocation fails.
     pub(super) fn new(device: &GpuDevice) -> Result<Option<Self>> {
         if !device.device.features().contains(wgpu::Features::TIMESTAMP_QUERY) {
             return Ok(None);
@@ -38,18 +37,18 @@ impl Timer {
         Ok(Some(Self { queries, resolved, nanoseconds_per_tick }))
     }
 
-    /// Dispatches that one submission can time.
+    /// Largest number of dispatches per submission that can be timed.
     pub(super) const MAX_DISPATCHES: usize = MAX_QUERIES as usize / 2;
 
-    /// Puts the reading of `dispatches` times behind what is encoded.
+    /// Encodes a copy of the timestamps of the first `dispatches` dispatches.
     pub(super) fn resolve(&self, encoder: &mut wgpu::CommandEncoder, dispatches: usize) {
         encoder.resolve_query_set(&self.queries, 0..2 * dispatches as u32, &self.resolved, 0);
     }
 
-    /// Time of each dispatch of the last submission.
+    /// Duration of each dispatch of the last submission.
     ///
     /// # Errors
-    /// [`crate::Error::Device`] if the device is gone.
+    /// [`crate::Error::Device`] if the device was lost.
     pub(super) fn read(&self, device: &GpuDevice, dispatches: usize) -> Result<Vec<Duration>> {
         let ticks: Vec<[u64; 2]> = device.read(&self.resolved, dispatches)?;
         let time = |[start, end]: &[u64; 2]| {

@@ -1,4 +1,4 @@
-//! Fills the uniform of a step or an image.
+//! Fills in the uniforms of training steps and images.
 
 use super::layout::{FLAG_PERSIST, FLAG_STATISTICS, StepUniform};
 use super::shader::{FIXED_MAX, TILE_PX};
@@ -7,18 +7,18 @@ use crate::camera::Camera;
 use crate::constants::{ADAM_BETA1, ADAM_BETA2};
 use crate::model::LearningRates;
 
-/// What all uniforms of a backend have in common.
+/// State of a backend that every uniform contains.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Scene {
+pub(super) struct UniformInputs {
     pub num_splats: u32,
     pub splat_stride: u32,
     pub near: f32,
     pub pair_capacity: u32,
     /// Height of the rasterisation's tiles.
     pub tile_rows_px: u32,
-    /// Steps that are done.
+    /// Last completed step.
     pub flushed_step: u32,
-    /// Rates of the last of them.
+    /// Learning rates of that step.
     pub flushed_rates: LearningRates,
 }
 
@@ -27,27 +27,32 @@ pub(super) fn grid(camera: &Camera, tile_rows_px: u32) -> [u32; 2] {
     [camera.pinhole.width_px.div_ceil(TILE_PX), camera.pinhole.height_px.div_ceil(tile_rows_px)]
 }
 
-/// For what looks at no view.
-pub(super) fn without_view(scene: &Scene, flags: u32) -> StepUniform {
+/// Uniform of dispatches that use no view.
+pub(super) fn without_view(inputs: &UniformInputs, flags: u32) -> StepUniform {
     StepUniform {
-        near: scene.near,
-        num_splats: scene.num_splats,
-        splat_stride: scene.splat_stride,
-        flushed_step: scene.flushed_step,
-        pair_capacity: scene.pair_capacity,
+        near: inputs.near,
+        num_splats: inputs.num_splats,
+        splat_stride: inputs.splat_stride,
+        flushed_step: inputs.flushed_step,
+        pair_capacity: inputs.pair_capacity,
         partial_stride: PARTIAL_STRIDE,
-        last_rate_sh_dc: scene.flushed_rates.sh_dc,
-        last_rate_sh_rest: scene.flushed_rates.sh_rest,
-        last_rate_texel: scene.flushed_rates.texel,
-        last_rate_texel_growth: scene.flushed_rates.texel_growth,
-        last_rate_texel_growth_limit: scene.flushed_rates.texel_growth_limit,
+        last_rate_sh_dc: inputs.flushed_rates.sh_dc,
+        last_rate_sh_rest: inputs.flushed_rates.sh_rest,
+        last_rate_texel: inputs.flushed_rates.texel,
+        last_rate_texel_growth: inputs.flushed_rates.texel_growth,
+        last_rate_texel_growth_limit: inputs.flushed_rates.texel_growth_limit,
         flags,
         ..StepUniform::default()
     }
 }
 
-/// For an image.
-pub(super) fn image(scene: &Scene, camera: &Camera, background: [f32; 3], sh_degree: u32) -> StepUniform {
+/// Uniform of an image.
+pub(super) fn image(
+    inputs: &UniformInputs,
+    camera: &Camera,
+    background: [f32; 3],
+    sh_degree: u32,
+) -> StepUniform {
     let rotation = camera.camera_from_local.rotation;
     let translation = camera.camera_from_local.translation;
     let row = |r: usize| {
@@ -62,28 +67,28 @@ pub(super) fn image(scene: &Scene, camera: &Camera, background: [f32; 3], sh_deg
         focal_px: [pinhole.fx_px as f32, pinhole.fy_px as f32],
         principal_px: [pinhole.cx_px as f32, pinhole.cy_px as f32],
         size_px: [pinhole.width_px, pinhole.height_px],
-        grid: grid(camera, scene.tile_rows_px),
+        grid: grid(camera, inputs.tile_rows_px),
         background,
         sh_degree,
-        ..without_view(scene, 0)
+        ..without_view(inputs, 0)
     }
 }
 
-/// Floats of a pair's partial sums.
+/// Floats per pair in the partial sums.
 pub(super) const PARTIAL_STRIDE: u32 = 16;
-/// The same where window statistics are summed.
+/// Floats per pair with window statistics.
 pub(super) const PARTIAL_STRIDE_STATISTICS: u32 = 20;
-/// The same where the terms on depths and normals are on: these and the window statistics.
+/// Floats per pair with distortion and normal terms, which imply window statistics.
 pub(super) const PARTIAL_STRIDE_GEOMETRY: u32 = 24;
 
-/// Whether a step needs the sums of the window statistics.
+/// Whether a step needs the sums for the window statistics.
 pub(super) fn needs_statistics(request: &StepRequest<'_>) -> bool {
     request.accumulate_statistics || request.loss.texture_hidden != 0.0
 }
 
-/// For a step.
+/// Uniform of a training step.
 pub(super) fn step(
-    scene: &Scene,
+    inputs: &UniformInputs,
     request: &StepRequest<'_>,
     photo_offset_px: u32,
     status_slot: u32,
@@ -107,7 +112,7 @@ pub(super) fn step(
         loss_mse: loss.mse,
         loss_distortion: loss.distortion,
         loss_normal: loss.normal,
-        opacity_weight: loss.opacity / scene.num_splats.max(1) as f32,
+        opacity_weight: loss.opacity / inputs.num_splats.max(1) as f32,
         texture_weight: loss.texture,
         texture_hidden_weight: loss.texture_hidden,
         texel_units: (3.0 * num_pixels * FIXED_MAX / gradient_bound(loss)) as f32,
@@ -123,13 +128,13 @@ pub(super) fn step(
         rate_texel_growth_limit: rates.texel_growth_limit,
         m_correction: (1.0 / (1.0 - ADAM_BETA1.powf(t))) as f32,
         v_correction_sqrt: (1.0 / (1.0 - ADAM_BETA2.powf(t)).sqrt()) as f32,
-        ..image(scene, &request.camera, request.background, request.sh_degree)
+        ..image(inputs, &request.camera, request.background, request.sh_degree)
     }
 }
 
-/// Bound of the derivative of the loss by a channel of a pixel, times their number: 1 for L1, 2 per unit of
-/// difference for MSE, and for SSIM 2 / sqrt(C2), where a window is flat in the photo; a power of two.
-/// Poisoned images may exceed it: sums saturate then, and are counted.
+/// Upper bound of the derivative of the loss by a channel of a pixel, times the number of channels, rounded up to
+/// a power of two: 1 for L1; 2 per unit of difference for MSE; 2 / sqrt(C2) for SSIM, reached where the photo is
+/// flat under the window. Poisoned images may exceed it; their gradients are clamped and counted.
 fn gradient_bound(loss: &LossWeights) -> f64 {
     let bound = f64::from(loss.l1) + 4.0 * f64::from(loss.mse) + 67.0 * f64::from(loss.dssim);
     bound.max(1e-6).log2().ceil().exp2()

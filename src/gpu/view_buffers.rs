@@ -1,5 +1,5 @@
-//! Buffers that follow in size from the images and from the number of pairs. They grow from one upload of a
-//! model to the next, which gives them back.
+//! Buffers whose size depends on the images and the number of pairs. They only grow, until the next upload of a
+//! model frees them.
 
 use super::device::GpuDevice;
 use super::kernels::Buf;
@@ -9,41 +9,42 @@ use super::sort::histogram_entries;
 use super::uniform::{PARTIAL_STRIDE, PARTIAL_STRIDE_GEOMETRY, PARTIAL_STRIDE_STATISTICS};
 use crate::Result;
 
-/// What the buffers hold now.
+/// Current capacity of the buffers.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Capacity {
     splats: u64,
-    /// Of images.
+    /// Pairs of an image.
     pub pairs: u64,
-    /// Of steps: those whose partial sums have room, too. An image may have needed more.
+    /// Pairs of a training step, which also need partial sums. Images may have needed more.
     pub training_pairs: u64,
     /// Floats of the partial sums.
     partials: u64,
     pixels: u64,
     training_pixels: u64,
     tiles: u64,
-    /// The same where depths and normals are made.
+    // For depths and normals.
     geometry_splats: u64,
     geometry_pixels: u64,
     geometry_training_pixels: u64,
     geometry_tiles: u64,
 }
 
-/// What a submission needs.
+/// Capacity that a submission needs.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Needs {
+pub(super) struct RequiredCapacity {
     pub splats: u64,
     pub pairs: u64,
     pub pixels: u64,
     pub tiles: u64,
-    /// Whether there is a backward pass, and whether it sums statistics.
+    /// Whether there is a backward pass.
     pub training: bool,
+    /// Whether the backward pass sums window statistics.
     pub statistics: bool,
-    /// Whether depths and normals are made.
+    /// Whether depths and normals are computed.
     pub geometry: bool,
 }
 
-/// All buffers that are made here.
+/// All buffers that this module allocates.
 const BUFFERS: [Buf; 21] = [
     Buf::KeysA,
     Buf::KeysB,
@@ -69,26 +70,26 @@ const BUFFERS: [Buf; 21] = [
 ];
 
 impl Capacity {
-    /// Gives everything back.
+    /// Frees all buffers.
     pub(super) fn release(&mut self, resources: &mut Resources) {
         BUFFERS.into_iter().for_each(|name| resources.remove(name));
         *self = Self::default();
     }
 
-    /// Pairs that there is room for.
+    /// Pairs that fit in training steps, or in images.
     pub(super) fn pairs_of(&self, training: bool) -> u64 {
         if training { self.training_pairs } else { self.pairs }
     }
 
-    /// Grows what is too small.
+    /// Grows the buffers that are too small.
     ///
     /// # Errors
-    /// [`crate::Error::Device`] with counts if a limit or the memory stands against it.
+    /// [`crate::Error::Device`] with the sizes if they exceed a limit or allocation fails.
     pub(super) fn ensure(
         &mut self,
         device: &GpuDevice,
         resources: &mut Resources,
-        needs: &Needs,
+        needs: &RequiredCapacity,
     ) -> Result<()> {
         if needs.pairs > self.pairs || needs.splats > self.splats {
             let (pairs, splats) = (needs.pairs.max(self.pairs), needs.splats.max(self.splats));
@@ -139,12 +140,12 @@ impl Capacity {
         if needs.geometry { self.ensure_geometry(device, resources, needs) } else { Ok(()) }
     }
 
-    /// What depths, normals and the terms on them need beside the rest.
+    /// Grows the additional buffers for depths, normals and the terms on them.
     fn ensure_geometry(
         &mut self,
         device: &GpuDevice,
         resources: &mut Resources,
-        needs: &Needs,
+        needs: &RequiredCapacity,
     ) -> Result<()> {
         if needs.splats > self.geometry_splats {
             resources.set(Buf::Normals, device.buffer("normals of splats", needs.splats, 16)?);

@@ -1,35 +1,35 @@
-//! The kernels as browsers see them.
+//! The kernels in the dialect of browsers, for tests of their WGSL.
 
 use super::kernels::KERNELS;
-use super::shader::{Expanded, HALF_TILES, Target, expand};
+use super::shader::{Dialect, ExpandedShader, HALF_TILES, expand};
 use crate::{Error, Result};
 
-/// A kernel in the form for browsers.
+/// A kernel variant in the dialect of browsers.
 #[derive(Clone, Debug)]
 pub struct WebShader {
-    /// Name of the kernel and of its variant, for messages.
+    /// Name of the kernel and flags of the variant, for messages.
     pub name: String,
-    /// Its entry point.
+    /// Name of the entry point.
     pub entry_point: &'static str,
-    /// Its text, and where each line comes from.
-    pub shader: Expanded,
+    /// Preprocessed WGSL.
+    pub shader: ExpandedShader,
 }
 
-/// All kernels and their variants, with tiles of both heights where it makes a difference, expanded for browsers.
+/// All kernels and their variants in the dialect of browsers, with tiles of both heights if the kernel depends on it.
 ///
 /// # Errors
-/// [`Error::Device`] with the place in the sources if one cannot be expanded.
+/// [`Error::Device`] with file and line if the preprocessor fails.
 pub fn web_shaders() -> Result<Vec<WebShader>> {
     let mut out: Vec<WebShader> = Vec::new();
     for (_, kernel) in KERNELS {
         for tiles in [&[][..], &[HALF_TILES]] {
             let flags = [kernel.flags, tiles].concat();
-            let shader = expand(kernel.name, &flags, Target::Web).map_err(Error::Device)?;
-            // Most kernels do not ask for the height of tiles: they only see it defined.
+            let shader = expand(kernel.name, &flags, Dialect::Web).map_err(Error::Device)?;
+            // Most kernels only define the height of tiles and never use it.
             let heights = ["TILE_ROWS_PX", "TILE_SIZE_PX", "RASTER_GROUP"];
             let mut code = shader.text.lines().filter(|line| !line.starts_with("const "));
-            let asks = code.any(|line| heights.iter().any(|name| line.contains(name)));
-            if asks || tiles.is_empty() {
+            let uses_height = code.any(|line| heights.iter().any(|name| line.contains(name)));
+            if uses_height || tiles.is_empty() {
                 let name = std::iter::once(kernel.name).chain(flags).collect::<Vec<_>>().join(" ");
                 out.push(WebShader { name, entry_point: kernel.name, shader });
             }

@@ -1,9 +1,9 @@
-//! Adam, dense, and the closed form for steps in which a parameter received no gradient.
+//! Dense Adam, and the closed form for steps in which a parameter received no gradient.
 
 use crate::constants::{ADAM_BETA1 as BETA1, ADAM_BETA2 as BETA2, ADAM_EPSILON as EPSILON};
 use crate::model::LearningRates;
 
-/// One step on one parameter; `step` counts from 1. `state` is (parameter, m, v).
+/// One step on one parameter, where `state` is (parameter, m, v) and `step` counts from 1. Returns the new state.
 pub fn adam_dense(state: (f64, f64, f64), gradient: f64, rate: f64, step: u32) -> (f64, f64, f64) {
     let (p, m, v) = state;
     let m = BETA1 * m + (1.0 - BETA1) * gradient;
@@ -13,8 +13,8 @@ pub fn adam_dense(state: (f64, f64, f64), gradient: f64, rate: f64, step: u32) -
     (p - rate * m_hat / (v_hat.sqrt() + EPSILON), m, v)
 }
 
-/// `skipped` steps without gradient after `step`, in closed form: the update of each is the last one
-/// times a power of beta1 / sqrt(beta2), bias corrections taken as of `step`.
+/// `skipped` steps without gradient after `step`, in closed form: each update is that of `step` times a power of
+/// beta1 / sqrt(beta2), with the bias corrections of `step`.
 pub fn adam_skipped(state: (f64, f64, f64), rate: f64, step: u32, skipped: u32) -> (f64, f64, f64) {
     let (p, m, v) = state;
     if skipped == 0 || step == 0 {
@@ -28,7 +28,7 @@ pub fn adam_skipped(state: (f64, f64, f64), rate: f64, step: u32, skipped: u32) 
     (p - rate * m_hat / (v_hat.sqrt() + EPSILON) * sum, m * BETA1.powf(k), v * BETA2.powf(k))
 }
 
-/// Rate of the texels of a map: larger maps learn faster, within limits.
+/// Learning rate of the texels of a map: larger maps learn faster, up to a limit.
 pub fn map_rate(rates: &LearningRates, num_texels: usize) -> f64 {
     let growth = (num_texels as f64 / 4.0).powf(f64::from(rates.texel_growth));
     f64::from(rates.texel) * growth.min(f64::from(rates.texel_growth_limit)).max(1.0)
@@ -53,7 +53,7 @@ mod tests {
             let rate = map_rate(&rates, num_texels);
             assert!((rate / (f64::from(rates.texel) * factor) - 1.0).abs() < 1e-12, "{num_texels}: {rate}");
         }
-        // What the backends take.
+        // The backends use `LearningRates::of_map`.
         for rates in [rates(0.5, 4.0), rates(0.37, 3.0), rates(0.0, 4.0), rates(0.5, 0.0)] {
             for num_texels in [0, 1, 4, 12, 45, 1000] {
                 let ratio = f64::from(rates.of_map(num_texels)) / map_rate(&rates, num_texels);

@@ -1,12 +1,12 @@
-//! Pixel bounds of a splat: the exact box of the conic that the disc of alpha >= 1/255 projects to,
-//! or of the disc's quad clipped at the near plane where the conic is no ellipse (method 2.3).
+//! Pixel bounds of a splat: the exact box of the conic that the disc of alpha >= 1/255 projects to, or where the
+//! conic is not an ellipse, the box of the disc's bounding quad clipped at the near plane (method 2.3).
 
 use super::Projected;
 use crate::camera::Camera;
 use crate::constants::{ALPHA_MIN, CONIC_MARGIN};
 use glam::{DVec2, DVec3};
 
-/// Half-open ranges of pixels whose centres lie within the bounds, clipped to the image.
+/// Half-open ranges of the pixels whose centres lie within the bounds, clipped to the image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PixelBounds {
     /// First column.
@@ -32,7 +32,7 @@ pub fn pixel_bounds(p: &Projected, camera: &Camera, near: f64) -> Option<PixelBo
     }
     let (low, high) = conic_box(p, camera, r2).or_else(|| clipped_box(p, camera, r2.sqrt(), near))?;
     let (width, height) = (f64::from(camera.pinhole.width_px), f64::from(camera.pinhole.height_px));
-    // Pixel x is inside if its centre x + 0.5 is.
+    // Pixel x has its centre at x + 0.5.
     let first = |v: f64, size: f64| (v - 0.5).ceil().clamp(0.0, size) as u32;
     let past = |v: f64, size: f64| ((v - 0.5).floor() + 1.0).clamp(0.0, size) as u32;
     let bounds = PixelBounds {
@@ -44,8 +44,8 @@ pub fn pixel_bounds(p: &Projected, camera: &Camera, near: f64) -> Option<PixelBo
     (bounds.x0 < bounds.x1 && bounds.y0 < bounds.y1).then_some(bounds)
 }
 
-/// Box of the projected disc from the rows of its homography relative to the projected centre;
-/// `None` where the disc reaches the camera plane and the conic is no ellipse.
+/// Box of the projected disc, from the rows of its homography relative to the projected centre; `None` if the disc
+/// reaches the camera plane, where the conic is not an ellipse.
 fn conic_box(p: &Projected, camera: &Camera, r2: f64) -> Option<(DVec2, DVec2)> {
     let pc = p.centre_in_camera;
     let row = |k: usize| {
@@ -65,7 +65,7 @@ fn conic_box(p: &Projected, camera: &Camera, r2: f64) -> Option<(DVec2, DVec2)> 
     Some((p.centre_px + centre - half, p.centre_px + centre + half))
 }
 
-/// Box of the disc's bounding quad after clipping at the near plane.
+/// Box of the disc's bounding quad, clipped at the near plane.
 fn clipped_box(p: &Projected, camera: &Camera, r: f64, near: f64) -> Option<(DVec2, DVec2)> {
     let [e_u, e_v, _] = p.axes_in_camera;
     let corner =

@@ -1,5 +1,5 @@
-//! Optional terms on depths and normals (method section 3): distortion and normal consistency. They act
-//! on samples through their weight, their depth and the normal of their splat.
+//! Optional terms on depths and normals (method section 3): distortion and normal consistency. They depend on each
+//! sample's weight and depth, and on the normal of its splat.
 
 use super::Image;
 use crate::backend::{LossWeights, TargetImage};
@@ -7,34 +7,35 @@ use crate::camera::Camera;
 use crate::constants::SURFACE_ALPHA_MIN;
 use glam::{DVec2, DVec3};
 
-/// With `m` the inverse depth of a sample over that of the near plane and `n` its normal facing the camera,
-/// the derivative by its weight is `constant + linear m + square m^2 + towards . n`.
+/// Coefficients of both terms' derivatives at a pixel. With `m` the near depth over a sample's depth and `n`
+/// its normal facing the camera, the derivative by the sample's weight is `constant + linear m + square m^2 +
+/// towards . n`, and the derivative by `m` is `weight (linear + 2 square m)`.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct GeometryCoefficients {
     /// Constant part.
     pub constant: f64,
-    /// Times m.
+    /// Factor of m.
     pub linear: f64,
-    /// Times m squared; by m itself it is weight (linear + 2 square m).
+    /// Factor of m squared.
     pub square: f64,
-    /// Dotted with the normal, camera axes.
+    /// Vector multiplied with the normal, camera axes.
     pub towards: DVec3,
 }
 
-/// Values of both terms and the derivatives per pixel.
+/// Values of both terms, and the coefficients of their derivatives.
 #[derive(Default)]
 pub struct GeometryLoss {
     /// Distortion term, weighted.
     pub distortion: f64,
     /// Normal term, weighted.
     pub normal: f64,
-    /// `[height, width]`; empty if both terms are off.
+    /// Coefficients by pixel, empty if both terms are off. `[height, width]`
     pub coefficients: Vec<GeometryCoefficients>,
 }
 
-/// Distortion `A M2 - M1^2` with A, M1, M2 the sums of w, w m, w m^2 over a pixel's samples, which is the sum
-/// of `w_i w_j (m_i - m_j)^2` over pairs; normal consistency, the sum of `w (1 - n . surface)`. Means over
-/// all pixels; masked ones count as 0. Surface normals are constants to the derivative.
+/// Distortion `A M2 - M1^2`, with A, M1, M2 the sums of w, w m, w m^2 over a pixel's samples, which equals the sum of
+/// `w_i w_j (m_i - m_j)^2` over pairs of samples; and normal consistency, the sum of `w (1 - n . surface)`. Both are
+/// means over all pixels; masked pixels count as 0. Surface normals are constants in the derivative.
 pub fn geometry_loss(
     image: &Image,
     normals: &[DVec3],
@@ -67,8 +68,8 @@ pub fn geometry_loss(
     out
 }
 
-/// Normals of the depth map by central differences, camera axes, facing the camera; zero at the border and
-/// where a neighbour is not opaque.
+/// Normals of the depth map by central differences, in camera axes, facing the camera; zero at the border and where a
+/// neighbour is not opaque. `[height, width]`
 pub fn surface_normals(image: &Image, camera: &Camera) -> Vec<DVec3> {
     let (w, h) = (image.width_px, image.height_px);
     let point = |x: usize, y: usize| {

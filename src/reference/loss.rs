@@ -1,22 +1,22 @@
-//! L1 + SSIM + MSE of an image against a photo, and the derivative by every pixel (method section 3).
+//! L1, SSIM and MSE terms of an image against a photo, and their derivative by every pixel (method section 3).
 //!
-//! Masked pixels count as equal to the photo; means run over all pixels of the image.
+//! Masked pixels count as equal to the photo; means are over all pixels of the image.
 
 use crate::backend::{LossValues, LossWeights, TargetImage};
 use crate::constants::{SSIM_C1, SSIM_C2, SSIM_RADIUS_PX, ssim_window};
 
 /// Loss of an image.
 pub struct ImageLoss {
-    /// `l1`, `dssim` and `mse`, weighted.
+    /// The terms `l1`, `dssim` and `mse`, weighted; the others are zero.
     pub values: LossValues,
-    /// By the image. `[height, width, 3]`
+    /// Derivative by the image. `[height, width, 3]`
     pub gradient: Vec<f64>,
-    /// Loss per pixel for the window statistics: the l1 and dssim terms, not averaged.
+    /// Loss of each pixel for the window statistics: the l1 and dssim terms, averaged over the channels only.
     /// `[height, width]`
     pub map: Vec<f64>,
 }
 
-/// Loss, gradient and per-pixel map. `rgb` is `[height, width, 3]`.
+/// Loss, gradient and per-pixel map of the image `rgb`. `[height, width, 3]`
 pub fn image_loss(rgb: &[f64], target: &TargetImage, weights: &LossWeights) -> ImageLoss {
     let (w, h) = (target.width_px as usize, target.height_px as usize);
     let kept = |pixel: usize| target.mask.as_ref().is_none_or(|m| m[pixel] != 0);
@@ -52,7 +52,7 @@ pub fn image_loss(rgb: &[f64], target: &TargetImage, weights: &LossWeights) -> I
     ImageLoss { values, gradient, map }
 }
 
-/// SSIM map of one channel and the derivative of its sum by `x`. `[height, width]`
+/// SSIM map of a channel, and the derivative of its sum by `x`. `[height, width]`
 fn ssim_channel(x: &[f64], y: &[f64], w: usize, h: usize) -> (Vec<f64>, Vec<f64>) {
     let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).collect::<Vec<_>>();
     let mean_x = blur(x, w, h);
@@ -81,7 +81,7 @@ fn ssim_channel(x: &[f64], y: &[f64], w: usize, h: usize) -> (Vec<f64>, Vec<f64>
     (ssim, by_x)
 }
 
-/// Gaussian window with zero padding; its own adjoint.
+/// Convolution with the Gaussian window and zero padding; its own adjoint.
 fn blur(values: &[f64], w: usize, h: usize) -> Vec<f64> {
     let window = ssim_window();
     let tap = |i: usize, k: usize, size: usize| (i + k).checked_sub(SSIM_RADIUS_PX).filter(|&j| j < size);

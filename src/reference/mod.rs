@@ -1,6 +1,6 @@
-//! The reference renderer: f64, one thread, straight from the formulas, obviously right rather than
-//! fast. Production backends are compared with it in the tests and by `litetex selftest`; every
-//! kernel of theirs has its twin here under the same name. No tiles, no bounds, no cleverness.
+//! The reference renderer: f64, single-threaded, straight from the formulas, obviously right rather than fast.
+//! Tests and `litetex selftest` compare the production backends with it; each of their kernels has its twin here
+//! under the same name. No tiles, no culling by bounds, no optimisations.
 
 mod adam;
 mod bounds;
@@ -26,56 +26,56 @@ use crate::backend::{LossValues, LossWeights, TargetImage};
 use crate::camera::Camera;
 use glam::{DVec2, DVec3};
 
-/// How the step of alpha at 1/255 is treated.
+/// Treatment of the discontinuity of alpha at 1/255.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AlphaCutoff {
-    /// As in production: zero below 1/255, and a pixel stops at a transmittance of 1e-4.
+    /// As in production: alpha is zero below 1/255, and a pixel stops at a transmittance of 1e-4.
     Hard,
-    /// A C1 ramp between 0.5/255 and 1.5/255 and no stop: differentiable, for central differences.
+    /// A C1 ramp between 0.5/255 and 1.5/255, and pixels never stop: differentiable, for central differences.
     Smooth,
 }
 
-/// Whether the gradient passes the clamp of a colour channel at zero.
+/// Gradient through the clamp of a colour channel at zero.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ColourGradient {
-    /// Only where the colour is positive: the derivative by the letter.
+    /// Passes only where the colour is positive: the exact derivative.
     Strict,
-    /// Also where descent would raise the colour, so that dark texels recover (method 2.4).
+    /// Also passes where descent would raise the colour, so that dark texels recover (method 2.4).
     Projected,
 }
 
-/// Variants of the reference.
+/// Settings of the reference renderer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
-    /// Alpha cut-off.
+    /// Treatment of alpha near 1/255.
     pub cutoff: AlphaCutoff,
-    /// Gradient at the colour clamp.
+    /// Gradient through the colour clamp.
     pub colour_gradient: ColourGradient,
     /// Near plane, local units.
     pub near: f64,
-    /// SH degree in use.
+    /// SH degree to evaluate.
     pub sh_degree: u32,
-    /// Display-space colour behind everything.
+    /// Display-space colour behind all splats.
     pub background: [f64; 3],
 }
 
-/// Result of one forward and backward pass.
+/// Result of a forward and a backward pass.
 pub struct Gradients {
     /// Rendered image.
     pub image: Image,
-    /// Loss terms.
+    /// Loss terms, weighted.
     pub loss: LossValues,
     /// Derivative of the total loss by every stored parameter.
     pub params: Params,
-    /// Which splats the view sees: alpha reaches 1/255 at a pixel, hidden by others or not. `[n]`
+    /// Whether alpha reaches 1/255 at any pixel, hidden by other splats or not. `[n]`
     pub visible: Vec<bool>,
-    /// Covered pixels, blending weight, blending weight times loss; not normalised. `[n]`
+    /// Covered pixels, blending weight, and blending weight times loss; not normalised. `[n]`
     pub statistics: Vec<[f64; 3]>,
     /// Normals of the depth map. `[height, width]`
     pub surface_normals: Vec<DVec3>,
 }
 
-/// Loss of one view and its derivative by every parameter (method sections 2.4 and 3).
+/// Loss of a view and its derivative by every parameter (method sections 2.4 and 3).
 pub fn gradients(
     params: &Params,
     camera: &Camera,
@@ -86,8 +86,8 @@ pub fn gradients(
     gradients_at(params, camera, target, weights, settings, None)
 }
 
-/// [`gradients`] with the depth map's normals given: they are constants to the derivative, so that central
-/// differences must hold them still.
+/// [`gradients`] with given normals of the depth map. They are constants in the derivative, so central differences
+/// must keep them fixed.
 pub fn gradients_at(
     params: &Params,
     camera: &Camera,
@@ -121,7 +121,7 @@ pub fn gradients_at(
     Gradients { image, loss, params: grad, visible, statistics, surface_normals }
 }
 
-/// Whether any pixel centre lies where alpha reaches 1/255, covered by others or not.
+/// Whether alpha reaches 1/255 at any pixel centre, hidden by other splats or not.
 fn is_visible(p: &Projected, camera: &Camera, settings: &Settings) -> bool {
     pixel_bounds(p, camera, settings.near).is_some_and(|b| {
         let mut pixels = (b.y0..b.y1).flat_map(|y| (b.x0..b.x1).map(move |x| (x, y)));
@@ -129,7 +129,7 @@ fn is_visible(p: &Projected, camera: &Camera, settings: &Settings) -> bool {
     })
 }
 
-/// Opacity and texture terms (method section 3), over the splats that the view sees.
+/// Adds the opacity and texture terms (method section 3) over the visible splats.
 fn regularise(
     params: &Params,
     visible: &[bool],
@@ -143,14 +143,14 @@ fn regularise(
         let o = params.opacity(i);
         loss.opacity += opacity_weight * o;
         grad.opacity_logits[i] += opacity_weight * o * (1.0 - o);
-        // The mean transmittance in front of the splat is a constant to the derivative.
+        // The mean transmittance in front of the splat is a constant in the derivative.
         let in_front = splats[i].transmittance / splats[i].statistics[0].max(1.0);
         let texture_weight =
             f64::from(weights.texture) + f64::from(weights.texture_hidden) * (1.0 - in_front);
         for t in params.maps[i].floats() {
             let v = crate::model::texel_value(params.texels[t]);
             loss.texture += texture_weight * v.abs();
-            // The derivative at exactly 0 is taken as 0: a neutral texel is at rest.
+            // The derivative at exactly 0 is 0, so that neutral texels stay neutral.
             let sign = if v == 0.0 { 0.0 } else { v.signum() };
             grad.texels[t] += texture_weight * sign * crate::model::texel_value_slope(v);
         }

@@ -3,29 +3,29 @@
 use crate::model::{Model, SplatGroup, TextureMap};
 use glam::{DMat3, DQuat, DVec3};
 
-/// Stored parameters of all splats and texels, or their gradients.
+/// Stored parameters of all splats and texels, or gradients by them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Params {
     /// SH degree of `sh`.
     pub sh_degree: u32,
-    /// `[n, 3]` local frame
+    /// Centres in the local frame. `[n, 3]`
     pub positions: Vec<f64>,
-    /// `[n, 4]` wxyz, local_from_surfel, not normalised
+    /// Rotations local_from_surfel as wxyz, not normalised. `[n, 4]`
     pub quaternions: Vec<f64>,
-    /// `[n, 2]`
+    /// Logarithms of the standard deviations. `[n, 2]`
     pub log_scales: Vec<f64>,
-    /// `[n]`
+    /// Opacities before the sigmoid. `[n]`
     pub opacity_logits: Vec<f64>,
-    /// `[n, (sh_degree + 1)^2, 3]`
+    /// SH coefficients. `[n, (sh_degree + 1)^2, 3]`
     pub sh: Vec<f64>,
-    /// `[num_texels, 3]`, before activation
+    /// Texels before activation. `[num_texels, 3]`
     pub texels: Vec<f64>,
-    /// `[n]`
+    /// Position and size of each splat's map. `[n]`
     pub maps: Vec<TextureMap>,
 }
 
 impl Params {
-    /// Parameters of a model.
+    /// The parameters of a model in f64.
     pub fn from_model(model: &Model) -> Self {
         let wide = |v: &[f32]| v.iter().map(|&x| f64::from(x)).collect();
         let s = &model.splats;
@@ -41,7 +41,7 @@ impl Params {
         }
     }
 
-    /// All parameters zero: an empty gradient.
+    /// Zeros in the same shape: an empty gradient.
     pub fn zeros_like(&self) -> Self {
         let mut out = self.clone();
         for group in SplatGroup::ALL {
@@ -56,7 +56,7 @@ impl Params {
         self.opacity_logits.len()
     }
 
-    /// Whether there is no splat.
+    /// Whether there are no splats.
     pub fn is_empty(&self) -> bool {
         self.opacity_logits.is_empty()
     }
@@ -72,7 +72,7 @@ impl Params {
         }
     }
 
-    /// The array of a group, to be written. `[n, width]`
+    /// The array of a group, mutable. `[n, width]`
     pub fn group_mut(&mut self, group: SplatGroup) -> &mut [f64] {
         match group {
             SplatGroup::Position => &mut self.positions,
@@ -83,28 +83,28 @@ impl Params {
         }
     }
 
-    /// Centre.
+    /// Centre of splat `i`, local frame.
     pub fn position(&self, i: usize) -> DVec3 {
         DVec3::from_slice(&self.positions[3 * i..])
     }
 
-    /// Rotation as stored, wxyz.
+    /// Quaternion of splat `i` as stored: wxyz, not normalised.
     pub fn quaternion(&self, i: usize) -> [f64; 4] {
         [0, 1, 2, 3].map(|k| self.quaternions[4 * i + k])
     }
 
-    /// local_from_surfel rotation; columns are the axes u, v and the normal.
+    /// Rotation local_from_surfel of splat `i`; its columns are `e_u`, `e_v` and the normal.
     pub fn rotation(&self, i: usize) -> DMat3 {
         let [w, x, y, z] = self.quaternion(i);
         DMat3::from_quat(DQuat::from_xyzw(x, y, z, w).normalize())
     }
 
-    /// Standard deviations.
+    /// Standard deviations of splat `i`, local units.
     pub fn scales(&self, i: usize) -> [f64; 2] {
         [self.log_scales[2 * i].exp(), self.log_scales[2 * i + 1].exp()]
     }
 
-    /// Opacity.
+    /// Opacity of splat `i`, 0 to 1.
     pub fn opacity(&self, i: usize) -> f64 {
         1.0 / (1.0 + (-self.opacity_logits[i]).exp())
     }

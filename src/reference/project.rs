@@ -1,37 +1,37 @@
-//! Projection of one splat to a view: the centred projective map from pixels to the surfel's plane,
-//! and the base colour (method sections 1.2 and 2.2).
+//! Projects a splat to a view: the centred projective map from pixels to the surfel's plane, and the base colour
+//! (method sections 1.2 and 2.2).
 
 use super::{AlphaCutoff, Params, Settings, sh::sh_basis};
 use crate::camera::Camera;
 use crate::constants::{ALPHA_MIN, EDGE_ON_MIN, sh_coefficients};
 use glam::{DVec2, DVec3};
 
-/// A splat as one view sees it. With `d` the offset of a pixel from the projected centre and
-/// `D = 1 + g . d`, the ray hits the plane at `(a . d, b . d) / D` in world units along the surfel's
-/// axes, at the depth `depth / D`.
+/// A splat projected to a view. With `d` the offset of a pixel from the projected centre and `D = 1 + g . d`, the
+/// pixel's ray hits the surfel's plane at `(a . d, b . d) / D`, in local units along the surfel's axes, at the depth
+/// `depth / D`.
 #[derive(Clone, Debug)]
 pub struct Projected {
-    /// Projected centre.
+    /// Centre in the image.
     pub centre_px: DVec2,
-    /// Numerator of the coordinate along u, world units per pixel.
+    /// Numerator of the coordinate along u, local units per pixel.
     pub a: DVec2,
-    /// Numerator of the coordinate along v, world units per pixel.
+    /// Numerator of the coordinate along v, local units per pixel.
     pub b: DVec2,
-    /// Denominator, per pixel.
+    /// Gradient of the denominator, per pixel.
     pub g: DVec2,
     /// Depth of the centre along the optical axis.
     pub depth: f64,
-    /// Standard deviations, local units.
+    /// Standard deviations along u and v, local units.
     pub scales: [f64; 2],
-    /// Opacity.
+    /// Opacity, 0 to 1.
     pub opacity: f64,
-    /// SH colour after the clamp at zero.
+    /// Base colour after the clamp at zero.
     pub base_rgb: DVec3,
-    /// SH colour before the clamp.
+    /// Base colour before the clamp at zero.
     pub unclamped_rgb: DVec3,
     /// Centre in camera axes.
     pub centre_in_camera: DVec3,
-    /// Surfel's axes u, v and normal in camera axes.
+    /// Tangents `e_u`, `e_v` and normal of the surfel in camera axes.
     pub axes_in_camera: [DVec3; 3],
 }
 
@@ -42,8 +42,8 @@ impl Projected {
     }
 }
 
-/// Projects splat `i`; `None` if it is culled: not finite, in front of the near plane, edge-on or
-/// nowhere reaching an alpha of 1/255.
+/// Projects splat `i`; `None` if it is culled: it is not finite, in front of the near plane, seen edge-on, or cannot
+/// reach an alpha of 1/255.
 pub fn project(params: &Params, i: usize, camera: &Camera, settings: &Settings) -> Option<Projected> {
     let p = camera.camera_from_local.transform_point(params.position(i));
     let axes_in_local = params.rotation(i);

@@ -1,5 +1,5 @@
-//! Backward projection: from the derivatives by a splat's projected quantities to those by its stored
-//! parameters (method 2.4, "per splat, once").
+//! Backward projection: applies the chain rule from a splat's projected quantities to its stored parameters (method
+//! 2.4, "per splat, once").
 
 use super::raster_bwd::ScreenGradient;
 use super::{Params, Projected, Settings, sh_basis, sh_basis_derivative};
@@ -57,7 +57,7 @@ fn map_bwd(p: &Projected, screen: &ScreenGradient, camera: &Camera) -> (DVec3, [
     (by_centre, [by_cross_b.cross(pc), pc.cross(by_cross_a), by_n])
 }
 
-/// Adds the SH gradient to `grad` and returns the derivative by the position through the direction.
+/// Adds the SH gradient to `grad` and returns the derivative by the position through the view direction.
 fn sh_bwd(
     params: &Params,
     i: usize,
@@ -84,7 +84,7 @@ fn sh_bwd(
     (by_direction - direction * direction.dot(by_direction)) / offset.length()
 }
 
-/// Derivative by a stored quaternion (wxyz) from that by the entries of its rotation matrix.
+/// Derivative by a stored quaternion (wxyz) from the derivative by the entries of its rotation matrix.
 fn quaternion_bwd(stored: [f64; 4], by_rotation: DMat3) -> [f64; 4] {
     let norm = stored.iter().map(|q| q * q).sum::<f64>().sqrt();
     let [w, x, y, z] = stored.map(|q| q / norm);

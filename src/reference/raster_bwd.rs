@@ -1,5 +1,5 @@
-//! Backward rasterisation: derivatives by the projected quantities of each splat and by the texels,
-//! back to front over the samples of each pixel (method 2.4).
+//! Backward rasterisation: derivatives by the projected quantities of each splat and by its texels, back to
+//! front over the samples of each pixel (method 2.4).
 
 use super::geometry::{GeometryCoefficients, GeometryLoss};
 use super::loss::ImageLoss;
@@ -13,11 +13,11 @@ use glam::{DVec2, DVec3};
 pub struct ScreenGradient {
     /// By the projected centre.
     pub centre_px: DVec2,
-    /// By the map's numerator along u.
+    /// By the projective map's numerator along u.
     pub a: DVec2,
-    /// By the map's numerator along v.
+    /// By the projective map's numerator along v.
     pub b: DVec2,
-    /// By the map's denominator.
+    /// By the projective map's denominator.
     pub g: DVec2,
     /// By the logarithms of the standard deviations.
     pub log_scales: [f64; 2],
@@ -25,17 +25,17 @@ pub struct ScreenGradient {
     pub opacity: f64,
     /// By the base colour after its clamp.
     pub base_rgb: DVec3,
-    /// By the depth of the centre, where it acts on the depths of samples.
+    /// By the depth of the centre, through the depths of samples.
     pub depth: f64,
-    /// By the normal, camera axes, where it acts by itself.
+    /// By the normal in camera axes, through the normal term.
     pub normal: DVec3,
-    /// Covered pixels, blending weight, blending weight times loss.
+    /// Covered pixels, blending weight, and blending weight times loss.
     pub statistics: [f64; 3],
-    /// Transmittance in front, summed over the covered pixels.
+    /// Transmittance in front of the splat, summed over the covered pixels.
     pub transmittance: f64,
 }
 
-/// Accumulates texel gradients into `grad` and returns those of the projected splats.
+/// Adds the texel gradients to `grad` and returns the gradients by the projected splats.
 pub(super) fn raster_bwd(
     params: &Params,
     projected: &[Option<Projected>],
@@ -80,7 +80,7 @@ pub(super) fn raster_bwd(
     out
 }
 
-/// Derivatives of the geometry terms by a sample's weight and by its m.
+/// Derivatives of the distortion and normal terms by a sample's weight and by its m.
 fn geometry_sample(
     p: &Projected,
     sample: &Sample,
@@ -93,7 +93,7 @@ fn geometry_sample(
     (c.constant + c.linear * m + c.square * m * m + along, weight * (c.linear + 2.0 * c.square * m))
 }
 
-#[allow(clippy::too_many_arguments, reason = "the quantities of the formula, named")]
+#[allow(clippy::too_many_arguments, reason = "each quantity of the formula has a name")]
 fn sample_bwd(
     params: &Params,
     p: &Projected,
@@ -130,7 +130,8 @@ fn sample_bwd(
     s.centre_px -= by_plane[0] * per * *a + by_plane[1] * per * *b + by_denominator * *g;
 }
 
-/// Gradient of the texels, and of the plane position through the texture.
+/// Adds the texel gradients of a sample to `grad` and returns the derivative by the position on the surfel,
+/// through the texture.
 fn texture_bwd(params: &Params, sample: &Sample, by_colour: DVec3, grad: &mut Params) -> [f64; 2] {
     let map = &params.maps[sample.splat];
     let Some(taps) = &sample.taps else { return [0.0; 2] };

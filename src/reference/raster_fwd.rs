@@ -1,4 +1,4 @@
-//! Forward rasterisation: every pixel against every splat, front to back (method 1.3, 1.4 and 2.1).
+//! Forward rasterisation: tests every pixel against every splat, front to back (method 1.3, 1.4 and 2.1).
 
 use super::{AlphaCutoff, Params, Projected, Settings};
 use crate::camera::Camera;
@@ -6,18 +6,18 @@ use crate::constants::{ALPHA_MAX, ALPHA_MIN, DENOMINATOR_MIN, TRANSMITTANCE_MIN}
 use crate::model::{TextureMap, texel_value};
 use glam::{DVec2, DVec3};
 
-/// Where a pixel's ray meets a splat, and how much of it is seen there.
+/// Intersection of a pixel's ray with a splat.
 #[derive(Clone, Debug)]
 pub struct Hit {
     /// Offset of the pixel from the projected centre.
     pub offset_px: DVec2,
     /// Denominator of the projective map.
     pub denominator: f64,
-    /// Coordinates on the surfel, world units along u and v.
+    /// Coordinates on the surfel, local units along u and v.
     pub plane: [f64; 2],
-    /// Gaussian falloff.
+    /// Gaussian falloff, 0 to 1.
     pub falloff: f64,
-    /// Alpha after clamp and cut-off.
+    /// Alpha, after clamp and cut-off.
     pub alpha: f64,
     /// Derivative of `alpha` by `opacity * falloff`.
     pub alpha_slope: f64,
@@ -36,26 +36,26 @@ pub(super) struct Sample {
 
 /// A rendered image with its samples.
 pub struct Image {
-    /// Width.
+    /// Width of the image.
     pub width_px: usize,
-    /// Height.
+    /// Height of the image.
     pub height_px: usize,
-    /// `[height, width, 3]` display space
+    /// Display-space colour over the background. `[height, width, 3]`
     pub rgb: Vec<f64>,
-    /// `[height, width]`
+    /// Transmittance behind all samples. `[height, width]`
     pub transmittance: Vec<f64>,
-    /// `[height, width]` expected hit depth, 0 where nothing is drawn
+    /// Expected depth of the samples, 0 where there are none. `[height, width]`
     pub depth: Vec<f64>,
-    /// `[height, width]` blended normals facing the camera, normalised
+    /// Blended normals facing the camera, normalised. `[height, width]`
     pub normal: Vec<DVec3>,
-    /// `[height, width]` the same before normalisation
+    /// Blended normals facing the camera, not normalised. `[height, width]`
     pub normal_sum: Vec<DVec3>,
-    /// `[height, width]` sums of weight times m and times m^2, m the inverse depth over that of the near plane
+    /// Sums of weight times m and weight times m^2, with m the near depth over a sample's depth. `[height, width]`
     pub moments: Vec<[f64; 2]>,
     pub(super) samples: Vec<Vec<Sample>>,
 }
 
-/// The four bilinear taps of a texture coordinate: index of the first texel (may be -1) and fractions.
+/// The four bilinear taps of a texture coordinate: index of the first texel, which may be -1, and fractions.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Taps {
     pub row: i64,
@@ -65,7 +65,7 @@ pub(super) struct Taps {
 }
 
 impl Taps {
-    /// Taps at a plane position; `None` where the map is not sampled.
+    /// Taps at a position on the surfel; `None` where the map is not sampled.
     pub(super) fn at(map: &TextureMap, plane: [f64; 2]) -> Option<Self> {
         if map.num_texels() == 0 {
             return None;
@@ -83,7 +83,7 @@ impl Taps {
         })
     }
 
-    /// The taps `(first float of the texel, weight)`; those outside the map count as zero and are `None`.
+    /// First float of each tap's texel; `None` outside the map, where the residual is zero.
     pub(super) fn texels(&self, map: &TextureMap) -> [[Option<usize>; 2]; 2] {
         let tap = |row: i64, col: i64| {
             let inside = (0..i64::from(map.rows)).contains(&row) && (0..i64::from(map.cols)).contains(&col);
@@ -113,7 +113,7 @@ pub(super) fn tap_values(params: &Params, map: &TextureMap, taps: &Taps) -> [[DV
     })
 }
 
-/// Intersects the ray through `pixel_px` with a splat; `None` where nothing of it is seen.
+/// Intersects the ray through `pixel_px` with a splat; `None` where its alpha is zero.
 pub fn hit(p: &Projected, pixel_px: DVec2, settings: &Settings) -> Option<Hit> {
     let offset_px = pixel_px - p.centre_px;
     let denominator = 1.0 + p.g.dot(offset_px);
@@ -132,7 +132,7 @@ pub fn hit(p: &Projected, pixel_px: DVec2, settings: &Settings) -> Option<Hit> {
     (alpha > 0.0).then_some(Hit { offset_px, denominator, plane, falloff, alpha, alpha_slope })
 }
 
-/// Alpha times a smooth step from 0 at 0.5/255 to 1 at 1.5/255, and its derivative.
+/// Alpha times a smooth step from 0 at 0.5/255 to 1 at 1.5/255, and the derivative of the product.
 fn smooth_alpha(raw: f64) -> (f64, f64) {
     let s = ((raw - 0.5 * ALPHA_MIN) / ALPHA_MIN).clamp(0.0, 1.0);
     let step = s * s * (3.0 - 2.0 * s);
@@ -140,7 +140,7 @@ fn smooth_alpha(raw: f64) -> (f64, f64) {
     (raw * step, step + raw * step_slope)
 }
 
-/// Renders the image. Order is by (f32 bits of the centre's depth, index).
+/// Renders the image, with the splats ordered by (f32 bits of the centre's depth, index).
 pub fn raster_fwd(
     params: &Params,
     projected: &[Option<Projected>],

@@ -3,7 +3,7 @@
 use crate::constants::{SH_0, SH_1, SH_2, SH_3};
 use glam::DVec3;
 
-/// The 16 basis values at a unit direction; entries above `degree` are 0.
+/// The 16 basis functions at a unit direction; those above `degree` are 0.
 pub fn sh_basis(degree: u32, d: DVec3) -> [f64; 16] {
     let (x, y, z) = (d.x, d.y, d.z);
     let mut out = [0.0; 16];
@@ -30,7 +30,7 @@ pub fn sh_basis(degree: u32, d: DVec3) -> [f64; 16] {
     out
 }
 
-/// Derivatives of [`sh_basis`] by the three components of the direction, as if they were independent.
+/// Derivatives of [`sh_basis`] by the three components of the direction, treated as independent.
 pub fn sh_basis_derivative(degree: u32, d: DVec3) -> [DVec3; 16] {
     let (x, y, z) = (d.x, d.y, d.z);
     let mut out = [DVec3::ZERO; 16];

@@ -1,8 +1,7 @@
-//! Comparison of a production backend with the reference, for tests and for users whose driver may be
-//! broken.
+//! Compares a production backend with the reference, for tests and for users whose driver may be broken.
 
+mod random_scene;
 mod run;
-mod scene;
 
+pub use random_scene::{RandomScene, SceneOptions, random_scene};
 pub use run::{Check, run};
-pub use scene::{Scene, SceneOptions, random_scene};

@@ -1,8 +1,8 @@
-//! Does a device compute what the reference computes? Everything is observed through the backend's
-//! trait, so that the same checks serve every backend: gradients are read from the first moments after
-//! one step, which are `(1 - beta1)` times the gradient.
+//! Checks whether a backend computes what the reference computes. Everything is observed through the trait, so
+//! that the same checks apply to every backend: gradients are read from the first moments after one step, which
+//! are `(1 - beta1)` times the gradient.
 
-use super::scene::{Scene, SceneOptions, random_scene};
+use super::random_scene::{RandomScene, SceneOptions, random_scene};
 use crate::Result;
 use crate::backend::{Backend, LearningRates, LossWeights, RenderOptions, StepRequest};
 use crate::constants::{ADAM_BETA1, sh_coefficients};
@@ -14,7 +14,7 @@ use serde::Serialize;
 
 const WEIGHTS: LossWeights =
     LossWeights { l1: 0.8, dssim: 0.2, mse: 0.0, opacity: 0.01, texture: 1e-8, ..LossWeights::NONE };
-/// Every term, for the paths that the others do not take: those on depths and normals, and on hidden textures.
+/// All terms, including those on depths and normals and on hidden textures, which have code paths of their own.
 const ALL_WEIGHTS: LossWeights =
     LossWeights { mse: 0.03, texture_hidden: 1e-6, distortion: 10.0, normal: 0.05, ..WEIGHTS };
 const BACKGROUND: [f32; 3] = [0.1, 0.2, 0.3];
@@ -31,12 +31,13 @@ const RATES: LearningRates = LearningRates {
     texel_growth_limit: 4.0,
 };
 
-/// One comparison.
+/// Result of a comparison with the reference.
 #[derive(Clone, Debug, Serialize)]
 pub struct Check {
-    /// What was compared.
+    /// Scene and quantity compared.
     pub name: String,
-    /// Root of the mean squared difference over that of the reference; of depths and normals the share that is off.
+    /// Root mean square of the difference over that of the reference; for depths and normals, the share of
+    /// values that differ.
     pub difference: f64,
     /// Largest difference that passes.
     pub limit: f64,
@@ -45,8 +46,7 @@ pub struct Check {
 }
 
 impl Check {
-    /// Compares in the root mean square; an expected value of zero everywhere fails, since then
-    /// nothing was tested.
+    /// Compares by the root mean square. Fails if the reference is zero everywhere, since that would test nothing.
     fn new(name: impl Into<String>, got: &[f64], expected: &[f64], limit: f64) -> Self {
         let square = |v: &mut dyn Iterator<Item = f64>| v.map(|x| x * x).sum::<f64>();
         let off = square(&mut got.iter().zip(expected).map(|(g, e)| g - e));
@@ -57,21 +57,21 @@ impl Check {
     }
 }
 
-/// Share of the pixels whose depths or normals differ by more than 1/1000 of the largest: where a pixel at the edge
-/// of a support flips in f32, nothing else need be near what the reference has there.
+/// Compares by the share of values that differ by more than 1/1000 of the largest. Depths and normals change
+/// arbitrarily where f32 rounding moves a pixel into or out of a support.
 fn share_off(name: String, got: &[f64], expected: &[f64], limit: f64) -> Check {
     let largest = expected.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
     let off =
         got.iter().zip(expected).filter(|(g, e)| (*g - *e).abs() > 1e-3 * largest || g.is_nan()).count();
-    let sound = largest > 0.0 && got.len() == expected.len();
-    let difference = if sound { off as f64 / expected.len() as f64 } else { f64::NAN };
+    let comparable = largest > 0.0 && got.len() == expected.len();
+    let difference = if comparable { off as f64 / expected.len() as f64 } else { f64::NAN };
     Check { name, difference, limit, passed: difference <= limit }
 }
 
-/// Compares a backend with the reference on small random scenes: images, all gradients and ten steps.
+/// Compares a backend with the reference on small random scenes: images, all gradients, and ten training steps.
 ///
 /// # Errors
-/// Whatever the backend reports; a difference is not an error but a failed [`Check`].
+/// Errors of the backend. A difference is not an error, but a failed [`Check`].
 pub fn run(backend: &mut dyn Backend) -> Result<Vec<Check>> {
     let mut checks = Vec::new();
     for sh_degree in [0, 3] {
@@ -92,7 +92,7 @@ pub fn run(backend: &mut dyn Backend) -> Result<Vec<Check>> {
         checks.extend(first_step(backend, &scene, &WEIGHTS, &name)?);
         checks.extend(ten_steps(backend, &scene, &name)?);
     }
-    // Maps finer than pixels, whose texels kernels for hardware add up in another way.
+    // Texels smaller than pixels, whose gradients the kernels for hardware sum in a different way.
     let scene = random_scene(&SceneOptions {
         num_splats: 300,
         sh_degree: 1,
@@ -113,7 +113,7 @@ pub fn run(backend: &mut dyn Backend) -> Result<Vec<Check>> {
     Ok(checks)
 }
 
-fn settings(scene: &Scene) -> Settings {
+fn settings(scene: &RandomScene) -> Settings {
     Settings {
         cutoff: AlphaCutoff::Hard,
         colour_gradient: ColourGradient::Projected,
@@ -123,11 +123,11 @@ fn settings(scene: &Scene) -> Settings {
     }
 }
 
-fn reference(scene: &Scene, params: &Params, loss: &LossWeights) -> Gradients {
+fn reference(scene: &RandomScene, params: &Params, loss: &LossWeights) -> Gradients {
     gradients(params, &scene.camera, &scene.target, loss, &settings(scene))
 }
 
-fn request<'a>(scene: &'a Scene, step: u32, loss: &LossWeights) -> StepRequest<'a> {
+fn request<'a>(scene: &'a RandomScene, step: u32, loss: &LossWeights) -> StepRequest<'a> {
     StepRequest {
         step,
         camera: scene.camera,
@@ -145,7 +145,7 @@ fn wide(values: &[f32]) -> Vec<f64> {
     values.iter().map(|&v| f64::from(v)).collect()
 }
 
-fn image(backend: &mut dyn Backend, scene: &Scene, name: String) -> Result<Check> {
+fn image(backend: &mut dyn Backend, scene: &RandomScene, name: String) -> Result<Check> {
     backend.upload(&scene.model, &AdamState::zeros(&scene.model))?;
     let options =
         RenderOptions { background: BACKGROUND, sh_degree: scene.model.splats.sh_degree, geometry: false };
@@ -154,10 +154,10 @@ fn image(backend: &mut dyn Backend, scene: &Scene, name: String) -> Result<Check
     Ok(Check::new(name, &wide(&image.rgb), &expected.rgb, 1e-4))
 }
 
-/// Depths and normals of an image.
+/// Checks depths and normals of an image.
 fn depths_and_normals(
     backend: &mut dyn Backend,
-    scene: &Scene,
+    scene: &RandomScene,
     name: &dyn Fn(&str) -> String,
 ) -> Result<Vec<Check>> {
     backend.upload(&scene.model, &AdamState::zeros(&scene.model))?;
@@ -166,17 +166,17 @@ fn depths_and_normals(
     let image = backend.render(&scene.camera, &options)?;
     let expected = reference(scene, &Params::from_model(&scene.model), &WEIGHTS).image;
     let normals: Vec<f64> = expected.normal.iter().flat_map(|n| n.to_array()).collect();
-    // None was off on the CPU backend; 2 of 1,000 may flip.
+    // Needed 0 on the CPU backend; 2 values of 1,000 may flip.
     Ok(vec![
         share_off(name("depths"), &wide(&image.depth), &expected.depth, 2e-3),
         share_off(name("normals"), &wide(&image.normal), &normals, 2e-3),
     ])
 }
 
-/// Gradients, as the first moments after one step.
+/// Checks the gradients, by the first moments after one step.
 fn first_step(
     backend: &mut dyn Backend,
-    scene: &Scene,
+    scene: &RandomScene,
     loss: &LossWeights,
     name: &dyn Fn(&str) -> String,
 ) -> Result<Vec<Check>> {
@@ -185,7 +185,7 @@ fn first_step(
     let (_, adam) = backend.read_back()?;
     let expected = reference(scene, &Params::from_model(&scene.model), loss).params;
     let gradient = |m: &[f32]| m.iter().map(|&m| f64::from(m) / (1.0 - ADAM_BETA1)).collect::<Vec<_>>();
-    // Pixels at the edge of a support may flip in f32: two in a thousand gradients feel it.
+    // f32 rounding may flip pixels at the edge of a support, which shows in two of a thousand gradients.
     let limit = 5e-3;
     let mut checks: Vec<Check> = SplatGroup::ALL
         .into_iter()
@@ -198,10 +198,14 @@ fn first_step(
     Ok(checks)
 }
 
-/// Change of the parameters over ten steps.
-fn ten_steps(backend: &mut dyn Backend, scene: &Scene, name: &dyn Fn(&str) -> String) -> Result<Vec<Check>> {
+/// Checks the change of the parameters over ten steps.
+fn ten_steps(
+    backend: &mut dyn Backend,
+    scene: &RandomScene,
+    name: &dyn Fn(&str) -> String,
+) -> Result<Vec<Check>> {
     backend.upload(&scene.model, &AdamState::zeros(&scene.model))?;
-    // As the trainer hands them over: together.
+    // As one batch, like the trainer.
     let requests: Vec<StepRequest<'_>> = (1..=STEPS).map(|t| request(scene, t, &WEIGHTS)).collect();
     backend.steps(&requests)?;
     let got = Params::from_model(&backend.read_flushed()?);
@@ -221,7 +225,7 @@ fn ten_steps(backend: &mut dyn Backend, scene: &Scene, name: &dyn Fn(&str) -> St
         adam([&mut params.texels, &mut m.texels, &mut v.texels], &gradient.texels, t, |i| texel_rates[i]);
     }
     let change = |p: &[f64], start: &[f64]| p.iter().zip(start).map(|(p, s)| p - s).collect::<Vec<_>>();
-    // Adam turns the sign of a tiny gradient into a full step, so that rounding shows: needed 0.084.
+    // Adam turns a tiny gradient into a full step, so that rounding of its sign shows: needed 0.084.
     let limit = 0.1;
     let mut checks: Vec<Check> = SplatGroup::ALL
         .into_iter()

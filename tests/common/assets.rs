@@ -1,4 +1,4 @@
-//! Assets through files and onto the screen.
+//! An asset for tests, and helpers to write, read and render assets.
 
 use litetex_exporters::{Format, Quality, ReadLimits, SplatAsset, WriteOptions, read_asset, write_asset};
 use litetex_gs::Report;
@@ -8,7 +8,7 @@ use litetex_gs::model::AdamState;
 use litetex_gs::selftest::{SceneOptions, random_scene};
 use std::path::Path;
 
-/// A scene with SH of degree 3, rectangular maps of several sizes, splats without maps, and three cameras whose
+/// An asset with SH of degree 3, rectangular maps of several sizes, untextured splats, and three cameras whose
 /// principal points are off centre.
 pub fn asset() -> SplatAsset {
     let scene = random_scene(&SceneOptions {
@@ -32,7 +32,7 @@ pub fn asset() -> SplatAsset {
     bake(&scene.model, cameras.collect(), [0.2, 0.4, 0.1], Default::default(), &mut Report::default())
 }
 
-/// Its images, one after another.
+/// Renders an asset from the cameras of `views`; the images are concatenated.
 pub fn images(backend: &mut dyn Backend, asset: &SplatAsset, views: &SplatAsset) -> Vec<f32> {
     let model = model_from_asset(asset);
     backend.upload(&model, &AdamState::zeros(&model)).unwrap();
@@ -41,13 +41,13 @@ pub fn images(backend: &mut dyn Backend, asset: &SplatAsset, views: &SplatAsset)
     views.cameras.iter().flat_map(render).collect()
 }
 
-/// PSNR of images against others, of values clamped to [0, 1].
+/// PSNR between images, of values clamped to [0, 1].
 pub fn psnr(a: &[f32], b: &[f32]) -> f64 {
     let squares = a.iter().zip(b).map(|(a, b)| f64::from(a.clamp(0.0, 1.0) - b.clamp(0.0, 1.0)).powi(2));
     -10.0 * (squares.sum::<f64>() / a.len() as f64).log10()
 }
 
-/// Writes and reads again.
+/// Writes an asset and reads it back.
 pub fn through(folder: &Path, asset: &SplatAsset, format: Format, quality: Quality) -> SplatAsset {
     let path = folder.join(format!("{}.{}", quality.name(), format.extension()));
     write_asset(&path, asset, &WriteOptions { quality, mesh: false, steps: None, exponents: &[] }).unwrap();

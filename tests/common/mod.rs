@@ -1,8 +1,10 @@
-//! Comparison of arrays with a counted band for entries next to a discontinuity.
+//! Helpers that tests share. Here: comparison of arrays that counts outliers, which entries next to a
+//! discontinuity may be.
 #![allow(dead_code, reason = "each test binary uses a part")]
 #![allow(clippy::unwrap_used, reason = "a failing test may panic")]
 
 pub mod assets;
+pub mod full_method;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 pub mod moved;
@@ -11,24 +13,23 @@ pub mod poison;
 pub mod steps;
 pub mod training;
 pub mod twin;
-pub mod whole;
 
-/// How two arrays differ, relative to the largest magnitude of the expected one.
+/// Difference of two arrays, relative to the largest magnitude of the expected one.
 #[derive(Debug)]
 pub struct Difference {
-    /// Entries compared.
+    /// Number of entries.
     pub entries: usize,
     /// Expected entries above 1e-6 of the largest.
     pub non_zero: usize,
-    /// Root of the mean squared difference over that of the expected.
+    /// Root mean square of the difference over that of the expected array.
     pub rms: f64,
-    /// Entries whose difference exceeds the limit.
+    /// Number of outliers: entries whose difference exceeds the limit.
     pub beyond: usize,
-    /// Largest difference among the others, over the largest magnitude.
+    /// Largest difference of the other entries, over the largest magnitude.
     pub worst: f64,
 }
 
-/// Compares; `limit` is relative to the largest expected magnitude.
+/// Compares two arrays; `limit` is relative to the largest expected magnitude.
 pub fn compare(got: &[f32], expected: &[f64], limit: f64) -> Difference {
     assert_eq!(got.len(), expected.len());
     let largest = expected.iter().fold(1e-30_f64, |m, v| m.max(v.abs()));

@@ -1,19 +1,19 @@
-//! The sample capture moved, turned, scaled, with its points and images in another order and under other names.
+//! The sample capture shifted, rotated and scaled, with its points and images reordered and its images renamed.
 
 use glam::{DMat3, DQuat, DVec3};
 use litetex_gs::camera::{Pinhole, RigidTransform};
 use litetex_gs::sample::{SampleOptions, SparseImage, SparseModel, SparsePoint, write_sample};
 use std::path::Path;
 
-/// What is done to the capture.
+/// A change to the capture.
 #[derive(Clone, Copy, Debug)]
 pub struct Change {
     pub rotation: DMat3,
     pub scale: f64,
     pub shift: DVec3,
-    /// Of the points alone: 1 for a change that must not matter.
+    /// Scales only the points; 1 for changes that must not matter.
     pub points_scale: f64,
-    /// Points and images in another order in their files, images under other names; the same are held out.
+    /// Reorders points and images in their files and renames the images; the test views stay the same.
     pub disorder: bool,
 }
 
@@ -26,12 +26,12 @@ impl Change {
         disorder: false,
     };
 
-    /// Where a place of the capture comes to lie.
+    /// Position in the changed capture of a point of the original.
     pub fn place(&self, at: DVec3) -> DVec3 {
         self.scale * (self.rotation * at) + self.shift
     }
 
-    /// Where a place of the changed capture comes from.
+    /// Position in the original capture of a point of the changed one.
     pub fn origin(&self, at: DVec3) -> DVec3 {
         self.rotation.transpose() * (at - self.shift) / self.scale
     }
@@ -40,7 +40,7 @@ impl Change {
         Self { disorder, ..self }
     }
 
-    /// Whether every number stays, to the last bit.
+    /// Whether all numbers stay bit-identical.
     fn is_in_place(&self) -> bool {
         (self.rotation, self.scale, self.shift) == (DMat3::IDENTITY, 1.0, DVec3::ZERO)
     }
@@ -54,13 +54,13 @@ impl Change {
     }
 }
 
-/// A sample on disk, and what stands in its sparse model.
+/// The sample capture on disk, and its sparse model.
 pub struct Sample {
     dir: tempfile::TempDir,
     sparse: SparseModel,
 }
 
-/// Words of the lines that are no comments.
+/// Words of each line that is not a comment.
 fn lines(path: &Path) -> Vec<Vec<String>> {
     let text = std::fs::read_to_string(path).unwrap();
     let words = |line: &str| line.split_whitespace().map(str::to_owned).collect();
@@ -82,7 +82,7 @@ impl Sample {
         let camera = floats(&lines(&sparse.join("cameras.txt"))[0][2..]);
         let [w, h, fx_px, fy_px, cx_px, cy_px] = camera[..] else { panic!("{camera:?}") };
         let pinhole = Pinhole { width_px: w as u32, height_px: h as u32, fx_px, fy_px, cx_px, cy_px };
-        // Each second line has the keypoints.
+        // Every second line has keypoints.
         let keypoints: Vec<&Vec<String>> = images.iter().skip(1).step_by(2).collect();
         let image = |words: &Vec<String>| {
             let p = floats(&words[1..8]);
@@ -109,14 +109,14 @@ impl Sample {
         Self { sparse: SparseModel { pinhole, images, points }, dir }
     }
 
-    /// Writes it, changed, into a folder of its own.
+    /// Writes the changed capture to a new folder.
     pub fn changed(&self, name: &str, change: &Change) -> std::path::PathBuf {
         let folder = self.dir.path().join(name);
         for sub in ["images", "sparse/0"] {
             std::fs::create_dir_all(folder.join(sub)).unwrap();
         }
         let count = self.sparse.images.len();
-        // Each eighth is held out: these change places among themselves.
+        // Every eighth image is a test view: these change places only among themselves.
         let new_place = |i: usize| match change.disorder {
             false => i,
             true if i.is_multiple_of(8) => (i + 8) % count.next_multiple_of(8),

@@ -1,14 +1,14 @@
-//! What backends make of density-control plans, compared: bit for bit where that is promised.
+//! Compares how backends apply density-control plans: bit for bit where that is promised.
 
 use litetex_gs::backend::{Backend, DensityPlan, MapChange};
 use litetex_gs::model::{AdamState, Model};
 
 pub type State = (Model, AdamState);
 
-/// One array of a state.
+/// Selects an array of a state.
 type Values = fn(&State) -> &Vec<f32>;
 
-/// Nothing but the storage changes.
+/// A plan that only moves the model to new buffers.
 pub fn keep(num_splats: usize) -> DensityPlan {
     DensityPlan {
         sources: (0..num_splats as u32).collect(),
@@ -23,8 +23,9 @@ pub fn applied(backend: &mut dyn Backend, start: &State, plan: &DensityPlan) -> 
     backend.read_back().unwrap()
 }
 
-/// Values that differ, of the texels of maps that were resampled and of all others, and the largest difference of
-/// the former over the largest of their values. Values too small for a normal number count as zero on some devices.
+/// Number of values that differ in resampled maps, their largest difference over the largest value of all, and
+/// number of values that differ in other maps. Differences below the smallest normal number are ignored,
+/// because some devices flush denormals to zero.
 fn texels_off(plan: &DensityPlan, a: &State, b: &State, array: Values) -> [f32; 3] {
     let (mut resampled, mut other, mut worst) = (0, 0, 0.0_f32);
     let (a_values, b_values) = (array(a), array(b));
@@ -51,7 +52,7 @@ const ARRAYS: [(&str, Values); 3] = [
     ("second moments", |s| &s.1.texels_v),
 ];
 
-/// Whether two backends made the same of a plan.
+/// Whether two backends applied a plan to the same result.
 pub fn agree(plan: &DensityPlan, a: &State, b: &State) -> bool {
     let mut ok = a.0.textures.maps == b.0.textures.maps && a.1.last_step == b.1.last_step;
     ok &= (&a.0.splats, &a.1.splats_m, &a.1.splats_v) == (&b.0.splats, &b.1.splats_m, &b.1.splats_v);
@@ -61,7 +62,7 @@ pub fn agree(plan: &DensityPlan, a: &State, b: &State) -> bool {
     for (name, array) in ARRAYS {
         let [resampled, worst, other] = texels_off(plan, a, b, array);
         println!("{name}: {resampled} resampled values differ, at most by {worst:.1e}; {other} others");
-        // Drivers may contract the interpolation's products and sums; needed 0 on lavapipe and SwiftShader.
+        // Drivers may contract products and sums of the interpolation; needed 0 on lavapipe and SwiftShader.
         ok &= worst < 2e-6 && other == 0.0;
     }
     ok

@@ -1,9 +1,9 @@
-//! Poisoned input: the answer is a clean image and clean gradients, on every backend. One backend sees all
-//! cases in turn, so that none may leave anything behind.
+//! Poisoned input must give a clean image and clean gradients on every backend. All cases run on the same backend, so
+//! that none may affect later ones.
 
 use litetex_gs::backend::{Backend, LearningRates, LossWeights, RenderOptions, StepRequest};
 use litetex_gs::model::AdamState;
-use litetex_gs::selftest::{Scene, SceneOptions, random_scene};
+use litetex_gs::selftest::{RandomScene, SceneOptions, random_scene};
 
 pub const RATES: LearningRates = LearningRates {
     position: 1e-4,
@@ -17,8 +17,9 @@ pub const RATES: LearningRates = LearningRates {
     texel_growth_limit: 4.0,
 };
 
-/// Renders and takes three steps; every pixel and every parameter that was finite must stay so.
-fn survives(backend: &mut dyn Backend, scene: &Scene, name: &str) -> f64 {
+/// Renders and takes three steps: every pixel must be finite, and every finite parameter must stay finite.
+/// Returns the sum of the image's alpha.
+fn survives(backend: &mut dyn Backend, scene: &RandomScene, name: &str) -> f64 {
     backend.upload(&scene.model, &AdamState::zeros(&scene.model)).unwrap();
     let options = RenderOptions { background: [0.1, 0.2, 0.3], sh_degree: 3, geometry: true };
     let image = backend.render(&scene.camera, &options).unwrap();
@@ -62,8 +63,7 @@ fn survives(backend: &mut dyn Backend, scene: &Scene, name: &str) -> f64 {
     image.alpha.iter().map(|&a| f64::from(a)).sum()
 }
 
-/// A small scene.
-pub fn scene(seed: u64) -> Scene {
+pub fn scene(seed: u64) -> RandomScene {
     random_scene(&SceneOptions {
         num_splats: 200,
         width_px: 61,
@@ -73,7 +73,7 @@ pub fn scene(seed: u64) -> Scene {
     })
 }
 
-/// A third of the splats, or texels, hold a value that they must not hold.
+/// A third of the splats, or every seventh texel value, is poisoned.
 pub fn poisoned_splats_leave_image_and_others_clean(backend: &mut dyn Backend) {
     assert!(survives(backend, &scene(1), "control") > 100.0);
     let values = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX, f32::MIN_POSITIVE / 2.0, 1e20, -1e20];
@@ -92,7 +92,7 @@ pub fn poisoned_splats_leave_image_and_others_clean(backend: &mut dyn Backend) {
     }
 }
 
-/// Zero quaternions, zero areas, the camera inside splats, nothing visible, no splat at all.
+/// Zero quaternions, zero areas, the camera inside splats, no visible splat, no splat at all.
 pub fn degenerate_splats_are_survived(backend: &mut dyn Backend) {
     let mut zero_quaternion = scene(4);
     zero_quaternion.model.splats.quaternions[..400].fill(0.0);
@@ -117,7 +117,7 @@ pub fn degenerate_splats_are_survived(backend: &mut dyn Backend) {
     survives(backend, &none, "zero texel size");
 }
 
-/// Down to a single pixel.
+/// Sizes down to a single pixel.
 pub fn odd_image_sizes_are_rendered(backend: &mut dyn Backend) {
     for (w, h) in [(1, 1), (17, 13), (1, 300), (33, 2), (64, 64)] {
         let options = SceneOptions {

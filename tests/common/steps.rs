@@ -1,11 +1,11 @@
-//! Steps by hand, for backends of any kind: a scene with views in two sizes, requests and a plan.
+//! Training steps without the trainer, for any backend: a scene with views of two sizes, requests and a plan.
 
 use litetex_gs::backend::{
     DensityPlan, Grid, LearningRates, LossWeights, MapChange, SplatEdit, StepRequest, TargetImage,
 };
 use litetex_gs::camera::{Camera, RigidTransform};
 use litetex_gs::model::{Model, SplatGroup};
-use litetex_gs::selftest::{Scene, SceneOptions, random_scene};
+use litetex_gs::selftest::{RandomScene, SceneOptions, random_scene};
 
 const RATES: LearningRates = LearningRates {
     position: 2e-4,
@@ -19,7 +19,7 @@ const RATES: LearningRates = LearningRates {
     texel_growth_limit: 4.0,
 };
 
-pub fn scene(seed: u64) -> Scene {
+pub fn scene(seed: u64) -> RandomScene {
     random_scene(&SceneOptions {
         num_splats: 600,
         scales: (0.02, 0.15),
@@ -31,8 +31,8 @@ pub fn scene(seed: u64) -> Scene {
     })
 }
 
-/// The scene from a few sides and in two sizes: splats come into sight and leave it, and lag behind.
-pub fn views(scene: &Scene) -> Vec<(Camera, TargetImage)> {
+/// Views of the scene from several sides and in two sizes: splats become visible and invisible, and so lag behind.
+pub fn views(scene: &RandomScene) -> Vec<(Camera, TargetImage)> {
     let turned = |k: usize| {
         let angle = (k as f64 - 2.0) * 0.35;
         let turn = glam::DMat3::from_rotation_y(angle);
@@ -71,7 +71,7 @@ pub fn requests(
     steps.map(request).collect()
 }
 
-/// Every kind of change of a map, the first ones exact in every bit whatever computes them.
+/// Every kind of change to a map. All but the resampled ones are bit-identical on every backend.
 pub fn changes() -> Vec<MapChange> {
     let moment_scale = [0.3, 0.07];
     let regrid = |grid, [rows, cols]: [u16; 2], [first_row, first_col]: [i32; 2]| MapChange::Regrid {
@@ -87,7 +87,7 @@ pub fn changes() -> Vec<MapChange> {
         |rows, cols, texel_size| MapChange::Resample { rows, cols, texel_size, shift_texels, moment_scale };
     vec![
         MapChange::Keep,
-        // Maps have up to 16 x 12 texels: wider, narrower, beside.
+        // Maps have up to 16 x 12 texels: these windows are larger, smaller, shifted, outside, empty.
         regrid(Grid::Same, [18, 15], [-1, -2]),
         regrid(Grid::Same, [2, 3], [1, 1]),
         regrid(Grid::Same, [4, 4], [-1, 2]),
@@ -103,7 +103,7 @@ pub fn changes() -> Vec<MapChange> {
     ]
 }
 
-/// Every fourth splat goes, every seventh comes twice, maps change in every way, every fifth splat is edited.
+/// Removes every fourth splat, duplicates every seventh, changes maps in every way, and edits every fifth splat.
 pub fn plan(num_splats: usize) -> DensityPlan {
     let changes = changes();
     let mut plan = DensityPlan::default();
@@ -126,7 +126,8 @@ pub fn plan(num_splats: usize) -> DensityPlan {
     plan
 }
 
-/// Change of every group over the run: root mean square of the difference over that of the change.
+/// For every group of parameters, the root mean square of the difference between `a` and `b` over that of the
+/// change since `start`.
 pub fn differences(start: &Model, a: &Model, b: &Model) -> Vec<(String, f64)> {
     let difference = |start: &[f32], a: &[f32], b: &[f32]| {
         let square =

@@ -1,20 +1,20 @@
-//! A small scene to train on from memory: no files.
+//! A small scene to train on, from memory instead of files.
 
 use litetex_gs::Result;
 use litetex_gs::backend::{Backend as _, RenderOptions, TargetImage};
 use litetex_gs::camera::Camera;
 use litetex_gs::cpu::CpuBackend;
 use litetex_gs::model::{AdamState, Model};
-use litetex_gs::selftest::{Scene, SceneOptions, random_scene};
+use litetex_gs::selftest::{RandomScene, SceneOptions, random_scene};
 use litetex_gs::train::density::Components;
 use litetex_gs::train::{Policy, TrainConfig};
 use litetex_gs::views::{Split, ViewSource};
 use std::sync::Arc;
 
-/// What the photos are rendered with.
+/// Options with which the photos are rendered.
 pub const BLACK: RenderOptions = RenderOptions { background: [0.0; 3], sh_degree: 1, geometry: false };
 
-/// Views of a model, rendered by the backend under test; the first is held out.
+/// Views rendered from a model; the first is the test view.
 pub struct MemoryViews(pub Vec<(Camera, Arc<TargetImage>)>);
 
 impl ViewSource for MemoryViews {
@@ -35,7 +35,7 @@ impl ViewSource for MemoryViews {
     }
 }
 
-/// Splats with maps of 4 x 4 texels, which cover most of 64 x 48 pixels.
+/// Splats with maps of 4 x 4 texels that cover most of an image of 64 x 48 pixels.
 pub fn scene_options() -> SceneOptions {
     SceneOptions {
         num_splats: 300,
@@ -51,19 +51,19 @@ pub fn scene_options() -> SceneOptions {
 }
 
 /// The scene of [`scene_options`].
-pub fn scene() -> Scene {
+pub fn scene() -> RandomScene {
     random_scene(&scene_options())
 }
 
-/// A backend with the model, and without moments.
+/// A backend with the model and zero moments.
 pub fn uploaded(model: &Model) -> CpuBackend {
     let mut backend = CpuBackend::new(Some(2)).unwrap();
     backend.upload(model, &AdamState::zeros(model)).unwrap();
     backend
 }
 
-/// Photos of the scene from cameras side by side.
-pub fn photos(scene: &Scene) -> MemoryViews {
+/// Photos of the scene from a row of cameras.
+pub fn photos(scene: &RandomScene) -> MemoryViews {
     let mut backend = uploaded(&scene.model);
     let views = (0..6).map(|i| {
         let mut camera = scene.camera;
@@ -75,8 +75,8 @@ pub fn photos(scene: &Scene) -> MemoryViews {
     MemoryViews(views.collect())
 }
 
-/// The scene with colours lost and centres jittered.
-pub fn damaged(scene: &Scene) -> Model {
+/// The scene's model without colours and with jittered centres.
+pub fn damaged(scene: &RandomScene) -> Model {
     let mut model = scene.model.clone();
     model.splats.sh.fill(0.0);
     model.textures.texels.fill(0.0);
@@ -84,13 +84,13 @@ pub fn damaged(scene: &Scene) -> Model {
     model
 }
 
-/// Evaluates in the middle, saves each 7 steps.
+/// Evaluates half-way, and saves every 7 steps.
 pub fn config(steps: u32) -> TrainConfig {
     TrainConfig {
         steps,
         sh_degree: 1,
         policy: Policy::Fixed(4),
-        // Photos are read when their steps come, not all at the start.
+        // Without the scheduler, photos are read only when their steps come.
         components: Components { scheduler: false, ..Components::default() },
         eval_every: steps / 2,
         save_every: 7,

@@ -1,4 +1,4 @@
-//! What a backend computes of one view, observed through its trait alone, against the f64 reference.
+//! Compares what a backend computes for a view, observed only through its trait, with the f64 reference.
 
 use super::compare;
 use litetex_gs::backend::{
@@ -10,7 +10,7 @@ use litetex_gs::model::{AdamState, SplatArrays, SplatGroup};
 use litetex_gs::reference::{
     AlphaCutoff, ColourGradient, Gradients, Params, Settings, adam_skipped, gradients, map_rate,
 };
-use litetex_gs::selftest::{Scene, SceneOptions, random_scene};
+use litetex_gs::selftest::{RandomScene, SceneOptions, random_scene};
 
 pub const WEIGHTS: LossWeights = LossWeights {
     l1: 0.8,
@@ -24,8 +24,8 @@ pub const WEIGHTS: LossWeights = LossWeights {
 };
 pub const BACKGROUND: [f32; 3] = [0.3, 0.5, 0.2];
 
-/// The reference's answer.
-pub fn reference(scene: &Scene, weights: &LossWeights) -> Gradients {
+/// The results of the reference.
+pub fn reference(scene: &RandomScene, weights: &LossWeights) -> Gradients {
     let settings = Settings {
         cutoff: AlphaCutoff::Hard,
         colour_gradient: ColourGradient::Projected,
@@ -36,19 +36,21 @@ pub fn reference(scene: &Scene, weights: &LossWeights) -> Gradients {
     gradients(&Params::from_model(&scene.model), &scene.camera, &scene.target, weights, &settings)
 }
 
-/// A backend's answer.
+/// The results of a backend.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Observed {
+    /// Gradients by the splats' parameters.
     pub splats: SplatArrays,
-    /// `[num_texels, 3]`
+    /// Gradients by the texels. `[num_texels, 3]`
     pub texels: Vec<f32>,
     pub image: RenderedImage,
     pub loss: LossValues,
     pub statistics: WindowStatistics,
 }
 
-/// Renders and takes one step at rest. Gradients are the first moments, which are `(1 - beta1)` of them.
-pub fn observe(backend: &mut dyn Backend, scene: &Scene, weights: &LossWeights) -> Observed {
+/// Renders, and takes one step with learning rates of zero. Gradients are read from the first moments, which are
+/// `(1 - beta1)` times the gradient.
+pub fn observe(backend: &mut dyn Backend, scene: &RandomScene, weights: &LossWeights) -> Observed {
     backend.upload(&scene.model, &AdamState::zeros(&scene.model)).unwrap();
     let sh_degree = scene.model.splats.sh_degree;
     let options = RenderOptions { background: BACKGROUND, sh_degree, geometry: false };
@@ -75,10 +77,10 @@ pub fn observe(backend: &mut dyn Backend, scene: &Scene, weights: &LossWeights) 
     Observed { splats, texels: gradient(&adam.texels_m), image, loss: report.loss, statistics }
 }
 
-/// Whether both agree; prints by how much. `texel_rms` is the limit for the texels' gradients.
-pub fn agree(scene: &Scene, got: &Observed, expected: &Gradients, texel_rms: f64) -> bool {
-    // Splats that graze a pixel centre within the margin of the bounds count as seen: needed 9 in 3,000.
-    // Their maps get the texture term on one side only; they are compared without it.
+/// Whether both agree; prints the differences. `texel_rms` is the largest rms error of the texel gradients.
+pub fn agree(scene: &RandomScene, got: &Observed, expected: &Gradients, texel_rms: f64) -> bool {
+    // Splats that graze a pixel centre within the margin of the bounds count as seen: needed 9 in 3,000. Only the
+    // backend applies the texture term to their maps, which are therefore not compared.
     let visible: Vec<bool> = got.statistics.seen.iter().map(|&s| s > 0).collect();
     let flipped: Vec<usize> = (0..visible.len()).filter(|&i| visible[i] != expected.visible[i]).collect();
     let mut ok = flipped.len() * 200 <= visible.len();
@@ -91,7 +93,7 @@ pub fn agree(scene: &Scene, got: &Observed, expected: &Gradients, texel_rms: f64
         println!("{name:>12}: {d:?}");
         ok &= d.beyond as f64 <= share * d.entries as f64 && d.rms < rms && d.non_zero * 12 > d.entries;
     };
-    // A pixel at the edge of a support may flip by 1/255 of a colour: counted, at most 2 in 1,000.
+    // A pixel at the edge of a support may flip by 1/255 of a colour: at most 2 in 1,000.
     check("image", &got.image.rgb, &expected.image.rgb, 2e-5, 2e-3, 1e-4);
     for group in SplatGroup::ALL {
         check(&format!("{group:?}"), got.splats.group(group), expected.params.group(group), 2e-4, 4e-3, 1e-3);
@@ -108,11 +110,11 @@ pub fn agree(scene: &Scene, got: &Observed, expected: &Gradients, texel_rms: f64
     let close = |a: f64, b: f64, limit: f64| (a - b).abs() <= limit * b.abs();
     ok &= close(a.l1, b.l1, 1e-6) && close(a.dssim, b.dssim, 1e-6) && close(a.mse, b.mse, 1e-6);
     ok &= close(a.distortion, b.distortion, 1e-5) && close(a.normal, b.normal, 1e-4);
-    // These two sum over the seen splats, flips included.
+    // These two are sums over the visible splats, including flipped ones.
     ok & close(a.opacity, b.opacity, 5e-3) & close(a.texture, b.texture, 5e-3)
 }
 
-/// Scenes of thousands of splats: mixed, opaque, coarse, fine maps, near the camera.
+/// Scenes of thousands of splats: mixed, opaque, with coarse maps, with fine maps, near the camera.
 pub fn scenes() -> Vec<SceneOptions> {
     // Translucent and small, so that most splats receive a gradient.
     let base = SceneOptions { scales: (0.01, 0.1), opacities: (0.02, 0.6), ..SceneOptions::default() };
@@ -131,9 +133,9 @@ pub fn scenes() -> Vec<SceneOptions> {
     ]
 }
 
-/// Largest difference of texels that are brought up to date by seven steps, from the reference, over the largest
-/// change of any; `growth` is that of the backend's rates and of the reference's.
-fn flushed_texels_off(backend: &mut dyn Backend, scene: &Scene, growth: [f32; 2]) -> f64 {
+/// Flushes texels by seven steps. Returns the largest difference from the reference, over the largest change of
+/// a texel. `growth` is the `texel_growth` of the backend's learning rates and of the reference's.
+fn flushed_texels_off(backend: &mut dyn Backend, scene: &RandomScene, growth: [f32; 2]) -> f64 {
     let [rates, expected] = growth.map(|texel_growth| LearningRates {
         texel: 2e-3,
         texel_growth,
@@ -158,12 +160,12 @@ fn flushed_texels_off(backend: &mut dyn Backend, scene: &Scene, growth: [f32; 2]
     off / change
 }
 
-/// Whether lagging texels come up to date at the rate of their map: needed 1.3e-5, the rounding of the texels.
+/// Whether lagging texels are flushed at the learning rate of their map: needed 1.3e-5, the rounding of the texels.
 pub fn texels_flush_at_the_rate_of_their_map(backend: &mut dyn Backend) -> bool {
     let scene = random_scene(&SceneOptions { num_splats: 60, ..SceneOptions::default() });
     let off = flushed_texels_off(backend, &scene, [0.5, 0.5]);
     println!("flushed texels: {off:.1e}");
-    // Negative control: a little more growth.
+    // Negative control: slightly more growth.
     assert!(flushed_texels_off(backend, &scene, [0.5, 0.501]) > 1e-3);
     off < 5e-5
 }

@@ -1,38 +1,37 @@
-//! What to measure in the time that there is: every part once, then the parts in turn again, until each has what
-//! it wants or the time is full.
+//! Distributes the available time over the parts of a measurement: each part once, then all parts in turn, until each
+//! has the repetitions that it wants or the time is used up.
 
 use std::time::{Duration, Instant};
 
 /// Repetitions of the parts of a measurement.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Repetitions {
-    /// Steps by the wall's clock.
+    /// Steps timed by the wall clock.
     pub steps: u32,
-    /// Steps by the device's clock.
+    /// Steps timed by the device's clock.
     pub timed: u32,
-    /// Steps of which pairs and atomics are counted.
+    /// Steps whose pairs and atomics are counted.
     pub counted: u32,
-    /// Steps that are done twice.
+    /// Steps that are run twice and compared.
     pub repeated: u32,
-    /// Steps of each form of the rasterisation.
+    /// Steps of each variant of the rasterisation.
     pub variants: u32,
 }
 
-/// What a repetition of each part costs in steps; the first of some costs more. In the order of what is missed
-/// most.
+/// Cost of the first and of every further repetition of each part, in steps. Ordered by importance.
 const COSTS: [(f64, f64); 5] = [
     (1.0, 1.0),
     (1.0, 1.0),
     // The state is read back after each.
     (2.0, 1.5),
     (2.0, 2.0),
-    // One that does not count and one that does, in both forms, and one of the other form of which pairs are
-    // counted; the one not meant for a device may take longer.
+    // A warm-up and a measurement of both variants, and a step of the other variant to count its pairs; the variant
+    // that is not meant for the device may be slower.
     (13.0, 8.0),
 ];
 
 impl Repetitions {
-    /// As many as `steps` steps of time allow, up to what is wanted.
+    /// As many repetitions as fit into the time of `steps` steps, up to `wanted`.
     pub(super) fn planned(wanted: Self, steps: f64) -> Self {
         let wanted = [wanted.steps, wanted.timed, wanted.counted, wanted.repeated, wanted.variants];
         let (mut planned, mut left) = ([0; 5], steps);
@@ -55,27 +54,27 @@ impl Repetitions {
     }
 }
 
-/// The time that there is, if it is bounded.
+/// End of the available time, if it is limited.
 #[derive(Clone, Copy, Debug)]
 pub struct Deadline(Option<Instant>);
 
 impl Deadline {
-    /// Bounded by a moment, or not at all.
+    /// A deadline at `end`; `None` for unlimited time.
     pub fn new(end: Option<Instant>) -> Self {
         Self(end)
     }
 
-    /// What is left; `None`: any amount.
+    /// Time left; `None` if it is unlimited.
     pub fn left(self) -> Option<Duration> {
         self.0.map(|end| end.saturating_duration_since(Instant::now()))
     }
 
-    /// Whether something of so many seconds can end in time.
+    /// Whether work of `secs` seconds ends before the deadline.
     pub fn allows(self, secs: f64) -> bool {
         self.left().is_none_or(|left| left.as_secs_f64() >= secs)
     }
 
-    /// How many of so many seconds can end in time.
+    /// How often work of `secs` seconds fits before the deadline.
     pub(super) fn fitting(self, secs: f64) -> f64 {
         self.left().map_or(f64::INFINITY, |left| left.as_secs_f64() / secs.max(1e-9))
     }
@@ -88,7 +87,7 @@ mod tests {
     const WANTED: Repetitions = Repetitions { steps: 16, timed: 16, counted: 4, repeated: 8, variants: 4 };
 
     #[test]
-    fn time_without_bound_gives_everything_and_little_time_the_first_parts() {
+    fn unlimited_time_fits_everything_and_little_time_the_first_parts() {
         assert_eq!(Repetitions::planned(WANTED, f64::INFINITY), WANTED);
         assert_eq!(Repetitions::planned(WANTED, 0.9), Repetitions::default());
         let one = Repetitions { steps: 1, ..Repetitions::default() };
@@ -99,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_planned_fits() {
+    fn the_plan_fits_into_the_available_time() {
         for steps in 0..200 {
             let p = Repetitions::planned(WANTED, f64::from(steps));
             let cost: f64 = [p.steps, p.timed, p.counted, p.repeated, p.variants]

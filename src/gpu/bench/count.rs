@@ -1,21 +1,21 @@
-//! Pairs, atomics and bytes of steps in either form of the rasterisation, counted one step at a time.
+//! Counts pairs, atomics and bytes of steps with either variant of the rasterisation, one step at a time.
 
-use super::{AtomicFigures, Bench, CountFigures, Deadline, PairFigures, Traffic, TrafficCounts};
+use super::{AtomicFigures, BenchRun, CountFigures, Deadline, PairFigures, Traffic, TrafficCounts};
 use crate::Result;
 use crate::backend::{Backend as _, RasterCounters, StepRequest};
 use crate::camera::Camera;
 use crate::gpu::backend::{GpuBackend, GpuOptions};
 use crate::gpu::kernels::KernelId;
-use crate::gpu::resources::Offsets;
+use crate::gpu::resources::UniformOffsets;
 use crate::gpu::shader::TILE_PX;
 use crate::gpu::sort::{DEPTH_PASSES, num_tile_passes};
 use crate::gpu::uniform;
 use crate::model::{Model, SplatGroup};
 
-/// Counts the pairs, atomics and bytes of `steps` steps in one form of the rasterisation, whatever the device.
+/// Counts pairs, atomics and bytes of `steps` steps with one variant of the rasterisation, whatever the device.
 ///
 /// # Errors
-/// [`crate::Error::Device`] if memory or the device fails.
+/// [`crate::Error::Device`] if allocation or the device fails.
 pub fn count<'a>(
     backend: &mut GpuBackend,
     model: &Model,
@@ -23,12 +23,12 @@ pub fn count<'a>(
     hardware_kernels: bool,
     request: &dyn Fn(u32) -> StepRequest<'a>,
 ) -> Result<Option<CountFigures>> {
-    let mut bench = Bench { backend, next: 1, request, deadline: Deadline::new(None), step_secs: 0.0 };
+    let mut bench = BenchRun { backend, next: 1, request, deadline: Deadline::new(None), step_secs: 0.0 };
     bench.restart(model, counting(hardware_kernels))?;
     bench.count(model, steps, hardware_kernels)
 }
 
-/// Everything is counted, step by step.
+/// Options that count everything, one step per submission.
 fn counting(hardware_kernels: bool) -> GpuOptions {
     GpuOptions {
         count_pairs: true,
@@ -39,8 +39,8 @@ fn counting(hardware_kernels: bool) -> GpuOptions {
     }
 }
 
-impl Bench<'_, '_> {
-    /// A few steps, one by one, with everything counted.
+impl BenchRun<'_, '_> {
+    /// Counts at most `steps` steps, as far as time allows.
     pub(super) fn count(
         &mut self,
         model: &Model,
@@ -120,9 +120,9 @@ fn pair_figures(sum: &RasterCounters, tile_pairs: f64, tile_pixels: u64) -> Pair
 }
 
 impl GpuBackend {
-    /// Kernels of a step without window statistics, each once.
+    /// Kernels of a step without window statistics, each listed once.
     fn kernels_of_step(&self, camera: &Camera) -> Vec<KernelId> {
-        let dispatches = self.step_dispatches(Offsets::default(), camera, false, false);
+        let dispatches = self.step_dispatches(UniformOffsets::default(), camera, false, false);
         let mut kernels: Vec<_> = dispatches.iter().map(|d| d.kernel).collect();
         kernels.sort_unstable();
         kernels.dedup();

@@ -1,5 +1,5 @@
-//! What `litetex bench-kernels` measures: counts made by the code that does the work, times by the device's
-//! clock and the wall's, bytes by the table of [`traffic`](Traffic).
+//! The measurements of `litetex bench-kernels`: counts by the kernels themselves, times by the device's and the
+//! wall clock, and bytes by the model of [`Traffic`].
 
 mod budget;
 mod count;
@@ -23,19 +23,19 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 use std::time::Instant;
 
-/// Steps over which pairs are counted, and each variant is timed.
+/// Steps for counting pairs, and for timing each variant.
 const FEW_STEPS: u32 = 4;
-/// Steps that are done twice.
+/// Steps that are run twice and compared.
 const REPEATED_STEPS: u32 = 8;
-/// A step that takes longer is worth a look at the clock.
+/// If steps take longer, the deadline is checked after each.
 const SLOW_STEP_SECS: f64 = 0.1;
-/// What running in takes of the time that there is, at most.
-const RUN_IN_SHARE: f64 = 0.1;
+/// Largest share of the available time that the warm-up may take.
+const WARM_UP_SHARE: f64 = 0.1;
 
-/// A device and what it allows.
+/// A device and its limits.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct DeviceFigures {
-    /// What `--device` takes for it.
+    /// Name that selects it with `--device`.
     pub name: String,
     /// Adapter, driver and API.
     pub description: String,
@@ -43,22 +43,22 @@ pub struct DeviceFigures {
     pub hardware: bool,
     /// Whether dispatches can be timed.
     pub timestamps: bool,
-    /// Largest binding, bytes.
+    /// Largest storage binding, bytes.
     pub max_storage_buffer_binding_size: u64,
     /// Largest buffer, bytes.
     pub max_buffer_size: u64,
-    /// Storage buffers of a kernel.
+    /// Most storage buffers per kernel.
     pub max_storage_buffers_per_shader_stage: u32,
-    /// Workgroup memory, bytes.
+    /// Most workgroup memory, bytes.
     pub max_compute_workgroup_storage_size: u32,
-    /// Invocations of a workgroup.
+    /// Most invocations per workgroup.
     pub max_compute_invocations_per_workgroup: u32,
-    /// Subgroup sizes, which the kernels do not depend on.
+    /// Smallest and largest subgroup size, which the kernels do not depend on.
     pub subgroup_sizes: [u32; 2],
 }
 
 impl DeviceFigures {
-    /// Of an open device.
+    /// The figures of an open device.
     pub fn of(device: &GpuDevice) -> Self {
         let (limits, info) = (&device.limits, device.choice.adapter.get_info());
         Self {
@@ -76,124 +76,124 @@ impl DeviceFigures {
     }
 }
 
-/// Work asked of the device, per step.
+/// Work given to the device, per step.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct WorkPerStep {
-    /// Dispatches.
+    /// Dispatches per step.
     pub dispatches: f64,
-    /// Submissions.
+    /// Submissions per step.
     pub submissions: f64,
-    /// Times that the host waited.
+    /// How often the host waited, per step.
     pub host_waits: f64,
 }
 
-/// Pairs of pixels and splats, per pixel; means over a few views.
+/// Pixel-splat pairs per pixel; means over a few steps.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PairFigures {
     /// Tile-splat pairs of a step, K.
     pub tile_pairs: f64,
-    /// Pixels of whole tiles, 256 K / P on hardware, 128 K / P on software, whose tiles are half as high.
+    /// Pairs in whole tiles: 256 K / P on hardware, 128 K / P on software, whose tiles are half as high.
     pub visited: f64,
-    /// Pixels in the splat's box.
+    /// Pairs in the splats' boxes.
     pub evaluated: f64,
-    /// ... with alpha of at least 1/255.
+    /// Pairs with alpha of at least 1/255.
     pub inside: f64,
-    /// ... blended.
+    /// Blended pairs.
     pub blended: f64,
-    /// Pairs in vain.
+    /// Pairs evaluated per blended pair.
     pub evaluated_per_blended: f64,
-    /// Cost of the tiles' edges.
+    /// Pairs visited per evaluated pair: the cost of tile edges.
     pub visited_per_evaluated: f64,
 }
 
-/// Global atomics of texel gradients, counted by a variant of the kernel.
+/// Global atomics of texel gradients, counted by a kernel variant.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct AtomicFigures {
-    /// Of a step.
+    /// Atomics per step.
     pub per_step: f64,
-    /// Per pair of pixel and splat that is blended.
+    /// Atomics per blended pixel-splat pair.
     pub per_blended_pair: f64,
 }
 
-/// The rasterisation in one of its two forms; times are `null` without a device clock.
+/// One of the two variants of the rasterisation. Times are `null` without a device clock.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct FormFigures {
-    /// Whether it is the form for hardware.
+pub struct VariantFigures {
+    /// Whether it is the variant for hardware.
     pub hardware_kernels: bool,
-    /// Median, forward.
+    /// Median time of the forward pass.
     pub raster_fwd_secs: Option<f64>,
-    /// Median, backward.
+    /// Median time of the backward pass.
     pub raster_bwd_secs: Option<f64>,
-    /// Pairs, atomics and bytes of steps in this form.
+    /// Pairs, atomics and bytes of steps with this variant.
     pub counts: Option<CountFigures>,
 }
 
-/// Everything measured on one scene. Where time was bounded, what it did not suffice for is `null` or empty.
+/// All measurements of a scene. Those that did not fit the available time are `null` or empty.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct KernelFigures {
-    /// Splats.
+    /// Number of splats.
     pub splats: usize,
-    /// Texels.
+    /// Number of texels.
     pub texels: usize,
-    /// Views, each seen once before anything is measured if there is time.
+    /// Number of views. If time allows, each is rendered once before anything is measured.
     pub views: u32,
-    /// Largest width and height.
+    /// Largest width and height of the views.
     pub size_px: [u32; 2],
-    /// The first step of all, in which drivers may compile.
+    /// Duration of the very first step, in which drivers may compile.
     pub first_step_secs: f64,
-    /// What was measured of steps; `null` if one takes longer than there was time.
+    /// Measurements of steps; `null` if a step takes longer than the available time.
     #[serde(flatten)]
     pub steps: Option<StepFigures>,
 }
 
-/// What was measured of steps.
+/// Measurements of steps.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct StepFigures {
-    /// Steps measured.
+    /// Number of steps measured.
     pub steps: u32,
-    /// Steps of a submission.
+    /// Steps per submission.
     pub batch_steps: usize,
-    /// Wall time.
+    /// Wall time per step.
     pub wall_secs_per_step: f64,
-    /// CPU time of the process; a software device computes in it too.
+    /// CPU time of the process per step; software drivers compute in the process.
     pub cpu_secs_per_step: f64,
-    /// Over the wall time.
+    /// Steps per second of wall time.
     pub steps_per_sec: f64,
-    /// Counted where it is done.
+    /// Work given to the device.
     pub per_step: WorkPerStep,
-    /// Median over the steps, by name of the shader, largest first; `null` without a device clock.
+    /// Kernel name and median time, largest first; `null` without a device clock.
     pub kernel_secs: Option<Vec<(&'static str, f64)>>,
-    /// Pairs, atomics and bytes, in the form of the rasterisation that the device gets.
+    /// Pairs, atomics and bytes with the variant that the device gets.
     #[serde(flatten)]
     pub counts: Option<CountFigures>,
-    /// Both forms of the rasterisation.
-    pub variants: Vec<FormFigures>,
-    /// Whether the same steps gave the same bytes twice.
+    /// Both variants of the rasterisation.
+    pub variants: Vec<VariantFigures>,
+    /// Whether running the same steps twice gave the same bytes.
     pub repeatable: Option<bool>,
-    /// FNV-1a of the state after them.
+    /// FNV-1a of the state after these steps.
     pub state_hash: Option<String>,
-    /// Steps that were done twice.
+    /// Number of steps that were run twice.
     pub repeated_steps: u32,
 }
 
-/// What was counted.
+/// Counts, as means per step.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CountFigures {
     /// Pairs per pixel.
     pub pairs: PairFigures,
-    /// Global atomics.
+    /// Global atomics of texel gradients.
     pub texel_atomics: AtomicFigures,
-    /// What the traffic follows from.
+    /// Input of the traffic model.
     pub traffic_counts: TrafficCounts,
-    /// Bytes.
+    /// Bytes by kernel and by item.
     pub traffic: Traffic,
 }
 
-/// Measures, as much as there is time for: at least one step. `request` makes a step (from 1) that shows view
+/// Measures as much as time allows, but at least one step. `request` returns a step (counted from 1) that shows view
 /// `(step - 1) % views`.
 ///
 /// # Errors
-/// [`crate::Error::Device`] if memory or the device fails.
+/// [`crate::Error::Device`] if allocation or the device fails.
 pub fn measure<'a>(
     backend: &mut GpuBackend,
     model: &Model,
@@ -202,13 +202,13 @@ pub fn measure<'a>(
     deadline: Deadline,
     request: &dyn Fn(u32) -> StepRequest<'a>,
 ) -> Result<KernelFigures> {
-    let mut bench = Bench { backend, next: 1, request, deadline, step_secs: 0.0 };
+    let mut bench = BenchRun { backend, next: 1, request, deadline, step_secs: 0.0 };
     bench.restart(model, GpuOptions::default())?;
     let start = Instant::now();
     bench.run(1)?;
     let first_step_secs = start.elapsed().as_secs_f64();
     bench.step_secs = first_step_secs;
-    // One to run in, and one to measure.
+    // One step to warm up, and one to measure.
     let has_time = deadline.allows(2.0 * first_step_secs);
     let steps = if has_time { Some(bench.steps(model, steps, views)?) } else { None };
     let size_px = (1..=views)
@@ -218,20 +218,21 @@ pub fn measure<'a>(
     Ok(KernelFigures { splats, texels, views, size_px, first_step_secs, steps })
 }
 
-/// A backend and where it stands.
-struct Bench<'a, 'b> {
+/// A backend, and the state of the measurement on it.
+struct BenchRun<'a, 'b> {
     backend: &'b mut GpuBackend,
+    /// Number of the next step.
     next: u32,
     request: &'b dyn Fn(u32) -> StepRequest<'a>,
     deadline: Deadline,
-    /// What the last steps took, each.
+    /// Duration of the most recent steps, each.
     step_secs: f64,
 }
 
-impl Bench<'_, '_> {
-    /// Everything, after the first step.
+impl BenchRun<'_, '_> {
+    /// All measurements after the first step.
     fn steps(&mut self, model: &Model, steps: u32, views: u32) -> Result<StepFigures> {
-        self.run_in_time(run_in_steps(views, self.deadline.fitting(self.step_secs)))?;
+        self.run_until_deadline(warm_up_steps(views, self.deadline.fitting(self.step_secs)))?;
         let wanted = Repetitions {
             steps,
             timed: steps,
@@ -240,12 +241,12 @@ impl Bench<'_, '_> {
             variants: FEW_STEPS,
         };
         let planned = Repetitions::planned(wanted, self.deadline.fitting(self.step_secs));
-        // From here on the same for every part, so that repeated measurements do the same.
+        // Fixed from here on, so that all parts, and repeated measurements, do the same work.
         let plain = GpuOptions { batch_steps: Some(Pace::at(self.step_secs)), ..GpuOptions::default() };
         self.backend.set_options(plain)?;
 
         let (work, cpu, wall) = (self.backend.gpu().work(), process_cpu_secs(), Instant::now());
-        let steps = self.run_in_time(planned.steps.max(1))?.len() as u32;
+        let steps = self.run_until_deadline(planned.steps.max(1))?.len() as u32;
         let per = |total: f64| total / f64::from(steps.max(1));
         let wall_secs_per_step = per(wall.elapsed().as_secs_f64());
         let cpu_secs_per_step = per(process_cpu_secs() - cpu);
@@ -253,11 +254,11 @@ impl Bench<'_, '_> {
 
         let timed = GpuOptions { time_kernels: true, ..plain };
         self.backend.set_options(timed)?;
-        let kernel_secs = medians(&self.run_in_time(planned.timed)?);
+        let kernel_secs = medians(&self.run_until_deadline(planned.timed)?);
         let counts = self.count(model, planned.counted, self.backend.gpu().choice.hardware)?;
         let hashes = self.repeated(model, plain, planned.repeated)?;
         let variants = self.variants(model, timed, planned.variants, counts.as_ref())?;
-        // Who goes on with this backend wants neither counters nor timestamps.
+        // Leaves the backend without counters and timestamps.
         self.backend.set_options(plain)?;
         Ok(StepFigures {
             steps,
@@ -275,7 +276,7 @@ impl Bench<'_, '_> {
         })
     }
 
-    /// Hashes of the state after the same steps from the start, twice.
+    /// Runs the same steps twice from the start, and returns the hashes of both final states.
     fn repeated(&mut self, model: &Model, plain: GpuOptions, steps: u32) -> Result<Option<[u64; 2]>> {
         if steps == 0 || !self.deadline.allows(2.0 * f64::from(steps) * self.step_secs) {
             return Ok(None);
@@ -290,43 +291,43 @@ impl Bench<'_, '_> {
         Ok(Some(hashes))
     }
 
-    /// Times and counts of both forms of the rasterisation; the counts of the device's own are known.
+    /// Times and counts of both variants of the rasterisation; `own` are the counts of the device's own variant.
     fn variants(
         &mut self,
         model: &Model,
         timed: GpuOptions,
         steps: u32,
         own: Option<&CountFigures>,
-    ) -> Result<Vec<FormFigures>> {
+    ) -> Result<Vec<VariantFigures>> {
         let mut out = Vec::new();
-        let own_form = self.backend.gpu().choice.hardware;
-        // The device's own form last: it is the one that what follows needs.
-        for hardware_kernels in [!own_form, own_form] {
+        let own_variant = self.backend.gpu().choice.hardware;
+        // The device's own variant last, because later measurements need it.
+        for hardware_kernels in [!own_variant, own_variant] {
             if steps == 0 || !self.deadline.allows(2.0 * self.step_secs) {
                 break;
             }
             self.backend.set_options(GpuOptions { hardware_kernels: Some(hardware_kernels), ..timed })?;
             // The first run of a kernel may compile it.
-            let first = self.run_in_time(1)?;
+            let first = self.run_until_deadline(1)?;
             let times = if self.deadline.allows(self.step_secs) {
-                medians(&self.run_in_time(steps)?)
+                medians(&self.run_until_deadline(steps)?)
             } else {
                 medians(&first)
             };
             let of = |name| times.as_ref().and_then(|t| t.iter().find(|(n, _)| *n == name)).map(|(_, s)| *s);
             let (raster_fwd_secs, raster_bwd_secs) = (of("raster_fwd"), of("raster_bwd"));
             let counts = match own {
-                Some(own) if hardware_kernels == own_form => Some(own.clone()),
+                Some(own) if hardware_kernels == own_variant => Some(own.clone()),
                 _ => self.count(model, steps, hardware_kernels)?,
             };
-            out.push(FormFigures { hardware_kernels, raster_fwd_secs, raster_bwd_secs, counts });
+            out.push(VariantFigures { hardware_kernels, raster_fwd_secs, raster_bwd_secs, counts });
         }
-        out.sort_by_key(|form| form.hardware_kernels);
+        out.sort_by_key(|variant| variant.hardware_kernels);
         Ok(out)
     }
 
-    /// Steps, all of them where they are quick, else at least one and as many as there is time for.
-    fn run_in_time(&mut self, steps: u32) -> Result<Vec<StepReport>> {
+    /// Runs all steps if they are fast, otherwise as many as time allows, but at least one.
+    fn run_until_deadline(&mut self, steps: u32) -> Result<Vec<StepReport>> {
         let mut reports = Vec::new();
         while (reports.len() as u32) < steps {
             let start = Instant::now();
@@ -355,10 +356,11 @@ impl Bench<'_, '_> {
     }
 }
 
-/// Steps after the first that do not count: the rest of the views, if `fitting` steps of time allow. At least one,
-/// even of a single view: the first may have compiled, and is no measure of the others.
-fn run_in_steps(views: u32, fitting: f64) -> u32 {
-    (RUN_IN_SHARE * fitting).clamp(1.0, f64::from(views.max(2) - 1)) as u32
+/// Unmeasured steps after the first: one for each remaining view, if the time for `fitting` steps allows. At
+/// least one, even for a single view: the first step may have compiled kernels, and does not predict the time
+/// of others.
+fn warm_up_steps(views: u32, fitting: f64) -> u32 {
+    (WARM_UP_SHARE * fitting).clamp(1.0, f64::from(views.max(2) - 1)) as u32
 }
 
 fn work_per_step(before: DeviceWork, after: DeviceWork, steps: u32) -> WorkPerStep {
@@ -370,7 +372,7 @@ fn work_per_step(before: DeviceWork, after: DeviceWork, steps: u32) -> WorkPerSt
     }
 }
 
-/// Median time by kernel, largest first; `None` without times.
+/// Median time by kernel, largest first; `None` if the reports contain no times.
 fn medians(reports: &[StepReport]) -> Option<Vec<(&'static str, f64)>> {
     let mut times: BTreeMap<&'static str, Vec<f64>> = BTreeMap::new();
     for (name, time) in reports.iter().flat_map(|r| &r.stages) {
@@ -387,7 +389,7 @@ fn medians(reports: &[StepReport]) -> Option<Vec<(&'static str, f64)>> {
     (!out.is_empty()).then_some(out)
 }
 
-/// FNV-1a over the bytes of the state.
+/// FNV-1a over the bytes of parameters, moments and last steps.
 fn state_hash(model: &Model, adam: &AdamState) -> u64 {
     let arrays = [&model.splats, &adam.splats_m, &adam.splats_v];
     let splats = arrays.into_iter().flat_map(|a| SplatGroup::ALL.map(|g| a.group(g)));
@@ -403,8 +405,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_step_runs_in_whatever_the_views_and_the_time() {
-        assert_eq!([1, 2, 16].map(|views| run_in_steps(views, f64::INFINITY)), [1, 1, 15]);
-        assert_eq!([0.0, 2.0, 50.0, 1e9].map(|fitting| run_in_steps(16, fitting)), [1, 1, 5, 15]);
+    fn there_is_at_least_one_warm_up_step() {
+        assert_eq!([1, 2, 16].map(|views| warm_up_steps(views, f64::INFINITY)), [1, 1, 15]);
+        assert_eq!([0.0, 2.0, 50.0, 1e9].map(|fitting| warm_up_steps(16, fitting)), [1, 1, 5, 15]);
     }
 }

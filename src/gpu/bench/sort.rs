@@ -1,4 +1,4 @@
-//! How fast a device sorts.
+//! Measures how fast a device sorts.
 
 use crate::Result;
 use crate::gpu::device::{GpuDevice, UNIFORM_STRIDE};
@@ -6,34 +6,34 @@ use crate::gpu::encode::encode;
 use crate::gpu::kernels::{Buf, KernelId};
 use crate::gpu::layout::{Status, StepUniform};
 use crate::gpu::model_buffers::filled;
-use crate::gpu::resources::{Offsets, Resources};
+use crate::gpu::resources::{Resources, UniformOffsets};
 use crate::gpu::shader::DEPTH_KEY_BITS;
 use crate::gpu::sort::{DEPTH_PASSES, depth_sort, first_args, histogram_entries, sort_passes};
 use serde::Serialize;
 use std::time::Instant;
 
-/// Sorts in one submission.
+/// Sorts per submission.
 const RUNS: u32 = 4;
 
-/// Keys per second of the sort by depth.
+/// Throughput of the sort by depth.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SortThroughput {
-    /// Keys, each with a value.
+    /// Number of keys, each with a value.
     pub keys: usize,
-    /// Bits that are sorted by.
+    /// Bits of a key.
     pub bits: u32,
     /// Wall time of a sort.
     pub secs: f64,
-    /// Keys over it.
+    /// Keys per second of wall time.
     pub keys_per_sec: f64,
-    /// Whether the order is that of a stable sort in Rust.
+    /// Whether the result equals that of a stable sort in Rust.
     pub sorted: bool,
 }
 
-/// Sorts random keys a few times, after a sort that does not count; keys are copied into place before each.
+/// Sorts pseudo-random keys several times, after a warm-up; the unsorted keys are copied in before each sort.
 ///
 /// # Errors
-/// [`crate::Error::Device`] if the device refuses memory or fails.
+/// [`crate::Error::Device`] if allocation or the device fails.
 pub fn sort_throughput(device: &GpuDevice, keys: usize) -> Result<SortThroughput> {
     let kernels = [KernelId::SortCount, KernelId::SortScan, KernelId::SortScatter];
     let pipelines = device.pipelines(&kernels, &[])?;
@@ -46,7 +46,7 @@ pub fn sort_throughput(device: &GpuDevice, keys: usize) -> Result<SortThroughput
     let step = StepUniform { num_splats: keys as u32, ..StepUniform::default() };
     device.queue.write_buffer(resources.steps(), 0, bytemuck::bytes_of(&step));
     let mask = (1_u32 << DEPTH_KEY_BITS) - 1;
-    // Hashed counters: every digit occurs, few keys are equal.
+    // Hashed indices: all digits occur, few keys are equal.
     let values: Vec<u32> = (0..keys as u32)
         .map(|i| (i ^ (i >> 7)).wrapping_mul(0x9e37_79b1).rotate_left(13).wrapping_mul(0x85eb_ca6b) & mask)
         .collect();
@@ -64,7 +64,7 @@ pub fn sort_throughput(device: &GpuDevice, keys: usize) -> Result<SortThroughput
         for _ in 0..runs {
             let to = resources.buffer(Buf::KeysA);
             encoder.copy_buffer_to_buffer(&unsorted, 0, to, 0, unsorted.size());
-            let dispatches = depth_sort(Offsets::default());
+            let dispatches = depth_sort(UniformOffsets::default());
             encode(device, &mut encoder, &mut resources, &pipelines, &dispatches, None);
         }
         device.submit(encoder);

@@ -1,10 +1,10 @@
-//! Bytes that a step moves at least with these kernels, against the floor of the method's cost model.
+//! The bytes that these kernels must move in a step, compared with the floor of the method's cost model.
 //!
-//! Ideal traffic: every element that a kernel must read or write counts once per dispatch, as if caches were
-//! perfect within a kernel and empty between kernels; records of splats count once per pair where tiles read
-//! them. With `N` splats, `Nv` visible, `Nl` visible that lag behind, `K` tile pairs, `P` pixels, `T` tiles,
-//! `Mv` and `Ml` texels of the maps of `Nv` and `Nl`, `C` SH floats of a splat, `A` global atomics of texel
-//! gradients, the floor is
+//! Traffic is ideal: every element that a kernel must read or write counts once per dispatch, as if caches were
+//! perfect within a kernel and empty between kernels; where tiles read splat records, they count once per pair.
+//! With `N` splats, `Nv` of them visible, `Nl` visible ones that must be flushed, `K` tile pairs, `P` pixels, `T`
+//! tiles, `Mv` and `Ml` texels in the maps of `Nv` and `Nl`, `C` SH floats per splat, and `A` global atomics of
+//! texel gradients, the floor is
 //!
 //! | Item | Bytes |
 //! |---|---|
@@ -21,28 +21,28 @@ use crate::gpu::shader::{BLOCK, DIGIT_BITS, GROUP};
 use crate::gpu::uniform::PARTIAL_STRIDE;
 use serde::Serialize;
 
-/// What the traffic of a step follows from; means over steps.
+/// Input of the traffic model; means over steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct TrafficCounts {
-    /// `N`
+    /// `N`, splats of the model.
     pub splats: f64,
-    /// `Nv`
+    /// `Nv`, visible splats.
     pub visible: f64,
-    /// `Nl`
+    /// `Nl`, visible splats that must be flushed.
     pub lagging: f64,
-    /// `K`
+    /// `K`, tile-splat pairs.
     pub pairs: f64,
-    /// `P`
+    /// `P`, pixels of the image.
     pub pixels: f64,
-    /// `T`
+    /// `T`, tiles of the image.
     pub tiles: f64,
-    /// `Mv`
+    /// `Mv`, texels of visible splats.
     pub visible_texels: f64,
-    /// `Ml`
+    /// `Ml`, texels that must be flushed.
     pub lagging_texels: f64,
-    /// `C`
+    /// `C`, SH floats per splat.
     pub sh_floats: f64,
-    /// `A`
+    /// `A`, global atomics of texel gradients.
     pub texel_atomics: f64,
     /// Passes of the sort by depth.
     pub depth_passes: f64,
@@ -50,32 +50,32 @@ pub struct TrafficCounts {
     pub tile_passes: f64,
 }
 
-/// Parts of a step that the cost model tells apart.
+/// Items of the cost model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum TrafficItem {
-    /// Projection.
+    /// Projection of the splats.
     Preprocess,
-    /// From depth keys to the tiles' lists.
+    /// Sorting splats and pairs, and listing the pairs of each tile.
     Sort,
-    /// Image.
+    /// Forward pass.
     Forward,
-    /// Loss and its derivative.
+    /// Loss and its derivative by the image.
     Loss,
-    /// Derivatives by splats and texels.
+    /// Backward pass: derivatives by splats and texels.
     Backward,
-    /// Parameters, also those brought up to date.
+    /// Updates of parameters and moments, including flushes.
     Adam,
-    /// What the host is told; the cost model has no such item.
+    /// Status for the host; not part of the cost model.
     Status,
 }
 
 impl TrafficItem {
-    /// All of them.
+    /// All items, in the order of a step.
     pub const ALL: [Self; 7] =
         [Self::Preprocess, Self::Sort, Self::Forward, Self::Loss, Self::Backward, Self::Adam, Self::Status];
 
-    /// Bytes of the cost model.
+    /// Bytes by the cost model.
     pub fn floor(self, c: &TrafficCounts) -> f64 {
         match self {
             Self::Preprocess => 236.0 * c.splats + 64.0 * c.visible,
@@ -89,15 +89,15 @@ impl TrafficItem {
     }
 }
 
-/// A word.
+/// Bytes of a float or integer.
 const WORD: f64 = 4.0;
-/// A gradient's sum is read and written.
+/// Bytes of an atomic addition: a read and a write.
 const ATOMIC: f64 = 2.0 * WORD;
-/// Floats of a splat that are not SH.
+/// Floats of a splat without SH.
 const GEOMETRY: f64 = 10.0;
-/// Parameter and both moments, read and written.
+/// Bytes to update a parameter: value and both moments, read and written.
 const STATE: f64 = 6.0 * WORD;
-/// Slot and splat of a pair, and the window of its texels (`shaders/common/projected.wgsl`).
+/// Bytes of a pair's slot and splat, and of its texel window (`shaders/common/projected.wgsl`).
 const PAIR: f64 = 8.0;
 const WINDOW: f64 = 8.0;
 const PROJECTED: f64 = PROJECTED_BYTES as f64;
@@ -105,25 +105,25 @@ const BOUNDS: f64 = BOUNDS_BYTES as f64;
 const INFO: f64 = size_of::<SplatInfo>() as f64;
 const PARTIALS: f64 = PARTIAL_STRIDE as f64 * WORD;
 
-/// Bytes of all dispatches of a kernel in a step without window statistics, by item.
+/// Bytes by item that all dispatches of a kernel move in a step without window statistics.
 pub(super) fn traffic(kernel: KernelId, c: &TrafficCounts) -> Vec<(TrafficItem, f64)> {
     use KernelId as K;
     use TrafficItem as I;
-    // What the sort's passes go through: all splats by depth, then all pairs by tile.
+    // Keys that the passes of both sorts handle: all splats by depth, then all pairs by tile.
     let sorted = c.depth_passes * c.splats + c.tile_passes * c.pairs;
     let histograms = sorted / f64::from(BLOCK) * f64::from(1 << DIGIT_BITS) * WORD;
-    // The first pass of each makes its values itself.
+    // The first pass of each sort generates its values instead of reading them.
     let values = sorted - (c.splats + c.pairs);
     let block_sums = c.splats / f64::from(BLOCK) * WORD;
     let block_status = (c.splats / f64::from(GROUP)).ceil() * SPLAT_SUMS_BYTES as f64;
-    // Pairs, splats and texels as the rasterisation reads them; the forward pass writes the windows, the
-    // backward pass reads them.
+    // Pairs, splats and texels that the rasterisation reads. The forward pass writes the windows, the backward pass
+    // reads them.
     let scene = 8.0 * c.tiles + (PAIR + PROJECTED + WINDOW) * c.pairs + 16.0 * c.visible_texels;
     match kernel {
         K::Project => {
             let all = (GEOMETRY * WORD + BOUNDS + WORD) * c.splats;
             let visible = (INFO + c.sh_floats * WORD + PROJECTED) * c.visible;
-            // Moments are read, all three written.
+            // Both moments are read, values and moments written.
             let lagging = 5.0 * WORD * c.sh_floats * c.lagging;
             vec![(I::Preprocess, all + visible), (I::Adam, lagging)]
         }
@@ -143,15 +143,15 @@ pub(super) fn traffic(kernel: KernelId, c: &TrafficCounts) -> Vec<(TrafficItem, 
             let splats = 3.0 * WORD * c.splats + (BOUNDS + WORD) * c.visible;
             vec![(I::Sort, splats + 2.0 * WORD * c.pairs)]
         }
-        // Both ends of a tile's range are searched for.
+        // Binary searches for both ends of a tile's range.
         K::TileRanges => vec![(I::Sort, c.tiles * (8.0 + 2.0 * WORD * c.pairs.max(1.0).log2().ceil()))],
         K::GatherPairs => vec![(I::Sort, (2.0 * WORD + PAIR) * c.pairs)],
         K::RasterFwd | K::RasterFwdCount | K::RasterFwdBatched | K::RasterFwdBatchedCount => {
             vec![(I::Forward, scene + (16.0 + 8.0) * c.pixels)]
         }
-        // Image, photo, maps, loss.
+        // Image, photo, SSIM maps, loss map.
         K::LossFwd => vec![(I::Loss, (16.0 + 4.0 + 36.0 + 4.0) * c.pixels + 16.0 * c.tiles)],
-        // The same, read, and the derivative.
+        // Reads the same, writes the derivative.
         K::LossBwd => vec![(I::Loss, (16.0 + 4.0 + 36.0 + 4.0 + 16.0) * c.pixels)],
         K::RasterBwd
         | K::RasterBwdStatistics
@@ -163,20 +163,20 @@ pub(super) fn traffic(kernel: KernelId, c: &TrafficCounts) -> Vec<(TrafficItem, 
             vec![(I::Backward, scene + (8.0 + 16.0) * c.pixels + sums)]
         }
         K::ProjectBwd => {
-            // Number of pairs and first slot of all; faults and hidden share of visible ones.
+            // Number of pairs and first slot of all splats; faults and hidden share of visible ones.
             let sums = 2.0 * WORD * c.splats + (PROJECTED + 2.0 * WORD) * c.visible + PARTIALS * c.pairs;
             let state = STATE * (GEOMETRY * c.splats + c.sh_floats * c.visible);
             vec![(I::Backward, sums), (I::Adam, state)]
         }
         K::AdamTexel => {
-            // Number of pairs of all; box, hidden share, residual sum and record of visible ones. Gradients
-            // are read and set to zero, values written.
+            // Number of pairs of all splats; box, hidden share, residual sum and record of visible ones. Gradients
+            // are read and zeroed, activated texels written.
             let records = WORD * c.splats + (4.0 * WORD + INFO + WORD) * c.visible;
             vec![(I::Adam, records + (STATE + 3.0 * WORD) * 3.0 * c.visible_texels)]
         }
         K::FinishBlocks => vec![(I::Status, WORD * c.splats + 4.0 * WORD * c.visible + block_status)],
         K::Finish => vec![(I::Status, block_status + 16.0 * c.tiles + size_of::<Status>() as f64)],
-        // Not part of a step, or of the optional terms on depths and normals only.
+        // Not part of a step, or only used for depths and normals.
         K::ProjectGeometry
         | K::RasterFwdGeometry
         | K::RasterFwdBatchedGeometry
@@ -196,27 +196,27 @@ pub(super) fn traffic(kernel: KernelId, c: &TrafficCounts) -> Vec<(TrafficItem, 
 /// Floor and bytes of an item.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TrafficShare {
-    /// Which; `null` for the sum over all.
+    /// The item; `null` for the sum over all items.
     pub item: Option<TrafficItem>,
-    /// Bytes of the cost model.
+    /// Bytes by the cost model.
     pub floor_bytes: f64,
-    /// Bytes of these kernels.
+    /// Bytes that the kernels move.
     pub bytes: f64,
-    /// Bytes over floor; `null` where the floor is zero.
+    /// Bytes over floor; `null` if the floor is zero.
     pub ratio: Option<f64>,
 }
 
-/// Bytes by kernel and by item, the sum last.
+/// Bytes that a step moves.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Traffic {
-    /// Name of the shader and bytes of a step.
+    /// Kernel name and bytes per step.
     pub kernels: Vec<(&'static str, f64)>,
-    /// Against the floor.
+    /// Bytes by item, compared with the floor; the sum is last.
     pub items: Vec<TrafficShare>,
 }
 
 impl Traffic {
-    /// Of a step that runs `kernels`, each named once.
+    /// Traffic of a step that runs `kernels`, each listed once.
     pub(super) fn of(kernels: &[KernelId], counts: &TrafficCounts) -> Self {
         let by_kernel: Vec<_> = kernels.iter().map(|&k| (k.kernel().name, traffic(k, counts))).collect();
         let of_item = |item| {
@@ -241,7 +241,7 @@ impl Traffic {
 mod tests {
     use super::*;
 
-    /// Counts that differ in every digit.
+    /// Counts that are all different.
     fn counts() -> TrafficCounts {
         TrafficCounts {
             splats: 10_240.0,
@@ -260,7 +260,7 @@ mod tests {
     }
 
     #[test]
-    fn a_step_is_the_sum_of_its_kernels_and_every_kernel_of_a_step_counts() {
+    fn the_traffic_of_a_step_is_the_sum_over_its_kernels() {
         let kernels: Vec<_> = KernelId::all().filter(|&k| !traffic(k, &counts()).is_empty()).collect();
         let traffic = Traffic::of(&kernels, &counts());
         let total = traffic.items.last().unwrap();
@@ -268,16 +268,16 @@ mod tests {
         assert!((total.bytes / sum - 1.0).abs() < 1e-12 && total.item.is_none());
         assert!(traffic.kernels.iter().all(|(_, bytes)| *bytes > 0.0));
         let one_less = Traffic::of(&kernels[1..], &counts());
-        assert!(one_less.items.last().unwrap().bytes < total.bytes, "a kernel left out is noticed");
+        assert!(one_less.items.last().unwrap().bytes < total.bytes, "negative control: one kernel less");
     }
 
     #[test]
-    fn figures_by_hand() {
+    fn traffic_agrees_with_figures_computed_by_hand() {
         let c = counts();
         let of = |kernel| traffic(kernel, &c).iter().map(|(_, bytes)| bytes).sum::<f64>();
         assert_eq!(of(KernelId::LossFwd), 60.0 * 65_536.0 + 4_096.0);
         assert_eq!(of(KernelId::GatherPairs), 16.0 * 20_480.0);
-        // 133,120 keys in 130 blocks: 16 sums each.
+        // 133,120 keys in 130 blocks of 16 counts each.
         assert_eq!(of(KernelId::SortScan), 2.0 * 130.0 * 64.0);
         assert_eq!(of(KernelId::SortCount), 133_120.0 * 4.0 + 130.0 * 64.0);
         assert_eq!(TrafficItem::Sort.floor(&c), 144.0 * 20_480.0);

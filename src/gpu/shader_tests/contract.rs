@@ -1,28 +1,28 @@
-//! The rules that every shader keeps, as lists of what breaks them; parsed and validated by naga.
+//! The rules that every shader must follow. Each check returns a list of violations; naga parses and validates.
 
 use super::mirrors::check_structs;
 use crate::gpu::kernels::{Kernel, SORT_PASS_BINDING};
 use crate::gpu::layout;
-use crate::gpu::shader::{Expanded, GROUP, shared_constants};
+use crate::gpu::shader::{ExpandedShader, GROUP, shared_constants};
 use crate::model::SplatGroup;
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 use naga::{AddressSpace, Expression, GlobalVariable, Handle, Literal, Span, StorageAccess};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// What WebGPU grants everywhere.
+/// Minimum limits of WebGPU.
 const MAX_STORAGE_BUFFERS: usize = 8;
 const MAX_WORKGROUP_BYTES: u32 = 16 << 10;
 
-/// A shader that core WebGPU takes.
+/// A shader that is valid core WebGPU.
 pub(super) struct Parsed {
     pub module: naga::Module,
     info: ModuleInfo,
     layouter: naga::proc::Layouter,
-    pub expanded: Expanded,
+    pub expanded: ExpandedShader,
 }
 
 impl Parsed {
-    pub fn new(expanded: Expanded) -> Result<Self, String> {
+    pub fn new(expanded: ExpandedShader) -> Result<Self, String> {
         let text = &expanded.text;
         let place = |line: Option<u32>| expanded.origin(line.unwrap_or(1));
         let module = naga::front::wgsl::parse_str(text).map_err(|e| {
@@ -37,12 +37,12 @@ impl Parsed {
         Ok(Self { module, info, layouter, expanded })
     }
 
-    /// Shader file and line.
+    /// File and line of a span.
     pub fn at(&self, span: Span) -> String {
         self.expanded.origin(span.location(&self.expanded.text).line_number)
     }
 
-    /// Where a member of a structure stands.
+    /// File and line of a member of a structure.
     pub fn member_at(&self, ty: Handle<naga::Type>, name: &str) -> String {
         let span = self.module.types.get_span(ty);
         let text = span.to_range().map_or("", |range| &self.expanded.text[range]);
@@ -59,7 +59,7 @@ impl Parsed {
     }
 }
 
-/// Every constant that shaders and Rust both have, by name.
+/// Every constant that the shaders share with Rust, by name.
 fn all_constants() -> BTreeMap<&'static str, Literal> {
     let (floats, integers) = shared_constants();
     let mut out: BTreeMap<_, _> = floats.iter().map(|&(n, v)| (n, Literal::F32(v as f32))).collect();
@@ -86,7 +86,7 @@ fn all_constants() -> BTreeMap<&'static str, Literal> {
     out
 }
 
-/// Constants that differ from Rust's.
+/// Constants whose value differs from Rust's.
 fn check_constants(parsed: &Parsed) -> Vec<String> {
     let shared = all_constants();
     let module = &parsed.module;
@@ -104,16 +104,16 @@ fn check_constants(parsed: &Parsed) -> Vec<String> {
     wrong
 }
 
-/// A binding: its name and how it is accessed.
-type Bound = (String, &'static str);
+/// Name and access of a binding.
+type NamedAccess = (String, &'static str);
 
-/// Bindings that differ from the table, and storage that the kernel binds but does not touch.
+/// Bindings that differ from the table, and bound storage that the kernel does not use.
 fn check_bindings(parsed: &Parsed, kernel: &Kernel) -> Vec<String> {
-    let mut expected: BTreeMap<u32, Bound> = BTreeMap::from([(0, ("step".into(), "uniform Step"))]);
+    let mut expected: BTreeMap<u32, NamedAccess> = BTreeMap::from([(0, ("step".into(), "uniform Step"))]);
     for (binding, bound) in (1..).zip(kernel.bindings) {
         expected.insert(binding, (bound.name.into(), if bound.writes { "read_write" } else { "read" }));
     }
-    if kernel.has_sort_pass {
+    if kernel.has_sort_pass() {
         expected.insert(SORT_PASS_BINDING, ("sort_pass".into(), "uniform SortPass"));
     }
     let mut wrong = Vec::new();
@@ -137,11 +137,11 @@ fn check_bindings(parsed: &Parsed, kernel: &Kernel) -> Vec<String> {
         if found != expected {
             wrong.push(format!("{at}: {place:?} is {found:?}, in the table {expected:?}"));
         } else if !parsed.is_used(handle) && !access.starts_with("uniform") {
-            wrong.push(format!("{at}: {found:?} is bound, but not used"));
+            wrong.push(format!("{at}: {found:?} is bound but not used"));
         }
     }
     wrong.extend(
-        expected.iter().map(|e| format!("shaders/{}.wgsl: {e:?} of the table is missing", kernel.name)),
+        expected.iter().map(|e| format!("shaders/{}.wgsl: {e:?} is missing, but in the table", kernel.name)),
     );
     if kernel.bindings.len() > MAX_STORAGE_BUFFERS {
         wrong.push(format!("shaders/{}.wgsl: {} storage buffers", kernel.name, kernel.bindings.len()));
@@ -149,13 +149,13 @@ fn check_bindings(parsed: &Parsed, kernel: &Kernel) -> Vec<String> {
     wrong
 }
 
-/// What is wrong with the entry point and its memory.
+/// Violations by the entry point, its workgroup size and its workgroup memory.
 fn check_entry(parsed: &Parsed, kernel: &Kernel) -> Vec<String> {
     let file = format!("shaders/{}.wgsl", kernel.name);
     let entries = &parsed.module.entry_points;
     let names: Vec<&str> = entries.iter().map(|e| e.name.as_str()).collect();
     if names != [kernel.name] {
-        return vec![format!("{file}: entry points {names:?}, wanted {:?} alone", kernel.name)];
+        return vec![format!("{file}: entry points {names:?}, expected only {:?}", kernel.name)];
     }
     let mut wrong = Vec::new();
     let [x, y, z] = entries[0].workgroup_size;
@@ -169,15 +169,15 @@ fn check_entry(parsed: &Parsed, kernel: &Kernel) -> Vec<String> {
     wrong
 }
 
-/// As WebGPU counts: each variable that is used, to a multiple of 16.
+/// Workgroup memory as WebGPU counts it: each variable in use, rounded up to a multiple of 16 bytes.
 pub(super) fn workgroup_bytes(parsed: &Parsed) -> u32 {
     let shared = parsed.module.global_variables.iter().filter(|(_, v)| v.space == AddressSpace::WorkGroup);
     let used = shared.filter(|(handle, _)| parsed.is_used(*handle));
     used.map(|(_, v)| parsed.layouter[v.ty].size.next_multiple_of(16)).sum()
 }
 
-/// Everything that is wrong with a kernel.
-pub(super) fn check(expanded: Expanded, kernel: &Kernel) -> Vec<String> {
+/// All violations by a kernel.
+pub(super) fn check(expanded: ExpandedShader, kernel: &Kernel) -> Vec<String> {
     let parsed = match Parsed::new(expanded) {
         Ok(parsed) => parsed,
         Err(e) => return vec![e],

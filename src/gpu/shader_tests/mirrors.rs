@@ -1,31 +1,31 @@
-//! Structures that shaders and Rust both have.
+//! The structures that the shaders share with Rust, and their comparison.
 
 use super::contract::Parsed;
 use crate::gpu::layout::{self, Edit, MapChange, SortPass, SplatInfo, Status, StepUniform};
 use naga::TypeInner;
 use std::collections::BTreeSet;
 
-/// A member: its name, type and offset.
+/// Name, type and offset of a member.
 type Member = (String, &'static str, u32);
 
-/// A structure as Rust has it.
+/// A structure as defined in Rust.
 pub(super) struct Mirror {
     pub name: &'static str,
     bytes: u32,
-    /// Empty where Rust knows the size alone.
+    /// Empty if Rust only knows the size.
     members: Vec<Member>,
 }
 
-/// Types of members; the host has no vectors, but arrays of the same layout.
-trait Shape {
+/// WGSL type of a member. Rust uses arrays in place of vectors.
+trait WgslType {
     const NAME: &'static str;
 }
 
-macro_rules! shapes {
-    ($($ty:ty = $name:literal),* $(,)?) => { $(impl Shape for $ty { const NAME: &'static str = $name; })* };
+macro_rules! wgsl_types {
+    ($($ty:ty = $name:literal),* $(,)?) => { $(impl WgslType for $ty { const NAME: &'static str = $name; })* };
 }
 
-shapes![
+wgsl_types![
     u32 = "u32",
     [u32; 2] = "vec2u",
     i32 = "i32",
@@ -35,17 +35,17 @@ shapes![
     [f32; 4] = "vec4f",
 ];
 
-fn shape_of<T: Shape>(_: &T) -> &'static str {
+fn wgsl_type_of<T: WgslType>(_: &T) -> &'static str {
     T::NAME
 }
 
-/// By destructuring, so that no member can be left out; sorted by offset.
+/// Members sorted by offset; destructuring ensures that none is left out.
 macro_rules! mirror {
     ($name:literal, $ty:ident { $($member:ident),* $(,)? }) => {{
         let $ty { $($member),* } = $ty::default();
         let mut members: Vec<Member> = vec![$((
             stringify!($member).to_owned(),
-            shape_of(&$member),
+            wgsl_type_of(&$member),
             std::mem::offset_of!($ty, $member) as u32,
         )),*];
         members.sort_by_key(|m| m.2);
@@ -148,11 +148,11 @@ fn wgsl_name(inner: &TypeInner) -> &'static str {
         TypeInner::Vector { size: VectorSize::Bi, scalar: Scalar::F32 } => "vec2f",
         TypeInner::Vector { size: VectorSize::Tri, scalar: Scalar::F32 } => "vec3f",
         TypeInner::Vector { size: VectorSize::Quad, scalar: Scalar::F32 } => "vec4f",
-        _ => "a type without twin in Rust",
+        _ => "a type without counterpart in Rust",
     }
 }
 
-/// Structures that differ from Rust's; notes the names of those that were compared.
+/// Structures that differ from Rust's; `seen` collects the names of those that were compared.
 pub(super) fn check_structs(parsed: &Parsed, seen: &mut BTreeSet<&'static str>) -> Vec<String> {
     let mut wrong = Vec::new();
     for (handle, ty) in parsed.module.types.iter() {

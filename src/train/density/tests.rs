@@ -9,7 +9,7 @@ use crate::backend::{Grid, MapChange, WindowStatistics};
 use crate::camera::Camera;
 use crate::constants::ALPHA_MIN;
 use crate::model::{Model, TexturePool};
-use crate::selftest::{Scene, SceneOptions, random_scene};
+use crate::selftest::{RandomScene, SceneOptions, random_scene};
 
 const N: usize = 12;
 
@@ -32,7 +32,7 @@ fn settings() -> DensityConfig {
     DensityConfig { alpha_texture: ALPHA_MIN, quantile: 0.85, ..DensityConfig::default() }
 }
 
-fn scene() -> Scene {
+fn scene() -> RandomScene {
     random_scene(&SceneOptions {
         num_splats: N,
         map_sizes: vec![(2, 2)],

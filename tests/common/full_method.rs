@@ -1,5 +1,5 @@
-//! Short runs with the whole method on the common scene: density-control steps each 5 steps in which everything
-//! happens, on any backend.
+//! Short runs with the full method on the common scene, on any backend: every 5 steps a density-control step,
+//! and every kind of change occurs.
 
 use super::training::{BLACK, MemoryViews, damaged, scene, uploaded};
 use litetex_gs::backend::{Backend, TargetImage};
@@ -10,14 +10,14 @@ use std::sync::Arc;
 
 pub const STEPS: u32 = 40;
 
-/// A short run in which everything happens: density-control steps each 5 steps.
+/// Settings of a short run with density control every 5 steps, in which every kind of change occurs.
 pub fn config(policy: Policy) -> TrainConfig {
     let mut config =
         TrainConfig { steps: STEPS, sh_degree: 1, policy, save_every: 3, ..TrainConfig::default() };
-    // The images are small and the splats few: let them grow.
+    // Allows finer texels, since the images are small and the splats few.
     config.density.min_texel_px = 1.0;
-    // Some are long enough to be split. Others fade, a tenth at the first density-control step and more at each,
-    // and are made up for by halves of shorter ones whose maps are as fine as they may be.
+    // Some splats are long enough to be split. Others fade, a tenth at the first density-control step and more
+    // at each later one, and are replaced by splitting shorter ones whose maps cannot be refined.
     config.density.split_texels = [30.0; 2];
     config.density.opacity_floor = [0.35, 0.5];
     config.density.quantile = 0.6;
@@ -25,7 +25,7 @@ pub fn config(policy: Policy) -> TrainConfig {
     config
 }
 
-/// The start of a run: maps of 2 x 2 texels, of as many as the policy fixes, or none.
+/// Initial state of a run: maps of 2 x 2 texels, of the size that the policy fixes, or none.
 pub fn start(policy: Policy) -> TrainState {
     let mut model = damaged(&scene());
     let extents = (0..model.num_splats()).map(|i| {
@@ -41,19 +41,19 @@ pub fn start(policy: Policy) -> TrainState {
     TrainState::fresh(model)
 }
 
-/// What a run left behind.
-pub struct Outcome {
+/// Results of a run.
+pub struct RunRecord {
     pub last: TrainState,
     pub saved: Vec<TrainState>,
-    /// Of each density-control step: what it did, splats and texels after it.
+    /// Changes of each density-control step, and splats and texels after it.
     pub steps: Vec<(DensityCounts, usize, usize)>,
-    /// Full size of the images over their size after each density-control step.
+    /// Render scale after each density-control step.
     pub scales: Vec<f64>,
-    /// Splats, texels and parameters at their largest.
+    /// Largest number of splats, texels and parameters.
     pub largest: [usize; 3],
 }
 
-/// Photos of the common scene that are large enough for a coarse stage.
+/// Photos of the common scene, large enough for a coarse stage.
 pub fn large_photos() -> MemoryViews {
     let scene = scene();
     let mut backend = uploaded(&scene.model);
@@ -73,7 +73,7 @@ pub fn run_on(
     config: &TrainConfig,
     views: &MemoryViews,
     start: TrainState,
-) -> Outcome {
+) -> RunRecord {
     let (mut saved, mut steps, mut scales, mut largest) = (Vec::new(), Vec::new(), Vec::new(), [0; 3]);
     let mut sink = |event: TrainEvent<'_>| {
         match event {
@@ -91,11 +91,11 @@ pub fn run_on(
         Ok(Control::Continue)
     };
     let (last, _) = train(config, backend, views, start, &mut sink).unwrap();
-    Outcome { last, saved, steps, scales, largest }
+    RunRecord { last, saved, steps, scales, largest }
 }
 
-impl Outcome {
-    /// What all density-control steps together did.
+impl RunRecord {
+    /// Sum of the changes of all density-control steps.
     pub fn total(&self) -> DensityCounts {
         let add = |a: DensityCounts, b: &DensityCounts| DensityCounts {
             pruned: a.pruned + b.pruned,
@@ -110,13 +110,13 @@ impl Outcome {
     }
 }
 
-/// Whether each thing that a density-control step does to splats and maps was done.
+/// Whether every kind of change to splats and maps occurred.
 pub fn is_all_done(counts: &DensityCounts) -> bool {
     let DensityCounts { pruned, faded, split, respawned, refined, coarsened, over_budget: _ } = *counts;
     [pruned + faded, split, respawned, refined, coarsened].iter().all(|&c| c > 0)
 }
 
-/// Whether two states are equal in every bit; times do not count.
+/// Whether two states are bit-identical, except for times.
 pub fn same(a: &TrainState, b: &TrainState) -> bool {
     let without_times = |s: &TrainState| TrainState { history: Default::default(), ..s.clone() };
     without_times(a) == without_times(b)

@@ -1,13 +1,13 @@
-//! One view on its way through the passes: projection, tiles, forward, loss, backward. What a pass
-//! computes stands in its own file; here is who hands what to whom, and on how many threads.
+//! Runs the passes over a view: projection, tiles, forward, loss, backward. Each pass is in its own file; this module
+//! passes data between them and distributes the work over threads.
 
+use super::block::element_of;
 use super::geometry::{Coefficients, PixelSums, geometry_loss};
 use super::loss::{LossBuffers, image_loss};
 use super::math::texel_values;
 use super::project::{ProjectedSplat, ViewF32, base_colours, project_all};
 use super::raster_bwd::{HEADER_FLOATS, TileGradient, raster_bwd};
 use super::raster_fwd::{TileGeometry, TileInput, TileOutput, raster_fwd};
-use super::shape::element_of;
 use super::tiles::{TILE_PIXELS, TILE_PX, Tiles, build_tiles};
 use super::update::UpdateInput;
 use crate::backend::{LossValues, RasterCounters, RenderedImage, StepRequest};
@@ -15,35 +15,35 @@ use crate::model::Model;
 use fearless_simd::{Level, dispatch};
 use rayon::prelude::*;
 
-/// What the forward pass of a view leaves behind.
+/// Intermediate results of the passes over one view.
 #[derive(Default)]
-pub(super) struct Frame {
+pub(super) struct ViewPipeline {
     view: Option<ViewF32>,
     pub splats: Vec<ProjectedSplat>,
     pub tiles: Tiles,
     texels: Vec<f32>,
     outputs: Vec<TileOutput>,
-    /// Depths and normals, where they were asked for.
+    /// Depths and normals, if the loss needs them.
     geometry: Vec<TileGeometry>,
-    /// Coefficients of the geometry terms; empty where they are off. `[height, width]`
+    /// Coefficients of the distortion and normal terms; empty if both are off. `[height, width]`
     coefficients: Vec<Coefficients>,
 }
 
-impl Frame {
-    /// Geometry of the splats in sight, and their tiles.
+impl ViewPipeline {
+    /// Projects the splats and lists those of each tile.
     pub(super) fn project(&mut self, level: Level, model: &Model, view: ViewF32) {
         self.view = Some(view);
         self.splats = project_all(model, &view);
         self.tiles = build_tiles(level, &self.splats, view.size_px, HEADER_FLOATS);
     }
 
-    /// Model indices of the splats that touch a tile, ascending.
+    /// Model indices of the visible splats, ascending.
     pub(super) fn visible_ids(&self) -> Vec<u32> {
         let slots = self.tiles.slot_start.windows(2);
         slots.zip(&self.splats).filter(|(w, _)| w[0] < w[1]).map(|(_, s)| s.id).collect()
     }
 
-    /// Base colours and activated texels.
+    /// Computes base colours and activated texels of the visible splats.
     pub(super) fn colours(&mut self, level: Level, model: &Model, sh_degree: u32) {
         let Some(view) = self.view else { return };
         base_colours(model, &view, sh_degree, &mut self.splats);
@@ -97,17 +97,17 @@ impl Frame {
         let Some(view) = self.view else { return };
         let mut outputs = std::mem::take(&mut self.outputs);
         outputs.resize_with(self.tiles.len(), TileOutput::default);
-        let frame = &*self;
+        let pipeline = &*self;
         match geometry {
             Some(geometry) => {
-                geometry.resize_with(frame.tiles.len(), TileGeometry::default);
+                geometry.resize_with(pipeline.tiles.len(), TileGeometry::default);
                 outputs.par_iter_mut().zip(geometry).enumerate().for_each(|(tile, (out, geometry))| {
-                    let input = frame.tile_input(tile, &view);
+                    let input = pipeline.tile_input(tile, &view);
                     dispatch!(level, simd => raster_fwd::<_, false>(simd, &input, out, Some(geometry)));
                 });
             }
             None => outputs.par_iter_mut().enumerate().for_each(|(tile, out)| {
-                let input = frame.tile_input(tile, &view);
+                let input = pipeline.tile_input(tile, &view);
                 if count {
                     dispatch!(level, simd => raster_fwd::<_, true>(simd, &input, out, None));
                 } else {
@@ -118,7 +118,7 @@ impl Frame {
         self.outputs = outputs;
     }
 
-    /// Calls `f(tile, element, pixel)` for the pixels of an image row.
+    /// Calls `f(output of the tile, tile, element within the tile, x)` for each pixel of an image row.
     fn for_row(&self, y: usize, width: usize, mut f: impl FnMut(&TileOutput, usize, usize, usize)) {
         let row = y / TILE_PX * self.tiles.grid[0];
         for x in 0..width {
@@ -127,7 +127,7 @@ impl Frame {
         }
     }
 
-    /// The image over a background.
+    /// The image over a background, with depths and normals if given.
     pub(super) fn image(&self, background: [f32; 3], geometry: Option<&[TileGeometry]>) -> RenderedImage {
         let [width, height] = self.view.map_or([0, 0], |v| v.size_px);
         let (w, n) = (width as usize, (width * height) as usize);
@@ -161,7 +161,7 @@ impl Frame {
         image
     }
 
-    /// Loss terms l1, dssim, mse; leaves the image's gradient in the buffers.
+    /// Loss terms l1, dssim and mse; writes the gradient by the image to `buffers`.
     pub(super) fn loss(
         &self,
         level: Level,
@@ -184,7 +184,7 @@ impl Frame {
         image_loss(level, buffers, request.target, &request.loss)
     }
 
-    /// Forward pass of a training step: with depths and normals where the loss needs them.
+    /// Forward pass of a training step, with depths and normals if the loss needs them.
     pub(super) fn raster_for(&mut self, level: Level, count: bool, request: &StepRequest<'_>) {
         let mut geometry = std::mem::take(&mut self.geometry);
         geometry.clear();
@@ -193,7 +193,7 @@ impl Frame {
         self.geometry = geometry;
     }
 
-    /// Distortion and normal terms; leaves the coefficients for the backward pass.
+    /// Distortion and normal terms; keeps their coefficients for the backward pass.
     pub(super) fn geometry_loss(&mut self, request: &StepRequest<'_>) -> (f64, f64) {
         if !request.loss.needs_geometry() {
             self.coefficients.clear();
@@ -216,7 +216,7 @@ impl Frame {
         (distortion, normal)
     }
 
-    /// Backward pass over all tiles into the partial sums.
+    /// Backward pass over all tiles; writes the pairs' partial sums.
     pub(super) fn backward(
         &self,
         level: Level,
@@ -317,12 +317,12 @@ impl Frame {
 pub(super) fn with_regularisers(
     terms: [f64; 3],
     model: &Model,
-    frame: &Frame,
+    pipeline: &ViewPipeline,
     request: &StepRequest<'_>,
 ) -> LossValues {
-    let visible = frame.tiles.slot_start.windows(2).zip(&frame.splats).filter(|(w, _)| w[0] < w[1]);
+    let visible = pipeline.tiles.slot_start.windows(2).zip(&pipeline.splats).filter(|(w, _)| w[0] < w[1]);
     let opacity: f64 = visible.map(|(_, s)| f64::from(s.opacity)).sum();
-    let residual: f64 = frame
+    let residual: f64 = pipeline
         .texels
         .par_chunks(1 << 14)
         .map(|c| c.iter().map(|v| f64::from(v.abs())).sum::<f64>())

@@ -1,5 +1,5 @@
-//! Random scenes for comparing renderers: splats of all orientations in front of a camera, with maps
-//! of mixed sizes, and a photo that does not resemble them.
+//! Random scenes for comparing renderers: splats of all orientations in front of a camera, with maps of various
+//! sizes, and a photo that does not resemble them.
 
 use crate::backend::TargetImage;
 use crate::camera::{Camera, Pinhole, RigidTransform, Similarity};
@@ -9,26 +9,26 @@ use glam::{DMat3, DQuat, DVec3};
 use rand::{Rng, RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64Mcg;
 
-/// What a random scene is made of.
+/// Options of a random scene.
 #[derive(Clone, Debug)]
 pub struct SceneOptions {
-    /// Splats.
+    /// Number of splats.
     pub num_splats: usize,
-    /// SH degree.
+    /// SH degree of the splats.
     pub sh_degree: u32,
-    /// Sizes of maps, drawn at random for each splat; (0, 0) is untextured.
+    /// Rows and columns of the maps, drawn at random for each splat; (0, 0) is untextured.
     pub map_sizes: Vec<(u16, u16)>,
-    /// Image width.
+    /// Width of the image.
     pub width_px: u32,
-    /// Image height.
+    /// Height of the image.
     pub height_px: u32,
-    /// Standard deviations, local units, log-uniform between these.
+    /// Range of the standard deviations, local units, log-uniform.
     pub scales: (f64, f64),
-    /// Opacities, uniform between these.
+    /// Range of the opacities, uniform.
     pub opacities: (f64, f64),
-    /// Depths of the centres, uniform between these.
+    /// Range of the centres' depths, uniform.
     pub depths: (f64, f64),
-    /// Seed.
+    /// Seed of the random numbers.
     pub seed: u64,
 }
 
@@ -48,24 +48,24 @@ impl Default for SceneOptions {
     }
 }
 
-/// A random scene.
-pub struct Scene {
-    /// Splats and maps.
+/// A random model, with a camera that sees it and a photo.
+pub struct RandomScene {
+    /// Splats and texture maps.
     pub model: Model,
-    /// The view.
+    /// Camera of the view.
     pub camera: Camera,
-    /// A photo of the camera's size.
+    /// Photo of the view.
     pub target: TargetImage,
 }
 
 /// Near plane of the random scenes.
 const NEAR: f32 = 0.04;
 
-/// Makes a scene.
+/// Generates a random scene.
 ///
 /// # Panics
-/// If its maps have more texels than 32 bits can number.
-pub fn random_scene(options: &SceneOptions) -> Scene {
+/// If its maps have too many texels for 32-bit indices.
+pub fn random_scene(options: &SceneOptions) -> RandomScene {
     let mut rng = Pcg64Mcg::seed_from_u64(options.seed);
     let camera = random_camera(options, &mut rng);
     let local_from_camera = camera.camera_from_local.inverse();
@@ -95,11 +95,11 @@ pub fn random_scene(options: &SceneOptions) -> Scene {
         let half = 2.5 * splats.log_scales[2 * i].max(splats.log_scales[2 * i + 1]).exp();
         extents.push((rows, cols, 2.0 * half / f32::from(rows.max(cols).max(2) - 1)));
     }
-    let mut textures = TexturePool::neutral(extents).expect("a scene for tests has few texels");
+    let mut textures = TexturePool::neutral(extents).expect("random scenes have few texels");
     textures.texels.iter_mut().for_each(|t| *t = (1.5 * normal(&mut rng)) as f32);
     let model = Model { splats, textures, near: NEAR, capture_from_local: Similarity::IDENTITY };
     let target = random_target(options, &mut rng);
-    Scene { model, camera, target }
+    RandomScene { model, camera, target }
 }
 
 fn random_camera(options: &SceneOptions, rng: &mut Pcg64Mcg) -> Camera {
@@ -122,8 +122,8 @@ fn random_camera(options: &SceneOptions, rng: &mut Pcg64Mcg) -> Camera {
     }
 }
 
-/// Smooth coloured waves: differs from the rendered image everywhere, so that no pixel sits at the
-/// kink of the L1 term.
+/// Smooth coloured waves, which differ from the rendered image everywhere, so that no pixel is at the kink of
+/// the L1 term.
 fn random_target(options: &SceneOptions, rng: &mut Pcg64Mcg) -> TargetImage {
     let mut rgb = Vec::new();
     let frequencies: [f64; 3] = [0.05, 0.083, 0.11].map(|f| f * rng.random_range(0.8..1.2));

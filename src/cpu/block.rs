@@ -1,8 +1,7 @@
-//! What forward and backward share per block of pixels: where the rays meet the splat, its alpha
-//! there, and the texture taps. One function each, so that both passes see the same bits.
+//! Blocks of pixels: where their rays meet a splat, alpha there, and the texture taps. Forward and backward pass call
+//! the same functions and so get the same bits.
 
-//
-// No `array::map` with vectors in its closure: the standard library's loop is not inlined into the
+// Avoid `array::map` with vectors in its closure: the standard library's loop is not inlined into the
 // `target_feature` context (measured: a call and a failed store forwarding per block).
 
 use super::math::{BLOCK_PX, LANES, LaneMask, Lanes, exp};
@@ -11,10 +10,10 @@ use super::tiles::TILE_PX;
 use crate::constants::{ALPHA_MAX, ALPHA_MIN, DENOMINATOR_MIN};
 use fearless_simd::{Select as _, Simd, SimdBase as _, SimdFloat as _};
 
-/// Blocks per row of blocks of a tile.
+/// Blocks per strip, a row of blocks of a tile.
 pub(super) const BLOCK_COLS: usize = TILE_PX / BLOCK_PX[0];
 
-/// Centres of a block's pixels relative to its first pixel's corner.
+/// Pixel centres of a block, relative to the corner of its first pixel.
 const LANE_X: [f32; LANES] = lane_centres(0);
 const LANE_Y: [f32; LANES] = lane_centres(1);
 
@@ -28,18 +27,18 @@ const fn lane_centres(axis: usize) -> [f32; LANES] {
     out
 }
 
-/// First element of a block in arrays of a tile, which are laid out block by block.
+/// Index of a block's first element in the arrays of a tile, which are laid out block by block.
 #[inline(always)]
 pub(super) fn block_at(strip: usize, col: usize) -> usize {
     (strip * BLOCK_COLS + col) * LANES
 }
 
-/// Element of pixel (x, y) of a tile.
+/// Index of pixel (x, y) in the arrays of a tile.
 pub(super) fn element_of(x: usize, y: usize) -> usize {
     block_at(y / BLOCK_PX[1], x / BLOCK_PX[0]) + (y % BLOCK_PX[1]) * BLOCK_PX[0] + x % BLOCK_PX[0]
 }
 
-/// Block columns `first..past` of a strip of blocks that a splat may touch, tile coordinates.
+/// Half-open range of the blocks of a strip that a splat may touch.
 #[inline(always)]
 pub(super) fn strip_span(splat: &ProjectedSplat, origin_px: [i32; 2], strip: usize) -> (usize, usize) {
     let b = &splat.bounds;
@@ -59,7 +58,7 @@ pub(super) fn strip_span(splat: &ProjectedSplat, origin_px: [i32; 2], strip: usi
     (block(first), block(past - 1) + 1)
 }
 
-/// Strips of blocks `first..past` of a tile that a splat may touch.
+/// Half-open range of the strips of a tile that a splat may touch.
 #[inline(always)]
 pub(super) fn strips(splat: &ProjectedSplat, origin_px: [i32; 2]) -> (usize, usize) {
     let first = (splat.bounds.y0 - origin_px[1]).max(0) as usize / BLOCK_PX[1];
@@ -67,10 +66,10 @@ pub(super) fn strips(splat: &ProjectedSplat, origin_px: [i32; 2]) -> (usize, usi
     (first, past.div_ceil(BLOCK_PX[1]))
 }
 
-/// A splat's constants for the kernels.
+/// Constants of a splat for the kernels, relative to a tile.
 #[derive(Clone, Copy)]
-pub(super) struct Shape {
-    /// Tile's origin relative to the projected centre.
+pub(super) struct SplatInTile {
+    /// Origin of the tile relative to the projected centre.
     offset_px: [f32; 2],
     a: [f32; 2],
     b: [f32; 2],
@@ -80,23 +79,23 @@ pub(super) struct Shape {
     pub opacity: f32,
 }
 
-/// A block's rays on a splat. Values of lanes outside the mask are finite.
+/// Intersection of a block's rays with a splat. Values of lanes outside the mask `inside` are finite.
 pub(super) struct BlockHit<S: Simd> {
     pub dx: Lanes<S>,
     pub dy: Lanes<S>,
     pub denominator: Lanes<S>,
     pub per_denominator: Lanes<S>,
-    /// Plane coordinates in standard deviations.
+    /// Coordinates on the surfel, in standard deviations.
     pub a: Lanes<S>,
     pub b: Lanes<S>,
     pub falloff: Lanes<S>,
     /// Opacity times falloff, before the clamp; 0 outside the mask.
     pub raw_alpha: Lanes<S>,
-    /// raw_alpha >= 1/255 and the hit is in front of the near plane.
+    /// Whether raw_alpha >= 1/255 and the hit is beyond the near plane.
     pub inside: LaneMask<S>,
 }
 
-impl Shape {
+impl SplatInTile {
     #[inline(always)]
     pub(super) fn new(splat: &ProjectedSplat, origin_px: [i32; 2], near: f32) -> Self {
         Self {
@@ -122,7 +121,7 @@ impl Shape {
         let a = dx.mul_add(c(self.a[0]), dy * self.a[1]) * per_denominator;
         let b = dx.mul_add(c(self.b[0]), dy * self.b[1]) * per_denominator;
         let q = a.mul_add(a, b * b);
-        // Beyond 40 the falloff is 2e-9; the bound keeps the exponent in range.
+        // The falloff at 40 is 2e-9; the bound keeps the exponent in range.
         let falloff = exp(simd, q.min(40.0_f32) * -0.5);
         let alpha = falloff * self.opacity;
         let inside = in_front & alpha.simd_ge(ALPHA_MIN as f32);
@@ -155,8 +154,8 @@ impl<S: Simd> BlockTaps<S> {
 
 /// Taps of the lanes in `mask`. Ranges are half-open.
 //
-// No `Option`: returned through memory, it costs a failed store forwarding per block (measured: 7 % of
-// the backward pass).
+// Not an `Option`: that is returned through memory, with a failed store forwarding per block (measured: 7 % of the
+// backward pass).
 #[inline(always)]
 pub(super) fn block_taps<S: Simd>(
     simd: S,
@@ -191,7 +190,7 @@ pub(super) fn hat_slope<S: Simd>(simd: S, d: Lanes<S>) -> (Lanes<S>, Lanes<S>) {
     (weight, slope)
 }
 
-/// Residual colour. `texels` are the map's activated texels, `[rows, cols, 3]`.
+/// Residual of each lane. `texels` are the activated texels of the map, `[rows, cols, 3]`.
 #[inline(always)]
 pub(super) fn residual<S: Simd>(
     simd: S,
@@ -220,7 +219,7 @@ pub(super) fn residual<S: Simd>(
     [red, green, blue]
 }
 
-/// The three channels of a colour, one value for all lanes.
+/// Broadcasts the channels of a colour to all lanes.
 #[inline(always)]
 pub(super) fn splat_rgb<S: Simd>(simd: S, rgb: [f32; 3]) -> [Lanes<S>; 3] {
     [Lanes::splat(simd, rgb[0]), Lanes::splat(simd, rgb[1]), Lanes::splat(simd, rgb[2])]
