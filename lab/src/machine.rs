@@ -1,20 +1,19 @@
-//! What a benchmark notes of the machine it runs on: processor, load, time of day, the program's own build;
-//! and whether a run's times can be trusted.
+//! The machine that a benchmark runs on: its hardware, load and clock, and whether it was quiet enough for a run's
+//! times to be trusted.
 
-use litetex_gs::results::Hardware;
+use crate::results::Hardware;
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
-/// Seconds after which the load average over a minute has forgotten all but 1/e of what was.
+/// Time constant of the one-minute load average.
 const LOAD1_SECS: f64 = 60.0;
-/// Wall seconds per CPU second of a run on the CPU above which it did not even get one core for itself: a
-/// single thread at work gives 1, reading photos and waiting for disks a little more.
+/// A run on the CPU with more wall seconds per CPU second did not even have one core to itself: a single busy thread
+/// gives 1, reading photos and waiting for disks a little more.
 const STARVED_WALL_PER_CPU: f64 = 1.25;
-
-/// CPU seconds below which that is not judged: the system counts them in steps of its clock.
+/// Shorter runs are not checked for that: the system's CPU clock is too coarse.
 const STARVED_CPU_SECS_MIN: f64 = 1.0;
 
-/// The machine.
-pub fn hardware() -> Hardware {
+/// Describes this machine, as far as the system tells.
+pub fn hardware(memory_bytes: Option<u64>) -> Hardware {
     let read = |path: &str| std::fs::read_to_string(path).unwrap_or_default();
     let cpuinfo = read("/proc/cpuinfo");
     let model = cpuinfo.lines().find_map(|l| l.strip_prefix("model name")?.split_once(':'));
@@ -22,34 +21,28 @@ pub fn hardware() -> Hardware {
     let os = format!("{} {} {}", std::env::consts::OS, kernel.trim(), std::env::consts::ARCH);
     Hardware {
         cpu: model.map_or(String::new(), |(_, name)| name.trim().to_owned()),
-        memory_bytes: crate::cli::forecast::machine_bytes(),
+        memory_bytes,
         os: os.split_whitespace().collect::<Vec<_>>().join(" "),
     }
 }
 
-/// Cores that this process may use.
+/// Number of cores that this process may use.
 pub fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 
-/// Load average over a minute.
+/// One-minute load average; `None` where the system does not tell.
 pub fn load1() -> Option<f64> {
     std::fs::read_to_string("/proc/loadavg").ok()?.split_whitespace().next()?.parse().ok()
 }
 
-/// CRC-32 of the running program's file; empty if it cannot be read.
-pub fn build() -> String {
-    let bytes = std::env::current_exe().and_then(std::fs::read);
-    bytes.map_or(String::new(), |b| format!("{:08x}", crc32fast::hash(&b)))
-}
-
-/// Now, as RFC 3339.
+/// The current time as RFC 3339.
 pub fn utc_now() -> String {
     utc(SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |d| d.as_secs()))
 }
 
 fn utc(unix_secs: u64) -> String {
-    // Days to a date of the Gregorian calendar, with years that start in March.
+    // Days to a Gregorian date, with years that start in March.
     let (days, secs) = (unix_secs / 86_400 + 719_468, unix_secs % 86_400);
     let (era, day_of_era) = (days / 146_097, days % 146_097);
     let year_of_era = (day_of_era - day_of_era / 1460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
@@ -62,48 +55,48 @@ fn utc(unix_secs: u64) -> String {
     format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}Z")
 }
 
-/// A finished run of this benchmark, as the load average sees it.
+/// Load that a finished run of this benchmark put on the machine.
 #[derive(Clone, Copy, Debug)]
-pub struct Busy {
-    /// Start.
+pub struct OwnLoad {
+    /// Start of the run.
     pub from: Instant,
-    /// End.
+    /// End of the run.
     pub to: Instant,
-    /// Cores at work on average.
+    /// Mean number of busy cores.
     pub cores: f64,
 }
 
-/// What runs of our own have left in the load average over a minute at `now`: without this every run would
-/// count the one before it as noise.
-pub fn own_load1(runs: &[Busy], now: Instant) -> f64 {
+/// What our own runs contribute to the one-minute load average at `now`: without this, every run would count the one
+/// before it as noise.
+pub fn own_load1(runs: &[OwnLoad], now: Instant) -> f64 {
     let rest = |t: Instant| (-now.saturating_duration_since(t).as_secs_f64() / LOAD1_SECS).exp();
     runs.iter().fold(0.0, |sum, r| sum + r.cores * (rest(r.to) - rest(r.from)))
 }
 
-/// What the judgement on a run's times rests on.
+/// Conditions under which a run was timed.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Quiet {
-    /// Load average at the start.
+pub struct Conditions {
+    /// One-minute load average at the start.
     pub load1: Option<f64>,
-    /// Our own part of it.
-    pub own: f64,
+    /// The part of it that earlier runs of the benchmark caused.
+    pub own_load1: f64,
     /// Cores of the machine.
     pub cores: usize,
     /// Runs at the same time.
     pub jobs: usize,
-    /// Wall and CPU seconds of a training on the CPU.
+    /// Training time of a run on the CPU; `None` for other devices.
     pub wall_and_cpu_secs: Option<(f64, f64)>,
 }
 
-/// Why times are not to be trusted; empty if they are.
-pub fn noise(q: &Quiet) -> Vec<String> {
+/// Reasons not to trust a run's times; empty if there are none.
+pub fn noise(q: &Conditions) -> Vec<String> {
     let mut why = Vec::new();
     if let Some(load) = q.load1
-        && load - q.own > q.cores as f64
+        && load - q.own_load1 > q.cores as f64
     {
         why.push(format!(
-            "load average {load:.1} at the start, {:.1} of it our own, on {} cores",
-            q.own, q.cores
+            "load average {load:.1} at the start, {:.1} of it from this benchmark, on {} cores",
+            q.own_load1, q.cores
         ));
     }
     if q.jobs > 1 {
@@ -124,7 +117,7 @@ mod tests {
     use std::time::Duration;
 
     #[test]
-    fn dates() {
+    fn dates_match_the_calendar() {
         assert_eq!(utc(0), "1970-01-01T00:00:00Z");
         assert_eq!(utc(951_782_399), "2000-02-28T23:59:59Z");
         assert_eq!(utc(951_782_400), "2000-02-29T00:00:00Z");
@@ -133,26 +126,31 @@ mod tests {
     }
 
     #[test]
-    fn our_own_load_builds_up_and_fades() {
+    fn own_load_builds_up_and_fades() {
         let start = Instant::now();
         let at = |secs| start + Duration::from_secs(secs);
-        let run = Busy { from: start, to: at(600), cores: 2.0 };
+        let run = OwnLoad { from: start, to: at(600), cores: 2.0 };
         assert!((own_load1(&[run], at(600)) - 2.0).abs() < 1e-3);
         assert!((own_load1(&[run], at(660)) - 2.0 / 1_f64.exp()).abs() < 1e-3);
-        let halves = [Busy { to: at(300), ..run }, Busy { from: at(300), ..run }];
+        let halves = [OwnLoad { to: at(300), ..run }, OwnLoad { from: at(300), ..run }];
         assert!((own_load1(&halves, at(600)) - own_load1(&[run], at(600))).abs() < 1e-12);
     }
 
     #[test]
-    fn noise_is_what_others_do() {
-        let quiet =
-            Quiet { load1: Some(1.9), own: 0.0, cores: 2, jobs: 1, wall_and_cpu_secs: Some((10.0, 18.0)) };
+    fn only_the_load_of_others_is_noise() {
+        let quiet = Conditions {
+            load1: Some(1.9),
+            own_load1: 0.0,
+            cores: 2,
+            jobs: 1,
+            wall_and_cpu_secs: Some((10.0, 18.0)),
+        };
         assert!(noise(&quiet).is_empty());
-        assert!(noise(&Quiet { load1: Some(3.0), own: 1.5, ..quiet }).is_empty());
-        assert!(noise(&Quiet { load1: Some(3.0), own: 0.5, ..quiet })[0].contains("3.0"));
-        assert_eq!(noise(&Quiet { jobs: 2, ..quiet }).len(), 1);
-        assert_eq!(noise(&Quiet { wall_and_cpu_secs: Some((30.0, 18.0)), ..quiet }).len(), 1);
-        assert!(noise(&Quiet { wall_and_cpu_secs: Some((0.9, 0.1)), ..quiet }).is_empty());
-        assert!(noise(&Quiet { load1: None, ..quiet }).is_empty());
+        assert!(noise(&Conditions { load1: Some(3.0), own_load1: 1.5, ..quiet }).is_empty());
+        assert!(noise(&Conditions { load1: Some(3.0), own_load1: 0.5, ..quiet })[0].contains("3.0"));
+        assert_eq!(noise(&Conditions { jobs: 2, ..quiet }).len(), 1);
+        assert_eq!(noise(&Conditions { wall_and_cpu_secs: Some((30.0, 18.0)), ..quiet }).len(), 1);
+        assert!(noise(&Conditions { wall_and_cpu_secs: Some((0.9, 0.1)), ..quiet }).is_empty());
+        assert!(noise(&Conditions { load1: None, ..quiet }).is_empty());
     }
 }

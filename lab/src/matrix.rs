@@ -1,148 +1,159 @@
-//! The matrix of a benchmark: scenes x variants x budgets x seeds, from flags or a TOML file, as a list of
-//! cells with the arguments of their `litetex train`. Nothing here runs anything.
+//! The matrix of a benchmark: scenes x variants x budgets x seeds, from flags or a TOML file, laid out as cells with
+//! the arguments of their `litetex train`.
 
-use super::words::with_policy;
-use crate::cli::train_args::TrainArgs;
-use crate::cli::{Cli, Command};
-use clap::Parser;
-use litetex_gs::{Error, Result};
+use crate::{Error, Result};
 use serde::Deserialize;
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
-/// Longest name of a scene, variant or budget: names stand in tables and legends.
+/// Longest name of a scene, variant or budget: names appear in tables and legends.
 const NAME_CHARS_MAX: usize = 60;
-/// Most runs of a matrix; more is a slip of the keyboard.
+/// Most cells of a matrix; more is probably a typing error.
 const CELLS_MAX: usize = 100_000;
-/// The one variant or budget of a matrix that names none.
+/// The only variant or budget of a matrix that names none.
 const DEFAULT_NAME: &str = "default";
 
-/// A capture.
+/// What a matrix must know of the command that its cells run.
+pub trait TrainCommand {
+    /// Whether a variant of this name without arguments means the policy of that name.
+    fn is_policy(&self, name: &str) -> bool;
+
+    /// Seed of a matrix that lists none.
+    fn default_seed(&self) -> u64;
+
+    /// Checks the arguments of a cell and returns the settings file among them.
+    ///
+    /// # Errors
+    /// A message that says which argument is wrong.
+    fn check(&self, args: &[String]) -> Result<Option<PathBuf>, String>;
+}
+
+/// A capture to train on.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Scene {
-    /// Name in results; the folder's if empty.
+pub struct SceneEntry {
+    /// Name in the results; the file name of `path` if empty.
     #[serde(default)]
     pub name: String,
-    /// Folder, relative to the working folder.
+    /// The capture, relative to the working directory.
     pub path: PathBuf,
-    /// Arguments that go with it.
+    /// Arguments for runs on this capture.
     #[serde(default)]
     pub args: Vec<String>,
 }
 
-/// A variant or a budget.
+/// A variant or a budget: arguments under a name.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Setting {
-    /// Name in results.
+pub struct NamedArgs {
+    /// Name in the results.
     pub name: String,
-    /// Arguments.
+    /// Arguments of `litetex train`.
     #[serde(default)]
     pub args: Vec<String>,
 }
 
-/// What is to be run. Of an argument that is given more than once the last holds: common, then the scene's,
-/// the variant's, the budget's.
+/// What to run. Where an argument is repeated the last one wins, in the order common, scene, variant, budget.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Matrix {
-    /// Captures.
+    /// Captures to train on.
     #[serde(rename = "scene")]
-    pub scenes: Vec<Scene>,
-    /// What is compared; a bare name of a policy is that policy.
+    pub scenes: Vec<SceneEntry>,
+    /// What is compared. A bare name of a policy stands for that policy.
     #[serde(rename = "variant")]
-    pub variants: Vec<Setting>,
-    /// At which sizes or lengths.
+    pub variants: Vec<NamedArgs>,
+    /// Sizes or lengths at which variants are compared.
     #[serde(rename = "budget")]
-    pub budgets: Vec<Setting>,
-    /// Repetitions.
+    pub budgets: Vec<NamedArgs>,
+    /// One repetition per seed.
     pub seeds: Vec<u64>,
     /// Arguments of all runs.
     pub common: Vec<String>,
 }
 
-/// One run.
+/// One run of a matrix.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Cell {
     /// Position in the matrix.
     pub index: usize,
-    /// Equal for runs that are meant to be the same.
+    /// Equal for runs that should give the same result.
     pub key: String,
     /// Name of the scene.
     pub scene: String,
-    /// Folder of the capture.
+    /// The capture.
     pub path: PathBuf,
     /// Name of the variant.
     pub variant: String,
     /// Name of the budget.
     pub budget: String,
-    /// Seed.
+    /// Seed of the run.
     pub seed: u64,
-    /// Arguments besides capture, folder and seed.
+    /// Arguments besides capture, output folder and seed.
     pub args: Vec<String>,
 }
 
 impl Matrix {
-    /// Reads a file.
+    /// Reads a TOML file.
     ///
     /// # Errors
-    /// [`Error::Io`], [`Error::InvalidInput`] naming line and key.
+    /// [`Error::Io`]; [`Error::InvalidInput`] naming line and key.
     pub fn read(path: &Path) -> Result<Self> {
         let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, e))?;
         toml::from_str(&text).map_err(|e| Error::invalid(path, e.to_string().trim_end().to_owned()))
     }
 
-    /// All runs. Repetitions are outermost and variants innermost, so that an interrupted benchmark has whole
-    /// pairs to compare and a machine that gets busier slows all variants alike.
+    /// Lists all runs. Seeds vary slowest and variants fastest, so that an interrupted benchmark has complete pairs
+    /// and a machine that slows down affects all variants alike.
     ///
     /// # Errors
-    /// [`Error::Usage`] naming what is missing, double or not understood; [`Error::Io`] for a file among the
-    /// arguments.
-    pub fn cells(&self) -> Result<Vec<Cell>> {
-        let matrix = self.checked()?;
+    /// [`Error::Usage`] naming what is missing, duplicated or not understood; [`Error::Io`] for a settings file
+    /// among the arguments.
+    pub fn cells(&self, command: &impl TrainCommand) -> Result<Vec<Cell>> {
+        let matrix = self.completed(command)?;
         let mut cells = Vec::new();
         for &seed in &matrix.seeds {
             for scene in &matrix.scenes {
                 for budget in &matrix.budgets {
                     for variant in &matrix.variants {
-                        let parts = [&matrix.common, &scene.args, &variant.args, &budget.args];
-                        let args: Vec<String> = parts.into_iter().flatten().cloned().collect();
-                        let what = format!(
-                            "scene {:?}, variant {:?}, budget {:?}",
-                            scene.name, variant.name, budget.name
-                        );
-                        let parsed = parse_train(&args).map_err(|e| Error::Usage(format!("{what}: {e}")))?;
-                        cells.push(Cell {
-                            index: cells.len(),
-                            key: key(&scene.name, &args, seed, parsed.config.as_deref())?,
-                            scene: scene.name.clone(),
-                            path: scene.path.clone(),
-                            variant: variant.name.clone(),
-                            budget: budget.name.clone(),
-                            seed,
-                            args,
-                        });
+                        cells.push(matrix.cell(cells.len(), scene, variant, budget, seed, command)?);
                     }
                 }
             }
         }
-        let mut keys = HashSet::new();
-        if let Some(cell) = cells.iter().find(|c| !keys.insert(&c.key)) {
-            return Err(Error::Usage(format!(
-                "scene {:?}, variant {:?}, budget {:?}: the same arguments as another variant and budget: {}; \
-                 leave one out",
-                cell.scene,
-                cell.variant,
-                cell.budget,
-                cell.args.join(" ")
-            )));
-        }
+        check_distinct(&cells)?;
         Ok(cells)
     }
 
-    /// The matrix with its defaults, held to what names must be.
-    fn checked(&self) -> Result<Self> {
+    fn cell(
+        &self,
+        index: usize,
+        scene: &SceneEntry,
+        variant: &NamedArgs,
+        budget: &NamedArgs,
+        seed: u64,
+        command: &impl TrainCommand,
+    ) -> Result<Cell> {
+        let parts = [&self.common, &scene.args, &variant.args, &budget.args];
+        let args: Vec<String> = parts.into_iter().flatten().cloned().collect();
+        let config = command.check(&args).map_err(|e| {
+            let (scene, variant, budget) = (&scene.name, &variant.name, &budget.name);
+            Error::Usage(format!("scene {scene:?}, variant {variant:?}, budget {budget:?}: {e}"))
+        })?;
+        Ok(Cell {
+            index,
+            key: key(&scene.name, &args, seed, config.as_deref())?,
+            scene: scene.name.clone(),
+            path: scene.path.clone(),
+            variant: variant.name.clone(),
+            budget: budget.name.clone(),
+            seed,
+            args,
+        })
+    }
+
+    /// The matrix with its defaults filled in, after all checks that need no run.
+    fn completed(&self, command: &impl TrainCommand) -> Result<Self> {
         let mut matrix = self.clone();
         if matrix.scenes.is_empty() {
             return Err(Error::Usage(
@@ -150,86 +161,84 @@ impl Matrix {
                     .to_owned(),
             ));
         }
-        for scene in &mut matrix.scenes {
-            if scene.name.is_empty() {
-                let absolute = std::path::absolute(&scene.path).map_err(|e| Error::io(&scene.path, e))?;
-                scene.name = absolute.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        for scene in matrix.scenes.iter_mut().filter(|s| s.name.is_empty()) {
+            let absolute = std::path::absolute(&scene.path).map_err(|e| Error::io(&scene.path, e))?;
+            scene.name = absolute.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        }
+        // "fixed:4" is meant as the policy, not as the default settings under this name.
+        for variant in matrix.variants.iter_mut().filter(|v| v.args.is_empty()) {
+            if command.is_policy(&variant.name) {
+                variant.args = ["--policy", &variant.name].map(ToOwned::to_owned).into();
             }
         }
-        matrix.variants.iter_mut().for_each(with_policy);
         for settings in [&mut matrix.variants, &mut matrix.budgets] {
             if settings.is_empty() {
-                settings.push(Setting { name: DEFAULT_NAME.to_owned(), args: Vec::new() });
+                settings.push(NamedArgs { name: DEFAULT_NAME.to_owned(), args: Vec::new() });
             }
         }
         if matrix.seeds.is_empty() {
-            matrix.seeds.push(litetex_gs::train::TrainConfig::default().seed);
+            matrix.seeds.push(command.default_seed());
         }
         check_names("scene", matrix.scenes.iter().map(|s| &s.name))?;
         check_names("variant", matrix.variants.iter().map(|s| &s.name))?;
         check_names("budget", matrix.budgets.iter().map(|s| &s.name))?;
+        matrix.check_seeds_and_size()?;
+        Ok(matrix)
+    }
+
+    fn check_seeds_and_size(&self) -> Result<()> {
         let mut seen = HashSet::new();
-        if let Some(seed) = matrix.seeds.iter().find(|s| !seen.insert(**s)) {
+        if let Some(seed) = self.seeds.iter().find(|s| !seen.insert(**s)) {
             return Err(Error::Usage(format!(
                 "seed {seed} is given twice; the same run would be counted twice"
             )));
         }
-        let sizes = [matrix.scenes.len(), matrix.variants.len(), matrix.budgets.len(), matrix.seeds.len()];
+        let sizes = [self.scenes.len(), self.variants.len(), self.budgets.len(), self.seeds.len()];
         let count = sizes.iter().try_fold(1_usize, |n, &m| n.checked_mul(m)).unwrap_or(usize::MAX);
         if count > CELLS_MAX {
             return Err(Error::Usage(format!("the matrix has {count} runs, expected at most {CELLS_MAX}")));
         }
-        Ok(matrix)
+        Ok(())
     }
 }
 
+/// Refuses names that do not fit into tables and legends, and duplicates.
 fn check_names<'a>(kind: &str, names: impl Iterator<Item = &'a String>) -> Result<()> {
     let mut seen = HashSet::new();
     for name in names {
         let chars = name.chars().count();
         if chars == 0 || chars > NAME_CHARS_MAX || name.chars().any(char::is_control) || name.trim() != name {
             return Err(Error::Usage(format!(
-                "{kind} {name:?}: expected a name of 1 to {NAME_CHARS_MAX} characters on one line, with no blanks \
-                 around it"
+                "{kind} {name:?}: expected a name of 1 to {NAME_CHARS_MAX} characters on one line, without blanks \
+                 at either end"
             )));
         }
         if !seen.insert(name) {
             return Err(Error::Usage(format!(
-                "two {kind}s are called {name:?}; give them names of their own (\"NAME: ...\")"
+                "two {kind}s are called {name:?}; name them differently (\"NAME: ...\")"
             )));
         }
     }
     Ok(())
 }
 
-/// Understands arguments as `litetex train` does, and refuses what every run gets from the matrix.
-fn parse_train(args: &[String]) -> Result<TrainArgs, String> {
-    // Quiet, as the runs will be: what contradicts it is found here.
-    let words = ["litetex", "train", "--quiet"].into_iter().chain(args.iter().map(String::as_str));
-    let cli = Cli::try_parse_from(words).map_err(|e| {
-        let text = e.render().to_string();
-        // Without the usage of another command and the pointer to its help.
-        let head = text.split("\n\n").next().unwrap_or_default();
-        head.trim_start_matches("error: ").trim().to_owned()
-    })?;
-    let Command::Train(parsed) = cli.command else {
-        return Err("not arguments of litetex train".to_owned());
-    };
-    for (given, what) in [
-        (parsed.capture.is_some(), "a capture: name it as a scene"),
-        (parsed.out.is_some(), "--out: every run has its own folder"),
-        (parsed.force, "--force: finished runs are not made again, or all with --force of litetex bench"),
-        (parsed.resume.is_some(), "--resume: every run starts anew"),
-        (parsed.training.seed.is_some(), "--seed: give --seeds"),
-    ] {
-        if given {
-            return Err(format!("the arguments hold {what}"));
-        }
+/// Refuses cells that would repeat the same run under another name.
+fn check_distinct(cells: &[Cell]) -> Result<()> {
+    let mut keys = HashSet::new();
+    match cells.iter().find(|c| !keys.insert(&c.key)) {
+        None => Ok(()),
+        Some(cell) => Err(Error::Usage(format!(
+            "scene {:?}, variant {:?}, budget {:?}: the same arguments as another variant and budget: {}; leave one \
+             out",
+            cell.scene,
+            cell.variant,
+            cell.budget,
+            cell.args.join(" ")
+        ))),
     }
-    Ok(*parsed)
 }
 
-/// FNV-1a over everything that makes the result, as text.
+/// FNV-1a over everything that shapes the result, as text.
 fn key(scene: &str, args: &[String], seed: u64, config: Option<&Path>) -> Result<String> {
     let config = match config {
         None => String::new(),
@@ -242,8 +251,35 @@ fn key(scene: &str, args: &[String], seed: u64, config: Option<&Path>) -> Result
     Ok(format!("{hash:016x}"))
 }
 
-/// Runs that belong to one part of `of`. All variants of a seed, scene and budget stay together: they are
-/// compared with each other and so must run on the same machine.
+/// Checks that the captures of these cells exist, so that a missing one is reported once and not by every run.
+///
+/// # Errors
+/// [`Error::InvalidInput`] naming all that are missing.
+pub fn check_captures(cells: &[&Cell]) -> Result<()> {
+    let mut missing: Vec<&Cell> = Vec::new();
+    for cell in cells {
+        if missing.iter().all(|m| m.scene != cell.scene) && !cell.path.exists() {
+            missing.push(cell);
+        }
+    }
+    let Some((first, others)) = missing.split_first() else { return Ok(()) };
+    let runs = cells.iter().filter(|c| missing.iter().any(|m| m.scene == c.scene)).count();
+    let others: Vec<String> =
+        others.iter().map(|c| format!("{} (scene {:?})", c.path.display(), c.scene)).collect();
+    let others =
+        if others.is_empty() { String::new() } else { format!("; also missing: {}", others.join(", ")) };
+    Err(Error::invalid(
+        &first.path,
+        format!(
+            "no such capture (scene {:?}){others}; {runs} runs need what is missing: correct the path, or leave the \
+             scene out",
+            first.scene
+        ),
+    ))
+}
+
+/// The runs of one part of `of`. All variants of a seed, scene and budget stay together: they are compared with each
+/// other and so must run on the same machine.
 pub fn shard(cells: Vec<Cell>, part: usize, of: usize) -> Vec<Cell> {
     let mut groups: HashMap<(u64, String, String), usize> = HashMap::new();
     let mut mine = Vec::new();
@@ -260,42 +296,84 @@ pub fn shard(cells: Vec<Cell>, part: usize, of: usize) -> Vec<Cell> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::words::{parse_named_args, parse_scene};
 
-    fn setting(text: &str) -> Setting {
-        super::super::words::parse_setting(text).unwrap()
+    /// Knows two policies and refuses flags that begin with `--x`; takes the word after `--config` as a file.
+    struct Command;
+
+    impl TrainCommand for Command {
+        fn is_policy(&self, name: &str) -> bool {
+            ["plain", "fixed:4"].contains(&name)
+        }
+
+        fn default_seed(&self) -> u64 {
+            42
+        }
+
+        fn check(&self, args: &[String]) -> Result<Option<PathBuf>, String> {
+            if let Some(wrong) = args.iter().find(|a| a.starts_with("--x")) {
+                return Err(format!("{wrong}: unknown"));
+            }
+            let config = args.iter().position(|a| a == "--config");
+            Ok(config.and_then(|i| args.get(i + 1)).map(PathBuf::from))
+        }
+    }
+
+    fn named(text: &str) -> NamedArgs {
+        parse_named_args(text).unwrap()
     }
 
     fn matrix() -> Matrix {
         Matrix {
-            scenes: ["captures/a", "captures/b"]
-                .map(|p| crate::cli::bench::words::parse_scene(p).unwrap())
-                .into(),
-            variants: vec![setting("plain"), setting("textured")],
-            budgets: vec![setting("short: --steps 10"), setting("long: --steps 20")],
+            scenes: ["captures/a", "captures/b"].map(|p| parse_scene(p).unwrap()).into(),
+            variants: vec![named("plain"), named("textured")],
+            budgets: vec![named("short: --steps 10"), named("long: --steps 20")],
             seeds: vec![1, 2, 3],
             common: vec!["--steps".to_owned(), "5".to_owned()],
         }
     }
 
     #[test]
-    fn cells_pair_variants_and_later_arguments_win() {
-        let cells = matrix().cells().unwrap();
+    fn cells_pair_variants_and_later_arguments_come_last() {
+        let cells = matrix().cells(&Command).unwrap();
         assert_eq!(cells.len(), 24);
         let names: Vec<_> =
             cells[..3].iter().map(|c| format!("{} {} {}", c.scene, c.budget, c.variant)).collect();
         assert_eq!(names, ["a short plain", "a short textured", "a long plain"]);
         assert_eq!(cells[0].args, ["--steps", "5", "--policy", "plain", "--steps", "10"]);
-        assert_eq!(parse_train(&cells[0].args).unwrap().training.steps, Some(10));
         assert!(cells[..8].iter().all(|c| c.seed == 1) && cells[23].seed == 3);
-        // The same matrix, the same keys; another seed, others.
-        assert_eq!(cells, matrix().cells().unwrap());
-        let others = Matrix { seeds: vec![4], ..matrix() }.cells().unwrap();
+        // The same matrix has the same keys, another seed others.
+        assert_eq!(cells, matrix().cells(&Command).unwrap());
+        let others = Matrix { seeds: vec![4], ..matrix() }.cells(&Command).unwrap();
         assert!(others.iter().all(|c| cells.iter().all(|d| d.key != c.key)));
+        let default = Matrix { seeds: vec![], ..matrix() }.cells(&Command).unwrap();
+        assert!(default.iter().all(|c| c.seed == 42));
     }
 
     #[test]
-    fn shards_are_disjoint_whole_and_keep_pairs_together() {
-        let all = matrix().cells().unwrap();
+    fn bare_names_of_policies_stand_for_them() {
+        let args = |variant: &str| {
+            let matrix = Matrix {
+                variants: vec![named(variant)],
+                budgets: vec![],
+                seeds: vec![],
+                common: vec![],
+                ..matrix()
+            };
+            matrix.cells(&Command).unwrap()[0].args.join(" ")
+        };
+        for name in ["plain", "fixed:4"] {
+            assert_eq!(args(name), format!("--policy {name}"));
+        }
+        // Negative controls: other names, and names with arguments of their own.
+        for (text, meant) in [("fixed:1", ""), ("Plain", ""), ("plain: --steps 3", "--steps 3")] {
+            assert_eq!(args(text), meant, "{text}");
+        }
+    }
+
+    #[test]
+    fn shards_are_disjoint_complete_and_keep_pairs_together() {
+        let all = matrix().cells(&Command).unwrap();
         let shards: Vec<Vec<Cell>> = (1..=5).map(|i| shard(all.clone(), i, 5)).collect();
         let mut merged: Vec<Cell> = shards.concat();
         merged.sort_by_key(|c| c.index);
@@ -308,29 +386,40 @@ mod tests {
     }
 
     #[test]
-    fn slips_are_named_before_anything_runs() {
+    fn mistakes_are_named_before_anything_runs() {
         let base = matrix();
-        let variants =
-            |v: &[&str]| Matrix { variants: v.iter().map(|t| setting(t)).collect(), ..base.clone() };
+        let variants = |v: &[&str]| Matrix { variants: v.iter().map(|t| named(t)).collect(), ..base.clone() };
         for (matrix, part) in [
             (Matrix { scenes: vec![], ..base.clone() }, "--scene"),
             (Matrix { seeds: vec![1, 1], ..base.clone() }, "seed 1 is given twice"),
-            (variants(&["a: --colour blue"]), "--colour"),
-            (variants(&["a: --policy fixed:1"]), "fixed:R"),
+            (variants(&["a: --xyz blue"]), "variant \"a\", budget \"short\": --xyz: unknown"),
             (variants(&["a", "a: --policy none"]), "two variants are called \"a\""),
             (variants(&["a", "b"]), "the same arguments"),
-            (variants(&["a: --seed 3"]), "--seeds"),
-            (variants(&["a: -o x"]), "--out"),
-            (variants(&["a: --force"]), "--force"),
-            (variants(&["a: --resume x"]), "--resume"),
-            (variants(&["a: captures/c"]), "a capture"),
-            (variants(&["a: --help"]), "variant \"a\""),
+            (Matrix { seeds: (0..100_000).collect(), ..base.clone() }, "has 800000 runs"),
             (Matrix { scenes: vec![base.scenes[0].clone(); 2], ..base.clone() }, "two scenes"),
         ] {
-            let error = matrix.cells().unwrap_err();
-            assert_eq!(error.exit_code(), 2, "{error}");
-            assert!(error.to_string().contains(part), "{part}: {error}");
+            let error = matrix.cells(&Command).unwrap_err();
+            assert!(matches!(error, Error::Usage(_)) && error.to_string().contains(part), "{part}: {error}");
         }
+    }
+
+    #[test]
+    fn missing_captures_are_named_once_with_the_runs_that_need_them() {
+        let dir = tempfile::tempdir().unwrap();
+        let scene =
+            |name: &str| SceneEntry { name: name.to_owned(), path: dir.path().join(name), args: vec![] };
+        std::fs::create_dir(dir.path().join("here")).unwrap();
+        let cells = |scenes: &[&str]| {
+            let scenes = scenes.iter().map(|s| scene(s)).collect();
+            Matrix { scenes, ..matrix() }.cells(&Command).unwrap()
+        };
+        let check = |cells: &[Cell]| check_captures(&cells.iter().collect::<Vec<_>>());
+        let error = check(&cells(&["lost", "here", "gone"])).unwrap_err().to_string();
+        assert!(error.contains("lost: no such capture (scene \"lost\"); also missing: "), "{error}");
+        assert!(error.contains("gone (scene \"gone\"); 24 runs"), "{error}");
+        assert_eq!(error.matches("no such capture").count(), 1, "{error}");
+        // Negative control.
+        check(&cells(&["here"])).unwrap();
     }
 
     #[test]
@@ -359,20 +448,23 @@ mod tests {
         assert_eq!(Matrix::read(&path).unwrap(), matrix());
         std::fs::write(&path, "[[varian]]\nname = 'x'").unwrap();
         let error = Matrix::read(&path).unwrap_err();
-        assert!(error.exit_code() == 3 && error.to_string().contains("varian"), "{error}");
+        assert!(
+            matches!(error, Error::InvalidInput { .. }) && error.to_string().contains("varian"),
+            "{error}"
+        );
     }
 
     #[test]
-    fn a_changed_configuration_file_is_another_run() {
+    fn a_changed_settings_file_is_another_run() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("c.toml");
         let mut matrix = matrix();
         matrix.common = vec!["--config".to_owned(), path.to_str().unwrap().to_owned()];
-        assert_eq!(matrix.cells().unwrap_err().exit_code(), 3);
+        assert!(matches!(matrix.cells(&Command), Err(Error::Io { .. })));
         std::fs::write(&path, "[train]\nsteps = 3\n").unwrap();
-        let before = matrix.cells().unwrap();
+        let before = matrix.cells(&Command).unwrap();
         std::fs::write(&path, "[train]\nsteps = 4\n").unwrap();
-        let after = matrix.cells().unwrap();
+        let after = matrix.cells(&Command).unwrap();
         assert!(before.iter().zip(&after).all(|(b, a)| b.key != a.key && b.args == a.args));
     }
 }

@@ -1,6 +1,5 @@
-//! `results.jsonl`: one line per run of a benchmark, documented in `docs/results-schema.md`. Lines are written
-//! whole and read with mistrust: a file may end in half a line, come from another version or be put together
-//! by hand. What is done with the figures is `chart`'s business, how runs are made is the command line's.
+//! `results.jsonl`: one line per run of a benchmark, documented in `docs/results-schema.md`. A file may end in half a
+//! line, come from another version or be edited by hand; lines that cannot be used are skipped with a warning.
 
 use crate::{Error, Report, Result};
 use serde::{Deserialize, Serialize};
@@ -11,15 +10,15 @@ use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::Path;
 
 /// Identifier and version of the schema.
-pub const SCHEMA: &str = "litetex-results/1";
+pub const SCHEMA: &str = "litetex-results/2";
 
-/// How a run ended.
+/// Whether a run has a result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Status {
-    /// With a summary.
+    /// The run ended with a summary.
     Ok,
-    /// With an error.
+    /// The run ended with an error.
     Failed,
 }
 
@@ -27,20 +26,20 @@ pub enum Status {
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Hardware {
-    /// Model of the processor; empty where the system does not tell.
+    /// Processor model; empty where the system does not report it.
     pub cpu: String,
-    /// Memory of the machine.
+    /// Physical memory.
     pub memory_bytes: Option<u64>,
-    /// Operating system, its version and the architecture.
+    /// Operating system, its version and the processor architecture.
     pub os: String,
 }
 
-/// One run.
+/// A line of `results.jsonl`: one run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Record {
-    /// [`SCHEMA`].
+    /// Always [`SCHEMA`].
     pub schema: String,
-    /// Equal for runs that are meant to be the same: of scene, arguments, seed and version.
+    /// Hash of scene, arguments, seed and version: equal for runs that should give the same result.
     pub key: String,
     /// Name of the scene.
     pub scene: String,
@@ -48,72 +47,72 @@ pub struct Record {
     pub variant: String,
     /// Name of the budget.
     pub budget: String,
-    /// Seed.
+    /// Seed of the run.
     pub seed: u64,
-    /// Position of the run in its matrix.
+    /// Index of the run in its matrix.
     #[serde(default)]
     pub cell: usize,
-    /// Arguments of `litetex train` besides capture, folder and seed.
+    /// Arguments of `litetex train` besides capture, output folder and seed.
     #[serde(default)]
     pub args: Vec<String>,
-    /// How it ended.
+    /// Whether the run succeeded.
     pub status: Status,
-    /// Why it failed.
+    /// Last message of a failed run.
     pub error: Option<String>,
-    /// Of the process; null if a signal ended it.
+    /// Exit code of the process; null if a signal ended it.
     pub exit_code: Option<i32>,
-    /// Whether its times are not to be trusted.
+    /// Whether the machine was too busy for its times to be trusted.
     #[serde(default)]
     pub noisy: bool,
-    /// Why.
+    /// Reasons for `noisy`.
     #[serde(default)]
     pub noisy_because: Vec<String>,
-    /// Load average over a minute at the start; null where the system does not tell.
+    /// One-minute load average at the start; null where the system does not report it.
     pub load1_start: Option<f64>,
-    /// At the end.
+    /// One-minute load average at the end.
     pub load1_end: Option<f64>,
-    /// Estimated part of `load1_start` that earlier runs of the same benchmark left behind.
+    /// Estimated part of `load1_start` that earlier runs of the benchmark caused.
     pub load1_own: Option<f64>,
     /// Processor cores that the program may use.
     #[serde(default)]
     pub cores: usize,
-    /// Runs that were made at the same time.
+    /// Number of runs made at the same time.
     #[serde(default)]
     pub jobs: usize,
-    /// The machine.
+    /// The machine that made the run.
     #[serde(default)]
     pub hardware: Hardware,
     /// Version of the program.
     #[serde(default)]
     pub version: String,
-    /// CRC-32 of the program's file, so that builds of one version can be told apart.
+    /// CRC-32 of the program's file, to distinguish builds of one version.
     #[serde(default)]
     pub build: String,
     /// Start of the run, RFC 3339.
     #[serde(default)]
     pub utc: String,
-    /// From the start to the end of the process.
+    /// Lifetime of the process.
     pub wall_secs: Option<f64>,
     /// The run's `summary.json`; null if it failed.
     pub summary: Option<Value>,
 }
 
 impl Record {
-    /// Its names, for messages.
-    pub fn told(&self) -> String {
+    /// Names and seed of the run, for messages.
+    pub fn describe(&self) -> String {
         format!(
             "scene {:?}, variant {:?}, budget {:?}, seed {}",
             self.scene, self.variant, self.budget, self.seed
         )
     }
 
-    /// A finite number of the summary, for example at `/quality/psnr`.
+    /// The number at a JSON pointer into the summary such as `/quality/psnr`; `None` if missing or not finite.
     pub fn number(&self, pointer: &str) -> Option<f64> {
         self.summary.as_ref()?.pointer(pointer)?.as_f64().filter(|x| x.is_finite())
     }
 }
 
-/// Appends a line in one write, after whatever half a line an interruption has left behind.
+/// Appends a line in one write, on a line of its own even if an interrupted write left half a line.
 ///
 /// # Errors
 /// [`Error::Io`] naming `path`.
@@ -129,7 +128,7 @@ pub fn append(path: &Path, record: &Record) -> Result<()> {
     file.write_all(format!("{before}{json}\n").as_bytes()).and_then(|()| file.sync_data()).map_err(io)
 }
 
-/// All lines of a file that can be used, in order, and warnings of those that cannot.
+/// Reads the usable lines of a file, in order, with warnings about the others.
 ///
 /// # Errors
 /// [`Error::Io`] if the file cannot be read.
@@ -138,28 +137,28 @@ pub fn read(path: &Path) -> Result<(Vec<Record>, Report)> {
     Ok(parse(&path.display().to_string(), &bytes))
 }
 
-/// [`read`] from memory; `name` is the file's in warnings.
+/// Like [`read`], from memory; `name` stands for the file in warnings.
 pub fn parse(name: &str, bytes: &[u8]) -> (Vec<Record>, Report) {
     let mut records = Vec::new();
-    let mut left_out: Vec<(&str, usize, String)> = Vec::new();
+    let mut skipped: Vec<(&str, usize, String)> = Vec::new();
     for (index, line) in bytes.split(|&b| b == b'\n').enumerate() {
         if line.iter().all(u8::is_ascii_whitespace) {
             continue;
         }
         match parse_line(line) {
             Ok(record) => records.push(record),
-            Err((code, why)) => left_out.push((code, index + 1, why)),
+            Err((code, why)) => skipped.push((code, index + 1, why)),
         }
     }
     let mut report = Report::default();
     for code in ["results-broken-lines", "results-other-schema"] {
-        let lines: Vec<_> = left_out.iter().filter(|(c, ..)| *c == code).collect();
+        let lines: Vec<_> = skipped.iter().filter(|(c, ..)| *c == code).collect();
         if let Some((_, line, why)) = lines.first() {
             let more = match lines.len() {
                 1 => String::new(),
                 n => format!(" and {} more lines", n - 1),
             };
-            report.warn(code, lines.len(), format!("{name}: line {line}{more} left out: {why}"));
+            report.warn(code, lines.len(), format!("{name}: line {line}{more} skipped: {why}"));
         }
     }
     (records, report)
@@ -177,7 +176,7 @@ fn parse_line(line: &[u8]) -> Result<Record, (&'static str, String)> {
     }
 }
 
-/// One record per key: the last, at the place of the first.
+/// Keeps the last record of each key, in the position of the first.
 pub fn latest(records: Vec<Record>) -> Vec<Record> {
     let mut places = HashMap::new();
     let mut out: Vec<Record> = Vec::new();
@@ -208,7 +207,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_may_say_little_and_null_is_no_number() {
+    fn most_fields_may_be_missing_and_null_is_no_number() {
         let record = record("k", 3);
         assert_eq!((record.seed, record.status), (3, Status::Ok));
         assert_eq!(record.number("/quality/psnr"), Some(20.5));
@@ -217,12 +216,12 @@ mod tests {
     }
 
     #[test]
-    fn lines_are_appended_after_half_a_line_and_read_back() {
+    fn appending_after_half_a_line_keeps_both_neighbours_readable() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("results.jsonl");
         append(&path, &record("a", 1)).unwrap();
         let mut file = File::options().append(true).open(&path).unwrap();
-        file.write_all(br#"{"schema":"litetex-results/1","ke"#).unwrap();
+        file.write_all(br#"{"schema":"litetex-results/2","ke"#).unwrap();
         append(&path, &record("b", 2)).unwrap();
         let (records, report) = read(&path).unwrap();
         assert_eq!(records, [record("a", 1), record("b", 2)]);
@@ -231,8 +230,8 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_used_is_counted() {
-        let text = b"{\"schema\":\"litetex-results/9\"}\n{}\n\n[1]\nnonsense\n{\"schema\":\"litetex-results/1\"}\n\xff\xfe\n{\"x\":NaN}";
+    fn unusable_lines_are_counted_by_reason() {
+        let text = b"{\"schema\":\"litetex-results/9\"}\n{}\n\n[1]\nnonsense\n{\"schema\":\"litetex-results/2\"}\n\xff\xfe\n{\"x\":NaN}";
         let (records, report) = parse("r.jsonl", text);
         assert!(records.is_empty());
         let counts: Vec<_> = report.warnings.iter().map(|w| (w.code.as_str(), w.count)).collect();
@@ -241,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn the_last_of_a_key_wins_at_the_place_of_the_first() {
+    fn the_last_line_of_a_key_takes_the_position_of_the_first() {
         let all = vec![record("a", 1), record("b", 2), record("a", 3)];
         let seeds: Vec<u64> = latest(all).iter().map(|r| r.seed).collect();
         assert_eq!(seeds, [3, 2]);

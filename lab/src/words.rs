@@ -1,13 +1,15 @@
-//! What is typed for a benchmark's matrix: names with arguments, seeds, shards. Text in, values out.
+//! Parses what users type for a matrix: names with arguments, seeds, shards.
 
-use super::matrix::{Scene, Setting};
-use litetex_gs::train::Policy;
+use crate::matrix::{NamedArgs, SceneEntry};
 
-/// Most seeds of a matrix.
+/// Most seeds of a matrix; more is probably a typing error.
 const SEEDS_MAX: u64 = 1000;
 
-/// "NAME: ARGS" or "NAME".
-pub fn parse_setting(text: &str) -> Result<Setting, String> {
+/// Parses "NAME: ARGUMENTS" or "NAME".
+///
+/// # Errors
+/// A message that says what was expected.
+pub fn parse_named_args(text: &str) -> Result<NamedArgs, String> {
     let (name, args) = match text.split_once(": ") {
         Some((name, args)) => (name, args),
         None => (text.strip_suffix(':').unwrap_or(text), ""),
@@ -17,27 +19,25 @@ pub fn parse_setting(text: &str) -> Result<Setting, String> {
             "{text:?}: expected \"NAME: ARGUMENTS\", for example \"small: --policy fixed:4 --max-splats 5000\""
         ));
     }
-    Ok(Setting { name: name.trim().to_owned(), args: split_words(args)? })
+    Ok(NamedArgs { name: name.trim().to_owned(), args: split_words(args)? })
 }
 
-/// A variant without arguments that is called as a policy is that policy: nobody who writes "fixed:4" wants the
-/// default under this name.
-pub fn with_policy(variant: &mut Setting) {
-    if variant.args.is_empty() && variant.name.parse::<Policy>().is_ok() {
-        variant.args = ["--policy", &variant.name].map(ToOwned::to_owned).into();
-    }
-}
-
-/// "DIR" or "NAME: DIR".
-pub fn parse_scene(text: &str) -> Result<Scene, String> {
+/// Parses "CAPTURE" or "NAME: CAPTURE".
+///
+/// # Errors
+/// A message that says what was expected.
+pub fn parse_scene(text: &str) -> Result<SceneEntry, String> {
     let (name, path) = text.split_once(": ").unwrap_or(("", text));
     if path.trim().is_empty() {
-        return Err(format!("{text:?}: expected the folder of a capture, or \"NAME: FOLDER\""));
+        return Err(format!("{text:?}: expected a capture, or \"NAME: CAPTURE\""));
     }
-    Ok(Scene { name: name.trim().to_owned(), path: path.trim().into(), args: Vec::new() })
+    Ok(SceneEntry { name: name.trim().to_owned(), path: path.trim().into(), args: Vec::new() })
 }
 
-/// "1,2,5-8".
+/// Parses a list such as "1,2,5-8".
+///
+/// # Errors
+/// A message that says what was expected.
 pub fn parse_seeds(text: &str) -> Result<Vec<u64>, String> {
     let wrong = || format!("{text:?}: expected numbers and ranges like 1,2,5-8, at most {SEEDS_MAX} in all");
     let mut seeds = Vec::new();
@@ -55,7 +55,10 @@ pub fn parse_seeds(text: &str) -> Result<Vec<u64>, String> {
     if seeds.len() as u64 > SEEDS_MAX { Err(wrong()) } else { Ok(seeds) }
 }
 
-/// "2/5".
+/// Parses a part such as "2/5" as `(2, 5)`.
+///
+/// # Errors
+/// A message that says what was expected.
 pub fn parse_shard(text: &str) -> Result<(usize, usize), String> {
     let parts = text.split_once('/').and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
     match parts {
@@ -64,8 +67,11 @@ pub fn parse_shard(text: &str) -> Result<(usize, usize), String> {
     }
 }
 
-/// Words at blanks; quotation marks, single or double, keep blanks. Backslashes are letters: Windows has
-/// them in paths.
+/// Splits at blanks; single or double quotes keep them. Backslashes are ordinary characters, for the sake of Windows
+/// paths.
+///
+/// # Errors
+/// A message about a quote that is not closed.
 pub fn split_words(text: &str) -> Result<Vec<String>, String> {
     let mut words = Vec::new();
     let mut word: Option<String> = None;
@@ -83,7 +89,7 @@ pub fn split_words(text: &str) -> Result<Vec<String>, String> {
         }
     }
     if quote.is_some() {
-        return Err(format!("{text:?}: a quotation mark is not closed"));
+        return Err(format!("{text:?}: a quote is not closed"));
     }
     words.extend(word);
     Ok(words)
@@ -94,7 +100,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn words_keep_what_is_quoted() {
+    fn quotes_keep_blanks() {
         assert_eq!(split_words("").unwrap(), [""; 0]);
         assert_eq!(split_words("  --a  b ").unwrap(), ["--a", "b"]);
         assert_eq!(split_words(r#"--images "my photos" ''"#).unwrap(), ["--images", "my photos", ""]);
@@ -103,38 +109,22 @@ mod tests {
     }
 
     #[test]
-    fn settings_and_scenes() {
-        let bare = parse_setting("no maps: --policy none").unwrap();
+    fn named_arguments_and_scenes() {
+        let bare = parse_named_args("no maps: --policy none").unwrap();
         assert_eq!(
             (bare.name.as_str(), bare.args),
             ("no maps", vec!["--policy".to_owned(), "none".to_owned()])
         );
-        assert_eq!(parse_setting("fixed:4").unwrap().name, "fixed:4");
-        assert_eq!(parse_setting("fixed:4: --steps 1").unwrap().name, "fixed:4");
-        assert_eq!(parse_setting("bare:").unwrap().name, "bare");
+        assert_eq!(parse_named_args("fixed:4").unwrap().name, "fixed:4");
+        assert_eq!(parse_named_args("fixed:4: --steps 1").unwrap().name, "fixed:4");
+        assert_eq!(parse_named_args("bare:").unwrap().name, "bare");
         for wrong in ["", ": --steps 1", "--policy none", "a: 'b"] {
-            assert!(parse_setting(wrong).is_err(), "{wrong}");
+            assert!(parse_named_args(wrong).is_err(), "{wrong}");
         }
         let scene = parse_scene("fox: captures/1").unwrap();
         assert_eq!((scene.name.as_str(), scene.path.to_str()), ("fox", Some("captures/1")));
         assert_eq!(parse_scene(r"C:\fox").unwrap().path.to_str(), Some(r"C:\fox"));
         assert!(parse_scene("fox: ").is_err());
-    }
-
-    #[test]
-    fn bare_names_of_policies_mean_them() {
-        let args = |text: &str| {
-            let mut setting = parse_setting(text).unwrap();
-            with_policy(&mut setting);
-            setting.args.join(" ")
-        };
-        for name in ["litetex", "cat", "plain", "none", "fixed:4"] {
-            assert_eq!(args(name), format!("--policy {name}"));
-        }
-        // Negative controls: other names, and names whose arguments say what is meant.
-        for (text, meant) in [("fixed:1", ""), ("Plain", ""), ("plain: --steps 3", "--steps 3")] {
-            assert_eq!(args(text), meant, "{text}");
-        }
     }
 
     #[test]

@@ -22,6 +22,7 @@ mod frozen;
 mod identity;
 mod inspect;
 mod interrupt;
+mod lab;
 mod log;
 mod man;
 mod orbit;

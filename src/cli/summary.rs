@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use std::path::Path;
 
 /// Identifier and version of the schema.
-pub const SCHEMA: &str = "litetex-summary/1";
+pub const SCHEMA: &str = "litetex-summary/2";
 /// Why LPIPS is null.
 pub const LPIPS_REASON: &str =
     "needs network weights that are not shipped: compute it from the images in eval/";
@@ -128,11 +128,11 @@ impl From<&Evaluation> for Quality {
 /// Size of the model.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Size {
-    /// Splats.
-    pub primitives: usize,
-    /// Texels.
+    /// Number of splats.
+    pub splats: usize,
+    /// Number of texels of all texture maps.
     pub texels: usize,
-    /// 59 per primitive and 3 per texel, as published.
+    /// 59 per splat and 3 per texel, as published.
     pub params: usize,
     /// Of the last checkpoint, optimiser included.
     pub checkpoint_bytes: u64,

@@ -14,7 +14,7 @@ use super::summary::{CaptureFigures, Fps, Quality, Resumed, SCHEMA, Size, Summar
 use super::table::Table;
 use super::train_args::TrainArgs;
 use super::values::{format_bytes, format_count, format_duration};
-use super::{devices, eval, export, outputs};
+use super::{bench, devices, eval, export, outputs};
 use litetex_gs::backend::Backend;
 use litetex_gs::model::{Model, TextureMap};
 use litetex_gs::train::checkpoint;
@@ -46,6 +46,9 @@ struct Resume {
 
 /// Trains and prints the result.
 pub fn run(args: TrainArgs, log: &Log) -> anyhow::Result<()> {
+    if args.end_with_stdin {
+        bench::orphan::end_with_stdin();
+    }
     let asset = AssetArgs { force: args.force, ..AssetArgs::default() };
     // Before hours of training, not after.
     outputs::check(None, &args.export, &asset)?;
@@ -161,7 +164,7 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<(Summary, PathBuf)> {
         stopped_by: reason_name(reason).to_owned(),
         quality: session.evaluation.as_ref().map(Quality::from),
         size: Size {
-            primitives: state.model.num_splats(),
+            splats: state.model.num_splats(),
             texels: state.model.num_texels(),
             params: state.model.num_params(),
             checkpoint_bytes: session.checkpoint.as_deref().map_or(0, file_bytes),
@@ -415,7 +418,7 @@ pub fn print(s: &Summary) -> std::io::Result<()> {
         table.row("test SSIM (3DGS / valid)", format!("{:.4} / {:.4}", q.ssim_3dgs, q.ssim_valid));
         table.row("test FLIP", format!("{:.4}", q.flip));
     }
-    table.row("primitives", format_count(s.size.primitives as u64));
+    table.row("splats", format_count(s.size.splats as u64));
     table.row("texels", format_count(s.size.texels as u64));
     table.row("parameters", format_count(s.size.params as u64));
     table.row("checkpoint", format_bytes(s.size.checkpoint_bytes));

@@ -20,7 +20,7 @@ pub struct CurvePoint {
     /// Mean gradient-PSNR of the test views, dB.
     pub grad_psnr_test: f64,
     /// Splats.
-    pub primitives: usize,
+    pub splats: usize,
     /// Texels.
     pub texels: usize,
 }

@@ -1,13 +1,12 @@
-//! Charts of quality while training goes on, over time and over steps, with the range of the seeds.
+//! Charts of quality during training, over time and over steps, with the range of the seeds.
 
 use super::figures::{Section, axis, counted, missing_times, number};
-use super::plot::{Axis, Chart, Mark, Series};
-use super::scale::Quantity;
-use super::stats::Sample;
+use super::plot::{Axis, Chart, Mark, Quantity, Series, Spacing};
+use super::stats::Stats;
 use super::study::{CurvePoint, Group, Study};
 use std::collections::HashSet;
 
-/// Charts of a scene, by budget.
+/// The charts of a scene, by budget.
 pub fn curves(study: &Study, scene: &str, slug: &str) -> Section {
     let mut charts = Vec::new();
     let mut names = HashSet::new();
@@ -28,8 +27,11 @@ pub fn curves(study: &Study, scene: &str, slug: &str) -> Section {
                 let (id, title, x) = if is_time {
                     ("time", "over time", axis(&study.time))
                 } else {
-                    let steps =
-                        Axis { name: "Training steps".to_owned(), log: false, quantity: Quantity::Count };
+                    let steps = Axis {
+                        name: "Training steps".to_owned(),
+                        spacing: Spacing::Linear,
+                        quantity: Quantity::Count,
+                    };
                     ("steps", "over steps", steps)
                 };
                 let which = if study.budgets.len() > 1 { format!(", {budget}") } else { String::new() };
@@ -37,19 +39,19 @@ pub fn curves(study: &Study, scene: &str, slug: &str) -> Section {
                     id: format!("{slug}-{}-over-{id}-{budget_slug}", quality.id).replace('_', "-"),
                     title: format!("{scene}{which}: {} {title}", quality.name),
                     x,
-                    y: Axis { name: quality.title(), log: false, quantity: Quantity::Plain },
+                    y: Axis { name: quality.title(), spacing: Spacing::Linear, quantity: Quantity::Plain },
                     series,
                     front: Vec::new(),
+                    events: Vec::new(),
                 });
             }
         }
     }
     let note = if charts.is_empty() {
-        "The runs were evaluated once only, at their ends; litetex train --eval-every N leaves a curve."
-            .to_owned()
+        "The runs were evaluated only at their end; litetex train --eval-every N records a curve.".to_owned()
     } else {
         format!(
-            "Means over the seeds; bands reach from the lowest to the highest seed. {}",
+            "Means over the seeds; bands span the seeds from lowest to highest. {}",
             missing_times(study, scene)
         )
     };
@@ -64,7 +66,7 @@ fn grad_of(p: &CurvePoint) -> Option<f64> {
     p.grad_psnr
 }
 
-/// Mean and range at the steps at which all runs were evaluated; `None` if that is fewer than two.
+/// Mean and range at the steps at which all runs were evaluated; `None` if there are fewer than two such steps.
 fn curve_series(
     study: &Study,
     group: &Group<'_>,
@@ -83,8 +85,8 @@ fn curve_series(
         if at.len() < curves.len() {
             continue;
         }
-        let x = Sample::of(&at.iter().map(|p| p.0).collect::<Vec<_>>())?;
-        let y = Sample::of(&at.iter().map(|p| p.1).collect::<Vec<_>>())?;
+        let x = Stats::of(&at.iter().map(|p| p.0).collect::<Vec<_>>())?;
+        let y = Stats::of(&at.iter().map(|p| p.1).collect::<Vec<_>>())?;
         series.line.push((x.mean, y.mean));
         if y.n > 1 {
             series.band.push((x.mean, y.min, y.max));

@@ -1,26 +1,24 @@
-//! Which charts there are: quality against cost, quality while training goes on, the Pareto front. From the
-//! study to charts; how they look is `plot`'s business.
+//! The charts of a study: quality against cost, Pareto fronts, quality during training.
 
 use super::curves::curves;
 use super::measure::Measure;
-use super::plot::{Axis, Chart, Mark, Series};
-use super::scale::{Quantity, with_thousands};
-use super::stats::{Sample, pareto_front};
+use super::plot::{Axis, Chart, Mark, Quantity, Series, Spacing};
+use super::scale::with_thousands;
+use super::stats::{Stats, pareto_front};
 use super::study::{Group, Study};
+use crate::results::Record;
 use std::collections::HashSet;
 
 /// Charts of one kind and scene, or why there are none.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Section {
-    /// Heading.
     pub title: String,
-    /// What is to be seen, and what is missing.
+    /// How to read the charts, and what is missing from them.
     pub note: String,
-    /// Charts.
     pub charts: Vec<Chart>,
 }
 
-/// All sections.
+/// All sections, in the order of the page.
 pub fn sections(study: &Study) -> Vec<Section> {
     let mut names = HashSet::new();
     let scenes: Vec<(&String, String)> = study.scenes.iter().map(|s| (s, slug(s, &mut names))).collect();
@@ -49,9 +47,10 @@ fn quality_by_cost(study: &Study, scene: &str, slug: &str) -> Section {
                     id: format!("{slug}-{}-{}", quality.id, cost.id).replace('_', "-"),
                     title: format!("{scene}: {} by {}", quality.name, lower(&cost.name)),
                     x: axis(cost),
-                    y: Axis { name: quality.title(), log: false, quantity: Quantity::Plain },
+                    y: Axis { name: quality.title(), spacing: Spacing::Linear, quantity: Quantity::Plain },
                     series,
                     front: Vec::new(),
+                    events: Vec::new(),
                 });
             }
         }
@@ -78,7 +77,7 @@ fn cost_series(
         let label = (study.budgets.len() > 1).then(|| budget.clone());
         let hover = format!(
             "{variant}, {budget}: {} at {} ({})",
-            spread(&y, quality),
+            mean_and_sd(&y, quality),
             amount(x.mean, cost),
             counted(y.n, "run")
         );
@@ -102,14 +101,13 @@ fn cost_series(
 }
 
 /// Means of cost and quality over the runs that have both, and these runs.
-type Means = (Sample, Sample, Vec<(u64, (f64, f64))>);
+type Means = (Stats, Stats, Vec<(u64, (f64, f64))>);
 
 fn means(study: &Study, group: &Group<'_>, cost: &Measure, quality: &Measure) -> Option<Means> {
-    let both =
-        |r: &&crate::results::Record| Some((r.seed, (study.value(r, cost)?, study.value(r, quality)?)));
+    let both = |r: &&Record| Some((r.seed, (study.value(r, cost)?, study.value(r, quality)?)));
     let runs: Vec<(u64, (f64, f64))> = group.runs.iter().filter_map(both).collect();
     let [x, y] = [0, 1].map(|i| {
-        Sample::of(&runs.iter().map(|(_, at)| if i == 0 { at.0 } else { at.1 }).collect::<Vec<f64>>())
+        Stats::of(&runs.iter().map(|(_, at)| if i == 0 { at.0 } else { at.1 }).collect::<Vec<f64>>())
     });
     Some((x?, y?, runs))
 }
@@ -154,34 +152,35 @@ fn front(study: &Study, scene: &str, slug: &str) -> Section {
             id: format!("{slug}-pareto-{}", cost.id).replace('_', "-"),
             title: format!("{scene}: Pareto front of PSNR and {}", lower(&cost.name)),
             x: axis(cost),
-            y: Axis { name: quality.title(), log: false, quantity: Quantity::Plain },
+            y: Axis { name: quality.title(), spacing: Spacing::Linear, quantity: Quantity::Plain },
             series,
             front,
+            events: Vec::new(),
         });
     }
     let note = format!(
-        "Means over the seeds. What is grey is dominated: something else costs no more and is at least as good. {}",
+        "Means over the seeds. Grey points are dominated: another one costs no more and is at least as good. {}",
         missing_times(study, scene)
     );
     Section { title: format!("Pareto front: {scene}"), note: note.trim_end().to_owned(), charts }
 }
 
-/// Why a chart of time has fewer points than one of size.
+/// Explains why a chart of time has fewer points than one of size; empty if it does not.
 pub fn missing_times(study: &Study, scene: &str) -> String {
     let of_scene = || study.runs.iter().filter(|r| r.scene == scene);
     let missing = of_scene().filter(|r| !study.counts_time(r)).count();
     match missing {
         0 => String::new(),
         n => format!(
-            "Of the {} runs {n} were made on a busy machine and are missing where time is an axis.",
+            "{n} of the {} runs were made on a busy machine and are missing from charts of time.",
             of_scene().count()
         ),
     }
 }
 
-/// The axis of a cost.
+/// A logarithmic axis.
 pub fn axis(cost: &Measure) -> Axis {
-    Axis { name: cost.title(), log: true, quantity: cost.quantity }
+    Axis { name: cost.title(), spacing: Spacing::Log10, quantity: cost.quantity }
 }
 
 fn lower(name: &str) -> String {
@@ -189,7 +188,7 @@ fn lower(name: &str) -> String {
     chars.next().map_or(String::new(), |c| c.to_lowercase().collect::<String>() + chars.as_str())
 }
 
-/// A value with its unit.
+/// A value with its unit: "26.12 dB", "830,000 parameters".
 pub fn amount(value: f64, measure: &Measure) -> String {
     let unit = match measure.unit {
         "" if measure.is_cost => format!(" {}", lower(&measure.name)),
@@ -199,12 +198,12 @@ pub fn amount(value: f64, measure: &Measure) -> String {
     number(value, measure.digits) + &unit
 }
 
-fn spread(sample: &Sample, measure: &Measure) -> String {
-    let sd = sample.sd.map_or(String::new(), |sd| format!(" (sd {sd:.*})", measure.digits));
-    amount(sample.mean, measure) + &sd
+fn mean_and_sd(stats: &Stats, measure: &Measure) -> String {
+    let sd = stats.sd.map_or(String::new(), |sd| format!(" (sd {sd:.*})", measure.digits));
+    amount(stats.mean, measure) + &sd
 }
 
-/// With separators for thousands.
+/// Formats with thousands separators.
 pub fn number(value: f64, digits: usize) -> String {
     with_thousands(&format!("{value:.digits$}"))
 }
@@ -214,7 +213,7 @@ pub fn counted(n: usize, what: &str) -> String {
     if n == 1 { format!("1 {what}") } else { format!("{n} {what}s") }
 }
 
-/// A name as part of a file name, different from all before.
+/// Turns a name into a part of a file name that differs from all in `taken`.
 pub fn slug(name: &str, taken: &mut HashSet<String>) -> String {
     let letters = name.chars().map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { ' ' });
     let words: String = letters.collect();
@@ -235,12 +234,12 @@ mod tests {
     use super::super::study::Options;
     use super::*;
 
-    fn study(records: Vec<crate::results::Record>) -> Study {
+    fn study(records: Vec<Record>) -> Study {
         Study::new(vec![records], &Options::default()).unwrap()
     }
 
     #[test]
-    fn every_kind_of_chart_is_made_and_their_names_differ() {
+    fn every_kind_of_chart_is_made_under_a_name_of_its_own() {
         let sections = sections(&study(records()));
         let charts: Vec<&Chart> = sections.iter().flat_map(|s| &s.charts).collect();
         let ids: HashSet<&str> = charts.iter().map(|c| c.id.as_str()).collect();
@@ -260,7 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn means_and_bands_are_those_of_the_seeds() {
+    fn curves_show_mean_and_range_of_the_seeds() {
         let study = study(records());
         let sections = sections(&study);
         let curve = &sections
@@ -277,7 +276,7 @@ mod tests {
     }
 
     #[test]
-    fn noisy_runs_are_missing_where_time_is_an_axis_only() {
+    fn noisy_runs_are_missing_only_from_charts_of_time() {
         let mut all = records();
         all.iter_mut().for_each(|r| r.noisy = true);
         let ids = |study: &Study| -> Vec<String> {
@@ -300,7 +299,7 @@ mod tests {
     }
 
     #[test]
-    fn names_of_files_are_plain_and_differ() {
+    fn file_names_are_plain_and_distinct() {
         let mut taken = HashSet::new();
         let slugs = ["Fox 1", "fox/1", "../..", "ü"].map(|n| slug(n, &mut taken));
         assert_eq!(slugs, ["fox-1", "fox-1-2", "scene", "scene-2"]);

@@ -1,16 +1,16 @@
-//! Results made up for tests of charts and tables.
+//! Invented results for tests of charts and tables.
 
 use crate::results::{self, Record, SCHEMA};
 use serde_json::json;
 
-/// Scene, variant, budget, seed, and PSNR; other figures follow from them.
+/// A successful run of (scene, variant, budget) whose other figures follow from the arguments.
 pub fn record(cell: usize, (scene, variant, budget): (&str, &str, &str), seed: u64, psnr: f64) -> Record {
     let params = if variant.contains("plain") { 590_000 } else { 830_000 };
     let secs = 20.0 + cell as f64 + 0.1 * seed as f64;
     let point = |step: u32| {
         let done = f64::from(step) / 300.0;
         json!({ "step": step, "cpu_secs": secs * done, "wall_secs": secs * done,
-            "psnr_test": psnr - 3.0 * (1.0 - done), "grad_psnr_test": psnr + 7.0 + done, "primitives": 10_000, "texels": 0 })
+            "psnr_test": psnr - 3.0 * (1.0 - done), "grad_psnr_test": psnr + 7.0 + done, "splats": 10_000, "texels": 0 })
     };
     let line = json!({
         "schema": SCHEMA, "key": format!("{scene}/{variant}/{budget}/{seed}"), "scene": scene, "variant": variant,
@@ -18,7 +18,7 @@ pub fn record(cell: usize, (scene, variant, budget): (&str, &str, &str), seed: u
         "summary": {
             "device": { "name": "cpu" },
             "quality": { "psnr": psnr, "grad_psnr": psnr + 8.0, "ssim_3dgs": psnr / 40.0, "flip": 1.0 / psnr },
-            "size": { "primitives": 10_000, "texels": params - 590_000, "params": params, "checkpoint_bytes": 12 * params },
+            "size": { "splats": 10_000, "texels": params - 590_000, "params": params, "checkpoint_bytes": 12 * params },
             "time": { "train_cpu_secs": secs, "train_wall_secs": 0.6 * secs },
             "curve": [point(100), point(200), point(300)],
         },

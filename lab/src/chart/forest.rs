@@ -1,34 +1,34 @@
-//! The chart of paired differences: a row per variant and scene, the mean difference to the baseline and its
+//! The forest plot of paired differences: a row per variant and scene with the mean difference to the baseline and its
 //! 95 % interval, and a line at 0.
 
-use super::compare::{Difference, Scope, Verdict, compare};
+use super::compare::{Conclusion, Difference, Scope, compare};
 use super::look::colour;
 use super::measure::Measure;
 use super::paired::signed;
-use super::scale::{Quantity, Scale, labels};
+use super::scale::{Quantity, Scale, Spacing, labels};
+use super::series::MARK_PX;
 use super::study::Study;
 use super::svg::{Anchor, Svg, TEXT_PX, TITLE_PX, shortened, text_width_px};
 
 const WIDTH_PX: f64 = 760.0;
 const TOP: f64 = 60.0;
 const ROW_PX: f64 = 22.0;
-/// Between variants.
+/// Extra space between variants.
 const GAP_PX: f64 = 8.0;
 const NAME_PX: f64 = 220.0;
-/// Space for the numbers on the right.
+/// Width of the column of numbers on the right.
 const NUMBERS_PX: f64 = 170.0;
-const MARK_PX: f64 = 4.8;
 
-/// A row.
+/// A variant, or one of its scenes and budgets.
 struct Row {
     name: String,
     look: usize,
+    /// Whether it pools all pairs of the variant.
     is_pooled: bool,
     difference: Difference,
 }
 
-/// Differences in one measure; `None` without pairs.
-pub fn draw(study: &Study, measure: &Measure) -> Option<Svg> {
+fn rows(study: &Study, measure: &Measure) -> Vec<Row> {
     let mut rows = Vec::new();
     for variant in study.variants.iter().filter(|v| **v != study.baseline) {
         let mut add = |name: String, is_pooled, scope| {
@@ -46,16 +46,22 @@ pub fn draw(study: &Study, measure: &Measure) -> Option<Svg> {
                         (_, 1) => scene.clone(),
                         _ => format!("{scene}, {budget}"),
                     };
-                    add(name, false, Scope::Cell(scene, budget));
+                    add(name, false, Scope::SceneBudget(scene, budget));
                 }
             }
         }
     }
+    rows
+}
+
+/// Draws the differences in one measure; `None` without pairs.
+pub fn draw(study: &Study, measure: &Measure) -> Option<Svg> {
+    let rows = rows(study, measure);
     let ends = rows.iter().flat_map(|r| {
         let (low, high) = r.difference.interval().unwrap_or((0.0, 0.0));
         [low, high, r.difference.mean().unwrap_or(0.0), 0.0]
     });
-    let x = Scale::around(ends, false)?;
+    let x = Scale::around(ends, Spacing::Linear)?;
     if rows.is_empty() {
         return None;
     }
@@ -107,7 +113,7 @@ fn draw_axis(svg: &mut Svg, x: &Scale, at: impl Fn(f64) -> f64, bottom: f64, uni
 fn draw_row(svg: &mut Svg, row: &Row, measure: &Measure, at: impl Fn(f64) -> f64, y: f64) {
     let Some(mean) = row.difference.mean() else { return };
     let colour = colour(row.look);
-    let decided = matches!(row.difference.verdict, Verdict::Better | Verdict::Worse);
+    let decided = matches!(row.difference.conclusion, Conclusion::Better | Conclusion::Worse);
     let (line, fill) = if decided {
         (format!("lt-line lt-s{colour}"), format!("lt-f{colour}"))
     } else {

@@ -1,4 +1,4 @@
-//! The page: tables and charts in one file that needs nothing from elsewhere, for light and dark screens.
+//! The page: all tables and charts in one self-contained HTML file for light and dark screens.
 
 use super::figures::Section;
 use super::study::{Study, device};
@@ -7,7 +7,7 @@ use super::table::Table;
 use std::collections::BTreeSet;
 use std::fmt::Write;
 
-/// Colours of the page follow those of the charts.
+/// Style sheet of the page; that of the charts is `svg::style`.
 const CSS: &str = "\
 :root{color-scheme:light dark;--bg:#fff;--text:#1c2024;--second:#5c6570;--rule:#e4e7eb;--zebra:#f6f7f9;\
 --good:#0a6b3d;--bad:#b0203a;--link:#0b62a4}\
@@ -33,21 +33,20 @@ td:last-child:not(.num){white-space:normal;min-width:16ch}.num{text-align:right}
 .bad{color:var(--bad);font-weight:600}.faint{color:var(--second)}\
 footer{margin-top:48px;color:var(--second);font-size:13px}";
 
-/// A heading with what is below it.
+/// A section of the page.
 pub struct Part {
-    /// Heading.
     pub title: String,
-    /// HTML.
+    /// HTML below the heading.
     pub body: String,
 }
 
 impl Part {
-    /// A table.
+    /// A section with one table.
     pub fn table(table: &Table) -> Self {
         Self { title: table.title.clone(), body: table.html() }
     }
 
-    /// Charts, drawn already.
+    /// A section with charts as inline SVG.
     pub fn charts(title: &str, note: &str, drawn: &[String]) -> Self {
         let mut body = String::new();
         if !note.is_empty() {
@@ -60,13 +59,13 @@ impl Part {
         Self { title: title.to_owned(), body }
     }
 
-    /// The charts of a section.
+    /// A section of charts.
     pub fn section(section: &Section, drawn: &[String]) -> Self {
         Self::charts(&section.title, &section.note, drawn)
     }
 }
 
-/// The whole page.
+/// Assembles the page.
 pub fn page(study: &Study, parts: &[Part]) -> String {
     let title = format!("Results: {}", study.scenes.join(", "));
     let mut out = format!(
@@ -96,13 +95,13 @@ pub fn page(study: &Study, parts: &[Part]) -> String {
     }
     let _ = writeln!(
         out,
-        "<footer>litetex {} · points and rows of charts show their values on hovering</footer>\n</body>\n</html>",
+        "<footer>litetex {} · hover over points and rows of charts to see their values</footer>\n</body>\n</html>",
         env!("CARGO_PKG_VERSION")
     );
     out
 }
 
-/// What was run, on what, when.
+/// One line about what was run, on which machine and when.
 pub fn facts(study: &Study) -> String {
     let list =
         |all: BTreeSet<String>| all.into_iter().filter(|s| !s.is_empty()).collect::<Vec<_>>().join("; ");

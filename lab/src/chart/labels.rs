@@ -1,9 +1,9 @@
-//! Where the labels of points go: beside their points, over nothing that matters. Pixels only.
+//! Places the labels of points: beside their points, and clear of other points, labels and lines.
 
-use super::plot::MARK_PX;
+use super::series::MARK_PX;
 use super::svg::{TEXT_PX, text_width_px};
 
-/// Free space on both sides of labels, against other labels.
+/// Free space on both sides of a label.
 const LABEL_GAP_PX: f64 = 2.0;
 
 /// A rectangle in pixels.
@@ -23,7 +23,7 @@ impl Rect {
             && other.top < self.bottom
     }
 
-    fn holds(&self, other: &Self) -> bool {
+    fn contains(&self, other: &Self) -> bool {
         self.left <= other.left
             && other.right <= self.right
             && self.top <= other.top
@@ -31,11 +31,12 @@ impl Rect {
     }
 }
 
+/// The square of half side `r` around a point.
 pub fn around((x, y): (f64, f64), r: f64) -> Rect {
     Rect { left: x - r, right: x + r, top: y - r, bottom: y + r }
 }
 
-/// Small rectangles along a line.
+/// Small rectangles that cover a line.
 pub fn along(line: &[(f64, f64)]) -> Vec<Rect> {
     const STEP_PX: f64 = 4.0;
     let piece = |w: &[(f64, f64)]| {
@@ -49,20 +50,20 @@ pub fn along(line: &[(f64, f64)]) -> Vec<Rect> {
     line.windows(2).flat_map(piece).collect()
 }
 
-/// Where labels are tried first.
+/// The side of their points on which labels are tried first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Side {
     Left,
     Right,
 }
 
-/// Where labels begin (baseline, left end): beside their points, over no other point and no other label, and
-/// nowhere if there is no room. Lines and small markers (`drawn_over`) are avoided where that is possible.
+/// Left ends of the labels' baselines, beside their points and over no other point or label; `None` for labels without
+/// room. `obstacles` (lines and small markers) are avoided where possible.
 pub fn place_labels(
     points: &[(f64, f64)],
     texts: &[Option<&str>],
     bounds: Rect,
-    drawn_over: &[Rect],
+    obstacles: &[Rect],
     first: Side,
 ) -> Vec<Option<(f64, f64)>> {
     let mut taken: Vec<Rect> = points.iter().map(|&p| around(p, MARK_PX + 1.0)).collect();
@@ -93,8 +94,8 @@ pub fn place_labels(
                 top: baseline - 10.0,
                 bottom: baseline + 3.0,
             };
-            let free = |b: &Rect| bounds.holds(b) && !taken.iter().any(|t| t.overlaps(b));
-            let is_clear = |b: &Rect| !drawn_over.iter().any(|d| d.overlaps(b));
+            let free = |b: &Rect| bounds.contains(b) && !taken.iter().any(|t| t.overlaps(b));
+            let is_clear = |b: &Rect| !obstacles.iter().any(|d| d.overlaps(b));
             let possible: Vec<_> = starts.iter().map(|s| (*s, extent(s))).filter(|(_, e)| free(e)).collect();
             possible.iter().find(|(_, e)| is_clear(e)).or(possible.first()).copied()
         });
@@ -112,7 +113,7 @@ mod tests {
 
     #[test]
     fn labels_overlap_neither_points_nor_each_other() {
-        // A crowd on a diagonal, so close that not all labels have room.
+        // Points on a diagonal, too close for all labels to have room.
         let points: Vec<(f64, f64)> =
             (0..40).map(|i| (60.0 + 9.0 * f64::from(i), 90.0 + 4.0 * f64::from(i))).collect();
         let texts: Vec<Option<&str>> =
@@ -127,14 +128,14 @@ mod tests {
             .collect();
         assert!((3..26).contains(&boxes.len()), "{}", boxes.len());
         for (i, b) in boxes.iter().enumerate() {
-            assert!(bounds.holds(b) && boxes[..i].iter().all(|other| !other.overlaps(b)));
+            assert!(bounds.contains(b) && boxes[..i].iter().all(|other| !other.overlaps(b)));
             assert!(points.iter().all(|&(x, y)| !(b.left < x && x < b.right && b.top < y && y < b.bottom)));
         }
         assert_eq!(place_labels(&points[..1], &[None], bounds, &[], Side::Left), [None]);
         // Negative control: a single point has room.
         let alone =
             |over: &[Rect]| place_labels(&points[..1], &[Some("a")], bounds, over, Side::Right)[0].unwrap();
-        // A line to the right is avoided, lines everywhere are put up with.
+        // A line to the right is avoided; lines everywhere are not.
         assert_ne!(alone(&along(&[points[0], (400.0, points[0].1)])), alone(&[]));
         assert_eq!(alone(&[Rect { left: 0.0, right: 999.0, top: 0.0, bottom: 999.0 }]), alone(&[]));
     }

@@ -1,10 +1,10 @@
-//! How series are told apart: by colour, marker and dashes, which follow from the series' number. Sixty-four have
-//! a pair of colour and marker of their own.
+//! Colour, marker and dashes of a series, which follow from its number. Sixty-four series have a combination of
+//! colour and marker of their own.
 
 use std::fmt::Write;
 
-/// Colours of series before a light and before a dark background. They differ in lightness as well as in
-/// hue, and every series has a marker shape of its own, so that nobody depends on hue.
+/// Colours of series on a light and on a dark background. They differ in lightness as well as in hue, and markers
+/// differ in shape, for readers who do not distinguish the hues.
 pub const PALETTE: [(&str, &str); 8] = [
     ("#0b62a4", "#5aa9e6"),
     ("#c8500a", "#ff9a55"),
@@ -15,27 +15,27 @@ pub const PALETTE: [(&str, &str); 8] = [
     ("#0c7f92", "#52d0e0"),
     ("#4d545c", "#b9c0c9"),
 ];
-/// Dashes and gaps of lines in pixels: one kind for each round through the colours.
+/// Dashes and gaps of lines in pixels, one pattern for each round through the colours.
 pub const DASHES: [&str; 4] = ["none", "8 3", "2 3", "9 3 2 3"];
-/// Shapes of markers.
+/// Number of marker shapes.
 const SHAPES: usize = 8;
 
-/// Number of a series' colour.
+/// Index of a series' colour in [`PALETTE`].
 pub fn colour(look: usize) -> usize {
     look % PALETTE.len()
 }
 
-/// Number of a series' marker: with every round through the colours another one of each colour.
+/// Index of a series' marker, shifted by one with every round through the colours.
 fn shape(look: usize) -> usize {
     (look + look / PALETTE.len()) % SHAPES
 }
 
-/// Classes of a series' line.
+/// CSS classes of a series' line.
 pub fn line_class(look: usize) -> String {
     format!("lt-line lt-s{} lt-d{}", colour(look), look / PALETTE.len() % DASHES.len())
 }
 
-/// Outline of a series' marker.
+/// Outline of a series' marker as the `d` of an SVG path.
 pub fn marker_path(look: usize, (x, y): (f64, f64), r: f64) -> String {
     let polygon = |points: &[(f64, f64)]| {
         let mut d = String::new();
@@ -44,7 +44,7 @@ pub fn marker_path(look: usize, (x, y): (f64, f64), r: f64) -> String {
         }
         d + "Z"
     };
-    // Sizes are such that all shapes have about the area of the circle.
+    // All shapes have about the area of the circle.
     match shape(look) {
         0 => format!(
             "M{:.1} {y:.1}a{r:.1} {r:.1} 0 1 0 {:.1} 0a{r:.1} {r:.1} 0 1 0 {:.1} 0Z",
@@ -81,13 +81,13 @@ mod tests {
     use std::collections::HashSet;
 
     #[test]
-    fn sixty_four_series_have_a_pair_of_colour_and_marker_each() {
+    fn sixty_four_series_differ_in_colour_or_marker() {
         let looks =
             |n: usize| (0..n).map(|i| (colour(i), marker_path(i, (5.0, 5.0), 4.0))).collect::<HashSet<_>>();
         assert_eq!(looks(64).len(), 64);
-        // Negative control: then they begin anew.
+        // Negative control: after that they repeat.
         assert_eq!(looks(65).len(), 64);
-        // Within a round neither comes twice, and lines differ where colours do not.
+        // Within a round no marker repeats, and lines of equal colour differ in their dashes.
         assert_eq!(looks(8).into_iter().map(|(_, marker)| marker).collect::<HashSet<_>>().len(), 8);
         assert_eq!((0..32).map(line_class).collect::<HashSet<_>>().len(), 32);
     }

@@ -1,43 +1,40 @@
-//! What is measured of a run: name, unit, place in the summary, which direction is good.
+//! The measures of a run: name, unit, location in the summary, and which direction is good.
 
 use super::scale::Quantity;
 use crate::results::Record;
 
-/// Which direction is good.
+/// The direction in which a measure improves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Better {
-    /// Quality.
     Higher,
-    /// Errors, cost.
     Lower,
 }
 
-/// Something measured of a run.
+/// A figure of a run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Measure {
-    /// In file names and heads of CSV files.
+    /// Identifier in file names and headers of CSV files.
     pub id: String,
-    /// For people.
+    /// Name in headings and legends.
     pub name: String,
-    /// Unit, empty for counts and indices.
+    /// Empty for counts and indices.
     pub unit: &'static str,
-    /// Place in the summary.
+    /// JSON pointer into the summary.
     pub pointer: String,
-    /// Decimals.
+    /// Decimals shown.
     pub digits: usize,
-    /// Which direction is good.
     pub better: Better,
     /// Costs are compared as ratios, quality by differences.
     pub is_cost: bool,
-    /// Whether it is a time, which a busy machine spoils.
+    /// Times count only if the machine was quiet.
     pub is_time: bool,
-    /// How axes write it.
+    /// How axes format it.
     pub quantity: Quantity,
 }
 
 impl Measure {
-    /// A figure of the test views.
-    pub fn quality(id: &str, name: &str, unit: &'static str, digits: usize, better: Better) -> Self {
+    /// A quality figure of the test views.
+    fn quality(id: &str, name: &str, unit: &'static str, digits: usize, better: Better) -> Self {
         Self {
             id: id.to_owned(),
             name: name.to_owned(),
@@ -51,13 +48,13 @@ impl Measure {
         }
     }
 
-    /// What quality is paid with.
-    pub fn cost(id: &str, name: &str, unit: &'static str, pointer: String, quantity: Quantity) -> Self {
+    /// A size or a time.
+    pub fn cost(id: &str, name: &str, unit: &'static str, pointer: &str, quantity: Quantity) -> Self {
         Self {
             id: id.to_owned(),
             name: name.to_owned(),
             unit,
-            pointer,
+            pointer: pointer.to_owned(),
             digits: 0,
             better: Better::Lower,
             is_cost: true,
@@ -66,13 +63,31 @@ impl Measure {
         }
     }
 
-    /// Name and unit, for axes and heads of tables.
+    /// PSNR, gradient-PSNR, SSIM and FLIP of the test views.
+    pub fn qualities() -> Vec<Self> {
+        vec![
+            Self::quality("psnr", "Test PSNR", "dB", 2, Better::Higher),
+            Self::quality("grad_psnr", "Test gradient-PSNR", "dB", 2, Better::Higher),
+            Self::quality("ssim_3dgs", "Test SSIM (3DGS)", "", 4, Better::Higher),
+            Self::quality("flip", "Test FLIP", "", 4, Better::Lower),
+        ]
+    }
+
+    /// Training time, and the key of the same time in points of curves.
+    pub fn training_time(is_cpu_time: bool) -> (Self, &'static str) {
+        let (id, unit) =
+            if is_cpu_time { ("cpu_secs", "CPU seconds") } else { ("wall_secs", "wall seconds") };
+        let cost = Self::cost(id, "Training time", unit, &format!("/time/train_{id}"), Quantity::Plain);
+        (Self { digits: 1, is_time: true, ..cost }, id)
+    }
+
+    /// Name and unit, for axes and table headers.
     pub fn title(&self) -> String {
         if self.unit.is_empty() { self.name.clone() } else { format!("{}, {}", self.name, self.unit) }
     }
 }
 
-/// Every number of `size` whose name ends in `_bytes`, and those of `size.disk`, by format.
+/// Every number of `size` whose name ends in `_bytes`, and every one of `size.disk` (file sizes by format).
 pub fn bytes_of(runs: &[Record]) -> Vec<Measure> {
     let mut found: Vec<Measure> = Vec::new();
     for run in runs {
@@ -88,7 +103,7 @@ pub fn bytes_of(runs: &[Record]) -> Vec<Measure> {
                     "checkpoint" => "Checkpoint with optimiser".to_owned(),
                     what => format!("File ({what})"),
                 };
-                found.push(Measure::cost(key, &what, "bytes", pointer, Quantity::Bytes));
+                found.push(Measure::cost(key, &what, "bytes", &pointer, Quantity::Bytes));
             }
         }
     }

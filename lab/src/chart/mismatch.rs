@@ -1,5 +1,5 @@
-//! Runs that do not belong together though their names say so: results are merged by concatenation, and nothing
-//! keeps a matrix, or the photos, from being changed in between.
+//! Runs that share names but cannot be compared: files of results are merged by concatenation, and a matrix or its
+//! photos may have changed in between.
 
 use super::figures::counted;
 use crate::Report;
@@ -7,63 +7,63 @@ use crate::results::Record;
 use serde_json::Value;
 use std::collections::{HashMap, HashSet};
 
-/// What test figures hang on besides the model: size and number of the views, and how photos were resampled.
+/// What quality figures depend on besides the model: size and number of the views, and how photos were resampled.
 const IMAGES: [&str; 5] =
     ["/capture/width_px", "/capture/height_px", "/capture/train_views", "/capture/test_views", "/resample"];
-/// Characters of arguments that a warning shows.
+/// Longest list of arguments shown in a warning.
 const ARGS_CHARS_MAX: usize = 80;
 
-/// Whether the figures of two runs of a scene are about the same images.
+/// Whether two runs of a scene were evaluated on the same images.
 pub fn same_images(a: &Record, b: &Record) -> bool {
     images(a) == images(b)
 }
 
-/// Warns of scenes whose runs saw other images, and of repetitions that differ in more than the seed.
+/// Warns about scenes whose runs used different images, and about repetitions that differ in more than the seed.
 pub fn warn(runs: &[Record], report: &mut Report) {
-    let (others, first) = unlike(runs, |r| r.scene.as_str(), same_images);
+    let (scenes, first) = mismatched(runs, |r| r.scene.as_str(), same_images);
     if let Some((a, b)) = first {
         report.warn(
-            "unlike-images",
-            others,
+            "different-images",
+            scenes,
             format!(
-                "the runs of {} were made of unlike images (size, number of views or resampling): {} {}, \
-                 {} {}; unlike ones are not paired, and means over both say little",
-                counted(others, "scene"),
-                a.told(),
-                images_told(a),
-                b.told(),
-                images_told(b)
+                "the runs of {} used different images (size, number of views or resampling): {} {}, {} {}; such \
+                 runs are not paired, and their means are not comparable",
+                counted(scenes, "scene"),
+                a.describe(),
+                describe_images(a),
+                b.describe(),
+                describe_images(b)
             ),
         );
     }
     let repeats = |r: &Record| (r.scene.clone(), r.variant.clone(), r.budget.clone());
-    let (groups, first) = unlike(runs, repeats, |a, b| (&a.args, steps(a)) == (&b.args, steps(b)));
+    let (groups, first) = mismatched(runs, repeats, |a, b| (&a.args, steps(a)) == (&b.args, steps(b)));
     if let Some((a, b)) = first {
-        let [of_a, of_b] = args_told(&a.args, &b.args);
-        let told = |r: &Record, args: &str| {
+        let [of_a, of_b] = differing_args(&a.args, &b.args);
+        let describe = |r: &Record, args: &str| {
             format!(
                 "{} has {} and made {} steps",
-                r.told(),
+                r.describe(),
                 args,
                 r.number("/steps").map_or("?".to_owned(), |s| s.to_string())
             )
         };
         report.warn(
-            "unlike-repetitions",
+            "different-repetitions",
             groups,
             format!(
-                "in {} of equal scene, variant and budget the runs differ in more than the seed, and means mix unlike runs: \
-                 {}, {}",
+                "in {} of equal scene, variant and budget, runs differ in more than the seed, so that means mix \
+                 different settings: {}, {}",
                 counted(groups, "group"),
-                told(a, &of_a),
-                told(b, &of_b)
+                describe(a, &of_a),
+                describe(b, &of_b)
             ),
         );
     }
 }
 
-/// Number of groups in which not all runs are like the first, and the first two that differ.
-fn unlike<'a, K: Eq + std::hash::Hash>(
+/// Number of groups in which some run differs from the first, and the first two that differ.
+fn mismatched<'a, K: Eq + std::hash::Hash>(
     runs: &'a [Record],
     group: impl Fn(&'a Record) -> K,
     alike: impl Fn(&Record, &Record) -> bool,
@@ -86,7 +86,7 @@ fn images(run: &Record) -> [Option<&Value>; IMAGES.len()] {
     IMAGES.map(|pointer| run.summary.as_ref().and_then(|s| s.pointer(pointer)))
 }
 
-fn images_told(run: &Record) -> String {
+fn describe_images(run: &Record) -> String {
     let of = |value: Option<&Value>| match value {
         None | Some(Value::Null) => "?".to_owned(),
         Some(Value::String(text)) => text.clone(),
@@ -96,7 +96,7 @@ fn images_told(run: &Record) -> String {
     format!("({width}x{height} px, {train} + {test} views, {resample})")
 }
 
-/// Steps done; none where time ended the run: these differ as they should.
+/// Steps done; `None` if the time limit ended the run, since such runs differ in their steps by design.
 fn steps(run: &Record) -> Option<u64> {
     let summary = run.summary.as_ref()?;
     if summary.get("stopped_by").is_some_and(|by| by == "time") {
@@ -106,8 +106,8 @@ fn steps(run: &Record) -> Option<u64> {
     }
 }
 
-/// What of two lists of arguments differs, with the flag before it.
-fn args_told(a: &[String], b: &[String]) -> [String; 2] {
+/// The differing parts of two lists of arguments, with the flags they belong to.
+fn differing_args(a: &[String], b: &[String]) -> [String; 2] {
     let mut from = a.iter().zip(b).take_while(|(x, y)| x == y).count();
     let [rest_a, rest_b] = [&a[from..], &b[from..]];
     let same_end = rest_a.iter().rev().zip(rest_b.iter().rev()).take_while(|(x, y)| x == y).count();
@@ -132,10 +132,11 @@ mod tests {
     use super::*;
     use serde_json::json;
 
-    /// Codes and texts of warnings, and the pairs of PSNR in the first scene.
-    fn look(all: Vec<Record>) -> (Vec<(String, String)>, usize) {
+    /// Codes and texts of warnings, and the number of pairs in the first scene.
+    fn study(all: Vec<Record>) -> (Vec<(String, String)>, usize) {
         let study = Study::new(vec![all], &Options::default()).unwrap();
-        let pairs = compare(&study, "=textured", Scope::Cell("fox", "300 steps"), &study.qualities[0]).n();
+        let pairs =
+            compare(&study, "=textured", Scope::SceneBudget("fox", "300 steps"), &study.qualities[0]).n();
         (study.report.warnings.iter().map(|w| (w.code.clone(), w.message.clone())).collect(), pairs)
     }
 
@@ -155,31 +156,31 @@ mod tests {
     }
 
     #[test]
-    fn like_runs_are_paired_without_a_word() {
-        assert_eq!(look(changed(|_| false, |_| {})), (vec![], 5));
-        // Variants differ in their arguments, and time ends runs at different steps.
-        assert_eq!(look(changed(|r| r.variant == "plain", |r| r.args.clear())), (vec![], 5));
+    fn matching_runs_are_paired_without_a_warning() {
+        assert_eq!(study(changed(|_| false, |_| {})), (vec![], 5));
+        // Variants may differ in their arguments, and time limits end runs at different steps.
+        assert_eq!(study(changed(|r| r.variant == "plain", |r| r.args.clear())), (vec![], 5));
         let timed = |r: &mut Record| {
             let summary = r.summary.as_mut().unwrap();
             (summary["stopped_by"], summary["steps"]) = (json!("time"), json!(300 - r.seed));
         };
-        assert_eq!(look(changed(|_| true, timed)), (vec![], 5));
+        assert_eq!(study(changed(|_| true, timed)), (vec![], 5));
     }
 
     #[test]
-    fn repetitions_with_other_arguments_or_steps_are_told() {
+    fn repetitions_with_other_arguments_or_steps_are_reported() {
         let is_one = |r: &Record| r.seed == 4 && r.variant == "plain" && r.scene == "fox";
-        let (warnings, pairs) = look(changed(is_one, |r| r.args[3] = "600".to_owned()));
-        assert_eq!((warnings.len(), warnings[0].0.as_str(), pairs), (1, "unlike-repetitions", 5));
+        let (warnings, pairs) = study(changed(is_one, |r| r.args[3] = "600".to_owned()));
+        assert_eq!((warnings.len(), warnings[0].0.as_str(), pairs), (1, "different-repetitions", 5));
         for part in ["in 1 group of", "\"plain\"", "has --steps 300 and", "seed 4 has --steps 600 and"] {
             assert!(warnings[0].1.contains(part), "{part}: {warnings:?}");
         }
-        let (warnings, _) = look(changed(is_one, |r| r.summary.as_mut().unwrap()["steps"] = json!(150)));
+        let (warnings, _) = study(changed(is_one, |r| r.summary.as_mut().unwrap()["steps"] = json!(150)));
         assert!(warnings[0].1.contains("made 150 steps"), "{warnings:?}");
     }
 
     #[test]
-    fn runs_of_other_images_are_not_paired() {
+    fn runs_on_other_images_are_not_paired() {
         let is_half = |r: &Record| r.seed > 3 && r.variant == "plain" && r.scene == "fox";
         for (change, part) in [
             (
@@ -190,20 +191,20 @@ mod tests {
             (|r| r.summary.as_mut().unwrap()["resample"] = json!("point"), "point)"),
             (|r| r.summary.as_mut().unwrap()["capture"] = json!(null), "?x? px"),
         ] {
-            let (warnings, pairs) = look(changed(is_half, change));
-            assert_eq!((warnings.len(), warnings[0].0.as_str(), pairs), (1, "unlike-images", 3));
+            let (warnings, pairs) = study(changed(is_half, change));
+            assert_eq!((warnings.len(), warnings[0].0.as_str(), pairs), (1, "different-images", 3));
             assert!(warnings[0].1.contains(part) && warnings[0].1.contains("not paired"), "{warnings:?}");
         }
     }
 
     #[test]
-    fn differing_arguments_are_told_with_their_flags() {
+    fn differing_arguments_are_reported_with_their_flags() {
         let words = |text: &str| text.split_whitespace().map(ToOwned::to_owned).collect::<Vec<_>>();
-        let told = |a: &str, b: &str| args_told(&words(a), &words(b));
-        assert_eq!(told("--a 1 --b 2 --c 3", "--a 1 --b 5 --c 3"), ["--b 2", "--b 5"]);
-        assert_eq!(told("--a 1", "--a 1 --quick"), ["no such arguments", "--quick"]);
-        assert_eq!(told("--x 1 --x 1", "--x 1"), ["--x 1", "no such arguments"]);
-        assert_eq!(told("", ""), ["no such arguments"; 2]);
-        assert_eq!(told(&"a ".repeat(200), "b")[0].chars().count(), ARGS_CHARS_MAX + 1);
+        let differing = |a: &str, b: &str| differing_args(&words(a), &words(b));
+        assert_eq!(differing("--a 1 --b 2 --c 3", "--a 1 --b 5 --c 3"), ["--b 2", "--b 5"]);
+        assert_eq!(differing("--a 1", "--a 1 --quick"), ["no such arguments", "--quick"]);
+        assert_eq!(differing("--x 1 --x 1", "--x 1"), ["--x 1", "no such arguments"]);
+        assert_eq!(differing("", ""), ["no such arguments"; 2]);
+        assert_eq!(differing(&"a ".repeat(200), "b")[0].chars().count(), ARGS_CHARS_MAX + 1);
     }
 }

@@ -1,5 +1,5 @@
-//! Charts and tables from `results.jsonl`, without running anything: SVG files, tables as CSV and Markdown,
-//! and one page with all of it. Lines in, texts out; reading and writing files is the command line's business.
+//! Charts and tables of results: SVG files, tables as CSV and Markdown, and one page with all of it. Produces the
+//! contents of the files; the command line writes them.
 
 mod compare;
 mod curves;
@@ -9,21 +9,30 @@ mod fixtures;
 mod forest;
 mod html;
 mod labels;
+mod legend;
 mod look;
 mod measure;
+mod mismatch;
 mod paired;
 mod plausible;
-mod plot;
+pub mod plot;
 mod raw;
 mod scale;
+mod series;
 mod stats;
 mod study;
 mod svg;
 mod table;
 mod tables;
-mod unlike;
 
 pub use study::{Clock, Options};
+
+/// The page, which has all charts and tables.
+pub const PAGE: &str = "index.html";
+/// All tables as Markdown.
+const TABLES: &str = "tables.md";
+/// List of the files written, one per line: only these may be replaced later.
+pub const MANIFEST: &str = ".chart-files";
 
 use crate::results::Record;
 use crate::{Report, Result};
@@ -31,21 +40,22 @@ use html::Part;
 use std::collections::HashSet;
 use study::Study;
 
-/// Files made of results.
+/// The files made of results.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Output {
-    /// Names and contents; the page is the first.
+    /// Relative paths with forward slashes, and contents; the manifest comes first, so that an interrupted writer
+    /// leaves nothing unlisted.
     pub files: Vec<(String, String)>,
-    /// The main table, as Markdown.
+    /// The main table as Markdown.
     pub results_markdown: String,
-    /// What the reader must know.
+    /// Warnings for the reader, which are on the page too.
     pub report: Report,
 }
 
-/// Makes everything of the lines of one or several files.
+/// Makes all charts and tables of the lines of one or several files.
 ///
 /// # Errors
-/// [`crate::Error::Usage`] if there is no successful run, or no such baseline.
+/// [`crate::Error::Usage`] if no run succeeded, or no variant is called like the baseline.
 pub fn build(files: Vec<Vec<Record>>, options: &Options) -> Result<Output> {
     let study = Study::new(files, options)?;
     let tables = tables::tables(&study);
@@ -75,15 +85,15 @@ pub fn build(files: Vec<Vec<Record>>, options: &Options) -> Result<Output> {
         .filter_map(|m| Some(file(&format!("paired-{}", m.id).replace('_', "-"), &forest::draw(&study, m)?)))
         .collect();
     if !forests.is_empty() {
-        let note = "Coloured where the interval excludes 0, grey where nothing is decided.";
+        let note = "Coloured where the interval excludes 0, grey where it does not.";
         parts.push(Part::charts("Differences to the baseline", note, &forests));
     }
     parts.extend(tables[1..].iter().map(Part::table));
     let markdown: Vec<String> = tables.iter().map(table::Table::markdown).collect();
     let mut out = vec![
-        ("index.html".to_owned(), html::page(&study, &parts)),
+        (PAGE.to_owned(), html::page(&study, &parts)),
         (
-            "tables.md".to_owned(),
+            TABLES.to_owned(),
             format!("{}\n\n{}", table::markdown_text(&html::facts(&study)), markdown.concat()),
         ),
     ];
@@ -91,7 +101,24 @@ pub fn build(files: Vec<Vec<Record>>, options: &Options) -> Result<Output> {
         tables.iter().chain(&raw::raw_tables(&study)).map(|t| (format!("tables/{}.csv", t.id), t.csv())),
     );
     out.extend(svgs);
+    let names: String = out.iter().map(|(name, _)| format!("{name}\n")).collect();
+    out.insert(0, (MANIFEST.to_owned(), format!("{MANIFEST}\n{names}")));
     Ok(Output { files: out, results_markdown: markdown[0].clone(), report: study.report })
+}
+
+/// The files listed in a manifest. Paths that [`build`] would never write are ignored: the file may be damaged, and
+/// nothing outside of its folder must be touched.
+pub fn manifest_entries(text: &str) -> Vec<String> {
+    let is_plain = |part: &str| {
+        !part.is_empty()
+            && part != ".."
+            && part.chars().all(|c| c.is_ascii_alphanumeric() || "-.".contains(c))
+    };
+    let is_ours = |name: &&str| match name.split_once('/') {
+        None => [PAGE, MANIFEST, TABLES].contains(name),
+        Some((folder, file)) => ["charts", "tables"].contains(&folder) && is_plain(file),
+    };
+    text.lines().filter(is_ours).map(ToOwned::to_owned).collect()
 }
 
 #[cfg(test)]
@@ -104,9 +131,9 @@ mod tests {
     }
 
     #[test]
-    fn the_page_needs_nothing_from_elsewhere_and_no_name_breaks_out() {
+    fn the_page_is_self_contained_and_names_are_escaped() {
         let output = output();
-        let page = &output.files[0].1;
+        let page = &output.files.iter().find(|f| f.0 == PAGE).unwrap().1;
         for forbidden in ["http:", "https:", "<script", "src=", "@import", "url(", "<b>"] {
             assert!(!page.contains(forbidden), "{forbidden}");
         }
@@ -119,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn files_have_plain_names_that_differ() {
+    fn file_names_are_plain_and_distinct() {
         let output = output();
         let names: HashSet<&str> = output.files.iter().map(|f| f.0.as_str()).collect();
         assert_eq!(names.len(), output.files.len());
@@ -128,8 +155,8 @@ mod tests {
             "{names:?}"
         );
         for name in [
-            "index.html",
-            "tables.md",
+            PAGE,
+            TABLES,
             "tables/results.csv",
             "tables/paired.csv",
             "tables/ablation.csv",
@@ -145,12 +172,26 @@ mod tests {
     }
 
     #[test]
-    fn same_results_same_bytes() {
+    fn the_manifest_lists_all_files_and_foreign_paths_in_it_are_ignored() {
+        let output = output();
+        let names: Vec<&str> = output.files.iter().map(|f| f.0.as_str()).collect();
+        assert_eq!(manifest_entries(&output.files[0].1), names);
+        let hostile =
+            "../index.html\n/etc/passwd\ncharts/../x\ncharts/..\nnotes.txt\ncharts/\ntables/a b\n\n";
+        assert_eq!(manifest_entries(hostile), Vec::<String>::new());
+        assert_eq!(
+            manifest_entries("charts/fox-psnr.svg\nindex.html"),
+            ["charts/fox-psnr.svg", "index.html"]
+        );
+    }
+
+    #[test]
+    fn equal_results_give_equal_bytes() {
         assert_eq!(output(), output());
     }
 
     #[test]
-    fn without_a_successful_run_there_is_nothing_to_draw() {
+    fn without_a_successful_run_there_is_nothing_to_chart() {
         let mut all = records();
         all.iter_mut().for_each(|r| r.status = crate::results::Status::Failed);
         for files in [vec![], vec![vec![]], vec![all]] {

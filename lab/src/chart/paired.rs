@@ -1,24 +1,24 @@
-//! The tables of paired differences: means, intervals, verdicts.
+//! The tables of paired differences: means, intervals, conclusions.
 
-use super::compare::{CLAIM_PAIRS_MIN, Difference, Scope, Verdict, compare};
+use super::compare::{CLAIM_PAIRS_MIN, Conclusion, Difference, Scope, compare};
 use super::figures::number;
 use super::measure::Measure;
 use super::study::Study;
-use super::table::{Cell, Column, Table, Tone};
+use super::table::{Column, Table, TableCell, Tone};
 use super::tables::{group_cells, group_columns};
 
-/// Mean difference, interval, verdict.
+/// Columns for [`difference_cells`].
 fn difference_columns() -> Vec<Column> {
     vec![
         Column::numbers("Pairs", &["pairs".to_owned()]),
         Column::numbers("Mean difference", &["difference".to_owned()]),
         Column::numbers("95 % interval", &["low95".to_owned(), "high95".to_owned()]),
-        Column::names("Verdict", "verdict"),
+        Column::names("Conclusion", "verdict"),
     ]
 }
 
-/// Cells for these columns.
-pub fn difference_cells(d: &Difference, measure: &Measure) -> Vec<Cell> {
+/// Number of pairs, mean difference, interval, conclusion.
+pub fn difference_cells(d: &Difference, measure: &Measure) -> Vec<TableCell> {
     let interval = d.interval();
     let text = match interval {
         Some((low, high)) => format!("{} to {}", signed(low, measure), signed(high, measure)),
@@ -26,23 +26,23 @@ pub fn difference_cells(d: &Difference, measure: &Measure) -> Vec<Cell> {
         None => "–".to_owned(),
     };
     vec![
-        Cell::numbers(d.n().to_string(), &[Some(d.n() as f64)]),
+        TableCell::numbers(d.n().to_string(), &[Some(d.n() as f64)]),
         difference_cell(d, measure),
-        Cell::numbers(text, &[interval.map(|i| i.0), interval.map(|i| i.1)]),
-        Cell::name(&d.words()).toned(tone(d)),
+        TableCell::numbers(text, &[interval.map(|i| i.0), interval.map(|i| i.1)]),
+        TableCell::name(&d.words()).toned(tone(d)),
     ]
 }
 
 /// The mean difference alone.
-pub fn difference_cell(d: &Difference, measure: &Measure) -> Cell {
-    Cell::numbers(d.mean().map_or("–".to_owned(), |x| signed(x, measure)), &[d.mean()])
+pub fn difference_cell(d: &Difference, measure: &Measure) -> TableCell {
+    TableCell::numbers(d.mean().map_or("–".to_owned(), |x| signed(x, measure)), &[d.mean()])
 }
 
-/// Colour of a verdict.
+/// Colour of a conclusion.
 pub fn tone(d: &Difference) -> Tone {
-    match d.verdict {
-        Verdict::Better => Tone::Good,
-        Verdict::Worse => Tone::Bad,
+    match d.conclusion {
+        Conclusion::Better => Tone::Good,
+        Conclusion::Worse => Tone::Bad,
         _ => Tone::Faint,
     }
 }
@@ -55,7 +55,7 @@ pub fn signed(value: f64, measure: &Measure) -> String {
         (false, _) => (measure.digits, " dB"),
     };
     let text = number(value, digits);
-    // No sign before what is written as zero.
+    // What rounds to zero has no sign.
     let is_zero = text.chars().all(|c| "-0.".contains(c));
     let text = if is_zero { text.trim_start_matches('-').to_owned() } else { text };
     let text = text.replace('-', "−");
@@ -71,7 +71,7 @@ pub fn others(study: &Study) -> impl Iterator<Item = &String> {
     study.variants.iter().filter(|v| **v != study.baseline)
 }
 
-/// Over all pairs, and over scenes.
+/// Differences over all pairs, and over scenes.
 pub fn paired(study: &Study) -> Table {
     let mut columns = vec![
         Column::names("variant", "variant"),
@@ -83,28 +83,29 @@ pub fn paired(study: &Study) -> Table {
     for variant in others(study) {
         for measure in compared(study) {
             let mut row = |scope, name: &str| {
-                let mut cells = vec![Cell::name(variant), Cell::name(&measure.name), Cell::name(name)];
+                let mut cells =
+                    vec![TableCell::name(variant), TableCell::name(&measure.name), TableCell::name(name)];
                 cells.extend(difference_cells(&compare(study, variant, scope, measure), measure));
                 rows.push(cells);
             };
             row(Scope::AllPairs, "runs");
             if study.scenes.len() > 1 {
-                row(Scope::Scenes, "scenes");
+                row(Scope::SceneMeans, "scenes");
             }
         }
     }
     let note = format!(
         "Variant minus {:?}; runs are paired by scene, seed and budget, costs compared as ratios. Intervals are \
-         Student's t at 95\u{a0}%; \"better\" and \"worse\" only where the interval excludes 0, and a claim needs \
-         {CLAIM_PAIRS_MIN} pairs. \"scenes\": every scene counts once, by the mean of its pairs; this is what can be \
-         said of scenes that were not measured. Every interval stands for itself: of 20 comparisons without any \
-         effect one excludes 0.",
+         Student's t at 95\u{a0}%; \"better\" and \"worse\" require an interval that excludes 0, and a claim requires \
+         {CLAIM_PAIRS_MIN} pairs. \"scenes\": every scene counts once, with the mean of its pairs; only this row supports \
+         conclusions about scenes that were not measured. Intervals are not corrected for multiple comparisons: of \
+         20 comparisons without any effect, one excludes 0.",
         study.baseline
     );
     Table { id: "paired".to_owned(), title: "Paired differences".to_owned(), note, columns, rows }
 }
 
-/// For every scene and budget.
+/// Differences by scene and budget.
 pub fn paired_cells(study: &Study) -> Table {
     let mut columns = group_columns();
     columns.push(Column::names("measure", "measure"));
@@ -119,9 +120,9 @@ pub fn paired_cells(study: &Study) -> Table {
                 }
                 for measure in compared(study) {
                     let mut row = group_cells(&group);
-                    row.push(Cell::name(&measure.name));
+                    row.push(TableCell::name(&measure.name));
                     row.extend(difference_cells(
-                        &compare(study, variant, Scope::Cell(scene, budget), measure),
+                        &compare(study, variant, Scope::SceneBudget(scene, budget), measure),
                         measure,
                     ));
                     rows.push(row);

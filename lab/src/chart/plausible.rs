@@ -1,21 +1,21 @@
-//! Figures that nobody has measured, in results that were damaged or made up: they are left out before anything is
-//! computed, drawn or written, for one of them spoils every mean and every axis.
+//! Implausible figures in damaged or invented results. They are dropped before anything is computed or drawn: a single
+//! one would ruin every mean and every axis.
 
 use super::figures::counted;
 use crate::Report;
 use crate::results::Record;
 use serde_json::Value;
 
-/// Beyond it nothing is a quality, in dB or as an index.
+/// Largest plausible quality figure, in dB or as an index.
 const QUALITY_MAX: f64 = 1e6;
-/// Nor a number of things, bytes or seconds.
+/// Largest plausible count, in splats, bytes or seconds.
 const AMOUNT_MAX: f64 = 1e15;
 
-/// Parts of a summary that figures are taken from.
+/// Parts of a summary that charts take figures from.
 const PARTS: [&str; 6] = ["quality", "size", "time", "fps", "curve", "memory_peak_bytes"];
 
-/// Replaces what is not plausible by null, and warns with the number of values.
-pub fn leave_out(runs: &mut [Record], report: &mut Report) {
+/// Replaces implausible figures with null, and warns with their number.
+pub fn drop_implausible(runs: &mut [Record], report: &mut Report) {
     let mut found = Vec::new();
     let mut first = None;
     for run in runs {
@@ -25,7 +25,7 @@ pub fn leave_out(runs: &mut [Record], report: &mut Report) {
             }
         }
         if first.is_none() && !found.is_empty() {
-            first = Some(run.told());
+            first = Some(run.describe());
         }
     }
     if let (Some(run), Some((name, value))) = (first, found.first()) {
@@ -33,7 +33,7 @@ pub fn leave_out(runs: &mut [Record], report: &mut Report) {
             "implausible-values",
             found.len(),
             format!(
-                "{} left out (quality beyond {QUALITY_MAX:.0e}, or others beyond \
+                "{} ignored (quality beyond {QUALITY_MAX:.0e}, or others beyond \
                  {AMOUNT_MAX:.0e}); the first is {name} = {value:e} of {run}",
                 counted(found.len(), "implausible value")
             ),
@@ -67,7 +67,7 @@ mod tests {
     use serde_json::json;
 
     #[test]
-    fn what_nobody_measured_is_counted_and_gone_and_the_rest_is_as_it_was() {
+    fn implausible_figures_are_counted_and_dropped_and_the_rest_is_untouched() {
         let good = record(0, ("s", "v", "b"), 1, 20.0);
         let mut bad = good.clone();
         let summary = bad.summary.as_mut().unwrap();
@@ -77,7 +77,7 @@ mod tests {
         summary["seed"] = json!(u64::MAX);
         let mut report = Report::default();
         let mut runs = [good.clone(), bad];
-        leave_out(&mut runs, &mut report);
+        drop_implausible(&mut runs, &mut report);
         assert_eq!(runs[0], good);
         let summary = runs[1].summary.as_ref().unwrap();
         assert_eq!(
@@ -92,7 +92,7 @@ mod tests {
         let mut large = good;
         large.summary.as_mut().unwrap()["size"]["checkpoint_bytes"] = json!(40_000_000_000_u64);
         let mut report = Report::default();
-        leave_out(&mut [large], &mut report);
+        drop_implausible(&mut [large], &mut report);
         assert!(report.warnings.is_empty());
     }
 }

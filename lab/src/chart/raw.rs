@@ -1,11 +1,11 @@
-//! Tables for programs: every run and every point of the curves, at full precision.
+//! The tables of a study for programs: every run and every point of the curves, at full precision.
 
 use super::study::{Study, device};
-use super::table::{Cell, Column, Table};
+use super::table::{Column, Table, TableCell};
 use super::tables::group_columns;
 use crate::results::Record;
 
-/// Tables for programs only.
+/// Both tables.
 pub fn raw_tables(study: &Study) -> Vec<Table> {
     vec![runs(study), curves(study)]
 }
@@ -30,10 +30,12 @@ fn runs(study: &Study) -> Table {
     columns.extend(["noisy", "device", "cpu", "version", "utc"].map(|n| Column::names(n, n)));
     columns.extend(measures.iter().map(|(key, _)| Column::numbers(key.as_str(), std::slice::from_ref(key))));
     let row = |r: &Record| {
-        let mut row = [&r.scene, &r.budget, &r.variant].map(|n| Cell::name(n)).to_vec();
-        row.push(Cell::name(&r.seed.to_string()));
-        row.extend([&r.noisy.to_string(), device(r), &r.hardware.cpu, &r.version, &r.utc].map(Cell::name));
-        row.extend(measures.iter().map(|(_, pointer)| Cell::numbers("", &[r.number(pointer)])));
+        let mut row = [&r.scene, &r.budget, &r.variant].map(|n| TableCell::name(n)).to_vec();
+        row.push(TableCell::name(&r.seed.to_string()));
+        row.extend(
+            [&r.noisy.to_string(), device(r), &r.hardware.cpu, &r.version, &r.utc].map(TableCell::name),
+        );
+        row.extend(measures.iter().map(|(_, pointer)| TableCell::numbers("", &[r.number(pointer)])));
         row
     };
     let rows = study.runs.iter().map(row).collect();
@@ -43,15 +45,17 @@ fn runs(study: &Study) -> Table {
 fn curves(study: &Study) -> Table {
     let mut columns = group_columns();
     columns.push(Column::numbers("seed", &["seed".to_owned()]));
-    let keys = ["step", "wall_secs", "cpu_secs", "psnr_test", "grad_psnr_test", "primitives", "texels"];
+    let keys = ["step", "wall_secs", "cpu_secs", "psnr_test", "grad_psnr_test", "splats", "texels"];
     columns.extend(keys.map(|k| Column::numbers(k, &[k.to_owned()])));
     let mut rows = Vec::new();
     for r in &study.runs {
         let points = r.summary.as_ref().and_then(|s| s.get("curve")?.as_array());
         for point in points.into_iter().flatten() {
-            let mut row = [&r.scene, &r.budget, &r.variant].map(|n| Cell::name(n)).to_vec();
-            row.push(Cell::name(&r.seed.to_string()));
-            row.extend(keys.map(|k| Cell::numbers("", &[point.get(k).and_then(serde_json::Value::as_f64)])));
+            let mut row = [&r.scene, &r.budget, &r.variant].map(|n| TableCell::name(n)).to_vec();
+            row.push(TableCell::name(&r.seed.to_string()));
+            row.extend(
+                keys.map(|k| TableCell::numbers("", &[point.get(k).and_then(serde_json::Value::as_f64)])),
+            );
             rows.push(row);
         }
     }

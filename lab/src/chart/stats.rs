@@ -1,22 +1,18 @@
-//! Means, spreads and 95 % intervals of small samples, and who is dominated. Knows numbers only.
+//! Mean, standard deviation and 95 % interval of a few values, and the Pareto front.
 
-/// A mean with what is known of its uncertainty.
+/// Statistics of a few values.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sample {
-    /// How many.
+pub struct Stats {
     pub n: usize,
-    /// Mean.
     pub mean: f64,
-    /// Standard deviation with n - 1; `None` for a single value.
+    /// Standard deviation of the stats (n - 1); `None` for a single value.
     pub sd: Option<f64>,
-    /// Smallest.
     pub min: f64,
-    /// Largest.
     pub max: f64,
 }
 
-impl Sample {
-    /// Of all values; `None` if there are none.
+impl Stats {
+    /// `None` without values.
     pub fn of(values: &[f64]) -> Option<Self> {
         let n = values.len();
         if n == 0 {
@@ -33,7 +29,7 @@ impl Sample {
         })
     }
 
-    /// The 95 % t interval of the mean; `None` for a single value, of which nothing can be said.
+    /// Student's 95 % interval of the mean; `None` for a single value.
     pub fn interval95(&self) -> Option<(f64, f64)> {
         let half = t975(self.n - 1) * self.sd? / (self.n as f64).sqrt();
         Some((self.mean - half, self.mean + half))
@@ -43,7 +39,7 @@ impl Sample {
 /// The 97.5 % quantile of Student's t with `df` degrees of freedom, at least 1.
 pub fn t975(df: usize) -> f64 {
     let (mut low, mut high) = (0.0, 20.0);
-    // Halved until the double is exact enough; the quantile lies between 1.96 (many) and 12.71 (one).
+    // Bisection; the quantile lies between 1.96 (df = infinity) and 12.71 (df = 1).
     for _ in 0..60 {
         let middle = 0.5 * (low + high);
         if within(middle, df) < 0.95 { low = middle } else { high = middle }
@@ -67,8 +63,8 @@ fn within(t: f64, df: usize) -> f64 {
     if odd { (angle + sin * sum) * std::f64::consts::FRAC_2_PI } else { sin * sum }
 }
 
-/// Which of the points (cost, quality) no other dominates: none is cheaper and at least as good, nor better
-/// and at most as costly. Equal points keep each other company. Points that are no numbers are never in front.
+/// Marks the points (cost, quality) that no other dominates, that is, costs no more and is at least as good without
+/// being equal. Ties are kept; points with a NaN or infinity never belong to the front.
 pub fn pareto_front(points: &[(f64, f64)]) -> Vec<bool> {
     let dominates = |a: &(f64, f64), b: &(f64, f64)| a.0 <= b.0 && a.1 >= b.1 && a != b;
     let finite = |p: &(f64, f64)| p.0.is_finite() && p.1.is_finite();
@@ -80,7 +76,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn quantiles_are_those_of_the_tables() {
+    fn quantiles_match_published_tables() {
         for (df, t) in [
             (1, 12.7062),
             (2, 4.30265),
@@ -97,25 +93,25 @@ mod tests {
     }
 
     #[test]
-    fn intervals_of_known_samples() {
-        let sample = Sample::of(&[1.0, 2.0, 3.0, 4.0, 5.0]).unwrap();
-        assert_eq!((sample.n, sample.mean, sample.min, sample.max), (5, 3.0, 1.0, 5.0));
-        assert!((sample.sd.unwrap() - 1.581_139).abs() < 1e-6);
-        let (low, high) = sample.interval95().unwrap();
-        // 3 +- 2.77645 * 1.581139 / sqrt(5); half the width is 1.24 sd, as evaluation texts state for n = 5.
+    fn intervals_match_hand_computed_ones() {
+        let stats = Stats::of(&[1.0, 2.0, 3.0, 4.0, 5.0]).unwrap();
+        assert_eq!((stats.n, stats.mean, stats.min, stats.max), (5, 3.0, 1.0, 5.0));
+        assert!((stats.sd.unwrap() - 1.581_139).abs() < 1e-6);
+        let (low, high) = stats.interval95().unwrap();
+        // 3 +- 2.77645 * 1.581139 / sqrt(5).
         assert!((low - 1.036_757).abs() < 1e-5 && (high - 4.963_243).abs() < 1e-5);
-        let single = Sample::of(&[7.0]).unwrap();
+        let single = Stats::of(&[7.0]).unwrap();
         assert_eq!((single.sd, single.interval95()), (None, None));
-        assert_eq!(Sample::of(&[]), None);
-        assert_eq!(Sample::of(&[2.0; 4]).unwrap().interval95(), Some((2.0, 2.0)));
+        assert_eq!(Stats::of(&[]), None);
+        assert_eq!(Stats::of(&[2.0; 4]).unwrap().interval95(), Some((2.0, 2.0)));
     }
 
     #[test]
-    fn the_front_is_what_nothing_dominates() {
+    fn the_front_holds_what_nothing_dominates() {
         let points =
             [(1.0, 20.0), (2.0, 25.0), (2.0, 24.0), (3.0, 25.0), (4.0, 26.0), (4.0, 26.0), (0.5, f64::NAN)];
         assert_eq!(pareto_front(&points), [true, true, false, false, true, true, false]);
-        // Negative control: with quality upside down others are in front.
+        // Negative control: with the sign of quality flipped the front is another.
         let turned = points.map(|(cost, quality)| (cost, -quality));
         assert_eq!(pareto_front(&turned), [true, false, false, false, false, false, false]);
         assert!(pareto_front(&[]).is_empty());

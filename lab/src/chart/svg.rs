@@ -1,22 +1,20 @@
-//! SVG by hand: elements, escaping, colours for light and dark, and how wide text is. What is drawn is
-//! decided elsewhere, how series look in `look`.
+//! The SVG writer of all charts: elements, escaping, the style sheet for light and dark screens, widths of text.
 
 use super::look::{DASHES, PALETTE, marker_path};
 use std::fmt::Write;
 
-/// Background, text, secondary text, grid, and what is greyed out; light and dark.
+/// Colours of the background, text, secondary text, grid and grey markers, each for light and dark screens.
 pub const BACKGROUND: (&str, &str) = ("#ffffff", "#15181c");
 const TEXT: (&str, &str) = ("#1c2024", "#e8eaed");
 const SECONDARY: (&str, &str) = ("#5c6570", "#a3abb5");
 const GRID: (&str, &str) = ("#e4e7eb", "#2b3037");
 const GREYED: (&str, &str) = ("#b4bac2", "#59616b");
 
-/// Size of text in pixels: ticks and legends, titles.
+/// Font sizes of ticks and legends, and of titles.
 pub const TEXT_PX: f64 = 12.0;
-/// Titles.
 pub const TITLE_PX: f64 = 15.0;
 
-/// Rules for the classes that charts use; the same in files and in pages.
+/// CSS rules for the classes that charts use, the same in files and in pages.
 pub fn style() -> String {
     let rules = |dark: bool| {
         let of = |(light, night): (&'static str, &'static str)| if dark { night } else { light };
@@ -32,7 +30,7 @@ pub fn style() -> String {
         );
         for (i, &colour) in PALETTE.iter().enumerate() {
             let (c, bg) = (of(colour), of(BACKGROUND));
-            // A rim in the background's colour keeps markers apart that lie on each other.
+            // A rim in the background's colour separates overlapping markers.
             let _ = write!(css, ".lt-s{i}{{stroke:{c}}}.lt-f{i}{{fill:{c};stroke:{bg}}}.lt-b{i}{{fill:{c}}}");
         }
         css
@@ -52,7 +50,7 @@ pub fn style() -> String {
     )
 }
 
-/// Text for element content and attribute values. Characters that XML forbids vanish.
+/// Escapes text for element content and attribute values; characters that XML forbids are dropped or become blanks.
 pub fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
@@ -70,7 +68,7 @@ pub fn escape(text: &str) -> String {
     out
 }
 
-/// Estimated width; the font is the reader's, so this is on the wide side.
+/// Estimated width of a text, on the wide side since the font is the reader's.
 pub fn text_width_px(text: &str, size_px: f64) -> f64 {
     let width = |c: char| match c {
         'i' | 'j' | 'l' | 't' | 'f' | 'r' | 'I' | '.' | ',' | ':' | ';' | '\'' | '|' | '!' | '(' | ')'
@@ -83,7 +81,7 @@ pub fn text_width_px(text: &str, size_px: f64) -> f64 {
     text.chars().map(width).sum::<f64>() * size_px
 }
 
-/// A text that fits. Of a longer one the middle gives way to an ellipsis: names differ at their beginnings or ends.
+/// Shortens a text to a width. An ellipsis replaces the middle, since names differ at their beginnings or ends.
 pub fn shortened(text: &str, width_px: f64, size_px: f64) -> String {
     if text_width_px(text, size_px) <= width_px {
         return text.to_owned();
@@ -104,14 +102,11 @@ pub fn shortened(text: &str, width_px: f64, size_px: f64) -> String {
     format!("{}…{}", head.trim_end(), tail.trim_start())
 }
 
-/// Where a text stands relative to its point.
+/// The part of a text that is placed at its point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Anchor {
-    /// Begins there.
     Start,
-    /// Is centred there.
     Middle,
-    /// Ends there.
     End,
 }
 
@@ -134,12 +129,25 @@ pub struct Svg {
 }
 
 impl Svg {
-    /// An empty drawing; `label` tells those who do not see it what it is.
+    /// An empty drawing; `label` is its text alternative.
     pub fn new(width_px: f64, height_px: f64, label: &str) -> Self {
         Self { width_px, height_px, label: label.to_owned(), body: String::new() }
     }
 
-    /// A straight line.
+    /// Draws drawings one below the other, as wide as the widest.
+    pub fn stacked(drawings: &[Self]) -> Self {
+        let width = drawings.iter().map(|d| d.width_px).fold(0.0, f64::max);
+        let label = drawings.iter().map(|d| d.label.as_str()).collect::<Vec<_>>().join("; ");
+        let mut all = Self::new(width, 0.0, &label);
+        for drawing in drawings {
+            let top = all.height_px;
+            let _ = write!(all.body, "<g transform=\"translate(0 {top})\">\n{}</g>\n", drawing.body);
+            all.height_px += drawing.height_px;
+        }
+        all
+    }
+
+    /// Draws a straight line.
     pub fn line(&mut self, class: &str, from: (f64, f64), to: (f64, f64)) {
         let _ = writeln!(
             self.body,
@@ -148,7 +156,7 @@ impl Svg {
         );
     }
 
-    /// A path of straight pieces; closed ones are filled by their class.
+    /// Draws connected lines, closed to a polygon if asked for; the class decides on stroke and fill.
     pub fn polyline(&mut self, class: &str, points: &[(f64, f64)], closed: bool) {
         if points.is_empty() {
             return;
@@ -161,7 +169,7 @@ impl Svg {
         let _ = writeln!(self.body, r#"<path class="{class}" d="{d}{end}"/>"#);
     }
 
-    /// A text; `hover` shows more of it.
+    /// Draws a text; `hover` is shown while the pointer is over it.
     pub fn text(&mut self, class: &str, at: (f64, f64), anchor: Anchor, text: &str, hover: Option<&str>) {
         let title = hover.map_or(String::new(), |h| format!("<title>{}</title>", escape(h)));
         let _ = writeln!(
@@ -174,12 +182,12 @@ impl Svg {
         );
     }
 
-    /// The marker of series `look`, with its values for the pointer that hovers near it.
+    /// Draws the marker of series `look`; `hover` is shown while the pointer is near it.
     pub fn marker(&mut self, class: &str, look: usize, at: (f64, f64), radius_px: f64, hover: &str) {
         let d = marker_path(look, at, radius_px);
         let title =
             if hover.is_empty() { String::new() } else { format!("<title>{}</title>", escape(hover)) };
-        // A larger invisible disc: nobody hits 3 pixels.
+        // A larger invisible disc, since 3 pixels are hard to hit.
         let hit = if hover.is_empty() {
             String::new()
         } else {
@@ -193,12 +201,12 @@ impl Svg {
         let _ = writeln!(self.body, r#"<g>{title}{hit}<path class="{class}" d="{d}"/></g>"#);
     }
 
-    /// As part of a page that has [`style`].
+    /// The element for a page that contains [`style`].
     pub fn inline(&self) -> String {
         self.element("", "")
     }
 
-    /// As a file of its own.
+    /// The contents of an SVG file, with its style sheet.
     pub fn standalone(&self) -> String {
         let (w, h) = (self.width_px, self.height_px);
         let head = format!(r#"<style>{}</style><rect class="lt-bg" width="{w}" height="{h}"/>"#, style());
@@ -236,19 +244,19 @@ mod tests {
     }
 
     #[test]
-    fn colours_can_be_seen_in_light_and_dark() {
+    fn colours_have_contrast_on_light_and_dark_backgrounds() {
         assert!((contrast("#ffffff", "#000000") - 21.0).abs() < 1e-9);
         for (light, dark) in PALETTE.into_iter().chain([TEXT, SECONDARY]) {
-            // 3 is the guideline's minimum for graphics, 4.5 for text.
+            // The guideline's minimum for text; for graphics it is 3.
             assert!(contrast(light, BACKGROUND.0) > 4.5, "{light}");
             assert!(contrast(dark, BACKGROUND.1) > 4.5, "{dark}");
         }
-        // Negative control: what is greyed out is fainter than everything else.
+        // Negative control: grey markers are fainter.
         assert!(contrast(GREYED.0, BACKGROUND.0) < 3.0 && contrast(GREYED.1, BACKGROUND.1) < 3.0);
     }
 
     #[test]
-    fn names_cannot_break_out() {
+    fn names_with_markup_are_escaped() {
         let hostile = "</svg><script>alert(\"1\")</script>&'\u{0}\u{b}";
         let mut svg = Svg::new(10.0, 10.0, hostile);
         svg.text("a", (0.0, 0.0), Anchor::End, hostile, Some(hostile));
@@ -266,7 +274,7 @@ mod tests {
         let long = short("a very long name of a variant");
         assert!(long.starts_with("a ver") && long.ends_with("iant") && long.contains('…'), "{long}");
         assert!(text_width_px(&long, 12.0) <= 90.0, "{long}");
-        // What differs stays: at the end as at the beginning.
+        // Differences survive at the end as at the beginning.
         assert_ne!(short("density.quantile=0.8"), short("density.quantile=0.9"));
         assert_ne!(short("more density.quantile"), short("less density.quantile"));
         assert_eq!(shortened("abc", 1.0, 12.0), "…");

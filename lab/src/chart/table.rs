@@ -1,90 +1,81 @@
-//! A table as Markdown, CSV and HTML. What stands in it is decided elsewhere; names in it may be hostile.
+//! A table as Markdown, CSV and HTML. Names in it may contain markup or formulas.
 
 use super::svg::escape;
 
-/// How a cell is marked where there is colour; the text says the same.
+/// Colour of a cell, on top of what its text says.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Tone {
-    /// Not at all.
     #[default]
     Plain,
-    /// A win.
     Good,
-    /// A loss.
     Bad,
-    /// Of less weight.
+    /// Less important.
     Faint,
 }
 
-/// A cell: text for people, values for programs (as many as its column has names for them).
+/// Text for people, and a value for each of the column's keys.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Cell {
-    /// For people.
+pub struct TableCell {
     pub text: String,
-    /// For programs.
     pub values: Vec<String>,
-    /// Colour.
     pub tone: Tone,
 }
 
-impl Cell {
-    /// A name.
+impl TableCell {
+    /// A cell whose value is its text.
     pub fn name(text: &str) -> Self {
         Self { text: text.to_owned(), values: vec![text.to_owned()], tone: Tone::Plain }
     }
 
-    /// Text for people and exact numbers for programs; empty where there is no number.
+    /// Text for people and exact numbers for programs, empty where there is none.
     pub fn numbers(text: impl Into<String>, numbers: &[Option<f64>]) -> Self {
         let exact = |n: &Option<f64>| n.filter(|x| x.is_finite()).map_or(String::new(), |x| x.to_string());
         Self { text: text.into(), values: numbers.iter().map(exact).collect(), tone: Tone::Plain }
     }
 
-    /// With a colour.
+    /// The same cell in a colour.
     pub fn toned(self, tone: Tone) -> Self {
         Self { tone, ..self }
     }
 }
 
-/// A column.
+/// A column of a table.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Column {
-    /// For people.
+    /// Heading for people.
     pub name: String,
-    /// For programs: a CSV column for each of a cell's values.
+    /// Names of the CSV columns, one per value of a cell.
     pub keys: Vec<String>,
-    /// Whether it holds numbers, which end at the same place.
+    /// Numbers are aligned to the right.
     pub is_number: bool,
 }
 
 impl Column {
-    /// Of names.
+    /// A column of text.
     pub fn names(name: &str, key: &str) -> Self {
         Self { name: name.to_owned(), keys: vec![key.to_owned()], is_number: false }
     }
 
-    /// Of numbers.
+    /// A column of numbers.
     pub fn numbers(name: impl Into<String>, keys: &[String]) -> Self {
         Self { name: name.into(), keys: keys.to_vec(), is_number: true }
     }
 }
 
-/// A table.
+/// A titled table.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Table {
-    /// File name without its ending.
+    /// File name without extension.
     pub id: String,
-    /// Heading.
     pub title: String,
-    /// How to read it.
+    /// How to read the table.
     pub note: String,
-    /// Columns.
     pub columns: Vec<Column>,
-    /// Rows.
-    pub rows: Vec<Vec<Cell>>,
+    pub rows: Vec<Vec<TableCell>>,
 }
 
 impl Table {
-    /// With a heading.
+    /// As GitHub's Markdown, with a heading.
     pub fn markdown(&self) -> String {
         let mut out = format!("## {}\n\n", markdown_text(&self.title));
         if !self.note.is_empty() {
@@ -103,7 +94,7 @@ impl Table {
         out + "\n"
     }
 
-    /// Comma-separated, full precision.
+    /// As comma-separated values at full precision.
     pub fn csv(&self) -> String {
         let line = |fields: Vec<String>| fields.join(",") + "\n";
         let mut out = line(self.columns.iter().flat_map(|c| &c.keys).map(|k| csv_field(k)).collect());
@@ -113,7 +104,7 @@ impl Table {
         out
     }
 
-    /// Without a heading.
+    /// As HTML, without a heading.
     pub fn html(&self) -> String {
         let mut out = String::new();
         if !self.note.is_empty() {
@@ -135,7 +126,7 @@ impl Table {
             }
             if names.is_empty() { String::new() } else { format!(" class=\"{}\"", names.join(" ")) }
         };
-        // Those who have no mouse scroll what they can go to.
+        // The tabindex lets keyboards scroll it.
         out += "<div class=\"table\" tabindex=\"0\"><table>\n<thead><tr>";
         for c in &self.columns {
             out += &format!("<th scope=\"col\"{}>{}</th>", class(c, Tone::Plain), escape(&c.name));
@@ -152,7 +143,7 @@ impl Table {
     }
 }
 
-/// Text that stays text in GitHub's Markdown, in tables too.
+/// Escapes text for GitHub's Markdown, including its tables.
 pub fn markdown_text(text: &str) -> String {
     let mut out = String::new();
     for c in text.chars() {
@@ -168,7 +159,7 @@ pub fn markdown_text(text: &str) -> String {
     out
 }
 
-/// A field of RFC 4180. Text that spreadsheets would take for a formula gets an apostrophe.
+/// A field as in RFC 4180. Text that spreadsheets would take for a formula gets an apostrophe.
 fn csv_field(text: &str) -> String {
     let is_formula = text.starts_with(['=', '+', '-', '@', '\t']) && text.parse::<f64>().is_err();
     let text = if is_formula { format!("'{text}") } else { text.to_owned() };
@@ -189,14 +180,14 @@ mod tests {
                 Column::numbers("PSNR", &["psnr_mean".to_owned(), "psnr_sd".to_owned()]),
             ],
             rows: vec![vec![
-                Cell::name(name),
-                Cell::numbers("20.1 ± 0.1", &[Some(20.125), None]).toned(Tone::Good),
+                TableCell::name(name),
+                TableCell::numbers("20.1 ± 0.1", &[Some(20.125), None]).toned(Tone::Good),
             ]],
         }
     }
 
     #[test]
-    fn hostile_names_stay_names() {
+    fn names_with_markup_are_escaped() {
         let hostile = table("=1|2,\"<script>`*_\n]");
         let markdown = hostile.markdown();
         assert_eq!(markdown.lines().count(), 8, "{markdown}");
@@ -208,15 +199,15 @@ mod tests {
     }
 
     #[test]
-    fn plain_names_and_numbers_are_left_alone() {
+    fn plain_names_and_numbers_are_unchanged() {
         assert_eq!(csv_field("-0.25"), "-0.25");
         assert_eq!(csv_field("fixed:4"), "fixed:4");
         assert_eq!(markdown_text("300 steps, 2x"), "300 steps, 2x");
-        assert_eq!(Cell::numbers("-", &[Some(f64::NAN), Some(0.1)]).values, ["", "0.1"]);
+        assert_eq!(TableCell::numbers("-", &[Some(f64::NAN), Some(0.1)]).values, ["", "0.1"]);
     }
 
     #[test]
-    fn a_table_without_rows_is_its_note() {
+    fn a_table_without_rows_shows_its_note() {
         let mut empty = table("a");
         empty.rows.clear();
         assert_eq!(empty.markdown(), "## a\n\na\n\n");

@@ -1,20 +1,19 @@
-//! Which tables there are: results, ablation, matched sizes, paired differences, failures, and everything run
-//! by run. From the study to cells.
+//! The tables of a study for people: results, paired differences, ablation, matched sizes, failures.
 
 use super::compare::{Difference, compare_groups};
 use super::figures::number;
 use super::measure::{Better, Measure};
 use super::paired::{difference_cell, difference_cells, others, paired, paired_cells, signed, tone};
 use super::scale::Quantity;
-use super::stats::Sample;
+use super::stats::Stats;
 use super::study::{Group, Study};
-use super::table::{Cell, Column, Table, Tone};
+use super::table::{Column, Table, TableCell, Tone};
 use crate::results::Record;
 
-/// Sizes that differ by less count as equal.
+/// Sizes within this ratio count as equal.
 const MATCHED_RATIO: f64 = 1.02;
 
-/// Tables for people, in the order of the page.
+/// All tables, in the order of the page.
 pub fn tables(study: &Study) -> Vec<Table> {
     let mut tables = vec![results(study)];
     if study.variants.len() > 1 {
@@ -26,14 +25,14 @@ pub fn tables(study: &Study) -> Vec<Table> {
     tables
 }
 
-/// Columns of a group's names.
+/// Columns for [`group_cells`].
 pub fn group_columns() -> Vec<Column> {
     ["scene", "budget", "variant"].map(|n| Column::names(n, n)).into()
 }
 
-/// A group's names.
-pub fn group_cells(group: &Group<'_>) -> Vec<Cell> {
-    [group.scene, group.budget, group.variant].map(Cell::name).into()
+/// Scene, budget and variant of a group.
+pub fn group_cells(group: &Group<'_>) -> Vec<TableCell> {
+    [group.scene, group.budget, group.variant].map(TableCell::name).into()
 }
 
 fn arrow(measure: &Measure) -> &'static str {
@@ -45,7 +44,6 @@ fn arrow(measure: &Measure) -> &'static str {
 
 fn head(measure: &Measure) -> String {
     if measure.is_time {
-        // Columns are narrow.
         return measure.unit.replace("seconds", "s");
     }
     let name = measure.title();
@@ -77,7 +75,7 @@ fn results(study: &Study) -> Table {
         let text = if failed > 0 { format!("{n} ({failed} failed)") } else { n.to_string() };
         let tone = if failed > 0 { Tone::Bad } else { Tone::Plain };
         let mut row = group_cells(&group);
-        row.push(Cell::numbers(text, &[Some(n as f64), Some(failed as f64)]).toned(tone));
+        row.push(TableCell::numbers(text, &[Some(n as f64), Some(failed as f64)]).toned(tone));
         row.extend(measures.iter().map(|m| mean_cell(study, &group, m)));
         rows.push(row);
     }
@@ -87,19 +85,19 @@ fn results(study: &Study) -> Table {
             .to_owned();
     if study.runs.iter().any(|r| r.noisy) {
         note += if study.include_noisy {
-            " * some runs were made on a busy machine; their times count all the same."
+            " * Some runs were made on a busy machine; their times are included."
         } else {
-            " * some runs were made on a busy machine; their times do not count."
+            " * Some runs were made on a busy machine; their times are left out."
         };
     }
     Table { id: "results".to_owned(), title: "Results".to_owned(), note, columns, rows }
 }
 
-fn mean_cell(study: &Study, group: &Group<'_>, measure: &Measure) -> Cell {
-    let sample = study.sample(group, measure);
+fn mean_cell(study: &Study, group: &Group<'_>, measure: &Measure) -> TableCell {
+    let stats = study.stats(group, measure);
     let star = if measure.is_time && group.runs.iter().any(|r| r.noisy) { " *" } else { "" };
-    let text = sample.map_or("–".to_owned(), |s| {
-        // Bytes in MB: nobody compares the last ones.
+    let text = stats.map_or("–".to_owned(), |s| {
+        // Bytes are shown in MB.
         let (unit, digits) =
             if measure.quantity == Quantity::Bytes { (1e6, 2) } else { (1.0, measure.digits) };
         let sd =
@@ -107,7 +105,7 @@ fn mean_cell(study: &Study, group: &Group<'_>, measure: &Measure) -> Cell {
                 .map_or(String::new(), |sd| format!(" ± {}", number(sd / unit, digits)));
         number(s.mean / unit, digits) + &sd
     });
-    Cell::numbers(text + star, &[sample.map(|s| s.mean), sample.and_then(|s: Sample| s.sd)])
+    TableCell::numbers(text + star, &[stats.map(|s| s.mean), stats.and_then(|s: Stats| s.sd)])
 }
 
 fn ablation(study: &Study) -> Table {
@@ -129,27 +127,60 @@ fn ablation(study: &Study) -> Table {
             row[2].text += " (baseline)";
         }
         for m in &measures {
-            let sample = study.sample(&group, m);
-            let text = sample.map_or("–".to_owned(), |s| number(s.mean, m.digits));
-            row.push(Cell::numbers(text, &[sample.map(|s| s.mean)]));
+            let stats = study.stats(&group, m);
+            let text = stats.map_or("–".to_owned(), |s| number(s.mean, m.digits));
+            row.push(TableCell::numbers(text, &[stats.map(|s| s.mean)]));
             if !study.counts.contains(m) {
                 let d = compare_groups(study, &group, &base, m);
-                let cell =
-                    if is_base { Cell::numbers("", &[None]) } else { difference_cell(&d, m).toned(tone(&d)) };
+                let cell = if is_base {
+                    TableCell::numbers("", &[None])
+                } else {
+                    difference_cell(&d, m).toned(tone(&d))
+                };
                 row.push(cell);
             }
         }
         rows.push(row);
     }
     let note = format!(
-        "Variants in their order. Δ: mean paired difference to {:?}, of costs in per cent; coloured where its 95 % \
-         interval excludes 0.",
+        "Δ: mean paired difference to {:?}, in per cent for costs; coloured where its 95 % interval excludes 0.",
         study.baseline
     );
     Table { id: "ablation".to_owned(), title: "Ablation".to_owned(), note, columns, rows }
 }
 
-/// For each size of the baseline the budget at which another variant has the nearest size.
+/// The group of a variant whose size is nearest to that of a group of the baseline.
+struct Match<'a> {
+    group: Group<'a>,
+    params: f64,
+    /// Parameters over those of the baseline.
+    ratio: f64,
+}
+
+impl Match<'_> {
+    fn is_close(&self) -> bool {
+        self.ratio.ln().abs() <= MATCHED_RATIO.ln()
+    }
+}
+
+fn nearest<'a>(study: &'a Study, base: &Group<'a>, base_params: f64, variant: &'a str) -> Option<Match<'a>> {
+    let candidates = study.budgets.iter().filter_map(|budget| {
+        let group = study.group(base.scene, variant, budget);
+        let params = study.stats(&group, &study.params)?.mean;
+        let ratio = params / base_params;
+        ratio.is_normal().then_some(Match { group, params, ratio })
+    });
+    // Where budgets are lengths, all sizes are alike; then the same budget is meant.
+    let rank = |m: &Match<'_>| {
+        let is_other = m.group.budget != base.budget;
+        (is_other || !m.is_close(), m.ratio.ln().abs(), is_other)
+    };
+    candidates.min_by(|a, b| {
+        let (a, b) = (rank(a), rank(b));
+        a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)).then(a.2.cmp(&b.2))
+    })
+}
+
 fn matched(study: &Study) -> Table {
     let mut columns: Vec<Column> = [
         ("scene", "scene"),
@@ -170,72 +201,49 @@ fn matched(study: &Study) -> Table {
     }
     let mut rows = Vec::new();
     for scene in &study.scenes {
-        for base_budget in &study.budgets {
-            let base = study.group(scene, &study.baseline, base_budget);
-            let Some(base_params) = study.sample(&base, &study.params).map(|s| s.mean).filter(|p| *p > 0.0)
-            else {
-                continue;
-            };
+        for budget in &study.budgets {
+            let base = study.group(scene, &study.baseline, budget);
+            let params = study.stats(&base, &study.params).map(|s| s.mean).filter(|p| *p > 0.0);
+            let Some(params) = params else { continue };
             for variant in others(study) {
-                let near = study.budgets.iter().filter_map(|b| {
-                    let group = study.group(scene, variant, b);
-                    let params = study.sample(&group, &study.params)?.mean;
-                    let ratio = params / base_params;
-                    ratio.is_normal().then_some((ratio.ln().abs(), group, params, ratio))
-                });
-                // Where budgets are lengths, sizes are alike in all of them: then the same budget is meant.
-                let rank = |distance: f64, budget: &str| {
-                    let is_other = budget != base_budget;
-                    (is_other || distance > MATCHED_RATIO.ln(), distance, is_other)
-                };
-                let nearest = near.min_by(|a, b| {
-                    let [a, b] = [a, b].map(|n| rank(n.0, n.1.budget));
-                    a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)).then(a.2.cmp(&b.2))
-                });
-                let Some((distance, group, params, ratio)) = nearest else {
-                    continue;
-                };
-                let is_matched = distance <= MATCHED_RATIO.ln();
-                let mut row = [scene, base_budget, variant, group.budget].map(Cell::name).to_vec();
-                row.push(Cell::numbers(number(params, 0), &[Some(params)]));
-                let percent = 100.0 * (ratio - 1.0);
-                row.push(Cell::numbers(signed(percent, &study.params), &[Some(percent)]));
-                row.push(Cell::name(if is_matched { "yes" } else { "no" }).toned(if is_matched {
-                    Tone::Plain
-                } else {
-                    Tone::Faint
-                }));
-                for m in &study.qualities[..2] {
-                    let d = if is_matched {
-                        compare_groups(study, &group, &base, m)
-                    } else {
-                        Difference::of(&[], m)
-                    };
-                    let mut cells = difference_cells(&d, m);
-                    if !is_matched {
-                        cells[3] = Cell::name("not comparable").toned(Tone::Faint);
-                    }
-                    row.extend(cells.into_iter().skip(1));
-                }
-                rows.push(row);
+                rows.extend(nearest(study, &base, params, variant).map(|m| matched_row(study, &base, &m)));
             }
         }
     }
     let note = format!(
-        "At equal size: for every budget of {:?} the budget of the other variants with the nearest number of \
-         parameters. Within ±2\u{a0}% they count as matched and are compared, paired by seed; others are not comparable.",
+        "For every budget of {:?}, the budget at which another variant has the nearest number of parameters. Sizes \
+         within ±2\u{a0}% count as matched and are compared, paired by seed; others are not comparable.",
         study.baseline
     );
     Table { id: "matched".to_owned(), title: "Matched sizes".to_owned(), note, columns, rows }
+}
+
+fn matched_row(study: &Study, base: &Group<'_>, found: &Match<'_>) -> Vec<TableCell> {
+    let group = &found.group;
+    let mut row = [base.scene, base.budget, group.variant, group.budget].map(TableCell::name).to_vec();
+    row.push(TableCell::numbers(number(found.params, 0), &[Some(found.params)]));
+    let percent = 100.0 * (found.ratio - 1.0);
+    row.push(TableCell::numbers(signed(percent, &study.params), &[Some(percent)]));
+    let (text, tone) = if found.is_close() { ("yes", Tone::Plain) } else { ("no", Tone::Faint) };
+    row.push(TableCell::name(text).toned(tone));
+    for m in &study.qualities[..2] {
+        let d = if found.is_close() { compare_groups(study, group, base, m) } else { Difference::of(&[], m) };
+        let mut cells = difference_cells(&d, m);
+        if !found.is_close() {
+            cells[3] = TableCell::name("not comparable").toned(Tone::Faint);
+        }
+        row.extend(cells.into_iter().skip(1));
+    }
+    row
 }
 
 fn failures(study: &Study) -> Table {
     let mut columns = group_columns();
     columns.extend([Column::numbers("seed", &["seed".to_owned()]), Column::names("why", "error")]);
     let row = |r: &Record| {
-        let mut row = [&r.scene, &r.budget, &r.variant].map(|n| Cell::name(n)).to_vec();
-        row.push(Cell::numbers(r.seed.to_string(), &[Some(r.seed as f64)]));
-        row.push(Cell::name(r.error.as_deref().unwrap_or("no message")));
+        let mut row = [&r.scene, &r.budget, &r.variant].map(|n| TableCell::name(n)).to_vec();
+        row.push(TableCell::numbers(r.seed.to_string(), &[Some(r.seed as f64)]));
+        row.push(TableCell::name(r.error.as_deref().unwrap_or("no message")));
         row
     };
     let rows = study.failed.iter().map(row).collect();

@@ -1,20 +1,20 @@
-//! What a benchmark tells: a line per finished run, the list of runs, the table at the end.
+//! Messages of a benchmark: a line per finished run, the list of runs, the table at the end.
 
-use super::matrix::Cell;
 use crate::cli::log::Log;
 use crate::cli::table::print_columns;
 use crate::cli::values::{format_count, format_duration};
 use litetex_gs::Report;
-use litetex_gs::results::{Record, Status};
+use litetex_lab::matrix::Cell;
+use litetex_lab::results::{Record, Status};
 use serde_json::json;
 use std::collections::{BTreeSet, HashMap};
 use std::path::Path;
 
-/// Names of what repetitions have in common.
+/// Names that repetitions share.
 type Name<'a> = (&'a str, &'a str, &'a str);
 
-/// One line of a finished run.
-pub fn tell(log: &Log, record: &Record, done: usize, all: usize, secs_left: f64) {
+/// Reports a finished run.
+pub fn finished(log: &Log, record: &Record, done: usize, all: usize, secs_left: f64) {
     let name = format!("{} {} {} seed {}", record.scene, record.variant, record.budget, record.seed);
     let what = match (&record.status, &record.error) {
         (Status::Failed, error) => format!("FAILED: {}", error.as_deref().unwrap_or("no message")),
@@ -26,7 +26,7 @@ pub fn tell(log: &Log, record: &Record, done: usize, all: usize, secs_left: f64)
                 "{}, gradients {}; {} splats, {} texels; {} CPU{}",
                 decibels("/quality/psnr"),
                 decibels("/quality/grad_psnr"),
-                count("/size/primitives"),
+                count("/size/splats"),
                 count("/size/texels"),
                 format_duration(record.number("/time/train_cpu_secs").unwrap_or(0.0)),
                 if record.noisy { " (noisy)" } else { "" }
@@ -41,8 +41,8 @@ pub fn tell(log: &Log, record: &Record, done: usize, all: usize, secs_left: f64)
     log.event("run", &format!("[{done}/{all}] {name}: {what}{rest}"), fields);
 }
 
-/// Warns if results were made by another build of the program than `build`: what counts as done and what is still
-/// made may then differ by more than their arguments.
+/// Warns if results come from another build of the program than `build`: finished and new runs may then differ by more
+/// than their arguments.
 pub fn other_builds(known: &[Record], build: &str, file: &Path) -> Report {
     let others: Vec<&str> = known.iter().map(|r| r.build.as_str()).filter(|b| *b != build).collect();
     let mut report = Report::default();
@@ -52,8 +52,8 @@ pub fn other_builds(known: &[Record], build: &str, file: &Path) -> Report {
             "other-builds",
             others.len(),
             format!(
-                "{}: {} of {} runs were made by another build of the program ({}) than this one ({build}); they count \
-                 as done. Another folder, or --force, makes all of them with one build",
+                "{}: {} of {} runs were made by another build of the program ({}) than this one ({build}) and are not \
+                 repeated; use another folder, or --force, to make all of them with one build",
                 file.display(),
                 others.len(),
                 known.len(),
@@ -64,7 +64,7 @@ pub fn other_builds(known: &[Record], build: &str, file: &Path) -> Report {
     report
 }
 
-/// The runs, and how long those that are left will take by those that are done.
+/// Lists the runs, with the time that unfinished ones will take as far as finished ones tell.
 pub fn list(cells: &[Cell], left: &[&Cell], known: &[Record]) -> std::io::Result<()> {
     let mut secs: HashMap<Name<'_>, (f64, f64)> = HashMap::new();
     for record in known {
@@ -94,14 +94,14 @@ pub fn list(cells: &[Cell], left: &[&Cell], known: &[Record]) -> std::io::Result
     }
     print_columns(&["scene", "variant", "budget", "seed", "time", "arguments"], &rows)?;
     let time = match total {
-        Some(total) if !left.is_empty() => format!(", about {} one after the other", format_duration(total)),
+        Some(total) if !left.is_empty() => format!(", about {} one at a time", format_duration(total)),
         _ => String::new(),
     };
     println!("{} of {} runs to make{time}", left.len(), cells.len());
     Ok(())
 }
 
-/// Means over the seeds.
+/// Prints means over the seeds.
 pub fn print_table(records: &[&Record]) -> std::io::Result<()> {
     let mut groups: Vec<(Name<'_>, Vec<&Record>)> = Vec::new();
     for record in records {
@@ -132,7 +132,7 @@ pub fn print_table(records: &[&Record]) -> std::io::Result<()> {
                 text("/quality/grad_psnr", 2),
                 text("/quality/ssim_3dgs", 4),
                 text("/quality/flip", 4),
-                count("/size/primitives"),
+                count("/size/splats"),
                 count("/size/texels"),
                 count("/size/params"),
                 format!("{}{noisy}", text("/time/train_cpu_secs", 1)),
@@ -145,7 +145,7 @@ pub fn print_table(records: &[&Record]) -> std::io::Result<()> {
     ];
     print_columns(&header, &rows)?;
     if records.iter().any(|r| r.noisy) {
-        println!("* the machine was busy with other things: see \"noisy_because\" in the results");
+        println!("* the machine was busy with other work: see \"noisy_because\" in the results");
     }
     Ok(())
 }
