@@ -12,7 +12,6 @@ mod compare;
 mod completions;
 mod config_file;
 mod contribution;
-mod device_kit;
 mod devices;
 mod differences;
 mod eval;
