@@ -15,7 +15,7 @@ pub enum Error {
     /// A file has invalid contents.
     #[error("{}: {what}", path.display())]
     InvalidInput {
-        /// The file.
+        /// The offending file.
         path: PathBuf,
         /// What was found, what was expected and what to do.
         what: String,
@@ -23,7 +23,7 @@ pub enum Error {
     /// Reading or writing failed.
     #[error("{}: {cause}", path.display())]
     Io {
-        /// The file.
+        /// The file that was read or written.
         path: PathBuf,
         /// The system's error. Already part of the message and so not its `source`.
         cause: std::io::Error,

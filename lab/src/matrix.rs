@@ -81,13 +81,13 @@ pub struct Cell {
     pub key: String,
     /// Name of the scene.
     pub scene: String,
-    /// The capture.
+    /// The capture to train on.
     pub path: PathBuf,
     /// Name of the variant.
     pub variant: String,
     /// Name of the budget.
     pub budget: String,
-    /// Seed of the run.
+    /// Seed for `litetex train`.
     pub seed: u64,
     /// Arguments besides capture, output folder and seed.
     pub args: Vec<String>,

@@ -21,7 +21,7 @@ pub struct Measure {
     pub unit: &'static str,
     /// JSON pointer into the summary.
     pub pointer: String,
-    /// Decimals shown.
+    /// Number of decimals shown to people.
     pub digits: usize,
     pub better: Better,
     /// Costs are compared as ratios, quality by differences.

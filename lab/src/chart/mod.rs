@@ -12,6 +12,7 @@ mod labels;
 mod legend;
 mod look;
 mod measure;
+mod merge;
 mod mismatch;
 mod paired;
 mod plausible;

@@ -57,7 +57,7 @@ pub struct Series {
     pub name: String,
     /// Selects colour, marker and dashes.
     pub look: usize,
-    /// Connected points.
+    /// Points to connect, in data units.
     pub line: Vec<(f64, f64)>,
     /// Error band as (x, lower, upper).
     pub band: Vec<(f64, f64, f64)>,
@@ -67,16 +67,16 @@ pub struct Series {
     pub dots: Vec<Mark>,
 }
 
-/// A chart.
+/// What a chart shows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Chart {
     /// File name without extension.
     pub id: String,
     /// Title above the chart.
     pub title: String,
-    /// Horizontal axis.
+    /// The horizontal axis.
     pub x: Axis,
-    /// Vertical axis.
+    /// The vertical axis.
     pub y: Axis,
     /// Series in the order of the legend.
     pub series: Vec<Series>,

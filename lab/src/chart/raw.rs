@@ -5,7 +5,7 @@ use super::table::{Column, Table, TableCell};
 use super::tables::group_columns;
 use crate::results::Record;
 
-/// Both tables.
+/// The tables of runs and of curves.
 pub fn raw_tables(study: &Study) -> Vec<Table> {
     vec![runs(study), curves(study)]
 }

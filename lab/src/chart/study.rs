@@ -1,13 +1,13 @@
 //! The runs to compare, their measures and their pairs: from lines of results to numbers.
 
 use super::measure::{Measure, bytes_of};
+use super::merge::{merged, names};
 use super::mismatch::same_images;
 use super::scale::Quantity;
 use super::stats::Stats;
 use super::{mismatch, plausible};
-use crate::results::{self, Hardware, Record, Status};
+use crate::results::{Hardware, Record, Status};
 use crate::{Error, Report, Result};
-use std::collections::HashMap;
 
 /// The clock that training time is read from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -17,7 +17,7 @@ pub enum Clock {
     Auto,
     /// CPU time of the process.
     Cpu,
-    /// Wall time.
+    /// Wall time of training.
     Wall,
 }
 
@@ -51,10 +51,9 @@ pub struct Group<'a> {
     pub runs: Vec<&'a Record>,
 }
 
-/// Merged results. Scenes, variants and budgets are in the order of the matrix.
+/// Merged results, successful `runs` and `failed` ones. Scenes, variants and budgets are in the order of the matrix.
 #[derive(Clone, Debug)]
 pub struct Study {
-    /// Successful runs.
     pub runs: Vec<Record>,
     pub failed: Vec<Record>,
     pub scenes: Vec<String>,
@@ -68,11 +67,10 @@ pub struct Study {
     pub qualities: Vec<Measure>,
     /// Splats and texels.
     pub counts: Vec<Measure>,
-    /// Parameters.
     pub params: Measure,
     /// Sizes on disk, as far as the runs report them.
     pub bytes: Vec<Measure>,
-    /// Training time.
+    /// Training time by the chosen clock.
     pub time: Measure,
     /// Key of the training time in points of curves.
     curve_secs: &'static str,
@@ -219,27 +217,6 @@ pub fn device(run: &Record) -> &str {
     name.unwrap_or("unknown")
 }
 
-/// The last lines of all keys, in the order of the matrices.
-fn merged(files: Vec<Vec<Record>>, report: &mut Report) -> Vec<Record> {
-    let ordered = files.into_iter().flat_map(|file| {
-        let mut file = results::latest(file);
-        file.sort_by_key(|r| r.cell);
-        file
-    });
-    unambiguous(results::latest(ordered.collect()), report)
-}
-
-/// Distinct names in the order of their first use.
-fn names(records: &[Record], of: fn(&Record) -> &String) -> Vec<String> {
-    let mut names: Vec<String> = Vec::new();
-    for record in records {
-        if !names.contains(of(record)) {
-            names.push(of(record).clone());
-        }
-    }
-    names
-}
-
 /// The variant that was asked for, or the first.
 fn baseline(name: Option<&str>, variants: &[String]) -> Result<String> {
     match name {
@@ -290,30 +267,4 @@ fn machine(run: &Record) -> (&Hardware, usize, &str) {
 
 fn distinct<T: Eq + std::hash::Hash>(all: impl Iterator<Item = T>) -> usize {
     all.collect::<std::collections::HashSet<T>>().len()
-}
-
-/// Keeps the last of several runs with equal names and seed but different arguments or versions.
-fn unambiguous(records: Vec<Record>, report: &mut Report) -> Vec<Record> {
-    let mut last: HashMap<(String, String, String, u64), usize> = HashMap::new();
-    for (i, r) in records.iter().enumerate() {
-        last.insert((r.scene.clone(), r.variant.clone(), r.budget.clone(), r.seed), i);
-    }
-    let mut dropped = Vec::new();
-    let mut kept = Vec::new();
-    for (i, r) in records.into_iter().enumerate() {
-        let name = (r.scene.clone(), r.variant.clone(), r.budget.clone(), r.seed);
-        if last.get(&name) == Some(&i) { kept.push(r) } else { dropped.push(name) }
-    }
-    if let Some((scene, variant, budget, seed)) = dropped.first() {
-        report.warn(
-            "ambiguous-runs",
-            dropped.len(),
-            format!(
-                "{} runs are ignored because a later one has the same names and seed but other arguments or another \
-                 version; the first is {scene:?}, {variant:?}, {budget:?}, seed {seed}",
-                dropped.len()
-            ),
-        );
-    }
-    kept
 }

@@ -9,7 +9,6 @@ pub enum Tone {
     Plain,
     Good,
     Bad,
-    /// Less important.
     Faint,
 }
 

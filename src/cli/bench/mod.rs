@@ -1,6 +1,7 @@
 //! `litetex bench`: runs a matrix of trainings in processes of their own and collects one line of results for each.
 //! The matrix and the results are `litetex-lab`'s.
 
+mod folder;
 mod messages;
 pub mod orphan;
 mod runner;
@@ -10,23 +11,17 @@ use super::interrupt::Interrupt;
 use super::log::Log;
 use super::values::parse_duration_secs;
 use super::{forecast, lab};
+use folder::{RESULTS, RUNS};
 use litetex_gs::{Error, Result};
 use litetex_lab::matrix::{Cell, Matrix, NamedArgs, SceneEntry, check_captures, shard};
 use litetex_lab::results::{self, Record, Status};
 use litetex_lab::{machine, words};
 use runner::Runner;
-use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, mpsc};
 use std::time::Instant;
 use training::Training;
-
-/// Names in the folder of a benchmark: its results, the folder of its runs, and the file that is locked while a
-/// benchmark uses the folder.
-const RESULTS: &str = "results.jsonl";
-const RUNS: &str = "runs";
-const LOCK: &str = ".bench.lock";
 
 /// Train a matrix of scenes, variants, budgets and seeds, and collect the results
 ///
@@ -106,7 +101,7 @@ pub fn run(args: &BenchArgs, threads: Option<u16>, log: &Log) -> anyhow::Result<
     let (part, parts) = args.shard;
     let cells = shard(cells, part, parts);
     let file = args.out.join(RESULTS);
-    let (known, _lock) = open_folder(args, &file, log)?;
+    let (known, _lock) = folder::open(args, &file, log)?;
     let build = build();
     log.report(&messages::other_builds(&known, &build, &file));
     let left: Vec<&Cell> = cells.iter().filter(|c| !is_done(&known, c, args.retry_failed)).collect();
@@ -122,7 +117,7 @@ pub fn run(args: &BenchArgs, threads: Option<u16>, log: &Log) -> anyhow::Result<
         log.info(&format!("{} of {} runs are done already", cells.len() - left.len(), cells.len()));
     }
     let outcome = run_cells(args, &left, cells.len(), &file, build, log);
-    let records = read_results(&file, log)?;
+    let records = folder::read_results(&file, log)?;
     let mine: Vec<&Record> = cells.iter().filter_map(|c| records.iter().find(|r| r.key == c.key)).collect();
     messages::print_table(&mine)?;
     outcome?;
@@ -161,64 +156,6 @@ fn matrix_of(args: &BenchArgs, threads: Option<u16>) -> Result<Matrix> {
         matrix.common.splice(0..0, ["--threads".to_owned(), threads.to_string()]);
     }
     Ok(matrix)
-}
-
-/// Returns the results so far and the lock of the folder; refuses a folder with other contents.
-fn open_folder(args: &BenchArgs, file: &Path, log: &Log) -> Result<(Vec<Record>, Option<File>)> {
-    let folder = &args.out;
-    if folder.is_file() {
-        return Err(Error::Usage(format!("{}: is a file, not a folder", folder.display())));
-    }
-    // A benchmark that was stopped during its first run leaves no results.
-    let is_ours = |e: std::io::Result<std::fs::DirEntry>| {
-        e.is_ok_and(|e| e.file_name() == RUNS || e.file_name() == LOCK)
-    };
-    let is_empty = std::fs::read_dir(folder).map_or(true, |mut entries| entries.all(is_ours));
-    if !(is_empty || file.exists() || args.force || args.resume) {
-        return Err(Error::Usage(format!(
-            "{}: the folder is not empty and contains no {RESULTS}; choose another, or add --force, which leaves \
-             other files alone",
-            folder.display()
-        )));
-    }
-    if args.dry_run {
-        return Ok((if args.force { Vec::new() } else { read_results(file, log)? }, None));
-    }
-    let lock = lock(folder)?;
-    if args.force {
-        let runs = folder.join(RUNS);
-        if file.exists() {
-            std::fs::remove_file(file).map_err(|e| Error::io(file, e))?;
-        }
-        if runs.exists() {
-            std::fs::remove_dir_all(&runs).map_err(|e| Error::io(&runs, e))?;
-        }
-    }
-    Ok((read_results(file, log)?, Some(lock)))
-}
-
-/// Keeps other benchmarks out of the folder until the lock is dropped.
-fn lock(folder: &Path) -> Result<File> {
-    std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
-    let path = folder.join(LOCK);
-    let file = File::create(&path).map_err(|e| Error::io(&path, e))?;
-    match file.try_lock() {
-        Err(TryLockError::WouldBlock) => Err(Error::Usage(format!(
-            "{}: another benchmark is using this folder; wait for it, or choose another folder",
-            folder.display()
-        ))),
-        // Not every file system can lock; there it is up to the user.
-        Ok(()) | Err(TryLockError::Error(_)) => Ok(file),
-    }
-}
-
-fn read_results(file: &Path, log: &Log) -> Result<Vec<Record>> {
-    if !file.exists() {
-        return Ok(Vec::new());
-    }
-    let (records, report) = results::read(file).map_err(lab::error)?;
-    log.report(&lab::report(report));
-    Ok(results::latest(records))
 }
 
 /// CRC-32 of this program's file; empty if it cannot be read.

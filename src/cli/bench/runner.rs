@@ -28,7 +28,7 @@ const KEPT: [&str; 2] = [SUMMARY, "config.toml"];
 
 /// What all runs share.
 pub struct Runner {
-    /// This program.
+    /// This program, which runs `train`.
     pub program: PathBuf,
     /// Parent of the runs' folders.
     pub runs: PathBuf,
