@@ -111,14 +111,14 @@ fn charts_are_whole_and_not_replaced_unless_asked() {
     let x_of = |part: &str, key: &str| -> Vec<f64> {
         text.lines().filter(|l| l.contains(part)).map(|l| number(l, key)).collect()
     };
-    let (events, ticks) = (x_of("<line class=\"lt-front\"", "x1"), [">10k<", ">20k<"].map(|t| x_of(t, "x")));
+    let (events, ticks) = (x_of("<line class=\"lt-event\"", "x1"), [">10k<", ">20k<"].map(|t| x_of(t, "x")));
     assert_eq!(events.len(), 4);
     assert_eq!(events[..2], events[2..]);
     let [ten, twenty] = ticks.map(|x| x[0]);
     assert!((events[0] - 0.5 * (ten + twenty)).abs() < 0.2 && (events[1] - twenty).abs() < 0.2, "{events:?}");
     for (event, meaning) in [(0, "densification ends"), (1, "full size from here")] {
         let words = x_of(meaning, "x");
-        assert!(words.len() == 2 && (words[0] - events[event] - 6.0).abs() < 0.2, "{meaning}: {words:?}");
+        assert!(words.len() == 1 && (words[0] - events[event] - 6.0).abs() < 0.2, "{meaning}: {words:?}");
     }
     let again = ["schedule", &place.path("capture"), "--svg", &chart, "--steps", "600"];
     let (code, stdout, stderr) = run(&again);

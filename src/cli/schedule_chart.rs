@@ -8,15 +8,11 @@ const CURVE_POINTS: u32 = 600;
 
 /// The chart as SVG; empty if the schedule has no stage.
 pub fn svg(plan: &Plan) -> String {
-    let events = vec![
-        (f64::from(plan.densify_until), "densification ends".to_owned()),
-        (f64::from(plan.schedule_steps), "full size from here".to_owned()),
-    ];
-    stacked(&[scales(plan, events.clone()), caps(plan, events)]).unwrap_or_default()
+    stacked(&[scales(plan), caps(plan)]).unwrap_or_default()
 }
 
 /// The continuous scale that the photos ask for, and the one that is rendered.
-fn scales(plan: &Plan, events: Vec<(f64, String)>) -> Chart {
+fn scales(plan: &Plan) -> Chart {
     let name = plan.capture.file_name().unwrap_or(plan.capture.as_os_str()).to_string_lossy();
     let curve = (0..=CURVE_POINTS).map(|i| {
         let step = f64::from(plan.steps) * f64::from(i) / f64::from(CURVE_POINTS);
@@ -38,12 +34,12 @@ fn scales(plan: &Plan, events: Vec<(f64, String)>) -> Chart {
             line("asked for by the photos, s", 0, curve.collect()),
         ],
         front: Vec::new(),
-        events,
+        events: events(plan, ["densification ends", "full size from here"]),
     }
 }
 
 /// The largest map side that the stages allow.
-fn caps(plan: &Plan, events: Vec<(f64, String)>) -> Chart {
+fn caps(plan: &Plan) -> Chart {
     Chart {
         id: "caps".to_owned(),
         title: "Texture cap".to_owned(),
@@ -51,8 +47,14 @@ fn caps(plan: &Plan, events: Vec<(f64, String)>) -> Chart {
         y: axis("Texels per side", Spacing::Log2, Quantity::Plain),
         series: vec![line("texture cap", 2, staircase(&plan.stages, |s| s.texture_cap.into()))],
         front: Vec::new(),
-        events,
+        // Labelled in the panel above.
+        events: events(plan, ["", ""]),
     }
+}
+
+fn events(plan: &Plan, labels: [&str; 2]) -> Vec<(f64, String)> {
+    let steps = [plan.densify_until, plan.schedule_steps];
+    steps.into_iter().zip(labels).map(|(step, label)| (f64::from(step), label.to_owned())).collect()
 }
 
 fn axis(name: &str, spacing: Spacing, quantity: Quantity) -> Axis {

@@ -82,7 +82,7 @@ pub struct Chart {
     pub series: Vec<Series>,
     /// Points of a Pareto front, drawn as steps.
     pub front: Vec<(f64, f64)>,
-    /// Labelled vertical lines at values of x.
+    /// Vertical lines at values of x, with labels that may be empty.
     pub events: Vec<(f64, String)>,
 }
 
@@ -151,8 +151,11 @@ impl Chart {
         svg.text("lt-axis", (12.0, AXIS_NAME_Y), Anchor::Start, &self.y.name, None);
         self.draw_y_axis(&mut svg, &area);
         self.draw_x_axis(&mut svg, &area);
-        self.draw_events(&mut svg, &area);
+        for x in self.shown_events(&area).map(|(x, _)| x) {
+            svg.line("lt-event", (x, area.top), (x, area.bottom));
+        }
         series::draw(self, &mut svg, &area);
+        self.label_events(&mut svg, &area);
         legend::draw(self, &mut svg, area.right);
         Some(svg)
     }
@@ -210,12 +213,16 @@ impl Chart {
         svg.text("lt-axis", (middle, area.bottom + 40.0), Anchor::Middle, &name, None);
     }
 
-    fn draw_events(&self, svg: &mut Svg, area: &Area) {
+    /// Pixel positions and labels of the events.
+    fn shown_events<'a>(&'a self, area: &'a Area) -> impl Iterator<Item = (f64, &'a str)> {
         let shown = self.events.iter().filter(|(x, _)| area.shows((*x, area.y.low)));
-        // In rows of their own: several events may be close together.
-        for (row, (value, text)) in shown.enumerate() {
-            let (x, _) = area.at((*value, area.y.low));
-            svg.line("lt-front", (x, area.top), (x, area.bottom));
+        shown.map(|(x, text)| (area.at((*x, area.y.low)).0, text.as_str()))
+    }
+
+    /// Each label has a row of its own, since events may be close together.
+    fn label_events(&self, svg: &mut Svg, area: &Area) {
+        let labelled = self.shown_events(area).filter(|(_, text)| !text.is_empty());
+        for (row, (x, text)) in labelled.enumerate() {
             let fits_right = x + 6.0 + text_width_px(text, TEXT_PX) <= area.right;
             let (anchor, offset) = if fits_right { (Anchor::Start, 6.0) } else { (Anchor::End, -6.0) };
             let y = area.top + EVENT_ROW_PX * (row as f64 + 1.0);

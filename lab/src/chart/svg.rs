@@ -20,7 +20,7 @@ pub fn style() -> String {
         let of = |(light, night): (&'static str, &'static str)| if dark { night } else { light };
         let mut css = format!(
             ".lt-bg{{fill:{bg}}}.lt-text{{fill:{text}}}.lt-axis{{fill:{second}}}.lt-grid{{stroke:{grid}}}\
-             .lt-frame{{stroke:{second}}}.lt-label{{fill:{text};stroke:{bg}}}\
+             .lt-frame,.lt-event{{stroke:{second}}}.lt-label{{fill:{text};stroke:{bg}}}\
              .lt-grey{{fill:{grey};stroke:{bg}}}.lt-grey-line{{stroke:{grey}}}.lt-front{{stroke:{text}}}",
             bg = of(BACKGROUND),
             text = of(TEXT),
@@ -41,6 +41,7 @@ pub fn style() -> String {
          .lt-chart .lt-title{{font-size:{TITLE_PX}px;font-weight:600}}\
          .lt-grid,.lt-frame{{stroke-width:1;fill:none}}.lt-line{{stroke-width:2;fill:none;stroke-linejoin:round}}\
          .lt-front{{stroke-width:1.5;fill:none;stroke-dasharray:5 4}}.lt-grey-line{{stroke-width:1.5;fill:none}}\
+         .lt-event{{stroke-width:1;stroke-dasharray:5 4}}\
          .lt-band{{opacity:.16}}.lt-dot{{opacity:.5}}.lt-hit{{fill:transparent}}\
          .lt-label{{paint-order:stroke;stroke-width:3px;stroke-linejoin:round}}\
          {}{}@media (prefers-color-scheme:dark){{{}}}",
