@@ -238,6 +238,33 @@ fn a_missing_capture_is_named_once_before_the_first_run() {
 }
 
 #[test]
+fn force_deletes_only_what_a_benchmark_wrote() {
+    let place = Place::new();
+    assert_eq!(place.run_bench("b", 3, &["--variant", "lost: --init ply:nowhere.ply"]).0, 1);
+    let notes = place.path("b/runs/notes.txt");
+    fs::write(&notes, "years of work").unwrap();
+    let before = place.results("b");
+    assert_eq!(place.run_bench("b", 3, &["--force"]).0, 0);
+    assert_eq!(fs::read_to_string(&notes).unwrap(), "years of work");
+    // The runs were repeated, and those that are no longer in the matrix are gone.
+    let after = place.results("b");
+    assert_eq!((before.len(), after.len()), (6, 4));
+    assert_eq!(names_in(Path::new(&place.path("b/runs"))).len(), 5);
+
+    // A folder that no benchmark has used is refused, whatever its files are called.
+    for name in ["runs/fig.svg", "results.jsonl"] {
+        let folder = place.path(&name.replace('/', "-"));
+        let file = Path::new(&folder).join(name);
+        fs::create_dir_all(file.parent().unwrap()).unwrap();
+        fs::write(&file, "years of work").unwrap();
+        let (code, _, stderr) =
+            run(&["bench", "--scene", &place.path("capture"), "--out", &folder, "--force"]);
+        assert!(code == 2 && stderr.contains("someone else's"), "{code} {stderr}");
+        assert_eq!(fs::read_to_string(&file).unwrap(), "years of work");
+    }
+}
+
+#[test]
 fn parts_merge_to_the_whole_and_charts_compare_pairs() {
     let place = Place::new();
     assert_eq!(place.run_bench("whole", 6, &[]).0, 0);

@@ -6,6 +6,7 @@ use crate::cli::log::Log;
 use litetex_gs::{Error, Result};
 use litetex_lab::results::{self, Record};
 use std::fs::{File, TryLockError};
+use std::io::ErrorKind;
 use std::path::Path;
 
 /// Names in the folder: results, the folder of the runs, and the file that is locked while a benchmark uses the folder.
@@ -31,20 +32,58 @@ pub fn open(args: &BenchArgs, file: &Path, log: &Log) -> Result<(Vec<Record>, Op
             folder.display()
         )));
     }
+    if args.force {
+        check_ours(folder)?;
+    }
     if args.dry_run {
         return Ok((if args.force { Vec::new() } else { read_results(file, log)? }, None));
     }
     let lock = lock(folder)?;
     if args.force {
-        let runs = folder.join(RUNS);
         if file.exists() {
             std::fs::remove_file(file).map_err(|e| Error::io(file, e))?;
         }
-        if runs.exists() {
-            std::fs::remove_dir_all(&runs).map_err(|e| Error::io(&runs, e))?;
-        }
+        remove_runs(&folder.join(RUNS))?;
     }
     Ok((read_results(file, log)?, Some(lock)))
+}
+
+/// Refuses to delete results and runs where no benchmark has left its lock file.
+fn check_ours(folder: &Path) -> Result<()> {
+    let found = [RESULTS, RUNS].into_iter().find(|name| folder.join(name).exists());
+    match found {
+        Some(name) if !folder.join(LOCK).exists() => Err(Error::Usage(format!(
+            "{}: contains {name} but no {LOCK}, so litetex bench did not make it, and --force would delete someone \
+             else's files; choose another folder",
+            folder.display()
+        ))),
+        _ => Ok(()),
+    }
+}
+
+/// Removes the runs' folders and messages, and nothing else that may be among them.
+fn remove_runs(runs: &Path) -> Result<()> {
+    let entries = match std::fs::read_dir(runs) {
+        Ok(entries) => entries,
+        Err(e) if e.kind() == ErrorKind::NotFound => return Ok(()),
+        Err(e) => return Err(Error::io(runs, e)),
+    };
+    for entry in entries {
+        let path = entry.map_err(|e| Error::io(runs, e))?.path();
+        if !path.file_name().and_then(|n| n.to_str()).is_some_and(is_name_of_run) {
+            continue;
+        }
+        let removed =
+            if path.is_dir() { std::fs::remove_dir_all(&path) } else { std::fs::remove_file(&path) };
+        removed.map_err(|e| Error::io(&path, e))?;
+    }
+    Ok(())
+}
+
+/// Whether a name ends like those of [`super::runner::folder_name`]: in a key of 16 hexadecimal digits.
+fn is_name_of_run(name: &str) -> bool {
+    let key = name.trim_end_matches(".log").rsplit('-').next().unwrap_or_default();
+    key.len() == 16 && key.len() < name.len() && key.bytes().all(|b| b.is_ascii_hexdigit())
 }
 
 /// Keeps other benchmarks out of the folder until the lock is dropped.

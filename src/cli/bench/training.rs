@@ -29,6 +29,9 @@ fn parse(args: &[String]) -> Result<TrainArgs, String> {
     // With --quiet, as the runs will be: what contradicts it is found here.
     let words = ["litetex", "train", "--quiet"].into_iter().chain(args.iter().map(String::as_str));
     let cli = Cli::try_parse_from(words).map_err(|e| {
+        if !e.use_stderr() {
+            return "the arguments ask for help or the version instead of a training".to_owned();
+        }
         let text = e.render().to_string();
         // Without the usage of another command and the pointer to its help.
         let head = text.split("\n\n").next().unwrap_or_default();
@@ -77,7 +80,7 @@ mod tests {
             ("--force", "--force"),
             ("--resume x", "--resume"),
             ("captures/c", "a capture"),
-            ("--help", "Usage"),
+            ("--help", "ask for help"),
         ] {
             let error = check(args).unwrap_err();
             assert!(error.contains(part), "{part}: {error}");
