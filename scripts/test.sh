@@ -84,11 +84,13 @@ features=("" "--no-default-features")
 note "format"
 cargo fmt --all --check
 
-note "dependencies of the exporters"
-tree=$(cargo tree -p litetex-exporters --edges normal --prefix none)
-if grep -E '^(wgpu|clap|litetex-gs) ' <<<"$tree"; then
-    fail "litetex-exporters must not depend on wgpu, clap or litetex-gs"
-fi
+note "dependencies of the crates below the trainer"
+for crate in exporters lab; do
+    tree=$(cargo tree -p "litetex-$crate" --edges normal --prefix none)
+    if grep -E '^(wgpu|clap|litetex-[a-z]+) ' <<<"$tree" | grep -v "^litetex-$crate "; then
+        fail "litetex-$crate must not depend on wgpu, clap or another crate of this workspace"
+    fi
+done
 
 note "licences"
 if command -v cargo-deny >/dev/null; then

@@ -1,5 +1,5 @@
-//! `litetex bench` and `litetex chart` on a tiny sample capture: interrupted and resumed, in parts and merged,
-//! with failing runs; and what `chart` does with results that are damaged or foreign.
+//! `litetex bench` and `litetex chart` on a tiny sample capture: interrupted, killed and continued, in parts and merged,
+//! with failing runs; and `chart` with damaged results and foreign folders.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests are tests")]
 
@@ -22,7 +22,7 @@ fn ok(arguments: &[&str]) -> String {
     stdout
 }
 
-/// A folder with a capture of 9 images, 2 of them held out.
+/// A folder with a capture of 9 photos, 2 of them held out.
 struct Place {
     dir: tempfile::TempDir,
 }
@@ -39,7 +39,7 @@ impl Place {
         self.dir.path().join(name).to_str().unwrap().to_owned()
     }
 
-    /// Arguments of a benchmark of two variants and seeds of so many steps.
+    /// Arguments of a benchmark of two variants and two seeds with this many steps.
     fn bench(&self, out: &str, steps: u32, more: &[&str]) -> Vec<String> {
         let common =
             format!("--device cpu --no-save-images --eval-every {} --steps {steps}", steps.div_ceil(3));
@@ -83,7 +83,7 @@ fn names_in(folder: &Path) -> BTreeSet<String> {
     fs::read_dir(folder).unwrap().map(name).collect()
 }
 
-/// A row of a table without quoted fields, by the names of its columns.
+/// The rows of a table without quoted fields, by the names of its columns.
 fn csv_rows(file: PathBuf) -> Vec<BTreeMap<String, String>> {
     let text = fs::read_to_string(file).unwrap();
     let fields = |line: &str| line.split(',').map(ToOwned::to_owned).collect::<Vec<_>>();
@@ -92,7 +92,7 @@ fn csv_rows(file: PathBuf) -> Vec<BTreeMap<String, String>> {
 }
 
 #[test]
-fn failed_runs_are_recorded_and_others_go_on() {
+fn failed_runs_are_recorded_and_others_continue() {
     let place = Place::new();
     let more = ["--variant", "lost: --init ply:nowhere.ply"];
     let (code, table, stderr) = place.run_bench("b", 3, &more);
@@ -103,7 +103,7 @@ fn failed_runs_are_recorded_and_others_go_on() {
     assert_eq!(results.len(), 6);
     for r in &results {
         let failed = r["variant"] == "lost";
-        assert_eq!(r["schema"], "litetex-results/1");
+        assert_eq!(r["schema"], "litetex-results/2");
         assert_eq!(r["status"], if failed { "failed" } else { "ok" });
         assert_eq!(
             (r["summary"].is_null(), r["exit_code"].as_i64()),
@@ -114,10 +114,10 @@ fn failed_runs_are_recorded_and_others_go_on() {
         if !failed {
             assert_eq!(r["summary"]["seed"], r["seed"]);
             assert_eq!(r["summary"]["policy"], r["variant"], "bare names are policies");
-            assert_eq!(r["summary"]["schema"], "litetex-summary/1");
+            assert_eq!(r["summary"]["schema"], "litetex-summary/2");
         }
     }
-    // Of finished runs the result and the settings are left, of failed ones their messages.
+    // Finished runs keep their result and settings, failed ones their messages.
     let runs = Path::new(&place.path("b")).join("runs");
     for name in names_in(&runs) {
         match name.strip_suffix(".log") {
@@ -128,7 +128,7 @@ fn failed_runs_are_recorded_and_others_go_on() {
             ),
         }
     }
-    // Nothing is made again unless asked for.
+    // Nothing is repeated unless asked for.
     let (code, _, stderr) = place.run_bench("b", 3, &more);
     assert!(code == 1 && !stderr.contains("another build"), "{stderr}");
     assert_eq!(place.results("b").len(), 6);
@@ -136,7 +136,7 @@ fn failed_runs_are_recorded_and_others_go_on() {
     let again = place.results("b");
     assert_eq!(again.len(), 8);
     assert!(again[6..].iter().all(|r| r["variant"] == "lost"));
-    // The first failure ends it if wanted.
+    // With --fail-fast the first failure ends the benchmark.
     let first = ["--variant", "lost: --init ply:nowhere.ply", "--fail-fast"];
     assert_eq!(place.run_bench("fast", 3, &first).0, 1);
     assert_eq!(place.results("fast").len(), 3);
@@ -144,7 +144,7 @@ fn failed_runs_are_recorded_and_others_go_on() {
 
 #[test]
 #[cfg(unix)]
-fn an_interrupted_benchmark_goes_on_where_it_was() {
+fn an_interrupted_benchmark_continues_where_it_was() {
     let place = Place::new();
     let arguments = place.bench("b", 400, &[]);
     let program = assert_cmd::cargo::cargo_bin("litetex");
@@ -165,23 +165,107 @@ fn an_interrupted_benchmark_goes_on_where_it_was() {
     assert_eq!(child.wait().unwrap().code(), Some(130));
     let before = place.results("b");
     assert!((1..4).contains(&before.len()), "{}", before.len());
-    // No trace of the run that was stopped.
+    // The run that was stopped leaves no trace.
     assert_eq!(names_in(&Path::new(&place.path("b")).join("runs")).len(), before.len());
-    // As after a power cut: half a line.
+    // Half a line, as after a power cut.
     let mut text = fs::read_to_string(&file).unwrap();
     text.push_str("{\"schema\":\"litetex-resu");
     fs::write(&file, text).unwrap();
     let (code, _, stderr) = place.run_bench("b", 400, &[]);
     assert_eq!(code, 0, "{stderr}");
-    assert!(stderr.contains("runs are done already") && stderr.contains("left out"), "{stderr}");
+    assert!(stderr.contains("runs are done already") && stderr.contains("skipped"), "{stderr}");
     let text = fs::read_to_string(&file).unwrap();
     let whole: Vec<Value> = text.lines().filter_map(|l| serde_json::from_str(l).ok()).collect();
     assert_eq!((text.lines().count(), whole.len(), psnr_by_key(&whole).len()), (5, 4, 4));
     assert_eq!(whole[..before.len()], before[..]);
 }
 
+/// Processes whose arguments mention `text`, as process identifiers.
+#[cfg(target_os = "linux")]
+fn processes_about(text: &str) -> Vec<String> {
+    let mentions = |id: &String| {
+        let arguments = fs::read(format!("/proc/{id}/cmdline")).unwrap_or_default();
+        String::from_utf8_lossy(&arguments).contains(text)
+    };
+    names_in(Path::new("/proc")).into_iter().filter(|n| n.parse::<u32>().is_ok()).filter(mentions).collect()
+}
+
 #[test]
-fn parts_put_together_are_the_whole_and_charts_compare_pairs() {
+#[cfg(target_os = "linux")]
+fn a_killed_benchmark_takes_its_training_along() {
+    let place = Place::new();
+    // Long enough that the training cannot end by itself while this test looks.
+    let mut child = std::process::Command::new(assert_cmd::cargo::cargo_bin("litetex"))
+        .args(place.bench("b", 300_000, &[]))
+        .stdout(std::process::Stdio::null())
+        .stderr(std::process::Stdio::null())
+        .spawn()
+        .unwrap();
+    let runs = place.path("b/runs");
+    let within = |secs: u64, done: &dyn Fn() -> bool| {
+        let started = std::time::Instant::now();
+        while !done() && started.elapsed().as_secs() < secs {
+            std::thread::sleep(std::time::Duration::from_millis(20));
+        }
+        done()
+    };
+    let trains = || {
+        let folders = fs::read_dir(&runs).into_iter().flatten().flatten();
+        folders.into_iter().any(|f| f.path().join("metrics.jsonl").exists())
+    };
+    let began = within(60, &trains);
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let ended = within(10, &|| processes_about(&runs).is_empty());
+    for id in processes_about(&runs) {
+        let _ = std::process::Command::new("kill").args(["-KILL", &id]).status();
+    }
+    assert!(began, "no training was started");
+    assert!(ended, "the training outlived its benchmark");
+    assert!(!Path::new(&place.path("b/results.jsonl")).exists());
+}
+
+#[test]
+fn a_missing_capture_is_named_once_before_the_first_run() {
+    let place = Place::new();
+    let (gone, out) = (place.path("gone"), place.path("b"));
+    let (code, stdout, stderr) = place.run_bench("b", 3, &["--scene", &gone]);
+    assert_eq!((code, stderr.matches(&gone).count()), (3, 1), "{stderr}");
+    assert!(stderr.contains("no such capture") && stderr.contains("4 runs") && stdout.is_empty(), "{stderr}");
+    assert!(!Path::new(&out).join("runs").exists() && !Path::new(&out).join("results.jsonl").exists());
+    // A list needs no capture.
+    assert_eq!(place.run_bench("b", 3, &["--scene", &gone, "--dry-run"]).0, 0);
+}
+
+#[test]
+fn force_deletes_only_what_a_benchmark_wrote() {
+    let place = Place::new();
+    assert_eq!(place.run_bench("b", 3, &["--variant", "lost: --init ply:nowhere.ply"]).0, 1);
+    let notes = place.path("b/runs/notes.txt");
+    fs::write(&notes, "years of work").unwrap();
+    let before = place.results("b");
+    assert_eq!(place.run_bench("b", 3, &["--force"]).0, 0);
+    assert_eq!(fs::read_to_string(&notes).unwrap(), "years of work");
+    // The runs were repeated, and those that are no longer in the matrix are gone.
+    let after = place.results("b");
+    assert_eq!((before.len(), after.len()), (6, 4));
+    assert_eq!(names_in(Path::new(&place.path("b/runs"))).len(), 5);
+
+    // A folder that no benchmark has used is refused, whatever its files are called.
+    for name in ["runs/fig.svg", "results.jsonl"] {
+        let folder = place.path(&name.replace('/', "-"));
+        let file = Path::new(&folder).join(name);
+        fs::create_dir_all(file.parent().unwrap()).unwrap();
+        fs::write(&file, "years of work").unwrap();
+        let (code, _, stderr) =
+            run(&["bench", "--scene", &place.path("capture"), "--out", &folder, "--force"]);
+        assert!(code == 2 && stderr.contains("someone else's"), "{code} {stderr}");
+        assert_eq!(fs::read_to_string(&file).unwrap(), "years of work");
+    }
+}
+
+#[test]
+fn parts_merge_to_the_whole_and_charts_compare_pairs() {
     let place = Place::new();
     assert_eq!(place.run_bench("whole", 6, &[]).0, 0);
     for part in ["1/2", "2/2"] {
@@ -220,7 +304,7 @@ fn parts_put_together_are_the_whole_and_charts_compare_pairs() {
     fs::write(&merged, &text).unwrap();
     ok(&["chart", &merged, "-o", &place.path("merged"), "--baseline", "plain", "-q"]);
     assert_eq!(difference(&place.path("merged")), right);
-    // Negative control: pairs that do not belong together have the same mean and another interval.
+    // Negative control: a wrong pairing has the same mean and another interval.
     let permuted: String = text
         .lines()
         .map(|line| {
@@ -239,7 +323,7 @@ fn parts_put_together_are_the_whole_and_charts_compare_pairs() {
 }
 
 #[test]
-fn a_list_makes_nothing_and_a_new_name_costs_no_run() {
+fn a_dry_run_makes_nothing_and_a_new_name_costs_no_run() {
     let place = Place::new();
     let (code, list, _) = place.run_bench("b", 3, &["--dry-run"]);
     assert_eq!(code, 0);
@@ -270,7 +354,7 @@ fn a_list_makes_nothing_and_a_new_name_costs_no_run() {
     assert!(table.contains("after") && !table.contains("before"), "{table}");
     let results = place.results("b");
     assert_eq!((results.len(), &results[1]["utc"]), (2, &first[0]["utc"]));
-    // Results of another build count, not without a word.
+    // Results of another build count, with a warning.
     let build = first[0]["build"].as_str().unwrap();
     let known = Path::new(&out).join("results.jsonl");
     fs::write(&known, fs::read_to_string(&known).unwrap().replace(build, "0ld0ld00")).unwrap();
@@ -282,23 +366,23 @@ fn a_list_makes_nothing_and_a_new_name_costs_no_run() {
 }
 
 #[test]
-fn damaged_results_are_left_out_with_a_warning_or_refused() {
+fn damaged_results_are_skipped_with_a_warning_or_refused() {
     let dir = tempfile::tempdir().unwrap();
     let path = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
     let line = |variant: &str, psnr: &str| {
         format!(
-            "{{\"schema\":\"litetex-results/1\",\"key\":\"{variant}\",\"scene\":\"s\",\"variant\":\"{variant}\",\"budget\":\"b\",\
+            "{{\"schema\":\"litetex-results/2\",\"key\":\"{variant}\",\"scene\":\"s\",\"variant\":\"{variant}\",\"budget\":\"b\",\
              \"seed\":1,\"status\":\"ok\",\"summary\":{{\"quality\":{{\"psnr\":{psnr},\"grad_psnr\":null}},\"curve\":null}}}}\n"
         )
     };
     let good = [line("a", "20.5"), line("</svg><script>", "21"), line("c", "null")].concat();
-    let damage = "{\"schema\":\"litetex-results/2\"}\n{\"schema\":\"litetex-res\n\u{0}\nNaN\n";
+    let damage = "{\"schema\":\"litetex-results/9\"}\n{\"schema\":\"litetex-res\n\u{0}\nNaN\n";
     fs::write(path("r.jsonl"), format!("{damage}{good}{}{}", line("d", "NaN"), line("e", "1e308"))).unwrap();
     let (code, table, stderr) = run(&["chart", &path("r.jsonl"), "-o", &path("out")]);
     assert_eq!(code, 0, "{stderr}");
-    assert!(stderr.contains("litetex-results/2") && stderr.contains("line 2 and 3 more"), "{stderr}");
+    assert!(stderr.contains("litetex-results/9") && stderr.contains("line 2 and 3 more"), "{stderr}");
     assert!(table.contains("20.50") && !table.contains("NaN"), "{table}");
-    let warned = "1 implausible value left out";
+    let warned = "1 implausible value ignored";
     assert!(
         stderr.contains(warned) && stderr.contains("variant \"e\"") && !table.contains("00000"),
         "{stderr}{table}"
@@ -309,11 +393,11 @@ fn damaged_results_are_left_out_with_a_warning_or_refused() {
     for (name, text, code, part) in [
         (
             "foreign.jsonl",
-            "{\"schema\":\"litetex-results/2\"}\n".to_owned(),
+            "{\"schema\":\"litetex-results/9\"}\n".to_owned(),
             3,
-            "expected \"litetex-results/1\"",
+            "expected \"litetex-results/2\"",
         ),
-        ("cut.jsonl", good[..30].to_owned(), 3, "line 1 left out"),
+        ("cut.jsonl", good[..30].to_owned(), 3, "line 1 skipped"),
         ("empty.jsonl", String::new(), 3, "it is empty"),
         ("failed.jsonl", good.replace("\"ok\"", "\"failed\""), 2, "no successful run"),
     ] {
@@ -323,12 +407,50 @@ fn damaged_results_are_left_out_with_a_warning_or_refused() {
         assert!(stdout.is_empty() && stderr.contains(part), "{name}: {stderr}");
     }
     assert!(!Path::new(&path("none")).exists());
-    // Charts are replaced with --force only, and nothing else is.
-    fs::write(path("out/mine.csv"), "1").unwrap();
-    fs::write(path("out/charts/old.svg"), "<svg/>").unwrap();
-    assert_eq!(run(&["chart", &path("r.jsonl"), "-o", &path("out")]).0, 2);
-    ok(&["chart", &path("r.jsonl"), "-o", &path("out"), "--force", "-q"]);
-    assert!(Path::new(&path("out/mine.csv")).exists() && !Path::new(&path("out/charts/old.svg")).exists());
     let (code, _, stderr) = run(&["chart", &path("r.jsonl"), "-o", &path("x"), "--baseline", "z"]);
     assert!(code == 2 && stderr.contains("there are \"a\""), "{stderr}");
+}
+
+#[test]
+fn charts_replace_only_files_that_chart_wrote() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+    let results = |name: &str, scene: &str| {
+        let line = format!(
+            "{{\"schema\":\"litetex-results/2\",\"key\":\"k\",\"scene\":\"{scene}\",\"variant\":\"v\",\"budget\":\"b\",\
+             \"seed\":1,\"status\":\"ok\",\"summary\":{{\"quality\":{{\"psnr\":20.5}},\"size\":{{\"params\":590}}}}}}\n"
+        );
+        fs::write(path(name), line).unwrap();
+        path(name)
+    };
+    let (fox, owl, out) = (results("fox.jsonl", "fox"), results("owl.jsonl", "owl"), path("out"));
+    ok(&["chart", &fox, "-o", &out, "-q"]);
+    let before = names_in(Path::new(&path("out/charts")));
+    assert!(before.iter().all(|name| name.starts_with("fox-")) && !before.is_empty(), "{before:?}");
+    let mine = ["out/mine.csv", "out/charts/mine.svg", "out/tables/mine.csv"];
+    for name in mine {
+        fs::write(path(name), "years of work").unwrap();
+    }
+    assert_eq!(run(&["chart", &owl, "-o", &out]).0, 2);
+    ok(&["chart", &owl, "-o", &out, "--force", "-q"]);
+    for name in mine {
+        assert_eq!(fs::read_to_string(path(name)).unwrap_or_default(), "years of work", "{name}");
+    }
+    // Charts of the earlier results are gone.
+    let after = names_in(Path::new(&path("out/charts")));
+    assert!(after.iter().all(|name| name.starts_with("owl-") || name == "mine.svg"), "{after:?}");
+
+    // Neither a file of the name of a chart nor a folder of someone else is touched.
+    fs::write(path("out/charts/fox-psnr-params.svg"), "a drawing").unwrap();
+    let (code, _, stderr) = run(&["chart", &fox, "-o", &out, "--force"]);
+    assert!(code == 2 && stderr.contains("fox-psnr-params.svg"), "{code} {stderr}");
+    assert_eq!(fs::read_to_string(path("out/charts/fox-psnr-params.svg")).unwrap(), "a drawing");
+    assert!(Path::new(&path("out/charts/owl-psnr-params.svg")).exists());
+    fs::create_dir_all(path("thesis/charts")).unwrap();
+    fs::write(path("thesis/charts/fig1.svg"), "a drawing").unwrap();
+    fs::write(path("thesis/index.html"), "a page").unwrap();
+    let (code, _, stderr) = run(&["chart", &fox, "-o", &path("thesis"), "--force"]);
+    assert!(code == 2 && stderr.contains("thesis"), "{code} {stderr}");
+    assert_eq!(fs::read_to_string(path("thesis/index.html")).unwrap(), "a page");
+    assert_eq!(names_in(Path::new(&path("thesis"))).len(), 2);
 }

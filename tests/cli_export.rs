@@ -199,7 +199,7 @@ fn scenes_are_cut_turned_and_named() {
         "cpu",
     ]);
     let found = json(&["inspect", text(&file)]);
-    let count = |v: &serde_json::Value| v["primitives"].as_u64().unwrap();
+    let count = |v: &serde_json::Value| v["splats"].as_u64().unwrap();
     assert!(count(&found["model"]) > 0 && count(&found["model"]) < count(&whole));
     assert_eq!(
         (&found["provenance"]["author"], &found["provenance"]["title"]),

@@ -92,7 +92,7 @@ fn splats_are_coloured_by_their_maps_on_every_device() {
         "--device",
         "cpu",
     ]));
-    assert_eq!(sizes.iter().map(|c| c.2 as u64).sum::<u64>(), summary["size"]["primitives"]);
+    assert_eq!(sizes.iter().map(|c| c.2 as u64).sum::<u64>(), summary["size"]["splats"]);
     // No texel is finer than two pixels of the nearest camera.
     let finest = sizes.iter().find(|c| c.0 != "none" && c.2 > 0).unwrap();
     assert!(finest.0.trim_end_matches('+').parse::<u32>().unwrap() >= 2, "{sizes:?}");

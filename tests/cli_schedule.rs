@@ -102,14 +102,23 @@ fn charts_are_whole_and_not_replaced_unless_asked() {
     place.schedule(&["--svg", &chart]);
     let text = fs::read_to_string(&chart).unwrap();
     assert!(text.starts_with("<svg ") && text.ends_with("</svg>\n") && !text.contains("NaN"), "{text}");
-    assert!(text.contains("Frequency schedule of capture") && text.contains(">20,000<"));
-    // 20,000 and 15,000 of 30,000 steps, from 70 to 860 across.
-    for (x, meaning) in [("596.7", "full size from here"), ("465.0", "densification ends")] {
-        let line = format!("<path d=\"M{x} ");
-        assert!(text.lines().any(|l| l.starts_with(&line) && l.contains("dasharray")), "{meaning}: {text}");
-        let place = 6.0 + x.parse::<f64>().unwrap();
-        let words = text.lines().find(|l| l.contains(meaning)).unwrap();
-        assert!(words.starts_with(&format!("<text x=\"{place:.1}\"")), "{words}");
+    assert!(text.contains("prefers-color-scheme:dark"));
+    assert!(text.contains("Frequency schedule of capture") && text.contains(">20k<"));
+    // Both panels mark 15,000 and 20,000 of 30,000 steps, at the same places.
+    let number = |line: &str, key: &str| -> f64 {
+        line.split(&format!(" {key}=\"")).nth(1).unwrap().split('"').next().unwrap().parse().unwrap()
+    };
+    let x_of = |part: &str, key: &str| -> Vec<f64> {
+        text.lines().filter(|l| l.contains(part)).map(|l| number(l, key)).collect()
+    };
+    let (events, ticks) = (x_of("<line class=\"lt-event\"", "x1"), [">10k<", ">20k<"].map(|t| x_of(t, "x")));
+    assert_eq!(events.len(), 4);
+    assert_eq!(events[..2], events[2..]);
+    let [ten, twenty] = ticks.map(|x| x[0]);
+    assert!((events[0] - 0.5 * (ten + twenty)).abs() < 0.2 && (events[1] - twenty).abs() < 0.2, "{events:?}");
+    for (event, meaning) in [(0, "densification ends"), (1, "full size from here")] {
+        let words = x_of(meaning, "x");
+        assert!(words.len() == 1 && (words[0] - events[event] - 6.0).abs() < 0.2, "{meaning}: {words:?}");
     }
     let again = ["schedule", &place.path("capture"), "--svg", &chart, "--steps", "600"];
     let (code, stdout, stderr) = run(&again);

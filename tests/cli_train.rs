@@ -72,14 +72,14 @@ fn a_run_leaves_what_the_schema_documents() {
     let table = place.train("run", &["--steps", "30", "--eval-every", "10", "--save-every", "20"]);
     assert!(table.contains("test PSNR") && table.contains("splats"), "{table}");
     let summary = place.json("run/summary.json");
-    assert_eq!(summary["schema"], "litetex-summary/1");
+    assert_eq!(summary["schema"], "litetex-summary/2");
     for (pointer, above) in [
         ("/quality/psnr", 5.0),
         ("/quality/grad_psnr", 5.0),
         ("/quality/ssim_3dgs", -1.0),
         ("/quality/ssim_valid", -1.0),
         ("/quality/flip", 0.0),
-        ("/size/primitives", 99.0),
+        ("/size/splats", 99.0),
         // Measured: 1,140, 2 x 2 for most of 300 splats.
         ("/size/texels", 799.0),
         ("/size/params", 0.0),

@@ -1,9 +1,7 @@
 //! `litetex bench-kernels`: what a training step costs on a GPU. The measuring is `gpu::bench`'s business;
 //! here a scene is chosen and figures are printed. JSON: `docs/bench-kernels-schema.md`.
 
-use super::device_kit::{self, Kit};
 use super::log::Log;
-use super::outputs;
 use super::values::parse_duration_secs;
 use std::path::PathBuf;
 
@@ -39,50 +37,33 @@ pub struct BenchKernelsArgs {
     /// End in about this time, loading included, but not before the first step: 90s, 2m [default: no limit]
     #[arg(long, value_name = "TIME", value_parser = parse_duration_secs)]
     max_time: Option<f64>,
-    /// Run everything of scripts/device-kit and put it together in a folder
-    #[arg(long, value_name = "DIR", hide = true, requires = "capture")]
-    kit: Option<PathBuf>,
-    /// Training time for each size of the kit, seconds
-    #[arg(long, value_name = "N", hide = true, requires = "kit", value_parser = clap::value_parser!(u32).range(1..=60))]
-    kit_seconds: Option<u32>,
-    /// Small sizes and few steps, for trying the kit
-    #[arg(long, hide = true, requires = "kit")]
-    kit_tiny: bool,
-    /// Also the long trainings of the kit, which take as long as they take
-    #[arg(long, hide = true, requires = "kit")]
-    kit_long: bool,
 }
 
-/// Measures and prints a table.
-pub fn run(args: &BenchKernelsArgs, log: &Log) -> anyhow::Result<()> {
-    if let Some(json) = &args.json {
-        outputs::check_free(std::slice::from_ref(json), args.force)?;
-    }
-    let (Some(folder), Some(capture)) = (&args.kit, &args.capture) else { return measured(args, log) };
-    device_kit::run(&Kit {
-        capture: capture.clone(),
-        folder: folder.clone(),
-        device: args.device.clone(),
-        tiny: args.kit_tiny,
-        long: args.kit_long,
-        train_secs: args.kit_seconds,
-    })
-}
-
+/// Refuses: only GPUs have kernels to measure.
 #[cfg(not(feature = "gpu"))]
-fn measured(args: &BenchKernelsArgs, _log: &Log) -> anyhow::Result<()> {
-    let _ = (args.max_resolution, args.splats, args.steps, args.sort, &args.json, args.max_time);
+pub fn run(args: &BenchKernelsArgs, _log: &Log) -> anyhow::Result<()> {
+    let _ = (
+        &args.capture,
+        args.max_resolution,
+        args.splats,
+        args.steps,
+        args.sort,
+        &args.json,
+        args.max_time,
+        args.force,
+    );
     let what = format!("{:?}: this build has no GPUs; build it with the feature \"gpu\"", args.device);
     Err(litetex_gs::Error::unsupported("bench-kernels", what).into())
 }
 
 #[cfg(feature = "gpu")]
-use with_gpu::measured;
+pub use with_gpu::run;
 
 #[cfg(feature = "gpu")]
 mod with_gpu {
     use super::super::capture::{self, Capture, InitSource, LoadOptions};
     use super::super::devices::open_gpu_backend;
+    use super::super::outputs;
     use super::super::table::Table;
     use super::super::values::{format_bytes, format_count};
     use super::{BenchKernelsArgs, Log};
@@ -147,7 +128,11 @@ mod with_gpu {
         skipped: Option<String>,
     }
 
-    pub fn measured(args: &BenchKernelsArgs, log: &Log) -> anyhow::Result<()> {
+    /// Measures and prints a table.
+    pub fn run(args: &BenchKernelsArgs, log: &Log) -> anyhow::Result<()> {
+        if let Some(json) = &args.json {
+            outputs::check_free(std::slice::from_ref(json), args.force)?;
+        }
         let start = Instant::now();
         let deadline_after = |secs: f64| Deadline::new(Some(start + Duration::from_secs_f64(secs)));
         let deadline = args.max_time.map_or(Deadline::new(None), deadline_after);

@@ -1,21 +1,20 @@
-//! `litetex chart`: reads results, has charts and tables made of them, writes the files.
+//! `litetex chart`: reads results, has charts and tables made of them, and writes the files.
 
+use super::lab;
 use super::log::Log;
-use litetex_gs::chart::{Clock, Options, build};
-use litetex_gs::{Error, Report, Result, atomic_file, results};
-use std::io::Write;
+use litetex_gs::{Error, Report, Result, atomic_file};
+use litetex_lab::chart::{Clock, MANIFEST, Options, Output, PAGE, build, manifest_entries};
+use litetex_lab::results;
+use std::collections::HashSet;
+use std::fs;
+use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
-
-/// The page.
-const PAGE: &str = "index.html";
-/// What is written; `--force` removes these and nothing else.
-const OURS: [&str; 4] = [PAGE, "tables.md", "charts", "tables"];
 
 /// Make charts and tables of the results of "litetex bench"
 ///
-/// Writes index.html with everything, for browsers and without network; charts/ with every chart as SVG,
-/// tables/ with every table as CSV, and tables.md. Runs nothing: whatever lines are in the files is compared, each variant
-/// with the baseline, paired by scene, seed and budget.
+/// Writes index.html with everything, for browsers and without network; charts/ with every chart as SVG, tables/ with
+/// every table as CSV, and tables.md. Runs nothing: compares the runs in the files, each variant with the baseline,
+/// paired by scene, seed and budget.
 #[derive(clap::Args)]
 pub struct ChartArgs {
     /// Files of results, or folders of benchmarks; of equal runs the last counts
@@ -27,13 +26,13 @@ pub struct ChartArgs {
     /// Variant that the others are compared with [default: the first]
     #[arg(long, value_name = "VARIANT")]
     baseline: Option<String>,
-    /// Count the times of runs that were made on a busy machine
+    /// Include the times of runs that were made on a busy machine
     #[arg(long)]
     include_noisy: bool,
-    /// Which time: auto is cpu where every run was computed by the CPU, else wall
+    /// Which time: auto is cpu if every run used the CPU as its device, else wall
     #[arg(long, value_name = "CLOCK", default_value = "auto")]
     clock: ClockArg,
-    /// Replace charts and tables in a folder that is not empty; files that are not ours stay
+    /// Replace the files that an earlier "litetex chart" wrote into the folder; other files stay
     #[arg(long)]
     force: bool,
 }
@@ -49,12 +48,13 @@ enum ClockArg {
     Wall,
 }
 
-/// Reads, makes, writes, and prints the main table.
+/// Reads results, writes the files and prints the main table.
 ///
 /// # Errors
-/// [`Error::Io`], [`Error::InvalidInput`] for a file without a line that can be used, [`Error::Usage`].
+/// [`Error::Io`], [`Error::InvalidInput`] for a file without usable results, [`Error::Usage`] for a folder with other
+/// contents.
 pub fn run(args: &ChartArgs, log: &Log) -> anyhow::Result<()> {
-    check_free(&args.out, args.force)?;
+    let earlier = earlier_files(&args.out, args.force)?;
     let mut report = Report::default();
     let files = args.results.iter().map(|path| read(path, &mut report)).collect::<Result<Vec<_>>>()?;
     log.report(&report);
@@ -64,61 +64,87 @@ pub fn run(args: &ChartArgs, log: &Log) -> anyhow::Result<()> {
         ClockArg::Wall => Clock::Wall,
     };
     let options = Options { baseline: args.baseline.clone(), include_noisy: args.include_noisy, clock };
-    let output = build(files, &options)?;
-    log.report(&output.report);
-    if args.force {
-        remove_ours(&args.out)?;
-    }
-    for (name, text) in &output.files {
-        let path = args.out.join(name);
-        if let Some(parent) = path.parent() {
-            std::fs::create_dir_all(parent).map_err(|e| Error::io(parent, e))?;
-        }
-        atomic_file::write(&path, text.as_bytes())?;
-    }
+    let output = build(files, &options).map_err(lab::error)?;
+    replace(&args.out, &earlier, &output)?;
+    log.report(&lab::report(output.report));
     let mut out = std::io::stdout().lock();
     write!(out, "{}", output.results_markdown)?;
-    log.info(&format!("{} files; look at {}", output.files.len(), args.out.join(PAGE).display()));
+    log.info(&format!("{} files; open {}", output.files.len(), args.out.join(PAGE).display()));
     Ok(out.flush()?)
 }
 
 fn read(path: &Path, report: &mut Report) -> Result<Vec<results::Record>> {
     let file = if path.is_dir() { path.join("results.jsonl") } else { path.to_owned() };
-    let (records, found) = results::read(&file)?;
+    let (records, found) = results::read(&file).map_err(lab::error)?;
     if records.is_empty() {
         let why = found.warnings.first().map_or("it is empty".to_owned(), |w| w.message.clone());
         return Err(Error::invalid(
             &file,
-            format!("no line of results that can be used, expected what litetex bench writes: {why}"),
+            format!("no usable line of results, expected what litetex bench writes: {why}"),
         ));
     }
-    report.merge(found);
+    report.merge(lab::report(found));
     Ok(records)
 }
 
-fn check_free(folder: &Path, force: bool) -> Result<()> {
-    if folder.is_file() {
-        return Err(Error::Usage(format!("{}: is a file, not a folder", folder.display())));
+/// The files that an earlier `chart` wrote into the folder; refuses a folder with other contents, and without `force`
+/// any that is not empty.
+fn earlier_files(folder: &Path, force: bool) -> Result<Vec<String>> {
+    let mut entries = match fs::read_dir(folder) {
+        Ok(entries) => entries,
+        Err(e) if e.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
+        Err(_) if folder.is_file() => {
+            return Err(Error::Usage(format!("{}: is a file, not a folder", folder.display())));
+        }
+        Err(e) => return Err(Error::io(folder, e)),
+    };
+    if entries.next().is_none() {
+        return Ok(Vec::new());
     }
-    let is_empty = std::fs::read_dir(folder).map_or(true, |mut entries| entries.next().is_none());
-    if force || is_empty {
-        return Ok(());
+    if !force {
+        return Err(Error::Usage(format!(
+            "{}: the output folder is not empty; --force replaces the charts and tables in it",
+            folder.display()
+        )));
     }
-    Err(Error::Usage(format!(
-        "{}: the output folder is not empty; --force replaces the charts and tables in it",
-        folder.display()
-    )))
+    let manifest = folder.join(MANIFEST);
+    match fs::read_to_string(&manifest) {
+        Ok(text) => Ok(manifest_entries(&text)),
+        Err(e) if e.kind() == ErrorKind::NotFound => Err(Error::Usage(format!(
+            "{}: the folder is not empty and contains no {MANIFEST}, so litetex chart did not write it; choose \
+             another folder",
+            folder.display()
+        ))),
+        Err(e) => Err(Error::io(&manifest, e)),
+    }
 }
 
-/// Charts of other results would look like charts of these.
-fn remove_ours(folder: &Path) -> Result<()> {
-    for path in OURS.map(|name| folder.join(name)) {
-        let removed = match std::fs::symlink_metadata(&path) {
-            Ok(meta) if meta.is_dir() => std::fs::remove_dir_all(&path),
-            Ok(_) => std::fs::remove_file(&path),
-            Err(_) => Ok(()),
-        };
-        removed.map_err(|e| Error::io(&path, e))?;
+/// Replaces earlier charts and tables: of other results, they would look like charts of these.
+fn replace(folder: &Path, earlier: &[String], output: &Output) -> Result<()> {
+    let ours: HashSet<&str> = earlier.iter().map(String::as_str).collect();
+    if let Some((name, _)) =
+        output.files.iter().find(|(name, _)| !ours.contains(&**name) && folder.join(name).exists())
+    {
+        return Err(Error::Usage(format!(
+            "{}: litetex chart did not write this file and will not replace it; move it away, or choose another \
+             folder",
+            folder.join(name).display()
+        )));
+    }
+    // The manifest stays until it is replaced, in case this is interrupted.
+    for name in earlier.iter().filter(|name| *name != MANIFEST) {
+        let path = folder.join(name);
+        match fs::remove_file(&path) {
+            Err(e) if e.kind() != ErrorKind::NotFound => return Err(Error::io(&path, e)),
+            _ => {}
+        }
+    }
+    for (name, text) in &output.files {
+        let path = folder.join(name);
+        if let Some(parent) = path.parent() {
+            fs::create_dir_all(parent).map_err(|e| Error::io(parent, e))?;
+        }
+        atomic_file::write(&path, text.as_bytes())?;
     }
     Ok(())
 }

@@ -105,7 +105,7 @@ fn of_model(model: &Model) -> Value {
     let in_capture = |p: &[f32; 3]| model.capture_from_local.transform_point(Vec3::from(*p).as_dvec3());
     let (low, high) = bounds(positions.map(in_capture));
     json!({
-        "primitives": model.num_splats(),
+        "splats": model.num_splats(),
         "texels": model.num_texels(),
         "params": model.num_params(),
         "sh_degree": model.splats.sh_degree,
@@ -134,7 +134,7 @@ fn of_asset(asset: &SplatAsset) -> Value {
         json!({ "min": low, "max": high })
     };
     let mut found = json!({
-        "primitives": asset.num_splats(),
+        "splats": asset.num_splats(),
         "texels": asset.num_texels(),
         "params": model_from_asset(asset).num_params(),
         "sh_degree": asset.sh_degree,

@@ -20,7 +20,7 @@ const LOSS_SMOOTHING: f64 = 0.05;
 pub struct StepFigures {
     pub step: u32,
     pub loss: f64,
-    pub primitives: usize,
+    pub splats: usize,
     pub texels: usize,
     pub train_wall_secs: f64,
     pub remaining_secs: f64,
@@ -97,7 +97,7 @@ impl<'a> Progress<'a> {
             rate.map(|r| if r >= 10.0 { format!("{r:.0} it/s") } else { format!("{r:.2} it/s") }),
             Some(format!("loss {loss:.4}")),
             self.psnr.map(|p| format!("test {p:.2} dB")),
-            Some(format!("{} splats", format_count(f.primitives as u64))),
+            Some(format!("{} splats", format_count(f.splats as u64))),
             Some(format!("{} texels", format_count(f.texels as u64))),
             memory.map(format_bytes),
             Some(format!("ETA {}", format_duration(eta_secs))),
@@ -110,7 +110,7 @@ impl<'a> Progress<'a> {
         }
         let fields = json!({
             "step": f.step, "steps": self.steps, "it_per_sec": rate, "loss": loss, "psnr_test": self.psnr,
-            "primitives": f.primitives, "texels": f.texels, "memory_bytes": memory, "eta_secs": eta_secs,
+            "splats": f.splats, "texels": f.texels, "memory_bytes": memory, "eta_secs": eta_secs,
         });
         self.log.event("progress", &format!("step {}/{}: {text}", f.step, self.steps), fields);
     }

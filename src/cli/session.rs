@@ -110,7 +110,7 @@ impl<'a> Session<'a> {
                 texture_cap,
                 wall_secs,
             } => self.metric(json!({ "event": "density-control", "step": step, "counts": counts,
-                "num_splats": num_splats, "num_texels": num_texels, "render_scale": render_scale,
+                "splats": num_splats, "texels": num_texels, "render_scale": render_scale,
                 "texture_cap": texture_cap, "wall_secs": wall_secs }))?,
             TrainEvent::EvalView { step, view, image } => self.eval_view(step, view, image)?,
             TrainEvent::Evaluated { step, evaluation, point, last } => {
@@ -154,14 +154,14 @@ impl<'a> Session<'a> {
         self.progress.step(StepFigures {
             step,
             loss: loss.total,
-            primitives: num_splats,
+            splats: num_splats,
             texels: num_texels,
             train_wall_secs,
             remaining_secs,
         });
         if step == 1 || step.is_multiple_of(METRICS_EVERY) || step == self.config.train.steps {
             self.metric(json!({ "event": "step", "step": step, "view": self.views.name(view),
-                "loss": loss, "primitives": num_splats, "texels": num_texels,
+                "loss": loss, "splats": num_splats, "texels": num_texels,
                 "train_wall_secs": train_wall_secs, "train_cpu_secs": train_cpu_secs,
                 "counters": counters(report), "stages_secs": stages(report),
                 "non_finite_gradients": report.non_finite_gradients }))?;

@@ -10,8 +10,8 @@ use litetex_gs::{Result, Warning, atomic_file};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// Name and version of the schema.
-pub const SCHEMA: &str = "litetex-summary/1";
+/// Identifier and version of the schema.
+pub const SCHEMA: &str = "litetex-summary/2";
 /// Why LPIPS is null.
 pub const LPIPS_REASON: &str =
     "needs network weights that are not shipped: compute it from the images in eval/";
@@ -122,9 +122,10 @@ impl From<&Evaluation> for Quality {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Size {
     /// Number of splats.
-    pub primitives: usize,
+    pub splats: usize,
+    /// Number of texels of all texture maps.
     pub texels: usize,
-    /// Number of parameters: 59 per splat and 3 per texel, as published.
+    /// 59 per splat and 3 per texel, as published.
     pub params: usize,
     /// Size of the last checkpoint, which includes the optimiser.
     pub checkpoint_bytes: u64,

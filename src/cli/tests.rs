@@ -106,7 +106,7 @@ fn play(session: &mut Session<'_>, views: &TestViews, done: u32, steps: u32) -> 
             cpu_secs: 1.0,
             psnr_test: evaluation.psnr,
             grad_psnr_test: evaluation.grad_psnr,
-            primitives: 1,
+            splats: 1,
             texels: 4,
         };
         let last = step == steps;

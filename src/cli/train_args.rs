@@ -37,7 +37,10 @@ pub struct TrainArgs {
     /// Also write the trained scene as an asset; several files may follow. "litetex export" has more options
     #[arg(long, value_name = "FILE", num_args = 1..)]
     pub export: Vec<PathBuf>,
-    /// Where to compute: auto, gpu, or a name listed by "litetex devices"
+    /// Stop at once when standard input ends: "litetex bench" starts its runs this way
+    #[arg(long, hide = true)]
+    pub end_with_stdin: bool,
+    /// Where to compute: auto, gpu, or a name that "litetex devices" lists
     #[arg(long, value_name = "NAME", default_value = "auto", help_heading = "Device")]
     pub device: String,
     #[command(flatten)]

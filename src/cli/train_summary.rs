@@ -63,7 +63,7 @@ impl Outcome<'_> {
             stopped_by: reason_name(reason).to_owned(),
             quality: self.evaluation.map(Quality::from),
             size: Size {
-                primitives: state.model.num_splats(),
+                splats: state.model.num_splats(),
                 texels: state.model.num_texels(),
                 params: state.model.num_params(),
                 checkpoint_bytes: self.checkpoint.map_or(0, file_bytes),
@@ -152,7 +152,7 @@ pub fn print(s: &Summary) -> std::io::Result<()> {
         table.row("test SSIM (3DGS / valid)", format!("{:.4} / {:.4}", q.ssim_3dgs, q.ssim_valid));
         table.row("test FLIP", format!("{:.4}", q.flip));
     }
-    table.row("splats", format_count(s.size.primitives as u64));
+    table.row("splats", format_count(s.size.splats as u64));
     table.row("texels", format_count(s.size.texels as u64));
     table.row("parameters", format_count(s.size.params as u64));
     table.row("checkpoint", format_bytes(s.size.checkpoint_bytes));

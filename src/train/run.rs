@@ -421,7 +421,7 @@ impl Trainer<'_> {
             cpu_secs: history.train_cpu_secs,
             psnr_test: evaluation.psnr,
             grad_psnr_test: evaluation.grad_psnr,
-            primitives: self.size[0],
+            splats: self.size[0],
             texels: self.size[1],
         };
         history.curve.retain(|p| p.step != step);

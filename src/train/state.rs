@@ -20,8 +20,8 @@ pub struct CurvePoint {
     /// Mean gradient-PSNR of the test views, dB.
     pub grad_psnr_test: f64,
     /// Splats of the model.
-    pub primitives: usize,
-    /// Texels over all maps.
+    pub splats: usize,
+    /// Texels of all maps.
     pub texels: usize,
 }
 

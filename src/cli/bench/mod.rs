@@ -1,88 +1,83 @@
-//! `litetex bench`: runs a matrix of trainings and collects one line of results for each. `matrix` says which
-//! runs there are, `cell` makes one, `machine` judges how quiet it was; here is what happens between them.
+//! `litetex bench`: runs a matrix of trainings in processes of their own and collects one line of results for each.
+//! The matrix and the results are `litetex-lab`'s.
 
-mod cell;
-mod machine;
-mod matrix;
-mod tell;
-mod words;
+mod folder;
+mod messages;
+pub mod orphan;
+mod runner;
+mod training;
 
 use super::interrupt::Interrupt;
 use super::log::Log;
 use super::values::parse_duration_secs;
-use cell::Runner;
-use litetex_gs::results::{self, Record, Status};
+use super::{forecast, lab};
+use folder::{RESULTS, RUNS};
 use litetex_gs::{Error, Result};
-use matrix::{Cell, Matrix, Scene, Setting};
-use std::fs::{File, TryLockError};
+use litetex_lab::matrix::{Cell, Matrix, NamedArgs, SceneEntry, check_captures, shard};
+use litetex_lab::results::{self, Record, Status};
+use litetex_lab::{machine, words};
+use runner::Runner;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, mpsc};
 use std::time::Instant;
-
-/// File of the results in the folder of a benchmark.
-const RESULTS: &str = "results.jsonl";
-/// Folder of the runs in it.
-const RUNS: &str = "runs";
-/// File that is locked while a benchmark works in the folder.
-const LOCK: &str = ".bench.lock";
+use training::Training;
 
 /// Train a matrix of scenes, variants, budgets and seeds, and collect the results
 ///
-/// Every run is a "litetex train" of its own and leaves one line in results.jsonl, failed ones too. Called
-/// again with the same folder, finished runs are skipped; so a benchmark that was interrupted goes on where
-/// it was. Results of several folders or machines are merged by concatenating the files. "litetex chart"
-/// makes charts and tables of them.
+/// Every run is a "litetex train" of its own and adds one line to results.jsonl, even if it fails. Called again with
+/// the same folder, bench skips finished runs, and so continues an interrupted benchmark. Results of several folders
+/// or machines are merged by concatenating the files. "litetex chart" makes charts and tables of them.
 #[derive(clap::Args)]
 pub struct BenchArgs {
     /// Folder for the results
     #[arg(long, short, value_name = "FOLDER")]
     out: PathBuf,
     /// Matrix as a TOML file with tables scene (path), variant and budget (name), each with args, and the lists seeds
-    /// and common; docs/results-schema.md shows one. What flags give replaces what the file says
+    /// and common; docs/results-schema.md shows one. Flags replace what the file says
     #[arg(long, value_name = "FILE", help_heading = "Matrix")]
     config: Option<PathBuf>,
-    /// Captures: DIR or "NAME: DIR"
+    /// Captures: CAPTURE or "NAME: CAPTURE"
     #[arg(long, value_name = "SCENE", num_args = 1.., value_parser = words::parse_scene, help_heading = "Matrix")]
-    scene: Vec<Scene>,
-    /// What is compared: "NAME: ARGUMENTS of litetex train", or the name of a policy alone: plain, fixed:4; once for
-    /// each
-    #[arg(long, value_name = "VARIANT", value_parser = words::parse_setting, help_heading = "Matrix")]
-    variant: Vec<Setting>,
-    /// At which sizes or lengths: "NAME: ARGUMENTS"; once for each
-    #[arg(long, value_name = "BUDGET", value_parser = words::parse_setting, help_heading = "Matrix")]
-    budget: Vec<Setting>,
+    scene: Vec<SceneEntry>,
+    /// What to compare: "NAME: ARGUMENTS of litetex train", or just the name of a policy such as fixed:4; may be
+    /// repeated
+    #[arg(long, value_name = "VARIANT", value_parser = words::parse_named_args, help_heading = "Matrix")]
+    variant: Vec<NamedArgs>,
+    /// Size or length at which to compare: "NAME: ARGUMENTS"; may be repeated
+    #[arg(long, value_name = "BUDGET", value_parser = words::parse_named_args, help_heading = "Matrix")]
+    budget: Vec<NamedArgs>,
     /// Repetitions: numbers and ranges like 1,2,5-8 [default: 42]
     #[arg(long, value_name = "SEEDS", help_heading = "Matrix")]
     seeds: Option<String>,
-    /// Arguments of all runs; variants and budgets win over them
+    /// Arguments of all runs; those of variants and budgets take precedence
     #[arg(long, value_name = "ARGUMENTS", allow_hyphen_values = true, value_parser = parse_words, help_heading = "Matrix")]
     common: Option<Words>,
-    /// Make only this part of the matrix: 1/3, 2/3, 3/3 are three machines' shares
+    /// Make only this part of the matrix: 1/3, 2/3 and 3/3 divide it among three machines
     #[arg(long, value_name = "PART/PARTS", value_parser = words::parse_shard, default_value = "1/1")]
     shard: (usize, usize),
-    /// Runs at the same time; with more than 1 no times are trusted
+    /// Number of runs at the same time; with more than 1, their times do not count
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=256))]
     jobs: u16,
     /// Stop a run after this time and count it as failed: 90s, 20m, 1h30m [default: no limit]
     #[arg(long, value_name = "TIME", value_parser = parse_duration_secs)]
     timeout: Option<f64>,
-    /// Go on with what is not finished yet; the default where the folder holds results
+    /// Continue with the unfinished runs; the default if the folder contains results
     #[arg(long, conflicts_with = "force")]
     resume: bool,
-    /// Make failed runs again
+    /// Repeat failed runs
     #[arg(long)]
     retry_failed: bool,
-    /// Stop at the first failed run instead of going on with the others
+    /// Stop at the first failed run instead of continuing with the others
     #[arg(long)]
     fail_fast: bool,
     /// Keep checkpoints, images and metrics of the runs, not only summary.json and config.toml
     #[arg(long)]
     keep_runs: bool,
-    /// Delete the results and runs of an earlier benchmark in the folder and start anew
+    /// Delete the results and runs of an earlier benchmark in the folder and start from scratch
     #[arg(long)]
     force: bool,
-    /// Run nothing: list the runs, what is done and how long the rest will take, where runs like them are done
+    /// Run nothing: list the runs, which are done, and how long the others will take as far as similar runs tell
     #[arg(long, visible_alias = "estimate")]
     dry_run: bool,
 }
@@ -95,23 +90,25 @@ fn parse_words(text: &str) -> Result<Words, String> {
     words::split_words(text).map(Words)
 }
 
-/// Runs what is left of the matrix and prints a table.
+/// Makes the unfinished runs of the matrix and prints a table of all.
 ///
 /// # Errors
-/// [`Error::CheckFailed`] if a run failed, [`Error::Interrupted`], [`Error::Usage`] for a matrix with slips.
+/// [`Error::CheckFailed`] if a run failed, [`Error::Interrupted`], [`Error::Usage`] for a mistake in the matrix,
+/// [`Error::InvalidInput`] for a missing capture.
 pub fn run(args: &BenchArgs, threads: Option<u16>, log: &Log) -> anyhow::Result<()> {
-    let cells = matrix_of(args, threads)?.cells()?;
+    let cells = matrix_of(args, threads)?.cells(&Training).map_err(lab::error)?;
     let total = cells.len();
     let (part, parts) = args.shard;
-    let cells = matrix::shard(cells, part, parts);
+    let cells = shard(cells, part, parts);
     let file = args.out.join(RESULTS);
-    let (known, _lock) = open_folder(args, &file, log)?;
-    let build = machine::build();
-    log.report(&tell::other_builds(&known, &build, &file));
+    let (known, _lock) = folder::open(args, &file, log)?;
+    let build = build();
+    log.report(&messages::other_builds(&known, &build, &file));
     let left: Vec<&Cell> = cells.iter().filter(|c| !is_done(&known, c, args.retry_failed)).collect();
     if args.dry_run {
-        return Ok(tell::list(&cells, &left, &known)?);
+        return Ok(messages::list(&cells, &left, &known)?);
     }
+    check_captures(&left).map_err(lab::error)?;
     rename(&cells, &known, &file)?;
     if parts > 1 {
         log.info(&format!("part {part} of {parts}: {} of {total} runs", cells.len()));
@@ -120,14 +117,14 @@ pub fn run(args: &BenchArgs, threads: Option<u16>, log: &Log) -> anyhow::Result<
         log.info(&format!("{} of {} runs are done already", cells.len() - left.len(), cells.len()));
     }
     let outcome = run_cells(args, &left, cells.len(), &file, build, log);
-    let records = read_results(&file, log)?;
+    let records = folder::read_results(&file, log)?;
     let mine: Vec<&Record> = cells.iter().filter_map(|c| records.iter().find(|r| r.key == c.key)).collect();
-    tell::print_table(&mine)?;
+    messages::print_table(&mine)?;
     outcome?;
     let failed = mine.iter().filter(|r| r.status == Status::Failed).count();
     if failed > 0 {
         return Err(Error::CheckFailed(format!(
-            "{failed} of {} runs failed: see \"error\" in {} and {}; --retry-failed makes them again",
+            "{failed} of {} runs failed: see \"error\" in {} and {}; --retry-failed repeats them",
             mine.len(),
             file.display(),
             args.out.join(RUNS).join("*.log").display()
@@ -138,7 +135,8 @@ pub fn run(args: &BenchArgs, threads: Option<u16>, log: &Log) -> anyhow::Result<
 }
 
 fn matrix_of(args: &BenchArgs, threads: Option<u16>) -> Result<Matrix> {
-    let mut matrix = args.config.as_deref().map(Matrix::read).transpose()?.unwrap_or_default();
+    let mut matrix =
+        args.config.as_deref().map(Matrix::read).transpose().map_err(lab::error)?.unwrap_or_default();
     if !args.scene.is_empty() {
         matrix.scenes.clone_from(&args.scene);
     }
@@ -160,81 +158,30 @@ fn matrix_of(args: &BenchArgs, threads: Option<u16>) -> Result<Matrix> {
     Ok(matrix)
 }
 
-/// Results so far, and what keeps others out of the folder; refuses a folder with other things in it.
-fn open_folder(args: &BenchArgs, file: &Path, log: &Log) -> Result<(Vec<Record>, Option<File>)> {
-    let folder = &args.out;
-    if folder.is_file() {
-        return Err(Error::Usage(format!("{}: is a file, not a folder", folder.display())));
-    }
-    // A benchmark that was stopped in its first run leaves no results.
-    let is_ours = |e: std::io::Result<std::fs::DirEntry>| {
-        e.is_ok_and(|e| e.file_name() == RUNS || e.file_name() == LOCK)
-    };
-    let is_empty = std::fs::read_dir(folder).map_or(true, |mut entries| entries.all(is_ours));
-    if !(is_empty || file.exists() || args.force || args.resume) {
-        return Err(Error::Usage(format!(
-            "{}: the folder is not empty and holds no {RESULTS}; choose another, or add --force: files that are not \
-             ours stay",
-            folder.display()
-        )));
-    }
-    if args.dry_run {
-        return Ok((if args.force { Vec::new() } else { read_results(file, log)? }, None));
-    }
-    let lock = lock(folder)?;
-    if args.force {
-        let runs = folder.join(RUNS);
-        if file.exists() {
-            std::fs::remove_file(file).map_err(|e| Error::io(file, e))?;
-        }
-        if runs.exists() {
-            std::fs::remove_dir_all(&runs).map_err(|e| Error::io(&runs, e))?;
-        }
-    }
-    Ok((read_results(file, log)?, Some(lock)))
-}
-
-/// Keeps other benchmarks out of the folder until it is dropped.
-fn lock(folder: &Path) -> Result<File> {
-    std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
-    let path = folder.join(LOCK);
-    let file = File::create(&path).map_err(|e| Error::io(&path, e))?;
-    match file.try_lock() {
-        Err(TryLockError::WouldBlock) => Err(Error::Usage(format!(
-            "{}: another benchmark works in this folder; wait for it, or choose another folder",
-            folder.display()
-        ))),
-        // Not every file system can lock; two at a time are the user's business there.
-        Ok(()) | Err(TryLockError::Error(_)) => Ok(file),
-    }
-}
-
-fn read_results(file: &Path, log: &Log) -> Result<Vec<Record>> {
-    if !file.exists() {
-        return Ok(Vec::new());
-    }
-    let (records, report) = results::read(file)?;
-    log.report(&report);
-    Ok(results::latest(records))
+/// CRC-32 of this program's file; empty if it cannot be read.
+fn build() -> String {
+    let bytes = std::env::current_exe().and_then(std::fs::read);
+    bytes.map_or(String::new(), |b| format!("{:08x}", crc32fast::hash(&b)))
 }
 
 fn is_done(known: &[Record], cell: &Cell, retry_failed: bool) -> bool {
     known.iter().any(|r| r.key == cell.key && (r.status == Status::Ok || !retry_failed))
 }
 
-/// A run that is done may have got another name, or place, in the matrix since; a new line tells.
+/// A finished run may have another name or position in the matrix by now; records these in a new line.
 fn rename(cells: &[Cell], known: &[Record], file: &Path) -> Result<()> {
     for cell in cells {
         let Some(record) = known.iter().find(|r| r.key == cell.key) else { continue };
         if (&record.variant, &record.budget, record.cell) != (&cell.variant, &cell.budget, cell.index) {
             let (variant, budget) = (cell.variant.clone(), cell.budget.clone());
-            results::append(file, &Record { variant, budget, cell: cell.index, ..record.clone() })?;
+            results::append(file, &Record { variant, budget, cell: cell.index, ..record.clone() })
+                .map_err(lab::error)?;
         }
     }
     Ok(())
 }
 
-/// Makes the runs in `jobs` threads; results are written and told here, in the order in which runs end.
+/// Makes the unfinished runs in `jobs` threads; their results are written and reported here, as they end.
 fn run_cells(
     args: &BenchArgs,
     left: &[&Cell],
@@ -246,20 +193,8 @@ fn run_cells(
     if left.is_empty() {
         return Ok(());
     }
-    let jobs = usize::from(args.jobs);
     let interrupt = Interrupt::listen(log, "ending the runs in progress")?;
-    let runner = Runner {
-        program: std::env::current_exe()
-            .map_err(|e| Error::Device(format!("cannot find this program: {e}")))?,
-        runs: args.out.join(RUNS),
-        keep_runs: args.keep_runs,
-        jobs,
-        timeout_secs: args.timeout,
-        interrupt: interrupt.clone(),
-        hardware: machine::hardware(),
-        build,
-        busy: Mutex::new(Vec::new()),
-    };
+    let runner = runner(args, interrupt.clone(), build)?;
     let (next, stop) = (AtomicUsize::new(0), AtomicBool::new(false));
     let (sender, receiver) = mpsc::channel();
     let work = |sender: mpsc::Sender<Result<Option<Record>>>| {
@@ -277,7 +212,7 @@ fn run_cells(
         }
     };
     std::thread::scope(|scope| -> Result<()> {
-        for _ in 0..jobs.min(left.len()) {
+        for _ in 0..runner.jobs.min(left.len()) {
             let sender = sender.clone();
             scope.spawn(|| work(sender));
         }
@@ -286,16 +221,33 @@ fn run_cells(
         let mut done = 0;
         for outcome in &receiver {
             let Some(record) = outcome? else { continue };
-            results::append(file, &record).inspect_err(|_| stop.store(true, Ordering::SeqCst))?;
+            results::append(file, &record)
+                .inspect_err(|_| stop.store(true, Ordering::SeqCst))
+                .map_err(lab::error)?;
             done += 1;
             let secs_left = started.elapsed().as_secs_f64() / done as f64 * (left.len() - done) as f64;
-            tell::tell(log, &record, all - left.len() + done, all, secs_left);
+            messages::finished(log, &record, all - left.len() + done, all, secs_left);
         }
         Ok(())
     })?;
     if interrupt.is_requested() {
-        log.info(&format!("results so far are in {}; the same command goes on", file.display()));
+        log.info(&format!("results so far are in {}; the same command continues", file.display()));
         return Err(Error::Interrupted);
     }
     Ok(())
+}
+
+fn runner(args: &BenchArgs, interrupt: Interrupt, build: String) -> Result<Runner> {
+    Ok(Runner {
+        program: std::env::current_exe()
+            .map_err(|e| Error::Device(format!("cannot find this program: {e}")))?,
+        runs: args.out.join(RUNS),
+        keep_runs: args.keep_runs,
+        jobs: usize::from(args.jobs),
+        timeout_secs: args.timeout,
+        interrupt,
+        hardware: machine::hardware(forecast::machine_bytes()),
+        build,
+        own_load: Mutex::new(Vec::new()),
+    })
 }

@@ -81,7 +81,7 @@ fn history(n: usize) -> TrainHistory {
             cpu_secs: 0.7,
             psnr_test: 100.0,
             grad_psnr_test: 31.5,
-            primitives: n,
+            splats: n,
             texels: 12,
         }],
     }

@@ -1,0 +1,111 @@
+//! The measures of a run: name, unit, location in the summary, and which direction is good.
+
+use super::scale::Quantity;
+use crate::results::Record;
+
+/// The direction in which a measure improves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Better {
+    Higher,
+    Lower,
+}
+
+/// A figure of a run.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Measure {
+    /// Identifier in file names and headers of CSV files.
+    pub id: String,
+    /// Name in headings and legends.
+    pub name: String,
+    /// Empty for counts and indices.
+    pub unit: &'static str,
+    /// JSON pointer into the summary.
+    pub pointer: String,
+    /// Number of decimals shown to people.
+    pub digits: usize,
+    pub better: Better,
+    /// Costs are compared as ratios, quality by differences.
+    pub is_cost: bool,
+    /// Times count only if the machine was quiet.
+    pub is_time: bool,
+    /// How axes format it.
+    pub quantity: Quantity,
+}
+
+impl Measure {
+    /// A quality figure of the test views.
+    fn quality(id: &str, name: &str, unit: &'static str, digits: usize, better: Better) -> Self {
+        Self {
+            id: id.to_owned(),
+            name: name.to_owned(),
+            unit,
+            pointer: format!("/quality/{id}"),
+            digits,
+            better,
+            is_cost: false,
+            is_time: false,
+            quantity: Quantity::Plain,
+        }
+    }
+
+    /// A size or a time.
+    pub fn cost(id: &str, name: &str, unit: &'static str, pointer: &str, quantity: Quantity) -> Self {
+        Self {
+            id: id.to_owned(),
+            name: name.to_owned(),
+            unit,
+            pointer: pointer.to_owned(),
+            digits: 0,
+            better: Better::Lower,
+            is_cost: true,
+            is_time: false,
+            quantity,
+        }
+    }
+
+    /// PSNR, gradient-PSNR, SSIM and FLIP of the test views.
+    pub fn qualities() -> Vec<Self> {
+        vec![
+            Self::quality("psnr", "Test PSNR", "dB", 2, Better::Higher),
+            Self::quality("grad_psnr", "Test gradient-PSNR", "dB", 2, Better::Higher),
+            Self::quality("ssim_3dgs", "Test SSIM (3DGS)", "", 4, Better::Higher),
+            Self::quality("flip", "Test FLIP", "", 4, Better::Lower),
+        ]
+    }
+
+    /// Training time, and the key of the same time in points of curves.
+    pub fn training_time(is_cpu_time: bool) -> (Self, &'static str) {
+        let (id, unit) =
+            if is_cpu_time { ("cpu_secs", "CPU seconds") } else { ("wall_secs", "wall seconds") };
+        let cost = Self::cost(id, "Training time", unit, &format!("/time/train_{id}"), Quantity::Plain);
+        (Self { digits: 1, is_time: true, ..cost }, id)
+    }
+
+    /// Name and unit, for axes and table headers.
+    pub fn title(&self) -> String {
+        if self.unit.is_empty() { self.name.clone() } else { format!("{}, {}", self.name, self.unit) }
+    }
+}
+
+/// Every number of `size` whose name ends in `_bytes`, and every one of `size.disk` (file sizes by format).
+pub fn bytes_of(runs: &[Record]) -> Vec<Measure> {
+    let mut found: Vec<Measure> = Vec::new();
+    for run in runs {
+        let Some(size) = run.summary.as_ref().and_then(|s| s.get("size")?.as_object()) else { continue };
+        let plain =
+            size.iter().filter(|(key, _)| key.ends_with("_bytes")).map(|(key, value)| (key, value, "/size"));
+        let disk = size.get("disk").and_then(|d| d.as_object()).into_iter().flatten();
+        for (key, value, at) in plain.chain(disk.map(|(key, value)| (key, value, "/size/disk"))) {
+            let pointer = format!("{at}/{}", key.replace('~', "~0").replace('/', "~1"));
+            if value.is_number() && found.iter().all(|m| m.pointer != pointer) {
+                let what = key.trim_end_matches("_bytes").replace('_', " ");
+                let what = match what.as_str() {
+                    "checkpoint" => "Checkpoint with optimiser".to_owned(),
+                    what => format!("File ({what})"),
+                };
+                found.push(Measure::cost(key, &what, "bytes", &pointer, Quantity::Bytes));
+            }
+        }
+    }
+    found
+}

@@ -1,0 +1,216 @@
+//! A table as Markdown, CSV and HTML. Names in it may contain markup or formulas.
+
+use super::svg::escape;
+
+/// Colour of a cell, on top of what its text says.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Tone {
+    #[default]
+    Plain,
+    Good,
+    Bad,
+    Faint,
+}
+
+/// Text for people, and a value for each of the column's keys.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct TableCell {
+    pub text: String,
+    pub values: Vec<String>,
+    pub tone: Tone,
+}
+
+impl TableCell {
+    /// A cell whose value is its text.
+    pub fn name(text: &str) -> Self {
+        Self { text: text.to_owned(), values: vec![text.to_owned()], tone: Tone::Plain }
+    }
+
+    /// Text for people and exact numbers for programs, empty where there is none.
+    pub fn numbers(text: impl Into<String>, numbers: &[Option<f64>]) -> Self {
+        let exact = |n: &Option<f64>| n.filter(|x| x.is_finite()).map_or(String::new(), |x| x.to_string());
+        Self { text: text.into(), values: numbers.iter().map(exact).collect(), tone: Tone::Plain }
+    }
+
+    /// The same cell in a colour.
+    pub fn toned(self, tone: Tone) -> Self {
+        Self { tone, ..self }
+    }
+}
+
+/// A column of a table.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Column {
+    /// Heading for people.
+    pub name: String,
+    /// Names of the CSV columns, one per value of a cell.
+    pub keys: Vec<String>,
+    /// Numbers are aligned to the right.
+    pub is_number: bool,
+}
+
+impl Column {
+    /// A column of text.
+    pub fn names(name: &str, key: &str) -> Self {
+        Self { name: name.to_owned(), keys: vec![key.to_owned()], is_number: false }
+    }
+
+    /// A column of numbers.
+    pub fn numbers(name: impl Into<String>, keys: &[String]) -> Self {
+        Self { name: name.into(), keys: keys.to_vec(), is_number: true }
+    }
+}
+
+/// A titled table.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Table {
+    /// File name without extension.
+    pub id: String,
+    pub title: String,
+    /// How to read the table.
+    pub note: String,
+    pub columns: Vec<Column>,
+    pub rows: Vec<Vec<TableCell>>,
+}
+
+impl Table {
+    /// As GitHub's Markdown, with a heading.
+    pub fn markdown(&self) -> String {
+        let mut out = format!("## {}\n\n", markdown_text(&self.title));
+        if !self.note.is_empty() {
+            out += &format!("{}\n\n", markdown_text(&self.note));
+        }
+        if self.rows.is_empty() {
+            return out;
+        }
+        let line = |cells: Vec<String>| format!("| {} |\n", cells.join(" | "));
+        out += &line(self.columns.iter().map(|c| markdown_text(&c.name)).collect());
+        out +=
+            &line(self.columns.iter().map(|c| if c.is_number { "---:" } else { "---" }.to_owned()).collect());
+        for row in &self.rows {
+            out += &line(row.iter().map(|c| markdown_text(&c.text)).collect());
+        }
+        out + "\n"
+    }
+
+    /// As comma-separated values at full precision.
+    pub fn csv(&self) -> String {
+        let line = |fields: Vec<String>| fields.join(",") + "\n";
+        let mut out = line(self.columns.iter().flat_map(|c| &c.keys).map(|k| csv_field(k)).collect());
+        for row in &self.rows {
+            out += &line(row.iter().flat_map(|c| &c.values).map(|v| csv_field(v)).collect());
+        }
+        out
+    }
+
+    /// As HTML, without a heading.
+    pub fn html(&self) -> String {
+        let mut out = String::new();
+        if !self.note.is_empty() {
+            out += &format!("<p class=\"note\">{}</p>\n", escape(&self.note));
+        }
+        if self.rows.is_empty() {
+            return out;
+        }
+        let class = |c: &Column, tone: Tone| {
+            let mut names = Vec::new();
+            if c.is_number {
+                names.push("num");
+            }
+            match tone {
+                Tone::Plain => {}
+                Tone::Good => names.push("good"),
+                Tone::Bad => names.push("bad"),
+                Tone::Faint => names.push("faint"),
+            }
+            if names.is_empty() { String::new() } else { format!(" class=\"{}\"", names.join(" ")) }
+        };
+        // The tabindex lets keyboards scroll it.
+        out += "<div class=\"table\" tabindex=\"0\"><table>\n<thead><tr>";
+        for c in &self.columns {
+            out += &format!("<th scope=\"col\"{}>{}</th>", class(c, Tone::Plain), escape(&c.name));
+        }
+        out += "</tr></thead>\n<tbody>\n";
+        for row in &self.rows {
+            out += "<tr>";
+            for (cell, c) in row.iter().zip(&self.columns) {
+                out += &format!("<td{}>{}</td>", class(c, cell.tone), escape(&cell.text));
+            }
+            out += "</tr>\n";
+        }
+        out + "</tbody></table></div>\n"
+    }
+}
+
+/// Escapes text for GitHub's Markdown, including its tables.
+pub fn markdown_text(text: &str) -> String {
+    let mut out = String::new();
+    for c in text.chars() {
+        match c {
+            '\\' | '`' | '*' | '_' | '[' | ']' | '|' | '~' => out.extend(['\\', c]),
+            '<' => out.push_str("&lt;"),
+            '>' => out.push_str("&gt;"),
+            '&' => out.push_str("&amp;"),
+            c if c.is_control() => out.push(' '),
+            c => out.push(c),
+        }
+    }
+    out
+}
+
+/// A field as in RFC 4180. Text that spreadsheets would take for a formula gets an apostrophe.
+fn csv_field(text: &str) -> String {
+    let is_formula = text.starts_with(['=', '+', '-', '@', '\t']) && text.parse::<f64>().is_err();
+    let text = if is_formula { format!("'{text}") } else { text.to_owned() };
+    if text.contains([',', '"', '\n', '\r']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn table(name: &str) -> Table {
+        Table {
+            id: "t".to_owned(),
+            title: name.to_owned(),
+            note: name.to_owned(),
+            columns: vec![
+                Column::names("variant", "variant"),
+                Column::numbers("PSNR", &["psnr_mean".to_owned(), "psnr_sd".to_owned()]),
+            ],
+            rows: vec![vec![
+                TableCell::name(name),
+                TableCell::numbers("20.1 ± 0.1", &[Some(20.125), None]).toned(Tone::Good),
+            ]],
+        }
+    }
+
+    #[test]
+    fn names_with_markup_are_escaped() {
+        let hostile = table("=1|2,\"<script>`*_\n]");
+        let markdown = hostile.markdown();
+        assert_eq!(markdown.lines().count(), 8, "{markdown}");
+        assert!(markdown.contains("| =1\\|2,\"&lt;script&gt;\\`\\*\\_ \\] | 20.1 ± 0.1 |"), "{markdown}");
+        assert_eq!(hostile.csv(), "variant,psnr_mean,psnr_sd\n\"'=1|2,\"\"<script>`*_\n]\",20.125,\n");
+        let html = hostile.html();
+        assert!(!html.contains("<script") && html.contains("=1|2,&quot;&lt;script&gt;"), "{html}");
+        assert!(html.contains("<td class=\"num good\">20.1 ± 0.1</td>"), "{html}");
+    }
+
+    #[test]
+    fn plain_names_and_numbers_are_unchanged() {
+        assert_eq!(csv_field("-0.25"), "-0.25");
+        assert_eq!(csv_field("fixed:4"), "fixed:4");
+        assert_eq!(markdown_text("300 steps, 2x"), "300 steps, 2x");
+        assert_eq!(TableCell::numbers("-", &[Some(f64::NAN), Some(0.1)]).values, ["", "0.1"]);
+    }
+
+    #[test]
+    fn a_table_without_rows_shows_its_note() {
+        let mut empty = table("a");
+        empty.rows.clear();
+        assert_eq!(empty.markdown(), "## a\n\na\n\n");
+        assert_eq!(empty.html(), "<p class=\"note\">a</p>\n");
+        assert_eq!(empty.csv(), "variant,psnr_mean,psnr_sd\n");
+    }
+}

@@ -1,0 +1,470 @@
+//! The matrix of a benchmark: scenes x variants x budgets x seeds, from flags or a TOML file, laid out as cells with
+//! the arguments of their `litetex train`.
+
+use crate::{Error, Result};
+use serde::Deserialize;
+use std::collections::{HashMap, HashSet};
+use std::path::{Path, PathBuf};
+
+/// Longest name of a scene, variant or budget: names appear in tables and legends.
+const NAME_CHARS_MAX: usize = 60;
+/// Most cells of a matrix; more is probably a typing error.
+const CELLS_MAX: usize = 100_000;
+/// The only variant or budget of a matrix that names none.
+const DEFAULT_NAME: &str = "default";
+
+/// What a matrix must know of the command that its cells run.
+pub trait TrainCommand {
+    /// Whether a variant of this name without arguments means the policy of that name.
+    fn is_policy(&self, name: &str) -> bool;
+
+    /// Seed of a matrix that lists none.
+    fn default_seed(&self) -> u64;
+
+    /// Checks the arguments of a cell and returns the settings file among them.
+    ///
+    /// # Errors
+    /// A message that says which argument is wrong.
+    fn check(&self, args: &[String]) -> Result<Option<PathBuf>, String>;
+}
+
+/// A capture to train on.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SceneEntry {
+    /// Name in the results; the file name of `path` if empty.
+    #[serde(default)]
+    pub name: String,
+    /// The capture, relative to the working directory.
+    pub path: PathBuf,
+    /// Arguments for runs on this capture.
+    #[serde(default)]
+    pub args: Vec<String>,
+}
+
+/// A variant or a budget: arguments under a name.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NamedArgs {
+    /// Name in the results.
+    pub name: String,
+    /// Arguments of `litetex train`.
+    #[serde(default)]
+    pub args: Vec<String>,
+}
+
+/// What to run. Where an argument is repeated the last one wins, in the order common, scene, variant, budget.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Matrix {
+    /// Captures to train on.
+    #[serde(rename = "scene")]
+    pub scenes: Vec<SceneEntry>,
+    /// What is compared. A bare name of a policy stands for that policy.
+    #[serde(rename = "variant")]
+    pub variants: Vec<NamedArgs>,
+    /// Sizes or lengths at which variants are compared.
+    #[serde(rename = "budget")]
+    pub budgets: Vec<NamedArgs>,
+    /// One repetition per seed.
+    pub seeds: Vec<u64>,
+    /// Arguments of all runs.
+    pub common: Vec<String>,
+}
+
+/// One run of a matrix.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Cell {
+    /// Position in the matrix.
+    pub index: usize,
+    /// Equal for runs that should give the same result.
+    pub key: String,
+    /// Name of the scene.
+    pub scene: String,
+    /// The capture to train on.
+    pub path: PathBuf,
+    /// Name of the variant.
+    pub variant: String,
+    /// Name of the budget.
+    pub budget: String,
+    /// Seed for `litetex train`.
+    pub seed: u64,
+    /// Arguments besides capture, output folder and seed.
+    pub args: Vec<String>,
+}
+
+impl Matrix {
+    /// Reads a TOML file.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::InvalidInput`] naming line and key.
+    pub fn read(path: &Path) -> Result<Self> {
+        let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, e))?;
+        toml::from_str(&text).map_err(|e| Error::invalid(path, e.to_string().trim_end().to_owned()))
+    }
+
+    /// Lists all runs. Seeds vary slowest and variants fastest, so that an interrupted benchmark has complete pairs
+    /// and a machine that slows down affects all variants alike.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] naming what is missing, duplicated or not understood; [`Error::Io`] for a settings file
+    /// among the arguments.
+    pub fn cells(&self, command: &impl TrainCommand) -> Result<Vec<Cell>> {
+        let matrix = self.completed(command)?;
+        let mut cells = Vec::new();
+        for &seed in &matrix.seeds {
+            for scene in &matrix.scenes {
+                for budget in &matrix.budgets {
+                    for variant in &matrix.variants {
+                        cells.push(matrix.cell(cells.len(), scene, variant, budget, seed, command)?);
+                    }
+                }
+            }
+        }
+        check_distinct(&cells)?;
+        Ok(cells)
+    }
+
+    fn cell(
+        &self,
+        index: usize,
+        scene: &SceneEntry,
+        variant: &NamedArgs,
+        budget: &NamedArgs,
+        seed: u64,
+        command: &impl TrainCommand,
+    ) -> Result<Cell> {
+        let parts = [&self.common, &scene.args, &variant.args, &budget.args];
+        let args: Vec<String> = parts.into_iter().flatten().cloned().collect();
+        let config = command.check(&args).map_err(|e| {
+            let (scene, variant, budget) = (&scene.name, &variant.name, &budget.name);
+            Error::Usage(format!("scene {scene:?}, variant {variant:?}, budget {budget:?}: {e}"))
+        })?;
+        Ok(Cell {
+            index,
+            key: key(&scene.name, &args, seed, config.as_deref())?,
+            scene: scene.name.clone(),
+            path: scene.path.clone(),
+            variant: variant.name.clone(),
+            budget: budget.name.clone(),
+            seed,
+            args,
+        })
+    }
+
+    /// The matrix with its defaults filled in, after all checks that need no run.
+    fn completed(&self, command: &impl TrainCommand) -> Result<Self> {
+        let mut matrix = self.clone();
+        if matrix.scenes.is_empty() {
+            return Err(Error::Usage(
+                "no scene given: litetex bench --scene <CAPTURE>... -o <FOLDER>, or [[scene]] in --config"
+                    .to_owned(),
+            ));
+        }
+        for scene in matrix.scenes.iter_mut().filter(|s| s.name.is_empty()) {
+            let absolute = std::path::absolute(&scene.path).map_err(|e| Error::io(&scene.path, e))?;
+            scene.name = absolute.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        }
+        // "fixed:4" is meant as the policy, not as the default settings under this name.
+        for variant in matrix.variants.iter_mut().filter(|v| v.args.is_empty()) {
+            if command.is_policy(&variant.name) {
+                variant.args = ["--policy", &variant.name].map(ToOwned::to_owned).into();
+            }
+        }
+        for settings in [&mut matrix.variants, &mut matrix.budgets] {
+            if settings.is_empty() {
+                settings.push(NamedArgs { name: DEFAULT_NAME.to_owned(), args: Vec::new() });
+            }
+        }
+        if matrix.seeds.is_empty() {
+            matrix.seeds.push(command.default_seed());
+        }
+        check_names("scene", matrix.scenes.iter().map(|s| &s.name))?;
+        check_names("variant", matrix.variants.iter().map(|s| &s.name))?;
+        check_names("budget", matrix.budgets.iter().map(|s| &s.name))?;
+        matrix.check_seeds_and_size()?;
+        Ok(matrix)
+    }
+
+    fn check_seeds_and_size(&self) -> Result<()> {
+        let mut seen = HashSet::new();
+        if let Some(seed) = self.seeds.iter().find(|s| !seen.insert(**s)) {
+            return Err(Error::Usage(format!(
+                "seed {seed} is given twice; the same run would be counted twice"
+            )));
+        }
+        let sizes = [self.scenes.len(), self.variants.len(), self.budgets.len(), self.seeds.len()];
+        let count = sizes.iter().try_fold(1_usize, |n, &m| n.checked_mul(m)).unwrap_or(usize::MAX);
+        if count > CELLS_MAX {
+            return Err(Error::Usage(format!("the matrix has {count} runs, expected at most {CELLS_MAX}")));
+        }
+        Ok(())
+    }
+}
+
+/// Refuses names that do not fit into tables and legends, and duplicates.
+fn check_names<'a>(kind: &str, names: impl Iterator<Item = &'a String>) -> Result<()> {
+    let mut seen = HashSet::new();
+    for name in names {
+        let chars = name.chars().count();
+        if chars == 0 || chars > NAME_CHARS_MAX || name.chars().any(char::is_control) || name.trim() != name {
+            return Err(Error::Usage(format!(
+                "{kind} {name:?}: expected a name of 1 to {NAME_CHARS_MAX} characters on one line, without blanks \
+                 at either end"
+            )));
+        }
+        if !seen.insert(name) {
+            return Err(Error::Usage(format!(
+                "two {kind}s are called {name:?}; name them differently (\"NAME: ...\")"
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// Refuses cells that would repeat the same run under another name.
+fn check_distinct(cells: &[Cell]) -> Result<()> {
+    let mut keys = HashSet::new();
+    match cells.iter().find(|c| !keys.insert(&c.key)) {
+        None => Ok(()),
+        Some(cell) => Err(Error::Usage(format!(
+            "scene {:?}, variant {:?}, budget {:?}: the same arguments as another variant and budget: {}; leave one \
+             out",
+            cell.scene,
+            cell.variant,
+            cell.budget,
+            cell.args.join(" ")
+        ))),
+    }
+}
+
+/// FNV-1a over everything that shapes the result, as text.
+fn key(scene: &str, args: &[String], seed: u64, config: Option<&Path>) -> Result<String> {
+    let config = match config {
+        None => String::new(),
+        Some(path) => std::fs::read_to_string(path).map_err(|e| Error::io(path, e))?,
+    };
+    let whole = serde_json::json!([scene, args, seed, config, env!("CARGO_PKG_VERSION")]).to_string();
+    let hash = whole
+        .bytes()
+        .fold(0xcbf2_9ce4_8422_2325_u64, |h, b| (h ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3));
+    Ok(format!("{hash:016x}"))
+}
+
+/// Checks that the captures of these cells exist, so that a missing one is reported once and not by every run.
+///
+/// # Errors
+/// [`Error::InvalidInput`] naming all that are missing.
+pub fn check_captures(cells: &[&Cell]) -> Result<()> {
+    let mut missing: Vec<&Cell> = Vec::new();
+    for cell in cells {
+        if missing.iter().all(|m| m.scene != cell.scene) && !cell.path.exists() {
+            missing.push(cell);
+        }
+    }
+    let Some((first, others)) = missing.split_first() else { return Ok(()) };
+    let runs = cells.iter().filter(|c| missing.iter().any(|m| m.scene == c.scene)).count();
+    let others: Vec<String> =
+        others.iter().map(|c| format!("{} (scene {:?})", c.path.display(), c.scene)).collect();
+    let others =
+        if others.is_empty() { String::new() } else { format!("; also missing: {}", others.join(", ")) };
+    Err(Error::invalid(
+        &first.path,
+        format!(
+            "no such capture (scene {:?}){others}; {runs} runs need what is missing: correct the path, or leave the \
+             scene out",
+            first.scene
+        ),
+    ))
+}
+
+/// The runs of one part of `of`. All variants of a seed, scene and budget stay together: they are compared with each
+/// other and so must run on the same machine.
+pub fn shard(cells: Vec<Cell>, part: usize, of: usize) -> Vec<Cell> {
+    let mut groups: HashMap<(u64, String, String), usize> = HashMap::new();
+    let mut mine = Vec::new();
+    for cell in cells {
+        let next = groups.len();
+        let group = (cell.seed, cell.scene.clone(), cell.budget.clone());
+        if *groups.entry(group).or_insert(next) % of == part - 1 {
+            mine.push(cell);
+        }
+    }
+    mine
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::words::{parse_named_args, parse_scene};
+
+    /// Knows two policies and refuses flags that begin with `--x`; takes the word after `--config` as a file.
+    struct Command;
+
+    impl TrainCommand for Command {
+        fn is_policy(&self, name: &str) -> bool {
+            ["plain", "fixed:4"].contains(&name)
+        }
+
+        fn default_seed(&self) -> u64 {
+            42
+        }
+
+        fn check(&self, args: &[String]) -> Result<Option<PathBuf>, String> {
+            if let Some(wrong) = args.iter().find(|a| a.starts_with("--x")) {
+                return Err(format!("{wrong}: unknown"));
+            }
+            let config = args.iter().position(|a| a == "--config");
+            Ok(config.and_then(|i| args.get(i + 1)).map(PathBuf::from))
+        }
+    }
+
+    fn named(text: &str) -> NamedArgs {
+        parse_named_args(text).unwrap()
+    }
+
+    fn matrix() -> Matrix {
+        Matrix {
+            scenes: ["captures/a", "captures/b"].map(|p| parse_scene(p).unwrap()).into(),
+            variants: vec![named("plain"), named("textured")],
+            budgets: vec![named("short: --steps 10"), named("long: --steps 20")],
+            seeds: vec![1, 2, 3],
+            common: vec!["--steps".to_owned(), "5".to_owned()],
+        }
+    }
+
+    #[test]
+    fn cells_pair_variants_and_later_arguments_come_last() {
+        let cells = matrix().cells(&Command).unwrap();
+        assert_eq!(cells.len(), 24);
+        let names: Vec<_> =
+            cells[..3].iter().map(|c| format!("{} {} {}", c.scene, c.budget, c.variant)).collect();
+        assert_eq!(names, ["a short plain", "a short textured", "a long plain"]);
+        assert_eq!(cells[0].args, ["--steps", "5", "--policy", "plain", "--steps", "10"]);
+        assert!(cells[..8].iter().all(|c| c.seed == 1) && cells[23].seed == 3);
+        // The same matrix has the same keys, another seed others.
+        assert_eq!(cells, matrix().cells(&Command).unwrap());
+        let others = Matrix { seeds: vec![4], ..matrix() }.cells(&Command).unwrap();
+        assert!(others.iter().all(|c| cells.iter().all(|d| d.key != c.key)));
+        let default = Matrix { seeds: vec![], ..matrix() }.cells(&Command).unwrap();
+        assert!(default.iter().all(|c| c.seed == 42));
+    }
+
+    #[test]
+    fn bare_names_of_policies_stand_for_them() {
+        let args = |variant: &str| {
+            let matrix = Matrix {
+                variants: vec![named(variant)],
+                budgets: vec![],
+                seeds: vec![],
+                common: vec![],
+                ..matrix()
+            };
+            matrix.cells(&Command).unwrap()[0].args.join(" ")
+        };
+        for name in ["plain", "fixed:4"] {
+            assert_eq!(args(name), format!("--policy {name}"));
+        }
+        // Negative controls: other names, and names with arguments of their own.
+        for (text, meant) in [("fixed:1", ""), ("Plain", ""), ("plain: --steps 3", "--steps 3")] {
+            assert_eq!(args(text), meant, "{text}");
+        }
+    }
+
+    #[test]
+    fn shards_are_disjoint_complete_and_keep_pairs_together() {
+        let all = matrix().cells(&Command).unwrap();
+        let shards: Vec<Vec<Cell>> = (1..=5).map(|i| shard(all.clone(), i, 5)).collect();
+        let mut merged: Vec<Cell> = shards.concat();
+        merged.sort_by_key(|c| c.index);
+        assert_eq!(merged, all);
+        for cells in &shards {
+            let plain = cells.iter().filter(|c| c.variant == "plain").count();
+            assert!(!cells.is_empty() && 2 * plain == cells.len());
+        }
+        assert_eq!(shard(all.clone(), 1, 1), all);
+    }
+
+    #[test]
+    fn mistakes_are_named_before_anything_runs() {
+        let base = matrix();
+        let variants = |v: &[&str]| Matrix { variants: v.iter().map(|t| named(t)).collect(), ..base.clone() };
+        for (matrix, part) in [
+            (Matrix { scenes: vec![], ..base.clone() }, "--scene"),
+            (Matrix { seeds: vec![1, 1], ..base.clone() }, "seed 1 is given twice"),
+            (variants(&["a: --xyz blue"]), "variant \"a\", budget \"short\": --xyz: unknown"),
+            (variants(&["a", "a: --policy none"]), "two variants are called \"a\""),
+            (variants(&["a", "b"]), "the same arguments"),
+            (Matrix { seeds: (0..100_000).collect(), ..base.clone() }, "has 800000 runs"),
+            (Matrix { scenes: vec![base.scenes[0].clone(); 2], ..base.clone() }, "two scenes"),
+        ] {
+            let error = matrix.cells(&Command).unwrap_err();
+            assert!(matches!(error, Error::Usage(_)) && error.to_string().contains(part), "{part}: {error}");
+        }
+    }
+
+    #[test]
+    fn missing_captures_are_named_once_with_the_runs_that_need_them() {
+        let dir = tempfile::tempdir().unwrap();
+        let scene =
+            |name: &str| SceneEntry { name: name.to_owned(), path: dir.path().join(name), args: vec![] };
+        std::fs::create_dir(dir.path().join("here")).unwrap();
+        let cells = |scenes: &[&str]| {
+            let scenes = scenes.iter().map(|s| scene(s)).collect();
+            Matrix { scenes, ..matrix() }.cells(&Command).unwrap()
+        };
+        let check = |cells: &[Cell]| check_captures(&cells.iter().collect::<Vec<_>>());
+        let error = check(&cells(&["lost", "here", "gone"])).unwrap_err().to_string();
+        assert!(error.contains("lost: no such capture (scene \"lost\"); also missing: "), "{error}");
+        assert!(error.contains("gone (scene \"gone\"); 24 runs"), "{error}");
+        assert_eq!(error.matches("no such capture").count(), 1, "{error}");
+        // Negative control.
+        check(&cells(&["here"])).unwrap();
+    }
+
+    #[test]
+    fn a_file_says_the_same_as_flags() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("m.toml");
+        let text = r#"
+            seeds = [1, 2, 3]
+            common = ["--steps", "5"]
+            [[scene]]
+            path = "captures/a"
+            [[scene]]
+            path = "captures/b"
+            [[variant]]
+            name = "plain"
+            [[variant]]
+            name = "textured"
+            [[budget]]
+            name = "short"
+            args = ["--steps", "10"]
+            [[budget]]
+            name = "long"
+            args = ["--steps", "20"]
+        "#;
+        std::fs::write(&path, text).unwrap();
+        assert_eq!(Matrix::read(&path).unwrap(), matrix());
+        std::fs::write(&path, "[[varian]]\nname = 'x'").unwrap();
+        let error = Matrix::read(&path).unwrap_err();
+        assert!(
+            matches!(error, Error::InvalidInput { .. }) && error.to_string().contains("varian"),
+            "{error}"
+        );
+    }
+
+    #[test]
+    fn a_changed_settings_file_is_another_run() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("c.toml");
+        let mut matrix = matrix();
+        matrix.common = vec!["--config".to_owned(), path.to_str().unwrap().to_owned()];
+        assert!(matches!(matrix.cells(&Command), Err(Error::Io { .. })));
+        std::fs::write(&path, "[train]\nsteps = 3\n").unwrap();
+        let before = matrix.cells(&Command).unwrap();
+        std::fs::write(&path, "[train]\nsteps = 4\n").unwrap();
+        let after = matrix.cells(&Command).unwrap();
+        assert!(before.iter().zip(&after).all(|(b, a)| b.key != a.key && b.args == a.args));
+    }
+}

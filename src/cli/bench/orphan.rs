@@ -1,0 +1,19 @@
+//! Trainings end with the benchmark that started them, even if it is killed: nobody would collect their results, and
+//! the benchmark, called again, would repeat them while they still run.
+
+use std::io::Read;
+
+/// Hidden flag of `litetex train`.
+pub const FLAG: &str = "--end-with-stdin";
+
+/// Ends this process as soon as standard input does: the other end is held by the benchmark, and the system closes it
+/// whatever ends the benchmark. What the run has written so far is of no use and is left to the next benchmark.
+pub fn end_with_stdin() {
+    std::thread::spawn(|| {
+        let mut buffer = [0; 64];
+        let mut stdin = std::io::stdin();
+        // Errors mean the same as an end.
+        while matches!(stdin.read(&mut buffer), Ok(1..)) {}
+        std::process::exit(130);
+    });
+}

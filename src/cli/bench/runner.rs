@@ -1,0 +1,260 @@
+//! Makes one run of a benchmark in a process of its own, so that memory, CPU time and crashes do not affect other runs,
+//! and turns its outcome into a line of results.
+
+use super::orphan;
+use crate::cli::interrupt::Interrupt;
+use litetex_gs::{Error, Result};
+use litetex_lab::machine::{self, Conditions, OwnLoad};
+use litetex_lab::matrix::Cell;
+use litetex_lab::results::{Hardware, Record, SCHEMA, Status};
+use serde_json::Value;
+use std::fs::{self, File};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+/// Interval at which a process is polled.
+const POLL: Duration = Duration::from_millis(20);
+/// After a Ctrl-C ended a run, time within which this process gets its own.
+const INTERRUPT_GRACE: Duration = Duration::from_millis(500);
+/// Exit code of an interrupted training.
+const INTERRUPTED: i32 = 130;
+/// Characters of a failed run's messages that are kept.
+const ERROR_CHARS_MAX: usize = 2000;
+const SUMMARY: &str = "summary.json";
+/// Files that stay in a run's folder without `--keep-runs`.
+const KEPT: [&str; 2] = [SUMMARY, "config.toml"];
+
+/// What all runs share.
+pub struct Runner {
+    /// This program, which runs `train`.
+    pub program: PathBuf,
+    /// Parent of the runs' folders.
+    pub runs: PathBuf,
+    /// Whether to keep checkpoints, images and metrics.
+    pub keep_runs: bool,
+    /// Number of runs at the same time.
+    pub jobs: usize,
+    /// Time after which a run is stopped and counts as failed.
+    pub timeout_secs: Option<f64>,
+    pub interrupt: Interrupt,
+    pub hardware: Hardware,
+    /// Build of the program.
+    pub build: String,
+    /// Load that finished runs put on the machine.
+    pub own_load: Mutex<Vec<OwnLoad>>,
+}
+
+/// The start of a run.
+struct Start {
+    at: Instant,
+    utc: String,
+    load1: Option<f64>,
+    own_load1: f64,
+}
+
+/// How a process ended.
+enum End {
+    Exit(ExitStatus),
+    TimedOut,
+    Interrupted,
+}
+
+/// Exit code, and the summary or the reason for its absence.
+type Outcome = (Option<i32>, Result<Value, String>);
+
+impl Runner {
+    /// Makes a run; `None` if the user interrupted it.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if the folder or the process cannot be created, since no other run could be made either. What
+    /// goes wrong inside a run becomes a failed record.
+    pub fn run(&self, cell: &Cell) -> Result<Option<Record>> {
+        let folder = self.runs.join(folder_name(cell));
+        let messages = folder.with_extension("log");
+        remove_folder(&folder)?;
+        fs::create_dir_all(&self.runs).map_err(|e| Error::io(&self.runs, e))?;
+        let start = self.start();
+        let mut child = self.spawn(cell, &folder, &messages)?;
+        let end = self.wait(&mut child, start.at).map_err(|e| Error::io(&self.program, e))?;
+        let wall_secs = start.at.elapsed().as_secs_f64();
+        let outcome = match end {
+            End::Interrupted => {
+                remove_folder(&folder)?;
+                let _ = fs::remove_file(&messages);
+                return Ok(None);
+            }
+            End::TimedOut => (None, Err(format!("stopped after {wall_secs:.0} s: --timeout"))),
+            End::Exit(status) if status.success() => (status.code(), read_summary(&folder)),
+            End::Exit(status) => (status.code(), Err(last_message(&messages, status))),
+        };
+        if outcome.1.is_ok() && !self.keep_runs {
+            tidy(&folder, &messages)?;
+        }
+        Ok(Some(self.record(cell, start, wall_secs, outcome)))
+    }
+
+    fn start(&self) -> Start {
+        let at = Instant::now();
+        let own_load = self.own_load.lock().unwrap_or_else(PoisonError::into_inner);
+        Start {
+            at,
+            utc: machine::utc_now(),
+            load1: machine::load1(),
+            own_load1: machine::own_load1(&own_load, at),
+        }
+    }
+
+    fn spawn(&self, cell: &Cell, folder: &Path, messages: &Path) -> Result<Child> {
+        let log = File::create(messages).map_err(|e| Error::io(messages, e))?;
+        Command::new(&self.program)
+            .arg("train")
+            .arg(&cell.path)
+            .arg("--out")
+            .arg(folder)
+            .args(["--seed", &cell.seed.to_string(), "--quiet", orphan::FLAG])
+            .args(&cell.args)
+            // Held open by this process, and closed by the system when it ends, however it ends.
+            .stdin(Stdio::piped())
+            .stdout(Stdio::null())
+            .stderr(log)
+            .spawn()
+            .map_err(|e| Error::io(&self.program, e))
+    }
+
+    fn wait(&self, child: &mut Child, started: Instant) -> std::io::Result<End> {
+        let stop = |child: &mut Child, end| {
+            child.kill()?;
+            child.wait()?;
+            Ok(end)
+        };
+        loop {
+            if let Some(status) = child.try_wait()? {
+                // Ctrl-C goes to both processes; the other may be quicker.
+                let waited = Instant::now();
+                while status.code() == Some(INTERRUPTED)
+                    && !self.interrupt.is_requested()
+                    && waited.elapsed() < INTERRUPT_GRACE
+                {
+                    std::thread::sleep(POLL);
+                }
+                let interrupted = !status.success() && self.interrupt.is_requested();
+                return Ok(if interrupted { End::Interrupted } else { End::Exit(status) });
+            }
+            if self.interrupt.is_requested() {
+                return stop(child, End::Interrupted);
+            }
+            if self.timeout_secs.is_some_and(|limit| started.elapsed().as_secs_f64() > limit) {
+                return stop(child, End::TimedOut);
+            }
+            std::thread::sleep(POLL);
+        }
+    }
+
+    fn record(&self, cell: &Cell, start: Start, wall_secs: f64, (exit_code, summary): Outcome) -> Record {
+        let (summary, error) = match summary {
+            Ok(summary) => (Some(summary), None),
+            Err(error) => (None, Some(error)),
+        };
+        let noisy_because = self.noise(&start, summary.as_ref());
+        Record {
+            schema: SCHEMA.to_owned(),
+            key: cell.key.clone(),
+            scene: cell.scene.clone(),
+            variant: cell.variant.clone(),
+            budget: cell.budget.clone(),
+            seed: cell.seed,
+            cell: cell.index,
+            args: cell.args.clone(),
+            status: if summary.is_some() { Status::Ok } else { Status::Failed },
+            error,
+            exit_code,
+            noisy: !noisy_because.is_empty(),
+            noisy_because,
+            load1_start: start.load1,
+            load1_end: machine::load1(),
+            load1_own: start.load1.map(|_| start.own_load1),
+            cores: machine::cores(),
+            jobs: self.jobs,
+            hardware: self.hardware.clone(),
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            build: self.build.clone(),
+            utc: start.utc,
+            wall_secs: Some(wall_secs),
+            summary,
+        }
+    }
+
+    /// Reasons not to trust the times of a run that has just ended; notes its own load for later runs.
+    fn noise(&self, start: &Start, summary: Option<&Value>) -> Vec<String> {
+        let secs =
+            |clock: &str| summary.and_then(|s| s.pointer(&format!("/time/train_{clock}_secs"))?.as_f64());
+        let wall_and_cpu_secs = secs("wall").zip(secs("cpu"));
+        let on_cpu = summary.is_some_and(|s| s["device"]["name"] == "cpu");
+        let cores = machine::cores();
+        let busy_cores =
+            wall_and_cpu_secs.map_or(1.0, |(wall, cpu)| (cpu / wall.max(1e-9)).clamp(0.0, cores as f64));
+        self.own_load.lock().unwrap_or_else(PoisonError::into_inner).push(OwnLoad {
+            from: start.at,
+            to: Instant::now(),
+            cores: busy_cores,
+        });
+        machine::noise(&Conditions {
+            load1: start.load1,
+            own_load1: start.own_load1,
+            cores,
+            jobs: self.jobs,
+            wall_and_cpu_secs: wall_and_cpu_secs.filter(|_| on_cpu),
+        })
+    }
+}
+
+/// Name of a run's folder: readable, and distinct by its key.
+pub fn folder_name(cell: &Cell) -> String {
+    let plain = |name: &str| -> String {
+        let safe = name.chars().map(|c| if c.is_alphanumeric() || "-_+".contains(c) { c } else { '_' });
+        safe.take(24).collect()
+    };
+    let names = [&cell.scene, &cell.variant, &cell.budget].map(|n| plain(n)).join("-");
+    format!("{names}-{}-{}", cell.seed, cell.key)
+}
+
+fn read_summary(folder: &Path) -> Result<Value, String> {
+    let path = folder.join(SUMMARY);
+    let bytes = fs::read(&path).map_err(|e| Error::io(&path, e).to_string())?;
+    serde_json::from_slice(&bytes).map_err(|e| Error::invalid(&path, e.to_string()).to_string())
+}
+
+/// The last message of a failed run.
+fn last_message(messages: &Path, status: ExitStatus) -> String {
+    let text = fs::read(messages).unwrap_or_default();
+    let text = String::from_utf8_lossy(&text);
+    // A message may have several lines, for example about a mistake in a TOML file.
+    let from = text.rfind("error: ").unwrap_or(0);
+    let chars: Vec<char> = text[from..].trim().chars().collect();
+    let said: String = chars[chars.len().saturating_sub(ERROR_CHARS_MAX)..].iter().collect();
+    match (said.is_empty(), status.code()) {
+        (false, Some(_)) => said.trim_start_matches("error: ").to_owned(),
+        (_, Some(code)) => format!("exit code {code} without a message"),
+        (_, None) => format!("ended by the system ({status}); out of memory? {said}").trim_end().to_owned(),
+    }
+}
+
+/// Removes everything but the result and the settings.
+fn tidy(folder: &Path, messages: &Path) -> Result<()> {
+    let entries = fs::read_dir(folder).map_err(|e| Error::io(folder, e))?;
+    for entry in entries {
+        let path = entry.map_err(|e| Error::io(folder, e))?.path();
+        if path.is_dir() {
+            remove_folder(&path)?;
+        } else if !KEPT.iter().any(|name| path.ends_with(name)) {
+            fs::remove_file(&path).map_err(|e| Error::io(&path, e))?;
+        }
+    }
+    fs::remove_file(messages).map_err(|e| Error::io(messages, e))
+}
+
+fn remove_folder(folder: &Path) -> Result<()> {
+    if folder.exists() { fs::remove_dir_all(folder).map_err(|e| Error::io(folder, e)) } else { Ok(()) }
+}

@@ -1,0 +1,97 @@
+//! What a matrix must know of `litetex train`: its arguments, its policies and its default seed.
+
+use crate::cli::train_args::TrainArgs;
+use crate::cli::{Cli, Command};
+use clap::Parser;
+use litetex_gs::train::{Policy, TrainConfig};
+use litetex_lab::matrix::TrainCommand;
+use std::path::PathBuf;
+
+/// `litetex train` of this program.
+pub struct Training;
+
+impl TrainCommand for Training {
+    fn is_policy(&self, name: &str) -> bool {
+        name.parse::<Policy>().is_ok()
+    }
+
+    fn default_seed(&self) -> u64 {
+        TrainConfig::default().seed
+    }
+
+    fn check(&self, args: &[String]) -> Result<Option<PathBuf>, String> {
+        parse(args).map(|parsed| parsed.config)
+    }
+}
+
+/// Parses arguments as `litetex train` does, and refuses those that every run gets from the matrix.
+fn parse(args: &[String]) -> Result<TrainArgs, String> {
+    // With --quiet, as the runs will be: what contradicts it is found here.
+    let words = ["litetex", "train", "--quiet"].into_iter().chain(args.iter().map(String::as_str));
+    let cli = Cli::try_parse_from(words).map_err(|e| {
+        if !e.use_stderr() {
+            return "the arguments ask for help or the version instead of a training".to_owned();
+        }
+        let text = e.render().to_string();
+        // Without the usage of another command and the pointer to its help.
+        let head = text.split("\n\n").next().unwrap_or_default();
+        head.trim_start_matches("error: ").trim().to_owned()
+    })?;
+    let Command::Train(parsed) = cli.command else {
+        return Err("not arguments of litetex train".to_owned());
+    };
+    for (given, what) in [
+        (parsed.capture.is_some(), "a capture: name it as a scene"),
+        (parsed.out.is_some(), "--out: every run has a folder of its own"),
+        (parsed.force, "--force: bench skips finished runs; its own --force repeats all"),
+        (parsed.resume.is_some(), "--resume: every run starts from scratch"),
+        (parsed.training.seed.is_some(), "--seed: use --seeds of litetex bench"),
+    ] {
+        if given {
+            return Err(format!("the arguments contain {what}"));
+        }
+    }
+    Ok(*parsed)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use litetex_lab::words::split_words;
+
+    fn check(args: &str) -> Result<Option<PathBuf>, String> {
+        Training.check(&split_words(args).unwrap())
+    }
+
+    #[test]
+    fn the_last_of_a_repeated_argument_wins() {
+        let args = split_words("--steps 5 --policy plain --steps 10").unwrap();
+        assert_eq!(parse(&args).unwrap().training.steps, Some(10));
+        assert_eq!(check("--config a.toml").unwrap(), Some("a.toml".into()));
+    }
+
+    #[test]
+    fn arguments_that_train_or_bench_cannot_take_are_named() {
+        for (args, part) in [
+            ("--colour blue", "--colour"),
+            ("--policy fixed:1", "fixed:R"),
+            ("--seed 3", "--seeds"),
+            ("-o x", "--out"),
+            ("--force", "--force"),
+            ("--resume x", "--resume"),
+            ("captures/c", "a capture"),
+            ("--help", "ask for help"),
+        ] {
+            let error = check(args).unwrap_err();
+            assert!(error.contains(part), "{part}: {error}");
+        }
+    }
+
+    #[test]
+    fn policies_are_known_by_name() {
+        for name in ["litetex", "cat", "plain", "none", "fixed:4"] {
+            assert!(Training.is_policy(name), "{name}");
+        }
+        assert!(!Training.is_policy("fixed:1") && !Training.is_policy("Plain"));
+    }
+}
