@@ -134,7 +134,7 @@ fn validation_says_what_is_odd_about_what_is_read() {
     for (name, code) in [
         ("overlapping_maps.glb", "LT1023"),
         ("wrong_colours_for_others.glb", "LT1031"),
-        ("nan_colours_for_others.glb", "LT1015"),
+        ("nan_colours_for_others.glb", "LT1029"),
         ("thick_for_others.glb", "LT1032"),
         ("long_quaternion.ply", "LT4004"),
         ("bytes_behind.ply", "LT4011"),

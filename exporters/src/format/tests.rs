@@ -69,7 +69,7 @@ fn our_mesh_is_told_from_an_asset() {
     assert!(matches!(&error, Error::Unsupported { what, .. } if expected(what)), "{error}");
     let issues = validate_file(mesh).unwrap();
     assert!(issues.len() == 1 && issues[0].severity == Severity::Info && expected(&issues[0].message));
-    // It is checked as far as it is glTF.
+    // The rest of it is plain glTF, which has a validator of its own.
     let bytes = std::fs::read(mesh).unwrap();
     let replaced = |from: &str, to: &str| {
         assert_eq!(from.len(), to.len());
@@ -79,17 +79,7 @@ fn our_mesh_is_told_from_an_asset() {
         std::fs::write(mesh, changed).unwrap();
         errors(mesh)
     };
-    for (from, to, code) in [
-        ("\"TEXCOORD_0\":1", "\"TEXCOORD_0\":9", "LT1007"),
-        ("\"TEXCOORD_0\":1", "\"TEXCOORD_0\":2", "LT1008"),
-        ("\"indices\":2", "\"indices\":7", "LT1007"),
-        ("KHR_materials_unlit\"]", "KHR_materials_unlix\"]", "LT1002"),
-        ("\"scale\":[3.7,", "\"scale\":[2.7,", "LT1017"),
-        ("\"bufferView\":3,\"mimeType\"", "\"bufferView\":9,\"mimeType\"", "LT1024"),
-    ] {
-        let found = replaced(from, to);
-        assert!(found.iter().any(|i| i.code == code), "{from}: {found:?}");
-    }
+    assert_eq!(replaced("\"indices\":2", "\"indices\":7"), []);
     // Negative control: without its sign it is a file that is not ours.
     let found = replaced("\"kind\":\"quads\"", "\"kind\":\"Quads\"");
     assert!(found.iter().any(|i| i.code == "LT1004"), "{found:?}");

@@ -368,3 +368,14 @@ fn long_headers_are_refused() {
     assert!(refused("\n".repeat(20 << 20)));
     assert!(!refused((0..500).map(|i| format!("property uchar p{i}\n")).collect()), "negative control");
 }
+
+#[test]
+fn headers_take_time_in_proportion_to_their_length() {
+    let elements: String = (0..1000).map(|i| format!("element e{i} 0\n")).collect();
+    let file = format!("ply\nformat ascii 1.0\n{elements}{}end_header\n", "\n".repeat(4_000_000));
+    let start = std::time::Instant::now();
+    let error = decode(file.as_bytes()).unwrap_err();
+    assert!(error.to_string().contains("no element \"vertex\""), "{error}");
+    // A tenth of a second; a look at every element in every line took minutes.
+    assert!(start.elapsed().as_secs_f64() < 5.0, "{:?}", start.elapsed());
+}
