@@ -5,7 +5,6 @@ use crate::{AssetMap, SplatAsset, Transform, quaternion};
 
 /// A splat in the world frame.
 pub struct Baked {
-    /// Its centre.
     pub position: [f64; 3],
     /// `world_from_surfel`, wxyz.
     pub rotation: [f32; 4],
@@ -39,7 +38,6 @@ impl<'a> Baker<'a> {
         self.frame.transform_point(self.asset.positions[splat])
     }
 
-    /// Bakes a splat.
     pub fn splat(&self, splat: usize) -> Baked {
         let (asset, frame) = (self.asset, &self.frame);
         let mut rotation = asset.rotations[splat];

@@ -25,6 +25,17 @@ pub struct Section {
     pub describes: Describes,
 }
 
+impl Section {
+    /// Adds bytes to the part with a name, made if need be.
+    pub(crate) fn add(parts: &mut Vec<Self>, name: &str, describes: Describes, bytes: u64) {
+        match parts.iter_mut().find(|part| part.name == name) {
+            Some(part) => part.bytes += bytes,
+            None if bytes > 0 => parts.push(Self { name: name.to_owned(), bytes, describes }),
+            None => {}
+        }
+    }
+}
+
 /// A file as read.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Contents {

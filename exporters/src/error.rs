@@ -23,7 +23,7 @@ pub enum Error {
     /// A file, or the asset to be written there, breaks a rule.
     #[error("{}: {what}", text::path(path))]
     Invalid {
-        /// The file.
+        /// The file that breaks it, or would.
         path: PathBuf,
         /// The element, what was found and what was expected.
         what: String,
@@ -31,7 +31,7 @@ pub enum Error {
     /// A file is sound, but this crate cannot use it.
     #[error("{}: {what}", text::path(path))]
     Unsupported {
-        /// The file.
+        /// The file that is not supported.
         path: PathBuf,
         /// What is not supported and what is.
         what: String,
@@ -39,7 +39,7 @@ pub enum Error {
     /// A file or an asset exceeds a limit.
     #[error("{}: {what}", text::path(path))]
     TooLarge {
-        /// The file.
+        /// The file that exceeds it, or would.
         path: PathBuf,
         /// The quantity, its value and its limit.
         what: String,

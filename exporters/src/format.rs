@@ -9,7 +9,7 @@ use crate::{
 };
 use std::path::{Path, PathBuf};
 
-/// A file format.
+/// A file format in which assets are written and read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
     /// glTF in one file.
@@ -43,7 +43,7 @@ pub struct WriteOptions<'a> {
     pub exponents: &'a [i8],
 }
 
-/// What was written.
+/// The files that an asset was written to.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Written {
     /// All files; first the one that was asked for.
@@ -55,7 +55,7 @@ pub struct Written {
 }
 
 impl Format {
-    /// All formats.
+    /// All formats, those that keep textures first.
     pub const ALL: [Self; 8] =
         [Self::Glb, Self::Gltf, Self::Ltgs, Self::Usda, Self::Usdc, Self::Usdz, Self::Ply, Self::Spz];
 

@@ -34,7 +34,6 @@ const STEPS_MIN: f64 = 4.0;
 
 /// A splat of the file, activated.
 pub(crate) struct Raw {
-    /// Its centre.
     pub(crate) position: [f64; 3],
     /// Length of the quaternion.
     pub(crate) norm: f64,

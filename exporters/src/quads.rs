@@ -20,7 +20,7 @@ const ALPHA_MIN: f64 = 1.0 / 255.0;
 /// Largest alpha of a sample.
 const ALPHA_MAX: f64 = 0.99;
 
-/// A rectangle.
+/// A rectangle that shows a splat.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Quad {
     /// Index of its splat.

@@ -35,7 +35,7 @@ impl MapRows {
     /// The rows of maps on an atlas that passed [`Atlas::check`].
     ///
     /// # Errors
-    /// [`Error::TooLarge`] if the memory for them cannot be had.
+    /// [`Error::TooLarge`] if allocation fails.
     pub(crate) fn new(atlas: &Atlas, maps: &[AssetMap]) -> Result<Self> {
         let mut rows = with_room(maps.iter().map(|m| usize::from(m.rows)).sum())?;
         for (map, at) in maps.iter().zip(&atlas.placements).filter(|(m, _)| m.num_texels() > 0) {

@@ -67,7 +67,7 @@ pub fn parts<'a>(bytes: &'a [u8], path: &Path) -> Result<Parts<'a>> {
 }
 
 fn glb_parts<'a>(bytes: &'a [u8], path: &Path) -> Result<Parts<'a>> {
-    let cut = |what: &str| Error::invalid(path, format!("{what}: the file is cut or damaged"));
+    let cut = |what: &str| Error::invalid(path, format!("{what}: the file is truncated or damaged"));
     let version = u32_at(bytes, 4).ok_or_else(|| cut("no GLB header"))?;
     if version != VERSION {
         return Err(Error::unsupported(path, format!("GLB of version {version}, supported: {VERSION}")));

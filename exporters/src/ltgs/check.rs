@@ -1,4 +1,4 @@
-//! Validates `.ltgs` files.
+//! Validates `.ltgs` files, chunk by chunk and as a whole.
 
 use super::read::Reader;
 use crate::contents::Issues;

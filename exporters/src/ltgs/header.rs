@@ -168,7 +168,6 @@ impl Header {
 pub struct Block {
     /// Position from the beginning of the file.
     pub offset: u64,
-    /// Length in bytes.
     pub bytes: u64,
     /// xxh3-64 of the bytes.
     pub checksum: u64,
@@ -205,7 +204,6 @@ impl Entry {
         }
     }
 
-    /// Decodes an entry.
     pub fn decode(bytes: &[u8; ENTRY_BYTES]) -> Self {
         let u64_at = |at: usize| u64::from_le_bytes(std::array::from_fn(|i| bytes[at + i]));
         let u32_at = |at: usize| u32::from_le_bytes(std::array::from_fn(|i| bytes[at + i]));

@@ -213,7 +213,7 @@ struct Stream<'a> {
 
 impl<'a> Stream<'a> {
     fn take(block: &mut &'a [u8], most: usize) -> Result<Self> {
-        let cut = || damaged("cut");
+        let cut = || damaged("truncated");
         let (&codec, rest) = block.split_first().ok_or_else(cut)?;
         *block = rest;
         let mut size = || take_varint(block).ok_or_else(cut);

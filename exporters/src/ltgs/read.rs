@@ -43,13 +43,14 @@ impl<'a> Reader<'a> {
         let header = Header::decode(bytes, path)?;
         if header.file_bytes != bytes.len() as u64 {
             let what =
-                format!("{} bytes, the header says {}: cut or damaged", bytes.len(), header.file_bytes);
+                format!("{} bytes, the header says {}: truncated or damaged", bytes.len(), header.file_bytes);
             return Err(Error::invalid(path, what));
         }
         limits.of_file(header.file_bytes).check(decoded_bytes(&header), "splats and texels", path)?;
         let invalid = |what: String| Error::invalid(path, what);
         let tables = bytes.get(HEADER_BYTES..).and_then(|rest| rest.get(..header.tables_bytes()));
-        let tables = tables.ok_or_else(|| invalid("metadata and table of contents are cut".to_owned()))?;
+        let tables =
+            tables.ok_or_else(|| invalid("metadata and table of contents are truncated".to_owned()))?;
         if xxh3_64(tables) != header.tables_checksum {
             return Err(invalid("metadata and table of contents: wrong checksum, damaged".to_owned()));
         }
@@ -154,7 +155,7 @@ impl<'a> Reader<'a> {
     fn block(&self, block: &Block) -> Result<&'a [u8]> {
         let range = usize::try_from(block.offset).ok().zip(usize::try_from(block.bytes).ok());
         let bytes = range.and_then(|(first, length)| self.bytes.get(first..first.checked_add(length)?));
-        let bytes = bytes.ok_or_else(|| Error::invalid("", format!("{block:?}: cut")))?;
+        let bytes = bytes.ok_or_else(|| Error::invalid("", format!("{block:?}: truncated")))?;
         let found = xxh3_64(bytes);
         if found == block.checksum {
             return Ok(bytes);

@@ -20,7 +20,7 @@ const NAMES: [(&str, Describes); 14] = [
     ("other", Describes::Other),
 ];
 
-/// Bytes by name.
+/// Bytes of a file, summed by name.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Tally {
     bytes: [u64; NAMES.len()],

@@ -115,7 +115,7 @@ fn splats_may_have_exponents_of_their_own() {
     assert_eq!(contents.hash, Some(contents.asset.hash()));
     assert_ne!(bytes, plain);
     assert!(is_same(&contents.asset, &quantised(&asset, &Steps::balanced(&asset), &exponents).unwrap()));
-    // Too few are zeros from there on, too large ones as large as can be.
+    // Missing exponents are zero, too large ones are clamped.
     let short = quantised(&asset, &Steps::balanced(&asset), &[100, 0]).unwrap();
     let mut long = vec![0; 200];
     long[0] = 8;
@@ -192,7 +192,7 @@ fn chunks_are_read_by_themselves() {
         let [low, high] = reader.bounds(1).unwrap();
         assert!(second.positions.iter().all(|p| (0..3).all(|i| low[i] <= p[i] && p[i] <= high[i])));
         assert!(reader.chunk(3).is_err() && reader.bounds(3).is_none());
-        // Damage elsewhere does not matter.
+        // Damage to other chunks does not matter.
         let mut damaged = bytes.clone();
         *damaged.last_mut().unwrap() ^= 1;
         let reader = Reader::open(&damaged, Path::new(PATH), &limits()).unwrap();
@@ -203,7 +203,7 @@ fn chunks_are_read_by_themselves() {
     }
 }
 
-/// Sets the checksums of header and tables anew, so that what stands behind them is tested.
+/// Corrects the checksums of header and tables, so that the checks behind them are tested.
 fn resealed(mut bytes: Vec<u8>) -> Vec<u8> {
     let number = |b: &[u8], at: usize| u32::from_le_bytes(b[at..at + 4].try_into().unwrap()) as usize;
     let tables = 64 + number(&bytes, 28) + 88 * number(&bytes, 36);
@@ -225,7 +225,7 @@ fn hostile_headers_and_tables_are_refused() {
         changed[at..at + new.len()].copy_from_slice(new);
         read(&resealed(changed))
     };
-    assert!(with(0, b"LTGS").is_ok(), "control: sealing anew changes nothing");
+    assert!(with(0, b"LTGS").is_ok(), "control: correct checksums change nothing");
     assert!(matches!(with(0, b"LTGX"), Err(Error::Invalid { .. })));
     assert!(matches!(with(4, &[2, 0]), Err(Error::Unsupported { .. })));
     assert!(matches!(with(8, &[0, 1]), Err(Error::Unsupported { .. })), "unknown feature");
@@ -315,7 +315,7 @@ fn no_damage_makes_the_reader_panic() {
             }
         }
     }
-    // Both ways are taken: stored bits of positions and bytes of numbers may be anything.
+    // Some damage cannot be noticed: stored bits of positions and bytes of numbers may be anything.
     assert!(refused > 3000 && accepted > 100, "{refused} {accepted}");
 }
 

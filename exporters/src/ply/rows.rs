@@ -90,7 +90,7 @@ impl<'a> Rows<'a> {
             Some(rows) if row > 0 => Ok(rows.chunks_exact(row)),
             _ => {
                 let what = format!(
-                    "{count} splats of {row} bytes each, but {} bytes of data: the file is cut or damaged",
+                    "{count} splats of {row} bytes each, but {} bytes of data: the file is truncated or damaged",
                     data.len()
                 );
                 Err(Error::invalid(self.path, what))
@@ -106,7 +106,7 @@ impl<'a> Rows<'a> {
         let mut lines = text.lines();
         for element in &self.header.elements[..self.at] {
             if element.count > 0 && lines.nth(element.count - 1).is_none() {
-                return invalid(format!("element {} is cut", quoted(&element.name)));
+                return invalid(format!("element {} is truncated", quoted(&element.name)));
             }
         }
         let expected = self.scalars.len();
@@ -144,11 +144,7 @@ impl<'a> Rows<'a> {
         let mut add = |name: &str, bytes: u64, describes: Describes| {
             let bytes = bytes.min(left);
             left -= bytes;
-            match sections.iter_mut().find(|s| s.name == name) {
-                Some(section) => section.bytes += bytes,
-                None if bytes > 0 => sections.push(Section { name: name.to_owned(), bytes, describes }),
-                None => {}
-            }
+            Section::add(&mut sections, name, describes, bytes);
         };
         if self.header.encoding == Encoding::Ascii {
             // The text of a property has no fixed size.

@@ -18,9 +18,9 @@ const MAKING_TIME: Duration = Duration::from_secs(60);
 /// Who found a staging folder.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Caller {
-    /// Is about to write beside it and also deletes what no process will use again.
+    /// Is about to write beside it, and also deletes what no process will use again.
     Writer,
-    /// Only wants a whole asset.
+    /// Needs an asset whose files belong together.
     Reader,
 }
 
@@ -39,13 +39,13 @@ pub(super) fn fresh(path: &Path) -> Result<(PathBuf, Option<File>)> {
             Ok(()) => return Ok((folder, Some(lock))),
             // Another process takes it for abandoned.
             Err(TryLockError::WouldBlock) => {}
-            // Without locks nobody will take it for abandoned.
+            // A system without locks: the folder cannot be taken for abandoned.
             Err(TryLockError::Error(_)) => return Ok((folder, None)),
         }
     }
 }
 
-/// Deletes a staging folder, the lock last: a folder with a lock and no journal is known to hold nothing of worth.
+/// Deletes a staging folder, the lock last: a folder with a lock and without a journal can be deleted.
 pub(super) fn remove(folder: &Path) {
     for entry in fs::read_dir(folder).into_iter().flatten().flatten().filter(|e| e.file_name() != LOCK) {
         let _ = fs::remove_dir_all(entry.path()).or_else(|_| fs::remove_file(entry.path()));
@@ -71,7 +71,7 @@ pub(crate) fn repair(path: &Path, caller: Caller) -> Result<()> {
         let lock = match File::options().read(true).write(true).open(folder.join(LOCK)) {
             Ok(lock) => lock,
             Err(_) if caller == Caller::Writer && is_old(&folder) => {
-                // Killed right after it was made: it is empty, or not ours.
+                // Its process was killed right after making it, or it is not ours and stays: only empty folders go.
                 let _ = fs::remove_dir(&folder);
                 continue;
             }

@@ -1,4 +1,4 @@
-//! Nothing is replaced unasked, nothing is lost by what fails, and what is staged can be read.
+//! Nothing is replaced unasked or lost by failures and kills, and staged files can be read.
 
 use super::*;
 use crate::asset::tests::fixture;
@@ -12,7 +12,7 @@ fn options(mesh: bool) -> WriteOptions<'static> {
 fn with_title(title: &str) -> SplatAsset {
     let mut asset = fixture(20, 1);
     asset.provenance.title = title.to_owned();
-    // Other texels: other images.
+    // Other texels make other images.
     asset.texels.iter_mut().for_each(|t| *t *= 1.0 / title.len() as f32);
     asset
 }
@@ -63,7 +63,7 @@ fn what_is_staged_can_be_read_and_goes_where_it_belongs() {
         let sizes = written.files.iter().map(|f| f.metadata().unwrap().len());
         assert_eq!(sizes.sum::<u64>(), written.bytes, "{format:?}");
         assert_eq!(read_asset(&path, &ReadLimits::default()).unwrap(), before, "{format:?}");
-        // What is written beside it is what was said before.
+        // Sidecar files are those announced.
         let said = format.side_files(&path, true);
         for file in &written.files[1..] {
             assert!(said.iter().any(|s| file.starts_with(s)), "{}: {said:?}", file.display());
@@ -74,7 +74,7 @@ fn what_is_staged_can_be_read_and_goes_where_it_belongs() {
         assert_eq!(format.side_files(&path, false).len(), said.len() - usize::from(mesh));
     }
     assert!(snapshot(folder.path()).keys().all(|p| p.extension().is_none_or(|e| e != "tmp")));
-    // Under one stem all formats show each its own scene still: they share nothing but the mesh.
+    // Formats under one stem share only the mesh.
     for format in Format::ALL.into_iter().filter(|f| f.keeps_textures()) {
         let path = folder.path().join(format!("scene.{}", format.extension()));
         write_asset(&path, &with_title(format.extension()), &options(true)).unwrap();
@@ -131,7 +131,7 @@ fn a_failing_overwrite_keeps_the_old_asset() {
     for name in ["y.gltf", "y.glb", "y.usda", "y.usdc", "y.usdz", "y.ltgs"] {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join(name);
-        // First without an older one: nothing stays, the folder of images neither.
+        // First without an older one: nothing stays, not even the folder of images.
         for old in [None, Some(with_title("old"))] {
             if let Some(old) = &old {
                 write_asset(&path, old, &options(true)).unwrap();
@@ -156,7 +156,7 @@ fn a_failing_overwrite_keeps_the_old_asset() {
 }
 
 #[test]
-fn folders_and_files_in_each_others_way_are_told() {
+fn folders_and_files_in_each_others_way_are_errors() {
     let asset = with_title("new");
     for (name, obstacle, is_folder, expected) in [
         ("y.gltf", "y.gltf", true, ErrorKind::IsADirectory),
@@ -195,7 +195,7 @@ fn a_link_is_replaced_and_what_it_leads_to_stays() {
     write_asset(&path, &with_title("new"), &options(false)).unwrap();
     assert_eq!(std::fs::read(&real).unwrap(), b"mine");
     assert!(!path.is_symlink() && title(&path) == "new");
-    // A link that leads nowhere is in the way, too, and one to a folder of images serves as one.
+    // A dangling link is in the way, too, but one to a folder of images serves as the folder.
     let path = folder.path().join("z.usda");
     std::os::unix::fs::symlink("nowhere", &path).unwrap();
     let staged = stage_asset(&path, &with_title("new"), &options(false)).unwrap();

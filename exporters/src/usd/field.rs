@@ -11,7 +11,7 @@ use std::path::Path;
 /// Most pages of a file.
 const PAGES_MAX: usize = 1000;
 
-/// A particle field.
+/// A prim that is read as a particle field.
 pub(super) struct Field<'a> {
     pub(super) path: &'a Path,
     pub(super) prim: &'a Prim,

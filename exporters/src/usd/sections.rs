@@ -21,14 +21,7 @@ pub(super) fn of(
     texture_bytes: u64,
 ) -> Vec<Section> {
     let mut sections = Vec::new();
-    let mut add = |name: &str, describes, bytes: u64| {
-        let same = sections.iter_mut().find(|s: &&mut Section| s.name == name);
-        match same {
-            Some(section) => section.bytes += bytes,
-            None if bytes > 0 => sections.push(Section { name: name.to_owned(), bytes, describes }),
-            None => {}
-        }
-    };
+    let mut add = |name: &str, describes, bytes| Section::add(&mut sections, name, describes, bytes);
     let layer_bytes = layer.all;
     let mut left = layer_bytes;
     for (place, bytes) in layer.values {

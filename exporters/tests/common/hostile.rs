@@ -1,4 +1,4 @@
-//! Hostile and odd files of all formats, made from small scenes: each is named by what it is. The same every time.
+//! Hostile and odd files of all formats, made from small scenes and named by what is wrong with them. Reproducible.
 
 use crate::common::scene;
 use Expect::{Invalid, Reads, TooLarge, Unsupported};
@@ -8,10 +8,10 @@ use litetex_exporters::{
 use serde_json::{Value, json};
 use xxhash_rust::xxh3::xxh3_64;
 
-/// What a reader must say.
+/// What a reader must answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Expect {
-    /// It is read; what is odd about it is harmless, or for the validation to tell.
+    /// It is read: what is odd about it is harmless, or reported by validation.
     Reads,
     Invalid,
     Unsupported,
@@ -25,7 +25,7 @@ pub struct File {
     pub expect: Expect,
 }
 
-/// All files.
+/// All files of the corpus, by name.
 pub fn all() -> Vec<File> {
     let mut files = damaged();
     let mut add =
@@ -62,7 +62,7 @@ pub fn sound(format: Format) -> Vec<u8> {
     std::fs::read(&path).expect("read")
 }
 
-/// What every format meets.
+/// Damage of the same kinds for every format.
 fn damaged() -> Vec<File> {
     let mut files = Vec::new();
     for format in Format::ALL {
@@ -380,7 +380,7 @@ fn spz_files(add: Add<'_>) {
     add("huge_count.spz", TooLarge, put(&bytes, 8, &u32::MAX.to_le_bytes()));
     add("tables_beyond_the_end.spz", Invalid, put(&bytes, 16, &u32::MAX.to_le_bytes()));
     add("odd_fraction.spz", Invalid, put(&bytes, 13, &[31]));
-    // Within the limit on memory, but out of nothing.
+    // Within the limit on memory, but from almost no bytes.
     add("bomb.spz", TooLarge, zeros(1 << 22));
     let meta = places(&bytes, b"{\"near\"")[0];
     add("damaged_metadata.spz", Reads, put(&bytes, meta, b"["));
@@ -413,7 +413,7 @@ fn roomy_page(side: u32) -> Vec<u8> {
     join(&json, &bin)
 }
 
-/// Files of a few kilobytes that take as much memory as they can, by what they do.
+/// Files that take as much memory or time as they can, by what they do.
 pub fn greedy() -> Vec<(&'static str, String, Vec<u8>)> {
     let mut files = Vec::new();
     let mut add = |what, extension: &str, bytes| files.push((what, format!("greedy.{extension}"), bytes));
@@ -442,8 +442,8 @@ pub fn greedy() -> Vec<(&'static str, String, Vec<u8>)> {
     );
     let lossy = ltgs::LtgsOptions { quality: Quality::Tiny, steps: None, exponents: &[] };
     add("rounded neutral texels", "ltgs", ltgs::encode(&neutral(2048), &lossy).expect("written"));
-    add("pages of 4096 and 8192 for few texels", "glb", roomy_page(4096));
-    add("pages of 4096 and 8192 for few texels", "glb", roomy_page(8192));
+    add("a page of 4096 for few texels", "glb", roomy_page(4096));
+    add("a page of 8192 for few texels", "glb", roomy_page(8192));
     let (json, bin) = split(&gltf::encode_glb(&small_scene(), &options).expect("written"));
     let mut nodes = json.clone();
     nodes["nodes"].as_array_mut().expect("nodes").extend(vec![json!({}); 130_000]);

@@ -1,4 +1,4 @@
-//! The validation finds nothing in what we write, and everything that is broken.
+//! Validation finds nothing wrong with our files, and every broken rule.
 
 use super::*;
 use crate::gltf::{encode_glb, validate, write_gltf};
@@ -9,7 +9,7 @@ fn issues(bytes: &[u8]) -> Vec<Issue> {
     validate(bytes, Path::new(PATH))
 }
 
-/// Codes of what is worse than a remark, each once.
+/// Codes of warnings and errors, each once.
 fn codes(bytes: &[u8]) -> Vec<&'static str> {
     let mut codes: Vec<_> =
         issues(bytes).into_iter().filter(|i| i.severity > Severity::Info).map(|i| i.code).collect();
@@ -31,7 +31,7 @@ fn our_files_are_sound() {
         let written = write_gltf(&path, &hard_fixture(300, 2), &options(quality)).unwrap();
         let text = std::fs::read(&path).unwrap();
         assert_eq!(validate(&text, &path), []);
-        // A page of another image's size, and none.
+        // A page that is not an image, and none.
         let page = &written[1];
         std::fs::write(page, b"no image").unwrap();
         assert!(validate(&text, &path).iter().any(|i| i.code == "LT1024"));
@@ -155,7 +155,7 @@ fn plain_gltf_is_left_to_its_own_validator() {
 }
 
 #[test]
-fn rectangles_and_texels_are_looked_at() {
+fn rectangles_and_texels_are_checked() {
     let sound = file(Quality::Lossless);
     let (json, bin) = split(&sound);
     let rects = place(&json, json.pointer(OURS).unwrap()["rects"].as_u64().unwrap() as usize);
@@ -203,7 +203,7 @@ fn a_broken_fallback_is_found() {
             assert_eq!(changed(scale + 8, &thickness.to_le_bytes()), ["LT1032"]);
         }
         assert_eq!(changed(colour, &[0; 8 * 300]), ["LT1033"]);
-        // What is not a number is not read either.
+        // Numbers that are not finite are not read, either.
         let mut bin = bin.clone();
         bin[dc..dc + 4].copy_from_slice(&f32::NAN.to_le_bytes());
         assert!(decode(&join(&json, bin)).unwrap_err().to_string().contains("not finite"));

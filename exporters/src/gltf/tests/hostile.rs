@@ -1,4 +1,4 @@
-//! Damaged and hostile files are errors or sound assets, never a panic and never a large allocation.
+//! Damaged and hostile files give errors or sound assets, never panics or large allocations.
 
 use super::*;
 use crate::Error;
@@ -61,7 +61,7 @@ fn no_damage_makes_the_reader_panic() {
                 drop(validate(&damaged, Path::new(PATH)));
             }
         }
-        // Most damage to the data is not seen without the hash.
+        // Without the hash, most damage to the data goes unnoticed.
         assert!((300..2990).contains(&accepted), "{accepted}");
     }
 }
@@ -94,7 +94,7 @@ fn hostile_counts_offsets_and_sizes() {
         json!("1"),
     ];
     let (json, _) = split(&bytes);
-    // COLOR_0 is for others: nobody reads it.
+    // COLOR_0 is for other viewers and not read.
     let unread = json.pointer(PRIMITIVE).unwrap()["attributes"]["COLOR_0"].as_u64().unwrap();
     let image = json["images"][0]["bufferView"].as_u64().unwrap();
     let pointers: Vec<String> = (0..json["accessors"].as_array().unwrap().len())

@@ -25,7 +25,7 @@ pub(super) fn decompress(block: &[u8], bytes_max: usize) -> Result<Vec<u8>, Stri
     Ok(out)
 }
 
-/// Compresses integers.
+/// Compresses integers, best if neighbours differ little.
 pub(super) fn compress_ints(values: &[i32]) -> Vec<u8> {
     let mut last = 0_i32;
     let differences: Vec<i32> =

@@ -34,7 +34,6 @@ const END_OF_SET: u32 = u32::MAX;
 /// Integer arrays at least this long are compressed.
 const COMPRESSED_LENGTH_MIN: usize = 16;
 
-/// Kinds of specs.
 mod spec {
     pub(super) const ATTRIBUTE: u32 = 1;
     pub(super) const PRIM: u32 = 6;
@@ -44,7 +43,6 @@ mod spec {
     pub(super) const VARIANT_SET: u32 = 11;
 }
 
-/// Types of values.
 mod types {
     pub(super) const BOOL: u8 = 1;
     pub(super) const INT: u8 = 3;

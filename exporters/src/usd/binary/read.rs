@@ -219,7 +219,6 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// Names of children.
     fn names(&mut self, rep: Rep, place: &str) -> Result<Vec<String>> {
         match self.values.read(rep, place, 0)? {
             Value::Tokens(names) if rep.value_type() == types::TOKEN_VECTOR => Ok(names),

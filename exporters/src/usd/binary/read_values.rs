@@ -223,7 +223,7 @@ impl<'a> Values<'a> {
         for _ in 0..count {
             let entry = [cursor.u32().map(u64::from), cursor.u64(), cursor.u64()];
             let [Ok(key), Ok(offset), Ok(rep)] = entry else {
-                return Err(self.invalid(name, "a dictionary that is cut"));
+                return Err(self.invalid(name, "a truncated dictionary"));
             };
             if offset != 8 {
                 return Err(self.unsupported(name, "values apart from their dictionary"));
@@ -247,7 +247,7 @@ impl<'a> Values<'a> {
         let (count, set, variant) =
             match [cursor.u64(), cursor.u32().map(u64::from), cursor.u32().map(u64::from)] {
                 [Ok(count), Ok(set), Ok(variant)] => (count, set as u32, variant as u32),
-                _ => return Err(self.invalid(name, "a choice of variants that is cut")),
+                _ => return Err(self.invalid(name, "a truncated choice of variants")),
             };
         if count != 1 {
             return Err(self.unsupported(name, format!("choices from {count} variant sets, not one")));

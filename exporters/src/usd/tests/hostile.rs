@@ -1,4 +1,4 @@
-//! Files that are damaged or mean harm, and what cannot be written.
+//! Damaged and hostile files, and assets that cannot be written.
 
 use super::*;
 
@@ -42,7 +42,7 @@ fn damaged_tables_never_panic() {
     let layer = layer_of(&full(3, 0));
     let bytes = binary_from_layer(&layer);
     let contents = u64::from_le_bytes(bytes[16..24].try_into().unwrap()) as usize;
-    // Where the tables begin: all before is values.
+    // Values come before the tables.
     let tables = u64::from_le_bytes(bytes[contents + 24..contents + 32].try_into().unwrap()) as usize;
     let mut state = 7_u64;
     for round in 0..4000 {
@@ -86,7 +86,7 @@ fn hostile_counts_and_offsets_are_refused_at_once() {
 }
 
 #[test]
-fn features_that_are_not_ours_are_named() {
+fn unsupported_features_are_named() {
     let head = "#usda 1.0\n";
     let cases = [
         ("references", "def \"A\" (\n prepend references = @x.usda@\n)\n{\n}"),
@@ -121,7 +121,7 @@ fn features_that_are_not_ours_are_named() {
 }
 
 #[test]
-fn pages_elsewhere_are_not_read() {
+fn pages_outside_of_the_folder_are_not_read() {
     let folder = tempfile::tempdir().unwrap();
     let below = folder.path().join("below");
     std::fs::create_dir(&below).unwrap();
@@ -145,7 +145,7 @@ fn pages_elsewhere_are_not_read() {
 }
 
 #[test]
-fn what_cannot_be_written_leaves_nothing() {
+fn failed_writes_leave_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let asset = full(9, 0);
     let names = || std::fs::read_dir(folder.path()).unwrap().count();
@@ -164,7 +164,7 @@ fn what_cannot_be_written_leaves_nothing() {
     broken.opacities[0] = 2.0;
     assert!(matches!(fails("a.usdz", &broken, &options(Quality::Balanced)), Error::Invalid { .. }));
     assert_eq!(names(), 0);
-    // A folder in the way of the last file: images are removed again.
+    // A folder in the place of the last file: images are removed again.
     std::fs::create_dir_all(folder.path().join("b.usdc/x")).unwrap();
     assert!(matches!(fails("b.usdc", &asset, &options(Quality::Balanced)), Error::Io { .. }));
     assert_eq!(names(), 1);

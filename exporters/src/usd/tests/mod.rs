@@ -1,4 +1,4 @@
-//! Files against files, against damage and against what others make of them.
+//! Writers and readers against each other and against damage.
 
 mod hostile;
 
@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 
 const EXTENSIONS: [&str; 3] = ["usda", "usdc", "usdz"];
 
-/// A fixture with everything that an asset can have.
+/// A fixture with everything that an asset may have.
 fn full(num_splats: usize, sh_degree: u32) -> SplatAsset {
     let mut asset = fixture(num_splats, sh_degree);
     asset.capture_from_local =
@@ -85,7 +85,7 @@ fn lossless_files_give_every_bit_back() {
     }
 }
 
-/// Writes samples for `tests/python/check_usd.py` where `LITETEX_USD_SAMPLES` says, with the hashes of their arrays.
+/// Writes samples for `tests/python/check_usd.py` into the folder `LITETEX_USD_SAMPLES`, with the hashes of their arrays.
 #[test]
 fn samples_for_other_programs() {
     let Some(folder) = std::env::var_os("LITETEX_USD_SAMPLES").map(PathBuf::from) else {
@@ -107,7 +107,7 @@ fn samples_for_other_programs() {
     std::fs::write(folder.join("expected.json"), serde_json::to_vec(&expected).unwrap()).unwrap();
 }
 
-/// CRC-32 of arrays as other programs should see them, computed from the asset by other means than the writer's.
+/// CRC-32 of arrays as other programs should see them, computed independently of the writer.
 fn hashes(asset: &SplatAsset) -> serde_json::Map<String, serde_json::Value> {
     let floats = |values: Vec<f32>| values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<_>>();
     let positions = asset.positions.iter().flat_map(|&[x, y, z]| [x, -y, -z]).collect();
@@ -176,7 +176,7 @@ fn balanced_files_keep_all_but_texels_and_those_to_half_a_step() {
         // Needed 0.5 steps and rounding; a quarter would not do.
         assert!(worst <= 0.5001 * step && worst > 0.25 * step, "{worst} of {step}");
         decoded.push(contents.asset);
-        // The same input makes the same bytes.
+        // Equal input makes equal bytes.
         let before = std::fs::read(&path).unwrap();
         write(folder.path(), &format!("b.{extension}"), &asset, Quality::Balanced);
         assert_eq!(std::fs::read(&path).unwrap(), before);
@@ -186,7 +186,7 @@ fn balanced_files_keep_all_but_texels_and_those_to_half_a_step() {
 }
 
 #[test]
-fn changed_numbers_are_told_by_the_hash() {
+fn the_hash_reveals_changed_numbers() {
     let folder = tempfile::tempdir().unwrap();
     let path = write(folder.path(), "s.usda", &full(9, 0), Quality::Lossless);
     assert_eq!(validate(&path), Vec::new());
@@ -261,11 +261,11 @@ fn a_broken_fallback_is_found() {
             codes.dedup();
             codes
         };
-        // Of the textured splats, and of those for programs without textures, which come last.
+        // The textured splats come first, those for programs without texture support last.
         let name = "sphericalHarmonicsCoefficients = [";
         let (first, last) = (text.find(name).unwrap(), text.rfind(name).unwrap());
         assert!(first < last);
-        // The hash is that of what textured readers get.
+        // The hash does not cover the fallback.
         assert_eq!(replaced(first + name.len(), "(5, 5, 5)"), ["LT2013", "LT2015"]);
         assert_eq!(replaced(last + name.len(), "(5, 5, 5)"), ["LT2013", "LT2015"]);
         let scales = text.rfind("float3[] scales = [").unwrap() + "float3[] scales = [".len();
@@ -309,7 +309,7 @@ fn splats_at_the_end_of_f32_make_sound_files() {
 }
 
 #[test]
-fn bytes_are_told_by_attribute_and_add_up() {
+fn bytes_by_attribute_add_up() {
     let folder = tempfile::tempdir().unwrap();
     let asset = full(200, 1);
     for extension in EXTENSIONS {
@@ -323,7 +323,7 @@ fn bytes_are_told_by_attribute_and_add_up() {
             "{extension}: {pages} {file}"
         );
         for name in ["positions", "rotations", "scales", "opacities", "sh", "sh0", "maps"] {
-            // Text: some ten characters a number.
+            // Text takes about ten characters per number.
             assert!(of(name) >= 4 * 200, "{extension} {name}: {:?}", contents.sections);
         }
         if extension == "usda" {
