@@ -1,7 +1,7 @@
 //! Writes the scene that independent renderers are checked with (`tests/python/run_second.py`), in several formats:
 //! `cargo run --example conformance -- FOLDER`
 //!
-//! Every rule of the image decides pixels of it: SH of degree 3, rectangular maps on several atlas pages,
+//! Every rule of rendering decides pixels of it: SH of degree 3, rectangular maps on several atlas pages,
 //! off-centre principal points, unequal focal lengths, a coloured background; splats behind the camera and around the
 //! near plane, seen edge-on, opaque on top of each other, of equal depth, and as faint as 1/255. Seeded: the same files every time.
 

@@ -1,27 +1,27 @@
-//! The neutral model that every writer takes and every reader returns: activated values, computed
-//! once when a trained model is frozen. Exactness of a format is defined on these numbers. Parameters
-//! of the optimisation (logits, logarithms, moments) do not belong here.
+//! The neutral scene that every writer takes and every reader returns: activated values, computed once when a trained
+//! model is baked. A format is lossless if it keeps these numbers. Parameters of the optimisation (logits, logarithms,
+//! moments) do not belong here.
 
 use crate::Transform;
 use crate::sh::SH_0;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// Largest side of a map.
+/// Largest side of a texture map, texels.
 pub const MAP_SIDE_MAX: u16 = 4096;
 
-/// Largest number of splats.
+/// Most splats of an asset.
 pub const SPLATS_MAX: usize = 1 << 24;
 
-/// Number of SH coefficients per colour channel for a degree.
+/// SH coefficients per colour channel, for all degrees up to this one.
 pub const fn num_sh_coefficients(degree: u32) -> usize {
     ((degree + 1) * (degree + 1)) as usize
 }
 
-/// What the colour values mean, and so in which space blending happens.
+/// What the colour values mean, and with that the space in which they are blended.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum ColourSpace {
-    /// sRGB code values of 0 to 1, never linearised: what photos hold and training uses.
+    /// sRGB code values from 0 to 1, never linearised: what photos hold and training uses.
     #[default]
     #[serde(rename = "srgb_rec709_display")]
     SrgbRec709Display,
@@ -31,7 +31,7 @@ pub enum ColourSpace {
 }
 
 impl ColourSpace {
-    /// Linear light of a value in [0, 1].
+    /// The linear light that a value in [0, 1] stands for.
     pub fn linear(self, v: f64) -> f64 {
         match self {
             Self::LinRec709Display => v,
@@ -40,7 +40,7 @@ impl ColourSpace {
         }
     }
 
-    /// sRGB code value of a value in [0, 1].
+    /// The sRGB code value from 0 to 1 that a value in [0, 1] stands for.
     pub fn srgb(self, v: f64) -> f64 {
         match self {
             Self::SrgbRec709Display => v,
@@ -50,21 +50,21 @@ impl ColourSpace {
     }
 }
 
-/// Place and size of one splat's map.
+/// Position and size of a splat's texture map among the texels of an asset.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct AssetMap {
-    /// Index of the map's first texel.
+    /// Index of the first texel.
     pub offset_texels: u32,
-    /// Texels along the surfel's axis u; 0: untextured.
+    /// Texels along the splat's tangent u; 0 if it has no map.
     pub rows: u16,
-    /// Texels along the surfel's axis v; 0: untextured.
+    /// Texels along the splat's tangent v; 0 if it has no map.
     pub cols: u16,
-    /// Edge of a texel, local units; 0: untextured. Maps are centred on their splats.
+    /// Texel edge in local units; 0 if the splat has no map. Maps are centred on their splats.
     pub texel_size: f32,
 }
 
 impl AssetMap {
-    /// Number of texels.
+    /// Rows times columns.
     pub fn num_texels(&self) -> usize {
         usize::from(self.rows) * usize::from(self.cols)
     }
@@ -74,82 +74,82 @@ impl AssetMap {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub struct AssetCamera {
-    /// Original image name.
+    /// Name of the photo.
     pub name: String,
-    /// Whether the photo was kept out of the training.
+    /// Whether the photo was held out from training.
     #[serde(default)]
     pub held_out: bool,
-    /// Image width.
+    /// Width of the photo.
     pub width_px: u32,
-    /// Image height.
+    /// Height of the photo.
     pub height_px: u32,
     /// Focal lengths along x and y.
     pub focal_px: [f64; 2],
-    /// Principal point from the upper left corner.
+    /// Principal point, from the upper left corner.
     pub principal_px: [f64; 2],
-    /// Rotation of camera_from_local, rows.
+    /// Rows of the rotation of `camera_from_local`.
     pub rotation_rows: [[f64; 3]; 3],
-    /// Translation of camera_from_local, local units.
+    /// Translation of `camera_from_local`, local units.
     pub translation: [f64; 3],
 }
 
-/// Where an asset comes from. Empty strings: not known.
+/// Where an asset comes from. Empty strings stand for what is not known.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub struct Provenance {
     /// Title of the work.
     pub title: String,
-    /// Who made it.
+    /// Who made the work.
     pub author: String,
-    /// Licence of the data (SPDX expression or text).
+    /// Licence of the data: an SPDX expression or free text.
     pub licence: String,
-    /// What it was made from.
+    /// What the work was made from.
     pub source: String,
-    /// Version of the program that froze it.
+    /// Version of the program that baked the asset.
     pub program_version: String,
-    /// Facts of the training by name, sorted.
+    /// Facts about the training, by name.
     pub training: BTreeMap<String, String>,
 }
 
-/// A frozen scene: 2D Gaussians (surfels) in the local frame, each with its own texture map.
+/// A baked scene: 2D Gaussians in the local frame, each with a texture map of its own.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SplatAsset {
     /// SH degree of `sh`, 0 to 3.
     pub sh_degree: u32,
     /// Centres, local frame. `[n]`
     pub positions: Vec<[f32; 3]>,
-    /// local_from_surfel as unit quaternion **wxyz**; the surfel's normal is its z axis. `[n]`
+    /// `local_from_surfel` as unit quaternions **wxyz**; a splat's normal is its z axis. `[n]`
     pub rotations: Vec<[f32; 4]>,
-    /// Standard deviations along the surfel's axes u and v, local units, linear. `[n]`
+    /// Standard deviations along the tangents u and v, local units. `[n]`
     pub scales: Vec<[f32; 2]>,
     /// In (0, 1]. `[n]`
     pub opacities: Vec<f32>,
     /// Spherical harmonics with the signs and order of 3DGS; colour = max(0, 0.5 + sum).
     /// `[n, (sh_degree + 1)^2, 3]`
     pub sh: Vec<f32>,
-    /// One per splat; offsets rise in order and leave no gap. `[n]`
+    /// One per splat, in order and without gaps between their texels. `[n]`
     pub maps: Vec<AssetMap>,
     /// Residuals in [-1, 1], added to the colour before it is clamped; map by map, row-major.
     /// `[num_texels, 3]`
     pub texels: Vec<f32>,
     /// Near plane, local units.
     pub near: f32,
-    /// Way back to the frame of the capture.
+    /// From the local frame back to that of the capture.
     pub capture_from_local: Transform,
-    /// Way from there to the frame of files, if they have another one than the capture: another way up, other units.
+    /// From there to the frame of files, if that is another: another direction is up, units are others.
     pub world_from_capture: Transform,
-    /// Meaning of colours.
+    /// What the colour values mean.
     pub colour_space: ColourSpace,
-    /// What was behind the scene when it was trained.
+    /// Background colour of the training.
     pub background: [f32; 3],
-    /// Cameras of the capture, by name.
+    /// Cameras of the capture, ordered by name.
     pub cameras: Vec<AssetCamera>,
-    /// Title, author, licence and facts.
+    /// Title, author, licence and facts about the training.
     pub provenance: Provenance,
 }
 
 impl Default for SplatAsset {
-    /// No splats.
+    /// An asset without splats.
     fn default() -> Self {
         Self {
             sh_degree: 0,
@@ -172,30 +172,30 @@ impl Default for SplatAsset {
 }
 
 impl SplatAsset {
-    /// Number of splats.
+    /// Splats of the asset.
     pub fn num_splats(&self) -> usize {
         self.positions.len()
     }
 
-    /// Number of texels over all maps.
+    /// Texels of all maps together.
     pub fn num_texels(&self) -> usize {
         self.texels.len() / 3
     }
 
-    /// Coefficients of a splat. `[(sh_degree + 1)^2, 3]`
+    /// SH coefficients of a splat. `[(sh_degree + 1)^2, 3]`
     pub fn sh_of(&self, splat: usize) -> &[f32] {
         let width = 3 * num_sh_coefficients(self.sh_degree);
         &self.sh[splat * width..(splat + 1) * width]
     }
 
-    /// Texels of a splat. `[rows, cols, 3]`
+    /// Texels of a splat's map. `[rows, cols, 3]`
     pub fn texels_of(&self, splat: usize) -> &[f32] {
         let map = &self.maps[splat];
         let first = 3 * map.offset_texels as usize;
         &self.texels[first..first + 3 * map.num_texels()]
     }
 
-    /// What formats without textures hold of it: maps averaged into the base colour.
+    /// The asset as formats without textures hold it: maps averaged into the base colour.
     pub fn untextured(&self) -> Self {
         let mut out =
             Self { maps: vec![AssetMap::default(); self.num_splats()], texels: Vec::new(), ..self.clone() };
@@ -206,12 +206,12 @@ impl SplatAsset {
         out
     }
 
-    /// Way to the frame of files.
+    /// From the local frame to that of files.
     pub fn world_from_local(&self) -> Transform {
         self.world_from_capture.after(&self.capture_from_local)
     }
 
-    /// SH of degree 0 with the mean of the splat's map in it; the exact one without a map.
+    /// SH coefficient of degree 0 with the mean of the splat's map added; without a map it is exact.
     pub fn untextured_dc(&self, splat: usize) -> [f32; 3] {
         let (dc, mean) = (self.sh_of(splat), self.mean_residual(splat));
         std::array::from_fn(|c| match mean[c] {
@@ -220,8 +220,8 @@ impl SplatAsset {
         })
     }
 
-    /// Mean residual of a splat's map as a viewer that knows no textures should show it: weighted by
-    /// the Gaussian at the texels' centres, zero where the Gaussian lies outside of the map.
+    /// Mean residual of a splat's map, as viewers without texture support should show it: weighted by the Gaussian at the
+    /// centres of texels, and zero where the Gaussian lies outside of the map.
     pub fn mean_residual(&self, splat: usize) -> [f64; 3] {
         let (map, texels) = (&self.maps[splat], self.texels_of(splat));
         let [scale_u, scale_v] = self.scales[splat].map(f64::from);

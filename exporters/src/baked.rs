@@ -1,46 +1,43 @@
-//! Splats as formats without textures and frames hold them: in the frame of files, maps averaged into the base
-//! colour.
+//! Splats as formats without textures and transforms hold them: in the world frame, maps averaged into the base colour.
 
 use crate::sh::Turn;
 use crate::{AssetMap, SplatAsset, Transform, quaternion};
 
-/// One splat.
+/// A splat in the world frame.
 pub struct Baked {
-    /// Centre, world frame.
     pub position: [f64; 3],
-    /// world_from_surfel, wxyz.
+    /// `world_from_surfel`, wxyz.
     pub rotation: [f32; 4],
     /// Standard deviations, world units.
     pub scales: [f64; 2],
     /// In (0, 1].
     pub opacity: f32,
-    /// Coefficients. `[(degree + 1)^2, 3]`
+    /// SH coefficients. `[(degree + 1)^2, 3]`
     pub sh: Vec<f64>,
-    /// How far f32 is from the centre, in texels of its map; 0 without a map.
+    /// Error of the centre as f32, in texels of the splat's map; 0 without a map.
     pub rounding_texels: f64,
 }
 
-/// Makes them.
+/// Turns the splats of an asset into [`Baked`] ones.
 pub struct Baker<'a> {
     asset: &'a SplatAsset,
-    /// World from local.
+    /// `world_from_local`.
     frame: Transform,
     turn: Option<Turn>,
 }
 
 impl<'a> Baker<'a> {
-    /// For an asset.
+    /// A baker for the splats of an asset.
     pub fn new(asset: &'a SplatAsset) -> Self {
         let frame = asset.world_from_local();
         Self { asset, frame, turn: (!frame.is_upright()).then(|| Turn::new(frame.rotation)) }
     }
 
-    /// Centre of a splat, world frame.
+    /// The centre of a splat in the world frame.
     pub fn position(&self, splat: usize) -> [f64; 3] {
         self.frame.transform_point(self.asset.positions[splat])
     }
 
-    /// One splat.
     pub fn splat(&self, splat: usize) -> Baked {
         let (asset, frame) = (self.asset, &self.frame);
         let mut rotation = asset.rotations[splat];
@@ -51,7 +48,7 @@ impl<'a> Baker<'a> {
             rotation = turned.map(|v| (v / norm) as f32);
             sh = turn.apply(asset.sh_of(splat));
         }
-        // Degree 0 does not turn.
+        // Degree 0 is the same in all directions.
         for (dc, baked) in sh.iter_mut().zip(asset.untextured_dc(splat)) {
             *dc = baked.into();
         }

@@ -1,66 +1,77 @@
-//! What readers return besides the asset, alike for all formats.
+//! What readers and validators return besides the asset, the same for all formats.
 
-use crate::{Quality, SplatAsset};
+use crate::{Quality, SplatAsset, text};
 
-/// What a part of a file describes; sizes are given per splat, per texel or as they are.
+/// What a part of a file describes: reports give sizes per splat, per texel or as they are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Describes {
-    /// Splats.
+    /// Attributes of splats.
     Splats,
-    /// Texels.
+    /// Texels of maps.
     Texels,
-    /// Everything else: headers, tables, metadata, fallbacks.
+    /// Anything else: headers, tables, metadata, fallbacks.
     Other,
 }
 
 /// A part of a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Section {
-    /// Name, the same attribute under the same name in all formats where it is stored apart: `positions`, `rotations`,
-    /// `scales`, `opacities`, `sh0`, `sh_rest`, `maps`, `texels`, `metadata`, `fallback`, ...
+    /// Name. An attribute that is stored apart has the same name in all formats: `positions`, `rotations`, `scales`,
+    /// `opacities`, `sh0`, `sh_rest`, `maps`, `texels`, `metadata`, `fallback`, ...
     pub name: String,
-    /// Bytes in the file.
+    /// Its bytes in the file.
     pub bytes: u64,
-    /// What it describes.
+    /// What the part describes.
     pub describes: Describes,
 }
 
-/// A file that was read.
+impl Section {
+    /// Adds bytes to the part with a name, made if need be.
+    pub(crate) fn add(parts: &mut Vec<Self>, name: &str, describes: Describes, bytes: u64) {
+        match parts.iter_mut().find(|part| part.name == name) {
+            Some(part) => part.bytes += bytes,
+            None if bytes > 0 => parts.push(Self { name: name.to_owned(), bytes, describes }),
+            None => {}
+        }
+    }
+}
+
+/// A file as read.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Contents {
-    /// The scene.
+    /// The scene of the file.
     pub asset: SplatAsset,
     /// Name of the format with its version.
     pub format: String,
-    /// As the file says; `None` where the format has no such thing.
+    /// Quality that the file states; `None` if the format has none.
     pub quality: Option<Quality>,
-    /// [`SplatAsset::hash`] of what the file should hold, as it says.
+    /// [`SplatAsset::hash`] that the file states; differs from that of `asset` if values were changed.
     pub hash: Option<u64>,
     /// Parts of the file; their sum is the file's size.
     pub sections: Vec<Section>,
-    /// What is odd about the file but no reason to refuse it.
+    /// What is odd about the file, but not a reason to refuse it.
     pub warnings: Vec<String>,
 }
 
-/// What a reader may use.
+/// How much memory a reader may take.
 ///
-/// Sizes that a file states are compared with it before anything is allocated for them. A file of a few bytes gets
-/// less than a large one: see [`ReadLimits::of_file`]. What readers take besides, as shares of the file:
+/// Sizes that a file states are compared with the limits before anything is allocated for them. A small file may take
+/// less than a large one: see [`ReadLimits::of_file`]. What readers take, and how it is bounded:
 ///
 /// | format | what small files can blow up | bound |
 /// |---|---|---|
-/// | `.ltgs` | neutral texels (zstd, 1 : 20,000) | `of_file`; chunks and the whole at a time: twice that at worst |
-/// | glTF | neutral pages (PNG, 1 : 1,040; 15 bytes a texel) | `of_file`, over all pages |
+/// | `.ltgs` | neutral texels (zstd, 1 : 20,000) | `of_file`; chunks and the whole asset at a time: three times that at worst |
+/// | glTF, USD | texels of maps | `of_file`; pages are read row by row |
+/// | glTF, USD | pages (deflate, 1 : 1,040) | 64 texels for each that maps use, and 2^24 |
 /// | glTF | JSON of empty objects (1 : 250) | 131,072 objects and 2,097,152 values |
-/// | USD | pages, as glTF | `of_file`, over all pages |
 /// | USD text | prims, properties, entries (1 : 45) and their paths | `of_file`, counted as they are read |
-/// | USD binary | tables (LZ4, 1 : 255), paths, values | 2^20 entries; values 16 times the file and 32 MiB |
+/// | USD binary | tables (LZ4, 1 : 255), paths, values | 2^20 entries; 16 times the file and 32 MiB of values |
 /// | USD package | entries of its table | 1,000 |
 /// | PLY | properties of a byte (1 : 5), header | the file's own size; 17 MiB and 1,024 names |
 /// | SPZ | splats of zeros (zstd) | streams 80 times the file, at least 16 MiB; splats four times that |
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ReadLimits {
-    /// Most bytes that a file may decode to, and most that it may have itself.
+    /// Most bytes that a file may have, and most that it may decode to.
     pub decoded_bytes: u64,
 }
 
@@ -82,23 +93,82 @@ pub enum Severity {
     Error,
 }
 
-/// Something that a validation found.
+/// A problem that validation found.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Issue {
-    /// Number that stays the same over versions: `LT1xxx` glTF, `LT2xxx` USD, `LT3xxx` `.ltgs`, `LT4xxx` PLY and SPZ,
-    /// `LT9xxx` any.
+    /// A number that stays the same over versions: `LT1xxx` glTF, `LT2xxx` USD, `LT3xxx` `.ltgs`, `LT4xxx` PLY and SPZ,
+    /// `LT9xxx` any format.
     pub code: &'static str,
-    /// How bad.
+    /// How bad it is.
     pub severity: Severity,
-    /// Where in the file: a JSON pointer, a path of prims, a chunk.
+    /// Where in the file: a JSON pointer, a prim path, a chunk; empty for the file as a whole.
     pub place: String,
-    /// What was found, what was expected.
+    /// What was found and what was expected.
     pub message: String,
 }
 
 impl Issue {
-    /// An issue.
+    /// Makes an issue; place and message are cut and escaped as those of errors are.
     pub fn new(code: &'static str, severity: Severity, place: &str, message: &str) -> Self {
-        Self { code, severity, place: place.to_owned(), message: message.to_owned() }
+        let [place, message] = [place, message].map(|t| text::message(t.to_owned()));
+        Self { code, severity, place, message }
+    }
+}
+
+/// Most issues of a file; a hostile one has no end of them.
+const ISSUES_MAX: usize = 1000;
+
+/// Splats that are listed per rule; one more issue counts the rest.
+const LISTED_MAX: usize = 3;
+
+/// The issues of a file found so far.
+#[derive(Default)]
+pub(crate) struct Issues {
+    pub(crate) list: Vec<Issue>,
+}
+
+impl Issues {
+    pub(crate) fn push(
+        &mut self,
+        code: &'static str,
+        severity: Severity,
+        place: &str,
+        message: impl AsRef<str>,
+    ) {
+        if self.list.len() < ISSUES_MAX {
+            self.list.push(Issue::new(code, severity, place, message.as_ref()));
+        }
+    }
+
+    pub(crate) fn error(&mut self, code: &'static str, place: &str, message: impl AsRef<str>) {
+        self.push(code, Severity::Error, place, message);
+    }
+
+    pub(crate) fn warning(&mut self, code: &'static str, place: &str, message: impl AsRef<str>) {
+        self.push(code, Severity::Warning, place, message);
+    }
+
+    pub(crate) fn info(&mut self, code: &'static str, place: &str, message: impl AsRef<str>) {
+        self.push(code, Severity::Info, place, message);
+    }
+
+    /// Offences of many splats against one rule: the first few, then how many more.
+    pub(crate) fn many(
+        &mut self,
+        code: &'static str,
+        place: &str,
+        mut offences: impl Iterator<Item = String>,
+    ) {
+        for offence in offences.by_ref().take(LISTED_MAX) {
+            self.error(code, place, offence);
+        }
+        let others = offences.count();
+        if others > 0 {
+            self.error(code, place, format!("and {others} more"));
+        }
+    }
+
+    pub(crate) fn has_errors(&self) -> bool {
+        self.list.iter().any(|i| i.severity == Severity::Error)
     }
 }

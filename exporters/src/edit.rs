@@ -1,10 +1,10 @@
-//! What is changed on the way to a file: which splats are kept, which way is up, how long a unit is.
+//! Changes to an asset on its way to a file: which splats stay, which way is up, how long a unit is.
 
 use crate::sh::Turn;
 use crate::{AssetCamera, AssetMap, SplatAsset, Transform, num_sh_coefficients, quaternion};
 
 impl SplatAsset {
-    /// Keeps the splats for which `keep` says so, in their order. `[n]` Returns how many went.
+    /// Keeps the splats whose entry in `keep` is true, in their order, and returns how many were removed. `keep`: `[n]`
     pub fn retain(&mut self, keep: &[bool]) -> usize {
         let before = self.num_splats();
         let width = 3 * num_sh_coefficients(self.sh_degree);
@@ -28,7 +28,8 @@ impl SplatAsset {
         before - indices.len()
     }
 
-    /// Keeps the splats whose centres lie in a box of the capture's frame, edges included. Returns how many went.
+    /// Keeps the splats whose centres lie in a box in the capture's frame, faces included, and returns how many were
+    /// removed.
     pub fn crop(&mut self, low: [f64; 3], high: [f64; 3]) -> usize {
         let frame = self.capture_from_local;
         let inside = |p: &[f32; 3]| {
@@ -39,8 +40,7 @@ impl SplatAsset {
         self.retain(&keep)
     }
 
-    /// Chooses the direction of the capture that is up in files, in all formats (without a choice: -y of the capture, as
-    /// cameras' images have y down).
+    /// Chooses which direction of the capture is up in files of all formats. By default it is -y, as images have y down.
     pub fn set_up(&mut self, up_in_capture: [f64; 3]) {
         let world = &mut self.world_from_capture;
         let turn = quaternion::between(up_in_capture, [0.0, -1.0, 0.0]).map(|v| v + 0.0);
@@ -49,14 +49,14 @@ impl SplatAsset {
         world.rotation = turn;
     }
 
-    /// Chooses the length of a unit of the capture in files: 0.01 for a capture in centimetres gives metres.
+    /// Chooses the length of the capture's unit in files: 0.01 turns a capture in centimetres into metres.
     pub fn set_scale(&mut self, factor: f64) {
         let world = &mut self.world_from_capture;
         world.translation = world.translation.map(|t| t * factor / world.scale);
         world.scale = factor;
     }
 
-    /// The same scene in another local frame of the same capture; values are rounded anew unless the frames are equal.
+    /// The same scene in another local frame of the same capture. Values are rounded again unless the frames are equal.
     pub fn in_frame(&self, capture_from_new: &Transform) -> Self {
         let old = &self.capture_from_local;
         if old == capture_from_new {
@@ -89,9 +89,9 @@ impl SplatAsset {
 }
 
 impl AssetCamera {
-    /// The same camera for a scene in another frame.
+    /// The same camera in another frame.
     pub fn in_frame(&self, new_from_old: &Transform) -> Self {
-        // camera = R old + t, in the old unit; old = Q^T (new - T) / s; in the new unit all is s times as long.
+        // camera = R old + t, in the old unit; old = Q^T (new - T) / s; in the new unit everything is s times as long.
         let back = quaternion::conjugate(new_from_old.rotation);
         let rows = self.rotation_rows;
         let rotation_rows = rows.map(|row| quaternion::turned(new_from_old.rotation, row));

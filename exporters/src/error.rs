@@ -1,42 +1,45 @@
 //! What can go wrong with a file or an asset.
 
+use crate::text;
 use std::path::{Path, PathBuf};
 
 /// Result with this crate's error.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
 /// What went wrong, by family.
+///
+/// Messages are short and free of control characters, whatever the file holds: make errors with the functions below.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
     /// Reading or writing failed.
-    #[error("{}: {source}", path.display())]
+    #[error("{}: {source}", text::path(path))]
     Io {
-        /// The file.
+        /// The file or folder.
         path: PathBuf,
-        /// The operating system's word.
+        /// The operating system's error.
         source: std::io::Error,
     },
     /// A file, or the asset to be written there, breaks a rule.
-    #[error("{}: {what}", path.display())]
+    #[error("{}: {what}", text::path(path))]
     Invalid {
-        /// The file.
+        /// The file that breaks it, or would.
         path: PathBuf,
-        /// Element, what was found and what was expected.
+        /// The element, what was found and what was expected.
         what: String,
     },
     /// A file is sound, but this crate cannot use it.
-    #[error("{}: {what}", path.display())]
+    #[error("{}: {what}", text::path(path))]
     Unsupported {
-        /// The file.
+        /// The file that is not supported.
         path: PathBuf,
         /// What is not supported and what is.
         what: String,
     },
     /// A file or an asset exceeds a limit.
-    #[error("{}: {what}", path.display())]
+    #[error("{}: {what}", text::path(path))]
     TooLarge {
-        /// The file.
+        /// The file that exceeds it, or would.
         path: PathBuf,
         /// The quantity, its value and its limit.
         what: String,
@@ -44,35 +47,58 @@ pub enum Error {
 }
 
 impl Error {
-    /// An [`Error::Io`].
+    /// Makes an [`Error::Io`].
     pub fn io(path: impl Into<PathBuf>, source: std::io::Error) -> Self {
         Self::Io { path: path.into(), source }
     }
 
-    /// An [`Error::Invalid`].
+    /// Makes an [`Error::Invalid`].
     pub fn invalid(path: impl Into<PathBuf>, what: impl Into<String>) -> Self {
-        Self::Invalid { path: path.into(), what: what.into() }
+        Self::Invalid { path: path.into(), what: text::message(what.into()) }
     }
 
-    /// An [`Error::Unsupported`].
+    /// Makes an [`Error::Unsupported`].
     pub fn unsupported(path: impl Into<PathBuf>, what: impl Into<String>) -> Self {
-        Self::Unsupported { path: path.into(), what: what.into() }
+        Self::Unsupported { path: path.into(), what: text::message(what.into()) }
     }
 
-    /// An [`Error::TooLarge`].
+    /// Makes an [`Error::TooLarge`].
     pub fn too_large(path: impl Into<PathBuf>, what: impl Into<String>) -> Self {
-        Self::TooLarge { path: path.into(), what: what.into() }
+        Self::TooLarge { path: path.into(), what: text::message(what.into()) }
     }
 
-    /// The error about a file beside `path`, told of both: without a side file, the file that names it is not whole.
+    /// The message without the path, for where the path is known. Errors of the operating system keep theirs: they are
+    /// mostly about a sidecar file.
+    pub(crate) fn text(&self) -> String {
+        match self {
+            Self::Io { .. } => self.to_string(),
+            Self::Invalid { what, .. } | Self::Unsupported { what, .. } | Self::TooLarge { what, .. } => {
+                what.clone()
+            }
+        }
+    }
+
+    /// The same error, its message prefixed with the part of the file that it is about.
+    pub(crate) fn within(self, part: &str) -> Self {
+        match self {
+            Self::Io { .. } => self,
+            Self::Invalid { path, what } => Self::invalid(path, format!("{part}: {what}")),
+            Self::Unsupported { path, what } => Self::unsupported(path, format!("{part}: {what}")),
+            Self::TooLarge { path, what } => Self::too_large(path, format!("{part}: {what}")),
+        }
+    }
+
+    /// An error about a sidecar file of `path`, naming both: without the sidecar file, the one that refers to it is
+    /// incomplete.
     pub(crate) fn named_by(self, path: &Path) -> Self {
+        let by = text::path(path);
         match self {
             Self::Io { path: side, source } => {
-                let what = format!("{source} (named by {})", path.display());
+                let what = format!("{source} (named by {by})");
                 Self::io(side, std::io::Error::new(source.kind(), what))
             }
             Self::TooLarge { path: side, what } if side != path => {
-                Self::too_large(side, format!("{what} (named by {})", path.display()))
+                Self::too_large(side, format!("{what} (named by {by})"))
             }
             other => other,
         }

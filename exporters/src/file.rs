@@ -1,4 +1,4 @@
-//! Files that appear whole or not at all, and files of which no more is read than is allowed.
+//! Writes files that appear whole or not at all, and reads files no further than allowed.
 
 use crate::{Error, Result};
 use std::fs::File;
@@ -6,14 +6,14 @@ use std::io::{ErrorKind, Read as _};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Characters of a file's name that its temporary name keeps: names have an end, 255 bytes mostly.
+/// Characters of a file's name that its temporary name keeps: most systems allow 255 bytes.
 const SHOWN_CHARS: usize = 40;
 
-/// Writes a file under a temporary name beside its place and renames it, so that no reader and no
-/// interruption ever meets half a file. A link at its place is replaced, not followed.
+/// Writes a file under a temporary name beside its place and renames it, so that half a file is never seen or left
+/// behind at its place. A link there is replaced, not followed.
 ///
 /// # Errors
-/// The operating system's; the temporary file is removed.
+/// Those of the operating system; the temporary file is removed.
 pub fn write_atomically(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
     let temporary = temporary_name(path);
     std::fs::write(&temporary, bytes).and_then(|()| std::fs::rename(&temporary, path)).inspect_err(|_| {
@@ -22,7 +22,7 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
     })
 }
 
-/// A name beside a file that no other call of this process gets: `.NAME.PID-N.tmp`.
+/// A name beside a file that is unique to this call: `.NAME.PID-N.tmp`.
 pub(crate) fn temporary_name(path: &Path) -> PathBuf {
     static CALLS: AtomicU64 = AtomicU64::new(0);
     let name = path.file_name().unwrap_or_default().to_string_lossy();
@@ -31,10 +31,10 @@ pub(crate) fn temporary_name(path: &Path) -> PathBuf {
     path.with_file_name(format!(".{name}.{}-{call}.tmp", std::process::id()))
 }
 
-/// Reads a regular file of at most so many bytes; links are followed.
+/// Reads a regular file of at most `bytes_max` bytes; links are followed.
 ///
 /// # Errors
-/// [`Error::Io`], also for folders, pipes and devices, which may have no end; [`Error::TooLarge`].
+/// [`Error::Io`], also for folders, pipes and devices, which may be endless; [`Error::TooLarge`].
 pub(crate) fn read_file(path: &Path, bytes_max: u64) -> Result<Vec<u8>> {
     let size = regular_file_bytes(path)?;
     let too_large = |why: &str| Err(Error::too_large(path, format!("a file of {size} bytes, {why}")));
@@ -43,15 +43,15 @@ pub(crate) fn read_file(path: &Path, bytes_max: u64) -> Result<Vec<u8>> {
     }
     let mut bytes = Vec::new();
     if bytes.try_reserve_exact(usize::try_from(size).unwrap_or(usize::MAX)).is_err() {
-        return too_large("more than the memory holds");
+        return too_large("more than the memory can hold");
     }
-    // A file that grows meanwhile is not followed.
+    // What is appended meanwhile is not read.
     let read = File::open(path).and_then(|file| file.take(size).read_to_end(&mut bytes));
     read.map_err(|e| Error::io(path, e))?;
     Ok(bytes)
 }
 
-/// The first bytes of a regular file, fewer if it has no more.
+/// Reads the first bytes of a regular file, or all if it is shorter.
 ///
 /// # Errors
 /// [`Error::Io`] as [`read_file`].
@@ -63,7 +63,7 @@ pub(crate) fn read_head(path: &Path, num_bytes: u64) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Size of a file, which must be one: opening a pipe may wait for ever.
+/// Size of a regular file. Others are refused before they are opened: opening a pipe may block for ever.
 fn regular_file_bytes(path: &Path) -> Result<u64> {
     let facts = std::fs::metadata(path).map_err(|e| Error::io(path, e))?;
     let refused = |kind, what: &str| Err(Error::io(path, std::io::Error::new(kind, what)));
@@ -89,7 +89,7 @@ mod tests {
         let error = read_file(&path, 9).unwrap_err();
         assert!(matches!(&error, Error::TooLarge { .. }), "{error}");
         assert!(error.to_string().contains("10 bytes") && error.to_string().contains("at most 9"), "{error}");
-        // A hole is no memory, but would become some.
+        // Sparse on disk, but reading it would fill memory.
         File::options().write(true).open(&path).unwrap().set_len(20 << 30).unwrap();
         assert!(matches!(read_file(&path, 8 << 30), Err(Error::TooLarge { .. })));
         for (path, word) in [(folder.path(), "folder"), (&folder.path().join("none"), "")] {
@@ -101,7 +101,7 @@ mod tests {
 
     #[cfg(unix)]
     #[test]
-    fn what_has_no_end_is_not_read() {
+    fn endless_files_are_not_read() {
         let folder = tempfile::tempdir().unwrap();
         let link = folder.path().join("scene.ltgs");
         std::os::unix::fs::symlink("/dev/zero", &link).unwrap();

@@ -1,20 +1,20 @@
-//! Formats by their files' extensions: one way in and one way out for all of them.
+//! Chooses a format by the extension of a file: one way in and one way out for all formats.
 
 use crate::atlas::PAGE_SIDE;
 use crate::file::read_file;
-use crate::staging::SideFile;
+use crate::staging::{Caller, SideFile, repair};
 use crate::{
     Contents, Error, Issue, Quality, ReadLimits, Result, Severity, SplatAsset, Staged, gltf, ltgs, ply,
     sniff, spz, usd,
 };
 use std::path::{Path, PathBuf};
 
-/// A format of files.
+/// A file format in which assets are written and read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
     /// glTF in one file.
     Glb,
-    /// glTF with its arrays and pages beside it.
+    /// glTF with its arrays and atlas pages in sidecar files.
     Gltf,
     /// Our compact binary format.
     Ltgs,
@@ -22,7 +22,7 @@ pub enum Format {
     Usda,
     /// OpenUSD, binary.
     Usdc,
-    /// OpenUSD with its pages in one file.
+    /// OpenUSD with its atlas pages in one file.
     Usdz,
     /// PLY of 3DGS and 2DGS.
     Ply,
@@ -30,36 +30,36 @@ pub enum Format {
     Spz,
 }
 
-/// What to write.
+/// How to write an asset.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WriteOptions<'a> {
-    /// Profile of quality, where the format has any.
+    /// How exactly the file keeps the scene, where the format leaves a choice.
     pub quality: Quality,
-    /// Also a mesh of textured quads for programs that know no splats: a file of its own beside glTF, a variant in USD.
+    /// Whether to add a mesh of textured quads for programs without splat support: a sidecar file in glTF, a variant in USD.
     pub mesh: bool,
-    /// Sizes of steps of lossy `.ltgs` files; `None`: those that the quality begins with.
+    /// Quantisation steps of lossy `.ltgs` files; `None` takes those of the quality.
     pub steps: Option<ltgs::Steps>,
-    /// Exponents of the splats' steps in lossy `.ltgs` files; empty: all zero. `[n]`
+    /// Exponents of the splats' steps in lossy `.ltgs` files; if empty, all are zero. `[n]`
     pub exponents: &'a [i8],
 }
 
-/// What was written.
+/// The files that an asset was written to.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Written {
-    /// The files, the one that was asked for first.
+    /// All files; first the one that was asked for.
     pub files: Vec<PathBuf>,
-    /// Their size.
+    /// Their size together.
     pub bytes: u64,
-    /// What a user should know.
+    /// What users should know about the result.
     pub notes: Vec<String>,
 }
 
 impl Format {
-    /// All.
+    /// All formats, those that keep textures first.
     pub const ALL: [Self; 8] =
         [Self::Glb, Self::Gltf, Self::Ltgs, Self::Usda, Self::Usdc, Self::Usdz, Self::Ply, Self::Spz];
 
-    /// Extension of its files.
+    /// Extension of the format's files, without the dot.
     pub fn extension(self) -> &'static str {
         match self {
             Self::Glb => "glb",
@@ -73,16 +73,16 @@ impl Format {
         }
     }
 
-    /// The format that a file's name means.
+    /// The format that the extension of a file names.
     pub fn from_path(path: &Path) -> Option<Self> {
         let extension = path.extension()?.to_str()?.to_ascii_lowercase();
         Self::ALL.into_iter().find(|f| f.extension() == extension)
     }
 
-    /// As [`Format::from_path`].
+    /// As [`Format::from_path`], but requires a known extension.
     ///
     /// # Errors
-    /// [`Error::Unsupported`] with the extensions that are known.
+    /// [`Error::Unsupported`] listing the known extensions.
     pub fn of(path: &Path) -> Result<Self> {
         Self::from_path(path).ok_or_else(|| {
             let known: Vec<String> = Self::ALL.iter().map(|f| format!(".{}", f.extension())).collect();
@@ -94,12 +94,12 @@ impl Format {
         })
     }
 
-    /// Whether textures are kept.
+    /// Whether the format keeps textures.
     pub fn keeps_textures(self) -> bool {
         !matches!(self, Self::Ply | Self::Spz)
     }
 
-    /// Profiles of quality; none: the format has one form only.
+    /// The qualities that the format offers; none if it leaves no choice.
     pub fn qualities(self) -> &'static [Quality] {
         match self {
             Self::Ply | Self::Spz => &[],
@@ -110,10 +110,10 @@ impl Format {
         }
     }
 
-    /// Refuses a name that the file itself could not hold, as the writers would.
+    /// Refuses early the names that writers would refuse because the file must hold them.
     ///
     /// # Errors
-    /// [`Error::Invalid`] with what it must be.
+    /// [`Error::Invalid`] saying what a name must be.
     pub fn check_name(self, path: &Path) -> Result<()> {
         match self {
             Self::Gltf => gltf::stem(path).map(drop),
@@ -122,10 +122,10 @@ impl Format {
         }
     }
 
-    /// Refuses a quality that the format has not. `path` is only for messages.
+    /// Refuses a quality that the format does not offer. `path` is only for messages.
     ///
     /// # Errors
-    /// [`Error::Unsupported`] with those that it has.
+    /// [`Error::Unsupported`] listing those that it offers.
     pub fn check_quality(self, quality: Quality, path: &Path) -> Result<()> {
         let known = self.qualities();
         if known.is_empty() || known.contains(&quality) {
@@ -138,9 +138,9 @@ impl Format {
 }
 
 impl Format {
-    /// What writing `path` may take beside it, known before anything is written: files, of pages the first by either
-    /// of its names, and in USD the folder of images. Programs refuse clashes with it early; that nothing is replaced
-    /// is made sure by [`Staged::publish`].
+    /// Sidecar files that writing `path` may make, known before anything is written: of atlas pages the first, under
+    /// either of its names; in USD the folder of images. For refusing clashes early; [`Staged::publish`] makes sure that
+    /// nothing is replaced.
     pub fn side_files(self, path: &Path, mesh: bool) -> Vec<PathBuf> {
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
         let mut names = match self {
@@ -159,21 +159,21 @@ impl Format {
     }
 }
 
-/// Writes an asset in the format that the file's name means, and replaces what was there: [`stage_asset`] and
+/// Writes an asset in the format that the extension names, and replaces what was there: [`stage_asset`] and
 /// [`Staged::publish`] at once. If it fails, nothing new stays and older files are as they were.
 ///
 /// # Errors
-/// As those.
+/// As [`stage_asset`] and [`Staged::publish`].
 pub fn write_asset(path: &Path, asset: &SplatAsset, options: &WriteOptions<'_>) -> Result<Written> {
     stage_asset(path, asset, options)?.publish(true)
 }
 
-/// Writes an asset in the format that the file's name means into a temporary folder beside its place, where it can be
-/// read and proven before it replaces anything.
+/// Writes an asset in the format that the extension names into a staging folder beside its place, where it can be read
+/// and verified before it replaces anything.
 ///
 /// # Errors
-/// [`Error::Unsupported`] for an unknown extension or a quality that the format has not, [`Error::Io`], else as the
-/// format's writer.
+/// [`Error::Unsupported`] for an unknown extension or a quality that the format does not offer, [`Error::Io`], and those
+/// of the format's writer.
 pub fn stage_asset(path: &Path, asset: &SplatAsset, options: &WriteOptions<'_>) -> Result<Staged> {
     let format = Format::of(path)?;
     format.check_quality(options.quality, path)?;
@@ -183,7 +183,7 @@ pub fn stage_asset(path: &Path, asset: &SplatAsset, options: &WriteOptions<'_>) 
     Ok(staged)
 }
 
-/// The files of an asset before they are written.
+/// The files of an asset, not written yet.
 #[derive(Default)]
 struct Encoded {
     root: Vec<u8>,
@@ -223,7 +223,7 @@ fn encode(format: Format, path: &Path, asset: &SplatAsset, options: &WriteOption
             encoded.notes.extend(far_out(summary.position_error_texels));
             if summary.clamped_scales > 0 {
                 encoded.notes.push(format!(
-                    "{} splats are smaller or larger than SPZ can say (4.5e-5 to 380 units); see --scale",
+                    "{} splats are smaller or larger than SPZ can store (4.5e-5 to 380 units); see --scale",
                     summary.clamped_scales
                 ));
             }
@@ -232,7 +232,7 @@ fn encode(format: Format, path: &Path, asset: &SplatAsset, options: &WriteOption
     Ok(encoded)
 }
 
-/// The mesh beside a glTF file.
+/// The sidecar file with the mesh of quads.
 fn mesh_path(path: &Path) -> PathBuf {
     path.with_extension("mesh.glb")
 }
@@ -242,25 +242,27 @@ fn add_mesh(encoded: &mut Encoded, file: &Path, asset: &SplatAsset) -> Result<()
     encoded.side.push((file.file_name().unwrap_or_default().to_owned(), bytes));
     if summary.omitted > 0 {
         encoded.notes.push(format!(
-            "the mesh shows the {} most visible splats, {} are left out",
+            "the mesh shows the {} most visible splats and omits {}",
             summary.quads, summary.omitted
         ));
     }
     Ok(())
 }
 
-/// A note where rounding moves splats by more than a tenth of a texel.
+/// A note if rounding moves splats by more than a tenth of a texel.
 fn far_out(texels: f64) -> Option<String> {
     (texels > 0.1).then(|| format!("positions are rounded by up to {texels:.2} texels: the capture lies far from its origin, or is large"))
 }
 
-/// Reads an asset in the format that the file's name means.
+/// Reads an asset in the format that the extension names. If a process was killed while it replaced the asset, finishes
+/// that first.
 ///
 /// # Errors
 /// [`Error::Unsupported`] for an unknown extension, [`Error::Invalid`] for a file that begins as another format does,
-/// [`Error::TooLarge`] for one of more bytes than the limits allow to decode, else as the format's reader.
+/// [`Error::TooLarge`] for one with more bytes than the limits allow to decode, and those of the format's reader.
 pub fn read_asset(path: &Path, limits: &ReadLimits) -> Result<Contents> {
     let format = Format::of(path)?;
+    repair(path, Caller::Reader)?;
     sniff::check(path, format)?;
     match format {
         Format::Ply => {
@@ -273,7 +275,9 @@ pub fn read_asset(path: &Path, limits: &ReadLimits) -> Result<Contents> {
                 hash: None,
                 sections: read.sections,
                 warnings: (thick > 0)
-                    .then(|| format!("{thick} splats are no discs: their thinnest axis is left out"))
+                    .then(|| {
+                        format!("{thick} splats are thick: drawn as discs, they lose their thinnest axis")
+                    })
                     .into_iter()
                     .collect(),
             })
@@ -285,34 +289,37 @@ pub fn read_asset(path: &Path, limits: &ReadLimits) -> Result<Contents> {
     }
 }
 
-/// What a program gets from a file that knows splats, but no textures: the attributes of `KHR_gaussian_splatting`, or the
-/// prim of type `ParticleField3DGaussianSplat`, as they stand in this file. Frame and cameras are those of [`read_asset`].
-/// `None`: the format has no textures that could be missed, or nobody else reads it, or there is no such prim.
+/// Reads what programs without texture support show of a file: the attributes of `KHR_gaussian_splatting`, or the prim of
+/// type `ParticleField3DGaussianSplat`, as the file holds them. Frame and cameras are those of [`read_asset`]. `None` if
+/// the format has no textures, if only this crate reads it, or if there is no such prim.
 ///
 /// # Errors
-/// [`Error::Unsupported`] for an unknown extension, else as the format's reader.
+/// [`Error::Unsupported`] for an unknown extension, and those of the format's reader.
 pub fn read_fallback(path: &Path, limits: &ReadLimits) -> Result<Option<SplatAsset>> {
-    match Format::of(path)? {
+    let format = Format::of(path)?;
+    repair(path, Caller::Reader)?;
+    match format {
         Format::Glb | Format::Gltf => gltf::read_fallback(path, limits).map(Some),
         Format::Usda | Format::Usdc | Format::Usdz => usd::read_fallback(path, limits),
         Format::Ltgs | Format::Ply | Format::Spz => Ok(None),
     }
 }
 
-/// Checks a file against the rules of its format, worst first. Codes that are not the format's own:
+/// Checks a file against the rules of its format and lists the issues, worst first. Codes for all formats:
 ///
 /// | code | what is wrong |
 /// |---|---|
 /// | LT9001 | the file cannot be read as an asset |
-/// | LT9002 | something is odd, but no reason to refuse the file |
+/// | LT9002 | something is odd, but not a reason to refuse the file |
 /// | LT9003 | the scene is not the one that the file was written with |
-/// | LT9004 | the file is of another format than its name says; nothing else is checked |
+/// | LT9004 | the file is not of the format that its extension names; nothing else is checked |
 ///
 /// # Errors
 /// [`Error::Io`] and [`Error::TooLarge`] if the file itself cannot be read, [`Error::Unsupported`] for an unknown
-/// extension. What is wrong inside, or with the files that it names, is an issue.
+/// extension. Problems inside it, or with its sidecar files, are issues.
 pub fn validate_file(path: &Path) -> Result<Vec<Issue>> {
     let format = Format::of(path)?;
+    repair(path, Caller::Reader)?;
     match sniff::check(path, format) {
         Ok(()) => {}
         Err(Error::Invalid { what, .. }) => {
@@ -329,7 +336,7 @@ pub fn validate_file(path: &Path) -> Result<Vec<Issue>> {
         Format::Ltgs => ltgs::validate(&read()?, path),
         Format::Usda | Format::Usdc | Format::Usdz => usd::validate(path),
     };
-    // It is no asset and need not be one.
+    // A mesh of quads is not an asset.
     if !issues.iter().any(|i| i.code == gltf::QUADS_CODE) {
         check_reading(path, &limits, &mut issues);
     }
@@ -337,11 +344,11 @@ pub fn validate_file(path: &Path) -> Result<Vec<Issue>> {
     Ok(issues)
 }
 
-/// What shows when the file is read as an asset.
+/// Issues that only show when the file is read as an asset.
 fn check_reading(path: &Path, limits: &ReadLimits, issues: &mut Vec<Issue>) {
     match read_asset(path, limits) {
         Ok(contents) => {
-            // Rules of the plain formats say the same with numbers of their own.
+            // Formats without textures have codes of their own for warnings.
             if Format::from_path(path).is_some_and(Format::keeps_textures) {
                 issues
                     .extend(contents.warnings.iter().map(|w| Issue::new("LT9002", Severity::Warning, "", w)));
@@ -352,9 +359,9 @@ fn check_reading(path: &Path, limits: &ReadLimits, issues: &mut Vec<Issue>) {
                 issues.push(Issue::new("LT9003", Severity::Warning, "", what));
             }
         }
-        // A file beside it: the format's own rules name it.
+        // About a sidecar file, which the format's own issues name.
         Err(Error::Io { .. }) if issues.iter().any(|i| i.severity == Severity::Error) => {}
-        Err(error) => issues.push(Issue::new("LT9001", Severity::Error, "", &error.to_string())),
+        Err(error) => issues.push(Issue::new("LT9001", Severity::Error, "", &error.text())),
     }
 }
 

@@ -1,17 +1,17 @@
-//! Frames: local (of the numbers), of the capture, and of files (the world).
+//! Transforms between the frames of an asset: local (in which its numbers are), of the capture, and of files (the world).
 
 use crate::quaternion;
 use crate::validate::QUATERNION_NORM_TOLERANCE;
 use serde::{Deserialize, Serialize};
 
-/// A similarity from one frame to another, most often `in_capture = scale * rotation(in_local) + translation`.
+/// A similarity from one frame to another, such as `in_capture = scale * rotation(in_local) + translation`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Transform {
-    /// Length of a unit of the one frame in the other; > 0.
+    /// Length of a unit of the first frame in the second; positive.
     pub scale: f64,
-    /// Unit quaternion **wxyz**; what the trainer makes is not turned.
+    /// Unit quaternion **wxyz**; the trainer's frames are not turned.
     pub rotation: [f64; 4],
-    /// Origin of the one frame in the other.
+    /// Origin of the first frame in the second.
     pub translation: [f64; 3],
 }
 
@@ -22,20 +22,20 @@ impl Default for Transform {
 }
 
 impl Transform {
-    /// The identity.
+    /// Maps every point to itself.
     pub const IDENTITY: Self = Self::scaled_and_moved(1.0, [0.0; 3]);
 
-    /// Without a turn.
+    /// A scaling and a translation, without a rotation.
     pub const fn scaled_and_moved(scale: f64, translation: [f64; 3]) -> Self {
         Self { scale, rotation: [1.0, 0.0, 0.0, 0.0], translation }
     }
 
-    /// Whether it changes nothing.
+    /// Whether this is exactly the identity.
     pub fn is_identity(&self) -> bool {
         *self == Self::IDENTITY
     }
 
-    /// First the other, then this one. Bits stay where one of them is the identity.
+    /// First `first`, then this transform. Exact if either is the identity.
     pub fn after(&self, first: &Self) -> Self {
         if first.is_identity() || self.is_identity() {
             return if first.is_identity() { *self } else { *first };
@@ -45,13 +45,13 @@ impl Transform {
         let norm = quaternion::norm(rotation);
         Self {
             scale: self.scale * first.scale,
-            // Zeros keep one sign, so that files do not depend on the way here.
+            // No negative zeros, so that equal transforms make equal files.
             rotation: rotation.map(|v| v / norm + 0.0),
             translation: std::array::from_fn(|i| self.scale * turned[i] + self.translation[i] + 0.0),
         }
     }
 
-    /// The way back.
+    /// The transform from the second frame to the first.
     pub fn inverse(&self) -> Self {
         let back = quaternion::conjugate(self.rotation);
         let turned = quaternion::turned(back, self.translation);
@@ -59,7 +59,7 @@ impl Transform {
         Self { scale: 1.0 / self.scale, rotation, translation: turned.map(|t| 0.0 - t / self.scale) }
     }
 
-    /// Whether all is finite, the scale positive and the rotation a unit quaternion.
+    /// Whether all numbers are finite, the scale is positive and the rotation a unit quaternion.
     pub fn is_sound(&self) -> bool {
         self.scale.is_finite()
             && self.scale > 0.0
@@ -67,12 +67,12 @@ impl Transform {
             && self.translation.iter().all(|v| v.is_finite())
     }
 
-    /// Whether nothing is turned.
+    /// Whether the rotation is exactly the identity.
     pub fn is_upright(&self) -> bool {
         self.rotation == Self::IDENTITY.rotation
     }
 
-    /// Maps a point.
+    /// Maps a point of the first frame to the second.
     pub fn transform_point(&self, in_local: [f32; 3]) -> [f64; 3] {
         let mut p = in_local.map(f64::from);
         if !self.is_upright() {

@@ -1,37 +1,34 @@
-//! A number that tells whether two assets render alike.
+//! A hash by which assets that render alike are recognised.
 
 use crate::SplatAsset;
 use xxhash_rust::xxh3::Xxh3Default;
 
 impl SplatAsset {
-    /// xxh3-64 over everything that the image depends on, little-endian: SH degree and number of splats (u32 each), near
-    /// plane, positions, rotations, scales, opacities, SH, rows and columns (u16) and texel size of each map, texels.
+    /// xxh3-64 of everything that renders depend on, little-endian: SH degree and number of splats (u32 each), near plane,
+    /// positions, rotations, scales, opacities, SH, rows and columns (u16) and texel size of each map, texels.
     pub fn hash(&self) -> u64 {
         let mut hasher = Xxh3Default::new();
         hasher.update(&self.sh_degree.to_le_bytes());
         hasher.update(&(self.num_splats() as u32).to_le_bytes());
-        let mut floats = |values: &[f32]| {
-            // In pieces: no copy of the whole asset.
+        let floats = |hasher: &mut Xxh3Default, values: &[f32]| {
+            // In pieces, to avoid a copy of the whole array.
             for piece in values.chunks(4096) {
                 let bytes: Vec<u8> = piece.iter().flat_map(|v| v.to_le_bytes()).collect();
                 hasher.update(&bytes);
             }
         };
-        floats(&[self.near]);
-        floats(self.positions.as_flattened());
-        floats(self.rotations.as_flattened());
-        floats(self.scales.as_flattened());
-        floats(&self.opacities);
-        floats(&self.sh);
+        floats(&mut hasher, &[self.near]);
+        floats(&mut hasher, self.positions.as_flattened());
+        floats(&mut hasher, self.rotations.as_flattened());
+        floats(&mut hasher, self.scales.as_flattened());
+        floats(&mut hasher, &self.opacities);
+        floats(&mut hasher, &self.sh);
         for map in &self.maps {
             hasher.update(&map.rows.to_le_bytes());
             hasher.update(&map.cols.to_le_bytes());
             hasher.update(&map.texel_size.to_le_bytes());
         }
-        for piece in self.texels.chunks(4096) {
-            let bytes: Vec<u8> = piece.iter().flat_map(|v| v.to_le_bytes()).collect();
-            hasher.update(&bytes);
-        }
+        floats(&mut hasher, &self.texels);
         hasher.digest()
     }
 }

@@ -1,15 +1,16 @@
 //! Asset formats for textured Gaussian splats: the neutral model [`SplatAsset`], writers and readers.
 //!
 //! Nothing here renders, trains or prints. Readers treat files as hostile: they return an [`Error`],
-//! never panic, and allocate no more than the file's own size warrants.
+//! never panic, and allocate no more than the size of the file warrants.
 
 #![forbid(unsafe_code)]
 
 mod asset;
-pub mod atlas;
+mod atlas;
 mod baked;
 mod contents;
 mod edit;
+mod ellipsoid;
 mod error;
 mod fallback;
 mod file;
@@ -29,6 +30,7 @@ mod sh;
 mod sniff;
 pub mod spz;
 mod staging;
+mod text;
 pub mod usd;
 mod validate;
 mod yup;
@@ -45,3 +47,4 @@ pub use format::{
 pub use frame::Transform;
 pub use quality::Quality;
 pub use staging::Staged;
+pub use text::quoted;

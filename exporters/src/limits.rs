@@ -1,54 +1,59 @@
-//! Bounds on memory while reading: what arrays will take is counted before anything is allocated for them.
+//! Bounds on memory while reading: arrays are counted before anything is allocated for them.
 
 use crate::{Error, ReadLimits, Result, SplatAsset, num_sh_coefficients};
 use std::path::Path;
 
-/// Memory that a file of any size may take; see [`ReadLimits::of_file`].
-const SMALL_BYTES: u64 = 1 << 30;
+/// Memory that even the smallest file may take; see [`ReadLimits::of_file`].
+const SMALL_BYTES: u64 = 64 << 20;
 
 /// Bytes of memory per byte of a file beyond [`SMALL_BYTES`]: what deflate makes of one at most.
 const EXPANSION_MAX: u64 = 1040;
 
 impl ReadLimits {
-    /// The limits for a file of so many bytes: what a few bytes may ask for is bounded besides [`ReadLimits::decoded_bytes`].
+    /// The limits for a file of this many bytes, which keep a small file from taking all of
+    /// [`ReadLimits::decoded_bytes`].
     ///
-    /// Neutral textures compress a thousandfold, so a ratio alone would refuse honest files; 1 GiB is 90 million neutral
-    /// texels, more than any of ours.
+    /// Neutral texels compress a thousandfold, so a ratio alone would refuse sound files: 64 MiB are 5 million texels that
+    /// take no room in the file, beside splats that do.
     pub fn of_file(&self, file_bytes: u64) -> Self {
         let expanded = SMALL_BYTES.saturating_add(EXPANSION_MAX.saturating_mul(file_bytes));
         Self { decoded_bytes: self.decoded_bytes.min(expanded) }
     }
 
-    /// Refuses what would decode to more than is allowed. `what` names it in the message.
+    /// Refuses what would decode to more bytes than allowed; `what` names it in the message.
     pub(crate) fn check(&self, bytes: u64, what: &str, path: &Path) -> Result<()> {
         if bytes <= self.decoded_bytes {
             return Ok(());
         }
         let most = self.decoded_bytes;
-        Err(Error::too_large(path, format!("{what} decode to {bytes} bytes, at most {most} are allowed")))
+        Err(Error::too_large(
+            path,
+            format!("{what}: {bytes} bytes to decode, at most {most} are allowed for this file"),
+        ))
     }
 }
 
-/// Bytes of a splat in [`crate::SplatAsset`], its map's texels aside: 232 at degree 3 and 12 for the map's place.
+/// Bytes of a splat in [`crate::SplatAsset`] without the texels of its map: 232 at degree 3, and 12 for the map.
 pub(crate) fn splat_bytes(sh_degree: u32) -> u64 {
     4 * (3 + 4 + 2 + 1 + 3 + 3 * num_sh_coefficients(sh_degree.min(3)) as u64)
 }
 
-/// An empty vector with room for so many: the counts of files must not end the program where memory ends.
+/// An empty vector with room for `count` values. Fails where allocation fails: counts come from files and must not abort
+/// the program.
 pub(crate) fn with_room<T>(count: usize) -> Result<Vec<T>> {
     let mut values = Vec::new();
     values.try_reserve_exact(count).map_err(|_| no_memory::<T>(count))?;
     Ok(values)
 }
 
-/// So many copies of a value, as [`with_room`].
+/// A vector of `count` copies of a value; fails as [`with_room`] does.
 pub(crate) fn filled<T: Clone>(count: usize, value: T) -> Result<Vec<T>> {
     let mut values = with_room(count)?;
     values.resize(count, value);
     Ok(values)
 }
 
-/// An asset without splats that has room for so many of them.
+/// An asset without splats that has room for `count` of them.
 pub(crate) fn room_for_splats(count: usize, sh_degree: u32) -> Result<SplatAsset> {
     Ok(SplatAsset {
         sh_degree,
@@ -64,7 +69,7 @@ pub(crate) fn room_for_splats(count: usize, sh_degree: u32) -> Result<SplatAsset
 
 fn no_memory<T>(count: usize) -> Error {
     let bytes = count.saturating_mul(size_of::<T>());
-    Error::too_large("", format!("{bytes} bytes are needed at once, which the system does not give"))
+    Error::too_large("", format!("{bytes} bytes are needed at once, more than the system provides"))
 }
 
 #[cfg(test)]
@@ -88,7 +93,7 @@ mod tests {
     }
 
     #[test]
-    fn what_no_system_gives_is_an_error() {
+    fn memory_that_no_system_has_is_an_error() {
         assert!(matches!(with_room::<u64>(usize::MAX / 8), Err(Error::TooLarge { .. })));
         assert_eq!(filled(3, 1.5).unwrap(), [1.5; 3]);
     }

@@ -1,35 +1,35 @@
-//! All of an asset that is not an array, as JSON: glTF, USD and `.ltgs` carry the same object.
-//! Numbers are written so that they come back bit for bit.
+//! Everything of an asset that is not an array, as a JSON object that glTF, USD, `.ltgs` and SPZ share. Numbers come back
+//! bit for bit.
 
 use crate::{AssetCamera, ColourSpace, Provenance, SplatAsset, Transform};
 use serde::{Deserialize, Serialize};
 
-/// Most bytes of the object's text that a reader takes.
+/// Most bytes of the object's text that readers accept.
 pub const META_BYTES_MAX: usize = 16 << 20;
 
-/// The object. Field names are part of the formats.
+/// The object; the names of its fields are part of the formats.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub struct Meta {
     /// Near plane, local units.
     pub near: f32,
-    /// What was behind the scene in training, in the colour space.
+    /// Background of the training, in the colour space.
     pub background: [f32; 3],
     /// `"srgb_rec709_display"` or `"lin_rec709_display"`.
     pub colour_space: ColourSpace,
-    /// Way to the frame of the capture.
+    /// From the local frame to that of the capture.
     pub capture_from_local: Transform,
-    /// Way from there to the frame of the file; absent: the same frame.
+    /// From there to the frame of the file; absent if that is the same.
     #[serde(default, skip_serializing_if = "Transform::is_identity")]
     pub world_from_capture: Transform,
-    /// Title, author, licence, source, program version, facts.
+    /// Title, author, licence, source, program version, facts about the training.
     pub provenance: Provenance,
     /// Cameras of the capture.
     pub cameras: Vec<AssetCamera>,
 }
 
 impl Meta {
-    /// Of an asset.
+    /// The metadata of an asset.
     pub fn of(asset: &SplatAsset) -> Self {
         Self {
             near: asset.near,
@@ -42,7 +42,7 @@ impl Meta {
         }
     }
 
-    /// Puts it into an asset.
+    /// Stores the metadata in an asset.
     pub fn store(self, asset: &mut SplatAsset) {
         asset.near = self.near;
         asset.background = self.background;

@@ -1,54 +1,58 @@
-//! Rules about splats of the formats without textures, for files of any program: each rule tells how many splats offend
-//! and which is the first, so that a foreign scene of millions makes a few lines.
+//! Rules for splats in formats without textures, whatever program wrote them: one issue per rule with the number of
+//! offending splats and the first of them, so that a scene of millions makes a few lines.
 //!
 //! | code | severity | rule |
 //! |---|---|---|
 //! | LT4001 | error | the file can be read |
 //! | LT4002 | error | numbers are finite (opacities and scales may be infinite before they are activated) |
-//! | LT4003 | error | quaternions have a length |
-//! | LT4004 | info | quaternions are of length 1: readers that do not normalise them show other shapes |
-//! | LT4005 | warning | standard deviations are within what other programs compute with, and the scene |
+//! | LT4003 | error | quaternions are not of length 0 |
+//! | LT4004 | info | quaternions are of length 1: programs that do not normalise them show other shapes |
+//! | LT4005 | warning | standard deviations are in the range that other programs compute with |
 //! | LT4006 | info | splats can be seen: opacity above 1/255 |
-//! | LT4007 | warning | splats lie near the others: viewers fit their camera to all of them |
-//! | LT4008 | info | splats are discs, which is what textured splats are: others lose their thinnest axis here |
-//! | LT4009 | warning | splats lie where f32 resolves their sizes |
+//! | LT4007 | warning | no splat lies far from the others: viewers fit their cameras to all of them |
+//! | LT4008 | info | splats are discs, as textured splats are: others lose their thinnest axis |
+//! | LT4009 | warning | f32 resolves the sizes of splats where they lie |
 //! | LT4010 | warning | metadata of this program can be read |
 //! | LT4011 | info | the file is laid out as all programs expect it |
 
 use crate::{Issue, Severity};
 
-/// A quaternion counts as one of length 1 within this: f32 of other programs.
+/// Deviation from length 1 that the f32 arithmetic of other programs explains.
 const UNIT_TOLERANCE: f64 = 1e-3;
 
-/// Opacity below which nothing is drawn.
+/// Opacity below which splats are not drawn.
 const OPACITY_MIN: f64 = 1.0 / 255.0;
 
-/// Standard deviations that f32 covariances hold: squares from 1e-36 to 1e12.
+/// Standard deviations whose covariances f32 holds: squares from 1e-36 to 1e12.
 const SCALES: [f64; 2] = [1e-18, 1e6];
 
-/// A splat lies far out beyond so many times the distance within which nine of ten lie.
+/// A splat lies far out beyond this many times the distance within which nine of ten lie.
 const FAR: f64 = 100.0;
 
-/// A place needs so many steps of f32 in a standard deviation.
+/// Steps of f32 that a standard deviation must span at the splat's position.
 const STEPS_MIN: f64 = 4.0;
 
-/// A splat as the file says, activated.
+/// A splat of the file, activated.
 pub(crate) struct Raw {
-    /// Centre.
     pub(crate) position: [f64; 3],
     /// Length of the quaternion.
     pub(crate) norm: f64,
-    /// Standard deviations along the disc.
+    /// Standard deviations along the two largest axes.
     pub(crate) scales: [f64; 2],
     /// In [0, 1].
     pub(crate) opacity: f64,
-    /// Whether SH and all else are numbers.
+    /// Whether SH and everything else is finite.
     pub(crate) is_finite: bool,
-    /// Whether it is no disc.
+    /// Whether it differs visibly from a disc.
     pub(crate) is_thick: bool,
 }
 
-/// Offenders against one rule.
+/// The issue of a file that cannot be read.
+pub(crate) fn unreadable(error: &crate::Error) -> Issue {
+    Issue::new("LT4001", Severity::Error, "", &error.text())
+}
+
+/// Splats that offend against one rule.
 #[derive(Clone, Copy, Default)]
 struct Count {
     first: usize,
@@ -65,18 +69,14 @@ impl Count {
 
     fn issue(self, code: &'static str, severity: Severity, what: &str) -> Option<Issue> {
         let Self { first, number } = self;
+        let place = format!("splat {first}");
         (number > 0).then(|| {
-            Issue::new(
-                code,
-                severity,
-                &format!("splat {first}"),
-                &format!("{number} splats {what}; the first is {first}"),
-            )
+            Issue::new(code, severity, &place, &format!("{number} splats {what}; the first is {first}"))
         })
     }
 }
 
-/// Collects splats, then says what is wrong with them.
+/// Collects splats, then lists the issues.
 #[derive(Default)]
 pub(crate) struct Check {
     num_splats: usize,
@@ -111,7 +111,7 @@ impl Check {
         }
     }
 
-    /// What was found.
+    /// The issues of all splats added.
     pub(crate) fn issues(self) -> Vec<Issue> {
         use Severity::{Error, Info, Warning};
         let far = self.far_out();
@@ -121,22 +121,18 @@ impl Check {
             self.not_unit.issue("LT4004", Info, "have quaternions that are not of length 1"),
             self.odd_scales.issue("LT4005", Warning, "have standard deviations that are not in 1e-18 to 1e6"),
             self.invisible.issue("LT4006", Info, "are never drawn: their opacity is below 1/255"),
-            far.issue("LT4007", Warning, "lie a hundred times farther out than nine tenths of the others"),
-            self.thick.issue(
-                "LT4008",
-                Info,
-                "are no discs: as textured splats they lose their thinnest axis",
-            ),
+            far.issue("LT4007", Warning, "lie a hundred times farther out than nine tenths of all splats"),
+            self.thick.issue("LT4008", Info, "are thick: as textured splats they lose their thinnest axis"),
             self.coarse.issue(
                 "LT4009",
                 Warning,
-                "are smaller than steps of f32 where they lie: move the scene to its origin",
+                "are smaller than the steps of f32 where they lie: move the scene to its origin",
             ),
         ];
         found.into_iter().flatten().collect()
     }
 
-    /// Splats far from the middle of the others.
+    /// Splats far from the median position.
     fn far_out(&self) -> Count {
         let mut count = Count::default();
         let n = self.positions.len();
@@ -157,15 +153,4 @@ impl Check {
         }
         count
     }
-}
-
-/// What keeps a file from being read, as an issue.
-pub(crate) fn unreadable(error: crate::Error) -> Issue {
-    let what = match error {
-        crate::Error::Io { source, .. } => source.to_string(),
-        crate::Error::Invalid { what, .. }
-        | crate::Error::Unsupported { what, .. }
-        | crate::Error::TooLarge { what, .. } => what,
-    };
-    Issue::new("LT4001", Severity::Error, "", &what)
 }

@@ -1,44 +1,44 @@
-//! Splats as textured rectangles for programs that know nothing but meshes: a preview. Each rectangle shows what its
-//! splat looks like from no direction in particular: base colour and map, clamped, with the Gaussian as alpha.
+//! Splats as textured rectangles for programs that show only meshes: a preview. Each rectangle shows its splat without
+//! dependence on the view: base colour plus map, clamped, with the Gaussian as alpha.
 
 use crate::atlas::{self, Placement};
 use crate::sh::SH_0;
 use crate::{AssetMap, Error, Result, SplatAsset, quaternion, yup};
 
-/// Most rectangles unless something else is asked for: those that are sorted by programs take their time.
+/// Most rectangles by default: programs that sort them take time for each.
 pub(crate) const QUADS_MAX: usize = 50_000;
 
-/// Rectangles reach this many standard deviations at most.
+/// Standard deviations that rectangles reach at most.
 const SIGMA_MAX: f64 = 3.0;
 
-/// Texels of a baked map along a side, at least.
+/// Smallest side of a rectangle's map, texels.
 const SIDE_MIN: u16 = 8;
 
-/// Alpha below which nothing is drawn (method, section 1.4).
+/// Alpha below which samples are not drawn (method, section 1.4).
 const ALPHA_MIN: f64 = 1.0 / 255.0;
 
-/// Largest alpha.
+/// Largest alpha of a sample.
 const ALPHA_MAX: f64 = 0.99;
 
-/// One rectangle.
+/// A rectangle that shows a splat.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Quad {
     /// Index of its splat.
     pub(crate) splat: u32,
-    /// Index of its page.
+    /// Index of the page that holds its map.
     pub(crate) page: u16,
-    /// Corners, counter-clockwise seen from where the normal points; y up.
+    /// Corners, counter-clockwise as seen against the normal; y up.
     pub(crate) corners: [[f32; 3]; 4],
-    /// Places of the corners on the page, from the upper left, in shares of its sides; half a texel inside of the map.
+    /// Texture coordinates of the corners, from the upper left of the page; half a texel inside of the map.
     pub(crate) uvs: [[f32; 2]; 4],
 }
 
-/// An image of baked maps.
+/// An image of rectangles' maps.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct QuadPage {
-    /// Width and height.
+    /// Width and height, texels.
     pub(crate) size: [u16; 2],
-    /// sRGB and straight alpha, row by row. `[height, width, 4]`
+    /// sRGB and unassociated alpha, row by row. `[height, width, 4]`
     pub(crate) rgba: Vec<u8>,
 }
 
@@ -47,11 +47,11 @@ pub(crate) struct QuadPage {
 pub(crate) struct Quads {
     pub(crate) quads: Vec<Quad>,
     pub(crate) pages: Vec<QuadPage>,
-    /// Texels that the rectangles show.
+    /// Texels of all rectangles together.
     pub(crate) num_texels: usize,
 }
 
-/// A splat's share: where its map reaches and how fine it is.
+/// How far a splat's rectangle reaches, and how fine its map is.
 struct Baked {
     splat: usize,
     /// Half sides along u and v, local units.
@@ -61,7 +61,8 @@ struct Baked {
 }
 
 impl Quads {
-    /// Bakes the splats with the largest opacity times area, at most `most`, on pages of at most `side` texels.
+    /// Makes rectangles of the splats with the largest opacity times area, at most `most`, on pages of at most `side`
+    /// texels a side.
     ///
     /// # Errors
     /// [`Error::TooLarge`] if pages are too small for any map.
@@ -84,7 +85,7 @@ impl Quads {
     }
 }
 
-/// Splats that show and have the largest opacity times area, by index.
+/// Indices of the visible splats with the largest opacity times area, ascending.
 fn chosen(asset: &SplatAsset, most: usize) -> Vec<usize> {
     let weight = |splat: usize| {
         let [u, v] = asset.scales[splat].map(f64::from);
@@ -102,7 +103,7 @@ fn extent(asset: &SplatAsset, splat: usize, page_side: u16) -> Baked {
     let (map, opacity) = (&asset.maps[splat], f64::from(asset.opacities[splat]));
     let reach = (2.0 * (opacity / ALPHA_MIN).ln()).sqrt().min(SIGMA_MAX);
     let half = asset.scales[splat].map(|s| f64::from(s) * reach);
-    // As fine as the map, but not much more of them where a splat has outgrown its map.
+    // As fine as the map, but not many more texels where a splat has outgrown its map.
     let texels = |half: f64, of_map: u16| {
         let most = of_map.saturating_mul(2).clamp(SIDE_MIN, page_side.max(SIDE_MIN));
         let wanted = (2.0 * half / f64::from(map.texel_size)).ceil() + 1.0;
@@ -111,7 +112,7 @@ fn extent(asset: &SplatAsset, splat: usize, page_side: u16) -> Baked {
     Baked { splat, half, size: [texels(half[1], map.cols), texels(half[0], map.rows)] }
 }
 
-/// Position of a texel of `count` between the half sides.
+/// Coordinate of a texel, one of `count` from `-half` to `half`.
 fn coordinate(index: u16, count: u16, half: f64) -> f64 {
     (2.0 * f64::from(index) / f64::from(count - 1) - 1.0) * half
 }
@@ -123,7 +124,7 @@ fn draw(asset: &SplatAsset, baked: &Baked, at: &Placement, page: &mut QuadPage) 
     let sh = asset.sh_of(splat);
     let base: [f64; 3] = std::array::from_fn(|c| (0.5 + SH_0 * f64::from(sh[c])).max(0.0));
     let falloff = |d: f64, scale: f64| (-0.5 * (d / scale).powi(2)).exp();
-    // The Gaussian is a product: one exponential a row and a column.
+    // The Gaussian is a product: one exponential for each row and each column.
     let along_v: Vec<(f64, f64)> =
         (0..cols).map(|col| coordinate(col, cols, baked.half[1])).map(|b| (b, falloff(b, scale_v))).collect();
     for row in 0..rows {
@@ -147,7 +148,7 @@ fn code(value: f64) -> u8 {
     (255.0 * value.clamp(0.0, 1.0)).round() as u8
 }
 
-/// Residual at a position on the surfel: bilinear, zero outside of the map (method, section 1.3).
+/// Residual at a position on the splat: bilinear, zero outside of the map (method, section 1.3).
 fn sample(map: &AssetMap, texels: &[f32], a: f64, b: f64) -> [f64; 3] {
     let mut sum = [0.0; 3];
     if map.num_texels() == 0 {

@@ -1,24 +1,24 @@
-//! How much of an asset a file keeps.
+//! How exactly a file keeps an asset.
 
-/// A profile of quality.
+/// How exactly a file keeps a scene.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Quality {
-    /// Every number comes back bit for bit.
+    /// Keeps every number bit for bit.
     Lossless,
-    /// At most 0.02 dB lost on average.
+    /// Loses at most 0.02 dB on average.
     #[default]
     Balanced,
-    /// At most 0.1 dB lost on average.
+    /// Loses at most 0.1 dB on average.
     Tiny,
-    /// Rounded as someone asked for, to a size or a loss, or without having been measured: it promises nothing.
+    /// Rounded to a size or loss that the user chose, or not measured: promises nothing.
     Custom,
 }
 
 impl Quality {
-    /// All, best first.
+    /// All qualities, best first.
     pub const ALL: [Self; 4] = [Self::Lossless, Self::Balanced, Self::Tiny, Self::Custom];
 
-    /// Its name in commands and files.
+    /// The name in commands and files.
     pub fn name(self) -> &'static str {
         match self {
             Self::Lossless => "lossless",
@@ -28,7 +28,7 @@ impl Quality {
         }
     }
 
-    /// By its name.
+    /// The quality with a name.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|q| q.name() == name)
     }

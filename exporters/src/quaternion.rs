@@ -1,11 +1,11 @@
-//! Quaternions **wxyz** in f64.
+//! Arithmetic of quaternions **wxyz** in f64.
 
-/// Length.
+/// The length of a quaternion.
 pub fn norm(q: [f64; 4]) -> f64 {
     q.iter().map(|v| v * v).sum::<f64>().sqrt()
 }
 
-/// The turn `b` first, then `a`.
+/// The rotation `b`, followed by `a`.
 pub fn product([aw, ax, ay, az]: [f64; 4], [bw, bx, by, bz]: [f64; 4]) -> [f64; 4] {
     [
         aw * bw - ax * bx - ay * by - az * bz,
@@ -15,18 +15,18 @@ pub fn product([aw, ax, ay, az]: [f64; 4], [bw, bx, by, bz]: [f64; 4]) -> [f64; 
     ]
 }
 
-/// The opposite turn.
+/// The inverse of a rotation.
 pub fn conjugate([w, x, y, z]: [f64; 4]) -> [f64; 4] {
     [w, -x, -y, -z]
 }
 
-/// A vector turned by a unit quaternion.
+/// A vector rotated by a unit quaternion.
 pub fn turned(q: [f64; 4], v: [f64; 3]) -> [f64; 3] {
     let [_, x, y, z] = product(product(q, [0.0, v[0], v[1], v[2]]), conjugate(q));
     [x, y, z]
 }
 
-/// The shortest turn that brings a direction to another; both of any length but zero.
+/// The shortest rotation from one direction to another; both of any length but zero.
 pub fn between(from: [f64; 3], to: [f64; 3]) -> [f64; 4] {
     let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     let cross = |a: [f64; 3], b: [f64; 3]| {
@@ -35,7 +35,7 @@ pub fn between(from: [f64; 3], to: [f64; 3]) -> [f64; 4] {
     let lengths = (dot(from, from) * dot(to, to)).sqrt();
     let cosine = dot(from, to) / lengths;
     if cosine < -1.0 + 1e-12 {
-        // Half a turn about any axis across.
+        // Half a turn about any perpendicular axis.
         let axis = if from[0].abs() < from[1].abs() { [1.0, 0.0, 0.0] } else { [0.0, 1.0, 0.0] };
         let [x, y, z] = cross(from, axis);
         let n = (x * x + y * y + z * z).sqrt();

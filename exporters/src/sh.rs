@@ -1,8 +1,8 @@
-//! Spherical harmonics with the signs and the order of 3DGS, and what becomes of them when the scene turns.
+//! Spherical harmonics with the signs and the order of 3DGS, and their rotation with the scene.
 
 use crate::{num_sh_coefficients, quaternion};
 
-/// Y_00.
+/// Y_00, the constant of degree 0.
 pub const SH_0: f64 = 0.282_094_791_773_878_14;
 
 const SH_1: f64 = 0.488_602_511_902_919_9;
@@ -15,7 +15,7 @@ const SH_3: [f64; 5] = [
     1.445_305_721_320_277,
 ];
 
-/// All functions up to degree 3 at a unit direction.
+/// All basis functions up to degree 3, at a unit direction.
 pub fn basis([x, y, z]: [f64; 3]) -> [f64; 16] {
     let (xx, yy, zz) = (x * x, y * y, z * z);
     [
@@ -38,14 +38,14 @@ pub fn basis([x, y, z]: [f64; 3]) -> [f64; 16] {
     ]
 }
 
-/// Turns coefficients with the scene: a function of direction, expressed in the new axes.
+/// Rotates SH coefficients with the scene: the same function of direction in new axes.
 pub struct Turn {
     /// `new[k] = sum_j matrix[k][j] old[j]`; zero between degrees.
     matrix: [[f64; 16]; 16],
 }
 
 impl Turn {
-    /// For `new_from_old`, a unit quaternion wxyz.
+    /// The rotation by `new_from_old`, a unit quaternion wxyz.
     pub fn new(new_from_old: [f64; 4]) -> Self {
         // The integral of Y_k(d) Y_j(old d) over the sphere: products of degree 6 at most, which four Gauss-Legendre
         // points in z and eight in azimuth integrate exactly.
@@ -73,7 +73,7 @@ impl Turn {
         Self { matrix }
     }
 
-    /// Coefficients of one splat in the new axes. `[(degree + 1)^2, 3]`
+    /// The coefficients of a splat in the new axes. `[(degree + 1)^2, 3]`
     pub fn apply(&self, sh: &[f32]) -> Vec<f64> {
         let count = sh.len() / 3;
         let mut out = vec![0.0; sh.len()];

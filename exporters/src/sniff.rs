@@ -1,16 +1,16 @@
-//! What a file is by its first bytes, so that one of another format than its name says is told as that and not as damage.
+//! Recognises formats by their first bytes, so that a misnamed file is reported as misnamed, not as damaged.
 
 use crate::file::read_head;
 use crate::{Error, Format, Result};
 use std::path::Path;
 
-/// Bytes that are looked at: white space may come before JSON.
+/// Bytes to look at: white space may precede JSON.
 const HEAD_BYTES: u64 = 512;
 
-/// Bytes that are shown of what is not known.
+/// Bytes of an unknown file to show in the message.
 const SHOWN_BYTES: usize = 8;
 
-/// First bytes, the format that begins with them, and what it is.
+/// First bytes, the format that they mark, and what to call it.
 const MAGICS: [(&[u8], Format, &str); 10] = [
     (b"glTF", Format::Glb, "binary glTF"),
     (b"LTGS", Format::Ltgs, "compact textured splats"),
@@ -24,19 +24,19 @@ const MAGICS: [(&[u8], Format, &str); 10] = [
     (b"\x1f\x8b", Format::Spz, "gzip, as SPZ of version 1 to 3"),
 ];
 
-/// The format of a file that begins with these bytes, and what it is called.
+/// The format that these first bytes mark, and what to call it.
 fn format_of(head: &[u8]) -> Option<(Format, &'static str)> {
     let known = MAGICS.iter().find(|(magic, ..)| head.starts_with(magic));
-    // Some programs write a byte order mark.
+    // Some programs write a byte order mark first.
     let text = head.strip_prefix(b"\xef\xbb\xbf").unwrap_or(head);
     let is_json = text.trim_ascii_start().starts_with(b"{");
     known.map(|&(_, format, name)| (format, name)).or_else(|| is_json.then_some((Format::Gltf, "JSON")))
 }
 
-/// Checks that a file begins as those of the format of its name do.
+/// Checks that a file begins as its format requires.
 ///
 /// # Errors
-/// [`Error::Invalid`] that says what it is instead, [`Error::Io`] if it cannot be read.
+/// [`Error::Invalid`] saying what the file is instead, [`Error::Io`] if it cannot be read.
 pub(crate) fn check(path: &Path, format: Format) -> Result<()> {
     let head = read_head(path, HEAD_BYTES)?;
     let what = match format_of(&head) {
@@ -48,7 +48,7 @@ pub(crate) fn check(path: &Path, format: Format) -> Result<()> {
         None => {
             let shown = head.get(..SHOWN_BYTES).unwrap_or(&head).escape_ascii();
             format!(
-                "neither a .{} file nor another that is known: begins with \"{shown}\"",
+                "neither a .{} file nor of another known format: it begins with \"{shown}\"",
                 format.extension()
             )
         }
@@ -70,7 +70,7 @@ mod tests {
     }
 
     #[test]
-    fn every_format_under_every_other_name_is_told() {
+    fn every_misnamed_format_is_reported_as_misnamed() {
         let folder = tempfile::tempdir().unwrap();
         for real in Format::ALL {
             for named in Format::ALL {
@@ -97,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_nothing_is_shown() {
+    fn the_first_bytes_of_unknown_files_are_shown() {
         let folder = tempfile::tempdir().unwrap();
         for format in Format::ALL {
             let path = folder.path().join(format!("file.{}", format.extension()));

@@ -1,44 +1,90 @@
-//! Files that are written and can be proven before any older one is touched. They stand under their final names in a
-//! temporary folder beside their place, so that they refer to each other as they will; publishing renames them.
-//! What the files hold is decided elsewhere.
+//! Files that are written and can be verified before any older one is touched. They stand under their final names in a
+//! staging folder beside their place, so that they refer to each other as they will; publishing moves them.
+//!
+//! A staging folder is called `.NAME.PID-N.tmp` and holds
+//!
+//! | entry | what it is |
+//! |---|---|
+//! | `lock` | locked by the process that made the folder, for as long as it lives |
+//! | `new/` | new files until they are moved to their places |
+//! | `old/` | replaced files until the last new one is at its place |
+//! | `swap.json` | the journal: which files move; there from before the first until after the last has moved |
+//!
+//! Moving several files takes several steps. A process that is killed between two of them leaves the journal, with which
+//! the next command that writes or reads the asset finishes the move: see [`repair`].
 
-use crate::file::temporary_name;
-use crate::{Error, Result, Written};
+mod folder;
+mod swap;
+
+pub(crate) use folder::{Caller, repair};
+
+use crate::{Error, Result, Written, text};
 use std::ffi::OsString;
+use std::fs::{self, File};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
+use swap::{Places, Swap};
 
-/// A file beside the one that names it: its name relative to the folder of that, `/` between parts, and its bytes.
+/// A sidecar file: its name relative to the folder of the file that refers to it, `/` between parts, and its bytes.
 pub(crate) type SideFile = (OsString, Vec<u8>);
 
-/// An asset that is written, but not yet at its place. Dropped without [`Staged::publish`], nothing of it stays.
+/// An asset that is written, but not yet at its place. Dropped without [`Staged::publish`], it vanishes.
 #[derive(Debug)]
 pub struct Staged {
-    /// The temporary folder: new files are in `new`, replaced ones for a moment in `old`.
     folder: PathBuf,
     /// Folder of the final files.
     place: PathBuf,
-    /// Names relative to the folder; the file that names the others is the last.
+    /// Names relative to it; the file that refers to the others is the last.
     names: Vec<PathBuf>,
     written: Written,
-    /// Set where an old file lies there that could not be put back.
+    /// Set where an old file lies in the folder that could not be put back.
     keeps_folder: bool,
+    /// Held until the folder is gone.
+    _lock: Option<File>,
+    steps: Steps,
+}
+
+/// The steps of a move. Tests stop after some of them, as if the process were killed: then every further step fails.
+#[derive(Debug, Default)]
+struct Steps {
+    #[cfg(test)]
+    left: std::cell::Cell<Option<usize>>,
+}
+
+impl Steps {
+    fn run<T>(&self, step: impl FnOnce() -> std::io::Result<T>) -> std::io::Result<T> {
+        #[cfg(test)]
+        if let Some(left) = self.left.get() {
+            self.left.set(Some(left.saturating_sub(1)));
+            if left == 0 {
+                return Err(std::io::Error::other("killed"));
+            }
+        }
+        step()
+    }
 }
 
 impl Staged {
-    /// Writes the files of the asset at `path` into a fresh folder beside it.
+    /// Writes the files of the asset at `path` into a fresh folder beside it, after tidying up what killed processes left
+    /// there.
     ///
     /// # Errors
     /// [`Error::Io`], [`Error::Invalid`] if `path` is not the name of a file.
     pub(crate) fn new(path: &Path, root: Vec<u8>, side: Vec<SideFile>) -> Result<Self> {
         let name = path.file_name().ok_or_else(|| Error::invalid(path, "not the name of a file"))?;
-        let place = path.parent().unwrap_or(Path::new("")).to_owned();
+        if !side.is_empty() && name.to_str().is_none() {
+            return Err(Error::invalid(path, "the file's name must be UTF-8: sidecar files share it"));
+        }
+        repair(path, Caller::Writer)?;
+        let (folder, lock) = folder::fresh(path)?;
         let mut staged = Self {
-            folder: fresh_folder(path)?,
-            place,
+            folder,
+            place: path.parent().unwrap_or(Path::new("")).to_owned(),
             names: Vec::new(),
             written: Written { files: vec![path.to_owned()], ..Written::default() },
             keeps_folder: false,
+            _lock: lock,
+            steps: Steps::default(),
         };
         for (name, bytes) in &side {
             staged.write(Path::new(name), bytes)?;
@@ -52,15 +98,19 @@ impl Staged {
     fn write(&mut self, name: &Path, bytes: &[u8]) -> Result<()> {
         let file = self.new_file(name);
         let folder = file.parent().unwrap_or(&self.folder);
-        let written = std::fs::create_dir_all(folder).and_then(|()| std::fs::write(&file, bytes));
+        let written = fs::create_dir_all(folder).and_then(|()| fs::write(&file, bytes));
         written.map_err(|e| Error::io(self.place.join(name), e))?;
         self.names.push(name.to_owned());
         self.written.bytes += bytes.len() as u64;
         Ok(())
     }
 
+    fn places(&self) -> Places<'_> {
+        Places { staging: &self.folder, asset: &self.place }
+    }
+
     fn new_file(&self, name: &Path) -> PathBuf {
-        self.folder.join("new").join(name)
+        self.places().new_file(name)
     }
 
     pub(crate) fn add_notes(&mut self, notes: impl IntoIterator<Item = String>) {
@@ -82,43 +132,52 @@ impl Staged {
         &self.written
     }
 
-    /// Puts the files at their places, the one that names the others last. Files that are there already are replaced,
-    /// if `overwrites`; if anything fails, they are put back and nothing new stays. A link is replaced, what it leads to
-    /// stays as it is; a link to a folder serves as the folder.
+    /// Moves the files to their places, the one that refers to the others last. Files that are there already are replaced
+    /// if `overwrites`; if anything fails, they are put back and nothing new stays. A link is replaced, its target is not
+    /// touched; a link to a folder serves as the folder.
     ///
     /// # Errors
     /// [`Error::Io`]: of the kind [`ErrorKind::AlreadyExists`] for the first file that would have to be replaced but may
     /// not; [`ErrorKind::IsADirectory`] for a folder in the way of a file, [`ErrorKind::NotADirectory`] for a file in the
     /// way of a folder.
     pub fn publish(mut self, overwrites: bool) -> Result<Written> {
+        let mut swap = Swap::default();
         for name in &self.names {
-            self.check_folder(name)?;
-            self.check_file(name, overwrites)?;
+            if let Some((folder, false)) = self.check_folder(name)? {
+                swap.add_folder(folder);
+            }
+            swap.add(name, self.check_file(name, overwrites)?);
         }
-        let mut done = Vec::new();
-        let put = self.names.iter().try_for_each(|name| self.put(name, overwrites, &mut done));
-        match put {
-            Ok(()) => Ok(std::mem::take(&mut self.written)),
-            Err(error) => Err(self.undone(done, error)),
-        }
+        let Err(error) = swap.run(self.places(), &self.steps) else {
+            return Ok(std::mem::take(&mut self.written));
+        };
+        let Err(lost) = swap.undo(self.places(), &self.steps) else { return Err(error) };
+        self.keeps_folder = true;
+        let path = self.written.files.first().cloned().unwrap_or_default();
+        let what = format!("{error}; older files could not be put back: {lost}");
+        Err(Error::io(path, std::io::Error::other(what)))
     }
 
     /// The folder of a file, if the asset brings one, and whether it is there.
-    fn check_folder(&self, name: &Path) -> Result<Option<(PathBuf, bool)>> {
-        let Some(folder) = name.parent().filter(|f| !f.as_os_str().is_empty()) else { return Ok(None) };
-        let folder = self.place.join(folder);
-        match std::fs::metadata(&folder) {
-            Ok(facts) if facts.is_dir() => Ok(Some((folder, true))),
-            Ok(_) => Err(self.in_the_way(&folder, ErrorKind::NotADirectory, "a file is where a folder of")),
-            Err(e) if e.kind() == ErrorKind::NotFound => Ok(Some((folder, false))),
+    fn check_folder<'n>(&self, name: &'n Path) -> Result<Option<(&'n Path, bool)>> {
+        let Some(name) = name.parent().filter(|f| !f.as_os_str().is_empty()) else { return Ok(None) };
+        let folder = self.place.join(name);
+        match fs::metadata(&folder) {
+            Ok(facts) if facts.is_dir() => Ok(Some((name, true))),
+            Ok(_) => Err(self.in_the_way(
+                &folder,
+                ErrorKind::NotADirectory,
+                "a file is in the place of a folder for",
+            )),
+            Err(e) if e.kind() == ErrorKind::NotFound => Ok(Some((name, false))),
             Err(e) => Err(Error::io(folder, e)),
         }
     }
 
-    /// Whether a file is there; that it may be replaced if so.
+    /// Whether a file is there; an error if it may not be replaced.
     fn check_file(&self, name: &Path, overwrites: bool) -> Result<bool> {
         let file = self.place.join(name);
-        let facts = match std::fs::symlink_metadata(&file) {
+        let facts = match fs::symlink_metadata(&file) {
             Ok(facts) => facts,
             Err(e) if e.kind() == ErrorKind::NotFound => return Ok(false),
             Err(e) => return Err(Error::io(file, e)),
@@ -126,102 +185,35 @@ impl Staged {
         match () {
             // Also where a link leads to one.
             () if file.is_dir() => {
-                Err(self.in_the_way(&file, ErrorKind::IsADirectory, "a folder is where a file of"))
+                Err(self.in_the_way(&file, ErrorKind::IsADirectory, "a folder is in the place of a file of"))
             }
             () if !facts.is_file() && !facts.is_symlink() => {
-                Err(self.in_the_way(&file, ErrorKind::InvalidInput, "no regular file is where a file of"))
+                let what = "something that is not a regular file is in the place of a file of";
+                Err(self.in_the_way(&file, ErrorKind::InvalidInput, what))
             }
-            () if !overwrites => {
-                Err(self.in_the_way(&file, ErrorKind::AlreadyExists, "exists already where a file of"))
-            }
+            () if !overwrites => Err(self.in_the_way(
+                &file,
+                ErrorKind::AlreadyExists,
+                "a file is already in the place of one of",
+            )),
             () => Ok(true),
         }
     }
 
     fn in_the_way(&self, file: &Path, kind: ErrorKind, what: &str) -> Error {
-        let root = self.written.files.first().map(|f| f.display().to_string()).unwrap_or_default();
+        let root = self.written.files.first().map(|f| text::path(f)).unwrap_or_default();
         let hint = match kind {
-            ErrorKind::AlreadyExists => "allow that it is replaced, or choose another name",
+            ErrorKind::AlreadyExists => "allow replacing it, or choose another name",
             _ => "remove it or choose another name",
         };
-        Error::io(file, std::io::Error::new(kind, format!("{what} {root} would be: {hint}")))
+        Error::io(file, std::io::Error::new(kind, format!("{what} {root}: {hint}")))
     }
-
-    /// Puts one file at its place. What must be undone if a later one fails is added to `done`.
-    fn put(&self, name: &Path, overwrites: bool, done: &mut Vec<Done>) -> Result<()> {
-        if let Some((folder, false)) = self.check_folder(name)? {
-            std::fs::create_dir(&folder).map_err(|e| Error::io(&folder, e))?;
-            done.push(Done::Folder(folder));
-        }
-        let file = self.place.join(name);
-        let failed = |e| Error::io(&file, e);
-        let is_last = self.names.last().is_some_and(|last| last == name);
-        // The last one needs no way back and is replaced in one step: there is no moment without it.
-        if self.check_file(name, overwrites)? && !is_last {
-            let old = self.folder.join("old");
-            std::fs::create_dir_all(&old).map_err(failed)?;
-            let kept = old.join(done.len().to_string());
-            std::fs::rename(&file, &kept).map_err(failed)?;
-            done.push(Done::Old { kept, file: file.clone() });
-        }
-        std::fs::rename(self.new_file(name), &file).map_err(failed)?;
-        done.push(Done::New(file));
-        Ok(())
-    }
-
-    /// Goes back, and adds to the error what could not be undone.
-    fn undone(&mut self, done: Vec<Done>, error: Error) -> Error {
-        let mut lost = Vec::new();
-        for step in done.into_iter().rev() {
-            match step {
-                // The first error is the one that matters.
-                Done::New(file) => drop(std::fs::remove_file(file)),
-                Done::Folder(folder) => drop(std::fs::remove_dir(folder)),
-                Done::Old { kept, file } => {
-                    if std::fs::rename(&kept, &file).is_err() {
-                        lost.push(format!("{} is now {}", file.display(), kept.display()));
-                    }
-                }
-            }
-        }
-        if lost.is_empty() {
-            return error;
-        }
-        self.keeps_folder = true;
-        let path = self.written.files.first().cloned().unwrap_or_default();
-        let what = format!("{error}; old files could not be put back: {}", lost.join(", "));
-        Error::io(path, std::io::Error::other(what))
-    }
-}
-
-/// A step of publishing.
-enum Done {
-    /// A folder was made.
-    Folder(PathBuf),
-    /// A file was moved aside.
-    Old { kept: PathBuf, file: PathBuf },
-    /// A file was put at its place.
-    New(PathBuf),
 }
 
 impl Drop for Staged {
     fn drop(&mut self) {
         if !self.keeps_folder {
-            // What cannot be removed now cannot be removed later.
-            let _ = std::fs::remove_dir_all(&self.folder);
-        }
-    }
-}
-
-/// Makes a folder beside a file, on the same file system: renaming out of it is one step.
-fn fresh_folder(path: &Path) -> Result<PathBuf> {
-    loop {
-        let folder = temporary_name(path);
-        match std::fs::create_dir(&folder) {
-            Ok(()) => return Ok(folder),
-            // Left behind by a process of this number that was killed.
-            Err(e) if e.kind() == ErrorKind::AlreadyExists => {}
-            Err(e) => return Err(Error::io(path, e)),
+            folder::remove(&self.folder);
         }
     }
 }

@@ -1,22 +1,24 @@
-//! The rules that every asset keeps, whether a model was baked or a file was read.
+//! Rules that every asset obeys, whether it was baked from a model or read from a file.
 
-use crate::{AssetMap, Error, MAP_SIDE_MAX, Result, SPLATS_MAX, SplatAsset, num_sh_coefficients, quaternion};
+use crate::{
+    AssetMap, Error, MAP_SIDE_MAX, Result, SPLATS_MAX, SplatAsset, num_sh_coefficients, quaternion, quoted,
+};
 
 /// Largest standard deviation, local units.
 const SCALE_MAX: f32 = 1e6;
 
-/// Largest deviation of a quaternion's norm from 1; f32 rounding of unit quaternions needs 1.2e-7.
+/// Largest deviation of a quaternion's norm from 1; rounding unit quaternions to f32 needs 1.2e-7.
 pub(crate) const QUATERNION_NORM_TOLERANCE: f64 = 1e-5;
 
-/// Highest SH degree.
+/// Highest SH degree of an asset.
 const SH_DEGREE_MAX: u32 = 3;
 
 impl SplatAsset {
     /// Checks everything that writers rely on.
     ///
     /// # Errors
-    /// [`Error::Invalid`] or [`Error::TooLarge`] naming the first offence; the path is empty until
-    /// [`Error::at`] names a file.
+    /// [`Error::Invalid`] or [`Error::TooLarge`] for the first offence; the path is empty until [`Error::at`] names a
+    /// file.
     pub fn validate(&self) -> Result<()> {
         let invalid = |what: String| Err(Error::invalid("", what));
         let n = self.num_splats();
@@ -44,7 +46,7 @@ impl SplatAsset {
             [("captureFromLocal", &self.capture_from_local), ("worldFromCapture", &self.world_from_capture)];
         if let Some((name, frame)) = frames.iter().find(|(_, frame)| !frame.is_sound()) {
             let what =
-                format!("{name}: {frame:?}: finite, the scale positive, the rotation a unit quaternion");
+                format!("{name}: {frame:?}, expected finite numbers, a positive scale and a unit quaternion");
             return invalid(what);
         }
         if !self.background.iter().all(|v| (0.0..=1.0).contains(v)) {
@@ -131,7 +133,7 @@ impl SplatAsset {
                 .chain(camera.rotation_rows.as_flattened())
                 .chain(&camera.translation);
             if !numbers.into_iter().all(|v| v.is_finite()) {
-                let what = format!("camera {:?}: numbers that are not finite", camera.name);
+                let what = format!("camera {}: numbers that are not finite", quoted(&camera.name));
                 return Err(Error::invalid("", what));
             }
         }

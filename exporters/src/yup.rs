@@ -1,48 +1,49 @@
-//! What glTF and USD have in common. Their frame: y up, by half a turn about x from the local frame (COLMAP's axes: y down, z forward).
-//! Only signs and places change, so that nothing is rounded; it is its own inverse but for the quaternion's sign.
+//! The frame that glTF and USD share: y up, half a turn about x from the local frame (COLMAP's axes: y down, z forward).
+//! Converting changes only signs and places, so that nothing is rounded. The half turn is its own inverse but for the
+//! sign of quaternions.
 
 use crate::{Transform, quaternion};
 
-/// Half a turn about x as a quaternion wxyz.
+/// Half a turn about x, wxyz.
 const HALF_TURN: [f64; 4] = [0.0, 1.0, 0.0, 0.0];
 
 /// Signs of SH coefficients under half a turn about x.
 pub const SH_SIGNS: [f32; 16] =
     [1.0, -1.0, -1.0, 1.0, -1.0, 1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0, -1.0, 1.0, -1.0, 1.0];
 
-/// Third scale of programs that know only ellipsoids, in the smaller of the others: zero would make their covariance
-/// singular.
+/// Thickness of discs for programs that draw ellipsoids, as a share of the smaller other scale: zero would make their
+/// covariance singular.
 const THICKNESS: f32 = 0.01;
 
-/// Smallest f32 above 0.
+/// The smallest positive f32.
 const LEAST: f32 = f32::from_bits(1);
 
-/// Third scale of a disc for programs that know only ellipsoids: positive, and not above the others.
+/// Third scale of a disc for programs that draw ellipsoids: positive, and not above the others.
 pub fn thickness(scale_u: f32, scale_v: f32) -> f32 {
     (THICKNESS * scale_u.min(scale_v)).max(LEAST)
 }
 
-/// A point, either way.
+/// Converts a point, in either direction.
 pub fn position([x, y, z]: [f32; 3]) -> [f32; 3] {
     [x, -y, -z]
 }
 
-/// `yup_from_surfel` from `local_from_surfel`, wxyz.
+/// `yup_from_surfel` from `local_from_surfel`, both wxyz.
 pub fn rotation([w, x, y, z]: [f32; 4]) -> [f32; 4] {
     [-x, w, -z, y]
 }
 
-/// `local_from_surfel` from `yup_from_surfel`, wxyz.
+/// `local_from_surfel` from `yup_from_surfel`, both wxyz.
 pub fn rotation_back([w, x, y, z]: [f32; 4]) -> [f32; 4] {
     [x, -w, z, -y]
 }
 
-/// Coefficients of one splat, either way. `[(degree + 1)^2, 3]`
+/// Converts the SH coefficients of a splat, in either direction. `[(degree + 1)^2, 3]`
 pub fn sh(coefficients: &[f32]) -> impl Iterator<Item = f32> {
     coefficients.iter().enumerate().map(|(i, c)| SH_SIGNS[i / 3] * c)
 }
 
-/// `world_from_yup` of a file whose world is the capture with y up: scale, rotation wxyz and translation of a node.
+/// `world_from_yup` for a node, from a frame's transform: the same similarity with y up in both frames.
 pub fn node(frame: &Transform) -> Transform {
     let [x, y, z] = frame.translation;
     Transform { scale: frame.scale, rotation: flipped(frame.rotation), translation: [x, -y, -z] }
@@ -50,15 +51,15 @@ pub fn node(frame: &Transform) -> Transform {
 
 /// The inverse of [`node`].
 pub fn frame_of_node(node: &Transform) -> Transform {
-    // Twice is not at all.
+    // Half a turn is its own inverse.
     self::node(node)
 }
 
-/// A turn seen from the other frame.
+/// The same rotation in the other frame's axes.
 fn flipped(q: [f64; 4]) -> [f64; 4] {
     let [w, x, y, z] =
         quaternion::product(quaternion::product(HALF_TURN, q), quaternion::conjugate(HALF_TURN));
-    // Zeros keep one sign, so that files do not depend on the way here.
+    // No negative zeros, so that equal transforms make equal files.
     [w, x, y, z].map(|v| v + 0.0)
 }
 

@@ -1,5 +1,5 @@
-//! Any sound asset comes back from any format: bit for bit where that is promised, within bounds elsewhere; any damage to
-//! a file is an error or a sound asset.
+//! Any sound asset comes back from any format: bit for bit where promised, within bounds elsewhere. Any damaged file gives
+//! an error or a sound asset.
 
 use litetex_exporters::{
     AssetMap, Contents, Format, Quality, ReadLimits, SplatAsset, Transform, WriteOptions, ltgs,
@@ -10,7 +10,7 @@ use proptest::prelude::*;
 use proptest::strategy::ValueTree as _;
 use std::path::Path;
 
-/// Numbers that are easily lost: zeros of both signs, subnormal ones, large ones.
+/// Numbers that are easily lost: zeros of both signs, subnormal and large numbers.
 fn number() -> impl Strategy<Value = f32> {
     use proptest::num::f32::{NEGATIVE, NORMAL, POSITIVE, SUBNORMAL, ZERO};
     prop_oneof![
@@ -49,7 +49,7 @@ struct Splat {
     texels: Vec<f32>,
 }
 
-/// `is_tame`: numbers as scenes have them, for formats that round.
+/// `is_tame` restricts numbers to those of real scenes, for formats that round.
 fn splat(sh_degree: u32, is_tame: bool) -> impl Strategy<Value = Splat> {
     let tame = move |strategy: BoxedStrategy<f32>| if is_tame { (-1.0_f32..1.0).boxed() } else { strategy };
     let size = move || if is_tame { (0.005_f32..0.5).boxed() } else { positive(1e6).boxed() };
@@ -134,7 +134,7 @@ const TEXTURED: [Format; 6] =
     [Format::Glb, Format::Gltf, Format::Ltgs, Format::Usda, Format::Usdc, Format::Usdz];
 
 fn config(cases: u32) -> ProptestConfig {
-    // No files of regressions beside the sources: what fails becomes a test of its own.
+    // No regression files beside the sources: failures become tests of their own.
     ProptestConfig { cases, failure_persistence: None, ..ProptestConfig::default() }
 }
 
@@ -146,7 +146,7 @@ proptest! {
         let folder = tempfile::tempdir().expect("a folder");
         for format in TEXTURED {
             let read = through(folder.path(), &asset, format, Quality::Lossless);
-            // The hash sees the signs of zeros, the comparison all that is not drawn.
+            // The hash covers the signs of zeros, the comparison what is not rendered.
             prop_assert_eq!(read.asset.hash(), asset.hash(), "{:?}", format);
             prop_assert_eq!(&read.asset, &asset, "{:?}", format);
         }

@@ -1,4 +1,4 @@
-//! What programs without textures get is what the asset says they should.
+//! Programs without texture support get the scene with averaged maps.
 
 mod common;
 
@@ -10,7 +10,7 @@ fn options(quality: Quality) -> WriteOptions<'static> {
     WriteOptions { quality, mesh: false, steps: None, exponents: &[] }
 }
 
-/// Everything that is drawn, bit for bit.
+/// Whether anything that is rendered differs, bit for bit.
 fn differs(a: &SplatAsset, b: &SplatAsset) -> bool {
     a.hash() != b.hash() || a.cameras != b.cameras || a.capture_from_local != b.capture_from_local
 }
@@ -62,7 +62,7 @@ fn a_fallback_is_that_of_the_file_not_of_the_scene() {
     let fallback = read_fallback(&path, &ReadLimits::default()).expect("read").expect("a fallback");
     assert_eq!(fallback.sh_of(0), [5.0; 3]);
     assert_eq!(fallback.sh_of(1), asset.untextured_dc(1));
-    // Without the variant there is nothing for such programs.
+    // Without the prim there is nothing for such programs.
     let gone = text.replace("ParticleField3DGaussianSplat", "Scope");
     std::fs::write(&path, gone).expect("written");
     assert_eq!(read_fallback(&path, &ReadLimits::default()).expect("read"), None);

@@ -6,12 +6,11 @@ use litetex_exporters::{Contents, ReadLimits, Result, gltf, ltgs, ply, spz, usd}
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
-/// Readers of USD take files: one a process, in memory where the system has such a place.
-static FILES: LazyLock<[PathBuf; 2]> = LazyLock::new(|| {
+/// Readers of USD take files: one set per process, in memory where the system has such a place.
+static FILES: LazyLock<[PathBuf; 3]> = LazyLock::new(|| {
     let shared = Path::new("/dev/shm");
     let folder = if shared.is_dir() { shared.to_owned() } else { std::env::temp_dir() };
-    // Text and binary layers are told apart by their first bytes.
-    ["usdc", "usdz"].map(|extension| folder.join(format!("litetex-fuzz-{}.{extension}", std::process::id())))
+    ["usda", "usdc", "usdz"].map(|extension| folder.join(format!("litetex-fuzz-{}.{extension}", std::process::id())))
 });
 
 fn check(read: Result<Contents>) {

@@ -3,7 +3,7 @@
 
 use libfuzzer_sys::fuzz_target;
 use litetex_exporters::ReadLimits;
-use litetex_exporters::ltgs::{decode, decode_prefix, validate};
+use litetex_exporters::ltgs::{decode, validate};
 use std::path::Path;
 use xxhash_rust::xxh3::xxh3_64;
 
@@ -22,8 +22,5 @@ fuzz_target!(|data: &[u8]| {
     if let Ok(contents) = decode(&bytes, Path::new("fuzz"), &limits) {
         contents.asset.validate().expect("what is accepted is valid");
         validate(&bytes, Path::new("fuzz"));
-    }
-    if let Ok(prefix) = decode_prefix(&bytes, Path::new("fuzz"), &limits) {
-        prefix.asset.validate().expect("what is accepted is valid");
     }
 });

@@ -1,28 +1,33 @@
-//! Texels as codes of 8 bits: `texel = code * scale + bias`, computed in f64 and rounded to f32.
+//! Texels as 8-bit codes: `texel = code * scale + bias`, computed in f64 and rounded to f32.
 
-/// How codes become texels. Code 127 is exactly 0.
+/// Converts between codes and texels. Code 127 is exactly 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TexelDecode {
-    /// Texel value of a step.
+    /// Difference between the texels of consecutive codes.
     pub scale: f64,
-    /// Texel value of code 0.
+    /// The texel of code 0.
     pub bias: f64,
 }
 
 impl TexelDecode {
-    /// The finest steps that reach all texels.
+    /// The finest codes that cover all texels.
     pub fn finest(texels: &[f32]) -> Self {
         let largest = texels.iter().fold(0.0_f32, |a, t| a.max(t.abs()));
         let scale = f64::from(largest.max(f32::MIN_POSITIVE)) / 127.0;
         Self { scale, bias: -127.0 * scale }
     }
 
-    /// A texel; a little beyond [-1, 1] is drawn back.
+    /// The texel of a code, clamped to [-1, 1].
     pub fn texel(&self, code: u8) -> f32 {
         ((f64::from(code) * self.scale + self.bias) as f32).clamp(-1.0, 1.0)
     }
 
-    /// The nearest code.
+    /// The texels of all codes.
+    pub fn table(&self) -> [f32; 256] {
+        std::array::from_fn(|code| self.texel(code as u8))
+    }
+
+    /// The code whose texel is nearest.
     pub fn code(&self, texel: f32) -> u8 {
         ((f64::from(texel) - self.bias) / self.scale).round().clamp(0.0, 254.0) as u8
     }

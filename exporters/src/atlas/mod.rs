@@ -1,26 +1,35 @@
-//! Texture atlases: every map at its exact size, side by side on pages, without gutter. Column `x + col` and row
-//! `y + row` of a page hold texel `(row, col)` of a map.
+//! Texture atlases: maps at their exact sizes, side by side on pages, without gutter. Column `x + col` and row `y + row` of
+//! a page hold texel `(row, col)` of a map.
 
 mod codes;
 mod image;
+mod pages;
 mod skyline;
 
 pub use codes::TexelDecode;
-pub use image::{decode_exr, decode_png, encode_exr, encode_png};
+pub(crate) use image::{encode_exr, encode_png};
+pub(crate) use pages::{MapRows, PageRows};
 pub use skyline::{Placement, pack};
 
 use crate::{AssetMap, Error, Result, SplatAsset};
 
-/// Side of a page unless something else is asked for.
+/// Default side of a page, texels.
 pub const PAGE_SIDE: u16 = 4096;
 
-/// Largest side of a page: what graphics devices offer at least.
+/// Largest side of a page, texels: what every graphics device supports.
 pub const PAGE_SIDE_MAX: u16 = 8192;
 
-/// Where each map lies.
+/// Pages may have this many texels for each that maps use, and [`SPARE_TEXELS`]: decoding takes time for all of them.
+/// Packed pages are mostly full; only where the largest maps meet much smaller ones is much of a page left over.
+const PAPER_MAX: u64 = 64;
+
+/// See [`PAPER_MAX`]: one large page.
+const SPARE_TEXELS: u64 = 1 << 24;
+
+/// The positions of maps on pages.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Atlas {
-    /// By splat.
+    /// Position of each splat's map.
     pub placements: Vec<Placement>,
     /// `[width, height]` of each page.
     pub pages: Vec<[u16; 2]>,
@@ -40,8 +49,7 @@ impl Atlas {
         Ok(Self { placements, pages })
     }
 
-    /// Lays texels of 3 numbers each, map by map, onto pages. What no map covers is `T::default()`.
-    /// `[page][height, width, 3]`
+    /// Copies texels of 3 numbers each onto pages; what no map covers is `T::default()`. `[page][height, width, 3]`
     pub fn pages_from_texels<T: Copy + Default>(&self, maps: &[AssetMap], texels: &[T]) -> Vec<Vec<T>> {
         let floats = |p: &[u16; 2]| 3 * usize::from(p[0]) * usize::from(p[1]);
         let mut pages: Vec<Vec<T>> = self.pages.iter().map(|p| vec![T::default(); floats(p)]).collect();
@@ -51,17 +59,7 @@ impl Atlas {
         pages
     }
 
-    /// Collects the texels of the maps again. The atlas must have passed [`Atlas::check`].
-    pub fn texels_from_pages<T: Copy + Default>(&self, maps: &[AssetMap], pages: &[Vec<T>]) -> Vec<T> {
-        let count: usize = maps.iter().map(AssetMap::num_texels).sum();
-        let mut texels = vec![T::default(); 3 * count];
-        self.for_each_row(maps, |page, on_page, of_texels| {
-            texels[of_texels].copy_from_slice(&pages[page][on_page]);
-        });
-        texels
-    }
-
-    /// Calls with page, its range of numbers, and the texels' range, for every row of every map.
+    /// Calls `visit` with page, range of numbers on it and range among the texels, for every row of every map.
     fn for_each_row(
         &self,
         maps: &[AssetMap],
@@ -78,10 +76,11 @@ impl Atlas {
         }
     }
 
-    /// Checks that every map lies on a page. Overlaps are not looked for.
+    /// Checks that every map lies on a page, that maps are no larger than the pages, and pages not much larger than the
+    /// maps. Overlaps are not looked for.
     ///
     /// # Errors
-    /// [`Error::Invalid`] naming the splat; the path is empty.
+    /// [`Error::Invalid`] naming the splat, [`Error::TooLarge`] for pages that nothing uses; the path is empty.
     pub fn check(&self, maps: &[AssetMap]) -> Result<()> {
         for (splat, (map, at)) in maps.iter().zip(&self.placements).enumerate() {
             if map.num_texels() == 0 {
@@ -98,13 +97,45 @@ impl Atlas {
                 return Err(Error::invalid("", what));
             }
         }
+        let used: u64 = maps.iter().map(|m| m.num_texels() as u64).sum();
+        let paper: u64 = self.pages.iter().map(|p| u64::from(p[0]) * u64::from(p[1])).sum();
+        if used > paper {
+            return Err(Error::invalid(
+                "",
+                format!("maps of {used} texels on pages of {paper}: they overlap"),
+            ));
+        }
+        let most = used * PAPER_MAX + SPARE_TEXELS;
+        if paper > most {
+            let what = format!("pages of {paper} texels for maps of {used}, at most {most}");
+            return Err(Error::too_large("", what));
+        }
         Ok(())
     }
 
-    /// Share of the pages that maps cover.
-    pub fn occupancy(&self, maps: &[AssetMap]) -> f64 {
-        let paper: u64 = self.pages.iter().map(|p| u64::from(p[0]) * u64::from(p[1])).sum();
-        maps.iter().map(|m| m.num_texels() as u64).sum::<u64>() as f64 / paper.max(1) as f64
+    /// The first splat whose map overlaps that of an earlier one; the atlas must have passed [`Atlas::check`].
+    pub fn first_overlap(&self, maps: &[AssetMap]) -> Option<usize> {
+        // A bit a texel; `check` bounds the pages.
+        let mut taken: Vec<Vec<u64>> = vec![Vec::new(); self.pages.len()];
+        for (splat, (map, at)) in maps.iter().zip(&self.placements).enumerate() {
+            if map.num_texels() == 0 {
+                continue;
+            }
+            let page = self.pages.get(usize::from(at.page))?.map(usize::from);
+            let bits = taken.get_mut(usize::from(at.page))?;
+            bits.resize((page[0] * page[1]).div_ceil(64), 0);
+            for row in 0..usize::from(map.rows) {
+                let first = (usize::from(at.y) + row) * page[0] + usize::from(at.x);
+                for texel in first..first + usize::from(map.cols) {
+                    let (word, bit) = (bits.get_mut(texel / 64)?, 1 << (texel % 64));
+                    if *word & bit != 0 {
+                        return Some(splat);
+                    }
+                    *word |= bit;
+                }
+            }
+        }
+        None
     }
 }
 
@@ -120,8 +151,15 @@ mod tests {
             let atlas = Atlas::of(&asset, side).unwrap();
             assert!(side > 8 || atlas.pages.len() > 2);
             atlas.check(&asset.maps).unwrap();
+            assert_eq!(atlas.first_overlap(&asset.maps), None);
             let pages = atlas.pages_from_texels(&asset.maps, &asset.texels);
-            assert_eq!(atlas.texels_from_pages(&asset.maps, &pages), asset.texels);
+            let (rows, mut texels) =
+                (MapRows::new(&atlas, &asset.maps).unwrap(), vec![0.0; asset.texels.len()]);
+            for (i, page) in pages.iter().enumerate() {
+                let bytes: Vec<u8> = page.iter().flat_map(|v| v.to_le_bytes()).collect();
+                rows.on_page(i).copy_raw(&bytes, atlas.pages[i][0], &mut texels);
+            }
+            assert_eq!(texels, asset.texels);
             // Row 2, column 1 of a map of 5 x 3.
             let (map, at) = (&asset.maps[2], atlas.placements[2]);
             assert_eq!((map.rows, map.cols), (5, 3));
@@ -136,5 +174,37 @@ mod tests {
         atlas.placements[2] = Placement { page: 9, x: 0, y: 0 };
         assert!(atlas.check(&asset.maps).is_err());
         assert!(matches!(Atlas::of(&asset, 4), Err(Error::TooLarge { .. })));
+    }
+
+    #[test]
+    fn overlaps_and_pages_that_nothing_uses_are_found() {
+        let asset = fixture(200, 0);
+        let sound = Atlas::of(&asset, 64).unwrap();
+        let mut overlapping = sound.clone();
+        overlapping.placements[3] = overlapping.placements[0];
+        overlapping.check(&asset.maps).unwrap();
+        assert_eq!(overlapping.first_overlap(&asset.maps), Some(3));
+        let mut small = sound.clone();
+        small.pages.truncate(1);
+        small.placements.fill(Placement::default());
+        small.pages[0] = [5, 5];
+        assert!(small.check(&asset.maps).unwrap_err().to_string().contains("overlap"));
+        for (pages, is_sound) in [(1, true), (60, false)] {
+            let mut roomy = sound.clone();
+            roomy.pages.extend(vec![[4000, 4000]; pages]);
+            assert_eq!(roomy.check(&asset.maps).is_ok(), is_sound, "{pages}");
+        }
+    }
+
+    #[test]
+    fn our_atlases_of_the_most_awkward_maps_pass() {
+        let map = |rows, cols| AssetMap { rows, cols, texel_size: 1.0, ..AssetMap::default() };
+        for side in [PAGE_SIDE, PAGE_SIDE_MAX] {
+            let maps = [map(4096, 1), map(1, 4096), map(4096, 1), map(4095, 3), map(2, 4096)];
+            let mut asset = crate::SplatAsset { maps: maps.to_vec(), ..Default::default() };
+            Atlas::of(&asset, side).unwrap().check(&asset.maps).unwrap();
+            asset.maps.truncate(2);
+            Atlas::of(&asset, side).unwrap().check(&asset.maps).unwrap();
+        }
     }
 }

@@ -1,10 +1,10 @@
-//! Packs rectangles of their exact size onto pages: a skyline, filled from the highest rectangle to the lowest.
-//! The result depends on the sizes and their order only.
+//! Packs rectangles onto pages with a skyline, from the highest to the lowest rectangle. The result depends only on the
+//! sizes and their order.
 
-/// Where a rectangle was put; untextured ones have no size and lie at the origin of page 0.
+/// The position of a rectangle; empty ones lie at the origin of page 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Placement {
-    /// Index of the page.
+    /// Index of the page that holds the rectangle.
     pub page: u16,
     /// Left column, texels.
     pub x: u16,
@@ -47,9 +47,9 @@ pub fn pack(sizes: &[[u16; 2]], side: u16) -> Option<(Vec<Placement>, Vec<[u16; 
     Some((placements, pages))
 }
 
-/// Upper edge of what is placed on a page, from left to right.
+/// The edge of the occupied part of a page, from left to right.
 struct Skyline {
-    /// `[x, y]` of each segment; it ends where the next begins.
+    /// `[x, y]` of each segment, which ends where the next begins.
     segments: Vec<[u16; 2]>,
     width: u16,
 }
@@ -59,7 +59,7 @@ impl Skyline {
         Self { segments: vec![[0, 0]], width }
     }
 
-    /// Finds the lowest place, the leftmost of those, and takes it.
+    /// Finds the lowest position, of several the leftmost, and occupies it.
     fn place(&mut self, w: u16, h: u16, height: u16) -> Option<(u16, u16)> {
         let mut best: Option<(u16, usize)> = None;
         for first in 0..self.segments.len() {
@@ -80,7 +80,7 @@ impl Skyline {
         Some((x, y))
     }
 
-    /// Highest edge from a segment on to a column; `None` if it is not below a limit.
+    /// The highest edge between a segment and a column; `None` if it is not below a limit.
     fn highest_under(&self, first: usize, end: u16, limit: u16) -> Option<u16> {
         let mut highest = 0;
         for &[x, y] in &self.segments[first..] {
@@ -95,7 +95,7 @@ impl Skyline {
         Some(highest)
     }
 
-    /// The edge from a segment to a column is now at `y`.
+    /// Moves the edge between a segment and a column to `y`.
     fn raise(&mut self, first: usize, end: u16, y: u16) {
         let after = self.segments[first..].iter().position(|s| s[0] >= end).map(|n| first + n);
         let after = after.unwrap_or(self.segments.len());
@@ -104,7 +104,7 @@ impl Skyline {
         let x = self.segments[first][0];
         let tail = (end < next_begins).then_some([end, rest]);
         self.segments.splice(first..after, std::iter::once([x, y]).chain(tail));
-        // Equal neighbours are one segment.
+        // Neighbours of equal height become one segment.
         let last = (first + 2).min(self.segments.len() - 1);
         for i in (first.max(1)..=last).rev() {
             if self.segments[i][1] == self.segments[i - 1][1] {

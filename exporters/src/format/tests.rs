@@ -1,4 +1,4 @@
-//! What is told of files that are not whole, not what their names say, or no assets.
+//! Incomplete files, misnamed ones, and files that are not assets.
 
 use super::*;
 use crate::asset::tests::fixture;
@@ -29,7 +29,7 @@ fn every_side_file_that_is_missing_or_wrong_is_an_issue() {
             let file_name = side.file_name().unwrap().to_str().unwrap();
             let told = |what: &str| {
                 let issues = errors(&path);
-                // The layer, too: issues are listed without their file.
+                // The layer, too: lists of issues do not name their file.
                 let names = |i: &Issue| codes.contains(&i.code) && i.message.contains(file_name);
                 assert!(issues.iter().any(|i| names(i) && i.message.contains(name)), "{what}: {issues:?}");
             };
@@ -46,7 +46,7 @@ fn every_side_file_that_is_missing_or_wrong_is_an_issue() {
             }
             std::fs::write(side, &sound[..sound.len() / 2]).unwrap();
             let issues = errors(&path);
-            // Images of rectangles are not looked into.
+            // Images of rectangles are not decoded.
             let is_told = issues.iter().any(|i| i.message.contains(file_name));
             assert_eq!(is_told, !file_name.starts_with("quads"), "{file_name} cut: {issues:?}");
             std::fs::write(side, sound).unwrap();
@@ -60,7 +60,7 @@ fn every_side_file_that_is_missing_or_wrong_is_an_issue() {
 }
 
 #[test]
-fn our_mesh_is_told_from_an_asset() {
+fn a_mesh_of_quads_is_not_taken_for_an_asset() {
     let folder = tempfile::tempdir().unwrap();
     let files = written(&folder.path().join("y.gltf"), true);
     let mesh = files.iter().find(|f| f.ends_with("y.mesh.glb")).unwrap();
@@ -69,7 +69,7 @@ fn our_mesh_is_told_from_an_asset() {
     assert!(matches!(&error, Error::Unsupported { what, .. } if expected(what)), "{error}");
     let issues = validate_file(mesh).unwrap();
     assert!(issues.len() == 1 && issues[0].severity == Severity::Info && expected(&issues[0].message));
-    // It is checked as far as it is glTF.
+    // The rest of it is plain glTF, which has a validator of its own.
     let bytes = std::fs::read(mesh).unwrap();
     let replaced = |from: &str, to: &str| {
         assert_eq!(from.len(), to.len());
@@ -79,17 +79,7 @@ fn our_mesh_is_told_from_an_asset() {
         std::fs::write(mesh, changed).unwrap();
         errors(mesh)
     };
-    for (from, to, code) in [
-        ("\"TEXCOORD_0\":1", "\"TEXCOORD_0\":9", "LT1007"),
-        ("\"TEXCOORD_0\":1", "\"TEXCOORD_0\":2", "LT1008"),
-        ("\"indices\":2", "\"indices\":7", "LT1007"),
-        ("KHR_materials_unlit\"]", "KHR_materials_unlix\"]", "LT1002"),
-        ("\"scale\":[3.7,", "\"scale\":[2.7,", "LT1017"),
-        ("\"bufferView\":3,\"mimeType\"", "\"bufferView\":9,\"mimeType\"", "LT1024"),
-    ] {
-        let found = replaced(from, to);
-        assert!(found.iter().any(|i| i.code == code), "{from}: {found:?}");
-    }
+    assert_eq!(replaced("\"indices\":2", "\"indices\":7"), []);
     // Negative control: without its sign it is a file that is not ours.
     let found = replaced("\"kind\":\"quads\"", "\"kind\":\"Quads\"");
     assert!(found.iter().any(|i| i.code == "LT1004"), "{found:?}");
@@ -105,7 +95,7 @@ fn files_beyond_the_limits_are_not_read() {
         let limits = |decoded_bytes| ReadLimits { decoded_bytes };
         let error = read_asset(&path, &limits(bytes - 1)).unwrap_err();
         assert!(matches!(error, Error::TooLarge { .. }), "{error}");
-        // A hole of 20 GB behind a sound beginning.
+        // 20 GB, sparse, behind a sound beginning.
         std::fs::File::options().write(true).open(&path).unwrap().set_len(20_000_000_000).unwrap();
         let error = read_asset(&path, &ReadLimits::default()).unwrap_err();
         let message = error.to_string();

@@ -1,9 +1,9 @@
-//! Data of one accessor: elements at a stride, of floats or of whole numbers.
+//! The data of an accessor: elements of floats or integers at a stride.
 
 use super::document::{Accessor, BufferView};
-use crate::SPLATS_MAX;
+use crate::{SPLATS_MAX, quoted};
 
-/// Type of a number.
+/// The type of a number (`componentType`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Component {
     I8,
@@ -27,7 +27,7 @@ impl Component {
         })
     }
 
-    /// Size.
+    /// Bytes of a number.
     pub fn num_bytes(self) -> usize {
         match self {
             Self::I8 | Self::U8 => 1,
@@ -36,7 +36,7 @@ impl Component {
         }
     }
 
-    /// Value of the first number of `bytes`, which must be long enough; else 0.
+    /// Value of the number at the front of `bytes`; 0 if they are too short.
     fn read(self, bytes: &[u8]) -> f32 {
         match (self, bytes) {
             (Self::I8, &[a, ..]) => f32::from(a as i8),
@@ -49,7 +49,7 @@ impl Component {
         }
     }
 
-    /// What the number 1 is stored as, if whole numbers mean -1 to 1 or 0 to 1.
+    /// The integer that stands for 1 in normalised data.
     fn largest(self) -> f32 {
         match self {
             Self::I8 => 127.0,
@@ -61,14 +61,14 @@ impl Component {
     }
 }
 
-/// Elements of an accessor.
+/// The elements of an accessor.
 #[derive(Clone, Debug)]
 pub struct View<'a> {
     pub component: Component,
     pub normalised: bool,
-    /// Numbers per element.
+    /// Numbers of an element.
     pub width: usize,
-    /// Elements.
+    /// Number of elements.
     pub count: usize,
     /// From the first byte of the first element to the last byte of the last.
     bytes: &'a [u8],
@@ -76,7 +76,7 @@ pub struct View<'a> {
 }
 
 impl<'a> View<'a> {
-    /// Of an accessor whose view has these bytes. The error says what does not fit.
+    /// The elements of an accessor whose buffer view has these bytes. The error says what does not fit.
     pub fn new(accessor: &Accessor, view: &BufferView, bytes: &'a [u8]) -> Result<Self, String> {
         let component = Component::from_kind(accessor.component_type)
             .ok_or_else(|| format!("unknown componentType {}", accessor.component_type))?;
@@ -86,8 +86,8 @@ impl<'a> View<'a> {
             "VEC3" => 3,
             "VEC4" => 4,
             other => {
-                let shown = super::shown(other);
-                return Err(format!("type {shown:?}, expected SCALAR or VEC2 to VEC4"));
+                let shown = quoted(other);
+                return Err(format!("type {shown}, expected SCALAR or VEC2 to VEC4"));
             }
         };
         let size = width * component.num_bytes();
@@ -118,7 +118,7 @@ impl<'a> View<'a> {
         })
     }
 
-    /// The elements as floats; normalised numbers become -1 to 1 or 0 to 1. Missing numbers are 0.
+    /// The elements as floats, normalised integers as -1 to 1 or 0 to 1. Missing numbers are 0.
     pub fn rows<const N: usize>(&self) -> impl Iterator<Item = [f32; N]> + use<'_, N> {
         let (component, size) = (self.component, self.component.num_bytes());
         let unit = if self.normalised { component.largest() } else { 1.0 };
@@ -129,13 +129,13 @@ impl<'a> View<'a> {
                     return 0.0;
                 }
                 let v = component.read(element.get(i * size..).unwrap_or_default());
-                // Floats pass untouched, bit for bit.
+                // Floats pass bit for bit.
                 if normalised { (v / unit).max(-1.0) } else { v }
             })
         })
     }
 
-    /// Bytes of the elements without those between them.
+    /// Bytes of the elements, without gaps between them.
     pub fn num_bytes(&self) -> u64 {
         (self.count * self.width * self.component.num_bytes()) as u64
     }

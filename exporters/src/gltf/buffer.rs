@@ -1,14 +1,14 @@
-//! Collects arrays into one buffer, each as its own view and accessor.
+//! Collects arrays into one buffer, each with a buffer view and an accessor of its own.
 
 use super::document::{Accessor, BufferView, TARGET_ATTRIBUTES};
 
-/// A component type.
+/// `componentType` of numbers.
 pub const U8: u32 = 5121;
 pub const U16: u32 = 5123;
 pub const U32: u32 = 5125;
 pub const F32: u32 = 5126;
 
-/// The buffer, its views and accessors.
+/// A buffer with its views and accessors.
 #[derive(Default)]
 pub struct Arrays {
     pub bytes: Vec<u8>,
@@ -16,11 +16,11 @@ pub struct Arrays {
     pub accessors: Vec<Accessor>,
 }
 
-/// A number as it is stored.
+/// A type of number that can be stored.
 pub trait Component: Copy {
-    /// `componentType`.
+    /// Its `componentType`.
     const KIND: u32;
-    /// Appends its bytes, little-endian.
+    /// Appends the bytes of a number, little-endian.
     fn push(self, bytes: &mut Vec<u8>);
 }
 
@@ -39,26 +39,26 @@ component!(u16, U16);
 component!(u32, U32);
 component!(f32, F32);
 
-/// What an array serves as.
+/// What an array is used for.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Use {
-    /// Attribute of vertices.
+    /// An attribute of vertices.
     Attribute,
-    /// The same, whole numbers that mean 0 to 1.
+    /// An attribute of integers that stand for 0 to 1.
     NormalisedAttribute,
-    /// Anything else.
+    /// Anything else, with the target of its buffer view.
     Other(Option<u32>),
 }
 
 impl Arrays {
-    /// Begins a view at a multiple of four.
+    /// Begins a view at a multiple of four bytes and returns its index.
     pub fn begin_view(&mut self, target: Option<u32>) -> u32 {
         self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
         self.views.push(BufferView { byte_offset: self.bytes.len() as u64, target, ..BufferView::default() });
         (self.views.len() - 1) as u32
     }
 
-    /// Ends the view that was begun last: all bytes since are its own.
+    /// Ends the view that was begun last, with all bytes appended since.
     pub fn end_view(&mut self) {
         if let Some(view) = self.views.last_mut() {
             view.byte_length = self.bytes.len() as u64 - view.byte_offset;
@@ -101,19 +101,19 @@ impl Arrays {
         (self.accessors.len() - 1) as u32
     }
 
-    /// Adds points as an attribute with their bounds.
+    /// Adds points as an attribute with bounds and returns the accessor's index.
     pub fn push_positions(&mut self, points: impl Iterator<Item = [f32; 3]> + Clone) -> u32 {
         let (low, high) = bounds(points.clone());
         let accessor = self.push(points, Use::Attribute);
         let last = &mut self.accessors[accessor as usize];
-        // No negative zeros: JSON of some programs has none.
+        // No negative zeros, which some JSON libraries lose.
         last.min = Some(low.map(|v| f64::from(v) + 0.0).to_vec());
         last.max = Some(high.map(|v| f64::from(v) + 0.0).to_vec());
         accessor
     }
 }
 
-/// Least and largest coordinates.
+/// Smallest and largest coordinates.
 pub fn bounds(points: impl Iterator<Item = [f32; 3]>) -> ([f32; 3], [f32; 3]) {
     let start = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
     points.fold(start, |(low, high), p| {

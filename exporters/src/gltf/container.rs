@@ -1,4 +1,4 @@
-//! The GLB container: a header of 12 bytes, a chunk of JSON, a chunk of bytes.
+//! The GLB container: a header of 12 bytes, a chunk of JSON, a chunk of binary data.
 
 use super::JSON_BYTES_MAX;
 use crate::{Error, Result};
@@ -9,54 +9,54 @@ const VERSION: u32 = 2;
 const JSON: [u8; 4] = *b"JSON";
 const BIN: [u8; 4] = *b"BIN\0";
 
-/// Header of a file or of a chunk.
+/// Lengths of the headers of a file and of a chunk.
 const HEADER_BYTES: usize = 12;
 const CHUNK_HEADER_BYTES: usize = 8;
 
-/// Whether these are the bytes of a `.glb`, by their first four; else they may be the JSON of a `.gltf`.
+/// Whether the bytes begin as a `.glb` does; otherwise they may be the JSON of a `.gltf`.
 pub fn is_glb(bytes: &[u8]) -> bool {
     bytes.starts_with(&MAGIC)
 }
 
-/// Joins JSON and bytes to a file.
+/// Joins JSON and binary data to a `.glb`.
 ///
 /// # Errors
-/// [`Error::TooLarge`] beyond 4 GiB, which is the container's limit.
+/// [`Error::TooLarge`] beyond 4 GiB, the limit of the container.
 pub fn glb(mut json: Vec<u8>, mut bin: Vec<u8>) -> Result<Vec<u8>> {
     json.resize(json.len().next_multiple_of(4), b' ');
     bin.resize(bin.len().next_multiple_of(4), 0);
     let total = HEADER_BYTES + 2 * CHUNK_HEADER_BYTES + json.len() + bin.len();
     let too_large = || {
-        Error::too_large("", format!("{total} bytes, a .glb holds {}: write a .gltf with files", u32::MAX))
+        Error::too_large("", format!("{total} bytes, but a .glb holds at most {}: write a .gltf", u32::MAX))
     };
     let length = u32::try_from(total).map_err(|_| too_large())?;
     let mut head = Vec::with_capacity(total - bin.len());
     head.extend(MAGIC);
     head.extend(VERSION.to_le_bytes());
     head.extend(length.to_le_bytes());
-    // Chunks are not longer than the file.
+    // Chunks are shorter than the file, whose length fits.
     let chunk_header = |bytes: usize, kind: [u8; 4]| (bytes as u32).to_le_bytes().into_iter().chain(kind);
     head.extend(chunk_header(json.len(), JSON));
     head.extend(json);
     head.extend(chunk_header(bin.len(), BIN));
-    // In place: two copies of large files would not fit where one does.
+    // In place, to save a copy of a large file.
     bin.reserve_exact(head.len());
     bin.splice(0..0, head);
     Ok(bin)
 }
 
-/// The two parts of a file.
+/// The parts of a file.
 pub struct Parts<'a> {
-    /// UTF-8, perhaps with spaces at its end.
+    /// JSON, perhaps padded with spaces.
     pub json: &'a [u8],
-    /// The bytes of buffer 0; `None` in a `.gltf`.
+    /// Data of buffer 0; `None` in a `.gltf`.
     pub bin: Option<&'a [u8]>,
 }
 
-/// Takes a `.glb` apart, or takes the bytes of a `.gltf` as they are.
+/// Splits a `.glb` into its parts, or takes the bytes of a `.gltf` as JSON.
 ///
 /// # Errors
-/// [`Error::Invalid`] if chunks do not fit, [`Error::Unsupported`] for other versions, [`Error::TooLarge`].
+/// [`Error::Invalid`] if chunks do not fit the file, [`Error::Unsupported`] for other versions, [`Error::TooLarge`].
 pub fn parts<'a>(bytes: &'a [u8], path: &Path) -> Result<Parts<'a>> {
     let parts = if is_glb(bytes) { glb_parts(bytes, path)? } else { Parts { json: bytes, bin: None } };
     if parts.json.len() > JSON_BYTES_MAX {
@@ -67,7 +67,7 @@ pub fn parts<'a>(bytes: &'a [u8], path: &Path) -> Result<Parts<'a>> {
 }
 
 fn glb_parts<'a>(bytes: &'a [u8], path: &Path) -> Result<Parts<'a>> {
-    let cut = |what: &str| Error::invalid(path, format!("{what}: the file is cut or damaged"));
+    let cut = |what: &str| Error::invalid(path, format!("{what}: the file is truncated or damaged"));
     let version = u32_at(bytes, 4).ok_or_else(|| cut("no GLB header"))?;
     if version != VERSION {
         return Err(Error::unsupported(path, format!("GLB of version {version}, supported: {VERSION}")));
@@ -88,7 +88,7 @@ fn glb_parts<'a>(bytes: &'a [u8], path: &Path) -> Result<Parts<'a>> {
             () if json.is_none() && kind == JSON => json = Some(chunk),
             () if json.is_none() => return Err(Error::invalid(path, "the first GLB chunk is not JSON")),
             () if bin.is_none() && kind == BIN => bin = Some(chunk),
-            // Other chunks may follow and mean nothing to us.
+            // Further chunks may follow; readers ignore them.
             () => {}
         }
         at = end;

@@ -1,17 +1,18 @@
-//! The JSON of a glTF file as far as we write or read it; the rest is ignored. Names are those of the specification.
+//! The JSON of a glTF file, as far as it is written or read here; the rest is ignored. Names are those of the
+//! specification.
 
 use super::extension::Splatting;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::collections::BTreeMap;
 
-/// POINTS.
+/// `mode` POINTS.
 pub const MODE_POINTS: u32 = 0;
-/// ARRAY_BUFFER.
+/// `target` ARRAY_BUFFER.
 pub const TARGET_ATTRIBUTES: u32 = 34_962;
-/// ELEMENT_ARRAY_BUFFER.
+/// `target` ELEMENT_ARRAY_BUFFER.
 pub const TARGET_INDICES: u32 = 34_963;
-/// Media type of pages of 8 bits.
+/// Media type of atlas pages of 8 bits.
 pub const MIME_PNG: &str = "image/png";
 
 /// The root object.
@@ -41,7 +42,7 @@ pub struct Document {
     pub buffers: Vec<Buffer>,
 }
 
-/// `asset`.
+/// The object `asset`.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase", default)]
 pub struct AssetInfo {
@@ -71,12 +72,12 @@ pub struct Node {
     pub mesh: Option<u32>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub children: Vec<u32>,
-    /// Columns.
+    /// Column by column.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub matrix: Option<[f64; 16]>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub translation: Option<[f64; 3]>,
-    /// xyzw.
+    /// Quaternion xyzw.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rotation: Option<[f64; 4]>,
     #[serde(skip_serializing_if = "Option::is_none")]

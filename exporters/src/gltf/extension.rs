@@ -1,9 +1,9 @@
-//! `KHR_gaussian_splatting` and our extension nested in it, as JSON objects, and the digest that outlives both.
+//! `KHR_gaussian_splatting` and our extension nested in it as JSON objects, and the digest that outlives both.
 
 use super::KHR;
 use super::document::Primitive;
 use crate::meta::Meta;
-use crate::{ColourSpace, Error, Result, SplatAsset};
+use crate::{ColourSpace, Error, Result, SplatAsset, quoted};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::path::Path;
@@ -11,10 +11,10 @@ use std::path::Path;
 /// Name of our extension.
 pub const EXTENSION: &str = "LITETEX_gaussian_splatting_texture";
 
-/// Version that is written and read.
+/// Version of our extension that is written and read.
 pub const VERSION: u32 = 1;
 
-/// Key of the digest in a primitive's `extras`.
+/// Key of the digest in the `extras` of a primitive.
 const DIGEST: &str = "litetex";
 
 /// The object of `KHR_gaussian_splatting`.
@@ -31,11 +31,11 @@ pub struct Splatting {
     pub extensions: Option<SplattingExtensions>,
 }
 
-/// Extensions of the extension.
+/// Extensions nested in `KHR_gaussian_splatting`.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 #[serde(default)]
 pub struct SplattingExtensions {
-    /// Ours, read only after its version is known.
+    /// Ours, parsed only after its version was checked.
     #[serde(rename = "LITETEX_gaussian_splatting_texture", skip_serializing_if = "Option::is_none")]
     pub texture: Option<Value>,
 }
@@ -47,35 +47,35 @@ pub struct TextureExtension {
     pub version: u32,
     /// Name of a [`crate::Quality`].
     pub quality: String,
-    /// 16 digits.
+    /// 16 hexadecimal digits.
     pub hash: String,
-    /// Accessor u16 VEC4 (x, y, cols, rows); absent: no splat has a map.
+    /// Accessor of u16 VEC4 (x, y, cols, rows); absent if no splat has a map.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rects: Option<u32>,
-    /// Accessor u8 or u16 SCALAR; absent: all on page 0.
+    /// Accessor of u8 or u16 SCALAR; absent if all maps are on page 0.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pages: Option<u32>,
-    /// Accessor f32 SCALAR.
+    /// Accessor of f32 SCALAR.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub texel_size: Option<u32>,
-    /// Accessor f32 VEC3; absent: the attribute of degree 0 is exact.
+    /// Accessor of f32 VEC3; absent if the attribute of degree 0 is exact.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sh0: Option<u32>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub atlas: Vec<Page>,
-    /// Of pages of 8 bits.
+    /// How codes become texels, with pages of 8 bits.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub decode: Option<Decode>,
     pub meta: Meta,
 }
 
-/// A page of the atlas; exactly one of the three sources.
+/// A page of the atlas, with exactly one of the three sources.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub struct Page {
     pub width: u32,
     pub height: u32,
-    /// Raw f32 RGB.
+    /// A buffer view of raw f32 RGB.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub buffer_view: Option<u32>,
     /// A core texture whose image is a PNG.
@@ -94,7 +94,7 @@ pub struct Decode {
 }
 
 impl TextureExtension {
-    /// From the JSON object of a file.
+    /// Parses the JSON object of a file.
     ///
     /// # Errors
     /// [`Error::Unsupported`] for other versions, [`Error::Invalid`] for wrong or missing properties.
@@ -102,8 +102,7 @@ impl TextureExtension {
         match value.get("version").and_then(Value::as_u64) {
             Some(v) if v == u64::from(VERSION) => {}
             Some(v) => {
-                let what =
-                    format!("{EXTENSION} of version {v}, supported: {VERSION}; a newer program reads it");
+                let what = format!("{EXTENSION} of version {v}, supported: {VERSION}; use a newer program");
                 return Err(Error::unsupported(path, what));
             }
             None => return Err(Error::invalid(path, format!("{EXTENSION}: no whole number \"version\""))),
@@ -117,7 +116,7 @@ impl TextureExtension {
     }
 }
 
-/// 16 hexadecimal digits.
+/// A hash as 16 hexadecimal digits.
 pub fn text_from_hash(hash: u64) -> String {
     format!("{hash:016x}")
 }
@@ -128,7 +127,7 @@ fn hash_from_text(text: &str) -> Option<u64> {
         .flatten()
 }
 
-/// What stays in `extras` when a tool drops the extensions that it does not know, so that the loss is seen.
+/// What stays in `extras` when a tool drops extensions that it does not know, so that the loss is noticed.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Digest {
     pub splats: u64,
@@ -137,7 +136,7 @@ pub struct Digest {
 }
 
 impl Digest {
-    /// Of what a reader gets.
+    /// The digest of the asset that a reader gets.
     pub fn of(asset: &SplatAsset, hash: u64) -> Self {
         Self {
             splats: asset.num_splats() as u64,
@@ -146,19 +145,19 @@ impl Digest {
         }
     }
 
-    /// As `extras`.
+    /// The digest as an `extras` object.
     pub fn to_extras(&self) -> Value {
         serde_json::json!({ DIGEST: self })
     }
 
-    /// From a primitive that may have one.
+    /// The digest of a primitive, if it has one.
     pub fn find(primitive: &Primitive) -> Option<Self> {
         Self::deserialize(primitive.extras.as_ref()?.get(DIGEST)?).ok()
     }
 }
 
 impl Splatting {
-    /// What we write, with our extension inside.
+    /// The object that is written, with our extension inside.
     pub fn new(colour_space: ColourSpace, texture: Value) -> Self {
         let name = match colour_space {
             ColourSpace::SrgbRec709Display => "srgb_rec709_display",
@@ -173,20 +172,20 @@ impl Splatting {
         }
     }
 
-    /// Our extension, if it is there.
+    /// Our extension, if the object has it.
     pub fn texture(&self) -> Option<&Value> {
         self.extensions.as_ref()?.texture.as_ref()
     }
 
-    /// What the colours mean.
+    /// The colour space of the splats.
     ///
     /// # Errors
     /// [`Error::Unsupported`] for spaces that the specification does not define.
     pub fn colour_space(&self, path: &Path) -> Result<ColourSpace> {
         ColourSpace::deserialize(&Value::String(self.color_space.clone())).map_err(|_| {
             let what = format!(
-                "{KHR}: colorSpace {:?}, supported: \"srgb_rec709_display\", \"lin_rec709_display\"",
-                self.color_space
+                "{KHR}: colorSpace {}, supported: \"srgb_rec709_display\", \"lin_rec709_display\"",
+                quoted(&self.color_space)
             );
             Error::unsupported(path, what)
         })

@@ -1,24 +1,24 @@
-//! Files beside a `.gltf`: their names, also as URIs, and finding them without leaving the folder.
+//! Sidecar files of a `.gltf`: their names, also as URIs, and finding them without leaving the folder.
 
-use crate::{Error, Result};
+use crate::{Error, Result, quoted};
 use std::fmt::Write as _;
 use std::path::{Component, Path, PathBuf};
 
-/// Name without extension, as it stands in the URIs of files beside a `.gltf`.
+/// The file's name without extension, which URIs of sidecar files contain.
 ///
 /// # Errors
 /// [`Error::Invalid`] if it is not UTF-8.
 pub fn stem(path: &Path) -> Result<&str> {
     let stem = path.file_stem().and_then(|s| s.to_str());
-    stem.ok_or_else(|| Error::invalid(path, "the file's name must be UTF-8: URIs hold it"))
+    stem.ok_or_else(|| Error::invalid(path, "the file's name must be UTF-8, because URIs contain it"))
 }
 
-/// The file of all arrays.
+/// Name of the sidecar file with all arrays.
 pub fn arrays_name(stem: &str) -> String {
     format!("{stem}.bin")
 }
 
-/// The image of a page.
+/// Name of the sidecar file with an atlas page.
 pub fn page_name(stem: &str, page: usize, extension: &str) -> String {
     format!("{stem}_atlas_{page}.{extension}")
 }
@@ -36,7 +36,7 @@ pub fn uri_from_name(name: &str) -> String {
     uri
 }
 
-/// The path that a relative URI means; `None` if an escape is broken.
+/// The path that a relative URI stands for; `None` if an escape is broken.
 fn name_from_uri(uri: &str) -> Option<String> {
     let (mut bytes, mut rest) = (Vec::new(), uri.bytes());
     while let Some(byte) = rest.next() {
@@ -52,17 +52,17 @@ fn name_from_uri(uri: &str) -> Option<String> {
     String::from_utf8(bytes).ok()
 }
 
-/// Where the file lies that a URI names.
+/// The path of the file that a URI names.
 ///
 /// # Errors
-/// [`Error::Unsupported`] for data and network URIs, [`Error::Invalid`] for what leaves the folder of `path`.
+/// [`Error::Unsupported`] for data and network URIs, [`Error::Invalid`] for those that leave the folder of `path`.
 pub fn resolve(uri: &str, path: &Path) -> Result<PathBuf> {
-    let shown = super::shown(uri);
+    let shown = quoted(uri);
     if uri.contains(':') {
-        let what = format!("URI {shown:?}: only files beside the .gltf are read, no data or network URIs");
+        let what = format!("URI {shown}: only files beside the .gltf are read, no data or network URIs");
         return Err(Error::unsupported(path, what));
     }
-    let leaves = || Error::invalid(path, format!("URI {shown:?} does not name a file in the .gltf's folder"));
+    let leaves = || Error::invalid(path, format!("URI {shown} does not name a file in the .gltf's folder"));
     let name = name_from_uri(uri).filter(|n| !n.is_empty() && !n.contains(['\0', '\\', ':']));
     let name = PathBuf::from(name.ok_or_else(leaves)?);
     if !name.components().all(|c| matches!(c, Component::Normal(_))) {
@@ -73,7 +73,7 @@ pub fn resolve(uri: &str, path: &Path) -> Result<PathBuf> {
         _ => Path::new("."),
     };
     let file = folder.join(name);
-    // Links are followed: where they end counts.
+    // Links are followed, but must end in the folder.
     let [real_folder, real_file] = [folder, &file].map(|p| p.canonicalize().map_err(|e| Error::io(p, e)));
     if !real_file?.starts_with(real_folder?) {
         return Err(leaves());

@@ -1,52 +1,53 @@
-//! A file whose JSON is parsed and whose buffers are at hand. Every look-up is checked, every decoded byte is counted.
+//! A file whose JSON has been parsed and whose buffers have been read. Every look-up is checked, every decoded byte is
+//! counted.
 
 use super::accessor::View;
 use super::container::{self, Parts};
 use super::document::{Accessor, BufferView, Document};
 use super::{EXTENSION, KHR, QUANTIZATION, UNLIT, files};
 use crate::file::read_file;
-use crate::{Error, ReadLimits, Result};
+use crate::{Error, ReadLimits, Result, quoted};
 use std::borrow::Cow;
 use std::cell::Cell;
 use std::path::Path;
 
-/// Most buffers of a file.
+/// Most buffers that a file may have.
 const BUFFERS_MAX: usize = 1024;
 
-/// Most objects of a file's JSON.
+/// Most objects in the JSON of a file.
 const JSON_OBJECTS_MAX: usize = 1 << 17;
 
-/// Most commas and lists of a file's JSON.
+/// Most commas and lists in the JSON of a file.
 const JSON_VALUES_MAX: usize = 1 << 21;
 
-/// Extensions that a file may require of us.
+/// Extensions that a file may require.
 const UNDERSTOOD: [&str; 4] = [KHR, EXTENSION, QUANTIZATION, UNLIT];
 
-/// Whether files beside the given one may be read.
+/// Whether sidecar files may be read.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum SideFiles {
-    /// In its folder.
+    /// Those in the folder of the file.
     Read,
-    /// None.
+    /// No sidecar files: only the bytes of the file are known.
     Refuse,
 }
 
-/// A file.
+/// A parsed file with its buffers.
 pub struct Loaded<'a> {
     pub document: Document,
-    /// For messages and for the files beside it.
+    /// For messages and for finding sidecar files.
     pub path: &'a Path,
-    /// Bytes of all files that were read.
+    /// Bytes of all files that have been read.
     pub num_bytes: Cell<u64>,
     buffers: Vec<Cow<'a, [u8]>>,
     side_files: SideFiles,
     limits: ReadLimits,
-    /// Bytes that were allocated.
+    /// Bytes that have been counted against the limits.
     taken_bytes: Cell<u64>,
 }
 
 impl<'a> Loaded<'a> {
-    /// From the bytes of a `.glb` or `.gltf`.
+    /// Parses the bytes of a `.glb` or `.gltf` and reads its buffers.
     ///
     /// # Errors
     /// [`Error::Invalid`], [`Error::Unsupported`], [`Error::TooLarge`] as [`super::read_gltf`].
@@ -83,10 +84,8 @@ impl<'a> Loaded<'a> {
                 (None, _) => Cow::Borrowed(&[]),
             };
             if (bytes.len() as u64) < needed {
-                let file = buffer
-                    .uri
-                    .as_deref()
-                    .map_or(String::new(), |uri| format!(" in file {:?}", super::shown(uri)));
+                let file =
+                    buffer.uri.as_deref().map_or(String::new(), |uri| format!(" in file {}", quoted(uri)));
                 let found = bytes.len();
                 let what =
                     format!("buffer {i}: {needed} bytes declared, {found} there{file}: data are missing");
@@ -100,7 +99,7 @@ impl<'a> Loaded<'a> {
     /// Counts bytes that are about to be allocated.
     ///
     /// # Errors
-    /// [`Error::TooLarge`] if the limit does not allow them.
+    /// [`Error::TooLarge`] beyond the limit.
     pub fn take_bytes(&self, bytes: u64, what: &str) -> Result<()> {
         let taken = self.taken_bytes.get();
         let left = self.limits.of_file(self.num_bytes.get()).decoded_bytes.saturating_sub(taken);
@@ -112,32 +111,32 @@ impl<'a> Loaded<'a> {
         Ok(())
     }
 
-    /// Reads a file beside this one.
+    /// Reads a sidecar file.
     ///
     /// # Errors
-    /// [`Error::Unsupported`] if that is not allowed, else as [`files::resolve`] and [`read_file`], naming both files.
+    /// [`Error::Unsupported`] if they may not be read, and those of [`files::resolve`] and [`read_file`], naming both files.
     pub fn side_file(&self, uri: &str) -> Result<Vec<u8>> {
         if self.side_files == SideFiles::Refuse {
-            let shown = super::shown(uri);
-            let what = format!("file {shown:?} is needed beside it: open the file by its path");
+            let shown = quoted(uri);
+            let what = format!("the sidecar file {shown} is needed: open the file by its path");
             return Err(Error::unsupported(self.path, what));
         }
         let left = self.limits.decoded_bytes.saturating_sub(self.taken_bytes.get());
         let file = files::resolve(uri, self.path);
         let bytes = file.and_then(|file| read_file(&file, left)).map_err(|e| e.named_by(self.path))?;
         self.num_bytes.set(self.num_bytes.get() + bytes.len() as u64);
-        self.take_bytes(bytes.len() as u64, "files beside it")?;
+        self.take_bytes(bytes.len() as u64, "sidecar files")?;
         Ok(bytes)
     }
 
-    /// Size of a file beside this one, 0 if it cannot be had.
+    /// Size of a sidecar file; 0 if it cannot be found.
     pub fn side_file_bytes(&self, uri: &str) -> u64 {
         let allowed = self.side_files == SideFiles::Read;
         let file = allowed.then(|| files::resolve(uri, self.path).ok()).flatten();
         file.and_then(|f| f.metadata().ok()).map_or(0, |facts| facts.len())
     }
 
-    /// A buffer view and its bytes. `what` names it in messages.
+    /// A buffer view and its bytes; `what` names it in messages.
     ///
     /// # Errors
     /// [`Error::Invalid`] if it does not lie in its buffer.
@@ -157,11 +156,11 @@ impl<'a> Loaded<'a> {
                 "bufferView {index}: {byte_length} bytes from byte {byte_offset} of a buffer of {declared}"
             ))
         })?;
-        // The buffer holds what it declares, so these fit usize.
+        // The buffer is as long as declared, so these fit usize.
         Ok((view, &buffer[view.byte_offset as usize..end as usize]))
     }
 
-    /// An accessor's data. `what` names it in messages.
+    /// The data of an accessor; `what` names it in messages.
     ///
     /// # Errors
     /// [`Error::Invalid`] if it does not lie in its view, [`Error::Unsupported`] for sparse ones.
@@ -180,8 +179,8 @@ impl<'a> Loaded<'a> {
     }
 }
 
-/// Bounds what the parser makes of few bytes: a node is two characters, but 300 bytes in memory. Our largest metadata has a
-/// tenth of each.
+/// Bounds the memory of parsed JSON: an empty node is two characters, but 300 bytes in memory. Our largest metadata has a
+/// tenth of each bound.
 fn check_json(json: &[u8], path: &Path) -> Result<()> {
     let (mut objects, mut values) = (0_usize, 0_usize);
     for byte in json {
@@ -201,13 +200,13 @@ fn check_versions(document: &Document, path: &Path) -> Result<()> {
     let info = &document.asset;
     let wanted = info.min_version.as_ref().unwrap_or(&info.version);
     if !(wanted == "2.0" || info.min_version.is_none() && wanted.starts_with("2.")) {
-        let shown = super::shown(wanted);
-        return Err(Error::unsupported(path, format!("glTF of version {shown:?}, supported: \"2.0\"")));
+        let shown = quoted(wanted);
+        return Err(Error::unsupported(path, format!("glTF of version {shown}, supported: \"2.0\"")));
     }
     match document.extensions_required.iter().find(|e| !UNDERSTOOD.contains(&e.as_str())) {
         Some(name) => {
-            let name = super::shown(name);
-            let what = format!("the file requires the extension {name:?}, supported: {UNDERSTOOD:?}");
+            let name = quoted(name);
+            let what = format!("the file requires the extension {name}, supported: {UNDERSTOOD:?}");
             Err(Error::unsupported(path, what))
         }
         None => Ok(()),

@@ -1,5 +1,5 @@
-//! A mesh of textured quads for viewers that know no splats: every quad shows its splat's colour and falloff, baked into
-//! one atlas of 8-bit RGBA. A preview: colours do not depend on the direction, viewers blend in linear light, and few sort.
+//! A mesh of textured quads for viewers without splat support: each quad shows colour and falloff of its splat, from an atlas
+//! of 8-bit RGBA. A preview: colours do not depend on the view, viewers blend in linear light, and few sort.
 
 use super::buffer::{Arrays, Use};
 use super::document::{Buffer, Document, Image, MIME_PNG, Mesh, Primitive, Scene, TARGET_INDICES, Texture};
@@ -9,20 +9,20 @@ use crate::quads::{self, QUADS_MAX, Quad, Quads};
 use crate::{Error, Result, SplatAsset};
 use std::collections::BTreeMap;
 
-/// JSON pointer in a primitive's `extras` to what the primitive is, and what stands there. Most tools keep `extras`.
+/// JSON pointer in the `extras` of a primitive to its kind, and the kind that marks these meshes. Most tools keep `extras`.
 const KIND: &str = "/litetex/kind";
 const QUADS: &str = "quads";
 
-/// Whether a file is one of these meshes, and so no asset.
+/// Whether a file is one of these meshes, and so not an asset.
 pub fn is_quad_mesh(document: &Document) -> bool {
     let mut extras = document.meshes.iter().flat_map(|m| &m.primitives).filter_map(|p| p.extras.as_ref());
     extras.any(|extras| extras.pointer(KIND).is_some_and(|kind| kind == QUADS))
 }
 
-/// What to write.
+/// How to make a mesh of quads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MeshOptions {
-    /// Most quads.
+    /// Most quads of the mesh.
     pub quads_max: usize,
     /// Largest side of an atlas page, texels.
     pub page_side: u16,
@@ -34,28 +34,28 @@ impl Default for MeshOptions {
     }
 }
 
-/// What was written.
+/// Facts about a mesh that was made.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct MeshSummary {
     /// Size of the file.
     pub bytes: usize,
     /// Splats that became quads.
     pub quads: usize,
-    /// Splats that were left out: too faint to be seen, or beyond the most quads.
+    /// Splats that were left out: too faint to be seen, or beyond the maximum.
     pub omitted: usize,
     /// Texels of the atlas that quads use.
     pub texels: usize,
 }
 
-/// The bytes of a `.glb` with one unlit mesh of quads for the most visible splats, by opacity times area.
+/// Encodes a `.glb` with one unlit mesh of quads for the most visible splats, by opacity times area.
 ///
 /// # Errors
-/// [`Error::Invalid`] if the asset breaks a rule or nothing of it can be seen, [`Error::TooLarge`].
+/// [`Error::Invalid`] if the asset breaks a rule or has no visible splat, [`Error::TooLarge`].
 pub fn encode_mesh(asset: &SplatAsset, options: &MeshOptions) -> Result<(Vec<u8>, MeshSummary)> {
     asset.validate()?;
     let baked = Quads::of(asset, options.quads_max, options.page_side)?;
     if baked.quads.is_empty() {
-        return Err(Error::invalid("", "no splat that can be seen: a glTF mesh cannot be empty"));
+        return Err(Error::invalid("", "no visible splat: a glTF mesh cannot be empty"));
     }
     let mut arrays = Arrays::default();
     let mut document = Document::default();
@@ -117,7 +117,7 @@ fn finish(document: &mut Document, asset: &SplatAsset, arrays: &Arrays) {
     document.scene = Some(0);
     document.scenes = vec![Scene { name: None, nodes: vec![0] }];
     document.nodes = vec![write::node(asset)];
-    // Bilinear, no smaller images: they would mix neighbours.
+    // Bilinear, without mipmaps, which would mix neighbours.
     document.samplers = vec![serde_json::json!({
         "magFilter": 9729, "minFilter": 9729, "wrapS": 33_071, "wrapT": 33_071
     })];

@@ -1,9 +1,8 @@
-//! glTF 2.0: one POINTS primitive with `KHR_gaussian_splatting`, whose data every viewer of splats can show, and nested in
-//! it our extension [`EXTENSION`] with the maps, for viewers that know textured surfels. What the extension holds and how
-//! its image is drawn stands in `schema/gltf.md`.
+//! glTF 2.0: one POINTS primitive with `KHR_gaussian_splatting`, which every viewer of splats can show, and nested in it our
+//! extension [`EXTENSION`] with the texture maps. `schema/gltf.md` specifies what the extension holds and how to render it.
 //!
-//! A `.glb` is one file; a `.gltf` has its arrays in a `.bin` and its atlas pages as images beside it. Core viewers see
-//! coloured points (`COLOR_0`); [`encode_mesh`] makes a file of textured quads for them.
+//! A `.glb` is one file; a `.gltf` has its arrays in a `.bin` file and its atlas pages in image files beside it. Viewers
+//! without splat support show coloured points (`COLOR_0`); [`encode_mesh`] makes a file of textured quads for them.
 
 mod accessor;
 mod buffer;
@@ -22,7 +21,6 @@ mod splats;
 mod validate;
 mod write;
 
-pub use container::is_glb;
 pub use extension::{EXTENSION, VERSION};
 pub(crate) use files::{arrays_name, page_name, stem};
 pub use mesh::{MeshOptions, MeshSummary, encode_mesh};
@@ -32,31 +30,26 @@ pub use validate::validate;
 pub(crate) use write::encode_files;
 pub use write::{GltfOptions, encode_glb, write_gltf};
 
-/// The extension of Khronos that ours is nested in.
+/// Khronos' extension in which ours is nested.
 const KHR: &str = "KHR_gaussian_splatting";
 
-/// Materials that are drawn in their own colour.
+/// Extension of materials that are shown without lighting.
 const UNLIT: &str = "KHR_materials_unlit";
 
-/// Attributes in formats of 8 and 16 bits; read, but not written.
+/// Extension of attributes of 8 and 16 bits; read, but not written.
 const QUANTIZATION: &str = "KHR_mesh_quantization";
 
-/// Most bytes of JSON that a reader takes: the metadata's most and room for the rest.
+/// Most bytes of JSON that readers accept: as many as metadata may have, and room for the rest.
 const JSON_BYTES_MAX: usize = crate::meta::META_BYTES_MAX + (1 << 20);
 
-/// Name of the attribute with coefficient `n` (from 0) of SH degree `degree`.
+/// Name of the attribute with coefficient `n`, from 0, of an SH degree.
 fn sh_attribute(degree: u32, n: u32) -> String {
     format!("{KHR}:SH_DEGREE_{degree}_COEF_{n}")
 }
 
-/// `(degree, coefficient)` of all coefficients up to a degree, in our order.
+/// `(degree, n)` of all coefficients up to a degree, in the order of assets.
 fn sh_indices(degree: u32) -> impl Iterator<Item = (u32, u32)> {
     (0..=degree).flat_map(|l| (0..=2 * l).map(move |n| (l, n)))
-}
-
-/// The beginning of a text from a file, for messages.
-fn shown(text: &str) -> String {
-    text.chars().take(80).collect()
 }
 
 #[cfg(test)]

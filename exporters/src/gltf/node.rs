@@ -1,19 +1,20 @@
-//! The transform of the node that holds the splats.
+//! The transform of the node that shows the splats.
 
 use super::document::{Document, Node};
 use crate::{Error, Result, Transform, quaternion};
 use std::path::Path;
 
-/// Largest relative difference of two scales, or cosine of two axes, that f32 matrices may show.
+/// Largest relative difference of two scales, or cosine between two axes, that f32 matrices may have.
 const TOLERANCE: f64 = 1e-5;
 
-/// A node's rotation is kept to the bit while its norm is within this of 1.
+/// The rotation of a node keeps its bits while its norm is within this of 1.
 const UNIT_TOLERANCE: f64 = 1e-9;
 
-/// `world_from_node` of the only node with the mesh. `None` if no node shows it.
+/// `world_from_node` of the only node with the mesh; `None` if no node shows it.
 ///
 /// # Errors
-/// [`Error::Unsupported`] for several nodes and for transforms that are no similarity, [`Error::Invalid`] for broken trees.
+/// [`Error::Unsupported`] for several nodes and for transforms that are not similarities, [`Error::Invalid`] for broken
+/// trees.
 pub fn world_from_mesh(document: &Document, mesh: u32, path: &Path) -> Result<Option<Transform>> {
     let nodes = &document.nodes;
     let mut parents = vec![None; nodes.len()];
@@ -33,7 +34,7 @@ pub fn world_from_mesh(document: &Document, mesh: u32, path: &Path) -> Result<Op
         return Ok(None);
     };
     if let Some((other, _)) = showing.next() {
-        let what = format!("the mesh of splats stands in nodes {at} and {other}, supported: one node");
+        let what = format!("nodes {at} and {other} both show the splats, supported: one node");
         return Err(Error::unsupported(path, what));
     }
     let mut world = similarity(node).map_err(|e| Error::unsupported(path, format!("node {at}: {e}")))?;
@@ -49,7 +50,7 @@ pub fn world_from_mesh(document: &Document, mesh: u32, path: &Path) -> Result<Op
     Err(Error::invalid(path, "nodes that are their own ancestors"))
 }
 
-/// A node's own transform; the error says why it is no similarity.
+/// The transform of a node relative to its parent; the error says why it is not a similarity.
 pub fn similarity(node: &Node) -> Result<Transform, String> {
     if let Some(matrix) = &node.matrix {
         if node.translation.is_some() || node.rotation.is_some() || node.scale.is_some() {
@@ -77,7 +78,7 @@ fn finite(transform: Transform) -> Result<Transform, String> {
     if sound { Ok(transform) } else { Err(format!("{transform:?} is not finite")) }
 }
 
-/// The one scale of three that are alike and positive.
+/// The scale, if all three are equal and positive.
 fn uniform(scales: [f64; 3]) -> Option<f64> {
     let first = scales[0];
     let alike = scales.iter().all(|s| *s > 0.0 && (s - first).abs() <= TOLERANCE * first);
@@ -94,11 +95,11 @@ fn from_matrix(m: &[f64; 16]) -> Result<Transform, String> {
     let across = [x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]];
     let skew = [dot(x, y), dot(y, z), dot(z, x), dot(across, z) - 1.0];
     let last_row = [m[3], m[7], m[11], m[15] - 1.0];
-    // Mirrors have a last number of -2 in `skew`.
+    // A mirror has -2 as the last number of `skew`.
     if !skew.iter().all(|v| v.abs() <= TOLERANCE) || !last_row.iter().all(|v| v.abs() <= TOLERANCE) {
         return Err(no());
     }
-    // Of the four ways to the quaternion, the one that divides by the largest number.
+    // Of the four formulas for the quaternion, the one that divides by the largest number.
     let (xx, yy, zz) = (x[0], y[1], z[2]);
     let ways = [
         [1.0 + xx + yy + zz, y[2] - z[1], z[0] - x[2], x[1] - y[0]],

@@ -2,11 +2,11 @@
 
 use super::accessor::{Component, View};
 use super::document::{Image, MIME_PNG};
-use super::extension::{Decode, Page, TextureExtension};
+use super::extension::{Page, TextureExtension};
 use super::loaded::Loaded;
-use crate::atlas::{Atlas, PAGE_SIDE_MAX, Placement, TexelDecode, decode_exr, decode_png};
-use crate::limits::filled;
-use crate::{AssetMap, Error, Result, SplatAsset};
+use crate::atlas::{Atlas, MapRows, PAGE_SIDE_MAX, PageRows, Placement, TexelDecode};
+use crate::limits::{filled, with_room};
+use crate::{AssetMap, Error, Result, SplatAsset, quoted};
 use std::borrow::Cow;
 
 /// Most pages: an index has 16 bits.
@@ -18,39 +18,27 @@ const EXPANSION_MAX: u64 = 1040;
 /// Reads maps and texels into an asset that has its splats.
 ///
 /// # Errors
-/// [`Error::Invalid`], [`Error::TooLarge`], and those of files beside the `.gltf`.
+/// [`Error::Invalid`], [`Error::TooLarge`], and those of sidecar files.
 pub fn read_maps(loaded: &Loaded<'_>, extension: &TextureExtension, asset: &mut SplatAsset) -> Result<()> {
-    let Some((atlas, maps)) = layout(loaded, extension, asset.num_splats())? else {
+    let Some((maps, placements)) = maps(loaded, extension, asset.num_splats())? else {
         return Ok(());
     };
+    let atlas = Atlas { placements, pages: page_sizes(loaded, extension)? };
+    atlas.check(&maps).map_err(|e| e.at(loaded.path))?;
+    asset.texels = texels(loaded, extension, &atlas, &maps)?;
     asset.maps = maps;
-    // Texels are counted once; check_area has bound them by the pages.
-    let texels: u64 = asset.maps.iter().map(|m| m.num_texels() as u64).sum();
-    loaded.take_bytes(12 * texels, "texels")?;
-    asset.texels = filled(3 * texels as usize, 0.0).map_err(|e| e.at(loaded.path))?;
-    // One page at a time, and every splat once.
-    let mut by_page: Vec<u32> = (0..asset.maps.len() as u32).collect();
-    by_page.sort_by_key(|&splat| atlas.placements[splat as usize].page);
-    let mut rest = by_page.as_slice();
-    for (i, page) in extension.atlas.iter().enumerate() {
-        let texels = page_texels(loaded, page, extension.decode, i)?;
-        let end = rest.partition_point(|&splat| usize::from(atlas.placements[splat as usize].page) <= i);
-        let (on_page, others) = rest.split_at(end);
-        copy_maps(&atlas, on_page, &texels, asset);
-        rest = others;
-    }
     Ok(())
 }
 
-/// Where the maps lie; `None` if there are none. All is checked except for overlaps.
+/// The maps and where they lie, not checked against the pages yet; `None` if there are none.
 ///
 /// # Errors
 /// [`Error::Invalid`], [`Error::TooLarge`].
-pub fn layout(
+pub fn maps(
     loaded: &Loaded<'_>,
     extension: &TextureExtension,
     num_splats: usize,
-) -> Result<Option<(Atlas, Vec<AssetMap>)>> {
+) -> Result<Option<(Vec<AssetMap>, Vec<Placement>)>> {
     let offence = |what: String| Error::invalid(loaded.path, format!("{}: {what}", super::EXTENSION));
     let (rects, sizes) = match (extension.rects, extension.texel_size) {
         (None, None) => return Ok(None),
@@ -71,35 +59,28 @@ pub fn layout(
     let rects = own(rects, "rects", 4, &[Component::U16])?;
     let sizes = own(sizes, "texelSize", 1, &[Component::F32])?;
     let pages = extension.pages.map(|p| own(p, "pages", 1, &[Component::U8, Component::U16])).transpose()?;
-    let mut atlas =
-        Atlas { placements: Vec::with_capacity(num_splats), pages: page_sizes(loaded, extension)? };
-    let mut maps = Vec::with_capacity(num_splats);
-    let mut next = 0_u64;
     let mut page_of = pages.iter().flat_map(|p| p.rows::<1>());
+    let mut maps = with_room(num_splats).map_err(|e| e.at(loaded.path))?;
+    let mut placements = with_room(num_splats).map_err(|e| e.at(loaded.path))?;
+    let mut next = 0_u64;
     for ([x, y, cols, rows], [texel_size]) in rects.rows::<4>().zip(sizes.rows::<1>()) {
+        let offset_texels = u32::try_from(next)
+            .map_err(|_| Error::too_large(loaded.path, format!("more than {} texels", u32::MAX)))?;
         // Whole numbers below 2^16: exact.
-        let map = AssetMap {
-            offset_texels: u32::try_from(next)
-                .map_err(|_| Error::too_large(loaded.path, format!("more than {} texels", u32::MAX)))?,
-            rows: rows as u16,
-            cols: cols as u16,
-            texel_size,
-        };
+        let map = AssetMap { offset_texels, rows: rows as u16, cols: cols as u16, texel_size };
         next += map.num_texels() as u64;
         let page = page_of.next().map_or(0, |[p]| p as u16);
-        atlas.placements.push(Placement { page, x: x as u16, y: y as u16 });
+        placements.push(Placement { page, x: x as u16, y: y as u16 });
         maps.push(map);
     }
-    atlas.check(&maps).map_err(|e| e.at(loaded.path))?;
-    let area: u64 = atlas.pages.iter().map(|p| u64::from(p[0]) * u64::from(p[1])).sum();
-    if next > area {
-        return Err(offence(format!("{next} texels on pages of {area}: rectangles overlap")));
-    }
-    Ok(Some((atlas, maps)))
+    Ok(Some((maps, placements)))
 }
 
 /// `[width, height]` of the pages.
-fn page_sizes(loaded: &Loaded<'_>, extension: &TextureExtension) -> Result<Vec<[u16; 2]>> {
+///
+/// # Errors
+/// [`Error::TooLarge`].
+pub fn page_sizes(loaded: &Loaded<'_>, extension: &TextureExtension) -> Result<Vec<[u16; 2]>> {
     let count = extension.atlas.len();
     if count > PAGES_MAX {
         return Err(Error::too_large(loaded.path, format!("{count} atlas pages, at most {PAGES_MAX}")));
@@ -117,89 +98,92 @@ fn page_sizes(loaded: &Loaded<'_>, extension: &TextureExtension) -> Result<Vec<[
     extension.atlas.iter().enumerate().map(size).collect()
 }
 
-/// Texels of a page. `[height, width, 3]`
+/// Texels of maps on an atlas that passed [`Atlas::check`]. Pages that no map lies on are not read. `[num_texels, 3]`
 ///
 /// # Errors
-/// [`Error::Invalid`] if it is damaged or of another size, [`Error::TooLarge`], and those of files beside the `.gltf`.
-pub fn page_texels<'a>(
-    loaded: &'a Loaded<'_>,
-    page: &Page,
-    decode: Option<Decode>,
-    index: usize,
-) -> Result<Cow<'a, [f32]>> {
-    decoded_texels(loaded, page, decode, index).map_err(|error| match (error, file_of(loaded, page)) {
-        (Error::Invalid { path, what }, Some(uri)) => {
-            Error::invalid(path, format!("{what} (file {:?})", super::shown(uri)))
-        }
-        (error, _) => error,
-    })
+/// [`Error::Invalid`] naming the page, [`Error::TooLarge`], and those of sidecar files.
+pub fn texels(
+    loaded: &Loaded<'_>,
+    extension: &TextureExtension,
+    atlas: &Atlas,
+    maps: &[AssetMap],
+) -> Result<Vec<f32>> {
+    let at = |e: Error| e.at(loaded.path);
+    let num_texels: usize = maps.iter().map(AssetMap::num_texels).sum();
+    loaded.take_bytes(12 * num_texels as u64 + MapRows::num_bytes(maps), "texels")?;
+    let rows = MapRows::new(atlas, maps).map_err(at)?;
+    let mut texels = filled(3 * num_texels, 0.0).map_err(at)?;
+    for (i, page) in extension.atlas.iter().enumerate().filter(|(i, _)| !rows.on_page(*i).is_empty()) {
+        let name = match file_of(loaded, page) {
+            Some(uri) => format!("atlas page {i} (file {})", quoted(uri)),
+            None => format!("atlas page {i}"),
+        };
+        copy_page(loaded, page, extension, rows.on_page(i), atlas.pages[i], &mut texels)
+            .map_err(|e| e.within(&name))?;
+    }
+    Ok(texels)
 }
 
-fn decoded_texels<'a>(
-    loaded: &'a Loaded<'_>,
+fn copy_page(
+    loaded: &Loaded<'_>,
     page: &Page,
-    decode: Option<Decode>,
-    index: usize,
-) -> Result<Cow<'a, [f32]>> {
-    let what = format!("atlas page {index}");
-    let offence = |text: &str| Error::invalid(loaded.path, format!("{what}: {text}"));
-    // Sizes were checked by `page_sizes`.
-    let size = [page.width as u16, page.height as u16];
-    let texels = u64::from(page.width) * u64::from(page.height);
-    let enough = |stored: usize, unpacked: u64, decoded: u64| {
+    extension: &TextureExtension,
+    rows: PageRows<'_>,
+    size: [u16; 2],
+    texels: &mut [f32],
+) -> Result<()> {
+    let offence = |text: &str| Error::invalid(loaded.path, text);
+    let [width, height] = size.map(u64::from);
+    let check_size = |stored: usize, unpacked: u64| {
         if unpacked > EXPANSION_MAX * stored as u64 + 4096 {
-            return Err(offence(&format!("{stored} bytes cannot hold {} x {} texels", size[0], size[1])));
+            return Err(offence(&format!("{stored} bytes cannot hold {width} x {height} texels")));
         }
-        loaded.take_bytes(decoded, &what)
+        Ok(())
     };
     match (page.buffer_view, page.texture, &page.uri) {
         (Some(view), None, None) => {
-            let (_, bytes) = loaded.view(view, &what)?;
-            if bytes.len() as u64 != 12 * texels {
-                return Err(offence(&format!("{} bytes, expected {} of f32 RGB", bytes.len(), 12 * texels)));
+            let (_, bytes) = loaded.view(view, "texels")?;
+            let expected = 12 * width * height;
+            if bytes.len() as u64 != expected {
+                return Err(offence(&format!("{} bytes, expected {expected} of f32 RGB", bytes.len())));
             }
-            loaded.take_bytes(12 * texels, &what)?;
-            let float = |b: &[u8; 4]| f32::from_le_bytes(*b);
-            Ok(bytes.as_chunks().0.iter().map(float).collect())
+            rows.copy_raw(bytes, size[0], texels);
+            Ok(())
         }
         (None, None, Some(uri)) => {
             let bytes = loaded.side_file(uri)?;
-            enough(bytes.len(), 12 * texels, 12 * texels)?;
-            Ok(decode_exr(&bytes, size, loaded.path)?.into())
+            check_size(bytes.len(), 12 * width * height)?;
+            rows.copy_exr(&bytes, size, texels, loaded.path)
         }
         (None, Some(texture), None) => {
-            let decode = decode.ok_or_else(|| offence("8 bits without \"decode\""))?;
+            let decode = extension.decode.ok_or_else(|| offence("8 bits without \"decode\""))?;
             let decode = TexelDecode { scale: decode.scale, bias: decode.bias };
             if !(decode.scale.is_finite() && decode.scale > 0.0 && decode.bias.is_finite()) {
-                return Err(offence(&format!("{decode:?}: finite, the scale positive")));
+                return Err(offence(&format!("{decode:?}, expected finite numbers and a positive scale")));
             }
-            let bytes = image_bytes(loaded, texture, &what)?;
-            // Codes, and the floats that they become.
-            enough(bytes.len(), 3 * texels, 15 * texels)?;
-            let codes = decode_png(&bytes, size, loaded.path)?;
-            let table: Vec<f32> = (0..=u8::MAX).map(|code| decode.texel(code)).collect();
-            Ok(codes.iter().map(|&code| table[usize::from(code)]).collect())
+            let bytes = image_bytes(loaded, texture)?;
+            check_size(bytes.len(), 3 * width * height)?;
+            rows.copy_png(&bytes, size, &decode.table(), texels, loaded.path)
         }
         _ => Err(offence("expected exactly one of \"bufferView\", \"texture\" and \"uri\"")),
     }
 }
 
 /// The PNG of a core texture.
-fn image_bytes<'a>(loaded: &'a Loaded<'_>, texture: u32, what: &str) -> Result<Cow<'a, [u8]>> {
-    let offence = |text: &str| Error::invalid(loaded.path, format!("{what}: {text}"));
+fn image_bytes<'a>(loaded: &'a Loaded<'_>, texture: u32) -> Result<Cow<'a, [u8]>> {
     let document = &loaded.document;
     let source = document.textures.get(texture as usize).and_then(|t| t.source);
     let image = source.and_then(|s| document.images.get(s as usize));
-    let image = image.ok_or_else(|| offence(&format!("texture {texture} without an image")))?;
+    let image =
+        image.ok_or_else(|| Error::invalid(loaded.path, format!("texture {texture} without an image")))?;
     if let Some(kind) = image.mime_type.as_ref().filter(|m| m.as_str() != MIME_PNG) {
-        let kind = super::shown(kind);
-        let text = format!("an image of type {kind:?}; residuals must be kept as PNG");
-        return Err(Error::unsupported(loaded.path, format!("{what}: {text}")));
+        let what = format!("an image of type {}; residuals must be kept as PNG", quoted(kind));
+        return Err(Error::unsupported(loaded.path, what));
     }
     match (image.buffer_view, &image.uri) {
-        (Some(view), None) => Ok(Cow::Borrowed(loaded.view(view, what)?.1)),
+        (Some(view), None) => Ok(Cow::Borrowed(loaded.view(view, "image")?.1)),
         (None, Some(uri)) => loaded.side_file(uri).map(Cow::Owned),
-        _ => Err(offence("an image with neither or both of bufferView and uri")),
+        _ => Err(Error::invalid(loaded.path, "an image with neither or both of bufferView and uri")),
     }
 }
 
@@ -220,24 +204,7 @@ fn image_of<'a>(loaded: &'a Loaded<'_>, page: &Page) -> Option<&'a Image> {
     document.images.get(source as usize)
 }
 
-/// URI of a page that is a file.
+/// URI of a page that is a sidecar file.
 fn file_of<'a>(loaded: &'a Loaded<'_>, page: &'a Page) -> Option<&'a str> {
     page.uri.as_deref().or_else(|| image_of(loaded, page)?.uri.as_deref())
-}
-
-/// Copies the maps of the splats that lie on one page.
-fn copy_maps(atlas: &Atlas, splats: &[u32], texels: &[f32], asset: &mut SplatAsset) {
-    for &splat in splats {
-        let (map, at) = (&asset.maps[splat as usize], &atlas.placements[splat as usize]);
-        let width = atlas.pages.get(usize::from(at.page)).map_or(0, |p| usize::from(p[0]));
-        let cols = usize::from(map.cols);
-        for row in 0..usize::from(map.rows) {
-            let from = 3 * ((usize::from(at.y) + row) * width + usize::from(at.x));
-            let to = 3 * (map.offset_texels as usize + row * cols);
-            let target = asset.texels.get_mut(to..to + 3 * cols);
-            if let (Some(target), Some(source)) = (target, texels.get(from..from + 3 * cols)) {
-                target.copy_from_slice(source);
-            }
-        }
-    }
 }

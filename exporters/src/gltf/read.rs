@@ -1,4 +1,4 @@
-//! Reads `.glb` and `.gltf`.
+//! Reads `.glb` and `.gltf` files.
 
 use super::extension::{Digest, TextureExtension};
 use super::loaded::{Loaded, SideFiles};
@@ -6,14 +6,16 @@ use super::scene::Found;
 use super::splats::Attributes;
 use super::{EXTENSION, KHR, VERSION, container, node, pages, scene};
 use crate::file::read_file;
-use crate::{Contents, Describes, Error, Quality, ReadLimits, Result, Section, SplatAsset, Transform, yup};
+use crate::{
+    Contents, Describes, Error, Quality, ReadLimits, Result, Section, SplatAsset, Transform, quoted, yup,
+};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// A node is as we wrote it while it differs by no more than this relative to the numbers' size.
+/// Relative difference up to which a node counts as unchanged since it was written.
 const NODE_TOLERANCE: f64 = 1e-6;
 
-/// Reads a file and those beside it. See [`decode_glb`].
+/// Reads a file and its sidecar files. See [`decode_glb`].
 ///
 /// # Errors
 /// As [`decode_glb`], and [`Error::Io`]. URIs that leave the file's folder are [`Error::Invalid`].
@@ -22,12 +24,12 @@ pub fn read_gltf(path: &Path, limits: &ReadLimits) -> Result<Contents> {
     decode(&bytes, path, limits, SideFiles::Read)
 }
 
-/// Decodes the bytes of a `.glb`; `path` is only for messages. Foreign files of splats are read too: their splats come
-/// as untextured surfels along the two largest axes.
+/// Decodes the bytes of a `.glb`; `path` is only for messages. Reads splats of other programs, too, as untextured discs
+/// along their two largest axes.
 ///
 /// # Errors
-/// [`Error::Invalid`] if the file is damaged or breaks a rule, [`Error::Unsupported`] for other versions, required
-/// extensions that are not known and files beside it, [`Error::TooLarge`].
+/// [`Error::Invalid`] if the file is damaged or breaks a rule, [`Error::Unsupported`] for other versions, unknown required
+/// extensions and sidecar files, [`Error::TooLarge`].
 pub fn decode_glb(bytes: &[u8], path: &Path, limits: &ReadLimits) -> Result<Contents> {
     decode(bytes, path, limits, SideFiles::Refuse)
 }
@@ -37,7 +39,7 @@ fn decode(bytes: &[u8], path: &Path, limits: &ReadLimits, side_files: SideFiles)
     contents(&loaded, container::is_glb(bytes))
 }
 
-/// Reads a loaded file.
+/// Reads the asset of a loaded file.
 ///
 /// # Errors
 /// As [`decode_glb`].
@@ -58,14 +60,14 @@ pub fn contents(loaded: &Loaded<'_>, is_glb: bool) -> Result<Contents> {
     };
     contents.asset.validate().map_err(|e| e.at(loaded.path))?;
     if contents.hash.is_some_and(|hash| hash != contents.asset.hash()) {
-        warnings.push("the content is not what its hash says: a tool has changed values since".to_owned());
+        warnings.push("the content is not what its hash says: a tool has changed values".to_owned());
     }
     contents.format = format!("glTF 2.0 ({}), {}", if is_glb { ".glb" } else { ".gltf" }, contents.format);
     contents.warnings = warnings;
     Ok(contents)
 }
 
-/// A file with our extension.
+/// Reads splats with our extension.
 fn ours(
     loaded: &Loaded<'_>,
     found: &Found<'_>,
@@ -74,7 +76,7 @@ fn ours(
     warnings: &mut Vec<String>,
 ) -> Result<Contents> {
     let mut asset = attributes.surfels(loaded)?;
-    // The fallback's too, though the exact ones replace it.
+    // Those for other viewers, too, though exact ones may replace them.
     if let Some(splat) = attributes.first_dc_not_finite() {
         let what = format!("splat {splat}: SH of degree 0 for other viewers is not finite");
         return Err(Error::invalid(loaded.path, what));
@@ -84,22 +86,17 @@ fn ours(
     }
     pages::read_maps(loaded, &extension, &mut asset)?;
     let hash = extension.hash().ok_or_else(|| {
-        Error::invalid(
-            loaded.path,
-            format!("{EXTENSION}: hash {:?} is not 16 digits", super::shown(&extension.hash)),
-        )
+        Error::invalid(loaded.path, format!("{EXTENSION}: hash {} is not 16 digits", quoted(&extension.hash)))
     })?;
     let quality = Quality::from_name(&extension.quality);
     if quality.is_none() {
-        warnings.push(format!("unknown quality {:?}", super::shown(&extension.quality)));
+        warnings.push(format!("unknown quality {}", quoted(&extension.quality)));
     }
     let sections = sections(loaded, found, Some(&extension));
     extension.meta.store(&mut asset);
     if found.splatting.colour_space(loaded.path)? != asset.colour_space {
-        let what = format!(
-            "{KHR}: colorSpace {:?} is not that of the metadata",
-            super::shown(&found.splatting.color_space)
-        );
+        let what =
+            format!("{KHR}: colorSpace {} is not that of the metadata", quoted(&found.splatting.color_space));
         return Err(Error::invalid(loaded.path, what));
     }
     place(loaded, found, &mut asset, warnings)?;
@@ -107,7 +104,7 @@ fn ours(
     Ok(Contents { asset, format, quality, hash: Some(hash), sections, warnings: Vec::new() })
 }
 
-/// The exact SH of degree 0.
+/// Stores the exact SH coefficients of degree 0.
 fn read_sh0(loaded: &Loaded<'_>, index: u32, asset: &mut SplatAsset) -> Result<()> {
     let view = loaded.accessor(index, "sh0")?;
     let is_sound = view.width == 3 && view.component == super::accessor::Component::F32 && !view.normalised;
@@ -128,11 +125,11 @@ fn read_sh0(loaded: &Loaded<'_>, index: u32, asset: &mut SplatAsset) -> Result<(
     Ok(())
 }
 
-/// What a viewer that knows only `KHR_gaussian_splatting` gets from a file: its ellipsoids as surfels along their two
-/// largest axes. Frame, near plane and cameras are those of [`read_gltf`], so that both can be drawn alike.
+/// Reads what a viewer of `KHR_gaussian_splatting` shows of a file: its ellipsoids as discs along their two largest axes.
+/// Frame, near plane and cameras are those of [`read_gltf`], so that both can be rendered alike.
 ///
 /// # Errors
-/// As [`read_gltf`], but for our extension's arrays and pages, which are not looked at.
+/// As [`read_gltf`], except about arrays and pages of our extension, which are not read.
 pub fn read_fallback(path: &Path, limits: &ReadLimits) -> Result<SplatAsset> {
     let bytes = read_file(path, limits.decoded_bytes)?;
     let loaded = Loaded::new(&bytes, path, limits, SideFiles::Read)?;
@@ -149,7 +146,7 @@ pub fn read_fallback(path: &Path, limits: &ReadLimits) -> Result<SplatAsset> {
     Ok(asset)
 }
 
-/// A file of another program.
+/// Reads splats without our extension.
 fn foreign(
     loaded: &Loaded<'_>,
     found: &Found<'_>,
@@ -164,13 +161,13 @@ fn foreign(
     }
     if num_thick > 0 {
         warnings.push(format!(
-            "{num_thick} of {} splats are thick: drawn as discs along their two largest axes they look different",
+            "{num_thick} of {} splats are thick: drawn as discs, they lose their thinnest axis",
             asset.num_splats()
         ));
     }
     if found.splatting.kernel != "ellipse" {
-        let kernel = super::shown(&found.splatting.kernel);
-        warnings.push(format!("kernel {kernel:?} is not known, read as \"ellipse\""));
+        let kernel = quoted(&found.splatting.kernel);
+        warnings.push(format!("kernel {kernel} is not known, read as \"ellipse\""));
     }
     asset.colour_space = found.splatting.colour_space(loaded.path)?;
     asset.capture_from_local = frame(loaded, found, None, warnings)?;
@@ -181,7 +178,7 @@ fn foreign(
     Ok(Contents { asset, format: KHR.to_owned(), quality, hash: None, sections, warnings: Vec::new() })
 }
 
-/// Gives an asset with its metadata the place in the world that the node says.
+/// Places an asset with metadata in the world where its node does.
 fn place(
     loaded: &Loaded<'_>,
     found: &Found<'_>,
@@ -195,7 +192,7 @@ fn place(
     Ok(())
 }
 
-/// The way to the file's frame: the node's, or the metadata's if the node is still what it was made from.
+/// The transform to the file's frame: that of the metadata, if it agrees with the node, else that of the node.
 fn frame(
     loaded: &Loaded<'_>,
     found: &Found<'_>,
@@ -209,7 +206,8 @@ fn frame(
     match stored {
         Some(stored) if is_alike(&node, &yup::node(&stored)) => Ok(stored),
         Some(_) => {
-            warnings.push("the node was moved since the file was written: its place counts".to_owned());
+            warnings
+                .push("the node was moved after the file was written: it is read where it is now".to_owned());
             Ok(yup::frame_of_node(&node))
         }
         None => Ok(yup::frame_of_node(&node)),
@@ -226,7 +224,7 @@ fn is_alike(a: &Transform, b: &Transform) -> bool {
         && (0..4).all(|i| near(sign * a.rotation[i], b.rotation[i], 1.0))
 }
 
-/// Parts of the file by what they hold; what is left over is the metadata's.
+/// Parts of the file by what they hold; the rest counts as metadata.
 fn sections(loaded: &Loaded<'_>, found: &Found<'_>, extension: Option<&TextureExtension>) -> Vec<Section> {
     let mut parts: BTreeMap<(usize, &str), (u64, Describes)> = BTreeMap::new();
     let mut add = |order: usize, name, bytes, describes| {
@@ -259,7 +257,7 @@ fn sections(loaded: &Loaded<'_>, found: &Found<'_>, extension: Option<&TextureEx
     let total = loaded.num_bytes.get();
     let known: u64 = parts.values().map(|(bytes, _)| bytes).sum();
     if known > total {
-        // Arrays that share bytes cannot be told apart.
+        // Arrays share bytes.
         let all = Section { name: "file".to_owned(), bytes: total, describes: Describes::Other };
         return vec![all];
     }

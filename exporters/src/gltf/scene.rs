@@ -1,4 +1,4 @@
-//! Finds the splats in a file.
+//! Finds the primitive of splats in a file.
 
 use super::KHR;
 use super::document::{Document, Primitive};
@@ -7,16 +7,16 @@ use super::mesh::is_quad_mesh;
 use crate::{Error, Result};
 use std::path::Path;
 
-/// The one primitive of splats.
+/// A primitive of splats.
 pub struct Found<'a> {
     pub mesh: u32,
     pub primitive: &'a Primitive,
     pub splatting: &'a Splatting,
-    /// For messages.
+    /// JSON pointer to the primitive, for messages.
     pub pointer: String,
 }
 
-/// All primitives of splats with their meshes' indices and JSON pointers.
+/// All primitives of splats.
 pub fn splat_primitives(document: &Document) -> impl Iterator<Item = Found<'_>> {
     document.meshes.iter().enumerate().flat_map(|(i, mesh)| {
         mesh.primitives.iter().enumerate().filter_map(move |(j, primitive)| {
@@ -27,10 +27,10 @@ pub fn splat_primitives(document: &Document) -> impl Iterator<Item = Found<'_>> 
     })
 }
 
-/// The one primitive of splats.
+/// Finds the only primitive of splats.
 ///
 /// # Errors
-/// [`Error::Unsupported`] if there is none or more than one, [`Error::Invalid`] if a tool has dropped the extensions.
+/// [`Error::Unsupported`] if there is none or several, [`Error::Invalid`] if a tool has dropped the extensions.
 pub fn find<'a>(document: &'a Document, path: &Path) -> Result<Found<'a>> {
     let mut all = splat_primitives(document);
     let Some(found) = all.next() else {
@@ -49,11 +49,11 @@ pub fn find<'a>(document: &'a Document, path: &Path) -> Result<Found<'a>> {
     Ok(found)
 }
 
-/// Says what a mesh of quads is.
+/// Message about a mesh of quads.
 pub const QUADS_ONLY: &str =
     "a mesh of quads made by litetex, a preview without splats; read the asset that it was made from";
 
-/// Says that a file was ours and has lost its textures.
+/// Message about a file of ours that has lost its textures.
 pub fn lost(digest: &Digest) -> String {
     format!(
         "the file was written with {} textured texels for {} splats, but a tool that processed it has dropped the \

@@ -1,23 +1,13 @@
-//! Reads the attributes of splats: bit for bit where they are ours, turned into surfels where they are foreign.
+//! Reads the attributes of splats: bit for bit from our files, converted to discs from others.
 
 use super::accessor::{Component, View};
 use super::document::Primitive;
 use super::loaded::Loaded;
 use super::{KHR, sh_attribute, sh_indices};
 use crate::limits::{filled, room_for_splats, splat_bytes};
-use crate::ply::thinnest_last;
-use crate::{AssetMap, Error, Result, SplatAsset, yup};
+use crate::{AssetMap, Error, Result, SplatAsset, ellipsoid, yup};
 
-/// A quaternion keeps its bits while its norm is within this of 1 (what [`SplatAsset::validate`] allows).
-const UNIT_TOLERANCE: f64 = 1e-5;
-
-/// Quaternions of 8 bits are this far off at most; beyond it something else is wrong.
-const UNIT_TOLERANCE_STORED: f64 = 0.05;
-
-/// A splat is a disc while its thickness is at most this share of its smaller other scale.
-const DISC_THICKNESS: f64 = 0.1;
-
-/// Data of the attributes.
+/// The attributes of splats.
 pub struct Attributes<'a> {
     pub sh_degree: u32,
     pub num_splats: usize,
@@ -25,15 +15,15 @@ pub struct Attributes<'a> {
     rotation: View<'a>,
     scale: View<'a>,
     opacity: View<'a>,
-    /// In our order. `[(sh_degree + 1)^2]`
+    /// In the order of assets. `[(sh_degree + 1)^2]`
     sh: Vec<View<'a>>,
 }
 
-/// Component types that an attribute may have, besides f32.
+/// Types that an attribute may have, besides f32.
 struct Allowed {
     width: usize,
     components: &'static [Component],
-    /// Whether whole numbers must be normalised.
+    /// Whether integers must be normalised.
     normalised: Option<bool>,
 }
 
@@ -45,7 +35,7 @@ impl Allowed {
     }
 }
 
-/// What `KHR_gaussian_splatting` and `KHR_mesh_quantization` allow for an attribute.
+/// The types that `KHR_gaussian_splatting` and `KHR_mesh_quantization` allow for an attribute.
 fn allowed(name: &str) -> Allowed {
     use Component::{I8, I16, U8, U16};
     let of = |width, components, normalised| Allowed { width, components, normalised };
@@ -58,7 +48,7 @@ fn allowed(name: &str) -> Allowed {
     }
 }
 
-/// An attribute's data, of a type that the specification allows.
+/// The data of an attribute, of a type that the specification allows.
 ///
 /// # Errors
 /// [`Error::Invalid`] if it is missing, of another type, or does not lie in its buffer.
@@ -78,14 +68,14 @@ pub fn attribute<'a>(loaded: &'a Loaded<'_>, primitive: &Primitive, name: &str) 
     Ok(view)
 }
 
-/// Highest degree whose coefficients are there, all or in part.
+/// The highest SH degree of which a coefficient is there.
 pub fn sh_degree(primitive: &Primitive) -> u32 {
     let any = |l: u32| (0..=2 * l).any(|n| primitive.attributes.contains_key(&sh_attribute(l, n)));
     (0..=3).rev().find(|&l| any(l)).unwrap_or(0)
 }
 
 impl<'a> Attributes<'a> {
-    /// Of the primitive of splats.
+    /// The attributes of a primitive of splats.
     ///
     /// # Errors
     /// As [`attribute`]; [`Error::Invalid`] if the counts differ, [`Error::TooLarge`].
@@ -113,30 +103,35 @@ impl<'a> Attributes<'a> {
         Ok(found)
     }
 
-    /// The splats as they are, without maps: the third scale is not read. For files of ours.
+    /// The splats of our files, bit for bit, without maps; the third scale is not read.
     ///
     /// # Errors
-    /// [`Error::Invalid`] for rotations that are none.
+    /// [`Error::Invalid`] for rotations that are not unit quaternions.
     pub fn surfels(&self, loaded: &Loaded<'_>) -> Result<SplatAsset> {
         let mut asset = self.room(loaded)?;
-        for (i, q) in self.rotation.rows::<4>().enumerate() {
-            asset.rotations.push(local_rotation(loaded, i, q)?);
+        asset.maps.resize(self.num_splats, AssetMap::default());
+        for (splat, [x, y, z, w]) in self.rotation.rows::<4>().enumerate() {
+            let q = ellipsoid::unit([w, x, y, z]).ok_or_else(|| {
+                let what =
+                    format!("splat {splat}: rotation {:?} (xyzw) is not a unit quaternion", [x, y, z, w]);
+                Error::invalid(loaded.path, what)
+            })?;
+            asset.rotations.push(yup::rotation_back(q));
         }
         asset.scales.extend(self.scale.rows::<2>());
         asset.opacities.extend(self.opacity.rows().map(|[o]| o));
         Ok(asset)
     }
 
-    /// Positions, SH and empty maps, and room for the rest.
+    /// An asset with positions and SH, and room for the rest.
     fn room(&self, loaded: &Loaded<'_>) -> Result<SplatAsset> {
         let mut asset = room_for_splats(self.num_splats, self.sh_degree).map_err(|e| e.at(loaded.path))?;
         asset.positions.extend(self.position.rows().map(yup::position));
         asset.sh = self.sh_coefficients().map_err(|e| e.at(loaded.path))?;
-        asset.maps.resize(self.num_splats, AssetMap::default());
         Ok(asset)
     }
 
-    /// Ellipsoids as surfels along their two largest axes, and how many of them are thick.
+    /// Ellipsoids as discs along their two largest axes, and how many of them are thick.
     ///
     /// # Errors
     /// [`Error::Invalid`] for numbers that the specification forbids.
@@ -144,21 +139,11 @@ impl<'a> Attributes<'a> {
         let mut asset = self.room(loaded)?;
         let mut num_thick = 0;
         let rows = self.rotation.rows::<4>().zip(self.scale.rows::<3>()).zip(self.opacity.rows::<1>());
-        for (i, ((q, scales), [opacity])) in rows.enumerate() {
-            let offence = |what: String| Err(Error::invalid(loaded.path, format!("splat {i}: {what}")));
-            if !scales.iter().all(|s| *s >= 0.0 && s.is_finite()) {
-                return offence(format!("scales {scales:?} are not finite and at least 0"));
-            }
-            if !(0.0..=1.0).contains(&opacity) {
-                return offence(format!("opacity {opacity} is not in [0, 1]"));
-            }
-            let [w, x, y, z] = unit(loaded, i, q)?.map(f64::from);
-            let (turned, s) = thinnest_last([w, x, y, z], scales.map(f64::from));
-            num_thick += usize::from(s[2] > DISC_THICKNESS * s[0].min(s[1]));
-            asset.rotations.push(yup::rotation_back(turned.map(|v| v as f32)));
-            // What is nothing here is as small as f32 can be, so that the rules of assets hold.
-            asset.scales.push([s[0], s[1]].map(|v| (v as f32).max(f32::MIN_POSITIVE)));
-            asset.opacities.push(opacity.max(f32::MIN_POSITIVE));
+        for (splat, (([x, y, z, w], scales), [opacity])) in rows.enumerate() {
+            let pushed = ellipsoid::push(&mut asset, [w, x, y, z], scales, opacity);
+            let is_thick =
+                pushed.map_err(|what| Error::invalid(loaded.path, format!("splat {splat}: {what}")))?;
+            num_thick += usize::from(is_thick);
         }
         Ok((asset, num_thick))
     }
@@ -168,7 +153,7 @@ impl<'a> Attributes<'a> {
         self.sh.first()?.rows::<3>().position(|dc| !dc.iter().all(|v| v.is_finite()))
     }
 
-    /// Coefficients in the local frame. `[n, (sh_degree + 1)^2, 3]`
+    /// SH coefficients in the local frame. `[n, (sh_degree + 1)^2, 3]`
     fn sh_coefficients(&self) -> Result<Vec<f32>> {
         let width = 3 * self.sh.len();
         let mut sh = filled(self.num_splats * width, 0.0)?;
@@ -180,24 +165,4 @@ impl<'a> Attributes<'a> {
         }
         Ok(sh)
     }
-}
-
-/// `local_from_surfel` wxyz from what is stored, xyzw.
-fn local_rotation(loaded: &Loaded<'_>, splat: usize, stored: [f32; 4]) -> Result<[f32; 4]> {
-    unit(loaded, splat, stored).map(yup::rotation_back)
-}
-
-/// A stored quaternion as wxyz; made a unit one only where it is none.
-fn unit(loaded: &Loaded<'_>, splat: usize, [x, y, z, w]: [f32; 4]) -> Result<[f32; 4]> {
-    let q = [w, x, y, z];
-    let norm = crate::quaternion::norm(q.map(f64::from));
-    let off = (norm - 1.0).abs();
-    if off <= UNIT_TOLERANCE {
-        return Ok(q);
-    }
-    if off <= UNIT_TOLERANCE_STORED {
-        return Ok(q.map(|v| (f64::from(v) / norm) as f32));
-    }
-    let what = format!("splat {splat}: rotation {:?} (xyzw) is not a unit quaternion", [x, y, z, w]);
-    Err(Error::invalid(loaded.path, what))
 }

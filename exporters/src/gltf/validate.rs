@@ -1,65 +1,56 @@
-//! Checks a file against the rules of `KHR_gaussian_splatting` that general validators do not know, and against our own.
-//! Unlike a reader it goes on after the first offence.
+//! Checks a file against the rules of `KHR_gaussian_splatting` and of our extension in it. Plain glTF (JSON, buffer views,
+//! accessors, bounds, nodes) is checked only as far as our reader needs it: Khronos' glTF validator checks the rest.
+//! Unlike the reader it goes on after the first offence.
 
-mod data;
 mod fallback;
-mod structure;
+mod splats;
 mod texture;
 
+use super::document::{Document, MODE_POINTS};
 use super::extension::Digest;
 use super::loaded::{Loaded, SideFiles};
 use super::mesh::is_quad_mesh;
 use super::scene::{self, Found};
-use super::{KHR, container, read};
-use crate::{Error, Issue, ReadLimits, Severity};
+use super::{EXTENSION, KHR, container, read, sh_attribute};
+use crate::contents::Issues;
+use crate::{Error, Issue, ReadLimits, Severity, quoted};
 use std::path::Path;
 
-/// Code by which a mesh of quads is told: such a file is no asset, but may be sound.
+/// Code that marks a mesh of quads: such a file is not an asset, but may be sound.
 pub(crate) const QUADS_CODE: &str = "LT1019";
-
-/// Most offences of a kind that are told one by one; then one issue counts the rest.
-const TOLD_MAX: usize = 3;
-
-/// Most issues; a hostile file has no end of them.
-const ISSUES_MAX: usize = 1000;
 
 /// Primitives of splats whose numbers are looked at; there should be one.
 const PRIMITIVES_MAX: usize = 4;
 
-/// Checks the bytes of a `.glb` or `.gltf`; files beside it are looked for in the folder of `path`. No issues, or none
-/// above [`Severity::Info`]: the file is sound. Codes:
+/// Checks the bytes of a `.glb` or `.gltf`; sidecar files are looked for in the folder of `path`. No issues, or none
+/// above [`Severity::Info`]: the file is sound as far as it is checked here. Codes:
 ///
 /// | code | what is wrong |
 /// |---|---|
 /// | LT1001 | the file cannot be opened: container, JSON, buffers, version, a required extension |
-/// | LT1002 | an extension is used, but not in `extensionsUsed`, or not used |
+/// | LT1002 | our extension is used, but not in `extensionsUsed`, or the other way round |
 /// | LT1003 | `extensionsRequired` names our extension, which viewers can do without |
-/// | LT1004 | no primitive of splats, or several |
+/// | LT1004 | there is no primitive of splats, or there are several |
 /// | LT1005 | the primitive's mode is not POINTS |
 /// | LT1006 | a property of `KHR_gaussian_splatting` is missing or unknown |
 /// | LT1007 | an attribute is missing, of a type that is not allowed, or outside of its buffer |
-/// | LT1008 | attributes have different counts |
 /// | LT1009 | SH degrees are incomplete |
-/// | LT1010 | an element of an attribute is not aligned to four bytes |
-/// | LT1011 | POSITION without bounds, or wrong ones |
 /// | LT1012 | a rotation is not a unit quaternion |
 /// | LT1013 | a scale is not positive |
 /// | LT1014 | an opacity is not in (0, 1] |
-/// | LT1015 | a number is not finite |
-/// | LT1016 | no COLOR_0 for viewers that know no splats |
-/// | LT1017 | the node's transform is no similarity, or its tree is broken |
-/// | LT1018 | a file beside it that holds a buffer is missing or cannot be read |
-/// | LT1019 | no offence: the file is a mesh of quads, a preview without splats |
-/// | LT1020 | the extension's version is not known |
-/// | LT1021 | a property of the extension is missing or wrong |
+/// | LT1016 | there is no COLOR_0 for viewers without splat support |
+/// | LT1018 | a sidecar file that holds a buffer is missing or cannot be read |
+/// | LT1019 | nothing: the file is a mesh of quads, a preview without splats |
+/// | LT1020 | the version of our extension is not known |
+/// | LT1021 | a property of our extension is missing or wrong |
 /// | LT1022 | rectangles leave their page or do not fit the pages |
 /// | LT1023 | rectangles overlap |
 /// | LT1024 | a page is missing, damaged or of another size |
 /// | LT1025 | the content is not what its hash says |
 /// | LT1026 | a tool has dropped the textures |
 /// | LT1027 | the digest in `extras` is missing or not that of the content |
-/// | LT1028 | thick splats, which surfels cannot show |
-/// | LT1029 | the reader refuses the file for another reason |
+/// | LT1028 | thick splats, which discs cannot show |
+/// | LT1029 | the reader refuses the file for another reason: attributes of different lengths, numbers that are not finite, nodes |
 /// | LT1030 | something is odd: a moved node, an unknown kernel |
 /// | LT1031 | SH of degree 0 is not the exact one with the mean of the map in it: splat viewers show wrong colours |
 /// | LT1032 | the third scale is not positive and the smallest: splat viewers show no discs |
@@ -70,44 +61,100 @@ pub fn validate(bytes: &[u8], path: &Path) -> Vec<Issue> {
     let loaded = match Loaded::new(bytes, path, &limits, SideFiles::Read) {
         Ok(loaded) => loaded,
         Err(e) => {
-            // Buffers beside it are all that is read from elsewhere so far.
+            // So far, only buffers are read from sidecar files.
             let is_elsewhere = matches!(e, Error::Io { .. });
-            issues.error(if is_elsewhere { "LT1018" } else { "LT1001" }, "", text_of(e));
+            issues.error(if is_elsewhere { "LT1018" } else { "LT1001" }, "", e.text());
             return issues.list;
         }
     };
-    let json = container::parts(bytes, path).ok().map(|p| serde_json::from_slice(p.json));
-    match json {
-        Some(Ok(json)) => structure::check_extensions(&json, &mut issues),
-        // The reader skips what it does not know, however deep.
-        Some(Err(e)) => issues.error("LT1001", "", format!("JSON of the file: {e}")),
-        None => {}
-    }
     let found: Vec<Found<'_>> = scene::splat_primitives(&loaded.document).collect();
+    check_extensions(&loaded.document, &found, &mut issues);
     for found in found.iter().take(PRIMITIVES_MAX) {
         check_primitive(&loaded, found, &mut issues);
     }
     match (scene::find(&loaded.document, path), found.first()) {
         (Err(_), None) if is_quad_mesh(&loaded.document) => {
-            issues.push(QUADS_CODE, Severity::Info, "/meshes", scene::QUADS_ONLY.to_owned());
-            structure::check_mesh(&loaded, &mut issues);
+            issues.info(QUADS_CODE, "/meshes", scene::QUADS_ONLY);
         }
-        (Err(e @ Error::Invalid { .. }), None) => issues.error("LT1026", "/meshes", text_of(e)),
-        (Err(e), _) => issues.error("LT1004", "/meshes", text_of(e)),
+        (Err(e @ Error::Invalid { .. }), None) => issues.error("LT1026", "/meshes", e.text()),
+        (Err(e), _) => issues.error("LT1004", "/meshes", e.text()),
         (Ok(found), _) => check_reading(bytes, &loaded, &found, &limits, &mut issues),
     }
     issues.list
 }
 
+/// Our extension is listed exactly where it is used.
+fn check_extensions(document: &Document, found: &[Found<'_>], issues: &mut Issues) {
+    let is_used = found.iter().any(|f| f.splatting.texture().is_some());
+    let is_listed = document.extensions_used.iter().any(|name| name == EXTENSION);
+    let place = "/extensionsUsed";
+    match (is_used, is_listed) {
+        (true, false) => issues.error("LT1002", place, format!("{EXTENSION} is used, but not listed")),
+        (false, true) => {
+            let what = format!("{EXTENSION} is listed, but not used: a tool has dropped the textures");
+            issues.warning("LT1002", place, what);
+        }
+        _ => {}
+    }
+    if document.extensions_required.iter().any(|name| name == EXTENSION) {
+        let what = format!("{EXTENSION} is required: viewers without it refuse the file needlessly");
+        issues.warning("LT1003", "/extensionsRequired", what);
+    }
+}
+
 fn check_primitive(loaded: &Loaded<'_>, found: &Found<'_>, issues: &mut Issues) {
-    structure::check_primitive(loaded, found, issues);
-    data::check(loaded, found, issues);
+    if found.primitive.mode != Some(MODE_POINTS) {
+        let what = format!("mode {:?}, expected 0 (POINTS)", found.primitive.mode);
+        issues.error("LT1005", &format!("{}/mode", found.pointer), what);
+    }
+    check_khr(found, issues);
+    check_attributes(found, issues);
+    splats::check(loaded, found, issues);
     match found.splatting.texture() {
         Some(value) => texture::check(loaded, found, value, issues),
         None => {
             if let Some(digest) = Digest::find(found.primitive) {
                 issues.error("LT1026", &found.pointer, scene::lost(&digest));
             }
+        }
+    }
+}
+
+/// Properties of `KHR_gaussian_splatting`.
+fn check_khr(found: &Found<'_>, issues: &mut Issues) {
+    let place = format!("{}/extensions/{KHR}", found.pointer);
+    let splatting = found.splatting;
+    let mut check = |name: &str, value: &str, known: &[&str], severity: Severity| {
+        if !known.contains(&value) {
+            let what = format!("{}, known: {known:?}", quoted(value));
+            issues.push("LT1006", severity, &format!("{place}/{name}"), what);
+        }
+    };
+    let missing = if splatting.kernel.is_empty() { Severity::Error } else { Severity::Warning };
+    check("kernel", &splatting.kernel, &["ellipse"], missing);
+    let spaces = ["srgb_rec709_display", "lin_rec709_display"];
+    check("colorSpace", &splatting.color_space, &spaces, Severity::Error);
+    let projection = splatting.projection.as_deref().unwrap_or("perspective");
+    check("projection", projection, &["perspective"], Severity::Warning);
+    let sorting = splatting.sorting_method.as_deref().unwrap_or("cameraDistance");
+    check("sortingMethod", sorting, &["cameraDistance"], Severity::Warning);
+}
+
+/// Attributes that must be there together.
+fn check_attributes(found: &Found<'_>, issues: &mut Issues) {
+    let place = format!("{}/attributes", found.pointer);
+    let attributes = &found.primitive.attributes;
+    if !attributes.contains_key("COLOR_0") {
+        let what = "no COLOR_0: viewers without splat support show points without colours";
+        issues.warning("LT1016", &place, what);
+    }
+    let highest = super::splats::sh_degree(found.primitive);
+    for l in 0..=highest {
+        let names = (0..=2 * l).map(|n| sh_attribute(l, n));
+        let missing: Vec<String> = names.filter(|name| !attributes.contains_key(name)).collect();
+        if !missing.is_empty() {
+            let what = format!("{} missing, degree {highest} is there", missing.join(", "));
+            issues.error("LT1009", &place, what);
         }
     }
 }
@@ -120,14 +167,13 @@ fn check_reading(
     limits: &ReadLimits,
     issues: &mut Issues,
 ) {
-    let has_errors = issues.list.iter().any(|i| i.severity == Severity::Error);
     let fresh = Loaded::new(bytes, loaded.path, limits, SideFiles::Read);
     let contents = fresh.and_then(|fresh| read::contents(&fresh, container::is_glb(bytes)));
     let contents = match contents {
         Ok(contents) => contents,
         // Most likely what was found before.
-        Err(_) if has_errors => return,
-        Err(e) => return issues.error("LT1029", "", text_of(e)),
+        Err(_) if issues.has_errors() => return,
+        Err(e) => return issues.error("LT1029", "", e.text()),
     };
     for warning in contents.warnings {
         // These are errors of their own.
@@ -135,13 +181,13 @@ fn check_reading(
             continue;
         }
         let code = if warning.contains("thick") { "LT1028" } else { "LT1030" };
-        issues.push(code, Severity::Info, &found.pointer, warning);
+        issues.info(code, &found.pointer, warning);
     }
     let Some(expected) = contents.hash else { return };
     fallback::check(loaded, found, &contents.asset, issues);
-    let place = format!("{}/extensions/{KHR}/extensions/{}/hash", found.pointer, super::EXTENSION);
     let hash = contents.asset.hash();
     if expected != hash {
+        let place = format!("{}/extensions/{KHR}/extensions/{EXTENSION}/hash", found.pointer);
         let what = format!("hash {expected:016x}, the content has {hash:016x}: values were changed");
         issues.error("LT1025", &place, what);
     }
@@ -152,49 +198,6 @@ fn check_reading(
             let what = format!("{digest:?}, expected {:?}", Digest::of(&contents.asset, expected));
             issues.error("LT1027", &place, what);
         }
-        None => {
-            let what = "no digest: a loss of the textures would not be noticed".to_owned();
-            issues.push("LT1027", Severity::Warning, &place, what);
-        }
-    }
-}
-
-/// What was found so far.
-#[derive(Default)]
-struct Issues {
-    list: Vec<Issue>,
-}
-
-impl Issues {
-    fn push(&mut self, code: &'static str, severity: Severity, place: &str, message: String) {
-        if self.list.len() < ISSUES_MAX {
-            self.list.push(Issue { code, severity, place: place.to_owned(), message });
-        }
-    }
-
-    fn error(&mut self, code: &'static str, place: &str, message: impl Into<String>) {
-        self.push(code, Severity::Error, place, message.into());
-    }
-
-    /// Offences of many splats: the first few, then their number.
-    fn many(&mut self, code: &'static str, place: &str, offences: impl Iterator<Item = String>) {
-        let mut count = 0;
-        for offence in offences {
-            count += 1;
-            if count <= TOLD_MAX {
-                self.error(code, place, offence);
-            }
-        }
-        if count > TOLD_MAX {
-            self.error(code, place, format!("and {} more", count - TOLD_MAX));
-        }
-    }
-}
-
-/// An error without the path, which the caller knows.
-fn text_of(error: Error) -> String {
-    match error {
-        Error::Io { path, source } => format!("{}: {source}", path.display()),
-        Error::Invalid { what, .. } | Error::Unsupported { what, .. } | Error::TooLarge { what, .. } => what,
+        None => issues.warning("LT1027", &place, "no digest: a loss of the textures would go unnoticed"),
     }
 }

@@ -1,4 +1,4 @@
-//! Writes `.glb` and `.gltf`.
+//! Writes `.glb` and `.gltf` files.
 
 use super::buffer::{Arrays, Use};
 use super::document::{
@@ -14,12 +14,12 @@ use crate::{Error, Quality, Result, SplatAsset, yup};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// What to write.
+/// How to write a glTF file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct GltfOptions {
-    /// Lossless or balanced.
+    /// Lossless or balanced; glTF has no other quality.
     pub quality: Quality,
-    /// Largest side of an atlas page, texels; at most [`PAGE_SIDE_MAX`].
+    /// Largest side of an atlas page, texels; at most 8192.
     pub page_side: u16,
 }
 
@@ -29,19 +29,19 @@ impl Default for GltfOptions {
     }
 }
 
-/// The bytes of a `.glb`.
+/// Encodes a `.glb`.
 ///
 /// # Errors
-/// [`Error::Invalid`] if the asset breaks a rule or is empty, [`Error::Unsupported`] for [`Quality::Tiny`],
-/// [`Error::TooLarge`] beyond 4 GiB or for maps larger than a page.
+/// [`Error::Invalid`] if the asset breaks a rule or is empty, [`Error::Unsupported`] for qualities other than lossless and
+/// balanced, [`Error::TooLarge`] beyond 4 GiB or for maps larger than a page.
 pub fn encode_glb(asset: &SplatAsset, options: &GltfOptions) -> Result<Vec<u8>> {
     let assembled = assemble(asset, options, None)?;
     container::glb(json(&assembled.document)?, assembled.bin)
 }
 
-/// Writes a `.glb`, or a `.gltf` with its arrays in `NAME.bin` and its pages in `NAME_atlas_0.png` or `.exr` and so on,
-/// by the extension of `path`. Returns what was written, the file at `path` first; if something fails, nothing of it
-/// stays, and files that were there before are as they were.
+/// Writes a `.glb`, or a `.gltf` with its arrays in `NAME.bin` and its pages in `NAME_atlas_0.png` or `.exr` and so on, by
+/// the extension of `path`. Returns all files, the one at `path` first. If it fails, nothing new stays and older files are
+/// as they were.
 ///
 /// # Errors
 /// As [`encode_glb`], and [`Error::Io`].
@@ -50,7 +50,7 @@ pub fn write_gltf(path: &Path, asset: &SplatAsset, options: &GltfOptions) -> Res
     Ok(Staged::new(path, root, side)?.publish(true)?.files)
 }
 
-/// The bytes of the file at `path`, `.glb` or `.gltf`, and those of the files beside it.
+/// Encodes the file at `path`, `.glb` or `.gltf`, and its sidecar files.
 ///
 /// # Errors
 /// As [`encode_glb`].
@@ -63,7 +63,7 @@ pub(crate) fn encode_files(
         return Ok((encode_glb(asset, options).map_err(|e| e.at(path))?, Vec::new()));
     }
     if !path.extension().is_some_and(|e| e.eq_ignore_ascii_case("gltf")) {
-        return Err(Error::invalid(path, "a glTF file is called *.glb or *.gltf"));
+        return Err(Error::invalid(path, "the name of a glTF file ends in .glb or .gltf"));
     }
     let stem = files::stem(path)?;
     let assembled = assemble(asset, options, Some(stem)).map_err(|e| e.at(path))?;
@@ -73,20 +73,20 @@ pub(crate) fn encode_files(
     Ok((text, pages.chain([bin]).collect()))
 }
 
-/// The JSON of a document.
+/// Encodes a document as JSON.
 pub fn json(document: &Document) -> Result<Vec<u8>> {
     serde_json::to_vec(document).map_err(|e| Error::invalid("", format!("JSON: {e}")))
 }
 
-/// A file before it has a container.
+/// The parts of a file, without container.
 struct Assembled {
     document: Document,
     bin: Vec<u8>,
-    /// Names and bytes of the pages beside it.
+    /// Names and bytes of pages in sidecar files.
     files: Vec<(String, Vec<u8>)>,
 }
 
-/// Everything of a file; with files beside it if they have a name.
+/// Assembles a file: a `.gltf` whose sidecar files begin with `stem`, or the contents of a `.glb`.
 fn assemble(asset: &SplatAsset, options: &GltfOptions, stem: Option<&str>) -> Result<Assembled> {
     asset.validate()?;
     if asset.num_splats() == 0 {
@@ -101,7 +101,7 @@ fn assemble(asset: &SplatAsset, options: &GltfOptions, stem: Option<&str>) -> Re
     let primitive = match options.quality {
         Quality::Lossless => writer.primitive(asset, &atlas, options.quality, Writer::lossless_pages)?,
         Quality::Balanced => {
-            // What a reader gets is what everything else in the file is made from.
+            // Everything else in the file is made from what a reader gets.
             let decode = TexelDecode::finest(&asset.texels);
             let codes: Vec<u8> = asset.texels.iter().map(|&t| decode.code(t)).collect();
             let mut kept = asset.clone();
@@ -112,14 +112,14 @@ fn assemble(asset: &SplatAsset, options: &GltfOptions, stem: Option<&str>) -> Re
             writer.primitive(&kept, &atlas, options.quality, pages)?
         }
         Quality::Tiny | Quality::Custom => {
-            let what = "glTF has the qualities lossless and balanced; others are for .ltgs";
+            let what = "glTF has the qualities lossless and balanced; .ltgs has the others";
             return Err(Error::unsupported("", what));
         }
     };
     Ok(writer.finish(asset, primitive))
 }
 
-/// `asset` of every file that we write.
+/// The object `asset` of every file that is written.
 pub fn asset_info(asset: &SplatAsset) -> AssetInfo {
     let facts = &asset.provenance;
     let copyright: Vec<&str> =
@@ -132,10 +132,10 @@ pub fn asset_info(asset: &SplatAsset) -> AssetInfo {
     }
 }
 
-/// What pages add to the extension.
+/// The properties of our extension that describe pages.
 type Pages = (Vec<Page>, Option<Decode>);
 
-/// Collects the parts of a file.
+/// Collects the arrays and images of a file.
 #[derive(Default)]
 struct Writer<'a> {
     arrays: Arrays,
@@ -161,7 +161,7 @@ impl Writer<'_> {
         let page_indices = atlas.placements.iter().map(|at| at.page);
         let page_indices = match atlas.pages.len() {
             0 | 1 => None,
-            // Below 256: no bits are lost.
+            // Indices below 256: no bits are lost.
             2..=256 => Some(self.arrays.push(page_indices.map(|p| [p as u8]), used)),
             _ => Some(self.arrays.push(page_indices.map(|p| [p]), used)),
         };
@@ -193,7 +193,7 @@ impl Writer<'_> {
         })
     }
 
-    /// Attributes by name, and the accessor of the exact SH of degree 0 if the attribute is another.
+    /// Adds the attributes; returns them by name, and the accessor of the exact SH of degree 0 if the attribute differs.
     fn attributes(&mut self, asset: &SplatAsset) -> (BTreeMap<String, u32>, Option<u32>) {
         let (arrays, used) = (&mut self.arrays, Use::Attribute);
         let n = asset.num_splats();
@@ -224,7 +224,7 @@ impl Writer<'_> {
         (attributes, sh0)
     }
 
-    /// Pages whose texels are kept to the bit.
+    /// Adds pages that keep texels bit for bit.
     fn lossless_pages(&mut self, asset: &SplatAsset, atlas: &Atlas) -> Result<Pages> {
         let mut pages = Vec::new();
         for (i, texels) in atlas.pages_from_texels(&asset.maps, &asset.texels).into_iter().enumerate() {
@@ -246,7 +246,7 @@ impl Writer<'_> {
         Ok((pages, None))
     }
 
-    /// Pages of 8 bits as core textures.
+    /// Adds pages of 8 bits as core textures.
     fn coded_pages(
         &mut self,
         asset: &SplatAsset,
@@ -277,7 +277,7 @@ impl Writer<'_> {
 
     fn finish(self, asset: &SplatAsset, primitive: Primitive) -> Assembled {
         let title = Some(asset.provenance.title.clone()).filter(|t| !t.is_empty());
-        // Whole texels at the edge: nearest, clamped.
+        // Nearest and clamped: filters must not mix neighbours.
         let sampler = serde_json::json!({
             "magFilter": 9728, "minFilter": 9728, "wrapS": 33_071, "wrapT": 33_071
         });
@@ -303,7 +303,7 @@ impl Writer<'_> {
     }
 }
 
-/// The node that shows mesh 0 in the capture's frame with y up.
+/// The node that shows mesh 0 in the world frame with y up.
 pub fn node(asset: &SplatAsset) -> Node {
     let world_from_node = yup::node(&asset.world_from_local());
     let [w, x, y, z] = world_from_node.rotation;

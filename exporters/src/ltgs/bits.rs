@@ -1,6 +1,6 @@
-//! Single bits and variable-length numbers: what entropy coding leaves over.
+//! Single bits and variable-length numbers.
 
-/// Appends bits, least significant first.
+/// Collects bits into bytes, least significant first.
 #[derive(Default)]
 pub struct BitWriter {
     bytes: Vec<u8>,
@@ -9,7 +9,7 @@ pub struct BitWriter {
 }
 
 impl BitWriter {
-    /// Appends the lowest `count` bits of a value, `count` <= 32.
+    /// Appends the lowest `count` bits of a value; `count` is at most 32.
     pub fn put(&mut self, value: u32, count: u32) {
         self.pending |= (u64::from(value) & ((1 << count) - 1)) << self.num_pending;
         self.num_pending += count;
@@ -20,7 +20,7 @@ impl BitWriter {
         }
     }
 
-    /// The bytes; the last is filled with zeros.
+    /// The bytes, the last padded with zeros.
     pub fn finish(mut self) -> Vec<u8> {
         if self.num_pending > 0 {
             self.bytes.push(self.pending as u8);
@@ -37,12 +37,12 @@ pub struct BitReader<'a> {
 }
 
 impl<'a> BitReader<'a> {
-    /// From the first byte on.
+    /// Begins at the first byte.
     pub fn new(bytes: &'a [u8]) -> Self {
         Self { bytes, pending: 0, num_pending: 0 }
     }
 
-    /// The next `count` bits, `count` <= 32; `None` after the end.
+    /// Takes the next `count` bits, at most 32; `None` beyond the end.
     pub fn take(&mut self, count: u32) -> Option<u32> {
         while self.num_pending < count {
             let (&first, rest) = self.bytes.split_first()?;
@@ -56,13 +56,13 @@ impl<'a> BitReader<'a> {
         Some(value as u32)
     }
 
-    /// Whether everything but the filling of the last byte was read.
+    /// Whether everything but the padding of the last byte was read.
     pub fn is_spent(&self) -> bool {
         self.bytes.is_empty() && self.num_pending < 8 && self.pending == 0
     }
 }
 
-/// Appends a number of up to 64 bits: seven bits a byte, lowest first, the top bit set on all but the last.
+/// Appends a number of up to 64 bits: seven bits per byte, lowest first, the top bit set in all bytes but the last.
 pub fn put_varint(bytes: &mut Vec<u8>, mut value: u64) {
     while value >= 0x80 {
         bytes.push(value as u8 | 0x80);
@@ -71,7 +71,7 @@ pub fn put_varint(bytes: &mut Vec<u8>, mut value: u64) {
     bytes.push(value as u8);
 }
 
-/// Takes such a number off the front; `None` if it is cut or does not fit 64 bits.
+/// Takes such a number off the front; `None` if it is truncated or exceeds 64 bits.
 pub fn take_varint(bytes: &mut &[u8]) -> Option<u64> {
     let mut value = 0_u64;
     for shift in (0..64).step_by(7) {

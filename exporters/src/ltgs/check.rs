@@ -1,76 +1,69 @@
-//! What is wrong with a file, each with a number that stays.
+//! Validates `.ltgs` files, chunk by chunk and as a whole.
 
 use super::read::Reader;
-use crate::{Error, Issue, ReadLimits, Severity};
+use crate::contents::Issues;
+use crate::{Error, Issue, ReadLimits, quoted};
 use std::path::Path;
 
-/// Everything that can be found wrong: tables, every block's checksum and content, bounds, hash.
+/// Checks the tables, the checksum and content of every block, bounds and hash. Codes:
 ///
 /// | code | meaning |
 /// |---|---|
-/// | `LT3001` | no `.ltgs` file, or its header, metadata or table of contents is damaged |
+/// | `LT3001` | not a `.ltgs` file, or its header, metadata or table of contents is damaged |
 /// | `LT3002` | of a later version, or with a feature that this program does not know |
 /// | `LT3003` | larger than the reader's limits |
 /// | `LT3004` | a chunk is damaged |
 /// | `LT3005` | a centre lies outside of its chunk's bounds |
 /// | `LT3006` | the content has another hash than the file says |
-/// | `LT3007` | of a later minor version: what it added is ignored |
-/// | `LT3008` | the splats make no valid asset |
+/// | `LT3007` | of a later minor version, whose additions are ignored |
+/// | `LT3008` | the splats do not make a valid asset |
 pub fn validate(bytes: &[u8], path: &Path) -> Vec<Issue> {
-    let reader = match Reader::open(bytes, path, &ReadLimits::default()) {
-        Ok(reader) => reader,
-        Err(error) => return vec![issue_of("LT3001", "", &error)],
-    };
-    let mut issues = Vec::new();
+    let mut issues = Issues::default();
+    match Reader::open(bytes, path, &ReadLimits::default()) {
+        Ok(reader) => check(&reader, &mut issues),
+        Err(error) => add(&mut issues, "LT3001", "", &error),
+    }
+    issues.list
+}
+
+fn check(reader: &Reader<'_>, issues: &mut Issues) {
     for chunk in 0..reader.num_chunks() {
         let place = format!("chunk {chunk}");
-        match reader.decode_chunk(chunk, true) {
-            Err(error) => issues.push(issue_of("LT3004", &place, &error)),
+        match reader.decode_chunk(chunk) {
+            Err(error) => add(issues, "LT3004", &place, &error),
             Ok((asset, _)) => {
                 let [low, high] = reader.entries[chunk].bounds;
-                let inside = |p: &&[f32; 3]| (0..3).all(|i| (low[i]..=high[i]).contains(&p[i]));
-                let outside = asset.positions.len() - asset.positions.iter().filter(inside).count();
+                let is_inside = |p: &&[f32; 3]| (0..3).all(|i| (low[i]..=high[i]).contains(&p[i]));
+                let outside = asset.positions.len() - asset.positions.iter().filter(is_inside).count();
                 if outside > 0 {
                     let what = format!("{outside} centres lie outside of {low:?} to {high:?}");
-                    issues.push(issue("LT3005", Severity::Error, &place, what));
+                    issues.error("LT3005", &place, what);
                 }
             }
         }
     }
-    if issues.iter().any(|i| i.code == "LT3004") {
-        return issues;
+    if issues.list.iter().any(|i| i.code == "LT3004") {
+        return;
     }
     match reader.decode() {
-        Err(error) => issues.push(issue_of("LT3008", "", &error)),
+        Err(error) => add(issues, "LT3008", "", &error),
         Ok(contents) => {
             let found = contents.asset.hash();
             if contents.hash != Some(found) {
-                let what = format!("hash {found:016x}, stated {:?}", reader.meta.hash);
-                issues.push(issue("LT3006", Severity::Error, "metadata", what));
+                let what = format!("hash {found:016x}, stated {}", quoted(&reader.meta.hash));
+                issues.error("LT3006", "metadata", what);
             }
-            issues
-                .extend(contents.warnings.into_iter().map(|w| issue("LT3007", Severity::Info, "header", w)));
+            contents.warnings.iter().for_each(|warning| issues.info("LT3007", "header", warning));
         }
     }
-    issues
 }
 
-fn issue(code: &'static str, severity: Severity, place: &str, message: String) -> Issue {
-    Issue { code, severity, place: place.to_owned(), message }
-}
-
-/// An error as an issue; families that are no damage have numbers of their own.
-fn issue_of(code: &'static str, place: &str, error: &Error) -> Issue {
+/// Adds an error as an issue; families that are not damage have codes of their own.
+fn add(issues: &mut Issues, code: &'static str, place: &str, error: &Error) {
     let code = match error {
         Error::Unsupported { .. } => "LT3002",
         Error::TooLarge { .. } => "LT3003",
         _ => code,
     };
-    let message = match error {
-        Error::Invalid { what, .. } | Error::Unsupported { what, .. } | Error::TooLarge { what, .. } => {
-            what.clone()
-        }
-        other => other.to_string(),
-    };
-    issue(code, Severity::Error, place, message)
+    issues.error(code, place, error.text());
 }

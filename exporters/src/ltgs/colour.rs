@@ -1,5 +1,5 @@
-//! Luma and two chroma differences of colours. Of a unit of noise in each, luma's reaches all three channels, chroma's less:
-//! its steps are coarser.
+//! Luma and two chroma differences of colours. Noise in luma reaches all three channels, noise in chroma fewer: its steps
+//! are coarser.
 
 /// Luma, green against magenta, red against blue.
 pub fn luma_chroma([r, g, b]: [f64; 3]) -> [f64; 3] {

@@ -1,50 +1,50 @@
-//! The fixed parts of a file: 64 bytes of header and the table of contents.
+//! The parts of a file at fixed positions: the header of 64 bytes and the entries of the table of contents.
 
 use crate::{Error, Quality, Result, SPLATS_MAX};
 use std::path::Path;
 use xxhash_rust::xxh3::xxh3_64;
 
-/// First bytes of a file.
+/// The first bytes of a file.
 pub const MAGIC: [u8; 4] = *b"LTGS";
 
-/// Version that this program writes. A reader refuses a higher major version and reads any minor one.
+/// Major version that is written and read; readers refuse others, but accept any minor version.
 pub const MAJOR: u16 = 1;
 /// Minor version that this program writes.
 pub const MINOR: u16 = 0;
 
-/// Bytes of the header.
+/// Length of the header.
 pub const HEADER_BYTES: usize = 64;
 
-/// Bytes of an entry of the table of contents.
+/// Length of an entry of the table of contents.
 pub const ENTRY_BYTES: usize = 88;
 
 /// Splats of every chunk but the last.
 pub const CHUNK_SPLATS: usize = 4096;
 
-/// Flag: the metadata are compressed with zstd.
+/// Flag of metadata that are compressed with zstd.
 const META_ZSTD: u32 = 1;
 
-/// All bits of flags that this version knows.
+/// All flags that this version defines.
 const FLAGS_KNOWN: u32 = META_ZSTD;
 
-/// The header.
+/// The header of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Header {
-    /// Minor version found.
+    /// Minor version of the file.
     pub minor: u16,
     /// Whether the metadata are compressed.
     pub meta_is_compressed: bool,
-    /// Splats.
+    /// Splats of the file.
     pub num_splats: u32,
-    /// Texels.
+    /// Texels of the file.
     pub num_texels: u64,
     /// SH degree, 0 to 3.
     pub sh_degree: u32,
-    /// Kind of streams and promise.
+    /// Kind of the streams, and what the file promises.
     pub quality: Quality,
     /// Bytes of the metadata in the file.
     pub meta_bytes: u32,
-    /// Bytes of the metadata's text.
+    /// Bytes of the metadata's text when decompressed.
     pub meta_text_bytes: u32,
     /// Bytes of the file.
     pub file_bytes: u64,
@@ -53,7 +53,7 @@ pub struct Header {
 }
 
 impl Header {
-    /// Number of chunks: as many as the splats need.
+    /// As many chunks as the splats need.
     pub fn num_chunks(&self) -> usize {
         (self.num_splats as usize).div_ceil(CHUNK_SPLATS)
     }
@@ -68,7 +68,7 @@ impl Header {
         self.meta_bytes as usize + self.num_chunks() * ENTRY_BYTES
     }
 
-    /// The bytes.
+    /// Encodes the header with its checksum.
     pub fn encode(&self) -> Vec<u8> {
         let mut bytes = Vec::with_capacity(HEADER_BYTES);
         bytes.extend(MAGIC);
@@ -91,8 +91,8 @@ impl Header {
     /// Reads and checks the first bytes of a file.
     ///
     /// # Errors
-    /// [`Error::Invalid`] if it is no `.ltgs` file or damaged, [`Error::Unsupported`] for a higher major version or a
-    /// feature of a later one, [`Error::TooLarge`].
+    /// [`Error::Invalid`] if it is not a `.ltgs` file or is damaged, [`Error::Unsupported`] for another major version or an
+    /// unknown feature, [`Error::TooLarge`].
     pub fn decode(bytes: &[u8], path: &Path) -> Result<Self> {
         let invalid = |what: String| Err(Error::invalid(path, what));
         let Some(head) = bytes.first_chunk::<HEADER_BYTES>() else {
@@ -163,34 +163,33 @@ impl Header {
     }
 }
 
-/// A part of the file.
+/// A part of the file with a checksum.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Block {
-    /// From the beginning of the file.
+    /// Position from the beginning of the file.
     pub offset: u64,
-    /// Length.
     pub bytes: u64,
-    /// xxh3-64.
+    /// xxh3-64 of the bytes.
     pub checksum: u64,
 }
 
-/// What the table of contents says of a chunk.
+/// An entry of the table of contents: what it says about a chunk.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Entry {
-    /// Splats with colours that contain the maps' means.
+    /// Block of splats, whose colours contain the means of their maps.
     pub splats: Block,
-    /// Texels.
+    /// Block of texels.
     pub texels: Block,
     /// Splats of the chunk.
     pub num_splats: u32,
     /// Texels of the chunk.
     pub num_texels: u64,
-    /// Smallest and largest centre, local frame.
+    /// Smallest and largest coordinates of centres, local frame.
     pub bounds: [[f32; 3]; 2],
 }
 
 impl Entry {
-    /// Appends the bytes.
+    /// Appends the encoded entry.
     pub fn encode(&self, bytes: &mut Vec<u8>) {
         for block in [self.splats, self.texels] {
             for number in [block.offset, block.bytes, block.checksum] {
@@ -205,7 +204,6 @@ impl Entry {
         }
     }
 
-    /// Reads an entry.
     pub fn decode(bytes: &[u8; ENTRY_BYTES]) -> Self {
         let u64_at = |at: usize| u64::from_le_bytes(std::array::from_fn(|i| bytes[at + i]));
         let u32_at = |at: usize| u32::from_le_bytes(std::array::from_fn(|i| bytes[at + i]));

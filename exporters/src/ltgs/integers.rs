@@ -1,25 +1,25 @@
-//! Streams of whole numbers as a few bytes. A number u >= 0 is a class (one byte, coded) and the bits that the class leaves
-//! open (stored): u below 16 is its own class, above that the class holds the length of u and its three bits after the
-//! leading one. Small numbers share a byte, two or four together, with an escape: what follows packs no symbol below
-//! one bit. The encoder takes what costs least.
+//! Streams of integers in few bytes. A number u >= 0 is split into a class, a byte that is compressed, and the bits that the
+//! class leaves open, which are stored: u below 16 is its own class; above that the class holds the length of u and the
+//! three bits after its leading one. Small numbers can share a byte, two or four together, with an escape, because zstd
+//! takes at least a bit for each byte. The encoder chooses what costs least.
 
 use super::bits::{BitReader, BitWriter, put_varint, take_varint};
 use crate::{Error, Result};
 
-/// Smallest number that leaves bits open.
+/// Smallest number whose class leaves bits open.
 const FIRST_OPEN: u32 = 16;
 
-/// Coded bytes that zstd cannot expand to more than this: 128 KiB from a block of 4 bytes.
+/// Bytes that zstd makes of one at most: 128 KiB from a block of 4 bytes.
 const ZSTD_EXPANSION: usize = 1 << 15;
 
-/// How the bytes of a stream are coded: low half of the codec byte.
+/// How the symbols of a stream are compressed: the low half of the codec byte.
 const STORED: u8 = 0;
 const ZSTD: u8 = 1;
 
-/// Bytes as they are instead of classes: high half of the codec byte; 1, 2 and 3 pack 1, 2 and 4 numbers a byte.
+/// High half of the codec byte for streams of plain bytes; 1, 2 and 3 pack 1, 2 and 4 numbers into a byte.
 const PLAIN: u8 = 0;
 
-/// `0, -1, 1, -2, ...` to `0, 1, 2, 3, ...`.
+/// Maps `0, -1, 1, -2, ...` to `0, 1, 2, 3, ...`.
 pub fn zigzag(value: i32) -> u32 {
     ((value << 1) ^ (value >> 31)) as u32
 }
@@ -29,7 +29,7 @@ pub fn unzigzag(value: u32) -> i32 {
     (value >> 1) as i32 ^ -((value & 1) as i32)
 }
 
-/// Class, open bits and their number.
+/// The class of a number, its open bits and how many these are.
 fn class_of(u: u32) -> (u8, u32, u32) {
     if u < FIRST_OPEN {
         return (u as u8, 0, 0);
@@ -39,7 +39,7 @@ fn class_of(u: u32) -> (u8, u32, u32) {
     ((16 + 8 * (length - 4) + ((u >> open) & 7)) as u8, u & ((1 << open) - 1), open)
 }
 
-/// Smallest number of a class and its number of open bits; `None` beyond 32 bits.
+/// The smallest number of a class, and how many bits it leaves open; `None` beyond 32 bits.
 fn opened(class: u8) -> Option<(u32, u32)> {
     let class = u32::from(class);
     if class < FIRST_OPEN {
@@ -50,14 +50,14 @@ fn opened(class: u8) -> Option<(u32, u32)> {
     (length < 32).then(|| ((8 + (class - 16) % 8) << open, open))
 }
 
-/// A coded stream, its head included: codec, count, symbols, coded bytes and open bits' bytes as variable-length numbers.
+/// Appends a stream of numbers: codec, then counts of numbers, symbols, coded bytes and bytes of open bits, then both.
 pub fn put_numbers(out: &mut Vec<u8>, numbers: &[u32], level: i32) {
     let packing = cheapest_packing(numbers);
     let (symbols, open) = symbols(numbers, packing);
     put_stream(out, packing << 4, numbers.len(), &symbols, &open, level);
 }
 
-/// Bytes as one stream.
+/// Appends a stream of bytes.
 pub fn put_bytes(out: &mut Vec<u8>, bytes: &[u8], level: i32) {
     put_stream(out, PLAIN << 4, bytes.len(), bytes, &[], level);
 }
@@ -76,7 +76,8 @@ fn put_stream(out: &mut Vec<u8>, packing: u8, count: usize, symbols: &[u8], open
     out.extend_from_slice(open);
 }
 
-/// A frame without its size, which the stream's head gives; `None` if zstd fails, which it does not for want of room.
+/// Compresses into a frame without content size, which the stream states; `None` if zstd fails or there is nothing to
+/// compress.
 pub fn compress(bytes: &[u8], level: i32) -> Option<Vec<u8>> {
     if bytes.is_empty() {
         return None;
@@ -86,7 +87,7 @@ pub fn compress(bytes: &[u8], level: i32) -> Option<Vec<u8>> {
     compressor.compress(bytes).ok()
 }
 
-/// Bytes of symbols, and the open bits.
+/// Symbols and open bits of numbers.
 fn symbols(numbers: &[u32], packing: u8) -> (Vec<u8>, Vec<u8>) {
     let mut open = BitWriter::default();
     let mut class = |u: u32| {
@@ -105,12 +106,12 @@ fn symbols(numbers: &[u32], packing: u8) -> (Vec<u8>, Vec<u8>) {
     (bytes, open.finish())
 }
 
-/// Numbers per byte, bits of each, escape.
+/// Numbers per byte, bits of each, and the escape.
 fn packed_shape(packing: u8) -> (usize, u32, u32) {
     if packing == 2 { (2, 4, 15) } else { (4, 2, 3) }
 }
 
-/// What a byte-wise Huffman coder would need least for, by the entropies of the bytes.
+/// The packing for which a byte-wise Huffman coder would need the fewest bits, by the entropies of the bytes.
 fn cheapest_packing(numbers: &[u32]) -> u8 {
     let cost = |packing: u8| {
         let (bytes, open) = symbols(numbers, packing);
@@ -119,13 +120,13 @@ fn cheapest_packing(numbers: &[u32]) -> u8 {
         let coded: f64 = [body, escapes].iter().map(|part| huffman_bits(part)).sum();
         coded + 8.0 * open.len() as f64
     };
-    // Large numbers only: no packing helps.
+    // Packing does not help where most numbers are large.
     let small = numbers.iter().filter(|&&u| u < 15).count();
     let candidates: &[u8] = if 2 * small < numbers.len() { &[1] } else { &[1, 2, 3] };
     candidates.iter().map(|&p| (p, cost(p))).min_by(|a, b| a.1.total_cmp(&b.1)).map_or(1, |(p, _)| p)
 }
 
-/// Estimate: no symbol below one bit, five bits of table for each that occurs.
+/// Estimated size: at least a bit per symbol, and five bits of table for each distinct one.
 fn huffman_bits(bytes: &[u8]) -> f64 {
     let mut counts = [0_u32; 256];
     for &b in bytes {
@@ -174,7 +175,8 @@ pub fn take_bytes(block: &mut &[u8], count: usize) -> Result<Vec<u8>> {
     }
 }
 
-/// The inverse of [`compress`] for that many bytes. Takes no memory that so few coded bytes could not fill.
+/// The inverse of [`compress`] for a known number of bytes; refuses sizes that the coded bytes cannot expand to before it
+/// allocates.
 ///
 /// # Errors
 /// [`Error::Invalid`].
@@ -196,10 +198,10 @@ fn damaged(what: &str) -> Error {
 }
 
 fn unknown_codec(codec: u8) -> Error {
-    Error::unsupported("", format!("stream: codec {codec:#04x}; this program knows zstd and stored classes"))
+    Error::unsupported("", format!("stream: codec {codec:#04x}; supported: zstd and stored classes"))
 }
 
-/// A stream whose sizes were checked.
+/// A stream whose sizes have been checked.
 struct Stream<'a> {
     packing: u8,
     codec: u8,
@@ -211,7 +213,7 @@ struct Stream<'a> {
 
 impl<'a> Stream<'a> {
     fn take(block: &mut &'a [u8], most: usize) -> Result<Self> {
-        let cut = || damaged("cut");
+        let cut = || damaged("truncated");
         let (&codec, rest) = block.split_first().ok_or_else(cut)?;
         *block = rest;
         let mut size = || take_varint(block).ok_or_else(cut);

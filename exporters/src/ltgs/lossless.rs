@@ -1,16 +1,16 @@
-//! Chunks of a lossless file: the bytes of f32 numbers sorted by their place in the number, for the upper ones are alike
-//! and the lower ones are noise. Splats keep the order of the asset.
+//! Chunks of a lossless file: the bytes of f32 numbers sorted by their significance, because upper bytes are alike and
+//! lower ones are noise. Splats keep the order of the asset.
 
-use super::integers::{put_bytes, put_numbers, take_bytes, take_numbers, unzigzag, zigzag};
+use super::integers::{put_bytes, put_numbers, take_bytes, take_numbers, zigzag};
 use super::tally::Tally;
-use crate::sh::SH_0;
+use crate::limits::filled;
 use crate::{AssetMap, Error, Result, SplatAsset, num_sh_coefficients};
 use std::ops::Range;
 
-/// Step of the means that stand for maps until these arrive.
+/// Step of the means that stand for maps where texels are not read.
 const MEAN_STEP: f64 = 1.0 / 255.0;
 
-/// `N` planes of the bytes of numbers; within a plane component by component. `values`: `[count, width]`
+/// Appends the bytes of numbers in `N` planes; within a plane, component by component. `values`: `[count, width]`
 fn put_planes<const N: usize>(block: &mut Vec<u8>, values: &[[u8; N]], width: usize, level: i32) {
     for plane in 0..N {
         let component = |c: usize| values.iter().skip(c).step_by(width.max(1)).map(move |v| v[plane]);
@@ -19,7 +19,7 @@ fn put_planes<const N: usize>(block: &mut Vec<u8>, values: &[[u8; N]], width: us
     }
 }
 
-/// The fastest level for what no level makes smaller.
+/// The fastest level for bytes that no level makes smaller.
 fn level_for(bytes: &[u8], level: i32) -> i32 {
     let sample = &bytes[..bytes.len().min(1 << 16)];
     let mut counts = [0_u32; 256];
@@ -35,13 +35,14 @@ fn put_floats(block: &mut Vec<u8>, values: &[f32], width: usize, level: i32) {
     put_planes(block, &bytes, width, level);
 }
 
-fn take_planes<const N: usize>(block: &mut &[u8], count: usize, width: usize) -> Result<Vec<[u8; N]>> {
-    let mut values = vec![[0; N]; count * width];
+/// Numbers whose bytes stand in `N` planes, least significant first; see [`put_planes`]. `[count, width]`
+fn take_planes<const N: usize>(block: &mut &[u8], count: usize, width: usize) -> Result<Vec<u32>> {
+    let mut values = filled(count * width, 0_u32)?;
     for plane in 0..N {
         let bytes = take_bytes(block, count * width)?;
         for (component, bytes) in bytes.chunks_exact(count.max(1)).enumerate() {
             for (value, &byte) in values.iter_mut().skip(component).step_by(width.max(1)).zip(bytes) {
-                value[plane] = byte;
+                *value |= u32::from(byte) << (8 * plane);
             }
         }
     }
@@ -49,14 +50,15 @@ fn take_planes<const N: usize>(block: &mut &[u8], count: usize, width: usize) ->
 }
 
 fn take_floats(block: &mut &[u8], count: usize, width: usize) -> Result<Vec<f32>> {
-    Ok(take_planes(block, count, width)?.into_iter().map(f32::from_le_bytes).collect())
+    // In place: both are of 32 bits.
+    Ok(take_planes::<4>(block, count, width)?.into_iter().map(f32::from_bits).collect())
 }
 
 fn take_arrays<const W: usize>(block: &mut &[u8], count: usize) -> Result<Vec<[f32; W]>> {
     Ok(take_floats(block, count, W)?.as_chunks::<W>().0.to_vec())
 }
 
-/// The block of splats. `splats`: a chunk.
+/// Encodes the splats of a chunk.
 pub fn encode_splats(asset: &SplatAsset, splats: Range<usize>, level: i32) -> Vec<u8> {
     let mut block = Vec::new();
     let maps = &asset.maps[splats.clone()];
@@ -87,29 +89,25 @@ pub fn encode_splats(asset: &SplatAsset, splats: Range<usize>, level: i32) -> Ve
     block
 }
 
-/// The block of texels of a chunk.
+/// Encodes the texels of a chunk.
 pub fn encode_texels(texels: &[f32], level: i32) -> Vec<u8> {
     let mut block = Vec::new();
     put_floats(&mut block, texels, 3, level);
     block
 }
 
-/// Splats of a chunk without their texels, and the means that stand for them. `[n, 3]`
+/// Decodes the splats of a chunk without their texels. The means of their maps, for programs that show splats before texels, are
+/// checked and left out.
 ///
 /// # Errors
 /// [`Error::Invalid`] or [`Error::Unsupported`].
-pub fn decode_splats(
-    mut block: &[u8],
-    n: usize,
-    sh_degree: u32,
-    tally: &mut Tally,
-) -> Result<(SplatAsset, Vec<[f64; 3]>)> {
+pub fn decode_splats(mut block: &[u8], n: usize, sh_degree: u32, tally: &mut Tally) -> Result<SplatAsset> {
     let block = &mut block;
     let mut asset = SplatAsset { sh_degree, ..SplatAsset::default() };
     let mut before = block.len();
     let mut count = |name: &str, after: usize| before = tally.add(name, before, after);
     let sides = |block: &mut &[u8]| -> Result<Vec<u16>> {
-        Ok(take_planes(block, n, 1)?.into_iter().map(u16::from_le_bytes).collect())
+        Ok(take_planes::<2>(block, n, 1)?.into_iter().map(|side| side as u16).collect())
     };
     let (rows, cols) = (sides(block)?, sides(block)?);
     let texel_sizes = take_floats(block, n, 1)?;
@@ -139,25 +137,21 @@ pub fn decode_splats(
         asset.sh.extend_from_slice(&sh0[3 * splat..3 * splat + 3]);
         asset.sh.extend_from_slice(&rest[width * splat..width * (splat + 1)]);
     }
-    let mut means = vec![[0.0; 3]; n];
-    for channel in 0..3 {
+    for _ in 0..3 {
         let numbers = take_numbers(block, n)?;
         if numbers.len() != n {
             return Err(Error::invalid("", format!("means: {} numbers, expected {n}", numbers.len())));
         }
-        for (mean, number) in means.iter_mut().zip(numbers) {
-            mean[channel] = f64::from(unzigzag(number)) * MEAN_STEP;
-        }
     }
     count("means", block.len());
     if block.is_empty() {
-        Ok((asset, means))
+        Ok(asset)
     } else {
         Err(Error::invalid("", format!("splat block: {} bytes too many", block.len())))
     }
 }
 
-/// Texels of a chunk. `[num_texels, 3]`
+/// Decodes the texels of a chunk. `[num_texels, 3]`
 ///
 /// # Errors
 /// As [`decode_splats`].
@@ -167,15 +161,5 @@ pub fn decode_texels(mut block: &[u8], num_texels: usize) -> Result<Vec<f32>> {
         Ok(texels)
     } else {
         Err(Error::invalid("", format!("texel block: {} bytes too many", block.len())))
-    }
-}
-
-/// Adds the maps' means to the colours and drops the maps.
-pub fn bake_means(asset: &mut SplatAsset, means: &[[f64; 3]]) {
-    let width = 3 * num_sh_coefficients(asset.sh_degree);
-    for (sh, mean) in asset.sh.chunks_exact_mut(width).zip(means) {
-        for (c, m) in sh.iter_mut().zip(mean) {
-            *c = (f64::from(*c) + m / SH_0) as f32;
-        }
     }
 }

@@ -1,15 +1,15 @@
-//! Powers and logarithms of two from +, -, * and / of f64 alone, in a fixed order: every machine gets the same bits.
-//! The libraries' functions may differ in the last bit, and a decoder's decisions hang on these.
+//! Powers and logarithms of two from only +, -, * and / of f64 in a fixed order, so that every machine gets the same bits.
+//! Functions of libraries may differ in the last bit, on which decisions of the decoder depend.
 
-/// ln 2.
+/// The natural logarithm of 2.
 const LN_2: f64 = std::f64::consts::LN_2;
 
-/// `2^exponent` for a whole number, within f64.
+/// `2^exponent`, clamped to normal f64.
 pub fn two_to(exponent: i32) -> f64 {
     f64::from_bits(((exponent.clamp(-1022, 1023) + 1023) as u64) << 52)
 }
 
-/// `2^x` for |x| <= 1000: the series of `e^(f ln 2)` to the 15th power, f the distance to the nearest whole number.
+/// `2^x` for |x| <= 1000: the series of `e^(f ln 2)` to the 15th power, f being the distance to the nearest integer.
 pub fn exp2(x: f64) -> f64 {
     let x = x.clamp(-1000.0, 1000.0);
     let whole = (x + 0.5).floor();
@@ -21,12 +21,12 @@ pub fn exp2(x: f64) -> f64 {
     sum * two_to(whole as i32)
 }
 
-/// Whole powers of two that fit into a positive normal number: `floor(log2 x)`.
+/// `floor(log2 x)` of a positive normal number.
 pub fn floor_log2(x: f64) -> i32 {
     ((x.to_bits() >> 52) & 0x7ff) as i32 - 1023
 }
 
-/// `log2 x` of a positive normal number in steps of 1/256, rounded down: the bits of the fraction come from squaring.
+/// `log2 x` of a positive normal number in units of 1/256, rounded down; squaring yields the bits of the fraction.
 pub fn log2_in_256ths(x: f64) -> i32 {
     let whole = floor_log2(x);
     let mut y = x * two_to(-whole);

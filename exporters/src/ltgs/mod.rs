@@ -1,16 +1,16 @@
-//! The compact binary format `.ltgs`: chunks of 4,096 splats with their textures, each readable by itself, all splats
-//! before the first texel. `schema/ltgs.md` has every byte.
+//! The compact binary format `.ltgs`: chunks of 4,096 splats with their maps, each readable by itself, all splats before
+//! the first texel. `schema/ltgs.md` specifies every byte.
 //!
 //! | part | content |
 //! |---|---|
 //! | header | 64 bytes: version, counts, lengths, checksums |
 //! | metadata | JSON: frame, cameras, provenance, hash, steps |
-//! | contents | place, counts, bounds and checksums of each chunk |
+//! | contents | position, counts, bounds and checksums of each chunk |
 //! | splats | per chunk: one stream per attribute; colours contain the maps' means |
 //! | texels | per chunk: streams of texels |
 //!
-//! `lossless` files hold the bytes of the numbers; `balanced` and `tiny` files hold numbers rounded by [`Steps`], which
-//! the caller chooses by looking at images of what [`quantised`] returns.
+//! Lossless files hold the bytes of the numbers; others hold numbers rounded by [`Steps`], which the caller chooses by
+//! rendering what [`quantised`] returns.
 
 mod bits;
 mod check;
@@ -32,8 +32,8 @@ mod write;
 
 pub use check::validate;
 pub use plan::exponents_from_weights;
-pub use read::{Prefix, Reader, decode, decode_prefix};
-pub use steps::{Grid, Quantiser, Steps};
+pub use read::{Reader, decode};
+pub use steps::Steps;
 pub use write::{LtgsOptions, encode, quantised};
 
 #[cfg(test)]

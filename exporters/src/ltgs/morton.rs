@@ -1,11 +1,11 @@
 //! Morton numbers: the bits of three coordinates, interleaved.
 
-/// Of coordinates of up to 21 bits; x has the lowest bits.
+/// The Morton number of coordinates of up to 21 bits; x has the lowest bits.
 pub fn morton([x, y, z]: [u32; 3]) -> u64 {
     spread(x) | spread(y) << 1 | spread(z) << 2
 }
 
-/// The coordinates of a number of 63 bits.
+/// The coordinates of a Morton number of 63 bits.
 pub fn coordinates(morton: u64) -> [u32; 3] {
     [gather(morton), gather(morton >> 1), gather(morton >> 2)]
 }
@@ -18,7 +18,7 @@ const MASKS: [(u32, u64); 5] = [
     (2, 0x1249_2492_4924_9249),
 ];
 
-/// Each bit to three times its place.
+/// Moves each bit to three times its position.
 fn spread(coordinate: u32) -> u64 {
     MASKS.iter().fold(u64::from(coordinate) & 0x1f_ffff, |v, (shift, mask)| (v | v << shift) & mask)
 }

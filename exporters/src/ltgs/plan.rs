@@ -1,4 +1,4 @@
-//! What a writer decides for the whole scene before it codes chunks: order, exponents of splats, grid.
+//! What the writer decides for the whole scene before it encodes chunks: order, exponents of splats, grid.
 
 use super::math::floor_log2;
 use super::morton::morton;
@@ -8,16 +8,16 @@ use crate::SplatAsset;
 
 /// Order, exponents and quantiser of a lossy file.
 pub struct Plan {
-    /// Steps and grid.
+    /// Steps and grid that turn numbers into codes.
     pub quantiser: Quantiser,
     /// Splats in the order of the file. `[n]`
     pub order: Vec<u32>,
-    /// Exponents x, by splat of the asset. `[n]`
+    /// Exponents x of the asset's splats. `[n]`
     pub exponents: Vec<i32>,
 }
 
 impl Plan {
-    /// For a valid asset and valid steps; no exponents are zeros.
+    /// Plans for a valid asset and valid steps; missing exponents are zero.
     pub fn new(asset: &SplatAsset, steps: &Steps, exponents: &[i8]) -> Self {
         let within = |x: i8| i32::from(x).clamp(-EXPONENT_MAX, EXPONENT_MAX);
         let exponents: Vec<i32> =
@@ -35,7 +35,7 @@ impl Plan {
             log2_scale: middle(asset.scales.iter().flatten().map(|s| f64::from(*s).log2()).collect()),
             log2_texel_size: middle_texel_size(asset),
         };
-        // Of an exponent against a reach of 1: that of the splat that needs the finest steps becomes 0.
+        // Relative to a reach of 1: the exponent of the splat that needs the finest steps becomes 0.
         let finest = (0..asset.num_splats()).map(|splat| shape(splat).log2_position_step()).collect();
         grid.reach = super::math::two_to(low_quantile(finest));
         place(&mut grid, asset, steps.position);
@@ -60,10 +60,10 @@ impl Plan {
     }
 }
 
-/// Exponents for splats by what an error of each weighs in the images: the sum over pixels of its squared blending
-/// weight, in any unit. An error that costs the same everywhere would call for steps in proportion to `weight^-1/2`; less of
-/// a spread costs fewer bytes, for exponents are stored too and weights are those of the training views only. Measured at
-/// equal error of the images, beside exponents of 0: 7.6 % fewer bytes (fox at 960), 6 % (flower), 3.5 % (lego) with a
+/// Exponents for splats by how much their errors weigh in renders: `weights` are sums over pixels of squared blending
+/// weights, in any unit. Equal cost of errors everywhere would need steps in proportion to `weight^-1/2`. A smaller spread
+/// takes fewer bytes, because exponents are stored too and weights are those of the training views only. Measured at
+/// equal error of renders, against exponents of 0: 7.6 % fewer bytes (fox at 960), 6 % (flower), 3.5 % (lego) with a
 /// power of 0.3; 0.2 and 0.4 save up to 2 % less.
 pub fn exponents_from_weights(weights: &[f32]) -> Vec<i8> {
     const POWER: f64 = 0.3;
@@ -75,7 +75,7 @@ pub fn exponents_from_weights(weights: &[f32]) -> Vec<i8> {
     logs.iter().map(|x| (x - mean).round().clamp(-MOST, MOST) as i8).collect()
 }
 
-/// Estimated size of the gaps between cells' numbers: the entropy of their lengths and the bits behind the leading one.
+/// Estimated bits of the gaps between cell numbers: the entropy of their lengths, and the bits behind the leading one.
 fn gap_bits(keys: &[u64], order: &[u32], shift: u32) -> u64 {
     let mut counts = [0_u32; 65];
     let (mut last, mut open) = (0, 0);
@@ -92,7 +92,7 @@ fn gap_bits(keys: &[u64], order: &[u32], shift: u32) -> u64 {
     open + entropy as u64
 }
 
-/// Origin and number of bits: the smallest cube of whole finest steps that holds all positions.
+/// Sets origin and bits of the smallest cube of finest steps that holds all positions.
 fn place(grid: &mut Grid, asset: &SplatAsset, position_step: f64) {
     let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
     for position in &asset.positions {
@@ -107,26 +107,26 @@ fn place(grid: &mut Grid, asset: &SplatAsset, position_step: f64) {
     grid.origin = low;
     let edge = (0..3).map(|axis| high[axis] - low[axis]).fold(0.0, f64::max);
     let needed = |reach: f64| edge / (position_step * reach);
-    // Beyond 31 bits the finest splats get coarser steps.
+    // Where 31 bits do not suffice, the finest splats get coarser steps.
     while needed(grid.reach) >= 2.0_f64.powi(GRID_BITS_MAX as i32) {
         grid.reach *= 2.0;
     }
     grid.bits = ((floor_log2(needed(grid.reach).max(0.5)) + 1).max(0) as u32).min(GRID_BITS_MAX);
 }
 
-/// The middle one.
+/// The median.
 fn middle(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied().unwrap_or(0.0)
 }
 
-/// Below which one of a hundred lies.
+/// The first percentile.
 fn low_quantile(mut values: Vec<i32>) -> i32 {
     values.sort_unstable();
     values.get(values.len() / 100).copied().unwrap_or(0)
 }
 
-/// log2 of texel sizes against what standard deviations and numbers of texels say.
+/// Median difference between log2 of texel edges and what standard deviations and texel counts predict.
 fn middle_texel_size(asset: &SplatAsset) -> f64 {
     let textured = asset.maps.iter().zip(&asset.scales).filter(|(map, _)| map.num_texels() > 0);
     let off = |(map, scales): (&crate::AssetMap, &[f32; 2])| {

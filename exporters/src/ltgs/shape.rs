@@ -1,47 +1,47 @@
-//! Codes of where splats lie and how large they are: maps' sides, standard deviations, texel sizes, rotations, positions.
-//! `code_*` and `value_*` of a quantity stand side by side; a writer codes against values as a reader will have them.
+//! Codes of the shapes and positions of splats: sides of maps, standard deviations, texel edges, rotations, positions. Each
+//! quantity has `code_*` and `value_*`; the writer encodes against values as the reader will decode them.
 
 use super::math::{exp2, floor_log2, log2_in_256ths, two_to};
 use super::steps::Quantiser;
 
-/// Exponents of splats lie within plus and minus this.
+/// Largest absolute exponent of a splat.
 pub const EXPONENT_MAX: i32 = 8;
 
-/// Coarsest steps of quaternions' components and of log2 standard deviations, whatever the exponent.
+/// Coarsest steps of quaternion components and of log2 standard deviations, whatever the exponent.
 const ROTATION_STEP_MAX: f64 = 0.25;
 const LOG2_SCALE_STEP_MAX: f64 = 1.0;
 
-/// Largest and smallest standard deviations.
+/// Smallest and largest standard deviation.
 const SCALES: [f32; 2] = [f32::MIN_POSITIVE, 1e6];
 
-/// Longest splats, as power of two of the reach, whose rotations get finer steps.
+/// Bound on how much finer the steps of rotations get for long splats, as a power of two.
 const LENGTH_MAX: i32 = 12;
 
-/// What the steps of one splat depend on, from decoded numbers.
+/// What the steps of a splat depend on, as decoded.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shape {
     /// The splat's exponent x.
     pub exponent: i32,
-    /// Standard deviations as decoded, local units.
+    /// Standard deviations, local units.
     pub scales: [f32; 2],
-    /// Edge of a texel as decoded; 0: untextured.
+    /// Texel edge; 0 without a map.
     pub texel_size: f32,
 }
 
 impl Shape {
-    /// The length that steps of positions refer to: the smaller standard deviation, or two texels.
+    /// The length to which steps of positions are relative: the smaller standard deviation, or two texels if that is less.
     fn reach(&self) -> f64 {
         let smaller = f64::from(self.scales[0].min(self.scales[1]));
         let texels = 2.0 * f64::from(self.texel_size);
         if texels > 0.0 && texels < smaller { texels } else { smaller }
     }
 
-    /// Power of two below the length that steps of positions are in proportion to.
+    /// log2 of the length to which steps of positions are proportional, rounded down.
     pub fn log2_position_step(&self) -> i32 {
         floor_log2(self.reach()) + self.exponent
     }
 
-    /// Bits that a position of this splat lacks against the finest.
+    /// Bits by which the splat's position is coarser than the finest step.
     pub fn position_exponent(&self, quantiser: &Quantiser) -> u32 {
         let grid = &quantiser.grid;
         let exponent = floor_log2(self.reach() / grid.reach) + self.exponent;
@@ -54,7 +54,8 @@ impl Shape {
         (quantiser.steps.rotation * two_to(self.exponent - length)).min(ROTATION_STEP_MAX)
     }
 
-    /// Exponent of texels' steps: the splat's, and one more for each halving of the texel against the standard deviations.
+    /// Exponent of the steps of texels: that of the splat, plus one for each halving of the texel edge relative to the
+    /// standard deviations.
     pub fn texel_exponent(&self) -> i32 {
         let [u, v] = self.scales.map(f64::from);
         let texel = f64::from(self.texel_size);
@@ -63,17 +64,17 @@ impl Shape {
     }
 }
 
-/// Nearest whole number within i32.
+/// The nearest integer, clamped to i32.
 pub fn rounded(x: f64) -> i32 {
     x.round() as i32
 }
 
-/// A side of a map as a number that is small for even sides.
+/// Code of a map side; even sides have small codes.
 pub fn code_side(side: u16) -> u32 {
     if side.is_multiple_of(2) { u32::from(side) / 2 } else { 2049 + u32::from(side) / 2 }
 }
 
-/// The inverse of [`code_side`]; `None` if there is no such side.
+/// The inverse of [`code_side`]; `None` for codes beyond the largest side.
 pub fn value_side(code: u32) -> Option<u16> {
     match code {
         0..=2048 => Some(2 * code as u16),
@@ -92,17 +93,17 @@ pub fn code_scale(quantiser: &Quantiser, exponent: i32, scale: f32) -> i32 {
     rounded(above / log2_scale_step(quantiser, exponent))
 }
 
-/// log2 of a standard deviation.
+/// log2 of the standard deviation that a code stands for.
 pub fn log2_scale(quantiser: &Quantiser, exponent: i32, code: i32) -> f64 {
     quantiser.grid.log2_scale + f64::from(code) * log2_scale_step(quantiser, exponent)
 }
 
-/// A standard deviation from its logarithm.
+/// The standard deviation with a logarithm.
 pub fn value_scale(log2_scale: f64) -> f32 {
     (exp2(log2_scale) as f32).clamp(SCALES[0], SCALES[1])
 }
 
-/// Expected log2 of a texel's size, and its step. Maps span a fixed multiple of the standard deviations, more or less.
+/// Predicted log2 of a texel edge, and its step. Maps span roughly a fixed multiple of the standard deviations.
 fn texel_size_basis(quantiser: &Quantiser, log2_scales: [f64; 2], rows: u16, cols: u16) -> (f64, f64) {
     let log2_texels = f64::from(log2_in_256ths(f64::from(rows) * f64::from(cols))) / 256.0;
     let expected = 0.5 * (log2_scales[0] + log2_scales[1] - log2_texels) + quantiser.grid.log2_texel_size;
@@ -110,7 +111,7 @@ fn texel_size_basis(quantiser: &Quantiser, log2_scales: [f64; 2], rows: u16, col
     (expected, step)
 }
 
-/// Code of a texel's edge of a map with texels.
+/// Code of a texel edge; `sides` are not 0.
 pub fn code_texel_size(
     quantiser: &Quantiser,
     log2_scales: [f64; 2],
@@ -121,13 +122,13 @@ pub fn code_texel_size(
     rounded((f64::from(texel_size).log2() - expected) / step)
 }
 
-/// A texel's edge.
+/// The texel edge that a code stands for.
 pub fn value_texel_size(quantiser: &Quantiser, log2_scales: [f64; 2], sides: [u16; 2], code: i32) -> f32 {
     let (expected, step) = texel_size_basis(quantiser, log2_scales, sides[0], sides[1]);
     (exp2(expected + f64::from(code) * step) as f32).clamp(f32::MIN_POSITIVE, f32::MAX)
 }
 
-/// Place of the largest component and codes of the other three in order.
+/// Index of the largest component, and codes of the other three in order.
 pub fn code_rotation(quantiser: &Quantiser, shape: &Shape, q: [f32; 4]) -> (u32, [i32; 3]) {
     let mut largest = 0;
     for i in 1..4 {
@@ -161,12 +162,12 @@ pub fn value_rotation(quantiser: &Quantiser, shape: &Shape, largest: u32, codes:
     q
 }
 
-/// The components that are not the largest, ascending.
+/// Indices of the other components, ascending.
 fn others(largest: usize) -> [usize; 3] {
     std::array::from_fn(|i| if i < largest { i } else { i + 1 })
 }
 
-/// The finest cell of a position, within the cube. `[3]`
+/// A position in finest steps from the corner of the cube, clamped to it. `[3]`
 pub fn fine_position(quantiser: &Quantiser, position: [f32; 3]) -> [u32; 3] {
     let grid = &quantiser.grid;
     let step = quantiser.steps.position * grid.reach;
@@ -189,7 +190,7 @@ pub fn code_opacity(quantiser: &Quantiser, opacity: f32) -> u32 {
     rounded(f64::from(opacity) / quantiser.steps.opacity).max(1) as u32
 }
 
-/// An opacity; codes of 0 count as 1.
+/// The opacity that a code stands for; 0 counts as 1.
 pub fn value_opacity(quantiser: &Quantiser, code: u32) -> f32 {
     (f64::from(code.max(1)) * quantiser.steps.opacity).min(1.0) as f32
 }

@@ -1,4 +1,4 @@
-//! The splats of a chunk of a lossy file: columns of codes to values and back.
+//! The splats of a chunk of a lossy file as columns of codes.
 
 use super::bits::{BitReader, BitWriter};
 use super::colour::{luma_chroma, rgb};
@@ -12,30 +12,30 @@ use super::texels::Map;
 use crate::sh::SH_0;
 use crate::{AssetMap, Error, Result, SplatAsset, num_sh_coefficients};
 
-/// Codes of a chunk. Colours of degree 0 contain the maps' means.
+/// The codes of a chunk. Colours of degree 0 contain the means of maps.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SplatCodes {
-    /// Exponents x. `[n]`
+    /// Exponents x of the steps. `[n]`
     pub exponents: Vec<i32>,
     /// Sides of maps. `[n, 2]`
     pub sides: Vec<[u16; 2]>,
-    /// Of standard deviations. `[n, 2]`
+    /// Codes of standard deviations. `[n, 2]`
     pub scales: Vec<[i32; 2]>,
-    /// Of texel sizes, of textured splats only.
+    /// Codes of texel edges, for splats with a map only.
     pub texel_sizes: Vec<i32>,
-    /// Largest components of quaternions. `[n]`
+    /// Indices of the largest components of quaternions. `[n]`
     pub largest: Vec<u32>,
-    /// The other components. `[n, 3]`
+    /// Codes of the other components. `[n, 3]`
     pub rotations: Vec<[i32; 3]>,
-    /// Finest cells, ascending in the Morton number of their cells. `[n, 3]`
+    /// Positions in finest steps, ordered by the Morton numbers of their cells. `[n, 3]`
     pub positions: Vec<[u32; 3]>,
-    /// Of opacities. `[n]`
+    /// Codes of opacities. `[n]`
     pub opacities: Vec<u32>,
-    /// Of colours, luma and chroma. `[n, (degree + 1)^2, 3]`
+    /// Codes of colours, luma and chroma. `[n, (degree + 1)^2, 3]`
     pub sh: Vec<i32>,
 }
 
-/// Steps of the colours of a splat. `[coefficient][channel]`
+/// Step of a channel of an SH coefficient of a splat.
 fn colour_step(quantiser: &Quantiser, exponent: i32, coefficient: usize, channel: usize) -> f64 {
     let steps = &quantiser.steps;
     let luma = match coefficient {
@@ -49,7 +49,7 @@ fn colour_step(quantiser: &Quantiser, exponent: i32, coefficient: usize, channel
 }
 
 impl SplatCodes {
-    /// Appends all but the colours of a splat; its shape and its map as readers will have them.
+    /// Appends everything but the colours of a splat; returns shape and map as readers will decode them.
     pub fn push(&mut self, quantiser: &Quantiser, asset: &SplatAsset, splat: usize, exponent: i32) -> Map {
         let map = &asset.maps[splat];
         let scales = asset.scales[splat].map(|s| shape::code_scale(quantiser, exponent, s));
@@ -73,7 +73,7 @@ impl SplatCodes {
         Map { shape, rows: map.rows, cols: map.cols }
     }
 
-    /// Appends the colours of the splat pushed last; `mean` is the mean residual of its map as decoded.
+    /// Appends the colours of the splat that was pushed last; `mean` is the mean residual of its decoded map.
     pub fn push_colours(&mut self, quantiser: &Quantiser, sh: &[f32], exponent: i32, mean: [f64; 3]) {
         for (coefficient, colour) in sh.as_chunks::<3>().0.iter().enumerate() {
             let mut colour = colour.map(f64::from);
@@ -82,7 +82,7 @@ impl SplatCodes {
             }
             let code = |(channel, value): (usize, f64)| {
                 let off = value / colour_step(quantiser, exponent, coefficient, channel);
-                // Small coefficients of higher degrees are mostly noise: fewer bits are worth more than the error.
+                // Small coefficients of higher degrees are mostly noise: rounding them to 0 saves more than it costs.
                 if coefficient == 0 {
                     shape::rounded(off)
                 } else {
@@ -95,7 +95,7 @@ impl SplatCodes {
         }
     }
 
-    /// Splats without texels: colours contain the maps' means, maps have sizes but no texels yet.
+    /// Decodes the splats without texels: colours contain the means of maps, which have sides but no texels yet.
     ///
     /// # Errors
     /// [`Error::TooLarge`] if there are more texels than 32 bits can number.
@@ -131,10 +131,10 @@ impl SplatCodes {
         Ok(asset)
     }
 
-    /// The block of splats.
+    /// Encodes the block of splats.
     ///
     /// # Errors
-    /// None for codes that a writer made.
+    /// None for codes made by the writer.
     pub fn encode(&self, quantiser: &Quantiser, sh_degree: u32, level: i32) -> Result<Vec<u8>> {
         let mut block = Vec::new();
         let mut put = |numbers: Vec<u32>| put_numbers(&mut block, &numbers, level);
@@ -166,7 +166,7 @@ impl SplatCodes {
         Ok(block)
     }
 
-    /// Differences of the cells' Morton numbers, and the places within cells.
+    /// Differences between the Morton numbers of cells, and positions within cells.
     fn gaps_and_places(&self, quantiser: &Quantiser) -> Result<(Vec<u64>, Vec<u8>)> {
         let cell_bits = quantiser.grid.cell_bits;
         let (mut gaps, mut places, mut last) = (Vec::new(), BitWriter::default(), 0);
@@ -182,7 +182,7 @@ impl SplatCodes {
         Ok((gaps, places.finish()))
     }
 
-    /// The inverse of [`Self::encode`] for that many splats.
+    /// The inverse of [`Self::encode`] for `n` splats.
     ///
     /// # Errors
     /// [`Error::Invalid`] or [`Error::Unsupported`].
@@ -264,7 +264,7 @@ impl SplatCodes {
                 let place = places
                     .take(grid.cell_bits - exponent)
                     .ok_or_else(|| Error::invalid("", "positions: too few bits"))?;
-                // 31 bits at most, as the grid's were checked.
+                // At most 31 bits, as checked with the grid.
                 *corner = of_cell.checked_shl(grid.cell_bits).unwrap_or(0) | place << exponent;
             }
             self.positions.push(corner);
@@ -272,7 +272,7 @@ impl SplatCodes {
         if places.is_spent() { Ok(()) } else { Err(Error::invalid("", "positions: too many bits")) }
     }
 
-    /// Shapes of the splats, from the codes that come before positions.
+    /// Shapes of the splats, from the codes that precede positions.
     fn shapes(&self, quantiser: &Quantiser) -> Result<Vec<Shape>> {
         let mut texel_sizes = self.texel_sizes.iter();
         let mut of_splat = |splat: usize| {
@@ -307,7 +307,7 @@ impl SplatCodes {
     }
 }
 
-/// Ranges of coefficients that share streams: one for each degree.
+/// Ranges of coefficients that share streams, one for each degree.
 fn sh_streams(sh_degree: u32) -> impl Iterator<Item = (usize, usize)> {
     (0..=sh_degree).map(|d| ((d * d) as usize, num_sh_coefficients(d)))
 }

@@ -1,37 +1,37 @@
-//! How coarsely the numbers of a lossy file are rounded, and the few numbers of a whole scene that the steps refer to.
-//! Both stand in the file's metadata.
+//! How coarsely the numbers of a lossy file are rounded, and the few numbers of the whole scene to which the steps refer.
+//! Both are stored in the file's metadata.
 
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 
-/// Sizes of steps. Each splat has an exponent x of its own, chosen by the writer from what the splat matters for the
-/// images; its steps are `2^x` times these.
+/// Quantisation steps. Each splat has an exponent x, chosen by the writer from how much the splat contributes to renders;
+/// its steps are `2^x` times these.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub struct Steps {
-    /// Of positions, as a share of the splat's reach: its smaller standard deviation, or two texels if that is less.
+    /// Step of positions, as a share of the splat's reach: its smaller standard deviation, or two texels if that is less.
     pub position: f64,
-    /// Of quaternions' components, for splats whose larger standard deviation is their reach; less for longer ones.
+    /// Step of quaternion components for splats whose larger standard deviation is their reach; finer for longer ones.
     pub rotation: f64,
-    /// Of log2 of standard deviations.
+    /// Step of log2 of standard deviations.
     pub log2_scale: f64,
-    /// Of opacities.
+    /// Step of opacities.
     pub opacity: f64,
-    /// Of SH degree 0, luma.
+    /// Step of luma of SH degree 0.
     pub sh0: f64,
-    /// Of SH degrees 1 to 3, luma.
+    /// Steps of luma of SH degrees 1 to 3.
     pub sh_rest: [f64; 3],
-    /// Of texels, luma, where the Gaussian is near 1; `2^k` times that where it is near `2^-k`, k up to 4.
+    /// Step of luma of texels where the Gaussian is near 1; `2^k` times that where it is near `2^-k`, with k up to 4.
     pub texel: f64,
-    /// Chroma steps over luma steps, of colours and texels.
+    /// Ratio of chroma steps to luma steps, for colours and texels.
     pub chroma: f64,
-    /// Of log2 of texel sizes, for a map of one texel; maps of N texels a side have 1 / N of that.
+    /// Step of log2 of texel edges for a map of one texel; 1 / N of that for maps of N texels a side.
     pub log2_texel_size: f64,
 }
 
 impl Steps {
-    /// Where to start for [`crate::Quality::Balanced`]: about 0.02 dB of a capture at 31 dB. The shares of the attributes
-    /// are those at which a bit buys the same error everywhere, measured by images of a trained scene.
+    /// Steps to start from for [`crate::Quality::Balanced`]: they lose about 0.02 dB of a capture at 31 dB. Their ratios are
+    /// those at which a bit of any attribute reduces the error equally, measured on renders of a trained scene.
     pub fn balanced(_asset: &crate::SplatAsset) -> Self {
         Self {
             position: 0.01,
@@ -46,12 +46,12 @@ impl Steps {
         }
     }
 
-    /// Where to start for [`crate::Quality::Tiny`].
+    /// Steps to start from for [`crate::Quality::Tiny`].
     pub fn tiny(asset: &crate::SplatAsset) -> Self {
         Self::balanced(asset).scaled(2.2)
     }
 
-    /// All steps times a factor.
+    /// All steps multiplied by a factor.
     pub fn scaled(&self, factor: f64) -> Self {
         Self {
             position: self.position * factor,
@@ -66,10 +66,10 @@ impl Steps {
         }
     }
 
-    /// Checks that every step can be used.
+    /// Checks that every step is usable.
     ///
     /// # Errors
-    /// [`Error::Invalid`] with the steps: each lies in `[2^-30, 16]`, opacity's in `[2^-30, 1]`.
+    /// [`Error::Invalid`] unless each step is in `[2^-30, 16]`, and that of opacities at most 1.
     pub fn validate(&self) -> Result<()> {
         let all = [self.position, self.rotation, self.log2_scale, self.sh0, self.texel, self.log2_texel_size];
         let range = two_to_minus_30()..=16.0;
@@ -85,7 +85,7 @@ const fn two_to_minus_30() -> f64 {
     1.0 / (1_u64 << 30) as f64
 }
 
-/// What the steps refer to.
+/// The numbers of a scene to which its steps refer.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase", deny_unknown_fields)]
 pub struct Grid {
@@ -97,23 +97,23 @@ pub struct Grid {
     pub bits: u32,
     /// Edge of a cell, whose Morton number is stored, is `2^cell_bits` finest steps.
     pub cell_bits: u32,
-    /// Codes of log2 standard deviations count from here.
+    /// log2 of the standard deviation with code 0.
     pub log2_scale: f64,
-    /// Codes of log2 texel sizes count from here.
+    /// Offset of log2 of texel edges against their prediction at code 0.
     pub log2_texel_size: f64,
 }
 
 /// Most bits of a coordinate.
 pub const GRID_BITS_MAX: u32 = 31;
 
-/// Most bits of a cell's coordinate: three make a Morton number of 63 bits.
+/// Most bits of a cell's coordinate: three of them make a Morton number of 63 bits.
 pub const CELL_COORDINATE_BITS_MAX: u32 = 21;
 
 impl Grid {
-    /// Checks that it can be used.
+    /// Checks that the grid is usable.
     ///
     /// # Errors
-    /// [`Error::Invalid`] with the grid.
+    /// [`Error::Invalid`] showing the grid.
     pub fn validate(&self) -> Result<()> {
         let numbers = self.origin.iter().chain([&self.log2_scale, &self.log2_texel_size]);
         let sound = numbers.clone().all(|v| v.abs() <= f64::from(f32::MAX))
@@ -125,18 +125,18 @@ impl Grid {
     }
 }
 
-/// Steps and what they refer to: all that turns codes into numbers.
+/// Steps and grid: everything that turns codes into numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub struct Quantiser {
-    /// Sizes of steps.
+    /// Quantisation steps.
     pub steps: Steps,
-    /// What they refer to.
+    /// Numbers to which the steps refer.
     pub grid: Grid,
 }
 
 impl Quantiser {
-    /// Checks both.
+    /// Checks that steps and grid are usable.
     ///
     /// # Errors
     /// [`Error::Invalid`].

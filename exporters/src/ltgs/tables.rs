@@ -1,4 +1,4 @@
-//! The metadata of a file: what the asset is besides its arrays, and how numbers were rounded. JSON.
+//! The metadata of a file as JSON: everything of the asset that is not an array, and how numbers were rounded.
 
 use super::integers::{compress, expand};
 use super::steps::Quantiser;
@@ -6,38 +6,38 @@ use crate::meta::{META_BYTES_MAX, Meta};
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 
-/// Texts from this length on are compressed.
+/// Texts of this length or more are compressed.
 const COMPRESSED_FROM_BYTES: usize = 1024;
 
-/// Order of splats.
+/// Order of the splats in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Order {
-    /// That of the asset.
+    /// The order of the asset.
     Given,
     /// Along a Morton curve.
     Morton,
 }
 
-/// The object. Field names are part of the format; unknown ones are ignored.
+/// The object. Names of fields are part of the format; unknown fields are ignored.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub struct FileMeta {
-    /// Name of the profile, as in the header.
+    /// Name of the quality, as in the header.
     pub quality: String,
-    /// Order of splats.
+    /// Order of the splats.
     pub order: Order,
-    /// [`crate::SplatAsset::hash`] of what a reader gets, 16 hexadecimal digits.
+    /// [`crate::SplatAsset::hash`] of the decoded asset, 16 hexadecimal digits.
     pub hash: String,
-    /// Steps; lossless files have none.
+    /// Steps and grid; absent in lossless files.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub quantiser: Option<Quantiser>,
-    /// The same object as in other formats.
+    /// The object that all formats share.
     pub meta: Meta,
 }
 
 impl FileMeta {
-    /// The bytes in the file, and the length of the text: equal if it is not compressed.
+    /// Returns the bytes in the file and the length of the text, which are equal if it is not compressed.
     ///
     /// # Errors
     /// [`Error::TooLarge`] for more than 16 MiB of text.
@@ -51,7 +51,7 @@ impl FileMeta {
         Ok((compressed.filter(|c| c.len() < length).unwrap_or(text), length))
     }
 
-    /// From the bytes in the file.
+    /// Decodes the bytes in the file.
     ///
     /// # Errors
     /// [`Error::Invalid`].

@@ -1,9 +1,9 @@
-//! Bytes of a file by attribute.
+//! Counts the bytes of a file by attribute.
 
 use crate::{Describes, Section};
 
-/// Names in the order of the report, and what they describe.
-const NAMES: [(&str, Describes); 15] = [
+/// Names in the order of reports, and what they describe.
+const NAMES: [(&str, Describes); 14] = [
     ("header", Describes::Other),
     ("metadata", Describes::Other),
     ("contents", Describes::Other),
@@ -17,42 +17,41 @@ const NAMES: [(&str, Describes); 15] = [
     ("exponents", Describes::Splats),
     ("means", Describes::Splats),
     ("texels", Describes::Texels),
-    ("missing", Describes::Other),
     ("other", Describes::Other),
 ];
 
-/// Sums by name.
+/// Bytes of a file, summed by name.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Tally {
     bytes: [u64; NAMES.len()],
 }
 
 impl Tally {
-    /// Counts what was taken off a block that had `before` bytes and has `after`; returns `after`.
+    /// Counts what was taken off a block that had `before` bytes and has `after` left; returns `after`.
     pub fn add(&mut self, name: &str, before: usize, after: usize) -> usize {
         self.count(name, before.saturating_sub(after) as u64);
         after
     }
 
-    /// Counts bytes.
+    /// Adds bytes to a name.
     pub fn count(&mut self, name: &str, bytes: u64) {
         let place = NAMES.iter().position(|(n, _)| *n == name).unwrap_or(NAMES.len() - 1);
         self.bytes[place] += bytes;
     }
 
-    /// Adds another.
+    /// Adds the bytes of another tally.
     pub fn merge(&mut self, other: &Self) {
         for (sum, bytes) in self.bytes.iter_mut().zip(other.bytes) {
             *sum += bytes;
         }
     }
 
-    /// All so far.
+    /// All bytes counted.
     pub fn total(&self) -> u64 {
         self.bytes.iter().sum()
     }
 
-    /// What is not empty.
+    /// The names that have bytes.
     pub fn sections(&self) -> Vec<Section> {
         let with_bytes = NAMES.iter().zip(self.bytes).filter(|(_, bytes)| *bytes > 0);
         with_bytes

@@ -1,5 +1,5 @@
-//! Texels of a lossy file: luma and chroma, predicted from the texel to the left and above, rounded by a step that grows
-//! where the Gaussian is small, sorted into streams by how large the rounded numbers are likely to be.
+//! Texels of a lossy file: luma and chroma, predicted from the texels to the left and above, rounded by steps that grow
+//! where the Gaussian is small, and sorted into streams by how large the rounded numbers are likely to be.
 
 use super::colour::{luma_chroma, rgb};
 use super::integers::{put_numbers, take_numbers, unzigzag, zigzag};
@@ -9,33 +9,33 @@ use super::steps::Steps;
 use crate::{Error, Result};
 use std::f64::consts::{LN_2, TAU};
 
-/// Streams of a chunk: luma and chroma, four classes of steps, three of neighbours.
+/// Streams of a chunk: luma or chroma, times four classes of steps, times three of neighbours.
 pub const NUM_STREAMS: usize = 24;
 
-/// What a texel takes over from its neighbours to the left and above, each. Measured: trained residuals are nearly
-/// white, and rounding adds noise; 0.5 costs 0.1 bits per texel more.
+/// Share of each of the neighbours to the left and above in a texel's prediction. Trained residuals are nearly white, and
+/// rounding adds noise: 0.5 measured 0.1 bits per texel more.
 const PREDICTION: f64 = 0.35;
 
-/// Where numbers are rounded up: 0.5 rounds to the nearest. Less saves more bits than a finer step costs (measured:
-/// 0.15 bits per texel at equal error).
+/// Offset before rounding down: 0.5 rounds to the nearest. Less saves more bits than a finer step costs (measured: 0.15
+/// bits per texel at equal error).
 const ROUNDING: f64 = 0.4;
 
-/// Exponents of texels' steps lie within.
+/// Smallest and largest exponent of the steps of texels.
 const EXPONENTS: (i32, i32) = (-16, 16);
 
-/// A map: its splat and its sides.
+/// The shape of a splat and the sides of its map.
 #[derive(Clone, Copy)]
 pub struct Map {
-    /// The splat as decoded.
+    /// The decoded splat.
     pub shape: Shape,
-    /// Texels along u.
+    /// Texels along the tangent u.
     pub rows: u16,
-    /// Texels along v.
+    /// Texels along the tangent v.
     pub cols: u16,
 }
 
 impl Map {
-    /// Squared distance of texels along one axis, in standard deviations.
+    /// Squared distances of texels from the centre along one axis, in standard deviations.
     fn squares(&self, count: u16, scale: f32) -> Vec<f64> {
         let middle = 0.5 * (f64::from(count) - 1.0);
         let square = |i: u16| {
@@ -45,8 +45,8 @@ impl Map {
         (0..count).map(square).collect()
     }
 
-    /// Goes over all texels in order. `symbol` gets texel, channel, stream, prediction and step, and returns the
-    /// number of steps from the prediction; texels go to `out` as RGB in [-1, 1].
+    /// Visits all texels in order. `symbol` gets texel, channel, stream, prediction and step, and returns the number of
+    /// steps from the prediction; texels are appended to `out` as RGB in [-1, 1].
     fn walk(
         &self,
         steps: &Steps,
@@ -82,7 +82,7 @@ impl Map {
         Ok(())
     }
 
-    /// What [`crate::SplatAsset::mean_residual`] says of these texels, from arithmetic that is alike everywhere.
+    /// [`crate::SplatAsset::mean_residual`] of these texels, in arithmetic that gives the same bits on every machine.
     pub fn mean_residual(&self, texels: &[f32]) -> [f64; 3] {
         let weights = |squares: Vec<f64>| squares.iter().map(|d| exp2(-0.5 * d / LN_2)).collect::<Vec<_>>();
         let [scale_u, scale_v] = self.shape.scales;
@@ -106,14 +106,14 @@ impl Map {
     }
 }
 
-/// Values and sizes of the numbers of a decoded texel; zero outside of the map.
+/// Values of a decoded texel, and sizes of its numbers; zero outside of the map.
 #[derive(Clone, Copy, Default)]
 struct Neighbour {
     values: [f64; 3],
     sizes: [u32; 3],
 }
 
-/// 0 to 4: the nearest whole number to `-log2` of the Gaussian at a squared distance.
+/// `-log2` of the Gaussian at a squared distance, rounded to an integer from 0 to 4.
 fn falloff_exponent(square: f64) -> i32 {
     [1.0, 3.0, 5.0, 7.0].iter().map(|odd| i32::from(square > LN_2 * odd)).sum()
 }
@@ -126,18 +126,18 @@ fn activity(sizes: u32) -> usize {
     }
 }
 
-/// Numbers of a chunk on their way into a file.
+/// Collects the numbers of a chunk for a file.
 pub struct TexelWriter {
     streams: Vec<Vec<u32>>,
 }
 
 impl TexelWriter {
-    /// No maps yet.
+    /// A writer without maps.
     pub fn new() -> Self {
         Self { streams: vec![Vec::new(); NUM_STREAMS] }
     }
 
-    /// Appends a map; its texels as a reader will have them go to `out`. `texels`: `[rows, cols, 3]`
+    /// Appends a map; its texels as readers will decode them are appended to `out`. `texels`: `[rows, cols, 3]`
     pub fn push(&mut self, steps: &Steps, map: &Map, texels: &[f32], out: &mut Vec<f32>) {
         let wanted: Vec<[f64; 3]> =
             texels.as_chunks::<3>().0.iter().map(|t| luma_chroma(t.map(f64::from))).collect();
@@ -152,7 +152,7 @@ impl TexelWriter {
         let _ = map.walk(steps, out, symbol);
     }
 
-    /// The block.
+    /// Encodes the block of texels.
     pub fn encode(&self, level: i32) -> Vec<u8> {
         let mut block = Vec::new();
         for stream in &self.streams {
@@ -162,13 +162,13 @@ impl TexelWriter {
     }
 }
 
-/// Numbers of a chunk from a file.
+/// Hands out the numbers of a chunk of a file.
 pub struct TexelReader {
     streams: Vec<std::vec::IntoIter<u32>>,
 }
 
 impl TexelReader {
-    /// From a block of that many texels.
+    /// Decodes the streams of a block of `num_texels` texels.
     ///
     /// # Errors
     /// [`Error::Invalid`] or [`Error::Unsupported`] for a damaged block.
@@ -187,7 +187,7 @@ impl TexelReader {
         Ok(Self { streams })
     }
 
-    /// The next map's texels. `[rows, cols, 3]`
+    /// Appends the texels of the next map to `out`. `[rows, cols, 3]`
     ///
     /// # Errors
     /// [`Error::Invalid`] if a stream ends too early.

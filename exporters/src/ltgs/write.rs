@@ -1,4 +1,4 @@
-//! The writer: chunks in parallel, then the file around them.
+//! The writer: encodes chunks in parallel, then assembles the file.
 
 use super::header::{Block, CHUNK_SPLATS, Entry, HEADER_BYTES, Header, MINOR};
 use super::lossless;
@@ -15,24 +15,24 @@ use rayon::prelude::*;
 use std::ops::Range;
 use xxhash_rust::xxh3::xxh3_64;
 
-/// zstd's level: files are written once and read often.
+/// Level of zstd, slow: files are written once and read often.
 const ZSTD_LEVEL: i32 = 19;
 
-/// How a file is written.
+/// How to write a file.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LtgsOptions<'a> {
-    /// What the file promises.
+    /// Quality that the file states.
     pub quality: Quality,
-    /// Sizes of steps; `None`: [`Steps::balanced`] or [`Steps::tiny`]. Lossless files have none.
+    /// Quantisation steps, for lossy files only; `None` takes [`Steps::balanced`] or [`Steps::tiny`].
     pub steps: Option<Steps>,
-    /// Exponents of the splats' steps, see [`super::exponents_from_weights`]; empty: all zero. `[n]`
+    /// Exponents of the splats' steps, see [`super::exponents_from_weights`]; if empty, all are zero. `[n]`
     pub exponents: &'a [i8],
 }
 
-/// The bytes of a file. The same asset and options give the same bytes.
+/// Encodes a file. The same asset and options give the same bytes.
 ///
-/// `lossless` keeps every bit and the order of splats; `balanced` and `tiny` round as the steps say, and put splats in
-/// Morton order: [`quantised`] says what a reader gets.
+/// Lossless files keep every bit and the order of splats. Others round by the steps and put splats in Morton order:
+/// [`quantised`] returns what a reader gets.
 ///
 /// # Errors
 /// [`Error::Invalid`] or [`Error::TooLarge`] if the asset, its metadata or the steps break a rule.
@@ -51,7 +51,7 @@ pub fn encode(asset: &SplatAsset, options: &LtgsOptions<'_>) -> Result<Vec<u8>> 
     encode_planned(asset, options.quality, &Plan::new(asset, &steps, options.exponents))
 }
 
-/// A lossy file as planned.
+/// Encodes a lossy file as planned.
 ///
 /// # Errors
 /// As [`encode`].
@@ -77,7 +77,7 @@ fn file_meta(asset: &SplatAsset, quality: Quality, hash: u64, quantiser: Option<
     }
 }
 
-/// The asset that a reader gets from a lossy file with these steps and exponents, bit for bit, without making the file.
+/// The asset that a reader gets from a lossy file with these steps and exponents, bit for bit, without encoding the file.
 ///
 /// # Errors
 /// As [`encode`].
@@ -91,7 +91,7 @@ pub fn quantised(asset: &SplatAsset, steps: &Steps, exponents: &[i8]) -> Result<
     joined(whole, asset.sh_degree, chunks)
 }
 
-/// Results for the ranges of splats of all chunks, in order.
+/// Calls `of_chunk` with the range of splats of each chunk, in parallel; returns the results in order.
 fn map_chunks<T: Send>(
     asset: &SplatAsset,
     of_chunk: impl Fn(Range<usize>) -> Result<T> + Sync,
@@ -101,13 +101,13 @@ fn map_chunks<T: Send>(
     (0..n.div_ceil(CHUNK_SPLATS)).into_par_iter().map(|chunk| of_chunk(range(chunk))).collect()
 }
 
-/// Chunks one after the other, appended to an asset without splats.
+/// Appends chunks to an asset without splats.
 ///
 /// # Errors
 /// [`Error::TooLarge`] for more than 2^32 - 1 texels.
 pub fn joined(mut whole: SplatAsset, sh_degree: u32, chunks: Vec<SplatAsset>) -> Result<SplatAsset> {
     whole.sh_degree = sh_degree;
-    // Pages of memory come into being as they are written, while those of the chunks go.
+    // Memory is committed as it is written, while that of the chunks is freed.
     whole.texels = with_room(chunks.iter().map(|c| c.texels.len()).sum())?;
     whole.sh = with_room(chunks.iter().map(|c| c.sh.len()).sum())?;
     for chunk in chunks {
@@ -127,7 +127,7 @@ pub fn joined(mut whole: SplatAsset, sh_degree: u32, chunks: Vec<SplatAsset>) ->
     Ok(whole)
 }
 
-/// Blocks of a chunk with its place in the table of contents, offsets still missing.
+/// The blocks of a chunk with its entry of the table of contents, offsets still missing.
 pub struct Chunk {
     splats: Vec<u8>,
     texels: Vec<u8>,
@@ -202,12 +202,12 @@ impl CodedChunk {
     }
 }
 
-/// Mean residual of a decoded map; zero without one.
+/// Mean residual of a decoded map; zero without a map.
 pub fn mean_of(map: &Map, texels: &[f32]) -> [f64; 3] {
     if texels.is_empty() { [0.0; 3] } else { map.mean_residual(texels) }
 }
 
-/// Takes the maps' means out of colours that contain them.
+/// Subtracts the means of maps from colours that contain them.
 pub fn take_means(asset: &mut SplatAsset, means: &[[f64; 3]]) {
     let width = 3 * num_sh_coefficients(asset.sh_degree);
     for (sh, mean) in asset.sh.chunks_exact_mut(width).zip(means) {
@@ -248,7 +248,7 @@ fn assemble(asset: &SplatAsset, quality: Quality, meta: &FileMeta, chunks: &[Chu
     let mut bytes = Vec::with_capacity(first + blocks);
     bytes.extend(header.encode());
     bytes.extend(tables);
-    // All splats before the first texel: what has arrived of a download is an image.
+    // All splats before the first texel, so that a download can be shown before it is complete.
     chunks.iter().for_each(|c| bytes.extend_from_slice(&c.splats));
     chunks.iter().for_each(|c| bytes.extend_from_slice(&c.texels));
     Ok(bytes)

@@ -1,14 +1,14 @@
-//! Texts in comments of a PLY header. The format asks for ASCII lines, and a much used reader in Python refuses others, so
-//! that all else is escaped: `\\u{fc}` for a character, `\\\\` for a backslash.
+//! Text in comments of a PLY header. The format asks for lines of ASCII, and a widely used reader in Python refuses others.
+//! Other characters are escaped: `\\u{fc}` for a character, `\\\\` for a backslash.
 
-/// A text in one line of ASCII, without blanks at its ends.
+/// Turns a text into a line of ASCII without blanks at its ends.
 pub(super) fn escaped(text: &str) -> String {
     let last = text.chars().count().saturating_sub(1);
     let mut out = String::with_capacity(text.len());
     for (i, c) in text.chars().enumerate() {
         match c {
             '\\' => out.push_str("\\\\"),
-            // Readers take blanks off the ends.
+            // Readers trim blanks.
             ' ' if i > 0 && i < last => out.push(c),
             '!'..='~' => out.push(c),
             c => out.extend(c.escape_unicode()),
@@ -17,7 +17,7 @@ pub(super) fn escaped(text: &str) -> String {
     out
 }
 
-/// The inverse of [`escaped`]; what is no escape stays as it is.
+/// The inverse of [`escaped`]; leaves alone what is not an escape.
 pub(super) fn unescaped(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     let mut rest = text;
@@ -43,7 +43,7 @@ pub(super) fn unescaped(text: &str) -> String {
     out + rest
 }
 
-/// `u{CODE}` at the front, and what follows.
+/// The character of `u{CODE}` at the front, and the text behind it.
 fn code(text: &str) -> Option<(char, &str)> {
     let (digits, after) = text.strip_prefix("u{")?.split_once('}')?;
     let is_hex = (1..=6).contains(&digits.len()) && digits.bytes().all(|b| b.is_ascii_hexdigit());

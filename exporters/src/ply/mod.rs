@@ -1,10 +1,10 @@
-//! The PLY files of 3DGS and 2DGS, for viewers that know no textures: maps are averaged into the base
-//! colour. One `vertex` element, one row of floats per splat.
+//! The PLY files of 3DGS and 2DGS, for viewers without texture support: maps are averaged into the base colour. One
+//! `vertex` element, one row of floats per splat.
 //!
 //! | property | meaning |
 //! |---|---|
-//! | `x y z` | centre, frame of the capture (COLMAP's axes) or, if the asset has another one for files, of that |
-//! | `nx ny nz` | the surfel's normal |
+//! | `x y z` | centre, in the frame of the capture (COLMAP's axes) or in the asset's frame of files, if it has one |
+//! | `nx ny nz` | the splat's normal |
 //! | `f_dc_0..2` | SH of degree 0 |
 //! | `f_rest_*` | SH of the higher degrees, **channel by channel**: 0, 9, 24 or 45 |
 //! | `opacity` | logit |
@@ -23,24 +23,23 @@ mod validate;
 mod write;
 
 pub use read::{PlyContents, decode_ply, read_ply};
-pub(crate) use read::{is_thick, thinnest_last};
 pub use scalar::Scalar;
 pub use validate::validate;
 pub use write::{PlyFlavour, PlyOptions, PlySummary, encode_ply, write_ply};
 
-/// Comment of files whose other comments are escaped.
+/// Beginning of the comment that marks files whose other comments are escaped.
 const COMMENT_OURS: &str = "written by: litetex ";
 
-/// Comment by which SuperSplat and splat-transform know files without `scale_2`.
+/// Comment by which SuperSplat and splat-transform recognise files without `scale_2`.
 const COMMENT_2DGS: &str = "SplatRenderMode: 2dgs";
 
-/// What a comment says of a frame: scale, rotation wxyz, translation.
+/// A transform as the text of a comment: scale, rotation wxyz, translation.
 fn world_comment(frame: &Transform) -> String {
     let numbers = [&[frame.scale], frame.rotation.as_slice(), &frame.translation].concat();
     numbers.iter().map(f64::to_string).collect::<Vec<_>>().join(" ")
 }
 
-/// The inverse of [`world_comment`]; `None` if it is no frame.
+/// The inverse of [`world_comment`]; `None` if the text is not a transform.
 fn world_from_comment(text: &str) -> Option<Transform> {
     let numbers: Vec<f64> = text.split_whitespace().map(str::parse).collect::<Result<_, _>>().ok()?;
     let [scale, rotation @ .., x, y, z] = numbers.as_slice() else { return None };

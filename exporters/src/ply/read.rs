@@ -1,32 +1,30 @@
-//! Reads PLY files of splats by any program: properties in any order, further ones ignored, normals
-//! and higher SH optional, two or three scales.
+//! Reads PLY files of splats by any program: properties in any order, unknown ones ignored, normals and higher SH optional,
+//! two or three scales.
 
 use super::COMMENT_OURS;
 use super::escape::unescaped;
 use super::header::Element;
 use super::rows::Rows;
+use crate::ellipsoid::{is_thick, thinnest_last};
 use crate::file::read_file;
 use crate::limits::{room_for_splats, splat_bytes};
 use crate::{AssetMap, Error, ReadLimits, Result, Section, SplatAsset, num_sh_coefficients};
 use std::path::Path;
 
-/// What a file holds.
+/// The contents of a PLY file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlyContents {
-    /// Activated splats without maps; local frame = the file's frame.
+    /// Activated splats without maps; the local frame is that of the file.
     pub asset: SplatAsset,
-    /// Whether the file has no third scale.
+    /// Whether the file has no third scale, as those of 2DGS.
     pub is_surfel: bool,
-    /// Splats whose thinnest axis is more than a tenth of the next: drawn as discs they look different.
+    /// Splats whose thinnest axis is more than a tenth of the next: as discs they look different.
     pub num_thick: usize,
     /// Parts of the file by property; their sum is its size.
     pub sections: Vec<Section>,
-    /// Comments of the header in order.
+    /// Comments of the header, in order.
     pub comments: Vec<String>,
 }
-
-/// A splat is a disc while its thickness is at most this share of its smaller other scale.
-const DISC_THICKNESS: f64 = 0.1;
 
 /// Reads a file. See [`decode_ply`].
 ///
@@ -36,7 +34,7 @@ pub fn read_ply(path: &Path, limits: &ReadLimits) -> Result<PlyContents> {
     decode_ply(&read_file(path, limits.decoded_bytes)?, path, limits)
 }
 
-/// Where each quantity stands in a row.
+/// The columns of each quantity in a row.
 pub(super) struct Columns {
     pub(super) position: [usize; 3],
     pub(super) dc: [usize; 3],
@@ -104,7 +102,7 @@ pub fn decode_ply(bytes: &[u8], path: &Path, limits: &ReadLimits) -> Result<PlyC
     Ok(contents)
 }
 
-/// Activates one row.
+/// Activates a row.
 fn push_splat(contents: &mut PlyContents, columns: &Columns, values: &[f64], path: &Path) -> Result<()> {
     let asset = &mut contents.asset;
     let splat = asset.num_splats();
@@ -113,12 +111,12 @@ fn push_splat(contents: &mut PlyContents, columns: &Columns, values: &[f64], pat
     let quaternion = columns.rotation.map(|c| values[c]);
     let norm = quaternion.iter().map(|v| v * v).sum::<f64>().sqrt();
     if !(norm > 0.0 && norm.is_finite()) {
-        return offence(format!("rotation {quaternion:?} is no quaternion of a rotation"));
+        return offence(format!("rotation {quaternion:?} is not a rotation"));
     }
     let mut quaternion = quaternion.map(|v| v / norm);
     let mut scales = [0.0; 3];
     for (scale, &c) in scales.iter_mut().zip(&columns.scales) {
-        // Too small for f32 is as small as f32 can be; NaN stays and is refused.
+        // What is too small for f32 becomes its smallest number; NaN stays and is refused.
         *scale = values[c].exp().clamp(f64::from(f32::MIN_POSITIVE), f64::INFINITY);
     }
     if columns.scales.len() == 3 {
@@ -140,27 +138,7 @@ fn push_splat(contents: &mut PlyContents, columns: &Columns, values: &[f64], pat
     Ok(())
 }
 
-/// Whether a splat looks different as a disc.
-pub(crate) fn is_thick(scales: [f64; 3]) -> bool {
-    scales[2] > DISC_THICKNESS * scales[0].min(scales[1])
-}
-
-/// Renames the axes cyclically so that the thinnest is z.
-pub(crate) fn thinnest_last([w, x, y, z]: [f64; 4], s: [f64; 3]) -> ([f64; 4], [f64; 3]) {
-    if s[2] <= s[0] && s[2] <= s[1] {
-        ([w, x, y, z], s)
-    } else if s[0] <= s[1] {
-        // New axes (y, z, x): times (1 + i + j + k) / 2.
-        let q = [w - x - y - z, w + x + y - z, w - x + y + z, w + x - y + z];
-        (q.map(|v| 0.5 * v), [s[1], s[2], s[0]])
-    } else {
-        // New axes (z, x, y): times (1 - i - j - k) / 2.
-        let q = [w + x + y + z, -w + x - y + z, -w + x + y - z, -w - x + y + z];
-        (q.map(|v| 0.5 * v), [s[2], s[0], s[1]])
-    }
-}
-
-/// Facts that our writer leaves in comments.
+/// Takes the provenance that our writer leaves in comments.
 fn take_provenance(contents: &mut PlyContents) {
     let mut world = None;
     let is_ours = contents.comments.iter().any(|c| c.starts_with(COMMENT_OURS));
@@ -178,7 +156,7 @@ fn take_provenance(contents: &mut PlyContents) {
             "source" => facts.source = plain(text),
             "program_version" => facts.program_version = plain(text),
             "training" => {
-                // Blanks at the end of a line are gone.
+                // Blanks at the end of a line are lost.
                 let pair = text.split_once(" = ").or_else(|| Some((text.strip_suffix(" =")?, "")));
                 if let Some((name, value)) = pair {
                     facts.training.insert(plain(name), plain(value));

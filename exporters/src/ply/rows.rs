@@ -1,23 +1,23 @@
-//! The rows of a PLY file's vertices, whatever their encoding, and what the parts of the file weigh.
+//! The vertices of a PLY file, row by row in any encoding, and the sizes of the file's parts.
 
 use super::header::{Element, Encoding, Header};
 use super::scalar::Scalar;
-use crate::{Describes, Error, Result, SPLATS_MAX, Section};
+use crate::{Describes, Error, Result, SPLATS_MAX, Section, quoted};
 use std::path::Path;
 
-/// A file whose header was read.
+/// A file whose header has been parsed.
 pub(super) struct Rows<'a> {
     pub(super) header: Header,
     path: &'a Path,
     /// Index of the element of vertices.
     at: usize,
     scalars: Vec<Scalar>,
-    /// All behind the header.
+    /// Everything behind the header.
     data: &'a [u8],
 }
 
 impl<'a> Rows<'a> {
-    /// Reads the header.
+    /// Parses the header.
     ///
     /// # Errors
     /// As [`super::decode_ply`].
@@ -26,7 +26,8 @@ impl<'a> Rows<'a> {
         let at = header.elements.iter().position(|e| e.name == "vertex");
         let at = at.ok_or_else(|| Error::invalid(path, "no element \"vertex\""))?;
         let vertex = &header.elements[at];
-        let list = |name: &str| Error::unsupported(path, format!("list property {name:?} of \"vertex\""));
+        let list =
+            |name: &str| Error::unsupported(path, format!("list property {} of \"vertex\"", quoted(name)));
         let scalars = vertex.properties.iter().map(|p| p.scalar.ok_or_else(|| list(&p.name)));
         let scalars = scalars.collect::<Result<_>>()?;
         if vertex.count > SPLATS_MAX {
@@ -40,12 +41,12 @@ impl<'a> Rows<'a> {
         &self.header.elements[self.at]
     }
 
-    /// As many vertices as the data could hold: a byte for each property, or a digit and a blank.
+    /// The most vertices that the data could hold: one byte per property, or a digit and a blank.
     pub(super) fn room(&self) -> usize {
         self.vertex().count.min(self.data.len() / self.scalars.len().max(1))
     }
 
-    /// Calls with the numbers of every vertex.
+    /// Calls `visit` with the numbers of every vertex.
     ///
     /// # Errors
     /// [`Error::Invalid`] if the file is cut, and what `visit` returns.
@@ -69,7 +70,7 @@ impl<'a> Rows<'a> {
         }
     }
 
-    /// Bytes of the elements before the vertices; `None`: they have lists, or are too many.
+    /// Bytes of the elements before the vertices; `None` if they contain lists, or too many bytes to count.
     fn skipped_bytes(&self) -> Option<usize> {
         let mut sizes = self.header.elements[..self.at].iter().map(|e| e.row_bytes()?.checked_mul(e.count));
         sizes.try_fold(0_usize, |sum, size| sum.checked_add(size?))
@@ -79,7 +80,7 @@ impl<'a> Rows<'a> {
     fn binary(&self) -> Result<impl Iterator<Item = &'a [u8]> + use<'a>> {
         let before = &self.header.elements[..self.at];
         if let Some(element) = before.iter().find(|e| e.row_bytes().is_none()) {
-            let what = format!("lists in element {:?} before \"vertex\"", element.name);
+            let what = format!("lists in element {} before \"vertex\"", quoted(&element.name));
             return Err(Error::unsupported(self.path, what));
         }
         let skipped = self.skipped_bytes().unwrap_or(usize::MAX);
@@ -89,7 +90,7 @@ impl<'a> Rows<'a> {
             Some(rows) if row > 0 => Ok(rows.chunks_exact(row)),
             _ => {
                 let what = format!(
-                    "{count} splats of {row} bytes each, but {} bytes of data: the file is cut or damaged",
+                    "{count} splats of {row} bytes each, but {} bytes of data: the file is truncated or damaged",
                     data.len()
                 );
                 Err(Error::invalid(self.path, what))
@@ -105,7 +106,7 @@ impl<'a> Rows<'a> {
         let mut lines = text.lines();
         for element in &self.header.elements[..self.at] {
             if element.count > 0 && lines.nth(element.count - 1).is_none() {
-                return invalid(format!("element {:?} is cut", element.name));
+                return invalid(format!("element {} is truncated", quoted(&element.name)));
             }
         }
         let expected = self.scalars.len();
@@ -122,7 +123,7 @@ impl<'a> Rows<'a> {
         Ok(())
     }
 
-    /// Bytes behind the last vertex; none are told of text files.
+    /// Bytes behind the last vertex; 0 for text files.
     pub(super) fn trailing_bytes(&self) -> usize {
         let row = self.vertex().row_bytes().unwrap_or_default();
         let needed = row.checked_mul(self.vertex().count).and_then(|v| v.checked_add(self.skipped_bytes()?));
@@ -143,14 +144,10 @@ impl<'a> Rows<'a> {
         let mut add = |name: &str, bytes: u64, describes: Describes| {
             let bytes = bytes.min(left);
             left -= bytes;
-            match sections.iter_mut().find(|s| s.name == name) {
-                Some(section) => section.bytes += bytes,
-                None if bytes > 0 => sections.push(Section { name: name.to_owned(), bytes, describes }),
-                None => {}
-            }
+            Section::add(&mut sections, name, describes, bytes);
         };
         if self.header.encoding == Encoding::Ascii {
-            // Digits of one property cannot be told from those of the next without reading them.
+            // The text of a property has no fixed size.
             add("splats", u64::MAX, Describes::Splats);
             return sections;
         }
@@ -164,7 +161,7 @@ impl<'a> Rows<'a> {
     }
 }
 
-/// Part of a file to which a property of vertices belongs.
+/// The part of the file to which a property of vertices belongs.
 fn part_of(property: &str) -> &'static str {
     match property {
         "x" | "y" | "z" => "positions",

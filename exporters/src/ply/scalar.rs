@@ -1,28 +1,28 @@
-//! Scalar types of PLY properties.
+//! Scalar types of PLY properties, also for PLY files of points.
 
-/// Type of a scalar property.
+/// The type of a scalar property.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scalar {
-    /// Signed, 8 bits.
+    /// `char`: a signed integer of 8 bits.
     I8,
-    /// Unsigned, 8 bits.
+    /// `uchar`: an unsigned integer of 8 bits.
     U8,
-    /// Signed, 16 bits.
+    /// `short`: a signed integer of 16 bits.
     I16,
-    /// Unsigned, 16 bits.
+    /// `ushort`: an unsigned integer of 16 bits.
     U16,
-    /// Signed, 32 bits.
+    /// `int`: a signed integer of 32 bits.
     I32,
-    /// Unsigned, 32 bits.
+    /// `uint`: an unsigned integer of 32 bits.
     U32,
-    /// Float, 32 bits.
+    /// `float`: 32 bits.
     F32,
-    /// Float, 64 bits.
+    /// `double`: 64 bits.
     F64,
 }
 
 impl Scalar {
-    /// By its name in a header, old or new.
+    /// The type with a name, old (`uchar`) or new (`uint8`).
     pub fn parse(name: &str) -> Option<Self> {
         Some(match name {
             "char" | "int8" => Self::I8,
@@ -37,7 +37,7 @@ impl Scalar {
         })
     }
 
-    /// Length in binary files.
+    /// Bytes of a value in binary files.
     pub const fn num_bytes(self) -> usize {
         match self {
             Self::I8 | Self::U8 => 1,
@@ -47,7 +47,7 @@ impl Scalar {
         }
     }
 
-    /// The value at the front of little-endian `bytes`; `None` if there are too few.
+    /// Reads the value at the front of little-endian `bytes`; `None` if there are too few.
     pub fn read(self, bytes: &[u8]) -> Option<f64> {
         Some(match self {
             Self::I8 => f64::from(i8::from_le_bytes(*bytes.first_chunk()?)),

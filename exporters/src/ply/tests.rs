@@ -16,7 +16,7 @@ fn options(flavour: PlyFlavour) -> PlyOptions {
     PlyOptions { flavour, sh_degree: None }
 }
 
-/// Largest relative difference between the frozen asset, baked by hand, and what was read.
+/// Largest relative difference between the baked asset, converted by hand, and what was read.
 fn largest_difference(asset: &SplatAsset, read: &SplatAsset) -> f64 {
     let frame = &asset.capture_from_local;
     let mut worst = 0.0_f64;
@@ -102,7 +102,7 @@ fn extremes_stay_finite() {
     let read = decode(&bytes).unwrap().asset;
     assert!((read.opacities[0] - 1.0).abs() < 1.3e-7); // needed 6e-8
     assert!((read.scales[1][0] / 3.7e-30 - 1.0).abs() < 1e-5); // needed 1.6e-6: f32 of ln 1e-30
-    // Logits and logarithms beyond f32 are as small as f32 can be, not refused.
+    // Logits and logarithms beyond f32 become its smallest number and are not refused.
     let tiny = FOREIGN.replace("255 0 -1 -9 -2", "255 -999 -1 -999 -2");
     let read = decode(tiny.as_bytes()).unwrap().asset;
     assert_eq!((read.opacities[0], read.num_splats()), (f32::MIN_POSITIVE, 1));
@@ -202,7 +202,7 @@ fn errors_name_the_element_and_what_was_found() {
         ("float opacity", "float opacitx", "\"opacity\""),
         ("vertex 2", "vertex 3", "3 splats of"),
         ("vertex 2", "vertex 18446744073709551615", "at most"),
-        ("vertex 2", "vertex 16777216", "cut or damaged"),
+        ("vertex 2", "vertex 16777216", "truncated or damaged"),
         ("vertex 2", "vertex -1", "not a number"),
         ("property float x", "property list uchar int x", "list property \"x\""),
         ("property float x", "property quad x", "unknown type"),
@@ -246,7 +246,7 @@ fn no_damage_makes_the_reader_panic() {
             }
             match decode(&damaged) {
                 Err(_) => refused += 1,
-                // What is accepted is sound.
+                // Accepted files are sound.
                 Ok(read) => read.asset.validate().unwrap(),
             }
         }
@@ -292,16 +292,16 @@ fn texts_of_any_language_come_back() {
     asset.provenance.training.insert("empty".to_owned(), String::new());
     let (bytes, _) = encode_ply(&asset, &PlyOptions::default()).unwrap();
     let end = bytes.windows(10).position(|w| w == b"end_header").unwrap();
-    // Readers of others refuse what is not ASCII.
+    // Other readers refuse what is not ASCII.
     assert!(bytes[..end].is_ascii());
     assert_eq!(decode(&bytes).unwrap().asset.provenance, asset.provenance);
-    // Of other programs as they are.
+    // Comments of other programs are taken literally.
     let foreign = FOREIGN.replacen("element vertex", "comment author: a\\u{41} ü\nelement vertex", 1);
     assert_eq!(decode(foreign.as_bytes()).unwrap().asset.provenance.author, "a\\u{41} ü");
 }
 
 #[test]
-fn bytes_are_told_by_attribute_and_add_up() {
+fn bytes_by_attribute_add_up() {
     let (bytes, _) = encode_ply(&fixture(20, 1), &PlyOptions::default()).unwrap();
     let sections = decode(&bytes).unwrap().sections;
     let of = |name: &str| sections.iter().find(|s| s.name == name).map_or(0, |s| s.bytes);
@@ -316,7 +316,7 @@ fn bytes_are_told_by_attribute_and_add_up() {
 }
 
 #[test]
-fn validation_tells_what_is_odd_once_for_each_rule() {
+fn validation_reports_each_rule_once() {
     let asset = fixture(40, 0);
     let (bytes, _) = encode_ply(&asset, &PlyOptions::default()).unwrap();
     assert_eq!(validate(&bytes, Path::new(PATH)), []);
@@ -367,4 +367,15 @@ fn long_headers_are_refused() {
     assert!(refused("element e 0\n".repeat(2000)));
     assert!(refused("\n".repeat(20 << 20)));
     assert!(!refused((0..500).map(|i| format!("property uchar p{i}\n")).collect()), "negative control");
+}
+
+#[test]
+fn headers_take_time_in_proportion_to_their_length() {
+    let elements: String = (0..1000).map(|i| format!("element e{i} 0\n")).collect();
+    let file = format!("ply\nformat ascii 1.0\n{elements}{}end_header\n", "\n".repeat(4_000_000));
+    let start = std::time::Instant::now();
+    let error = decode(file.as_bytes()).unwrap_err();
+    assert!(error.to_string().contains("no element \"vertex\""), "{error}");
+    // A tenth of a second; a look at every element in every line took minutes.
+    assert!(start.elapsed().as_secs_f64() < 5.0, "{:?}", start.elapsed());
 }

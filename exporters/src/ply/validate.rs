@@ -1,18 +1,19 @@
-//! Checks PLY files for what a user of their splats wants to hear. The rules stand in `plain.rs`.
+//! Checks PLY files for problems worth reporting. The rules are those of `plain.rs`.
 
 use super::COMMENT_2DGS;
-use super::read::{Columns, is_thick, thinnest_last};
+use super::read::Columns;
 use super::rows::Rows;
+use crate::ellipsoid::{is_thick, thinnest_last};
 use crate::plain::{Check, Raw, unreadable};
 use crate::{Issue, Result, Severity};
 use std::path::Path;
 
-/// Checks the bytes of a file, also of other programs; `path` is only for messages.
+/// Checks the bytes of a file by any program; `path` is only for messages.
 pub fn validate(bytes: &[u8], path: &Path) -> Vec<Issue> {
     let mut issues = Vec::new();
     let mut check = Check::default();
     if let Err(error) = look(bytes, path, &mut check, &mut issues) {
-        issues.push(unreadable(error));
+        issues.push(unreadable(&error));
     }
     issues.extend(check.issues());
     issues
@@ -28,7 +29,7 @@ fn look(bytes: &[u8], path: &Path, check: &mut Check, issues: &mut Vec<Issue>) -
         info("header", what);
     }
     if columns.scales.len() == 2 && !rows.header.comments.iter().any(|c| c == COMMENT_2DGS) {
-        info("header", format!("no scale_2, and no comment {COMMENT_2DGS:?}: viewers take it for damaged"));
+        info("header", format!("no scale_2, and no comment {COMMENT_2DGS:?}: viewers consider it damaged"));
     }
     if rows.trailing_bytes() > 0 && rows.header.elements.last().is_some_and(|e| e.name == "vertex") {
         info("data", format!("{} bytes behind the last splat", rows.trailing_bytes()));
@@ -52,7 +53,7 @@ fn raw(values: &[f64], columns: &Columns) -> Raw {
         scales = thinnest_last(quaternion, scales).1;
         thick = is_thick(scales);
     }
-    // Beyond f32 is beyond what others read.
+    // Other programs read f32.
     let sh = columns.dc.iter().chain(&columns.rest);
     let is_finite = sh.chain(&columns.position).all(|&c| (values[c] as f32).is_finite());
     Raw {

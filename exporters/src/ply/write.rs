@@ -1,4 +1,4 @@
-//! Writes PLY.
+//! Writes PLY files of splats.
 
 use super::escape::escaped;
 use super::{COMMENT_2DGS, world_comment};
@@ -6,40 +6,39 @@ use crate::baked::{Baked, Baker};
 use crate::{Error, Result, SplatAsset, num_sh_coefficients, write_atomically};
 use std::path::Path;
 
-/// Which of the two layouts.
+/// The layout of a PLY file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum PlyFlavour {
-    /// 3DGS: with a thin third scale, for every viewer.
+    /// That of 3DGS, for every viewer: the third scale is thin.
     #[default]
     Ellipsoid,
-    /// 2DGS: two scales and the comment that says so, for viewers that draw surfels.
+    /// That of 2DGS, for viewers that draw discs: two scales, and a comment that says so.
     Surfel,
 }
 
-/// What to write.
+/// How to write a PLY file.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PlyOptions {
-    /// Layout.
+    /// The layout of rows.
     pub flavour: PlyFlavour,
-    /// SH degree of the file: higher ones are cut, missing ones are zero. `None`: the asset's. The
+    /// SH degree of the file, `None` for that of the asset: higher degrees are left out, missing ones are zero. The
     /// original 3DGS viewer reads degree 3 only.
     pub sh_degree: Option<u32>,
 }
 
-/// What was written.
+/// Facts about a file that was written.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PlySummary {
     /// Size of the file.
     pub bytes: usize,
-    /// Maps that were averaged.
+    /// Splats whose maps were averaged into their colours.
     pub averaged_maps: usize,
-    /// Largest error of a centre by rounding it to f32 in the capture frame, in texels of its own map.
-    /// More than 0.1 deserves a warning: the capture lies far from its origin.
+    /// Largest error of a centre from rounding it to f32 in the world frame, in texels of its map. More than 0.1 deserves
+    /// a warning: the capture lies far from its origin.
     pub position_error_texels: f64,
 }
 
-/// Thickness of surfels for viewers of ellipsoids, capture units: their logarithm must be finite
-/// (a thickness of 0 breaks them) and the disc must look flat.
+/// Thickness of discs for viewers of ellipsoids, world units: its logarithm must be finite, and the disc must look flat.
 const THICKNESS: f64 = 1e-6;
 
 /// Writes a file. See [`encode_ply`].
@@ -52,11 +51,10 @@ pub fn write_ply(path: &Path, asset: &SplatAsset, options: &PlyOptions) -> Resul
     Ok(summary)
 }
 
-/// The bytes of a binary little-endian file.
+/// Encodes a binary little-endian file.
 ///
 /// # Errors
-/// [`Error::Invalid`] if the asset breaks a rule or a value is not finite in the capture frame,
-/// [`Error::TooLarge`].
+/// [`Error::Invalid`] if the asset breaks a rule or a value is not finite in the world frame, [`Error::TooLarge`].
 pub fn encode_ply(asset: &SplatAsset, options: &PlyOptions) -> Result<(Vec<u8>, PlySummary)> {
     asset.validate()?;
     let sh_degree = options.sh_degree.unwrap_or(asset.sh_degree);
@@ -71,7 +69,7 @@ pub fn encode_ply(asset: &SplatAsset, options: &PlyOptions) -> Result<(Vec<u8>, 
         let baked = baker.splat(splat);
         push_splat(&mut row, &baked, options.flavour, sh_degree);
         if !row.iter().all(|v| v.is_finite()) {
-            return Err(Error::invalid("", format!("splat {splat}: not finite in the capture frame")));
+            return Err(Error::invalid("", format!("splat {splat}: not finite in the frame of the file")));
         }
         bytes.extend(row.iter().flat_map(|v| v.to_le_bytes()));
         summary.averaged_maps += usize::from(asset.maps[splat].num_texels() > 0);
@@ -146,19 +144,19 @@ fn push_splat(row: &mut Vec<f32>, splat: &Baked, flavour: PlyFlavour, sh_degree:
     let scales = splat.scales;
     row.extend(scales.map(|s| s.ln() as f32));
     if flavour == PlyFlavour::Ellipsoid {
-        // Always the thinnest axis, however small the capture's unit makes the splat.
+        // Always the thinnest axis, however small the splat is in the unit of the capture.
         let thickness = THICKNESS.min(0.01 * scales[0].min(scales[1]));
         row.push(thickness.ln() as f32);
     }
     row.extend(splat.rotation);
 }
 
-/// The surfel's z axis.
+/// The splat's z axis.
 fn normal([w, x, y, z]: [f32; 4]) -> [f32; 3] {
     [2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)]
 }
 
-/// Logit of an opacity in (0, 1]; 1 is taken as the largest f32 below it, so that the result is finite.
+/// Logit of an opacity in (0, 1]; 1 counts as the largest f32 below it, so that the result is finite.
 fn logit(opacity: f32) -> f32 {
     let o = f64::from(opacity.min(1.0 - f32::EPSILON / 2.0));
     (o / (1.0 - o)).ln() as f32

@@ -1,5 +1,5 @@
-//! SPZ version 4, the compact format of plain splats: six streams of bytes, each compressed by zstd. Maps are averaged into
-//! the base colour, as in PLY; frame: of the capture with y up (x right, y up, z back).
+//! SPZ version 4, the compact format of untextured splats: six streams of bytes, each compressed by zstd. Maps are averaged
+//! into the base colour, as in PLY. The frame is that of the capture with y up (x right, y up, z back).
 //!
 //! | stream | bytes a splat | meaning |
 //! |---|---|---|
@@ -19,20 +19,20 @@ pub use read::{decode_spz, read_spz};
 pub use validate::validate;
 pub use write::{SpzSummary, encode_spz, write_spz};
 
-/// "NGSP".
+/// The first bytes of a file: "NGSP".
 const MAGIC: u32 = 0x5053_474e;
 const VERSION: u32 = 4;
 const HEADER_BYTES: usize = 32;
-/// Sizes, compressed and not, of a stream.
+/// An entry of the table of contents: the sizes of a stream, compressed and not.
 const TOC_ENTRY_BYTES: usize = 16;
 const NUM_STREAMS: usize = 6;
 /// Bit of the header's flags: extension records lie between header and table.
 const HAS_EXTENSIONS: u8 = 0x2;
-/// Our extension record: title, author and so on as JSON. Others skip it by its length.
+/// Type of our extension record, which holds the metadata as JSON. Other programs skip it by its length.
 const META_RECORD: u32 = 0x4c54_0001;
 const COLOUR_SCALE: f64 = 0.15;
 
-/// Steps of SH codes of a degree.
+/// Step between the codes of an SH coefficient, by its index.
 fn sh_step(coefficient: usize) -> f64 {
     if coefficient < 4 { 8.0 } else { 16.0 }
 }

@@ -1,4 +1,4 @@
-//! Reads SPZ version 4 by any program; extension records of others are skipped.
+//! Reads SPZ version 4 by any program; skips the extension records of others.
 
 use super::{
     HAS_EXTENSIONS, HEADER_BYTES, MAGIC, META_RECORD, NUM_STREAMS, TOC_ENTRY_BYTES, VERSION, rotation,
@@ -8,18 +8,18 @@ use crate::limits::{room_for_splats, splat_bytes, with_room};
 use crate::meta::Meta;
 use crate::yup;
 use crate::{
-    AssetMap, Contents, Describes, Error, ReadLimits, Result, SPLATS_MAX, Section, SplatAsset,
-    num_sh_coefficients,
+    AssetMap, Contents, Describes, Error, ReadLimits, Result, SPLATS_MAX, Section, SplatAsset, ellipsoid,
+    num_sh_coefficients, text,
 };
 use std::path::Path;
 
-/// Names of the streams for tables of sizes.
+/// Names of the streams in reports.
 const NAMES: [&str; NUM_STREAMS] = ["positions", "opacities", "sh0", "scales", "rotations", "sh_rest"];
-/// All streams together hold at most so many times the file's bytes. Scenes reach 4 to 8; a padded SH of zeros costs
-/// nothing, but the centres beside it do, so that even then nine bytes of a splat's 65 do not compress. Ten times that.
+/// All streams together hold at most this many times the file's bytes. Scenes reach 4 to 8. SH of zeros takes no room, but
+/// the nine bytes of a centre among a splat's 65 hardly compress. Ten times that.
 const EXPANSION_MAX: u64 = 80;
 
-/// Files of a few alike splats may be beyond [`EXPANSION_MAX`].
+/// Files of few splats that are alike may exceed [`EXPANSION_MAX`].
 const SMALL_BYTES: u64 = 16 << 20;
 
 /// Reads a file. See [`decode_spz`].
@@ -38,12 +38,12 @@ struct Header {
     has_extensions: bool,
 }
 
-/// Decodes the bytes of a file; `path` is only for messages. The asset is in the file's frame turned to y down, which is
-/// the capture's if the file is ours; then cameras, near plane, background and provenance are those of the asset that it
-/// was made from, the former two seen from that frame.
+/// Decodes the bytes of a file; `path` is only for messages. The asset is in the file's frame turned to y down. In our own
+/// files that is the capture's frame, and near plane, cameras, background and provenance are those of the original asset,
+/// the former two converted to that frame.
 ///
 /// # Errors
-/// [`Error::Invalid`] if the file is damaged or no SPZ, [`Error::Unsupported`] for other versions,
+/// [`Error::Invalid`] if the file is damaged or not an SPZ file, [`Error::Unsupported`] for other versions,
 /// [`Error::TooLarge`].
 pub fn decode_spz(bytes: &[u8], path: &Path, limits: &ReadLimits) -> Result<Contents> {
     let header = header(bytes, path)?;
@@ -58,14 +58,14 @@ pub fn decode_spz(bytes: &[u8], path: &Path, limits: &ReadLimits) -> Result<Cont
     let (mut asset, thick) = splats(&header, &streams, path)?;
     let mut warnings = Vec::new();
     if thick > 0 {
-        warnings.push(format!("{thick} splats are no discs: their thinnest axis is left out"));
+        warnings.push(format!("{thick} splats are thick: drawn as discs, they lose their thinnest axis"));
     }
     let meta = own_meta(bytes, &header);
     if let Some(Err(what)) = &meta {
-        warnings.push(format!("the metadata of this program are damaged: {what}"));
+        warnings.push(text::message(format!("the metadata of this program are damaged: {what}")));
     }
     if let Some(Ok(meta)) = meta {
-        // Splats lie in the world; cameras come along to there.
+        // Splats are in the world frame; cameras are converted to it.
         let world_from_local = meta.world_from_capture.after(&meta.capture_from_local);
         asset.world_from_capture = meta.world_from_capture;
         asset.capture_from_local = meta.world_from_capture.inverse();
@@ -84,7 +84,7 @@ fn word(bytes: &[u8], at: usize) -> Option<u32> {
 
 fn header(bytes: &[u8], path: &Path) -> Result<Header> {
     if bytes.starts_with(&[0x1f, 0x8b]) {
-        let what = "SPZ of version 1 to 3 (gzip); supported: version 4; write it anew with a current program";
+        let what = "SPZ of version 1 to 3 (gzip); supported: version 4; convert it with a current program";
         return Err(Error::unsupported(path, what));
     }
     let cut = || Error::invalid(path, format!("{} bytes, the header of an SPZ file has 32", bytes.len()));
@@ -158,7 +158,7 @@ fn streams(bytes: &[u8], header: &Header, path: &Path, limits: &ReadLimits) -> R
     Ok(out)
 }
 
-/// Compressed bytes of the streams; the table of contents agrees with the sizes.
+/// Compressed bytes of the streams, after checking that the table of contents agrees with the expected sizes.
 fn entries<'a>(bytes: &'a [u8], header: &Header, sizes: &[usize], path: &Path) -> Result<Vec<&'a [u8]>> {
     // Files without SH may have an empty sixth stream.
     let count = if header.sh_degree == 0 { NUM_STREAMS - 1 } else { NUM_STREAMS };
@@ -205,8 +205,8 @@ fn splats(header: &Header, streams: &[Stream], path: &Path) -> Result<(SplatAsse
         let [x, y, z, w] = rotation::decode(code);
         let s = row(3, 3);
         let scales = [s[0], s[1], s[2]].map(|c| (f64::from(c) / 16.0 - 10.0).exp());
-        let (q, scales) = crate::ply::thinnest_last([w, x, y, z], scales);
-        thick += usize::from(crate::ply::is_thick(scales));
+        let (q, scales) = ellipsoid::thinnest_last([w, x, y, z], scales);
+        thick += usize::from(ellipsoid::is_thick(scales));
         asset.rotations.push(yup::rotation_back(q.map(|v| v as f32)));
         asset.scales.push([scales[0] as f32, scales[1] as f32]);
         let dc = row(2, 3).iter().map(|&c| super::write::dc_from_code(c) as f32);
@@ -221,7 +221,7 @@ fn splats(header: &Header, streams: &[Stream], path: &Path) -> Result<(SplatAsse
     Ok((asset, thick))
 }
 
-/// What our writer left in an extension record; the error says why it cannot be read.
+/// The metadata in our extension record, if there is one; the error says why they cannot be read.
 fn own_meta(bytes: &[u8], header: &Header) -> Option<Result<Meta, String>> {
     let mut at = HEADER_BYTES;
     while header.has_extensions && at.checked_add(8)? <= header.toc_offset.min(bytes.len()) {

@@ -1,10 +1,10 @@
-//! Unit quaternions in 32 bits: the largest component follows from the other three.
+//! Unit quaternions in 32 bits: three components, from which the largest follows.
 
-/// Largest of the three smaller components.
+/// Bound of the three smaller components.
 const MOST: f64 = std::f64::consts::FRAC_1_SQRT_2;
 const STEPS: f64 = 511.0;
 
-/// Code of a unit quaternion **xyzw**.
+/// Encodes a unit quaternion **xyzw**.
 pub fn encode(q: [f64; 4]) -> u32 {
     let largest = (1..4).fold(0, |best, i| if q[i].abs() > q[best].abs() { i } else { best });
     let negative = q[largest] < 0.0;
@@ -18,7 +18,7 @@ pub fn encode(q: [f64; 4]) -> u32 {
     code
 }
 
-/// The quaternion **xyzw** of a code, of length 1.
+/// Decodes a unit quaternion **xyzw**.
 pub fn decode(code: u32) -> [f64; 4] {
     let largest = (code >> 30) as usize;
     let mut q = [0.0; 4];

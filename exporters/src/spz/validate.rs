@@ -1,15 +1,15 @@
-//! Checks SPZ files for what a user of their splats wants to hear. The rules stand in `plain.rs`.
+//! Checks SPZ files for problems worth reporting. The rules are those of `plain.rs`.
 
 use super::read::decode_spz;
 use crate::plain::{Check, Raw, unreadable};
 use crate::{Issue, ReadLimits, Severity};
 use std::path::Path;
 
-/// Checks the bytes of a file, also of other programs; `path` is only for messages.
+/// Checks the bytes of a file by any program; `path` is only for messages.
 pub fn validate(bytes: &[u8], path: &Path) -> Vec<Issue> {
     let contents = match decode_spz(bytes, path, &ReadLimits::default()) {
         Ok(contents) => contents,
-        Err(error) => return vec![unreadable(error)],
+        Err(error) => return vec![unreadable(&error)],
     };
     let mut issues = Vec::new();
     for warning in &contents.warnings {

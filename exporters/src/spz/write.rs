@@ -1,4 +1,4 @@
-//! Writes SPZ.
+//! Writes SPZ version 4.
 
 use super::{COLOUR_SCALE, HAS_EXTENSIONS, HEADER_BYTES, MAGIC, META_RECORD, VERSION, rotation, sh_step};
 use crate::baked::{Baked, Baker};
@@ -7,23 +7,23 @@ use crate::sh::Turn;
 use crate::{Error, Result, SplatAsset, write_atomically, yup};
 use std::path::Path;
 
-/// Fractional bits that other programs accept.
+/// Fractional bits of positions that other programs accept.
 const FRACTIONAL_BITS: std::ops::RangeInclusive<u32> = 4..=23;
-/// Largest fixed-point number.
+/// Largest fixed-point number of 24 bits.
 const FIXED_MAX: f64 = 8_388_607.0;
-/// Files are written once and read often.
+/// Slow to write: files are written once and read often.
 const ZSTD_LEVEL: i32 = 19;
 
-/// What was written.
+/// Facts about a file that was written.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SpzSummary {
     /// Size of the file.
     pub bytes: usize,
-    /// Maps that were averaged.
+    /// Splats whose maps were averaged into their colours.
     pub averaged_maps: usize,
-    /// Largest error of a centre by its 24 bits, in texels of its own map.
+    /// Largest error of a centre from rounding it to 24 bits, in texels of its map.
     pub position_error_texels: f64,
-    /// Splats of which a scale lies outside of what 8 bits reach (4.5e-5 to 380 capture units), the thin axis aside.
+    /// Splats with a scale outside of the range of 8 bits (4.5e-5 to 380 units), not counting the thin axis.
     pub clamped_scales: usize,
 }
 
@@ -37,7 +37,7 @@ pub fn write_spz(path: &Path, asset: &SplatAsset) -> Result<SpzSummary> {
     Ok(summary)
 }
 
-/// The bytes of a file.
+/// Encodes a file.
 ///
 /// # Errors
 /// [`Error::Invalid`] if the asset breaks a rule or its centres lie too far out, [`Error::TooLarge`].
@@ -71,7 +71,7 @@ pub fn encode_spz(asset: &SplatAsset) -> Result<(Vec<u8>, SpzSummary)> {
     Ok((bytes, summary))
 }
 
-/// Appends a splat to the streams; returns the error of its centre.
+/// Appends a splat to the streams and returns the error of its centre.
 fn push(
     streams: &mut [Vec<u8>; 6],
     splat: &Baked,
@@ -94,7 +94,7 @@ fn push(
     let codes = splat.scales.map(|s| (s.ln() + 10.0) * 16.0);
     summary.clamped_scales += usize::from(codes.iter().any(|c| !(-0.5..255.5).contains(c)));
     scales.extend(codes.map(byte));
-    // The thinnest axis, as thin as there is.
+    // The thin axis, as thin as can be.
     scales.push(0);
     let [w, x, y, z] = yup::rotation(splat.rotation).map(f64::from);
     rotations.extend(rotation::encode([x, y, z, w]).to_le_bytes());
@@ -133,7 +133,7 @@ fn file(asset: &SplatAsset, fractional_bits: u32, streams: &[Vec<u8>; 6]) -> Res
     Ok(bytes)
 }
 
-/// Mean colour of a code, for tests and readers alike.
+/// The SH coefficient of degree 0 that a code stands for.
 pub(super) fn dc_from_code(code: u8) -> f64 {
     (f64::from(code) / 255.0 - 0.5) / COLOUR_SCALE
 }

@@ -1,4 +1,4 @@
-//! Nothing is replaced unasked, nothing is lost by what fails, and what is staged can be read.
+//! Nothing is replaced unasked or lost by failures and kills, and staged files can be read.
 
 use super::*;
 use crate::asset::tests::fixture;
@@ -12,7 +12,7 @@ fn options(mesh: bool) -> WriteOptions<'static> {
 fn with_title(title: &str) -> SplatAsset {
     let mut asset = fixture(20, 1);
     asset.provenance.title = title.to_owned();
-    // Other texels: other images.
+    // Other texels make other images.
     asset.texels.iter_mut().for_each(|t| *t *= 1.0 / title.len() as f32);
     asset
 }
@@ -63,7 +63,7 @@ fn what_is_staged_can_be_read_and_goes_where_it_belongs() {
         let sizes = written.files.iter().map(|f| f.metadata().unwrap().len());
         assert_eq!(sizes.sum::<u64>(), written.bytes, "{format:?}");
         assert_eq!(read_asset(&path, &ReadLimits::default()).unwrap(), before, "{format:?}");
-        // What is written beside it is what was said before.
+        // Sidecar files are those announced.
         let said = format.side_files(&path, true);
         for file in &written.files[1..] {
             assert!(said.iter().any(|s| file.starts_with(s)), "{}: {said:?}", file.display());
@@ -74,7 +74,7 @@ fn what_is_staged_can_be_read_and_goes_where_it_belongs() {
         assert_eq!(format.side_files(&path, false).len(), said.len() - usize::from(mesh));
     }
     assert!(snapshot(folder.path()).keys().all(|p| p.extension().is_none_or(|e| e != "tmp")));
-    // Under one stem all formats show each its own scene still: they share nothing but the mesh.
+    // Formats under one stem share only the mesh.
     for format in Format::ALL.into_iter().filter(|f| f.keeps_textures()) {
         let path = folder.path().join(format!("scene.{}", format.extension()));
         write_asset(&path, &with_title(format.extension()), &options(true)).unwrap();
@@ -131,7 +131,7 @@ fn a_failing_overwrite_keeps_the_old_asset() {
     for name in ["y.gltf", "y.glb", "y.usda", "y.usdc", "y.usdz", "y.ltgs"] {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join(name);
-        // First without an older one: nothing stays, the folder of images neither.
+        // First without an older one: nothing stays, not even the folder of images.
         for old in [None, Some(with_title("old"))] {
             if let Some(old) = &old {
                 write_asset(&path, old, &options(true)).unwrap();
@@ -156,7 +156,7 @@ fn a_failing_overwrite_keeps_the_old_asset() {
 }
 
 #[test]
-fn folders_and_files_in_each_others_way_are_told() {
+fn folders_and_files_in_each_others_way_are_errors() {
     let asset = with_title("new");
     for (name, obstacle, is_folder, expected) in [
         ("y.gltf", "y.gltf", true, ErrorKind::IsADirectory),
@@ -195,7 +195,7 @@ fn a_link_is_replaced_and_what_it_leads_to_stays() {
     write_asset(&path, &with_title("new"), &options(false)).unwrap();
     assert_eq!(std::fs::read(&real).unwrap(), b"mine");
     assert!(!path.is_symlink() && title(&path) == "new");
-    // A link that leads nowhere is in the way, too, and one to a folder of images serves as one.
+    // A dangling link is in the way, too, but one to a folder of images serves as the folder.
     let path = folder.path().join("z.usda");
     std::os::unix::fs::symlink("nowhere", &path).unwrap();
     let staged = stage_asset(&path, &with_title("new"), &options(false)).unwrap();
@@ -206,4 +206,131 @@ fn a_link_is_replaced_and_what_it_leads_to_stays() {
     write_asset(&path, &with_title("new"), &options(false)).unwrap();
     assert!(elsewhere.join("page0.png").is_file());
     assert_eq!(title(&path), "new");
+}
+
+/// Starts to replace the asset at `path` and is killed after some steps of the move. Returns whether all was done before.
+fn killed_after(steps: usize, path: &Path, asset: &SplatAsset) -> bool {
+    let staged = stage_asset(path, asset, &options(true)).unwrap();
+    staged.steps.left.set(Some(steps));
+    staged.publish(true).is_ok()
+}
+
+#[test]
+fn a_move_that_was_killed_is_finished_by_the_next_command() {
+    for name in ["y.gltf", "y.glb", "y.usda", "y.usdc"] {
+        for old in [None, Some(with_title("old"))] {
+            let mut mixed = 0;
+            for steps in 0.. {
+                let folder = tempfile::tempdir().unwrap();
+                let path = folder.path().join(name);
+                if let Some(old) = &old {
+                    write_asset(&path, old, &options(true)).unwrap();
+                }
+                let before = snapshot(folder.path());
+                if killed_after(steps, &path, &with_title("new")) {
+                    assert!(steps > 3, "{name}: {steps}");
+                    break;
+                }
+                let left = snapshot(folder.path());
+                let has_journal = left.keys().any(|p| p.ends_with("swap.json"));
+                let at_place = |all: &BTreeMap<PathBuf, _>| {
+                    let is_staged = |p: &&PathBuf| p.to_string_lossy().contains("/.y.");
+                    all.keys().filter(|p| !is_staged(p)).cloned().collect::<Vec<_>>()
+                };
+                mixed += usize::from(has_journal && at_place(&left) != at_place(&before));
+                // Reading finishes what was begun, and leaves alone what was not.
+                let found = read_asset(&path, &ReadLimits::default());
+                let expected = if has_journal { Some("new") } else { old.as_ref().map(|_| "old") };
+                let found = found.ok().map(|c| {
+                    assert_eq!(c.hash, Some(c.asset.hash()), "{name} after {steps}: mixed");
+                    c.asset.provenance.title
+                });
+                assert_eq!(found.as_deref(), expected, "{name} after {steps}");
+                // The next export tidies up, and is whole.
+                write_asset(&path, &with_title("third"), &options(true)).unwrap();
+                assert_eq!(title(&path), "third");
+                assert!(snapshot(folder.path()).keys().all(|p| p.extension().is_none_or(|e| e != "tmp")));
+            }
+            assert!(mixed > 1 || old.is_some(), "negative control: {name} was killed between files");
+        }
+    }
+}
+
+#[test]
+fn what_cannot_be_finished_is_undone() {
+    let mut undone = 0;
+    for steps in 0.. {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, aside) = (folder.path().join("y.usda"), folder.path().join("aside"));
+        write_asset(&path, &with_title("old"), &options(true)).unwrap();
+        let before = snapshot(folder.path());
+        if killed_after(steps, &path, &with_title("new")) {
+            break;
+        }
+        let is_moved = std::fs::read(&path).unwrap() != *before[&path].as_ref().unwrap();
+        let has_journal = snapshot(folder.path()).keys().any(|p| p.ends_with("swap.json"));
+        if is_moved || !has_journal {
+            continue;
+        }
+        // A folder in the place of the last file.
+        std::fs::rename(&path, &aside).unwrap();
+        std::fs::create_dir(&path).unwrap();
+        assert!(read_asset(&path, &ReadLimits::default()).is_err());
+        std::fs::remove_dir(&path).unwrap();
+        std::fs::rename(&aside, &path).unwrap();
+        assert_eq!(snapshot(folder.path()), before, "after {steps}");
+        undone += 1;
+    }
+    assert!(undone > 3, "{undone}");
+}
+
+#[test]
+fn only_what_dead_processes_left_is_deleted() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("y.glb");
+    let make = |name: &str, entries: &[&str]| {
+        let made = folder.path().join(name);
+        entries.iter().for_each(|e| std::fs::create_dir_all(made.join(e).parent().unwrap()).unwrap());
+        entries.iter().for_each(|e| std::fs::write(made.join(e), "x").unwrap());
+        made
+    };
+    let dead = make(".y.glb.4194000-0.tmp", &["lock", "new/y.glb"]);
+    let other = make(".other.usda.4194000-3.tmp", &["lock", "new/a/b.png", "old/c"]);
+    let kept = [
+        make(".y.glb.4194001-0.tmp", &["no_lock"]),
+        make("y.glb.4194000-0.tmp", &["lock"]),
+        make(".y.glb.x-0.tmp", &["lock"]),
+        make(".y.glb", &["lock"]),
+    ];
+    let living = stage_asset(&path, &with_title("living"), &options(false)).unwrap();
+    assert!(!dead.exists() && !other.exists());
+    write_asset(&path, &with_title("new"), &options(false)).unwrap();
+    assert!(kept.iter().all(|k| k.is_dir()));
+    // A living process goes on undisturbed.
+    assert!(living.path().is_file());
+    living.publish(true).unwrap();
+    assert_eq!(title(&path), "living");
+}
+
+#[test]
+fn a_journal_of_somebody_else_moves_nothing() {
+    for names in
+        [["../y.bin", "y.gltf"], ["/tmp/y.bin", "y.gltf"], ["notes.txt", "y.gltf"], ["y.bin", "x.gltf"]]
+    {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("y.gltf");
+        write_asset(&path, &with_title("old"), &options(false)).unwrap();
+        std::fs::write(folder.path().join("notes.txt"), "mine").unwrap();
+        let staging = folder.path().join(".y.gltf.4194000-0.tmp");
+        std::fs::create_dir_all(staging.join("new")).unwrap();
+        for name in ["notes.txt", "y.bin", "y.gltf", "x.gltf", "lock"] {
+            std::fs::write(staging.join("new").join(name), "not yours").unwrap();
+        }
+        std::fs::write(staging.join("lock"), "").unwrap();
+        let files = names.map(|name| serde_json::json!({"name": name, "replaces": true}));
+        let journal = serde_json::json!({"files": files, "folders": []});
+        std::fs::write(staging.join("swap.json"), journal.to_string()).unwrap();
+        assert_eq!(title(&path), "old", "{names:?}");
+        assert_eq!(std::fs::read(folder.path().join("notes.txt")).unwrap(), b"mine");
+    }
 }

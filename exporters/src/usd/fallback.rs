@@ -1,31 +1,22 @@
-//! The particle field of 3D Gaussians, as programs see it that know no textured ones, and the rules about it.
+//! The particle field of 3D Gaussians for programs without texture support, and the rules about it.
 
 use super::field::Field;
 use super::layer::Prim;
 use super::names::*;
 use super::read::Opened;
-use super::validate::Report;
 use super::value::Form;
+use crate::contents::Issues;
 use crate::fallback::{wrong_dc, wrong_thickness};
-use crate::limits::{room_for_splats, splat_bytes};
-use crate::ply::thinnest_last;
-use crate::{
-    AssetMap, Error, ReadLimits, Result, SPLATS_MAX, SplatAsset, num_sh_coefficients, quaternion, yup,
-};
+use crate::limits::room_for_splats;
+use crate::{Error, ReadLimits, Result, SplatAsset, ellipsoid, num_sh_coefficients, yup};
 use std::path::Path;
 
-/// A quaternion keeps its bits while its norm is within this of 1; up to [`FAR_FROM_UNIT`] it is made a unit one.
-const UNIT_TOLERANCE: f64 = 1e-5;
-
-/// See [`UNIT_TOLERANCE`].
-const FAR_FROM_UNIT: f64 = 0.05;
-
-/// What a program gets from a file that knows only `ParticleField3DGaussianSplat`: its ellipsoids as surfels along their
-/// two largest axes. Frame, near plane and cameras are those of [`super::read_usd`], so that both can be drawn alike.
-/// `None`: the file has no such prim.
+/// Reads what a program that supports only `ParticleField3DGaussianSplat` shows of a file: its ellipsoids as discs along
+/// their two largest axes. Frame, near plane and cameras are those of [`super::read_usd`], so that both can be rendered
+/// alike. `None` if the file has no such prim.
 ///
 /// # Errors
-/// As [`super::read_usd`], but for textured fields and pages, which are not looked at.
+/// As [`super::read_usd`], except about textured fields and pages, which are not read.
 pub fn read_fallback(path: &Path, limits: &ReadLimits) -> Result<Option<SplatAsset>> {
     let opened = Opened::open(path, limits)?;
     let prims = opened.prims();
@@ -38,40 +29,20 @@ pub fn read_fallback(path: &Path, limits: &ReadLimits) -> Result<Option<SplatAss
     Ok(Some(asset))
 }
 
-/// Ellipsoids as surfels along their two largest axes.
+/// Ellipsoids as discs along their two largest axes.
 fn flattened(path: &Path, prim: &Prim, limits: &ReadLimits) -> Result<SplatAsset> {
     let field = Field { path, prim };
-    let degree = field.sh_degree()?;
-    let positions = field.positions()?.as_chunks::<3>().0;
+    let (positions, degree) = field.splats(limits)?;
     let n = positions.len();
-    if n > SPLATS_MAX {
-        return Err(Error::too_large(path, format!("{n} splats, at most {SPLATS_MAX}")));
-    }
-    limits.check(splat_bytes(degree) * n as u64, &format!("{n} splats"), path)?;
     let mut asset = room_for_splats(n, degree).map_err(|e| e.at(path))?;
     asset.positions.extend(positions.iter().map(|&p| yup::position(p)));
-    asset.maps.resize(n, AssetMap::default());
     let rotations = field.floats(ORIENTATIONS, Form::Quaternion, n)?.as_chunks::<4>().0;
     let scales = field.floats(SCALES, Form::Vec3, n)?.as_chunks::<3>().0;
-    for (splat, (q, scales)) in rotations.iter().zip(scales).enumerate() {
-        let offence = |what: String| Err(Error::invalid(path, format!("particle {splat}: {what}")));
-        let mut unit = q.map(f64::from);
-        let norm = quaternion::norm(unit);
-        if norm.is_nan() || (norm - 1.0).abs() > FAR_FROM_UNIT {
-            return offence(format!("{q:?} is no unit quaternion"));
-        }
-        if (norm - 1.0).abs() > UNIT_TOLERANCE {
-            unit = unit.map(|v| v / norm);
-        }
-        if !scales.iter().all(|s| *s >= 0.0 && s.is_finite()) {
-            return offence(format!("scales {scales:?} are not finite and at least 0"));
-        }
-        let (unit, scales) = thinnest_last(unit, scales.map(f64::from));
-        asset.rotations.push(yup::rotation_back(unit.map(|v| v as f32)));
-        asset.scales.push([scales[0], scales[1]].map(|s| (s as f32).max(f32::MIN_POSITIVE)));
-    }
     let opacities = field.floats(OPACITIES, Form::One, n)?;
-    asset.opacities.extend(opacities.iter().map(|o| if *o == 0.0 { f32::MIN_POSITIVE } else { *o }));
+    for (splat, ((&q, &scales), &opacity)) in rotations.iter().zip(scales).zip(opacities).enumerate() {
+        let pushed = ellipsoid::push(&mut asset, q, scales, opacity);
+        pushed.map_err(|what| Error::invalid(path, format!("particle {splat}: {what}")))?;
+    }
     let num_coefficients = num_sh_coefficients(degree);
     let sh = field.floats(SH_COEFFICIENTS, Form::Vec3, n * num_coefficients)?;
     for of_splat in sh.chunks_exact(3 * num_coefficients) {
@@ -80,8 +51,8 @@ fn flattened(path: &Path, prim: &Prim, limits: &ReadLimits) -> Result<SplatAsset
     Ok(asset)
 }
 
-/// Compares the fallbacks with the scene that a reader of textures gets. `texel_step`: step of texels' codes, 0 for floats.
-pub(super) fn check(opened: &Opened, path: &Path, asset: &SplatAsset, texel_step: f64, report: &mut Report) {
+/// Compares the fallbacks with the textured scene. `texel_step` is the step between codes of texels, 0 for floats.
+pub(super) fn check(opened: &Opened, path: &Path, asset: &SplatAsset, texel_step: f64, issues: &mut Issues) {
     let prims = opened.prims();
     let fields =
         prims.iter().filter(|(_, p)| p.type_name == FIELD_TYPE && p.property(LITETEX_VERSION).is_some());
@@ -94,26 +65,24 @@ pub(super) fn check(opened: &Opened, path: &Path, asset: &SplatAsset, texel_step
         if let Ok(sh) = field.floats(SH_COEFFICIENTS, Form::Vec3, n * num_coefficients) {
             let stored = sh.as_chunks::<3>().0.iter().step_by(num_coefficients).copied();
             let name = format!("{place}.{SH_COEFFICIENTS}");
-            report.many("LT2013", &name, wrong_dc(asset, stored, texel_step));
+            issues.many("LT2013", &name, wrong_dc(asset, stored, texel_step));
         }
     }
     let Some((place, prim)) = splats.clone().next() else {
-        let what = format!("no {SPLAT3D_TYPE}: programs that know no textured splats show nothing");
-        return report.warning("LT2015", textured_place, what);
+        let what = format!("no {SPLAT3D_TYPE}: programs without texture support show nothing");
+        return issues.warning("LT2015", textured_place, what);
     };
     let field = Field { path, prim };
     match field.floats(SCALES, Form::Vec3, n) {
         Ok(scales) => {
             let stored = scales.as_chunks::<3>().0.iter().copied();
-            report.many("LT2014", &format!("{place}.{SCALES}"), wrong_thickness(stored));
+            issues.many("LT2014", &format!("{place}.{SCALES}"), wrong_thickness(stored));
         }
-        Err(_) => {
-            report.error("LT2015", place, format!("{SCALES}: other ones than those of the textured splats"))
-        }
+        Err(_) => issues.error("LT2015", place, format!("{SCALES}: not those of the textured splats")),
     }
     for name in [POSITIONS, ORIENTATIONS, OPACITIES, SH_COEFFICIENTS] {
         if prim.value(name) != textured.value(name) {
-            report.error("LT2015", place, format!("{name}: other ones than those of the textured splats"));
+            issues.error("LT2015", place, format!("{name}: not those of the textured splats"));
         }
     }
 }

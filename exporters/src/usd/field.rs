@@ -1,18 +1,17 @@
-//! Takes the arrays of a textured particle field apart.
+//! Reads the arrays of a particle field.
 
 use super::layer::Prim;
 use super::names::*;
 use super::value::{Form, Numbers, Value};
-use crate::atlas::{PAGE_SIDE_MAX, Placement, TexelDecode};
+use crate::atlas::{Atlas, PAGE_SIDE_MAX, Placement, TexelDecode};
 use crate::limits::{splat_bytes, with_room};
 use crate::{AssetMap, Error, ReadLimits, Result, SPLATS_MAX, SplatAsset, num_sh_coefficients, yup};
 use std::path::Path;
-use std::sync::Arc;
 
-/// Most pages.
+/// Most pages of a file.
 const PAGES_MAX: usize = 1000;
 
-/// The textured particle field.
+/// A prim that is read as a particle field.
 pub(super) struct Field<'a> {
     pub(super) path: &'a Path,
     pub(super) prim: &'a Prim,
@@ -21,10 +20,10 @@ pub(super) struct Field<'a> {
 impl Field<'_> {
     fn wrong<T>(&self, name: &str, expected: &str) -> Result<T> {
         let found = match self.prim.value(name) {
-            None => "missing".to_owned(),
-            Some(_) => "of another type or length".to_owned(),
+            None => "missing",
+            Some(_) => "of another type or length",
         };
-        Err(Error::invalid(self.path, format!("{}.{name}: {found}, expected {expected}", self.prim.name)))
+        Err(Error::invalid(self.path, format!("{name}: {found}, expected {expected}")))
     }
 
     pub(super) fn floats(&self, name: &str, form: Form, count: usize) -> Result<&[f32]> {
@@ -52,34 +51,34 @@ impl Field<'_> {
         }
     }
 
-    pub(super) fn positions(&self) -> Result<&Arc<Vec<f32>>> {
-        match self.prim.value(POSITIONS) {
-            Some(Value::Floats(Numbers { form: Form::Vec3, is_array: true, values })) => Ok(values),
-            _ => self.wrong(POSITIONS, "an array of points"),
+    /// Centres, y up, and SH degree, as many as the limits allow.
+    pub(super) fn splats(&self, limits: &ReadLimits) -> Result<(&[[f32; 3]], u32)> {
+        let Some(Value::Floats(Numbers { form: Form::Vec3, is_array: true, values })) =
+            self.prim.value(POSITIONS)
+        else {
+            return self.wrong(POSITIONS, "an array of points");
+        };
+        let Some(degree) = u32::try_from(self.int(SH_DEGREE)?).ok().filter(|&d| d <= 3) else {
+            return self.wrong(SH_DEGREE, "0 to 3");
+        };
+        let positions = values.as_chunks::<3>().0;
+        let n = positions.len();
+        if n > SPLATS_MAX {
+            return Err(Error::too_large(self.path, format!("{n} splats, at most {SPLATS_MAX}")));
         }
+        limits.check(splat_bytes(degree) * n as u64, &format!("{n} splats"), self.path)?;
+        Ok((positions, degree))
     }
 
-    pub(super) fn sh_degree(&self) -> Result<u32> {
-        match u32::try_from(self.int(SH_DEGREE)?).ok().filter(|&d| d <= 3) {
-            Some(degree) => Ok(degree),
-            None => self.wrong(SH_DEGREE, "0 to 3"),
-        }
-    }
-
-    /// Puts all but texels into an asset.
+    /// Stores everything but the texels in an asset.
     pub(super) fn store(&self, asset: &mut SplatAsset, limits: &ReadLimits) -> Result<()> {
         let version = self.int(LITETEX_VERSION)?;
         if version != VERSION {
             let what = format!("{LITETEX_VERSION} {version}; supported: {VERSION}");
             return Err(Error::unsupported(self.path, what));
         }
-        let positions = self.positions()?.as_chunks::<3>().0;
+        let (positions, degree) = self.splats(limits)?;
         let n = positions.len();
-        if n > SPLATS_MAX {
-            return Err(Error::too_large(self.path, format!("{n} splats, at most {SPLATS_MAX}")));
-        }
-        let degree = self.sh_degree()?;
-        limits.check(splat_bytes(degree) * n as u64, &format!("{n} splats"), self.path)?;
         let num_coefficients = num_sh_coefficients(degree);
         asset.sh_degree = degree;
         asset.positions = positions.iter().map(|&p| yup::position(p)).collect();
@@ -101,12 +100,15 @@ impl Field<'_> {
             asset.sh.extend_from_slice(first);
             asset.sh.extend(yup::sh(all).skip(3));
         }
-        self.store_maps(asset, n)
+        asset.maps = self.maps(n)?;
+        Ok(())
     }
 
-    fn store_maps(&self, asset: &mut SplatAsset, n: usize) -> Result<()> {
+    /// Maps of `n` splats: their sides, and where their texels will stand.
+    pub(super) fn maps(&self, n: usize) -> Result<Vec<AssetMap>> {
         let rects = self.ints(RECT, Form::Vec4, n)?.as_chunks::<4>().0;
         let texel_sizes = self.floats(TEXEL_SIZE, Form::One, n)?;
+        let mut maps = with_room(n).map_err(|e| e.at(self.path))?;
         let mut offset = 0_u64;
         for (splat, (&[_, _, cols, rows], &texel_size)) in rects.iter().zip(texel_sizes).enumerate() {
             let sides = [rows, cols].map(u16::try_from);
@@ -118,13 +120,18 @@ impl Field<'_> {
             };
             let offset_texels = u32::try_from(offset)
                 .map_err(|_| Error::too_large(self.path, format!("{offset} texels, at most {}", u32::MAX)))?;
-            asset.maps.push(AssetMap { offset_texels, rows, cols, texel_size });
+            maps.push(AssetMap { offset_texels, rows, cols, texel_size });
             offset += u64::from(rows) * u64::from(cols);
         }
-        Ok(())
+        Ok(maps)
     }
 
-    pub(super) fn placements(&self, n: usize) -> Result<Vec<Placement>> {
+    /// Where the maps of `n` splats lie, not checked yet.
+    pub(super) fn atlas(&self, n: usize) -> Result<Atlas> {
+        Ok(Atlas { placements: self.placements(n)?, pages: self.page_sizes()? })
+    }
+
+    fn placements(&self, n: usize) -> Result<Vec<Placement>> {
         let rects = self.ints(RECT, Form::Vec4, n)?.as_chunks::<4>().0;
         let pages = self.ints(PAGE, Form::One, n)?;
         let mut placements = Vec::with_capacity(n);
@@ -138,7 +145,7 @@ impl Field<'_> {
         Ok(placements)
     }
 
-    pub(super) fn page_sizes(&self) -> Result<Vec<[u16; 2]>> {
+    fn page_sizes(&self) -> Result<Vec<[u16; 2]>> {
         let Some(Value::Ints(Numbers { form: Form::Vec2, is_array: true, values })) =
             self.prim.value(PAGE_SIZES)
         else {
@@ -160,7 +167,7 @@ impl Field<'_> {
         Ok(sizes)
     }
 
-    /// `None`: pages hold texels as they are.
+    /// How codes become texels; `None` if pages hold floats.
     pub(super) fn decode(&self) -> Result<Option<TexelDecode>> {
         let [scale, bias] = [DECODE_SCALE, DECODE_BIAS].map(|name| self.prim.value(name));
         match (scale, bias) {

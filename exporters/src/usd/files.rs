@@ -1,4 +1,4 @@
-//! Writes assets as files: which file holds what.
+//! Writes assets as files: the layer, its images and the package.
 
 use super::binary::binary_from_layer;
 use super::layer::Layer;
@@ -11,17 +11,17 @@ use crate::staging::{SideFile, Staged};
 use crate::{Error, Quality, Result, SplatAsset};
 use std::path::{Path, PathBuf};
 
-/// Root layer of a package.
+/// Name of a package's root layer.
 pub(super) const PACKAGE_ROOT: &str = "scene.usdc";
 
-/// What to write.
+/// How to write a USD file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct UsdOptions {
-    /// Lossless: pages are EXR of 32 bits. Balanced: PNG of 8 bits; all else is exact in both.
+    /// Lossless files have pages of 32-bit EXR, balanced ones of 8-bit PNG; everything else is exact in both.
     pub quality: Quality,
     /// Largest side of a page, texels; at most 8192.
     pub page_side: u16,
-    /// Whether the variant `mesh` is written: a preview of at most 50,000 rectangles.
+    /// Whether to write the variant `mesh`, a preview of at most 50,000 rectangles.
     pub mesh: bool,
 }
 
@@ -31,19 +31,19 @@ impl Default for UsdOptions {
     }
 }
 
-/// Writes an asset as `.usda`, `.usdc` or `.usdz`, by the path's extension. Text and binary files have their images
-/// beside them, in the folder `STEM_usda_textures` or `STEM_usdc_textures`; a package holds them. Returns the files, the
-/// one at `path` first. If something fails, nothing of it stays, and files that were there before are as they were.
+/// Writes an asset as `.usda`, `.usdc` or `.usdz`, by the extension of `path`. Text and binary files have their images in
+/// the folder `STEM_usda_textures` or `STEM_usdc_textures` beside them; a package holds them. Returns all files, the one at
+/// `path` first. If it fails, nothing new stays and older files are as they were.
 ///
 /// # Errors
-/// [`Error::Unsupported`] for other extensions and [`Quality::Tiny`], [`Error::Invalid`] and [`Error::TooLarge`] for
-/// assets that break a rule or do not fit, [`Error::Io`].
+/// [`Error::Unsupported`] for other extensions and for qualities other than lossless and balanced, [`Error::Invalid`] and
+/// [`Error::TooLarge`] for assets that break a rule or do not fit, [`Error::Io`].
 pub fn write_usd(path: &Path, asset: &SplatAsset, options: &UsdOptions) -> Result<Vec<PathBuf>> {
     let (root, side) = encode_files(path, asset, options)?;
     Ok(Staged::new(path, root, side)?.publish(true)?.files)
 }
 
-/// The bytes of the file at `path` and those of the images beside it.
+/// Encodes the file at `path` and the images beside it.
 ///
 /// # Errors
 /// As [`write_usd`], without [`Error::Io`].
@@ -72,12 +72,12 @@ pub(crate) fn encode_files(
     Ok((root, images.into_iter().map(|p| (p.name.into(), p.bytes)).collect()))
 }
 
-/// The folder of a layer's images: text and binary files of one stem share none.
+/// Name of the folder with a layer's images; text and binary files of one stem do not share it.
 pub(crate) fn textures_name(stem: &str, extension: &str) -> String {
     format!("{stem}_{extension}_textures")
 }
 
-/// Kinds of files.
+/// The three kinds of files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Container {
     Text,
@@ -86,7 +86,7 @@ pub(super) enum Container {
 }
 
 impl Container {
-    /// By extension.
+    /// The container that the extension of a file names.
     pub(super) fn of(path: &Path) -> Result<Self> {
         let extension = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
         match extension.as_str() {
@@ -101,7 +101,7 @@ impl Container {
     }
 }
 
-/// Name without extension, as it may stand in a file.
+/// The file's name without extension, which asset paths contain.
 pub(crate) fn stem(path: &Path) -> Result<&str> {
     let stem = path.file_stem().and_then(|s| s.to_str()).unwrap_or_default();
     if stem.is_empty() || stem.contains(|c: char| c.is_control() || matches!(c, '@' | ':' | '\\')) {
@@ -111,7 +111,7 @@ pub(crate) fn stem(path: &Path) -> Result<&str> {
     Ok(stem)
 }
 
-/// A stage and its images; names are relative to the layer.
+/// A stage and its images, with names relative to the layer.
 struct Bundle {
     layer: Layer,
     images: Vec<Entry>,
@@ -131,12 +131,12 @@ impl Bundle {
                 let decode = TexelDecode::finest(&asset.texels);
                 let codes: Vec<u8> = asset.texels.iter().map(|&t| decode.code(t)).collect();
                 let decoded = codes.iter().map(|&c| decode.texel(c)).collect();
-                // What a reader gets.
+                // Of the asset that a reader gets.
                 let hash = SplatAsset { texels: decoded, ..asset.clone() }.hash();
                 (png_pages(asset, &atlas, &codes)?, Some(decode), hash)
             }
             Quality::Tiny | Quality::Custom => {
-                let what = "quality \"tiny\" in USD; supported: lossless, balanced";
+                let what = "USD has the qualities lossless and balanced; .ltgs has the others";
                 return Err(Error::unsupported("", what));
             }
         };
@@ -179,7 +179,7 @@ fn named(images: Vec<Vec<u8>>, folder: &str, name: &str, extension: &str) -> Vec
     images.into_iter().enumerate().map(named).collect()
 }
 
-/// How a layer refers to images: from its own place.
+/// Asset paths of images, relative to the layer.
 fn asset_paths(images: &[Entry]) -> Vec<String> {
     images.iter().map(|p| format!("./{}", p.name)).collect()
 }

@@ -1,69 +1,42 @@
 //! A scene description in memory: what a layer of OpenUSD holds, as far as our files need it. Both writers serialise it
 //! and both readers return it, so that text and binary files cannot differ.
 
-use super::value::{ListOp, Value};
-
-/// Whether a prim is there or only spoken about.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) enum Specifier {
-    /// `def`
-    #[default]
-    Def,
-    /// `over`
-    Over,
-    /// `class`
-    Class,
-}
-
-impl Specifier {
-    /// By number in binary files.
-    pub(super) const ALL: [Self; 3] = [Self::Def, Self::Over, Self::Class];
-
-    pub(super) const fn name(self) -> &'static str {
-        match self {
-            Self::Def => "def",
-            Self::Over => "over",
-            Self::Class => "class",
-        }
-    }
-}
+use super::value::Value;
 
 /// Names and values, in the order in which they are written.
 pub(super) type Metadata = Vec<(String, Value)>;
 
-/// The entry of a name.
+/// The value of an entry, by name.
 pub(super) fn entry<'a>(metadata: &'a [(String, Value)], name: &str) -> Option<&'a Value> {
     metadata.iter().find(|(n, _)| n == name).map(|(_, v)| v)
 }
 
-/// A file.
+/// A file's scene description.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Layer {
     /// `upAxis`, `customLayerData`, ...
     pub(super) metadata: Metadata,
-    /// Root prims.
-    pub(super) prims: Vec<Prim>,
+    pub(super) root_prims: Vec<Prim>,
 }
 
-/// A prim, or a variant: then only `name`, `properties`, `children` and `variant_sets` count.
+/// A prim (`def`), or a variant: then only `name` and `children` count.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Prim {
     pub(super) name: String,
-    pub(super) specifier: Specifier,
-    /// Empty: none.
+    /// Schema of the prim; empty for variants.
     pub(super) type_name: String,
-    /// `apiSchemas`, `kind`, ...
+    /// `apiSchemas`.
     pub(super) metadata: Metadata,
     pub(super) properties: Vec<Property>,
     pub(super) children: Vec<Prim>,
-    pub(super) variant_sets: Vec<VariantSet>,
+    pub(super) variant_set: Option<VariantSet>,
 }
 
 /// Alternatives of a prim.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct VariantSet {
     pub(super) name: String,
-    /// Name of the variant that is shown; empty: none.
+    /// Name of the variant that is shown.
     pub(super) selection: String,
     pub(super) variants: Vec<Prim>,
 }
@@ -71,17 +44,17 @@ pub(super) struct VariantSet {
 /// What a property is.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Content {
-    /// A value, or a connection to another attribute, or only a declaration.
+    /// An attribute with a value, with a connection to another attribute, or only declared.
     Attribute {
-        /// With `[]` for arrays.
+        /// Ends in `[]` for arrays.
         type_name: String,
         is_uniform: bool,
         value: Option<Value>,
-        /// Paths of attributes.
-        connections: Vec<String>,
+        /// Path of the attribute that supplies the value.
+        connection: Option<String>,
     },
-    /// Paths of prims.
-    Relationship { targets: Vec<String> },
+    /// A relationship to the prim at a path.
+    Relationship { target: String },
 }
 
 /// An attribute or a relationship.
@@ -89,26 +62,20 @@ pub(super) enum Content {
 pub(super) struct Property {
     /// With namespaces: `primvars:st`.
     pub(super) name: String,
-    /// Not of any schema.
+    /// Whether no schema defines it.
     pub(super) is_custom: bool,
     pub(super) content: Content,
-    /// `interpolation`, ...
+    /// `interpolation` of primvars.
     pub(super) metadata: Metadata,
 }
 
 impl Property {
     /// An attribute with a value.
     pub(super) fn new(type_name: &str, name: &str, value: Value) -> Self {
-        let content = Content::Attribute {
-            type_name: type_name.to_owned(),
-            is_uniform: false,
-            value: Some(value),
-            connections: Vec::new(),
-        };
-        Self { name: name.to_owned(), is_custom: false, content, metadata: Vec::new() }
+        Self::attribute(type_name, name, Some(value), None)
     }
 
-    /// An attribute that does not change over time.
+    /// An attribute with a value that does not change over time.
     pub(super) fn uniform(type_name: &str, name: &str, value: Value) -> Self {
         let mut property = Self::new(type_name, name, value);
         if let Content::Attribute { is_uniform, .. } = &mut property.content {
@@ -119,33 +86,32 @@ impl Property {
 
     /// An attribute without a value: an output of a shader.
     pub(super) fn declaration(type_name: &str, name: &str) -> Self {
-        Self::connected(type_name, name, Vec::new())
+        Self::attribute(type_name, name, None, None)
     }
 
-    /// An attribute that takes its value from others.
-    pub(super) fn connected(type_name: &str, name: &str, connections: Vec<String>) -> Self {
-        let content = Content::Attribute {
-            type_name: type_name.to_owned(),
-            is_uniform: false,
-            value: None,
-            connections,
-        };
+    /// An attribute that takes its value from another.
+    pub(super) fn connected(type_name: &str, name: &str, source: String) -> Self {
+        Self::attribute(type_name, name, None, Some(source))
+    }
+
+    fn attribute(type_name: &str, name: &str, value: Option<Value>, connection: Option<String>) -> Self {
+        let type_name = type_name.to_owned();
+        let content = Content::Attribute { type_name, is_uniform: false, value, connection };
         Self { name: name.to_owned(), is_custom: false, content, metadata: Vec::new() }
     }
 
-    /// A relationship.
     pub(super) fn relationship(name: &str, target: String) -> Self {
-        let content = Content::Relationship { targets: vec![target] };
+        let content = Content::Relationship { target };
         Self { name: name.to_owned(), is_custom: false, content, metadata: Vec::new() }
     }
 
-    /// The same outside of all schemas.
+    /// The same property outside of all schemas.
     pub(super) fn custom(mut self) -> Self {
         self.is_custom = true;
         self
     }
 
-    /// The same with an interpolation: a primvar.
+    /// The same property as a primvar with an interpolation.
     pub(super) fn interpolated(mut self, interpolation: &str) -> Self {
         self.metadata.push(("interpolation".to_owned(), Value::token(interpolation)));
         self
@@ -169,45 +135,42 @@ impl Prim {
     /// Applies API schemas.
     pub(super) fn apply(&mut self, schemas: &[&str]) {
         let names = schemas.iter().map(|s| (*s).to_owned()).collect();
-        self.metadata.push(("apiSchemas".to_owned(), Value::TokenList(ListOp::Prepend(names))));
+        self.metadata.push(("apiSchemas".to_owned(), Value::Prepended(names)));
     }
 
     /// Names of the applied API schemas.
     pub(super) fn applied(&self) -> &[String] {
         match entry(&self.metadata, "apiSchemas") {
-            Some(Value::TokenList(list)) => list.items(),
+            Some(Value::Prepended(names)) => names,
             _ => &[],
         }
     }
 
-    /// A property by name.
     pub(super) fn property(&self, name: &str) -> Option<&Property> {
         self.properties.iter().find(|p| p.name == name)
     }
 
-    /// Value of an attribute.
+    /// Value of an attribute, by name.
     pub(super) fn value(&self, name: &str) -> Option<&Value> {
         self.property(name)?.value()
     }
 }
 
-/// Calls with every prim of a layer and its path (`/Scene{set=variant}Child`), from the root down.
+/// Calls `visit` with every prim of a layer and its path (`/Scene{set=variant}Child`), parents before children.
 pub(super) fn for_each_prim<'a>(layer: &'a Layer, visit: &mut impl FnMut(&str, &'a Prim)) {
     fn walk<'a>(path: &str, prim: &'a Prim, visit: &mut impl FnMut(&str, &'a Prim)) {
         visit(path, prim);
         for child in &prim.children {
             walk(&format!("{path}/{}", child.name), child, visit);
         }
-        for set in &prim.variant_sets {
-            for variant in &set.variants {
-                for child in &variant.children {
-                    let within = format!("{path}{{{}={}}}{}", set.name, variant.name, child.name);
-                    walk(&within, child, visit);
-                }
+        let Some(set) = &prim.variant_set else { return };
+        for variant in &set.variants {
+            for child in &variant.children {
+                walk(&format!("{path}{{{}={}}}{}", set.name, variant.name, child.name), child, visit);
             }
         }
     }
-    for prim in &layer.prims {
+    for prim in &layer.root_prims {
         walk(&format!("/{}", prim.name), prim, visit);
     }
 }

@@ -1,274 +1,195 @@
-//! Cuts the text of a `.usda` file into tokens.
+//! Cuts the text of a `.usda` file into the pieces that the parser asks for. Looks at every byte once.
 
-use crate::{Error, Result};
-use std::borrow::Cow;
+use crate::{Error, Result, quoted};
 use std::path::Path;
+use std::str::FromStr;
 
-/// Longest string, as in metadata.
+/// Longest text in quotation marks: the metadata.
 const STRING_BYTES_MAX: usize = crate::meta::META_BYTES_MAX;
 
-/// A token.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) enum Lexeme<'a> {
-    /// Letters, digits, `_`, `:`, `.` and a trailing `[]`: names, types, keywords.
-    Word(&'a str),
-    /// A number as it stands.
-    Number(&'a str),
-    /// A quoted text, escapes resolved.
-    Text(Cow<'a, str>),
-    /// `@path@`
-    Asset(&'a str),
-    /// `<path>`
-    Path(&'a str),
-    /// `( ) [ ] { } = , ;`
-    Mark(char),
-    /// Behind the last.
-    End,
-}
-
-/// Where it reads.
+/// A position in a text, and how much memory its contents may still take.
 pub(super) struct Lexer<'a> {
     text: &'a str,
     at: usize,
     path: &'a Path,
-    /// The next token, if somebody looked at it.
-    next: Option<Lexeme<'a>>,
-    /// Where it was before somebody looked.
-    before_next: usize,
-    /// Bytes of memory that the layer may still take.
-    budget: u64,
-    /// Path of the prim that is being read.
-    pub(super) place: String,
-    /// Path of a property and bytes of its text.
-    pub(super) value_bytes: Vec<(String, u64)>,
+    budget_bytes: u64,
 }
 
 impl<'a> Lexer<'a> {
-    pub(super) fn new(text: &'a str, path: &'a Path, budget: u64) -> Self {
-        Self {
-            text,
-            at: 0,
-            path,
-            next: None,
-            before_next: 0,
-            budget,
-            place: String::new(),
-            value_bytes: Vec::new(),
-        }
+    pub(super) fn new(text: &'a str, path: &'a Path, budget_bytes: u64) -> Self {
+        Self { text, at: 0, path, budget_bytes }
     }
 
-    /// Counts memory of what is kept; a few characters may become hundreds of bytes.
+    /// Counts memory that is about to be taken: a few characters may become hundreds of bytes.
     pub(super) fn spend(&mut self, num_bytes: usize) -> Result<()> {
-        self.budget = self.budget.checked_sub(num_bytes as u64).ok_or_else(|| {
+        self.budget_bytes = self.budget_bytes.checked_sub(num_bytes as u64).ok_or_else(|| {
             Error::too_large(self.path, "the text decodes to more bytes than the limit allows")
         })?;
         Ok(())
     }
 
-    /// An error with the line of the place.
+    /// An [`Error::Invalid`] with the line: the text breaks the grammar.
     pub(super) fn invalid(&self, what: impl std::fmt::Display) -> Error {
         Error::invalid(self.path, format!("line {}: {what}", self.line_number()))
     }
 
-    /// An [`Error::Unsupported`] with the line of the place.
+    /// An [`Error::Unsupported`] with the line: other programs may write this, ours does not.
     pub(super) fn unsupported(&self, what: impl std::fmt::Display) -> Error {
-        Error::unsupported(self.path, format!("line {}: {what}", self.line_number()))
-    }
-
-    /// Where the token that was taken last ends.
-    pub(super) fn offset(&self) -> usize {
-        if self.next.is_some() { self.before_next } else { self.at }
+        let line = self.line_number();
+        Error::unsupported(self.path, format!("line {line}: {what}, which files of this program do not have"))
     }
 
     fn line_number(&self) -> usize {
         1 + self.text.as_bytes()[..self.at].iter().filter(|&&b| b == b'\n').count()
     }
 
-    /// The next token, which stays.
-    pub(super) fn peek(&mut self) -> Result<&Lexeme<'a>> {
-        if self.next.is_none() {
-            self.before_next = self.at;
-            self.next = Some(self.scan()?);
-        }
-        Ok(self.next.as_ref().unwrap_or(&Lexeme::End))
+    /// An [`Error::Invalid`] that shows what follows instead of what was expected.
+    fn expected(&self, what: &str) -> Error {
+        let line = self.rest().lines().next().unwrap_or_default();
+        let found = if self.rest().is_empty() { "the end of the file".to_owned() } else { quoted(line) };
+        self.invalid(format!("{found}, expected {what}"))
     }
 
-    /// Takes the next token.
-    pub(super) fn take(&mut self) -> Result<Lexeme<'a>> {
-        match self.next.take() {
-            Some(lexeme) => Ok(lexeme),
-            None => self.scan(),
-        }
+    /// Where the piece that was taken last ends.
+    pub(super) fn offset(&self) -> usize {
+        self.at
     }
 
-    /// Takes a mark if it is the next.
-    pub(super) fn take_if(&mut self, mark: char) -> Result<bool> {
-        let is_next = *self.peek()? == Lexeme::Mark(mark);
+    fn rest(&self) -> &'a str {
+        &self.text[self.at..]
+    }
+
+    /// The next byte that is not blank, and where it is.
+    fn next(&self) -> (usize, Option<u8>) {
+        let blank = self.rest().bytes().take_while(|b| matches!(b, b' ' | b'\t' | b'\r' | b'\n')).count();
+        (self.at + blank, self.text.as_bytes().get(self.at + blank).copied())
+    }
+
+    /// The next byte that is not blank.
+    pub(super) fn peek(&self) -> Option<u8> {
+        self.next().1
+    }
+
+    /// Takes an ASCII mark if it comes next.
+    pub(super) fn take_if(&mut self, mark: u8) -> bool {
+        let (at, found) = self.next();
+        let is_next = found == Some(mark);
         if is_next {
-            self.next = None;
+            self.at = at + 1;
         }
-        Ok(is_next)
+        is_next
     }
 
-    /// Takes a mark that must be there.
-    pub(super) fn expect(&mut self, mark: char) -> Result<()> {
-        match self.take()? {
-            Lexeme::Mark(found) if found == mark => Ok(()),
-            found => Err(self.invalid(format!("{}, expected {mark:?}", shown(&found)))),
-        }
+    /// Takes blanks; returns the byte behind them.
+    fn skip_blanks(&mut self) -> Option<u8> {
+        let (at, found) = self.next();
+        self.at = at;
+        found
     }
 
-    /// Takes a word that must be there.
-    pub(super) fn word(&mut self, what: &str) -> Result<&'a str> {
-        match self.take()? {
-            Lexeme::Word(word) => Ok(word),
-            found => Err(self.invalid(format!("{}, expected {what}", shown(&found)))),
+    /// Takes a mark that must come next.
+    pub(super) fn expect(&mut self, mark: u8) -> Result<()> {
+        if self.take_if(mark) {
+            return Ok(());
         }
-    }
-
-    /// Takes a text that must be there.
-    pub(super) fn quoted(&mut self, what: &str) -> Result<String> {
-        match self.take()? {
-            Lexeme::Text(text) => {
-                self.spend(text.len())?;
-                Ok(text.into_owned())
-            }
-            found => Err(self.invalid(format!("{}, expected {what} in quotes", shown(&found)))),
-        }
-    }
-
-    fn skip_blanks(&mut self) {
-        let bytes = self.text.as_bytes();
-        while let Some(&byte) = bytes.get(self.at) {
-            match byte {
-                b' ' | b'\t' | b'\r' | b'\n' => self.at += 1,
-                b'#' => {
-                    let rest = &bytes[self.at..];
-                    self.at += rest.iter().position(|&b| b == b'\n').unwrap_or(rest.len());
-                }
-                _ => break,
-            }
-        }
-    }
-
-    fn scan(&mut self) -> Result<Lexeme<'a>> {
         self.skip_blanks();
-        // Marks and blanks are ASCII: `at` lies between characters.
-        let rest = &self.text[self.at..];
-        let Some(first) = rest.chars().next() else {
-            return Ok(Lexeme::End);
-        };
-        match first {
-            '(' | ')' | '[' | ']' | '{' | '}' | '=' | ',' | ';' => {
-                self.at += 1;
-                Ok(Lexeme::Mark(first))
-            }
-            '"' | '\'' => self.scan_quoted(rest, first),
-            '@' => {
-                let fence = if rest.starts_with("@@@") { "@@@" } else { "@" };
-                Ok(Lexeme::Asset(self.fenced(rest, fence, fence)?))
-            }
-            '<' => Ok(Lexeme::Path(self.fenced(rest, "<", ">")?)),
-            '0'..='9' | '-' | '+' | '.' => {
-                let is_part = |c: char| c.is_ascii_alphanumeric() || matches!(c, '.' | '-' | '+');
-                Ok(Lexeme::Number(self.run(rest, is_part)))
-            }
-            c if c.is_alphabetic() || c == '_' => {
-                let word = self.run(rest, |c| c.is_alphanumeric() || matches!(c, '_' | ':' | '.'));
-                if rest[word.len()..].starts_with("[]") {
-                    self.at += 2;
-                    return Ok(Lexeme::Word(&rest[..word.len() + 2]));
-                }
-                Ok(Lexeme::Word(word))
-            }
-            c => Err(self.invalid(format!("unexpected character {c:?}"))),
+        Err(self.expected(&format!("\"{}\"", char::from(mark))))
+    }
+
+    /// Takes the longest run of bytes of a kind, which must not be empty. They are ASCII.
+    fn run(&mut self, what: &str, is_part: impl Fn(u8) -> bool) -> Result<&'a str> {
+        match self.skip_blanks() {
+            Some(b'#') => return Err(self.unsupported("a comment")),
+            Some(b'\'') => return Err(self.unsupported("a text in single quotation marks")),
+            _ => {}
         }
+        let rest = self.rest();
+        let length = rest.bytes().take_while(|&b| is_part(b)).count();
+        if length == 0 {
+            return Err(self.expected(what));
+        }
+        self.at += length;
+        Ok(&rest[..length])
     }
 
-    fn run(&mut self, rest: &'a str, is_part: impl Fn(char) -> bool) -> &'a str {
-        let word = &rest[..rest.find(|c| !is_part(c)).unwrap_or(rest.len())];
-        self.at += word.len();
-        word
+    /// Takes a name, a keyword or a type: letters, digits, `_`, `:`, `.` and `[]`.
+    pub(super) fn word(&mut self, what: &str) -> Result<&'a str> {
+        let word = self.run(what, |b| b.is_ascii_alphanumeric() || matches!(b, b'_' | b':' | b'.'))?;
+        if !self.rest().starts_with("[]") {
+            return Ok(word);
+        }
+        self.at += 2;
+        Ok(&self.text[self.at - word.len() - 2..self.at])
     }
 
-    /// What stands between fences in one line.
-    fn fenced(&mut self, rest: &'a str, open: &str, close: &str) -> Result<&'a str> {
-        let inner = &rest[open.len()..];
-        let line = &inner[..inner.find('\n').unwrap_or(inner.len())];
-        let Some(end) = line.find(close) else {
-            return Err(self.invalid(format!("{open:?} without {close:?}")));
-        };
-        self.at += open.len() + end + close.len();
-        Ok(&inner[..end])
+    /// Takes a number, also `inf` and `nan`.
+    pub(super) fn number<T: FromStr>(&mut self, what: &str) -> Result<T> {
+        let number = self.run(what, |b| b.is_ascii_alphanumeric() || matches!(b, b'.' | b'-' | b'+'))?;
+        if number == "None" {
+            return Err(self.unsupported("a blocked value (None)"));
+        }
+        number.parse().map_err(|_| self.invalid(format!("{}, expected {what}", quoted(number))))
     }
 
-    fn scan_quoted(&mut self, rest: &'a str, quote: char) -> Result<Lexeme<'a>> {
-        let triple: String = std::iter::repeat_n(quote, 3).collect();
-        let fence = if rest.starts_with(&triple) { triple.as_str() } else { &triple[..1] };
-        let inner = &rest[fence.len()..];
-        let bytes = inner.as_bytes();
-        let (mut end, mut has_escapes) = (0, false);
+    /// Takes what stands between two marks on one line: `@path@`, `<path>`.
+    pub(super) fn fenced(&mut self, open: u8, close: char) -> Result<String> {
+        self.expect(open)?;
+        let rest = self.rest();
+        let end = rest.find([close, '\n']).filter(|&end| rest[end..].starts_with(close));
+        let end = end.ok_or_else(|| self.invalid(format!("no closing {close:?} on this line")))?;
+        self.spend(end)?;
+        self.at += end + 1;
+        Ok(rest[..end].to_owned())
+    }
+
+    /// Takes a text in quotation marks.
+    pub(super) fn quoted(&mut self, what: &str) -> Result<String> {
+        if self.skip_blanks() != Some(b'"') {
+            return Err(self.expected(&format!("{what} in quotation marks")));
+        }
+        if self.rest().starts_with("\"\"\"") {
+            return Err(self.unsupported("a text of several lines"));
+        }
+        self.at += 1;
+        let (mut out, start) = (String::new(), self.at);
         loop {
-            match bytes.get(end) {
-                _ if end > STRING_BYTES_MAX => {
-                    let what = format!("a text of more than {STRING_BYTES_MAX} bytes");
-                    return Err(Error::too_large(self.path, what));
+            let rest = self.rest();
+            let length = rest.find(['"', '\\', '\n']).unwrap_or(rest.len());
+            if self.at + length - start > STRING_BYTES_MAX {
+                let what =
+                    format!("line {}: a text of more than {STRING_BYTES_MAX} bytes", self.line_number());
+                return Err(Error::too_large(self.path, what));
+            }
+            self.spend(length)?;
+            out.push_str(&rest[..length]);
+            self.at += length + 1;
+            match rest.as_bytes().get(length) {
+                Some(b'"') => return Ok(out),
+                Some(b'\\') => out.push(self.escape()?),
+                _ => {
+                    self.at = self.at.min(self.text.len()) - 1;
+                    return Err(self.invalid("a text without closing quotation mark"));
                 }
-                None => return Err(self.invalid("a text without closing quote")),
-                Some(b'\n') if fence.len() == 1 => return Err(self.invalid("a line ends within quotes")),
-                Some(b'\\') => {
-                    has_escapes = true;
-                    end += 2;
-                }
-                _ if bytes[end..].starts_with(fence.as_bytes()) => break,
-                Some(_) => end += 1,
             }
         }
-        self.at += end + 2 * fence.len();
-        let text = &inner[..end];
-        if !has_escapes {
-            return Ok(Lexeme::Text(Cow::Borrowed(text)));
-        }
-        Ok(Lexeme::Text(Cow::Owned(unescaped(text).map_err(|what| self.invalid(what))?)))
     }
-}
 
-fn unescaped(text: &str) -> std::result::Result<String, String> {
-    let mut out = String::with_capacity(text.len());
-    let mut rest = text.chars();
-    while let Some(c) = rest.next() {
-        if c != '\\' {
-            out.push(c);
-            continue;
-        }
-        out.push(match rest.next() {
-            Some('n') => '\n',
-            Some('r') => '\r',
-            Some('t') => '\t',
-            Some('x') => {
-                let digits: String = rest.by_ref().take(2).collect();
-                match u8::from_str_radix(&digits, 16) {
-                    // Anything above would be a part of a character.
-                    Ok(code) if code < 0x80 => code.into(),
-                    _ => return Err(format!("escape \"\\x{digits}\"")),
-                }
-            }
-            Some(c) if c.is_ascii_punctuation() => c,
-            other => return Err(format!("escape {other:?} behind a backslash")),
-        });
-    }
-    Ok(out)
-}
-
-/// A token in a message.
-pub(super) fn shown(lexeme: &Lexeme) -> String {
-    let cut = |text: &str| text.chars().take(40).collect::<String>();
-    match lexeme {
-        Lexeme::Word(text) | Lexeme::Number(text) => format!("{:?}", cut(text)),
-        Lexeme::Text(text) => format!("the text {:?}", cut(text)),
-        Lexeme::Asset(text) => format!("the asset @{}@", cut(text)),
-        Lexeme::Path(text) => format!("the path <{}>", cut(text)),
-        Lexeme::Mark(mark) => format!("{mark:?}"),
-        Lexeme::End => "the end of the file".to_owned(),
+    /// Takes an escape, behind its backslash.
+    fn escape(&mut self) -> Result<char> {
+        let rest = self.rest().as_bytes();
+        let (length, c) = match rest {
+            [b'n', ..] => (1, '\n'),
+            [b'r', ..] => (1, '\r'),
+            [b't', ..] => (1, '\t'),
+            [c @ (b'"' | b'\\'), ..] => (1, char::from(*c)),
+            [b'x', high, low, ..] => match (char::from(*high).to_digit(16), char::from(*low).to_digit(16)) {
+                // Anything above would be a part of a character.
+                (Some(high @ 0..8), Some(low)) => (3, char::from((16 * high + low) as u8)),
+                _ => return Err(self.expected("an escape")),
+            },
+            _ => return Err(self.expected("an escape")),
+        };
+        self.at += length;
+        Ok(c)
     }
 }

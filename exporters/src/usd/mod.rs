@@ -1,8 +1,10 @@
-//! OpenUSD: `.usda` (text), `.usdc` (binary) and `.usdz` (package). `schema/usd.md` says what each prim and property means.
+//! OpenUSD: `.usda` (text), `.usdc` (binary) and `.usdz` (package). `schema/usd.md` specifies each prim and property.
 //!
-//! A file holds a stage with y up: a node with the way to the capture's frame, and below it three representations as
-//! variants: `textured` (a particle field of surflets with maps, the truth), `splat3d` (thin 3D Gaussians for programs
-//! that know only those) and `mesh` (baked rectangles, a preview).
+//! A file holds a stage with y up: a prim with the transform to the world frame, and below it three representations as
+//! variants: `textured` (a particle field of surflets with maps, which the asset is read from), `splat3d` (thin 3D
+//! Gaussians, for programs that support only those) and `mesh` (textured rectangles, a preview).
+//!
+//! Readers take what the writers here write, and no other USD files.
 
 mod binary;
 mod fallback;
@@ -17,7 +19,6 @@ mod read;
 mod sections;
 mod stage;
 mod text_read;
-mod text_values;
 mod text_write;
 mod validate;
 mod value;

@@ -1,24 +1,24 @@
-//! Names of our files' prims, properties and metadata: one definition for writer, reader and validation.
+//! Names of prims, properties and metadata of our files, shared by writers, readers and validation.
 
-/// Version of what `primvars:litetex:*` mean.
+/// Version of the meaning of `primvars:litetex:*`.
 pub(super) const VERSION: i32 = 1;
 
-/// Root prim.
+/// Name of the root prim.
 pub(super) const SCENE: &str = "Scene";
-/// The splats of a variant.
+/// Name of the prim with the splats of a variant.
 pub(super) const SPLATS: &str = "Splats";
-/// Material whose shaders hold the pages.
+/// Name of the material whose shaders refer to the pages.
 pub(super) const ATLAS: &str = "Atlas";
-/// Variant set of the representations.
+/// Name of the variant set with the representations.
 pub(super) const REPRESENTATION: &str = "representation";
 
-/// Type of particles without anything built in.
+/// Type of particle fields without a built-in kernel.
 pub(super) const FIELD_TYPE: &str = "ParticleField";
-/// Type of 3D Gaussians.
+/// Type of particle fields of 3D Gaussians.
 pub(super) const SPLAT3D_TYPE: &str = "ParticleField3DGaussianSplat";
-/// What all kernels begin with.
+/// Prefix of all kernel schemas.
 pub(super) const KERNEL_PREFIX: &str = "ParticleFieldKernel";
-/// Applied to the textured splats.
+/// Schemas that are applied to the textured splats.
 pub(super) const FIELD_SCHEMAS: [&str; 7] = [
     "ParticleFieldPositionAttributeAPI",
     "ParticleFieldOrientationAttributeAPI",
@@ -47,8 +47,8 @@ pub(super) const TEXEL_SIZE: &str = "primvars:litetex:texelSize";
 pub(super) const SH0: &str = "primvars:litetex:sh0";
 pub(super) const DECODE_SCALE: &str = "primvars:litetex:decodeScale";
 pub(super) const DECODE_BIAS: &str = "primvars:litetex:decodeBias";
-/// Width and height of the pages.
+/// Widths and heights of the pages.
 pub(super) const PAGE_SIZES: &str = "litetex:pageSizes";
 
-/// Our dictionary in the layer's custom data.
+/// Key of our dictionary in the layer's custom data.
 pub(super) const LITETEX: &str = "litetex";

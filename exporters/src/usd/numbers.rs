@@ -1,9 +1,9 @@
-//! Arrays of an asset as a stage holds them: y up.
+//! The arrays of an asset as a stage holds them, with y up.
 
 use super::value::{Form, Numbers, Value};
 use crate::{SplatAsset, num_sh_coefficients, quaternion, yup};
 
-/// Reach of a splat of opacity 1 in standard deviations: `sqrt(2 ln 255)`, and the 3 of programs that cut there.
+/// Standard deviations that extents cover: those at which a splat of opacity 1 fades out, `sqrt(2 ln 255)`.
 const REACH_MAX: f64 = 3.33;
 
 pub(super) fn floats(form: Form, values: Vec<f32>) -> Value {
@@ -26,13 +26,13 @@ pub(super) fn opacities(asset: &SplatAsset) -> Value {
     floats(Form::One, asset.opacities.clone())
 }
 
-/// Two scales and a third: zero for surflets, thin for 3D Gaussians.
+/// Scales with a third that is zero for surflets and thin for 3D Gaussians.
 pub(super) fn scales(asset: &SplatAsset, is_3d: bool) -> Value {
     let third = |u: f32, v: f32| if is_3d { yup::thickness(u, v) } else { 0.0 };
     floats(Form::Vec3, asset.scales.iter().flat_map(|&[u, v]| [u, v, third(u, v)]).collect())
 }
 
-/// All coefficients, the mean of the map in the first: for programs that know no textures.
+/// All SH coefficients, the first with the mean of the map, for programs without texture support.
 pub(super) fn mean_baked_sh(asset: &SplatAsset) -> Value {
     let mut out = Vec::with_capacity(asset.sh.len());
     for splat in 0..asset.num_splats() {
@@ -43,13 +43,13 @@ pub(super) fn mean_baked_sh(asset: &SplatAsset) -> Value {
     floats(Form::Vec3, out)
 }
 
-/// Coefficients of degree 0 as they are.
+/// SH coefficients of degree 0 without the means of maps.
 pub(super) fn exact_sh0(asset: &SplatAsset) -> Value {
     let width = 3 * num_sh_coefficients(asset.sh_degree);
     floats(Form::Vec3, asset.sh.chunks_exact(width).flat_map(|sh| [sh[0], sh[1], sh[2]]).collect())
 }
 
-/// A box around all splats, rounded outwards: minimum and maximum.
+/// Minimum and maximum of a box around all splats, rounded outwards.
 pub(super) fn extent(asset: &SplatAsset) -> Value {
     let mut limits = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
     for splat in 0..asset.num_splats() {
@@ -64,13 +64,15 @@ pub(super) fn extent(asset: &SplatAsset) -> Value {
     if asset.num_splats() == 0 {
         limits = [[0.0; 3]; 2];
     }
+    // Beyond f32 the largest number must do: an extent is finite.
+    let rounded = |v: f64, outwards: fn(f32) -> f32| outwards(v as f32).clamp(f32::MIN, f32::MAX);
     let [low, high] = limits;
     let values =
-        low.iter().map(|&v| (v as f32).next_down()).chain(high.iter().map(|&v| (v as f32).next_up()));
+        low.iter().map(|&v| rounded(v, f32::next_down)).chain(high.iter().map(|&v| rounded(v, f32::next_up)));
     floats(Form::Vec3, values.collect())
 }
 
-/// Half sides of the box around a disc of so many standard deviations.
+/// Half sides of the box around a disc that reaches `reach` standard deviations.
 pub(super) fn half_sides(q: [f64; 4], [scale_u, scale_v]: [f64; 2], reach: f64) -> [f64; 3] {
     let u = quaternion::turned(q, [reach * scale_u, 0.0, 0.0]);
     let v = quaternion::turned(q, [0.0, reach * scale_v, 0.0]);

@@ -1,15 +1,15 @@
-//! Packages (`.usdz`): zip archives whose entries are stored as they are, each at a multiple of 64 bytes.
+//! Packages (`.usdz`): zip archives whose entries are stored uncompressed, each at a multiple of 64 bytes.
 
-use crate::{Error, ReadLimits, Result};
+use crate::{Error, ReadLimits, Result, quoted};
 use std::io::{Cursor, Read, Write};
 use std::path::Path;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipArchive, ZipWriter};
 
-/// Data of entries begin at multiples of this.
+/// The data of entries begin at multiples of this.
 const ALIGNMENT: u16 = 64;
 
-/// Most entries of a package.
+/// Most entries that a package may have.
 const ENTRIES_MAX: usize = 1000;
 
 /// A file in a package.
@@ -18,13 +18,13 @@ pub(super) struct Entry {
     pub(super) bytes: Vec<u8>,
 }
 
-/// A package. The first entry is its root layer. Equal entries make equal bytes: times are fixed.
+/// Encodes a package; the first entry is its root layer. Equal entries make equal bytes, because times are fixed.
 ///
 /// # Errors
-/// [`Error::Invalid`] with the zip writer's word.
+/// [`Error::Invalid`] with the message of the zip writer.
 pub(super) fn package_from_entries(entries: Vec<Entry>) -> Result<Vec<u8>> {
     let failed = |what: String| Error::invalid("", format!("package: {what}"));
-    // Room for alignment and directory too.
+    // With room for alignment and directory.
     let room = entries.iter().map(|e| e.bytes.len() + 2 * e.name.len() + 512).sum();
     let mut writer = ZipWriter::new(Cursor::new(Vec::with_capacity(room)));
     for entry in entries {
@@ -40,7 +40,7 @@ pub(super) fn package_from_entries(entries: Vec<Entry>) -> Result<Vec<u8>> {
     Ok(writer.finish().map_err(|e| failed(e.to_string()))?.into_inner())
 }
 
-/// The entries of a package; `path` is only for messages.
+/// Decodes the entries of a package; `path` is only for messages.
 ///
 /// # Errors
 /// [`Error::Invalid`] if it is damaged or breaks the rules of packages, [`Error::TooLarge`].
@@ -54,41 +54,43 @@ pub(super) fn entries_from_package(bytes: &[u8], path: &Path, limits: &ReadLimit
     let mut entries = Vec::new();
     let mut total = 0_u64;
     for index in 0..archive.len() {
-        // Raw: what is not stored is refused and never decompressed.
+        // Raw, because compressed entries are refused, not decompressed.
         let file = archive.by_index_raw(index).map_err(|e| damaged(e.to_string()))?;
         let name = file.name().map_err(|e| damaged(e.to_string()))?.into_owned();
-        let invalid = |what: &str| Err(damaged(format!("entry {name:?}: {what}")));
+        let invalid = |what: &str| Err(damaged(format!("entry {}: {what}", quoted(&name))));
         if !is_plain_path(&name) {
             return invalid("not a plain relative path");
         }
         if file.compression() != CompressionMethod::Stored || file.encrypted() || file.is_symlink() {
-            return invalid("compressed, encrypted or a link; packages hold stored files only");
+            return invalid("compressed, encrypted or a link; packages hold only stored files");
         }
         if file.data_start().is_none_or(|at| at % u64::from(ALIGNMENT) != 0) {
             return invalid("its data are not at a multiple of 64 bytes");
         }
         total = total.saturating_add(file.size());
-        // Entries that overlap could be many times the file.
+        // Overlapping entries could add up to many times the file.
         if file.size() != file.compressed_size() || total > bytes.len() as u64 || total > limits.decoded_bytes
         {
             return invalid("larger than the package");
         }
         let (size, crc) = (file.size(), file.crc32());
         let mut data = Vec::new();
-        file.take(size).read_to_end(&mut data).map_err(|e| damaged(format!("entry {name:?}: {e}")))?;
+        file.take(size)
+            .read_to_end(&mut data)
+            .map_err(|e| damaged(format!("entry {}: {e}", quoted(&name))))?;
         if data.len() as u64 != size || crc32(&data) != crc {
-            return invalid("cut or damaged (its checksum differs)");
+            return invalid("truncated or damaged (its checksum differs)");
         }
         entries.push(Entry { name, bytes: data });
     }
     Ok(entries)
 }
 
-/// Refuses archives that say to have more entries than we read, before a table is made for them.
+/// Refuses archives that claim too many entries, before a table is allocated for them.
 fn check_directory(bytes: &[u8], path: &Path) -> Result<()> {
     const END: [u8; 4] = *b"PK\x05\x06";
     const END_BYTES: usize = 22;
-    /// Of archives with more than 65,535 entries or 4 GiB, right before the end.
+    /// Precedes the end in archives of more than 65,535 entries or 4 GiB.
     const LOCATOR: [u8; 4] = *b"PK\x06\x07";
     const LOCATOR_BYTES: usize = 20;
     let tail = bytes.len().saturating_sub(END_BYTES + usize::from(u16::MAX));
@@ -111,7 +113,7 @@ pub(super) fn is_plain_path(path: &str) -> bool {
         && path.split('/').all(|part| !part.is_empty() && part != "." && part != "..")
 }
 
-/// Checksum of zip archives: the reflected polynomial 0xEDB88320, four bits at a time.
+/// The checksum of zip archives: the reflected polynomial 0xEDB88320, four bits at a time.
 pub(super) fn crc32(bytes: &[u8]) -> u32 {
     const TABLE: [u32; 16] = {
         let mut table = [0; 16];

@@ -1,19 +1,19 @@
-//! What the parts of a file weigh.
+//! The sizes of the parts of a file.
 
 use super::names::*;
 use crate::{Describes, Section};
 
-/// What a layer weighs.
+/// The sizes of a layer and its parts.
 pub(super) struct LayerBytes<'a> {
     pub(super) all: u64,
-    /// Of a binary layer.
+    /// Bytes of the tables of a binary layer.
     pub(super) tables: Option<u64>,
-    /// Path of a property and bytes of its value, or of its text.
+    /// Path of a property, and bytes of its value or its text.
     pub(super) values: &'a [(String, u64)],
 }
 
-/// Parts of a file. `images`: a package's entries but the layer. `texture_bytes`: of pages beside the file, which count
-/// as parts of it.
+/// Parts of a file. `images` are the entries of a package but the layer; `texture_bytes` those of pages in sidecar files,
+/// which count as parts of the file.
 pub(super) fn of(
     layer: &LayerBytes<'_>,
     images: Option<&[(String, u64)]>,
@@ -21,14 +21,7 @@ pub(super) fn of(
     texture_bytes: u64,
 ) -> Vec<Section> {
     let mut sections = Vec::new();
-    let mut add = |name: &str, describes, bytes: u64| {
-        let same = sections.iter_mut().find(|s: &&mut Section| s.name == name);
-        match same {
-            Some(section) => section.bytes += bytes,
-            None if bytes > 0 => sections.push(Section { name: name.to_owned(), bytes, describes }),
-            None => {}
-        }
-    };
+    let mut add = |name: &str, describes, bytes| Section::add(&mut sections, name, describes, bytes);
     let layer_bytes = layer.all;
     let mut left = layer_bytes;
     for (place, bytes) in layer.values {
@@ -56,7 +49,7 @@ pub(super) fn of(
     sections
 }
 
-/// Name of the part to which a value belongs. Arrays that several variants share count where they stand first.
+/// Name of the part to which a value belongs. Arrays that variants share count where they come first.
 fn class(place: &str) -> (&'static str, Describes) {
     let is_textured = !place.contains("=splat3d}") && !place.contains("=mesh}");
     let property = place.rsplit_once(&format!("{SPLATS}.")).filter(|_| is_textured).map(|(_, name)| name);
@@ -65,7 +58,7 @@ fn class(place: &str) -> (&'static str, Describes) {
         Some(ORIENTATIONS) => ("rotations", Describes::Splats),
         Some(SCALES) => ("scales", Describes::Splats),
         Some(OPACITIES) => ("opacities", Describes::Splats),
-        // Its degree 0 is the mean-baked one, for other programs.
+        // Its degree 0 contains the means of maps, for other programs.
         Some(SH_COEFFICIENTS) => ("sh", Describes::Splats),
         Some(SH0) => ("sh0", Describes::Splats),
         Some(RECT | PAGE | TEXEL_SIZE) => ("maps", Describes::Splats),

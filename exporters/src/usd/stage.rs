@@ -1,4 +1,4 @@
-//! The stage of an asset: which prims there are and what they say.
+//! The stage of an asset: its prims and their properties.
 
 use super::layer::{Layer, Prim, Property, VariantSet};
 use super::names::*;
@@ -9,19 +9,19 @@ use crate::meta::Meta;
 use crate::quads::{Quad, Quads};
 use crate::{Error, Quality, Result, SplatAsset, yup};
 
-/// Images of a stage by the asset paths under which it refers to them.
+/// The images of a stage, by their asset paths.
 pub(super) struct Images<'a> {
     pub(super) atlas: &'a Atlas,
-    /// Of the atlas's pages.
+    /// Asset paths of the atlas pages.
     pub(super) page_paths: &'a [String],
-    /// `None`: pages hold texels as they are.
+    /// How codes become texels; `None` if pages hold floats.
     pub(super) decode: Option<TexelDecode>,
     pub(super) quads: Option<&'a Quads>,
-    /// Of the rectangles' pages.
+    /// Asset paths of the pages of rectangles.
     pub(super) quad_paths: &'a [String],
 }
 
-/// The stage. `hash` is that of the asset that a reader gets.
+/// Makes the stage. `hash` is that of the asset that a reader gets.
 pub(super) fn layer(asset: &SplatAsset, quality: Quality, hash: u64, images: &Images) -> Result<Layer> {
     let mut scene = Prim::def("Xform", SCENE);
     scene.properties = node(asset);
@@ -31,25 +31,22 @@ pub(super) fn layer(asset: &SplatAsset, quality: Quality, hash: u64, images: &Im
     if let Some(quads) = images.quads {
         variants.push(variant("mesh", meshes(quads, images.quad_paths)));
     }
-    scene.variant_sets.push(VariantSet {
-        name: REPRESENTATION.to_owned(),
-        selection: "textured".to_owned(),
-        variants,
-    });
+    scene.variant_set =
+        Some(VariantSet { name: REPRESENTATION.to_owned(), selection: "textured".to_owned(), variants });
     let metadata = vec![
         ("customLayerData".to_owned(), custom_data(asset, quality, hash)?),
         ("defaultPrim".to_owned(), Value::token(SCENE)),
         ("metersPerUnit".to_owned(), Value::double(1.0)),
         ("upAxis".to_owned(), Value::token("Y")),
     ];
-    Ok(Layer { metadata, prims: vec![scene] })
+    Ok(Layer { metadata, root_prims: vec![scene] })
 }
 
 fn variant(name: &str, children: Vec<Prim>) -> Prim {
-    Prim { name: name.to_owned(), specifier: super::layer::Specifier::Over, children, ..Prim::default() }
+    Prim { name: name.to_owned(), children, ..Prim::default() }
 }
 
-/// Facts, sorted by name as other programs sort them.
+/// Our dictionary of facts, sorted by name as other programs sort them.
 fn custom_data(asset: &SplatAsset, quality: Quality, hash: u64) -> Result<Value> {
     let meta = serde_json::to_string(&Meta::of(asset));
     let meta = meta.map_err(|e| Error::invalid("", format!("metadata: {e}")))?;
@@ -81,7 +78,7 @@ fn custom_data(asset: &SplatAsset, quality: Quality, hash: u64) -> Result<Value>
     Ok(Value::Dictionary(vec![(LITETEX.to_owned(), Value::Dictionary(entries.to_vec()))]))
 }
 
-/// Transformation to the frame of the capture, y up.
+/// The transformation to the world frame with y up.
 fn node(asset: &SplatAsset) -> Vec<Property> {
     let node = yup::node(&asset.world_from_local());
     let doubles = |form, values| Value::Doubles(Numbers::element(form, values));
@@ -94,7 +91,7 @@ fn node(asset: &SplatAsset) -> Vec<Property> {
     ]
 }
 
-/// What both particle fields have.
+/// Properties that both particle fields have.
 fn particles(asset: &SplatAsset, is_3d: bool) -> Vec<Property> {
     vec![
         Property::new("float3[]", EXTENT, numbers::extent(asset)),
@@ -137,7 +134,7 @@ fn textured_splats(asset: &SplatAsset, images: &Images) -> Prim {
     prim
 }
 
-/// The pages as shaders of a material, so that packaging and copying take them along.
+/// A material with the pages as shaders, so that packaging and copying include them.
 fn atlas_material(images: &Images) -> Option<Prim> {
     if images.page_paths.is_empty() {
         return None;
@@ -146,7 +143,7 @@ fn atlas_material(images: &Images) -> Option<Prim> {
     for (i, path) in images.page_paths.iter().enumerate() {
         let mut page = texture(&format!("Page{i}"), path, "raw");
         if let Some(decode) = images.decode {
-            // Shaders see codes as shares of 255.
+            // Shaders see codes divided by 255.
             let four = |value: f64| Value::Floats(Numbers::element(Form::Vec4, vec![value as f32; 4]));
             page.properties.extend([
                 Property::new("float4", "inputs:scale", four(255.0 * decode.scale)),
@@ -163,7 +160,7 @@ fn atlas_material(images: &Images) -> Option<Prim> {
 fn material(name: &str) -> Prim {
     let mut material = Prim::def("Material", name);
     let surface = format!("/{SCENE}/{name}/Surface.outputs:surface");
-    material.properties.push(Property::connected("token", "outputs:surface", vec![surface]));
+    material.properties.push(Property::connected("token", "outputs:surface", surface));
     let mut shader = shader("Surface", "UsdPreviewSurface");
     let black = || Value::Floats(Numbers::element(Form::Vec3, vec![0.0; 3]));
     shader.properties.extend([
@@ -217,7 +214,7 @@ fn mesh(name: &str, quads: &[&Quad], material: &str) -> Prim {
     let mut mesh = Prim::def("Mesh", name);
     mesh.apply(&["MaterialBindingAPI"]);
     let points: Vec<[f32; 3]> = quads.iter().flat_map(|q| q.corners).collect();
-    // Images of USD begin at the lower left.
+    // Texture coordinates of USD begin at the lower left.
     let uvs = quads.iter().flat_map(|q| q.uvs).flat_map(|[u, v]| [u, 1.0 - v]).collect();
     let limit = |pick: fn(f32, f32) -> f32| {
         let first = points.first().copied().unwrap_or_default();
@@ -239,7 +236,7 @@ fn mesh(name: &str, quads: &[&Quad], material: &str) -> Prim {
 
 fn quad_material(name: &str, path: &str) -> Prim {
     let mut material = material(name);
-    let output = |shader: &str, output: &str| vec![format!("/{SCENE}/{name}/{shader}.outputs:{output}")];
+    let output = |shader: &str, output: &str| format!("/{SCENE}/{name}/{shader}.outputs:{output}");
     for surface in &mut material.children {
         surface.properties.extend([
             Property::connected("color3f", "inputs:emissiveColor", output("Texture", "rgb")),

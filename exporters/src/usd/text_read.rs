@@ -1,23 +1,25 @@
-//! Reads a layer from text (`.usda`): the grammar of prims, properties, variants and the metadata that our files have,
-//! in any order and layout. Composition (references, payloads, inheritance) and time are not supported.
+//! Reads a layer from text (`.usda`) as [`super::text_write`] writes it. Only white space may differ: features of USD that
+//! our files do not have are refused by name as unsupported. Takes time in proportion to the text.
 
-use super::layer::{Content, Layer, Metadata, Prim, Property, Specifier, VariantSet};
-use super::lexer::{Lexeme, Lexer, shown};
-use super::text_values::{read_dictionary, read_list, read_value};
-use super::value::{Form, Kind, ListOp, Value, kind_from_name};
-use crate::{Error, Result};
+use super::layer::{Content, Layer, Metadata, Prim, Property, VariantSet};
+use super::lexer::Lexer;
+use super::text_write::MAGIC;
+use super::value::{Form, Kind, Numbers, Value};
+use crate::{Error, Result, quoted};
 use std::path::Path;
+use std::str::FromStr;
+use std::sync::Arc;
 
-/// Deepest nesting of prims and dictionaries.
-pub(super) const DEPTH_MAX: usize = 64;
+/// Deepest nesting of prims and dictionaries; ours nest four deep.
+pub(super) const DEPTH_MAX: usize = 16;
 
-/// Memory of a prim or variant, twice for vectors that grow.
+/// Memory of a prim or variant; twice its size, because vectors grow by doubling.
 const PRIM_BYTES: usize = 2 * size_of::<Prim>();
 
 /// Memory of a property or an entry of metadata besides its values.
 const PROPERTY_BYTES: usize = 2 * size_of::<Property>() + 64;
 
-/// A layer and what its parts weigh.
+/// A layer with the sizes of its parts.
 #[derive(Debug)]
 pub(super) struct TextLayer {
     pub(super) layer: Layer,
@@ -25,308 +27,314 @@ pub(super) struct TextLayer {
     pub(super) value_bytes: Vec<(String, u64)>,
 }
 
-/// A layer from its text; `path` is only for messages.
+/// Parses the text of a layer; `path` is only for messages.
 ///
 /// # Errors
-/// [`Error::Invalid`] naming the line, [`Error::Unsupported`] naming the feature, [`Error::TooLarge`] beyond `budget`
-/// bytes of memory.
-pub(super) fn layer_from_text(text: &str, path: &Path, budget: u64) -> Result<TextLayer> {
-    let first = text.lines().next().unwrap_or_default().trim_end();
-    match first.strip_prefix("#usda ") {
-        Some("1.0") => {}
-        Some(version) => {
-            let what = format!("version {version:?} of the text format; supported: 1.0");
-            return Err(Error::unsupported(path, what));
-        }
-        None => return Err(Error::invalid(path, "does not begin with the line \"#usda 1.0\"")),
+/// [`Error::Invalid`] naming the line, [`Error::Unsupported`] naming the feature, [`Error::TooLarge`] beyond
+/// `budget_bytes` of memory.
+pub(super) fn layer_from_text(text: &str, path: &Path, budget_bytes: u64) -> Result<TextLayer> {
+    let first = text.lines().next().unwrap_or_default();
+    if first != MAGIC {
+        return Err(match first.strip_prefix("#usda ") {
+            Some(version) => {
+                let what =
+                    format!("version {} of the text format; supported: 1.0", quoted(version.trim_end()));
+                Error::unsupported(path, what)
+            }
+            None => Error::invalid(path, format!("does not begin with the line {MAGIC:?}")),
+        });
     }
-    let mut lexer = Lexer::new(text, path, budget);
+    let lexer = Lexer::new(&text[MAGIC.len()..], path, budget_bytes);
+    let mut parser = Parser { lexer, place: String::new(), value_bytes: Vec::new() };
     let mut layer = Layer::default();
-    if lexer.take_if('(')? {
-        let mut sets = Vec::new();
-        layer.metadata = metadata(&mut lexer, &mut sets)?;
+    if parser.lexer.take_if(b'(') {
+        layer.metadata = parser.metadata(&mut None)?;
     }
-    loop {
-        match lexer.take()? {
-            Lexeme::End => return Ok(TextLayer { layer, value_bytes: lexer.value_bytes }),
-            Lexeme::Word(word) => match specifier(word) {
-                Some(specifier) => layer.prims.push(prim(&mut lexer, specifier, 0)?),
-                None => return Err(lexer.unsupported(format!("{word:?} between root prims"))),
-            },
-            found => return Err(lexer.invalid(format!("{}, expected a prim", shown(&found)))),
+    while parser.lexer.peek().is_some() {
+        match parser.lexer.word("a prim")? {
+            "def" => layer.root_prims.push(parser.prim(0)?),
+            other => return Err(parser.lexer.unsupported(format!("{} at the root", quoted(other)))),
         }
     }
+    Ok(TextLayer { layer, value_bytes: parser.value_bytes })
 }
 
-fn specifier(word: &str) -> Option<Specifier> {
-    Specifier::ALL.into_iter().find(|s| s.name() == word)
+struct Parser<'a> {
+    lexer: Lexer<'a>,
+    /// Path of the prim that is being read.
+    place: String,
+    value_bytes: Vec<(String, u64)>,
 }
 
-fn prim(lexer: &mut Lexer, specifier: Specifier, depth: usize) -> Result<Prim> {
-    if depth > DEPTH_MAX {
-        return Err(lexer.unsupported(format!("prims nested more than {DEPTH_MAX} deep")));
-    }
-    let mut prim = Prim { specifier, ..Prim::default() };
-    if let Lexeme::Word(_) = lexer.peek()? {
-        prim.type_name = lexer.word("a type")?.to_owned();
-    }
-    prim.name = lexer.quoted("a prim's name")?;
-    // With its path, which is told for each.
-    let outer = lexer.place.len();
-    lexer.spend(PRIM_BYTES + outer + prim.name.len() + 1)?;
-    lexer.place.push('/');
-    lexer.place.push_str(&prim.name);
-    if lexer.take_if('(')? {
-        prim.metadata = metadata(lexer, &mut prim.variant_sets)?;
-    }
-    body(lexer, &mut prim, depth)?;
-    lexer.place.truncate(outer);
-    Ok(prim)
-}
-
-/// What stands in braces, of a prim or a variant.
-fn body(lexer: &mut Lexer, prim: &mut Prim, depth: usize) -> Result<()> {
-    lexer.expect('{')?;
-    loop {
-        if lexer.take_if('}')? {
-            return Ok(());
+impl Parser<'_> {
+    /// `TYPE "NAME" (METADATA) { BODY }`, behind `def`.
+    fn prim(&mut self, depth: usize) -> Result<Prim> {
+        if depth > DEPTH_MAX {
+            return Err(self.lexer.unsupported(format!("prims nested more than {DEPTH_MAX} deep")));
         }
-        if lexer.take_if(';')? {
-            continue;
+        let mut prim = Prim::default();
+        if self.lexer.peek() != Some(b'"') {
+            prim.type_name = self.lexer.word("a type")?.to_owned();
         }
-        let word = lexer.word("a prim, a property or \"}\"")?;
-        match word {
-            "variantSet" => variant_set(lexer, prim, depth)?,
-            "reorder" => return Err(lexer.unsupported("\"reorder\"")),
-            _ => match specifier(word) {
-                Some(specifier) => prim.children.push(self::prim(lexer, specifier, depth + 1)?),
-                None => {
-                    let start = lexer.offset().saturating_sub(word.len());
-                    property(lexer, word, &mut prim.properties)?;
-                    count(lexer, prim, start)?;
+        prim.name = self.lexer.quoted("a prim's name")?;
+        let outer = self.place.len();
+        // The path is kept with each property.
+        self.lexer.spend(PRIM_BYTES + outer + prim.name.len())?;
+        self.place.extend(["/", &prim.name]);
+        if self.lexer.take_if(b'(') {
+            prim.metadata = self.metadata(&mut prim.variant_set)?;
+        }
+        self.body(&mut prim, depth)?;
+        self.place.truncate(outer);
+        Ok(prim)
+    }
+
+    /// `{ PROPERTIES CHILDREN VARIANTS }` of a prim or a variant.
+    fn body(&mut self, prim: &mut Prim, depth: usize) -> Result<()> {
+        self.lexer.expect(b'{')?;
+        while !self.lexer.take_if(b'}') {
+            let word = self.lexer.word("a prim, a property or \"}\"")?;
+            match word {
+                "def" => prim.children.push(self.prim(depth + 1)?),
+                "variantSet" => self.variant_set(prim, depth)?,
+                _ => {
+                    let start = self.lexer.offset() - word.len();
+                    let property = self.property(word)?;
+                    let place = format!("{}.{}", self.place, property.name);
+                    self.lexer.spend(2 * place.len() + size_of::<(String, u64)>())?;
+                    self.value_bytes.push((place, (self.lexer.offset() - start) as u64));
+                    prim.properties.push(property);
                 }
-            },
-        }
-    }
-}
-
-/// Notes the text of the property that was read last.
-fn count(lexer: &mut Lexer, prim: &Prim, start: usize) -> Result<()> {
-    let name = prim.properties.last().map_or("", |p| p.name.as_str());
-    lexer.spend(2 * (lexer.place.len() + name.len() + size_of::<(String, u64)>()))?;
-    let num_bytes = lexer.offset().saturating_sub(start) as u64;
-    lexer.value_bytes.push((format!("{}.{name}", lexer.place), num_bytes));
-    Ok(())
-}
-
-fn variant_set(lexer: &mut Lexer, prim: &mut Prim, depth: usize) -> Result<()> {
-    if depth > DEPTH_MAX {
-        return Err(lexer.unsupported(format!("variants nested more than {DEPTH_MAX} deep")));
-    }
-    let name = lexer.quoted("a variant set's name")?;
-    lexer.spend(PRIM_BYTES + name.len())?;
-    lexer.expect('=')?;
-    lexer.expect('{')?;
-    let mut variants = Vec::new();
-    while !lexer.take_if('}')? {
-        let mut variant =
-            Prim { name: lexer.quoted("a variant's name")?, specifier: Specifier::Over, ..Prim::default() };
-        let outer = lexer.place.len();
-        lexer.spend(PRIM_BYTES + outer + name.len() + variant.name.len())?;
-        lexer.place.extend(["{", &name, "=", &variant.name, "}"]);
-        if lexer.take_if('(')? {
-            variant.metadata = metadata(lexer, &mut variant.variant_sets)?;
-        }
-        body(lexer, &mut variant, depth + 1)?;
-        lexer.place.truncate(outer);
-        variants.push(variant);
-    }
-    set_named(&mut prim.variant_sets, &name).variants.extend(variants);
-    Ok(())
-}
-
-/// A variant set by name, made if need be.
-fn set_named<'a>(sets: &'a mut Vec<VariantSet>, name: &str) -> &'a mut VariantSet {
-    let at = sets.iter().position(|s| s.name == name).unwrap_or_else(|| {
-        sets.push(VariantSet { name: name.to_owned(), ..VariantSet::default() });
-        sets.len() - 1
-    });
-    &mut sets[at]
-}
-
-/// Metadata after `(`, up to and with `)`.
-fn metadata(lexer: &mut Lexer, sets: &mut Vec<VariantSet>) -> Result<Metadata> {
-    let mut metadata = Metadata::new();
-    loop {
-        match lexer.take()? {
-            Lexeme::Mark(')') => return Ok(metadata),
-            Lexeme::Mark(';') => {}
-            Lexeme::Text(comment) => {
-                lexer.spend(PROPERTY_BYTES + comment.len())?;
-                metadata.push(("comment".to_owned(), Value::String(comment.into_owned())));
-            }
-            Lexeme::Word(edit @ ("prepend" | "append")) => {
-                let name = lexer.word("a name of metadata")?;
-                metadata_entry(lexer, Some(edit), name, &mut metadata, sets)?;
-            }
-            Lexeme::Word(edit @ ("add" | "delete" | "reorder")) => {
-                return Err(lexer.unsupported(format!("list edit {edit:?}")));
-            }
-            Lexeme::Word(name) => metadata_entry(lexer, None, name, &mut metadata, sets)?,
-            found => return Err(lexer.invalid(format!("{}, expected metadata", shown(&found)))),
-        }
-    }
-}
-
-fn metadata_entry(
-    lexer: &mut Lexer,
-    edit: Option<&str>,
-    name: &str,
-    metadata: &mut Metadata,
-    sets: &mut Vec<VariantSet>,
-) -> Result<()> {
-    lexer.expect('=')?;
-    lexer.spend(PROPERTY_BYTES + name.len())?;
-    let mut push = |value| metadata.push((name.to_owned(), value));
-    match (name, edit) {
-        ("apiSchemas", edit) => {
-            let items = strings(lexer)?;
-            push(Value::TokenList(match edit {
-                Some("prepend") => ListOp::Prepend(items),
-                Some(_) => ListOp::Append(items),
-                None => ListOp::Explicit(items),
-            }));
-        }
-        ("variantSets", _) => {
-            for set in strings(lexer)? {
-                set_named(sets, &set);
             }
         }
-        ("variants", None) => {
-            for (set, selection) in read_dictionary(lexer, 0)? {
-                let selection = selection.as_text().unwrap_or_default().to_owned();
-                set_named(sets, &set).selection = selection;
+        Ok(())
+    }
+
+    /// `"SET" = { "VARIANT" { BODY } ... }`, for the one set that the prim's metadata declare.
+    fn variant_set(&mut self, prim: &mut Prim, depth: usize) -> Result<()> {
+        let name = self.lexer.quoted("a variant set's name")?;
+        let Some(mut set) = prim.variant_set.take().filter(|s| s.name == name && s.variants.is_empty())
+        else {
+            let what =
+                format!("variant set {}, which its prim does not declare as its only one", quoted(&name));
+            return Err(self.lexer.unsupported(what));
+        };
+        self.lexer.expect(b'=')?;
+        self.lexer.expect(b'{')?;
+        while !self.lexer.take_if(b'}') {
+            let name = self.lexer.quoted("a variant's name")?;
+            let mut variant = Prim { name, ..Prim::default() };
+            let outer = self.place.len();
+            self.lexer.spend(PRIM_BYTES + outer + set.name.len() + variant.name.len())?;
+            self.place.extend(["{", &set.name, "=", &variant.name, "}"]);
+            self.body(&mut variant, depth + 1)?;
+            self.place.truncate(outer);
+            set.variants.push(variant);
+        }
+        prim.variant_set = Some(set);
+        Ok(())
+    }
+
+    /// Metadata behind `(`, up to and with `)`. A variant set is declared by two entries.
+    fn metadata(&mut self, set: &mut Option<VariantSet>) -> Result<Metadata> {
+        let mut metadata = Metadata::new();
+        while !self.lexer.take_if(b')') {
+            let mut name = self.lexer.word("metadata")?;
+            let is_prepended = name == "prepend";
+            if is_prepended {
+                name = self.lexer.word("a name of metadata")?;
+            }
+            self.lexer.spend(PROPERTY_BYTES + name.len())?;
+            let mut push = |value| metadata.push((name.to_owned(), value));
+            match (name, is_prepended) {
+                ("apiSchemas", true) => push(Value::Prepended(self.assigned(Self::texts)?)),
+                ("customLayerData", false) => push(Value::Dictionary(self.assigned(|p| p.dictionary(0))?)),
+                ("defaultPrim" | "upAxis" | "interpolation", false) => {
+                    push(self.assigned(|p| p.value(Kind::Token, false))?);
+                }
+                ("metersPerUnit", false) => push(self.assigned(|p| p.value(Kind::Double(Form::One), false))?),
+                ("variants", false) => {
+                    let mut chosen = self.assigned(|p| p.dictionary(0))?;
+                    let selection = (chosen.len() == 1).then(|| chosen.remove(0));
+                    let Some((name, Value::String(selection))) = selection else {
+                        return Err(self.lexer.unsupported("a choice of variants that is not of one set"));
+                    };
+                    *set = Some(VariantSet { name, selection, variants: Vec::new() });
+                }
+                ("variantSets", true) => {
+                    let names = self.assigned(Self::texts)?;
+                    if set.as_ref().is_none_or(|set| names != [set.name.as_str()]) {
+                        return Err(self
+                            .lexer
+                            .unsupported("variant sets other than the one that is chosen from"));
+                    }
+                }
+                _ => {
+                    let edit = if is_prepended { "prepend " } else { "" };
+                    let what = format!("metadata {}", quoted(&format!("{edit}{name}")));
+                    return Err(self.lexer.unsupported(what));
+                }
             }
         }
-        (_, None) => {
-            let kind = metadata_kind(name).ok_or_else(|| lexer.unsupported(format!("metadata {name:?}")))?;
-            push(match kind {
-                Some(kind) => read_value(lexer, kind, false)?,
-                None => Value::Dictionary(read_dictionary(lexer, 0)?),
-            });
+        Ok(metadata)
+    }
+
+    /// `= ` and what follows.
+    fn assigned<T>(&mut self, read: impl FnOnce(&mut Self) -> Result<T>) -> Result<T> {
+        self.lexer.expect(b'=')?;
+        read(self)
+    }
+
+    /// `[custom] [uniform] TYPE NAME [= VALUE] [(METADATA)]`, `TYPE NAME.connect = <PATH>` or `rel NAME = <PATH>`, of which
+    /// the first word was taken.
+    fn property(&mut self, first: &str) -> Result<Property> {
+        self.lexer.spend(PROPERTY_BYTES + first.len())?;
+        let mut word = first;
+        let is_custom = word == "custom";
+        if is_custom {
+            word = self.lexer.word("a type")?;
         }
-        (_, Some(edit)) => return Err(lexer.unsupported(format!("metadata \"{edit} {name}\""))),
-    }
-    Ok(())
-}
-
-/// Type of metadata by name: `Some(None)` is a dictionary; `None`: not known.
-fn metadata_kind(name: &str) -> Option<Option<Kind>> {
-    Some(Some(match name {
-        "customLayerData" | "customData" | "assetInfo" | "sdrMetadata" => return Some(None),
-        "active" | "hidden" | "instanceable" => Kind::Bool,
-        "elementSize" => Kind::Int(Form::One),
-        "metersPerUnit" | "kilogramsPerUnit" | "timeCodesPerSecond" | "framesPerSecond" | "startTimeCode"
-        | "endTimeCode" => Kind::Double(Form::One),
-        "doc" | "documentation" | "comment" | "displayName" | "displayGroup" => Kind::String,
-        "upAxis" | "defaultPrim" | "interpolation" | "kind" | "colorSpace" => Kind::Token,
-        _ => return None,
-    }))
-}
-
-/// A text or a list of texts.
-fn strings(lexer: &mut Lexer) -> Result<Vec<String>> {
-    if *lexer.peek()? == Lexeme::Mark('[') {
-        return read_list(lexer, |lexer| lexer.quoted("a name"));
-    }
-    Ok(vec![lexer.quoted("a name")?])
-}
-
-fn property(lexer: &mut Lexer, first: &str, properties: &mut Vec<Property>) -> Result<()> {
-    lexer.spend(PROPERTY_BYTES + first.len())?;
-    let mut word = first.to_owned();
-    let (mut is_custom, mut is_uniform) = (false, false);
-    loop {
-        match word.as_str() {
-            "custom" => is_custom = true,
-            "uniform" => is_uniform = true,
-            "varying" => {}
-            "prepend" | "append" | "add" | "delete" => {
-                return Err(lexer.unsupported(format!("list edit {word:?} of a property")));
+        let is_uniform = word == "uniform";
+        if is_uniform {
+            word = self.lexer.word("a type")?;
+        }
+        if word == "rel" {
+            let name = self.lexer.word("a name")?.to_owned();
+            let target = self.assigned(Self::path)?;
+            let content = Content::Relationship { target };
+            return Ok(Property { name, is_custom, content, metadata: Metadata::new() });
+        }
+        let base = word.strip_suffix("[]").unwrap_or(word);
+        let Some(kind) = Kind::from_name(base) else {
+            return Err(self.lexer.unsupported(format!("a property of type {}", quoted(word))));
+        };
+        let full = self.lexer.word("a name")?;
+        let (name, suffix) = full.split_once('.').unwrap_or((full, ""));
+        let (mut value, mut connection, mut metadata) = (None, None, Metadata::new());
+        match suffix {
+            "connect" => connection = Some(self.assigned(Self::path)?),
+            "" => {
+                if self.lexer.take_if(b'=') {
+                    value = Some(self.value(kind, base.len() < word.len())?);
+                }
+                if self.lexer.take_if(b'(') {
+                    metadata = self.metadata(&mut None)?;
+                }
             }
-            _ => break,
+            other => return Err(self.lexer.unsupported(format!("{} of an attribute", quoted(other)))),
         }
-        word = lexer.word("a type")?.to_owned();
+        let content = Content::Attribute { type_name: word.to_owned(), is_uniform, value, connection };
+        Ok(Property { name: name.to_owned(), is_custom, content, metadata })
     }
-    if word == "rel" {
-        let name = lexer.word("a name")?.to_owned();
-        let targets = if lexer.take_if('=')? { paths(lexer)? } else { Vec::new() };
-        let content = Content::Relationship { targets };
-        let metadata = property_metadata(lexer)?;
-        properties.push(Property { name, is_custom, content, metadata });
-        return Ok(());
+
+    fn value(&mut self, kind: Kind, is_array: bool) -> Result<Value> {
+        Ok(match kind {
+            Kind::Int(form) => {
+                Value::Ints(self.numbers(form, is_array, "an integer of 32 bits", |v: i32| v)?)
+            }
+            // Through f64, as OpenUSD does.
+            Kind::Float(form) => Value::Floats(self.numbers(form, is_array, "a number", |v: f64| v as f32)?),
+            Kind::Double(form) => Value::Doubles(self.numbers(form, is_array, "a number", |v: f64| v)?),
+            Kind::Token if is_array => Value::Tokens(self.texts()?),
+            _ if is_array => return Err(self.lexer.unsupported(format!("an array of {kind:?}"))),
+            Kind::Bool => Value::Bool(self.boolean()?),
+            Kind::String => Value::String(self.lexer.quoted("a text")?),
+            Kind::Token => Value::Token(self.lexer.quoted("a token")?),
+            Kind::Asset => Value::Asset(self.lexer.fenced(b'@', '@')?),
+        })
     }
-    let type_name = word;
-    let full = lexer.word("a name")?;
-    let (name, suffix) = full.split_once('.').unwrap_or((full, ""));
-    let mut attribute = Property::declaration(&type_name, name);
-    attribute.is_custom = is_custom;
-    let mut found = None;
-    match suffix {
-        "" if lexer.take_if('=')? => found = Some(attribute_value(lexer, &type_name)?),
-        "" => {}
-        "connect" => {
-            lexer.expect('=')?;
-            let paths = paths(lexer)?;
-            if let Content::Attribute { connections, .. } = &mut attribute.content {
-                *connections = paths;
+
+    /// `[A, B, C]`
+    fn list<T>(&mut self, mut one: impl FnMut(&mut Self) -> Result<T>) -> Result<Vec<T>> {
+        self.lexer.expect(b'[')?;
+        let mut items = Vec::new();
+        if self.lexer.take_if(b']') {
+            return Ok(items);
+        }
+        loop {
+            // Twice, because vectors grow by doubling.
+            self.lexer.spend(2 * size_of::<T>())?;
+            items.push(one(self)?);
+            if !self.lexer.take_if(b',') {
+                self.lexer.expect(b']')?;
+                return Ok(items);
             }
         }
-        other => return Err(lexer.unsupported(format!("\".{other}\" of an attribute"))),
     }
-    if let Content::Attribute { value, is_uniform: uniform, .. } = &mut attribute.content {
-        (*value, *uniform) = (found, is_uniform);
-    }
-    attribute.metadata = property_metadata(lexer)?;
-    add_attribute(properties, attribute);
-    Ok(())
-}
 
-/// An attribute may stand twice: with its value and with its connection.
-fn add_attribute(properties: &mut Vec<Property>, new: Property) {
-    // Both lines follow each other; looking further would be quadratic.
-    let old = properties.last_mut().filter(|p| p.name == new.name);
-    match (old.map(|p| (&mut p.content, &mut p.metadata)), new.content) {
-        (
-            Some((Content::Attribute { value, connections, .. }, metadata)),
-            Content::Attribute { value: new_value, connections: new_connections, .. },
-        ) => {
-            *value = new_value.or(value.take());
-            connections.extend(new_connections);
-            metadata.extend(new.metadata);
+    fn texts(&mut self) -> Result<Vec<String>> {
+        self.list(|p| p.lexer.quoted("a text"))
+    }
+
+    /// `<PATH>`
+    fn path(&mut self) -> Result<String> {
+        if self.lexer.peek() == Some(b'[') {
+            return Err(self.lexer.unsupported("a list of paths"));
         }
-        (_, content) => properties.push(Property { content, ..new }),
+        self.lexer.fenced(b'<', '>')
     }
-}
 
-fn attribute_value(lexer: &mut Lexer, type_name: &str) -> Result<Value> {
-    let (base, is_array) = match type_name.strip_suffix("[]") {
-        Some(base) => (base, true),
-        None => (type_name, false),
-    };
-    let kind =
-        kind_from_name(base).ok_or_else(|| lexer.unsupported(format!("attributes of type {type_name:?}")))?;
-    read_value(lexer, kind, is_array)
-}
+    fn boolean(&mut self) -> Result<bool> {
+        match self.lexer.word("true or false")? {
+            "true" => Ok(true),
+            "false" => Ok(false),
+            other => Err(self.lexer.invalid(format!("{}, expected true or false", quoted(other)))),
+        }
+    }
 
-fn property_metadata(lexer: &mut Lexer) -> Result<Metadata> {
-    if lexer.take_if('(')? { metadata(lexer, &mut Vec::new()) } else { Ok(Metadata::new()) }
-}
+    /// Numbers, each converted from what the text is parsed as; elements of several in parentheses.
+    fn numbers<P: FromStr, T>(
+        &mut self,
+        form: Form,
+        is_array: bool,
+        what: &str,
+        convert: impl Fn(P) -> T,
+    ) -> Result<Numbers<T>> {
+        let mut values = Vec::new();
+        let element = |parser: &mut Self| -> Result<()> {
+            let lexer = &mut parser.lexer;
+            lexer.spend(2 * form.width() * size_of::<T>())?;
+            if form == Form::One {
+                values.push(convert(lexer.number(what)?));
+                return Ok(());
+            }
+            for i in 0..form.width() {
+                lexer.expect(if i == 0 { b'(' } else { b',' })?;
+                values.push(convert(lexer.number(what)?));
+            }
+            lexer.expect(b')')
+        };
+        if is_array {
+            self.list(element)?;
+        } else {
+            let mut element = element;
+            element(self)?;
+        }
+        Ok(Numbers { form, is_array, values: Arc::new(values) })
+    }
 
-fn paths(lexer: &mut Lexer) -> Result<Vec<String>> {
-    let one = |lexer: &mut Lexer| match lexer.take()? {
-        Lexeme::Path(path) => Ok(path.to_owned()),
-        found => Err(lexer.invalid(format!("{}, expected a path", shown(&found)))),
-    };
-    if *lexer.peek()? == Lexeme::Mark('[') { read_list(lexer, one) } else { Ok(vec![one(lexer)?]) }
+    /// `{ TYPE NAME = VALUE ... }`
+    fn dictionary(&mut self, depth: usize) -> Result<Metadata> {
+        if depth > DEPTH_MAX {
+            return Err(self.lexer.unsupported(format!("dictionaries nested more than {DEPTH_MAX} deep")));
+        }
+        self.lexer.expect(b'{')?;
+        let mut entries = Metadata::new();
+        while !self.lexer.take_if(b'}') {
+            let type_name = self.lexer.word("a type")?;
+            let name = self.lexer.word("a name")?;
+            self.lexer.spend(PROPERTY_BYTES + name.len())?;
+            let value = match Kind::from_name(type_name) {
+                Some(kind) => self.assigned(|p| p.value(kind, false))?,
+                None if type_name == "dictionary" => {
+                    Value::Dictionary(self.assigned(|p| p.dictionary(depth + 1))?)
+                }
+                None => {
+                    return Err(self.lexer.unsupported(format!("an entry of type {}", quoted(type_name))));
+                }
+            };
+            entries.push((name.to_owned(), value));
+        }
+        Ok(entries)
+    }
 }

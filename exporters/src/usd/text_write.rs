@@ -1,7 +1,7 @@
 //! Writes a layer as text (`.usda`). Every number is written so that it comes back bit for bit.
 
 use super::layer::{Content, Layer, Metadata, Prim, Property, VariantSet};
-use super::value::{Form, ListOp, Numbers, Value};
+use super::value::{Form, Numbers, Value};
 use std::fmt::Write;
 
 /// First line of a text file.
@@ -9,13 +9,10 @@ pub(super) const MAGIC: &str = "#usda 1.0";
 
 /// The text of a layer.
 pub(super) fn text_from_layer(layer: &Layer) -> String {
-    let mut writer = Writer { text: format!("{MAGIC}\n"), depth: 0 };
-    if !layer.metadata.is_empty() {
-        writer.text.push('(');
-        writer.metadata(&layer.metadata);
-        writer.line(")");
-    }
-    for prim in &layer.prims {
+    let mut writer = Writer { text: format!("{MAGIC}\n("), depth: 0 };
+    writer.metadata(&layer.metadata);
+    writer.line(")");
+    for prim in &layer.root_prims {
         writer.text.push('\n');
         writer.prim(prim);
     }
@@ -46,40 +43,27 @@ impl Writer {
         self.depth += 1;
         for (name, value) in metadata {
             self.indent();
-            if let Value::TokenList(list) = value {
-                self.list_op(name, list);
-            } else {
-                self.text.push_str(name);
-                self.text.push_str(" = ");
-                self.value(value);
+            if matches!(value, Value::Prepended(_)) {
+                self.text.push_str("prepend ");
             }
+            self.text.push_str(name);
+            self.text.push_str(" = ");
+            self.value(value);
         }
         self.depth -= 1;
     }
 
-    fn list_op(&mut self, name: &str, list: &ListOp) {
-        self.text.push_str(match list {
-            ListOp::Prepend(_) => "prepend ",
-            ListOp::Append(_) => "append ",
-            ListOp::Explicit(_) => "",
-        });
-        self.text.push_str(name);
-        self.text.push_str(" = ");
-        self.strings(list.items());
-    }
-
     fn prim(&mut self, prim: &Prim) {
-        self.line(prim.specifier.name());
+        self.line("def ");
         if !prim.type_name.is_empty() {
-            self.text.push(' ');
             self.text.push_str(&prim.type_name);
+            self.text.push(' ');
         }
-        self.text.push(' ');
         self.quoted(&prim.name);
-        if !(prim.metadata.is_empty() && prim.variant_sets.is_empty()) {
+        if !prim.metadata.is_empty() || prim.variant_set.is_some() {
             self.text.push_str(" (");
             self.metadata(&prim.metadata);
-            self.variant_metadata(&prim.variant_sets);
+            self.variant_metadata(prim.variant_set.as_ref());
             self.line(")");
         }
         self.line("{");
@@ -87,24 +71,14 @@ impl Writer {
         self.line("}");
     }
 
-    /// Names of the variant sets and what is chosen.
-    fn variant_metadata(&mut self, sets: &[VariantSet]) {
-        if sets.is_empty() {
-            return;
-        }
-        self.depth += 1;
-        self.line("variants = {");
-        for set in sets.iter().filter(|s| !s.selection.is_empty()) {
-            self.depth += 1;
-            self.indent();
-            self.key("string", &set.name);
-            self.quoted(&set.selection);
-            self.depth -= 1;
-        }
-        self.line("}");
-        self.line("prepend variantSets = ");
-        self.strings(&sets.iter().map(|s| s.name.clone()).collect::<Vec<_>>());
-        self.depth -= 1;
+    /// The variant set's name and what is chosen.
+    fn variant_metadata(&mut self, set: Option<&VariantSet>) {
+        let Some(set) = set else { return };
+        let chosen = vec![(set.name.clone(), Value::string(&set.selection))];
+        self.metadata(&vec![
+            ("variants".to_owned(), Value::Dictionary(chosen)),
+            ("variantSets".to_owned(), Value::Prepended(vec![set.name.clone()])),
+        ]);
     }
 
     fn body(&mut self, prim: &Prim) {
@@ -116,7 +90,7 @@ impl Writer {
             self.text.push('\n');
             self.prim(child);
         }
-        for set in &prim.variant_sets {
+        if let Some(set) = &prim.variant_set {
             self.line("variantSet ");
             self.quoted(&set.name);
             self.text.push_str(" = {");
@@ -140,59 +114,30 @@ impl Writer {
             self.text.push_str("custom ");
         }
         match &property.content {
-            Content::Attribute { type_name, is_uniform, value, connections } => {
-                let start = self.text.len();
+            Content::Attribute { type_name, is_uniform, value, connection } => {
                 if *is_uniform {
                     self.text.push_str("uniform ");
                 }
                 self.text.push_str(type_name);
                 self.text.push(' ');
                 self.text.push_str(&property.name);
-                let declaration = self.text[start..].to_owned();
+                if let Some(path) = connection {
+                    let _ = write!(self.text, ".connect = <{path}>");
+                }
                 if let Some(value) = value {
                     self.text.push_str(" = ");
                     self.value(value);
                 }
-                let has_own_line = value.is_some() || !property.metadata.is_empty() || connections.is_empty();
-                if has_own_line {
-                    self.property_metadata(&property.metadata);
-                }
-                if !connections.is_empty() {
-                    if has_own_line {
-                        self.line(&declaration);
-                    }
-                    self.text.push_str(".connect = ");
-                    self.paths(connections);
-                }
             }
-            Content::Relationship { targets } => {
-                self.text.push_str("rel ");
-                self.text.push_str(&property.name);
-                self.text.push_str(" = ");
-                self.paths(targets);
-                self.property_metadata(&property.metadata);
+            Content::Relationship { target } => {
+                let _ = write!(self.text, "rel {} = <{target}>", property.name);
             }
         }
-    }
-
-    fn property_metadata(&mut self, metadata: &Metadata) {
-        if !metadata.is_empty() {
+        if !property.metadata.is_empty() {
             self.text.push_str(" (");
-            self.metadata(metadata);
+            self.metadata(&property.metadata);
             self.line(")");
         }
-    }
-
-    fn paths(&mut self, paths: &[String]) {
-        if let [path] = paths {
-            let _ = write!(self.text, "<{path}>");
-            return;
-        }
-        self.text.push('[');
-        for (i, path) in paths.iter().enumerate() {
-            let _ = write!(self.text, "{}<{path}>", if i > 0 { ", " } else { "" });
-        }
-        self.text.push(']');
     }
 
     fn value(&mut self, value: &Value) {
@@ -206,15 +151,11 @@ impl Writer {
                 let _ = write!(text, "{v:?}");
             }),
             Value::String(text) | Value::Token(text) => self.quoted(text),
-            Value::Tokens(items) => self.strings(items),
-            Value::Asset(path) if path.contains('@') => {
-                let _ = write!(self.text, "@@@{path}@@@");
-            }
+            Value::Tokens(items) | Value::Prepended(items) => self.strings(items),
             Value::Asset(path) => {
                 let _ = write!(self.text, "@{path}@");
             }
             Value::Dictionary(entries) => self.dictionary(entries),
-            Value::TokenList(list) => self.strings(list.items()),
         }
     }
 
@@ -223,26 +164,11 @@ impl Writer {
         self.depth += 1;
         for (name, value) in entries {
             self.indent();
-            self.key(type_of(value), name);
+            let _ = write!(self.text, "{} {name} = ", entry_type(value));
             self.value(value);
         }
         self.depth -= 1;
         self.line("}");
-    }
-
-    /// `TYPE NAME = ` of a dictionary's entry.
-    fn key(&mut self, type_name: &str, name: &str) {
-        self.text.push_str(type_name);
-        self.text.push(' ');
-        let is_plain = !name.starts_with(|c: char| c.is_ascii_digit())
-            && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
-            && !name.is_empty();
-        if is_plain {
-            self.text.push_str(name);
-        } else {
-            self.quoted(name);
-        }
-        self.text.push_str(" = ");
     }
 
     fn numbers<T>(&mut self, numbers: &Numbers<T>, push: impl Fn(&mut String, &T)) {
@@ -291,7 +217,7 @@ impl Writer {
                 '\n' => self.text.push_str("\\n"),
                 '\r' => self.text.push_str("\\r"),
                 '\t' => self.text.push_str("\\t"),
-                // No text of ours ends in a zero: strings with one are refused before.
+                // Strings with a zero were refused before.
                 c if c < ' ' || c == '\u{7f}' => {
                     let _ = write!(self.text, "\\x{:02x}", c as u32);
                 }
@@ -302,7 +228,7 @@ impl Writer {
     }
 }
 
-/// The shortest text that comes back as the same f32, also where it is read as f64 and rounded then.
+/// Appends the shortest text that comes back as the same f32, also where it is read as f64 and then rounded.
 fn push_f32(text: &mut String, value: f32) {
     let start = text.len();
     let _ = write!(text, "{value:?}");
@@ -313,49 +239,16 @@ fn push_f32(text: &mut String, value: f32) {
     }
 }
 
-/// Name of a value's type in a dictionary.
-fn type_of(value: &Value) -> &'static str {
-    fn of_numbers<T>(numbers: &Numbers<T>, names: [&'static str; 10]) -> &'static str {
-        let form = match numbers.form {
-            Form::One => 0,
-            Form::Vec2 => 1,
-            Form::Vec3 => 2,
-            Form::Vec4 => 3,
-            Form::Quaternion => 4,
-        };
-        names[2 * form + usize::from(numbers.is_array)]
-    }
+/// Type of a dictionary's entry; ours are texts, switches, integers and dictionaries.
+fn entry_type(value: &Value) -> &'static str {
     match value {
         Value::Bool(_) => "bool",
-        Value::Ints(n) => of_numbers(
-            n,
-            ["int", "int[]", "int2", "int2[]", "int3", "int3[]", "int4", "int4[]", "int4", "int4[]"],
-        ),
-        Value::Floats(n) => of_numbers(
-            n,
-            [
-                "float", "float[]", "float2", "float2[]", "float3", "float3[]", "float4", "float4[]",
-                "quatf", "quatf[]",
-            ],
-        ),
-        Value::Doubles(n) => of_numbers(
-            n,
-            [
-                "double",
-                "double[]",
-                "double2",
-                "double2[]",
-                "double3",
-                "double3[]",
-                "double4",
-                "double4[]",
-                "quatd",
-                "quatd[]",
-            ],
-        ),
+        Value::Ints(_) => "int",
+        Value::Floats(_) => "float",
+        Value::Doubles(_) => "double",
         Value::String(_) => "string",
         Value::Token(_) => "token",
-        Value::Tokens(_) | Value::TokenList(_) => "token[]",
+        Value::Tokens(_) | Value::Prepended(_) => "token[]",
         Value::Asset(_) => "asset",
         Value::Dictionary(_) => "dictionary",
     }

@@ -2,18 +2,14 @@
 
 use std::sync::Arc;
 
-/// How many numbers make an element.
+/// How many numbers make an element of a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) enum Form {
-    /// A number.
     One,
-    /// Two.
     Vec2,
-    /// Three.
     Vec3,
-    /// Four.
     Vec4,
-    /// Four: **wxyz**, as in text; binary files hold xyzw.
+    /// Stored **wxyz** as in text; binary files hold xyzw.
     Quaternion,
 }
 
@@ -29,53 +25,28 @@ impl Form {
     }
 }
 
-/// Numbers of one type: an element or an array of elements. Shared, for the same array stands in several places.
+/// Numbers of one type: an element or an array of elements. Shared, because variants repeat whole arrays.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Numbers<T> {
-    /// Form of an element.
     pub(super) form: Form,
-    /// Whether it is an array.
     pub(super) is_array: bool,
-    /// All numbers; a multiple of the form's width.
+    /// All numbers; their count is a multiple of the form's width.
     pub(super) values: Arc<Vec<T>>,
 }
 
 impl<T> Numbers<T> {
-    /// A single element.
     pub(super) fn element(form: Form, values: Vec<T>) -> Self {
         debug_assert_eq!(values.len(), form.width());
         Self { form, is_array: false, values: Arc::new(values) }
     }
 
-    /// An array.
     pub(super) fn array(form: Form, values: Vec<T>) -> Self {
         debug_assert_eq!(values.len() % form.width(), 0);
         Self { form, is_array: true, values: Arc::new(values) }
     }
 
-    /// Number of elements.
     pub(super) fn num_elements(&self) -> usize {
         self.values.len() / self.form.width()
-    }
-}
-
-/// Edits of a list.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) enum ListOp {
-    /// Put before what weaker layers say.
-    Prepend(Vec<String>),
-    /// Put behind it.
-    Append(Vec<String>),
-    /// Instead of it.
-    Explicit(Vec<String>),
-}
-
-impl ListOp {
-    /// What is listed.
-    pub(super) fn items(&self) -> &[String] {
-        match self {
-            Self::Prepend(items) | Self::Append(items) | Self::Explicit(items) => items,
-        }
     }
 }
 
@@ -89,9 +60,10 @@ pub(super) enum Value {
     String(String),
     Token(String),
     Tokens(Vec<String>),
+    /// A list edit that prepends these tokens to those of weaker layers: `apiSchemas`.
+    Prepended(Vec<String>),
     Asset(String),
     Dictionary(Vec<(String, Value)>),
-    TokenList(ListOp),
 }
 
 impl Value {
@@ -115,7 +87,7 @@ impl Value {
         Self::String(value.to_owned())
     }
 
-    /// The integer, if it is one.
+    /// The integer, if it is a single one.
     pub(super) fn as_int(&self) -> Option<i32> {
         match self {
             Self::Ints(n) if n.form == Form::One && !n.is_array => n.values.first().copied(),
@@ -123,7 +95,7 @@ impl Value {
         }
     }
 
-    /// The double, if it is one.
+    /// The double, if it is a single one.
     pub(super) fn as_double(&self) -> Option<f64> {
         match self {
             Self::Doubles(n) if n.form == Form::One && !n.is_array => n.values.first().copied(),
@@ -131,10 +103,10 @@ impl Value {
         }
     }
 
-    /// Text of a string, token or asset.
+    /// Text of a string or token.
     pub(super) fn as_text(&self) -> Option<&str> {
         match self {
-            Self::String(text) | Self::Token(text) | Self::Asset(text) => Some(text),
+            Self::String(text) | Self::Token(text) => Some(text),
             _ => None,
         }
     }
@@ -152,27 +124,26 @@ pub(super) enum Kind {
     Asset,
 }
 
-/// Type by its name in text without `[]`; `None`: not one of those that we need.
-pub(super) fn kind_from_name(name: &str) -> Option<Kind> {
-    Some(match name {
-        "bool" => Kind::Bool,
-        "int" => Kind::Int(Form::One),
-        "int2" => Kind::Int(Form::Vec2),
-        "int3" => Kind::Int(Form::Vec3),
-        "int4" => Kind::Int(Form::Vec4),
-        "float" => Kind::Float(Form::One),
-        "float2" | "texCoord2f" => Kind::Float(Form::Vec2),
-        "float3" | "point3f" | "vector3f" | "normal3f" | "color3f" | "texCoord3f" => Kind::Float(Form::Vec3),
-        "float4" | "color4f" => Kind::Float(Form::Vec4),
-        "quatf" => Kind::Float(Form::Quaternion),
-        "double" => Kind::Double(Form::One),
-        "double2" | "texCoord2d" => Kind::Double(Form::Vec2),
-        "double3" | "point3d" | "vector3d" | "normal3d" | "color3d" => Kind::Double(Form::Vec3),
-        "double4" | "color4d" => Kind::Double(Form::Vec4),
-        "quatd" => Kind::Double(Form::Quaternion),
-        "string" => Kind::String,
-        "token" => Kind::Token,
-        "asset" => Kind::Asset,
-        _ => return None,
-    })
+impl Kind {
+    /// By its name in text without `[]`; `None`: a type that our files do not have.
+    pub(super) fn from_name(name: &str) -> Option<Self> {
+        Some(match name {
+            "bool" => Self::Bool,
+            "int" => Self::Int(Form::One),
+            "int2" => Self::Int(Form::Vec2),
+            "int4" => Self::Int(Form::Vec4),
+            "float" => Self::Float(Form::One),
+            "float2" | "texCoord2f" => Self::Float(Form::Vec2),
+            "float3" | "point3f" | "color3f" => Self::Float(Form::Vec3),
+            "float4" => Self::Float(Form::Vec4),
+            "quatf" => Self::Float(Form::Quaternion),
+            "double" => Self::Double(Form::One),
+            "double3" => Self::Double(Form::Vec3),
+            "quatd" => Self::Double(Form::Quaternion),
+            "string" => Self::String,
+            "token" => Self::Token,
+            "asset" => Self::Asset,
+            _ => return None,
+        })
+    }
 }

@@ -1,4 +1,4 @@
-//! Hostile and odd files of all formats, made from small scenes: each is named by what it is. The same every time.
+//! Hostile and odd files of all formats, made from small scenes and named by what is wrong with them. Reproducible.
 
 use crate::common::scene;
 use Expect::{Invalid, Reads, TooLarge, Unsupported};
@@ -8,10 +8,10 @@ use litetex_exporters::{
 use serde_json::{Value, json};
 use xxhash_rust::xxh3::xxh3_64;
 
-/// What a reader must say.
+/// What a reader must answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Expect {
-    /// It is read; what is odd about it is harmless, or for the validation to tell.
+    /// It is read: what is odd about it is harmless, or reported by validation.
     Reads,
     Invalid,
     Unsupported,
@@ -25,7 +25,7 @@ pub struct File {
     pub expect: Expect,
 }
 
-/// All files.
+/// All files of the corpus, by name.
 pub fn all() -> Vec<File> {
     let mut files = damaged();
     let mut add =
@@ -62,7 +62,7 @@ pub fn sound(format: Format) -> Vec<u8> {
     std::fs::read(&path).expect("read")
 }
 
-/// What every format meets.
+/// Damage of the same kinds for every format.
 fn damaged() -> Vec<File> {
     let mut files = Vec::new();
     for format in Format::ALL {
@@ -141,7 +141,7 @@ fn glb(add: Add<'_>) {
     add("huge_count.glb", Invalid, edited(&|j| j["accessors"][0]["count"] = json!(1_u64 << 40)));
     add(
         "huge_page.glb",
-        Invalid,
+        TooLarge,
         edited(&|j| {
             at(j, OURS)["atlas"][0]["width"] = json!(8192);
             at(j, OURS)["atlas"][0]["height"] = json!(8192);
@@ -253,9 +253,16 @@ fn usda(add: Add<'_>) {
     add(
         "many_texts.usda",
         Unsupported,
-        small(format!("def \"a\" {{ token[] b = [{}] }}", "\"\",".repeat(1000))),
+        small(format!("def \"a\" {{ token[] b = [{}\"\"] }}", "\"\",".repeat(999))),
     );
     add("open_quote.usda", Invalid, small("def \"a".into()));
+    add("comment.usda", Unsupported, small("# made by hand".into()));
+    add(
+        "variants_of_others.usda",
+        Unsupported,
+        small("def \"a\" ( prepend variantSets = [\"b\", \"c\"] ) {}".into()),
+    );
+    add("several_targets.usda", Unsupported, small("def \"a\" { rel b = [</c>, </d>] }".into()));
     add(
         "nan.usda",
         Invalid,
@@ -270,7 +277,7 @@ fn usda(add: Add<'_>) {
 
 fn usdc(add: Add<'_>) {
     let bytes = sound(Format::Usdc);
-    add("newer_version.usdc", Unsupported, put(&bytes, 9, &[99]));
+    add("newer_version.usdc", Unsupported, put(&bytes, 9, &[10]));
     add("tables_beyond_the_end.usdc", Invalid, put(&bytes, 16, &u64::MAX.to_le_bytes()));
     let contents = number(&bytes, 16);
     add("huge_count_of_sections.usdc", Invalid, put(&bytes, contents, &u64::MAX.to_le_bytes()));
@@ -373,7 +380,7 @@ fn spz_files(add: Add<'_>) {
     add("huge_count.spz", TooLarge, put(&bytes, 8, &u32::MAX.to_le_bytes()));
     add("tables_beyond_the_end.spz", Invalid, put(&bytes, 16, &u32::MAX.to_le_bytes()));
     add("odd_fraction.spz", Invalid, put(&bytes, 13, &[31]));
-    // Within the limit on memory, but out of nothing.
+    // Within the limit on memory, but from almost no bytes.
     add("bomb.spz", TooLarge, zeros(1 << 22));
     let meta = places(&bytes, b"{\"near\"")[0];
     add("damaged_metadata.spz", Reads, put(&bytes, meta, b"["));
@@ -381,7 +388,32 @@ fn spz_files(add: Add<'_>) {
     add("mirrored_frame.spz", Invalid, put(&bytes, frame, b"\"scale\":-37"));
 }
 
-/// Files of a few kilobytes that take as much memory as they can, by what they do.
+/// A sound file of few splats on a page of this side, most of which nothing uses.
+fn roomy_page(side: u32) -> Vec<u8> {
+    let options = gltf::GltfOptions { quality: Quality::Balanced, page_side: 64 };
+    let (mut json, mut bin) = split(&gltf::encode_glb(&small_scene(), &options).expect("written"));
+    let mut page = Vec::new();
+    let mut encoder = png::Encoder::new(&mut page, side, side);
+    encoder.set_color(png::ColorType::Rgb);
+    let mut writer = encoder.write_header().expect("written");
+    let mut rows = writer.stream_writer().expect("written");
+    let row = vec![127; 3 * side as usize];
+    (0..side).for_each(|_| std::io::Write::write_all(&mut rows, &row).expect("written"));
+    rows.finish().expect("written");
+    drop(writer);
+    bin.resize(bin.len().next_multiple_of(4), 0);
+    let view = json["images"][0]["bufferView"].as_u64().expect("a view") as usize;
+    json["bufferViews"][view]["byteOffset"] = json!(bin.len());
+    json["bufferViews"][view]["byteLength"] = json!(page.len());
+    bin.extend(page);
+    bin.resize(bin.len().next_multiple_of(4), 0);
+    json["buffers"][0]["byteLength"] = json!(bin.len());
+    at(&mut json, OURS)["atlas"][0]["width"] = json!(side);
+    at(&mut json, OURS)["atlas"][0]["height"] = json!(side);
+    join(&json, &bin)
+}
+
+/// Files that take as much memory or time as they can, by what they do.
 pub fn greedy() -> Vec<(&'static str, String, Vec<u8>)> {
     let mut files = Vec::new();
     let mut add = |what, extension: &str, bytes| files.push((what, format!("greedy.{extension}"), bytes));
@@ -403,6 +435,15 @@ pub fn greedy() -> Vec<(&'static str, String, Vec<u8>)> {
     add("a page of neutral texels", "glb", glb);
     let lossless = ltgs::LtgsOptions { quality: Quality::Lossless, steps: None, exponents: &[] };
     add("neutral texels", "ltgs", ltgs::encode(&neutral(1024), &lossless).expect("written"));
+    add(
+        "more neutral texels than any scene",
+        "ltgs",
+        ltgs::encode(&neutral(4096), &lossless).expect("written"),
+    );
+    let lossy = ltgs::LtgsOptions { quality: Quality::Tiny, steps: None, exponents: &[] };
+    add("rounded neutral texels", "ltgs", ltgs::encode(&neutral(2048), &lossy).expect("written"));
+    add("a page of 4096 for few texels", "glb", roomy_page(4096));
+    add("a page of 8192 for few texels", "glb", roomy_page(8192));
     let (json, bin) = split(&gltf::encode_glb(&small_scene(), &options).expect("written"));
     let mut nodes = json.clone();
     nodes["nodes"].as_array_mut().expect("nodes").extend(vec![json!({}); 130_000]);
@@ -417,12 +458,9 @@ pub fn greedy() -> Vec<(&'static str, String, Vec<u8>)> {
         "usda",
         usda(format!("def \"a\"{{{}}}", (0..50_000).map(|i| format!("int a{i} ")).collect::<String>())),
     );
-    add("text of numbers", "usda", usda(format!("def \"a\"{{double[] b=[{}]}}", "0,".repeat(200_000))));
-    add(
-        "text of entries",
-        "usda",
-        usda(format!("def \"a\"(customData={{{}}}){{}}", "int a=0 ".repeat(50_000))),
-    );
+    add("text of numbers", "usda", usda(format!("def \"a\"{{double[] b=[{}0]}}", "0,".repeat(200_000))));
+    let entries = format!("#usda 1.0\n(customLayerData={{{}}})", "int a=0 ".repeat(50_000));
+    add("text of entries", "usda", entries.into_bytes());
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("a.usdz");
     let options = WriteOptions { quality: Quality::Balanced, mesh: false, steps: None, exponents: &[] };

@@ -1,12 +1,12 @@
-//! Files that went through other programs, and files that other programs made.
+//! Files that other programs have rewritten or made.
 
 use super::*;
 use crate::gltf::{encode_glb, validate};
 use crate::{Error, quaternion, yup};
 use serde_json::json;
 
-/// What tools do to a file: one interleaved view for all attributes at a stride, the other arrays in reverse order behind
-/// it, accessors and views in another order, another generator, further properties.
+/// A file as tools rewrite it: one interleaved view for all attributes, the other arrays behind it in reverse order,
+/// accessors and views in another order, another generator, further properties.
 fn shuffled(glb: &[u8]) -> Vec<u8> {
     let (mut json, bin) = split(glb);
     let number = |v: &Value| v.as_u64().unwrap_or(0) as usize;
@@ -72,7 +72,7 @@ fn shuffled(glb: &[u8]) -> Vec<u8> {
 }
 
 #[test]
-fn files_that_tools_have_rewritten_say_the_same() {
+fn files_that_tools_have_rewritten_hold_the_same_asset() {
     let asset = hard_fixture(300, 2);
     for quality in [Quality::Lossless, Quality::Balanced] {
         let original = encode_glb(&asset, &options(quality)).unwrap();
@@ -124,7 +124,7 @@ fn a_moved_node_counts_and_changed_values_are_noticed() {
     assert!(read.warnings.iter().any(|w| w.contains("moved")), "{:?}", read.warnings);
     assert_eq!(read.hash, Some(read.asset.hash()), "the place is no part of the image");
     assert!(validate(&moved, Path::new(PATH)).iter().all(|i| i.code == "LT1030"));
-    // What f32 does to a node is not a move.
+    // Rounding a node to f32 is not a move.
     let rounded = edited(&bytes, |j| {
         for v in j["nodes"][0]["rotation"].as_array_mut().unwrap() {
             *v = json!(f64::from(v.as_f64().unwrap() as f32));
@@ -136,7 +136,7 @@ fn a_moved_node_counts_and_changed_values_are_noticed() {
     assert!(decode(&changed).unwrap().warnings.iter().any(|w| w.contains("hash")));
 }
 
-/// A file as another program might write it: ellipsoids in whole numbers where the specification allows them.
+/// A file as another program might write it: ellipsoids, as integers where the specification allows them.
 fn foreign_file(quaternions: &[[f64; 4]], scales: &[[f32; 3]]) -> Vec<u8> {
     let n = scales.len();
     let mut bin: Vec<u8> = Vec::new();

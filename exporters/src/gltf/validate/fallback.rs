@@ -1,18 +1,18 @@
-//! Rules about what viewers without our extension see: colours with the maps' means, thin ellipsoids, coloured points.
+//! Rules about what viewers without our extension see: colours with the maps' means, thin discs, coloured points.
 
-use super::Issues;
+use crate::SplatAsset;
+use crate::contents::Issues;
 use crate::fallback::{wrong_dc, wrong_thickness};
 use crate::gltf::accessor::{Component, View};
 use crate::gltf::extension::TextureExtension;
 use crate::gltf::loaded::Loaded;
 use crate::gltf::scene::Found;
 use crate::gltf::{KHR, colour, sh_attribute, splats};
-use crate::{Severity, SplatAsset};
 
-/// Compares the attributes with the scene that a reader of the extension gets.
+/// Compares the attributes with the scene that a reader of our extension gets.
 pub fn check(loaded: &Loaded<'_>, found: &Found<'_>, asset: &SplatAsset, issues: &mut Issues) {
     let place = |name: &str| format!("{}/attributes/{name}", found.pointer);
-    // What is missing was told before.
+    // Missing ones were reported before.
     let attribute = |name: &str| splats::attribute(loaded, found.primitive, name).ok();
     let zeroth = sh_attribute(0, 0);
     if let Some(view) = attribute(&zeroth) {
@@ -32,7 +32,7 @@ pub fn check(loaded: &Loaded<'_>, found: &Found<'_>, asset: &SplatAsset, issues:
     }
 }
 
-/// Vertex colours are those of degree 0, to the step of their type.
+/// Vertex colours are those of degree 0, up to the rounding of their type.
 fn check_colours(view: &View<'_>, asset: &SplatAsset, place: &str, issues: &mut Issues) {
     let step = if view.component == Component::U8 { 1.0 / 255.0 } else { 1.0 / 65_535.0 };
     let mut offences = view.rows::<4>().enumerate().filter_map(|(splat, found)| {
@@ -40,12 +40,12 @@ fn check_colours(view: &View<'_>, asset: &SplatAsset, place: &str, issues: &mut 
         let expected = expected.map(|code| f32::from(code) / 65_535.0);
         // Colours of three numbers are opaque.
         let is_near = |c: usize| (found[c] - expected[c]).abs() <= 1.5 * step;
-        let text = || format!("splat {splat}: {found:?}, its colour and opacity are {expected:?}");
+        let text = || format!("splat {splat}: {found:?}, expected {expected:?} from its colour and opacity");
         (!(0..view.width).all(is_near)).then(text)
     });
     if let Some(first) = offences.next() {
         let others = offences.count();
-        let what = format!("{first}, and {others} more: viewers that know no splats show wrong colours");
-        issues.push("LT1033", Severity::Warning, place, what);
+        let what = format!("{first}, and {others} more: viewers without splat support show wrong colours");
+        issues.warning("LT1033", place, what);
     }
 }

@@ -1,19 +1,19 @@
-//! Compression of tables and integer arrays in binary files: differences with 2-bit codes of their width, then LZ4.
+//! Compression of tables and integer arrays in binary files: differences with 2-bit codes for their widths, then LZ4.
 
-/// Code of a difference: the commonest one, or its width in bytes.
+/// Bytes of a difference by its code; code 0 is the most common difference.
 const WIDTHS: [usize; 4] = [0, 1, 2, 4];
 
-/// LZ4 makes at most this many bytes of one.
+/// Bytes that LZ4 makes of one at most.
 const LZ4_EXPANSION_MAX: usize = 255;
 
-/// Bytes of a block: a zero (one piece) and an LZ4 block.
+/// Compresses bytes: a zero, for a single piece, and an LZ4 block.
 pub(super) fn compress(bytes: &[u8]) -> Vec<u8> {
     let mut out = vec![0];
     out.extend(lz4_flex::block::compress(bytes));
     out
 }
 
-/// The inverse of [`compress`]; at most `bytes_max` come out.
+/// The inverse of [`compress`], for at most `bytes_max` bytes.
 pub(super) fn decompress(block: &[u8], bytes_max: usize) -> Result<Vec<u8>, String> {
     let Some((0, lz4)) = block.split_first().map(|(pieces, rest)| (*pieces, rest)) else {
         return Err("compressed block of several pieces or without any".to_owned());
@@ -25,7 +25,7 @@ pub(super) fn decompress(block: &[u8], bytes_max: usize) -> Result<Vec<u8>, Stri
     Ok(out)
 }
 
-/// Compressed integers.
+/// Compresses integers, best if neighbours differ little.
 pub(super) fn compress_ints(values: &[i32]) -> Vec<u8> {
     let mut last = 0_i32;
     let differences: Vec<i32> =
@@ -47,7 +47,7 @@ pub(super) fn compress_ints(values: &[i32]) -> Vec<u8> {
     compress(&out)
 }
 
-/// The commonest value, of several the largest.
+/// The most common value; of several, the largest.
 fn commonest(values: &[i32]) -> i32 {
     let mut counts = std::collections::HashMap::new();
     for &v in values {
@@ -61,8 +61,8 @@ pub(super) fn decompress_ints(block: &[u8], count: usize) -> Result<Vec<i32>, St
     let num_codes = count.div_ceil(4);
     let bytes_max = count.saturating_mul(4).saturating_add(num_codes).saturating_add(4);
     let bytes = decompress(block, bytes_max)?;
-    let cut = || format!("{} bytes for {count} compressed integers: too few", bytes.len());
-    // Also bounds the count before anything is allocated for it.
+    let cut = || format!("{} bytes are too few for {count} compressed integers", bytes.len());
+    // This also bounds the count before anything is allocated for it.
     let (common, rest) = bytes.split_first_chunk::<4>().ok_or_else(cut)?;
     let (codes, mut rest) = rest.split_at_checked(num_codes).ok_or_else(cut)?;
     let common = i32::from_le_bytes(*common);

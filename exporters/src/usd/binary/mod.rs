@@ -2,7 +2,7 @@
 //!
 //! A header, values, and six tables behind a table of contents. Specs (prims, properties, variants) name a path and a
 //! set of fields; a field is a token and a value; a value is a word of 64 bits that holds it or says where it lies.
-//! Tables are compressed, arrays of floats are raw: every bit comes back.
+//! Tables and arrays of integers are compressed, arrays of floats are raw: every bit comes back.
 
 mod codec;
 mod read;
@@ -17,18 +17,15 @@ pub(super) use write::binary_from_layer;
 use super::value::Form;
 
 /// First bytes of a binary file.
-pub(super) const MAGIC: &[u8; 8] = b"PXR-USDC";
+const MAGIC: &[u8; 8] = b"PXR-USDC";
 
-/// Version that is written: the oldest that holds all we need, so that most programs read it.
+/// Version that is written and read: the oldest that holds all we need, so that most programs read our files.
 const VERSION: [u8; 3] = [0, 8, 0];
-
-/// Minor versions that are read: lengths of arrays have 64 bits since 7; what was added up to 13 are types of values.
-const MINOR_VERSIONS: std::ops::RangeInclusive<u8> = 7..=13;
 
 /// Length of the header: magic, version, offset of the table of contents, reserved words.
 const HEADER_BYTES: usize = 88;
 
-/// Names of the tables.
+/// Names of the tables, in the order in which they are written.
 const SECTIONS: [&str; 6] = ["TOKENS", "STRINGS", "FIELDS", "FIELDSETS", "PATHS", "SPECS"];
 
 /// End of a set of fields.
@@ -37,7 +34,6 @@ const END_OF_SET: u32 = u32::MAX;
 /// Integer arrays at least this long are compressed.
 const COMPRESSED_LENGTH_MIN: usize = 16;
 
-/// Kinds of specs.
 mod spec {
     pub(super) const ATTRIBUTE: u32 = 1;
     pub(super) const PRIM: u32 = 6;
@@ -47,7 +43,6 @@ mod spec {
     pub(super) const VARIANT_SET: u32 = 11;
 }
 
-/// Types of values.
 mod types {
     pub(super) const BOOL: u8 = 1;
     pub(super) const INT: u8 = 3;
@@ -67,6 +62,12 @@ mod types {
     pub(super) const VARIANT_SELECTION: u8 = 45;
 }
 
+/// Specifiers: prims are defined, variants are not.
+mod specifier {
+    pub(super) const DEF: u32 = 0;
+    pub(super) const OVER: u32 = 1;
+}
+
 /// Types of vectors by scalar: `[int, float, double]`; 0: there is none.
 const FORM_TYPES: [(Form, [u8; 3]); 5] = [
     (Form::One, [types::INT, types::FLOAT, types::DOUBLE]),
@@ -76,18 +77,15 @@ const FORM_TYPES: [(Form, [u8; 3]); 5] = [
     (Form::Quaternion, [0, 17, 16]),
 ];
 
-/// Bits of list edits.
+/// First byte of a list edit: which lists follow.
 mod list_op {
-    pub(super) const EXPLICIT: u8 = 1;
-    pub(super) const HAS_EXPLICIT: u8 = 1 << 1;
-    pub(super) const HAS_ADDED: u8 = 1 << 2;
-    pub(super) const HAS_DELETED: u8 = 1 << 3;
-    pub(super) const HAS_ORDERED: u8 = 1 << 4;
-    pub(super) const HAS_PREPENDED: u8 = 1 << 5;
-    pub(super) const HAS_APPENDED: u8 = 1 << 6;
+    /// One list that replaces those of weaker layers.
+    pub(super) const EXPLICIT: u8 = 1 | 1 << 1;
+    /// One list that is put before those of weaker layers.
+    pub(super) const PREPENDED: u8 = 1 << 5;
 }
 
-/// The word of a value.
+/// The word of a value: type, flags and what it holds or where the value lies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 struct Rep(u64);
 
@@ -95,8 +93,7 @@ impl Rep {
     const ARRAY: u64 = 1 << 63;
     const INLINED: u64 = 1 << 62;
     const COMPRESSED: u64 = 1 << 61;
-    /// Edits of arrays: not supported.
-    const EDIT: u64 = 1 << 60;
+    const FLAGS: u64 = 0xff << 56;
     const PAYLOAD: u64 = (1 << 48) - 1;
 
     fn new(value_type: u8, flags: u64, payload: u64) -> Self {
@@ -111,12 +108,17 @@ impl Rep {
         (self.0 >> 48) as u8
     }
 
-    fn has(self, flag: u64) -> bool {
-        self.0 & flag != 0
+    fn flags(self) -> u64 {
+        self.0 & Self::FLAGS
     }
 
     fn payload(self) -> u64 {
         self.0 & Self::PAYLOAD
+    }
+
+    /// The lower half of the payload: what an inlined value holds.
+    fn word(self) -> u32 {
+        self.0 as u32
     }
 }
 

@@ -1,17 +1,14 @@
 //! Reads the tables of a binary file.
 
-use super::{HEADER_BYTES, MAGIC, MINOR_VERSIONS, Rep, SECTIONS, codec};
-use crate::{Error, ReadLimits, Result};
+use super::{HEADER_BYTES, MAGIC, Rep, SECTIONS, VERSION, codec};
+use crate::{Error, ReadLimits, Result, quoted};
 use std::ops::Range;
 use std::path::Path;
 
-/// Most entries of a table; a stage of ours has some thousands.
+/// Most entries of a table; our stages have a few thousand.
 const ENTRIES_MAX: usize = 1 << 20;
 
-/// Most sections of a file.
-const SECTIONS_MAX: u64 = 64;
-
-/// Bytes that are read from front to back.
+/// Reads bytes from front to back.
 #[derive(Clone)]
 pub(super) struct Cursor<'a> {
     pub(super) rest: &'a [u8],
@@ -40,7 +37,7 @@ impl<'a> Cursor<'a> {
         Ok(u64::from_le_bytes(self.array()?))
     }
 
-    /// A count of 64 bits of entries of at least some bytes each, which the rest must be able to hold.
+    /// A count of 64 bits, of entries with at least `entry_bytes` each: the rest must be able to hold them.
     pub(super) fn count(&mut self, entry_bytes: usize) -> Result<usize, String> {
         let count = self.u64()?;
         let most = self.rest.len() / entry_bytes;
@@ -50,16 +47,16 @@ impl<'a> Cursor<'a> {
             .ok_or_else(|| format!("count {count}, but there is room for {most}"))
     }
 
-    /// A length and as many bytes.
+    /// A length, and that many bytes.
     fn block(&mut self) -> Result<&'a [u8], String> {
         let length = self.count(1)?;
         self.bytes(length)
     }
 
-    /// A count of entries of a compressed table.
+    /// The count of entries of a compressed table.
     fn entries(&mut self) -> Result<usize, String> {
         let count = self.u64()?;
-        // Compression takes at least a bit of 1,020 entries.
+        // Compression takes at least a bit for 1,020 entries.
         let most = ENTRIES_MAX.min(self.rest.len().saturating_mul(1020));
         usize::try_from(count)
             .ok()
@@ -72,19 +69,19 @@ impl<'a> Cursor<'a> {
     }
 }
 
-/// A path below another.
+/// A path, by its parent and last element.
 #[derive(Clone, Debug, Default)]
 pub(super) struct PathNode {
-    /// Index of the parent; the root's is itself.
+    /// Index of the parent; the root is its own.
     pub(super) parent: u32,
     /// Token of the last element.
     pub(super) token: u32,
     pub(super) is_property: bool,
-    /// Whether the table says anything about it.
+    /// Whether the table contains it.
     pub(super) is_known: bool,
 }
 
-/// What a file says about a path.
+/// An entry of the table of specs: a path, its set of fields and its kind.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Spec {
     pub(super) path: u32,
@@ -92,17 +89,17 @@ pub(super) struct Spec {
     pub(super) kind: u32,
 }
 
-/// All tables.
+/// The tables of a file.
 #[derive(Default)]
 pub(super) struct ReadTables {
     pub(super) tokens: Vec<String>,
-    /// Indices of tokens.
+    /// Strings, as indices of tokens.
     pub(super) strings: Vec<u32>,
     pub(super) fields: Vec<(u32, Rep)>,
     pub(super) field_sets: Vec<u32>,
     pub(super) paths: Vec<PathNode>,
     pub(super) specs: Vec<Spec>,
-    /// Bytes that the tables occupy, with the table of contents and the header.
+    /// Bytes of the tables, the table of contents and the header.
     pub(super) num_bytes: u64,
 }
 
@@ -113,9 +110,7 @@ impl ReadTables {
         let contents: u64 = 8 + 32 * sections.len() as u64;
         tables.num_bytes = HEADER_BYTES as u64 + contents;
         let text_max = usize::try_from(limits.decoded_bytes).unwrap_or(usize::MAX);
-        for name in SECTIONS {
-            let range = sections.iter().find(|(n, _)| n == name).map(|(_, range)| range.clone());
-            let range = range.ok_or_else(|| Error::invalid(path, format!("no section {name}")))?;
+        for (name, range) in SECTIONS.into_iter().zip(sections) {
             tables.num_bytes += range.len() as u64;
             let mut cursor = Cursor { rest: &bytes[range] };
             match name {
@@ -131,13 +126,13 @@ impl ReadTables {
         Ok(tables)
     }
 
-    /// A token's text.
+    /// The text of a token.
     pub(super) fn token(&self, index: u32) -> Result<&str, String> {
         let token = self.tokens.get(index as usize).map(String::as_str);
         token.ok_or_else(|| format!("token {index} of {}", self.tokens.len()))
     }
 
-    /// A string's text.
+    /// The text of a string.
     pub(super) fn string(&self, index: u32) -> Result<&str, String> {
         let token = self.strings.get(index as usize);
         self.token(*token.ok_or_else(|| format!("string {index} of {}", self.strings.len()))?)
@@ -151,7 +146,7 @@ impl ReadTables {
         if text.len() != length {
             return Err(format!("{} bytes of text, expected {length}", text.len()));
         }
-        // Counted before anything is allocated for each.
+        // Counted before anything is allocated for them.
         let found = text.iter().filter(|&&b| b == 0).count();
         if found != count {
             return Err(format!("{found} tokens, expected {count}"));
@@ -206,7 +201,7 @@ impl ReadTables {
         }
         let (paths, tokens, jumps) = (cursor.ints(encoded)?, cursor.ints(encoded)?, cursor.ints(encoded)?);
         self.paths = vec![PathNode::default(); count];
-        // Places whose siblings and parents are known.
+        // Entries whose siblings and parents are known.
         let mut open = if encoded > 0 { vec![(0_usize, None)] } else { Vec::new() };
         while let Some((mut place, mut parent)) = open.pop() {
             loop {
@@ -216,15 +211,16 @@ impl ReadTables {
                     return Err(format!("entry {place} of {encoded}"));
                 };
                 let node = self.paths.get_mut(path as usize).filter(|_| path >= 0);
-                let node =
-                    node.filter(|n| !n.is_known).ok_or_else(|| format!("path {path}, or it stands twice"))?;
+                let node = node
+                    .filter(|n| !n.is_known)
+                    .ok_or_else(|| format!("path {path}: no such path, or twice"))?;
                 *node = PathNode {
                     parent: parent.unwrap_or(path as u32),
                     token: token.unsigned_abs(),
                     is_property: token < 0,
                     is_known: true,
                 };
-                // -2: nothing follows; -1: a child; 0: a sibling; more: a child, and a sibling so far on.
+                // -2: nothing follows; -1: a child; 0: a sibling; more: a child, and a sibling at that distance.
                 if jump > 0 {
                     open.push((place.saturating_add(jump as usize), parent));
                 }
@@ -241,45 +237,45 @@ impl ReadTables {
     }
 }
 
-/// Names and places of the sections.
-fn sections(bytes: &[u8], path: &Path) -> Result<Vec<(String, Range<usize>)>> {
+/// Places of the sections, in the order of [`SECTIONS`].
+fn sections(bytes: &[u8], path: &Path) -> Result<Vec<Range<usize>>> {
     let invalid = |what: String| Error::invalid(path, what);
     if !bytes.starts_with(MAGIC) || bytes.len() < HEADER_BYTES {
         return Err(invalid("does not begin with the header of a binary USD file".to_owned()));
     }
-    let (major, minor, patch) = (bytes[8], bytes[9], bytes[10]);
-    if major != 0 || !MINOR_VERSIONS.contains(&minor) {
-        let what = format!(
-            "version {major}.{minor}.{patch} of the binary format; supported: 0.{} to 0.{}",
-            MINOR_VERSIONS.start(),
-            MINOR_VERSIONS.end()
-        );
+    if bytes[8..11] != VERSION {
+        let [found, ours] = [&bytes[8..11], &VERSION].map(|v| format!("{}.{}.{}", v[0], v[1], v[2]));
+        let what =
+            format!("version {found} of the binary format; supported: {ours}, which this program writes");
         return Err(Error::unsupported(path, what));
     }
     let mut cursor = Cursor { rest: &bytes[16..] };
     let at = cursor.u64().map_err(invalid)?;
     let rest = usize::try_from(at).ok().and_then(|at| bytes.get(at..));
     let rest = rest.ok_or_else(|| {
-        invalid(format!("table of contents at byte {at} of {}: the file is cut or damaged", bytes.len()))
+        invalid(format!(
+            "table of contents at byte {at} of {}: the file is truncated or damaged",
+            bytes.len()
+        ))
     })?;
     let mut cursor = Cursor { rest };
     let count = cursor.u64().map_err(invalid)?;
-    if count > SECTIONS_MAX {
-        return Err(invalid(format!("{count} sections, at most {SECTIONS_MAX}")));
+    if count != SECTIONS.len() as u64 {
+        return Err(invalid(format!("{count} sections, expected {}", SECTIONS.len())));
     }
     let mut sections = Vec::new();
-    for _ in 0..count {
+    for expected in SECTIONS {
         let name: [u8; 16] = cursor.array().map_err(invalid)?;
         let name = String::from_utf8_lossy(name.split(|&b| b == 0).next().unwrap_or_default()).into_owned();
+        if name != expected {
+            return Err(invalid(format!("section {}, expected {expected:?}", quoted(&name))));
+        }
         let (start, size) = (cursor.u64().map_err(invalid)?, cursor.u64().map_err(invalid)?);
-        let range = start
-            .checked_add(size)
-            .filter(|&end| end <= bytes.len() as u64)
-            .map(|end| start as usize..end as usize);
-        let range = range.ok_or_else(|| {
+        let end = start.checked_add(size).filter(|&end| end <= bytes.len() as u64);
+        let end = end.ok_or_else(|| {
             invalid(format!("section {name:?}: {size} bytes at {start}, the file has {}", bytes.len()))
         })?;
-        sections.push((name, range));
+        sections.push(start as usize..end as usize);
     }
     Ok(sections)
 }

@@ -1,9 +1,9 @@
-//! Tables of a binary file that is being written: everything stands once.
+//! The tables of a binary file that is being written; equal entries are stored once.
 
 use super::{END_OF_SET, Rep, codec};
 use std::collections::HashMap;
 
-/// A path below another; the root is its own parent.
+/// A path with its children.
 struct PathNode {
     /// Token of its last element.
     token: u32,
@@ -11,7 +11,7 @@ struct PathNode {
     children: Vec<u32>,
 }
 
-/// All tables.
+/// The tables, with indices for finding equal entries.
 #[derive(Default)]
 pub(super) struct Tables {
     tokens: Vec<String>,
@@ -29,10 +29,10 @@ pub(super) struct Tables {
 }
 
 impl Tables {
-    /// With the root path, index 0.
+    /// Tables with the root path, which has index 0.
     pub(super) fn new() -> Self {
         let mut tables = Self::default();
-        // Properties are marked by negative tokens, so that none may have token 0.
+        // Negative tokens mark properties, so that none may have token 0.
         tables.token(";-)");
         let token = tables.token("/");
         tables.paths.push(PathNode { token, is_property: false, children: Vec::new() });
@@ -65,7 +65,7 @@ impl Tables {
         })
     }
 
-    /// A path by its parent and last element (`Name`, `{set=variant}`).
+    /// The path with a parent and a last element (`Name`, `{set=variant}`).
     pub(super) fn path(&mut self, parent: u32, element: &str, is_property: bool) -> u32 {
         let token = self.token(element);
         let next = self.paths.len() as u32;
@@ -77,7 +77,7 @@ impl Tables {
         path
     }
 
-    /// A path without variants by its text: `/Scene/Prim.property`.
+    /// The path with a text that has no variants: `/Scene/Prim.property`.
     pub(super) fn path_by_text(&mut self, text: &str) -> u32 {
         let (prims, property) = match text.split_once('.') {
             Some((prims, property)) => (prims, Some(property)),
@@ -101,7 +101,7 @@ impl Tables {
         self.specs.push([path, set, kind]);
     }
 
-    /// Bytes of the tables, in the order of [`super::SECTIONS`].
+    /// Encodes the tables, in the order of [`super::SECTIONS`].
     pub(super) fn sections(&self) -> [Vec<u8>; 6] {
         [
             self.token_section(),
@@ -149,7 +149,7 @@ impl Tables {
         out
     }
 
-    /// Paths from the root down: index, token of the last element (negative: a property), and where its sibling is.
+    /// Paths, parents before children: index, token of the last element (negative for properties), and where the sibling is.
     fn path_section(&self) -> Vec<u8> {
         let mut walk = PathWalk::default();
         walk.visit(self, 0, false);
@@ -165,7 +165,7 @@ impl Tables {
     }
 }
 
-/// Columns of the table of paths.
+/// The columns of the table of paths.
 #[derive(Default)]
 struct PathWalk {
     paths: Vec<u32>,

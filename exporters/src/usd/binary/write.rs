@@ -3,24 +3,24 @@
 use super::tables::Tables;
 use super::{
     COMPRESSED_LENGTH_MIN, FORM_TYPES, HEADER_BYTES, MAGIC, Rep, SECTIONS, VERSION, codec, list_op, spec,
-    types,
+    specifier, types,
 };
-use crate::usd::layer::{Content, Layer, Metadata, Prim, Property, Specifier};
-use crate::usd::value::{Form, ListOp, Numbers, Value};
+use crate::usd::layer::{Content, Layer, Metadata, Prim, Property, VariantSet};
+use crate::usd::value::{Form, Numbers, Value};
 use std::collections::HashMap;
 use xxhash_rust::xxh3::xxh3_128;
 
-/// Values begin at multiples of this: readers map arrays of any type where they lie.
+/// Values begin at multiples of this, so that readers can map arrays of any type.
 const ALIGNMENT: usize = 16;
 
-/// The bytes of a layer.
+/// Encodes a layer.
 pub(in crate::usd) fn binary_from_layer(layer: &Layer) -> Vec<u8> {
     let mut writer =
         Writer { out: vec![0; HEADER_BYTES], tables: Tables::new(), value_by_content: HashMap::new() };
     let mut fields = writer.metadata_fields(&layer.metadata);
-    fields.extend(writer.children_field("primChildren", layer.prims.iter().map(|p| p.name.as_str())));
+    fields.extend(writer.children_field("primChildren", layer.root_prims.iter().map(|p| p.name.as_str())));
     writer.tables.spec(0, fields, spec::PSEUDO_ROOT);
-    for prim in &layer.prims {
+    for prim in &layer.root_prims {
         let path = writer.tables.path(0, &prim.name, false);
         writer.prim(path, prim);
     }
@@ -30,15 +30,13 @@ pub(in crate::usd) fn binary_from_layer(layer: &Layer) -> Vec<u8> {
 struct Writer {
     out: Vec<u8>,
     tables: Tables,
-    /// By type, flags and digest: where equal values lie already.
+    /// Positions of values by type, flags and digest, so that equal ones are stored once.
     value_by_content: HashMap<(u8, u64, u128), u64>,
 }
 
 impl Writer {
     fn prim(&mut self, path: u32, prim: &Prim) {
-        let specifier = Specifier::ALL.iter().position(|&s| s == prim.specifier).unwrap_or(0);
-        let mut fields =
-            vec![self.tables.field("specifier", Rep::inlined(types::SPECIFIER, specifier as u32))];
+        let mut fields = vec![self.specifier(specifier::DEF)];
         if !prim.type_name.is_empty() {
             let rep = self.token_rep(&prim.type_name);
             fields.push(self.tables.field("typeName", rep));
@@ -46,11 +44,11 @@ impl Writer {
         self.body(path, prim, fields, spec::PRIM);
     }
 
-    /// A prim's or a variant's spec and everything below it.
+    /// Adds the spec of a prim or a variant, and everything below it.
     fn body(&mut self, path: u32, prim: &Prim, mut fields: Vec<u32>, kind: u32) {
         fields.extend(self.metadata_fields(&prim.metadata));
-        if !prim.variant_sets.is_empty() {
-            fields.extend(self.variant_fields(prim));
+        if let Some(set) = &prim.variant_set {
+            fields.extend(self.variant_fields(set));
         }
         fields.extend(self.children_field("properties", prim.properties.iter().map(|p| p.name.as_str())));
         fields.extend(self.children_field("primChildren", prim.children.iter().map(|p| p.name.as_str())));
@@ -62,36 +60,33 @@ impl Writer {
             let child_path = self.tables.path(path, &child.name, false);
             self.prim(child_path, child);
         }
-        for set in &prim.variant_sets {
-            let set_path = self.tables.path(path, &format!("{{{}=}}", set.name), false);
-            let names = set.variants.iter().map(|v| v.name.as_str());
-            let fields = self.children_field("variantChildren", names).into_iter().collect();
-            self.tables.spec(set_path, fields, spec::VARIANT_SET);
-            for variant in &set.variants {
-                let element = format!("{{{}={}}}", set.name, variant.name);
-                let variant_path = self.tables.path(path, &element, false);
-                let over = self.tables.field("specifier", Rep::inlined(types::SPECIFIER, 1));
-                self.body(variant_path, variant, vec![over], spec::VARIANT);
-            }
+        let Some(set) = &prim.variant_set else { return };
+        let set_path = self.tables.path(path, &format!("{{{}=}}", set.name), false);
+        let names = set.variants.iter().map(|v| v.name.as_str());
+        let fields = self.children_field("variantChildren", names).into_iter().collect();
+        self.tables.spec(set_path, fields, spec::VARIANT_SET);
+        for variant in &set.variants {
+            let element = format!("{{{}={}}}", set.name, variant.name);
+            let variant_path = self.tables.path(path, &element, false);
+            let over = self.specifier(specifier::OVER);
+            self.body(variant_path, variant, vec![over], spec::VARIANT);
         }
     }
 
-    fn variant_fields(&mut self, prim: &Prim) -> Vec<u32> {
-        let names: Vec<String> = prim.variant_sets.iter().map(|s| s.name.clone()).collect();
+    fn specifier(&mut self, specifier: u32) -> u32 {
+        self.tables.field("specifier", Rep::inlined(types::SPECIFIER, specifier))
+    }
+
+    fn variant_fields(&mut self, set: &VariantSet) -> Vec<u32> {
         let mut fields = Vec::new();
-        fields.extend(self.children_field("variantSetChildren", names.iter().map(String::as_str)));
-        let strings: Vec<u32> = names.iter().map(|n| self.tables.string(n)).collect();
-        let mut list = vec![list_op::HAS_PREPENDED];
-        push_counted(&mut list, &strings);
+        fields.extend(self.children_field("variantSetChildren", std::iter::once(set.name.as_str())));
+        let name = self.tables.string(&set.name);
+        let mut list = vec![list_op::PREPENDED];
+        push_counted(&mut list, &[name]);
         let rep = self.value(types::STRING_LIST_OP, 0, &list);
         fields.push(self.tables.field("variantSetNames", rep));
-        let chosen: Vec<_> = prim.variant_sets.iter().filter(|s| !s.selection.is_empty()).collect();
-        let mut map = (chosen.len() as u64).to_le_bytes().to_vec();
-        for set in chosen {
-            for text in [&set.name, &set.selection] {
-                map.extend(self.tables.string(text).to_le_bytes());
-            }
-        }
+        let mut map = 1_u64.to_le_bytes().to_vec();
+        map.extend([name, self.tables.string(&set.selection)].iter().flat_map(|v| v.to_le_bytes()));
         let rep = self.value(types::VARIANT_SELECTION, 0, &map);
         fields.push(self.tables.field("variantSelection", rep));
         fields
@@ -102,7 +97,7 @@ impl Writer {
         let custom = Rep::inlined(types::BOOL, property.is_custom.into());
         let mut fields = vec![self.tables.field("custom", custom)];
         let kind = match &property.content {
-            Content::Attribute { type_name, is_uniform, value, connections } => {
+            Content::Attribute { type_name, is_uniform, value, connection } => {
                 let rep = self.token_rep(type_name);
                 fields.push(self.tables.field("typeName", rep));
                 fields.push(self.variability(*is_uniform));
@@ -110,12 +105,12 @@ impl Writer {
                     let rep = self.rep(value);
                     self.tables.field("default", rep)
                 }));
-                fields.extend(self.paths_field("connectionPaths", connections));
+                fields.extend(connection.as_ref().map(|path| self.path_field("connectionPaths", path)));
                 spec::ATTRIBUTE
             }
-            Content::Relationship { targets } => {
+            Content::Relationship { target } => {
                 fields.push(self.variability(true));
-                fields.extend(self.paths_field("targetPaths", targets));
+                fields.push(self.path_field("targetPaths", target));
                 spec::RELATIONSHIP
             }
         };
@@ -127,15 +122,12 @@ impl Writer {
         self.tables.field("variability", Rep::inlined(types::VARIABILITY, is_uniform.into()))
     }
 
-    fn paths_field(&mut self, name: &str, paths: &[String]) -> Option<u32> {
-        if paths.is_empty() {
-            return None;
-        }
-        let paths: Vec<u32> = paths.iter().map(|p| self.tables.path_by_text(p)).collect();
-        let mut list = vec![list_op::EXPLICIT | list_op::HAS_EXPLICIT];
-        push_counted(&mut list, &paths);
+    fn path_field(&mut self, name: &str, path: &str) -> u32 {
+        let path = self.tables.path_by_text(path);
+        let mut list = vec![list_op::EXPLICIT];
+        push_counted(&mut list, &[path]);
         let rep = self.value(types::PATH_LIST_OP, 0, &list);
-        Some(self.tables.field(name, rep))
+        self.tables.field(name, rep)
     }
 
     fn metadata_fields(&mut self, metadata: &Metadata) -> Vec<u32> {
@@ -147,7 +139,7 @@ impl Writer {
         fields
     }
 
-    /// Names of children; none if there are none.
+    /// The field with the names of children; `None` if there are none.
     fn children_field<'a>(&mut self, name: &str, children: impl Iterator<Item = &'a str>) -> Option<u32> {
         let tokens: Vec<u32> = children.map(|c| self.tables.token(c)).collect();
         if tokens.is_empty() {
@@ -182,13 +174,9 @@ impl Writer {
                 self.value(types::TOKEN, Rep::ARRAY, &bytes)
             }
             Value::Dictionary(entries) => self.dictionary(entries),
-            Value::TokenList(list) => {
-                let tokens: Vec<u32> = list.items().iter().map(|t| self.tables.token(t)).collect();
-                let mut bytes = vec![match list {
-                    ListOp::Explicit(_) => list_op::EXPLICIT | list_op::HAS_EXPLICIT,
-                    ListOp::Prepend(_) => list_op::HAS_PREPENDED,
-                    ListOp::Append(_) => list_op::HAS_APPENDED,
-                }];
+            Value::Prepended(items) => {
+                let tokens: Vec<u32> = items.iter().map(|t| self.tables.token(t)).collect();
+                let mut bytes = vec![list_op::PREPENDED];
                 push_counted(&mut bytes, &tokens);
                 self.value(types::TOKEN_LIST_OP, 0, &bytes)
             }
@@ -200,7 +188,7 @@ impl Writer {
         for (name, value) in entries {
             let rep = self.rep(value);
             bytes.extend(self.tables.string(name).to_le_bytes());
-            // From here to the value's word: it follows at once.
+            // Offset from here to the value's word, which follows.
             bytes.extend(8_i64.to_le_bytes());
             bytes.extend(rep.0.to_le_bytes());
         }
@@ -241,14 +229,14 @@ impl Writer {
         } else {
             numbers.values.iter().for_each(|&v| push(v, &mut bytes));
         }
-        // Numbers of 32 bits are always held in the word.
+        // Single numbers of 32 bits are held in the word.
         if let (false, Form::One, &[a, b, c, d]) = (numbers.is_array, numbers.form, bytes.as_slice()) {
             return Rep::inlined(value_type, u32::from_le_bytes([a, b, c, d]));
         }
         self.value(value_type, flags, &bytes)
     }
 
-    /// Stores bytes once and returns the word that points at them.
+    /// Stores bytes, unless they are there already, and returns the word that points at them.
     fn value(&mut self, value_type: u8, flags: u64, bytes: &[u8]) -> Rep {
         let out = &mut self.out;
         let at = *self.value_by_content.entry((value_type, flags, xxh3_128(bytes))).or_insert_with(|| {

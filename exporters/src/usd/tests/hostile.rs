@@ -1,4 +1,4 @@
-//! Files that are damaged or mean harm, and what cannot be written.
+//! Damaged and hostile files, and assets that cannot be written.
 
 use super::*;
 
@@ -42,7 +42,7 @@ fn damaged_tables_never_panic() {
     let layer = layer_of(&full(3, 0));
     let bytes = binary_from_layer(&layer);
     let contents = u64::from_le_bytes(bytes[16..24].try_into().unwrap()) as usize;
-    // Where the tables begin: all before is values.
+    // Values come before the tables.
     let tables = u64::from_le_bytes(bytes[contents + 24..contents + 32].try_into().unwrap()) as usize;
     let mut state = 7_u64;
     for round in 0..4000 {
@@ -86,7 +86,7 @@ fn hostile_counts_and_offsets_are_refused_at_once() {
 }
 
 #[test]
-fn features_that_are_not_ours_are_named() {
+fn unsupported_features_are_named() {
     let head = "#usda 1.0\n";
     let cases = [
         ("references", "def \"A\" (\n prepend references = @x.usda@\n)\n{\n}"),
@@ -97,6 +97,11 @@ fn features_that_are_not_ours_are_named() {
         ("half", "def \"A\" {\n half[] a = [1]\n}"),
         ("None", "def \"A\" {\n float a = None\n}"),
         ("reorder", "def \"A\" {\n reorder nameChildren = [\"B\"]\n}"),
+        ("over", "over \"A\" {\n}"),
+        ("paths", "def \"A\" {\n rel a = [</B>, </C>]\n}"),
+        ("several lines", "def \"A\" {\n string a = \"\"\"b\"\"\"\n}"),
+        ("variants", "def \"A\" (\n variants = {\n string b = \"c\"\n string d = \"e\"\n }\n)\n{\n}"),
+        ("variant set", "def \"A\" {\n variantSet \"b\" = {\n }\n}"),
     ];
     for (word, body) in cases {
         let text =
@@ -116,7 +121,7 @@ fn features_that_are_not_ours_are_named() {
 }
 
 #[test]
-fn pages_elsewhere_are_not_read() {
+fn pages_outside_of_the_folder_are_not_read() {
     let folder = tempfile::tempdir().unwrap();
     let below = folder.path().join("below");
     std::fs::create_dir(&below).unwrap();
@@ -140,7 +145,7 @@ fn pages_elsewhere_are_not_read() {
 }
 
 #[test]
-fn what_cannot_be_written_leaves_nothing() {
+fn failed_writes_leave_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let asset = full(9, 0);
     let names = || std::fs::read_dir(folder.path()).unwrap().count();
@@ -159,7 +164,7 @@ fn what_cannot_be_written_leaves_nothing() {
     broken.opacities[0] = 2.0;
     assert!(matches!(fails("a.usdz", &broken, &options(Quality::Balanced)), Error::Invalid { .. }));
     assert_eq!(names(), 0);
-    // A folder in the way of the last file: images are removed again.
+    // A folder in the place of the last file: images are removed again.
     std::fs::create_dir_all(folder.path().join("b.usdc/x")).unwrap();
     assert!(matches!(fails("b.usdc", &asset, &options(Quality::Balanced)), Error::Io { .. }));
     assert_eq!(names(), 1);
@@ -183,4 +188,64 @@ fn few_characters_do_not_become_much_memory() {
     }
     let small = format!("{head}def \"a\" {{ double[] a = [0, 1, 2] }}");
     assert!(layer_from_text(&small, Path::new("t"), 8 << 20).is_ok(), "negative control");
+}
+
+/// Bodies of texts with a hundred thousand of something, and whether a reader of ours takes them.
+fn crowds() -> Vec<(&'static str, String, bool)> {
+    let all = |one: &dyn Fn(usize) -> String| (0..100_000).map(one).collect::<String>();
+    let set = "variants = { string r = \"v0\" } prepend variantSets = [\"r\"]";
+    vec![
+        (
+            "choices",
+            format!("def \"a\" ( variants = {{ {} }} ) {{}}", all(&|i| format!("string s{i} = \"x\" "))),
+            false,
+        ),
+        (
+            "variant sets",
+            format!("def \"a\" ( prepend variantSets = [{}] ) {{}}", all(&|i| format!("\"s{i}\", "))),
+            false,
+        ),
+        ("targets", format!("def \"a\" {{ rel b = [{}] }}", all(&|i| format!("</a{i}>, "))), false),
+        ("relationships", format!("def \"a\" {{ {} }}", all(&|i| format!("rel r{i} = </a{i}> "))), true),
+        (
+            "variants",
+            format!(
+                "def \"a\" ( {set} ) {{ variantSet \"r\" = {{ {} }} }}",
+                all(&|i| format!("\"v{i}\" {{}} "))
+            ),
+            true,
+        ),
+        ("prims", all(&|i| format!("def Xform \"a{i}\" {{}} ")), true),
+        ("properties", format!("def \"a\" {{ {} }}", all(&|i| format!("int a{i} = {i} "))), true),
+        ("connections", format!("def \"a\" {{ {} }}", all(&|i| format!("int a{i}.connect = </a.b> "))), true),
+        (
+            "schemas",
+            format!("def \"a\" ( prepend apiSchemas = [{}\"x\"] ) {{}}", all(&|i| format!("\"s{i}\", "))),
+            true,
+        ),
+        ("assets", format!("def \"a\" {{ {} }}", all(&|i| format!("asset a{i} = @./b{i}@ "))), true),
+        ("escapes", format!("def \"a\" {{ string b = \"{}\" }}", all(&|_| "\\n".to_owned())), true),
+        (
+            "numbers",
+            format!("def \"a\" {{ float2[] b = [{}(0, 1)] }}", all(&|i| format!("({i}, 0.5), "))),
+            true,
+        ),
+    ]
+}
+
+#[test]
+fn text_takes_time_in_proportion_to_its_length() {
+    // All of it in one line.
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("crowd.usda");
+    for (what, body, is_read) in crowds() {
+        let text = format!("#usda 1.0\n( upAxis = \"Y\" )\n{body}");
+        let start = std::time::Instant::now();
+        let read = layer_from_text(&text, Path::new("t"), 1 << 30);
+        assert_eq!(read.is_ok(), is_read, "{what}: {:?}", read.err());
+        std::fs::write(&path, &text).unwrap();
+        validate(&path);
+        // Milliseconds each; quadratic ones took 13 to 37 seconds.
+        assert!(start.elapsed().as_secs_f64() < 3.0, "{what}: {:?}", start.elapsed());
+    }
 }

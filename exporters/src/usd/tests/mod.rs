@@ -1,4 +1,4 @@
-//! Files against files, against damage and against what others make of them.
+//! Writers and readers against each other and against damage.
 
 mod hostile;
 
@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 
 const EXTENSIONS: [&str; 3] = ["usda", "usdc", "usdz"];
 
-/// A fixture with everything that an asset can have.
+/// A fixture with everything that an asset may have.
 fn full(num_splats: usize, sh_degree: u32) -> SplatAsset {
     let mut asset = fixture(num_splats, sh_degree);
     asset.capture_from_local =
@@ -85,7 +85,7 @@ fn lossless_files_give_every_bit_back() {
     }
 }
 
-/// Writes samples for `tests/python/check_usd.py` where `LITETEX_USD_SAMPLES` says, with the hashes of their arrays.
+/// Writes samples for `tests/python/check_usd.py` into the folder `LITETEX_USD_SAMPLES`, with the hashes of their arrays.
 #[test]
 fn samples_for_other_programs() {
     let Some(folder) = std::env::var_os("LITETEX_USD_SAMPLES").map(PathBuf::from) else {
@@ -107,7 +107,7 @@ fn samples_for_other_programs() {
     std::fs::write(folder.join("expected.json"), serde_json::to_vec(&expected).unwrap()).unwrap();
 }
 
-/// CRC-32 of arrays as other programs should see them, computed from the asset by other means than the writer's.
+/// CRC-32 of arrays as other programs should see them, computed independently of the writer.
 fn hashes(asset: &SplatAsset) -> serde_json::Map<String, serde_json::Value> {
     let floats = |values: Vec<f32>| values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<_>>();
     let positions = asset.positions.iter().flat_map(|&[x, y, z]| [x, -y, -z]).collect();
@@ -129,22 +129,6 @@ fn hashes(asset: &SplatAsset) -> serde_json::Map<String, serde_json::Value> {
     arrays.into_iter().map(|(name, bytes)| (name.to_owned(), super::package::crc32(&bytes).into())).collect()
 }
 
-/// Files that Pixar's library stored anew, where `LITETEX_USD_RESAVED` says: named like the samples.
-#[test]
-fn what_others_stored_anew_is_read() {
-    let Some(folder) = std::env::var_os("LITETEX_USD_RESAVED").map(PathBuf::from) else {
-        println!("skipped: LITETEX_USD_RESAVED names no folder");
-        return;
-    };
-    for file in std::fs::read_dir(folder).unwrap().map(|f| f.unwrap().path()).filter(|f| f.is_file()) {
-        let name = file.file_name().unwrap().to_string_lossy().into_owned();
-        let contents = read(&file);
-        println!("{name}: {:?}", contents.as_ref().map(|c| (&c.warnings, c.asset.num_splats(), c.quality)));
-        let contents = contents.unwrap();
-        assert_eq!(contents.hash, Some(contents.asset.hash()), "{name}");
-    }
-}
-
 fn layer_of(asset: &SplatAsset) -> Layer {
     let folder = tempfile::tempdir().unwrap();
     let path = write(folder.path(), "s.usdc", asset, Quality::Balanced);
@@ -164,10 +148,15 @@ fn text_and_binary_hold_the_same_layer() {
     // Negative control: another sign of a zero is another layer.
     let changed = text.replacen("-0.0", "0.0", 1);
     assert_ne!(text_from_layer(&layer_from_text(&changed, Path::new("t"), 64 << 20).unwrap().layer), text);
-    // Layout, comments and order do not matter.
-    let loose =
-        text.replacen("#usda 1.0\n", "#usda 1.0\r\n# a comment (\"{\n", 1).replace("\n    ", "\n\t # x\n  ");
+    // White space does not matter; comments are not ours.
+    let loose = text.replacen("#usda 1.0\n", "#usda 1.0\r\n", 1).replace("\n    ", "\n\t  ");
     assert_eq!(layer_from_text(&loose, Path::new("t"), 64 << 20).unwrap().layer, layer);
+    let commented = text.replacen("\n    ", "\n    # x\n", 1);
+    let error = layer_from_text(&commented, Path::new("t"), 64 << 20).unwrap_err();
+    assert!(
+        matches!(&error, Error::Unsupported { what, .. } if what.contains("line 3: a comment")),
+        "{error}"
+    );
 }
 
 #[test]
@@ -187,7 +176,7 @@ fn balanced_files_keep_all_but_texels_and_those_to_half_a_step() {
         // Needed 0.5 steps and rounding; a quarter would not do.
         assert!(worst <= 0.5001 * step && worst > 0.25 * step, "{worst} of {step}");
         decoded.push(contents.asset);
-        // The same input makes the same bytes.
+        // Equal input makes equal bytes.
         let before = std::fs::read(&path).unwrap();
         write(folder.path(), &format!("b.{extension}"), &asset, Quality::Balanced);
         assert_eq!(std::fs::read(&path).unwrap(), before);
@@ -197,7 +186,7 @@ fn balanced_files_keep_all_but_texels_and_those_to_half_a_step() {
 }
 
 #[test]
-fn changed_numbers_are_told_by_the_hash() {
+fn the_hash_reveals_changed_numbers() {
     let folder = tempfile::tempdir().unwrap();
     let path = write(folder.path(), "s.usda", &full(9, 0), Quality::Lossless);
     assert_eq!(validate(&path), Vec::new());
@@ -272,11 +261,11 @@ fn a_broken_fallback_is_found() {
             codes.dedup();
             codes
         };
-        // Of the textured splats, and of those for programs without textures, which come last.
+        // The textured splats come first, those for programs without texture support last.
         let name = "sphericalHarmonicsCoefficients = [";
         let (first, last) = (text.find(name).unwrap(), text.rfind(name).unwrap());
         assert!(first < last);
-        // The hash is that of what textured readers get.
+        // The hash does not cover the fallback.
         assert_eq!(replaced(first + name.len(), "(5, 5, 5)"), ["LT2013", "LT2015"]);
         assert_eq!(replaced(last + name.len(), "(5, 5, 5)"), ["LT2013", "LT2015"]);
         let scales = text.rfind("float3[] scales = [").unwrap() + "float3[] scales = [".len();
@@ -292,13 +281,12 @@ fn a_broken_fallback_is_found() {
 }
 
 #[test]
-fn folders_of_images_have_any_name() {
+fn pages_are_found_by_the_paths_in_the_layer() {
     let folder = tempfile::tempdir().unwrap();
     let path = write(folder.path(), "s.usda", &full(9, 0), Quality::Balanced);
     let before = read(&path).unwrap().asset;
     std::fs::rename(folder.path().join("s_usda_textures"), folder.path().join("s_textures")).unwrap();
     assert!(read(&path).is_err(), "negative control");
-    // As files of earlier versions say.
     let text = std::fs::read_to_string(&path).unwrap();
     std::fs::write(&path, text.replace("./s_usda_textures/", "./s_textures/")).unwrap();
     assert_eq!(read(&path).unwrap().asset, before);
@@ -306,7 +294,22 @@ fn folders_of_images_have_any_name() {
 }
 
 #[test]
-fn bytes_are_told_by_attribute_and_add_up() {
+fn splats_at_the_end_of_f32_make_sound_files() {
+    let folder = tempfile::tempdir().unwrap();
+    for far in [1e38, f32::MAX] {
+        let mut asset = full(9, 0);
+        asset.positions[2] = [far, -far, far];
+        asset.scales[2] = [1e6, 1e6];
+        for extension in EXTENSIONS {
+            let path = write(folder.path(), &format!("far.{extension}"), &asset, Quality::Lossless);
+            assert_eq!(validate(&path), Vec::new(), "{extension} {far}");
+            assert_eq!(read(&path).unwrap().asset, asset);
+        }
+    }
+}
+
+#[test]
+fn bytes_by_attribute_add_up() {
     let folder = tempfile::tempdir().unwrap();
     let asset = full(200, 1);
     for extension in EXTENSIONS {
@@ -320,7 +323,7 @@ fn bytes_are_told_by_attribute_and_add_up() {
             "{extension}: {pages} {file}"
         );
         for name in ["positions", "rotations", "scales", "opacities", "sh", "sh0", "maps"] {
-            // Text: some ten characters a number.
+            // Text takes about ten characters per number.
             assert!(of(name) >= 4 * 200, "{extension} {name}: {:?}", contents.sections);
         }
         if extension == "usda" {
