@@ -5,32 +5,13 @@ mod limits;
 mod plan;
 
 use crate::camera::Camera;
+pub use crate::image::TargetImage;
 pub use crate::model::LearningRates;
 use crate::model::{AdamState, Model};
 use crate::{Error, Result};
 pub use limits::{DeviceLimits, SceneShape};
 pub use plan::{Grid, MapChange, SplatEdit, DensityPlan};
 use serde::{Deserialize, Serialize};
-
-/// A photo as the optimisation sees it: display space, composited, at the size that is rendered.
-#[derive(Clone, Debug, PartialEq)]
-pub struct TargetImage {
-    /// Width.
-    pub width_px: u32,
-    /// Height.
-    pub height_px: u32,
-    /// Row-major. `[height, width, 3]`
-    pub rgb: Vec<u8>,
-    /// 255: counts in loss and metrics, 0: does not. `[height, width]`
-    pub mask: Option<Vec<u8>>,
-}
-
-impl TargetImage {
-    /// Whether any pixel counts in loss and metrics.
-    pub fn has_pixels_that_count(&self) -> bool {
-        self.mask.as_ref().is_none_or(|mask| mask.iter().any(|&m| m != 0))
-    }
-}
 
 /// What a device says of itself.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -15,8 +15,9 @@ mod error;
 pub mod eval;
 #[cfg(feature = "gpu")]
 pub mod gpu;
-pub mod model;
 pub mod image;
+pub mod init;
+pub mod model;
 pub mod reference;
 mod report;
 pub mod results;

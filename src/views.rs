@@ -1,9 +1,10 @@
-//! What the trainer and the evaluation need to know of a capture: cameras in the local frame, names,
-//! the split and photos on demand. `dataset` implements it from files, tests from memory.
+//! What initialisation, training and evaluation need to know of a capture: cameras in the local frame,
+//! names, the split, photos on demand and sparse points. `dataset` reads it from files, tests make it in memory.
 
 use crate::Result;
-use crate::backend::TargetImage;
 use crate::camera::Camera;
+use crate::image::TargetImage;
+use glam::DVec3;
 use std::sync::Arc;
 
 /// Which side of the split a view is on.
@@ -13,6 +14,15 @@ pub enum Split {
     Train,
     /// Held out.
     Test,
+}
+
+/// A point of a capture's sparse reconstruction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SfmPoint {
+    /// Position in the frame of the capture.
+    pub position_in_capture: DVec3,
+    /// Colour in display space.
+    pub rgb: [u8; 3],
 }
 
 /// Views in an order that follows from where their cameras stand and not from their names: by distance from

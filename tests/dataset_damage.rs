@@ -9,7 +9,8 @@ mod fixtures;
 
 use fixtures::{Scene, write_json};
 use litetex_gs::Error;
-use litetex_gs::dataset::{Capture, CaptureFormat, InitOptions, LoadOptions, initial_model};
+use litetex_gs::dataset::{Capture, CaptureFormat, LoadOptions};
+use litetex_gs::init::{InitInput, InitOptions, InitPoints, initial_model};
 use litetex_gs::views::ViewSource as _;
 use std::path::Path;
 
@@ -77,7 +78,14 @@ fn flipped_bits_and_bytes_never_panic() {
                     captures += 1;
                     assert!(capture.near > 0.0 && capture.near <= 0.04);
                     assert!(capture.capture_from_local.scale > 0.0);
-                    let _ = initial_model(&capture, &InitOptions::default());
+                    let input = InitInput {
+                        views: &capture,
+                        points: InitPoints::Sparse(&capture.points),
+                        points_file: &capture.poses,
+                        capture_from_local: capture.capture_from_local,
+                        near: capture.near,
+                    };
+                    let _ = initial_model(&input, &InitOptions::default());
                 }
                 Err(_) => errors += 1,
             }

@@ -1,7 +1,7 @@
 //! Cameras as assets carry them, and back.
 
-use crate::backend::TargetImage;
 use crate::camera::{Camera, Pinhole, RigidTransform};
+use crate::image::TargetImage;
 use crate::views::{Split, ViewSource};
 use crate::{Error, Result};
 use glam::{DMat3, DVec3};

@@ -20,6 +20,7 @@ mod export;
 mod forecast;
 mod frozen;
 mod identity;
+mod init_source;
 mod inspect;
 mod interrupt;
 mod log;

@@ -5,7 +5,7 @@ use super::exr_photo;
 use super::lens::Lens;
 use super::photos::{image_error, open};
 use super::warp::Warp;
-use crate::backend::TargetImage;
+use crate::image::TargetImage;
 use crate::image::resample::{by_area, to_byte};
 use crate::{Error, Result};
 use image::DynamicImage;

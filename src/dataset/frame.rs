@@ -1,13 +1,11 @@
 //! The local frame in which training happens: cameras around the origin, their extent 1, and the near
 //! plane that goes with it.
 
-use super::Capture;
 use super::source::Source;
 use crate::Report;
 use crate::camera::Similarity;
 use crate::constants::NEAR_MAX;
-use crate::views::{ViewSource as _, by_place};
-use glam::{DMat3, DQuat, DVec3};
+use glam::DVec3;
 
 /// Extent = this times the largest distance of a camera from their mean (3DGS).
 const EXTENT_MARGIN: f64 = 1.1;
@@ -63,24 +61,6 @@ pub(crate) fn capture_from_local(source: &Source, report: &mut Report) -> Simila
         ),
     );
     Similarity { scale: points.unwrap_or(1.0), translation }
-}
-
-/// Axes that turn with the capture: towards the farthest camera, and across the mean downward direction of
-/// the images. What is drawn at random in them turns too, so that a capture that was turned starts alike.
-pub(crate) fn local_from_cameras(capture: &Capture) -> DQuat {
-    let views = by_place(capture, (0..capture.num_views()).collect());
-    let cameras: Vec<_> = views.iter().map(|&view| capture.views[view].camera).collect();
-    let Some(farthest) = cameras.last() else { return DQuat::IDENTITY };
-    let down: DVec3 = cameras.iter().map(|c| c.camera_from_local.rotation.row(1)).sum();
-    let first = farthest.centre_in_local().try_normalize();
-    let third = first.and_then(|first| first.cross(down).try_normalize());
-    match (first, third) {
-        (Some(first), Some(third)) => {
-            DQuat::from_mat3(&DMat3::from_cols(first, third.cross(first), third)).normalize()
-        }
-        // Cameras in one place, or one that stands exactly above the others: any axes will do.
-        _ => DQuat::IDENTITY,
-    }
 }
 
 /// Near plane in local units: half the 1 % quantile of the points' depths, bounded.

@@ -4,19 +4,14 @@
 mod decode;
 mod exr_photo;
 #[cfg(test)]
-mod fixtures;
+pub(crate) mod fixtures;
 mod formats;
 mod frame;
 mod health;
-mod init;
-#[cfg(test)]
-mod init_tests;
-mod knn;
 mod lens;
 mod load;
 mod options;
 mod photos;
-mod random;
 mod source;
 mod split;
 mod store;
@@ -30,13 +25,11 @@ mod zipped;
 pub use decode::read_image;
 pub use formats::ply::read_points as read_ply_points;
 pub use health::SparseHealth;
-pub use init::{InitOptions, InitSource, initial_model};
 pub use options::{CaptureFormat, LoadOptions};
-pub use source::SfmPoint;
 
-use crate::backend::TargetImage;
 use crate::camera::{Camera, Similarity};
-use crate::views::{Split, ViewSource};
+use crate::image::TargetImage;
+use crate::views::{SfmPoint, Split, ViewSource};
 use crate::{Report, Result};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

@@ -5,18 +5,9 @@ use super::lens::Lens;
 use super::options::CaptureFormat;
 use crate::Report;
 use crate::camera::RigidTransform;
-use crate::views::Split;
+use crate::views::{SfmPoint, Split};
 use glam::{DMat3, DVec3};
 use std::path::PathBuf;
-
-/// A point of the capture's sparse reconstruction.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SfmPoint {
-    /// Place, frame of the capture.
-    pub position_in_capture: DVec3,
-    /// Colour, display space.
-    pub rgb: [u8; 3],
-}
 
 /// A registered image.
 #[derive(Clone, Debug, PartialEq)]

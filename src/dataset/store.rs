@@ -4,7 +4,7 @@
 
 use super::decode::Recipe;
 use crate::Result;
-use crate::backend::TargetImage;
+use crate::image::TargetImage;
 use std::collections::{HashMap, HashSet, VecDeque};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;

@@ -3,6 +3,7 @@
 use super::fixtures::{Scene, write_json};
 use super::*;
 use crate::Error;
+use crate::init::{InitInput, InitOptions, InitPoints, initial_model};
 use crate::sample::{SampleOptions, write_sample};
 use glam::DVec3;
 use tempfile::{TempDir, tempdir};
@@ -384,6 +385,13 @@ fn the_sample_is_a_sound_capture() {
     let health = capture.health.clone().unwrap();
     assert_eq!(health.observations, summary.observations);
     assert_eq!((health.observations_behind_camera, health.coincident_cameras), (0, 0));
-    let (model, report) = initial_model(&capture, &InitOptions::default()).unwrap();
+    let input = InitInput {
+        views: &capture,
+        points: InitPoints::Sparse(&capture.points),
+        points_file: &capture.poses,
+        capture_from_local: capture.capture_from_local,
+        near: capture.near,
+    };
+    let (model, report) = initial_model(&input, &InitOptions::default()).unwrap();
     assert_eq!((model.num_splats(), report.warnings.len()), (summary.points, 0));
 }

@@ -1,8 +1,7 @@
 //! Images of where two images differ.
 
-use super::ImagePair;
-use crate::backend::TargetImage;
-use crate::image::magma;
+use super::pair::ImagePair;
+use crate::image::{TargetImage, magma};
 
 /// Mean absolute difference of the channels (of 1) that has the brightest colour.
 pub const ERROR_MAP_MAX: f64 = 0.25;

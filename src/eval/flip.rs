@@ -1,6 +1,6 @@
 //! FLIP (Andersson et al. 2020): the difference that a person sees when flipping between two images.
 
-use super::ImagePair;
+use super::pair::ImagePair;
 
 /// Mean FLIP error over the pixels that count, 0 to 1; 0 if none counts. LDR, for a viewer who sees
 /// 67 pixels per degree (the metric's default: a 4K screen 0.7 m wide at 0.7 m).

@@ -1,7 +1,8 @@
 //! PSNR of image gradients: says whether texture detail is there, which PSNR hardly does. Blurred
 //! photos score high in PSNR because most of a photo's energy lies in low frequencies.
 
-use super::{PSNR_CAP_DB, ImagePair, psnr_from_mse};
+use super::pair::ImagePair;
+use super::psnr::{PSNR_CAP_DB, psnr_from_mse};
 use rayon::prelude::*;
 
 /// PSNR (peak 1) of the Sobel gradients of the channel mean, dB.

@@ -1,6 +1,6 @@
 //! Peak signal-to-noise ratio.
 
-use super::ImagePair;
+use super::pair::ImagePair;
 
 /// PSNR is at most this: JSON has no infinity, and identical images must have a figure. At 8 bits
 /// one wrong code value in 5 million is 115 dB, so nothing of interest lies above.

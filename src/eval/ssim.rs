@@ -1,7 +1,7 @@
 //! Structural similarity by the constants of 3DGS, in its two usual readings of the image's edge.
 //! The trainer's SSIM loss does not belong here.
 
-use super::ImagePair;
+use super::pair::ImagePair;
 use crate::constants::{SSIM_C1, SSIM_C2, SSIM_RADIUS_PX, SSIM_SIGMA_PX};
 use rayon::prelude::*;
 

@@ -2,7 +2,7 @@
 
 use super::fixtures::{Photos, fractal, noisy, of, photo};
 use super::*;
-use crate::backend::TargetImage;
+use crate::image::TargetImage;
 
 /// First of 15,000 steps whose scale is below `limit`.
 fn first_below(schedule: &FrequencySchedule, limit: f64) -> u32 {

@@ -1,9 +1,8 @@
 //! Photos at the size of the current stage: reduced by area once a stage and kept while there is room.
 
 use crate::Result;
-use crate::backend::TargetImage;
 use crate::camera::{Camera, Pinhole};
-use crate::image::resample::{by_area, to_byte};
+use crate::image::TargetImage;
 use crate::views::ViewSource;
 use std::sync::Arc;
 
@@ -58,7 +57,7 @@ impl Targets {
         }
         let full = views.target(view)?;
         let pinhole = self.camera(views, view).pinhole;
-        let image = Arc::new(reduce(&full, pinhole.width_px, pinhole.height_px));
+        let image = Arc::new(full.reduced(pinhole.width_px, pinhole.height_px));
         let bytes = 4 * pinhole.num_pixels();
         if self.kept_bytes + bytes <= KEPT_BYTES {
             self.kept_bytes += bytes;
@@ -79,42 +78,16 @@ fn reduced(pinhole: &Pinhole, scale: f64) -> Pinhole {
     pinhole.resized(side(pinhole.width_px), side(pinhole.height_px))
 }
 
-/// A photo reduced by area. A pixel counts if most of what it covers counts, and shows the mean of all
-/// that it covers: what does not count is of no consequence only where nothing counts.
-fn reduce(full: &TargetImage, width_px: u32, height_px: u32) -> TargetImage {
-    let (from, to) = ((full.width_px, full.height_px), (width_px, height_px));
-    let channels = |values: &[u8], count: usize| -> Vec<u8> {
-        let stride = from.0 as usize * count;
-        let means = by_area(from, to, count, |y, row| {
-            row.iter_mut().zip(&values[y * stride..]).for_each(|(r, &v)| *r = f32::from(v));
-        });
-        means.into_iter().map(to_byte).collect()
-    };
-    let mask = full
-        .mask
-        .as_ref()
-        .map(|mask| channels(mask, 1).into_iter().map(|m| if m >= 128 { 255 } else { 0 }).collect());
-    TargetImage { width_px, height_px, rgb: channels(&full.rgb, 3), mask }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn reduced_photos_are_means_and_their_cameras_see_the_same() {
-        let rgb: Vec<u8> =
-            (0..8 * 6).flat_map(|i| [if i % 2 == 0 { 200 } else { 100 }, 7, i as u8]).collect();
-        let mask = Some((0..8 * 6).map(|i| if i % 8 < 4 { 255 } else { 0 }).collect());
-        let full = TargetImage { width_px: 8, height_px: 6, rgb, mask };
-        let half = reduce(&full, 4, 3);
-        assert_eq!((half.width_px, half.height_px, half.rgb.len()), (4, 3, 36));
-        assert!(half.rgb.chunks_exact(3).all(|p| p[0] == 150 && p[1] == 7));
-        assert_eq!(half.mask.as_ref().unwrap()[..4], [255, 255, 0, 0]);
+    fn cameras_of_reduced_photos_have_the_same_field_of_view() {
         let pinhole = Pinhole { width_px: 9, height_px: 6, fx_px: 9.0, fy_px: 9.0, cx_px: 4.5, cy_px: 3.0 };
         let small = reduced(&pinhole, 2.0);
         assert_eq!((small.width_px, small.height_px), (4, 3));
-        assert!((small.fx_px / 4.0 - pinhole.fx_px / 9.0).abs() < 1e-12, "same field of view");
+        assert!((small.fx_px / 4.0 - pinhole.fx_px / 9.0).abs() < 1e-12);
     }
 
     #[test]

@@ -2,7 +2,7 @@
 //! length of the file before anything is allocated.
 
 use super::bytes::{Bytes, read_file};
-use super::colmap::{ColmapCamera, ColmapImage, ColmapModel, ColmapPoint};
+use super::colmap_model::{ColmapCamera, ColmapImage, ColmapModel, ColmapPoint};
 use crate::Result;
 use std::path::Path;
 

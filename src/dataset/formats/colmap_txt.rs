@@ -2,7 +2,7 @@
 //! keypoints) may be blank. `#` starts a comment.
 
 use super::bytes::read_text;
-use super::colmap::{ColmapCamera, ColmapImage, ColmapModel, ColmapPoint};
+use super::colmap_model::{ColmapCamera, ColmapImage, ColmapModel, ColmapPoint};
 use crate::{Error, Result};
 use std::path::Path;
 use std::str::FromStr;

@@ -4,6 +4,7 @@
 pub(crate) mod bytes;
 pub(crate) mod colmap;
 pub(crate) mod colmap_bin;
+pub(crate) mod colmap_model;
 pub(crate) mod colmap_txt;
 pub(crate) mod ply;
 pub(crate) mod reality_capture;

@@ -2,7 +2,7 @@
 //! Splat PLY files do not belong here.
 
 use super::bytes::read_file;
-use crate::dataset::source::SfmPoint;
+use crate::views::SfmPoint;
 use crate::{Error, Result};
 use glam::DVec3;
 use litetex_exporters::ply::Scalar;

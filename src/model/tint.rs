@@ -1,7 +1,7 @@
 //! Models that show something else than their colours: every splat in one flat colour.
 
+use super::{Model, SplatArrays, TextureMap, TexturePool};
 use crate::constants::SH_0;
-use crate::model::{Model, SplatArrays, TextureMap, TexturePool};
 
 /// The model with one display-space colour for each splat, alike from all sides, in place of spherical
 /// harmonics and texture. Any renderer draws it; shapes, opacities and the order stay.
