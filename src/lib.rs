@@ -17,6 +17,7 @@ pub mod eval;
 pub mod gpu;
 pub mod image;
 pub mod init;
+pub mod input_file;
 pub mod model;
 pub mod reference;
 mod report;

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 /// One kind of warning and how often it occurred.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Warning {
-    /// Stable identifier, kebab-case ("frames-without-image").
+    /// Stable identifier, kebab-case ("frames-without-photo").
     pub code: String,
     /// One sentence for people, naming what, where and the first few cases.
     pub message: String,

@@ -56,6 +56,11 @@ pub trait ViewSource: Sync {
     /// What reading the file found.
     fn target(&self, view: usize) -> Result<Arc<TargetImage>>;
 
+    /// Bound of the memory for decoded photos; copies of them may take as much again.
+    fn cache_limit_bytes(&self) -> u64 {
+        u64::MAX
+    }
+
     /// Says which views will be asked for next, so that they can be decoded meanwhile.
     fn prefetch(&self, _views: &[usize]) {}
 

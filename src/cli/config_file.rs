@@ -6,9 +6,12 @@ use super::capture_args::MAX_RESOLUTION_MIN;
 use super::profile::Profile;
 use super::train_args::SaveImages;
 use litetex_gs::train::TrainConfig;
-use litetex_gs::{Error, Result};
+use litetex_gs::{Error, Result, input_file};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
+
+/// Larger files are no settings.
+const FILE_BYTES_MAX: u64 = 1 << 20;
 
 /// Settings of a run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -41,8 +44,7 @@ impl RunConfig {
     /// # Errors
     /// [`Error::Io`], [`Error::InvalidInput`] naming line and key.
     pub fn read(path: &Path) -> Result<Self> {
-        let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, e))?;
-        Self::parse(path, &text)
+        Self::parse(path, &input_file::read_text(path, FILE_BYTES_MAX)?)
     }
 
     /// [`RunConfig::read`] from memory; `path` only names the file in errors.

@@ -2,8 +2,8 @@
 
 use super::devices;
 use super::eval::Trained;
-use super::forecast::machine_bytes;
 use super::log::Log;
+use super::memory::machine_bytes;
 use super::summary::Summary;
 use litetex_exporters::{Contents, Format, Provenance, ReadLimits, SplatAsset, read_asset};
 use litetex_gs::bake::{asset_cameras, bake};

@@ -1,8 +1,8 @@
 //! Progress of training on standard error: a bar on a terminal, a plain line every few seconds
 //! elsewhere, JSON if asked for. The only place that knows of indicatif's bars.
 
-use super::forecast::process_bytes;
 use super::log::Log;
+use super::memory::process_bytes;
 use super::values::{format_bytes, format_count, format_duration};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde_json::json;

@@ -160,6 +160,18 @@ impl<'a> Session<'a> {
         Ok(if self.interrupt.is_requested() { Control::Stop } else { Control::Continue })
     }
 
+    /// After a failure: what was saved, and how to go on from there.
+    pub fn say_how_to_continue(&self) {
+        if let Some(saved) = &self.checkpoint {
+            let message = format!(
+                "the run failed, its work is saved in {}; mend the cause and continue with: litetex train --resume {}",
+                saved.display(),
+                self.folder.root().display()
+            );
+            self.log.warn("saved-before-failure", &message, 1);
+        }
+    }
+
     /// Steps count them one by one; a run tells of them once.
     fn tell_of_gradients(&mut self) -> Result<()> {
         let count = self.non_finite_gradients;

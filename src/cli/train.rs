@@ -3,11 +3,12 @@
 use super::asset_args::AssetArgs;
 use super::capture::{self, Capture};
 use super::config_file::RunConfig;
-use super::forecast::{Outlook, Workload, machine_bytes, process_bytes};
 use super::frozen::Frozen;
 use super::identity::Identity;
 use super::interrupt::Interrupt;
 use super::log::Log;
+use super::memory::{machine_bytes, process_bytes};
+use super::resource_estimate::{ResourceEstimate, Workload};
 use super::run_folder::{RunFolder, checkpoints_after, find_checkpoint, run_of_checkpoint};
 use super::session::{Session, reason_name};
 use super::summary::{CaptureFigures, Fps, Quality, Resumed, SCHEMA, Size, Summary, Times};
@@ -111,19 +112,21 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<(Summary, PathBuf)> {
     };
 
     let steps_left = plan.config.train.steps.saturating_sub(state.step);
-    let cache = plan.config.capture.image_cache_bytes;
     let mut backend = devices::open(&plan.device, log)?;
     let on_cpu = backend.device().name == "cpu";
-    let workload = Workload::new(&state.model, &capture, cache, steps_left, on_cpu);
-    let outlook = Outlook::new(&workload, &plan.config.train);
-    log.event("forecast", &outlook.describe(), serde_json::json!({ "forecast": outlook }));
-    outlook.start.check(machine_bytes())?;
-    if let Some(doubt) = outlook.doubt(machine_bytes()) {
+    let workload = Workload::new(&state.model, &capture, &plan.config.train, steps_left, on_cpu);
+    let estimate = ResourceEstimate::new(&workload, &plan.config.train);
+    log.event("resource-estimate", &estimate.describe(), serde_json::json!({ "estimate": estimate }));
+    estimate.start.check(machine_bytes())?;
+    if let Some(doubt) = estimate.doubt(machine_bytes()) {
         log.warn("memory-may-not-suffice", &doubt, 1);
         report.warn("memory-may-not-suffice", 1, doubt);
     }
     // Before the folder is made: a run that cannot be made leaves nothing behind.
     check_limits(&plan.config.train, backend.as_ref(), &capture, &state.model)?;
+    let photos = capture.check_photos()?;
+    log.report(&photos);
+    report.merge(photos);
 
     let folder = if resumes_in_place {
         let folder = RunFolder::reopen(&plan.out)?;
@@ -137,8 +140,9 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<(Summary, PathBuf)> {
     let total_secs = move || earlier_secs + started.elapsed().as_secs_f64();
     let interrupt = Interrupt::listen()?;
     let mut session = Session::new(&folder, &capture, &plan.config, log, interrupt, state.step, total_secs)?;
-    let (state, reason) =
-        train(&plan.config.train, backend.as_mut(), &capture, state, &mut |event| session.handle(event))?;
+    let outcome =
+        train(&plan.config.train, backend.as_mut(), &capture, state, &mut |event| session.handle(event));
+    let (state, reason) = outcome.inspect_err(|_| session.say_how_to_continue())?;
     report.merge(std::mem::take(&mut session.report));
 
     let summary = Summary {

@@ -21,6 +21,11 @@ impl TargetImage {
         self.mask.as_ref().is_none_or(|mask| mask.iter().any(|&m| m != 0))
     }
 
+    /// Memory of the pixels and the mask.
+    pub fn num_bytes(&self) -> u64 {
+        (self.rgb.len() + self.mask.as_ref().map_or(0, Vec::len)) as u64
+    }
+
     /// Reduced by area. A pixel counts if most of what it covers counts; it shows the mean of everything that
     /// it covers, masked pixels included.
     pub fn reduced(&self, width_px: u32, height_px: u32) -> Self {

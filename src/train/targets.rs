@@ -1,4 +1,4 @@
-//! Photos at the size of the current stage: reduced by area once a stage and kept while there is room.
+//! Photos at the size of the current stage: reduced by area once in each stage and kept while there is room.
 
 use crate::Result;
 use crate::camera::{Camera, Pinhole};
@@ -6,17 +6,17 @@ use crate::image::TargetImage;
 use crate::views::ViewSource;
 use std::sync::Arc;
 
-/// Reduced photos kept at once.
-const KEPT_BYTES: usize = 1 << 30;
+/// Memory for reduced photos, unless the user allows less for photos.
+const KEPT_BYTES: u64 = 1 << 30;
 
 /// The photos of one stage.
 pub(super) struct Targets {
-    /// Full size over the stage's size.
+    /// Render scale of the stage.
     scale: f64,
-    /// Stages begun; with the view it names a photo of a size.
+    /// Number of stages begun; stage and view together identify a photo at a size.
     stage: u32,
     kept: Vec<Option<Arc<TargetImage>>>,
-    kept_bytes: usize,
+    kept_bytes: u64,
 }
 
 impl Targets {
@@ -25,7 +25,7 @@ impl Targets {
         Self { scale, stage: 0, kept: vec![None; num_views], kept_bytes: 0 }
     }
 
-    /// Changes the scale; forgets the photos of the old one.
+    /// Changes the scale and drops the photos at the old one.
     pub fn set_scale(&mut self, scale: f64) {
         if scale != self.scale {
             let num_views = self.kept.len();
@@ -33,7 +33,7 @@ impl Targets {
         }
     }
 
-    /// A number that is the same for the same photo at the same size only.
+    /// A number that only the same photo at the same size has.
     pub fn photo(&self, view: usize) -> u32 {
         self.stage * self.kept.len() as u32 + view as u32
     }
@@ -58,8 +58,8 @@ impl Targets {
         let full = views.target(view)?;
         let pinhole = self.camera(views, view).pinhole;
         let image = Arc::new(full.reduced(pinhole.width_px, pinhole.height_px));
-        let bytes = 4 * pinhole.num_pixels();
-        if self.kept_bytes + bytes <= KEPT_BYTES {
+        let bytes = image.num_bytes();
+        if self.kept_bytes + bytes <= KEPT_BYTES.min(views.cache_limit_bytes()) {
             self.kept_bytes += bytes;
             self.kept[view] = Some(Arc::clone(&image));
         }

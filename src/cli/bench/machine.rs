@@ -22,7 +22,7 @@ pub fn hardware() -> Hardware {
     let os = format!("{} {} {}", std::env::consts::OS, kernel.trim(), std::env::consts::ARCH);
     Hardware {
         cpu: model.map_or(String::new(), |(_, name)| name.trim().to_owned()),
-        memory_bytes: crate::cli::forecast::machine_bytes(),
+        memory_bytes: crate::cli::memory::machine_bytes(),
         os: os.split_whitespace().collect::<Vec<_>>().join(" "),
     }
 }

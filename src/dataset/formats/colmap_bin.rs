@@ -6,7 +6,7 @@ use super::colmap_model::{ColmapCamera, ColmapImage, ColmapModel, ColmapPoint};
 use crate::Result;
 use std::path::Path;
 
-/// Marks a keypoint without a point.
+/// Point id of a keypoint without a point.
 const NO_POINT: u64 = u64::MAX;
 
 /// Reads `cameras.bin`.

@@ -3,7 +3,7 @@
 use crate::{Error, Result};
 use std::path::Path;
 
-/// A camera as stored.
+/// A camera, its parameters in COLMAP's order.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct ColmapCamera {
     pub id: u32,
@@ -13,7 +13,7 @@ pub(crate) struct ColmapCamera {
     pub params: Vec<f64>,
 }
 
-/// A registered image as stored.
+/// A registered image and its pose.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct ColmapImage {
     pub id: u32,
@@ -26,7 +26,7 @@ pub(crate) struct ColmapImage {
     pub point_ids: Vec<u64>,
 }
 
-/// A point as stored, without its track (the images tell it too).
+/// A point as stored, without its track, which the images' keypoints repeat.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct ColmapPoint {
     pub id: u64,
@@ -35,7 +35,7 @@ pub(crate) struct ColmapPoint {
     pub error_px: f64,
 }
 
-/// The three files.
+/// A whole sparse model.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct ColmapSparse {
     pub cameras: Vec<ColmapCamera>,
@@ -80,12 +80,12 @@ fn supported_models() -> String {
 }
 
 impl ColmapModel {
-    /// The model that a file names by number.
+    /// The model of a number, as binary files name it.
     pub fn by_number(number: i32, path: &Path, camera_id: u32) -> Result<Self> {
         Self::find(path, camera_id, &format!("number {number}"), |m| m.number == number)
     }
 
-    /// The model that a file names by name.
+    /// The model of a name, as text files have it.
     pub fn by_name(name: &str, path: &Path, camera_id: u32) -> Result<Self> {
         Self::find(path, camera_id, &format!("{name:?}"), |m| m.name == name)
     }
