@@ -8,7 +8,8 @@
 use litetex_gs::backend::{Backend as _, RasterCounters};
 use litetex_gs::clock::process_cpu_secs;
 use litetex_gs::cpu::CpuBackend;
-use litetex_gs::dataset::{Capture, InitOptions, LoadOptions, initial_model};
+use litetex_gs::dataset::{Capture, LoadOptions};
+use litetex_gs::init::{InitInput, InitOptions, InitPoints, initial_model};
 use litetex_gs::train::{Control, TrainConfig, TrainEvent, TrainState, train};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -75,7 +76,14 @@ fn main() {
         seed: options.config.seed,
         ..InitOptions::default()
     };
-    let (model, _) = initial_model(&capture, &init).expect("points");
+    let input = InitInput {
+        views: &capture,
+        points: InitPoints::Sparse(&capture.points),
+        points_file: &capture.poses,
+        capture_from_local: capture.capture_from_local,
+        near: capture.near,
+    };
+    let (model, _) = initial_model(&input, &init).expect("points");
     println!(
         "{} splats, {} texels, loaded in {:.1} s",
         model.num_splats(),

@@ -5,32 +5,13 @@ mod limits;
 mod plan;
 
 use crate::camera::Camera;
+pub use crate::image::TargetImage;
 pub use crate::model::LearningRates;
 use crate::model::{AdamState, Model};
 use crate::{Error, Result};
 pub use limits::{DeviceLimits, SceneShape};
 pub use plan::{DensityPlan, Grid, MapChange, SplatEdit};
 use serde::{Deserialize, Serialize};
-
-/// A photo as the loss sees it: in display space, composited on the background, at the rendered size.
-#[derive(Clone, Debug, PartialEq)]
-pub struct TargetImage {
-    /// Width in pixels.
-    pub width_px: u32,
-    /// Height in pixels.
-    pub height_px: u32,
-    /// Colours, row-major. `[height, width, 3]`
-    pub rgb: Vec<u8>,
-    /// 255 for pixels that count in loss and metrics, 0 for masked ones; `None`: all count. `[height, width]`
-    pub mask: Option<Vec<u8>>,
-}
-
-impl TargetImage {
-    /// Whether any pixel counts in loss and metrics, that is, whether the photo is not wholly masked.
-    pub fn has_pixels_that_count(&self) -> bool {
-        self.mask.as_ref().is_none_or(|mask| mask.iter().any(|&m| m != 0))
-    }
-}
 
 /// Description of a device.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -17,6 +17,8 @@ pub mod frequency;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 pub mod image;
+pub mod init;
+pub mod input_file;
 pub mod model;
 pub mod reference;
 mod report;

@@ -1,9 +1,10 @@
-//! A capture as the trainer and the evaluation see it: cameras in the local frame, names, the split, and photos on
-//! demand. `dataset` implements it for files, tests do so in memory.
+//! A capture as initialisation, training and evaluation see it: cameras in the local frame, names, the split, photos
+//! on demand and sparse points. `dataset` implements it for files, tests do so in memory.
 
 use crate::Result;
-use crate::backend::TargetImage;
 use crate::camera::Camera;
+use crate::image::TargetImage;
+use glam::DVec3;
 use std::sync::Arc;
 
 /// The side of the split that a view is on.
@@ -13,6 +14,15 @@ pub enum Split {
     Train,
     /// Test view, held out from training.
     Test,
+}
+
+/// A point of a capture's sparse reconstruction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SfmPoint {
+    /// Position in the frame of the capture.
+    pub position_in_capture: DVec3,
+    /// Colour in display space.
+    pub rgb: [u8; 3],
 }
 
 /// Sorts views by the distance of their cameras from the origin, which is the cameras' mean in the local frame;
@@ -45,6 +55,11 @@ pub trait ViewSource: Sync {
     /// # Errors
     /// Whatever reading the file reports.
     fn target(&self, view: usize) -> Result<Arc<TargetImage>>;
+
+    /// Bound on the memory for decoded photos; copies of them may take as much again.
+    fn cache_limit_bytes(&self) -> u64 {
+        u64::MAX
+    }
 
     /// Announces the views that will be needed next, so that they can be decoded in the background.
     fn prefetch(&self, _views: &[usize]) {}

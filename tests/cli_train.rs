@@ -190,7 +190,7 @@ fn a_time_limit_stops_early_and_progress_is_json_if_asked_for() {
     let (code, _, stderr) = run(&arguments);
     assert_eq!(code, 0, "{stderr}");
     let events: Vec<Value> = stderr.lines().map(|l| serde_json::from_str(l).unwrap()).collect();
-    for event in ["forecast", "progress", "evaluated"] {
+    for event in ["resource-estimate", "progress", "evaluated"] {
         assert!(events.iter().any(|e| e["event"] == event), "{event}: {stderr}");
     }
     let summary = place.json("run/summary.json");

@@ -9,7 +9,8 @@ mod fixtures;
 
 use fixtures::{Scene, write_json};
 use litetex_gs::Error;
-use litetex_gs::dataset::{Capture, CaptureFormat, InitOptions, LoadOptions, initial_model};
+use litetex_gs::dataset::{Capture, LoadOptions};
+use litetex_gs::init::{InitInput, InitOptions, InitPoints, initial_model};
 use litetex_gs::views::ViewSource as _;
 use std::path::Path;
 
@@ -77,7 +78,14 @@ fn flipped_bits_and_bytes_never_panic() {
                     captures += 1;
                     assert!(capture.near > 0.0 && capture.near <= 0.04);
                     assert!(capture.capture_from_local.scale > 0.0);
-                    let _ = initial_model(&capture, &InitOptions::default());
+                    let input = InitInput {
+                        views: &capture,
+                        points: InitPoints::Sparse(&capture.points),
+                        points_file: &capture.poses,
+                        capture_from_local: capture.capture_from_local,
+                        near: capture.near,
+                    };
+                    let _ = initial_model(&input, &InitOptions::default());
                 }
                 Err(_) => errors += 1,
             }
@@ -93,7 +101,7 @@ fn damaged_text_models_never_panic() {
     let scene = Scene::ring(3);
     let sparse = folder.path().join("sparse/0");
     scene.write_text(&sparse);
-    scene.write_images(&folder.path().join("images"), (12, 8));
+    scene.write_photos(&folder.path().join("images"), (12, 8));
     let mut state = 5_u32;
     for file in ["cameras.txt", "images.txt", "points3D.txt"] {
         let path = sparse.join(file);
@@ -179,7 +187,7 @@ fn intrinsics_without_sense_name_their_camera() {
 }
 
 #[test]
-fn images_of_another_shape_name_both_sizes() {
+fn photos_of_another_shape_name_both_sizes() {
     let folder = ring(3);
     image::RgbImage::new(8, 12).save(folder.path().join("images/p02.png")).unwrap();
     let text = message(folder.path());
@@ -189,11 +197,11 @@ fn images_of_another_shape_name_both_sizes() {
 }
 
 #[test]
-fn unreadable_images_are_named_when_they_are_asked_for_or_before() {
+fn unreadable_photos_are_named_when_they_are_asked_for_or_before() {
     let folder = ring(3);
     let path = folder.path().join("images/p02.png");
     let whole = std::fs::read(&path).unwrap();
-    std::fs::write(&path, b"no image").unwrap();
+    std::fs::write(&path, b"no photo").unwrap();
     assert!(message(folder.path()).contains("p02.png"));
     // The header is whole, the pixels are not: seen when decoded.
     std::fs::write(&path, &whole[..whole.len() / 2 + 10]).unwrap();
@@ -207,7 +215,7 @@ fn unreadable_images_are_named_when_they_are_asked_for_or_before() {
 fn damaged_transforms_name_the_frame() {
     let scene = Scene::ring(3);
     let folder = tempfile::tempdir().unwrap();
-    scene.write_images(&folder.path().join("images"), (12, 8));
+    scene.write_photos(&folder.path().join("images"), (12, 8));
     let path = folder.path().join("transforms.json");
     let sound = scene.transforms("images/");
     let check = |change: &dyn Fn(&mut serde_json::Value), parts: &[&str]| {
@@ -236,6 +244,6 @@ fn damaged_transforms_name_the_frame() {
         std::fs::write(&path, &whole[..length]).unwrap();
         assert!(load(folder.path()).is_err());
     }
-    let wants_colmap = LoadOptions { format: Some(CaptureFormat::Colmap), ..LoadOptions::default() };
+    let wants_colmap = LoadOptions { format: "colmap".parse().ok(), ..LoadOptions::default() };
     assert!(Capture::load(folder.path(), &wants_colmap).is_err());
 }

@@ -8,7 +8,8 @@ mod common;
 use common::moved::{Change, Sample};
 use glam::{DMat3, DQuat, DVec3};
 use litetex_gs::cpu::CpuBackend;
-use litetex_gs::dataset::{Capture, InitOptions, LoadOptions, initial_model};
+use litetex_gs::dataset::{Capture, LoadOptions};
+use litetex_gs::init::{InitInput, InitOptions, InitPoints, initial_model};
 use litetex_gs::model::Model;
 use litetex_gs::sample::SampleOptions;
 use litetex_gs::train::{Control, TrainConfig, TrainState, train};
@@ -49,7 +50,14 @@ fn load(folder: &Path) -> Capture {
 }
 
 fn first_model(capture: &Capture, seed: u64) -> Model {
-    initial_model(capture, &InitOptions { sh_degree: 2, seed, ..InitOptions::default() }).unwrap().0
+    let input = InitInput {
+        views: capture,
+        points: InitPoints::Sparse(&capture.points),
+        points_file: &capture.poses,
+        capture_from_local: capture.capture_from_local,
+        near: capture.near,
+    };
+    initial_model(&input, &InitOptions { sh_degree: 2, seed, ..InitOptions::default() }).unwrap().0
 }
 
 /// The model at the end and its PSNR.

@@ -35,7 +35,7 @@ pub(crate) fn temporary_name(path: &Path) -> PathBuf {
 ///
 /// # Errors
 /// [`Error::Io`], also for folders, pipes and devices, which may be endless; [`Error::TooLarge`].
-pub(crate) fn read_file(path: &Path, bytes_max: u64) -> Result<Vec<u8>> {
+pub fn read_file(path: &Path, bytes_max: u64) -> Result<Vec<u8>> {
     let size = regular_file_bytes(path)?;
     let too_large = |why: &str| Err(Error::too_large(path, format!("a file of {size} bytes, {why}")));
     if size > bytes_max {
@@ -63,8 +63,11 @@ pub(crate) fn read_head(path: &Path, num_bytes: u64) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Size of a regular file. Others are refused before they are opened: opening a pipe may block for ever.
-fn regular_file_bytes(path: &Path) -> Result<u64> {
+/// Size of a regular file; links are followed. Others are refused before they are opened: opening a pipe may block.
+///
+/// # Errors
+/// [`Error::Io`], also for folders, pipes and devices.
+pub fn regular_file_bytes(path: &Path) -> Result<u64> {
     let facts = std::fs::metadata(path).map_err(|e| Error::io(path, e))?;
     let refused = |kind, what: &str| Err(Error::io(path, std::io::Error::new(kind, what)));
     match () {

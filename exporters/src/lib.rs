@@ -40,7 +40,7 @@ pub use asset::{
 };
 pub use contents::{Contents, Describes, Issue, ReadLimits, Section, Severity};
 pub use error::{Error, Result};
-pub use file::write_atomically;
+pub use file::{read_file, regular_file_bytes, write_atomically};
 pub use format::{
     Format, WriteOptions, Written, read_asset, read_fallback, stage_asset, validate_file, write_asset,
 };

@@ -1,7 +1,7 @@
 //! Converts cameras to the form that assets carry, and back.
 
-use crate::backend::TargetImage;
 use crate::camera::{Camera, Pinhole, RigidTransform};
+use crate::image::TargetImage;
 use crate::views::{Split, ViewSource};
 use crate::{Error, Result};
 use glam::{DMat3, DVec3};

@@ -1,13 +1,14 @@
 //! The only place of the application layer that touches the loader of captures: opening one and making
 //! the state that training starts from.
 
-use litetex_gs::dataset::{InitOptions, initial_model};
+use litetex_gs::init::{InitInput, InitOptions, initial_model};
 use litetex_gs::model::SPLAT_PARAMS;
 use litetex_gs::train::{TrainConfig, TrainState};
 use litetex_gs::{Error, Report, Result};
 use std::path::Path;
 
-pub use litetex_gs::dataset::{Capture, CaptureFormat, InitSource, LoadOptions};
+pub use super::init_source::InitSource;
+pub use litetex_gs::dataset::{Capture, CaptureFormat, LoadOptions};
 
 /// Opens a capture; nothing is decoded yet.
 ///
@@ -27,13 +28,6 @@ pub fn fresh_state(
     max_points: Option<usize>,
     config: &TrainConfig,
 ) -> Result<(TrainState, Report)> {
-    let options = InitOptions {
-        source: source.clone(),
-        sh_degree: config.sh_degree,
-        policy: config.policy,
-        seed: config.seed,
-        ..InitOptions::default()
-    };
     let texels_each = config.policy.first_texels_each();
     let most = config.budget.most_splats(texels_each).min(max_points.unwrap_or(usize::MAX));
     if most == 0 {
@@ -43,7 +37,22 @@ pub fn fresh_state(
             config.policy
         )));
     }
-    let options = InitOptions { max_points: options.max_points.min(most), ..options };
-    let (model, report) = initial_model(capture, &options)?;
+    let mut report = Report::default();
+    let points = source.resolve(capture, &mut report)?;
+    let input = InitInput {
+        views: capture,
+        points: points.as_input(),
+        points_file: points.file,
+        capture_from_local: capture.capture_from_local,
+        near: capture.near,
+    };
+    let options = InitOptions {
+        max_points: InitOptions::default().max_points.min(most),
+        sh_degree: config.sh_degree,
+        policy: config.policy,
+        seed: config.seed,
+    };
+    let (model, left_out) = initial_model(&input, &options)?;
+    report.merge(left_out);
     Ok((TrainState::fresh(model), report))
 }

@@ -2,6 +2,7 @@
 
 use super::capture::{CaptureFormat, LoadOptions};
 use super::values::parse_bytes;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use std::path::PathBuf;
 
 /// Smallest bound of the images' longer side that makes sense: SSIM's window is 11 pixels wide.
@@ -23,8 +24,8 @@ pub struct CaptureArgs {
     /// Black keeps instead of white
     #[arg(long)]
     pub mask_invert: bool,
-    /// Kind of pose file [default: a sparse model wins over transforms.json, that over CSV]
-    #[arg(long, value_name = "FORMAT")]
+    /// Kind of pose file [default: the first of the list that is there]
+    #[arg(long, value_name = "FORMAT", value_parser = format_parser())]
     pub format: Option<FormatArg>,
     /// Hold out each N-th view in the order of names, 0: none; files that state a split win [default: 8]
     #[arg(long, value_name = "N")]
@@ -38,16 +39,20 @@ pub struct CaptureArgs {
 }
 
 /// Kind of pose file, as typed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FormatArg {
-    /// Choose by what is there
+    /// Whichever is there.
     Auto,
-    /// COLMAP's sparse model, binary or text
-    Colmap,
-    /// transforms.json of nerfstudio, instant-ngp and Blender scenes
-    Transforms,
-    /// CSV export of RealityCapture / RealityScan
-    RealityCapture,
+    /// One of the table.
+    Given(CaptureFormat),
+}
+
+/// `auto` and the names of the table, with their help.
+fn format_parser() -> impl TypedValueParser<Value = FormatArg> {
+    let auto = PossibleValue::new("auto").help("Choose by what is there");
+    let formats = CaptureFormat::all().map(|f| PossibleValue::new(f.name()).help(f.help()));
+    PossibleValuesParser::new(std::iter::once(auto).chain(formats))
+        .map(|name| name.parse().map_or(FormatArg::Auto, FormatArg::Given))
 }
 
 impl CaptureArgs {
@@ -62,9 +67,7 @@ impl CaptureArgs {
         options.mask_invert |= self.mask_invert;
         match self.format {
             Some(FormatArg::Auto) => options.format = None,
-            Some(FormatArg::Colmap) => options.format = Some(CaptureFormat::Colmap),
-            Some(FormatArg::Transforms) => options.format = Some(CaptureFormat::Transforms),
-            Some(FormatArg::RealityCapture) => options.format = Some(CaptureFormat::RealityCapture),
+            Some(FormatArg::Given(format)) => options.format = Some(format),
             None => {}
         }
     }

@@ -4,8 +4,8 @@
 use super::table::Table;
 use super::values::format_count;
 use litetex_gs::camera::Camera;
-use litetex_gs::image::{Channels, legend, magma, tinted, write_png};
-use litetex_gs::model::{Model, TextureMap};
+use litetex_gs::image::{Channels, legend, magma, write_png};
+use litetex_gs::model::{Model, TextureMap, tinted};
 use litetex_gs::train::density::pixel_sizes;
 use litetex_gs::{Error, Result};
 use std::path::{Path, PathBuf};

@@ -5,7 +5,7 @@ use super::capture::{InitSource, LoadOptions};
 use super::capture_args::MAX_RESOLUTION_MIN;
 use super::profile::Profile;
 use litetex_gs::train::TrainConfig;
-use litetex_gs::{Error, Result};
+use litetex_gs::{Error, Result, input_file};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -22,6 +22,9 @@ const NOT_SHAPING: [&str; 9] = [
     "capture.background",
     "capture.image-cache-bytes",
 ];
+
+/// Largest configuration file that is read.
+const FILE_BYTES_MAX: u64 = 1 << 20;
 
 /// Settings of a run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -65,8 +68,7 @@ impl RunConfig {
     /// # Errors
     /// [`Error::Io`], [`Error::InvalidInput`] naming line and key.
     pub fn read(path: &Path) -> Result<Self> {
-        let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, e))?;
-        Self::parse(path, &text)
+        Self::parse(path, &input_file::read_text(path, FILE_BYTES_MAX)?)
     }
 
     /// [`RunConfig::read`] from memory; `path` only names the file in errors.

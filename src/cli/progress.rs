@@ -1,7 +1,7 @@
 //! Progress of training on standard error: a bar on a terminal, elsewhere a plain line every few seconds, or JSON.
 
-use super::forecast::process_bytes;
 use super::log::Log;
+use super::memory::process_bytes;
 use super::values::{format_bytes, format_count, format_duration};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde_json::json;

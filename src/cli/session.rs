@@ -169,6 +169,18 @@ impl<'a> Session<'a> {
         Ok(())
     }
 
+    /// After a failure: reports what was saved and how to continue from there.
+    pub fn report_how_to_continue(&self) {
+        if let Some(saved) = &self.checkpoint {
+            let message = format!(
+                "the run failed after it was saved in {}; fix the cause and continue with: litetex train --resume {}",
+                saved.display(),
+                self.folder.root().display()
+            );
+            self.log.warn("saved-before-failure", &message, 1);
+        }
+    }
+
     /// Warns once a run of the gradients that the steps have counted.
     fn warn_of_gradients(&mut self) -> Result<()> {
         let count = self.non_finite_gradients;

@@ -4,8 +4,8 @@
 use super::capture::{self, Capture, LoadOptions};
 use super::config_file::RunConfig;
 use super::devices;
-use super::forecast::machine_bytes;
 use super::log::Log;
+use super::memory::machine_bytes;
 use super::run_folder::find_checkpoint;
 use super::summary::Summary;
 use litetex_exporters::{AssetCamera, Format, Provenance, ReadLimits};

@@ -2,9 +2,10 @@
 
 use super::asset_args::AssetArgs;
 use super::capture::{self, Capture};
-use super::forecast::{Outlook, Workload, machine_bytes};
 use super::interrupt::Interrupt;
 use super::log::Log;
+use super::memory::machine_bytes;
+use super::resource_estimate::{ResourceEstimate, Workload};
 use super::session::Session;
 use super::sources::load_scene;
 use super::summary::Summary;
@@ -55,13 +56,17 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<(Summary, PathBuf)> {
     check_memory(&job, backend.as_ref(), &capture, &state, &mut report, log)?;
     // Before the folder is made: a run that cannot be made leaves nothing behind.
     check_limits(&job.config.train, backend.as_ref(), &capture, &state.model)?;
+    let photos = capture.check_photos()?;
+    log.report(&photos);
+    report.merge(photos);
 
     let folder = job.open_folder(state.step)?;
     let total_secs = move || earlier_secs + started.elapsed().as_secs_f64();
     let interrupt = Interrupt::listen(log, "saving the run")?;
     let mut session = Session::new(&folder, &capture, &job.config, log, interrupt, state.step, total_secs)?;
-    let (state, reason) =
-        train(&job.config.train, backend.as_mut(), &capture, state, &mut |event| session.handle(event))?;
+    let outcome =
+        train(&job.config.train, backend.as_mut(), &capture, state, &mut |event| session.handle(event));
+    let (state, reason) = outcome.inspect_err(|_| session.report_how_to_continue())?;
     report.merge(std::mem::take(&mut session.report));
 
     let outcome = Outcome {
@@ -135,7 +140,7 @@ fn bounded_start(config: &TrainConfig, num_splats: usize) -> Option<String> {
     ))
 }
 
-/// Tells what memory and time the training will take; refuses what the machine cannot hold.
+/// Reports the memory and time that training is estimated to take; refuses what the machine cannot hold.
 fn check_memory(
     job: &TrainJob,
     backend: &dyn Backend,
@@ -145,13 +150,12 @@ fn check_memory(
     log: &Log,
 ) -> Result<()> {
     let steps_left = job.config.train.steps.saturating_sub(state.step);
-    let cache = job.config.capture.image_cache_bytes;
     let on_cpu = backend.device().name == "cpu";
-    let workload = Workload::new(&state.model, capture, cache, steps_left, on_cpu);
-    let outlook = Outlook::new(&workload, &job.config.train);
-    log.event("forecast", &outlook.describe(), serde_json::json!({ "forecast": outlook }));
-    outlook.start.check(machine_bytes())?;
-    if let Some(doubt) = outlook.doubt(machine_bytes()) {
+    let workload = Workload::new(&state.model, capture, &job.config.train, steps_left, on_cpu);
+    let estimate = ResourceEstimate::new(&workload, &job.config.train);
+    log.event("resource-estimate", &estimate.describe(), serde_json::json!({ "estimate": estimate }));
+    estimate.start.check(machine_bytes())?;
+    if let Some(doubt) = estimate.doubt(machine_bytes()) {
         log.warn("memory-may-not-suffice", &doubt, 1);
         report.warn("memory-may-not-suffice", 1, doubt);
     }

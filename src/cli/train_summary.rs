@@ -2,7 +2,7 @@
 
 use super::capture::Capture;
 use super::config_file::RunConfig;
-use super::forecast::process_bytes;
+use super::memory::process_bytes;
 use super::session::reason_name;
 use super::sources::render_options;
 use super::summary::{CaptureFigures, Fps, Quality, Resumed, SCHEMA, Size, Summary, Times};

@@ -1,43 +1,50 @@
-//! From image files to the photo that is trained on: composited, undistorted, reduced and masked.
-//! Which files and sizes belongs to `images.rs`, keeping the results to `store.rs`.
+//! From photo files to target images: composited, undistorted, reduced and masked. `photos.rs` knows
+//! which files and sizes, `store.rs` keeps the results.
 
-use super::exr_photo;
 use super::lens::Lens;
-use super::photos::{image_error, open};
+use super::photos::{FileKind, image_error, open};
 use super::warp::Warp;
-use crate::backend::TargetImage;
+use super::{exr_photo, photos};
+use crate::image::TargetImage;
 use crate::image::resample::{by_area, to_byte};
 use crate::{Error, Result};
 use image::DynamicImage;
 use image::metadata::Orientation;
 use std::path::{Path, PathBuf};
 
-/// All that is needed to make one photo.
+/// Everything needed to make one target image.
 #[derive(Clone, Debug)]
 pub(crate) struct Recipe {
-    pub image: PathBuf,
-    /// Size after the turn.
-    pub image_size: (u32, u32),
+    pub photo: PathBuf,
+    /// Size once turned.
+    pub photo_size: (u32, u32),
     pub turn: Orientation,
     pub mask: Option<PathBuf>,
     pub mask_invert: bool,
-    /// The lens at the size that its file states; scaled here.
+    /// The lens at the size that the pose file states; scaled to the photo here.
     pub lens: Lens,
-    /// Size of the result.
+    /// Size of the target image.
     pub size: (u32, u32),
     /// Display space, 0 to 1.
     pub background: [f32; 3],
 }
 
 impl Recipe {
-    /// Upper bound of the result's memory.
+    /// Upper bound of the target image's memory.
     pub fn num_bytes(&self) -> u64 {
         let masked = self.mask.is_some() || self.lens.is_distorted();
         let channels = if masked { 4 } else { 3 };
         u64::from(self.size.0) * u64::from(self.size.1) * channels
     }
 
-    /// Makes the photo.
+    /// Memory while it is made: the pixels of the file and, if it is reduced, means in f32.
+    pub fn working_bytes(&self) -> u64 {
+        let pixels = |(width, height): (u32, u32)| u64::from(width) * u64::from(height);
+        let means = if self.size == self.photo_size { 0 } else { 4 * self.num_bytes() };
+        3 * pixels(self.photo_size) + means + self.num_bytes()
+    }
+
+    /// Makes the target image.
     pub fn decode(&self) -> Result<TargetImage> {
         let (rgb, valid) = self.colours()?;
         let mut mask = valid;
@@ -57,12 +64,12 @@ impl Recipe {
     }
 
     fn read(&self, path: &Path) -> Result<DynamicImage> {
-        let mut image = read_pixels(path)?;
-        image.apply_orientation(self.turn);
-        Ok(image)
+        let mut photo = read_pixels(path)?;
+        photo.apply_orientation(self.turn);
+        Ok(photo)
     }
 
-    /// The warp for an image of a given size, if the lens needs one.
+    /// The warp at a given size, if the lens is distorted.
     fn warp(&self, (width, height): (u32, u32)) -> Option<Warp> {
         self.lens
             .is_distorted()
@@ -70,19 +77,19 @@ impl Recipe {
     }
 
     fn colours(&self) -> Result<(Vec<u8>, Option<Vec<u8>>)> {
-        let image = self.read(&self.image)?;
-        let size = (image.width(), image.height());
-        if size != self.image_size {
+        let photo = self.read(&self.photo)?;
+        let size = (photo.width(), photo.height());
+        if size != self.photo_size {
             return Err(Error::invalid(
-                &self.image,
+                &self.photo,
                 format!(
-                    "the image has {}x{} pixels now, it had {}x{} when the capture was loaded",
-                    size.0, size.1, self.image_size.0, self.image_size.1
+                    "the photo has {}x{} pixels now, it had {}x{} when the capture was loaded",
+                    size.0, size.1, self.photo_size.0, self.photo_size.1
                 ),
             ));
         }
-        Ok(if image.color().has_alpha() {
-            let pixels = image.into_rgba8().into_raw();
+        Ok(if photo.color().has_alpha() {
+            let pixels = photo.into_rgba8().into_raw();
             let background = self.background.map(|b| 255.0 * b);
             self.reduce(size, |i| {
                 let [r, g, b, a] = [0, 1, 2, 3].map(|c| f32::from(pixels[4 * i + c]));
@@ -91,7 +98,7 @@ impl Recipe {
                 [over(r, background[0]), over(g, background[1]), over(b, background[2])]
             })
         } else {
-            let pixels = image.into_rgb8().into_raw();
+            let pixels = photo.into_rgb8().into_raw();
             if size == self.size && !self.lens.is_distorted() {
                 return Ok((pixels, None));
             }
@@ -99,7 +106,7 @@ impl Recipe {
         })
     }
 
-    /// Undistorts and reduces an image given by pixel index; colours, and where they are valid.
+    /// Undistorts and reduces an image given by pixel index; returns colours, and where they are valid.
     fn reduce<const N: usize>(
         &self,
         size: (u32, u32),
@@ -121,31 +128,31 @@ impl Recipe {
         let mut valid = Vec::with_capacity(reduced.len() / (N + 1));
         for p in reduced.chunks_exact(N + 1) {
             let share = p[N];
-            // Means over the valid part only, so that borders do not darken.
+            // Means over the valid part only, so that borders do not get darker.
             colours.extend(p[..N].iter().map(|v| to_byte(if share > 0.0 { v / share } else { 0.0 })));
-            // The model will be rendered over the whole pixel: partly imaged ones do not count.
+            // The model is rendered over the whole pixel, so pixels that are valid only in part do not count.
             valid.push(if share > 0.999 { 255 } else { 0 });
         }
         (colours, Some(valid))
     }
 
-    /// The mask at the size of the result, 255 where the image counts.
+    /// The mask at the size of the target image, 255 where pixels count.
     fn kept(&self, path: &Path) -> Result<Vec<u8>> {
         let mut mask = read_pixels(path)?;
         let stored = (mask.width(), mask.height());
-        if self.turn != Orientation::NoTransforms && is_landscape(stored) != is_landscape(self.image_size) {
+        if self.turn != Orientation::NoTransforms && is_landscape(stored) != is_landscape(self.photo_size) {
             mask.apply_orientation(self.turn);
         }
         let size = (mask.width(), mask.height());
-        let expected = f64::from(self.image_size.0) / f64::from(self.image_size.1);
+        let expected = f64::from(self.photo_size.0) / f64::from(self.photo_size.1);
         let found = f64::from(size.0) / f64::from(size.1);
-        // Rounded sides of small masks; another shape is another image's mask.
+        // Small masks have rounded sides. A mask of another shape belongs to another photo.
         if (found / expected - 1.0).abs() > 0.02 {
             return Err(Error::invalid(
                 path,
                 format!(
-                    "size mismatch: the mask has {}x{} pixels, its image {}x{}; expected the same shape",
-                    stored.0, stored.1, self.image_size.0, self.image_size.1
+                    "size mismatch: the mask has {}x{} pixels, its photo {}x{}; expected the same aspect ratio",
+                    stored.0, stored.1, self.photo_size.0, self.photo_size.1
                 ),
             ));
         }
@@ -155,22 +162,22 @@ impl Recipe {
     }
 }
 
-/// The pixels as stored, display space.
+/// The pixels as stored, in display space.
 fn read_pixels(path: &Path) -> Result<DynamicImage> {
-    if exr_photo::is_exr(path) {
+    if photos::kind(path)? == FileKind::Exr {
         return exr_photo::read(path);
     }
     open(path)?.decode().map_err(|e| image_error(path, e))
 }
 
-/// An image as it is in its file: width, height and display-space values `[height, width, 3]`; alpha is left out.
+/// An image as its file has it: width, height and display-space values `[height, width, 3]`; alpha is dropped.
 ///
 /// # Errors
-/// [`Error::InvalidInput`] or [`Error::Unsupported`] if it is no image that can be read.
+/// [`Error::InvalidInput`] or [`Error::Unsupported`] if it cannot be decoded.
 pub fn read_image(path: &Path) -> Result<(u32, u32, Vec<f32>)> {
-    let image = read_pixels(path)?;
-    let (width, height) = (image.width(), image.height());
-    Ok((width, height, image.into_rgb8().into_raw().into_iter().map(|v| f32::from(v) / 255.0).collect()))
+    let photo = read_pixels(path)?;
+    let (width, height) = (photo.width(), photo.height());
+    Ok((width, height, photo.into_rgb8().into_raw().into_iter().map(|v| f32::from(v) / 255.0).collect()))
 }
 
 fn is_landscape((width, height): (u32, u32)) -> bool {

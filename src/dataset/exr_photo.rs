@@ -1,5 +1,5 @@
-//! EXR images: linear light, converted to display space and clipped. Only the first layer with R, G
-//! and B is read.
+//! EXR photos: linear light, converted to display space and clipped. Only the first layer with channels
+//! R, G and B is read.
 
 use crate::{Error, Result};
 use exr::error::Error as ExrError;
@@ -10,10 +10,10 @@ use std::path::Path;
 /// First bytes of every EXR file.
 const MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
 
-/// Larger images are taken for damaged headers, before they get memory.
+/// A larger size is taken for a damaged header, before memory is allocated.
 const MAX_PIXELS: usize = 1 << 28;
 
-/// Whether a file is an EXR image, by its content.
+/// Whether a file is an EXR image, by its first bytes.
 pub(crate) fn is_exr(path: &Path) -> bool {
     let mut head = [0; 4];
     std::fs::File::open(path)
@@ -43,16 +43,16 @@ pub(crate) fn size(path: &Path) -> Result<(u32, u32)> {
     let size = meta.headers.first().map_or((0, 0), |h| (h.layer_size.width(), h.layer_size.height()));
     let pixels = size.0.checked_mul(size.1);
     if pixels.is_none_or(|p| p == 0 || p > MAX_PIXELS) {
-        return Err(Error::invalid(path, format!("the image is {}x{}", size.0, size.1)));
+        return Err(Error::invalid(path, format!("the photo is {}x{}", size.0, size.1)));
     }
     Ok((size.0 as u32, size.1 as u32))
 }
 
-/// The image in display space; with alpha (not premultiplied) if the file has one.
+/// The photo in display space, with straight alpha if the file has alpha.
 pub(crate) fn read(path: &Path) -> Result<DynamicImage> {
     let (width, height) = size(path)?;
     let row = width as usize;
-    let image = exr::prelude::read()
+    let photo = exr::prelude::read()
         .no_deep_data()
         .largest_resolution_level()
         .rgba_channels(
@@ -66,11 +66,11 @@ pub(crate) fn read(path: &Path) -> Result<DynamicImage> {
         .non_parallel()
         .from_file(path)
         .map_err(|e| our_error(path, e))?;
-    let (read_width, pixels) = image.layer_data.channel_data.pixels;
+    let (read_width, pixels) = photo.layer_data.channel_data.pixels;
     if read_width != row || pixels.len() != row * height as usize {
         return Err(Error::unsupported(
             path,
-            "the layer with R, G and B is not the first and has another size; expected one layer: convert it to PNG",
+            "the layer with R, G and B is not the first and differs in size; expected one layer: convert it to PNG",
         ));
     }
     let has_alpha = pixels.iter().any(|p| p[3] != 1.0);
@@ -84,10 +84,10 @@ pub(crate) fn read(path: &Path) -> Result<DynamicImage> {
     } else {
         RgbImage::from_raw(width, height, bytes).map(DynamicImage::from)
     };
-    image.ok_or_else(|| Error::invalid(path, "the image has no pixels"))
+    image.ok_or_else(|| Error::invalid(path, "the photo has no pixels"))
 }
 
-/// EXR colours are multiplied by alpha (OpenEXR, "Technical introduction"); ours are not.
+/// EXR colours are premultiplied (OpenEXR, "Technical introduction"); ours are not.
 fn rgba([r, g, b, a]: [f32; 4]) -> [u8; 4] {
     let share = if a.is_nan() { 0.0 } else { a.clamp(0.0, 1.0) };
     let [r, g, b] = [r, g, b].map(|v| display_byte(if share > 0.0 { v / share } else { 0.0 }));
@@ -118,10 +118,10 @@ mod tests {
         })
         .unwrap();
         assert!(is_exr(&path) && size(&path).unwrap() == (7, 2));
-        let image = read(&path).unwrap().into_rgb8();
-        let first: Vec<u8> = (0..7).map(|x| image.get_pixel(x, 0).0[0]).collect();
+        let photo = read(&path).unwrap().into_rgb8();
+        let first: Vec<u8> = (0..7).map(|x| photo.get_pixel(x, 0).0[0]).collect();
         assert_eq!(first, [0, 3, 128, 255, 255, 0, 0]);
-        assert_eq!(image.get_pixel(2, 1).0, [255, 128, 0]);
+        assert_eq!(photo.get_pixel(2, 1).0, [255, 128, 0]);
     }
 
     #[test]

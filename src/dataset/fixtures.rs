@@ -72,21 +72,21 @@ impl Scene {
         }
     }
 
-    /// Writes an image of `size` for every image.
-    pub fn write_images(&self, folder: &Path, size: (u32, u32)) {
+    /// Writes a photo of `size` for every image.
+    pub fn write_photos(&self, folder: &Path, size: (u32, u32)) {
         std::fs::create_dir_all(folder).unwrap();
         for (index, image) in self.images.iter().enumerate() {
-            let pixels = image::RgbImage::from_fn(size.0, size.1, |x, y| {
+            let photo = image::RgbImage::from_fn(size.0, size.1, |x, y| {
                 image::Rgb([(20 * x) as u8, (30 * y) as u8, index as u8])
             });
-            pixels.save(folder.join(&image.name)).unwrap();
+            photo.save(folder.join(&image.name)).unwrap();
         }
     }
 
     /// A whole capture: `sparse/0` in binary and `images`.
     pub fn write(&self, root: &Path) {
         self.write_binary(&root.join("sparse/0"));
-        self.write_images(&root.join("images"), self.cameras[0].size);
+        self.write_photos(&root.join("images"), self.cameras[0].size);
     }
 
     pub fn cameras_bin(&self) -> Vec<u8> {
@@ -180,7 +180,7 @@ impl Scene {
     }
 
     /// `transforms.json` as a JSON value: OpenGL camera-to-world, intrinsics for the whole file.
-    pub fn transforms(&self, image_folder: &str) -> serde_json::Value {
+    pub fn transforms(&self, photo_folder: &str) -> serde_json::Value {
         let c = &self.cameras[0];
         let frames: Vec<serde_json::Value> = self
             .images
@@ -190,7 +190,7 @@ impl Scene {
                 let centre = -(rotation * i.camera_from_world.1);
                 let (x, y, z) = (rotation.x_axis, -rotation.y_axis, -rotation.z_axis);
                 serde_json::json!({
-                    "file_path": format!("{image_folder}{}", i.name),
+                    "file_path": format!("{photo_folder}{}", i.name),
                     "transform_matrix": [
                         [x.x, y.x, z.x, centre.x],
                         [x.y, y.y, z.y, centre.y],

@@ -1,30 +1,28 @@
-//! The local frame in which training happens: cameras around the origin, their extent 1, and the near
-//! plane that goes with it.
+//! The local frame of training: cameras centred on the origin, extent of the capture 1. And the near plane
+//! in it.
 
-use super::Capture;
 use super::source::Source;
 use crate::Report;
 use crate::camera::Similarity;
 use crate::constants::NEAR_MAX;
-use crate::views::{ViewSource as _, by_place};
-use glam::{DMat3, DQuat, DVec3};
+use glam::DVec3;
 
-/// Extent = this times the largest distance of a camera from their mean (3DGS).
+/// Extent of the capture over the largest distance of a camera from the cameras' mean (3DGS).
 const EXTENT_MARGIN: f64 = 1.1;
 
-/// Near plane = this times the quantile of the depths, which points in front of it may undercut.
+/// Near plane over the quantile of the points' depths; a few points may lie closer.
 const NEAR_SHARE: f64 = 0.5;
 const NEAR_QUANTILE: f64 = 0.01;
 
-/// No near plane closer than this, local units: a few broken points must not bring it to the lens.
+/// Closest near plane, local units: a few broken points must not move it to the lens.
 const NEAR_MIN: f64 = 1e-3;
 
-/// Median; `None` if there is nothing.
+/// Median; `None` of no values.
 pub(crate) fn median(mut values: Vec<f64>) -> Option<f64> {
     quantile(&mut values, 0.5)
 }
 
-/// Value below which the given share of the values lies; NaN sort last.
+/// Value below which a share of the values lies; NaN sorts last.
 pub(crate) fn quantile(values: &mut [f64], share: f64) -> Option<f64> {
     if values.is_empty() {
         return None;
@@ -33,7 +31,7 @@ pub(crate) fn quantile(values: &mut [f64], share: f64) -> Option<f64> {
     Some(*values.select_nth_unstable_by(rank, f64::total_cmp).1)
 }
 
-/// Moves and scales the capture so that the cameras' extent is 1 around their mean.
+/// The move and scale that centre the cameras on the origin and make the extent of the capture 1.
 pub(crate) fn capture_from_local(source: &Source, report: &mut Report) -> Similarity {
     let mut centres: Vec<DVec3> =
         source.views.iter().map(|v| v.camera_from_capture.origin_of_a_in_b()).collect();
@@ -41,7 +39,7 @@ pub(crate) fn capture_from_local(source: &Source, report: &mut Report) -> Simila
     centres.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)).then(a.z.total_cmp(&b.z)));
     let translation = centres.iter().sum::<DVec3>() / centres.len().max(1) as f64;
     let farthest = centres.iter().map(|c| c.distance(translation)).fold(0.0, f64::max);
-    // Rounding of poses far from the capture's origin is no extent.
+    // Not merely rounding, which grows with the distance from the capture's origin.
     if farthest > 1e-9 * (1.0 + translation.length()) {
         return Similarity { scale: EXTENT_MARGIN * farthest, translation };
     }
@@ -56,31 +54,13 @@ pub(crate) fn capture_from_local(source: &Source, report: &mut Report) -> Simila
         "cameras-coincide",
         centres.len(),
         format!(
-            "all {} cameras stand in one place; the scale of the capture is taken from {}; depth cannot be \
-             learned from such photos",
+            "all {} cameras stand in one place; the scale of the capture is taken from {}; such photos cannot \
+             teach depth",
             centres.len(),
             if points.is_some() { "the median distance of the points" } else { "its own units" }
         ),
     );
     Similarity { scale: points.unwrap_or(1.0), translation }
-}
-
-/// Axes that turn with the capture: towards the farthest camera, and across the mean downward direction of
-/// the images. What is drawn at random in them turns too, so that a capture that was turned starts alike.
-pub(crate) fn local_from_cameras(capture: &Capture) -> DQuat {
-    let views = by_place(capture, (0..capture.num_views()).collect());
-    let cameras: Vec<_> = views.iter().map(|&view| capture.views[view].camera).collect();
-    let Some(farthest) = cameras.last() else { return DQuat::IDENTITY };
-    let down: DVec3 = cameras.iter().map(|c| c.camera_from_local.rotation.row(1)).sum();
-    let first = farthest.centre_in_local().try_normalize();
-    let third = first.and_then(|first| first.cross(down).try_normalize());
-    match (first, third) {
-        (Some(first), Some(third)) => {
-            DQuat::from_mat3(&DMat3::from_cols(first, third.cross(first), third)).normalize()
-        }
-        // Cameras in one place, or one that stands exactly above the others: any axes will do.
-        _ => DQuat::IDENTITY,
-    }
 }
 
 /// Near plane in local units: half the 1 % quantile of the points' depths, bounded.
@@ -91,8 +71,8 @@ pub(crate) fn near(source: &Source, scale: f64) -> f32 {
     near.clamp(NEAR_MIN, NEAR_MAX) as f32
 }
 
-/// Positive depths of points over the views, capture units: of observed points where observations are
-/// known, else of all points that a view shows.
+/// Positive depths of points over the views, in capture units: of observed points where observations are
+/// known, otherwise of all points that project into a view.
 fn depths(source: &Source) -> Vec<f64> {
     let observed = source.views.iter().any(|v| !v.observed.is_empty());
     let mut depths = Vec::new();

@@ -1,5 +1,5 @@
-//! Figures that show whether a sparse reconstruction can be trusted. A model with a good mean
-//! reprojection error can still be broken: collapsed cameras and points behind them do not show there.
+//! Figures that show whether a sparse reconstruction can be trusted. A good mean reprojection error does
+//! not: collapsed cameras and points behind cameras leave it as it is.
 
 use super::frame::median;
 use super::source::{Source, first_names};
@@ -13,24 +13,24 @@ const MIN_OBSERVATIONS: usize = 50;
 /// Cameras closer than this count as one, in units of the cameras' extent.
 const COINCIDENT: f64 = 1e-4;
 
-/// Cameras farther from the middle than this many median distances do not belong to the others.
+/// Cameras more than this many median distances from the median centre are outliers.
 const FAR_OFF: f64 = 10.0;
 
-/// Depths below this share of the view's median depth are as good as zero.
+/// Depths below this share of the view's median depth count as zero.
 const ZERO_DEPTH: f64 = 1e-3;
 
-/// Above this mean error, poses or intrinsics are off by more than training can hide.
+/// Above this mean error, poses or intrinsics are too far off for training to make up for it.
 const MAX_REPROJECTION_ERROR_PX: f64 = 1.5;
 
-/// State of a sparse reconstruction.
+/// How sound a sparse reconstruction looks.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub struct SparseHealth {
     /// Views with a pose.
     pub registered: usize,
-    /// Images in the image folder.
+    /// Photos in the photo folder.
     pub present: usize,
-    /// Points.
+    /// Points of the reconstruction.
     pub points: usize,
     /// Observations of points over all views.
     pub observations: usize,
@@ -40,20 +40,20 @@ pub struct SparseHealth {
     pub median_observations_per_view: f64,
     /// Views with fewer than 50.
     pub views_under_50_observations: usize,
-    /// Views whose camera centre coincides with that of another view.
+    /// Views whose camera centre coincides with that of another.
     pub coincident_cameras: usize,
     /// Views more than ten median distances away from the median camera.
     pub cameras_far_off: usize,
     /// Observations whose point lies behind the camera.
     pub observations_behind_camera: usize,
-    /// Observations whose point lies in front of the camera, but as good as in it.
+    /// Observations whose point lies in front of the camera, but at almost zero depth.
     pub observations_at_zero_depth: usize,
-    /// Mean over the points, where the model states it.
+    /// Mean over the points, where the reconstruction states it.
     pub mean_reprojection_error_px: Option<f64>,
 }
 
-/// Measures a sparse reconstruction and warns of what looks wrong; `extent` is that of the cameras, in
-/// units of the capture.
+/// Measures a sparse reconstruction and warns of what looks wrong; `extent` is that of the capture, in its
+/// units.
 pub(crate) fn check(source: &Source, extent: f64, present: usize, report: &mut Report) -> SparseHealth {
     let counts: Vec<usize> = source.views.iter().map(|v| v.observed.len()).collect();
     let (behind, at_zero) = misplaced(source);
@@ -80,9 +80,9 @@ fn warn(source: &Source, health: &SparseHealth, extent: f64, report: &mut Report
     if health.present > health.registered {
         let missing = health.present - health.registered;
         report.warn(
-            "images-not-registered",
+            "photos-not-registered",
             missing,
-            format!("{missing} of {} images have no pose", health.present),
+            format!("{missing} of {} photos have no pose and are not used", health.present),
         );
     }
     if health.observations > 0 && health.views_under_50_observations > 0 {
@@ -104,7 +104,7 @@ fn warn(source: &Source, health: &SparseHealth, extent: f64, report: &mut Report
             "coincident-cameras",
             health.coincident_cameras,
             format!(
-                "{} camera centres coincide with another one: {}; taken from one spot, or collapsed: {HINT}",
+                "{} camera centres coincide with another: {}; taken from one spot, or collapsed: {HINT}",
                 names.len(),
                 first_names(names)
             ),
@@ -115,8 +115,8 @@ fn warn(source: &Source, health: &SparseHealth, extent: f64, report: &mut Report
             "cameras-far-off",
             health.cameras_far_off,
             format!(
-                "{} cameras stand more than {FAR_OFF} times as far off as is usual: {}; they set the scale of the \
-                 capture; {HINT}",
+                "{} cameras stand more than {FAR_OFF} median distances away: {}; they set the scale of the capture; \
+                 {HINT}",
                 health.cameras_far_off,
                 first_names(far_off(source))
             ),
@@ -128,7 +128,7 @@ fn warn(source: &Source, health: &SparseHealth, extent: f64, report: &mut Report
             "points-behind-cameras",
             misplaced,
             format!(
-                "{} of {} observations have their point behind the camera, {} as good as in it; {HINT}",
+                "{} of {} observations have their point behind the camera, {} at almost zero depth; {HINT}",
                 health.observations_behind_camera, health.observations, health.observations_at_zero_depth
             ),
         );
@@ -138,7 +138,7 @@ fn warn(source: &Source, health: &SparseHealth, extent: f64, report: &mut Report
             "large-reprojection-error",
             1,
             format!(
-                "the mean reprojection error is {error:.2} px, sound models have less than 1: register again"
+                "the mean reprojection error is {error:.2} px, sound reconstructions have less than 1: register the photos again"
             ),
         );
     }

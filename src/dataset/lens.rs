@@ -1,13 +1,13 @@
-//! Lenses as the pose files describe them: pinhole intrinsics plus a distortion. The rest of the
-//! program knows pinholes only; `warp.rs` resamples distorted images when they are decoded.
+//! Lenses as pose files describe them: pinhole intrinsics and distortion. The rest of the program knows
+//! pinholes only; `warp.rs` resamples distorted photos when they are decoded.
 
 use crate::camera::Pinhole;
 use glam::DVec2;
 
-/// Displacement of image positions against a pinhole, on the plane z = 1.
+/// How image positions deviate from those of a pinhole, on the plane z = 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Distortion {
-    /// A pinhole.
+    /// None: a pinhole.
     None,
     /// OpenCV's rational radial and tangential model; radial factor
     /// `(1 + k1 r^2 + k2 r^4 + k3 r^6) / (1 + k4 r^2 + k5 r^4 + k6 r^6)`.
@@ -32,7 +32,7 @@ pub(crate) struct Lens {
 }
 
 impl Lens {
-    /// First thing wrong with the numbers, if any.
+    /// The first number that makes no sense, if any.
     pub fn problem(&self) -> Option<String> {
         let c = &self.pinhole;
         if c.width_px == 0 || c.height_px == 0 {
@@ -54,7 +54,7 @@ impl Lens {
         (!finite).then(|| format!("the distortion is {:?}", self.distortion))
     }
 
-    /// Whether images must be resampled to become pinhole images.
+    /// Whether photos must be resampled.
     pub fn is_distorted(&self) -> bool {
         match &self.distortion {
             Distortion::None => false,
@@ -104,7 +104,7 @@ impl Distortion {
         }
     }
 
-    /// Undistorted radius up to which the distorted radius rises: beyond it a polynomial folds back and
+    /// Undistorted radius up to which the distorted radius rises. Beyond it, the polynomial folds back and
     /// would show the same pixels twice. Searched up to `limit`.
     pub fn monotonic_radius(&self, limit: f64) -> f64 {
         // Fine enough to see any fold that spans a pixel of a 4000 pixel image.

@@ -1,22 +1,22 @@
-//! Captures: posed photos and sparse points from files, brought into the frame, size and colour in
-//! which they are trained on. Nothing here knows how training or rendering works.
+//! Captures: posed photos and sparse points read from files and brought into the frame, size and colour
+//! space of training. Nothing here knows how training or rendering works.
 
+mod check;
 mod decode;
 mod exr_photo;
 #[cfg(test)]
-mod fixtures;
+pub(crate) mod fixtures;
+mod folder;
 mod formats;
 mod frame;
 mod health;
-mod init;
-#[cfg(test)]
-mod init_tests;
-mod knn;
+mod jpeg_end;
 mod lens;
 mod load;
 mod options;
 mod photos;
-mod random;
+mod plausible;
+mod pose_format;
 mod source;
 mod split;
 mod store;
@@ -30,14 +30,12 @@ mod zipped;
 pub use decode::read_image;
 pub use formats::ply::read_points as read_ply_points;
 pub use health::SparseHealth;
-pub use init::{InitOptions, InitSource, initial_model};
 pub use options::{CaptureFormat, LoadOptions};
-pub use source::SfmPoint;
 
-use crate::backend::TargetImage;
 use crate::camera::{Camera, Similarity};
-use crate::views::{Split, ViewSource};
-use crate::{Report, Result};
+use crate::image::TargetImage;
+use crate::views::{SfmPoint, Split, ViewSource};
+use crate::{Error, Report, Result};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use store::ImageStore;
@@ -45,27 +43,21 @@ use store::ImageStore;
 /// One posed photo.
 #[derive(Clone, Debug, PartialEq)]
 pub struct View {
-    /// Name of the image relative to the image folder, with forward slashes.
+    /// Name of the photo relative to the photo folder, with forward slashes.
     pub name: String,
-    /// Side of the split.
+    /// Trained on or held out.
     pub split: Split,
     /// Camera in the local frame, at the size that is trained.
     pub camera: Camera,
-    /// The image file.
-    pub image: PathBuf,
-    /// Width and height of the image file.
-    pub image_size_px: (u32, u32),
-    /// The mask file.
-    pub mask: Option<PathBuf>,
 }
 
 /// A capture, ready to be trained on. Photos are decoded on demand.
 pub struct Capture {
-    /// Name of its folder.
+    /// Name of its folder or archive.
     pub name: String,
-    /// Its folder.
+    /// Its folder or archive.
     pub root: PathBuf,
-    /// What its poses were read from.
+    /// The format of its poses.
     pub format: CaptureFormat,
     /// The file or folder that its poses were read from.
     pub poses: PathBuf,
@@ -73,32 +65,59 @@ pub struct Capture {
     pub views: Vec<View>,
     /// Points of the sparse reconstruction, unfiltered.
     pub points: Vec<SfmPoint>,
-    /// Way back from the local frame, in which the cameras' extent is 1.
+    /// Undoes the local frame, in which the extent of the capture is 1.
     pub capture_from_local: Similarity,
-    /// Near plane, local units.
+    /// Distance of the near plane, local units.
     pub near: f32,
-    /// State of the sparse reconstruction, where there is one.
+    /// How sound the sparse reconstruction looks, where there is one.
     pub health: Option<SparseHealth>,
-    /// What was left out, chosen or looks wrong.
+    /// Warnings: what was left out, chosen among several or looks wrong.
     pub report: Report,
     store: ImageStore,
-    /// Dropped after the store, whose threads read from it.
-    _unpacked: Option<zipped::Unpacked>,
+    /// The files of an archive. Dropped after the store, whose threads read them.
+    unpacked: Option<zipped::Unpacked>,
 }
 
 impl Capture {
-    /// Reads the poses and points of a capture and checks its images' sizes; decodes no image.
+    /// Reads the poses and points of a capture and checks the sizes of its photos without decoding them.
     ///
     /// `path` is the capture's folder, a ZIP archive of it, its sparse model or its `transforms.json`.
     ///
     /// # Errors
-    /// [`crate::Error::InvalidInput`], [`crate::Error::Unsupported`] or [`crate::Error::Io`], naming file,
+    /// [`Error::InvalidInput`], [`Error::Unsupported`] or [`Error::Io`], naming file,
     /// element, what was found, what was expected and what to do.
     pub fn load(path: &Path, options: &LoadOptions) -> Result<Self> {
         load::load(path, options)
     }
 
-    /// Bytes of decoded photos held now.
+    /// Decodes every photo and mask once, so that a damaged one is found before training and not during it.
+    /// What fits stays in the image cache.
+    ///
+    /// # Errors
+    /// The first error in the order of the views, with the names of other views that have one.
+    pub fn check_photos(&self) -> Result<Report> {
+        let mut report =
+            check::photos(&self.views, self.store.check_all()).map_err(|e| self.name_archive(e))?;
+        if let Some(unpacked) = &self.unpacked {
+            report.warnings.iter_mut().for_each(|w| w.message = unpacked.in_words(&w.message));
+        }
+        Ok(report)
+    }
+
+    /// Most memory that decoding takes if `threads` photos are asked for at once.
+    pub fn decoding_bytes(&self, threads: usize) -> u64 {
+        self.store.decoding_bytes(threads)
+    }
+
+    /// Errors about an unpacked file are about the archive to the user.
+    fn name_archive(&self, error: Error) -> Error {
+        match &self.unpacked {
+            Some(unpacked) => unpacked.name_archive(error),
+            None => error,
+        }
+    }
+
+    /// Bytes of decoded photos in the image cache.
     pub fn cached_bytes(&self) -> u64 {
         self.store.cached_bytes()
     }
@@ -122,7 +141,11 @@ impl ViewSource for Capture {
     }
 
     fn target(&self, view: usize) -> Result<Arc<TargetImage>> {
-        self.store.get(view)
+        self.store.get(view).map_err(|e| self.name_archive(e))
+    }
+
+    fn cache_limit_bytes(&self) -> u64 {
+        self.store.budget_bytes()
     }
 
     fn prefetch(&self, views: &[usize]) {

@@ -1,27 +1,80 @@
-//! How a capture is read: the options that the command line and `config.toml` fill.
+//! How a capture is read: the options that the command line and `config.toml` set.
 
+use super::formats::FORMATS;
+use super::pose_format::PoseFormat;
 use serde::{Deserialize, Serialize};
+use std::fmt;
 use std::path::PathBuf;
+use std::str::FromStr;
 
-/// Kind of pose file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum CaptureFormat {
-    /// A COLMAP sparse model, binary or text.
-    Colmap,
-    /// `transforms.json` of nerfstudio and instant-ngp, `transforms_train.json` of Blender scenes.
-    Transforms,
-    /// The CSV export of RealityCapture / RealityScan.
-    RealityCapture,
+/// A kind of pose file.
+#[derive(Clone, Copy, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
+pub struct CaptureFormat(&'static PoseFormat);
+
+impl CaptureFormat {
+    /// All of them, in the order in which they are looked for.
+    pub fn all() -> impl Iterator<Item = Self> {
+        FORMATS.iter().map(Self)
+    }
+
+    /// As `--format` and `config.toml` call it.
+    pub fn name(self) -> &'static str {
+        self.0.name
+    }
+
+    /// One line for `--help`.
+    pub fn help(self) -> &'static str {
+        self.0.help
+    }
+
+    /// The entry in the table of formats.
+    pub(crate) fn entry(self) -> &'static PoseFormat {
+        self.0
+    }
 }
 
-impl std::fmt::Display for CaptureFormat {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Self::Colmap => "colmap",
-            Self::Transforms => "transforms",
-            Self::RealityCapture => "reality-capture",
-        })
+impl PartialEq for CaptureFormat {
+    fn eq(&self, other: &Self) -> bool {
+        self.name() == other.name()
+    }
+}
+
+impl Eq for CaptureFormat {}
+
+impl FromStr for CaptureFormat {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let names: Vec<&str> = Self::all().map(Self::name).collect();
+        let found = Self::all().find(|format| format.name() == text);
+        found.ok_or_else(|| format!("unknown pose format {text:?}, expected one of {}", names.join(", ")))
+    }
+}
+
+impl TryFrom<String> for CaptureFormat {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        text.parse()
+    }
+}
+
+impl From<CaptureFormat> for String {
+    fn from(format: CaptureFormat) -> Self {
+        format.name().to_owned()
+    }
+}
+
+impl fmt::Display for CaptureFormat {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl fmt::Debug for CaptureFormat {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
     }
 }
 
@@ -29,7 +82,7 @@ impl std::fmt::Display for CaptureFormat {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default, rename_all = "kebab-case")]
 pub struct LoadOptions {
-    /// Pose format. Default `None`: a sparse model takes precedence over `transforms.json`, and that over CSV.
+    /// Pose format. Default `None`: the first found, in the order of [`CaptureFormat::all`].
     pub format: Option<CaptureFormat>,
     /// Folder of the photos, absolute or relative to the capture (`images_4`). Default `None`: `images` (COLMAP's
     /// layout).

@@ -1,89 +1,17 @@
-//! Where images and masks lie, how large they are, and whether that fits their cameras. Nothing is
-//! decoded here.
+//! How large photos and masks are, whether that fits their cameras, and how their files are opened. Their
+//! pixels are decoded in `decode.rs`.
 
 use super::exr_photo;
 use super::lens::Lens;
-use crate::{Error, Result};
+use crate::{Error, Result, input_file};
 use image::metadata::Orientation;
 use image::{ImageDecoder as _, ImageReader};
 use std::fs::File;
 use std::io::BufReader;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-/// Extensions of the images that can be read.
-const EXTENSIONS: [&str; 8] = ["png", "jpg", "jpeg", "exr", "PNG", "JPG", "JPEG", "EXR"];
-
-/// A folder in which images are looked up by the names that pose files give them.
-#[derive(Clone, Debug)]
-pub(crate) struct ImageFolder {
-    path: PathBuf,
-}
-
-impl ImageFolder {
-    pub fn at(path: &Path) -> Self {
-        Self { path: path.to_owned() }
-    }
-
-    pub fn path(&self) -> &Path {
-        &self.path
-    }
-
-    /// A folder given by the user: absolute, relative to the capture or to the working directory.
-    pub fn given(root: &Path, folder: &Path, option: &str) -> Result<Self> {
-        for path in [root.join(folder), folder.to_owned()] {
-            if path.is_dir() {
-                return Ok(Self { path });
-            }
-        }
-        Err(Error::invalid(
-            root.join(folder),
-            format!("no such folder; {option} takes a folder inside the capture or an absolute path"),
-        ))
-    }
-
-    /// The image of a name with or without extension; scaled copies may have another extension.
-    pub fn find(&self, name: &str) -> Option<PathBuf> {
-        let exact = self.path.join(name);
-        if exact.is_file() {
-            return Some(exact);
-        }
-        let replaced = Path::new(name).with_extension("");
-        let replaced = replaced.to_string_lossy();
-        [name, &replaced]
-            .into_iter()
-            .flat_map(|stem| EXTENSIONS.map(|e| self.path.join(format!("{stem}.{e}"))))
-            .find(|p| p.is_file())
-    }
-
-    /// The mask of an image: `name.png`, `name.ext.png` or the image's own path.
-    pub fn find_mask(&self, name: &str) -> Option<PathBuf> {
-        let double = self.path.join(format!("{name}.png"));
-        if double.is_file() {
-            return Some(double);
-        }
-        self.find(name)
-    }
-
-    /// Number of images in the folder and its subfolders.
-    pub fn count(&self) -> usize {
-        let mut folders = vec![self.path.clone()];
-        let mut count = 0;
-        while let Some(folder) = folders.pop() {
-            for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
-                // `file_type` does not follow links: no endless walks.
-                match entry.file_type() {
-                    Ok(kind) if kind.is_dir() => folders.push(entry.path()),
-                    _ => {
-                        let path = entry.path();
-                        let extension = path.extension().unwrap_or_default().to_ascii_lowercase();
-                        count += usize::from(EXTENSIONS.iter().any(|e| extension == *e));
-                    }
-                }
-            }
-        }
-        count
-    }
-}
+/// Larger files are not photos; decoders would read them into memory.
+pub(crate) const FILE_BYTES_MAX: u64 = 4 << 30;
 
 /// A reader that goes by the file's content, not by its extension.
 pub(crate) fn open(path: &Path) -> Result<ImageReader<BufReader<File>>> {
@@ -96,7 +24,7 @@ pub(crate) fn image_error(path: &Path, error: image::ImageError) -> Error {
     match error {
         image::ImageError::IoError(e) if e.kind() != std::io::ErrorKind::UnexpectedEof => Error::io(path, e),
         image::ImageError::Unsupported(e) => {
-            Error::unsupported(path, format!("{e}; images must be PNG, JPEG or EXR: convert this one"))
+            Error::unsupported(path, format!("{e}; photos must be PNG, JPEG or EXR: convert this one"))
         }
         e => Error::invalid(
             path,
@@ -105,30 +33,45 @@ pub(crate) fn image_error(path: &Path, error: image::ImageError) -> Error {
     }
 }
 
-/// Stored size of an image and the turn that its EXIF data ask for.
-pub(crate) fn image_header(path: &Path) -> Result<((u32, u32), Orientation)> {
-    if exr_photo::is_exr(path) {
+/// The kinds of file that a photo or a mask may be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum FileKind {
+    /// Read by `exr_photo`.
+    Exr,
+    /// Read by the image library.
+    Other,
+}
+
+/// The kind of a file, which must be a regular one.
+pub(crate) fn kind(path: &Path) -> Result<FileKind> {
+    input_file::check(path, FILE_BYTES_MAX)?;
+    Ok(if exr_photo::is_exr(path) { FileKind::Exr } else { FileKind::Other })
+}
+
+/// Stored size of a photo and the turn that its EXIF data ask for.
+pub(crate) fn photo_header(path: &Path) -> Result<((u32, u32), Orientation)> {
+    if kind(path)? == FileKind::Exr {
         return Ok((exr_photo::size(path)?, Orientation::NoTransforms));
     }
     let mut decoder = open(path)?.into_decoder().map_err(|e| image_error(path, e))?;
     let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
     let (width, height) = decoder.dimensions();
     if width == 0 || height == 0 {
-        return Err(Error::invalid(path, format!("the image is {width}x{height}")));
+        return Err(Error::invalid(path, format!("the photo is {width}x{height}")));
     }
     Ok(((width, height), orientation))
 }
 
-/// Stored size of an image.
-pub(crate) fn image_size(path: &Path) -> Result<(u32, u32)> {
-    image_header(path).map(|(size, _)| size)
+/// Stored size of a photo.
+pub(crate) fn photo_size(path: &Path) -> Result<(u32, u32)> {
+    photo_header(path).map(|(size, _)| size)
 }
 
-/// Whether an image is the camera's image or a scaled copy: sizes that were rounded either way fit.
+/// Whether a photo has the camera's size or is a scaled copy; sizes may have been rounded either way.
 fn same_shape((width, height): (u32, u32), lens: &Lens) -> bool {
     let camera = (f64::from(lens.pinhole.width_px), f64::from(lens.pinhole.height_px));
     let (width, height) = (f64::from(width), f64::from(height));
-    // Scaled by the longer side, whose rounding matters least.
+    // Scaled by the longer side, where rounding matters least.
     if camera.0 >= camera.1 {
         (height - camera.1 * width / camera.0).abs() <= 1.0
     } else {
@@ -136,11 +79,11 @@ fn same_shape((width, height): (u32, u32), lens: &Lens) -> bool {
     }
 }
 
-/// An image's size as its camera means it, and whether it must be turned for that.
+/// The photo's size as its camera has it, and the turn that leads there.
 pub(crate) fn fit(path: &Path, name: &str, lens: &Lens) -> Result<((u32, u32), Orientation)> {
-    let (stored, orientation) = image_header(path)?;
+    let (stored, orientation) = photo_header(path)?;
     if same_shape(stored, lens) {
-        // The solver saw the pixels as stored.
+        // The pose solver saw the pixels as stored.
         return Ok((stored, Orientation::NoTransforms));
     }
     let turns = matches!(
@@ -157,14 +100,14 @@ pub(crate) fn fit(path: &Path, name: &str, lens: &Lens) -> Result<((u32, u32), O
     Err(Error::invalid(
         path,
         format!(
-            "size mismatch: image {name:?} has {}x{} pixels, its camera expects {}x{} or a scaled copy of \
-             that; give the folder of the images that the poses were computed from with --images",
+            "size mismatch: photo {name:?} has {}x{} pixels, its camera expects {}x{} or a scaled copy of \
+             that; give the folder of the photos that the poses were computed from with --images",
             stored.0, stored.1, lens.pinhole.width_px, lens.pinhole.height_px
         ),
     ))
 }
 
-/// Size with the longer side bounded.
+/// The size reduced, if need be, so that the longer side keeps a bound.
 pub(crate) fn bounded((width, height): (u32, u32), max_resolution: u32) -> (u32, u32) {
     let longer = width.max(height);
     if longer <= max_resolution {
@@ -189,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn the_longer_side_is_bounded_and_small_images_stay() {
+    fn the_longer_side_is_bounded_and_small_photos_stay() {
         assert_eq!(bounded((1067, 1899), 480), (270, 480));
         assert_eq!(bounded((1067, 1899), 960), (539, 960));
         assert_eq!(bounded((400, 300), 400), (400, 300));

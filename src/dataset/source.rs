@@ -1,59 +1,65 @@
-//! What every pose format is read into: views with lens and pose in the frame of the capture, and
-//! points. The steps after it do not know which format it was.
+//! What every pose format is read into: views with lens and pose in the frame of the capture, and points.
+//! The later steps do not know which format it was.
 
 use super::lens::Lens;
-use super::options::CaptureFormat;
 use crate::Report;
 use crate::camera::RigidTransform;
-use crate::views::Split;
+use crate::views::{SfmPoint, Split};
 use glam::{DMat3, DVec3};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-/// A point of the capture's sparse reconstruction.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SfmPoint {
-    /// Place, frame of the capture.
-    pub position_in_capture: DVec3,
-    /// Colour, display space.
-    pub rgb: [u8; 3],
-}
-
-/// A registered image.
+/// A photo with a pose, as the pose files describe it.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct SourceView {
-    /// Name relative to the image folder, with forward slashes.
+    /// Name relative to the photo folder, with forward slashes.
     pub name: String,
-    /// The image, where the format says it and `--images` does not say otherwise.
-    pub image: Option<PathBuf>,
-    /// The mask, where the format says it.
+    /// The photo's file, where the format names it and `--images` does not.
+    pub photo: Option<PathBuf>,
+    /// The mask's file, where the format names it.
     pub mask: Option<PathBuf>,
     pub lens: Lens,
     pub camera_from_capture: RigidTransform,
-    /// Where the format states a split.
+    /// Side of the split, where the format states one.
     pub split: Option<Split>,
-    /// Indices of the points that were triangulated from this image.
+    /// Indices of the points that were triangulated from this photo.
     pub observed: Vec<u32>,
 }
 
 /// A capture as its pose files describe it.
 #[derive(Clone, Debug)]
 pub(crate) struct Source {
-    pub format: CaptureFormat,
-    /// The file or folder that was read, for messages.
+    /// The file or folder that was read, named in messages.
     pub path: PathBuf,
     pub views: Vec<SourceView>,
     pub points: Vec<SfmPoint>,
+    /// The file of the points, where the poses name one.
+    pub points_file: Option<PathBuf>,
     /// Mean reprojection error of the points in pixels, where the format states it.
     pub reprojection_error_px: Option<f64>,
-    /// Frames that were left out because their image is missing.
-    pub without_image: Vec<String>,
+    /// Names of views that were left out because their photo is missing.
+    pub without_photo: Vec<String>,
     pub report: Report,
 }
 
-/// Larger coordinates of cameras are damage: not even millimetres to the moon need them.
+impl Source {
+    /// An empty capture, to be read from `path`.
+    pub fn at(path: &Path) -> Self {
+        Self {
+            path: path.to_owned(),
+            views: Vec::new(),
+            points: Vec::new(),
+            points_file: None,
+            reprojection_error_px: None,
+            without_photo: Vec::new(),
+            report: Report::default(),
+        }
+    }
+}
+
+/// Larger coordinates are taken for damage: even the moon's distance in millimetres is less.
 const MAX_COORDINATE: f64 = 1e12;
 
-/// The rotation nearest to a matrix that is one up to rounding and a uniform scale.
+/// The rotation nearest to a matrix that is a rotation up to rounding and uniform scale.
 ///
 /// # Errors
 /// What is wrong with the matrix.
@@ -72,11 +78,11 @@ pub(crate) fn nearest_rotation(matrix: DMat3) -> Result<DMat3, String> {
         .to_cols_array()
         .into_iter()
         .fold(0.0_f64, |a, v| a.max(v.abs()));
-    // Rounding of published captures is 1e-7 to 1e-4; a sheared frame is another thing.
+    // Published captures are rounded to 1e-7 to 1e-4; a sheared frame deviates more.
     if deviation > 0.02 {
         return Err(format!("its axes deviate from orthogonal ones by {deviation:.3}"));
     }
-    // Polar decomposition by Newton's iteration, which squares the error each time.
+    // Polar decomposition by Newton's method; each iteration squares the error.
     let mut rotation = scaled;
     for _ in 0..6 {
         rotation = (rotation + rotation.inverse().transpose()) * 0.5;
@@ -95,12 +101,12 @@ pub(crate) fn checked_pose(rotation: DMat3, translation: DVec3) -> Result<RigidT
         ));
     }
     Ok(RigidTransform {
-        rotation: nearest_rotation(rotation).map_err(|e| format!("its rotation is no rotation: {e}"))?,
+        rotation: nearest_rotation(rotation).map_err(|e| format!("its matrix is not a rotation: {e}"))?,
         translation,
     })
 }
 
-/// "a, b, c and 4 more" for messages.
+/// Up to five names and how many more there are: "a", "b" and 4 more.
 pub(crate) fn first_names<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
     const SHOWN: usize = 5;
     let names: Vec<&str> = names.into_iter().collect();

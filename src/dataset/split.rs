@@ -1,16 +1,18 @@
 //! Which views are held out.
 
-use super::formats::bytes::read_text;
 use super::options::LoadOptions;
 use super::source::{SourceView, first_names};
 use crate::views::Split;
-use crate::{Error, Result};
+use crate::{Error, Result, input_file};
 
-/// Decides the split of views that are sorted by name: a list of the user, else what the files state,
-/// else each n-th view from the first on.
+/// A million names take less.
+const LIST_BYTES_MAX: u64 = 64 << 20;
+
+/// Decides the split of views sorted by name: by the user's list, else as the files state, else every n-th
+/// view is held out, from the first on.
 pub(crate) fn assign(views: &mut [SourceView], options: &LoadOptions) -> Result<Vec<Split>> {
     if let Some(list) = &options.test_list {
-        let text = read_text(list)?;
+        let text = input_file::read_text(list, LIST_BYTES_MAX)?;
         let names: Vec<&str> =
             text.lines().map(str::trim).filter(|l| !l.is_empty() && !l.starts_with('#')).collect();
         let unknown: Vec<&str> =
@@ -19,7 +21,7 @@ pub(crate) fn assign(views: &mut [SourceView], options: &LoadOptions) -> Result<
             return Err(Error::invalid(
                 list,
                 format!(
-                    "no view is called {}; expected names such as {:?}, with or without extension",
+                    "no view is named {}; expected names such as {:?}, with or without extension",
                     first_names(unknown),
                     views.first().map_or("", |v| &v.name)
                 ),

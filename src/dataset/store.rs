@@ -1,21 +1,26 @@
-//! Photos in memory: decoded when asked for, or shortly before by background threads, and dropped in
-//! the order of their last use when a budget of bytes is spent, those that wait for their use last.
-//! Never changes what a photo looks like.
+//! The image cache: photos decoded on demand, or shortly before by background threads. When its budget of
+//! bytes is spent, the least recently used photo is dropped first, and those decoded ahead last.
 
 use super::decode::Recipe;
+use super::jpeg_end;
 use crate::Result;
-use crate::backend::TargetImage;
+use crate::image::TargetImage;
+use rayon::prelude::*;
 use std::collections::{HashMap, HashSet, VecDeque};
+use std::path::PathBuf;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 
 /// Background threads that decode ahead; training needs the other cores.
 const PREFETCH_THREADS: usize = 2;
 
+/// Memory for decoding several photos at once; a single one may need more.
+const DECODING_BYTES_MAX: u64 = 512 << 20;
+
 struct Cached {
     image: Arc<TargetImage>,
     last_use: u64,
-    /// Decoded ahead and not asked for yet.
+    /// Decoded ahead and not requested yet.
     unused: bool,
 }
 
@@ -26,6 +31,8 @@ struct State {
     unused_bytes: u64,
     clock: u64,
     in_flight: HashSet<usize>,
+    /// Working memory of the decodes under way.
+    decoding_bytes: u64,
     queue: VecDeque<usize>,
     stopped: bool,
     decodes: u64,
@@ -35,10 +42,18 @@ struct Shared {
     recipes: Vec<Recipe>,
     budget_bytes: u64,
     state: Mutex<State>,
-    /// A decode ended.
+    /// Signalled when a decode has ended.
     decoded: Condvar,
-    /// There is work for the background threads, or the end.
+    /// Signalled when the background threads have work or must stop.
     work: Condvar,
+}
+
+/// What making a photo showed.
+pub(crate) struct CheckedPhoto {
+    /// Whether its mask leaves any pixel.
+    pub has_pixels: bool,
+    /// Those of its files that end early but can be decoded.
+    pub cut_off: Vec<PathBuf>,
 }
 
 /// Photos of a capture on demand.
@@ -47,7 +62,7 @@ pub(crate) struct ImageStore {
     threads: Mutex<Vec<JoinHandle<()>>>,
 }
 
-/// Clears the mark of a decode even if it panics, so that nobody waits for it for ever.
+/// Clears the mark of a decode even if it panics, so that no thread waits for it for ever.
 struct InFlight<'a> {
     shared: &'a Shared,
     view: usize,
@@ -60,15 +75,24 @@ impl Drop for InFlight<'_> {
     }
 }
 
-fn num_bytes(image: &TargetImage) -> u64 {
-    (image.rgb.len() + image.mask.as_ref().map_or(0, Vec::len)) as u64
+/// Working memory that a decode holds.
+struct Working<'a> {
+    shared: &'a Shared,
+    bytes: u64,
+}
+
+impl Drop for Working<'_> {
+    fn drop(&mut self) {
+        self.shared.lock().decoding_bytes -= self.bytes;
+        self.shared.decoded.notify_all();
+    }
 }
 
 impl State {
     /// Takes an image out of the cache.
     fn remove(&mut self, view: usize) {
         if let Some(old) = self.cached.remove(&view) {
-            let bytes = num_bytes(&old.image);
+            let bytes = old.image.num_bytes();
             self.bytes -= bytes;
             self.unused_bytes -= if old.unused { bytes } else { 0 };
         }
@@ -76,14 +100,14 @@ impl State {
 
     /// Keeps an image, dropping the least recently used ones; one above the budget is not kept.
     fn insert(&mut self, view: usize, image: &Arc<TargetImage>, unused: bool, budget_bytes: u64) {
-        let bytes = num_bytes(image);
+        let bytes = image.num_bytes();
         self.decodes += 1;
         self.remove(view);
         if bytes > budget_bytes {
             return;
         }
         while self.bytes + bytes > budget_bytes {
-            // One that was decoded ahead goes last: it would be decoded again at once.
+            // Photos decoded ahead go last: they are about to be used.
             let oldest = self.cached.iter().min_by_key(|(_, c)| (c.unused, c.last_use)).map(|(&v, _)| v);
             match oldest {
                 Some(oldest) => self.remove(oldest),
@@ -97,14 +121,14 @@ impl State {
         self.cached.insert(view, cached);
     }
 
-    /// Images decoded for an earlier wish no longer wait for their use: they may go like all others.
-    fn forget_wishes_except(&mut self, views: &[usize]) {
+    /// Photos decoded for an earlier prefetch no longer count as waiting for their use.
+    fn forget_prefetched_except(&mut self, views: &[usize]) {
         let wanted: HashSet<&usize> = views.iter().collect();
         let mut forgotten = 0;
         for (view, cached) in &mut self.cached {
             if cached.unused && !wanted.contains(view) {
                 cached.unused = false;
-                forgotten += num_bytes(&cached.image);
+                forgotten += cached.image.num_bytes();
             }
         }
         self.unused_bytes -= forgotten;
@@ -116,14 +140,14 @@ impl State {
         let cached = self.cached.get_mut(&view)?;
         cached.last_use = self.clock;
         if std::mem::take(&mut cached.unused) {
-            self.unused_bytes -= num_bytes(&cached.image);
+            self.unused_bytes -= cached.image.num_bytes();
         }
         Some(Arc::clone(&cached.image))
     }
 }
 
 impl Shared {
-    /// The state stays consistent between any two statements, so a panic elsewhere does not spoil it.
+    /// The state is consistent between any two statements, so a poisoned lock does no harm.
     fn lock(&self) -> MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -135,7 +159,7 @@ impl Shared {
             if state.stopped {
                 return None;
             }
-            // Half of the budget at most waits unused: else photos would push each other out unseen.
+            // At most half of the budget waits unused, or photos decoded ahead would evict one another.
             if let Some(&view) = state.queue.front() {
                 if state.cached.contains_key(&view) || state.in_flight.contains(&view) {
                     state.queue.pop_front();
@@ -151,12 +175,25 @@ impl Shared {
         }
     }
 
+    /// Makes a photo, once there is memory for that.
+    fn decode(&self, view: usize) -> Result<Arc<TargetImage>> {
+        let bytes = self.recipes[view].working_bytes();
+        let mut state = self.lock();
+        while state.decoding_bytes > 0 && state.decoding_bytes + bytes > DECODING_BYTES_MAX {
+            state = self.decoded.wait(state).unwrap_or_else(PoisonError::into_inner);
+        }
+        state.decoding_bytes += bytes;
+        drop(state);
+        let _working = Working { shared: self, bytes };
+        self.recipes[view].decode().map(Arc::new)
+    }
+
     fn run_ahead(&self) {
         while let Some(view) = self.next_ahead() {
             let _mark = InFlight { shared: self, view };
-            // Whoever asks for the view decodes it again and gets the error.
-            if let Ok(image) = self.recipes[view].decode() {
-                self.lock().insert(view, &Arc::new(image), true, self.budget_bytes);
+            // An error comes up again when the view is asked for.
+            if let Ok(image) = self.decode(view) {
+                self.lock().insert(view, &image, true, self.budget_bytes);
             }
         }
     }
@@ -180,7 +217,7 @@ impl ImageStore {
     pub fn get(&self, view: usize) -> Result<Arc<TargetImage>> {
         let shared = &*self.shared;
         let mut state = shared.lock();
-        // Its wish is granted here: decoded again later, it would wait for nobody.
+        // Cancel its prefetch: it is served here.
         if let Some(at) = state.queue.iter().position(|&v| v == view) {
             state.queue.remove(at);
         }
@@ -197,17 +234,40 @@ impl ImageStore {
         }
         drop(state);
         let _mark = InFlight { shared, view };
-        let image = Arc::new(shared.recipes[view].decode()?);
+        let image = shared.decode(view)?;
         shared.lock().insert(view, &image, false, shared.budget_bytes);
         Ok(image)
     }
 
-    /// Decodes these views in the background, in this order; replaces an earlier wish.
+    /// Makes every photo once, on all threads, and keeps the first ones that the budget has room for.
+    pub fn check_all(&self) -> Vec<Result<CheckedPhoto>> {
+        let check = |view: usize| {
+            let shared = &*self.shared;
+            let recipe = &shared.recipes[view];
+            let image = shared.decode(view)?;
+            let has_pixels = image.has_pixels_that_count();
+            let mut state = shared.lock();
+            if !state.cached.contains_key(&view) && state.bytes + image.num_bytes() <= shared.budget_bytes {
+                state.insert(view, &image, false, shared.budget_bytes);
+            }
+            drop(state);
+            let mut cut_off = Vec::new();
+            for path in std::iter::once(&recipe.photo).chain(&recipe.mask) {
+                if jpeg_end::is_cut_off(path)? {
+                    cut_off.push(path.clone());
+                }
+            }
+            Ok(CheckedPhoto { has_pixels, cut_off })
+        };
+        (0..self.shared.recipes.len()).into_par_iter().map(check).collect()
+    }
+
+    /// Decodes these views in the background, in this order; replaces an earlier prefetch.
     pub fn prefetch(&self, views: &[usize]) {
         let num_recipes = self.shared.recipes.len();
         let mut state = self.shared.lock();
         state.queue = views.iter().copied().filter(|&v| v < num_recipes).collect();
-        state.forget_wishes_except(views);
+        state.forget_prefetched_except(views);
         drop(state);
         let mut threads = self.threads.lock().unwrap_or_else(PoisonError::into_inner);
         while threads.len() < PREFETCH_THREADS {
@@ -217,14 +277,27 @@ impl ImageStore {
                 .spawn(move || shared.run_ahead());
             match spawned {
                 Ok(thread) => threads.push(thread),
-                // Photos are decoded when asked for.
+                // Without threads, photos are decoded on demand.
                 Err(_) => break,
             }
         }
         self.shared.work.notify_all();
     }
 
-    /// Bytes held now.
+    /// Bound of the cache.
+    pub fn budget_bytes(&self) -> u64 {
+        self.shared.budget_bytes
+    }
+
+    /// Most memory that making `threads` photos at once takes.
+    pub fn decoding_bytes(&self, threads: usize) -> u64 {
+        let mut needs: Vec<u64> = self.shared.recipes.iter().map(Recipe::working_bytes).collect();
+        needs.sort_unstable_by(|a, b| b.cmp(a));
+        let largest = needs.first().copied().unwrap_or(0);
+        needs.into_iter().take(threads).sum::<u64>().min(DECODING_BYTES_MAX.max(largest))
+    }
+
+    /// Bytes in the cache.
     pub fn cached_bytes(&self) -> u64 {
         self.shared.lock().bytes
     }
@@ -235,7 +308,7 @@ impl Drop for ImageStore {
         self.shared.lock().stopped = true;
         self.shared.work.notify_all();
         for thread in self.threads.get_mut().unwrap_or_else(PoisonError::into_inner).drain(..) {
-            // A panic there has already been paid for: the view was decoded in the foreground.
+            // A panic there did no harm: the view is decoded on demand.
             let _ = thread.join();
         }
     }
@@ -255,11 +328,11 @@ mod tests {
     fn store(folder: &Path, count: u8, budget_bytes: u64) -> ImageStore {
         let recipes = (0..count)
             .map(|i| {
-                let image = folder.join(format!("{i}.png"));
-                image::RgbImage::from_pixel(SIDE, SIDE, image::Rgb([i; 3])).save(&image).unwrap();
+                let photo = folder.join(format!("{i}.png"));
+                image::RgbImage::from_pixel(SIDE, SIDE, image::Rgb([i; 3])).save(&photo).unwrap();
                 Recipe {
-                    image,
-                    image_size: (SIDE, SIDE),
+                    photo,
+                    photo_size: (SIDE, SIDE),
                     turn: Orientation::NoTransforms,
                     mask: None,
                     mask_invert: false,
@@ -331,12 +404,12 @@ mod tests {
     }
 
     #[test]
-    fn photos_nobody_asked_for_do_not_block_later_prefetching() {
+    fn prefetched_photos_that_are_never_requested_do_not_block_later_prefetches() {
         let folder = tempfile::tempdir().unwrap();
         let store = store(folder.path(), 6, 4 * BYTES);
         let decodes = || store.shared.lock().decodes;
-        for (wish, expected) in [([0, 1], 2), ([2, 3], 4), ([4, 5], 6)] {
-            store.prefetch(&wish);
+        for (views, expected) in [([0, 1], 2), ([2, 3], 4), ([4, 5], 6)] {
+            store.prefetch(&views);
             // Bounded wait: about 10 s before the test fails.
             for _ in 0..10_000 {
                 if decodes() == expected {
@@ -344,7 +417,7 @@ mod tests {
                 }
                 std::thread::sleep(std::time::Duration::from_millis(1));
             }
-            assert_eq!(decodes(), expected, "{wish:?}");
+            assert_eq!(decodes(), expected, "{views:?}");
         }
     }
 
@@ -371,7 +444,7 @@ mod tests {
     fn errors_of_prefetched_photos_surface_when_they_are_asked_for() {
         let folder = tempfile::tempdir().unwrap();
         let store = store(folder.path(), 2, 1 << 20);
-        std::fs::write(folder.path().join("1.png"), b"no image").unwrap();
+        std::fs::write(folder.path().join("1.png"), b"no photo").unwrap();
         store.prefetch(&[1, 0, 99]);
         assert!(store.get(0).is_ok());
         for _ in 0..2 {

@@ -3,6 +3,7 @@
 use super::fixtures::{Scene, write_json};
 use super::*;
 use crate::Error;
+use crate::init::{InitInput, InitOptions, InitPoints, initial_model};
 use crate::sample::{SampleOptions, write_sample};
 use glam::DVec3;
 use tempfile::{TempDir, tempdir};
@@ -48,7 +49,7 @@ fn binary_and_text_give_the_same_capture() {
     let scene = Scene::ring(9);
     let (binary, text) = (written(&scene), tempdir().unwrap());
     scene.write_text(&text.path().join("sparse/0"));
-    scene.write_images(&text.path().join("images"), (12, 8));
+    scene.write_photos(&text.path().join("images"), (12, 8));
     let (a, b) = (load(&binary, &options()), load(&text, &options()));
     assert_eq!(worst_camera_difference(&a, &b), 0.0);
     assert_eq!(a.points, b.points);
@@ -66,7 +67,7 @@ fn text_images_without_keypoint_lines_are_read() {
     let folder = tempdir().unwrap();
     let sparse = folder.path().join("sparse");
     scene.write_text(&sparse);
-    scene.write_images(&folder.path().join("images"), (12, 8));
+    scene.write_photos(&folder.path().join("images"), (12, 8));
     let with_blank_lines = load(&folder, &options());
     let text = std::fs::read_to_string(sparse.join("images.txt")).unwrap();
     let dense: Vec<&str> = text.lines().filter(|l| !l.is_empty()).collect();
@@ -82,21 +83,21 @@ fn colmap_and_transforms_of_the_same_cameras_agree() {
     let scene = Scene::ring(9);
     let folder = written(&scene);
     let colmap = load(&folder, &options());
-    for image_folder in ["images/", "./images/"] {
-        write_json(folder.path().join("transforms.json"), &scene.transforms(image_folder));
-        let wanted = LoadOptions { format: Some(CaptureFormat::Transforms), ..options() };
+    for photo_folder in ["images/", "./images/"] {
+        write_json(folder.path().join("transforms.json"), &scene.transforms(photo_folder));
+        let wanted = LoadOptions { format: "transforms".parse().ok(), ..options() };
         let transforms = load(&folder, &wanted);
-        assert_eq!(transforms.format, CaptureFormat::Transforms);
+        assert_eq!(transforms.format.name(), "transforms");
         // Needed: 3e-16.
         assert!(worst_camera_difference(&colmap, &transforms) < 1e-12);
         assert!((colmap.capture_from_local.scale - transforms.capture_from_local.scale).abs() < 1e-12);
         // Negative control: another capture differs.
         let mut moved = scene.clone();
         moved.images[4].camera_from_world.1.x += 1e-3;
-        write_json(folder.path().join("transforms.json"), &moved.transforms(image_folder));
+        write_json(folder.path().join("transforms.json"), &moved.transforms(photo_folder));
         assert!(worst_camera_difference(&colmap, &load(&folder, &wanted)) > 1e-4);
     }
-    assert_eq!(load(&folder, &options()).format, CaptureFormat::Colmap, "sparse wins");
+    assert_eq!(load(&folder, &options()).format.name(), "colmap", "sparse wins");
 }
 
 #[test]
@@ -121,10 +122,10 @@ fn projections_survive_the_change_of_frame() {
 }
 
 #[test]
-fn intrinsics_follow_the_size_of_images_and_the_bound() {
+fn intrinsics_follow_the_size_of_photos_and_the_bound() {
     let scene = Scene::ring(3);
     let folder = written(&scene);
-    scene.write_images(&folder.path().join("images_2"), (6, 4));
+    scene.write_photos(&folder.path().join("images_2"), (6, 4));
     let scaled = LoadOptions { images: Some("images_2".into()), ..options() };
     let camera = load(&folder, &scaled).views[0].camera.pinhole;
     assert_eq!((camera.width_px, camera.height_px, camera.fx_px, camera.cy_px), (6, 4, 5.0, 1.875));
@@ -134,7 +135,7 @@ fn intrinsics_follow_the_size_of_images_and_the_bound() {
     assert_eq!((camera.width_px, camera.height_px, camera.fx_px, camera.cx_px), (3, 2, 2.5, 1.5625));
     let photo = capture.target(0).unwrap();
     assert_eq!((photo.width_px, photo.height_px, photo.rgb.len(), &photo.mask), (3, 2, 18, &None));
-    // Columns 0 to 3 and rows 0 to 3 of the image: means of 0, 20, 40, 60 and 0, 30, 60, 90.
+    // Columns 0 to 3 and rows 0 to 3 of the photo: means of 0, 20, 40, 60 and 0, 30, 60, 90.
     assert_eq!(photo.rgb[..2], [30, 45]);
 }
 
@@ -163,7 +164,7 @@ fn blender_files_are_the_split_and_need_no_sizes_or_extensions() {
     let folder = tempdir().unwrap();
     for (side, range) in [("train", 0..4), ("test", 4..6)] {
         let part = Scene { images: scene.images[range].to_vec(), ..scene.clone() };
-        part.write_images(&folder.path().join(side), (10, 10));
+        part.write_photos(&folder.path().join(side), (10, 10));
         let mut json = part.transforms(&format!("./{side}/"));
         let fields = json.as_object_mut().unwrap();
         for field in ["fl_x", "fl_y", "cx", "cy", "w", "h"] {
@@ -187,10 +188,10 @@ fn blender_files_are_the_split_and_need_no_sizes_or_extensions() {
 }
 
 #[test]
-fn transforms_take_points_frame_intrinsics_and_other_image_folders() {
+fn transforms_take_points_frame_intrinsics_and_other_photo_folders() {
     let scene = Scene::ring(4);
     let folder = tempdir().unwrap();
-    scene.write_images(&folder.path().join("images_2"), (6, 4));
+    scene.write_photos(&folder.path().join("images_2"), (6, 4));
     let mut json = scene.transforms("images/");
     json["ply_file_path"] = "points.ply".into();
     json["frames"][1]["fl_x"] = 20.0.into();
@@ -211,14 +212,14 @@ fn model_folders_are_found_in_all_layouts_and_the_largest_wins() {
     for layout in ["sparse/0", "sparse", "colmap/sparse/0", "colmap/sparse", ""] {
         let folder = tempdir().unwrap();
         scene.write_text(&folder.path().join(layout));
-        scene.write_images(&folder.path().join("images"), (12, 8));
+        scene.write_photos(&folder.path().join("images"), (12, 8));
         assert_eq!(load(&folder, &options()).views.len(), 4, "{layout}");
         let named = Capture::load(&folder.path().join(layout), &options()).unwrap();
         assert_eq!(named.views.len(), 4, "{layout} named by the user");
     }
     let folder = written(&Scene::ring(3));
     scene.write_binary(&folder.path().join("sparse/1"));
-    scene.write_images(&folder.path().join("images"), (12, 8));
+    scene.write_photos(&folder.path().join("images"), (12, 8));
     let capture = load(&folder, &options());
     assert_eq!(capture.views.len(), 4);
     assert!(has_warning(&capture, "several-sub-models", 1));
@@ -234,18 +235,18 @@ fn files_of_newer_models_are_tolerated() {
 }
 
 #[test]
-fn missing_images_are_skipped_and_counted_but_two_must_remain() {
+fn missing_photos_are_skipped_and_counted_but_two_must_remain() {
     let folder = written(&Scene::ring(9));
     let before = load(&folder, &options()).capture_from_local;
-    let image = |i: u32| folder.path().join(format!("images/p{i:02}.png"));
-    (1..=6).for_each(|i| std::fs::remove_file(image(i)).unwrap());
+    let photo = |i: u32| folder.path().join(format!("images/p{i:02}.png"));
+    (1..=6).for_each(|i| std::fs::remove_file(photo(i)).unwrap());
     let capture = load(&folder, &options());
     assert_eq!(capture.views.len(), 3);
-    assert!(has_warning(&capture, "frames-without-image", 6));
-    let warning = capture.report.warnings.iter().find(|w| w.code == "frames-without-image");
+    assert!(has_warning(&capture, "frames-without-photo", 6));
+    let warning = capture.report.warnings.iter().find(|w| w.code == "frames-without-photo");
     assert!(warning.unwrap().message.contains("\"p05.png\" and 1 more"));
     assert_eq!(capture.capture_from_local, before, "the frame is that of all poses");
-    (7..=8).for_each(|i| std::fs::remove_file(image(i)).unwrap());
+    (7..=8).for_each(|i| std::fs::remove_file(photo(i)).unwrap());
     assert!(error(&folder, &options()).contains("at least two"));
     std::fs::remove_dir_all(folder.path().join("images")).unwrap();
     let message = error(&folder, &options());
@@ -257,10 +258,10 @@ fn alpha_is_composited_before_averaging() {
     let scene = Scene::ring(2);
     let folder = written(&scene);
     for image in &scene.images {
-        let pixels = image::RgbaImage::from_fn(12, 8, |x, _| {
+        let photo = image::RgbaImage::from_fn(12, 8, |x, _| {
             image::Rgba(if x % 2 == 0 { [200, 100, 0, 255] } else { [0, 0, 255, 0] })
         });
-        pixels.save(folder.path().join("images").join(&image.name)).unwrap();
+        photo.save(folder.path().join("images").join(&image.name)).unwrap();
     }
     let grey = LoadOptions { background: [1.0, 0.0, 0.5], max_resolution: 6, test_every: 0, ..options() };
     let photo = load(&folder, &grey).target(0).unwrap();
@@ -384,6 +385,13 @@ fn the_sample_is_a_sound_capture() {
     let health = capture.health.clone().unwrap();
     assert_eq!(health.observations, summary.observations);
     assert_eq!((health.observations_behind_camera, health.coincident_cameras), (0, 0));
-    let (model, report) = initial_model(&capture, &InitOptions::default()).unwrap();
+    let input = InitInput {
+        views: &capture,
+        points: InitPoints::Sparse(&capture.points),
+        points_file: &capture.poses,
+        capture_from_local: capture.capture_from_local,
+        near: capture.near,
+    };
+    let (model, report) = initial_model(&input, &InitOptions::default()).unwrap();
     assert_eq!((model.num_splats(), report.warnings.len()), (summary.points, 0));
 }

@@ -1,5 +1,5 @@
-//! Removal of lens distortion: rows of the image that a pinhole of the same size and focal length
-//! would have taken. Which lens it is belongs to `lens.rs`.
+//! Removal of lens distortion: the rows of the image that a pinhole of the same size and focal length would
+//! have taken. The lens models are in `lens.rs`.
 
 use super::lens::Lens;
 use glam::DVec2;
@@ -7,12 +7,12 @@ use glam::DVec2;
 /// Samples a distorted image along the rows of its pinhole image.
 pub(crate) struct Warp {
     lens: Lens,
-    /// Rays beyond this distance from the axis on z = 1 were not imaged once and only once.
+    /// Rays farther from the axis than this, on z = 1, were imaged twice or not at all.
     max_radius: f64,
 }
 
 impl Warp {
-    /// For a lens given at the image's size.
+    /// A warp for a lens given at the image's size.
     pub fn new(lens: Lens) -> Self {
         let c = &lens.pinhole;
         let corner = |x: f64, y: f64| c.direction_in_camera(DVec2::new(x, y)).truncate().length();

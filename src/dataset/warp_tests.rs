@@ -1,4 +1,4 @@
-//! Distorted captures against images of the same scene through a pinhole.
+//! Distorted captures against photos of the same scene through a pinhole.
 
 use super::fixtures::Scene;
 use super::lens::Distortion;
@@ -40,11 +40,11 @@ fn captured(model: (i32, &'static str), extra: &[f64], distortion: &Distortion, 
     let folder = tempdir().unwrap();
     scene.write(folder.path());
     for image in &scene.images {
-        let pixels = image::RgbImage::from_fn(SIZE.0, SIZE.1, |x, y| {
+        let photo = image::RgbImage::from_fn(SIZE.0, SIZE.1, |x, y| {
             let at = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
             image::Rgb(colour(undistort(distortion, (at - CENTRE_PX) / FOCAL_PX)))
         });
-        pixels.save(folder.path().join("images").join(&image.name)).unwrap();
+        photo.save(folder.path().join("images").join(&image.name)).unwrap();
     }
     let options = LoadOptions { test_every: 0, max_resolution: max, ..LoadOptions::default() };
     let capture = Capture::load(folder.path(), &options).unwrap();
@@ -101,7 +101,7 @@ fn every_lens_model_is_undistorted_to_the_pinhole_image() {
         // Needed: mean 0.6, worst 3 (truncation of colours, bilinear sampling).
         assert!(mean < 1.0 && worst <= 4.0, "{model:?}: mean {mean}, worst {worst}");
         assert!(kept > 0.9, "{model:?}: {kept}");
-        // Negative control: the same images taken for a pinhole's.
+        // Negative control: the same photos taken for a pinhole's.
         let (mean, ..) = differences(&captured((1, "PINHOLE"), &[], distortion, 120));
         assert!(mean > 1.5, "{model:?}: {mean} without undistortion");
     }
@@ -116,7 +116,7 @@ fn undistortion_and_reduction_go_together() {
 
 #[test]
 fn pixels_that_the_lens_did_not_see_are_masked_out() {
-    // Pincushion: the image shows less than the pinhole would.
+    // Pincushion: the photo shows less than the pinhole would.
     let distortion = radial([0.5, 0., 0., 0., 0., 0.], [0.; 2]);
     let photo = captured((2, "SIMPLE_RADIAL"), &[0.5], &distortion, 120);
     let mask = photo.mask.clone().unwrap();

@@ -7,43 +7,72 @@ use std::path::{Path, PathBuf};
 use zip::ZipArchive;
 use zip::result::ZipError;
 
-/// Kinds of files that a capture may need; everything else stays packed.
+/// Extensions of the files that a capture may need; everything else stays packed.
 const EXTENSIONS: [&str; 9] = ["png", "jpg", "jpeg", "exr", "bin", "txt", "json", "ply", "csv"];
 
-/// An archive may hold so many times its own size: text models shrink to a quarter, bombs to a thousandth.
+/// Largest ratio of unpacked to packed size: text models shrink to a quarter, ZIP bombs to a thousandth.
 const MAX_RATIO: u64 = 100;
 
-/// Small archives may hold this much all the same.
+/// What small archives may hold whatever the ratio.
 const ALWAYS_ALLOWED_BYTES: u64 = 64 << 20;
 
 /// A temporary folder, removed with its content when dropped.
 pub(crate) struct Unpacked {
     folder: PathBuf,
+    archive: PathBuf,
 }
 
 impl Drop for Unpacked {
     fn drop(&mut self) {
-        // Nobody could act on a failure here; the system clears its temporary folder.
+        // Nothing could be done about a failure; the system clears its temporary folder.
         let _ = std::fs::remove_dir_all(&self.folder);
     }
 }
 
 impl Unpacked {
-    fn new() -> Result<Self> {
+    fn new(archive: &Path) -> Result<Self> {
         let base = std::env::temp_dir();
         let process = std::process::id();
         for attempt in 0..10_000 {
             let folder = base.join(format!("litetex-{process}-{attempt}"));
             match std::fs::create_dir(&folder) {
-                Ok(()) => return Ok(Self { folder }),
+                Ok(()) => return Ok(Self { folder, archive: archive.to_owned() }),
                 Err(e) if e.kind() == std::io::ErrorKind::AlreadyExists => {}
                 Err(e) => return Err(Error::io(folder, e)),
             }
         }
-        Err(Error::invalid(base, "full of left-over folders litetex-*: remove them"))
+        Err(Error::invalid(base, "too many left-over folders litetex-*: remove them"))
     }
 
-    /// The capture's folder: where the archive holds nothing but one folder, that one.
+    /// A path in the temporary folder as one in the archive, which is the file that users know.
+    pub fn in_archive(&self, path: &Path) -> PathBuf {
+        match path.strip_prefix(&self.folder) {
+            Ok(inside) if inside.as_os_str().is_empty() => self.archive.clone(),
+            Ok(inside) => self.archive.join(inside),
+            Err(_) => path.to_owned(),
+        }
+    }
+
+    /// A message in which paths in the temporary folder are those in the archive.
+    pub fn in_words(&self, text: &str) -> String {
+        text.replace(&*self.folder.to_string_lossy(), &self.archive.to_string_lossy())
+    }
+
+    /// The same error about the archive.
+    pub fn name_archive(&self, error: Error) -> Error {
+        match error {
+            Error::InvalidInput { path, what } => {
+                Error::InvalidInput { path: self.in_archive(&path), what: self.in_words(&what) }
+            }
+            Error::Unsupported { path, what } => {
+                Error::Unsupported { path: self.in_archive(&path), what: self.in_words(&what) }
+            }
+            Error::Io { path, cause } => Error::Io { path: self.in_archive(&path), cause },
+            other => other,
+        }
+    }
+
+    /// The capture's folder: inside a single top-level folder, where the archive has one.
     pub fn root(&self) -> PathBuf {
         let mut root = self.folder.clone();
         loop {
@@ -82,22 +111,19 @@ pub(crate) fn unpack(path: &Path) -> Result<Unpacked> {
     let archive_bytes = file.metadata().map_err(|e| Error::io(path, e))?.len();
     let mut allowed_bytes = archive_bytes.saturating_mul(MAX_RATIO).max(ALWAYS_ALLOWED_BYTES);
     let mut archive =
-        ZipArchive::new(BufReader::new(file)).map_err(|e| our_error(path, "no ZIP archive", e))?;
-    let unpacked = Unpacked::new()?;
+        ZipArchive::new(BufReader::new(file)).map_err(|e| our_error(path, "not a ZIP archive", e))?;
+    let unpacked = Unpacked::new(path)?;
     for index in 0..archive.len() {
         let element = format!("file {} of {}", index + 1, archive.len());
         let mut entry = archive.by_index(index).map_err(|e| our_error(path, &element, e))?;
         let Some(inside) = entry.enclosed_name() else {
             return Err(Error::invalid(
                 path,
-                format!(
-                    "{element} ({:?}) lies outside of the archive's folder; do not trust it",
-                    entry.name()
-                ),
+                format!("{element} ({:?}) leads out of the archive; do not trust it", entry.name()),
             ));
         };
         let extension = inside.extension().unwrap_or_default().to_ascii_lowercase();
-        // Links are never followed: they would be written as the text of their target.
+        // Links are skipped, or they would be written as files with the text of their target.
         if entry.is_dir() || entry.is_symlink() || !EXTENSIONS.iter().any(|e| extension == *e) {
             continue;
         }
@@ -105,7 +131,7 @@ pub(crate) fn unpack(path: &Path) -> Result<Unpacked> {
         let folder = target.parent().unwrap_or(&unpacked.folder);
         std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
         let mut out = File::create(&target).map_err(|e| Error::io(&target, e))?;
-        // One byte more than allowed shows that there is more.
+        // A byte beyond the bound shows that there is more.
         let copied = std::io::copy(&mut entry.by_ref().take(allowed_bytes + 1), &mut out)
             .map_err(|e| our_error(path, &format!("{element} ({inside:?})"), ZipError::Io(e)))?;
         allowed_bytes = allowed_bytes.checked_sub(copied).ok_or_else(|| {
@@ -163,18 +189,20 @@ mod tests {
             assert_eq!(a.target(view).unwrap(), b.target(view).unwrap());
             assert_eq!(a.views[view].camera, b.views[view].camera);
         }
-        let unpacked = b.root.clone();
+        assert_eq!(b.root, archive);
+        assert_eq!(b.poses, archive.join("garden/sparse/0"));
+        let unpacked = b.unpacked.as_ref().unwrap().root();
         assert!(unpacked.is_dir());
         drop(b);
         assert!(!unpacked.exists());
     }
 
     #[test]
-    fn archives_that_escape_explode_or_are_none_are_errors() {
+    fn archives_that_lead_out_explode_or_are_damaged_are_errors() {
         let folder = tempdir().unwrap();
         let archive = folder.path().join("a.zip");
         zipped(&archive, &[("../escaped.txt", b"x".to_vec())]);
-        assert!(unpack(&archive).err().unwrap().to_string().contains("outside"));
+        assert!(unpack(&archive).err().unwrap().to_string().contains("leads out"));
         zipped(&archive, &[("zeros.bin", vec![0; ALWAYS_ALLOWED_BYTES as usize + 1])]);
         assert!(unpack(&archive).err().unwrap().to_string().contains("times its own size"));
         zipped(&archive, &[("a.bin", (0..=255).collect())]);

@@ -1,8 +1,7 @@
 //! Error maps: where a render differs from its photo.
 
-use super::ImagePair;
-use crate::backend::TargetImage;
-use crate::image::magma;
+use super::pair::ImagePair;
+use crate::image::{TargetImage, magma};
 
 /// Mean absolute difference over the channels, in [0, 1], that reaches the brightest colour.
 pub const ERROR_MAP_MAX: f64 = 0.25;

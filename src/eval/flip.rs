@@ -1,6 +1,6 @@
 //! FLIP (Andersson et al. 2020): the difference a viewer perceives when flipping between two images.
 
-use super::ImagePair;
+use super::pair::ImagePair;
 
 /// Mean LDR-FLIP error over the unmasked pixels, 0 to 1; 0 if every pixel is masked. Assumes 67 pixels
 /// per degree, the metric's default: a 4K screen 0.7 m wide, viewed from 0.7 m.

@@ -1,7 +1,8 @@
 //! PSNR of image gradients, a measure of texture detail. Plain PSNR hardly registers it: most of a
 //! photo's energy lies in the low frequencies, so blurred renders score well.
 
-use super::{ImagePair, PSNR_CAP_DB, psnr_from_mse};
+use super::pair::ImagePair;
+use super::psnr::{PSNR_CAP_DB, psnr_from_mse};
 use rayon::prelude::*;
 
 /// PSNR (peak 1) of the Sobel gradients of the channel mean, dB.

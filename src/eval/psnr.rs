@@ -1,6 +1,6 @@
 //! Peak signal-to-noise ratio.
 
-use super::ImagePair;
+use super::pair::ImagePair;
 
 /// Upper limit of every PSNR: identical images need a figure and JSON has no infinity. Nothing of
 /// interest lies above; at 8 bits, one value in 5 million off by one is 115 dB.

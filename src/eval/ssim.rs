@@ -1,7 +1,7 @@
 //! Structural similarity with the constants of 3DGS, under both common treatments of the image border.
 //! The backends implement the SSIM loss of training themselves.
 
-use super::ImagePair;
+use super::pair::ImagePair;
 use crate::constants::{SSIM_C1, SSIM_C2, SSIM_RADIUS_PX, SSIM_SIGMA_PX};
 use rayon::prelude::*;
 

@@ -2,8 +2,8 @@
 
 use super::{FrequencyOptions, FrequencySchedule};
 use crate::Result;
-use crate::backend::TargetImage;
 use crate::camera::{Camera, Pinhole, RigidTransform};
+use crate::image::TargetImage;
 use crate::views::{Split, ViewSource};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64Mcg;

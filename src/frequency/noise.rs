@@ -12,7 +12,7 @@
 
 use super::spectrum::{Cell, RINGS, SECTORS, Spectrum};
 use super::stages::quantile;
-use crate::backend::TargetImage;
+use crate::image::TargetImage;
 
 /// Lower end of the highest band, in rho.
 const HIGHEST_BAND: f64 = 0.9;

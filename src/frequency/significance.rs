@@ -4,7 +4,7 @@
 use super::fft::PlaneTransform;
 use super::noise;
 use super::spectrum::{Lines, Spectrum};
-use crate::backend::TargetImage;
+use crate::image::TargetImage;
 
 /// W = clip(1 + 1.5 G, 1, 3) with G in 0..1 (paper), so that the upper clip never acts.
 const GRADIENT_GAIN: f64 = 1.5;

@@ -2,7 +2,7 @@
 
 use super::fixtures::{Photos, fractal, noisy, photo, schedule_of};
 use super::*;
-use crate::backend::TargetImage;
+use crate::image::TargetImage;
 
 /// The first of 15,000 steps at which the scale is below `limit`.
 fn first_below(schedule: &FrequencySchedule, limit: f64) -> u32 {

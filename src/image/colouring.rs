@@ -1,9 +1,9 @@
-//! Images of quantities that are not colours: depths and normals.
+//! Depths and normals as images.
 
 use super::ramp::turbo;
 
-/// Depths between which a depth image spends its colours: the 1 % and 99 % quantiles of those that
-/// are positive and finite; `None` if there is none.
+/// The range of depths that a depth image spreads its colours over: the 1 % and 99 % quantiles of the
+/// positive, finite ones; `None` if there are none.
 pub fn depth_range(depth: &[f32]) -> Option<(f32, f32)> {
     let mut drawn: Vec<f32> = depth.iter().copied().filter(|d| *d > 0.0 && d.is_finite()).collect();
     drawn.sort_unstable_by(f32::total_cmp);
@@ -12,24 +12,24 @@ pub fn depth_range(depth: &[f32]) -> Option<(f32, f32)> {
     Some((quantile(0.01), quantile(0.99)))
 }
 
-/// Place of a depth between near (1) and far (0), linear in inverse depth, which is how parallax and
-/// so visible error depend on depth; `None` where nothing is drawn.
+/// Position of a depth between near (1) and far (0), linear in inverse depth, as parallax and hence visible
+/// error are; `None` where nothing is drawn.
 fn nearness(depth: f32, (near, far): (f32, f32)) -> Option<f64> {
     if !(depth > 0.0 && depth.is_finite()) {
         return None;
     }
     let inverse = |d: f32| 1.0 / f64::from(d);
     let span = inverse(near) - inverse(far);
-    // A flat scene is drawn in the middle.
+    // A flat scene gets the middle of the ramp.
     Some(if span > 0.0 { ((inverse(depth) - inverse(far)) / span).clamp(0.0, 1.0) } else { 0.5 })
 }
 
-/// Depths as grey: near is white, far is dark, nothing (0, negative, not finite) is black. `[n]`
+/// Depths as grey: near is white, far is dark; zero, negative and non-finite depths are black. `[n]`
 pub fn grey_from_depth(depth: &[f32], range: (f32, f32)) -> Vec<u8> {
     depth.iter().map(|&d| nearness(d, range).map_or(0, |v| (25.0 + 230.0 * v).round() as u8)).collect()
 }
 
-/// Depths as turbo colours: near is red, far is blue, nothing is black. `[n, 3]`
+/// Depths as turbo colours: near is red, far is blue, the same depths as above are black. `[n, 3]`
 pub fn turbo_from_depth(depth: &[f32], range: (f32, f32)) -> Vec<u8> {
     depth.iter().flat_map(|&d| nearness(d, range).map_or([0; 3], turbo)).collect()
 }

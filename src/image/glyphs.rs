@@ -1,7 +1,7 @@
-//! Letters and digits of dots, for lettering where there is no font.
+//! Letters and digits as dot matrices, for lettering without a font.
 
 /// 5 x 7 glyphs, rows from the top, most significant of five bits on the left. The sample's small print
-/// draws from the first [`SMALL_PRINT`], so that their order is part of its images.
+/// draws from the first [`SMALL_PRINT`] glyphs, so changing their order changes its images.
 pub(crate) const GLYPHS: [(char, [u8; 7]); 25] = [
     ('A', [14, 17, 17, 31, 17, 17, 17]),
     ('D', [30, 17, 17, 17, 17, 17, 30]),
@@ -30,13 +30,13 @@ pub(crate) const GLYPHS: [(char, [u8; 7]); 25] = [
     ('9', [14, 17, 17, 15, 1, 2, 12]),
 ];
 
-/// Glyphs of the sample's small print.
+/// Number of glyphs that the sample's small print uses.
 pub(crate) const SMALL_PRINT: usize = 14;
 
 /// Dots from the left edge of one glyph to that of the next.
 pub(crate) const ADVANCE: usize = 6;
 
-/// The rows of a character; `None` for those that are not there, which are left blank.
+/// The rows of a character; `None` for characters without a glyph, which are left blank.
 pub(crate) fn glyph(character: char) -> Option<&'static [u8; 7]> {
     GLYPHS.iter().find(|g| g.0 == character).map(|(_, rows)| rows)
 }

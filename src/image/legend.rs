@@ -1,10 +1,10 @@
-//! What the colours of an image mean: a strip of swatches with labels.
+//! Legends of coloured images: swatches with labels.
 
 use super::glyphs::{ADVANCE, glyph, has_ink};
 
 /// Pixels per dot of the lettering.
 const DOT_PX: usize = 2;
-/// Swatches, their distances and the margin.
+/// Layout of the swatches.
 const SWATCH_PX: [usize; 2] = [36, 20];
 const GAP_PX: usize = 6;
 const MARGIN_PX: usize = 10;
@@ -13,7 +13,7 @@ const PAPER: u8 = 255;
 const INK: u8 = 34;
 
 /// An image with a title above and a swatch with its label on each line: width, height, `[height, width, 3]`.
-/// Lettering is in capitals; what has no glyph is left blank.
+/// Lettering is in capitals; characters without a glyph are left blank.
 pub fn legend(title: &str, entries: &[(String, [u8; 3])]) -> (u32, u32, Vec<u8>) {
     let text_px = |text: &str| DOT_PX * ADVANCE * text.chars().count();
     let label_px = entries.iter().map(|(label, _)| text_px(label)).max().unwrap_or(0);
@@ -26,7 +26,7 @@ pub fn legend(title: &str, entries: &[(String, [u8; 3])]) -> (u32, u32, Vec<u8>)
     image.text([MARGIN_PX, MARGIN_PX + centred], title);
     for (line, (label, colour)) in (1..).zip(entries) {
         let y = MARGIN_PX + line * line_px;
-        // A frame, for colours as light as the paper.
+        // A frame, so that light colours stand out from the paper.
         image.fill([MARGIN_PX, y], SWATCH_PX, [INK; 3]);
         image.fill([MARGIN_PX + 1, y + 1], SWATCH_PX.map(|side| side - 2), *colour);
         image.text([MARGIN_PX + SWATCH_PX[0] + GAP_PX, y + centred], label);

@@ -1,4 +1,4 @@
-//! Colour ramps as polynomials: magma for errors (perceptually uniform, dark is good) and turbo for
+//! Colour ramps as polynomials: magma for errors (perceptually uniform, small errors are dark) and turbo for
 //! depths (neighbouring depths differ in hue).
 
 /// Colour of `value` in [0, 1] (clamped; NaN: as 0) on the magma ramp. 8 bits per channel.

@@ -1,20 +1,20 @@
-//! Reduction of images by area: every pixel of the result is the mean of the source over exactly the
-//! rectangle that it covers, fractions of pixels included.
+//! Resampling by area: every pixel of the result is the mean of the source over the rectangle that it
+//! covers, fractions of pixels included.
 
-/// Source pixels and their coverage for one pixel of the result, along one axis.
+/// The source pixels that one pixel of the result covers, along one axis.
 struct Span {
     first: usize,
-    /// Shares of the mean, one per source pixel from `first`; their sum is 1.
+    /// Weights in the mean, one per source pixel from `first`; their sum is 1.
     weights: Vec<f32>,
 }
 
-/// Spans of all pixels along one axis.
+/// The spans of all pixels of the result along one axis.
 fn spans(source: usize, target: usize) -> Vec<Span> {
     let scale = source as f64 / target as f64;
     (0..target)
         .map(|index| {
             let begin = index as f64 * scale;
-            // The last edge is the image's, whatever rounding says.
+            // Exactly, despite rounding.
             let end = if index + 1 == target { source as f64 } else { (index + 1) as f64 * scale };
             let first = (begin.floor() as usize).min(source - 1);
             let last = (end.ceil() as usize).clamp(first + 1, source);
@@ -29,10 +29,10 @@ fn spans(source: usize, target: usize) -> Vec<Span> {
         .collect()
 }
 
-/// Resamples an image of `channels` interleaved channels whose rows are made by `fill_row(y, row)`,
-/// each row once at most per result row that it touches and in rising order.
+/// Resamples an image of `channels` interleaved channels whose rows `fill_row(y, row)` makes, in ascending
+/// order and at most once for each row of the result that they touch.
 ///
-/// Enlarging works too: each pixel then shows the pixels below it.
+/// Enlarging works too: each pixel then shows the pixels that it lies over.
 pub(crate) fn by_area(
     source_size: (u32, u32),
     target_size: (u32, u32),

@@ -1,5 +1,5 @@
-//! Writing images: 8-bit PNG for people and metrics, 32-bit float EXR for quantities. A file
-//! appears under its name only when it is complete.
+//! Writing images: 8-bit PNG for viewing and metrics, 32-bit float EXR for quantities. A file appears under
+//! its name only once it is complete.
 
 use crate::{Error, Result, atomic_file};
 use exr::prelude::{
@@ -12,11 +12,11 @@ use std::path::Path;
 /// Channels of an image, interleaved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Channels {
-    /// One: brightness, depth.
+    /// One channel, such as brightness or depth.
     Grey,
-    /// Red, green, blue.
+    /// Red, green and blue.
     Rgb,
-    /// Red, green, blue and coverage, colour not multiplied by it.
+    /// Red, green, blue and straight alpha.
     Rgba,
 }
 
@@ -136,7 +136,7 @@ mod tests {
             assert_eq!((read.width(), read.height()), (7, 5));
             assert_eq!(read.into_bytes(), values);
         }
-        // Nothing but the image is left.
+        // No temporary file is left.
         assert_eq!(std::fs::read_dir(&dir).unwrap().count(), 1);
         std::fs::remove_dir_all(dir).unwrap();
     }
@@ -172,7 +172,7 @@ mod tests {
         assert!(write_exr(&dir.join("p.exr"), 0, 2, Channels::Grey, &[]).is_err());
         let nowhere = write_png(&dir.join("none/p.png"), 1, 1, Channels::Grey, &[1]);
         assert!(matches!(nowhere, Err(Error::Io { .. })));
-        // A folder in the way: the temporary file goes away again.
+        // A folder is in the way: the temporary file is removed again.
         std::fs::create_dir(dir.join("taken")).unwrap();
         assert!(write_png(&dir.join("taken"), 1, 1, Channels::Grey, &[0]).is_err());
         assert_eq!(std::fs::read_dir(&dir).unwrap().count(), 1);

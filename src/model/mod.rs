@@ -4,10 +4,12 @@
 mod params;
 mod splats;
 mod texture;
+mod tint;
 
 pub use params::{SPLAT_PARAMS, TEXEL_PARAMS, num_params};
 pub use splats::{SplatArrays, SplatGroup};
 pub use texture::{TextureMap, TexturePool, support_half_extent, texel_value, texel_value_slope};
+pub use tint::tinted;
 
 use crate::camera::Similarity;
 use serde::{Deserialize, Serialize};

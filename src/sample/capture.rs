@@ -1,13 +1,15 @@
 //! Cameras around the sample scene, the sparse points they observe, and the ground truth.
 
 use super::colmap_write::{SparseImage, SparseModel, SparsePoint};
+use super::options::SampleOptions;
 use super::render;
 use super::scene::{Ray, Scene};
-use super::{SampleOptions, SampleSummary};
+
 use crate::camera::{Pinhole, RigidTransform};
 use glam::{DMat3, DVec2, DVec3};
 use rand::Rng;
 use rand_pcg::Pcg32;
+use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 // Separate random streams: adding a view does not shift the random numbers of the points.
@@ -19,6 +21,19 @@ const CENTRE: DVec3 = DVec3::new(0.03, -0.26, 0.1);
 
 /// Largest azimuth of a camera to either side, before jitter.
 const AZIMUTH_MAX_DEG: f64 = 66.0;
+
+/// What was made.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SampleSummary {
+    /// Images.
+    pub views: usize,
+    /// Sparse points.
+    pub points: usize,
+    /// Observations of the points over all images.
+    pub observations: usize,
+    /// Mean distance between an observation and the projection of its (noisy) point.
+    pub mean_reprojection_error_px: f64,
+}
 
 /// The scene with its cameras and points.
 pub struct Capture {

@@ -1,9 +1,9 @@
 //! Random scenes for comparing renderers: splats of all orientations in front of a camera, with maps of various
 //! sizes, and a photo that does not resemble them.
 
-use crate::backend::TargetImage;
 use crate::camera::{Camera, Pinhole, RigidTransform, Similarity};
 use crate::constants::sh_coefficients;
+use crate::image::TargetImage;
 use crate::model::{Model, SplatArrays, TexturePool};
 use glam::{DMat3, DQuat, DVec3};
 use rand::{Rng, RngExt as _, SeedableRng as _};

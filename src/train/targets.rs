@@ -1,23 +1,22 @@
-//! Photos at the size of the current stage: reduced by area once a stage and kept while there is room.
+//! Photos at the size of the current stage: reduced by area once in each stage and kept while there is room.
 
 use crate::Result;
-use crate::backend::TargetImage;
 use crate::camera::{Camera, Pinhole};
-use crate::image::resample::{by_area, to_byte};
+use crate::image::TargetImage;
 use crate::views::ViewSource;
 use std::sync::Arc;
 
-/// Reduced photos kept at once.
-const KEPT_BYTES: usize = 1 << 30;
+/// Memory for reduced photos, unless the user allows less for photos.
+const KEPT_BYTES: u64 = 1 << 30;
 
 /// The photos of one stage.
 pub(super) struct Targets {
-    /// Full size over the stage's size.
+    /// Render scale of the stage.
     scale: f64,
-    /// Stages begun; with the view it names a photo of a size.
+    /// Number of stages begun; stage and view together identify a photo at a size.
     stage: u32,
     kept: Vec<Option<Arc<TargetImage>>>,
-    kept_bytes: usize,
+    kept_bytes: u64,
 }
 
 impl Targets {
@@ -26,7 +25,7 @@ impl Targets {
         Self { scale, stage: 0, kept: vec![None; num_views], kept_bytes: 0 }
     }
 
-    /// Changes the scale; forgets the photos of the old one.
+    /// Changes the scale and drops the photos at the old one.
     pub fn set_scale(&mut self, scale: f64) {
         if scale != self.scale {
             let num_views = self.kept.len();
@@ -34,7 +33,7 @@ impl Targets {
         }
     }
 
-    /// A number that is the same for the same photo at the same size only.
+    /// A number that only the same photo at the same size has.
     pub fn photo(&self, view: usize) -> u32 {
         self.stage * self.kept.len() as u32 + view as u32
     }
@@ -58,9 +57,9 @@ impl Targets {
         }
         let full = views.target(view)?;
         let pinhole = self.camera(views, view).pinhole;
-        let image = Arc::new(reduce(&full, pinhole.width_px, pinhole.height_px));
-        let bytes = 4 * pinhole.num_pixels();
-        if self.kept_bytes + bytes <= KEPT_BYTES {
+        let image = Arc::new(full.reduced(pinhole.width_px, pinhole.height_px));
+        let bytes = image.num_bytes();
+        if self.kept_bytes + bytes <= KEPT_BYTES.min(views.cache_limit_bytes()) {
             self.kept_bytes += bytes;
             self.kept[view] = Some(Arc::clone(&image));
         }
@@ -79,42 +78,16 @@ fn reduced(pinhole: &Pinhole, scale: f64) -> Pinhole {
     pinhole.resized(side(pinhole.width_px), side(pinhole.height_px))
 }
 
-/// A photo reduced by area. A pixel counts if most of what it covers counts, and shows the mean of all
-/// that it covers: what does not count is of no consequence only where nothing counts.
-fn reduce(full: &TargetImage, width_px: u32, height_px: u32) -> TargetImage {
-    let (from, to) = ((full.width_px, full.height_px), (width_px, height_px));
-    let channels = |values: &[u8], count: usize| -> Vec<u8> {
-        let stride = from.0 as usize * count;
-        let means = by_area(from, to, count, |y, row| {
-            row.iter_mut().zip(&values[y * stride..]).for_each(|(r, &v)| *r = f32::from(v));
-        });
-        means.into_iter().map(to_byte).collect()
-    };
-    let mask = full
-        .mask
-        .as_ref()
-        .map(|mask| channels(mask, 1).into_iter().map(|m| if m >= 128 { 255 } else { 0 }).collect());
-    TargetImage { width_px, height_px, rgb: channels(&full.rgb, 3), mask }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn reduced_photos_are_means_and_their_cameras_see_the_same() {
-        let rgb: Vec<u8> =
-            (0..8 * 6).flat_map(|i| [if i % 2 == 0 { 200 } else { 100 }, 7, i as u8]).collect();
-        let mask = Some((0..8 * 6).map(|i| if i % 8 < 4 { 255 } else { 0 }).collect());
-        let full = TargetImage { width_px: 8, height_px: 6, rgb, mask };
-        let half = reduce(&full, 4, 3);
-        assert_eq!((half.width_px, half.height_px, half.rgb.len()), (4, 3, 36));
-        assert!(half.rgb.chunks_exact(3).all(|p| p[0] == 150 && p[1] == 7));
-        assert_eq!(half.mask.as_ref().unwrap()[..4], [255, 255, 0, 0]);
+    fn cameras_of_reduced_photos_have_the_same_field_of_view() {
         let pinhole = Pinhole { width_px: 9, height_px: 6, fx_px: 9.0, fy_px: 9.0, cx_px: 4.5, cy_px: 3.0 };
         let small = reduced(&pinhole, 2.0);
         assert_eq!((small.width_px, small.height_px), (4, 3));
-        assert!((small.fx_px / 4.0 - pinhole.fx_px / 9.0).abs() < 1e-12, "same field of view");
+        assert!((small.fx_px / 4.0 - pinhole.fx_px / 9.0).abs() < 1e-12);
     }
 
     #[test]

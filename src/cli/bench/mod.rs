@@ -10,7 +10,7 @@ mod training;
 use super::interrupt::Interrupt;
 use super::log::Log;
 use super::values::parse_duration_secs;
-use super::{forecast, lab};
+use super::{lab, memory};
 use folder::{RESULTS, RUNS};
 use litetex_gs::{Error, Result};
 use litetex_lab::matrix::{Cell, Matrix, NamedArgs, SceneEntry, check_captures, shard};
@@ -246,7 +246,7 @@ fn runner(args: &BenchArgs, interrupt: Interrupt, build: String) -> Result<Runne
         jobs: usize::from(args.jobs),
         timeout_secs: args.timeout,
         interrupt,
-        hardware: machine::hardware(forecast::machine_bytes()),
+        hardware: machine::hardware(memory::machine_bytes()),
         build,
         own_load: Mutex::new(Vec::new()),
     })

@@ -1,121 +1,53 @@
-//! A COLMAP sparse model: where it lies, its camera models, and its translation into a [`Source`].
-//! The two encodings are read next door.
+//! A COLMAP sparse model: where it lies, and what it means as a [`Source`]. `colmap_bin` and `colmap_txt`
+//! read the two encodings.
 
+use super::colmap_model::{ColmapCamera, ColmapImage, ColmapSparse};
 use super::{colmap_bin, colmap_txt};
 use crate::camera::Pinhole;
 use crate::dataset::lens::{Distortion, Lens};
-use crate::dataset::options::CaptureFormat;
-use crate::dataset::source::{SfmPoint, Source, SourceView, checked_pose, first_names};
+use crate::dataset::pose_format::{Found, PoseFormat};
+use crate::dataset::source::{Source, SourceView, checked_pose, first_names};
+use crate::views::SfmPoint;
 use crate::{Error, Report, Result};
 use glam::{DMat3, DQuat, DVec3};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-/// A camera as stored.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct ColmapCamera {
-    pub id: u32,
-    pub model: ColmapModel,
-    pub width: u64,
-    pub height: u64,
-    pub params: Vec<f64>,
+/// See [`PoseFormat`].
+pub(crate) const FORMAT: PoseFormat = PoseFormat {
+    name: "colmap",
+    help: "COLMAP's sparse model, binary or text",
+    files: "a COLMAP model (sparse/0/cameras.bin or .txt)",
+    has_observations: true,
+    find,
+};
+
+fn find(path: &Path, report: &mut Report) -> Option<Found> {
+    let model = find_model(path, report)?;
+    Some(Found { root: capture_root(path), read: Box::new(move |_| read(&model)) })
 }
 
-/// A registered image as stored.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct ColmapImage {
-    pub id: u32,
-    /// wxyz, camera_from_world.
-    pub quaternion: [f64; 4],
-    pub translation: [f64; 3],
-    pub camera_id: u32,
-    pub name: String,
-    /// Ids of triangulated points, one per keypoint that has one.
-    pub point_ids: Vec<u64>,
-}
-
-/// A point as stored, without its track (the images tell it too).
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct ColmapPoint {
-    pub id: u64,
-    pub position: [f64; 3],
-    pub rgb: [u8; 3],
-    pub error_px: f64,
-}
-
-/// The three files.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct ColmapSparse {
-    pub cameras: Vec<ColmapCamera>,
-    pub images: Vec<ColmapImage>,
-    pub points: Vec<ColmapPoint>,
-}
-
-/// A camera model of COLMAP.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct ColmapModel {
-    pub number: i32,
-    pub name: &'static str,
-    pub num_params: usize,
-    supported: bool,
-}
-
-const fn model(number: i32, name: &'static str, num_params: usize, supported: bool) -> ColmapModel {
-    ColmapModel { number, name, num_params, supported }
-}
-
-/// Numbers, names and parameter counts: COLMAP `src/colmap/sensor/models.h`.
-const MODELS: [ColmapModel; 12] = [
-    model(0, "SIMPLE_PINHOLE", 3, true),
-    model(1, "PINHOLE", 4, true),
-    model(2, "SIMPLE_RADIAL", 4, true),
-    model(3, "RADIAL", 5, true),
-    model(4, "OPENCV", 8, true),
-    model(5, "OPENCV_FISHEYE", 8, true),
-    model(6, "FULL_OPENCV", 12, true),
-    model(7, "FOV", 5, false),
-    model(8, "SIMPLE_RADIAL_FISHEYE", 4, true),
-    model(9, "RADIAL_FISHEYE", 5, true),
-    model(10, "THIN_PRISM_FISHEYE", 12, false),
-    model(11, "RAD_TAN_THIN_PRISM_FISHEYE", 16, false),
-];
-
-const REMEDY: &str = "run \"colmap image_undistorter\" and use its output";
-
-fn supported_models() -> String {
-    let names: Vec<&str> = MODELS.iter().filter(|m| m.supported).map(|m| m.name).collect();
-    names.join(", ")
-}
-
-impl ColmapModel {
-    /// The model that a file names by number.
-    pub fn by_number(number: i32, path: &Path, camera_id: u32) -> Result<Self> {
-        Self::find(path, camera_id, &format!("number {number}"), |m| m.number == number)
-    }
-
-    /// The model that a file names by name.
-    pub fn by_name(name: &str, path: &Path, camera_id: u32) -> Result<Self> {
-        Self::find(path, camera_id, &format!("{name:?}"), |m| m.name == name)
-    }
-
-    fn find(path: &Path, camera_id: u32, shown: &str, is: impl Fn(&Self) -> bool) -> Result<Self> {
-        match MODELS.into_iter().find(|m| is(m)) {
-            Some(m) if m.supported => Ok(m),
-            found => {
-                let known = found.map_or(String::new(), |m| format!(" ({})", m.name));
-                Err(Error::unsupported(
-                    path,
-                    format!(
-                        "camera {camera_id} has the camera model {shown}{known}; supported: {}; {REMEDY}",
-                        supported_models()
-                    ),
-                ))
-            }
+/// If the user named the sparse model itself, the capture is the folder around it.
+fn capture_root(path: &Path) -> PathBuf {
+    let full = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+    let is_part = |folder: &Path| {
+        let name = folder.file_name().unwrap_or_default().to_string_lossy();
+        name == "sparse" || name == "colmap" || (!name.is_empty() && name.bytes().all(|b| b.is_ascii_digit()))
+    };
+    let mut root = full.as_path();
+    while !root.join("images").is_dir() && is_part(root) {
+        match root.parent() {
+            Some(parent) => root = parent,
+            None => break,
         }
     }
+    if root.join("images").is_dir() && root != full {
+        return root.to_owned();
+    }
+    path.to_owned()
 }
 
-/// File of a sparse model in either encoding.
+/// One of the model's files, in either encoding.
 fn part(folder: &Path, stem: &str) -> Option<PathBuf> {
     ["bin", "txt"].into_iter().map(|ext| folder.join(format!("{stem}.{ext}"))).find(|p| p.is_file())
 }
@@ -125,8 +57,8 @@ fn is_model(folder: &Path) -> bool {
     part(folder, "cameras").is_some() && part(folder, "images").is_some()
 }
 
-/// The sparse model of a capture, and a warning where there was a choice.
-pub(crate) fn find_model(root: &Path, report: &mut Report) -> Option<PathBuf> {
+/// The sparse model of a capture; warns if there are several.
+fn find_model(root: &Path, report: &mut Report) -> Option<PathBuf> {
     for base in ["sparse", "colmap/sparse", ""] {
         let base = root.join(base);
         let mut models: Vec<PathBuf> = std::fs::read_dir(&base)
@@ -144,13 +76,13 @@ pub(crate) fn find_model(root: &Path, report: &mut Report) -> Option<PathBuf> {
         }
         if models.len() > 1 {
             let counts: Vec<u64> = models.iter().map(|m| num_images(m)).collect();
-            // The first of the largest.
+            // The first one with the most images.
             let best = (0..models.len()).rev().max_by_key(|&i| counts[i]).unwrap_or(0);
             report.warn(
                 "several-sub-models",
                 models.len() - 1,
                 format!(
-                    "{} sparse models; took {} with the most images ({}), left out: {}",
+                    "{} sparse models; uses {} with the most images ({}), leaves out: {}",
                     models.len(),
                     models[best].display(),
                     counts[best],
@@ -170,7 +102,7 @@ pub(crate) fn find_model(root: &Path, report: &mut Report) -> Option<PathBuf> {
     None
 }
 
-/// Number of images a model states; 0 where it cannot be read (reading it will say why).
+/// Number of images in a model; 0 if it cannot be read, which reading it will report.
 fn num_images(folder: &Path) -> u64 {
     match part(folder, "images") {
         Some(path) if path.extension().is_some_and(|e| e == "bin") => {
@@ -185,11 +117,11 @@ fn num_images(folder: &Path) -> u64 {
 }
 
 /// Reads the files of a sparse model.
-pub(crate) fn read_sparse(folder: &Path, report: &mut Report) -> Result<ColmapSparse> {
+fn read_sparse(folder: &Path, report: &mut Report) -> Result<ColmapSparse> {
     let is_binary = |p: &Path| p.extension().is_some_and(|e| e == "bin");
     let required = |stem: &str| {
         part(folder, stem)
-            .ok_or_else(|| Error::invalid(folder, format!("no \"{stem}.bin\" and no \"{stem}.txt\" here")))
+            .ok_or_else(|| Error::invalid(folder, format!("neither \"{stem}.bin\" nor \"{stem}.txt\" here")))
     };
     let cameras = required("cameras")?;
     let images = required("images")?;
@@ -198,7 +130,7 @@ pub(crate) fn read_sparse(folder: &Path, report: &mut Report) -> Result<ColmapSp
         report.warn(
             "no-points-file",
             1,
-            format!("{}: no points3D file: the model starts without points", folder.display()),
+            format!("{}: no points3D file: the capture has no points", folder.display()),
         );
     }
     Ok(ColmapSparse {
@@ -221,7 +153,7 @@ pub(crate) fn read_sparse(folder: &Path, report: &mut Report) -> Result<ColmapSp
 }
 
 /// Reads a sparse model into a [`Source`].
-pub(crate) fn read(folder: &Path) -> Result<Source> {
+fn read(folder: &Path) -> Result<Source> {
     let mut report = Report::default();
     let sparse = read_sparse(folder, &mut report)?;
     let lenses = lenses(folder, &sparse.cameras)?;
@@ -243,8 +175,6 @@ pub(crate) fn read(folder: &Path) -> Result<Source> {
     let (sum, count) =
         errors.filter(|e| e.is_finite() && *e >= 0.0).fold((0.0, 0_u32), |(s, n), e| (s + e, n + 1));
     Ok(Source {
-        format: CaptureFormat::Colmap,
-        path: folder.to_owned(),
         views,
         points: sparse
             .points
@@ -252,8 +182,8 @@ pub(crate) fn read(folder: &Path) -> Result<Source> {
             .map(|p| SfmPoint { position_in_capture: DVec3::from_array(p.position), rgb: p.rgb })
             .collect(),
         reprojection_error_px: (count > 0).then(|| sum / f64::from(count)),
-        without_image: Vec::new(),
         report,
+        ..Source::at(folder)
     })
 }
 
@@ -346,7 +276,7 @@ fn view(
     *lost += image.point_ids.len() - observed.len();
     Ok(SourceView {
         name: image.name.replace('\\', "/"),
-        image: None,
+        photo: None,
         mask: None,
         lens,
         camera_from_capture: pose,

@@ -2,11 +2,11 @@
 //! length of the file before anything is allocated.
 
 use super::bytes::{Bytes, read_file};
-use super::colmap::{ColmapCamera, ColmapImage, ColmapModel, ColmapPoint};
+use super::colmap_model::{ColmapCamera, ColmapImage, ColmapModel, ColmapPoint};
 use crate::Result;
 use std::path::Path;
 
-/// Marks a keypoint without a point.
+/// Point id of a keypoint without a point.
 const NO_POINT: u64 = u64::MAX;
 
 /// Reads `cameras.bin`.

@@ -1,8 +1,8 @@
-//! COLMAP's text files: one camera or point a line, two lines an image of which the second (its
+//! COLMAP's text files: a line for each camera or point, two for each image, of which the second (its
 //! keypoints) may be blank. `#` starts a comment.
 
 use super::bytes::read_text;
-use super::colmap::{ColmapCamera, ColmapImage, ColmapModel, ColmapPoint};
+use super::colmap_model::{ColmapCamera, ColmapImage, ColmapModel, ColmapPoint};
 use crate::{Error, Result};
 use std::path::Path;
 use std::str::FromStr;
@@ -46,7 +46,7 @@ impl<'a> Fields<'a> {
     }
 }
 
-/// Lines that hold something, numbered from 1.
+/// Lines that are neither blank nor comments, numbered from 1.
 fn data_lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
     text.lines()
         .enumerate()
@@ -68,7 +68,7 @@ pub(crate) fn read_cameras(path: &Path) -> Result<Vec<ColmapCamera>> {
         let mut params = Vec::with_capacity(model.num_params);
         while let Some(word) = fields.word() {
             let value = word.parse::<f64>();
-            params.push(value.map_err(|_| fields.invalid(format!("{word:?} is no number")))?);
+            params.push(value.map_err(|_| fields.invalid(format!("{word:?} is not a number")))?);
         }
         if params.len() != model.num_params {
             return Err(fields.invalid(format!(
@@ -118,9 +118,9 @@ pub(crate) fn read_images(path: &Path) -> Result<Vec<ColmapImage>> {
         let quaternion = fields.array("a quaternion")?;
         let translation = fields.array("a translation")?;
         let camera_id = fields.next("a camera id")?;
-        // Names may hold blanks: the rest of the line.
+        // Names may contain blanks, so the name is the rest of the line.
         let name = fields.rest.trim().to_owned();
-        // Some tools leave the second line out when there are no keypoints.
+        // Some tools omit the second line of images without keypoints.
         let point_ids = match lines.peek().map(|(_, second)| keypoints(second)) {
             Some(Some(point_ids)) => {
                 lines.next();

@@ -2,9 +2,15 @@
 //! trust it; what a capture means beyond its files is decided elsewhere.
 
 pub(crate) mod bytes;
-pub(crate) mod colmap;
-pub(crate) mod colmap_bin;
-pub(crate) mod colmap_txt;
+mod colmap;
+mod colmap_bin;
+mod colmap_model;
+mod colmap_txt;
 pub(crate) mod ply;
-pub(crate) mod reality_capture;
-pub(crate) mod transforms;
+mod reality_capture;
+mod transforms;
+
+use super::pose_format::PoseFormat;
+
+/// All pose formats. Where a capture has poses in several, the first one wins.
+pub(crate) static FORMATS: &[PoseFormat] = &[colmap::FORMAT, transforms::FORMAT, reality_capture::FORMAT];

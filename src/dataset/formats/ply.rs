@@ -1,8 +1,8 @@
-//! Point clouds in PLY files: positions and colours of the element `vertex`, everything else skipped.
-//! Splat PLY files do not belong here.
+//! Point clouds in PLY files: positions and colours of the element `vertex`; everything else is skipped.
+//! PLY files of splats are read by `exporters`.
 
 use super::bytes::read_file;
-use crate::dataset::source::SfmPoint;
+use crate::views::SfmPoint;
 use crate::{Error, Result};
 use glam::DVec3;
 use litetex_exporters::ply::Scalar;
@@ -38,11 +38,11 @@ enum Encoding {
 struct Header {
     encoding: Encoding,
     elements: Vec<Element>,
-    /// Where the data start.
+    /// Bytes of the header, after which the data begin.
     length: usize,
 }
 
-/// Values one after the other, in any encoding.
+/// A cursor over the values, in any encoding.
 struct Values<'a> {
     encoding: Encoding,
     data: &'a [u8],
@@ -59,7 +59,7 @@ impl<'a> Values<'a> {
         std::str::from_utf8(&rest[start..end]).ok()
     }
 
-    /// `None` where the file ends or holds no number.
+    /// The next number; `None` at the end of the file or if there is none.
     fn next(&mut self, scalar: Scalar) -> Option<f64> {
         if self.encoding == Encoding::Ascii {
             return self.word()?.parse().ok();
@@ -75,13 +75,13 @@ impl<'a> Values<'a> {
         scalar.read(&bytes)
     }
 
-    /// The value of a scalar property, 0 for a list, which is skipped.
+    /// The value of a scalar property; a list is skipped and gives 0.
     fn property(&mut self, property: &Property) -> Option<f64> {
         match property.kind {
             Kind::Scalar(scalar) => self.next(scalar),
             Kind::List { count, item } => {
                 let count = self.next(count)?;
-                // A damaged count ends at the end of the file, not in an endless loop.
+                // Whatever a damaged count says, the loop ends with the file.
                 for _ in 0..count.max(0.0) as u64 {
                     self.next(item)?;
                 }
@@ -103,7 +103,7 @@ pub fn read_points(path: &Path) -> Result<Vec<SfmPoint>> {
         if element.name == "vertex" {
             return read_vertices(path, element, &mut values);
         }
-        // An element without properties holds nothing to skip, whatever its count.
+        // An element without properties has no bytes to skip, whatever its count.
         let count = if element.properties.is_empty() { 0 } else { element.count };
         for index in 0..count {
             for property in &element.properties {
@@ -111,14 +111,14 @@ pub fn read_points(path: &Path) -> Result<Vec<SfmPoint>> {
             }
         }
     }
-    Err(Error::invalid(path, "no element \"vertex\", expected one with x, y, z"))
+    Err(Error::invalid(path, "no element \"vertex\"; expected one with x, y and z"))
 }
 
 fn damaged(path: &Path, element: &Element, index: usize) -> Error {
     Error::invalid(
         path,
         format!(
-            "{:?} {} of {}: the file ends here or holds no number; copy the file again",
+            "{:?} {} of {}: the file ends here or has no number where one was expected; copy it again",
             element.name,
             index + 1,
             element.count
@@ -138,7 +138,7 @@ fn read_vertices(path: &Path, element: &Element, values: &mut Values<'_>) -> Res
         .find(|c| c.iter().all(Option::is_some))
         .map(|c| c.map(Option::unwrap_or_default));
     let mut row = vec![0.0; element.properties.len()];
-    // The smallest vertex has three bytes: a damaged count does not get memory for more.
+    // A vertex takes at least three bytes, which bounds the memory for a damaged count.
     let mut points = Vec::with_capacity(element.count.min(values.data.len() / 3));
     for index in 0..element.count {
         for (value, property) in row.iter_mut().zip(&element.properties) {
@@ -152,7 +152,7 @@ fn read_vertices(path: &Path, element: &Element, values: &mut Values<'_>) -> Res
     Ok(points)
 }
 
-/// Integers are 0 to 255 (16 bits: 0 to 65535), floating point numbers 0 to 1.
+/// A colour channel as a byte: integers are 0 to 255 (16 bits: 0 to 65535), floating-point numbers 0 to 1.
 fn channel(value: f64, kind: &Kind) -> u8 {
     let scaled = match kind {
         Kind::Scalar(Scalar::F32 | Scalar::F64) => value * 255.0,
@@ -173,7 +173,7 @@ fn read_header(path: &Path, data: &[u8]) -> Result<Header> {
             |what: &str| Error::invalid(path, format!("header line {} {line:?}: {what}", index + 1));
         if index == 0 {
             if line != "ply" {
-                return Err(Error::invalid(path, "no PLY file: the first line is not \"ply\""));
+                return Err(Error::invalid(path, "not a PLY file: the first line is not \"ply\""));
             }
             continue;
         }
@@ -191,7 +191,7 @@ fn read_header(path: &Path, data: &[u8]) -> Result<Header> {
             }
             ["element", name, count] => header.elements.push(Element {
                 name: name.to_owned(),
-                count: count.parse().map_err(|_| invalid("the count is no number"))?,
+                count: count.parse().map_err(|_| invalid("the count is not a number"))?,
                 properties: Vec::new(),
             }),
             ["property", ref property @ ..] => {

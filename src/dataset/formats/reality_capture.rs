@@ -1,12 +1,13 @@
-//! The CSV export "Internal/External camera parameters" of RealityCapture / RealityScan: one image a
-//! row. Positions are `x, y, alt` with z up; `heading, pitch, roll` are degrees; `f`, `px`, `py` refer
-//! to a 36 mm wide film, laid along the image's longer side.
+//! The CSV export "Internal/External camera parameters" of RealityCapture / RealityScan, with a row for
+//! each photo. Positions are `x, y, alt` with z up; `heading, pitch, roll` are in degrees; `f`, `px`, `py`
+//! refer to 36 mm film along the photo's longer side.
 
 use super::bytes::read_text;
 use crate::camera::Pinhole;
+use crate::dataset::folder::CaptureFolder;
 use crate::dataset::lens::{Distortion, Lens};
-use crate::dataset::options::CaptureFormat;
-use crate::dataset::photos::{ImageFolder, image_size};
+use crate::dataset::photos::photo_size;
+use crate::dataset::pose_format::{Found, PoseFormat};
 use crate::dataset::source::{Source, SourceView, checked_pose};
 use crate::{Error, Report, Result};
 use glam::{DMat3, DVec3};
@@ -15,10 +16,10 @@ use std::path::{Path, PathBuf};
 /// Columns without which a CSV file is something else.
 const REQUIRED: [&str; 8] = ["name", "x", "y", "alt", "heading", "pitch", "roll", "f"];
 
-/// Film that the export refers to.
+/// Width of the film that focal lengths refer to.
 const FILM_MM: f64 = 36.0;
 
-/// Names of the columns if a line is the export's header.
+/// The names of the columns, if a line is the export's header.
 fn header(line: &str) -> Option<Vec<String>> {
     let columns: Vec<String> = line
         .trim()
@@ -30,8 +31,22 @@ fn header(line: &str) -> Option<Vec<String>> {
     REQUIRED.iter().all(|r| columns.iter().any(|c| c == r)).then_some(columns)
 }
 
+/// See [`PoseFormat`].
+pub(crate) const FORMAT: PoseFormat = PoseFormat {
+    name: "reality-capture",
+    help: "CSV export of RealityCapture / RealityScan",
+    files: "RealityCapture's \"Internal/External camera parameters\" (.csv)",
+    has_observations: false,
+    find,
+};
+
+fn find(path: &Path, _: &mut Report) -> Option<Found> {
+    let file = find_file(path)?;
+    Some(Found { root: path.to_owned(), read: Box::new(move |folder| read(&file, folder)) })
+}
+
 /// The export in a capture's folder: the first CSV file, by name, with its columns.
-pub(crate) fn find_file(root: &Path) -> Option<PathBuf> {
+fn find_file(root: &Path) -> Option<PathBuf> {
     let mut files: Vec<PathBuf> = std::fs::read_dir(root)
         .into_iter()
         .flatten()
@@ -45,7 +60,7 @@ pub(crate) fn find_file(root: &Path) -> Option<PathBuf> {
     })
 }
 
-/// One row with its columns.
+/// A row of the table, with errors that name its line.
 struct Row<'a> {
     path: &'a Path,
     line_number: usize,
@@ -84,18 +99,11 @@ impl Row<'_> {
     }
 }
 
-/// Reads the export; images are looked up in `folder`.
-pub(crate) fn read(path: &Path, folder: &ImageFolder) -> Result<Source> {
+fn read(path: &Path, folder: &CaptureFolder) -> Result<Source> {
     let text = read_text(path)?;
-    let mut source = Source {
-        format: CaptureFormat::RealityCapture,
-        path: path.to_owned(),
-        views: Vec::new(),
-        points: Vec::new(),
-        reprojection_error_px: None,
-        without_image: Vec::new(),
-        report: Report::default(),
-    };
+    let inside = if folder.root.join("images").is_dir() { "images" } else { "" };
+    let photos = folder.images.clone().unwrap_or_else(|| folder.photos(inside));
+    let mut source = Source::at(path);
     let mut columns: Option<Vec<String>> = None;
     let mut num_k4 = 0;
     for (index, line) in text.lines().enumerate() {
@@ -107,17 +115,17 @@ pub(crate) fn read(path: &Path, folder: &ImageFolder) -> Result<Source> {
             continue;
         }
         let row = Row { path, line_number: index + 1, columns, fields: line.split(',').collect() };
-        let name = row.text("name").ok_or_else(|| row.invalid("no name"))?.replace('\\', "/");
+        let name = row.text("name").ok_or_else(|| row.invalid("the name is missing"))?.replace('\\', "/");
         let pose = pose(&row)?;
-        let Some(image) = folder.find(&name) else {
-            source.without_image.push(name);
+        let Some(photo) = photos.find(&name)? else {
+            source.without_photo.push(name);
             continue;
         };
         num_k4 += usize::from(row.or_zero("k4")? != 0.0);
         source.views.push(SourceView {
-            lens: lens(&row, image_size(&image)?)?,
+            lens: lens(&row, photo_size(&photo)?)?,
             name,
-            image: Some(image),
+            photo: Some(photo),
             mask: None,
             camera_from_capture: pose,
             split: None,
@@ -131,13 +139,13 @@ pub(crate) fn read(path: &Path, folder: &ImageFolder) -> Result<Source> {
         source.report.warn(
             "lens-term-dropped",
             num_k4,
-            format!("{}: k4 (r^8) of {num_k4} lenses is not supported and left out", path.display()),
+            format!("{}: k4 (r^8) of {num_k4} lenses is not supported and ignored", path.display()),
         );
     }
     Ok(source)
 }
 
-/// Turns about z by -heading, then x by pitch, then y by roll lead from the camera (x right, y up,
+/// Rotations about z by -heading, then x by pitch, then y by roll lead from the camera (x right, y up,
 /// z backward) to the capture, as nerfstudio reads the same export.
 fn pose(row: &Row<'_>) -> Result<crate::camera::RigidTransform> {
     let angle = |column: &str| row.required(column).map(f64::to_radians);
@@ -196,7 +204,7 @@ mod tests {
         // Without any turn the camera looks down, its upper edge to the north (+y).
         let rows = "a.png,1,2,3,0,0,0,20,1,-2,0,0,0,0,0,0\nb.png,0,0,0,90,90,0,20,0,0,0,0,0,0,0,0\n";
         let capture = load(rows).unwrap();
-        assert_eq!(capture.format, CaptureFormat::RealityCapture);
+        assert_eq!(capture.format.name(), FORMAT.name);
         let axes = |view: usize| capture.views[view].camera.camera_from_local.rotation.transpose();
         assert!((axes(0) * DVec3::Z - DVec3::NEG_Z).length() < 1e-12);
         assert!((axes(0) * DVec3::NEG_Y - DVec3::Y).length() < 1e-12);

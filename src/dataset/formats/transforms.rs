@@ -1,12 +1,13 @@
 //! `transforms.json` of nerfstudio and instant-ngp, and `transforms_train.json` / `_test.json` of
 //! Blender scenes. Poses are OpenGL camera-to-world (x right, y up, z backward).
 
-use super::bytes::read_file;
+use super::bytes::read_text;
 use super::ply;
 use crate::camera::{Pinhole, RigidTransform};
+use crate::dataset::folder::CaptureFolder;
 use crate::dataset::lens::{Distortion, Lens};
-use crate::dataset::options::CaptureFormat;
-use crate::dataset::photos::{ImageFolder, image_size};
+use crate::dataset::photos::photo_size;
+use crate::dataset::pose_format::{Found, PoseFormat};
 use crate::dataset::source::{Source, SourceView, checked_pose};
 use crate::views::Split;
 use crate::{Error, Report, Result};
@@ -14,7 +15,7 @@ use glam::{DMat3, DVec3};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 
-/// Intrinsics, for the whole file or for one frame.
+/// Intrinsics, of the whole file or of one frame.
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(default)]
 struct Intrinsics {
@@ -57,9 +58,28 @@ struct File {
     test_filenames: Option<Vec<String>>,
 }
 
+/// See [`PoseFormat`].
+pub(crate) const FORMAT: PoseFormat = PoseFormat {
+    name: "transforms",
+    help: "transforms.json of nerfstudio, instant-ngp and Blender scenes",
+    files: "transforms.json or transforms_train.json",
+    has_observations: false,
+    find,
+};
+
+fn find(path: &Path, _: &mut Report) -> Option<Found> {
+    let is_json = path.is_file() && path.extension().is_some_and(|e| e == "json");
+    let (root, files) = match is_json {
+        true => (path.parent().unwrap_or(Path::new("")), vec![(path.to_owned(), None)]),
+        false => (path, files_in(path)),
+    };
+    let has_files = !files.is_empty();
+    has_files.then(|| Found { root: root.to_owned(), read: Box::new(move |folder| read(&files, folder)) })
+}
+
 /// The files of a capture with the side of the split that they state. Blender's `transforms_val` serves
 /// as test set only where there is no other.
-pub(crate) fn find_files(root: &Path) -> Vec<(PathBuf, Option<Split>)> {
+fn files_in(root: &Path) -> Vec<(PathBuf, Option<Split>)> {
     let existing = |name: &str| Some(root.join(name)).filter(|p| p.is_file());
     let test = existing("transforms_test.json");
     let train = existing("transforms_train.json").or_else(|| existing("transforms.json"));
@@ -72,48 +92,29 @@ pub(crate) fn find_files(root: &Path) -> Vec<(PathBuf, Option<Split>)> {
     }
 }
 
-/// Reads the given files of a capture.
-pub(crate) fn read(
-    root: &Path,
-    files: &[(PathBuf, Option<Split>)],
-    images: Option<&ImageFolder>,
-) -> Result<Source> {
-    let mut source = Source {
-        format: CaptureFormat::Transforms,
-        path: files.first().map_or_else(|| root.to_owned(), |f| f.0.clone()),
-        views: Vec::new(),
-        points: Vec::new(),
-        reprojection_error_px: None,
-        without_image: Vec::new(),
-        report: Report::default(),
-    };
+fn read(files: &[(PathBuf, Option<Split>)], folder: &CaptureFolder) -> Result<Source> {
+    let mut source = Source::at(files.first().map_or(&folder.root, |f| &f.0));
     for (path, split) in files {
-        read_one(root, path, *split, images, &mut source)?;
+        read_one(path, *split, folder, &mut source)?;
     }
     strip_common_folder(&mut source.views);
     Ok(source)
 }
 
-fn read_one(
-    root: &Path,
-    path: &Path,
-    split: Option<Split>,
-    images: Option<&ImageFolder>,
-    source: &mut Source,
-) -> Result<()> {
-    let file: File = serde_json::from_slice(&read_file(path)?).map_err(|e| {
+fn read_one(path: &Path, split: Option<Split>, folder: &CaptureFolder, source: &mut Source) -> Result<()> {
+    let file: File = serde_json::from_str(&read_text(path)?).map_err(|e| {
         Error::invalid(path, format!("{e}; expected the JSON of nerfstudio, instant-ngp or Blender"))
     })?;
     for (index, frame) in file.frames.iter().enumerate() {
         let element = format!("frames[{index}] ({:?})", frame.file_path);
         let camera_from_capture = pose(&frame.transform_matrix)
             .map_err(|e| Error::invalid(path, format!("{element}: transform_matrix: {e}")))?;
-        let Some(image) = find_image(root, &frame.file_path, images) else {
-            source.without_image.push(frame.file_path.clone());
+        let Some(photo) = find_photo(folder, &frame.file_path)? else {
+            source.without_photo.push(frame.file_path.clone());
             continue;
         };
         let intrinsics = frame.intrinsics.or(&file.intrinsics);
-        let lens = intrinsics.lens(path, &element, &image)?;
+        let lens = intrinsics.lens(path, &element, &photo)?;
         let listed = file.test_filenames.as_ref().map(|names| {
             match names.iter().any(|n| plain(n) == plain(&frame.file_path)) {
                 true => Split::Test,
@@ -121,9 +122,9 @@ fn read_one(
             }
         });
         source.views.push(SourceView {
-            name: name(root, &frame.file_path, &image),
-            image: Some(image),
-            mask: frame.mask_path.as_ref().map(|m| root.join(m)),
+            name: name(&folder.root, &frame.file_path, &photo),
+            photo: Some(photo),
+            mask: frame.mask_path.as_ref().map(|m| folder.file(m)).transpose()?,
             lens,
             camera_from_capture,
             split: split.or(listed),
@@ -131,7 +132,9 @@ fn read_one(
         });
     }
     if let Some(ply) = &file.ply_file_path {
-        source.points.extend(ply::read_points(&root.join(ply))?);
+        let ply = folder.file(ply)?;
+        source.points.extend(ply::read_points(&ply)?);
+        source.points_file = Some(ply);
     }
     Ok(())
 }
@@ -142,17 +145,17 @@ fn plain(file_path: &str) -> String {
     path.trim_start_matches("./").to_owned()
 }
 
-/// Name of a view: the stored path, with the extension of the image that was found.
-fn name(root: &Path, file_path: &str, image: &Path) -> String {
+/// Name of a view: the stored path with the extension of the photo that was found.
+fn name(root: &Path, file_path: &str, photo: &Path) -> String {
     let stored = plain(file_path);
-    let inside = image.strip_prefix(root).ok().map(|p| plain(&p.to_string_lossy()));
+    let inside = photo.strip_prefix(root).ok().map(|p| plain(&p.to_string_lossy()));
     match inside {
         Some(inside) if inside.starts_with(&stored) => inside,
         _ => stored,
     }
 }
 
-/// If all images lie below one folder, names are relative to it, as COLMAP's are.
+/// Makes names relative to the folder that all photos share, as COLMAP's names are.
 fn strip_common_folder(views: &mut [SourceView]) {
     while let Some((folder, _)) = views.first().and_then(|v| v.name.split_once('/')) {
         let prefix = format!("{folder}/");
@@ -165,18 +168,21 @@ fn strip_common_folder(views: &mut [SourceView]) {
     }
 }
 
-fn find_image(root: &Path, file_path: &str, images: Option<&ImageFolder>) -> Option<PathBuf> {
+fn find_photo(folder: &CaptureFolder, file_path: &str) -> Result<Option<PathBuf>> {
     let stored = plain(file_path);
-    let Some(folder) = images else {
-        return ImageFolder::at(root).find(&stored);
+    let Some(images) = &folder.images else {
+        return folder.photos("").find(&stored);
     };
     // `--images images_4` replaces the leading folders of the stored path.
     let mut rest = stored.as_str();
     loop {
-        if let Some(found) = folder.find(rest) {
-            return Some(found);
+        if let Some(found) = images.find(rest)? {
+            return Ok(Some(found));
         }
-        rest = rest.split_once('/')?.1;
+        match rest.split_once('/') {
+            Some((_, inner)) => rest = inner,
+            None => return Ok(None),
+        }
     }
 }
 
@@ -217,7 +223,7 @@ impl Intrinsics {
         }
     }
 
-    fn lens(&self, path: &Path, element: &str, image: &Path) -> Result<Lens> {
+    fn lens(&self, path: &Path, element: &str, photo: &Path) -> Result<Lens> {
         let invalid = |what: String| Error::invalid(path, format!("{element}: {what}"));
         let (width_px, height_px) = match (self.w, self.h) {
             (Some(w), Some(h)) => {
@@ -227,7 +233,7 @@ impl Intrinsics {
                     _ => return Err(invalid(format!("the size (w, h) is {:?}", (w, h)))),
                 }
             }
-            _ => image_size(image)?,
+            _ => photo_size(photo)?,
         };
         let (w, h) = (f64::from(width_px), f64::from(height_px));
         let from_angle = |side: f64, angle: f64| 0.5 * side / (0.5 * angle).tan();
@@ -266,7 +272,7 @@ impl Intrinsics {
                     path,
                     format!(
                         "{element}: camera_model {other:?}; supported: SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, \
-                         RADIAL, OPENCV, FULL_OPENCV, OPENCV_FISHEYE; undistort the images"
+                         RADIAL, OPENCV, FULL_OPENCV, OPENCV_FISHEYE; undistort the photos with another tool"
                     ),
                 ));
             }

@@ -1,17 +1,17 @@
-//! Random streams, and random points where the cameras look: the start for captures without points.
+//! Everything drawn at random for the initial model: rotations, and points where the cameras look, for
+//! captures without points.
 
-use super::Capture;
 use crate::camera::Camera;
-use crate::views::{Split, ViewSource as _, by_place};
+use crate::views::{Split, ViewSource, by_place};
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use rand::Rng as _;
 use rand_pcg::Pcg64;
 
 /// A stream of random numbers for one purpose.
-pub(crate) struct Stream(Pcg64);
+pub(super) struct Stream(Pcg64);
 
 impl Stream {
-    /// Streams of one seed and different purposes are independent.
+    /// Streams of one seed for different purposes are independent.
     pub fn new(seed: u64, purpose: u128) -> Self {
         Self(Pcg64::new(seed.into(), purpose))
     }
@@ -44,25 +44,53 @@ impl Stream {
     }
 }
 
-/// Depths of the rays' points where nothing else is known, in units of the cameras' extent.
+/// Depths of points on rays, where nothing else is known; in units of the cameras' extent.
 const RAY_DEPTHS: (f64, f64) = (0.5, 20.0);
 
-/// Above this length of the mean viewing direction (a cone of about 25 degrees) the cameras look the same
-/// way rather than at something.
+/// If the mean of the viewing directions is longer than this (all within a cone of about 25 degrees), the
+/// cameras look the same way rather than at a common subject.
 const SAME_WAY: f64 = 0.9;
 
-/// Share of the training views that must show a point of the common region.
+/// Share of the training views that must show a point for it to lie in the common region.
 const SEEN_BY: f64 = 1.0 / 3.0;
 
-/// `count` points of the local frame in the views: in the region that the cameras look at together, or
-/// along random rays if there is none.
-pub(crate) fn points_in_views(capture: &Capture, count: usize, seed: u64) -> Vec<DVec3> {
-    let views = by_place(capture, capture.indices(Split::Train));
-    let cameras: Vec<Camera> = views.into_iter().map(|v| capture.views[v].camera).collect();
-    let mut stream = Stream::new(seed, 1);
-    let turned = super::frame::local_from_cameras(capture);
-    common_region(&cameras, count, turned, &mut stream)
-        .unwrap_or_else(|| along_rays(&cameras, count, &mut stream))
+/// Axes that turn with the capture: towards the farthest camera, and across the mean downward direction of
+/// the images. What is drawn at random in them turns too, so that a capture that was turned starts alike.
+pub(super) fn local_from_cameras(views: &dyn ViewSource) -> DQuat {
+    let order = by_place(views, (0..views.num_views()).collect());
+    let cameras: Vec<Camera> = order.iter().map(|&view| views.camera(view)).collect();
+    let Some(farthest) = cameras.last() else { return DQuat::IDENTITY };
+    let down: DVec3 = cameras.iter().map(|c| c.camera_from_local.rotation.row(1)).sum();
+    let first = farthest.centre_in_local().try_normalize();
+    let third = first.and_then(|first| first.cross(down).try_normalize());
+    match (first, third) {
+        (Some(first), Some(third)) => {
+            DQuat::from_mat3(&DMat3::from_cols(first, third.cross(first), third)).normalize()
+        }
+        // All cameras in one place, or the farthest one exactly above the others: any axes will do.
+        _ => DQuat::IDENTITY,
+    }
+}
+
+/// Uniform over all rotations, drawn in turned axes; wxyz.
+pub(super) fn rotation(turned: DQuat, stream: &mut Stream) -> [f32; 4] {
+    loop {
+        let ([a, b], [c, d]) = (stream.normals(), stream.normals());
+        let drawn = DQuat::from_xyzw(b, c, d, a);
+        if drawn.length() > 1e-6 {
+            let [x, y, z, w] = (turned * drawn.normalize()).to_array();
+            return [w, x, y, z].map(|v| v as f32);
+        }
+    }
+}
+
+/// `count` points of the local frame in the training views: in the region that the cameras look at
+/// together, or along random rays if there is none.
+pub(super) fn points_in_views(views: &dyn ViewSource, count: usize, stream: &mut Stream) -> Vec<DVec3> {
+    let order = by_place(views, views.indices(Split::Train));
+    let cameras: Vec<Camera> = order.into_iter().map(|v| views.camera(v)).collect();
+    common_region(&cameras, count, local_from_cameras(views), stream)
+        .unwrap_or_else(|| along_rays(&cameras, count, stream))
 }
 
 fn shows(camera: &Camera, point: DVec3) -> bool {
@@ -98,8 +126,8 @@ fn focus(cameras: &[Camera]) -> Option<DVec3> {
 
 fn common_region(cameras: &[Camera], count: usize, turned: DQuat, stream: &mut Stream) -> Option<Vec<DVec3>> {
     let focus = focus(cameras)?;
-    // The ball that a typical view just shows as a whole.
-    let radii = cameras
+    // The largest ball around the focus that a typical view shows whole.
+    let mut radii: Vec<f64> = cameras
         .iter()
         .map(|c| {
             let p = &c.pinhole;
@@ -107,10 +135,11 @@ fn common_region(cameras: &[Camera], count: usize, turned: DQuat, stream: &mut S
             c.centre_in_local().distance(focus) * half.atan().sin()
         })
         .collect();
-    let radius = super::frame::median(radii)?;
+    let middle = (0.5 * (radii.len() - 1) as f64).round() as usize;
+    let radius = *radii.select_nth_unstable_by(middle, f64::total_cmp).1;
     let needed = (SEEN_BY * cameras.len() as f64).ceil() as usize;
     let mut points = Vec::with_capacity(count);
-    // Bounded: a region that hardly any draw hits is no region.
+    // Bounded: if hardly any draw hits, there is no common region.
     for _ in 0..20 * count {
         if points.len() == count {
             break;

@@ -1,20 +1,36 @@
 //! Behaviour of the initial model.
 
-use super::fixtures::Scene;
 use super::*;
-use crate::Error;
-use crate::train::Policy;
+use crate::dataset::fixtures::Scene;
+use crate::dataset::{Capture, LoadOptions};
+use crate::views::Split;
 use tempfile::tempdir;
 
 fn capture(scene: &Scene) -> Capture {
     let folder = tempdir().unwrap();
     scene.write(folder.path());
-    // Photos are not decoded here: the folder may go.
+    // No photo is needed: the folder may go.
     Capture::load(folder.path(), &LoadOptions::default()).unwrap()
 }
 
-fn from(source: InitSource) -> InitOptions {
-    InitOptions { source, ..InitOptions::default() }
+fn made_from(capture: &Capture, points: InitPoints<'_>, options: &InitOptions) -> Result<(Model, Report)> {
+    let input = InitInput {
+        views: capture,
+        points,
+        points_file: &capture.poses,
+        capture_from_local: capture.capture_from_local,
+        near: capture.near,
+    };
+    initial_model(&input, options)
+}
+
+/// From the points of the capture.
+fn sparse(capture: &Capture, options: &InitOptions) -> (Model, Report) {
+    made_from(capture, InitPoints::Sparse(&capture.points), options).unwrap()
+}
+
+fn random(capture: &Capture, count: usize) -> Model {
+    made_from(capture, InitPoints::Random(count), &InitOptions::default()).unwrap().0
 }
 
 #[test]
@@ -25,7 +41,7 @@ fn points_become_splats_with_the_documented_parameters() {
     scene.points = corners.map(|p| (p, [255, 0, 51])).to_vec();
     let capture = capture(&scene);
     let options = InitOptions { policy: Policy::Fixed(4), ..InitOptions::default() };
-    let (model, report) = initial_model(&capture, &options).unwrap();
+    let (model, report) = sparse(&capture, &options);
     assert_eq!(model.num_splats(), 5);
     assert!(report.warnings.is_empty(), "{report:?}");
     let scale = capture.capture_from_local.scale;
@@ -60,7 +76,7 @@ fn points_become_splats_with_the_documented_parameters() {
 #[test]
 fn untextured_models_have_empty_maps() {
     let options = InitOptions { policy: Policy::None, sh_degree: 0, ..InitOptions::default() };
-    let (model, _) = initial_model(&capture(&Scene::ring(5)), &options).unwrap();
+    let (model, _) = sparse(&capture(&Scene::ring(5)), &options);
     assert_eq!((model.num_texels(), model.splats.sh.len()), (0, 60));
     assert!(model.textures.maps.iter().all(|m| m.rows == 0 && m.cols == 0));
 }
@@ -72,7 +88,7 @@ fn unusable_points_are_left_out_and_counted() {
     scene.points[0].0 = (-(q.inverse() * t)).to_array();
     scene.points[1].0 = [f64::NAN, 0.0, 0.0];
     scene.points[2] = scene.points[3];
-    let (model, report) = initial_model(&capture(&scene), &InitOptions::default()).unwrap();
+    let (model, report) = sparse(&capture(&scene), &InitOptions::default());
     assert_eq!(model.num_splats(), 17);
     for code in ["points-at-camera", "points-not-finite", "points-duplicate"] {
         assert!(report.warnings.iter().any(|w| w.code == code && w.count == 1), "{code}");
@@ -84,7 +100,7 @@ fn thinning_keeps_the_order_and_depends_on_the_seed_only() {
     let capture = capture(&Scene::ring(5));
     let thin = |seed| {
         let options = InitOptions { max_points: 7, seed, ..InitOptions::default() };
-        initial_model(&capture, &options).unwrap().0
+        sparse(&capture, &options).0
     };
     assert_eq!(thin(1).num_splats(), 7);
     assert_eq!(thin(1), thin(1));
@@ -94,7 +110,7 @@ fn thinning_keeps_the_order_and_depends_on_the_seed_only() {
 #[test]
 fn random_points_lie_where_a_third_of_the_cameras_look() {
     let capture = capture(&Scene::ring(9));
-    let (model, _) = initial_model(&capture, &from(InitSource::Random(500))).unwrap();
+    let model = random(&capture, 500);
     assert_eq!(model.num_splats(), 500);
     let train = capture.indices(Split::Train);
     for p in model.splats.positions.chunks_exact(3) {
@@ -106,8 +122,7 @@ fn random_points_lie_where_a_third_of_the_cameras_look() {
         });
         assert!(3 * seen.count() >= train.len());
     }
-    let again = initial_model(&capture, &from(InitSource::Random(500))).unwrap().0;
-    assert_eq!(model, again);
+    assert_eq!(model, random(&capture, 500));
 }
 
 #[test]
@@ -119,31 +134,16 @@ fn cameras_that_look_the_same_way_get_points_along_their_rays() {
         image.camera_from_world = (glam::DQuat::IDENTITY, glam::DVec3::new(index as f64, 0.0, 0.0));
     }
     let capture = capture(&scene);
-    let (model, report) = initial_model(&capture, &InitOptions::default()).unwrap();
+    let model = random(&capture, 20_000);
     assert_eq!(model.num_splats(), 20_000);
-    assert_eq!(report.warnings[0].code, "random-start");
     assert!(model.splats.positions.chunks_exact(3).all(|p| p[2] > 0.49 && p[2] < 20.1));
-    let sfm = initial_model(&capture, &from(InitSource::Sfm));
-    assert!(matches!(sfm, Err(Error::InvalidInput { .. })));
-}
-
-#[test]
-fn a_point_cloud_file_is_a_start_in_the_capture_frame() {
-    let folder = tempdir().unwrap();
-    let path = folder.path().join("start.ply");
-    let ply = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\n\
-               property float z\nend_header\n0.5 0 0\n";
-    std::fs::write(&path, ply).unwrap();
-    let capture = capture(&Scene::ring(4));
-    let (model, _) = initial_model(&capture, &from(InitSource::Ply(path))).unwrap();
-    let expected = (glam::DVec3::new(0.5, 0.0, 0.0) - capture.capture_from_local.translation)
-        / capture.capture_from_local.scale;
-    assert_eq!(model.splats.positions, expected.as_vec3().to_array());
+    let none = made_from(&capture, InitPoints::Sparse(&[]), &InitOptions::default());
+    assert!(matches!(none, Err(Error::InvalidInput { .. })));
 }
 
 #[test]
 fn quaternions_are_uniform_over_all_orthants() {
-    let (model, _) = initial_model(&capture(&Scene::ring(9)), &from(InitSource::Random(4000))).unwrap();
+    let model = random(&capture(&Scene::ring(9)), 4000);
     let mut orthants = [0; 16];
     for q in model.splats.quaternions.chunks_exact(4) {
         assert!((q.iter().map(|v| v * v).sum::<f32>() - 1.0).abs() < 1e-5);
@@ -151,15 +151,4 @@ fn quaternions_are_uniform_over_all_orthants() {
     }
     // 250 each; 5 standard deviations.
     assert!(orthants.iter().all(|&n| (170..330).contains(&n)), "{orthants:?}");
-}
-
-#[test]
-fn sources_are_written_as_they_are_read() {
-    for text in ["auto", "sfm", "random:77", "ply:a/b.ply"] {
-        assert_eq!(text.parse::<InitSource>().unwrap().to_string(), text);
-    }
-    assert_eq!("random".parse(), Ok(InitSource::Random(20_000)));
-    for wrong in ["", "ply:", "random:0", "random:x", "points"] {
-        assert!(wrong.parse::<InitSource>().is_err(), "{wrong}");
-    }
 }

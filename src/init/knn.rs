@@ -1,22 +1,22 @@
-//! Distances to nearest neighbours in a point cloud, by a balanced k-d tree. Points may coincide.
+//! Distances to the nearest neighbours in a point cloud, by a balanced k-d tree. Points may coincide.
 
 use rayon::prelude::*;
 
-/// Neighbours that the spacing is measured with (3DGS).
+/// Neighbours that the spacing is the mean over (3DGS).
 const NEIGHBOURS: usize = 3;
 
-/// Points in a leaf: below this, searching all is faster than descending.
+/// Points in a leaf; comparing this few is faster than descending further.
 const LEAF: usize = 8;
 
 struct Tree<'a> {
     points: &'a [[f32; 3]],
-    /// Indices of points; every subtree is a range, split at its middle.
+    /// Indices of points. Every subtree is a range; its middle element splits it.
     order: Vec<u32>,
-    /// Split axis of the range with this middle.
+    /// Axis along which the middle element at this index splits its range.
     axes: Vec<u8>,
 }
 
-/// The smallest squared distances so far, ascending.
+/// The smallest squared distances found so far, ascending.
 type Best = [f32; NEIGHBOURS];
 
 impl<'a> Tree<'a> {
@@ -78,7 +78,7 @@ fn split(points: &[[f32; 3]], order: &mut [u32], axes: &mut [u8]) {
     let width = |i: usize| high[i] - low[i];
     let axis = (1..3).fold(0, |best, i| if width(i) > width(best) { i } else { best });
     let middle = order.len() / 2;
-    // Equal coordinates are ordered by index: the tree is the same on every machine.
+    // Ties go by index, so that the tree is the same on every machine.
     order.select_nth_unstable_by(middle, |&a, &b| {
         let key = |i: u32| points[i as usize][axis];
         key(a).total_cmp(&key(b)).then(a.cmp(&b))
@@ -90,9 +90,9 @@ fn split(points: &[[f32; 3]], order: &mut [u32], axes: &mut [u8]) {
     split(points, &mut rest[1..], &mut axes_rest[1..]);
 }
 
-/// Mean squared distance of every point to its three nearest others (to as many as there are);
-/// `None` for a point that is alone. All points must be finite.
-pub(crate) fn mean_squared_spacing(points: &[[f32; 3]]) -> Vec<Option<f32>> {
+/// Mean squared distance of each point to its three nearest neighbours, or to fewer if there are no more;
+/// `None` for a single point. All points must be finite.
+pub(super) fn mean_squared_spacing(points: &[[f32; 3]]) -> Vec<Option<f32>> {
     let tree = Tree::new(points);
     (0..points.len() as u32)
         .into_par_iter()

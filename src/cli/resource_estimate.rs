@@ -1,13 +1,14 @@
-//! Memory and time that training will take, told before it starts. A coarse model: memory counts the
-//! arrays that exist, at the start and at the size that the model is expected to reach; time rests on three
-//! measured rates. Estimates, and called so.
+//! Memory and time that training will take, predicted before it starts. Memory counts the arrays that exist
+//! in each phase of a run (checking the photos, analysis, training, evaluation), at the start and at the
+//! size that the model is expected to reach; time rests on three measured rates.
 
+use super::capture::Capture;
 use super::values::{format_bytes, format_count, format_duration};
 use litetex_gs::constants::sh_coefficients;
 use litetex_gs::model::{Model, SPLAT_PARAMS, num_params};
 use litetex_gs::train::density::{Budget, MapRule};
 use litetex_gs::train::{Policy, TrainConfig};
-use litetex_gs::views::{Split, ViewSource};
+use litetex_gs::views::{Split, ViewSource as _};
 use litetex_gs::{Error, Result};
 
 /// CPU seconds of the `cpu` backend per step, per pixel and step, and per splat and step, fitted to
@@ -18,10 +19,26 @@ use litetex_gs::{Error, Result};
 const CPU_SECS_PER_STEP: f64 = 0.015;
 const CPU_SECS_PER_PIXEL: f64 = 0.42e-6;
 const CPU_SECS_PER_SPLAT: f64 = 1.5e-6;
-/// Bytes per pixel of one view at work: photo, image, gradient, SSIM's windows, kept blending state.
+/// Memory that does not depend on the capture: the program, its threads and what the allocator keeps.
+const BASE_BYTES: u64 = 24 << 20;
+
+/// Bytes per pixel of a view in training: photo, image, gradient, SSIM's windows, kept blending state.
 const BYTES_PER_PIXEL: u64 = 120;
-/// Bytes per splat of one view at work: projection, its gradient, about eight tile pairs with partial sums.
+/// Bytes per splat of a view in training: projection, its gradient, about eight tile pairs with partial sums.
 const BYTES_PER_SPLAT: u64 = 1400;
+
+/// Bytes per pixel and thread while a photo's spectrum is taken: three planes, weights, gradients and the
+/// transform, all in f64.
+const ANALYSIS_BYTES_PER_PIXEL: u64 = 56;
+
+/// Views evaluated at once, and bytes per pixel of each: colour and alpha in f32.
+const EVALUATED_VIEWS: u64 = 4;
+const RENDERED_BYTES_PER_PIXEL: u64 = 16;
+/// Bytes per pixel and thread while a view is compared with its photo: SSIM's moments in f64, FLIP's images.
+const QUALITY_BYTES_PER_PIXEL: u64 = 80;
+
+/// Reduced copies of the photos are kept up to this size (`train::targets`).
+const REDUCED_BYTES_MAX: u64 = 1 << 30;
 
 /// Without a budget: splats at the end over splats at the start (published runs: 209,000 from about 115,000
 /// points), and texels for each (published: 78; fox, 270 x 480, 500 steps: 100). How much detail the photos
@@ -37,26 +54,36 @@ pub struct Workload {
     pub sh_degree: u32,
     /// Largest view.
     pub pixels_max: u64,
-    /// Mean over the views trained on.
+    /// Mean over the training views.
     pub pixels_mean: f64,
-    pub views: u64,
+    pub train_views: u64,
+    pub test_views: u64,
+    /// Bound of the image cache.
     pub cache_limit_bytes: u64,
+    /// Memory for decoding as many photos at once as may be decoded at once.
+    pub decoding_bytes: u64,
+    /// Whether the photos are analysed, and reduced for the first stages.
+    pub is_scheduled: bool,
     pub steps: u32,
-    /// Threads of the CPU backend; `None`: another device computes, of whose speed nothing is known.
-    pub threads: Option<usize>,
+    pub threads: u64,
+    /// Whether this machine's CPU computes; of the speed of other devices nothing is known.
+    pub on_cpu: bool,
 }
 
-/// Estimates.
+/// Memory and time at one size of the model.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
-pub struct Forecast {
+pub struct Resources {
     pub model_bytes: u64,
-    /// Moments.
+    /// Adam's moments.
     pub optimiser_bytes: u64,
     pub gradient_bytes: u64,
     /// The copy that a checkpoint is written from.
     pub copy_bytes: u64,
-    pub view_bytes: u64,
     pub image_cache_bytes: u64,
+    /// Photos reduced to the size of a stage.
+    pub reduced_photos_bytes: u64,
+    /// The largest need of a phase, beside what is always there.
+    pub phase_bytes: u64,
     pub total_bytes: u64,
     /// Null for devices other than the CPU.
     pub cpu_secs: Option<f64>,
@@ -65,27 +92,26 @@ pub struct Forecast {
 }
 
 impl Workload {
-    /// What a model, views and settings amount to.
-    pub fn new(
-        model: &Model,
-        views: &dyn ViewSource,
-        cache_limit_bytes: u64,
-        steps: u32,
-        on_cpu: bool,
-    ) -> Self {
-        let pixels = |v: usize| views.camera(v).pinhole.num_pixels() as u64;
-        let train = views.indices(Split::Train);
+    /// Training this model on the views of a capture.
+    pub fn new(model: &Model, capture: &Capture, config: &TrainConfig, steps: u32, on_cpu: bool) -> Self {
+        let pixels = |v: usize| capture.camera(v).pinhole.num_pixels() as u64;
+        let train = capture.indices(Split::Train);
         let sum: u64 = train.iter().map(|&v| pixels(v)).sum();
+        let threads = rayon::current_num_threads();
         Self {
             splats: model.num_splats() as u64,
             texels: model.num_texels() as u64,
             sh_degree: model.splats.sh_degree,
-            pixels_max: (0..views.num_views()).map(pixels).max().unwrap_or(0),
+            pixels_max: (0..capture.num_views()).map(pixels).max().unwrap_or(0),
             pixels_mean: sum as f64 / train.len().max(1) as f64,
-            views: views.num_views() as u64,
-            cache_limit_bytes,
+            train_views: train.len() as u64,
+            test_views: (capture.num_views() - train.len()) as u64,
+            cache_limit_bytes: capture.cache_limit_bytes(),
+            decoding_bytes: capture.decoding_bytes(threads),
+            is_scheduled: config.active_components().scheduler,
             steps,
-            threads: on_cpu.then(rayon::current_num_threads),
+            threads: threads as u64,
+            on_cpu,
         }
     }
 
@@ -116,60 +142,79 @@ impl Workload {
         Self { splats: part(self.splats, splats), texels: part(self.texels, texels), ..*self }
     }
 
-    /// Memory and time.
-    pub fn forecast(&self) -> Forecast {
+    /// Memory and time of this workload.
+    pub fn resources(&self) -> Resources {
         let floats = 10 + 3 * sh_coefficients(self.sh_degree) as u64;
         let parameters = 4 * (self.splats * floats + 3 * self.texels);
         let model_bytes = parameters + 12 * self.splats;
         let optimiser_bytes = 2 * parameters + 4 * self.splats;
-        let photos = self.views * (self.pixels_mean * 4.0) as u64;
-        let mut forecast = Forecast {
+        let bytes_per_photo = (3.0 * self.pixels_mean) as u64;
+        let image_cache_bytes =
+            ((self.train_views + self.test_views) * bytes_per_photo).min(self.cache_limit_bytes);
+        let reduced_photos_bytes = match self.is_scheduled {
+            true => (self.train_views * bytes_per_photo).min(REDUCED_BYTES_MAX).min(self.cache_limit_bytes),
+            false => 0,
+        };
+        let copy_bytes = model_bytes + optimiser_bytes;
+        let phase_bytes = self.phase_bytes(parameters + copy_bytes + reduced_photos_bytes);
+        let cpu_secs = self.on_cpu.then(|| self.cpu_secs());
+        Resources {
             model_bytes,
             optimiser_bytes,
             gradient_bytes: parameters,
-            copy_bytes: model_bytes + optimiser_bytes,
-            view_bytes: self.pixels_max * BYTES_PER_PIXEL + self.splats * BYTES_PER_SPLAT,
-            image_cache_bytes: photos.min(self.cache_limit_bytes),
-            total_bytes: 0,
-            cpu_secs: None,
-            wall_secs: None,
-        };
-        forecast.total_bytes = model_bytes
-            + optimiser_bytes
-            + forecast.gradient_bytes
-            + forecast.copy_bytes
-            + forecast.view_bytes
-            + forecast.image_cache_bytes;
-        if let Some(threads) = self.threads {
-            let per_step = CPU_SECS_PER_STEP
-                + self.pixels_mean * CPU_SECS_PER_PIXEL
-                + self.splats as f64 * CPU_SECS_PER_SPLAT;
-            let cpu_secs = f64::from(self.steps) * per_step;
-            forecast.cpu_secs = Some(cpu_secs);
-            forecast.wall_secs = Some(cpu_secs / threads.max(1) as f64);
+            copy_bytes,
+            image_cache_bytes,
+            reduced_photos_bytes,
+            phase_bytes,
+            total_bytes: BASE_BYTES + model_bytes + optimiser_bytes + image_cache_bytes + phase_bytes,
+            cpu_secs,
+            wall_secs: cpu_secs.map(|secs| secs / self.threads.max(1) as f64),
         }
-        forecast
+    }
+
+    /// What the hungriest phase needs beside model, optimiser and image cache; `training_bytes` are the
+    /// arrays of training that do not depend on the view.
+    fn phase_bytes(&self, training_bytes: u64) -> u64 {
+        let analysis = match self.is_scheduled {
+            true => self.pixels_max * ANALYSIS_BYTES_PER_PIXEL * self.threads.min(self.train_views),
+            false => 0,
+        };
+        let view = self.pixels_max * BYTES_PER_PIXEL + self.splats * BYTES_PER_SPLAT;
+        let held = self.test_views.min(EVALUATED_VIEWS);
+        let evaluation = self.pixels_max
+            * (RENDERED_BYTES_PER_PIXEL * held + QUALITY_BYTES_PER_PIXEL * self.threads.min(held));
+        [self.decoding_bytes, analysis, training_bytes + view, view + evaluation]
+            .into_iter()
+            .max()
+            .unwrap_or(0)
+    }
+
+    fn cpu_secs(&self) -> f64 {
+        let per_step = CPU_SECS_PER_STEP
+            + self.pixels_mean * CPU_SECS_PER_PIXEL
+            + self.splats as f64 * CPU_SECS_PER_SPLAT;
+        f64::from(self.steps) * per_step
     }
 }
 
-/// The same at the start and at the size that the model is expected to reach.
+/// Resources at the start and at the size that the model is expected to reach.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
-pub struct Outlook {
-    pub start: Forecast,
-    pub grown: Forecast,
+pub struct ResourceEstimate {
+    pub start: Resources,
+    pub grown: Resources,
     pub grown_splats: u64,
     pub grown_texels: u64,
     /// Whether a budget bounds the model.
     pub has_budget: bool,
 }
 
-impl Outlook {
-    /// Of a workload with these settings.
+impl ResourceEstimate {
+    /// The estimate for a workload with these settings.
     pub fn new(workload: &Workload, config: &TrainConfig) -> Self {
         let grown = workload.grown(config);
         Self {
-            start: workload.forecast(),
-            grown: grown.forecast(),
+            start: workload.resources(),
+            grown: grown.resources(),
             grown_splats: grown.splats,
             grown_texels: grown.texels,
             has_budget: config.budget != Budget::default(),
@@ -188,8 +233,8 @@ impl Outlook {
         )
     }
 
-    /// What to tell if the machine may not hold what the model may become: no reason to refuse, for it may
-    /// stay smaller.
+    /// A warning if the machine may not hold what the model may become. No reason to refuse: it may stay
+    /// smaller.
     pub fn doubt(&self, machine_bytes: Option<u64>) -> Option<String> {
         let have = machine_bytes.filter(|&have| self.grown.total_bytes > have)?;
         Some(format!(
@@ -203,18 +248,18 @@ impl Outlook {
     }
 }
 
-impl Forecast {
+impl Resources {
     /// One sentence.
     pub fn describe(&self) -> String {
         let time =
             self.wall_secs.map_or(String::new(), |s| format!(", about {} of training", format_duration(s)));
         format!(
-            "estimate: {} of memory at the start (model {}, optimiser {}, image cache {}, one view at work {}){time}",
+            "estimate: {} of memory at the start (model {}, optimiser {}, photos {}, work {}){time}",
             format_bytes(self.total_bytes),
             format_bytes(self.model_bytes),
             format_bytes(self.optimiser_bytes),
             format_bytes(self.image_cache_bytes),
-            format_bytes(self.view_bytes),
+            format_bytes(self.phase_bytes),
         )
     }
 
@@ -226,7 +271,7 @@ impl Forecast {
         match machine_bytes {
             Some(have) if self.total_bytes > have => Err(Error::Device(format!(
                 "training needs about {}, this machine has {}: {}; lower --max-resolution, --image-cache or \
-                 the number of primitives",
+                 the number of splats",
                 format_bytes(self.total_bytes),
                 format_bytes(have),
                 self.describe()
@@ -234,27 +279,6 @@ impl Forecast {
             _ => Ok(()),
         }
     }
-}
-
-/// Memory that this process may use: the machine's, or its control group's where that is less.
-pub fn machine_bytes() -> Option<u64> {
-    let text = std::fs::read_to_string("/proc/meminfo").ok()?;
-    let machine = kib_of(&text, "MemTotal:")?;
-    let group = std::fs::read_to_string("/sys/fs/cgroup/memory.max").ok();
-    let group = group.and_then(|g| g.trim().parse().ok()).unwrap_or(u64::MAX);
-    Some(machine.min(group))
-}
-
-/// Memory of this process: now, and at most so far.
-pub fn process_bytes() -> Option<(u64, u64)> {
-    let text = std::fs::read_to_string("/proc/self/status").ok()?;
-    Some((kib_of(&text, "VmRSS:")?, kib_of(&text, "VmHWM:")?))
-}
-
-fn kib_of(text: &str, key: &str) -> Option<u64> {
-    let line = text.lines().find_map(|l| l.strip_prefix(key))?;
-    let kib: u64 = line.split_whitespace().next()?.parse().ok()?;
-    Some(kib * 1024)
 }
 
 #[cfg(test)]
@@ -267,24 +291,28 @@ mod tests {
         sh_degree: 3,
         pixels_max: 270 * 480,
         pixels_mean: 270.0 * 480.0,
-        views: 50,
+        train_views: 43,
+        test_views: 7,
         cache_limit_bytes: 4 << 30,
+        decoding_bytes: 16 << 20,
+        is_scheduled: true,
         steps: 300,
-        threads: Some(2),
+        threads: 2,
+        on_cpu: true,
     };
 
     #[test]
     fn a_small_scene_fits_and_a_huge_one_is_refused_with_its_figures() {
-        let forecast = FOX.forecast();
-        assert!(forecast.total_bytes < 256 << 20, "{forecast:?}");
-        assert!((10.0..60.0).contains(&forecast.wall_secs.unwrap()), "{forecast:?}");
-        assert!(forecast.describe().contains("of training"));
-        let elsewhere = Workload { threads: None, ..FOX }.forecast();
+        let resources = FOX.resources();
+        assert!(resources.total_bytes < 256 << 20, "{resources:?}");
+        assert!((10.0..60.0).contains(&resources.wall_secs.unwrap()), "{resources:?}");
+        assert!(resources.describe().contains("of training"));
+        let elsewhere = Workload { on_cpu: false, ..FOX }.resources();
         assert!(elsewhere.wall_secs.is_none() && !elsewhere.describe().contains("of training"));
-        forecast.check(Some(8 << 30)).unwrap();
-        forecast.check(None).unwrap();
+        resources.check(Some(8 << 30)).unwrap();
+        resources.check(None).unwrap();
         let huge = Workload { splats: 50_000_000, texels: 800_000_000, ..FOX };
-        let error = huge.forecast().check(Some(8 << 30)).unwrap_err();
+        let error = huge.resources().check(Some(8 << 30)).unwrap_err();
         assert_eq!(error.exit_code(), 5);
         assert!(error.to_string().contains("8.0 GiB"), "{error}");
     }
@@ -299,7 +327,7 @@ mod tests {
             (320 * 240, 4_000, 0.06),
         ] {
             let scene = Workload { splats, pixels_mean: f64::from(pixels), steps: 1, ..FOX };
-            let ratio = scene.forecast().cpu_secs.unwrap() / secs_per_step;
+            let ratio = scene.resources().cpu_secs.unwrap() / secs_per_step;
             assert!((0.5..2.0).contains(&ratio), "{pixels} pixels, {splats} splats: {ratio}");
         }
     }
@@ -331,26 +359,20 @@ mod tests {
             [(Budget::default(), "no budget"), (most(Some(9), None, None), "within the budget")]
         {
             let config = TrainConfig { budget, ..TrainConfig::default() };
-            let outlook = Outlook::new(&FOX, &config);
-            assert!(outlook.describe().contains(said), "{}", outlook.describe());
-            let (start, grown) = (outlook.start.total_bytes, outlook.grown.total_bytes);
+            let estimate = ResourceEstimate::new(&FOX, &config);
+            assert!(estimate.describe().contains(said), "{}", estimate.describe());
+            let (start, grown) = (estimate.start.total_bytes, estimate.grown.total_bytes);
             assert_eq!(grown > start, budget == Budget::default());
             // A machine on which it starts and may not end.
-            let doubt = outlook.doubt(Some(start + 1));
+            let doubt = estimate.doubt(Some(start + 1));
             assert_eq!(doubt.is_some_and(|d| d.contains("--budget-params")), grown > start);
-            assert!(outlook.start.check(Some(start + 1)).is_ok() && outlook.doubt(None).is_none());
+            assert!(estimate.start.check(Some(start + 1)).is_ok() && estimate.doubt(None).is_none());
         }
     }
 
     #[test]
     fn the_image_cache_is_capped() {
-        let many = Workload { views: 100_000, cache_limit_bytes: 1 << 30, ..FOX };
-        assert_eq!(many.forecast().image_cache_bytes, 1 << 30);
-    }
-
-    #[test]
-    fn meminfo_is_understood() {
-        assert_eq!(kib_of("MemFree: 1 kB\nMemTotal:   16 kB\n", "MemTotal:"), Some(16_384));
-        assert_eq!(kib_of("MemTotal: x", "MemTotal:"), None);
+        let many = Workload { train_views: 100_000, cache_limit_bytes: 1 << 30, ..FOX };
+        assert_eq!(many.resources().image_cache_bytes, 1 << 30);
     }
 }

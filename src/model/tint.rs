@@ -1,10 +1,10 @@
-//! Models that show something else than their colours: every splat in one flat colour.
+//! Models whose splats have one flat colour each, to show something other than the scene's colours.
 
+use super::{Model, SplatArrays, TextureMap, TexturePool};
 use crate::constants::SH_0;
-use crate::model::{Model, SplatArrays, TextureMap, TexturePool};
 
-/// The model with one display-space colour for each splat, alike from all sides, in place of spherical
-/// harmonics and texture. Any renderer draws it; shapes, opacities and the order stay.
+/// The model with one display-space colour for each splat, the same from all sides, instead of spherical
+/// harmonics and texture. Shapes, opacities and order stay.
 ///
 /// # Panics
 /// If there is not one colour for each splat.

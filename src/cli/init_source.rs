@@ -1,0 +1,189 @@
+//! `--init`: where the first splats stand, as typed and as written to `config.toml`.
+
+use super::capture::Capture;
+use litetex_gs::dataset::read_ply_points;
+use litetex_gs::init::InitPoints;
+use litetex_gs::views::SfmPoint;
+use litetex_gs::{Error, Report, Result};
+use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+/// Random points unless the user says how many.
+const RANDOM_POINTS: usize = 20_000;
+
+/// Most random points that can be asked for.
+const RANDOM_POINTS_MAX: usize = 10_000_000;
+
+/// Where the first splats stand.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
+pub enum InitSource {
+    /// At the capture's points, or at random ones if it has none.
+    #[default]
+    Auto,
+    /// At the capture's points.
+    Sfm,
+    /// At the points of a PLY file, in the capture's frame.
+    Ply(PathBuf),
+    /// At so many random points in the views.
+    Random(usize),
+}
+
+/// Points as [`InitSource`] has them, and the file that they are from.
+pub struct ResolvedPoints<'a> {
+    points: Option<Cow<'a, [SfmPoint]>>,
+    num_random: usize,
+    pub file: &'a Path,
+}
+
+impl ResolvedPoints<'_> {
+    /// As initialisation takes them.
+    pub fn as_input(&self) -> InitPoints<'_> {
+        self.points.as_deref().map_or(InitPoints::Random(self.num_random), InitPoints::Sparse)
+    }
+}
+
+impl InitSource {
+    /// Whether splats start at random places.
+    pub fn is_random(&self, capture: &Capture) -> bool {
+        match self {
+            Self::Random(_) => true,
+            Self::Auto => capture.points.is_empty(),
+            Self::Sfm | Self::Ply(_) => false,
+        }
+    }
+
+    /// The points, read from a file where that is asked for.
+    ///
+    /// # Errors
+    /// [`Error::InvalidInput`] if the capture has no points but shall start from them; what reading a file finds.
+    pub fn resolve<'a>(&'a self, capture: &'a Capture, report: &mut Report) -> Result<ResolvedPoints<'a>> {
+        let poses = capture.poses.as_path();
+        let resolved = |points, num_random, file| Ok(ResolvedPoints { points, num_random, file });
+        match self {
+            Self::Sfm if capture.points.is_empty() => Err(Error::invalid(
+                poses,
+                "the capture has no points; start from random points (random:COUNT)",
+            )),
+            Self::Auto if capture.points.is_empty() => {
+                let message = format!("the capture has no points: starts from {RANDOM_POINTS} random ones");
+                report.warn("random-start", RANDOM_POINTS, message);
+                resolved(None, RANDOM_POINTS, poses)
+            }
+            Self::Auto | Self::Sfm => resolved(Some(Cow::Borrowed(&capture.points)), 0, poses),
+            Self::Ply(path) => resolved(Some(Cow::Owned(read_ply_points(path)?)), 0, path),
+            Self::Random(count) => resolved(None, *count, poses),
+        }
+    }
+}
+
+impl FromStr for InitSource {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match (text, text.split_once(':')) {
+            ("auto", _) => Ok(Self::Auto),
+            ("sfm", _) => Ok(Self::Sfm),
+            ("random", _) => Ok(Self::Random(RANDOM_POINTS)),
+            (_, Some(("ply", path))) if !path.is_empty() => Ok(Self::Ply(path.into())),
+            (_, Some(("random", count))) => match count.parse() {
+                Ok(count @ 1..=RANDOM_POINTS_MAX) => Ok(Self::Random(count)),
+                _ => Err(format!("{text:?}: expected random:COUNT with COUNT from 1 to 10,000,000")),
+            },
+            _ => Err(format!(
+                "{text:?}: expected \"auto\", \"sfm\", \"random\", \"random:COUNT\" or \"ply:FILE\""
+            )),
+        }
+    }
+}
+
+impl fmt::Display for InitSource {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Auto => f.write_str("auto"),
+            Self::Sfm => f.write_str("sfm"),
+            Self::Ply(path) => write!(f, "ply:{}", path.display()),
+            Self::Random(count) => write!(f, "random:{count}"),
+        }
+    }
+}
+
+impl TryFrom<String> for InitSource {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        text.parse()
+    }
+}
+
+impl From<InitSource> for String {
+    fn from(source: InitSource) -> Self {
+        source.to_string()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use litetex_gs::dataset::LoadOptions;
+    use litetex_gs::sample::{SampleOptions, write_sample};
+
+    fn sample(folder: &Path) -> Capture {
+        let options = SampleOptions {
+            views: 3,
+            width_px: 32,
+            height_px: 24,
+            supersampling: 1,
+            points: 50,
+            ..SampleOptions::default()
+        };
+        write_sample(folder, &options).unwrap();
+        Capture::load(folder, &LoadOptions::default()).unwrap()
+    }
+
+    #[test]
+    fn sources_are_written_as_they_are_read() {
+        for text in ["auto", "sfm", "random:77", "ply:a/b.ply"] {
+            assert_eq!(text.parse::<InitSource>().unwrap().to_string(), text);
+        }
+        assert_eq!("random".parse(), Ok(InitSource::Random(20_000)));
+        for wrong in ["", "ply:", "random:0", "random:x", "points"] {
+            assert!(wrong.parse::<InitSource>().is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn captures_without_points_start_at_random_unless_their_points_are_asked_for() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut capture = sample(folder.path());
+        let mut report = Report::default();
+        let count = capture.points.len();
+        let resolved = InitSource::Auto.resolve(&capture, &mut report).unwrap();
+        assert!(matches!(resolved.as_input(), InitPoints::Sparse(points) if points.len() == count));
+        assert!(report.warnings.is_empty() && !InitSource::Auto.is_random(&capture));
+        capture.points.clear();
+        let resolved = InitSource::Auto.resolve(&capture, &mut report).unwrap();
+        assert!(matches!(resolved.as_input(), InitPoints::Random(RANDOM_POINTS)));
+        assert_eq!(report.warnings[0].code, "random-start");
+        assert!(InitSource::Auto.is_random(&capture));
+        assert!(matches!(InitSource::Sfm.resolve(&capture, &mut report), Err(Error::InvalidInput { .. })));
+    }
+
+    #[test]
+    fn points_of_a_file_replace_those_of_the_capture() {
+        let folder = tempfile::tempdir().unwrap();
+        let capture = sample(folder.path());
+        let path = folder.path().join("start.ply");
+        let ply = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\n\
+                   property float z\nend_header\n0.5 0 0\n";
+        std::fs::write(&path, ply).unwrap();
+        let source = InitSource::Ply(path.clone());
+        let resolved = source.resolve(&capture, &mut Report::default()).unwrap();
+        assert_eq!(resolved.file, path);
+        let InitPoints::Sparse([point]) = resolved.as_input() else { panic!("one point") };
+        assert_eq!(point.position_in_capture.to_array(), [0.5, 0.0, 0.0]);
+    }
+}

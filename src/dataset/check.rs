@@ -1,0 +1,64 @@
+//! What decoding all photos showed: an error if one cannot be read, warnings of what can be read but
+//! teaches nothing or something wrong.
+
+use super::View;
+use super::source::first_names;
+use super::store::CheckedPhoto;
+use crate::views::Split;
+use crate::{Error, Report, Result};
+
+/// Sums up the outcomes, one a view.
+pub(crate) fn photos(views: &[View], outcomes: Vec<Result<CheckedPhoto>>) -> Result<Report> {
+    let unreadable: Vec<&str> =
+        views.iter().zip(&outcomes).filter(|(_, o)| o.is_err()).map(|(v, _)| v.name.as_str()).collect();
+    let mut report = Report::default();
+    let (mut cut_off, mut masked_out) = (Vec::new(), Vec::new());
+    for (view, outcome) in views.iter().zip(outcomes) {
+        let photo = outcome.map_err(|e| with_others(e, &unreadable[1..]))?;
+        cut_off.extend(photo.cut_off.iter().map(|path| path.display().to_string()));
+        if !photo.has_pixels && view.split == Split::Train {
+            masked_out.push(view.name.as_str());
+        }
+    }
+    if !cut_off.is_empty() {
+        report.warn(
+            "photos-cut-off",
+            cut_off.len(),
+            format!(
+                "{} JPEG files end early, and what they lack is grey: {}; copy them again, or remove them",
+                cut_off.len(),
+                first_names(cut_off.iter().map(String::as_str))
+            ),
+        );
+    }
+    if !masked_out.is_empty() {
+        report.warn(
+            "views-masked-out",
+            masked_out.len(),
+            format!(
+                "the masks of {} training views leave no pixel, so nothing is learnt from them: {}; white keeps, \
+                 unless --mask-invert is given",
+                masked_out.len(),
+                first_names(masked_out)
+            ),
+        );
+    }
+    Ok(report)
+}
+
+/// The same error, telling which other views have one.
+fn with_others(error: Error, others: &[&str]) -> Error {
+    if others.is_empty() {
+        return error;
+    }
+    let more = |what: String| {
+        let views = if others.len() == 1 { "other view" } else { "other views" };
+        let names = first_names(others.iter().copied());
+        format!("{what}; the same holds for {} {views}: {names}", others.len())
+    };
+    match error {
+        Error::InvalidInput { path, what } => Error::InvalidInput { path, what: more(what) },
+        Error::Unsupported { path, what } => Error::Unsupported { path, what: more(what) },
+        other => other,
+    }
+}

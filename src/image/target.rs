@@ -1,0 +1,62 @@
+//! A photo as training and evaluation see it.
+
+use super::resample::{by_area, to_byte};
+
+/// A photo as the loss sees it: in display space, composited on the background, at the rendered size.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TargetImage {
+    /// Width in pixels.
+    pub width_px: u32,
+    /// Height in pixels.
+    pub height_px: u32,
+    /// Colours, row-major. `[height, width, 3]`
+    pub rgb: Vec<u8>,
+    /// 255 for pixels that count in loss and metrics, 0 for masked ones; `None`: all count. `[height, width]`
+    pub mask: Option<Vec<u8>>,
+}
+
+impl TargetImage {
+    /// Whether any pixel counts in loss and metrics, that is, whether the photo is not wholly masked.
+    pub fn has_pixels_that_count(&self) -> bool {
+        self.mask.as_ref().is_none_or(|mask| mask.iter().any(|&m| m != 0))
+    }
+
+    /// Memory of the pixels and the mask.
+    pub fn num_bytes(&self) -> u64 {
+        (self.rgb.len() + self.mask.as_ref().map_or(0, Vec::len)) as u64
+    }
+
+    /// Reduced by area. A pixel counts if most of what it covers counts; it shows the mean of everything that
+    /// it covers, masked pixels included.
+    pub fn reduced(&self, width_px: u32, height_px: u32) -> Self {
+        let (from, to) = ((self.width_px, self.height_px), (width_px, height_px));
+        let channels = |values: &[u8], count: usize| -> Vec<u8> {
+            let stride = from.0 as usize * count;
+            let means = by_area(from, to, count, |y, row| {
+                row.iter_mut().zip(&values[y * stride..]).for_each(|(r, &v)| *r = f32::from(v));
+            });
+            means.into_iter().map(to_byte).collect()
+        };
+        let mask = self
+            .mask
+            .as_ref()
+            .map(|mask| channels(mask, 1).into_iter().map(|m| if m >= 128 { 255 } else { 0 }).collect());
+        Self { width_px, height_px, rgb: channels(&self.rgb, 3), mask }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn reduced_photos_are_means_and_masks_go_by_majority() {
+        let rgb: Vec<u8> =
+            (0..8 * 6).flat_map(|i| [if i % 2 == 0 { 200 } else { 100 }, 7, i as u8]).collect();
+        let mask = Some((0..8 * 6).map(|i| if i % 8 < 4 { 255 } else { 0 }).collect());
+        let half = TargetImage { width_px: 8, height_px: 6, rgb, mask }.reduced(4, 3);
+        assert_eq!((half.width_px, half.height_px, half.rgb.len()), (4, 3, 36));
+        assert!(half.rgb.chunks_exact(3).all(|p| p[0] == 150 && p[1] == 7));
+        assert_eq!(half.mask.as_ref().unwrap()[..4], [255, 255, 0, 0]);
+    }
+}

@@ -1,0 +1,59 @@
+//! Points to splats: size from the distance to the neighbours, colour from the point, an empty map.
+
+use super::knn::mean_squared_spacing;
+use super::{InitInput, InitOptions, LocalPoint};
+use crate::Result;
+use crate::constants::{SH_0, sh_coefficients};
+use crate::model::{Model, SplatArrays, TexturePool, support_half_extent};
+use crate::train::Policy;
+use crate::train::density::first_texel_size;
+
+/// Opacity of every splat (3DGS).
+const OPACITY: f64 = 0.1;
+
+/// Floor of the mean squared spacing, local units (CAT).
+const SPACING_FLOOR: f32 = 1e-7;
+
+/// Bounds of the initial standard deviations, local units (method 5.1).
+const SIGMA_BOUNDS: (f32, f32) = (1e-7, 1.0);
+
+/// A round splat at each point.
+pub(super) fn model(input: &InitInput<'_>, points: &[LocalPoint], options: &InitOptions) -> Result<Model> {
+    let mut splats = SplatArrays::zeros(points.len(), options.sh_degree);
+    let positions: Vec<[f32; 3]> = points.iter().map(|p| p.position).collect();
+    let sigmas: Vec<f32> = mean_squared_spacing(&positions)
+        .into_iter()
+        // A single point becomes as large as allowed.
+        .map(|spacing| spacing.map_or(SIGMA_BOUNDS.1, |s| s.max(SPACING_FLOOR).sqrt()))
+        .map(|sigma| sigma.clamp(SIGMA_BOUNDS.0, SIGMA_BOUNDS.1))
+        .collect();
+    splats.positions = positions.into_flattened();
+    splats.log_scales = sigmas.iter().flat_map(|s| [s.ln(); 2]).collect();
+    splats.opacity_logits.fill((OPACITY / (1.0 - OPACITY)).ln() as f32);
+    splats.quaternions = points.iter().flat_map(|point| point.quaternion).collect();
+    let coefficients = 3 * sh_coefficients(options.sh_degree);
+    for (sh, point) in splats.sh.chunks_exact_mut(coefficients).zip(points) {
+        for (out, c) in sh.iter_mut().zip(point.rgb) {
+            *out = ((f64::from(c) - 0.5) / SH_0) as f32;
+        }
+    }
+    let extents = sigmas.iter().map(|&sigma| map_extent(sigma, options.policy));
+    Ok(Model {
+        textures: TexturePool::neutral(extents)?,
+        splats,
+        near: input.near,
+        capture_from_local: input.capture_from_local,
+    })
+}
+
+/// Rows, columns and texel edge of a round splat's map.
+fn map_extent(sigma: f32, policy: Policy) -> (u16, u16, f32) {
+    let half_extent = support_half_extent(f64::from(sigma), OPACITY);
+    let side = policy.first_side();
+    let texel_edge = match policy {
+        Policy::None | Policy::Plain => 0.0,
+        Policy::Litetex => first_texel_size([half_extent; 2]),
+        Policy::Fixed(_) | Policy::Cat => 2.0 * half_extent / f64::from(side - 1),
+    };
+    (side, side, texel_edge as f32)
+}

@@ -1,0 +1,103 @@
+//! `litetex train` on captures and files that something is wrong with: told before the first step where
+//! that can be known, and with a way to continue where it cannot.
+
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+use tempfile::{TempDir, tempdir};
+
+fn litetex() -> Command {
+    let mut command = Command::new(assert_cmd::cargo::cargo_bin("litetex"));
+    command.stdin(Stdio::null());
+    command
+}
+
+/// A capture of 9 photos, of which the first and the last are held out.
+fn capture() -> (TempDir, PathBuf) {
+    let folder = tempdir().unwrap();
+    let path = folder.path().join("capture");
+    let sample = litetex()
+        .args(["sample", path.to_str().unwrap(), "--views", "9", "--size", "64x48", "--points", "300"])
+        .args(["--no-truth", "-q"])
+        .stdout(Stdio::null())
+        .status();
+    assert!(sample.unwrap().success());
+    (folder, path)
+}
+
+fn train(capture: &Path, arguments: &[&str]) -> Command {
+    let mut command = litetex();
+    command.arg("train").arg(capture).args(["-o", capture.with_file_name("run").to_str().unwrap()]);
+    command.args(["--device", "cpu"]).args(arguments);
+    command
+}
+
+/// Exit code and standard error.
+fn outcome(command: &mut Command) -> (Option<i32>, String) {
+    let output = command.output().unwrap();
+    (output.status.code(), String::from_utf8(output.stderr).unwrap())
+}
+
+fn held_out(capture: &Path) -> PathBuf {
+    let mut photos: Vec<PathBuf> =
+        std::fs::read_dir(capture.join("images")).unwrap().map(|e| e.unwrap().path()).collect();
+    photos.sort();
+    photos.swap_remove(0)
+}
+
+fn truncate(path: &Path) {
+    let whole = std::fs::read(path).unwrap();
+    std::fs::write(path, &whole[..whole.len() / 2]).unwrap();
+}
+
+#[test]
+fn a_truncated_held_out_photo_ends_the_run_before_it_begins() {
+    let (_folder, capture) = capture();
+    let photo = held_out(&capture);
+    truncate(&photo);
+    let (code, text) = outcome(&mut train(&capture, &["--steps", "20"]));
+    assert_eq!(code, Some(3), "{text}");
+    assert!(text.contains(photo.file_name().unwrap().to_str().unwrap()), "{text}");
+    assert!(!capture.with_file_name("run").exists(), "nothing is left behind");
+}
+
+#[test]
+fn a_photo_that_breaks_during_the_run_costs_nothing_that_was_learnt() {
+    let (_folder, capture) = capture();
+    let run = capture.with_file_name("run");
+    let mut training = train(&capture, &["--steps", "400", "--image-cache", "1KiB"]);
+    let training = training.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    let started = Instant::now();
+    // The photos have been checked when the run's folder is there.
+    while !std::fs::read_to_string(run.join("metrics.jsonl")).is_ok_and(|t| t.contains("\"started\"")) {
+        assert!(started.elapsed() < Duration::from_secs(120), "the training does not begin");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    let photo = held_out(&capture);
+    let whole = std::fs::read(&photo).unwrap();
+    truncate(&photo);
+    let output = training.wait_with_output().unwrap();
+    let text = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(3), "{text}");
+    let resume = format!("--resume {}", run.display());
+    assert!(text.contains(&resume) && text.contains("step-000400"), "{text}");
+    std::fs::write(&photo, whole).unwrap();
+    let mut again = litetex();
+    again.args(["train", "--resume", run.to_str().unwrap(), "--device", "cpu"]);
+    let (code, text) = outcome(&mut again);
+    assert_eq!(code, Some(0), "{text}");
+    assert!(run.join("eval/000400").is_dir() && run.join("summary.json").is_file());
+}
+
+#[cfg(unix)]
+#[test]
+fn devices_in_place_of_files_are_refused_at_once() {
+    let (_folder, capture) = capture();
+    for arguments in [["--config", "/dev/zero"], ["--init", "ply:/dev/zero"], ["--test-list", "/dev/zero"]] {
+        let (code, text) = outcome(&mut train(&capture, &arguments));
+        assert_eq!(code, Some(3), "{arguments:?}: {text}");
+        assert!(text.contains("/dev/zero: a device"), "{arguments:?}: {text}");
+    }
+}
