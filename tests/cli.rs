@@ -177,7 +177,7 @@ fn an_unknown_device_exits_with_4() {
 }
 
 #[test]
-fn a_foreign_output_folder_is_refused_before_anything_is_read() {
+fn foreign_folders_and_files_are_refused_before_anything_is_read() {
     let dir = tempfile::tempdir().unwrap();
     let note = dir.path().join("note.txt");
     std::fs::write(&note, "mine").unwrap();
@@ -189,12 +189,18 @@ fn a_foreign_output_folder_is_refused_before_anything_is_read() {
         &["eval", "/nowhere", "-o", here],
         &["bench", "--scene", "/nowhere", "-o", here],
         &["chart", "/nowhere", "-o", here],
+        &["train", "/nowhere", "-o", here, "--force"],
+        &["quickstart", "-o", here, "--force"],
     ] {
         let (code, _, stderr) = run(arguments);
         assert_eq!(code, 2, "{arguments:?}: {stderr}");
         assert!(stderr.contains("not empty"), "{stderr}");
     }
-    assert_eq!(std::fs::read_to_string(note).unwrap(), "mine");
+    let file = note.to_str().unwrap();
+    let (code, _, stderr) = run(&["bench-kernels", "--json", file]);
+    assert!(code == 2 && stderr.contains("--force"), "{stderr}");
+    assert_eq!(std::fs::read_to_string(&note).unwrap(), "mine");
+    assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 1);
 }
 
 #[test]

@@ -56,5 +56,6 @@ pub fn run(args: &ScheduleArgs, log: &Log) -> anyhow::Result<()> {
         atomic_file::write(svg, schedule_chart::svg(&report).as_bytes())?;
         log.info(&format!("wrote {}", svg.display()));
     }
-    Ok(if args.json { print_json(&report)? } else { report.print()? })
+    let printed = if args.json { print_json(&report) } else { report.print() };
+    Ok(printed?)
 }
