@@ -3,6 +3,7 @@
 use super::log::{Log, LogFormat, write_line};
 use litetex_gs::{Error, Result};
 use serde_json::json;
+use std::io::IsTerminal as _;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
@@ -95,9 +96,10 @@ fn reaction(answered: Option<Instant>, now: Instant) -> Reaction {
 /// Tells the user, even with `--quiet`, that the request was heard.
 fn answer(format: LogFormat, doing: &str) {
     let message = format!("interrupted: {doing}; press Ctrl-C again to abort");
-    // The terminal has echoed ^C and may show a progress bar.
+    // A terminal has echoed ^C and may show a progress bar.
+    let start = if std::io::stderr().is_terminal() { "\n" } else { "" };
     let line = match format {
-        LogFormat::Text => format!("\n{message}"),
+        LogFormat::Text => format!("{start}{message}"),
         LogFormat::Json => json!({ "event": "interrupted", "message": message }).to_string(),
     };
     write_line(&line);

@@ -212,7 +212,8 @@ fn is_empty_or_missing(folder: &Path) -> Result<bool> {
 
 /// Whether a run has written into a folder: the first thing it writes are its settings, with the version.
 pub fn is_run(folder: &Path) -> bool {
-    let settings = fs::read_to_string(folder.join("config.toml")).ok();
+    let file = folder.join("config.toml");
+    let settings = file.is_file().then(|| fs::read_to_string(&file).ok()).flatten();
     let settings = settings.and_then(|text| text.parse::<toml::Table>().ok());
     settings.is_some_and(|table| table.contains_key("version") && table.contains_key("train"))
 }

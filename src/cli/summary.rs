@@ -59,7 +59,7 @@ pub struct Summary {
     pub curve: Vec<CurvePoint>,
     /// Null for an uninterrupted run.
     pub resumed: Option<Resumed>,
-    /// Largest resident memory of the process; null where the system does not tell.
+    /// Largest resident memory of the process; null where the system does not report it.
     pub memory_peak_bytes: Option<u64>,
     /// All warnings.
     pub warnings: Vec<Warning>,

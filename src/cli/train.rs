@@ -112,8 +112,8 @@ fn first_state(job: &mut TrainJob, capture: &Capture, report: &mut Report, log: 
     Ok(state)
 }
 
-/// What to tell if texels or parameters, and not splats, bound how many splats a new model has: users who set several
-/// budgets do not expect it.
+/// A warning if the budget of texels or parameters, and not that of splats, bounds how many splats a new model has:
+/// users who set several budgets do not expect it.
 fn bounded_start(config: &TrainConfig, num_splats: usize) -> Option<String> {
     let texels_each = config.policy.first_texels_each();
     let params_each = num_params(1, texels_each);
@@ -169,18 +169,18 @@ mod tests {
 
     #[test]
     fn the_budget_that_bounds_the_start_is_named() {
-        let told = |policy, max_splats, max_texels, max_params, splats| {
+        let warning = |policy, max_splats, max_texels, max_params, splats| {
             let budget = Budget { max_splats, max_texels, max_params };
             bounded_start(&TrainConfig { policy, budget, ..TrainConfig::default() }, splats)
         };
-        let texels = told(Policy::Litetex, Some(10), Some(5), None, 1).unwrap();
+        let texels = warning(Policy::Litetex, Some(10), Some(5), None, 1).unwrap();
         assert!(texels.contains("--max-texels 5") && texels.contains("4 texels"), "{texels}");
-        let params = told(Policy::Litetex, Some(10), None, Some(300), 4).unwrap();
+        let params = warning(Policy::Litetex, Some(10), None, Some(300), 4).unwrap();
         assert!(params.contains("--budget-params 300") && params.contains("71 parameters"), "{params}");
         // Bounded by the splats or by the points, and a policy without texels.
-        assert_eq!(told(Policy::Litetex, Some(10), Some(40), None, 10), None);
-        assert_eq!(told(Policy::Litetex, None, Some(5000), None, 300), None);
-        assert_eq!(told(Policy::Plain, Some(10), Some(5), None, 10), None);
-        assert_eq!(told(Policy::Litetex, None, None, None, 300), None);
+        assert_eq!(warning(Policy::Litetex, Some(10), Some(40), None, 10), None);
+        assert_eq!(warning(Policy::Litetex, None, Some(5000), None, 300), None);
+        assert_eq!(warning(Policy::Plain, Some(10), Some(5), None, 10), None);
+        assert_eq!(warning(Policy::Litetex, None, None, None, 300), None);
     }
 }
