@@ -2,9 +2,10 @@
 //!
 //! No fused multiply-adds: every SIMD level gives the same bits.
 
+use super::simd::dispatch;
 use crate::backend::{LossWeights, TargetImage};
 use crate::constants::{SSIM_C1, SSIM_C2, SSIM_RADIUS_PX, ssim_window};
-use fearless_simd::{Level, Simd, dispatch};
+use fearless_simd::{Level, Simd};
 use rayon::prelude::*;
 
 const TAPS: usize = 2 * SSIM_RADIUS_PX + 1;

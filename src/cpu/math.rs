@@ -67,7 +67,8 @@ pub(super) fn cross(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fearless_simd::{Level, dispatch};
+    use crate::cpu::simd::dispatch;
+    use fearless_simd::Level;
 
     #[test]
     fn exp_and_texel_values_are_accurate() {

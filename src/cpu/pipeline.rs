@@ -8,11 +8,12 @@ use super::math::texel_values;
 use super::project::{ProjectedSplat, ViewF32, base_colours, project_all};
 use super::raster_bwd::{HEADER_FLOATS, TileGradient, raster_bwd};
 use super::raster_fwd::{TileGeometry, TileInput, TileOutput, raster_fwd};
+use super::simd::dispatch;
 use super::tiles::{TILE_PIXELS, TILE_PX, Tiles, build_tiles};
 use super::update::UpdateInput;
 use crate::backend::{LossValues, RasterCounters, RenderedImage, StepRequest};
 use crate::model::Model;
-use fearless_simd::{Level, dispatch};
+use fearless_simd::Level;
 use rayon::prelude::*;
 
 /// Intermediate results of the passes over one view.

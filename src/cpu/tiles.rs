@@ -1,7 +1,8 @@
 //! Lists the splats that touch each tile, in depth order.
 
 use super::project::ProjectedSplat;
-use fearless_simd::{Level, Simd, dispatch};
+use super::simd::dispatch;
+use fearless_simd::{Level, Simd};
 use rayon::prelude::*;
 
 /// Edge of a tile. Larger than on GPUs: each pair costs set-up and partial sums, while rows outside a splat cost

@@ -6,11 +6,12 @@ use super::adam::{AdamSkip, AdamStep};
 use super::project::{ProjectedSplat, ViewF32};
 use super::project_bwd::{SplatGradient, project_bwd};
 use super::raster_bwd::{HEADER_FLOATS, Sum};
+use super::simd::dispatch;
 use super::tiles::{Pair, Tiles};
 use crate::backend::{LearningRates, WindowStatistics};
 use crate::constants::{LOG_SCALE_RANGE, sh_coefficients};
 use crate::model::{AdamState, Model, SplatArrays, SplatGroup, TextureMap, texel_value_slope};
-use fearless_simd::{Level, Simd, dispatch};
+use fearless_simd::{Level, Simd};
 use rayon::prelude::*;
 
 /// Splats per chunk.
