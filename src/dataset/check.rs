@@ -1,14 +1,29 @@
 //! What decoding all photos showed: an error if one cannot be read, warnings of what can be read but
 //! teaches nothing or something wrong.
 
-use super::View;
+use super::capture::{Capture, View};
 use super::source::first_names;
 use super::store::CheckedPhoto;
 use crate::views::Split;
 use crate::{Error, Report, Result};
 
-/// Sums up the outcomes, one a view.
-pub(crate) fn photos(views: &[View], outcomes: Vec<Result<CheckedPhoto>>) -> Result<Report> {
+impl Capture {
+    /// Decodes every photo and mask once, so that a damaged one is found before training and not during it.
+    /// What fits stays in the image cache.
+    ///
+    /// # Errors
+    /// The first error in the order of the views, with the names of other views that have one.
+    pub fn check_photos(&self) -> Result<Report> {
+        let mut report = summed_up(&self.views, self.store.check_all()).map_err(|e| self.name_archive(e))?;
+        if let Some(unpacked) = &self.unpacked {
+            report.warnings.iter_mut().for_each(|w| w.message = unpacked.in_words(&w.message));
+        }
+        Ok(report)
+    }
+}
+
+/// One report, or the first error, from the outcomes for each view.
+fn summed_up(views: &[View], outcomes: Vec<Result<CheckedPhoto>>) -> Result<Report> {
     let unreadable: Vec<&str> =
         views.iter().zip(&outcomes).filter(|(_, o)| o.is_err()).map(|(v, _)| v.name.as_str()).collect();
     let mut report = Report::default();

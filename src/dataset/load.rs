@@ -1,6 +1,7 @@
 //! The steps from a folder to a [`Capture`]: find the poses, read them, find the photos and masks,
 //! split, and move everything into the local frame.
 
+use super::capture::{Capture, View};
 use super::decode::Recipe;
 use super::folder::{CaptureFolder, PhotoFolder, is_inside};
 use super::options::{CaptureFormat, LoadOptions};
@@ -9,15 +10,27 @@ use super::pose_format::Found;
 use super::source::{Source, SourceView, first_names};
 use super::store::ImageStore;
 use super::zipped::Unpacked;
-use super::{Capture, View, frame, health, plausible, split, zipped};
+use super::{frame, health, plausible, split, zipped};
 use crate::camera::{Camera, Similarity};
 use crate::views::Split;
 use crate::{Error, Report, Result};
 use rayon::prelude::*;
 use std::path::Path;
 
-/// See [`Capture::load`].
-pub(crate) fn load(path: &Path, options: &LoadOptions) -> Result<Capture> {
+impl Capture {
+    /// Reads the poses and points of a capture and checks the sizes of its photos without decoding them.
+    ///
+    /// `path` is the capture's folder, a ZIP archive of it, its sparse model or its `transforms.json`.
+    ///
+    /// # Errors
+    /// [`Error::InvalidInput`], [`Error::Unsupported`] or [`Error::Io`], naming file,
+    /// element, what was found, what was expected and what to do.
+    pub fn load(path: &Path, options: &LoadOptions) -> Result<Self> {
+        load(path, options)
+    }
+}
+
+fn load(path: &Path, options: &LoadOptions) -> Result<Capture> {
     check(options)?;
     if !zipped::is_archive(path) {
         return load_folder(path, options, None);

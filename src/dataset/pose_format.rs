@@ -25,5 +25,8 @@ pub(crate) struct Found {
     /// The capture's folder, which the paths in the files are relative to.
     pub root: PathBuf,
     /// Reads them.
-    pub read: Box<dyn FnOnce(&CaptureFolder) -> Result<Source>>,
+    pub read: Reader,
 }
+
+/// Reads the poses that were found; what else they name is looked up in the folder.
+pub(crate) type Reader = Box<dyn FnOnce(&CaptureFolder) -> Result<Source>>;

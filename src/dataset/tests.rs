@@ -5,6 +5,7 @@ use super::*;
 use crate::Error;
 use crate::init::{InitInput, InitOptions, InitPoints, initial_model};
 use crate::sample::{SampleOptions, write_sample};
+use crate::views::{Split, ViewSource as _};
 use glam::DVec3;
 use tempfile::{TempDir, tempdir};
 

@@ -3,6 +3,8 @@
 use super::fixtures::Scene;
 use super::lens::Distortion;
 use super::*;
+use crate::image::TargetImage;
+use crate::views::ViewSource as _;
 use glam::DVec2;
 use tempfile::tempdir;
 

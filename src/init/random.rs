@@ -7,13 +7,22 @@ use glam::{DMat3, DQuat, DVec2, DVec3};
 use rand::Rng as _;
 use rand_pcg::Pcg64;
 
+/// What a stream of random numbers is for: draws for one purpose must not shift those for another.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Purpose {
+    Positions = 1,
+    Colours = 2,
+    Thinning = 3,
+    Rotations = 4,
+}
+
 /// A stream of random numbers for one purpose.
 pub(super) struct Stream(Pcg64);
 
 impl Stream {
     /// Streams of one seed for different purposes are independent.
-    pub fn new(seed: u64, purpose: u128) -> Self {
-        Self(Pcg64::new(seed.into(), purpose))
+    pub fn new(seed: u64, purpose: Purpose) -> Self {
+        Self(Pcg64::new(seed.into(), purpose as u128))
     }
 
     /// Uniform in [0, 1).

@@ -1,7 +1,8 @@
 //! Points to splats: size from the distance to the neighbours, colour from the point, an empty map.
 
+use super::input::{InitInput, InitOptions};
 use super::knn::mean_squared_spacing;
-use super::{InitInput, InitOptions, LocalPoint};
+use super::points::LocalPoint;
 use crate::Result;
 use crate::constants::{SH_0, sh_coefficients};
 use crate::model::{Model, SplatArrays, TexturePool, support_half_extent};

@@ -3,7 +3,8 @@
 use super::*;
 use crate::dataset::fixtures::Scene;
 use crate::dataset::{Capture, LoadOptions};
-use crate::views::Split;
+use crate::train::Policy;
+use crate::views::{Split, ViewSource as _};
 use tempfile::tempdir;
 
 fn capture(scene: &Scene) -> Capture {

@@ -1,0 +1,49 @@
+//! What the initial model is made from, and how.
+
+use crate::camera::Similarity;
+use crate::train::Policy;
+use crate::views::{SfmPoint, ViewSource};
+use std::path::Path;
+
+/// Where the splats stand.
+#[derive(Clone, Copy, Debug)]
+pub enum InitPoints<'a> {
+    /// At these points.
+    Sparse(&'a [SfmPoint]),
+    /// At so many random points in the views.
+    Random(usize),
+}
+
+/// What a capture contributes to the initial model.
+#[derive(Clone, Copy)]
+pub struct InitInput<'a> {
+    /// The cameras and their split.
+    pub views: &'a dyn ViewSource,
+    /// Where the splats stand.
+    pub points: InitPoints<'a>,
+    /// The file that the points were read from, for messages.
+    pub points_file: &'a Path,
+    /// Way back from the local frame.
+    pub capture_from_local: Similarity,
+    /// Near plane, local units.
+    pub near: f32,
+}
+
+/// How the initial model is made.
+#[derive(Clone, Debug, PartialEq)]
+pub struct InitOptions {
+    /// More points than this are thinned at random.
+    pub max_points: usize,
+    /// SH degree stored, 0 to 3.
+    pub sh_degree: u32,
+    /// Decides the size of the first texture maps.
+    pub policy: Policy,
+    /// Seed of everything random.
+    pub seed: u64,
+}
+
+impl Default for InitOptions {
+    fn default() -> Self {
+        Self { max_points: 1_000_000, sh_degree: 3, policy: Policy::Litetex, seed: 42 }
+    }
+}
