@@ -5,11 +5,29 @@
 # Needs a Rust tool chain (rustup) and a C++ compiler (for the FLIP metric), and installs the rest if it can. The tests of
 # the GPU backend run on software drivers: Mesa's lavapipe, and the SwiftShader that ships with Chromium. Without a driver
 # they print that they are skipped.
+#
+#   scripts/test.sh [--quick]
+#
+# --quick, for everyday work: formatting, lints of the default features, and the tests that need neither the feature gpu
+# nor a program of others.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 note() { printf '\n== %s\n' "$*"; }
 fail() { printf 'error: %s\n' "$*" >&2; exit 1; }
+
+case ${1:-} in
+    "") ;;
+    --quick)
+        note "format"
+        cargo fmt --all --check
+        note "clippy"
+        cargo clippy --workspace --all-targets -- -D warnings
+        note "tests without the feature gpu"
+        exec cargo test --workspace --no-default-features
+        ;;
+    *) fail "$1: no such option; usage: scripts/test.sh [--quick]" ;;
+esac
 
 note "tools"
 command -v cargo >/dev/null || fail "cargo is missing: install Rust 1.95 or newer from https://rustup.rs"
