@@ -67,7 +67,7 @@ fn a_truncated_held_out_photo_ends_the_run_before_it_begins() {
 fn a_photo_that_breaks_during_the_run_costs_nothing_that_was_learnt() {
     let (_folder, capture) = capture();
     let run = capture.with_file_name("run");
-    let mut training = train(&capture, &["--steps", "400", "--image-cache", "1KiB"]);
+    let mut training = train(&capture, &["--steps", "1200", "--image-cache", "1KiB"]);
     let training = training.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
     let started = Instant::now();
     // The photos have been checked when the run's folder is there.
@@ -82,13 +82,13 @@ fn a_photo_that_breaks_during_the_run_costs_nothing_that_was_learnt() {
     let text = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(3), "{text}");
     let resume = format!("--resume {}", run.display());
-    assert!(text.contains(&resume) && text.contains("step-000400"), "{text}");
+    assert!(text.contains(&resume) && text.contains("step-001200"), "{text}");
     std::fs::write(&photo, whole).unwrap();
     let mut again = litetex();
     again.args(["train", "--resume", run.to_str().unwrap(), "--device", "cpu"]);
     let (code, text) = outcome(&mut again);
     assert_eq!(code, Some(0), "{text}");
-    assert!(run.join("eval/000400").is_dir() && run.join("summary.json").is_file());
+    assert!(run.join("eval/001200").is_dir() && run.join("summary.json").is_file());
 }
 
 #[cfg(unix)]

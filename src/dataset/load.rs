@@ -134,7 +134,7 @@ fn find_poses(path: &Path, options: &LoadOptions, report: &mut Report) -> Result
         }
     }
     let files: Vec<&str> = CaptureFormat::all().filter(wanted).map(|f| f.entry().files).collect();
-    let files = files.join(" or ");
+    let files = files.join(", or ");
     Err(if path.is_file() {
         let what = format!(
             "not a capture; expected a folder with {files}, a ZIP archive of it, or a transforms.json"
