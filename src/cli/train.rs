@@ -55,12 +55,8 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<(Summary, PathBuf)> {
     let mut backend = devices::open(&job.device, log)?;
     check_memory(&job, backend.as_ref(), &capture, &state, &mut report, log)?;
     // Before the folder is made: a run that cannot be made leaves nothing behind.
-<<<<<<< HEAD
     check_limits(&job.config.train, backend.as_ref(), &capture, &state.model)?;
-=======
-    check_limits(&plan.config.train, backend.as_ref(), &capture, &state.model)?;
     log.info(&format!("checking {} photos", capture.num_views()));
->>>>>>> f05dc23 (Fit the memory estimate to measured peaks)
     let photos = capture.check_photos()?;
     log.report(&photos);
     report.merge(photos);
