@@ -47,7 +47,11 @@ fn assets_are_whole_after_kills() {
         std::thread::sleep(Duration::from_millis(60 + 7 * round));
         child.kill().expect("killed");
         child.wait().expect("ended");
-        let is_staging = |e: &std::fs::DirEntry| e.path().extension().is_some_and(|e| e == "tmp");
+        // An empty folder may be one that a process is about to lock: those are kept for a minute.
+        let is_empty =
+            |folder: &Path| std::fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_none());
+        let is_staging =
+            |e: &std::fs::DirEntry| e.path().extension().is_some_and(|e| e == "tmp") && !is_empty(&e.path());
         let staging = || std::fs::read_dir(folder.path()).expect("read").flatten().filter(is_staging).count();
         left_behind += staging();
         let contents = read_asset(&path, &ReadLimits::default()).expect("whole");

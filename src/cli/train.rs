@@ -17,6 +17,7 @@ use litetex_gs::backend::Backend;
 use litetex_gs::model::num_params;
 use litetex_gs::train::density::Budget;
 use litetex_gs::train::{StopReason, TrainConfig, TrainState, check_limits, train};
+use litetex_gs::views::ViewSource as _;
 use litetex_gs::{Error, Report, Result};
 use std::path::PathBuf;
 use std::time::Instant;
