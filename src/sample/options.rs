@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 /// Longest image side; the ray caster is meant for small captures.
 const SIDE_MAX_PX: u32 = 8192;
 
-/// Options of [`write_sample`].
+/// Options of [`write_sample`](super::write_sample).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SampleOptions {
     /// Number of views, at least 2.
