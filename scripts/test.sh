@@ -8,8 +8,7 @@
 #
 #   scripts/test.sh [--quick]
 #
-# --quick, for everyday work: formatting, lints of the default features, and the tests that need neither the feature gpu
-# nor a program of others.
+# --quick, for everyday work: formatting, lints of the default features, and all tests that build without the feature gpu.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 

@@ -47,7 +47,7 @@ fn assets_are_whole_after_kills() {
         std::thread::sleep(Duration::from_millis(60 + 7 * round));
         child.kill().expect("killed");
         child.wait().expect("ended");
-        // An empty folder may be one that a process is about to lock: those are kept for a minute.
+        // An empty folder may belong to a process that is about to lock it, so exports keep it for a minute.
         let is_empty =
             |folder: &Path| std::fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_none());
         let is_staging =
