@@ -166,7 +166,7 @@ impl Trainer<'_> {
         // or have failed between a step and the density-control step due after it.
         let step = self.state.step;
         if step > 0 && self.state.revised_step != step {
-            self.apply_plan()?;
+            self.revise()?;
         }
         while self.state.step < self.config.steps {
             let mut control = self.batch(sink)?;
@@ -218,7 +218,7 @@ impl Trainer<'_> {
         self.advance(batch.len());
         let diverged = reports.iter().position(|report| !report.loss.total.is_finite());
         let (stepped, size) = (Instant::now(), self.size);
-        let changed = if diverged.is_none() { self.apply_plan()? } else { None };
+        let changed = if diverged.is_none() { self.revise()? } else { None };
         let density_control_secs = stepped.elapsed().as_secs_f64();
         self.state.history.density_control_wall_secs += density_control_secs;
         let wall_secs = clock.wall.elapsed().as_secs_f64();
@@ -250,15 +250,15 @@ impl Trainer<'_> {
         }
     }
 
-    /// Does the density-control step or the crop step that may be due; returns what a density-control step did.
-    fn apply_plan(&mut self) -> Result<Option<DensityCounts>> {
+    /// Makes the density-control step or the crop step that is due, if any; returns the counts of the former.
+    fn revise(&mut self) -> Result<Option<DensityCounts>> {
         let step = self.state.step;
         let due = self.schedule.is_density_step(step);
         if !due && !self.schedule.is_crop_step(step) {
             return Ok(None);
         }
-        let judge = due && step >= self.schedule.density_start;
-        if judge && self.config.density.statistics == StatisticsSource::Full {
+        let use_statistics = due && step >= self.schedule.density_start;
+        if use_statistics && self.config.density.statistics == StatisticsSource::Full {
             let (views, background) = (self.views, self.config.background);
             let degree = self.schedule.sh_degree(step, self.config.sh_degree);
             let (train_views, targets) = (&self.train_views, &mut self.targets);
@@ -271,7 +271,7 @@ impl Trainer<'_> {
             stage: self.stage,
             limits: self.limits,
         };
-        let (counts, size) = density.step(self.backend, &mut self.state, judge)?;
+        let (counts, size) = density.step(self.backend, &mut self.state, use_statistics)?;
         self.size = size;
         self.state.revised_step = step;
         if due {
