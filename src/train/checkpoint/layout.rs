@@ -8,7 +8,7 @@
 //! | `textures.maps.{offset,rows,cols,texel_size}` | u32, u16, u16, f32 `[n]` |
 //! | `textures.texels` | f32 `[t,3]` |
 //! | `frame.near`, `frame.capture_from_local` | f32 `[1]`, f64 `[4]`: scale, translation |
-//! | `state.counters`, `state.epoch_order` | u32 `[5]`: step, epochs, views used, step of the stage, last step with a revision (absent in older files); u32 `[views]` |
+//! | `state.counters`, `state.epoch_order` | u32 `[5]`: step, epochs, views used, step of the stage, last step with a revision; u32 `[views]` |
 //! | `state.lives`, `state.pace` | u16 `[n,3]`: map ceiling, prune count, checks; f64 `[2]`: initial splats, momentum |
 //! | `window.views`, `window.counts`, `window.sums` | u32 `[views]`, u32 `[n + 1]`: views counted, views that saw each; f32 `[3,n]` |
 
@@ -172,9 +172,7 @@ pub fn state(reader: &mut Reader<'_>) -> Result<TrainState> {
     };
     let near = f32s(reader.take("frame.near", Dtype::F32, &[1])?)[0];
     let frame = f64s(reader.take("frame.capture_from_local", Dtype::F64, &[4])?);
-    // Older files have no fifth counter: they were written with no revision due.
-    let num_counters = reader.first_dimension("state.counters")?.clamp(4, 5);
-    let counters = u32s(reader.take("state.counters", Dtype::U32, &[num_counters])?);
+    let counters = u32s(reader.take("state.counters", Dtype::U32, &[5])?);
     let views = reader.first_dimension("state.epoch_order")?;
     Ok(TrainState {
         step: counters[0],
@@ -192,7 +190,7 @@ pub fn state(reader: &mut Reader<'_>) -> Result<TrainState> {
         epoch_used: counters[2],
         epochs: counters[1],
         stage_step: counters[3],
-        revised_step: counters.get(4).copied().unwrap_or(counters[0]),
+        revised_step: counters[4],
         lives: lives(reader, n)?,
         pace: pace(reader)?,
         window_views: {
