@@ -1,5 +1,5 @@
-//! Assets from the command line: every format and quality is written, proven, read and compared; what is wrong is
-//! told with the exit code of its family.
+//! Assets from the command line: every format and quality is written, verified, read back and compared; errors are
+//! reported with the exit code of their family.
 #![allow(clippy::unwrap_used, reason = "a failing test may panic")]
 
 use assert_cmd::Command;
@@ -344,14 +344,14 @@ fn nothing_stays_of_an_export_that_is_interrupted() {
     };
     let old = folder.path().join("a.usda");
     std::fs::write(&old, "old").unwrap();
-    // Again where the program was faster than this test.
+    // Again where the export was over before the signal came.
     for attempt in 0..20 {
         let mut child = std::process::Command::new(env!("CARGO_BIN_EXE_litetex"))
             .args(["export", text(run), "-o", text(&old), "--force", "--device", "cpu", "-q"])
             .stdout(std::process::Stdio::null())
             .spawn()
             .unwrap();
-        while !names().iter().any(|n| n.starts_with('.')) && child.try_wait().unwrap().is_none() {
+        while !names().iter().any(|n| n.ends_with(".tmp")) && child.try_wait().unwrap().is_none() {
             std::thread::sleep(std::time::Duration::from_millis(1));
         }
         std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();

@@ -20,8 +20,8 @@ use std::path::{Path, PathBuf};
 
 /// Write a trained scene as an asset
 ///
-/// The extension of each file decides its format. Every file is read back, rendered and compared with the scene before
-/// it takes its place.
+/// The extension of each file determines its format. Every file is read back, rendered and compared with the scene before
+/// it is moved into place.
 #[derive(clap::Args)]
 pub struct ExportArgs {
     /// A run, a checkpoint or an asset
@@ -60,6 +60,7 @@ pub struct ConvertArgs {
 
 /// Runs `litetex export`.
 pub fn run(args: &ExportArgs, log: &Log) -> anyhow::Result<()> {
+    listen(log)?;
     let source = args.source.is_file().then_some(args.source.as_path());
     outputs::check(source, &args.out, &args.asset)?;
     let (scene, _) = load_scene(&args.source, log)?;
@@ -68,11 +69,17 @@ pub fn run(args: &ExportArgs, log: &Log) -> anyhow::Result<()> {
 
 /// Runs `litetex convert`.
 pub fn convert(args: &ConvertArgs, log: &Log) -> anyhow::Result<()> {
+    listen(log)?;
     let out: Vec<PathBuf> = args.out.iter().chain(&args.out_option).cloned().collect();
     outputs::check(Some(&args.source), &out, &args.asset)?;
     Format::of(&args.source).map_err(Error::from)?;
     let scene = read_scene(&args.source, log)?;
     Ok(write_all(scene, &out, &args.asset, &args.device, log)?.print()?)
+}
+
+/// Takes over Ctrl-C, before the first file is created: neither probes nor staged files may stay behind.
+fn listen(log: &Log) -> Result<Interrupt> {
+    Interrupt::listen(log, "removing unfinished files")
 }
 
 /// The files that were written, in order, and the error that stopped the rest, if one did.
@@ -109,8 +116,7 @@ pub fn write_all(
     device: &str,
     log: &Log,
 ) -> Result<Exports> {
-    // Staged files must not stay behind.
-    let interrupt = Interrupt::listen(log, "removing unfinished files")?;
+    let interrupt = listen(log)?;
     let go_on = || !interrupt.is_requested();
     edit(&mut scene, args, &go_on, log)?;
     scene.asset.validate().map_err(|e| Error::from(e.at(&scene.path)))?;
@@ -150,12 +156,12 @@ fn edit(scene: &mut BakedScene, args: &AssetArgs, go_on: GoOn<'_>, log: &Log) ->
         log_left_out(asset.retain(&keep), &format!("contribute less than {floor} pixels"));
     }
     if let Some(CropBox { low, high }) = args.crop {
-        log_left_out(asset.crop(low, high), "lie outside the box");
+        log_left_out(asset.crop(low, high), "are outside the box");
     }
     if asset.num_splats() == 0 {
         let why = match before {
             0 => "the scene has no splats",
-            _ => "--crop and --min-contribution leave no splat",
+            _ => "--crop and --min-contribution leave no splats",
         };
         return Err(Error::Usage(format!("{}: {why}", scene.path.display())));
     }
@@ -236,7 +242,7 @@ fn write_one(
         std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
     }
     if args.quality.is_some() && Format::of(path)?.qualities().is_empty() {
-        let what = "has one form only, --quality does not apply to it";
+        let what = "this format has a single quality: --quality does not apply";
         log.warn("quality-not-applied", &format!("{}: {what}", path.display()), 1);
     }
     let Rounding { quality, steps, exponents } = rounding;
