@@ -1,4 +1,4 @@
-// L1, SSIM and squared difference of image and photo, and the derivatives of SSIM by the means under each window,
+// L1, SSIM and squared difference of image and photo, and the derivatives of SSIM w.r.t. the means under each window,
 // which `loss_bwd` reads (twin: reference/loss.rs).
 // Workgroup: a tile of 16 x 16 pixels. Invocation: a pixel.
 

@@ -83,7 +83,7 @@ fn project(
         g,
         base_colour(i, position, info.last_step),
         opacity,
-        // An empty map may have a texel edge of zero.
+        // An empty map may have a texel size of zero.
         select(scales / info.texel_size, vec2f(0.0), info.map_size == 0u),
         step.near / p.z,
         info.map_size,

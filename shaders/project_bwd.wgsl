@@ -36,7 +36,7 @@ const WEIGHT = 17u;
 const ERROR = 18u;
 const TRANSMITTANCE = 19u;
 #if GEOMETRY
-// DEPTH: derivative by the centre's depth, times minus that depth. NORMAL: by the normal that faces the camera.
+// DEPTH: derivative w.r.t. the centre's depth, times minus that depth. NORMAL: by the normal that faces the camera.
 const DEPTH = 20u;
 const NORMAL = 21u;
 const MAX_SUMS = 24u;
@@ -72,7 +72,7 @@ fn set_gradient(at: u32, v: vec3f) {
     gradient[at + 2u] = v.z;
 }
 
-// Derivatives by the centre and the surfel axes in camera axes, and from there by the stored parameters.
+// Derivatives with respect to the centre and the surfel axes in camera axes, and from there by the stored parameters.
 fn chain_rule(i: u32) {
     let s = projected[i];
     let base = i * step.splat_stride;
@@ -120,7 +120,7 @@ fn chain_rule(i: u32) {
     gradient[OPACITY] = (sums[FALLOFF] + step.opacity_weight) * s.opacity * (1.0 - s.opacity);
 }
 
-// Writes the gradient of the SH and returns the derivative by the position through the view direction.
+// Writes the gradient of the SH and returns the derivative with respect to the position through the view direction.
 fn sh_bwd(base: u32, position: vec3f, rgb: vec3f) -> vec3f {
     let by_clamped = vec3f(sums[RED], sums[RED + 1u], sums[RED + 2u]);
     let by_rgb = select(vec3f(0.0), by_clamped, rgb > vec3f(0.0));
@@ -137,7 +137,7 @@ fn sh_bwd(base: u32, position: vec3f, rgb: vec3f) -> vec3f {
     return (by_direction - direction * dot(direction, by_direction)) / distance;
 }
 
-// Derivative by a stored quaternion (wxyz) from those by the columns of its rotation.
+// Derivative with respect to a stored quaternion (wxyz) from those by the columns of its rotation.
 fn quaternion_bwd(stored: vec4f, by: mat3x3f) -> vec4f {
     let norm = length(stored);
     let q = stored / norm;

@@ -1,4 +1,4 @@
-// Backward rasterisation: walks the splats of a tile back to front, and sums the derivatives by the projected
+// Backward rasterisation: walks the splats of a tile back to front, and sums the derivatives w.r.t. the projected
 // quantities of each splat and by its texels over the tile's pixels (twin: reference/raster_bwd.rs; method 2.4).
 // Workgroup: a tile. Invocation: a pixel, then a (quantity, row of pixels) of the sums, then a sum or a texel
 // channel.
@@ -96,14 +96,14 @@ var<workgroup> num_faults: atomic<u32>;
 // State of a pixel on its way back to front.
 struct Replay {
     transmittance: f32,
-    // Sum of weight times the derivative by weight, over the samples behind.
+    // Sum of weight times the derivative with respect to weight, over the samples behind.
     behind: f32,
     end: u32,
     by_rgb: vec3f,
     // Texel gradients that were not finite or did not fit.
     faults: u32,
 #if GEOMETRY
-    // The derivative by a sample's weight is constant + linear m + square m^2 + towards . normal, with m the
+    // The derivative w.r.t. a sample's weight is constant + linear m + square m^2 + towards . normal, with m the
     // near depth over the sample's depth.
     by_moments: vec3f,
     towards: vec3f,
@@ -114,7 +114,7 @@ fn store(quantity: u32, at: u32, value: f32) {
     lanes[quantity * RASTER_GROUP + at] = value;
 }
 
-// Derivatives of one pixel by one splat; zeros where the splat was not blended.
+// Derivatives of one pixel with respect to one splat; zeros where the splat was not blended.
 fn pixel_bwd(replay: ptr<function, Replay>, s: Projected, index: u32, pixel: vec2u, at: u32, scattered: bool) {
     let hit = splat_hit(s, vec2f(pixel) + 0.5);
     let blended = hit.inside && index < (*replay).end && in_box(s, pixel);

@@ -25,7 +25,7 @@ fn old_texel(old: SplatInfo, texel: vec2i, channel: u32) -> f32 {
 }
 
 fn resampled(old: SplatInfo, new_size: vec2u, ratio: f32, shift: vec2f, texel: vec2u, channel: u32) -> f32 {
-    // The texel edge of an empty map may be zero.
+    // The texel size of an empty map may be zero.
     if old.map_size == 0u {
         return 0.0;
     }

@@ -1,5 +1,5 @@
-//! Files that are either whole or not there: written beside their place, flushed to the disk, then
-//! renamed. What the files hold does not belong here.
+//! Atomic file writes: to a temporary file in the same folder, synced to disk, then renamed. Knows nothing of the files'
+//! contents.
 
 use crate::{Error, Result};
 use std::fs::{self, File, Permissions};
@@ -71,7 +71,7 @@ mod tests {
 
     #[cfg(unix)]
     #[test]
-    fn a_file_has_the_permissions_of_any_new_file_however_it_was_filled() {
+    fn written_files_have_default_permissions() {
         use std::os::unix::fs::PermissionsExt;
         let folder = tempfile::tempdir().unwrap();
         let (path, plain) = (folder.path().join("a.txt"), folder.path().join("b.txt"));

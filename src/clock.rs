@@ -13,7 +13,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn work_uses_cpu_time() {
+    fn cpu_time_grows_with_work() {
         let before = process_cpu_secs();
         let mut x = 1.0_f64;
         while process_cpu_secs() - before < 0.02 {

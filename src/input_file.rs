@@ -1,5 +1,5 @@
-//! Files that users hand us, read whole: regular files of bounded size only, for devices and pipes may
-//! have no end, and opening a pipe may wait for ever.
+//! Reads user-supplied files whole: only regular files up to a size limit, because devices and pipes may be endless and
+//! opening a pipe may block.
 
 use crate::{Error, Result};
 use std::io::ErrorKind;
@@ -34,7 +34,7 @@ pub fn read_text(path: &Path, bytes_max: u64) -> Result<String> {
 pub fn check(path: &Path, bytes_max: u64) -> Result<()> {
     let size = litetex_exporters::regular_file_bytes(path).map_err(our_error)?;
     if size > bytes_max {
-        let what = format!("a file of {size} bytes, at most {bytes_max} are read");
+        let what = format!("the file has {size} bytes, expected at most {bytes_max}");
         return Err(Error::unsupported(path, what));
     }
     Ok(())
@@ -67,7 +67,7 @@ mod tests {
     }
 
     #[test]
-    fn folders_and_files_above_the_bound_are_errors_of_their_own_family() {
+    fn folders_and_oversized_files_are_distinct_errors() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("list.txt");
         std::fs::write(&path, "0123456789").unwrap();

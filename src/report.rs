@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 /// A kind of warning, with the number of its occurrences.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Warning {
-    /// Stable identifier, kebab-case ("frames-without-photo").
+    /// Stable identifier, kebab-case ("views-without-photo").
     pub code: String,
     /// One sentence for the user: what, where, and the first few cases.
     pub message: String,

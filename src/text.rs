@@ -82,7 +82,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn counts_and_times_for_people() {
+    fn counts_and_durations_are_readable() {
         assert_eq!(format_count(0), "0");
         assert_eq!(format_count(1_234_567), "1,234,567");
         assert_eq!(format_duration(3.25), "3.2 s");
@@ -91,7 +91,7 @@ mod tests {
     }
 
     #[test]
-    fn names_from_files_are_escaped_and_cut() {
+    fn names_from_files_are_escaped_and_shortened() {
         assert_eq!(printable("füchse 1\n", &['\n']), "füchse 1\n");
         assert_eq!(printable("a\u{1b}[31mb\u{9b}\n\u{202e}", &[]), "a\\u{1b}[31mb\\u{9b}\\n\\u{202e}");
         assert_eq!(quoted("a\"\u{1b}"), "\"a\\\"\\u{1b}\"");

@@ -1,4 +1,4 @@
-//! A capture as initialisation, training and evaluation see it: cameras in the local frame, names, the split, photos
+//! The interface of a capture for initialisation, training and evaluation: cameras in the local frame, names, the split, photos
 //! on demand and sparse points. `dataset` implements it for files, tests do so in memory.
 
 use crate::Result;

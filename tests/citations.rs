@@ -177,7 +177,7 @@ fn every_cited_section_exists() {
 }
 
 #[test]
-fn made_up_citations_are_refused() {
+fn invented_citations_are_detected() {
     let text = "//! Order (method 2.1,\n//! 2.2 and 99.1), see choices 77; `gltf.md`, section 9 and 12. The\n\
                 # methods 3, method 2DGS and gltf.md 55 cite nothing; (Method, sections 1.4 and 6.99).";
     assert_eq!(dangling(text), ["method 99.1", "choices 77", "gltf.md 12", "method 6.99"]);
@@ -195,7 +195,7 @@ fn every_named_document_exists() {
 }
 
 #[test]
-fn made_up_documents_and_headings_are_refused() {
+fn invented_documents_and_headings_are_detected() {
     let text =
         "[a](method.md#62-statistics-and-error) [b](method.md#no-such-heading) [c](nowhere.md) docs/gone.md.";
     let wrong = broken(&root().join("docs/glossary.md"), text);

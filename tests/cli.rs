@@ -43,7 +43,7 @@ fn the_readme_lists_the_commands_as_the_help_does() {
 }
 
 #[test]
-fn every_command_explains_itself() {
+fn every_command_has_help() {
     for (name, about) in commands_of_help() {
         let (code, help, stderr) = run(&[&name, "--help"]);
         assert_eq!((code, stderr.as_str()), (0, ""), "{name}");
@@ -157,7 +157,7 @@ fn wrong_input_exits_with_3_and_leaves_no_run_behind() {
 }
 
 #[test]
-fn errors_are_json_if_messages_are() {
+fn errors_are_json_with_log_format_json() {
     let (code, _, stderr) = run(&["inspect", "/nowhere", "--log-format", "json"]);
     assert_eq!(code, 3);
     let value: serde_json::Value = serde_json::from_str(stderr.trim()).unwrap();
@@ -219,7 +219,7 @@ fn a_sample_is_made_and_inspected() {
 }
 
 #[test]
-fn a_sample_without_points_has_no_error_either() {
+fn a_sample_without_points_reports_zero_reprojection_error() {
     let dir = tempfile::tempdir().unwrap();
     let capture = dir.path().join("capture").to_str().unwrap().to_owned();
     let arguments = ["sample", &capture, "--views", "3", "--size", "16x16", "--points", "0", "--no-truth"];
@@ -258,7 +258,7 @@ fn folder_that_is_not_unicode(dir: &Path) -> Option<std::path::PathBuf> {
 
 #[cfg(unix)]
 #[test]
-fn paths_that_are_not_unicode_end_no_command_in_a_panic() {
+fn non_unicode_paths_never_panic() {
     let dir = tempfile::tempdir().unwrap();
     let Some(folder) = folder_that_is_not_unicode(dir.path()) else {
         println!("skipped: the file system takes no such names");
@@ -319,7 +319,7 @@ fn paths_that_are_not_unicode_end_no_command_in_a_panic() {
 }
 
 #[test]
-fn wrong_numbers_are_refused_in_the_words_of_their_options() {
+fn invalid_numbers_are_refused_by_the_options_own_message() {
     for (arguments, part) in [
         (&["train", "x", "-o", "y", "--seed", "-1"][..], "'-1' for '--seed <N>'"),
         (&["train", "x", "-o", "y", "--steps", "-5"], "'-5' for '--steps <N>'"),
@@ -333,7 +333,7 @@ fn wrong_numbers_are_refused_in_the_words_of_their_options() {
 }
 
 #[test]
-fn manual_pages_are_not_replaced_unless_asked() {
+fn manual_pages_are_not_replaced_without_force() {
     let dir = tempfile::tempdir().unwrap();
     let mine = dir.path().join("litetex-eval.1");
     std::fs::write(&mine, "mine").unwrap();

@@ -128,7 +128,7 @@ fn failed_runs_are_recorded_and_others_continue() {
             ),
         }
     }
-    // Nothing is repeated unless asked for.
+    // Nothing is repeated unless requested.
     let (code, _, stderr) = place.run_bench("b", 3, &more);
     assert!(code == 1 && !stderr.contains("another build"), "{stderr}");
     assert_eq!(place.results("b").len(), 6);
@@ -192,7 +192,7 @@ fn processes_about(text: &str) -> Vec<String> {
 
 #[test]
 #[cfg(target_os = "linux")]
-fn a_killed_benchmark_takes_its_training_along() {
+fn killing_a_benchmark_ends_its_training() {
     let place = Place::new();
     // Long enough that the training cannot end by itself while this test looks.
     let mut child = std::process::Command::new(assert_cmd::cargo::cargo_bin("litetex"))
@@ -265,7 +265,7 @@ fn force_deletes_only_what_a_benchmark_wrote() {
 }
 
 #[test]
-fn parts_merge_to_the_whole_and_charts_compare_pairs() {
+fn shards_merge_into_the_whole_and_charts_compare_pairs() {
     let place = Place::new();
     assert_eq!(place.run_bench("whole", 6, &[]).0, 0);
     for part in ["1/2", "2/2"] {
@@ -323,7 +323,7 @@ fn parts_merge_to_the_whole_and_charts_compare_pairs() {
 }
 
 #[test]
-fn a_dry_run_makes_nothing_and_a_new_name_costs_no_run() {
+fn a_dry_run_writes_nothing_and_renaming_repeats_no_run() {
     let place = Place::new();
     let (code, list, _) = place.run_bench("b", 3, &["--dry-run"]);
     assert_eq!(code, 0);

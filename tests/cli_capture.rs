@@ -1,5 +1,5 @@
-//! `litetex train` on captures and files that something is wrong with: told before the first step where
-//! that can be known, and with a way to continue where it cannot.
+//! `litetex train` on faulty captures and files: reported before the first step where possible, otherwise with a way to
+//! continue.
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
@@ -53,7 +53,7 @@ fn truncate(path: &Path) {
 }
 
 #[test]
-fn a_truncated_held_out_photo_ends_the_run_before_it_begins() {
+fn a_truncated_held_out_photo_is_refused_before_training() {
     let (_folder, capture) = capture();
     let photo = held_out(&capture);
     truncate(&photo);
@@ -64,7 +64,7 @@ fn a_truncated_held_out_photo_ends_the_run_before_it_begins() {
 }
 
 #[test]
-fn a_photo_that_breaks_during_the_run_costs_nothing_that_was_learnt() {
+fn a_photo_that_breaks_during_training_loses_no_progress() {
     let (_folder, capture) = capture();
     let run = capture.with_file_name("run");
     let mut training = train(&capture, &["--steps", "1200", "--image-cache", "1KiB"]);

@@ -49,8 +49,8 @@ fn litetex(args: &[&str]) -> Output {
 
 fn good(args: &[&str]) -> String {
     let output = litetex(args);
-    let told = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(output.status.success(), "{args:?}: {told}");
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success(), "{args:?}: {message}");
     String::from_utf8(output.stdout).unwrap()
 }
 
@@ -69,11 +69,11 @@ fn lossless_files_of_all_formats_render_without_any_difference() {
     let (run, folder) = (run_folder(), tempfile::tempdir().unwrap());
     let files = ["a.glb", "b.gltf", "c.ltgs", "d.usda", "e.usdc", "f.usdz"].map(|f| folder.path().join(f));
     let names: Vec<&str> = files.iter().map(|f| text(f)).collect();
-    let told = good(
+    let message = good(
         &[&["export", text(run), "--quality", "lossless", "--device", "cpu", "-o"], &names[..]].concat(),
     );
-    assert_eq!(told.matches(" same ").count(), 6, "{told}");
-    assert_eq!(told.matches(" yes").count(), 6, "{told}");
+    assert_eq!(message.matches(" same ").count(), 6, "{message}");
+    assert_eq!(message.matches(" yes").count(), 6, "{message}");
     let mut hashes = Vec::new();
     for file in &names {
         let verdict = json(&["verify", file, "--against", text(run), "--device", "cpu"]);
@@ -104,12 +104,12 @@ fn lossless_files_of_all_formats_render_without_any_difference() {
         "--min-contribution",
         "30",
     ]);
-    let (code, told) = bad(&["verify", text(&half), "--against", text(run), "--device", "cpu"]);
-    assert!(code == 1 && told.contains("no difference"), "{told}");
+    let (code, message) = bad(&["verify", text(&half), "--against", text(run), "--device", "cpu"]);
+    assert!(code == 1 && message.contains("no difference"), "{message}");
 }
 
 #[test]
-fn lossy_files_keep_what_they_promise_and_plain_ones_the_colours() {
+fn lossy_files_meet_their_limits_and_plain_formats_keep_colours() {
     let (run, folder) = (run_folder(), tempfile::tempdir().unwrap());
     let at = |name: &str| folder.path().join(name);
     for (name, quality) in [
@@ -149,7 +149,7 @@ fn lossy_files_keep_what_they_promise_and_plain_ones_the_colours() {
         "cpu",
     ]);
     assert!(size("small.ltgs") <= size("d.ltgs") * 9 / 10 && size("small.ltgs") > size("d.ltgs") * 7 / 10);
-    // More may be lost than any quality promises, if that is what was asked for.
+    // More may be lost than any quality promises, if that is what was requested.
     let coarse = at("coarse.ltgs");
     good(&["export", text(run), "-o", text(&coarse), "--max-loss", "1dB", "--device", "cpu"]);
     // Such a file promises nothing, and is held to what verify is asked.
@@ -157,19 +157,19 @@ fn lossy_files_keep_what_they_promise_and_plain_ones_the_colours() {
     let verify = ["verify", text(&coarse), "--against", text(run), "--device", "cpu"];
     assert!(good(&verify).contains("nothing is promised"));
     assert!(good(&[&verify[..], &["--max-loss", "1.2dB"]].concat()).contains("yes"));
-    let (code, told) = bad(&[&verify[..], &["--max-loss", "0.1dB"]].concat());
-    assert!(code == 1 && told.contains("at most 0.1"), "{told}");
+    let (code, message) = bad(&[&verify[..], &["--max-loss", "0.1dB"]].concat());
+    assert!(code == 1 && message.contains("at most 0.1"), "{message}");
     // Without cameras nothing can be measured.
-    let (code, told) = bad(&["convert", text(&at("e.ply")), text(&at("no.ltgs")), "--max-loss", "0.1dB"]);
-    assert!(code == 2 && told.contains("no cameras"), "{told}");
-    let (code, told) = bad(&["export", text(run), "-o", text(&at("no.glb")), "--max-loss", "1dB"]);
-    assert!(code == 2 && told.contains(".ltgs"), "{told}");
-    let (code, told) = bad(&["export", text(run), "-o", text(&at("no.ltgs")), "--max-size", "500B"]);
-    assert!(code == 2 && told.contains("--max-size") && !at("no.ltgs").exists(), "{told}");
+    let (code, message) = bad(&["convert", text(&at("e.ply")), text(&at("no.ltgs")), "--max-loss", "0.1dB"]);
+    assert!(code == 2 && message.contains("no cameras"), "{message}");
+    let (code, message) = bad(&["export", text(run), "-o", text(&at("no.glb")), "--max-loss", "1dB"]);
+    assert!(code == 2 && message.contains(".ltgs"), "{message}");
+    let (code, message) = bad(&["export", text(run), "-o", text(&at("no.ltgs")), "--max-size", "500B"]);
+    assert!(code == 2 && message.contains("--max-size") && !at("no.ltgs").exists(), "{message}");
 }
 
 #[test]
-fn scenes_are_cut_turned_and_named() {
+fn scenes_are_cropped_reoriented_and_titled() {
     let (run, folder) = (run_folder(), tempfile::tempdir().unwrap());
     let file = folder.path().join("a.usdz");
     let whole = json(&["inspect", text(run)])["checkpoint"]["model"].clone();
@@ -217,19 +217,19 @@ fn scenes_are_cut_turned_and_named() {
         }
     }
     // What was cut is not the scene, and verify says why.
-    let (code, told) = bad(&["verify", text(&file), "--against", text(run), "--device", "cpu"]);
-    assert!(code == 1 && told.contains("if it was cut"), "{told}");
+    let (code, message) = bad(&["verify", text(&file), "--against", text(run), "--device", "cpu"]);
+    assert!(code == 1 && message.contains("if it was cut"), "{message}");
 }
 
 #[test]
-fn turned_and_rescaled_files_are_the_scene_still() {
+fn reoriented_and_rescaled_files_verify_against_the_scene() {
     let (run, folder) = (run_folder(), tempfile::tempdir().unwrap());
     let at = |name: &str| folder.path().join(name);
     for name in ["a.glb", "a.ltgs", "a.usda", "a.ply", "a.spz"] {
         let file = at(name);
         good(&["export", text(run), "-o", text(&file), "--up", "z", "--scale", "0.5", "--device", "cpu"]);
         good(&["verify", text(&file), "--against", text(run), "--device", "cpu"]);
-        // The same wish again changes nothing, and boxes are those of the capture.
+        // The same edit again changes nothing, and boxes are those of the capture.
         let bounds = |path: &Path| json(&["inspect", text(path)])["model"]["bounds_in_world"].clone();
         let again = at(&format!("again_{name}"));
         let everything = "-1e6,-1e6,-1e6:1e6,1e6,1e6";
@@ -247,16 +247,16 @@ fn turned_and_rescaled_files_are_the_scene_still() {
 }
 
 #[test]
-fn what_is_there_is_replaced_by_what_is_right_only() {
+fn existing_files_are_replaced_only_by_verified_ones() {
     let (run, folder) = (run_folder(), tempfile::tempdir().unwrap());
     let at = |name: &str| folder.path().join(name);
     let glb = at("a.glb");
     good(&["export", text(run), "-o", text(&glb), "--quality", "lossless", "--device", "cpu"]);
     // Pages and arrays of others are no less theirs than the file that is named.
     std::fs::write(at("b.bin"), "mine").unwrap();
-    let (code, told) = bad(&["convert", text(&glb), text(&at("b.gltf"))]);
-    assert!(code == 2 && told.contains("b.bin") && told.contains("--force"), "{told}");
-    // The first file is written, the second is not right and leaves the old one alone; both are told.
+    let (code, message) = bad(&["convert", text(&glb), text(&at("b.gltf"))]);
+    assert!(code == 2 && message.contains("b.bin") && message.contains("--force"), "{message}");
+    // The first file is written, the second is not right and leaves the old one alone; both are message.
     std::fs::write(at("c.spz"), "old").unwrap();
     let output = litetex(&[
         "export",
@@ -270,10 +270,10 @@ fn what_is_there_is_replaced_by_what_is_right_only() {
         "--device",
         "cpu",
     ]);
-    let told = String::from_utf8_lossy(&output.stdout).into_owned();
-    assert_eq!(output.status.code(), Some(1), "{told}");
-    assert!(told.lines().any(|l| l.contains("c.glb") && l.ends_with("yes")), "{told}");
-    assert!(told.lines().any(|l| l.contains("c.spz") && l.ends_with("NO")), "{told}");
+    let message = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert_eq!(output.status.code(), Some(1), "{message}");
+    assert!(message.lines().any(|l| l.contains("c.glb") && l.ends_with("yes")), "{message}");
+    assert!(message.lines().any(|l| l.contains("c.spz") && l.ends_with("NO")), "{message}");
     assert_eq!(std::fs::read(at("c.spz")).unwrap(), b"old");
     assert!(at("c.glb").is_file());
     // One that cannot be put in place does not take the others' rows away.
@@ -289,8 +289,8 @@ fn what_is_there_is_replaced_by_what_is_right_only() {
         "--device",
         "cpu",
     ]);
-    let told = String::from_utf8_lossy(&output.stdout).into_owned();
-    assert!(!output.status.success() && told.contains("d.ply") && at("d.ply").is_file(), "{told}");
+    let message = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(!output.status.success() && message.contains("d.ply") && at("d.ply").is_file(), "{message}");
     assert!(!at("d.usda").exists());
     let hidden = std::fs::read_dir(folder.path())
         .unwrap()
@@ -299,7 +299,7 @@ fn what_is_there_is_replaced_by_what_is_right_only() {
 }
 
 #[test]
-fn what_cannot_be_is_refused_before_anything_is_written() {
+fn impossible_exports_are_refused_before_writing() {
     let (run, folder) = (run_folder(), tempfile::tempdir().unwrap());
     let at = |name: &str| folder.path().join(name);
     let cases: [(&[&str], i32, &str); 9] = [
@@ -319,24 +319,24 @@ fn what_cannot_be_is_refused_before_anything_is_written() {
             .map(|a| if a.contains("x.") { format!("{}/{a}", text(folder.path())) } else { (*a).to_owned() })
             .collect();
         let args: Vec<&str> = args.iter().map(String::as_str).collect();
-        let (found, told) = bad(&[&["export", text(run)], &args[..]].concat());
-        assert!(found == code && told.contains(word), "{args:?}: {found} {told}");
+        let (found, message) = bad(&[&["export", text(run)], &args[..]].concat());
+        assert!(found == code && message.contains(word), "{args:?}: {found} {message}");
     }
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "nothing was left behind");
     let file = at("a.ply");
     std::fs::write(&file, "mine").unwrap();
-    let (code, told) = bad(&["export", text(run), "-o", text(&file)]);
-    assert!(code == 2 && told.contains("--force"), "{told}");
+    let (code, message) = bad(&["export", text(run), "-o", text(&file)]);
+    assert!(code == 2 && message.contains("--force"), "{message}");
     assert_eq!(std::fs::read(&file).unwrap(), b"mine");
-    let (code, told) = bad(&["verify", text(&file), "--against", text(run)]);
-    assert!(code == 3 && told.contains("a.ply"), "{told}");
+    let (code, message) = bad(&["verify", text(&file), "--against", text(run)]);
+    assert!(code == 3 && message.contains("a.ply"), "{message}");
     let (code, _) = bad(&["validate", text(&file)]);
     assert_eq!(code, 1);
 }
 
 #[cfg(unix)]
 #[test]
-fn nothing_stays_of_an_export_that_is_interrupted() {
+fn an_interrupted_export_leaves_nothing_behind() {
     let (run, folder) = (run_folder(), tempfile::tempdir().unwrap());
     let names = || -> Vec<String> {
         let entries = std::fs::read_dir(folder.path()).unwrap();
@@ -387,7 +387,7 @@ fn falsify(glb: &Path, attribute: &str, number: f32) {
 }
 
 #[test]
-fn what_other_programs_see_is_checked_as_it_stands_in_the_file() {
+fn the_fallback_is_checked_as_stored_in_the_file() {
     let (run, folder) = (run_folder(), tempfile::tempdir().unwrap());
     let glb = folder.path().join("a.glb");
     let verify = ["verify", text(&glb), "--against", text(run), "--device", "cpu"];
@@ -400,10 +400,10 @@ fn what_other_programs_see_is_checked_as_it_stands_in_the_file() {
         assert!(verdict["fallback_psnr_to_untextured"].as_f64().unwrap() > 55.0, "{verdict}");
         // All that our own reader draws is untouched.
         falsify(&glb, "KHR_gaussian_splatting:SH_DEGREE_0_COEF_0", 5.0);
-        let (code, told) = bad(&verify);
-        assert!(code == 1 && told.contains("without textures show something else"), "{told}");
-        let (code, told) = bad(&["validate", text(&glb)]);
-        assert!(code == 1, "{told}");
+        let (code, message) = bad(&verify);
+        assert!(code == 1 && message.contains("without textures show something else"), "{message}");
+        let (code, message) = bad(&["validate", text(&glb)]);
+        assert!(code == 1, "{message}");
     }
 }
 
@@ -420,16 +420,16 @@ fn images_folders_and_scenes_are_compared() {
     let scenes = json(&["compare", text(&glb), text(run), "--views", "3", "--device", "cpu"]);
     assert_eq!(scenes["per_view"][2]["largest"], 0.0);
     let images: Vec<PathBuf> = std::fs::read_dir(at("run")).unwrap().map(|e| e.unwrap().path()).collect();
-    let (code, told) = bad(&["compare", text(&images[0]), text(&images[1]), "--min-psnr", "60dB"]);
-    assert!(code == 1 && told.contains("60"), "{told}");
+    let (code, message) = bad(&["compare", text(&images[0]), text(&images[1]), "--min-psnr", "60dB"]);
+    assert!(code == 1 && message.contains("60"), "{message}");
     let (code, _) = bad(&["compare", text(&images[0]), text(&glb)]);
     assert_eq!(code, 2);
-    let (code, told) = bad(&["compare", text(&at("run")), text(folder.path())]);
-    assert!(code == 2 && told.contains("no image"), "{told}");
+    let (code, message) = bad(&["compare", text(&at("run")), text(folder.path())]);
+    assert!(code == 2 && message.contains("no image"), "{message}");
 }
 
 #[test]
-fn names_from_files_cannot_steer_the_terminal() {
+fn names_from_files_cannot_inject_escape_codes() {
     let (run, folder) = (run_folder(), tempfile::tempdir().unwrap());
     let glb = folder.path().join("a.glb");
     let title = "red \u{1b}[31m bell \u{7} line\nforged: row \u{202e}";
@@ -439,29 +439,32 @@ fn names_from_files_cannot_steer_the_terminal() {
     assert!(!table.contains(['\u{1b}', '\u{7}', '\u{202e}']) && !table.contains("\nforged"), "{table}");
     assert_eq!(json(&["inspect", text(&glb)])["provenance"]["title"], title);
     let missing = folder.path().join("b\u{1b}[2J.glb");
-    let (code, told) = bad(&["validate", text(&missing)]);
-    assert!(code == 3 && told.contains("b\\u{1b}[2J.glb") && !told.contains('\u{1b}'), "{told}");
+    let (code, message) = bad(&["validate", text(&missing)]);
+    assert!(code == 3 && message.contains("b\\u{1b}[2J.glb") && !message.contains('\u{1b}'), "{message}");
     // A title of a megabyte does not fill the screen.
     let long = "x".repeat(100_000);
     good(&["export", text(run), "-o", text(&glb), "--title", &long, "--no-verify", "-q", "--force"]);
     assert!(good(&["inspect", text(&glb)]).len() < 10_000);
-    let (code, told) = bad(&["render", text(&glb), "--view", &long, "-o", text(folder.path())]);
-    assert!(code == 2 && told.len() < 1_000, "{told}");
+    let (code, message) = bad(&["render", text(&glb), "--view", &long, "-o", text(folder.path())]);
+    assert!(code == 2 && message.len() < 1_000, "{message}");
 }
 
 #[test]
-fn quality_is_refused_or_said_to_be_ignored_where_it_does_not_apply() {
+fn quality_is_refused_or_reported_as_ignored_where_it_does_not_apply() {
     let (run, folder) = (run_folder(), tempfile::tempdir().unwrap());
     let at = |name: &str| folder.path().join(name);
     let export = ["export", text(run), "--quality", "lossless", "--no-verify", "-q", "-o"];
-    let (code, told) = bad(&[&export[..], &[text(&at("a.ply")), text(&at("a.spz"))]].concat());
-    assert!(code == 2 && told.contains("--quality") && !at("a.ply").exists(), "{told}");
-    let (code, told) = bad(&[&export[..], &[text(&at("a.glb")), text(&at("a.ply"))]].concat());
-    assert!(code == 0 && told.contains("a.ply: has one form only") && !told.contains("a.glb"), "{told}");
+    let (code, message) = bad(&[&export[..], &[text(&at("a.ply")), text(&at("a.spz"))]].concat());
+    assert!(code == 2 && message.contains("--quality") && !at("a.ply").exists(), "{message}");
+    let (code, message) = bad(&[&export[..], &[text(&at("a.glb")), text(&at("a.ply"))]].concat());
+    assert!(
+        code == 0 && message.contains("a.ply: has one form only") && !message.contains("a.glb"),
+        "{message}"
+    );
 }
 
 #[test]
-fn convert_takes_its_output_as_export_does() {
+fn convert_accepts_the_output_flag_of_export() {
     let (run, folder) = (run_folder(), tempfile::tempdir().unwrap());
     let at = |name: &str| folder.path().join(name);
     good(&["export", text(run), "-o", text(&at("a.glb")), "--no-verify"]);
@@ -469,7 +472,7 @@ fn convert_takes_its_output_as_export_does() {
     good(&["convert", text(&at("a.glb")), text(&at("c.ply")), "--no-verify"]);
     assert_eq!(std::fs::read(at("b.ply")).unwrap(), std::fs::read(at("c.ply")).unwrap());
     for arguments in [&[][..], &[text(&at("d.ply")), "-o", text(&at("e.ply"))]] {
-        let (code, told) = bad(&[&["convert", text(&at("a.glb"))], arguments].concat());
-        assert!(code == 2 && told.contains("OUT"), "{told}");
+        let (code, message) = bad(&[&["convert", text(&at("a.glb"))], arguments].concat());
+        assert!(code == 2 && message.contains("OUT"), "{message}");
     }
 }

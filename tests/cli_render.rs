@@ -1,4 +1,4 @@
-//! `litetex render`: splats coloured by their maps, on every backend that is there; assets from a capture's cameras.
+//! `litetex render`: splats coloured by their maps, on every installed backend; assets from a capture's cameras.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests are tests")]
 
@@ -109,7 +109,7 @@ fn splats_are_coloured_by_their_maps_on_every_device() {
         "cpu",
         "-q",
     ]);
-    // Depth has no colours to tell anything with; beside the coloured image it is welcome.
+    // Depth has no colours to tell anything with; next to the coloured image it is welcome.
     let depth = |what: &str| {
         let out = path("depth");
         let arguments = ["render", &run, "--orbit", "1", "-o", &out, "--colour-by", "texels", "--what", what];
@@ -128,7 +128,7 @@ fn splats_are_coloured_by_their_maps_on_every_device() {
 }
 
 #[test]
-fn an_asset_is_seen_from_where_its_capture_was_taken() {
+fn an_asset_is_rendered_from_its_captures_cameras() {
     let dir = tempfile::tempdir().unwrap();
     let path = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
     let (capture, run) = (path("capture"), path("run"));
@@ -152,7 +152,7 @@ fn an_asset_is_seen_from_where_its_capture_was_taken() {
 }
 
 #[test]
-fn photos_of_the_same_names_are_not_replaced_unless_asked() {
+fn photos_of_the_same_name_are_not_replaced_without_force() {
     let dir = tempfile::tempdir().unwrap();
     let path = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
     let (capture, run, images) = (path("capture"), path("run"), path("capture/images"));

@@ -50,7 +50,7 @@ impl Place {
 }
 
 #[test]
-fn stages_cover_the_training_and_tables_say_the_same_as_json() {
+fn stages_cover_the_training_and_tables_match_the_json() {
     let place = Place::new();
     let json = place.json(&["--steps", "1000"]);
     assert_eq!(
@@ -83,7 +83,7 @@ fn stages_cover_the_training_and_tables_say_the_same_as_json() {
 }
 
 #[test]
-fn rules_shape_the_work_and_threads_do_not() {
+fn rules_change_the_schedule_and_threads_do_not() {
     let place = Place::new();
     let work = |arguments: &[&str]| place.json(arguments)["pixel_work"].as_f64().unwrap();
     let integer = work(&["--scale-rule", "integer"]);
@@ -96,7 +96,7 @@ fn rules_shape_the_work_and_threads_do_not() {
 }
 
 #[test]
-fn charts_are_whole_and_not_replaced_unless_asked() {
+fn charts_are_complete_and_not_replaced_without_force() {
     let place = Place::new();
     let chart = place.path("chart.svg");
     place.schedule(&["--svg", &chart]);
@@ -131,7 +131,7 @@ fn charts_are_whole_and_not_replaced_unless_asked() {
 }
 
 #[test]
-fn wrong_arguments_and_captures_are_told_apart() {
+fn bad_arguments_and_bad_captures_have_different_exit_codes() {
     let place = Place::new();
     let capture = place.path("capture");
     for (arguments, code, part) in [

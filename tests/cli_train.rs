@@ -67,7 +67,7 @@ fn pngs(folder: &str) -> Vec<PathBuf> {
 }
 
 #[test]
-fn a_run_leaves_what_the_schema_documents() {
+fn a_run_writes_what_the_schema_documents() {
     let place = Place::new();
     let table = place.train("run", &["--steps", "30", "--eval-every", "10", "--save-every", "20"]);
     assert!(table.contains("test PSNR") && table.contains("splats"), "{table}");
@@ -109,7 +109,7 @@ fn a_run_leaves_what_the_schema_documents() {
 }
 
 #[test]
-fn the_settings_of_a_run_repeat_it_byte_for_byte_with_any_number_of_threads() {
+fn config_toml_repeats_a_run_byte_for_byte_with_any_number_of_threads() {
     let place = Place::new();
     place.train("a", &["--steps", "12", "--texture", "fixed:3", "--threads", "1"]);
     let (config, again) = (place.path("a/config.toml"), place.path("b"));
@@ -258,7 +258,7 @@ impl Drop for Running {
 
 #[cfg(unix)]
 #[test]
-fn an_interrupted_run_is_saved_and_exits_with_130_even_if_the_signal_comes_twice() {
+fn an_interrupted_run_is_saved_even_if_the_signal_comes_twice() {
     let place = Place::new();
     for (out, signals) in [("once", &["INT"][..]), ("twice", &["INT", "TERM"])] {
         let running = Running::start(&place, out);
@@ -275,7 +275,7 @@ fn an_interrupted_run_is_saved_and_exits_with_130_even_if_the_signal_comes_twice
 
 #[cfg(unix)]
 #[test]
-fn a_folder_takes_one_training_at_a_time_and_a_killed_one_frees_it() {
+fn a_run_folder_is_locked_until_its_training_ends_or_is_killed() {
     let place = Place::new();
     let (capture, out) = (place.path("capture"), place.path("run"));
     let running = Running::start(&place, "run");
@@ -299,7 +299,7 @@ fn a_folder_takes_one_training_at_a_time_and_a_killed_one_frees_it() {
 }
 
 #[test]
-fn force_deletes_nothing_that_is_not_of_a_run() {
+fn force_deletes_only_files_of_a_run() {
     let place = Place::new();
     let (capture, out) = (place.path("capture"), place.path("models"));
     for folder in ["checkpoints", "eval/000001"] {
@@ -313,7 +313,7 @@ fn force_deletes_nothing_that_is_not_of_a_run() {
         assert!(code == 2 && stderr.contains("not empty") && stderr.contains(&out), "{stderr}");
     }
     assert_eq!(fs::read_dir(&out).unwrap().count(), 2, "nothing was made");
-    // A run beside files of others is replaced, and they stay.
+    // A run next to files of others is replaced, and they stay.
     place.train("run", &["--steps", "3"]);
     let stays = place.path("run/checkpoints/best.pt");
     fs::write(&stays, "mine").unwrap();
@@ -327,7 +327,7 @@ fn force_deletes_nothing_that_is_not_of_a_run() {
 
 #[cfg(unix)]
 #[test]
-fn checkpoints_can_be_read_by_whoever_the_umask_allows() {
+fn checkpoint_permissions_follow_the_umask() {
     use std::os::unix::fs::PermissionsExt;
     let place = Place::new();
     place.train("run", &["--steps", "2"]);
@@ -338,7 +338,7 @@ fn checkpoints_can_be_read_by_whoever_the_umask_allows() {
 }
 
 #[test]
-fn settings_and_budgets_that_make_no_sense_are_named() {
+fn invalid_settings_and_tight_budgets_are_named() {
     let place = Place::new();
     let (capture, out) = (place.path("capture"), place.path("run"));
     let train = ["train", &capture, "-o", &out, "--steps", "2", "--device", "cpu"];
@@ -363,7 +363,7 @@ fn found(folder: &str, part: &str) -> usize {
 }
 
 #[test]
-fn a_run_is_not_continued_or_judged_on_other_views() {
+fn a_run_is_not_resumed_or_evaluated_on_other_views() {
     let place = Place::new();
     place.train("run", &["--steps", "6", "--test-every", "3"]);
     let (run_dir, capture, other) = (place.path("run"), place.path("capture"), place.path("other"));
@@ -404,7 +404,7 @@ fn a_run_is_not_continued_or_judged_on_other_views() {
 }
 
 #[test]
-fn views_that_were_trained_on_are_not_evaluated() {
+fn training_views_are_refused_as_test_views() {
     let place = Place::new();
     let (list, run_dir) = (place.path("held-out.txt"), place.path("run"));
     let found: Value = serde_json::from_str(&ok(&["inspect", &place.path("capture"), "--json"])).unwrap();
@@ -419,7 +419,7 @@ fn views_that_were_trained_on_are_not_evaluated() {
 }
 
 #[test]
-fn an_older_checkpoint_is_continued_elsewhere_or_by_force() {
+fn an_older_checkpoint_resumes_only_elsewhere_or_with_force() {
     let place = Place::new();
     place.train("run", &["--steps", "9", "--save-every", "3", "--eval-every", "3"]);
     let older = place.path("run/checkpoints/step-000003.safetensors");

@@ -1,5 +1,5 @@
-//! What a capture may hold that no reader refuses by itself: files without end, photos that decode only
-//! in part, paths that lead elsewhere, cameras that no photographer has.
+//! Faults of captures that no single reader detects: endless files, truncated photos, paths that leave the capture,
+//! implausible cameras.
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
@@ -76,7 +76,7 @@ fn truncate(path: &Path) {
 
 #[cfg(unix)]
 #[test]
-fn devices_and_pipes_that_a_capture_names_are_refused_and_not_read() {
+fn devices_and_pipes_named_by_a_capture_are_refused_unread() {
     let pipe = |path: &Path| {
         assert!(std::process::Command::new("mkfifo").arg(path).status().unwrap().success());
     };
@@ -108,13 +108,13 @@ fn photos_that_cannot_be_decoded_are_found_before_they_are_needed() {
         assert!(text.contains(part), "{part}: {text}");
     }
     let folder = written(&Scene::ring(5));
-    let sound = load(folder.path()).unwrap();
-    assert!(sound.check_photos().unwrap().warnings.is_empty());
-    assert_eq!(sound.cached_bytes(), 5 * 12 * 8 * 3, "what was decoded is kept");
+    let valid = load(folder.path()).unwrap();
+    assert!(valid.check_photos().unwrap().warnings.is_empty());
+    assert_eq!(valid.cached_bytes(), 5 * 12 * 8 * 3, "what was decoded is kept");
 }
 
 #[test]
-fn cut_off_jpegs_are_named_although_they_can_be_decoded() {
+fn truncated_but_decodable_jpegs_are_reported() {
     let mut scene = Scene::ring(4);
     scene.images.iter_mut().for_each(|i| i.name = i.name.replace("png", "jpg"));
     let folder = written(&scene);
@@ -123,12 +123,12 @@ fn cut_off_jpegs_are_named_although_they_can_be_decoded() {
     let whole = std::fs::read(&path).unwrap();
     std::fs::write(&path, &whole[..whole.len() - 10]).unwrap();
     let report = load(folder.path()).unwrap().check_photos().unwrap();
-    let found = warning(&report, "photos-cut-off").unwrap();
+    let found = warning(&report, "photos-truncated").unwrap();
     assert!(found.count == 1 && found.message.contains("images/p02.jpg"), "{}", found.message);
 }
 
 #[test]
-fn training_views_that_are_masked_out_as_a_whole_are_named() {
+fn fully_masked_training_views_are_reported() {
     let folder = written(&Scene::ring(5));
     let masks = folder.path().join("masks");
     std::fs::create_dir(&masks).unwrap();
@@ -144,7 +144,7 @@ fn training_views_that_are_masked_out_as_a_whole_are_named() {
 }
 
 #[test]
-fn files_outside_of_the_capture_are_warned_of_in_folders_and_refused_in_archives() {
+fn files_outside_the_capture_warn_in_folders_and_fail_in_archives() {
     let scene = Scene::ring(3);
     let outside = tempdir().unwrap();
     scene.write_photos(outside.path(), (12, 8));
@@ -162,11 +162,11 @@ fn files_outside_of_the_capture_are_warned_of_in_folders_and_refused_in_archives
         assert_eq!(found.is_some_and(|w| w.count == 1 && w.message.contains("p02.png")), case < 2);
         let (_kept, archive) = archived(&folder);
         let text = message(&archive);
-        assert!(text.contains("garden.zip") && text.contains("outside of the archive"), "{text}");
+        assert!(text.contains("garden.zip") && text.contains("outside the archive"), "{text}");
     }
     let folder = transforms(&scene, |j| j["ply_file_path"] = "/dev/zero".into());
     let (_kept, archive) = archived(&folder);
-    assert!(message(&archive).contains("\"/dev/zero\" lies outside of the archive"));
+    assert!(message(&archive).contains("\"/dev/zero\" lies outside the archive"));
     let folder = transforms(&scene, |j| j["frames"][1]["file_path"] = "images/../images/p02.png".into());
     let (_kept, archive) = archived(&folder);
     for path in [folder.path(), &archive] {
@@ -176,7 +176,7 @@ fn files_outside_of_the_capture_are_warned_of_in_folders_and_refused_in_archives
 }
 
 #[test]
-fn messages_about_an_archive_name_the_archive_and_no_temporary_file() {
+fn messages_name_the_archive_not_a_temporary_file() {
     let folder = written(&Scene::ring(3));
     let masks = folder.path().join("masks");
     std::fs::create_dir(&masks).unwrap();
@@ -201,7 +201,7 @@ fn messages_about_an_archive_name_the_archive_and_no_temporary_file() {
 }
 
 #[test]
-fn implausible_focal_lengths_and_sizes_are_warned_of_with_the_views() {
+fn implausible_focal_lengths_and_sizes_give_warnings_naming_views() {
     let codes = ["implausible-focal-lengths", "photos-far-smaller-than-cameras", "views-too-small"];
     let check = |change: &dyn Fn(&mut Scene), max_resolution, expected: &str| {
         let mut scene = Scene::ring(3);
@@ -234,7 +234,7 @@ fn implausible_focal_lengths_and_sizes_are_warned_of_with_the_views() {
 }
 
 #[test]
-fn a_byte_order_mark_is_no_part_of_the_text() {
+fn byte_order_marks_are_skipped() {
     let scene = Scene::ring(3);
     let folder = transforms(&scene, |_| {});
     let path = folder.path().join("transforms.json");

@@ -1,5 +1,5 @@
-//! Damaged captures: every answer is a typed error that names the file, or a sane capture. Never a
-//! panic, never memory for counts that the file cannot hold.
+//! Damaged captures: the result is a typed error that names the file, or a valid capture; never a
+//! panic, nor an allocation for counts that the file cannot hold.
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
@@ -31,7 +31,7 @@ fn ring(count: u32) -> tempfile::TempDir {
 const FILES: [&str; 3] = ["cameras.bin", "images.bin", "points3D.bin"];
 
 #[test]
-fn every_binary_cut_off_at_every_byte_is_an_error_naming_the_file() {
+fn binary_files_truncated_at_any_byte_are_errors_naming_the_file() {
     let folder = ring(3);
     for file in FILES {
         let path = folder.path().join("sparse/0").join(file);
@@ -139,7 +139,7 @@ fn unknown_camera_models_name_camera_model_and_remedy() {
 }
 
 #[test]
-fn poses_that_are_none_name_their_image() {
+fn invalid_poses_name_their_image() {
     let nan = |scene: &mut Scene| scene.images[1].camera_from_world.1.y = f64::NAN;
     let zero =
         |scene: &mut Scene| scene.images[1].camera_from_world.0 = glam::DQuat::from_xyzw(0., 0., 0., 0.);
@@ -176,7 +176,7 @@ fn models_without_images_or_with_unknown_cameras_are_errors() {
 }
 
 #[test]
-fn intrinsics_without_sense_name_their_camera() {
+fn invalid_intrinsics_name_their_camera() {
     for (index, value) in [(0, 0.0), (1, -4.0), (1, f64::NAN), (2, f64::INFINITY)] {
         let mut scene = Scene::ring(3);
         scene.cameras[0].params[index] = value;
@@ -187,7 +187,7 @@ fn intrinsics_without_sense_name_their_camera() {
 }
 
 #[test]
-fn photos_of_another_shape_name_both_sizes() {
+fn photos_with_another_aspect_ratio_name_both_sizes() {
     let folder = ring(3);
     image::RgbImage::new(8, 12).save(folder.path().join("images/p02.png")).unwrap();
     let text = message(folder.path());
@@ -197,7 +197,7 @@ fn photos_of_another_shape_name_both_sizes() {
 }
 
 #[test]
-fn unreadable_photos_are_named_when_they_are_asked_for_or_before() {
+fn unreadable_photos_are_named_on_request_or_earlier() {
     let folder = ring(3);
     let path = folder.path().join("images/p02.png");
     let whole = std::fs::read(&path).unwrap();
@@ -217,9 +217,9 @@ fn damaged_transforms_name_the_frame() {
     let folder = tempfile::tempdir().unwrap();
     scene.write_photos(&folder.path().join("images"), (12, 8));
     let path = folder.path().join("transforms.json");
-    let sound = scene.transforms("images/");
+    let valid = scene.transforms("images/");
     let check = |change: &dyn Fn(&mut serde_json::Value), parts: &[&str]| {
-        let mut json = sound.clone();
+        let mut json = valid.clone();
         change(&mut json);
         write_json(path.clone(), &json);
         let text = message(folder.path());
@@ -235,7 +235,7 @@ fn damaged_transforms_name_the_frame() {
     check(&|j| j["frames"] = serde_json::json!([]), &["no registered images"]);
     check(&|j| j["frames"] = 3.into(), &["transforms.json", "expected"]);
     check(&|j| j["ply_file_path"] = "absent.ply".into(), &["absent.ply"]);
-    let whole = sound.to_string();
+    let whole = valid.to_string();
     for number in ["1e999", "NaN", "null"] {
         std::fs::write(&path, whole.replacen("0.0", number, 1)).unwrap();
         assert!(message(folder.path()).contains("transforms.json"));

@@ -93,7 +93,7 @@ fn adding_only() -> TrainConfig {
 }
 
 #[test]
-fn density_control_that_adds_nothing_only_changes_histories_and_the_window() {
+fn density_control_without_growth_changes_only_histories_and_the_window() {
     let with = |interval: u32, min_texel_px: f64| {
         let mut config = adding_only();
         (config.density.interval, config.density.min_texel_px) = (interval, min_texel_px);

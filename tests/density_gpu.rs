@@ -21,7 +21,7 @@ fn run(start: TrainState) -> Option<RunRecord> {
 }
 
 #[test]
-fn the_full_method_gives_the_same_bytes_again_and_from_any_checkpoint() {
+fn the_full_method_is_reproducible_from_any_checkpoint() {
     let Some(whole) = run(start(Policy::Litetex)) else { return };
     println!("{:?} {:?}", whole.total(), whole.scales);
     assert!(is_all_done(&whole.total()), "{:?}", whole.total());
@@ -64,7 +64,7 @@ fn decided(backend: &mut dyn Backend, lives: &[Life], cameras: &[Camera]) -> Rev
 }
 
 #[test]
-fn both_backends_take_and_apply_the_same_decisions_on_every_driver() {
+fn cpu_and_gpu_make_and_apply_the_same_decisions_on_every_driver() {
     let views = large_photos();
     let mut cpu = CpuBackend::new(Some(2)).unwrap();
     let saved = run_on(&mut cpu, &config(Policy::Litetex), &views, start(Policy::Litetex)).saved;

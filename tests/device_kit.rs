@@ -1,4 +1,4 @@
-//! `scripts/device-kit` on a software driver, and on a device that is not there.
+//! `scripts/device-kit` on a software driver, and on a device that does not exist.
 #![cfg(all(feature = "gpu", unix))]
 #![allow(clippy::unwrap_used, reason = "a failing test may panic")]
 
@@ -143,7 +143,7 @@ fn the_kit_continues_after_failed_parts_and_names_them() {
     assert_eq!(json["device"]["name"], "no-such-device", "{}", json["device"]);
 }
 
-/// Measuring within a time that does not suffice for a step beside the first is no failure.
+/// Measuring within a time that does not suffice for a step next to the first is no failure.
 fn a_part_without_time_says_so(capture: &Path, device: &str, json: &Path) {
     let output = Command::new(env!("CARGO_BIN_EXE_litetex"))
         .args(["bench-kernels", "--device", device, "--max-resolution", "32", "--max-time", "0.01", "--json"])

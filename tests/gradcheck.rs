@@ -200,7 +200,7 @@ fn the_geometry_terms_matter_in_these_scenes() {
             gradients_at(&params, &scene.camera, &scene.target, weights, &settings, Some(&normals)).params
         };
         let (mut with, mut without) = (gradient(&WEIGHTS), gradient(&off));
-        // Without the term, derivatives by positions, rotations and opacities change by far more than the tolerance.
+        // Without the term, derivatives w.r.t. positions, rotations and opacities change by far more than the tolerance.
         for kind in [0, 1, 3] {
             let (a, b) = (array(&mut with, kind).to_vec(), array(&mut without, kind).to_vec());
             let largest = a.iter().fold(0.0_f64, |m, v| m.max(v.abs()));

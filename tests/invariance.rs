@@ -1,5 +1,5 @@
-//! What must not matter: where the capture lies, how it is turned, in what units it is, in what order points
-//! and images stand in their files and what the images are called.
+//! Results do not depend on the position, rotation or units of a capture, the order of points and images in its files,
+//! or the names of its images.
 
 #![allow(clippy::unwrap_used, reason = "a failing test may panic")]
 
@@ -93,7 +93,7 @@ fn median(mut values: Vec<f64>) -> f64 {
 }
 
 #[test]
-fn neither_the_order_of_points_and_images_nor_names_change_a_bit() {
+fn order_and_names_of_points_and_images_change_no_bit() {
     let sample = sample();
     let plain = sample.changed("plain", &Change::NONE);
     let other = sample.changed("other", &Change::NONE.with_disorder(true));
@@ -109,7 +109,7 @@ fn neither_the_order_of_points_and_images_nor_names_change_a_bit() {
 }
 
 #[test]
-fn the_first_model_turns_moves_and_grows_with_the_capture() {
+fn the_initial_model_follows_rotation_translation_and_scale_of_the_capture() {
     let sample = sample();
     let model_of = |name: &str, change: &Change| first_model(&load(&sample.changed(name, change)), 42);
     let plain = model_of("plain", &Change::NONE);
@@ -160,7 +160,7 @@ fn spacing(model: &Model) -> f64 {
 }
 
 #[test]
-fn training_is_as_good_wherever_the_capture_is() {
+fn quality_does_not_depend_on_the_captures_frame() {
     let sample = sample();
     let folder = sample.changed("plain", &Change::NONE);
     let plain = SEEDS.map(|seed| trained(&folder, seed));

@@ -10,13 +10,13 @@ use litetex_gs::cpu::CpuBackend;
 use litetex_gs::model::AdamState;
 
 #[test]
-fn poisoned_splats_leave_image_and_others_clean() {
-    poison::poisoned_splats_leave_image_and_others_clean(&mut CpuBackend::new(Some(2)).unwrap());
+fn poisoned_splats_do_not_affect_the_image_or_other_splats() {
+    poison::poisoned_splats_do_not_affect_the_image_or_other_splats(&mut CpuBackend::new(Some(2)).unwrap());
 }
 
 #[test]
-fn degenerate_splats_are_survived() {
-    poison::degenerate_splats_are_survived(&mut CpuBackend::new(Some(2)).unwrap());
+fn degenerate_splats_do_no_harm() {
+    poison::degenerate_splats_do_no_harm(&mut CpuBackend::new(Some(2)).unwrap());
 }
 
 #[test]

@@ -12,15 +12,15 @@ use litetex_gs::gpu::GpuOptions;
 use litetex_gs::model::AdamState;
 
 #[test]
-fn poisoned_splats_leave_image_and_others_clean() {
+fn poisoned_splats_do_not_affect_the_image_or_other_splats() {
     let Some(mut backend) = backend(GpuOptions::default()) else { return };
-    poison::poisoned_splats_leave_image_and_others_clean(&mut backend);
+    poison::poisoned_splats_do_not_affect_the_image_or_other_splats(&mut backend);
 }
 
 #[test]
-fn degenerate_splats_are_survived() {
+fn degenerate_splats_do_no_harm() {
     let Some(mut backend) = backend(GpuOptions::default()) else { return };
-    poison::degenerate_splats_are_survived(&mut backend);
+    poison::degenerate_splats_do_no_harm(&mut backend);
 }
 
 #[test]

@@ -106,7 +106,7 @@ fn mirrored(asset: &mut SplatAsset) {
 }
 
 #[test]
-fn mistakes_of_readers_and_writers_change_the_images() {
+fn simulated_reader_and_writer_bugs_are_detected() {
     let mut backend = CpuBackend::new(Some(2)).unwrap();
     let asset = asset();
     let textured = images(&mut backend, &asset, &asset);

@@ -79,7 +79,7 @@ fn both_variants_stay_near_the_floor() {
 }
 
 #[test]
-fn needles_dust_and_disjoint_views_exceed_the_bounds() {
+fn needles_dust_and_reappearing_splats_exceed_the_bounds() {
     let Some(mut backend) = backends(GpuOptions::default()).next() else { return };
     // Their boxes are mostly empty.
     let mut needles = scene((0.004, 0.03), vec![(2, 2)]);

@@ -215,7 +215,7 @@ fn statistics_are_summed_over_a_window_and_can_be_reset() {
 }
 
 #[test]
-fn plans_gather_and_resample() {
+fn plans_gather_splats_and_resample_maps() {
     let scene = scene();
     let views = photos(&scene);
     let mut backend = uploaded(&scene.model);
@@ -284,7 +284,7 @@ fn margin(map: &TextureMap, texels: i32) -> MapChange {
 }
 
 #[test]
-fn margins_of_zeros_do_not_change_images() {
+fn padding_with_zeros_does_not_change_images() {
     let mut scene = scene();
     // A margin of zeros around the inner 2 x 2 texels of each map.
     for (t, rgb) in scene.model.textures.texels.chunks_exact_mut(3).enumerate() {
@@ -347,7 +347,7 @@ fn doubling_bound(scene: &RandomScene, map: &TextureMap, channel: usize) -> f64 
 }
 
 #[test]
-fn doubling_texels_changes_images_by_a_quarter_of_their_differences() {
+fn upsampling_changes_images_by_a_quarter_of_texel_differences() {
     // Few, opaque splats, so that most pixels are dominated by one.
     let mut scene = random_scene(&SceneOptions { num_splats: 30, opacities: (0.9, 0.99), ..scene_options() });
     // A chequerboard: all neighbours differ by the same amount.
@@ -384,7 +384,7 @@ fn doubling_texels_changes_images_by_a_quarter_of_their_differences() {
 }
 
 #[test]
-fn doubling_uniform_texels_does_not_change_images() {
+fn upsampling_uniform_maps_does_not_change_images() {
     let mut scene = scene();
     // Moves the outermost texel centres, beyond which residuals fade out, outside the support.
     scene.model.textures.maps.iter_mut().for_each(|map| map.texel_size *= 1.5);

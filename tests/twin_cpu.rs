@@ -55,6 +55,6 @@ fn results_do_not_depend_on_the_number_of_threads() {
 }
 
 #[test]
-fn lagging_texels_flush_at_the_rate_of_their_map() {
+fn pending_texels_are_flushed_at_their_maps_rate() {
     assert!(texels_flush_at_the_rate_of_their_map(&mut CpuBackend::new(Some(2)).unwrap()));
 }

@@ -182,7 +182,7 @@ fn a_step_does_not_depend_on_the_loss_terms_of_the_step_before() {
 }
 
 #[test]
-fn lagging_texels_flush_at_the_rate_of_their_map() {
+fn pending_texels_are_flushed_at_their_maps_rate() {
     for mut backend in backends(GpuOptions::default()) {
         assert!(texels_flush_at_the_rate_of_their_map(&mut backend), "{:?}", backend.device());
     }

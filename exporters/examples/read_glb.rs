@@ -1,4 +1,4 @@
-//! Reads a `.glb` or `.gltf` of splats and says what is in it:
+//! Reads a `.glb` or `.gltf` of splats and prints its contents:
 //! `cargo run --example read_glb -- scene.glb`
 
 use litetex_exporters::{ReadLimits, gltf};

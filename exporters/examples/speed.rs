@@ -1,5 +1,4 @@
-//! Times writing and reading of a made-up scene of 200,000 splats and about 16 million texels, or as many splats as the
-//! third argument says: `cargo run --release --example speed -- [EXTENSION] [QUALITY] [SPLATS]`.
+//! Times writing and reading a synthetic scene of 200,000 splats (or SPLATS) and about 16 million texels: `cargo run --release --example speed -- [EXTENSION] [QUALITY] [SPLATS]`.
 
 use litetex_exporters::{
     AssetMap, Error, Quality, ReadLimits, Result, SplatAsset, WriteOptions, read_asset, write_asset,
@@ -21,7 +20,7 @@ impl Random {
     }
 }
 
-/// Splats on a bumpy sheet with noisy maps of 2 to 32 texels a side.
+/// Splats on a bumpy sheet with noisy maps of 2 to 32 texels per side.
 fn scene(num_splats: usize) -> SplatAsset {
     let mut random = Random(1);
     let mut asset = SplatAsset { sh_degree: 3, ..SplatAsset::default() };

@@ -59,7 +59,7 @@ pub struct AssetMap {
     pub rows: u16,
     /// Texels along the splat's tangent v; 0 if it has no map.
     pub cols: u16,
-    /// Texel edge in local units; 0 if the splat has no map. Maps are centred on their splats.
+    /// Texel size in local units; 0 if the splat has no map. Maps are centred on their splats.
     pub texel_size: f32,
 }
 
@@ -221,7 +221,7 @@ impl SplatAsset {
     }
 
     /// Mean residual of a splat's map, as viewers without texture support should show it: weighted by the Gaussian at the
-    /// centres of texels, and zero where the Gaussian lies outside of the map.
+    /// centres of texels, and zero where the Gaussian lies outside the map.
     pub fn mean_residual(&self, splat: usize) -> [f64; 3] {
         let (map, texels) = (&self.maps[splat], self.texels_of(splat));
         let [scale_u, scale_v] = self.scales[splat].map(f64::from);

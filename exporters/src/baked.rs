@@ -1,4 +1,4 @@
-//! Splats as formats without textures and transforms hold them: in the world frame, maps averaged into the base colour.
+//! Splats for formats without textures or transforms: in the world frame, with maps averaged into the base colour.
 
 use crate::sh::Turn;
 use crate::{AssetMap, SplatAsset, Transform, quaternion};

@@ -1,4 +1,4 @@
-//! Changes to an asset on its way to a file: which splats stay, which way is up, how long a unit is.
+//! Edits of an asset before it is written: cropping, pruning, up direction, scale.
 
 use crate::sh::Turn;
 use crate::{AssetCamera, AssetMap, SplatAsset, Transform, num_sh_coefficients, quaternion};
@@ -110,7 +110,7 @@ mod tests {
     use crate::asset::tests::fixture;
 
     #[test]
-    fn splats_are_kept_with_all_that_is_theirs() {
+    fn kept_splats_keep_their_maps_and_coefficients() {
         let whole = fixture(20, 2);
         let mut asset = whole.clone();
         assert_eq!(asset.retain(&[true; 20]), 0);
@@ -132,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn another_frame_shows_the_same_places() {
+    fn changing_the_frame_keeps_positions_in_the_capture() {
         let mut turned = fixture(12, 3);
         turned.set_up([1.0, 2.0, -0.5]);
         turned.set_scale(3.0);
@@ -156,7 +156,7 @@ mod tests {
     }
 
     #[test]
-    fn cameras_see_the_same_pixels_from_another_frame() {
+    fn changing_the_frame_keeps_camera_projections() {
         let mut asset = fixture(8, 0);
         asset.set_up([0.3, -1.0, 0.2]);
         asset.cameras.push(crate::AssetCamera {
@@ -193,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn up_and_scale_change_the_world_only() {
+    fn up_and_scale_change_only_the_world_transform() {
         let whole = fixture(5, 1);
         let mut asset = whole.clone();
         asset.set_up([0.0, -1.0, 0.0]);

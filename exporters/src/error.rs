@@ -28,7 +28,7 @@ pub enum Error {
         /// The element, what was found and what was expected.
         what: String,
     },
-    /// A file is sound, but this crate cannot use it.
+    /// A file is valid, but this crate cannot use it.
     #[error("{}: {what}", text::path(path))]
     Unsupported {
         /// The file that is not supported.

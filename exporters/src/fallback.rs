@@ -1,5 +1,4 @@
-//! Whether programs without texture support find in a file what belongs to the textured scene: colours with the maps'
-//! means, and thin discs.
+//! Checks that the fallback in a file matches its textured scene: colours include the maps' means, splats are thin discs.
 
 use crate::SplatAsset;
 use crate::sh::SH_0;

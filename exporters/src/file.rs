@@ -1,4 +1,4 @@
-//! Writes files that appear whole or not at all, and reads files no further than allowed.
+//! Writes files atomically and reads them up to a size limit.
 
 use crate::{Error, Result};
 use std::fs::File;
@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 /// Characters of a file's name that its temporary name keeps: most systems allow 255 bytes.
 const SHOWN_CHARS: usize = 40;
 
-/// Writes a file under a temporary name beside its place and renames it, so that half a file is never seen or left
+/// Writes a file under a temporary name next to its place and renames it, so that half a file is never seen or left
 /// behind at its place. A link there is replaced, not followed.
 ///
 /// # Errors
@@ -22,7 +22,7 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
     })
 }
 
-/// A name beside a file that is unique to this call: `.NAME.PID-N.tmp`.
+/// A name next to a file that is unique to this call: `.NAME.PID-N.tmp`.
 pub(crate) fn temporary_name(path: &Path) -> PathBuf {
     static CALLS: AtomicU64 = AtomicU64::new(0);
     let name = path.file_name().unwrap_or_default().to_string_lossy();
@@ -82,7 +82,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn no_more_is_read_than_is_allowed() {
+    fn reading_stops_at_the_size_limit() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("file");
         std::fs::write(&path, b"0123456789").unwrap();
@@ -114,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn temporary_names_differ_and_are_short() {
+    fn temporary_names_are_unique_and_short() {
         let long = PathBuf::from("folder").join("ü".repeat(120));
         let names = [temporary_name(&long), temporary_name(&long)];
         assert_ne!(names[0], names[1]);

@@ -1,8 +1,8 @@
-//! Chooses a format by the extension of a file: one way in and one way out for all formats.
+//! Dispatches reading and writing by the extension of a file.
 
 use crate::atlas::PAGE_SIDE;
 use crate::file::read_file;
-use crate::staging::{Caller, SideFile, repair};
+use crate::staging::{Caller, SidecarFile, repair};
 use crate::{
     Contents, Error, Issue, Quality, ReadLimits, Result, Severity, SplatAsset, Staged, gltf, ltgs, ply,
     sniff, spz, usd,
@@ -46,7 +46,7 @@ pub struct WriteOptions<'a> {
 /// The files that an asset was written to.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Written {
-    /// All files; first the one that was asked for.
+    /// All files; first the one requested.
     pub files: Vec<PathBuf>,
     /// Their size together.
     pub bytes: u64,
@@ -141,7 +141,7 @@ impl Format {
     /// Sidecar files that writing `path` may make, known before anything is written: of atlas pages the first, under
     /// either of its names; in USD the folder of images. For refusing clashes early; [`Staged::publish`] makes sure that
     /// nothing is replaced.
-    pub fn side_files(self, path: &Path, mesh: bool) -> Vec<PathBuf> {
+    pub fn sidecar_files(self, path: &Path, mesh: bool) -> Vec<PathBuf> {
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
         let mut names = match self {
             Self::Gltf => {
@@ -168,7 +168,7 @@ pub fn write_asset(path: &Path, asset: &SplatAsset, options: &WriteOptions<'_>) 
     stage_asset(path, asset, options)?.publish(true)
 }
 
-/// Writes an asset in the format that the extension names into a staging folder beside its place, where it can be read
+/// Writes an asset in the format that the extension names into a staging folder next to its place, where it can be read
 /// and verified before it replaces anything.
 ///
 /// # Errors
@@ -187,7 +187,7 @@ pub fn stage_asset(path: &Path, asset: &SplatAsset, options: &WriteOptions<'_>) 
 #[derive(Default)]
 struct Encoded {
     root: Vec<u8>,
-    side: Vec<SideFile>,
+    side: Vec<SidecarFile>,
     notes: Vec<String>,
 }
 
@@ -242,7 +242,7 @@ fn add_mesh(encoded: &mut Encoded, file: &Path, asset: &SplatAsset) -> Result<()
     encoded.side.push((file.file_name().unwrap_or_default().to_owned(), bytes));
     if summary.omitted > 0 {
         encoded.notes.push(format!(
-            "the mesh shows the {} most visible splats and omits {}",
+            "the mesh shows the {} splats that contribute most and omits {}",
             summary.quads, summary.omitted
         ));
     }

@@ -87,7 +87,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn there_and_back_again() {
+    fn transforms_compose_and_invert() {
         let a = Transform { scale: 2.5, rotation: [0.5, -0.5, 0.5, 0.5], translation: [1.0, -2.0, 3.0] };
         let b = Transform { scale: 0.01, rotation: [0.6, 0.0, 0.8, 0.0], translation: [-7.0, 0.5, 0.0] };
         let p = [0.3_f32, -4.0, 11.0];

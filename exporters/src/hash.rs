@@ -1,4 +1,4 @@
-//! A hash by which assets that render alike are recognised.
+//! A content hash: equal for assets that render identically.
 
 use crate::SplatAsset;
 use xxhash_rust::xxh3::Xxh3Default;
@@ -38,7 +38,7 @@ mod tests {
     use crate::asset::tests::fixture;
 
     #[test]
-    fn everything_that_is_seen_counts_and_titles_do_not() {
+    fn the_hash_covers_rendered_values_but_not_titles() {
         let asset = fixture(9, 2);
         let mut titled = asset.clone();
         titled.provenance.title = "Another".into();

@@ -13,8 +13,8 @@ impl ReadLimits {
     /// The limits for a file of this many bytes, which keep a small file from taking all of
     /// [`ReadLimits::decoded_bytes`].
     ///
-    /// Neutral texels compress a thousandfold, so a ratio alone would refuse sound files: 64 MiB are 5 million texels that
-    /// take no room in the file, beside splats that do.
+    /// Neutral texels compress a thousandfold, so a ratio alone would refuse valid files: 64 MiB are 5 million texels that
+    /// take no room in the file, next to splats that do.
     pub fn of_file(&self, file_bytes: u64) -> Self {
         let expanded = SMALL_BYTES.saturating_add(EXPANSION_MAX.saturating_mul(file_bytes));
         Self { decoded_bytes: self.decoded_bytes.min(expanded) }
@@ -78,7 +78,7 @@ mod tests {
     use crate::asset::tests::fixture;
 
     #[test]
-    fn splats_take_what_is_counted() {
+    fn splat_bytes_match_the_arrays() {
         for degree in 0..=3 {
             let asset = fixture(10, degree);
             let bytes = size_of_val(&asset.positions[..])
@@ -93,13 +93,13 @@ mod tests {
     }
 
     #[test]
-    fn memory_that_no_system_has_is_an_error() {
+    fn impossible_allocations_are_errors() {
         assert!(matches!(with_room::<u64>(usize::MAX / 8), Err(Error::TooLarge { .. })));
         assert_eq!(filled(3, 1.5).unwrap(), [1.5; 3]);
     }
 
     #[test]
-    fn small_files_get_less() {
+    fn limits_scale_with_file_size() {
         let limits = ReadLimits::default();
         assert_eq!(limits.of_file(100_000).decoded_bytes, SMALL_BYTES + 104_000_000);
         assert_eq!(limits.of_file(u64::MAX), limits);

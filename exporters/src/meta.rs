@@ -1,5 +1,5 @@
-//! Everything of an asset that is not an array, as a JSON object that glTF, USD, `.ltgs` and SPZ share. Numbers come back
-//! bit for bit.
+//! All of an asset except its arrays, as a JSON object that glTF, USD, `.ltgs` and SPZ share. Numbers round-trip bit for
+//! bit.
 
 use crate::{AssetCamera, ColourSpace, Provenance, SplatAsset, Transform};
 use serde::{Deserialize, Serialize};
@@ -60,7 +60,7 @@ mod tests {
     use crate::asset::tests::fixture;
 
     #[test]
-    fn numbers_come_back_bit_for_bit() {
+    fn numbers_round_trip_bit_for_bit() {
         let mut asset = fixture(3, 0);
         asset.near = 0.1 + f32::EPSILON;
         asset.capture_from_local = Transform {

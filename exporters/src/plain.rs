@@ -121,12 +121,12 @@ impl Check {
             self.not_unit.issue("LT4004", Info, "have quaternions that are not of length 1"),
             self.odd_scales.issue("LT4005", Warning, "have standard deviations that are not in 1e-18 to 1e6"),
             self.invisible.issue("LT4006", Info, "are never drawn: their opacity is below 1/255"),
-            far.issue("LT4007", Warning, "lie a hundred times farther out than nine tenths of all splats"),
+            far.issue("LT4007", Warning, "are a hundred times farther out than the nearest 90 % of splats"),
             self.thick.issue("LT4008", Info, "are thick: as textured splats they lose their thinnest axis"),
             self.coarse.issue(
                 "LT4009",
                 Warning,
-                "are smaller than the steps of f32 where they lie: move the scene to its origin",
+                "are smaller than the f32 spacing at their position: centre the scene on its origin",
             ),
         ];
         found.into_iter().flatten().collect()

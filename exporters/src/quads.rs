@@ -29,7 +29,7 @@ pub(crate) struct Quad {
     pub(crate) page: u16,
     /// Corners, counter-clockwise as seen against the normal; y up.
     pub(crate) corners: [[f32; 3]; 4],
-    /// Texture coordinates of the corners, from the upper left of the page; half a texel inside of the map.
+    /// Texture coordinates of the corners, from the upper left of the page; half a texel inside the map.
     pub(crate) uvs: [[f32; 2]; 4],
 }
 
@@ -62,7 +62,7 @@ struct Baked {
 
 impl Quads {
     /// Makes rectangles of the splats with the largest opacity times area, at most `most`, on pages of at most `side`
-    /// texels a side.
+    /// texels per side.
     ///
     /// # Errors
     /// [`Error::TooLarge`] if pages are too small for any map.
@@ -71,7 +71,10 @@ impl Quads {
         let sizes: Vec<[u16; 2]> = baked.iter().map(|b| b.size).collect();
         let num_texels = sizes.iter().map(|s| usize::from(s[0]) * usize::from(s[1])).sum();
         let (placements, pages) = atlas::pack(&sizes, side).ok_or_else(|| {
-            Error::too_large("", format!("rectangles: {SIDE_MIN} texels a side and more, on pages of {side}"))
+            Error::too_large(
+                "",
+                format!("rectangles: {SIDE_MIN} texels per side and more, on pages of {side}"),
+            )
         })?;
         let blank = |size: [u16; 2]| vec![0; 4 * usize::from(size[0]) * usize::from(size[1])];
         let pages = pages.into_iter().map(|size| QuadPage { size, rgba: blank(size) }).collect();
@@ -148,7 +151,7 @@ fn code(value: f64) -> u8 {
     (255.0 * value.clamp(0.0, 1.0)).round() as u8
 }
 
-/// Residual at a position on the splat: bilinear, zero outside of the map (method, section 1.3).
+/// Residual at a position on the splat: bilinear, zero outside the map (method, section 1.3).
 fn sample(map: &AssetMap, texels: &[f32], a: f64, b: f64) -> [f64; 3] {
     let mut sum = [0.0; 3];
     if map.num_texels() == 0 {
@@ -259,7 +262,7 @@ mod tests {
     }
 
     #[test]
-    fn the_most_contributing_are_kept_in_order() {
+    fn the_top_contributors_are_kept_in_order() {
         let asset = fixture(30, 1);
         let weight = |i: usize| asset.opacities[i] * asset.scales[i][0] * asset.scales[i][1];
         let baked = Quads::of(&asset, 10, 128).unwrap();

@@ -52,7 +52,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn turns_bring_directions_where_they_should() {
+    fn rotations_map_axes_correctly() {
         let directions =
             [[0.0, 1.0, 0.0], [0.0, -2.0, 0.0], [3.0, 0.0, 0.0], [0.3, -0.4, 1.2], [0.0, 0.0, -1.0]];
         for from in directions {

@@ -98,7 +98,7 @@ mod tests {
     const TURN: [f64; 4] = [0.5, -0.1, 0.7, 0.5];
 
     #[test]
-    fn turned_coefficients_give_the_same_colours_in_turned_directions() {
+    fn rotated_coefficients_give_equal_colours_in_rotated_directions() {
         let turn = Turn::new(TURN);
         let sh: Vec<f32> = (0..48).map(|i| ((i * 37 % 23) as f32 - 11.0) / 7.0).collect();
         let turned = turn.apply(&sh);

@@ -1,5 +1,5 @@
-//! Files that are written and can be verified before any older one is touched. They stand under their final names in a
-//! staging folder beside their place, so that they refer to each other as they will; publishing moves them.
+//! Stages files so that they can be verified before any older one is touched. They have their final names in a staging
+//! folder next to their destination, so that references between them hold; publishing moves them.
 //!
 //! A staging folder is called `.NAME.PID-N.tmp` and holds
 //!
@@ -8,7 +8,7 @@
 //! | `lock` | locked by the process that made the folder, for as long as it lives |
 //! | `new/` | new files until they are moved to their places |
 //! | `old/` | replaced files until the last new one is at its place |
-//! | `swap.json` | the journal: which files move; there from before the first until after the last has moved |
+//! | `swap.json` | the journal: which files move; exists from before the first move until after the last |
 //!
 //! Moving several files takes several steps. A process that is killed between two of them leaves the journal, with which
 //! the next command that writes or reads the asset finishes the move: see [`repair`].
@@ -26,7 +26,7 @@ use std::path::{Path, PathBuf};
 use swap::{Places, Swap};
 
 /// A sidecar file: its name relative to the folder of the file that refers to it, `/` between parts, and its bytes.
-pub(crate) type SideFile = (OsString, Vec<u8>);
+pub(crate) type SidecarFile = (OsString, Vec<u8>);
 
 /// An asset that is written, but not yet at its place. Dropped without [`Staged::publish`], it vanishes.
 #[derive(Debug)]
@@ -65,12 +65,12 @@ impl Steps {
 }
 
 impl Staged {
-    /// Writes the files of the asset at `path` into a fresh folder beside it, after tidying up what killed processes left
+    /// Writes the files of the asset at `path` into a fresh folder next to it, after tidying up what killed processes left
     /// there.
     ///
     /// # Errors
     /// [`Error::Io`], [`Error::Invalid`] if `path` is not the name of a file.
-    pub(crate) fn new(path: &Path, root: Vec<u8>, side: Vec<SideFile>) -> Result<Self> {
+    pub(crate) fn new(path: &Path, root: Vec<u8>, side: Vec<SidecarFile>) -> Result<Self> {
         let name = path.file_name().ok_or_else(|| Error::invalid(path, "not the name of a file"))?;
         if !side.is_empty() && name.to_str().is_none() {
             return Err(Error::invalid(path, "the file's name must be UTF-8: sidecar files share it"));
@@ -122,7 +122,7 @@ impl Staged {
         self.new_file(self.names.last().map_or(Path::new(""), PathBuf::as_path))
     }
 
-    /// Where the files will be, the one that was asked for first.
+    /// Where the files will be, the one requested first.
     pub fn files(&self) -> &[PathBuf] {
         &self.written.files
     }

@@ -1,4 +1,4 @@
-//! Text from files and other libraries, made fit for messages: short, on one line, without control characters.
+//! Sanitises text from files and other libraries for messages: short, on one line, without control characters.
 
 use std::fmt::Write as _;
 use std::path::Path;

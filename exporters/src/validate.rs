@@ -147,7 +147,7 @@ mod tests {
     use crate::asset::tests::fixture;
 
     #[test]
-    fn every_broken_rule_is_found() {
+    fn every_broken_rule_is_reported() {
         type Break = fn(&mut SplatAsset);
         let breaks: [(&str, Break); 19] = [
             ("position", |a| a.positions[1][2] = f32::NAN),

@@ -1,5 +1,5 @@
 //! The frame that glTF and USD share: y up, half a turn about x from the local frame (COLMAP's axes: y down, z forward).
-//! Converting changes only signs and places, so that nothing is rounded. The half turn is its own inverse but for the
+//! Conversion only flips signs and reorders components, so nothing is rounded. The half turn is its own inverse, up to the
 //! sign of quaternions.
 
 use crate::{Transform, quaternion};
@@ -70,7 +70,7 @@ mod tests {
     use crate::sh::Turn;
 
     #[test]
-    fn signs_are_those_of_half_a_turn_and_everything_comes_back() {
+    fn a_half_turn_flips_signs_and_is_undone_exactly() {
         let asset = fixture(9, 3);
         let turn = Turn::new(HALF_TURN);
         for i in 0..9 {
@@ -88,7 +88,7 @@ mod tests {
     }
 
     #[test]
-    fn a_node_does_to_flipped_points_what_the_frame_does_to_local_ones() {
+    fn the_node_transform_matches_the_frame() {
         let frame = Transform { scale: 2.5, rotation: [0.5, -0.1, 0.7, 0.5], translation: [4.0, -5.0, 6.0] };
         let node = node(&frame);
         let p = [0.3, -0.7, 1.1];

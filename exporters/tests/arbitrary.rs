@@ -1,5 +1,5 @@
-//! Any sound asset comes back from any format: bit for bit where promised, within bounds elsewhere. Any damaged file gives
-//! an error or a sound asset.
+//! Every valid asset round-trips through every format: bit for bit where promised, within bounds elsewhere. Every damaged
+//! file gives an error or a valid asset.
 
 use litetex_exporters::{
     AssetMap, Contents, Format, Quality, ReadLimits, SplatAsset, Transform, WriteOptions, ltgs,
@@ -106,7 +106,7 @@ fn asset(is_tame: bool) -> impl Strategy<Value = SplatAsset> {
             asset.opacities.push(splat.opacity);
             asset.sh.extend(splat.sh);
         }
-        asset.validate().expect("a sound asset");
+        asset.validate().expect("a valid asset");
         asset
     })
 }
@@ -134,7 +134,7 @@ const TEXTURED: [Format; 6] =
     [Format::Glb, Format::Gltf, Format::Ltgs, Format::Usda, Format::Usdc, Format::Usdz];
 
 fn config(cases: u32) -> ProptestConfig {
-    // No regression files beside the sources: failures become tests of their own.
+    // No regression files next to the sources: failures become tests of their own.
     ProptestConfig { cases, failure_persistence: None, ..ProptestConfig::default() }
 }
 
@@ -142,7 +142,7 @@ proptest! {
     #![proptest_config(config(96))]
 
     #[test]
-    fn lossless_files_give_every_bit_back(asset in asset(false)) {
+    fn lossless_files_round_trip_bit_for_bit(asset in asset(false)) {
         let folder = tempfile::tempdir().expect("a folder");
         for format in TEXTURED {
             let read = through(folder.path(), &asset, format, Quality::Lossless);
@@ -167,7 +167,7 @@ proptest! {
     }
 
     #[test]
-    fn compact_files_are_what_was_promised(asset in asset(true), exponents in vec(-8_i8..=8, 0..40)) {
+    fn ltgs_files_decode_to_the_quantised_asset(asset in asset(true), exponents in vec(-8_i8..=8, 0..40)) {
         for (quality, steps) in [
             (Quality::Balanced, ltgs::Steps::balanced(&asset)),
             (Quality::Tiny, ltgs::Steps::tiny(&asset)),
@@ -192,7 +192,7 @@ proptest! {
         prop_assert!(apart(&ply.opacities, &expected.opacities) < 1e-6);
         prop_assert_eq!(&ply.provenance, &asset.provenance);
         let spz = through(folder.path(), &asset, Format::Spz, Quality::Balanced).asset;
-        // 24 bits for places, steps of 8 bits for the rest, of SH inside of what they reach.
+        // 24 bits for places, steps of 8 bits for the rest, of SH inside what they reach.
         prop_assert!(apart(spz.positions.as_flattened(), expected.positions.as_flattened()) < 1e-3);
         prop_assert!(apart(&spz.opacities, &expected.opacities) < 0.51 / 255.0);
         prop_assert_eq!(&spz.provenance, &asset.provenance);
@@ -200,7 +200,7 @@ proptest! {
     }
 
     #[test]
-    fn damage_is_an_error_or_a_sound_asset(
+    fn damaged_files_are_errors_or_valid_assets(
         asset in asset(true),
         edits in vec((any::<prop::sample::Index>(), any::<u8>()), 1..6),
         cut in prop::option::of(any::<prop::sample::Index>()),
@@ -220,10 +220,10 @@ proptest! {
             std::fs::write(&path, &bytes).expect("written");
             let limits = ReadLimits { decoded_bytes: 64 << 20 };
             if let Ok(contents) = read_asset(&path, &limits) {
-                contents.asset.validate().expect("what is read is sound");
+                contents.asset.validate().expect("what is read is valid");
             }
             if let Ok(Some(fallback)) = read_fallback(&path, &limits) {
-                fallback.validate().expect("what is read is sound");
+                fallback.validate().expect("what is read is valid");
             }
             prop_assert!(validate_file(&path).is_ok());
         }
@@ -231,7 +231,7 @@ proptest! {
 }
 
 #[test]
-fn comparisons_see_a_single_bit() {
+fn comparisons_detect_a_single_bit() {
     // Negative control of the properties above.
     let mut runner = proptest::test_runner::TestRunner::deterministic();
     let asset = asset(false).new_tree(&mut runner).expect("an asset").current();

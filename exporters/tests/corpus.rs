@@ -94,7 +94,7 @@ fn check(path: &Path, expect: Expect) -> usize {
         }
     }
     if let Ok(contents) = read {
-        contents.asset.validate().expect("what is read is sound");
+        contents.asset.validate().expect("what is read is valid");
     }
     let (issues, more, time) = measured(|| validate_file(path));
     assert!(more <= BYTES_MAX && time < TIME_MAX, "{name}: {more} bytes, {time:?} to validate");
@@ -108,7 +108,7 @@ fn check(path: &Path, expect: Expect) -> usize {
 }
 
 #[test]
-fn every_file_gets_the_expected_answer() {
+fn every_corpus_file_gives_the_expected_outcome() {
     let _guard = MEASURING.lock();
     let files = hostile::all();
     let mut stored: Vec<String> = std::fs::read_dir(folder())
@@ -127,7 +127,7 @@ fn every_file_gets_the_expected_answer() {
 }
 
 #[test]
-fn validation_reports_what_readers_accept_but_is_odd() {
+fn validation_reports_oddities_that_readers_accept() {
     let codes = |name: &str| -> Vec<&str> {
         validate_file(&folder().join(name)).expect("looked at").iter().map(|i| i.code).collect()
     };

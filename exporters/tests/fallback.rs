@@ -16,7 +16,7 @@ fn differs(a: &SplatAsset, b: &SplatAsset) -> bool {
 }
 
 #[test]
-fn fallbacks_are_the_scenes_with_averaged_maps() {
+fn the_fallback_equals_the_scene_with_averaged_maps() {
     let folder = tempfile::tempdir().expect("a folder");
     let asset = common::scene(60, 2);
     for format in Format::ALL {
@@ -49,7 +49,7 @@ fn fallbacks_are_the_scenes_with_averaged_maps() {
 }
 
 #[test]
-fn a_fallback_is_that_of_the_file_not_of_the_scene() {
+fn the_fallback_is_read_from_the_file_not_recomputed() {
     let folder = tempfile::tempdir().expect("a folder");
     let asset = common::scene(5, 0);
     let path = folder.path().join("scene.usda");

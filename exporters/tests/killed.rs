@@ -1,4 +1,4 @@
-//! A process that is really killed while it replaces an asset of several files leaves the old one or the new one.
+//! A process killed while it replaces a multi-file asset leaves either the old asset or the new one.
 
 mod common;
 
@@ -32,7 +32,7 @@ fn replace_for_ever() {
 }
 
 #[test]
-fn assets_are_whole_after_kills() {
+fn assets_stay_complete_after_kills() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("scene.gltf");
     write(&path, "a");

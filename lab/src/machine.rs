@@ -137,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn only_the_load_of_others_is_noise() {
+    fn only_load_of_other_programs_counts_as_noise() {
         let quiet = Conditions {
             load1: Some(1.9),
             own_load1: 0.0,

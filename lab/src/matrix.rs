@@ -1,5 +1,5 @@
-//! The matrix of a benchmark: scenes x variants x budgets x seeds, from flags or a TOML file, laid out as cells with
-//! the arguments of their `litetex train`.
+//! The matrix of a benchmark: scenes x variants x budgets x seeds, from flags or a TOML file, expanded into cells
+//! with the arguments of their `litetex train`.
 
 use crate::{Error, Result};
 use serde::Deserialize;
@@ -351,7 +351,7 @@ mod tests {
     }
 
     #[test]
-    fn bare_names_of_policies_stand_for_them() {
+    fn bare_policy_names_select_that_policy() {
         let args = |variant: &str| {
             let matrix = Matrix {
                 variants: vec![named(variant)],
@@ -423,7 +423,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_says_the_same_as_flags() {
+    fn a_file_and_flags_give_the_same_matrix() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("m.toml");
         let text = r#"
@@ -455,7 +455,7 @@ mod tests {
     }
 
     #[test]
-    fn a_changed_settings_file_is_another_run() {
+    fn a_changed_settings_file_changes_the_key() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("c.toml");
         let mut matrix = matrix();

@@ -207,7 +207,7 @@ mod tests {
     }
 
     #[test]
-    fn most_fields_may_be_missing_and_null_is_no_number() {
+    fn most_fields_are_optional_and_null_is_a_missing_value() {
         let record = record("k", 3);
         assert_eq!((record.seed, record.status), (3, Status::Ok));
         assert_eq!(record.number("/quality/psnr"), Some(20.5));

@@ -100,7 +100,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn quotes_keep_blanks() {
+    fn quotes_preserve_spaces() {
         assert_eq!(split_words("").unwrap(), [""; 0]);
         assert_eq!(split_words("  --a  b ").unwrap(), ["--a", "b"]);
         assert_eq!(split_words(r#"--images "my photos" ''"#).unwrap(), ["--images", "my photos", ""]);

@@ -13,9 +13,9 @@ struct MapChange {
 
 // A window of the map's own texel grid.
 const CHANGE_SAME = 0u;
-// A window of the grid with half the texel edge.
+// A window of the grid with half the texel size.
 const CHANGE_FINER = 1u;
-// A window of the grid with twice the texel edge.
+// A window of the grid with twice the texel size.
 const CHANGE_COARSER = 2u;
 // Bilinear resampling to another size.
 const CHANGE_RESAMPLE = 3u;

@@ -23,7 +23,7 @@ fn texel_value(t: f32) -> f32 {
     return sign(t) * e / (2.0 - e);
 }
 
-// Derivative of texel_value by its value v.
+// Derivative of texel_value with respect to its value v.
 fn texel_value_slope(v: f32) -> f32 {
     return 0.5 * (1.0 - v * v);
 }

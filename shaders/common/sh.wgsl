@@ -34,7 +34,7 @@ fn sh_basis(degree: u32, d: vec3f) -> array<f32, 16> {
     return out;
 }
 
-// Derivatives of the basis by the components of the direction, treated as independent.
+// Derivatives of the basis with respect to the components of the direction, treated as independent.
 fn sh_basis_derivative(degree: u32, d: vec3f) -> array<vec3f, 16> {
     var out = array<vec3f, 16>();
     let x = d.x;

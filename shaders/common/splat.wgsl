@@ -11,7 +11,7 @@ struct SplatInfo {
     map_offset_texels: u32,
     // rows | cols << 16
     map_size: u32,
-    // Texel edge, local units.
+    // Texel size, local units.
     texel_size: f32,
     // Step up to which SH and texels have been flushed.
     last_step: u32,

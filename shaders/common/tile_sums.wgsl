@@ -41,7 +41,7 @@ fn statistics_row(row: u32, columns: vec2u, origin_px: vec2u) {
 #endif
 
 #if GEOMETRY
-// Sums the derivative by m, times m, and the derivative by the normal over a row of pixels.
+// Sums the derivative with respect to m, times m, and the derivative with respect to the normal over a row of pixels.
 fn geometry_row(s: Projected, row: u32, columns: vec2u, origin_px: vec2u) {
     var total = vec4f(0.0);
     for (var column = columns.x; column < columns.y; column += 1u) {

@@ -1,4 +1,4 @@
-//! Upper bounds of what a device can hold, as far as they are known beforehand.
+//! Upper bounds of what a device can hold, as far as they are known in advance.
 
 use serde::{Deserialize, Serialize};
 

@@ -9,7 +9,7 @@ use crate::{Error, Result};
 pub enum Grid {
     /// The texels of the map, for crops, pads and shifts.
     Same,
-    /// Each texel repeated 2 x 2, with half the edge.
+    /// 2 x upsampling: each texel is repeated 2 x 2, with half the texel size.
     Finer,
     /// Means of 2 x 2 texels, with twice the edge. Sizes that are not multiples of four are first padded evenly by
     /// replication, so that the result is even and has the same centre.
@@ -26,7 +26,7 @@ impl Grid {
         }
     }
 
-    /// Texel edge of this grid divided by that of the map.
+    /// Texel size of this grid divided by that of the map.
     pub fn texel_ratio(self) -> f32 {
         match self {
             Self::Same => 1.0,
@@ -57,14 +57,14 @@ pub enum MapChange {
         /// Factors of the texels' first and second moments.
         moment_scale: [f32; 2],
     },
-    /// Bilinear resampling to a new size about the map's centre or a point off it. Texels and moments outside of the
+    /// Bilinear resampling to a new size about the map's centre or a point off it. Texels and moments outside the
     /// map are zero; the moments of the splat's other parameters do not change.
     Resample {
         /// New number of rows, along u.
         rows: u16,
         /// New number of columns, along v.
         cols: u16,
-        /// New texel edge, local units.
+        /// New texel size, local units.
         texel_size: f32,
         /// Centre of the new map, in texels of the old map from its centre.
         shift_texels: [f32; 2],

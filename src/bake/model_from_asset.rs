@@ -52,7 +52,7 @@ mod tests {
     use litetex_exporters::{AssetMap, Provenance};
 
     #[test]
-    fn a_model_from_an_asset_bakes_to_the_same_asset() {
+    fn an_asset_round_trips_through_a_model() {
         let asset = SplatAsset {
             sh_degree: 1,
             positions: vec![[1.0, -2.0, 3.0], [0.0, 1e-7, 5.0]],

@@ -1,4 +1,4 @@
-//! Cameras on a circle around what other cameras look at.
+//! Cameras on a circle around the point that the cameras of a capture look at.
 
 use super::{Camera, RigidTransform};
 use glam::{DMat3, DVec3};
@@ -89,7 +89,7 @@ mod tests {
     }
 
     #[test]
-    fn an_orbit_continues_the_ring_that_the_cameras_stand_on() {
+    fn an_orbit_of_cameras_on_a_ring_follows_the_ring() {
         let target = DVec3::new(1.0, -2.0, 3.0);
         let up = DVec3::new(0.1, -0.9, 0.2).normalize();
         let given = ring(target, up);
@@ -107,7 +107,7 @@ mod tests {
     }
 
     #[test]
-    fn an_orbit_of_parallel_cameras_is_finite_and_of_none_empty() {
+    fn an_orbit_of_parallel_cameras_is_finite_and_without_cameras_empty() {
         let camera = Camera { pinhole: LENS, camera_from_local: RigidTransform::IDENTITY };
         for c in orbit(&[camera, camera], 3) {
             assert!(c.camera_from_local.translation.is_finite());

@@ -7,16 +7,16 @@ use litetex_gs::verify::RateGoal;
 /// What is written of a scene, and how.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub struct AssetArgs {
-    /// How exactly a file keeps the scene [default: balanced]
+    /// How closely a file reproduces the scene [default: balanced]
     #[arg(long, value_name = "QUALITY")]
     pub quality: Option<QualityName>,
-    /// Make a .ltgs file of at most this size, such as 5MB, as exact as it can be
+    /// Write a .ltgs file of at most this size, such as 5MB, at the best quality that fits
     #[arg(long, value_name = "SIZE", value_parser = parse_bytes)]
     pub max_size: Option<u64>,
-    /// Make a .ltgs file as small as it can be while losing at most this much PSNR, mean over the views, such as 0.1dB
+    /// Write the smallest .ltgs file that loses at most this much PSNR, averaged over the views, such as 0.1dB
     #[arg(long, value_name = "DB", value_parser = parse_decibels, conflicts_with = "max_size")]
     pub max_loss: Option<f64>,
-    /// Also make a mesh of textured quads for programs that cannot draw splats: FILE.mesh.glb beside glTF, a variant in USD
+    /// Also write a mesh of textured quads for programs that cannot draw splats: FILE.mesh.glb next to glTF, a variant in USD
     #[arg(long)]
     pub mesh: bool,
     /// Replace existing files
@@ -28,33 +28,33 @@ pub struct AssetArgs {
     /// Keep only what lies in this box in the capture's frame: X0,Y0,Z0:X1,Y1,Z1
     #[arg(long, value_name = "BOX", value_parser = parse_box, allow_hyphen_values = true, help_heading = "Scene")]
     pub crop: Option<CropBox>,
-    /// Leave out splats that contribute less than this many pixels to all training views together
+    /// Drop splats that contribute less than this many pixels in total over the training views
     #[arg(long, value_name = "PIXELS", value_parser = parse_floor, help_heading = "Scene")]
     pub min_contribution: Option<f32>,
-    /// UpDirection of the capture that is up in the files: x, -x, y, -y, z, -z or X,Y,Z [default: that of an asset, else -y, as in COLMAP's images]
+    /// Direction of the capture that points up in the files: x, -x, y, -y, z, -z or X,Y,Z [default: that of an asset, else -y, as in COLMAP's images]
     #[arg(long, value_name = "DIRECTION", value_parser = parse_direction, allow_hyphen_values = true, help_heading = "Scene")]
     pub up: Option<UpDirection>,
-    /// Length of the capture's unit in the files: 0.01 makes metres of a capture in centimetres [default: that of an asset, else 1]
+    /// Length of one unit of the capture in the files: 0.01 turns centimetres into metres [default: that of an asset, else 1]
     #[arg(long, value_name = "FACTOR", value_parser = parse_factor, help_heading = "Scene")]
     pub scale: Option<f64>,
     /// Title of the work [default: name of the capture]
     #[arg(long, value_name = "TEXT", help_heading = "Provenance")]
     pub title: Option<String>,
-    /// Who made it
+    /// Author of the work
     #[arg(long, value_name = "TEXT", help_heading = "Provenance")]
     pub author: Option<String>,
     /// Licence of the data, such as CC-BY-4.0
     #[arg(long, value_name = "TEXT", visible_alias = "license", help_heading = "Provenance")]
     pub licence: Option<String>,
-    /// What it was made from [default: name of the capture]
+    /// Source of the work [default: name of the capture]
     #[arg(long = "source", value_name = "TEXT", help_heading = "Provenance")]
     pub made_from: Option<String>,
 }
 
-/// Qualities that can be asked for.
+/// Qualities that can be requested.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum QualityName {
-    /// Every number comes back bit for bit
+    /// Every value is kept bit for bit
     Lossless,
     /// At most 0.02 dB lost on average
     Balanced,
@@ -84,7 +84,7 @@ pub struct CropBox {
 pub struct UpDirection(pub [f64; 3]);
 
 impl AssetArgs {
-    /// The quality that was asked for.
+    /// The quality requested.
     pub fn quality(&self) -> Quality {
         self.quality.map_or(Quality::Balanced, Quality::from)
     }
@@ -135,7 +135,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn boxes_and_directions_are_read() {
+    fn boxes_directions_and_factors_are_parsed() {
         let found = parse_box("0,5,-2:1,-5.5,3").unwrap();
         assert_eq!((found.low, found.high), ([0.0, -5.5, -2.0], [1.0, 5.0, 3.0]));
         assert_eq!(parse_direction("-z").unwrap().0, [0.0, 0.0, -1.0]);

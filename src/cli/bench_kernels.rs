@@ -1,19 +1,19 @@
-//! `litetex bench-kernels`: what a training step costs on a GPU. The measuring is `gpu::bench`'s business;
-//! here a scene is chosen and figures are printed. JSON: `docs/bench-kernels-schema.md`.
+//! `litetex bench-kernels`: what a training step costs on a GPU. `gpu::bench` measures; this module chooses the scene
+//! and prints the figures. JSON: `docs/bench-kernels-schema.md`.
 
 use super::log::Log;
 use super::values::parse_duration_secs;
 use std::path::PathBuf;
 
-/// Measure what a training step does on a GPU: times, pairs, traffic, waits
+/// Profile training steps on a GPU: kernel times, tile-splat pairs, memory traffic, waits
 ///
-/// Steps on views of a capture, from the model that training starts with, or on a random scene. The first run
-/// over the views does not count. With --max-time, as much as there is time for.
+/// Steps on the views of a capture, from its initial model, or on a random scene. The first pass over the views is a
+/// warm-up and does not count. --max-time limits how much is measured.
 #[derive(clap::Args)]
 pub struct BenchKernelsArgs {
     /// Folder of a capture [default: a random scene]
     capture: Option<PathBuf>,
-    /// Which GPU
+    /// GPU to measure
     #[arg(long, value_name = "NAME", default_value = "gpu", help_heading = "Device")]
     device: String,
     /// Bound of the images' longer side in pixels
@@ -31,10 +31,10 @@ pub struct BenchKernelsArgs {
     /// Also write the figures as JSON
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Replace the file of --json if it exists
+    /// Overwrite the --json file if it exists
     #[arg(long, requires = "json")]
     force: bool,
-    /// End in about this time, loading included, but not before the first step: 90s, 2m [default: no limit]
+    /// Finish in about this time, including loading, but always do at least one step: 90s, 2m [default: no limit]
     #[arg(long, value_name = "TIME", value_parser = parse_duration_secs)]
     max_time: Option<f64>,
 }
@@ -52,7 +52,7 @@ pub fn run(args: &BenchKernelsArgs, _log: &Log) -> anyhow::Result<()> {
         args.max_time,
         args.force,
     );
-    let what = format!("{:?}: this build has no GPUs; build it with the feature \"gpu\"", args.device);
+    let what = format!("{:?}: this build has no GPU support; build it with the feature \"gpu\"", args.device);
     Err(litetex_gs::Error::unsupported("bench-kernels", what).into())
 }
 
@@ -170,7 +170,7 @@ mod with_gpu {
         let kernels = measure(&mut backend, &scene.model, args.steps, num_views, for_steps, &request)?;
         let skipped = kernels.steps.is_none().then(|| {
             let (secs, limit) = (kernels.first_step_secs, args.max_time.unwrap_or_default());
-            format!("one step takes {secs:.1} s: there is no time for another in {limit:.0} s")
+            format!("one step takes {secs:.1} s: a second one does not fit into {limit:.0} s")
         });
         let step_secs = kernels.steps.as_ref().map_or(kernels.first_step_secs, |s| s.wall_secs_per_step);
         let evaluation = match &scene.capture {
@@ -196,7 +196,7 @@ mod with_gpu {
         let unsorted = figures.sort.iter().any(|s| !s.sorted);
         let repeatable = figures.kernels.steps.as_ref().and_then(|s| s.repeatable);
         if unsorted || repeatable == Some(false) {
-            let what = "the device or its driver computes wrongly: a sort went wrong, or equal steps differ";
+            let what = "the device or its driver gives wrong results: keys are out of order, or repeated steps differ";
             return Err(Error::CheckFailed(what.to_owned()).into());
         }
         Ok(())
@@ -304,7 +304,7 @@ mod with_gpu {
 
     fn step_rows(table: &mut Table, k: &StepFigures) {
         let (ms, cpu_ms) = (1e3 * k.wall_secs_per_step, 1e3 * k.cpu_secs_per_step);
-        table.row("a step", format!("{ms:.3} ms, CPU {cpu_ms:.3} ms; {:.1} steps/s", k.steps_per_sec));
+        table.row("step", format!("{ms:.3} ms, CPU {cpu_ms:.3} ms; {:.1} steps/s", k.steps_per_sec));
         let work = &k.per_step;
         table.row(
             "per step",
@@ -319,7 +319,7 @@ mod with_gpu {
         };
         match &k.kernel_secs {
             None => {
-                table.row("kernels", "not timed: no device clock, or no time");
+                table.row("kernels", "not timed: no device timestamps, or out of time");
             }
             Some(times) => times.iter().for_each(|(name, secs)| {
                 let rate = bytes_of(name).map(|bytes| format!(", {:.2} GB/s", bytes / secs.max(1e-12) / 1e9));
@@ -332,7 +332,7 @@ mod with_gpu {
         }
         for v in &k.variants {
             let ms = |secs: Option<f64>| secs.map_or("-".to_owned(), |s| format!("{:.4} ms", 1e3 * s));
-            let name = if v.hardware_kernels { "rasterisation for hardware" } else { "for software" };
+            let name = if v.hardware_kernels { "hardware rasteriser" } else { "software rasteriser" };
             let times = format!("forward {}, backward {}", ms(v.raster_fwd_secs), ms(v.raster_bwd_secs));
             table.row(name, times);
             if let Some(c) = &v.counts {
@@ -342,9 +342,9 @@ mod with_gpu {
         let verdict = match (k.repeatable, &k.state_hash) {
             (Some(true), Some(hash)) => format!("yes ({hash})"),
             (Some(false), _) => "NO".to_owned(),
-            _ => "not tried: no time".to_owned(),
+            _ => "not measured: out of time".to_owned(),
         };
-        table.row("equal steps, equal bytes", verdict);
+        table.row("repeatable", verdict);
     }
 
     /// What the two forms differ in.
@@ -373,7 +373,7 @@ mod with_gpu {
         table.row("visited / evaluated", format!("{:.2}", p.visited_per_evaluated));
         table.row("atomics per blended pair", format!("{:.3}", c.texel_atomics.per_blended_pair));
         for share in &c.traffic.items {
-            let item = share.item.map_or("in all".to_owned(), |i| format!("{i:?}").to_lowercase());
+            let item = share.item.map_or("total".to_owned(), |i| format!("{i:?}").to_lowercase());
             let ratio = share.ratio.map_or(String::new(), |r| format!(", {r:.2} times"));
             let [ours, floor] = [share.bytes, share.floor_bytes].map(|b| format_bytes(b as u64));
             table.row(&format!("traffic, {item}"), format!("{ours}, floor {floor}{ratio}"));

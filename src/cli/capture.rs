@@ -1,5 +1,4 @@
-//! The only place of the application layer that touches the loader of captures: opening one and making
-//! the state that training starts from.
+//! Opens captures and creates the initial training state. The only file of the command line that uses the capture loader.
 
 use litetex_gs::init::{InitInput, InitOptions, initial_model};
 use litetex_gs::model::SPLAT_PARAMS;
@@ -32,8 +31,8 @@ pub fn fresh_state(
     let most = config.budget.most_splats(texels_each).min(max_points.unwrap_or(usize::MAX));
     if most == 0 {
         return Err(Error::Usage(format!(
-            "no splat may be made: a splat has {SPLAT_PARAMS} parameters and, with the policy {}, {texels_each} texels at \
-             the start; raise --max-splats, --max-texels, --budget-params or --max-points",
+            "the budget leaves no room for a splat: each has {SPLAT_PARAMS} parameters and, with the policy {}, {texels_each} \
+             initial texels; raise --max-splats, --max-texels, --budget-params or --max-points",
             config.policy
         )));
     }

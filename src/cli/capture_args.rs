@@ -1,4 +1,4 @@
-//! Options that say how a capture is read; shared by `train` and `inspect`.
+//! Options for reading a capture; shared by `train` and `inspect`.
 
 use super::capture::{CaptureFormat, LoadOptions};
 use super::values::parse_bytes;
@@ -12,25 +12,25 @@ pub const MAX_RESOLUTION_MIN: u32 = 16;
 #[derive(clap::Args, Clone, Debug, Default)]
 #[command(next_help_heading = "Capture")]
 pub struct CaptureArgs {
-    /// Bound of the images' longer side in pixels; larger ones are averaged down by area [default: 1600]
+    /// Maximum length of the images' longer side, in pixels; larger images are reduced by area averaging [default: 1600]
     #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u32).range(i64::from(MAX_RESOLUTION_MIN)..=65_536))]
     pub max_resolution: Option<u32>,
     /// Folder of the images, for example images_4 [default: images]
     #[arg(long, value_name = "DIR")]
     pub images: Option<PathBuf>,
-    /// Folder of the masks, white keeps [default: masks, where it exists]
+    /// Folder of the masks; white pixels count [default: masks, if it exists]
     #[arg(long, value_name = "DIR")]
     pub masks: Option<PathBuf>,
-    /// Black keeps instead of white
+    /// Invert the masks: black pixels count
     #[arg(long)]
     pub mask_invert: bool,
-    /// Kind of pose file [default: the first of the list that is there]
+    /// Pose format [default: the first of these that is found]
     #[arg(long, value_name = "FORMAT", value_parser = format_parser())]
     pub format: Option<FormatArg>,
-    /// Hold out each N-th view in the order of names, 0: none; files that state a split win [default: 8]
+    /// Hold out every Nth view in name order; 0 holds out none. A split stated in the capture's files takes precedence [default: 8]
     #[arg(long, value_name = "N")]
     pub test_every: Option<usize>,
-    /// File with the names of the views to hold out, one a line; wins over everything
+    /// File listing the views to hold out, one name per line; takes precedence over everything else
     #[arg(long, value_name = "FILE")]
     pub test_list: Option<PathBuf>,
     /// Memory for decoded images [default: 4GiB]
@@ -49,7 +49,7 @@ pub enum FormatArg {
 
 /// `auto` and the names of the table, with their help.
 fn format_parser() -> impl TypedValueParser<Value = FormatArg> {
-    let auto = PossibleValue::new("auto").help("Choose by what is there");
+    let auto = PossibleValue::new("auto").help("The first format that is found");
     let formats = CaptureFormat::all().map(|f| PossibleValue::new(f.name()).help(f.help()));
     PossibleValuesParser::new(std::iter::once(auto).chain(formats))
         .map(|name| name.parse().map_or(FormatArg::Auto, FormatArg::Given))

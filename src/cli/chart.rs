@@ -12,12 +12,12 @@ use std::path::{Path, PathBuf};
 
 /// Make charts and tables of the results of "litetex bench"
 ///
-/// Writes index.html with everything, for browsers and without network; charts/ with every chart as SVG, tables/ with
-/// every table as CSV, and tables.md. Runs nothing: compares the runs in the files, each variant with the baseline,
-/// paired by scene, seed and budget.
+/// Writes index.html, a self-contained page with everything; charts/ with every chart as SVG; tables/ with every table
+/// as CSV; and tables.md. Compares the runs in the files, each variant with the baseline, paired by scene, seed and
+/// budget. Trains nothing.
 #[derive(clap::Args)]
 pub struct ChartArgs {
-    /// Files of results, or folders of benchmarks; of equal runs the last counts
+    /// Result files or benchmark folders; of repeated runs the last one counts
     #[arg(required = true, value_name = "RESULTS")]
     results: Vec<PathBuf>,
     /// Folder for charts and tables
@@ -26,10 +26,10 @@ pub struct ChartArgs {
     /// Variant that the others are compared with [default: the first]
     #[arg(long, value_name = "VARIANT")]
     baseline: Option<String>,
-    /// Include the times of runs that were made on a busy machine
+    /// Include times measured on a busy machine
     #[arg(long)]
     include_noisy: bool,
-    /// Which time: auto is cpu if every run used the CPU as its device, else wall
+    /// Clock that times are taken from; auto: cpu if every run used the CPU as its device, else wall
     #[arg(long, value_name = "CLOCK", default_value = "auto")]
     clock: ClockArg,
     /// Replace the files that an earlier "litetex chart" wrote into the folder; other files stay
@@ -40,7 +40,7 @@ pub struct ChartArgs {
 /// Clock, as typed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 enum ClockArg {
-    /// By the devices
+    /// cpu if every run used the CPU as its device, else wall
     Auto,
     /// CPU seconds of the process
     Cpu,
@@ -80,7 +80,7 @@ fn read(path: &Path, report: &mut Report) -> Result<Vec<results::Record>> {
         let why = found.warnings.first().map_or("it is empty".to_owned(), |w| w.message.clone());
         return Err(Error::invalid(
             &file,
-            format!("no usable line of results, expected what litetex bench writes: {why}"),
+            format!("no usable results, expected a file written by litetex bench: {why}"),
         ));
     }
     report.merge(lab::report(found));

@@ -1,4 +1,4 @@
-//! `litetex render --colour-by`: splats coloured by a property of theirs instead of their appearance, with a legend.
+//! `litetex render --colour-by`: splats coloured by one of their properties, with a legend.
 //! The classes are fixed, so that images of different runs can be compared.
 
 use super::table::Table;
@@ -15,9 +15,9 @@ use std::path::{Path, PathBuf};
 pub enum ColourBy {
     /// Texels along the longer side of its map
     Texels,
-    /// Edge of its texels in pixels of the nearest training camera
+    /// Size of its texels, in pixels of the nearest training camera
     TexelSize,
-    /// Nothing: each splat has a colour of its own, to tell it from its neighbours
+    /// Identity: every splat gets its own colour, distinct from its neighbours'
     Splats,
 }
 
@@ -47,7 +47,7 @@ impl ColourBy {
     fn title(self) -> &'static str {
         match self {
             Self::TexelSize => "pixels per texel",
-            _ => "texels a side",
+            _ => "texels per side",
         }
     }
 
@@ -181,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn all_classes_can_be_told_apart_by_all_eyes() {
+    fn classes_are_distinguishable_with_any_colour_vision() {
         for by in [ColourBy::Texels, ColourBy::TexelSize] {
             let colours: Vec<[u8; 3]> = (0..=CLASSES).map(|class| colour(by, class)).collect();
             for (i, &a) in colours.iter().enumerate() {
@@ -227,7 +227,7 @@ mod tests {
     }
 
     #[test]
-    fn neighbours_have_different_colours_of_their_own() {
+    fn neighbouring_splats_have_distinct_colours() {
         let colours: Vec<[u8; 3]> = (0..1000).map(scattered).collect();
         let close = colours.windows(2).filter(|w| difference(w[0], w[1]) < 15.0).count();
         assert!(close < 60, "{close}");

@@ -24,7 +24,7 @@ pub struct CompareArgs {
     /// Image, folder of images, run, checkpoint or asset
     #[arg(value_name = "A")]
     a: PathBuf,
-    /// What A should look like: of the same kind
+    /// Reference for A, of the same kind
     #[arg(value_name = "B")]
     b: PathBuf,
     /// Fail (exit code 1) if the mean PSNR is below this
@@ -136,7 +136,7 @@ fn scenes(args: &CompareArgs, log: &Log) -> Result<Vec<Difference>> {
     let (b, _) = load_scene(&args.b, log)?;
     let cameras = &b.asset.cameras;
     if cameras.is_empty() {
-        let what = "carries no cameras to render from; name the run or an asset that has them second";
+        let what = "has no cameras to render from; give a run, or an asset with cameras, as B";
         return Err(Error::Usage(format!("{}: {what}", args.b.display())));
     }
     let views = evenly_spread(cameras, args.views.map_or(usize::MAX, |v| v as usize));
@@ -165,7 +165,7 @@ fn images(a: &Path, b: &Path) -> Result<Vec<Difference>> {
     let both: Vec<&PathBuf> = in_a.intersection(&in_b).collect();
     if both.is_empty() {
         return Err(Error::Usage(format!(
-            "no image of the {1} in {0} has the name of one of the {3} in {2}",
+            "none of the {1} images in {0} shares a name with any of the {3} in {2}",
             a.display(),
             in_a.len(),
             b.display(),

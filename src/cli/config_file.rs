@@ -242,7 +242,7 @@ mod tests {
     }
 
     #[test]
-    fn written_settings_read_back_alike() {
+    fn settings_round_trip() {
         let mut config = RunConfig {
             data: Some("/captures/füchse 1".into()),
             init: InitSource::Random(500),
@@ -260,7 +260,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_may_say_little() {
+    fn missing_settings_take_their_defaults() {
         let config = parse("[train]\nsteps = 300\npolicy = \"none\"\n").unwrap();
         assert_eq!(config.train.steps, 300);
         assert_eq!(config.train.seed, TrainConfig::default().seed);
@@ -270,7 +270,7 @@ mod tests {
     }
 
     #[test]
-    fn settings_that_shape_the_model_are_told_from_others() {
+    fn only_settings_that_shape_the_model_count_as_changes() {
         let before = RunConfig { data: Some("/a/fox".into()), ..RunConfig::default() };
         let differences = |settings: &[&str]| {
             let mut now = before.clone();
@@ -291,7 +291,7 @@ mod tests {
     }
 
     #[test]
-    fn a_setting_on_the_command_line_that_is_wrong_is_a_usage_error() {
+    fn an_invalid_set_flag_is_a_usage_error() {
         for setting in ["density.quantile=1.2", "rates.texel=-1.0", "steps=many", "stps=3", "a.b=1", "steps"]
         {
             let error = RunConfig::default().set(setting).unwrap_err();
@@ -300,7 +300,7 @@ mod tests {
     }
 
     #[test]
-    fn mistakes_are_named() {
+    fn errors_name_the_setting() {
         for (text, part) in [
             ("[train]\nstps = 3", "stps"),
             ("[train]\nsteps = 0", "train.steps"),

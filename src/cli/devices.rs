@@ -9,7 +9,7 @@ use litetex_gs::backend::{Backend, DeviceInfo};
 use litetex_gs::cpu::CpuBackend;
 use serde::Serialize;
 
-/// List where training and rendering can run
+/// List the devices that can train and render
 #[derive(clap::Args)]
 pub struct DevicesArgs {
     /// Print JSON
@@ -72,7 +72,7 @@ fn listed(gpus: &[Gpu], cpu: DeviceInfo, opens: impl Fn(&Gpu) -> Result<()>) -> 
         out.push(row(gpu, auto, why));
     }
     let why = match (taken, hardware.is_empty()) {
-        (true, _) => "chosen by name, or where there is no GPU",
+        (true, _) => "used if named, or if there is no GPU",
         (false, true) => "no hardware GPU was found",
         (false, false) => "no hardware GPU can be used",
     };
@@ -80,7 +80,7 @@ fn listed(gpus: &[Gpu], cpu: DeviceInfo, opens: impl Fn(&Gpu) -> Result<()>) -> 
     out.push(Listed { name, description, hardware: false, auto: !taken, usable: true, why: why.to_owned() });
     for gpu in software {
         let sign = gpu.software.as_deref().unwrap_or_default();
-        let why = format!("runs on the processor ({sign}), slower than \"cpu\": chosen only by name");
+        let why = format!("runs on the CPU ({sign}), slower than \"cpu\": used only if named");
         out.push(row(gpu, false, why));
     }
     out
@@ -177,7 +177,7 @@ pub fn open_gpu_backend(name: &str) -> Result<litetex_gs::gpu::GpuBackend> {
         "auto" => "gpu",
         "cpu" => {
             return Err(litetex_gs::Error::Usage(
-                "--device cpu: this command measures kernels of GPUs; to measure the CPU: cargo bench --bench bench_scene"
+                "--device cpu: this command measures GPU kernels; to measure the CPU, run cargo bench --bench bench_scene"
                     .into(),
             ));
         }
@@ -241,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn auto_chooses_the_next_gpu_or_at_last_the_cpu_with_a_warning() {
+    fn auto_falls_back_to_the_next_gpu_then_the_cpu_with_a_warning() {
         let Some(first) = of_this_machine("first", true) else {
             println!("skipped: no Vulkan driver is installed");
             return;
@@ -272,7 +272,7 @@ mod tests {
     }
 
     #[test]
-    fn names_of_devices_are_accepted_in_any_case() {
+    fn device_names_are_case_insensitive() {
         let log = Log::new(super::super::log::LogFormat::Text, true, 0);
         assert_eq!(open("CPU", &log).map(|b| b.device().name).unwrap(), "cpu");
         let refusal = |name: &str| open_gpu_backend(name).map(|_| ()).unwrap_err().to_string();
@@ -286,7 +286,7 @@ mod tests {
     }
 
     #[test]
-    fn an_adapter_that_cannot_serve_is_listed_with_the_reason() {
+    fn unusable_adapters_are_listed_with_the_reason() {
         let row =
             unfit_row("old".into(), "Old, GL".into(), true, "4 storage buffers of a kernel, 8 are needed");
         assert!(!row.usable && !row.auto && row.why.contains("4 storage buffers of a kernel, 8 are needed"));

@@ -75,7 +75,7 @@ fn evaluate(
     let views = capture.indices(Split::Test);
     if views.is_empty() {
         return Err(Error::Usage(
-            "the capture has no test views; --test-every of train holds some out".to_owned(),
+            "the capture has no test views; train with --test-every to hold some out".to_owned(),
         ));
     }
     trained.identity.check_held_out(&CaptureIdentity::new(capture, capture.capture_from_local))?;
@@ -91,7 +91,7 @@ fn evaluate(
     };
     let Evaluated::Figures(evaluation) = train::evaluate(backend, capture, &views, &options, &mut on_view)?
     else {
-        return Err(Error::Usage("the masks leave no pixel of any test view; check them".to_owned()));
+        return Err(Error::Usage("the masks exclude every pixel of every test view; check them".to_owned()));
     };
     if let Some(out) = out {
         write_per_view(out, &evaluation)?;

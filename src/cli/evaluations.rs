@@ -1,5 +1,4 @@
-//! Folders of evaluations within a run: they appear whole or not at all, and deleting one deletes only what
-//! evaluations write.
+//! Evaluation folders of a run: published atomically; deleting one removes only files that evaluations write.
 
 use super::view_files::PER_VIEW;
 use litetex_gs::{Error, Result};
@@ -16,7 +15,7 @@ pub struct StagedFolder {
 }
 
 impl StagedFolder {
-    /// An empty folder beside `target`.
+    /// An empty folder next to `target`.
     ///
     /// # Errors
     /// [`Error::Io`].
@@ -57,7 +56,7 @@ impl Drop for StagedFolder {
     }
 }
 
-/// Moves a new evaluation to its place. Files there that no evaluation writes stay beside it.
+/// Moves a new evaluation to its place. Files there that no evaluation writes stay next to it.
 fn replace_evaluation(staging: &Path, target: &Path) -> Result<()> {
     remove_evaluation(target, true)?;
     if !target.exists() {
@@ -157,7 +156,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn evaluations_appear_whole_or_not_at_all_and_leave_other_files_alone() {
+    fn evaluations_are_published_atomically_and_keep_other_files() {
         let dir = tempfile::tempdir().unwrap();
         let target = dir.path().join("eval/000300");
         let staged = StagedFolder::new(target.clone()).unwrap();

@@ -1,4 +1,4 @@
-//! `--init`: where the first splats stand, as typed and as written to `config.toml`.
+//! `--init`: where the initial splats are placed, as typed and as written to `config.toml`.
 
 use super::capture::Capture;
 use litetex_gs::dataset::read_ply_points;
@@ -14,10 +14,10 @@ use std::str::FromStr;
 /// Random points unless the user says how many.
 const RANDOM_POINTS: usize = 20_000;
 
-/// Most random points that can be asked for.
+/// Most random points that can be requested.
 const RANDOM_POINTS_MAX: usize = 10_000_000;
 
-/// Where the first splats stand.
+/// Where the initial splats are placed.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub enum InitSource {
@@ -56,10 +56,10 @@ impl InitSource {
         }
     }
 
-    /// The points, read from a file where that is asked for.
+    /// The points, read from a file where that is requested.
     ///
     /// # Errors
-    /// [`Error::InvalidInput`] if the capture has no points but shall start from them; what reading a file finds.
+    /// [`Error::InvalidInput`] if the capture has no points but `sfm` asks for them; errors of reading the file.
     pub fn resolve<'a>(&'a self, capture: &'a Capture, report: &mut Report) -> Result<ResolvedPoints<'a>> {
         let poses = capture.poses.as_path();
         let resolved = |points, num_random, file| Ok(ResolvedPoints { points, num_random, file });
@@ -69,8 +69,9 @@ impl InitSource {
                 "the capture has no points; start from random points (random:COUNT)",
             )),
             Self::Auto if capture.points.is_empty() => {
-                let message = format!("the capture has no points: starts from {RANDOM_POINTS} random ones");
-                report.warn("random-start", RANDOM_POINTS, message);
+                let message =
+                    format!("the capture has no points: initialising from {RANDOM_POINTS} random points");
+                report.warn("random-initialisation", RANDOM_POINTS, message);
                 resolved(None, RANDOM_POINTS, poses)
             }
             Self::Auto | Self::Sfm => resolved(Some(Cow::Borrowed(&capture.points)), 0, poses),
@@ -145,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn sources_are_written_as_they_are_read() {
+    fn sources_round_trip_as_text() {
         for text in ["auto", "sfm", "random:77", "ply:a/b.ply"] {
             assert_eq!(text.parse::<InitSource>().unwrap().to_string(), text);
         }
@@ -156,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn captures_without_points_start_at_random_unless_their_points_are_asked_for() {
+    fn auto_initialises_at_random_if_the_capture_has_no_points() {
         let folder = tempfile::tempdir().unwrap();
         let mut capture = sample(folder.path());
         let mut report = Report::default();
@@ -167,13 +168,13 @@ mod tests {
         capture.points.clear();
         let resolved = InitSource::Auto.resolve(&capture, &mut report).unwrap();
         assert!(matches!(resolved.as_input(), InitPoints::Random(RANDOM_POINTS)));
-        assert_eq!(report.warnings[0].code, "random-start");
+        assert_eq!(report.warnings[0].code, "random-initialisation");
         assert!(InitSource::Auto.is_random(&capture));
         assert!(matches!(InitSource::Sfm.resolve(&capture, &mut report), Err(Error::InvalidInput { .. })));
     }
 
     #[test]
-    fn points_of_a_file_replace_those_of_the_capture() {
+    fn points_from_a_file_replace_those_of_the_capture() {
         let folder = tempfile::tempdir().unwrap();
         let capture = sample(folder.path());
         let path = folder.path().join("start.ply");

@@ -21,7 +21,7 @@ use std::collections::BTreeMap;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-/// Show what is in a capture, a run, a checkpoint or an asset
+/// Show the contents of a capture, a run, a checkpoint or an asset
 #[derive(clap::Args)]
 pub struct InspectArgs {
     /// Folder of a capture or a run, checkpoint (.safetensors) or asset

@@ -1,4 +1,4 @@
-//! Ctrl-C and termination: the first asks for an orderly end and is answered at once, a later one ends the process.
+//! Ctrl-C and SIGTERM: the first requests an orderly stop and is acknowledged at once; a later one ends the process.
 
 use super::log::{Log, LogFormat, write_line};
 use litetex_gs::{Error, Result};
@@ -53,7 +53,7 @@ impl Interrupt {
                 Reaction::Ignore => {}
                 Reaction::Abort => std::process::exit(130),
             })
-            .map_err(|e| Error::Device(format!("cannot listen to Ctrl-C: {e}")))?;
+            .map_err(|e| Error::Device(format!("cannot install the Ctrl-C handler: {e}")))?;
             LISTENING.get_or_init(|| interrupt);
         }
         let interrupt = Self::current();

@@ -1,4 +1,4 @@
-//! The bridge to `litetex-lab`, which knows nothing of this crate: its errors and warnings in our types.
+//! Converts the errors and warnings of `litetex-lab`, which does not depend on this crate, to this crate's types.
 
 use litetex_gs::{Error, Report};
 

@@ -1,4 +1,4 @@
-//! Messages on standard error, as text or as one JSON object a line. Results belong to standard output, that is to
+//! Messages on standard error, as text or as one JSON object per line. Results go to standard output, through
 //! `table`.
 
 use indicatif::ProgressBar;
@@ -10,9 +10,9 @@ use std::io::Write;
 /// Form of the messages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum LogFormat {
-    /// Sentences
+    /// Plain text
     Text,
-    /// One JSON object a line
+    /// One JSON object per line
     Json,
 }
 

@@ -12,7 +12,7 @@ pub struct ManArgs {
     /// Write litetex.1, litetex-train.1 and so on into this folder instead
     #[arg(long, short, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Replace pages that exist
+    /// Overwrite existing pages
     #[arg(long, requires = "out")]
     force: bool,
 }

@@ -1,4 +1,4 @@
-//! What the system says of memory, where it says it.
+//! Memory of the machine and of this process, as the operating system reports it. `resource_estimate` predicts.
 
 /// Memory that this process may use: the machine's, or its control group's where that is less.
 pub fn machine_bytes() -> Option<u64> {
@@ -26,7 +26,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn meminfo_is_understood() {
+    fn meminfo_is_parsed() {
         assert_eq!(kib_of("MemFree: 1 kB\nMemTotal:   16 kB\n", "MemTotal:"), Some(16_384));
         assert_eq!(kib_of("MemTotal: x", "MemTotal:"), None);
     }

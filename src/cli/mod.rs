@@ -1,5 +1,5 @@
-//! The application layer: arguments, messages, progress, the files of a run, exit codes. One file per subcommand;
-//! arguments (`*_args`, what was typed) are separate from their meaning (what will be done). No mathematics.
+//! The command line: arguments, messages, progress, the files of a run, exit codes. One file per subcommand; arguments
+//! (`*_args`, as typed) are separate from their meaning (`train_job`, `config_file`). No mathematics.
 
 mod asset_args;
 mod bench;
@@ -61,8 +61,8 @@ use std::process::ExitCode;
     name = "litetex",
     version,
     max_term_width = 110,
-    after_help = "Start with \"litetex quickstart\". Exit codes: 0 done, 1 a check failed, 2 usage, 3 input \
-                  invalid, 4 not supported, 5 device or run time, 130 interrupted."
+    after_help = "Start with \"litetex quickstart\". Exit codes: 0 success, 1 failed check, 2 usage error, 3 \
+                  invalid input, 4 unsupported, 5 device or run-time failure, 130 interrupted."
 )]
 struct Cli {
     #[command(flatten)]
@@ -80,10 +80,10 @@ struct CommonArgs {
     /// Print more
     #[arg(long, short, global = true, action = clap::ArgAction::Count, conflicts_with = "quiet", help_heading = "Messages")]
     verbose: u8,
-    /// Form of the messages on standard error
+    /// Format of the messages on standard error
     #[arg(long, global = true, value_name = "FORM", default_value = "text", help_heading = "Messages")]
     log_format: log::LogFormat,
-    /// Number of worker threads, on which results do not depend [default: one per core]
+    /// Number of worker threads; does not affect the results [default: one per core]
     #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), help_heading = "Device")]
     threads: Option<u16>,
 }
@@ -111,7 +111,7 @@ enum Command {
     Man(man::ManArgs),
 }
 
-/// The program's command line. Options take "-1" as a value, so that their own parsers refuse it with their own words.
+/// The program's command line. Options take "-1" as a value, so that each option's parser rejects it with its own message.
 fn command() -> clap::Command {
     fn take_negative_numbers(command: clap::Command) -> clap::Command {
         command

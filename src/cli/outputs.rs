@@ -38,7 +38,7 @@ pub fn check(source: Option<&Path>, outputs: &[PathBuf], args: &AssetArgs) -> Re
         if path.is_dir() || path.to_string_lossy().ends_with(std::path::is_separator) {
             return refuse("is a folder, expected the name of a file");
         }
-        for file in std::iter::once(path.clone()).chain(format.side_files(path, args.mesh)) {
+        for file in std::iter::once(path.clone()).chain(format.sidecar_files(path, args.mesh)) {
             let name = normal(&file);
             if let Some((_, other)) = taken.iter().find(|(n, _)| *n == name) {
                 let what =
@@ -54,16 +54,18 @@ pub fn check(source: Option<&Path>, outputs: &[PathBuf], args: &AssetArgs) -> Re
     }
     let any = |is: fn(Format) -> bool| outputs.iter().filter_map(|p| Format::from_path(p)).any(is);
     if args.rate_goal().own_limits().is_some() && !any(|f| f == Format::Ltgs) {
-        return Err(Error::Usage("--max-size and --max-loss shape .ltgs files, and none is written".into()));
+        return Err(Error::Usage(
+            "--max-size and --max-loss apply only to .ltgs files, and no output is one".into(),
+        ));
     }
     if args.quality.is_some() && !any(|f| !f.qualities().is_empty()) {
         return Err(Error::Usage(
-            "--quality is for glTF, USD and .ltgs files, and none is written: PLY and SPZ have one form each"
+            "--quality applies only to glTF, USD and .ltgs files, and no output is one: PLY and SPZ have a single quality"
                 .into(),
         ));
     }
     if args.mesh && !any(|f| f.keeps_textures() && f != Format::Ltgs) {
-        return Err(Error::Usage("--mesh is for glTF and USD files, and none is written".into()));
+        return Err(Error::Usage("--mesh applies only to glTF and USD files, and no output is one".into()));
     }
     Ok(())
 }

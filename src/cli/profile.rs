@@ -11,15 +11,15 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum Profile {
-    /// What measured best
+    /// The settings that measured best
     #[default]
     Default,
     /// Constants and rules as published
     Paper,
     /// Closer to the program behind the published tables: immediate pruning, warm restarts, error mass, generous
-    /// ceilings; its crops, interval and initial maps are not imitated
+    /// ceilings; its crops, interval and initial maps are not reproduced
     Authors,
-    /// Content-aware texturing, the method's ancestor
+    /// Content-aware texturing (CAT), the method's predecessor
     Cat,
     /// Faster, at slightly lower quality
     Fast,
@@ -93,7 +93,7 @@ impl Profile {
                 };
             }
             Self::Fast => {
-                // Images stay small for longer: until step 27,000 of the schedule's 30,000. Maps and splats grow at
+                // Images stay small for longer: until step 27,000 of the schedule's 30,000. Splats are split and maps refined at
                 // the same steps as always, except for what depends on the image size, such as the finest texel.
                 config.scheduler.until = 27_000;
             }

@@ -94,7 +94,7 @@ impl<'a> Progress<'a> {
         let eta_secs = f.remaining_secs.min(by_time).max(0.0);
         let memory = process_bytes().map(|(now, _)| now);
         let parts = [
-            rate.map(|r| if r >= 10.0 { format!("{r:.0} it/s") } else { format!("{r:.2} it/s") }),
+            rate.map(|r| if r >= 10.0 { format!("{r:.0} steps/s") } else { format!("{r:.2} steps/s") }),
             Some(format!("loss {loss:.4}")),
             self.psnr.map(|p| format!("test {p:.2} dB")),
             Some(format!("{} splats", format_count(f.splats as u64))),
@@ -109,7 +109,7 @@ impl<'a> Progress<'a> {
             return;
         }
         let fields = json!({
-            "step": f.step, "steps": self.steps, "it_per_sec": rate, "loss": loss, "psnr_test": self.psnr,
+            "step": f.step, "steps": self.steps, "steps_per_sec": rate, "loss": loss, "psnr_test": self.psnr,
             "splats": f.splats, "texels": f.texels, "memory_bytes": memory, "eta_secs": eta_secs,
         });
         self.log.event("progress", &format!("step {}/{}: {text}", f.step, self.steps), fields);

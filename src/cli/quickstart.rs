@@ -19,7 +19,7 @@ const NAME: &str = "still-life";
 const RUN: &str = "run";
 /// Formats of the exported assets.
 const EXPORTS: [&str; 4] = ["glb", "ltgs", "usdz", "ply"];
-/// Steps of the training: about a minute on two cores at the sample's size (measured: 38 steps a second).
+/// Steps of the training: about a minute on two cores at the sample's size (measured: 38 steps per second).
 const STEPS: u32 = 2_000;
 /// Training time after which slow machines stop early.
 const MAX_TIME_SECS: f64 = 60.0;
@@ -72,7 +72,7 @@ pub fn run(args: &QuickstartArgs, log: &Log) -> anyhow::Result<()> {
     let mut out = std::io::stdout().lock();
     writeln!(
         out,
-        "\nLook at  {run}/eval/{:06}/ (images; error/ holds error maps) beside {capture}/images/\n\
+        "\nCompare  {run}/eval/{:06}/ (images; error/ holds error maps) with {capture}/images/\n\
          Then try\n  \
          litetex render {run} --orbit 60 -o {run}/orbit\n  \
          litetex render {run} --test --what colour,depth,normal -o {run}/views\n  \
@@ -85,7 +85,7 @@ pub fn run(args: &QuickstartArgs, log: &Log) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Refuses a folder that is not empty, but for one that holds a quickstart and nothing else, with `force`.
+/// Refuses a folder that is not empty; with `force`, accepts one that holds only a quickstart.
 fn check_folder(folder: &Path, force: bool) -> Result<()> {
     if !force || !folder.is_dir() {
         return check_empty(folder);
@@ -94,7 +94,7 @@ fn check_folder(folder: &Path, force: bool) -> Result<()> {
         let name = entry.map_err(|e| Error::io(folder, e))?.file_name();
         if Path::new(&name).file_stem().is_none_or(|stem| stem != NAME && stem != RUN) {
             return Err(Error::Usage(format!(
-                "{}: the folder is not empty, and {name:?} in it is not of a quickstart that --force could replace; choose \
+                "{}: the folder is not empty, and quickstart did not write {name:?}, so --force does not replace it; choose \
                  another folder",
                 folder.display()
             )));

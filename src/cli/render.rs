@@ -24,9 +24,9 @@ use std::path::{Path, PathBuf};
 
 /// Render views of a run or an asset as images
 ///
-/// Colour as PNG (display space), depth as grey (near is white), normals as the usual normal map, alpha as
-/// grey. With --exr 32-bit float values: linear colour, depth in units of the capture, normals in camera
-/// axes (x right, y down, z forward).
+/// Writes PNG: colour in display space, depth as grey (near is white), normals as a normal map, alpha as grey. With
+/// --exr, writes 32-bit floats: linear colour, depth in units of the capture, normals in camera axes (x right, y down,
+/// z forward).
 #[derive(clap::Args)]
 #[command(group(clap::ArgGroup::new("which").required(true)))]
 pub struct RenderArgs {
@@ -45,7 +45,7 @@ pub struct RenderArgs {
     /// Folder to write into
     #[arg(long, short, value_name = "DIR")]
     out: PathBuf,
-    /// Replace files of the same names
+    /// Overwrite existing files
     #[arg(long)]
     force: bool,
     /// What to render
@@ -101,8 +101,7 @@ pub fn run(args: &RenderArgs, log: &Log) -> anyhow::Result<()> {
     }
     if let Some(by) = args.colour_by.filter(|_| !args.what.contains(&What::Colour)) {
         return Err(Error::Usage(format!(
-            "--colour-by {}: only colours can show it, and --what leaves them out; add colour to --what, or leave \
-             --colour-by out",
+            "--colour-by {} needs colour images, and --what excludes them; add colour to --what, or drop --colour-by",
             by.name()
         ))
         .into());
@@ -203,11 +202,11 @@ impl Job {
     }
 }
 
-/// The views that were asked for.
+/// The views that were requested.
 fn jobs(args: &RenderArgs, views: &dyn ViewSource) -> Result<Vec<Job>> {
     if views.num_views() == 0 {
         return Err(Error::Usage(format!(
-            "{}: carries no cameras; name a capture with --capture",
+            "{}: the file has no cameras; name a capture with --capture",
             args.source.display()
         )));
     }
@@ -240,7 +239,7 @@ fn jobs(args: &RenderArgs, views: &dyn ViewSource) -> Result<Vec<Job>> {
     Ok(test)
 }
 
-/// The camera at the size that was asked for.
+/// The camera at the size requested.
 fn sized(camera: &Camera, size: Option<ImageSize>) -> Camera {
     let p = camera.pinhole;
     match size {

@@ -85,7 +85,7 @@ pub struct Resources {
     pub image_cache_bytes: u64,
     /// Photos reduced to the size of a stage.
     pub reduced_photos_bytes: u64,
-    /// The largest need of a phase, beside what is always there.
+    /// The largest need of a phase, next to what is always there.
     pub phase_bytes: u64,
     pub total_bytes: u64,
     /// Null for devices other than the CPU.
@@ -175,7 +175,7 @@ impl Workload {
         }
     }
 
-    /// What the hungriest phase needs beside model, optimiser and image cache. `training_bytes` are the arrays
+    /// What the hungriest phase needs next to model, optimiser and image cache. `training_bytes` are the arrays
     /// of training that do not depend on the view; freed ones count in evaluation too, for the allocator keeps
     /// what is freed piece by piece.
     fn phase_bytes(&self, training_bytes: u64) -> u64 {
@@ -241,7 +241,7 @@ impl ResourceEstimate {
     pub fn doubt(&self, machine_bytes: Option<u64>) -> Option<String> {
         let have = machine_bytes.filter(|&have| self.grown.total_bytes > have)?;
         Some(format!(
-            "the model may come to need about {} ({} splats, {} texels), this machine has {}: bound it with \
+            "the model may grow to need about {} ({} splats, {} texels), but this machine has {}: limit it with \
              --budget-params, --max-splats or --max-texels",
             format_bytes(self.grown.total_bytes),
             format_count(self.grown_splats),
@@ -273,7 +273,7 @@ impl Resources {
     pub fn check(&self, machine_bytes: Option<u64>) -> Result<()> {
         match machine_bytes {
             Some(have) if self.total_bytes > have => Err(Error::Device(format!(
-                "training needs about {}, this machine has {}: {}; lower --max-resolution, --image-cache or \
+                "training needs about {}, but this machine has {}: {}; lower --max-resolution, --image-cache or \
                  the number of splats",
                 format_bytes(self.total_bytes),
                 format_bytes(have),
@@ -305,7 +305,7 @@ mod tests {
     };
 
     #[test]
-    fn a_small_scene_fits_and_a_huge_one_is_refused_with_its_figures() {
+    fn a_scene_beyond_the_machines_memory_is_refused_with_figures() {
         let resources = FOX.resources();
         assert!(resources.total_bytes < 256 << 20, "{resources:?}");
         assert!((10.0..60.0).contains(&resources.wall_secs.unwrap()), "{resources:?}");

@@ -1,5 +1,4 @@
-//! The folder of a run: which file lies where, who may write into it and what may be deleted. What the files say is
-//! written elsewhere.
+//! The folder of a run: its layout, its lock, and what may be deleted. The contents of the files are written elsewhere.
 
 use super::evaluations::{
     StagedFolder, entries, entries_or_none, name_of, remove, remove_evaluation, remove_if_empty,
@@ -9,7 +8,7 @@ use litetex_gs::{Error, Result};
 use std::fs::{self, File, TryLockError};
 use std::path::{Path, PathBuf};
 
-/// Files that a run writes beside the folders of its checkpoints and evaluations.
+/// Files that a run writes next to the folders of its checkpoints and evaluations.
 const FILES: [&str; 3] = ["config.toml", "metrics.jsonl", "summary.json"];
 const CHECKPOINTS: &str = "checkpoints";
 const EVALUATIONS: &str = "eval";
@@ -60,12 +59,11 @@ impl RunFolder {
         let refuse = |what: &str| Err(Error::Usage(format!("{}: {what}", root.display())));
         match (is_run(root), force) {
             (true, true) => Ok(()),
-            (true, false) => refuse(
-                "the folder is not empty, it holds a run; --force replaces that run, --resume continues it",
-            ),
+            (true, false) => {
+                refuse("the folder already holds a run; --force replaces it, --resume continues it")
+            }
             (false, true) => refuse(
-                "the folder is not empty, and what it holds is no run that --force could replace; choose another \
-                 folder",
+                "the folder is not empty and holds no run; --force replaces only runs, choose another folder",
             ),
             (false, false) => refuse("the folder is not empty; choose another"),
         }
@@ -105,7 +103,7 @@ impl RunFolder {
         self.root.join("config.toml")
     }
 
-    /// Path of the events, one JSON object a line.
+    /// Path of the events, one JSON object per line.
     pub fn metrics(&self) -> PathBuf {
         self.root.join("metrics.jsonl")
     }

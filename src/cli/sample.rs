@@ -6,10 +6,10 @@ use super::table::Table;
 use litetex_gs::sample::{SampleOptions, write_sample};
 use std::path::PathBuf;
 
-/// Make a small synthetic capture to try things with
+/// Generate a small synthetic capture for trying things out
 ///
-/// A ray-cast still life with rich texture in COLMAP layout: photos, exact poses, sparse points, and the true depths
-/// beside them. The same options give the same bytes.
+/// A ray-cast still life with rich texture in COLMAP layout: photos, exact poses, sparse points and ground-truth depths.
+/// Equal options give equal bytes.
 #[derive(clap::Args)]
 pub struct SampleArgs {
     /// Folder to write into; must be empty
@@ -29,7 +29,7 @@ pub struct SampleArgs {
     /// Also write the sparse model as text
     #[arg(long)]
     text: bool,
-    /// Leave out the depths and the description of the scene
+    /// Omit the ground-truth depths and the description of the scene
     #[arg(long)]
     no_truth: bool,
 }
@@ -52,7 +52,7 @@ pub fn run(args: &SampleArgs, log: &Log) -> anyhow::Result<()> {
         truth: !args.no_truth,
         ..SampleOptions::default()
     };
-    log.info(&format!("casting {} photos of {width_px} x {height_px}", options.views));
+    log.info(&format!("ray-casting {} photos of {width_px} x {height_px}", options.views));
     let made = write_sample(&args.dir, &options)?;
     let mut table = Table::default();
     table.row("capture", args.dir.display());

@@ -12,10 +12,10 @@ use litetex_gs::atomic_file;
 use litetex_gs::frequency::FrequencyOptions;
 use std::path::PathBuf;
 
-/// Show how the sizes of images and textures will rise in a training
+/// Show how image sizes and texture caps rise during training
 ///
 /// Analyses the frequencies of the training photos and lists the stages that follow: which steps render at
-/// which scale, how large textures may grow, and how the work is distributed. Nothing is trained.
+/// which scale, the texture cap of each, and how the work is distributed. Nothing is trained.
 #[derive(clap::Args)]
 pub struct ScheduleArgs {
     /// Folder of the capture

@@ -10,7 +10,7 @@ pub struct ScheduleFlags {
     /// How the render scale follows the schedule [default: fractional]
     #[arg(long, value_name = "RULE")]
     pub scale_rule: Option<ScaleRuleArg>,
-    /// How the cap of the texture resolution follows the schedule [default: squared]
+    /// How the texture cap follows the schedule [default: squared]
     #[arg(long, value_name = "RULE")]
     pub cap_rule: Option<CapRuleArg>,
     /// Step of a run of 30,000 at which the last stage begins [default: 20000]

@@ -1,4 +1,4 @@
-//! A schedule as a chart: scales above, the cap of the textures below, over the steps. `litetex-lab` draws it.
+//! A schedule as a chart over the steps: scales above, the texture cap below. `litetex-lab` draws it.
 
 use super::schedule_report::ScheduleReport;
 use litetex_gs::train::StageSpan;
@@ -32,7 +32,7 @@ fn scales(plan: &ScheduleReport) -> Chart {
         y: axis("Scale (full size = 1)", Spacing::Linear, Quantity::Plain),
         series: vec![
             line("rendered, r", 1, staircase(&plan.stages, |s| s.render_scale)),
-            line("asked for by the photos, s", 0, curve.collect()),
+            line("required by the photos, s", 0, curve.collect()),
         ],
         front: Vec::new(),
         events: events(plan, ["densification ends", "full size from here"]),

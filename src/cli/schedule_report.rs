@@ -23,7 +23,7 @@ pub struct ScheduleReport {
     pub steps: u32,
     /// Step of the first image of full size.
     pub schedule_steps: u32,
-    /// Last step after which splats are split and maps grow.
+    /// Last step after which splats are split and maps refined.
     pub densify_until: u32,
     options: FrequencyOptions,
     pub schedule: FrequencySchedule,

@@ -1,5 +1,5 @@
-//! The consumer of the trainer's events on the command line: it fills the run folder, feeds the progress display and
-//! answers whether to go on.
+//! The command line's consumer of training events: fills the run folder, updates the progress display, and tells the
+//! trainer whether to continue.
 
 use super::config_file::{RunConfig, SaveImages};
 use super::evaluations::StagedFolder;
@@ -163,7 +163,7 @@ impl<'a> Session<'a> {
             self.metric(json!({ "event": "step", "step": step, "view": self.views.name(view),
                 "loss": loss, "splats": num_splats, "texels": num_texels,
                 "train_wall_secs": train_wall_secs, "train_cpu_secs": train_cpu_secs,
-                "counters": counters(report), "stages_secs": stages(report),
+                "counters": counters(report), "pass_secs": passes(report),
                 "non_finite_gradients": report.non_finite_gradients }))?;
         }
         Ok(())
@@ -187,7 +187,7 @@ impl<'a> Session<'a> {
         if count == 0 {
             return Ok(());
         }
-        let message = format!("{count} gradients were NaN or infinite and were taken as zero");
+        let message = format!("{count} gradients were NaN or infinite and were treated as zero");
         self.handle(TrainEvent::Warning(Warning {
             code: "gradients-not-finite".to_owned(),
             message,
@@ -269,8 +269,8 @@ fn counters(report: &StepReport) -> Value {
     counters
 }
 
-/// Seconds of a step by stage of the pipeline.
-fn stages(report: &StepReport) -> Value {
+/// Seconds of a step by pass.
+fn passes(report: &StepReport) -> Value {
     let secs = report.stages.iter().map(|(name, time)| ((*name).to_owned(), json!(time.as_secs_f64())));
     Value::Object(secs.collect())
 }

@@ -1,5 +1,4 @@
-//! What users name as the source of a scene: a run, a checkpoint or an asset. Rendering, exporting and verifying begin
-//! here.
+//! Loads the scene that a user names: a run, a checkpoint or an asset. Rendering, exporting and verifying start here.
 
 use super::capture::{self, Capture, LoadOptions};
 use super::config_file::RunConfig;

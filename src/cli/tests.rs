@@ -1,4 +1,4 @@
-//! Tests of the application layer from within: a run folder filled by scripted events, and defaults stated in the help.
+//! Unit tests of the command line: a run folder filled by scripted events, and defaults stated in the help.
 
 use super::config_file::{RunConfig, SaveImages};
 use super::interrupt::Interrupt;
@@ -163,7 +163,7 @@ fn files(folder: &Path) -> Vec<String> {
 }
 
 #[test]
-fn gradients_that_are_not_finite_are_reported_whatever_their_step() {
+fn non_finite_gradients_are_reported_at_any_step() {
     for (non_finite, told) in [([0, 0], None), ([2, 5], Some(7))] {
         let dir = tempfile::tempdir().unwrap();
         let folder = RunFolder::create(dir.path(), false).unwrap();
@@ -222,7 +222,7 @@ fn events_fill_the_run_folder() {
 }
 
 #[test]
-fn images_of_all_evaluations_or_none_are_kept_if_asked_for() {
+fn save_images_keeps_all_images_or_none() {
     for (save_images, images) in [(SaveImages::None, 0), (SaveImages::Last, 4), (SaveImages::All, 8)] {
         let dir = tempfile::tempdir().unwrap();
         run(&RunFolder::create(dir.path(), false).unwrap(), save_images, 0, 20);
@@ -232,7 +232,7 @@ fn images_of_all_evaluations_or_none_are_kept_if_asked_for() {
 }
 
 #[test]
-fn a_resumed_run_keeps_the_metrics_before_its_checkpoint_and_no_other() {
+fn a_resumed_run_keeps_only_the_metrics_before_its_checkpoint() {
     let dir = tempfile::tempdir().unwrap();
     let folder = RunFolder::create(dir.path(), false).unwrap();
     run(&folder, SaveImages::None, 0, 40);
@@ -250,7 +250,7 @@ fn a_resumed_run_keeps_the_metrics_before_its_checkpoint_and_no_other() {
 }
 
 #[test]
-fn an_interruption_stops_the_trainer() {
+fn an_interrupt_stops_the_trainer() {
     let dir = tempfile::tempdir().unwrap();
     let folder = RunFolder::create(dir.path(), false).unwrap();
     let views = TestViews(vec!["a.png"]);

@@ -108,7 +108,7 @@ fn first_state(job: &mut TrainJob, capture: &Capture, report: &mut Report, log: 
     log.report(&left_out);
     report.merge(left_out);
     if let Some(what) = bounded_start(&config.train, state.model.num_splats()) {
-        log.warn("start-bounded-by-budget", &what, 1);
+        log.warn("initial-model-bounded-by-budget", &what, 1);
         report.warn("start-bounded-by-budget", 1, what);
     }
     Ok(state)
@@ -170,7 +170,7 @@ mod tests {
     use litetex_gs::train::Policy;
 
     #[test]
-    fn the_budget_that_bounds_the_start_is_named() {
+    fn the_budget_that_limits_the_initial_model_is_named() {
         let warning = |policy, max_splats, max_texels, max_params, splats| {
             let budget = Budget { max_splats, max_texels, max_params };
             bounded_start(&TrainConfig { policy, budget, ..TrainConfig::default() }, splats)

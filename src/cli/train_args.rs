@@ -24,8 +24,8 @@ pub struct TrainArgs {
     /// Folder of the run
     #[arg(long, short, value_name = "RUN")]
     pub out: Option<PathBuf>,
-    /// Replace the run in the folder; files that no run writes stay. With --resume CHECKPOINT in the folder of its run:
-    /// delete the later checkpoints and evaluations
+    /// Replace the run in the folder; other files are kept. With --resume CHECKPOINT in the folder of its run: delete the
+    /// later checkpoints and evaluations
     #[arg(long)]
     pub force: bool,
     /// Continue a run from its last checkpoint, or from a given one [default: the run of --out]
@@ -40,7 +40,7 @@ pub struct TrainArgs {
     /// Stop at once when standard input ends: "litetex bench" starts its runs this way
     #[arg(long, hide = true)]
     pub end_with_stdin: bool,
-    /// Where to compute: auto, gpu, or a name that "litetex devices" lists
+    /// Device to compute on: auto, gpu, or a name listed by "litetex devices"
     #[arg(long, value_name = "NAME", default_value = "auto", help_heading = "Device")]
     pub device: String,
     #[command(flatten)]
@@ -53,7 +53,7 @@ pub struct TrainArgs {
 #[derive(clap::Args, Clone, Debug, Default)]
 #[command(next_help_heading = "Training")]
 pub struct TrainingArgs {
-    /// Number of steps, to which all schedules scale [default: 30000]
+    /// Number of steps; all schedules scale with it [default: 30000]
     #[arg(long, visible_alias = "iterations", value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub steps: Option<u32>,
     /// Stop early after this much training time: 90s, 20m, 1h30m [default: no limit]
@@ -65,7 +65,7 @@ pub struct TrainingArgs {
     /// Highest degree of the spherical harmonics, 0 to 3 [default: 3]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=3))]
     pub sh_degree: Option<u32>,
-    /// Set of defaults [default: default]
+    /// Named set of defaults [default: default]
     #[arg(long, value_name = "NAME")]
     pub profile: Option<Profile>,
     /// How splats and texels are allocated: litetex; cat (content-aware texturing); fixed:R (R x R texels for each
@@ -91,11 +91,11 @@ pub struct TrainingArgs {
     /// Largest number of parameters, 59 per splat and 3 per texel, such as 500k or 5M
     #[arg(long, value_name = "N", value_parser = parse_count, help_heading = "Budget")]
     pub budget_params: Option<usize>,
-    /// Start from at most this many points, chosen at random
+    /// Initialise from at most this many points, chosen at random
     #[arg(long, value_name = "N", value_parser = parse_count)]
     pub max_points: Option<usize>,
-    /// Where splats start: auto (points of the capture, else random), sfm, ply:FILE, random:N [default: auto]
-    #[arg(long, value_name = "START")]
+    /// Initial points: auto (those of the capture, else random), sfm, ply:FILE, random:N [default: auto]
+    #[arg(long, value_name = "SOURCE")]
     pub init: Option<InitSource>,
     /// Colour of the background: black, white, #rrggbb or r,g,b from 0 to 1 [default: black]
     #[arg(long, value_name = "COLOUR", value_parser = parse_colour)]
@@ -206,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn a_profile_leaves_nothing_of_another() {
+    fn a_profile_resets_settings_of_an_earlier_profile() {
         let fresh = |flags: &str| over(RunConfig::default(), flags).unwrap();
         for first in ["paper", "authors", "cat", "fast"] {
             let before = fresh(&format!("--profile {first} --without pruning --steps 77 --budget-params 5k"));
@@ -227,7 +227,7 @@ mod tests {
     }
 
     #[test]
-    fn switches_that_would_do_nothing_are_refused() {
+    fn switches_without_effect_are_refused() {
         let refused = |flags: &str, part: &str| {
             let error = over(RunConfig::default(), flags).unwrap_err();
             assert!(error.exit_code() == 2 && error.to_string().contains(part), "{error}");

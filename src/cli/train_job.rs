@@ -1,4 +1,4 @@
-//! What a call of `litetex train` amounts to: resolved settings, the folder, and the state of the run to continue.
+//! Resolves a call of `litetex train`: settings, run folder, and the state of the run to resume.
 
 use super::capture::Capture;
 use super::config_file::RunConfig;

@@ -1,4 +1,4 @@
-//! The summary of a training: put together at its end, and printed as a short table.
+//! The summary of a training: assembled at its end, and printed as a short table.
 
 use super::capture::Capture;
 use super::config_file::RunConfig;

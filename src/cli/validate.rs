@@ -7,7 +7,7 @@ use std::path::PathBuf;
 
 /// Check a file against the rules of its format
 ///
-/// Lists numbered issues, each an error, a warning or a piece of information. Exit code 1 if one is an error.
+/// Lists numbered issues: errors, warnings and notes. Exit code 1 if there is an error.
 #[derive(clap::Args)]
 pub struct ValidateArgs {
     /// File to validate

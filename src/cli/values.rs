@@ -1,4 +1,4 @@
-//! Values on the command line: durations, sizes in bytes, counts, colours, sizes in pixels. Text in, numbers
+//! Values on the command line: durations_are_parsed, sizes in bytes, counts, colours, sizes in pixels. Text in, numbers
 //! out; nothing here opens a file.
 
 pub use litetex_gs::text::{format_bytes, format_count, format_duration};
@@ -100,12 +100,12 @@ pub enum ImageSize {
     Exact(u32, u32),
 }
 
-/// Reads decibels: "0.1dB", "0.1 dB" or "0.1".
+/// Reads decibels_are_parsed: "0.1dB", "0.1 dB" or "0.1".
 pub fn parse_decibels(text: &str) -> Result<f64, String> {
     let lower = text.trim().to_ascii_lowercase();
     let number = lower.strip_suffix("db").unwrap_or(&lower).trim_end();
     let value = number.parse::<f64>().ok().filter(|v| v.is_finite() && *v >= 0.0);
-    value.ok_or_else(|| format!("{text:?}: expected decibels, such as 0.1dB"))
+    value.ok_or_else(|| format!("{text:?}: expected decibels_are_parsed, such as 0.1dB"))
 }
 
 /// Reads the size of an image: "960" (longer side) or "1920x1080".
@@ -123,7 +123,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn durations() {
+    fn durations_are_parsed() {
         assert_eq!(parse_duration_secs("90"), Ok(90.0));
         assert_eq!(parse_duration_secs("20m"), Ok(1200.0));
         assert_eq!(parse_duration_secs("1h30m"), Ok(5400.0));
@@ -134,7 +134,7 @@ mod tests {
     }
 
     #[test]
-    fn byte_sizes() {
+    fn byte_sizes_are_parsed() {
         assert_eq!(parse_bytes("4GiB"), Ok(4 << 30));
         assert_eq!(parse_bytes("1.5 MiB"), Ok(3 << 19));
         assert_eq!(parse_bytes("2GB"), Ok(2_000_000_000));
@@ -155,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn decibels() {
+    fn decibels_are_parsed() {
         assert_eq!(["0.1dB", " 40 db", "3"].map(parse_decibels), [Ok(0.1), Ok(40.0), Ok(3.0)]);
         for wrong in ["", "dB", "-1dB", "nan", "1 bel"] {
             assert!(parse_decibels(wrong).is_err(), "{wrong}");
@@ -163,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn image_sizes() {
+    fn image_sizes_are_parsed() {
         assert_eq!(parse_image_size("960"), Ok(ImageSize::Longer(960)));
         assert_eq!(parse_image_size("17x13"), Ok(ImageSize::Exact(17, 13)));
         for wrong in ["", "0", "x", "10x", "40000", "3x-1"] {

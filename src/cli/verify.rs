@@ -1,4 +1,4 @@
-//! `litetex verify`: reads a file back and renders it beside the scene that it was made from.
+//! `litetex verify`: renders a file and the scene it was made from, and compares the images.
 
 use super::capture::Capture;
 use super::devices;
@@ -16,9 +16,9 @@ use litetex_gs::verify::{
 use litetex_gs::views::ViewSource;
 use std::path::PathBuf;
 
-/// Verify that a file renders as the scene it was made from
+/// Verify that a file renders like the scene it was made from
 ///
-/// Renders both from the views of the scene and compares them. Exit code 1 if the file breaks the promise of its
+/// Renders both from the views of the scene and compares them. Exit code 1 if the file exceeds the limits of its
 /// quality: lossless, no difference at all; balanced, at most 0.02 dB lost on average and 0.05 dB in any view; tiny,
 /// 0.10 and 0.25 dB. The loss follows from the differences between the images at the scene's PSNR on test views; PSNR
 /// on the photos is printed too, but not checked. Files without textures are compared with the untextured scene.
@@ -36,7 +36,7 @@ pub struct VerifyArgs {
     /// Render this many views, evenly spread [default: all]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     views: Option<u32>,
-    /// Allow this much PSNR to be lost on average, such as 0.1dB, instead of what the quality promises
+    /// Allow this much PSNR to be lost on average, such as 0.1dB, instead of the quality's limit
     #[arg(long, value_name = "DB", value_parser = parse_decibels)]
     max_loss: Option<f64>,
     /// Require this PSNR against the scene's images, instead of what the quality promises
@@ -128,7 +128,7 @@ fn add_rows(v: &Verdict, table: &mut Table) {
     table.row(
         "verified",
         if v.limits == QualityLimits::NONE {
-            "nothing is promised; --max-loss and --min-psnr set limits".to_owned()
+            "this quality has no limits; set them with --max-loss and --min-psnr".to_owned()
         } else if v.failures.is_empty() {
             "yes".to_owned()
         } else {

@@ -84,7 +84,7 @@ mod tests {
     }
 
     #[test]
-    fn lazy_updates_follow_the_dense_path() {
+    fn lazy_updates_match_dense_ones() {
         let rate = 1e-2;
         let mut dense = (0.0, 0.0, 0.0);
         let mut closed = (0.0, 0.0, 0.0);

@@ -196,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn windows_pad_texels_with_zeros_and_second_moments_with_their_nearest() {
+    fn padding_uses_zeros_for_texels_and_nearest_second_moments() {
         // Adds a column on each side of the first map, which is 4 x 3.
         let (model, adam, plan) = planned(window(Grid::Same, [4, 5], [0, -1]));
         plan.check(3).unwrap();
@@ -216,7 +216,7 @@ mod tests {
         // The other maps and all splats are unchanged.
         assert_eq!(new.textures.texels[60..], model.textures.texels[36..]);
         assert_eq!((&new.splats, &moments.splats_m), (&model.splats, &adam.splats_m));
-        // A finer grid halves the texel edge; a window without texels drops the map.
+        // A finer grid halves the texel size; a window without texels drops the map.
         let (model, adam, plan) = planned(window(Grid::Finer, [8, 6], [0, 0]));
         let (new, _) = apply_plan(&model, &adam, &plan);
         assert_eq!(new.textures.maps[0].texel_size, 0.5 * model.textures.maps[0].texel_size);

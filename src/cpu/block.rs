@@ -181,7 +181,7 @@ fn hat<S: Simd>(d: Lanes<S>) -> Lanes<S> {
     (1.0 - d.abs()).max(0.0_f32)
 }
 
-/// Bilinear weight at distance `d` from a texel, and its derivative by the texture coordinate.
+/// Bilinear weight at distance `d` from a texel, and its derivative with respect to the texture coordinate.
 #[inline(always)]
 pub(super) fn hat_slope<S: Simd>(simd: S, d: Lanes<S>) -> (Lanes<S>, Lanes<S>) {
     let weight = hat(d);

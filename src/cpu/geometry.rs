@@ -6,7 +6,7 @@ use crate::camera::Pinhole;
 use crate::constants::SURFACE_ALPHA_MIN;
 use rayon::prelude::*;
 
-/// Coefficients of the derivative by a sample's weight: constant, factors of m and m^2, and the vector
+/// Coefficients of the derivative with respect to a sample's weight: constant, factors of m and m^2, and the vector
 /// multiplied with the sample's normal.
 pub(super) type Coefficients = [f32; 6];
 

@@ -13,7 +13,7 @@ const TAPS: usize = 2 * SSIM_RADIUS_PX + 1;
 /// Planes of image and photo, and working memory of the loss.
 #[derive(Default)]
 pub(super) struct LossBuffers {
-    /// Rendered image, by channel; after [`image_loss`], the derivative by it.
+    /// Rendered image, by channel; after [`image_loss`], the derivative with respect to it.
     pub image: [Vec<f32>; 3],
     /// Loss of each pixel: l1 and dssim terms, averaged over the channels only.
     pub map: Vec<f32>,
@@ -159,7 +159,7 @@ fn blur_column<S: Simd>(_simd: S, plane: &[f32], y: usize, w: usize, out: &mut [
     }
 }
 
-/// Blurs along the columns, then computes SSIM and its derivatives by the three means that depend on the image, times
+/// Blurs along the columns, then computes SSIM and its derivatives w.r.t. the three means that depend on the image, times
 /// `scale`; adds (1 - SSIM) to the map. Returns the sum of SSIM.
 fn ssim_rows(level: Level, buffers: &mut LossBuffers, w: usize, window: &[f32; TAPS], scale: f32) -> f64 {
     let LossBuffers { blurred, partial, map, .. } = buffers;

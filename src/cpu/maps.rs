@@ -1,5 +1,5 @@
-//! Changes to a texture map: windows of its texel grid, or of a grid twice as fine or coarse, and bilinear
-//! resampling. `apply_plan` applies them to a model.
+//! Resizes texture maps: crops, pads, 2 x upsampling, 2 x 2 averaging, and bilinear resampling. `apply_plan` applies
+//! the changes of a plan to a model.
 
 use crate::backend::Grid;
 use crate::model::TextureMap;

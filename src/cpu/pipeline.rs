@@ -162,7 +162,7 @@ impl ViewPipeline {
         image
     }
 
-    /// Loss terms l1, dssim and mse; writes the gradient by the image to `buffers`.
+    /// Loss terms l1, dssim and mse; writes the gradient with respect to the image to `buffers`.
     pub(super) fn loss(
         &self,
         level: Level,

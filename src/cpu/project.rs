@@ -151,7 +151,7 @@ fn project(model: &Model, i: usize, view: &ViewF32) -> Option<ProjectedSplat> {
             rows: i32::from(map.rows),
             cols: i32::from(map.cols),
             first: 0,
-            // An empty map may have a texel edge of zero.
+            // An empty map may have a texel size of zero.
             texels_per_sigma: scales.map(|s| if map.rows == 0 { 0.0 } else { s / map.texel_size }),
             origin: [(f32::from(map.rows) - 1.0) / 2.0, (f32::from(map.cols) - 1.0) / 2.0],
         },
@@ -221,7 +221,7 @@ pub(super) fn sh_basis(degree: u32, [x, y, z]: [f32; 3]) -> [f32; 16] {
     out
 }
 
-/// Derivatives of [`sh_basis`] by the components of the direction, treated as independent.
+/// Derivatives of [`sh_basis`] with respect to the components of the direction, treated as independent.
 pub(super) fn sh_basis_derivative(degree: u32, [x, y, z]: [f32; 3]) -> [[f32; 3]; 16] {
     let mut out = [[0.0; 3]; 16];
     if degree >= 1 {

@@ -7,7 +7,7 @@ use super::raster_bwd::{HEADER_FLOATS, Sum};
 use crate::constants::sh_coefficients;
 use crate::model::Model;
 
-/// Derivatives by a splat's stored parameters, except its texels.
+/// Derivatives with respect to a splat's stored parameters, except its texels.
 #[derive(Clone, Debug)]
 pub(super) struct SplatGradient {
     pub position: [f32; 3],
@@ -57,7 +57,7 @@ pub(super) fn project_bwd(
     out
 }
 
-/// Derivatives by the centre and the three surfel axes, in camera axes.
+/// Derivatives with respect to the centre and the three surfel axes, in camera axes.
 fn map_bwd(splat: &ProjectedSplat, sums: &[f32; HEADER_FLOATS], view: &ViewF32) -> ([f32; 3], [[f32; 3]; 3]) {
     let s = |sum: Sum| sums[sum as usize];
     let p = splat.centre_in_camera;
@@ -91,7 +91,7 @@ fn map_bwd(splat: &ProjectedSplat, sums: &[f32; HEADER_FLOATS], view: &ViewF32) 
     (by_centre, [cross(by_cross_b, p), cross(p, by_cross_a), by_n])
 }
 
-/// Derivative by a stored quaternion (wxyz) from those by the columns of its rotation.
+/// Derivative with respect to a stored quaternion (wxyz) from those by the columns of its rotation.
 fn quaternion_bwd(stored: [f32; 4], columns: [[f32; 3]; 3]) -> [f32; 4] {
     let norm = stored.iter().map(|q| q * q).sum::<f32>().sqrt();
     let [w, x, y, z] = stored.map(|q| q / norm);

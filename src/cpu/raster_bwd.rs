@@ -20,7 +20,7 @@ use fearless_simd::{Select as _, Simd, SimdBase as _, SimdFloat as _, SimdMask a
 pub(super) enum Sum {
     /// 1 if any pixel contributed; otherwise 0, and the rest of the record is not written.
     Touched,
-    /// Derivative by the surfel coordinate along u, over the denominator: the sum, times dx, times dy.
+    /// Derivative with respect to the surfel coordinate along u, over the denominator: the sum, times dx, times dy.
     U,
     UX,
     UY,
@@ -28,7 +28,7 @@ pub(super) enum Sum {
     V,
     VX,
     VY,
-    /// Derivative by the denominator: the sum, times dx, times dy.
+    /// Derivative with respect to the denominator: the sum, times dx, times dy.
     D,
     DX,
     DY,
@@ -55,7 +55,7 @@ pub(super) enum Sum {
 /// Fixed part of a pair's partial sums.
 pub(super) const HEADER_FLOATS: usize = Sum::Len as usize;
 
-/// Derivatives of the loss by the pixels of a tile, and the loss per pixel.
+/// Derivatives of the loss with respect to the pixels of a tile, and the loss per pixel.
 pub(super) struct TileGradient {
     /// By colour.
     pub rgb: [TilePlane; 3],
@@ -69,7 +69,7 @@ pub(super) struct TileGradient {
 struct Replay<'a> {
     /// Transmittance behind the next splat to visit.
     transmittance: TilePlane,
-    /// Sum of weight times the derivative by weight, over the samples behind.
+    /// Sum of weight times the derivative with respect to weight, over the samples behind.
     behind: TilePlane,
     last: &'a TilePlane,
     gradient: &'a TileGradient,
@@ -282,7 +282,7 @@ fn block_bwd<S: Simd, const STATS: bool>(
     sums.mul_add(Sum::DY, d, hit.dy);
 }
 
-/// Adds the texel gradients to their lane sums; returns the derivatives by the texture coordinates.
+/// Adds the texel gradients to their lane sums; returns the derivatives with respect to the texture coordinates.
 #[inline(always)]
 fn texture_bwd<S: Simd>(
     simd: S,

@@ -1,4 +1,4 @@
-//! A capture that has been read: what is known of it, and its photos on demand.
+//! A loaded capture: its views and points, and its photos on demand.
 
 use super::health::SparseHealth;
 use super::options::CaptureFormat;
@@ -40,7 +40,7 @@ pub struct Capture {
     pub capture_from_local: Similarity,
     /// Distance of the near plane, local units.
     pub near: f32,
-    /// How sound the sparse reconstruction looks, where there is one.
+    /// How plausible the sparse reconstruction looks, where there is one.
     pub health: Option<SparseHealth>,
     /// Warnings: what was left out, chosen among several or looks wrong.
     pub report: Report,
@@ -50,7 +50,7 @@ pub struct Capture {
 }
 
 impl Capture {
-    /// Most memory that decoding takes if `threads` photos are asked for at once.
+    /// Most memory that decoding takes if `threads` photos are requested at once.
     pub fn decoding_bytes(&self, threads: usize) -> u64 {
         self.store.decoding_bytes(threads)
     }

@@ -1,5 +1,5 @@
-//! What decoding all photos showed: an error if one cannot be read, warnings of what can be read but
-//! teaches nothing or something wrong.
+//! Checks all photos by decoding them: an error if one cannot be read, warnings about those that decode but are
+//! useless or misleading for training.
 
 use super::capture::{Capture, View};
 use super::source::first_names;
@@ -37,10 +37,10 @@ fn summed_up(views: &[View], outcomes: Vec<Result<CheckedPhoto>>) -> Result<Repo
     }
     if !cut_off.is_empty() {
         report.warn(
-            "photos-cut-off",
+            "photos-truncated",
             cut_off.len(),
             format!(
-                "{} JPEG files end early, and what they lack is grey: {}; copy them again, or remove them",
+                "{} JPEG files are truncated, and their missing part decodes as grey: {}; copy them again, or remove them",
                 cut_off.len(),
                 first_names(cut_off.iter().map(String::as_str))
             ),
@@ -51,7 +51,7 @@ fn summed_up(views: &[View], outcomes: Vec<Result<CheckedPhoto>>) -> Result<Repo
             "views-masked-out",
             masked_out.len(),
             format!(
-                "the masks of {} training views leave no pixel, so nothing is learnt from them: {}; white keeps, \
+                "the masks of {} training views exclude every pixel, so nothing is learnt from them: {}; white pixels count, \
                  unless --mask-invert is given",
                 masked_out.len(),
                 first_names(masked_out)

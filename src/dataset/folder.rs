@@ -1,5 +1,5 @@
-//! The folder of a capture: where the photos that its poses name lie, and which files lie outside of it.
-//! Files in folders may lie anywhere, which is warned of; those in archives must lie in the archive.
+//! The folder of a capture: finds the photos that the poses name, and the files outside it. Folders may refer to files
+//! outside, with a warning; archives may not.
 
 use crate::{Error, Result};
 use std::path::{Component, Path, PathBuf};
@@ -14,7 +14,7 @@ pub(crate) struct CaptureFolder {
     pub root: PathBuf,
     /// The photos, where `--images` names their folder.
     pub images: Option<PhotoFolder>,
-    /// An unpacked archive: nothing outside of it is opened.
+    /// An unpacked archive: nothing outside it is opened.
     is_archive: bool,
 }
 
@@ -22,7 +22,7 @@ pub(crate) struct CaptureFolder {
 #[derive(Clone, Debug)]
 pub(crate) struct PhotoFolder {
     path: PathBuf,
-    /// Nothing outside of this folder is opened.
+    /// Nothing outside this folder is opened.
     confined_to: Option<PathBuf>,
 }
 
@@ -60,7 +60,7 @@ impl CaptureFolder {
     /// The file at a stored path.
     ///
     /// # Errors
-    /// [`Error::InvalidInput`] if it lies outside of an archive.
+    /// [`Error::InvalidInput`] if it lies outside an archive.
     pub fn file(&self, stored: &str) -> Result<PathBuf> {
         let path = self.root.join(stored);
         if self.is_archive {
@@ -76,7 +76,7 @@ fn confine(root: &Path, path: &Path, stored: &str) -> Result<()> {
     }
     Err(Error::invalid(
         root,
-        format!("{stored:?} lies outside of the archive, which must be whole; unpack it if you trust it"),
+        format!("{stored:?} is outside the archive, which must be self-contained; unpack it if you trust it"),
     ))
 }
 
@@ -161,7 +161,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn paths_are_inside_by_where_they_end_up() {
+    fn containment_is_decided_by_the_normalised_path() {
         let inside = |path: &str| is_inside(Path::new("/captures/garden"), Path::new(path));
         assert!(inside("/captures/garden/images/a.png"));
         assert!(inside("/captures/garden/images/../masks/a.png"));
@@ -174,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn archives_open_nothing_outside() {
+    fn archives_open_no_files_outside() {
         let folder = tempfile::tempdir().unwrap();
         let root = folder.path().join("capture");
         std::fs::create_dir_all(root.join("images")).unwrap();

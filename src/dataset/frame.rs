@@ -1,5 +1,4 @@
-//! The local frame of training: cameras centred on the origin, extent of the capture 1. And the near plane
-//! in it.
+//! The local frame of training (cameras centred on the origin, extent of the capture 1) and its near plane.
 
 use super::source::Source;
 use crate::Report;
@@ -51,10 +50,10 @@ pub(crate) fn capture_from_local(source: &Source, report: &mut Report) -> Simila
         .collect();
     let points = median(distances);
     report.warn(
-        "cameras-coincide",
+        "all-cameras-coincide",
         centres.len(),
         format!(
-            "all {} cameras stand in one place; the scale of the capture is taken from {}; such photos cannot \
+            "all {} cameras are in one place; the scale of the capture is taken from {}; such photos cannot \
              teach depth",
             centres.len(),
             if points.is_some() { "the median distance of the points" } else { "its own units" }

@@ -22,7 +22,7 @@ const ZERO_DEPTH: f64 = 1e-3;
 /// Above this mean error, poses or intrinsics are too far off for training to make up for it.
 const MAX_REPROJECTION_ERROR_PX: f64 = 1.5;
 
-/// How sound a sparse reconstruction looks.
+/// How plausible a sparse reconstruction looks.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub struct SparseHealth {
@@ -91,7 +91,7 @@ fn warn(source: &Source, health: &SparseHealth, extent: f64, report: &mut Report
             "views-with-few-observations",
             health.views_under_50_observations,
             format!(
-                "{} of {} views observe fewer than {MIN_OBSERVATIONS} points, their poses are doubtful: {}; {HINT}",
+                "{} of {} views observe fewer than {MIN_OBSERVATIONS} points, so their poses are unreliable: {}; {HINT}",
                 health.views_under_50_observations,
                 health.registered,
                 first_names(weak.map(|v| v.name.as_str()))
@@ -115,7 +115,7 @@ fn warn(source: &Source, health: &SparseHealth, extent: f64, report: &mut Report
             "cameras-far-off",
             health.cameras_far_off,
             format!(
-                "{} cameras stand more than {FAR_OFF} median distances away: {}; they set the scale of the capture; \
+                "{} cameras are more than {FAR_OFF} median distances away: {}; they set the scale of the capture; \
                  {HINT}",
                 health.cameras_far_off,
                 first_names(far_off(source))
@@ -128,7 +128,7 @@ fn warn(source: &Source, health: &SparseHealth, extent: f64, report: &mut Report
             "points-behind-cameras",
             misplaced,
             format!(
-                "{} of {} observations have their point behind the camera, {} at almost zero depth; {HINT}",
+                "{} of {} observed points lie behind the observing camera, {} at almost zero depth; {HINT}",
                 health.observations_behind_camera, health.observations, health.observations_at_zero_depth
             ),
         );
@@ -138,7 +138,7 @@ fn warn(source: &Source, health: &SparseHealth, extent: f64, report: &mut Report
             "large-reprojection-error",
             1,
             format!(
-                "the mean reprojection error is {error:.2} px, sound reconstructions have less than 1: register the photos again"
+                "the mean reprojection error is {error:.2} px; good reconstructions are below 1: register the photos again"
             ),
         );
     }

@@ -1,4 +1,4 @@
-//! Whether a JPEG file is whole. The decoder fills what a cut-off file lacks with grey and says nothing.
+//! Detects truncated JPEG files, whose missing part the decoder silently fills with grey.
 
 use super::photos::FILE_BYTES_MAX;
 use crate::{Result, input_file};
@@ -60,7 +60,7 @@ mod tests {
     }
 
     #[test]
-    fn a_jpeg_cut_off_anywhere_lacks_its_end_and_a_whole_one_does_not() {
+    fn truncated_jpegs_are_detected_and_complete_ones_pass() {
         let whole = jpeg();
         assert!(!lacks_its_end(&whole));
         for length in 2..whole.len() {
@@ -72,7 +72,7 @@ mod tests {
     }
 
     #[test]
-    fn the_end_of_an_embedded_preview_does_not_count() {
+    fn the_end_marker_of_an_embedded_preview_is_ignored() {
         let whole = jpeg();
         // An application segment that holds a whole small JPEG.
         let preview = [0xff, 0xd8, 0xff, 0xd9];
@@ -84,7 +84,7 @@ mod tests {
     }
 
     #[test]
-    fn files_that_are_no_jpeg_lack_nothing() {
+    fn files_that_are_not_jpeg_pass() {
         assert!(!lacks_its_end(b"\x89PNG\r\n\x1a\n") && !lacks_its_end(b""));
     }
 }

@@ -140,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn strong_barrel_distortion_is_valid_only_up_to_its_fold() {
+    fn barrel_distortion_is_valid_only_up_to_its_fold() {
         let d = Distortion::Radial { k: [-0.3, 0.0, 0.0, 0.0, 0.0, 0.0], p: [0.0; 2] };
         let fold = (1.0_f64 / 0.9).sqrt();
         assert!((d.monotonic_radius(3.0) - fold).abs() < 2e-3);

@@ -84,7 +84,7 @@ fn load_folder(path: &Path, options: &LoadOptions, archive: Option<&Unpacked>) -
         return Err(Error::invalid(
             &source.path,
             format!(
-                "all {} views are held out; lower the share with --test-every or --test-list",
+                "all {} views are held out; hold out fewer with --test-every or --test-list",
                 splits.len()
             ),
         ));
@@ -125,7 +125,7 @@ fn name_of(root: &Path) -> String {
     resolved.file_name().map_or_else(|| "capture".to_owned(), |n| n.to_string_lossy().into_owned())
 }
 
-/// The poses in the first format that is there, or in the one that was asked for.
+/// The poses in the first format that is there, or in the one requested.
 fn find_poses(path: &Path, options: &LoadOptions, report: &mut Report) -> Result<(CaptureFormat, Found)> {
     let wanted = |format: &CaptureFormat| options.format.is_none_or(|f| f == *format);
     for format in CaptureFormat::all().filter(wanted) {
@@ -220,7 +220,7 @@ fn find_photos(source: &mut Source, folder: &PhotoFolder, report: &mut Report) -
     }
     if !missing.is_empty() {
         report.warn(
-            "frames-without-photo",
+            "views-without-photo",
             missing.len(),
             format!(
                 "{} of {total} views have no photo in {} and are left out: {names}",
@@ -254,7 +254,7 @@ fn find_masks(
             "views-without-mask",
             without.len(),
             format!(
-                "{} of {} views have no mask in {} and count everywhere: {}",
+                "{} of {} views have no mask in {}, so all their pixels count: {}",
                 without.len(),
                 source.views.len(),
                 masks.path().display(),
@@ -278,7 +278,7 @@ fn warn_of_files_outside(root: &Path, source: &Source, named: &[Option<PhotoFold
             "files-outside-the-capture",
             outside.len(),
             format!(
-                "{} files lie outside of the capture's folder {}: {}; copy them into it before you move or share it",
+                "{} files lie outside the capture's folder {}: {}; copy them into it before you move or share it",
                 outside.len(),
                 root.display(),
                 first_names(outside.iter().map(String::as_str))

@@ -1,5 +1,5 @@
-//! How large photos and masks are, whether that fits their cameras, and how their files are opened. Their
-//! pixels are decoded in `decode.rs`.
+//! Sizes of photos and masks, checked against their cameras, and how their files are opened. `decode.rs` decodes the
+//! pixels.
 
 use super::exr_photo;
 use super::lens::Lens;
@@ -132,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn the_longer_side_is_bounded_and_small_photos_stay() {
+    fn longer_sides_are_bounded_and_small_photos_unchanged() {
         assert_eq!(bounded((1067, 1899), 480), (270, 480));
         assert_eq!(bounded((1067, 1899), 960), (539, 960));
         assert_eq!(bounded((400, 300), 400), (400, 300));
@@ -140,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn scaled_copies_fit_and_other_shapes_do_not() {
+    fn scaled_copies_are_accepted_and_other_aspect_ratios_refused() {
         let camera = lens(4946, 3286);
         for fits in [(4946, 3286), (1237, 822), (1236, 821), (618, 411)] {
             assert!(same_shape(fits, &camera), "{fits:?}");

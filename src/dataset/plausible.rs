@@ -1,5 +1,5 @@
-//! Cameras and sizes that a reader accepts but no photographer would: warned of with the views' names,
-//! since the usual cause is a wrong unit or a photo of another capture.
+//! Warns of cameras and sizes that are valid but implausible, naming the views: the usual cause is a wrong unit or a
+//! photo of another capture.
 
 use super::decode::Recipe;
 use super::source::{SourceView, first_names};

@@ -1,4 +1,4 @@
-//! What a pose format is: how its files are found, and how they are read. The formats are in `formats/`.
+//! The interface of a pose format: how its files are found and read. The formats are in `formats/`.
 
 use super::folder::CaptureFolder;
 use super::source::Source;

@@ -1,5 +1,5 @@
 //! What every pose format is read into: views with lens and pose in the frame of the capture, and points.
-//! The later steps do not know which format it was.
+//! Later steps do not depend on the format.
 
 use super::lens::Lens;
 use crate::Report;

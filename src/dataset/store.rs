@@ -62,7 +62,7 @@ pub(crate) struct ImageStore {
     threads: Mutex<Vec<JoinHandle<()>>>,
 }
 
-/// Clears the mark of a decode even if it panics, so that no thread waits for it for ever.
+/// Clears the mark of a decode even if it panics, so that no thread waits for it forever.
 struct InFlight<'a> {
     shared: &'a Shared,
     view: usize,
@@ -191,7 +191,7 @@ impl Shared {
     fn run_ahead(&self) {
         while let Some(view) = self.next_ahead() {
             let _mark = InFlight { shared: self, view };
-            // An error comes up again when the view is asked for.
+            // An error comes up again when the view is requested.
             if let Ok(image) = self.decode(view) {
                 self.lock().insert(view, &image, true, self.budget_bytes);
             }

@@ -56,7 +56,7 @@ fn the_budget_is_kept_and_the_least_recently_used_photo_goes_first() {
 }
 
 #[test]
-fn a_budget_below_one_photo_keeps_none_but_still_serves() {
+fn a_budget_below_one_photo_caches_nothing_but_still_decodes() {
     let folder = tempfile::tempdir().unwrap();
     let store = store(folder.path(), 2, 10);
     store.prefetch(&[0, 1]);
@@ -124,7 +124,7 @@ fn batches_longer_than_the_cache_decode_each_photo_once() {
 }
 
 #[test]
-fn errors_of_prefetched_photos_surface_when_they_are_asked_for() {
+fn errors_of_prefetched_photos_surface_on_request() {
     let folder = tempfile::tempdir().unwrap();
     let store = store(folder.path(), 2, 1 << 20);
     std::fs::write(folder.path().join("1.png"), b"no photo").unwrap();

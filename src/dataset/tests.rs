@@ -80,7 +80,7 @@ fn text_images_without_keypoint_lines_are_read() {
 }
 
 #[test]
-fn colmap_and_transforms_of_the_same_cameras_agree() {
+fn colmap_and_transforms_give_the_same_cameras() {
     let scene = Scene::ring(9);
     let folder = written(&scene);
     let colmap = load(&folder, &options());
@@ -102,7 +102,7 @@ fn colmap_and_transforms_of_the_same_cameras_agree() {
 }
 
 #[test]
-fn projections_survive_the_change_of_frame() {
+fn changing_the_frame_keeps_projections() {
     let scene = Scene::ring(5);
     let capture = load(&written(&scene), &options());
     let local_from_capture = capture.capture_from_local.inverse();
@@ -123,7 +123,7 @@ fn projections_survive_the_change_of_frame() {
 }
 
 #[test]
-fn intrinsics_follow_the_size_of_photos_and_the_bound() {
+fn intrinsics_scale_with_photo_size_and_max_resolution() {
     let scene = Scene::ring(3);
     let folder = written(&scene);
     scene.write_photos(&folder.path().join("images_2"), (6, 4));
@@ -141,7 +141,7 @@ fn intrinsics_follow_the_size_of_photos_and_the_bound() {
 }
 
 #[test]
-fn splits_follow_list_file_or_counting() {
+fn the_split_follows_test_every_or_test_list() {
     let scene = Scene::ring(17);
     let folder = written(&scene);
     let tests = |o: &LoadOptions| load(&folder, o).indices(Split::Test);
@@ -160,7 +160,7 @@ fn splits_follow_list_file_or_counting() {
 }
 
 #[test]
-fn blender_files_are_the_split_and_need_no_sizes_or_extensions() {
+fn blender_files_define_the_split_and_may_omit_sizes_and_extensions() {
     let scene = Scene::ring(6);
     let folder = tempdir().unwrap();
     for (side, range) in [("train", 0..4), ("test", 4..6)] {
@@ -189,7 +189,7 @@ fn blender_files_are_the_split_and_need_no_sizes_or_extensions() {
 }
 
 #[test]
-fn transforms_take_points_frame_intrinsics_and_other_photo_folders() {
+fn transforms_support_points_per_frame_intrinsics_and_photo_folders() {
     let scene = Scene::ring(4);
     let folder = tempdir().unwrap();
     scene.write_photos(&folder.path().join("images_2"), (6, 4));
@@ -227,7 +227,7 @@ fn model_folders_are_found_in_all_layouts_and_the_largest_wins() {
 }
 
 #[test]
-fn files_of_newer_models_are_tolerated() {
+fn extra_files_of_newer_colmap_are_ignored() {
     let folder = written(&Scene::ring(3));
     for file in ["rigs.bin", "frames.bin"] {
         std::fs::write(folder.path().join("sparse/0").join(file), b"anything").unwrap();
@@ -243,8 +243,8 @@ fn missing_photos_are_skipped_and_counted_but_two_must_remain() {
     (1..=6).for_each(|i| std::fs::remove_file(photo(i)).unwrap());
     let capture = load(&folder, &options());
     assert_eq!(capture.views.len(), 3);
-    assert!(has_warning(&capture, "frames-without-photo", 6));
-    let warning = capture.report.warnings.iter().find(|w| w.code == "frames-without-photo");
+    assert!(has_warning(&capture, "views-without-photo", 6));
+    let warning = capture.report.warnings.iter().find(|w| w.code == "views-without-photo");
     assert!(warning.unwrap().message.contains("\"p05.png\" and 1 more"));
     assert_eq!(capture.capture_from_local, before, "the frame is that of all poses");
     (7..=8).for_each(|i| std::fs::remove_file(photo(i)).unwrap());
@@ -298,20 +298,20 @@ fn masks_are_found_reduced_and_inverted() {
 }
 
 #[test]
-fn cameras_in_one_place_get_a_scale_and_a_warning() {
+fn coincident_cameras_get_a_scale_and_a_warning() {
     let mut scene = Scene::ring(3);
     for image in &mut scene.images {
         // Centre = -R^T t: all at (0, 0, 9).
         image.camera_from_world.1 = -(image.camera_from_world.0 * DVec3::new(0.0, 0.0, 9.0));
     }
     let capture = load(&written(&scene), &options());
-    assert!(has_warning(&capture, "cameras-coincide", 3));
+    assert!(has_warning(&capture, "all-cameras-coincide", 3));
     assert!((capture.capture_from_local.scale - 9.0).abs() < 0.5, "{:?}", capture.capture_from_local);
     assert!(capture.views.iter().all(|v| v.camera.camera_from_local.translation.is_finite()));
 }
 
 #[test]
-fn health_sees_collapsed_cameras_and_points_behind_them() {
+fn health_detects_collapsed_cameras_and_points_behind_them() {
     let mut scene = Scene::ring(6);
     scene.images[1].camera_from_world = scene.images[0].camera_from_world;
     scene.points[3].0 = [100.0, 0.0, 0.0];
@@ -321,9 +321,9 @@ fn health_sees_collapsed_cameras_and_points_behind_them() {
     assert!(health.observations_behind_camera >= 2, "{health:?}");
     assert!(has_warning(&capture, "coincident-cameras", 2));
     assert!(has_warning(&capture, "points-behind-cameras", health.observations_behind_camera));
-    let sound = load(&written(&Scene::ring(6)), &options()).health.unwrap();
+    let valid = load(&written(&Scene::ring(6)), &options()).health.unwrap();
     assert_eq!(
-        (sound.coincident_cameras, sound.observations_behind_camera, sound.cameras_far_off),
+        (valid.coincident_cameras, valid.observations_behind_camera, valid.cameras_far_off),
         (0, 0, 0)
     );
     let mut lost = Scene::ring(6);
@@ -332,7 +332,7 @@ fn health_sees_collapsed_cameras_and_points_behind_them() {
 }
 
 #[test]
-fn near_is_half_the_depth_quantile_within_bounds() {
+fn the_near_plane_is_half_the_depth_quantile_within_bounds() {
     let mut scene = Scene::ring(6);
     assert_eq!(load(&written(&scene), &options()).near, 0.04);
     // All points 0.1 in front of the first camera: depth 0.1 there, more elsewhere.
@@ -369,7 +369,7 @@ fn prefetching_through_the_capture_gives_the_same_photos() {
 }
 
 #[test]
-fn the_sample_is_a_sound_capture() {
+fn the_sample_is_a_valid_capture() {
     let folder = tempdir().unwrap();
     let small = SampleOptions {
         views: 10,

@@ -1,5 +1,5 @@
-//! Removal of lens distortion: the rows of the image that a pinhole of the same size and focal length would
-//! have taken. The lens models are in `lens.rs`.
+//! Undistorts photos: resamples the rows of the image that a pinhole of the same size and focal length would have
+//! taken. The lens models are in `lens.rs`.
 
 use super::lens::Lens;
 use glam::DVec2;

@@ -110,14 +110,14 @@ fn every_lens_model_is_undistorted_to_the_pinhole_image() {
 }
 
 #[test]
-fn undistortion_and_reduction_go_together() {
+fn photos_are_undistorted_and_reduced_in_one_pass() {
     let distortion = radial([-0.15, 0., 0., 0., 0., 0.], [0.; 2]);
     let (mean, ..) = differences(&captured((2, "SIMPLE_RADIAL"), &[-0.15], &distortion, 60));
     assert!(mean < 1.0, "{mean}");
 }
 
 #[test]
-fn pixels_that_the_lens_did_not_see_are_masked_out() {
+fn pixels_outside_the_distorted_image_are_masked() {
     // Pincushion: the photo shows less than the pinhole would.
     let distortion = radial([0.5, 0., 0., 0., 0., 0.], [0.; 2]);
     let photo = captured((2, "SIMPLE_RADIAL"), &[0.5], &distortion, 120);

@@ -1,4 +1,4 @@
-//! Captures in a ZIP archive: unpacked into a temporary folder that lives as long as the capture.
+//! Captures in a ZIP archive: unpacked into a temporary folder that exists as long as the capture does.
 
 use crate::{Error, Result};
 use std::fs::File;
@@ -41,7 +41,7 @@ impl Unpacked {
                 Err(e) => return Err(Error::io(folder, e)),
             }
         }
-        Err(Error::invalid(base, "too many left-over folders litetex-*: remove them"))
+        Err(Error::invalid(base, "too many leftover litetex-* folders: remove them"))
     }
 
     /// A path in the temporary folder as one in the archive, which is the file that users know.
@@ -119,7 +119,7 @@ pub(crate) fn unpack(path: &Path) -> Result<Unpacked> {
         let Some(inside) = entry.enclosed_name() else {
             return Err(Error::invalid(
                 path,
-                format!("{element} ({:?}) leads out of the archive; do not trust it", entry.name()),
+                format!("{element} ({:?}) points outside the archive; do not trust it", entry.name()),
             ));
         };
         let extension = inside.extension().unwrap_or_default().to_ascii_lowercase();
@@ -165,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn a_zipped_capture_loads_like_its_folder_and_leaves_nothing_behind() {
+    fn a_zipped_capture_loads_like_its_folder_and_cleans_up() {
         let folder = tempdir().unwrap();
         let scene = Scene::ring(3);
         let plain = folder.path().join("plain");
@@ -198,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn archives_that_lead_out_explode_or_are_damaged_are_errors() {
+    fn escaping_exploding_and_damaged_archives_are_errors() {
         let folder = tempdir().unwrap();
         let archive = folder.path().join("a.zip");
         zipped(&archive, &[("../escaped.txt", b"x".to_vec())]);

@@ -1,4 +1,4 @@
-//! Selects the views to analyse and combines their spectra into one schedule.
+//! Selects the views to analyse, and combines their spectra into one schedule.
 
 use super::fft::PlaneTransform;
 use super::options::FrequencyOptions;

@@ -35,7 +35,7 @@ fn constant_images_have_one_stage() {
 }
 
 #[test]
-fn white_noise_starts_at_the_root_of_beta() {
+fn white_noise_starts_at_scale_sqrt_beta() {
     let values = vec![0.5; SIZE.0 * SIZE.1];
     let noise = noisy(SIZE.0, SIZE.1, &values, 40.0 / 255.0);
     let schedule = schedule_of(vec![noise.clone()], &FrequencyOptions::paper());
@@ -50,7 +50,7 @@ fn white_noise_starts_at_the_root_of_beta() {
 }
 
 #[test]
-fn fractal_images_meet_the_published_formula() {
+fn fractal_images_match_the_published_formula() {
     // The formulas of method 7.2, computed by another program on other images of the same spectra: exponent, s_max,
     // steps from which r <= 2 and r = 1, share of pixels with integer scales.
     for (exponent, s_max, two, one, work) in [
@@ -73,7 +73,7 @@ fn fractal_images_meet_the_published_formula() {
 }
 
 #[test]
-fn noise_hardly_moves_the_stages_once_it_is_removed() {
+fn noise_removal_keeps_stages_stable() {
     for exponent in [1.0, 1.3, 1.6] {
         let values = fractal(SIZE.0, SIZE.1, exponent, 1);
         let with = |sigma: f64, options: &FrequencyOptions| {
@@ -101,7 +101,7 @@ fn half_detailed(exponent: f64, sigma: f64) -> TargetImage {
 }
 
 #[test]
-fn photos_without_noise_keep_their_stages() {
+fn noise_removal_keeps_stages_of_noiseless_photos() {
     // Real photos have quiet places, where noise can be told from detail.
     let photo = half_detailed(1.0, 0.0);
     let (plain, robust) = (
@@ -170,7 +170,7 @@ fn rules_round_as_documented() {
 }
 
 #[test]
-fn a_view_weighs_the_same_at_any_size() {
+fn the_weight_of_a_view_does_not_depend_on_its_size() {
     let options = FrequencyOptions { quantile: 1.0, ..FrequencyOptions::paper() };
     let fine = || noisy(SIZE.0, SIZE.1, &vec![0.5; SIZE.0 * SIZE.1], 0.15);
     let coarse = |w: usize, h: usize| noisy(w, h, &fractal(w, h, 1.3, 2), 0.0);
@@ -207,7 +207,7 @@ fn masked_pixels_are_ignored() {
 }
 
 #[test]
-fn one_noisy_photo_does_not_decide_for_all() {
+fn one_noisy_photo_does_not_set_the_first_scale() {
     let mut photos: Vec<TargetImage> =
         (0..20).map(|seed| noisy(120, 90, &fractal(120, 90, 1.3, seed), 0.0)).collect();
     photos[7] = noisy(120, 90, &vec![0.5; 120 * 90], 0.2);
@@ -218,7 +218,7 @@ fn one_noisy_photo_does_not_decide_for_all() {
 }
 
 #[test]
-fn schedules_do_not_depend_on_threads_and_survive_json() {
+fn schedules_do_not_depend_on_threads_and_round_trip_as_json() {
     let photos: Vec<TargetImage> =
         (0..7).map(|seed| noisy(90, 67, &fractal(90, 67, 1.2, seed), 0.02)).collect();
     let with = |threads: usize| {

@@ -136,7 +136,7 @@ pub struct SplatInfo {
     pub map_offset_texels: u32,
     /// Size of the map: rows | cols << 16.
     pub map_size: u32,
-    /// Texel edge, local units.
+    /// Texel size, local units.
     pub texel_size: f32,
     /// Step up to which SH and texels have been flushed.
     pub last_step: u32,
@@ -158,9 +158,9 @@ pub struct MapChange {
 
 /// A window of the map's own texel grid.
 pub const CHANGE_SAME: u32 = 0;
-/// A window of the grid with half the texel edge.
+/// A window of the grid with half the texel size.
 pub const CHANGE_FINER: u32 = 1;
-/// A window of the grid with twice the texel edge.
+/// A window of the grid with twice the texel size.
 pub const CHANGE_COARSER: u32 = 2;
 /// Bilinear resampling to another size.
 pub const CHANGE_RESAMPLE: u32 = 3;

@@ -1,5 +1,5 @@
-//! The largest scene and images that an open device can hold: those whose buffers stay within its limits and
-//! whose elements can be indexed by the 32-bit integers of the shaders.
+//! The largest scene and images that an open device can hold: their buffers must stay within its limits, and 32-bit
+//! integers must be able to index their elements.
 
 use super::device::GpuDevice;
 use super::layout::{BOUNDS_BYTES, PROJECTED_BYTES};

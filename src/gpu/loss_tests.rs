@@ -33,7 +33,7 @@ struct LossCase {
 struct KernelLoss {
     /// Weighted l1, dssim and mse.
     values: [f64; 3],
-    /// Derivative by rgb, loss of the pixel. `[height, width]`
+    /// Derivative with respect to rgb, loss of the pixel. `[height, width]`
     gradient: Vec<[f32; 4]>,
     map: Vec<f32>,
     /// Bits of the SSIM maps.

@@ -40,7 +40,7 @@ impl Pace {
         }
     }
 
-    /// The number of steps on which it settles if each takes `step_secs`.
+    /// The number of steps that it converges to if each takes `step_secs`.
     pub(super) fn at(step_secs: f64) -> usize {
         let mut pace = Self::new(None);
         (0..BATCH).for_each(|_| pace.learn(pace.steps, step_secs * pace.steps as f64));

@@ -47,7 +47,7 @@ fn structures_agree_with_rust() {
 }
 
 #[test]
-fn planted_faults_are_detected() {
+fn injected_faults_are_detected() {
     let (_, kernel) = KERNELS.iter().find(|(_, k)| k.name == "project").unwrap();
     let planted = |original: &str, replacement: &str| {
         let mut expanded = native(kernel);

@@ -132,7 +132,7 @@ pub(super) fn step(
     }
 }
 
-/// Upper bound of the derivative of the loss by a channel of a pixel, times the number of channels, rounded up to
+/// Upper bound of the derivative of the loss w.r.t. a channel of a pixel, times the number of channels, rounded up to
 /// a power of two: 1 for L1; 2 per unit of difference for MSE; 2 / sqrt(C2) for SSIM, reached where the photo is
 /// flat under the window. Poisoned images may exceed it; their gradients are clamped and counted.
 fn gradient_bound(loss: &LossWeights) -> f64 {

@@ -55,7 +55,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn near_is_bright_and_nothing_is_black() {
+    fn near_depths_are_bright_and_empty_pixels_black() {
         let depth = [0.0, 1.0, 2.0, 4.0, f32::NAN, -1.0, f32::INFINITY];
         let range = depth_range(&depth).unwrap();
         assert_eq!(range, (1.0, 4.0));
@@ -68,7 +68,7 @@ mod tests {
     }
 
     #[test]
-    fn poisoned_depths_have_no_range_or_a_flat_one() {
+    fn non_finite_depths_give_no_range_or_a_flat_one() {
         assert_eq!(depth_range(&[0.0, f32::NAN]), None);
         let flat = depth_range(&[3.0; 4]).unwrap();
         assert_eq!(grey_from_depth(&[3.0], flat), [140]);
@@ -83,7 +83,7 @@ mod tests {
     }
 
     #[test]
-    fn a_normal_that_faces_the_viewer_is_the_familiar_blue() {
+    fn a_normal_facing_the_camera_is_blue() {
         assert_eq!(rgb_from_normal(&[0.0, 0.0, -2.0]), [128, 128, 255]);
         assert_eq!(rgb_from_normal(&[0.0, -1.0, 0.0]), [128, 255, 128]); // upwards: green
         assert_eq!(rgb_from_normal(&[0.0, 0.0, 0.0, f32::NAN, 1.0, 0.0]), [0; 6]);

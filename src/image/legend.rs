@@ -66,7 +66,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_legend_has_each_colour_at_its_line_and_ink_beside_it() {
+    fn a_legend_shows_each_colour_with_a_label() {
         let entries = [("none".to_owned(), [1, 2, 3]), ("256".to_owned(), [250, 240, 10])];
         let (width, height, rgb) = legend("TEXELS", &entries);
         assert_eq!(rgb.len(), 3 * (width * height) as usize);

@@ -1,5 +1,5 @@
-//! Rasters of pixels: the photo that training sees, resampling, and images on their way to people and
-//! files. Nothing here judges an image (`eval` does) or reads photos (`dataset` does).
+//! Rasters of pixels: the target image of training, resampling, colour ramps, and PNG and EXR writers.
+//! Measuring images is up to `eval`, reading photos to `dataset`.
 
 mod colouring;
 pub(crate) mod glyphs;

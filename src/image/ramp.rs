@@ -90,7 +90,7 @@ mod tests {
     }
 
     #[test]
-    fn poisoned_values_have_colours() {
+    fn non_finite_values_have_colours() {
         assert_eq!(magma(f64::NAN), magma(0.0));
         assert_eq!(turbo(f64::INFINITY), turbo(1.0));
         assert_eq!(turbo(-3.0), turbo(0.0));

@@ -151,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn the_comparison_sees_a_image_shifted_by_one_value() {
+    fn a_shift_by_one_value_is_detected() {
         assert!(worst((31, 57), (8, 14), 3, 1) > 1.0);
     }
 

@@ -50,7 +50,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn reduced_photos_are_means_and_masks_go_by_majority() {
+    fn reduced_photos_average_colours_and_masks_by_majority() {
         let rgb: Vec<u8> =
             (0..8 * 6).flat_map(|i| [if i % 2 == 0 { 200 } else { 100 }, 7, i as u8]).collect();
         let mask = Some((0..8 * 6).map(|i| if i % 8 < 4 { 255 } else { 0 }).collect());

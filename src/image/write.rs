@@ -165,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn wrong_sizes_and_places_are_errors() {
+    fn wrong_sizes_and_unwritable_paths_are_errors() {
         let dir = folder("bad");
         let bad = write_png(&dir.join("p.png"), 2, 2, Channels::Rgb, &[0; 11]);
         assert!(matches!(bad, Err(Error::InvalidInput { .. })), "{bad:?}");

@@ -1,11 +1,11 @@
-//! What the initial model is made from, and how.
+//! Input and options of initialisation.
 
 use crate::camera::Similarity;
 use crate::train::Policy;
 use crate::views::{SfmPoint, ViewSource};
 use std::path::Path;
 
-/// Where the splats stand.
+/// Where the initial splats are placed.
 #[derive(Clone, Copy, Debug)]
 pub enum InitPoints<'a> {
     /// At these points.

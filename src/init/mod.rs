@@ -45,7 +45,7 @@ pub fn initial_model(input: &InitInput<'_>, options: &InitOptions) -> Result<(Mo
     if points.is_empty() {
         return Err(Error::invalid(
             input.points_file,
-            "no usable point to start from; start from random points (random:COUNT)",
+            "no usable points; initialise from random ones with --init random:COUNT",
         ));
     }
     let (turned, mut stream) =

@@ -1,5 +1,5 @@
-//! The points that splats stand at: moved into the local frame or drawn at random, sorted out, thinned and
-//! put in order.
+//! Initial positions of splats: points moved into the local frame or drawn at random, then filtered, thinned and
+//! sorted.
 
 use super::input::{InitInput, InitOptions};
 use super::random::{Purpose, Stream, points_in_views};
@@ -84,8 +84,8 @@ pub(super) fn usable(
         .collect();
     for (code, count, what) in [
         ("points-not-finite", not_finite, "are not finite"),
-        ("points-at-camera", at_camera, "lie within 1 % of the cameras' extent of a camera"),
-        ("points-duplicate", duplicates, "lie where another point lies"),
+        ("points-at-camera", at_camera, "are closer to a camera than 1 % of the capture's extent"),
+        ("points-duplicate", duplicates, "coincide with another point"),
     ] {
         if count > 0 {
             report.warn(code, count, format!("{count} of {total} points {what} and are left out"));

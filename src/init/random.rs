@@ -1,5 +1,4 @@
-//! Everything drawn at random for the initial model: rotations, and points where the cameras look, for
-//! captures without points.
+//! Random numbers of the initial model: rotations, and for captures without points, positions that the cameras see.
 
 use crate::camera::Camera;
 use crate::views::{Split, ViewSource, by_place};

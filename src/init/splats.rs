@@ -47,7 +47,7 @@ pub(super) fn model(input: &InitInput<'_>, points: &[LocalPoint], options: &Init
     })
 }
 
-/// Rows, columns and texel edge of a round splat's map.
+/// Rows, columns and texel size of a round splat's map.
 fn map_extent(sigma: f32, policy: Policy) -> (u16, u16, f32) {
     let half_extent = support_half_extent(f64::from(sigma), OPACITY);
     let side = policy.first_side();

@@ -109,7 +109,7 @@ fn thinning_keeps_the_order_and_depends_on_the_seed_only() {
 }
 
 #[test]
-fn random_points_lie_where_a_third_of_the_cameras_look() {
+fn random_points_are_in_view_of_a_third_of_the_cameras() {
     let capture = capture(&Scene::ring(9));
     let model = random(&capture, 500);
     assert_eq!(model.num_splats(), 500);
@@ -127,7 +127,7 @@ fn random_points_lie_where_a_third_of_the_cameras_look() {
 }
 
 #[test]
-fn cameras_that_look_the_same_way_get_points_along_their_rays() {
+fn parallel_cameras_get_points_along_their_rays() {
     let mut scene = Scene::ring(4);
     scene.points.clear();
     for (index, image) in scene.images.iter_mut().enumerate() {

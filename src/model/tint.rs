@@ -32,7 +32,7 @@ mod tests {
     use crate::selftest::{SceneOptions, random_scene};
 
     #[test]
-    fn every_pixel_is_a_blend_of_the_given_colours() {
+    fn tinted_pixels_blend_the_given_colours() {
         let scene = random_scene(&SceneOptions { num_splats: 200, ..SceneOptions::default() });
         let mut backend = CpuBackend::new(Some(1)).unwrap();
         let mut render = |model: &Model| {

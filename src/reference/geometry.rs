@@ -8,8 +8,8 @@ use crate::constants::SURFACE_ALPHA_MIN;
 use glam::{DVec2, DVec3};
 
 /// Coefficients of both terms' derivatives at a pixel. With `m` the near depth over a sample's depth and `n`
-/// its normal facing the camera, the derivative by the sample's weight is `constant + linear m + square m^2 +
-/// towards . n`, and the derivative by `m` is `weight (linear + 2 square m)`.
+/// its normal facing the camera, the derivative w.r.t. the sample's weight is `constant + linear m + square m^2 +
+/// towards . n`, and the derivative with respect to `m` is `weight (linear + 2 square m)`.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct GeometryCoefficients {
     /// Constant part.

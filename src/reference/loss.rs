@@ -1,4 +1,4 @@
-//! L1, SSIM and MSE terms of an image against a photo, and their derivative by every pixel (method section 3).
+//! L1, SSIM and MSE terms of an image against a photo, and their derivative w.r.t. every pixel (method section 3).
 //!
 //! Masked pixels count as equal to the photo; means are over all pixels of the image.
 
@@ -9,7 +9,7 @@ use crate::constants::{SSIM_C1, SSIM_C2, SSIM_RADIUS_PX, ssim_window};
 pub struct ImageLoss {
     /// The terms `l1`, `dssim` and `mse`, weighted; the others are zero.
     pub values: LossValues,
-    /// Derivative by the image. `[height, width, 3]`
+    /// Derivative with respect to the image. `[height, width, 3]`
     pub gradient: Vec<f64>,
     /// Loss of each pixel for the window statistics: the l1 and dssim terms, averaged over the channels only.
     /// `[height, width]`
@@ -52,7 +52,7 @@ pub fn image_loss(rgb: &[f64], target: &TargetImage, weights: &LossWeights) -> I
     ImageLoss { values, gradient, map }
 }
 
-/// SSIM map of a channel, and the derivative of its sum by `x`. `[height, width]`
+/// SSIM map of a channel, and the derivative of its sum with respect to `x`. `[height, width]`
 fn ssim_channel(x: &[f64], y: &[f64], w: usize, h: usize) -> (Vec<f64>, Vec<f64>) {
     let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).collect::<Vec<_>>();
     let mean_x = blur(x, w, h);

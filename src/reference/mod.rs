@@ -65,7 +65,7 @@ pub struct Gradients {
     pub image: Image,
     /// Loss terms, weighted.
     pub loss: LossValues,
-    /// Derivative of the total loss by every stored parameter.
+    /// Derivative of the total loss with respect to every stored parameter.
     pub params: Params,
     /// Whether alpha reaches 1/255 at any pixel, hidden by other splats or not. `[n]`
     pub visible: Vec<bool>,
@@ -75,7 +75,7 @@ pub struct Gradients {
     pub surface_normals: Vec<DVec3>,
 }
 
-/// Loss of a view and its derivative by every parameter (method sections 2.4 and 3).
+/// Loss of a view and its derivative with respect to every parameter (method sections 2.4 and 3).
 pub fn gradients(
     params: &Params,
     camera: &Camera,

@@ -3,7 +3,7 @@
 use crate::model::{Model, SplatGroup, TextureMap};
 use glam::{DMat3, DQuat, DVec3};
 
-/// Stored parameters of all splats and texels, or gradients by them.
+/// Stored parameters of all splats and texels, or gradients with respect to them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Params {
     /// SH degree of `sh`.

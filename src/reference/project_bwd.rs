@@ -33,7 +33,7 @@ pub(super) fn project_bwd(
     grad.opacity_logits[i] += screen.opacity * projected.opacity * (1.0 - projected.opacity);
 }
 
-/// Derivatives by the centre and the three axes, all in camera axes.
+/// Derivatives with respect to the centre and the three axes, all in camera axes.
 fn map_bwd(p: &Projected, screen: &ScreenGradient, camera: &Camera) -> (DVec3, [DVec3; 3]) {
     let (fx, fy) = (camera.pinhole.fx_px, camera.pinhole.fy_px);
     let pc = p.centre_in_camera;
@@ -57,7 +57,7 @@ fn map_bwd(p: &Projected, screen: &ScreenGradient, camera: &Camera) -> (DVec3, [
     (by_centre, [by_cross_b.cross(pc), pc.cross(by_cross_a), by_n])
 }
 
-/// Adds the SH gradient to `grad` and returns the derivative by the position through the view direction.
+/// Adds the SH gradient to `grad` and returns the derivative with respect to the position through the view direction.
 fn sh_bwd(
     params: &Params,
     i: usize,
@@ -84,7 +84,7 @@ fn sh_bwd(
     (by_direction - direction * direction.dot(by_direction)) / offset.length()
 }
 
-/// Derivative by a stored quaternion (wxyz) from the derivative by the entries of its rotation matrix.
+/// Derivative w.r.t. a stored quaternion (wxyz) from the derivative w.r.t. the entries of its rotation matrix.
 fn quaternion_bwd(stored: [f64; 4], by_rotation: DMat3) -> [f64; 4] {
     let norm = stored.iter().map(|q| q * q).sum::<f64>().sqrt();
     let [w, x, y, z] = stored.map(|q| q / norm);

@@ -1,4 +1,4 @@
-//! Backward rasterisation: derivatives by the projected quantities of each splat and by its texels, back to
+//! Backward rasterisation: derivatives w.r.t. the projected quantities of each splat and by its texels, back to
 //! front over the samples of each pixel (method 2.4).
 
 use super::geometry::{GeometryCoefficients, GeometryLoss};
@@ -8,7 +8,7 @@ use super::{ColourGradient, Image, Params, Projected, Settings};
 use crate::model::{texel_value, texel_value_slope};
 use glam::{DVec2, DVec3};
 
-/// Derivatives of the loss by one splat's projected quantities, summed over pixels.
+/// Derivatives of the loss with respect to one splat's projected quantities, summed over pixels.
 #[derive(Clone, Debug, Default)]
 pub struct ScreenGradient {
     /// By the projected centre.
@@ -35,7 +35,7 @@ pub struct ScreenGradient {
     pub transmittance: f64,
 }
 
-/// Adds the texel gradients to `grad` and returns the gradients by the projected splats.
+/// Adds the texel gradients to `grad` and returns the gradients with respect to the projected splats.
 pub(super) fn raster_bwd(
     params: &Params,
     projected: &[Option<Projected>],
@@ -80,7 +80,7 @@ pub(super) fn raster_bwd(
     out
 }
 
-/// Derivatives of the distortion and normal terms by a sample's weight and by its m.
+/// Derivatives of the distortion and normal terms with respect to a sample's weight and by its m.
 fn geometry_sample(
     p: &Projected,
     sample: &Sample,
@@ -130,7 +130,7 @@ fn sample_bwd(
     s.centre_px -= by_plane[0] * per * *a + by_plane[1] * per * *b + by_denominator * *g;
 }
 
-/// Adds the texel gradients of a sample to `grad` and returns the derivative by the position on the surfel,
+/// Adds the texel gradients of a sample to `grad` and returns the derivative w.r.t. the position on the surfel,
 /// through the texture.
 fn texture_bwd(params: &Params, sample: &Sample, by_colour: DVec3, grad: &mut Params) -> [f64; 2] {
     let map = &params.maps[sample.splat];

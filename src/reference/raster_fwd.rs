@@ -19,7 +19,7 @@ pub struct Hit {
     pub falloff: f64,
     /// Alpha, after clamp and cut-off.
     pub alpha: f64,
-    /// Derivative of `alpha` by `opacity * falloff`.
+    /// Derivative of `alpha` with respect to `opacity * falloff`.
     pub alpha_slope: f64,
 }
 

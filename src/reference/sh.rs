@@ -30,7 +30,7 @@ pub fn sh_basis(degree: u32, d: DVec3) -> [f64; 16] {
     out
 }
 
-/// Derivatives of [`sh_basis`] by the three components of the direction, treated as independent.
+/// Derivatives of [`sh_basis`] with respect to the three components of the direction, treated as independent.
 pub fn sh_basis_derivative(degree: u32, d: DVec3) -> [DVec3; 16] {
     let (x, y, z) = (d.x, d.y, d.z);
     let mut out = [DVec3::ZERO; 16];

@@ -1,6 +1,6 @@
 //! A procedural capture in COLMAP's layout: ray-cast images of a small still life with exact poses,
-//! sparse points and exact depths. For trying the program and for tests, without photos or licences of
-//! others.
+//! sparse points and exact depths. For tests and for trying the program, without third-party photos
+//! or licences.
 
 mod capture;
 mod colmap_write;

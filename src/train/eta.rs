@@ -1,5 +1,5 @@
-//! The time that the rest of a run will take. Images grow during a run and steps slow down with them, so the mean
-//! speed so far would promise far too early an end.
+//! The time that the rest of a run will take. Images grow during a run and steps slow down with them, so extrapolating
+//! the mean speed so far would be far too optimistic.
 
 /// The weight of a measured time falls by a factor of e over this share of the run's work.
 const MEMORY_SHARE: f64 = 0.02;
@@ -43,7 +43,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn growing_images_are_foreseen_and_a_slower_machine_is_soon_noticed() {
+    fn the_eta_accounts_for_growing_images_and_adapts_to_slowdowns() {
         let scales = || (0..1_000).map(|i| if i < 500 { 4.0 } else { 1.0 });
         let secs_of = |scale: f64| 0.1 * (FIXED_WORK + 1.0 / (scale * scale));
         let mut eta = Eta::new(scales());

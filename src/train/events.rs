@@ -1,5 +1,5 @@
 //! The trainer's output: one stream of typed events for progress bars, logs, run folders and tests. The
-//! consumer answers each with whether to go on.
+//! consumer answers each event with whether to continue.
 
 use super::density::DensityCounts;
 use super::state::TrainState;

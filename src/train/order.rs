@@ -54,7 +54,7 @@ mod tests {
     use crate::selftest::{SceneOptions, random_scene};
 
     #[test]
-    fn drawing_ahead_does_not_change_the_order_of_views() {
+    fn prefetching_does_not_change_the_order_of_views() {
         let scene = random_scene(&SceneOptions { num_splats: 1, ..SceneOptions::default() });
         let fresh = TrainState::fresh(scene.model);
         let views = [1, 2, 4, 7, 8];

@@ -223,8 +223,8 @@ impl Trainer<'_> {
         self.state.history.density_control_wall_secs += density_control_secs;
         let wall_secs = clock.wall.elapsed().as_secs_f64();
         let times = [wall_secs, process_cpu_secs() - clock.cpu_secs];
-        let sound = diverged.unwrap_or(batch.len());
-        let mut control = self.report((&batch, &reports[..sound]), size, times, sink)?;
+        let finite_steps = diverged.unwrap_or(batch.len());
+        let mut control = self.report((&batch, &reports[..finite_steps]), size, times, sink)?;
         if let Some(counts) = changed {
             let [num_splats, num_texels] = self.size;
             let (step, Stage { render_scale, texture_cap }) = (self.state.step, self.stage);
@@ -307,8 +307,8 @@ impl Trainer<'_> {
         // All photos of the next batch will be needed as soon as this one is done.
         let left = (self.config.steps - self.state.step) as usize - len;
         let next = order.take(wanted.max(PREFETCH_VIEWS).min(left));
-        let wished = views.iter().copied().chain(next).filter(|&view| self.targets.needs_full(view));
-        self.views.prefetch(&wished.collect::<Vec<_>>());
+        let requested = views.iter().copied().chain(next).filter(|&view| self.targets.needs_full(view));
+        self.views.prefetch(&requested.collect::<Vec<_>>());
         let mut counted = self.state.window_views.clone();
 
         let mut batch = Vec::with_capacity(len);
@@ -406,7 +406,7 @@ impl Trainer<'_> {
             Evaluated::Figures(evaluation) => evaluation,
             Evaluated::Stopped => return Ok(Control::Stop),
             Evaluated::Nothing => {
-                let message = "no held-out view has a pixel that counts: there are no test figures";
+                let message = "the masks exclude every pixel of the test views: there are no test figures";
                 return sink(TrainEvent::Warning(Warning {
                     code: "no-test-figures".into(),
                     message: message.into(),

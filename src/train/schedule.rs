@@ -173,7 +173,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_published_timetable_is_met_and_short_runs_are_fractions_of_it() {
+    fn short_runs_scale_the_published_timetable() {
         let config = TrainConfig::default();
         let published = Schedule::new(&config, 300);
         assert_eq!(

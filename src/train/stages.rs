@@ -116,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn stages_are_those_of_counting_step_by_step() {
+    fn stages_equal_those_counted_step_by_step() {
         for steps in [1, 2, 3, 10, 299, 1_000, 30_000] {
             for scale_rule in [ScaleRule::Off, ScaleRule::Integer, ScaleRule::Fractional] {
                 for cap_rule in [CapRule::Squared, CapRule::Authors] {
@@ -132,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn the_longest_training_has_the_stages_of_the_usual_one() {
+    fn stages_of_the_longest_run_match_those_of_the_usual_one() {
         let rules = (ScaleRule::Fractional, CapRule::Squared);
         let (mut usual, _) = of(30_000, rules.0, rules.1);
         let (mut longest, _) = of(u32::MAX, rules.0, rules.1);

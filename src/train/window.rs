@@ -1,5 +1,4 @@
-//! A density-control step and the statistics window before it: reads the window, lets [`density`] decide, has
-//! the backend carry out the plan.
+//! Makes a density-control step: reads the statistics window, lets [`density`] decide, and has the backend apply the plan.
 
 use super::config::{Policy, TrainConfig};
 use super::density::{self, DensityCounts, Life, Revision, Situation};

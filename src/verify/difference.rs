@@ -1,4 +1,4 @@
-//! How far the images of two scenes lie apart, view by view.
+//! Differences between the images of two scenes, view by view.
 
 use crate::backend::{RenderedImage, TargetImage};
 use crate::eval::{ViewQuality, psnr_from_mse, quality_of, quantised};

@@ -1,4 +1,4 @@
-//! Which capture a run was trained on: the names of its views by side of the split, and its frame. Every
+//! Identity of the capture that a run was trained on: the names of its views by side of the split, and its frame. Every
 //! checkpoint carries both and the cameras, so that a run is neither continued nor evaluated on other views by
 //! accident.
 
@@ -142,7 +142,7 @@ impl CaptureIdentity {
         match now.test.iter().find(|name| trained.contains(name)) {
             None => Ok(()),
             Some(name) => Err(Error::Usage(format!(
-                "test view {} was a training view of the run, so its figures would mean nothing; restore the capture \
+                "test view {} was a training view of the run, so its figures would be meaningless; restore the capture \
                  and its split",
                 quoted(name)
             ))),
@@ -164,9 +164,7 @@ fn first_difference(before: &[String], now: &[String], role: &str) -> Option<Str
         return Some(format!("{} is {role} now and was not in the run ({counts})", quoted(&name)));
     }
     let other = before.iter().zip(now).find(|(b, n)| b != n);
-    other.map(|(b, n)| {
-        format!("the order of the views differs: {} stands where {} stood", quoted(n), quoted(b))
-    })
+    other.map(|(b, n)| format!("the order of the views differs: {} is where {} was", quoted(n), quoted(b)))
 }
 
 #[cfg(test)]
@@ -184,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn what_differs_first_is_named() {
+    fn the_first_difference_is_named() {
         let run = identity(&["b", "c"], &["a"], 2.0);
         run.check_resumable(&run.clone()).unwrap();
         for (now, part) in [
@@ -206,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn a_checkpoint_without_an_identity_or_with_a_garbled_one_is_refused() {
+    fn a_missing_or_garbled_identity_is_refused() {
         let path = Path::new("c.safetensors");
         let run = identity(&["b"], &["ä \"1\""], 2.0);
         let strings = |text: String| BTreeMap::from([(IDENTITY_KEY.to_owned(), text)]);

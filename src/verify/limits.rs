@@ -1,4 +1,4 @@
-//! What files promise: how much they may differ from their scene.
+//! Limits by quality: how much a file may differ from its scene.
 
 use litetex_exporters::{Contents, Format, Quality};
 use serde::Serialize;

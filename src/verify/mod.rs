@@ -1,5 +1,5 @@
-//! Whether a file shows what the scene it was made from shows, and how coarsely a file may be rounded while it
-//! does: scenes are rendered and their images compared. Nothing here prints, writes files or chooses a device;
+//! Verifies that a file renders like the scene it was made from, and finds how coarsely a file may be quantised while it
+//! still does: renders scenes and compares their images. Nothing here prints, writes files or chooses a device;
 //! callers pass backends, get data and warnings back, and may stop the work through a callback.
 
 mod baked_scene;

@@ -1,4 +1,5 @@
-//! How coarsely the numbers of a `.ltgs` file may be rounded: quantisation steps are found by rendering.
+//! Rate-distortion search for `.ltgs`: finds the coarsest quantisation steps within a loss or a size, by rendering. (The
+//! quality-by-size charts are in `lab/src/chart/figures.rs`.)
 
 use super::contribution::Contribution;
 use super::difference::{Difference, evenly_spread, loss_db, mse_to_photos};
@@ -92,7 +93,9 @@ pub fn find_rounding(
     let limits = goal.own_limits().unwrap_or(QualityLimits::of(goal.quality));
     let factor = search.coarsest_within(goal.quality, &limits)?.ok_or_else(|| {
         let most = limits.max_loss_db.unwrap_or_default();
-        Error::Usage(format!("no steps lose as little as {most} dB; use --quality lossless"))
+        Error::Usage(format!(
+            "even the finest quantisation loses more than {most} dB; use --quality lossless"
+        ))
     })?;
     let steps = base_steps(asset, goal.quality).scaled(factor.exp2());
     let quality = if goal.max_loss_db.is_some() { search.quality_of(&steps)? } else { goal.quality };
@@ -265,7 +268,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_coarsest_that_holds_is_found() {
+    fn the_coarsest_steps_within_the_limit_are_found() {
         for limit in [-5.9, -0.3, 0.0, 2.22, 5.99] {
             let mut asked = 0;
             let found = coarsest(|factor| {

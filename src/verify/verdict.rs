@@ -1,4 +1,4 @@
-//! Whether a file renders as the scene that it was made from, in figures.
+//! Compares the renders of a file with those of its scene: PSNR, loss, and which limits it exceeds.
 
 use super::difference::{Difference, loss_db, mse_to_photos};
 use super::{QualityLimits, SceneRenderer};
@@ -207,7 +207,7 @@ fn failures(v: &Verdict) -> Vec<String> {
     at_most("worst view", v.loss_worst_db, v.limits.max_loss_worst_db);
     if let Some(found) = v.fallback_psnr_to_untextured.filter(|f| f.is_nan() || *f < FALLBACK_PSNR_MIN) {
         out.push(format!(
-            "programs without textures show something else than the untextured scene: {found:.2} dB, expected at \
+            "the fallback differs from the untextured scene: {found:.2} dB, expected at \
              least {FALLBACK_PSNR_MIN}"
         ));
     }
@@ -217,7 +217,7 @@ fn failures(v: &Verdict) -> Vec<String> {
     if v.has_other_splats() && !out.is_empty() {
         let [found, scene] = v.splats;
         out.push(format!(
-            "it holds {found} of the scene's {scene} splats: if it was cut, compare it with what it was cut from"
+            "it holds {found} of the scene's {scene} splats: verify a cropped file against a lossless export with the same crop"
         ));
     }
     out

@@ -74,7 +74,7 @@ pub fn scene(seed: u64) -> RandomScene {
 }
 
 /// A third of the splats, or every seventh texel value, is poisoned.
-pub fn poisoned_splats_leave_image_and_others_clean(backend: &mut dyn Backend) {
+pub fn poisoned_splats_do_not_affect_the_image_or_other_splats(backend: &mut dyn Backend) {
     assert!(survives(backend, &scene(1), "control") > 100.0);
     let values = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX, f32::MIN_POSITIVE / 2.0, 1e20, -1e20];
     for value in values {
@@ -93,7 +93,7 @@ pub fn poisoned_splats_leave_image_and_others_clean(backend: &mut dyn Backend) {
 }
 
 /// Zero quaternions, zero areas, the camera inside splats, no visible splat, no splat at all.
-pub fn degenerate_splats_are_survived(backend: &mut dyn Backend) {
+pub fn degenerate_splats_do_no_harm(backend: &mut dyn Backend) {
     let mut zero_quaternion = scene(4);
     zero_quaternion.model.splats.quaternions[..400].fill(0.0);
     survives(backend, &zero_quaternion, "zero quaternion");

@@ -39,9 +39,9 @@ pub fn reference(scene: &RandomScene, weights: &LossWeights) -> Gradients {
 /// The results of a backend.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Observed {
-    /// Gradients by the splats' parameters.
+    /// Gradients with respect to the splats' parameters.
     pub splats: SplatArrays,
-    /// Gradients by the texels. `[num_texels, 3]`
+    /// Gradients with respect to the texels. `[num_texels, 3]`
     pub texels: Vec<f32>,
     pub image: RenderedImage,
     pub loss: LossValues,

@@ -1,4 +1,4 @@
-//! Any bytes for every reader. A new format adds its decoder here.
+//! Feeds arbitrary bytes to every reader. A new format adds its decoder here.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

@@ -1,4 +1,4 @@
-//! Streams of a chunk of `.ltgs`: the input replaces the blocks of a sound file of few splats, checksums set right. The
+//! Fuzzes the streams of a `.ltgs` chunk: the input replaces the blocks of a small valid file, with correct checksums. The
 //! first byte chooses the profile, the second where the splats end and the texels begin.
 #![no_main]
 
@@ -22,7 +22,7 @@ static FILES: LazyLock<Vec<Vec<u8>>> = LazyLock::new(|| {
         texels: vec![0.125; 18 * num_splats],
         ..SplatAsset::default()
     };
-    let file = |quality| encode(&asset, &LtgsOptions { quality, steps: None, exponents: &[] }).expect("sound");
+    let file = |quality| encode(&asset, &LtgsOptions { quality, steps: None, exponents: &[] }).expect("a valid file");
     Quality::ALL.into_iter().map(file).collect()
 });
 

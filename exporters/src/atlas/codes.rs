@@ -38,7 +38,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn codes_are_nearest_and_zero_is_zero() {
+    fn rounds_to_the_nearest_code_and_keeps_zero_exact() {
         let texels = [-0.73_f32, 0.0, 0.1, 0.42];
         let decode = TexelDecode::finest(&texels);
         assert_eq!(decode.texel(decode.code(0.0)), 0.0);

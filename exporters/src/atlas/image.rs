@@ -51,7 +51,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn pages_carry_no_colour_information_and_sizes_must_fit() {
+    fn pages_have_no_colour_profile_and_wrong_sizes_are_refused() {
         let png = encode_png([40, 17], &[7; 3 * 40 * 17]).unwrap();
         assert!(!png.windows(4).any(|w| w == b"gAMA" || w == b"sRGB"), "data, not colours");
         assert!(encode_png([40, 17], &[7; 3]).is_err());

@@ -44,7 +44,7 @@ impl Atlas {
         let sizes: Vec<[u16; 2]> = asset.maps.iter().map(|m| [m.cols, m.rows]).collect();
         let (placements, pages) = pack(&sizes, side).ok_or_else(|| {
             let most = asset.maps.iter().map(|m| m.rows.max(m.cols)).max().unwrap_or(0);
-            Error::too_large("", format!("atlas: maps of up to {most} texels a side on pages of {side}"))
+            Error::too_large("", format!("atlas: maps of up to {most} texels per side on pages of {side}"))
         })?;
         Ok(Self { placements, pages })
     }
@@ -145,7 +145,7 @@ mod tests {
     use crate::asset::tests::fixture;
 
     #[test]
-    fn texels_go_onto_pages_and_come_back() {
+    fn texels_round_trip_through_pages() {
         let asset = fixture(200, 0);
         for side in [8, 64] {
             let atlas = Atlas::of(&asset, side).unwrap();
@@ -177,27 +177,27 @@ mod tests {
     }
 
     #[test]
-    fn overlaps_and_pages_that_nothing_uses_are_found() {
+    fn overlapping_maps_and_unused_pages_are_detected() {
         let asset = fixture(200, 0);
-        let sound = Atlas::of(&asset, 64).unwrap();
-        let mut overlapping = sound.clone();
+        let valid = Atlas::of(&asset, 64).unwrap();
+        let mut overlapping = valid.clone();
         overlapping.placements[3] = overlapping.placements[0];
         overlapping.check(&asset.maps).unwrap();
         assert_eq!(overlapping.first_overlap(&asset.maps), Some(3));
-        let mut small = sound.clone();
+        let mut small = valid.clone();
         small.pages.truncate(1);
         small.placements.fill(Placement::default());
         small.pages[0] = [5, 5];
         assert!(small.check(&asset.maps).unwrap_err().to_string().contains("overlap"));
         for (pages, is_sound) in [(1, true), (60, false)] {
-            let mut roomy = sound.clone();
+            let mut roomy = valid.clone();
             roomy.pages.extend(vec![[4000, 4000]; pages]);
             assert_eq!(roomy.check(&asset.maps).is_ok(), is_sound, "{pages}");
         }
     }
 
     #[test]
-    fn our_atlases_of_the_most_awkward_maps_pass() {
+    fn atlases_of_extreme_maps_pass_the_check() {
         let map = |rows, cols| AssetMap { rows, cols, texel_size: 1.0, ..AssetMap::default() };
         for side in [PAGE_SIDE, PAGE_SIDE_MAX] {
             let maps = [map(4096, 1), map(1, 4096), map(4096, 1), map(4095, 3), map(2, 4096)];

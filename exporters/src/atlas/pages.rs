@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn maps_come_out_of_pages_bit_for_bit_and_damage_is_an_error() {
+    fn maps_are_read_bit_for_bit_and_damaged_pages_are_errors() {
         let path = Path::new("page");
         let (atlas, maps) = two_maps();
         let rows = MapRows::new(&atlas, &maps).unwrap();

@@ -174,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn two_hundred_thousand_maps_take_a_moment() {
+    fn packing_200_000_maps_is_fast() {
         let sizes = maps(200_000);
         let start = Instant::now();
         assert!(pack(&sizes, 4096).is_some());
@@ -184,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_fit_is_refused_and_nothing_needs_no_page() {
+    fn oversized_maps_are_refused_and_no_maps_need_no_page() {
         assert_eq!(pack(&[[2, 2], [65, 1]], 64), None);
         assert_eq!(pack(&[[0, 0], [0, 0]], 64), Some((vec![Placement::default(); 2], Vec::new())));
         let (placements, pages) = pack(&[[64, 64], [0, 0], [64, 64]], 64).unwrap();
@@ -194,7 +194,7 @@ mod tests {
 
     #[test]
     #[should_panic(expected = "overlaps")]
-    fn the_check_of_overlaps_sees_a_shifted_rectangle() {
+    fn the_overlap_check_detects_a_shifted_rectangle() {
         let sizes = maps(100);
         let (mut placements, pages) = pack(&sizes, 512).unwrap();
         placements[50].x = placements[49].x;

@@ -15,7 +15,7 @@ fn errors(path: &Path) -> Vec<Issue> {
 }
 
 #[test]
-fn every_side_file_that_is_missing_or_wrong_is_an_issue() {
+fn missing_or_damaged_sidecar_files_are_issues() {
     for (name, codes) in
         [("y.gltf", ["LT1024", "LT1018"].as_slice()), ("y.usda", &["LT2012"]), ("y.usdc", &["LT2012"])]
     {
@@ -25,7 +25,7 @@ fn every_side_file_that_is_missing_or_wrong_is_an_issue() {
         assert!(files.len() > 2, "{files:?}");
         assert_eq!(errors(&path), [], "negative control");
         for side in &files[1..] {
-            let sound = std::fs::read(side).unwrap();
+            let valid = std::fs::read(side).unwrap();
             let file_name = side.file_name().unwrap().to_str().unwrap();
             let told = |what: &str| {
                 let issues = errors(&path);
@@ -44,12 +44,12 @@ fn every_side_file_that_is_missing_or_wrong_is_an_issue() {
                 assert!(!errors(&path).is_empty(), "a device elsewhere");
                 std::fs::remove_file(side).unwrap();
             }
-            std::fs::write(side, &sound[..sound.len() / 2]).unwrap();
+            std::fs::write(side, &valid[..valid.len() / 2]).unwrap();
             let issues = errors(&path);
             // Images of rectangles are not decoded.
             let is_told = issues.iter().any(|i| i.message.contains(file_name));
             assert_eq!(is_told, !file_name.starts_with("quads"), "{file_name} cut: {issues:?}");
-            std::fs::write(side, sound).unwrap();
+            std::fs::write(side, valid).unwrap();
             assert_eq!(errors(&path), [], "negative control");
         }
         std::fs::remove_file(&path).unwrap();
@@ -60,7 +60,7 @@ fn every_side_file_that_is_missing_or_wrong_is_an_issue() {
 }
 
 #[test]
-fn a_mesh_of_quads_is_not_taken_for_an_asset() {
+fn a_quad_mesh_is_not_read_as_an_asset() {
     let folder = tempfile::tempdir().unwrap();
     let files = written(&folder.path().join("y.gltf"), true);
     let mesh = files.iter().find(|f| f.ends_with("y.mesh.glb")).unwrap();
@@ -95,7 +95,7 @@ fn files_beyond_the_limits_are_not_read() {
         let limits = |decoded_bytes| ReadLimits { decoded_bytes };
         let error = read_asset(&path, &limits(bytes - 1)).unwrap_err();
         assert!(matches!(error, Error::TooLarge { .. }), "{error}");
-        // 20 GB, sparse, behind a sound beginning.
+        // 20 GB, sparse, behind a valid beginning.
         std::fs::File::options().write(true).open(&path).unwrap().set_len(20_000_000_000).unwrap();
         let error = read_asset(&path, &ReadLimits::default()).unwrap_err();
         let message = error.to_string();

@@ -1,4 +1,4 @@
-//! The data of an accessor: elements of floats or integers at a stride.
+//! Reads the elements of an accessor, floats or integers at a stride. `buffer.rs` writes accessors.
 
 use super::document::{Accessor, BufferView};
 use crate::{SPLATS_MAX, quoted};
@@ -150,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_of_all_kinds_at_strides() {
+    fn reads_every_component_type_at_any_stride() {
         let bytes = [0x81, 0x80, 0x7f, 9, 0x00, 0x80, 0xff, 0x7f, 1, 2];
         let view = BufferView { byte_stride: Some(4), ..BufferView::default() };
         let mut signed = accessor(5120, "VEC2", 2);
@@ -175,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_fit_is_refused() {
+    fn accessors_that_exceed_their_view_are_refused() {
         let bytes = [0; 48];
         let plain = BufferView::default();
         assert!(View::new(&accessor(5126, "VEC3", 4), &plain, &bytes).is_ok());

@@ -1,4 +1,4 @@
-//! Collects arrays into one buffer, each with a buffer view and an accessor of its own.
+//! Writes arrays into one buffer, each with its own buffer view and accessor. `accessor.rs` reads accessors.
 
 use super::document::{Accessor, BufferView, TARGET_ATTRIBUTES};
 

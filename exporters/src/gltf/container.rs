@@ -74,7 +74,7 @@ fn glb_parts<'a>(bytes: &'a [u8], path: &Path) -> Result<Parts<'a>> {
     }
     let length = u32_at(bytes, 8).ok_or_else(|| cut("no GLB header"))? as usize;
     if length != bytes.len() {
-        return Err(cut(&format!("GLB header says {length} bytes, the file has {}", bytes.len())));
+        return Err(cut(&format!("GLB header states {length} bytes, the file has {}", bytes.len())));
     }
     let (mut json, mut bin, mut at) = (None, None, HEADER_BYTES);
     while at < bytes.len() {

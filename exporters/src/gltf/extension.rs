@@ -1,4 +1,4 @@
-//! `KHR_gaussian_splatting` and our extension nested in it as JSON objects, and the digest that outlives both.
+//! `KHR_gaussian_splatting` and our extension nested in it as JSON objects, and the digest that survives tools that drop both.
 
 use super::KHR;
 use super::document::Primitive;

@@ -59,7 +59,7 @@ fn name_from_uri(uri: &str) -> Option<String> {
 pub fn resolve(uri: &str, path: &Path) -> Result<PathBuf> {
     let shown = quoted(uri);
     if uri.contains(':') {
-        let what = format!("URI {shown}: only files beside the .gltf are read, no data or network URIs");
+        let what = format!("URI {shown}: only files next to the .gltf are read, no data or network URIs");
         return Err(Error::unsupported(path, what));
     }
     let leaves = || Error::invalid(path, format!("URI {shown} does not name a file in the .gltf's folder"));
@@ -86,7 +86,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_become_uris_and_come_back() {
+    fn file_names_round_trip_through_uris() {
         for name in ["plain.bin", "with space.bin", "ü%2e#?.png", "a:b"] {
             let uri = uri_from_name(name);
             assert!(uri.is_ascii() && !uri.contains([' ', ':', '#', '?']), "{uri}");

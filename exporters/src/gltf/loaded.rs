@@ -1,5 +1,5 @@
-//! A file whose JSON has been parsed and whose buffers have been read. Every look-up is checked, every decoded byte is
-//! counted.
+//! A file whose JSON has been parsed and whose buffers have been read. Every look-up is bounds-checked, and decoded bytes
+//! count towards the limit.
 
 use super::accessor::View;
 use super::container::{self, Parts};
@@ -25,7 +25,7 @@ const UNDERSTOOD: [&str; 4] = [KHR, EXTENSION, QUANTIZATION, UNLIT];
 
 /// Whether sidecar files may be read.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub enum SideFiles {
+pub enum SidecarFiles {
     /// Those in the folder of the file.
     Read,
     /// No sidecar files: only the bytes of the file are known.
@@ -40,7 +40,7 @@ pub struct Loaded<'a> {
     /// Bytes of all files that have been read.
     pub num_bytes: Cell<u64>,
     buffers: Vec<Cow<'a, [u8]>>,
-    side_files: SideFiles,
+    sidecar_files: SidecarFiles,
     limits: ReadLimits,
     /// Bytes that have been counted against the limits.
     taken_bytes: Cell<u64>,
@@ -51,7 +51,12 @@ impl<'a> Loaded<'a> {
     ///
     /// # Errors
     /// [`Error::Invalid`], [`Error::Unsupported`], [`Error::TooLarge`] as [`super::read_gltf`].
-    pub fn new(bytes: &'a [u8], path: &'a Path, limits: &ReadLimits, side_files: SideFiles) -> Result<Self> {
+    pub fn new(
+        bytes: &'a [u8],
+        path: &'a Path,
+        limits: &ReadLimits,
+        sidecar_files: SidecarFiles,
+    ) -> Result<Self> {
         let parts = container::parts(bytes, path)?;
         check_json(parts.json, path)?;
         let document: Document = serde_json::from_slice(parts.json)
@@ -62,7 +67,7 @@ impl<'a> Loaded<'a> {
             path,
             num_bytes: Cell::new(bytes.len() as u64),
             buffers: Vec::new(),
-            side_files,
+            sidecar_files,
             limits: *limits,
             taken_bytes: Cell::new(0),
         };
@@ -88,7 +93,7 @@ impl<'a> Loaded<'a> {
                     buffer.uri.as_deref().map_or(String::new(), |uri| format!(" in file {}", quoted(uri)));
                 let found = bytes.len();
                 let what =
-                    format!("buffer {i}: {needed} bytes declared, {found} there{file}: data are missing");
+                    format!("buffer {i}: {needed} bytes declared, {found} found{file}: data are missing");
                 return Err(Error::invalid(self.path, what));
             }
             self.buffers.push(bytes);
@@ -116,7 +121,7 @@ impl<'a> Loaded<'a> {
     /// # Errors
     /// [`Error::Unsupported`] if they may not be read, and those of [`files::resolve`] and [`read_file`], naming both files.
     pub fn side_file(&self, uri: &str) -> Result<Vec<u8>> {
-        if self.side_files == SideFiles::Refuse {
+        if self.sidecar_files == SidecarFiles::Refuse {
             let shown = quoted(uri);
             let what = format!("the sidecar file {shown} is needed: open the file by its path");
             return Err(Error::unsupported(self.path, what));
@@ -131,7 +136,7 @@ impl<'a> Loaded<'a> {
 
     /// Size of a sidecar file; 0 if it cannot be found.
     pub fn side_file_bytes(&self, uri: &str) -> u64 {
-        let allowed = self.side_files == SideFiles::Read;
+        let allowed = self.sidecar_files == SidecarFiles::Read;
         let file = allowed.then(|| files::resolve(uri, self.path).ok()).flatten();
         file.and_then(|f| f.metadata().ok()).map_or(0, |facts| facts.len())
     }

@@ -1,7 +1,7 @@
 //! glTF 2.0: one POINTS primitive with `KHR_gaussian_splatting`, which every viewer of splats can show, and nested in it our
 //! extension [`EXTENSION`] with the texture maps. `schema/gltf.md` specifies what the extension holds and how to render it.
 //!
-//! A `.glb` is one file; a `.gltf` has its arrays in a `.bin` file and its atlas pages in image files beside it. Viewers
+//! A `.glb` is one file; a `.gltf` has its arrays in a `.bin` file and its atlas pages in image files next to it. Viewers
 //! without splat support show coloured points (`COLOR_0`); [`encode_mesh`] makes a file of textured quads for them.
 
 mod accessor;

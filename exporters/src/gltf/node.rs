@@ -74,8 +74,8 @@ pub fn similarity(node: &Node) -> Result<Transform, String> {
 }
 
 fn finite(transform: Transform) -> Result<Transform, String> {
-    let sound = transform.translation.iter().all(|v| v.is_finite()) && transform.scale.is_finite();
-    if sound { Ok(transform) } else { Err(format!("{transform:?} is not finite")) }
+    let valid = transform.translation.iter().all(|v| v.is_finite()) && transform.scale.is_finite();
+    if valid { Ok(transform) } else { Err(format!("{transform:?} is not finite")) }
 }
 
 /// The scale, if all three are equal and positive.
@@ -128,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn matrices_decompose() {
+    fn similarity_matrices_decompose() {
         for rotation in
             [[0.5, -0.1, 0.7, 0.5], [0.1, 0.9, -0.3, 0.3], [-0.2, 0.1, 0.8, -0.1], [0.0, 0.0, 0.1, -0.99]]
         {
@@ -154,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn parents_count_and_odd_trees_are_refused() {
+    fn parent_transforms_apply_and_invalid_trees_are_refused() {
         let path = Path::new("n");
         let half_turn = Node {
             rotation: Some([0.0, 1.0, 0.0, 0.0]),

@@ -1,7 +1,7 @@
 //! Reads `.glb` and `.gltf` files.
 
 use super::extension::{Digest, TextureExtension};
-use super::loaded::{Loaded, SideFiles};
+use super::loaded::{Loaded, SidecarFiles};
 use super::scene::Found;
 use super::splats::Attributes;
 use super::{EXTENSION, KHR, VERSION, container, node, pages, scene};
@@ -21,7 +21,7 @@ const NODE_TOLERANCE: f64 = 1e-6;
 /// As [`decode_glb`], and [`Error::Io`]. URIs that leave the file's folder are [`Error::Invalid`].
 pub fn read_gltf(path: &Path, limits: &ReadLimits) -> Result<Contents> {
     let bytes = read_file(path, limits.decoded_bytes)?;
-    decode(&bytes, path, limits, SideFiles::Read)
+    decode(&bytes, path, limits, SidecarFiles::Read)
 }
 
 /// Decodes the bytes of a `.glb`; `path` is only for messages. Reads splats of other programs, too, as untextured discs
@@ -31,11 +31,11 @@ pub fn read_gltf(path: &Path, limits: &ReadLimits) -> Result<Contents> {
 /// [`Error::Invalid`] if the file is damaged or breaks a rule, [`Error::Unsupported`] for other versions, unknown required
 /// extensions and sidecar files, [`Error::TooLarge`].
 pub fn decode_glb(bytes: &[u8], path: &Path, limits: &ReadLimits) -> Result<Contents> {
-    decode(bytes, path, limits, SideFiles::Refuse)
+    decode(bytes, path, limits, SidecarFiles::Refuse)
 }
 
-fn decode(bytes: &[u8], path: &Path, limits: &ReadLimits, side_files: SideFiles) -> Result<Contents> {
-    let loaded = Loaded::new(bytes, path, limits, side_files)?;
+fn decode(bytes: &[u8], path: &Path, limits: &ReadLimits, sidecar_files: SidecarFiles) -> Result<Contents> {
+    let loaded = Loaded::new(bytes, path, limits, sidecar_files)?;
     contents(&loaded, container::is_glb(bytes))
 }
 
@@ -60,7 +60,7 @@ pub fn contents(loaded: &Loaded<'_>, is_glb: bool) -> Result<Contents> {
     };
     contents.asset.validate().map_err(|e| e.at(loaded.path))?;
     if contents.hash.is_some_and(|hash| hash != contents.asset.hash()) {
-        warnings.push("the content is not what its hash says: a tool has changed values".to_owned());
+        warnings.push("the content does not match its hash: a tool has changed values".to_owned());
     }
     contents.format = format!("glTF 2.0 ({}), {}", if is_glb { ".glb" } else { ".gltf" }, contents.format);
     contents.warnings = warnings;
@@ -132,7 +132,7 @@ fn read_sh0(loaded: &Loaded<'_>, index: u32, asset: &mut SplatAsset) -> Result<(
 /// As [`read_gltf`], except about arrays and pages of our extension, which are not read.
 pub fn read_fallback(path: &Path, limits: &ReadLimits) -> Result<SplatAsset> {
     let bytes = read_file(path, limits.decoded_bytes)?;
-    let loaded = Loaded::new(&bytes, path, limits, SideFiles::Read)?;
+    let loaded = Loaded::new(&bytes, path, limits, SidecarFiles::Read)?;
     let found = scene::find(&loaded.document, path)?;
     let attributes = Attributes::find(&loaded, found.primitive)?;
     let mut asset = foreign(&loaded, &found, &attributes, &mut Vec::new())?.asset;

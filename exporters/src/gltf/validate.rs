@@ -1,6 +1,6 @@
 //! Checks a file against the rules of `KHR_gaussian_splatting` and of our extension in it. Plain glTF (JSON, buffer views,
 //! accessors, bounds, nodes) is checked only as far as our reader needs it: Khronos' glTF validator checks the rest.
-//! Unlike the reader it goes on after the first offence.
+//! Unlike the reader, it continues after the first violation.
 
 mod fallback;
 mod splats;
@@ -8,7 +8,7 @@ mod texture;
 
 use super::document::{Document, MODE_POINTS};
 use super::extension::Digest;
-use super::loaded::{Loaded, SideFiles};
+use super::loaded::{Loaded, SidecarFiles};
 use super::mesh::is_quad_mesh;
 use super::scene::{self, Found};
 use super::{EXTENSION, KHR, container, read, sh_attribute};
@@ -16,14 +16,14 @@ use crate::contents::Issues;
 use crate::{Error, Issue, ReadLimits, Severity, quoted};
 use std::path::Path;
 
-/// Code that marks a mesh of quads: such a file is not an asset, but may be sound.
+/// Code that marks a mesh of quads: such a file is not an asset, but may be valid.
 pub(crate) const QUADS_CODE: &str = "LT1019";
 
 /// Primitives of splats whose numbers are looked at; there should be one.
 const PRIMITIVES_MAX: usize = 4;
 
 /// Checks the bytes of a `.glb` or `.gltf`; sidecar files are looked for in the folder of `path`. No issues, or none
-/// above [`Severity::Info`]: the file is sound as far as it is checked here. Codes:
+/// above [`Severity::Info`]: the file is valid as far as it is checked here. Codes:
 ///
 /// | code | what is wrong |
 /// |---|---|
@@ -33,7 +33,7 @@ const PRIMITIVES_MAX: usize = 4;
 /// | LT1004 | there is no primitive of splats, or there are several |
 /// | LT1005 | the primitive's mode is not POINTS |
 /// | LT1006 | a property of `KHR_gaussian_splatting` is missing or unknown |
-/// | LT1007 | an attribute is missing, of a type that is not allowed, or outside of its buffer |
+/// | LT1007 | an attribute is missing, of a type that is not allowed, or outside its buffer |
 /// | LT1009 | SH degrees are incomplete |
 /// | LT1012 | a rotation is not a unit quaternion |
 /// | LT1013 | a scale is not positive |
@@ -58,7 +58,7 @@ const PRIMITIVES_MAX: usize = 4;
 pub fn validate(bytes: &[u8], path: &Path) -> Vec<Issue> {
     let mut issues = Issues::default();
     let limits = ReadLimits::default();
-    let loaded = match Loaded::new(bytes, path, &limits, SideFiles::Read) {
+    let loaded = match Loaded::new(bytes, path, &limits, SidecarFiles::Read) {
         Ok(loaded) => loaded,
         Err(e) => {
             // So far, only buffers are read from sidecar files.
@@ -167,7 +167,7 @@ fn check_reading(
     limits: &ReadLimits,
     issues: &mut Issues,
 ) {
-    let fresh = Loaded::new(bytes, loaded.path, limits, SideFiles::Read);
+    let fresh = Loaded::new(bytes, loaded.path, limits, SidecarFiles::Read);
     let contents = fresh.and_then(|fresh| read::contents(&fresh, container::is_glb(bytes)));
     let contents = match contents {
         Ok(contents) => contents,

@@ -1,4 +1,4 @@
-//! Writes `.glb` and `.gltf` files.
+//! Writes `.glb` and `.gltf` files: splat attributes, atlas pages, the JSON document.
 
 use super::buffer::{Arrays, Use};
 use super::document::{
@@ -9,7 +9,7 @@ use super::extension::{Decode, Digest, Page, Splatting, TextureExtension, text_f
 use super::{EXTENSION, KHR, VERSION, colour, container, files, sh_attribute, sh_indices};
 use crate::atlas::{Atlas, PAGE_SIDE, PAGE_SIDE_MAX, TexelDecode, encode_exr, encode_png};
 use crate::meta::Meta;
-use crate::staging::{SideFile, Staged};
+use crate::staging::{SidecarFile, Staged};
 use crate::{Error, Quality, Result, SplatAsset, yup};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -58,7 +58,7 @@ pub(crate) fn encode_files(
     path: &Path,
     asset: &SplatAsset,
     options: &GltfOptions,
-) -> Result<(Vec<u8>, Vec<SideFile>)> {
+) -> Result<(Vec<u8>, Vec<SidecarFile>)> {
     if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("glb")) {
         return Ok((encode_glb(asset, options).map_err(|e| e.at(path))?, Vec::new()));
     }
@@ -93,7 +93,7 @@ fn assemble(asset: &SplatAsset, options: &GltfOptions, stem: Option<&str>) -> Re
         return Err(Error::invalid("", "no splats: a glTF primitive cannot be empty"));
     }
     if options.page_side == 0 || options.page_side > PAGE_SIDE_MAX {
-        let what = format!("pages of {} texels a side, expected 1 to {PAGE_SIDE_MAX}", options.page_side);
+        let what = format!("pages of {} texels per side, expected 1 to {PAGE_SIDE_MAX}", options.page_side);
         return Err(Error::invalid("", what));
     }
     let atlas = Atlas::of(asset, options.page_side)?;

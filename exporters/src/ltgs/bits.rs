@@ -94,7 +94,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn bits_and_numbers_come_back() {
+    fn bits_and_varints_round_trip() {
         let mut writer = BitWriter::default();
         let values = [(5, 3), (0, 0), (u32::MAX, 32), (1, 1), (0x1234, 13), (0, 7)];
         for (value, count) in values {

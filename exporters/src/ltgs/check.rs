@@ -13,7 +13,7 @@ use std::path::Path;
 /// | `LT3002` | of a later version, or with a feature that this program does not know |
 /// | `LT3003` | larger than the reader's limits |
 /// | `LT3004` | a chunk is damaged |
-/// | `LT3005` | a centre lies outside of its chunk's bounds |
+/// | `LT3005` | a centre lies outside its chunk's bounds |
 /// | `LT3006` | the content has another hash than the file says |
 /// | `LT3007` | of a later minor version, whose additions are ignored |
 /// | `LT3008` | the splats do not make a valid asset |
@@ -36,7 +36,7 @@ fn check(reader: &Reader<'_>, issues: &mut Issues) {
                 let is_inside = |p: &&[f32; 3]| (0..3).all(|i| (low[i]..=high[i]).contains(&p[i]));
                 let outside = asset.positions.len() - asset.positions.iter().filter(is_inside).count();
                 if outside > 0 {
-                    let what = format!("{outside} centres lie outside of {low:?} to {high:?}");
+                    let what = format!("{outside} centres are outside {low:?} to {high:?}");
                     issues.error("LT3005", &place, what);
                 }
             }

@@ -17,7 +17,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn colours_come_back() {
+    fn colours_round_trip_through_luma_and_chroma() {
         for colour in [[0.5, -0.25, 1.0], [0.0, 0.75, -1.0], [1.0, 1.0, 1.0]] {
             assert_eq!(rgb(luma_chroma(colour)), colour);
         }

@@ -281,7 +281,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_of_all_sizes_come_back_and_small_ones_take_few_bits() {
+    fn integers_round_trip_and_small_ones_take_few_bits() {
         let mut state = 1_u32;
         let mut random = move || {
             state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
@@ -312,7 +312,7 @@ mod tests {
     }
 
     #[test]
-    fn bombs_and_unknown_codecs_are_refused() {
+    fn decompression_bombs_and_unknown_codecs_are_refused() {
         let mut bomb = Vec::new();
         put_bytes(&mut bomb, &vec![0; 1 << 22], 19);
         assert!(bomb.len() < 300, "{}", bomb.len());

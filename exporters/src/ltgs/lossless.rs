@@ -1,5 +1,5 @@
-//! Chunks of a lossless file: the bytes of f32 numbers sorted by their significance, because upper bytes are alike and
-//! lower ones are noise. Splats keep the order of the asset.
+//! Chunks of a lossless file: the bytes of f32 numbers sorted by their significance, because high bytes are similar
+//! and low bytes are noise. Splats keep the order of the asset.
 
 use super::integers::{put_bytes, put_numbers, take_bytes, take_numbers, zigzag};
 use super::tally::Tally;

@@ -47,7 +47,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn they_agree_with_the_library() {
+    fn powers_and_logarithms_agree_with_the_standard_library() {
         let mut worst = 0.0_f64;
         for i in -2000..2000 {
             let x = f64::from(i) * 0.0137;

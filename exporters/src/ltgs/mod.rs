@@ -1,4 +1,4 @@
-//! The compact binary format `.ltgs`: chunks of 4,096 splats with their maps, each readable by itself, all splats before
+//! The compact binary format `.ltgs`: chunks of 4,096 splats with their maps, each independently readable, all splats before
 //! the first texel. `schema/ltgs.md` specifies every byte.
 //!
 //! | part | content |

@@ -37,7 +37,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_interleave_and_come_back() {
+    fn coordinates_round_trip_through_morton_numbers() {
         assert_eq!(morton([1, 0, 0]), 1);
         assert_eq!(morton([0, 1, 0]), 2);
         assert_eq!(morton([3, 0, 2]), 0b10_1001);

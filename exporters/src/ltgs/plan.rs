@@ -126,7 +126,7 @@ fn low_quantile(mut values: Vec<i32>) -> i32 {
     values.get(values.len() / 100).copied().unwrap_or(0)
 }
 
-/// Median difference between log2 of texel edges and what standard deviations and texel counts predict.
+/// Median difference between log2 of texel sizes and what standard deviations and texel counts predict.
 fn middle_texel_size(asset: &SplatAsset) -> f64 {
     let textured = asset.maps.iter().zip(&asset.scales).filter(|(map, _)| map.num_texels() > 0);
     let off = |(map, scales): (&crate::AssetMap, &[f32; 2])| {

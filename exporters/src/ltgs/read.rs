@@ -1,4 +1,4 @@
-//! The reader: tables first, then any chunk by itself or all of them in parallel.
+//! The reader: tables first, then a single chunk, or all chunks in parallel.
 
 use super::header::{Block, ENTRY_BYTES, Entry, HEADER_BYTES, Header, MAJOR, MINOR};
 use super::lossless;

@@ -1,4 +1,4 @@
-//! Codes of the shapes and positions of splats: sides of maps, standard deviations, texel edges, rotations, positions. Each
+//! Codes of the shapes and positions of splats: sides of maps, standard deviations, texel sizes, rotations, positions. Each
 //! quantity has `code_*` and `value_*`; the writer encodes against values as the reader will decode them.
 
 use super::math::{exp2, floor_log2, log2_in_256ths, two_to};
@@ -24,7 +24,7 @@ pub struct Shape {
     pub exponent: i32,
     /// Standard deviations, local units.
     pub scales: [f32; 2],
-    /// Texel edge; 0 without a map.
+    /// Texel size; 0 without a map.
     pub texel_size: f32,
 }
 
@@ -54,7 +54,7 @@ impl Shape {
         (quantiser.steps.rotation * two_to(self.exponent - length)).min(ROTATION_STEP_MAX)
     }
 
-    /// Exponent of the steps of texels: that of the splat, plus one for each halving of the texel edge relative to the
+    /// Exponent of the steps of texels: that of the splat, plus one for each halving of the texel size relative to the
     /// standard deviations.
     pub fn texel_exponent(&self) -> i32 {
         let [u, v] = self.scales.map(f64::from);
@@ -103,7 +103,7 @@ pub fn value_scale(log2_scale: f64) -> f32 {
     (exp2(log2_scale) as f32).clamp(SCALES[0], SCALES[1])
 }
 
-/// Predicted log2 of a texel edge, and its step. Maps span roughly a fixed multiple of the standard deviations.
+/// Predicted log2 of a texel size, and its step. Maps span roughly a fixed multiple of the standard deviations.
 fn texel_size_basis(quantiser: &Quantiser, log2_scales: [f64; 2], rows: u16, cols: u16) -> (f64, f64) {
     let log2_texels = f64::from(log2_in_256ths(f64::from(rows) * f64::from(cols))) / 256.0;
     let expected = 0.5 * (log2_scales[0] + log2_scales[1] - log2_texels) + quantiser.grid.log2_texel_size;
@@ -111,7 +111,7 @@ fn texel_size_basis(quantiser: &Quantiser, log2_scales: [f64; 2], rows: u16, col
     (expected, step)
 }
 
-/// Code of a texel edge; `sides` are not 0.
+/// Code of a texel size; `sides` are not 0.
 pub fn code_texel_size(
     quantiser: &Quantiser,
     log2_scales: [f64; 2],
@@ -122,7 +122,7 @@ pub fn code_texel_size(
     rounded((f64::from(texel_size).log2() - expected) / step)
 }
 
-/// The texel edge that a code stands for.
+/// The texel size that a code stands for.
 pub fn value_texel_size(quantiser: &Quantiser, log2_scales: [f64; 2], sides: [u16; 2], code: i32) -> f32 {
     let (expected, step) = texel_size_basis(quantiser, log2_scales, sides[0], sides[1]);
     (exp2(expected + f64::from(code) * step) as f32).clamp(f32::MIN_POSITIVE, f32::MAX)

@@ -21,7 +21,7 @@ pub struct SplatCodes {
     pub sides: Vec<[u16; 2]>,
     /// Codes of standard deviations. `[n, 2]`
     pub scales: Vec<[i32; 2]>,
-    /// Codes of texel edges, for splats with a map only.
+    /// Codes of texel sizes, for splats with a map only.
     pub texel_sizes: Vec<i32>,
     /// Indices of the largest components of quaternions. `[n]`
     pub largest: Vec<u32>,
@@ -256,9 +256,10 @@ impl SplatCodes {
         let limit = 1_u64 << (3 * (grid.bits - grid.cell_bits));
         for (splat, &exponent) in exponents.iter().enumerate() {
             let gap = u64::from(high[splat]) << 31 | u64::from(low[splat] & 0x7fff_ffff);
-            cell = cell.checked_add(gap).filter(|&cell| cell < limit).ok_or_else(|| {
-                Error::invalid("", format!("cell of splat {splat} lies outside of the grid"))
-            })?;
+            cell = cell
+                .checked_add(gap)
+                .filter(|&cell| cell < limit)
+                .ok_or_else(|| Error::invalid("", format!("cell of splat {splat} lies outside the grid")))?;
             let mut corner = [0; 3];
             for (corner, of_cell) in corner.iter_mut().zip(coordinates(cell)) {
                 let place = places

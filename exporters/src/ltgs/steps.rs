@@ -25,7 +25,7 @@ pub struct Steps {
     pub texel: f64,
     /// Ratio of chroma steps to luma steps, for colours and texels.
     pub chroma: f64,
-    /// Step of log2 of texel edges for a map of one texel; 1 / N of that for maps of N texels a side.
+    /// Step of log2 of texel sizes for a map of one texel; 1 / N of that for maps of N texels per side.
     pub log2_texel_size: f64,
 }
 
@@ -73,8 +73,8 @@ impl Steps {
     pub fn validate(&self) -> Result<()> {
         let all = [self.position, self.rotation, self.log2_scale, self.sh0, self.texel, self.log2_texel_size];
         let range = two_to_minus_30()..=16.0;
-        let sound = all.iter().chain(&self.sh_rest).chain([&self.chroma]).all(|s| range.contains(s));
-        if sound && range.contains(&self.opacity) && self.opacity <= 1.0 {
+        let valid = all.iter().chain(&self.sh_rest).chain([&self.chroma]).all(|s| range.contains(s));
+        if valid && range.contains(&self.opacity) && self.opacity <= 1.0 {
             return Ok(());
         }
         Err(Error::invalid("", format!("steps are not in [2^-30, 16] (opacity: at most 1): {self:?}")))
@@ -99,7 +99,7 @@ pub struct Grid {
     pub cell_bits: u32,
     /// log2 of the standard deviation with code 0.
     pub log2_scale: f64,
-    /// Offset of log2 of texel edges against their prediction at code 0.
+    /// Offset of log2 of texel sizes against their prediction at code 0.
     pub log2_texel_size: f64,
 }
 
@@ -116,12 +116,12 @@ impl Grid {
     /// [`Error::Invalid`] showing the grid.
     pub fn validate(&self) -> Result<()> {
         let numbers = self.origin.iter().chain([&self.log2_scale, &self.log2_texel_size]);
-        let sound = numbers.clone().all(|v| v.abs() <= f64::from(f32::MAX))
+        let valid = numbers.clone().all(|v| v.abs() <= f64::from(f32::MAX))
             && (f64::MIN_POSITIVE..=f64::from(f32::MAX)).contains(&self.reach)
             && self.bits <= GRID_BITS_MAX
             && self.cell_bits <= self.bits
             && self.bits - self.cell_bits <= CELL_COORDINATE_BITS_MAX;
-        if sound { Ok(()) } else { Err(Error::invalid("", format!("{self:?} is out of bounds"))) }
+        if valid { Ok(()) } else { Err(Error::invalid("", format!("{self:?} is out of bounds"))) }
     }
 }
 

@@ -1,4 +1,4 @@
-//! The metadata of a file as JSON: everything of the asset that is not an array, and how numbers were rounded.
+//! The metadata of a file as JSON: all of the asset except its arrays, and how numbers were rounded.
 
 use super::integers::{compress, expand};
 use super::steps::Quantiser;

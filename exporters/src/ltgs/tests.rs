@@ -1,4 +1,4 @@
-//! Writer and reader against each other and against damage.
+//! Round trips and damaged files.
 
 use super::*;
 use crate::asset::tests::fixture;
@@ -79,7 +79,7 @@ fn lossless_keeps_every_bit_and_the_order() {
 }
 
 #[test]
-fn lossy_files_hold_exactly_what_quantised_says() {
+fn lossy_files_decode_to_the_quantised_asset() {
     for quality in [Quality::Balanced, Quality::Tiny] {
         for (num_splats, degree) in [(0, 3), (1, 0), (5000, 1), (300, 3)] {
             let asset = awkward(num_splats, degree);
@@ -105,7 +105,7 @@ fn lossy_files_hold_exactly_what_quantised_says() {
 }
 
 #[test]
-fn splats_may_have_exponents_of_their_own() {
+fn splats_may_have_individual_exponents() {
     let asset = awkward(200, 2);
     let exponents: Vec<i8> = (0..200).map(|i| (i % 17 - 8) as i8).collect();
     let plain = encode(&asset, &options(Quality::Balanced)).unwrap();
@@ -161,7 +161,7 @@ fn errors(asset: &SplatAsset, read: &SplatAsset) -> [f64; 5] {
 }
 
 #[test]
-fn errors_are_as_the_steps_say() {
+fn rounding_errors_stay_within_the_steps() {
     let asset = awkward(400, 1);
     let steps = Steps::balanced(&asset);
     let [position, scale, opacity, angle, texel] = errors(&asset, &quantised(&asset, &steps, &[]).unwrap());
@@ -179,7 +179,7 @@ fn errors_are_as_the_steps_say() {
 }
 
 #[test]
-fn chunks_are_read_by_themselves() {
+fn single_chunks_can_be_read() {
     for quality in Quality::ALL {
         let asset = awkward(9000, 0);
         let bytes = encode(&asset, &options(quality)).unwrap();
@@ -271,7 +271,7 @@ fn random_numbers() -> impl FnMut(usize) -> usize {
 }
 
 #[test]
-fn no_truncation_is_accepted_and_none_panics() {
+fn truncated_files_are_errors_and_never_panic() {
     for quality in Quality::ALL {
         let bytes = encode(&awkward(60, 1), &options(quality)).unwrap();
         for percent in 0..100 {

@@ -106,7 +106,7 @@ impl Map {
     }
 }
 
-/// Values of a decoded texel, and sizes of its numbers; zero outside of the map.
+/// Values of a decoded texel, and sizes of its numbers; zero outside the map.
 #[derive(Clone, Copy, Default)]
 struct Neighbour {
     values: [f64; 3],

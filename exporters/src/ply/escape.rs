@@ -56,7 +56,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn any_text_comes_back_and_is_a_line_of_ascii() {
+    fn any_text_round_trips_as_one_line_of_ascii() {
         for text in [
             "",
             "plain text",

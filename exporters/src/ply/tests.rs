@@ -46,7 +46,7 @@ fn largest_difference(asset: &SplatAsset, read: &SplatAsset) -> f64 {
 }
 
 #[test]
-fn round_trip_keeps_all_but_the_maps() {
+fn everything_but_the_maps_round_trips() {
     for degree in 0..=3 {
         let asset = fixture(20, degree);
         for flavour in [PlyFlavour::Ellipsoid, PlyFlavour::Surfel] {
@@ -142,7 +142,7 @@ property float scale_2\r\nproperty float z\r\nproperty float y\r\nproperty float
 property float f_dc_1\r\nproperty float f_dc_0\r\nend_header\r\n2 7 8\r\n0 2 0 0 255 0 -1 -9 -2 3 2 1 0.3 0.2 0.1\r\n";
 
 #[test]
-fn foreign_order_text_and_missing_properties_are_read() {
+fn reordered_text_and_missing_properties_are_read() {
     let read = decode(FOREIGN.as_bytes()).unwrap();
     let asset = &read.asset;
     assert_eq!(asset.positions, [[1.0, 2.0, 3.0]]);
@@ -246,7 +246,7 @@ fn no_damage_makes_the_reader_panic() {
             }
             match decode(&damaged) {
                 Err(_) => refused += 1,
-                // Accepted files are sound.
+                // Accepted files are valid.
                 Ok(read) => read.asset.validate().unwrap(),
             }
         }
@@ -272,7 +272,7 @@ fn poisoned_values_in_a_file_are_refused() {
 }
 
 #[test]
-fn files_are_written_and_read() {
+fn files_round_trip() {
     let dir = std::env::temp_dir().join(format!("litetex-ply-{}", std::process::id()));
     std::fs::create_dir_all(&dir).unwrap();
     let path = dir.join("a.ply");
@@ -284,7 +284,7 @@ fn files_are_written_and_read() {
 }
 
 #[test]
-fn texts_of_any_language_come_back() {
+fn text_in_any_language_round_trips() {
     let mut asset = fixture(3, 0);
     asset.provenance.author = "Jürgen Ångström, 木村\nand \\ others".to_owned();
     asset.provenance.licence = " CC BY ".to_owned();
@@ -370,7 +370,7 @@ fn long_headers_are_refused() {
 }
 
 #[test]
-fn headers_take_time_in_proportion_to_their_length() {
+fn header_parsing_takes_linear_time() {
     let elements: String = (0..1000).map(|i| format!("element e{i} 0\n")).collect();
     let file = format!("ply\nformat ascii 1.0\n{elements}{}end_header\n", "\n".repeat(4_000_000));
     let start = std::time::Instant::now();

@@ -59,7 +59,7 @@ pub fn encode_ply(asset: &SplatAsset, options: &PlyOptions) -> Result<(Vec<u8>, 
     asset.validate()?;
     let sh_degree = options.sh_degree.unwrap_or(asset.sh_degree);
     if sh_degree > 3 {
-        return Err(Error::invalid("", format!("SH degree {sh_degree} asked for, at most 3")));
+        return Err(Error::invalid("", format!("SH degree {sh_degree} requested, at most 3")));
     }
     let mut bytes = header(asset, options.flavour, sh_degree).into_bytes();
     let mut summary = PlySummary::default();
@@ -95,7 +95,7 @@ fn header(asset: &SplatAsset, flavour: PlyFlavour, sh_degree: u32) -> String {
     let frame = if asset.world_from_capture.is_identity() {
         "of the capture, as COLMAP gave it (cameras: x right, y down, z forward; up is usually -y)"
     } else {
-        "of its own (up is -y), see world_from_capture"
+        "the file's own (up is -y), see world_from_capture"
     };
     comment("frame", frame.to_owned());
     if !asset.world_from_capture.is_identity() {

@@ -1,7 +1,7 @@
 //! SPZ version 4, the compact format of untextured splats: six streams of bytes, each compressed by zstd. Maps are averaged
 //! into the base colour, as in PLY. The frame is that of the capture with y up (x right, y up, z back).
 //!
-//! | stream | bytes a splat | meaning |
+//! | stream | bytes per splat | meaning |
 //! |---|---|---|
 //! | positions | 9 | three fixed-point numbers of 24 bits |
 //! | alphas | 1 | opacity times 255 |

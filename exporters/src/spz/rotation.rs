@@ -39,7 +39,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rotations_come_back_within_a_step_and_any_code_is_one() {
+    fn rotations_round_trip_within_a_step_and_every_code_is_valid() {
         let mut state = 1_u32;
         let mut random = || {
             state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);

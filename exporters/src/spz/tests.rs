@@ -33,7 +33,7 @@ fn differences(asset: &SplatAsset, read: &SplatAsset) -> [f64; 5] {
 }
 
 #[test]
-fn what_is_written_comes_back_within_half_a_step() {
+fn splats_round_trip_within_half_a_step() {
     for degree in 0..=3 {
         let mut asset = fixture(30, degree);
         asset.capture_from_local.rotation = [0.5, -0.1, 0.7, 0.5];
@@ -60,7 +60,7 @@ fn what_is_written_comes_back_within_half_a_step() {
 }
 
 #[test]
-fn damage_and_foreign_versions_are_told() {
+fn damaged_files_and_other_versions_are_reported() {
     let (bytes, _) = encode_spz(&fixture(40, 2)).unwrap();
     for cut in 0..100 {
         assert!(decode(&bytes[..bytes.len() * cut / 100]).is_err(), "cut to {cut} %");
@@ -92,7 +92,7 @@ fn damage_and_foreign_versions_are_told() {
 }
 
 #[test]
-fn splats_out_of_reach_are_refused_or_counted() {
+fn splats_out_of_range_are_refused_or_counted() {
     let mut asset = fixture(4, 0);
     asset.scales[1] = [1e-7, 0.1];
     assert_eq!(encode_spz(&asset).unwrap().1.clamped_scales, 1);
@@ -126,7 +126,7 @@ fn zeros(num_splats: usize, packed_share: usize) -> Vec<u8> {
 }
 
 #[test]
-fn few_bytes_do_not_become_many_splats() {
+fn decompression_bombs_are_refused() {
     // As many splats as there may be: more than the limit on what is decoded.
     let bomb = zeros(1 << 24, 4096);
     assert!(bomb.len() < 400_000, "{}", bomb.len());
@@ -140,7 +140,7 @@ fn few_bytes_do_not_become_many_splats() {
 }
 
 #[test]
-fn cameras_come_along_to_the_frame_of_the_capture() {
+fn cameras_round_trip_in_the_capture_frame() {
     let mut asset = fixture(10, 0);
     asset.near = 0.04;
     asset.cameras.push(crate::AssetCamera {
@@ -168,7 +168,7 @@ fn cameras_come_along_to_the_frame_of_the_capture() {
 }
 
 #[test]
-fn validation_tells_of_damaged_metadata_and_odd_splats() {
+fn validation_reports_damaged_metadata_and_odd_splats() {
     let (bytes, _) = encode_spz(&fixture(40, 1)).unwrap();
     let codes = |bytes: &[u8]| -> Vec<_> {
         validate(bytes, Path::new("x")).into_iter().map(|i| (i.code, i.severity)).collect()

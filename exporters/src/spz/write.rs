@@ -23,7 +23,7 @@ pub struct SpzSummary {
     pub averaged_maps: usize,
     /// Largest error of a centre from rounding it to 24 bits, in texels of its map.
     pub position_error_texels: f64,
-    /// Splats with a scale outside of the range of 8 bits (4.5e-5 to 380 units), not counting the thin axis.
+    /// Splats with a scale outside the range of 8 bits (4.5e-5 to 380 units), not counting the thin axis.
     pub clamped_scales: usize,
 }
 

@@ -1,4 +1,4 @@
-//! Staging folders: made and locked by a living process, tidied up after a dead one.
+//! Staging folders: created and locked by a running process, cleaned up after one that died.
 
 use super::Steps;
 use super::swap::{Places, Swap};
@@ -18,13 +18,13 @@ const MAKING_TIME: Duration = Duration::from_secs(60);
 /// Who found a staging folder.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Caller {
-    /// Is about to write beside it, and also deletes what no process will use again.
+    /// Is about to write next to it, and also deletes what no process will use again.
     Writer,
     /// Needs an asset whose files belong together.
     Reader,
 }
 
-/// Makes a folder beside a file, on the same file system, and locks it: moving out of it is one step.
+/// Makes a folder next to a file, on the same file system, and locks it: moving out of it is one step.
 pub(super) fn fresh(path: &Path) -> Result<(PathBuf, Option<File>)> {
     loop {
         let folder = temporary_name(path);
@@ -56,7 +56,7 @@ pub(super) fn remove(folder: &Path) {
 }
 
 /// Finishes the move of the asset at `path` if a process was killed in it, so that old and new files do not stay mixed.
-/// For writers, also deletes all folders beside it that dead processes have left behind. Folders of living processes stay.
+/// For writers, also deletes all folders next to it that dead processes have left behind. Folders of living processes stay.
 ///
 /// # Errors
 /// [`Error::Io`] if an asset is left mixed.
@@ -101,7 +101,7 @@ fn finish(swap: &Swap, places: Places<'_>) -> Result<(), String> {
     let Err(error) = swap.resume(places, &steps) else { return Ok(()) };
     swap.undo(places, &steps).map_err(|lost| {
         let folder = text::path(places.staging);
-        format!("writing it was interrupted, and it can neither be finished ({error}) nor undone ({lost}); see {folder}")
+        format!("writing it was interrupted and can neither be finished ({error}) nor undone ({lost}); see {folder}")
     })
 }
 

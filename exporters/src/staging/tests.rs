@@ -1,4 +1,4 @@
-//! Nothing is replaced unasked or lost by failures and kills, and staged files can be read.
+//! Nothing is replaced without permission or lost to failures and kills, and staged files are readable.
 
 use super::*;
 use crate::asset::tests::fixture;
@@ -48,7 +48,7 @@ fn kind(error: &Error) -> Option<ErrorKind> {
 }
 
 #[test]
-fn what_is_staged_can_be_read_and_goes_where_it_belongs() {
+fn staged_files_are_readable_and_published_in_place() {
     let folder = tempfile::tempdir().unwrap();
     for format in Format::ALL {
         let stem = format!("{format:?}");
@@ -64,14 +64,14 @@ fn what_is_staged_can_be_read_and_goes_where_it_belongs() {
         assert_eq!(sizes.sum::<u64>(), written.bytes, "{format:?}");
         assert_eq!(read_asset(&path, &ReadLimits::default()).unwrap(), before, "{format:?}");
         // Sidecar files are those announced.
-        let said = format.side_files(&path, true);
+        let said = format.sidecar_files(&path, true);
         for file in &written.files[1..] {
             assert!(said.iter().any(|s| file.starts_with(s)), "{}: {said:?}", file.display());
         }
         assert!(said.iter().all(|s| s.exists() || s.extension().is_some_and(|e| e == "exr")), "{said:?}");
         let mesh = said.iter().any(|f| f.ends_with(format!("{stem}.mesh.glb")));
         assert_eq!(mesh, matches!(format, Format::Glb | Format::Gltf));
-        assert_eq!(format.side_files(&path, false).len(), said.len() - usize::from(mesh));
+        assert_eq!(format.sidecar_files(&path, false).len(), said.len() - usize::from(mesh));
     }
     assert!(snapshot(folder.path()).keys().all(|p| p.extension().is_none_or(|e| e != "tmp")));
     // Formats under one stem share only the mesh.
@@ -85,7 +85,7 @@ fn what_is_staged_can_be_read_and_goes_where_it_belongs() {
 }
 
 #[test]
-fn what_is_not_published_leaves_nothing() {
+fn unpublished_files_leave_nothing_behind() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("scene.gltf");
     write_asset(&path, &with_title("old"), &options(true)).unwrap();
@@ -98,7 +98,7 @@ fn what_is_not_published_leaves_nothing() {
 }
 
 #[test]
-fn side_files_are_not_replaced_unasked() {
+fn sidecar_files_are_not_replaced_without_permission() {
     for (name, sides) in [
         ("y.gltf", ["y.bin", "y.mesh.glb", "y_atlas_0.png"].as_slice()),
         ("y.glb", &["y.mesh.glb"]),
@@ -156,7 +156,7 @@ fn a_failing_overwrite_keeps_the_old_asset() {
 }
 
 #[test]
-fn folders_and_files_in_each_others_way_are_errors() {
+fn conflicting_files_and_folders_are_errors() {
     let asset = with_title("new");
     for (name, obstacle, is_folder, expected) in [
         ("y.gltf", "y.gltf", true, ErrorKind::IsADirectory),
@@ -185,7 +185,7 @@ fn folders_and_files_in_each_others_way_are_errors() {
 
 #[cfg(unix)]
 #[test]
-fn a_link_is_replaced_and_what_it_leads_to_stays() {
+fn a_link_is_replaced_and_its_target_is_kept() {
     let folder = tempfile::tempdir().unwrap();
     let (path, real) = (folder.path().join("y.glb"), folder.path().join("real.glb"));
     std::fs::write(&real, "mine").unwrap();
@@ -216,7 +216,7 @@ fn killed_after(steps: usize, path: &Path, asset: &SplatAsset) -> bool {
 }
 
 #[test]
-fn a_move_that_was_killed_is_finished_by_the_next_command() {
+fn an_interrupted_move_is_finished_by_the_next_command() {
     for name in ["y.gltf", "y.glb", "y.usda", "y.usdc"] {
         for old in [None, Some(with_title("old"))] {
             let mut mixed = 0;
@@ -257,7 +257,7 @@ fn a_move_that_was_killed_is_finished_by_the_next_command() {
 }
 
 #[test]
-fn what_cannot_be_finished_is_undone() {
+fn a_move_that_cannot_be_finished_is_undone() {
     let mut undone = 0;
     for steps in 0.. {
         let folder = tempfile::tempdir().unwrap();
@@ -285,7 +285,7 @@ fn what_cannot_be_finished_is_undone() {
 }
 
 #[test]
-fn only_what_dead_processes_left_is_deleted() {
+fn only_leftovers_of_dead_processes_are_deleted() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("y.glb");
     let make = |name: &str, entries: &[&str]| {
@@ -313,7 +313,7 @@ fn only_what_dead_processes_left_is_deleted() {
 }
 
 #[test]
-fn a_journal_of_somebody_else_moves_nothing() {
+fn a_foreign_journal_moves_nothing() {
     for names in
         [["../y.bin", "y.gltf"], ["/tmp/y.bin", "y.gltf"], ["notes.txt", "y.gltf"], ["y.bin", "x.gltf"]]
     {

@@ -7,7 +7,7 @@ use super::stage::{self, Images};
 use super::text_write::text_from_layer;
 use crate::atlas::{self, Atlas, PAGE_SIDE, PAGE_SIDE_MAX, TexelDecode};
 use crate::quads::{self, QUADS_MAX, Quads};
-use crate::staging::{SideFile, Staged};
+use crate::staging::{SidecarFile, Staged};
 use crate::{Error, Quality, Result, SplatAsset};
 use std::path::{Path, PathBuf};
 
@@ -32,7 +32,7 @@ impl Default for UsdOptions {
 }
 
 /// Writes an asset as `.usda`, `.usdc` or `.usdz`, by the extension of `path`. Text and binary files have their images in
-/// the folder `STEM_usda_textures` or `STEM_usdc_textures` beside them; a package holds them. Returns all files, the one at
+/// the folder `STEM_usda_textures` or `STEM_usdc_textures` next to them; a package holds them. Returns all files, the one at
 /// `path` first. If it fails, nothing new stays and older files are as they were.
 ///
 /// # Errors
@@ -43,7 +43,7 @@ pub fn write_usd(path: &Path, asset: &SplatAsset, options: &UsdOptions) -> Resul
     Ok(Staged::new(path, root, side)?.publish(true)?.files)
 }
 
-/// Encodes the file at `path` and the images beside it.
+/// Encodes the file at `path` and the images next to it.
 ///
 /// # Errors
 /// As [`write_usd`], without [`Error::Io`].
@@ -51,7 +51,7 @@ pub(crate) fn encode_files(
     path: &Path,
     asset: &SplatAsset,
     options: &UsdOptions,
-) -> Result<(Vec<u8>, Vec<SideFile>)> {
+) -> Result<(Vec<u8>, Vec<SidecarFile>)> {
     let container = Container::of(path)?;
     let folder = match container {
         Container::Package => "textures".to_owned(),
@@ -121,7 +121,7 @@ impl Bundle {
     fn of(asset: &SplatAsset, options: &UsdOptions, folder: &str) -> Result<Self> {
         asset.validate()?;
         if options.page_side == 0 || options.page_side > PAGE_SIDE_MAX {
-            let what = format!("pages of {} texels a side, at most {PAGE_SIDE_MAX}", options.page_side);
+            let what = format!("pages of {} texels per side, at most {PAGE_SIDE_MAX}", options.page_side);
             return Err(Error::too_large("", what));
         }
         let atlas = Atlas::of(asset, options.page_side)?;

@@ -105,7 +105,7 @@ impl Property {
         Self { name: name.to_owned(), is_custom: false, content, metadata: Vec::new() }
     }
 
-    /// The same property outside of all schemas.
+    /// The same property outside all schemas.
     pub(super) fn custom(mut self) -> Self {
         self.is_custom = true;
         self

@@ -1,4 +1,4 @@
-//! Cuts the text of a `.usda` file into the pieces that the parser asks for. Looks at every byte once.
+//! Tokenises `.usda` text on demand, in a single pass.
 
 use crate::{Error, Result, quoted};
 use std::path::Path;

@@ -4,7 +4,7 @@
 //! variants: `textured` (a particle field of surflets with maps, which the asset is read from), `splat3d` (thin 3D
 //! Gaussians, for programs that support only those) and `mesh` (textured rectangles, a preview).
 //!
-//! Readers take what the writers here write, and no other USD files.
+//! Readers accept only files that these writers produced.
 
 mod binary;
 mod fallback;

@@ -144,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn entries_are_aligned_stored_and_come_back() {
+    fn entries_are_stored_aligned_and_round_trip() {
         assert_eq!(crc32(b"123456789"), 0xcbf4_3926);
         let bytes = package_from_entries(entries()).unwrap();
         assert_eq!(package_from_entries(entries()).unwrap(), bytes, "reproducible");
@@ -164,7 +164,7 @@ mod tests {
     }
 
     #[test]
-    fn names_that_lead_elsewhere_are_refused() {
+    fn names_outside_the_package_are_refused() {
         for name in ["/etc/passwd", "../a.png", "a/../b", "C:/a", "a\\b", "", "a//b", "./a", "http://a"] {
             assert!(!is_plain_path(name), "{name}");
         }

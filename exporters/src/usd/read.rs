@@ -20,7 +20,7 @@ use std::path::Path;
 /// Bytes that decompression makes of one at most; images that claim more are refused before they are decoded.
 const IMAGE_EXPANSION_MAX: u64 = 1100;
 
-/// Reads a `.usda`, `.usdc` or `.usdz` file that this crate wrote. Pages are looked for beside the file and below only;
+/// Reads a `.usda`, `.usdc` or `.usdz` file that this crate wrote. Pages are looked for next to the file and below only;
 /// they count in the sections. A hash that differs is a warning.
 ///
 /// # Errors
@@ -119,7 +119,9 @@ impl<'a> Opened<'a> {
         let invalid = |what: &str| Error::invalid(self.path, format!("{}: {what}", page_named(asset_path)));
         let plain = asset_path.strip_prefix("./").unwrap_or(asset_path);
         if !is_plain_path(plain) {
-            return Err(invalid("pages must lie beside or below the file, with paths relative to it"));
+            return Err(invalid(
+                "pages must be in the folder of the file or below, with paths relative to it",
+            ));
         }
         if let Some(entries) = &self.entries {
             let entry = entries.iter().find(|e| e.name == plain);
@@ -132,7 +134,7 @@ impl<'a> Opened<'a> {
         let io = |e| Error::io(&file, e).named_by(self.path);
         let (place, real) = (place.canonicalize().map_err(io)?, file.canonicalize().map_err(io)?);
         if !real.starts_with(&place) {
-            return Err(invalid("it lies outside of the folder of the file"));
+            return Err(invalid("it is outside the folder of the file"));
         }
         let bytes = read_file(&real, bytes_max).map_err(|e| e.at(&file).named_by(self.path))?;
         Ok(Cow::Owned(bytes))
@@ -162,7 +164,7 @@ impl<'a> Opened<'a> {
         match hash {
             Some(hash) if hash == asset.hash() => {}
             Some(hash) => warnings.push(format!(
-                "the hash is {:016x}, the file says {hash:016x}: numbers were changed after the file was written",
+                "the hash is {:016x}, the file states {hash:016x}: numbers were changed after the file was written",
                 asset.hash()
             )),
             None => warnings.push("the file has no hash".to_owned()),

@@ -14,7 +14,7 @@
 //! | LT2009 | the hash agrees with the numbers |
 //! | LT2010 | the stage has `upAxis`, `metersPerUnit` and `defaultPrim`, and prims |
 //! | LT2011 | quaternions have length 1, opacities are in [0, 1], scales are not negative |
-//! | LT2012 | images that the layer names can be read; pages are sound and have the stated sizes |
+//! | LT2012 | images that the layer names can be read; pages are valid and have the stated sizes |
 //! | LT2013 | SH of degree 0 for programs without texture support is the exact one plus the mean of the map |
 //! | LT2014 | the third scale of 3D Gaussians is positive and the smallest |
 //! | LT2015 | 3D Gaussians for programs without texture support are there, and agree with the textured splats |
@@ -56,7 +56,7 @@ const REACH: f64 = 3.0;
 /// Prims whose particles or rectangles are checked; our files have two.
 const FIELDS_MAX: usize = 8;
 
-/// Checks a file; returns nothing if it is sound.
+/// Checks a file; returns nothing if it is valid.
 pub fn validate(path: &Path) -> Vec<Issue> {
     let limits = ReadLimits::default();
     let mut issues = Issues::default();
@@ -172,7 +172,9 @@ fn check_prim(path: &Path, place: &str, prim: &Prim, num_fields: &mut usize, iss
 fn check_kernels(place: &str, prim: &Prim, built_in: usize, issues: &mut Issues) {
     let applied: Vec<&String> = prim.applied().iter().filter(|s| s.starts_with(KERNEL_PREFIX)).collect();
     match applied.len() + built_in {
-        0 => issues.error("LT2003", place, "no kernel schema is applied: nothing says what a particle is"),
+        0 => {
+            issues.error("LT2003", place, "no kernel schema is applied: the shape of particles is undefined")
+        }
         1 => {}
         n => issues.error("LT2004", place, format!("{n} kernels, expected one; applied: {applied:?}")),
     }

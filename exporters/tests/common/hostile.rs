@@ -49,8 +49,8 @@ fn small_scene() -> SplatAsset {
 
 type Add<'a> = &'a mut dyn FnMut(&str, Expect, Vec<u8>);
 
-/// A sound file. Text and binary USD have no maps, so that they need no pages beside them.
-pub fn sound(format: Format) -> Vec<u8> {
+/// A valid file. Text and binary USD have no maps, so that they need no pages next to them.
+pub fn valid(format: Format) -> Vec<u8> {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("scene").with_extension(format.extension());
     let mut asset = small_scene();
@@ -66,7 +66,7 @@ pub fn sound(format: Format) -> Vec<u8> {
 fn damaged() -> Vec<File> {
     let mut files = Vec::new();
     for format in Format::ALL {
-        let bytes = sound(format);
+        let bytes = valid(format);
         let mut add = |name: &str, bytes: Vec<u8>| {
             let name = format!("{name}.{}", format.extension());
             files.push(File { name, bytes, expect: Invalid });
@@ -130,9 +130,9 @@ fn glb(add: Add<'_>) {
     let asset = small_scene();
     let options = gltf::GltfOptions { quality: Quality::Balanced, page_side: 64 };
     let bytes = gltf::encode_glb(&asset, &options).expect("written");
-    let (sound, bin) = split(&bytes);
+    let (valid, bin) = split(&bytes);
     let edited = |change: &dyn Fn(&mut Value)| {
-        let mut json = sound.clone();
+        let mut json = valid.clone();
         change(&mut json);
         join(&json, &bin)
     };
@@ -170,20 +170,20 @@ fn glb(add: Add<'_>) {
             j["nodes"].as_array_mut().expect("nodes").push(json!({"children": [0]}));
         }),
     );
-    let rects = at(&mut sound.clone(), OURS)["rects"].as_u64().expect("an accessor") as usize;
-    let view = sound["accessors"][rects]["bufferView"].as_u64().expect("a view") as usize;
-    let first = sound["bufferViews"][view]["byteOffset"].as_u64().unwrap_or(0) as usize;
-    let changed = |at: usize, new: &[u8]| join(&sound, &put(&bin, at, new));
+    let rects = at(&mut valid.clone(), OURS)["rects"].as_u64().expect("an accessor") as usize;
+    let view = valid["accessors"][rects]["bufferView"].as_u64().expect("a view") as usize;
+    let first = valid["bufferViews"][view]["byteOffset"].as_u64().unwrap_or(0) as usize;
+    let changed = |at: usize, new: &[u8]| join(&valid, &put(&bin, at, new));
     // Splats 0 and 3 have maps of 2 x 2.
     let corner: [u8; 4] = std::array::from_fn(|i| bin[first + i]);
     add("overlapping_maps.glb", Reads, changed(first + 24, &corner));
     let five: Vec<u8> = 5.0_f32.to_le_bytes().repeat(12);
     let nan = f32::NAN.to_le_bytes();
-    let dc = place(&sound, "KHR_gaussian_splatting:SH_DEGREE_0_COEF_0");
+    let dc = place(&valid, "KHR_gaussian_splatting:SH_DEGREE_0_COEF_0");
     add("wrong_colours_for_others.glb", Reads, changed(dc, &five));
     add("nan_colours_for_others.glb", Invalid, changed(dc, &nan));
-    add("nan_position.glb", Invalid, changed(place(&sound, "POSITION"), &nan));
-    let scale = place(&sound, "KHR_gaussian_splatting:SCALE");
+    add("nan_position.glb", Invalid, changed(place(&valid, "POSITION"), &nan));
+    let scale = place(&valid, "KHR_gaussian_splatting:SCALE");
     add("thick_for_others.glb", Reads, changed(scale + 8, &1000.0_f32.to_le_bytes()));
 }
 
@@ -192,7 +192,7 @@ fn at<'a>(json: &'a mut Value, pointer: &str) -> &'a mut Value {
 }
 
 fn gltf_text(add: Add<'_>) {
-    let text = sound(Format::Gltf);
+    let text = valid(Format::Gltf);
     add("missing_buffer.gltf", Invalid, text);
     for (name, uri, expect) in [
         ("uri_leaves_the_folder.gltf", "../outside.bin", Invalid),
@@ -239,7 +239,7 @@ fn ltgs_files(add: Add<'_>) {
 }
 
 fn usda(add: Add<'_>) {
-    let text = sound(Format::Usda);
+    let text = valid(Format::Usda);
     let head = "#usda 1.0\n(\n    upAxis = \"Y\"\n)\n";
     let small = |body: String| format!("{head}{body}\n").into_bytes();
     add("newer_version.usda", Unsupported, b"#usda 2.0\n".to_vec());
@@ -276,7 +276,7 @@ fn usda(add: Add<'_>) {
 }
 
 fn usdc(add: Add<'_>) {
-    let bytes = sound(Format::Usdc);
+    let bytes = valid(Format::Usdc);
     add("newer_version.usdc", Unsupported, put(&bytes, 9, &[10]));
     add("tables_beyond_the_end.usdc", Invalid, put(&bytes, 16, &u64::MAX.to_le_bytes()));
     let contents = number(&bytes, 16);
@@ -294,7 +294,7 @@ fn places(bytes: &[u8], signature: &[u8]) -> Vec<usize> {
 }
 
 fn usdz(add: Add<'_>) {
-    let bytes = sound(Format::Usdz);
+    let bytes = valid(Format::Usdz);
     let end = *places(&bytes, b"PK\x05\x06").last().expect("an end");
     let count = [60_000_u16.to_le_bytes(); 2].concat();
     add("huge_count_of_entries.usdz", TooLarge, put(&bytes, end + 8, &count));
@@ -388,7 +388,7 @@ fn spz_files(add: Add<'_>) {
     add("mirrored_frame.spz", Invalid, put(&bytes, frame, b"\"scale\":-37"));
 }
 
-/// A sound file of few splats on a page of this side, most of which nothing uses.
+/// A valid file of few splats on a page of this side, most of which nothing uses.
 fn roomy_page(side: u32) -> Vec<u8> {
     let options = gltf::GltfOptions { quality: Quality::Balanced, page_side: 64 };
     let (mut json, mut bin) = split(&gltf::encode_glb(&small_scene(), &options).expect("written"));

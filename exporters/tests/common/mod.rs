@@ -1,4 +1,4 @@
-//! Scenes for tests from outside.
+//! Scenes for the integration tests.
 
 use litetex_exporters::{AssetCamera, AssetMap, SplatAsset, Transform, num_sh_coefficients};
 
@@ -31,7 +31,7 @@ pub fn scene(num_splats: usize, sh_degree: u32) -> SplatAsset {
         asset.maps.push(map);
     }
     asset.provenance.title = "Scene".to_owned();
-    asset.validate().expect("a sound scene");
+    asset.validate().expect("a valid scene");
     asset
 }
 

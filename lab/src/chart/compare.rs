@@ -126,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn pairing_finds_what_the_spread_of_seeds_hides() {
+    fn pairing_detects_differences_below_the_seed_spread() {
         let study = study(records());
         let psnr = study.qualities[0].clone();
         let paired = compare(&study, "=textured", Scope::SceneBudget("fox", "300 steps"), &psnr);
@@ -159,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn costs_are_ratios_and_less_is_better() {
+    fn costs_are_compared_as_ratios_and_lower_is_better() {
         let study = study(records());
         let params = compare(&study, "=textured", Scope::AllPairs, &study.params);
         assert!((params.mean().unwrap() - 100.0 * (830.0 / 590.0 - 1.0)).abs() < 1e-9);

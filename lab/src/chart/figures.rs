@@ -239,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn every_kind_of_chart_is_made_under_a_name_of_its_own() {
+    fn every_kind_of_chart_is_made_with_a_unique_name() {
         let sections = sections(&study(records()));
         let charts: Vec<&Chart> = sections.iter().flat_map(|s| &s.charts).collect();
         let ids: HashSet<&str> = charts.iter().map(|c| c.id.as_str()).collect();

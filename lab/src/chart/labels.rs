@@ -1,4 +1,4 @@
-//! Places the labels of points: beside their points, and clear of other points, labels and lines.
+//! Places the labels of points next to them, clear of other points, labels and lines.
 
 use super::series::MARK_PX;
 use super::svg::{TEXT_PX, text_width_px};
@@ -57,7 +57,7 @@ pub enum Side {
     Right,
 }
 
-/// Left ends of the labels' baselines, beside their points and over no other point or label; `None` for labels without
+/// Left ends of the labels' baselines, next to their points and over no other point or label; `None` for labels without
 /// room. `obstacles` (lines and small markers) are avoided where possible.
 pub fn place_labels(
     points: &[(f64, f64)],

@@ -1,4 +1,4 @@
-//! The legend beside a chart.
+//! The legend next to a chart.
 
 use super::look::{colour, line_class};
 use super::plot::{Chart, Series, TOP};

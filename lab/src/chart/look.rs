@@ -1,5 +1,4 @@
-//! Colour, marker and dashes of a series, which follow from its number. Sixty-four series have a combination of
-//! colour and marker of their own.
+//! Colour, marker and dashes of a series, determined by its index. The first sixty-four differ in colour or marker.
 
 use std::fmt::Write;
 

@@ -108,7 +108,7 @@ pub fn build(files: Vec<Vec<Record>>, options: &Options) -> Result<Output> {
 }
 
 /// The files listed in a manifest. Paths that [`build`] would never write are ignored: the file may be damaged, and
-/// nothing outside of its folder must be touched.
+/// nothing outside its folder must be touched.
 pub fn manifest_entries(text: &str) -> Vec<String> {
     let is_plain = |part: &str| {
         !part.is_empty()

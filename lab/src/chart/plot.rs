@@ -1,4 +1,4 @@
-//! A chart with two axes: grid, events, series with lines, bands and markers, and a legend beside the plot. Several
+//! A chart with two axes: grid, events, series with lines, bands and markers, and a legend next to the plot. Several
 //! charts can share a drawing, one below the other with aligned axes.
 
 use super::scale::{Scale, labels};
@@ -44,7 +44,7 @@ pub struct Mark {
     pub at: (f64, f64),
     /// Text shown on hovering.
     pub hover: String,
-    /// Text beside the point, where there is room.
+    /// Text next to the point, where there is room.
     pub label: Option<String>,
     /// Whether to draw it in grey instead of the series' colour.
     pub grey: bool,
@@ -111,7 +111,7 @@ impl Area {
     }
 }
 
-/// Space beside the plot: charts that are stacked have the same.
+/// Space next to the plot: charts that are stacked have the same.
 #[derive(Clone, Copy)]
 struct Margins {
     left_px: f64,

@@ -236,7 +236,7 @@ mod tests {
     }
 
     #[test]
-    fn binary_ticks_are_powers_of_two_as_many_as_fit() {
+    fn binary_ticks_are_as_many_powers_of_two_as_fit() {
         assert_eq!(
             axis(3.0, 300.0, Spacing::Log2, 8, Quantity::Plain),
             ["4", "8", "16", "32", "64", "128", "256"]

@@ -107,7 +107,7 @@ mod tests {
     }
 
     #[test]
-    fn the_front_holds_what_nothing_dominates() {
+    fn the_front_holds_all_undominated_points() {
         let points =
             [(1.0, 20.0), (2.0, 25.0), (2.0, 24.0), (3.0, 25.0), (4.0, 26.0), (4.0, 26.0), (0.5, f64::NAN)];
         assert_eq!(pareto_front(&points), [true, true, false, false, true, true, false]);

@@ -217,7 +217,7 @@ pub fn device(run: &Record) -> &str {
     name.unwrap_or("unknown")
 }
 
-/// The variant that was asked for, or the first.
+/// The variant requested, or the first.
 fn baseline(name: Option<&str>, variants: &[String]) -> Result<String> {
     match name {
         None => Ok(variants[0].clone()),

@@ -157,7 +157,7 @@ impl Svg {
         );
     }
 
-    /// Draws connected lines, closed to a polygon if asked for; the class decides on stroke and fill.
+    /// Draws connected lines, closed to a polygon on request; the class decides on stroke and fill.
     pub fn polyline(&mut self, class: &str, points: &[(f64, f64)], closed: bool) {
         if points.is_empty() {
             return;

@@ -282,7 +282,7 @@ mod tests {
     }
 
     #[test]
-    fn means_and_spreads() {
+    fn tables_show_means_and_standard_deviations() {
         let markdown = table(&study(records()), "results").markdown();
         // 25 + mean of 0.9, -1.1, 0.4, -0.6, 1.3 and their standard deviation.
         assert!(markdown.contains("| fox | 300 steps | plain | 5 | 25.18 ± 1.01 |"), "{markdown}");

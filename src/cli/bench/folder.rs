@@ -1,4 +1,4 @@
-//! The folder of a benchmark: who may use it, and the results in it.
+//! The folder of a benchmark: its lock, its results, and what --force may delete.
 
 use super::BenchArgs;
 use crate::cli::lab;
@@ -53,8 +53,8 @@ fn check_ours(folder: &Path) -> Result<()> {
     let found = [RESULTS, RUNS].into_iter().find(|name| folder.join(name).exists());
     match found {
         Some(name) if !folder.join(LOCK).exists() => Err(Error::Usage(format!(
-            "{}: contains {name} but no {LOCK}, so litetex bench did not make it, and --force would delete someone \
-             else's files; choose another folder",
+            "{}: contains {name} but no {LOCK}, so litetex bench did not create it and --force does not delete it; \
+             choose another folder",
             folder.display()
         ))),
         _ => Ok(()),

@@ -97,7 +97,7 @@ pub fn list(cells: &[Cell], left: &[&Cell], known: &[Record]) -> std::io::Result
         Some(total) if !left.is_empty() => format!(", about {} one at a time", format_duration(total)),
         _ => String::new(),
     };
-    println!("{} of {} runs to make{time}", left.len(), cells.len());
+    println!("{} of {} runs left{time}", left.len(), cells.len());
     Ok(())
 }
 

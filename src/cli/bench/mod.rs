@@ -1,5 +1,5 @@
 //! `litetex bench`: runs a matrix of trainings in processes of their own and collects one line of results for each.
-//! The matrix and the results are `litetex-lab`'s.
+//! The matrix and the results are defined in `litetex-lab`.
 
 mod folder;
 mod messages;
@@ -44,19 +44,19 @@ pub struct BenchArgs {
     /// repeated
     #[arg(long, value_name = "VARIANT", value_parser = words::parse_named_args, help_heading = "Matrix")]
     variant: Vec<NamedArgs>,
-    /// Size or length at which to compare: "NAME: ARGUMENTS"; may be repeated
+    /// Model size or run length at which to compare: "NAME: ARGUMENTS"; may be repeated
     #[arg(long, value_name = "BUDGET", value_parser = words::parse_named_args, help_heading = "Matrix")]
     budget: Vec<NamedArgs>,
-    /// Repetitions: numbers and ranges like 1,2,5-8 [default: 42]
+    /// Seeds, one repetition each: numbers and ranges like 1,2,5-8 [default: 42]
     #[arg(long, value_name = "SEEDS", help_heading = "Matrix")]
     seeds: Option<String>,
     /// Arguments of all runs; those of variants and budgets take precedence
     #[arg(long, value_name = "ARGUMENTS", allow_hyphen_values = true, value_parser = parse_words, help_heading = "Matrix")]
     common: Option<Words>,
-    /// Make only this part of the matrix: 1/3, 2/3 and 3/3 divide it among three machines
+    /// Run only this part of the matrix: 1/3, 2/3 and 3/3 divide it among three machines
     #[arg(long, value_name = "PART/PARTS", value_parser = words::parse_shard, default_value = "1/1")]
     shard: (usize, usize),
-    /// Number of runs at the same time; with more than 1, their times do not count
+    /// Number of concurrent runs; with more than 1, their times do not count
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=256))]
     jobs: u16,
     /// Stop a run after this time and count it as failed: 90s, 20m, 1h30m [default: no limit]
@@ -77,7 +77,7 @@ pub struct BenchArgs {
     /// Delete the results and runs of an earlier benchmark in the folder and start from scratch
     #[arg(long)]
     force: bool,
-    /// Run nothing: list the runs, which are done, and how long the others will take as far as similar runs tell
+    /// Run nothing: list the runs, which are done, and how long the others should take, estimated from similar runs
     #[arg(long, visible_alias = "estimate")]
     dry_run: bool,
 }

@@ -1,5 +1,5 @@
-//! Trainings end with the benchmark that started them, even if it is killed: nobody would collect their results, and
-//! the benchmark, called again, would repeat them while they still run.
+//! Trainings end with the benchmark that started them, even if it is killed: their results would be lost, and a
+//! restarted benchmark would repeat them while they still run.
 
 use std::io::Read;
 

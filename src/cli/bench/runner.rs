@@ -237,7 +237,7 @@ fn last_message(messages: &Path, status: ExitStatus) -> String {
     match (said.is_empty(), status.code()) {
         (false, Some(_)) => said.trim_start_matches("error: ").to_owned(),
         (_, Some(code)) => format!("exit code {code} without a message"),
-        (_, None) => format!("ended by the system ({status}); out of memory? {said}").trim_end().to_owned(),
+        (_, None) => format!("killed by the system ({status}); out of memory? {said}").trim_end().to_owned(),
     }
 }
 

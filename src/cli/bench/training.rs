@@ -1,4 +1,4 @@
-//! What a matrix must know of `litetex train`: its arguments, its policies and its default seed.
+//! What a matrix needs from `litetex train`: its arguments, its policies and its default seed.
 
 use crate::cli::train_args::TrainArgs;
 use crate::cli::{Cli, Command};

@@ -41,7 +41,7 @@ impl<'a> Bytes<'a> {
     pub fn take(&mut self, count: usize, element: &dyn Fn() -> String) -> Result<&'a [u8]> {
         if count > self.remaining() {
             return Err(self.invalid(format!(
-                "the file ends inside {}: {count} bytes wanted at byte {}, {} left; copy the file again",
+                "the file ends inside {}: {count} bytes needed at byte {}, {} left; copy the file again",
                 element(),
                 self.at,
                 self.remaining()
@@ -84,7 +84,7 @@ impl<'a> Bytes<'a> {
         let room = (self.remaining() / min_bytes) as u64;
         if stated > room {
             return Err(self.invalid(format!(
-                "{} is {stated}, but the rest of the file holds {room} at most: the file is damaged or cut off; copy it again",
+                "{} is {stated}, but the rest of the file has room for {room} at most: it is damaged or truncated; copy it again",
                 element()
             )));
         }

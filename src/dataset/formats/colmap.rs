@@ -1,5 +1,4 @@
-//! A COLMAP sparse model: where it lies, and what it means as a [`Source`]. `colmap_bin` and `colmap_txt`
-//! read the two encodings.
+//! Finds a COLMAP sparse model and converts it to a [`Source`]. `colmap_bin` and `colmap_txt` read the two encodings.
 
 use super::colmap_model::{ColmapCamera, ColmapImage, ColmapSparse};
 use super::{colmap_bin, colmap_txt};
@@ -82,7 +81,7 @@ fn find_model(root: &Path, report: &mut Report) -> Option<PathBuf> {
                 "several-sub-models",
                 models.len() - 1,
                 format!(
-                    "{} sparse models; uses {} with the most images ({}), leaves out: {}",
+                    "{} sparse models; using {}, which has the most images ({}); ignoring {}",
                     models.len(),
                     models[best].display(),
                     counts[best],
@@ -168,7 +167,7 @@ fn read(folder: &Path) -> Result<Source> {
         report.warn(
             "observations-without-point",
             lost,
-            format!("{}: {lost} observations name points that the model lacks", folder.display()),
+            format!("{}: {lost} observations refer to points that are not in the model", folder.display()),
         );
     }
     let errors = sparse.points.iter().map(|p| p.error_px);
@@ -256,7 +255,7 @@ fn view(
     let Some(&lens) = lenses.get(&image.camera_id) else {
         let known: Vec<String> = lenses.keys().map(u32::to_string).collect();
         return Err(invalid(format!(
-            "it names camera {}, the cameras are {}",
+            "it refers to camera {}, but the cameras are {}",
             image.camera_id,
             first_names(known.iter().map(String::as_str))
         )));

@@ -1,5 +1,5 @@
 //! Readers of pose and point files, one format a file. They check every number and count before they
-//! trust it; what a capture means beyond its files is decided elsewhere.
+//! use it; everything beyond the files is decided elsewhere.
 
 pub(crate) mod bytes;
 mod colmap;

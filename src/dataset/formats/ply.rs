@@ -274,7 +274,7 @@ mod tests {
     }
 
     #[test]
-    fn a_ply_cut_off_anywhere_is_an_error() {
+    fn a_ply_truncated_anywhere_is_an_error() {
         let whole = binary(false);
         for length in 0..whole.len() {
             assert!(read(&whole[..length]).is_err(), "cut at {length}");
@@ -282,7 +282,7 @@ mod tests {
     }
 
     #[test]
-    fn a_huge_count_gets_no_memory() {
+    fn a_huge_count_allocates_nothing() {
         let text = "ply\nformat ascii 1.0\nelement vertex 99999999999999\nproperty float x\n\
                     property float y\nproperty float z\nend_header\n1 2 3\n";
         assert!(read(text.as_bytes()).unwrap_err().to_string().contains("\"vertex\" 2 of"));

@@ -200,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn headings_turn_clockwise_from_north_and_pitch_counts_from_straight_down() {
+    fn heading_is_clockwise_from_north_and_pitch_from_straight_down() {
         // Without any turn the camera looks down, its upper edge to the north (+y).
         let rows = "a.png,1,2,3,0,0,0,20,1,-2,0,0,0,0,0,0\nb.png,0,0,0,90,90,0,20,0,0,0,0,0,0,0,0\n";
         let capture = load(rows).unwrap();

@@ -1,5 +1,5 @@
-//! Distributes the available time over the parts of a measurement: each part once, then all parts in turn, until each
-//! has the repetitions that it wants or the time is used up.
+//! Distributes the available time over the parts of a measurement: each part once, then all in turn, until each has its
+//! requested repetitions or the time is up.
 
 use std::time::{Duration, Instant};
 
@@ -87,7 +87,7 @@ mod tests {
     const WANTED: Repetitions = Repetitions { steps: 16, timed: 16, counted: 4, repeated: 8, variants: 4 };
 
     #[test]
-    fn unlimited_time_fits_everything_and_little_time_the_first_parts() {
+    fn unlimited_time_fits_all_parts_and_short_time_the_first() {
         assert_eq!(Repetitions::planned(WANTED, f64::INFINITY), WANTED);
         assert_eq!(Repetitions::planned(WANTED, 0.9), Repetitions::default());
         let one = Repetitions { steps: 1, ..Repetitions::default() };

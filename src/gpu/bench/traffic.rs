@@ -60,9 +60,9 @@ pub enum TrafficItem {
     Sort,
     /// Forward pass.
     Forward,
-    /// Loss and its derivative by the image.
+    /// Loss and its derivative with respect to the image.
     Loss,
-    /// Backward pass: derivatives by splats and texels.
+    /// Backward pass: derivatives with respect to splats and texels.
     Backward,
     /// Updates of parameters and moments, including flushes.
     Adam,

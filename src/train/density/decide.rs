@@ -117,7 +117,7 @@ pub fn decide(
         maps::fit(s, config, components, s.may_coarsen && !high_error[i], draft, &mut counts);
     }
 
-    maps::shrink_to_budget(s, budget, &scores, &mut drafts, &mut counts);
+    maps::coarsen_to_budget(s, budget, &scores, &mut drafts, &mut counts);
     let mut candidates: Vec<Candidate> = (0..n)
         .filter(|&i| high_error[i])
         .filter_map(|i| {

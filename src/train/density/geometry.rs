@@ -93,7 +93,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn maps_have_an_even_number_of_texels_that_just_covers_their_extent() {
+    fn maps_cover_their_extent_with_the_fewest_even_texels() {
         for tenths in 1..400 {
             let half = f64::from(tenths) / 10.0;
             let texels = even_texels(half, 1.0);

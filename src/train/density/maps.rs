@@ -10,7 +10,7 @@ use super::settings::{Budget, Components, DensityConfig};
 use crate::backend::{Grid, MapChange};
 use crate::model::TextureMap;
 
-/// Maps of `fixed:R` whose texel edge is off by less than this factor are kept, since resampling blurs.
+/// Maps of `fixed:R` whose texel size is off by less than this factor are kept, since resampling blurs.
 const TOLERATED: f64 = 1.1;
 
 /// Factors of the moments where four texels become one, whose gradient is the sum of theirs.
@@ -190,7 +190,7 @@ pub fn refined(
 }
 
 /// Makes maps smaller, those of the least error first, until the model is within its budget.
-pub fn shrink_to_budget(
+pub fn coarsen_to_budget(
     s: &Situation<'_>,
     budget: &Budget,
     scores: &Scores,
@@ -229,19 +229,19 @@ pub fn shrink_to_budget(
 }
 
 /// Resamples a map of `fixed:R` that no longer fits its splat's support.
-fn refit_fixed(map: &TextureMap, resolution: u16, draft: &mut Draft) {
+fn refit_fixed(map: &TextureMap, side: u16, draft: &mut Draft) {
     let half = draft.sizes.extents[0].max(draft.sizes.extents[1]);
-    let wanted = 2.0 * half / (f64::from(resolution) - 1.0);
+    let wanted = 2.0 * half / (f64::from(side) - 1.0);
     let ratio = wanted / f64::from(map.texel_size);
     if half <= 0.0 || (1.0 / TOLERATED..=TOLERATED).contains(&ratio) {
         return;
     }
     let change = MapChange::Resample {
-        rows: resolution,
-        cols: resolution,
+        rows: side,
+        cols: side,
         texel_size: wanted as f32,
         shift_texels: [0.0; 2],
         moment_scale: [1.0, 1.0],
     };
-    set(draft, change, [u32::from(resolution); 2]);
+    set(draft, change, [u32::from(side); 2]);
 }

@@ -1,7 +1,6 @@
-//! A density-control step of the policy `plain` (method 6.12): no textures, the strongest allocation of splats
-//! alone that we know. Faded splats are relocated to where the error is, and the model grows to its budget, both by
+//! A density-control step of the policy `plain` (method 6.12), the strongest untextured baseline that we know. Faded splats are relocated to where the error is, and the model grows to its budget, both by
 //! splitting splats drawn by the error that they carry. This is the relocation of 3DGS-MCMC with halves instead of
-//! copies, because copies in one place would have the same gradients for ever.
+//! copies, because coincident copies would always have equal gradients.
 
 use super::decide::{DensityCounts, Revision, Situation};
 use super::draft::{Draft, finish};

@@ -112,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn prune_counts_are_of_consecutive_checks() {
+    fn prune_counts_count_consecutive_checks() {
         let script = [Some(true), Some(true), None, Some(true), Some(false), Some(true)];
         let counts: Vec<u16> = script
             .iter()

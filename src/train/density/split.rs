@@ -10,7 +10,7 @@ use crate::constants::LOG_SCALE_RANGE;
 use glam::{DQuat, DVec3};
 
 /// Aspect above which a splat is not split if its smaller standard deviation is below a pixel: such a needle would
-/// be split for ever.
+/// be split forever.
 const NEEDLE_ASPECT: f64 = 50.0;
 
 /// Halves whose shift is at least this many texels keep the parent's grid.

@@ -96,7 +96,7 @@ fn one_high_error() -> WindowStatistics {
 }
 
 #[test]
-fn only_high_error_splats_get_finer_maps_and_higher_ceilings() {
+fn only_high_error_splats_are_refined_and_raise_their_ceilings() {
     let (model, cameras, statistics) = (model(2), [camera()], one_high_error());
     let lives = vec![Life::first(2); N];
     let s = situation(&model, &lives, &statistics, &cameras);
@@ -155,7 +155,7 @@ fn maps_follow_their_support_without_moving_a_texel() {
 }
 
 #[test]
-fn smooth_maps_are_coarsened_and_others_are_not() {
+fn only_smooth_maps_are_coarsened() {
     let (mut model, cameras, statistics) = (model(8), [camera()], window([0.3; N]));
     let lives = vec![Life::first(64); N];
     let smooth = model.textures.maps[4].floats();

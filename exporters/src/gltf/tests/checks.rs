@@ -1,4 +1,4 @@
-//! Validation finds nothing wrong with our files, and every broken rule.
+//! Validation accepts our files and reports every broken rule.
 
 use super::*;
 use crate::gltf::{encode_glb, validate, write_gltf};
@@ -23,7 +23,7 @@ fn file(quality: Quality) -> Vec<u8> {
 }
 
 #[test]
-fn our_files_are_sound() {
+fn our_files_pass_validation() {
     for quality in [Quality::Lossless, Quality::Balanced] {
         assert_eq!(issues(&file(quality)), []);
         let folder = tempfile::tempdir().unwrap();
@@ -42,7 +42,7 @@ fn our_files_are_sound() {
 }
 
 #[test]
-fn broken_json_is_found() {
+fn broken_json_is_reported() {
     type Change = fn(&mut Value);
     let changes: Vec<(&str, Change)> = vec![
         ("LT1001", |j| j["asset"]["version"] = json!("3.0")),
@@ -89,9 +89,9 @@ fn broken_json_is_found() {
         ("LT1027", |j| j.pointer_mut(PRIMITIVE).unwrap()["extras"]["litetex"]["texels"] = json!(7)),
         ("LT1027", |j| drop(j.pointer_mut(PRIMITIVE).unwrap().as_object_mut().unwrap().remove("extras"))),
     ];
-    let sound = file(Quality::Balanced);
+    let valid = file(Quality::Balanced);
     for (i, (code, change)) in changes.into_iter().enumerate() {
-        let found = codes(&edited(&sound, change));
+        let found = codes(&edited(&valid, change));
         assert!(found.contains(&code), "change {i}: expected {code}, found {found:?}");
     }
 }
@@ -112,8 +112,8 @@ fn place(json: &Value, accessor: usize) -> usize {
 }
 
 #[test]
-fn broken_numbers_are_found() {
-    let sound = file(Quality::Lossless);
+fn invalid_splat_values_are_reported() {
+    let valid = file(Quality::Lossless);
     let khr = |name: &str| format!("KHR_gaussian_splatting:{name}");
     let cases = [
         ("LT1012", khr("ROTATION"), 0.9_f32),
@@ -129,7 +129,7 @@ fn broken_numbers_are_found() {
         ("LT1025", khr("SH_DEGREE_1_COEF_0"), 0.123),
     ];
     for (code, name, value) in cases {
-        let (mut json, mut bin) = split(&sound);
+        let (mut json, mut bin) = split(&valid);
         let index = attributes(&mut json)[&name].as_u64().unwrap() as usize;
         let at = place(&json, index);
         // Some value of splat 0 in the middle of the range of rotations.
@@ -141,7 +141,7 @@ fn broken_numbers_are_found() {
 
 #[test]
 fn plain_gltf_is_left_to_its_own_validator() {
-    let sound = file(Quality::Balanced);
+    let valid = file(Quality::Balanced);
     type Change = fn(&mut Value);
     let changes: [Change; 4] = [
         |j| j["nodes"][0]["extensions"] = json!({"EXT_other": {}}),
@@ -150,14 +150,14 @@ fn plain_gltf_is_left_to_its_own_validator() {
         |j| j["images"][0]["name"] = json!(7),
     ];
     for (i, change) in changes.into_iter().enumerate() {
-        assert_eq!(codes(&edited(&sound, change)).is_empty(), i < 3, "change {i}");
+        assert_eq!(codes(&edited(&valid, change)).is_empty(), i < 3, "change {i}");
     }
 }
 
 #[test]
 fn rectangles_and_texels_are_checked() {
-    let sound = file(Quality::Lossless);
-    let (json, bin) = split(&sound);
+    let valid = file(Quality::Lossless);
+    let (json, bin) = split(&valid);
     let rects = place(&json, json.pointer(OURS).unwrap()["rects"].as_u64().unwrap() as usize);
     // Splats 0 and 3 have maps of 2 x 2; splat 1 has none.
     let mut overlapping = bin.clone();
@@ -174,14 +174,14 @@ fn rectangles_and_texels_are_checked() {
     let mut wild = bin.clone();
     wild[at..at + 4].copy_from_slice(&1.5_f32.to_le_bytes());
     assert!(codes(&join(&json, wild)).contains(&"LT1024"));
-    assert_eq!(codes(&join(&json, bin)), Vec::<&str>::new(), "negative control: joined again it is sound");
+    assert_eq!(codes(&join(&json, bin)), Vec::<&str>::new(), "negative control: joined again it is valid");
 }
 
 #[test]
-fn a_broken_fallback_is_found() {
+fn a_broken_fallback_is_reported() {
     for quality in [Quality::Lossless, Quality::Balanced] {
-        let sound = file(quality);
-        let (mut json, bin) = split(&sound);
+        let valid = file(quality);
+        let (mut json, bin) = split(&valid);
         let mut at = |name: &str| {
             let index = attributes(&mut json)[name].as_u64().unwrap() as usize;
             place(&json, index)

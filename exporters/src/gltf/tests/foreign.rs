@@ -72,7 +72,7 @@ fn shuffled(glb: &[u8]) -> Vec<u8> {
 }
 
 #[test]
-fn files_that_tools_have_rewritten_hold_the_same_asset() {
+fn files_rewritten_by_other_tools_read_as_the_same_asset() {
     let asset = hard_fixture(300, 2);
     for quality in [Quality::Lossless, Quality::Balanced] {
         let original = encode_glb(&asset, &options(quality)).unwrap();
@@ -87,7 +87,7 @@ fn files_that_tools_have_rewritten_hold_the_same_asset() {
 }
 
 #[test]
-fn dropped_textures_are_noticed() {
+fn dropped_textures_are_reported() {
     let bytes = encode_glb(&hard_fixture(300, 1), &options(Quality::Balanced)).unwrap();
     let without = edited(&bytes, |j| {
         drop(j.pointer_mut(KHR_OBJECT).unwrap().as_object_mut().unwrap().remove("extensions"));
@@ -112,7 +112,7 @@ fn dropped_textures_are_noticed() {
 }
 
 #[test]
-fn a_moved_node_counts_and_changed_values_are_noticed() {
+fn moved_nodes_are_honoured_and_changed_values_reported() {
     let asset = hard_fixture(30, 0);
     let bytes = encode_glb(&asset, &options(Quality::Lossless)).unwrap();
     let moved = edited(&bytes, |j| j["nodes"][0]["translation"] = json!([1.0, 2.0, 3.0]));
@@ -226,7 +226,7 @@ fn ellipsoids_become_surfels_along_their_two_largest_axes() {
 }
 
 #[test]
-fn what_foreign_files_may_not_do() {
+fn invalid_foreign_files_are_refused() {
     let bytes = foreign_file(&[[1.0, 0.0, 0.0, 0.0]; 2], &[[0.1, 0.2, 0.3]; 2]);
     type Change = fn(&mut Value);
     let changes: [(&str, Change); 9] = [

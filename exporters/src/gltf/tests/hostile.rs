@@ -1,11 +1,11 @@
-//! Damaged and hostile files give errors or sound assets, never panics or large allocations.
+//! Damaged and hostile files give errors or valid assets, never panics or large allocations.
 
 use super::*;
 use crate::Error;
 use crate::gltf::{encode_glb, read_gltf, validate, write_gltf};
 use serde_json::json;
 
-/// Decodes and checks; a result must be a sound asset.
+/// Decodes and checks; a result must be a valid asset.
 fn survive(bytes: &[u8], what: &str) -> bool {
     let limits = ReadLimits { decoded_bytes: 64 << 20 };
     let read = decode_glb(bytes, Path::new(PATH), &limits);
@@ -82,7 +82,7 @@ fn digits_replaced_by_other_digits_do_not_panic() {
 }
 
 #[test]
-fn hostile_counts_offsets_and_sizes() {
+fn hostile_counts_offsets_and_sizes_are_refused() {
     let bytes = encode_glb(&hard_fixture(60, 1), &options(Quality::Balanced)).unwrap();
     let huge = [
         json!(u64::MAX),
@@ -123,7 +123,7 @@ fn hostile_counts_offsets_and_sizes() {
 }
 
 #[test]
-fn many_things_and_small_limits() {
+fn excessive_element_counts_and_low_limits_are_refused() {
     let asset = hard_fixture(60, 1);
     let bytes = encode_glb(&asset, &options(Quality::Balanced)).unwrap();
     let tight = |decoded_bytes| decode_glb(&bytes, Path::new(PATH), &ReadLimits { decoded_bytes });
@@ -164,20 +164,20 @@ fn many_things_and_small_limits() {
 }
 
 #[test]
-fn damaged_files_beside_a_gltf() {
+fn damaged_sidecar_files_are_errors() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("scene.gltf");
     let mut random = Random(9);
     for quality in [Quality::Lossless, Quality::Balanced] {
         let written = write_gltf(&path, &hard_fixture(60, 0), &options(quality)).unwrap();
         for file in &written {
-            let sound = std::fs::read(file).unwrap();
+            let valid = std::fs::read(file).unwrap();
             for round in 0..60 {
-                let mut damaged = sound.clone();
+                let mut damaged = valid.clone();
                 if round % 3 == 0 {
-                    damaged.truncate(sound.len() * round / 60);
+                    damaged.truncate(valid.len() * round / 60);
                 } else {
-                    damaged[random.below(sound.len())] ^= 1 << random.below(8);
+                    damaged[random.below(valid.len())] ^= 1 << random.below(8);
                 }
                 std::fs::write(file, &damaged).unwrap();
                 if let Ok(contents) = read_gltf(&path, &ReadLimits::default()) {
@@ -185,7 +185,7 @@ fn damaged_files_beside_a_gltf() {
                     assert!(round % 3 != 0, "{}: cut, but read", file.display());
                 }
             }
-            std::fs::write(file, &sound).unwrap();
+            std::fs::write(file, &valid).unwrap();
         }
         assert!(read_gltf(&path, &ReadLimits::default()).is_ok(), "negative control");
     }

@@ -1,4 +1,4 @@
-//! Writer and reader against each other, against hand-made files and against damage.
+//! Round trips, hand-made files and damaged files.
 
 mod checks;
 mod foreign;

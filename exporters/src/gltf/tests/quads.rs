@@ -1,4 +1,4 @@
-//! The mesh of quads shows what a splat shows, where it shows it.
+//! The quads reproduce colour, falloff and position of their splats.
 
 use super::*;
 use crate::gltf::{MeshOptions, encode_mesh};
@@ -36,7 +36,7 @@ fn pixels(json: &Value, bin: &[u8]) -> ([usize; 2], Vec<u8>) {
 }
 
 #[test]
-fn texels_of_a_quad_are_the_splats_colours_there() {
+fn quad_texels_match_the_splats_colours() {
     let mut asset = fixture(3, 0);
     // One large splat whose map has a gradient along u in red and along v in green.
     asset.scales[0] = [0.1, 0.05];
@@ -81,7 +81,7 @@ fn texels_of_a_quad_are_the_splats_colours_there() {
                 (1.0 - fy) * ((1.0 - fx) * at(x0, y0)[c] + fx * at(x1, y0)[c])
                     + fy * ((1.0 - fx) * at(x0, y1)[c] + fx * at(x1, y1)[c])
             });
-            // Base colour 0.5 and the gradient; it vanishes outside of the map, where samples at the corner lie.
+            // Base colour 0.5 and the gradient; it vanishes outside the map, where samples at the corner lie.
             let (u, v) = (a / 0.02 + 15.0, b / 0.02 + 7.5);
             let alpha = 0.9 * (-0.5 * ((a / 0.1).powi(2) + (b / 0.05).powi(2))).exp();
             let mut expected = [0.5 + u / 31.0 - 0.5, 0.5 + v / 16.0 - 0.5, 0.75, alpha];
@@ -98,7 +98,7 @@ fn texels_of_a_quad_are_the_splats_colours_there() {
 }
 
 #[test]
-fn counts_and_materials() {
+fn quad_meshes_have_the_expected_counts_and_materials() {
     let asset = fixture(300, 1);
     let (json, _, summary) = mesh(&asset, &MeshOptions { quads_max: 100, page_side: 64 });
     assert_eq!((summary.quads, summary.omitted), (100, 200));

@@ -1,4 +1,4 @@
-//! What is written comes back.
+//! Files read back as they were written.
 
 use super::*;
 use crate::gltf::{encode_glb, read_gltf, write_gltf};
@@ -23,7 +23,7 @@ fn lossless_keeps_every_bit() {
 }
 
 #[test]
-fn balanced_gives_what_its_hash_says_and_writing_it_again_changes_nothing() {
+fn balanced_files_match_their_hash_and_rewriting_is_lossless() {
     let asset = hard_fixture(300, 2);
     let bytes = encode_glb(&asset, &options(Quality::Balanced)).unwrap();
     let read = decode(&bytes).unwrap();
@@ -40,7 +40,7 @@ fn balanced_gives_what_its_hash_says_and_writing_it_again_changes_nothing() {
 }
 
 #[test]
-fn assets_without_maps_and_with_many_pages() {
+fn assets_without_maps_and_with_many_pages_round_trip() {
     let mut bare = fixture(20, 1);
     bare.maps.fill(crate::AssetMap::default());
     bare.texels.clear();
@@ -66,7 +66,7 @@ fn assets_without_maps_and_with_many_pages() {
 }
 
 #[test]
-fn pages_that_pack_to_almost_nothing_are_read() {
+fn highly_compressible_pages_are_read() {
     // No residual anywhere: what training begins with.
     let mut asset = fixture(1, 0);
     asset.maps[0] = crate::AssetMap { offset_texels: 0, rows: 1500, cols: 1000, texel_size: 1e-4 };
@@ -87,7 +87,7 @@ fn pages_that_pack_to_almost_nothing_are_read() {
 }
 
 #[test]
-fn files_beside_a_gltf() {
+fn sidecar_files_of_a_gltf_round_trip() {
     let folder = tempfile::tempdir().unwrap();
     let asset = hard_fixture(300, 1);
     for (quality, extension) in [(Quality::Lossless, "exr"), (Quality::Balanced, "png")] {
@@ -117,7 +117,7 @@ fn files_beside_a_gltf() {
 }
 
 #[test]
-fn nothing_stays_of_what_failed() {
+fn a_failed_write_leaves_no_files() {
     let folder = tempfile::tempdir().unwrap();
     let asset = fixture(30, 0);
     // The last file cannot be written: a folder has its name.
@@ -129,7 +129,7 @@ fn nothing_stays_of_what_failed() {
 }
 
 #[test]
-fn what_cannot_be_written_is_said() {
+fn unwritable_assets_are_refused_with_a_reason() {
     let asset = fixture(3, 0);
     let error = encode_glb(&asset, &options(Quality::Tiny)).unwrap_err();
     assert!(matches!(&error, Error::Unsupported { what, .. } if what.contains(".ltgs")), "{error}");
@@ -145,7 +145,7 @@ fn what_cannot_be_written_is_said() {
 }
 
 #[test]
-fn the_file_is_what_the_specifications_ask_for() {
+fn written_files_follow_the_specification() {
     let asset = hard_fixture(300, 1);
     let bytes = encode_glb(&asset, &options(Quality::Balanced)).unwrap();
     let (json, bin) = split(&bytes);

@@ -1,5 +1,5 @@
-//! The specification beside the code: its worked example is drawn from a file as a stranger would, and the JSON schema
-//! knows what is written.
+//! The specification agrees with the code: its worked example is reproduced from a file by the rules of the text alone,
+//! and the JSON schema covers everything that is written.
 
 use super::*;
 use crate::gltf::encode_glb;
@@ -141,7 +141,7 @@ fn numbers(line: &str) -> Vec<f64> {
 }
 
 #[test]
-fn the_worked_example_is_what_the_file_gives() {
+fn the_worked_example_matches_the_file() {
     let bytes = encode_glb(&worked_example(), &options(Quality::Lossless)).unwrap();
     let (json, bin) = split(&bytes);
     let results = drawn(&File { json, bin });
@@ -168,7 +168,7 @@ fn the_worked_example_is_what_the_file_gives() {
 }
 
 #[test]
-fn constants_of_the_specification_are_those_of_the_code() {
+fn constants_of_the_specification_match_the_code() {
     let direction = [0.48, -0.6, 0.64];
     let [x, y, z] = direction;
     let (xx, yy, zz) = (x * x, y * y, z * z);
@@ -207,7 +207,7 @@ fn constants_of_the_specification_are_those_of_the_code() {
 }
 
 #[test]
-fn the_schema_names_everything_that_is_written() {
+fn the_json_schema_covers_every_written_property() {
     let schema: Value = serde_json::from_str(SCHEMA).unwrap();
     let keys = |v: &Value| v.as_object().unwrap().keys().cloned().collect::<Vec<_>>();
     let mut seen = 0;

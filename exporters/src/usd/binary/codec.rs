@@ -90,7 +90,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn integers_come_back_and_damage_is_an_error() {
+    fn integers_round_trip_and_damage_is_an_error() {
         let mut state = 5_u32;
         let mut random = || {
             state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);

@@ -1,4 +1,4 @@
-//! Reads the values of a binary file that our writer stores. Arrays are kept, so that variants share them.
+//! Reads the values of a binary file that our writer stores. Decoded arrays are cached, because variants share them.
 
 use super::read_tables::{Cursor, ReadTables};
 use super::{COMPRESSED_LENGTH_MIN, FORM_TYPES, Rep, codec, list_op, types};

@@ -3,7 +3,7 @@
 use super::*;
 
 #[test]
-fn cut_and_damaged_files_are_errors_or_sound() {
+fn truncated_and_damaged_files_are_errors_or_valid() {
     let folder = tempfile::tempdir().unwrap();
     let asset = full(12, 1);
     let mut state = 99_u64;
@@ -121,7 +121,7 @@ fn unsupported_features_are_named() {
 }
 
 #[test]
-fn pages_outside_of_the_folder_are_not_read() {
+fn pages_outside_the_folder_are_not_read() {
     let folder = tempfile::tempdir().unwrap();
     let below = folder.path().join("below");
     std::fs::create_dir(&below).unwrap();
@@ -171,7 +171,7 @@ fn failed_writes_leave_nothing() {
 }
 
 #[test]
-fn few_characters_do_not_become_much_memory() {
+fn small_text_cannot_exhaust_memory() {
     let head = "#usda 1.0\n(\n)\n";
     let long = "n".repeat(100_000);
     let bombs = [
@@ -234,7 +234,7 @@ fn crowds() -> Vec<(&'static str, String, bool)> {
 }
 
 #[test]
-fn text_takes_time_in_proportion_to_its_length() {
+fn text_parsing_takes_linear_time() {
     // All of it in one line.
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("crowd.usda");

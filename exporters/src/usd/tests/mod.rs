@@ -59,7 +59,7 @@ fn bits(values: &[f32]) -> Vec<u32> {
 }
 
 #[test]
-fn lossless_files_give_every_bit_back() {
+fn lossless_files_round_trip_bit_for_bit() {
     let folder = tempfile::tempdir().unwrap();
     for degree in 0..4 {
         let asset = full(100, degree);
@@ -160,7 +160,7 @@ fn text_and_binary_hold_the_same_layer() {
 }
 
 #[test]
-fn balanced_files_keep_all_but_texels_and_those_to_half_a_step() {
+fn balanced_files_round_only_texels_by_half_a_step() {
     let folder = tempfile::tempdir().unwrap();
     let asset = full(100, 1);
     let step = TexelDecode::finest(&asset.texels).scale as f32;
@@ -208,7 +208,7 @@ fn the_hash_reveals_changed_numbers() {
 }
 
 #[test]
-fn validation_finds_every_broken_rule() {
+fn validation_reports_every_broken_rule() {
     let folder = tempfile::tempdir().unwrap();
     let path = write(folder.path(), "s.usda", &full(9, 0), Quality::Balanced);
     let text = std::fs::read_to_string(&path).unwrap();
@@ -249,7 +249,7 @@ fn validation_finds_every_broken_rule() {
 }
 
 #[test]
-fn a_broken_fallback_is_found() {
+fn a_broken_fallback_is_reported() {
     let folder = tempfile::tempdir().unwrap();
     for quality in [Quality::Lossless, Quality::Balanced] {
         let path = write(folder.path(), "f.usda", &full(9, 0), quality);
@@ -294,7 +294,7 @@ fn pages_are_found_by_the_paths_in_the_layer() {
 }
 
 #[test]
-fn splats_at_the_end_of_f32_make_sound_files() {
+fn splats_near_the_f32_limit_make_valid_files() {
     let folder = tempfile::tempdir().unwrap();
     for far in [1e38, f32::MAX] {
         let mut asset = full(9, 0);
