@@ -3,7 +3,7 @@
 //! moments) do not belong here.
 
 use crate::Transform;
-use crate::sh::SH_0;
+use crate::sh::{SH_0, num_sh_coefficients};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -12,11 +12,6 @@ pub const MAP_SIDE_MAX: u16 = 4096;
 
 /// Most splats of an asset.
 pub const SPLATS_MAX: usize = 1 << 24;
-
-/// SH coefficients per colour channel, for all degrees up to this one.
-pub const fn num_sh_coefficients(degree: u32) -> usize {
-    ((degree + 1) * (degree + 1)) as usize
-}
 
 /// What the colour values mean, and with that the space in which they are blended.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

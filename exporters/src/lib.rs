@@ -35,9 +35,7 @@ pub mod usd;
 mod validate;
 mod yup;
 
-pub use asset::{
-    AssetCamera, AssetMap, ColourSpace, MAP_SIDE_MAX, Provenance, SPLATS_MAX, SplatAsset, num_sh_coefficients,
-};
+pub use asset::{AssetCamera, AssetMap, ColourSpace, MAP_SIDE_MAX, Provenance, SPLATS_MAX, SplatAsset};
 pub use contents::{Contents, Describes, Issue, ReadLimits, Section, Severity};
 pub use error::{Error, Result};
 pub use file::{read_file, regular_file_bytes, write_atomically};
@@ -46,5 +44,6 @@ pub use format::{
 };
 pub use frame::Transform;
 pub use quality::Quality;
+pub use sh::num_sh_coefficients;
 pub use staging::Staged;
 pub use text::quoted;

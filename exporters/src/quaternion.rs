@@ -1,5 +1,8 @@
 //! Arithmetic of quaternions **wxyz** in f64.
 
+/// Largest deviation of a quaternion's norm from 1; rounding unit quaternions to f32 needs 1.2e-7.
+pub(crate) const QUATERNION_NORM_TOLERANCE: f64 = 1e-5;
+
 /// The length of a quaternion.
 pub fn norm(q: [f64; 4]) -> f64 {
     q.iter().map(|v| v * v).sum::<f64>().sqrt()

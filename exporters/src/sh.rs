@@ -1,6 +1,6 @@
 //! Spherical harmonics with the signs and the order of 3DGS, and their rotation with the scene.
 
-use crate::{num_sh_coefficients, quaternion};
+use crate::quaternion;
 
 /// Y_00, the constant of degree 0.
 pub const SH_0: f64 = 0.282_094_791_773_878_14;
@@ -14,6 +14,11 @@ const SH_3: [f64; 5] = [
     0.373_176_332_590_115_4,
     1.445_305_721_320_277,
 ];
+
+/// SH coefficients per colour channel, for all degrees up to this one.
+pub const fn num_sh_coefficients(degree: u32) -> usize {
+    ((degree + 1) * (degree + 1)) as usize
+}
 
 /// All basis functions up to degree 3, at a unit direction.
 pub fn basis([x, y, z]: [f64; 3]) -> [f64; 16] {

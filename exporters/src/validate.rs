@@ -1,14 +1,12 @@
 //! Rules that every asset obeys, whether it was baked from a model or read from a file.
 
+use crate::quaternion::QUATERNION_NORM_TOLERANCE;
 use crate::{
     AssetMap, Error, MAP_SIDE_MAX, Result, SPLATS_MAX, SplatAsset, num_sh_coefficients, quaternion, quoted,
 };
 
 /// Largest standard deviation, local units.
 const SCALE_MAX: f32 = 1e6;
-
-/// Largest deviation of a quaternion's norm from 1; rounding unit quaternions to f32 needs 1.2e-7.
-pub(crate) const QUATERNION_NORM_TOLERANCE: f64 = 1e-5;
 
 /// Highest SH degree of an asset.
 const SH_DEGREE_MAX: u32 = 3;

@@ -4,10 +4,10 @@ use super::apply_plan;
 use super::loss::LossBuffers;
 use super::math::BLOCK_PX;
 use super::pipeline::{ViewPipeline, with_regularisers};
-use super::project::ViewF32;
 use super::simd::SimdLevel;
 use super::tiles::TILE_PX;
 use super::update::{UpdateInput, flush, hidden_texture_value, update};
+use super::view::ViewF32;
 use crate::backend::{
     Backend, DensityPlan, DeviceInfo, DeviceLimits, LossValues, RenderOptions, RenderedImage, SceneShape,
     StepReport, StepRequest, WindowStatistics,

@@ -1,7 +1,7 @@
 //! Pixel bounds and row spans of a splat (twin: `reference/bounds.rs`). Tile lists and kernels both use
 //! [`Bounds::row_span`], so that exactly the listed pairs are visited.
 
-use super::project::ViewF32;
+use super::view::ViewF32;
 use crate::constants::{ALPHA_MIN, CONIC_MARGIN};
 
 /// Spans are widened by this to absorb rounding: f32 centres of pixels far from the origin are off by up to 1e-4 px

@@ -20,6 +20,7 @@ mod raster_fwd;
 mod simd;
 mod tiles;
 mod update;
+mod view;
 
 pub use backend::{CpuBackend, PairCoverage};
 pub use simd::SimdLevel;

@@ -2,8 +2,9 @@
 //! pixels to its stored parameters.
 
 use super::math::{cross, dot};
-use super::project::{ProjectedSplat, ViewF32, sh_basis, sh_basis_derivative, view_direction};
+use super::project::{ProjectedSplat, sh_basis, sh_basis_derivative, view_direction};
 use super::raster_bwd::{HEADER_FLOATS, Sum};
+use super::view::ViewF32;
 use crate::constants::sh_coefficients;
 use crate::model::Model;
 

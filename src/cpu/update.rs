@@ -3,11 +3,12 @@
 //! parallel chunks, each with exclusive slices of every array.
 
 use super::adam::{AdamSkip, AdamStep};
-use super::project::{ProjectedSplat, ViewF32};
+use super::project::ProjectedSplat;
 use super::project_bwd::{SplatGradient, project_bwd};
 use super::raster_bwd::{HEADER_FLOATS, Sum};
 use super::simd::dispatch;
 use super::tiles::{Pair, Tiles};
+use super::view::ViewF32;
 use crate::backend::{LearningRates, WindowStatistics};
 use crate::constants::{LOG_SCALE_RANGE, sh_coefficients};
 use crate::model::{AdamState, Model, SplatArrays, SplatGroup, TextureMap, texel_value_slope};

@@ -2,43 +2,49 @@
 
 use super::fft::PlaneTransform;
 use super::options::FrequencyOptions;
+use super::schedule::FrequencySchedule;
 use super::spectrum::{RINGS, Spectrum, Windows};
-use super::{FrequencySchedule, noise, significance, stages};
+use super::{noise, significance, stages};
 use crate::views::{Split, ViewSource};
 use crate::{Error, Result};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
-/// See [`FrequencySchedule::analyse`].
-pub(super) fn analyse(views: &dyn ViewSource, options: &FrequencyOptions) -> Result<FrequencySchedule> {
-    options.check()?;
-    let chosen = evenly_picked(&views.indices(Split::Train), options.max_views);
-    let mut transforms = BTreeMap::new();
-    for &view in &chosen {
-        let p = views.camera(view).pinhole;
-        transforms
-            .entry((p.width_px, p.height_px))
-            .or_insert_with_key(|&(w, h)| PlaneTransform::new(w as usize, h as usize));
+impl FrequencySchedule {
+    /// Analyses the training views of a capture. The result does not depend on the number of threads.
+    ///
+    /// # Errors
+    /// [`Error::Usage`](crate::Error::Usage) for invalid settings, and whatever reading the photos reports.
+    pub fn analyse(views: &dyn ViewSource, options: &FrequencyOptions) -> Result<Self> {
+        options.check()?;
+        let chosen = evenly_picked(&views.indices(Split::Train), options.max_views);
+        let mut transforms = BTreeMap::new();
+        for &view in &chosen {
+            let p = views.camera(view).pinhole;
+            transforms
+                .entry((p.width_px, p.height_px))
+                .or_insert_with_key(|&(w, h)| PlaneTransform::new(w as usize, h as usize));
+        }
+        // Collected in the order of the views, so that sums do not depend on the threads.
+        let spectra: Vec<Option<Spectrum>> = chosen
+            .par_iter()
+            .map(|&view| {
+                let photo = views.target(view)?;
+                let size = (photo.width_px, photo.height_px);
+                match transforms.get(&size) {
+                    Some(transform) => Ok(significance::spectrum(&photo, transform)),
+                    None => Err(Error::Usage(format!(
+                        "{:?}: the photo has {}x{} px, its camera another size",
+                        views.name(view),
+                        size.0,
+                        size.1
+                    ))),
+                }
+            })
+            .collect::<Result<_>>()?;
+        let spectra: Vec<Spectrum> = spectra.into_iter().flatten().collect();
+        Ok(schedule(&spectra, options))
     }
-    // Collected in the order of the views, so that sums do not depend on the threads.
-    let spectra: Vec<Option<Spectrum>> = chosen
-        .par_iter()
-        .map(|&view| {
-            let photo = views.target(view)?;
-            let size = (photo.width_px, photo.height_px);
-            match transforms.get(&size) {
-                Some(transform) => Ok(significance::spectrum(&photo, transform)),
-                None => Err(Error::Usage(format!(
-                    "{:?}: the photo has {}x{} px, its camera another size",
-                    views.name(view),
-                    size.0,
-                    size.1
-                ))),
-            }
-        })
-        .collect::<Result<_>>()?;
-    let spectra: Vec<Spectrum> = spectra.into_iter().flatten().collect();
-    Ok(schedule(&spectra, options))
 }
 
 /// At most `most` of `views`, in order and evenly spaced.

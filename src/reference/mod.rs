@@ -11,6 +11,7 @@ mod project;
 mod project_bwd;
 mod raster_bwd;
 mod raster_fwd;
+mod settings;
 mod sh;
 
 pub use adam::{adam_dense, adam_skipped, map_rate};
@@ -20,44 +21,12 @@ pub use loss::{ImageLoss, image_loss};
 pub use params::Params;
 pub use project::{Projected, project};
 pub use raster_fwd::{Hit, Image, hit, raster_fwd};
+pub use settings::{AlphaCutoff, ColourGradient, Settings};
 pub use sh::{sh_basis, sh_basis_derivative};
 
 use crate::backend::{LossValues, LossWeights, TargetImage};
 use crate::camera::Camera;
 use glam::{DVec2, DVec3};
-
-/// Treatment of the discontinuity of alpha at 1/255.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum AlphaCutoff {
-    /// As in production: alpha is zero below 1/255, and a pixel stops at a transmittance of 1e-4.
-    Hard,
-    /// A C1 ramp between 0.5/255 and 1.5/255, and pixels never stop: differentiable, for central differences.
-    Smooth,
-}
-
-/// Gradient through the clamp of a colour channel at zero.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ColourGradient {
-    /// Passes only where the colour is positive: the exact derivative.
-    Strict,
-    /// Also passes where descent would raise the colour, so that dark texels recover (method 2.4).
-    Projected,
-}
-
-/// Settings of the reference renderer.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Settings {
-    /// Treatment of alpha near 1/255.
-    pub cutoff: AlphaCutoff,
-    /// Gradient through the colour clamp.
-    pub colour_gradient: ColourGradient,
-    /// Near plane, local units.
-    pub near: f64,
-    /// SH degree to evaluate.
-    pub sh_degree: u32,
-    /// Display-space colour behind all splats.
-    pub background: [f64; 3],
-}
 
 /// Result of a forward and a backward pass.
 pub struct Gradients {

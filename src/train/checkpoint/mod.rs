@@ -8,33 +8,19 @@
 //! Times and evaluations are in a JSON file next to it (`step-000300.history.json`), so that equal
 //! states are equal files. Without it a run continues all the same, with its clock at zero.
 
+mod header;
 mod layout;
 mod reader;
 #[cfg(test)]
 mod tests;
 
+pub use self::header::FORMAT;
+use self::header::{CHECKSUM, Checksum, Header, METADATA_KEY};
 use crate::train::{TrainHistory, TrainState};
 use crate::{Error, Result, atomic_file};
-use safetensors::{Dtype, SafeTensorError};
-use serde::{Deserialize, Serialize};
+use safetensors::SafeTensorError;
 use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
-
-/// Identifier of the layout; a change that old programs cannot read raises the number.
-pub const FORMAT: &str = "litetex-checkpoint/1";
-/// Key of the only metadata entry.
-const METADATA_KEY: &str = "litetex";
-/// Name of the tensor that holds the CRC-32.
-const CHECKSUM: &str = "checksum";
-
-/// JSON object of the metadata entry.
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Header {
-    format: String,
-    version: String,
-    strings: BTreeMap<String, String>,
-}
 
 /// Writes `history`, then the state without its own history. `strings` are the caller's: configuration, views,
 /// whatever is needed to repeat the run.
@@ -115,24 +101,4 @@ pub fn load_bytes(path: &Path, bytes: &[u8]) -> Result<(TrainState, BTreeMap<Str
     let strings = reader.finish()?;
     reader::check_values(path, &state)?;
     Ok((state, strings))
-}
-
-/// CRC-32 over the header and all other tensors, in the order of their names.
-struct Checksum(crc32fast::Hasher);
-
-impl Checksum {
-    fn new(header: &str) -> Self {
-        let mut hasher = crc32fast::Hasher::new();
-        hasher.update(header.as_bytes());
-        Self(hasher)
-    }
-
-    fn add(&mut self, name: &str, dtype: Dtype, shape: &[usize], bytes: &[u8]) {
-        self.0.update(format!("{name} {dtype:?} {shape:?}").as_bytes());
-        self.0.update(bytes);
-    }
-
-    fn finish(self) -> u32 {
-        self.0.finalize()
-    }
 }

@@ -1,7 +1,7 @@
 //! Checked access to a checkpoint's tensors: every name, type and shape is checked before use, sizes are
 //! bounded by the length of the file, and the checksum covers all that was read.
 
-use super::{CHECKSUM, Checksum, FORMAT, Header, METADATA_KEY};
+use super::header::{CHECKSUM, Checksum, FORMAT, Header, METADATA_KEY};
 use crate::model::TexturePool;
 use crate::train::TrainState;
 use crate::{Error, Result};

@@ -8,6 +8,7 @@ use crate::model::{AdamState, Model, SplatArrays, SplatGroup, TexturePool};
 use crate::train::density::Life;
 use crate::train::{CurvePoint, TrainHistory};
 use glam::DVec3;
+use safetensors::Dtype;
 use safetensors::tensor::TensorView;
 use std::path::PathBuf;
 

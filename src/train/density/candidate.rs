@@ -1,9 +1,9 @@
 //! Candidates: what can be done for a high-error splat, and how candidates are ranked (method 6.6).
 
-use super::decide::Situation;
 use super::draft::Draft;
 use super::maps;
 use super::settings::{Components, DensityConfig, Spending};
+use super::situation::Situation;
 use super::split;
 use crate::model::num_params;
 

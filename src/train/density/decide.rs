@@ -5,83 +5,16 @@ use super::candidate::Candidate;
 use super::draft::{Draft, finish};
 use super::geometry::{half_extents, opacity, pixel_sizes, sigmas};
 use super::life::Life;
-use super::maps::{self, MapRule, Sizes};
+use super::maps;
 use super::score::{Scores, marks_after};
 use super::settings::{Budget, Components, DensityConfig};
+use super::situation::{DensityCounts, Revision, Situation};
+use super::sizes::Sizes;
 use super::spend::Spender;
-use crate::backend::{DensityPlan, MapChange, WindowStatistics};
-use crate::camera::Camera;
-use crate::model::Model;
-use serde::Serialize;
+use crate::backend::MapChange;
 
 /// Opacity below which even fresh halves fade.
 const FRESH_OPACITY_MIN: f64 = 0.01;
-
-/// What a revision is decided from.
-pub struct Situation<'a> {
-    /// The flushed model.
-    pub model: &'a Model,
-    /// Histories of its splats.
-    pub lives: &'a [Life],
-    /// Sums of the statistics window.
-    pub statistics: &'a WindowStatistics,
-    /// Cameras of the training views, at full size.
-    pub cameras: &'a [Camera],
-    /// Full image size divided by the current size in training.
-    pub render_scale: f64,
-    /// Current largest map side, in texels.
-    pub texture_cap: u16,
-    /// Whether maps may be refined and splats split.
-    pub densify: bool,
-    /// Whether the statistics are used. Before the first density-control step and at crop steps they are not:
-    /// maps are then only fitted to their support.
-    pub use_statistics: bool,
-    /// Whether texels have been trained long enough for their values to mean something.
-    pub texels_trained: bool,
-    /// Whether maps are tested for coarsening.
-    pub may_coarsen: bool,
-    /// Largest number of splats that may be added.
-    pub max_added: usize,
-    /// Number of splats at initialisation.
-    pub initial_splats: usize,
-    /// Length in finest texels above which a splat is split.
-    pub split_texels: f64,
-    /// Prune count that removes a splat.
-    pub patience: u16,
-    /// Opacity below which splats fade.
-    pub opacity_floor: f64,
-    /// How the sizes of maps are decided.
-    pub rule: MapRule,
-}
-
-/// What a revision did, in numbers of splats or maps.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct DensityCounts {
-    /// Splats removed because they contributed or covered too little.
-    pub pruned: usize,
-    /// Splats removed because they were nearly transparent (`plain`: those not respawned).
-    pub faded: usize,
-    /// Splats replaced by two halves.
-    pub split: usize,
-    /// Splats split to replace pruned ones (`litetex` with `respawn`; `plain`).
-    pub respawned: usize,
-    /// Maps refined to twice the texels per side.
-    pub refined: usize,
-    /// Maps coarsened, dropped or made smaller to fit their ceiling or the budget.
-    pub coarsened: usize,
-    /// Times that a candidate was not split, or not refined, for lack of budget.
-    pub over_budget: usize,
-}
-
-/// The outcome of a density-control step.
-pub struct Revision {
-    /// The backend's plan; `None` if nothing changes.
-    pub plan: Option<DensityPlan>,
-    /// Histories of the splats after the plan.
-    pub lives: Vec<Life>,
-    /// What the plan does.
-    pub counts: DensityCounts,
-}
 
 /// Decides a density-control step: prune and fade, fit, coarsen, refine or split, respawn.
 pub fn decide(

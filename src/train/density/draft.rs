@@ -2,7 +2,7 @@
 
 use super::geometry::morton_codes;
 use super::life::Life;
-use super::maps::Sizes;
+use super::sizes::Sizes;
 use crate::backend::{DensityPlan, MapChange, SplatEdit};
 use crate::model::Model;
 

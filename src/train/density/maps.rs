@@ -2,11 +2,12 @@
 //! those of high-error splats (method 6.4, 6.5 and 6.7). Texels keep their place on the surfel throughout.
 
 use super::coarse::{coarsening_error, residual};
-use super::decide::{DensityCounts, Situation};
 use super::draft::Draft;
-use super::geometry::{even_texels, first_texel_size};
+use super::geometry::first_texel_size;
 use super::score::Scores;
 use super::settings::{Budget, Components, DensityConfig};
+use super::situation::{DensityCounts, Situation};
+use super::sizes::MapRule;
 use crate::backend::{Grid, MapChange};
 use crate::model::TextureMap;
 
@@ -15,44 +16,6 @@ const TOLERATED: f64 = 1.1;
 
 /// Factors of the moments where four texels become one, whose gradient is the sum of theirs.
 const MERGED_MOMENTS: [f32; 2] = [4.0, 16.0];
-
-/// How the sizes of maps are decided.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum MapRule {
-    /// No splat has a map.
-    None,
-    /// Every map has this side, in texels.
-    Fixed(u16),
-    /// Every map has its own size, refined and coarsened as needed.
-    Adaptive,
-}
-
-/// Bounds of a map.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Sizes {
-    /// Half extents of the map, local units.
-    pub extents: [f64; 2],
-    /// Edge of the finest texel allowed, local units.
-    pub finest: f64,
-    /// Largest side whatever the ceiling, in texels.
-    pub cap: u16,
-}
-
-impl Sizes {
-    /// Rows and columns that cover the extents with texels of this edge.
-    pub fn texels(&self, texel_size: f64) -> [u32; 2] {
-        self.extents.map(|h| even_texels(h, texel_size))
-    }
-
-    /// Whether a map of this size is within `ceiling` and cap.
-    fn fits(&self, texels: [u32; 2], ceiling: u16) -> bool {
-        texels[0].max(texels[1]) <= u32::from(ceiling.min(self.cap))
-    }
-
-    fn has_support(&self) -> bool {
-        self.extents[0] > 0.0 && self.extents[1] > 0.0
-    }
-}
 
 /// The change to a map of `rows` x `cols` texels of `grid` about the same centre.
 pub fn centred(map: &TextureMap, grid: Grid, [rows, cols]: [u32; 2], moment_scale: [f32; 2]) -> MapChange {

@@ -12,16 +12,19 @@ mod maps;
 mod relocate;
 mod score;
 mod settings;
+mod situation;
+mod sizes;
 mod spend;
 mod split;
 #[cfg(test)]
 mod tests;
 
-pub use decide::{DensityCounts, Revision, Situation, decide};
+pub use decide::decide;
 pub use geometry::{TEXELS_MAX, first_texel_size, half_extents, morton_codes, pixel_sizes};
 pub use life::Life;
-pub use maps::MapRule;
 pub use relocate::relocate;
 pub use settings::{
     Budget, Components, DensityConfig, ErrorMeasure, GrowthMoments, Spending, SplitProfile, StatisticsSource,
 };
+pub use situation::{DensityCounts, Revision, Situation};
+pub use sizes::MapRule;

@@ -2,12 +2,12 @@
 //! splitting splats drawn by the error that they carry. This is the relocation of 3DGS-MCMC with halves instead of
 //! copies, because coincident copies would always have equal gradients.
 
-use super::decide::{DensityCounts, Revision, Situation};
 use super::draft::{Draft, finish};
 use super::geometry::{opacity, sigmas};
-use super::maps::Sizes;
 use super::score::Scores;
 use super::settings::{DensityConfig, ErrorMeasure, SplitProfile};
+use super::situation::{DensityCounts, Revision, Situation};
+use super::sizes::Sizes;
 use super::split::halves;
 use crate::backend::MapChange;
 use rand::{RngExt as _, SeedableRng as _};

@@ -2,9 +2,9 @@
 //! splats (method 6.6 and 6.10).
 
 use super::candidate::Candidate;
-use super::decide::{DensityCounts, Situation};
 use super::draft::Draft;
 use super::settings::{Budget, DensityConfig};
+use super::situation::{DensityCounts, Situation};
 use super::split;
 
 /// Length in finest texels above which a splat may be split to replace a pruned one. Not measured.

@@ -1,10 +1,10 @@
 //! Splitting of a splat along its longer axis (method 6.8).
 
-use super::decide::Situation;
 use super::draft::{Change, Draft};
 use super::geometry::{half_extents, opacity, sigmas};
-use super::maps::MapRule;
 use super::settings::{DensityConfig, SplitProfile};
+use super::situation::Situation;
+use super::sizes::{MapRule, Sizes};
 use crate::backend::{Grid, MapChange};
 use crate::constants::LOG_SCALE_RANGE;
 use glam::{DQuat, DVec3};
@@ -88,7 +88,7 @@ fn shifted(s: &Situation<'_>, splat: usize, axis: usize, by: f64) -> [f32; 3] {
 fn half_map(
     s: &Situation<'_>,
     draft: &Draft,
-    sizes: &super::maps::Sizes,
+    sizes: &Sizes,
     axis: usize,
     shift: f64,
     on_grid: bool,

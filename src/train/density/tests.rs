@@ -1,10 +1,11 @@
 //! Revisions of small models: what is pruned, split, refined and coarsened.
 
-use super::decide::{DensityCounts, Revision, Situation, decide};
+use super::decide::decide;
 use super::geometry::{even_texels, first_texel_size, half_extents, opacity, sigmas};
 use super::life::Life;
-use super::maps::MapRule;
 use super::settings::{Budget, Components, DensityConfig, Spending, SplitProfile};
+use super::situation::{DensityCounts, Revision, Situation};
+use super::sizes::MapRule;
 use crate::backend::{Grid, MapChange, WindowStatistics};
 use crate::camera::Camera;
 use crate::constants::ALPHA_MIN;
