@@ -1,20 +1,21 @@
 //! A content hash: equal for assets that render identically.
 
 use crate::SplatAsset;
-use xxhash_rust::xxh3::Xxh3Default;
+use std::hash::Hasher as _;
+use twox_hash::XxHash3_64;
 
 impl SplatAsset {
     /// xxh3-64 of everything that renders depend on, little-endian: SH degree and number of splats (u32 each), near plane,
     /// positions, rotations, scales, opacities, SH, rows and columns (u16) and texel size of each map, texels.
     pub fn hash(&self) -> u64 {
-        let mut hasher = Xxh3Default::new();
-        hasher.update(&self.sh_degree.to_le_bytes());
-        hasher.update(&(self.num_splats() as u32).to_le_bytes());
-        let floats = |hasher: &mut Xxh3Default, values: &[f32]| {
+        let mut hasher = XxHash3_64::new();
+        hasher.write(&self.sh_degree.to_le_bytes());
+        hasher.write(&(self.num_splats() as u32).to_le_bytes());
+        let floats = |hasher: &mut XxHash3_64, values: &[f32]| {
             // In pieces, to avoid a copy of the whole array.
             for piece in values.chunks(4096) {
                 let bytes: Vec<u8> = piece.iter().flat_map(|v| v.to_le_bytes()).collect();
-                hasher.update(&bytes);
+                hasher.write(&bytes);
             }
         };
         floats(&mut hasher, &[self.near]);
@@ -24,12 +25,12 @@ impl SplatAsset {
         floats(&mut hasher, &self.opacities);
         floats(&mut hasher, &self.sh);
         for map in &self.maps {
-            hasher.update(&map.rows.to_le_bytes());
-            hasher.update(&map.cols.to_le_bytes());
-            hasher.update(&map.texel_size.to_le_bytes());
+            hasher.write(&map.rows.to_le_bytes());
+            hasher.write(&map.cols.to_le_bytes());
+            hasher.write(&map.texel_size.to_le_bytes());
         }
         floats(&mut hasher, &self.texels);
-        hasher.digest()
+        hasher.finish()
     }
 }
 

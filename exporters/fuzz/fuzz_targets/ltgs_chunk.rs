@@ -7,7 +7,7 @@ use litetex_exporters::ltgs::{LtgsOptions, decode, encode};
 use litetex_exporters::{AssetMap, Quality, ReadLimits, SplatAsset};
 use std::path::Path;
 use std::sync::LazyLock;
-use xxhash_rust::xxh3::xxh3_64;
+use twox_hash::XxHash3_64;
 
 static FILES: LazyLock<Vec<Vec<u8>>> = LazyLock::new(|| {
     let num_splats = 5;
@@ -35,16 +35,16 @@ fuzz_target!(|data: &[u8]| {
     let mut bytes = [&file[..first], blocks].concat();
     let middle = usize::from(*at) * blocks.len() / 255;
     for (entry, from, to) in [(table, 0, middle), (table + 24, middle, blocks.len())] {
-        let block = [(first + from) as u64, (to - from) as u64, xxh3_64(&blocks[from..to])];
+        let block = [(first + from) as u64, (to - from) as u64, XxHash3_64::oneshot(&blocks[from..to])];
         for (i, number) in block.into_iter().enumerate() {
             bytes[entry + 8 * i..entry + 8 * i + 8].copy_from_slice(&number.to_le_bytes());
         }
     }
     let length = bytes.len() as u64;
     bytes[40..48].copy_from_slice(&length.to_le_bytes());
-    let checksum = xxh3_64(&bytes[64..first]);
+    let checksum = XxHash3_64::oneshot(&bytes[64..first]);
     bytes[48..56].copy_from_slice(&checksum.to_le_bytes());
-    let checksum = xxh3_64(&bytes[..56]);
+    let checksum = XxHash3_64::oneshot(&bytes[..56]);
     bytes[56..64].copy_from_slice(&checksum.to_le_bytes());
     if let Ok(contents) = decode(&bytes, Path::new("fuzz"), &ReadLimits { decoded_bytes: 16 << 20 }) {
         contents.asset.validate().expect("what is accepted is valid");

@@ -2,7 +2,7 @@
 
 use crate::{Error, Quality, Result, SPLATS_MAX};
 use std::path::Path;
-use xxhash_rust::xxh3::xxh3_64;
+use twox_hash::XxHash3_64;
 
 /// The first bytes of a file.
 pub const MAGIC: [u8; 4] = *b"LTGS";
@@ -84,7 +84,7 @@ impl Header {
         bytes.extend((self.num_chunks() as u32).to_le_bytes());
         bytes.extend(self.file_bytes.to_le_bytes());
         bytes.extend(self.tables_checksum.to_le_bytes());
-        bytes.extend(xxh3_64(&bytes).to_le_bytes());
+        bytes.extend(XxHash3_64::oneshot(&bytes).to_le_bytes());
         bytes
     }
 
@@ -108,7 +108,7 @@ impl Header {
             let what = format!("version {}.{}; this program reads version {MAJOR}", u16_at(4), u16_at(6));
             return Err(Error::unsupported(path, what));
         }
-        let (found, stated) = (xxh3_64(&head[..56]), u64_at(56));
+        let (found, stated) = (XxHash3_64::oneshot(&head[..56]), u64_at(56));
         if found != stated {
             return invalid(format!("header: checksum {found:016x}, stated {stated:016x}: damaged"));
         }

@@ -13,7 +13,7 @@ use crate::limits::{splat_bytes, with_room};
 use crate::{Contents, Error, Quality, ReadLimits, Result, SplatAsset, quoted};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
-use xxhash_rust::xxh3::xxh3_64;
+use twox_hash::XxHash3_64;
 
 /// A file whose tables have been read and checked; chunks are decoded on demand.
 pub struct Reader<'a> {
@@ -51,7 +51,7 @@ impl<'a> Reader<'a> {
         let tables = bytes.get(HEADER_BYTES..).and_then(|rest| rest.get(..header.tables_bytes()));
         let tables =
             tables.ok_or_else(|| invalid("metadata and table of contents are truncated".to_owned()))?;
-        if xxh3_64(tables) != header.tables_checksum {
+        if XxHash3_64::oneshot(tables) != header.tables_checksum {
             return Err(invalid("metadata and table of contents: wrong checksum, damaged".to_owned()));
         }
         let (meta, entries) = tables.split_at(header.meta_bytes as usize);
@@ -156,7 +156,7 @@ impl<'a> Reader<'a> {
         let range = usize::try_from(block.offset).ok().zip(usize::try_from(block.bytes).ok());
         let bytes = range.and_then(|(first, length)| self.bytes.get(first..first.checked_add(length)?));
         let bytes = bytes.ok_or_else(|| Error::invalid("", format!("{block:?}: truncated")))?;
-        let found = xxh3_64(bytes);
+        let found = XxHash3_64::oneshot(bytes);
         if found == block.checksum {
             return Ok(bytes);
         }

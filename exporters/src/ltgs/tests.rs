@@ -208,10 +208,10 @@ fn resealed(mut bytes: Vec<u8>) -> Vec<u8> {
     let number = |b: &[u8], at: usize| u32::from_le_bytes(b[at..at + 4].try_into().unwrap()) as usize;
     let tables = 64 + number(&bytes, 28) + 88 * number(&bytes, 36);
     if tables <= bytes.len() {
-        let checksum = xxhash_rust::xxh3::xxh3_64(&bytes[64..tables]);
+        let checksum = twox_hash::XxHash3_64::oneshot(&bytes[64..tables]);
         bytes[48..56].copy_from_slice(&checksum.to_le_bytes());
     }
-    let checksum = xxhash_rust::xxh3::xxh3_64(&bytes[..56]);
+    let checksum = twox_hash::XxHash3_64::oneshot(&bytes[..56]);
     bytes[56..64].copy_from_slice(&checksum.to_le_bytes());
     bytes
 }
@@ -301,7 +301,7 @@ fn no_damage_makes_the_reader_panic() {
                         |at: usize| u64::from_le_bytes(damaged[at..at + 8].try_into().unwrap()) as usize;
                     let (from, length) = (number(block), number(block + 8));
                     let part = damaged.get(from..from.saturating_add(length)).unwrap_or_default();
-                    let checksum = xxhash_rust::xxh3::xxh3_64(part);
+                    let checksum = twox_hash::XxHash3_64::oneshot(part);
                     damaged[block + 16..block + 24].copy_from_slice(&checksum.to_le_bytes());
                 }
                 damaged = resealed(damaged);

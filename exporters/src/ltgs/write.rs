@@ -13,7 +13,7 @@ use crate::sh::SH_0;
 use crate::{Error, Quality, Result, SplatAsset, num_sh_coefficients};
 use rayon::prelude::*;
 use std::ops::Range;
-use xxhash_rust::xxh3::xxh3_64;
+use twox_hash::XxHash3_64;
 
 /// Level of zstd, slow: files are written once and read often.
 const ZSTD_LEVEL: i32 = 19;
@@ -143,7 +143,11 @@ impl Chunk {
                 bounds[1][axis] = bounds[1][axis].max(position[axis]);
             }
         }
-        let block = |bytes: &[u8]| Block { offset: 0, bytes: bytes.len() as u64, checksum: xxh3_64(bytes) };
+        let block = |bytes: &[u8]| Block {
+            offset: 0,
+            bytes: bytes.len() as u64,
+            checksum: XxHash3_64::oneshot(bytes),
+        };
         let entry = Entry {
             splats: block(&splats),
             texels: block(&texels),
@@ -244,7 +248,7 @@ fn assemble(asset: &SplatAsset, quality: Quality, meta: &FileMeta, chunks: &[Chu
     entries.iter_mut().for_each(|e| place(&mut e.splats, &mut offset));
     entries.iter_mut().for_each(|e| place(&mut e.texels, &mut offset));
     entries.iter().for_each(|e| e.encode(&mut tables));
-    header.tables_checksum = xxh3_64(&tables);
+    header.tables_checksum = XxHash3_64::oneshot(&tables);
     let mut bytes = Vec::with_capacity(first + blocks);
     bytes.extend(header.encode());
     bytes.extend(tables);

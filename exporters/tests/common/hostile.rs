@@ -6,7 +6,7 @@ use litetex_exporters::{
     AssetMap, Format, Quality, SplatAsset, WriteOptions, gltf, ltgs, ply, spz, write_asset,
 };
 use serde_json::{Value, json};
-use xxhash_rust::xxh3::xxh3_64;
+use twox_hash::XxHash3_64;
 
 /// What a reader must answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -213,7 +213,7 @@ fn gltf_text(add: Add<'_>) {
 
 /// Sets the checksum of an `.ltgs` header.
 fn sealed(mut bytes: Vec<u8>) -> Vec<u8> {
-    let checksum = xxh3_64(&bytes[..56]);
+    let checksum = XxHash3_64::oneshot(&bytes[..56]);
     bytes[56..64].copy_from_slice(&checksum.to_le_bytes());
     bytes
 }
@@ -233,7 +233,7 @@ fn ltgs_files(add: Add<'_>) {
     // The second block over the first.
     let (table, length) = (64 + number(&bytes, 28), bytes.len());
     let overlapping = put(&bytes, table + 24, &bytes[table..table + 8]);
-    let tables = xxh3_64(&overlapping[64..table + 88]);
+    let tables = XxHash3_64::oneshot(&overlapping[64..table + 88]);
     add("overlapping_blocks.ltgs", Invalid, sealed(put(&overlapping, 48, &tables.to_le_bytes())));
     add("damaged_chunk.ltgs", Invalid, put(&bytes, length - 9, &[bytes[length - 9] ^ 1]));
 }

@@ -8,7 +8,7 @@ use super::{
 use crate::usd::layer::{Content, Layer, Metadata, Prim, Property, VariantSet};
 use crate::usd::value::{Form, Numbers, Value};
 use std::collections::HashMap;
-use xxhash_rust::xxh3::xxh3_128;
+use twox_hash::XxHash3_128;
 
 /// Values begin at multiples of this, so that readers can map arrays of any type.
 const ALIGNMENT: usize = 16;
@@ -239,14 +239,17 @@ impl Writer {
     /// Stores bytes, unless they are there already, and returns the word that points at them.
     fn value(&mut self, value_type: u8, flags: u64, bytes: &[u8]) -> Rep {
         let out = &mut self.out;
-        let at = *self.value_by_content.entry((value_type, flags, xxh3_128(bytes))).or_insert_with(|| {
-            // The elements of an array follow its length of 8 bytes.
-            let lead = if flags & Rep::ARRAY != 0 { 8 } else { 0 };
-            out.resize((out.len() + lead).next_multiple_of(ALIGNMENT) - lead, 0);
-            let at = out.len() as u64;
-            out.extend_from_slice(bytes);
-            at
-        });
+        let at = *self
+            .value_by_content
+            .entry((value_type, flags, XxHash3_128::oneshot(bytes)))
+            .or_insert_with(|| {
+                // The elements of an array follow its length of 8 bytes.
+                let lead = if flags & Rep::ARRAY != 0 { 8 } else { 0 };
+                out.resize((out.len() + lead).next_multiple_of(ALIGNMENT) - lead, 0);
+                let at = out.len() as u64;
+                out.extend_from_slice(bytes);
+                at
+            });
         Rep::new(value_type, flags, at)
     }
 
