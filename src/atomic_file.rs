@@ -5,13 +5,31 @@ use crate::{Error, Result};
 use std::fs::{self, File, Permissions};
 use std::path::{Path, PathBuf};
 
+/// Refuses the place of a file where there is anything but a regular file or a link to one: a device or a pipe would
+/// be replaced, and opening a pipe may block.
+///
+/// # Errors
+/// [`Error::Usage`] naming `path`.
+pub fn check_place(path: &Path) -> Result<()> {
+    let what = match fs::metadata(path) {
+        Ok(facts) if facts.is_dir() => "is a folder, expected the name of a file",
+        Ok(facts) if !facts.is_file() => {
+            "is a device or a pipe, expected a regular file; choose another name, or remove it"
+        }
+        // What cannot be looked at is reported when it is written.
+        Ok(_) | Err(_) => return Ok(()),
+    };
+    Err(Error::Usage(format!("{}: {what}", path.display())))
+}
+
 /// Lets `fill` write a file at a temporary place in the same folder and moves it to `path` once it is
 /// safely on the disk, with the permissions of any new file. If anything fails, the temporary file is removed and
 /// `path` is as before.
 ///
 /// # Errors
-/// What `fill` reports, or [`Error::Io`] naming `path`.
+/// What `fill` reports, [`Error::Io`] naming `path`, or as [`check_place`].
 pub fn write_with(path: &Path, fill: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
+    check_place(path)?;
     let temporary = temporary_beside(path)?;
     let outcome = new_file_permissions(&temporary).map_err(|e| Error::io(path, e)).and_then(|permissions| {
         fill(&temporary)?;
@@ -27,7 +45,7 @@ pub fn write_with(path: &Path, fill: impl FnOnce(&Path) -> Result<()>) -> Result
 /// Writes `bytes` to `path`, whole or not at all.
 ///
 /// # Errors
-/// [`Error::Io`] naming `path`.
+/// [`Error::Io`] naming `path`, or as [`check_place`].
 pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     write_with(path, |temporary| fs::write(temporary, bytes).map_err(|e| Error::io(path, e)))
 }
@@ -85,6 +103,33 @@ mod tests {
         fs::write(&plain, "").unwrap();
         let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode() & 0o777;
         assert_eq!(mode(&path), mode(&plain));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn only_regular_files_and_links_to_them_are_replaced() {
+        use std::os::unix::fs::{FileTypeExt, symlink};
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        let made = std::process::Command::new("mkfifo").arg(at("pipe")).status().unwrap();
+        assert!(made.success());
+        symlink(at("pipe"), at("link-to-pipe")).unwrap();
+        fs::create_dir(at("folder")).unwrap();
+        for (name, what) in [("pipe", "pipe"), ("link-to-pipe", "pipe"), ("folder", "folder")] {
+            let error = write(&at(name), b"new").unwrap_err();
+            let named = error.to_string().contains(name) && error.to_string().contains(what);
+            assert!(error.exit_code() == 2 && named, "{error}");
+        }
+        assert!(at("pipe").metadata().unwrap().file_type().is_fifo());
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 3, "nothing temporary is left");
+        // Negative controls: a link to a file, and one to nothing.
+        fs::write(at("file"), "old").unwrap();
+        for target in ["file", "nothing"] {
+            let link = at(&format!("link-to-{target}"));
+            symlink(at(target), &link).unwrap();
+            write(&link, b"new").unwrap();
+            assert_eq!(fs::read(&link).unwrap(), b"new");
+        }
     }
 
     #[test]

@@ -183,4 +183,15 @@ fn photos_of_the_same_name_are_not_replaced_without_force() {
     assert_eq!(output.status.code(), Some(2));
     ok(&[&render[..], &["--force"]].concat());
     assert!(std::fs::read(&photo).unwrap() != before);
+    // Whatever is no file stays, even with --force.
+    #[cfg(unix)]
+    {
+        std::fs::remove_file(&photo).unwrap();
+        assert!(std::process::Command::new("mkfifo").arg(&photo).status().unwrap().success());
+        let forced = [&render[..], &["--force"]].concat();
+        let output = Command::cargo_bin("litetex").unwrap().args(forced).output().unwrap();
+        let stderr = String::from_utf8(output.stderr).unwrap();
+        assert!(output.status.code() == Some(2) && stderr.contains("a device or a pipe"), "{stderr}");
+        assert!(!std::fs::symlink_metadata(&photo).unwrap().is_file());
+    }
 }

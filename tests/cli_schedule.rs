@@ -130,6 +130,18 @@ fn charts_are_complete_and_not_replaced_without_force() {
     assert_eq!(fs::read_dir(place.0.path()).unwrap().count(), 2);
 }
 
+#[cfg(unix)]
+#[test]
+fn a_pipe_is_not_replaced_by_a_chart() {
+    use std::os::unix::fs::FileTypeExt;
+    let place = Place::new();
+    let pipe = place.path("chart.svg");
+    assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    let (code, stdout, stderr) = run(&["schedule", &place.path("capture"), "--svg", &pipe, "--force"]);
+    assert!(code == 2 && stdout.is_empty() && stderr.contains("a device or a pipe"), "{code} {stderr}");
+    assert!(fs::symlink_metadata(&pipe).unwrap().file_type().is_fifo());
+}
+
 #[test]
 fn bad_arguments_and_bad_captures_have_different_exit_codes() {
     let place = Place::new();

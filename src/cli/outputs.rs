@@ -2,17 +2,15 @@
 
 use super::asset_args::AssetArgs;
 use litetex_exporters::Format;
-use litetex_gs::{Error, Result};
+use litetex_gs::{Error, Result, atomic_file};
 use std::path::{Path, PathBuf};
 
-/// Refuses files that exist, unless they may be replaced, and folders in their place.
+/// Refuses files that exist, unless they may be replaced, and anything else in their place: folders, devices, pipes.
 ///
 /// # Errors
 /// [`Error::Usage`] naming the first of them.
 pub fn check_free(files: &[PathBuf], force: bool) -> Result<()> {
-    if let Some(folder) = files.iter().find(|file| file.is_dir()) {
-        return Err(Error::Usage(format!("{}: is a folder, expected the name of a file", folder.display())));
-    }
+    files.iter().try_for_each(|file| atomic_file::check_place(file))?;
     let taken: Vec<&PathBuf> =
         files.iter().filter(|file| !force && file.symlink_metadata().is_ok()).collect();
     let Some(first) = taken.first() else { return Ok(()) };
@@ -44,6 +42,10 @@ pub fn check(source: Option<&Path>, outputs: &[PathBuf], args: &AssetArgs) -> Re
                 let what =
                     format!("{} belongs to {} as well; choose another name", file.display(), other.display());
                 return refuse(&what);
+            }
+            // Some sidecars are folders.
+            if !file.is_dir() {
+                atomic_file::check_place(&file)?;
             }
             if file.exists() && !args.force {
                 return Err(Error::Usage(format!("{}: exists; --force replaces it", file.display())));
