@@ -5,6 +5,7 @@
 
 pub mod chart;
 mod error;
+mod input_file;
 pub mod machine;
 pub mod matrix;
 mod report;

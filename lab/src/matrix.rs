@@ -1,6 +1,7 @@
 //! The matrix of a benchmark: scenes x variants x budgets x seeds, from flags or a TOML file, expanded into cells
 //! with the arguments of their `litetex train`.
 
+use crate::input_file::read_text;
 use crate::{Error, Result};
 use serde::Deserialize;
 use std::collections::{HashMap, HashSet};
@@ -99,7 +100,7 @@ impl Matrix {
     /// # Errors
     /// [`Error::Io`]; [`Error::InvalidInput`] naming line and key.
     pub fn read(path: &Path) -> Result<Self> {
-        let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, e))?;
+        let text = read_text(path)?;
         toml::from_str(&text).map_err(|e| Error::invalid(path, e.to_string().trim_end().to_owned()))
     }
 
@@ -242,7 +243,7 @@ fn check_distinct(cells: &[Cell]) -> Result<()> {
 fn key(scene: &str, args: &[String], seed: u64, config: Option<&Path>) -> Result<String> {
     let config = match config {
         None => String::new(),
-        Some(path) => std::fs::read_to_string(path).map_err(|e| Error::io(path, e))?,
+        Some(path) => read_text(path)?,
     };
     let whole = serde_json::json!([scene, args, seed, config, env!("CARGO_PKG_VERSION")]).to_string();
     let hash = whole

@@ -2,13 +2,16 @@
 
 use super::lab;
 use super::log::Log;
-use litetex_gs::{Error, Report, Result, atomic_file};
+use litetex_gs::{Error, Report, Result, atomic_file, input_file};
 use litetex_lab::chart::{Clock, MANIFEST, Options, Output, PAGE, build, manifest_entries};
 use litetex_lab::results;
 use std::collections::HashSet;
 use std::fs;
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
+
+/// Largest list of files that is read.
+const MANIFEST_BYTES_MAX: u64 = 1 << 24;
 
 /// Make charts and tables of the results of "litetex bench"
 ///
@@ -108,14 +111,14 @@ fn earlier_files(folder: &Path, force: bool) -> Result<Vec<String>> {
         )));
     }
     let manifest = folder.join(MANIFEST);
-    match fs::read_to_string(&manifest) {
+    match input_file::read_text(&manifest, MANIFEST_BYTES_MAX) {
         Ok(text) => Ok(manifest_entries(&text)),
-        Err(e) if e.kind() == ErrorKind::NotFound => Err(Error::Usage(format!(
+        Err(Error::Io { cause, .. }) if cause.kind() == ErrorKind::NotFound => Err(Error::Usage(format!(
             "{}: the folder is not empty and contains no {MANIFEST}, so litetex chart did not write it; choose \
              another folder",
             folder.display()
         ))),
-        Err(e) => Err(Error::io(&manifest, e)),
+        Err(e) => Err(e),
     }
 }
 
@@ -131,6 +134,8 @@ fn replace(folder: &Path, earlier: &[String], output: &Output) -> Result<()> {
             folder.join(name).display()
         )));
     }
+    let mut names = earlier.iter().chain(output.files.iter().map(|(name, _)| name));
+    names.try_for_each(|name| atomic_file::check_place(&folder.join(name)))?;
     // The manifest stays until it is replaced, in case this is interrupted.
     for name in earlier.iter().filter(|name| *name != MANIFEST) {
         let path = folder.join(name);

@@ -14,11 +14,11 @@ use litetex_gs::train::checkpoint;
 use litetex_gs::train::{Control, StopReason, TrainEvent, TrainHistory, TrainState};
 use litetex_gs::verify::{CAMERAS_KEY, CaptureIdentity, IDENTITY_KEY, cameras_json};
 use litetex_gs::views::ViewSource;
-use litetex_gs::{Error, Report, Result, Warning, atomic_file};
+use litetex_gs::{Error, Report, Result, Warning, atomic_file, input_file};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
-use std::fs::{self, File};
-use std::io::Write;
+use std::fs::File;
+use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
 /// Steps between two lines of `metrics.jsonl`; the first and the last step are always there.
@@ -275,12 +275,19 @@ fn passes(report: &StepReport) -> Value {
     Value::Object(secs.collect())
 }
 
+/// The lines so far, if there are any. After a power cut some may be no text; they are dropped with others that are not
+/// understood.
+fn read_metrics(path: &Path) -> Result<String> {
+    match input_file::read(path, u64::MAX) {
+        Ok(bytes) => Ok(String::from_utf8_lossy(&bytes).into_owned()),
+        Err(Error::Io { cause, .. }) if cause.kind() == ErrorKind::NotFound => Ok(String::new()),
+        Err(e) => Err(e),
+    }
+}
+
 /// Opens `metrics.jsonl` for appending, without the lines of steps after `done`.
 fn open_metrics(path: &Path, done: u32) -> Result<File> {
-    let kept = match fs::read_to_string(path) {
-        Ok(text) if done > 0 => text,
-        _ => String::new(),
-    };
+    let kept = if done > 0 { read_metrics(path)? } else { String::new() };
     let is_earlier = |line: &&str| {
         let value: Value = serde_json::from_str(line).unwrap_or_default();
         match value["event"].as_str() {

@@ -6,12 +6,14 @@ use litetex_gs::backend::DeviceInfo;
 use litetex_gs::eval::{Evaluation, ViewQuality};
 use litetex_gs::train::density::Components;
 use litetex_gs::train::{CurvePoint, Policy};
-use litetex_gs::{Result, Warning, atomic_file};
+use litetex_gs::{Result, Warning, atomic_file, input_file};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
 /// Identifier and version of the schema.
 pub const SCHEMA: &str = "litetex-summary/2";
+/// Largest file that is read; it has a few numbers per view and evaluation.
+pub const FILE_BYTES_MAX: u64 = 1 << 30;
 /// Why LPIPS is null.
 pub const LPIPS_REASON: &str =
     "needs network weights that are not shipped: compute it from the images in eval/";
@@ -186,9 +188,10 @@ impl Summary {
     /// Reads `summary.json`.
     ///
     /// # Errors
-    /// [`litetex_gs::Error::Io`], [`litetex_gs::Error::InvalidInput`].
+    /// [`litetex_gs::Error::Io`], [`litetex_gs::Error::InvalidInput`], [`litetex_gs::Error::Unsupported`] if it is too
+    /// large.
     pub fn read(path: &Path) -> Result<Self> {
-        let text = std::fs::read(path).map_err(|e| litetex_gs::Error::io(path, e))?;
+        let text = input_file::read(path, FILE_BYTES_MAX)?;
         serde_json::from_slice(&text).map_err(|e| litetex_gs::Error::invalid(path, e.to_string()))
     }
 }

@@ -3,7 +3,8 @@
 
 use super::orphan;
 use crate::cli::interrupt::Interrupt;
-use litetex_gs::{Error, Result};
+use crate::cli::summary;
+use litetex_gs::{Error, Result, atomic_file, input_file};
 use litetex_lab::machine::{self, Conditions, OwnLoad};
 use litetex_lab::matrix::Cell;
 use litetex_lab::results::{Hardware, Record, SCHEMA, Status};
@@ -107,6 +108,7 @@ impl Runner {
     }
 
     fn spawn(&self, cell: &Cell, folder: &Path, messages: &Path) -> Result<Child> {
+        atomic_file::check_place(messages)?;
         let log = File::create(messages).map_err(|e| Error::io(messages, e))?;
         Command::new(&self.program)
             .arg("train")
@@ -222,7 +224,7 @@ pub fn folder_name(cell: &Cell) -> String {
 
 fn read_summary(folder: &Path) -> Result<Value, String> {
     let path = folder.join(SUMMARY);
-    let bytes = fs::read(&path).map_err(|e| Error::io(&path, e).to_string())?;
+    let bytes = input_file::read(&path, summary::FILE_BYTES_MAX).map_err(|e| e.to_string())?;
     serde_json::from_slice(&bytes).map_err(|e| Error::invalid(&path, e.to_string()).to_string())
 }
 

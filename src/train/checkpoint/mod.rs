@@ -17,10 +17,13 @@ mod tests;
 pub use self::header::FORMAT;
 use self::header::{CHECKSUM, Checksum, Header, METADATA_KEY};
 use crate::train::{TrainHistory, TrainState};
-use crate::{Error, Result, atomic_file};
+use crate::{Error, Result, atomic_file, input_file};
 use safetensors::SafeTensorError;
 use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
+
+/// Largest history that is read; it has a few numbers per evaluation.
+const HISTORY_BYTES_MAX: u64 = 1 << 30;
 
 /// Writes `history`, then the state without its own history. `strings` are the caller's: configuration, views,
 /// whatever is needed to repeat the run.
@@ -72,7 +75,8 @@ pub fn load(path: &Path) -> Result<(TrainState, BTreeMap<String, String>)> {
 /// # Errors
 /// As [`load`], except for the history.
 pub fn load_without_history(path: &Path) -> Result<(TrainState, BTreeMap<String, String>)> {
-    let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+    // The size of a model has no bound but the memory.
+    let bytes = input_file::read(path, u64::MAX)?;
     load_bytes(path, &bytes)
 }
 
@@ -82,12 +86,14 @@ pub fn history_path(checkpoint: &Path) -> PathBuf {
 }
 
 fn load_history(path: &Path) -> Result<TrainHistory> {
-    match std::fs::read(path) {
+    match input_file::read(path, HISTORY_BYTES_MAX) {
         Ok(bytes) => serde_json::from_slice(&bytes).map_err(|e| {
             Error::invalid(path, format!("not the history of a run: {e}; delete it to continue without"))
         }),
-        Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(TrainHistory::default()),
-        Err(e) => Err(Error::io(path, e)),
+        Err(Error::Io { cause, .. }) if cause.kind() == std::io::ErrorKind::NotFound => {
+            Ok(TrainHistory::default())
+        }
+        Err(e) => Err(e),
     }
 }
 
