@@ -233,8 +233,9 @@ fn a_missing_capture_is_named_once_before_the_first_run() {
     assert_eq!((code, stderr.matches(&gone).count()), (3, 1), "{stderr}");
     assert!(stderr.contains("no such capture") && stderr.contains("4 runs") && stdout.is_empty(), "{stderr}");
     assert!(!Path::new(&out).join("runs").exists() && !Path::new(&out).join("results.jsonl").exists());
-    // A list needs no capture.
-    assert_eq!(place.run_bench("b", 3, &["--scene", &gone, "--dry-run"]).0, 0);
+    // A list says so too: its runs could not be made.
+    let (code, _, stderr) = place.run_bench("b", 3, &["--scene", &gone, "--dry-run"]);
+    assert!(code == 3 && stderr.contains("no such capture"), "{code} {stderr}");
 }
 
 #[test]
@@ -259,9 +260,68 @@ fn force_deletes_only_what_a_benchmark_wrote() {
         fs::write(&file, "years of work").unwrap();
         let (code, _, stderr) =
             run(&["bench", "--scene", &place.path("capture"), "--out", &folder, "--force"]);
-        assert!(code == 2 && stderr.contains("someone else's"), "{code} {stderr}");
+        assert!(code == 2 && stderr.contains("litetex bench did not create it"), "{code} {stderr}");
         assert_eq!(fs::read_to_string(&file).unwrap(), "years of work");
     }
+}
+
+#[test]
+fn results_of_another_program_are_not_adopted() {
+    let place = Place::new();
+    let (folder, file) = (place.path("b"), place.path("b/results.jsonl"));
+    fs::create_dir(&folder).unwrap();
+    for text in ["{\"my\":\"precious\"}\n", ""] {
+        fs::write(&file, text).unwrap();
+        for more in [&[][..], &["--resume"], &["--force"], &["--dry-run"]] {
+            let (code, stdout, stderr) = place.run_bench("b", 3, more);
+            assert!(code == 2 && stdout.is_empty(), "{more:?}: {code} {stderr}");
+            assert!(stderr.contains("litetex bench did not create it"), "{more:?}: {stderr}");
+            assert_eq!(fs::read_to_string(&file).unwrap(), text);
+            assert_eq!(names_in(Path::new(&folder)).len(), 1, "not even a lock");
+        }
+    }
+    // Merged results of benchmarks have no lock either, and are continued.
+    fs::remove_file(&file).unwrap();
+    assert_eq!(place.run_bench("b", 3, &[]).0, 0);
+    fs::remove_file(place.path("b/.bench.lock")).unwrap();
+    assert_eq!(place.run_bench("b", 3, &[]).0, 0);
+    assert_eq!(place.results("b").len(), 4);
+}
+
+#[cfg(unix)]
+#[test]
+fn pipes_in_the_place_of_files_are_refused_instead_of_waited_for() {
+    let place = Place::new();
+    let pipe_at = |name: &str| {
+        let path = place.path(name);
+        fs::create_dir_all(Path::new(&path).parent().unwrap()).unwrap();
+        assert!(std::process::Command::new("mkfifo").arg(&path).status().unwrap().success());
+        path
+    };
+    let pipe = pipe_at("pipe");
+    let variant = format!("a: --config {pipe}");
+    let fresh = |name: &str| place.bench(name, 3, &[]);
+    let words = |words: &[&str]| words.iter().map(|&word| word.to_owned()).collect::<Vec<_>>();
+    for name in ["results/results.jsonl", "locked/.bench.lock", "charts/.chart-files"] {
+        pipe_at(name);
+    }
+    let charts = place.path("charts");
+    for (arguments, name, code) in [
+        (place.bench("b", 3, &["--config", &pipe]), "pipe", 3),
+        (place.bench("b", 3, &["--variant", &variant]), "pipe", 3),
+        (fresh("results"), "results.jsonl", 2),
+        (fresh("locked"), ".bench.lock", 2),
+        (words(&["chart", &pipe, "-o", &place.path("out")]), "pipe", 3),
+        (words(&["chart", &place.path("none.jsonl"), "-o", &charts, "--force"]), ".chart-files", 3),
+    ] {
+        let mut command = Command::cargo_bin("litetex").unwrap();
+        let output = command.args(&arguments).timeout(std::time::Duration::from_secs(120)).output().unwrap();
+        let stderr = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(code), "{arguments:?}: {stderr}");
+        let what = format!("{name}: ");
+        assert!(stderr.contains(&what) && stderr.contains("a device or a pipe"), "{arguments:?}: {stderr}");
+    }
+    assert_eq!(names_in(Path::new(&place.path("results"))).len(), 1, "nothing was made");
 }
 
 #[test]
@@ -330,7 +390,7 @@ fn a_dry_run_writes_nothing_and_renaming_repeats_no_run() {
     assert!(
         list.contains("--policy plain")
             && list.contains("--policy fixed:4")
-            && list.contains("4 of 4 runs to make"),
+            && list.contains("4 of 4 runs left"),
         "{list}"
     );
     assert!(!Path::new(&place.path("b")).exists());

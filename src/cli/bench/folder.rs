@@ -3,7 +3,7 @@
 use super::BenchArgs;
 use crate::cli::lab;
 use crate::cli::log::Log;
-use litetex_gs::{Error, Result};
+use litetex_gs::{Error, Result, atomic_file};
 use litetex_lab::results::{self, Record};
 use std::fs::{File, TryLockError};
 use std::io::ErrorKind;
@@ -32,6 +32,8 @@ pub fn open(args: &BenchArgs, file: &Path, log: &Log) -> Result<(Vec<Record>, Op
             folder.display()
         )));
     }
+    atomic_file::check_place(file)?;
+    check_results(folder, file)?;
     if args.force {
         check_ours(folder)?;
     }
@@ -46,6 +48,23 @@ pub fn open(args: &BenchArgs, file: &Path, log: &Log) -> Result<(Vec<Record>, Op
         remove_runs(&folder.join(RUNS))?;
     }
     Ok((read_results(file, log)?, Some(lock)))
+}
+
+/// Refuses results of which none is usable, where no benchmark has left its lock file: someone else's. With the lock, a
+/// power cut may have left half a line.
+fn check_results(folder: &Path, file: &Path) -> Result<()> {
+    if !file.exists() || folder.join(LOCK).exists() {
+        return Ok(());
+    }
+    let (records, found) = results::read(file).map_err(lab::error)?;
+    if !records.is_empty() {
+        return Ok(());
+    }
+    let why = found.warnings.first().map_or("it is empty".to_owned(), |w| w.message.clone());
+    Err(Error::Usage(format!(
+        "{}: no usable results, so litetex bench did not create it: {why}; choose another folder",
+        file.display()
+    )))
 }
 
 /// Refuses to delete results and runs where no benchmark has left its lock file.
@@ -90,6 +109,7 @@ fn is_name_of_run(name: &str) -> bool {
 fn lock(folder: &Path) -> Result<File> {
     std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
     let path = folder.join(LOCK);
+    atomic_file::check_place(&path)?;
     let file = File::create(&path).map_err(|e| Error::io(&path, e))?;
     match file.try_lock() {
         Err(TryLockError::WouldBlock) => Err(Error::Usage(format!(

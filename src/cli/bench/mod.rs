@@ -105,10 +105,10 @@ pub fn run(args: &BenchArgs, threads: Option<u16>, log: &Log) -> anyhow::Result<
     let build = build();
     log.report(&messages::other_builds(&known, &build, &file));
     let left: Vec<&Cell> = cells.iter().filter(|c| !is_done(&known, c, args.retry_failed)).collect();
+    check_captures(&left).map_err(lab::error)?;
     if args.dry_run {
         return Ok(messages::list(&cells, &left, &known)?);
     }
-    check_captures(&left).map_err(lab::error)?;
     rename(&cells, &known, &file)?;
     if parts > 1 {
         log.info(&format!("part {part} of {parts}: {} of {total} runs", cells.len()));
