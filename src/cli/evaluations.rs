@@ -1,6 +1,6 @@
 //! Evaluation folders of a run: published atomically; deleting one removes only files that evaluations write.
 
-use super::view_files::PER_VIEW;
+use super::view_files::{ERROR_MAPS, PER_VIEW, image_names, views_of_table};
 use litetex_gs::{Error, Result};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -59,36 +59,49 @@ impl Drop for StagedFolder {
 /// Moves a new evaluation to its place. Files there that no evaluation writes stay next to it.
 fn replace_evaluation(staging: &Path, target: &Path) -> Result<()> {
     remove_evaluation(target, true)?;
-    if !target.exists() {
-        return fs::rename(staging, target).map_err(|e| Error::io(target, e));
-    }
-    for entry in entries(staging)? {
-        let place = target.join(entry.file_name().unwrap_or_default());
-        if entry.is_dir() && place.is_dir() {
-            replace_evaluation(&entry, &place)?;
-        } else {
-            fs::rename(&entry, &place).map_err(|e| Error::io(&place, e))?;
-        }
-    }
-    remove(staging)
+    merge(staging, target)
 }
 
-/// Deletes the images of an evaluation, its table if `table` says so, and the folders that are empty then.
+/// Moves a folder to its place, or what it holds next to what is there. A link there is replaced, not followed.
+fn merge(from: &Path, to: &Path) -> Result<()> {
+    if to.is_symlink() {
+        fs::remove_file(to).map_err(|e| Error::io(to, e))?;
+    }
+    if !(is_folder(from) && is_folder(to)) {
+        return fs::rename(from, to).map_err(|e| Error::io(to, e));
+    }
+    for entry in entries(from)? {
+        merge(&entry, &to.join(entry.file_name().unwrap_or_default()))?;
+    }
+    remove(from)
+}
+
+/// Deletes the images of an evaluation, its table if `table` says so, and the folders that are empty then. Which images
+/// are its own, the table tells: a folder without it is no evaluation, and other files stay.
 ///
 /// # Errors
 /// [`Error::Io`].
 pub fn remove_evaluation(folder: &Path, table: bool) -> Result<()> {
-    for entry in entries_or_none(folder)? {
-        let is_link = entry.is_symlink();
-        if entry.is_dir() && !is_link {
-            remove_evaluation(&entry, table)?;
-        } else if entry.extension().is_some_and(|e| e == "png")
-            || (table && name_of(&entry) == Some(PER_VIEW))
-        {
-            remove(&entry)?;
-        }
+    let Some(views) = is_folder(folder).then(|| views_of_table(folder)).flatten() else { return Ok(()) };
+    for name in views.iter().flat_map(|view| image_names(view)) {
+        remove_inner(folder, &name)?;
+        remove_inner(folder, &Path::new(ERROR_MAPS).join(name))?;
+    }
+    if table {
+        // The last, since without it the images could not be told from others.
+        remove_inner(folder, Path::new(PER_VIEW))?;
     }
     remove_if_empty(folder)
+}
+
+/// Deletes the file `name` below `folder`, and the folders on the way to it that are empty then; follows no links.
+fn remove_inner(folder: &Path, name: &Path) -> Result<()> {
+    let between = || name.ancestors().skip(1).filter(|inner| !inner.as_os_str().is_empty());
+    if between().any(|inner| !is_folder(&folder.join(inner))) {
+        return Ok(());
+    }
+    remove_file(&folder.join(name))?;
+    between().try_for_each(|inner| remove_if_empty(&folder.join(inner)))
 }
 
 /// Deletes the folders under construction that interrupted evaluations have left in `folder`.
@@ -97,11 +110,27 @@ pub fn remove_evaluation(folder: &Path, table: bool) -> Result<()> {
 /// [`Error::Io`].
 pub fn remove_staged(folder: &Path) -> Result<()> {
     for entry in entries_or_none(folder)? {
-        if name_of(&entry).is_some_and(|name| name.starts_with('.') && name.ends_with(STAGED)) {
+        if is_staged(&entry) && is_folder(&entry) {
             remove(&entry)?;
         }
     }
     Ok(())
+}
+
+/// Whether a name is one that [`StagedFolder::new`] gives.
+fn is_staged(path: &Path) -> bool {
+    let inner = name_of(path).and_then(|name| name.strip_prefix('.')?.strip_suffix(STAGED));
+    inner.and_then(step_of_name).is_some()
+}
+
+/// Name of the folder with the evaluation after `step`.
+pub fn name_of_step(step: u32) -> String {
+    format!("{step:06}")
+}
+
+/// The step that [`name_of_step`] made a name of.
+pub fn step_of_name(name: &str) -> Option<u32> {
+    name.parse().ok().filter(|step| name_of_step(*step) == name)
 }
 
 /// The name of a file or folder, if it is Unicode.
@@ -127,22 +156,40 @@ pub fn entries(folder: &Path) -> Result<Vec<PathBuf>> {
         .map_err(|e| Error::io(folder, e))
 }
 
-/// Deletes a folder that is empty.
+/// Deletes a folder that is empty; links stay.
 ///
 /// # Errors
 /// [`Error::Io`].
 pub fn remove_if_empty(folder: &Path) -> Result<()> {
-    if folder.is_dir() && entries(folder)?.is_empty() {
+    if is_folder(folder) && entries(folder)?.is_empty() {
         fs::remove_dir(folder).map_err(|e| Error::io(folder, e))?;
     }
     Ok(())
+}
+
+/// Whether a path is a folder itself, not a link to one.
+pub fn is_folder(path: &Path) -> bool {
+    fs::symlink_metadata(path).is_ok_and(|facts| facts.is_dir())
+}
+
+/// Deletes a file or a link, if it exists. Folders, devices and pipes stay: whoever made them, it was no run.
+///
+/// # Errors
+/// [`Error::Io`].
+pub fn remove_file(path: &Path) -> Result<()> {
+    match fs::symlink_metadata(path) {
+        Ok(facts) if facts.is_file() || facts.is_symlink() => {
+            fs::remove_file(path).map_err(|e| Error::io(path, e))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// Deletes a file or a folder with all its contents, if it exists.
 ///
 /// # Errors
 /// [`Error::Io`].
-pub fn remove(path: &Path) -> Result<()> {
+fn remove(path: &Path) -> Result<()> {
     let removed = match fs::symlink_metadata(path) {
         Ok(meta) if meta.is_dir() => fs::remove_dir_all(path),
         Ok(_) => fs::remove_file(path),
@@ -155,6 +202,21 @@ pub fn remove(path: &Path) -> Result<()> {
 mod tests {
     use super::*;
 
+    /// A table of one view, `a.jpg`; the second figure tells tables apart.
+    fn table(figure: &str) -> String {
+        format!("name,psnr,grad_psnr,ssim_3dgs,ssim_valid,flip\na.jpg,{figure},1,1,1,1\n")
+    }
+
+    fn publish(target: &Path, figure: &str) {
+        let staged = StagedFolder::new(target.to_owned()).unwrap();
+        fs::create_dir(staged.path().join("error")).unwrap();
+        for name in ["a.png", "error/a.png"] {
+            fs::write(staged.path().join(name), figure).unwrap();
+        }
+        fs::write(staged.path().join(PER_VIEW), table(figure)).unwrap();
+        assert_eq!(staged.publish().unwrap(), target);
+    }
+
     #[test]
     fn evaluations_are_published_atomically_and_keep_other_files() {
         let dir = tempfile::tempdir().unwrap();
@@ -163,21 +225,74 @@ mod tests {
         fs::write(staged.path().join("a.png"), "x").unwrap();
         drop(staged);
         assert!(entries(&dir.path().join("eval")).unwrap().is_empty());
-        let mine = target.join("error/notes.txt");
-        for content in ["first", "second"] {
-            let staged = StagedFolder::new(target.clone()).unwrap();
-            fs::create_dir(staged.path().join("error")).unwrap();
-            for name in ["a.png", "error/a.png", PER_VIEW] {
-                fs::write(staged.path().join(name), content).unwrap();
-            }
-            assert_eq!(staged.publish().unwrap(), target);
-            fs::write(&mine, "mine").unwrap();
+        let mine = ["notes.txt", "comparison.png", "error/comparison.png", "b.csv"].map(|n| target.join(n));
+        for figure in ["1", "2"] {
+            publish(&target, figure);
+            mine.iter().for_each(|file| fs::write(file, "mine").unwrap());
         }
-        assert_eq!(fs::read_to_string(target.join("error/a.png")).unwrap(), "second");
+        assert_eq!(fs::read_to_string(target.join("error/a.png")).unwrap(), "2");
         remove_evaluation(&target, false).unwrap();
         assert!(!target.join("a.png").exists() && target.join(PER_VIEW).exists());
         remove_evaluation(&target, true).unwrap();
-        assert!(!target.join(PER_VIEW).exists() && mine.exists());
+        assert!(!target.join(PER_VIEW).exists() && mine.iter().all(|file| file.exists()));
         assert_eq!(entries(&dir.path().join("eval")).unwrap().len(), 1, "nothing staged is left");
+        // Without other files the folder goes too.
+        let target = dir.path().join("eval/000400");
+        publish(&target, "1");
+        remove_evaluation(&target, true).unwrap();
+        assert!(!target.exists());
+    }
+
+    #[test]
+    fn a_folder_with_the_table_of_someone_else_stays_whole() {
+        let dir = tempfile::tempdir().unwrap();
+        for text in [None, Some("name,psnr\na.jpg,1\n")] {
+            fs::write(dir.path().join("a.png"), "mine").unwrap();
+            if let Some(text) = text {
+                fs::write(dir.path().join(PER_VIEW), text).unwrap();
+            }
+            remove_evaluation(dir.path(), true).unwrap();
+            assert!(dir.path().join("a.png").exists(), "{text:?}");
+        }
+    }
+
+    #[test]
+    fn only_leftovers_of_evaluations_are_deleted() {
+        let dir = tempfile::tempdir().unwrap();
+        for name in [".000300.part", ".1000000.part", ".thesis.part", ".0003000.part", "000300.part"] {
+            fs::create_dir(dir.path().join(name)).unwrap();
+        }
+        fs::write(dir.path().join(".000400.part"), "mine").unwrap();
+        remove_staged(dir.path()).unwrap();
+        let mut left = entries(dir.path()).unwrap();
+        left.sort();
+        let names: Vec<_> = left.iter().filter_map(|path| name_of(path)).collect();
+        assert_eq!(names, [".0003000.part", ".000400.part", ".thesis.part", "000300.part"]);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn links_to_folders_of_others_are_not_followed() {
+        use std::os::unix::fs::symlink;
+        let dir = tempfile::tempdir().unwrap();
+        let (photos, target) = (dir.path().join("photos"), dir.path().join("000300"));
+        fs::create_dir(&photos).unwrap();
+        let mine = [("a.png", "mine".to_owned()), (PER_VIEW, table("9"))];
+        mine.iter().for_each(|(name, text)| fs::write(photos.join(name), text).unwrap());
+        let is_whole =
+            || mine.iter().all(|(name, text)| fs::read_to_string(photos.join(name)).unwrap() == *text);
+        symlink(&photos, &target).unwrap();
+        remove_evaluation(&target, true).unwrap();
+        assert!(is_whole() && target.is_symlink());
+        // A new evaluation takes the place of the link.
+        publish(&target, "1");
+        assert!(is_whole() && is_folder(&target));
+        // The same further in.
+        fs::remove_dir_all(target.join("error")).unwrap();
+        symlink(&photos, target.join("error")).unwrap();
+        remove_evaluation(&target, false).unwrap();
+        assert!(is_whole() && !target.join("a.png").exists());
+        publish(&target, "2");
+        assert!(is_whole() && is_folder(&target.join("error")));
     }
 }

@@ -1,8 +1,8 @@
 //! The folder of a run: its layout, its lock, and what may be deleted. The contents of the files are written elsewhere.
 
 use super::evaluations::{
-    StagedFolder, entries, entries_or_none, name_of, remove, remove_evaluation, remove_if_empty,
-    remove_staged,
+    StagedFolder, entries, entries_or_none, is_folder, name_of, name_of_step, remove_evaluation, remove_file,
+    remove_if_empty, remove_staged, step_of_name,
 };
 use litetex_gs::{Error, Result};
 use std::fs::{self, File, TryLockError};
@@ -115,7 +115,7 @@ impl RunFolder {
 
     /// Folder with the images and figures of the evaluation after `step`.
     pub fn eval(&self, step: u32) -> PathBuf {
-        self.root.join(EVALUATIONS).join(format!("{step:06}"))
+        self.root.join(EVALUATIONS).join(name_of_step(step))
     }
 
     /// Path of the checkpoint after `step`; its folder is made.
@@ -143,7 +143,7 @@ impl RunFolder {
     pub fn remove_after(&self, step: u32) -> Result<()> {
         for entry in entries_or_none(&self.root.join(CHECKPOINTS))? {
             if step_of_checkpoint_file(&entry).is_some_and(|s| s > step) {
-                remove(&entry)?;
+                remove_file(&entry)?;
             }
         }
         for entry in entries_or_none(&self.root.join(EVALUATIONS))? {
@@ -165,14 +165,14 @@ impl RunFolder {
     /// Deletes what a run has written. Anything else stays, and with it the folders that hold it.
     fn delete_run(&self) -> Result<()> {
         for name in FILES {
-            remove(&self.root.join(name))?;
+            remove_file(&self.root.join(name))?;
         }
         let checkpoints = self.root.join(CHECKPOINTS);
         for entry in entries_or_none(&checkpoints)? {
             let is_leftover =
                 name_of(&entry).is_some_and(|n| n.starts_with(".step-") && n.ends_with(".part"));
             if is_leftover || step_of_checkpoint_file(&entry).is_some() {
-                remove(&entry)?;
+                remove_file(&entry)?;
             }
         }
         let evaluations = self.root.join(EVALUATIONS);
@@ -263,9 +263,9 @@ fn step_of(path: &Path, suffix: &str) -> Option<u32> {
     name_of(path)?.strip_prefix("step-")?.strip_suffix(suffix)?.parse().ok()
 }
 
-/// The step of a folder with an evaluation.
+/// The step of a folder with an evaluation. A link to a folder is none: what lies there is not the run's.
 fn step_of_evaluation(path: &Path) -> Option<u32> {
-    name_of(path).filter(|name| name.len() >= 6 && path.is_dir())?.parse().ok()
+    name_of(path).filter(|_| is_folder(path)).and_then(step_of_name)
 }
 
 #[cfg(test)]
@@ -278,8 +278,12 @@ mod tests {
         for name in names {
             let path = dir.path().join(name);
             fs::create_dir_all(path.parent().unwrap()).unwrap();
-            let settings = "version = \"0.1.0\"\n[train]\n";
-            fs::write(path, if *name == "config.toml" { settings } else { "x" }).unwrap();
+            let text = match path.file_name().and_then(|name| name.to_str()) {
+                Some("config.toml") => "version = \"0.1.0\"\n[train]\n",
+                Some(PER_VIEW) => TABLE,
+                _ => "x",
+            };
+            fs::write(path, text).unwrap();
         }
         dir
     }
@@ -295,6 +299,10 @@ mod tests {
         }
         found.sort();
         found
+    use crate::cli::view_files::PER_VIEW;
+
+    /// Of one view, `a/0001.jpg`.
+    const TABLE: &str = "name,psnr,grad_psnr,ssim_3dgs,ssim_valid,flip\na/0001.jpg,1,1,1,1,1\n";
     }
 
     #[test]
@@ -316,7 +324,7 @@ mod tests {
             "checkpoints/.step-000020.safetensors.7.part",
             "checkpoints/step-final.safetensors",
             "eval/000010/a/0001.png",
-            "eval/000010/error/0001.png",
+            "eval/000010/error/a/0001.png",
             "eval/000010/per_view.csv",
             "eval/000010/notes.txt",
             "eval/2024/trip.png",
@@ -342,8 +350,10 @@ mod tests {
         let error = RunFolder::create(dir.path(), true).unwrap_err();
         let named = error.to_string().contains(&dir.path().display().to_string());
         assert!(error.exit_code() == 2 && named, "{error}");
+            "eval/000010/comparison.png",
         drop(first);
         // The file is still there.
+            "eval/20240101/trip/beach.png",
         assert_eq!(files_below(dir.path()), [LOCK]);
         RunFolder::create(dir.path(), false).unwrap();
     }
@@ -352,8 +362,10 @@ mod tests {
     fn the_last_checkpoint_is_the_one_with_the_highest_step() {
         let dir = tempfile::tempdir().unwrap();
         assert_eq!(find_checkpoint(dir.path()).unwrap_err().exit_code(), 3);
+            "eval/000010/comparison.png",
         let run = RunFolder::create(dir.path(), false).unwrap();
         for step in [999_999, 1_000_000, 300] {
+            "eval/20240101/trip/beach.png",
             fs::write(run.checkpoint(step).unwrap(), "").unwrap();
         }
         fs::write(dir.path().join("checkpoints/.step-2000000.safetensors.1.part"), "").unwrap();
@@ -371,3 +383,4 @@ mod tests {
         assert!(!dir.path().join("checkpoints/step-999999.history.json").exists());
     }
 }
+            fs::write(run.eval(step).join(PER_VIEW), TABLE).unwrap();

@@ -4,12 +4,18 @@ use litetex_gs::backend::RenderedImage;
 use litetex_gs::eval::{Evaluation, error_map, quantised};
 use litetex_gs::image::{Channels, write_png};
 use litetex_gs::views::ViewSource;
-use litetex_gs::{Error, Result, atomic_file};
+use litetex_gs::{Error, Result, atomic_file, input_file};
 use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Name of the table with the figures of each view.
 pub const PER_VIEW: &str = "per_view.csv";
+/// First line of the table.
+const PER_VIEW_HEAD: &str = "name,psnr,grad_psnr,ssim_3dgs,ssim_valid,flip";
+/// Folder of the error maps.
+pub const ERROR_MAPS: &str = "error";
+/// Largest table that is read.
+const TABLE_BYTES_MAX: u64 = 1 << 28;
 
 /// Writes a rendered view and its error map below `folder`, under the photo's name.
 ///
@@ -25,7 +31,7 @@ pub fn write_view(folder: &Path, views: &dyn ViewSource, view: usize, image: &Re
         write_png(&path, image.width_px, image.height_px, Channels::Rgb, rgb)
     };
     put(folder.join(&name), &quantised(&image.rgb))?;
-    put(folder.join("error").join(&name), &error_map(&image.rgb, &target))
+    put(folder.join(ERROR_MAPS).join(&name), &error_map(&image.rgb, &target))
 }
 
 /// File name for images of a view: the photo's with the extension `png`, or with `png` appended where two photos
@@ -34,7 +40,18 @@ pub fn image_name(views: &dyn ViewSource, view: usize) -> PathBuf {
     let name = views.name(view);
     let stem = |name: &str| Path::new(name).with_extension("");
     let shared = (0..views.num_views()).any(|v| v != view && stem(views.name(v)) == stem(name));
-    let name = if shared { format!("{name}.png") } else { format!("{}.png", stem(name).display()) };
+    let [plain, appended] = image_names(name);
+    if shared { appended } else { plain }
+}
+
+/// The names that images of a view may have, see [`image_name`]: by themselves, views do not tell which it is.
+pub fn image_names(name: &str) -> [PathBuf; 2] {
+    let plain = Path::new(name).with_extension("");
+    [format!("{}.png", plain.display()), format!("{name}.png")].map(|name| inner_path(&name))
+}
+
+/// The path below a folder that a name means; never leads out of it.
+fn inner_path(name: &str) -> PathBuf {
     let parts = name.split(['/', '\\']).filter(|part| !matches!(*part, "" | "." | ".."));
     parts.map(|part| part.replace(':', "_")).collect()
 }
@@ -44,7 +61,7 @@ pub fn image_name(views: &dyn ViewSource, view: usize) -> PathBuf {
 /// # Errors
 /// [`Error::Io`].
 pub fn write_per_view(folder: &Path, evaluation: &Evaluation) -> Result<()> {
-    let mut text = String::from("name,psnr,grad_psnr,ssim_3dgs,ssim_valid,flip\n");
+    let mut text = format!("{PER_VIEW_HEAD}\n");
     for v in &evaluation.per_view {
         let name = if v.name.contains([',', '"', '\n']) {
             format!("\"{}\"", v.name.replace('"', "\"\""))
@@ -57,4 +74,67 @@ pub fn write_per_view(folder: &Path, evaluation: &Evaluation) -> Result<()> {
         ));
     }
     atomic_file::write(&folder.join(PER_VIEW), text.as_bytes())
+}
+
+/// Names of the views in the table that [`write_per_view`] wrote into a folder; `None` if there is no such table.
+pub fn views_of_table(folder: &Path) -> Option<Vec<String>> {
+    let path = folder.join(PER_VIEW);
+    if path.is_symlink() {
+        return None;
+    }
+    let text = input_file::read_text(&path, TABLE_BYTES_MAX).ok()?;
+    let mut rows = text.strip_prefix(PER_VIEW_HEAD)?.strip_prefix('\n')?;
+    let mut names = Vec::new();
+    while !rows.is_empty() {
+        let (name, figures) = first_field(rows)?;
+        names.push(name);
+        rows = figures.split_once('\n').map_or("", |(_, rest)| rest);
+    }
+    Some(names)
+}
+
+/// The first field of a row and what follows it.
+fn first_field(row: &str) -> Option<(String, &str)> {
+    let Some(quoted) = row.strip_prefix('"') else {
+        let (name, rest) = row.split_once(',')?;
+        return Some((name.to_owned(), rest));
+    };
+    // A quote in a name is doubled.
+    let mut from = 0;
+    loop {
+        let end = from + quoted[from..].find('"')?;
+        match quoted[end + 1..].strip_prefix('"') {
+            Some(_) => from = end + 2,
+            None => return Some((quoted[..end].replace("\"\"", "\""), &quoted[end + 1..])),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use litetex_gs::eval::ViewQuality;
+
+    #[test]
+    fn names_of_views_are_read_back_from_the_table() {
+        let folder = tempfile::tempdir().unwrap();
+        assert_eq!(views_of_table(folder.path()), None);
+        let names = ["a/0001.jpg", "one, \"two\"\nthree.jpg", "\"", "ü.png"];
+        let of_view = |name: &str| ViewQuality {
+            name: name.to_owned(),
+            psnr: 20.5,
+            grad_psnr: 20.5,
+            ssim_3dgs: 0.5,
+            ssim_valid: 0.5,
+            flip: 0.5,
+        };
+        let evaluation = Evaluation::from_views(names.map(of_view).to_vec()).unwrap();
+        write_per_view(folder.path(), &evaluation).unwrap();
+        assert_eq!(views_of_table(folder.path()).unwrap(), names);
+        // Tables of others.
+        for text in ["", "x", "name,psnr\na,1\n", &format!("{PER_VIEW_HEAD}\n\"a\n")] {
+            fs::write(folder.path().join(PER_VIEW), text).unwrap();
+            assert_eq!(views_of_table(folder.path()), None, "{text}");
+        }
+    }
 }
