@@ -6,10 +6,20 @@ use assert_cmd::Command;
 use serde_json::Value;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// For commands that could wait for the other end of a pipe.
+const TIMEOUT: Duration = Duration::from_secs(300);
 
 /// Exit code, standard output, standard error.
 fn run(arguments: &[&str]) -> (i32, String, String) {
-    let output = Command::cargo_bin("litetex").unwrap().args(arguments).output().unwrap();
+    run_in(".", arguments)
+}
+
+/// [`run`] in another working directory.
+fn run_in(folder: &str, arguments: &[&str]) -> (i32, String, String) {
+    let mut command = Command::cargo_bin("litetex").unwrap();
+    let output = command.current_dir(folder).args(arguments).timeout(TIMEOUT).output().unwrap();
     let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
     (output.status.code().unwrap_or(-1), text(output.stdout), text(output.stderr))
 }
@@ -434,6 +444,118 @@ fn an_older_checkpoint_resumes_only_elsewhere_or_with_force() {
     // Step 6 is gone.
     assert_eq!((found(&checkpoints, "safetensors"), found(&checkpoints, "history")), (2, 2));
     assert_eq!(found(&evaluations, "0000"), 2);
+}
+
+#[test]
+fn a_checkpoint_with_a_relative_path_resumes_in_its_run() {
+    let place = Place::new();
+    place.train("run", &["--steps", "9", "--save-every", "3", "--eval-every", "3"]);
+    let (run_dir, checkpoints) = (place.path("run"), place.path("run/checkpoints"));
+    let first = place.path("run/checkpoints/step-000003.safetensors");
+    let before = bytes_of(&first);
+    let name = "step-000006.safetensors";
+    let in_folder = format!("checkpoints/{name}");
+    for (folder, checkpoint, out) in [
+        (&run_dir, in_folder.as_str(), &[][..]),
+        (&run_dir, &in_folder, &["-o", "."]),
+        (&checkpoints, name, &[]),
+        (&checkpoints, name, &["-o", ".."]),
+    ] {
+        let resume = ["train", "--resume", checkpoint, "--save-every", "0", "--eval-every", "0", "-q"];
+        let resume = [&resume[..], &["--device", "cpu"], out].concat();
+        let (code, _, stderr) = run_in(folder, &resume);
+        assert!(code == 2 && stderr.contains("step-000009"), "{resume:?}: {code} {stderr}");
+        let (code, _, stderr) = run_in(folder, &[&resume[..], &["--force"]].concat());
+        assert_eq!(code, 0, "{resume:?}: {stderr}");
+        assert!(bytes_of(&first) == before);
+        assert_eq!(found(&checkpoints, "safetensors"), 3);
+        assert_eq!(place.json("run/summary.json")["resumed"]["from_step"], 6);
+        assert!(Path::new(&place.path("run/eval/000003/per_view.csv")).exists());
+        let metrics = fs::read_to_string(place.path("run/metrics.jsonl")).unwrap();
+        assert!(metrics.contains("\"step\":3"), "{metrics}");
+    }
+    // A run is not replaced by a continuation of what lies in it.
+    let copy = place.path("run/best.safetensors");
+    fs::copy(&first, &copy).unwrap();
+    let (code, _, stderr) = run(&["train", "--resume", &copy, "-o", &run_dir, "--force", "--device", "cpu"]);
+    assert!(code == 2 && stderr.contains("holds the checkpoint to continue from"), "{code} {stderr}");
+    assert!(bytes_of(&first) == before);
+}
+
+#[test]
+fn a_run_is_replaced_or_resumed_without_the_images_of_others() {
+    let place = Place::new();
+    place.train("run", &["--steps", "4", "--save-every", "2", "--eval-every", "2"]);
+    let names = [
+        "run/eval/000004/comparison.png",
+        "run/eval/000004/error/comparison.png",
+        "run/eval/20240101/trip/beach.png",
+        "run/eval/.thesis.part/chapter.doc",
+        "photos/view_0000.png",
+    ];
+    let mine = names.map(|name| place.path(name));
+    for file in &mine {
+        fs::create_dir_all(Path::new(file).parent().unwrap()).unwrap();
+        fs::write(file, "mine").unwrap();
+    }
+    let table = place.path("photos/per_view.csv");
+    fs::copy(place.path("run/eval/000004/per_view.csv"), &table).unwrap();
+    #[cfg(unix)]
+    std::os::unix::fs::symlink(place.path("photos"), place.path("run/eval/000777")).unwrap();
+    let check = |images: bool| {
+        mine.iter().for_each(|file| assert_eq!(fs::read_to_string(file).unwrap(), "mine", "{file}"));
+        assert!(Path::new(&table).exists());
+        assert_eq!(Path::new(&place.path("run/eval/000004/view_0000.png")).exists(), images);
+    };
+    check(true);
+    let older = place.path("run/checkpoints/step-000002.safetensors");
+    ok(&["train", "--resume", &older, "--steps", "3", "--force", "--device", "cpu", "-q"]);
+    check(false);
+    ok(&["train", "--resume", &place.path("run"), "--steps", "4", "--device", "cpu", "-q"]);
+    check(true);
+    place.train("run", &["--steps", "1", "--force"]);
+    check(false);
+}
+
+#[test]
+fn force_covers_the_files_of_export_as_the_help_says() {
+    let place = Place::new();
+    let (capture, out, asset) = (place.path("capture"), place.path("run"), place.path("scene.ply"));
+    fs::write(&asset, "mine").unwrap();
+    let train = ["train", &capture, "-o", &out, "--steps", "2", "--device", "cpu", "-q", "--export", &asset];
+    let (code, _, stderr) = run(&train);
+    assert!(code == 2 && stderr.contains("scene.ply") && stderr.contains("--force"), "{code} {stderr}");
+    assert_eq!(fs::read_to_string(&asset).unwrap(), "mine");
+    ok(&[&train[..], &["--force"]].concat());
+    assert!(fs::read(&asset).unwrap() != b"mine");
+    let words = ok(&["train", "--help"]).split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(words.contains("the files of --export"), "{words}");
+}
+
+#[cfg(unix)]
+#[test]
+fn pipes_in_a_run_are_refused_instead_of_waited_for() {
+    let place = Place::new();
+    place.train("run", &["--steps", "2"]);
+    let run_dir = place.path("run");
+    let resume = ["train", "--resume", &run_dir, "--steps", "4", "--device", "cpu"];
+    let eval = ["eval", &run_dir, "--device", "cpu"];
+    for (name, arguments, code) in [
+        (".litetex-train.lock", &resume[..], 2),
+        ("metrics.jsonl", &resume, 2),
+        ("checkpoints/step-000002.history.json", &resume, 3),
+        ("checkpoints/step-000002.safetensors", &resume, 3),
+        ("checkpoints/step-000002.safetensors", &eval, 3),
+    ] {
+        let (path, kept) = (place.path(&format!("run/{name}")), place.path("kept"));
+        fs::rename(&path, &kept).unwrap();
+        assert!(std::process::Command::new("mkfifo").arg(&path).status().unwrap().success());
+        let (found, _, stderr) = run(arguments);
+        assert!(found == code && stderr.contains(name) && stderr.contains("pipe"), "{found} {stderr}");
+        fs::rename(&kept, &path).unwrap();
+    }
+    // Negative control.
+    ok(&[&resume[..], &["-q"]].concat());
 }
 
 #[test]

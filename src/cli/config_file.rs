@@ -24,7 +24,7 @@ const NOT_SHAPING: [&str; 9] = [
 ];
 
 /// Largest configuration file that is read.
-const FILE_BYTES_MAX: u64 = 1 << 20;
+pub const FILE_BYTES_MAX: u64 = 1 << 20;
 
 /// Settings of a run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

@@ -1,10 +1,11 @@
 //! The folder of a run: its layout, its lock, and what may be deleted. The contents of the files are written elsewhere.
 
+use super::config_file::{FILE_BYTES_MAX, RunConfig};
 use super::evaluations::{
     StagedFolder, entries, entries_or_none, is_folder, name_of, name_of_step, remove_evaluation, remove_file,
     remove_if_empty, remove_staged, step_of_name,
 };
-use litetex_gs::{Error, Result};
+use litetex_gs::{Error, Result, atomic_file, input_file};
 use std::fs::{self, File, TryLockError};
 use std::path::{Path, PathBuf};
 
@@ -30,9 +31,10 @@ impl RunLock {
     /// Locks a folder that exists.
     ///
     /// # Errors
-    /// [`Error::Usage`] if another training holds the lock, [`Error::Io`].
+    /// [`Error::Usage`] if another training holds the lock or the place of its file is taken, [`Error::Io`].
     pub fn take(root: &Path) -> Result<Self> {
         let path = root.join(LOCK);
+        atomic_file::check_place(&path)?;
         let file = File::options().write(true).create(true).truncate(false).open(&path);
         let file = file.map_err(|e| Error::io(&path, e))?;
         match file.try_lock() {
@@ -87,8 +89,9 @@ impl RunFolder {
     /// The folder of a run that is continued; leftovers of an interrupted evaluation are deleted.
     ///
     /// # Errors
-    /// [`Error::Io`].
+    /// [`Error::Usage`] if the place of a file is taken by a device, a pipe or a folder; [`Error::Io`].
     pub fn reopen(root: &Path, lock: RunLock) -> Result<Self> {
+        FILES.iter().try_for_each(|name| atomic_file::check_place(&root.join(name)))?;
         let folder = Self { root: root.to_owned(), _lock: lock };
         remove_staged(&folder.root.join(EVALUATIONS))?;
         Ok(folder)
@@ -199,6 +202,11 @@ pub fn check_empty(folder: &Path) -> Result<()> {
 
 /// Whether a folder does not exist or holds nothing but the file of a lock.
 fn is_empty_or_missing(folder: &Path) -> Result<bool> {
+    if folder.as_os_str().is_empty() {
+        return Err(Error::Usage(
+            "the name of the output folder is empty; name a folder, or . for this one".into(),
+        ));
+    }
     if !folder.exists() {
         return Ok(true);
     }
@@ -211,9 +219,12 @@ fn is_empty_or_missing(folder: &Path) -> Result<bool> {
 /// Whether a run has written into a folder: the first thing it writes are its settings, with the version.
 pub fn is_run(folder: &Path) -> bool {
     let file = folder.join("config.toml");
-    let settings = file.is_file().then(|| fs::read_to_string(&file).ok()).flatten();
-    let settings = settings.and_then(|text| text.parse::<toml::Table>().ok());
-    settings.is_some_and(|table| table.contains_key("version") && table.contains_key("train"))
+    let Ok(text) = input_file::read_text(&file, FILE_BYTES_MAX) else { return false };
+    let settings = text.parse::<toml::Table>().unwrap_or_default();
+    // Settings of other programs may have both, but not only keys of ours.
+    settings.contains_key("version")
+        && settings.contains_key("train")
+        && RunConfig::parse(&file, &text).is_ok()
 }
 
 /// The checkpoint that a file is, or the last one in the folder of a run.
@@ -248,10 +259,23 @@ fn checkpoints(run: &Path) -> Result<Vec<(u32, PathBuf)>> {
     Ok(found)
 }
 
-/// The run's folder that a checkpoint lies in, if it does.
-pub fn run_of_checkpoint(checkpoint: &Path) -> Option<&Path> {
-    let folder = checkpoint.parent()?;
-    (folder.file_name()? == CHECKPOINTS).then(|| folder.parent())?
+/// The run's folder that a checkpoint lies in, if it does; absolute, since of `checkpoints/step-000300.safetensors` alone
+/// it would have no name.
+pub fn run_of_checkpoint(checkpoint: &Path) -> Option<PathBuf> {
+    let absolute = std::path::absolute(checkpoint).ok()?;
+    let folder = absolute.parent()?;
+    // The folder of the checkpoints may be a link to another disk, and `..` has no name of its own.
+    let run_of = |folder: &Path| {
+        let run = folder.file_name().filter(|name| *name == CHECKPOINTS).and(folder.parent());
+        run.map(Path::to_owned)
+    };
+    run_of(folder).or_else(|| run_of(&folder.canonicalize().ok()?))
+}
+
+/// Whether a checkpoint is among the files of the folder of a run, under whatever name, and so would be deleted with them.
+pub fn holds_checkpoint(run: &Path, checkpoint: &Path) -> bool {
+    let Ok(checkpoint) = checkpoint.canonicalize() else { return false };
+    [run, &run.join(CHECKPOINTS)].iter().any(|f| f.canonicalize().is_ok_and(|f| checkpoint.starts_with(f)))
 }
 
 /// The step of a checkpoint or of its history.
@@ -271,6 +295,10 @@ fn step_of_evaluation(path: &Path) -> Option<u32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cli::view_files::PER_VIEW;
+
+    /// Of one view, `a/0001.jpg`.
+    const TABLE: &str = "name,psnr,grad_psnr,ssim_3dgs,ssim_valid,flip\na/0001.jpg,1,1,1,1,1\n";
 
     /// A folder with files of these names.
     fn folder_with(names: &[&str]) -> tempfile::TempDir {
@@ -299,10 +327,6 @@ mod tests {
         }
         found.sort();
         found
-    use crate::cli::view_files::PER_VIEW;
-
-    /// Of one view, `a/0001.jpg`.
-    const TABLE: &str = "name,psnr,grad_psnr,ssim_3dgs,ssim_valid,flip\na/0001.jpg,1,1,1,1,1\n";
     }
 
     #[test]
@@ -326,8 +350,10 @@ mod tests {
             "eval/000010/a/0001.png",
             "eval/000010/error/a/0001.png",
             "eval/000010/per_view.csv",
+            "eval/000010/comparison.png",
             "eval/000010/notes.txt",
             "eval/2024/trip.png",
+            "eval/20240101/trip/beach.png",
             "thesis.doc",
         ]);
         let error = RunFolder::create(dir.path(), false).unwrap_err();
@@ -336,11 +362,68 @@ mod tests {
         let left = [
             LOCK,
             "checkpoints/step-final.safetensors",
+            "eval/000010/comparison.png",
             "eval/000010/notes.txt",
             "eval/2024/trip.png",
+            "eval/20240101/trip/beach.png",
             "thesis.doc",
         ];
         assert_eq!(files_below(dir.path()), left);
+    }
+
+    #[test]
+    fn settings_of_another_program_make_no_run() {
+        for (settings, is_ours) in [
+            ("version = \"1.0\"\n[train]\nlearning_rate = 0.1\n", false),
+            ("version = \"1.0\"\n[package]\n", false),
+            ("[train]\nsteps = 3\n", false),
+            ("version = \"1.0\"\n", false),
+            ("version = \"0.1.0\"\n[train]\nsteps = 3\n", true),
+        ] {
+            let dir = folder_with(&["config.toml", "metrics.jsonl"]);
+            fs::write(dir.path().join("config.toml"), settings).unwrap();
+            let outcome = RunFolder::create(dir.path(), true);
+            assert_eq!(outcome.is_ok(), is_ours, "{settings}: {outcome:?}");
+            assert_eq!(dir.path().join("metrics.jsonl").exists(), !is_ours);
+        }
+    }
+
+    #[test]
+    fn a_folder_without_a_name_is_refused() {
+        let error = RunFolder::check_free(Path::new(""), true).unwrap_err();
+        assert!(error.exit_code() == 2 && error.to_string().contains("is empty"), "{error}");
+    }
+
+    #[test]
+    fn the_run_of_a_checkpoint_is_found_under_any_name() {
+        let dir =
+            folder_with(&["run/checkpoints/step-000010.safetensors", "run/checkpoints/old/x", "other/x"]);
+        let at = |name: &str| dir.path().join(name);
+        let run = at("run").canonicalize().unwrap();
+        for name in ["step-000010.safetensors", "old/../step-000010.safetensors"] {
+            let checkpoint = at("run/checkpoints").join(name);
+            assert_eq!(run_of_checkpoint(&checkpoint).unwrap().canonicalize().unwrap(), run, "{name}");
+            assert!(holds_checkpoint(&run, &checkpoint), "{name}");
+            assert!(!holds_checkpoint(&at("other"), &checkpoint), "{name}");
+        }
+        let here = std::env::current_dir().unwrap();
+        assert_eq!(run_of_checkpoint(Path::new("checkpoints/step-000010.safetensors")), Some(here));
+        assert_eq!(run_of_checkpoint(&at("other/step-000010.safetensors")), None);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn pipes_in_the_place_of_files_are_refused_and_stay() {
+        let config = "config.toml";
+        for name in [LOCK, "metrics.jsonl", "summary.json"] {
+            let dir = folder_with(&[config]);
+            let pipe = dir.path().join(name);
+            assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+            let error = RunFolder::create(dir.path(), true).unwrap_err();
+            let named = error.to_string().contains(name) && error.to_string().contains("pipe");
+            assert!(error.exit_code() == 2 && named, "{error}");
+            assert!(pipe.exists() && dir.path().join(config).exists());
+        }
     }
 
     #[test]
@@ -350,10 +433,8 @@ mod tests {
         let error = RunFolder::create(dir.path(), true).unwrap_err();
         let named = error.to_string().contains(&dir.path().display().to_string());
         assert!(error.exit_code() == 2 && named, "{error}");
-            "eval/000010/comparison.png",
         drop(first);
         // The file is still there.
-            "eval/20240101/trip/beach.png",
         assert_eq!(files_below(dir.path()), [LOCK]);
         RunFolder::create(dir.path(), false).unwrap();
     }
@@ -362,20 +443,19 @@ mod tests {
     fn the_last_checkpoint_is_the_one_with_the_highest_step() {
         let dir = tempfile::tempdir().unwrap();
         assert_eq!(find_checkpoint(dir.path()).unwrap_err().exit_code(), 3);
-            "eval/000010/comparison.png",
         let run = RunFolder::create(dir.path(), false).unwrap();
         for step in [999_999, 1_000_000, 300] {
-            "eval/20240101/trip/beach.png",
             fs::write(run.checkpoint(step).unwrap(), "").unwrap();
         }
         fs::write(dir.path().join("checkpoints/.step-2000000.safetensors.1.part"), "").unwrap();
         let last = find_checkpoint(dir.path()).unwrap();
         assert!(last.ends_with("checkpoints/step-1000000.safetensors"));
-        assert_eq!(run_of_checkpoint(&last), Some(dir.path()));
+        assert_eq!(run_of_checkpoint(&last).as_deref(), Some(dir.path()));
         assert_eq!(checkpoints_after(dir.path(), 300).unwrap().len(), 2);
         fs::write(dir.path().join("checkpoints/step-999999.history.json"), "").unwrap();
         for step in [300, 999_999] {
             fs::create_dir_all(run.eval(step)).unwrap();
+            fs::write(run.eval(step).join(PER_VIEW), TABLE).unwrap();
         }
         run.remove_after(300).unwrap();
         assert!(find_checkpoint(dir.path()).unwrap().ends_with("step-000300.safetensors"));
@@ -383,4 +463,3 @@ mod tests {
         assert!(!dir.path().join("checkpoints/step-999999.history.json").exists());
     }
 }
-            fs::write(run.eval(step).join(PER_VIEW), TABLE).unwrap();

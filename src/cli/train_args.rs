@@ -24,8 +24,8 @@ pub struct TrainArgs {
     /// Folder of the run
     #[arg(long, short, value_name = "RUN")]
     pub out: Option<PathBuf>,
-    /// Replace the run in the folder; other files are kept. With --resume CHECKPOINT in the folder of its run: delete the
-    /// later checkpoints and evaluations
+    /// Replace the run in the folder and the files of --export; other files are kept. With --resume CHECKPOINT in the
+    /// folder of its run: delete the later checkpoints and evaluations instead of the run
     #[arg(long)]
     pub force: bool,
     /// Continue a run from its last checkpoint, or from a given one [default: the run of --out]

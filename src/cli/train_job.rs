@@ -3,7 +3,9 @@
 use super::capture::Capture;
 use super::config_file::RunConfig;
 use super::log::Log;
-use super::run_folder::{RunFolder, RunLock, checkpoints_after, find_checkpoint, run_of_checkpoint};
+use super::run_folder::{
+    RunFolder, RunLock, checkpoints_after, find_checkpoint, holds_checkpoint, run_of_checkpoint,
+};
 use super::sources::config_of;
 use super::summary::Resumed;
 use super::train_args::TrainArgs;
@@ -51,7 +53,6 @@ impl TrainJob {
         let out = match (&args.out, &resumed) {
             (Some(out), _) => out.clone(),
             (None, Some((resume, _))) => run_of_checkpoint(&resume.checkpoint)
-                .map(Path::to_owned)
                 .ok_or_else(|| Error::Usage("--out: name the folder of the run".to_owned()))?,
             (None, None) => {
                 return Err(Error::Usage(
@@ -61,7 +62,8 @@ impl TrainJob {
         };
         let mut lock = None;
         if let Some((resume, before)) = &mut resumed {
-            resume.in_place = run_of_checkpoint(&resume.checkpoint).is_some_and(|run| same_folder(run, &out));
+            resume.in_place =
+                run_of_checkpoint(&resume.checkpoint).is_some_and(|run| same_folder(&run, &out));
             resume.changed = config.shaping_differences(before)?;
         }
         let resume = resumed.map(|(resume, _)| resume);
@@ -72,6 +74,7 @@ impl TrainJob {
                 check_latest(&resume.state, &out)?;
             }
         } else {
+            check_apart(resume.as_ref(), &out)?;
             RunFolder::check_free(&out, args.force)?;
         }
         Ok(Self { config, out, force: args.force, device: args.device.clone(), resume, lock })
@@ -207,6 +210,19 @@ fn check_latest(state: &TrainState, run: &Path) -> Result<()> {
              --force to delete the later checkpoints and evaluations",
             state.step,
             last.display()
+        ))),
+    }
+}
+
+/// Refuses to replace a folder that holds the checkpoint to continue from.
+fn check_apart(resume: Option<&Resume>, out: &Path) -> Result<()> {
+    match resume.filter(|resume| holds_checkpoint(out, &resume.checkpoint)) {
+        None => Ok(()),
+        Some(resume) => Err(Error::Usage(format!(
+            "{}: the folder holds the checkpoint to continue from, {}; choose another folder, or name the checkpoint \
+             in checkpoints/ of its run",
+            out.display(),
+            resume.checkpoint.display()
         ))),
     }
 }
