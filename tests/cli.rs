@@ -204,6 +204,22 @@ fn foreign_folders_and_files_are_refused_before_anything_is_read() {
 }
 
 #[test]
+fn files_named_like_a_quickstart_are_not_replaced_without_its_run() {
+    let dir = tempfile::tempdir().unwrap();
+    let mine = ["still-life/images/view_0000.png", "still-life.ply"].map(|name| dir.path().join(name));
+    for file in &mine {
+        std::fs::create_dir_all(file.parent().unwrap()).unwrap();
+        std::fs::write(file, "mine").unwrap();
+    }
+    let (code, _, stderr) = run(&["quickstart", "-o", dir.path().to_str().unwrap(), "--force"]);
+    assert!(code == 2 && stderr.contains("not empty") && stderr.contains("is no run"), "{code} {stderr}");
+    for file in &mine {
+        assert_eq!(std::fs::read_to_string(file).unwrap(), "mine");
+    }
+    assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 2);
+}
+
+#[test]
 fn a_sample_is_made_and_inspected() {
     let dir = tempfile::tempdir().unwrap();
     let capture = sample(dir.path());

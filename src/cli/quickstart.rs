@@ -3,7 +3,7 @@
 use super::asset_args::AssetArgs;
 use super::export;
 use super::log::Log;
-use super::run_folder::check_empty;
+use super::run_folder::{check_empty, is_run};
 use super::sources::load_scene;
 use super::train;
 use super::train_args::{TrainArgs, TrainingArgs};
@@ -85,11 +85,12 @@ pub fn run(args: &QuickstartArgs, log: &Log) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Refuses a folder that is not empty; with `force`, accepts one that holds only a quickstart.
+/// Refuses a folder that is not empty; with `force`, accepts one that holds only a quickstart, with its run.
 fn check_folder(folder: &Path, force: bool) -> Result<()> {
     if !force || !folder.is_dir() {
         return check_empty(folder);
     }
+    let mut is_empty = true;
     for entry in std::fs::read_dir(folder).map_err(|e| Error::io(folder, e))? {
         let name = entry.map_err(|e| Error::io(folder, e))?.file_name();
         if Path::new(&name).file_stem().is_none_or(|stem| stem != NAME && stem != RUN) {
@@ -99,6 +100,17 @@ fn check_folder(folder: &Path, force: bool) -> Result<()> {
                 folder.display()
             )));
         }
+        is_empty = false;
     }
-    Ok(())
+    // Files of these names alone may be anyone's.
+    let run = folder.join(RUN);
+    if is_empty || is_run(&run) {
+        return Ok(());
+    }
+    Err(Error::Usage(format!(
+        "{}: the folder is not empty, and {} is no run, so it holds no whole quickstart and --force does not replace it; \
+         empty the folder, or choose another",
+        folder.display(),
+        run.display()
+    )))
 }
