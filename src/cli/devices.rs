@@ -276,7 +276,7 @@ mod tests {
         let log = Log::new(super::super::log::LogFormat::Text, true, 0);
         assert_eq!(open("CPU", &log).map(|b| b.device().name).unwrap(), "cpu");
         let refusal = |name: &str| open_gpu_backend(name).map(|_| ()).unwrap_err().to_string();
-        assert!(refusal("Cpu").contains("measures kernels of GPUs"));
+        assert!(refusal("Cpu").contains("measures GPU kernels"));
         // Without hardware, "gpu" says so in any case; it is not the name of a device.
         if !gpus().iter().any(|gpu| gpu.hardware) {
             assert_eq!(open("AUTO", &log).map(|b| b.device().name).unwrap(), "cpu");
