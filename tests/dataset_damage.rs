@@ -162,7 +162,7 @@ fn models_without_images_or_with_unknown_cameras_are_errors() {
     scene.write(folder.path());
     scene.images[0].camera_id = 3;
     scene.write_binary(&folder.path().join("sparse/0"));
-    assert!(message(folder.path()).contains("it names camera 3, the cameras are \"7\""));
+    assert!(message(folder.path()).contains("it refers to camera 3, but the cameras are \"7\""));
     scene.images.clear();
     scene.write_binary(&folder.path().join("sparse/0"));
     assert!(message(folder.path()).contains("no registered images"));
