@@ -337,15 +337,35 @@ fn non_unicode_paths_never_panic() {
 #[test]
 fn invalid_numbers_are_refused_by_the_options_own_message() {
     for (arguments, part) in [
-        (&["train", "x", "-o", "y", "--seed", "-1"][..], "'-1' for '--seed <N>'"),
+        (
+            &["train", "x", "-o", "y", "--seed", "-1"][..],
+            "'-1' for '--seed <N>': expected a whole number of at least 0",
+        ),
+        (&["train", "x", "-o", "y", "--test-every", "x"], "'x' for '--test-every <N>': expected a whole"),
         (&["train", "x", "-o", "y", "--steps", "-5"], "'-5' for '--steps <N>'"),
         (&["train", "x", "-o", "y", "--max-splats", "-5"], "5000, 500k or 1.5M"),
-        (&["sample", "x", "--seed", "-1"], "'-1' for '--seed <N>'"),
+        (&["sample", "x", "--seed", "-1"], "'-1' for '--seed <N>': expected a whole number"),
+        (&["sample", "x", "--views", "-3"], "'-3' for '--views <N>': expected a whole number"),
+        (&["sample", "x", "--points", "1.5"], "'1.5' for '--points <N>': expected a whole number"),
         (&["verify", "x", "--against", "y", "--max-loss", "-1"], "such as 0.1dB"),
     ] {
         let (code, _, stderr) = run(arguments);
         assert!(code == 2 && stderr.contains(part) && !stderr.contains("tip:"), "{arguments:?}: {stderr}");
     }
+}
+
+#[test]
+fn unknown_options_get_the_tip_to_pass_them_as_values_only_where_such_a_file_exists() {
+    let dir = tempfile::tempdir().unwrap();
+    for is_file in [false, true] {
+        let (code, _, stderr) = litetex_in(dir.path(), &["inspect", "run", "--seed", "-1"]);
+        assert!(code == 2 && stderr.contains("unexpected argument '--seed'"), "{stderr}");
+        assert_eq!(stderr.contains("'-- --seed'"), is_file, "{stderr}");
+        std::fs::write(dir.path().join("--seed"), "").unwrap();
+    }
+    // Tips about the spelling stay.
+    let (_, _, stderr) = litetex_in(dir.path(), &["train", "x", "--sed", "1"]);
+    assert!(stderr.contains("'--seed'"), "{stderr}");
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! Options for reading a capture; shared by `train` and `inspect`.
 
 use super::capture::{CaptureFormat, LoadOptions};
-use super::values::parse_bytes;
+use super::values::{parse_bytes, parse_whole};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use std::path::PathBuf;
 
@@ -28,7 +28,7 @@ pub struct CaptureArgs {
     #[arg(long, value_name = "FORMAT", value_parser = format_parser())]
     pub format: Option<FormatArg>,
     /// Hold out every Nth view in name order; 0 holds out none. A split stated in the capture's files takes precedence [default: 8]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = parse_whole::<usize>)]
     pub test_every: Option<usize>,
     /// File listing the views to hold out, one name per line; takes precedence over everything else
     #[arg(long, value_name = "FILE")]

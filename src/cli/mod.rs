@@ -50,9 +50,11 @@ mod values;
 mod verify;
 mod view_files;
 
+use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use litetex_gs::Error;
 use log::Log;
+use std::path::Path;
 use std::process::ExitCode;
 
 /// Trains textured 2D Gaussian splats from photos with poses.
@@ -124,6 +126,17 @@ fn command() -> clap::Command {
     take_negative_numbers(Cli::command())
 }
 
+/// Drops the tip to pass an unknown option as a value (`-- --seed`), unless there is a file of that name to pass.
+fn without_useless_tip(mut error: clap::Error) -> clap::Error {
+    let is_file =
+        |name: &ContextValue| matches!(name, ContextValue::String(name) if Path::new(name).exists());
+    if error.kind() == ErrorKind::UnknownArgument && !error.get(ContextKind::InvalidArg).is_some_and(is_file)
+    {
+        error.remove(ContextKind::Suggested);
+    }
+    error
+}
+
 /// Parses the arguments, runs the command and returns the exit code of its error's family.
 pub fn main() -> ExitCode {
     let cli = match command().try_get_matches().and_then(|matches| Cli::from_arg_matches(&matches)) {
@@ -131,7 +144,7 @@ pub fn main() -> ExitCode {
         // Help and version arrive here too; clap knows their stream.
         Err(e) => {
             let code = if e.use_stderr() { 2 } else { 0 };
-            let _ = e.print();
+            let _ = without_useless_tip(e).print();
             return ExitCode::from(code);
         }
     };

@@ -3,6 +3,7 @@
 use super::log::Log;
 use super::run_folder::check_empty;
 use super::table::Table;
+use super::values::parse_whole;
 use litetex_gs::sample::{SampleOptions, write_sample};
 use std::path::PathBuf;
 
@@ -15,16 +16,16 @@ pub struct SampleArgs {
     /// Folder to write into; must be empty
     dir: PathBuf,
     /// Number of photos
-    #[arg(long, value_name = "N", default_value_t = SampleOptions::default().views)]
+    #[arg(long, value_name = "N", value_parser = parse_whole::<usize>, default_value_t = SampleOptions::default().views)]
     views: usize,
     /// Width and height of the photos
     #[arg(long, value_name = "WxH", value_parser = super::values::parse_image_size, default_value = "320x240")]
     size: super::values::ImageSize,
     /// Number of sparse points
-    #[arg(long, value_name = "N", default_value_t = SampleOptions::default().points)]
+    #[arg(long, value_name = "N", value_parser = parse_whole::<usize>, default_value_t = SampleOptions::default().points)]
     points: usize,
     /// Seed of patterns, placement and points
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", value_parser = parse_whole::<u64>, default_value_t = 0)]
     seed: u64,
     /// Also write the sparse model as text
     #[arg(long)]

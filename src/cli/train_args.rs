@@ -4,7 +4,7 @@ use super::capture::InitSource;
 use super::capture_args::{CaptureArgs, set};
 use super::config_file::{RunConfig, SaveImages};
 use super::profile::Profile;
-use super::values::{parse_colour, parse_count, parse_duration_secs};
+use super::values::{parse_colour, parse_count, parse_duration_secs, parse_whole};
 use litetex_gs::train::density::Components;
 use litetex_gs::train::{Policy, TrainConfig};
 use litetex_gs::{Error, Result};
@@ -60,7 +60,7 @@ pub struct TrainingArgs {
     #[arg(long, value_name = "TIME", value_parser = parse_duration_secs)]
     pub max_time: Option<f64>,
     /// Seed of all random numbers [default: 42]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = parse_whole::<u64>)]
     pub seed: Option<u64>,
     /// Highest degree of the spherical harmonics, 0 to 3 [default: 3]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=3))]

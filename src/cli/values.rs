@@ -1,7 +1,9 @@
-//! Values on the command line: durations_are_parsed, sizes in bytes, counts, colours, sizes in pixels. Text in, numbers
-//! out; nothing here opens a file.
+//! Values on the command line: durations, sizes in bytes, counts, colours, sizes in pixels. Text in, numbers out; nothing
+//! here opens a file.
 
 pub use litetex_gs::text::{format_bytes, format_count, format_duration};
+use std::num::{IntErrorKind, ParseIntError};
+use std::str::FromStr;
 
 /// Reads a time as seconds: "90", "90s", "20m", "1.5h", "1h30m".
 pub fn parse_duration_secs(text: &str) -> Result<f64, String> {
@@ -68,6 +70,14 @@ pub fn parse_count(text: &str) -> Result<usize, String> {
     if (1.0..=1e12).contains(&count) { Ok(count as usize) } else { Err(expected()) }
 }
 
+/// Reads a whole number: "0", "42". clap repeats the text in front of the message.
+pub fn parse_whole<T: FromStr<Err = ParseIntError>>(text: &str) -> Result<T, String> {
+    text.parse().map_err(|e: ParseIntError| match e.kind() {
+        IntErrorKind::PosOverflow => "the number is too large".to_owned(),
+        _ => "expected a whole number of at least 0".to_owned(),
+    })
+}
+
 /// Reads a colour, display space: "black", "white", "#rrggbb" or "r,g,b" with numbers from 0 to 1.
 pub fn parse_colour(text: &str) -> Result<[f32; 3], String> {
     let wrong = || format!("{text:?}: expected black, white, #rrggbb or r,g,b with numbers from 0 to 1");
@@ -100,12 +110,12 @@ pub enum ImageSize {
     Exact(u32, u32),
 }
 
-/// Reads decibels_are_parsed: "0.1dB", "0.1 dB" or "0.1".
+/// Reads decibels: "0.1dB", "0.1 dB" or "0.1".
 pub fn parse_decibels(text: &str) -> Result<f64, String> {
     let lower = text.trim().to_ascii_lowercase();
     let number = lower.strip_suffix("db").unwrap_or(&lower).trim_end();
     let value = number.parse::<f64>().ok().filter(|v| v.is_finite() && *v >= 0.0);
-    value.ok_or_else(|| format!("{text:?}: expected decibels_are_parsed, such as 0.1dB"))
+    value.ok_or_else(|| format!("{text:?}: expected decibels, such as 0.1dB"))
 }
 
 /// Reads the size of an image: "960" (longer side) or "1920x1080".
@@ -142,6 +152,15 @@ mod tests {
         for wrong in ["", "GiB", "-1GiB", "1e30GiB", "4Gi"] {
             assert!(parse_bytes(wrong).is_err(), "{wrong}");
         }
+    }
+
+    #[test]
+    fn whole_numbers_are_parsed() {
+        assert_eq!((parse_whole("0"), parse_whole("42")), (Ok(0_u64), Ok(42_usize)));
+        for wrong in ["", "-1", "1.5", "x"] {
+            assert!(parse_whole::<u64>(wrong).unwrap_err().contains("at least 0"), "{wrong}");
+        }
+        assert!(parse_whole::<u64>("18446744073709551616").unwrap_err().contains("too large"));
     }
 
     #[test]
