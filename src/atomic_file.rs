@@ -4,6 +4,10 @@
 use crate::{Error, Result};
 use std::fs::{self, File, Permissions};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Characters of a file's name that its temporary name keeps: most systems allow 255 bytes.
+const SHOWN_CHARS: usize = 40;
 
 /// Refuses the place of a file where there is anything but a regular file or a link to one: a device or a pipe would
 /// be replaced, and opening a pipe may block.
@@ -50,14 +54,15 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     write_with(path, |temporary| fs::write(temporary, bytes).map_err(|e| Error::io(path, e)))
 }
 
+/// A name in the same folder that is unique to this call: `.NAME.PID-N.part`.
 fn temporary_beside(path: &Path) -> Result<PathBuf> {
+    static CALLS: AtomicU64 = AtomicU64::new(0);
     let Some(name) = path.file_name() else {
         return Err(Error::Usage(format!("{}: not a file name", path.display())));
     };
-    let mut hidden = std::ffi::OsString::from(".");
-    hidden.push(name);
-    hidden.push(format!(".{}.part", std::process::id()));
-    Ok(path.with_file_name(hidden))
+    let name: String = name.to_string_lossy().chars().take(SHOWN_CHARS).collect();
+    let (process, call) = (std::process::id(), CALLS.fetch_add(1, Ordering::Relaxed));
+    Ok(path.with_file_name(format!(".{name}.{process}-{call}.part")))
 }
 
 /// The permissions that the system gives to new files. `fill` may replace the file by one with others, as libraries
@@ -130,6 +135,18 @@ mod tests {
             write(&link, b"new").unwrap();
             assert_eq!(fs::read(&link).unwrap(), b"new");
         }
+    }
+
+    #[test]
+    fn the_longest_legal_names_can_be_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let alike = ["a", "b"].map(|last| folder.path().join("n".repeat(254) + last));
+        for path in &alike {
+            write(path, b"whole").unwrap();
+            assert_eq!(fs::read(path).unwrap(), b"whole");
+        }
+        assert_ne!(temporary_beside(&alike[0]).unwrap(), temporary_beside(&alike[1]).unwrap());
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
     }
 
     #[test]
