@@ -1,17 +1,18 @@
 //! The library's error type. Its variants are the families that users need to distinguish, such as invalid input,
 //! unsupported input or a failing device. Each has an exit code.
 
+use crate::text;
 use std::path::PathBuf;
 
 /// Result with the library's error.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
-/// An error, by family.
+/// An error, by family. Messages are abridged where files or arguments blow them up to megabytes.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
     /// A file or folder has invalid content.
-    #[error("{}: {what}", path.display())]
+    #[error("{}: {}", text::path(path), text::message(what))]
     InvalidInput {
         /// The file or folder.
         path: PathBuf,
@@ -19,7 +20,7 @@ pub enum Error {
         what: String,
     },
     /// A file is valid, but this program cannot use it.
-    #[error("{}: {what}", path.display())]
+    #[error("{}: {}", text::path(path), text::message(what))]
     Unsupported {
         /// The file or folder.
         path: PathBuf,
@@ -27,10 +28,10 @@ pub enum Error {
         what: String,
     },
     /// Options contradict each other or the data.
-    #[error("{0}")]
+    #[error("{}", text::message(.0))]
     Usage(String),
     /// Reading or writing failed.
-    #[error("{}: {}", path.display(), described(cause))]
+    #[error("{}: {}", text::path(path), described(cause))]
     Io {
         /// The file or folder.
         path: PathBuf,
@@ -38,10 +39,10 @@ pub enum Error {
         cause: std::io::Error,
     },
     /// The device failed or is too small: memory, limits, driver.
-    #[error("{0}")]
+    #[error("{}", text::message(.0))]
     Device(String),
     /// A check ran and failed.
-    #[error("{0}")]
+    #[error("{}", text::message(.0))]
     CheckFailed(String),
     /// Stopped by the user.
     #[error("interrupted")]
@@ -109,5 +110,19 @@ mod tests {
         assert_eq!(full.to_string(), "a/b: disk full");
         assert_eq!((denied.exit_code(), full.exit_code()), (5, 5));
         assert!(full.source().is_none());
+    }
+
+    #[test]
+    fn paths_and_names_of_megabytes_are_abridged() {
+        let long = "x".repeat(1 << 20);
+        for error in [
+            Error::invalid(&long, "a folder"),
+            Error::unsupported("a", format!("camera_model {long}; undistort the photos")),
+            Error::io(&long, ErrorKind::NotFound.into()),
+            Error::Usage(format!("variant {long} occurs twice")),
+        ] {
+            let text = error.to_string();
+            assert!(text.len() < 5000 && text.contains('…'), "{text}");
+        }
     }
 }

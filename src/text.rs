@@ -1,9 +1,16 @@
 //! Numbers and names as people read them in messages and tables.
 
 use std::borrow::Cow;
+use std::path::Path;
 
 /// Characters of a name from a file that a message quotes at most.
 const QUOTED_CHARS_MAX: usize = 72;
+
+/// Characters of a path that a message shows at most.
+const PATH_CHARS_MAX: usize = 400;
+
+/// Characters of a message at most.
+const MESSAGE_CHARS_MAX: usize = 4000;
 
 /// A name from a file in double quotes, escaped and cut: files may hold names of megabytes.
 pub fn quoted(name: &str) -> String {
@@ -16,6 +23,28 @@ pub fn shortened(text: &str, chars_max: usize) -> Cow<'_, str> {
         Some((end, _)) => Cow::Owned(format!("{}…", &text[..end])),
         None => Cow::Borrowed(text),
     }
+}
+
+/// Text of which the middle is left out if it has more than `chars_max` characters: the beginning says what it is about,
+/// the end where it was found.
+fn abridged(text: &str, chars_max: usize) -> Cow<'_, str> {
+    let count = text.chars().count();
+    if count <= chars_max {
+        return Cow::Borrowed(text);
+    }
+    let (head, tail) = (chars_max.div_ceil(2), chars_max / 2);
+    let at = |index| text.char_indices().nth(index).map_or(text.len(), |(at, _)| at);
+    Cow::Owned(format!("{} … {}", &text[..at(head)], &text[at(count - tail)..]))
+}
+
+/// A path, abridged if it is longer than those that people use: files may state paths of megabytes.
+pub fn path(path: &Path) -> String {
+    abridged(&path.to_string_lossy(), PATH_CHARS_MAX).into_owned()
+}
+
+/// A whole message, abridged if it is longer than those that people read: it may repeat what a file holds.
+pub fn message(text: &str) -> Cow<'_, str> {
+    abridged(text, MESSAGE_CHARS_MAX)
 }
 
 /// Text that a terminal shows and does not obey: control characters and those that reverse the direction of
@@ -98,5 +127,9 @@ mod tests {
         let long = quoted(&"é".repeat(1 << 20));
         assert!(long.chars().count() == QUOTED_CHARS_MAX + 3 && long.ends_with("é…\""), "{long}");
         assert_eq!(shortened("abc", 3), "abc");
+        assert_eq!((abridged("äbcdé", 5), abridged("äbcdéf", 5)), ("äbcdé".into(), "äbc … éf".into()));
+        let long = path(Path::new(&format!("/captures/{}/a.png", "x".repeat(1 << 20))));
+        assert!(long.starts_with("/captures/x") && long.ends_with("x/a.png") && long.len() < 500, "{long}");
+        assert_eq!(path(Path::new("/captures/a.png")), "/captures/a.png");
     }
 }

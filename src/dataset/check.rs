@@ -2,7 +2,7 @@
 //! useless or misleading for training.
 
 use super::capture::{Capture, View};
-use super::source::first_names;
+use super::source::{first_names, first_paths};
 use super::store::CheckedPhoto;
 use crate::views::Split;
 use crate::{Error, Report, Result};
@@ -30,7 +30,7 @@ fn summed_up(views: &[View], outcomes: Vec<Result<CheckedPhoto>>) -> Result<Repo
     let (mut cut_off, mut masked_out) = (Vec::new(), Vec::new());
     for (view, outcome) in views.iter().zip(outcomes) {
         let photo = outcome.map_err(|e| with_others(e, &unreadable[1..]))?;
-        cut_off.extend(photo.cut_off.iter().map(|path| path.display().to_string()));
+        cut_off.extend(photo.cut_off);
         if !photo.has_pixels && view.split == Split::Train {
             masked_out.push(view.name.as_str());
         }
@@ -42,7 +42,7 @@ fn summed_up(views: &[View], outcomes: Vec<Result<CheckedPhoto>>) -> Result<Repo
             format!(
                 "{} JPEG files are truncated, and their missing part decodes as grey: {}; copy them again, or remove them",
                 cut_off.len(),
-                first_names(cut_off.iter().map(String::as_str))
+                first_paths(&cut_off)
             ),
         );
     }

@@ -4,6 +4,7 @@
 use super::lens::Lens;
 use crate::Report;
 use crate::camera::RigidTransform;
+use crate::text;
 use crate::views::{SfmPoint, Split};
 use glam::{DMat3, DVec3};
 use std::path::{Path, PathBuf};
@@ -108,11 +109,20 @@ pub(crate) fn checked_pose(rotation: DMat3, translation: DVec3) -> Result<RigidT
 
 /// Up to five names and how many more there are: "a", "b" and 4 more.
 pub(crate) fn first_names<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
+    first_of(names.into_iter().map(text::quoted))
+}
+
+/// As [`first_names`], for paths, whose ends matter.
+pub(crate) fn first_paths<'a>(paths: impl IntoIterator<Item = &'a PathBuf>) -> String {
+    first_of(paths.into_iter().map(|path| format!("{:?}", text::path(path))))
+}
+
+fn first_of(shown: impl Iterator<Item = String>) -> String {
     const SHOWN: usize = 5;
-    let names: Vec<&str> = names.into_iter().collect();
-    let mut text = names.iter().take(SHOWN).map(|n| format!("{n:?}")).collect::<Vec<_>>().join(", ");
-    if names.len() > SHOWN {
-        text.push_str(&format!(" and {} more", names.len() - SHOWN));
+    let all: Vec<String> = shown.collect();
+    let mut text = all[..all.len().min(SHOWN)].join(", ");
+    if all.len() > SHOWN {
+        text.push_str(&format!(" and {} more", all.len() - SHOWN));
     }
     text
 }

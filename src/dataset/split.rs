@@ -2,6 +2,7 @@
 
 use super::options::LoadOptions;
 use super::source::{SourceView, first_names};
+use crate::text::quoted;
 use crate::views::Split;
 use crate::{Error, Result, input_file};
 
@@ -21,9 +22,9 @@ pub(crate) fn assign(views: &mut [SourceView], options: &LoadOptions) -> Result<
             return Err(Error::invalid(
                 list,
                 format!(
-                    "no view is named {}; expected names such as {:?}, with or without extension",
+                    "no view is named {}; expected names such as {}, with or without extension",
                     first_names(unknown),
-                    views.first().map_or("", |v| &v.name)
+                    quoted(views.first().map_or("", |v| &v.name))
                 ),
             ));
         }

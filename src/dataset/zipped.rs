@@ -1,5 +1,6 @@
 //! Captures in a ZIP archive: unpacked into a temporary folder that exists as long as the capture does.
 
+use crate::text::quoted;
 use crate::{Error, Result};
 use std::fs::File;
 use std::io::{BufReader, Read as _};
@@ -117,9 +118,10 @@ pub(crate) fn unpack(path: &Path) -> Result<Unpacked> {
         let element = format!("file {} of {}", index + 1, archive.len());
         let mut entry = archive.by_index(index).map_err(|e| our_error(path, &element, e))?;
         let Some(inside) = entry.enclosed_name() else {
+            let name = String::from_utf8_lossy(entry.name_raw());
             return Err(Error::invalid(
                 path,
-                format!("{element} ({:?}) points outside the archive; do not trust it", entry.name()),
+                format!("{element} ({}) points outside the archive; do not trust it", quoted(&name)),
             ));
         };
         let extension = inside.extension().unwrap_or_default().to_ascii_lowercase();
@@ -132,8 +134,9 @@ pub(crate) fn unpack(path: &Path) -> Result<Unpacked> {
         std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
         let mut out = File::create(&target).map_err(|e| Error::io(&target, e))?;
         // A byte beyond the bound shows that there is more.
-        let copied = std::io::copy(&mut entry.by_ref().take(allowed_bytes + 1), &mut out)
-            .map_err(|e| our_error(path, &format!("{element} ({inside:?})"), ZipError::Io(e)))?;
+        let copied = std::io::copy(&mut entry.by_ref().take(allowed_bytes + 1), &mut out).map_err(|e| {
+            our_error(path, &format!("{element} ({})", quoted(&inside.to_string_lossy())), ZipError::Io(e))
+        })?;
         allowed_bytes = allowed_bytes.checked_sub(copied).ok_or_else(|| {
             Error::invalid(
                 path,
@@ -202,7 +205,8 @@ mod tests {
         let folder = tempdir().unwrap();
         let archive = folder.path().join("a.zip");
         zipped(&archive, &[("../escaped.txt", b"x".to_vec())]);
-        assert!(unpack(&archive).err().unwrap().to_string().contains("leads out"));
+        let text = unpack(&archive).err().unwrap().to_string();
+        assert!(text.contains("file 1 of 1 (\"../escaped.txt\") points outside the archive"), "{text}");
         zipped(&archive, &[("zeros.bin", vec![0; ALWAYS_ALLOWED_BYTES as usize + 1])]);
         assert!(unpack(&archive).err().unwrap().to_string().contains("times its own size"));
         zipped(&archive, &[("a.bin", (0..=255).collect())]);

@@ -6,6 +6,7 @@ use crate::camera::Pinhole;
 use crate::dataset::lens::{Distortion, Lens};
 use crate::dataset::pose_format::{Found, PoseFormat};
 use crate::dataset::source::{Source, SourceView, checked_pose, first_names};
+use crate::text::quoted;
 use crate::views::SfmPoint;
 use crate::{Error, Report, Result};
 use glam::{DMat3, DQuat, DVec3};
@@ -247,8 +248,9 @@ fn view(
     point_index: &HashMap<u64, u32>,
     lost: &mut usize,
 ) -> Result<SourceView> {
-    let invalid =
-        |what: String| Error::invalid(folder, format!("image {} ({:?}): {what}", image.id, image.name));
+    let invalid = |what: String| {
+        Error::invalid(folder, format!("image {} ({}): {what}", image.id, quoted(&image.name)))
+    };
     if image.name.is_empty() {
         return Err(invalid("its name is empty".to_owned()));
     }

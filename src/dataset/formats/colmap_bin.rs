@@ -4,6 +4,7 @@
 use super::bytes::{Bytes, read_file};
 use super::colmap_model::{ColmapCamera, ColmapImage, ColmapModel, ColmapPoint};
 use crate::Result;
+use crate::text::quoted;
 use std::path::Path;
 
 /// Point id of a keypoint without a point.
@@ -47,7 +48,7 @@ pub(crate) fn read_images(path: &Path) -> Result<Vec<ColmapImage>> {
         let camera_id = bytes.u32(&element)?;
         let name = bytes.text(&|| format!("the name of image {id}"))?;
         let num_keypoints =
-            bytes.count(24, &|| format!("the number of keypoints of image {id} ({name:?})"))?;
+            bytes.count(24, &|| format!("the number of keypoints of image {id} ({})", quoted(&name)))?;
         let mut point_ids = Vec::new();
         for keypoint in bytes.take(24 * num_keypoints, &element)?.chunks_exact(24) {
             let mut id = [0; 8];

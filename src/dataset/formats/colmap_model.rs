@@ -1,5 +1,6 @@
 //! The contents of a COLMAP sparse model as stored, whatever the encoding, and COLMAP's camera models.
 
+use crate::text::quoted;
 use crate::{Error, Result};
 use std::path::Path;
 
@@ -87,7 +88,7 @@ impl ColmapModel {
 
     /// The model of a name, as text files have it.
     pub fn by_name(name: &str, path: &Path, camera_id: u32) -> Result<Self> {
-        Self::find(path, camera_id, &format!("{name:?}"), |m| m.name == name)
+        Self::find(path, camera_id, &quoted(name), |m| m.name == name)
     }
 
     fn find(path: &Path, camera_id: u32, shown: &str, is: impl Fn(&Self) -> bool) -> Result<Self> {

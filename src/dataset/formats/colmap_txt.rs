@@ -3,6 +3,7 @@
 
 use super::bytes::read_text;
 use super::colmap_model::{ColmapCamera, ColmapImage, ColmapModel, ColmapPoint};
+use crate::text::quoted;
 use crate::{Error, Result};
 use std::path::Path;
 use std::str::FromStr;
@@ -34,7 +35,7 @@ impl<'a> Fields<'a> {
     fn next<T: FromStr>(&mut self, what: &str) -> Result<T> {
         let word =
             self.word().ok_or_else(|| self.invalid(format!("the line ends where {what} was expected")))?;
-        word.parse().map_err(|_| self.invalid(format!("{word:?} found where {what} was expected")))
+        word.parse().map_err(|_| self.invalid(format!("{} found where {what} was expected", quoted(word))))
     }
 
     fn array<const N: usize>(&mut self, what: &str) -> Result<[f64; N]> {
@@ -68,7 +69,7 @@ pub(crate) fn read_cameras(path: &Path) -> Result<Vec<ColmapCamera>> {
         let mut params = Vec::with_capacity(model.num_params);
         while let Some(word) = fields.word() {
             let value = word.parse::<f64>();
-            params.push(value.map_err(|_| fields.invalid(format!("{word:?} is not a number")))?);
+            params.push(value.map_err(|_| fields.invalid(format!("{} is not a number", quoted(word))))?);
         }
         if params.len() != model.num_params {
             return Err(fields.invalid(format!(

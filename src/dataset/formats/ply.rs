@@ -2,6 +2,7 @@
 //! PLY files of splats are read by `exporters`.
 
 use super::bytes::read_file;
+use crate::text::quoted;
 use crate::views::SfmPoint;
 use crate::{Error, Result};
 use glam::DVec3;
@@ -118,8 +119,8 @@ fn damaged(path: &Path, element: &Element, index: usize) -> Error {
     Error::invalid(
         path,
         format!(
-            "{:?} {} of {}: the file ends here or has no number where one was expected; copy it again",
-            element.name,
+            "{} {} of {}: the file ends here or has no number where one was expected; copy it again",
+            quoted(&element.name),
             index + 1,
             element.count
         ),
@@ -170,7 +171,7 @@ fn read_header(path: &Path, data: &[u8]) -> Result<Header> {
         let line = String::from_utf8_lossy(line);
         let line = line.trim();
         let invalid =
-            |what: &str| Error::invalid(path, format!("header line {} {line:?}: {what}", index + 1));
+            |what: &str| Error::invalid(path, format!("header line {} {}: {what}", index + 1, quoted(line)));
         if index == 0 {
             if line != "ply" {
                 return Err(Error::invalid(path, "not a PLY file: the first line is not \"ply\""));

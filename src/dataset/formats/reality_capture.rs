@@ -9,6 +9,7 @@ use crate::dataset::lens::{Distortion, Lens};
 use crate::dataset::photos::photo_size;
 use crate::dataset::pose_format::{Found, PoseFormat};
 use crate::dataset::source::{Source, SourceView, checked_pose};
+use crate::text::quoted;
 use crate::{Error, Report, Result};
 use glam::{DMat3, DVec3};
 use std::path::{Path, PathBuf};
@@ -83,7 +84,7 @@ impl Row<'_> {
             .map(|text| {
                 let value = text.parse().ok().filter(|v: &f64| v.is_finite());
                 value.ok_or_else(|| {
-                    self.invalid(format!("column {column:?} holds {text:?}, expected a number"))
+                    self.invalid(format!("column {column:?} holds {}, expected a number", quoted(text)))
                 })
             })
             .transpose()

@@ -9,6 +9,7 @@ use crate::dataset::lens::{Distortion, Lens};
 use crate::dataset::photos::photo_size;
 use crate::dataset::pose_format::{Found, PoseFormat};
 use crate::dataset::source::{Source, SourceView, checked_pose};
+use crate::text::quoted;
 use crate::views::Split;
 use crate::{Error, Report, Result};
 use glam::{DMat3, DVec3};
@@ -106,7 +107,7 @@ fn read_one(path: &Path, split: Option<Split>, folder: &CaptureFolder, source: &
         Error::invalid(path, format!("{e}; expected the JSON of nerfstudio, instant-ngp or Blender"))
     })?;
     for (index, frame) in file.frames.iter().enumerate() {
-        let element = format!("frames[{index}] ({:?})", frame.file_path);
+        let element = format!("frames[{index}] ({})", quoted(&frame.file_path));
         let camera_from_capture = pose(&frame.transform_matrix)
             .map_err(|e| Error::invalid(path, format!("{element}: transform_matrix: {e}")))?;
         let Some(photo) = find_photo(folder, &frame.file_path)? else {
@@ -271,8 +272,9 @@ impl Intrinsics {
                 return Err(Error::unsupported(
                     path,
                     format!(
-                        "{element}: camera_model {other:?}; supported: SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, \
-                         RADIAL, OPENCV, FULL_OPENCV, OPENCV_FISHEYE; undistort the photos with another tool"
+                        "{element}: camera_model {}; supported: SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, \
+                         OPENCV, FULL_OPENCV, OPENCV_FISHEYE; undistort the photos with another tool",
+                        quoted(other)
                     ),
                 ));
             }
