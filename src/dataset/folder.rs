@@ -1,6 +1,7 @@
 //! The folder of a capture: finds the photos that the poses name, and the files outside it. Folders may refer to files
-//! outside, with a warning; archives may not.
+//! outside, with a warning; archives may not. The user may name folders anywhere.
 
+use crate::text::quoted;
 use crate::{Error, Result};
 use std::path::{Component, Path, PathBuf};
 
@@ -43,17 +44,24 @@ impl CaptureFolder {
         PhotoFolder { path, confined_to: self.is_archive.then(|| self.root.clone()) }
     }
 
-    /// A folder given by the user: absolute, relative to the capture or to the working directory.
+    /// A folder given by the user: absolute, relative to the capture or to the working directory. The names of an
+    /// archive lead nowhere out of it.
     pub fn given(&self, folder: &Path, option: &str) -> Result<PhotoFolder> {
-        if let Some(inside) = Some(self.root.join(folder)).filter(|p| p.is_dir()) {
-            return Ok(self.photo_folder(inside));
+        let joined = self.root.join(folder);
+        // What lies next to an unpacked archive is none of the user's.
+        let is_of_capture = !self.is_archive || is_inside(&self.root, &joined);
+        if is_of_capture && joined.is_dir() {
+            return Ok(self.photo_folder(joined));
         }
         if folder.is_dir() {
-            return Ok(PhotoFolder { path: folder.to_owned(), confined_to: None });
+            let confined_to = self.is_archive.then(|| folder.to_owned());
+            return Ok(PhotoFolder { path: folder.to_owned(), confined_to });
         }
+        let shown = if folder.exists() { folder.to_owned() } else { joined };
+        let what = not_a_folder(&shown);
         Err(Error::invalid(
-            self.root.join(folder),
-            format!("no such folder; {option} takes a folder inside the capture or an absolute path"),
+            shown,
+            format!("{what}; {option} takes a folder inside the capture or an absolute path"),
         ))
     }
 
@@ -70,13 +78,31 @@ impl CaptureFolder {
     }
 }
 
+/// Why a path is not the folder that was expected.
+fn not_a_folder(path: &Path) -> &'static str {
+    match path.metadata() {
+        Ok(found) if found.is_file() => "is a file, expected a folder",
+        Ok(found) if !found.is_dir() => "is a device or a pipe, expected a folder",
+        _ => "no such folder",
+    }
+}
+
+/// Whether something lies at a path that is to be read as a photo. Devices and pipes count: whoever opens the photo
+/// refuses them by name, where a view without photo would only be left out.
+fn is_there(path: &Path) -> bool {
+    path.metadata().is_ok_and(|found| !found.is_dir())
+}
+
 fn confine(root: &Path, path: &Path, stored: &str) -> Result<()> {
     if is_inside(root, path) {
         return Ok(());
     }
     Err(Error::invalid(
         root,
-        format!("{stored:?} is outside the archive, which must be self-contained; unpack it if you trust it"),
+        format!(
+            "{} is outside the archive, which must be self-contained; unpack it if you trust it",
+            quoted(stored)
+        ),
     ))
 }
 
@@ -110,7 +136,7 @@ impl PhotoFolder {
         if let Some(root) = &self.confined_to {
             confine(root, &exact, name)?;
         }
-        if exact.is_file() {
+        if is_there(&exact) {
             return Ok(Some(exact));
         }
         let replaced = Path::new(name).with_extension("");
@@ -118,7 +144,7 @@ impl PhotoFolder {
         let found = [name, &replaced]
             .into_iter()
             .flat_map(|stem| EXTENSIONS.map(|e| self.path.join(format!("{stem}.{e}"))))
-            .find(|p| p.is_file());
+            .find(|p| is_there(p));
         Ok(found)
     }
 
@@ -128,11 +154,11 @@ impl PhotoFolder {
     /// As [`Self::find`].
     pub fn find_mask(&self, name: &str) -> Result<Option<PathBuf>> {
         let double = self.path.join(format!("{name}.png"));
-        if self.confined_to.is_none() && double.is_file() {
+        if self.confined_to.is_none() && is_there(&double) {
             return Ok(Some(double));
         }
         let found = self.find(name)?;
-        Ok(Some(double).filter(|p| p.is_file()).or(found))
+        Ok(Some(double).filter(|p| is_there(p)).or(found))
     }
 
     /// Number of photos in the folder and its subfolders.
