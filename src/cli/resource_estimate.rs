@@ -1,6 +1,8 @@
 //! Memory and time that training will take, predicted before it starts. Memory counts the arrays that exist
 //! in each phase of a run (checking the photos, analysis, training, evaluation), at the start and at the
-//! size that the model is expected to reach; time rests on three measured rates.
+//! size that the model is expected to reach; time rests on three measured rates. The peak grows over the first steps,
+//! because the allocator keeps what it cannot return: runs of a few steps stay up to 40 % below the estimate, which is that
+//! of longer ones (16 views of 1600 x 1200, --image-cache 64MiB: 12 steps 533 MiB, 100 steps 709, 400 steps 788).
 
 use super::capture::Capture;
 use super::values::{format_bytes, format_count, format_duration};
@@ -401,9 +403,13 @@ mod tests {
     fn memory_is_within_15_percent_of_the_measured_peaks() {
         let mut many = measured(1166.5, [4_718, 41_208], [1600, 1200], [262, 38], 11, 2);
         many.workload.cache_limit_bytes = 256 << 20;
+        let mut large = measured(1331.0, [4_049, 16_116], [3000, 2000], [5, 1], 34, 2);
+        large.workload.cache_limit_bytes = 100 << 20;
         let runs = [
             // 300 JPEGs of 1600 x 1200, --image-cache 256MiB, 400 steps.
             many,
+            // 6 PNGs of 3000 x 2000, --image-cache 100MiB, 60 steps.
+            large,
             // 10 JPEGs of 8000 x 6000, reduced to 1600 x 1200; 40 steps.
             measured(704.5, [4_000, 15_916], [1600, 1200], [8, 2], 330, 2),
             measured(1040.4, [4_000, 15_916], [1600, 1200], [8, 2], 512, 8),

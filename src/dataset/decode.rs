@@ -12,6 +12,9 @@ use image::DynamicImage;
 use image::metadata::Orientation;
 use std::path::{Path, PathBuf};
 
+/// The allocator keeps smaller blocks when they are freed and returns larger ones (glibc, `M_MMAP_THRESHOLD` on 64 bits).
+const KEPT_BYTES_MAX: u64 = 32 << 20;
+
 /// Everything needed to make one target image.
 #[derive(Clone, Debug)]
 pub(crate) struct Recipe {
@@ -19,7 +22,11 @@ pub(crate) struct Recipe {
     /// Size once turned.
     pub photo_size: (u32, u32),
     pub turn: Orientation,
+    /// Memory for decoding the photo.
+    pub photo_bytes: u64,
     pub mask: Option<PathBuf>,
+    /// Memory for decoding the mask.
+    pub mask_bytes: u64,
     pub mask_invert: bool,
     /// The lens at the size that the pose file states; scaled to the photo here.
     pub lens: Lens,
@@ -37,11 +44,16 @@ impl Recipe {
         u64::from(self.size.0) * u64::from(self.size.1) * channels
     }
 
-    /// Memory while it is made: the pixels of the file and, if it is reduced, means in f32.
+    /// Memory while it is made: for the pixels of photo and mask and, where they are reduced or undistorted, for means in
+    /// f32 and the result. Otherwise the pixels become the result.
     pub fn working_bytes(&self) -> u64 {
-        let pixels = |(width, height): (u32, u32)| u64::from(width) * u64::from(height);
-        let means = if self.size == self.photo_size { 0 } else { 4 * self.num_bytes() };
-        3 * pixels(self.photo_size) + means + self.num_bytes()
+        let target = self.num_bytes();
+        let resampled = if self.resamples() { 4 * target + target } else { 0 };
+        resampled + in_turn(self.photo_bytes, target, self.mask_bytes)
+    }
+
+    fn resamples(&self) -> bool {
+        self.size != self.photo_size || self.lens.is_distorted()
     }
 
     /// Makes the target image.
@@ -99,7 +111,7 @@ impl Recipe {
             })
         } else {
             let pixels = photo.into_rgb8().into_raw();
-            if size == self.size && !self.lens.is_distorted() {
+            if !self.resamples() {
                 return Ok((pixels, None));
             }
             self.reduce(size, |i| [0, 1, 2].map(|c| f32::from(pixels[3 * i + c])))
@@ -162,6 +174,17 @@ impl Recipe {
     }
 }
 
+/// Memory for decoding a photo, then its mask next to the finished colours. What a small mask took stays with the
+/// allocator while the next photo is decoded (measured: 200 MiB of 24-megapixel photos and grey masks on two threads,
+/// 154 without the masks).
+fn in_turn(photo_bytes: u64, colours_bytes: u64, mask_bytes: u64) -> u64 {
+    if mask_bytes < KEPT_BYTES_MAX {
+        photo_bytes + mask_bytes
+    } else {
+        photo_bytes.max(colours_bytes + mask_bytes)
+    }
+}
+
 /// The pixels as stored, in display space.
 fn read_pixels(path: &Path) -> Result<DynamicImage> {
     if photos::kind(path)? == FileKind::Exr {
@@ -182,4 +205,17 @@ pub fn read_image(path: &Path) -> Result<(u32, u32, Vec<f32>)> {
 
 fn is_landscape((width, height): (u32, u32)) -> bool {
     width > height
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn small_masks_count_next_to_the_photo_and_large_ones_in_its_place() {
+        let mib = |photo: u64, colours: u64, mask: u64| in_turn(photo << 20, colours << 20, mask << 20) >> 20;
+        assert_eq!(mib(69, 3, 0), 69);
+        assert_eq!(mib(69, 3, 23), 92);
+        assert_eq!((mib(69, 3, 40), mib(69, 3, 115)), (69, 118));
+    }
 }

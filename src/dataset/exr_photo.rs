@@ -48,6 +48,11 @@ pub(crate) fn size(path: &Path) -> Result<(u32, u32)> {
     Ok((size.0 as u32, size.1 as u32))
 }
 
+/// What [`read`] holds next to the result: the pixels in f32.
+pub(crate) fn decoder_bytes((width, height): (u32, u32)) -> u64 {
+    size_of::<[f32; 4]>() as u64 * u64::from(width) * u64::from(height)
+}
+
 /// The photo in display space, with straight alpha if the file has alpha.
 pub(crate) fn read(path: &Path) -> Result<DynamicImage> {
     let (width, height) = size(path)?;

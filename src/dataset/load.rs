@@ -5,17 +5,18 @@ use super::capture::{Capture, View};
 use super::decode::Recipe;
 use super::folder::{CaptureFolder, PhotoFolder, is_inside};
 use super::options::{CaptureFormat, LoadOptions};
-use super::photos::{bounded, fit};
+use super::photos::{bounded, fit, photo_header, swaps_sides};
 use super::pose_format::Found;
-use super::source::{Source, SourceView, first_names};
+use super::source::{Source, SourceView, first_names, first_paths};
 use super::store::ImageStore;
 use super::zipped::Unpacked;
 use super::{frame, health, plausible, split, zipped};
 use crate::camera::{Camera, Similarity};
+use crate::text::{self, quoted};
 use crate::views::Split;
 use crate::{Error, Report, Result};
 use rayon::prelude::*;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 impl Capture {
     /// Reads the poses and points of a capture and checks the sizes of its photos without decoding them.
@@ -160,7 +161,7 @@ fn sort_by_name(source: &mut Source) -> Result<()> {
     match twice {
         Some(name) => Err(Error::invalid(
             &source.path,
-            format!("the photo {name:?} occurs twice; expected one pose for each photo"),
+            format!("the photo {} occurs twice; expected one pose for each photo", quoted(&name)),
         )),
         None => Ok(()),
     }
@@ -185,8 +186,8 @@ fn photo_folder(folder: &CaptureFolder, source: &Source) -> Result<PhotoFolder> 
     Err(Error::invalid(
         images,
         format!(
-            "no folder of photos; expected photos such as {:?} there: name the folder with --images",
-            example.map_or("0001.jpg", String::as_str)
+            "no folder of photos; expected photos such as {} there: name the folder with --images",
+            quoted(example.map_or("0001.jpg", String::as_str))
         ),
     ))
 }
@@ -225,7 +226,7 @@ fn find_photos(source: &mut Source, folder: &PhotoFolder, report: &mut Report) -
             format!(
                 "{} of {total} views have no photo in {} and are left out: {names}",
                 missing.len(),
-                folder.path().display()
+                text::path(folder.path())
             ),
         );
     }
@@ -257,7 +258,7 @@ fn find_masks(
                 "{} of {} views have no mask in {}, so all their pixels count: {}",
                 without.len(),
                 source.views.len(),
-                masks.path().display(),
+                text::path(masks.path()),
                 first_names(without)
             ),
         );
@@ -272,7 +273,7 @@ fn warn_of_files_outside(root: &Path, source: &Source, named: &[Option<PhotoFold
         is_inside(root, path) || named.iter().flatten().any(|folder| is_inside(folder.path(), path))
     };
     let files = source.views.iter().flat_map(|v| [&v.photo, &v.mask]).chain([&source.points_file]).flatten();
-    let outside: Vec<String> = files.filter(|p| !known(p)).map(|p| p.display().to_string()).collect();
+    let outside: Vec<&PathBuf> = files.filter(|p| !known(p)).collect();
     if !outside.is_empty() {
         report.warn(
             "files-outside-the-capture",
@@ -280,8 +281,8 @@ fn warn_of_files_outside(root: &Path, source: &Source, named: &[Option<PhotoFold
             format!(
                 "{} files lie outside the capture's folder {}: {}; copy them into it before you move or share it",
                 outside.len(),
-                root.display(),
-                first_names(outside.iter().map(String::as_str))
+                text::path(root),
+                first_paths(outside)
             ),
         );
     }
@@ -289,12 +290,18 @@ fn warn_of_files_outside(root: &Path, source: &Source, named: &[Option<PhotoFold
 
 fn recipe(view: &SourceView, options: &LoadOptions) -> Result<Recipe> {
     let photo = view.photo.clone().unwrap_or_default();
-    let (photo_size, turn) = fit(&photo, &view.name, &view.lens)?;
+    let header = photo_header(&photo)?;
+    let (photo_size, turn) = fit(&photo, &view.name, &view.lens, &header)?;
+    // An unreadable mask is reported when it is decoded.
+    let mask_header = view.mask.as_ref().and_then(|mask| photo_header(mask).ok());
+    let turns = swaps_sides(turn);
     Ok(Recipe {
         photo,
         photo_size,
         turn,
+        photo_bytes: header.colours_bytes(turns),
         mask: view.mask.clone(),
+        mask_bytes: mask_header.map_or(0, |header| header.mask_bytes(turns)),
         mask_invert: options.mask_invert,
         lens: view.lens,
         size: bounded(photo_size, options.max_resolution),

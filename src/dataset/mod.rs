@@ -12,6 +12,7 @@ mod formats;
 mod frame;
 mod health;
 mod jpeg_end;
+mod jpeg_frame;
 mod lens;
 mod load;
 mod options;

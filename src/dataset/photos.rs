@@ -2,10 +2,12 @@
 //! pixels.
 
 use super::exr_photo;
+use super::jpeg_frame::Frame;
 use super::lens::Lens;
+use crate::text::quoted;
 use crate::{Error, Result, input_file};
 use image::metadata::Orientation;
-use image::{ImageDecoder as _, ImageReader};
+use image::{ColorType, ImageDecoder as _, ImageReader};
 use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
@@ -48,10 +50,52 @@ pub(crate) fn kind(path: &Path) -> Result<FileKind> {
     Ok(if exr_photo::is_exr(path) { FileKind::Exr } else { FileKind::Other })
 }
 
-/// Stored size of a photo and the turn that its EXIF data ask for.
-pub(crate) fn photo_header(path: &Path) -> Result<((u32, u32), Orientation)> {
+/// What the header of a photo says.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PhotoHeader {
+    /// As stored.
+    pub size: (u32, u32),
+    /// The turn that its EXIF data ask for.
+    pub turn: Orientation,
+    /// Of the decoded pixels.
+    color: ColorType,
+    /// What the decoder holds next to the decoded pixels.
+    decoder_bytes: u64,
+}
+
+impl PhotoHeader {
+    /// Memory for decoding the pixels, turned if `turns`, and converting them to 8-bit `[r, g, b]` or `[r, g, b, a]`.
+    pub fn colours_bytes(&self, turns: bool) -> u64 {
+        self.pixels_bytes(if self.color.has_alpha() { ColorType::Rgba8 } else { ColorType::Rgb8 }, turns)
+    }
+
+    /// The same for a mask, which becomes 8-bit grey.
+    pub fn mask_bytes(&self, turns: bool) -> u64 {
+        self.pixels_bytes(ColorType::L8, turns)
+    }
+
+    fn pixels_bytes(&self, converted: ColorType, turns: bool) -> u64 {
+        let bytes_of = |color: ColorType| {
+            u64::from(self.size.0) * u64::from(self.size.1) * u64::from(color.bytes_per_pixel())
+        };
+        let decoded = bytes_of(self.color);
+        let turned = if turns { decoded } else { 0 };
+        let copy = if converted == self.color { 0 } else { bytes_of(converted) };
+        decoded + self.decoder_bytes.max(turned).max(copy)
+    }
+}
+
+/// The header of a photo or a mask.
+pub(crate) fn photo_header(path: &Path) -> Result<PhotoHeader> {
     if kind(path)? == FileKind::Exr {
-        return Ok((exr_photo::size(path)?, Orientation::NoTransforms));
+        let size = exr_photo::size(path)?;
+        let decoder_bytes = exr_photo::decoder_bytes(size);
+        return Ok(PhotoHeader {
+            size,
+            turn: Orientation::NoTransforms,
+            color: ColorType::Rgba8,
+            decoder_bytes,
+        });
     }
     let mut decoder = open(path)?.into_decoder().map_err(|e| image_error(path, e))?;
     let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
@@ -59,12 +103,35 @@ pub(crate) fn photo_header(path: &Path) -> Result<((u32, u32), Orientation)> {
     if width == 0 || height == 0 {
         return Err(Error::invalid(path, format!("the photo is {width}x{height}")));
     }
-    Ok(((width, height), orientation))
+    Ok(PhotoHeader {
+        size: (width, height),
+        turn: orientation,
+        color: decoder.color_type(),
+        decoder_bytes: jpeg_bytes(path),
+    })
+}
+
+/// What the decoder of a JPEG file holds: the file and, if it is progressive, the coefficients. 0 for other files, which
+/// are decoded row by row.
+fn jpeg_bytes(path: &Path) -> u64 {
+    let file_bytes = || std::fs::metadata(path).map_or(0, |m| m.len());
+    Frame::of_file(path).map_or(0, |frame| frame.coefficient_bytes() + file_bytes())
+}
+
+/// Whether a turn swaps the sides; such turns need a second copy of the pixels.
+pub(crate) fn swaps_sides(turn: Orientation) -> bool {
+    matches!(
+        turn,
+        Orientation::Rotate90
+            | Orientation::Rotate270
+            | Orientation::Rotate90FlipH
+            | Orientation::Rotate270FlipH
+    )
 }
 
 /// Stored size of a photo.
 pub(crate) fn photo_size(path: &Path) -> Result<(u32, u32)> {
-    photo_header(path).map(|(size, _)| size)
+    photo_header(path).map(|header| header.size)
 }
 
 /// Whether a photo has the camera's size or is a scaled copy; sizes may have been rounded either way.
@@ -79,30 +146,32 @@ fn same_shape((width, height): (u32, u32), lens: &Lens) -> bool {
     }
 }
 
-/// The photo's size as its camera has it, and the turn that leads there.
-pub(crate) fn fit(path: &Path, name: &str, lens: &Lens) -> Result<((u32, u32), Orientation)> {
-    let (stored, orientation) = photo_header(path)?;
+/// The photo's size as its camera has it, and the turn that leads there from its `header`.
+pub(crate) fn fit(
+    path: &Path,
+    name: &str,
+    lens: &Lens,
+    header: &PhotoHeader,
+) -> Result<((u32, u32), Orientation)> {
+    let stored = header.size;
     if same_shape(stored, lens) {
         // The pose solver saw the pixels as stored.
         return Ok((stored, Orientation::NoTransforms));
     }
-    let turns = matches!(
-        orientation,
-        Orientation::Rotate90
-            | Orientation::Rotate270
-            | Orientation::Rotate90FlipH
-            | Orientation::Rotate270FlipH
-    );
     let turned = (stored.1, stored.0);
-    if turns && same_shape(turned, lens) {
-        return Ok((turned, orientation));
+    if swaps_sides(header.turn) && same_shape(turned, lens) {
+        return Ok((turned, header.turn));
     }
     Err(Error::invalid(
         path,
         format!(
-            "size mismatch: photo {name:?} has {}x{} pixels, its camera expects {}x{} or a scaled copy of \
+            "size mismatch: photo {} has {}x{} pixels, its camera expects {}x{} or a scaled copy of \
              that; give the folder of the photos that the poses were computed from with --images",
-            stored.0, stored.1, lens.pinhole.width_px, lens.pinhole.height_px
+            quoted(name),
+            stored.0,
+            stored.1,
+            lens.pinhole.width_px,
+            lens.pinhole.height_px
         ),
     ))
 }
@@ -137,6 +206,29 @@ mod tests {
         assert_eq!(bounded((1067, 1899), 960), (539, 960));
         assert_eq!(bounded((400, 300), 400), (400, 300));
         assert_eq!(bounded((4000, 1), 40), (40, 1));
+    }
+
+    #[test]
+    fn decoding_counts_what_is_converted_turned_and_held_by_the_decoder() {
+        let header = |color, decoder_bytes| PhotoHeader {
+            size: (10, 6),
+            turn: Orientation::NoTransforms,
+            color,
+            decoder_bytes,
+        };
+        for (color, bytes_per_pixel) in [
+            (ColorType::Rgb8, 3),
+            (ColorType::Rgba8, 4),
+            (ColorType::L8, 1 + 3),
+            (ColorType::Rgb16, 6 + 3),
+            (ColorType::Rgba16, 8 + 4),
+        ] {
+            assert_eq!(header(color, 0).colours_bytes(false), 60 * bytes_per_pixel, "{color:?}");
+        }
+        assert_eq!(header(ColorType::L8, 0).mask_bytes(false), 60);
+        assert_eq!(header(ColorType::La16, 0).mask_bytes(false), 60 * (4 + 1));
+        assert_eq!(header(ColorType::Rgb8, 0).colours_bytes(true), 60 * (3 + 3));
+        assert_eq!(header(ColorType::Rgb8, 500).colours_bytes(true), 60 * 3 + 500);
     }
 
     #[test]

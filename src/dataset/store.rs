@@ -291,16 +291,25 @@ impl ImageStore {
 
     /// Most memory that making `threads` photos at once takes.
     pub fn decoding_bytes(&self, threads: usize) -> u64 {
-        let mut needs: Vec<u64> = self.shared.recipes.iter().map(Recipe::working_bytes).collect();
-        needs.sort_unstable_by(|a, b| b.cmp(a));
-        let largest = needs.first().copied().unwrap_or(0);
-        needs.into_iter().take(threads).sum::<u64>().min(DECODING_BYTES_MAX.max(largest))
+        decoded_at_once(self.shared.recipes.iter().map(Recipe::working_bytes).collect(), threads)
     }
 
     /// Bytes in the cache.
     pub fn cached_bytes(&self) -> u64 {
         self.shared.lock().bytes
     }
+}
+
+/// Memory of the largest photos that may be decoded at once, given the needs of all.
+fn decoded_at_once(mut needs: Vec<u64>, threads: usize) -> u64 {
+    needs.sort_unstable_by(|a, b| b.cmp(a));
+    let (mut count, mut bytes) = (0, 0);
+    for need in needs {
+        if count < threads && (count == 0 || bytes + need <= DECODING_BYTES_MAX) {
+            (count, bytes) = (count + 1, bytes + need);
+        }
+    }
+    bytes
 }
 
 impl Drop for ImageStore {

@@ -18,7 +18,9 @@ fn store(folder: &Path, count: u8, budget_bytes: u64) -> ImageStore {
                 photo,
                 photo_size: (SIDE, SIDE),
                 turn: Orientation::NoTransforms,
+                photo_bytes: BYTES,
                 mask: None,
+                mask_bytes: 0,
                 mask_invert: false,
                 lens: Lens {
                     pinhole: Pinhole {
@@ -134,4 +136,18 @@ fn errors_of_prefetched_photos_surface_on_request() {
         let error = store.get(1).unwrap_err().to_string();
         assert!(error.contains("1.png"), "{error}");
     }
+}
+
+#[test]
+fn photos_decoded_at_once_are_bounded_by_threads_and_memory() {
+    const MIB: u64 = 1 << 20;
+    let at_once =
+        |needs: &[u64], threads| decoded_at_once(needs.iter().map(|mib| mib * MIB).collect(), threads) / MIB;
+    assert_eq!(at_once(&[], 2), 0);
+    assert_eq!(at_once(&[3, 5, 4], 2), 9);
+    assert_eq!(at_once(&[600, 1], 2), 600, "a single one may need more");
+    // Two do not fit, so that the second waits for the first.
+    assert_eq!(at_once(&[280; 6], 2), 280);
+    assert_eq!(at_once(&[165; 10], 8), 495);
+    assert_eq!(at_once(&[280, 280, 200], 2), 480);
 }
