@@ -87,6 +87,10 @@ fn devices_and_pipes_named_by_a_capture_are_refused_unread() {
     pipe(&masked.path().join("mask.png"));
     let text = load(masked.path()).unwrap().check_photos().unwrap_err().to_string();
     assert!(text.contains("mask.png: a device or a pipe"), "{text}");
+    let photo = written(&scene);
+    std::fs::remove_file(photo.path().join("images/p02.png")).unwrap();
+    pipe(&photo.path().join("images/p02.png"));
+    assert!(message(photo.path()).contains("p02.png: a device or a pipe, expected a regular file"));
     let listed = LoadOptions { test_list: Some("/dev/zero".into()), ..LoadOptions::default() };
     let text = Capture::load(written(&scene).path(), &listed).err().unwrap().to_string();
     assert!(text.contains("/dev/zero: a device"), "{text}");
@@ -128,6 +132,28 @@ fn truncated_but_decodable_jpegs_are_reported() {
 }
 
 #[test]
+fn memory_for_decoding_counts_bit_depth_channels_masks_and_resampling() {
+    const PIXELS: u64 = 12 * 8;
+    let folder = written(&Scene::ring(3));
+    let images = folder.path().join("images");
+    let at_once = |threads, max_resolution| {
+        let options = LoadOptions { max_resolution, ..LoadOptions::default() };
+        Capture::load(folder.path(), &options).unwrap().decoding_bytes(threads)
+    };
+    assert_eq!((at_once(1, 1600), at_once(2, 1600)), (3 * PIXELS, 6 * PIXELS));
+    // Means in f32 and the result, of a quarter of the pixels.
+    assert_eq!(at_once(1, 6), 3 * PIXELS + (4 + 1) * 3 * PIXELS / 4);
+    // The 8-bit copy next to 16 bits.
+    image::ImageBuffer::<image::Rgba<u16>, _>::new(12, 8).save(images.join("p02.png")).unwrap();
+    assert_eq!(at_once(1, 1600), (8 + 4) * PIXELS);
+    // The mask has 16 bits, too, and becomes 8-bit grey.
+    std::fs::create_dir(folder.path().join("masks")).unwrap();
+    let mask = image::ImageBuffer::<image::Rgba<u16>, _>::new(12, 8);
+    mask.save(folder.path().join("masks/p02.png")).unwrap();
+    assert_eq!(at_once(1, 1600), (8 + 4) * PIXELS + (4 * 2 + 1) * PIXELS);
+}
+
+#[test]
 fn fully_masked_training_views_are_reported() {
     let folder = written(&Scene::ring(5));
     let masks = folder.path().join("masks");
@@ -166,12 +192,86 @@ fn files_outside_the_capture_warn_in_folders_and_fail_in_archives() {
     }
     let folder = transforms(&scene, |j| j["ply_file_path"] = "/dev/zero".into());
     let (_kept, archive) = archived(&folder);
-    assert!(message(&archive).contains("\"/dev/zero\" lies outside the archive"));
+    assert!(message(&archive).contains("\"/dev/zero\" is outside the archive"));
     let folder = transforms(&scene, |j| j["frames"][1]["file_path"] = "images/../images/p02.png".into());
     let (_kept, archive) = archived(&folder);
     for path in [folder.path(), &archive] {
         let inside = load(path).unwrap();
         assert!(inside.views.len() == 3 && warning(&inside.report, "files-outside-the-capture").is_none());
+    }
+}
+
+#[test]
+fn folders_that_the_user_names_may_lie_outside_an_archive() {
+    let scene = Scene::ring(3);
+    let elsewhere = tempdir().unwrap();
+    scene.write_photos(elsewhere.path(), (12, 8));
+    let (photos, masks) = (Some(elsewhere.path().to_owned()), elsewhere.path().to_owned());
+    let named = LoadOptions { images: photos, masks: Some(masks), ..LoadOptions::default() };
+    for folder in [written(&scene), transforms(&scene, |_| {})] {
+        let (_kept, archive) = archived(&folder);
+        let capture = Capture::load(&archive, &named).unwrap();
+        assert_eq!(capture.views.len(), 3);
+        for code in ["files-outside-the-capture", "views-without-mask"] {
+            assert!(warning(&capture.report, code).is_none(), "{:?}", capture.report);
+        }
+        assert!(capture.check_photos().is_ok());
+    }
+    // Negative control: the archive's own names must not lead out of the named folder either.
+    std::fs::create_dir(elsewhere.path().join("inner")).unwrap();
+    let mut sly = scene.clone();
+    sly.images[0].name = "../p01.png".to_owned();
+    let folder = written(&scene);
+    sly.write_binary(&folder.path().join("sparse/0"));
+    let (_kept, archive) = archived(&folder);
+    let named = LoadOptions { images: Some(elsewhere.path().join("inner")), ..LoadOptions::default() };
+    let text = Capture::load(&archive, &named).err().unwrap().to_string();
+    assert!(text.contains("\"../p01.png\" is outside the archive"), "{text}");
+}
+
+#[test]
+fn folders_of_photos_and_masks_that_are_none_are_named_for_what_they_are() {
+    let folder = written(&Scene::ring(3));
+    let file = folder.path().join("images/p01.png");
+    let mut cases = vec![(file, "is a file, expected a folder"), ("/nowhere".into(), "no such folder")];
+    if cfg!(unix) {
+        cases.push(("/dev/zero".into(), "is a device or a pipe, expected a folder"));
+    }
+    for (path, what) in cases {
+        let images = LoadOptions { images: Some(path.clone()), ..LoadOptions::default() };
+        let masks = LoadOptions { masks: Some(path.clone()), ..LoadOptions::default() };
+        for (options, option) in [(images, "--images"), (masks, "--masks")] {
+            let text = Capture::load(folder.path(), &options).err().unwrap().to_string();
+            let expected = format!("{}: {what}; {option} takes", path.display());
+            assert!(text.starts_with(&expected), "{text}");
+        }
+    }
+}
+
+#[test]
+fn names_of_megabytes_give_short_messages() {
+    let scene = Scene::ring(3);
+    let long = "x".repeat(3 << 20);
+    let changes: [&dyn Fn(&mut serde_json::Value); 5] = [
+        &|j| j["camera_model"] = long.as_str().into(),
+        &|j| j["ply_file_path"] = long.as_str().into(),
+        &|j| j["fl_x"] = long.as_str().into(),
+        &|j| j["frames"][1]["mask_path"] = long.as_str().into(),
+        &|j| j["frames"][1]["file_path"] = long.as_str().into(),
+    ];
+    for (case, change) in changes.into_iter().enumerate() {
+        let folder = transforms(&scene, change);
+        let texts: Vec<String> = match load(folder.path()) {
+            Err(error) => vec![error.to_string()],
+            Ok(capture) => {
+                let errors = capture.check_photos().err().map(|e| e.to_string());
+                capture.report.warnings.iter().map(|w| w.message.clone()).chain(errors).collect()
+            }
+        };
+        assert!(texts.iter().any(|text| text.contains("xxx")), "case {case}: {texts:?}");
+        for text in texts {
+            assert!(text.len() < 5000 && text.contains('…') == text.contains("xxx"), "case {case}: {text}");
+        }
     }
 }
 
@@ -201,8 +301,13 @@ fn messages_name_the_archive_not_a_temporary_file() {
 }
 
 #[test]
-fn implausible_focal_lengths_and_sizes_give_warnings_naming_views() {
-    let codes = ["implausible-focal-lengths", "photos-far-smaller-than-cameras", "views-too-small"];
+fn implausible_cameras_and_sizes_give_warnings_naming_views() {
+    let codes = [
+        "implausible-focal-lengths",
+        "photos-far-smaller-than-cameras",
+        "views-too-small",
+        "implausible-principal-points",
+    ];
     let check = |change: &dyn Fn(&mut Scene), max_resolution, expected: &str| {
         let mut scene = Scene::ring(3);
         scene.cameras[0] =
@@ -217,14 +322,21 @@ fn implausible_focal_lengths_and_sizes_give_warnings_naming_views() {
             let found = warning(&report, code);
             assert_eq!(found.is_some(), code == expected, "{code}, expected {expected:?}");
             assert!(found.is_none_or(|w| w.count == 3 && w.message.contains("\"p01.png\"")));
+            assert!(found.is_none_or(|w| w.message.len() < 400), "{found:?}");
         }
     };
     check(&|_| {}, 1600, "");
-    for focal_px in [1e-3, 4.0, 2000.0, 1e12] {
+    for focal_px in [1e-300, 1e-3, 4.0, 2000.0, 1e12, 1e300] {
         let change = |scene: &mut Scene| scene.cameras[0].params[..2].fill(focal_px);
         check(&change, 1600, codes[0]);
     }
     check(&|scene| scene.cameras[0].params[0] = 100.0, 1600, codes[0]);
+    // Image of 48 x 32: beside it is plausible, further off than its own size is not.
+    for (index, centre_px, expected) in
+        [(2, 96.0, ""), (3, -32.0, ""), (2, 97.0, codes[3]), (3, -33.0, codes[3]), (3, 1e9, codes[3])]
+    {
+        check(&|scene| scene.cameras[0].params[index] = centre_px, 1600, expected);
+    }
     let huge = |scene: &mut Scene| {
         scene.cameras[0].size = (48_000, 32_000);
         scene.cameras[0].params = vec![40e3, 44e3, 24e3, 16e3];
