@@ -155,7 +155,7 @@ fn lossy_files_meet_their_limits_and_plain_formats_keep_colours() {
     // Such a file promises nothing, and is held to what verify is asked.
     assert_eq!(json(&["inspect", text(&coarse)])["quality"], "custom");
     let verify = ["verify", text(&coarse), "--against", text(run), "--device", "cpu"];
-    assert!(good(&verify).contains("nothing is promised"));
+    assert!(good(&verify).contains("this quality has no limits"));
     assert!(good(&[&verify[..], &["--max-loss", "1.2dB"]].concat()).contains("yes"));
     let (code, message) = bad(&[&verify[..], &["--max-loss", "0.1dB"]].concat());
     assert!(code == 1 && message.contains("at most 0.1"), "{message}");
@@ -218,7 +218,7 @@ fn scenes_are_cropped_reoriented_and_titled() {
     }
     // What was cut is not the scene, and verify says why.
     let (code, message) = bad(&["verify", text(&file), "--against", text(run), "--device", "cpu"]);
-    assert!(code == 1 && message.contains("if it was cut"), "{message}");
+    assert!(code == 1 && message.contains("verify a cropped file"), "{message}");
 }
 
 #[test]
@@ -401,7 +401,7 @@ fn the_fallback_is_checked_as_stored_in_the_file() {
         // All that our own reader draws is untouched.
         falsify(&glb, "KHR_gaussian_splatting:SH_DEGREE_0_COEF_0", 5.0);
         let (code, message) = bad(&verify);
-        assert!(code == 1 && message.contains("without textures show something else"), "{message}");
+        assert!(code == 1 && message.contains("the fallback differs from the untextured scene"), "{message}");
         let (code, message) = bad(&["validate", text(&glb)]);
         assert!(code == 1, "{message}");
     }
@@ -425,7 +425,7 @@ fn images_folders_and_scenes_are_compared() {
     let (code, _) = bad(&["compare", text(&images[0]), text(&glb)]);
     assert_eq!(code, 2);
     let (code, message) = bad(&["compare", text(&at("run")), text(folder.path())]);
-    assert!(code == 2 && message.contains("no image"), "{message}");
+    assert!(code == 2 && message.contains("shares a name"), "{message}");
 }
 
 #[test]
@@ -458,7 +458,7 @@ fn quality_is_refused_or_reported_as_ignored_where_it_does_not_apply() {
     assert!(code == 2 && message.contains("--quality") && !at("a.ply").exists(), "{message}");
     let (code, message) = bad(&[&export[..], &[text(&at("a.glb")), text(&at("a.ply"))]].concat());
     assert!(
-        code == 0 && message.contains("a.ply: has one form only") && !message.contains("a.glb"),
+        code == 0 && message.contains("a.ply: this format has a single quality") && !message.contains("a.glb"),
         "{message}"
     );
 }

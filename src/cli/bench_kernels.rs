@@ -5,7 +5,7 @@ use super::log::Log;
 use super::values::parse_duration_secs;
 use std::path::PathBuf;
 
-/// Profile training steps on a GPU: kernel times, tile-splat pairs, memory traffic, waits
+/// Profile training steps on a GPU: kernel times, pairs, memory traffic, waits
 ///
 /// Steps on the views of a capture, from its initial model, or on a random scene. The first pass over the views is a
 /// warm-up and does not count. --max-time limits how much is measured.
