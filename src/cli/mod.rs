@@ -8,6 +8,7 @@ mod capture;
 mod capture_args;
 mod chart;
 mod colour_by;
+mod common_args;
 mod compare;
 mod completions;
 mod config_file;
@@ -22,6 +23,7 @@ mod lab;
 mod log;
 mod man;
 mod memory;
+mod orphan;
 mod outputs;
 mod profile;
 mod progress;
@@ -68,26 +70,9 @@ use std::process::ExitCode;
 )]
 struct Cli {
     #[command(flatten)]
-    common: CommonArgs,
+    common: common_args::CommonArgs,
     #[command(subcommand)]
     command: Command,
-}
-
-/// Options of every subcommand.
-#[derive(clap::Args)]
-struct CommonArgs {
-    /// Print only warnings and errors
-    #[arg(long, short, global = true, help_heading = "Messages")]
-    quiet: bool,
-    /// Print more
-    #[arg(long, short, global = true, action = clap::ArgAction::Count, conflicts_with = "quiet", help_heading = "Messages")]
-    verbose: u8,
-    /// Format of the messages on standard error
-    #[arg(long, global = true, value_name = "FORM", default_value = "text", help_heading = "Messages")]
-    log_format: log::LogFormat,
-    /// Number of worker threads; does not affect the results [default: one per core]
-    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), help_heading = "Device")]
-    threads: Option<u16>,
 }
 
 #[derive(Subcommand)]

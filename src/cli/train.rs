@@ -12,7 +12,7 @@ use super::summary::Summary;
 use super::train_args::TrainArgs;
 use super::train_job::TrainJob;
 use super::train_summary::{self, Outcome};
-use super::{bench, devices, export, outputs};
+use super::{devices, export, orphan, outputs};
 use litetex_gs::backend::Backend;
 use litetex_gs::model::num_params;
 use litetex_gs::train::density::Budget;
@@ -25,7 +25,7 @@ use std::time::Instant;
 /// Trains and prints the result.
 pub fn run(args: TrainArgs, log: &Log) -> anyhow::Result<()> {
     if args.end_with_stdin {
-        bench::orphan::end_with_stdin();
+        orphan::end_with_stdin();
     }
     let asset = AssetArgs { force: args.force, ..AssetArgs::default() };
     // Before hours of training, not after.

@@ -1,6 +1,6 @@
 //! The folder of a benchmark: its lock, its results, and what --force may delete.
 
-use super::BenchArgs;
+use super::args::BenchArgs;
 use crate::cli::lab;
 use crate::cli::log::Log;
 use litetex_gs::{Error, Result, atomic_file};

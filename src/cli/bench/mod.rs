@@ -1,94 +1,28 @@
 //! `litetex bench`: runs a matrix of trainings in processes of their own and collects one line of results for each.
 //! The matrix and the results are defined in `litetex-lab`.
 
+mod args;
 mod folder;
 mod messages;
-pub mod orphan;
 mod runner;
 mod training;
 
 use super::interrupt::Interrupt;
 use super::log::Log;
-use super::values::parse_duration_secs;
 use super::{lab, memory};
+pub use args::BenchArgs;
+use args::Words;
 use folder::{RESULTS, RUNS};
 use litetex_gs::{Error, Result};
-use litetex_lab::matrix::{Cell, Matrix, NamedArgs, SceneEntry, check_captures, shard};
+use litetex_lab::matrix::{Cell, Matrix, check_captures, shard};
 use litetex_lab::results::{self, Record, Status};
 use litetex_lab::{machine, words};
 use runner::Runner;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, mpsc};
 use std::time::Instant;
 use training::Training;
-
-/// Train a matrix of scenes, variants, budgets and seeds, and collect the results
-///
-/// Every run is a "litetex train" of its own and adds one line to results.jsonl, even if it fails. Called again with
-/// the same folder, bench skips finished runs, and so continues an interrupted benchmark. Results of several folders
-/// or machines are merged by concatenating the files. "litetex chart" makes charts and tables of them.
-#[derive(clap::Args)]
-pub struct BenchArgs {
-    /// Folder for the results
-    #[arg(long, short, value_name = "FOLDER")]
-    out: PathBuf,
-    /// Matrix as a TOML file with tables scene (path), variant and budget (name), each with args, and the lists seeds
-    /// and common; docs/results-schema.md shows one. Flags replace what the file says
-    #[arg(long, value_name = "FILE", help_heading = "Matrix")]
-    config: Option<PathBuf>,
-    /// Captures: CAPTURE or "NAME: CAPTURE"
-    #[arg(long, value_name = "SCENE", num_args = 1.., value_parser = words::parse_scene, help_heading = "Matrix")]
-    scene: Vec<SceneEntry>,
-    /// What to compare: "NAME: ARGUMENTS of litetex train", or just the name of a policy such as fixed:4; may be
-    /// repeated
-    #[arg(long, value_name = "VARIANT", value_parser = words::parse_named_args, help_heading = "Matrix")]
-    variant: Vec<NamedArgs>,
-    /// Model size or run length at which to compare: "NAME: ARGUMENTS"; may be repeated
-    #[arg(long, value_name = "BUDGET", value_parser = words::parse_named_args, help_heading = "Matrix")]
-    budget: Vec<NamedArgs>,
-    /// Seeds, one repetition each: numbers and ranges like 1,2,5-8 [default: 42]
-    #[arg(long, value_name = "SEEDS", help_heading = "Matrix")]
-    seeds: Option<String>,
-    /// Arguments of all runs; those of variants and budgets take precedence
-    #[arg(long, value_name = "ARGUMENTS", allow_hyphen_values = true, value_parser = parse_words, help_heading = "Matrix")]
-    common: Option<Words>,
-    /// Run only this part of the matrix: 1/3, 2/3 and 3/3 divide it among three machines
-    #[arg(long, value_name = "PART/PARTS", value_parser = words::parse_shard, default_value = "1/1")]
-    shard: (usize, usize),
-    /// Number of concurrent runs; with more than 1, their times do not count
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=256))]
-    jobs: u16,
-    /// Stop a run after this time and count it as failed: 90s, 20m, 1h30m [default: no limit]
-    #[arg(long, value_name = "TIME", value_parser = parse_duration_secs)]
-    timeout: Option<f64>,
-    /// Continue with the unfinished runs; the default if the folder contains results
-    #[arg(long, conflicts_with = "force")]
-    resume: bool,
-    /// Repeat failed runs
-    #[arg(long)]
-    retry_failed: bool,
-    /// Stop at the first failed run instead of continuing with the others
-    #[arg(long)]
-    fail_fast: bool,
-    /// Keep checkpoints, images and metrics of the runs, not only summary.json and config.toml
-    #[arg(long)]
-    keep_runs: bool,
-    /// Delete the results and runs of an earlier benchmark in the folder and start from scratch
-    #[arg(long)]
-    force: bool,
-    /// Run nothing: list the runs, which are done, and how long the others should take, estimated from similar runs
-    #[arg(long, visible_alias = "estimate")]
-    dry_run: bool,
-}
-
-/// Words of one argument.
-#[derive(Clone)]
-struct Words(Vec<String>);
-
-fn parse_words(text: &str) -> Result<Words, String> {
-    words::split_words(text).map(Words)
-}
 
 /// Makes the unfinished runs of the matrix and prints a table of all.
 ///

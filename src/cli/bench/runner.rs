@@ -1,8 +1,8 @@
 //! Makes one run of a benchmark in a process of its own, so that memory, CPU time and crashes do not affect other runs,
 //! and turns its outcome into a line of results.
 
-use super::orphan;
 use crate::cli::interrupt::Interrupt;
+use crate::cli::orphan;
 use crate::cli::summary;
 use litetex_gs::{Error, Result, atomic_file, input_file};
 use litetex_lab::machine::{self, Conditions, OwnLoad};

@@ -1,7 +1,7 @@
 //! What a matrix needs from `litetex train`: its arguments, its policies and its default seed.
 
+use crate::cli::common_args::CommonArgs;
 use crate::cli::train_args::TrainArgs;
-use crate::cli::{Cli, Command};
 use clap::Parser;
 use litetex_gs::train::{Policy, TrainConfig};
 use litetex_lab::matrix::TrainCommand;
@@ -24,11 +24,20 @@ impl TrainCommand for Training {
     }
 }
 
+/// The command line of `litetex train`.
+#[derive(Parser)]
+struct TrainLine {
+    #[command(flatten)]
+    _common: CommonArgs,
+    #[command(flatten)]
+    train: TrainArgs,
+}
+
 /// Parses arguments as `litetex train` does, and refuses those that every run gets from the matrix.
 fn parse(args: &[String]) -> Result<TrainArgs, String> {
     // With --quiet, as the runs will be: what contradicts it is found here.
-    let words = ["litetex", "train", "--quiet"].into_iter().chain(args.iter().map(String::as_str));
-    let cli = Cli::try_parse_from(words).map_err(|e| {
+    let words = ["litetex train", "--quiet"].into_iter().chain(args.iter().map(String::as_str));
+    let line = TrainLine::try_parse_from(words).map_err(|e| {
         if !e.use_stderr() {
             return "the arguments ask for help or the version instead of a training".to_owned();
         }
@@ -37,9 +46,7 @@ fn parse(args: &[String]) -> Result<TrainArgs, String> {
         let head = text.split("\n\n").next().unwrap_or_default();
         head.trim_start_matches("error: ").trim().to_owned()
     })?;
-    let Command::Train(parsed) = cli.command else {
-        return Err("not arguments of litetex train".to_owned());
-    };
+    let parsed = line.train;
     for (given, what) in [
         (parsed.capture.is_some(), "a capture: name it as a scene"),
         (parsed.out.is_some(), "--out: every run has a folder of its own"),
@@ -51,7 +58,7 @@ fn parse(args: &[String]) -> Result<TrainArgs, String> {
             return Err(format!("the arguments contain {what}"));
         }
     }
-    Ok(*parsed)
+    Ok(parsed)
 }
 
 #[cfg(test)]
