@@ -458,7 +458,9 @@ fn quality_is_refused_or_reported_as_ignored_where_it_does_not_apply() {
     assert!(code == 2 && message.contains("--quality") && !at("a.ply").exists(), "{message}");
     let (code, message) = bad(&[&export[..], &[text(&at("a.glb")), text(&at("a.ply"))]].concat());
     assert!(
-        code == 0 && message.contains("a.ply: this format has a single quality") && !message.contains("a.glb"),
+        code == 0
+            && message.contains("a.ply: this format has a single quality")
+            && !message.contains("a.glb"),
         "{message}"
     );
 }

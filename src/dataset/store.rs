@@ -245,7 +245,7 @@ impl ImageStore {
             let shared = &*self.shared;
             let recipe = &shared.recipes[view];
             let image = shared.decode(view)?;
-            let has_pixels = image.has_pixels_that_count();
+            let has_pixels = image.has_counted_pixels();
             let mut state = shared.lock();
             if !state.cached.contains_key(&view) && state.bytes + image.num_bytes() <= shared.budget_bytes {
                 state.insert(view, &image, false, shared.budget_bytes);

@@ -17,7 +17,7 @@ pub struct TargetImage {
 
 impl TargetImage {
     /// Whether any pixel counts in loss and metrics, that is, whether the photo is not wholly masked.
-    pub fn has_pixels_that_count(&self) -> bool {
+    pub fn has_counted_pixels(&self) -> bool {
         self.mask.as_ref().is_none_or(|mask| mask.iter().any(|&m| m != 0))
     }
 

@@ -46,7 +46,7 @@ pub fn evaluate(
         let figures = images.par_iter().map(|(view, image)| {
             let target = views.target(*view)?;
             let quality = || quality_of(views.name(*view), &image.rgb, &target);
-            Ok(target.has_pixels_that_count().then(quality))
+            Ok(target.has_counted_pixels().then(quality))
         });
         per_view.extend(figures.collect::<Result<Vec<_>>>()?.into_iter().flatten());
     }
