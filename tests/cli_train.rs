@@ -89,6 +89,8 @@ fn a_run_writes_what_the_schema_documents() {
         ("/quality/ssim_3dgs", -1.0),
         ("/quality/ssim_valid", -1.0),
         ("/quality/flip", 0.0),
+        ("/quality/psnr_corrected", 5.0),
+        ("/quality/uncovered", 0.0),
         ("/size/splats", 99.0),
         // Measured: 1,140, 2 x 2 for most of 300 splats.
         ("/size/texels", 799.0),
@@ -171,11 +173,23 @@ fn a_run_is_evaluated_rendered_and_inspected() {
     let json: Value = serde_json::from_str(&ok(&["eval", &run_dir, "--json", "-q", "-o", &out])).unwrap();
     let trained = place.json("run/summary.json");
     assert_eq!(json["quality"]["psnr"], trained["quality"]["psnr"]);
+    assert_eq!(json["quality"]["psnr_corrected"], trained["quality"]["psnr_corrected"]);
+    assert_eq!(json["uncovered_by"], Value::Null);
     let images = pngs(&out);
     assert_eq!(images.len(), 2);
     let name = images[0].file_name().unwrap();
     let of_run = Path::new(&run_dir).join("eval/000012").join(name);
     assert_eq!(fs::read(&images[0]).unwrap(), fs::read(of_run).unwrap());
+
+    // Another run defines which pixels count; here it is the same one.
+    let own = ok(&["eval", &run_dir, "--uncovered-by", &run_dir, "--json", "-q"]);
+    let own: Value = serde_json::from_str(&own).unwrap();
+    let side = |key: &str| trained["capture"][key].as_f64().unwrap();
+    let per_view = own["quality"]["per_view"].as_array().unwrap();
+    let uncovered: f64 = per_view.iter().map(|v| v["uncovered"].as_f64().unwrap()).sum();
+    let pixels = uncovered * side("width_px") * side("height_px");
+    assert!(pixels > 0.5 && (own["uncovered_by"]["pixels"].as_f64().unwrap() - pixels).abs() < 1e-3, "{own}");
+    assert!(own["uncovered_by"]["psnr"].as_f64().unwrap() > 1.0, "{own}");
 
     let views = place.path("views");
     ok(&["render", &run_dir, "--test", "-o", &views, "--what", "colour,depth,normal,alpha", "-q"]);

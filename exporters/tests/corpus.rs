@@ -1,5 +1,5 @@
 //! Every hostile file gives a typed error of the expected kind, within two seconds and with little memory. The files are in
-//! `corpus/`; `cargo test --test corpus -- --ignored` regenerates them.
+//! `corpus/`; `cargo test -p litetex-exporters --test corpus -- --ignored` regenerates them.
 
 #[path = "common/mod.rs"]
 mod common;

@@ -1,6 +1,7 @@
 //! `litetex eval`: quality figures of a trained scene on its test views.
 
 use super::capture::Capture;
+use super::hole::Hole;
 use super::log::Log;
 use super::run_folder::check_empty;
 use super::sources::{Trained, render_options};
@@ -29,6 +30,9 @@ pub struct EvalArgs {
     /// Also write images, error maps and per_view.csv into this empty folder
     #[arg(long, short, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Also report the PSNR within the pixels that this other run of the same capture leaves uncovered (alpha below 0.5)
+    #[arg(long, value_name = "RUN")]
+    uncovered_by: Option<PathBuf>,
     /// Print JSON, with the figures of each view
     #[arg(long)]
     json: bool,
@@ -45,8 +49,12 @@ pub fn run(args: &EvalArgs, log: &Log) -> anyhow::Result<()> {
     let trained = Trained::load(&args.source)?;
     let capture = trained.open_capture(args.capture.as_deref())?;
     log.report(&capture.report);
+    let mut hole = match &args.uncovered_by {
+        Some(other) => Some(Hole::of(&Trained::load(other)?, &capture, &args.device, log)?),
+        None => None,
+    };
     let mut backend = trained.on_device(&args.device, log)?;
-    let evaluation = evaluate(&trained, backend.as_mut(), &capture, args.out.as_deref())?;
+    let evaluation = evaluate(&trained, backend.as_mut(), &capture, args.out.as_deref(), hole.as_mut())?;
     if args.json {
         return Ok(print_json(&serde_json::json!({
             "schema": "litetex-eval/1",
@@ -54,6 +62,7 @@ pub fn run(args: &EvalArgs, log: &Log) -> anyhow::Result<()> {
             "step": trained.step,
             "resample": "area",
             "quality": Quality::from(&evaluation),
+            "uncovered_by": hole.map(|h| h.json()),
         }))?);
     }
     let mut table = Table::default();
@@ -63,6 +72,15 @@ pub fn run(args: &EvalArgs, log: &Log) -> anyhow::Result<()> {
     table.row("gradient-PSNR", format!("{:.2} dB", evaluation.grad_psnr));
     table.row("SSIM (3DGS / valid)", format!("{:.4} / {:.4}", evaluation.ssim_3dgs, evaluation.ssim_valid));
     table.row("FLIP", format!("{:.4}", evaluation.flip));
+    if let Some(psnr) = evaluation.psnr_corrected {
+        table.row("PSNR, colours corrected", format!("{psnr:.2} dB (right halves)"));
+    }
+    if let Some(share) = evaluation.uncovered {
+        table.row("uncovered pixels", format!("{:.2} %", 100.0 * share));
+    }
+    if let Some(hole) = &hole {
+        table.row("PSNR where uncovered", hole.text());
+    }
     Ok(table.print()?)
 }
 
@@ -71,6 +89,7 @@ fn evaluate(
     backend: &mut dyn Backend,
     capture: &Capture,
     out: Option<&Path>,
+    mut hole: Option<&mut Hole>,
 ) -> Result<Evaluation> {
     let views = capture.indices(Split::Test);
     if views.is_empty() {
@@ -86,6 +105,9 @@ fn evaluate(
     let mut on_view = |view: usize, image: &RenderedImage| -> Result<Control> {
         if let Some(out) = out {
             write_view(out, capture, view, image)?;
+        }
+        if let Some(hole) = &mut hole {
+            hole.add(capture, view, image)?;
         }
         Ok(Control::Continue)
     };

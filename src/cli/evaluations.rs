@@ -204,7 +204,9 @@ mod tests {
 
     /// A table of one view, `a.jpg`; the second figure tells tables apart.
     fn table(figure: &str) -> String {
-        format!("name,psnr,grad_psnr,ssim_3dgs,ssim_valid,flip\na.jpg,{figure},1,1,1,1\n")
+        format!(
+            "name,psnr,grad_psnr,ssim_3dgs,ssim_valid,flip,psnr_corrected,uncovered\na.jpg,{figure},1,1,1,1,,\n"
+        )
     }
 
     fn publish(target: &Path, figure: &str) {

@@ -16,6 +16,7 @@ mod devices;
 mod eval;
 mod evaluations;
 mod export;
+mod hole;
 mod init_source;
 mod inspect;
 mod interrupt;

@@ -298,7 +298,8 @@ mod tests {
     use crate::cli::view_files::PER_VIEW;
 
     /// Of one view, `a/0001.jpg`.
-    const TABLE: &str = "name,psnr,grad_psnr,ssim_3dgs,ssim_valid,flip\na/0001.jpg,1,1,1,1,1\n";
+    const TABLE: &str =
+        "name,psnr,grad_psnr,ssim_3dgs,ssim_valid,flip,psnr_corrected,uncovered\na/0001.jpg,1,1,1,1,1,,\n";
 
     /// A folder with files of these names.
     fn folder_with(names: &[&str]) -> tempfile::TempDir {

@@ -117,7 +117,8 @@ impl<'a> Session<'a> {
                 self.progress.evaluated(step, evaluation.psnr, evaluation.grad_psnr);
                 self.metric(json!({ "event": "evaluated", "step": step, "last": last, "point": point,
                     "ssim_3dgs": evaluation.ssim_3dgs, "ssim_valid": evaluation.ssim_valid,
-                    "flip": evaluation.flip }))?;
+                    "flip": evaluation.flip, "psnr_corrected": evaluation.psnr_corrected,
+                    "uncovered": evaluation.uncovered }))?;
                 self.publish_eval(step, evaluation)?;
             }
             TrainEvent::Checkpoint { state } => self.save(state)?,

@@ -98,6 +98,10 @@ pub struct Quality {
     pub ssim_valid: f64,
     /// Mean FLIP error.
     pub flip: f64,
+    /// PSNR after a correction of the colours, dB.
+    pub psnr_corrected: Option<f64>,
+    /// Share of the pixels with alpha below 0.5.
+    pub uncovered: Option<f64>,
     /// Always null; `lpips_reason` says why.
     pub lpips: Option<f64>,
     pub lpips_reason: String,
@@ -113,6 +117,8 @@ impl From<&Evaluation> for Quality {
             ssim_3dgs: e.ssim_3dgs,
             ssim_valid: e.ssim_valid,
             flip: e.flip,
+            psnr_corrected: e.psnr_corrected,
+            uncovered: e.uncovered,
             lpips: None,
             lpips_reason: LPIPS_REASON.to_owned(),
             per_view: e.per_view.clone(),

@@ -206,7 +206,12 @@ fn events_fill_the_run_folder() {
         ]
     );
     let csv = std::fs::read_to_string(dir.path().join("eval/000020/per_view.csv")).unwrap();
-    assert!(csv.starts_with("name,psnr,grad_psnr,ssim_3dgs,ssim_valid,flip\na/0001.jpg,"), "{csv}");
+    assert!(
+        csv.starts_with(
+            "name,psnr,grad_psnr,ssim_3dgs,ssim_valid,flip,psnr_corrected,uncovered\na/0001.jpg,"
+        ),
+        "{csv}"
+    );
     let (loaded, strings) = checkpoint::load(&find_checkpoint(dir.path()).unwrap()).unwrap();
     let mut expected = state(20);
     expected.history.total_wall_secs = 1.5;

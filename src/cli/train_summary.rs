@@ -151,6 +151,9 @@ pub fn print(s: &Summary) -> std::io::Result<()> {
         table.row("test gradient-PSNR", format!("{:.2} dB", q.grad_psnr));
         table.row("test SSIM (3DGS / valid)", format!("{:.4} / {:.4}", q.ssim_3dgs, q.ssim_valid));
         table.row("test FLIP", format!("{:.4}", q.flip));
+        if let Some(uncovered) = q.uncovered {
+            table.row("uncovered test pixels", format!("{:.2} %", 100.0 * uncovered));
+        }
     }
     table.row("splats", format_count(s.size.splats as u64));
     table.row("texels", format_count(s.size.texels as u64));

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 /// Name of the table with the figures of each view.
 pub const PER_VIEW: &str = "per_view.csv";
 /// First line of the table.
-const PER_VIEW_HEAD: &str = "name,psnr,grad_psnr,ssim_3dgs,ssim_valid,flip";
+const PER_VIEW_HEAD: &str = "name,psnr,grad_psnr,ssim_3dgs,ssim_valid,flip,psnr_corrected,uncovered";
 /// Folder of the error maps.
 pub const ERROR_MAPS: &str = "error";
 /// Largest table that is read.
@@ -68,8 +68,10 @@ pub fn write_per_view(folder: &Path, evaluation: &Evaluation) -> Result<()> {
         } else {
             v.name.clone()
         };
+        let known = |figure: Option<f64>| figure.map_or(String::new(), |f| f.to_string());
+        let [corrected, uncovered] = [v.psnr_corrected, v.uncovered].map(known);
         text.push_str(&format!(
-            "{name},{},{},{},{},{}\n",
+            "{name},{},{},{},{},{},{corrected},{uncovered}\n",
             v.psnr, v.grad_psnr, v.ssim_3dgs, v.ssim_valid, v.flip
         ));
     }
@@ -127,6 +129,8 @@ mod tests {
             ssim_3dgs: 0.5,
             ssim_valid: 0.5,
             flip: 0.5,
+            psnr_corrected: None,
+            uncovered: Some(0.5),
         };
         let evaluation = Evaluation::from_views(names.map(of_view).to_vec()).unwrap();
         write_per_view(folder.path(), &evaluation).unwrap();

@@ -5,6 +5,8 @@
 //! Pixels whose mask is 0 are left out. Both images are set to black there before windowed metrics run,
 //! so masked content has no influence.
 
+mod colour;
+mod coverage;
 mod error_map;
 mod flip;
 mod gradient;
@@ -12,6 +14,8 @@ mod pair;
 mod psnr;
 mod ssim;
 
+pub use colour::corrected_psnr;
+pub use coverage::{UNCOVERED_ALPHA, uncovered_pixels, uncovered_share};
 pub use error_map::{ERROR_MAP_MAX, error_map};
 pub use flip::mean_flip;
 pub use gradient::gradient_psnr;
@@ -37,6 +41,11 @@ pub struct ViewQuality {
     pub ssim_valid: f64,
     /// Mean FLIP error, 0 to 1.
     pub flip: f64,
+    /// PSNR of the right half, the colours corrected by an affine map fitted on the left half, dB; `None` if a half is
+    /// masked. Never mixed with `psnr`.
+    pub psnr_corrected: Option<f64>,
+    /// Share of the pixels with alpha below [`UNCOVERED_ALPHA`]; `None` for images without alpha.
+    pub uncovered: Option<f64>,
 }
 
 /// Quality figures of a set of views: arithmetic means over the views.
@@ -52,6 +61,10 @@ pub struct Evaluation {
     pub ssim_valid: f64,
     /// Mean of [`ViewQuality::flip`].
     pub flip: f64,
+    /// Mean of [`ViewQuality::psnr_corrected`] over the views that have one, dB.
+    pub psnr_corrected: Option<f64>,
+    /// Mean of [`ViewQuality::uncovered`].
+    pub uncovered: Option<f64>,
     /// The figures of each view, in the order given.
     pub per_view: Vec<ViewQuality>,
 }
@@ -70,12 +83,19 @@ impl Evaluation {
             ssim_3dgs: mean(|v| v.ssim_3dgs),
             ssim_valid: mean(|v| v.ssim_valid),
             flip: mean(|v| v.flip),
+            psnr_corrected: mean_of_known(&per_view, |v| v.psnr_corrected),
+            uncovered: mean_of_known(&per_view, |v| v.uncovered),
             per_view,
         })
     }
 }
 
-/// All quality figures of one render (display space, not clamped, `[height, width, 3]`).
+fn mean_of_known(views: &[ViewQuality], figure: fn(&ViewQuality) -> Option<f64>) -> Option<f64> {
+    let known: Vec<f64> = views.iter().filter_map(figure).collect();
+    (!known.is_empty()).then(|| known.iter().sum::<f64>() / known.len() as f64)
+}
+
+/// All quality figures of one render (display space, not clamped, `[height, width, 3]`) but its coverage.
 ///
 /// # Panics
 /// If the render and its photo differ in size.
@@ -89,6 +109,8 @@ pub fn quality_of(name: &str, rendered_rgb: &[f32], target: &TargetImage) -> Vie
         ssim_3dgs: ssim.zero_padded,
         ssim_valid: ssim.valid,
         flip: mean_flip(&pair),
+        psnr_corrected: corrected_psnr(&pair),
+        uncovered: None,
     }
 }
 

@@ -228,3 +228,73 @@ fn error_maps_show_where_images_differ() {
     assert_eq!(map[3..6], crate::image::magma(1.0));
     assert_eq!(map[9..12], [128; 3]);
 }
+
+/// A photo of colours whose left and right halves have the same range.
+fn drifting(map: impl Fn([f64; 3]) -> [f64; 3]) -> (Vec<f32>, TargetImage) {
+    let (w, h) = (64, 32);
+    let clean: Vec<[f64; 3]> = (0..w * h)
+        .map(|i| {
+            let (x, y) = (f64::from(i % w), f64::from(i / w));
+            let wave = |k: f64| 0.45 + 0.2 * (k * x + 0.37 * k * y).sin();
+            [wave(0.9), wave(1.7), wave(2.3)]
+        })
+        .collect();
+    let rgb = clean.iter().flat_map(|&c| map(c)).map(|v| (v * 255.0).round() as u8).collect();
+    let rendered = clean.as_flattened().iter().map(|v| *v as f32).collect();
+    (rendered, TargetImage { width_px: w, height_px: h, rgb, mask: None })
+}
+
+#[test]
+fn affine_colour_drift_is_corrected_and_other_errors_are_not() {
+    let drift = |[r, g, b]: [f64; 3]| [0.8 * r + 0.1 * g + 0.05, 0.7 * g + 0.02, 1.1 * b + 0.1 * r + 0.01];
+    let (rendered, photo) = drifting(drift);
+    let q = quality_of("", &rendered, &photo);
+    // Rounding of both images to 8 bits alone leaves 55 dB.
+    assert!(q.psnr < 25.0 && q.psnr_corrected.unwrap() > 52.0, "{} {:?}", q.psnr, q.psnr_corrected);
+    // Negative controls: a curve, and colours that differ between the halves, are no affine map of the colours.
+    let (rendered, curved) = drifting(|c| c.map(|v| 4.0 * (v - 0.45).powi(2) + 0.3));
+    assert!(quality_of("", &rendered, &curved).psnr_corrected.unwrap() < 30.0);
+    let (rendered, mut halves) = drifting(|c| c);
+    assert_eq!(quality_of("", &rendered, &halves).psnr_corrected, Some(PSNR_CAP_DB));
+    for (i, value) in halves.rgb.iter_mut().enumerate().filter(|(i, _)| i / 3 % 64 >= 32) {
+        *value = value.saturating_sub(20 + (i % 3) as u8);
+    }
+    assert!(quality_of("", &rendered, &halves).psnr_corrected.unwrap() < 25.0);
+}
+
+#[test]
+fn colours_are_corrected_in_flat_images_and_not_where_a_half_is_masked() {
+    let flat = |value: u8| TargetImage { width_px: 8, height_px: 4, rgb: vec![value; 96], mask: None };
+    let q = quality_of("", &vec![0.5; 96], &flat(100));
+    assert!(q.psnr < 20.0 && q.psnr_corrected.unwrap() > 60.0, "{q:?}");
+    for hidden in [0..4, 4..8] {
+        let mut masked = flat(100);
+        masked.mask = Some((0..32).map(|i| if hidden.contains(&(i % 8)) { 0 } else { 255 }).collect());
+        assert_eq!(quality_of("", &vec![0.5; 96], &masked).psnr_corrected, None);
+    }
+}
+
+#[test]
+fn uncovered_pixels_are_counted_where_the_photo_counts() {
+    let mut photo = TargetImage { width_px: 4, height_px: 1, rgb: vec![0; 12], mask: None };
+    let alpha = [0.0, 0.49, 0.5, 1.0];
+    assert_eq!(uncovered_pixels(&alpha, &photo), [true, true, false, false]);
+    assert_eq!(uncovered_share(&alpha, &photo), 0.5);
+    photo.mask = Some(vec![0, 255, 255, 255]);
+    assert_eq!(uncovered_share(&alpha, &photo), 1.0 / 3.0);
+    photo.mask = Some(vec![0; 4]);
+    assert_eq!(uncovered_share(&alpha, &photo), 0.0);
+}
+
+#[test]
+fn views_without_a_corrected_figure_are_left_out_of_its_mean() {
+    let photo = photo(40, 31);
+    let mut views = vec![quality_of("a", &noisy(&photo, 0.1), &photo); 3];
+    views[1].psnr_corrected = None;
+    views[2].psnr_corrected = views[0].psnr_corrected.map(|p| p + 2.0);
+    let mean = Evaluation::from_views(views.clone()).unwrap().psnr_corrected.unwrap();
+    // Needed 4e-15.
+    assert!((mean - views[0].psnr_corrected.unwrap() - 1.0).abs() < 1e-12);
+    views.iter_mut().for_each(|v| v.psnr_corrected = None);
+    assert_eq!(Evaluation::from_views(views).unwrap().psnr_corrected, None);
+}

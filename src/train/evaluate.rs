@@ -3,7 +3,7 @@
 use super::events::Control;
 use crate::Result;
 use crate::backend::{Backend, RenderOptions, RenderedImage};
-use crate::eval::{Evaluation, ViewQuality, quality_of};
+use crate::eval::{Evaluation, ViewQuality, quality_of, uncovered_share};
 use crate::views::ViewSource;
 use rayon::prelude::*;
 
@@ -45,7 +45,10 @@ pub fn evaluate(
         }
         let figures = images.par_iter().map(|(view, image)| {
             let target = views.target(*view)?;
-            let quality = || quality_of(views.name(*view), &image.rgb, &target);
+            let quality = || ViewQuality {
+                uncovered: Some(uncovered_share(&image.alpha, &target)),
+                ..quality_of(views.name(*view), &image.rgb, &target)
+            };
             Ok(target.has_counted_pixels().then(quality))
         });
         per_view.extend(figures.collect::<Result<Vec<_>>>()?.into_iter().flatten());
