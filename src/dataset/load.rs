@@ -10,7 +10,7 @@ use super::pose_format::Found;
 use super::source::{Source, SourceView, first_names, first_paths};
 use super::store::ImageStore;
 use super::zipped::Unpacked;
-use super::{frame, health, plausible, split, zipped};
+use super::{advice, frame, health, plausible, split, zipped};
 use crate::camera::{Camera, Similarity};
 use crate::text::{self, quoted};
 use crate::views::Split;
@@ -136,13 +136,16 @@ fn find_poses(path: &Path, options: &LoadOptions, report: &mut Report) -> Result
     }
     let files: Vec<&str> = CaptureFormat::all().filter(wanted).map(|f| f.entry().files).collect();
     let files = files.join(", or ");
-    Err(if path.is_file() {
+    Err(if let Some(advice) = advice::for_video(path).filter(|_| path.is_file()) {
+        Error::unsupported(path, advice)
+    } else if path.is_file() {
         let what = format!(
             "not a capture; expected a folder with {files}, a ZIP archive of it, or a transforms.json"
         );
         Error::unsupported(path, what)
     } else {
-        Error::invalid(path, format!("no poses found; expected {files} here"))
+        let advice = advice::for_photos(path).map(|a| format!(": {a}")).unwrap_or_default();
+        Error::invalid(path, format!("no poses found; expected {files} here{advice}"))
     })
 }
 

@@ -1,6 +1,7 @@
 //! Captures: posed photos and sparse points read from files and brought into the frame, size and colour
 //! space of training. Nothing here knows how training or rendering works.
 
+mod advice;
 mod capture;
 mod check;
 mod decode;

@@ -1,9 +1,9 @@
 //! Sizes of photos and masks, checked against their cameras, and how their files are opened. `decode.rs` decodes the
 //! pixels.
 
-use super::exr_photo;
 use super::jpeg_frame::Frame;
 use super::lens::Lens;
+use super::{advice, exr_photo};
 use crate::text::quoted;
 use crate::{Error, Result, input_file};
 use image::metadata::Orientation;
@@ -26,11 +26,12 @@ pub(crate) fn image_error(path: &Path, error: image::ImageError) -> Error {
     match error {
         image::ImageError::IoError(e) if e.kind() != std::io::ErrorKind::UnexpectedEof => Error::io(path, e),
         image::ImageError::Unsupported(e) => {
-            Error::unsupported(path, format!("{e}; photos must be PNG, JPEG or EXR: convert this one"))
+            let general = || format!("{e}; photos must be PNG, JPEG, WebP or EXR: convert this one");
+            Error::unsupported(path, advice::for_image(path).unwrap_or_else(general))
         }
         e => Error::invalid(
             path,
-            format!("unreadable image: {e}; expected PNG, JPEG or EXR: replace the file or remove it"),
+            format!("unreadable image: {e}; expected PNG, JPEG, WebP or EXR: replace the file or remove it"),
         ),
     }
 }

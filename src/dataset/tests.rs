@@ -271,6 +271,40 @@ fn alpha_is_composited_before_averaging() {
 }
 
 #[test]
+fn webp_photos_are_read() {
+    let scene = Scene::ring(2);
+    let folder = written(&scene);
+    for image in &scene.images {
+        // Formats are told by content: COLMAP's list of images keeps its names.
+        let photo = image::RgbImage::from_fn(12, 8, |x, y| image::Rgb([10 * x as u8, 20 * y as u8, 7]));
+        let path = folder.path().join("images").join(&image.name);
+        photo.save_with_format(path, image::ImageFormat::WebP).unwrap();
+    }
+    let photo = load(&folder, &options()).target(0).unwrap();
+    assert_eq!(photo.rgb[3..6], [10, 0, 7], "lossless");
+}
+
+#[test]
+fn formats_that_are_not_read_come_with_the_command_that_converts_them() {
+    let folder = written(&Scene::ring(2));
+    let photo = folder.path().join("images/p00.png");
+    assert!(photo.exists(), "named in the fixture");
+    std::fs::write(&photo, b"\0\0\0\x18ftypheic\0\0\0\0mif1heic").unwrap();
+    let error = Capture::load(folder.path(), &options()).unwrap_err();
+    assert_eq!(error.exit_code(), 4);
+    let message = error.to_string();
+    assert!(message.contains("HEIC is not read") && message.contains("magick "), "{message}");
+}
+
+#[test]
+fn photos_without_poses_come_with_the_commands_that_find_them() {
+    let folder = written(&Scene::ring(3));
+    std::fs::remove_dir_all(folder.path().join("sparse")).unwrap();
+    let message = Capture::load(folder.path(), &options()).unwrap_err().to_string();
+    assert!(message.contains("the 3 photos") && message.matches("colmap ").count() == 3, "{message}");
+}
+
+#[test]
 fn masks_are_found_reduced_and_inverted() {
     let scene = Scene::ring(4);
     let folder = written(&scene);

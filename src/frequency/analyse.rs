@@ -14,7 +14,7 @@ impl FrequencySchedule {
     /// Analyses the training views of a capture. The result does not depend on the number of threads.
     ///
     /// # Errors
-    /// [`Error::Usage`](crate::Error::Usage) for invalid settings, and whatever reading the photos reports.
+    /// [`Error::Usage`] for invalid settings, and whatever reading the photos reports.
     pub fn analyse(views: &dyn ViewSource, options: &FrequencyOptions) -> Result<Self> {
         options.check()?;
         let chosen = evenly_picked(&views.indices(Split::Train), options.max_views);
