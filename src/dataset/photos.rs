@@ -23,11 +23,13 @@ pub(crate) fn open(path: &Path) -> Result<ImageReader<BufReader<File>>> {
 
 /// Our error for what the image library says.
 pub(crate) fn image_error(path: &Path, error: image::ImageError) -> Error {
+    if let Some(advice) = advice::for_image(path) {
+        return Error::unsupported(path, advice);
+    }
     match error {
         image::ImageError::IoError(e) if e.kind() != std::io::ErrorKind::UnexpectedEof => Error::io(path, e),
         image::ImageError::Unsupported(e) => {
-            let general = || format!("{e}; photos must be PNG, JPEG, WebP or EXR: convert this one");
-            Error::unsupported(path, advice::for_image(path).unwrap_or_else(general))
+            Error::unsupported(path, format!("{e}; photos must be PNG, JPEG, WebP or EXR: convert this one"))
         }
         e => Error::invalid(
             path,

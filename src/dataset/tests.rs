@@ -287,10 +287,10 @@ fn webp_photos_are_read() {
 #[test]
 fn formats_that_are_not_read_come_with_the_command_that_converts_them() {
     let folder = written(&Scene::ring(2));
-    let photo = folder.path().join("images/p00.png");
+    let photo = folder.path().join("images/p01.png");
     assert!(photo.exists(), "named in the fixture");
     std::fs::write(&photo, b"\0\0\0\x18ftypheic\0\0\0\0mif1heic").unwrap();
-    let error = Capture::load(folder.path(), &options()).unwrap_err();
+    let error = Capture::load(folder.path(), &options()).err().unwrap();
     assert_eq!(error.exit_code(), 4);
     let message = error.to_string();
     assert!(message.contains("HEIC is not read") && message.contains("magick "), "{message}");
@@ -300,7 +300,7 @@ fn formats_that_are_not_read_come_with_the_command_that_converts_them() {
 fn photos_without_poses_come_with_the_commands_that_find_them() {
     let folder = written(&Scene::ring(3));
     std::fs::remove_dir_all(folder.path().join("sparse")).unwrap();
-    let message = Capture::load(folder.path(), &options()).unwrap_err().to_string();
+    let message = Capture::load(folder.path(), &options()).err().unwrap().to_string();
     assert!(message.contains("the 3 photos") && message.matches("colmap ").count() == 3, "{message}");
 }
 
