@@ -1,34 +1,16 @@
 //! Dispatches reading and writing by the extension of a file.
 
+pub(crate) mod kind;
+
+use self::kind::{Format, mesh_path};
 use crate::atlas::PAGE_SIDE;
 use crate::file::read_file;
 use crate::staging::{Caller, SidecarFile, repair};
 use crate::{
-    Contents, Error, Issue, Quality, ReadLimits, Result, Severity, SplatAsset, Staged, gltf, ltgs, ply,
-    sniff, spz, usd,
+    Contents, Error, Issue, Quality, ReadLimits, Result, Severity, SplatAsset, Staged, Written, gltf, ltgs,
+    ply, sniff, spz, usd,
 };
-use std::path::{Path, PathBuf};
-
-/// A file format in which assets are written and read.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Format {
-    /// glTF in one file.
-    Glb,
-    /// glTF with its arrays and atlas pages in sidecar files.
-    Gltf,
-    /// Our compact binary format.
-    Ltgs,
-    /// OpenUSD as text.
-    Usda,
-    /// OpenUSD, binary.
-    Usdc,
-    /// OpenUSD with its atlas pages in one file.
-    Usdz,
-    /// PLY of 3DGS and 2DGS.
-    Ply,
-    /// SPZ version 4.
-    Spz,
-}
+use std::path::Path;
 
 /// How to write an asset.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -41,122 +23,6 @@ pub struct WriteOptions<'a> {
     pub steps: Option<ltgs::Steps>,
     /// Exponents of the splats' steps in lossy `.ltgs` files; if empty, all are zero. `[n]`
     pub exponents: &'a [i8],
-}
-
-/// The files that an asset was written to.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Written {
-    /// All files; first the one requested.
-    pub files: Vec<PathBuf>,
-    /// Their size together.
-    pub bytes: u64,
-    /// What users should know about the result.
-    pub notes: Vec<String>,
-}
-
-impl Format {
-    /// All formats, those that keep textures first.
-    pub const ALL: [Self; 8] =
-        [Self::Glb, Self::Gltf, Self::Ltgs, Self::Usda, Self::Usdc, Self::Usdz, Self::Ply, Self::Spz];
-
-    /// Extension of the format's files, without the dot.
-    pub fn extension(self) -> &'static str {
-        match self {
-            Self::Glb => "glb",
-            Self::Gltf => "gltf",
-            Self::Ltgs => "ltgs",
-            Self::Usda => "usda",
-            Self::Usdc => "usdc",
-            Self::Usdz => "usdz",
-            Self::Ply => "ply",
-            Self::Spz => "spz",
-        }
-    }
-
-    /// The format that the extension of a file names.
-    pub fn from_path(path: &Path) -> Option<Self> {
-        let extension = path.extension()?.to_str()?.to_ascii_lowercase();
-        Self::ALL.into_iter().find(|f| f.extension() == extension)
-    }
-
-    /// As [`Format::from_path`], but requires a known extension.
-    ///
-    /// # Errors
-    /// [`Error::Unsupported`] listing the known extensions.
-    pub fn of(path: &Path) -> Result<Self> {
-        Self::from_path(path).ok_or_else(|| {
-            let known: Vec<String> = Self::ALL.iter().map(|f| format!(".{}", f.extension())).collect();
-            let found = path.extension().unwrap_or_default().to_string_lossy();
-            Error::unsupported(
-                path,
-                format!("no format has the extension {found:?}; known: {}", known.join(", ")),
-            )
-        })
-    }
-
-    /// Whether the format keeps textures.
-    pub fn keeps_textures(self) -> bool {
-        !matches!(self, Self::Ply | Self::Spz)
-    }
-
-    /// The qualities that the format offers; none if it leaves no choice.
-    pub fn qualities(self) -> &'static [Quality] {
-        match self {
-            Self::Ply | Self::Spz => &[],
-            Self::Ltgs => &Quality::ALL,
-            Self::Glb | Self::Gltf | Self::Usda | Self::Usdc | Self::Usdz => {
-                &[Quality::Lossless, Quality::Balanced]
-            }
-        }
-    }
-
-    /// Refuses early the names that writers would refuse because the file must hold them.
-    ///
-    /// # Errors
-    /// [`Error::Invalid`] saying what a name must be.
-    pub fn check_name(self, path: &Path) -> Result<()> {
-        match self {
-            Self::Gltf => gltf::stem(path).map(drop),
-            Self::Usda | Self::Usdc | Self::Usdz => usd::stem(path).map(drop),
-            Self::Glb | Self::Ltgs | Self::Ply | Self::Spz => Ok(()),
-        }
-    }
-
-    /// Refuses a quality that the format does not offer. `path` is only for messages.
-    ///
-    /// # Errors
-    /// [`Error::Unsupported`] listing those that it offers.
-    pub fn check_quality(self, quality: Quality, path: &Path) -> Result<()> {
-        let known = self.qualities();
-        if known.is_empty() || known.contains(&quality) {
-            return Ok(());
-        }
-        let names: Vec<&str> = known.iter().map(|q| q.name()).collect();
-        let what = format!("quality {:?}: .{} has {}", quality.name(), self.extension(), names.join(" and "));
-        Err(Error::unsupported(path, what))
-    }
-}
-
-impl Format {
-    /// Sidecar files that writing `path` may make, known before anything is written: of atlas pages the first, under
-    /// either of its names; in USD the folder of images. For refusing clashes early; [`Staged::publish`] makes sure that
-    /// nothing is replaced.
-    pub fn sidecar_files(self, path: &Path, mesh: bool) -> Vec<PathBuf> {
-        let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-        let mut names = match self {
-            Self::Gltf => {
-                let pages = ["png", "exr"].map(|extension| gltf::page_name(&stem, 0, extension));
-                [gltf::arrays_name(&stem)].into_iter().chain(pages).collect()
-            }
-            Self::Usda | Self::Usdc => vec![usd::textures_name(&stem, self.extension())],
-            Self::Glb | Self::Ltgs | Self::Usdz | Self::Ply | Self::Spz => Vec::new(),
-        };
-        let mut files: Vec<PathBuf> = names.drain(..).map(|name| path.with_file_name(name)).collect();
-        if mesh && matches!(self, Self::Glb | Self::Gltf) {
-            files.push(mesh_path(path));
-        }
-        files
-    }
 }
 
 /// Writes an asset in the format that the extension names, and replaces what was there: [`stage_asset`] and
@@ -230,11 +96,6 @@ fn encode(format: Format, path: &Path, asset: &SplatAsset, options: &WriteOption
         }
     }
     Ok(encoded)
-}
-
-/// The sidecar file with the mesh of quads.
-fn mesh_path(path: &Path) -> PathBuf {
-    path.with_extension("mesh.glb")
 }
 
 fn add_mesh(encoded: &mut Encoded, file: &Path, asset: &SplatAsset) -> Result<()> {

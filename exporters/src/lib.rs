@@ -33,17 +33,18 @@ mod staging;
 mod text;
 pub mod usd;
 mod validate;
+mod written;
 mod yup;
 
 pub use asset::{AssetCamera, AssetMap, ColourSpace, MAP_SIDE_MAX, Provenance, SPLATS_MAX, SplatAsset};
 pub use contents::{Contents, Describes, Issue, ReadLimits, Section, Severity};
 pub use error::{Error, Result};
 pub use file::{read_file, regular_file_bytes, write_atomically};
-pub use format::{
-    Format, WriteOptions, Written, read_asset, read_fallback, stage_asset, validate_file, write_asset,
-};
+pub use format::kind::Format;
+pub use format::{WriteOptions, read_asset, read_fallback, stage_asset, validate_file, write_asset};
 pub use frame::Transform;
 pub use quality::Quality;
 pub use sh::num_sh_coefficients;
 pub use staging::Staged;
 pub use text::quoted;
+pub use written::Written;

@@ -14,6 +14,7 @@
 //! the next command that writes or reads the asset finishes the move: see [`repair`].
 
 mod folder;
+mod steps;
 mod swap;
 
 pub(crate) use folder::{Caller, repair};
@@ -23,6 +24,7 @@ use std::ffi::OsString;
 use std::fs::{self, File};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
+use steps::Steps;
 use swap::{Places, Swap};
 
 /// A sidecar file: its name relative to the folder of the file that refers to it, `/` between parts, and its bytes.
@@ -42,26 +44,6 @@ pub struct Staged {
     /// Held until the folder is gone.
     _lock: Option<File>,
     steps: Steps,
-}
-
-/// The steps of a move. Tests stop after some of them, as if the process were killed: then every further step fails.
-#[derive(Debug, Default)]
-struct Steps {
-    #[cfg(test)]
-    left: std::cell::Cell<Option<usize>>,
-}
-
-impl Steps {
-    fn run<T>(&self, step: impl FnOnce() -> std::io::Result<T>) -> std::io::Result<T> {
-        #[cfg(test)]
-        if let Some(left) = self.left.get() {
-            self.left.set(Some(left.saturating_sub(1)));
-            if left == 0 {
-                return Err(std::io::Error::other("killed"));
-            }
-        }
-        step()
-    }
 }
 
 impl Staged {

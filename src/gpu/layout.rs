@@ -3,6 +3,9 @@
 
 use bytemuck::{Pod, Zeroable};
 
+/// Largest side of an image: pixel coordinates of boxes are packed into 16 bits each.
+pub const MAX_SIDE_PX: u32 = 65_535;
+
 /// Inputs of one training step or one image: `Step` of `shaders/common/step.wgsl`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]

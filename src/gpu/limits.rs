@@ -2,9 +2,9 @@
 //! integers must be able to index their elements.
 
 use super::device::GpuDevice;
+use super::layout::MAX_SIDE_PX;
 use super::layout::{BOUNDS_BYTES, PROJECTED_BYTES};
 use super::model_buffers::splat_stride;
-use super::submission::MAX_SIDE_PX;
 use crate::backend::{DeviceLimits, SceneShape};
 
 /// Bytes and floats per texel of the largest texel buffer, the activated texels.

@@ -5,6 +5,7 @@ use super::backend::{GpuBackend, tile_flags};
 use super::encode::Dispatch;
 use super::kernels::Buf;
 use super::kernels::KernelId;
+use super::layout::MAX_SIDE_PX;
 use super::layout::{FLAG_COUNT_ATOMICS, Status, StepUniform};
 use super::resources::UniformOffsets;
 use super::sort;
@@ -242,9 +243,6 @@ fn times_by_kernel(dispatches: &[Dispatch], times: &[Duration]) -> KernelTimes {
     }
     out
 }
-
-/// Largest side of an image: pixel coordinates of boxes are packed into 16 bits each.
-pub(super) const MAX_SIDE_PX: u32 = 65_535;
 
 pub(super) fn check_camera(camera: &Camera) -> Result<()> {
     let (w, h) = (camera.pinhole.width_px, camera.pinhole.height_px);

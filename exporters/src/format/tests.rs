@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::asset::tests::fixture;
+use std::path::PathBuf;
 
 fn written(path: &Path, mesh: bool) -> Vec<PathBuf> {
     let options = WriteOptions { quality: Quality::Balanced, mesh, steps: None, exponents: &[] };

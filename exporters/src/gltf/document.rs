@@ -1,7 +1,7 @@
 //! The JSON of a glTF file, as far as it is written or read here; the rest is ignored. Names are those of the
 //! specification.
 
-use super::extension::Splatting;
+use super::extension::{Digest, Splatting};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -106,6 +106,13 @@ pub struct Primitive {
     pub extensions: Option<PrimitiveExtensions>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub extras: Option<Value>,
+}
+
+impl Primitive {
+    /// The digest of the asset, if the primitive has one.
+    pub fn digest(&self) -> Option<Digest> {
+        Digest::from_extras(self.extras.as_ref()?)
+    }
 }
 
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]

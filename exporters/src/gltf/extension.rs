@@ -1,7 +1,6 @@
 //! `KHR_gaussian_splatting` and our extension nested in it as JSON objects, and the digest that survives tools that drop both.
 
 use super::KHR;
-use super::document::Primitive;
 use crate::meta::Meta;
 use crate::{ColourSpace, Error, Result, SplatAsset, quoted};
 use serde::{Deserialize, Serialize};
@@ -150,9 +149,9 @@ impl Digest {
         serde_json::json!({ DIGEST: self })
     }
 
-    /// The digest of a primitive, if it has one.
-    pub fn find(primitive: &Primitive) -> Option<Self> {
-        Self::deserialize(primitive.extras.as_ref()?.get(DIGEST)?).ok()
+    /// The digest in the `extras` of a primitive, if they have one.
+    pub fn from_extras(extras: &Value) -> Option<Self> {
+        Self::deserialize(extras.get(DIGEST)?).ok()
     }
 }
 

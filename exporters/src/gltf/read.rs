@@ -1,6 +1,6 @@
 //! Reads `.glb` and `.gltf` files.
 
-use super::extension::{Digest, TextureExtension};
+use super::extension::TextureExtension;
 use super::loaded::{Loaded, SidecarFiles};
 use super::scene::Found;
 use super::splats::Attributes;
@@ -156,7 +156,7 @@ fn foreign(
     let (mut asset, num_thick) = attributes.flattened(loaded)?;
     let mut sections = sections(loaded, found, None);
     sections.retain(|s| s.bytes > 0);
-    if let Some(digest) = Digest::find(found.primitive) {
+    if let Some(digest) = found.primitive.digest() {
         warnings.push(scene::lost(&digest));
     }
     if num_thick > 0 {

@@ -35,7 +35,7 @@ pub fn find<'a>(document: &'a Document, path: &Path) -> Result<Found<'a>> {
     let mut all = splat_primitives(document);
     let Some(found) = all.next() else {
         let mut primitives = document.meshes.iter().flat_map(|m| &m.primitives);
-        return Err(match primitives.find_map(Digest::find) {
+        return Err(match primitives.find_map(|p| p.digest()) {
             Some(digest) => Error::invalid(path, lost(&digest)),
             None if is_quad_mesh(document) => Error::unsupported(path, QUADS_ONLY),
             None => Error::unsupported(path, format!("no primitive with {KHR}: not a file of splats")),

@@ -113,7 +113,7 @@ fn check_primitive(loaded: &Loaded<'_>, found: &Found<'_>, issues: &mut Issues) 
     match found.splatting.texture() {
         Some(value) => texture::check(loaded, found, value, issues),
         None => {
-            if let Some(digest) = Digest::find(found.primitive) {
+            if let Some(digest) = found.primitive.digest() {
                 issues.error("LT1026", &found.pointer, scene::lost(&digest));
             }
         }
@@ -192,7 +192,7 @@ fn check_reading(
         issues.error("LT1025", &place, what);
     }
     let place = format!("{}/extras/litetex", found.pointer);
-    match Digest::find(found.primitive) {
+    match found.primitive.digest() {
         Some(digest) if digest == Digest::of(&contents.asset, expected) => {}
         Some(digest) => {
             let what = format!("{digest:?}, expected {:?}", Digest::of(&contents.asset, expected));

@@ -1,6 +1,6 @@
 //! Staging folders: created and locked by a running process, cleaned up after one that died.
 
-use super::Steps;
+use super::steps::Steps;
 use super::swap::{Places, Swap};
 use crate::file::temporary_name;
 use crate::{Error, Result, text};

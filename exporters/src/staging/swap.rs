@@ -1,7 +1,7 @@
 //! Moves the files of one asset to their places, so that at any moment the move can be finished or undone from what is on
 //! the disk.
 
-use super::Steps;
+use super::steps::Steps;
 use crate::{Error, Result, text};
 use serde::{Deserialize, Serialize};
 use std::fs;

@@ -1,7 +1,8 @@
 //! Charts of quality during training, over time and over steps, with the range of the seeds.
 
-use super::figures::{Section, axis, counted, missing_times, number};
 use super::plot::{Axis, Chart, Mark, Quantity, Series, Spacing};
+use super::scale::{counted, number};
+use super::section::{Section, axis, missing_times, slug};
 use super::stats::Stats;
 use super::study::{CurvePoint, Group, Study};
 use std::collections::HashSet;
@@ -11,7 +12,7 @@ pub fn curves(study: &Study, scene: &str, slug: &str) -> Section {
     let mut charts = Vec::new();
     let mut names = HashSet::new();
     for budget in &study.budgets {
-        let budget_slug = super::figures::slug(budget, &mut names);
+        let budget_slug = slug(budget, &mut names);
         for (quality, of) in
             study.qualities[..2].iter().zip([psnr_of as fn(&CurvePoint) -> Option<f64>, grad_of])
         {

@@ -3,20 +3,12 @@
 use super::curves::curves;
 use super::measure::Measure;
 use super::plot::{Axis, Chart, Mark, Quantity, Series, Spacing};
-use super::scale::with_thousands;
+use super::scale::number;
+use super::section::{Section, axis, missing_times, slug};
 use super::stats::{Stats, pareto_front};
 use super::study::{Group, Study};
 use crate::results::Record;
 use std::collections::HashSet;
-
-/// Charts of one kind and scene, or why there are none.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Section {
-    pub title: String,
-    /// How to read the charts, and what is missing from them.
-    pub note: String,
-    pub charts: Vec<Chart>,
-}
 
 /// All sections, in the order of the page.
 pub fn sections(study: &Study) -> Vec<Section> {
@@ -165,24 +157,6 @@ fn front(study: &Study, scene: &str, slug: &str) -> Section {
     Section { title: format!("Pareto front: {scene}"), note: note.trim_end().to_owned(), charts }
 }
 
-/// Explains why a chart of time has fewer points than one of size; empty if it does not.
-pub fn missing_times(study: &Study, scene: &str) -> String {
-    let of_scene = || study.runs.iter().filter(|r| r.scene == scene);
-    let missing = of_scene().filter(|r| !study.counts_time(r)).count();
-    match missing {
-        0 => String::new(),
-        n => format!(
-            "{n} of the {} runs were made on a busy machine and are missing from charts of time.",
-            of_scene().count()
-        ),
-    }
-}
-
-/// A logarithmic axis.
-pub fn axis(cost: &Measure) -> Axis {
-    Axis { name: cost.title(), spacing: Spacing::Log10, quantity: cost.quantity }
-}
-
 fn lower(name: &str) -> String {
     let mut chars = name.chars();
     chars.next().map_or(String::new(), |c| c.to_lowercase().collect::<String>() + chars.as_str())
@@ -201,31 +175,6 @@ pub fn amount(value: f64, measure: &Measure) -> String {
 fn mean_and_sd(stats: &Stats, measure: &Measure) -> String {
     let sd = stats.sd.map_or(String::new(), |sd| format!(" (sd {sd:.*})", measure.digits));
     amount(stats.mean, measure) + &sd
-}
-
-/// Formats with thousands separators.
-pub fn number(value: f64, digits: usize) -> String {
-    with_thousands(&format!("{value:.digits$}"))
-}
-
-/// "1 run", "3 runs".
-pub fn counted(n: usize, what: &str) -> String {
-    if n == 1 { format!("1 {what}") } else { format!("{n} {what}s") }
-}
-
-/// Turns a name into a part of a file name that differs from all in `taken`.
-pub fn slug(name: &str, taken: &mut HashSet<String>) -> String {
-    let letters = name.chars().map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { ' ' });
-    let words: String = letters.collect();
-    let base = words.split_whitespace().collect::<Vec<_>>().join("-");
-    let base = if base.is_empty() { "scene".to_owned() } else { base };
-    let mut slug = base.clone();
-    let mut number = 2;
-    while !taken.insert(slug.clone()) {
-        slug = format!("{base}-{number}");
-        number += 1;
-    }
-    slug
 }
 
 #[cfg(test)]

@@ -1,12 +1,11 @@
 //! The forest plot of paired differences: a row per variant and scene with the mean difference to the baseline and its
 //! 95 % interval, and a line at 0.
 
+use super::cells::signed;
 use super::compare::{Conclusion, Difference, Scope, compare};
-use super::look::colour;
+use super::look::{MARK_PX, colour};
 use super::measure::Measure;
-use super::paired::signed;
 use super::scale::{Quantity, Scale, Spacing, labels};
-use super::series::MARK_PX;
 use super::study::Study;
 use super::svg::{Anchor, Svg, TEXT_PX, TITLE_PX, shortened, text_width_px};
 

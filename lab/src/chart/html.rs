@@ -1,6 +1,6 @@
 //! The page: all tables and charts in one self-contained HTML file for light and dark screens.
 
-use super::figures::Section;
+use super::section::Section;
 use super::study::{Study, device};
 use super::svg::{escape, style};
 use super::table::Table;

@@ -1,6 +1,6 @@
 //! Places the labels of points next to them, clear of other points, labels and lines.
 
-use super::series::MARK_PX;
+use super::look::MARK_PX;
 use super::svg::{TEXT_PX, text_width_px};
 
 /// Free space on both sides of a label.

@@ -1,8 +1,7 @@
 //! The legend next to a chart.
 
-use super::look::{colour, line_class};
-use super::plot::{Chart, Series, TOP};
-use super::series::MARK_PX;
+use super::look::{MARK_PX, colour, line_class};
+use super::parts::{Chart, Series, TOP};
 use super::svg::{Anchor, Svg, TEXT_PX, shortened, text_width_px};
 
 /// Width of names that a chart has room for; it is widened for longer ones.

@@ -2,6 +2,9 @@
 
 use std::fmt::Write;
 
+/// Radius of large markers.
+pub const MARK_PX: f64 = 4.8;
+
 /// Colours of series on a light and on a dark background. They differ in lightness as well as in hue, and markers
 /// differ in shape, for readers who do not distinguish the hues.
 pub const PALETTE: [(&str, &str); 8] = [

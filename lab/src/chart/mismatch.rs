@@ -1,7 +1,7 @@
 //! Runs that share names but cannot be compared: files of results are merged by concatenation, and a matrix or its
 //! photos may have changed in between.
 
-use super::figures::counted;
+use super::scale::counted;
 use crate::Report;
 use crate::results::Record;
 use serde_json::Value;

@@ -1,6 +1,7 @@
 //! Charts and tables of results: SVG files, tables as CSV and Markdown, and one page with all of it. Produces the
 //! contents of the files; the command line writes them.
 
+mod cells;
 mod compare;
 mod curves;
 mod figures;
@@ -15,10 +16,12 @@ mod measure;
 mod merge;
 mod mismatch;
 mod paired;
+mod parts;
 mod plausible;
 pub mod plot;
 mod raw;
 mod scale;
+mod section;
 mod series;
 mod stats;
 mod study;

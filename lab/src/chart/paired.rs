@@ -1,66 +1,10 @@
 //! The tables of paired differences: means, intervals, conclusions.
 
-use super::compare::{CLAIM_PAIRS_MIN, Conclusion, Difference, Scope, compare};
-use super::figures::number;
+use super::cells::{difference_cells, difference_columns, group_cells, group_columns};
+use super::compare::{CLAIM_PAIRS_MIN, Scope, compare};
 use super::measure::Measure;
 use super::study::Study;
-use super::table::{Column, Table, TableCell, Tone};
-use super::tables::{group_cells, group_columns};
-
-/// Columns for [`difference_cells`].
-fn difference_columns() -> Vec<Column> {
-    vec![
-        Column::numbers("Pairs", &["pairs".to_owned()]),
-        Column::numbers("Mean difference", &["difference".to_owned()]),
-        Column::numbers("95 % interval", &["low95".to_owned(), "high95".to_owned()]),
-        Column::names("Conclusion", "verdict"),
-    ]
-}
-
-/// Number of pairs, mean difference, interval, conclusion.
-pub fn difference_cells(d: &Difference, measure: &Measure) -> Vec<TableCell> {
-    let interval = d.interval();
-    let text = match interval {
-        Some((low, high)) => format!("{} to {}", signed(low, measure), signed(high, measure)),
-        None if d.n() == 1 => "none: 1 pair".to_owned(),
-        None => "–".to_owned(),
-    };
-    vec![
-        TableCell::numbers(d.n().to_string(), &[Some(d.n() as f64)]),
-        difference_cell(d, measure),
-        TableCell::numbers(text, &[interval.map(|i| i.0), interval.map(|i| i.1)]),
-        TableCell::name(&d.words()).toned(tone(d)),
-    ]
-}
-
-/// The mean difference alone.
-pub fn difference_cell(d: &Difference, measure: &Measure) -> TableCell {
-    TableCell::numbers(d.mean().map_or("–".to_owned(), |x| signed(x, measure)), &[d.mean()])
-}
-
-/// Colour of a conclusion.
-pub fn tone(d: &Difference) -> Tone {
-    match d.conclusion {
-        Conclusion::Better => Tone::Good,
-        Conclusion::Worse => Tone::Bad,
-        _ => Tone::Faint,
-    }
-}
-
-/// "+0.51 dB", "−3.2 %".
-pub fn signed(value: f64, measure: &Measure) -> String {
-    let (digits, unit) = match (measure.is_cost, measure.unit) {
-        (true, _) => (1, " %"),
-        (false, "") => (measure.digits, ""),
-        (false, _) => (measure.digits, " dB"),
-    };
-    let text = number(value, digits);
-    // What rounds to zero has no sign.
-    let is_zero = text.chars().all(|c| "-0.".contains(c));
-    let text = if is_zero { text.trim_start_matches('-').to_owned() } else { text };
-    let text = text.replace('-', "−");
-    if value > 0.0 && !is_zero { format!("+{text}{unit}") } else { format!("{text}{unit}") }
-}
+use super::table::{Column, Table, TableCell};
 
 fn compared(study: &Study) -> Vec<&Measure> {
     study.qualities.iter().chain([&study.params, &study.time]).collect()

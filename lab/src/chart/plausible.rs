@@ -1,7 +1,7 @@
 //! Implausible figures in damaged or invented results. They are dropped before anything is computed or drawn: a single
 //! one would ruin every mean and every axis.
 
-use super::figures::counted;
+use super::scale::counted;
 use crate::Report;
 use crate::results::Record;
 use serde_json::Value;

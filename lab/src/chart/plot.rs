@@ -1,19 +1,21 @@
 //! A chart with two axes: grid, events, series with lines, bands and markers, and a legend next to the plot. Several
 //! charts can share a drawing, one below the other with aligned axes.
 
+use super::parts::TOP;
 use super::scale::{Scale, labels};
 use super::svg::{Anchor, Svg, TEXT_PX, TITLE_PX, shortened, text_width_px};
 use super::{legend, series};
 
+pub(super) use super::parts::Area;
+pub use super::parts::{Axis, Chart, Mark, Series};
 pub use super::scale::{Quantity, Spacing};
 
 /// Size of a chart; it grows with the legend.
 const WIDTH_PX: f64 = 760.0;
 const HEIGHT_PX: f64 = 400.0;
-/// Baselines of the title and of the vertical axis' name, top of the plot, and space below it.
+/// Baselines of the title and of the vertical axis' name, and space below the plot.
 const TITLE_Y: f64 = 24.0;
 const AXIS_NAME_Y: f64 = 48.0;
-pub(super) const TOP: f64 = 60.0;
 const BELOW: f64 = 52.0;
 const RIGHT: f64 = 16.0;
 /// Horizontal distance of tick labels, at least.
@@ -25,91 +27,6 @@ const LEFT_MIN_PX: f64 = 44.0;
 const TICK_ROW_PX: f64 = 42.0;
 /// Vertical distance of the labels of events.
 const EVENT_ROW_PX: f64 = 15.0;
-
-/// An axis of a chart.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Axis {
-    /// Name and unit.
-    pub name: String,
-    /// Linear or logarithmic.
-    pub spacing: Spacing,
-    /// How tick labels are formatted.
-    pub quantity: Quantity,
-}
-
-/// A point with a marker.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Mark {
-    /// Position in data units.
-    pub at: (f64, f64),
-    /// Text shown on hovering.
-    pub hover: String,
-    /// Text next to the point, where there is room.
-    pub label: Option<String>,
-    /// Whether to draw it in grey instead of the series' colour.
-    pub grey: bool,
-}
-
-/// What shares a colour and a marker.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Series {
-    /// Name in the legend; no entry if empty.
-    pub name: String,
-    /// Selects colour, marker and dashes.
-    pub look: usize,
-    /// Points to connect, in data units.
-    pub line: Vec<(f64, f64)>,
-    /// Error band as (x, lower, upper).
-    pub band: Vec<(f64, f64, f64)>,
-    /// Large markers, such as means.
-    pub marks: Vec<Mark>,
-    /// Small markers, such as single runs.
-    pub dots: Vec<Mark>,
-}
-
-/// What a chart shows.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Chart {
-    /// File name without extension.
-    pub id: String,
-    /// Title above the chart.
-    pub title: String,
-    /// The horizontal axis.
-    pub x: Axis,
-    /// The vertical axis.
-    pub y: Axis,
-    /// Series in the order of the legend.
-    pub series: Vec<Series>,
-    /// Points of a Pareto front, drawn as steps.
-    pub front: Vec<(f64, f64)>,
-    /// Vertical lines at values of x, with labels that may be empty.
-    pub events: Vec<(f64, String)>,
-}
-
-/// The plot's rectangle in pixels and its scales.
-pub(super) struct Area {
-    pub left: f64,
-    pub right: f64,
-    pub top: f64,
-    pub bottom: f64,
-    pub x: Scale,
-    pub y: Scale,
-}
-
-impl Area {
-    /// Pixel position of a point.
-    pub fn at(&self, (x, y): (f64, f64)) -> (f64, f64) {
-        (
-            self.left + self.x.place(x) * (self.right - self.left),
-            self.bottom - self.y.place(y) * (self.bottom - self.top),
-        )
-    }
-
-    /// Whether a point has a position: finite, and positive on logarithmic axes.
-    pub fn shows(&self, (x, y): (f64, f64)) -> bool {
-        x.is_finite() && y.is_finite() && self.x.accepts(x) && self.y.accepts(y)
-    }
-}
 
 /// Space next to the plot: charts that are stacked have the same.
 #[derive(Clone, Copy)]

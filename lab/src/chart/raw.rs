@@ -1,8 +1,8 @@
 //! The tables of a study for programs: every run and every point of the curves, at full precision.
 
+use super::cells::group_columns;
 use super::study::{Study, device};
 use super::table::{Column, Table, TableCell};
-use super::tables::group_columns;
 use crate::results::Record;
 
 /// The tables of runs and of curves.

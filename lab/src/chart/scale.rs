@@ -173,6 +173,16 @@ fn prefix(value: f64) -> (f64, &'static str) {
     }
 }
 
+/// Formats with thousands separators.
+pub fn number(value: f64, digits: usize) -> String {
+    with_thousands(&format!("{value:.digits$}"))
+}
+
+/// "1 run", "3 runs".
+pub fn counted(n: usize, what: &str) -> String {
+    if n == 1 { format!("1 {what}") } else { format!("{n} {what}s") }
+}
+
 /// "1234567.8" as "1,234,567.8".
 pub fn with_thousands(number: &str) -> String {
     let (sign, rest) = number.strip_prefix('-').map_or(("", number), |rest| ("-", rest));

@@ -2,12 +2,11 @@
 //! order from back to front.
 
 use super::labels::{Rect, Side, along, around, place_labels};
-use super::look::{colour, line_class};
-use super::plot::{Area, Chart, Mark, Series};
+use super::look::{MARK_PX, colour, line_class};
+use super::parts::{Area, Chart, Mark, Series};
 use super::svg::{Anchor, Svg};
 
-/// Radii of large and small markers.
-pub const MARK_PX: f64 = 4.8;
+/// Radius of small markers.
 const DOT_PX: f64 = 2.6;
 
 /// Draws everything inside the plot's area.

@@ -1,10 +1,10 @@
 //! The tables of a study for people: results, paired differences, ablation, matched sizes, failures.
 
+use super::cells::{difference_cell, difference_cells, group_cells, group_columns, signed, tone};
 use super::compare::{Difference, compare_groups};
-use super::figures::number;
 use super::measure::{Better, Measure};
-use super::paired::{difference_cell, difference_cells, others, paired, paired_cells, signed, tone};
-use super::scale::Quantity;
+use super::paired::{others, paired, paired_cells};
+use super::scale::{Quantity, number};
 use super::stats::Stats;
 use super::study::{Group, Study};
 use super::table::{Column, Table, TableCell, Tone};
@@ -23,16 +23,6 @@ pub fn tables(study: &Study) -> Vec<Table> {
         tables.push(failures(study));
     }
     tables
-}
-
-/// Columns for [`group_cells`].
-pub fn group_columns() -> Vec<Column> {
-    ["scene", "budget", "variant"].map(|n| Column::names(n, n)).into()
-}
-
-/// Scene, budget and variant of a group.
-pub fn group_cells(group: &Group<'_>) -> Vec<TableCell> {
-    [group.scene, group.budget, group.variant].map(TableCell::name).into()
 }
 
 fn arrow(measure: &Measure) -> &'static str {
