@@ -3,10 +3,8 @@
 
 use super::backend::{GpuBackend, tile_flags};
 use super::encode::Dispatch;
-use super::kernels::Buf;
-use super::kernels::KernelId;
-use super::layout::MAX_SIDE_PX;
-use super::layout::{FLAG_COUNT_ATOMICS, Status, StepUniform};
+use super::kernels::{Buf, KernelId};
+use super::layout::{FLAG_COUNT_ATOMICS, MAX_SIDE_PX, Status, StepUniform};
 use super::resources::UniformOffsets;
 use super::sort;
 use super::uniform::{self, needs_statistics};
