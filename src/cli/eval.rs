@@ -1,12 +1,12 @@
 //! `litetex eval`: quality figures of a trained scene on its test views.
 
 use super::capture::Capture;
-use super::hole::Hole;
 use super::log::Log;
 use super::run_folder::check_empty;
 use super::sources::{Trained, render_options};
 use super::summary::Quality;
 use super::table::{Table, path_text, print_json};
+use super::uncovered::UncoveredArea;
 use super::view_files::{write_per_view, write_view};
 use litetex_gs::backend::{Backend, RenderedImage};
 use litetex_gs::eval::Evaluation;
@@ -49,12 +49,12 @@ pub fn run(args: &EvalArgs, log: &Log) -> anyhow::Result<()> {
     let trained = Trained::load(&args.source)?;
     let capture = trained.open_capture(args.capture.as_deref())?;
     log.report(&capture.report);
-    let mut hole = match &args.uncovered_by {
-        Some(other) => Some(Hole::of(&Trained::load(other)?, &capture, &args.device, log)?),
+    let mut area = match &args.uncovered_by {
+        Some(other) => Some(UncoveredArea::of(&Trained::load(other)?, &capture, &args.device, log)?),
         None => None,
     };
     let mut backend = trained.on_device(&args.device, log)?;
-    let evaluation = evaluate(&trained, backend.as_mut(), &capture, args.out.as_deref(), hole.as_mut())?;
+    let evaluation = evaluate(&trained, backend.as_mut(), &capture, args.out.as_deref(), area.as_mut())?;
     if args.json {
         return Ok(print_json(&serde_json::json!({
             "schema": "litetex-eval/1",
@@ -62,7 +62,7 @@ pub fn run(args: &EvalArgs, log: &Log) -> anyhow::Result<()> {
             "step": trained.step,
             "resample": "area",
             "quality": Quality::from(&evaluation),
-            "uncovered_by": hole.map(|h| h.json()),
+            "uncovered_by": area.map(|a| a.json()),
         }))?);
     }
     let mut table = Table::default();
@@ -78,8 +78,8 @@ pub fn run(args: &EvalArgs, log: &Log) -> anyhow::Result<()> {
     if let Some(share) = evaluation.uncovered {
         table.row("uncovered pixels", format!("{:.2} %", 100.0 * share));
     }
-    if let Some(hole) = &hole {
-        table.row("PSNR where uncovered", hole.text());
+    if let Some(area) = &area {
+        table.row("PSNR where uncovered", area.text());
     }
     Ok(table.print()?)
 }
@@ -89,7 +89,7 @@ fn evaluate(
     backend: &mut dyn Backend,
     capture: &Capture,
     out: Option<&Path>,
-    mut hole: Option<&mut Hole>,
+    mut area: Option<&mut UncoveredArea>,
 ) -> Result<Evaluation> {
     let views = capture.indices(Split::Test);
     if views.is_empty() {
@@ -106,8 +106,8 @@ fn evaluate(
         if let Some(out) = out {
             write_view(out, capture, view, image)?;
         }
-        if let Some(hole) = &mut hole {
-            hole.add(capture, view, image)?;
+        if let Some(area) = &mut area {
+            area.add(capture, view, image)?;
         }
         Ok(Control::Continue)
     };

@@ -13,7 +13,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 /// Uncovered pixels of another run, and sums over them.
-pub struct Hole {
+pub struct UncoveredArea {
     /// The other run's checkpoint.
     path: PathBuf,
     /// For each test view, which pixels are uncovered. `[height, width]`
@@ -23,7 +23,7 @@ pub struct Hole {
     squares: u64,
 }
 
-impl Hole {
+impl UncoveredArea {
     /// Renders the test views of another run.
     ///
     /// # Errors
