@@ -2,7 +2,7 @@
 
 use super::plot::{Axis, Chart, Mark, Quantity, Series, Spacing};
 use super::scale::{counted, number};
-use super::section::{Section, axis, missing_times, slug};
+use super::section::{Section, axis, missing_times};
 use super::stats::Stats;
 use super::study::{CurvePoint, Group, Study};
 use std::collections::HashSet;
@@ -12,7 +12,7 @@ pub fn curves(study: &Study, scene: &str, slug: &str) -> Section {
     let mut charts = Vec::new();
     let mut names = HashSet::new();
     for budget in &study.budgets {
-        let budget_slug = slug(budget, &mut names);
+        let budget_slug = super::section::slug(budget, &mut names);
         for (quality, of) in
             study.qualities[..2].iter().zip([psnr_of as fn(&CurvePoint) -> Option<f64>, grad_of])
         {

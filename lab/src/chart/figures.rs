@@ -3,7 +3,7 @@
 use super::curves::curves;
 use super::measure::Measure;
 use super::plot::{Axis, Chart, Mark, Quantity, Series, Spacing};
-use super::scale::number;
+use super::scale::{counted, number};
 use super::section::{Section, axis, missing_times, slug};
 use super::stats::{Stats, pareto_front};
 use super::study::{Group, Study};
