@@ -124,19 +124,12 @@ done
 note "documentation"
 RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --document-private-items
 
-# The crates below the trainer know no features: their tests run once.
 results=${gpu_env[0]#*=}/results
-for set in "${features[@]}"; do
-    note "tests ${set:-(default features)}"
-    run_env=()
-    packages=(--package litetex-gs)
-    if [ -z "$set" ]; then
-        run_env=("${gpu_env[@]}")
-        packages=(--workspace)
-    fi
-    # shellcheck disable=SC2086
-    env "${run_env[@]}" cargo test "${packages[@]}" $set | tee -a "$results"
-done
+note "tests (default features)"
+env "${gpu_env[@]}" cargo test --workspace | tee -a "$results"
+# What the feature changes: the library, the program and its messages. The kernels of the CPU are the same code as above.
+note "tests --no-default-features"
+cargo test --package litetex-gs --no-default-features --lib --bins --test 'cli*' --test 'train_cpu' | tee -a "$results"
 
 note "third-party validation of exported files"
 LITETEX_USD_SAMPLES="$usd_samples" scripts/third-party.sh "${CARGO_TARGET_DIR:-target}/debug/litetex"
