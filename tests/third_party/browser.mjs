@@ -123,7 +123,7 @@ if (!browser) throw new Error('Chromium is not installed');
 const profile = mkdtempSync(join(tmpdir(), 'litetex-browser-'));
 const { report, server } = await serve(jobs, files, out);
 const started = Date.now();
-const child = spawn(browser, [...FLAGS, `--user-data-dir=${profile}`, `http://127.0.0.1:${server.address().port}/`], { stdio: 'ignore' });
+const child = spawn(browser, [...FLAGS, `--user-data-dir=${profile}`, `http://127.0.0.1:${server.address().port}/`], { stdio: 'ignore', detached: true });
 const failure = new Promise((_, reject) => {
     child.on('error', reject);
     child.on('exit', (code) => reject(new Error(`${browser} exited with ${code}`)));
@@ -134,9 +134,12 @@ try {
     const { backend, three } = await Promise.race([report, failure]);
     console.log(JSON.stringify({ backend, three, views: views.length, secs: (Date.now() - started) / 1000 }));
 } finally {
-    child.kill('SIGKILL');
+    // The group: helper processes that outlive the browser would go on writing into its profile.
+    try {
+        process.kill(-child.pid, 'SIGKILL');
+    } catch {} // It has exited.
     server.closeAllConnections();
     server.close();
-    await new Promise((resolve) => child.once('close', resolve));
-    rmSync(profile, { recursive: true, force: true, maxRetries: 5 });
+    if (child.exitCode === null && child.signalCode === null) await new Promise((resolve) => child.once('close', resolve));
+    rmSync(profile, { recursive: true, force: true, maxRetries: 20 });
 }
