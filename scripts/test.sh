@@ -96,8 +96,6 @@ mkdir -p "$usd_samples"
 gpu_env+=(LITETEX_USD_SAMPLES="$usd_samples")
 printf '%s\n' "${gpu_env[@]}"
 
-features=("" "--no-default-features")
-
 note "format"
 cargo fmt --all --check
 
@@ -115,7 +113,7 @@ cargo_deny=$(command -v cargo-deny || echo "$PWD/target/tools/bin/cargo-deny")
 [ -x "$cargo_deny" ] || cargo install --locked --debug --root target/tools cargo-deny@0.20.2
 "$cargo_deny" check licenses bans sources
 
-for set in "${features[@]}"; do
+for set in "" "--no-default-features"; do
     note "clippy ${set:-(default features)}"
     # shellcheck disable=SC2086 # an empty set is no argument
     cargo clippy --workspace --all-targets $set -- -D warnings

@@ -6,7 +6,7 @@ use super::sources::{Trained, render_options};
 use super::table::path_text;
 use litetex_gs::Result;
 use litetex_gs::backend::RenderedImage;
-use litetex_gs::eval::{psnr_from_mse, quantised, uncovered_pixels};
+use litetex_gs::eval::{ImagePair, psnr_from_squares, squared_error, uncovered_pixels};
 use litetex_gs::verify::CaptureIdentity;
 use litetex_gs::views::{Split, ViewSource as _};
 use std::collections::BTreeMap;
@@ -18,9 +18,9 @@ pub struct UncoveredArea {
     path: PathBuf,
     /// For each test view, which pixels are uncovered. `[height, width]`
     masks: BTreeMap<usize, Vec<bool>>,
-    pixels: u64,
-    /// Sum of the squared differences of 8-bit values.
+    /// As [`squared_error`] over all views.
     squares: u64,
+    pixels: u64,
 }
 
 impl UncoveredArea {
@@ -37,7 +37,7 @@ impl UncoveredArea {
             let image = backend.render(&capture.camera(view), &options)?;
             masks.insert(view, uncovered_pixels(&image.alpha, &*capture.target(view)?));
         }
-        Ok(Self { path: other.path.clone(), masks, pixels: 0, squares: 0 })
+        Ok(Self { path: other.path.clone(), masks, squares: 0, pixels: 0 })
     }
 
     /// Adds the error of a view.
@@ -45,20 +45,17 @@ impl UncoveredArea {
     /// # Errors
     /// What decoding the photo found.
     pub fn add(&mut self, capture: &Capture, view: usize, image: &RenderedImage) -> Result<()> {
-        let target = capture.target(view)?;
-        let rendered = quantised(&image.rgb);
-        let pairs = rendered.as_chunks::<3>().0.iter().zip(target.rgb.as_chunks::<3>().0);
-        for ((a, b), _) in pairs.zip(&self.masks[&view]).filter(|(_, uncovered)| **uncovered) {
-            self.pixels += 1;
-            self.squares += (0..3).map(|c| u64::from(a[c].abs_diff(b[c])).pow(2)).sum::<u64>();
-        }
+        let mut pair = ImagePair::new(&image.rgb, &*capture.target(view)?);
+        pair.unmasked = Some(self.masks[&view].clone());
+        let (squares, pixels) = squared_error(&pair);
+        self.squares += squares;
+        self.pixels += pixels;
         Ok(())
     }
 
     /// PSNR over all these pixels, dB; `None` if there are none.
     fn psnr(&self) -> Option<f64> {
-        let mse = self.squares as f64 / (3.0 * 255.0 * 255.0 * self.pixels as f64);
-        (self.pixels > 0).then(|| psnr_from_mse(mse))
+        (self.pixels > 0).then(|| psnr_from_squares((self.squares, self.pixels)))
     }
 
     /// The figures as JSON.

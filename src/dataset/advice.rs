@@ -60,7 +60,7 @@ pub(super) fn for_image(file: &Path) -> Option<String> {
     ))
 }
 
-/// The commands that find the poses of photos. Options and defaults are those of COLMAP 3.6 to 3.13 and glomap 1.
+/// The commands that find the poses of photos, with options as COLMAP 3.6 to 3.13 and glomap 1 document them.
 fn colmap(capture: &Path, photos: &Path) -> String {
     let database = shell_word(&capture.join("database.db"));
     let (photos, model) = (shell_word(photos), shell_word(&capture.join("sparse")));

@@ -20,7 +20,7 @@ pub use error_map::{ERROR_MAP_MAX, error_map};
 pub use flip::mean_flip;
 pub use gradient::gradient_psnr;
 pub use pair::{ImagePair, quantised};
-pub use psnr::{PSNR_CAP_DB, psnr, psnr_from_mse};
+pub use psnr::{PSNR_CAP_DB, psnr, psnr_from_mse, psnr_from_squares, squared_error};
 pub use ssim::{Ssim, ssim};
 
 use crate::image::TargetImage;

@@ -11,18 +11,27 @@ pub fn psnr_from_mse(mse: f64) -> f64 {
     (-10.0 * mse.log10()).min(PSNR_CAP_DB)
 }
 
-/// PSNR over all channels of the unmasked pixels, dB; [`PSNR_CAP_DB`] if every pixel is masked.
-pub fn psnr(pair: &ImagePair) -> f64 {
-    // Integer sums of squared code values are exact.
-    let (mut sum, mut pixels) = (0_u64, 0_u64);
+/// Sum of the squared differences of code values over the unmasked pixels, and their number. Integer sums are exact.
+pub fn squared_error(pair: &ImagePair) -> (u64, u64) {
+    let (mut sum, mut pixels) = (0, 0);
     for (pixel, (a, b)) in pair.rendered.chunks_exact(3).zip(pair.target.chunks_exact(3)).enumerate() {
         if pair.unmasked.as_ref().is_none_or(|u| u[pixel]) {
             pixels += 1;
             sum += (0..3).map(|c| u64::from(a[c].abs_diff(b[c])).pow(2)).sum::<u64>();
         }
     }
+    (sum, pixels)
+}
+
+/// PSNR in dB of sums by [`squared_error`]; [`PSNR_CAP_DB`] without pixels.
+pub fn psnr_from_squares((sum, pixels): (u64, u64)) -> f64 {
     if pixels == 0 {
         return PSNR_CAP_DB;
     }
     psnr_from_mse(sum as f64 / (3.0 * pixels as f64 * 255.0 * 255.0))
+}
+
+/// PSNR over all channels of the unmasked pixels, dB; [`PSNR_CAP_DB`] if every pixel is masked.
+pub fn psnr(pair: &ImagePair) -> f64 {
+    psnr_from_squares(squared_error(pair))
 }

@@ -249,10 +249,11 @@ fn affine_colour_drift_is_corrected_and_other_errors_are_not() {
     let drift = |[r, g, b]: [f64; 3]| [0.8 * r + 0.1 * g + 0.05, 0.7 * g + 0.02, 1.1 * b + 0.1 * r + 0.01];
     let (rendered, photo) = drifting(drift);
     let q = quality_of("", &rendered, &photo);
-    // Rounding of both images to 8 bits alone leaves 55 dB.
+    // Measured: 56.5 dB, the rounding of both images to 8 bits.
     assert!(q.psnr < 25.0 && q.psnr_corrected.unwrap() > 52.0, "{} {:?}", q.psnr, q.psnr_corrected);
     // Negative controls: a curve, and colours that differ between the halves, are no affine map of the colours.
     let (rendered, curved) = drifting(|c| c.map(|v| 4.0 * (v - 0.45).powi(2) + 0.3));
+    // Measured: 24.0 dB.
     assert!(quality_of("", &rendered, &curved).psnr_corrected.unwrap() < 30.0);
     let (rendered, mut halves) = drifting(|c| c);
     assert_eq!(quality_of("", &rendered, &halves).psnr_corrected, Some(PSNR_CAP_DB));
