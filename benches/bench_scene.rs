@@ -130,8 +130,13 @@ fn main() {
     };
     let state = TrainState::fresh(model);
     train(&options.config, &mut backend, &capture, state, &mut sink).expect("training");
+    print(&stages, &counters, steps);
+    println!("  CPU in all: {:.1} s", process_cpu_secs() - started);
+}
+
+fn print(stages: &BTreeMap<(usize, &'static str), Duration>, counters: &RasterCounters, steps: u64) {
     let per_step = |d: &Duration| d.as_secs_f64() * 1e3 / steps as f64;
-    for ((_, name), time) in &stages {
+    for ((_, name), time) in stages {
         println!("  {name:<16} {:>8.2} ms/step", per_step(time));
     }
     let per_pixel = |n: u64| n as f64 / counters.pixels as f64;
@@ -143,5 +148,4 @@ fn main() {
         counters.visible_splats / steps,
         counters.tile_pairs / steps,
     );
-    println!("  CPU in all: {:.1} s", process_cpu_secs() - started);
 }

@@ -193,6 +193,10 @@ mod with_gpu {
             atomic_file::write(path, &json)?;
         }
         print(&figures)?;
+        check_results(&figures)
+    }
+
+    fn check_results(figures: &Figures) -> anyhow::Result<()> {
         let unsorted = figures.sort.iter().any(|s| !s.sorted);
         let repeatable = figures.kernels.steps.as_ref().and_then(|s| s.repeatable);
         if unsorted || repeatable == Some(false) {

@@ -1,12 +1,12 @@
 //! Applies a density-control plan on the device (twin: `cpu/apply_plan.rs`): gathers splats, changes their maps
 //! and moments, edits parameters.
 
-use super::backend::GpuBackend;
 use super::device::GpuDevice;
 use super::encode::Dispatch;
 use super::kernels::{Buf, KernelId};
 use super::layout::{self, CHANGE_COARSER, CHANGE_FINER, CHANGE_RESAMPLE, CHANGE_SAME, FLAG_NEAREST_OUTSIDE};
 use super::model_buffers::{self, NewBuffers, filled, splat_infos, splat_stride};
+use super::state::GpuBackend;
 use super::uniform;
 use crate::Result;
 use crate::backend::{DensityPlan, Grid, MapChange, SplatEdit};

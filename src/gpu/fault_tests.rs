@@ -1,9 +1,9 @@
 //! State of the backend after steps that failed on a live device, and errors of calls before the first upload.
 
-use super::backend::{GpuBackend, GpuOptions};
 use super::device::{GpuDevice, LimitChoice};
 use super::harness::test_drivers;
 use super::kernels::Buf;
+use super::state::{GpuBackend, GpuOptions};
 use crate::Error;
 use crate::backend::{Backend as _, LearningRates, LossWeights, RenderOptions, StepRequest, TargetImage};
 use crate::model::AdamState;

@@ -31,6 +31,7 @@ mod shader_tests;
 mod sort;
 #[cfg(test)]
 mod sort_tests;
+mod state;
 mod submission;
 #[cfg(test)]
 mod tile_list_tests;
@@ -42,7 +43,7 @@ mod view_buffers;
 mod web;
 
 pub use adapter::{AdapterChoice, UnfitAdapter, find_adapter, list_adapters, unfit_adapters};
-pub use backend::{GpuBackend, GpuOptions};
 pub use device::{DeviceWork, GpuDevice, LimitChoice};
 pub use shader::ExpandedShader;
+pub use state::{GpuBackend, GpuOptions};
 pub use web::{WebShader, web_shaders};

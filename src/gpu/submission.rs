@@ -1,30 +1,21 @@
 //! Submissions: the dispatches of steps and images, the buffer capacity that they need, and the evaluation of
 //! their status. `backend` decides what to submit, and repeats what did not fit.
 
-use super::backend::{GpuBackend, tile_flags};
 use super::encode::Dispatch;
 use super::kernels::{Buf, KernelId};
 use super::layout::{FLAG_COUNT_ATOMICS, MAX_SIDE_PX, Status, StepUniform};
 use super::resources::UniformOffsets;
 use super::sort;
+use super::state::{GpuBackend, PendingStep, tile_flags};
 use super::uniform::{self, needs_statistics};
 use super::view_buffers::RequiredCapacity;
 use crate::backend::{LossValues, RasterCounters, StepReport, StepRequest};
 use crate::camera::Camera;
-use crate::model::LearningRates;
 use crate::{Error, Result};
 use std::time::{Duration, Instant};
 
 /// Initial pair capacity per splat.
 const PAIRS_PER_SPLAT: u64 = 8;
-
-/// A submitted step whose status has not been read.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct PendingStep {
-    step: u32,
-    rates: LearningRates,
-    counts_in_window: bool,
-}
 
 impl GpuBackend {
     /// Dispatches from the projection to the image.

@@ -11,9 +11,9 @@ pub use count::count;
 pub use sort::{SortThroughput, sort_throughput};
 pub use traffic::{Traffic, TrafficCounts, TrafficItem, TrafficShare};
 
-use super::backend::{GpuBackend, GpuOptions};
 use super::device::{DeviceWork, GpuDevice};
 use super::pace::Pace;
+use super::state::{GpuBackend, GpuOptions};
 use crate::Result;
 use crate::backend::{Backend as _, StepReport, StepRequest};
 use crate::clock::process_cpu_secs;

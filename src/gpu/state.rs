@@ -1,0 +1,241 @@
+//! What a [`GpuBackend`] holds, and how it fills a submission.
+
+use super::device::{GpuDevice, Pipeline, UNIFORM_STRIDE};
+use super::encode::{Dispatch, encode};
+use super::kernels::{Buf, KernelId, NUM_GROUPS, RasterKernels};
+use super::layout::{DispatchArgs, FLAG_ALL_MAPS, FLAG_PERSIST, Status, StepUniform};
+use super::model_buffers::splat_stride;
+use super::pace::{BATCH, Pace};
+use super::photos::PhotoPool;
+use super::resources::{Resources, UniformOffsets};
+use super::shader::{HALF_TILE_ROWS_PX, HALF_TILES, TILE_PX};
+use super::sort;
+use super::timing::Timer;
+use super::uniform::{self, UniformInputs};
+use super::view_buffers::Capacity;
+use crate::camera::Similarity;
+use crate::model::{AdamState, LearningRates, Model, SplatArrays, TexturePool};
+use crate::{Error, Result};
+use std::collections::BTreeMap;
+
+/// Options of a [`GpuBackend`]. Only `hardware_kernels` changes results, in their last bits.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct GpuOptions {
+    /// Steps per submission, at most 16; 1 reads the status after each. `None`: as many as the device completes in
+    /// less than a second.
+    pub batch_steps: Option<usize>,
+    /// Whether to count pixel-splat pairs.
+    pub count_pairs: bool,
+    /// Whether to use the kernel variants for hardware: tiles of 16 x 16 pixels instead of 16 x 8, splats loaded
+    /// through workgroup memory, and an atomic per tap for the texels of large windows. `None`: on hardware.
+    pub hardware_kernels: Option<bool>,
+    /// Whether to count the global atomics of the texel gradients, instead of faults. Ignored in steps with window
+    /// statistics or terms on depths and normals.
+    pub count_texel_atomics: bool,
+    /// Whether to time every dispatch, if the device can: step reports then contain times by kernel.
+    pub time_kernels: bool,
+    /// Pairs to allocate buffers for at first; `None`: a guess from the number of splats.
+    pub pair_capacity: Option<u64>,
+}
+
+/// A submitted step whose status has not been read.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PendingStep {
+    pub(super) step: u32,
+    pub(super) rates: LearningRates,
+    pub(super) counts_in_window: bool,
+}
+
+/// Renders and trains through wgpu.
+pub struct GpuBackend {
+    pub(super) device: GpuDevice,
+    pub(super) resources: Resources,
+    pub(super) pipelines: BTreeMap<KernelId, Pipeline>,
+    pub(super) options: GpuOptions,
+    pub(super) raster: RasterKernels,
+    pub(super) tile_rows_px: u32,
+    /// The model without its parameters, which are on the device.
+    pub(super) shape: Model,
+    /// Step and learning rates of the optimiser; its moments are on the device.
+    pub(super) clock: AdamState,
+    pub(super) capacity: Capacity,
+    pub(super) photos: PhotoPool,
+    pub(super) window_views: u32,
+    pub(super) timer: Option<Timer>,
+    pub(super) pace: Pace,
+    /// Submitted steps whose status has not been read.
+    pub(super) in_flight: Vec<PendingStep>,
+    /// Receives the status of a submission. One is enough: it is read before the next submission.
+    pub(super) staging: wgpu::Buffer,
+}
+
+impl GpuBackend {
+    /// Compiles the kernels on an open device.
+    ///
+    /// # Errors
+    /// [`crate::Error::Device`] if the driver rejects a kernel or allocation fails.
+    pub fn new(device: GpuDevice, options: GpuOptions) -> Result<Self> {
+        let (raster, tile_rows_px) = variants(&device, &options);
+        let pipelines = device.pipelines(&raster.without_geometry(), tile_flags(tile_rows_px))?;
+        let passes = sort::sort_passes();
+        let mut resources = Resources::new(
+            device.uniforms("steps", BATCH as u64)?,
+            device.uniforms("sort passes", passes.len() as u64)?,
+        );
+        for (i, pass) in passes.iter().enumerate() {
+            let at = i as u64 * UNIFORM_STRIDE;
+            device.queue.write_buffer(resources.sort_passes(), at, bytemuck::bytes_of(pass));
+        }
+        resources.set(Buf::Status, device.buffer("status", BATCH as u64, size_of::<Status>() as u64)?);
+        let args_bytes = size_of::<DispatchArgs>() as u64;
+        resources.set(Buf::Args, device.buffer("dispatches", u64::from(NUM_GROUPS), args_bytes)?);
+        let shape = Model {
+            splats: SplatArrays::zeros(0, 0),
+            textures: TexturePool::default(),
+            near: 0.01,
+            capture_from_local: Similarity::IDENTITY,
+        };
+        let timer = if options.time_kernels { Timer::new(&device)? } else { None };
+        Ok(Self {
+            timer,
+            pace: Pace::new(options.batch_steps),
+            in_flight: Vec::new(),
+            staging: device.staging("status", (BATCH * size_of::<Status>()) as u64)?,
+            raster,
+            tile_rows_px,
+            device,
+            resources,
+            pipelines,
+            options,
+            clock: AdamState::zeros(&shape),
+            shape,
+            capacity: Capacity::default(),
+            photos: PhotoPool::default(),
+            window_views: 0,
+        })
+    }
+
+    /// Simulates the loss of the device, as when a driver hangs or is updated; for tests.
+    pub fn lose_device(&self) {
+        self.device.lose();
+    }
+
+    /// Changes the options from the next step on and compiles missing kernels. The model stays on the device.
+    ///
+    /// # Errors
+    /// [`crate::Error::Device`] if the driver rejects a kernel or allocation fails.
+    pub fn set_options(&mut self, options: GpuOptions) -> Result<()> {
+        if options.batch_steps != self.options.batch_steps {
+            self.pace = Pace::new(options.batch_steps);
+        }
+        self.options = options;
+        let (raster, tile_rows_px) = variants(&self.device, &options);
+        // The height of tiles is compiled into most kernels: if it changes, none can be kept.
+        let keeps = tile_rows_px == self.tile_rows_px;
+        let mut missing = raster.without_geometry();
+        missing.retain(|id| !keeps || !self.pipelines.contains_key(id));
+        let compiled = self.device.pipelines(&missing, tile_flags(tile_rows_px))?;
+        if !keeps {
+            self.pipelines.clear();
+            self.resources.forget_groups();
+        }
+        self.pipelines.extend(compiled);
+        (self.raster, self.tile_rows_px) = (raster, tile_rows_px);
+        self.timer = if options.time_kernels { Timer::new(&self.device)? } else { None };
+        Ok(())
+    }
+
+    /// The device that the backend runs on.
+    pub fn gpu(&self) -> &GpuDevice {
+        &self.device
+    }
+
+    pub(super) fn uniform_inputs(&self) -> UniformInputs {
+        UniformInputs {
+            num_splats: self.shape.num_splats() as u32,
+            splat_stride: splat_stride(self.shape.splats.sh_degree) as u32,
+            near: self.shape.near,
+            pair_capacity: self.capacity.pairs as u32,
+            tile_rows_px: self.tile_rows_px,
+            flushed_step: self.clock.step,
+            flushed_rates: self.clock.rates,
+        }
+    }
+
+    /// Prepares a submission: writes the host's part of the dispatch table and clears the status ring.
+    pub(super) fn arm(&self) {
+        let n = self.shape.num_splats() as u32;
+        let args = sort::first_args(n);
+        self.device.queue.write_buffer(self.resources.buffer(Buf::Args), 0, bytemuck::cast_slice(&args));
+        let status = [Status::default(); BATCH];
+        self.device.queue.write_buffer(self.resources.buffer(Buf::Status), 0, bytemuck::cast_slice(&status));
+    }
+
+    /// Writes an entry of the uniform ring.
+    pub(super) fn set_uniform(&self, slot: usize, values: &StepUniform) -> UniformOffsets {
+        let at = slot as u64 * UNIFORM_STRIDE;
+        self.device.queue.write_buffer(self.resources.steps(), at, bytemuck::bytes_of(values));
+        UniformOffsets { step: at as u32, sort_pass: 0 }
+    }
+
+    /// Encodes dispatches, without submitting them.
+    pub(super) fn encoded(&mut self, dispatches: &[Dispatch]) -> wgpu::CommandEncoder {
+        let mut encoder =
+            self.device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        let timer = self.timer.as_ref().filter(|_| dispatches.len() <= Timer::MAX_DISPATCHES);
+        encode(&self.device, &mut encoder, &mut self.resources, &self.pipelines, dispatches, timer);
+        encoder
+    }
+
+    pub(super) fn submit(&mut self, dispatches: &[Dispatch]) {
+        let encoder = self.encoded(dispatches);
+        self.device.submit(encoder);
+    }
+
+    /// Flushes all lazily updated parameters, as of the last step.
+    pub(super) fn flush_all(&mut self) {
+        self.arm();
+        let uniform = uniform::without_view(&self.uniform_inputs(), FLAG_PERSIST | FLAG_ALL_MAPS);
+        let offsets = self.set_uniform(0, &uniform);
+        let kernels = [KernelId::FlushSplat, KernelId::FlushTexel];
+        self.submit(&kernels.map(|id| Dispatch::new(id, offsets)));
+    }
+
+    /// Adopts a model whose parameters are already on the device, and activates its texels.
+    pub(super) fn adopt(&mut self, shape: Model, clock: AdamState) {
+        self.shape = shape;
+        self.clock = clock;
+        self.window_views = 0;
+        self.in_flight.clear();
+        self.arm();
+        let uniform = uniform::without_view(&self.uniform_inputs(), FLAG_ALL_MAPS);
+        // At step 0 there is nothing to flush: this only activates.
+        let offsets = self.set_uniform(0, &StepUniform { flushed_step: 0, ..uniform });
+        self.submit(&[Dispatch::new(KernelId::FlushTexel, offsets)]);
+    }
+
+    /// Requires a model, and a device without errors.
+    pub(super) fn check(&self) -> Result<()> {
+        self.check_model()?;
+        self.device.check()
+    }
+
+    pub(super) fn check_model(&self) -> Result<()> {
+        if self.resources.has(Buf::SplatP) {
+            return Ok(());
+        }
+        Err(Error::Usage(format!("{}: no model has been uploaded", self.device.choice.name)))
+    }
+}
+
+/// Kernel variants of the rasterisation, and the height of its tiles.
+fn variants(device: &GpuDevice, options: &GpuOptions) -> (RasterKernels, u32) {
+    let hardware = options.hardware_kernels.unwrap_or(device.choice.hardware);
+    let raster = RasterKernels::choose(hardware, options.count_pairs, options.count_texel_atomics);
+    (raster, if hardware { TILE_PX } else { HALF_TILE_ROWS_PX })
+}
+
+/// Preprocessor flags of all kernels for tiles of a given height.
+pub(super) fn tile_flags(tile_rows_px: u32) -> &'static [&'static str] {
+    if tile_rows_px == HALF_TILE_ROWS_PX { &[HALF_TILES] } else { &[] }
+}
