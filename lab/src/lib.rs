@@ -4,6 +4,7 @@
 #![forbid(unsafe_code)]
 
 pub mod chart;
+pub mod checks;
 mod error;
 mod input_file;
 pub mod machine;

@@ -1,6 +1,7 @@
 //! The matrix of a benchmark: scenes x variants x budgets x seeds, from flags or a TOML file, expanded into cells
 //! with the arguments of their `litetex train`.
 
+use crate::checks::Check;
 use crate::input_file::read_text;
 use crate::{Error, Result};
 use serde::Deserialize;
@@ -27,20 +28,42 @@ pub trait TrainCommand {
     /// # Errors
     /// A message that says which argument is wrong.
     fn check(&self, args: &[String]) -> Result<Option<PathBuf>, String>;
+
+    /// Checks the arguments that make a capture.
+    ///
+    /// # Errors
+    /// A message that says which argument is wrong.
+    fn check_sample(&self, args: &[String]) -> Result<(), String>;
+
+    /// Checks the arguments that evaluate a run.
+    ///
+    /// # Errors
+    /// A message that says which argument is wrong.
+    fn check_eval(&self, args: &[String]) -> Result<(), String>;
 }
 
 /// A capture to train on.
-#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SceneEntry {
     /// Name in the results; the file name of `path` if empty.
     #[serde(default)]
     pub name: String,
-    /// The capture, relative to the working directory.
+    /// The capture, relative to the working directory; empty for one that `sample` makes.
+    #[serde(default)]
     pub path: PathBuf,
+    /// Arguments of the command that makes the capture.
+    #[serde(default)]
+    pub sample: Vec<String>,
     /// Arguments for runs on this capture.
     #[serde(default)]
     pub args: Vec<String>,
+    /// Arguments of the command that evaluates runs on this capture.
+    #[serde(default)]
+    pub eval: Vec<String>,
+    /// What is expected of runs on this capture.
+    #[serde(default, rename = "check")]
+    pub checks: Vec<Check>,
 }
 
 /// A variant or a budget: arguments under a name.
@@ -55,7 +78,7 @@ pub struct NamedArgs {
 }
 
 /// What to run. Where an argument is repeated the last one wins, in the order common, scene, variant, budget.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Matrix {
     /// Captures to train on.
@@ -71,6 +94,10 @@ pub struct Matrix {
     pub seeds: Vec<u64>,
     /// Arguments of all runs.
     pub common: Vec<String>,
+    /// Arguments for making all captures that a command makes.
+    pub sample: Vec<String>,
+    /// Arguments for evaluating all runs.
+    pub eval: Vec<String>,
 }
 
 /// One run of a matrix.
@@ -82,8 +109,10 @@ pub struct Cell {
     pub key: String,
     /// Name of the scene.
     pub scene: String,
-    /// The capture to train on.
+    /// The capture to train on; empty for one that `sample` makes.
     pub path: PathBuf,
+    /// Arguments of the command that makes the capture; empty if it exists.
+    pub sample: Vec<String>,
     /// Name of the variant.
     pub variant: String,
     /// Name of the budget.
@@ -92,6 +121,19 @@ pub struct Cell {
     pub seed: u64,
     /// Arguments besides capture, output folder and seed.
     pub args: Vec<String>,
+    /// Arguments of the command that evaluates the run afterwards; empty if none does.
+    pub eval: Vec<String>,
+}
+
+/// What stands for the folder of the capture in arguments.
+pub const CAPTURE: &str = "{capture}";
+/// What stands for the folder of the run in arguments of evaluations.
+pub const RUN: &str = "{run}";
+
+/// Replaces [`CAPTURE`] and [`RUN`].
+pub fn with_folders(args: &[String], capture: &Path, run: &Path) -> Vec<String> {
+    let [capture, run] = [capture, run].map(|path| path.display().to_string());
+    args.iter().map(|arg| arg.replace(CAPTURE, &capture).replace(RUN, &run)).collect()
 }
 
 impl Matrix {
@@ -137,19 +179,29 @@ impl Matrix {
     ) -> Result<Cell> {
         let parts = [&self.common, &scene.args, &variant.args, &budget.args];
         let args: Vec<String> = parts.into_iter().flatten().cloned().collect();
+        let joined = |a: &[String], b: &[String]| [a, b].concat();
+        let sample = if scene.sample.is_empty() { Vec::new() } else { joined(&self.sample, &scene.sample) };
+        let eval = joined(&self.eval, &scene.eval);
+        let of_scene = |e: String| Error::Usage(format!("scene {:?}: {e}", scene.name));
+        if !sample.is_empty() {
+            command.check_sample(&sample).map_err(of_scene)?;
+        }
+        command.check_eval(&eval).map_err(of_scene)?;
         let config = command.check(&args).map_err(|e| {
             let (scene, variant, budget) = (&scene.name, &variant.name, &budget.name);
             Error::Usage(format!("scene {scene:?}, variant {variant:?}, budget {budget:?}: {e}"))
         })?;
         Ok(Cell {
             index,
-            key: key(&scene.name, &args, seed, config.as_deref())?,
+            key: key(&scene.name, [&args, &sample, &eval], seed, config.as_deref())?,
             scene: scene.name.clone(),
             path: scene.path.clone(),
+            sample,
             variant: variant.name.clone(),
             budget: budget.name.clone(),
             seed,
             args,
+            eval,
         })
     }
 
@@ -161,6 +213,17 @@ impl Matrix {
                 "no scene given: litetex bench --scene <CAPTURE>... -o <FOLDER>, or [[scene]] in --config"
                     .to_owned(),
             ));
+        }
+        for scene in &matrix.scenes {
+            if scene.path.as_os_str().is_empty() == scene.sample.is_empty() {
+                return Err(Error::Usage(format!(
+                    "scene {:?}: expected either path, a capture, or sample, the arguments that make one",
+                    scene.name
+                )));
+            }
+            if !scene.sample.is_empty() && scene.name.is_empty() {
+                return Err(Error::Usage("a scene with sample needs a name".to_owned()));
+            }
         }
         for scene in matrix.scenes.iter_mut().filter(|s| s.name.is_empty()) {
             let absolute = std::path::absolute(&scene.path).map_err(|e| Error::io(&scene.path, e))?;
@@ -184,7 +247,26 @@ impl Matrix {
         check_names("variant", matrix.variants.iter().map(|s| &s.name))?;
         check_names("budget", matrix.budgets.iter().map(|s| &s.name))?;
         matrix.check_seeds_and_size()?;
+        matrix.check_checks()?;
         Ok(matrix)
+    }
+
+    /// Refuses checks that make no sense, or refer to scenes or variants that are not in the matrix.
+    fn check_checks(&self) -> Result<()> {
+        let is_scene = |name: &String| self.scenes.iter().any(|s| s.name == *name);
+        let is_variant = |name: &String| self.variants.iter().any(|v| v.name == *name);
+        for (scene, check) in self.scenes.iter().flat_map(|s| s.checks.iter().map(move |c| (s, c))) {
+            let of_scene = |what: String| Error::Usage(format!("scene {:?}: {what}", scene.name));
+            check.validate().map_err(of_scene)?;
+            let scenes = [&check.from_scene, &check.over_scene];
+            let variants = [&check.from_variant, &check.over_variant, &check.times_variant];
+            let unknown = (scenes.into_iter().flatten().find(|name| !is_scene(name)))
+                .or_else(|| variants.into_iter().flatten().find(|name| !is_variant(name)));
+            if let Some(name) = unknown {
+                return Err(of_scene(format!("check {:?}: {name:?} is not in the matrix", check.title())));
+            }
+        }
+        Ok(())
     }
 
     fn check_seeds_and_size(&self) -> Result<()> {
@@ -240,12 +322,14 @@ fn check_distinct(cells: &[Cell]) -> Result<()> {
 }
 
 /// FNV-1a over everything that shapes the result, as text.
-fn key(scene: &str, args: &[String], seed: u64, config: Option<&Path>) -> Result<String> {
+fn key(scene: &str, args: [&[String]; 3], seed: u64, config: Option<&Path>) -> Result<String> {
     let config = match config {
         None => String::new(),
         Some(path) => read_text(path)?,
     };
-    let whole = serde_json::json!([scene, args, seed, config, env!("CARGO_PKG_VERSION")]).to_string();
+    let [args, sample, eval] = args;
+    let whole =
+        serde_json::json!([scene, args, sample, eval, seed, config, env!("CARGO_PKG_VERSION")]).to_string();
     let hash = whole
         .bytes()
         .fold(0xcbf2_9ce4_8422_2325_u64, |h, b| (h ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3));
@@ -259,7 +343,8 @@ fn key(scene: &str, args: &[String], seed: u64, config: Option<&Path>) -> Result
 pub fn check_captures(cells: &[&Cell]) -> Result<()> {
     let mut missing: Vec<&Cell> = Vec::new();
     for cell in cells {
-        if missing.iter().all(|m| m.scene != cell.scene) && !cell.path.exists() {
+        let is_missing = cell.sample.is_empty() && !cell.path.exists();
+        if is_missing && missing.iter().all(|m| m.scene != cell.scene) {
             missing.push(cell);
         }
     }
@@ -318,6 +403,14 @@ mod tests {
             let config = args.iter().position(|a| a == "--config");
             Ok(config.and_then(|i| args.get(i + 1)).map(PathBuf::from))
         }
+
+        fn check_sample(&self, args: &[String]) -> Result<(), String> {
+            self.check(args).map(|_| ())
+        }
+
+        fn check_eval(&self, args: &[String]) -> Result<(), String> {
+            self.check(args).map(|_| ())
+        }
     }
 
     fn named(text: &str) -> NamedArgs {
@@ -331,6 +424,7 @@ mod tests {
             budgets: vec![named("short: --steps 10"), named("long: --steps 20")],
             seeds: vec![1, 2, 3],
             common: vec!["--steps".to_owned(), "5".to_owned()],
+            ..Matrix::default()
         }
     }
 
@@ -407,8 +501,11 @@ mod tests {
     #[test]
     fn missing_captures_are_named_once_with_the_runs_that_need_them() {
         let dir = tempfile::tempdir().unwrap();
-        let scene =
-            |name: &str| SceneEntry { name: name.to_owned(), path: dir.path().join(name), args: vec![] };
+        let scene = |name: &str| SceneEntry {
+            name: name.to_owned(),
+            path: dir.path().join(name),
+            ..SceneEntry::default()
+        };
         std::fs::create_dir(dir.path().join("here")).unwrap();
         let cells = |scenes: &[&str]| {
             let scenes = scenes.iter().map(|s| scene(s)).collect();
@@ -453,6 +550,39 @@ mod tests {
             matches!(error, Error::InvalidInput { .. }) && error.to_string().contains("varian"),
             "{error}"
         );
+    }
+
+    #[test]
+    fn captures_may_be_made_and_runs_evaluated_with_arguments_of_the_matrix() {
+        let text = r#"
+            sample = ["--views", "8"]
+            eval = ["--worst", "{run}/worst.jpg"]
+            [[scene]]
+            name = "made"
+            sample = ["--stress", "noise"]
+            eval = ["--regions", "{capture}/regions"]
+            check = [{ measure = "/quality/psnr", from-scene = "found", at-most = 1.0 }]
+            [[scene]]
+            name = "found"
+            path = "captures/a"
+        "#;
+        let matrix: Matrix = toml::from_str(text).unwrap();
+        let cells = matrix.cells(&Command).unwrap();
+        assert_eq!(cells[0].sample, ["--views", "8", "--stress", "noise"]);
+        assert!(cells[1].sample.is_empty() && cells[1].eval == ["--worst", "{run}/worst.jpg"]);
+        let eval = with_folders(&cells[0].eval, Path::new("c"), Path::new("r"));
+        assert_eq!(eval, ["--worst", "r/worst.jpg", "--regions", "c/regions"]);
+        for (from, to, part) in [
+            ("\"found\", at", "\"lost\", at", "\"lost\" is not in the matrix"),
+            ("path = \"captures/a\"", "", "expected either path"),
+            ("name = \"made\"", "", "needs a name"),
+            ("\"--stress\"", "\"--xstress\"", "scene \"made\": --xstress: unknown"),
+            ("\"--regions\"", "\"--xregions\"", "scene \"made\": --xregions: unknown"),
+        ] {
+            let wrong: Matrix = toml::from_str(&text.replace(from, to)).unwrap();
+            let error = wrong.cells(&Command).unwrap_err().to_string();
+            assert!(error.contains(part), "{part}: {error}");
+        }
     }
 
     #[test]

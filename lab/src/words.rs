@@ -31,7 +31,7 @@ pub fn parse_scene(text: &str) -> Result<SceneEntry, String> {
     if path.trim().is_empty() {
         return Err(format!("{text:?}: expected a capture, or \"NAME: CAPTURE\""));
     }
-    Ok(SceneEntry { name: name.trim().to_owned(), path: path.trim().into(), args: Vec::new() })
+    Ok(SceneEntry { name: name.trim().to_owned(), path: path.trim().into(), ..SceneEntry::default() })
 }
 
 /// Parses a list such as "1,2,5-8".

@@ -1,9 +1,11 @@
 //! `litetex chart`: reads results, has charts and tables made of them, and writes the files.
 
-use super::lab;
 use super::log::Log;
+use super::{bench, lab};
+use base64::prelude::{BASE64_STANDARD, Engine as _};
 use litetex_gs::{Error, Report, Result, atomic_file, input_file};
-use litetex_lab::chart::{Clock, MANIFEST, Options, Output, PAGE, build, manifest_entries};
+use litetex_lab::chart::{Case, Clock, MANIFEST, Options, Output, PAGE, WorstView, build, manifest_entries};
+use litetex_lab::matrix::Matrix;
 use litetex_lab::results;
 use std::collections::HashSet;
 use std::fs;
@@ -12,6 +14,8 @@ use std::path::{Path, PathBuf};
 
 /// Largest list of files that is read.
 const MANIFEST_BYTES_MAX: u64 = 1 << 24;
+/// Largest image that is put into the page.
+const IMAGE_BYTES_MAX: u64 = 1 << 22;
 
 /// Make charts and tables of the results of "litetex bench"
 ///
@@ -32,6 +36,10 @@ pub struct ChartArgs {
     /// Include times measured on a busy machine
     #[arg(long)]
     include_noisy: bool,
+    /// Draw a heat map of the checks in the scenes of this matrix, the TOML file of the benchmark: what passes, with the
+    /// figures, and the worst test views that the runs have kept
+    #[arg(long, value_name = "FILE")]
+    checks: Option<PathBuf>,
     /// Clock that times are taken from; auto: cpu if every run used the CPU as its device, else wall
     #[arg(long, value_name = "CLOCK", default_value = "auto")]
     clock: ClockArg,
@@ -66,7 +74,15 @@ pub fn run(args: &ChartArgs, log: &Log) -> anyhow::Result<()> {
         ClockArg::Cpu => Clock::Cpu,
         ClockArg::Wall => Clock::Wall,
     };
-    let options = Options { baseline: args.baseline.clone(), include_noisy: args.include_noisy, clock };
+    let cases = args.checks.as_deref().map(cases).transpose()?.unwrap_or_default();
+    let worst_views = if cases.is_empty() { Vec::new() } else { worst_views(&args.results, &files)? };
+    let options = Options {
+        baseline: args.baseline.clone(),
+        include_noisy: args.include_noisy,
+        clock,
+        cases,
+        worst_views,
+    };
     let output = build(files, &options).map_err(lab::error)?;
     replace(&args.out, &earlier, &output)?;
     log.report(&lab::report(output.report));
@@ -74,6 +90,32 @@ pub fn run(args: &ChartArgs, log: &Log) -> anyhow::Result<()> {
     write!(out, "{}", output.results_markdown)?;
     log.info(&format!("{} files; open {}", output.files.len(), args.out.join(PAGE).display()));
     Ok(out.flush()?)
+}
+
+/// The checks in a matrix.
+fn cases(path: &Path) -> Result<Vec<Case>> {
+    let matrix = Matrix::read(path).map_err(lab::error)?;
+    // Also refuses checks that make no sense.
+    matrix.cells(&bench::Training).map_err(lab::error)?;
+    Ok(matrix.scenes.into_iter().map(|s| Case { scene: s.name, checks: s.checks }).collect())
+}
+
+/// The worst test view that the first run of each scene and variant has kept, in the folders of benchmarks.
+fn worst_views(paths: &[PathBuf], files: &[Vec<results::Record>]) -> Result<Vec<WorstView>> {
+    let mut out: Vec<WorstView> = Vec::new();
+    for (folder, records) in paths.iter().zip(files).filter(|(path, _)| path.is_dir()) {
+        for run in records {
+            let is_known = |v: &WorstView| v.scene == run.scene && v.variant == run.variant;
+            let path = bench::worst_view(folder, run);
+            if out.iter().any(is_known) || !path.is_file() {
+                continue;
+            }
+            let image = BASE64_STANDARD.encode(input_file::read(&path, IMAGE_BYTES_MAX)?);
+            let uri = format!("data:image/jpeg;base64,{image}");
+            out.push(WorstView { scene: run.scene.clone(), variant: run.variant.clone(), uri });
+        }
+    }
+    Ok(out)
 }
 
 fn read(path: &Path, report: &mut Report) -> Result<Vec<results::Record>> {

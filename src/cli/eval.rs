@@ -1,13 +1,19 @@
 //! `litetex eval`: quality figures of a trained scene on its test views.
 
 use super::capture::Capture;
+use super::extra_figures::ExtraFigures;
 use super::log::Log;
+use super::outputs::check_free;
+use super::regions::Regions;
 use super::run_folder::check_empty;
+use super::sequence::Sequence;
 use super::sources::{Trained, render_options};
 use super::summary::Quality;
 use super::table::{Table, path_text, print_json};
+use super::training_views::TrainingViews;
 use super::uncovered::UncoveredArea;
 use super::view_files::{write_per_view, write_view};
+use super::worst_view;
 use litetex_gs::backend::{Backend, RenderedImage};
 use litetex_gs::eval::Evaluation;
 use litetex_gs::train::{self, Control, Evaluated};
@@ -33,6 +39,22 @@ pub struct EvalArgs {
     /// Also report the PSNR within the pixels that this other run of the same capture leaves uncovered (alpha below 0.5)
     #[arg(long, value_name = "RUN")]
     uncovered_by: Option<PathBuf>,
+    /// Also report figures of the parts of the images that masks in this folder mark white: PSNR, pixels within 10 % of
+    /// their colour, and texels per pixel; masks are PNG files named as the photos, and need not exist for all
+    #[arg(long, value_name = "DIR")]
+    regions: Option<PathBuf>,
+    /// Also report the error of the changes between consecutive test views, which are the frames of a video
+    #[arg(long)]
+    sequence: bool,
+    /// Also report the PSNR of the training views
+    #[arg(long)]
+    training: bool,
+    /// Also write the render of the worst test view beside its photo into this JPEG file
+    #[arg(long, value_name = "FILE")]
+    worst: Option<PathBuf>,
+    /// Replace the file of --worst
+    #[arg(long)]
+    force: bool,
     /// Print JSON, with the figures of each view
     #[arg(long)]
     json: bool,
@@ -46,25 +68,49 @@ pub fn run(args: &EvalArgs, log: &Log) -> anyhow::Result<()> {
     if let Some(out) = &args.out {
         check_empty(out)?;
     }
+    if let Some(worst) = &args.worst {
+        check_free(std::slice::from_ref(worst), args.force)?;
+    }
     let trained = Trained::load(&args.source)?;
     let capture = trained.open_capture(args.capture.as_deref())?;
     log.report(&capture.report);
-    let mut area = match &args.uncovered_by {
-        Some(other) => Some(UncoveredArea::of(&Trained::load(other)?, &capture, &args.device, log)?),
-        None => None,
-    };
+    let mut extras: Vec<Box<dyn ExtraFigures>> = Vec::new();
+    if let Some(other) = &args.uncovered_by {
+        extras.push(Box::new(UncoveredArea::of(&Trained::load(other)?, &capture, &args.device, log)?));
+    }
+    if let Some(folder) = &args.regions {
+        extras.push(Box::new(Regions::of(folder, &capture, &trained.model)?));
+    }
+    if args.training {
+        extras.push(Box::new(TrainingViews::default()));
+    }
+    if args.sequence {
+        extras.push(Box::new(Sequence::default()));
+    }
     let mut backend = trained.on_device(&args.device, log)?;
-    let evaluation = evaluate(&trained, backend.as_mut(), &capture, args.out.as_deref(), area.as_mut())?;
+    let evaluation = evaluate(&trained, backend.as_mut(), &capture, args.out.as_deref(), &mut extras)?;
+    extras.iter_mut().try_for_each(|e| e.finish(&trained, backend.as_mut(), &capture))?;
+    if let Some(path) = &args.worst {
+        let options = render_options(&trained.model, trained.config.train.background, false);
+        worst_view::write(path, backend.as_mut(), &capture, &evaluation, &options)?;
+    }
     if args.json {
-        return Ok(print_json(&serde_json::json!({
+        let mut json = serde_json::json!({
             "schema": "litetex-eval/1",
             "checkpoint": path_text(&trained.path),
             "step": trained.step,
             "resample": "area",
             "quality": Quality::from(&evaluation),
-            "uncovered_by": area.map(|a| a.json()),
-        }))?);
+        });
+        for (key, value) in extras.iter().map(|e| e.json()) {
+            json[key] = value;
+        }
+        return Ok(print_json(&json)?);
     }
+    print(&trained, &evaluation, &extras)
+}
+
+fn print(trained: &Trained, evaluation: &Evaluation, extras: &[Box<dyn ExtraFigures>]) -> anyhow::Result<()> {
     let mut table = Table::default();
     table.row("checkpoint", trained.path.display());
     table.row("test views", evaluation.per_view.len());
@@ -78,9 +124,7 @@ pub fn run(args: &EvalArgs, log: &Log) -> anyhow::Result<()> {
     if let Some(share) = evaluation.uncovered {
         table.row("uncovered pixels", format!("{:.2} %", 100.0 * share));
     }
-    if let Some(area) = &area {
-        table.row("PSNR where uncovered", area.text());
-    }
+    extras.iter().for_each(|e| e.rows(&mut table));
     Ok(table.print()?)
 }
 
@@ -89,7 +133,7 @@ fn evaluate(
     backend: &mut dyn Backend,
     capture: &Capture,
     out: Option<&Path>,
-    mut area: Option<&mut UncoveredArea>,
+    extras: &mut [Box<dyn ExtraFigures>],
 ) -> Result<Evaluation> {
     let views = capture.indices(Split::Test);
     if views.is_empty() {
@@ -106,9 +150,7 @@ fn evaluate(
         if let Some(out) = out {
             write_view(out, capture, view, image)?;
         }
-        if let Some(area) = &mut area {
-            area.add(capture, view, image)?;
-        }
+        extras.iter_mut().try_for_each(|e| e.add(capture, view, image))?;
         Ok(Control::Continue)
     };
     let Evaluated::Figures(evaluation) = train::evaluate(backend, capture, &views, &options, &mut on_view)?

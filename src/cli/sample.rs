@@ -3,8 +3,8 @@
 use super::log::Log;
 use super::run_folder::check_empty;
 use super::table::Table;
-use super::values::parse_whole;
-use litetex_gs::sample::{SampleOptions, write_sample};
+use super::values::{ImageSize, parse_whole};
+use litetex_gs::sample::{SampleOptions, Stress, write_sample};
 use std::path::PathBuf;
 
 /// Generate a small synthetic capture for trying things out
@@ -12,6 +12,7 @@ use std::path::PathBuf;
 /// A ray-cast still life with rich texture in COLMAP layout: photos, exact poses, sparse points and ground-truth depths.
 /// Equal options give equal bytes.
 #[derive(clap::Args)]
+#[command(args_override_self = true)]
 pub struct SampleArgs {
     /// Folder to write into; must be empty
     dir: PathBuf,
@@ -20,13 +21,20 @@ pub struct SampleArgs {
     views: usize,
     /// Width and height of the photos
     #[arg(long, value_name = "WxH", value_parser = super::values::parse_image_size, default_value = "320x240")]
-    size: super::values::ImageSize,
+    size: ImageSize,
     /// Number of sparse points
     #[arg(long, value_name = "N", value_parser = parse_whole::<usize>, default_value_t = SampleOptions::default().points)]
     points: usize,
     /// Seed of patterns, placement and points
     #[arg(long, value_name = "N", value_parser = parse_whole::<u64>, default_value_t = 0)]
     seed: u64,
+    /// Rays per pixel along each axis
+    #[arg(long, value_name = "N", default_value_t = SampleOptions::default().supersampling)]
+    rays: u32,
+    /// Make the capture hard in one respect, to see where methods fail; test.txt lists the test photos, which stay
+    /// clean, for --test-list
+    #[arg(long, value_name = "NAME[:LEVEL]", long_help = stress_help())]
+    stress: Option<Stress>,
     /// Also write the sparse model as text
     #[arg(long)]
     text: bool,
@@ -35,29 +43,54 @@ pub struct SampleArgs {
     no_truth: bool,
 }
 
+fn stress_help() -> String {
+    format!(
+        "Make the capture hard in one respect, to see where methods fail; test.txt lists the test photos, which stay \
+         clean, for --test-list. NAME[:LEVEL], with default levels: {}",
+        Stress::help()
+    )
+}
+
+impl SampleArgs {
+    /// The options that are meant.
+    pub fn options(&self) -> SampleOptions {
+        let (width_px, height_px) = match self.size {
+            ImageSize::Exact(w, h) => (w, h),
+            ImageSize::Longer(w) => (w, (w * 3 / 4).max(1)),
+        };
+        SampleOptions {
+            views: self.views,
+            width_px,
+            height_px,
+            seed: self.seed,
+            points: self.points,
+            supersampling: self.rays,
+            stress: self.stress,
+            text: self.text,
+            truth: !self.no_truth,
+            ..SampleOptions::default()
+        }
+    }
+}
+
 /// Writes the capture and prints its figures.
 pub fn run(args: &SampleArgs, log: &Log) -> anyhow::Result<()> {
-    use super::values::ImageSize;
-    let (width_px, height_px) = match args.size {
-        ImageSize::Exact(w, h) => (w, h),
-        ImageSize::Longer(w) => (w, (w * 3 / 4).max(1)),
-    };
     check_empty(&args.dir)?;
-    let options = SampleOptions {
-        views: args.views,
-        width_px,
-        height_px,
-        seed: args.seed,
-        points: args.points,
-        text: args.text,
-        truth: !args.no_truth,
-        ..SampleOptions::default()
-    };
-    log.info(&format!("ray-casting {} photos of {width_px} x {height_px}", options.views));
+    let options = args.options();
+    log.info(&format!(
+        "ray-casting {} photos of {} x {}",
+        options.views, options.width_px, options.height_px
+    ));
     let made = write_sample(&args.dir, &options)?;
     let mut table = Table::default();
     table.row("capture", args.dir.display());
     table.row("photos", made.views);
+    if made.test_views > 0 {
+        table.row(
+            "test photos",
+            format!("{} (--test-list {})", made.test_views, args.dir.join("test.txt").display()),
+        );
+    }
     table.row("points", made.points);
     table.row("observations", made.observations);
     table.row("mean reprojection error", format!("{:.2} px", made.mean_reprojection_error_px));

@@ -1,9 +1,10 @@
 //! The pixels of the test views that another run leaves uncovered, and the error of a run there.
 
 use super::capture::Capture;
+use super::extra_figures::ExtraFigures;
 use super::log::Log;
 use super::sources::{Trained, render_options};
-use super::table::path_text;
+use super::table::{Table, path_text};
 use litetex_gs::Result;
 use litetex_gs::backend::RenderedImage;
 use litetex_gs::eval::{ImagePair, psnr_from_squares, squared_error, uncovered_pixels};
@@ -40,11 +41,14 @@ impl UncoveredArea {
         Ok(Self { path: other.path.clone(), masks, squares: 0, pixels: 0 })
     }
 
-    /// Adds the error of a view.
-    ///
-    /// # Errors
-    /// What decoding the photo found.
-    pub fn add(&mut self, capture: &Capture, view: usize, image: &RenderedImage) -> Result<()> {
+    /// PSNR over all these pixels, dB; `None` if there are none.
+    fn psnr(&self) -> Option<f64> {
+        (self.pixels > 0).then(|| psnr_from_squares((self.squares, self.pixels)))
+    }
+}
+
+impl ExtraFigures for UncoveredArea {
+    fn add(&mut self, capture: &Capture, view: usize, image: &RenderedImage) -> Result<()> {
         let mut pair = ImagePair::new(&image.rgb, &*capture.target(view)?);
         pair.unmasked = Some(self.masks[&view].clone());
         let (squares, pixels) = squared_error(&pair);
@@ -53,21 +57,16 @@ impl UncoveredArea {
         Ok(())
     }
 
-    /// PSNR over all these pixels, dB; `None` if there are none.
-    fn psnr(&self) -> Option<f64> {
-        (self.pixels > 0).then(|| psnr_from_squares((self.squares, self.pixels)))
+    fn json(&self) -> (&'static str, serde_json::Value) {
+        let (checkpoint, psnr) = (path_text(&self.path), self.psnr());
+        ("uncovered_by", serde_json::json!({ "checkpoint": checkpoint, "pixels": self.pixels, "psnr": psnr }))
     }
 
-    /// The figures as JSON.
-    pub fn json(&self) -> serde_json::Value {
-        serde_json::json!({ "checkpoint": path_text(&self.path), "pixels": self.pixels, "psnr": self.psnr() })
-    }
-
-    /// The figures as text.
-    pub fn text(&self) -> String {
-        match self.psnr() {
+    fn rows(&self, table: &mut Table) {
+        let text = match self.psnr() {
             Some(psnr) => format!("{psnr:.2} dB over {} pixels", self.pixels),
             None => "every pixel is covered".to_owned(),
-        }
+        };
+        table.row("PSNR where uncovered", text);
     }
 }

@@ -12,6 +12,8 @@ mod flip;
 mod gradient;
 mod pair;
 mod psnr;
+mod region;
+mod sequence;
 mod ssim;
 
 pub use colour::corrected_psnr;
@@ -21,6 +23,8 @@ pub use flip::mean_flip;
 pub use gradient::gradient_psnr;
 pub use pair::{ImagePair, quantised};
 pub use psnr::{PSNR_CAP_DB, psnr, psnr_from_mse, psnr_from_squares, squared_error};
+pub use region::{RegionError, texels_in_region};
+pub use sequence::SequenceError;
 pub use ssim::{Ssim, ssim};
 
 use crate::image::TargetImage;

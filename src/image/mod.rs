@@ -13,4 +13,4 @@ pub use colouring::{depth_range, grey_from_depth, rgb_from_normal, turbo_from_de
 pub use legend::legend;
 pub use ramp::{magma, turbo};
 pub use target::TargetImage;
-pub use write::{Channels, write_exr, write_png};
+pub use write::{Channels, JPEG_QUALITY, write_exr, write_jpeg, write_png};

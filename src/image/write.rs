@@ -1,11 +1,11 @@
-//! Writing images: 8-bit PNG for viewing and metrics, 32-bit float EXR for quantities. A file appears under
+//! Writing images: 8-bit PNG for viewing and metrics, JPEG for reports, 32-bit float EXR for quantities. A file appears under
 //! its name only once it is complete.
 
 use crate::{Error, Result, atomic_file};
 use exr::prelude::{
     AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, SmallVec, WritableImage,
 };
-use image::{ExtendedColorType, ImageEncoder, codecs::png};
+use image::{ExtendedColorType, ImageEncoder, codecs::jpeg::JpegEncoder, codecs::png};
 use std::io::Cursor;
 use std::path::Path;
 
@@ -73,6 +73,22 @@ pub fn write_png(
     let mut bytes = Vec::new();
     png::PngEncoder::new_with_quality(&mut bytes, png::CompressionType::Default, png::FilterType::Adaptive)
         .write_image(values, width_px, height_px, colour)
+        .map_err(|e| Error::io(path, std::io::Error::other(e)))?;
+    atomic_file::write(path, &bytes)
+}
+
+/// Quality of JPEG files in reports: good enough to judge a render by eye.
+pub const JPEG_QUALITY: u8 = 85;
+
+/// Writes a JPEG file. `rgb`: `[height, width, 3]`
+///
+/// # Errors
+/// [`Error::InvalidInput`] if the number of values does not match or is zero, [`Error::Io`].
+pub fn write_jpeg(path: &Path, width_px: u32, height_px: u32, rgb: &[u8], quality: u8) -> Result<()> {
+    Channels::Rgb.check(path, width_px, height_px, rgb.len())?;
+    let mut bytes = Vec::new();
+    JpegEncoder::new_with_quality(&mut bytes, quality)
+        .write_image(rgb, width_px, height_px, ExtendedColorType::Rgb8)
         .map_err(|e| Error::io(path, std::io::Error::other(e)))?;
     atomic_file::write(path, &bytes)
 }

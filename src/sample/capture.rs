@@ -1,32 +1,24 @@
-//! Cameras around the sample scene, the sparse points they observe, and the ground truth.
+//! The sample capture: a scene, its views and its sparse model.
 
-use super::colmap_write::{SparseImage, SparseModel, SparsePoint};
+use super::colmap_write::{SparseImage, SparseModel};
+use super::frame::Frame;
 use super::options::SampleOptions;
+use super::points::points;
 use super::render;
-use super::scene::{Ray, Scene};
-
-use crate::camera::{Pinhole, RigidTransform};
-use glam::{DMat3, DVec2, DVec3};
-use rand::Rng;
-use rand_pcg::Pcg32;
+use super::scene::Scene;
+use super::views::{View, views};
+use crate::camera::Pinhole;
+use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
-
-// Separate random streams: adding a view does not shift the random numbers of the points.
-const STREAM_CAMERAS: u64 = 1;
-const STREAM_POINTS: u64 = 2;
-
-/// Point that the cameras look at, up to jitter.
-const CENTRE: DVec3 = DVec3::new(0.03, -0.26, 0.1);
-
-/// Largest azimuth of a camera to either side, before jitter.
-const AZIMUTH_MAX_DEG: f64 = 66.0;
 
 /// What was made.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SampleSummary {
     /// Images.
     pub views: usize,
+    /// Those listed in `test.txt`.
+    pub test_views: usize,
     /// Sparse points.
     pub points: usize,
     /// Observations of the points over all images.
@@ -39,94 +31,17 @@ pub struct SampleSummary {
 pub struct Capture {
     options: SampleOptions,
     scene: Scene,
+    /// Photos, in the order of the sparse model.
+    pub views: Vec<View>,
     /// Cameras and points, as written to `sparse/0`.
     pub sparse: SparseModel,
 }
 
-fn uniform(rng: &mut Pcg32) -> f64 {
-    (f64::from(rng.next_u32()) + 0.5) / 4_294_967_296.0
-}
-
-/// Two independent standard normal numbers (Box-Muller).
-fn normal_pair(rng: &mut Pcg32) -> DVec2 {
-    let radius = (-2.0 * uniform(rng).ln()).sqrt();
-    radius * DVec2::from_angle(std::f64::consts::TAU * uniform(rng))
-}
-
-/// camera_from_capture of a camera at `position` that looks at `target` with its x axis level.
-fn looking_at(position: DVec3, target: DVec3) -> RigidTransform {
-    let forward = (target - position).normalize();
-    let right = DVec3::Y.cross(forward).normalize();
-    let down = forward.cross(right);
-    let rotation = DMat3::from_cols(right, down, forward).transpose();
-    RigidTransform { rotation, translation: -(rotation * position) }
-}
-
-/// Poses on an arc in front of the scene, alternating between three heights, with jitter.
-fn poses(options: &SampleOptions) -> Vec<RigidTransform> {
-    let mut rng = Pcg32::new(options.seed, STREAM_CAMERAS);
-    let mut jitter = |amplitude: f64| amplitude * (2.0 * uniform(&mut rng) - 1.0);
-    (0..options.views)
-        .map(|view| {
-            let along = (view as f64 + 0.5) / options.views as f64 * 2.0 - 1.0;
-            let azimuth = (AZIMUTH_MAX_DEG * along + jitter(2.0)).to_radians();
-            let elevation = ([14.0, 44.0, 28.0][view % 3] + jitter(4.0)).to_radians();
-            let radius = [1.75, 1.95, 1.45][view % 3] + jitter(0.12);
-            let flat = radius * elevation.cos();
-            let from_centre =
-                DVec3::new(flat * azimuth.sin(), -radius * elevation.sin(), -flat * azimuth.cos());
-            let target = CENTRE + DVec3::new(jitter(0.06), jitter(0.04), jitter(0.06));
-            looking_at(CENTRE + from_centre, target)
-        })
-        .collect()
-}
-
-/// Sparse points on surfaces, each visible from at least two poses.
-fn points(
-    options: &SampleOptions,
-    scene: &Scene,
-    pinhole: &Pinhole,
-    poses: &[RigidTransform],
-) -> Vec<SparsePoint> {
-    let mut rng = Pcg32::new(options.seed, STREAM_POINTS);
-    let size = DVec2::new(f64::from(pinhole.width_px), f64::from(pinhole.height_px));
-    let mut points = Vec::with_capacity(options.points);
-    // Nearly every surface is visible from several cameras; the bound only matters for unusual options.
-    for attempt in 0..8 * options.points {
-        if points.len() == options.points {
-            break;
-        }
-        let at = size * DVec2::new(uniform(&mut rng), uniform(&mut rng));
-        let hit = scene.cast(&render::ray_through(pinhole, &poses[attempt % poses.len()], at));
-        let (a, b) = (normal_pair(&mut rng), normal_pair(&mut rng));
-        let position = hit.position + options.point_noise_m * DVec3::new(a.x, a.y, b.x);
-        let observations: Vec<_> = poses
-            .iter()
-            .enumerate()
-            .filter_map(|(view, pose)| {
-                let seen = pinhole.project(pose.transform_point(hit.position))?;
-                let inside = seen.cmpge(DVec2::ZERO).all() && seen.cmplt(size).all();
-                let origin = hit.position + 1e-6 * hit.normal;
-                let direction = pose.origin_of_a_in_b() - origin;
-                let faces = direction.dot(hit.normal) > 0.0;
-                (inside && faces && !scene.occludes(&Ray { origin, direction })).then_some((view, seen))
-            })
-            .collect();
-        if observations.len() < 2 {
-            continue;
-        }
-        let errors = observations.iter().map(|&(view, seen)| {
-            let projected = pinhole.project(poses[view].transform_point(position));
-            projected.map_or(0.0, |p| p.distance(seen))
-        });
-        points.push(SparsePoint {
-            position,
-            rgb: render::point_colour(scene, &hit),
-            error_px: errors.sum::<f64>() / observations.len() as f64,
-            observations,
-        });
-    }
-    points
+/// 8-bit values of an image file. `[height, width, channels]`
+pub struct Pixels {
+    pub width_px: u32,
+    pub height_px: u32,
+    pub values: Vec<u8>,
 }
 
 impl Capture {
@@ -142,29 +57,61 @@ impl Capture {
             cx_px: 0.5 * width,
             cy_px: 0.5 * height,
         };
-        let scene = Scene::new(options.seed);
-        let poses = poses(options);
-        let points = points(options, &scene, &pinhole, &poses);
-        let images = poses
-            .into_iter()
-            .enumerate()
-            .map(|(view, camera_from_capture)| SparseImage {
-                name: format!("view_{view:04}.png"),
-                camera_from_capture,
-            })
-            .collect();
-        Self { options: options.clone(), scene, sparse: SparseModel { pinhole, images, points } }
+        let scene = Scene::new(options, focal_px);
+        let views = views(options, &pinhole);
+        let mut points = points(options, &scene, &views);
+        let frame = Frame::new(options);
+        for point in &mut points {
+            point.position = frame.point(point.position);
+        }
+        let mut pinholes: Vec<Pinhole> = Vec::new();
+        let images = views.iter().map(|view| {
+            let own = view.file_pinhole();
+            let pinhole = pinholes.iter().position(|p| *p == own).unwrap_or_else(|| {
+                pinholes.push(own);
+                pinholes.len() - 1
+            });
+            SparseImage { name: view.name.clone(), camera_from_capture: frame.pose(&view.written), pinhole }
+        });
+        let images = images.collect();
+        Self { options: options.clone(), scene, views, sparse: SparseModel { pinholes, images, points } }
     }
 
-    /// The photo of a view, 8 bits, display space. `[height, width, 3]`
-    pub fn image(&self, view: usize) -> Vec<u8> {
-        let pose = &self.sparse.images[view].camera_from_capture;
-        render::image(&self.scene, &self.sparse.pinhole, pose, self.options.supersampling)
+    /// The scene as it is when a photo is taken.
+    fn scene_of(&self, view: &View) -> Scene {
+        let mut scene = self.scene.clone();
+        scene.extras.walker = view.walker;
+        scene
     }
 
-    /// Exact depth of a view along the optical axis, metres. `[height, width]`
-    pub fn depth(&self, view: usize) -> Vec<f32> {
-        render::depth(&self.scene, &self.sparse.pinhole, &self.sparse.images[view].camera_from_capture)
+    /// The photo of a view, 8 bits, display space, 3 channels.
+    pub fn photo(&self, index: usize) -> Pixels {
+        let view = &self.views[index];
+        let mut rgb = render::photo(&self.scene_of(view), view, self.options.supersampling);
+        if view.noise > 0.0 {
+            render::add_noise(&mut rgb, view.noise, self.options.seed, index);
+        }
+        padded(view, &rgb, 3)
+    }
+
+    /// The mask of a padded photo, 1 channel: white where the photo is.
+    pub fn mask(&self, index: usize) -> Option<Pixels> {
+        let view = &self.views[index];
+        view.padded.map(|_| padded(view, &vec![255; view.pinhole.num_pixels()], 1))
+    }
+
+    /// The pixels of a view that show what the stress is about, 1 channel; `None` if there are none.
+    pub fn region(&self, index: usize) -> Option<Pixels> {
+        let view = &self.views[index];
+        let values = render::region(&self.scene_of(view), &view.pinhole, &view.camera_from_capture);
+        values.iter().any(|v| *v > 0).then(|| padded(view, &values, 1))
+    }
+
+    /// Exact depth of a photo along the optical axis, metres. `[height, width]`
+    pub fn depth(&self, index: usize) -> (Pinhole, Vec<f32>) {
+        let view = &self.views[index];
+        let depth = render::depth(&self.scene_of(view), &view.pinhole, &view.camera_from_capture);
+        (view.pinhole, depth)
     }
 
     /// Counts and the mean reprojection error.
@@ -174,7 +121,8 @@ impl Capture {
         // Not sum(), which is -0 for an empty iterator.
         let error = points.iter().fold(0.0, |sum, p| sum + p.error_px * p.observations.len() as f64);
         SampleSummary {
-            views: self.sparse.images.len(),
+            views: self.views.len(),
+            test_views: self.views.iter().filter(|v| v.is_test).count(),
             points: points.len(),
             observations,
             mean_reprojection_error_px: error / observations.max(1) as f64,
@@ -197,15 +145,15 @@ impl Capture {
             })
             .collect();
         let cameras: Vec<Value> = self
-            .sparse
-            .images
+            .views
             .iter()
-            .map(|i| {
-                let pose = &i.camera_from_capture;
+            .map(|view| {
+                let pose = &view.camera_from_capture;
                 json!({
-                    "name": i.name,
+                    "name": view.name,
                     "camera_from_capture_rows": matrix_rows(pose.rotation),
                     "translation": vector(pose.translation),
+                    "pinhole": view.pinhole,
                 })
             })
             .collect();
@@ -214,11 +162,24 @@ impl Capture {
             "depth": "along the optical axis at pixel centres, metres; channel Y",
             "program_version": env!("CARGO_PKG_VERSION"),
             "options": self.options,
-            "pinhole": self.sparse.pinhole,
             "room": self.scene.room.map(vector),
             "boxes": boxes,
             "globe": { "centre": vector(self.scene.globe.0), "radius": self.scene.globe.1 },
             "cameras": cameras,
         })
     }
+}
+
+/// Values of a photo in its file: black around it if it is padded.
+fn padded(view: &View, values: &[u8], channels: usize) -> Pixels {
+    let p = view.pinhole;
+    let Some(([width_px, height_px], [left, top])) = view.padded else {
+        return Pixels { width_px: p.width_px, height_px: p.height_px, values: values.to_vec() };
+    };
+    let mut out = vec![0; (width_px * height_px) as usize * channels];
+    for (y, row) in values.chunks_exact(p.width_px as usize * channels).enumerate() {
+        let from = ((top as usize + y) * width_px as usize + left as usize) * channels;
+        out[from..from + row.len()].copy_from_slice(row);
+    }
+    Pixels { width_px, height_px, values: out }
 }

@@ -11,13 +11,15 @@ use std::path::Path;
 /// COLMAP's model id of `PINHOLE`.
 const MODEL_PINHOLE: i32 = 1;
 
-/// A posed image. Its COLMAP id is its index + 1; its camera has the id 1.
+/// A posed image. Its COLMAP id is its index + 1.
 #[derive(Clone, Debug)]
 pub struct SparseImage {
     /// File name, relative to the image folder.
     pub name: String,
     /// Pose of the camera.
     pub camera_from_capture: RigidTransform,
+    /// Index of its intrinsics in [`SparseModel::pinholes`].
+    pub pinhole: usize,
 }
 
 /// A sparse point. Its COLMAP id is its index + 1.
@@ -33,11 +35,11 @@ pub struct SparsePoint {
     pub observations: Vec<(usize, DVec2)>,
 }
 
-/// A sparse model whose images share one camera.
+/// A sparse model.
 #[derive(Clone, Debug)]
 pub struct SparseModel {
-    /// Intrinsics shared by all images.
-    pub pinhole: Pinhole,
+    /// Intrinsics; their COLMAP ids are index + 1.
+    pub pinholes: Vec<Pinhole>,
     /// Posed images, in COLMAP id order.
     pub images: Vec<SparseImage>,
     /// Sparse points, in COLMAP id order.
@@ -78,14 +80,15 @@ impl SparseModel {
     }
 
     fn cameras_bin(&self) -> Vec<u8> {
-        let p = &self.pinhole;
         let mut out = Vec::new();
-        out.extend(1_u64.to_le_bytes());
-        out.extend(1_i32.to_le_bytes());
-        out.extend(MODEL_PINHOLE.to_le_bytes());
-        out.extend(u64::from(p.width_px).to_le_bytes());
-        out.extend(u64::from(p.height_px).to_le_bytes());
-        extend_f64(&mut out, &[p.fx_px, p.fy_px, p.cx_px, p.cy_px]);
+        out.extend((self.pinholes.len() as u64).to_le_bytes());
+        for (index, p) in self.pinholes.iter().enumerate() {
+            out.extend((index as i32 + 1).to_le_bytes());
+            out.extend(MODEL_PINHOLE.to_le_bytes());
+            out.extend(u64::from(p.width_px).to_le_bytes());
+            out.extend(u64::from(p.height_px).to_le_bytes());
+            extend_f64(&mut out, &[p.fx_px, p.fy_px, p.cx_px, p.cy_px]);
+        }
         out
     }
 
@@ -95,7 +98,7 @@ impl SparseModel {
         for (index, (image, keypoints)) in self.images.iter().zip(keypoints).enumerate() {
             out.extend((index as i32 + 1).to_le_bytes());
             extend_f64(&mut out, &pose_numbers(&image.camera_from_capture));
-            out.extend(1_i32.to_le_bytes());
+            out.extend((image.pinhole as i32 + 1).to_le_bytes());
             out.extend(image.name.as_bytes());
             out.push(0);
             out.extend((keypoints.len() as u64).to_le_bytes());
@@ -130,18 +133,19 @@ impl SparseModel {
     /// [`crate::Error::Io`].
     pub fn write_text(&self, folder: &Path) -> Result<()> {
         let (keypoints, tracks) = self.keypoints_and_tracks();
-        let p = &self.pinhole;
-        let cameras = format!(
-            "# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n1 PINHOLE {} {} {} {} {} {}\n",
-            p.width_px, p.height_px, p.fx_px, p.fy_px, p.cx_px, p.cy_px
-        );
         // Writing to a string cannot fail.
+        let mut cameras = String::from("# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n");
+        for (index, p) in self.pinholes.iter().enumerate() {
+            let (size, focal) =
+                (format!("{} {}", p.width_px, p.height_px), format!("{} {}", p.fx_px, p.fy_px));
+            let _ = writeln!(cameras, "{} PINHOLE {size} {focal} {} {}", index + 1, p.cx_px, p.cy_px);
+        }
         let mut images = String::from(
             "# IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME\n# POINTS2D[] as (X, Y, POINT3D_ID)\n",
         );
         for (index, (image, keypoints)) in self.images.iter().zip(&keypoints).enumerate() {
             let pose = pose_numbers(&image.camera_from_capture).map(|v| v.to_string());
-            let _ = writeln!(images, "{} {} 1 {}", index + 1, pose.join(" "), image.name);
+            let _ = writeln!(images, "{} {} {} {}", index + 1, pose.join(" "), image.pinhole + 1, image.name);
             let points2d = keypoints.iter().map(|(at, point)| format!("{} {} {}", at.x, at.y, point + 1));
             let _ = writeln!(images, "{}", points2d.collect::<Vec<_>>().join(" "));
         }

@@ -1,5 +1,6 @@
 //! Options of the sample capture, and their bounds.
 
+use super::stress::Stress;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 
@@ -27,6 +28,9 @@ pub struct SampleOptions {
     pub text: bool,
     /// Write `truth/`: depths and a description of the scene.
     pub truth: bool,
+    /// What makes the capture hard. With any, every eighth view is a test view, and `test.txt` lists these.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stress: Option<Stress>,
 }
 
 /// A capture that trains in about a minute; the values are not measured.
@@ -42,6 +46,7 @@ impl Default for SampleOptions {
             point_noise_m: 0.002,
             text: false,
             truth: true,
+            stress: None,
         }
     }
 }

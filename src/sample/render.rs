@@ -2,10 +2,15 @@
 //! fill light and ambient light. Nothing is view-dependent, so every surface point has one colour in
 //! all images.
 
-use super::scene::{Hit, Ray, Scene};
+use super::random::{Stream, normal_pair, stream};
+use super::scene::{Hit, Ray, Scene, Surface};
+use super::views::View;
 use crate::camera::{Pinhole, RigidTransform};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
+
+/// Share of the light that the mirror reflects.
+const REFLECTANCE: f64 = 0.85;
 
 /// Light samples along an edge of the area light.
 const LIGHT_GRID: u32 = 3;
@@ -37,6 +42,20 @@ fn radiance(scene: &Scene, hit: &Hit, sample: u32) -> DVec3 {
     scene.albedo(hit) * light
 }
 
+/// Linear radiance along a ray.
+fn seen(scene: &Scene, ray: &Ray, sample: u32) -> DVec3 {
+    let hit = scene.cast(ray);
+    if hit.surface == Surface::Sky {
+        return scene.albedo(&hit);
+    }
+    if !scene.extras.is_mirror(&hit) {
+        return radiance(scene, &hit, sample);
+    }
+    let direction = ray.direction - 2.0 * ray.direction.dot(hit.normal) * hit.normal;
+    let reflected = scene.cast(&Ray { origin: hit.position + 1e-6 * hit.normal, direction });
+    REFLECTANCE * radiance(scene, &reflected, sample)
+}
+
 /// sRGB transfer function, clipped to [0, 1].
 pub fn display_from_linear(linear: f64) -> f64 {
     let v = linear.clamp(0.0, 1.0);
@@ -62,14 +81,10 @@ pub fn ray_through(pinhole: &Pinhole, camera_from_scene: &RigidTransform, positi
     }
 }
 
-/// Image with `supersampling`^2 rays per pixel, averaged in linear light; 8 bits, display space.
+/// Photo with `supersampling`^2 rays per pixel, averaged in linear light; 8 bits, display space.
 /// `[height, width, 3]`
-pub fn image(
-    scene: &Scene,
-    pinhole: &Pinhole,
-    camera_from_scene: &RigidTransform,
-    supersampling: u32,
-) -> Vec<u8> {
+pub fn photo(scene: &Scene, view: &View, supersampling: u32) -> Vec<u8> {
+    let pinhole = &view.pinhole;
     let mut rgb = vec![0; 3 * pinhole.num_pixels()];
     let rays = f64::from(supersampling);
     rgb.par_chunks_exact_mut(3 * pinhole.width_px as usize).enumerate().for_each(|(y, row)| {
@@ -79,23 +94,47 @@ pub fn image(
                 let (i, j) = (sample % supersampling, sample / supersampling);
                 let within = DVec2::new(f64::from(i) + 0.5, f64::from(j) + 0.5) / rays;
                 let at = DVec2::new(x as f64, y as f64) + within;
-                let hit = scene.cast(&ray_through(pinhole, camera_from_scene, at));
+                let ray = ray_through(pinhole, &view.camera_from_capture, at);
                 // 7 and 9 are coprime: the 3 x 3 rays of a pixel sample each part of the light once.
-                sum += radiance(scene, &hit, 7 * sample + (x + 2 * y) as u32 % 9);
+                sum += seen(scene, &ray, 7 * sample + (x + 2 * y) as u32 % 9);
             }
-            pixel.copy_from_slice(&rgb8(sum / (rays * rays)));
+            pixel.copy_from_slice(&rgb8(view.gain * sum / (rays * rays)));
         }
     });
     rgb
 }
 
+/// Adds Gaussian noise of standard deviation `sd`, of 255; `photo` selects the random numbers.
+pub fn add_noise(rgb: &mut [u8], sd: f64, seed: u64, photo: usize) {
+    let mut rng = stream(seed, Stream::PhotoNoise, photo);
+    for pair in rgb.chunks_mut(2) {
+        for (value, noise) in pair.iter_mut().zip(normal_pair(&mut rng).to_array()) {
+            *value = (f64::from(*value) + sd * noise).round().clamp(0.0, 255.0) as u8;
+        }
+    }
+}
+
+/// Which pixels show, in their centres, what the stress is about: 255 or 0. `[height, width]`
+pub fn region(scene: &Scene, pinhole: &Pinhole, camera_from_scene: &RigidTransform) -> Vec<u8> {
+    at_centres(scene, pinhole, camera_from_scene, |hit| if scene.extras.is_region(hit) { 255 } else { 0 })
+}
+
 /// Depth along the optical axis at pixel centres, metres. `[height, width]`
 pub fn depth(scene: &Scene, pinhole: &Pinhole, camera_from_scene: &RigidTransform) -> Vec<f32> {
+    at_centres(scene, pinhole, camera_from_scene, |hit| hit.t as f32)
+}
+
+fn at_centres<T>(
+    scene: &Scene,
+    pinhole: &Pinhole,
+    camera_from_scene: &RigidTransform,
+    value: impl Fn(&Hit) -> T,
+) -> Vec<T> {
     let width = pinhole.width_px as usize;
     (0..pinhole.num_pixels())
         .map(|i| {
             let at = DVec2::new((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
-            scene.cast(&ray_through(pinhole, camera_from_scene, at)).t as f32
+            value(&scene.cast(&ray_through(pinhole, camera_from_scene, at)))
         })
         .collect()
 }

@@ -1,7 +1,9 @@
 //! Geometry of the sample scene and ray intersection: a room with three boxes and a globe. Units are
 //! metres; axes are COLMAP's: x right, y down (the floor is y = 0), z away from the cameras.
 
+use super::extras::{self, Extras, Poster, SKY_DISTANCE, poster_coordinates};
 use super::noise::Noise;
+use super::options::SampleOptions;
 use super::texture;
 use glam::{DMat3, DVec2, DVec3};
 
@@ -23,6 +25,14 @@ pub enum Surface {
     Box(usize, usize, bool),
     /// The whole sphere.
     Globe,
+    /// One of the wires.
+    Wire(usize),
+    /// The walking figure; whether it is the head.
+    Figure(bool),
+    /// One of the crossing cards.
+    Card(usize),
+    /// Far behind everything.
+    Sky,
 }
 
 /// Where a ray meets a surface.
@@ -58,13 +68,16 @@ pub struct Scene {
     pub boxes: [StandingBox; 3],
     /// Centre and radius.
     pub globe: (DVec3, f64),
+    /// What a stress adds.
+    pub extras: Extras,
     noise: Noise,
 }
 
 impl Scene {
-    /// The scene of a seed, which sets the patterns and varies the boxes' rotations by a few degrees.
-    pub fn new(seed: u64) -> Self {
-        let noise = Noise::new(seed);
+    /// The scene of a seed, which sets the patterns and varies the boxes' rotations by a few degrees. `focal_px` is
+    /// that of a typical view.
+    pub fn new(options: &SampleOptions, focal_px: f64) -> Self {
+        let noise = Noise::new(options.seed);
         let standing = |index: i64, x: f64, base: f64, z: f64, half: DVec3, turn_deg: f64| StandingBox {
             centre: DVec3::new(x, base - half.y, z),
             half,
@@ -80,6 +93,7 @@ impl Scene {
                 standing(2, 0.1, 0.0, -0.22, DVec3::new(0.19, 0.055, 0.14), 17.0),
             ],
             globe: (DVec3::new(0.63, -0.23, 0.02), 0.23),
+            extras: Extras::new(options, focal_px),
             noise,
         }
     }
@@ -107,13 +121,15 @@ impl Scene {
                 surface: Surface::Globe,
             };
         }
-        best
+        self.extras.cast(ray, best.t).unwrap_or(best)
     }
 
     /// Whether an object intersects the segment from `origin` to `origin + direction`. The room is
     /// convex and never does.
     pub fn occludes(&self, ray: &Ray) -> bool {
-        self.boxes.iter().any(|b| b.cast(ray, 1.0).is_some()) || self.cast_globe(ray).is_some_and(|t| t < 1.0)
+        self.boxes.iter().any(|b| b.cast(ray, 1.0).is_some())
+            || self.cast_globe(ray).is_some_and(|t| t < 1.0)
+            || self.extras.cast(ray, 1.0).is_some()
     }
 
     fn cast_room(&self, ray: &Ray) -> Hit {
@@ -128,9 +144,15 @@ impl Scene {
             }
         }
         let (t, axis, max_side) = best;
+        let position = ray.origin + t * ray.direction;
+        if self.extras.is_sky(position) {
+            let direction = ray.direction.normalize();
+            let t = SKY_DISTANCE / ray.direction.length();
+            return Hit { t, position: SKY_DISTANCE * direction, normal: -direction, surface: Surface::Sky };
+        }
         Hit {
             t,
-            position: ray.origin + t * ray.direction,
+            position,
             normal: DVec3::AXES[axis] * if max_side { -1.0 } else { 1.0 },
             surface: Surface::Room(axis, max_side),
         }
@@ -156,7 +178,12 @@ impl Scene {
         match hit.surface {
             Surface::Room(1, true) => texture::floor(n, DVec2::new(p.x, p.z)),
             Surface::Room(1, false) => texture::plaster(n, DVec2::new(p.x, p.z)),
-            Surface::Room(2, true) => texture::back_wall(n, DVec2::new(p.x, -p.y - 1.0)),
+            Surface::Room(2, true) => match self.extras.poster {
+                Poster::Checker(period) if self.extras.is_region(hit) => {
+                    texture::checkerboard(poster_coordinates(p), period)
+                }
+                _ => texture::back_wall(n, DVec2::new(p.x, -p.y - 1.0)),
+            },
             Surface::Room(2, false) => texture::plaster(n, DVec2::new(p.x, p.y)),
             Surface::Room(_, false) => texture::plaid(n, DVec2::new(p.z, -p.y)),
             Surface::Room(_, true) => texture::wallpaper(n, DVec2::new(-p.z, -p.y)),
@@ -171,6 +198,7 @@ impl Scene {
                 }
             }
             Surface::Globe => texture::globe(n, hit.normal),
+            _ => extras::albedo(n, hit),
         }
     }
 

@@ -107,7 +107,7 @@ fn tracks_and_keypoints_agree() {
 fn points_have_the_colour_of_the_pixels_where_they_are_seen() {
     let options = SampleOptions { width_px: 320, height_px: 240, ..small() };
     let capture = Capture::new(&options);
-    let images: Vec<_> = (0..options.views).map(|v| capture.image(v)).collect();
+    let images: Vec<_> = (0..options.views).map(|v| capture.photo(v).values).collect();
     let differences = |shift_px: f64| -> Vec<u8> {
         let points = &capture.sparse.points;
         let mut all: Vec<u8> = points
@@ -133,8 +133,8 @@ fn points_have_the_colour_of_the_pixels_where_they_are_seen() {
 #[test]
 fn depths_agree_with_the_points() {
     let capture = Capture::new(&SampleOptions { point_noise_m: 0.0, ..small() });
-    let pinhole = capture.sparse.pinhole;
-    let depths: Vec<_> = (0..6).map(|v| capture.depth(v)).collect();
+    let pinhole = capture.sparse.pinholes[0];
+    let depths: Vec<_> = (0..6).map(|v| capture.depth(v).1).collect();
     let (mut close, mut all) = (0, 0);
     for point in &capture.sparse.points {
         assert!(point.error_px < 1e-9);

@@ -3,6 +3,7 @@
 //!
 //! Details measure a few millimetres to a few centimetres, about one to ten pixels of the default images.
 
+use super::extras::POSTER;
 use super::lettering::{small_print, text};
 use super::noise::Noise;
 use glam::{DVec2, DVec3};
@@ -61,8 +62,8 @@ pub fn floor(noise: &Noise, at: DVec2) -> DVec3 {
 
 /// Back wall: bricks with a framed poster.
 pub fn back_wall(noise: &Noise, at: DVec2) -> DVec3 {
-    let poster = at - DVec2::new(0.0, -0.28);
-    let inside = (DVec2::new(0.78, 0.46) - poster.abs()).min_element();
+    let poster = at - POSTER.0;
+    let inside = (POSTER.1 - poster.abs()).min_element();
     if inside > 0.0 {
         return if inside < 0.035 { DVec3::splat(0.03) } else { poster_face(noise, poster) };
     }
@@ -100,6 +101,11 @@ fn poster_face(noise: &Noise, at: DVec2) -> DVec3 {
         return DVec3::new(hue(0), hue(1), hue(2));
     }
     paper
+}
+
+/// A checkerboard in black and white.
+pub fn checkerboard(at: DVec2, period: f64) -> DVec3 {
+    DVec3::splat(if checker(at, 0.5 * period) { 0.75 } else { 0.05 })
 }
 
 /// Left wall: a woven plaid.

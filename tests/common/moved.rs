@@ -89,7 +89,7 @@ impl Sample {
             let rotation = DMat3::from_quat(DQuat::from_xyzw(p[1], p[2], p[3], p[0]));
             let translation = DVec3::new(p[4], p[5], p[6]);
             let camera_from_capture = RigidTransform { rotation, translation };
-            SparseImage { name: words[9].clone(), camera_from_capture }
+            SparseImage { name: words[9].clone(), camera_from_capture, pinhole: 0 }
         };
         let point = |words: &Vec<String>| SparsePoint {
             position: DVec3::from_slice(&floats(&words[1..4])),
@@ -106,7 +106,7 @@ impl Sample {
         };
         let points = lines(&sparse.join("points3D.txt")).iter().map(point).collect();
         let images = images.iter().step_by(2).map(image).collect();
-        Self { sparse: SparseModel { pinhole, images, points }, dir }
+        Self { sparse: SparseModel { pinholes: vec![pinhole], images, points }, dir }
     }
 
     /// Writes the changed capture to a new folder.
@@ -129,7 +129,11 @@ impl Sample {
             let file = folder.join("images").join(&name);
             std::fs::create_dir_all(file.parent().unwrap()).unwrap();
             std::fs::copy(self.dir.path().join("images").join(&image.name), file).unwrap();
-            images[to] = SparseImage { name, camera_from_capture: change.pose(&image.camera_from_capture) };
+            images[to] = SparseImage {
+                name,
+                camera_from_capture: change.pose(&image.camera_from_capture),
+                pinhole: 0,
+            };
         }
         let mut points = self.sparse.points.clone();
         for point in &mut points {
@@ -141,7 +145,7 @@ impl Sample {
             let third = points.len() / 3;
             points.rotate_left(third);
         }
-        let sparse = SparseModel { pinhole: self.sparse.pinhole, images, points };
+        let sparse = SparseModel { pinholes: self.sparse.pinholes.clone(), images, points };
         sparse.write_binary(&folder.join("sparse/0")).unwrap();
         folder
     }

@@ -22,6 +22,7 @@ nav{display:flex;flex-wrap:wrap;gap:4px 18px;margin:14px 0}\
 .warning{border-left:3px solid var(--bad);padding:4px 12px;margin:8px 0}\
 .charts{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(560px,100%),1fr));gap:26px}\
 figure{margin:0;min-width:0;max-width:900px}figure svg{width:100%;height:auto;display:block}\
+.views{display:flex;flex-wrap:wrap;gap:10px;margin:10px 0}.views figure{width:388px}\
 .table{overflow-x:auto;margin:12px 0}\
 .table::-webkit-scrollbar{height:11px;background:var(--zebra)}\
 .table::-webkit-scrollbar-thumb{background:var(--second);border-radius:5px}\

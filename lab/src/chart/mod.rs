@@ -6,8 +6,9 @@ mod compare;
 mod curves;
 mod figures;
 #[cfg(test)]
-mod fixtures;
+pub(crate) mod fixtures;
 mod forest;
+mod heat;
 mod html;
 mod labels;
 mod legend;
@@ -29,6 +30,7 @@ mod svg;
 mod table;
 mod tables;
 
+pub use heat::{Case, WorstView};
 pub use study::{Clock, Options};
 
 /// The page, which has all charts and tables.
@@ -40,6 +42,7 @@ pub const MANIFEST: &str = ".chart-files";
 
 use crate::results::Record;
 use crate::{Report, Result};
+use heat::HeatMap;
 use html::Part;
 use std::collections::HashSet;
 use study::Study;
@@ -62,7 +65,8 @@ pub struct Output {
 /// [`crate::Error::Usage`] if no run succeeded, or no variant is called like the baseline.
 pub fn build(files: Vec<Vec<Record>>, options: &Options) -> Result<Output> {
     let study = Study::new(files, options)?;
-    let tables = tables::tables(&study);
+    let heat = HeatMap::new(&study, &options.cases);
+    let mut tables = tables::tables(&study);
     let mut names = HashSet::new();
     let mut svgs: Vec<(String, String)> = Vec::new();
     let mut file = |id: &str, svg: &svg::Svg| {
@@ -76,6 +80,14 @@ pub fn build(files: Vec<Vec<Record>>, options: &Options) -> Result<Output> {
         svg.inline()
     };
     let mut parts = vec![Part::table(&tables[0])];
+    if let Some(heat) = &heat {
+        parts.insert(0, Part::charts("Checks", &heat.note(), &[file("checks", &heat.draw())]));
+        let gallery = heat::gallery(&options.cases, &study.variants, &options.worst_views);
+        if !gallery.is_empty() {
+            let body = format!("<p class=\"note\">Render left, photo right.</p>\n{gallery}");
+            parts.insert(1, Part { title: "Worst test views".to_owned(), body });
+        }
+    }
     for section in figures::sections(&study) {
         let drawn: Vec<String> =
             section.charts.iter().filter_map(|c| Some(file(&c.id, &c.draw()?))).collect();
@@ -93,6 +105,7 @@ pub fn build(files: Vec<Vec<Record>>, options: &Options) -> Result<Output> {
         parts.push(Part::charts("Differences to the baseline", note, &forests));
     }
     parts.extend(tables[1..].iter().map(Part::table));
+    tables.extend(heat.map(|heat| heat.table()));
     let markdown: Vec<String> = tables.iter().map(table::Table::markdown).collect();
     let mut out = vec![
         (PAGE.to_owned(), html::page(&study, &parts)),

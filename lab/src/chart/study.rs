@@ -1,5 +1,6 @@
 //! The runs to compare, their measures and their pairs: from lines of results to numbers.
 
+use super::heat::{Case, WorstView};
 use super::measure::{Measure, bytes_of};
 use super::merge::{merged, names};
 use super::mismatch::same_images;
@@ -30,6 +31,10 @@ pub struct Options {
     pub include_noisy: bool,
     /// Clock of the training times.
     pub clock: Clock,
+    /// What is expected of the runs.
+    pub cases: Vec<Case>,
+    /// Images for the cases.
+    pub worst_views: Vec<WorstView>,
 }
 
 /// An evaluation during training.

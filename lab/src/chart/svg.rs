@@ -9,6 +9,9 @@ const TEXT: (&str, &str) = ("#1c2024", "#e8eaed");
 const SECONDARY: (&str, &str) = ("#5c6570", "#a3abb5");
 const GRID: (&str, &str) = ("#e4e7eb", "#2b3037");
 const GREYED: (&str, &str) = ("#b4bac2", "#59616b");
+/// Cells of checks that pass and fail.
+const PASS: (&str, &str) = ("#bfe6cf", "#14532f");
+const FAIL: (&str, &str) = ("#f6c3cb", "#6b1526");
 
 /// Font sizes of ticks and legends, and of titles.
 pub const TEXT_PX: f64 = 12.0;
@@ -21,12 +24,15 @@ pub fn style() -> String {
         let mut css = format!(
             ".lt-bg{{fill:{bg}}}.lt-text{{fill:{text}}}.lt-axis{{fill:{second}}}.lt-grid{{stroke:{grid}}}\
              .lt-frame,.lt-event{{stroke:{second}}}.lt-label{{fill:{text};stroke:{bg}}}\
+             .lt-pass{{fill:{pass}}}.lt-fail{{fill:{fail}}}.lt-unknown{{fill:{grid}}}\
              .lt-grey{{fill:{grey};stroke:{bg}}}.lt-grey-line{{stroke:{grey}}}.lt-front{{stroke:{text}}}",
             bg = of(BACKGROUND),
             text = of(TEXT),
             second = of(SECONDARY),
             grid = of(GRID),
-            grey = of(GREYED)
+            grey = of(GREYED),
+            pass = of(PASS),
+            fail = of(FAIL)
         );
         for (i, &colour) in PALETTE.iter().enumerate() {
             let (c, bg) = (of(colour), of(BACKGROUND));

@@ -1,6 +1,7 @@
 //! The folder of a benchmark: its lock, its results, and what --force may delete.
 
 use super::args::BenchArgs;
+use super::captures::{self, CAPTURES};
 use crate::cli::lab;
 use crate::cli::log::Log;
 use litetex_gs::{Error, Result, atomic_file};
@@ -22,7 +23,7 @@ pub fn open(args: &BenchArgs, file: &Path, log: &Log) -> Result<(Vec<Record>, Op
     }
     // A benchmark that was stopped during its first run leaves no results.
     let is_ours = |e: std::io::Result<std::fs::DirEntry>| {
-        e.is_ok_and(|e| e.file_name() == RUNS || e.file_name() == LOCK)
+        e.is_ok_and(|e| [RUNS, CAPTURES, LOCK].iter().any(|name| e.file_name() == *name))
     };
     let is_empty = std::fs::read_dir(folder).map_or(true, |mut entries| entries.all(is_ours));
     if !(is_empty || file.exists() || args.force || args.resume) {
@@ -46,6 +47,7 @@ pub fn open(args: &BenchArgs, file: &Path, log: &Log) -> Result<(Vec<Record>, Op
             std::fs::remove_file(file).map_err(|e| Error::io(file, e))?;
         }
         remove_runs(&folder.join(RUNS))?;
+        captures::remove_all(&folder.join(CAPTURES))?;
     }
     Ok((read_results(file, log)?, Some(lock)))
 }

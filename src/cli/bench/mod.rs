@@ -2,6 +2,7 @@
 //! The matrix and the results are defined in `litetex-lab`.
 
 mod args;
+mod captures;
 mod folder;
 mod messages;
 mod runner;
@@ -18,11 +19,11 @@ use litetex_lab::matrix::{Cell, Matrix, check_captures, shard};
 use litetex_lab::results::{self, Record, Status};
 use litetex_lab::{machine, words};
 use runner::Runner;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, mpsc};
 use std::time::Instant;
-use training::Training;
+pub use training::Training;
 
 /// Makes the unfinished runs of the matrix and prints a table of all.
 ///
@@ -33,7 +34,8 @@ pub fn run(args: &BenchArgs, threads: Option<u16>, log: &Log) -> anyhow::Result<
     let cells = matrix_of(args, threads)?.cells(&Training).map_err(lab::error)?;
     let total = cells.len();
     let (part, parts) = args.shard;
-    let cells = shard(cells, part, parts);
+    let mut cells = shard(cells, part, parts);
+    captures::place(&mut cells, &args.out);
     let file = args.out.join(RESULTS);
     let (known, _lock) = folder::open(args, &file, log)?;
     let build = build();
@@ -50,6 +52,7 @@ pub fn run(args: &BenchArgs, threads: Option<u16>, log: &Log) -> anyhow::Result<
     if left.len() < cells.len() {
         log.info(&format!("{} of {} runs are done already", cells.len() - left.len(), cells.len()));
     }
+    captures::make(&left, log)?;
     let outcome = run_cells(args, &left, cells.len(), &file, build, log);
     let records = folder::read_results(&file, log)?;
     let mine: Vec<&Record> = cells.iter().filter_map(|c| records.iter().find(|r| r.key == c.key)).collect();
@@ -66,6 +69,12 @@ pub fn run(args: &BenchArgs, threads: Option<u16>, log: &Log) -> anyhow::Result<
         .into());
     }
     Ok(())
+}
+
+/// Where the worst test view of a run is, if the matrix asked for it. `out` is the folder of the benchmark.
+pub fn worst_view(out: &Path, run: &Record) -> PathBuf {
+    let names = [&*run.scene, &*run.variant, &*run.budget];
+    out.join(RUNS).join(runner::folder_name(names, run.seed, &run.key)).join(runner::WORST_VIEW)
 }
 
 fn matrix_of(args: &BenchArgs, threads: Option<u16>) -> Result<Matrix> {

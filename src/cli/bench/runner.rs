@@ -6,7 +6,7 @@ use crate::cli::orphan;
 use crate::cli::summary;
 use litetex_gs::{Error, Result, atomic_file, input_file};
 use litetex_lab::machine::{self, Conditions, OwnLoad};
-use litetex_lab::matrix::Cell;
+use litetex_lab::matrix::{Cell, with_folders};
 use litetex_lab::results::{Hardware, Record, SCHEMA, Status};
 use serde_json::Value;
 use std::fs::{self, File};
@@ -25,7 +25,9 @@ const INTERRUPTED: i32 = 130;
 const ERROR_CHARS_MAX: usize = 2000;
 const SUMMARY: &str = "summary.json";
 /// Files that stay in a run's folder without `--keep-runs`.
-const KEPT: [&str; 2] = [SUMMARY, "config.toml"];
+const KEPT: [&str; 3] = [SUMMARY, "config.toml", WORST_VIEW];
+/// Where a matrix puts the worst test view, if it does.
+pub const WORST_VIEW: &str = "worst.jpg";
 
 /// What all runs share.
 pub struct Runner {
@@ -72,7 +74,8 @@ impl Runner {
     /// [`Error::Io`] if the folder or the process cannot be created, since no other run could be made either. What
     /// goes wrong inside a run becomes a failed record.
     pub fn run(&self, cell: &Cell) -> Result<Option<Record>> {
-        let folder = self.runs.join(folder_name(cell));
+        let folder =
+            self.runs.join(folder_name([&cell.scene, &cell.variant, &cell.budget], cell.seed, &cell.key));
         let messages = folder.with_extension("log");
         remove_folder(&folder)?;
         fs::create_dir_all(&self.runs).map_err(|e| Error::io(&self.runs, e))?;
@@ -87,7 +90,9 @@ impl Runner {
                 return Ok(None);
             }
             End::TimedOut => (None, Err(format!("stopped after {wall_secs:.0} s: --timeout"))),
-            End::Exit(status) if status.success() => (status.code(), read_summary(&folder)),
+            End::Exit(status) if status.success() => {
+                (status.code(), read_summary(&folder).and_then(|s| self.evaluated(cell, &folder, s)))
+            }
             End::Exit(status) => (status.code(), Err(last_message(&messages, status))),
         };
         if outcome.1.is_ok() && !self.keep_runs {
@@ -116,13 +121,33 @@ impl Runner {
             .arg("--out")
             .arg(folder)
             .args(["--seed", &cell.seed.to_string(), "--quiet", orphan::FLAG])
-            .args(&cell.args)
+            .args(with_folders(&cell.args, &cell.path, folder))
             // Held open by this process, and closed by the system when it ends, however it ends.
             .stdin(Stdio::piped())
             .stdout(Stdio::null())
             .stderr(log)
             .spawn()
             .map_err(|e| Error::io(&self.program, e))
+    }
+
+    /// Evaluates a finished run as the matrix asks, and puts the figures into its summary.
+    fn evaluated(&self, cell: &Cell, folder: &Path, mut summary: Value) -> Result<Value, String> {
+        if cell.eval.is_empty() {
+            return Ok(summary);
+        }
+        let output = Command::new(&self.program)
+            .arg("eval")
+            .arg(folder)
+            .args(["--json", "--quiet"])
+            .args(with_folders(&cell.eval, &cell.path, folder))
+            .output()
+            .map_err(|e| Error::io(&self.program, e).to_string())?;
+        if !output.status.success() {
+            let said = String::from_utf8_lossy(&output.stderr);
+            return Err(format!("litetex eval: {}", said.trim().trim_start_matches("error: ")));
+        }
+        summary["eval"] = serde_json::from_slice(&output.stdout).map_err(|e| format!("litetex eval: {e}"))?;
+        Ok(summary)
     }
 
     fn wait(&self, child: &mut Child, started: Instant) -> std::io::Result<End> {
@@ -213,13 +238,12 @@ impl Runner {
 }
 
 /// Name of a run's folder: readable, and distinct by its key.
-pub fn folder_name(cell: &Cell) -> String {
+pub fn folder_name(names: [&str; 3], seed: u64, key: &str) -> String {
     let plain = |name: &str| -> String {
         let safe = name.chars().map(|c| if c.is_alphanumeric() || "-_+".contains(c) { c } else { '_' });
         safe.take(24).collect()
     };
-    let names = [&cell.scene, &cell.variant, &cell.budget].map(|n| plain(n)).join("-");
-    format!("{names}-{}-{}", cell.seed, cell.key)
+    format!("{}-{seed}-{key}", names.map(plain).join("-"))
 }
 
 fn read_summary(folder: &Path) -> Result<Value, String> {

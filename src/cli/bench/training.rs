@@ -1,8 +1,11 @@
-//! What a matrix needs from `litetex train`: its arguments, its policies and its default seed.
+//! What a matrix needs from `litetex train`, `sample` and `eval`: their arguments, policies and the default seed.
 
 use crate::cli::common_args::CommonArgs;
+use crate::cli::eval::EvalArgs;
+use crate::cli::sample::SampleArgs;
 use crate::cli::train_args::TrainArgs;
 use clap::Parser;
+use litetex_gs::sample::SampleOptions;
 use litetex_gs::train::{Policy, TrainConfig};
 use litetex_lab::matrix::TrainCommand;
 use std::path::PathBuf;
@@ -22,6 +25,22 @@ impl TrainCommand for Training {
     fn check(&self, args: &[String]) -> Result<Option<PathBuf>, String> {
         parse(args).map(|parsed| parsed.config)
     }
+
+    fn check_sample(&self, args: &[String]) -> Result<(), String> {
+        sample_options(args).map(|_| ())
+    }
+
+    fn check_eval(&self, args: &[String]) -> Result<(), String> {
+        line::<EvalLine>(["litetex eval", "run"], args).map(|_| ())
+    }
+}
+
+/// The options of a capture that `litetex sample` makes with these arguments.
+///
+/// # Errors
+/// A message that says which argument is wrong.
+pub fn sample_options(args: &[String]) -> Result<SampleOptions, String> {
+    line::<SampleLine>(["litetex sample", "capture"], args).map(|line| line.sample.options())
 }
 
 /// The command line of `litetex train`.
@@ -33,19 +52,38 @@ struct TrainLine {
     train: TrainArgs,
 }
 
-/// Parses arguments as `litetex train` does, and refuses those that every run gets from the matrix.
-fn parse(args: &[String]) -> Result<TrainArgs, String> {
-    // With --quiet, as the runs will be: what contradicts it is found here.
-    let words = ["litetex train", "--quiet"].into_iter().chain(args.iter().map(String::as_str));
-    let line = TrainLine::try_parse_from(words).map_err(|e| {
+/// The command line of `litetex sample`.
+#[derive(Parser)]
+struct SampleLine {
+    #[command(flatten)]
+    sample: SampleArgs,
+}
+
+/// The command line of `litetex eval`.
+#[derive(Parser)]
+struct EvalLine {
+    #[command(flatten)]
+    _eval: EvalArgs,
+}
+
+/// Parses a command line, with the message of its error alone.
+fn line<T: Parser>(head: [&str; 2], args: &[String]) -> Result<T, String> {
+    let words = head.into_iter().chain(args.iter().map(String::as_str));
+    T::try_parse_from(words).map_err(|e| {
         if !e.use_stderr() {
-            return "the arguments ask for help or the version instead of a training".to_owned();
+            return "the arguments ask for help or the version".to_owned();
         }
         let text = e.render().to_string();
         // Without the usage of another command and the pointer to its help.
         let head = text.split("\n\n").next().unwrap_or_default();
         head.trim_start_matches("error: ").trim().to_owned()
-    })?;
+    })
+}
+
+/// Parses arguments as `litetex train` does, and refuses those that every run gets from the matrix.
+fn parse(args: &[String]) -> Result<TrainArgs, String> {
+    // With --quiet, as the runs will be: what contradicts it is found here.
+    let line = line::<TrainLine>(["litetex train", "--quiet"], args)?;
     let parsed = line.train;
     for (given, what) in [
         (parsed.capture.is_some(), "a capture: name it as a scene"),
