@@ -2,7 +2,7 @@
 
 use litetex_gs::init::{InitInput, InitOptions, initial_model};
 use litetex_gs::model::SPLAT_PARAMS;
-use litetex_gs::train::{TrainConfig, TrainState};
+use litetex_gs::train::{Backdrop, TrainConfig, TrainState};
 use litetex_gs::{Error, Report, Result};
 use std::path::Path;
 
@@ -15,6 +15,11 @@ pub use litetex_gs::dataset::{Capture, CaptureFormat, LoadOptions};
 /// What the loader found.
 pub fn open(path: &Path, options: &LoadOptions) -> Result<Capture> {
     Capture::load(path, options)
+}
+
+/// Behind an object cut out by alpha there is nothing.
+fn has_backdrop(capture: &Capture, config: &TrainConfig) -> bool {
+    config.backdrop == Backdrop::Auto && !capture.has_alpha()
 }
 
 /// The state before the first step, and what was left out on the way.
@@ -50,6 +55,7 @@ pub fn fresh_state(
         sh_degree: config.sh_degree,
         policy: config.policy,
         seed: config.seed,
+        backdrop_on: has_backdrop(capture, config).then_some(config.background),
     };
     let (model, left_out) = initial_model(&input, &options)?;
     report.merge(left_out);

@@ -4,7 +4,7 @@
 use litetex_gs::backend::LossWeights;
 use litetex_gs::frequency::{CapRule, FrequencyOptions};
 use litetex_gs::train::density::{DensityConfig, ErrorMeasure, GrowthMoments, Spending, SplitProfile};
-use litetex_gs::train::{Policy, TrainConfig};
+use litetex_gs::train::{Backdrop, Policy, TrainConfig};
 use serde::{Deserialize, Serialize};
 
 /// A named set of defaults.
@@ -39,9 +39,12 @@ impl Profile {
 
     /// Replaces all settings that profiles decide, so that nothing of another profile is left.
     pub fn apply(self, config: &mut TrainConfig) {
-        let TrainConfig { policy, components, density, scheduler, loss, rates, .. } = TrainConfig::default();
-        *config = TrainConfig { policy, components, density, scheduler, loss, rates, ..config.clone() };
+        let TrainConfig { policy, components, density, scheduler, backdrop, loss, rates, .. } =
+            TrainConfig::default();
+        *config =
+            TrainConfig { policy, components, density, scheduler, backdrop, loss, rates, ..config.clone() };
         if matches!(self, Self::Paper | Self::Authors | Self::Cat) {
+            config.backdrop = Backdrop::None;
             config.rates.position_random = config.rates.position;
         }
         let paper = || DensityConfig {

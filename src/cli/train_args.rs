@@ -4,9 +4,9 @@ use super::capture::InitSource;
 use super::capture_args::{CaptureArgs, set};
 use super::config_file::{RunConfig, SaveImages};
 use super::profile::Profile;
-use super::values::{parse_colour, parse_count, parse_duration_secs, parse_whole};
+use super::values::{parse_backdrop, parse_colour, parse_count, parse_duration_secs, parse_whole};
 use litetex_gs::train::density::Components;
-use litetex_gs::train::{Policy, TrainConfig};
+use litetex_gs::train::{Backdrop, Policy, TrainConfig};
 use litetex_gs::{Error, Result};
 use std::path::PathBuf;
 
@@ -97,6 +97,10 @@ pub struct TrainingArgs {
     /// Initial points: auto (those of the capture, else random), sfm, ply:FILE, random:N [default: auto]
     #[arg(long, value_name = "SOURCE")]
     pub init: Option<InitSource>,
+    /// Large splats behind the points, where rays of the training views meet none, such as the sky: auto (not if photos
+    /// have an alpha channel) or none [default: auto]
+    #[arg(long, value_name = "WHERE", value_parser = parse_backdrop)]
+    pub backdrop: Option<Backdrop>,
     /// Colour of the background: black, white, #rrggbb or r,g,b from 0 to 1 [default: black]
     #[arg(long, value_name = "COLOUR", value_parser = parse_colour)]
     pub background: Option<[f32; 3]>,
@@ -142,6 +146,7 @@ impl TrainArgs {
         set(&mut config.train.sh_degree, t.sh_degree);
         set(&mut config.train.policy, t.policy);
         self.switch_components(&mut config.train)?;
+        set(&mut config.train.backdrop, t.backdrop);
         set(&mut config.train.background, t.background);
         set(&mut config.train.eval_every, t.eval_every);
         set(&mut config.train.save_every, t.save_every);

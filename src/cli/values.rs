@@ -2,6 +2,7 @@
 //! here opens a file.
 
 pub use litetex_gs::text::{format_bytes, format_count, format_duration};
+use litetex_gs::train::Backdrop;
 use std::num::{IntErrorKind, ParseIntError};
 use std::str::FromStr;
 
@@ -76,6 +77,15 @@ pub fn parse_whole<T: FromStr<Err = ParseIntError>>(text: &str) -> Result<T, Str
         IntErrorKind::PosOverflow => "the number is too large".to_owned(),
         _ => "expected a whole number of at least 0".to_owned(),
     })
+}
+
+/// Reads whether to add a backdrop: "auto" or "none".
+pub fn parse_backdrop(text: &str) -> Result<Backdrop, String> {
+    match text {
+        "auto" => Ok(Backdrop::Auto),
+        "none" => Ok(Backdrop::None),
+        _ => Err(format!("{text:?}: expected auto or none")),
+    }
 }
 
 /// Reads a colour, display space: "black", "white", "#rrggbb" or "r,g,b" with numbers from 0 to 1.

@@ -55,6 +55,11 @@ impl Capture {
         self.store.decoding_bytes(threads)
     }
 
+    /// Whether any photo has an alpha channel.
+    pub fn has_alpha(&self) -> bool {
+        self.store.has_alpha()
+    }
+
     /// Errors about an unpacked file are about the archive to the user.
     pub(super) fn name_archive(&self, error: Error) -> Error {
         match &self.unpacked {

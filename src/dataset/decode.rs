@@ -22,6 +22,8 @@ pub(crate) struct Recipe {
     /// Size once turned.
     pub photo_size: (u32, u32),
     pub turn: Orientation,
+    /// Whether its file has an alpha channel.
+    pub has_alpha: bool,
     /// Memory for decoding the photo.
     pub photo_bytes: u64,
     pub mask: Option<PathBuf>,

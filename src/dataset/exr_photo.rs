@@ -48,6 +48,13 @@ pub(crate) fn size(path: &Path) -> Result<(u32, u32)> {
     Ok((size.0 as u32, size.1 as u32))
 }
 
+/// Whether the file has an alpha channel.
+pub(crate) fn has_alpha(path: &Path) -> Result<bool> {
+    let meta = MetaData::read_from_file(path, false).map_err(|e| our_error(path, e))?;
+    let has = |header: &exr::meta::header::Header| header.channels.list.iter().any(|c| c.name.eq("A"));
+    Ok(meta.headers.first().is_some_and(has))
+}
+
 /// What [`read`] holds next to the result: the pixels in f32.
 pub(crate) fn decoder_bytes((width, height): (u32, u32)) -> u64 {
     size_of::<[f32; 4]>() as u64 * u64::from(width) * u64::from(height)

@@ -302,6 +302,7 @@ fn recipe(view: &SourceView, options: &LoadOptions) -> Result<Recipe> {
         photo,
         photo_size,
         turn,
+        has_alpha: header.has_alpha,
         photo_bytes: header.colours_bytes(turns),
         mask: view.mask.clone(),
         mask_bytes: mask_header.map_or(0, |header| header.mask_bytes(turns)),

@@ -60,6 +60,8 @@ pub(crate) struct PhotoHeader {
     pub size: (u32, u32),
     /// The turn that its EXIF data ask for.
     pub turn: Orientation,
+    /// Whether the file has an alpha channel.
+    pub has_alpha: bool,
     /// Of the decoded pixels.
     color: ColorType,
     /// What the decoder holds next to the decoded pixels.
@@ -96,6 +98,7 @@ pub(crate) fn photo_header(path: &Path) -> Result<PhotoHeader> {
         return Ok(PhotoHeader {
             size,
             turn: Orientation::NoTransforms,
+            has_alpha: exr_photo::has_alpha(path)?,
             color: ColorType::Rgba8,
             decoder_bytes,
         });
@@ -109,6 +112,7 @@ pub(crate) fn photo_header(path: &Path) -> Result<PhotoHeader> {
     Ok(PhotoHeader {
         size: (width, height),
         turn: orientation,
+        has_alpha: decoder.color_type().has_alpha(),
         color: decoder.color_type(),
         decoder_bytes: jpeg_bytes(path),
     })

@@ -213,6 +213,11 @@ impl ImageStore {
         }
     }
 
+    /// Whether any photo has an alpha channel.
+    pub fn has_alpha(&self) -> bool {
+        self.shared.recipes.iter().any(|recipe| recipe.has_alpha)
+    }
+
     /// The photo of a view.
     pub fn get(&self, view: usize) -> Result<Arc<TargetImage>> {
         let shared = &*self.shared;

@@ -18,6 +18,7 @@ fn store(folder: &Path, count: u8, budget_bytes: u64) -> ImageStore {
                 photo,
                 photo_size: (SIDE, SIDE),
                 turn: Orientation::NoTransforms,
+                has_alpha: false,
                 photo_bytes: BYTES,
                 mask: None,
                 mask_bytes: 0,

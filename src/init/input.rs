@@ -40,10 +40,13 @@ pub struct InitOptions {
     pub policy: Policy,
     /// Seed of everything random.
     pub seed: u64,
+    /// Adds a backdrop where training rays meet no points, which takes reading photos; on photos that were
+    /// composited on this background. `None`: no backdrop.
+    pub backdrop_on: Option<[f32; 3]>,
 }
 
 impl Default for InitOptions {
     fn default() -> Self {
-        Self { max_points: 1_000_000, sh_degree: 3, policy: Policy::Litetex, seed: 42 }
+        Self { max_points: 1_000_000, sh_degree: 3, policy: Policy::Litetex, seed: 42, backdrop_on: None }
     }
 }

@@ -1,6 +1,7 @@
 //! Initialisation: the model that training starts from, with a splat at each sparse point or at random
 //! points (method section 5). Works from points and cameras; reading them from files is up to `dataset`.
 
+mod backdrop;
 mod input;
 mod knn;
 mod points;
@@ -20,7 +21,8 @@ use random::{Purpose, Stream, local_from_cameras, rotation};
 /// The model that training starts from, and which points were left out.
 ///
 /// # Errors
-/// [`Error::Usage`] for options out of range, [`Error::InvalidInput`] if no usable point is left.
+/// [`Error::Usage`] for options out of range, [`Error::InvalidInput`] if no usable point is left; with a backdrop
+/// whatever reading a photo reports.
 pub fn initial_model(input: &InitInput<'_>, options: &InitOptions) -> Result<(Model, Report)> {
     if options.sh_degree > SH_DEGREE_MAX || options.max_points == 0 {
         return Err(Error::Usage(format!(
@@ -51,5 +53,12 @@ pub fn initial_model(input: &InitInput<'_>, options: &InitOptions) -> Result<(Mo
     let (turned, mut stream) =
         (local_from_cameras(input.views), Stream::new(options.seed, Purpose::Rotations));
     points.iter_mut().for_each(|point| point.quaternion = rotation(turned, &mut stream));
+    splats::size_by_spacing(&mut points);
+    if let Some(background) = options.backdrop_on {
+        let mut backdrop = backdrop::backdrop(input, &points, background)?;
+        // The points come first in a tight budget.
+        backdrop.truncate(options.max_points - points.len());
+        points.append(&mut backdrop);
+    }
     Ok((splats::model(input, &along_a_curve(&points), options)?, report))
 }

@@ -23,12 +23,25 @@ pub(super) struct LocalPoint {
     pub distance: f64,
     /// local_from_surfel, wxyz.
     pub quaternion: [f32; 4],
+    /// Standard deviation along both axes, local units.
+    pub sigma: f32,
+    pub opacity: f64,
 }
 
 impl LocalPoint {
-    fn new(in_local: DVec3, rgb: [f32; 3]) -> Self {
-        let position = in_local.as_vec3().to_array();
-        Self { position, rgb, distance: in_local.length_squared(), quaternion: [1.0, 0.0, 0.0, 0.0] }
+    pub fn new(in_local: DVec3, rgb: [f32; 3]) -> Self {
+        Self {
+            position: in_local.as_vec3().to_array(),
+            rgb,
+            distance: in_local.length_squared(),
+            quaternion: [1.0, 0.0, 0.0, 0.0],
+            sigma: 0.0,
+            opacity: 0.0,
+        }
+    }
+
+    pub fn position_in_local(&self) -> DVec3 {
+        DVec3::from_array(self.position.map(f64::from))
     }
 }
 
@@ -67,7 +80,7 @@ pub(super) fn usable(
     let kept: Vec<LocalPoint> = points
         .into_iter()
         .filter(|point| {
-            let position = DVec3::from_array(point.position.map(f64::from));
+            let position = point.position_in_local();
             if !position.is_finite() {
                 not_finite += 1;
                 return false;

@@ -9,7 +9,7 @@ use crate::model::{Model, SplatArrays, TexturePool, support_half_extent};
 use crate::train::Policy;
 use crate::train::density::first_texel_size;
 
-/// Opacity of every splat (3DGS).
+/// Opacity of every splat at a point (3DGS).
 const OPACITY: f64 = 0.1;
 
 /// Floor of the mean squared spacing, local units (CAT).
@@ -18,19 +18,23 @@ const SPACING_FLOOR: f32 = 1e-7;
 /// Bounds of the initial standard deviations, local units (method 5.1).
 const SIGMA_BOUNDS: (f32, f32) = (1e-7, 1.0);
 
+/// Sets size and opacity of points that neighbour each other.
+pub(super) fn size_by_spacing(points: &mut [LocalPoint]) {
+    let positions: Vec<[f32; 3]> = points.iter().map(|p| p.position).collect();
+    for (point, spacing) in points.iter_mut().zip(mean_squared_spacing(&positions)) {
+        // A single point becomes as large as allowed.
+        let sigma = spacing.map_or(SIGMA_BOUNDS.1, |s| s.max(SPACING_FLOOR).sqrt());
+        point.sigma = sigma.clamp(SIGMA_BOUNDS.0, SIGMA_BOUNDS.1);
+        point.opacity = OPACITY;
+    }
+}
+
 /// A round splat at each point.
 pub(super) fn model(input: &InitInput<'_>, points: &[LocalPoint], options: &InitOptions) -> Result<Model> {
     let mut splats = SplatArrays::zeros(points.len(), options.sh_degree);
-    let positions: Vec<[f32; 3]> = points.iter().map(|p| p.position).collect();
-    let sigmas: Vec<f32> = mean_squared_spacing(&positions)
-        .into_iter()
-        // A single point becomes as large as allowed.
-        .map(|spacing| spacing.map_or(SIGMA_BOUNDS.1, |s| s.max(SPACING_FLOOR).sqrt()))
-        .map(|sigma| sigma.clamp(SIGMA_BOUNDS.0, SIGMA_BOUNDS.1))
-        .collect();
-    splats.positions = positions.into_flattened();
-    splats.log_scales = sigmas.iter().flat_map(|s| [s.ln(); 2]).collect();
-    splats.opacity_logits.fill((OPACITY / (1.0 - OPACITY)).ln() as f32);
+    splats.positions = points.iter().flat_map(|p| p.position).collect();
+    splats.log_scales = points.iter().flat_map(|p| [p.sigma.ln(); 2]).collect();
+    splats.opacity_logits = points.iter().map(|p| (p.opacity / (1.0 - p.opacity)).ln() as f32).collect();
     splats.quaternions = points.iter().flat_map(|point| point.quaternion).collect();
     let coefficients = 3 * sh_coefficients(options.sh_degree);
     for (sh, point) in splats.sh.chunks_exact_mut(coefficients).zip(points) {
@@ -38,7 +42,7 @@ pub(super) fn model(input: &InitInput<'_>, points: &[LocalPoint], options: &Init
             *out = ((f64::from(c) - 0.5) / SH_0) as f32;
         }
     }
-    let extents = sigmas.iter().map(|&sigma| map_extent(sigma, options.policy));
+    let extents = points.iter().map(|point| map_extent(point, options.policy));
     Ok(Model {
         textures: TexturePool::neutral(extents)?,
         splats,
@@ -48,8 +52,8 @@ pub(super) fn model(input: &InitInput<'_>, points: &[LocalPoint], options: &Init
 }
 
 /// Rows, columns and texel size of a round splat's map.
-fn map_extent(sigma: f32, policy: Policy) -> (u16, u16, f32) {
-    let half_extent = support_half_extent(f64::from(sigma), OPACITY);
+fn map_extent(point: &LocalPoint, policy: Policy) -> (u16, u16, f32) {
+    let half_extent = support_half_extent(f64::from(point.sigma), point.opacity);
     let side = policy.first_side();
     let texel_edge = match policy {
         Policy::None | Policy::Plain => 0.0,

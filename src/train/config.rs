@@ -102,6 +102,17 @@ impl From<Policy> for String {
     }
 }
 
+/// Whether large splats stand behind the points where training rays meet none.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Backdrop {
+    /// Where they are needed, unless the photos have an alpha channel.
+    #[default]
+    Auto,
+    /// Nowhere.
+    None,
+}
+
 /// Learning rates for 30,000 steps (method 4.2). Variations of most were measured (choices 2).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default, rename_all = "kebab-case")]
@@ -177,6 +188,8 @@ pub struct TrainConfig {
     pub density: DensityConfig,
     /// Frequency schedule.
     pub scheduler: FrequencyOptions,
+    /// Large splats behind the points. Default `auto`.
+    pub backdrop: Backdrop,
     /// Display-space colour behind all splats, 0 to 1. Default black (3DGS).
     pub background: [f32; 3],
     /// Steps between evaluations of the test views; 0: only at the end. Default 0: does not change the model.
@@ -202,6 +215,7 @@ impl Default for TrainConfig {
             budget: Budget::default(),
             density: DensityConfig::default(),
             scheduler: FrequencyOptions::default(),
+            backdrop: Backdrop::Auto,
             background: [0.0; 3],
             eval_every: 0,
             save_every: 0,

@@ -17,7 +17,7 @@ mod state;
 mod targets;
 mod window;
 
-pub use config::{Policy, RateConfig, TrainConfig};
+pub use config::{Backdrop, Policy, RateConfig, TrainConfig};
 pub use evaluate::{Evaluated, evaluate};
 pub use events::{Control, StopReason, TrainEvent};
 pub use limits::check_limits;
