@@ -220,6 +220,7 @@ mod tests {
         let header = |color, decoder_bytes| PhotoHeader {
             size: (10, 6),
             turn: Orientation::NoTransforms,
+            has_alpha: false,
             color,
             decoder_bytes,
         };

@@ -2,6 +2,8 @@
 //! points (method section 5). Works from points and cameras; reading them from files is up to `dataset`.
 
 mod backdrop;
+#[cfg(test)]
+mod backdrop_tests;
 mod input;
 mod knn;
 mod points;
@@ -42,23 +44,27 @@ pub fn initial_model(input: &InitInput<'_>, options: &InitOptions) -> Result<(Mo
         let compared = values(a).zip(values(b)).map(|(a, b)| a.total_cmp(&b));
         compared.fold(a.distance.total_cmp(&b.distance), std::cmp::Ordering::then)
     });
-    let points = usable(points, input.views, &mut report);
-    let mut points = thinned(points, options, &mut report);
+    let mut points = usable(points, input.views, &mut report);
     if points.is_empty() {
         return Err(Error::invalid(
             input.points_file,
             "no usable points; initialise from random ones with --init random:COUNT",
         ));
     }
+    let mut backdrop = Vec::new();
+    if let Some(background) = options.backdrop_on {
+        splats::size_by_spacing(&mut points);
+        backdrop = backdrop::backdrop(input, &points, background)?;
+        // The points give way to a backdrop, but most of a tight budget is theirs.
+        if backdrop.len() > options.max_points / 4 {
+            backdrop.clear();
+        }
+    }
+    let mut points = thinned(points, options.max_points - backdrop.len(), options.seed, &mut report);
     let (turned, mut stream) =
         (local_from_cameras(input.views), Stream::new(options.seed, Purpose::Rotations));
     points.iter_mut().for_each(|point| point.quaternion = rotation(turned, &mut stream));
     splats::size_by_spacing(&mut points);
-    if let Some(background) = options.backdrop_on {
-        let mut backdrop = backdrop::backdrop(input, &points, background)?;
-        // The points come first in a tight budget.
-        backdrop.truncate(options.max_points - points.len());
-        points.append(&mut backdrop);
-    }
+    points.append(&mut backdrop);
     Ok((splats::model(input, &along_a_curve(&points), options)?, report))
 }

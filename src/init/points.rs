@@ -1,7 +1,7 @@
 //! Initial positions of splats: points moved into the local frame or drawn at random, then filtered, thinned and
 //! sorted.
 
-use super::input::{InitInput, InitOptions};
+use super::input::InitInput;
 use super::random::{Purpose, Stream, points_in_views};
 use crate::Report;
 use crate::train::density::morton_codes;
@@ -110,19 +110,20 @@ pub(super) fn usable(
 /// At most as many points as allowed, chosen at random, in their order.
 pub(super) fn thinned(
     points: Vec<LocalPoint>,
-    options: &InitOptions,
+    max_points: usize,
+    seed: u64,
     report: &mut Report,
 ) -> Vec<LocalPoint> {
     let total = points.len();
-    if total <= options.max_points {
+    if total <= max_points {
         return points;
     }
-    let mut stream = Stream::new(options.seed, Purpose::Thinning);
+    let mut stream = Stream::new(seed, Purpose::Thinning);
     let mut order: Vec<usize> = (0..total).collect();
-    for chosen in 0..options.max_points {
+    for chosen in 0..max_points {
         order.swap(chosen, chosen + stream.index(total - chosen));
     }
-    order.truncate(options.max_points);
+    order.truncate(max_points);
     order.sort_unstable();
     report.warn(
         "points-thinned",
