@@ -1,6 +1,7 @@
 //! The interface between the trainer and the devices. A backend owns the model and the optimiser's state during
 //! training; the trainer sends it views and plans and reads results back.
 
+mod exposure;
 mod limits;
 mod plan;
 
@@ -9,6 +10,7 @@ pub use crate::image::TargetImage;
 pub use crate::model::LearningRates;
 use crate::model::{AdamState, Model};
 use crate::{Error, Result};
+pub use exposure::{ColourMap, ColourSums, NUM_COLOUR_SUMS, counted_colour};
 pub use limits::{DeviceLimits, SceneShape};
 pub use plan::{DensityPlan, Grid, MapChange, SplatEdit};
 use serde::{Deserialize, Serialize};
@@ -125,6 +127,8 @@ pub struct StepRequest<'a> {
     pub rates: LearningRates,
     /// Whether this render counts in the statistics window.
     pub accumulate_statistics: bool,
+    /// The exposure of the photo, by which the image is corrected before the comparison; `None`: not at all.
+    pub exposure: Option<ColourMap>,
 }
 
 impl StepRequest<'_> {
@@ -198,6 +202,8 @@ pub struct StepReport {
     pub counters: RasterCounters,
     /// Number of gradient entries that were NaN or infinite and treated as zero.
     pub non_finite_gradients: u64,
+    /// Sums from which the exposure of the photo is estimated, if the step corrected it.
+    pub colour_sums: Option<ColourSums>,
     /// Time by part of the step, in the order of execution.
     pub stages: Vec<(&'static str, std::time::Duration)>,
 }

@@ -41,6 +41,7 @@ fn run(
         loss: LossWeights { texture: 0.0, ..LossWeights::PUBLISHED },
         rates: LearningRates { position: 2e-4, texel: 2e-3, sh_dc: 2.5e-3, ..LearningRates::default() },
         accumulate_statistics: false,
+        exposure: None,
     };
     let reports = backend.steps(&(1..=steps).map(request).collect::<Vec<_>>()).unwrap();
     let (model, adam) = backend.read_back().unwrap();

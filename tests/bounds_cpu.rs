@@ -4,6 +4,7 @@
 
 use glam::DVec2;
 use litetex_gs::backend::Backend as _;
+use litetex_gs::backend::ColourMap;
 use litetex_gs::cpu::CpuBackend;
 use litetex_gs::model::AdamState;
 use litetex_gs::reference::{AlphaCutoff, ColourGradient, Params, Settings, hit, pixel_bounds, project};
@@ -16,6 +17,7 @@ fn settings(scene: &RandomScene) -> Settings {
         near: f64::from(scene.model.near),
         sh_degree: 0,
         background: [0.0; 3],
+        exposure: ColourMap::IDENTITY,
     }
 }
 

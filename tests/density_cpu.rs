@@ -271,6 +271,7 @@ fn sums(views: &MemoryViews, model: &Model, order: &[usize]) -> WindowStatistics
                 loss: Default::default(),
                 rates: LearningRates::default(),
                 accumulate_statistics: true,
+                exposure: None,
             })
             .unwrap();
     }

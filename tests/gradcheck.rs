@@ -5,7 +5,7 @@
 #![allow(clippy::unwrap_used, reason = "a failing test may panic")]
 
 use glam::{DMat3, DQuat, DVec2, DVec3};
-use litetex_gs::backend::LossWeights;
+use litetex_gs::backend::{ColourMap, LossWeights};
 use litetex_gs::model::SplatGroup;
 use litetex_gs::reference::{
     AlphaCutoff, ColourGradient, Params, Settings, gradients, gradients_at, hit, project,
@@ -37,6 +37,7 @@ fn settings(scene: &RandomScene) -> Settings {
         near: f64::from(scene.model.near),
         sh_degree: scene.model.splats.sh_degree,
         background: [0.3, 0.5, 0.2],
+        exposure: ColourMap::IDENTITY,
     }
 }
 
@@ -127,6 +128,14 @@ fn every_kind_matches_central_differences_for_every_sh_degree() {
             assert!(check(&scene, &settings(&scene), None).iter().all(|o| o.passes(TOLERANCE)));
         }
     }
+}
+
+#[test]
+fn gradients_pass_through_the_exposure_of_the_photo() {
+    let scene = random_scene(&small(1, 0));
+    let exposure = ColourMap([[1.3, 0.1, -0.05, 0.02], [0.05, 0.8, 0.1, -0.04], [-0.1, 0.15, 1.1, 0.06]]);
+    let settings = Settings { exposure, ..settings(&scene) };
+    assert!(check(&scene, &settings, None).iter().all(|o| o.passes(TOLERANCE)));
 }
 
 #[test]

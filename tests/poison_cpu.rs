@@ -40,6 +40,7 @@ fn a_photo_of_another_size_is_a_usage_error() {
         loss: LossWeights { l1: 1.0, dssim: 0.0, mse: 0.0, opacity: 0.0, texture: 0.0, ..LossWeights::NONE },
         rates: RATES,
         accumulate_statistics: false,
+        exposure: None,
     };
     assert!(matches!(backend.step(&request), Err(Error::Usage(_))));
 }

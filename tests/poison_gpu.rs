@@ -40,6 +40,7 @@ fn request<'a>(scene: &'a litetex_gs::selftest::RandomScene, target: &'a TargetI
         loss: LossWeights { l1: 1.0, ..LossWeights::NONE },
         rates: RATES,
         accumulate_statistics: false,
+        exposure: None,
     }
 }
 

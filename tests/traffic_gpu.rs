@@ -51,6 +51,7 @@ fn counted(
         loss: LossWeights::default(),
         rates: LearningRates { texel: 1e-3, ..LearningRates::default() },
         accumulate_statistics: false,
+        exposure: None,
     };
     let c = count(backend, &scene.model, steps, hardware_kernels, &request).unwrap().unwrap();
     println!("hardware kernels: {hardware_kernels}, {:?}, {:?}", c.pairs, c.texel_atomics);

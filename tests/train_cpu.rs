@@ -174,6 +174,7 @@ fn step(backend: &mut CpuBackend, views: &MemoryViews, step: u32) {
         loss,
         rates,
         accumulate_statistics: true,
+        exposure: None,
     };
     backend.step(&request).unwrap();
 }

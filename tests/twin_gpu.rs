@@ -172,6 +172,7 @@ fn a_step_does_not_depend_on_the_loss_terms_of_the_step_before() {
             loss: weights[k],
             rates: LearningRates::default(),
             accumulate_statistics: true,
+            exposure: None,
         };
         let reports = backend.steps(&[request(0), request(1)]).unwrap();
         assert!(reports[0].loss.distortion > 0.0 && reports[0].loss.normal >= 0.0);

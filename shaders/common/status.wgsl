@@ -29,4 +29,6 @@ struct Status {
     distortion: f32,
     normal: f32,
     pad: u32,
+    // Sums from which the exposure is estimated.
+    colour_sums: array<vec4f, 6>,
 }

@@ -5,6 +5,10 @@ struct Step {
     camera_row0: vec4f,
     camera_row1: vec4f,
     camera_row2: vec4f,
+    // Rows of the exposure: factors of r, g, b and 1.
+    exposure_row0: vec4f,
+    exposure_row1: vec4f,
+    exposure_row2: vec4f,
     camera_in_local: vec3f,
     near: f32,
     focal_px: vec2f,

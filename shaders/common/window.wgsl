@@ -2,13 +2,13 @@
 // reference/loss.rs). The window is applied to sum and difference of image and photo, so that nothing cancels
 // where they agree. Requires `pixels` and `photo` bound, and the functions `tap` and `row`.
 
+#include common/image
+
 // The halo is the tile with the window's radius around it: its edge, and its pixels.
 const HALO_PX = TILE_PX + 2u * SSIM_RADIUS_PX;
 const HALO = HALO_PX * HALO_PX;
 // Pixels of the halo in the columns of the tile.
 const ACROSS = HALO_PX * TILE_PX;
-// Index of pixels outside the image.
-const OUTSIDE = 0xffffffffu;
 
 // Image x and photo y at one pixel.
 struct SumDifference {
@@ -16,13 +16,6 @@ struct SumDifference {
     sum: vec3f,
     // x - y
     difference: vec3f,
-}
-
-// Index of the pixel at an offset from the tile's first pixel.
-fn image_pixel(tile: u32, offset: vec2i) -> u32 {
-    let px = vec2i(vec2u(tile % step.grid.x, tile / step.grid.x) * TILE_PX) + offset;
-    let inside = all(px >= vec2i(0)) && all(px < vec2i(step.size_px));
-    return select(OUTSIDE, u32(px.y) * step.size_px.x + u32(px.x), inside);
 }
 
 // Index of the pixel at a position in the halo.

@@ -158,6 +158,7 @@ mod with_gpu {
                 loss: config.loss,
                 rates,
                 accumulate_statistics: false,
+                exposure: None,
             }
         };
         let num_views = scene.views.len() as u32;

@@ -39,10 +39,19 @@ impl Profile {
 
     /// Replaces all settings that profiles decide, so that nothing of another profile is left.
     pub fn apply(self, config: &mut TrainConfig) {
-        let TrainConfig { policy, components, density, scheduler, backdrop, loss, rates, .. } =
+        let TrainConfig { policy, components, density, scheduler, backdrop, exposure, loss, rates, .. } =
             TrainConfig::default();
-        *config =
-            TrainConfig { policy, components, density, scheduler, backdrop, loss, rates, ..config.clone() };
+        *config = TrainConfig {
+            policy,
+            components,
+            density,
+            scheduler,
+            backdrop,
+            exposure,
+            loss,
+            rates,
+            ..config.clone()
+        };
         if matches!(self, Self::Paper | Self::Authors | Self::Cat) {
             config.backdrop = Backdrop::None;
             config.rates.position_random = config.rates.position;

@@ -4,9 +4,11 @@ use super::capture::InitSource;
 use super::capture_args::{CaptureArgs, set};
 use super::config_file::{RunConfig, SaveImages};
 use super::profile::Profile;
-use super::values::{parse_backdrop, parse_colour, parse_count, parse_duration_secs, parse_whole};
+use super::values::{
+    parse_backdrop, parse_colour, parse_count, parse_duration_secs, parse_exposure, parse_whole,
+};
 use litetex_gs::train::density::Components;
-use litetex_gs::train::{Backdrop, Policy, TrainConfig};
+use litetex_gs::train::{Backdrop, Exposure, Policy, TrainConfig};
 use litetex_gs::{Error, Result};
 use std::path::PathBuf;
 
@@ -101,6 +103,10 @@ pub struct TrainingArgs {
     /// have an alpha channel) or none [default: auto]
     #[arg(long, value_name = "WHERE", value_parser = parse_backdrop)]
     pub backdrop: Option<Backdrop>,
+    /// Photos of different exposure or white balance: affine (estimate an affine colour map for each training photo) or
+    /// none [default: none]
+    #[arg(long, value_name = "HOW", value_parser = parse_exposure)]
+    pub exposure: Option<Exposure>,
     /// Colour of the background: black, white, #rrggbb or r,g,b from 0 to 1 [default: black]
     #[arg(long, value_name = "COLOUR", value_parser = parse_colour)]
     pub background: Option<[f32; 3]>,
@@ -147,6 +153,7 @@ impl TrainArgs {
         set(&mut config.train.policy, t.policy);
         self.switch_components(&mut config.train)?;
         set(&mut config.train.backdrop, t.backdrop);
+        set(&mut config.train.exposure, t.exposure);
         set(&mut config.train.background, t.background);
         set(&mut config.train.eval_every, t.eval_every);
         set(&mut config.train.save_every, t.save_every);

@@ -2,7 +2,7 @@
 //! here opens a file.
 
 pub use litetex_gs::text::{format_bytes, format_count, format_duration};
-use litetex_gs::train::Backdrop;
+use litetex_gs::train::{Backdrop, Exposure};
 use std::num::{IntErrorKind, ParseIntError};
 use std::str::FromStr;
 
@@ -85,6 +85,15 @@ pub fn parse_backdrop(text: &str) -> Result<Backdrop, String> {
         "auto" => Ok(Backdrop::Auto),
         "none" => Ok(Backdrop::None),
         _ => Err(format!("{text:?}: expected auto or none")),
+    }
+}
+
+/// Reads how exposures are treated: "none" or "affine".
+pub fn parse_exposure(text: &str) -> Result<Exposure, String> {
+    match text {
+        "none" => Ok(Exposure::None),
+        "affine" => Ok(Exposure::Affine),
+        _ => Err(format!("{text:?}: expected none or affine")),
     }
 }
 

@@ -212,7 +212,7 @@ impl Backend for CpuBackend {
             stages.end("flush+colours");
             pipeline.raster_for(level, *count_pairs, request);
             stages.end("forward");
-            let terms = pipeline.loss(level, loss, request);
+            let (terms, colour_sums) = pipeline.loss(level, loss, request);
             let mut values = with_regularisers(terms, model, pipeline, request);
             (values.distortion, values.normal) = pipeline.geometry_loss(request);
             stages.end("loss");
@@ -231,6 +231,7 @@ impl Backend for CpuBackend {
                 loss: values,
                 counters: pipeline.counters(),
                 non_finite_gradients,
+                colour_sums,
                 stages: stages.stages,
             })
         })

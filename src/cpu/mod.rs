@@ -8,6 +8,7 @@ mod apply_plan;
 mod backend;
 mod block;
 mod bounds;
+mod exposure;
 mod geometry;
 mod loss;
 mod maps;

@@ -2,6 +2,7 @@
 //! passes data between them and distributes the work over threads.
 
 use super::block::element_of;
+use super::exposure::{exposure_bwd, exposure_fwd};
 use super::geometry::{Coefficients, PixelSums, geometry_loss};
 use super::loss::{LossBuffers, image_loss};
 use super::math::texel_values;
@@ -12,7 +13,7 @@ use super::simd::dispatch;
 use super::tiles::{TILE_PIXELS, TILE_PX, Tiles, build_tiles};
 use super::update::UpdateInput;
 use super::view::ViewF32;
-use crate::backend::{LossValues, RasterCounters, RenderedImage, StepRequest};
+use crate::backend::{ColourSums, LossValues, RasterCounters, RenderedImage, StepRequest};
 use crate::model::Model;
 use fearless_simd::Level;
 use rayon::prelude::*;
@@ -163,13 +164,13 @@ impl ViewPipeline {
         image
     }
 
-    /// Loss terms l1, dssim and mse; writes the gradient with respect to the image to `buffers`.
+    /// Loss terms l1, dssim and mse, and with an exposure the sums to estimate it; writes the gradient with respect to the image to `buffers`.
     pub(super) fn loss(
         &self,
         level: Level,
         buffers: &mut LossBuffers,
         request: &StepRequest<'_>,
-    ) -> [f64; 3] {
+    ) -> ([f64; 3], Option<ColourSums>) {
         let p = &request.camera.pinhole;
         let w = p.width_px as usize;
         buffers.resize(p.num_pixels());
@@ -183,7 +184,13 @@ impl ViewPipeline {
                 b[x] = out.rgb[2][at] + t * request.background[2];
             });
         });
-        image_loss(level, buffers, request.target, &request.loss)
+        let target = request.target;
+        let sums = request.exposure.map(|map| exposure_fwd(&mut buffers.image, target, &map));
+        let terms = image_loss(level, buffers, target, &request.loss);
+        if let Some(map) = &request.exposure {
+            exposure_bwd(&mut buffers.image, target.width_px, map);
+        }
+        (terms, sums)
     }
 
     /// Forward pass of a training step, with depths and normals if the loss needs them.

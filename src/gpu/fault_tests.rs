@@ -38,6 +38,7 @@ pub(super) fn request(scene: &RandomScene, step: u32) -> StepRequest<'_> {
         loss: LossWeights::PUBLISHED,
         rates: LearningRates { position: 1e-3, texel: 1e-2, ..LearningRates::default() },
         accumulate_statistics: true,
+        exposure: None,
     }
 }
 

@@ -50,6 +50,7 @@ pub enum Buf {
     Geometry,
     PixelRecords,
     GeometryPartials,
+    ExposurePartials,
 }
 
 impl Buf {
@@ -243,6 +244,13 @@ kernels! {
         read changes = MapChanges, read old_info = OldSplatInfo, read splat_info = SplatInfo,
         read old_values = OldValues, write new_values = NewValues, read scales = Scales,
     ] => { ResampleMaps [] }
+    "exposure_fwd", LossTiles, [
+        read photo = Photo, write pixels = Pixels, write exposure_partials = ExposurePartials,
+    ] => { ExposureFwd [] }
+    "exposure_bwd", LossTiles, [write pixel_grad = PixelGrad] => { ExposureBwd [] }
+    "exposure_sums", OneLater, [
+        read exposure_partials = ExposurePartials, write status = Status,
+    ] => { ExposureSums [] }
     "loss_fwd", LossTiles, [
         read pixels = Pixels, read photo = Photo, write ssim_maps = SsimMaps, write loss_map = LossMap,
         write loss_partials = LossPartials,

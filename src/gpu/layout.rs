@@ -16,6 +16,12 @@ pub struct StepUniform {
     pub camera_row1: [f32; 4],
     /// Third row of camera_from_local, translation last.
     pub camera_row2: [f32; 4],
+    /// First row of the photo's exposure.
+    pub exposure_row0: [f32; 4],
+    /// Second row of the photo's exposure.
+    pub exposure_row1: [f32; 4],
+    /// Third row of the photo's exposure.
+    pub exposure_row2: [f32; 4],
     /// Centre of the camera, local frame.
     pub camera_in_local: [f32; 3],
     /// Near plane, local units.
@@ -227,6 +233,8 @@ pub struct Status {
     pub normal: f32,
     /// Pads to a multiple of 16 bytes.
     pub pad: u32,
+    /// Sums from which the exposure is estimated, in the order of `ColourSums`; the last two are unused.
+    pub colour_sums: [[f32; 4]; 6],
 }
 
 /// Number of workgroups of an indirect dispatch.

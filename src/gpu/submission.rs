@@ -9,7 +9,7 @@ use super::sort;
 use super::state::{GpuBackend, PendingStep, tile_flags};
 use super::uniform::{self, needs_statistics};
 use super::view_buffers::RequiredCapacity;
-use crate::backend::{LossValues, RasterCounters, StepReport, StepRequest};
+use crate::backend::{ColourSums, LossValues, RasterCounters, StepReport, StepRequest};
 use crate::camera::Camera;
 use crate::{Error, Result};
 use std::time::{Duration, Instant};
@@ -33,17 +33,23 @@ impl GpuBackend {
         out
     }
 
-    /// Dispatches of a training step; `geometry` includes the distortion and normal terms, and window statistics.
+    /// Dispatches of a training step; `geometry` includes the distortion and normal terms, and window statistics;
+    /// `exposure` corrects the image by that of the photo.
     pub(super) fn step_dispatches(
         &self,
         offsets: UniformOffsets,
         camera: &Camera,
         geometry: bool,
         statistics: bool,
+        exposure: bool,
     ) -> Vec<Dispatch> {
         use KernelId as K;
         let mut out = self.forward(offsets, camera, geometry);
-        let mut kernels = vec![K::LossFwd, K::LossBwd];
+        let mut kernels = if exposure {
+            vec![K::ExposureFwd, K::ExposureSums, K::LossFwd, K::LossBwd, K::ExposureBwd]
+        } else {
+            vec![K::LossFwd, K::LossBwd]
+        };
         if geometry {
             kernels.extend([K::GeometryLoss, self.raster.bwd_geometry, K::ProjectBwdGeometry]);
             kernels.extend([K::AdamTexel, K::FinishBlocks, K::FinishGeometry]);
@@ -134,7 +140,8 @@ impl GpuBackend {
             let offsets = self.set_uniform(slot, &StepUniform { flags: uniform.flags | flags, ..uniform });
             let geometry = request.loss.needs_geometry();
             let statistics = needs_statistics(request);
-            dispatches.extend(self.step_dispatches(offsets, &request.camera, geometry, statistics));
+            let exposure = request.exposure.is_some();
+            dispatches.extend(self.step_dispatches(offsets, &request.camera, geometry, statistics, exposure));
             ends.push(dispatches.len());
             (inputs.flushed_step, inputs.flushed_rates) = (request.step, request.rates);
         }
@@ -214,7 +221,9 @@ impl GpuBackend {
             blended_pairs: s.blended.into(),
             texel_atomics: s.texel_atomics.into(),
         };
-        StepReport { loss, counters, non_finite_gradients: s.faults.into(), stages }
+        let sums = s.colour_sums.as_flattened();
+        let colour_sums = request.exposure.map(|_| ColourSums(std::array::from_fn(|k| sums[k].into())));
+        StepReport { loss, counters, non_finite_gradients: s.faults.into(), colour_sums, stages }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::layout::{FLAG_PERSIST, FLAG_STATISTICS, StepUniform};
 use super::shader::{FIXED_MAX, TILE_PX};
-use crate::backend::{LossWeights, StepRequest};
+use crate::backend::{ColourMap, LossWeights, StepRequest};
 use crate::camera::Camera;
 use crate::constants::{ADAM_BETA1, ADAM_BETA2};
 use crate::model::LearningRates;
@@ -102,7 +102,11 @@ pub(super) fn step(
         (false, false) => PARTIAL_STRIDE,
     };
     let statistics = if request.accumulate_statistics { FLAG_STATISTICS } else { 0 };
+    let [exposure_row0, exposure_row1, exposure_row2] = request.exposure.unwrap_or(ColourMap::IDENTITY).0;
     StepUniform {
+        exposure_row0,
+        exposure_row1,
+        exposure_row2,
         step: request.step,
         flags: FLAG_PERSIST | statistics,
         status_slot,

@@ -45,7 +45,7 @@ pub(super) struct RequiredCapacity {
 }
 
 /// All buffers that this module allocates.
-const BUFFERS: [Buf; 21] = [
+const BUFFERS: [Buf; 22] = [
     Buf::KeysA,
     Buf::KeysB,
     Buf::ValuesA,
@@ -67,6 +67,7 @@ const BUFFERS: [Buf; 21] = [
     Buf::Geometry,
     Buf::PixelRecords,
     Buf::GeometryPartials,
+    Buf::ExposurePartials,
 ];
 
 impl Capacity {
@@ -135,6 +136,7 @@ impl Capacity {
         if needs.tiles > self.tiles {
             resources.set(Buf::TileRanges, device.buffer("tile ranges", needs.tiles, 8)?);
             resources.set(Buf::LossPartials, device.buffer("loss per tile", needs.tiles, 16)?);
+            resources.set(Buf::ExposurePartials, device.buffer("colour sums per tile", needs.tiles, 96)?);
             self.tiles = needs.tiles;
         }
         if needs.geometry { self.ensure_geometry(device, resources, needs) } else { Ok(()) }

@@ -4,6 +4,7 @@
 
 mod adam;
 mod bounds;
+mod exposure;
 mod geometry;
 mod loss;
 mod params;
@@ -16,6 +17,7 @@ mod sh;
 
 pub use adam::{adam_dense, adam_skipped, map_rate};
 pub use bounds::{PixelBounds, pixel_bounds};
+pub use exposure::{exposure_bwd, exposure_fwd};
 pub use geometry::{GeometryCoefficients, GeometryLoss, geometry_loss, surface_normals};
 pub use loss::{ImageLoss, image_loss};
 pub use params::Params;
@@ -70,7 +72,9 @@ pub fn gradients_at(
     let visible: Vec<bool> =
         projected.iter().map(|p| p.as_ref().is_some_and(|p| is_visible(p, camera, settings))).collect();
     let image = raster_fwd(params, &projected, camera, settings);
-    let losses = image_loss(&image.rgb, target, weights);
+    let (corrected, _) = exposure_fwd(&image.rgb, target, &settings.exposure);
+    let mut losses = image_loss(&corrected, target, weights);
+    losses.gradient = exposure_bwd(&losses.gradient, &settings.exposure);
     let surface_normals = normals.map_or_else(|| surface_normals(&image, camera), <[DVec3]>::to_vec);
     let geometry = geometry_loss(&image, &surface_normals, target, weights);
     let mut grad = params.zeros_like();

@@ -1,5 +1,7 @@
 //! Settings of the reference renderer.
 
+use crate::backend::ColourMap;
+
 /// Treatment of the discontinuity of alpha at 1/255.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AlphaCutoff {
@@ -31,4 +33,6 @@ pub struct Settings {
     pub sh_degree: u32,
     /// Display-space colour behind all splats.
     pub background: [f64; 3],
+    /// The exposure of the photo, by which the image is corrected before the comparison.
+    pub exposure: ColourMap,
 }

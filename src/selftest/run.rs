@@ -4,11 +4,11 @@
 
 use super::random_scene::{RandomScene, SceneOptions, random_scene};
 use crate::Result;
-use crate::backend::{Backend, LearningRates, LossWeights, RenderOptions, StepRequest};
+use crate::backend::{Backend, ColourMap, LearningRates, LossWeights, RenderOptions, StepRequest};
 use crate::constants::{ADAM_BETA1, sh_coefficients};
 use crate::model::{AdamState, SplatGroup};
 use crate::reference::{
-    AlphaCutoff, ColourGradient, Gradients, Params, Settings, adam_dense, gradients, map_rate,
+    AlphaCutoff, ColourGradient, Gradients, Params, Settings, adam_dense, exposure_fwd, gradients, map_rate,
 };
 use serde::Serialize;
 
@@ -18,6 +18,9 @@ const WEIGHTS: LossWeights =
 const ALL_WEIGHTS: LossWeights =
     LossWeights { mse: 0.03, texture_hidden: 1e-6, distortion: 10.0, normal: 0.05, ..WEIGHTS };
 const BACKGROUND: [f32; 3] = [0.1, 0.2, 0.3];
+/// Mixes all channels and is far from the identity.
+const EXPOSURE: ColourMap =
+    ColourMap([[1.3, 0.1, -0.05, 0.02], [0.05, 0.8, 0.1, -0.04], [-0.1, 0.15, 1.1, 0.06]]);
 const STEPS: u32 = 10;
 const RATES: LearningRates = LearningRates {
     position: 2e-4,
@@ -89,7 +92,7 @@ pub fn run(backend: &mut dyn Backend) -> Result<Vec<Check>> {
         let scene = random_scene(&options);
         let name = |what: &str| format!("SH degree {sh_degree}: {what}");
         checks.push(image(backend, &scene, name("image"))?);
-        checks.extend(first_step(backend, &scene, &WEIGHTS, &name)?);
+        checks.extend(first_step(backend, &scene, &WEIGHTS, ColourMap::IDENTITY, &name)?);
         checks.extend(ten_steps(backend, &scene, &name)?);
     }
     // Texels smaller than pixels, whose gradients the kernels for hardware sum in a different way.
@@ -106,25 +109,29 @@ pub fn run(backend: &mut dyn Backend) -> Result<Vec<Check>> {
     });
     let name = |what: &str| format!("large maps: {what}");
     checks.push(image(backend, &scene, name("image"))?);
-    checks.extend(first_step(backend, &scene, &WEIGHTS, &name)?);
+    checks.extend(first_step(backend, &scene, &WEIGHTS, ColourMap::IDENTITY, &name)?);
     let name = |what: &str| format!("depth terms: {what}");
     checks.extend(depths_and_normals(backend, &scene, &name)?);
-    checks.extend(first_step(backend, &scene, &ALL_WEIGHTS, &name)?);
+    checks.extend(first_step(backend, &scene, &ALL_WEIGHTS, ColourMap::IDENTITY, &name)?);
+    let name = |what: &str| format!("exposure: {what}");
+    checks.extend(first_step(backend, &scene, &WEIGHTS, EXPOSURE, &name)?);
+    checks.push(colour_sums(backend, &scene, name("sums"))?);
     Ok(checks)
 }
 
-fn settings(scene: &RandomScene) -> Settings {
+fn settings(scene: &RandomScene, exposure: ColourMap) -> Settings {
     Settings {
         cutoff: AlphaCutoff::Hard,
         colour_gradient: ColourGradient::Projected,
         near: f64::from(scene.model.near),
         sh_degree: scene.model.splats.sh_degree,
         background: BACKGROUND.map(f64::from),
+        exposure,
     }
 }
 
-fn reference(scene: &RandomScene, params: &Params, loss: &LossWeights) -> Gradients {
-    gradients(params, &scene.camera, &scene.target, loss, &settings(scene))
+fn reference(scene: &RandomScene, params: &Params, loss: &LossWeights, exposure: ColourMap) -> Gradients {
+    gradients(params, &scene.camera, &scene.target, loss, &settings(scene, exposure))
 }
 
 fn request<'a>(scene: &'a RandomScene, step: u32, loss: &LossWeights) -> StepRequest<'a> {
@@ -138,6 +145,7 @@ fn request<'a>(scene: &'a RandomScene, step: u32, loss: &LossWeights) -> StepReq
         loss: *loss,
         rates: RATES,
         accumulate_statistics: false,
+        exposure: None,
     }
 }
 
@@ -150,7 +158,7 @@ fn image(backend: &mut dyn Backend, scene: &RandomScene, name: String) -> Result
     let options =
         RenderOptions { background: BACKGROUND, sh_degree: scene.model.splats.sh_degree, geometry: false };
     let image = backend.render(&scene.camera, &options)?;
-    let expected = reference(scene, &Params::from_model(&scene.model), &WEIGHTS).image;
+    let expected = reference(scene, &Params::from_model(&scene.model), &WEIGHTS, ColourMap::IDENTITY).image;
     Ok(Check::new(name, &wide(&image.rgb), &expected.rgb, 1e-4))
 }
 
@@ -164,7 +172,7 @@ fn depths_and_normals(
     let sh_degree = scene.model.splats.sh_degree;
     let options = RenderOptions { background: BACKGROUND, sh_degree, geometry: true };
     let image = backend.render(&scene.camera, &options)?;
-    let expected = reference(scene, &Params::from_model(&scene.model), &WEIGHTS).image;
+    let expected = reference(scene, &Params::from_model(&scene.model), &WEIGHTS, ColourMap::IDENTITY).image;
     let normals: Vec<f64> = expected.normal.iter().flat_map(|n| n.to_array()).collect();
     // Needed 0 on the CPU backend; 2 values of 1,000 may flip.
     Ok(vec![
@@ -178,12 +186,14 @@ fn first_step(
     backend: &mut dyn Backend,
     scene: &RandomScene,
     loss: &LossWeights,
+    exposure: ColourMap,
     name: &dyn Fn(&str) -> String,
 ) -> Result<Vec<Check>> {
     backend.upload(&scene.model, &AdamState::zeros(&scene.model))?;
-    backend.step(&request(scene, 1, loss))?;
+    let corrected = (exposure != ColourMap::IDENTITY).then_some(exposure);
+    backend.step(&StepRequest { exposure: corrected, ..request(scene, 1, loss) })?;
     let (_, adam) = backend.read_back()?;
-    let expected = reference(scene, &Params::from_model(&scene.model), loss).params;
+    let expected = reference(scene, &Params::from_model(&scene.model), loss, exposure).params;
     let gradient = |m: &[f32]| m.iter().map(|&m| f64::from(m) / (1.0 - ADAM_BETA1)).collect::<Vec<_>>();
     // f32 rounding may flip pixels at the edge of a support, which shows in two of a thousand gradients.
     let limit = 5e-3;
@@ -196,6 +206,16 @@ fn first_step(
         .collect();
     checks.push(Check::new(name("gradient of Texel"), &gradient(&adam.texels_m), &expected.texels, limit));
     Ok(checks)
+}
+
+/// Checks the sums from which an exposure is estimated.
+fn colour_sums(backend: &mut dyn Backend, scene: &RandomScene, name: String) -> Result<Check> {
+    backend.upload(&scene.model, &AdamState::zeros(&scene.model))?;
+    let report = backend.step(&StepRequest { exposure: Some(EXPOSURE), ..request(scene, 1, &WEIGHTS) })?;
+    let rendered = reference(scene, &Params::from_model(&scene.model), &WEIGHTS, EXPOSURE).image;
+    let (_, expected) = exposure_fwd(&rendered.rgb, &scene.target, &EXPOSURE);
+    // Needed 2e-6.
+    Ok(Check::new(name, &report.colour_sums.unwrap_or_default().0, &expected.0, 1e-4))
 }
 
 /// Checks the change of the parameters over ten steps.
@@ -216,7 +236,7 @@ fn ten_steps(
         .flat_map(|map| vec![map_rate(&RATES, map.num_texels()); map.floats().len()])
         .collect();
     for t in 1..=STEPS {
-        let gradient = reference(scene, &params, &WEIGHTS).params;
+        let gradient = reference(scene, &params, &WEIGHTS, ColourMap::IDENTITY).params;
         for group in SplatGroup::ALL {
             let width = group.width(start.sh_degree);
             let arrays = [params.group_mut(group), m.group_mut(group), v.group_mut(group)];

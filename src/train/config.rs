@@ -113,6 +113,17 @@ pub enum Backdrop {
     None,
 }
 
+/// How the trainer treats photos of different exposure and white balance.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Exposure {
+    /// As if all were alike.
+    #[default]
+    None,
+    /// Estimates an affine colour map for each training photo.
+    Affine,
+}
+
 /// Learning rates for 30,000 steps (method 4.2). Variations of most were measured (choices 2).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default, rename_all = "kebab-case")]
@@ -190,6 +201,8 @@ pub struct TrainConfig {
     pub scheduler: FrequencyOptions,
     /// Large splats behind the points. Default `auto`.
     pub backdrop: Backdrop,
+    /// Correction of the photos' exposures. Default `none`.
+    pub exposure: Exposure,
     /// Display-space colour behind all splats, 0 to 1. Default black (3DGS).
     pub background: [f32; 3],
     /// Steps between evaluations of the test views; 0: only at the end. Default 0: does not change the model.
@@ -216,6 +229,7 @@ impl Default for TrainConfig {
             density: DensityConfig::default(),
             scheduler: FrequencyOptions::default(),
             backdrop: Backdrop::Auto,
+            exposure: Exposure::None,
             background: [0.0; 3],
             eval_every: 0,
             save_every: 0,

@@ -23,6 +23,14 @@ impl<'a> ViewOrder<'a> {
         Self { seed, train_views, order, used: state.epoch_used, epochs: state.epochs }
     }
 
+    /// Steps to the end of the current epoch, or of the next one if that is used up.
+    pub fn left_in_epoch(&self) -> usize {
+        match self.order.len() - self.used as usize {
+            0 => self.train_views.len(),
+            left => left,
+        }
+    }
+
     /// Moves `state` to this position.
     pub fn store(self, state: &mut TrainState) {
         (state.epoch_order, state.epoch_used, state.epochs) = (self.order, self.used, self.epochs);

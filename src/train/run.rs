@@ -1,6 +1,6 @@
 //! The training loop: draws views, steps, applies density control, evaluates and emits events.
 
-use super::config::TrainConfig;
+use super::config::{Exposure, TrainConfig};
 use super::density::{DensityCounts, StatisticsSource};
 use super::eta::Eta;
 use super::evaluate::{Evaluated, evaluate};
@@ -46,7 +46,7 @@ pub fn train(
         return Err(Error::Usage("no training view: every view is held out; lower --test-every".into()));
     }
     let clock = Clock::start();
-    window::begin(config, &mut start);
+    window::begin(config, views.num_views(), &mut start);
     let limits = check_limits(config, backend, views, &start.model)?;
     backend.upload(&start.model, &start.adam)?;
     if !start.window.seen.is_empty() {
@@ -206,7 +206,8 @@ impl Trainer<'_> {
         let reports = match self.backend.steps(&requests) {
             Ok(reports) if reports.len() == batch.len() => reports,
             outcome => {
-                // A checkpoint saved now must include the steps done before the backend failed.
+                // A checkpoint saved now must include the steps done before the backend failed. What they showed of
+                // the exposures is lost: their views keep their maps for another epoch.
                 if let Ok((_, adam)) = self.backend.read_back() {
                     let done = adam.step.saturating_sub(self.state.step) as usize;
                     self.advance(done.min(batch.len()));
@@ -215,6 +216,9 @@ impl Trainer<'_> {
                 return Err(Error::Device(format!("{reports} reports for {} steps", batch.len())));
             }
         };
+        for (planned, report) in batch.iter().zip(&reports) {
+            self.state.exposures.record(planned.view, report.colour_sums);
+        }
         self.advance(batch.len());
         let diverged = reports.iter().position(|report| !report.loss.total.is_finite());
         let (stepped, size) = (Instant::now(), self.size);
@@ -262,7 +266,14 @@ impl Trainer<'_> {
             let (views, background) = (self.views, self.config.background);
             let degree = self.schedule.sh_degree(step, self.config.sh_degree);
             let (train_views, targets) = (&self.train_views, &mut self.targets);
-            window::full_statistics(self.backend, views, train_views, targets, background, degree)?;
+            let exposures = &self.state.exposures;
+            window::full_statistics(
+                self.backend,
+                views,
+                train_views,
+                targets,
+                (background, degree, exposures),
+            )?;
         }
         let density = DensityControl {
             config: self.config,
@@ -291,7 +302,12 @@ impl Trainer<'_> {
     /// The next steps, up to the first after which something reads or changes the model.
     fn plan_batch(&mut self) -> Result<Vec<PlannedStep>> {
         let first = self.state.step + 1;
-        let wanted = self.backend.batch_steps().max(1);
+        let mut order = ViewOrder::after(&self.state, self.config.seed, &self.train_views);
+        let mut wanted = self.backend.batch_steps().max(1);
+        if self.config.exposure == Exposure::Affine {
+            // Exposures change between epochs.
+            wanted = wanted.min(order.left_in_epoch());
+        }
         let ends = |step| {
             let TrainConfig { eval_every, save_every, .. } = *self.config;
             self.is_due(eval_every, step)
@@ -302,7 +318,6 @@ impl Trainer<'_> {
         let steps = (first..=self.config.steps).take(wanted);
         let len = steps.clone().position(ends).map_or(steps.count(), |at| at + 1);
 
-        let mut order = ViewOrder::after(&self.state, self.config.seed, &self.train_views);
         let views: Vec<usize> = order.by_ref().take(len).collect();
         // All photos of the next batch will be needed as soon as this one is done.
         let left = (self.config.steps - self.state.step) as usize - len;
@@ -339,6 +354,7 @@ impl Trainer<'_> {
             loss: self.config.loss,
             rates: self.schedule.rates(self.config, step),
             accumulate_statistics: planned.counts,
+            exposure: self.state.exposures.of(planned.view),
         }
     }
 
@@ -353,6 +369,9 @@ impl Trainer<'_> {
             }
         }
         self.state.step += steps as u32;
+        if steps > 0 && self.state.epoch_used as usize == self.state.epoch_order.len() {
+            self.state.exposures.end_epoch(self.state.step >= self.schedule.density_start);
+        }
     }
 
     /// Reports the steps of a batch, each with an even share of its `[wall, cpu]` seconds. The backend has done

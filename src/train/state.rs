@@ -1,6 +1,7 @@
 //! The state from which a run continues bit for bit, and its history of times and evaluations.
 
 use super::density::Life;
+use super::exposure::Exposures;
 use crate::backend::WindowStatistics;
 use crate::frequency::SplatBudget;
 use crate::model::{AdamState, Model};
@@ -71,6 +72,8 @@ pub struct TrainState {
     /// Last step after which density control ran. A failure may come between a step and the revision due
     /// after it.
     pub revised_step: u32,
+    /// Exposures of the photos.
+    pub exposures: Exposures,
     /// Target number of splats.
     pub pace: SplatBudget,
     /// Times and evaluations.
@@ -92,6 +95,7 @@ impl TrainState {
             window: WindowStatistics::default(),
             stage_step: 0,
             revised_step: 0,
+            exposures: Exposures::default(),
             pace: SplatBudget::new(0),
             history: TrainHistory::default(),
         }

@@ -1,7 +1,8 @@
 //! Makes a density-control step: reads the statistics window, lets [`density`] decide, and has the backend apply the plan.
 
-use super::config::{Policy, TrainConfig};
+use super::config::{Exposure, Policy, TrainConfig};
 use super::density::{self, DensityCounts, Life, Revision, Situation};
+use super::exposure::Exposures;
 use super::schedule::Schedule;
 use super::state::TrainState;
 use super::targets::Targets;
@@ -143,7 +144,7 @@ impl DensityControl<'_> {
 }
 
 /// Gives a run that has not begun the histories of its splats and its target number of splats.
-pub(super) fn begin(config: &TrainConfig, state: &mut TrainState) {
+pub(super) fn begin(config: &TrainConfig, num_views: usize, state: &mut TrainState) {
     let n = state.model.num_splats();
     if state.lives.len() != n {
         let ceiling = if config.active_components().growth {
@@ -153,6 +154,9 @@ pub(super) fn begin(config: &TrainConfig, state: &mut TrainState) {
         };
         state.lives = vec![Life::first(ceiling); n];
         state.pace = SplatBudget::new(n);
+    }
+    if config.exposure == Exposure::Affine && state.exposures.maps.is_empty() {
+        state.exposures = Exposures::new(num_views);
     }
 }
 
@@ -177,8 +181,7 @@ pub(super) fn full_statistics(
     views: &dyn ViewSource,
     train_views: &[usize],
     targets: &mut Targets,
-    background: [f32; 3],
-    sh_degree: u32,
+    (background, sh_degree, exposures): ([f32; 3], u32, &Exposures),
 ) -> Result<WindowStatistics> {
     let (model, adam) = backend.read_back()?;
     backend.set_statistics(&WindowStatistics::empty(model.num_splats()))?;
@@ -195,6 +198,7 @@ pub(super) fn full_statistics(
             loss: LossWeights::default(),
             rates: LearningRates::default(),
             accumulate_statistics: true,
+            exposure: exposures.of(view),
         })?;
     }
     let statistics = backend.read_statistics()?;

@@ -76,6 +76,7 @@ fn step_without_learning(
         loss: LossWeights::default(),
         rates: LearningRates::default(),
         accumulate_statistics: true,
+        exposure: None,
     })?;
     Ok(())
 }

@@ -47,6 +47,7 @@ fn survives(backend: &mut dyn Backend, scene: &RandomScene, name: &str) -> f64 {
                 },
                 rates: RATES,
                 accumulate_statistics: true,
+                exposure: None,
             })
             .unwrap();
         assert!(report.loss.total.is_finite(), "{name}: {:?}", report.loss);

@@ -66,6 +66,7 @@ pub fn requests(
             loss: LossWeights { mse: 0.03, ..LossWeights::PUBLISHED },
             rates: RATES,
             accumulate_statistics: step.is_multiple_of(3),
+            exposure: None,
         }
     };
     steps.map(request).collect()

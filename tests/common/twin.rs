@@ -2,7 +2,7 @@
 
 use super::compare;
 use litetex_gs::backend::{
-    Backend, LearningRates, LossValues, LossWeights, RenderOptions, RenderedImage, StepRequest,
+    Backend, ColourMap, LearningRates, LossValues, LossWeights, RenderOptions, RenderedImage, StepRequest,
     WindowStatistics,
 };
 use litetex_gs::constants::ADAM_BETA1;
@@ -32,6 +32,7 @@ pub fn reference(scene: &RandomScene, weights: &LossWeights) -> Gradients {
         near: f64::from(scene.model.near),
         sh_degree: scene.model.splats.sh_degree,
         background: BACKGROUND.map(f64::from),
+        exposure: ColourMap::IDENTITY,
     };
     gradients(&Params::from_model(&scene.model), &scene.camera, &scene.target, weights, &settings)
 }
@@ -65,6 +66,7 @@ pub fn observe(backend: &mut dyn Backend, scene: &RandomScene, weights: &LossWei
         loss: *weights,
         rates: LearningRates::default(),
         accumulate_statistics: true,
+        exposure: None,
     };
     let report = backend.step(&request).unwrap();
     let statistics = backend.read_statistics().unwrap();

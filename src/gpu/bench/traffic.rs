@@ -176,7 +176,7 @@ pub(super) fn traffic(kernel: KernelId, c: &TrafficCounts) -> Vec<(TrafficItem, 
         }
         K::FinishBlocks => vec![(I::Status, WORD * c.splats + 4.0 * WORD * c.visible + block_status)],
         K::Finish => vec![(I::Status, block_status + 16.0 * c.tiles + size_of::<Status>() as f64)],
-        // Not part of a step, or only used for depths and normals.
+        // Not part of a step, or only used for depths and normals or exposures.
         K::ProjectGeometry
         | K::RasterFwdGeometry
         | K::RasterFwdBatchedGeometry
@@ -186,6 +186,9 @@ pub(super) fn traffic(kernel: KernelId, c: &TrafficCounts) -> Vec<(TrafficItem, 
         | K::ProjectBwdGeometry
         | K::FinishGeometry
         | K::FlushSplat
+        | K::ExposureFwd
+        | K::ExposureBwd
+        | K::ExposureSums
         | K::GatherSplats
         | K::EditSplats
         | K::RegridMaps

@@ -33,6 +33,7 @@ wgsl_types![
     [f32; 2] = "vec2f",
     [f32; 3] = "vec3f",
     [f32; 4] = "vec4f",
+    [[f32; 4]; 6] = "array of vec4f",
 ];
 
 fn wgsl_type_of<T: WgslType>(_: &T) -> &'static str {
@@ -61,6 +62,9 @@ pub(super) fn mirrors() -> Vec<Mirror> {
                 camera_row0,
                 camera_row1,
                 camera_row2,
+                exposure_row0,
+                exposure_row1,
+                exposure_row2,
                 camera_in_local,
                 near,
                 focal_px,
@@ -130,6 +134,7 @@ pub(super) fn mirrors() -> Vec<Mirror> {
                 distortion,
                 normal,
                 pad,
+                colour_sums,
             }
         ),
         Mirror { name: "Projected", bytes: layout::PROJECTED_BYTES as u32, members: Vec::new() },
@@ -148,6 +153,8 @@ fn wgsl_name(inner: &TypeInner) -> &'static str {
         TypeInner::Vector { size: VectorSize::Bi, scalar: Scalar::F32 } => "vec2f",
         TypeInner::Vector { size: VectorSize::Tri, scalar: Scalar::F32 } => "vec3f",
         TypeInner::Vector { size: VectorSize::Quad, scalar: Scalar::F32 } => "vec4f",
+        // Of how many, the size of the structure tells.
+        TypeInner::Array { stride: 16, .. } => "array of vec4f",
         _ => "a type without counterpart in Rust",
     }
 }

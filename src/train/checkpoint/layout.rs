@@ -10,17 +10,18 @@
 //! | `frame.near`, `frame.capture_from_local` | f32 `[1]`, f64 `[4]`: scale, translation |
 //! | `state.counters`, `state.epoch_order` | u32 `[5]`: step, epochs, views used, step of the stage, last step with a revision; u32 `[views]` |
 //! | `state.lives`, `state.pace` | u16 `[n,3]`: map ceiling, prune count, checks; f64 `[2]`: initial splats, momentum |
+//! | `exposure.maps`, `exposure.sums` | f32 `[v,3,4]`, f64 `[v,22]`: the sums of the epoch; v = views, or 0 without correction |
 //! | `window.views`, `window.counts`, `window.sums` | u32 `[views]`, u32 `[n + 1]`: views counted, views that saw each; f32 `[3,n]` |
 
 use super::reader::{Reader, f32s, f64s, u16s, u32s};
 use crate::Result;
-use crate::backend::WindowStatistics;
+use crate::backend::{ColourMap, ColourSums, NUM_COLOUR_SUMS, WindowStatistics};
 use crate::camera::Similarity;
 use crate::constants::{SH_DEGREE_MAX, sh_coefficients};
 use crate::frequency::SplatBudget;
 use crate::model::{AdamState, LearningRates, Model, SplatArrays, SplatGroup, TextureMap, TexturePool};
 use crate::train::density::Life;
-use crate::train::{TrainHistory, TrainState};
+use crate::train::{Exposures, TrainHistory, TrainState};
 use glam::DVec3;
 use safetensors::{Dtype, View};
 use std::borrow::Cow;
@@ -134,6 +135,11 @@ pub fn tensors(state: &TrainState) -> BTreeMap<String, Tensor<'_>> {
     let lives = state.lives.iter().flat_map(|l| [l.ceiling, l.marks, l.checks]).collect();
     put("state.lives", Tensor::new(&[state.lives.len(), 3], Data::U16(lives)));
     put("state.pace", Tensor::new(&[2], Data::F64(vec![state.pace.initial as f64, state.pace.momentum])));
+    let exposures = &state.exposures;
+    let numbers: Vec<f32> = exposures.maps.iter().flat_map(|map| map.0).flatten().collect();
+    put("exposure.maps", Tensor::f32(&[exposures.maps.len(), 3, 4], numbers));
+    let numbers = exposures.sums.iter().flat_map(|sums| sums.0).collect();
+    put("exposure.sums", Tensor::new(&[exposures.sums.len(), NUM_COLOUR_SUMS], Data::F64(numbers)));
     let w = &state.window;
     put("window.views", Tensor::u32(&[state.window_views.len()], &state.window_views));
     let counts: Vec<u32> = [w.views].iter().chain(&w.seen).copied().collect();
@@ -192,6 +198,7 @@ pub fn state(reader: &mut Reader<'_>) -> Result<TrainState> {
         stage_step: counters[3],
         revised_step: counters[4],
         lives: lives(reader, n)?,
+        exposures: exposures(reader)?,
         pace: pace(reader)?,
         window_views: {
             let views = reader.first_dimension("window.views")?;
@@ -211,6 +218,21 @@ fn lives(reader: &mut Reader<'_>, n: usize) -> Result<Vec<Life>> {
     let values = u16s(reader.take("state.lives", Dtype::U16, &[found, 3])?);
     let life = |v: &[u16]| Life { ceiling: v[0], marks: v[1], checks: v[2] };
     Ok(values.chunks_exact(3).map(life).collect())
+}
+
+fn exposures(reader: &mut Reader<'_>) -> Result<Exposures> {
+    let views = reader.first_dimension("exposure.maps")?;
+    let maps = f32s(reader.take("exposure.maps", Dtype::F32, &[views, 3, 4])?);
+    let sums = f64s(reader.take("exposure.sums", Dtype::F64, &[views, NUM_COLOUR_SUMS])?);
+    if !maps.iter().all(|v| v.is_finite()) || !sums.iter().all(|v| v.is_finite()) {
+        return Err(reader.invalid("tensors \"exposure.*\": expected finite numbers".to_owned()));
+    }
+    let map = |m: &[f32]| ColourMap([0, 4, 8].map(|row| [0, 1, 2, 3].map(|k| m[row + k])));
+    let (sums, _) = sums.as_chunks();
+    Ok(Exposures {
+        maps: maps.chunks_exact(12).map(map).collect(),
+        sums: sums.iter().copied().map(ColourSums).collect(),
+    })
 }
 
 fn pace(reader: &mut Reader<'_>) -> Result<SplatBudget> {

@@ -6,7 +6,7 @@ use crate::camera::Similarity;
 use crate::frequency::SplatBudget;
 use crate::model::{AdamState, Model, SplatArrays, SplatGroup, TexturePool};
 use crate::train::density::Life;
-use crate::train::{CurvePoint, TrainHistory};
+use crate::train::{CurvePoint, Exposures, TrainHistory};
 use glam::DVec3;
 use safetensors::Dtype;
 use safetensors::tensor::TensorView;
@@ -64,9 +64,17 @@ fn sample(n: usize, sh_degree: u32) -> TrainState {
         },
         stage_step: 5,
         revised_step: 6,
+        exposures: exposures(),
         pace: SplatBudget { initial: n, momentum: 12.5 },
         history: history(n),
     }
+}
+
+fn exposures() -> Exposures {
+    let mut exposures = Exposures::new(4);
+    exposures.maps[2].0[1] = [0.5, 0.75, -0.25, 0.125];
+    exposures.sums[3].add([0.1, 0.2, 0.3], [0.4, 0.5, 0.6]);
+    exposures
 }
 
 fn history(n: usize) -> TrainHistory {
@@ -214,7 +222,7 @@ fn errors_name_the_tensor_what_was_found_and_what_was_expected() {
     );
     assert_eq!(
         message(edited(&bytes, "extra", Some((Dtype::U8, vec![1], vec![0])))),
-        "x.safetensors: tensor \"extra\" is not part of \"litetex-checkpoint/1\""
+        "x.safetensors: tensor \"extra\" is not part of \"litetex-checkpoint/2\""
     );
     let same_shape = Some((Dtype::F32, vec![4, 3], vec![0; 48]));
     assert!(message(edited(&bytes, "splats.positions", same_shape)).contains("checksum"));
@@ -257,6 +265,6 @@ fn other_layouts_are_unsupported_not_invalid() {
     assert_eq!(
         error.to_string(),
         "x.safetensors: layout \"litetex-checkpoint/9\" (written by litetex 9.0.0), this program reads \
-         \"litetex-checkpoint/1\""
+         \"litetex-checkpoint/2\""
     );
 }
