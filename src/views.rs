@@ -56,6 +56,11 @@ pub trait ViewSource: Sync {
     /// Whatever reading the file reports.
     fn target(&self, view: usize) -> Result<Arc<TargetImage>>;
 
+    /// Whether any photo has an alpha channel.
+    fn has_alpha(&self) -> bool {
+        false
+    }
+
     /// Bound on the memory for decoded photos; copies of them may take as much again.
     fn cache_limit_bytes(&self) -> u64 {
         u64::MAX

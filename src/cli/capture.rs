@@ -3,6 +3,7 @@
 use litetex_gs::init::{InitInput, InitOptions, initial_model};
 use litetex_gs::model::SPLAT_PARAMS;
 use litetex_gs::train::{Backdrop, TrainConfig, TrainState};
+use litetex_gs::views::ViewSource as _;
 use litetex_gs::{Error, Report, Result};
 use std::path::Path;
 

@@ -25,6 +25,7 @@ mod log;
 mod man;
 mod memory;
 mod orphan;
+mod outlying;
 mod outputs;
 mod profile;
 mod progress;

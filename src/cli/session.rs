@@ -5,6 +5,7 @@ use super::config_file::{RunConfig, SaveImages};
 use super::evaluations::StagedFolder;
 use super::interrupt::Interrupt;
 use super::log::Log;
+use super::outlying::ViewLosses;
 use super::progress::{Progress, StepFigures};
 use super::run_folder::RunFolder;
 use super::view_files::{write_per_view, write_view};
@@ -24,6 +25,12 @@ use std::path::{Path, PathBuf};
 /// Steps between two lines of `metrics.jsonl`; the first and the last step are always there.
 pub const METRICS_EVERY: u32 = 10;
 
+/// Outlying views that a warning names.
+const OUTLYING_SHOWN: usize = 5;
+
+/// A larger share of test pixels that nothing covers is worth a warning.
+const UNCOVERED_MAX: f64 = 0.01;
+
 /// The files and the display of one training.
 pub struct Session<'a> {
     folder: &'a RunFolder,
@@ -42,6 +49,7 @@ pub struct Session<'a> {
     last_with_images: Option<u32>,
     /// Number of gradient entries, over all steps, that were not finite.
     non_finite_gradients: u64,
+    losses: ViewLosses,
     /// The last evaluation.
     pub evaluation: Option<Evaluation>,
     /// The last checkpoint.
@@ -80,6 +88,7 @@ impl<'a> Session<'a> {
             staged: None,
             last_with_images: None,
             non_finite_gradients: 0,
+            losses: ViewLosses::default(),
             evaluation: None,
             checkpoint: None,
             report: Report::default(),
@@ -130,6 +139,8 @@ impl<'a> Session<'a> {
             TrainEvent::Finished { reason } => {
                 self.progress.finish();
                 self.warn_of_gradients()?;
+                self.warn_of_views()?;
+                self.warn_of_uncovered_pixels()?;
                 self.metric(json!({ "event": "finished", "reason": reason_name(reason) }))?;
             }
         }
@@ -151,6 +162,7 @@ impl<'a> Session<'a> {
         else {
             return Ok(());
         };
+        self.losses.record(view, loss.l1 + loss.dssim);
         self.non_finite_gradients += report.non_finite_gradients;
         self.progress.step(StepFigures {
             step,
@@ -189,11 +201,48 @@ impl<'a> Session<'a> {
             return Ok(());
         }
         let message = format!("{count} gradients were NaN or infinite and were treated as zero");
-        self.handle(TrainEvent::Warning(Warning {
-            code: "gradients-not-finite".to_owned(),
-            message,
-            count: count as usize,
-        }))?;
+        self.warn("gradients-not-finite", count as usize, message)
+    }
+
+    /// Names of training views whose loss stands out at the end, worst first.
+    pub fn outlying_views(&self) -> Vec<String> {
+        self.losses.outlying().into_iter().map(|view| self.views.name(view).to_owned()).collect()
+    }
+
+    fn warn_of_views(&mut self) -> Result<()> {
+        let names = self.outlying_views();
+        if names.is_empty() {
+            return Ok(());
+        }
+        let shown = names[..names.len().min(OUTLYING_SHOWN)].join(", ");
+        let more = match names.len().saturating_sub(OUTLYING_SHOWN) {
+            0 => String::new(),
+            more => format!(" and {more} more"),
+        };
+        let message = format!(
+            "{} training views fit much worse than the others: {shown}{more}; look for wrong poses, other exposures \
+             (--exposure affine) or moving things there",
+            names.len()
+        );
+        self.warn("outlying-views", names.len(), message)
+    }
+
+    fn warn_of_uncovered_pixels(&mut self) -> Result<()> {
+        let uncovered = self.evaluation.as_ref().and_then(|evaluation| evaluation.uncovered);
+        // Around an object cut out by alpha there is nothing.
+        let Some(share) = uncovered.filter(|share| *share > UNCOVERED_MAX && !self.views.has_alpha()) else {
+            return Ok(());
+        };
+        let message = format!(
+            "{:.1} % of the test pixels show nothing of the scene: no training view looks there; take more photos, or \
+             render from where the photos were taken",
+            100.0 * share
+        );
+        self.warn("uncovered-pixels", 1, message)
+    }
+
+    fn warn(&mut self, code: &str, count: usize, message: String) -> Result<()> {
+        self.handle(TrainEvent::Warning(Warning { code: code.to_owned(), message, count }))?;
         Ok(())
     }
 

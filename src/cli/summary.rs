@@ -47,6 +47,8 @@ pub struct Summary {
     pub components: Components,
     /// Parts of the method that could not act in a run of this length.
     pub inactive: Vec<String>,
+    /// Training views whose loss stood out at the end, worst first.
+    pub outlying_views: Vec<String>,
     /// Number of splats by the longer side of their map: none, 2, up to 4, 8, ... 256 texels.
     pub map_sides: Vec<usize>,
     /// `steps`, `time` or `interrupted`.

@@ -79,6 +79,7 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<(Summary, PathBuf)> {
         evaluation: session.evaluation.as_ref(),
         checkpoint: session.checkpoint.as_deref(),
         resumed,
+        outlying_views: session.outlying_views(),
         warnings: report.warnings,
     };
     let mut summary = outcome.summarise(backend.as_mut())?;

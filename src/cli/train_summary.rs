@@ -28,6 +28,8 @@ pub struct Outcome<'a> {
     /// The last checkpoint.
     pub checkpoint: Option<&'a Path>,
     pub resumed: Option<Resumed>,
+    /// Training views whose loss stood out at the end.
+    pub outlying_views: Vec<String>,
     pub warnings: Vec<Warning>,
 }
 
@@ -59,6 +61,7 @@ impl Outcome<'_> {
             policy: train.policy,
             components: train.active_components(),
             inactive: Schedule::new(train, capture.indices(Split::Train).len()).inactive(train),
+            outlying_views: self.outlying_views,
             map_sides: map_sides(&state.model),
             stopped_by: reason_name(reason).to_owned(),
             quality: self.evaluation.map(Quality::from),

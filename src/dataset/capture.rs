@@ -55,11 +55,6 @@ impl Capture {
         self.store.decoding_bytes(threads)
     }
 
-    /// Whether any photo has an alpha channel.
-    pub fn has_alpha(&self) -> bool {
-        self.store.has_alpha()
-    }
-
     /// Errors about an unpacked file are about the archive to the user.
     pub(super) fn name_archive(&self, error: Error) -> Error {
         match &self.unpacked {
@@ -93,6 +88,10 @@ impl ViewSource for Capture {
 
     fn target(&self, view: usize) -> Result<Arc<TargetImage>> {
         self.store.get(view).map_err(|e| self.name_archive(e))
+    }
+
+    fn has_alpha(&self) -> bool {
+        self.store.has_alpha()
     }
 
     fn cache_limit_bytes(&self) -> u64 {

@@ -10,7 +10,7 @@ use super::pose_format::Found;
 use super::source::{Source, SourceView, first_names, first_paths};
 use super::store::ImageStore;
 use super::zipped::Unpacked;
-use super::{advice, frame, health, plausible, split, zipped};
+use super::{advice, frame, health, overlap, plausible, split, zipped};
 use crate::camera::{Camera, Similarity};
 use crate::text::{self, quoted};
 use crate::views::Split;
@@ -93,11 +93,13 @@ fn load_folder(path: &Path, options: &LoadOptions, archive: Option<&Unpacked>) -
     let recipes: Vec<Recipe> =
         source.views.par_iter().map(|view| recipe(view, options)).collect::<Result<_>>()?;
     plausible::check(&source.views, &recipes, &mut report);
+    let views = views(&source.views, &recipes, &splits, &capture_from_local);
+    overlap::check(&views, &source.points, &capture_from_local, &mut report);
     Ok(Capture {
         name: name_of(&folder.root),
         format,
         poses: source.path,
-        views: views(&source.views, &recipes, &splits, &capture_from_local),
+        views,
         points: source.points,
         capture_from_local,
         near,

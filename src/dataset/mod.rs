@@ -17,6 +17,7 @@ mod jpeg_frame;
 mod lens;
 mod load;
 mod options;
+mod overlap;
 mod photos;
 mod plausible;
 mod pose_format;

@@ -69,7 +69,7 @@ fn injected_faults_are_detected() {
         &format!("{step}{}: ", line.unwrap() + 1),
         "Step member 34",
     );
-    detected("    loss_l1: f32,", "    loss_l1: u32,", step, "Step member 19");
+    detected("    loss_l1: f32,", "    loss_l1: u32,", step, "Step member 22");
     detected("    grid: vec2u,", "    grid: vec4u,", step, "bytes");
     let project = "shaders/project.wgsl:";
     detected(
