@@ -1,4 +1,4 @@
-//! Correction of a rendered image by the exposure of its photo, and its adjoint (method 3.3).
+//! Correction of a rendered image by the exposure of its photo, and its adjoint (method 3.1).
 
 use crate::backend::{ColourMap, ColourSums, TargetImage, counted_colour};
 

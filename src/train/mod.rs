@@ -21,7 +21,7 @@ mod window;
 pub use config::{Backdrop, Exposure, Policy, RateConfig, TrainConfig};
 pub use evaluate::{Evaluated, evaluate};
 pub use events::{Control, StopReason, TrainEvent};
-pub use exposure::{Exposures, stops};
+pub use exposure::Exposures;
 pub use limits::check_limits;
 pub use run::{Sink, train};
 pub use schedule::Schedule;
