@@ -40,10 +40,23 @@ const SIGMA_PER_SPACING: f64 = 0.7;
 /// Opacity of the splats.
 const OPACITY: f64 = 0.9;
 
-/// Radius of the sphere: this multiple of the distance that 98 % of the points keep from the cameras' mean, within
-/// bounds in local units.
-const RADIUS_FACTOR: f64 = 2.0;
-const RADIUS_BOUNDS: (f64, f64) = (2.0, 30.0);
+/// Distance from the cameras' mean where no points are near: this multiple of the distance that 98 % of the points keep,
+/// within bounds in local units.
+const FAR_FACTOR: f64 = 2.0;
+const FAR_BOUNDS: (f64, f64) = (2.0, 30.0);
+
+/// Distance in the other directions: this multiple of the distance that most of the nearest points by angle keep, but
+/// behind the cameras.
+const NEAR_FACTOR: f64 = 1.2;
+const NEAR_POINTS: usize = 32;
+const NEAR_QUANTILE: f64 = 0.8;
+const NEAR_MIN: f64 = 1.5;
+
+/// Cosine of the angle up to which points count as near: 15 degrees.
+const NEAR_COS: f64 = 0.966;
+
+/// Of more points, as many evenly spaced ones stand for all.
+const POINTS_MAX: usize = 50_000;
 
 /// Colours of the photos along the rays that end near one direction.
 #[derive(Clone, Default)]
@@ -65,17 +78,17 @@ pub(super) fn backdrop(
     let order = by_place(input.views, input.views.indices(Split::Train));
     let step = order.len().div_ceil(VIEWS_MAX).max(1);
     let views: Vec<usize> = order.into_iter().step_by(step).collect();
-    let radius = radius(points);
     let turned = local_from_cameras(input.views);
     let directions: Vec<DVec3> = directions().into_iter().map(|d| turned * d).collect();
+    let radii = radii(&directions, points);
     let mut seen = vec![Seen::default(); directions.len()];
     input.views.prefetch(&views);
     for &view in &views {
         let camera = input.views.camera(view);
         let photo = input.views.target(view)?;
         for ray in rays_of(&camera, &photo, points, input.near) {
-            let direction = hit(camera.centre_in_local(), ray.direction, radius).normalize();
-            let nearest = &mut seen[nearest(&directions, direction)];
+            let nearest =
+                &mut seen[met_direction(&directions, &radii, camera.centre_in_local(), ray.direction)];
             nearest.all.push(ray.rgb);
             if ray.is_empty {
                 nearest.empty.push(ray.rgb);
@@ -83,8 +96,8 @@ pub(super) fn backdrop(
         }
     }
     let colours = colours(&directions, &seen, background);
-    let splats = directions.iter().zip(colours);
-    Ok(splats.filter_map(|(&at, colour)| Some(splat(at, radius, colour?, turned))).collect())
+    let splats = directions.iter().zip(radii).zip(colours);
+    Ok(splats.filter_map(|((&at, radius), colour)| Some(splat(at, radius, colour?, turned))).collect())
 }
 
 /// A ray through the middle of a cell of a view.
@@ -235,9 +248,41 @@ fn hit(origin: DVec3, direction: DVec3, radius: f64) -> DVec3 {
     origin + direction * (beyond - along)
 }
 
-fn radius(points: &[LocalPoint]) -> f64 {
-    let mut distances: Vec<f64> = points.iter().map(|p| p.distance.sqrt()).collect();
-    let at = (distances.len() - 1) * 98 / 100;
-    let typical = *distances.select_nth_unstable_by(at, f64::total_cmp).1;
-    (RADIUS_FACTOR * typical).clamp(RADIUS_BOUNDS.0, RADIUS_BOUNDS.1)
+/// The direction whose splat a ray would meet: two rounds are enough where neighbours keep similar distances.
+fn met_direction(directions: &[DVec3], radii: &[f64], origin: DVec3, ray: DVec3) -> usize {
+    let far = radii.iter().copied().fold(0.0, f64::max);
+    let at = |radius| nearest(directions, hit(origin, ray, radius).normalize());
+    at(radii[at(radii[at(far)])])
+}
+
+/// Distance of the backdrop in each direction.
+fn radii(directions: &[DVec3], points: &[LocalPoint]) -> Vec<f64> {
+    let step = points.len().div_ceil(POINTS_MAX).max(1);
+    let points: Vec<(DVec3, f64)> = points
+        .iter()
+        .step_by(step)
+        .map(|point| (point.position_in_local().normalize_or_zero(), point.distance.sqrt()))
+        .collect();
+    let mut distances: Vec<f64> = points.iter().map(|(_, distance)| *distance).collect();
+    let far = FAR_FACTOR * quantile(&mut distances, 0.98);
+    let far = far.clamp(FAR_BOUNDS.0, FAR_BOUNDS.1);
+    let of = |direction: &DVec3| {
+        let mut near: Vec<(f64, f64)> = points
+            .iter()
+            .map(|(at, distance)| (at.dot(*direction), *distance))
+            .filter(|(cos, _)| *cos > NEAR_COS)
+            .collect();
+        if near.len() < NEAR_POINTS {
+            return far;
+        }
+        near.select_nth_unstable_by(NEAR_POINTS - 1, |a, b| b.0.total_cmp(&a.0));
+        let mut distances: Vec<f64> = near[..NEAR_POINTS].iter().map(|(_, distance)| *distance).collect();
+        (NEAR_FACTOR * quantile(&mut distances, NEAR_QUANTILE)).clamp(NEAR_MIN, far)
+    };
+    directions.par_iter().map(of).collect()
+}
+
+fn quantile(values: &mut [f64], share: f64) -> f64 {
+    let at = (share * (values.len() - 1) as f64) as usize;
+    *values.select_nth_unstable_by(at, f64::total_cmp).1
 }
