@@ -69,8 +69,10 @@ pub struct GpuDevice {
     work: WorkCounters,
 }
 
-/// Bytes between entries that are bound at dynamic offsets: the largest alignment that a device may require.
-pub(super) const UNIFORM_STRIDE: u64 = 256;
+/// Bytes between entries that are bound at dynamic offsets: a multiple of 256, the largest alignment that a
+/// device may require.
+pub(super) const UNIFORM_STRIDE: u64 = 512;
+const _: () = assert!(size_of::<StepUniform>() as u64 <= UNIFORM_STRIDE, "entries of the ring would overlap");
 
 impl GpuDevice {
     /// Opens an adapter.
