@@ -124,7 +124,9 @@ fn damaged_text_models_never_panic() {
 
 #[test]
 fn unknown_camera_models_name_camera_model_and_remedy() {
-    for (model, name) in [((10, "THIN_PRISM_FISHEYE"), "10"), ((99, "NOVEL"), "99")] {
+    for (model, name, remedy) in
+        [((17, "EQUIRECTANGULAR"), "17", "perspective views"), ((99, "NOVEL"), "99", "image_undistorter")]
+    {
         let mut scene = Scene::ring(3);
         scene.cameras[0].model = model;
         let folder = tempfile::tempdir().unwrap();
@@ -132,7 +134,7 @@ fn unknown_camera_models_name_camera_model_and_remedy() {
         let error = load(folder.path()).err().unwrap();
         assert!(matches!(error, Error::Unsupported { .. }));
         let text = error.to_string();
-        for part in ["cameras.bin", "camera 7", name, "SIMPLE_RADIAL", "image_undistorter"] {
+        for part in ["cameras.bin", "camera 7", name, "SIMPLE_RADIAL", remedy] {
             assert!(text.contains(part), "{part}: {text}");
         }
     }

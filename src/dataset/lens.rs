@@ -19,8 +19,32 @@ pub(crate) enum Distortion {
     },
     /// OpenCV's fisheye (Kannala-Brandt): `theta (1 + k1 theta^2 + k2 theta^4 + ...)`.
     Fisheye {
-        /// k1 to k4.
-        k: [f64; 4],
+        /// k1 to k6.
+        k: [f64; 6],
+        /// Terms of lenses whose elements are tilted.
+        tilt: Tilt,
+    },
+    /// Undistorted radius `r / (1 + k r^2)` for the distorted radius r (Fitzgibbon 2001).
+    Division { k: f64 },
+    /// Distorted radius `atan(2 r tan(omega / 2)) / omega` (Devernay and Faugeras 2001).
+    FieldOfView { omega: f64 },
+    /// Enhanced unified model: `r / (alpha sqrt(beta r^2 + 1) + 1 - alpha)` (Khomutenko et al. 2016).
+    Unified { alpha: f64, beta: f64 },
+}
+
+/// Tangential and thin-prism terms that COLMAP's fisheye models add on the equidistant plane.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Tilt {
+    None,
+    /// THIN_PRISM_FISHEYE: p1 and p2 as in OpenCV; of prisms sx1 and sy1; of the position without radial terms.
+    BeforeRadial {
+        p: [f64; 2],
+        s: [f64; 2],
+    },
+    /// RAD_TAN_THIN_PRISM_FISHEYE: p0 along x and p1 along y; of prisms s0 to s3; of the position with radial terms.
+    AfterRadial {
+        p: [f64; 2],
+        s: [f64; 4],
     },
 }
 
@@ -46,12 +70,24 @@ impl Lens {
         if !(c.cx_px.is_finite() && c.cy_px.is_finite()) {
             return Some(format!("the principal point is {:?}", (c.cx_px, c.cy_px)));
         }
-        let finite = match &self.distortion {
+        let valid = match &self.distortion {
             Distortion::None => true,
             Distortion::Radial { k, p } => k.iter().chain(p).all(|v| v.is_finite()),
-            Distortion::Fisheye { k } => k.iter().all(|v| v.is_finite()),
+            Distortion::Fisheye { k, tilt } => {
+                let tilt = match tilt {
+                    Tilt::None => true,
+                    Tilt::BeforeRadial { p, s } => p.iter().chain(s).all(|v| v.is_finite()),
+                    Tilt::AfterRadial { p, s } => p.iter().chain(s).all(|v| v.is_finite()),
+                };
+                tilt && k.iter().all(|v| v.is_finite())
+            }
+            Distortion::Division { k } => k.is_finite(),
+            Distortion::FieldOfView { omega } => (0.0..std::f64::consts::PI).contains(omega),
+            Distortion::Unified { alpha, beta } => {
+                (0.0..=1.0).contains(alpha) && *beta > 0.0 && beta.is_finite()
+            }
         };
-        (!finite).then(|| format!("the distortion is {:?}", self.distortion))
+        (!valid).then(|| format!("the distortion is {:?}", self.distortion))
     }
 
     /// Whether photos must be resampled.
@@ -60,6 +96,9 @@ impl Lens {
             Distortion::None => false,
             Distortion::Radial { k, p } => k.iter().chain(p).any(|&v| v != 0.0),
             Distortion::Fisheye { .. } => true,
+            Distortion::Division { k } => *k != 0.0,
+            Distortion::FieldOfView { omega } => *omega != 0.0,
+            Distortion::Unified { alpha, .. } => *alpha != 0.0,
         }
     }
 }
@@ -68,17 +107,19 @@ impl Distortion {
     /// Where the lens images the direction `(x, y, 1)`, on the plane z = 1.
     pub fn distort(&self, undistorted: DVec2) -> DVec2 {
         let r2 = undistorted.length_squared();
+        let at = undistorted * self.radial_factor(r2);
         match self {
-            Self::None => undistorted,
-            Self::Radial { p, .. } => {
-                let DVec2 { x, y } = undistorted;
-                let tangential = DVec2::new(
-                    2.0 * p[0] * x * y + p[1] * (r2 + 2.0 * x * x),
-                    p[0] * (r2 + 2.0 * y * y) + 2.0 * p[1] * x * y,
-                );
-                undistorted * self.radial_factor(r2) + tangential
+            Self::Radial { p, .. } => at + tangential(undistorted, *p),
+            Self::Fisheye { tilt: Tilt::BeforeRadial { p, s }, .. } => {
+                let before = undistorted * equidistant_factor(r2);
+                at + tangential(before, *p) + DVec2::from(*s) * before.length_squared()
             }
-            Self::Fisheye { .. } => undistorted * self.radial_factor(r2),
+            Self::Fisheye { tilt: Tilt::AfterRadial { p, s }, .. } => {
+                let r2 = at.length_squared();
+                let prism = DVec2::new(s[0] + s[1] * r2, s[2] + s[3] * r2) * r2;
+                at + tangential(at, [p[1], p[0]]) + prism
+            }
+            _ => at,
         }
     }
 
@@ -91,16 +132,27 @@ impl Distortion {
                 let denominator = 1.0 + r2 * (k[3] + r2 * (k[4] + r2 * k[5]));
                 numerator / denominator
             }
-            Self::Fisheye { k } => {
-                let r = r2.sqrt();
-                if r < 1e-9 {
-                    return 1.0;
-                }
-                let theta = r.atan();
-                let t2 = theta * theta;
-                let series = 1.0 + t2 * (k[0] + t2 * (k[1] + t2 * (k[2] + t2 * k[3])));
-                theta * series / r
+            Self::Fisheye { k, .. } => {
+                let factor = equidistant_factor(r2);
+                let t2 = factor * factor * r2;
+                factor * (1.0 + k.iter().rev().fold(0.0, |sum, k| t2 * (k + sum)))
             }
+            Self::Division { k } => 2.0 / (1.0 + (1.0 - 4.0 * k * r2).sqrt()),
+            Self::FieldOfView { omega } => {
+                let r = r2.sqrt();
+                let stretch = 2.0 * (0.5 * omega).tan();
+                match r * omega {
+                    angle if angle < 1e-9 => {
+                        if *omega == 0.0 {
+                            1.0
+                        } else {
+                            stretch / omega
+                        }
+                    }
+                    angle => (r * stretch).atan() / angle,
+                }
+            }
+            Self::Unified { alpha, beta } => 1.0 / (alpha * (beta * r2 + 1.0).sqrt() + 1.0 - alpha),
         }
     }
 
@@ -122,6 +174,19 @@ impl Distortion {
     }
 }
 
+/// `theta / r` of the direction at radius r on z = 1.
+fn equidistant_factor(r2: f64) -> f64 {
+    let r = r2.sqrt();
+    if r < 1e-9 { 1.0 } else { r.atan() / r }
+}
+
+/// OpenCV's tangential distortion.
+fn tangential(at: DVec2, p: [f64; 2]) -> DVec2 {
+    let DVec2 { x, y } = at;
+    let r2 = at.length_squared();
+    DVec2::new(2.0 * p[0] * x * y + p[1] * (r2 + 2.0 * x * x), p[0] * (r2 + 2.0 * y * y) + 2.0 * p[1] * x * y)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -134,9 +199,61 @@ mod tests {
         let x = 0.5 * (1.0 + 0.1 * r2) + 2.0 * 0.01 * 0.5 * -0.25 + 0.02 * (r2 + 2.0 * 0.25);
         let y = -0.25 * (1.0 + 0.1 * r2) + 0.01 * (r2 + 2.0 * 0.0625) + 2.0 * 0.02 * 0.5 * -0.25;
         assert!((got - DVec2::new(x, y)).length() < 1e-15);
-        let f = Distortion::Fisheye { k: [0.0; 4] };
+        let f = Distortion::Fisheye { k: [0.0; 6], tilt: Tilt::None };
         let at_45_deg = f.distort(DVec2::new(1.0, 0.0));
         assert!((at_45_deg.x - std::f64::consts::FRAC_PI_4).abs() < 1e-15);
+    }
+
+    #[test]
+    fn tilted_fisheye_lenses_match_the_formulas_of_colmap_term_by_term() {
+        let at = DVec2::new(0.5, -0.25);
+        let r = at.length();
+        let (theta, direction) = (r.atan(), at / r);
+        let t2 = theta * theta;
+        // The tilt before the radial terms: p1, p2 in OpenCV's order.
+        let k = [0.1, 0.02, 0.03, 0.04, 0.0, 0.0];
+        let d = Distortion::Fisheye { k, tilt: Tilt::BeforeRadial { p: [0.01, 0.02], s: [0.003, 0.004] } };
+        let DVec2 { x, y } = direction * theta;
+        let radial = 0.1 * t2 + 0.02 * t2.powi(2) + 0.03 * t2.powi(3) + 0.04 * t2.powi(4);
+        let expected = DVec2::new(
+            x + x * radial + 2.0 * 0.01 * x * y + 0.02 * (t2 + 2.0 * x * x) + 0.003 * t2,
+            y + y * radial + 0.01 * (t2 + 2.0 * y * y) + 2.0 * 0.02 * x * y + 0.004 * t2,
+        );
+        assert!((d.distort(at) - expected).length() < 1e-15);
+        // After them, with six radial terms: p0 belongs to x.
+        let k = [0.1, 0.02, 0.03, 0.04, 0.05, 0.06];
+        let tilt = Tilt::AfterRadial { p: [0.01, 0.02], s: [0.003, 0.004, 0.005, 0.006] };
+        let series = 1.0 + (0..6).map(|i| k[i] * t2.powi(i as i32 + 1)).sum::<f64>();
+        let DVec2 { x, y } = direction * theta * series;
+        let r2 = x * x + y * y;
+        let expected = DVec2::new(
+            x + 0.01 * (r2 + 2.0 * x * x) + 2.0 * 0.02 * x * y + 0.003 * r2 + 0.004 * r2 * r2,
+            y + 0.02 * (r2 + 2.0 * y * y) + 2.0 * 0.01 * x * y + 0.005 * r2 + 0.006 * r2 * r2,
+        );
+        assert!((Distortion::Fisheye { k, tilt }.distort(at) - expected).length() < 1e-15);
+    }
+
+    #[test]
+    fn other_radial_models_match_their_definitions() {
+        let at = DVec2::new(0.6, 0.8);
+        // Radius 1: the distorted radius d solves d / (1 + k d^2) = 1.
+        let d = Distortion::Division { k: -0.2 }.distort(at).length();
+        assert!((d / (1.0 - 0.2 * d * d) - 1.0).abs() < 1e-15);
+        let beyond = Distortion::Division { k: 0.3 };
+        assert!((beyond.monotonic_radius(2.0) - (1.0_f64 / 1.2).sqrt()).abs() < 1e-3, "no such direction");
+        // omega is the angle that the unit circle's diameter spans.
+        let half_wide = std::f64::consts::FRAC_PI_2;
+        let d = Distortion::FieldOfView { omega: half_wide }.distort(at).length();
+        assert!((d - 2.0_f64.atan() / half_wide).abs() < 1e-15);
+        let small = DVec2::new(1e-12, 0.0);
+        let slope = Distortion::FieldOfView { omega: half_wide }.distort(small).x / small.x;
+        assert!((slope - 2.0 / half_wide).abs() < 1e-9);
+        assert_eq!(Distortion::FieldOfView { omega: 0.0 }.distort(at), at);
+        let unified = Distortion::Unified { alpha: 0.6, beta: 3.0 };
+        assert!((unified.distort(at).length() - 1.0 / (0.6 * 2.0 + 0.4)).abs() < 1e-15);
+        // With alpha 1/2 and beta 1 it is the projection of a sphere from its surface: 2 tan(theta / 2).
+        let sphere = Distortion::Unified { alpha: 0.5, beta: 1.0 }.distort(at).length();
+        assert!((sphere - 2.0 * (std::f64::consts::FRAC_PI_8).tan()).abs() < 1e-15);
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Distorted captures against photos of the same scene through a pinhole.
 
 use super::fixtures::Scene;
-use super::lens::Distortion;
+use super::lens::{Distortion, Tilt};
 use super::*;
 use crate::image::TargetImage;
 use crate::views::ViewSource as _;
@@ -31,7 +31,7 @@ fn undistort(distortion: &Distortion, distorted: DVec2) -> DVec2 {
 fn captured(model: (i32, &'static str), extra: &[f64], distortion: &Distortion, max: u32) -> TargetImage {
     let mut scene = Scene::ring(2);
     let mut params = match model.0 {
-        2 | 3 | 8 | 9 => vec![FOCAL_PX],
+        2 | 3 | 8 | 9 | 12 | 14 => vec![FOCAL_PX],
         _ => vec![FOCAL_PX, FOCAL_PX],
     };
     params.extend([CENTRE_PX.x, CENTRE_PX.y]);
@@ -84,8 +84,15 @@ fn radial(k: [f64; 6], p: [f64; 2]) -> Distortion {
 
 #[test]
 fn every_lens_model_is_undistorted_to_the_pinhole_image() {
-    let fisheye = |k| Distortion::Fisheye { k };
-    let cases: [((i32, &str), &[f64], Distortion); 7] = [
+    let tilted = |k: &[f64], tilt| {
+        let mut all = [0.0; 6];
+        all[..k.len()].copy_from_slice(k);
+        Distortion::Fisheye { k: all, tilt }
+    };
+    let fisheye = |k: &[f64]| tilted(k, Tilt::None);
+    let thin_prism = Tilt::BeforeRadial { p: [0.004, -0.003], s: [0.01, -0.02] };
+    let rad_tan = Tilt::AfterRadial { p: [0.004, -0.003], s: [0.01, 0.002, -0.02, 0.003] };
+    let cases: [((i32, &str), &[f64], Distortion); 15] = [
         ((2, "SIMPLE_RADIAL"), &[-0.15], radial([-0.15, 0., 0., 0., 0., 0.], [0.; 2])),
         ((3, "RADIAL"), &[0.1, -0.05], radial([0.1, -0.05, 0., 0., 0., 0.], [0.; 2])),
         ((4, "OPENCV"), &[-0.1, 0.02, 0.004, -0.003], radial([-0.1, 0.02, 0., 0., 0., 0.], [0.004, -0.003])),
@@ -94,9 +101,25 @@ fn every_lens_model_is_undistorted_to_the_pinhole_image() {
             &[0.2, 0.05, 0.002, 0.001, 0.01, 0.3, 0.02, 0.01],
             radial([0.2, 0.05, 0.01, 0.3, 0.02, 0.01], [0.002, 0.001]),
         ),
-        ((5, "OPENCV_FISHEYE"), &[0.05, -0.02, 0.01, 0.0], fisheye([0.05, -0.02, 0.01, 0.0])),
-        ((8, "SIMPLE_RADIAL_FISHEYE"), &[0.05], fisheye([0.05, 0., 0., 0.])),
-        ((9, "RADIAL_FISHEYE"), &[0.05, 0.02], fisheye([0.05, 0.02, 0., 0.])),
+        ((5, "OPENCV_FISHEYE"), &[0.05, -0.02, 0.01, 0.0], fisheye(&[0.05, -0.02, 0.01])),
+        ((8, "SIMPLE_RADIAL_FISHEYE"), &[0.05], fisheye(&[0.05])),
+        ((9, "RADIAL_FISHEYE"), &[0.05, 0.02], fisheye(&[0.05, 0.02])),
+        ((7, "FOV"), &[0.6], Distortion::FieldOfView { omega: 0.6 }),
+        (
+            (10, "THIN_PRISM_FISHEYE"),
+            &[0.05, -0.02, 0.004, -0.003, 0.01, 0.0, 0.01, -0.02],
+            tilted(&[0.05, -0.02, 0.01], thin_prism),
+        ),
+        (
+            (11, "RAD_TAN_THIN_PRISM_FISHEYE"),
+            &[0.05, -0.02, 0.01, 0.0, 0.001, 0.002, 0.004, -0.003, 0.01, 0.002, -0.02, 0.003],
+            tilted(&[0.05, -0.02, 0.01, 0.0, 0.001, 0.002], rad_tan),
+        ),
+        ((12, "SIMPLE_DIVISION"), &[-0.2], Distortion::Division { k: -0.2 }),
+        ((13, "DIVISION"), &[-0.1], Distortion::Division { k: -0.1 }),
+        ((14, "SIMPLE_FISHEYE"), &[], fisheye(&[])),
+        ((15, "FISHEYE"), &[], fisheye(&[])),
+        ((16, "EUCM"), &[0.6, 1.1], Distortion::Unified { alpha: 0.6, beta: 1.1 }),
     ];
     for (model, extra, distortion) in &cases {
         let (mean, worst, kept) = differences(&captured(*model, extra, distortion, 120));

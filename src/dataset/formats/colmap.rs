@@ -3,7 +3,7 @@
 use super::colmap_model::{ColmapCamera, ColmapImage, ColmapSparse};
 use super::{colmap_bin, colmap_txt};
 use crate::camera::Pinhole;
-use crate::dataset::lens::{Distortion, Lens};
+use crate::dataset::lens::{Distortion, Lens, Tilt};
 use crate::dataset::pose_format::{Found, PoseFormat};
 use crate::dataset::source::{Source, SourceView, checked_pose, first_names};
 use crate::text::quoted;
@@ -204,7 +204,7 @@ fn lens(camera: &ColmapCamera) -> Result<Lens, String> {
         u32::try_from(value).map_err(|_| format!("camera {}: its {what} is {value} pixels", camera.id))
     };
     let p = &camera.params;
-    let shared_focal = !matches!(camera.model.number, 1 | 4 | 5 | 6);
+    let shared_focal = matches!(camera.model.number, 0 | 2 | 3 | 8 | 9 | 12 | 14);
     let (fx_px, fy_px, rest) = if shared_focal { (p[0], p[0], 1) } else { (p[0], p[1], 2) };
     let d = &p[rest + 2..];
     let radial = |k: &[f64], p: [f64; 2]| {
@@ -212,16 +212,27 @@ fn lens(camera: &ColmapCamera) -> Result<Lens, String> {
         all[..k.len()].copy_from_slice(k);
         Distortion::Radial { k: all, p }
     };
-    let fisheye = |k: &[f64]| {
-        let mut all = [0.0; 4];
+    let fisheye = |k: &[f64], tilt| {
+        let mut all = [0.0; 6];
         all[..k.len()].copy_from_slice(k);
-        Distortion::Fisheye { k: all }
+        Distortion::Fisheye { k: all, tilt }
     };
     let distortion = match camera.model.number {
         2 | 3 => radial(d, [0.0; 2]),
         4 => radial(&d[..2], [d[2], d[3]]),
         6 => radial(&[d[0], d[1], d[4], d[5], d[6], d[7]], [d[2], d[3]]),
-        5 | 8 | 9 => fisheye(d),
+        5 | 8 | 9 | 14 | 15 => fisheye(d, Tilt::None),
+        7 => Distortion::FieldOfView { omega: d[0] },
+        10 => {
+            let tilt = Tilt::BeforeRadial { p: [d[2], d[3]], s: [d[6], d[7]] };
+            fisheye(&[d[0], d[1], d[4], d[5]], tilt)
+        }
+        11 => {
+            let tilt = Tilt::AfterRadial { p: [d[6], d[7]], s: [d[8], d[9], d[10], d[11]] };
+            fisheye(&d[..6], tilt)
+        }
+        12 | 13 => Distortion::Division { k: d[0] },
+        16 => Distortion::Unified { alpha: d[0], beta: d[1] },
         _ => Distortion::None,
     };
     let lens = Lens {

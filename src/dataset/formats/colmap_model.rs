@@ -58,7 +58,7 @@ const fn model(number: i32, name: &'static str, num_params: usize, supported: bo
 }
 
 /// Numbers, names and parameter counts: COLMAP `src/colmap/sensor/models.h`.
-const MODELS: [ColmapModel; 12] = [
+const MODELS: [ColmapModel; 18] = [
     model(0, "SIMPLE_PINHOLE", 3, true),
     model(1, "PINHOLE", 4, true),
     model(2, "SIMPLE_RADIAL", 4, true),
@@ -66,18 +66,31 @@ const MODELS: [ColmapModel; 12] = [
     model(4, "OPENCV", 8, true),
     model(5, "OPENCV_FISHEYE", 8, true),
     model(6, "FULL_OPENCV", 12, true),
-    model(7, "FOV", 5, false),
+    model(7, "FOV", 5, true),
     model(8, "SIMPLE_RADIAL_FISHEYE", 4, true),
     model(9, "RADIAL_FISHEYE", 5, true),
-    model(10, "THIN_PRISM_FISHEYE", 12, false),
-    model(11, "RAD_TAN_THIN_PRISM_FISHEYE", 16, false),
+    model(10, "THIN_PRISM_FISHEYE", 12, true),
+    model(11, "RAD_TAN_THIN_PRISM_FISHEYE", 16, true),
+    model(12, "SIMPLE_DIVISION", 4, true),
+    model(13, "DIVISION", 5, true),
+    model(14, "SIMPLE_FISHEYE", 3, true),
+    model(15, "FISHEYE", 4, true),
+    model(16, "EUCM", 6, true),
+    // Whole panoramas, which no pinhole image shows.
+    model(17, "EQUIRECTANGULAR", 2, false),
 ];
-
-const REMEDY: &str = "run \"colmap image_undistorter\" and use its output";
 
 fn supported_models() -> String {
     let names: Vec<&str> = MODELS.iter().filter(|m| m.supported).map(|m| m.name).collect();
     names.join(", ")
+}
+
+/// What to do about a model that is known but not supported, or about a model that is not known.
+fn remedy(found: Option<ColmapModel>) -> &'static str {
+    match found {
+        Some(_) => "cut the panoramas into perspective views and run COLMAP on these",
+        None => "run \"colmap image_undistorter\" and use its output",
+    }
 }
 
 impl ColmapModel {
@@ -99,8 +112,9 @@ impl ColmapModel {
                 Err(Error::unsupported(
                     path,
                     format!(
-                        "camera {camera_id} has the camera model {shown}{known}; supported: {}; {REMEDY}",
-                        supported_models()
+                        "camera {camera_id} has the camera model {shown}{known}; supported: {}; {}",
+                        supported_models(),
+                        remedy(found)
                     ),
                 ))
             }

@@ -5,7 +5,7 @@ use super::bytes::read_text;
 use super::ply;
 use crate::camera::{Pinhole, RigidTransform};
 use crate::dataset::folder::CaptureFolder;
-use crate::dataset::lens::{Distortion, Lens};
+use crate::dataset::lens::{Distortion, Lens, Tilt};
 use crate::dataset::photos::photo_size;
 use crate::dataset::pose_format::{Found, PoseFormat};
 use crate::dataset::source::{Source, SourceView, checked_pose};
@@ -263,7 +263,7 @@ impl Intrinsics {
     fn distortion(&self, path: &Path, element: &str) -> Result<Distortion> {
         let k = [self.k1, self.k2, self.k3, self.k4, self.k5, self.k6].map(|v| v.unwrap_or(0.0));
         let p = [self.p1, self.p2].map(|v| v.unwrap_or(0.0));
-        let fisheye = Distortion::Fisheye { k: [k[0], k[1], k[2], k[3]] };
+        let fisheye = Distortion::Fisheye { k: [k[0], k[1], k[2], k[3], 0.0, 0.0], tilt: Tilt::None };
         match self.camera_model.as_deref() {
             Some("OPENCV_FISHEYE") => return Ok(fisheye),
             Some("SIMPLE_PINHOLE" | "PINHOLE" | "SIMPLE_RADIAL" | "RADIAL" | "OPENCV" | "FULL_OPENCV")
