@@ -90,7 +90,7 @@ fn a_run_writes_what_the_schema_documents() {
         ("/quality/ssim_valid", -1.0),
         ("/quality/flip", 0.0),
         ("/quality/psnr_corrected", 5.0),
-        ("/quality/uncovered", 0.0),
+        ("/quality/uncovered", -1.0),
         ("/size/splats", 99.0),
         // Measured: 1,140, 2 x 2 for most of 300 splats.
         ("/size/texels", 799.0),

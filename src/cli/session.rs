@@ -31,6 +31,9 @@ const OUTLYING_SHOWN: usize = 5;
 /// A larger share of test pixels that nothing covers is worth a warning.
 const UNCOVERED_MAX: f64 = 0.01;
 
+/// Steps before which even well-seen surfaces may be translucent: splats start at opacity 0.1.
+const UNCOVERED_MIN_STEPS: u32 = 200;
+
 /// The files and the display of one training.
 pub struct Session<'a> {
     folder: &'a RunFolder,
@@ -229,8 +232,8 @@ impl<'a> Session<'a> {
 
     fn warn_of_uncovered_pixels(&mut self) -> Result<()> {
         let uncovered = self.evaluation.as_ref().and_then(|evaluation| evaluation.uncovered);
-        // Around an object cut out by alpha there is nothing.
-        let Some(share) = uncovered.filter(|share| *share > UNCOVERED_MAX && !self.views.has_alpha()) else {
+        let is_trained = self.config.train.steps >= UNCOVERED_MIN_STEPS;
+        let Some(share) = uncovered.filter(|share| is_trained && *share > UNCOVERED_MAX) else {
             return Ok(());
         };
         let message = format!(

@@ -36,7 +36,8 @@ impl UncoveredArea {
         let mut masks = BTreeMap::new();
         for view in capture.indices(Split::Test) {
             let image = backend.render(&capture.camera(view), &options)?;
-            masks.insert(view, uncovered_pixels(&image.alpha, &*capture.target(view)?));
+            let mask = uncovered_pixels(&image.alpha, &*capture.target(view)?, options.background);
+            masks.insert(view, mask);
         }
         Ok(Self { path: other.path.clone(), masks, squares: 0, pixels: 0 })
     }

@@ -276,15 +276,17 @@ fn colours_are_corrected_in_flat_images_and_not_where_a_half_is_masked() {
 }
 
 #[test]
-fn uncovered_pixels_are_counted_where_the_photo_counts() {
-    let mut photo = TargetImage { width_px: 4, height_px: 1, rgb: vec![0; 12], mask: None };
+fn uncovered_pixels_are_counted_where_the_photo_counts_and_shows_something() {
+    let mut photo = TargetImage { width_px: 4, height_px: 1, rgb: vec![9; 12], mask: None };
     let alpha = [0.0, 0.49, 0.5, 1.0];
-    assert_eq!(uncovered_pixels(&alpha, &photo), [true, true, false, false]);
-    assert_eq!(uncovered_share(&alpha, &photo), 0.5);
+    let black = [0.0; 3];
+    assert_eq!(uncovered_pixels(&alpha, &photo, black), [true, true, false, false]);
+    assert_eq!(uncovered_share(&alpha, &photo, black), 0.5);
+    assert_eq!(uncovered_share(&alpha, &photo, [9.0 / 255.0; 3]), 0.0, "the photo shows the background");
     photo.mask = Some(vec![0, 255, 255, 255]);
-    assert_eq!(uncovered_share(&alpha, &photo), 1.0 / 3.0);
+    assert_eq!(uncovered_share(&alpha, &photo, black), 1.0 / 3.0);
     photo.mask = Some(vec![0; 4]);
-    assert_eq!(uncovered_share(&alpha, &photo), 0.0);
+    assert_eq!(uncovered_share(&alpha, &photo, black), 0.0);
 }
 
 #[test]

@@ -15,6 +15,14 @@ pub struct TargetImage {
     pub mask: Option<Vec<u8>>,
 }
 
+/// Difference per channel up to which a colour counts as the background.
+const BACKGROUND_TOLERANCE: f64 = 4.0 / 255.0;
+
+/// Whether a colour, 0 to 1, looks like the background.
+pub fn is_background(rgb: [f64; 3], background: [f32; 3]) -> bool {
+    rgb.iter().zip(background).all(|(c, b)| (c - f64::from(b)).abs() <= BACKGROUND_TOLERANCE)
+}
+
 impl TargetImage {
     /// Whether any pixel counts in loss and metrics, that is, whether the photo is not wholly masked.
     pub fn has_counted_pixels(&self) -> bool {

@@ -1,5 +1,5 @@
-//! The backdrop: large splats on a sphere behind the points, where rays of the training views meet no points, as in
-//! the sky or on blank walls (method 5.3). Without it, such pixels stay empty or fill with floaters.
+//! The backdrop: large splats behind the points, where rays of the training views meet no points, as in the sky or on
+//! blank walls (method 5.3). Without it, such pixels stay empty or fill with floaters.
 
 use super::input::InitInput;
 use super::points::LocalPoint;
@@ -7,7 +7,7 @@ use super::random::local_from_cameras;
 use crate::Result;
 use crate::camera::Camera;
 use crate::constants::MAP_SIGMA_MAX;
-use crate::image::TargetImage;
+use crate::image::{TargetImage, is_background};
 use crate::views::{Split, by_place};
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use rayon::prelude::*;
@@ -30,9 +30,6 @@ const EMPTY_RAYS_MIN: usize = 2;
 
 /// Cosine of the angle up to which the backdrop continues what views show into directions where none looks: 25 degrees.
 const CONTINUED_COS: f64 = 0.906;
-
-/// Empty rays that look like the background, within this distance per channel, need no splat.
-const BACKGROUND_TOLERANCE: f64 = 4.0 / 255.0;
 
 /// Standard deviation in units of the spacing of directions: neighbours together hide what is behind.
 const SIGMA_PER_SPACING: f64 = 0.7;
@@ -183,9 +180,8 @@ fn colours(directions: &[DVec3], seen: &[Seen], background: [f32; 3]) -> Vec<Opt
         }
         (sum[3] > 0.0).then(|| [0, 1, 2].map(|c| sum[c] / sum[3]))
     };
-    let differs = |colour: &[f64; 3]| {
-        colour.iter().zip(background).any(|(c, b)| (c - f64::from(b)).abs() > BACKGROUND_TOLERANCE)
-    };
+    // What looks like the background needs no splat.
+    let differs = |colour: &[f64; 3]| !is_background(*colour, background);
     let of = |(seen, &direction): (&Seen, &DVec3)| match seen.all.len() {
         0 => continued(direction),
         _ if seen.empty.len() >= EMPTY_RAYS_MIN => median(&seen.empty),

@@ -99,10 +99,14 @@ fn the_backdrop_fills_the_sky_and_not_the_ground() {
     // The views see 33 degrees down.
     let ground = |(p, _): &&&([f32; 3], [f32; 3])| (-25.0..-8.0).contains(&elevation_degrees(*p));
     assert_eq!(north.iter().filter(ground).count(), 0, "the ground has points");
-    // It faces the cameras at one distance, behind all points.
-    let distances: Vec<f32> =
-        splats.iter().map(|(p, _)| p.iter().map(|v| v * v).sum::<f32>().sqrt()).collect();
-    assert!(distances.iter().all(|d| (d - distances[0]).abs() < 1e-3 && *d > 10.0), "{}", distances[0]);
+    // Far from all points it stands behind them at one distance, near them just behind the nearest ones.
+    let distance = |p: &[f32; 3]| p.iter().map(|v| v * v).sum::<f32>().sqrt();
+    let is_far = |(p, _): &&([f32; 3], [f32; 3])| elevation_degrees(*p) > 25.0;
+    let far: Vec<f32> = splats.iter().filter(is_far).map(|(p, _)| distance(p)).collect();
+    assert!(far.len() > 20 && far.iter().all(|d| (d - far[0]).abs() < 1e-3 && *d > 10.0), "{far:?}");
+    let is_near = |(p, _): &&([f32; 3], [f32; 3])| (8.0..14.0).contains(&elevation_degrees(*p));
+    let near: Vec<f32> = splats.iter().filter(is_near).map(|(p, _)| distance(p)).collect();
+    assert!(near.len() > 5 && near.iter().all(|d| (1.5 - 1e-3..0.9 * far[0]).contains(d)), "{near:?}");
     // Around what the views show it goes on, and no further: nothing stands in the south.
     assert!(splats.iter().all(|(p, _)| p[1] > 0.0 || elevation_degrees(*p).abs() > 30.0));
 }

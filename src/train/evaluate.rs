@@ -46,7 +46,7 @@ pub fn evaluate(
         let figures = images.par_iter().map(|(view, image)| {
             let target = views.target(*view)?;
             let quality = || ViewQuality {
-                uncovered: Some(uncovered_share(&image.alpha, &target)),
+                uncovered: Some(uncovered_share(&image.alpha, &target, options.background)),
                 ..quality_of(views.name(*view), &image.rgb, &target)
             };
             Ok(target.has_counted_pixels().then(quality))
