@@ -42,8 +42,7 @@ pub fn fresh_state(
             config.policy
         )));
     }
-    let mut report = Report::default();
-    let points = source.resolve(capture, &mut report)?;
+    let points = source.resolve(capture)?;
     let input = InitInput {
         views: capture,
         points: points.as_input(),
@@ -57,8 +56,8 @@ pub fn fresh_state(
         policy: config.policy,
         seed: config.seed,
         backdrop_on: has_backdrop(capture, config).then_some(config.background),
+        sweep_on: (config.sweep && *source == InitSource::Auto).then_some(config.background),
     };
-    let (model, left_out) = initial_model(&input, &options)?;
-    report.merge(left_out);
+    let (model, report) = initial_model(&input, &options)?;
     Ok((TrainState::fresh(model), report))
 }

@@ -4,7 +4,7 @@ use super::capture::Capture;
 use litetex_gs::dataset::read_ply_points;
 use litetex_gs::init::InitPoints;
 use litetex_gs::views::SfmPoint;
-use litetex_gs::{Error, Report, Result};
+use litetex_gs::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::fmt;
@@ -21,7 +21,7 @@ const RANDOM_POINTS_MAX: usize = 10_000_000;
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub enum InitSource {
-    /// At the capture's points, or at random ones if it has none.
+    /// At the capture's points, with more from the photos where it has few; at random ones if there are none.
     #[default]
     Auto,
     /// At the capture's points.
@@ -35,14 +35,15 @@ pub enum InitSource {
 /// Points as [`InitSource`] has them, and the file that they are from.
 pub struct ResolvedPoints<'a> {
     points: Option<Cow<'a, [SfmPoint]>>,
-    num_random: usize,
+    /// Stands for the points if there are none.
+    otherwise: InitPoints<'a>,
     pub file: &'a Path,
 }
 
 impl ResolvedPoints<'_> {
     /// As initialisation takes them.
     pub fn as_input(&self) -> InitPoints<'_> {
-        self.points.as_deref().map_or(InitPoints::Random(self.num_random), InitPoints::Sparse)
+        self.points.as_deref().map_or(self.otherwise, InitPoints::Sparse)
     }
 }
 
@@ -60,23 +61,21 @@ impl InitSource {
     ///
     /// # Errors
     /// [`Error::InvalidInput`] if the capture has no points but `sfm` asks for them; errors of reading the file.
-    pub fn resolve<'a>(&'a self, capture: &'a Capture, report: &mut Report) -> Result<ResolvedPoints<'a>> {
+    pub fn resolve<'a>(&'a self, capture: &'a Capture) -> Result<ResolvedPoints<'a>> {
         let poses = capture.poses.as_path();
-        let resolved = |points, num_random, file| Ok(ResolvedPoints { points, num_random, file });
+        let given = |points, file| {
+            Ok(ResolvedPoints { points: Some(points), otherwise: InitPoints::Missing(0), file })
+        };
+        let without = |otherwise| Ok(ResolvedPoints { points: None, otherwise, file: poses });
         match self {
             Self::Sfm if capture.points.is_empty() => Err(Error::invalid(
                 poses,
                 "the capture has no points; start from random points (random:COUNT)",
             )),
-            Self::Auto if capture.points.is_empty() => {
-                let message =
-                    format!("the capture has no points: initialising from {RANDOM_POINTS} random points");
-                report.warn("random-initialisation", RANDOM_POINTS, message);
-                resolved(None, RANDOM_POINTS, poses)
-            }
-            Self::Auto | Self::Sfm => resolved(Some(Cow::Borrowed(&capture.points)), 0, poses),
-            Self::Ply(path) => resolved(Some(Cow::Owned(read_ply_points(path)?)), 0, path),
-            Self::Random(count) => resolved(None, *count, poses),
+            Self::Auto if capture.points.is_empty() => without(InitPoints::Missing(RANDOM_POINTS)),
+            Self::Auto | Self::Sfm => given(Cow::Borrowed(&capture.points), poses),
+            Self::Ply(path) => given(Cow::Owned(read_ply_points(path)?), path),
+            Self::Random(count) => without(InitPoints::Random(*count)),
         }
     }
 }
@@ -160,17 +159,15 @@ mod tests {
     fn auto_initialises_at_random_if_the_capture_has_no_points() {
         let folder = tempfile::tempdir().unwrap();
         let mut capture = sample(folder.path());
-        let mut report = Report::default();
         let count = capture.points.len();
-        let resolved = InitSource::Auto.resolve(&capture, &mut report).unwrap();
+        let resolved = InitSource::Auto.resolve(&capture).unwrap();
         assert!(matches!(resolved.as_input(), InitPoints::Sparse(points) if points.len() == count));
-        assert!(report.warnings.is_empty() && !InitSource::Auto.is_random(&capture));
+        assert!(!InitSource::Auto.is_random(&capture));
         capture.points.clear();
-        let resolved = InitSource::Auto.resolve(&capture, &mut report).unwrap();
-        assert!(matches!(resolved.as_input(), InitPoints::Random(RANDOM_POINTS)));
-        assert_eq!(report.warnings[0].code, "random-initialisation");
+        let resolved = InitSource::Auto.resolve(&capture).unwrap();
+        assert!(matches!(resolved.as_input(), InitPoints::Missing(RANDOM_POINTS)));
         assert!(InitSource::Auto.is_random(&capture));
-        assert!(matches!(InitSource::Sfm.resolve(&capture, &mut report), Err(Error::InvalidInput { .. })));
+        assert!(matches!(InitSource::Sfm.resolve(&capture), Err(Error::InvalidInput { .. })));
     }
 
     #[test]
@@ -182,7 +179,7 @@ mod tests {
                    property float z\nend_header\n0.5 0 0\n";
         std::fs::write(&path, ply).unwrap();
         let source = InitSource::Ply(path.clone());
-        let resolved = source.resolve(&capture, &mut Report::default()).unwrap();
+        let resolved = source.resolve(&capture).unwrap();
         assert_eq!(resolved.file, path);
         let InitPoints::Sparse([point]) = resolved.as_input() else { panic!("one point") };
         assert_eq!(point.position_in_capture.to_array(), [0.5, 0.0, 0.0]);

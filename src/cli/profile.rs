@@ -39,13 +39,24 @@ impl Profile {
 
     /// Replaces all settings that profiles decide, so that nothing of another profile is left.
     pub fn apply(self, config: &mut TrainConfig) {
-        let TrainConfig { policy, components, density, scheduler, backdrop, exposure, loss, rates, .. } =
-            TrainConfig::default();
+        let TrainConfig {
+            policy,
+            components,
+            density,
+            scheduler,
+            sweep,
+            backdrop,
+            exposure,
+            loss,
+            rates,
+            ..
+        } = TrainConfig::default();
         *config = TrainConfig {
             policy,
             components,
             density,
             scheduler,
+            sweep,
             backdrop,
             exposure,
             loss,
@@ -53,6 +64,7 @@ impl Profile {
             ..config.clone()
         };
         if matches!(self, Self::Paper | Self::Authors | Self::Cat) {
+            config.sweep = false;
             config.backdrop = Backdrop::None;
             config.rates.position_random = config.rates.position;
         }

@@ -96,7 +96,8 @@ pub struct TrainingArgs {
     /// Initialise from at most this many points, chosen at random
     #[arg(long, value_name = "N", value_parser = parse_count)]
     pub max_points: Option<usize>,
-    /// Initial points: auto (those of the capture, else random), sfm, ply:FILE, random:N [default: auto]
+    /// Initial points: auto (those of the capture, with more from the photos where it has few, else random), sfm (those
+    /// of the capture only), ply:FILE, random:N [default: auto]
     #[arg(long, value_name = "SOURCE")]
     pub init: Option<InitSource>,
     /// Large splats behind the points, where rays of the training views meet none, such as the sky: auto (not if photos

@@ -12,6 +12,8 @@ pub enum InitPoints<'a> {
     Sparse(&'a [SfmPoint]),
     /// At so many random points in the views.
     Random(usize),
+    /// There are none: likewise, unless the photos show where points are.
+    Missing(usize),
 }
 
 /// What a capture contributes to the initial model.
@@ -43,10 +45,19 @@ pub struct InitOptions {
     /// Adds a backdrop where training rays meet no points, which takes reading photos; on photos that were
     /// composited on this background. `None`: no backdrop.
     pub backdrop_on: Option<[f32; 3]>,
+    /// Adds points from photos where there are few, likewise. `None`: only those given.
+    pub sweep_on: Option<[f32; 3]>,
 }
 
 impl Default for InitOptions {
     fn default() -> Self {
-        Self { max_points: 1_000_000, sh_degree: 3, policy: Policy::Litetex, seed: 42, backdrop_on: None }
+        Self {
+            max_points: 1_000_000,
+            sh_degree: 3,
+            policy: Policy::Litetex,
+            seed: 42,
+            backdrop_on: None,
+            sweep_on: None,
+        }
     }
 }

@@ -6,9 +6,13 @@ mod backdrop;
 mod backdrop_tests;
 mod input;
 mod knn;
+mod patch;
 mod points;
 mod random;
 mod splats;
+mod sweep;
+#[cfg(test)]
+mod sweep_tests;
 #[cfg(test)]
 mod tests;
 
@@ -24,7 +28,7 @@ use random::{Purpose, Stream, local_from_cameras, rotation};
 ///
 /// # Errors
 /// [`Error::Usage`] for options out of range, [`Error::InvalidInput`] if no usable point is left; with a backdrop
-/// whatever reading a photo reports.
+/// or a sweep whatever reading a photo reports.
 pub fn initial_model(input: &InitInput<'_>, options: &InitOptions) -> Result<(Model, Report)> {
     if options.sh_degree > SH_DEGREE_MAX || options.max_points == 0 {
         return Err(Error::Usage(format!(
@@ -36,7 +40,24 @@ pub fn initial_model(input: &InitInput<'_>, options: &InitOptions) -> Result<(Mo
     let mut points = match input.points {
         InitPoints::Sparse(points) => local_points(input, points),
         InitPoints::Random(count) => random_points(input, count, options.seed),
+        InitPoints::Missing(_) => Vec::new(),
     };
+    if let Some(background) = options.sweep_on {
+        let (known, swept) = (points.len(), sweep::swept(input, &points, background, options.seed)?);
+        if !swept.is_empty() {
+            let message =
+                format!("the capture has {known} points; {} more found by comparing photos", swept.len());
+            report.warn("few-points", swept.len(), message);
+        }
+        points.extend(swept);
+    }
+    if let InitPoints::Missing(count) = input.points
+        && points.is_empty()
+    {
+        let message = format!("the capture has no points: initialising from {count} random points");
+        report.warn("random-initialisation", count, message);
+        points = random_points(input, count, options.seed);
+    }
     // What is drawn at random for a point must depend neither on its place in the file nor on how the
     // capture is turned.
     points.sort_by(|a, b| {

@@ -13,6 +13,7 @@ pub(super) enum Purpose {
     Colours = 2,
     Thinning = 3,
     Rotations = 4,
+    Rays = 5,
 }
 
 /// A stream of random numbers for one purpose.

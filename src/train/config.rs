@@ -199,7 +199,9 @@ pub struct TrainConfig {
     pub density: DensityConfig,
     /// Frequency schedule.
     pub scheduler: FrequencyOptions,
-    /// Large splats behind the points. Default `auto`.
+    /// Whether the initial model gets points from the photos where the capture has few. Default on (choices 13).
+    pub sweep: bool,
+    /// Large splats behind the points. Default `auto` (choices 13).
     pub backdrop: Backdrop,
     /// Correction of the photos' exposures. Default `none`.
     pub exposure: Exposure,
@@ -228,6 +230,7 @@ impl Default for TrainConfig {
             budget: Budget::default(),
             density: DensityConfig::default(),
             scheduler: FrequencyOptions::default(),
+            sweep: true,
             backdrop: Backdrop::Auto,
             exposure: Exposure::None,
             background: [0.0; 3],

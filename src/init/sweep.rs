@@ -1,0 +1,232 @@
+//! Points from the photos, where a capture has few of its own: along rays of the training views, the depth at which
+//! neighbouring photos show the same (plane sweep, Collins 1996; method 5.4).
+
+use super::input::InitInput;
+use super::patch::{Photo, Reference};
+use super::points::LocalPoint;
+use super::random::{Purpose, Stream};
+use crate::Result;
+use crate::camera::Camera;
+use crate::image::is_background;
+use crate::views::{Split, by_place};
+use glam::{DVec2, DVec3};
+use rayon::prelude::*;
+
+/// Pixels of a training view per point that a capture should have, and bounds of that number.
+const PIXELS_PER_POINT: f64 = 25.0;
+const WANTED_BOUNDS: (f64, f64) = (500.0, 20_000.0);
+
+/// Longer side of the photos that are compared, pixels.
+const SIDE_PX: u32 = 192;
+
+/// Photos that each one is compared with, and the greatest angle between the optical axes: 45 degrees.
+const NEIGHBOURS: usize = 4;
+const AXES_COS: f64 = 0.707;
+
+/// Preferred distance between the cameras of two photos, local units.
+const BASELINE: f64 = 0.25;
+
+/// Depths where no points tell, local units.
+const DEPTHS: (f64, f64) = (0.3, 20.0);
+
+/// Of the depths of known points in the views: the quantiles and factors that bound the search.
+const DEPTH_QUANTILES: (f64, f64) = (0.02, 0.98);
+const DEPTH_FACTORS: (f64, f64) = (0.7, 1.5);
+
+/// Fewer known points than this tell nothing about the depths.
+const POINTS_FOR_DEPTHS: usize = 10;
+
+/// Depths that are tried along a ray.
+const HYPOTHESES: (f64, f64) = (32.0, 192.0);
+
+/// Correlation of the patches that makes a match, and its lead over the best of other depths.
+const MATCH_MIN: f32 = 0.85;
+const MATCH_LEAD: f32 = 0.05;
+
+/// Depths at which a match moves by less than this from the best one are not others, pixels.
+const PEAK_RADIUS_PX: f64 = 3.0;
+
+/// A ray without a match lies on the plane through the nearest matches of its view: as many, within this share of the
+/// longer side.
+const SUPPORTS: (usize, usize) = (4, 6);
+const SUPPORT_RADIUS: f64 = 0.125;
+
+/// Number of points that a capture should have, by the size of its views.
+fn wanted(cameras: &[Camera]) -> usize {
+    let pixels: f64 = cameras.iter().map(|c| c.pinhole.num_pixels() as f64).sum();
+    let per_view = pixels / cameras.len().max(1) as f64;
+    (per_view / PIXELS_PER_POINT).clamp(WANTED_BOUNDS.0, WANTED_BOUNDS.1) as usize
+}
+
+/// Points to add to `known` ones; none if there are enough, that is, half of what the views ask for.
+///
+/// # Errors
+/// Whatever reading a photo reports.
+pub(super) fn swept(
+    input: &InitInput<'_>,
+    known: &[LocalPoint],
+    background: [f32; 3],
+    seed: u64,
+) -> Result<Vec<LocalPoint>> {
+    let views = by_place(input.views, input.views.indices(Split::Train));
+    let cameras: Vec<Camera> = views.iter().map(|&view| input.views.camera(view)).collect();
+    let wanted = wanted(&cameras);
+    if 2 * known.len() >= wanted || views.len() < 2 {
+        return Ok(Vec::new());
+    }
+    input.views.prefetch(&views);
+    let photo =
+        |(&view, camera): (&usize, &Camera)| Ok(Photo::new(&*input.views.target(view)?, camera, SIDE_PX));
+    let photos = views.iter().zip(&cameras).map(photo).collect::<Result<Vec<_>>>()?;
+    let (near, far) = depths(&photos, known);
+    let mut stream = Stream::new(seed, Purpose::Rays);
+    let rays: Vec<Vec<DVec2>> = (0..photos.len())
+        .map(|i| {
+            // Shared evenly: all views get as many, the first ones one more.
+            let count = (wanted - known.len() + photos.len() - 1 - i) / photos.len();
+            let pinhole = &photos[i].camera.pinhole;
+            let size = DVec2::new(pinhole.width_px.into(), pinhole.height_px.into());
+            (0..count).map(|_| DVec2::new(stream.uniform(), stream.uniform()) * size).collect()
+        })
+        .collect();
+    let of_view = |(i, rays): (usize, &Vec<DVec2>)| points_of_view(i, rays, &photos, (near, far), background);
+    Ok(rays.par_iter().enumerate().map(of_view).collect::<Vec<_>>().concat())
+}
+
+/// The points of one view.
+fn points_of_view(
+    index: usize,
+    rays: &[DVec2],
+    photos: &[Photo],
+    (near, far): (f64, f64),
+    background: [f32; 3],
+) -> Vec<LocalPoint> {
+    let photo = &photos[index];
+    let neighbours = neighbours(index, photos);
+    let mut matched: Vec<(DVec2, f64)> = Vec::new();
+    let mut open = Vec::new();
+    for &at_px in rays.iter().filter(|at| photo.counts(**at) && !is_background(photo.rgb(**at), background)) {
+        let found = Reference::new(photo, at_px)
+            .and_then(|reference| inverse_depth(&reference, &neighbours, (1.0 / far, 1.0 / near)));
+        match found {
+            Some(inverse) => matched.push((at_px, inverse)),
+            None => open.push(at_px),
+        }
+    }
+    let between = open.into_iter().filter_map(|at| Some((at, on_plane(at, &matched, photo)?)));
+    let all: Vec<(DVec2, f64)> = matched.iter().copied().chain(between).collect();
+    all.into_iter()
+        .map(|(at_px, inverse)| {
+            let in_camera = photo.camera.pinhole.direction_in_camera(at_px) / inverse;
+            let in_local = photo.camera.camera_from_local.inverse().transform_point(in_camera);
+            LocalPoint::new(in_local, photo.rgb(at_px).map(|c| c as f32))
+        })
+        .collect()
+}
+
+/// The photos that look the same way from a little aside.
+fn neighbours(index: usize, photos: &[Photo]) -> Vec<&Photo> {
+    let axis = |photo: &Photo| photo.camera.camera_from_local.rotation.row(2);
+    let own = &photos[index];
+    let baseline = |other: &Photo| other.camera.centre_in_local().distance(own.camera.centre_in_local());
+    let mut near: Vec<&Photo> = photos
+        .iter()
+        .enumerate()
+        .filter(|(i, other)| *i != index && axis(other).dot(axis(own)) > AXES_COS && baseline(other) > 1e-3)
+        .map(|(_, other)| other)
+        .collect();
+    let cost = |other: &Photo| (baseline(other) - BASELINE).abs();
+    near.sort_by(|a, b| cost(a).total_cmp(&cost(b)));
+    near.truncate(NEIGHBOURS);
+    near
+}
+
+/// Bounds of the depths, from the known points in the views.
+fn depths(photos: &[Photo], known: &[LocalPoint]) -> (f64, f64) {
+    if known.len() < POINTS_FOR_DEPTHS {
+        return DEPTHS;
+    }
+    let mut depths: Vec<f64> = Vec::new();
+    for photo in photos {
+        let in_view = known.iter().filter_map(|point| {
+            let in_camera = photo.camera.camera_from_local.transform_point(point.position_in_local());
+            let at = photo.camera.pinhole.project(in_camera)?;
+            photo.contains(at).then_some(in_camera.z)
+        });
+        depths.extend(in_view);
+    }
+    if depths.is_empty() {
+        return DEPTHS;
+    }
+    depths.sort_unstable_by(f64::total_cmp);
+    let quantile = |share: f64| depths[(share * (depths.len() - 1) as f64) as usize];
+    let near = DEPTH_FACTORS.0 * quantile(DEPTH_QUANTILES.0);
+    let far = DEPTH_FACTORS.1 * quantile(DEPTH_QUANTILES.1);
+    (near.max(0.05), far.max(1.5 * near))
+}
+
+/// The inverse depth at which the neighbours match a patch; `None` without a clear match.
+fn inverse_depth(reference: &Reference, neighbours: &[&Photo], (least, most): (f64, f64)) -> Option<f64> {
+    let sights: Vec<_> = neighbours.iter().map(|photo| reference.seen_by(photo)).collect();
+    // A step moves the patch by at most a pixel in any neighbour.
+    let path_px = sights.iter().map(|sight| sight.path_px(least, most)).fold(0.0, f64::max);
+    let count = path_px.clamp(HYPOTHESES.0, HYPOTHESES.1) as usize;
+    let step = (most - least) / (count - 1) as f64;
+    let score = |inverse: f64| {
+        let mut matches: Vec<f32> =
+            sights.iter().map(|sight| reference.correlation(sight, inverse)).collect();
+        matches.sort_unstable_by(|a, b| b.total_cmp(a));
+        // The best two: others may not see the place. A single neighbour must do where there is no second.
+        let best = &matches[..matches.len().min(2)];
+        best.iter().sum::<f32>() / best.len().max(1) as f32
+    };
+    let scores: Vec<f32> = (0..count).map(|i| score(least + step * i as f64)).collect();
+    let best = (0..count).max_by(|&a, &b| scores[a].total_cmp(&scores[b]))?;
+    let is_other = |i: &usize| i.abs_diff(best) as f64 * path_px / count as f64 > PEAK_RADIUS_PX;
+    let others = (0..count).filter(is_other).map(|i| scores[i]);
+    if scores[best] < MATCH_MIN || others.fold(f32::MIN, f32::max) > scores[best] - MATCH_LEAD {
+        return None;
+    }
+    // Twice halved steps around the best one.
+    let mut found = (scores[best], least + step * best as f64);
+    for width in [0.5 * step, 0.25 * step] {
+        let middle = found.1;
+        for inverse in [middle - width, middle + width] {
+            let score = score(inverse);
+            if inverse > 0.0 && score > found.0 {
+                found = (score, inverse);
+            }
+        }
+    }
+    Some(found.1)
+}
+
+/// Inverse depth of the plane through the nearest matches of the view: on a plane it is linear in the image.
+fn on_plane(at_px: DVec2, matched: &[(DVec2, f64)], photo: &Photo) -> Option<f64> {
+    let pinhole = &photo.camera.pinhole;
+    let radius = SUPPORT_RADIUS * f64::from(pinhole.width_px.max(pinhole.height_px));
+    let mut near: Vec<(f64, DVec2, f64)> = matched
+        .iter()
+        .map(|(at, inverse)| (at.distance_squared(at_px), *at - at_px, *inverse))
+        .filter(|(squared, ..)| *squared < radius * radius)
+        .collect();
+    if near.len() < SUPPORTS.0 {
+        return None;
+    }
+    near.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+    near.truncate(SUPPORTS.1);
+    // Weighted least squares for the value at the pixel, with a ridge against supports on a line.
+    let (mut matrix, mut rhs) = (glam::DMat3::ZERO, DVec3::ZERO);
+    for (squared, offset, inverse) in &near {
+        let weight = 1.0 / (1.0 + squared);
+        let row = DVec3::new(1.0, offset.x / radius, offset.y / radius);
+        matrix += glam::DMat3::from_cols(row * row.x, row * row.y, row * row.z) * weight;
+        rhs += row * (weight * inverse);
+    }
+    let ridge = 1e-3 * matrix.x_axis.x;
+    matrix.y_axis.y += ridge;
+    matrix.z_axis.z += ridge;
+    let at = (matrix.inverse() * rhs).x;
+    let bounds = near.iter().fold((f64::MAX, 0.0_f64), |(low, high), (.., i)| (low.min(*i), high.max(*i)));
+    (0.8 * bounds.0..=1.25 * bounds.1).contains(&at).then_some(at)
+}

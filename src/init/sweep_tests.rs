@@ -1,0 +1,118 @@
+//! Points on a textured wall that several cameras see, and none where the photos contradict each other.
+
+use super::sweep::swept;
+use super::*;
+use crate::camera::{Camera, Pinhole, RigidTransform, Similarity};
+use crate::image::TargetImage;
+use crate::init::points::LocalPoint;
+use crate::views::{Split, ViewSource};
+use glam::{DMat3, DVec2, DVec3};
+use std::path::Path;
+use std::sync::Arc;
+
+const SIZE: (u32, u32) = (96, 64);
+
+/// Distance of the wall, which faces the cameras.
+const WALL: f64 = 3.0;
+
+/// Cameras side by side before a wall.
+struct Wall {
+    /// Whether every photo shows a texture of its own.
+    differ: bool,
+    /// Colour of the wall's left half, which is plain; `None`: textured like the right half.
+    plain: Option<u8>,
+}
+
+/// A texture without repetition at the scale of the wall.
+fn texture(at: DVec2) -> f64 {
+    let waves = [(7.1, 3.3), (-4.7, 9.2), (12.9, -6.1), (2.3, 14.7), (17.0, 5.9)];
+    waves.iter().zip(1..).map(|((a, b), i)| (a * at.x + b * at.y + f64::from(i * i)).sin()).sum::<f64>() * 0.2
+}
+
+impl ViewSource for Wall {
+    fn num_views(&self) -> usize {
+        3
+    }
+
+    fn name(&self, _view: usize) -> &str {
+        "wall.png"
+    }
+
+    fn split(&self, _view: usize) -> Split {
+        Split::Train
+    }
+
+    fn camera(&self, view: usize) -> Camera {
+        let centre = DVec3::new(0.25 * view as f64 - 0.25, 0.0, 0.0);
+        let (width_px, height_px) = SIZE;
+        let pinhole = Pinhole { width_px, height_px, fx_px: 80.0, fy_px: 80.0, cx_px: 48.0, cy_px: 32.0 };
+        let camera_from_local = RigidTransform { rotation: DMat3::IDENTITY, translation: -centre };
+        Camera { pinhole, camera_from_local }
+    }
+
+    fn target(&self, view: usize) -> Result<Arc<TargetImage>> {
+        let camera = self.camera(view);
+        let grey = |i: u32| {
+            let at_px = DVec2::new((i % SIZE.0).into(), (i / SIZE.0).into()) + 0.5;
+            let on_wall = camera.centre_in_local() + camera.pinhole.direction_in_camera(at_px) * WALL;
+            let turn = DVec2::from_angle(if self.differ { 1.2 * view as f64 } else { 0.0 });
+            match self.plain.filter(|_| on_wall.x < 0.0) {
+                Some(value) => value,
+                None => (127.5 + 120.0 * texture(turn.rotate(on_wall.truncate()))) as u8,
+            }
+        };
+        let rgb = (0..SIZE.0 * SIZE.1).flat_map(|i| [grey(i); 3]).collect();
+        Ok(Arc::new(TargetImage { width_px: SIZE.0, height_px: SIZE.1, rgb, mask: None }))
+    }
+}
+
+fn sweep(wall: &Wall, known: &[LocalPoint]) -> Vec<DVec3> {
+    let input = InitInput {
+        views: wall,
+        points: InitPoints::Missing(1),
+        points_file: Path::new("points"),
+        capture_from_local: Similarity::IDENTITY,
+        near: 0.01,
+    };
+    let points = swept(&input, known, [0.0; 3], 7).unwrap();
+    points.iter().map(LocalPoint::position_in_local).collect()
+}
+
+fn share(points: &[DVec3], is: impl Fn(&DVec3) -> bool) -> f64 {
+    points.iter().filter(|p| is(p)).count() as f64 / points.len().max(1) as f64
+}
+
+#[test]
+fn points_lie_on_the_wall_that_photos_show() {
+    let points = sweep(&Wall { differ: false, plain: None }, &[]);
+    assert!((400..=500).contains(&points.len()), "{} of 500", points.len());
+    let on_wall = share(&points, |p| (p.z - WALL).abs() < 0.05 * WALL);
+    assert!(on_wall > 0.95, "{on_wall}");
+    // Negative control. Smooth textures match by chance: measured 64.
+    let contradicting = sweep(&Wall { differ: true, plain: None }, &[]);
+    assert!(contradicting.len() < 100, "{} points of photos that show different things", contradicting.len());
+}
+
+#[test]
+fn next_to_matches_plain_regions_lie_on_the_same_plane_and_further_away_get_nothing() {
+    let points = sweep(&Wall { differ: false, plain: Some(90) }, &[]);
+    let on_wall = share(&points, |p| (p.z - WALL).abs() < 0.05 * WALL);
+    assert!(on_wall > 0.9, "{on_wall}");
+    let left = |from: f64, to: f64| points.iter().filter(|p| (-to..-from).contains(&p.x)).count();
+    assert!(left(0.1, 0.3) > 10, "{} beside the texture", left(0.1, 0.3));
+    assert_eq!(left(0.6, 3.0), 0, "far from it");
+    let background = sweep(&Wall { differ: false, plain: Some(0) }, &[]);
+    assert_eq!(share(&background, |p| p.x < -0.05), 0.0, "the background is not filled");
+}
+
+#[test]
+fn enough_points_get_no_more() {
+    let wall = Wall { differ: false, plain: None };
+    let point = |i: i32| LocalPoint::new(DVec3::new(0.001 * f64::from(i) - 0.1, 0.0, WALL), [0.5; 3]);
+    let known: Vec<LocalPoint> = (0..250).map(point).collect();
+    assert_eq!(sweep(&wall, &known).len(), 0);
+    // With fewer, they narrow the depths that are searched.
+    let added = sweep(&wall, &known[..200]);
+    assert!((200..=300).contains(&added.len()), "{}", added.len());
+    assert!(share(&added, |p| (p.z - WALL).abs() < 0.05 * WALL) > 0.95);
+}
