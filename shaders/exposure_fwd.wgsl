@@ -4,10 +4,11 @@
 
 #constants
 #include common/step
+#include common/photo
 #include common/image
 #include common/exposure
 
-@group(0) @binding(1) var<storage, read> photo: array<u32>; // [pool] r | g << 8 | b << 16 | a << 24
+@group(0) @binding(1) var<storage, read> photo: array<u32>; // [pool], see common/photo
 @group(0) @binding(2) var<storage, read_write> pixels: array<vec4f>; // [h, w] r, g, b, transmittance
 @group(0) @binding(3) var<storage, read_write> exposure_partials: array<vec4f>; // [tiles, 6]
 
@@ -30,8 +31,8 @@ fn exposure_fwd(
     if pixel != OUTSIDE {
         let texel = photo[step.photo_offset_px + pixel];
         let x = pixels[pixel];
-        if texel >= 0x80000000u {
-            let y = unpack4x8unorm(texel);
+        if photo_counts(texel) {
+            let y = photo_colour(texel);
             values[lid] = array<f32, 7>(1.0, x.x, x.y, x.z, y.x, y.y, y.z);
         }
         let one = vec4f(x.xyz, 1.0);

@@ -7,12 +7,13 @@
 #include common/groups
 #include common/numbers
 #include common/step
+#include common/photo
 #include common/tile
 
 @group(0) @binding(1) var<storage, read> geometry: array<vec4f>; // [P, 2] by raster_fwd
 @group(0) @binding(2) var<storage, read> pixel_state: array<vec2u>; // [P] transmittance, one past the last blended pair
 @group(0) @binding(3) var<storage, read> tile_ranges: array<vec2u>; // [tiles] of pairs
-@group(0) @binding(4) var<storage, read> photo: array<u32>; // [pool] r | g << 8 | b << 16 | a << 24
+@group(0) @binding(4) var<storage, read> photo: array<u32>; // [pool], see common/photo
 @group(0) @binding(5) var<storage, read> pixel_grad: array<vec4f>; // [P] by rgb; loss of the pixel
 // [P, 3] by rgb, loss; constant, linear, square, transmittance; towards x, y, z, number of pairs up to the last
 // blended one. The number is converted, not bit-cast: as a float, a small integer's bits are a denormal and may
@@ -64,7 +65,7 @@ fn pixel_loss(pixel: vec2u, first_pair: u32) -> vec2f {
     var by_moments = vec3f(0.0);
     var towards = vec3f(0.0);
     // Masked pixels count as 0.
-    if photo[step.photo_offset_px + at] >= 0x80000000u {
+    if photo_counts(photo[step.photo_offset_px + at]) {
         values.x = alpha * moments.y - moments.x * moments.x;
         by_moments = per * step.loss_distortion * vec3f(moments.y, -2.0 * moments.x, alpha);
         let surface = surface_normal(pixel);

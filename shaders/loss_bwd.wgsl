@@ -4,10 +4,11 @@
 
 #constants
 #include common/step
+#include common/photo
 #include common/window
 
 @group(0) @binding(1) var<storage, read> pixels: array<vec4f>; // [h, w] r, g, b, transmittance
-@group(0) @binding(2) var<storage, read> photo: array<u32>; // [pool] r | g << 8 | b << 16 | a << 24
+@group(0) @binding(2) var<storage, read> photo: array<u32>; // [pool], see common/photo
 @group(0) @binding(3) var<storage, read> ssim_maps: array<f32>; // [3 channels, 3, h, w]
 @group(0) @binding(4) var<storage, read> loss_map: array<f32>; // [h, w]
 @group(0) @binding(5) var<storage, read_write> pixel_grad: array<vec4f>; // [h, w] by r, g, b; loss_map
@@ -50,7 +51,7 @@ fn loss_bwd(
         let per = 1.0 / (3.0 * f32(step.size_px.x * step.size_px.y));
         let d = here.difference;
         gradient += per * (step.loss_l1 * sign(d) + 2.0 * step.loss_mse * d);
-        let kept = photo[step.photo_offset_px + pixel] >= 0x80000000u;
+        let kept = photo_counts(photo[step.photo_offset_px + pixel]);
         pixel_grad[pixel] = vec4f(select(vec3f(), gradient, kept), loss_map[pixel]);
     }
 }

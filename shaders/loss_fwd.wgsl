@@ -4,10 +4,11 @@
 
 #constants
 #include common/step
+#include common/photo
 #include common/window
 
 @group(0) @binding(1) var<storage, read> pixels: array<vec4f>; // [h, w] r, g, b, transmittance
-@group(0) @binding(2) var<storage, read> photo: array<u32>; // [pool] r | g << 8 | b << 16 | a << 24
+@group(0) @binding(2) var<storage, read> photo: array<u32>; // [pool], see common/photo
 @group(0) @binding(3) var<storage, read_write> ssim_maps: array<f32>; // [3 channels, 3, h, w]
 @group(0) @binding(4) var<storage, read_write> loss_map: array<f32>; // [h, w] l1 and dssim terms
 @group(0) @binding(5) var<storage, read_write> loss_partials: array<vec4f>; // [tiles] |d|, 1 - SSIM, d^2

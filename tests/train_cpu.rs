@@ -117,6 +117,35 @@ fn fully_masked_test_views_are_not_evaluated() {
     assert_eq!((warned, evaluated, state.history.curve.len()), (2, 0, 0));
 }
 
+#[test]
+fn a_random_background_supervises_alpha() {
+    let scene = scene();
+    let mut views = photos(&scene);
+    // A black object: over a black background nothing tells it from emptiness.
+    let alpha: Vec<u8> = (0..64 * 48).map(|i| if i % 64 < 32 { 127 } else { 0 }).collect();
+    for (camera, target) in &mut views.0 {
+        camera.camera_from_local = scene.camera.camera_from_local;
+        let rgb = vec![0; 3 * 64 * 48];
+        *target = Arc::new(TargetImage { rgb, alpha: Some(alpha.clone()), ..(**target).clone() });
+    }
+    // Mean brightness over white of the halves that show the object and nothing.
+    let trained = |random_background: bool| {
+        let config = TrainConfig { random_background, eval_every: 0, save_every: 0, ..config(300) };
+        let (state, _) = run(&config, &views, TrainState::fresh(damaged(&scene)));
+        let white = RenderOptions { background: [1.0; 3], ..BLACK };
+        let image = uploaded(&state.model).render(&scene.camera, &white).unwrap();
+        let half = |first: usize| {
+            let pixels = image.rgb.chunks_exact(3).enumerate().filter(|(i, _)| i % 64 / 32 == first);
+            pixels.map(|(_, p)| f64::from(p[1])).sum::<f64>() / (32.0 * 48.0)
+        };
+        (half(0), half(1))
+    };
+    let (object, nothing) = trained(true);
+    assert!(object < 0.25 && nothing > 0.75, "{object} {nothing}");
+    let (object, nothing) = trained(false);
+    assert!(object > 0.25 || nothing < 0.75, "negative control: {object} {nothing}");
+}
+
 /// Views of which the test view's photo cannot be read.
 struct Unreadable(MemoryViews);
 

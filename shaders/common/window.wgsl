@@ -29,9 +29,10 @@ fn sum_difference_at(pixel: u32) -> SumDifference {
     if pixel == OUTSIDE {
         return SumDifference(vec3f(), vec3f());
     }
-    let y = unpack4x8unorm(photo[step.photo_offset_px + pixel]);
-    let difference = select(vec3f(), pixels[pixel].xyz - y.xyz, y.w > 0.5);
-    return SumDifference(difference + 2.0 * y.xyz, difference);
+    let texel = photo[step.photo_offset_px + pixel];
+    let y = photo_colour(texel);
+    let difference = select(vec3f(), pixels[pixel].xyz - y, photo_counts(texel));
+    return SumDifference(difference + 2.0 * y, difference);
 }
 
 // Unrolled by hand: a loop would index the array of weights at run time.

@@ -49,9 +49,9 @@ impl ColourSums {
     }
 }
 
-/// The photo's colour of a pixel, 0 to 1; `None` for a masked one.
+/// The photo's colour of a pixel over a background, 0 to 1; `None` for a masked one.
 #[inline(always)]
-pub fn counted_colour(target: &TargetImage, pixel: usize) -> Option<[f32; 3]> {
+pub fn counted_colour(target: &TargetImage, pixel: usize, background: [f32; 3]) -> Option<[f32; 3]> {
     let counts = target.mask.as_ref().is_none_or(|mask| mask[pixel] != 0);
-    counts.then(|| [0, 1, 2].map(|c| f32::from(target.rgb[3 * pixel + c]) / 255.0))
+    counts.then(|| target.colour(pixel, background))
 }

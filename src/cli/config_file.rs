@@ -80,6 +80,7 @@ impl RunConfig {
             toml::from_str(text).map_err(|e| Error::invalid(path, e.to_string().trim_end().to_owned()))?;
         config.check().map_err(|what| Error::invalid(path, what))?;
         config.capture.background = config.train.background;
+        config.capture.keep_alpha = config.train.random_background;
         Ok(config)
     }
 
@@ -186,6 +187,9 @@ impl RunConfig {
         }
         if t.background.iter().any(|x| !(0.0..=1.0).contains(x)) {
             return Err(format!("train.background: found {:?}, expected numbers from 0 to 1", t.background));
+        }
+        if t.random_background && t.background != [0.0; 3] {
+            return Err("train.random-background: expects the background black".to_owned());
         }
         if t.max_time_secs.is_some_and(|s| !s.is_finite() || s <= 0.0) {
             return Err("train.max-time-secs: expected a positive number".to_owned());

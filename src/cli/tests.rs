@@ -41,7 +41,13 @@ impl ViewSource for TestViews {
     }
 
     fn target(&self, _: usize) -> Result<Arc<TargetImage>> {
-        Ok(Arc::new(TargetImage { width_px: 12, height_px: 12, rgb: vec![100; 12 * 12 * 3], mask: None }))
+        Ok(Arc::new(TargetImage {
+            width_px: 12,
+            height_px: 12,
+            rgb: vec![100; 12 * 12 * 3],
+            mask: None,
+            alpha: None,
+        }))
     }
 }
 

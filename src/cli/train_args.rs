@@ -5,7 +5,8 @@ use super::capture_args::{CaptureArgs, set};
 use super::config_file::{RunConfig, SaveImages};
 use super::profile::Profile;
 use super::values::{
-    parse_backdrop, parse_colour, parse_count, parse_duration_secs, parse_exposure, parse_whole,
+    Background, parse_backdrop, parse_background, parse_count, parse_duration_secs, parse_exposure,
+    parse_whole,
 };
 use litetex_gs::train::density::Components;
 use litetex_gs::train::{Backdrop, Exposure, Policy, TrainConfig};
@@ -108,9 +109,10 @@ pub struct TrainingArgs {
     /// none [default: none]
     #[arg(long, value_name = "HOW", value_parser = parse_exposure)]
     pub exposure: Option<Exposure>,
-    /// Colour of the background: black, white, #rrggbb or r,g,b from 0 to 1 [default: black]
-    #[arg(long, value_name = "COLOUR", value_parser = parse_colour)]
-    pub background: Option<[f32; 3]>,
+    /// Colour of the background: black, white, #rrggbb, r,g,b from 0 to 1, or random (another one in each step, black in
+    /// images), which makes transparency in photos with alpha count [default: black]
+    #[arg(long, value_name = "COLOUR", value_parser = parse_background)]
+    pub background: Option<Background>,
     /// Evaluate the test views every N steps; 0: only at the end [default: 0]
     #[arg(long, value_name = "N", help_heading = "Output")]
     pub eval_every: Option<u32>,
@@ -155,7 +157,10 @@ impl TrainArgs {
         self.switch_components(&mut config.train)?;
         set(&mut config.train.backdrop, t.backdrop);
         set(&mut config.train.exposure, t.exposure);
-        set(&mut config.train.background, t.background);
+        if let Some(background) = t.background {
+            config.train.random_background = background == Background::Random;
+            config.train.background = background.in_images();
+        }
         set(&mut config.train.eval_every, t.eval_every);
         set(&mut config.train.save_every, t.save_every);
         set(&mut config.init, t.init.clone());
@@ -174,6 +179,7 @@ impl TrainArgs {
         self.capture_args.apply(&mut config.capture);
         // Photos with alpha are composited onto the rendered background.
         config.capture.background = config.train.background;
+        config.capture.keep_alpha = config.train.random_background;
         Ok(())
     }
 

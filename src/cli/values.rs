@@ -97,6 +97,35 @@ pub fn parse_exposure(text: &str) -> Result<Exposure, String> {
     }
 }
 
+/// `--background` of a training run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Background {
+    /// This colour, display space.
+    Colour([f32; 3]),
+    /// Another one in each step.
+    Random,
+}
+
+impl Background {
+    /// Behind rendered images, display space.
+    pub fn in_images(self) -> [f32; 3] {
+        match self {
+            Self::Colour(colour) => colour,
+            Self::Random => [0.0; 3],
+        }
+    }
+}
+
+/// Reads a background: "random", or a colour as [`parse_colour`] does.
+pub fn parse_background(text: &str) -> Result<Background, String> {
+    match text {
+        "random" => Ok(Background::Random),
+        _ => parse_colour(text)
+            .map(Background::Colour)
+            .map_err(|wrong| wrong.replace("expected black", "expected random, black")),
+    }
+}
+
 /// Reads a colour, display space: "black", "white", "#rrggbb" or "r,g,b" with numbers from 0 to 1.
 pub fn parse_colour(text: &str) -> Result<[f32; 3], String> {
     let wrong = || format!("{text:?}: expected black, white, #rrggbb or r,g,b with numbers from 0 to 1");

@@ -5,13 +5,17 @@ use crate::backend::{ColourMap, ColourSums, TargetImage, counted_colour};
 use rayon::prelude::*;
 
 /// Replaces the image by what the photo's exposure shows; returns the sums from which that exposure is estimated.
-pub(super) fn exposure_fwd(image: &mut [Vec<f32>; 3], target: &TargetImage, map: &ColourMap) -> ColourSums {
+pub(super) fn exposure_fwd(
+    image: &mut [Vec<f32>; 3],
+    (target, background): (&TargetImage, [f32; 3]),
+    map: &ColourMap,
+) -> ColourSums {
     let of_row = |y: usize, [r, g, b]: [&mut [f32]; 3]| {
         let mut sums = ColourSums::default();
         let first = y * r.len();
         for (x, ((r, g), b)) in r.iter_mut().zip(g).zip(b).enumerate() {
             let rgb = [*r, *g, *b];
-            if let Some(photo) = counted_colour(target, first + x) {
+            if let Some(photo) = counted_colour(target, first + x, background) {
                 sums.add(rgb.map(f64::from), photo.map(f64::from));
             }
             [*r, *g, *b] = map.apply(rgb);

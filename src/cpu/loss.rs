@@ -34,11 +34,11 @@ impl LossBuffers {
     }
 }
 
-/// Weighted l1, dssim and mse terms; writes gradient and map to the buffers.
+/// Weighted l1, dssim and mse terms of the image over a background; writes gradient and map to the buffers.
 pub(super) fn image_loss(
     level: Level,
     buffers: &mut LossBuffers,
-    target: &TargetImage,
+    (target, background): (&TargetImage, [f32; 3]),
     weights: &LossWeights,
 ) -> [f64; 3] {
     let w = target.width_px as usize;
@@ -46,7 +46,7 @@ pub(super) fn image_loss(
     let count = target.rgb.len() as f32;
     let mut sums = [0.0_f64; 3];
     for channel in 0..3 {
-        load_target(buffers, target, channel);
+        load_target(buffers, (target, background), channel);
         blur_rows(level, &buffers.image[channel], &buffers.target[channel], &mut buffers.blurred, w, &window);
         let scale = weights.dssim / count;
         let ssim_sum = ssim_rows(level, buffers, w, &window, scale);
@@ -64,11 +64,11 @@ pub(super) fn image_loss(
     sums
 }
 
-fn load_target(buffers: &mut LossBuffers, target: &TargetImage, channel: usize) {
+fn load_target(buffers: &mut LossBuffers, (target, background): (&TargetImage, [f32; 3]), channel: usize) {
     let LossBuffers { image, target: planes, .. } = buffers;
     let (x, y) = (&mut image[channel], &mut planes[channel]);
     y.par_iter_mut().with_min_len(4096).enumerate().for_each(|(i, y)| {
-        *y = f32::from(target.rgb[3 * i + channel]) / 255.0;
+        *y = target.colour(i, background)[channel];
     });
     // A masked pixel counts as equal to the photo.
     if let Some(mask) = &target.mask {

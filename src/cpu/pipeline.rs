@@ -185,8 +185,9 @@ impl ViewPipeline {
             });
         });
         let target = request.target;
-        let sums = request.exposure.map(|map| exposure_fwd(&mut buffers.image, target, &map));
-        let terms = image_loss(level, buffers, target, &request.loss);
+        let sums =
+            request.exposure.map(|map| exposure_fwd(&mut buffers.image, (target, request.background), &map));
+        let terms = image_loss(level, buffers, (target, request.background), &request.loss);
         if let Some(map) = &request.exposure {
             exposure_bwd(&mut buffers.image, target.width_px, map);
         }

@@ -5,8 +5,8 @@ use super::lens::Lens;
 use super::photos::{FileKind, image_error, open};
 use super::warp::Warp;
 use super::{exr_photo, photos};
-use crate::image::TargetImage;
 use crate::image::resample::{by_area, to_byte};
+use crate::image::{ALPHA_LEVELS, TargetImage};
 use crate::{Error, Result};
 use image::DynamicImage;
 use image::metadata::Orientation;
@@ -36,13 +36,24 @@ pub(crate) struct Recipe {
     pub size: (u32, u32),
     /// Display space, 0 to 1.
     pub background: [f32; 3],
+    /// Whether alpha is kept beside the colours, which are those over black then.
+    pub keep_alpha: bool,
+}
+
+/// Colours of a target image, and where they are valid. `[height, width]`, colours three for each pixel
+struct Colours {
+    rgb: Vec<u8>,
+    /// As [`TargetImage::alpha`].
+    alpha: Option<Vec<u8>>,
+    /// `None`: everywhere.
+    valid: Option<Vec<u8>>,
 }
 
 impl Recipe {
     /// Upper bound of the target image's memory.
     pub fn num_bytes(&self) -> u64 {
         let masked = self.mask.is_some() || self.lens.is_distorted();
-        let channels = if masked { 4 } else { 3 };
+        let channels = 3 + u64::from(masked) + u64::from(self.keep_alpha && self.has_alpha);
         u64::from(self.size.0) * u64::from(self.size.1) * channels
     }
 
@@ -60,7 +71,7 @@ impl Recipe {
 
     /// Makes the target image.
     pub fn decode(&self) -> Result<TargetImage> {
-        let (rgb, valid) = self.colours()?;
+        let Colours { rgb, alpha, valid } = self.colours()?;
         let mut mask = valid;
         if let Some(path) = &self.mask {
             let kept = self.kept(path)?;
@@ -74,6 +85,7 @@ impl Recipe {
             height_px: self.size.1,
             rgb,
             mask: mask.filter(|m| m.contains(&0)),
+            alpha,
         })
     }
 
@@ -90,7 +102,7 @@ impl Recipe {
             .then(|| Warp::new(Lens { pinhole: self.lens.pinhole.resized(width, height), ..self.lens }))
     }
 
-    fn colours(&self) -> Result<(Vec<u8>, Option<Vec<u8>>)> {
+    fn colours(&self) -> Result<Colours> {
         let photo = self.read(&self.photo)?;
         let size = (photo.width(), photo.height());
         if size != self.photo_size {
@@ -104,19 +116,33 @@ impl Recipe {
         }
         Ok(if photo.color().has_alpha() {
             let pixels = photo.into_rgba8().into_raw();
-            let background = self.background.map(|b| 255.0 * b);
-            self.reduce(size, |i| {
+            let background = if self.keep_alpha { [0.0; 3] } else { self.background.map(|b| 255.0 * b) };
+            let composited = |i: usize| {
                 let [r, g, b, a] = [0, 1, 2, 3].map(|c| f32::from(pixels[4 * i + c]));
                 let share = a / 255.0;
                 let over = |colour: f32, behind: f32| behind + share * (colour - behind);
-                [over(r, background[0]), over(g, background[1]), over(b, background[2])]
-            })
+                [over(r, background[0]), over(g, background[1]), over(b, background[2]), a]
+            };
+            if self.keep_alpha {
+                let (values, valid) = self.reduce(size, composited);
+                let rgb = values.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
+                let level = |a: u8| (f32::from(a) / 255.0 * f32::from(ALPHA_LEVELS)).round() as u8;
+                let alpha = values.chunks_exact(4).map(|p| level(p[3])).collect();
+                Colours { rgb, alpha: Some(alpha), valid }
+            } else {
+                let (rgb, valid) = self.reduce(size, |i| {
+                    let [r, g, b, _] = composited(i);
+                    [r, g, b]
+                });
+                Colours { rgb, alpha: None, valid }
+            }
         } else {
             let pixels = photo.into_rgb8().into_raw();
             if !self.resamples() {
-                return Ok((pixels, None));
+                return Ok(Colours { rgb: pixels, alpha: None, valid: None });
             }
-            self.reduce(size, |i| [0, 1, 2].map(|c| f32::from(pixels[3 * i + c])))
+            let (rgb, valid) = self.reduce(size, |i| [0, 1, 2].map(|c| f32::from(pixels[3 * i + c])));
+            Colours { rgb, alpha: None, valid }
         })
     }
 

@@ -312,6 +312,7 @@ fn recipe(view: &SourceView, options: &LoadOptions) -> Result<Recipe> {
         lens: view.lens,
         size: bounded(photo_size, options.max_resolution),
         background: options.background,
+        keep_alpha: options.keep_alpha,
     })
 }
 

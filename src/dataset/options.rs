@@ -96,6 +96,9 @@ pub struct LoadOptions {
     pub max_resolution: u32,
     /// Display-space colour on which photos with alpha are composited, 0 to 1. Default black (3DGS).
     pub background: [f32; 3],
+    /// Whether alpha is kept, for training on changing backgrounds; colours are those over black then. Default off.
+    #[serde(skip)]
+    pub keep_alpha: bool,
     /// Every how many views one is held out, in the order of names; 0: none. A split stated by the capture takes
     /// precedence. Default 8 (paper, Experimental Setup).
     pub test_every: usize,
@@ -114,6 +117,7 @@ impl Default for LoadOptions {
             mask_invert: false,
             max_resolution: 1600,
             background: [0.0; 3],
+            keep_alpha: false,
             test_every: 8,
             test_list: None,
             image_cache_bytes: 4 << 30,

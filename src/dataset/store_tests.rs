@@ -36,6 +36,7 @@ fn store(folder: &Path, count: u8, budget_bytes: u64) -> ImageStore {
                 },
                 size: (SIDE, SIDE),
                 background: [0.0; 3],
+                keep_alpha: false,
             }
         })
         .collect();

@@ -267,7 +267,10 @@ fn alpha_is_composited_before_averaging() {
     let grey = LoadOptions { background: [1.0, 0.0, 0.5], max_resolution: 6, test_every: 0, ..options() };
     let photo = load(&folder, &grey).target(0).unwrap();
     // Means of (200, 100, 0) and the background (255, 0, 127.5); the hidden blue must not show.
-    assert_eq!(photo.rgb[..3], [228, 50, 64]);
+    assert_eq!((&photo.rgb[..3], &photo.alpha), (&[228, 50, 64][..], &None));
+    let kept = LoadOptions { keep_alpha: true, max_resolution: 6, test_every: 0, ..options() };
+    let photo = load(&folder, &kept).target(0).unwrap();
+    assert_eq!((&photo.rgb[..3], photo.alpha.as_ref().unwrap()[0]), (&[100, 50, 0][..], 64), "over black");
 }
 
 #[test]

@@ -47,6 +47,7 @@ pub(super) fn photo(width: usize, height: usize, mut rgb: impl FnMut(usize) -> [
         height_px: height as u32,
         rgb: (0..width * height).flat_map(|i| rgb(i).map(byte)).collect(),
         mask: None,
+        alpha: None,
     }
 }
 

@@ -138,6 +138,7 @@ mod tests {
             height_px: height as u32,
             rgb: (0..3 * width * height).map(&mut value).collect(),
             mask: None,
+            alpha: None,
         }
     }
 

@@ -13,6 +13,9 @@ use rand::{Rng, RngExt, SeedableRng};
 /// Pixels before the photo in the pool.
 const PHOTO_OFFSET_PX: usize = 5;
 
+/// Behind photos with alpha.
+const BACKGROUND: [f32; 3] = [0.2, 0.5, 0.9];
+
 /// How the image of a case is made.
 #[derive(Clone, Copy, PartialEq)]
 enum BaseImage {
@@ -64,15 +67,18 @@ fn case(size: (u32, u32), masked: bool, start: BaseImage, weights: [f32; 3], see
     // A difference of exactly zero, whose sign is zero.
     photo[0] = 255;
     rgb[0] = 1.0;
-    let target = TargetImage { width_px: size.0, height_px: size.1, rgb: photo, mask };
+    // Half of the cases have both a mask and alpha.
+    let alpha = mask.is_some().then(|| (0..num_pixels).map(|_| random.random_range(0..=127)).collect());
+    let target = TargetImage { width_px: size.0, height_px: size.1, rgb: photo, mask, alpha };
     let [l1, dssim, mse] = weights;
     LossCase { rgb, target, weights: LossWeights { l1, dssim, mse, ..LossWeights::PUBLISHED } }
 }
 
 fn packed_photo(target: &TargetImage) -> Vec<u32> {
     let pixels = target.rgb.as_chunks::<3>().0.iter().enumerate().map(|(i, &[r, g, b])| {
-        let a = target.mask.as_ref().map_or(255, |m| m[i]);
-        u32::from_le_bytes([r, g, b, a])
+        let counts = target.mask.as_ref().is_none_or(|m| m[i] != 0);
+        let alpha = target.alpha.as_ref().map_or(127, |alpha| alpha[i]);
+        u32::from_le_bytes([r, g, b, alpha + 128 * u8::from(counts)])
     });
     std::iter::repeat_n(0x1234_5678, PHOTO_OFFSET_PX).chain(pixels).collect()
 }
@@ -94,6 +100,7 @@ fn prepare(harness: &mut Harness, case: &LossCase) -> usize {
         size_px: [w, h],
         grid,
         photo_offset_px: PHOTO_OFFSET_PX as u32,
+        background: BACKGROUND,
         loss_l1: case.weights.l1,
         loss_dssim: case.weights.dssim,
         loss_mse: case.weights.mse,
@@ -141,7 +148,7 @@ fn errors(outcome: &KernelLoss, expected: &ImageLoss) -> [f64; 3] {
 
 fn expected(case: &LossCase) -> ImageLoss {
     let rgb: Vec<f64> = case.rgb.iter().map(|&v| f64::from(v)).collect();
-    image_loss(&rgb, &case.target, &case.weights)
+    image_loss(&rgb, &case.target, BACKGROUND.map(f64::from), &case.weights)
 }
 
 /// Tolerances of values, gradients and maps: three times what the cases below need, 4.9e-8, 3.6e-6 and 6.3e-7. The
@@ -196,6 +203,7 @@ fn a_perturbed_image_mask_or_weight_is_detected() {
         assert_eq!(found(&|c| c.rgb[3 * at + 1] += 0.01), [false; 3]);
         assert_eq!(found(&|c| c.target.rgb[3 * at + 2] ^= 4), [false; 3]);
         assert_eq!(found(&|c| c.target.mask.as_mut().unwrap()[at] = 0), [false; 3]);
+        assert_eq!(found(&|c| c.target.alpha.as_mut().unwrap()[at] ^= 4), [false; 3]);
         assert_eq!(found(&|c| c.weights.l1 *= 1.001), [false; 3]);
         assert_eq!(found(&|c| c.weights.dssim *= 1.001), [false; 3]);
         assert_eq!(found(&|c| c.weights.mse *= 1.001)[..2], [false; 2], "the map does not include MSE");

@@ -6,6 +6,7 @@ use super::kernels::Buf;
 use super::resources::Resources;
 use crate::Result;
 use crate::backend::TargetImage;
+use crate::image::ALPHA_LEVELS;
 
 /// Identity of a cached photo: its number and its size, since a photo may be used at several sizes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -177,12 +178,13 @@ impl PhotoPool {
     }
 }
 
-/// RGB and mask, packed as the four bytes of an integer. `[height, width]`
+/// RGB, and a byte of alpha in seven bits below the mask's, packed in an integer. `[height, width]`
 fn packed(target: &TargetImage) -> Vec<u32> {
     let rgb = target.rgb.chunks_exact(3).enumerate();
     rgb.map(|(i, p)| {
         let counts = target.mask.as_ref().is_none_or(|m| m[i] != 0);
-        u32::from_le_bytes([p[0], p[1], p[2], if counts { 255 } else { 0 }])
+        let alpha = target.alpha.as_ref().map_or(ALPHA_LEVELS, |alpha| alpha[i]);
+        u32::from_le_bytes([p[0], p[1], p[2], alpha | if counts { 128 } else { 0 }])
     })
     .collect()
 }

@@ -47,6 +47,7 @@ pub const SOURCES: &[(&str, &str)] = sources![
     "common/image",
     "common/map_change",
     "common/numbers",
+    "common/photo",
     "common/projected",
     "common/scan",
     "common/sh",

@@ -9,11 +9,16 @@ pub struct TargetImage {
     pub width_px: u32,
     /// Height in pixels.
     pub height_px: u32,
-    /// Colours, row-major. `[height, width, 3]`
+    /// Colours, row-major; with alpha those over black. `[height, width, 3]`
     pub rgb: Vec<u8>,
     /// 255 for pixels that count in loss and metrics, 0 for masked ones; `None`: all count. `[height, width]`
     pub mask: Option<Vec<u8>>,
+    /// Opacity of the photo, 0 to [`ALPHA_LEVELS`]; `None`: opaque, or already composited. `[height, width]`
+    pub alpha: Option<Vec<u8>>,
 }
+
+/// Value of an opaque pixel in [`TargetImage::alpha`]: seven bits, which leave one for the mask where both share a byte.
+pub const ALPHA_LEVELS: u8 = 127;
 
 /// Difference per channel up to which a colour counts as the background.
 const BACKGROUND_TOLERANCE: f64 = 4.0 / 255.0;
@@ -29,9 +34,18 @@ impl TargetImage {
         self.mask.as_ref().is_none_or(|mask| mask.iter().any(|&m| m != 0))
     }
 
-    /// Memory of the pixels and the mask.
+    /// The photo's colour of a pixel over a background, 0 to 1.
+    #[inline(always)]
+    pub fn colour(&self, pixel: usize, background: [f32; 3]) -> [f32; 3] {
+        let behind = self.alpha.as_ref().map_or(0.0, |alpha| f32::from(ALPHA_LEVELS - alpha[pixel]))
+            / f32::from(ALPHA_LEVELS);
+        [0, 1, 2].map(|c| f32::from(self.rgb[3 * pixel + c]) / 255.0 + behind * background[c])
+    }
+
+    /// Memory of the pixels, the mask and alpha.
     pub fn num_bytes(&self) -> u64 {
-        (self.rgb.len() + self.mask.as_ref().map_or(0, Vec::len)) as u64
+        [&self.mask, &self.alpha].map(|plane| plane.as_ref().map_or(0, Vec::len)).iter().sum::<usize>() as u64
+            + self.rgb.len() as u64
     }
 
     /// Reduced by area. A pixel counts if most of what it covers counts; it shows the mean of everything that
@@ -49,7 +63,8 @@ impl TargetImage {
             .mask
             .as_ref()
             .map(|mask| channels(mask, 1).into_iter().map(|m| if m >= 128 { 255 } else { 0 }).collect());
-        Self { width_px, height_px, rgb: channels(&self.rgb, 3), mask }
+        let alpha = self.alpha.as_ref().map(|alpha| channels(alpha, 1));
+        Self { width_px, height_px, rgb: channels(&self.rgb, 3), mask, alpha }
     }
 }
 
@@ -62,7 +77,7 @@ mod tests {
         let rgb: Vec<u8> =
             (0..8 * 6).flat_map(|i| [if i % 2 == 0 { 200 } else { 100 }, 7, i as u8]).collect();
         let mask = Some((0..8 * 6).map(|i| if i % 8 < 4 { 255 } else { 0 }).collect());
-        let half = TargetImage { width_px: 8, height_px: 6, rgb, mask }.reduced(4, 3);
+        let half = TargetImage { width_px: 8, height_px: 6, rgb, mask, alpha: None }.reduced(4, 3);
         assert_eq!((half.width_px, half.height_px, half.rgb.len()), (4, 3, 36));
         assert!(half.rgb.chunks_exact(3).all(|p| p[0] == 150 && p[1] == 7));
         assert_eq!(half.mask.as_ref().unwrap()[..4], [255, 255, 0, 0]);

@@ -43,7 +43,7 @@ impl ViewSource for Plain {
     fn target(&self, _view: usize) -> Result<Arc<TargetImage>> {
         // The horizon is the middle row.
         let rgb = (0..48 * 32).flat_map(|i| if i < 48 * 16 { self.sky } else { GROUND }).collect();
-        Ok(Arc::new(TargetImage { width_px: 48, height_px: 32, rgb, mask: None }))
+        Ok(Arc::new(TargetImage { width_px: 48, height_px: 32, rgb, mask: None, alpha: None }))
     }
 }
 

@@ -62,7 +62,7 @@ impl ViewSource for Wall {
             }
         };
         let rgb = (0..SIZE.0 * SIZE.1).flat_map(|i| [grey(i); 3]).collect();
-        Ok(Arc::new(TargetImage { width_px: SIZE.0, height_px: SIZE.1, rgb, mask: None }))
+        Ok(Arc::new(TargetImage { width_px: SIZE.0, height_px: SIZE.1, rgb, mask: None, alpha: None }))
     }
 }
 

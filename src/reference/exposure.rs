@@ -1,15 +1,21 @@
 //! Correction of a rendered image by the exposure of its photo, and its adjoint (method 3.1).
 
-use crate::backend::{ColourMap, ColourSums, TargetImage, counted_colour};
+use super::loss::colour;
+use crate::backend::{ColourMap, ColourSums, TargetImage};
 
 /// The image as the photo's exposure shows it, and the sums from which that exposure is estimated.
 /// `rgb` is `[height, width, 3]`.
-pub fn exposure_fwd(rgb: &[f64], target: &TargetImage, map: &ColourMap) -> (Vec<f64>, ColourSums) {
+pub fn exposure_fwd(
+    rgb: &[f64],
+    target: &TargetImage,
+    background: [f64; 3],
+    map: &ColourMap,
+) -> (Vec<f64>, ColourSums) {
     let mut sums = ColourSums::default();
     let mut out = Vec::with_capacity(rgb.len());
     for (pixel, x) in rgb.as_chunks::<3>().0.iter().enumerate() {
-        if let Some(y) = counted_colour(target, pixel) {
-            sums.add(*x, y.map(f64::from));
+        if target.mask.as_ref().is_none_or(|mask| mask[pixel] != 0) {
+            sums.add(*x, colour(target, pixel, background));
         }
         let row = |m: [f32; 4]| m.map(f64::from);
         out.extend(map.0.map(row).map(|m| m[0] * x[0] + m[1] * x[1] + m[2] * x[2] + m[3]));

@@ -4,6 +4,7 @@
 
 use crate::backend::{LossValues, LossWeights, TargetImage};
 use crate::constants::{SSIM_C1, SSIM_C2, SSIM_RADIUS_PX, ssim_window};
+use crate::image::ALPHA_LEVELS;
 
 /// Loss of an image.
 pub struct ImageLoss {
@@ -16,11 +17,16 @@ pub struct ImageLoss {
     pub map: Vec<f64>,
 }
 
-/// Loss, gradient and per-pixel map of the image `rgb`. `[height, width, 3]`
-pub fn image_loss(rgb: &[f64], target: &TargetImage, weights: &LossWeights) -> ImageLoss {
+/// Loss, gradient and per-pixel map of the image `rgb`, rendered over `background`. `[height, width, 3]`
+pub fn image_loss(
+    rgb: &[f64],
+    target: &TargetImage,
+    background: [f64; 3],
+    weights: &LossWeights,
+) -> ImageLoss {
     let (w, h) = (target.width_px as usize, target.height_px as usize);
     let kept = |pixel: usize| target.mask.as_ref().is_none_or(|m| m[pixel] != 0);
-    let y: Vec<f64> = target.rgb.iter().map(|&v| f64::from(v) / 255.0).collect();
+    let y: Vec<f64> = (0..w * h).flat_map(|pixel| colour(target, pixel, background)).collect();
     let x: Vec<f64> = (0..rgb.len()).map(|i| if kept(i / 3) { rgb[i] } else { y[i] }).collect();
     let count = (3 * w * h) as f64;
     let (l1, dssim, mse) = (f64::from(weights.l1), f64::from(weights.dssim), f64::from(weights.mse));
@@ -50,6 +56,13 @@ pub fn image_loss(rgb: &[f64], target: &TargetImage, weights: &LossWeights) -> I
         }
     }
     ImageLoss { values, gradient, map }
+}
+
+/// The photo's colour of a pixel over a background, 0 to 1.
+pub fn colour(target: &TargetImage, pixel: usize, background: [f64; 3]) -> [f64; 3] {
+    let levels = f64::from(ALPHA_LEVELS);
+    let opacity = target.alpha.as_ref().map_or(1.0, |alpha| f64::from(alpha[pixel]) / levels);
+    [0, 1, 2].map(|c| f64::from(target.rgb[3 * pixel + c]) / 255.0 + (1.0 - opacity) * background[c])
 }
 
 /// SSIM map of a channel, and the derivative of its sum with respect to `x`. `[height, width]`

@@ -72,8 +72,8 @@ pub fn gradients_at(
     let visible: Vec<bool> =
         projected.iter().map(|p| p.as_ref().is_some_and(|p| is_visible(p, camera, settings))).collect();
     let image = raster_fwd(params, &projected, camera, settings);
-    let (corrected, _) = exposure_fwd(&image.rgb, target, &settings.exposure);
-    let mut losses = image_loss(&corrected, target, weights);
+    let (corrected, _) = exposure_fwd(&image.rgb, target, settings.background, &settings.exposure);
+    let mut losses = image_loss(&corrected, target, settings.background, weights);
     losses.gradient = exposure_bwd(&losses.gradient, &settings.exposure);
     let surface_normals = normals.map_or_else(|| surface_normals(&image, camera), <[DVec3]>::to_vec);
     let geometry = geometry_loss(&image, &surface_normals, target, weights);

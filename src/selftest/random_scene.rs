@@ -135,7 +135,7 @@ fn random_target(options: &SceneOptions, rng: &mut Pcg64Mcg) -> TargetImage {
             }
         }
     }
-    TargetImage { width_px: options.width_px, height_px: options.height_px, rgb, mask: None }
+    TargetImage { width_px: options.width_px, height_px: options.height_px, rgb, mask: None, alpha: None }
 }
 
 /// Standard normal variate (Box-Muller).

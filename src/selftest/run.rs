@@ -96,7 +96,7 @@ pub fn run(backend: &mut dyn Backend) -> Result<Vec<Check>> {
         checks.extend(ten_steps(backend, &scene, &name)?);
     }
     // Texels smaller than pixels, whose gradients the kernels for hardware sum in a different way.
-    let scene = random_scene(&SceneOptions {
+    let mut scene = random_scene(&SceneOptions {
         num_splats: 300,
         sh_degree: 1,
         map_sizes: vec![(40, 40), (33, 7)],
@@ -113,7 +113,9 @@ pub fn run(backend: &mut dyn Backend) -> Result<Vec<Check>> {
     let name = |what: &str| format!("depth terms: {what}");
     checks.extend(depths_and_normals(backend, &scene, &name)?);
     checks.extend(first_step(backend, &scene, &ALL_WEIGHTS, ColourMap::IDENTITY, &name)?);
-    let name = |what: &str| format!("exposure: {what}");
+    let name = |what: &str| format!("exposure and alpha: {what}");
+    let num_pixels = scene.target.rgb.len() / 3;
+    scene.target.alpha = Some((0..num_pixels).map(|i| (i * 7 % 128) as u8).collect());
     checks.extend(first_step(backend, &scene, &WEIGHTS, EXPOSURE, &name)?);
     checks.push(colour_sums(backend, &scene, name("sums"))?);
     Ok(checks)
@@ -213,7 +215,7 @@ fn colour_sums(backend: &mut dyn Backend, scene: &RandomScene, name: String) -> 
     backend.upload(&scene.model, &AdamState::zeros(&scene.model))?;
     let report = backend.step(&StepRequest { exposure: Some(EXPOSURE), ..request(scene, 1, &WEIGHTS) })?;
     let rendered = reference(scene, &Params::from_model(&scene.model), &WEIGHTS, EXPOSURE).image;
-    let (_, expected) = exposure_fwd(&rendered.rgb, &scene.target, &EXPOSURE);
+    let (_, expected) = exposure_fwd(&rendered.rgb, &scene.target, BACKGROUND.map(f64::from), &EXPOSURE);
     // Needed 2e-6.
     Ok(Check::new(name, &report.colour_sums.unwrap_or_default().0, &expected.0, 1e-4))
 }

@@ -207,6 +207,9 @@ pub struct TrainConfig {
     pub exposure: Exposure,
     /// Display-space colour behind all splats, 0 to 1. Default black (3DGS).
     pub background: [f32; 3],
+    /// Whether every step draws a background of its own, so that transparency in photos with alpha is learnt. Needs a
+    /// black `background`, for images. Default off (3DGS).
+    pub random_background: bool,
     /// Steps between evaluations of the test views; 0: only at the end. Default 0: does not change the model.
     pub eval_every: u32,
     /// Steps between checkpoints; 0: only at the end. Default 0: does not change the model.
@@ -234,6 +237,7 @@ impl Default for TrainConfig {
             backdrop: Backdrop::Auto,
             exposure: Exposure::None,
             background: [0.0; 3],
+            random_background: false,
             eval_every: 0,
             save_every: 0,
             loss: LossWeights::default(),

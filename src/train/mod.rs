@@ -2,6 +2,7 @@
 //! [`ViewSource`](crate::views::ViewSource) and emits [`TrainEvent`]s; it knows no files, progress bars or
 //! devices.
 
+mod background;
 pub mod checkpoint;
 mod config;
 pub mod density;

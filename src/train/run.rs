@@ -1,5 +1,6 @@
 //! The training loop: draws views, steps, applies density control, evaluates and emits events.
 
+use super::background::background_of;
 use super::config::{Exposure, TrainConfig};
 use super::density::{DensityCounts, StatisticsSource};
 use super::eta::Eta;
@@ -349,7 +350,7 @@ impl Trainer<'_> {
             camera: self.targets.camera(self.views, planned.view),
             photo: self.targets.photo(planned.view),
             target: &planned.target,
-            background: self.config.background,
+            background: background_of(self.config, step),
             sh_degree: self.schedule.sh_degree(step, self.config.sh_degree),
             loss: self.config.loss,
             rates: self.schedule.rates(self.config, step),

@@ -65,6 +65,7 @@ fn step_without_learning(
         height_px: view.height_px,
         rgb: vec![0; 3 * num_pixels(view)],
         mask: None,
+        alpha: None,
     };
     backend.step(&StepRequest {
         step: 1,

@@ -29,6 +29,7 @@ impl Difference {
             height_px: expected.height_px,
             rgb: quantised(&expected.rgb),
             mask: None,
+            alpha: None,
         };
         let pairs = || found.rgb.iter().zip(&expected.rgb);
         let largest = pairs().map(|(a, b)| if a == b { 0.0 } else { (a - b).abs() });
