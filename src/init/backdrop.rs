@@ -8,15 +8,11 @@ use crate::Result;
 use crate::camera::Camera;
 use crate::constants::MAP_SIGMA_MAX;
 use crate::image::{TargetImage, is_background};
-use crate::views::{Split, by_place};
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use rayon::prelude::*;
 
 /// Directions in which a splat may stand, evenly over the sphere: about 6 degrees apart.
 const DIRECTIONS: usize = 1024;
-
-/// Training views that are searched for empty rays; of more, as many evenly spaced ones.
-const VIEWS_MAX: usize = 64;
 
 /// Rays along the longer side of a view.
 const RAYS_PER_SIDE: u32 = 24;
@@ -72,9 +68,7 @@ pub(super) fn backdrop(
     points: &[LocalPoint],
     background: [f32; 3],
 ) -> Result<Vec<LocalPoint>> {
-    let order = by_place(input.views, input.views.indices(Split::Train));
-    let step = order.len().div_ceil(VIEWS_MAX).max(1);
-    let views: Vec<usize> = order.into_iter().step_by(step).collect();
+    let views = input.photo_views();
     let turned = local_from_cameras(input.views);
     let directions: Vec<DVec3> = directions().into_iter().map(|d| turned * d).collect();
     let radii = radii(&directions, points);

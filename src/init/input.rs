@@ -2,7 +2,7 @@
 
 use crate::camera::Similarity;
 use crate::train::Policy;
-use crate::views::{SfmPoint, ViewSource};
+use crate::views::{SfmPoint, Split, ViewSource, by_place};
 use std::path::Path;
 
 /// Where the initial splats are placed.
@@ -29,6 +29,18 @@ pub struct InitInput<'a> {
     pub capture_from_local: Similarity,
     /// Near plane, local units.
     pub near: f32,
+}
+
+/// Training views whose photos initialisation reads; of more, as many spread evenly.
+const PHOTOS_MAX: usize = 64;
+
+impl InitInput<'_> {
+    /// The training views whose photos initialisation reads, in the order of [`by_place`].
+    pub(super) fn photo_views(&self) -> Vec<usize> {
+        let order = by_place(self.views, self.views.indices(Split::Train));
+        let step = order.len().div_ceil(PHOTOS_MAX).max(1);
+        order.into_iter().step_by(step).collect()
+    }
 }
 
 /// How the initial model is made.

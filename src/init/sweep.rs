@@ -8,7 +8,6 @@ use super::random::{Purpose, Stream};
 use crate::Result;
 use crate::camera::Camera;
 use crate::image::is_background;
-use crate::views::{Split, by_place};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
@@ -68,7 +67,7 @@ pub(super) fn swept(
     background: [f32; 3],
     seed: u64,
 ) -> Result<Vec<LocalPoint>> {
-    let views = by_place(input.views, input.views.indices(Split::Train));
+    let views = input.photo_views();
     let cameras: Vec<Camera> = views.iter().map(|&view| input.views.camera(view)).collect();
     let wanted = wanted(&cameras);
     if 2 * known.len() >= wanted || views.len() < 2 {
