@@ -83,7 +83,7 @@ fn main() {
         capture_from_local: capture.capture_from_local,
         near: capture.near,
     };
-    let (model, _) = initial_model(&input, &init).expect("points");
+    let model = initial_model(&input, &init).expect("points").model;
     println!(
         "{} splats, {} texels, loaded in {:.1} s",
         model.num_splats(),

@@ -57,7 +57,7 @@ fn first_model(capture: &Capture, seed: u64) -> Model {
         capture_from_local: capture.capture_from_local,
         near: capture.near,
     };
-    initial_model(&input, &InitOptions { sh_degree: 2, seed, ..InitOptions::default() }).unwrap().0
+    initial_model(&input, &InitOptions { sh_degree: 2, seed, ..InitOptions::default() }).unwrap().model
 }
 
 /// The model at the end and its PSNR.

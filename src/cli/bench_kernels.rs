@@ -246,8 +246,8 @@ mod with_gpu {
         let capture = capture::open(&path, &options)?;
         log.report(&capture.report);
         let config = TrainConfig::default();
-        let (state, left_out) = capture::fresh_state(&capture, &InitSource::Auto, None, &config)?;
-        log.report(&left_out);
+        let first = capture::fresh_model(&capture, &InitSource::Auto, None, &config)?;
+        log.report(&first.report);
         let train = capture.indices(Split::Train);
         // Spread over the capture.
         let count = train.len().min(VIEWS_MAX).min(args.steps as usize);
@@ -258,7 +258,7 @@ mod with_gpu {
             return Err(Error::invalid(&path, "no view to train on"));
         }
         let (name, background) = (capture.name.clone(), config.background);
-        Ok(Scene { name, model: state.model, views, background, capture: Some(capture) })
+        Ok(Scene { name, model: first.model, views, background, capture: Some(capture) })
     }
 
     /// Small splats in a random scene, from a few sides.

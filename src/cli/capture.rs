@@ -1,10 +1,10 @@
 //! Opens captures and creates the initial training state. The only file of the command line that uses the capture loader.
 
-use litetex_gs::init::{InitInput, InitOptions, initial_model};
+use litetex_gs::init::{InitInput, InitOptions, InitialModel, initial_model};
 use litetex_gs::model::SPLAT_PARAMS;
-use litetex_gs::train::{Backdrop, TrainConfig, TrainState};
+use litetex_gs::train::{Backdrop, TrainConfig};
 use litetex_gs::views::ViewSource as _;
-use litetex_gs::{Error, Report, Result};
+use litetex_gs::{Error, Result};
 use std::path::Path;
 
 pub use super::init_source::InitSource;
@@ -23,16 +23,16 @@ fn has_backdrop(capture: &Capture, config: &TrainConfig) -> bool {
     config.backdrop == Backdrop::Auto && !capture.has_alpha()
 }
 
-/// The state before the first step, and what was left out on the way.
+/// The model before the first step, and what was left out on the way.
 ///
 /// # Errors
 /// What reading the start found.
-pub fn fresh_state(
+pub fn fresh_model(
     capture: &Capture,
     source: &InitSource,
     max_points: Option<usize>,
     config: &TrainConfig,
-) -> Result<(TrainState, Report)> {
+) -> Result<InitialModel> {
     let texels_each = config.policy.first_texels_each();
     let most = config.budget.most_splats(texels_each).min(max_points.unwrap_or(usize::MAX));
     if most == 0 {
@@ -58,6 +58,5 @@ pub fn fresh_state(
         backdrop_on: has_backdrop(capture, config).then_some(config.background),
         sweep_on: (config.sweep && *source == InitSource::Auto).then_some(config.background),
     };
-    let (model, report) = initial_model(&input, &options)?;
-    Ok((TrainState::fresh(model), report))
+    initial_model(&input, &options)
 }

@@ -4,7 +4,7 @@
 use super::capture::{InitSource, LoadOptions};
 use super::capture_args::MAX_RESOLUTION_MIN;
 use super::profile::Profile;
-use litetex_gs::train::TrainConfig;
+use litetex_gs::train::{Exposure, TrainConfig};
 use litetex_gs::{Error, Result, input_file};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
@@ -79,9 +79,14 @@ impl RunConfig {
         let mut config: Self =
             toml::from_str(text).map_err(|e| Error::invalid(path, e.to_string().trim_end().to_owned()))?;
         config.check().map_err(|what| Error::invalid(path, what))?;
-        config.capture.background = config.train.background;
-        config.capture.keep_alpha = config.train.random_background;
+        config.follow_background();
         Ok(config)
+    }
+
+    /// Photos with alpha are composited on the background of the images, or keep it for changing backgrounds.
+    pub fn follow_background(&mut self) {
+        self.capture.background = self.train.background;
+        self.capture.keep_alpha = self.train.random_background;
     }
 
     /// The resolved settings as a file that `--config` accepts.
@@ -189,7 +194,11 @@ impl RunConfig {
             return Err(format!("train.background: found {:?}, expected numbers from 0 to 1", t.background));
         }
         if t.random_background && t.background != [0.0; 3] {
-            return Err("train.random-background: expects the background black".to_owned());
+            return Err("train.random-background: needs train.background = [0, 0, 0]".to_owned());
+        }
+        if t.random_background && t.exposure != Exposure::None {
+            // The photo's exposure acts on what lies before the background only.
+            return Err("train.random-background: not with train.exposure".to_owned());
         }
         if t.max_time_secs.is_some_and(|s| !s.is_finite() || s <= 0.0) {
             return Err("train.max-time-secs: expected a positive number".to_owned());

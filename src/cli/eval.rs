@@ -76,7 +76,9 @@ pub fn run(args: &EvalArgs, log: &Log) -> anyhow::Result<()> {
     log.report(&capture.report);
     let mut extras: Vec<Box<dyn ExtraFigures>> = Vec::new();
     if let Some(other) = &args.uncovered_by {
-        extras.push(Box::new(UncoveredArea::of(&Trained::load(other)?, &capture, &args.device, log)?));
+        let background = trained.config.train.background;
+        let area = UncoveredArea::of(&Trained::load(other)?, &capture, background, &args.device, log)?;
+        extras.push(Box::new(area));
     }
     if let Some(folder) = &args.regions {
         extras.push(Box::new(Regions::of(folder, &capture, &trained.model)?));

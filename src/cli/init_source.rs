@@ -48,15 +48,6 @@ impl ResolvedPoints<'_> {
 }
 
 impl InitSource {
-    /// Whether splats start at random places.
-    pub fn is_random(&self, capture: &Capture) -> bool {
-        match self {
-            Self::Random(_) => true,
-            Self::Auto => capture.points.is_empty(),
-            Self::Sfm | Self::Ply(_) => false,
-        }
-    }
-
     /// The points, read from a file where that is requested.
     ///
     /// # Errors
@@ -156,17 +147,15 @@ mod tests {
     }
 
     #[test]
-    fn auto_initialises_at_random_if_the_capture_has_no_points() {
+    fn auto_finds_points_if_the_capture_has_none() {
         let folder = tempfile::tempdir().unwrap();
         let mut capture = sample(folder.path());
         let count = capture.points.len();
         let resolved = InitSource::Auto.resolve(&capture).unwrap();
         assert!(matches!(resolved.as_input(), InitPoints::Sparse(points) if points.len() == count));
-        assert!(!InitSource::Auto.is_random(&capture));
         capture.points.clear();
         let resolved = InitSource::Auto.resolve(&capture).unwrap();
         assert!(matches!(resolved.as_input(), InitPoints::Missing(RANDOM_POINTS)));
-        assert!(InitSource::Auto.is_random(&capture));
         assert!(matches!(InitSource::Sfm.resolve(&capture), Err(Error::InvalidInput { .. })));
     }
 

@@ -53,6 +53,8 @@ pub struct Session<'a> {
     /// Number of gradient entries, over all steps, that were not finite.
     non_finite_gradients: u64,
     losses: ViewLosses,
+    /// Step of the last evaluation.
+    evaluated_step: u32,
     /// The last evaluation.
     pub evaluation: Option<Evaluation>,
     /// The last checkpoint.
@@ -92,6 +94,7 @@ impl<'a> Session<'a> {
             last_with_images: None,
             non_finite_gradients: 0,
             losses: ViewLosses::default(),
+            evaluated_step: 0,
             evaluation: None,
             checkpoint: None,
             report: Report::default(),
@@ -127,6 +130,7 @@ impl<'a> Session<'a> {
             TrainEvent::EvalView { step, view, image } => self.eval_view(step, view, image)?,
             TrainEvent::Evaluated { step, evaluation, point, last } => {
                 self.progress.evaluated(step, evaluation.psnr, evaluation.grad_psnr);
+                self.evaluated_step = step;
                 self.metric(json!({ "event": "evaluated", "step": step, "last": last, "point": point,
                     "ssim_3dgs": evaluation.ssim_3dgs, "ssim_valid": evaluation.ssim_valid,
                     "flip": evaluation.flip, "psnr_corrected": evaluation.psnr_corrected,
@@ -232,7 +236,7 @@ impl<'a> Session<'a> {
 
     fn warn_of_uncovered_pixels(&mut self) -> Result<()> {
         let uncovered = self.evaluation.as_ref().and_then(|evaluation| evaluation.uncovered);
-        let is_trained = self.config.train.steps >= UNCOVERED_MIN_STEPS;
+        let is_trained = self.evaluated_step >= UNCOVERED_MIN_STEPS;
         let Some(share) = uncovered.filter(|share| is_trained && *share > UNCOVERED_MAX) else {
             return Ok(());
         };

@@ -49,7 +49,6 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<(Summary, PathBuf)> {
     let mut capture = capture::open(job.config.data()?, &job.config.capture)?;
     log.report(&capture.report);
     let mut report = std::mem::take(&mut capture.report);
-    job.config.train.random_start = job.config.init.is_random(&capture);
     let resumed = job.resume.as_ref().map(|resume| resume.summary());
     let state = first_state(&mut job, &capture, &mut report, log)?;
     let earlier_secs = state.history.total_wall_secs;
@@ -105,14 +104,15 @@ fn first_state(job: &mut TrainJob, capture: &Capture, report: &mut Report, log: 
         return Ok(resume.state);
     }
     let config = &job.config;
-    let (state, left_out) = capture::fresh_state(capture, &config.init, config.max_points, &config.train)?;
-    log.report(&left_out);
-    report.merge(left_out);
-    if let Some(what) = bounded_start(&config.train, state.model.num_splats()) {
+    let first = capture::fresh_model(capture, &config.init, config.max_points, &config.train)?;
+    log.report(&first.report);
+    report.merge(first.report);
+    if let Some(what) = bounded_start(&config.train, first.model.num_splats()) {
         log.warn("initial-model-bounded-by-budget", &what, 1);
         report.warn("start-bounded-by-budget", 1, what);
     }
-    Ok(state)
+    job.config.train.random_start = first.is_random;
+    Ok(TrainState::fresh(first.model))
 }
 
 /// A warning if the budget of texels or parameters, and not that of splats, bounds how many splats a new model has:

@@ -97,8 +97,8 @@ pub struct TrainingArgs {
     /// Initialise from at most this many points, chosen at random
     #[arg(long, value_name = "N", value_parser = parse_count)]
     pub max_points: Option<usize>,
-    /// Initial points: auto (those of the capture, with more from the photos where it has few, else random), sfm (those
-    /// of the capture only), ply:FILE, random:N [default: auto]
+    /// Initial points: auto (the capture's; where they are few, more found in the photos; random if none are found), sfm
+    /// (the capture's only), ply:FILE, random:N [default: auto]
     #[arg(long, value_name = "SOURCE")]
     pub init: Option<InitSource>,
     /// Large splats behind the points, where rays of the training views meet none, such as the sky: auto (not if photos
@@ -109,8 +109,8 @@ pub struct TrainingArgs {
     /// none [default: none]
     #[arg(long, value_name = "HOW", value_parser = parse_exposure)]
     pub exposure: Option<Exposure>,
-    /// Colour of the background: black, white, #rrggbb, r,g,b from 0 to 1, or random (another one in each step, black in
-    /// images), which makes transparency in photos with alpha count [default: black]
+    /// Colour of the background: black, white, #rrggbb, r,g,b from 0 to 1, or random (a new colour in each step, so that
+    /// transparent parts of photos stay empty; test images and exports have black) [default: black]
     #[arg(long, value_name = "COLOUR", value_parser = parse_background)]
     pub background: Option<Background>,
     /// Evaluate the test views every N steps; 0: only at the end [default: 0]
@@ -177,9 +177,7 @@ impl TrainArgs {
             config.data.clone_from(&self.capture);
         }
         self.capture_args.apply(&mut config.capture);
-        // Photos with alpha are composited onto the rendered background.
-        config.capture.background = config.train.background;
-        config.capture.keep_alpha = config.train.random_background;
+        config.follow_background();
         Ok(())
     }
 

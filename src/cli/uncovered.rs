@@ -25,18 +25,24 @@ pub struct UncoveredArea {
 }
 
 impl UncoveredArea {
-    /// Renders the test views of another run.
+    /// Renders the test views of another run; `background` is that of the capture's photos.
     ///
     /// # Errors
     /// If that run has another frame, and whatever device and photos report.
-    pub fn of(other: &Trained, capture: &Capture, device: &str, log: &Log) -> Result<Self> {
+    pub fn of(
+        other: &Trained,
+        capture: &Capture,
+        background: [f32; 3],
+        device: &str,
+        log: &Log,
+    ) -> Result<Self> {
         other.identity.check_frame(&CaptureIdentity::new(capture, capture.capture_from_local))?;
         let mut backend = other.on_device(device, log)?;
         let options = render_options(&other.model, other.config.train.background, false);
         let mut masks = BTreeMap::new();
         for view in capture.indices(Split::Test) {
             let image = backend.render(&capture.camera(view), &options)?;
-            let mask = uncovered_pixels(&image.alpha, &*capture.target(view)?, options.background);
+            let mask = uncovered_pixels(&image.alpha, &*capture.target(view)?, background);
             masks.insert(view, mask);
         }
         Ok(Self { path: other.path.clone(), masks, squares: 0, pixels: 0 })

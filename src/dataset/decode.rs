@@ -57,11 +57,11 @@ impl Recipe {
         u64::from(self.size.0) * u64::from(self.size.1) * channels
     }
 
-    /// Memory while it is made: for the pixels of photo and mask and, where they are reduced or undistorted, for means in
-    /// f32 and the result. Otherwise the pixels become the result.
+    /// Memory while it is made: for the pixels of photo and mask and, where they are reduced, undistorted or composited, for
+    /// means in f32 and the result. Otherwise the pixels become the result.
     pub fn working_bytes(&self) -> u64 {
         let target = self.num_bytes();
-        let resampled = if self.resamples() { 4 * target + target } else { 0 };
+        let resampled = if self.resamples() || self.has_alpha { 4 * target + target } else { 0 };
         resampled + in_turn(self.photo_bytes, target, self.mask_bytes)
     }
 

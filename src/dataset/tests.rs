@@ -3,7 +3,7 @@
 use super::fixtures::{Scene, write_json};
 use super::*;
 use crate::Error;
-use crate::init::{InitInput, InitOptions, InitPoints, initial_model};
+use crate::init::{InitInput, InitOptions, InitPoints, InitialModel, initial_model};
 use crate::sample::{SampleOptions, write_sample};
 use crate::views::{Split, ViewSource as _};
 use glam::DVec3;
@@ -429,6 +429,6 @@ fn the_sample_is_a_valid_capture() {
         capture_from_local: capture.capture_from_local,
         near: capture.near,
     };
-    let (model, report) = initial_model(&input, &InitOptions::default()).unwrap();
+    let InitialModel { model, report, .. } = initial_model(&input, &InitOptions::default()).unwrap();
     assert_eq!((model.num_splats(), report.warnings.len()), (summary.points, 0));
 }

@@ -1,6 +1,6 @@
 //! How much of an image the splats cover.
 
-use crate::image::{TargetImage, is_background};
+use crate::image::TargetImage;
 
 /// Alpha below which a pixel counts as uncovered: the background makes up most of its colour.
 pub const UNCOVERED_ALPHA: f32 = 0.5;
@@ -9,11 +9,8 @@ pub const UNCOVERED_ALPHA: f32 = 0.5;
 /// else there. `alpha`: `[height, width]`, as is the result.
 pub fn uncovered_pixels(alpha: &[f32], target: &TargetImage, background: [f32; 3]) -> Vec<bool> {
     let counts = |pixel: usize| target.mask.as_ref().is_none_or(|m| m[pixel] != 0);
-    let shows_background = |pixel: usize| {
-        let rgb = &target.rgb[3 * pixel..3 * pixel + 3];
-        is_background([0, 1, 2].map(|c| f64::from(rgb[c]) / 255.0), background)
-    };
-    let is_uncovered = |(i, a): (usize, &f32)| *a < UNCOVERED_ALPHA && counts(i) && !shows_background(i);
+    let is_uncovered =
+        |(i, a): (usize, &f32)| *a < UNCOVERED_ALPHA && counts(i) && !target.shows_background(i, background);
     alpha.iter().enumerate().map(is_uncovered).collect()
 }
 

@@ -2,7 +2,8 @@
 
 use super::resample::{by_area, to_byte};
 
-/// A photo as the loss sees it: in display space, composited on the background, at the rendered size.
+/// A photo as the loss sees it: in display space, composited on the background unless alpha is kept, at the rendered
+/// size.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TargetImage {
     /// Width in pixels.
@@ -32,6 +33,17 @@ impl TargetImage {
     /// Whether any pixel counts in loss and metrics, that is, whether the photo is not wholly masked.
     pub fn has_counted_pixels(&self) -> bool {
         self.mask.as_ref().is_none_or(|mask| mask.iter().any(|&m| m != 0))
+    }
+
+    /// Whether a pixel is mostly transparent or, where alpha is not known, looks like the background.
+    pub fn shows_background(&self, pixel: usize, background: [f32; 3]) -> bool {
+        match &self.alpha {
+            Some(alpha) => alpha[pixel] <= ALPHA_LEVELS / 2,
+            None => {
+                let rgb = &self.rgb[3 * pixel..3 * pixel + 3];
+                is_background([0, 1, 2].map(|c| f64::from(rgb[c]) / 255.0), background)
+            }
+        }
     }
 
     /// The photo's colour of a pixel over a background, 0 to 1.

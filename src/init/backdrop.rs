@@ -2,7 +2,7 @@
 //! blank walls (method 5.3). Without it, such pixels stay empty or fill with floaters.
 
 use super::input::InitInput;
-use super::points::LocalPoint;
+use super::points::{LocalPoint, quantile};
 use super::random::local_from_cameras;
 use crate::Result;
 use crate::camera::Camera;
@@ -270,9 +270,4 @@ fn radii(directions: &[DVec3], points: &[LocalPoint]) -> Vec<f64> {
         (NEAR_FACTOR * quantile(&mut distances, NEAR_QUANTILE)).clamp(NEAR_MIN, far)
     };
     directions.par_iter().map(of).collect()
-}
-
-fn quantile(values: &mut [f64], share: f64) -> f64 {
-    let at = (share * (values.len() - 1) as f64) as usize;
-    *values.select_nth_unstable_by(at, f64::total_cmp).1
 }

@@ -69,7 +69,7 @@ fn backdrop(sky: [u8; 3], points: &[SfmPoint], max_points: usize) -> Vec<([f32; 
             near: 0.01,
         };
         let options = InitOptions { backdrop_on, sh_degree: 0, max_points, ..InitOptions::default() };
-        initial_model(&input, &options).unwrap().0
+        initial_model(&input, &options).unwrap().model
     };
     let (without, with) = (model(None, usize::MAX), model(Some([0.0; 3]), max_points));
     assert!(with.num_splats() <= max_points);

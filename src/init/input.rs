@@ -12,7 +12,7 @@ pub enum InitPoints<'a> {
     Sparse(&'a [SfmPoint]),
     /// At so many random points in the views.
     Random(usize),
-    /// There are none: likewise, unless the photos show where points are.
+    /// The capture has none: finds them in the photos, or else draws so many at random.
     Missing(usize),
 }
 
@@ -38,8 +38,8 @@ impl InitInput<'_> {
     /// The training views whose photos initialisation reads, in the order of [`by_place`].
     pub(super) fn photo_views(&self) -> Vec<usize> {
         let order = by_place(self.views, self.views.indices(Split::Train));
-        let step = order.len().div_ceil(PHOTOS_MAX).max(1);
-        order.into_iter().step_by(step).collect()
+        let count = order.len().min(PHOTOS_MAX);
+        (0..count).map(|k| order[k * order.len() / count]).collect()
     }
 }
 
@@ -57,7 +57,8 @@ pub struct InitOptions {
     /// Adds a backdrop where training rays meet no points, which takes reading photos; on photos that were
     /// composited on this background. `None`: no backdrop.
     pub backdrop_on: Option<[f32; 3]>,
-    /// Adds points from photos where there are few, likewise. `None`: only those given.
+    /// Adds points found in the photos where there are few; photos were composited on this background. `None`: only those
+    /// given.
     pub sweep_on: Option<[f32; 3]>,
 }
 

@@ -1,5 +1,5 @@
-//! Initialisation: the model that training starts from, with a splat at each sparse point or at random
-//! points (method section 5). Works from points and cameras; reading them from files is up to `dataset`.
+//! Initialisation: the model that training starts from, with a splat at each sparse point, at points found in the photos
+//! or at random ones (method section 5). Works from points, cameras and photos; reading them is up to `dataset`.
 
 mod backdrop;
 #[cfg(test)]
@@ -24,12 +24,25 @@ use crate::{Error, Report, Result};
 use points::{LocalPoint, along_a_curve, local_points, random_points, thinned, usable};
 use random::{Purpose, Stream, local_from_cameras, rotation};
 
+/// With fewer points found in the photos, a capture that has none starts from random ones: these few are chance.
+const FOUND_MIN: usize = 50;
+
+/// The model that training starts from.
+pub struct InitialModel {
+    /// The model.
+    pub model: Model,
+    /// Which points were left out, and where others come from.
+    pub report: Report,
+    /// Whether splats stand at random places.
+    pub is_random: bool,
+}
+
 /// The model that training starts from, and which points were left out.
 ///
 /// # Errors
 /// [`Error::Usage`] for options out of range, [`Error::InvalidInput`] if no usable point is left; with a backdrop
 /// or a sweep whatever reading a photo reports.
-pub fn initial_model(input: &InitInput<'_>, options: &InitOptions) -> Result<(Model, Report)> {
+pub fn initial_model(input: &InitInput<'_>, options: &InitOptions) -> Result<InitialModel> {
     if options.sh_degree > SH_DEGREE_MAX || options.max_points == 0 {
         return Err(Error::Usage(format!(
             "initial model: SH degree {} (expected 0 to {SH_DEGREE_MAX}), at most {} points (expected 1 or more)",
@@ -37,35 +50,7 @@ pub fn initial_model(input: &InitInput<'_>, options: &InitOptions) -> Result<(Mo
         )));
     }
     let mut report = Report::default();
-    let mut points = match input.points {
-        InitPoints::Sparse(points) => local_points(input, points),
-        InitPoints::Random(count) => random_points(input, count, options.seed),
-        InitPoints::Missing(_) => Vec::new(),
-    };
-    if let Some(background) = options.sweep_on {
-        let (known, swept) = (points.len(), sweep::swept(input, &points, background, options.seed)?);
-        if !swept.is_empty() {
-            let message =
-                format!("the capture has {known} points; {} more found by comparing photos", swept.len());
-            report.warn("few-points", swept.len(), message);
-        }
-        points.extend(swept);
-    }
-    if let InitPoints::Missing(count) = input.points
-        && points.is_empty()
-    {
-        let message = format!("the capture has no points: initialising from {count} random points");
-        report.warn("random-initialisation", count, message);
-        points = random_points(input, count, options.seed);
-    }
-    // What is drawn at random for a point must depend neither on its place in the file nor on how the
-    // capture is turned.
-    points.sort_by(|a, b| {
-        let values = |p: &LocalPoint| p.position.into_iter().chain(p.rgb);
-        let compared = values(a).zip(values(b)).map(|(a, b)| a.total_cmp(&b));
-        compared.fold(a.distance.total_cmp(&b.distance), std::cmp::Ordering::then)
-    });
-    let mut points = usable(points, input.views, &mut report);
+    let (mut points, is_random) = first_points(input, options, &mut report)?;
     if points.is_empty() {
         return Err(Error::invalid(
             input.points_file,
@@ -87,5 +72,55 @@ pub fn initial_model(input: &InitInput<'_>, options: &InitOptions) -> Result<(Mo
     points.iter_mut().for_each(|point| point.quaternion = rotation(turned, &mut stream));
     splats::size_by_spacing(&mut points);
     points.append(&mut backdrop);
-    Ok((splats::model(input, &along_a_curve(&points), options)?, report))
+    let model = splats::model(input, &along_a_curve(&points), options)?;
+    Ok(InitialModel { model, report, is_random })
+}
+
+/// All usable points: those given, and those that the photos or chance add. Also whether they are random.
+fn first_points(
+    input: &InitInput<'_>,
+    options: &InitOptions,
+    report: &mut Report,
+) -> Result<(Vec<LocalPoint>, bool)> {
+    let random = |count, report: &mut Report| {
+        usable(sorted(random_points(input, count, options.seed)), input.views, report)
+    };
+    let mut points = match input.points {
+        InitPoints::Sparse(points) => usable(sorted(local_points(input, points)), input.views, report),
+        InitPoints::Random(count) => return Ok((random(count, report), true)),
+        InitPoints::Missing(_) => Vec::new(),
+    };
+    if let Some(background) = options.sweep_on {
+        let found = sweep::swept(input, &points, background, options)?;
+        let found = usable(found, input.views, &mut Report::default());
+        if !found.is_empty() {
+            let message = format!(
+                "{} points found by comparing photos, besides {} of the capture",
+                found.len(),
+                points.len()
+            );
+            report.warn("few-points", found.len(), message);
+        }
+        points.extend(found);
+        points = sorted(points);
+    }
+    match input.points {
+        InitPoints::Missing(count) if points.len() < FOUND_MIN.min(options.max_points) => {
+            let message = format!("the capture has no points: initialising from {count} random points");
+            report.warn("random-initialisation", count, message);
+            Ok((random(count, report), true))
+        }
+        _ => Ok((points, false)),
+    }
+}
+
+/// In an order that depends neither on their places in the file nor on how the capture is turned, as must what is drawn
+/// at random for them.
+fn sorted(mut points: Vec<LocalPoint>) -> Vec<LocalPoint> {
+    points.sort_by(|a, b| {
+        let values = |p: &LocalPoint| p.position.into_iter().chain(p.rgb);
+        let compared = values(a).zip(values(b)).map(|(a, b)| a.total_cmp(&b));
+        compared.fold(a.distance.total_cmp(&b.distance), std::cmp::Ordering::then)
+    });
+    points
 }

@@ -12,7 +12,7 @@ const PIXELS: usize = SIDE * SIDE;
 const CONTRAST_MIN: f32 = 3.0 / 255.0;
 
 /// A photo at a small size.
-pub(super) struct Photo {
+pub(super) struct ReducedPhoto {
     /// Of this size.
     pub camera: Camera,
     image: TargetImage,
@@ -20,7 +20,7 @@ pub(super) struct Photo {
     grey: Vec<f32>,
 }
 
-impl Photo {
+impl ReducedPhoto {
     /// Reduced to the longer side, or as it is if it is smaller.
     pub fn new(photo: &TargetImage, camera: &Camera, side_px: u32) -> Self {
         let longer = photo.width_px.max(photo.height_px);
@@ -47,6 +47,11 @@ impl Photo {
         self.image.mask.as_ref().is_none_or(|mask| mask[self.pixel(at_px)] != 0)
     }
 
+    /// Whether the pixel at a position in the image shows the background.
+    pub fn shows_background(&self, at_px: DVec2, background: [f32; 3]) -> bool {
+        self.image.shows_background(self.pixel(at_px), background)
+    }
+
     /// Colour of the pixel at a position in the image, 0 to 1.
     pub fn rgb(&self, at_px: DVec2) -> [f64; 3] {
         let rgb = &self.image.rgb[3 * self.pixel(at_px)..];
@@ -71,7 +76,7 @@ impl Photo {
 }
 
 /// A patch to be found in other photos.
-pub(super) struct Reference {
+pub(super) struct Patch {
     camera: Camera,
     /// Rays of the pixels, z = 1.
     directions: [DVec3; PIXELS],
@@ -79,9 +84,9 @@ pub(super) struct Reference {
     values: [f32; PIXELS],
 }
 
-impl Reference {
+impl Patch {
     /// The patch around a position; `None` at the border and where the photo is plain.
-    pub fn new(photo: &Photo, centre_px: DVec2) -> Option<Self> {
+    pub fn new(photo: &ReducedPhoto, centre_px: DVec2) -> Option<Self> {
         let mut directions = [DVec3::ZERO; PIXELS];
         let mut values = [0.0; PIXELS];
         for i in 0..PIXELS {
@@ -93,10 +98,10 @@ impl Reference {
     }
 
     /// How another photo sees the rays of the patch.
-    pub fn seen_by<'a>(&self, photo: &'a Photo) -> Sight<'a> {
+    pub fn seen_by<'a>(&self, photo: &'a ReducedPhoto) -> PatchRays<'a> {
         let (own, other) = (&self.camera.camera_from_local, &photo.camera.camera_from_local);
         let turn: DMat3 = other.rotation * own.rotation.transpose();
-        Sight {
+        PatchRays {
             photo,
             directions: self.directions.map(|direction| turn * direction),
             origin: other.transform_point(self.camera.centre_in_local()),
@@ -105,10 +110,10 @@ impl Reference {
 
     /// Normalised cross-correlation with the other photo, -1 to 1, the patch facing its camera at an inverse depth;
     /// -1 where the photo does not show all of it.
-    pub fn correlation(&self, sight: &Sight<'_>, inverse_depth: f64) -> f32 {
+    pub fn correlation(&self, rays: &PatchRays<'_>, inverse_depth: f64) -> f32 {
         let mut found = [0.0; PIXELS];
-        for (value, direction) in found.iter_mut().zip(&sight.directions) {
-            let Some(grey) = sight.at(*direction, inverse_depth).and_then(|at| sight.photo.grey(at)) else {
+        for (value, direction) in found.iter_mut().zip(&rays.directions) {
+            let Some(grey) = rays.at(*direction, inverse_depth).and_then(|at| rays.photo.grey(at)) else {
                 return -1.0;
             };
             *value = grey;
@@ -121,14 +126,14 @@ impl Reference {
 }
 
 /// The rays of a patch in the frame of another camera.
-pub(super) struct Sight<'a> {
-    photo: &'a Photo,
+pub(super) struct PatchRays<'a> {
+    photo: &'a ReducedPhoto,
     directions: [DVec3; PIXELS],
     /// Where the rays start.
     origin: DVec3,
 }
 
-impl Sight<'_> {
+impl PatchRays<'_> {
     fn at(&self, direction: DVec3, inverse_depth: f64) -> Option<DVec2> {
         // Scaled by the inverse depth, which does not move the projection.
         self.photo.camera.pinhole.project(direction + self.origin * inverse_depth)

@@ -45,6 +45,12 @@ impl LocalPoint {
     }
 }
 
+/// The value that a share of the values do not exceed; there must be one.
+pub(super) fn quantile(values: &mut [f64], share: f64) -> f64 {
+    let at = (share * (values.len() - 1) as f64) as usize;
+    *values.select_nth_unstable_by(at, f64::total_cmp).1
+}
+
 /// The points of the capture, in the local frame.
 pub(super) fn local_points(input: &InitInput<'_>, points: &[SfmPoint]) -> Vec<LocalPoint> {
     let local_from_capture = input.capture_from_local.inverse();

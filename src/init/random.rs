@@ -1,4 +1,5 @@
-//! Random numbers of the initial model: rotations, and for captures without points, positions that the cameras see.
+//! Random numbers of the initial model: rotations, rays of the sweep, and for captures without points, positions that the
+//! cameras see.
 
 use crate::camera::Camera;
 use crate::views::{Split, ViewSource, by_place};

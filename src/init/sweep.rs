@@ -1,13 +1,12 @@
 //! Points from the photos, where a capture has few of its own: along rays of the training views, the depth at which
 //! neighbouring photos show the same (plane sweep, Collins 1996; method 5.4).
 
-use super::input::InitInput;
-use super::patch::{Photo, Reference};
-use super::points::LocalPoint;
+use super::input::{InitInput, InitOptions};
+use super::patch::{Patch, ReducedPhoto};
+use super::points::{LocalPoint, quantile};
 use super::random::{Purpose, Stream};
 use crate::Result;
 use crate::camera::Camera;
-use crate::image::is_background;
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
@@ -36,19 +35,19 @@ const DEPTH_FACTORS: (f64, f64) = (0.7, 1.5);
 const POINTS_FOR_DEPTHS: usize = 10;
 
 /// Depths that are tried along a ray.
-const HYPOTHESES: (f64, f64) = (32.0, 192.0);
+const DEPTHS_TRIED: (f64, f64) = (32.0, 192.0);
 
 /// Correlation of the patches that makes a match, and its lead over the best of other depths.
 const MATCH_MIN: f32 = 0.85;
 const MATCH_LEAD: f32 = 0.05;
 
-/// Depths at which a match moves by less than this from the best one are not others, pixels.
+/// Depths whose images lie within so many pixels of the best one belong to the same peak.
 const PEAK_RADIUS_PX: f64 = 3.0;
 
-/// A ray without a match lies on the plane through the nearest matches of its view: as many, within this share of the
-/// longer side.
-const SUPPORTS: (usize, usize) = (4, 6);
-const SUPPORT_RADIUS: f64 = 0.125;
+/// Without a match, a ray's point is put on the plane through the nearest matches of its view: as many, within this share
+/// of the longer side.
+const PLANE_MATCHES: (usize, usize) = (4, 6);
+const PLANE_RADIUS: f64 = 0.125;
 
 /// Number of points that a capture should have, by the size of its views.
 fn wanted(cameras: &[Camera]) -> usize {
@@ -57,7 +56,8 @@ fn wanted(cameras: &[Camera]) -> usize {
     (per_view / PIXELS_PER_POINT).clamp(WANTED_BOUNDS.0, WANTED_BOUNDS.1) as usize
 }
 
-/// Points to add to `known` ones; none if there are enough, that is, half of what the views ask for.
+/// Points to add to `known` ones, at most so many in all; none if there are enough, that is, half of what the views ask
+/// for.
 ///
 /// # Errors
 /// Whatever reading a photo reports.
@@ -65,20 +65,21 @@ pub(super) fn swept(
     input: &InitInput<'_>,
     known: &[LocalPoint],
     background: [f32; 3],
-    seed: u64,
+    options: &InitOptions,
 ) -> Result<Vec<LocalPoint>> {
     let views = input.photo_views();
     let cameras: Vec<Camera> = views.iter().map(|&view| input.views.camera(view)).collect();
-    let wanted = wanted(&cameras);
+    let wanted = wanted(&cameras).min(options.max_points);
     if 2 * known.len() >= wanted || views.len() < 2 {
         return Ok(Vec::new());
     }
     input.views.prefetch(&views);
-    let photo =
-        |(&view, camera): (&usize, &Camera)| Ok(Photo::new(&*input.views.target(view)?, camera, SIDE_PX));
+    let photo = |(&view, camera): (&usize, &Camera)| {
+        Ok(ReducedPhoto::new(&*input.views.target(view)?, camera, SIDE_PX))
+    };
     let photos = views.iter().zip(&cameras).map(photo).collect::<Result<Vec<_>>>()?;
     let (near, far) = depths(&photos, known);
-    let mut stream = Stream::new(seed, Purpose::Rays);
+    let mut stream = Stream::new(options.seed, Purpose::Rays);
     let rays: Vec<Vec<DVec2>> = (0..photos.len())
         .map(|i| {
             // Shared evenly: all views get as many, the first ones one more.
@@ -96,7 +97,7 @@ pub(super) fn swept(
 fn points_of_view(
     index: usize,
     rays: &[DVec2],
-    photos: &[Photo],
+    photos: &[ReducedPhoto],
     (near, far): (f64, f64),
     background: [f32; 3],
 ) -> Vec<LocalPoint> {
@@ -104,9 +105,10 @@ fn points_of_view(
     let neighbours = neighbours(index, photos);
     let mut matched: Vec<(DVec2, f64)> = Vec::new();
     let mut open = Vec::new();
-    for &at_px in rays.iter().filter(|at| photo.counts(**at) && !is_background(photo.rgb(**at), background)) {
-        let found = Reference::new(photo, at_px)
-            .and_then(|reference| inverse_depth(&reference, &neighbours, (1.0 / far, 1.0 / near)));
+    let shows_scene = |at: &&DVec2| photo.counts(**at) && !photo.shows_background(**at, background);
+    for &at_px in rays.iter().filter(shows_scene) {
+        let found = Patch::new(photo, at_px)
+            .and_then(|patch| inverse_depth(&patch, &neighbours, (1.0 / far, 1.0 / near)));
         match found {
             Some(inverse) => matched.push((at_px, inverse)),
             None => open.push(at_px),
@@ -124,24 +126,25 @@ fn points_of_view(
 }
 
 /// The photos that look the same way from a little aside.
-fn neighbours(index: usize, photos: &[Photo]) -> Vec<&Photo> {
-    let axis = |photo: &Photo| photo.camera.camera_from_local.rotation.row(2);
+fn neighbours(index: usize, photos: &[ReducedPhoto]) -> Vec<&ReducedPhoto> {
+    let axis = |photo: &ReducedPhoto| photo.camera.camera_from_local.rotation.row(2);
     let own = &photos[index];
-    let baseline = |other: &Photo| other.camera.centre_in_local().distance(own.camera.centre_in_local());
-    let mut near: Vec<&Photo> = photos
+    let baseline =
+        |other: &ReducedPhoto| other.camera.centre_in_local().distance(own.camera.centre_in_local());
+    let mut near: Vec<&ReducedPhoto> = photos
         .iter()
         .enumerate()
         .filter(|(i, other)| *i != index && axis(other).dot(axis(own)) > AXES_COS && baseline(other) > 1e-3)
         .map(|(_, other)| other)
         .collect();
-    let cost = |other: &Photo| (baseline(other) - BASELINE).abs();
+    let cost = |other: &ReducedPhoto| (baseline(other) - BASELINE).abs();
     near.sort_by(|a, b| cost(a).total_cmp(&cost(b)));
     near.truncate(NEIGHBOURS);
     near
 }
 
 /// Bounds of the depths, from the known points in the views.
-fn depths(photos: &[Photo], known: &[LocalPoint]) -> (f64, f64) {
+fn depths(photos: &[ReducedPhoto], known: &[LocalPoint]) -> (f64, f64) {
     if known.len() < POINTS_FOR_DEPTHS {
         return DEPTHS;
     }
@@ -157,23 +160,25 @@ fn depths(photos: &[Photo], known: &[LocalPoint]) -> (f64, f64) {
     if depths.is_empty() {
         return DEPTHS;
     }
-    depths.sort_unstable_by(f64::total_cmp);
-    let quantile = |share: f64| depths[(share * (depths.len() - 1) as f64) as usize];
-    let near = DEPTH_FACTORS.0 * quantile(DEPTH_QUANTILES.0);
-    let far = DEPTH_FACTORS.1 * quantile(DEPTH_QUANTILES.1);
-    (near.max(0.05), far.max(1.5 * near))
+    let near = DEPTH_FACTORS.0 * quantile(&mut depths, DEPTH_QUANTILES.0);
+    let far = DEPTH_FACTORS.1 * quantile(&mut depths, DEPTH_QUANTILES.1);
+    (near, far.max(1.5 * near))
 }
 
 /// The inverse depth at which the neighbours match a patch; `None` without a clear match.
-fn inverse_depth(reference: &Reference, neighbours: &[&Photo], (least, most): (f64, f64)) -> Option<f64> {
-    let sights: Vec<_> = neighbours.iter().map(|photo| reference.seen_by(photo)).collect();
-    // A step moves the patch by at most a pixel in any neighbour.
-    let path_px = sights.iter().map(|sight| sight.path_px(least, most)).fold(0.0, f64::max);
-    let count = path_px.clamp(HYPOTHESES.0, HYPOTHESES.1) as usize;
+fn inverse_depth(patch: &Patch, neighbours: &[&ReducedPhoto], (least, most): (f64, f64)) -> Option<f64> {
+    let neighbour_rays: Vec<_> = neighbours.iter().map(|photo| patch.seen_by(photo)).collect();
+    // A step moves the patch by about a pixel, as far as the largest number of steps reaches.
+    let path_px = neighbour_rays.iter().map(|rays| rays.path_px(least, most)).fold(0.0, f64::max);
+    // Where the neighbours hardly look from aside, every depth matches.
+    if path_px <= PEAK_RADIUS_PX {
+        return None;
+    }
+    let count = path_px.clamp(DEPTHS_TRIED.0, DEPTHS_TRIED.1) as usize;
     let step = (most - least) / (count - 1) as f64;
     let score = |inverse: f64| {
         let mut matches: Vec<f32> =
-            sights.iter().map(|sight| reference.correlation(sight, inverse)).collect();
+            neighbour_rays.iter().map(|rays| patch.correlation(rays, inverse)).collect();
         matches.sort_unstable_by(|a, b| b.total_cmp(a));
         // The best two: others may not see the place. A single neighbour must do where there is no second.
         let best = &matches[..matches.len().min(2)];
@@ -201,20 +206,20 @@ fn inverse_depth(reference: &Reference, neighbours: &[&Photo], (least, most): (f
 }
 
 /// Inverse depth of the plane through the nearest matches of the view: on a plane it is linear in the image.
-fn on_plane(at_px: DVec2, matched: &[(DVec2, f64)], photo: &Photo) -> Option<f64> {
+fn on_plane(at_px: DVec2, matched: &[(DVec2, f64)], photo: &ReducedPhoto) -> Option<f64> {
     let pinhole = &photo.camera.pinhole;
-    let radius = SUPPORT_RADIUS * f64::from(pinhole.width_px.max(pinhole.height_px));
+    let radius = PLANE_RADIUS * f64::from(pinhole.width_px.max(pinhole.height_px));
     let mut near: Vec<(f64, DVec2, f64)> = matched
         .iter()
         .map(|(at, inverse)| (at.distance_squared(at_px), *at - at_px, *inverse))
         .filter(|(squared, ..)| *squared < radius * radius)
         .collect();
-    if near.len() < SUPPORTS.0 {
+    if near.len() < PLANE_MATCHES.0 {
         return None;
     }
     near.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
-    near.truncate(SUPPORTS.1);
-    // Weighted least squares for the value at the pixel, with a ridge against supports on a line.
+    near.truncate(PLANE_MATCHES.1);
+    // Weighted least squares for the value at the pixel, with a ridge against matches on a line.
     let (mut matrix, mut rhs) = (glam::DMat3::ZERO, DVec3::ZERO);
     for (squared, offset, inverse) in &near {
         let weight = 1.0 / (1.0 + squared);

@@ -22,7 +22,7 @@ fn made_from(capture: &Capture, points: InitPoints<'_>, options: &InitOptions) -
         capture_from_local: capture.capture_from_local,
         near: capture.near,
     };
-    initial_model(&input, options)
+    initial_model(&input, options).map(|first| (first.model, first.report))
 }
 
 /// From the points of the capture.

@@ -222,7 +222,8 @@ fn lens(camera: &ColmapCamera) -> Result<Lens, String> {
         4 => radial(&d[..2], [d[2], d[3]]),
         6 => radial(&[d[0], d[1], d[4], d[5], d[6], d[7]], [d[2], d[3]]),
         5 | 8 | 9 | 14 | 15 => fisheye(d, Tilt::None),
-        7 => Distortion::FieldOfView { omega: d[0] },
+        // Even in omega.
+        7 => Distortion::FieldOfView { omega: d[0].abs() },
         10 => {
             let tilt = Tilt::BeforeRadial { p: [d[2], d[3]], s: [d[6], d[7]] };
             fisheye(&[d[0], d[1], d[4], d[5]], tilt)
