@@ -143,14 +143,14 @@ fn memory_for_decoding_counts_bit_depth_channels_masks_and_resampling() {
     assert_eq!((at_once(1, 1600), at_once(2, 1600)), (3 * PIXELS, 6 * PIXELS));
     // Means in f32 and the result, of a quarter of the pixels.
     assert_eq!(at_once(1, 6), 3 * PIXELS + (4 + 1) * 3 * PIXELS / 4);
-    // The 8-bit copy next to 16 bits.
+    // The 8-bit copy next to 16 bits; alpha is composited in f32.
     image::ImageBuffer::<image::Rgba<u16>, _>::new(12, 8).save(images.join("p02.png")).unwrap();
-    assert_eq!(at_once(1, 1600), (8 + 4) * PIXELS);
+    assert_eq!(at_once(1, 1600), (8 + 4) * PIXELS + (4 + 1) * 3 * PIXELS);
     // The mask has 16 bits, too, and becomes 8-bit grey.
     std::fs::create_dir(folder.path().join("masks")).unwrap();
     let mask = image::ImageBuffer::<image::Rgba<u16>, _>::new(12, 8);
     mask.save(folder.path().join("masks/p02.png")).unwrap();
-    assert_eq!(at_once(1, 1600), (8 + 4) * PIXELS + (4 * 2 + 1) * PIXELS);
+    assert_eq!(at_once(1, 1600), (8 + 4) * PIXELS + (4 * 2 + 1) * PIXELS + (4 + 1) * 4 * PIXELS);
 }
 
 #[test]

@@ -49,37 +49,38 @@ const PEAK_RADIUS_PX: f64 = 3.0;
 const PLANE_MATCHES: (usize, usize) = (4, 6);
 const PLANE_RADIUS: f64 = 0.125;
 
-/// Number of points that a capture should have, by the size of its views.
-fn wanted(cameras: &[Camera]) -> usize {
-    let pixels: f64 = cameras.iter().map(|c| c.pinhole.num_pixels() as f64).sum();
-    let per_view = pixels / cameras.len().max(1) as f64;
-    (per_view / PIXELS_PER_POINT).clamp(WANTED_BOUNDS.0, WANTED_BOUNDS.1) as usize
+/// Number of points that a capture should have, by the size of its views and the budget.
+pub(super) fn wanted_points(input: &InitInput<'_>, options: &InitOptions) -> usize {
+    let views = input.photo_views();
+    let pixels: f64 = views.iter().map(|&view| input.views.camera(view).pinhole.num_pixels() as f64).sum();
+    let per_view = pixels / views.len().max(1) as f64;
+    let wanted = (per_view / PIXELS_PER_POINT).clamp(WANTED_BOUNDS.0, WANTED_BOUNDS.1);
+    (wanted as usize).min(options.max_points)
 }
 
-/// Points to add to `known` ones, at most so many in all; none if there are enough, that is, half of what the views ask
-/// for.
+/// Points to add to `known` ones; none if there are at least half of those wanted.
 ///
 /// # Errors
 /// Whatever reading a photo reports.
 pub(super) fn swept(
     input: &InitInput<'_>,
     known: &[LocalPoint],
+    wanted: usize,
     background: [f32; 3],
-    options: &InitOptions,
+    seed: u64,
 ) -> Result<Vec<LocalPoint>> {
     let views = input.photo_views();
-    let cameras: Vec<Camera> = views.iter().map(|&view| input.views.camera(view)).collect();
-    let wanted = wanted(&cameras).min(options.max_points);
     if 2 * known.len() >= wanted || views.len() < 2 {
         return Ok(Vec::new());
     }
+    let cameras: Vec<Camera> = views.iter().map(|&view| input.views.camera(view)).collect();
     input.views.prefetch(&views);
     let photo = |(&view, camera): (&usize, &Camera)| {
         Ok(ReducedPhoto::new(&*input.views.target(view)?, camera, SIDE_PX))
     };
     let photos = views.iter().zip(&cameras).map(photo).collect::<Result<Vec<_>>>()?;
     let (near, far) = depths(&photos, known);
-    let mut stream = Stream::new(options.seed, Purpose::Rays);
+    let mut stream = Stream::new(seed, Purpose::Rays);
     let rays: Vec<Vec<DVec2>> = (0..photos.len())
         .map(|i| {
             // Shared evenly: all views get as many, the first ones one more.
