@@ -182,7 +182,7 @@ impl RunConfig {
 
     /// Bounds that flags check by themselves and other sources must be held to; the error says what was found and
     /// expected.
-    fn check(&self) -> Result<(), String> {
+    pub(super) fn check(&self) -> Result<(), String> {
         let t = &self.train;
         if t.steps == 0 {
             return Err("train.steps: found 0, expected at least 1".to_owned());
@@ -319,6 +319,8 @@ mod tests {
             ("[train]\nsteps = 0", "train.steps"),
             ("[train]\nsh-degree = 4", "train.sh-degree"),
             ("[train]\nbackground = [0, 2, 0]", "train.background"),
+            ("[train]\nrandom-background = true\nbackground = [1, 1, 1]", "train.background"),
+            ("[train]\nrandom-background = true\nexposure = \"affine\"", "train.exposure"),
             ("[train]\nmax-time-secs = -1", "max-time-secs"),
             ("[train]\npolicy = \"fixed:1\"", "fixed:R"),
             ("init = \"magic\"", "random:COUNT"),

@@ -178,7 +178,7 @@ impl TrainArgs {
         }
         self.capture_args.apply(&mut config.capture);
         config.follow_background();
-        Ok(())
+        config.check().map_err(Error::Usage)
     }
 
     fn switch_components(&self, config: &mut TrainConfig) -> Result<()> {

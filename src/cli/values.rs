@@ -213,6 +213,9 @@ mod tests {
 
     #[test]
     fn colours() {
+        assert_eq!(parse_background("random"), Ok(Background::Random));
+        assert_eq!(parse_background("white"), Ok(Background::Colour([1.0; 3])));
+        assert!(parse_background("rainbow").unwrap_err().contains("expected random, black"));
         assert_eq!(parse_colour("white"), Ok([1.0; 3]));
         assert_eq!(parse_colour("#ff0033"), Ok([1.0, 0.0, 0.2]));
         assert_eq!(parse_colour("0, 0.5,1"), Ok([0.0, 0.5, 1.0]));
