@@ -10,7 +10,7 @@ pub use crate::image::TargetImage;
 pub use crate::model::LearningRates;
 use crate::model::{AdamState, Model};
 use crate::{Error, Result};
-pub use exposure::{ColourMap, ColourSums, NUM_COLOUR_SUMS, counted_colour};
+pub use exposure::{ColourMap, ColourSums, NUM_COLOUR_SUMS};
 pub use limits::{DeviceLimits, SceneShape};
 pub use plan::{DensityPlan, Grid, MapChange, SplatEdit};
 use serde::{Deserialize, Serialize};

@@ -1,7 +1,5 @@
 //! The exposure of a photo: an affine map of display-space colours, and the sums from which it is estimated.
 
-use crate::image::TargetImage;
-
 /// Maps the colours of a rendered image to those of its photo: rows of `[r, g, b, 1]` factors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ColourMap(pub [[f32; 4]; 3]);
@@ -47,11 +45,4 @@ impl ColourSums {
     pub fn merge(&mut self, other: &Self) {
         self.0.iter_mut().zip(other.0).for_each(|(sum, term)| *sum += term);
     }
-}
-
-/// The photo's colour of a pixel over a background, 0 to 1; `None` for a masked one.
-#[inline(always)]
-pub fn counted_colour(target: &TargetImage, pixel: usize, background: [f32; 3]) -> Option<[f32; 3]> {
-    let counts = target.mask.as_ref().is_none_or(|mask| mask[pixel] != 0);
-    counts.then(|| target.colour(pixel, background))
 }

@@ -34,16 +34,22 @@ pub enum InitSource {
 
 /// Points as [`InitSource`] has them, and the file that they are from.
 pub struct ResolvedPoints<'a> {
-    points: Option<Cow<'a, [SfmPoint]>>,
-    /// Stands for the points if there are none.
-    otherwise: InitPoints<'a>,
+    source: PointSource<'a>,
     pub file: &'a Path,
+}
+
+enum PointSource<'a> {
+    Given(Cow<'a, [SfmPoint]>),
+    Made(InitPoints<'static>),
 }
 
 impl ResolvedPoints<'_> {
     /// As initialisation takes them.
     pub fn as_input(&self) -> InitPoints<'_> {
-        self.points.as_deref().map_or(self.otherwise, InitPoints::Sparse)
+        match &self.source {
+            PointSource::Given(points) => InitPoints::Sparse(points),
+            PointSource::Made(points) => *points,
+        }
     }
 }
 
@@ -54,19 +60,17 @@ impl InitSource {
     /// [`Error::InvalidInput`] if the capture has no points but `sfm` asks for them; errors of reading the file.
     pub fn resolve<'a>(&'a self, capture: &'a Capture) -> Result<ResolvedPoints<'a>> {
         let poses = capture.poses.as_path();
-        let given = |points, file| {
-            Ok(ResolvedPoints { points: Some(points), otherwise: InitPoints::Missing(0), file })
-        };
-        let without = |otherwise| Ok(ResolvedPoints { points: None, otherwise, file: poses });
+        let given = |points, file| Ok(ResolvedPoints { source: PointSource::Given(points), file });
+        let made = |points| Ok(ResolvedPoints { source: PointSource::Made(points), file: poses });
         match self {
             Self::Sfm if capture.points.is_empty() => Err(Error::invalid(
                 poses,
                 "the capture has no points; start from random points (random:COUNT)",
             )),
-            Self::Auto if capture.points.is_empty() => without(InitPoints::Missing(RANDOM_POINTS)),
+            Self::Auto if capture.points.is_empty() => made(InitPoints::Missing(RANDOM_POINTS)),
             Self::Auto | Self::Sfm => given(Cow::Borrowed(&capture.points), poses),
             Self::Ply(path) => given(Cow::Owned(read_ply_points(path)?), path),
-            Self::Random(count) => without(InitPoints::Random(*count)),
+            Self::Random(count) => made(InitPoints::Random(*count)),
         }
     }
 }

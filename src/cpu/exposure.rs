@@ -1,7 +1,7 @@
 //! Correction of a rendered image by the exposure of its photo, and its adjoint (twin: `reference/exposure.rs`).
 //! Planes are `[height, width]` f32.
 
-use crate::backend::{ColourMap, ColourSums, TargetImage, counted_colour};
+use crate::backend::{ColourMap, ColourSums, TargetImage};
 use rayon::prelude::*;
 
 /// Replaces the image by what the photo's exposure shows; returns the sums from which that exposure is estimated.
@@ -15,7 +15,8 @@ pub(super) fn exposure_fwd(
         let first = y * r.len();
         for (x, ((r, g), b)) in r.iter_mut().zip(g).zip(b).enumerate() {
             let rgb = [*r, *g, *b];
-            if let Some(photo) = counted_colour(target, first + x, background) {
+            if target.counts(first + x) {
+                let photo = target.colour(first + x, background);
                 sums.add(rgb.map(f64::from), photo.map(f64::from));
             }
             [*r, *g, *b] = map.apply(rgb);

@@ -8,9 +8,9 @@ pub const UNCOVERED_ALPHA: f32 = 0.5;
 /// Which pixels are uncovered: they count, the model leaves them mostly to the background, and the photo shows something
 /// else there. `alpha`: `[height, width]`, as is the result.
 pub fn uncovered_pixels(alpha: &[f32], target: &TargetImage, background: [f32; 3]) -> Vec<bool> {
-    let counts = |pixel: usize| target.mask.as_ref().is_none_or(|m| m[pixel] != 0);
-    let is_uncovered =
-        |(i, a): (usize, &f32)| *a < UNCOVERED_ALPHA && counts(i) && !target.shows_background(i, background);
+    let is_uncovered = |(i, a): (usize, &f32)| {
+        *a < UNCOVERED_ALPHA && target.counts(i) && !target.shows_background(i, background)
+    };
     alpha.iter().enumerate().map(is_uncovered).collect()
 }
 

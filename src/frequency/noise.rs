@@ -86,7 +86,7 @@ fn sum(rings: &[[Cell; SECTORS]]) -> [Cell; SECTORS] {
 pub(super) fn fine_variance(photo: &TargetImage) -> f64 {
     let (width, height) = (photo.width_px as usize, photo.height_px as usize);
     let pixels = photo.rgb.as_chunks::<3>().0;
-    let counts = |i: usize| photo.mask.as_ref().is_none_or(|mask| mask[i] != 0);
+    let counts = |i: usize| photo.counts(i);
     let mut patches: [Vec<f64>; 3] = Default::default();
     for top in (0..=height.saturating_sub(PATCH_PX)).step_by(PATCH_PX) {
         for left in (0..=width.saturating_sub(PATCH_PX)).step_by(PATCH_PX) {

@@ -33,7 +33,7 @@ pub(super) fn spectrum(photo: &TargetImage, transform: &PlaneTransform) -> Optio
         }
         transform.visit_columns(plane, &mut work, |kx, column| lines.add_column(kx, column));
     }
-    let counts = |i: usize| photo.mask.as_ref().is_none_or(|mask| mask[i] != 0);
+    let counts = |i: usize| photo.counts(i);
     let squares = weights.iter().enumerate().filter(|&(i, _)| counts(i)).map(|(_, w)| w * w);
     Some(Spectrum {
         cells: lines.cells(),

@@ -76,9 +76,8 @@ fn case(size: (u32, u32), masked: bool, start: BaseImage, weights: [f32; 3], see
 
 fn packed_photo(target: &TargetImage) -> Vec<u32> {
     let pixels = target.rgb.as_chunks::<3>().0.iter().enumerate().map(|(i, &[r, g, b])| {
-        let counts = target.mask.as_ref().is_none_or(|m| m[i] != 0);
         let alpha = target.alpha.as_ref().map_or(127, |alpha| alpha[i]);
-        u32::from_le_bytes([r, g, b, alpha + 128 * u8::from(counts)])
+        u32::from_le_bytes([r, g, b, alpha + 128 * u8::from(target.counts(i))])
     });
     std::iter::repeat_n(0x1234_5678, PHOTO_OFFSET_PX).chain(pixels).collect()
 }

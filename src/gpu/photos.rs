@@ -182,9 +182,8 @@ impl PhotoPool {
 fn packed(target: &TargetImage) -> Vec<u32> {
     let rgb = target.rgb.chunks_exact(3).enumerate();
     rgb.map(|(i, p)| {
-        let counts = target.mask.as_ref().is_none_or(|m| m[i] != 0);
         let alpha = target.alpha.as_ref().map_or(ALPHA_LEVELS, |alpha| alpha[i]);
-        u32::from_le_bytes([p[0], p[1], p[2], alpha | if counts { 128 } else { 0 }])
+        u32::from_le_bytes([p[0], p[1], p[2], alpha | if target.counts(i) { 128 } else { 0 }])
     })
     .collect()
 }

@@ -35,6 +35,12 @@ impl TargetImage {
         self.mask.as_ref().is_none_or(|mask| mask.iter().any(|&m| m != 0))
     }
 
+    /// Whether a pixel counts in loss and metrics.
+    #[inline(always)]
+    pub fn counts(&self, pixel: usize) -> bool {
+        self.mask.as_ref().is_none_or(|mask| mask[pixel] != 0)
+    }
+
     /// Whether a pixel is mostly transparent or, where alpha is not known, looks like the background.
     pub fn shows_background(&self, pixel: usize, background: [f32; 3]) -> bool {
         match &self.alpha {

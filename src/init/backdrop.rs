@@ -108,7 +108,7 @@ fn rays_of(camera: &Camera, photo: &TargetImage, points: &[LocalPoint], near: f3
     let camera = camera.resized(columns, rows);
     let met = splats_met(&camera, points, near);
     let local_from_camera = camera.camera_from_local.rotation.transpose();
-    let counts = |cell: &usize| reduced.mask.as_ref().is_none_or(|mask| mask[*cell] != 0);
+    let counts = |cell: &usize| reduced.counts(*cell);
     (0..camera.pinhole.num_pixels())
         .filter(counts)
         .map(|cell| {

@@ -44,7 +44,7 @@ impl ReducedPhoto {
 
     /// Whether the pixel at a position in the image counts.
     pub fn counts(&self, at_px: DVec2) -> bool {
-        self.image.mask.as_ref().is_none_or(|mask| mask[self.pixel(at_px)] != 0)
+        self.image.counts(self.pixel(at_px))
     }
 
     /// Whether the pixel at a position in the image shows the background.

@@ -14,7 +14,7 @@ pub fn exposure_fwd(
     let mut sums = ColourSums::default();
     let mut out = Vec::with_capacity(rgb.len());
     for (pixel, x) in rgb.as_chunks::<3>().0.iter().enumerate() {
-        if target.mask.as_ref().is_none_or(|mask| mask[pixel] != 0) {
+        if target.counts(pixel) {
             sums.add(*x, colour(target, pixel, background));
         }
         let row = |m: [f32; 4]| m.map(f64::from);

@@ -50,7 +50,7 @@ pub fn geometry_loss(
     let (distortion, normal) = (f64::from(weights.distortion) / count, f64::from(weights.normal) / count);
     for (pixel, moments) in image.moments.iter().enumerate() {
         let mut c = GeometryCoefficients::default();
-        if target.mask.as_ref().is_none_or(|m| m[pixel] != 0) {
+        if target.counts(pixel) {
             let alpha = 1.0 - image.transmittance[pixel];
             out.distortion += distortion * (alpha * moments[1] - moments[0] * moments[0]);
             c.constant = distortion * moments[1];

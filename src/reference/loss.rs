@@ -25,9 +25,8 @@ pub fn image_loss(
     weights: &LossWeights,
 ) -> ImageLoss {
     let (w, h) = (target.width_px as usize, target.height_px as usize);
-    let kept = |pixel: usize| target.mask.as_ref().is_none_or(|m| m[pixel] != 0);
     let y: Vec<f64> = (0..w * h).flat_map(|pixel| colour(target, pixel, background)).collect();
-    let x: Vec<f64> = (0..rgb.len()).map(|i| if kept(i / 3) { rgb[i] } else { y[i] }).collect();
+    let x: Vec<f64> = (0..rgb.len()).map(|i| if target.counts(i / 3) { rgb[i] } else { y[i] }).collect();
     let count = (3 * w * h) as f64;
     let (l1, dssim, mse) = (f64::from(weights.l1), f64::from(weights.dssim), f64::from(weights.mse));
     let mut values = LossValues::default();
@@ -51,7 +50,7 @@ pub fn image_loss(
         }
     }
     for i in 0..x.len() {
-        if !kept(i / 3) {
+        if !target.counts(i / 3) {
             gradient[i] = 0.0;
         }
     }
