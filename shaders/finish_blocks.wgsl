@@ -9,9 +9,8 @@
 #include common/bounds
 #include common/splat_sums
 
-@group(0) @binding(1) var<storage, read> projected: array<Projected>; // [n]
-@group(0) @binding(2) var<storage, read> bounds: array<Bounds>; // [n]
-@group(0) @binding(3) var<storage, read_write> splat_sums: array<SplatSums>; // [n / GROUP]
+@group(0) @binding(1) var<storage, read> bounds: array<Bounds>; // [n]
+@group(0) @binding(2) var<storage, read_write> splat_sums: array<SplatSums>; // [n / GROUP]
 
 var<workgroup> sums: array<vec2f, GROUP>;
 var<workgroup> counts: array<vec2u, GROUP>;
@@ -31,7 +30,7 @@ fn finish_blocks(
     var count = vec2u(0u);
     if i < step.num_splats && bounds[i].num_tiles > 0u {
         let weight = step.texture_weight + step.texture_hidden_weight * bounds[i].hidden;
-        sum = vec2f(projected[i].opacity * step.opacity_weight, weight * bounds[i].texture_sum);
+        sum = vec2f(bounds[i].opacity * step.opacity_weight, weight * bounds[i].texture_sum);
         count = vec2u(1u, bounds[i].faults);
     }
     sums[lane] = sum;

@@ -1,5 +1,5 @@
 // Projects every splat to the view: bounds, number of tiles, depth key and base colour (twin: reference/project.rs;
-// method 1.2, 2.2, 2.3). Flushes the SH of visible splats on the way. GEOMETRY: also writes normals.
+// method 1.2, 2.2, 2.3, 2.5). Flushes the SH of visible splats on the way. GEOMETRY: also writes normals.
 // Workgroup: GROUP splats. Invocation: a splat.
 
 #constants
@@ -9,8 +9,8 @@
 #include common/splat
 #include common/projected
 #include common/bounds
+#include common/filter
 #include common/adam
-#include common/fixed
 #include common/sh
 
 @group(0) @binding(1) var<storage, read_write> splat_p: array<f32>; // [n, stride]
@@ -41,7 +41,7 @@ fn project(
     let position = vec3f(splat_p[base], splat_p[base + 1u], splat_p[base + 2u]);
     let p = in_camera(position) + camera_translation();
     let scales = exp(vec2f(splat_p[base + LOG_SCALE], splat_p[base + LOG_SCALE + 1u]));
-    let opacity = sigmoid(splat_p[base + OPACITY]);
+    let stored_opacity = sigmoid(splat_p[base + OPACITY]);
     let q = base + QUATERNION;
     let axes = rotation_of(vec4f(splat_p[q], splat_p[q + 1u], splat_p[q + 2u], splat_p[q + 3u]));
     let e_u = in_camera(axes[0]);
@@ -50,25 +50,32 @@ fn project(
     let p_n = dot(p, n);
     let w0 = p_n / p.z;
     let per_px = 1.0 / (step.focal_px * w0);
-    let a = cross(e_v, p).xy * per_px / scales.x;
-    let b = cross(p, e_u).xy * per_px / scales.y;
+    let sigma_a = cross(e_v, p).xy * per_px / scales.x;
+    let sigma_b = cross(p, e_u).xy * per_px / scales.y;
+    let spread = splat_spread(sigma_a, sigma_b);
+    let a = sigma_a / spread.u_a;
+    let b = (sigma_b - spread.v_a * a) / spread.v_b;
+    let opacity = stored_opacity * thinning(spread);
     let g = n.xy * per_px;
     let centre_px = step.focal_px * p.xy / p.z + step.principal_px;
 
     // A sum is finite only if all its terms are.
     let map_sum = a.x + a.y + b.x + b.y + g.x + g.y + centre_px.x + centre_px.y;
-    let finite = is_finite(p_n + p.x + p.y + p.z + opacity + scales.x + scales.y) && is_finite(map_sum);
+    let finite = is_finite(p_n + p.x + p.y + p.z + stored_opacity + scales.x + scales.y) && is_finite(map_sum);
     let drawable = finite && min(scales.x, scales.y) > 1.2e-38 && p.z >= step.near && opacity >= ALPHA_MIN
         && abs(p_n) >= EDGE_ON_MIN * length(p);
     var footprint = empty_bounds();
     if drawable {
-        footprint = splat_bounds(p, e_u, e_v, scales, opacity, centre_px);
+        let half_v = e_v * scales.y;
+        let half_u = spread.u_a * scales.x * e_u + spread.v_a * half_v;
+        footprint = splat_bounds(p, half_u, spread.v_b * half_v, opacity, centre_px);
         let rows = tile_rows(footprint);
         for (var row = rows.x; row < rows.y; row += 1) {
             let run = tile_run(footprint, row);
             footprint.num_tiles += u32(run.y - run.x);
         }
     }
+    footprint.opacity = stored_opacity;
     bounds[i] = footprint;
     if footprint.num_tiles == 0u {
         keys_out[i] = INVISIBLE_KEY;
@@ -76,6 +83,8 @@ fn project(
     }
     keys_out[i] = min(bitcast<u32>(p.z) - bitcast<u32>(step.near), INVISIBLE_KEY - 1u);
     let info = splat_info[i];
+    // An empty map may have a texel size of zero.
+    let texels = select(scales / info.texel_size, vec2f(0.0), info.map_size == 0u);
     projected[i] = Projected(
         centre_px,
         a,
@@ -83,14 +92,12 @@ fn project(
         g,
         base_colour(i, position, info.last_step),
         opacity,
-        // An empty map may have a texel size of zero.
-        select(scales / info.texel_size, vec2f(0.0), info.map_size == 0u),
+        vec3f(texels.x * spread.u_a, texels.y * spread.v_a, texels.y * spread.v_b),
         step.near / p.z,
         info.map_size,
         info.map_offset_texels,
         footprint.box_min,
         footprint.box_max,
-        texel_units(footprint.box_min, footprint.box_max),
     );
 #if GEOMETRY
     normals[i] = vec4f(select(n, -n, p_n > 0.0), 0.0);

@@ -12,6 +12,7 @@
 #include common/splat
 #include common/projected
 #include common/bounds
+#include common/filter
 #include common/adam
 #include common/sh
 
@@ -27,21 +28,21 @@
 const U = 0u;
 const V = 3u;
 const D = 6u;
-const SCALE = 9u;
-const FALLOFF = 11u;
-const RED = 12u;
-const FAULTS = 15u;
-const PIXELS = 16u;
-const WEIGHT = 17u;
-const ERROR = 18u;
-const TRANSMITTANCE = 19u;
+const EXPONENT = 9u;
+const FALLOFF = 12u;
+const RED = 13u;
+const FAULTS = 16u;
+const PIXELS = 17u;
+const WEIGHT = 18u;
+const ERROR = 19u;
+const TRANSMITTANCE = 20u;
 #if GEOMETRY
 // DEPTH: derivative w.r.t. the centre's depth, times minus that depth. NORMAL: by the normal that faces the camera.
-const DEPTH = 20u;
-const NORMAL = 21u;
-const MAX_SUMS = 24u;
+const DEPTH = 21u;
+const NORMAL = 22u;
+const MAX_SUMS = 25u;
 #else
-const MAX_SUMS = 20u;
+const MAX_SUMS = 21u;
 #endif
 // Each sum over the pairs of a splat is split among this many invocations.
 const PARTS = 4u;
@@ -92,9 +93,18 @@ fn chain_rule(i: u32) {
     let v = vec3f(sums[V], sums[V + 1u], sums[V + 2u]);
     let d = vec3f(sums[D], sums[D + 1u], sums[D + 2u]);
     // The map in standard deviations is the map in local units over sigma.
-    let by_cross_a = vec3f(u.yz * per_px / scales.x, 0.0);
-    let by_cross_b = vec3f(v.yz * per_px / scales.y, 0.0);
-    let by_w0 = -(dot(u.yz, s.a) + dot(v.yz, s.b) + dot(d.yz, s.g)) / w0;
+    let sigma_a = cross(e_v, p).xy * per_px / scales.x;
+    let sigma_b = cross(p, e_u).xy * per_px / scales.y;
+    let spread = splat_spread(sigma_a, sigma_b);
+    let by_thinning = sums[FALLOFF] * s.opacity;
+    let by_spread = spread_bwd(spread, by_thinning);
+    let through = step.filter_px2;
+    let by_a = (u.yz - v.yz * spread.v_a / spread.v_b) / spread.u_a
+        + through * (by_spread.x * sigma_a + by_spread.y * sigma_b);
+    let by_b = v.yz / spread.v_b + through * (by_spread.y * sigma_a + by_spread.z * sigma_b);
+    let by_cross_a = vec3f(by_a * per_px / scales.x, 0.0);
+    let by_cross_b = vec3f(by_b * per_px / scales.y, 0.0);
+    let by_w0 = -(dot(by_a, sigma_a) + dot(by_b, sigma_b) + dot(d.yz, s.g)) / w0;
 #if GEOMETRY
     let by_facing = vec3f(sums[NORMAL], sums[NORMAL + 1u], sums[NORMAL + 2u]);
     let by_n = vec3f(d.yz * per_px, 0.0) + by_w0 * p / p.z + select(by_facing, -by_facing, w0 > 0.0);
@@ -115,9 +125,22 @@ fn chain_rule(i: u32) {
     let by_q = quaternion_bwd(q, by_axes);
     gradient[QUATERNION] = by_q.x;
     set_gradient(QUATERNION + 1u, by_q.yzw);
-    gradient[LOG_SCALE] = sums[SCALE];
-    gradient[LOG_SCALE + 1u] = sums[SCALE + 1u];
-    gradient[OPACITY] = (sums[FALLOFF] + step.opacity_weight) * s.opacity * (1.0 - s.opacity);
+    gradient[LOG_SCALE] = by_spread.x + by_thinning;
+    gradient[LOG_SCALE + 1u] = by_spread.z + by_thinning;
+    let opacity = bounds[i].opacity;
+    gradient[OPACITY] = (by_thinning + step.opacity_weight * opacity) * (1.0 - opacity);
+}
+
+// Derivative with respect to the spread's covariance, times 2: entries uu, uv, vv. The opacity is divided by the root of
+// the covariance's determinant.
+fn spread_bwd(spread: Spread, by_thinning: f32) -> vec3f {
+    let aa = sums[EXPONENT] - by_thinning;
+    let ab = sums[EXPONENT + 1u];
+    let bb = sums[EXPONENT + 2u] - by_thinning;
+    let vv = bb / (spread.v_b * spread.v_b);
+    let uv = (ab / spread.v_b - spread.v_a * vv) / spread.u_a;
+    let uu = (aa / spread.u_a - spread.v_a * (ab / (spread.u_a * spread.v_b) + uv)) / spread.u_a;
+    return vec3f(uu, uv, vv);
 }
 
 // Writes the gradient of the SH and returns the derivative with respect to the position through the view direction.

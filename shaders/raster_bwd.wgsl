@@ -50,9 +50,9 @@
 const U = 0u; // by the surfel coordinate along u, over the denominator
 const V = 1u;
 const D = 2u; // by the denominator
-const SCALE_U = 3u; // by the log-scales
-const SCALE_V = 4u;
-const FALLOFF = 5u; // by the opacity
+const FALLOFF = 3u; // by the opacity
+const PLANE_X = 4u; // coordinates on the surfel
+const PLANE_Y = 5u;
 const RED = 6u;
 const NUM_GEOMETRY = 9u;
 const TEXEL_U = 9u; // texture coordinates
@@ -62,19 +62,19 @@ const WEIGHT = 11u;
 const TRANSMITTANCE = 12u;
 const NUM_QUANTITIES = 13u;
 #if GEOMETRY
-const NUM_SUMS = 24u;
+const NUM_SUMS = 25u;
 const TEXEL_PARTS = 4u;
 #else
-const NUM_SUMS = 20u;
+const NUM_SUMS = 21u;
 const TEXEL_PARTS = 8u;
 #endif
 #else
 const NUM_QUANTITIES = 11u;
-const NUM_SUMS = 16u;
+const NUM_SUMS = 17u;
 const TEXEL_PARTS = TILE_ROWS_PX;
 #endif
 // Sum of a tile's first pair that carries the faults of the whole tile.
-const FAULTS = 15u;
+const FAULTS = 16u;
 const BLOCK_TEXELS = 4u;
 // Each sum has one part per row of pixels.
 const PARTS = TILE_ROWS_PX;
@@ -119,7 +119,7 @@ fn pixel_bwd(replay: ptr<function, Replay>, s: Projected, index: u32, pixel: vec
     let hit = splat_hit(s, vec2f(pixel) + 0.5);
     let blended = hit.inside && index < (*replay).end && in_box(s, pixel);
     var by_hit = vec2f(0.0);
-    var by_plane = vec2f(0.0);
+    var plane = vec2f(0.0);
     var by_falloff = 0.0;
     var by_colour = vec3f(0.0);
     var coordinate = vec2f(-1e9);
@@ -160,13 +160,15 @@ fn pixel_bwd(replay: ptr<function, Replay>, s: Projected, index: u32, pixel: vec
         let passes = (colour > vec3f(0.0)) | (by_rgb < vec3f(0.0));
         by_colour = select(vec3f(0.0), by_rgb * weight, passes);
         by_falloff = select(0.0, by_alpha * hit.falloff, hit.raw_alpha <= ALPHA_MAX);
-        by_plane = by_falloff * s.opacity * hit.plane;
+        plane = hit.plane;
         // Zero where there are no taps.
         let by_coordinate = vec2f(
             dot(by_colour, (1.0 - f.y) * (values[2] - values[0]) + f.y * (values[3] - values[1])),
             dot(by_colour, (1.0 - f.x) * (values[1] - values[0]) + f.x * (values[3] - values[2])),
         );
-        by_hit = (by_coordinate * s.texels_per_sigma - by_plane) * hit.per_denominator;
+        let t = s.texels_per_sigma;
+        let by_texture = vec2f(by_coordinate.x * t.x + by_coordinate.y * t.y, by_coordinate.y * t.z);
+        by_hit = (by_texture - by_falloff * s.opacity * plane) * hit.per_denominator;
 #if SCATTER
         if scattered && taps.inside {
             (*replay).faults += scatter(s, taps, by_colour);
@@ -180,9 +182,9 @@ fn pixel_bwd(replay: ptr<function, Replay>, s: Projected, index: u32, pixel: vec
 #else
     store(D, at, -dot(by_hit, hit.plane));
 #endif
-    store(SCALE_U, at, by_plane.x * hit.plane.x);
-    store(SCALE_V, at, by_plane.y * hit.plane.y);
     store(FALLOFF, at, by_falloff);
+    store(PLANE_X, at, plane.x);
+    store(PLANE_Y, at, plane.y);
     store(RED, at, by_colour.x);
     store(RED + 1u, at, by_colour.y);
     store(RED + 2u, at, by_colour.z);
@@ -273,7 +275,10 @@ fn raster_bwd(
         }
         workgroupBarrier();
         let columns = select(vec2u(0u), vec2u(low.x, high.x), row >= low.y && row < high.y);
-        if block == 0u && quantity < NUM_GEOMETRY {
+        if block == 0u && quantity == FALLOFF {
+            exponent_row(s, row, columns);
+        }
+        if block == 0u && (quantity < FALLOFF || (quantity >= RED && quantity < NUM_GEOMETRY)) {
             sum_row(quantity, row, columns, vec2f(origin_px) + 0.5 - s.centre_px);
         }
 #if STATISTICS
@@ -298,8 +303,9 @@ fn raster_bwd(
                     total += texel_parts[lane * TEXEL_PARTS + k];
                 }
                 let texel_at = s.map_offset_texels + texel.x * map_cols(s.map_size) + texel.y;
-                let limit = fixed_limit(s.texel_units, (high.x - low.x) * (high.y - low.y));
-                replay.faults += add_fixed(3u * texel_at + lane % 3u, total, s.texel_units, limit);
+                let units = texel_units(s.box_min, s.box_max);
+                let limit = fixed_limit(units, (high.x - low.x) * (high.y - low.y));
+                replay.faults += add_fixed(3u * texel_at + lane % 3u, total, units, limit);
             }
         }
         if block == 0u && from_last < NUM_SUMS {

@@ -27,6 +27,9 @@ pub const DENOMINATOR_MIN: f64 = 1e-4;
 /// clipped at the near plane.
 pub const CONIC_MARGIN: f64 = 1e-3;
 
+/// Variance of the low-pass filter in the image (measured: choices 14).
+pub const FILTER_VARIANCE_PX2: f64 = 0.1;
+
 /// Farthest near plane, local units.
 pub const NEAR_MAX: f64 = 0.04;
 

@@ -15,6 +15,7 @@ fn settings(scene: &RandomScene) -> Settings {
         cutoff: AlphaCutoff::Hard,
         colour_gradient: ColourGradient::Strict,
         near: f64::from(scene.model.near),
+        filter_px2: scene.model.filter.variance_px2(),
         sh_degree: 0,
         background: [0.0; 3],
         exposure: ColourMap::IDENTITY,

@@ -133,9 +133,9 @@ fn an_asset_is_rendered_from_its_captures_cameras() {
     let path = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
     let (capture, run) = (path("capture"), path("run"));
     ok(&["sample", &capture, "--views", "9", "--size", "64x48", "--points", "300", "--no-truth", "-q"]);
-    let train =
-        ["train", &capture, "-o", &run, "--device", "cpu", "--policy", "plain", "--steps", "40", "-q"];
-    ok(&train);
+    // PLY knows no filter.
+    let settings = ["--policy", "plain", "--filter", "none", "--steps", "40", "--device", "cpu", "-q"];
+    ok(&[&["train", &capture, "-o", &run][..], &settings].concat());
     ok(&["render", &run, "--test", "-o", &path("run-seen"), "--device", "cpu", "-q"]);
     // PLY knows neither frame nor cameras; its splats stand in the capture's frame, cameras in one of the loader.
     let ply = path("scene.ply");

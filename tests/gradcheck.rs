@@ -6,7 +6,7 @@
 
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use litetex_gs::backend::{ColourMap, LossWeights};
-use litetex_gs::model::SplatGroup;
+use litetex_gs::model::{Filter, SplatGroup};
 use litetex_gs::reference::{
     AlphaCutoff, ColourGradient, Params, Settings, gradients, gradients_at, hit, project,
 };
@@ -35,12 +35,14 @@ fn settings(scene: &RandomScene) -> Settings {
         cutoff: AlphaCutoff::Smooth,
         colour_gradient: ColourGradient::Strict,
         near: f64::from(scene.model.near),
+        filter_px2: scene.model.filter.variance_px2(),
         sh_degree: scene.model.splats.sh_degree,
         background: [0.3, 0.5, 0.2],
         exposure: ColourMap::IDENTITY,
     }
 }
 
+/// With the low-pass filter for every other seed.
 fn small(sh_degree: u32, seed: u64) -> SceneOptions {
     SceneOptions {
         num_splats: 6,
@@ -51,6 +53,7 @@ fn small(sh_degree: u32, seed: u64) -> SceneOptions {
         scales: (0.05, 0.4),
         opacities: (0.2, 0.9),
         depths: (0.8, 2.0),
+        filter: if seed % 2 == 0 { Filter::None } else { Filter::Ewa },
         seed,
     }
 }
@@ -122,10 +125,15 @@ fn check(scene: &RandomScene, settings: &Settings, perturbed: Option<usize>) -> 
 #[test]
 fn every_kind_matches_central_differences_for_every_sh_degree() {
     for sh_degree in 0..=3 {
-        for seed in 0..3 {
+        for seed in 0..4 {
             let scene = random_scene(&small(sh_degree, seed));
             println!("SH degree {sh_degree}, seed {seed}");
-            assert!(check(&scene, &settings(&scene), None).iter().all(|o| o.passes(TOLERANCE)));
+            assert!(
+                check(&scene, &settings(&scene), None)
+                    .iter()
+                    .map(|o| o.passes(TOLERANCE))
+                    .fold(true, |a, b| a & b)
+            );
         }
     }
 }
@@ -135,7 +143,23 @@ fn gradients_pass_through_the_exposure_of_the_photo() {
     let scene = random_scene(&small(1, 0));
     let exposure = ColourMap([[1.3, 0.1, -0.05, 0.02], [0.05, 0.8, 0.1, -0.04], [-0.1, 0.15, 1.1, 0.06]]);
     let settings = Settings { exposure, ..settings(&scene) };
-    assert!(check(&scene, &settings, None).iter().all(|o| o.passes(TOLERANCE)));
+    assert!(check(&scene, &settings, None).iter().map(|o| o.passes(TOLERANCE)).fold(true, |a, b| a & b));
+}
+
+#[test]
+fn gradients_pass_through_the_low_pass_filter() {
+    for seed in [11, 13] {
+        // Some 0.1 to 2 px across.
+        let scene = random_scene(&SceneOptions { scales: (0.01, 0.2), num_splats: 20, ..small(1, seed) });
+        let with = settings(&scene);
+        let params = Params::from_model(&scene.model);
+        let thinned = (0..params.len())
+            .filter_map(|i| project(&params, i, &scene.camera, &with))
+            .filter(|p| p.opacity < 0.8 * p.stored_opacity)
+            .count();
+        assert!(thinned >= 4, "only {thinned} splats feel the filter");
+        assert!(check(&scene, &with, None).iter().all(|o| o.passes(TOLERANCE)), "seed {seed}");
+    }
 }
 
 #[test]
@@ -167,15 +191,17 @@ fn turn_edge_on(scene: &mut RandomScene) {
 
 #[test]
 fn gradients_are_correct_for_a_splat_seen_edge_on() {
-    let mut scene = random_scene(&small(1, 8));
-    turn_edge_on(&mut scene);
-    let settings = settings(&scene);
-    let outcomes = check(&scene, &settings, None);
-    assert!(outcomes.iter().all(|o| o.passes(TOLERANCE)));
-    // The splat itself receives a gradient.
-    let params = Params::from_model(&scene.model);
-    let analytic = gradients(&params, &scene.camera, &scene.target, &WEIGHTS, &settings).params;
-    assert!(analytic.positions[..3].iter().all(|g| g.abs() > 1e-6), "{:?}", &analytic.positions[..3]);
+    for filter in [Filter::None, Filter::Ewa] {
+        let mut scene = random_scene(&SceneOptions { filter, ..small(1, 8) });
+        turn_edge_on(&mut scene);
+        let settings = settings(&scene);
+        let outcomes = check(&scene, &settings, None);
+        assert!(outcomes.iter().map(|o| o.passes(TOLERANCE)).fold(true, |a, b| a & b));
+        // The splat itself receives a gradient.
+        let params = Params::from_model(&scene.model);
+        let analytic = gradients(&params, &scene.camera, &scene.target, &WEIGHTS, &settings).params;
+        assert!(analytic.positions[..3].iter().all(|g| g.abs() > 1e-6), "{:?}", &analytic.positions[..3]);
+    }
 }
 
 #[test]

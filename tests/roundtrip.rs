@@ -35,7 +35,7 @@ fn check_every_format(backend: &mut dyn Backend) {
             let expected = if format.keeps_textures() { &textured } else { &untextured };
             if !format.keeps_textures() {
                 read = read.in_frame(&asset.capture_from_local);
-                (read.near, read.background) = (asset.near, asset.background);
+                (read.near, read.background, read.filter) = (asset.near, asset.background, asset.filter);
             }
             let found = images(backend, &read, &asset);
             if quality == Quality::Lossless {

@@ -8,7 +8,7 @@
 use litetex_exporters::gltf::{GltfOptions, write_gltf};
 use litetex_exporters::usd::{UsdOptions, write_usd};
 use litetex_exporters::{
-    AssetCamera, AssetMap, ColourSpace, Error, Quality, Result, SplatAsset, Transform, ltgs,
+    AssetCamera, AssetMap, ColourSpace, Error, Filter, Quality, Result, SplatAsset, Transform, ltgs,
     num_sh_coefficients, write_atomically,
 };
 use std::path::Path;
@@ -165,6 +165,7 @@ fn scene(sh_degree: u32, kinds: impl Iterator<Item = usize>) -> SplatAsset {
     let mut asset = SplatAsset {
         sh_degree,
         near: NEAR,
+        filter: Filter::Ewa,
         background: [0.125, 0.4, 0.7],
         cameras: cameras(),
         capture_from_local: Transform {

@@ -13,6 +13,17 @@ pub const MAP_SIDE_MAX: u16 = 4096;
 /// Most splats of an asset.
 pub const SPLATS_MAX: usize = 1 << 24;
 
+/// Low-pass filter in the image with which the splats were trained.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Filter {
+    /// None.
+    #[default]
+    None,
+    /// Elliptical weighted average, of the variance that the specification states.
+    Ewa,
+}
+
 /// What the colour values mean, and with that the space in which they are blended.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum ColourSpace {
@@ -129,6 +140,8 @@ pub struct SplatAsset {
     pub texels: Vec<f32>,
     /// Near plane, local units.
     pub near: f32,
+    /// Low-pass filter in the image.
+    pub filter: Filter,
     /// From the local frame back to that of the capture.
     pub capture_from_local: Transform,
     /// From there to the frame of files, if that is another: another direction is up, units are others.
@@ -156,6 +169,7 @@ impl Default for SplatAsset {
             maps: Vec::new(),
             texels: Vec::new(),
             near: 0.01,
+            filter: Filter::None,
             capture_from_local: Transform::IDENTITY,
             world_from_capture: Transform::IDENTITY,
             colour_space: ColourSpace::default(),

@@ -36,7 +36,9 @@ mod validate;
 mod written;
 mod yup;
 
-pub use asset::{AssetCamera, AssetMap, ColourSpace, MAP_SIDE_MAX, Provenance, SPLATS_MAX, SplatAsset};
+pub use asset::{
+    AssetCamera, AssetMap, ColourSpace, Filter, MAP_SIDE_MAX, Provenance, SPLATS_MAX, SplatAsset,
+};
 pub use contents::{Contents, Describes, Issue, ReadLimits, Section, Severity};
 pub use error::{Error, Result};
 pub use file::{read_file, regular_file_bytes, write_atomically};

@@ -1,7 +1,7 @@
 //! All of an asset except its arrays, as a JSON object that glTF, USD, `.ltgs` and SPZ share. Numbers round-trip bit for
 //! bit.
 
-use crate::{AssetCamera, ColourSpace, Provenance, SplatAsset, Transform};
+use crate::{AssetCamera, ColourSpace, Filter, Provenance, SplatAsset, Transform};
 use serde::{Deserialize, Serialize};
 
 /// Most bytes of the object's text that readers accept.
@@ -13,6 +13,8 @@ pub const META_BYTES_MAX: usize = 16 << 20;
 pub struct Meta {
     /// Near plane, local units.
     pub near: f32,
+    /// `"none"` or `"ewa"`.
+    pub filter: Filter,
     /// Background of the training, in the colour space.
     pub background: [f32; 3],
     /// `"srgb_rec709_display"` or `"lin_rec709_display"`.
@@ -33,6 +35,7 @@ impl Meta {
     pub fn of(asset: &SplatAsset) -> Self {
         Self {
             near: asset.near,
+            filter: asset.filter,
             background: asset.background,
             colour_space: asset.colour_space,
             capture_from_local: asset.capture_from_local,
@@ -45,6 +48,7 @@ impl Meta {
     /// Stores the metadata in an asset.
     pub fn store(self, asset: &mut SplatAsset) {
         asset.near = self.near;
+        asset.filter = self.filter;
         asset.background = self.background;
         asset.colour_space = self.colour_space;
         asset.capture_from_local = self.capture_from_local;
@@ -63,6 +67,7 @@ mod tests {
     fn numbers_round_trip_bit_for_bit() {
         let mut asset = fixture(3, 0);
         asset.near = 0.1 + f32::EPSILON;
+        asset.filter = Filter::Ewa;
         asset.capture_from_local = Transform {
             scale: 1.0 / 3.0,
             rotation: [0.6, -0.0, 0.8, 0.0],

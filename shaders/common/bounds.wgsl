@@ -21,9 +21,10 @@ struct Bounds {
     hidden: f32,
     // ... sum of the absolute residuals of its map.
     texture_sum: f32,
+    // Opacity before the filter.
+    opacity: f32,
     pad0: u32,
     pad1: u32,
-    pad2: u32,
 }
 
 // Spans are widened by this to absorb rounding (measured on the CPU backend: up to 1e-4 px far from the origin).
@@ -35,7 +36,7 @@ struct Box {
 }
 
 fn empty_bounds() -> Bounds {
-    return Bounds(vec2f(), 0.0, 0.0, 0.0, 0.0, 0u, 0u, 0u, 0u, 0u, 0.0, 0.0, 0u, 0u, 0u);
+    return Bounds(vec2f(), 0.0, 0.0, 0.0, 0.0, 0u, 0u, 0u, 0u, 0u, 0.0, 0.0, 0.0, 0u, 0u);
 }
 
 // Sets the box to the pixels whose centres lie in `extent`, widened by the margin and clipped to the image.
@@ -53,13 +54,12 @@ fn with_box(bounds: Bounds, extent: Box) -> Bounds {
 
 // Bounds of a splat: the ellipse that its disc projects to, from homography rows relative to the projected centre, or
 // the box of the clipped disc where it reaches the camera plane. The box is empty if no pixel is inside.
-fn splat_bounds(p: vec3f, e_u: vec3f, e_v: vec3f, scales: vec2f, opacity: f32, centre_px: vec2f) -> Bounds {
+// On the ellipse of the conjugate half axes `su` and `sv` the falloff is that of a standard deviation.
+fn splat_bounds(p: vec3f, su: vec3f, sv: vec3f, opacity: f32, centre_px: vec2f) -> Bounds {
     let r2 = 2.0 * log(opacity / ALPHA_MIN);
     if r2 < 0.0 {
         return empty_bounds();
     }
-    let su = e_u * scales.x;
-    let sv = e_v * scales.y;
     let t0 = step.focal_px * (su.xy - p.xy / p.z * su.z);
     let t1 = step.focal_px * (sv.xy - p.xy / p.z * sv.z);
     let denominator = r2 * (su.z * su.z + sv.z * sv.z) - p.z * p.z;

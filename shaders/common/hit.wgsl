@@ -7,7 +7,7 @@ struct Hit {
     offset_px: vec2f,
     per_denominator: f32,
     denominator: f32,
-    // Coordinates on the surfel, in standard deviations.
+    // Coordinates on the surfel in which the falloff is round.
     plane: vec2f,
     falloff: f32,
     // opacity * falloff, before the clamp
@@ -43,7 +43,7 @@ struct Taps {
 
 fn texture_taps(s: Projected, plane: vec2f) -> Taps {
     let size = vec2f(f32(map_rows(s.map_size)), f32(map_cols(s.map_size)));
-    let coordinate = plane * s.texels_per_sigma + (size - 1.0) * 0.5;
+    let coordinate = in_texels(s, plane) + (size - 1.0) * 0.5;
     let inside = size.x > 0.0 && all(coordinate >= vec2f(-1.0)) && all(coordinate < size);
     let whole = floor(clamp(coordinate, vec2f(-1.0), size));
     return Taps(inside, coordinate, vec2i(whole), coordinate - whole);

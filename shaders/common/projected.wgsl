@@ -1,6 +1,6 @@
 // A splat projected to a view. With d the offset of a pixel from the projected centre and D = 1 + g . d, the
-// pixel's ray hits the surfel's plane at (a . d, b . d) / D standard deviations from the centre, at the depth
-// of the centre over D.
+// pixel's ray hits the surfel's plane at (a . d, b . d) / D, at the depth of the centre over D. In these coordinates the
+// filtered falloff is round: exp(-(x^2 + y^2) / 2). Without a filter they are standard deviations along u and v.
 
 struct Projected {
     centre_px: vec2f,
@@ -9,8 +9,10 @@ struct Projected {
     g: vec2f,
     // Base colour before the clamp at zero; never NaN.
     rgb: vec3f,
+    // After the filter.
     opacity: f32,
-    texels_per_sigma: vec2f,
+    // Texels along u per x; along v per x and per y.
+    texels_per_sigma: vec3f,
     near_over_depth: f32,
     // rows | cols << 16
     map_size: u32,
@@ -18,8 +20,12 @@ struct Projected {
     // First pixel of the box, and one past the last: x | y << 16
     box_min: u32,
     box_max: u32,
-    // Fixed-point units per unit of texel gradient.
-    texel_units: f32,
+}
+
+// Texels along u and v from the centre.
+fn in_texels(s: Projected, plane: vec2f) -> vec2f {
+    let t = s.texels_per_sigma;
+    return vec2f(t.x * plane.x, t.y * plane.x + t.z * plane.y);
 }
 
 // A pair of tile and splat has two entries in `pairs`. The first, in the order of tiles and depth: x is the

@@ -66,7 +66,8 @@ struct Step {
     rate_texel_growth_limit: f32,
     last_rate_texel_growth: f32,
     last_rate_texel_growth_limit: f32,
-    pad0: u32,
+    // Variance of the low-pass filter; 0: none.
+    filter_px2: f32,
     pad1: u32,
 }
 

@@ -5,21 +5,22 @@
 // Adds the gradient of a sample to its four taps.
 fn scatter(s: Projected, taps: Taps, by_colour: vec3f) -> u32 {
     let f = taps.fraction;
-    return add_texel(s, taps.first, by_colour * ((1.0 - f.x) * (1.0 - f.y)))
-        + add_texel(s, taps.first + vec2i(0, 1), by_colour * ((1.0 - f.x) * f.y))
-        + add_texel(s, taps.first + vec2i(1, 0), by_colour * (f.x * (1.0 - f.y)))
-        + add_texel(s, taps.first + vec2i(1, 1), by_colour * (f.x * f.y));
+    let units = texel_units(s.box_min, s.box_max);
+    return add_texel(s, units, taps.first, by_colour * ((1.0 - f.x) * (1.0 - f.y)))
+        + add_texel(s, units, taps.first + vec2i(0, 1), by_colour * ((1.0 - f.x) * f.y))
+        + add_texel(s, units, taps.first + vec2i(1, 0), by_colour * (f.x * (1.0 - f.y)))
+        + add_texel(s, units, taps.first + vec2i(1, 1), by_colour * (f.x * f.y));
 }
 
-fn add_texel(s: Projected, texel: vec2i, by_texel: vec3f) -> u32 {
+fn add_texel(s: Projected, units: f32, texel: vec2i, by_texel: vec3f) -> u32 {
     let cols = i32(map_cols(s.map_size));
     if texel.x < 0 || texel.y < 0 || texel.x >= i32(map_rows(s.map_size)) || texel.y >= cols {
         return 0u;
     }
     let at = 3u * (s.map_offset_texels + u32(texel.x * cols + texel.y));
-    let limit = fixed_limit(s.texel_units, 1u);
-    return add_fixed(at, by_texel.x, s.texel_units, limit) + add_fixed(at + 1u, by_texel.y, s.texel_units, limit)
-        + add_fixed(at + 2u, by_texel.z, s.texel_units, limit);
+    let limit = fixed_limit(units, 1u);
+    return add_fixed(at, by_texel.x, units, limit) + add_fixed(at + 1u, by_texel.y, units, limit)
+        + add_fixed(at + 2u, by_texel.z, units, limit);
 }
 #endif
 

@@ -23,7 +23,7 @@ fn texel_window(s: Projected, origin_px: vec2u) -> Window {
         let offset = select(low_px, high_px, vec2<bool>((corner & 1u) != 0u, (corner & 2u) != 0u));
         let denominator = 1.0 + dot(s.g, offset);
         let plane = vec2f(dot(s.a, offset), dot(s.b, offset)) / denominator;
-        let texel = plane * s.texels_per_sigma + (vec2f(size) - 1.0) * 0.5;
+        let texel = in_texels(s, plane) + (vec2f(size) - 1.0) * 0.5;
         least = min(least, denominator);
         low = min(low, texel);
         high = max(high, texel);

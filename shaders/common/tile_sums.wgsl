@@ -11,11 +11,27 @@ fn sum_row(quantity: u32, row: u32, columns: vec2u, to_first: vec2f) {
         total += value;
         times_dx += value * (to_first.x + f32(column));
     }
-    let sum = select(quantity + 6u, quantity * 3u, quantity < 3u);
+    let sum = select(quantity + 7u, quantity * 3u, quantity < 3u);
     sum_parts[sum * PARTS + row] = total;
     if quantity < 3u {
         sum_parts[(sum + 1u) * PARTS + row] = times_dx;
         sum_parts[(sum + 2u) * PARTS + row] = total * (to_first.y + f32(row));
+    }
+}
+
+// Sums the derivative with respect to the exponent times products of the coordinates, and that by the opacity, over a
+// row of pixels.
+fn exponent_row(s: Projected, row: u32, columns: vec2u) {
+    var total = vec4f(0.0);
+    for (var column = columns.x; column < columns.y; column += 1u) {
+        let at = column * PARTS + row;
+        let by_falloff = lanes[FALLOFF * RASTER_GROUP + at];
+        let x = lanes[PLANE_X * RASTER_GROUP + at];
+        let y = lanes[PLANE_Y * RASTER_GROUP + at];
+        total += by_falloff * vec4f(s.opacity * vec3f(x * x, x * y, y * y), 1.0);
+    }
+    for (var k = 0u; k < 4u; k += 1u) {
+        sum_parts[(9u + k) * PARTS + row] = total[k];
     }
 }
 
@@ -35,7 +51,7 @@ fn statistics_row(row: u32, columns: vec2u, origin_px: vec2u) {
         total += vec4f(f32(weight > 0.0), weight, weight * loss, lanes[TRANSMITTANCE * RASTER_GROUP + at]);
     }
     for (var k = 0u; k < 4u; k += 1u) {
-        sum_parts[(16u + k) * PARTS + row] = total[k];
+        sum_parts[(17u + k) * PARTS + row] = total[k];
     }
 }
 #endif
@@ -53,7 +69,7 @@ fn geometry_row(s: Projected, row: u32, columns: vec2u, origin_px: vec2u) {
         total += weight * vec4f((c.y + 2.0 * c.z * m) * m, pixel_records[at + 2u].xyz);
     }
     for (var k = 0u; k < 4u; k += 1u) {
-        sum_parts[(20u + k) * PARTS + row] = total[k];
+        sum_parts[(21u + k) * PARTS + row] = total[k];
     }
 }
 #endif

@@ -4,10 +4,12 @@
 mod cameras;
 mod model_from_asset;
 
-use crate::model::{Model, texel_value};
+use crate::model::{Filter, Model, texel_value};
 use crate::{Error, Report};
 pub use cameras::{AssetViews, asset_camera, asset_cameras, camera};
-use litetex_exporters::{AssetCamera, AssetMap, ColourSpace, Provenance, SplatAsset, Transform};
+use litetex_exporters::{
+    AssetCamera, AssetMap, ColourSpace, Filter as AssetFilter, Provenance, SplatAsset, Transform,
+};
 pub use model_from_asset::model_from_asset;
 
 /// Largest standard deviation of a splat in an asset, local units.
@@ -28,6 +30,10 @@ pub fn bake(
     let mut asset = SplatAsset {
         sh_degree: model.splats.sh_degree,
         near: model.near,
+        filter: match model.filter {
+            Filter::None => AssetFilter::None,
+            Filter::Ewa => AssetFilter::Ewa,
+        },
         capture_from_local: Transform::scaled_and_moved(
             model.capture_from_local.scale,
             model.capture_from_local.translation.to_array(),
@@ -144,6 +150,7 @@ mod tests {
             splats,
             textures,
             near: 0.04,
+            filter: Filter::Ewa,
             capture_from_local: Similarity { scale: 2.5, translation: DVec3::new(1.0, 2.0, 3.0) },
         }
     }

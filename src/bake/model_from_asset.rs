@@ -1,9 +1,9 @@
 //! Turns an asset back into a model that backends can render: activations are inverted in f64.
 
 use crate::camera::Similarity;
-use crate::model::{Model, SplatArrays, TextureMap, TexturePool};
+use crate::model::{Filter, Model, SplatArrays, TextureMap, TexturePool};
 use glam::DVec3;
-use litetex_exporters::SplatAsset;
+use litetex_exporters::{Filter as AssetFilter, SplatAsset};
 
 /// Largest opacity and residual that can be inverted; f32 rounds it to 1.
 const BELOW_ONE: f64 = 1.0 - 1.0 / (1_u64 << 26) as f64;
@@ -32,6 +32,10 @@ pub fn model_from_asset(asset: &SplatAsset) -> Model {
         splats,
         textures: TexturePool { maps: maps.collect(), texels },
         near: asset.near,
+        filter: match asset.filter {
+            AssetFilter::None => Filter::None,
+            AssetFilter::Ewa => Filter::Ewa,
+        },
         capture_from_local: Similarity {
             scale: frame.scale,
             translation: DVec3::from_array(frame.translation),

@@ -51,6 +51,7 @@ pub fn fresh_model(
         near: capture.near,
     };
     let options = InitOptions {
+        filter: config.filter,
         max_points: InitOptions::default().max_points.min(most),
         sh_degree: config.sh_degree,
         policy: config.policy,

@@ -146,8 +146,8 @@ fn scenes(args: &CompareArgs, log: &Log) -> Result<Vec<Difference>> {
     let expected = renderer.images(&b.asset, &views)?;
     let mut seen = a.asset.in_frame(&b.asset.capture_from_local);
     if a.asset.cameras.is_empty() {
-        // Formats without cameras carry neither.
-        (seen.near, seen.background) = (b.asset.near, b.asset.background);
+        // Formats without cameras carry none of these.
+        (seen.near, seen.background, seen.filter) = (b.asset.near, b.asset.background, b.asset.filter);
     }
     let found = renderer.images(&seen, &views)?;
     let pairs = views.iter().zip(&found).zip(&expected);

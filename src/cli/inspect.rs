@@ -116,6 +116,7 @@ fn of_model(model: &Model) -> Value {
             "translation": model.capture_from_local.translation.to_array(),
         },
         "near": model.near,
+        "filter": model.filter,
     })
 }
 
@@ -142,6 +143,7 @@ fn of_asset(asset: &SplatAsset) -> Value {
         "bounds_in_capture": bounds_in(&asset.capture_from_local),
         "capture_from_local": frame(&asset.capture_from_local),
         "near": asset.near,
+        "filter": asset.filter,
     });
     if !asset.world_from_capture.is_identity() {
         found["bounds_in_world"] = bounds_in(&asset.world_from_local());

@@ -3,6 +3,7 @@
 
 use litetex_gs::backend::LossWeights;
 use litetex_gs::frequency::{CapRule, FrequencyOptions};
+use litetex_gs::model::Filter;
 use litetex_gs::train::density::{DensityConfig, ErrorMeasure, GrowthMoments, Spending, SplitProfile};
 use litetex_gs::train::{Backdrop, Policy, TrainConfig};
 use serde::{Deserialize, Serialize};
@@ -47,6 +48,7 @@ impl Profile {
             sweep,
             backdrop,
             exposure,
+            filter,
             loss,
             rates,
             ..
@@ -59,6 +61,7 @@ impl Profile {
             sweep,
             backdrop,
             exposure,
+            filter,
             loss,
             rates,
             ..config.clone()
@@ -66,6 +69,7 @@ impl Profile {
         if matches!(self, Self::Paper | Self::Authors | Self::Cat) {
             config.sweep = false;
             config.backdrop = Backdrop::None;
+            config.filter = Filter::None;
             config.rates.position_random = config.rates.position;
         }
         let paper = || DensityConfig {

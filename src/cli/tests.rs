@@ -56,6 +56,7 @@ fn state(step: u32) -> TrainState {
         splats: SplatArrays::zeros(1, 0),
         textures: TexturePool::neutral([(2, 2, 0.1)]).unwrap(),
         near: 0.04,
+        filter: litetex_gs::model::Filter::Ewa,
         capture_from_local: Similarity::IDENTITY,
     };
     TrainState { step, ..TrainState::fresh(model) }

@@ -6,8 +6,9 @@ use super::config_file::{RunConfig, SaveImages};
 use super::profile::Profile;
 use super::values::{
     Background, parse_backdrop, parse_background, parse_count, parse_duration_secs, parse_exposure,
-    parse_whole,
+    parse_filter, parse_whole,
 };
+use litetex_gs::model::Filter;
 use litetex_gs::train::density::Components;
 use litetex_gs::train::{Backdrop, Exposure, Policy, TrainConfig};
 use litetex_gs::{Error, Result};
@@ -109,6 +110,9 @@ pub struct TrainingArgs {
     /// none [default: none]
     #[arg(long, value_name = "HOW", value_parser = parse_exposure)]
     pub exposure: Option<Exposure>,
+    /// Low-pass filter in the image, which keeps splats narrower than a pixel from aliasing: ewa or none [default: ewa]
+    #[arg(long, value_name = "NAME", value_parser = parse_filter)]
+    pub filter: Option<Filter>,
     /// Colour of the background: black, white, #rrggbb, r,g,b from 0 to 1, or random (a new colour in each step, so that
     /// transparent parts of photos stay empty; test images and exports have black) [default: black]
     #[arg(long, value_name = "COLOUR", value_parser = parse_background)]
@@ -157,6 +161,7 @@ impl TrainArgs {
         self.switch_components(&mut config.train)?;
         set(&mut config.train.backdrop, t.backdrop);
         set(&mut config.train.exposure, t.exposure);
+        set(&mut config.train.filter, t.filter);
         if let Some(background) = t.background {
             config.train.random_background = background == Background::Random;
             config.train.background = background.in_images();

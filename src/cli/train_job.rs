@@ -115,7 +115,8 @@ impl Resume {
     /// # Errors
     /// [`Error::Usage`], or [`Error::InvalidInput`] for a checkpoint that does not match the capture.
     pub fn check(&self, config: &RunConfig, capture: &Capture) -> Result<()> {
-        let fixed = ["sh-degree", "policy", "seed", "init", "max-points", "sweep", "backdrop", "exposure"];
+        let fixed =
+            ["sh-degree", "policy", "seed", "init", "max-points", "sweep", "backdrop", "exposure", "filter"];
         if let Some(name) = self.changed.iter().find(|name| fixed.contains(&name.as_str())) {
             return Err(Error::Usage(format!(
                 "--{name}: a resumed run keeps the value of its checkpoint; start a new run to change it"

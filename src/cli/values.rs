@@ -1,6 +1,7 @@
 //! Values on the command line: durations, sizes in bytes, counts, colours, sizes in pixels. Text in, numbers out; nothing
 //! here opens a file.
 
+use litetex_gs::model::Filter;
 pub use litetex_gs::text::{format_bytes, format_count, format_duration};
 use litetex_gs::train::{Backdrop, Exposure};
 use std::num::{IntErrorKind, ParseIntError};
@@ -85,6 +86,15 @@ pub fn parse_backdrop(text: &str) -> Result<Backdrop, String> {
         "auto" => Ok(Backdrop::Auto),
         "none" => Ok(Backdrop::None),
         _ => Err(format!("{text:?}: expected auto or none")),
+    }
+}
+
+/// Reads a low-pass filter: "none" or "ewa".
+pub fn parse_filter(text: &str) -> Result<Filter, String> {
+    match text {
+        "none" => Ok(Filter::None),
+        "ewa" => Ok(Filter::Ewa),
+        _ => Err(format!("{text:?}: expected none or ewa")),
     }
 }
 

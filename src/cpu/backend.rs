@@ -13,7 +13,7 @@ use crate::backend::{
     StepReport, StepRequest, WindowStatistics,
 };
 use crate::camera::{Camera, Similarity};
-use crate::model::{AdamState, Model, SplatArrays, TexturePool};
+use crate::model::{AdamState, Filter, Model, SplatArrays, TexturePool};
 use crate::{Error, Result};
 use fearless_simd::Level;
 use std::time::{Duration, Instant};
@@ -82,6 +82,7 @@ impl CpuBackend {
             splats: SplatArrays::zeros(0, 0),
             textures: TexturePool::default(),
             near: 0.01,
+            filter: Filter::None,
             capture_from_local: Similarity::IDENTITY,
         };
         Ok(Self {
@@ -105,7 +106,7 @@ impl CpuBackend {
 
     /// The pixels on which each projected splat is evaluated, for tests of the bounds.
     pub fn coverage(&mut self, camera: &Camera) -> Vec<PairCoverage> {
-        let view = ViewF32::new(camera, self.model.near);
+        let view = ViewF32::new(camera, &self.model);
         self.pipeline.project(self.level, &self.model, view);
         let size = view.size_px.map(|s| s as usize);
         let mut out: Vec<PairCoverage> = self
@@ -186,7 +187,7 @@ impl Backend for CpuBackend {
         let model = self.take_flushed();
         let Self { level, pool, pipeline, .. } = self;
         let image = pool.install(|| {
-            pipeline.project(*level, &model, ViewF32::new(camera, model.near));
+            pipeline.project(*level, &model, ViewF32::new(camera, &model));
             pipeline.colours(*level, &model, options.sh_degree.min(model.splats.sh_degree));
             let mut geometry = options.geometry.then(Vec::new);
             pipeline.raster(*level, false, geometry.as_mut());
@@ -203,7 +204,7 @@ impl Backend for CpuBackend {
         let level = *level;
         pool.install(|| {
             let mut stages = PassTimes::start();
-            let view = ViewF32::new(&request.camera, model.near);
+            let view = ViewF32::new(&request.camera, model);
             pipeline.project(level, model, view);
             stages.end("project+bin");
             // With the learning rates of the last step, not of this one.

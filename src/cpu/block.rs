@@ -85,7 +85,7 @@ pub(super) struct BlockHit<S: Simd> {
     pub dy: Lanes<S>,
     pub denominator: Lanes<S>,
     pub per_denominator: Lanes<S>,
-    /// Coordinates on the surfel, in standard deviations.
+    /// Coordinates on the surfel in which the falloff is round.
     pub a: Lanes<S>,
     pub b: Lanes<S>,
     pub falloff: Lanes<S>,
@@ -164,8 +164,9 @@ pub(super) fn block_taps<S: Simd>(
     mask: LaneMask<S>,
 ) -> BlockTaps<S> {
     let c = |v: f32| Lanes::splat(simd, v);
-    let u = hit.a.mul_add(c(map.texels_per_sigma[0]), c(map.origin[0]));
-    let v = hit.b.mul_add(c(map.texels_per_sigma[1]), c(map.origin[1]));
+    let texels = &map.texels_per_sigma;
+    let u = hit.a.mul_add(c(texels.u_a), c(map.origin[0]));
+    let v = hit.b.mul_add(c(texels.v_b), hit.a.mul_add(c(texels.v_a), c(map.origin[1])));
     let far = c(1e9);
     let rows = (mask.select(u, far).reduce_min(), mask.select(u, -far).reduce_max());
     let cols = (mask.select(v, far).reduce_min(), mask.select(v, -far).reduce_max());

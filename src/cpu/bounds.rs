@@ -39,11 +39,10 @@ impl Bounds {
     }
 }
 
-/// Bounds of a splat; `None` where no pixel centre lies within.
+/// Bounds of a splat of conjugate `half_axes`, on whose ellipse the falloff is that of a standard deviation; `None` where no pixel centre lies within.
 pub(super) fn bounds(
     p: [f32; 3],
-    axes: &[[f32; 3]; 3],
-    scales: [f32; 2],
+    half_axes: [[f32; 3]; 2],
     opacity: f32,
     centre_px: [f32; 2],
     view: &ViewF32,
@@ -52,9 +51,7 @@ pub(super) fn bounds(
     if r2 < 0.0 {
         return None;
     }
-    conic(p, axes, scales, r2, centre_px, view)
-        .or_else(|| clipped(p, axes, scales, r2.sqrt(), view))?
-        .within(view)
+    conic(p, half_axes, r2, centre_px, view).or_else(|| clipped(p, half_axes, r2.sqrt(), view))?.within(view)
 }
 
 impl Bounds {
@@ -77,18 +74,16 @@ fn pixels(low: f32, high: f32) -> (i32, i32) {
 /// reaches the camera plane, where the conic is not an ellipse.
 fn conic(
     p: [f32; 3],
-    axes: &[[f32; 3]; 3],
-    scales: [f32; 2],
+    half_axes: [[f32; 3]; 2],
     r2: f32,
     centre_px: [f32; 2],
     view: &ViewF32,
 ) -> Option<Bounds> {
-    let row = |k: usize| {
-        let e = axes[k].map(|v| v * scales[k]);
+    let row = |e: [f32; 3]| {
         let t = [0, 1].map(|i| view.focal_px[i] * (e[i] - p[i] / p[2] * e[2]));
         (t, e[2])
     };
-    let ((t0, w0), (t1, w1)) = (row(0), row(1));
+    let ((t0, w0), (t1, w1)) = (row(half_axes[0]), row(half_axes[1]));
     let denominator = r2 * (w0 * w0 + w1 * w1) - p[2] * p[2];
     if denominator > -(CONIC_MARGIN as f32) * p[2] * p[2] {
         return None;
@@ -118,10 +113,8 @@ fn conic(
 }
 
 /// Box of the disc's bounding quad, clipped at the near plane.
-fn clipped(p: [f32; 3], axes: &[[f32; 3]; 3], scales: [f32; 2], r: f32, view: &ViewF32) -> Option<Bounds> {
-    let corner = |su: f32, sv: f32| {
-        [0, 1, 2].map(|i| p[i] + axes[0][i] * (su * r * scales[0]) + axes[1][i] * (sv * r * scales[1]))
-    };
+fn clipped(p: [f32; 3], [u, v]: [[f32; 3]; 2], r: f32, view: &ViewF32) -> Option<Bounds> {
+    let corner = |su: f32, sv: f32| [0, 1, 2].map(|i| p[i] + u[i] * (su * r) + v[i] * (sv * r));
     let quad = [corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)];
     let mut low = [f32::INFINITY; 2];
     let mut high = [f32::NEG_INFINITY; 2];

@@ -331,7 +331,7 @@ pub(super) fn with_regularisers(
     request: &StepRequest<'_>,
 ) -> LossValues {
     let visible = pipeline.tiles.slot_start.windows(2).zip(&pipeline.splats).filter(|(w, _)| w[0] < w[1]);
-    let opacity: f64 = visible.map(|(_, s)| f64::from(s.opacity)).sum();
+    let opacity: f64 = visible.map(|(_, s)| f64::from(s.stored_opacity)).sum();
     let residual: f64 = pipeline
         .texels
         .par_chunks(1 << 14)

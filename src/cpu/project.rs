@@ -7,20 +7,24 @@ use crate::constants::{ALPHA_MIN, BASE_RGB_MAX, EDGE_ON_MIN, SH_0, SH_1, SH_2, S
 use crate::model::Model;
 use rayon::prelude::*;
 
-/// A splat projected to a view. Coordinates on the surfel are in standard deviations.
+/// A splat projected to a view. Coordinates on the surfel are those in which the filtered falloff is round: the falloff is
+/// exp(-(a^2 + b^2) / 2). Without a filter they are standard deviations along u and v.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ProjectedSplat {
     /// Index in the model.
     pub id: u32,
     pub centre_px: [f32; 2],
-    /// Numerator of the coordinate along u, standard deviations per pixel.
+    /// Numerator of the first coordinate, per pixel.
     pub a: [f32; 2],
-    /// Numerator of the coordinate along v, standard deviations per pixel.
+    /// Numerator of the second coordinate, per pixel.
     pub b: [f32; 2],
     /// Gradient of the denominator, per pixel.
     pub g: [f32; 2],
     pub depth: f32,
+    /// After the filter.
     pub opacity: f32,
+    pub stored_opacity: f32,
+    pub spread: Spread,
     pub scales: [f32; 2],
     /// Base colour, clamped at zero; set by [`base_colours`].
     pub rgb: [f32; 3],
@@ -39,6 +43,32 @@ impl ProjectedSplat {
     }
 }
 
+/// What the low-pass filter does to a splat (method 2.5): standard deviations along u and v are `[u_a a, v_a a + v_b b]` of
+/// the filtered coordinates, by the Cholesky factor of the filtered falloff's covariance.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Spread {
+    pub u_a: f32,
+    pub v_a: f32,
+    pub v_b: f32,
+}
+
+impl Spread {
+    /// From the map from pixels to standard deviations at the centre, by rows.
+    fn new(a: [f32; 2], b: [f32; 2], filter_px2: f32) -> Self {
+        let along = |x: [f32; 2], y: [f32; 2]| filter_px2 * (x[0] * y[0] + x[1] * y[1]);
+        let u_a = (1.0 + along(a, a)).sqrt();
+        let area = filter_px2 * (a[0] * b[1] - a[1] * b[0]);
+        // No difference of large numbers, whatever the angle.
+        let determinant = 1.0 + along(a, a) + along(b, b) + area * area;
+        Self { u_a, v_a: along(a, b) / u_a, v_b: determinant.sqrt() / u_a }
+    }
+
+    /// How much of the opacity is left: the filter thins what it widens.
+    fn thinning(&self) -> f32 {
+        1.0 / (self.u_a * self.v_b)
+    }
+}
+
 /// A splat's texture map, in the form that the kernels sample.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct MapView {
@@ -46,8 +76,8 @@ pub(super) struct MapView {
     pub cols: i32,
     /// First float of the map's activated texels in the view's pool, `[rows, cols, 3]`.
     pub first: u32,
-    /// Texels per standard deviation along u and v.
-    pub texels_per_sigma: [f32; 2],
+    /// Texels along u and v per standard deviation, times the spread.
+    pub texels_per_sigma: Spread,
     /// Texture coordinate of the surfel's centre.
     pub origin: [f32; 2],
 }
@@ -67,14 +97,14 @@ fn project(model: &Model, i: usize, view: &ViewF32) -> Option<ProjectedSplat> {
     let rotated = view.rotate(position);
     let p = [0, 1, 2].map(|k| rotated[k] + view.translation[k]);
     let scales = [0, 1].map(|k| s.log_scales[2 * i + k].exp());
-    let opacity = 1.0 / (1.0 + (-s.opacity_logits[i]).exp());
+    let stored_opacity = 1.0 / (1.0 + (-s.opacity_logits[i]).exp());
     let columns = rotation_columns([0, 1, 2, 3].map(|k| s.quaternions[4 * i + k]));
     let axes = columns.map(|c| view.rotate(c));
     let [e_u, e_v, n] = axes;
     let p_n = dot(p, n);
-    let finite = (p_n + p[0] + p[1] + p[2] + opacity).is_finite()
+    let finite = (p_n + p[0] + p[1] + p[2] + stored_opacity).is_finite()
         && scales.iter().all(|s| s.is_finite() && *s > f32::MIN_POSITIVE);
-    if !finite || p[2] < view.near || opacity < ALPHA_MIN as f32 {
+    if !finite || p[2] < view.near || stored_opacity < ALPHA_MIN as f32 {
         return None;
     }
     if p_n.abs() < EDGE_ON_MIN as f32 * dot(p, p).sqrt() {
@@ -90,7 +120,13 @@ fn project(model: &Model, i: usize, view: &ViewF32) -> Option<ProjectedSplat> {
     if ![a, b, g, centre_px].iter().flatten().all(|v| v.is_finite()) {
         return None;
     }
-    let bounds = bounds(p, &axes, scales, opacity, centre_px, view)?;
+    let spread = Spread::new(a, b, view.filter_px2);
+    let opacity = stored_opacity * spread.thinning();
+    let a = a.map(|v| v / spread.u_a);
+    let b = [0, 1].map(|k| (b[k] - spread.v_a * a[k]) / spread.v_b);
+    let half_u = [0, 1, 2].map(|k| spread.u_a * scales[0] * e_u[k] + spread.v_a * scales[1] * e_v[k]);
+    let half_v = e_v.map(|v| spread.v_b * scales[1] * v);
+    let bounds = bounds(p, [half_u, half_v], opacity, centre_px, view)?;
     let map = &model.textures.maps[i];
     Some(ProjectedSplat {
         id: i as u32,
@@ -100,6 +136,8 @@ fn project(model: &Model, i: usize, view: &ViewF32) -> Option<ProjectedSplat> {
         g,
         depth: p[2],
         opacity,
+        stored_opacity,
+        spread,
         scales,
         rgb: [0.0; 3],
         rgb_positive: [false; 3],
@@ -111,7 +149,10 @@ fn project(model: &Model, i: usize, view: &ViewF32) -> Option<ProjectedSplat> {
             cols: i32::from(map.cols),
             first: 0,
             // An empty map may have a texel size of zero.
-            texels_per_sigma: scales.map(|s| if map.rows == 0 { 0.0 } else { s / map.texel_size }),
+            texels_per_sigma: {
+                let [u, v] = scales.map(|s| if map.rows == 0 { 0.0 } else { s / map.texel_size });
+                Spread { u_a: u * spread.u_a, v_a: v * spread.v_a, v_b: v * spread.v_b }
+            },
             origin: [(f32::from(map.rows) - 1.0) / 2.0, (f32::from(map.cols) - 1.0) / 2.0],
         },
     })

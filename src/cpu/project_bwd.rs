@@ -2,7 +2,7 @@
 //! pixels to its stored parameters.
 
 use super::math::{cross, dot};
-use super::project::{ProjectedSplat, sh_basis, sh_basis_derivative, view_direction};
+use super::project::{ProjectedSplat, Spread, sh_basis, sh_basis_derivative, view_direction};
 use super::raster_bwd::{HEADER_FLOATS, Sum};
 use super::view::ViewF32;
 use crate::constants::sh_coefficients;
@@ -29,12 +29,13 @@ pub(super) fn project_bwd(
 ) -> SplatGradient {
     let s = |sum: Sum| sums[sum as usize];
     let i = splat.id as usize;
-    let (by_centre, by_axes) = map_bwd(splat, sums, view);
+    let screen = filter_bwd(splat, sums, view);
+    let (by_centre, by_axes) = map_bwd(splat, sums, &screen, view);
     let mut out = SplatGradient {
         position: view.rotate_back(by_centre),
         quaternion: [0.0; 4],
-        log_scale: [s(Sum::LogScaleU), s(Sum::LogScaleV)],
-        opacity: s(Sum::Opacity) * splat.opacity * (1.0 - splat.opacity),
+        log_scale: screen.log_scale,
+        opacity: s(Sum::Opacity) * splat.opacity * (1.0 - splat.stored_opacity),
         sh: [0.0; 48],
     };
     let stored = [0, 1, 2, 3].map(|k| model.splats.quaternions[4 * i + k]);
@@ -58,8 +59,45 @@ pub(super) fn project_bwd(
     out
 }
 
+/// Derivatives with respect to the map from pixels to standard deviations at the centre, by rows, and to the log-scales.
+struct ScreenGradient {
+    a: [f32; 2],
+    b: [f32; 2],
+    log_scale: [f32; 2],
+}
+
+/// From the filtered coordinates back to standard deviations, with what passes through the filter itself: its covariance on
+/// the surfel follows from the map, and the opacity is divided by the root of the spread's determinant.
+fn filter_bwd(splat: &ProjectedSplat, sums: &[f32; HEADER_FLOATS], view: &ViewF32) -> ScreenGradient {
+    let s = |sum: Sum| sums[sum as usize];
+    let Spread { u_a, v_a, v_b } = splat.spread;
+    let by_thinning = s(Sum::Opacity) * splat.opacity;
+    // By the spread's covariance, times 2: L^-T (sums - by_thinning I) L^-1.
+    let (aa, ab, bb) =
+        (s(Sum::ExponentAA) - by_thinning, s(Sum::ExponentAB), s(Sum::ExponentBB) - by_thinning);
+    let vv = bb / (v_b * v_b);
+    let uv = (ab / v_b - v_a * vv) / u_a;
+    let uu = (aa / u_a - v_a * (ab / (u_a * v_b) + uv)) / u_a;
+    let f = view.filter_px2;
+    // The map from pixels to standard deviations.
+    let a = splat.a.map(|v| u_a * v);
+    let b = [0, 1].map(|k| v_a * splat.a[k] + v_b * splat.b[k]);
+    let numerator_a = [s(Sum::UX), s(Sum::UY)];
+    let numerator_b = [s(Sum::VX), s(Sum::VY)];
+    ScreenGradient {
+        a: [0, 1].map(|k| (numerator_a[k] - numerator_b[k] * v_a / v_b) / u_a + f * (uu * a[k] + uv * b[k])),
+        b: [0, 1].map(|k| numerator_b[k] / v_b + f * (uv * a[k] + vv * b[k])),
+        log_scale: [uu + by_thinning, vv + by_thinning],
+    }
+}
+
 /// Derivatives with respect to the centre and the three surfel axes, in camera axes.
-fn map_bwd(splat: &ProjectedSplat, sums: &[f32; HEADER_FLOATS], view: &ViewF32) -> ([f32; 3], [[f32; 3]; 3]) {
+fn map_bwd(
+    splat: &ProjectedSplat,
+    sums: &[f32; HEADER_FLOATS],
+    screen: &ScreenGradient,
+    view: &ViewF32,
+) -> ([f32; 3], [[f32; 3]; 3]) {
     let s = |sum: Sum| sums[sum as usize];
     let p = splat.centre_in_camera;
     let [e_u, e_v, n] = splat.axes_in_camera;
@@ -67,12 +105,13 @@ fn map_bwd(splat: &ProjectedSplat, sums: &[f32; HEADER_FLOATS], view: &ViewF32) 
     let w0 = dot(p, n) / p[2];
     let numerator = |x: f32, y: f32| [x / (fx * w0), y / (fy * w0), 0.0];
     // The map in standard deviations is the map in local units over sigma.
-    let by_cross_a = numerator(s(Sum::UX) / splat.scales[0], s(Sum::UY) / splat.scales[0]);
-    let by_cross_b = numerator(s(Sum::VX) / splat.scales[1], s(Sum::VY) / splat.scales[1]);
-    let along = s(Sum::UX) * splat.a[0]
-        + s(Sum::UY) * splat.a[1]
-        + s(Sum::VX) * splat.b[0]
-        + s(Sum::VY) * splat.b[1]
+    let [by_cross_a, by_cross_b] = [(screen.a, splat.scales[0]), (screen.b, splat.scales[1])]
+        .map(|(by, scale)| numerator(by[0] / scale, by[1] / scale));
+    let Spread { u_a, v_a, v_b } = splat.spread;
+    let along = screen.a[0] * u_a * splat.a[0]
+        + screen.a[1] * u_a * splat.a[1]
+        + screen.b[0] * (v_a * splat.a[0] + v_b * splat.b[0])
+        + screen.b[1] * (v_a * splat.a[1] + v_b * splat.b[1])
         + s(Sum::DX) * splat.g[0]
         + s(Sum::DY) * splat.g[1];
     let by_w0 = -along / w0;

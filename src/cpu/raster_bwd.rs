@@ -20,11 +20,11 @@ use fearless_simd::{Select as _, Simd, SimdBase as _, SimdFloat as _, SimdMask a
 pub(super) enum Sum {
     /// 1 if any pixel contributed; otherwise 0, and the rest of the record is not written.
     Touched,
-    /// Derivative with respect to the surfel coordinate along u, over the denominator: the sum, times dx, times dy.
+    /// Derivative with respect to the first coordinate, over the denominator: the sum, times dx, times dy.
     U,
     UX,
     UY,
-    /// As `U`, along v.
+    /// As `U`, by the second coordinate.
     V,
     VX,
     VY,
@@ -32,8 +32,11 @@ pub(super) enum Sum {
     D,
     DX,
     DY,
-    LogScaleU,
-    LogScaleV,
+    /// Derivative with respect to the exponent, times products of the coordinates.
+    ExponentAA,
+    ExponentAB,
+    ExponentBB,
+    /// By the opacity after the filter.
     Opacity,
     Red,
     Green,
@@ -261,15 +264,17 @@ fn block_bwd<S: Simd, const STATS: bool>(
     let by_exponent = by_raw_falloff * in_tile.opacity;
     let (a, b) = (blended.select(hit.a, zero), blended.select(hit.b, zero));
     let (by_a, by_b) = (by_exponent * a, by_exponent * b);
-    sums.mul_add(Sum::LogScaleU, by_a, a);
-    sums.mul_add(Sum::LogScaleV, by_b, b);
+    sums.mul_add(Sum::ExponentAA, by_a, a);
+    sums.mul_add(Sum::ExponentAB, by_a, b);
+    sums.mul_add(Sum::ExponentBB, by_b, b);
     let (mut by_u, mut by_v) = (zero, zero);
     if !taps.is_empty() {
         (by_u, by_v) = texture_bwd(simd, &splat.map, map_texels, &taps, &by_colour, window, lanes);
     }
     let per = hit.per_denominator;
-    let u = (by_u * splat.map.texels_per_sigma[0] - by_a) * per;
-    let v = (by_v * splat.map.texels_per_sigma[1] - by_b) * per;
+    let texels = &splat.map.texels_per_sigma;
+    let u = (by_u * texels.u_a + by_v * texels.v_a - by_a) * per;
+    let v = (by_v * texels.v_b - by_b) * per;
     let d = by_m * (in_tile.near / splat.depth) - u.mul_add(a, v * b);
     sums.add(Sum::U, u);
     sums.mul_add(Sum::UX, u, hit.dx);

@@ -208,7 +208,7 @@ fn splat_gradient(
         }
     }
     let mut gradient = project_bwd(model, splat, &sums, &input.view, input.sh_degree);
-    gradient.opacity += input.opacity_weight * splat.opacity * (1.0 - splat.opacity);
+    gradient.opacity += input.opacity_weight * splat.stored_opacity * (1.0 - splat.stored_opacity);
     let values = &input.texel_values[map.first as usize..][..texels.len()];
     let texture_weight = input.texture_weight + input.texture_hidden_weight * hidden_share(&sums);
     for (g, v) in texels.iter_mut().zip(values) {

@@ -2,8 +2,9 @@
 
 use super::math::dot;
 use crate::camera::Camera;
+use crate::model::Model;
 
-/// Camera and near plane in f32.
+/// Camera, near plane and filter in f32.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ViewF32 {
     /// Rows of the rotation camera_from_local.
@@ -14,10 +15,12 @@ pub(super) struct ViewF32 {
     pub principal_px: [f32; 2],
     pub size_px: [u32; 2],
     pub near: f32,
+    /// Variance of the low-pass filter; 0: none.
+    pub filter_px2: f32,
 }
 
 impl ViewF32 {
-    pub(super) fn new(camera: &Camera, near: f32) -> Self {
+    pub(super) fn new(camera: &Camera, model: &Model) -> Self {
         let m = camera.camera_from_local.rotation;
         let row = |r: usize| [m.col(0)[r] as f32, m.col(1)[r] as f32, m.col(2)[r] as f32];
         let p = &camera.pinhole;
@@ -28,7 +31,8 @@ impl ViewF32 {
             focal_px: [p.fx_px as f32, p.fy_px as f32],
             principal_px: [p.cx_px as f32, p.cy_px as f32],
             size_px: [p.width_px, p.height_px],
-            near,
+            near: model.near,
+            filter_px2: model.filter.variance_px2() as f32,
         }
     }
 

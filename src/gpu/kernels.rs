@@ -222,7 +222,7 @@ kernels! {
         write texel_values = TexelValues, write splat_info = SplatInfo, write bounds = Bounds,
     ] => { AdamTexel [] }
     "finish_blocks", SplatsLater, [
-        read projected = Projected, read bounds = Bounds, write splat_sums = SplatSums,
+        read bounds = Bounds, write splat_sums = SplatSums,
     ] => { FinishBlocks [] }
     "finish", OneLater, [
         read splat_sums = SplatSums, read loss_partials = LossPartials, write status = Status,

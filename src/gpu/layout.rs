@@ -106,8 +106,8 @@ pub struct StepUniform {
     pub last_rate_texel_growth: f32,
     /// `rate_texel_growth_limit` of the last completed step, for flushing.
     pub last_rate_texel_growth_limit: f32,
-    /// Pads to a multiple of 16 bytes.
-    pub pad0: u32,
+    /// Variance of the low-pass filter; 0: none.
+    pub filter_px2: f32,
     /// Pads to a multiple of 16 bytes.
     pub pad1: u32,
 }

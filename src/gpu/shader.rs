@@ -41,6 +41,7 @@ pub const SOURCES: &[(&str, &str)] = sources![
     "common/adam",
     "common/bounds",
     "common/exposure",
+    "common/filter",
     "common/fixed",
     "common/groups",
     "common/hit",

@@ -14,7 +14,7 @@ use super::timing::Timer;
 use super::uniform::{self, UniformInputs};
 use super::view_buffers::Capacity;
 use crate::camera::Similarity;
-use crate::model::{AdamState, LearningRates, Model, SplatArrays, TexturePool};
+use crate::model::{AdamState, Filter, LearningRates, Model, SplatArrays, TexturePool};
 use crate::{Error, Result};
 use std::collections::BTreeMap;
 
@@ -93,6 +93,7 @@ impl GpuBackend {
             splats: SplatArrays::zeros(0, 0),
             textures: TexturePool::default(),
             near: 0.01,
+            filter: Filter::None,
             capture_from_local: Similarity::IDENTITY,
         };
         let timer = if options.time_kernels { Timer::new(&device)? } else { None };
@@ -155,6 +156,7 @@ impl GpuBackend {
             num_splats: self.shape.num_splats() as u32,
             splat_stride: splat_stride(self.shape.splats.sh_degree) as u32,
             near: self.shape.near,
+            filter_px2: self.shape.filter.variance_px2() as f32,
             pair_capacity: self.capacity.pairs as u32,
             tile_rows_px: self.tile_rows_px,
             flushed_step: self.clock.step,

@@ -13,6 +13,8 @@ pub(super) struct UniformInputs {
     pub num_splats: u32,
     pub splat_stride: u32,
     pub near: f32,
+    /// Variance of the low-pass filter.
+    pub filter_px2: f32,
     pub pair_capacity: u32,
     /// Height of the rasterisation's tiles.
     pub tile_rows_px: u32,
@@ -31,6 +33,7 @@ pub(super) fn grid(camera: &Camera, tile_rows_px: u32) -> [u32; 2] {
 pub(super) fn without_view(inputs: &UniformInputs, flags: u32) -> StepUniform {
     StepUniform {
         near: inputs.near,
+        filter_px2: inputs.filter_px2,
         num_splats: inputs.num_splats,
         splat_stride: inputs.splat_stride,
         flushed_step: inputs.flushed_step,
@@ -75,11 +78,11 @@ pub(super) fn image(
 }
 
 /// Floats per pair in the partial sums.
-pub(super) const PARTIAL_STRIDE: u32 = 16;
+pub(super) const PARTIAL_STRIDE: u32 = 17;
 /// Floats per pair with window statistics.
-pub(super) const PARTIAL_STRIDE_STATISTICS: u32 = 20;
+pub(super) const PARTIAL_STRIDE_STATISTICS: u32 = 21;
 /// Floats per pair with distortion and normal terms, which imply window statistics.
-pub(super) const PARTIAL_STRIDE_GEOMETRY: u32 = 24;
+pub(super) const PARTIAL_STRIDE_GEOMETRY: u32 = 25;
 
 /// Whether a step needs the sums for the window statistics.
 pub(super) fn needs_statistics(request: &StepRequest<'_>) -> bool {

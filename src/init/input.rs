@@ -1,6 +1,7 @@
 //! Input and options of initialisation.
 
 use crate::camera::Similarity;
+use crate::model::Filter;
 use crate::train::Policy;
 use crate::views::{SfmPoint, Split, ViewSource, by_place};
 use std::path::Path;
@@ -52,6 +53,8 @@ pub struct InitOptions {
     pub sh_degree: u32,
     /// Decides the size of the first texture maps.
     pub policy: Policy,
+    /// Low-pass filter of the model.
+    pub filter: Filter,
     /// Seed of everything random.
     pub seed: u64,
     /// Adds a backdrop where training rays meet no points, which takes reading photos; on photos that were
@@ -68,6 +71,7 @@ impl Default for InitOptions {
             max_points: 1_000_000,
             sh_degree: 3,
             policy: Policy::Litetex,
+            filter: Filter::None,
             seed: 42,
             backdrop_on: None,
             sweep_on: None,

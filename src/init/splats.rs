@@ -47,6 +47,7 @@ pub(super) fn model(input: &InitInput<'_>, points: &[LocalPoint], options: &Init
         textures: TexturePool::neutral(extents)?,
         splats,
         near: input.near,
+        filter: options.filter,
         capture_from_local: input.capture_from_local,
     })
 }

@@ -1,11 +1,13 @@
 //! The model in training: splats as structure of arrays, a jagged pool of texture maps, and the optimiser's
 //! state. Plain data that knows no device and no file.
 
+mod filter;
 mod params;
 mod splats;
 mod texture;
 mod tint;
 
+pub use filter::Filter;
 pub use params::{SPLAT_PARAMS, TEXEL_PARAMS, num_params};
 pub use splats::{SplatArrays, SplatGroup};
 pub use texture::{TextureMap, TexturePool, support_half_extent, texel_value, texel_value_slope};
@@ -23,6 +25,8 @@ pub struct Model {
     pub textures: TexturePool,
     /// Near plane, local units: nearer samples and centres are not drawn.
     pub near: f32,
+    /// Low-pass filter in the image.
+    pub filter: Filter,
     /// Transform to the capture's frame from the local frame, in which the model is expressed.
     pub capture_from_local: Similarity,
 }

@@ -30,7 +30,9 @@ pub fn pixel_bounds(p: &Projected, camera: &Camera, near: f64) -> Option<PixelBo
     if r2 < 0.0 {
         return None;
     }
-    let (low, high) = conic_box(p, camera, r2).or_else(|| clipped_box(p, camera, r2.sqrt(), near))?;
+    let half_axes = widened_axes(p);
+    let (low, high) =
+        conic_box(p, half_axes, camera, r2).or_else(|| clipped_box(p, half_axes, camera, r2.sqrt(), near))?;
     let (width, height) = (f64::from(camera.pinhole.width_px), f64::from(camera.pinhole.height_px));
     // Pixel x has its centre at x + 0.5.
     let first = |v: f64, size: f64| (v - 0.5).ceil().clamp(0.0, size) as u32;
@@ -44,17 +46,27 @@ pub fn pixel_bounds(p: &Projected, camera: &Camera, near: f64) -> Option<PixelBo
     (bounds.x0 < bounds.x1 && bounds.y0 < bounds.y1).then_some(bounds)
 }
 
+/// Two half axes of the ellipse on which the falloff is that of a standard deviation, in camera axes: conjugate, not
+/// orthogonal.
+fn widened_axes(p: &Projected) -> [DVec3; 2] {
+    let spread = p.spread;
+    let along = spread.x_axis.x.sqrt();
+    let shear = spread.x_axis.y / along;
+    let across = (spread.determinant() / spread.x_axis.x).sqrt();
+    let [u, v] = [0, 1].map(|k| p.axes_in_camera[k] * p.scales[k]);
+    [u * along + v * shear, v * across]
+}
+
 /// Box of the projected disc, from the rows of its homography relative to the projected centre; `None` if the disc
 /// reaches the camera plane, where the conic is not an ellipse.
-fn conic_box(p: &Projected, camera: &Camera, r2: f64) -> Option<(DVec2, DVec2)> {
+fn conic_box(p: &Projected, half_axes: [DVec3; 2], camera: &Camera, r2: f64) -> Option<(DVec2, DVec2)> {
     let pc = p.centre_in_camera;
-    let row = |k: usize| {
-        let e = p.axes_in_camera[k] * p.scales[k];
+    let row = |e: DVec3| {
         let tu = camera.pinhole.fx_px * (e.x - pc.x / pc.z * e.z);
         let tv = camera.pinhole.fy_px * (e.y - pc.y / pc.z * e.z);
         (DVec2::new(tu, tv), e.z)
     };
-    let ((t0, w0), (t1, w1)) = (row(0), row(1));
+    let ((t0, w0), (t1, w1)) = (row(half_axes[0]), row(half_axes[1]));
     let denominator = r2 * (w0 * w0 + w1 * w1) - pc.z * pc.z;
     if denominator > -CONIC_MARGIN * pc.z * pc.z {
         return None;
@@ -66,10 +78,14 @@ fn conic_box(p: &Projected, camera: &Camera, r2: f64) -> Option<(DVec2, DVec2)> 
 }
 
 /// Box of the disc's bounding quad, clipped at the near plane.
-fn clipped_box(p: &Projected, camera: &Camera, r: f64, near: f64) -> Option<(DVec2, DVec2)> {
-    let [e_u, e_v, _] = p.axes_in_camera;
-    let corner =
-        |su: f64, sv: f64| p.centre_in_camera + e_u * (su * r * p.scales[0]) + e_v * (sv * r * p.scales[1]);
+fn clipped_box(
+    p: &Projected,
+    [u, v]: [DVec3; 2],
+    camera: &Camera,
+    r: f64,
+    near: f64,
+) -> Option<(DVec2, DVec2)> {
+    let corner = |su: f64, sv: f64| p.centre_in_camera + u * (su * r) + v * (sv * r);
     let quad = [corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)];
     let mut low = DVec2::INFINITY;
     let mut high = DVec2::NEG_INFINITY;

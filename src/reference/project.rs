@@ -1,10 +1,10 @@
 //! Projects a splat to a view: the centred projective map from pixels to the surfel's plane, and the base colour
-//! (method sections 1.2 and 2.2).
+//! (method sections 1.2, 2.2 and 2.5).
 
 use super::{AlphaCutoff, Params, Settings, sh::sh_basis};
 use crate::camera::Camera;
 use crate::constants::{ALPHA_MIN, EDGE_ON_MIN, sh_coefficients};
-use glam::{DVec2, DVec3};
+use glam::{DMat2, DVec2, DVec3};
 
 /// A splat projected to a view. With `d` the offset of a pixel from the projected centre and `D = 1 + g . d`, the
 /// pixel's ray hits the surfel's plane at `(a . d, b . d) / D`, in local units along the surfel's axes, at the depth
@@ -23,8 +23,12 @@ pub struct Projected {
     pub depth: f64,
     /// Standard deviations along u and v, local units.
     pub scales: [f64; 2],
-    /// Opacity, 0 to 1.
+    /// Covariance of the falloff in standard deviations along u and v: the identity, plus the low-pass filter.
+    pub spread: DMat2,
+    /// Opacity, 0 to 1, less what the filter spreads.
     pub opacity: f64,
+    /// Opacity before the filter.
+    pub stored_opacity: f64,
     /// Base colour after the clamp at zero.
     pub base_rgb: DVec3,
     /// Base colour before the clamp at zero.
@@ -36,6 +40,11 @@ pub struct Projected {
 }
 
 impl Projected {
+    /// Columns of the map from pixels to standard deviations along u and v, at the projected centre.
+    pub(super) fn sigma_from_px(&self) -> DMat2 {
+        DMat2::from_cols(self.a / self.scales[0], self.b / self.scales[1]).transpose()
+    }
+
     /// 1 if the normal faces the camera, else -1.
     pub fn facing(&self) -> f64 {
         if self.axes_in_camera[2].dot(self.centre_in_camera) > 0.0 { -1.0 } else { 1.0 }
@@ -49,8 +58,9 @@ pub fn project(params: &Params, i: usize, camera: &Camera, settings: &Settings) 
     let axes_in_local = params.rotation(i);
     let [e_u, e_v, n] = [0, 1, 2].map(|k| camera.camera_from_local.rotation * axes_in_local.col(k));
     let scales = params.scales(i);
-    let opacity = params.opacity(i);
-    let finite = p.is_finite() && n.is_finite() && (scales[0] * scales[1]).is_finite() && opacity.is_finite();
+    let stored_opacity = params.opacity(i);
+    let finite =
+        p.is_finite() && n.is_finite() && (scales[0] * scales[1]).is_finite() && stored_opacity.is_finite();
     if !finite || scales[0] <= 0.0 || scales[1] <= 0.0 || p.z < settings.near {
         return None;
     }
@@ -58,26 +68,33 @@ pub fn project(params: &Params, i: usize, camera: &Camera, settings: &Settings) 
         AlphaCutoff::Hard => ALPHA_MIN,
         AlphaCutoff::Smooth => 0.0,
     };
-    if opacity < alpha_min || p.dot(n).abs() < EDGE_ON_MIN * p.length() {
+    if p.dot(n).abs() < EDGE_ON_MIN * p.length() {
         return None;
     }
     let pinhole = &camera.pinhole;
     let per_px = DVec2::new(1.0 / pinhole.fx_px, 1.0 / pinhole.fy_px) / (p.dot(n) / p.z);
     let centre_px = pinhole.project(p)?;
     let unclamped_rgb = sh_colour(params, i, camera, settings.sh_degree);
-    Some(Projected {
+    let mut projected = Projected {
         centre_px,
         a: e_v.cross(p).truncate() * per_px,
         b: p.cross(e_u).truncate() * per_px,
+        spread: DMat2::IDENTITY,
         g: n.truncate() * per_px,
         depth: p.z,
         scales,
-        opacity,
+        opacity: stored_opacity,
+        stored_opacity,
         base_rgb: unclamped_rgb.max(DVec3::ZERO),
         unclamped_rgb,
         centre_in_camera: p,
         axes_in_camera: [e_u, e_v, n],
-    })
+    };
+    // The filter's covariance in the image, mapped to the surfel; what widens the falloff thins it.
+    let sigma_from_px = projected.sigma_from_px();
+    projected.spread += settings.filter_px2 * (sigma_from_px * sigma_from_px.transpose());
+    projected.opacity /= projected.spread.determinant().sqrt();
+    (projected.opacity >= alpha_min).then_some(projected)
 }
 
 fn sh_colour(params: &Params, i: usize, camera: &Camera, degree: u32) -> DVec3 {

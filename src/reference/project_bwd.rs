@@ -5,7 +5,7 @@ use super::raster_bwd::ScreenGradient;
 use super::{Params, Projected, Settings, sh_basis, sh_basis_derivative};
 use crate::camera::Camera;
 use crate::constants::sh_coefficients;
-use glam::{DMat3, DVec2, DVec3};
+use glam::{DMat2, DMat3, DVec2, DVec3};
 
 /// Adds the gradient of splat `i` to `grad`.
 pub(super) fn project_bwd(
@@ -17,6 +17,7 @@ pub(super) fn project_bwd(
     settings: &Settings,
     grad: &mut Params,
 ) {
+    let screen = &filter_bwd(projected, screen, settings);
     let (by_centre, by_axes) = map_bwd(projected, screen, camera);
     let local_from_camera = camera.camera_from_local.rotation.transpose();
     let by_position =
@@ -30,7 +31,22 @@ pub(super) fn project_bwd(
     (0..3).for_each(|k| grad.positions[3 * i + k] += by_position[k]);
     (0..4).for_each(|k| grad.quaternions[4 * i + k] += by_quaternion[k]);
     (0..2).for_each(|k| grad.log_scales[2 * i + k] += screen.log_scales[k]);
-    grad.opacity_logits[i] += screen.opacity * projected.opacity * (1.0 - projected.opacity);
+    grad.opacity_logits[i] += screen.opacity * projected.opacity * (1.0 - projected.stored_opacity);
+}
+
+/// Adds what the low-pass filter passes on: its covariance on the surfel follows from the projective map at the centre and
+/// from the standard deviations, and the opacity is divided by the root of the spread's determinant.
+fn filter_bwd(p: &Projected, screen: &ScreenGradient, settings: &Settings) -> ScreenGradient {
+    let [by_u, by_v] = screen.spread;
+    let by_spread = DMat2::from_cols(by_u, by_v) - 0.5 * screen.opacity * p.opacity * p.spread.inverse();
+    let sigma_from_px = p.sigma_from_px();
+    let by_map = 2.0 * settings.filter_px2 * (by_spread * sigma_from_px);
+    let mut out = screen.clone();
+    for (k, by_numerator) in [&mut out.a, &mut out.b].into_iter().enumerate() {
+        *by_numerator += by_map.row(k) / p.scales[k];
+        out.log_scales[k] -= by_map.row(k).dot(sigma_from_px.row(k));
+    }
+    out
 }
 
 /// Derivatives with respect to the centre and the three axes, all in camera axes.

@@ -21,7 +21,9 @@ pub struct ScreenGradient {
     pub g: DVec2,
     /// By the logarithms of the standard deviations.
     pub log_scales: [f64; 2],
-    /// By the opacity.
+    /// By the covariance of the falloff, by columns.
+    pub spread: [DVec2; 2],
+    /// By the opacity after the filter.
     pub opacity: f64,
     /// By the base colour after its clamp.
     pub base_rgb: DVec3,
@@ -116,11 +118,13 @@ fn sample_bwd(
     let by_raw_alpha = by_alpha * hit.alpha_slope;
     s.opacity += hit.falloff * by_raw_alpha;
     let by_falloff = opacity * by_raw_alpha;
-    let normalised = [hit.plane[0] / scales[0], hit.plane[1] / scales[1]];
+    let sigmas = DVec2::new(hit.plane[0] / scales[0], hit.plane[1] / scales[1]);
+    let slope = p.spread.inverse() * sigmas;
     let mut by_plane = by_texture_plane;
     for k in 0..2 {
-        by_plane[k] -= by_falloff * hit.falloff * normalised[k] / scales[k];
-        s.log_scales[k] += by_falloff * hit.falloff * normalised[k] * normalised[k];
+        by_plane[k] -= by_falloff * hit.falloff * slope[k] / scales[k];
+        s.spread[k] += 0.5 * by_falloff * hit.falloff * slope[k] * slope;
+        s.log_scales[k] += by_falloff * hit.falloff * slope[k] * sigmas[k];
     }
     let per = 1.0 / hit.denominator;
     let by_denominator = -(by_plane[0] * hit.plane[0] + by_plane[1] * hit.plane[1]) * per;

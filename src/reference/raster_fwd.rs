@@ -121,7 +121,8 @@ pub fn hit(p: &Projected, pixel_px: DVec2, settings: &Settings) -> Option<Hit> {
         return None;
     }
     let plane = [p.a.dot(offset_px) / denominator, p.b.dot(offset_px) / denominator];
-    let falloff = (-0.5 * ((plane[0] / p.scales[0]).powi(2) + (plane[1] / p.scales[1]).powi(2))).exp();
+    let sigmas = DVec2::new(plane[0] / p.scales[0], plane[1] / p.scales[1]);
+    let falloff = (-0.5 * sigmas.dot(p.spread.inverse() * sigmas)).exp();
     let raw = p.opacity * falloff;
     let (alpha, alpha_slope) = match settings.cutoff {
         AlphaCutoff::Hard if raw < ALPHA_MIN => return None,

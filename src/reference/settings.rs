@@ -29,6 +29,8 @@ pub struct Settings {
     pub colour_gradient: ColourGradient,
     /// Near plane, local units.
     pub near: f64,
+    /// Variance of the low-pass filter in the image; 0: none.
+    pub filter_px2: f64,
     /// SH degree to evaluate.
     pub sh_degree: u32,
     /// Display-space colour behind all splats.

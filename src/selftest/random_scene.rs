@@ -4,7 +4,7 @@
 use crate::camera::{Camera, Pinhole, RigidTransform, Similarity};
 use crate::constants::sh_coefficients;
 use crate::image::TargetImage;
-use crate::model::{Model, SplatArrays, TexturePool};
+use crate::model::{Filter, Model, SplatArrays, TexturePool};
 use glam::{DMat3, DQuat, DVec3};
 use rand::{Rng, RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64Mcg;
@@ -28,6 +28,8 @@ pub struct SceneOptions {
     pub opacities: (f64, f64),
     /// Range of the centres' depths, uniform.
     pub depths: (f64, f64),
+    /// Low-pass filter in the image.
+    pub filter: Filter,
     /// Seed of the random numbers.
     pub seed: u64,
 }
@@ -43,6 +45,7 @@ impl Default for SceneOptions {
             scales: (0.01, 0.2),
             opacities: (0.02, 0.999),
             depths: (0.3, 3.0),
+            filter: Filter::Ewa,
             seed: 1,
         }
     }
@@ -97,7 +100,13 @@ pub fn random_scene(options: &SceneOptions) -> RandomScene {
     }
     let mut textures = TexturePool::neutral(extents).expect("random scenes have few texels");
     textures.texels.iter_mut().for_each(|t| *t = (1.5 * normal(&mut rng)) as f32);
-    let model = Model { splats, textures, near: NEAR, capture_from_local: Similarity::IDENTITY };
+    let model = Model {
+        splats,
+        textures,
+        near: NEAR,
+        filter: options.filter,
+        capture_from_local: Similarity::IDENTITY,
+    };
     let target = random_target(options, &mut rng);
     RandomScene { model, camera, target }
 }

@@ -8,6 +8,7 @@
 use super::density::{Budget, Components, DensityConfig, MapRule};
 use crate::backend::LossWeights;
 use crate::frequency::FrequencyOptions;
+use crate::model::Filter;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
@@ -205,6 +206,8 @@ pub struct TrainConfig {
     pub backdrop: Backdrop,
     /// Correction of the photos' exposures. Default `none`.
     pub exposure: Exposure,
+    /// Low-pass filter in the image. Default `ewa` (choices 14; `paper`: none).
+    pub filter: Filter,
     /// Display-space colour behind all splats, 0 to 1. Default black (3DGS).
     pub background: [f32; 3],
     /// Whether every step draws a background of its own, so that transparency in photos with alpha is learnt. Needs a
@@ -236,6 +239,7 @@ impl Default for TrainConfig {
             sweep: true,
             backdrop: Backdrop::Auto,
             exposure: Exposure::None,
+            filter: Filter::Ewa,
             background: [0.0; 3],
             random_background: false,
             eval_every: 0,

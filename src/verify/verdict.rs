@@ -121,13 +121,13 @@ pub fn verify(
     let ExpectedImages { scene, views, whole, untextured } = expected;
     let mut found = file.asset.in_frame(&scene.capture_from_local);
     if !file.textured {
-        // Formats without textures carry neither.
-        (found.near, found.background) = (scene.near, scene.background);
+        // Formats without textures carry none of these.
+        (found.near, found.background, found.filter) = (scene.near, scene.background, scene.filter);
     }
     let images = renderer.images(&found, views)?;
     let fallback = file.fallback.map(|fallback| {
         let fallback = fallback.in_frame(&scene.capture_from_local);
-        renderer.images(&SplatAsset { near: scene.near, ..fallback }, views)
+        renderer.images(&SplatAsset { near: scene.near, filter: scene.filter, ..fallback }, views)
     });
     let fallback = fallback.transpose()?;
     let shown = fallback.as_ref().unwrap_or(untextured);

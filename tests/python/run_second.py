@@ -132,7 +132,9 @@ def controls(folder):
     averaged[:, 0] = gltf.accessor(primitive["attributes"][f"{KHR}:SH_DEGREE_0_COEF_0"])
     black = scene.meta | {"background": [0.0, 0.0, 0.0]}
     close = scene.meta | {"near": 0.5 * scene.meta["near"]}
+    unfiltered = scene.meta | {"filter": "none"}
     broken_scenes = {
+        "no low-pass filter": dataclasses.replace(scene, meta=unfiltered),
         "rectangles shifted by one column": shifted(scene),
         "quaternions read as wxyz": dataclasses.replace(scene, rotations=scene.rotations[:, [3, 0, 1, 2]]),
         "maps mirrored along u": texels_changed(scene, lambda texels: texels[::-1]),

@@ -315,17 +315,32 @@ class Splat:
     p: np.ndarray
     axes: np.ndarray  # columns e_u, e_v, n
     sigma: np.ndarray
-    opacity: float
+    spread: np.ndarray  # C of section 6
+    opacity: float  # o' of section 6
     base: np.ndarray
     texels: np.ndarray  # with a border of one texel; None without a map
     texel_size: float
+
+
+def filtered(p, axes, sigma, opacity, pinhole, scene):
+    """C and o' (section 6)."""
+    if scene.meta["filter"] == "none":
+        return np.eye(2), opacity
+    assert scene.meta["filter"] == "ewa", scene.meta["filter"]
+    e_u, e_v, n = axes.T
+    w = p @ n / p[2]
+    rows = [np.cross(e_v, p)[:2] / sigma[0], np.cross(p, e_u)[:2] / sigma[1]]
+    m = np.array(rows) / np.array(pinhole.focal) / w
+    spread = np.eye(2) + 0.1 * m @ m.T
+    return spread, opacity / np.sqrt(np.linalg.det(spread))
 
 
 def pixel_box(splat, pinhole, near):
     """Pixel bounds (x0, x1, y0, y1) outside which o G < 1/255: the projected bounding rectangle of the support."""
     width, height = pinhole.size
     reach = np.sqrt(2 * np.log(max(255 * splat.opacity, 1.0))) * 1.001
-    u, v = splat.axes[:, 0] * splat.sigma[0] * reach, splat.axes[:, 1] * splat.sigma[1] * reach
+    reach = reach * np.sqrt(np.diag(splat.spread))
+    u, v = splat.axes[:, 0] * splat.sigma[0] * reach[0], splat.axes[:, 1] * splat.sigma[1] * reach[1]
     corners = np.array([splat.p + u + v, splat.p + u - v, splat.p - u + v, splat.p - u - v])
     if corners[:, 2].min() < 0.5 * near or corners[:, 2].min() <= 0:
         return 0, width, 0, height
@@ -370,7 +385,8 @@ def draw(splat, pinhole, near, rules, light, clear, live):
     t = (p @ n) / r_n[row, col]
     offset = t[:, None] * np.stack([rx[0, col], ry[row, 0], np.ones(len(t))], axis=1) - p
     a, b = offset @ e_u, offset @ e_v
-    square = (a / splat.sigma[0]) ** 2 + (b / splat.sigma[1]) ** 2
+    s = np.stack([a / splat.sigma[0], b / splat.sigma[1]])
+    square = (s * np.linalg.solve(splat.spread, s)).sum(axis=0)
     o_g = splat.opacity * np.exp(-square / 2)
     seen = (o_g >= 1 / 255) & (square <= rules.cut_sigma**2)
     row, col, a, b = row[seen] + y0, col[seen] + x0, a[seen], b[seen]
@@ -408,7 +424,9 @@ def drawn_splats(scene, pinhole, rules):
             texels = scene.pages[scene.page_of[k]][y : y + rows, x : x + cols]
             assert texels.shape == (rows, cols, 3), f"splat {k}: the rectangle leaves its page"
             texels = np.pad(texels, ((1, 1), (1, 1), (0, 0)), mode=rules.map_edge)
-        yield Splat(p[k], axes[k], scene.sigmas[k], scene.opacities[k], base[k], texels, scene.texel_sizes[k])
+        spread, opacity = filtered(p[k], axes[k], scene.sigmas[k], scene.opacities[k], pinhole, scene)
+        if opacity >= 1 / 255:
+            yield Splat(p[k], axes[k], scene.sigmas[k], spread, opacity, base[k], texels, scene.texel_sizes[k])
 
 
 def render(scene, camera, rules=Rules(), size=None):

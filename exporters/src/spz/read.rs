@@ -72,7 +72,7 @@ pub fn decode_spz(bytes: &[u8], path: &Path, limits: &ReadLimits) -> Result<Cont
         asset.near = (f64::from(meta.near) * world_from_local.scale) as f32;
         asset.cameras = meta.cameras.iter().map(|camera| camera.in_frame(&world_from_local)).collect();
         (asset.provenance, asset.background) = (meta.provenance, meta.background);
-        asset.colour_space = meta.colour_space;
+        (asset.colour_space, asset.filter) = (meta.colour_space, meta.filter);
     }
     asset.validate().map_err(|e| e.at(path))?;
     Ok(Contents { asset, format: "SPZ 4".to_owned(), quality: None, hash: None, sections, warnings })

@@ -107,7 +107,7 @@ pub(super) fn mirrors() -> Vec<Mirror> {
                 rate_texel_growth_limit,
                 last_rate_texel_growth,
                 last_rate_texel_growth_limit,
-                pad0,
+                filter_px2,
                 pad1,
             }
         ),

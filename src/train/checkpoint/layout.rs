@@ -7,7 +7,7 @@
 //! | `adam.last_step`, `adam.step`, `adam.rates` | u32 `[n]`, u32 `[1]`, f32 `[9]` |
 //! | `textures.maps.{offset,rows,cols,texel_size}` | u32, u16, u16, f32 `[n]` |
 //! | `textures.texels` | f32 `[t,3]` |
-//! | `frame.near`, `frame.capture_from_local` | f32 `[1]`, f64 `[4]`: scale, translation |
+//! | `frame.near`, `frame.filter`, `frame.capture_from_local` | f32 `[1]`, u32 `[1]`: 0 none, 1 ewa; f64 `[4]`: scale, translation |
 //! | `state.counters`, `state.epoch_order` | u32 `[5]`: step, epochs, views used, step of the stage, last step with a revision; u32 `[views]` |
 //! | `state.lives`, `state.pace` | u16 `[n,3]`: map ceiling, prune count, checks; f64 `[2]`: initial splats, momentum |
 //! | `exposure.maps`, `exposure.sums` | f32 `[v,3,4]`, f64 `[v,22]`: the sums of the epoch; v = views, or 0 without correction |
@@ -19,7 +19,9 @@ use crate::backend::{ColourMap, ColourSums, NUM_COLOUR_SUMS, WindowStatistics};
 use crate::camera::Similarity;
 use crate::constants::{SH_DEGREE_MAX, sh_coefficients};
 use crate::frequency::SplatBudget;
-use crate::model::{AdamState, LearningRates, Model, SplatArrays, SplatGroup, TextureMap, TexturePool};
+use crate::model::{
+    AdamState, Filter, LearningRates, Model, SplatArrays, SplatGroup, TextureMap, TexturePool,
+};
 use crate::train::density::Life;
 use crate::train::{Exposures, TrainHistory, TrainState};
 use glam::DVec3;
@@ -128,6 +130,7 @@ pub fn tensors(state: &TrainState) -> BTreeMap<String, Tensor<'_>> {
     let frame = model.capture_from_local;
     let frame_numbers = vec![frame.scale, frame.translation.x, frame.translation.y, frame.translation.z];
     put("frame.near", Tensor::f32(&[1], vec![model.near]));
+    put("frame.filter", Tensor::scalar_u32(u32::from(model.filter == Filter::Ewa)));
     put("frame.capture_from_local", Tensor::new(&[4], Data::F64(frame_numbers)));
     let TrainState { step, epochs, epoch_used, stage_step, revised_step, .. } = *state;
     let counters = vec![step, epochs, epoch_used, stage_step, revised_step];
@@ -177,6 +180,13 @@ pub fn state(reader: &mut Reader<'_>) -> Result<TrainState> {
         texels: f32s(reader.take("textures.texels", Dtype::F32, &texels)?),
     };
     let near = f32s(reader.take("frame.near", Dtype::F32, &[1])?)[0];
+    let filter = match u32s(reader.take("frame.filter", Dtype::U32, &[1])?)[0] {
+        0 => Filter::None,
+        1 => Filter::Ewa,
+        other => {
+            return Err(reader.invalid(format!("tensor \"frame.filter\": found {other}, expected 0 or 1")));
+        }
+    };
     let frame = f64s(reader.take("frame.capture_from_local", Dtype::F64, &[4])?);
     let counters = u32s(reader.take("state.counters", Dtype::U32, &[5])?);
     let views = reader.first_dimension("state.epoch_order")?;
@@ -186,6 +196,7 @@ pub fn state(reader: &mut Reader<'_>) -> Result<TrainState> {
             splats,
             textures,
             near,
+            filter,
             capture_from_local: Similarity {
                 scale: frame[0],
                 translation: DVec3::new(frame[1], frame[2], frame[3]),

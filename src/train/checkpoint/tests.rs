@@ -36,6 +36,7 @@ fn sample(n: usize, sh_degree: u32) -> TrainState {
         }))
         .unwrap(),
         near: 0.039_999_9,
+        filter: crate::model::Filter::Ewa,
         capture_from_local: Similarity { scale: 1.0 / 3.0, translation: DVec3::new(-0.1, 1e300, -0.0) },
     };
     let mut adam = AdamState::zeros(&model);

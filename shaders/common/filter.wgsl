@@ -1,0 +1,24 @@
+// The low-pass filter in the image (twin: `spread` in reference/project.rs; method 2.5).
+
+// Lower Cholesky factor of the covariance of the filtered falloff, in standard deviations along u and v: those are
+// (u_a x, v_a x + v_b y) at the filtered coordinates (x, y), in which the falloff is round.
+struct Spread {
+    u_a: f32,
+    v_a: f32,
+    v_b: f32,
+}
+
+// From the map from pixels to standard deviations at the projected centre, by rows.
+fn splat_spread(a: vec2f, b: vec2f) -> Spread {
+    let along_a = step.filter_px2 * dot(a, a);
+    let area = step.filter_px2 * (a.x * b.y - a.y * b.x);
+    // No difference of large numbers, whatever the angle.
+    let determinant = 1.0 + along_a + step.filter_px2 * dot(b, b) + area * area;
+    let u_a = sqrt(1.0 + along_a);
+    return Spread(u_a, step.filter_px2 * dot(a, b) / u_a, sqrt(determinant) / u_a);
+}
+
+// How much of the opacity is left: the filter thins what it widens.
+fn thinning(spread: Spread) -> f32 {
+    return 1.0 / (spread.u_a * spread.v_b);
+}
