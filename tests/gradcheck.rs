@@ -53,7 +53,7 @@ fn small(sh_degree: u32, seed: u64) -> SceneOptions {
         scales: (0.05, 0.4),
         opacities: (0.2, 0.9),
         depths: (0.8, 2.0),
-        filter: if seed % 2 == 0 { Filter::None } else { Filter::Ewa },
+        filter: if seed.is_multiple_of(2) { Filter::None } else { Filter::Ewa },
         seed,
     }
 }
