@@ -73,7 +73,7 @@ def program_image(program, path, view, folder):
 
 
 def worked_example():
-    """Largest difference from the pixel printed in gltf.md, section 11."""
+    """Largest difference from the pixels printed in gltf.md, section 11."""
     texels = [[(0.5, 0, 0), (0, 0.5, 0), (0, 0, 0.5)], [(0.25, 0.25, 0), (0, 0.25, 0.25), (-0.5, 0, 0.25)]]
     sh = [(0.5, 0, -1), (0.25, 0.5, 0), (0, 0.25, 0.5), (0.5, 0, 0.25)]
     camera = {"widthPx": 64, "heightPx": 48, "focalPx": [100, 100], "principalPx": [32, 24]}
@@ -90,7 +90,11 @@ def worked_example():
         pages=[np.array(texels)],
         meta={"near": 0.0625, "background": [0.125, 0.25, 0.5]},
     )
-    return np.abs(render(scene, camera)[31, 42] - [0.378194, 0.469383, 0.248918]).max()
+    pixels = {"none": [0.378194, 0.469383, 0.248918], "ewa": [0.377117, 0.468451, 0.249986]}
+    found = {
+        name: render(dataclasses.replace(scene, meta=scene.meta | {"filter": name}), camera)[31, 42] for name in pixels
+    }
+    return max(np.abs(found[name] - pixel).max() for name, pixel in pixels.items())
 
 
 def shifted(scene):
@@ -134,7 +138,6 @@ def controls(folder):
     close = scene.meta | {"near": 0.5 * scene.meta["near"]}
     unfiltered = scene.meta | {"filter": "none"}
     broken_scenes = {
-        "no low-pass filter": dataclasses.replace(scene, meta=unfiltered),
         "rectangles shifted by one column": shifted(scene),
         "quaternions read as wxyz": dataclasses.replace(scene, rotations=scene.rotations[:, [3, 0, 1, 2]]),
         "maps mirrored along u": texels_changed(scene, lambda texels: texels[::-1]),
@@ -159,6 +162,7 @@ def controls(folder):
         yield violation, lossless, broken, Rules(), CONTROL_DB
     for violation, rules in broken_rules.items():
         yield violation, lossless, scene, rules, CONTROL_DB
+    yield "no low-pass filter", lossless, dataclasses.replace(scene, meta=unfiltered), Rules(), FINE_CONTROL_DB
     for violation, rules in fine_rules.items():
         yield violation, lossless, scene, rules, FINE_CONTROL_DB
     yield "atlas decoded as sRGB", balanced, texels_changed(codes, decoded_as_srgb), Rules(), CONTROL_DB
