@@ -9,7 +9,7 @@ use common::full_method::{RunRecord, config, is_all_done, run_on, same, start};
 use common::training::{MemoryViews, photos, scene};
 use litetex_gs::backend::{Backend as _, StepRequest, WindowStatistics};
 use litetex_gs::cpu::CpuBackend;
-use litetex_gs::model::{AdamState, LearningRates, Model, TexturePool, num_params};
+use litetex_gs::model::{AdamState, LearningRates, Model, ModelSize, TexturePool};
 use litetex_gs::train::density::{Budget, DensityConfig, Life, Spending, StatisticsSource};
 use litetex_gs::train::{Policy, Schedule, TrainConfig, TrainState};
 use litetex_gs::views::{Split, ViewSource as _};
@@ -64,7 +64,7 @@ fn budgets_are_spent_evenly_from_any_initial_size() {
         config.density.split_texels = [3.0; 2];
         config.budget = Budget { max_params: Some(budget), ..Budget::default() };
         let (counts, splats, texels) = run(&config, first.clone(), 2).steps[0];
-        (num_params(splats, texels), counts.split)
+        (ModelSize { texels, ..ModelSize::uniform(splats, 1, config.sh_degree) }.params(), counts.split)
     };
     let (params, split) = after_the_first(3 * size);
     assert!(
@@ -281,17 +281,24 @@ fn sums(views: &MemoryViews, model: &Model, order: &[usize]) -> WindowStatistics
 #[test]
 fn parameters_count_as_in_the_papers_ablation() {
     // Points, texels and parameters of rows I to V, as printed in thousands and millions.
-    for (points, texels, params) in [
-        (255e3, 40.0e6, 135.0e6),
-        (162e3, 14.1e6, 52.0e6),
-        (119e3, 16.2e6, 55.8e6),
-        (173e3, 10.5e6, 41.7e6),
-        (209e3, 16.3e6, 61.2e6),
+    for (splats, texels, params) in [
+        (255_000, 40_000_000, 135_000_000),
+        (162_000, 14_100_000, 52_000_000),
+        (119_000, 16_200_000, 55_800_000),
+        (173_000, 10_500_000, 41_700_000),
+        (209_000, 16_300_000, 61_200_000_usize),
     ] {
-        let counted: f64 = num_params(points, texels);
+        let counted = ModelSize { splats, texels, ..ModelSize::default() }.params_published();
         // The printed numbers are rounded: texels to 0.05 M.
-        assert!((counted - params).abs() < 3.0 * 0.05e6 + 59.0 * 0.5e3 + 0.05e6, "{counted} {params}");
+        assert!(counted.abs_diff(params) < 3 * 50_000 + 59 * 500 + 50_000, "{counted} {params}");
     }
-    let model = scene().model;
-    assert_eq!(model.num_params(), 59 * model.num_splats() + 3 * model.num_texels());
+    let mut model = scene().model;
+    let textured = model.textures.maps.iter().filter(|map| map.num_texels() > 0).count();
+    assert!(textured > 0, "nothing was tested");
+    let (splats, texels) = (model.num_splats(), model.num_texels());
+    assert_eq!(model.splats.sh_degree, 1);
+    assert_eq!(model.num_params(), (10 + 12) * splats + textured + 3 * texels);
+    // What the model stores: an empty map has no texel size.
+    model.textures = TexturePool::neutral(vec![(0, 0, 0.0); splats]).unwrap();
+    assert_eq!(model.num_params(), 22 * splats);
 }

@@ -1,7 +1,7 @@
 //! Opens captures and creates the initial training state. The only file of the command line that uses the capture loader.
 
 use litetex_gs::init::{InitInput, InitOptions, InitialModel, initial_model};
-use litetex_gs::model::SPLAT_PARAMS;
+use litetex_gs::model::splat_params;
 use litetex_gs::train::{Backdrop, TrainConfig};
 use litetex_gs::views::ViewSource as _;
 use litetex_gs::{Error, Result};
@@ -34,11 +34,12 @@ pub fn fresh_model(
     config: &TrainConfig,
 ) -> Result<InitialModel> {
     let texels_each = config.policy.first_texels_each();
-    let most = config.budget.most_splats(texels_each).min(max_points.unwrap_or(usize::MAX));
+    let most = config.budget.most_splats(texels_each, config.sh_degree).min(max_points.unwrap_or(usize::MAX));
     if most == 0 {
         return Err(Error::Usage(format!(
-            "the budget leaves no room for a splat: each has {SPLAT_PARAMS} parameters and, with the policy {}, {texels_each} \
+            "the budget leaves no room for a splat: each has {} parameters and, with the policy {}, {texels_each} \
              initial texels; raise --max-splats, --max-texels, --budget-params or --max-points",
+            splat_params(config.sh_degree),
             config.policy
         )));
     }

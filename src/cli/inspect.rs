@@ -108,6 +108,7 @@ fn of_model(model: &Model) -> Value {
         "splats": model.num_splats(),
         "texels": model.num_texels(),
         "params": model.num_params(),
+        "params_published": model.size().params_published(),
         "sh_degree": model.splats.sh_degree,
         "maps": histogram(sides),
         "bounds_in_capture": { "min": low, "max": high },
@@ -134,10 +135,12 @@ fn of_asset(asset: &SplatAsset) -> Value {
         let (low, high) = bounds(asset.positions.iter().map(|p| DVec3::from_array(f.transform_point(*p))));
         json!({ "min": low, "max": high })
     };
+    let size = model_from_asset(asset).size();
     let mut found = json!({
         "splats": asset.num_splats(),
         "texels": asset.num_texels(),
-        "params": model_from_asset(asset).num_params(),
+        "params": size.params(),
+        "params_published": size.params_published(),
         "sh_degree": asset.sh_degree,
         "maps": histogram(asset.maps.iter().map(|m| (m.rows, m.cols))),
         "bounds_in_capture": bounds_in(&asset.capture_from_local),

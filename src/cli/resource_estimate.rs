@@ -7,7 +7,7 @@
 use super::capture::Capture;
 use super::values::{format_bytes, format_count, format_duration};
 use litetex_gs::constants::sh_coefficients;
-use litetex_gs::model::{Model, SPLAT_PARAMS, num_params};
+use litetex_gs::model::{MAP_PARAMS, Model, TEXEL_PARAMS, splat_params};
 use litetex_gs::train::density::{Budget, MapRule};
 use litetex_gs::train::{Policy, TrainConfig};
 use litetex_gs::views::{Split, ViewSource as _};
@@ -130,8 +130,7 @@ impl Workload {
             Policy::Plain if budget.max_splats.is_some() || budget.max_params.is_some() => u64::MAX / 64,
             _ => EXPECTED_GROWTH * self.splats,
         };
-        let splats =
-            wanted.min(bound(budget.max_splats)).min(bound(budget.max_params) / u64::from(SPLAT_PARAMS));
+        let splats = wanted.min(bound(budget.max_splats)).min(bound(budget.max_params) / self.params(1, 0));
         let texels = match config.policy.map_rule() {
             MapRule::None => 0,
             MapRule::Fixed(side) => splats.saturating_mul(u64::from(side).pow(2)),
@@ -139,12 +138,18 @@ impl Workload {
         };
         let texels = texels.min(bound(budget.max_texels));
         // Splats and texels share what the parameters allow as they would share it without a bound.
-        let now = num_params(self.splats, self.texels) as f64;
-        let then = num_params(splats, texels) as f64;
+        let now = self.params(self.splats, self.texels) as f64;
+        let then = self.params(splats, texels) as f64;
         let most = bound(budget.max_params) as f64;
         let share = if then > most { ((most - now) / (then - now)).max(0.0) } else { 1.0 };
         let part = |now: u64, then: u64| (now as f64 + share * (then as f64 - now as f64)) as u64;
         Self { splats: part(self.splats, splats), texels: part(self.texels, texels), ..*self }
+    }
+
+    /// Parameters of a model of this size, in which every splat has a map or none.
+    fn params(&self, splats: u64, texels: u64) -> u64 {
+        let map = if texels > 0 { MAP_PARAMS } else { 0 };
+        splats * (splat_params(self.sh_degree) + map) as u64 + TEXEL_PARAMS as u64 * texels
     }
 
     /// Memory and time of this workload.
@@ -353,12 +358,12 @@ mod tests {
         assert!(
             splats > n
                 && texels > FOX.texels
-                && (2_999_900..=3_000_000).contains(&num_params(splats, texels))
+                && (2_999_900..=3_000_000).contains(&FOX.params(splats, texels))
         );
         assert_eq!(grown("litetex", most(None, None, Some(1_000_000))).1, FOX.texels, "less than there is");
         assert_eq!(grown("fixed:4", most(Some(20_000), None, None)), (20_000, 320_000));
         assert_eq!(grown("plain", Budget::default()), (n, 0));
-        assert_eq!(grown("plain", most(None, None, Some(5_900_000))), (100_000, 0));
+        assert_eq!(grown("plain", most(None, None, Some(5_800_000))), (100_000, 0));
         assert_eq!(grown("plain", most(None, Some(5), None)), (2 * n, 0), "texels do not bound splats");
         for (budget, said) in
             [(Budget::default(), "no budget"), (most(Some(9), None, None), "within the budget")]

@@ -135,10 +135,24 @@ pub struct Size {
     pub splats: usize,
     /// Number of texels of all texture maps.
     pub texels: usize,
-    /// 59 per splat and 3 per texel, as published.
+    /// Number of splats with a texture map.
+    pub maps: usize,
+    /// Floats that the model holds.
     pub params: usize,
-    /// Size of the last checkpoint, which includes the optimiser.
-    pub checkpoint_bytes: u64,
+    /// 59 per splat and 3 per texel, the count of the paper's tables.
+    pub params_published: usize,
+    /// Sizes of files of the scene.
+    pub disk: DiskBytes,
+}
+
+/// Sizes of `.ltgs` files of the scene without cameras, at the standard quantisation steps of the quality: `export` looks
+/// for coarser ones by rendering.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct DiskBytes {
+    /// Bytes at quality `balanced`.
+    pub ltgs_balanced: usize,
+    /// Bytes at quality `tiny`.
+    pub ltgs_tiny: usize,
 }
 
 /// Times of a run, seconds.

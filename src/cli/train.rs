@@ -14,7 +14,7 @@ use super::train_job::TrainJob;
 use super::train_summary::{self, Outcome};
 use super::{devices, export, orphan, outputs};
 use litetex_gs::backend::Backend;
-use litetex_gs::model::num_params;
+use litetex_gs::model::ModelSize;
 use litetex_gs::train::density::Budget;
 use litetex_gs::train::{StopReason, TrainConfig, TrainState, check_limits, train};
 use litetex_gs::views::ViewSource as _;
@@ -76,7 +76,6 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<(Summary, PathBuf)> {
         state: &state,
         reason,
         evaluation: session.evaluation.as_ref(),
-        checkpoint: session.checkpoint.as_deref(),
         resumed,
         outlying_views: session.outlying_views(),
         warnings: report.warnings,
@@ -119,7 +118,7 @@ fn first_state(job: &mut TrainJob, capture: &Capture, report: &mut Report, log: 
 /// users who set several budgets do not expect it.
 fn bounded_start(config: &TrainConfig, num_splats: usize) -> Option<String> {
     let texels_each = config.policy.first_texels_each();
-    let params_each = num_params(1, texels_each);
+    let params_each = ModelSize::uniform(1, texels_each, config.sh_degree).params();
     let room = |most: Option<usize>, each: usize| most.map_or(usize::MAX, |most| most / each.max(1));
     let Budget { max_splats, max_texels, max_params } = config.budget;
     let by_texels = if texels_each == 0 { usize::MAX } else { room(max_texels, texels_each) };

@@ -92,7 +92,7 @@ pub struct TrainingArgs {
     /// Largest number of texels
     #[arg(long, value_name = "N", value_parser = parse_count, help_heading = "Budget")]
     pub max_texels: Option<usize>,
-    /// Largest number of parameters, 59 per splat and 3 per texel, such as 500k or 5M
+    /// Largest number of parameters, such as 500k or 5M: at SH degree 3 58 per splat, 1 per texture map, 3 per texel
     #[arg(long, value_name = "N", value_parser = parse_count, help_heading = "Budget")]
     pub budget_params: Option<usize>,
     /// Initialise from at most this many points, chosen at random

@@ -5,16 +5,18 @@ use super::config_file::RunConfig;
 use super::memory::process_bytes;
 use super::session::reason_name;
 use super::sources::render_options;
-use super::summary::{CaptureFigures, Fps, Quality, Resumed, SCHEMA, Size, Summary, Times};
+use super::summary::{CaptureFigures, DiskBytes, Fps, Quality, Resumed, SCHEMA, Size, Summary, Times};
 use super::table::Table;
 use super::values::{format_bytes, format_count, format_duration};
+use litetex_exporters::ltgs::{LtgsOptions, encode};
+use litetex_exporters::{Provenance, Quality as AssetQuality};
 use litetex_gs::backend::Backend;
 use litetex_gs::eval::Evaluation;
 use litetex_gs::model::{Model, TextureMap};
 use litetex_gs::train::{Schedule, StopReason, TrainState};
+use litetex_gs::verify::bake_checkpoint;
 use litetex_gs::views::{Split, ViewSource};
-use litetex_gs::{Result, Warning};
-use std::path::Path;
+use litetex_gs::{Report, Result, Warning};
 use std::time::Instant;
 
 /// What a training ended with.
@@ -25,8 +27,6 @@ pub struct Outcome<'a> {
     pub reason: StopReason,
     /// The last evaluation.
     pub evaluation: Option<&'a Evaluation>,
-    /// The last checkpoint.
-    pub checkpoint: Option<&'a Path>,
     pub resumed: Option<Resumed>,
     /// Training views whose loss stood out at the end.
     pub outlying_views: Vec<String>,
@@ -46,6 +46,7 @@ impl Outcome<'_> {
             StopReason::Consumer => None,
             _ => measure_fps(backend, capture, state, train.background)?,
         };
+        let disk = disk_bytes(backend, state)?;
         Ok(Summary {
             schema: SCHEMA.to_owned(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -68,8 +69,10 @@ impl Outcome<'_> {
             size: Size {
                 splats: state.model.num_splats(),
                 texels: state.model.num_texels(),
+                maps: state.model.size().maps,
                 params: state.model.num_params(),
-                checkpoint_bytes: self.checkpoint.map_or(0, file_bytes),
+                params_published: state.model.size().params_published(),
+                disk,
             },
             fps,
             curve: state.history.curve.clone(),
@@ -87,8 +90,19 @@ impl Outcome<'_> {
     }
 }
 
-fn file_bytes(path: &Path) -> u64 {
-    std::fs::metadata(path).map_or(0, |m| m.len())
+/// Sizes of the scene's files.
+fn disk_bytes(backend: &mut dyn Backend, state: &TrainState) -> Result<DiskBytes> {
+    let model = (&state.model, &state.adam);
+    let provenance = Provenance::default();
+    let asset = bake_checkpoint(backend, model, Vec::new(), [0.0; 3], provenance, &mut Report::default())?;
+    let bytes = |quality| -> Result<usize> {
+        Ok(encode(&asset, &LtgsOptions { quality, steps: None, exponents: &[] })?.len())
+    };
+    // A scene without splats has no file.
+    if asset.num_splats() == 0 {
+        return Ok(DiskBytes::default());
+    }
+    Ok(DiskBytes { ltgs_balanced: bytes(AssetQuality::Balanced)?, ltgs_tiny: bytes(AssetQuality::Tiny)? })
 }
 
 fn capture_figures(capture: &Capture) -> CaptureFigures {
@@ -161,7 +175,11 @@ pub fn print(s: &Summary) -> std::io::Result<()> {
     table.row("splats", format_count(s.size.splats as u64));
     table.row("texels", format_count(s.size.texels as u64));
     table.row("parameters", format_count(s.size.params as u64));
-    table.row("checkpoint", format_bytes(s.size.checkpoint_bytes));
+    let disk = &s.size.disk;
+    table.row(
+        ".ltgs file (balanced / tiny)",
+        format!("{} / {}", format_bytes(disk.ltgs_balanced as u64), format_bytes(disk.ltgs_tiny as u64)),
+    );
     table.row(
         "training time (wall / CPU)",
         format!("{} / {}", format_duration(s.time.train_wall_secs), format_duration(s.time.train_cpu_secs)),

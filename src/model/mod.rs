@@ -8,7 +8,7 @@ mod texture;
 mod tint;
 
 pub use filter::Filter;
-pub use params::{SPLAT_PARAMS, TEXEL_PARAMS, num_params};
+pub use params::{MAP_PARAMS, ModelSize, TEXEL_PARAMS, splat_params};
 pub use splats::{SplatArrays, SplatGroup};
 pub use texture::{TextureMap, TexturePool, support_half_extent, texel_value, texel_value_slope};
 pub use tint::tinted;
@@ -42,9 +42,19 @@ impl Model {
         self.textures.num_texels()
     }
 
-    /// Parameter count as published, see [`num_params`].
+    /// Numbers of what the model is made of.
+    pub fn size(&self) -> ModelSize {
+        ModelSize {
+            splats: self.num_splats(),
+            maps: self.textures.maps.iter().filter(|map| map.num_texels() > 0).count(),
+            texels: self.num_texels(),
+            sh_degree: self.splats.sh_degree,
+        }
+    }
+
+    /// Floats that the model holds, see [`ModelSize::params`].
     pub fn num_params(&self) -> usize {
-        num_params(self.num_splats(), self.num_texels())
+        self.size().params()
     }
 }
 

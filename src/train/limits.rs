@@ -3,7 +3,7 @@
 use super::config::TrainConfig;
 use super::density::Budget;
 use crate::backend::{Backend, DeviceLimits, SceneShape};
-use crate::model::{Model, num_params};
+use crate::model::{MAP_PARAMS, Model, TEXEL_PARAMS, splat_params};
 use crate::views::ViewSource;
 use crate::{Error, Result};
 
@@ -20,7 +20,7 @@ pub fn check_limits(
     model: &Model,
 ) -> Result<DeviceLimits> {
     // Maps can be made smaller; splats would have to be removed.
-    let (splats, most) = (model.num_splats(), config.budget.most_splats(0));
+    let (splats, most) = (model.num_splats(), config.budget.most_splats(0, model.splats.sh_degree));
     if splats > most {
         return Err(Error::Usage(format!(
             "the model already has {splats} splats, the budget allows {most}: raise --max-splats or \
@@ -30,7 +30,7 @@ pub fn check_limits(
     let shape = SceneShape { sh_degree: model.splats.sh_degree, geometry: config.loss.needs_geometry() };
     let limits = backend.limits(shape);
     let mut misfits = of_model(model, &limits);
-    misfits.extend(of_budget(&config.budget, &limits));
+    misfits.extend(of_budget(&config.budget, model.splats.sh_degree, &limits));
     misfits.extend(of_views(views, &limits));
     if misfits.is_empty() {
         return Ok(limits);
@@ -59,10 +59,10 @@ fn of_model(model: &Model, limits: &DeviceLimits) -> Vec<String> {
     out
 }
 
-fn of_budget(budget: &Budget, limits: &DeviceLimits) -> Vec<String> {
-    // Wide enough for the sum of any limits.
-    let params = num_params(u128::from(limits.max_splats), u128::from(limits.max_texels));
-    let params = u64::try_from(params).unwrap_or(u64::MAX);
+fn of_budget(budget: &Budget, sh_degree: u32, limits: &DeviceLimits) -> Vec<String> {
+    let each = (splat_params(sh_degree) + MAP_PARAMS) as u64;
+    let texels = limits.max_texels.saturating_mul(TEXEL_PARAMS as u64);
+    let params = limits.max_splats.saturating_mul(each).saturating_add(texels);
     let bounds = [
         ("--max-splats", "splats", budget.max_splats, limits.max_splats),
         ("--max-texels", "texels", budget.max_texels, limits.max_texels),
@@ -106,6 +106,7 @@ mod tests {
     use super::*;
     use crate::backend::TargetImage;
     use crate::camera::Camera;
+    use crate::model::ModelSize;
     use crate::selftest::{SceneOptions, random_scene};
     use crate::views::Split;
     use std::sync::Arc;
@@ -146,18 +147,18 @@ mod tests {
 
     #[test]
     fn budgets_above_the_limits_are_reported_with_counts() {
-        let params = num_params(50, 400);
+        let params = 50 * 59 + 3 * 400;
         let budget = |splats, texels, params| Budget {
             max_splats: Some(splats),
             max_texels: Some(texels),
             max_params: Some(params),
         };
-        assert!(of_budget(&budget(50, 400, params), &LIMITS).is_empty());
+        assert!(of_budget(&budget(50, 400, params), 3, &LIMITS).is_empty());
         assert!(
-            of_budget(&Budget::default(), &LIMITS).is_empty(),
+            of_budget(&Budget::default(), 3, &LIMITS).is_empty(),
             "without a budget the device is the bound"
         );
-        let all = of_budget(&budget(51, 401, params + 1), &LIMITS);
+        let all = of_budget(&budget(51, 401, params + 1), 3, &LIMITS);
         for (text, parts) in
             all.iter().zip([["51 splats", "most 50"], ["401 texels", "most 400"], ["4151", "4150"]])
         {
@@ -186,11 +187,9 @@ mod tests {
         let budget = Budget { max_splats: Some(20), max_texels: None, max_params: Some(7) };
         let within = budget.within(&LIMITS);
         assert_eq!((within.max_splats, within.max_texels, within.max_params), (Some(20), Some(400), Some(7)));
-        assert!(Budget::default().within(&LIMITS).allows(50, 400));
-        assert!(
-            !Budget::default().within(&LIMITS).allows(51, 0)
-                && !Budget::default().within(&LIMITS).allows(0, 401)
-        );
+        let within = Budget::default().within(&LIMITS);
+        let allows = |splats, texels| within.allows(&ModelSize { splats, texels, ..ModelSize::default() });
+        assert!(allows(50, 400) && !allows(51, 0) && !allows(0, 401));
     }
 
     #[test]
@@ -203,10 +202,10 @@ mod tests {
         };
         // Texels beyond the budget are accepted: maps can be made smaller.
         let most = |splats, params| Budget { max_splats: splats, max_params: params, max_texels: Some(10) };
-        for refused in [most(Some(19), None), most(None, Some(20 * 59 - 1))] {
+        for refused in [most(Some(19), None), most(None, Some(20 * 58 - 1))] {
             let error = check(refused).unwrap_err();
             assert!(error.exit_code() == 2 && error.to_string().contains("already has 20 splats"), "{error}");
         }
-        assert!(check(most(Some(20), Some(20 * 59))).is_ok());
+        assert!(check(most(Some(20), Some(20 * 58))).is_ok());
     }
 }

@@ -10,7 +10,7 @@ use crate::Result;
 use crate::backend::{Backend, DeviceLimits, LossWeights, StepRequest, WindowStatistics};
 use crate::camera::Camera;
 use crate::frequency::{FrequencySchedule, SplatBudget};
-use crate::model::LearningRates;
+use crate::model::{LearningRates, ModelSize};
 use crate::views::ViewSource;
 
 /// A resolution stage: what the frequency schedule sets from one density-control step to the next.
@@ -123,15 +123,16 @@ impl DensityControl<'_> {
                 let seed = config.seed ^ u64::from(step).wrapping_mul(0x9E37_79B9_7F4A_7C15);
                 // Without a budget the number of splats stays the same.
                 let bounds_splats = config.budget.max_splats.or(config.budget.max_params).is_some();
-                let most = bounds_splats.then(|| config.budget.within(&self.limits).most_splats(0));
+                let most = bounds_splats
+                    .then(|| config.budget.within(&self.limits).most_splats(0, state.model.splats.sh_degree));
                 density::relocate(&situation, &config.density, most, seed)
             }
             _ => {
                 let share = if last { 1.0 } else { t };
                 let each = config.policy.first_texels_each();
-                let start = [state.pace.initial, each * state.pace.initial];
+                let start = ModelSize::uniform(state.pace.initial, each, model.splats.sh_degree);
                 // Only the user's budget is spent evenly over time: the device is a bound, not a budget.
-                let paced = config.budget.paced(share, start, [n, model.num_texels()]);
+                let paced = config.budget.paced(share, &start, &model.size());
                 let budget = paced.within(&self.limits);
                 density::decide(&situation, &config.density, &components, &budget)
             }

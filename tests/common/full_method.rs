@@ -3,7 +3,7 @@
 
 use super::training::{BLACK, MemoryViews, damaged, scene, uploaded};
 use litetex_gs::backend::{Backend, TargetImage};
-use litetex_gs::model::{TexturePool, num_params};
+use litetex_gs::model::{ModelSize, TexturePool};
 use litetex_gs::train::density::{DensityCounts, first_texel_size};
 use litetex_gs::train::{Control, Policy, TrainConfig, TrainEvent, TrainState, train};
 use std::sync::Arc;
@@ -49,7 +49,7 @@ pub struct RunRecord {
     pub steps: Vec<(DensityCounts, usize, usize)>,
     /// Render scale after each density-control step.
     pub scales: Vec<f64>,
-    /// Largest number of splats, texels and parameters.
+    /// Largest number of splats, of texels, and of parameters without those of maps.
     pub largest: [usize; 3],
 }
 
@@ -84,7 +84,9 @@ pub fn run_on(
             }
             TrainEvent::Step { num_splats: n, num_texels: t, report, .. } => {
                 assert_eq!(report.non_finite_gradients, 0, "{:?} {steps:?}", config.policy);
-                largest = [largest[0].max(n), largest[1].max(t), largest[2].max(num_params(n, t))];
+                // The events do not tell the number of maps.
+                let least = ModelSize { texels: t, ..ModelSize::uniform(n, 0, config.sh_degree) };
+                largest = [largest[0].max(n), largest[1].max(t), largest[2].max(least.params())];
             }
             _ => {}
         }

@@ -196,7 +196,7 @@ mod tests {
         for id in [
             "fox-psnr-cpu-secs",
             "fox-grad-psnr-params",
-            "fox-psnr-checkpoint-bytes",
+            "fox-psnr-ltgs-tiny",
             "fox-pareto-params",
             "b-pareto-cpu-secs",
             "fox-psnr-over-time-300-steps",

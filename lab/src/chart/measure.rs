@@ -99,11 +99,7 @@ pub fn bytes_of(runs: &[Record]) -> Vec<Measure> {
             let pointer = format!("{at}/{}", key.replace('~', "~0").replace('/', "~1"));
             if value.is_number() && found.iter().all(|m| m.pointer != pointer) {
                 let what = key.trim_end_matches("_bytes").replace('_', " ");
-                let what = match what.as_str() {
-                    "checkpoint" => "Checkpoint with optimiser".to_owned(),
-                    what => format!("File ({what})"),
-                };
-                found.push(Measure::cost(key, &what, "bytes", &pointer, Quantity::Bytes));
+                found.push(Measure::cost(key, &format!("File ({what})"), "bytes", &pointer, Quantity::Bytes));
             }
         }
     }

@@ -90,7 +90,7 @@ mod tests {
         assert!(report.warnings[0].message.contains("psnr = 1e308 of scene \"s\""), "{report:?}");
         // Negative control: large models are plausible.
         let mut large = good;
-        large.summary.as_mut().unwrap()["size"]["checkpoint_bytes"] = json!(40_000_000_000_u64);
+        large.summary.as_mut().unwrap()["size"]["disk"]["ltgs_tiny"] = json!(40_000_000_000_u64);
         let mut report = Report::default();
         drop_implausible(&mut [large], &mut report);
         assert!(report.warnings.is_empty());

@@ -71,7 +71,7 @@ fn results(study: &Study) -> Table {
     }
     let mut note =
         "Means over the seeds ± standard deviation. SSIM as the 3DGS family computes it (zero padding); \
-                    FLIP is the mean error. Parameters: 59 per splat and 3 per texel."
+                    FLIP is the mean error. Parameters: the floats of the model."
             .to_owned();
     if study.runs.iter().any(|r| r.noisy) {
         note += if study.include_noisy {

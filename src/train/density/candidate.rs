@@ -5,7 +5,6 @@ use super::maps;
 use super::settings::{Components, DensityConfig, Spending};
 use super::situation::Situation;
 use super::split;
-use crate::model::num_params;
 
 /// A high-error splat for which growth is considered.
 pub struct Candidate {
@@ -34,13 +33,13 @@ impl Candidate {
         let refined = maps::refined(s, config, components, draft);
         let split =
             components.splitting.then(|| split::split(s, config, draft, pixel, s.split_texels)).flatten();
-        let cost = |splats: f64, texels: usize| num_params(splats, texels as f64 - draft.texels as f64);
+        let params = |draft: &Draft| draft.params(s.model.splats.sh_degree) as f64;
         // A raised ceiling costs nothing and gains nothing yet.
-        let refined_cost = refined.map_or(0.0, |d| cost(0.0, d.texels));
+        let refined_cost = refined.map_or(0.0, |d| params(&d) - params(draft));
         let refined_gain = if refined_cost > 0.0 { config.texel_gain / refined_cost } else { 0.0 };
         // The halves together may need fewer texels than the whole, but they are one splat more.
-        let halves = |pair: [Draft; 2]| cost(1.0, pair[0].texels + pair[1].texels).max(1.0);
-        let split_gain = split.map_or(0.0, |pair| 1.0 / halves(pair));
+        let split_cost = |[a, b]: [Draft; 2]| (params(&a) + params(&b) - params(draft)).max(1.0);
+        let split_gain = split.map_or(0.0, |pair| 1.0 / split_cost(pair));
         let (rank, may_split) = match config.spending {
             Spending::SplitsFirst => (error, true),
             Spending::Gain => (error * refined_gain.max(split_gain), split_gain > refined_gain),

@@ -4,7 +4,7 @@ use super::geometry::morton_codes;
 use super::life::Life;
 use super::sizes::Sizes;
 use crate::backend::{DensityPlan, MapChange, SplatEdit};
-use crate::model::Model;
+use crate::model::{Model, ModelSize};
 
 /// New parameters of a half.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,6 +29,39 @@ pub struct Draft {
     pub sizes: Sizes,
     /// Number of texels of its map.
     pub texels: usize,
+}
+
+impl Draft {
+    /// Parameters of the splat with its map.
+    pub fn params(&self, sh_degree: u32) -> usize {
+        ModelSize::uniform(1, self.texels, sh_degree).params()
+    }
+}
+
+/// Size of the planned model.
+pub fn size_of<'a>(drafts: impl Iterator<Item = &'a Draft>, sh_degree: u32) -> ModelSize {
+    let empty = ModelSize { sh_degree, ..ModelSize::default() };
+    drafts.fold(empty, |size, draft| with(size, draft))
+}
+
+/// The size with one more splat.
+pub fn with(size: ModelSize, draft: &Draft) -> ModelSize {
+    ModelSize {
+        splats: size.splats + 1,
+        maps: size.maps + usize::from(draft.texels > 0),
+        texels: size.texels + draft.texels,
+        ..size
+    }
+}
+
+/// The size without one of the splats.
+pub fn without(size: ModelSize, draft: &Draft) -> ModelSize {
+    ModelSize {
+        splats: size.splats - 1,
+        maps: size.maps - usize::from(draft.texels > 0),
+        texels: size.texels - draft.texels,
+        ..size
+    }
 }
 
 /// The plan, and the histories in its order; no plan if nothing changes. New splats are stored along a Morton

@@ -2,7 +2,7 @@
 //! those of high-error splats (method 6.4, 6.5 and 6.7). Texels keep their place on the surfel throughout.
 
 use super::coarse::{coarsening_error, residual};
-use super::draft::Draft;
+use super::draft::{Draft, size_of, with, without};
 use super::geometry::first_texel_size;
 use super::score::Scores;
 use super::settings::{Budget, Components, DensityConfig};
@@ -160,9 +160,8 @@ pub fn coarsen_to_budget(
     drafts: &mut [Option<Draft>],
     counts: &mut DensityCounts,
 ) {
-    let splats = drafts.iter().flatten().count();
-    let mut texels: usize = drafts.iter().flatten().map(|d| d.texels).sum();
-    if budget.allows(splats, texels) || s.rule != MapRule::Adaptive {
+    let mut size = size_of(drafts.iter().flatten(), s.model.splats.sh_degree);
+    if budget.allows(&size) || s.rule != MapRule::Adaptive {
         return;
     }
     let mut order: Vec<usize> = (0..drafts.len()).filter(|&i| drafts[i].is_some()).collect();
@@ -170,21 +169,20 @@ pub fn coarsen_to_budget(
     // Half the side, then a quarter and so on: padding may have added more than one halving removes.
     for halvings in 1..u16::BITS {
         for &i in &order {
-            if budget.allows(splats, texels) {
+            if budget.allows(&size) {
                 return;
             }
             let Some(draft) = &mut drafts[i] else { continue };
             let map = &s.model.textures.maps[i];
-            let before = draft.texels;
             if map.rows == 0 || !draft.sizes.has_support() {
                 continue;
             }
             let mut smaller = *draft;
             smaller.life.ceiling = (map.rows.max(map.cols) >> halvings).max(2);
             stretch(&mut smaller);
-            if smaller.texels < before {
+            if smaller.texels < draft.texels {
                 counts.coarsened += 1;
-                texels = texels - before + smaller.texels;
+                size = with(without(size, draft), &smaller);
                 *draft = smaller;
             }
         }

@@ -3,7 +3,7 @@
 //! source, as in [`TrainConfig`](crate::train::TrainConfig).
 
 use crate::backend::DeviceLimits;
-use crate::model::num_params;
+use crate::model::ModelSize;
 use serde::{Deserialize, Serialize};
 
 /// Parts of the method that can be switched off one by one. Default: all on (choices 6).
@@ -237,31 +237,29 @@ pub struct Budget {
     pub max_splats: Option<usize>,
     /// Bound on the number of texels over all maps.
     pub max_texels: Option<usize>,
-    /// Bound on the number of parameters, 59 per splat and 3 per texel.
+    /// Bound on the number of parameters, see [`ModelSize::params`].
     pub max_params: Option<usize>,
 }
 
 impl Budget {
     /// Whether a model of this size is within the budget.
-    pub fn allows(&self, num_splats: usize, num_texels: usize) -> bool {
-        self.max_splats.is_none_or(|most| num_splats <= most)
-            && self.max_texels.is_none_or(|most| num_texels <= most)
-            && self.max_params.is_none_or(|most| num_params(num_splats, num_texels) <= most)
+    pub fn allows(&self, size: &ModelSize) -> bool {
+        self.max_splats.is_none_or(|most| size.splats <= most)
+            && self.max_texels.is_none_or(|most| size.texels <= most)
+            && self.max_params.is_none_or(|most| size.params() <= most)
     }
 
-    /// The budget after a share of the steps to the end of densification. It rises evenly from the initial size
-    /// (splats, texels), so that capacity is left for detail that only full-size images show, and is never
-    /// below the size `now`.
-    pub fn paced(&self, share: f64, start: [usize; 2], now: [usize; 2]) -> Self {
-        let params = |[splats, texels]: [usize; 2]| num_params(splats, texels);
+    /// The budget after a share of the steps to the end of densification. It rises evenly from the initial size, so
+    /// that capacity is left for detail that only full-size images show, and is never below the size `now`.
+    pub fn paced(&self, share: f64, start: &ModelSize, now: &ModelSize) -> Self {
         let part = |most: Option<usize>, start: usize, now: usize| {
             let paced = |most: usize| start + (most.saturating_sub(start) as f64 * share) as usize;
             most.map(|most| paced(most).max(now).min(most))
         };
         Self {
-            max_splats: part(self.max_splats, start[0], now[0]),
-            max_texels: part(self.max_texels, start[1], now[1]),
-            max_params: part(self.max_params, params(start), params(now)),
+            max_splats: part(self.max_splats, start.splats, now.splats),
+            max_texels: part(self.max_texels, start.texels, now.texels),
+            max_params: part(self.max_params, start.params(), now.params()),
         }
     }
 
@@ -279,9 +277,11 @@ impl Budget {
     }
 
     /// Largest number of splats, with `texels_each` texels each, that fits.
-    pub fn most_splats(&self, texels_each: usize) -> usize {
+    pub fn most_splats(&self, texels_each: usize, sh_degree: u32) -> usize {
         let by = |most: Option<usize>, each: usize| most.map_or(usize::MAX, |m| m / each.max(1));
         let texels = if texels_each == 0 { usize::MAX } else { by(self.max_texels, texels_each) };
-        by(self.max_splats, 1).min(texels).min(by(self.max_params, num_params(1, texels_each)))
+        by(self.max_splats, 1)
+            .min(texels)
+            .min(by(self.max_params, ModelSize::uniform(1, texels_each, sh_degree).params()))
     }
 }

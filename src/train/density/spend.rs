@@ -2,10 +2,11 @@
 //! splats (method 6.6 and 6.10).
 
 use super::candidate::Candidate;
-use super::draft::Draft;
+use super::draft::{Draft, size_of, with, without};
 use super::settings::{Budget, DensityConfig};
 use super::situation::{DensityCounts, Situation};
 use super::split;
+use crate::model::ModelSize;
 
 /// Length in finest texels above which a splat may be split to replace a pruned one. Not measured.
 const RESPAWN_TEXELS: f64 = 2.0;
@@ -19,8 +20,7 @@ pub struct Spender<'a> {
     drafts: Vec<Option<Draft>>,
     /// Second halves of the splats that were split.
     second_halves: Vec<Draft>,
-    splats: usize,
-    texels: usize,
+    size: ModelSize,
     added: usize,
 }
 
@@ -32,9 +32,8 @@ impl<'a> Spender<'a> {
         budget: &'a Budget,
         drafts: Vec<Option<Draft>>,
     ) -> Self {
-        let splats = drafts.iter().flatten().count();
-        let texels = drafts.iter().flatten().map(|d| d.texels).sum();
-        Self { s, config, budget, drafts, second_halves: Vec::new(), splats, texels, added: 0 }
+        let size = size_of(drafts.iter().flatten(), s.model.splats.sh_degree);
+        Self { s, config, budget, drafts, second_halves: Vec::new(), size, added: 0 }
     }
 
     /// Serves the candidates in order. Returns those that were neither split nor refined.
@@ -56,12 +55,12 @@ impl<'a> Spender<'a> {
             counts.over_budget += 1;
         }
         let (Some(old), Some(new)) = (self.drafts[candidate.splat], candidate.refined) else { return false };
-        let texels = self.texels - old.texels + new.texels;
-        if !self.budget.allows(self.splats, texels) {
+        let size = with(without(self.size, &old), &new);
+        if !self.budget.allows(&size) {
             counts.over_budget += 1;
             return false;
         }
-        self.texels = texels;
+        self.size = size;
         self.drafts[candidate.splat] = Some(new);
         let refined = new.texels > old.texels;
         counts.refined += usize::from(refined);
@@ -72,7 +71,7 @@ impl<'a> Spender<'a> {
     /// initialisation loses most of its splats, which have no surface near them.
     pub fn respawn(&mut self, rest: &[&Candidate], pixels: &[f64], counts: &mut DensityCounts) {
         for candidate in rest {
-            if self.splats >= self.s.initial_splats || self.added >= self.s.max_added {
+            if self.size.splats >= self.s.initial_splats || self.added >= self.s.max_added {
                 return;
             }
             let Some(draft) = self.drafts[candidate.splat] else { continue };
@@ -85,12 +84,12 @@ impl<'a> Spender<'a> {
 
     /// Replaces a splat by its halves if the budget allows it.
     fn split(&mut self, splat: usize, [first, second]: [Draft; 2]) -> bool {
-        let without = self.texels - self.drafts[splat].map_or(0, |d| d.texels);
-        let texels = without + first.texels + second.texels;
-        if !self.budget.allows(self.splats + 1, texels) {
+        let Some(whole) = &self.drafts[splat] else { return false };
+        let size = with(with(without(self.size, whole), &first), &second);
+        if !self.budget.allows(&size) {
             return false;
         }
-        (self.splats, self.texels, self.added) = (self.splats + 1, texels, self.added + 1);
+        (self.size, self.added) = (size, self.added + 1);
         self.drafts[splat] = Some(first);
         self.second_halves.push(second);
         true

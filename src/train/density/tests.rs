@@ -9,7 +9,7 @@ use super::sizes::MapRule;
 use crate::backend::{Grid, MapChange, WindowStatistics};
 use crate::camera::Camera;
 use crate::constants::ALPHA_MIN;
-use crate::model::{Model, TexturePool};
+use crate::model::{Model, ModelSize, TexturePool};
 use crate::selftest::{RandomScene, SceneOptions, random_scene};
 
 const N: usize = 12;
@@ -362,22 +362,25 @@ fn budgets_are_never_exceeded() {
     let size = |budget: &Budget| {
         let revision = revise(&s, &config, budget);
         // No plan: nothing was possible.
-        let Some(plan) = revision.plan else { return (N, model.num_texels()) };
-        let texels: usize = plan
-            .sources
-            .iter()
-            .zip(&plan.maps)
-            .map(|(&source, m)| match *m {
-                MapChange::Keep => model.textures.maps[source as usize].num_texels(),
-                MapChange::Regrid { rows, cols, .. } | MapChange::Resample { rows, cols, .. } => {
-                    usize::from(rows) * usize::from(cols)
-                }
-            })
-            .sum();
-        (plan.sources.len(), texels)
+        let Some(plan) = revision.plan else { return model.size() };
+        let texels = plan.sources.iter().zip(&plan.maps).map(|(&source, m)| match *m {
+            MapChange::Keep => model.textures.maps[source as usize].num_texels(),
+            MapChange::Regrid { rows, cols, .. } | MapChange::Resample { rows, cols, .. } => {
+                usize::from(rows) * usize::from(cols)
+            }
+        });
+        texels.fold(
+            ModelSize { sh_degree: model.splats.sh_degree, ..ModelSize::default() },
+            |size, texels| ModelSize {
+                splats: size.splats + 1,
+                maps: size.maps + usize::from(texels > 0),
+                texels: size.texels + texels,
+                ..size
+            },
+        )
     };
     let free = size(&Budget::default());
-    assert!(free.0 > N + 3, "{free:?}");
+    assert!(free.splats > N + 3, "{free:?}");
     for budget in [
         Budget { max_splats: Some(N + 3), ..Budget::default() },
         Budget { max_texels: Some(model.num_texels() + 40), ..Budget::default() },
@@ -385,8 +388,8 @@ fn budgets_are_never_exceeded() {
         // Less than the model has: maps must be made smaller.
         Budget { max_texels: Some(model.num_texels() / 2), ..Budget::default() },
     ] {
-        let (splats, texels) = size(&budget);
-        assert!(budget.allows(splats, texels), "{budget:?}: {splats} splats, {texels} texels");
+        let size = size(&budget);
+        assert!(budget.allows(&size), "{budget:?}: {size:?}");
     }
 }
 
