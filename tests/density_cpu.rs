@@ -10,7 +10,7 @@ use common::training::{MemoryViews, photos, scene};
 use litetex_gs::backend::{Backend as _, StepRequest, WindowStatistics};
 use litetex_gs::cpu::CpuBackend;
 use litetex_gs::model::{AdamState, LearningRates, Model, ModelSize, TexturePool};
-use litetex_gs::train::density::{Budget, DensityConfig, Life, Spending, StatisticsSource};
+use litetex_gs::train::density::{Budget, DensityConfig, Spending, SplatHistory, StatisticsSource};
 use litetex_gs::train::{Policy, Schedule, TrainConfig, TrainState};
 use litetex_gs::views::{Split, ViewSource as _};
 
@@ -42,7 +42,7 @@ fn every_policy_gives_the_same_bytes_with_any_number_of_threads_and_from_any_che
         // Negative controls: different splat histories, and a different window, end differently.
         if policy == Policy::Litetex {
             let mut other = whole.saved[3].clone();
-            other.lives.iter_mut().for_each(|life| life.ceiling = 2);
+            other.histories.iter_mut().for_each(|history| history.ceiling = 2);
             assert!(!same(&run(&config, other, 2).last, &whole.last));
             let mut other = whole.saved[3].clone();
             other.window.error.reverse();
@@ -103,7 +103,7 @@ fn density_control_without_growth_changes_only_histories_and_the_window() {
     let (idle, none) = (with(250, 1e3), with(3_000_000, 1e3));
     assert_eq!((idle.steps.len(), none.steps.len()), (7, 0));
     let rest = |state: &TrainState| TrainState {
-        lives: Vec::new(),
+        histories: Vec::new(),
         window: WindowStatistics::default(),
         window_views: Vec::new(),
         stage_step: 0,
@@ -121,10 +121,14 @@ fn density_control_without_growth_changes_only_histories_and_the_window() {
         assert_eq!(none.window.views, idle.step.min(5));
     }
     // Checks are counted, and the ceilings of high-error splats rise.
-    let (before, after) = (&none.last.lives, &idle.last.lives);
-    let but_ceilings = |(a, b): (&Life, &Life)| *b == Life { ceiling: b.ceiling, checks: a.checks + 7, ..*a };
+    let (before, after) = (&none.last.histories, &idle.last.histories);
+    let but_ceilings = |(a, b): (&SplatHistory, &SplatHistory)| {
+        *b == SplatHistory { ceiling: b.ceiling, checks: a.checks + 7, ..*a }
+    };
     assert!(before.len() == after.len() && before.iter().zip(after).all(but_ceilings));
-    assert!(after.iter().any(|life| life.ceiling > 2) && before.iter().all(|life| life.ceiling == 2));
+    assert!(
+        after.iter().any(|history| history.ceiling > 2) && before.iter().all(|history| history.ceiling == 2)
+    );
     // Negative control: allows finer texels.
     let busy = with(250, 0.25);
     assert!(busy.total().refined > 0 && !same(&rest(&busy.last), &rest(&none.last)));
@@ -171,7 +175,7 @@ fn cropping_between_density_control_steps_is_the_same_from_any_checkpoint() {
         }
         // The window continues: all of its five views had been used.
         assert!(before.window.views == 5 && before.window == after.window);
-        assert!(before.lives == after.lives && before.window_views == after.window_views);
+        assert!(before.histories == after.histories && before.window_views == after.window_views);
     }
     println!("{cropped} cropped, {padded} padded");
     assert!(cropped > 0 && padded > 0);

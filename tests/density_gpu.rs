@@ -12,7 +12,7 @@ use litetex_gs::backend::{Backend, WindowStatistics};
 use litetex_gs::camera::Camera;
 use litetex_gs::cpu::CpuBackend;
 use litetex_gs::gpu::{GpuOptions, LimitChoice};
-use litetex_gs::train::density::{Budget, Components, Life, MapRule, Revision, Situation, decide};
+use litetex_gs::train::density::{Budget, Components, MapRule, Revision, Situation, SplatHistory, decide};
 use litetex_gs::train::{Policy, TrainState};
 
 fn run(start: TrainState) -> Option<RunRecord> {
@@ -40,11 +40,11 @@ fn the_full_method_is_reproducible_from_any_checkpoint() {
 }
 
 /// The decisions from the model and statistics of a backend.
-fn decided(backend: &mut dyn Backend, lives: &[Life], cameras: &[Camera]) -> Revision {
+fn decided(backend: &mut dyn Backend, histories: &[SplatHistory], cameras: &[Camera]) -> Revision {
     let (model, statistics) = (backend.read_flushed().unwrap(), backend.read_statistics().unwrap());
     let situation = Situation {
         model: &model,
-        lives,
+        histories,
         statistics: &statistics,
         cameras,
         render_scale: 1.0,
@@ -77,7 +77,7 @@ fn cpu_and_gpu_make_and_apply_the_same_decisions_on_every_driver() {
     let on = |backend: &mut dyn Backend, window: &WindowStatistics| {
         backend.upload(&flushed.0, &flushed.1).unwrap();
         backend.set_statistics(window).unwrap();
-        decided(backend, &before.lives, &cameras)
+        decided(backend, &before.histories, &cameras)
     };
     let expected = on(&mut cpu, &before.window);
     let plan = expected.plan.as_ref().unwrap();
@@ -93,7 +93,9 @@ fn cpu_and_gpu_make_and_apply_the_same_decisions_on_every_driver() {
         println!("{}", driver.name);
         let mut gpu = open(&driver, LimitChoice::Downlevel, GpuOptions::default());
         let found = on(&mut gpu, &before.window);
-        assert!(found.plan == expected.plan && found.lives == expected.lives && found.counts == counts);
+        assert!(
+            found.plan == expected.plan && found.histories == expected.histories && found.counts == counts
+        );
         assert!(agree(plan, &applied(&mut gpu, &flushed, plan), &made), "{}", driver.name);
         // Negative control: one map is not changed as planned.
         let mut other = plan.clone();

@@ -1,6 +1,6 @@
 //! The state from which a run continues bit for bit, and its history of times and evaluations.
 
-use super::density::Life;
+use super::density::SplatHistory;
 use super::exposure::Exposures;
 use crate::backend::WindowStatistics;
 use crate::frequency::SplatBudget;
@@ -62,7 +62,7 @@ pub struct TrainState {
     /// Epochs begun; with the seed it determines the order of an epoch.
     pub epochs: u32,
     /// History of each splat; empty before the first step.
-    pub lives: Vec<Life>,
+    pub histories: Vec<SplatHistory>,
     /// Views whose renders count in the statistics window, in the order of their steps.
     pub window_views: Vec<u32>,
     /// Sums of that window, as of the last checkpoint.
@@ -90,7 +90,7 @@ impl TrainState {
             epoch_order: Vec::new(),
             epoch_used: 0,
             epochs: 0,
-            lives: Vec::new(),
+            histories: Vec::new(),
             window_views: Vec::new(),
             window: WindowStatistics::default(),
             stage_step: 0,

@@ -1,7 +1,7 @@
 //! Makes a density-control step: reads the statistics window, lets [`density`] decide, and has the backend apply the plan.
 
 use super::config::{Exposure, Policy, TrainConfig};
-use super::density::{self, DensityCounts, Life, Revision, Situation};
+use super::density::{self, DensityCounts, Revision, Situation, SplatHistory};
 use super::exposure::Exposures;
 use super::schedule::Schedule;
 use super::state::TrainState;
@@ -65,7 +65,7 @@ impl DensityControl<'_> {
         let statistics = backend.read_statistics()?;
         let revision = self.decide(&model, &statistics, state, use_statistics);
         let mut size = [model.num_splats(), model.num_texels()];
-        state.lives = revision.lives;
+        state.histories = revision.histories;
         if let Some(plan) = &revision.plan {
             backend.apply_plan(plan)?;
             size = size_after(&model, plan);
@@ -102,7 +102,7 @@ impl DensityControl<'_> {
         let max_added = (rate.min(config.density.split_rate) * n as f64) as usize;
         let situation = Situation {
             model,
-            lives: &state.lives,
+            histories: &state.histories,
             statistics,
             cameras: self.cameras,
             render_scale: self.stage.render_scale,
@@ -147,13 +147,13 @@ impl DensityControl<'_> {
 /// Gives a run that has not begun the histories of its splats and its target number of splats.
 pub(super) fn begin(config: &TrainConfig, num_views: usize, state: &mut TrainState) {
     let n = state.model.num_splats();
-    if state.lives.len() != n {
+    if state.histories.len() != n {
         let ceiling = if config.active_components().growth {
             config.density.ceiling_start
         } else {
             density::TEXELS_MAX
         };
-        state.lives = vec![Life::first(ceiling); n];
+        state.histories = vec![SplatHistory::first(ceiling); n];
         state.pace = SplatBudget::new(n);
     }
     if config.exposure == Exposure::Affine && state.exposures.maps.is_empty() {

@@ -9,7 +9,7 @@
 //! | `textures.texels` | f32 `[t,3]` |
 //! | `frame.near`, `frame.filter`, `frame.capture_from_local` | f32 `[1]`, u32 `[1]`: 0 none, 1 ewa; f64 `[4]`: scale, translation |
 //! | `state.counters`, `state.epoch_order` | u32 `[5]`: step, epochs, views used, step of the stage, last step with a revision; u32 `[views]` |
-//! | `state.lives`, `state.pace` | u16 `[n,3]`: map ceiling, prune count, checks; f64 `[2]`: initial splats, momentum |
+//! | `state.histories`, `state.pace` | u16 `[n,3]`: map ceiling, prune count, checks; f64 `[2]`: initial splats, momentum |
 //! | `exposure.maps`, `exposure.sums` | f32 `[v,3,4]`, f64 `[v,22]`: the sums of the epoch; v = views, or 0 without correction |
 //! | `window.views`, `window.counts`, `window.sums` | u32 `[views]`, u32 `[n + 1]`: views counted, views that saw each; f32 `[3,n]` |
 
@@ -22,7 +22,7 @@ use crate::frequency::SplatBudget;
 use crate::model::{
     AdamState, Filter, LearningRates, Model, SplatArrays, SplatGroup, TextureMap, TexturePool,
 };
-use crate::train::density::Life;
+use crate::train::density::SplatHistory;
 use crate::train::{Exposures, TrainHistory, TrainState};
 use glam::DVec3;
 use safetensors::{Dtype, View};
@@ -135,8 +135,8 @@ pub fn tensors(state: &TrainState) -> BTreeMap<String, Tensor<'_>> {
     let TrainState { step, epochs, epoch_used, stage_step, revised_step, .. } = *state;
     let counters = vec![step, epochs, epoch_used, stage_step, revised_step];
     put("state.counters", Tensor::u32(&[5], counters));
-    let lives = state.lives.iter().flat_map(|l| [l.ceiling, l.marks, l.checks]).collect();
-    put("state.lives", Tensor::new(&[state.lives.len(), 3], Data::U16(lives)));
+    let histories = state.histories.iter().flat_map(|l| [l.ceiling, l.prune_count, l.checks]).collect();
+    put("state.histories", Tensor::new(&[state.histories.len(), 3], Data::U16(histories)));
     put("state.pace", Tensor::new(&[2], Data::F64(vec![state.pace.initial as f64, state.pace.momentum])));
     let exposures = &state.exposures;
     let numbers: Vec<f32> = exposures.maps.iter().flat_map(|map| map.0).flatten().collect();
@@ -208,7 +208,7 @@ pub fn state(reader: &mut Reader<'_>) -> Result<TrainState> {
         epochs: counters[1],
         stage_step: counters[3],
         revised_step: counters[4],
-        lives: lives(reader, n)?,
+        histories: histories(reader, n)?,
         exposures: exposures(reader)?,
         pace: pace(reader)?,
         window_views: {
@@ -221,14 +221,16 @@ pub fn state(reader: &mut Reader<'_>) -> Result<TrainState> {
 }
 
 /// Histories of the splats; none in the state of a run that has not begun.
-fn lives(reader: &mut Reader<'_>, n: usize) -> Result<Vec<Life>> {
-    let found = reader.first_dimension("state.lives")?;
+fn histories(reader: &mut Reader<'_>, n: usize) -> Result<Vec<SplatHistory>> {
+    let found = reader.first_dimension("state.histories")?;
     if found != n && found != 0 {
-        return Err(reader.invalid(format!("tensor \"state.lives\": found {found} histories for {n} splats")));
+        return Err(
+            reader.invalid(format!("tensor \"state.histories\": found {found} histories for {n} splats"))
+        );
     }
-    let values = u16s(reader.take("state.lives", Dtype::U16, &[found, 3])?);
-    let life = |v: &[u16]| Life { ceiling: v[0], marks: v[1], checks: v[2] };
-    Ok(values.chunks_exact(3).map(life).collect())
+    let values = u16s(reader.take("state.histories", Dtype::U16, &[found, 3])?);
+    let history = |v: &[u16]| SplatHistory { ceiling: v[0], prune_count: v[1], checks: v[2] };
+    Ok(values.chunks_exact(3).map(history).collect())
 }
 
 fn exposures(reader: &mut Reader<'_>) -> Result<Exposures> {

@@ -5,7 +5,7 @@ use crate::backend::WindowStatistics;
 use crate::camera::Similarity;
 use crate::frequency::SplatBudget;
 use crate::model::{AdamState, Model, SplatArrays, SplatGroup, TexturePool};
-use crate::train::density::Life;
+use crate::train::density::SplatHistory;
 use crate::train::{CurvePoint, Exposures, TrainHistory};
 use glam::DVec3;
 use safetensors::Dtype;
@@ -54,7 +54,9 @@ fn sample(n: usize, sh_degree: u32) -> TrainState {
         epoch_order: vec![3, 0, 2, 1],
         epoch_used: 3,
         epochs: 2,
-        lives: (0..n as u16).map(|i| Life { ceiling: 2 << (i % 3), marks: i, checks: 3 * i }).collect(),
+        histories: (0..n as u16)
+            .map(|i| SplatHistory { ceiling: 2 << (i % 3), prune_count: i, checks: 3 * i })
+            .collect(),
         window_views: vec![1, 3],
         window: WindowStatistics {
             views: 2,

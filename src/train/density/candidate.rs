@@ -1,7 +1,7 @@
 //! Candidates: what can be done for a high-error splat, and how candidates are ranked (method 6.6).
 
-use super::draft::Draft;
 use super::maps;
+use super::planned_splat::PlannedSplat;
 use super::settings::{Components, DensityConfig, Spending};
 use super::situation::Situation;
 use super::split;
@@ -15,9 +15,9 @@ pub struct Candidate {
     /// Priority; the highest is served first.
     pub rank: f64,
     /// The two halves, if it is to be split.
-    pub split: Option<[Draft; 2]>,
+    pub split: Option<[PlannedSplat; 2]>,
     /// What is done unless it is split: its map refined, or only its ceiling raised.
-    pub refined: Option<Draft>,
+    pub refined: Option<PlannedSplat>,
 }
 
 impl Candidate {
@@ -26,24 +26,24 @@ impl Candidate {
         s: &Situation<'_>,
         config: &DensityConfig,
         components: &Components,
-        draft: &Draft,
+        planned: &PlannedSplat,
         error: f64,
         pixel: f64,
     ) -> Self {
-        let refined = maps::refined(s, config, components, draft);
+        let refined = maps::refined(s, config, components, planned);
         let split =
-            components.splitting.then(|| split::split(s, config, draft, pixel, s.split_texels)).flatten();
-        let params = |draft: &Draft| draft.params(s.model.splats.sh_degree) as f64;
+            components.splitting.then(|| split::split(s, config, planned, pixel, s.split_texels)).flatten();
+        let params = |planned: &PlannedSplat| planned.params(s.model.splats.sh_degree) as f64;
         // A raised ceiling costs nothing and gains nothing yet.
-        let refined_cost = refined.map_or(0.0, |d| params(&d) - params(draft));
+        let refined_cost = refined.map_or(0.0, |d| params(&d) - params(planned));
         let refined_gain = if refined_cost > 0.0 { config.texel_gain / refined_cost } else { 0.0 };
         // The halves together may need fewer texels than the whole, but they are one splat more.
-        let split_cost = |[a, b]: [Draft; 2]| (params(&a) + params(&b) - params(draft)).max(1.0);
+        let split_cost = |[a, b]: [PlannedSplat; 2]| (params(&a) + params(&b) - params(planned)).max(1.0);
         let split_gain = split.map_or(0.0, |pair| 1.0 / split_cost(pair));
         let (rank, may_split) = match config.spending {
             Spending::SplitsFirst => (error, true),
             Spending::Gain => (error * refined_gain.max(split_gain), split_gain > refined_gain),
         };
-        Self { splat: draft.source as usize, error, rank, split: split.filter(|_| may_split), refined }
+        Self { splat: planned.source as usize, error, rank, split: split.filter(|_| may_split), refined }
     }
 }

@@ -1,16 +1,16 @@
 //! A density-control step of the policy `litetex` and its variants: decides from the statistics window what
 //! happens to every splat and its map, and writes the plan (method 6).
 
+use super::budget_allocator::BudgetAllocator;
 use super::candidate::Candidate;
-use super::draft::{Draft, finish};
 use super::geometry::{half_extents, opacity, pixel_sizes, sigmas};
-use super::life::Life;
+use super::history::SplatHistory;
 use super::maps;
-use super::score::{Scores, marks_after};
+use super::planned_splat::{PlannedSplat, finish};
+use super::score::{Scores, prune_count_after};
 use super::settings::{Budget, Components, DensityConfig};
 use super::situation::{DensityCounts, Revision, Situation};
 use super::sizes::Sizes;
-use super::spend::Spender;
 use crate::backend::MapChange;
 
 /// Opacity below which even fresh halves fade.
@@ -29,44 +29,51 @@ pub fn decide(
     let high_error =
         if s.use_statistics && s.densify { scores.high_error(config.quantile) } else { vec![false; n] };
     let mut counts = DensityCounts::default();
-    let mut drafts: Vec<Option<Draft>> = (0..n)
+    let mut planned_splats: Vec<Option<PlannedSplat>> = (0..n)
         .map(|i| {
-            let life = checked(s, config, components, &scores, i, &mut counts)?;
+            let history = checked(s, config, components, &scores, i, &mut counts)?;
             let extents = half_extents(sigmas(s.model, i), opacity(s.model, i), config.alpha_texture);
             let sizes = Sizes {
                 extents,
                 finest: config.min_texel_px * pixels[i] * s.render_scale,
                 cap: s.texture_cap,
             };
-            Some(Draft { source: i as u32, change: MapChange::Keep, edit: None, life, sizes, texels: 0 })
+            Some(PlannedSplat {
+                source: i as u32,
+                change: MapChange::Keep,
+                edit: None,
+                history,
+                sizes,
+                texels: 0,
+            })
         })
         .collect();
     // Never prune every splat: nothing can be added to an empty model.
-    if drafts.iter().all(Option::is_none) {
-        return Revision { plan: None, lives: s.lives.to_vec(), counts: DensityCounts::default() };
+    if planned_splats.iter().all(Option::is_none) {
+        return Revision { plan: None, histories: s.histories.to_vec(), counts: DensityCounts::default() };
     }
-    for draft in drafts.iter_mut().flatten() {
-        let i = draft.source as usize;
-        maps::fit(s, config, components, s.may_coarsen && !high_error[i], draft, &mut counts);
+    for planned in planned_splats.iter_mut().flatten() {
+        let i = planned.source as usize;
+        maps::fit(s, config, components, s.may_coarsen && !high_error[i], planned, &mut counts);
     }
 
-    maps::coarsen_to_budget(s, budget, &scores, &mut drafts, &mut counts);
+    maps::coarsen_to_budget(s, budget, &scores, &mut planned_splats, &mut counts);
     let mut candidates: Vec<Candidate> = (0..n)
         .filter(|&i| high_error[i])
         .filter_map(|i| {
-            let draft = drafts[i].as_ref()?;
-            Some(Candidate::new(s, config, components, draft, scores.error[i], pixels[i]))
+            let planned = planned_splats[i].as_ref()?;
+            Some(Candidate::new(s, config, components, planned, scores.error[i], pixels[i]))
         })
         .collect();
     candidates.sort_by(|a, b| b.rank.total_cmp(&a.rank).then(a.splat.cmp(&b.splat)));
-    let mut spender = Spender::new(s, config, budget, drafts);
-    let mut rest = spender.spend(&candidates, &mut counts);
+    let mut allocator = BudgetAllocator::new(s, config, budget, planned_splats);
+    let mut rest = allocator.allocate(&candidates, &mut counts);
     if config.respawn && components.splitting {
         rest.sort_by(|a, b| b.error.total_cmp(&a.error).then(a.splat.cmp(&b.splat)));
-        spender.respawn(&rest, &pixels, &mut counts);
+        allocator.respawn(&rest, &pixels, &mut counts);
     }
-    let (plan, lives) = finish(s.model, spender.into_drafts());
-    Revision { plan, lives, counts }
+    let (plan, histories) = finish(s.model, allocator.into_planned_splats());
+    Revision { plan, histories, counts }
 }
 
 /// The history of a splat after this check; `None` if it is pruned (method 6.3).
@@ -77,19 +84,19 @@ fn checked(
     scores: &Scores,
     i: usize,
     counts: &mut DensityCounts,
-) -> Option<Life> {
-    let mut life = s.lives[i];
+) -> Option<SplatHistory> {
+    let mut history = s.histories[i];
     if !s.use_statistics {
-        return Some(life);
+        return Some(history);
     }
     let low = scores.contribution[i] < config.prune_contribution || scores.area[i] < config.prune_area;
     // Narrow splats can miss every pixel of a coarse image: such windows can only reset the prune count.
     let reliable = s.render_scale < 3.0;
-    let is_counted = scores.seen[i] && !life.is_fresh() && (reliable || !low);
-    life.marks = marks_after(life.marks, is_counted.then_some(low));
-    let opacity_floor = if life.is_fresh() { FRESH_OPACITY_MIN } else { s.opacity_floor };
-    life.checks = life.checks.saturating_add(1);
-    if components.pruning && life.marks >= s.patience {
+    let is_counted = scores.seen[i] && !history.is_fresh() && (reliable || !low);
+    history.prune_count = prune_count_after(history.prune_count, is_counted.then_some(low));
+    let opacity_floor = if history.is_fresh() { FRESH_OPACITY_MIN } else { s.opacity_floor };
+    history.checks = history.checks.saturating_add(1);
+    if components.pruning && history.prune_count >= s.patience {
         counts.pruned += 1;
         return None;
     }
@@ -97,5 +104,5 @@ fn checked(
         counts.faded += 1;
         return None;
     }
-    Some(life)
+    Some(history)
 }

@@ -2,8 +2,8 @@
 //! those of high-error splats (method 6.4, 6.5 and 6.7). Texels keep their place on the surfel throughout.
 
 use super::coarse::{coarsening_error, residual};
-use super::draft::{Draft, size_of, with, without};
 use super::geometry::first_texel_size;
+use super::planned_splat::{PlannedSplat, size_of, with, without};
 use super::score::Scores;
 use super::settings::{Budget, Components, DensityConfig};
 use super::situation::{DensityCounts, Situation};
@@ -33,9 +33,9 @@ pub fn centred(map: &TextureMap, grid: Grid, [rows, cols]: [u32; 2], moment_scal
     }
 }
 
-fn set(draft: &mut Draft, change: MapChange, [rows, cols]: [u32; 2]) {
-    draft.change = change;
-    draft.texels = (rows * cols) as usize;
+fn set(planned: &mut PlannedSplat, change: MapChange, [rows, cols]: [u32; 2]) {
+    planned.change = change;
+    planned.texels = (rows * cols) as usize;
 }
 
 /// Fits a map to its support, and coarsens or drops it if `may_coarsen` and its image hardly changes.
@@ -44,63 +44,63 @@ pub fn fit(
     config: &DensityConfig,
     components: &Components,
     may_coarsen: bool,
-    draft: &mut Draft,
+    planned: &mut PlannedSplat,
     counts: &mut DensityCounts,
 ) {
-    let map = &s.model.textures.maps[draft.source as usize];
-    draft.texels = map.num_texels();
+    let map = &s.model.textures.maps[planned.source as usize];
+    planned.texels = map.num_texels();
     match s.rule {
         MapRule::None => {}
-        MapRule::Fixed(resolution) => refit_fixed(map, resolution, draft),
+        MapRule::Fixed(resolution) => refit_fixed(map, resolution, planned),
         // A splat without support keeps its map, for the support may come back.
-        MapRule::Adaptive if !draft.sizes.has_support() || map.rows == 0 => {}
+        MapRule::Adaptive if !planned.sizes.has_support() || map.rows == 0 => {}
         MapRule::Adaptive => {
-            let sizes = draft.sizes;
+            let sizes = planned.sizes;
             let extent = 2.0 * sizes.extents[0].max(sizes.extents[1]);
             let is_idle = || {
                 s.texels_trained
                     && components.coarsening
                     && map.rows.max(map.cols) == 2
-                    && residual(s.model, draft.source as usize) < config.coarsen_below
+                    && residual(s.model, planned.source as usize) < config.coarsen_below
             };
             if config.untextured && may_coarsen && s.use_statistics && (extent < sizes.finest || is_idle()) {
-                set(draft, centred(map, Grid::Same, [0, 0], [1.0; 2]), [0, 0]);
+                set(planned, centred(map, Grid::Same, [0, 0], [1.0; 2]), [0, 0]);
                 counts.coarsened += 1;
                 return;
             }
             let texel_size = f64::from(map.texel_size);
             let needed = sizes.texels(texel_size);
-            if !sizes.fits(needed, draft.life.ceiling) {
+            if !sizes.fits(needed, planned.history.ceiling) {
                 counts.coarsened += 1;
-                stretch(draft);
+                stretch(planned);
             } else if may_coarsen
                 && s.use_statistics
                 && components.coarsening
                 && map.rows.min(map.cols) > 1
                 && map.rows.max(map.cols) > 2
-                && coarsening_error(s.model, draft.source as usize) < config.coarsen_below
+                && coarsening_error(s.model, planned.source as usize) < config.coarsen_below
             {
                 counts.coarsened += 1;
-                coarsen(map, draft);
+                coarsen(map, planned);
             } else {
-                set(draft, centred(map, Grid::Same, needed, [1.0; 2]), needed);
+                set(planned, centred(map, Grid::Same, needed, [1.0; 2]), needed);
             }
         }
     }
 }
 
 /// Halves the side of a map.
-fn coarsen(map: &TextureMap, draft: &mut Draft) {
-    let needed = draft.sizes.texels(2.0 * f64::from(map.texel_size));
-    set(draft, centred(map, Grid::Coarser, needed, MERGED_MOMENTS), needed);
+fn coarsen(map: &TextureMap, planned: &mut PlannedSplat) {
+    let needed = planned.sizes.texels(2.0 * f64::from(map.texel_size));
+    set(planned, centred(map, Grid::Coarser, needed, MERGED_MOMENTS), needed);
 }
 
 /// Spreads as many texels as the ceiling allows over a support that has outgrown them. Resampled rather than
 /// coarsened, because the support has rarely doubled.
-fn stretch(draft: &mut Draft) {
-    let most = draft.life.ceiling.min(draft.sizes.cap).max(2);
-    let texel_size = first_texel_size(draft.sizes.extents) / f64::from(most - 1);
-    let needed = draft.sizes.texels(texel_size);
+fn stretch(planned: &mut PlannedSplat) {
+    let most = planned.history.ceiling.min(planned.sizes.cap).max(2);
+    let texel_size = first_texel_size(planned.sizes.extents) / f64::from(most - 1);
+    let needed = planned.sizes.texels(texel_size);
     let change = MapChange::Resample {
         rows: needed[0] as u16,
         cols: needed[1] as u16,
@@ -108,7 +108,7 @@ fn stretch(draft: &mut Draft) {
         shift_texels: [0.0; 2],
         moment_scale: [1.0; 2],
     };
-    set(draft, change, needed);
+    set(planned, change, needed);
 }
 
 /// A candidate with its ceiling raised and, if its bounds allow it, its map refined; `None` without adaptive maps
@@ -117,16 +117,17 @@ pub fn refined(
     s: &Situation<'_>,
     config: &DensityConfig,
     components: &Components,
-    draft: &Draft,
-) -> Option<Draft> {
-    if s.rule != MapRule::Adaptive || !draft.sizes.has_support() {
+    planned: &PlannedSplat,
+) -> Option<PlannedSplat> {
+    if s.rule != MapRule::Adaptive || !planned.sizes.has_support() {
         return None;
     }
-    let map = &s.model.textures.maps[draft.source as usize];
-    let mut refined = *draft;
-    let sizes = draft.sizes;
+    let map = &s.model.textures.maps[planned.source as usize];
+    let mut refined = *planned;
+    let sizes = planned.sizes;
     if components.growth {
-        refined.life.ceiling = draft.life.ceiling.saturating_mul(2).min(sizes.cap).max(draft.life.ceiling);
+        refined.history.ceiling =
+            planned.history.ceiling.saturating_mul(2).min(sizes.cap).max(planned.history.ceiling);
     }
     if map.rows == 0 {
         let extent = 2.0 * sizes.extents[0].max(sizes.extents[1]);
@@ -145,7 +146,7 @@ pub fn refined(
     }
     let half = f64::from(map.texel_size) / 2.0;
     let needed = sizes.texels(half);
-    if half >= sizes.finest && sizes.fits(needed, refined.life.ceiling) {
+    if half >= sizes.finest && sizes.fits(needed, refined.history.ceiling) {
         let change = centred(map, Grid::Finer, needed, config.growth_moments.scale());
         set(&mut refined, change, needed);
     }
@@ -157,14 +158,14 @@ pub fn coarsen_to_budget(
     s: &Situation<'_>,
     budget: &Budget,
     scores: &Scores,
-    drafts: &mut [Option<Draft>],
+    planned_splats: &mut [Option<PlannedSplat>],
     counts: &mut DensityCounts,
 ) {
-    let mut size = size_of(drafts.iter().flatten(), s.model.splats.sh_degree);
+    let mut size = size_of(planned_splats.iter().flatten(), s.model.splats.sh_degree);
     if budget.allows(&size) || s.rule != MapRule::Adaptive {
         return;
     }
-    let mut order: Vec<usize> = (0..drafts.len()).filter(|&i| drafts[i].is_some()).collect();
+    let mut order: Vec<usize> = (0..planned_splats.len()).filter(|&i| planned_splats[i].is_some()).collect();
     order.sort_by(|&a, &b| scores.error[a].total_cmp(&scores.error[b]).then(a.cmp(&b)));
     // Half the side, then a quarter and so on: padding may have added more than one halving removes.
     for halvings in 1..u16::BITS {
@@ -172,26 +173,26 @@ pub fn coarsen_to_budget(
             if budget.allows(&size) {
                 return;
             }
-            let Some(draft) = &mut drafts[i] else { continue };
+            let Some(planned) = &mut planned_splats[i] else { continue };
             let map = &s.model.textures.maps[i];
-            if map.rows == 0 || !draft.sizes.has_support() {
+            if map.rows == 0 || !planned.sizes.has_support() {
                 continue;
             }
-            let mut smaller = *draft;
-            smaller.life.ceiling = (map.rows.max(map.cols) >> halvings).max(2);
+            let mut smaller = *planned;
+            smaller.history.ceiling = (map.rows.max(map.cols) >> halvings).max(2);
             stretch(&mut smaller);
-            if smaller.texels < draft.texels {
+            if smaller.texels < planned.texels {
                 counts.coarsened += 1;
-                size = with(without(size, draft), &smaller);
-                *draft = smaller;
+                size = with(without(size, planned), &smaller);
+                *planned = smaller;
             }
         }
     }
 }
 
 /// Resamples a map of `fixed:R` that no longer fits its splat's support.
-fn refit_fixed(map: &TextureMap, side: u16, draft: &mut Draft) {
-    let half = draft.sizes.extents[0].max(draft.sizes.extents[1]);
+fn refit_fixed(map: &TextureMap, side: u16, planned: &mut PlannedSplat) {
+    let half = planned.sizes.extents[0].max(planned.sizes.extents[1]);
     let wanted = 2.0 * half / (f64::from(side) - 1.0);
     let ratio = wanted / f64::from(map.texel_size);
     if half <= 0.0 || (1.0 / TOLERATED..=TOLERATED).contains(&ratio) {
@@ -204,5 +205,5 @@ fn refit_fixed(map: &TextureMap, side: u16, draft: &mut Draft) {
         shift_texels: [0.0; 2],
         moment_scale: [1.0, 1.0],
     };
-    set(draft, change, [u32::from(side); 2]);
+    set(planned, change, [u32::from(side); 2]);
 }

@@ -2,26 +2,26 @@
 //! decided on the host from the flushed model and its statistics, so that the decisions do not depend on the backend.
 
 mod bounds;
+mod budget_allocator;
 mod candidate;
 mod coarse;
 mod decide;
-mod draft;
 mod geometry;
-mod life;
+mod history;
 mod maps;
+mod planned_splat;
 mod relocate;
 mod score;
 mod settings;
 mod situation;
 mod sizes;
-mod spend;
 mod split;
 #[cfg(test)]
 mod tests;
 
 pub use decide::decide;
 pub use geometry::{TEXELS_MAX, first_texel_size, half_extents, morton_codes, pixel_sizes};
-pub use life::Life;
+pub use history::SplatHistory;
 pub use relocate::relocate;
 pub use settings::{
     Budget, Components, DensityConfig, ErrorMeasure, GrowthMoments, Spending, SplitProfile, StatisticsSource,

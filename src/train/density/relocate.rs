@@ -2,8 +2,8 @@
 //! splitting splats drawn by the error that they carry. This is the relocation of 3DGS-MCMC with halves instead of
 //! copies, because coincident copies would always have equal gradients.
 
-use super::draft::{Draft, finish};
 use super::geometry::{opacity, sigmas};
+use super::planned_splat::{PlannedSplat, finish};
 use super::score::Scores;
 use super::settings::{DensityConfig, ErrorMeasure, SplitProfile};
 use super::situation::{DensityCounts, Revision, Situation};
@@ -21,18 +21,18 @@ pub fn relocate(s: &Situation<'_>, config: &DensityConfig, most: Option<usize>, 
     let n = s.model.num_splats();
     // By mass, whatever the settings: splats that carry much error are those where more splats help.
     let scores = Scores::new(s.statistics, s.cameras.len(), ErrorMeasure::Mass, 0.0);
-    let draft = |i: usize| Draft {
+    let planned = |i: usize| PlannedSplat {
         source: i as u32,
         change: MapChange::Keep,
         edit: None,
-        life: s.lives[i],
+        history: s.histories[i],
         sizes: Sizes { cap: 0, ..Sizes::default() },
         texels: 0,
     };
     let alive: Vec<usize> = (0..n).filter(|&i| opacity(s.model, i) >= config.relocate_below).collect();
     let faded = n - alive.len();
     if alive.is_empty() || !s.densify {
-        return Revision { plan: None, lives: s.lives.to_vec(), counts: DensityCounts::default() };
+        return Revision { plan: None, histories: s.histories.to_vec(), counts: DensityCounts::default() };
     }
     let most = most.unwrap_or(n);
     let wanted = ((n as f64 * GROWTH) as usize).clamp(n.min(most), most.max(n.min(most)));
@@ -50,15 +50,15 @@ pub fn relocate(s: &Situation<'_>, config: &DensityConfig, most: Option<usize>, 
     keys.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
     let mut chosen = vec![false; n];
     keys[..added].iter().for_each(|&(_, i)| chosen[i] = true);
-    let mut drafts = Vec::with_capacity(alive.len() + added);
+    let mut planned_splats = Vec::with_capacity(alive.len() + added);
     for &i in &alive {
-        let parent = draft(i);
+        let parent = planned(i);
         if chosen[i] {
             let sigma = sigmas(s.model, i);
             let axis = usize::from(sigma[1] > sigma[0]);
-            drafts.extend(halves(s, config, &parent, axis, SplitProfile::Tight, f64::INFINITY));
+            planned_splats.extend(halves(s, config, &parent, axis, SplitProfile::Tight, f64::INFINITY));
         } else {
-            drafts.push(parent);
+            planned_splats.push(parent);
         }
     }
     let respawned = faded.min(added);
@@ -68,6 +68,6 @@ pub fn relocate(s: &Situation<'_>, config: &DensityConfig, most: Option<usize>, 
         faded: faded - respawned,
         ..DensityCounts::default()
     };
-    let (plan, lives) = finish(s.model, drafts);
-    Revision { plan, lives, counts }
+    let (plan, histories) = finish(s.model, planned_splats);
+    Revision { plan, histories, counts }
 }

@@ -68,11 +68,11 @@ impl Scores {
 
 /// The prune count after a check: one more if the splat was useless, zero if it was not, unchanged if the check
 /// did not count (`None`).
-pub fn marks_after(marks: u16, useless: Option<bool>) -> u16 {
+pub fn prune_count_after(prune_count: u16, useless: Option<bool>) -> u16 {
     match useless {
-        None => marks,
+        None => prune_count,
         Some(false) => 0,
-        Some(true) => marks.saturating_add(1),
+        Some(true) => prune_count.saturating_add(1),
     }
 }
 
@@ -116,9 +116,9 @@ mod tests {
         let script = [Some(true), Some(true), None, Some(true), Some(false), Some(true)];
         let counts: Vec<u16> = script
             .iter()
-            .scan(0, |marks, &useless| {
-                *marks = marks_after(*marks, useless);
-                Some(*marks)
+            .scan(0, |prune_count, &useless| {
+                *prune_count = prune_count_after(*prune_count, useless);
+                Some(*prune_count)
             })
             .collect();
         assert_eq!(counts, [1, 2, 2, 3, 0, 1]);

@@ -1,6 +1,6 @@
 //! What a density-control step is decided from, and what comes of it.
 
-use super::life::Life;
+use super::history::SplatHistory;
 use super::sizes::MapRule;
 use crate::backend::{DensityPlan, WindowStatistics};
 use crate::camera::Camera;
@@ -12,7 +12,7 @@ pub struct Situation<'a> {
     /// The flushed model.
     pub model: &'a Model,
     /// Histories of its splats.
-    pub lives: &'a [Life],
+    pub histories: &'a [SplatHistory],
     /// Sums of the statistics window.
     pub statistics: &'a WindowStatistics,
     /// Cameras of the training views, at full size.
@@ -68,7 +68,7 @@ pub struct Revision {
     /// The backend's plan; `None` if nothing changes.
     pub plan: Option<DensityPlan>,
     /// Histories of the splats after the plan.
-    pub lives: Vec<Life>,
+    pub histories: Vec<SplatHistory>,
     /// What the plan does.
     pub counts: DensityCounts,
 }

@@ -1,7 +1,7 @@
 //! Splitting of a splat along its longer axis (method 6.8).
 
-use super::draft::{Change, Draft};
 use super::geometry::{half_extents, opacity, sigmas};
+use super::planned_splat::{Change, PlannedSplat};
 use super::settings::{DensityConfig, SplitProfile};
 use super::situation::Situation;
 use super::sizes::{MapRule, Sizes};
@@ -21,12 +21,12 @@ const GRID_SHIFT_MIN: f64 = 1.5;
 pub fn split(
     s: &Situation<'_>,
     config: &DensityConfig,
-    draft: &Draft,
+    planned: &PlannedSplat,
     pixel: f64,
     longer_than_texels: f64,
-) -> Option<[Draft; 2]> {
-    let i = draft.source as usize;
-    let texels = draft.sizes.extents.map(|h| 2.0 * h / draft.sizes.finest);
+) -> Option<[PlannedSplat; 2]> {
+    let i = planned.source as usize;
+    let texels = planned.sizes.extents.map(|h| 2.0 * h / planned.sizes.finest);
     let axis = usize::from(texels[1] > texels[0]);
     if texels[axis] <= longer_than_texels {
         return None;
@@ -36,20 +36,20 @@ pub fn split(
         return None;
     }
     // Three standard deviations of a half are at most the length from which splats are split.
-    let widest = s.split_texels * draft.sizes.finest / 3.0;
-    Some(halves(s, config, draft, axis, config.split_profile, widest))
+    let widest = s.split_texels * planned.sizes.finest / 3.0;
+    Some(halves(s, config, planned, axis, config.split_profile, widest))
 }
 
 /// The two halves of a splat along one of its axes; their standard deviation along it is at most `widest`.
 pub fn halves(
     s: &Situation<'_>,
     config: &DensityConfig,
-    draft: &Draft,
+    planned: &PlannedSplat,
     axis: usize,
     profile: SplitProfile,
     widest: f64,
-) -> [Draft; 2] {
-    let i = draft.source as usize;
+) -> [PlannedSplat; 2] {
+    let i = planned.source as usize;
     let sigma = sigmas(s.model, i);
     let [shift_sigmas, sigma_factor, opacity_factor] = profile.factors();
     let map = &s.model.textures.maps[i];
@@ -61,16 +61,16 @@ pub fn halves(
     let mut half_sigma = sigma;
     half_sigma[axis] = (sigma[axis] * sigma_factor).min(widest);
     let half_opacity = opacity(s.model, i) * opacity_factor;
-    let mut sizes = draft.sizes;
+    let mut sizes = planned.sizes;
     sizes.extents = half_extents(half_sigma, half_opacity, config.alpha_texture);
     let half = |direction: f64| {
-        let (change, texels) = half_map(s, draft, &sizes, axis, direction * shift, on_grid);
+        let (change, texels) = half_map(s, planned, &sizes, axis, direction * shift, on_grid);
         let edit = Change {
             position: shifted(s, i, axis, direction * shift),
             log_scales: half_sigma.map(|v| v.ln().clamp(LOG_SCALE_RANGE.0, LOG_SCALE_RANGE.1) as f32),
             opacity_logit: (half_opacity / (1.0 - half_opacity)).ln() as f32,
         };
-        Draft { change, edit: Some(edit), life: draft.life.half(), sizes, texels, ..*draft }
+        PlannedSplat { change, edit: Some(edit), history: planned.history.half(), sizes, texels, ..*planned }
     };
     [half(1.0), half(-1.0)]
 }
@@ -87,13 +87,13 @@ fn shifted(s: &Situation<'_>, splat: usize, axis: usize, by: f64) -> [f32; 3] {
 /// The part of the parent's map that lies under a half, and its number of texels.
 fn half_map(
     s: &Situation<'_>,
-    draft: &Draft,
+    planned: &PlannedSplat,
     sizes: &Sizes,
     axis: usize,
     shift: f64,
     on_grid: bool,
 ) -> (MapChange, usize) {
-    let map = &s.model.textures.maps[draft.source as usize];
+    let map = &s.model.textures.maps[planned.source as usize];
     if map.rows == 0 {
         return (MapChange::Keep, 0);
     }

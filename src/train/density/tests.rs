@@ -2,7 +2,7 @@
 
 use super::decide::decide;
 use super::geometry::{even_texels, first_texel_size, half_extents, opacity, sigmas};
-use super::life::Life;
+use super::history::SplatHistory;
 use super::settings::{Budget, Components, DensityConfig, Spending, SplitProfile};
 use super::situation::{DensityCounts, Revision, Situation};
 use super::sizes::MapRule;
@@ -61,13 +61,13 @@ fn window(errors: [f32; N]) -> WindowStatistics {
 
 fn situation<'a>(
     model: &'a Model,
-    lives: &'a [Life],
+    histories: &'a [SplatHistory],
     statistics: &'a WindowStatistics,
     cameras: &'a [Camera],
 ) -> Situation<'a> {
     Situation {
         model,
-        lives,
+        histories,
         statistics,
         cameras,
         render_scale: 1.0,
@@ -99,19 +99,19 @@ fn one_high_error() -> WindowStatistics {
 #[test]
 fn only_high_error_splats_are_refined_and_raise_their_ceilings() {
     let (model, cameras, statistics) = (model(2), [camera()], one_high_error());
-    let lives = vec![Life::first(2); N];
-    let s = situation(&model, &lives, &statistics, &cameras);
+    let histories = vec![SplatHistory::first(2); N];
+    let s = situation(&model, &histories, &statistics, &cameras);
     let config = DensityConfig { coarsen_below: 0.0, ..settings() };
     let revision = revise(&s, &config, &Budget::default());
     let plan = revision.plan.unwrap();
     assert_eq!(plan.sources, (0..N as u32).collect::<Vec<_>>(), "without new splats the order is kept");
-    for (i, (map, life)) in plan.maps.iter().zip(&revision.lives).enumerate() {
+    for (i, (map, history)) in plan.maps.iter().zip(&revision.histories).enumerate() {
         match *map {
             MapChange::Regrid { grid: Grid::Finer, rows, cols, moment_scale, .. } if i == 5 => {
                 assert!(rows <= 4 && cols <= 4 && rows.max(cols) == 4, "{rows} x {cols}");
-                assert_eq!((life.ceiling, moment_scale), (4, [0.25, 0.0625]));
+                assert_eq!((history.ceiling, moment_scale), (4, [0.25, 0.0625]));
             }
-            MapChange::Keep if i != 5 => assert_eq!(life.ceiling, 2),
+            MapChange::Keep if i != 5 => assert_eq!(history.ceiling, 2),
             _ => panic!("{i}: {map:?}"),
         }
     }
@@ -123,9 +123,9 @@ fn only_high_error_splats_are_refined_and_raise_their_ceilings() {
         let revision = revise(s, config, budget);
         revision.plan.is_none_or(|plan| plan.maps.iter().all(|m| *m == MapChange::Keep))
     };
-    let s = situation(&model, &lives, &statistics, &cameras);
+    let s = situation(&model, &histories, &statistics, &cameras);
     assert!(kept(&Situation { texture_cap: 2, ..s }, &config, &Budget::default()));
-    let s = situation(&model, &lives, &statistics, &cameras);
+    let s = situation(&model, &histories, &statistics, &cameras);
     let coarse = DensityConfig { min_texel_px: 200.0, untextured: false, ..config.clone() };
     assert!(kept(&s, &coarse, &Budget::default()));
     let full = Budget { max_texels: Some(model.num_texels()), ..Budget::default() };
@@ -137,8 +137,8 @@ fn maps_follow_their_support_without_moving_a_texel() {
     let (mut model, cameras, statistics) = (model(8), [camera()], window([0.3; N]));
     model.splats.log_scales[6] -= 0.7;
     model.splats.log_scales[7] -= 0.7;
-    let lives = vec![Life::first(64); N];
-    let s = situation(&model, &lives, &statistics, &cameras);
+    let histories = vec![SplatHistory::first(64); N];
+    let s = situation(&model, &histories, &statistics, &cameras);
     let config = DensityConfig { coarsen_below: 0.0, ..settings() };
     let plan = revise(&s, &config, &Budget::default()).plan.unwrap();
     for (i, change) in plan.maps.iter().enumerate() {
@@ -158,10 +158,10 @@ fn maps_follow_their_support_without_moving_a_texel() {
 #[test]
 fn only_smooth_maps_are_coarsened() {
     let (mut model, cameras, statistics) = (model(8), [camera()], window([0.3; N]));
-    let lives = vec![Life::first(64); N];
+    let histories = vec![SplatHistory::first(64); N];
     let smooth = model.textures.maps[4].floats();
     model.textures.texels[smooth].fill(0.01);
-    let s = situation(&model, &lives, &statistics, &cameras);
+    let s = situation(&model, &histories, &statistics, &cameras);
     let plan = revise(&s, &settings(), &Budget::default()).plan.unwrap();
     for (i, change) in plan.maps.iter().enumerate() {
         let is_coarser = matches!(change, MapChange::Regrid { grid: Grid::Coarser, .. });
@@ -178,7 +178,7 @@ fn only_smooth_maps_are_coarsened() {
 #[test]
 fn splats_are_pruned_after_consecutive_useless_checks_and_unseen_ones_are_kept() {
     let (model, cameras) = (model(2), [camera()]);
-    let mut lives = vec![Life::first(2); N];
+    let mut histories = vec![SplatHistory::first(2); N];
     // Splat 0 is always useless, 1 is useful once, 2 is never seen, 3 is unseen once.
     for check in 0..5 {
         let mut statistics = window([0.3; N]);
@@ -189,18 +189,18 @@ fn splats_are_pruned_after_consecutive_useless_checks_and_unseen_ones_are_kept()
             }
             statistics.seen[i] = u32::from(!(i == 2 || i == 3 && check == 1));
         }
-        let s = Situation { patience: 4, ..situation(&model, &lives, &statistics, &cameras) };
+        let s = Situation { patience: 4, ..situation(&model, &histories, &statistics, &cameras) };
         let revision = revise(&s, &settings(), &Budget::default());
         let removed = |i: u32| revision.plan.as_ref().is_some_and(|p| !p.sources.contains(&i));
         assert_eq!([0, 1, 2].map(removed), [check >= 3, false, false], "check {check}");
         if check == 3 {
             assert!(!removed(3), "unseen in one of the four checks");
             // The revision's histories have no splat 0, so the old ones are kept, with the new prune count of 3.
-            lives[3].marks = 3;
+            histories[3].prune_count = 3;
             continue;
         }
         if check < 3 {
-            lives = revision.lives;
+            histories = revision.histories;
         } else {
             assert!(removed(3), "useless in four checks");
         }
@@ -210,8 +210,8 @@ fn splats_are_pruned_after_consecutive_useless_checks_and_unseen_ones_are_kept()
 #[test]
 fn halves_lie_on_the_parents_grid() {
     let (model, cameras, statistics) = (model(16), [camera()], one_high_error());
-    let lives = vec![Life::first(64); N];
-    let s = Situation { split_texels: 16.0, ..situation(&model, &lives, &statistics, &cameras) };
+    let histories = vec![SplatHistory::first(64); N];
+    let s = Situation { split_texels: 16.0, ..situation(&model, &histories, &statistics, &cameras) };
     let config = DensityConfig {
         coarsen_below: 0.0,
         spending: Spending::SplitsFirst,
@@ -223,7 +223,7 @@ fn halves_lie_on_the_parents_grid() {
     let patient = DensityConfig { spending: Spending::Gain, texel_gain: 1e3, ..config.clone() };
     assert_eq!(revise(&s, &patient, &Budget::default()).counts.split, 0);
     let coarse = DensityConfig { min_texel_px: 4.0, ..patient };
-    let long = Situation { split_texels: 8.0, ..situation(&model, &lives, &statistics, &cameras) };
+    let long = Situation { split_texels: 8.0, ..situation(&model, &histories, &statistics, &cameras) };
     assert_eq!(revise(&long, &coarse, &Budget::default()).counts.split, 1, "the map cannot be refined");
     let revision = revise(&s, &config, &Budget::default());
     let plan = revision.plan.unwrap();
@@ -233,7 +233,7 @@ fn halves_lie_on_the_parents_grid() {
     for edit in &plan.edits {
         let i = edit.splat as usize;
         assert_eq!(plan.sources[i], 5);
-        assert!(revision.lives[i].is_fresh());
+        assert!(revision.histories[i].is_fresh());
         let MapChange::Regrid { grid: Grid::Same, rows, cols, first_row, first_col, moment_scale } =
             plan.maps[i]
         else {
@@ -259,12 +259,19 @@ fn fresh_halves_survive_two_checks() {
     let (model, cameras) = (model(2), [camera()]);
     // The first three splats are `checks` old; a prune count of one removes.
     let survivors = |model: &Model, statistics: &WindowStatistics, checks: u16| {
-        let young = |i: usize| if i < 3 { Life { checks, ..Life::first(2) } } else { Life::first(2) };
-        let lives: Vec<Life> = (0..N).map(young).collect();
-        let s = Situation { patience: 1, densify: false, ..situation(model, &lives, statistics, &cameras) };
-        let Revision { plan, lives, .. } = revise(&s, &settings(), &Budget::default());
-        let mut left: Vec<(u32, u16)> =
-            plan.unwrap().sources.into_iter().zip(lives.iter().map(|life| life.marks)).collect();
+        let young = |i: usize| {
+            if i < 3 { SplatHistory { checks, ..SplatHistory::first(2) } } else { SplatHistory::first(2) }
+        };
+        let histories: Vec<SplatHistory> = (0..N).map(young).collect();
+        let s =
+            Situation { patience: 1, densify: false, ..situation(model, &histories, statistics, &cameras) };
+        let Revision { plan, histories, .. } = revise(&s, &settings(), &Budget::default());
+        let mut left: Vec<(u32, u16)> = plan
+            .unwrap()
+            .sources
+            .into_iter()
+            .zip(histories.iter().map(|history| history.prune_count))
+            .collect();
         left.sort_unstable();
         left
     };
@@ -290,8 +297,8 @@ fn fresh_halves_survive_two_checks() {
 #[test]
 fn a_step_that_can_add_nothing_changes_only_histories() {
     let (model, cameras, statistics) = (model(2), [camera()], one_high_error());
-    let lives = vec![Life::first(2); N];
-    let free = || situation(&model, &lives, &statistics, &cameras);
+    let histories = vec![SplatHistory::first(2); N];
+    let free = || situation(&model, &histories, &statistics, &cameras);
     let config = DensityConfig { coarsen_below: 0.0, untextured: false, respawn: false, ..settings() };
     let fine = DensityConfig { min_texel_px: 200.0, ..config.clone() };
     let spent = Budget { max_texels: Some(model.num_texels()), ..Budget::default() };
@@ -304,9 +311,9 @@ fn a_step_that_can_add_nothing_changes_only_histories() {
         let revision = revise(&s, config, &budget);
         assert!(revision.plan.is_none());
         assert_eq!(revision.counts, DensityCounts { over_budget, ..DensityCounts::default() });
-        for (i, (before, after)) in lives.iter().zip(&revision.lives).enumerate() {
+        for (i, (before, after)) in histories.iter().zip(&revision.histories).enumerate() {
             let ceiling = if i == 5 { ceiling } else { 2 };
-            assert_eq!(*after, Life { ceiling, checks: before.checks + 1, ..*before }, "{i}");
+            assert_eq!(*after, SplatHistory { ceiling, checks: before.checks + 1, ..*before }, "{i}");
         }
     }
     // Negative control: none of these limits.
@@ -325,16 +332,16 @@ fn without_statistics_maps_are_only_fitted_to_their_support() {
     (statistics.area[1], statistics.contribution[1]) = (0.0, 0.0);
     let smooth = model.textures.maps[2].floats();
     model.textures.texels[smooth].fill(0.01);
-    let lives = vec![Life::first(64); N];
+    let histories = vec![SplatHistory::first(64); N];
     let s = |use_statistics| Situation {
         patience: 1,
         use_statistics,
-        ..situation(&model, &lives, &statistics, &cameras)
+        ..situation(&model, &histories, &statistics, &cameras)
     };
     let revision = revise(&s(false), &settings(), &Budget::default());
     let plan = revision.plan.unwrap();
     assert_eq!((plan.sources, plan.edits.len()), ((0..N as u32).collect::<Vec<_>>(), 0));
-    assert!(revision.lives == lives && revision.counts == DensityCounts::default());
+    assert!(revision.histories == histories && revision.counts == DensityCounts::default());
     for (i, (change, map)) in plan.maps.iter().zip(&model.textures.maps).enumerate() {
         match *change {
             MapChange::Keep if ![3, 4].contains(&i) => {}
@@ -355,8 +362,8 @@ fn without_statistics_maps_are_only_fitted_to_their_support() {
 fn budgets_are_never_exceeded() {
     let (model, cameras) = (model(4), [camera()]);
     let errors = std::array::from_fn(|i| 0.1 + 0.05 * i as f32);
-    let (statistics, lives) = (window(errors), vec![Life::first(64); N]);
-    let s = Situation { split_texels: 8.0, ..situation(&model, &lives, &statistics, &cameras) };
+    let (statistics, histories) = (window(errors), vec![SplatHistory::first(64); N]);
+    let s = Situation { split_texels: 8.0, ..situation(&model, &histories, &statistics, &cameras) };
     let config =
         DensityConfig { coarsen_below: 0.0, quantile: 0.1, spending: Spending::SplitsFirst, ..settings() };
     let size = |budget: &Budget| {
@@ -403,8 +410,8 @@ fn a_budget_is_spent_where_error_per_parameter_is_largest() {
     mixed.textures = TexturePool::neutral(extents).unwrap();
     let mut errors = [0.1; N];
     (errors[5], errors[7]) = (0.9, 0.5);
-    let (statistics, lives) = (window(errors), vec![Life::first(64); N]);
-    let s = situation(&mixed, &lives, &statistics, &cameras);
+    let (statistics, histories) = (window(errors), vec![SplatHistory::first(64); N]);
+    let s = situation(&mixed, &histories, &statistics, &cameras);
     let refined = |spending, more: Option<usize>| {
         let config = DensityConfig { coarsen_below: 0.0, spending, untextured: false, ..settings() };
         let max_texels = more.map(|more| mixed.num_texels() + more);
@@ -432,10 +439,13 @@ fn pruned_splats_are_respawned_where_the_error_is() {
     model.splats.opacity_logits[..3].fill(-6.0);
     let errors = std::array::from_fn(|i| 0.1 + 0.05 * i as f32);
     // All maps are at their ceilings, so that only splits are possible.
-    let (statistics, lives) = (window(errors), vec![Life::first(2); N]);
+    let (statistics, histories) = (window(errors), vec![SplatHistory::first(2); N]);
     let revised = |initial_splats: usize, respawn: bool, budget: &Budget| {
-        let s =
-            Situation { initial_splats, texture_cap: 2, ..situation(&model, &lives, &statistics, &cameras) };
+        let s = Situation {
+            initial_splats,
+            texture_cap: 2,
+            ..situation(&model, &histories, &statistics, &cameras)
+        };
         let config = DensityConfig { quantile: 0.1, respawn, ..settings() };
         let Revision { plan, counts, .. } = revise(&s, &config, budget);
         let plan = plan.unwrap();

@@ -1,7 +1,7 @@
 //! Planned splats, and the plan made of them.
 
 use super::geometry::morton_codes;
-use super::life::Life;
+use super::history::SplatHistory;
 use super::sizes::Sizes;
 use crate::backend::{DensityPlan, MapChange, SplatEdit};
 use crate::model::{Model, ModelSize};
@@ -16,7 +16,7 @@ pub struct Change {
 
 /// A planned splat: one of the model after the revision.
 #[derive(Clone, Copy, Debug)]
-pub struct Draft {
+pub struct PlannedSplat {
     /// Index of the splat that it is or comes from.
     pub source: u32,
     /// What happens to the source's map.
@@ -24,14 +24,14 @@ pub struct Draft {
     /// New parameters, if it is a half.
     pub edit: Option<Change>,
     /// History of the splat.
-    pub life: Life,
+    pub history: SplatHistory,
     /// Bounds of its map.
     pub sizes: Sizes,
     /// Number of texels of its map.
     pub texels: usize,
 }
 
-impl Draft {
+impl PlannedSplat {
     /// Parameters of the splat with its map.
     pub fn params(&self, sh_degree: u32) -> usize {
         ModelSize::uniform(1, self.texels, sh_degree).params()
@@ -39,49 +39,52 @@ impl Draft {
 }
 
 /// Size of the planned model.
-pub fn size_of<'a>(drafts: impl Iterator<Item = &'a Draft>, sh_degree: u32) -> ModelSize {
+pub fn size_of<'a>(planned_splats: impl Iterator<Item = &'a PlannedSplat>, sh_degree: u32) -> ModelSize {
     let empty = ModelSize { sh_degree, ..ModelSize::default() };
-    drafts.fold(empty, |size, draft| with(size, draft))
+    planned_splats.fold(empty, |size, planned| with(size, planned))
 }
 
 /// The size with one more splat.
-pub fn with(size: ModelSize, draft: &Draft) -> ModelSize {
+pub fn with(size: ModelSize, planned: &PlannedSplat) -> ModelSize {
     ModelSize {
         splats: size.splats + 1,
-        maps: size.maps + usize::from(draft.texels > 0),
-        texels: size.texels + draft.texels,
+        maps: size.maps + usize::from(planned.texels > 0),
+        texels: size.texels + planned.texels,
         ..size
     }
 }
 
 /// The size without one of the splats.
-pub fn without(size: ModelSize, draft: &Draft) -> ModelSize {
+pub fn without(size: ModelSize, planned: &PlannedSplat) -> ModelSize {
     ModelSize {
         splats: size.splats - 1,
-        maps: size.maps - usize::from(draft.texels > 0),
-        texels: size.texels - draft.texels,
+        maps: size.maps - usize::from(planned.texels > 0),
+        texels: size.texels - planned.texels,
         ..size
     }
 }
 
 /// The plan, and the histories in its order; no plan if nothing changes. New splats are stored along a Morton
 /// curve (method 6.11).
-pub fn finish(model: &Model, mut drafts: Vec<Draft>) -> (Option<DensityPlan>, Vec<Life>) {
+pub fn finish(
+    model: &Model,
+    mut planned_splats: Vec<PlannedSplat>,
+) -> (Option<DensityPlan>, Vec<SplatHistory>) {
     let n = model.num_splats();
-    let same_splats = drafts.len() == n && drafts.iter().all(|d| d.edit.is_none());
-    let same_maps = drafts.iter().all(|d| d.change == MapChange::Keep);
+    let same_splats = planned_splats.len() == n && planned_splats.iter().all(|d| d.edit.is_none());
+    let same_maps = planned_splats.iter().all(|d| d.change == MapChange::Keep);
     if same_splats && same_maps {
-        return (None, drafts.iter().map(|d| d.life).collect());
+        return (None, planned_splats.iter().map(|d| d.history).collect());
     }
     if !same_splats {
-        let positions: Vec<f32> = drafts.iter().flat_map(|d| position(model, d)).collect();
+        let positions: Vec<f32> = planned_splats.iter().flat_map(|d| position(model, d)).collect();
         let codes = morton_codes(&positions);
         let mut order: Vec<(u64, usize)> = codes.into_iter().zip(0..).collect();
         order.sort_unstable();
-        drafts = order.into_iter().map(|(_, i)| drafts[i]).collect();
+        planned_splats = order.into_iter().map(|(_, i)| planned_splats[i]).collect();
     }
-    let edit = |(i, draft): (usize, &Draft)| {
-        draft.edit.map(|e| SplatEdit {
+    let edit = |(i, planned): (usize, &PlannedSplat)| {
+        planned.edit.map(|e| SplatEdit {
             splat: i as u32,
             position: e.position,
             log_scales: e.log_scales,
@@ -89,15 +92,15 @@ pub fn finish(model: &Model, mut drafts: Vec<Draft>) -> (Option<DensityPlan>, Ve
         })
     };
     let plan = DensityPlan {
-        sources: drafts.iter().map(|d| d.source).collect(),
-        maps: drafts.iter().map(|d| d.change).collect(),
-        edits: drafts.iter().enumerate().filter_map(edit).collect(),
+        sources: planned_splats.iter().map(|d| d.source).collect(),
+        maps: planned_splats.iter().map(|d| d.change).collect(),
+        edits: planned_splats.iter().enumerate().filter_map(edit).collect(),
     };
-    (Some(plan), drafts.iter().map(|d| d.life).collect())
+    (Some(plan), planned_splats.iter().map(|d| d.history).collect())
 }
 
-fn position(model: &Model, draft: &Draft) -> [f32; 3] {
-    let at = 3 * draft.source as usize;
+fn position(model: &Model, planned: &PlannedSplat) -> [f32; 3] {
+    let at = 3 * planned.source as usize;
     let p = &model.splats.positions;
-    draft.edit.map_or([p[at], p[at + 1], p[at + 2]], |e| e.position)
+    planned.edit.map_or([p[at], p[at + 1], p[at + 2]], |e| e.position)
 }

@@ -5,24 +5,24 @@ pub const FRESH_CHECKS: u16 = 2;
 
 /// History of a splat.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Life {
+pub struct SplatHistory {
     /// Largest side that its map may have, in texels.
     pub ceiling: u16,
-    /// Prune count: checks in a row that found it useless.
-    pub marks: u16,
+    /// Checks in a row that found it useless.
+    pub prune_count: u16,
     /// Checks since it was made; saturates.
     pub checks: u16,
 }
 
-impl Life {
+impl SplatHistory {
     /// A splat of the initial model, which is never fresh.
     pub fn first(ceiling: u16) -> Self {
-        Self { ceiling, marks: 0, checks: FRESH_CHECKS }
+        Self { ceiling, prune_count: 0, checks: FRESH_CHECKS }
     }
 
     /// The history of a half of this splat.
     pub fn half(self) -> Self {
-        Self { marks: 0, checks: 0, ..self }
+        Self { prune_count: 0, checks: 0, ..self }
     }
 
     /// Whether it is too young for its statistics to be used.
