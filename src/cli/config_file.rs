@@ -4,7 +4,7 @@
 use super::capture::{InitSource, LoadOptions};
 use super::capture_args::MAX_RESOLUTION_MIN;
 use super::profile::Profile;
-use litetex_gs::train::{Exposure, TrainConfig};
+use litetex_gs::train::{Exposure, Policy, TrainConfig};
 use litetex_gs::{Error, Result, input_file};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
@@ -192,6 +192,12 @@ impl RunConfig {
         }
         if t.background.iter().any(|x| !(0.0..=1.0).contains(x)) {
             return Err(format!("train.background: found {:?}, expected numbers from 0 to 1", t.background));
+        }
+        if t.policy == Policy::Cat && self.profile != Profile::Cat {
+            // Other settings of content-aware texturing are the profile's.
+            return Err(
+                "train.policy: cat is part of the profile of that name: choose --profile cat".to_owned()
+            );
         }
         if t.random_background && t.background != [0.0; 3] {
             return Err("train.random-background: needs train.background = [0, 0, 0]".to_owned());

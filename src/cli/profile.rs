@@ -117,6 +117,8 @@ impl Profile {
                     densify_until: 25_000,
                     texture_start: 500,
                     opacity_floor: [1.0 / 255.0; 2],
+                    // Its maps end at sqrt(ln(255 o)) standard deviations, where alpha is 0.02 to 0.06.
+                    alpha_texture: 0.05,
                     ..paper()
                 };
             }

@@ -9,7 +9,7 @@ use super::values::{format_bytes, format_count, format_duration};
 use litetex_gs::constants::sh_coefficients;
 use litetex_gs::model::{MAP_PARAMS, Model, TEXEL_PARAMS, splat_params};
 use litetex_gs::train::density::{Budget, MapRule};
-use litetex_gs::train::{Policy, TrainConfig};
+use litetex_gs::train::{DensityStep, TrainConfig};
 use litetex_gs::views::{Split, ViewSource as _};
 use litetex_gs::{Error, Result};
 
@@ -124,14 +124,16 @@ impl Workload {
     pub fn grown(&self, config: &TrainConfig) -> Self {
         let budget = &config.budget;
         let bound = |most: Option<usize>| most.map_or(u64::MAX, |most| most as u64);
-        let wanted = match config.policy {
+        let wanted = match config.policy.spec().step {
             // Grows to its budget, and without one not at all.
-            Policy::Plain if *budget == Budget::default() => self.splats,
-            Policy::Plain if budget.max_splats.is_some() || budget.max_params.is_some() => u64::MAX / 64,
+            DensityStep::Relocate if *budget == Budget::default() => self.splats,
+            DensityStep::Relocate if budget.max_splats.is_some() || budget.max_params.is_some() => {
+                u64::MAX / 64
+            }
             _ => EXPECTED_GROWTH * self.splats,
         };
         let splats = wanted.min(bound(budget.max_splats)).min(bound(budget.max_params) / self.params(1, 0));
-        let texels = match config.policy.map_rule() {
+        let texels = match config.policy.spec().map_rule {
             MapRule::None => 0,
             MapRule::Fixed(side) => splats.saturating_mul(u64::from(side).pow(2)),
             MapRule::Adaptive => splats.saturating_mul(EXPECTED_TEXELS_EACH).max(self.texels),

@@ -72,8 +72,7 @@ pub struct TrainingArgs {
     /// Named set of defaults [default: default]
     #[arg(long, value_name = "NAME")]
     pub profile: Option<Profile>,
-    /// How splats and texels are allocated: litetex; cat (content-aware texturing); fixed:R (R x R texels for each
-    /// splat); plain (no textures: 2DGS-MCMC, 2D Gaussian splatting with MCMC-style relocation, the baseline); or none
+    /// How splats and texels are allocated: litetex; fixed:R (R x R texels for each splat); plain (no textures: 2DGS-MCMC, 2D Gaussian splatting with MCMC-style relocation, the baseline); or none
     /// (no textures, splats as with litetex) [default: litetex]
     #[arg(long, alias = "texture", value_name = "POLICY")]
     pub policy: Option<Policy>,
@@ -254,12 +253,12 @@ mod tests {
             let error = over(RunConfig::default(), flags).unwrap_err();
             assert!(error.exit_code() == 2 && error.to_string().contains(part), "{error}");
         };
-        refused("--policy cat --with scheduler", "the policy cat has no such part");
+        refused("--policy cat", "--profile cat");
         refused("--profile cat --with pruning", "the policy cat has no such part");
         refused("--policy plain --with splitting", "the policy plain has no such part");
         refused("--with growth --without growth", "--with and --without both");
         assert!(over(RunConfig::default(), "--with growth --without pruning").is_ok());
-        let cat = over(RunConfig::default(), "--policy cat").unwrap();
+        let cat = over(RunConfig::default(), "--profile cat").unwrap();
         assert!(over(cat, "--policy litetex --with scheduler").is_ok());
     }
 }

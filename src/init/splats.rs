@@ -7,7 +7,6 @@ use crate::Result;
 use crate::constants::{SH_0, sh_coefficients};
 use crate::model::{Model, SplatArrays, TexturePool, support_half_extent};
 use crate::train::Policy;
-use crate::train::density::first_texel_size;
 
 /// Opacity of every splat at a point (3DGS).
 const OPACITY: f64 = 0.1;
@@ -55,11 +54,6 @@ pub(super) fn model(input: &InitInput<'_>, points: &[LocalPoint], options: &Init
 /// Rows, columns and texel size of a round splat's map.
 fn map_extent(point: &LocalPoint, policy: Policy) -> (u16, u16, f32) {
     let half_extent = support_half_extent(f64::from(point.sigma), point.opacity);
-    let side = policy.first_side();
-    let texel_edge = match policy {
-        Policy::None | Policy::Plain => 0.0,
-        Policy::Litetex => first_texel_size([half_extent; 2]),
-        Policy::Fixed(_) | Policy::Cat => 2.0 * half_extent / f64::from(side - 1),
-    };
-    (side, side, texel_edge as f32)
+    let first = policy.spec().first_map;
+    (first.side(), first.side(), first.texel_size(half_extent) as f32)
 }

@@ -5,103 +5,12 @@
 //! texturing), whose values the paper inherits; the configuration that the authors published with their code;
 //! a section of `docs/choices.md` ("choices 2") or `docs/method.md` ("method 6.1"); or "not measured".
 
-use super::density::{Budget, Components, DensityConfig, MapRule};
+use super::density::{Budget, Components, DensityConfig};
+use super::policy::Policy;
 use crate::backend::LossWeights;
 use crate::frequency::FrequencyOptions;
 use crate::model::Filter;
 use serde::{Deserialize, Serialize};
-use std::fmt;
-use std::str::FromStr;
-
-/// How splats and texels are allocated.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(try_from = "String", into = "String")]
-pub enum Policy {
-    /// High-error splats are refined or split (LiteTex-GS).
-    Litetex,
-    /// Content-aware texturing, the ancestor: as `litetex`, without scheduler, ceilings, pruning by
-    /// contribution and resolution-aware rates.
-    Cat,
-    /// R x R texels for every splat; splats as with `litetex`.
-    Fixed(u16),
-    /// 2DGS-MCMC: no textures, splats are relocated and added by error (method 6.12).
-    Plain,
-    /// No textures; splats as with `litetex`.
-    None,
-}
-
-impl Policy {
-    /// The rule that sets the sizes of maps.
-    pub fn map_rule(self) -> MapRule {
-        match self {
-            Self::Litetex | Self::Cat => MapRule::Adaptive,
-            Self::Fixed(resolution) => MapRule::Fixed(resolution),
-            Self::Plain | Self::None => MapRule::None,
-        }
-    }
-
-    /// Side of the initial maps, in texels.
-    pub fn first_side(self) -> u16 {
-        match self {
-            // Paper, Adaptive Per-Gaussian Texture Optimization.
-            Self::Litetex => 2,
-            // CAT.
-            Self::Cat => 8,
-            Self::Fixed(resolution) => resolution,
-            Self::Plain | Self::None => 0,
-        }
-    }
-
-    /// Texels of each initial splat.
-    pub fn first_texels_each(self) -> usize {
-        usize::from(self.first_side()).pow(2)
-    }
-}
-
-impl FromStr for Policy {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        match text {
-            "litetex" => return Ok(Self::Litetex),
-            "cat" => return Ok(Self::Cat),
-            "plain" => return Ok(Self::Plain),
-            "none" => return Ok(Self::None),
-            _ => {}
-        }
-        let resolution = text.strip_prefix("fixed:").and_then(|r| r.parse().ok());
-        match resolution {
-            Some(r @ 2..=256) => Ok(Self::Fixed(r)),
-            _ => Err(format!("{text:?}: expected litetex, cat, plain, none or fixed:R with R from 2 to 256")),
-        }
-    }
-}
-
-impl fmt::Display for Policy {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Litetex => f.write_str("litetex"),
-            Self::Cat => f.write_str("cat"),
-            Self::Fixed(r) => write!(f, "fixed:{r}"),
-            Self::Plain => f.write_str("plain"),
-            Self::None => f.write_str("none"),
-        }
-    }
-}
-
-impl TryFrom<String> for Policy {
-    type Error = String;
-
-    fn try_from(text: String) -> Result<Self, String> {
-        text.parse()
-    }
-}
-
-impl From<Policy> for String {
-    fn from(policy: Policy) -> Self {
-        policy.to_string()
-    }
-}
 
 /// Whether large splats stand behind the points where training rays meet none.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -253,13 +162,12 @@ impl Default for TrainConfig {
 impl TrainConfig {
     /// The parts that are on, less those that the policy excludes.
     pub fn active_components(&self) -> Components {
-        let c = self.components;
-        match self.policy {
-            Policy::Cat => {
-                Components { scheduler: false, pruning: false, growth: false, update_rule: false, ..c }
+        let mut components = self.components;
+        for name in self.policy.spec().without {
+            if let Some(switch) = components.switch(name) {
+                *switch = false;
             }
-            Policy::Plain => Components { splitting: false, growth: false, pruning: false, ..c },
-            _ => c,
         }
+        components
     }
 }

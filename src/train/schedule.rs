@@ -1,15 +1,12 @@
 //! The timetable of a run: the published one of 30,000 steps, scaled by `s = steps / 30,000` (method 4.2
 //! and 6.1).
 
-use super::config::{Policy, TrainConfig};
+use super::config::TrainConfig;
+use super::policy::DensityStep;
 use crate::backend::LearningRates;
 
 /// Length of the published timetable.
 const PUBLISHED_STEPS: f64 = 30_000.0;
-
-/// Fewest steps between density-control steps, or a thirtieth of the run: an epoch of fewer views would let maps grow more
-/// often (measured: stress suite, 3 to 9 views).
-const FEWEST_STEPS: u32 = 35;
 
 /// Largest factor by which rates rise in short runs, reached at 470 steps. Not measured.
 const HIGHEST_RAISE: f64 = 8.0;
@@ -47,15 +44,10 @@ impl Schedule {
         let s = f64::from(config.steps) / PUBLISHED_STEPS;
         let at = |published: f64| ((published * s).round() as u32).max(1);
         let c = &config.density;
-        let (published, shortest) = match config.policy {
-            Policy::Plain => (c.relocate_interval, 25),
-            _ => (c.interval, 50),
-        };
-        let fewest =
-            if config.policy == Policy::Plain { 1 } else { (config.steps / 30).clamp(1, FEWEST_STEPS) };
-        let low = (train_views as u32).clamp(fewest, shortest).min(published.max(1));
+        let density_step = config.policy.spec().step;
+        let (published, low) = density_step.interval(c, config.steps, train_views);
         let density_interval = at(published.into()).clamp(low, published.max(1));
-        let until = if config.policy == Policy::Plain { c.relocate_until } else { c.densify_until };
+        let until = density_step.until(c);
         let patience = (f64::from(c.patience_steps) * s / f64::from(density_interval)).round();
         Self {
             sh_interval: at(1_000.0),
@@ -102,7 +94,9 @@ impl Schedule {
         };
         let mut out = Vec::new();
         let densifying = checks_until(self.densify_until);
-        if densifying == 0 && (parts.growth || parts.splitting || config.policy == Policy::Plain) {
+        if densifying == 0
+            && (parts.growth || parts.splitting || config.policy.spec().step == DensityStep::Relocate)
+        {
             out.push(format!(
                 "growth and splitting: no density-control step (every {} steps) before step {}",
                 self.density_interval, self.densify_until

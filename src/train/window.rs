@@ -1,8 +1,9 @@
 //! Makes a density-control step: reads the statistics window, lets [`density`] decide, and has the backend apply the plan.
 
-use super::config::{Exposure, Policy, TrainConfig};
+use super::config::{Exposure, TrainConfig};
 use super::density::{self, DensityCounts, Revision, Situation, SplatHistory};
 use super::exposure::Exposures;
+use super::policy::DensityStep;
 use super::schedule::Schedule;
 use super::state::TrainState;
 use super::targets::Targets;
@@ -116,10 +117,10 @@ impl DensityControl<'_> {
             split_texels: schedule.split_texels(config, step),
             patience: schedule.patience,
             opacity_floor: schedule.opacity_floor(config, step),
-            rule: config.policy.map_rule(),
+            rule: config.policy.spec().map_rule,
         };
-        let revision = match config.policy {
-            Policy::Plain => {
+        let revision = match config.policy.spec().step {
+            DensityStep::Relocate => {
                 let seed = config.seed ^ u64::from(step).wrapping_mul(0x9E37_79B9_7F4A_7C15);
                 // Without a budget the number of splats stays the same.
                 let bounds_splats = config.budget.max_splats.or(config.budget.max_params).is_some();
@@ -127,7 +128,7 @@ impl DensityControl<'_> {
                     .then(|| config.budget.within(&self.limits).most_splats(0, state.model.splats.sh_degree));
                 density::relocate(&situation, &config.density, most, seed)
             }
-            _ => {
+            DensityStep::Decide => {
                 let share = if last { 1.0 } else { t };
                 let each = config.policy.first_texels_each();
                 let start = ModelSize::uniform(state.pace.initial, each, model.splats.sh_degree);

@@ -1,5 +1,6 @@
 //! Candidates: what can be done for a high-error splat, and how candidates are ranked (method 6.6).
 
+use super::history::SplatHistory;
 use super::maps;
 use super::planned_splat::PlannedSplat;
 use super::settings::{Components, DensityConfig, Spending};
@@ -33,6 +34,14 @@ impl Candidate {
         let refined = maps::refined(s, config, components, planned);
         let split =
             components.splitting.then(|| split::split(s, config, planned, pixel, s.split_texels)).flatten();
+        // In the paper the ceiling of every candidate doubles, also of one that is split.
+        let split = match (config.spending, refined) {
+            (Spending::SplitsFirst, Some(refined)) => split.map(|pair| {
+                let ceiling = refined.history.ceiling;
+                pair.map(|half| PlannedSplat { history: SplatHistory { ceiling, ..half.history }, ..half })
+            }),
+            _ => split,
+        };
         let params = |planned: &PlannedSplat| planned.params(s.model.splats.sh_degree) as f64;
         // A raised ceiling costs nothing and gains nothing yet.
         let refined_cost = refined.map_or(0.0, |d| params(&d) - params(planned));

@@ -224,7 +224,9 @@ fn halves_lie_on_the_parents_grid() {
     assert_eq!(revise(&s, &patient, &Budget::default()).counts.split, 0);
     let coarse = DensityConfig { min_texel_px: 4.0, ..patient };
     let long = Situation { split_texels: 8.0, ..situation(&model, &histories, &statistics, &cameras) };
-    assert_eq!(revise(&long, &coarse, &Budget::default()).counts.split, 1, "the map cannot be refined");
+    let by_gain = revise(&long, &coarse, &Budget::default());
+    assert_eq!(by_gain.counts.split, 1, "the map cannot be refined");
+    assert!(by_gain.histories.iter().all(|history| history.ceiling == 64));
     let revision = revise(&s, &config, &Budget::default());
     let plan = revision.plan.unwrap();
     assert_eq!((plan.sources.len(), plan.edits.len(), revision.counts.split), (N + 1, 2, 1));
@@ -234,6 +236,7 @@ fn halves_lie_on_the_parents_grid() {
         let i = edit.splat as usize;
         assert_eq!(plan.sources[i], 5);
         assert!(revision.histories[i].is_fresh());
+        assert_eq!(revision.histories[i].ceiling, 128, "the ceiling of every candidate doubles");
         let MapChange::Regrid { grid: Grid::Same, rows, cols, first_row, first_col, moment_scale } =
             plan.maps[i]
         else {

@@ -1,0 +1,199 @@
+//! Policies: how splats and texels are allocated. What the rest of the program asks of one is in its [`PolicySpec`].
+
+use super::density::{DensityConfig, MapRule, first_texel_size};
+use serde::{Deserialize, Serialize};
+use std::fmt;
+use std::str::FromStr;
+
+/// How splats and texels are allocated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
+pub enum Policy {
+    /// High-error splats are refined or split (LiteTex-GS).
+    Litetex,
+    /// Content-aware texturing, the ancestor: as `litetex`, without scheduler, ceilings, pruning by
+    /// contribution and resolution-aware rates. Part of the profile of that name.
+    Cat,
+    /// R x R texels for every splat; splats as with `litetex`.
+    Fixed(u16),
+    /// 2DGS-MCMC: no textures, splats are relocated and added by error (method 6.12).
+    Plain,
+    /// No textures; splats as with `litetex`.
+    None,
+}
+
+/// What a policy decides.
+#[derive(Clone, Copy, Debug)]
+pub struct PolicySpec {
+    /// The rule that sets the sizes of maps.
+    pub map_rule: MapRule,
+    /// The initial maps.
+    pub first_map: FirstMap,
+    /// What a density-control step does.
+    pub step: DensityStep,
+    /// [Components](super::density::Components) that the policy does not have, by name.
+    pub without: &'static [&'static str],
+}
+
+/// The initial map of a splat.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FirstMap {
+    /// None.
+    None,
+    /// 2 x 2 texels that reach beyond the support (paper, Adaptive Per-Gaussian Texture Optimization).
+    Covering,
+    /// A square of this side, whose outermost texel centres lie at the ends of the support (CAT).
+    Spanning(u16),
+}
+
+impl FirstMap {
+    /// Side, in texels.
+    pub fn side(self) -> u16 {
+        match self {
+            Self::None => 0,
+            Self::Covering => 2,
+            Self::Spanning(side) => side,
+        }
+    }
+
+    /// Edge of a texel on a splat whose support has this half extent, in its unit.
+    pub fn texel_size(self, half_extent: f64) -> f64 {
+        match self {
+            Self::None => 0.0,
+            Self::Covering => first_texel_size([half_extent; 2]),
+            Self::Spanning(side) => 2.0 * half_extent / f64::from(side - 1),
+        }
+    }
+}
+
+/// What a density-control step does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DensityStep {
+    /// Prunes, refines, coarsens, splits.
+    Decide,
+    /// Relocates splats and adds some, up to the budget.
+    Relocate,
+}
+
+/// Fewest steps between steps that decide, or a thirtieth of the run: an epoch of fewer views would let maps grow more
+/// often (measured: stress suite, 3 to 9 views).
+const FEWEST_STEPS: u32 = 35;
+
+impl DensityStep {
+    /// Steps between two, at full length and in the shortest runs of `steps`, where it is an epoch within bounds.
+    pub fn interval(self, config: &DensityConfig, steps: u32, train_views: usize) -> (u32, u32) {
+        let (published, fewest, most) = match self {
+            Self::Decide => (config.interval, (steps / 30).clamp(1, FEWEST_STEPS), 50),
+            Self::Relocate => (config.relocate_interval, 1, 25),
+        };
+        (published, (train_views as u32).clamp(fewest, most).min(published.max(1)))
+    }
+
+    /// Last step of the published timetable after which splats are added.
+    pub fn until(self, config: &DensityConfig) -> u32 {
+        match self {
+            Self::Decide => config.densify_until,
+            Self::Relocate => config.relocate_until,
+        }
+    }
+}
+
+impl Policy {
+    /// The policies without a parameter, by name.
+    pub const NAMED: [(&str, Self); 4] =
+        [("litetex", Self::Litetex), ("cat", Self::Cat), ("plain", Self::Plain), ("none", Self::None)];
+
+    /// What the policy decides.
+    pub fn spec(self) -> PolicySpec {
+        let litetex = PolicySpec {
+            map_rule: MapRule::Adaptive,
+            first_map: FirstMap::Covering,
+            step: DensityStep::Decide,
+            without: &[],
+        };
+        match self {
+            Self::Litetex => litetex,
+            Self::Cat => PolicySpec {
+                first_map: FirstMap::Spanning(8),
+                without: &["scheduler", "pruning", "growth", "update-rule"],
+                ..litetex
+            },
+            Self::Fixed(side) => {
+                PolicySpec { map_rule: MapRule::Fixed(side), first_map: FirstMap::Spanning(side), ..litetex }
+            }
+            Self::Plain => PolicySpec {
+                map_rule: MapRule::None,
+                first_map: FirstMap::None,
+                step: DensityStep::Relocate,
+                without: &["splitting", "growth", "pruning"],
+            },
+            Self::None => PolicySpec { map_rule: MapRule::None, first_map: FirstMap::None, ..litetex },
+        }
+    }
+
+    /// Texels of each initial splat.
+    pub fn first_texels_each(self) -> usize {
+        usize::from(self.spec().first_map.side()).pow(2)
+    }
+}
+
+impl FromStr for Policy {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        if let Some((_, policy)) = Self::NAMED.iter().find(|(name, _)| *name == text) {
+            return Ok(*policy);
+        }
+        match text.strip_prefix("fixed:").and_then(|side| side.parse().ok()) {
+            Some(side @ 2..=256) => Ok(Self::Fixed(side)),
+            _ => {
+                let names = Self::NAMED.map(|(name, _)| name).join(", ");
+                Err(format!("{text:?}: expected {names} or fixed:R with R from 2 to 256"))
+            }
+        }
+    }
+}
+
+impl fmt::Display for Policy {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match (self, Self::NAMED.iter().find(|(_, policy)| policy == self)) {
+            (_, Some((name, _))) => f.write_str(name),
+            (Self::Fixed(side), None) => write!(f, "fixed:{side}"),
+            (other, None) => write!(f, "{other:?}"),
+        }
+    }
+}
+
+impl TryFrom<String> for Policy {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        text.parse()
+    }
+}
+
+impl From<Policy> for String {
+    fn from(policy: Policy) -> Self {
+        policy.to_string()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::density::Components;
+    use super::*;
+
+    #[test]
+    fn names_round_trip_and_excluded_components_exist() {
+        let named = Policy::NAMED.map(|(_, policy)| policy);
+        for policy in named.into_iter().chain([Policy::Fixed(2), Policy::Fixed(256)]) {
+            assert_eq!(policy.to_string().parse(), Ok(policy));
+            for name in policy.spec().without {
+                assert!(Components::default().switch(name).is_some(), "{policy}: {name}");
+            }
+        }
+        for wrong in ["fixed:1", "fixed:257", "fixed:", "Litetex", ""] {
+            assert!(wrong.parse::<Policy>().unwrap_err().contains("cat, plain, none or fixed:R"), "{wrong}");
+        }
+    }
+}
