@@ -74,6 +74,7 @@ fn main() {
         policy: options.config.policy,
         sh_degree: options.config.sh_degree,
         seed: options.config.seed,
+        filter: options.config.filter,
         ..InitOptions::default()
     };
     let input = InitInput {

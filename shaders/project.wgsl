@@ -52,7 +52,7 @@ fn project(
     let per_px = 1.0 / (step.focal_px * w0);
     let sigma_a = cross(e_v, p).xy * per_px / scales.x;
     let sigma_b = cross(p, e_u).xy * per_px / scales.y;
-    let spread = splat_spread(sigma_a, sigma_b);
+    let spread = splat_spread(sigma_a, sigma_b, map_determinant(per_px, scales, p.z));
     let a = sigma_a / spread.u_a;
     let b = (sigma_b - spread.v_a * a) / spread.v_b;
     let opacity = stored_opacity * thinning(spread);

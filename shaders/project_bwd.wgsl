@@ -95,7 +95,7 @@ fn chain_rule(i: u32) {
     // The map in standard deviations is the map in local units over sigma.
     let sigma_a = cross(e_v, p).xy * per_px / scales.x;
     let sigma_b = cross(p, e_u).xy * per_px / scales.y;
-    let spread = splat_spread(sigma_a, sigma_b);
+    let spread = splat_spread(sigma_a, sigma_b, map_determinant(per_px, scales, p.z));
     let by_thinning = sums[FALLOFF] * s.opacity;
     let by_spread = spread_bwd(spread, by_thinning);
     let through = step.filter_px2;

@@ -47,7 +47,7 @@
 @group(0) @binding(8) var<storage, read_write> texel_grad: array<atomic<i32>>; // [T, 3] fixed point
 
 // Quantities that a pixel stores, [quantity, column, row]. The first three are also summed times dx and dy.
-const U = 0u; // by the surfel coordinate along u, over the denominator
+const U = 0u; // by the first coordinate on the surfel, over the denominator
 const V = 1u;
 const D = 2u; // by the denominator
 const FALLOFF = 3u; // by the opacity

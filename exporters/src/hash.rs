@@ -1,16 +1,17 @@
 //! A content hash: equal for assets that render identically.
 
-use crate::SplatAsset;
+use crate::{Filter, SplatAsset};
 use std::hash::Hasher as _;
 use twox_hash::XxHash3_64;
 
 impl SplatAsset {
-    /// xxh3-64 of everything that renders depend on, little-endian: SH degree and number of splats (u32 each), near plane,
-    /// positions, rotations, scales, opacities, SH, rows and columns (u16) and texel size of each map, texels.
+    /// xxh3-64 of everything that renders depend on, little-endian: SH degree, number of splats and filter (u32 each; 0:
+    /// none, 1: ewa), near plane, positions, rotations, scales, opacities, SH, rows and columns (u16) and texel size of each map, texels.
     pub fn hash(&self) -> u64 {
         let mut hasher = XxHash3_64::new();
         hasher.write(&self.sh_degree.to_le_bytes());
         hasher.write(&(self.num_splats() as u32).to_le_bytes());
+        hasher.write(&u32::from(self.filter == Filter::Ewa).to_le_bytes());
         let floats = |hasher: &mut XxHash3_64, values: &[f32]| {
             // In pieces, to avoid a copy of the whole array.
             for piece in values.chunks(4096) {
@@ -46,7 +47,8 @@ mod tests {
         titled.cameras.clear();
         assert_eq!(titled.hash(), asset.hash());
         type Change = fn(&mut crate::SplatAsset);
-        let changes: [Change; 8] = [
+        let changes: [Change; 9] = [
+            |a| a.filter = crate::Filter::Ewa,
             |a| a.positions[8][2] += 1e-6,
             |a| a.rotations[0][3] *= -1.0,
             |a| a.scales[4][1] *= 1.0 + 1e-6,

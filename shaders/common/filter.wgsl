@@ -8,14 +8,19 @@ struct Spread {
     v_b: f32,
 }
 
-// From the map from pixels to standard deviations at the projected centre, by rows.
-fn splat_spread(a: vec2f, b: vec2f) -> Spread {
+// From the map from pixels to standard deviations at the projected centre, by rows, and its determinant, which would lose
+// digits if computed from them where the splat is seen edge-on.
+fn splat_spread(a: vec2f, b: vec2f, determinant: f32) -> Spread {
     let along_a = step.filter_px2 * dot(a, a);
-    let area = step.filter_px2 * (a.x * b.y - a.y * b.x);
-    // No difference of large numbers, whatever the angle.
-    let determinant = 1.0 + along_a + step.filter_px2 * dot(b, b) + area * area;
+    let area = step.filter_px2 * determinant;
+    let squared = 1.0 + along_a + step.filter_px2 * dot(b, b) + area * area;
     let u_a = sqrt(1.0 + along_a);
-    return Spread(u_a, step.filter_px2 * dot(a, b) / u_a, sqrt(determinant) / u_a);
+    return Spread(u_a, step.filter_px2 * dot(a, b) / u_a, sqrt(squared) / u_a);
+}
+
+// That determinant.
+fn map_determinant(per_px: vec2f, scales: vec2f, depth: f32) -> f32 {
+    return per_px.x / scales.x * (depth / (step.focal_px.y * scales.y)) * depth;
 }
 
 // How much of the opacity is left: the filter thins what it widens.

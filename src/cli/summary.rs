@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use std::path::Path;
 
 /// Identifier and version of the schema.
-pub const SCHEMA: &str = "litetex-summary/2";
+pub const SCHEMA: &str = "litetex-summary/3";
 /// Largest file that is read; it has a few numbers per view and evaluation.
 pub const FILE_BYTES_MAX: u64 = 1 << 30;
 /// Why LPIPS is null.
@@ -141,8 +141,8 @@ pub struct Size {
     pub params: usize,
     /// 59 per splat and 3 per texel, the count of the paper's tables.
     pub params_published: usize,
-    /// Sizes of files of the scene.
-    pub disk: DiskBytes,
+    /// Sizes of files of the scene; `None` after an interruption.
+    pub disk: Option<DiskBytes>,
 }
 
 /// Sizes of `.ltgs` files of the scene without cameras, at the standard quantisation steps of the quality: `export` looks

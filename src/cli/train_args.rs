@@ -91,7 +91,7 @@ pub struct TrainingArgs {
     /// Largest number of texels
     #[arg(long, value_name = "N", value_parser = parse_count, help_heading = "Budget")]
     pub max_texels: Option<usize>,
-    /// Largest number of parameters, such as 500k or 5M: at SH degree 3 58 per splat, 1 per texture map, 3 per texel
+    /// Largest number of parameters, such as 500k or 5M: 58 per splat at SH degree 3, 1 per texture map, 3 per texel
     #[arg(long, value_name = "N", value_parser = parse_count, help_heading = "Budget")]
     pub budget_params: Option<usize>,
     /// Initialise from at most this many points, chosen at random

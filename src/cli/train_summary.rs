@@ -34,7 +34,7 @@ pub struct Outcome<'a> {
 }
 
 impl Outcome<'_> {
-    /// The summary; measures the speed of rendering, unless the run was interrupted. `total_wall_secs` is left at 0
+    /// The summary; measures the speed of rendering and the sizes of files, unless the run was interrupted. `total_wall_secs` is left at 0
     /// for the caller, who began earlier.
     ///
     /// # Errors
@@ -46,7 +46,11 @@ impl Outcome<'_> {
             StopReason::Consumer => None,
             _ => measure_fps(backend, capture, state, train.background)?,
         };
-        let disk = disk_bytes(backend, state)?;
+        let memory_peak_bytes = process_bytes().map(|(_, peak)| peak);
+        let disk = match reason {
+            StopReason::Consumer => None,
+            _ => disk_bytes(backend, state)?,
+        };
         Ok(Summary {
             schema: SCHEMA.to_owned(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -77,7 +81,7 @@ impl Outcome<'_> {
             fps,
             curve: state.history.curve.clone(),
             resumed: self.resumed,
-            memory_peak_bytes: process_bytes().map(|(_, peak)| peak),
+            memory_peak_bytes,
             warnings: self.warnings,
             time: Times {
                 train_wall_secs: state.history.train_wall_secs,
@@ -90,19 +94,17 @@ impl Outcome<'_> {
     }
 }
 
-/// Sizes of the scene's files.
-fn disk_bytes(backend: &mut dyn Backend, state: &TrainState) -> Result<DiskBytes> {
+/// Sizes of the scene's files; `None` for a scene that no file can hold.
+fn disk_bytes(backend: &mut dyn Backend, state: &TrainState) -> Result<Option<DiskBytes>> {
     let model = (&state.model, &state.adam);
     let provenance = Provenance::default();
     let asset = bake_checkpoint(backend, model, Vec::new(), [0.0; 3], provenance, &mut Report::default())?;
-    let bytes = |quality| -> Result<usize> {
-        Ok(encode(&asset, &LtgsOptions { quality, steps: None, exponents: &[] })?.len())
+    let bytes = |quality| {
+        let file = encode(&asset, &LtgsOptions { quality, steps: None, exponents: &[] });
+        file.ok().map(|file| file.len())
     };
-    // A scene without splats has no file.
-    if asset.num_splats() == 0 {
-        return Ok(DiskBytes::default());
-    }
-    Ok(DiskBytes { ltgs_balanced: bytes(AssetQuality::Balanced)?, ltgs_tiny: bytes(AssetQuality::Tiny)? })
+    let both = bytes(AssetQuality::Balanced).zip(bytes(AssetQuality::Tiny));
+    Ok(both.map(|(ltgs_balanced, ltgs_tiny)| DiskBytes { ltgs_balanced, ltgs_tiny }))
 }
 
 fn capture_figures(capture: &Capture) -> CaptureFigures {
@@ -175,11 +177,10 @@ pub fn print(s: &Summary) -> std::io::Result<()> {
     table.row("splats", format_count(s.size.splats as u64));
     table.row("texels", format_count(s.size.texels as u64));
     table.row("parameters", format_count(s.size.params as u64));
-    let disk = &s.size.disk;
-    table.row(
-        ".ltgs file (balanced / tiny)",
-        format!("{} / {}", format_bytes(disk.ltgs_balanced as u64), format_bytes(disk.ltgs_tiny as u64)),
-    );
+    if let Some(disk) = &s.size.disk {
+        let [balanced, tiny] = [disk.ltgs_balanced, disk.ltgs_tiny].map(|bytes| format_bytes(bytes as u64));
+        table.row(".ltgs file (balanced / tiny)", format!("{balanced} / {tiny}"));
+    }
     table.row(
         "training time (wall / CPU)",
         format!("{} / {}", format_duration(s.time.train_wall_secs), format_duration(s.time.train_cpu_secs)),

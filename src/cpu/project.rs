@@ -53,14 +53,14 @@ pub(super) struct Spread {
 }
 
 impl Spread {
-    /// From the map from pixels to standard deviations at the centre, by rows.
-    fn new(a: [f32; 2], b: [f32; 2], filter_px2: f32) -> Self {
+    /// From the map from pixels to standard deviations at the centre, by rows, and its determinant, which would lose
+    /// digits if computed from them where the splat is seen edge-on.
+    fn new(a: [f32; 2], b: [f32; 2], determinant: f32, filter_px2: f32) -> Self {
         let along = |x: [f32; 2], y: [f32; 2]| filter_px2 * (x[0] * y[0] + x[1] * y[1]);
         let u_a = (1.0 + along(a, a)).sqrt();
-        let area = filter_px2 * (a[0] * b[1] - a[1] * b[0]);
-        // No difference of large numbers, whatever the angle.
-        let determinant = 1.0 + along(a, a) + along(b, b) + area * area;
-        Self { u_a, v_a: along(a, b) / u_a, v_b: determinant.sqrt() / u_a }
+        let area = filter_px2 * determinant;
+        let squared = 1.0 + along(a, a) + along(b, b) + area * area;
+        Self { u_a, v_a: along(a, b) / u_a, v_b: squared.sqrt() / u_a }
     }
 
     /// How much of the opacity is left: the filter thins what it widens.
@@ -120,8 +120,13 @@ fn project(model: &Model, i: usize, view: &ViewF32) -> Option<ProjectedSplat> {
     if ![a, b, g, centre_px].iter().flatten().all(|v| v.is_finite()) {
         return None;
     }
-    let spread = Spread::new(a, b, view.filter_px2);
+    let determinant = per_px[0] / scales[0] * (p[2] / (view.focal_px[1] * scales[1])) * p[2];
+    let spread = Spread::new(a, b, determinant, view.filter_px2);
     let opacity = stored_opacity * spread.thinning();
+    // Also if it is not a number, which huge entries of the map make it.
+    if opacity.is_nan() || opacity < ALPHA_MIN as f32 {
+        return None;
+    }
     let a = a.map(|v| v / spread.u_a);
     let b = [0, 1].map(|k| (b[k] - spread.v_a * a[k]) / spread.v_b);
     let half_u = [0, 1, 2].map(|k| spread.u_a * scales[0] * e_u[k] + spread.v_a * scales[1] * e_v[k]);

@@ -215,8 +215,10 @@ fn texel_window(splat: &ProjectedSplat, origin_px: [i32; 2]) -> TexelWindow {
         }
         let along = |numerator: [f32; 2]| (numerator[0] * dx + numerator[1] * dy) / denominator;
         let (a, b, texels) = (along(splat.a), along(splat.b), &map.texels_per_sigma);
-        for (k, sigmas) in [texels.u_a * a, texels.v_a * a + texels.v_b * b].into_iter().enumerate() {
-            let texel = sigmas + map.origin[k];
+        for (k, texels_from_centre) in
+            [texels.u_a * a, texels.v_a * a + texels.v_b * b].into_iter().enumerate()
+        {
+            let texel = texels_from_centre + map.origin[k];
             low[k] = low[k].min(texel);
             high[k] = high[k].max(texel);
         }

@@ -25,7 +25,7 @@ pub struct Projected {
     pub scales: [f64; 2],
     /// Covariance of the falloff in standard deviations along u and v: the identity, plus the low-pass filter.
     pub spread: DMat2,
-    /// Opacity, 0 to 1, less what the filter spreads.
+    /// Opacity after the filter, 0 to 1.
     pub opacity: f64,
     /// Opacity before the filter.
     pub stored_opacity: f64,
@@ -40,7 +40,7 @@ pub struct Projected {
 }
 
 impl Projected {
-    /// Columns of the map from pixels to standard deviations along u and v, at the projected centre.
+    /// The map from pixels to standard deviations along u and v, at the projected centre.
     pub(super) fn sigma_from_px(&self) -> DMat2 {
         DMat2::from_cols(self.a / self.scales[0], self.b / self.scales[1]).transpose()
     }

@@ -6,7 +6,7 @@ use litetex_gs::backend::{
     WindowStatistics,
 };
 use litetex_gs::constants::ADAM_BETA1;
-use litetex_gs::model::{AdamState, SplatArrays, SplatGroup};
+use litetex_gs::model::{AdamState, Filter, SplatArrays, SplatGroup};
 use litetex_gs::reference::{
     AlphaCutoff, ColourGradient, Gradients, Params, Settings, adam_skipped, gradients, map_rate,
 };
@@ -123,7 +123,8 @@ pub fn scenes() -> Vec<SceneOptions> {
     // Translucent and small, so that most splats receive a gradient.
     let base = SceneOptions { scales: (0.01, 0.1), opacities: (0.02, 0.6), ..SceneOptions::default() };
     let opaque = SceneOptions { opacities: (0.3, 0.9999), seed: 5, ..base.clone() };
-    let coarse = SceneOptions { sh_degree: 0, seed: 2, map_sizes: vec![(4, 4)], ..base.clone() };
+    let coarse =
+        SceneOptions { sh_degree: 0, seed: 2, filter: Filter::None, map_sizes: vec![(4, 4)], ..base.clone() };
     let fine =
         SceneOptions { sh_degree: 1, seed: 3, map_sizes: vec![(33, 7), (2, 2), (5, 64)], ..base.clone() };
     let near =

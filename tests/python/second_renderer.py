@@ -315,7 +315,7 @@ class Splat:
     p: np.ndarray
     axes: np.ndarray  # columns e_u, e_v, n
     sigma: np.ndarray
-    spread: np.ndarray  # C of section 6
+    spread: np.ndarray  # V of section 6
     opacity: float  # o' of section 6
     base: np.ndarray
     texels: np.ndarray  # with a border of one texel; None without a map
@@ -323,7 +323,7 @@ class Splat:
 
 
 def filtered(p, axes, sigma, opacity, pinhole, scene):
-    """C and o' (section 6)."""
+    """V and o' (section 6)."""
     if scene.meta["filter"] == "none":
         return np.eye(2), opacity
     assert scene.meta["filter"] == "ewa", scene.meta["filter"]
@@ -336,7 +336,7 @@ def filtered(p, axes, sigma, opacity, pinhole, scene):
 
 
 def pixel_box(splat, pinhole, near):
-    """Pixel bounds (x0, x1, y0, y1) outside which o G < 1/255: the projected bounding rectangle of the support."""
+    """Pixel bounds (x0, x1, y0, y1) outside which o' G < 1/255: the projected bounding rectangle of the support."""
     width, height = pinhole.size
     reach = np.sqrt(2 * np.log(max(255 * splat.opacity, 1.0))) * 1.001
     reach = reach * np.sqrt(np.diag(splat.spread))
@@ -402,7 +402,7 @@ def draw(splat, pinhole, near, rules, light, clear, live):
 
 
 def drawn_splats(scene, pinhole, rules):
-    """Yields the splats that pass step 1 of section 6, front to back, with their base colours (section 5)."""
+    """Yields the splats that step 1 of section 6 does not skip, front to back, with their base colours (section 5)."""
     p = scene.positions @ pinhole.rotation.T + pinhole.translation
     axes = pinhole.rotation @ rotation_matrices(scene.rotations)
     eye = -pinhole.rotation.T @ pinhole.translation

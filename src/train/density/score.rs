@@ -3,8 +3,9 @@
 use super::settings::ErrorMeasure;
 use crate::backend::WindowStatistics;
 
-/// Error at or below which a splat is never a candidate (CAT).
-const ERROR_MIN: f64 = 1e-6;
+/// Share of the mean error at or below which a splat is never a candidate. Relative, because the mass of a splat falls with
+/// their number: CAT's 1e-6 would stop growth beyond some 50,000 splats.
+const ERROR_SHARE_MIN: f64 = 0.01;
 
 /// Statistics of each splat, scaled as if each training view had been counted once.
 pub struct Scores {
@@ -43,6 +44,7 @@ impl Scores {
                     ErrorMeasure::Mean => mass / (contribution + 1e-8),
                     // The mean over the views that see the splat.
                     ErrorMeasure::Mass => mass / (f64::from(seen) * scale),
+                    ErrorMeasure::Total => mass,
                 }
             })
             .collect();
@@ -60,9 +62,10 @@ impl Scores {
         if errors.is_empty() {
             return vec![false; self.error.len()];
         }
+        let least = ERROR_SHARE_MIN * errors.iter().sum::<f64>() / errors.len() as f64;
         let at = (quantile * (errors.len() - 1) as f64).floor() as usize;
         let (_, &mut threshold, _) = errors.select_nth_unstable_by(at, f64::total_cmp);
-        self.error.iter().map(|&e| e > threshold.max(ERROR_MIN)).collect()
+        self.error.iter().map(|&e| e > threshold.max(least)).collect()
     }
 }
 
@@ -98,6 +101,23 @@ mod tests {
     }
 
     #[test]
+    fn small_errors_of_many_splats_count_and_negligible_ones_do_not() {
+        // Nine splats in ten carry a millionth of the others' error.
+        let errors = |scale: f32| {
+            statistics(
+                (0..100)
+                    .map(|i| scale * if i < 90 { 1e-6 + 1e-9 * i as f32 } else { 1.0 + i as f32 })
+                    .collect(),
+            )
+        };
+        for scale in [1e-9, 1.0] {
+            let scores = Scores::new(&errors(scale), 4, ErrorMeasure::Mass, 5e-6);
+            let high = scores.high_error(0.5).iter().filter(|is_high| **is_high).count();
+            assert_eq!(high, 10, "at {scale}");
+        }
+    }
+
+    #[test]
     fn a_window_of_half_the_views_counts_double_and_the_mean_error_ignores_size() {
         let mut window = statistics(vec![0.05, 0.1]);
         window.contribution = vec![0.1, 0.2];
@@ -106,6 +126,9 @@ mod tests {
         assert!((mean.error[0] - mean.error[1]).abs() < 1e-6);
         let mass = Scores::new(&window, 4, ErrorMeasure::Mass, 0.0);
         assert!((mass.error[1] / mass.error[0] - 2.0).abs() < 1e-6, "twice the size, twice the mass");
+        window.seen = vec![1, 2];
+        let total = Scores::new(&window, 4, ErrorMeasure::Total, 0.0);
+        assert!((total.error[1] / total.error[0] - 2.0).abs() < 1e-6, "whatever the number of views");
         let hidden = Scores::new(&window, 4, ErrorMeasure::Mean, 0.3);
         assert_eq!(hidden.error[0], 0.0, "a splat that contributes too little has no error");
         assert!(hidden.error[1] > 0.0);

@@ -58,6 +58,8 @@ pub enum ErrorMeasure {
     Mean,
     /// Loss that the splat carries in a view; larger for larger splats.
     Mass,
+    /// Loss that the splat carries in all views.
+    Total,
 }
 
 /// What happens to the moments of a refined map (method 6.7).
