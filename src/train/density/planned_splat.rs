@@ -41,7 +41,7 @@ impl PlannedSplat {
 /// Size of the planned model.
 pub fn size_of<'a>(planned_splats: impl Iterator<Item = &'a PlannedSplat>, sh_degree: u32) -> ModelSize {
     let empty = ModelSize { sh_degree, ..ModelSize::default() };
-    planned_splats.fold(empty, |size, planned| with(size, planned))
+    planned_splats.fold(empty, with)
 }
 
 /// The size with one more splat.
