@@ -166,7 +166,7 @@ fn pixel_bwd(replay: ptr<function, Replay>, s: Projected, index: u32, pixel: vec
             dot(by_colour, (1.0 - f.y) * (values[2] - values[0]) + f.y * (values[3] - values[1])),
             dot(by_colour, (1.0 - f.x) * (values[1] - values[0]) + f.x * (values[3] - values[2])),
         );
-        let t = s.texels_per_sigma;
+        let t = s.texels_per_coordinate;
         let by_texture = vec2f(by_coordinate.x * t.x + by_coordinate.y * t.y, by_coordinate.y * t.z);
         by_hit = (by_texture - by_falloff * s.opacity * plane) * hit.per_denominator;
 #if SCATTER

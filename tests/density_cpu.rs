@@ -210,10 +210,16 @@ fn no_budget_is_ever_exceeded() {
     for budget in budgets {
         let config = TrainConfig { budget, ..growing.clone() };
         // Each is its own maximum over the run.
-        let [splats, texels, params] = run(&config, start(Policy::Litetex), 2).largest;
+        let record = run(&config, start(Policy::Litetex), 2);
+        let [splats, texels, params] = record.largest;
+        let held = record.saved.iter().chain([&record.last]).map(|state| state.model.num_params()).max();
         assert!(budget.max_splats.is_none_or(|most| splats <= most), "{budget:?}: {splats} splats");
         assert!(budget.max_texels.is_none_or(|most| texels <= most), "{budget:?}: {texels} texels");
         assert!(budget.max_params.is_none_or(|most| params <= most), "{budget:?}: {params} parameters");
+        assert!(
+            budget.max_params.is_none_or(|most| held.is_some_and(|held| held <= most)),
+            "{budget:?}: {held:?}"
+        );
     }
 }
 

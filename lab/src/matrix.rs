@@ -17,8 +17,8 @@ const DEFAULT_NAME: &str = "default";
 
 /// What a matrix must know of the command that its cells run.
 pub trait TrainCommand {
-    /// Whether a variant of this name without arguments means the policy of that name.
-    fn is_policy(&self, name: &str) -> bool;
+    /// The flag of `train` that takes a bare variant's name: `--policy` or `--profile`.
+    fn flag_of(&self, name: &str) -> Option<&'static str>;
 
     /// Seed of a matrix that lists none.
     fn default_seed(&self) -> u64;
@@ -231,8 +231,8 @@ impl Matrix {
         }
         // "fixed:4" is meant as the policy, not as the default settings under this name.
         for variant in matrix.variants.iter_mut().filter(|v| v.args.is_empty()) {
-            if command.is_policy(&variant.name) {
-                variant.args = ["--policy", &variant.name].map(ToOwned::to_owned).into();
+            if let Some(flag) = command.flag_of(&variant.name) {
+                variant.args = [flag, &variant.name].map(ToOwned::to_owned).into();
             }
         }
         for settings in [&mut matrix.variants, &mut matrix.budgets] {
@@ -388,8 +388,8 @@ mod tests {
     struct Command;
 
     impl TrainCommand for Command {
-        fn is_policy(&self, name: &str) -> bool {
-            ["plain", "fixed:4"].contains(&name)
+        fn flag_of(&self, name: &str) -> Option<&'static str> {
+            ["plain", "fixed:4"].contains(&name).then_some("--policy")
         }
 
         fn default_seed(&self) -> u64 {

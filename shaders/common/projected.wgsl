@@ -12,7 +12,7 @@ struct Projected {
     // After the filter.
     opacity: f32,
     // Texels along u per x; along v per x and per y.
-    texels_per_sigma: vec3f,
+    texels_per_coordinate: vec3f,
     near_over_depth: f32,
     // rows | cols << 16
     map_size: u32,
@@ -24,7 +24,7 @@ struct Projected {
 
 // Texels along u and v from the centre.
 fn in_texels(s: Projected, plane: vec2f) -> vec2f {
-    let t = s.texels_per_sigma;
+    let t = s.texels_per_coordinate;
     return vec2f(t.x * plane.x, t.y * plane.x + t.z * plane.y);
 }
 

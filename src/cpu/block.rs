@@ -164,7 +164,7 @@ pub(super) fn block_taps<S: Simd>(
     mask: LaneMask<S>,
 ) -> BlockTaps<S> {
     let c = |v: f32| Lanes::splat(simd, v);
-    let texels = &map.texels_per_sigma;
+    let texels = &map.texels_per_coordinate;
     let u = hit.a.mul_add(c(texels.u_a), c(map.origin[0]));
     let v = hit.b.mul_add(c(texels.v_b), hit.a.mul_add(c(texels.v_a), c(map.origin[1])));
     let far = c(1e9);

@@ -77,7 +77,7 @@ pub(super) struct MapView {
     /// First float of the map's activated texels in the view's pool, `[rows, cols, 3]`.
     pub first: u32,
     /// Texels along u and v per standard deviation, times the spread.
-    pub texels_per_sigma: Spread,
+    pub texels_per_coordinate: Spread,
     /// Texture coordinate of the surfel's centre.
     pub origin: [f32; 2],
 }
@@ -154,7 +154,7 @@ fn project(model: &Model, i: usize, view: &ViewF32) -> Option<ProjectedSplat> {
             cols: i32::from(map.cols),
             first: 0,
             // An empty map may have a texel size of zero.
-            texels_per_sigma: {
+            texels_per_coordinate: {
                 let [u, v] = scales.map(|s| if map.rows == 0 { 0.0 } else { s / map.texel_size });
                 Spread { u_a: u * spread.u_a, v_a: v * spread.v_a, v_b: v * spread.v_b }
             },

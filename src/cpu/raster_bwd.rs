@@ -272,7 +272,7 @@ fn block_bwd<S: Simd, const STATS: bool>(
         (by_u, by_v) = texture_bwd(simd, &splat.map, map_texels, &taps, &by_colour, window, lanes);
     }
     let per = hit.per_denominator;
-    let texels = &splat.map.texels_per_sigma;
+    let texels = &splat.map.texels_per_coordinate;
     let u = (by_u * texels.u_a + by_v * texels.v_a - by_a) * per;
     let v = (by_v * texels.v_b - by_b) * per;
     let d = by_m * (in_tile.near / splat.depth) - u.mul_add(a, v * b);

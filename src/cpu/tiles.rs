@@ -214,7 +214,7 @@ fn texel_window(splat: &ProjectedSplat, origin_px: [i32; 2]) -> TexelWindow {
             return whole;
         }
         let along = |numerator: [f32; 2]| (numerator[0] * dx + numerator[1] * dy) / denominator;
-        let (a, b, texels) = (along(splat.a), along(splat.b), &map.texels_per_sigma);
+        let (a, b, texels) = (along(splat.a), along(splat.b), &map.texels_per_coordinate);
         for (k, texels_from_centre) in
             [texels.u_a * a, texels.v_a * a + texels.v_b * b].into_iter().enumerate()
         {

@@ -109,7 +109,7 @@ pub struct StepUniform {
     /// Variance of the low-pass filter; 0: none.
     pub filter_px2: f32,
     /// Pads to a multiple of 16 bytes.
-    pub pad1: u32,
+    pub pad0: u32,
 }
 
 /// Flushed parameters are stored: a training step, not an image.

@@ -170,6 +170,7 @@ impl Schedule {
 
 #[cfg(test)]
 mod tests {
+    use super::super::policy::Policy;
     use super::*;
 
     #[test]
@@ -194,6 +195,11 @@ mod tests {
         assert!((quicker - 4.0).abs() < 1e-5, "{quicker}");
         assert_eq!((short.sh_interval, short.texture_start, short.density_interval), (10, 10, 43));
         assert_eq!(short.inactive(&shorter), Vec::<String>::new());
+        // An epoch of few views does not bring more steps of density control; `plain` keeps its own bound.
+        let interval = |config: &TrainConfig, views| Schedule::new(config, views).density_interval;
+        let of = |policy| TrainConfig { steps: 1_000, policy, ..config.clone() };
+        assert_eq!([3, 35, 43, 300].map(|views| interval(&of(Policy::Litetex), views)), [33, 35, 43, 50]);
+        assert_eq!([3, 300].map(|views| interval(&of(Policy::Plain), views)), [3, 25]);
         let tiny = TrainConfig { steps: 60, ..config.clone() };
         let inactive = Schedule::new(&tiny, 43).inactive(&tiny);
         assert!(inactive.len() == 2 && inactive[0].starts_with("growth"), "{inactive:?}");

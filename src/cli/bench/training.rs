@@ -2,9 +2,10 @@
 
 use crate::cli::common_args::CommonArgs;
 use crate::cli::eval::EvalArgs;
+use crate::cli::profile::Profile;
 use crate::cli::sample::SampleArgs;
 use crate::cli::train_args::TrainArgs;
-use clap::Parser;
+use clap::{Parser, ValueEnum as _};
 use litetex_gs::sample::SampleOptions;
 use litetex_gs::train::{Policy, TrainConfig};
 use litetex_lab::matrix::TrainCommand;
@@ -14,9 +15,11 @@ use std::path::PathBuf;
 pub struct Training;
 
 impl TrainCommand for Training {
-    fn is_policy(&self, name: &str) -> bool {
-        // `cat` alone is no policy: it is part of the profile of that name.
-        name.parse().is_ok_and(|policy: Policy| policy != Policy::Cat)
+    fn flag_of(&self, name: &str) -> Option<&'static str> {
+        // The policy `cat` is part of the profile of that name.
+        let is_profile = Profile::from_str(name, false).is_ok_and(|profile| profile != Profile::Default);
+        let is_policy = name.parse::<Policy>().is_ok();
+        if is_profile { Some("--profile") } else { is_policy.then_some("--policy") }
     }
 
     fn default_seed(&self) -> u64 {
@@ -134,10 +137,15 @@ mod tests {
     }
 
     #[test]
-    fn policies_are_known_by_name() {
+    fn policies_and_profiles_are_known_by_name() {
         for name in ["litetex", "plain", "none", "fixed:4"] {
-            assert!(Training.is_policy(name), "{name}");
+            assert_eq!(Training.flag_of(name), Some("--policy"), "{name}");
         }
-        assert!(!Training.is_policy("cat") && !Training.is_policy("fixed:1") && !Training.is_policy("Plain"));
+        for name in ["paper", "cat", "fast"] {
+            assert_eq!(Training.flag_of(name), Some("--profile"), "{name}");
+        }
+        for name in ["default", "fixed:1", "Plain", "no growth"] {
+            assert_eq!(Training.flag_of(name), None, "{name}");
+        }
     }
 }

@@ -108,7 +108,7 @@ pub(super) fn mirrors() -> Vec<Mirror> {
                 last_rate_texel_growth,
                 last_rate_texel_growth_limit,
                 filter_px2,
-                pad1,
+                pad0,
             }
         ),
         mirror!("SortPass", SortPass { shift, counts_pairs, identity_values, pad }),
