@@ -112,9 +112,9 @@ pub fn agree(scene: &RandomScene, got: &Observed, expected: &Gradients, texel_rm
     println!("{a:?}\n{b:?}");
     let close = |a: f64, b: f64, limit: f64| (a - b).abs() <= limit * b.abs();
     ok &= close(a.l1, b.l1, 1e-6) && close(a.dssim, b.dssim, 1e-6) && close(a.mse, b.mse, 1e-6);
-    let off = (a.distortion - b.distortion).abs() / b.distortion;
-    println!("distortion off by {off:.1e}, {:?}", scene.model.filter);
-    ok &= close(a.distortion, b.distortion, 1e-4) && close(a.normal, b.normal, 1e-4);
+    // The filter widens splats seen nearly edge-on along the ray, where f32 depths are off: needed 3.5e-5, else 4e-8.
+    let distortion_limit = if scene.model.filter == Filter::Ewa { 1e-4 } else { 1e-5 };
+    ok &= close(a.distortion, b.distortion, distortion_limit) && close(a.normal, b.normal, 1e-4);
     // These two are sums over the visible splats, including flipped ones.
     ok & close(a.opacity, b.opacity, 5e-3) & close(a.texture, b.texture, 5e-3)
 }
