@@ -85,6 +85,7 @@ fn project(
     let info = splat_info[i];
     // An empty map may have a texel size of zero.
     let texels = select(scales / info.texel_size, vec2f(0.0), info.map_size == 0u);
+    let per_coordinate = vec3f(texels.x * spread.u_a, texels.y * spread.v_a, texels.y * spread.v_b);
     projected[i] = Projected(
         centre_px,
         a,
@@ -92,12 +93,13 @@ fn project(
         g,
         base_colour(i, position, info.last_step),
         opacity,
-        vec3f(texels.x * spread.u_a, texels.y * spread.v_a, texels.y * spread.v_b),
+        per_coordinate,
         step.near / p.z,
         info.map_size,
         info.map_offset_texels,
         footprint.box_min,
         footprint.box_max,
+        map_footprint(a, b, per_coordinate),
     );
 #if GEOMETRY
     normals[i] = vec4f(select(n, -n, p_n > 0.0), 0.0);

@@ -134,14 +134,13 @@ fn pixel_bwd(replay: ptr<function, Replay>, s: Projected, index: u32, pixel: vec
         before = (*replay).transmittance * per_rest;
         weight = alpha * before;
         let taps = texture_taps(s, hit.plane);
-        var values = array<vec3f, 4>();
+        var texture = Residual(vec3f(0.0), vec3f(0.0), vec3f(0.0));
         if taps.inside {
-            values = tap_values(s, taps);
+            texture = residual(s, taps);
             // Otherwise it stays far from every texel.
             coordinate = taps.coordinate;
         }
-        let f = taps.fraction;
-        let colour = max(s.rgb, vec3f(0.0)) + residual(values, f);
+        let colour = max(s.rgb, vec3f(0.0)) + texture.value;
         let by_rgb = (*replay).by_rgb;
 #if GEOMETRY
         let m = s.near_over_depth * hit.denominator;
@@ -161,11 +160,7 @@ fn pixel_bwd(replay: ptr<function, Replay>, s: Projected, index: u32, pixel: vec
         by_colour = select(vec3f(0.0), by_rgb * weight, passes);
         by_falloff = select(0.0, by_alpha * hit.falloff, hit.raw_alpha <= ALPHA_MAX);
         plane = hit.plane;
-        // Zero where there are no taps.
-        let by_coordinate = vec2f(
-            dot(by_colour, (1.0 - f.y) * (values[2] - values[0]) + f.y * (values[3] - values[1])),
-            dot(by_colour, (1.0 - f.x) * (values[1] - values[0]) + f.x * (values[3] - values[2])),
-        );
+        let by_coordinate = vec2f(dot(by_colour, texture.by_u), dot(by_colour, texture.by_v));
         let t = s.texels_per_coordinate;
         let by_texture = vec2f(by_coordinate.x * t.x + by_coordinate.y * t.y, by_coordinate.y * t.z);
         by_hit = (by_texture - by_falloff * s.opacity * plane) * hit.per_denominator;
@@ -292,7 +287,7 @@ fn raster_bwd(
         }
 #endif
         if num_blocks > 0u && from_last < BLOCK_TEXELS * TEXEL_PARTS {
-            gather_row(first, from_last / TEXEL_PARTS, from_last % TEXEL_PARTS, low, high);
+            gather_row(s, first, from_last / TEXEL_PARTS, from_last % TEXEL_PARTS, low, high);
         }
         workgroupBarrier();
         if lane < NUM_CHANNELS {

@@ -73,7 +73,7 @@ fn blend(state: ptr<function, Pixel>, s: Projected, index: u32, pixel: vec2u) {
     var colour = max(s.rgb, vec3f(0.0));
     let taps = texture_taps(s, hit.plane);
     if taps.inside {
-        colour = max(colour + residual(tap_values(s, taps), taps.fraction), vec3f(0.0));
+        colour = max(colour + residual(s, taps).value, vec3f(0.0));
     }
     (*state).rgb += colour * (alpha * before);
 #if GEOMETRY

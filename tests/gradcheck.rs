@@ -8,7 +8,7 @@ use glam::{DMat3, DQuat, DVec2, DVec3};
 use litetex_gs::backend::{ColourMap, LossWeights};
 use litetex_gs::model::{Filter, SplatGroup};
 use litetex_gs::reference::{
-    AlphaCutoff, ColourGradient, Params, Settings, gradients, gradients_at, hit, project,
+    AlphaCutoff, ColourGradient, Constants, Params, Settings, gradients, gradients_at, hit, project,
 };
 use litetex_gs::selftest::{RandomScene, SceneOptions, random_scene};
 
@@ -88,14 +88,26 @@ impl GradientErrors {
     }
 }
 
+/// The footprints of the splats, and one normal of the depth map per pixel.
+fn constants(scene: &RandomScene, settings: &Settings, normal: impl Fn(usize) -> DVec3) -> Constants {
+    let params = Params::from_model(&scene.model);
+    let footprint = |i: usize| {
+        project(&params, i, &scene.camera, settings).map_or([1.0; 2], |projected| projected.footprint_texels)
+    };
+    Constants {
+        normals: (0..scene.camera.pinhole.num_pixels()).map(normal).collect(),
+        footprints_texels: (0..params.len()).map(footprint).collect(),
+    }
+}
+
 /// Compares all kinds; the analytic derivatives of kind `perturbed` are changed by a thousandth.
 fn check(scene: &RandomScene, settings: &Settings, perturbed: Option<usize>) -> Vec<GradientErrors> {
     let params = Params::from_model(&scene.model);
     // The depth map's normals are constants in the derivative; here they are made up and different everywhere.
     let normal =
         |i: usize| DVec3::new(0.5 * (i as f64).sin(), 0.4 * (0.7 * i as f64).cos(), -1.0).normalize();
-    let normals: Vec<DVec3> = (0..scene.camera.pinhole.num_pixels()).map(normal).collect();
-    let fixed = Some(&normals[..]);
+    let constants = constants(scene, settings, normal);
+    let fixed = Some(&constants);
     let base = gradients_at(&params, &scene.camera, &scene.target, &WEIGHTS, settings, fixed);
     assert!(base.loss.distortion > 1e-5 && base.loss.normal > 1e-3, "{:?}", base.loss);
     let loss =
@@ -159,6 +171,24 @@ fn gradients_pass_through_the_low_pass_filter() {
             .count();
         assert!(thinned >= 4, "only {thinned} splats feel the filter");
         assert!(check(&scene, &with, None).iter().all(|o| o.passes(TOLERANCE)), "seed {seed}");
+    }
+}
+
+#[test]
+fn gradients_pass_through_maps_with_several_texels_a_pixel() {
+    for seed in [11, 13] {
+        let mut scene = random_scene(&SceneOptions { num_splats: 20, ..small(1, seed) });
+        for map in &mut scene.model.textures.maps {
+            map.texel_size *= 0.15;
+        }
+        let settings = settings(&scene);
+        let params = Params::from_model(&scene.model);
+        let minified = (0..params.len())
+            .filter_map(|i| project(&params, i, &scene.camera, &settings))
+            .filter(|p| p.footprint_texels.iter().any(|&w| w > 1.5 && w < 8.0))
+            .count();
+        assert!(minified >= 4, "only {minified} maps have several texels a pixel");
+        assert!(check(&scene, &settings, None).iter().all(|o| o.passes(TOLERANCE)), "seed {seed}");
     }
 }
 
@@ -229,10 +259,10 @@ fn gradients_are_correct_for_discs_that_cross_the_near_plane() {
 fn the_geometry_terms_matter_in_these_scenes() {
     let scene = random_scene(&small(1, 0));
     let (params, settings) = (Params::from_model(&scene.model), settings(&scene));
-    let normals = vec![DVec3::new(0.3, -0.2, -0.9).normalize(); scene.camera.pinhole.num_pixels()];
+    let constants = constants(&scene, &settings, |_| DVec3::new(0.3, -0.2, -0.9).normalize());
     for off in [LossWeights { distortion: 0.0, ..WEIGHTS }, LossWeights { normal: 0.0, ..WEIGHTS }] {
         let gradient = |weights: &LossWeights| {
-            gradients_at(&params, &scene.camera, &scene.target, weights, &settings, Some(&normals)).params
+            gradients_at(&params, &scene.camera, &scene.target, weights, &settings, Some(&constants)).params
         };
         let (mut with, mut without) = (gradient(&WEIGHTS), gradient(&off));
         // Without the term, derivatives w.r.t. positions, rotations and opacities change by far more than the tolerance.

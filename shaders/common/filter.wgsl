@@ -27,3 +27,12 @@ fn map_determinant(per_px: vec2f, scales: vec2f, depth: f32) -> f32 {
 fn thinning(spread: Spread) -> f32 {
     return 1.0 / (spread.u_a * spread.v_b);
 }
+
+// Footprint of a pixel on the texture map, from the map from pixels to filtered coordinates and the texels per coordinate.
+fn map_footprint(a: vec2f, b: vec2f, texels: vec3f) -> vec2f {
+    let along_u = texels.x * a;
+    let along_v = texels.y * a + texels.z * b;
+    let squared = 2.0 * vec2f(dot(along_u, along_u), dot(along_v, along_v)) - 1.0;
+    let footprint = min(sqrt(max(squared, vec2f(1.0))), vec2f(FOOTPRINT_TEXELS_MAX));
+    return select(vec2f(1.0), footprint, step.filter_px2 > 0.0);
+}

@@ -33,20 +33,77 @@ fn splat_hit(s: Projected, pixel_px: vec2f) -> Hit {
     return Hit(inside, offset_px, per_denominator, denominator, plane, falloff, raw_alpha);
 }
 
-// Bilinear taps: the first texel, whose row or column may be -1, and the fractions.
+// The texture coordinate of a sample, and the texels that it takes part of; `first` may be outside the map.
 struct Taps {
     inside: bool,
     coordinate: vec2f,
     first: vec2i,
-    fraction: vec2f,
+    past: vec2i,
+    // Distance along rows and columns at which a texel's weight ends.
+    reach: vec2f,
 }
 
 fn texture_taps(s: Projected, plane: vec2f) -> Taps {
     let size = vec2f(f32(map_rows(s.map_size)), f32(map_cols(s.map_size)));
     let coordinate = in_texels(s, plane) + (size - 1.0) * 0.5;
-    let inside = size.x > 0.0 && all(coordinate >= vec2f(-1.0)) && all(coordinate < size);
-    let whole = floor(clamp(coordinate, vec2f(-1.0), size));
-    return Taps(inside, coordinate, vec2i(whole), coordinate - whole);
+    let reach = 0.5 * (s.footprint_texels + 1.0);
+    let inside = size.x > 0.0 && all(coordinate > -reach) && all(coordinate < size - 1.0 + reach);
+    let first = vec2i(ceil(clamp(coordinate - reach, vec2f(-1.0), size)));
+    let past = vec2i(floor(clamp(coordinate + reach, vec2f(-1.0), size))) + 1;
+    return Taps(inside, coordinate, first, past, reach);
+}
+
+fn is_minified(s: Projected) -> bool {
+    return max(s.footprint_texels.x, s.footprint_texels.y) > 1.0;
+}
+
+// A residual and its derivatives with respect to the texture coordinate.
+struct Residual {
+    value: vec3f,
+    by_u: vec3f,
+    by_v: vec3f,
+}
+
+// Residual at the taps. With maps that are not minified: bilinear interpolation.
+fn residual(s: Projected, taps: Taps) -> Residual {
+    if is_minified(s) {
+        return mean_residual(s, taps);
+    }
+    let first = floor(taps.coordinate);
+    let f = taps.coordinate - first;
+    let t00 = tap(s, vec2i(first));
+    let t01 = tap(s, vec2i(first) + vec2i(0, 1));
+    let t10 = tap(s, vec2i(first) + vec2i(1, 0));
+    let t11 = tap(s, vec2i(first) + vec2i(1, 1));
+    let by_u = (1.0 - f.y) * (t10 - t00) + f.y * (t11 - t01);
+    let by_v = (1.0 - f.x) * (t01 - t00) + f.x * (t11 - t10);
+    let upper = t00 * (1.0 - f.y) + t01 * f.y;
+    let lower = t10 * (1.0 - f.y) + t11 * f.y;
+    return Residual(upper * (1.0 - f.x) + lower * f.x, by_u, by_v);
+}
+
+// The mean over a footprint of more than a texel.
+fn mean_residual(s: Projected, taps: Taps) -> Residual {
+    var out = Residual(vec3f(0.0), vec3f(0.0), vec3f(0.0));
+    let per_area = 1.0 / (s.footprint_texels.x * s.footprint_texels.y);
+    for (var i = max(taps.first.x, 0); i < taps.past.x; i += 1) {
+        for (var j = max(taps.first.y, 0); j < taps.past.y; j += 1) {
+            let value = per_area * tap(s, vec2i(i, j));
+            let d = taps.coordinate - vec2f(f32(i), f32(j));
+            let length = overlap(d, taps.reach);
+            let on_edge = length > vec2f(0.0) & abs(d) >= taps.reach - 1.0;
+            let slope = select(vec2f(0.0), -sign(d), on_edge);
+            out.value += length.x * length.y * value;
+            out.by_u += slope.x * length.y * value;
+            out.by_v += length.x * slope.y * value;
+        }
+    }
+    return out;
+}
+
+// Length of a texel within a footprint whose centre is `d` away, along rows and columns.
+fn overlap(d: vec2f, reach: vec2f) -> vec2f {
+    return clamp(reach - abs(d), vec2f(0.0), vec2f(1.0));
 }
 
 // Residual of a texel; zero outside the map.
@@ -57,20 +114,4 @@ fn tap(s: Projected, texel: vec2i) -> vec3f {
         return vec3f(0.0);
     }
     return texel_values[s.map_offset_texels + u32(texel.x * cols + texel.y)].xyz;
-}
-
-// Residuals of the four taps, row by row.
-fn tap_values(s: Projected, taps: Taps) -> array<vec3f, 4> {
-    return array(
-        tap(s, taps.first),
-        tap(s, taps.first + vec2i(0, 1)),
-        tap(s, taps.first + vec2i(1, 0)),
-        tap(s, taps.first + vec2i(1, 1)),
-    );
-}
-
-fn residual(values: array<vec3f, 4>, fraction: vec2f) -> vec3f {
-    let upper = values[0] * (1.0 - fraction.y) + values[1] * fraction.y;
-    let lower = values[2] * (1.0 - fraction.y) + values[3] * fraction.y;
-    return upper * (1.0 - fraction.x) + lower * fraction.x;
 }

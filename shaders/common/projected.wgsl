@@ -20,6 +20,8 @@ struct Projected {
     // First pixel of the box, and one past the last: x | y << 16
     box_min: u32,
     box_max: u32,
+    // Size of the area that a sample takes the mean of the map over, along rows and columns; 1: bilinear interpolation.
+    footprint_texels: vec2f,
 }
 
 // Texels along u and v from the centre.

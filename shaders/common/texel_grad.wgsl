@@ -2,14 +2,18 @@
 // the number of faults, or with COUNT the number of atomics. SCATTER: also defines `scatter`.
 
 #if SCATTER
-// Adds the gradient of a sample to its four taps.
+// Adds the gradient of a sample to its taps.
 fn scatter(s: Projected, taps: Taps, by_colour: vec3f) -> u32 {
-    let f = taps.fraction;
     let units = texel_units(s.box_min, s.box_max);
-    return add_texel(s, units, taps.first, by_colour * ((1.0 - f.x) * (1.0 - f.y)))
-        + add_texel(s, units, taps.first + vec2i(0, 1), by_colour * ((1.0 - f.x) * f.y))
-        + add_texel(s, units, taps.first + vec2i(1, 0), by_colour * (f.x * (1.0 - f.y)))
-        + add_texel(s, units, taps.first + vec2i(1, 1), by_colour * (f.x * f.y));
+    let by_texels = by_colour / (s.footprint_texels.x * s.footprint_texels.y);
+    var faults = 0u;
+    for (var i = max(taps.first.x, 0); i < taps.past.x; i += 1) {
+        for (var j = max(taps.first.y, 0); j < taps.past.y; j += 1) {
+            let length = overlap(taps.coordinate - vec2f(f32(i), f32(j)), taps.reach);
+            faults += add_texel(s, units, vec2i(i, j), by_texels * (length.x * length.y));
+        }
+    }
+    return faults;
 }
 
 fn add_texel(s: Projected, units: f32, texel: vec2i, by_texel: vec3f) -> u32 {

@@ -1,4 +1,4 @@
-// The texels that the bilinear taps of a splat can touch within a tile. The map from pixels to texels is
+// The texels that the taps of a splat can touch within a tile. The map from pixels to texels is
 // projective, so its extremes over a rectangle lie at the corners as long as the denominator is positive there.
 
 struct Window {
@@ -33,7 +33,8 @@ fn texel_window(s: Projected, origin_px: vec2u) -> Window {
     }
     // 0.01 texels of slack for rounding.
     let limit = vec2f(size);
-    let first = clamp(floor(low - 0.01), vec2f(0.0), limit);
-    let past = clamp(floor(high + 0.01) + 2.0, first, limit);
+    let reach = 0.5 * (s.footprint_texels + 1.0) + 0.01;
+    let first = clamp(ceil(low - reach), vec2f(0.0), limit);
+    let past = clamp(floor(high + reach) + 1.0, first, limit);
     return Window(vec2u(first), vec2u(past));
 }

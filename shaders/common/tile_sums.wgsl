@@ -75,17 +75,20 @@ fn geometry_row(s: Projected, row: u32, columns: vec2u, origin_px: vec2u) {
 #endif
 
 // Sums the gradients of a row of four texels of a block over every TEXEL_PARTS-th row of pixels.
-fn gather_row(first: vec2u, texel_row: u32, part: u32, low: vec2u, high: vec2u) {
+fn gather_row(s: Projected, first: vec2u, texel_row: u32, part: u32, low: vec2u, high: vec2u) {
     var red = vec4f(0.0);
     var green = vec4f(0.0);
     var blue = vec4f(0.0);
+    let reach = 0.5 * (s.footprint_texels + 1.0);
+    let per_area = 1.0 / (s.footprint_texels.x * s.footprint_texels.y);
     let u = f32(first.x + texel_row);
     let v = f32(first.y) + vec4f(0.0, 1.0, 2.0, 3.0);
     for (var y = part; y < high.y; y += TEXEL_PARTS) {
         for (var x = select(low.x, high.x, y < low.y); x < high.x; x += 1u) {
             let at = x * PARTS + y;
-            let along_u = max(1.0 - abs(lanes[TEXEL_U * RASTER_GROUP + at] - u), 0.0);
-            let w = along_u * max(1.0 - abs(lanes[TEXEL_V * RASTER_GROUP + at] - v), vec4f(0.0));
+            let along_u = clamp(reach.x - abs(lanes[TEXEL_U * RASTER_GROUP + at] - u), 0.0, 1.0);
+            let to_v = reach.y - abs(lanes[TEXEL_V * RASTER_GROUP + at] - v);
+            let w = along_u * clamp(to_v, vec4f(0.0), vec4f(1.0));
             red += w * lanes[RED * RASTER_GROUP + at];
             green += w * lanes[(RED + 1u) * RASTER_GROUP + at];
             blue += w * lanes[(RED + 2u) * RASTER_GROUP + at];
@@ -93,8 +96,8 @@ fn gather_row(first: vec2u, texel_row: u32, part: u32, low: vec2u, high: vec2u) 
     }
     for (var k = 0u; k < BLOCK_TEXELS; k += 1u) {
         let at = (texel_row * BLOCK_TEXELS + k) * 3u * TEXEL_PARTS + part;
-        texel_parts[at] = red[k];
-        texel_parts[at + TEXEL_PARTS] = green[k];
-        texel_parts[at + 2u * TEXEL_PARTS] = blue[k];
+        texel_parts[at] = per_area * red[k];
+        texel_parts[at + TEXEL_PARTS] = per_area * green[k];
+        texel_parts[at + 2u * TEXEL_PARTS] = per_area * blue[k];
     }
 }

@@ -3,8 +3,10 @@
 use super::bounds::{Bounds, bounds};
 use super::math::{cross, dot};
 use super::view::ViewF32;
-use crate::constants::{ALPHA_MIN, BASE_RGB_MAX, EDGE_ON_MIN, SH_0, SH_1, SH_2, SH_3, sh_coefficients};
-use crate::model::Model;
+use crate::constants::{
+    ALPHA_MIN, BASE_RGB_MAX, EDGE_ON_MIN, FOOTPRINT_TEXELS_MAX, SH_0, SH_1, SH_2, SH_3, sh_coefficients,
+};
+use crate::model::{Model, TextureMap};
 use rayon::prelude::*;
 
 /// A splat projected to a view. Coordinates on the surfel are those in which the filtered falloff is round: the falloff is
@@ -80,6 +82,37 @@ pub(super) struct MapView {
     pub texels_per_coordinate: Spread,
     /// Texture coordinate of the surfel's centre.
     pub origin: [f32; 2],
+    /// Size of the area that a sample takes the mean over, along rows and columns, in texels; 1: bilinear
+    /// interpolation.
+    pub footprint_texels: [f32; 2],
+}
+
+impl MapView {
+    fn new(
+        map: &TextureMap,
+        scales: [f32; 2],
+        spread: Spread,
+        [a, b]: [[f32; 2]; 2],
+        filtered: bool,
+    ) -> Self {
+        // An empty map may have a texel size of zero.
+        let [u, v] = scales.map(|s| if map.rows == 0 { 0.0 } else { s / map.texel_size });
+        let texels = Spread { u_a: u * spread.u_a, v_a: v * spread.v_a, v_b: v * spread.v_b };
+        let along_u = [0, 1].map(|k| texels.u_a * a[k]);
+        let along_v = [0, 1].map(|k| texels.v_a * a[k] + texels.v_b * b[k]);
+        let footprint = |per_px: [f32; 2]| {
+            let squared = 2.0 * (per_px[0] * per_px[0] + per_px[1] * per_px[1]) - 1.0;
+            squared.max(1.0).sqrt().min(FOOTPRINT_TEXELS_MAX as f32)
+        };
+        Self {
+            rows: i32::from(map.rows),
+            cols: i32::from(map.cols),
+            first: 0,
+            texels_per_coordinate: texels,
+            origin: [(f32::from(map.rows) - 1.0) / 2.0, (f32::from(map.cols) - 1.0) / 2.0],
+            footprint_texels: if filtered { [footprint(along_u), footprint(along_v)] } else { [1.0; 2] },
+        }
+    }
 }
 
 /// Projects all splats; the result keeps the order of their indices and omits culled ones.
@@ -132,7 +165,6 @@ fn project(model: &Model, i: usize, view: &ViewF32) -> Option<ProjectedSplat> {
     let half_u = [0, 1, 2].map(|k| spread.u_a * scales[0] * e_u[k] + spread.v_a * scales[1] * e_v[k]);
     let half_v = e_v.map(|v| spread.v_b * scales[1] * v);
     let bounds = bounds(p, [half_u, half_v], opacity, centre_px, view)?;
-    let map = &model.textures.maps[i];
     Some(ProjectedSplat {
         id: i as u32,
         centre_px,
@@ -149,17 +181,7 @@ fn project(model: &Model, i: usize, view: &ViewF32) -> Option<ProjectedSplat> {
         bounds,
         centre_in_camera: p,
         axes_in_camera: axes,
-        map: MapView {
-            rows: i32::from(map.rows),
-            cols: i32::from(map.cols),
-            first: 0,
-            // An empty map may have a texel size of zero.
-            texels_per_coordinate: {
-                let [u, v] = scales.map(|s| if map.rows == 0 { 0.0 } else { s / map.texel_size });
-                Spread { u_a: u * spread.u_a, v_a: v * spread.v_a, v_b: v * spread.v_b }
-            },
-            origin: [(f32::from(map.rows) - 1.0) / 2.0, (f32::from(map.cols) - 1.0) / 2.0],
-        },
+        map: MapView::new(&model.textures.maps[i], scales, spread, [a, b], view.filter_px2 > 0.0),
     })
 }
 

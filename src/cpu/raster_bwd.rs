@@ -4,8 +4,8 @@
 //! 25,000 pairs of 4 x 4 maps: 1.0 ms per step to write and gather, 3.5 ms to add uncontended i32 atomics).
 
 use super::block::{
-    BlockHit, BlockTaps, SplatInTile, block_at, block_taps, clamped_alpha, hat_slope, residual, splat_rgb,
-    strip_span, strips,
+    BlockHit, BlockTaps, SplatInTile, block_at, block_taps, clamped_alpha, overlap_slope, residual,
+    splat_rgb, strip_span, strips,
 };
 use super::math::{LANES, LaneMask, Lanes};
 use super::project::{MapView, ProjectedSplat};
@@ -304,14 +304,15 @@ fn texture_bwd<S: Simd>(
     let first_dv = taps.v - taps.cols.0 as f32;
     let width = 3 * (taps.cols.1 - taps.cols.0) as usize;
     for i in taps.rows.0..taps.rows.1 {
-        let (wu, slope_u) = hat_slope(simd, du);
+        let (wu, slope_u) = overlap_slope(simd, du, taps.reach[0]);
+        let (wu, slope_u) = (wu * taps.per_area, slope_u * taps.per_area);
         du -= 1.0;
         let mut dv = first_dv;
         let row = &map_texels[3 * (i * map.cols + taps.cols.0) as usize..][..width];
         let first = 3 * ((i - window.row0) * window.cols + taps.cols.0 - window.col0) as usize;
         let row_lanes = &mut lanes[first..first + width];
         for (texel, lanes) in row.chunks_exact(3).zip(row_lanes.chunks_exact_mut(3)) {
-            let (wv, slope_v) = hat_slope(simd, dv);
+            let (wv, slope_v) = overlap_slope(simd, dv, taps.reach[1]);
             dv -= 1.0;
             let w = wu * wv;
             let mut along = by_colour[0] * texel[0];

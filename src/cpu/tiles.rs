@@ -193,7 +193,7 @@ fn chunk_runs<S: Simd>(_simd: S, splats: &[ProjectedSplat]) -> ChunkRuns {
 /// For maps of up to this many texels the window is the whole map: finding a smaller one would cost more.
 const WHOLE_MAP_TEXELS: i32 = 25;
 
-/// The texels that the bilinear taps of a splat can touch within a tile. The map from pixels to texels is projective,
+/// The texels that the taps of a splat can touch within a tile. The map from pixels to texels is projective,
 /// so its extremes over a rectangle lie at the corners as long as the denominator is positive there.
 fn texel_window(splat: &ProjectedSplat, origin_px: [i32; 2]) -> TexelWindow {
     let map = &splat.map;
@@ -225,8 +225,9 @@ fn texel_window(splat: &ProjectedSplat, origin_px: [i32; 2]) -> TexelWindow {
     }
     // 0.01 texels of slack for rounding.
     let range = |k: usize, size: i32| {
-        let first = ((low[k] - 0.01).floor() as i32).clamp(0, size);
-        let past = ((high[k] + 0.01).floor() as i32).saturating_add(2).clamp(first, size);
+        let reach = 0.5 * (map.footprint_texels[k] + 1.0) + 0.01;
+        let first = ((low[k] - reach).ceil() as i32).clamp(0, size);
+        let past = ((high[k] + reach).floor() as i32).saturating_add(1).clamp(first, size);
         (first, past - first)
     };
     let ((row0, rows), (col0, cols)) = (range(0, map.rows), range(1, map.cols));

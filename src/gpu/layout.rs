@@ -191,7 +191,7 @@ pub struct Edit {
 }
 
 /// Bytes of a projected splat (`shaders/common/projected.wgsl`), which the host never reads back.
-pub const PROJECTED_BYTES: u64 = 80;
+pub const PROJECTED_BYTES: u64 = 96;
 /// Bytes of a splat's bounds (`shaders/common/bounds.wgsl`), which the host never reads back.
 pub const BOUNDS_BYTES: u64 = 64;
 /// Bytes of the sums over a block of splats (`shaders/common/splat_sums.wgsl`), which the host never reads back.

@@ -191,6 +191,7 @@ pub fn shared_constants() -> (Named<f64>, Named<u32>) {
         ("ALPHA_MAX", c::ALPHA_MAX),
         ("TRANSMITTANCE_MIN", c::TRANSMITTANCE_MIN),
         ("EDGE_ON_MIN", c::EDGE_ON_MIN),
+        ("FOOTPRINT_TEXELS_MAX", c::FOOTPRINT_TEXELS_MAX),
         ("DENOMINATOR_MIN", c::DENOMINATOR_MIN),
         ("CONIC_MARGIN", c::CONIC_MARGIN),
         ("SURFACE_ALPHA_MIN", c::SURFACE_ALPHA_MIN),

@@ -57,25 +57,37 @@ pub fn gradients(
     gradients_at(params, camera, target, weights, settings, None)
 }
 
-/// [`gradients`] with given normals of the depth map. They are constants in the derivative, so central differences
-/// must keep them fixed.
+/// What depends on the parameters but counts as constant in the derivative.
+pub struct Constants {
+    /// Normals of the depth map. `[height, width]`
+    pub normals: Vec<DVec3>,
+    /// Footprints of a pixel on the texture maps, texels along rows and columns. `[n, 2]`
+    pub footprints_texels: Vec<[f64; 2]>,
+}
+
+/// [`gradients`] with given constants, which central differences must keep fixed.
 pub fn gradients_at(
     params: &Params,
     camera: &Camera,
     target: &TargetImage,
     weights: &LossWeights,
     settings: &Settings,
-    normals: Option<&[DVec3]>,
+    constants: Option<&Constants>,
 ) -> Gradients {
-    let projected: Vec<Option<Projected>> =
+    let mut projected: Vec<Option<Projected>> =
         (0..params.len()).map(|i| project(params, i, camera, settings)).collect();
+    if let Some(constants) = constants {
+        for (projected, &footprint_texels) in projected.iter_mut().zip(&constants.footprints_texels) {
+            projected.iter_mut().for_each(|p| p.footprint_texels = footprint_texels);
+        }
+    }
     let visible: Vec<bool> =
         projected.iter().map(|p| p.as_ref().is_some_and(|p| is_visible(p, camera, settings))).collect();
     let image = raster_fwd(params, &projected, camera, settings);
     let (corrected, _) = exposure_fwd(&image.rgb, target, settings.background, &settings.exposure);
     let mut losses = image_loss(&corrected, target, settings.background, weights);
     losses.gradient = exposure_bwd(&losses.gradient, &settings.exposure);
-    let surface_normals = normals.map_or_else(|| surface_normals(&image, camera), <[DVec3]>::to_vec);
+    let surface_normals = constants.map_or_else(|| surface_normals(&image, camera), |c| c.normals.clone());
     let geometry = geometry_loss(&image, &surface_normals, target, weights);
     let mut grad = params.zeros_like();
     let splat_grads =

@@ -1,6 +1,6 @@
 //! The model's stored parameters in f64, and gradients of the same shape.
 
-use crate::model::{Model, SplatGroup, TextureMap};
+use crate::model::{Model, SplatGroup, TextureMap, texel_value};
 use glam::{DMat3, DQuat, DVec3};
 
 /// Stored parameters of all splats and texels, or gradients with respect to them.
@@ -102,6 +102,11 @@ impl Params {
     /// Standard deviations of splat `i`, local units.
     pub fn scales(&self, i: usize) -> [f64; 2] {
         [self.log_scales[2 * i].exp(), self.log_scales[2 * i + 1].exp()]
+    }
+
+    /// Residual of the texel whose first float is `texel`.
+    pub fn texel(&self, texel: usize) -> DVec3 {
+        DVec3::from_array([0, 1, 2].map(|c| texel_value(self.texels[texel + c])))
     }
 
     /// Opacity of splat `i`, 0 to 1.

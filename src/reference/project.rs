@@ -3,7 +3,7 @@
 
 use super::{AlphaCutoff, Params, Settings, sh::sh_basis};
 use crate::camera::Camera;
-use crate::constants::{ALPHA_MIN, EDGE_ON_MIN, sh_coefficients};
+use crate::constants::{ALPHA_MIN, EDGE_ON_MIN, FOOTPRINT_TEXELS_MAX, sh_coefficients};
 use glam::{DMat2, DVec2, DVec3};
 
 /// A splat projected to a view. With `d` the offset of a pixel from the projected centre and `D = 1 + g . d`, the
@@ -25,6 +25,9 @@ pub struct Projected {
     pub scales: [f64; 2],
     /// Covariance of the falloff in standard deviations along u and v: the identity, plus the low-pass filter.
     pub spread: DMat2,
+    /// Size of the area that a sample takes the mean of the texture map over, along rows and columns, in texels; 1:
+    /// bilinear interpolation. Constants in the derivative.
+    pub footprint_texels: [f64; 2],
     /// Opacity after the filter, 0 to 1.
     pub opacity: f64,
     /// Opacity before the filter.
@@ -80,6 +83,7 @@ pub fn project(params: &Params, i: usize, camera: &Camera, settings: &Settings) 
         a: e_v.cross(p).truncate() * per_px,
         b: p.cross(e_u).truncate() * per_px,
         spread: DMat2::IDENTITY,
+        footprint_texels: [1.0; 2],
         g: n.truncate() * per_px,
         depth: p.z,
         scales,
@@ -94,7 +98,20 @@ pub fn project(params: &Params, i: usize, camera: &Camera, settings: &Settings) 
     let sigma_from_px = projected.sigma_from_px();
     projected.spread += settings.filter_px2 * (sigma_from_px * sigma_from_px.transpose());
     projected.opacity /= projected.spread.determinant().sqrt();
+    let map = &params.maps[i];
+    if settings.filter_px2 > 0.0 && map.num_texels() > 0 {
+        projected.footprint_texels = footprint_texels(&projected, f64::from(map.texel_size));
+    }
     (projected.opacity >= alpha_min).then_some(projected)
+}
+
+/// Footprint of a pixel on the texture map: one texel as long as a texel covers a pixel along an axis; beyond that, the
+/// variance of a sample stays that of bilinear interpolation between texels of a pixel (method 2.5).
+fn footprint_texels(p: &Projected, texel_size: f64) -> [f64; 2] {
+    [p.a, p.b].map(|local_per_px| {
+        let texels_per_px = local_per_px.length() / texel_size;
+        (2.0 * texels_per_px.powi(2) - 1.0).max(1.0).sqrt().min(FOOTPRINT_TEXELS_MAX)
+    })
 }
 
 fn sh_colour(params: &Params, i: usize, camera: &Camera, degree: u32) -> DVec3 {

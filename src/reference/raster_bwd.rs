@@ -3,9 +3,9 @@
 
 use super::geometry::{GeometryCoefficients, GeometryLoss};
 use super::loss::ImageLoss;
-use super::raster_fwd::{Sample, tap_values};
+use super::raster_fwd::Sample;
 use super::{ColourGradient, Image, Params, Projected, Settings};
-use crate::model::{texel_value, texel_value_slope};
+use crate::model::texel_value_slope;
 use glam::{DVec2, DVec3};
 
 /// Derivatives of the loss with respect to one splat's projected quantities, summed over pixels.
@@ -137,21 +137,13 @@ fn sample_bwd(
 /// Adds the texel gradients of a sample to `grad` and returns the derivative w.r.t. the position on the surfel,
 /// through the texture.
 fn texture_bwd(params: &Params, sample: &Sample, by_colour: DVec3, grad: &mut Params) -> [f64; 2] {
-    let map = &params.maps[sample.splat];
-    let Some(taps) = &sample.taps else { return [0.0; 2] };
-    let weights = taps.weights();
-    for (texels, weights) in taps.texels(map).iter().zip(&weights) {
-        for (texel, weight) in texels.iter().zip(weights) {
-            let Some(t) = *texel else { continue };
-            for c in 0..3 {
-                let slope = texel_value_slope(texel_value(params.texels[t + c]));
-                grad.texels[t + c] += by_colour[c] * weight * slope;
-            }
+    let mut by_coordinate = [0.0; 2];
+    for tap in &sample.taps {
+        let value = params.texel(tap.texel);
+        for c in 0..3 {
+            grad.texels[tap.texel + c] += by_colour[c] * tap.weight * texel_value_slope(value[c]);
         }
+        (0..2).for_each(|k| by_coordinate[k] += tap.slope[k] * by_colour.dot(value));
     }
-    let [[s00, s01], [s10, s11]] = tap_values(params, map, taps);
-    let by_u = (1.0 - taps.frac_v) * (s10 - s00) + taps.frac_v * (s11 - s01);
-    let by_v = (1.0 - taps.frac_u) * (s01 - s00) + taps.frac_u * (s11 - s10);
-    let k = f64::from(map.texel_size);
-    [by_colour.dot(by_u) / k, by_colour.dot(by_v) / k]
+    by_coordinate.map(|by| by / f64::from(params.maps[sample.splat].texel_size))
 }

@@ -3,7 +3,7 @@
 use super::{AlphaCutoff, Params, Projected, Settings};
 use crate::camera::Camera;
 use crate::constants::{ALPHA_MAX, ALPHA_MIN, DENOMINATOR_MIN, TRANSMITTANCE_MIN};
-use crate::model::{TextureMap, texel_value};
+use crate::model::TextureMap;
 use glam::{DVec2, DVec3};
 
 /// Intersection of a pixel's ray with a splat.
@@ -31,7 +31,7 @@ pub(super) struct Sample {
     pub transmittance_before: f64,
     /// Base colour plus residual, before the clamp at zero.
     pub unclamped_rgb: DVec3,
-    pub taps: Option<Taps>,
+    pub taps: Vec<Tap>,
 }
 
 /// A rendered image with its samples.
@@ -55,62 +55,40 @@ pub struct Image {
     pub(super) samples: Vec<Vec<Sample>>,
 }
 
-/// The four bilinear taps of a texture coordinate: index of the first texel, which may be -1, and fractions.
+/// A texel that a sample takes part of.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Taps {
-    pub row: i64,
-    pub col: i64,
-    pub frac_u: f64,
-    pub frac_v: f64,
+pub(super) struct Tap {
+    /// First float of the texel.
+    pub texel: usize,
+    pub weight: f64,
+    /// Derivatives of the weight with respect to the texture coordinate.
+    pub slope: [f64; 2],
 }
 
-impl Taps {
-    /// Taps at a position on the surfel; `None` where the map is not sampled.
-    pub(super) fn at(map: &TextureMap, plane: [f64; 2]) -> Option<Self> {
-        if map.num_texels() == 0 {
-            return None;
+/// Taps at a position on the surfel: the mean of the map, zero outside, over a footprint of at least a texel.
+pub(super) fn taps(map: &TextureMap, plane: [f64; 2], footprint_texels: [f64; 2]) -> Vec<Tap> {
+    let k = f64::from(map.texel_size);
+    let axes = [(map.rows, plane[0], footprint_texels[0]), (map.cols, plane[1], footprint_texels[1])];
+    let [rows, cols] = axes.map(|(size, along, width)| {
+        let coordinate = along / k + (f64::from(size) - 1.0) / 2.0;
+        (0..usize::from(size)).map(move |i| overlap(coordinate - i as f64, width))
+    });
+    let mut out = Vec::new();
+    for (i, (wu, slope_u)) in rows.enumerate() {
+        for (j, (wv, slope_v)) in cols.clone().enumerate().filter(|(_, (wv, _))| wu * wv > 0.0) {
+            let texel = 3 * (map.offset_texels as usize + i * usize::from(map.cols) + j);
+            out.push(Tap { texel, weight: wu * wv, slope: [slope_u * wv, wu * slope_v] });
         }
-        let (rows, cols) = (f64::from(map.rows), f64::from(map.cols));
-        let k = f64::from(map.texel_size);
-        let u = plane[0] / k + (rows - 1.0) / 2.0;
-        let v = plane[1] / k + (cols - 1.0) / 2.0;
-        let inside = (-1.0..rows).contains(&u) && (-1.0..cols).contains(&v);
-        inside.then(|| Self {
-            row: u.floor() as i64,
-            col: v.floor() as i64,
-            frac_u: u - u.floor(),
-            frac_v: v - v.floor(),
-        })
     }
-
-    /// First float of each tap's texel; `None` outside the map, where the residual is zero.
-    pub(super) fn texels(&self, map: &TextureMap) -> [[Option<usize>; 2]; 2] {
-        let tap = |row: i64, col: i64| {
-            let inside = (0..i64::from(map.rows)).contains(&row) && (0..i64::from(map.cols)).contains(&col);
-            inside.then(|| 3 * (map.offset_texels as usize + (row * i64::from(map.cols) + col) as usize))
-        };
-        [0, 1].map(|du| [0, 1].map(|dv| tap(self.row + du, self.col + dv)))
-    }
-
-    /// Bilinear weights in the order of [`Taps::texels`].
-    pub(super) fn weights(&self) -> [[f64; 2]; 2] {
-        [1.0 - self.frac_u, self.frac_u].map(|wu| [wu * (1.0 - self.frac_v), wu * self.frac_v])
-    }
+    out
 }
 
-/// Residuals of the four taps in the order of [`Taps::texels`].
-pub(super) fn tap_values(params: &Params, map: &TextureMap, taps: &Taps) -> [[DVec3; 2]; 2] {
-    taps.texels(map).map(|pair| {
-        pair.map(|t| {
-            t.map_or(DVec3::ZERO, |t| {
-                DVec3::new(
-                    texel_value(params.texels[t]),
-                    texel_value(params.texels[t + 1]),
-                    texel_value(params.texels[t + 2]),
-                )
-            })
-        })
-    })
+/// Share of a footprint of `width` texels, whose centre is `d` away from that of a texel, that lies on this texel; and
+/// the derivative with respect to `d`. At a width of one: the weight of bilinear interpolation.
+fn overlap(d: f64, width: f64) -> (f64, f64) {
+    let texels = ((1.0 + width) / 2.0 - d.abs()).clamp(0.0, 1.0);
+    let on_edge = texels > 0.0 && texels < 1.0;
+    (texels / width, if on_edge { -d.signum() / width } else { 0.0 })
 }
 
 /// Intersects the ray through `pixel_px` with a splat; `None` where its alpha is zero.
@@ -199,11 +177,8 @@ fn raster_pixel(
             break;
         }
         let map = &params.maps[splat];
-        let taps = Taps::at(map, hit.plane);
-        let residual = taps.as_ref().map_or(DVec3::ZERO, |taps| {
-            let (values, weights) = (tap_values(params, map, taps), taps.weights());
-            (0..4).map(|k| values[k / 2][k % 2] * weights[k / 2][k % 2]).sum()
-        });
+        let taps = taps(map, hit.plane, p.footprint_texels);
+        let residual: DVec3 = taps.iter().map(|tap| tap.weight * params.texel(tap.texel)).sum();
         let unclamped_rgb = p.base_rgb + residual;
         let weight = hit.alpha * transmittance;
         rgb += unclamped_rgb.max(DVec3::ZERO) * weight;
