@@ -142,10 +142,6 @@ pub(super) struct BlockTaps<S: Simd> {
     pub v: Lanes<S>,
     pub rows: (i32, i32),
     pub cols: (i32, i32),
-    /// Distance along rows and columns at which a texel's weight ends.
-    pub reach: [f32; 2],
-    /// 1 over the area of the footprint in texels.
-    pub per_area: f32,
 }
 
 impl<S: Simd> BlockTaps<S> {
@@ -174,33 +170,33 @@ pub(super) fn block_taps<S: Simd>(
     let far = c(1e9);
     let rows = (mask.select(u, far).reduce_min(), mask.select(u, -far).reduce_max());
     let cols = (mask.select(v, far).reduce_min(), mask.select(v, -far).reduce_max());
-    let reach = [0.5 * (map.footprint_texels[0] + 1.0), 0.5 * (map.footprint_texels[1] + 1.0)];
     let range = |(low, high): (f32, f32), size: i32, reach: f32| {
         let past = ((high + reach).floor() as i32).saturating_add(1);
         (((low - reach).ceil() as i32).max(0), past.min(size))
     };
-    BlockTaps {
-        u,
-        v,
-        rows: range(rows, map.rows, reach[0]),
-        cols: range(cols, map.cols, reach[1]),
-        reach,
-        per_area: 1.0 / (map.footprint_texels[0] * map.footprint_texels[1]),
-    }
+    let [along_u, along_v] = map.footprint.reach;
+    BlockTaps { u, v, rows: range(rows, map.rows, along_u), cols: range(cols, map.cols, along_v) }
 }
 
 /// Length of a texel within a footprint whose centre is `d` away. The footprint ends half a texel before `reach`; at a
-/// footprint and reach of 1 this is the weight of bilinear interpolation.
+/// footprint and reach of 1, not `MINIFIED`, this is the weight of bilinear interpolation.
 #[inline(always)]
-fn overlap<S: Simd>(d: Lanes<S>, reach: f32) -> Lanes<S> {
-    (reach - d.abs()).max(0.0_f32).min(1.0_f32)
+fn overlap<S: Simd, const MINIFIED: bool>(d: Lanes<S>, reach: f32) -> Lanes<S> {
+    if MINIFIED { (reach - d.abs()).max(0.0_f32).min(1.0_f32) } else { (1.0 - d.abs()).max(0.0_f32) }
 }
 
 /// [`overlap`] and its derivative with respect to the texture coordinate.
 #[inline(always)]
-pub(super) fn overlap_slope<S: Simd>(simd: S, d: Lanes<S>, reach: f32) -> (Lanes<S>, Lanes<S>) {
-    let texels = overlap(d, reach);
-    let on_edge = texels.simd_gt(0.0) & d.abs().simd_ge(reach - 1.0);
+pub(super) fn overlap_slope<S: Simd, const MINIFIED: bool>(
+    simd: S,
+    d: Lanes<S>,
+    reach: f32,
+) -> (Lanes<S>, Lanes<S>) {
+    let texels = overlap::<S, MINIFIED>(d, reach);
+    let mut on_edge = texels.simd_gt(0.0);
+    if MINIFIED {
+        on_edge = on_edge & d.abs().simd_ge(reach - 1.0);
+    }
     (texels, on_edge.select(Lanes::splat(simd, -1.0).copysign(-d), Lanes::splat(simd, 0.0)))
 }
 
@@ -209,7 +205,21 @@ pub(super) fn overlap_slope<S: Simd>(simd: S, d: Lanes<S>, reach: f32) -> (Lanes
 pub(super) fn residual<S: Simd>(
     simd: S,
     texels: &[f32],
-    map_cols: i32,
+    map: &MapView,
+    taps: &BlockTaps<S>,
+) -> [Lanes<S>; 3] {
+    if map.footprint.is_minified {
+        mean_residual::<S, true>(simd, texels, map, taps)
+    } else {
+        mean_residual::<S, false>(simd, texels, map, taps)
+    }
+}
+
+#[inline(always)]
+fn mean_residual<S: Simd, const MINIFIED: bool>(
+    simd: S,
+    texels: &[f32],
+    map: &MapView,
     taps: &BlockTaps<S>,
 ) -> [Lanes<S>; 3] {
     let zero = Lanes::splat(simd, 0.0);
@@ -218,12 +228,15 @@ pub(super) fn residual<S: Simd>(
     let first_dv = taps.v - taps.cols.0 as f32;
     let width = 3 * (taps.cols.1 - taps.cols.0) as usize;
     for i in taps.rows.0..taps.rows.1 {
-        let wu = overlap(du, taps.reach[0]) * taps.per_area;
+        let mut wu = overlap::<S, MINIFIED>(du, map.footprint.reach[0]);
+        if MINIFIED {
+            wu *= map.footprint.per_area;
+        }
         du -= 1.0;
         let mut dv = first_dv;
-        let row = &texels[3 * (i * map_cols + taps.cols.0) as usize..][..width];
+        let row = &texels[3 * (i * map.cols + taps.cols.0) as usize..][..width];
         for texel in row.chunks_exact(3) {
-            let w = wu * overlap(dv, taps.reach[1]);
+            let w = wu * overlap::<S, MINIFIED>(dv, map.footprint.reach[1]);
             dv -= 1.0;
             red = w.mul_add(Lanes::splat(simd, texel[0]), red);
             green = w.mul_add(Lanes::splat(simd, texel[1]), green);

@@ -82,9 +82,34 @@ pub(super) struct MapView {
     pub texels_per_coordinate: Spread,
     /// Texture coordinate of the surfel's centre.
     pub origin: [f32; 2],
-    /// Size of the area that a sample takes the mean over, along rows and columns, in texels; 1: bilinear
-    /// interpolation.
-    pub footprint_texels: [f32; 2],
+    pub footprint: Footprint,
+}
+
+/// The area of a texture map that a sample takes the mean over (method 2.5). Its size along an axis is the number of texels
+/// per pixel for many, and one for less than one, which is bilinear interpolation.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Footprint {
+    /// Whether it is larger than a texel.
+    pub is_minified: bool,
+    /// Distance along rows and columns at which a texel's weight ends, in texels.
+    pub reach: [f32; 2],
+    /// 1 over its area in texels.
+    pub per_area: f32,
+}
+
+impl Footprint {
+    const TEXEL: Self = Self { is_minified: false, reach: [1.0; 2], per_area: 1.0 };
+
+    /// From the gradients of the texture coordinates in the image.
+    fn new(texels_per_px: [[f32; 2]; 2]) -> Self {
+        let [u, v] = texels_per_px
+            .map(|[x, y]| (2.0 * (x * x + y * y) - 1.0).max(1.0).sqrt().min(FOOTPRINT_TEXELS_MAX as f32));
+        Self {
+            is_minified: u.max(v) > 1.0,
+            reach: [0.5 * (u + 1.0), 0.5 * (v + 1.0)],
+            per_area: 1.0 / (u * v),
+        }
+    }
 }
 
 impl MapView {
@@ -100,17 +125,13 @@ impl MapView {
         let texels = Spread { u_a: u * spread.u_a, v_a: v * spread.v_a, v_b: v * spread.v_b };
         let along_u = [0, 1].map(|k| texels.u_a * a[k]);
         let along_v = [0, 1].map(|k| texels.v_a * a[k] + texels.v_b * b[k]);
-        let footprint = |per_px: [f32; 2]| {
-            let squared = 2.0 * (per_px[0] * per_px[0] + per_px[1] * per_px[1]) - 1.0;
-            squared.max(1.0).sqrt().min(FOOTPRINT_TEXELS_MAX as f32)
-        };
         Self {
             rows: i32::from(map.rows),
             cols: i32::from(map.cols),
             first: 0,
             texels_per_coordinate: texels,
             origin: [(f32::from(map.rows) - 1.0) / 2.0, (f32::from(map.cols) - 1.0) / 2.0],
-            footprint_texels: if filtered { [footprint(along_u), footprint(along_v)] } else { [1.0; 2] },
+            footprint: if filtered { Footprint::new([along_u, along_v]) } else { Footprint::TEXEL },
         }
     }
 }

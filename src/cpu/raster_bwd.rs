@@ -206,7 +206,7 @@ fn block_bwd<S: Simd, const STATS: bool>(
     let taps = block_taps(simd, &splat.map, hit, blended);
     let mut colour = splat_rgb(simd, splat.rgb);
     if !taps.is_empty() {
-        let residual = residual(simd, map_texels, splat.map.cols, &taps);
+        let residual = residual(simd, map_texels, &splat.map, &taps);
         for k in 0..3 {
             colour[k] += residual[k];
         }
@@ -269,7 +269,12 @@ fn block_bwd<S: Simd, const STATS: bool>(
     sums.mul_add(Sum::ExponentBB, by_b, b);
     let (mut by_u, mut by_v) = (zero, zero);
     if !taps.is_empty() {
-        (by_u, by_v) = texture_bwd(simd, &splat.map, map_texels, &taps, &by_colour, window, lanes);
+        let map = &splat.map;
+        (by_u, by_v) = if map.footprint.is_minified {
+            texture_bwd::<S, true>(simd, map, map_texels, &taps, &by_colour, window, lanes)
+        } else {
+            texture_bwd::<S, false>(simd, map, map_texels, &taps, &by_colour, window, lanes)
+        };
     }
     let per = hit.per_denominator;
     let texels = &splat.map.texels_per_coordinate;
@@ -289,7 +294,7 @@ fn block_bwd<S: Simd, const STATS: bool>(
 
 /// Adds the texel gradients to their lane sums; returns the derivatives with respect to the texture coordinates.
 #[inline(always)]
-fn texture_bwd<S: Simd>(
+fn texture_bwd<S: Simd, const MINIFIED: bool>(
     simd: S,
     map: &MapView,
     map_texels: &[f32],
@@ -304,15 +309,18 @@ fn texture_bwd<S: Simd>(
     let first_dv = taps.v - taps.cols.0 as f32;
     let width = 3 * (taps.cols.1 - taps.cols.0) as usize;
     for i in taps.rows.0..taps.rows.1 {
-        let (wu, slope_u) = overlap_slope(simd, du, taps.reach[0]);
-        let (wu, slope_u) = (wu * taps.per_area, slope_u * taps.per_area);
+        let (mut wu, mut slope_u) = overlap_slope::<S, MINIFIED>(simd, du, map.footprint.reach[0]);
+        if MINIFIED {
+            wu *= map.footprint.per_area;
+            slope_u *= map.footprint.per_area;
+        }
         du -= 1.0;
         let mut dv = first_dv;
         let row = &map_texels[3 * (i * map.cols + taps.cols.0) as usize..][..width];
         let first = 3 * ((i - window.row0) * window.cols + taps.cols.0 - window.col0) as usize;
         let row_lanes = &mut lanes[first..first + width];
         for (texel, lanes) in row.chunks_exact(3).zip(row_lanes.chunks_exact_mut(3)) {
-            let (wv, slope_v) = overlap_slope(simd, dv, taps.reach[1]);
+            let (wv, slope_v) = overlap_slope::<S, MINIFIED>(simd, dv, map.footprint.reach[1]);
             dv -= 1.0;
             let w = wu * wv;
             let mut along = by_colour[0] * texel[0];

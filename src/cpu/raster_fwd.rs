@@ -152,7 +152,7 @@ pub(super) fn raster_fwd<S: Simd, const COUNT: bool>(
                 let mut colour = splat_rgb(simd, splat.rgb);
                 let taps = block_taps(simd, &splat.map, &hit, blends);
                 if !taps.is_empty() {
-                    let residual = residual(simd, texels, splat.map.cols, &taps);
+                    let residual = residual(simd, texels, &splat.map, &taps);
                     for k in 0..3 {
                         colour[k] = (colour[k] + residual[k]).max(zero);
                     }

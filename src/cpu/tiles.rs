@@ -225,7 +225,7 @@ fn texel_window(splat: &ProjectedSplat, origin_px: [i32; 2]) -> TexelWindow {
     }
     // 0.01 texels of slack for rounding.
     let range = |k: usize, size: i32| {
-        let reach = 0.5 * (map.footprint_texels[k] + 1.0) + 0.01;
+        let reach = map.footprint.reach[k] + 0.01;
         let first = ((low[k] - reach).ceil() as i32).clamp(0, size);
         let past = ((high[k] + reach).floor() as i32).saturating_add(1).clamp(first, size);
         (first, past - first)

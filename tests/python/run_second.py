@@ -90,11 +90,17 @@ def worked_example():
         pages=[np.array(texels)],
         meta={"near": 0.0625, "background": [0.125, 0.25, 0.5]},
     )
-    pixels = {"none": [0.378194, 0.469383, 0.248918], "ewa": [0.377117, 0.468451, 0.249986]}
-    found = {
-        name: render(dataclasses.replace(scene, meta=scene.meta | {"filter": name}), camera)[31, 42] for name in pixels
-    }
-    return max(np.abs(found[name] - pixel).max() for name, pixel in pixels.items())
+    pixels = [
+        ("none", 0.25, (42, 31), [0.378194, 0.469383, 0.248918]),
+        ("ewa", 0.25, (42, 31), [0.377117, 0.468451, 0.249986]),
+        ("ewa", 0.0625, (43, 31), [0.463840, 0.384705, 0.171114]),
+    ]
+    errors = []
+    for name, texel_size, (x, y), pixel in pixels:
+        meta = scene.meta | {"filter": name}
+        image = render(dataclasses.replace(scene, meta=meta, texel_sizes=np.array([texel_size])), camera)
+        errors.append(np.abs(image[y, x] - pixel).max())
+    return max(errors)
 
 
 def shifted(scene):
@@ -163,6 +169,7 @@ def controls(folder):
     for violation, rules in broken_rules.items():
         yield violation, lossless, scene, rules, CONTROL_DB
     yield "no low-pass filter", lossless, dataclasses.replace(scene, meta=unfiltered), Rules(), FINE_CONTROL_DB
+    fine_rules["footprint of one texel"] = Rules(footprint_max=1.0)
     for violation, rules in fine_rules.items():
         yield violation, lossless, scene, rules, FINE_CONTROL_DB
     yield "atlas decoded as sRGB", balanced, texels_changed(codes, decoded_as_srgb), Rules(), CONTROL_DB

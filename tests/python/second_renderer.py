@@ -239,7 +239,8 @@ class Rules:
     """Rules that negative controls can break; the defaults are the specification."""
 
     data_to_local: tuple = (1.0, -1.0, -1.0)  # section 4
-    map_edge: str = "constant"  # section 6: zero outside the map; "edge" clamps
+    map_edge: str = "zero"  # section 6: zero outside the map; "edge" clamps
+    footprint_max: float = 8.0  # section 6
     pixel_centre: float = 0.5  # section 4
     cut_sigma: float = np.inf  # section 6: no cut-off other than by alpha
     order: str = "depth"  # section 7; "distance" is the order of ellipsoid viewers
@@ -317,22 +318,25 @@ class Splat:
     sigma: np.ndarray
     spread: np.ndarray  # V of section 6
     opacity: float  # o' of section 6
+    footprint: np.ndarray  # F_u, F_v of section 6
     base: np.ndarray
-    texels: np.ndarray  # with a border of one texel; None without a map
+    texels: np.ndarray  # None without a map
     texel_size: float
 
 
-def filtered(p, axes, sigma, opacity, pinhole, scene):
-    """V and o' (section 6)."""
+def filtered(p, axes, sigma, opacity, texel_size, pinhole, scene, rules):
+    """V, o' and the footprint (section 6)."""
     if scene.meta["filter"] == "none":
-        return np.eye(2), opacity
+        return np.eye(2), opacity, np.ones(2)
     assert scene.meta["filter"] == "ewa", scene.meta["filter"]
     e_u, e_v, n = axes.T
     w = p @ n / p[2]
     rows = [np.cross(e_v, p)[:2] / sigma[0], np.cross(p, e_u)[:2] / sigma[1]]
     m = np.array(rows) / np.array(pinhole.focal) / w
     spread = np.eye(2) + 0.1 * m @ m.T
-    return spread, opacity / np.sqrt(np.linalg.det(spread))
+    texels_per_px = np.linalg.norm(m, axis=1) * sigma / texel_size
+    footprint = np.sqrt(np.maximum(1, 2 * texels_per_px**2 - 1)).clip(1, rules.footprint_max)
+    return spread, opacity / np.sqrt(np.linalg.det(spread)), footprint
 
 
 def pixel_box(splat, pinhole, near):
@@ -351,21 +355,24 @@ def pixel_box(splat, pinhole, near):
     return x0, x1, y0, y1
 
 
-def residuals(splat, a, b):
-    """(m, 3): bilinear residuals at positions (a, b) on the splat (section 6, steps 5 and 6)."""
+def residuals(splat, a, b, rules):
+    """(m, 3): residuals at positions (a, b) on the splat (section 6, steps 5 and 6)."""
     out = np.zeros((len(a), 3))
     if splat.texels is None:
         return out
-    rows, cols = splat.texels.shape[0] - 2, splat.texels.shape[1] - 2
+    rows, cols = splat.texels.shape[:2]
     u = a / splat.texel_size + (rows - 1) / 2
     v = b / splat.texel_size + (cols - 1) / 2
-    inside = (u >= -1) & (u < rows) & (v >= -1) & (v < cols)
-    u, v = u[inside], v[inside]
-    i, j = np.floor(u).astype(int), np.floor(v).astype(int)
-    f, g = (u - i)[:, None], (v - j)[:, None]
-    t, i, j = splat.texels, i + 1, j + 1
-    out[inside] = (1 - f) * ((1 - g) * t[i, j] + g * t[i, j + 1]) + f * ((1 - g) * t[i + 1, j] + g * t[i + 1, j + 1])
-    return out
+    along_u, along_v = shares(u, rows, splat.footprint[0], rules), shares(v, cols, splat.footprint[1], rules)
+    return np.einsum("mi,mj,ijc->mc", along_u, along_v, splat.texels)
+
+
+def shares(coordinate, size, footprint, rules):
+    """(m, size): share of the footprint around each coordinate that lies on each row or column of the map."""
+    if rules.map_edge == "edge":
+        coordinate = np.clip(coordinate, 0, size - 1)
+    distance = np.abs(coordinate[:, None] - np.arange(size)[None, :])
+    return np.clip((footprint + 1) / 2 - distance, 0, 1) / footprint
 
 
 def draw(splat, pinhole, near, rules, light, clear, live):
@@ -391,7 +398,7 @@ def draw(splat, pinhole, near, rules, light, clear, live):
     seen = (o_g >= 1 / 255) & (square <= rules.cut_sigma**2)
     row, col, a, b = row[seen] + y0, col[seen] + x0, a[seen], b[seen]
     alpha = np.minimum(rules.alpha_max, o_g[seen])
-    colour = np.maximum(0.0, splat.base + residuals(splat, a, b))
+    colour = np.maximum(0.0, splat.base + residuals(splat, a, b, rules))
     rest = clear[row, col] * (1 - alpha)
     stop = rest < rules.stop_below
     live[row[stop], col[stop]] = False
@@ -423,10 +430,12 @@ def drawn_splats(scene, pinhole, rules):
         if cols > 0 and rows > 0:
             texels = scene.pages[scene.page_of[k]][y : y + rows, x : x + cols]
             assert texels.shape == (rows, cols, 3), f"splat {k}: the rectangle leaves its page"
-            texels = np.pad(texels, ((1, 1), (1, 1), (0, 0)), mode=rules.map_edge)
-        spread, opacity = filtered(p[k], axes[k], scene.sigmas[k], scene.opacities[k], pinhole, scene)
+        sigma, size = scene.sigmas[k], scene.texel_sizes[k]
+        spread, opacity, footprint = filtered(
+            p[k], axes[k], sigma, scene.opacities[k], size, pinhole, scene, rules
+        )
         if opacity >= 1 / 255:
-            yield Splat(p[k], axes[k], scene.sigmas[k], spread, opacity, base[k], texels, scene.texel_sizes[k])
+            yield Splat(p[k], axes[k], sigma, spread, opacity, footprint, base[k], texels, size)
 
 
 def render(scene, camera, rules=Rules(), size=None):
