@@ -66,15 +66,15 @@ fn scenes_that_do_not_fit_are_refused_before_the_first_step() {
         assert_eq!(events, 0, "training had started");
     };
     let many = random_scene(&SceneOptions {
-        num_splats: 1_364,
+        num_splats: 1_251,
         sh_degree: 1,
         map_sizes: vec![(4, 2)],
         ..SceneOptions::default()
     });
-    is_refused(&config, &views, &many, &["1364 splats, at most 1363", "10912 texels, at most 7500"]);
+    is_refused(&config, &views, &many, &["1251 splats, at most 1250", "10008 texels, at most 7500"]);
     let bounded = |budget| TrainConfig { budget, ..config.clone() };
-    let splats = bounded(Budget { max_splats: Some(1_364), ..Budget::default() });
-    is_refused(&splats, &views, &scene, &["--max-splats allows 1364 splats, at most 1363"]);
+    let splats = bounded(Budget { max_splats: Some(1_251), ..Budget::default() });
+    is_refused(&splats, &views, &scene, &["--max-splats allows 1251 splats, at most 1250"]);
     let texels = bounded(Budget { max_texels: Some(7_501), ..Budget::default() });
     is_refused(&texels, &views, &scene, &["--max-texels allows 7501 texels, at most 7500"]);
     let mut large = photos(&scene);
@@ -114,7 +114,7 @@ fn the_reported_limits_are_those_of_uploads() {
     let Some(driver) = drivers().into_iter().next() else { return };
     let mut backend = open(&driver, SMALL, GpuOptions::default());
     let limits = backend.limits(SceneShape { sh_degree: 1, geometry: false });
-    assert_eq!((limits.max_splats, limits.max_texels, limits.max_pixels), (1_363, 7_500, 3_333));
+    assert_eq!((limits.max_splats, limits.max_texels, limits.max_pixels), (1_250, 7_500, 3_333));
     let upload = |n: u64, map, backend: &mut litetex_gs::gpu::GpuBackend| {
         let options = SceneOptions {
             num_splats: n as usize,
