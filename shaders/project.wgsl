@@ -91,7 +91,7 @@ fn project(
         a,
         b,
         g,
-        base_colour(i, position, info.last_step),
+        base_colour(i, position, info),
         opacity,
         per_coordinate,
         step.near / p.z,
@@ -107,13 +107,14 @@ fn project(
 }
 
 // Base colour from the flushed SH in the direction from the camera.
-fn base_colour(i: u32, position: vec3f, last_step: u32) -> vec3f {
-    let skip = adam_skip(last_step, step.flushed_step);
-    let basis = sh_basis(step.sh_degree, normalize(position - step.camera_in_local));
-    let used = 3u * sh_coefficients(step.sh_degree);
+fn base_colour(i: u32, position: vec3f, info: SplatInfo) -> vec3f {
+    let skip = adam_skip(info.last_step, step.flushed_step);
+    let degree = min(step.sh_degree, info.sh_degree);
+    let basis = sh_basis(degree, normalize(position - step.camera_in_local));
+    let used = 3u * sh_coefficients(degree);
     let base = i * step.splat_stride + SH;
     var rgb = array<f32, 3>(0.5, 0.5, 0.5);
-    for (var k = 0u; k < step.splat_stride - SH; k += 1u) {
+    for (var k = 0u; k < 3u * sh_coefficients(info.sh_degree); k += 1u) {
         var value = splat_p[base + k];
         if skip.any {
             let rate = select(step.last_rate_sh_rest, step.last_rate_sh_dc, k < 3u);

@@ -23,6 +23,7 @@
 @group(0) @binding(5) var<storage, read_write> bounds: array<Bounds>; // [n]
 @group(0) @binding(6) var<storage, read> partials: array<f32>; // [K, partial_stride] by slot
 @group(0) @binding(7) var<storage, read_write> statistics: array<vec4f>; // [n] seen, area, weight, error
+@group(0) @binding(8) var<storage, read> splat_info: array<SplatInfo>; // [n]
 
 // Indices of a pair's sums, in the order in which raster_bwd writes them.
 const U = 0u;
@@ -121,7 +122,7 @@ fn chain_rule(i: u32) {
     let by_centre = cross(by_cross_a, e_v) + cross(e_u, by_cross_b) + by_w0 * by_plane + by_projection;
     let by_axes = mat3x3f(in_local(cross(by_cross_b, p)), in_local(cross(p, by_cross_a)), in_local(by_n));
 
-    set_gradient(POSITION, in_local(by_centre) + sh_bwd(base, position, s.rgb));
+    set_gradient(POSITION, in_local(by_centre) + sh_bwd(i, position, s.rgb));
     let by_q = quaternion_bwd(q, by_axes);
     gradient[QUATERNION] = by_q.x;
     set_gradient(QUATERNION + 1u, by_q.yzw);
@@ -143,17 +144,23 @@ fn spread_bwd(spread: Spread, by_thinning: f32) -> vec3f {
     return vec3f(uu, uv, vv);
 }
 
+fn degree_in_use(i: u32) -> u32 {
+    return min(step.sh_degree, splat_info[i].sh_degree);
+}
+
 // Writes the gradient of the SH and returns the derivative with respect to the position through the view direction.
-fn sh_bwd(base: u32, position: vec3f, rgb: vec3f) -> vec3f {
+fn sh_bwd(i: u32, position: vec3f, rgb: vec3f) -> vec3f {
+    let base = i * step.splat_stride;
+    let degree = degree_in_use(i);
     let by_clamped = vec3f(sums[RED], sums[RED + 1u], sums[RED + 2u]);
     let by_rgb = select(vec3f(0.0), by_clamped, rgb > vec3f(0.0));
     let offset = position - step.camera_in_local;
     let distance = length(offset);
     let direction = offset / distance;
-    let basis = sh_basis(step.sh_degree, direction);
-    let slopes = sh_basis_derivative(step.sh_degree, direction);
+    let basis = sh_basis(degree, direction);
+    let slopes = sh_basis_derivative(degree, direction);
     var by_direction = vec3f(0.0);
-    for (var k = 0u; k < sh_coefficients(step.sh_degree); k += 1u) {
+    for (var k = 0u; k < sh_coefficients(degree); k += 1u) {
         set_gradient(SH + 3u * k, basis[k] * by_rgb);
         by_direction += slopes[k] * dot(vec3_at(base + SH + 3u * k), by_rgb);
     }
@@ -242,8 +249,8 @@ fn project_bwd(
         chain_rule(i);
     }
     workgroupBarrier();
-    // SH of degrees not yet in use, and all SH of invisible splats, take no step.
-    let used = select(SH, SH + 3u * sh_coefficients(step.sh_degree), visible);
+    // SH of degrees not in use, and all SH of invisible splats, take no step.
+    let used = select(SH, SH + 3u * sh_coefficients(degree_in_use(i)), visible);
     if lane < used {
         update(i, lane);
     }

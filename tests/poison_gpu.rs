@@ -66,7 +66,7 @@ fn a_lost_device_is_a_typed_error_everywhere() {
     let plan = litetex_gs::backend::DensityPlan {
         sources: vec![0],
         maps: vec![litetex_gs::backend::MapChange::Keep],
-        edits: Vec::new(),
+        ..Default::default()
     };
     let errors = [
         backend.step(&StepRequest { step: 2, ..request(&scene, &scene.target) }).err(),

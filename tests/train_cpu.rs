@@ -257,7 +257,7 @@ fn plans_gather_splats_and_resample_maps() {
     let plan = |sources: &[u32], change| DensityPlan {
         sources: sources.to_vec(),
         maps: vec![change; sources.len()],
-        edits: Vec::new(),
+        ..DensityPlan::default()
     };
     backend.apply_plan(&plan(&reversed, MapChange::Keep)).unwrap();
     let after = backend.render(&scene.camera, &BLACK).unwrap();

@@ -1,4 +1,4 @@
-// Layout of a splat's parameters, in the order of `SplatGroup`, and the record of its map.
+// Layout of a splat's parameters, in the order of `SplatGroup`, and its record.
 
 const POSITION = 0u;
 const QUATERNION = 3u;
@@ -6,7 +6,7 @@ const LOG_SCALE = 7u;
 const OPACITY = 9u;
 const SH = 10u;
 
-// Position and size of a splat's map. Mirrors `layout::SplatInfo`.
+// What a splat has besides its parameters. Mirrors `layout::SplatInfo`.
 struct SplatInfo {
     map_offset_texels: u32,
     // rows | cols << 16
@@ -15,6 +15,7 @@ struct SplatInfo {
     texel_size: f32,
     // Step up to which SH and texels have been flushed.
     last_step: u32,
+    sh_degree: u32,
 }
 
 fn map_rows(map_size: u32) -> u32 {

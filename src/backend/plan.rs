@@ -96,16 +96,27 @@ pub struct DensityPlan {
     pub sources: Vec<u32>,
     /// For each splat of the new model, the change of its source's map. `[n_new]`
     pub maps: Vec<MapChange>,
+    /// For each splat of the new model, its SH degree; empty: those of the sources. Coefficients that are lost or new, and
+    /// their moments, become 0. `[n_new]`
+    pub sh_degrees: Vec<u8>,
     /// New parameters of splats that differ from their source, by ascending index.
     pub edits: Vec<SplatEdit>,
 }
 
 impl DensityPlan {
-    /// Checks the plan against a model of `num_splats` splats.
+    /// The degrees of the new splats, from those of the old.
+    pub fn new_sh_degrees(&self, old: &[u8]) -> Vec<u8> {
+        if self.sh_degrees.is_empty() {
+            return self.sources.iter().map(|&s| old[s as usize]).collect();
+        }
+        self.sh_degrees.clone()
+    }
+
+    /// Checks the plan against a model of `num_splats` splats of at most `sh_degree`.
     ///
     /// # Errors
     /// [`Error::Usage`] naming the first inconsistency.
-    pub fn check(&self, num_splats: usize) -> Result<()> {
+    pub fn check(&self, num_splats: usize, sh_degree: u32) -> Result<()> {
         if self.sources.len() != self.maps.len() {
             return Err(Error::Usage(format!(
                 "density-control plan: {} sources but {} map changes",
@@ -117,6 +128,19 @@ impl DensityPlan {
             return Err(Error::Usage(format!(
                 "density-control plan: source {} of new splat {at} is not one of the {num_splats} splats",
                 self.sources[at]
+            )));
+        }
+        if !self.sh_degrees.is_empty() && self.sh_degrees.len() != self.sources.len() {
+            return Err(Error::Usage(format!(
+                "density-control plan: {} sources but {} SH degrees",
+                self.sources.len(),
+                self.sh_degrees.len()
+            )));
+        }
+        if let Some(at) = self.sh_degrees.iter().position(|&d| u32::from(d) > sh_degree) {
+            return Err(Error::Usage(format!(
+                "density-control plan: SH degree {} of new splat {at}, expected at most the model's {sh_degree}",
+                self.sh_degrees[at]
             )));
         }
         for (at, map) in self.maps.iter().enumerate() {

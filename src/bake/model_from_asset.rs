@@ -1,6 +1,7 @@
 //! Turns an asset back into a model that backends can render: activations are inverted in f64.
 
 use crate::camera::Similarity;
+use crate::constants::sh_coefficients;
 use crate::model::{Filter, Model, SplatArrays, TextureMap, TexturePool};
 use glam::DVec3;
 use litetex_exporters::{Filter as AssetFilter, SplatAsset};
@@ -13,6 +14,7 @@ const BELOW_ONE: f64 = 1.0 - 1.0 / (1_u64 << 26) as f64;
 pub fn model_from_asset(asset: &SplatAsset) -> Model {
     let splats = SplatArrays {
         sh_degree: asset.sh_degree,
+        sh_degrees: degrees(asset),
         positions: asset.positions.as_flattened().to_vec(),
         quaternions: asset.rotations.as_flattened().to_vec(),
         log_scales: asset.scales.as_flattened().iter().map(|&s| f64::from(s).ln() as f32).collect(),
@@ -41,6 +43,16 @@ pub fn model_from_asset(asset: &SplatAsset) -> Model {
             translation: DVec3::from_array(frame.translation),
         },
     }
+}
+
+/// The SH degree that each splat needs.
+fn degrees(asset: &SplatAsset) -> Vec<u8> {
+    let width = 3 * sh_coefficients(asset.sh_degree);
+    let degree = |sh: &[f32]| match sh.iter().rposition(|&c| c != 0.0) {
+        Some(last) => (last / 3).isqrt() as u8,
+        None => 0,
+    };
+    asset.sh.chunks_exact(width).map(degree).collect()
 }
 
 fn logit(opacity: f64) -> f64 {

@@ -4,6 +4,7 @@
 use super::table::Table;
 use super::values::format_count;
 use litetex_gs::camera::Camera;
+use litetex_gs::constants::SH_DEGREE_MAX;
 use litetex_gs::image::{Channels, legend, magma, write_png};
 use litetex_gs::model::{Model, TextureMap, tinted};
 use litetex_gs::train::density::pixel_sizes;
@@ -17,6 +18,8 @@ pub enum ColourBy {
     Texels,
     /// Size of its texels, in pixels of the nearest training camera
     TexelSize,
+    /// SH degree: how its colour depends on the direction of view
+    Degree,
     /// Identity: every splat gets its own colour, distinct from its neighbours'
     Splats,
 }
@@ -25,7 +28,7 @@ pub enum ColourBy {
 const NONE: [u8; 3] = [86, 180, 233];
 /// Darkest place used on the ramp: darker colours vanish on a black background.
 const DARKEST: f64 = 0.2;
-/// Classes of either measure besides "none": sides of 2 to 256 texels, texels of up to 1 to 64 pixels and more.
+/// Classes of either measure of texels besides "none": sides of 2 to 256 texels, texels of up to 1 to 64 pixels and more.
 const CLASSES: usize = TextureMap::SIDE_CLASSES;
 
 impl ColourBy {
@@ -34,6 +37,7 @@ impl ColourBy {
         match self {
             Self::Texels => "texels",
             Self::TexelSize => "texel-size",
+            Self::Degree => "degree",
             Self::Splats => "splats",
         }
     }
@@ -47,25 +51,33 @@ impl ColourBy {
     fn title(self) -> &'static str {
         match self {
             Self::TexelSize => "pixels per texel",
+            Self::Degree => "SH degree",
             _ => "texels per side",
         }
     }
 
-    /// Labels of the classes, from that of splats without a map.
+    /// Number of classes besides the first.
+    fn num_classes(self) -> usize {
+        if self == Self::Degree { SH_DEGREE_MAX as usize } else { CLASSES }
+    }
+
+    /// Labels of the classes, from that of splats without a map or of degree 0.
     fn labels(self) -> Vec<String> {
         let class = |class: usize| match self {
+            Self::Degree => class.to_string(),
             _ if class == 0 => "none".to_owned(),
             Self::TexelSize if class == CLASSES => format!("{}+", 1 << (class - 2)),
             Self::TexelSize => (1 << (class - 1)).to_string(),
             _ => (1 << class).to_string(),
         };
-        (0..=CLASSES).map(class).collect()
+        (0..=self.num_classes()).map(class).collect()
     }
 
-    /// Class of a map; `pixel` is the width of a pixel of the nearest camera at the splat, local units.
-    fn class(self, map: &TextureMap, pixel: f64) -> usize {
+    /// Class of a splat; `pixel` is the width of a pixel of the nearest camera there, local units.
+    fn class(self, map: &TextureMap, sh_degree: u8, pixel: f64) -> usize {
         let side_class = map.side_class();
         match self {
+            Self::Degree => sh_degree.into(),
             _ if side_class == 0 => 0,
             Self::TexelSize => {
                 let size = f64::from(map.texel_size) / pixel;
@@ -77,12 +89,12 @@ impl ColourBy {
     }
 }
 
-/// Colour of a class: the finer the maps, the lighter.
+/// Colour of a class: the finer the maps or the higher the degree, the lighter.
 fn colour(by: ColourBy, class: usize) -> [u8; 3] {
     if class == 0 {
         return NONE;
     }
-    let step = (class - 1) as f64 / (CLASSES - 1) as f64;
+    let step = (class - 1) as f64 / (by.num_classes() - 1) as f64;
     let lightness = if by == ColourBy::TexelSize { 1.0 - step } else { step };
     magma(DARKEST + (1.0 - DARKEST) * lightness)
 }
@@ -110,10 +122,11 @@ impl Coloured {
             let colours: Vec<[u8; 3]> = (0..n).map(scattered).collect();
             return Self { by, model: tinted(model, &colours), counts: Vec::new() };
         }
-        let mut counts = vec![[0; 2]; CLASSES + 1];
+        let mut counts = vec![[0; 2]; by.num_classes() + 1];
         let pixels = pixel_sizes(model, cameras);
-        let colours = model.textures.maps.iter().zip(&pixels).map(|(map, &pixel)| {
-            let class = by.class(map, pixel);
+        let maps_and_degrees = model.textures.maps.iter().zip(&model.splats.sh_degrees);
+        let colours = maps_and_degrees.zip(&pixels).map(|((map, &sh_degree), &pixel)| {
+            let class = by.class(map, sh_degree, pixel);
             counts[class][0] += 1;
             counts[class][1] += map.num_texels();
             colour(by, class)
@@ -182,8 +195,8 @@ mod tests {
 
     #[test]
     fn classes_are_distinguishable_with_any_colour_vision() {
-        for by in [ColourBy::Texels, ColourBy::TexelSize] {
-            let colours: Vec<[u8; 3]> = (0..=CLASSES).map(|class| colour(by, class)).collect();
+        for by in [ColourBy::Texels, ColourBy::TexelSize, ColourBy::Degree] {
+            let colours: Vec<[u8; 3]> = (0..=by.num_classes()).map(|class| colour(by, class)).collect();
             for (i, &a) in colours.iter().enumerate() {
                 for &b in &colours[..i] {
                     assert!(difference(a, b) > 25.0, "{by:?}: {a:?} {b:?}: {}", difference(a, b));
@@ -206,14 +219,14 @@ mod tests {
         let labels = ColourBy::Texels.labels();
         let class = |side: u16| {
             let map = TextureMap { offset_texels: 0, rows: 1, cols: side, texel_size: 1.0 };
-            labels[ColourBy::Texels.class(&map, 1.0)].as_str()
+            labels[ColourBy::Texels.class(&map, 0, 1.0)].as_str()
         };
         assert_eq!([1, 2, 3, 4, 8, 9, 255, 256].map(class), ["2", "2", "4", "4", "8", "16", "256", "256"]);
         // Texels of 0.7 to 1000 pixels.
         let labels = ColourBy::TexelSize.labels();
         let class = |texel_size: f32| {
             let map = TextureMap { offset_texels: 0, rows: 2, cols: 2, texel_size };
-            labels[ColourBy::TexelSize.class(&map, 0.1)].as_str()
+            labels[ColourBy::TexelSize.class(&map, 0, 0.1)].as_str()
         };
         let sizes = [0.07, 0.1, 0.2, 0.2001, 0.3, 6.4, 6.9, 100.0];
         assert_eq!(sizes.map(class), ["1", "1", "2", "2", "4", "64", "64+", "64+"]);

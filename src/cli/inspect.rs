@@ -110,6 +110,7 @@ fn of_model(model: &Model) -> Value {
         "params": model.num_params(),
         "params_published": model.size().params_published(),
         "sh_degree": model.splats.sh_degree,
+        "sh_degrees": degree_counts(model),
         "maps": histogram(sides),
         "bounds_in_capture": { "min": low, "max": high },
         "capture_from_local": {
@@ -119,6 +120,13 @@ fn of_model(model: &Model) -> Value {
         "near": model.near,
         "filter": model.filter,
     })
+}
+
+/// Number of splats of each SH degree.
+fn degree_counts(model: &Model) -> [usize; 4] {
+    let mut counts = [0; 4];
+    model.splats.sh_degrees.iter().for_each(|&degree| counts[usize::from(degree)] += 1);
+    counts
 }
 
 /// Number of maps of each size.
@@ -135,13 +143,15 @@ fn of_asset(asset: &SplatAsset) -> Value {
         let (low, high) = bounds(asset.positions.iter().map(|p| DVec3::from_array(f.transform_point(*p))));
         json!({ "min": low, "max": high })
     };
-    let size = model_from_asset(asset).size();
+    let model = model_from_asset(asset);
+    let size = model.size();
     let mut found = json!({
         "splats": asset.num_splats(),
         "texels": asset.num_texels(),
         "params": size.params(),
         "params_published": size.params_published(),
         "sh_degree": asset.sh_degree,
+        "sh_degrees": degree_counts(&model),
         "maps": histogram(asset.maps.iter().map(|m| (m.rows, m.cols))),
         "bounds_in_capture": bounds_in(&asset.capture_from_local),
         "capture_from_local": frame(&asset.capture_from_local),

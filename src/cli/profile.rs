@@ -82,6 +82,7 @@ impl Profile {
             spending: Spending::SplitsFirst,
             respawn: false,
             ceiling_start: 2,
+            sh_below: 0.0,
             ..DensityConfig::default()
         };
         match self {

@@ -135,6 +135,8 @@ pub struct Size {
     pub splats: usize,
     /// Number of texels of all texture maps.
     pub texels: usize,
+    /// Number of SH coefficients of all splats, RGB as one; 16 per splat at degree 3.
+    pub sh_coefficients: usize,
     /// Number of splats with a texture map.
     pub maps: usize,
     /// Floats that the model holds.

@@ -74,6 +74,7 @@ impl Outcome<'_> {
                 splats: state.model.num_splats(),
                 texels: state.model.num_texels(),
                 maps: state.model.size().maps,
+                sh_coefficients: state.model.size().sh_coefficients,
                 params: state.model.num_params(),
                 params_published: state.model.size().params_published(),
                 disk,

@@ -19,7 +19,12 @@ enum TexelArray {
 /// # Errors
 /// As [`TexturePool::neutral`].
 pub(super) fn apply_plan(model: &Model, adam: &AdamState, plan: &DensityPlan) -> Result<(Model, AdamState)> {
-    let gather = |arrays: &SplatArrays| arrays.gathered(&plan.sources);
+    let degrees = plan.new_sh_degrees(&model.splats.sh_degrees);
+    let gather = |arrays: &SplatArrays| {
+        let mut out = arrays.gathered(&plan.sources);
+        out.set_sh_degrees(&degrees);
+        out
+    };
     let old = &model.textures.maps;
     let extents = plan.sources.iter().zip(&plan.maps).map(|(&s, change)| match *change {
         MapChange::Keep => {
@@ -136,7 +141,7 @@ mod tests {
                 let texel_size = finer * model.textures.maps[0].texel_size;
                 plan.maps[0] =
                     MapChange::Resample { rows, cols, texel_size, shift_texels: [0.0; 2], moment_scale };
-                plan.check(3).unwrap();
+                plan.check(3, 3).unwrap();
                 apply_plan(&model, &adam, &plan)
             };
             let (plain_model, plain) = run([1.0, 1.0]);
@@ -176,7 +181,7 @@ mod tests {
     #[test]
     fn invalid_moment_scales_are_refused() {
         let (_, _, mut plan) = planned(MapChange::Keep);
-        plan.check(3).unwrap();
+        plan.check(3, 3).unwrap();
         for moment_scale in [[f32::NAN, 1.0], [1.0, -0.25], [f32::INFINITY, 1.0]] {
             plan.maps[0] = MapChange::Resample {
                 rows: 2,
@@ -185,7 +190,7 @@ mod tests {
                 shift_texels: [0.0; 2],
                 moment_scale,
             };
-            let message = plan.check(3).unwrap_err().to_string();
+            let message = plan.check(3, 3).unwrap_err().to_string();
             assert!(message.contains("moment scale") && message.contains("new splat 0"), "{message}");
         }
     }
@@ -199,7 +204,7 @@ mod tests {
     fn padding_uses_zeros_for_texels_and_nearest_second_moments() {
         // Adds a column on each side of the first map, which is 4 x 3.
         let (model, adam, plan) = planned(window(Grid::Same, [4, 5], [0, -1]));
-        plan.check(3).unwrap();
+        plan.check(3, 3).unwrap();
         let (new, moments) = apply_plan(&model, &adam, &plan);
         assert_eq!(new.textures.maps[0].num_texels(), 20);
         assert_eq!(new.textures.maps[0].texel_size, model.textures.maps[0].texel_size);
@@ -221,7 +226,7 @@ mod tests {
         let (new, _) = apply_plan(&model, &adam, &plan);
         assert_eq!(new.textures.maps[0].texel_size, 0.5 * model.textures.maps[0].texel_size);
         let (_, _, plan) = planned(window(Grid::Same, [0, 0], [0, 0]));
-        plan.check(3).unwrap();
+        plan.check(3, 3).unwrap();
         assert_eq!(apply_plan(&model, &adam, &plan).0.num_texels(), model.num_texels() - 12);
     }
 
@@ -229,7 +234,7 @@ mod tests {
     fn a_window_with_texels_along_only_one_axis_is_refused() {
         for (size, first) in [([0, 3], [0, 0]), ([4, 0], [0, 0])] {
             let (_, _, plan) = planned(window(Grid::Same, size, first));
-            let message = plan.check(3).unwrap_err().to_string();
+            let message = plan.check(3, 3).unwrap_err().to_string();
             assert!(message.contains("new splat 0") && message.contains("texels"), "{message}");
         }
     }
@@ -250,7 +255,7 @@ mod tests {
         plan.sources = vec![2, 0, 0];
         let (before, _) = apply_plan(&model, &adam, &plan);
         plan.edits = vec![edit(1, 7.0), edit(2, 8.0)];
-        plan.check(3).unwrap();
+        plan.check(3, 3).unwrap();
         let (after, moments) = apply_plan(&model, &adam, &plan);
         assert_eq!(after.splats.positions[3..], [7.0, 2.0, 3.0, 8.0, 2.0, 3.0]);
         assert_eq!(after.splats.log_scales[2..], [-1.0, -2.0, -1.0, -2.0]);
@@ -282,7 +287,7 @@ mod tests {
         };
         for edits in [vec![edit(3, 0.0)], vec![edit(1, 0.0), edit(1, 0.0)], vec![edit(0, f32::NAN)]] {
             plan.edits = edits;
-            assert!(plan.check(3).unwrap_err().to_string().contains("edit"));
+            assert!(plan.check(3, 3).unwrap_err().to_string().contains("edit"));
         }
     }
 }

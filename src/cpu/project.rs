@@ -223,6 +223,7 @@ pub(super) fn base_colours(model: &Model, view: &ViewF32, degree: u32, splats: &
     splats.par_iter_mut().with_min_len(256).for_each(|splat| {
         let i = splat.id as usize;
         let (direction, _) = view_direction(model, i, view);
+        let degree = degree.min(model.splats.sh_degrees[i].into());
         let basis = sh_basis(degree, direction);
         let mut rgb = [0.5_f32; 3];
         for (k, y) in basis[..sh_coefficients(degree)].iter().enumerate() {

@@ -17,6 +17,8 @@ pub(super) struct SplatGradient {
     pub opacity: f32,
     /// Zero above the degree in use. `[16, 3]`
     pub sh: [f32; 48],
+    /// Floats of `sh` up to the degree in use.
+    pub sh_floats: usize,
 }
 
 /// Applies the chain rule to `sums`, the sums over all pairs of the splat.
@@ -29,6 +31,7 @@ pub(super) fn project_bwd(
 ) -> SplatGradient {
     let s = |sum: Sum| sums[sum as usize];
     let i = splat.id as usize;
+    let sh_degree = sh_degree.min(model.splats.sh_degrees[i].into());
     let screen = filter_bwd(splat, sums, view);
     let (by_centre, by_axes) = map_bwd(splat, sums, &screen, view);
     let mut out = SplatGradient {
@@ -37,6 +40,7 @@ pub(super) fn project_bwd(
         log_scale: screen.log_scale,
         opacity: s(Sum::Opacity) * splat.opacity * (1.0 - splat.stored_opacity),
         sh: [0.0; 48],
+        sh_floats: 3 * sh_coefficients(sh_degree),
     };
     let stored = [0, 1, 2, 3].map(|k| model.splats.quaternions[4 * i + k]);
     out.quaternion = quaternion_bwd(stored, by_axes.map(|axis| view.rotate_back(axis)));

@@ -251,7 +251,7 @@ fn guard(gradient: &mut SplatGradient, texels: &mut [f32]) -> u32 {
         return 0;
     }
     let mut count = 0;
-    let SplatGradient { position, quaternion, log_scale, opacity, sh } = gradient;
+    let SplatGradient { position, quaternion, log_scale, opacity, sh, .. } = gradient;
     let fixed = position.iter_mut().chain(quaternion).chain(log_scale).chain(sh);
     for g in fixed.chain(std::iter::once(opacity)).chain(texels) {
         if !g.is_finite() {
@@ -297,9 +297,6 @@ fn update_chunk<S: Simd>(
 ) {
     let step = AdamStep::new(input.step);
     let rates = &input.rates;
-    // SH of degrees not yet in use take no step.
-    let sh_used = 3 * sh_coefficients(input.sh_degree);
-
     let base = 3 * maps[chunk.first].offset_texels as usize;
     let mut dense = vec![[0.0_f32; 10]; chunk.last_step.len()];
     for g in gradients.splats.iter() {
@@ -310,10 +307,11 @@ fn update_chunk<S: Simd>(
         dense[i][9] = g.gradient.opacity;
         let [p, m, v] = &mut chunk.groups[4];
         let dc = i * sh_width..i * sh_width + 3;
-        let rest = i * sh_width + 3..i * sh_width + sh_used;
-        let sh = &g.gradient.sh;
+        // SH of degrees not in use take no step.
+        let sh = &g.gradient.sh[..g.gradient.sh_floats];
+        let rest = i * sh_width + 3..i * sh_width + sh.len();
         step.update(&mut p[dc.clone()], &mut m[dc.clone()], &mut v[dc], &sh[..3], rates.sh_dc);
-        step.update(&mut p[rest.clone()], &mut m[rest.clone()], &mut v[rest], &sh[3..sh_used], rates.sh_rest);
+        step.update(&mut p[rest.clone()], &mut m[rest.clone()], &mut v[rest], &sh[3..], rates.sh_rest);
         let map = &maps[g.id as usize];
         let range = map.floats().start - base..map.floats().end - base;
         let [p, m, v] = &mut chunk.texels;

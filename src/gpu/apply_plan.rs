@@ -21,7 +21,8 @@ pub(super) fn apply_plan(backend: &mut GpuBackend, plan: &DensityPlan) -> Result
         .collect();
     let mut map_kernels = vec![KernelId::RegridMaps];
     map_kernels.extend(changes.iter().find(|c| c.kind == CHANGE_RESAMPLE).map(|_| KernelId::ResampleMaps));
-    let splats = SplatArrays::zeros(plan.sources.len(), old.splats.sh_degree);
+    let mut splats = SplatArrays::zeros(plan.sources.len(), old.splats.sh_degree);
+    splats.sh_degrees = plan.new_sh_degrees(&old.splats.sh_degrees);
     let shape = Model { splats, textures, ..*old };
     let clock =
         AdamState { step: backend.clock.step, rates: backend.clock.rates, ..AdamState::zeros(&shape) };
@@ -109,7 +110,11 @@ impl PlanBuffers {
             sources: filled(device, "sources of the plan", &plan.sources)?,
             changes: filled(device, "map changes of the plan", changes)?,
             edits: filled(device, "edits of the plan", &edits)?,
-            infos: filled(device, "splat records", &splat_infos(&shape.textures.maps, |_| 0))?,
+            infos: filled(
+                device,
+                "splat records",
+                &splat_infos(&shape.textures.maps, &shape.splats.sh_degrees, |_| 0),
+            )?,
             splats,
             texels,
             derived: model_buffers::derived(device, n, num_texels)?,

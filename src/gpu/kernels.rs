@@ -212,7 +212,7 @@ kernels! {
     }
     "project_bwd", EachSplatLater, [
         write splat_p = SplatP, write splat_m = SplatM, write splat_v = SplatV, read projected = Projected,
-        write bounds = Bounds, read partials = Partials, write statistics = Statistics,
+        write bounds = Bounds, read partials = Partials, write statistics = Statistics, read splat_info = SplatInfo,
     ] => {
         ProjectBwd [];
         ProjectBwdGeometry ["GEOMETRY"];
@@ -232,6 +232,7 @@ kernels! {
     }
     "gather_splats", EachSplat, [
         read sources = Sources, read old_values = OldValues, write new_values = NewValues,
+        read splat_info = SplatInfo,
     ] => { GatherSplats [] }
     "edit_splats", EachSplat, [
         read edits = Edits, write splat_p = SplatP, write splat_m = SplatM,

@@ -137,7 +137,7 @@ pub struct SortPass {
     pub pad: u32,
 }
 
-/// Position and size of a splat's map (`shaders/common/splat.wgsl`).
+/// What a splat has besides its parameters: position and size of its map, and more (`shaders/common/splat.wgsl`).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct SplatInfo {
@@ -149,6 +149,8 @@ pub struct SplatInfo {
     pub texel_size: f32,
     /// Step up to which SH and texels have been flushed.
     pub last_step: u32,
+    /// SH degree of the splat.
+    pub sh_degree: u32,
 }
 
 /// How a density-control plan changes a map (`shaders/common/map_change.wgsl`).

@@ -29,7 +29,7 @@ fn interleaved(arrays: &SplatArrays) -> Vec<f32> {
 /// Inverse of [`interleaved`].
 fn separated(values: &[f32], sh_degree: u32) -> SplatArrays {
     let stride = splat_stride(sh_degree);
-    let mut out = SplatArrays::zeros(0, sh_degree);
+    let mut out = SplatArrays::zeros(values.len() / stride, sh_degree);
     let mut at = 0;
     for group in SplatGroup::ALL {
         let width = group.width(sh_degree);
@@ -40,12 +40,17 @@ fn separated(values: &[f32], sh_degree: u32) -> SplatArrays {
     out
 }
 
-pub(super) fn splat_infos(maps: &[TextureMap], last_step: impl Fn(usize) -> u32) -> Vec<SplatInfo> {
+pub(super) fn splat_infos(
+    maps: &[TextureMap],
+    sh_degrees: &[u8],
+    last_step: impl Fn(usize) -> u32,
+) -> Vec<SplatInfo> {
     let info = |(i, map): (usize, &TextureMap)| SplatInfo {
         map_offset_texels: map.offset_texels,
         map_size: u32::from(map.rows) | u32::from(map.cols) << 16,
         texel_size: map.texel_size,
         last_step: last_step(i),
+        sh_degree: sh_degrees[i].into(),
     };
     maps.iter().enumerate().map(info).collect()
 }
@@ -80,7 +85,7 @@ pub(super) fn upload(
     for (name, values) in texels {
         made.push((name, filled(device, "texel parameters", values)?));
     }
-    let infos = splat_infos(&model.textures.maps, |i| adam.last_step[i]);
+    let infos = splat_infos(&model.textures.maps, &model.splats.sh_degrees, |i| adam.last_step[i]);
     made.push((Buf::SplatInfo, filled(device, "splat records", &infos)?));
     made.into_iter().for_each(|(name, buffer)| resources.set(name, buffer));
     Ok(())
@@ -127,6 +132,9 @@ pub(super) fn read_back(
     adam.texels_v = device.rescue(resources.buffer(Buf::TexelV), floats)?;
     let infos: Vec<SplatInfo> = device.rescue(resources.buffer(Buf::SplatInfo), n)?;
     adam.last_step = infos.iter().map(|i| i.last_step).collect();
+    for arrays in [&mut model.splats, &mut adam.splats_m, &mut adam.splats_v] {
+        arrays.sh_degrees = infos.iter().map(|i| i.sh_degree as u8).collect();
+    }
     Ok(())
 }
 
@@ -139,7 +147,9 @@ mod tests {
     fn interleaved_splats_round_trip() {
         for sh_degree in [0, 2, 3] {
             let options = SceneOptions { num_splats: 7, sh_degree, ..SceneOptions::default() };
-            let splats = random_scene(&options).model.splats;
+            let mut splats = random_scene(&options).model.splats;
+            // The records have the degrees.
+            splats.sh_degrees.fill(sh_degree as u8);
             let values = interleaved(&splats);
             assert_eq!(values.len(), 7 * splat_stride(sh_degree));
             assert_eq!(separated(&values, sh_degree), splats);

@@ -14,6 +14,7 @@ pub use texture::{TextureMap, TexturePool, support_half_extent, texel_value, tex
 pub use tint::tinted;
 
 use crate::camera::Similarity;
+use crate::constants::sh_coefficients;
 use serde::{Deserialize, Serialize};
 
 /// Splats and texture maps, with the frame they are in: all that rendering needs.
@@ -46,9 +47,9 @@ impl Model {
     pub fn size(&self) -> ModelSize {
         ModelSize {
             splats: self.num_splats(),
+            sh_coefficients: self.splats.sh_degrees.iter().map(|&d| sh_coefficients(d.into())).sum(),
             maps: self.textures.maps.iter().filter(|map| map.num_texels() > 0).count(),
             texels: self.num_texels(),
-            sh_degree: self.splats.sh_degree,
         }
     }
 
@@ -147,9 +148,11 @@ impl AdamState {
     /// The state before the first step: all moments zero.
     pub fn zeros(model: &Model) -> Self {
         let n = model.num_splats();
+        let mut zeros = SplatArrays::zeros(n, model.splats.sh_degree);
+        zeros.sh_degrees.clone_from(&model.splats.sh_degrees);
         Self {
-            splats_m: SplatArrays::zeros(n, model.splats.sh_degree),
-            splats_v: SplatArrays::zeros(n, model.splats.sh_degree),
+            splats_m: zeros.clone(),
+            splats_v: zeros,
             texels_m: vec![0.0; model.textures.texels.len()],
             texels_v: vec![0.0; model.textures.texels.len()],
             last_step: vec![0; n],

@@ -7,9 +7,12 @@ pub const MAP_PARAMS: usize = 1;
 /// Parameters of a texel: RGB.
 pub const TEXEL_PARAMS: usize = 3;
 
-/// Parameters of a splat without a texture map: centre 3, rotation 4, scales 2, opacity 1, and its SH coefficients.
+/// Parameters of a splat without colour: centre 3, rotation 4, scales 2, opacity 1.
+const BARE_SPLAT_PARAMS: usize = 10;
+
+/// Parameters of a splat without a texture map.
 pub const fn splat_params(sh_degree: u32) -> usize {
-    10 + 3 * sh_coefficients(sh_degree)
+    BARE_SPLAT_PARAMS + 3 * sh_coefficients(sh_degree)
 }
 
 /// Numbers of what a model is made of.
@@ -17,24 +20,29 @@ pub const fn splat_params(sh_degree: u32) -> usize {
 pub struct ModelSize {
     /// Number of splats.
     pub splats: usize,
+    /// Number of SH coefficients over all splats, RGB as one.
+    pub sh_coefficients: usize,
     /// Number of splats with a texture map.
     pub maps: usize,
     /// Number of texels over all maps.
     pub texels: usize,
-    /// SH degree that every splat stores.
-    pub sh_degree: u32,
 }
 
 impl ModelSize {
-    /// Splats with a map of so many texels each (0: without maps).
+    /// Splats of one SH degree with a map of so many texels each (0: without maps).
     pub fn uniform(splats: usize, texels_each: usize, sh_degree: u32) -> Self {
-        let maps = if texels_each > 0 { splats } else { 0 };
-        Self { splats, maps, texels: splats.saturating_mul(texels_each), sh_degree }
+        Self {
+            splats,
+            sh_coefficients: splats.saturating_mul(sh_coefficients(sh_degree)),
+            maps: if texels_each > 0 { splats } else { 0 },
+            texels: splats.saturating_mul(texels_each),
+        }
     }
 
     /// Floats that the model holds. Saturates.
     pub fn params(&self) -> usize {
-        (self.splats.saturating_mul(splat_params(self.sh_degree)))
+        (self.splats.saturating_mul(BARE_SPLAT_PARAMS))
+            .saturating_add(self.sh_coefficients.saturating_mul(3))
             .saturating_add(self.maps.saturating_mul(MAP_PARAMS))
             .saturating_add(self.texels.saturating_mul(TEXEL_PARAMS))
     }

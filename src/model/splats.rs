@@ -6,8 +6,10 @@ use crate::constants::sh_coefficients;
 /// One array per group of parameters; the entries of a splat are contiguous.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SplatArrays {
-    /// SH degree of `sh`.
+    /// Largest SH degree of any splat, that of `sh`.
     pub sh_degree: u32,
+    /// SH degree of each splat. Entries of `sh` above it are 0. `[n]`
+    pub sh_degrees: Vec<u8>,
     /// Centres, local frame. `[n, 3]`
     pub positions: Vec<f32>,
     /// Rotations local_from_surfel as quaternions wxyz, not normalised. `[n, 4]`
@@ -52,11 +54,12 @@ impl SplatGroup {
 }
 
 impl SplatArrays {
-    /// `n` splats with all values zero.
+    /// `n` splats of degree `sh_degree` with all values zero.
     pub fn zeros(n: usize, sh_degree: u32) -> Self {
         let array = |g: SplatGroup| vec![0.0; n * g.width(sh_degree)];
         Self {
             sh_degree,
+            sh_degrees: vec![sh_degree as u8; n],
             positions: array(SplatGroup::Position),
             quaternions: array(SplatGroup::Quaternion),
             log_scales: array(SplatGroup::LogScale),
@@ -100,6 +103,7 @@ impl SplatArrays {
     /// The splats with the indices `sources`, in that order.
     pub fn gathered(&self, sources: &[u32]) -> Self {
         let mut out = Self::zeros(0, self.sh_degree);
+        out.sh_degrees = sources.iter().map(|&s| self.sh_degrees[s as usize]).collect();
         for group in SplatGroup::ALL {
             let width = group.width(self.sh_degree);
             let from = self.group(group);
@@ -110,5 +114,14 @@ impl SplatArrays {
                 .collect();
         }
         out
+    }
+
+    /// Changes the degrees of the splats; coefficients above them become 0.
+    pub fn set_sh_degrees(&mut self, degrees: &[u8]) {
+        self.sh_degrees = degrees.to_vec();
+        let width = SplatGroup::Sh.width(self.sh_degree);
+        for (sh, &degree) in self.sh.chunks_exact_mut(width).zip(degrees) {
+            sh[SplatGroup::Sh.width(degree.into())..].fill(0.0);
+        }
     }
 }

@@ -15,6 +15,7 @@ pub fn tinted(model: &Model, colours: &[[u8; 3]]) -> Model {
     Model {
         splats: SplatArrays {
             sh_degree: 0,
+            sh_degrees: vec![0; n],
             sh: colours.iter().flatten().map(|&c| coefficient(c)).collect(),
             ..model.splats.clone()
         },

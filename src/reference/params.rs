@@ -8,6 +8,8 @@ use glam::{DMat3, DQuat, DVec3};
 pub struct Params {
     /// SH degree of `sh`.
     pub sh_degree: u32,
+    /// SH degree of each splat. `[n]`
+    pub sh_degrees: Vec<u8>,
     /// Centres in the local frame. `[n, 3]`
     pub positions: Vec<f64>,
     /// Rotations local_from_surfel as wxyz, not normalised. `[n, 4]`
@@ -31,6 +33,7 @@ impl Params {
         let s = &model.splats;
         Self {
             sh_degree: s.sh_degree,
+            sh_degrees: s.sh_degrees.clone(),
             positions: wide(&s.positions),
             quaternions: wide(&s.quaternions),
             log_scales: wide(&s.log_scales),

@@ -116,6 +116,7 @@ fn footprint_texels(p: &Projected, texel_size: f64) -> [f64; 2] {
 
 fn sh_colour(params: &Params, i: usize, camera: &Camera, degree: u32) -> DVec3 {
     let direction = (params.position(i) - camera.centre_in_local()).normalize();
+    let degree = degree.min(params.sh_degrees[i].into());
     let basis = sh_basis(degree, direction);
     let width = sh_coefficients(params.sh_degree);
     (0..sh_coefficients(degree))

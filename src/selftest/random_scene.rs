@@ -14,7 +14,7 @@ use rand_pcg::Pcg64Mcg;
 pub struct SceneOptions {
     /// Number of splats.
     pub num_splats: usize,
-    /// SH degree of the splats.
+    /// Largest SH degree of the splats; four in five have a lower one or this.
     pub sh_degree: u32,
     /// Rows and columns of the maps, drawn at random for each splat; (0, 0) is untextured.
     pub map_sizes: Vec<(u16, u16)>,
@@ -74,6 +74,7 @@ pub fn random_scene(options: &SceneOptions) -> RandomScene {
     let local_from_camera = camera.camera_from_local.inverse();
     let n = options.num_splats;
     let mut splats = SplatArrays::zeros(n, options.sh_degree);
+    let degrees: Vec<u8> = (0..n).map(|i| (i % 5).min(options.sh_degree as usize) as u8).collect();
     let mut extents = Vec::new();
     let coefficients = sh_coefficients(options.sh_degree);
     for i in 0..n {
@@ -98,6 +99,7 @@ pub fn random_scene(options: &SceneOptions) -> RandomScene {
         let half = 2.5 * splats.log_scales[2 * i].max(splats.log_scales[2 * i + 1]).exp();
         extents.push((rows, cols, 2.0 * half / f32::from(rows.max(cols).max(2) - 1)));
     }
+    splats.set_sh_degrees(&degrees);
     let mut textures = TexturePool::neutral(extents).expect("random scenes have few texels");
     textures.texels.iter_mut().for_each(|t| *t = (1.5 * normal(&mut rng)) as f32);
     let model = Model {

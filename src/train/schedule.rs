@@ -16,6 +16,8 @@ const HIGHEST_RAISE: f64 = 8.0;
 pub struct Schedule {
     /// Steps after which the SH degree in use rises by one (published: 1,000).
     pub sh_interval: u32,
+    /// Steps for which an SH band is trained before it is judged.
+    pub sh_trial: u32,
     /// Step from which texels are trained (published: 1,000).
     pub texture_start: u32,
     /// Step at which the rate of positions has decayed (published: 24,000).
@@ -51,6 +53,7 @@ impl Schedule {
         let patience = (f64::from(c.patience_steps) * s / f64::from(density_interval)).round();
         Self {
             sh_interval: at(1_000.0),
+            sh_trial: at(f64::from(config.density.sh_trial_steps)),
             texture_start: at(c.texture_start.into()),
             position_end: at(24_000.0),
             density_interval,
@@ -138,6 +141,11 @@ impl Schedule {
     /// SH degree in use at a step; steps count from 1.
     pub fn sh_degree(&self, step: u32, highest: u32) -> u32 {
         ((step - 1) / self.sh_interval).min(highest)
+    }
+
+    /// Highest SH degree that has been trained long enough to be judged after a step; 0: none.
+    pub fn sh_tested(&self, step: u32, highest: u32) -> u32 {
+        (step.saturating_sub(self.sh_trial) / self.sh_interval).min(highest)
     }
 
     /// Learning rates of a step; steps count from 1.

@@ -112,6 +112,7 @@ impl DensityControl<'_> {
             use_statistics,
             texels_trained: step >= schedule.texture_start + schedule.density_interval,
             may_coarsen: schedule.may_coarsen(step),
+            sh_tested: schedule.sh_tested(step, config.sh_degree),
             max_added,
             initial_splats: state.pace.initial,
             split_texels: schedule.split_texels(config, step),
@@ -124,8 +125,8 @@ impl DensityControl<'_> {
                 let seed = config.seed ^ u64::from(step).wrapping_mul(0x9E37_79B9_7F4A_7C15);
                 // Without a budget the number of splats stays the same.
                 let bounds_splats = config.budget.max_splats.or(config.budget.max_params).is_some();
-                let most = bounds_splats
-                    .then(|| config.budget.within(&self.limits).most_splats(0, state.model.splats.sh_degree));
+                let most =
+                    bounds_splats.then(|| config.budget.within(&self.limits).most_splats_like(&model.size()));
                 density::relocate(&situation, &config.density, most, seed)
             }
             DensityStep::Decide => {

@@ -106,6 +106,7 @@ impl RunRecord {
             respawned: a.respawned + b.respawned,
             refined: a.refined + b.refined,
             coarsened: a.coarsened + b.coarsened,
+            shaded_less: a.shaded_less + b.shaded_less,
             over_budget: a.over_budget + b.over_budget,
         };
         self.steps.iter().fold(DensityCounts::default(), |sum, (counts, ..)| add(sum, counts))
@@ -114,8 +115,9 @@ impl RunRecord {
 
 /// Whether every kind of change to splats and maps occurred.
 pub fn is_all_done(counts: &DensityCounts) -> bool {
-    let DensityCounts { pruned, faded, split, respawned, refined, coarsened, over_budget: _ } = *counts;
-    [pruned + faded, split, respawned, refined, coarsened].iter().all(|&c| c > 0)
+    let DensityCounts { pruned, faded, split, respawned, refined, coarsened, shaded_less, over_budget: _ } =
+        *counts;
+    [pruned + faded, split, respawned, refined, coarsened, shaded_less].iter().all(|&c| c > 0)
 }
 
 /// Whether two states are bit-identical, except for times.

@@ -104,7 +104,7 @@ pub fn changes() -> Vec<MapChange> {
     ]
 }
 
-/// Removes every fourth splat, duplicates every seventh, changes maps in every way, and edits every fifth splat.
+/// Removes every fourth splat, duplicates every seventh, changes maps and SH degrees in every way, and edits every fifth splat.
 pub fn plan(num_splats: usize) -> DensityPlan {
     let changes = changes();
     let mut plan = DensityPlan::default();
@@ -112,6 +112,7 @@ pub fn plan(num_splats: usize) -> DensityPlan {
         for copy in 0..1 + usize::from(i % 7 == 0) {
             plan.maps.push(changes[plan.sources.len() % changes.len()]);
             let splat = plan.sources.len() as u32;
+            plan.sh_degrees.push((splat % 4) as u8);
             plan.sources.push(i as u32);
             if splat.is_multiple_of(5) {
                 let at = [0.1, -0.1, 1.0].map(|x| x * (i + copy) as f32 / num_splats as f32);

@@ -3,6 +3,7 @@
 //! | tensor | type and shape |
 //! |---|---|
 //! | `splats.{positions,quaternions,log_scales,opacity_logits,sh}` | f32 `[n,3] [n,4] [n,2] [n] [n,k,3]`, k = (degree + 1)^2 |
+//! | `splats.sh_degrees` | u16 `[n]`: SH degree of each splat; coefficients above it are 0 |
 //! | `adam.m.*`, `adam.v.*` | the same five, and `texels` |
 //! | `adam.last_step`, `adam.step`, `adam.rates` | u32 `[n]`, u32 `[1]`, f32 `[9]` |
 //! | `textures.maps.{offset,rows,cols,texel_size}` | u32, u16, u16, f32 `[n]` |
@@ -111,6 +112,10 @@ pub fn tensors(state: &TrainState) -> BTreeMap<String, Tensor<'_>> {
             put(&group_name(prefix, group), Tensor::f32(&shape, arrays.group(group)));
         }
     }
+    put(
+        "splats.sh_degrees",
+        Tensor::new(&[n], Data::U16(model.splats.sh_degrees.iter().map(|&d| d.into()).collect())),
+    );
     put("adam.m.texels", Tensor::f32(&texels, &adam.texels_m));
     put("adam.v.texels", Tensor::f32(&texels, &adam.texels_v));
     put("adam.last_step", Tensor::u32(&[n], &adam.last_step));
@@ -164,6 +169,8 @@ pub fn state(reader: &mut Reader<'_>) -> Result<TrainState> {
             *arrays.group_mut(group) = f32s(reader.take(&group_name(prefix, group), Dtype::F32, &shape)?);
         }
     }
+    let degrees = sh_degrees(reader, n, degree)?;
+    splats.iter_mut().for_each(|(_, arrays)| arrays.sh_degrees.clone_from(&degrees));
     let [(_, splats), (_, splats_m), (_, splats_v)] = splats;
     let texels = [reader.first_dimension("textures.texels")?, 3];
     let adam = AdamState {
@@ -295,6 +302,15 @@ fn sh_degree(reader: &Reader<'_>, n: usize) -> Result<u32> {
             "tensor \"splats.sh\": found shape {found:?}, expected [{n}, k, 3] with k = 1, 4, 9 or 16"
         ))
     })
+}
+
+fn sh_degrees(reader: &mut Reader<'_>, n: usize, largest: u32) -> Result<Vec<u8>> {
+    let found = u16s(reader.take("splats.sh_degrees", Dtype::U16, &[n])?);
+    if let Some(other) = found.iter().find(|&&d| u32::from(d) > largest) {
+        return Err(reader
+            .invalid(format!("tensor \"splats.sh_degrees\": found {other}, expected at most {largest}")));
+    }
+    Ok(found.iter().map(|&d| d as u8).collect())
 }
 
 fn group_name(prefix: &str, group: SplatGroup) -> String {

@@ -32,7 +32,7 @@ impl<'a> BudgetAllocator<'a> {
         budget: &'a Budget,
         planned_splats: Vec<Option<PlannedSplat>>,
     ) -> Self {
-        let size = size_of(planned_splats.iter().flatten(), s.model.splats.sh_degree);
+        let size = size_of(planned_splats.iter().flatten());
         Self { s, config, budget, planned_splats, second_halves: Vec::new(), size, added: 0 }
     }
 

@@ -42,7 +42,7 @@ impl Candidate {
             }),
             _ => split,
         };
-        let params = |planned: &PlannedSplat| planned.params(s.model.splats.sh_degree) as f64;
+        let params = |planned: &PlannedSplat| planned.params() as f64;
         // A raised ceiling costs nothing and gains nothing yet.
         let refined_cost = refined.map_or(0.0, |d| params(&d) - params(planned));
         let refined_gain = if refined_cost > 0.0 { config.texel_gain / refined_cost } else { 0.0 };

@@ -9,6 +9,7 @@ use super::maps;
 use super::planned_splat::{PlannedSplat, finish};
 use super::score::{Scores, prune_count_after};
 use super::settings::{Budget, Components, DensityConfig};
+use super::shading::kept_degree;
 use super::situation::{DensityCounts, Revision, Situation};
 use super::sizes::Sizes;
 use crate::backend::MapChange;
@@ -45,6 +46,7 @@ pub fn decide(
                 history,
                 sizes,
                 texels: 0,
+                sh_degree: kept_degree(s, config, i, scores.share[i], &mut counts),
             })
         })
         .collect();

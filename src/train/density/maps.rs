@@ -161,7 +161,7 @@ pub fn coarsen_to_budget(
     planned_splats: &mut [Option<PlannedSplat>],
     counts: &mut DensityCounts,
 ) {
-    let mut size = size_of(planned_splats.iter().flatten(), s.model.splats.sh_degree);
+    let mut size = size_of(planned_splats.iter().flatten());
     if budget.allows(&size) || s.rule != MapRule::Adaptive {
         return;
     }

@@ -13,6 +13,7 @@ mod planned_splat;
 mod relocate;
 mod score;
 mod settings;
+mod shading;
 mod situation;
 mod sizes;
 mod split;

@@ -4,6 +4,7 @@ use super::geometry::morton_codes;
 use super::history::SplatHistory;
 use super::sizes::Sizes;
 use crate::backend::{DensityPlan, MapChange, SplatEdit};
+use crate::constants::sh_coefficients;
 use crate::model::{Model, ModelSize};
 
 /// New parameters of a half.
@@ -29,28 +30,29 @@ pub struct PlannedSplat {
     pub sizes: Sizes,
     /// Number of texels of its map.
     pub texels: usize,
+    /// SH degree.
+    pub sh_degree: u8,
 }
 
 impl PlannedSplat {
     /// Parameters of the splat with its map.
-    pub fn params(&self, sh_degree: u32) -> usize {
-        ModelSize::uniform(1, self.texels, sh_degree).params()
+    pub fn params(&self) -> usize {
+        ModelSize::uniform(1, self.texels, self.sh_degree.into()).params()
     }
 }
 
 /// Size of the planned model.
-pub fn size_of<'a>(planned_splats: impl Iterator<Item = &'a PlannedSplat>, sh_degree: u32) -> ModelSize {
-    let empty = ModelSize { sh_degree, ..ModelSize::default() };
-    planned_splats.fold(empty, with)
+pub fn size_of<'a>(planned_splats: impl Iterator<Item = &'a PlannedSplat>) -> ModelSize {
+    planned_splats.fold(ModelSize::default(), with)
 }
 
 /// The size with one more splat.
 pub fn with(size: ModelSize, planned: &PlannedSplat) -> ModelSize {
     ModelSize {
         splats: size.splats + 1,
+        sh_coefficients: size.sh_coefficients + sh_coefficients(planned.sh_degree.into()),
         maps: size.maps + usize::from(planned.texels > 0),
         texels: size.texels + planned.texels,
-        ..size
     }
 }
 
@@ -58,9 +60,9 @@ pub fn with(size: ModelSize, planned: &PlannedSplat) -> ModelSize {
 pub fn without(size: ModelSize, planned: &PlannedSplat) -> ModelSize {
     ModelSize {
         splats: size.splats - 1,
+        sh_coefficients: size.sh_coefficients - sh_coefficients(planned.sh_degree.into()),
         maps: size.maps - usize::from(planned.texels > 0),
         texels: size.texels - planned.texels,
-        ..size
     }
 }
 
@@ -73,7 +75,9 @@ pub fn finish(
     let n = model.num_splats();
     let same_splats = planned_splats.len() == n && planned_splats.iter().all(|d| d.edit.is_none());
     let same_maps = planned_splats.iter().all(|d| d.change == MapChange::Keep);
-    if same_splats && same_maps {
+    let same_degrees =
+        planned_splats.iter().all(|d| d.sh_degree == model.splats.sh_degrees[d.source as usize]);
+    if same_splats && same_maps && same_degrees {
         return (None, planned_splats.iter().map(|d| d.history).collect());
     }
     if !same_splats {
@@ -94,6 +98,7 @@ pub fn finish(
     let plan = DensityPlan {
         sources: planned_splats.iter().map(|d| d.source).collect(),
         maps: planned_splats.iter().map(|d| d.change).collect(),
+        sh_degrees: planned_splats.iter().map(|d| d.sh_degree).collect(),
         edits: planned_splats.iter().enumerate().filter_map(edit).collect(),
     };
     (Some(plan), planned_splats.iter().map(|d| d.history).collect())

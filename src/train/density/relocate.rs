@@ -6,6 +6,7 @@ use super::geometry::{opacity, sigmas};
 use super::planned_splat::{PlannedSplat, finish};
 use super::score::Scores;
 use super::settings::{DensityConfig, ErrorMeasure, SplitProfile};
+use super::shading::kept_degree;
 use super::situation::{DensityCounts, Revision, Situation};
 use super::sizes::Sizes;
 use super::split::halves;
@@ -28,6 +29,7 @@ pub fn relocate(s: &Situation<'_>, config: &DensityConfig, most: Option<usize>, 
         history: s.histories[i],
         sizes: Sizes { cap: 0, ..Sizes::default() },
         texels: 0,
+        sh_degree: s.model.splats.sh_degrees[i],
     };
     let alive: Vec<usize> = (0..n).filter(|&i| opacity(s.model, i) >= config.relocate_below).collect();
     let faded = n - alive.len();
@@ -51,8 +53,10 @@ pub fn relocate(s: &Situation<'_>, config: &DensityConfig, most: Option<usize>, 
     let mut chosen = vec![false; n];
     keys[..added].iter().for_each(|&(_, i)| chosen[i] = true);
     let mut planned_splats = Vec::with_capacity(alive.len() + added);
+    let mut counts = DensityCounts::default();
     for &i in &alive {
-        let parent = planned(i);
+        let sh_degree = kept_degree(s, config, i, scores.share[i], &mut counts);
+        let parent = PlannedSplat { sh_degree, ..planned(i) };
         if chosen[i] {
             let sigma = sigmas(s.model, i);
             let axis = usize::from(sigma[1] > sigma[0]);
@@ -62,12 +66,7 @@ pub fn relocate(s: &Situation<'_>, config: &DensityConfig, most: Option<usize>, 
         }
     }
     let respawned = faded.min(added);
-    let counts = DensityCounts {
-        respawned,
-        split: added - respawned,
-        faded: faded - respawned,
-        ..DensityCounts::default()
-    };
+    let counts = DensityCounts { respawned, split: added - respawned, faded: faded - respawned, ..counts };
     let (plan, histories) = finish(s.model, planned_splats);
     Revision { plan, histories, counts }
 }

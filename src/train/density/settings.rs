@@ -159,6 +159,11 @@ pub struct DensityConfig {
     /// A map is coarsened if that changes its image by less, as a mean weighted by the falloff. Default 0.02
     /// (CAT; choices 2).
     pub coarsen_below: f64,
+    /// SH bands of a splat that change its colour by less (root mean square over directions) are given back; 0: none.
+    /// Default 0.02 (choices 15; not in the paper).
+    pub sh_below: f64,
+    /// Steps for which a band is trained before it is judged. Default 5,000 (choices 15).
+    pub sh_trial_steps: u32,
     /// What happens to the moments of a refined map. Default `scaled` (choices 2; paper: `kept`).
     pub growth_moments: GrowthMoments,
     /// Whether maps that are idle, or whose whole support is below the finest texel, are dropped. Default on
@@ -212,6 +217,8 @@ impl Default for DensityConfig {
             min_texel_px: 2.0,
             alpha_texture: 0.25,
             coarsen_below: 0.02,
+            sh_below: 0.02,
+            sh_trial_steps: 5_000,
             growth_moments: GrowthMoments::Scaled,
             untextured: true,
             split_profile: SplitProfile::Tight,
@@ -276,6 +283,14 @@ impl Budget {
             max_texels: part(self.max_texels, device.max_texels),
             max_params: self.max_params,
         }
+    }
+
+    /// Largest number of splats without maps that fits if they hold as many SH coefficients on average as these.
+    pub fn most_splats_like(&self, now: &ModelSize) -> usize {
+        let by_params = self
+            .max_params
+            .map_or(usize::MAX, |most| (most as f64 / now.params() as f64 * now.splats as f64) as usize);
+        self.max_splats.unwrap_or(usize::MAX).min(by_params)
     }
 
     /// Largest number of splats, with `texels_each` texels each, that fits.

@@ -30,6 +30,8 @@ pub struct Situation<'a> {
     pub texels_trained: bool,
     /// Whether maps are tested for coarsening.
     pub may_coarsen: bool,
+    /// Highest SH degree that has been trained long enough to be judged; 0: none.
+    pub sh_tested: u32,
     /// Largest number of splats that may be added.
     pub max_added: usize,
     /// Number of splats at initialisation.
@@ -59,6 +61,8 @@ pub struct DensityCounts {
     pub refined: usize,
     /// Maps coarsened, dropped or made smaller to fit their ceiling or the budget.
     pub coarsened: usize,
+    /// Splats that gave back SH degrees.
+    pub shaded_less: usize,
     /// Times that a candidate was not split, or not refined, for lack of budget.
     pub over_budget: usize,
 }

@@ -8,7 +8,7 @@ use super::situation::{DensityCounts, Revision, Situation};
 use super::sizes::MapRule;
 use crate::backend::{Grid, MapChange, WindowStatistics};
 use crate::camera::Camera;
-use crate::constants::ALPHA_MIN;
+use crate::constants::{ALPHA_MIN, sh_coefficients};
 use crate::model::{Model, ModelSize, TexturePool};
 use crate::selftest::{RandomScene, SceneOptions, random_scene};
 
@@ -75,6 +75,7 @@ fn situation<'a>(
         densify: true,
         use_statistics: true,
         may_coarsen: true,
+        sh_tested: 0,
         texels_trained: true,
         max_added: 100,
         initial_splats: 0,
@@ -83,6 +84,37 @@ fn situation<'a>(
         opacity_floor: 0.02,
         rule: MapRule::Adaptive,
     }
+}
+
+#[test]
+fn bands_that_hardly_change_the_colour_are_given_back() {
+    let (mut model, cameras, statistics) = (model(2), [camera()], window([0.1; N]));
+    model.splats.sh.fill(0.0);
+    model.splats.set_sh_degrees(&[3; N]);
+    let width = 3 * sh_coefficients(model.splats.sh_degree);
+    let mut sh = |splat: usize, degree: u32, value: f32| {
+        model.splats.sh[splat * width + 3 * sh_coefficients(degree - 1)..][..3].fill(value);
+    };
+    // A strong band 1; a strong band 3 above nothing; a strong band 2 and a faint band 3.
+    sh(1, 1, 0.5);
+    sh(2, 3, 0.5);
+    sh(3, 2, 0.5);
+    sh(3, 3, 1e-3);
+    let histories = vec![SplatHistory::first(2); N];
+    let degrees = |sh_tested: u32, below: f64| {
+        let s = Situation { sh_tested, ..situation(&model, &histories, &statistics, &cameras) };
+        let config = DensityConfig { coarsen_below: 0.0, quantile: 1.0, sh_below: below, ..settings() };
+        let revision = revise(&s, &config, &Budget::default());
+        let degrees = revision.plan.map_or_else(|| model.splats.sh_degrees.clone(), |plan| plan.sh_degrees);
+        assert_eq!(revision.counts.shaded_less, degrees.iter().filter(|&&d| d < 3).count());
+        degrees[..5].to_vec()
+    };
+    assert_eq!(degrees(3, 0.01), [0, 1, 3, 2, 0]);
+    // Bands 2 and 3 are too young: they follow band 1, unless they already matter.
+    assert_eq!(degrees(1, 0.01), [0, 3, 3, 3, 0]);
+    assert_eq!(degrees(0, 0.01), [3; 5]);
+    assert_eq!(degrees(3, 0.0), [3; 5]);
+    assert_eq!(degrees(3, 10.0), [0; 5]);
 }
 
 fn revise(s: &Situation<'_>, config: &DensityConfig, budget: &Budget) -> Revision {
@@ -379,15 +411,12 @@ fn budgets_are_never_exceeded() {
                 usize::from(rows) * usize::from(cols)
             }
         });
-        texels.fold(
-            ModelSize { sh_degree: model.splats.sh_degree, ..ModelSize::default() },
-            |size, texels| ModelSize {
-                splats: size.splats + 1,
-                maps: size.maps + usize::from(texels > 0),
-                texels: size.texels + texels,
-                ..size
-            },
-        )
+        texels.zip(&plan.sh_degrees).fold(ModelSize::default(), |size, (texels, &degree)| ModelSize {
+            splats: size.splats + 1,
+            maps: size.maps + usize::from(texels > 0),
+            texels: size.texels + texels,
+            sh_coefficients: size.sh_coefficients + sh_coefficients(degree.into()),
+        })
     };
     let free = size(&Budget::default());
     assert!(free.splats > N + 3, "{free:?}");
