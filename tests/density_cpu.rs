@@ -82,6 +82,7 @@ fn adding_only() -> TrainConfig {
     (config.components.pruning, config.components.coarsening) = (false, false);
     config.density = DensityConfig {
         untextured: false,
+        sh_below: 0.0,
         opacity_floor: [0.0; 2],
         prune_contribution: 0.0,
         prune_area: 0.0,
@@ -306,9 +307,13 @@ fn parameters_count_as_in_the_papers_ablation() {
     let textured = model.textures.maps.iter().filter(|map| map.num_texels() > 0).count();
     assert!(textured > 0, "nothing was tested");
     let (splats, texels) = (model.num_splats(), model.num_texels());
+    model.splats.set_sh_degrees(&vec![1; splats]);
     assert_eq!(model.splats.sh_degree, 1);
     assert_eq!(model.num_params(), (10 + 12) * splats + textured + 3 * texels);
     // What the model stores: an empty map has no texel size.
     model.textures = TexturePool::neutral(vec![(0, 0, 0.0); splats]).unwrap();
     assert_eq!(model.num_params(), 22 * splats);
+    // A splat of degree 0.
+    model.splats.sh_degrees[0] = 0;
+    assert_eq!(model.num_params(), 22 * splats - 9);
 }

@@ -91,7 +91,7 @@ fn mean_residual(s: Projected, taps: Taps) -> Residual {
             let value = per_area * tap(s, vec2i(i, j));
             let d = taps.coordinate - vec2f(f32(i), f32(j));
             let length = overlap(d, taps.reach);
-            let on_edge = length > vec2f(0.0) & abs(d) >= taps.reach - 1.0;
+            let on_edge = (length > vec2f(0.0)) & (abs(d) >= taps.reach - 1.0);
             let slope = select(vec2f(0.0), -sign(d), on_edge);
             out.value += length.x * length.y * value;
             out.by_u += slope.x * length.y * value;

@@ -123,7 +123,8 @@ mod tests {
     /// A small model with irregular moments, and a plan that makes `change` to its first map.
     fn planned(change: MapChange) -> (Model, AdamState, DensityPlan) {
         let options = SceneOptions { num_splats: 3, map_sizes: vec![(4, 3)], ..SceneOptions::default() };
-        let model = random_scene(&options).model;
+        let mut model = random_scene(&options).model;
+        model.splats.sh_degrees.fill(3);
         let mut adam = AdamState::zeros(&model);
         adam.texels_m.iter_mut().enumerate().for_each(|(i, m)| *m = 0.1 * (i as f32).sin());
         adam.texels_v.iter_mut().enumerate().for_each(|(i, v)| *v = 0.01 * (i as f32).cos().abs());

@@ -28,6 +28,8 @@ pub fn config(policy: Policy) -> TrainConfig {
 /// Initial state of a run: maps of 2 x 2 texels, of the size that the policy fixes, or none.
 pub fn start(policy: Policy) -> TrainState {
     let mut model = damaged(&scene());
+    let highest = model.splats.sh_degree as u8;
+    model.splats.sh_degrees.fill(highest);
     let extents = (0..model.num_splats()).map(|i| {
         let half = [0, 1].map(|k| 2.5 * f64::from(model.splats.log_scales[2 * i + k]).exp());
         let size = first_texel_size(half);
@@ -84,8 +86,8 @@ pub fn run_on(
             }
             TrainEvent::Step { num_splats: n, num_texels: t, report, .. } => {
                 assert_eq!(report.non_finite_gradients, 0, "{:?} {steps:?}", config.policy);
-                // The events do not tell the number of maps.
-                let least = ModelSize { texels: t, ..ModelSize::uniform(n, 0, config.sh_degree) };
+                // The events tell neither the number of maps nor SH degrees.
+                let least = ModelSize { texels: t, ..ModelSize::uniform(n, 0, 0) };
                 largest = [largest[0].max(n), largest[1].max(t), largest[2].max(least.params())];
             }
             _ => {}

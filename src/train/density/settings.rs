@@ -159,10 +159,10 @@ pub struct DensityConfig {
     /// A map is coarsened if that changes its image by less, as a mean weighted by the falloff. Default 0.02
     /// (CAT; choices 2).
     pub coarsen_below: f64,
-    /// SH bands of a splat that change its colour by less (root mean square over directions) are given back; 0: none.
-    /// Default 0.02 (choices 15; not in the paper).
+    /// SH bands of a splat of mean contribution are given back if they change its colour by less, root mean square over
+    /// directions; 0: none. Default 0.01 (method 6.13; choices 15; not in the paper).
     pub sh_below: f64,
-    /// Steps for which a band is trained before it is judged. Default 5,000 (choices 15).
+    /// Steps for which a band is trained before it is judged. Default 10,000 (choices 15).
     pub sh_trial_steps: u32,
     /// What happens to the moments of a refined map. Default `scaled` (choices 2; paper: `kept`).
     pub growth_moments: GrowthMoments,
@@ -217,8 +217,8 @@ impl Default for DensityConfig {
             min_texel_px: 2.0,
             alpha_texture: 0.25,
             coarsen_below: 0.02,
-            sh_below: 0.02,
-            sh_trial_steps: 5_000,
+            sh_below: 0.01,
+            sh_trial_steps: 10_000,
             growth_moments: GrowthMoments::Scaled,
             untextured: true,
             split_profile: SplitProfile::Tight,

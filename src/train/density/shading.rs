@@ -8,9 +8,9 @@ use crate::model::SplatGroup;
 /// Floats of the SH coefficients of degree 1.
 const FIRST_BAND_FLOATS: f64 = 9.0;
 
-/// The SH degree that a splat keeps: the lowest at which its colour changes by less than
-/// [`DensityConfig::sh_below`]. Bands above [`Situation::sh_tested`] are too young to be judged, and stay if the highest
-/// one below them does.
+/// The SH degree that a splat keeps, without the highest bands that are worth less per float than
+/// [`DensityConfig::sh_below`] asks for. Bands above [`Situation::sh_tested`] are too young to be judged, and stay if the
+/// highest one below them does. `share` is the splat's contribution over the mean.
 pub fn kept_degree(
     s: &Situation<'_>,
     config: &DensityConfig,
