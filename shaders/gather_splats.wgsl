@@ -1,5 +1,5 @@
 // Applies a density-control plan to one array of splat parameters or moments: copies the entries of each new splat
-// from its source, except for coefficients above its SH degree, which are 0 (twin: SplatArrays::gathered).
+// from its source, except for coefficients above its SH degree, which are 0 (twins: SplatArrays::gathered, set_sh_degrees).
 // Workgroup: a new splat. Invocation: a float of its parameters.
 
 #constants

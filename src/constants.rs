@@ -30,7 +30,7 @@ pub const CONIC_MARGIN: f64 = 1e-3;
 /// Variance of the low-pass filter in the image (measured: choices 14).
 pub const FILTER_VARIANCE_PX2: f64 = 0.1;
 
-/// Largest footprint of a pixel along an axis of a texture map. It bounds the work per sample: maps whose texels are
+/// Largest footprint of a pixel along an axis of a texture map, in texels. It bounds the work per sample: maps whose texels are
 /// below a sixth of a pixel alias.
 pub const FOOTPRINT_TEXELS_MAX: f64 = 8.0;
 

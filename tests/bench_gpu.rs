@@ -7,7 +7,7 @@ mod common;
 use common::gpu::backend;
 use litetex_gs::backend::{Backend, LearningRates, LossWeights, StepReport, StepRequest};
 use litetex_gs::gpu::{GpuBackend, GpuOptions};
-use litetex_gs::model::{AdamState, Model};
+use litetex_gs::model::{AdamState, Filter, Model};
 use litetex_gs::selftest::{RandomScene, SceneOptions, random_scene};
 
 fn scene(map_sizes: Vec<(u16, u16)>) -> RandomScene {
@@ -18,6 +18,7 @@ fn scene(map_sizes: Vec<(u16, u16)>) -> RandomScene {
         scales: (0.05, 0.4),
         opacities: (0.05, 0.8),
         map_sizes,
+        filter: Filter::None,
         ..SceneOptions::default()
     })
 }
@@ -65,7 +66,7 @@ fn atomics_are_counted_and_counting_changes_no_bit() {
     assert_eq!((reports[0].non_finite_gradients, reports[0].counters.texel_atomics), (0, 0));
     assert_eq!(counted[0].non_finite_gradients, 0, "atomics do not count as faults");
     assert_eq!((reports[0].counters.blended_pairs, reports[0].counters.tile_pairs), (0, c.tile_pairs));
-    // At most four taps of three channels per pair, and at least one atomic per float that moved.
+    // Without a filter: at most four taps of three channels per pair, and at least one atomic per float that moved.
     let in_all: u64 = counted.iter().map(|r| r.counters.texel_atomics).sum();
     let moved = adam.texels_m.iter().filter(|m| **m != 0.0).count() as u64;
     assert!(atomics <= 12 * c.blended_pairs && moved > 1000 && in_all >= moved, "{in_all} for {moved}");

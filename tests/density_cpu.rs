@@ -225,6 +225,21 @@ fn no_budget_is_ever_exceeded() {
 }
 
 #[test]
+fn the_untextured_policy_keeps_its_budget_of_parameters_whatever_the_degrees() {
+    let mut first = start(Policy::Plain);
+    // Splats of the highest degree have the largest error: they are split in place of cheap ones.
+    let degrees: Vec<u8> = (0..first.model.num_splats()).map(|i| u8::from(i % 3 == 0)).collect();
+    first.model.splats.set_sh_degrees(&degrees);
+    first = TrainState::fresh(first.model);
+    let most = first.model.num_params() + 900;
+    let mut config = config(Policy::Plain);
+    config.budget = Budget { max_params: Some(most), ..Budget::default() };
+    let record = run(&config, first.clone(), 2);
+    let held = record.saved.iter().chain([&record.last]).map(|state| state.model.num_params()).max().unwrap();
+    assert!(held <= most && held > first.model.num_params() + 300, "{held} of {most}");
+}
+
+#[test]
 fn window_statistics_equal_those_of_a_full_pass_if_nothing_moves() {
     // With learning rates of zero, a window in which each view is used once equals a full pass.
     let mut config = config(Policy::Litetex);

@@ -34,12 +34,15 @@ pub fn fresh_model(
     config: &TrainConfig,
 ) -> Result<InitialModel> {
     let texels_each = config.policy.first_texels_each();
-    let most = config.budget.most_splats(texels_each, config.sh_degree).min(max_points.unwrap_or(usize::MAX));
+    let most = config
+        .budget
+        .most_splats(texels_each, config.least_sh_degree())
+        .min(max_points.unwrap_or(usize::MAX));
     if most == 0 {
         return Err(Error::Usage(format!(
             "the budget leaves no room for a splat: each has {} parameters and, with the policy {}, {texels_each} \
              initial texels; raise --max-splats, --max-texels, --budget-params or --max-points",
-            splat_params(config.sh_degree),
+            splat_params(config.least_sh_degree()),
             config.policy
         )));
     }
@@ -60,5 +63,8 @@ pub fn fresh_model(
         backdrop_on: has_backdrop(capture, config).then_some(config.background),
         sweep_on: (config.sweep && *source == InitSource::Auto).then_some(config.background),
     };
-    initial_model(&input, &options)
+    let mut first = initial_model(&input, &options)?;
+    let degree = config.first_sh_degree(first.model.size());
+    first.model.splats.set_sh_degrees(&vec![degree as u8; first.model.num_splats()]);
+    Ok(first)
 }

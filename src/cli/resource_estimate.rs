@@ -132,7 +132,10 @@ impl Workload {
             }
             _ => EXPECTED_GROWTH * self.splats,
         };
-        let splats = wanted.min(bound(budget.max_splats)).min(bound(budget.max_params) / self.params(1, 0));
+        let splats = wanted
+            .min(bound(budget.max_splats))
+            .min(bound(budget.max_params) / self.params(1, 0))
+            .max(self.splats);
         let texels = match config.policy.spec().map_rule {
             MapRule::None => 0,
             MapRule::Fixed(side) => splats.saturating_mul(u64::from(side).pow(2)),

@@ -118,7 +118,7 @@ fn first_state(job: &mut TrainJob, capture: &Capture, report: &mut Report, log: 
 /// users who set several budgets do not expect it.
 fn bounded_start(config: &TrainConfig, num_splats: usize) -> Option<String> {
     let texels_each = config.policy.first_texels_each();
-    let params_each = ModelSize::uniform(1, texels_each, config.sh_degree).params();
+    let params_each = ModelSize::uniform(1, texels_each, config.least_sh_degree()).params();
     let room = |most: Option<usize>, each: usize| most.map_or(usize::MAX, |most| most / each.max(1));
     let Budget { max_splats, max_texels, max_params } = config.budget;
     let by_texels = if texels_each == 0 { usize::MAX } else { room(max_texels, texels_each) };
@@ -177,8 +177,8 @@ mod tests {
         };
         let texels = warning(Policy::Litetex, Some(10), Some(5), None, 1).unwrap();
         assert!(texels.contains("--max-texels 5") && texels.contains("4 texels"), "{texels}");
-        let params = warning(Policy::Litetex, Some(10), None, Some(300), 4).unwrap();
-        assert!(params.contains("--budget-params 300") && params.contains("71 parameters"), "{params}");
+        let params = warning(Policy::Litetex, Some(10), None, Some(300), 8).unwrap();
+        assert!(params.contains("--budget-params 300") && params.contains("35 parameters"), "{params}");
         // Bounded by the splats or by the points, and a policy without texels.
         assert_eq!(warning(Policy::Litetex, Some(10), Some(40), None, 10), None);
         assert_eq!(warning(Policy::Litetex, None, Some(5000), None, 300), None);

@@ -137,7 +137,7 @@ pub struct SortPass {
     pub pad: u32,
 }
 
-/// What a splat has besides its parameters: position and size of its map, and more (`shaders/common/splat.wgsl`).
+/// What a splat has besides its parameters: position and size of its map, its SH degree (`shaders/common/splat.wgsl`).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct SplatInfo {

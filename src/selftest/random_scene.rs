@@ -14,7 +14,7 @@ use rand_pcg::Pcg64Mcg;
 pub struct SceneOptions {
     /// Number of splats.
     pub num_splats: usize,
-    /// Largest SH degree of the splats; four in five have a lower one or this.
+    /// Largest SH degree: splat i has the smaller of this and i mod 5.
     pub sh_degree: u32,
     /// Rows and columns of the maps, drawn at random for each splat; (0, 0) is untextured.
     pub map_sizes: Vec<(u16, u16)>,

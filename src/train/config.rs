@@ -8,8 +8,9 @@
 use super::density::{Budget, Components, DensityConfig};
 use super::policy::Policy;
 use crate::backend::LossWeights;
+use crate::constants::sh_coefficients;
 use crate::frequency::FrequencyOptions;
-use crate::model::Filter;
+use crate::model::{Filter, ModelSize};
 use serde::{Deserialize, Serialize};
 
 /// Whether large splats stand behind the points where training rays meet none.
@@ -160,6 +161,22 @@ impl Default for TrainConfig {
 }
 
 impl TrainConfig {
+    /// Lowest SH degree that a new model may have so that more of its points fit the budget: 1, or that of the run if bands
+    /// are not given back (choices 15).
+    pub fn least_sh_degree(&self) -> u32 {
+        if self.density.sh_below > 0.0 { self.sh_degree.min(1) } else { self.sh_degree }
+    }
+
+    /// SH degree of a new model of this size: the highest that the budget allows, from the lowest.
+    pub fn first_sh_degree(&self, size: ModelSize) -> u32 {
+        let fits = |&degree: &u32| {
+            let sh_coefficients = size.splats.saturating_mul(sh_coefficients(degree));
+            self.budget.allows(&ModelSize { sh_coefficients, ..size })
+        };
+        let least = self.least_sh_degree();
+        (least..=self.sh_degree).rev().find(fits).unwrap_or(least)
+    }
+
     /// The parts that are on, less those that the policy excludes.
     pub fn active_components(&self) -> Components {
         let mut components = self.components;

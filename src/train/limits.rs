@@ -3,7 +3,7 @@
 use super::config::TrainConfig;
 use super::density::Budget;
 use crate::backend::{Backend, DeviceLimits, SceneShape};
-use crate::model::{MAP_PARAMS, Model, TEXEL_PARAMS, splat_params};
+use crate::model::{MAP_PARAMS, Model, ModelSize, TEXEL_PARAMS, splat_params};
 use crate::views::ViewSource;
 use crate::{Error, Result};
 
@@ -20,7 +20,8 @@ pub fn check_limits(
     model: &Model,
 ) -> Result<DeviceLimits> {
     // Maps can be made smaller; splats would have to be removed.
-    let (splats, most) = (model.num_splats(), config.budget.most_splats(0, model.splats.sh_degree));
+    let bare = ModelSize { maps: 0, texels: 0, ..model.size() };
+    let (splats, most) = (bare.splats, config.budget.most_splats_like(&bare));
     if splats > most {
         return Err(Error::Usage(format!(
             "the model already has {splats} splats, the budget allows {most}: raise --max-splats or \
@@ -196,16 +197,18 @@ mod tests {
     fn a_model_with_more_splats_than_the_budget_allows_is_refused() {
         let backend = crate::cpu::CpuBackend::new(Some(1)).unwrap();
         let views = Views(vec![random_scene(&SceneOptions::default()).camera]);
+        let model = model(20, (4, 4));
+        let bare = ModelSize { maps: 0, texels: 0, ..model.size() }.params();
         let check = |budget: Budget| {
             let config = TrainConfig { budget, ..TrainConfig::default() };
-            check_limits(&config, &backend, &views, &model(20, (4, 4)))
+            check_limits(&config, &backend, &views, &model)
         };
         // Texels beyond the budget are accepted: maps can be made smaller.
         let most = |splats, params| Budget { max_splats: splats, max_params: params, max_texels: Some(10) };
-        for refused in [most(Some(19), None), most(None, Some(20 * 58 - 1))] {
+        for refused in [most(Some(19), None), most(None, Some(bare - 1))] {
             let error = check(refused).unwrap_err();
             assert!(error.exit_code() == 2 && error.to_string().contains("already has 20 splats"), "{error}");
         }
-        assert!(check(most(Some(20), Some(20 * 58))).is_ok());
+        assert!(check(most(Some(20), Some(bare))).is_ok());
     }
 }

@@ -125,14 +125,14 @@ impl DensityControl<'_> {
                 let seed = config.seed ^ u64::from(step).wrapping_mul(0x9E37_79B9_7F4A_7C15);
                 // Without a budget the number of splats stays the same.
                 let bounds_splats = config.budget.max_splats.or(config.budget.max_params).is_some();
-                let most =
-                    bounds_splats.then(|| config.budget.within(&self.limits).most_splats_like(&model.size()));
-                density::relocate(&situation, &config.density, most, seed)
+                let budget = bounds_splats.then(|| config.budget.within(&self.limits));
+                density::relocate(&situation, &config.density, budget.as_ref(), seed)
             }
             DensityStep::Decide => {
                 let share = if last { 1.0 } else { t };
                 let each = config.policy.first_texels_each();
-                let start = ModelSize::uniform(state.pace.initial, each, model.splats.sh_degree);
+                let bare = ModelSize::uniform(state.pace.initial, each, 0);
+                let start = ModelSize::uniform(state.pace.initial, each, config.first_sh_degree(bare));
                 // Only the user's budget is spent evenly over time: the device is a bound, not a budget.
                 let paced = config.budget.paced(share, &start, &model.size());
                 let budget = paced.within(&self.limits);

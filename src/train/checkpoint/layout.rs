@@ -170,7 +170,7 @@ pub fn state(reader: &mut Reader<'_>) -> Result<TrainState> {
         }
     }
     let degrees = sh_degrees(reader, n, degree)?;
-    splats.iter_mut().for_each(|(_, arrays)| arrays.sh_degrees.clone_from(&degrees));
+    splats.iter_mut().for_each(|(_, arrays)| arrays.set_sh_degrees(&degrees));
     let [(_, splats), (_, splats_m), (_, splats_v)] = splats;
     let texels = [reader.first_dimension("textures.texels")?, 3];
     let adam = AdamState {

@@ -29,7 +29,7 @@ fn falloff(model: &Model, splat: usize, row: usize, col: usize) -> f64 {
 }
 
 /// Mean absolute change of the map's image (mean over channels, weighted by the splat's falloff at the texels)
-/// if its texels are averaged in 2 x 2 and sampled bilinearly again, as the renderer would, with zeros outside.
+/// if its texels are averaged in 2 x 2 and sampled bilinearly again, with zeros outside.
 /// 1 for maps of less than two texels per side.
 pub fn coarsening_error(model: &Model, splat: usize) -> f64 {
     let map = &model.textures.maps[splat];

@@ -46,7 +46,7 @@ pub fn decide(
                 history,
                 sizes,
                 texels: 0,
-                sh_degree: kept_degree(s, config, i, scores.share[i], &mut counts),
+                sh_degree: kept_degree(s, config, &scores, i, &mut counts),
             })
         })
         .collect();

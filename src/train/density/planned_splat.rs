@@ -42,8 +42,8 @@ impl PlannedSplat {
 }
 
 /// Size of the planned model.
-pub fn size_of<'a>(planned_splats: impl Iterator<Item = &'a PlannedSplat>) -> ModelSize {
-    planned_splats.fold(ModelSize::default(), with)
+pub fn size_of<'a>(planned_splats: impl IntoIterator<Item = &'a PlannedSplat>) -> ModelSize {
+    planned_splats.into_iter().fold(ModelSize::default(), with)
 }
 
 /// The size with one more splat.

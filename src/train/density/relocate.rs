@@ -3,9 +3,9 @@
 //! copies, because coincident copies would always have equal gradients.
 
 use super::geometry::{opacity, sigmas};
-use super::planned_splat::{PlannedSplat, finish};
+use super::planned_splat::{PlannedSplat, finish, size_of, with};
 use super::score::Scores;
-use super::settings::{DensityConfig, ErrorMeasure, SplitProfile};
+use super::settings::{Budget, DensityConfig, ErrorMeasure, SplitProfile};
 use super::shading::kept_degree;
 use super::situation::{DensityCounts, Revision, Situation};
 use super::sizes::Sizes;
@@ -17,8 +17,8 @@ use rand_pcg::Pcg64Mcg;
 /// Largest factor by which the number of splats grows in one step (3DGS-MCMC).
 const GROWTH: f64 = 1.05;
 
-/// Decides a relocation. The model grows to `most` splats; with `None` their number stays the same.
-pub fn relocate(s: &Situation<'_>, config: &DensityConfig, most: Option<usize>, seed: u64) -> Revision {
+/// Decides a relocation. The model grows to `budget`; with `None` the number of splats stays the same.
+pub fn relocate(s: &Situation<'_>, config: &DensityConfig, budget: Option<&Budget>, seed: u64) -> Revision {
     let n = s.model.num_splats();
     // By mass, whatever the settings: splats that carry much error are those where more splats help.
     let scores = Scores::new(s.statistics, s.cameras.len(), ErrorMeasure::Mass, 0.0);
@@ -36,29 +36,37 @@ pub fn relocate(s: &Situation<'_>, config: &DensityConfig, most: Option<usize>, 
     if alive.is_empty() || !s.densify {
         return Revision { plan: None, histories: s.histories.to_vec(), counts: DensityCounts::default() };
     }
-    let most = most.unwrap_or(n);
-    let wanted = ((n as f64 * GROWTH) as usize).clamp(n.min(most), most.max(n.min(most)));
-    let added = wanted.saturating_sub(alive.len()).min(alive.len());
+    let wanted = if budget.is_some() { (n as f64 * GROWTH) as usize } else { n };
+    let wanted = wanted.saturating_sub(alive.len()).min(alive.len());
+    let mut counts = DensityCounts::default();
+    let parents: Vec<PlannedSplat> = alive
+        .iter()
+        .map(|&i| PlannedSplat { sh_degree: kept_degree(s, config, &scores, i, &mut counts), ..planned(i) })
+        .collect();
 
     // Weighted sampling without replacement: the largest keys u^(1/w) (Efraimidis and Spirakis).
     let mut rng = Pcg64Mcg::seed_from_u64(seed);
     let mut keys: Vec<(f64, usize)> = alive
         .iter()
-        .map(|&i| {
+        .enumerate()
+        .map(|(k, &i)| {
             let u: f64 = rng.random_range(1e-12..1.0);
-            (u.ln() / scores.error[i].max(1e-30), i)
+            (u.ln() / scores.error[i].max(1e-30), k)
         })
         .collect();
     keys.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-    let mut chosen = vec![false; n];
-    keys[..added].iter().for_each(|&(_, i)| chosen[i] = true);
+    let (mut chosen, mut added) = (vec![false; parents.len()], 0);
+    let mut size = size_of(&parents);
+    for (_, k) in keys {
+        let grown = with(size, &parents[k]);
+        if added < wanted && budget.is_none_or(|budget| budget.allows(&grown)) {
+            (size, chosen[k], added) = (grown, true, added + 1);
+        }
+    }
     let mut planned_splats = Vec::with_capacity(alive.len() + added);
-    let mut counts = DensityCounts::default();
-    for &i in &alive {
-        let sh_degree = kept_degree(s, config, i, scores.share[i], &mut counts);
-        let parent = PlannedSplat { sh_degree, ..planned(i) };
-        if chosen[i] {
-            let sigma = sigmas(s.model, i);
+    for (parent, is_chosen) in parents.into_iter().zip(chosen) {
+        if is_chosen {
+            let sigma = sigmas(s.model, parent.source as usize);
             let axis = usize::from(sigma[1] > sigma[0]);
             planned_splats.extend(halves(s, config, &parent, axis, SplitProfile::Tight, f64::INFINITY));
         } else {

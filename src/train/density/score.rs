@@ -15,7 +15,7 @@ pub struct Scores {
     pub area: Vec<f64>,
     /// Blending weight per pixel, summed over the training views.
     pub contribution: Vec<f64>,
-    /// Contribution relative to the mean of all splats.
+    /// Contribution relative to the mean of the splats seen.
     pub share: Vec<f64>,
     /// Error by the chosen measure; 0 for splats that no view saw or that contribute too little.
     pub error: Vec<f64>,
@@ -50,7 +50,8 @@ impl Scores {
                 }
             })
             .collect();
-        let mean = contribution.iter().sum::<f64>() / contribution.len().max(1) as f64;
+        let num_seen = statistics.seen.iter().filter(|&&s| s > 0).count();
+        let mean = contribution.iter().sum::<f64>() / num_seen.max(1) as f64;
         let share = contribution.iter().map(|c| if mean > 0.0 { c / mean } else { 1.0 }).collect();
         Self {
             seen: statistics.seen.iter().map(|&s| s > 0).collect(),

@@ -162,7 +162,7 @@ pub struct DensityConfig {
     /// SH bands of a splat of mean contribution are given back if they change its colour by less, root mean square over
     /// directions; 0: none. Default 0.01 (method 6.13; choices 15; not in the paper).
     pub sh_below: f64,
-    /// Steps for which a band is trained before it is judged. Default 10,000 (choices 15).
+    /// Steps for which a band is trained before it is judged. Default 7,000 (choices 15).
     pub sh_trial_steps: u32,
     /// What happens to the moments of a refined map. Default `scaled` (choices 2; paper: `kept`).
     pub growth_moments: GrowthMoments,
@@ -218,7 +218,7 @@ impl Default for DensityConfig {
             alpha_texture: 0.25,
             coarsen_below: 0.02,
             sh_below: 0.01,
-            sh_trial_steps: 10_000,
+            sh_trial_steps: 7_000,
             growth_moments: GrowthMoments::Scaled,
             untextured: true,
             split_profile: SplitProfile::Tight,
@@ -285,7 +285,7 @@ impl Budget {
         }
     }
 
-    /// Largest number of splats without maps that fits if they hold as many SH coefficients on average as these.
+    /// Largest number of splats that fits if they are of the average size of those in `now`.
     pub fn most_splats_like(&self, now: &ModelSize) -> usize {
         let by_params = self
             .max_params

@@ -1,5 +1,6 @@
 //! SH degrees of splats: bands that hardly change a splat's colour are given back (method 6.13).
 
+use super::score::Scores;
 use super::settings::DensityConfig;
 use super::situation::{DensityCounts, Situation};
 use crate::constants::sh_coefficients;
@@ -10,17 +11,17 @@ const FIRST_BAND_FLOATS: f64 = 9.0;
 
 /// The SH degree that a splat keeps, without the highest bands that are worth less per float than
 /// [`DensityConfig::sh_below`] asks for. Bands above [`Situation::sh_tested`] are too young to be judged, and stay if the
-/// highest one below them does. `share` is the splat's contribution over the mean.
+/// highest one below them does. A splat that no view of the window saw keeps all.
 pub fn kept_degree(
     s: &Situation<'_>,
     config: &DensityConfig,
+    scores: &Scores,
     splat: usize,
-    share: f64,
     counts: &mut DensityCounts,
 ) -> u8 {
     let splats = &s.model.splats;
     let held = splats.sh_degrees[splat];
-    if config.sh_below <= 0.0 || !s.use_statistics || !s.may_coarsen {
+    if config.sh_below <= 0.0 || !s.use_statistics || !s.may_coarsen || !scores.seen[splat] {
         return held;
     }
     let width = SplatGroup::Sh.width(splats.sh_degree);
@@ -30,7 +31,7 @@ pub fn kept_degree(
     while kept > 0 {
         let [below, all] = [kept - 1, held].map(|degree| 3 * sh_coefficients(degree.into()));
         // The squared error that the bands save, per float.
-        let worth = share * change(&sh[below..all]).powi(2) / (all - below) as f64;
+        let worth = scores.share[splat] * change(&sh[below..all]).powi(2) / (all - below) as f64;
         if worth >= config.sh_below.powi(2) / FIRST_BAND_FLOATS {
             break;
         }

@@ -28,7 +28,7 @@ pub struct Situation<'a> {
     pub use_statistics: bool,
     /// Whether texels have been trained long enough for their values to mean something.
     pub texels_trained: bool,
-    /// Whether maps are tested for coarsening.
+    /// Whether maps are tested for coarsening, and SH bands judged.
     pub may_coarsen: bool,
     /// Highest SH degree that has been trained long enough to be judged; 0: none.
     pub sh_tested: u32,

@@ -115,6 +115,13 @@ fn bands_that_hardly_change_the_colour_are_given_back() {
     assert_eq!(degrees(0, 0.01), [3; 5]);
     assert_eq!(degrees(3, 0.0), [3; 5]);
     assert_eq!(degrees(3, 10.0), [0; 5]);
+    // A splat that no view saw keeps its bands; one that contributes much keeps fainter ones than others.
+    let mut unseen = statistics.clone();
+    unseen.seen[0] = 0;
+    (unseen.contribution[1], unseen.contribution[2]) = (10.0, 1e-5);
+    let s = Situation { sh_tested: 3, ..situation(&model, &histories, &unseen, &cameras) };
+    let config = DensityConfig { coarsen_below: 0.0, quantile: 1.0, sh_below: 0.01, ..settings() };
+    assert_eq!(revise(&s, &config, &Budget::default()).plan.unwrap().sh_degrees[..3], [3, 1, 0]);
 }
 
 fn revise(s: &Situation<'_>, config: &DensityConfig, budget: &Budget) -> Revision {
