@@ -7,7 +7,7 @@
 use super::capture::Capture;
 use super::values::{format_bytes, format_count, format_duration};
 use litetex_gs::constants::sh_coefficients;
-use litetex_gs::model::{MAP_PARAMS, Model, TEXEL_PARAMS, splat_params};
+use litetex_gs::model::{MAP_PARAMS, Model, ModelSize, TEXEL_PARAMS};
 use litetex_gs::train::density::{Budget, MapRule};
 use litetex_gs::train::{DensityStep, TrainConfig};
 use litetex_gs::views::{Split, ViewSource as _};
@@ -56,7 +56,10 @@ const EXPECTED_TEXELS_EACH: u64 = 100;
 pub struct Workload {
     pub splats: u64,
     pub texels: u64,
+    /// SH degree of the arrays.
     pub sh_degree: u32,
+    /// Parameters of a splat without its map, on average.
+    pub splat_params: u64,
     /// Largest view.
     pub pixels_max: u64,
     /// Mean over the training views.
@@ -103,10 +106,12 @@ impl Workload {
         let train = capture.indices(Split::Train);
         let sum: u64 = train.iter().map(|&v| pixels(v)).sum();
         let threads = rayon::current_num_threads();
+        let bare = ModelSize { maps: 0, texels: 0, ..model.size() };
         Self {
             splats: model.num_splats() as u64,
             texels: model.num_texels() as u64,
             sh_degree: model.splats.sh_degree,
+            splat_params: (bare.params() / bare.splats.max(1)) as u64,
             pixels_max: (0..capture.num_views()).map(pixels).max().unwrap_or(0),
             pixels_mean: sum as f64 / train.len().max(1) as f64,
             train_views: train.len() as u64,
@@ -132,10 +137,7 @@ impl Workload {
             }
             _ => EXPECTED_GROWTH * self.splats,
         };
-        let splats = wanted
-            .min(bound(budget.max_splats))
-            .min(bound(budget.max_params) / self.params(1, 0))
-            .max(self.splats);
+        let splats = wanted.min(bound(budget.max_splats)).min(bound(budget.max_params) / self.params(1, 0));
         let texels = match config.policy.spec().map_rule {
             MapRule::None => 0,
             MapRule::Fixed(side) => splats.saturating_mul(u64::from(side).pow(2)),
@@ -154,7 +156,7 @@ impl Workload {
     /// Parameters of a model of this size, in which every splat has a map or none.
     fn params(&self, splats: u64, texels: u64) -> u64 {
         let map = if texels > 0 { MAP_PARAMS } else { 0 };
-        splats * (splat_params(self.sh_degree) + map) as u64 + TEXEL_PARAMS as u64 * texels
+        splats * (self.splat_params + map as u64) + TEXEL_PARAMS as u64 * texels
     }
 
     /// Memory and time of this workload.
@@ -304,6 +306,7 @@ mod tests {
         splats: 14_686,
         texels: 16 * 14_686,
         sh_degree: 3,
+        splat_params: 58,
         pixels_max: 270 * 480,
         pixels_mean: 270.0 * 480.0,
         train_views: 43,

@@ -195,7 +195,7 @@ pub(super) fn overlap_slope<S: Simd, const MINIFIED: bool>(
     let texels = overlap::<S, MINIFIED>(d, reach);
     let mut on_edge = texels.simd_gt(0.0);
     if MINIFIED {
-        on_edge = on_edge & d.abs().simd_ge(reach - 1.0);
+        on_edge &= d.abs().simd_ge(reach - 1.0);
     }
     (texels, on_edge.select(Lanes::splat(simd, -1.0).copysign(-d), Lanes::splat(simd, 0.0)))
 }
