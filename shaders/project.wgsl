@@ -84,7 +84,7 @@ fn project(
     keys_out[i] = min(bitcast<u32>(p.z) - bitcast<u32>(step.near), INVISIBLE_KEY - 1u);
     let info = splat_info[i];
     // An empty map may have a texel size of zero.
-    let texels = select(scales / info.texel_size, vec2f(0.0), info.map_size == 0u);
+    let texels = select(scales / info.texel_sizes, vec2f(0.0), info.map_size == 0u);
     let per_coordinate = vec3f(texels.x * spread.u_a, texels.y * spread.v_a, texels.y * spread.v_b);
     projected[i] = Projected(
         centre_px,
@@ -100,6 +100,7 @@ fn project(
         footprint.box_min,
         footprint.box_max,
         map_footprint(a, b, per_coordinate),
+        info.map_origin,
     );
 #if GEOMETRY
     normals[i] = vec4f(select(n, -n, p_n > 0.0), 0.0);

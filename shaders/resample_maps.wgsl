@@ -24,13 +24,12 @@ fn old_texel(old: SplatInfo, texel: vec2i, channel: u32) -> f32 {
     return old_values[3u * (old.map_offset_texels + u32(texel.x * size.y + texel.y)) + channel];
 }
 
-fn resampled(old: SplatInfo, new_size: vec2u, ratio: f32, shift: vec2f, texel: vec2u, channel: u32) -> f32 {
+fn resampled(old: SplatInfo, coordinate: vec2f, channel: u32) -> f32 {
     // The texel size of an empty map may be zero.
     if old.map_size == 0u {
         return 0.0;
     }
     let old_size = vec2f(f32(map_rows(old.map_size)), f32(map_cols(old.map_size)));
-    let coordinate = (vec2f(texel) - (vec2f(new_size) - 1.0) / 2.0) * ratio + ((old_size - 1.0) / 2.0 + shift);
     // Clamped, so that the conversion to integers cannot overflow.
     let first = vec2i(floor(clamp(coordinate, vec2f(-2.0), old_size + 1.0)));
     let f = coordinate - floor(coordinate);
@@ -54,10 +53,11 @@ fn resample_maps(
     let info = splat_info[i];
     let size = vec2u(map_rows(info.map_size), map_cols(info.map_size));
     let num_floats = select(0u, 3u * size.x * size.y, changes[i].kind == CHANGE_RESAMPLE);
-    let ratio = info.texel_size / old.texel_size;
-    let shift = vec2f(bitcast<f32>(changes[i].first_row), bitcast<f32>(changes[i].first_col));
+    let ratio = info.texel_sizes / old.texel_sizes;
+    let old_origin = vec2f(bitcast<f32>(changes[i].first_row), bitcast<f32>(changes[i].first_col));
     for (var k = lane; k < num_floats; k += SPLAT_GROUP) {
-        let texel = vec2u(k / 3u / size.y, k / 3u % size.y);
-        new_values[3u * info.map_offset_texels + k] = resampled(old, size, ratio, shift, texel, k % 3u) * scales[i];
+        let texel = vec2f(vec2u(k / 3u / size.y, k / 3u % size.y));
+        let coordinate = (texel - info.map_origin) * ratio + old_origin;
+        new_values[3u * info.map_offset_texels + k] = resampled(old, coordinate, k % 3u) * scales[i];
     }
 }

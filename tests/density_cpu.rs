@@ -9,7 +9,7 @@ use common::full_method::{RunRecord, config, is_all_done, run_on, same, start};
 use common::training::{MemoryViews, photos, scene};
 use litetex_gs::backend::{Backend as _, StepRequest, WindowStatistics};
 use litetex_gs::cpu::CpuBackend;
-use litetex_gs::model::{AdamState, LearningRates, Model, ModelSize, TexturePool};
+use litetex_gs::model::{AdamState, LearningRates, Model, ModelSize, TextureMap, TexturePool};
 use litetex_gs::train::density::{Budget, DensityConfig, Spending, SplatHistory, StatisticsSource};
 use litetex_gs::train::{Policy, Schedule, TrainConfig, TrainState};
 use litetex_gs::views::{Split, ViewSource as _};
@@ -140,7 +140,7 @@ fn density_control_without_growth_changes_only_histories_and_the_window() {
 fn resized(saved: &[TrainState]) -> Vec<[&TrainState; 2]> {
     let sizes = |state: &TrainState| {
         let maps = state.model.textures.maps.iter();
-        maps.map(|m| (m.rows, m.cols, m.texel_size.to_bits())).collect::<Vec<_>>()
+        maps.map(|m| (m.rows, m.cols, m.texel_sizes.map(f32::to_bits))).collect::<Vec<_>>()
     };
     saved.windows(2).map(|w| [&w[0], &w[1]]).filter(|[a, b]| sizes(a) != sizes(b)).collect()
 }
@@ -156,7 +156,7 @@ fn cropping_between_density_control_steps_is_the_same_from_any_checkpoint() {
     let crops: Vec<u32> = (1..=125).filter(|&step| schedule.is_crop_step(step)).collect();
     assert_eq!((crops, schedule.density_interval), (vec![40, 80, 120], 100));
     let mut model = start(Policy::Litetex).model;
-    let maps = model.textures.maps.iter().map(|m| (8, 8, m.texel_size / 7.0));
+    let maps = model.textures.maps.iter().map(|m| TextureMap::square(8, 8, m.texel_sizes[0] / 7.0));
     model.textures = TexturePool::neutral(maps.collect::<Vec<_>>()).unwrap();
     let first = TrainState::fresh(model);
 
@@ -172,7 +172,7 @@ fn cropping_between_density_control_steps_is_the_same_from_any_checkpoint() {
         for (a, b) in before.model.textures.maps.iter().zip(&after.model.textures.maps) {
             cropped += usize::from(b.rows < a.rows || b.cols < a.cols);
             padded += usize::from(b.rows > a.rows || b.cols > a.cols);
-            assert_eq!(b.texel_size, a.texel_size, "resampled after step {}", after.step);
+            assert_eq!(b.texel_sizes, a.texel_sizes, "resampled after step {}", after.step);
         }
         // The window continues: all of its five views had been used.
         assert!(before.window.views == 5 && before.window == after.window);
@@ -326,7 +326,7 @@ fn parameters_count_as_in_the_papers_ablation() {
     assert_eq!(model.splats.sh_degree, 1);
     assert_eq!(model.num_params(), (10 + 12) * splats + textured + 3 * texels);
     // What the model stores: an empty map has no texel size.
-    model.textures = TexturePool::neutral(vec![(0, 0, 0.0); splats]).unwrap();
+    model.textures = TexturePool::neutral(vec![TextureMap::default(); splats]).unwrap();
     assert_eq!(model.num_params(), 22 * splats);
     // A splat of degree 0.
     model.splats.sh_degrees[0] = 0;

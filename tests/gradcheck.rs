@@ -179,7 +179,7 @@ fn gradients_pass_through_maps_with_several_texels_a_pixel() {
     for seed in [11, 13] {
         let mut scene = random_scene(&SceneOptions { num_splats: 20, ..small(1, seed) });
         for map in &mut scene.model.textures.maps {
-            map.texel_size *= 0.15;
+            map.texel_sizes = map.texel_sizes.map(|size| 0.15 * size);
         }
         let settings = settings(&scene);
         let params = Params::from_model(&scene.model);

@@ -9,7 +9,7 @@ use common::poison::{self, RATES, scene};
 use litetex_gs::Error;
 use litetex_gs::backend::{Backend as _, LossWeights, RenderOptions, StepRequest, TargetImage};
 use litetex_gs::gpu::GpuOptions;
-use litetex_gs::model::AdamState;
+use litetex_gs::model::{AdamState, TextureMap, TexturePool};
 
 #[test]
 fn poisoned_splats_do_not_affect_the_image_or_other_splats() {
@@ -93,7 +93,7 @@ fn a_scene_beyond_the_limits_is_refused_with_sizes() {
     // 600,000 splats of 58 floats: 132.8 MiB.
     let sources: Vec<u32> = (0..600_000).map(|i| i % 200).collect();
     large.splats = large.splats.gathered(&sources);
-    large.textures = litetex_gs::model::TexturePool::neutral((0..600_000).map(|_| (0, 0, 1.0))).unwrap();
+    large.textures = TexturePool::neutral(vec![TextureMap::default(); 600_000]).unwrap();
     let error = backend.upload(&large, &AdamState::zeros(&large)).unwrap_err();
     assert!(matches!(error, Error::Device(_)), "{error}");
     let text = error.to_string();

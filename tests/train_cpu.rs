@@ -267,9 +267,9 @@ fn plans_gather_splats_and_resample_maps() {
     assert!(backend.read_back().unwrap() == (model.clone(), adam), "reversing twice restores the order");
 
     let half: Vec<u32> = (0..n).step_by(2).collect();
-    let texel_size = model.textures.maps[0].texel_size;
+    let texel_sizes = model.textures.maps[0].texel_sizes;
     let change =
-        MapChange::Resample { rows: 6, cols: 3, texel_size, shift_texels: [0.0; 2], moment_scale: [1.0; 2] };
+        MapChange::Resample { rows: 6, cols: 3, texel_sizes, shift_texels: [0.0; 2], moment_scale: [1.0; 2] };
     backend.apply_plan(&plan(&half, change)).unwrap();
     let (small, small_adam) = backend.read_back().unwrap();
     assert_eq!((small.num_splats(), small.num_texels()), (150, 150 * 18));
@@ -304,11 +304,12 @@ fn difference_by(scene: &RandomScene, change: impl Fn(&TextureMap) -> MapChange)
 fn margin(map: &TextureMap, texels: i32) -> MapChange {
     let with = |size: u16| (i32::from(size) + 2 * texels) as u16;
     MapChange::Regrid {
-        grid: Grid::Same,
+        grids: [Grid::Same; 2],
         rows: with(map.rows),
         cols: with(map.cols),
         first_row: -texels,
         first_col: -texels,
+        shift: map.shift,
         moment_scale: [1.0; 2],
     }
 }
@@ -332,11 +333,12 @@ fn padding_with_zeros_does_not_change_images() {
     // Negative controls: maps without their inner texels, and shifted maps.
     assert!(difference_by(&scene, same(-2)) > 0.1);
     let shifted = |map: &TextureMap| MapChange::Regrid {
-        grid: Grid::Same,
+        grids: [Grid::Same; 2],
         rows: map.rows,
         cols: map.cols,
         first_row: 1,
         first_col: 0,
+        shift: map.shift,
         moment_scale: [1.0; 2],
     };
     assert!(difference_by(&scene, shifted) > 0.1);
@@ -345,11 +347,12 @@ fn padding_with_zeros_does_not_change_images() {
 /// Each texel becomes 2 x 2; the window begins at row and column `first` of the finer grid.
 fn doubled(first: i32) -> impl Fn(&TextureMap) -> MapChange {
     move |map| MapChange::Regrid {
-        grid: Grid::Finer,
+        grids: [Grid::Finer; 2],
         rows: 2 * map.rows,
         cols: 2 * map.cols,
         first_row: first,
         first_col: first,
+        shift: map.shift.map(|shift| 2 * shift),
         moment_scale: [0.25, 0.0625],
     }
 }
@@ -388,7 +391,7 @@ fn upsampling_changes_images_by_a_quarter_of_texel_differences() {
     // change of a pixel is bounded by the blend of the splats' bounds: an image of splats with the bounds as
     // colours.
     let mut bounds = scene.model.clone();
-    bounds.textures = TexturePool::neutral(vec![(0, 0, 0.0); bounds.num_splats()]).unwrap();
+    bounds.textures = TexturePool::neutral(vec![TextureMap::default(); bounds.num_splats()]).unwrap();
     bounds.splats.sh.fill(0.0);
     let sh = bounds.splats.sh.len() / bounds.num_splats();
     for (colours, map) in bounds.splats.sh.chunks_exact_mut(sh).zip(&scene.model.textures.maps) {
@@ -419,7 +422,10 @@ fn upsampling_uniform_maps_does_not_change_images() {
     // Splats that the filter widens end beyond their maps, where residuals fade out.
     scene.model.filter = Filter::None;
     // Moves the outermost texel centres, beyond which residuals fade out, outside the support.
-    scene.model.textures.maps.iter_mut().for_each(|map| map.texel_size *= 1.5);
+    for map in &mut scene.model.textures.maps {
+        let [u, v] = map.texel_sizes;
+        (map.texel_sizes, map.shift) = ([1.5 * u.max(v); 2], [0; 2]);
+    }
     scene.model.textures.texels.fill(0.6);
     let off = difference_by(&scene, doubled(0));
     println!("{off:e}");

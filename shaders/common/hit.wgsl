@@ -45,8 +45,8 @@ struct Taps {
 
 fn texture_taps(s: Projected, plane: vec2f) -> Taps {
     let size = vec2f(f32(map_rows(s.map_size)), f32(map_cols(s.map_size)));
-    let coordinate = in_texels(s, plane) + (size - 1.0) * 0.5;
-    let reach = 0.5 * (s.footprint_texels + 1.0);
+    let coordinate = texture_coordinate(s, plane);
+    let reach = texel_reach(s);
     let inside = size.x > 0.0 && all(coordinate > -reach) && all(coordinate < size - 1.0 + reach);
     let first = vec2i(ceil(clamp(coordinate - reach, vec2f(-1.0), size)));
     let past = vec2i(floor(clamp(coordinate + reach, vec2f(-1.0), size))) + 1;
@@ -85,7 +85,7 @@ fn residual(s: Projected, taps: Taps) -> Residual {
 // The mean over a footprint of more than a texel.
 fn mean_residual(s: Projected, taps: Taps) -> Residual {
     var out = Residual(vec3f(0.0), vec3f(0.0), vec3f(0.0));
-    let per_area = 1.0 / (s.footprint_texels.x * s.footprint_texels.y);
+    let per_area = per_footprint(s);
     for (var i = max(taps.first.x, 0); i < taps.past.x; i += 1) {
         for (var j = max(taps.first.y, 0); j < taps.past.y; j += 1) {
             let value = per_area * tap(s, vec2i(i, j));

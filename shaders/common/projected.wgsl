@@ -22,12 +22,24 @@ struct Projected {
     box_max: u32,
     // Size of the area that a sample takes the mean of the map over, along rows and columns; 1: bilinear interpolation.
     footprint_texels: vec2f,
+    // Texture coordinates of the splat's centre.
+    map_origin: vec2f,
 }
 
-// Texels along u and v from the centre.
-fn in_texels(s: Projected, plane: vec2f) -> vec2f {
+// Texture coordinates of a point: those of the centre of row i and column j are (i, j).
+fn texture_coordinate(s: Projected, plane: vec2f) -> vec2f {
     let t = s.texels_per_coordinate;
-    return vec2f(t.x * plane.x, t.y * plane.x + t.z * plane.y);
+    return s.map_origin + vec2f(t.x * plane.x, t.y * plane.x + t.z * plane.y);
+}
+
+// Distance along rows and columns at which a texel's weight ends.
+fn texel_reach(s: Projected) -> vec2f {
+    return 0.5 * (s.footprint_texels + 1.0);
+}
+
+// 1 over the area of the footprint.
+fn per_footprint(s: Projected) -> f32 {
+    return 1.0 / (s.footprint_texels.x * s.footprint_texels.y);
 }
 
 // A pair of tile and splat has two entries in `pairs`. The first, in the order of tiles and depth: x is the

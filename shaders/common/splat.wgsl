@@ -11,8 +11,10 @@ struct SplatInfo {
     map_offset_texels: u32,
     // rows | cols << 16
     map_size: u32,
-    // Texel size, local units.
-    texel_size: f32,
+    // Edges of a texel along u and v, local units.
+    texel_sizes: vec2f,
+    // Texture coordinates of the splat's centre.
+    map_origin: vec2f,
     // Step up to which SH and texels have been flushed.
     last_step: u32,
     sh_degree: u32,

@@ -5,7 +5,7 @@
 // Adds the gradient of a sample to its taps.
 fn scatter(s: Projected, taps: Taps, by_colour: vec3f) -> u32 {
     let units = texel_units(s.box_min, s.box_max);
-    let by_texels = by_colour / (s.footprint_texels.x * s.footprint_texels.y);
+    let by_texels = by_colour * per_footprint(s);
     var faults = 0u;
     for (var i = max(taps.first.x, 0); i < taps.past.x; i += 1) {
         for (var j = max(taps.first.y, 0); j < taps.past.y; j += 1) {

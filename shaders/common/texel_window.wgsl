@@ -23,7 +23,7 @@ fn texel_window(s: Projected, origin_px: vec2u) -> Window {
         let offset = select(low_px, high_px, vec2<bool>((corner & 1u) != 0u, (corner & 2u) != 0u));
         let denominator = 1.0 + dot(s.g, offset);
         let plane = vec2f(dot(s.a, offset), dot(s.b, offset)) / denominator;
-        let texel = in_texels(s, plane) + (vec2f(size) - 1.0) * 0.5;
+        let texel = texture_coordinate(s, plane);
         least = min(least, denominator);
         low = min(low, texel);
         high = max(high, texel);
@@ -33,7 +33,7 @@ fn texel_window(s: Projected, origin_px: vec2u) -> Window {
     }
     // 0.01 texels of slack for rounding.
     let limit = vec2f(size);
-    let reach = 0.5 * (s.footprint_texels + 1.0) + 0.01;
+    let reach = texel_reach(s) + 0.01;
     let first = clamp(ceil(low - reach), vec2f(0.0), limit);
     let past = clamp(floor(high + reach) + 1.0, first, limit);
     return Window(vec2u(first), vec2u(past));

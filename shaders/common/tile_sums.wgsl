@@ -79,8 +79,8 @@ fn gather_row(s: Projected, first: vec2u, texel_row: u32, part: u32, low: vec2u,
     var red = vec4f(0.0);
     var green = vec4f(0.0);
     var blue = vec4f(0.0);
-    let reach = 0.5 * (s.footprint_texels + 1.0);
-    let per_area = 1.0 / (s.footprint_texels.x * s.footprint_texels.y);
+    let reach = texel_reach(s);
+    let per_area = per_footprint(s);
     let u = f32(first.x + texel_row);
     let v = f32(first.y) + vec4f(0.0, 1.0, 2.0, 3.0);
     for (var y = part; y < high.y; y += TEXEL_PARTS) {

@@ -1,31 +1,22 @@
 //! The plan of a density-control step: decided by the trainer, carried out by every backend in the same way.
 
+use crate::model::TextureMap;
 use crate::{Error, Result};
 
-/// The texel grid of a map, at its own density, twice or half of it. Outside of the map texels and first moments are
-/// zero, and second moments are those of the nearest texel, so that new texels start with steps of the usual size. A
-/// map without texels has zeros everywhere.
+/// The texel grid of a map along an axis, at its own density, twice or half of it. Outside of the map texels and first
+/// moments are zero, and second moments are those of the nearest texel, so that new texels start with steps of the usual
+/// size. A map without texels has zeros everywhere.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Grid {
     /// The texels of the map, for crops, pads and shifts.
     Same,
-    /// 2 x upsampling: each texel is repeated 2 x 2, with half the texel size.
+    /// Each texel is repeated, with half the edge.
     Finer,
-    /// Means of 2 x 2 texels, with twice the edge. Sizes that are not multiples of four are first padded evenly by
-    /// replication, so that the result is even and has the same centre.
+    /// Means of two texels, with twice the edge. Of two texels, one may be outside the map: the mean is then the other.
     Coarser,
 }
 
 impl Grid {
-    /// Rows (or columns) on this grid of a map with `texels` rows (or columns).
-    pub fn texels(self, texels: u16) -> u16 {
-        match self {
-            Self::Same => texels,
-            Self::Finer => texels.saturating_mul(2),
-            Self::Coarser => texels.div_ceil(4).saturating_mul(2),
-        }
-    }
-
     /// Texel size of this grid divided by that of the map.
     pub fn texel_ratio(self) -> f32 {
         match self {
@@ -41,37 +32,54 @@ impl Grid {
 pub enum MapChange {
     /// The map stays the same.
     Keep,
-    /// A window of the map on its own texel grid, or on one twice as fine or as coarse. On its own grid no texel
-    /// moves on the surfel.
+    /// A window of the map on its own texel grid, or along each axis on one twice as fine or as coarse. On its own grid no
+    /// texel moves on the surfel.
     Regrid {
-        /// Grid that the window is cut from.
-        grid: Grid,
+        /// Grid that the window is cut from, along u and v.
+        grids: [Grid; 2],
         /// New number of rows, along u; 0: untextured.
         rows: u16,
         /// New number of columns, along v; 0: untextured.
         cols: u16,
-        /// Row of the grid that becomes row 0; may be negative.
+        /// Row of the grid that becomes row 0; on a coarser grid, the first of the two rows of the map whose mean becomes
+        /// row 0. May be negative.
         first_row: i32,
-        /// Column of the grid that becomes column 0; may be negative.
+        /// As `first_row`, along v.
         first_col: i32,
+        /// Shift of the new map on the new splat, see [`TextureMap::shift`].
+        shift: [i16; 2],
         /// Factors of the texels' first and second moments.
         moment_scale: [f32; 2],
     },
-    /// Bilinear resampling to a new size about the map's centre or a point off it. Texels and moments outside the
-    /// map are zero; the moments of the splat's other parameters do not change.
+    /// Bilinear resampling to a new size about the new splat's centre. Texels and moments outside the map are zero; the
+    /// moments of the splat's other parameters do not change.
     Resample {
         /// New number of rows, along u.
         rows: u16,
         /// New number of columns, along v.
         cols: u16,
-        /// New texel size, local units.
-        texel_size: f32,
-        /// Centre of the new map, in texels of the old map from its centre.
+        /// New edges of a texel along u and v, local units.
+        texel_sizes: [f32; 2],
+        /// Centre of the new splat, in texels of the old map from the centre of the old splat.
         shift_texels: [f32; 2],
         /// Factors of the texels' first and second moments after resampling. The gradient of a texel shrinks with its
         /// area, so a map of twice as many texels per axis takes `[1.0 / 4.0, 1.0 / 16.0]`.
         moment_scale: [f32; 2],
     },
+}
+
+impl MapChange {
+    /// The map that this change makes of `old`, yet to be placed.
+    pub fn applied_to(&self, old: &TextureMap) -> TextureMap {
+        match *self {
+            Self::Keep => *old,
+            Self::Resample { rows, cols, texel_sizes, .. } => TextureMap::centred(rows, cols, texel_sizes),
+            Self::Regrid { grids, rows, cols, shift, .. } => {
+                let texel_sizes = [0, 1].map(|axis| old.texel_sizes[axis] * grids[axis].texel_ratio());
+                TextureMap { shift, ..TextureMap::centred(rows, cols, texel_sizes) }
+            }
+        }
+    }
 }
 
 /// New values for some parameters of a splat. Their first moments become zero, their second moments stay those of the

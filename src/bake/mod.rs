@@ -88,7 +88,7 @@ fn push_splat(asset: &mut SplatAsset, model: &Model, splat: usize) -> Option<()>
         && !opacity.is_nan()
         && finite(sh)
         && finite(texels)
-        && (map.num_texels() == 0 || (map.texel_size > 0.0 && map.texel_size.is_finite()));
+        && (map.num_texels() == 0 || map.texel_sizes.iter().all(|size| *size > 0.0 && size.is_finite()));
     if !drawable {
         return None;
     }
@@ -103,7 +103,7 @@ fn push_splat(asset: &mut SplatAsset, model: &Model, splat: usize) -> Option<()>
         offset_texels: asset.num_texels() as u32,
         rows: map.rows,
         cols: map.cols,
-        texel_size: if map.num_texels() > 0 { map.texel_size } else { 0.0 },
+        texel_size: if map.num_texels() > 0 { map.texel_sizes[0] } else { 0.0 },
     });
     asset.texels.extend(texels.iter().map(|&t| texel_value(f64::from(t)) as f32));
     Some(())
@@ -129,7 +129,7 @@ impl From<litetex_exporters::Error> for Error {
 mod tests {
     use super::*;
     use crate::camera::{Camera, Pinhole, RigidTransform, Similarity};
-    use crate::model::{SplatArrays, TexturePool};
+    use crate::model::{SplatArrays, TextureMap, TexturePool};
     use glam::{DMat3, DVec3};
 
     /// Four textured or plain splats with awkward but drawable values.
@@ -143,8 +143,11 @@ mod tests {
         splats.log_scales = vec![-3.0, -200.0, 0.0, 1.0, -1.0, -2.0, -3.0, -4.0];
         splats.opacity_logits = vec![0.0, 100.0, -200.0, 1.0];
         splats.sh.iter_mut().enumerate().for_each(|(i, v)| *v = i as f32);
-        let mut textures =
-            TexturePool::neutral([(2, 3, 0.1), (0, 0, 0.0), (1, 1, 0.2), (2, 2, 0.3)]).unwrap();
+        let mut textures = TexturePool::neutral(
+            [(2, 3, 0.1), (0, 0, 0.0), (1, 1, 0.2), (2, 2, 0.3)]
+                .map(|(rows, cols, size)| TextureMap::square(rows, cols, size)),
+        )
+        .unwrap();
         textures.texels.iter_mut().enumerate().for_each(|(i, v)| *v = i as f32 - 9.0);
         Model {
             splats,

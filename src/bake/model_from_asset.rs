@@ -25,7 +25,8 @@ pub fn model_from_asset(asset: &SplatAsset) -> Model {
         offset_texels: m.offset_texels,
         rows: m.rows,
         cols: m.cols,
-        texel_size: m.texel_size,
+        texel_sizes: [m.texel_size; 2],
+        shift: [0; 2],
     });
     let stored = |v: &f32| 2.0 * f64::from(*v).clamp(-BELOW_ONE, BELOW_ONE).atanh();
     let texels = asset.texels.iter().map(|v| stored(v) as f32).collect();

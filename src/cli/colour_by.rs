@@ -80,7 +80,7 @@ impl ColourBy {
             Self::Degree => sh_degree.into(),
             _ if side_class == 0 => 0,
             Self::TexelSize => {
-                let size = f64::from(map.texel_size) / pixel;
+                let size = f64::from(map.texel_sizes[0].min(map.texel_sizes[1])) / pixel;
                 // Resampling leaves sizes slightly above a power of two.
                 (size.log2() - 0.05).ceil().clamp(0.0, (CLASSES - 1) as f64) as usize + 1
             }
@@ -218,14 +218,14 @@ mod tests {
         assert_eq!(coloured.counts.iter().map(|c| c[1]).sum::<usize>(), scene.model.num_texels());
         let labels = ColourBy::Texels.labels();
         let class = |side: u16| {
-            let map = TextureMap { offset_texels: 0, rows: 1, cols: side, texel_size: 1.0 };
+            let map = TextureMap::square(1, side, 1.0);
             labels[ColourBy::Texels.class(&map, 0, 1.0)].as_str()
         };
         assert_eq!([1, 2, 3, 4, 8, 9, 255, 256].map(class), ["2", "2", "4", "4", "8", "16", "256", "256"]);
         // Texels of 0.7 to 1000 pixels.
         let labels = ColourBy::TexelSize.labels();
         let class = |texel_size: f32| {
-            let map = TextureMap { offset_texels: 0, rows: 2, cols: 2, texel_size };
+            let map = TextureMap::centred(2, 2, [texel_size, 2.0 * texel_size]);
             labels[ColourBy::TexelSize.class(&map, 0, 0.1)].as_str()
         };
         let sizes = [0.07, 0.1, 0.2, 0.2001, 0.3, 6.4, 6.9, 100.0];

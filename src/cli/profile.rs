@@ -83,6 +83,7 @@ impl Profile {
             respawn: false,
             ceiling_start: 2,
             sh_below: 0.0,
+            grow_by_axis: 0.0,
             ..DensityConfig::default()
         };
         match self {

@@ -12,7 +12,7 @@ use litetex_gs::backend::{DeviceInfo, LossValues, RenderedImage, StepReport, Tar
 use litetex_gs::camera::{Camera, Pinhole, RigidTransform, Similarity};
 use litetex_gs::eval::{Evaluation, quality_of};
 use litetex_gs::frequency::FrequencyOptions;
-use litetex_gs::model::{Model, SplatArrays, TexturePool};
+use litetex_gs::model::{Model, SplatArrays, TextureMap, TexturePool};
 use litetex_gs::train::checkpoint;
 use litetex_gs::train::{Control, CurvePoint, StopReason, TrainConfig, TrainEvent, TrainState};
 use litetex_gs::views::{Split, ViewSource};
@@ -54,7 +54,7 @@ impl ViewSource for TestViews {
 fn state(step: u32) -> TrainState {
     let model = Model {
         splats: SplatArrays::zeros(1, 0),
-        textures: TexturePool::neutral([(2, 2, 0.1)]).unwrap(),
+        textures: TexturePool::neutral([TextureMap::square(2, 2, 0.1)]).unwrap(),
         near: 0.04,
         filter: litetex_gs::model::Filter::Ewa,
         capture_from_local: Similarity::IDENTITY,

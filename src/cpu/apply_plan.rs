@@ -26,17 +26,8 @@ pub(super) fn apply_plan(model: &Model, adam: &AdamState, plan: &DensityPlan) ->
         out
     };
     let old = &model.textures.maps;
-    let extents = plan.sources.iter().zip(&plan.maps).map(|(&s, change)| match *change {
-        MapChange::Keep => {
-            let map = &old[s as usize];
-            (map.rows, map.cols, map.texel_size)
-        }
-        MapChange::Resample { rows, cols, texel_size, .. } => (rows, cols, texel_size),
-        MapChange::Regrid { grid, rows, cols, .. } => {
-            (rows, cols, old[s as usize].texel_size * grid.texel_ratio())
-        }
-    });
-    let mut textures = TexturePool::neutral(extents)?;
+    let maps = plan.sources.iter().zip(&plan.maps).map(|(&s, change)| change.applied_to(&old[s as usize]));
+    let mut textures = TexturePool::neutral(maps)?;
     let change_all = |from: &[f32], which: TexelArray| -> Vec<f32> {
         let parts: Vec<Vec<f32>> = plan
             .sources
@@ -81,12 +72,12 @@ fn changed(
         MapChange::Resample { shift_texels, moment_scale, .. } => {
             (resample(old, from, new, shift_texels), moment_scale)
         }
-        MapChange::Regrid { grid, first_row, first_col, moment_scale, .. } => {
+        MapChange::Regrid { grids, first_row, first_col, moment_scale, .. } => {
             let outside = match which {
                 TexelArray::Values | TexelArray::FirstMoments => Outside::Zero,
                 TexelArray::SecondMoments => Outside::Nearest,
             };
-            (regrid(old, from, new, grid, [first_row, first_col], outside), moment_scale)
+            (regrid(old, from, new, grids, [first_row, first_col], outside), moment_scale)
         }
     };
     let factor = match which {
@@ -139,9 +130,9 @@ mod tests {
         for (rows, cols, finer) in [(8, 6, 0.5), (4, 3, 1.0)] {
             let run = |moment_scale| {
                 let (model, adam, mut plan) = planned(MapChange::Keep);
-                let texel_size = finer * model.textures.maps[0].texel_size;
+                let texel_sizes = model.textures.maps[0].texel_sizes.map(|size| finer * size);
                 plan.maps[0] =
-                    MapChange::Resample { rows, cols, texel_size, shift_texels: [0.0; 2], moment_scale };
+                    MapChange::Resample { rows, cols, texel_sizes, shift_texels: [0.0; 2], moment_scale };
                 plan.check(3, 3).unwrap();
                 apply_plan(&model, &adam, &plan)
             };
@@ -167,11 +158,11 @@ mod tests {
     fn resampling_to_the_same_grid_keeps_every_bit() {
         let (model, adam, mut plan) = planned(MapChange::Keep);
         let kept = apply_plan(&model, &adam, &plan);
-        let texel_size = model.textures.maps[0].texel_size;
+        let texel_sizes = model.textures.maps[0].texel_sizes;
         plan.maps[0] = MapChange::Resample {
             rows: 4,
             cols: 3,
-            texel_size,
+            texel_sizes,
             shift_texels: [0.0; 2],
             moment_scale: [1.0, 1.0],
         };
@@ -187,7 +178,7 @@ mod tests {
             plan.maps[0] = MapChange::Resample {
                 rows: 2,
                 cols: 2,
-                texel_size: 0.1,
+                texel_sizes: [0.1; 2],
                 shift_texels: [0.0; 2],
                 moment_scale,
             };
@@ -196,19 +187,28 @@ mod tests {
         }
     }
 
-    fn window(grid: Grid, size: [u16; 2], first: [i32; 2]) -> MapChange {
+    fn window(grids: [Grid; 2], size: [u16; 2], first: [i32; 2]) -> MapChange {
         let ([rows, cols], [first_row, first_col]) = (size, first);
-        MapChange::Regrid { grid, rows, cols, first_row, first_col, moment_scale: [0.25, 0.0625] }
+        MapChange::Regrid {
+            grids,
+            rows,
+            cols,
+            first_row,
+            first_col,
+            shift: [1, -2],
+            moment_scale: [0.25, 0.0625],
+        }
     }
 
     #[test]
     fn padding_uses_zeros_for_texels_and_nearest_second_moments() {
         // Adds a column on each side of the first map, which is 4 x 3.
-        let (model, adam, plan) = planned(window(Grid::Same, [4, 5], [0, -1]));
+        let (model, adam, plan) = planned(window([Grid::Same; 2], [4, 5], [0, -1]));
         plan.check(3, 3).unwrap();
         let (new, moments) = apply_plan(&model, &adam, &plan);
         assert_eq!(new.textures.maps[0].num_texels(), 20);
-        assert_eq!(new.textures.maps[0].texel_size, model.textures.maps[0].texel_size);
+        assert_eq!(new.textures.maps[0].texel_sizes, model.textures.maps[0].texel_sizes);
+        assert_eq!(new.textures.maps[0].shift, [1, -2]);
         for (t, before) in (0..20).map(|t: usize| (t, 3 * (t / 5 * 3 + (t % 5).clamp(1, 3) - 1))) {
             let padding = t % 5 == 0 || t % 5 == 4;
             for c in 0..3 {
@@ -222,11 +222,12 @@ mod tests {
         // The other maps and all splats are unchanged.
         assert_eq!(new.textures.texels[60..], model.textures.texels[36..]);
         assert_eq!((&new.splats, &moments.splats_m), (&model.splats, &adam.splats_m));
-        // A finer grid halves the texel size; a window without texels drops the map.
-        let (model, adam, plan) = planned(window(Grid::Finer, [8, 6], [0, 0]));
+        // A finer grid halves the edge along its axis; a window without texels drops the map.
+        let (model, adam, plan) = planned(window([Grid::Finer, Grid::Same], [8, 3], [0, 0]));
         let (new, _) = apply_plan(&model, &adam, &plan);
-        assert_eq!(new.textures.maps[0].texel_size, 0.5 * model.textures.maps[0].texel_size);
-        let (_, _, plan) = planned(window(Grid::Same, [0, 0], [0, 0]));
+        let [u, v] = model.textures.maps[0].texel_sizes;
+        assert_eq!(new.textures.maps[0].texel_sizes, [0.5 * u, v]);
+        let (_, _, plan) = planned(window([Grid::Same; 2], [0, 0], [0, 0]));
         plan.check(3, 3).unwrap();
         assert_eq!(apply_plan(&model, &adam, &plan).0.num_texels(), model.num_texels() - 12);
     }
@@ -234,7 +235,7 @@ mod tests {
     #[test]
     fn a_window_with_texels_along_only_one_axis_is_refused() {
         for (size, first) in [([0, 3], [0, 0]), ([4, 0], [0, 0])] {
-            let (_, _, plan) = planned(window(Grid::Same, size, first));
+            let (_, _, plan) = planned(window([Grid::Same; 2], size, first));
             let message = plan.check(3, 3).unwrap_err().to_string();
             assert!(message.contains("new splat 0") && message.contains("texels"), "{message}");
         }

@@ -121,7 +121,7 @@ impl MapView {
         filtered: bool,
     ) -> Self {
         // An empty map may have a texel size of zero.
-        let [u, v] = scales.map(|s| if map.rows == 0 { 0.0 } else { s / map.texel_size });
+        let [u, v] = [0, 1].map(|k| if map.rows == 0 { 0.0 } else { scales[k] / map.texel_sizes[k] });
         let texels = Spread { u_a: u * spread.u_a, v_a: v * spread.v_a, v_b: v * spread.v_b };
         let along_u = [0, 1].map(|k| texels.u_a * a[k]);
         let along_v = [0, 1].map(|k| texels.v_a * a[k] + texels.v_b * b[k]);
@@ -130,7 +130,7 @@ impl MapView {
             cols: i32::from(map.cols),
             first: 0,
             texels_per_coordinate: texels,
-            origin: [(f32::from(map.rows) - 1.0) / 2.0, (f32::from(map.cols) - 1.0) / 2.0],
+            origin: map.origin(),
             footprint: if filtered { Footprint::new([along_u, along_v]) } else { Footprint::TEXEL },
         }
     }

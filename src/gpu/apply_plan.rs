@@ -60,17 +60,8 @@ pub(super) fn apply_plan(backend: &mut GpuBackend, plan: &DensityPlan) -> Result
 
 /// The texture maps after a plan, with neutral texels.
 fn planned_textures(old_maps: &[TextureMap], plan: &DensityPlan) -> Result<TexturePool> {
-    let extents = plan.sources.iter().zip(&plan.maps).map(|(&s, change)| match *change {
-        MapChange::Keep => {
-            let map = &old_maps[s as usize];
-            (map.rows, map.cols, map.texel_size)
-        }
-        MapChange::Resample { rows, cols, texel_size, .. } => (rows, cols, texel_size),
-        MapChange::Regrid { grid, rows, cols, .. } => {
-            (rows, cols, old_maps[s as usize].texel_size * grid.texel_ratio())
-        }
-    });
-    TexturePool::neutral(extents)
+    let new_map = |(&s, change): (&u32, &MapChange)| change.applied_to(&old_maps[s as usize]);
+    TexturePool::neutral(plan.sources.iter().zip(&plan.maps).map(new_map))
 }
 
 /// Buffers of the plan, and of the model after it.
@@ -126,27 +117,27 @@ impl PlanBuffers {
 const FAR: i32 = 1 << 18;
 
 fn record_of(change: &MapChange, source: u32, old: &TextureMap, new: &TextureMap) -> layout::MapChange {
-    let record = |kind, first_row: i32, first_col: i32| layout::MapChange {
+    let record = |[kind_u, kind_v]: [u32; 2], first_row: i32, first_col: i32| layout::MapChange {
         source,
-        kind,
+        kind: kind_u | kind_v << 8,
         first_row: first_row.clamp(-FAR, FAR),
         first_col: first_col.clamp(-FAR, FAR),
     };
     // Resampling to the same grid copies the map.
-    let same = (old.rows, old.cols, old.texel_size) == (new.rows, new.cols, new.texel_size);
+    let same = TextureMap { offset_texels: 0, ..*old } == TextureMap { offset_texels: 0, ..*new };
     match *change {
         MapChange::Resample { shift_texels, .. } if !same || shift_texels != [0.0; 2] => {
-            let [first_row, first_col] = shift_texels.map(|shift| shift.to_bits().cast_signed());
-            layout::MapChange { source, kind: CHANGE_RESAMPLE, first_row, first_col }
+            let origin = [0, 1].map(|k| (old.origin()[k] + shift_texels[k]).to_bits().cast_signed());
+            layout::MapChange { source, kind: CHANGE_RESAMPLE, first_row: origin[0], first_col: origin[1] }
         }
-        MapChange::Keep | MapChange::Resample { .. } => record(CHANGE_SAME, 0, 0),
-        MapChange::Regrid { grid, first_row, first_col, .. } => {
-            let kind = match grid {
+        MapChange::Keep | MapChange::Resample { .. } => record([CHANGE_SAME; 2], 0, 0),
+        MapChange::Regrid { grids, first_row, first_col, .. } => {
+            let kinds = grids.map(|grid| match grid {
                 Grid::Same => CHANGE_SAME,
                 Grid::Finer => CHANGE_FINER,
                 Grid::Coarser => CHANGE_COARSER,
-            };
-            record(kind, first_row, first_col)
+            });
+            record(kinds, first_row, first_col)
         }
     }
 }

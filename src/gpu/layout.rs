@@ -145,8 +145,10 @@ pub struct SplatInfo {
     pub map_offset_texels: u32,
     /// Size of the map: rows | cols << 16.
     pub map_size: u32,
-    /// Texel size, local units.
-    pub texel_size: f32,
+    /// Edges of a texel along u and v, local units.
+    pub texel_sizes: [f32; 2],
+    /// Texture coordinates of the splat's centre.
+    pub map_origin: [f32; 2],
     /// Step up to which SH and texels have been flushed.
     pub last_step: u32,
     /// SH degree of the splat.
@@ -159,22 +161,23 @@ pub struct SplatInfo {
 pub struct MapChange {
     /// Old splat that the new one is made from.
     pub source: u32,
-    /// One of `CHANGE_*`.
+    /// `CHANGE_*` along u | that along v << 8, or [`CHANGE_RESAMPLE`].
     pub kind: u32,
-    /// Row of the grid that becomes row 0; for resampled maps the bits of the shift along the rows, in old texels.
+    /// Row where the window begins; for resampled maps the bits of the row of the old map, as a texture coordinate, at
+    /// the new centre.
     pub first_row: i32,
-    /// Column of the grid that becomes column 0; for resampled maps the bits of the shift along the columns.
+    /// As `first_row`, along v.
     pub first_col: i32,
 }
 
 /// A window of the map's own texel grid.
 pub const CHANGE_SAME: u32 = 0;
-/// A window of the grid with half the texel size.
+/// A window of the grid with half the edge.
 pub const CHANGE_FINER: u32 = 1;
-/// A window of the grid with twice the texel size.
+/// A window of the grid with twice the edge.
 pub const CHANGE_COARSER: u32 = 2;
 /// Bilinear resampling to another size.
-pub const CHANGE_RESAMPLE: u32 = 3;
+pub const CHANGE_RESAMPLE: u32 = 1 << 16;
 
 /// New parameters of a splat (`shaders/edit_splats.wgsl`).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]

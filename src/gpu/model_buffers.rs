@@ -48,7 +48,8 @@ pub(super) fn splat_infos(
     let info = |(i, map): (usize, &TextureMap)| SplatInfo {
         map_offset_texels: map.offset_texels,
         map_size: u32::from(map.rows) | u32::from(map.cols) << 16,
-        texel_size: map.texel_size,
+        texel_sizes: map.texel_sizes,
+        map_origin: map.origin(),
         last_step: last_step(i),
         sh_degree: sh_degrees[i].into(),
     };

@@ -5,7 +5,7 @@ use super::knn::mean_squared_spacing;
 use super::points::LocalPoint;
 use crate::Result;
 use crate::constants::{SH_0, sh_coefficients};
-use crate::model::{Model, SplatArrays, TexturePool, support_half_extent};
+use crate::model::{Model, SplatArrays, TextureMap, TexturePool, support_half_extent};
 use crate::train::Policy;
 
 /// Opacity of every splat at a point (3DGS).
@@ -41,9 +41,9 @@ pub(super) fn model(input: &InitInput<'_>, points: &[LocalPoint], options: &Init
             *out = ((f64::from(c) - 0.5) / SH_0) as f32;
         }
     }
-    let extents = points.iter().map(|point| map_extent(point, options.policy));
+    let maps = points.iter().map(|point| first_map(point, options.policy));
     Ok(Model {
-        textures: TexturePool::neutral(extents)?,
+        textures: TexturePool::neutral(maps)?,
         splats,
         near: input.near,
         filter: options.filter,
@@ -51,9 +51,9 @@ pub(super) fn model(input: &InitInput<'_>, points: &[LocalPoint], options: &Init
     })
 }
 
-/// Rows, columns and texel size of a round splat's map.
-fn map_extent(point: &LocalPoint, policy: Policy) -> (u16, u16, f32) {
+/// The map of a round splat.
+fn first_map(point: &LocalPoint, policy: Policy) -> TextureMap {
     let half_extent = support_half_extent(f64::from(point.sigma), point.opacity);
     let first = policy.spec().first_map;
-    (first.side(), first.side(), first.texel_size(half_extent) as f32)
+    TextureMap::square(first.side(), first.side(), first.texel_size(half_extent) as f32)
 }

@@ -70,7 +70,7 @@ fn points_become_splats_with_the_documented_parameters() {
     let map = &model.textures.maps[0];
     assert_eq!((map.rows, map.cols), (4, 4));
     let half = (2.0 * 25.5_f64.ln()).sqrt() * f64::from(model.splats.log_scales[0].exp());
-    assert!((f64::from(map.texel_size) - 2.0 * half / 3.0).abs() < 1e-6);
+    assert!((f64::from(map.texel_sizes[0]) - 2.0 * half / 3.0).abs() < 1e-6);
     assert!(model.textures.texels.iter().all(|&t| t == 0.0) && model.num_texels() == 80);
 }
 

@@ -13,13 +13,32 @@ pub struct TextureMap {
     pub rows: u16,
     /// Texels along the surfel's axis v; 0: untextured.
     pub cols: u16,
-    /// Edge of a texel, local units.
-    pub texel_size: f32,
+    /// Edges of a texel along u and v, local units; 0: untextured.
+    pub texel_sizes: [f32; 2],
+    /// The map's centre along u and v, from the splat's centre, in half texels.
+    pub shift: [i16; 2],
 }
 
 impl TextureMap {
     /// Highest side class: maps of more than 128 texels per side, of at most 256.
     pub const SIDE_CLASSES: usize = 8;
+
+    /// A map about the splat's centre, with texels of these edges along u and v. Its first texel is yet to be placed.
+    pub fn centred(rows: u16, cols: u16, texel_sizes: [f32; 2]) -> Self {
+        Self { offset_texels: 0, rows, cols, texel_sizes, shift: [0; 2] }
+    }
+
+    /// As [`Self::centred`], with square texels.
+    pub fn square(rows: u16, cols: u16, texel_size: f32) -> Self {
+        Self::centred(rows, cols, [texel_size; 2])
+    }
+
+    /// Texture coordinates of the splat's centre. That of a point at `x` along u is `x / texel_sizes[0] + origin[0]`, and
+    /// that of the centre of row `i` is `i`.
+    pub fn origin(&self) -> [f32; 2] {
+        let origin = |texels: u16, shift: i16| (f32::from(texels) - 1.0 - f32::from(shift)) / 2.0;
+        [origin(self.rows, self.shift[0]), origin(self.cols, self.shift[1])]
+    }
 
     /// Class of the longer side: 0 for untextured splats, 1 for up to 2 texels, 2 for up to 4, 3 for up to 8 and so
     /// on, at most [`Self::SIDE_CLASSES`].
@@ -50,17 +69,17 @@ pub struct TexturePool {
 }
 
 impl TexturePool {
-    /// Maps of the given `(rows, cols, texel_size)` with zero texels.
+    /// The given maps with zero texels, placed one after the other.
     ///
     /// # Errors
     /// [`Error::Usage`] with counts if there are more texels than 32-bit offsets can address.
-    pub fn neutral(extents: impl IntoIterator<Item = (u16, u16, f32)>) -> Result<Self> {
+    pub fn neutral(extents: impl IntoIterator<Item = TextureMap>) -> Result<Self> {
         let mut num_texels = 0_u64;
         let mut maps = Vec::new();
-        for (rows, cols, texel_size) in extents {
+        for map in extents {
             // Truncates only if the whole is refused below.
-            maps.push(TextureMap { offset_texels: num_texels as u32, rows, cols, texel_size });
-            num_texels += u64::from(rows) * u64::from(cols);
+            maps.push(TextureMap { offset_texels: num_texels as u32, ..map });
+            num_texels += map.num_texels() as u64;
         }
         if num_texels > u32::MAX.into() {
             return Err(Error::Usage(format!(
@@ -103,11 +122,15 @@ mod tests {
     #[test]
     fn too_many_texels_are_refused_with_counts() {
         // 2^32 texels are one more than fits; nothing is allocated.
-        let error = TexturePool::neutral(std::iter::repeat_n((1 << 15, 1 << 15, 1.0), 4)).unwrap_err();
+        let error = TexturePool::neutral(std::iter::repeat_n(TextureMap::square(1 << 15, 1 << 15, 1.0), 4))
+            .unwrap_err();
         assert!(matches!(error, Error::Usage(_)) && error.exit_code() == 2, "{error}");
         let text = error.to_string();
         assert!(text.contains("4294967296 texels over 4 maps") && text.contains("4294967295"), "{text}");
-        let pool = TexturePool::neutral([(2, 3, 0.1), (0, 0, 0.0), (1, 4, 0.2)]).unwrap();
+        let pool = TexturePool::neutral(
+            [(2, 3), (0, 0), (1, 4)].map(|(rows, cols)| TextureMap::square(rows, cols, 0.1)),
+        );
+        let pool = pool.unwrap();
         assert_eq!(pool.maps.iter().map(|m| m.offset_texels).collect::<Vec<_>>(), [0, 6, 6]);
         assert_eq!((pool.num_texels(), pool.texels.len()), (10, 30));
     }

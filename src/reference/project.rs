@@ -100,15 +100,15 @@ pub fn project(params: &Params, i: usize, camera: &Camera, settings: &Settings) 
     projected.opacity /= projected.spread.determinant().sqrt();
     let map = &params.maps[i];
     if settings.filter_px2 > 0.0 && map.num_texels() > 0 {
-        projected.footprint_texels = footprint_texels(&projected, f64::from(map.texel_size));
+        projected.footprint_texels = footprint_texels(&projected, map.texel_sizes.map(f64::from));
     }
     (projected.opacity >= alpha_min).then_some(projected)
 }
 
 /// Footprint of a pixel on the texture map: one texel as long as a texel covers a pixel along an axis; beyond that, the
 /// variance of a sample stays that of bilinear interpolation between texels of a pixel (method 2.5).
-fn footprint_texels(p: &Projected, texel_size: f64) -> [f64; 2] {
-    [p.a, p.b].map(|local_per_px| {
+fn footprint_texels(p: &Projected, texel_sizes: [f64; 2]) -> [f64; 2] {
+    [(p.a, texel_sizes[0]), (p.b, texel_sizes[1])].map(|(local_per_px, texel_size)| {
         let texels_per_px = local_per_px.length() / texel_size;
         (2.0 * texels_per_px.powi(2) - 1.0).max(1.0).sqrt().min(FOOTPRINT_TEXELS_MAX)
     })

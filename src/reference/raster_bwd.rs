@@ -145,5 +145,6 @@ fn texture_bwd(params: &Params, sample: &Sample, by_colour: DVec3, grad: &mut Pa
         }
         (0..2).for_each(|k| by_coordinate[k] += tap.slope[k] * by_colour.dot(value));
     }
-    by_coordinate.map(|by| by / f64::from(params.maps[sample.splat].texel_size))
+    let texel_sizes = params.maps[sample.splat].texel_sizes;
+    [0, 1].map(|axis| by_coordinate[axis] / f64::from(texel_sizes[axis]))
 }

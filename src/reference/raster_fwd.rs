@@ -67,11 +67,9 @@ pub(super) struct Tap {
 
 /// Taps at a position on the surfel: the mean of the map, zero outside, over a footprint of at least a texel.
 pub(super) fn taps(map: &TextureMap, plane: [f64; 2], footprint_texels: [f64; 2]) -> Vec<Tap> {
-    let k = f64::from(map.texel_size);
-    let axes = [(map.rows, plane[0], footprint_texels[0]), (map.cols, plane[1], footprint_texels[1])];
-    let [rows, cols] = axes.map(|(size, along, width)| {
-        let coordinate = along / k + (f64::from(size) - 1.0) / 2.0;
-        (0..usize::from(size)).map(move |i| overlap(coordinate - i as f64, width))
+    let [rows, cols] = [(0, map.rows), (1, map.cols)].map(|(axis, size)| {
+        let coordinate = plane[axis] / f64::from(map.texel_sizes[axis]) + f64::from(map.origin()[axis]);
+        (0..usize::from(size)).map(move |i| overlap(coordinate - i as f64, footprint_texels[axis]))
     });
     let mut out = Vec::new();
     for (i, (wu, slope_u)) in rows.enumerate() {

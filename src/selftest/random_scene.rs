@@ -4,7 +4,7 @@
 use crate::camera::{Camera, Pinhole, RigidTransform, Similarity};
 use crate::constants::sh_coefficients;
 use crate::image::TargetImage;
-use crate::model::{Filter, Model, SplatArrays, TexturePool};
+use crate::model::{Filter, Model, SplatArrays, TextureMap, TexturePool};
 use glam::{DMat3, DQuat, DVec3};
 use rand::{Rng, RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64Mcg;
@@ -75,7 +75,7 @@ pub fn random_scene(options: &SceneOptions) -> RandomScene {
     let n = options.num_splats;
     let mut splats = SplatArrays::zeros(n, options.sh_degree);
     let degrees: Vec<u8> = (0..n).map(|i| (i % 5).min(options.sh_degree as usize) as u8).collect();
-    let mut extents = Vec::new();
+    let mut maps = Vec::new();
     let coefficients = sh_coefficients(options.sh_degree);
     for i in 0..n {
         let depth = rng.random_range(options.depths.0..=options.depths.1);
@@ -97,10 +97,14 @@ pub fn random_scene(options: &SceneOptions) -> RandomScene {
         }
         let (rows, cols) = options.map_sizes[rng.random_range(0..options.map_sizes.len())];
         let half = 2.5 * splats.log_scales[2 * i].max(splats.log_scales[2 * i + 1]).exp();
-        extents.push((rows, cols, 2.0 * half / f32::from(rows.max(cols).max(2) - 1)));
+        let size = 2.0 * half / f32::from(rows.max(cols).max(2) - 1);
+        // Edges that differ along the axes, and maps off the centre, the same for a splat in every scene.
+        let edges = [[size; 2], [size, 0.7 * size], [0.8 * size, size]][i % 3];
+        let shift = [[0, 0], [1, -1], [0, 2], [-3, 0], [0, 0]][i % 5];
+        maps.push(TextureMap { shift, ..TextureMap::centred(rows, cols, edges) });
     }
     splats.set_sh_degrees(&degrees);
-    let mut textures = TexturePool::neutral(extents).expect("random scenes have few texels");
+    let mut textures = TexturePool::neutral(maps).expect("random scenes have few texels");
     textures.texels.iter_mut().for_each(|t| *t = (1.5 * normal(&mut rng)) as f32);
     let model = Model {
         splats,

@@ -3,7 +3,7 @@
 
 use super::training::{BLACK, MemoryViews, damaged, scene, uploaded};
 use litetex_gs::backend::{Backend, TargetImage};
-use litetex_gs::model::{ModelSize, TexturePool};
+use litetex_gs::model::{ModelSize, TextureMap, TexturePool};
 use litetex_gs::train::density::{DensityCounts, first_texel_size};
 use litetex_gs::train::{Control, Policy, TrainConfig, TrainEvent, TrainState, train};
 use std::sync::Arc;
@@ -34,9 +34,11 @@ pub fn start(policy: Policy) -> TrainState {
         let half = [0, 1].map(|k| 2.5 * f64::from(model.splats.log_scales[2 * i + k]).exp());
         let size = first_texel_size(half);
         match policy {
-            Policy::Plain => (0, 0, 0.0),
-            Policy::Fixed(texels) => (texels, texels, (size / f64::from(texels - 1)) as f32),
-            _ => (2, 2, size as f32),
+            Policy::Plain => TextureMap::default(),
+            Policy::Fixed(texels) => {
+                TextureMap::square(texels, texels, (size / f64::from(texels - 1)) as f32)
+            }
+            _ => TextureMap::square(2, 2, size as f32),
         }
     });
     model.textures = TexturePool::neutral(extents.collect::<Vec<_>>()).unwrap();

@@ -114,7 +114,7 @@ pub fn degenerate_splats_do_no_harm(backend: &mut dyn Backend) {
         random_scene(&SceneOptions { num_splats: 0, width_px: 8, height_px: 8, ..SceneOptions::default() });
     assert_eq!(survives(backend, &none, "no splat"), 0.0);
     none.model = scene(8).model;
-    none.model.textures.maps.iter_mut().for_each(|m| m.texel_size = 0.0);
+    none.model.textures.maps.iter_mut().for_each(|m| m.texel_sizes = [0.0; 2]);
     survives(backend, &none, "zero texel size");
 }
 

@@ -75,17 +75,19 @@ pub fn requests(
 /// Every kind of change to a map. All but the resampled ones are bit-identical on every backend.
 pub fn changes() -> Vec<MapChange> {
     let moment_scale = [0.3, 0.07];
-    let regrid = |grid, [rows, cols]: [u16; 2], [first_row, first_col]: [i32; 2]| MapChange::Regrid {
-        grid,
+    let by_axis = |grids, [rows, cols]: [u16; 2], [first_row, first_col]: [i32; 2]| MapChange::Regrid {
+        grids,
         rows,
         cols,
         first_row,
         first_col,
+        shift: [rows as i16 - 4, -1],
         moment_scale,
     };
+    let regrid = |grid, size, first| by_axis([grid; 2], size, first);
     let shift_texels = [0.3, -1.7];
     let resample =
-        |rows, cols, texel_size| MapChange::Resample { rows, cols, texel_size, shift_texels, moment_scale };
+        |rows, cols, texel_sizes| MapChange::Resample { rows, cols, texel_sizes, shift_texels, moment_scale };
     vec![
         MapChange::Keep,
         // Maps have up to 16 x 12 texels: these windows are larger, smaller, shifted, outside, empty.
@@ -98,9 +100,11 @@ pub fn changes() -> Vec<MapChange> {
         regrid(Grid::Finer, [5, 11], [3, -1]),
         regrid(Grid::Coarser, [6, 4], [0, 0]),
         regrid(Grid::Coarser, [4, 7], [-1, 1]),
-        resample(0, 0, 0.1),
-        resample(9, 4, 0.02),
-        resample(2, 3, 0.2),
+        by_axis([Grid::Finer, Grid::Coarser], [9, 3], [-1, -1]),
+        by_axis([Grid::Same, Grid::Finer], [3, 7], [1, 2]),
+        resample(0, 0, [0.1; 2]),
+        resample(9, 4, [0.02, 0.03]),
+        resample(2, 3, [0.2; 2]),
     ]
 }
 

@@ -112,7 +112,10 @@ pub(super) fn mirrors() -> Vec<Mirror> {
             }
         ),
         mirror!("SortPass", SortPass { shift, counts_pairs, identity_values, pad }),
-        mirror!("SplatInfo", SplatInfo { map_offset_texels, map_size, texel_size, last_step, sh_degree }),
+        mirror!(
+            "SplatInfo",
+            SplatInfo { map_offset_texels, map_size, texel_sizes, map_origin, last_step, sh_degree }
+        ),
         mirror!("MapChange", MapChange { source, kind, first_row, first_col }),
         mirror!("Edit", Edit { position, opacity_logit, log_scales, splat, pad }),
         mirror!(

@@ -6,7 +6,7 @@
 //! | `splats.sh_degrees` | u16 `[n]`: SH degree of each splat; coefficients above it are 0 |
 //! | `adam.m.*`, `adam.v.*` | the same five, and `texels` |
 //! | `adam.last_step`, `adam.step`, `adam.rates` | u32 `[n]`, u32 `[1]`, f32 `[9]` |
-//! | `textures.maps.{offset,rows,cols,texel_size}` | u32, u16, u16, f32 `[n]` |
+//! | `textures.maps.{offset,rows,cols,texel_sizes,shift}` | u32, u16, u16 `[n]`, f32, i16 `[n,2]` |
 //! | `textures.texels` | f32 `[t,3]` |
 //! | `frame.near`, `frame.filter`, `frame.capture_from_local` | f32 `[1]`, u32 `[1]`: 0 none, 1 ewa; f64 `[4]`: scale, translation |
 //! | `state.counters`, `state.epoch_order` | u32 `[5]`: step, epochs, views used, step of the stage, last step with a revision; u32 `[views]` |
@@ -14,7 +14,7 @@
 //! | `exposure.maps`, `exposure.sums` | f32 `[v,3,4]`, f64 `[v,22]`: the sums of the epoch; v = views, or 0 without correction |
 //! | `window.views`, `window.counts`, `window.sums` | u32 `[views]`, u32 `[n + 1]`: views counted, views that saw each; f32 `[3,n]` |
 
-use super::reader::{Reader, f32s, f64s, u16s, u32s};
+use super::reader::{Reader, f32s, f64s, i16s, u16s, u32s};
 use crate::Result;
 use crate::backend::{ColourMap, ColourSums, NUM_COLOUR_SUMS, WindowStatistics};
 use crate::camera::Similarity;
@@ -40,6 +40,7 @@ enum Data<'a> {
     F32(Cow<'a, [f32]>),
     F64(Vec<f64>),
     U16(Vec<u16>),
+    I16(Vec<i16>),
     U32(Cow<'a, [u32]>),
 }
 
@@ -65,6 +66,7 @@ impl<'a> Tensor<'a> {
             Data::F32(_) => Dtype::F32,
             Data::F64(_) => Dtype::F64,
             Data::U16(_) => Dtype::U16,
+            Data::I16(_) => Dtype::I16,
             Data::U32(_) => Dtype::U32,
         }
     }
@@ -74,6 +76,7 @@ impl<'a> Tensor<'a> {
             Data::F32(d) => d.iter().flat_map(|x| x.to_le_bytes()).collect(),
             Data::F64(d) => d.iter().flat_map(|x| x.to_le_bytes()).collect(),
             Data::U16(d) => d.iter().flat_map(|x| x.to_le_bytes()).collect(),
+            Data::I16(d) => d.iter().flat_map(|x| x.to_le_bytes()).collect(),
             Data::U32(d) => d.iter().flat_map(|x| x.to_le_bytes()).collect(),
         }
     }
@@ -124,12 +127,14 @@ pub fn tensors(state: &TrainState) -> BTreeMap<String, Tensor<'_>> {
 
     let maps = &model.textures.maps;
     let offsets: Vec<u32> = maps.iter().map(|m| m.offset_texels).collect();
-    let sizes: Vec<f32> = maps.iter().map(|m| m.texel_size).collect();
+    let sizes: Vec<f32> = maps.iter().flat_map(|m| m.texel_sizes).collect();
+    let shifts = maps.iter().flat_map(|m| m.shift).collect();
     let u16s = |f: fn(&TextureMap) -> u16| Data::U16(maps.iter().map(f).collect());
     put("textures.maps.offset", Tensor::u32(&[n], offsets));
     put("textures.maps.rows", Tensor::new(&[n], u16s(|m| m.rows)));
     put("textures.maps.cols", Tensor::new(&[n], u16s(|m| m.cols)));
-    put("textures.maps.texel_size", Tensor::f32(&[n], sizes));
+    put("textures.maps.texel_sizes", Tensor::f32(&[n, 2], sizes));
+    put("textures.maps.shift", Tensor::new(&[n, 2], Data::I16(shifts)));
     put("textures.texels", Tensor::f32(&texels, &model.textures.texels));
 
     let frame = model.capture_from_local;
@@ -289,9 +294,15 @@ fn maps(reader: &mut Reader<'_>, n: usize) -> Result<Vec<TextureMap>> {
     let offsets = u32s(reader.take("textures.maps.offset", Dtype::U32, &[n])?);
     let rows = u16s(reader.take("textures.maps.rows", Dtype::U16, &[n])?);
     let cols = u16s(reader.take("textures.maps.cols", Dtype::U16, &[n])?);
-    let sizes = f32s(reader.take("textures.maps.texel_size", Dtype::F32, &[n])?);
-    let map =
-        |i| TextureMap { offset_texels: offsets[i], rows: rows[i], cols: cols[i], texel_size: sizes[i] };
+    let sizes = f32s(reader.take("textures.maps.texel_sizes", Dtype::F32, &[n, 2])?);
+    let shifts = i16s(reader.take("textures.maps.shift", Dtype::I16, &[n, 2])?);
+    let map = |i: usize| TextureMap {
+        offset_texels: offsets[i],
+        rows: rows[i],
+        cols: cols[i],
+        texel_sizes: [sizes[2 * i], sizes[2 * i + 1]],
+        shift: [shifts[2 * i], shifts[2 * i + 1]],
+    };
     Ok((0..n).map(map).collect())
 }
 

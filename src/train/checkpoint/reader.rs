@@ -157,8 +157,8 @@ fn check_maps(path: &Path, textures: &TexturePool) -> Result<()> {
             format!("offset {}, expected {texels}", map.offset_texels)
         } else if (map.rows == 0) != (map.cols == 0) {
             format!("{} x {} texels, expected both or none to be zero", map.rows, map.cols)
-        } else if !map.texel_size.is_finite() || (map.rows > 0 && map.texel_size <= 0.0) {
-            format!("texel size {}, expected a positive number", map.texel_size)
+        } else if map.texel_sizes.iter().any(|size| !size.is_finite() || (map.rows > 0 && *size <= 0.0)) {
+            format!("texel sizes {:?}, expected positive numbers", map.texel_sizes)
         } else {
             texels += map.num_texels() as u64;
             continue;
@@ -186,5 +186,6 @@ macro_rules! from_le_bytes {
 }
 from_le_bytes!(f32s, f32);
 from_le_bytes!(f64s, f64);
+from_le_bytes!(i16s, i16);
 from_le_bytes!(u16s, u16);
 from_le_bytes!(u32s, u32);

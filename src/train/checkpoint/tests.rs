@@ -4,7 +4,7 @@ use super::*;
 use crate::backend::WindowStatistics;
 use crate::camera::Similarity;
 use crate::frequency::SplatBudget;
-use crate::model::{AdamState, Model, SplatArrays, SplatGroup, TexturePool};
+use crate::model::{AdamState, Model, SplatArrays, SplatGroup, TextureMap, TexturePool};
 use crate::train::density::SplatHistory;
 use crate::train::{CurvePoint, Exposures, TrainHistory};
 use glam::DVec3;
@@ -31,8 +31,11 @@ fn sample(n: usize, sh_degree: u32) -> TrainState {
     let mut model = Model {
         splats: SplatArrays::zeros(n, sh_degree),
         textures: TexturePool::neutral((0..n).map(|i| match i % 3 {
-            0 => (0, 0, 0.0),
-            k => (2 + k as u16, 2, 0.01 * (i + 1) as f32),
+            0 => TextureMap::default(),
+            k => TextureMap {
+                shift: [i as i16, -3],
+                ..TextureMap::centred(2 + k as u16, 2, [0.01 * (i + 1) as f32, 0.3])
+            },
         }))
         .unwrap(),
         near: 0.039_999_9,
@@ -225,7 +228,7 @@ fn errors_name_the_tensor_what_was_found_and_what_was_expected() {
     );
     assert_eq!(
         message(edited(&bytes, "extra", Some((Dtype::U8, vec![1], vec![0])))),
-        "x.safetensors: tensor \"extra\" is not part of \"litetex-checkpoint/4\""
+        "x.safetensors: tensor \"extra\" is not part of \"litetex-checkpoint/5\""
     );
     let same_shape = Some((Dtype::F32, vec![4, 3], vec![0; 48]));
     assert!(message(edited(&bytes, "splats.positions", same_shape)).contains("checksum"));
@@ -242,7 +245,7 @@ fn values_that_contradict_each_other_are_refused() {
     refused(|s| s.model.near = f32::NAN, "frame.near");
     refused(|s| s.model.capture_from_local.scale = 0.0, "capture_from_local");
     refused(|s| s.model.textures.maps[2].offset_texels = 1, "texture map 2");
-    refused(|s| s.model.textures.maps[1].texel_size = f32::INFINITY, "texture map 1");
+    refused(|s| s.model.textures.maps[1].texel_sizes[1] = f32::INFINITY, "texture map 1");
     refused(|s| s.model.textures.maps[2].cols = 0, "texture map 2");
     refused(|s| s.model.textures.maps[2].cols = 3, "texture map 3");
     refused(
@@ -268,6 +271,6 @@ fn other_layouts_are_unsupported_not_invalid() {
     assert_eq!(
         error.to_string(),
         "x.safetensors: layout \"litetex-checkpoint/9\" (written by litetex 9.0.0), this program reads \
-         \"litetex-checkpoint/4\""
+         \"litetex-checkpoint/5\""
     );
 }

@@ -1,8 +1,8 @@
 //! Sizes of texture maps: crop and pad them to their support, coarsen those that do not need their texels, refine
 //! those of high-error splats (method 6.4, 6.5 and 6.7). Texels keep their place on the surfel throughout.
 
-use super::coarse::{coarsening_error, residual};
-use super::geometry::first_texel_size;
+use super::coarse::{coarsening_error, detail, residual};
+use super::geometry::{even_texels, first_texel_size};
 use super::planned_splat::{PlannedSplat, size_of, with, without};
 use super::score::Scores;
 use super::settings::{Budget, Components, DensityConfig};
@@ -14,23 +14,49 @@ use crate::model::TextureMap;
 /// Maps of `fixed:R` whose texel size is off by less than this factor are kept, since resampling blurs.
 const TOLERATED: f64 = 1.1;
 
-/// Factors of the moments where four texels become one, whose gradient is the sum of theirs.
-const MERGED_MOMENTS: [f32; 2] = [4.0, 16.0];
-
-/// The change to a map of `rows` x `cols` texels of `grid` about the same centre.
-pub fn centred(map: &TextureMap, grid: Grid, [rows, cols]: [u32; 2], moment_scale: [f32; 2]) -> MapChange {
-    let first = |old: u16, new: u32| (i32::from(grid.texels(old)) - new as i32) / 2;
-    if grid == Grid::Same && (u32::from(map.rows), u32::from(map.cols)) == (rows, cols) {
+/// The change to a map of these rows and columns on grids of the map, with this shift on its splat. `moved` is how far the
+/// splat itself moves, in whole texels of the map.
+pub fn window(
+    map: &TextureMap,
+    grids: [Grid; 2],
+    texels: [u32; 2],
+    shift: [i16; 2],
+    moved: [i32; 2],
+    moment_scale: [f32; 2],
+) -> MapChange {
+    let old = [map.rows, map.cols];
+    if grids == [Grid::Same; 2] && texels == old.map(u32::from) && shift == map.shift && moved == [0; 2] {
         return MapChange::Keep;
     }
+    let first = [0, 1].map(|axis| {
+        // The first edges of the old and of the new map from the old splat's centre, in half texels of the old map.
+        let old_edge = i32::from(map.shift[axis]) - i32::from(old[axis]);
+        let new_edge = i32::from(shift[axis]) - texels[axis] as i32;
+        match grids[axis] {
+            Grid::Same => (new_edge + 2 * moved[axis] - old_edge).div_euclid(2),
+            Grid::Finer => (new_edge + 4 * moved[axis] - 2 * old_edge).div_euclid(2),
+            Grid::Coarser => (2 * new_edge + 2 * moved[axis] - old_edge).div_euclid(2),
+        }
+    });
     MapChange::Regrid {
-        grid,
-        rows: rows as u16,
-        cols: cols as u16,
-        first_row: first(map.rows, rows),
-        first_col: first(map.cols, cols),
+        grids,
+        rows: texels[0] as u16,
+        cols: texels[1] as u16,
+        first_row: first[0],
+        first_col: first[1],
+        shift,
         moment_scale,
     }
+}
+
+/// The change to a map of these rows and columns on grids of the map, centred on its splat.
+fn centred(map: &TextureMap, grids: [Grid; 2], texels: [u32; 2], moment_scale: [f32; 2]) -> MapChange {
+    window(map, grids, texels, [0; 2], [0; 2], moment_scale)
+}
+
+/// Edges of a map's texels after a change of its grids.
+fn texel_sizes_on(map: &TextureMap, grids: [Grid; 2]) -> [f64; 2] {
+    [0, 1].map(|axis| f64::from(map.texel_sizes[axis]) * f64::from(grids[axis].texel_ratio()))
 }
 
 fn set(planned: &mut PlannedSplat, change: MapChange, [rows, cols]: [u32; 2]) {
@@ -64,51 +90,77 @@ pub fn fit(
                     && residual(s.model, planned.source as usize) < config.coarsen_below
             };
             if config.untextured && may_coarsen && s.use_statistics && (extent < sizes.finest || is_idle()) {
-                set(planned, centred(map, Grid::Same, [0, 0], [1.0; 2]), [0, 0]);
+                set(planned, centred(map, [Grid::Same; 2], [0, 0], [1.0; 2]), [0, 0]);
                 counts.coarsened += 1;
                 return;
             }
-            let texel_size = f64::from(map.texel_size);
-            let needed = sizes.texels(texel_size);
+            let needed = sizes.texels(map.texel_sizes.map(f64::from));
             if !sizes.fits(needed, planned.history.ceiling) {
                 counts.coarsened += 1;
-                stretch(planned);
-            } else if may_coarsen
-                && s.use_statistics
-                && components.coarsening
-                && map.rows.min(map.cols) > 1
-                && map.rows.max(map.cols) > 2
-                && coarsening_error(s.model, planned.source as usize) < config.coarsen_below
-            {
-                counts.coarsened += 1;
-                coarsen(map, planned);
-            } else {
-                set(planned, centred(map, Grid::Same, needed, [1.0; 2]), needed);
+                stretch(map, planned);
+                return;
             }
+            let grids = if may_coarsen && s.use_statistics && components.coarsening {
+                coarser_grids(s, config, planned.source as usize)
+            } else {
+                [Grid::Same; 2]
+            };
+            counts.coarsened += usize::from(grids.contains(&Grid::Coarser));
+            let needed = sizes.texels(texel_sizes_on(map, grids));
+            set(planned, centred(map, grids, needed, merged_moments(grids)), needed);
         }
     }
 }
 
-/// Halves the side of a map.
-fn coarsen(map: &TextureMap, planned: &mut PlannedSplat) {
-    let needed = planned.sizes.texels(2.0 * f64::from(map.texel_size));
-    set(planned, centred(map, Grid::Coarser, needed, MERGED_MOMENTS), needed);
+/// The axes along which a map loses little by half as many texels.
+fn coarser_grids(s: &Situation<'_>, config: &DensityConfig, splat: usize) -> [Grid; 2] {
+    let map = &s.model.textures.maps[splat];
+    let both = [Grid::Coarser; 2];
+    let one_axis = [[Grid::Coarser, Grid::Same], [Grid::Same, Grid::Coarser]];
+    let choices = if config.grow_by_axis > 0.0 { [both, one_axis[0], one_axis[1]] } else { [both; 3] };
+    let may = |grids: &[Grid; 2]| {
+        let longer = |(grid, texels): (&Grid, u16)| *grid == Grid::Same || texels > 2;
+        // A map of 2 x 2 is dropped or kept as it is.
+        map.rows.min(map.cols) > 1
+            && map.rows.max(map.cols) > 2
+            && (*grids == both || grids.iter().zip([map.rows, map.cols]).all(longer))
+            && coarsening_error(s.model, splat, grids.map(|grid| grid == Grid::Coarser))
+                < config.coarsen_below
+    };
+    choices.into_iter().find(may).unwrap_or([Grid::Same; 2])
 }
 
-/// Spreads as many texels as the ceiling allows over a support that has outgrown them. Resampled rather than
-/// coarsened, because the support has rarely doubled.
-fn stretch(planned: &mut PlannedSplat) {
+/// Factors of the moments where texels become one, whose gradient is the sum of theirs.
+fn merged_moments(grids: [Grid; 2]) -> [f32; 2] {
+    let texels: f32 = grids.iter().map(|&grid| if grid == Grid::Coarser { 2.0 } else { 1.0 }).product();
+    [texels, texels * texels]
+}
+
+/// Spreads as many texels as the ceiling allows over a support that has outgrown them along an axis. Resampled rather
+/// than coarsened, because the support has rarely doubled.
+fn stretch(map: &TextureMap, planned: &mut PlannedSplat) {
     let most = planned.history.ceiling.min(planned.sizes.cap).max(2);
-    let texel_size = first_texel_size(planned.sizes.extents) / f64::from(most - 1);
-    let needed = planned.sizes.texels(texel_size);
-    let change = MapChange::Resample {
-        rows: needed[0] as u16,
-        cols: needed[1] as u16,
-        texel_size: texel_size as f32,
+    let texel_sizes = [0, 1].map(|axis| {
+        let texel_size = f64::from(map.texel_sizes[axis]);
+        let half = planned.sizes.extents[axis];
+        if even_texels(half, texel_size) <= most.into() {
+            return texel_size;
+        }
+        first_texel_size([half; 2]) / f64::from(most - 1)
+    });
+    let needed = planned.sizes.texels(texel_sizes);
+    set(planned, resampled(needed, texel_sizes), needed);
+}
+
+/// Resampling about the same centre, with the same moments.
+fn resampled([rows, cols]: [u32; 2], texel_sizes: [f64; 2]) -> MapChange {
+    MapChange::Resample {
+        rows: rows as u16,
+        cols: cols as u16,
+        texel_sizes: texel_sizes.map(|size| size as f32),
         shift_texels: [0.0; 2],
         moment_scale: [1.0; 2],
-    };
-    set(planned, change, needed);
+    }
 }
 
 /// A candidate with its ceiling raised and, if its bounds allow it, its map refined; `None` without adaptive maps
@@ -131,26 +183,39 @@ pub fn refined(
     }
     if map.rows == 0 {
         let extent = 2.0 * sizes.extents[0].max(sizes.extents[1]);
-        let texel_size = first_texel_size(sizes.extents);
         if extent >= sizes.finest {
-            let change = MapChange::Resample {
-                rows: 2,
-                cols: 2,
-                texel_size: texel_size as f32,
-                shift_texels: [0.0; 2],
-                moment_scale: [1.0; 2],
-            };
-            set(&mut refined, change, [2, 2]);
+            set(&mut refined, resampled([2, 2], [first_texel_size(sizes.extents); 2]), [2, 2]);
         }
         return Some(refined);
     }
-    let half = f64::from(map.texel_size) / 2.0;
-    let needed = sizes.texels(half);
-    if half >= sizes.finest && sizes.fits(needed, refined.history.ceiling) {
-        let change = centred(map, Grid::Finer, needed, config.growth_moments.scale());
-        set(&mut refined, change, needed);
+    let fits = |grids: &[Grid; 2]| {
+        let texel_sizes = texel_sizes_on(map, *grids);
+        let fine_enough = (0..2).all(|axis| grids[axis] == Grid::Same || texel_sizes[axis] >= sizes.finest);
+        fine_enough && sizes.fits(sizes.texels(texel_sizes), refined.history.ceiling)
+    };
+    if let Some(grids) = finer_grids(s, config, planned.source as usize).into_iter().find(fits) {
+        let needed = sizes.texels(texel_sizes_on(map, grids));
+        let halved = grids.iter().filter(|&&grid| grid == Grid::Finer).count();
+        set(&mut refined, centred(map, grids, needed, config.growth_moments.scale(halved)), needed);
     }
     Some(refined)
+}
+
+/// How a map may be refined, the best first: along both axes, or only along the one on which it varies much more.
+fn finer_grids(s: &Situation<'_>, config: &DensityConfig, splat: usize) -> Vec<[Grid; 2]> {
+    let [along_u, along_v] = detail(s.model, splat);
+    let dominates = |a: f64, b: f64| config.grow_by_axis > 0.0 && a > config.grow_by_axis * b;
+    let (both, u, v) = ([Grid::Finer; 2], [Grid::Finer, Grid::Same], [Grid::Same, Grid::Finer]);
+    if dominates(along_u, along_v) {
+        vec![u]
+    } else if dominates(along_v, along_u) {
+        vec![v]
+    } else if config.grow_by_axis > 0.0 {
+        // Where both do not fit, the axis that varies more.
+        vec![both, if along_u > along_v { u } else { v }, if along_u > along_v { v } else { u }]
+    } else {
+        vec![both]
+    }
 }
 
 /// Makes maps smaller, those of the least error first, until the model is within its budget.
@@ -180,7 +245,7 @@ pub fn coarsen_to_budget(
             }
             let mut smaller = *planned;
             smaller.history.ceiling = (map.rows.max(map.cols) >> halvings).max(2);
-            stretch(&mut smaller);
+            stretch(map, &mut smaller);
             if smaller.texels < planned.texels {
                 counts.coarsened += 1;
                 size = with(without(size, planned), &smaller);
@@ -190,20 +255,16 @@ pub fn coarsen_to_budget(
     }
 }
 
-/// Resamples a map of `fixed:R` that no longer fits its splat's support.
+/// Resamples a map of `fixed:R` that no longer fits its splat's support: its outermost texels lie at the ends, along each
+/// axis.
 fn refit_fixed(map: &TextureMap, side: u16, planned: &mut PlannedSplat) {
-    let half = planned.sizes.extents[0].max(planned.sizes.extents[1]);
-    let wanted = 2.0 * half / (f64::from(side) - 1.0);
-    let ratio = wanted / f64::from(map.texel_size);
-    if half <= 0.0 || (1.0 / TOLERATED..=TOLERATED).contains(&ratio) {
-        return;
-    }
-    let change = MapChange::Resample {
-        rows: side,
-        cols: side,
-        texel_size: wanted as f32,
-        shift_texels: [0.0; 2],
-        moment_scale: [1.0, 1.0],
+    let wanted = planned.sizes.extents.map(|half| 2.0 * half / (f64::from(side) - 1.0));
+    let is_off = |axis: usize| {
+        let ratio = wanted[axis] / f64::from(map.texel_sizes[axis]);
+        !(1.0 / TOLERATED..=TOLERATED).contains(&ratio)
     };
-    set(planned, change, [u32::from(side); 2]);
+    if planned.sizes.has_support() && (is_off(0) || is_off(1)) {
+        let needed = [u32::from(side); 2];
+        set(planned, resampled(needed, wanted), needed);
+    }
 }

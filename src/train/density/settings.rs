@@ -66,7 +66,7 @@ pub enum ErrorMeasure {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum GrowthMoments {
-    /// Scaled as the gradients are: first moments by 1/4, second by 1/16.
+    /// Scaled as the gradients are: for quarters of a texel, first moments by 1/4, second by 1/16.
     Scaled,
     /// Kept unscaled (paper).
     Kept,
@@ -75,10 +75,11 @@ pub enum GrowthMoments {
 }
 
 impl GrowthMoments {
-    /// Factors of the first and second moments.
-    pub fn scale(self) -> [f32; 2] {
+    /// Factors of the first and second moments of texels that are halved along this many axes.
+    pub fn scale(self, axes: usize) -> [f32; 2] {
+        let area = 0.5_f32.powi(axes as i32);
         match self {
-            Self::Scaled => [1.0 / 4.0, 1.0 / 16.0],
+            Self::Scaled => [area, area * area],
             Self::Kept => [1.0, 1.0],
             Self::Zero => [0.0, 0.0],
         }
@@ -164,6 +165,10 @@ pub struct DensityConfig {
     pub sh_below: f64,
     /// Steps for which a band is trained before it is judged. Default 7,000 (choices 15).
     pub sh_trial_steps: u32,
+    /// A map is refined along only one axis if its texels vary there more than along the other by this factor, as mean
+    /// squared differences between neighbours, and coarsened along one axis alone; 0: always along both. Default 4 (not in
+    /// the paper).
+    pub grow_by_axis: f64,
     /// What happens to the moments of a refined map. Default `scaled` (choices 2; paper: `kept`).
     pub growth_moments: GrowthMoments,
     /// Whether maps that are idle, or whose whole support is below the finest texel, are dropped. Default on
@@ -219,6 +224,7 @@ impl Default for DensityConfig {
             coarsen_below: 0.02,
             sh_below: 0.01,
             sh_trial_steps: 7_000,
+            grow_by_axis: 4.0,
             growth_moments: GrowthMoments::Scaled,
             untextured: true,
             split_profile: SplitProfile::Tight,

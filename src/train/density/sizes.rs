@@ -25,9 +25,9 @@ pub struct Sizes {
 }
 
 impl Sizes {
-    /// Rows and columns that cover the extents with texels of this edge.
-    pub fn texels(&self, texel_size: f64) -> [u32; 2] {
-        self.extents.map(|h| even_texels(h, texel_size))
+    /// Rows and columns that cover the extents with texels of these edges.
+    pub fn texels(&self, texel_sizes: [f64; 2]) -> [u32; 2] {
+        [0, 1].map(|axis| even_texels(self.extents[axis], texel_sizes[axis]))
     }
 
     /// Whether a map of this size is within `ceiling` and cap.

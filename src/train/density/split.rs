@@ -1,6 +1,7 @@
 //! Splitting of a splat along its longer axis (method 6.8).
 
 use super::geometry::{half_extents, opacity, sigmas};
+use super::maps::window;
 use super::planned_splat::{Change, PlannedSplat};
 use super::settings::{DensityConfig, SplitProfile};
 use super::situation::Situation;
@@ -53,7 +54,7 @@ pub fn halves(
     let sigma = sigmas(s.model, i);
     let [shift_sigmas, sigma_factor, opacity_factor] = profile.factors();
     let map = &s.model.textures.maps[i];
-    let texel_size = f64::from(map.texel_size);
+    let texel_size = f64::from(map.texel_sizes[axis]);
     let exact = shift_sigmas * sigma[axis];
     let on_grid = s.rule == MapRule::Adaptive && map.rows > 0 && exact / texel_size >= GRID_SHIFT_MIN;
     // A shift by whole texels spares resampling.
@@ -99,36 +100,30 @@ fn half_map(
     }
     // First moments start at zero, second ones are kept (method 6.8).
     let moment_scale = [0.0, 1.0];
-    let texel_size = f64::from(map.texel_size);
+    let texel_sizes = map.texel_sizes.map(f64::from);
     let mut shift_texels = [0.0; 2];
-    shift_texels[axis] = shift / texel_size;
+    shift_texels[axis] = shift / texel_sizes[axis];
     if on_grid {
-        let [rows, cols] = sizes.texels(texel_size);
-        let first = |old: u16, new: u32, by: f64| (i32::from(old) - new as i32) / 2 + by.round() as i32;
-        let change = MapChange::Regrid {
-            grid: Grid::Same,
-            rows: rows as u16,
-            cols: cols as u16,
-            first_row: first(map.rows, rows, shift_texels[0]),
-            first_col: first(map.cols, cols, shift_texels[1]),
-            moment_scale,
-        };
-        return (change, (rows * cols) as usize);
+        let texels = sizes.texels(texel_sizes);
+        let moved = shift_texels.map(|by| by.round() as i32);
+        let change = window(map, [Grid::Same; 2], texels, [0; 2], moved, moment_scale);
+        return (change, (texels[0] * texels[1]) as usize);
     }
-    let half = sizes.extents[0].max(sizes.extents[1]).max(1e-3 * texel_size);
-    let (texel_size, rows, cols) = match s.rule {
-        MapRule::Fixed(resolution) => (2.0 * half / (f64::from(resolution) - 1.0), resolution, resolution),
-        _ => {
-            let [rows, cols] = sizes.texels(texel_size);
-            (texel_size, rows as u16, cols as u16)
+    let (texel_sizes, [rows, cols]) = match s.rule {
+        MapRule::Fixed(resolution) => {
+            let spanning = |axis: usize| {
+                2.0 * sizes.extents[axis].max(1e-3 * texel_sizes[axis]) / (f64::from(resolution) - 1.0)
+            };
+            ([0, 1].map(spanning), [u32::from(resolution); 2])
         }
+        _ => (texel_sizes, sizes.texels(texel_sizes)),
     };
     let change = MapChange::Resample {
-        rows,
-        cols,
-        texel_size: texel_size as f32,
+        rows: rows as u16,
+        cols: cols as u16,
+        texel_sizes: texel_sizes.map(|size| size as f32),
         shift_texels: shift_texels.map(|t| t as f32),
         moment_scale,
     };
-    (change, usize::from(rows) * usize::from(cols))
+    (change, (rows * cols) as usize)
 }

@@ -9,7 +9,7 @@ use super::sizes::MapRule;
 use crate::backend::{Grid, MapChange, WindowStatistics};
 use crate::camera::Camera;
 use crate::constants::{ALPHA_MIN, sh_coefficients};
-use crate::model::{Model, ModelSize, TexturePool};
+use crate::model::{Model, ModelSize, TextureMap, TexturePool};
 use crate::selftest::{RandomScene, SceneOptions, random_scene};
 
 const N: usize = 12;
@@ -21,7 +21,7 @@ fn model(texels: u16) -> Model {
         let half = half_extents(sigmas(&model, i), opacity(&model, i), ALPHA_MIN);
         let size = first_texel_size(half) / f64::from(texels - 1);
         let [rows, cols] = half.map(|h| even_texels(h, size) as u16);
-        (rows, cols, size as f32)
+        TextureMap::square(rows, cols, size as f32)
     });
     model.textures = TexturePool::neutral(extents.collect::<Vec<_>>()).unwrap();
     model.textures.texels.iter_mut().enumerate().for_each(|(i, t)| *t = (i as f32 * 0.7).sin());
@@ -86,6 +86,17 @@ fn situation<'a>(
     }
 }
 
+fn revise(s: &Situation<'_>, config: &DensityConfig, budget: &Budget) -> Revision {
+    decide(s, config, &Components::default(), budget)
+}
+
+/// A window in which splat 5 has a much larger error than the others.
+fn one_high_error() -> WindowStatistics {
+    let mut errors = [0.1; N];
+    errors[5] = 0.9;
+    window(errors)
+}
+
 #[test]
 fn bands_that_hardly_change_the_colour_are_given_back() {
     let (mut model, cameras, statistics) = (model(2), [camera()], window([0.1; N]));
@@ -124,17 +135,6 @@ fn bands_that_hardly_change_the_colour_are_given_back() {
     assert_eq!(revise(&s, &config, &Budget::default()).plan.unwrap().sh_degrees[..3], [3, 1, 0]);
 }
 
-fn revise(s: &Situation<'_>, config: &DensityConfig, budget: &Budget) -> Revision {
-    decide(s, config, &Components::default(), budget)
-}
-
-/// A window in which splat 5 has a much larger error than the others.
-fn one_high_error() -> WindowStatistics {
-    let mut errors = [0.1; N];
-    errors[5] = 0.9;
-    window(errors)
-}
-
 #[test]
 fn only_high_error_splats_are_refined_and_raise_their_ceilings() {
     let (model, cameras, statistics) = (model(2), [camera()], one_high_error());
@@ -146,7 +146,9 @@ fn only_high_error_splats_are_refined_and_raise_their_ceilings() {
     assert_eq!(plan.sources, (0..N as u32).collect::<Vec<_>>(), "without new splats the order is kept");
     for (i, (map, history)) in plan.maps.iter().zip(&revision.histories).enumerate() {
         match *map {
-            MapChange::Regrid { grid: Grid::Finer, rows, cols, moment_scale, .. } if i == 5 => {
+            MapChange::Regrid { grids: [Grid::Finer, Grid::Finer], rows, cols, moment_scale, .. }
+                if i == 5 =>
+            {
                 assert!(rows <= 4 && cols <= 4 && rows.max(cols) == 4, "{rows} x {cols}");
                 assert_eq!((history.ceiling, moment_scale), (4, [0.25, 0.0625]));
             }
@@ -183,7 +185,9 @@ fn maps_follow_their_support_without_moving_a_texel() {
     for (i, change) in plan.maps.iter().enumerate() {
         let map = &model.textures.maps[i];
         match *change {
-            MapChange::Regrid { grid: Grid::Same, rows, cols, first_row, first_col, .. } if i == 3 => {
+            MapChange::Regrid {
+                grids: [Grid::Same, Grid::Same], rows, cols, first_row, first_col, ..
+            } if i == 3 => {
                 assert_eq!(2 * first_row + i32::from(rows), i32::from(map.rows), "same centre");
                 assert_eq!(2 * first_col + i32::from(cols), i32::from(map.cols), "same centre");
                 assert!(rows < map.rows && cols < map.cols);
@@ -203,7 +207,7 @@ fn only_smooth_maps_are_coarsened() {
     let s = situation(&model, &histories, &statistics, &cameras);
     let plan = revise(&s, &settings(), &Budget::default()).plan.unwrap();
     for (i, change) in plan.maps.iter().enumerate() {
-        let is_coarser = matches!(change, MapChange::Regrid { grid: Grid::Coarser, .. });
+        let is_coarser = matches!(change, MapChange::Regrid { grids: [Grid::Coarser, Grid::Coarser], .. });
         assert_eq!(is_coarser, i == 4, "{i}: {change:?}");
     }
     assert!(
@@ -212,6 +216,33 @@ fn only_smooth_maps_are_coarsened() {
             revise(&late, &settings(), &Budget::default()).plan.is_none()
         }
     );
+}
+
+#[test]
+fn maps_are_refined_along_the_axis_on_which_they_vary_and_coarsened_along_the_other() {
+    let (mut model, cameras, statistics) = (model(8), [camera()], one_high_error());
+    let histories = vec![SplatHistory::first(256); N];
+    // Stripes along one axis on the splat of a high error, and on one whose map may be coarsened.
+    for (splat, period) in [(4, 4), (5, 1)] {
+        let map = model.textures.maps[splat];
+        let texels = &mut model.textures.texels[map.floats()];
+        for (t, rgb) in texels.chunks_exact_mut(3).enumerate() {
+            rgb.fill(if t % usize::from(map.cols) / period % 2 == 0 { 0.8 } else { -0.8 });
+        }
+    }
+    let grids = |factor: f64| {
+        let s = situation(&model, &histories, &statistics, &cameras);
+        let config = DensityConfig { grow_by_axis: factor, min_texel_px: 0.2, ..settings() };
+        let plan = revise(&s, &config, &Budget::default()).plan.unwrap();
+        [4, 5].map(|splat| match plan.maps[splat] {
+            MapChange::Regrid { grids, moment_scale, .. } => (grids, moment_scale),
+            _ => ([Grid::Same; 2], [1.0; 2]),
+        })
+    };
+    let (same, finer, coarser) = (Grid::Same, Grid::Finer, Grid::Coarser);
+    assert_eq!(grids(4.0), [([coarser, same], [2.0, 4.0]), ([same, finer], [0.5, 0.25])]);
+    // Negative control: both axes or none.
+    assert_eq!(grids(0.0), [([same; 2], [1.0; 2]), ([finer; 2], [0.25, 0.0625])]);
 }
 
 #[test]
@@ -276,11 +307,11 @@ fn halves_lie_on_the_parents_grid() {
         assert_eq!(plan.sources[i], 5);
         assert!(revision.histories[i].is_fresh());
         assert_eq!(revision.histories[i].ceiling, 128, "the ceiling of every candidate doubles");
-        let MapChange::Regrid { grid: Grid::Same, rows, cols, first_row, first_col, moment_scale } =
-            plan.maps[i]
+        let MapChange::Regrid { grids, rows, cols, first_row, first_col, shift, moment_scale } = plan.maps[i]
         else {
             panic!("{:?}", plan.maps[i])
         };
+        assert_eq!((grids, shift), ([Grid::Same; 2], [0; 2]));
         assert_eq!(moment_scale[0], 0.0, "first moments start at zero");
         // The window's centre is shifted by whole texels, and by as much as the splat's centre.
         let by =
@@ -289,7 +320,7 @@ fn halves_lie_on_the_parents_grid() {
         assert!((u == 0.0) != (v == 0.0) && u.fract() == 0.0 && v.fract() == 0.0, "{u} {v}");
         let old = &model.splats.positions[15..18];
         let distance: f64 = (0..3).map(|k| f64::from(edit.position[k] - old[k]).powi(2)).sum::<f64>().sqrt();
-        let texels = distance / f64::from(parent.texel_size);
+        let texels = distance / f64::from(parent.texel_sizes[0]);
         assert!((texels - (u + v).abs()).abs() < 1e-3, "{texels} {u} {v}");
         shifts.push(u + v);
     }
@@ -387,7 +418,13 @@ fn without_statistics_maps_are_only_fitted_to_their_support() {
     for (i, (change, map)) in plan.maps.iter().zip(&model.textures.maps).enumerate() {
         match *change {
             MapChange::Keep if ![3, 4].contains(&i) => {}
-            MapChange::Regrid { grid: Grid::Same, rows, cols, moment_scale: [1.0, 1.0], .. } => {
+            MapChange::Regrid {
+                grids: [Grid::Same, Grid::Same],
+                rows,
+                cols,
+                moment_scale: [1.0, 1.0],
+                ..
+            } => {
                 let texels = [rows, cols, map.rows, map.cols].map(usize::from);
                 let more = texels[0] * texels[1] > texels[2] * texels[3];
                 assert!(i == 3 && !more || i == 4 && more, "{i}: {change:?}");
@@ -445,7 +482,7 @@ fn a_budget_is_spent_where_error_per_parameter_is_largest() {
     let (mut mixed, fine, cameras) = (model(2), model(8), [camera()]);
     let extents = mixed.textures.maps.iter().zip(&fine.textures.maps).enumerate();
     let extents = extents.map(|(i, (coarse, fine))| if i == 5 { fine } else { coarse });
-    let extents = extents.map(|map| (map.rows, map.cols, map.texel_size)).collect::<Vec<_>>();
+    let extents = extents.copied().collect::<Vec<_>>();
     mixed.textures = TexturePool::neutral(extents).unwrap();
     let mut errors = [0.1; N];
     (errors[5], errors[7]) = (0.9, 0.5);
@@ -456,7 +493,7 @@ fn a_budget_is_spent_where_error_per_parameter_is_largest() {
         let max_texels = more.map(|more| mixed.num_texels() + more);
         let plan = revise(&s, &config, &Budget { max_texels, ..Budget::default() }).plan.unwrap();
         let added = |i: usize| match plan.maps[i] {
-            MapChange::Regrid { grid: Grid::Finer, rows, cols, .. } => {
+            MapChange::Regrid { grids: [Grid::Finer, Grid::Finer], rows, cols, .. } => {
                 Some((i, usize::from(rows) * usize::from(cols) - mixed.textures.maps[i].num_texels()))
             }
             _ => None,
