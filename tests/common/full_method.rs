@@ -15,10 +15,10 @@ pub fn config(policy: Policy) -> TrainConfig {
     let mut config =
         TrainConfig { steps: STEPS, sh_degree: 1, policy, save_every: 3, ..TrainConfig::default() };
     // Allows finer texels, since the images are small and the splats few.
-    config.density.min_texel_px = 1.0;
+    config.density.min_texel_px = 1.5;
     // Some splats are long enough to be split. Others fade, a tenth at the first density-control step and more
     // at each later one, and are replaced by splitting shorter ones whose maps cannot be refined.
-    config.density.split_texels = [30.0; 2];
+    config.density.split_texels = [25.0; 2];
     config.density.opacity_floor = [0.35, 0.5];
     config.density.quantile = 0.6;
     config.density.patience_steps = 1;
