@@ -324,7 +324,7 @@ fn parameters_count_as_in_the_papers_ablation() {
     let (splats, texels) = (model.num_splats(), model.num_texels());
     model.splats.set_sh_degrees(&vec![1; splats]);
     assert_eq!(model.splats.sh_degree, 1);
-    assert_eq!(model.num_params(), (10 + 12) * splats + textured + 3 * texels);
+    assert_eq!(model.num_params(), (10 + 12) * splats + 2 * textured + 3 * texels);
     // What the model stores: an empty map has no texel size.
     model.textures = TexturePool::neutral(vec![TextureMap::default(); splats]).unwrap();
     assert_eq!(model.num_params(), 22 * splats);

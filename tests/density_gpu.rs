@@ -12,7 +12,9 @@ use litetex_gs::backend::{Backend, WindowStatistics};
 use litetex_gs::camera::Camera;
 use litetex_gs::cpu::CpuBackend;
 use litetex_gs::gpu::{GpuOptions, LimitChoice};
-use litetex_gs::train::density::{Budget, Components, MapRule, Revision, Situation, SplatHistory, decide};
+use litetex_gs::train::density::{
+    Budget, Components, Growth, MapRule, Revision, Situation, SplatHistory, decide,
+};
 use litetex_gs::train::{Policy, TrainState};
 
 fn run(start: TrainState) -> Option<RunRecord> {
@@ -43,6 +45,9 @@ fn the_full_method_is_reproducible_from_any_checkpoint() {
 fn decided(backend: &mut dyn Backend, histories: &[SplatHistory], cameras: &[Camera]) -> Revision {
     let (model, statistics) = (backend.read_flushed().unwrap(), backend.read_statistics().unwrap());
     let situation = Situation {
+        growth: Growth::default(),
+        step: 1,
+        seed: 0,
         model: &model,
         histories,
         statistics: &statistics,

@@ -8,6 +8,7 @@ use super::log::Log;
 use super::outlying::ViewLosses;
 use super::progress::{Progress, StepFigures};
 use super::run_folder::RunFolder;
+use super::summary::GrowthFigures;
 use super::view_files::{write_per_view, write_view};
 use litetex_gs::backend::{RenderedImage, StepReport};
 use litetex_gs::eval::Evaluation;
@@ -119,12 +120,14 @@ impl<'a> Session<'a> {
             TrainEvent::DensityControl {
                 step,
                 counts,
+                growth,
                 num_splats,
                 num_texels,
                 render_scale,
                 texture_cap,
                 wall_secs,
             } => self.metric(json!({ "event": "density-control", "step": step, "counts": counts,
+                "growth": GrowthFigures::new(&growth, &self.config.train),
                 "splats": num_splats, "texels": num_texels, "render_scale": render_scale,
                 "texture_cap": texture_cap, "wall_secs": wall_secs }))?,
             TrainEvent::EvalView { step, view, image } => self.eval_view(step, view, image)?,

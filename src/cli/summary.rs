@@ -4,8 +4,8 @@
 use super::profile::Profile;
 use litetex_gs::backend::DeviceInfo;
 use litetex_gs::eval::{Evaluation, ViewQuality};
-use litetex_gs::train::density::Components;
-use litetex_gs::train::{CurvePoint, Policy};
+use litetex_gs::train::density::{Components, Growth};
+use litetex_gs::train::{CurvePoint, Policy, TrainConfig};
 use litetex_gs::{Result, Warning, atomic_file, input_file};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -56,6 +56,8 @@ pub struct Summary {
     /// Figures of the last evaluation; null without test views.
     pub quality: Option<Quality>,
     pub size: Size,
+    /// What growth was worth; null without `--need`.
+    pub growth: Option<GrowthFigures>,
     pub time: Times,
     /// Rendering speed on the test views; null if none was rendered.
     pub fps: Option<Fps>,
@@ -67,6 +69,33 @@ pub struct Summary {
     pub memory_peak_bytes: Option<u64>,
     /// All warnings.
     pub warnings: Vec<Warning>,
+}
+
+/// What growth was worth at the last density-control step that measured it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct GrowthFigures {
+    /// What 10 % more parameters must promise, dB of the training views.
+    pub need_db: f64,
+    /// What they promised.
+    pub promised_db: f64,
+    /// Share of its error that a split removes from a splat; null before it was measured.
+    pub split_share: Option<f64>,
+    /// Share of its error that a refined map removes.
+    pub refined_share: Option<f64>,
+    /// Step after which growth ended; null if it did not.
+    pub ended_step: Option<u32>,
+}
+
+impl GrowthFigures {
+    /// The figures of a state; `None` if growth is not measured.
+    pub fn new(growth: &Growth, config: &TrainConfig) -> Option<Self> {
+        let need_db = config.density.need_db;
+        let [split_share, refined_share] = growth.shares();
+        let ended_step = growth.has_ended().then_some(growth.ended_step);
+        let figures =
+            Self { need_db, promised_db: growth.promised_db, split_share, refined_share, ended_step };
+        (need_db > 0.0).then_some(figures)
+    }
 }
 
 /// The capture that was trained on.

@@ -178,7 +178,7 @@ mod tests {
         let texels = warning(Policy::Litetex, Some(10), Some(5), None, 1).unwrap();
         assert!(texels.contains("--max-texels 5") && texels.contains("4 texels"), "{texels}");
         let params = warning(Policy::Litetex, Some(10), None, Some(300), 8).unwrap();
-        assert!(params.contains("--budget-params 300") && params.contains("35 parameters"), "{params}");
+        assert!(params.contains("--budget-params 300") && params.contains("36 parameters"), "{params}");
         // Bounded by the splats or by the points, and a policy without texels.
         assert_eq!(warning(Policy::Litetex, Some(10), Some(40), None, 10), None);
         assert_eq!(warning(Policy::Litetex, None, Some(5000), None, 300), None);

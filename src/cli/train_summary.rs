@@ -5,7 +5,9 @@ use super::config_file::RunConfig;
 use super::memory::process_bytes;
 use super::session::reason_name;
 use super::sources::render_options;
-use super::summary::{CaptureFigures, DiskBytes, Fps, Quality, Resumed, SCHEMA, Size, Summary, Times};
+use super::summary::{
+    CaptureFigures, DiskBytes, Fps, GrowthFigures, Quality, Resumed, SCHEMA, Size, Summary, Times,
+};
 use super::table::Table;
 use super::values::{format_bytes, format_count, format_duration};
 use litetex_exporters::ltgs::{LtgsOptions, encode};
@@ -79,6 +81,7 @@ impl Outcome<'_> {
                 params_published: state.model.size().params_published(),
                 disk,
             },
+            growth: GrowthFigures::new(&state.growth, train),
             fps,
             curve: state.history.curve.clone(),
             resumed: self.resumed,

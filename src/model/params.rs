@@ -2,8 +2,8 @@
 
 use crate::constants::sh_coefficients;
 
-/// Parameters of a texture map besides its texels: the texel size.
-pub const MAP_PARAMS: usize = 1;
+/// Parameters of a texture map besides its texels: their sizes along u and v.
+pub const MAP_PARAMS: usize = 2;
 /// Parameters of a texel: RGB.
 pub const TEXEL_PARAMS: usize = 3;
 

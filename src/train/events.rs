@@ -1,7 +1,7 @@
 //! The trainer's output: one stream of typed events for progress bars, logs, run folders and tests. The
 //! consumer answers each event with whether to continue.
 
-use super::density::DensityCounts;
+use super::density::{DensityCounts, Growth};
 use super::state::TrainState;
 use crate::Warning;
 use crate::backend::{DeviceInfo, LossValues, RenderedImage, StepReport};
@@ -71,6 +71,8 @@ pub enum TrainEvent<'a> {
         step: u32,
         /// What the revision did.
         counts: DensityCounts,
+        /// What growth was worth.
+        growth: Growth,
         /// Splats after the revision.
         num_splats: usize,
         /// Texels after the revision.

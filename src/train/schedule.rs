@@ -11,6 +11,9 @@ const PUBLISHED_STEPS: f64 = 30_000.0;
 /// Largest factor by which rates rise in short runs, reached at 470 steps. Not measured.
 const HIGHEST_RAISE: f64 = 8.0;
 
+/// Last step at which splats are split and maps refined if growth ends by need (published timetable).
+const NEED_UNTIL: u32 = 24_000;
+
 /// The timetable of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Schedule {
@@ -49,7 +52,9 @@ impl Schedule {
         let density_step = config.policy.spec().step;
         let (published, low) = density_step.interval(c, config.steps, train_views);
         let density_interval = at(published.into()).clamp(low, published.max(1));
-        let until = density_step.until(c);
+        // To judge growth takes several windows at full image size.
+        let needs = density_step == DensityStep::Decide && c.need_db > 0.0;
+        let until = if needs { density_step.until(c).max(NEED_UNTIL) } else { density_step.until(c) };
         let patience = (f64::from(c.patience_steps) * s / f64::from(density_interval)).round();
         Self {
             sh_interval: at(1_000.0),

@@ -1,6 +1,6 @@
 //! The state from which a run continues bit for bit, and its history of times and evaluations.
 
-use super::density::SplatHistory;
+use super::density::{Growth, SplatHistory};
 use super::exposure::Exposures;
 use crate::backend::WindowStatistics;
 use crate::frequency::SplatBudget;
@@ -76,6 +76,8 @@ pub struct TrainState {
     pub exposures: Exposures,
     /// Target number of splats.
     pub pace: SplatBudget,
+    /// What growth was worth.
+    pub growth: Growth,
     /// Times and evaluations.
     pub history: TrainHistory,
 }
@@ -97,6 +99,7 @@ impl TrainState {
             revised_step: 0,
             exposures: Exposures::default(),
             pace: SplatBudget::new(0),
+            growth: Growth::default(),
             history: TrainHistory::default(),
         }
     }

@@ -67,6 +67,7 @@ impl DensityControl<'_> {
         let revision = self.decide(&model, &statistics, state, use_statistics);
         let mut size = [model.num_splats(), model.num_texels()];
         state.histories = revision.histories;
+        state.growth = revision.growth;
         if let Some(plan) = &revision.plan {
             backend.apply_plan(plan)?;
             size = size_after(&model, plan);
@@ -113,6 +114,9 @@ impl DensityControl<'_> {
             texels_trained: step >= schedule.texture_start + schedule.density_interval,
             may_coarsen: schedule.may_coarsen(step),
             sh_tested: schedule.sh_tested(step, config.sh_degree),
+            growth: state.growth,
+            step,
+            seed: config.seed ^ u64::from(step).wrapping_mul(0x9E37_79B9_7F4A_7C15),
             max_added,
             initial_splats: state.pace.initial,
             split_texels: schedule.split_texels(config, step),
@@ -122,11 +126,10 @@ impl DensityControl<'_> {
         };
         let revision = match config.policy.spec().step {
             DensityStep::Relocate => {
-                let seed = config.seed ^ u64::from(step).wrapping_mul(0x9E37_79B9_7F4A_7C15);
                 // Without a budget the number of splats stays the same.
                 let bounds_splats = config.budget.max_splats.or(config.budget.max_params).is_some();
                 let budget = bounds_splats.then(|| config.budget.within(&self.limits));
-                density::relocate(&situation, &config.density, budget.as_ref(), seed)
+                density::relocate(&situation, &config.density, budget.as_ref())
             }
             DensityStep::Decide => {
                 let share = if last { 1.0 } else { t };

@@ -10,7 +10,8 @@
 //! | `textures.texels` | f32 `[t,3]` |
 //! | `frame.near`, `frame.filter`, `frame.capture_from_local` | f32 `[1]`, u32 `[1]`: 0 none, 1 ewa; f64 `[4]`: scale, translation |
 //! | `state.counters`, `state.epoch_order` | u32 `[5]`: step, epochs, views used, step of the stage, last step with a revision; u32 `[views]` |
-//! | `state.histories`, `state.pace` | u16 `[n,3]`: map ceiling, prune count, checks; f64 `[2]`: initial splats, momentum |
+//! | `state.histories`, `state.pace` | u16 `[n,4]`: map ceiling, prune count, checks, trial; f64 `[2]`: initial splats, momentum |
+//! | `state.growth` | f64 `[10]`: errors before of splats withheld, split, refined; tried and removed of splits and refined maps; idle checks; dB promised; step of the end |
 //! | `exposure.maps`, `exposure.sums` | f32 `[v,3,4]`, f64 `[v,22]`: the sums of the epoch; v = views, or 0 without correction |
 //! | `window.views`, `window.counts`, `window.sums` | u32 `[views]`, u32 `[n + 1]`: views counted, views that saw each; f32 `[3,n]` |
 
@@ -23,7 +24,7 @@ use crate::frequency::SplatBudget;
 use crate::model::{
     AdamState, Filter, LearningRates, Model, SplatArrays, SplatGroup, TextureMap, TexturePool,
 };
-use crate::train::density::SplatHistory;
+use crate::train::density::{Growth, SplatHistory, Trial};
 use crate::train::{Exposures, TrainHistory, TrainState};
 use glam::DVec3;
 use safetensors::{Dtype, View};
@@ -145,8 +146,13 @@ pub fn tensors(state: &TrainState) -> BTreeMap<String, Tensor<'_>> {
     let TrainState { step, epochs, epoch_used, stage_step, revised_step, .. } = *state;
     let counters = vec![step, epochs, epoch_used, stage_step, revised_step];
     put("state.counters", Tensor::u32(&[5], counters));
-    let histories = state.histories.iter().flat_map(|l| [l.ceiling, l.prune_count, l.checks]).collect();
-    put("state.histories", Tensor::new(&[state.histories.len(), 3], Data::U16(histories)));
+    let histories =
+        state.histories.iter().flat_map(|l| [l.ceiling, l.prune_count, l.checks, l.trial as u16]).collect();
+    put("state.histories", Tensor::new(&[state.histories.len(), 4], Data::U16(histories)));
+    let Growth { before, tried, removed, idle_checks, promised_db, ended_step } = state.growth;
+    let mut growth = [&before[..], &tried, &removed].concat();
+    growth.extend([f64::from(idle_checks), promised_db, f64::from(ended_step)]);
+    put("state.growth", Tensor::new(&[10], Data::F64(growth)));
     put("state.pace", Tensor::new(&[2], Data::F64(vec![state.pace.initial as f64, state.pace.momentum])));
     let exposures = &state.exposures;
     let numbers: Vec<f32> = exposures.maps.iter().flat_map(|map| map.0).flatten().collect();
@@ -223,6 +229,7 @@ pub fn state(reader: &mut Reader<'_>) -> Result<TrainState> {
         histories: histories(reader, n)?,
         exposures: exposures(reader)?,
         pace: pace(reader)?,
+        growth: growth(reader)?,
         window_views: {
             let views = reader.first_dimension("window.views")?;
             u32s(reader.take("window.views", Dtype::U32, &[views])?)
@@ -240,9 +247,27 @@ fn histories(reader: &mut Reader<'_>, n: usize) -> Result<Vec<SplatHistory>> {
             reader.invalid(format!("tensor \"state.histories\": found {found} histories for {n} splats"))
         );
     }
-    let values = u16s(reader.take("state.histories", Dtype::U16, &[found, 3])?);
-    let history = |v: &[u16]| SplatHistory { ceiling: v[0], prune_count: v[1], checks: v[2] };
-    Ok(values.chunks_exact(3).map(history).collect())
+    let values = u16s(reader.take("state.histories", Dtype::U16, &[found, 4])?);
+    let history = |v: &[u16]| {
+        let trial = *Trial::ALL.get(usize::from(v[3])).ok_or_else(|| {
+            reader.invalid(format!("tensor \"state.histories\": found trial {}, expected 0 to 3", v[3]))
+        })?;
+        Ok(SplatHistory { ceiling: v[0], prune_count: v[1], checks: v[2], trial })
+    };
+    values.chunks_exact(4).map(history).collect()
+}
+
+fn growth(reader: &mut Reader<'_>) -> Result<Growth> {
+    let values = f64s(reader.take("state.growth", Dtype::F64, &[10])?);
+    let at = |i: usize| values[i];
+    Ok(Growth {
+        before: [0, 1, 2].map(at),
+        tried: [3, 4].map(at),
+        removed: [5, 6].map(at),
+        idle_checks: values[7] as u32,
+        promised_db: values[8],
+        ended_step: values[9] as u32,
+    })
 }
 
 fn exposures(reader: &mut Reader<'_>) -> Result<Exposures> {

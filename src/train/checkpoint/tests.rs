@@ -5,7 +5,7 @@ use crate::backend::WindowStatistics;
 use crate::camera::Similarity;
 use crate::frequency::SplatBudget;
 use crate::model::{AdamState, Model, SplatArrays, SplatGroup, TextureMap, TexturePool};
-use crate::train::density::SplatHistory;
+use crate::train::density::{Growth, SplatHistory, Trial};
 use crate::train::{CurvePoint, Exposures, TrainHistory};
 use glam::DVec3;
 use safetensors::Dtype;
@@ -58,7 +58,12 @@ fn sample(n: usize, sh_degree: u32) -> TrainState {
         epoch_used: 3,
         epochs: 2,
         histories: (0..n as u16)
-            .map(|i| SplatHistory { ceiling: 2 << (i % 3), prune_count: i, checks: 3 * i })
+            .map(|i| SplatHistory {
+                ceiling: 2 << (i % 3),
+                prune_count: i,
+                checks: 3 * i,
+                trial: Trial::ALL[usize::from(i % 4)],
+            })
             .collect(),
         window_views: vec![1, 3],
         window: WindowStatistics {
@@ -72,6 +77,14 @@ fn sample(n: usize, sh_degree: u32) -> TrainState {
         revised_step: 6,
         exposures: exposures(),
         pace: SplatBudget { initial: n, momentum: 12.5 },
+        growth: Growth {
+            before: [0.1, 0.2, 0.3],
+            tried: [0.4, 0.5],
+            removed: [-0.6, 0.7],
+            idle_checks: 1,
+            promised_db: 0.08,
+            ended_step: 6,
+        },
         history: history(n),
     }
 }

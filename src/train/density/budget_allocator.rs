@@ -2,14 +2,20 @@
 //! splats (method 6.6 and 6.10).
 
 use super::candidate::Candidate;
+use super::history::Trial;
 use super::planned_splat::{PlannedSplat, size_of, with, without};
 use super::settings::{Budget, DensityConfig};
 use super::situation::{DensityCounts, Situation};
 use super::split;
 use crate::model::ModelSize;
+use rand::{RngExt as _, SeedableRng as _};
+use rand_pcg::Pcg64Mcg;
 
 /// Length in finest texels above which a splat may be split to replace a pruned one. Not measured.
 const RESPAWN_TEXELS: f64 = 2.0;
+
+/// One in this many candidates that could be served is withheld where growth is measured.
+const WITHHELD_OF: u32 = 10;
 
 /// The planned splats, and what is left of the limits of a step.
 pub struct BudgetAllocator<'a> {
@@ -22,6 +28,8 @@ pub struct BudgetAllocator<'a> {
     second_halves: Vec<PlannedSplat>,
     size: ModelSize,
     added: usize,
+    /// Draws the candidates that are withheld; `None`: none are.
+    withhold: Option<Pcg64Mcg>,
 }
 
 impl<'a> BudgetAllocator<'a> {
@@ -33,7 +41,9 @@ impl<'a> BudgetAllocator<'a> {
         planned_splats: Vec<Option<PlannedSplat>>,
     ) -> Self {
         let size = size_of(planned_splats.iter().flatten());
-        Self { s, config, budget, planned_splats, second_halves: Vec::new(), size, added: 0 }
+        let is_measured = config.need_db > 0.0 && s.render_scale <= 1.0;
+        let withhold = is_measured.then(|| Pcg64Mcg::seed_from_u64(s.seed));
+        Self { s, config, budget, planned_splats, second_halves: Vec::new(), size, added: 0, withhold }
     }
 
     /// Serves the candidates in order. Returns those that were neither split nor refined.
@@ -48,7 +58,11 @@ impl<'a> BudgetAllocator<'a> {
     /// Splits the splat or refines its map, if the budget allows it; returns whether it did.
     fn serve(&mut self, candidate: &Candidate, counts: &mut DensityCounts) -> bool {
         if let Some(pair) = candidate.split.filter(|_| self.added < self.s.max_added) {
-            if self.split(candidate.splat, pair) {
+            if self.may_split(candidate.splat, &pair) {
+                if self.withholds(candidate.splat) {
+                    return true;
+                }
+                self.split(candidate.splat, pair.map(|half| self.tried(half, Trial::Split)));
                 counts.split += 1;
                 return true;
             }
@@ -62,9 +76,13 @@ impl<'a> BudgetAllocator<'a> {
             counts.over_budget += 1;
             return false;
         }
-        self.size = size;
-        self.planned_splats[candidate.splat] = Some(new);
         let refined = new.texels > old.texels;
+        if refined && self.withholds(candidate.splat) {
+            return true;
+        }
+        self.size = size;
+        self.planned_splats[candidate.splat] =
+            Some(if refined { self.tried(new, Trial::Refined) } else { new });
         counts.refined += usize::from(refined);
         refined
     }
@@ -79,22 +97,57 @@ impl<'a> BudgetAllocator<'a> {
             let Some(planned) = self.planned_splats[candidate.splat] else { continue };
             let pixel = pixels[candidate.splat];
             let halves = split::split(self.s, self.config, &planned, pixel, RESPAWN_TEXELS);
-            let done = halves.is_some_and(|pair| self.split(candidate.splat, pair));
-            counts.respawned += usize::from(done);
+            if let Some(pair) = halves.filter(|pair| self.may_split(candidate.splat, pair)) {
+                self.split(candidate.splat, pair);
+                counts.respawned += 1;
+            }
         }
     }
 
-    /// Replaces a splat by its halves if the budget allows it.
-    fn split(&mut self, splat: usize, [first, second]: [PlannedSplat; 2]) -> bool {
-        let Some(whole) = &self.planned_splats[splat] else { return false };
-        let size = with(with(without(self.size, whole), &first), &second);
-        if !self.budget.allows(&size) {
-            return false;
-        }
-        (self.size, self.added) = (size, self.added + 1);
+    /// Size of the model if these halves replace a splat; `None` if it is pruned.
+    fn size_after_split(&self, splat: usize, [first, second]: &[PlannedSplat; 2]) -> Option<ModelSize> {
+        let whole = self.planned_splats[splat].as_ref()?;
+        Some(with(with(without(self.size, whole), first), second))
+    }
+
+    /// Whether the budget allows a split.
+    fn may_split(&self, splat: usize, pair: &[PlannedSplat; 2]) -> bool {
+        self.size_after_split(splat, pair).is_some_and(|size| self.budget.allows(&size))
+    }
+
+    /// Replaces a splat by its halves.
+    fn split(&mut self, splat: usize, pair: [PlannedSplat; 2]) {
+        self.size = self.size_after_split(splat, &pair).unwrap_or(self.size);
+        self.added += 1;
+        let [first, second] = pair;
         self.planned_splats[splat] = Some(first);
         self.second_halves.push(second);
-        true
+    }
+
+    /// Whether a candidate that could be served is withheld.
+    fn withholds(&mut self, splat: usize) -> bool {
+        let is_drawn = self.withhold.as_mut().is_some_and(|rng| rng.random_range(0..WITHHELD_OF) == 0);
+        if let Some(planned) = self.planned_splats[splat].as_mut().filter(|_| is_drawn) {
+            planned.history.trial = Trial::Withheld;
+        }
+        is_drawn
+    }
+
+    /// The planned splat, marked where growth is measured.
+    fn tried(&self, mut planned: PlannedSplat, trial: Trial) -> PlannedSplat {
+        if self.withhold.is_some() {
+            planned.history.trial = trial;
+        }
+        planned
+    }
+
+    /// Summed errors of the splats that were withheld, split, and whose maps were refined; of both halves, once.
+    pub fn trial_errors(&self, errors: &[f64]) -> [f64; 3] {
+        let of = |trial: Trial| -> f64 {
+            let is_in = |planned: &&PlannedSplat| planned.history.trial == trial;
+            self.planned_splats.iter().flatten().filter(is_in).map(|p| errors[p.source as usize]).sum()
+        };
+        [Trial::Withheld, Trial::Split, Trial::Refined].map(of)
     }
 
     /// All planned splats.

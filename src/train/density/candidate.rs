@@ -15,6 +15,10 @@ pub struct Candidate {
     pub error: f64,
     /// Priority; the highest is served first.
     pub rank: f64,
+    /// Parameters that a split would add, if it may be split.
+    pub split_cost: Option<f64>,
+    /// Parameters that refining its map would add, if it can be refined.
+    pub refined_cost: Option<f64>,
     /// The two halves, if it is to be split.
     pub split: Option<[PlannedSplat; 2]>,
     /// What is done unless it is split: its map refined, or only its ceiling raised.
@@ -22,7 +26,8 @@ pub struct Candidate {
 }
 
 impl Candidate {
-    /// Weighs a split against a refined map. `pixel` is the width of a pixel at the splat, local units.
+    /// Weighs a split against a refined map, which removes `texel_gain` times as much of the error. `pixel` is the width of
+    /// a pixel at the splat, local units.
     pub fn new(
         s: &Situation<'_>,
         config: &DensityConfig,
@@ -30,6 +35,7 @@ impl Candidate {
         planned: &PlannedSplat,
         error: f64,
         pixel: f64,
+        texel_gain: f64,
     ) -> Self {
         let refined = maps::refined(s, config, components, planned);
         let split =
@@ -45,14 +51,23 @@ impl Candidate {
         let params = |planned: &PlannedSplat| planned.params() as f64;
         // A raised ceiling costs nothing and gains nothing yet.
         let refined_cost = refined.map_or(0.0, |d| params(&d) - params(planned));
-        let refined_gain = if refined_cost > 0.0 { config.texel_gain / refined_cost } else { 0.0 };
+        let refined_gain = if refined_cost > 0.0 { texel_gain / refined_cost } else { 0.0 };
         // The halves together may need fewer texels than the whole, but they are one splat more.
-        let split_cost = |[a, b]: [PlannedSplat; 2]| (params(&a) + params(&b) - params(planned)).max(1.0);
-        let split_gain = split.map_or(0.0, |pair| 1.0 / split_cost(pair));
+        let added = |[a, b]: [PlannedSplat; 2]| (params(&a) + params(&b) - params(planned)).max(1.0);
+        let split_cost = split.map(added);
+        let split_gain = split_cost.map_or(0.0, |cost| 1.0 / cost);
         let (rank, may_split) = match config.spending {
             Spending::SplitsFirst => (error, true),
             Spending::Gain => (error * refined_gain.max(split_gain), split_gain > refined_gain),
         };
-        Self { splat: planned.source as usize, error, rank, split: split.filter(|_| may_split), refined }
+        Self {
+            splat: planned.source as usize,
+            error,
+            rank,
+            split_cost,
+            refined_cost: (refined_cost > 0.0).then_some(refined_cost),
+            split: split.filter(|_| may_split),
+            refined,
+        }
     }
 }

@@ -4,7 +4,7 @@
 use super::budget_allocator::BudgetAllocator;
 use super::candidate::Candidate;
 use super::geometry::{half_extents, opacity, pixel_sizes, sigmas};
-use super::history::SplatHistory;
+use super::history::{SplatHistory, Trial};
 use super::maps;
 use super::planned_splat::{PlannedSplat, finish};
 use super::score::{Scores, prune_count_after};
@@ -26,9 +26,14 @@ pub fn decide(
 ) -> Revision {
     let n = s.model.num_splats();
     let scores = Scores::new(s.statistics, s.cameras.len(), config.error, config.prune_contribution);
+    let mut growth = s.growth;
+    if s.use_statistics {
+        growth.observe(s.histories, &scores);
+    }
+    let densify = s.densify && !growth.has_ended();
     let pixels = pixel_sizes(s.model, s.cameras);
     let high_error =
-        if s.use_statistics && s.densify { scores.high_error(config.quantile) } else { vec![false; n] };
+        if s.use_statistics && densify { scores.high_error(config.quantile) } else { vec![false; n] };
     let mut counts = DensityCounts::default();
     let mut planned_splats: Vec<Option<PlannedSplat>> = (0..n)
         .map(|i| {
@@ -52,7 +57,8 @@ pub fn decide(
         .collect();
     // Never prune every splat: nothing can be added to an empty model.
     if planned_splats.iter().all(Option::is_none) {
-        return Revision { plan: None, histories: s.histories.to_vec(), counts: DensityCounts::default() };
+        let (histories, counts) = (s.histories.to_vec(), DensityCounts::default());
+        return Revision { plan: None, histories, counts, growth };
     }
     for planned in planned_splats.iter_mut().flatten() {
         let i = planned.source as usize;
@@ -60,11 +66,12 @@ pub fn decide(
     }
 
     maps::coarsen_to_budget(s, budget, &scores, &mut planned_splats, &mut counts);
+    let texel_gain = growth.texel_gain(config.texel_gain);
     let mut candidates: Vec<Candidate> = (0..n)
         .filter(|&i| high_error[i])
         .filter_map(|i| {
             let planned = planned_splats[i].as_ref()?;
-            Some(Candidate::new(s, config, components, planned, scores.error[i], pixels[i]))
+            Some(Candidate::new(s, config, components, planned, scores.error[i], pixels[i], texel_gain))
         })
         .collect();
     candidates.sort_by(|a, b| b.rank.total_cmp(&a.rank).then(a.splat.cmp(&b.splat)));
@@ -74,8 +81,12 @@ pub fn decide(
         rest.sort_by(|a, b| b.error.total_cmp(&a.error).then(a.splat.cmp(&b.splat)));
         allocator.respawn(&rest, &pixels, &mut counts);
     }
+    if s.use_statistics && config.need_db > 0.0 {
+        growth.before = allocator.trial_errors(&scores.total);
+        growth.judge(s, &candidates, &scores, s.model.num_params(), config.need_db);
+    }
     let (plan, histories) = finish(s.model, allocator.into_planned_splats());
-    Revision { plan, histories, counts }
+    Revision { plan, histories, counts, growth }
 }
 
 /// The history of a splat after this check; `None` if it is pruned (method 6.3).
@@ -98,6 +109,7 @@ fn checked(
     history.prune_count = prune_count_after(history.prune_count, is_counted.then_some(low));
     let opacity_floor = if history.is_fresh() { FRESH_OPACITY_MIN } else { s.opacity_floor };
     history.checks = history.checks.saturating_add(1);
+    history.trial = Trial::None;
     if components.pruning && history.prune_count >= s.patience {
         counts.pruned += 1;
         return None;

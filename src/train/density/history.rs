@@ -3,6 +3,25 @@
 /// Density-control steps during which a half is fresh.
 pub const FRESH_CHECKS: u16 = 2;
 
+/// What the last density-control step did with a candidate.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Trial {
+    /// It was none, or nothing was to be measured.
+    #[default]
+    None,
+    /// Nothing, so that the others can be compared with it.
+    Withheld,
+    /// Split: this is one of the halves.
+    Split,
+    /// Refined its map.
+    Refined,
+}
+
+impl Trial {
+    /// All, in the order of their numbers in checkpoints.
+    pub const ALL: [Self; 4] = [Self::None, Self::Withheld, Self::Split, Self::Refined];
+}
+
 /// History of a splat.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SplatHistory {
@@ -12,12 +31,14 @@ pub struct SplatHistory {
     pub prune_count: u16,
     /// Checks since it was made; saturates.
     pub checks: u16,
+    /// What the last density-control step did with it.
+    pub trial: Trial,
 }
 
 impl SplatHistory {
     /// A splat of the initial model, which is never fresh.
     pub fn first(ceiling: u16) -> Self {
-        Self { ceiling, prune_count: 0, checks: FRESH_CHECKS }
+        Self { ceiling, prune_count: 0, checks: FRESH_CHECKS, trial: Trial::None }
     }
 
     /// The history of a half of this splat.

@@ -7,6 +7,7 @@ mod candidate;
 mod coarse;
 mod decide;
 mod geometry;
+mod growth;
 mod history;
 mod maps;
 mod planned_splat;
@@ -22,7 +23,8 @@ mod tests;
 
 pub use decide::decide;
 pub use geometry::{TEXELS_MAX, first_texel_size, half_extents, morton_codes, pixel_sizes};
-pub use history::SplatHistory;
+pub use growth::Growth;
+pub use history::{SplatHistory, Trial};
 pub use relocate::relocate;
 pub use settings::{
     Budget, Components, DensityConfig, ErrorMeasure, GrowthMoments, Spending, SplitProfile, StatisticsSource,

@@ -18,7 +18,7 @@ use rand_pcg::Pcg64Mcg;
 const GROWTH: f64 = 1.05;
 
 /// Decides a relocation. The model grows to `budget`; with `None` the number of splats stays the same.
-pub fn relocate(s: &Situation<'_>, config: &DensityConfig, budget: Option<&Budget>, seed: u64) -> Revision {
+pub fn relocate(s: &Situation<'_>, config: &DensityConfig, budget: Option<&Budget>) -> Revision {
     let n = s.model.num_splats();
     // By mass, whatever the settings: splats that carry much error are those where more splats help.
     let scores = Scores::new(s.statistics, s.cameras.len(), ErrorMeasure::Mass, 0.0);
@@ -34,7 +34,8 @@ pub fn relocate(s: &Situation<'_>, config: &DensityConfig, budget: Option<&Budge
     let alive: Vec<usize> = (0..n).filter(|&i| opacity(s.model, i) >= config.relocate_below).collect();
     let faded = n - alive.len();
     if alive.is_empty() || !s.densify {
-        return Revision { plan: None, histories: s.histories.to_vec(), counts: DensityCounts::default() };
+        let (histories, counts) = (s.histories.to_vec(), DensityCounts::default());
+        return Revision { plan: None, histories, counts, growth: s.growth };
     }
     let wanted = if budget.is_some() { (n as f64 * GROWTH) as usize } else { n };
     let wanted = wanted.saturating_sub(alive.len()).min(alive.len());
@@ -45,7 +46,7 @@ pub fn relocate(s: &Situation<'_>, config: &DensityConfig, budget: Option<&Budge
         .collect();
 
     // Weighted sampling without replacement: the largest keys u^(1/w) (Efraimidis and Spirakis).
-    let mut rng = Pcg64Mcg::seed_from_u64(seed);
+    let mut rng = Pcg64Mcg::seed_from_u64(s.seed);
     let mut keys: Vec<(f64, usize)> = alive
         .iter()
         .enumerate()
@@ -76,5 +77,5 @@ pub fn relocate(s: &Situation<'_>, config: &DensityConfig, budget: Option<&Budge
     let respawned = faded.min(added);
     let counts = DensityCounts { respawned, split: added - respawned, faded: faded - respawned, ..counts };
     let (plan, histories) = finish(s.model, planned_splats);
-    Revision { plan, histories, counts }
+    Revision { plan, histories, counts, growth: s.growth }
 }

@@ -17,6 +17,8 @@ pub struct Scores {
     pub contribution: Vec<f64>,
     /// Contribution relative to the mean of the splats seen.
     pub share: Vec<f64>,
+    /// Loss that the splat carries in all views.
+    pub total: Vec<f64>,
     /// Error by the chosen measure; 0 for splats that no view saw or that contribute too little.
     pub error: Vec<f64>,
 }
@@ -58,6 +60,7 @@ impl Scores {
             area: scaled(&statistics.area),
             contribution,
             share,
+            total: mass,
             error,
         }
     }

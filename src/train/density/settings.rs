@@ -142,6 +142,9 @@ pub struct DensityConfig {
     pub densify_until: u32,
     /// Step from which texels are trained. Default 1,000 (authors' configuration; not measured).
     pub texture_start: u32,
+    /// Growth ends where 10 % more parameters would improve the training views by less than this, dB of PSNR; 0: growth
+    /// follows the number of pixels in training and ends with densification (default; the paper).
+    pub need_db: f64,
     /// Quantile of the error above which splats are candidates. Default 0.6 (choices 1 and 11; paper: 0.85,
     /// for Tanks & Temples 0.6).
     pub quantile: f64,
@@ -215,6 +218,7 @@ impl Default for DensityConfig {
             start: 500,
             densify_until: 15_000,
             texture_start: 1_000,
+            need_db: 0.0,
             quantile: 0.6,
             error: ErrorMeasure::Mass,
             statistics: StatisticsSource::Window,

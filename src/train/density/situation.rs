@@ -1,5 +1,6 @@
 //! What a density-control step is decided from, and what comes of it.
 
+use super::growth::Growth;
 use super::history::SplatHistory;
 use super::sizes::MapRule;
 use crate::backend::{DensityPlan, WindowStatistics};
@@ -32,6 +33,12 @@ pub struct Situation<'a> {
     pub may_coarsen: bool,
     /// Highest SH degree that has been trained long enough to be judged; 0: none.
     pub sh_tested: u32,
+    /// What growth was worth so far.
+    pub growth: Growth,
+    /// Steps done.
+    pub step: u32,
+    /// Seed of what is random in the step.
+    pub seed: u64,
     /// Largest number of splats that may be added.
     pub max_added: usize,
     /// Number of splats at initialisation.
@@ -75,4 +82,6 @@ pub struct Revision {
     pub histories: Vec<SplatHistory>,
     /// What the plan does.
     pub counts: DensityCounts,
+    /// What growth was worth.
+    pub growth: Growth,
 }

@@ -2,7 +2,8 @@
 
 use super::decide::decide;
 use super::geometry::{even_texels, first_texel_size, half_extents, opacity, sigmas};
-use super::history::SplatHistory;
+use super::growth::Growth;
+use super::history::{SplatHistory, Trial};
 use super::settings::{Budget, Components, DensityConfig, Spending, SplitProfile};
 use super::situation::{DensityCounts, Revision, Situation};
 use super::sizes::MapRule;
@@ -77,6 +78,9 @@ fn situation<'a>(
         may_coarsen: true,
         sh_tested: 0,
         texels_trained: true,
+        growth: Growth::default(),
+        step: 1,
+        seed: 0,
         max_added: 100,
         initial_splats: 0,
         split_texels: 1000.0,
@@ -549,4 +553,31 @@ fn pruned_splats_are_respawned_where_the_error_is() {
     assert_eq!(revised(N, true, &tight).0, N - 1, "a budget comes first");
     // Negative control: the published method.
     assert_eq!(revised(N, false, &none), (N - 3, 3, 0, 0, vec![]));
+}
+
+#[test]
+fn growth_ends_when_two_checks_find_that_more_parameters_do_not_pay() {
+    let (model, cameras, statistics) = (model(2), [camera()], one_high_error());
+    let histories = vec![SplatHistory::first(2); N];
+    let config = DensityConfig { coarsen_below: 0.0, need_db: 0.05, ..settings() };
+    let step = |growth: Growth, render_scale: f64| {
+        let s = situation(&model, &histories, &statistics, &cameras);
+        revise(&Situation { growth, render_scale, step: 70, ..s }, &config, &Budget::default())
+    };
+    // Refining a map hardly removes any error.
+    let useless = Growth { tried: [1.0; 2], removed: [0.0, 1e-4], ..Growth::default() };
+    let first = step(useless, 1.0);
+    assert!(first.growth.promised_db < 0.05 && !first.growth.has_ended());
+    let trials: Vec<Trial> = first.histories.iter().map(|history| history.trial).collect();
+    assert!(matches!(trials[5], Trial::Refined | Trial::Withheld), "{trials:?}");
+    assert!(first.growth.before.iter().sum::<f64>() > 0.0);
+    let second = step(first.growth, 1.0);
+    assert_eq!((second.growth.has_ended(), second.growth.ended_step), (true, 70));
+    assert_eq!(step(second.growth, 1.0).counts.refined, 0);
+    // Negative controls: it removes much; images have not yet full size; nothing was measured.
+    let useful = step(Growth { removed: [0.9; 2], idle_checks: 1, ..useless }, 1.0);
+    assert!(useful.growth.promised_db > 0.05 && useful.growth.idle_checks == 0);
+    for growth in [step(Growth { idle_checks: 1, ..useless }, 2.0), step(Growth::default(), 1.0)] {
+        assert!(!growth.growth.has_ended());
+    }
 }

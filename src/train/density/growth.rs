@@ -1,0 +1,181 @@
+//! What growth is worth: the share of its error that a splat loses if it is split or its map refined, measured against
+//! candidates that are withheld, and whether more parameters would still pay (method 6.14).
+
+use super::candidate::Candidate;
+use super::history::{SplatHistory, Trial};
+use super::score::Scores;
+use super::situation::Situation;
+
+/// What is left of the evidence of a window after the next one.
+const KEPT_EVIDENCE: f64 = 0.7;
+
+/// Checks in a row that must find growth not worth its parameters before it ends.
+const IDLE_CHECKS: u32 = 2;
+
+/// The growth of the parameters that must pay.
+const PROMISED_GROWTH: f64 = 0.1;
+
+/// Range of what refining a map may be worth compared to a split: few splats in a window give odd ratios.
+const TEXEL_GAIN_RANGE: [f64; 2] = [0.25, 8.0];
+
+/// Measured worth of growth; part of a run's state.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Growth {
+    /// Summed errors, before the last step, of the splats that it withheld, split, and whose maps it refined.
+    pub before: [f64; 3],
+    /// Summed errors of splats that were split and refined, those of older windows discounted.
+    pub tried: [f64; 2],
+    /// How much less of it was left than with withheld splats.
+    pub removed: [f64; 2],
+    /// Checks in a row that found that growth is not worth its parameters.
+    pub idle_checks: u32,
+    /// What the next 10 % of the parameters promised at the last check, dB of the training views.
+    pub promised_db: f64,
+    /// Step after which growth ended; 0: it has not.
+    pub ended_step: u32,
+}
+
+impl Growth {
+    /// Whether growth has ended.
+    pub fn has_ended(&self) -> bool {
+        self.ended_step > 0
+    }
+
+    /// Compares the errors of a window with those before the last step.
+    pub fn observe(&mut self, histories: &[SplatHistory], scores: &Scores) {
+        let mut after = [0.0; 3];
+        for (history, error) in histories.iter().zip(&scores.total) {
+            if let Some(group) = history.trial.group() {
+                after[group] += error;
+            }
+        }
+        let [withheld, tried @ ..] = std::mem::take(&mut self.before);
+        if withheld <= 0.0 || after[0] <= 0.0 {
+            return;
+        }
+        // What training alone does to the error of a candidate.
+        let drift = after[0] / withheld;
+        for kind in 0..2 {
+            if tried[kind] > 0.0 {
+                self.tried[kind] = KEPT_EVIDENCE * self.tried[kind] + tried[kind];
+                self.removed[kind] =
+                    KEPT_EVIDENCE * self.removed[kind] + tried[kind] - after[1 + kind] / drift;
+            }
+        }
+    }
+
+    /// Shares of a splat's error that a split and a refined map remove; `None` before they were measured.
+    pub fn shares(&self) -> [Option<f64>; 2] {
+        [0, 1].map(|kind| {
+            (self.tried[kind] > 0.0).then(|| (self.removed[kind] / self.tried[kind]).clamp(0.0, 1.0))
+        })
+    }
+
+    /// The share of a splat's error that refining its map removes, over the share that a split removes; `set` before
+    /// both were measured.
+    pub fn texel_gain(&self, set: f64) -> f64 {
+        let [least, most] = TEXEL_GAIN_RANGE;
+        match self.shares() {
+            [Some(split), Some(refined)] if split > 0.0 => (refined / split).clamp(least, most),
+            _ => set,
+        }
+    }
+
+    /// Judges whether more parameters would pay: `need_db` or more of the training views for 10 % of `params`. Counts
+    /// only where images have full size, and growth was measured.
+    pub fn judge(
+        &mut self,
+        s: &Situation<'_>,
+        candidates: &[Candidate],
+        scores: &Scores,
+        params: usize,
+        need_db: f64,
+    ) {
+        let shares = self.shares();
+        if !s.densify || self.has_ended() || s.render_scale > 1.0 || shares == [None; 2] {
+            return;
+        }
+        let shares = shares.map(|share| share.unwrap_or(0.0));
+        let offer = |candidate: &Candidate| {
+            let error = scores.total[candidate.splat];
+            let offers = [candidate.split_cost, candidate.refined_cost];
+            let per_cost = |kind: usize| offers[kind].map_or(0.0, |cost| shares[kind] * error / cost);
+            let best = usize::from(per_cost(1) > per_cost(0));
+            (per_cost(best), offers[best].unwrap_or(0.0))
+        };
+        let mut offers: Vec<(f64, f64)> = candidates.iter().map(offer).collect();
+        offers.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let mut left = PROMISED_GROWTH * params as f64;
+        let mut gain = 0.0;
+        for (per_cost, cost) in offers {
+            gain += per_cost * cost.min(left);
+            left -= cost.min(left);
+        }
+        let share = (gain / scores.total.iter().sum::<f64>().max(1e-300)).min(0.99);
+        // The loss is mostly an absolute error: its square makes the PSNR.
+        self.promised_db = -20.0 * (1.0 - share).log10();
+        self.idle_checks = if self.promised_db < need_db { self.idle_checks + 1 } else { 0 };
+        if self.idle_checks >= IDLE_CHECKS {
+            self.ended_step = s.step;
+        }
+    }
+}
+
+impl Trial {
+    /// Place of the group in the sums.
+    fn group(self) -> Option<usize> {
+        match self {
+            Self::None => None,
+            Self::Withheld => Some(0),
+            Self::Split => Some(1),
+            Self::Refined => Some(2),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::settings::ErrorMeasure;
+    use super::*;
+    use crate::backend::WindowStatistics;
+
+    fn scores(errors: &[f32]) -> Scores {
+        let n = errors.len();
+        let window = WindowStatistics {
+            views: 4,
+            seen: vec![4; n],
+            area: vec![0.1; n],
+            contribution: vec![0.1; n],
+            error: errors.to_vec(),
+        };
+        Scores::new(&window, 4, ErrorMeasure::Mass, 0.0)
+    }
+
+    fn histories(trials: &[Trial]) -> Vec<SplatHistory> {
+        trials.iter().map(|&trial| SplatHistory { trial, ..SplatHistory::first(2) }).collect()
+    }
+
+    #[test]
+    fn shares_are_measured_against_withheld_candidates() {
+        let trials = [Trial::Withheld, Trial::Split, Trial::Split, Trial::Refined, Trial::None];
+        let after = scores(&[0.5, 0.15, 0.15, 0.4, 9.0]);
+        let mut growth = Growth { before: [1.0, 1.0, 1.0], ..Growth::default() };
+        growth.observe(&histories(&trials), &after);
+        // Training alone halves the error: 0.3 of 0.5 are left after a split, 0.4 after refining.
+        let [split, refined] = growth.shares().map(Option::unwrap);
+        assert!((split - 0.4).abs() < 1e-6 && (refined - 0.2).abs() < 1e-6, "{split} {refined}");
+        assert!((growth.texel_gain(2.0) - 0.5).abs() < 1e-6);
+        // What was compared once is not compared again; older evidence fades.
+        assert_eq!(growth.before, [0.0; 3]);
+        growth.observe(&histories(&trials), &after);
+        assert_eq!(growth.tried, [1.0, 1.0]);
+        growth.before = [1.0, 1.0, 0.0];
+        growth.observe(&histories(&trials), &scores(&[0.5, 0.25, 0.25, 0.4, 9.0]));
+        let [split, refined] = growth.shares().map(Option::unwrap);
+        assert!((split - 0.28 / 1.7).abs() < 1e-6 && (refined - 0.2).abs() < 1e-6, "{split} {refined}");
+        // Nothing is learnt without withheld candidates.
+        let mut none = Growth { before: [0.0, 1.0, 1.0], ..Growth::default() };
+        none.observe(&histories(&trials), &after);
+        assert_eq!((none.shares(), none.texel_gain(2.0)), ([None; 2], 2.0));
+    }
+}
