@@ -195,11 +195,12 @@ fn scene(sh_degree: u32, kinds: impl Iterator<Item = usize>) -> SplatAsset {
         let (rows, cols) = MAP_SIZES[splat % MAP_SIZES.len()];
         // From half of the disc to beyond its end.
         let reach = random.between(0.8, 3.5);
-        let texel_size = match rows {
-            0 => 0.0,
-            _ => 2.0 * reach * f32::max(sigmas[0] / f32::from(rows), sigmas[1] / f32::from(cols)),
-        };
-        asset.maps.push(AssetMap { offset_texels, rows, cols, texel_size });
+        let mut map = AssetMap { offset_texels, rows, cols, ..AssetMap::default() };
+        if rows > 0 {
+            let texel_size = 2.0 * reach * f32::max(sigmas[0] / f32::from(rows), sigmas[1] / f32::from(cols));
+            map.texel_sizes = [texel_size; 2];
+        }
+        asset.maps.push(map);
         offset_texels += u32::from(rows) * u32::from(cols);
         asset.texels.extend(texels(rows, cols, &mut random));
     }

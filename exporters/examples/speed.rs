@@ -37,7 +37,7 @@ fn scene(num_splats: usize) -> SplatAsset {
         let (rows, cols) = (side(&mut random), side(&mut random));
         let texel_size = 3.0 * asset.scales[asset.scales.len() - 1][0] / f32::from(rows);
         let offset_texels = asset.num_texels() as u32;
-        asset.maps.push(AssetMap { offset_texels, rows, cols, texel_size });
+        asset.maps.push(AssetMap { offset_texels, rows, cols, texel_sizes: [texel_size; 2], shift: [0; 2] });
         let num_values = 3 * usize::from(rows) * usize::from(cols);
         asset.texels.extend((0..num_values).map(|_| (0.1 * random.normal()).clamp(-1.0, 1.0)));
     }

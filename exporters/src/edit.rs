@@ -77,7 +77,7 @@ impl SplatAsset {
             let norm = quaternion::norm(q);
             out.rotations[i] = q.map(|v| (v / norm) as f32);
             out.scales[i] = self.scales[i].map(|s| (f64::from(s) * factor) as f32);
-            out.maps[i].texel_size = (f64::from(self.maps[i].texel_size) * factor) as f32;
+            out.maps[i].texel_sizes = self.maps[i].texel_sizes.map(|k| (f64::from(k) * factor) as f32);
             let sh = &mut out.sh[i * width..(i + 1) * width];
             sh.iter_mut().zip(sh_turn.apply(self.sh_of(i))).for_each(|(new, v)| *new = v as f32);
         }

@@ -4,7 +4,7 @@ use crate::camera::Similarity;
 use crate::constants::sh_coefficients;
 use crate::model::{Filter, Model, SplatArrays, TextureMap, TexturePool};
 use glam::DVec3;
-use litetex_exporters::{Filter as AssetFilter, SplatAsset};
+use litetex_exporters::{AssetMap, Filter as AssetFilter, SplatAsset};
 
 /// Largest opacity and residual that can be inverted; f32 rounds it to 1.
 const BELOW_ONE: f64 = 1.0 - 1.0 / (1_u64 << 26) as f64;
@@ -21,18 +21,12 @@ pub fn model_from_asset(asset: &SplatAsset) -> Model {
         opacity_logits: asset.opacities.iter().map(|&o| logit(f64::from(o)) as f32).collect(),
         sh: asset.sh.clone(),
     };
-    let maps = asset.maps.iter().map(|m| TextureMap {
-        offset_texels: m.offset_texels,
-        rows: m.rows,
-        cols: m.cols,
-        texel_size: m.texel_size,
-    });
     let stored = |v: &f32| 2.0 * f64::from(*v).clamp(-BELOW_ONE, BELOW_ONE).atanh();
     let texels = asset.texels.iter().map(|v| stored(v) as f32).collect();
     let frame = &asset.capture_from_local;
     Model {
         splats,
-        textures: TexturePool { maps: maps.collect(), texels },
+        textures: TexturePool { maps: asset.maps.iter().map(texture_map).collect(), texels },
         near: asset.near,
         filter: match asset.filter {
             AssetFilter::None => Filter::None,
@@ -43,6 +37,12 @@ pub fn model_from_asset(asset: &SplatAsset) -> Model {
             translation: DVec3::from_array(frame.translation),
         },
     }
+}
+
+/// An asset's map as models hold it.
+fn texture_map(map: &AssetMap) -> TextureMap {
+    let AssetMap { offset_texels, rows, cols, texel_sizes: [texel_size, _], .. } = *map;
+    TextureMap { offset_texels, rows, cols, texel_size }
 }
 
 /// The SH degree that each splat needs.
@@ -65,7 +65,7 @@ mod tests {
     use super::*;
     use crate::Report;
     use crate::bake::bake;
-    use litetex_exporters::{AssetMap, Provenance};
+    use litetex_exporters::Provenance;
 
     #[test]
     fn an_asset_round_trips_through_a_model() {
@@ -77,8 +77,8 @@ mod tests {
             opacities: vec![1.0, 0.004],
             sh: (0..24).map(|i| i as f32 / 7.0 - 1.0).collect(),
             maps: vec![
-                AssetMap { offset_texels: 0, rows: 2, cols: 1, texel_size: 0.1 },
-                AssetMap { offset_texels: 2, rows: 0, cols: 0, texel_size: 0.0 },
+                AssetMap { rows: 2, cols: 1, texel_sizes: [0.1; 2], ..AssetMap::default() },
+                AssetMap { offset_texels: 2, ..AssetMap::default() },
             ],
             texels: vec![1.0, -1.0, 0.0, 0.7, -1e-5, 0.999_999],
             ..SplatAsset::default()

@@ -11,7 +11,13 @@ use twox_hash::XxHash3_64;
 
 static FILES: LazyLock<Vec<Vec<u8>>> = LazyLock::new(|| {
     let num_splats = 5;
-    let map = |i: u32| AssetMap { offset_texels: 6 * i, rows: 2, cols: 3, texel_size: 0.1 };
+    let map = |i: u32| AssetMap {
+        offset_texels: 6 * i,
+        rows: 2,
+        cols: 3,
+        texel_sizes: [0.1, [0.1, 0.2][i as usize % 2]],
+        shift: [0, i as i16],
+    };
     let asset = SplatAsset {
         positions: (0..num_splats).map(|i| [i as f32, 0.5, -1.0]).collect(),
         rotations: vec![[1.0, 0.0, 0.0, 0.0]; num_splats],

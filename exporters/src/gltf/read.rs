@@ -249,7 +249,7 @@ fn sections(loaded: &Loaded<'_>, found: &Found<'_>, extension: Option<&TextureEx
     if let Some(extension) = extension {
         let exact = extension.sh0.filter(|sh0| !found.primitive.attributes.values().any(|a| a == sh0));
         add(4, "sh0", exact.map_or(0, size), Describes::Splats);
-        let maps = [extension.rects, extension.pages, extension.texel_size];
+        let maps = [extension.rects, extension.pages, extension.texel_size, extension.shift];
         add(6, "maps", maps.into_iter().flatten().map(size).sum(), Describes::Splats);
         let texels = extension.atlas.iter().map(|page| pages::stored_bytes(loaded, page)).sum();
         add(7, "texels", texels, Describes::Texels);

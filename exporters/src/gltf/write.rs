@@ -165,8 +165,10 @@ impl Writer<'_> {
             2..=256 => Some(self.arrays.push(page_indices.map(|p| [p as u8]), used)),
             _ => Some(self.arrays.push(page_indices.map(|p| [p]), used)),
         };
-        let texel_size = asset.maps.iter().map(|m| [m.texel_size]);
-        let texel_size = has_maps.then(|| self.arrays.push(texel_size, used));
+        let texel_sizes = asset.maps.iter().map(|m| m.texel_sizes);
+        let texel_size = has_maps.then(|| self.arrays.push(texel_sizes, used));
+        let is_shifted = asset.maps.iter().any(|m| m.shift != [0; 2]);
+        let shift = is_shifted.then(|| self.arrays.push(asset.maps.iter().map(|m| m.shift), used));
         let (atlas, decode) = if has_maps { pages(self, asset, atlas)? } else { (Vec::new(), None) };
         let hash = asset.hash();
         let extension = TextureExtension {
@@ -176,6 +178,7 @@ impl Writer<'_> {
             rects,
             pages: page_indices,
             texel_size,
+            shift,
             sh0,
             atlas,
             decode,

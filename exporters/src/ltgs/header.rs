@@ -8,7 +8,7 @@ use twox_hash::XxHash3_64;
 pub const MAGIC: [u8; 4] = *b"LTGS";
 
 /// Major version that is written and read; readers refuse others, but accept any minor version.
-pub const MAJOR: u16 = 1;
+pub const MAJOR: u16 = 2;
 /// Minor version that this program writes.
 pub const MINOR: u16 = 0;
 
@@ -105,7 +105,11 @@ impl Header {
         let u32_at = |at: usize| u32::from_le_bytes(std::array::from_fn(|i| head[at + i]));
         let u64_at = |at: usize| u64::from_le_bytes(std::array::from_fn(|i| head[at + i]));
         if u16_at(4) != MAJOR {
-            let what = format!("version {}.{}; this program reads version {MAJOR}", u16_at(4), u16_at(6));
+            let what = format!(
+                "version {}.{}; this program reads version {MAJOR}: export the scene again, or use a program of that version",
+                u16_at(4),
+                u16_at(6)
+            );
             return Err(Error::unsupported(path, what));
         }
         let (found, stated) = (XxHash3_64::oneshot(&head[..56]), u64_at(56));

@@ -1,7 +1,7 @@
 //! Chunks of a lossless file: the bytes of f32 numbers sorted by their significance, because high bytes are similar
 //! and low bytes are noise. Splats keep the order of the asset.
 
-use super::integers::{put_bytes, put_numbers, take_bytes, take_numbers, zigzag};
+use super::integers::{put_bytes, put_numbers, take_bytes, take_exactly, take_shifts, unless_zeros, zigzag};
 use super::tally::Tally;
 use crate::limits::filled;
 use crate::{AssetMap, Error, Result, SplatAsset, num_sh_coefficients};
@@ -66,8 +66,16 @@ pub fn encode_splats(asset: &SplatAsset, splats: Range<usize>, level: i32) -> Ve
         let bytes: Vec<[u8; 2]> = maps.iter().map(|m| side(m).to_le_bytes()).collect();
         put_planes(&mut block, &bytes, 1, level);
     }
-    let texel_sizes: Vec<f32> = maps.iter().map(|m| m.texel_size).collect();
-    put_floats(&mut block, &texel_sizes, 1, level);
+    let sizes = |axis: usize| maps.iter().map(move |m| m.texel_sizes[axis].to_bits());
+    put_planes(&mut block, &sizes(0).map(u32::to_le_bytes).collect::<Vec<_>>(), 1, level);
+    // Equal sizes and powers of two leave zeros.
+    let ratios: Vec<[u8; 4]> = sizes(0).zip(sizes(1)).map(|(u, v)| (u ^ v).to_le_bytes()).collect();
+    put_planes(&mut block, &ratios, 1, level);
+    for axis in 0..2 {
+        let textured = maps.iter().filter(|m| m.num_texels() > 0);
+        let shifts = textured.map(|m| zigzag(m.shift[axis].into())).collect();
+        put_numbers(&mut block, &unless_zeros(shifts), level);
+    }
     put_floats(&mut block, asset.positions[splats.clone()].as_flattened(), 3, level);
     put_floats(&mut block, asset.rotations[splats.clone()].as_flattened(), 4, level);
     put_floats(&mut block, asset.scales[splats.clone()].as_flattened(), 2, level);
@@ -110,10 +118,16 @@ pub fn decode_splats(mut block: &[u8], n: usize, sh_degree: u32, tally: &mut Tal
         Ok(take_planes::<2>(block, n, 1)?.into_iter().map(|side| side as u16).collect())
     };
     let (rows, cols) = (sides(block)?, sides(block)?);
-    let texel_sizes = take_floats(block, n, 1)?;
+    let (along_u, changed) = (take_planes::<4>(block, n, 1)?, take_planes::<4>(block, n, 1)?);
+    let textured = rows.iter().zip(&cols).filter(|(rows, cols)| **rows > 0 && **cols > 0).count();
+    let mut shifts = take_shifts(block, textured)?.into_iter();
     let mut offset_texels = 0_u32;
-    for ((rows, cols), texel_size) in rows.into_iter().zip(cols).zip(texel_sizes) {
-        let map = AssetMap { offset_texels, rows, cols, texel_size };
+    for ((rows, cols), (u, change)) in rows.into_iter().zip(cols).zip(along_u.into_iter().zip(changed)) {
+        let texel_sizes = [u, u ^ change].map(f32::from_bits);
+        let mut map = AssetMap { offset_texels, rows, cols, texel_sizes, shift: [0; 2] };
+        if map.num_texels() > 0 {
+            map.shift = shifts.next().unwrap_or_default();
+        }
         asset.maps.push(map);
         offset_texels = offset_texels
             .checked_add(map.num_texels() as u32)
@@ -138,10 +152,7 @@ pub fn decode_splats(mut block: &[u8], n: usize, sh_degree: u32, tally: &mut Tal
         asset.sh.extend_from_slice(&rest[width * splat..width * (splat + 1)]);
     }
     for _ in 0..3 {
-        let numbers = take_numbers(block, n)?;
-        if numbers.len() != n {
-            return Err(Error::invalid("", format!("means: {} numbers, expected {n}", numbers.len())));
-        }
+        take_exactly(block, n)?;
     }
     count("means", block.len());
     if block.is_empty() {

@@ -10,7 +10,7 @@ use super::tally::Tally;
 use super::texels::{Map, TexelReader};
 use super::write::{joined, mean_of, take_means};
 use crate::limits::{splat_bytes, with_room};
-use crate::{Contents, Error, Quality, ReadLimits, Result, SplatAsset, quoted};
+use crate::{AssetMap, Contents, Error, Quality, ReadLimits, Result, SplatAsset, quoted};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use twox_hash::XxHash3_64;
@@ -222,9 +222,9 @@ impl<'a> Reader<'a> {
 
 /// The shape of a decoded splat and the sides of its map.
 fn map_of(asset: &SplatAsset, exponents: &[i32], splat: usize) -> Map {
-    let map = &asset.maps[splat];
-    let shape = Shape { exponent: exponents[splat], scales: asset.scales[splat], texel_size: map.texel_size };
-    Map { shape, rows: map.rows, cols: map.cols }
+    let AssetMap { rows, cols, texel_sizes, shift, .. } = asset.maps[splat];
+    let shape = Shape { exponent: exponents[splat], scales: asset.scales[splat], texel_sizes };
+    Map { shape, rows, cols, shift }
 }
 
 /// Checks that the sides of maps add up to the texels that the table of contents states, before any is decoded.

@@ -2,15 +2,18 @@
 
 use super::bits::{BitReader, BitWriter};
 use super::colour::{luma_chroma, rgb};
-use super::integers::{put_bytes, put_numbers, take_bytes, take_numbers, unzigzag, zigzag};
+use super::integers::{
+    put_bytes, put_numbers, take_bytes, take_exactly, take_or_zeros, take_shifts, unless_zeros, unzigzag,
+    zigzag,
+};
 use super::math::two_to;
 use super::morton::{coordinates, morton};
-use super::shape::{self, EXPONENT_MAX, Shape};
+use super::shape::{self, EXPONENT_MAX, Shape, TexelSizeCodes};
 use super::steps::Quantiser;
 use super::tally::Tally;
 use super::texels::Map;
 use crate::sh::SH_0;
-use crate::{AssetMap, Error, Result, SplatAsset, num_sh_coefficients};
+use crate::{AssetMap, Error, MAP_SIDE_MAX, Result, SplatAsset, num_sh_coefficients};
 
 /// The codes of a chunk. Colours of degree 0 contain the means of maps.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -22,7 +25,9 @@ pub struct SplatCodes {
     /// Codes of standard deviations. `[n, 2]`
     pub scales: Vec<[i32; 2]>,
     /// Codes of texel sizes, for splats with a map only.
-    pub texel_sizes: Vec<i32>,
+    pub texel_sizes: Vec<TexelSizeCodes>,
+    /// Shifts of maps, half texels, for splats with a map only. `[textured, 2]`
+    pub shifts: Vec<[i16; 2]>,
     /// Indices of the largest components of quaternions. `[n]`
     pub largest: Vec<u32>,
     /// Codes of the other components. `[n, 3]`
@@ -54,14 +59,15 @@ impl SplatCodes {
         let map = &asset.maps[splat];
         let scales = asset.scales[splat].map(|s| shape::code_scale(quantiser, exponent, s));
         let log2_scales = scales.map(|c| shape::log2_scale(quantiser, exponent, c));
-        let mut texel_size = 0.0;
+        let mut texel_sizes = [0.0; 2];
         if map.num_texels() > 0 {
             let sides = [map.rows, map.cols];
-            let code = shape::code_texel_size(quantiser, log2_scales, sides, map.texel_size);
-            texel_size = shape::value_texel_size(quantiser, log2_scales, sides, code);
-            self.texel_sizes.push(code);
+            let codes = shape::code_texel_sizes(quantiser, log2_scales, sides, map.texel_sizes);
+            texel_sizes = shape::value_texel_sizes(quantiser, log2_scales, sides, codes);
+            self.texel_sizes.push(codes);
+            self.shifts.push(map.shift);
         }
-        let shape = Shape { exponent, scales: log2_scales.map(shape::value_scale), texel_size };
+        let shape = Shape { exponent, scales: log2_scales.map(shape::value_scale), texel_sizes };
         let (largest, rotation) = shape::code_rotation(quantiser, &shape, asset.rotations[splat]);
         self.exponents.push(exponent);
         self.sides.push([map.rows, map.cols]);
@@ -70,7 +76,7 @@ impl SplatCodes {
         self.rotations.push(rotation);
         self.positions.push(shape::fine_position(quantiser, asset.positions[splat]));
         self.opacities.push(shape::code_opacity(quantiser, asset.opacities[splat]));
-        Map { shape, rows: map.rows, cols: map.cols }
+        Map { shape, rows: map.rows, cols: map.cols, shift: map.shift }
     }
 
     /// Appends the colours of the splat that was pushed last; `mean` is the mean residual of its decoded map.
@@ -103,11 +109,13 @@ impl SplatCodes {
         let mut asset = SplatAsset { sh_degree, ..SplatAsset::default() };
         let width = 3 * num_sh_coefficients(sh_degree);
         let mut offset_texels = 0_u32;
+        let mut shifts = self.shifts.iter();
         for (splat, (shape, &exponent)) in self.shapes(quantiser)?.iter().zip(&self.exponents).enumerate() {
             let mut map = AssetMap { offset_texels, ..AssetMap::default() };
-            if shape.texel_size > 0.0 {
-                let [rows, cols] = self.sides[splat];
-                map = AssetMap { offset_texels, rows, cols, texel_size: shape.texel_size };
+            let [rows, cols] = self.sides[splat];
+            if rows > 0 {
+                let shift = shifts.next().copied().unwrap_or_default();
+                map = AssetMap { offset_texels, rows, cols, texel_sizes: shape.texel_sizes, shift };
             }
             offset_texels = offset_texels
                 .checked_add(map.num_texels() as u32)
@@ -140,12 +148,18 @@ impl SplatCodes {
         let mut put = |numbers: Vec<u32>| put_numbers(&mut block, &numbers, level);
         put(self.exponents.iter().map(|&x| zigzag(x)).collect());
         for axis in 0..2 {
-            put(self.sides.iter().map(|s| shape::code_side(s[axis])).collect());
+            put(self.sides.iter().map(|s| s[axis].into()).collect());
         }
         for axis in 0..2 {
             put(self.scales.iter().map(|s| zigzag(s[axis])).collect());
         }
-        put(self.texel_sizes.iter().map(|&x| zigzag(x)).collect());
+        let column = |of: fn(&TexelSizeCodes) -> i32| self.texel_sizes.iter().map(of).map(zigzag).collect();
+        put(column(|c| c.mean));
+        put(unless_zeros(column(|c| c.octaves)));
+        put(unless_zeros(column(|c| c.rest)));
+        for axis in 0..2 {
+            put(unless_zeros(self.shifts.iter().map(|s| zigzag(s[axis].into())).collect()));
+        }
         put(self.largest.clone());
         for axis in 0..3 {
             put(self.rotations.iter().map(|r| zigzag(r[axis])).collect());
@@ -207,9 +221,13 @@ impl SplatCodes {
         codes.sides = vec![[0; 2]; n];
         for axis in 0..2 {
             for (side, code) in codes.sides.iter_mut().zip(take(&mut block)?) {
-                side[axis] = shape::value_side(code)
-                    .ok_or_else(|| Error::invalid("", format!("code {code} of a map's side")))?;
+                let within = u16::try_from(code).ok().filter(|&side| side <= MAP_SIDE_MAX);
+                let most = || Error::invalid("", format!("side {code} of a map, at most {MAP_SIDE_MAX}"));
+                side[axis] = within.ok_or_else(most)?;
             }
+        }
+        if let Some([rows, cols]) = codes.sides.iter().find(|s| (s[0] == 0) != (s[1] == 0)) {
+            return Err(Error::invalid("", format!("a map of {rows} x {cols} texels")));
         }
         let before = tally.add("maps", before, block.len());
         codes.scales = vec![[0; 2]; n];
@@ -219,8 +237,7 @@ impl SplatCodes {
             }
         }
         let before = tally.add("scales", before, block.len());
-        let textured = codes.sides.iter().filter(|s| s[0] > 0 && s[1] > 0).count();
-        codes.texel_sizes = take_exactly(&mut block, textured)?.into_iter().map(unzigzag).collect();
+        codes.take_texel_sizes(&mut block)?;
         let before = tally.add("maps", before, block.len());
         codes.largest = take(&mut block)?;
         codes.rotations = vec![[0; 3]; n];
@@ -240,6 +257,22 @@ impl SplatCodes {
         } else {
             Err(Error::invalid("", format!("splat block: {} bytes too many", block.len())))
         }
+    }
+
+    fn take_texel_sizes(&mut self, block: &mut &[u8]) -> Result<()> {
+        let textured = self.sides.iter().filter(|s| s[0] > 0).count();
+        self.texel_sizes = vec![TexelSizeCodes::default(); textured];
+        for (codes, mean) in self.texel_sizes.iter_mut().zip(take_exactly(block, textured)?) {
+            codes.mean = unzigzag(mean);
+        }
+        for (codes, octaves) in self.texel_sizes.iter_mut().zip(take_or_zeros(block, textured)?) {
+            codes.octaves = unzigzag(octaves);
+        }
+        for (codes, rest) in self.texel_sizes.iter_mut().zip(take_or_zeros(block, textured)?) {
+            codes.rest = unzigzag(rest);
+        }
+        self.shifts = take_shifts(block, textured)?;
+        Ok(())
     }
 
     fn take_positions(&mut self, block: &mut &[u8], quantiser: &Quantiser) -> Result<()> {
@@ -279,12 +312,12 @@ impl SplatCodes {
         let mut of_splat = |splat: usize| {
             let (exponent, [rows, cols]) = (self.exponents[splat], self.sides[splat]);
             let log2_scales = self.scales[splat].map(|c| shape::log2_scale(quantiser, exponent, c));
-            let mut texel_size = 0.0;
+            let mut sizes = [0.0; 2];
             if rows > 0 && cols > 0 {
-                let code = *texel_sizes.next().ok_or_else(|| Error::invalid("", "texel sizes: too few"))?;
-                texel_size = shape::value_texel_size(quantiser, log2_scales, [rows, cols], code);
+                let codes = *texel_sizes.next().ok_or_else(|| Error::invalid("", "texel sizes: too few"))?;
+                sizes = shape::value_texel_sizes(quantiser, log2_scales, [rows, cols], codes);
             }
-            Ok(Shape { exponent, scales: log2_scales.map(shape::value_scale), texel_size })
+            Ok(Shape { exponent, scales: log2_scales.map(shape::value_scale), texel_sizes: sizes })
         };
         (0..self.exponents.len()).map(&mut of_splat).collect()
     }
@@ -311,13 +344,4 @@ impl SplatCodes {
 /// Ranges of coefficients that share streams, one for each degree.
 fn sh_streams(sh_degree: u32) -> impl Iterator<Item = (usize, usize)> {
     (0..=sh_degree).map(|d| ((d * d) as usize, num_sh_coefficients(d)))
-}
-
-fn take_exactly(block: &mut &[u8], n: usize) -> Result<Vec<u32>> {
-    let numbers = take_numbers(block, n)?;
-    if numbers.len() == n {
-        Ok(numbers)
-    } else {
-        Err(Error::invalid("", format!("stream: {} numbers, expected {n}", numbers.len())))
-    }
 }

@@ -47,7 +47,7 @@ fn is_same(a: &SplatAsset, b: &SplatAsset) -> bool {
         for values in [&a.opacities, &a.sh, &a.texels] {
             bits.extend(values.iter().map(|v| v.to_bits()));
         }
-        bits.extend(a.maps.iter().map(|m| m.texel_size.to_bits()));
+        bits.extend(a.maps.iter().flat_map(|m| m.texel_sizes).map(f32::to_bits));
         bits
     };
     a == b && bits(a) == bits(b)
@@ -227,11 +227,11 @@ fn hostile_headers_and_tables_are_refused() {
     };
     assert!(with(0, b"LTGS").is_ok(), "control: correct checksums change nothing");
     assert!(matches!(with(0, b"LTGX"), Err(Error::Invalid { .. })));
-    assert!(matches!(with(4, &[2, 0]), Err(Error::Unsupported { .. })));
+    assert!(matches!(with(4, &[1, 0]), Err(Error::Unsupported { .. })));
     assert!(matches!(with(8, &[0, 1]), Err(Error::Unsupported { .. })), "unknown feature");
     assert!(matches!(with(25, &[4]), Err(Error::Unsupported { .. })), "unknown profile");
     let newer = with(6, &[9, 0]).unwrap();
-    assert_eq!((newer.format.as_str(), newer.warnings.len()), ("ltgs 1.9", 1));
+    assert_eq!((newer.format.as_str(), newer.warnings.len()), ("ltgs 2.9", 1));
     for (at, new) in [
         (12, vec![0xff; 4]),                               // splats
         (12, 4999_u32.to_le_bytes().to_vec()),             // splats that no chunk has
@@ -335,8 +335,9 @@ fn unusable_steps_and_assets_are_refused() {
     extreme.positions[0] = [f32::MAX, f32::MIN, 0.0];
     extreme.scales[1] = [1e-44, 1e6];
     extreme.opacities[2] = 1e-44;
-    extreme.maps[3].texel_size = f32::MAX;
-    extreme.maps[6].texel_size = 1e-44;
+    extreme.maps[3].texel_sizes = [f32::MAX, 1e-44];
+    extreme.maps[6].texel_sizes = [1e-44; 2];
+    extreme.maps[9].shift = [i16::MIN, i16::MAX];
     for factor in [0.01, 1.0, 50.0] {
         let steps = Steps::tiny(&extreme).scaled(factor);
         let options = LtgsOptions { quality: Quality::Tiny, steps: Some(steps), exponents: &[] };

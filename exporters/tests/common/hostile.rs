@@ -137,7 +137,13 @@ fn glb(add: Add<'_>) {
         join(&json, &bin)
     };
     add("newer_container.glb", Unsupported, put(&bytes, 4, &[3]));
-    add("newer_extension.glb", Unsupported, edited(&|j| at(j, OURS)["version"] = json!(2)));
+    add("newer_extension.glb", Unsupported, edited(&|j| at(j, OURS)["version"] = json!(3)));
+    add("older_extension.glb", Unsupported, edited(&|j| at(j, OURS)["version"] = json!(1)));
+    add(
+        "no_shifts.glb",
+        Reads,
+        edited(&|j| drop(at(j, OURS).as_object_mut().expect("ours").remove("shift"))),
+    );
     add("huge_count.glb", Invalid, edited(&|j| j["accessors"][0]["count"] = json!(1_u64 << 40)));
     add(
         "huge_page.glb",
@@ -223,7 +229,8 @@ fn ltgs_files(add: Add<'_>) {
         ltgs::encode(asset, &ltgs::LtgsOptions { quality, steps: None, exponents: &[] }).expect("written")
     };
     let bytes = file(&small_scene(), Quality::Balanced);
-    add("newer_major_version.ltgs", Unsupported, sealed(put(&bytes, 4, &[2])));
+    add("newer_major_version.ltgs", Unsupported, sealed(put(&bytes, 4, &[3])));
+    add("older_major_version.ltgs", Unsupported, sealed(put(&bytes, 4, &[1])));
     add("newer_minor_version.ltgs", Reads, sealed(put(&bytes, 6, &[9])));
     add("unknown_feature.ltgs", Unsupported, sealed(put(&bytes, 8, &[0x80])));
     add("wrong_checksum.ltgs", Invalid, put(&bytes, 12, &[9]));
@@ -271,7 +278,12 @@ fn usda(add: Add<'_>) {
     add(
         "newer_arrays.usda",
         Unsupported,
-        replaced(&text, "int primvars:litetex:version = 1", "int primvars:litetex:version = 2"),
+        replaced(&text, "int primvars:litetex:version = 2", "int primvars:litetex:version = 3"),
+    );
+    add(
+        "older_arrays.usda",
+        Unsupported,
+        replaced(&text, "int primvars:litetex:version = 2", "int primvars:litetex:version = 1"),
     );
 }
 
@@ -426,7 +438,7 @@ pub fn greedy() -> Vec<(&'static str, String, Vec<u8>)> {
     let neutral = |side: u16| {
         let num_texels = usize::from(side) * usize::from(side);
         let mut asset = scene(1, 0);
-        asset.maps[0] = AssetMap { offset_texels: 0, rows: side, cols: side, texel_size: 0.001 };
+        asset.maps[0] = AssetMap { rows: side, cols: side, texel_sizes: [0.001; 2], ..AssetMap::default() };
         asset.texels = vec![0.0; 3 * num_texels];
         asset
     };

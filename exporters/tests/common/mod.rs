@@ -25,8 +25,11 @@ pub fn scene(num_splats: usize, sh_degree: u32) -> SplatAsset {
         asset.sh.extend((0..3 * num_sh_coefficients(sh_degree)).map(|_| random() - 0.5));
         let (rows, cols) = [(2, 2), (0, 0), (5, 3)][i % 3];
         let offset_texels = asset.num_texels() as u32;
-        let texel_size = if rows > 0 { 0.02 } else { 0.0 };
-        let map = AssetMap { offset_texels, rows, cols, texel_size };
+        let mut map = AssetMap { offset_texels, rows, cols, ..AssetMap::default() };
+        if rows > 0 {
+            map.texel_sizes = [[0.02; 2], [0.02, 0.04]][i / 3 % 2];
+            map.shift = [[0, 0], [1, 0], [-2, 3]][i / 3 % 3];
+        }
         asset.texels.extend((0..3 * map.num_texels()).map(|_| 1.6 * (random() - 0.5)));
         asset.maps.push(map);
     }

@@ -26,7 +26,7 @@ fn worked_example() -> SplatAsset {
         scales: vec![[0.25, 0.125]],
         opacities: vec![0.75],
         sh: yup::sh(sh.as_flattened()).collect(),
-        maps: vec![AssetMap { offset_texels: 0, rows: 2, cols: 3, texel_size: 0.25 }],
+        maps: vec![AssetMap { rows: 2, cols: 3, texel_sizes: [0.25; 2], ..AssetMap::default() }],
         texels: texels.as_flattened().to_vec(),
         near: 0.0625,
         background: [0.125, 0.25, 0.5],
@@ -85,8 +85,14 @@ fn drawn(file: &File) -> Vec<(&'static str, Vec<f64>)> {
 
     let rect = file.numbers(&ours["rects"], 2, |b| u16::from_le_bytes(b.try_into().unwrap()));
     let [x, y, cols, rows] = [0, 1, 2, 3].map(|i| i64::from(rect[i]));
-    let size = file.floats(&ours["texelSize"])[0];
-    let (u, v) = (a / size + (rows as f64 - 1.0) / 2.0, b / size + (cols as f64 - 1.0) / 2.0);
+    let sizes = file.floats(&ours["texelSize"]);
+    let shift = match ours.get("shift") {
+        Some(shift) => file.numbers(shift, 2, |b| i16::from_le_bytes(b.try_into().unwrap()).into()),
+        None => vec![0.0; 2],
+    };
+    let coordinate =
+        |axis: usize, a: f64, count: i64| a / sizes[axis] + (count as f64 - 1.0) / 2.0 - shift[axis] / 2.0;
+    let (u, v) = (coordinate(0, a, rows), coordinate(1, b, cols));
     assert!((-1.0..rows as f64).contains(&u) && (-1.0..cols as f64).contains(&v));
     let page = &ours["atlas"][0];
     let texels: Vec<f64> = file

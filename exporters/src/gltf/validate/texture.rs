@@ -71,15 +71,16 @@ fn check_atlas(
     }
 }
 
-/// Texel sizes and rectangles must agree on which splats have a map.
+/// Texel sizes, shifts and rectangles must agree on which splats have a map.
 fn check_sizes(maps: &[AssetMap], place: &str, issues: &mut Issues) {
     let offends = |map: &AssetMap| match map.num_texels() {
-        0 => map.texel_size != 0.0 || map.rows != 0 || map.cols != 0,
-        _ => !(map.texel_size > 0.0 && map.texel_size.is_finite()),
+        0 => *map != AssetMap { offset_texels: map.offset_texels, ..AssetMap::default() },
+        _ => !map.texel_sizes.iter().all(|&k| k > 0.0 && k.is_finite()),
     };
     let offences = maps.iter().enumerate().filter(|(_, map)| offends(map));
     let text = |(i, map): (usize, &AssetMap)| {
-        format!("splat {i}: texels of size {} in a map of {} x {}", map.texel_size, map.rows, map.cols)
+        let AssetMap { rows, cols, texel_sizes, shift, .. } = map;
+        format!("splat {i}: texels of {texel_sizes:?} and shift {shift:?} in a map of {rows} x {cols}")
     };
     issues.many("LT1021", place, offences.map(text));
 }
