@@ -188,6 +188,7 @@ fn scene(sh_degree: u32, kinds: impl Iterator<Item = usize>) -> SplatAsset {
         asset.rotations.push(rotation.map(|v| v as f32));
         asset.scales.push(sigmas);
         asset.opacities.push(opacity);
+        asset.sh_degrees.push(sh_degree as u8);
         for k in 0..num_sh_coefficients(sh_degree) {
             let reach = [1.2, 0.4, 0.25, 0.2][[0, 1, 1, 1, 2, 2, 2, 2, 2].get(k).copied().unwrap_or(3)];
             asset.sh.extend((0..3).map(|_| random.between(-reach, reach)));

@@ -32,6 +32,7 @@ fn scene(num_splats: usize) -> SplatAsset {
         asset.rotations.push(q.map(|v| v / norm));
         asset.scales.push([(-5.5 + 0.6 * random.normal()).exp(), (-5.5 + 0.6 * random.normal()).exp()]);
         asset.opacities.push((0.6 + 0.2 * random.normal()).clamp(0.02, 1.0));
+        asset.sh_degrees.push(3);
         asset.sh.extend((0..48).map(|i| random.normal() * if i < 3 { 0.5 } else { 0.03 }));
         let side = |random: &mut Random| 2 * (1 + (12.0 * random.uniform().powi(2)) as u16);
         let (rows, cols) = (side(&mut random), side(&mut random));

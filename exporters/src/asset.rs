@@ -133,8 +133,10 @@ pub struct Provenance {
 /// A baked scene: 2D Gaussians in the local frame, each with a texture map of its own.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SplatAsset {
-    /// SH degree of `sh`, 0 to 3.
+    /// SH degree of `sh`, 0 to 3: the largest of `sh_degrees`.
     pub sh_degree: u32,
+    /// SH degree of each splat. `[n]`
+    pub sh_degrees: Vec<u8>,
     /// Centres, local frame. `[n]`
     pub positions: Vec<[f32; 3]>,
     /// `local_from_surfel` as unit quaternions **wxyz**; a splat's normal is its z axis. `[n]`
@@ -143,8 +145,8 @@ pub struct SplatAsset {
     pub scales: Vec<[f32; 2]>,
     /// In (0, 1]. `[n]`
     pub opacities: Vec<f32>,
-    /// Spherical harmonics with the signs and order of 3DGS; colour = max(0, 0.5 + sum).
-    /// `[n, (sh_degree + 1)^2, 3]`
+    /// Spherical harmonics with the signs and order of 3DGS; colour = max(0, 0.5 + sum). Those above a splat's own degree
+    /// are 0. `[n, (sh_degree + 1)^2, 3]`
     pub sh: Vec<f32>,
     /// One per splat, in order and without gaps between their texels. `[n]`
     pub maps: Vec<AssetMap>,
@@ -174,6 +176,7 @@ impl Default for SplatAsset {
     fn default() -> Self {
         Self {
             sh_degree: 0,
+            sh_degrees: Vec::new(),
             positions: Vec::new(),
             rotations: Vec::new(),
             scales: Vec::new(),
@@ -204,7 +207,7 @@ impl SplatAsset {
         self.texels.len() / 3
     }
 
-    /// SH coefficients of a splat. `[(sh_degree + 1)^2, 3]`
+    /// SH coefficients of a splat, 0 above its own degree. `[(sh_degree + 1)^2, 3]`
     pub fn sh_of(&self, splat: usize) -> &[f32] {
         let width = 3 * num_sh_coefficients(self.sh_degree);
         &self.sh[splat * width..(splat + 1) * width]
@@ -271,7 +274,7 @@ impl SplatAsset {
 pub(crate) mod tests {
     use super::*;
 
-    /// A small pseudo-random asset with maps of several shapes, some splats without.
+    /// A small pseudo-random asset with maps of several shapes, some splats without, and SH of several degrees.
     pub(crate) fn fixture(num_splats: usize, sh_degree: u32) -> SplatAsset {
         let mut state = 7_u32;
         let mut random = move || {
@@ -292,7 +295,10 @@ pub(crate) mod tests {
             asset.scales.push([0.01 + 0.1 * random(), 0.01 + 0.1 * random()]);
             asset.opacities.push(0.02 + 0.97 * random());
             let width = 3 * num_sh_coefficients(sh_degree);
-            asset.sh.extend((0..width).map(|_| random() - 0.5));
+            let degree = [sh_degree, sh_degree, sh_degree.min(1), sh_degree, 0][i % 5];
+            asset.sh_degrees.push(degree as u8);
+            let own = 3 * num_sh_coefficients(degree);
+            asset.sh.extend((0..width).map(|k| if k < own { random() - 0.5 } else { 0.0 }));
             let (rows, cols) = [(2, 2), (0, 0), (5, 3)][i % 3];
             let mut map = AssetMap { offset_texels, rows, cols, ..AssetMap::default() };
             if rows > 0 {

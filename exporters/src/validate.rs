@@ -32,6 +32,7 @@ impl SplatAsset {
             ("scales", self.scales.len(), n),
             ("opacities", self.opacities.len(), n),
             ("maps", self.maps.len(), n),
+            ("SH degrees", self.sh_degrees.len(), n),
             ("sh", self.sh.len(), n * sh_width),
         ];
         if let Some((name, found, expected)) = lengths.iter().find(|(_, found, expected)| found != expected) {
@@ -51,6 +52,7 @@ impl SplatAsset {
             return invalid(format!("background {:?} is not in [0, 1]", self.background));
         }
         (0..n).try_for_each(|splat| self.validate_splat(splat))?;
+        self.validate_sh_degrees()?;
         self.validate_maps()?;
         self.validate_cameras()
     }
@@ -147,7 +149,7 @@ mod tests {
     #[test]
     fn every_broken_rule_is_reported() {
         type Break = fn(&mut SplatAsset);
-        let breaks: [(&str, Break); 21] = [
+        let breaks: [(&str, Break); 25] = [
             ("position", |a| a.positions[1][2] = f32::NAN),
             ("rotation", |a| a.rotations[2] = [0.0; 4]),
             ("rotation", |a| a.rotations[2][0] += 0.01),
@@ -157,6 +159,13 @@ mod tests {
             ("opacity", |a| a.opacities[3] = 0.0),
             ("spherical", |a| a.sh[40] = f32::NEG_INFINITY),
             ("sh:", |a| a.sh.truncate(5)),
+            ("SH degrees:", |a| a.sh_degrees.truncate(6)),
+            ("SH degree", |a| a.sh_degrees[0] = 2),
+            ("SH degree", |a| a.sh_degrees[0] = 0),
+            ("no splat has more", |a| {
+                a.sh_degrees.fill(0);
+                a.sh.chunks_exact_mut(12).for_each(|sh| sh[3..].fill(0.0));
+            }),
             ("offset", |a| a.maps[2].offset_texels += 1),
             ("texel sizes", |a| a.maps[0].texel_sizes[0] = -1.0),
             ("texel sizes", |a| a.maps[0].texel_sizes[1] = f32::INFINITY),

@@ -43,6 +43,7 @@ struct Splat {
     rotation: [f64; 4],
     scales: [f32; 2],
     opacity: f32,
+    degree: u8,
     sh: Vec<f32>,
     texel_sizes: [f32; 2],
     shift: [i16; 2],
@@ -70,30 +71,35 @@ fn splat(sh_degree: u32, is_tame: bool) -> impl Strategy<Value = Splat> {
         quaternion(),
         prop::array::uniform2(size()),
         if is_tame { (0.01_f32..1.0).boxed() } else { positive(1.0).boxed() },
-        vec(tame(number().boxed()), 3 * num_sh_coefficients(sh_degree)),
+        (0..=sh_degree).prop_flat_map(move |degree| {
+            (Just(degree as u8), vec(tame(number().boxed()), 3 * num_sh_coefficients(degree)))
+        }),
         texel_sizes,
         shift,
         sides,
     );
-    all.prop_flat_map(move |(position, rotation, scales, opacity, sh, texel_sizes, shift, sides)| {
-        let count = 3 * usize::from(sides[0]) * usize::from(sides[1]);
-        let texel = if is_tame {
-            (-1.0_f32..=1.0).boxed()
-        } else {
-            number().prop_map(|v| v.clamp(-1.0, 1.0)).boxed()
-        };
-        vec(texel, count).prop_map(move |texels| Splat {
-            position,
-            rotation,
-            scales,
-            opacity,
-            sh: sh.clone(),
-            texel_sizes,
-            shift,
-            sides,
-            texels,
-        })
-    })
+    all.prop_flat_map(
+        move |(position, rotation, scales, opacity, (degree, sh), texel_sizes, shift, sides)| {
+            let count = 3 * usize::from(sides[0]) * usize::from(sides[1]);
+            let texel = if is_tame {
+                (-1.0_f32..=1.0).boxed()
+            } else {
+                number().prop_map(|v| v.clamp(-1.0, 1.0)).boxed()
+            };
+            vec(texel, count).prop_map(move |texels| Splat {
+                position,
+                rotation,
+                scales,
+                opacity,
+                degree,
+                sh: sh.clone(),
+                texel_sizes,
+                shift,
+                sides,
+                texels,
+            })
+        },
+    )
 }
 
 fn asset(is_tame: bool) -> impl Strategy<Value = SplatAsset> {
@@ -120,8 +126,11 @@ fn asset(is_tame: bool) -> impl Strategy<Value = SplatAsset> {
             asset.rotations.push(splat.rotation.map(|v| v as f32));
             asset.scales.push(splat.scales);
             asset.opacities.push(splat.opacity);
+            asset.sh_degrees.push(splat.degree);
             asset.sh.extend(splat.sh);
+            asset.sh.resize(asset.num_splats() * 3 * num_sh_coefficients(sh_degree), 0.0);
         }
+        asset.fit_sh_degree();
         asset.validate().expect("a valid asset");
         asset
     })

@@ -53,6 +53,7 @@ pub fn bake(
             dropped.push(splat);
         }
     }
+    asset.fit_sh_degree();
     if let Some(first) = dropped.first() {
         report.warn(
             "splats-not-drawable",
@@ -98,6 +99,7 @@ fn push_splat(asset: &mut SplatAsset, model: &Model, splat: usize) -> Option<()>
     asset.scales.push(scales.map(|v| (v as f32).max(f32::MIN_POSITIVE)));
     asset.opacities.push((opacity as f32).max(f32::MIN_POSITIVE));
     asset.sh.extend(sh);
+    asset.sh_degrees.push(s.sh_degrees[splat]);
     // No larger than the model's own offsets, which fit.
     asset.maps.push(asset_map(map, asset.num_texels() as u32));
     asset.texels.extend(texels.iter().map(|&t| texel_value(f64::from(t)) as f32));

@@ -1,7 +1,6 @@
 //! Turns an asset back into a model that backends can render: activations are inverted in f64.
 
 use crate::camera::Similarity;
-use crate::constants::sh_coefficients;
 use crate::model::{Filter, Model, SplatArrays, TextureMap, TexturePool};
 use glam::DVec3;
 use litetex_exporters::{AssetMap, Filter as AssetFilter, SplatAsset};
@@ -14,7 +13,7 @@ const BELOW_ONE: f64 = 1.0 - 1.0 / (1_u64 << 26) as f64;
 pub fn model_from_asset(asset: &SplatAsset) -> Model {
     let splats = SplatArrays {
         sh_degree: asset.sh_degree,
-        sh_degrees: degrees(asset),
+        sh_degrees: asset.sh_degrees.clone(),
         positions: asset.positions.as_flattened().to_vec(),
         quaternions: asset.rotations.as_flattened().to_vec(),
         log_scales: asset.scales.as_flattened().iter().map(|&s| f64::from(s).ln() as f32).collect(),
@@ -45,16 +44,6 @@ fn texture_map(map: &AssetMap) -> TextureMap {
     TextureMap { offset_texels, rows, cols, texel_size }
 }
 
-/// The SH degree that each splat needs.
-fn degrees(asset: &SplatAsset) -> Vec<u8> {
-    let width = 3 * sh_coefficients(asset.sh_degree);
-    let degree = |sh: &[f32]| match sh.iter().rposition(|&c| c != 0.0) {
-        Some(last) => (last / 3).isqrt() as u8,
-        None => 0,
-    };
-    asset.sh.chunks_exact(width).map(degree).collect()
-}
-
 fn logit(opacity: f64) -> f64 {
     let o = opacity.min(BELOW_ONE);
     (o / (1.0 - o)).ln()
@@ -71,11 +60,12 @@ mod tests {
     fn an_asset_round_trips_through_a_model() {
         let asset = SplatAsset {
             sh_degree: 1,
+            sh_degrees: vec![1, 0],
             positions: vec![[1.0, -2.0, 3.0], [0.0, 1e-7, 5.0]],
             rotations: vec![[0.5, -0.5, 0.5, -0.5], [1.0, 0.0, 0.0, 0.0]],
             scales: vec![[1e-6, 0.25], [3.0, 40.0]],
             opacities: vec![1.0, 0.004],
-            sh: (0..24).map(|i| i as f32 / 7.0 - 1.0).collect(),
+            sh: (0..24).map(|i| if i < 15 { i as f32 / 7.0 - 1.0 } else { 0.0 }).collect(),
             maps: vec![
                 AssetMap { rows: 2, cols: 1, texel_sizes: [0.1; 2], ..AssetMap::default() },
                 AssetMap { offset_texels: 2, ..AssetMap::default() },
@@ -98,8 +88,8 @@ mod tests {
         assert!(close(asset.scales.as_flattened(), again.scales.as_flattened()), "{:?}", again.scales);
         assert!(close(&asset.opacities, &again.opacities) && close(&asset.texels, &again.texels));
         assert_eq!(
-            (asset.positions, asset.rotations, asset.sh),
-            (again.positions, again.rotations, again.sh)
+            (asset.positions, asset.rotations, asset.sh, asset.sh_degrees),
+            (again.positions, again.rotations, again.sh, again.sh_degrees)
         );
         assert_eq!(asset.maps, again.maps);
         // Negative control.

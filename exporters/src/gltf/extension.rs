@@ -60,6 +60,9 @@ pub struct TextureExtension {
     /// Accessor of i16 VEC2, half texels; absent if all maps are centred.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shift: Option<u32>,
+    /// Accessor of u8 SCALAR; absent if all splats have the degree of the attributes.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sh_degree: Option<u32>,
     /// Accessor of f32 VEC3; absent if the attribute of degree 0 is exact.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sh0: Option<u32>,

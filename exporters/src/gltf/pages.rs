@@ -45,16 +45,8 @@ pub fn maps(
         (Some(rects), Some(sizes)) => (rects, sizes),
         _ => return Err(offence("\"rects\", \"texelSize\" and \"shift\" do not fit each other".to_owned())),
     };
-    let own = |index: u32, what: &str, width: usize, components: &[Component]| {
-        let view = loaded.accessor(index, what)?;
-        let fits = view.width == width && components.contains(&view.component) && !view.normalised;
-        if !fits || view.count != num_splats {
-            return Err(offence(format!(
-                "{what}: {} elements of {} {:?}, expected {num_splats} of {width}, each one of {components:?}",
-                view.count, view.width, view.component
-            )));
-        }
-        Ok::<View<'_>, Error>(view)
+    let own = |index: u32, what: &str, width: usize, components: &'static [Component]| {
+        own_array(loaded, index, what, (width, components), num_splats)
     };
     let rects = own(rects, "rects", 4, &[Component::U16])?;
     let sizes = own(sizes, "texelSize", 2, &[Component::F32])?;
@@ -77,6 +69,32 @@ pub fn maps(
         maps.push(map);
     }
     Ok(Some((maps, placements)))
+}
+
+/// An array of our extension: as many elements as splats, each of `width` numbers of one of the types.
+///
+/// # Errors
+/// [`Error::Invalid`] naming it.
+pub fn own_array<'a>(
+    loaded: &'a Loaded<'_>,
+    index: u32,
+    name: &str,
+    (width, components): (usize, &[Component]),
+    num_splats: usize,
+) -> Result<View<'a>> {
+    let view = loaded.accessor(index, name)?;
+    let fits = view.width == width && components.contains(&view.component) && !view.normalised;
+    if fits && view.count == num_splats {
+        return Ok(view);
+    }
+    let what = format!(
+        "{}: {name}: {} elements of {} {:?}, expected {num_splats} of {width}, each one of {components:?}",
+        super::EXTENSION,
+        view.count,
+        view.width,
+        view.component
+    );
+    Err(Error::invalid(loaded.path, what))
 }
 
 /// `[width, height]` of the pages.

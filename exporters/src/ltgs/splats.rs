@@ -2,6 +2,7 @@
 
 use super::bits::{BitReader, BitWriter};
 use super::colour::{luma_chroma, rgb};
+use super::degrees::{bands, put_degrees, take_degrees};
 use super::integers::{
     put_bytes, put_numbers, take_bytes, take_exactly, take_or_zeros, take_shifts, unless_zeros, unzigzag,
     zigzag,
@@ -12,8 +13,10 @@ use super::shape::{self, EXPONENT_MAX, Shape, TexelSizeCodes};
 use super::steps::Quantiser;
 use super::tally::Tally;
 use super::texels::Map;
+use crate::limits::filled;
 use crate::sh::SH_0;
 use crate::{AssetMap, Error, MAP_SIDE_MAX, Result, SplatAsset, num_sh_coefficients};
+use std::ops::Range;
 
 /// The codes of a chunk. Colours of degree 0 contain the means of maps.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -36,7 +39,9 @@ pub struct SplatCodes {
     pub positions: Vec<[u32; 3]>,
     /// Codes of opacities. `[n]`
     pub opacities: Vec<u32>,
-    /// Codes of colours, luma and chroma. `[n, (degree + 1)^2, 3]`
+    /// SH degrees. `[n]`
+    pub degrees: Vec<u8>,
+    /// Codes of colours, luma and chroma; 0 above a splat's degree. `[n, (sh_degree + 1)^2, 3]`
     pub sh: Vec<i32>,
 }
 
@@ -76,6 +81,7 @@ impl SplatCodes {
         self.rotations.push(rotation);
         self.positions.push(shape::fine_position(quantiser, asset.positions[splat]));
         self.opacities.push(shape::code_opacity(quantiser, asset.opacities[splat]));
+        self.degrees.push(asset.sh_degrees[splat]);
         Map { shape, rows: map.rows, cols: map.cols, shift: map.shift }
     }
 
@@ -106,7 +112,7 @@ impl SplatCodes {
     /// # Errors
     /// [`Error::TooLarge`] if there are more texels than 32 bits can number.
     pub fn values(&self, quantiser: &Quantiser, sh_degree: u32) -> Result<SplatAsset> {
-        let mut asset = SplatAsset { sh_degree, ..SplatAsset::default() };
+        let mut asset = SplatAsset { sh_degree, sh_degrees: self.degrees.clone(), ..SplatAsset::default() };
         let width = 3 * num_sh_coefficients(sh_degree);
         let mut offset_texels = 0_u32;
         let mut shifts = self.shifts.iter();
@@ -139,11 +145,11 @@ impl SplatCodes {
         Ok(asset)
     }
 
-    /// Encodes the block of splats.
+    /// Encodes the block of geometry.
     ///
     /// # Errors
     /// None for codes made by the writer.
-    pub fn encode(&self, quantiser: &Quantiser, sh_degree: u32, level: i32) -> Result<Vec<u8>> {
+    pub fn encode_geometry(&self, quantiser: &Quantiser, sh_degree: u32, level: i32) -> Result<Vec<u8>> {
         let mut block = Vec::new();
         let mut put = |numbers: Vec<u32>| put_numbers(&mut block, &numbers, level);
         put(self.exponents.iter().map(|&x| zigzag(x)).collect());
@@ -169,15 +175,28 @@ impl SplatCodes {
         put(gaps.iter().map(|gap| (gap & 0x7fff_ffff) as u32).collect());
         put_bytes(&mut block, &places, level);
         put_numbers(&mut block, &self.opacities, level);
-        let width = 3 * num_sh_coefficients(sh_degree);
-        for (first, last) in sh_streams(sh_degree) {
-            for channel in 0..3 {
-                let column = |k: usize| self.sh.iter().skip(3 * k + channel).step_by(width);
-                let numbers: Vec<u32> = (first..last).flat_map(column).map(|&c| zigzag(c)).collect();
-                put_numbers(&mut block, &numbers, level);
-            }
-        }
+        self.put_band(&mut block, sh_degree, (0, 0..1), level);
         Ok(block)
+    }
+
+    /// Encodes the block of SH above degree 0.
+    pub fn encode_sh(&self, sh_degree: u32, level: i32) -> Vec<u8> {
+        let mut block = Vec::new();
+        if sh_degree > 0 {
+            put_degrees(&mut block, &self.degrees, sh_degree, level);
+        }
+        bands(sh_degree).for_each(|band| self.put_band(&mut block, sh_degree, band, level));
+        block
+    }
+
+    /// Appends the coefficients that a degree adds: a stream for each channel, coefficient by coefficient, of the splats
+    /// that have them.
+    fn put_band(&self, block: &mut Vec<u8>, sh_degree: u32, band: (u8, Range<usize>), level: i32) {
+        for channel in 0..3 {
+            let places = places(&self.degrees, sh_degree, &band, channel);
+            let numbers: Vec<u32> = places.map(|place| zigzag(self.sh[place])).collect();
+            put_numbers(block, &numbers, level);
+        }
     }
 
     /// Differences between the Morton numbers of cells, and positions within cells.
@@ -196,12 +215,12 @@ impl SplatCodes {
         Ok((gaps, places.finish()))
     }
 
-    /// The inverse of [`Self::encode`] for `n` splats.
+    /// The inverse of [`Self::encode_geometry`] for `n` splats, and of [`Self::encode_sh`].
     ///
     /// # Errors
     /// [`Error::Invalid`] or [`Error::Unsupported`].
     pub fn decode(
-        mut block: &[u8],
+        [mut block, sh]: [&[u8]; 2],
         n: usize,
         quantiser: &Quantiser,
         sh_degree: u32,
@@ -250,13 +269,16 @@ impl SplatCodes {
         codes.take_positions(&mut block, quantiser)?;
         let before = tally.add("positions", before, block.len());
         codes.opacities = take(&mut block)?;
-        tally.add("opacities", before, block.len());
-        codes.take_sh(&mut block, sh_degree, tally)?;
-        if block.is_empty() {
-            Ok(codes)
-        } else {
-            Err(Error::invalid("", format!("splat block: {} bytes too many", block.len())))
+        let before = tally.add("opacities", before, block.len());
+        codes.degrees = filled(n, 0)?;
+        codes.sh = filled(3 * n * num_sh_coefficients(sh_degree), 0)?;
+        codes.take_band(&mut block, sh_degree, (0, 0..1))?;
+        tally.add("sh0", before, block.len());
+        if !block.is_empty() {
+            return Err(Error::invalid("", format!("geometry: {} bytes too many", block.len())));
         }
+        codes.take_sh(sh, sh_degree, tally)?;
+        Ok(codes)
     }
 
     fn take_texel_sizes(&mut self, block: &mut &[u8]) -> Result<()> {
@@ -322,26 +344,46 @@ impl SplatCodes {
         (0..self.exponents.len()).map(&mut of_splat).collect()
     }
 
-    fn take_sh(&mut self, block: &mut &[u8], sh_degree: u32, tally: &mut Tally) -> Result<()> {
-        let n = self.exponents.len();
-        let width = 3 * num_sh_coefficients(sh_degree);
-        self.sh = vec![0; n * width];
-        for (first, last) in sh_streams(sh_degree) {
-            let before = block.len();
-            for channel in 0..3 {
-                let numbers = take_exactly(block, n * (last - first))?;
-                let places = (first..last).flat_map(|k| (0..n).map(move |i| i * width + 3 * k + channel));
-                for (place, number) in places.zip(numbers) {
-                    self.sh[place] = unzigzag(number);
-                }
+    fn take_sh(&mut self, mut block: &[u8], sh_degree: u32, tally: &mut Tally) -> Result<()> {
+        let before = block.len();
+        if sh_degree > 0 {
+            self.degrees = take_degrees(&mut block, self.degrees.len(), sh_degree)?;
+        }
+        let before = tally.add("sh_degrees", before, block.len());
+        for band in bands(sh_degree) {
+            self.take_band(&mut block, sh_degree, band)?;
+        }
+        tally.add("sh_rest", before, block.len());
+        if block.is_empty() {
+            Ok(())
+        } else {
+            Err(Error::invalid("", format!("SH: {} bytes too many", block.len())))
+        }
+    }
+
+    /// The inverse of [`Self::put_band`].
+    fn take_band(&mut self, block: &mut &[u8], sh_degree: u32, band: (u8, Range<usize>)) -> Result<()> {
+        for channel in 0..3 {
+            let places = || places(&self.degrees, sh_degree, &band, channel);
+            let numbers = take_exactly(block, places().count())?;
+            for (place, number) in places().zip(numbers) {
+                self.sh[place] = unzigzag(number);
             }
-            tally.add(if first == 0 { "sh0" } else { "sh_rest" }, before, block.len());
         }
         Ok(())
     }
 }
 
-/// Ranges of coefficients that share streams, one for each degree.
-fn sh_streams(sh_degree: u32) -> impl Iterator<Item = (usize, usize)> {
-    (0..=sh_degree).map(|d| ((d * d) as usize, num_sh_coefficients(d)))
+/// Places of a band's numbers among [`SplatCodes::sh`], in the order of a stream.
+fn places<'a>(
+    degrees: &'a [u8],
+    sh_degree: u32,
+    (degree, band): &(u8, Range<usize>),
+    channel: usize,
+) -> impl Iterator<Item = usize> + use<'a> {
+    let (width, degree) = (3 * num_sh_coefficients(sh_degree), *degree);
+    band.clone().flat_map(move |k| {
+        let with_band = degrees.iter().enumerate().filter(move |(_, own)| **own >= degree);
+        with_band.map(move |(splat, _)| splat * width + 3 * k + channel)
+    })
 }

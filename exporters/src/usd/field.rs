@@ -100,8 +100,20 @@ impl Field<'_> {
             asset.sh.extend_from_slice(first);
             asset.sh.extend(yup::sh(all).skip(3));
         }
+        let degrees = self.sh_degrees(n, degree)?;
+        asset.store_sh_degrees(degrees).map_err(|e| e.at(self.path))?;
         asset.maps = self.maps(n)?;
         Ok(())
+    }
+
+    /// SH degrees of `n` splats, at most `most`.
+    fn sh_degrees(&self, n: usize, most: u32) -> Result<Vec<u8>> {
+        if self.prim.value(OWN_SH_DEGREE).is_none() {
+            return crate::limits::filled(n, most as u8).map_err(|e| e.at(self.path));
+        }
+        let degrees = self.ints(OWN_SH_DEGREE, Form::One, n)?.iter().map(|&degree| u8::try_from(degree));
+        let what = |_| Error::invalid(self.path, format!("{OWN_SH_DEGREE}: not all are 0 to {most}"));
+        degrees.collect::<Result<_, _>>().map_err(what)
     }
 
     /// Maps of `n` splats: their sides, and where their texels will stand.

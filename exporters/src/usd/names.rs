@@ -45,6 +45,8 @@ pub(super) const PAGE: &str = "primvars:litetex:page";
 pub(super) const TEXEL_SIZE: &str = "primvars:litetex:texelSize";
 /// Half texels; absent if all maps are centred.
 pub(super) const SHIFT: &str = "primvars:litetex:shift";
+/// Degrees of splats; absent if all have that of the field.
+pub(super) const OWN_SH_DEGREE: &str = "primvars:litetex:shDegree";
 /// SH of degree 0 without the mean of the map.
 pub(super) const SH0: &str = "primvars:litetex:sh0";
 pub(super) const DECODE_SCALE: &str = "primvars:litetex:decodeScale";

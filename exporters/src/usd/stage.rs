@@ -120,6 +120,11 @@ fn textured_splats(asset: &SplatAsset, images: &Images) -> Prim {
         Property::new("float2[]", TEXEL_SIZE, floats(Form::Vec2, texel_sizes)).interpolated("vertex"),
         Property::new("float3[]", SH0, numbers::exact_sh0(asset)).interpolated("vertex"),
     ]);
+    if asset.sh_degrees.iter().any(|&degree| u32::from(degree) != asset.sh_degree) {
+        let degrees = asset.sh_degrees.iter().map(|&degree| degree.into()).collect();
+        prim.properties
+            .push(Property::new("int[]", OWN_SH_DEGREE, ints(Form::One, degrees)).interpolated("vertex"));
+    }
     if asset.maps.iter().any(|m| m.shift != [0; 2]) {
         let shifts = asset.maps.iter().flat_map(|m| m.shift.map(i32::from)).collect();
         prim.properties.push(Property::new("int2[]", SHIFT, ints(Form::Vec2, shifts)).interpolated("vertex"));

@@ -72,6 +72,8 @@ fn broken_json_is_reported() {
         ("LT1021", |j| drop(j.pointer_mut(OURS).unwrap().as_object_mut().unwrap().remove("meta"))),
         ("LT1021", |j| drop(j.pointer_mut(OURS).unwrap().as_object_mut().unwrap().remove("texelSize"))),
         ("LT1021", |j| j.pointer_mut(OURS).unwrap()["shift"] = json!(0)),
+        ("LT1021", |j| j.pointer_mut(OURS).unwrap()["shDegree"] = json!(0)),
+        ("LT1025", |j| drop(j.pointer_mut(OURS).unwrap().as_object_mut().unwrap().remove("shDegree"))),
         ("LT1021", |j| j.pointer_mut(OURS).unwrap()["hash"] = json!("+123456789abcdef")),
         ("LT1021", |j| j.pointer_mut(OURS).unwrap()["quality"] = json!("best")),
         ("LT1021", |j| j.pointer_mut(OURS).unwrap()["texelSize"] = json!(0)),

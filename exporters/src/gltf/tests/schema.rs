@@ -21,6 +21,7 @@ fn worked_example() -> SplatAsset {
     ];
     SplatAsset {
         sh_degree: 1,
+        sh_degrees: vec![1],
         positions: vec![yup::position([0.25, -0.125, -2.0])],
         rotations: vec![yup::rotation_back([0.8, 0.0, 0.6, 0.0])],
         scales: vec![[0.25, 0.125]],

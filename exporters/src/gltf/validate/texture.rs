@@ -2,6 +2,7 @@
 
 use crate::atlas::Atlas;
 use crate::contents::Issues;
+use crate::gltf::accessor::Component;
 use crate::gltf::extension::TextureExtension;
 use crate::gltf::loaded::Loaded;
 use crate::gltf::scene::Found;
@@ -29,6 +30,11 @@ pub fn check(loaded: &Loaded<'_>, found: &Found<'_>, value: &Value, issues: &mut
     }
     let position = found.primitive.attributes.get("POSITION");
     let position = position.and_then(|&i| loaded.accessor(i, "POSITION").ok());
+    if let (Some(index), Some(view)) = (extension.sh_degree, &position)
+        && let Err(e) = pages::own_array(loaded, index, "shDegree", (1, &[Component::U8]), view.count)
+    {
+        issues.error("LT1021", &format!("{place}/shDegree"), e.text());
+    }
     // Otherwise an error of the attribute.
     if let Some(view) = position {
         check_atlas(loaded, &extension, view.count, &place, issues);
