@@ -188,21 +188,6 @@ pub fn take_or_zeros(block: &mut &[u8], n: usize) -> Result<Vec<u32>> {
     }
 }
 
-/// Takes the shifts of `n` maps off the front: two streams, along u and v.
-///
-/// # Errors
-/// As [`take_numbers`]; [`Error::Invalid`] beyond 16 bits.
-pub fn take_shifts(block: &mut &[u8], n: usize) -> Result<Vec<[i16; 2]>> {
-    let mut shifts = crate::limits::filled(n, [0; 2])?;
-    for axis in 0..2 {
-        for (shift, number) in shifts.iter_mut().zip(take_or_zeros(block, n)?) {
-            let beyond = |_| damaged(&format!("shift {} of a map, beyond 16 bits", unzigzag(number)));
-            shift[axis] = i16::try_from(unzigzag(number)).map_err(beyond)?;
-        }
-    }
-    Ok(shifts)
-}
-
 /// Takes a stream of exactly `count` bytes off the front.
 ///
 /// # Errors

@@ -1,8 +1,9 @@
 //! Chunks of a lossless file: the bytes of f32 numbers sorted by their significance, because high bytes are similar
 //! and low bytes are noise. Splats keep the order of the asset.
 
-use super::degrees::{bands, put_degrees, take_degrees};
-use super::integers::{put_bytes, put_numbers, take_bytes, take_exactly, take_shifts, unless_zeros, zigzag};
+use super::bands::{bands, put_degrees, take_degrees};
+use super::integers::{put_bytes, put_numbers, take_bytes, take_exactly, zigzag};
+use super::maps::{put_shifts, take_shifts};
 use super::tally::Tally;
 use crate::limits::filled;
 use crate::{AssetMap, Error, Result, SplatAsset, num_sh_coefficients};
@@ -69,14 +70,11 @@ pub fn encode_geometry(asset: &SplatAsset, splats: Range<usize>, level: i32) -> 
     }
     let sizes = |axis: usize| maps.iter().map(move |m| m.texel_sizes[axis].to_bits());
     put_planes(&mut block, &sizes(0).map(u32::to_le_bytes).collect::<Vec<_>>(), 1, level);
-    // Equal sizes and powers of two leave zeros.
+    // Equal sizes leave zeros, and ratios that are powers of two mostly so.
     let ratios: Vec<[u8; 4]> = sizes(0).zip(sizes(1)).map(|(u, v)| (u ^ v).to_le_bytes()).collect();
     put_planes(&mut block, &ratios, 1, level);
-    for axis in 0..2 {
-        let textured = maps.iter().filter(|m| m.num_texels() > 0);
-        let shifts = textured.map(|m| zigzag(m.shift[axis].into())).collect();
-        put_numbers(&mut block, &unless_zeros(shifts), level);
-    }
+    let shifts: Vec<[i16; 2]> = maps.iter().filter(|m| m.num_texels() > 0).map(|m| m.shift).collect();
+    put_shifts(&mut block, &shifts, level);
     put_floats(&mut block, asset.positions[splats.clone()].as_flattened(), 3, level);
     put_floats(&mut block, asset.rotations[splats.clone()].as_flattened(), 4, level);
     put_floats(&mut block, asset.scales[splats.clone()].as_flattened(), 2, level);

@@ -13,16 +13,18 @@
 //! Lossless files hold the bytes of the numbers; others hold numbers rounded by [`Steps`], which the caller chooses by
 //! rendering what [`quantised`] returns.
 
+mod bands;
 mod bits;
 mod check;
 mod colour;
-mod degrees;
 mod header;
 mod integers;
 mod lossless;
+mod maps;
 mod math;
 mod morton;
 mod plan;
+mod positions;
 mod read;
 mod shape;
 mod splats;

@@ -1,14 +1,8 @@
 //! The splats of a chunk of a lossy file as columns of codes.
 
-use super::bits::{BitReader, BitWriter};
 use super::colour::{luma_chroma, rgb};
-use super::degrees::{bands, put_degrees, take_degrees};
-use super::integers::{
-    put_bytes, put_numbers, take_bytes, take_exactly, take_or_zeros, take_shifts, unless_zeros, unzigzag,
-    zigzag,
-};
+use super::integers::{put_bytes, put_numbers, take_exactly, unzigzag, zigzag};
 use super::math::two_to;
-use super::morton::{coordinates, morton};
 use super::shape::{self, EXPONENT_MAX, Shape, TexelSizeCodes};
 use super::steps::Quantiser;
 use super::tally::Tally;
@@ -16,7 +10,6 @@ use super::texels::Map;
 use crate::limits::filled;
 use crate::sh::SH_0;
 use crate::{AssetMap, Error, MAP_SIDE_MAX, Result, SplatAsset, num_sh_coefficients};
-use std::ops::Range;
 
 /// The codes of a chunk. Colours of degree 0 contain the means of maps.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -159,13 +152,8 @@ impl SplatCodes {
         for axis in 0..2 {
             put(self.scales.iter().map(|s| zigzag(s[axis])).collect());
         }
-        let column = |of: fn(&TexelSizeCodes) -> i32| self.texel_sizes.iter().map(of).map(zigzag).collect();
-        put(column(|c| c.mean));
-        put(unless_zeros(column(|c| c.octaves)));
-        put(unless_zeros(column(|c| c.rest)));
-        for axis in 0..2 {
-            put(unless_zeros(self.shifts.iter().map(|s| zigzag(s[axis].into())).collect()));
-        }
+        self.put_texel_sizes(&mut block, level);
+        let mut put = |numbers: Vec<u32>| put_numbers(&mut block, &numbers, level);
         put(self.largest.clone());
         for axis in 0..3 {
             put(self.rotations.iter().map(|r| zigzag(r[axis])).collect());
@@ -177,42 +165,6 @@ impl SplatCodes {
         put_numbers(&mut block, &self.opacities, level);
         self.put_band(&mut block, sh_degree, (0, 0..1), level);
         Ok(block)
-    }
-
-    /// Encodes the block of SH above degree 0.
-    pub fn encode_sh(&self, sh_degree: u32, level: i32) -> Vec<u8> {
-        let mut block = Vec::new();
-        if sh_degree > 0 {
-            put_degrees(&mut block, &self.degrees, sh_degree, level);
-        }
-        bands(sh_degree).for_each(|band| self.put_band(&mut block, sh_degree, band, level));
-        block
-    }
-
-    /// Appends the coefficients that a degree adds: a stream for each channel, coefficient by coefficient, of the splats
-    /// that have them.
-    fn put_band(&self, block: &mut Vec<u8>, sh_degree: u32, band: (u8, Range<usize>), level: i32) {
-        for channel in 0..3 {
-            let places = places(&self.degrees, sh_degree, &band, channel);
-            let numbers: Vec<u32> = places.map(|place| zigzag(self.sh[place])).collect();
-            put_numbers(block, &numbers, level);
-        }
-    }
-
-    /// Differences between the Morton numbers of cells, and positions within cells.
-    fn gaps_and_places(&self, quantiser: &Quantiser) -> Result<(Vec<u64>, Vec<u8>)> {
-        let cell_bits = quantiser.grid.cell_bits;
-        let (mut gaps, mut places, mut last) = (Vec::new(), BitWriter::default(), 0);
-        for (shape, position) in self.shapes(quantiser)?.iter().zip(&self.positions) {
-            let cell = morton(position.map(|c| c.checked_shr(cell_bits).unwrap_or(0)));
-            gaps.push(cell.wrapping_sub(last));
-            last = cell;
-            let bits = shape.position_exponent(quantiser);
-            for c in position {
-                places.put(c >> bits, cell_bits - bits);
-            }
-        }
-        Ok((gaps, places.finish()))
     }
 
     /// The inverse of [`Self::encode_geometry`] for `n` splats, and of [`Self::encode_sh`].
@@ -281,55 +233,11 @@ impl SplatCodes {
         Ok(codes)
     }
 
-    fn take_texel_sizes(&mut self, block: &mut &[u8]) -> Result<()> {
-        let textured = self.sides.iter().filter(|s| s[0] > 0).count();
-        self.texel_sizes = vec![TexelSizeCodes::default(); textured];
-        for (codes, mean) in self.texel_sizes.iter_mut().zip(take_exactly(block, textured)?) {
-            codes.mean = unzigzag(mean);
-        }
-        for (codes, octaves) in self.texel_sizes.iter_mut().zip(take_or_zeros(block, textured)?) {
-            codes.octaves = unzigzag(octaves);
-        }
-        for (codes, rest) in self.texel_sizes.iter_mut().zip(take_or_zeros(block, textured)?) {
-            codes.rest = unzigzag(rest);
-        }
-        self.shifts = take_shifts(block, textured)?;
-        Ok(())
-    }
-
-    fn take_positions(&mut self, block: &mut &[u8], quantiser: &Quantiser) -> Result<()> {
-        let n = self.exponents.len();
-        let high = take_exactly(block, n)?;
-        let low = take_exactly(block, n)?;
-        let grid = &quantiser.grid;
-        let exponents: Vec<u32> =
-            self.shapes(quantiser)?.iter().map(|s| s.position_exponent(quantiser)).collect();
-        let num_bits: u64 = exponents.iter().map(|&e| 3 * u64::from(grid.cell_bits - e)).sum();
-        let places = take_bytes(block, num_bits.div_ceil(8) as usize)?;
-        let mut places = BitReader::new(&places);
-        let mut cell = 0_u64;
-        let limit = 1_u64 << (3 * (grid.bits - grid.cell_bits));
-        for (splat, &exponent) in exponents.iter().enumerate() {
-            let gap = u64::from(high[splat]) << 31 | u64::from(low[splat] & 0x7fff_ffff);
-            cell = cell
-                .checked_add(gap)
-                .filter(|&cell| cell < limit)
-                .ok_or_else(|| Error::invalid("", format!("cell of splat {splat} lies outside the grid")))?;
-            let mut corner = [0; 3];
-            for (corner, of_cell) in corner.iter_mut().zip(coordinates(cell)) {
-                let place = places
-                    .take(grid.cell_bits - exponent)
-                    .ok_or_else(|| Error::invalid("", "positions: too few bits"))?;
-                // At most 31 bits, as checked with the grid.
-                *corner = of_cell.checked_shl(grid.cell_bits).unwrap_or(0) | place << exponent;
-            }
-            self.positions.push(corner);
-        }
-        if places.is_spent() { Ok(()) } else { Err(Error::invalid("", "positions: too many bits")) }
-    }
-
     /// Shapes of the splats, from the codes that precede positions.
-    fn shapes(&self, quantiser: &Quantiser) -> Result<Vec<Shape>> {
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] if there are fewer codes of texel sizes than maps.
+    pub fn shapes(&self, quantiser: &Quantiser) -> Result<Vec<Shape>> {
         let mut texel_sizes = self.texel_sizes.iter();
         let mut of_splat = |splat: usize| {
             let (exponent, [rows, cols]) = (self.exponents[splat], self.sides[splat]);
@@ -343,47 +251,4 @@ impl SplatCodes {
         };
         (0..self.exponents.len()).map(&mut of_splat).collect()
     }
-
-    fn take_sh(&mut self, mut block: &[u8], sh_degree: u32, tally: &mut Tally) -> Result<()> {
-        let before = block.len();
-        if sh_degree > 0 {
-            self.degrees = take_degrees(&mut block, self.degrees.len(), sh_degree)?;
-        }
-        let before = tally.add("sh_degrees", before, block.len());
-        for band in bands(sh_degree) {
-            self.take_band(&mut block, sh_degree, band)?;
-        }
-        tally.add("sh_rest", before, block.len());
-        if block.is_empty() {
-            Ok(())
-        } else {
-            Err(Error::invalid("", format!("SH: {} bytes too many", block.len())))
-        }
-    }
-
-    /// The inverse of [`Self::put_band`].
-    fn take_band(&mut self, block: &mut &[u8], sh_degree: u32, band: (u8, Range<usize>)) -> Result<()> {
-        for channel in 0..3 {
-            let places = || places(&self.degrees, sh_degree, &band, channel);
-            let numbers = take_exactly(block, places().count())?;
-            for (place, number) in places().zip(numbers) {
-                self.sh[place] = unzigzag(number);
-            }
-        }
-        Ok(())
-    }
-}
-
-/// Places of a band's numbers among [`SplatCodes::sh`], in the order of a stream.
-fn places<'a>(
-    degrees: &'a [u8],
-    sh_degree: u32,
-    (degree, band): &(u8, Range<usize>),
-    channel: usize,
-) -> impl Iterator<Item = usize> + use<'a> {
-    let (width, degree) = (3 * num_sh_coefficients(sh_degree), *degree);
-    band.clone().flat_map(move |k| {
-        let with_band = degrees.iter().enumerate().filter(move |(_, own)| **own >= degree);
-        with_band.map(move |(splat, _)| splat * width + 3 * k + channel)
-    })
 }
