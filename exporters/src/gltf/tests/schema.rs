@@ -153,10 +153,11 @@ fn the_worked_example_matches_the_file() {
     let (json, bin) = split(&bytes);
     let results = drawn(&File { json, bin });
     let (_, example) = SPECIFICATION.split_once("## 11.").unwrap();
+    let (centred, _) = example.split_once("unequal texel sizes").unwrap();
     let mut compared = 0;
     for (name, found) in &results {
         // The last row of that name: inputs stand above results.
-        let line = example.lines().rfind(|l| l.starts_with(&format!("| {name} |"))).unwrap();
+        let line = centred.lines().rfind(|l| l.starts_with(&format!("| {name} |"))).unwrap();
         let (_, results) = line.split_once(" | ").unwrap();
         let told = numbers(results);
         for (told, found) in told.iter().zip(found) {
@@ -165,7 +166,20 @@ fn the_worked_example_matches_the_file() {
             compared += 1;
         }
     }
-    assert_eq!(compared, 31, "all numbers were compared");
+    // Unequal texel sizes and a shift.
+    let mut shifted = worked_example();
+    (shifted.maps[0].texel_sizes, shifted.maps[0].shift) = ([0.125, 0.25], [-3, 1]);
+    let (json, bin) = split(&encode_glb(&shifted, &options(Quality::Lossless)).unwrap());
+    for (name, found) in drawn(&File { json, bin }) {
+        let Some(line) = example.lines().find(|l| l.starts_with(&format!("| shifted {name} |"))) else {
+            continue;
+        };
+        for (told, found) in numbers(line.split_once(" | ").unwrap().1).iter().zip(&found) {
+            assert!((told - found).abs() < 7e-7, "shifted {name}: {told} {found}");
+            compared += 1;
+        }
+    }
+    assert_eq!(compared, 39, "all numbers were compared");
     // Negative control: one wrong texel shows.
     let mut other = worked_example();
     other.texels[4] += 0.001;
