@@ -83,8 +83,7 @@ fn clamped_edges(asset: &mut SplatAsset) {
             continue;
         }
         let (rows, cols) = (usize::from(map.rows), usize::from(map.cols));
-        asset.maps[i] =
-            AssetMap { offset_texels, rows: map.rows + 2, cols: map.cols + 2, texel_size: map.texel_size };
+        asset.maps[i] = AssetMap { offset_texels, rows: map.rows + 2, cols: map.cols + 2, ..*map };
         for row in 0..rows + 2 {
             for col in 0..cols + 2 {
                 let inner = row.clamp(1, rows) - 1;

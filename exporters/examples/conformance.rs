@@ -1,7 +1,7 @@
 //! Writes the scene that independent renderers are checked with (`tests/python/run_second.py`), in several formats:
 //! `cargo run --example conformance -- FOLDER`
 //!
-//! Every rule of rendering decides pixels of it: SH of degree 3, rectangular maps on several atlas pages,
+//! Every rule of rendering decides pixels of it: SH of degrees 0 to 3, rectangular maps on several atlas pages,
 //! off-centre principal points, unequal focal lengths, a coloured background; splats behind the camera and around the
 //! near plane, seen edge-on, opaque on top of each other, of equal depth, and as faint as 1/255. Seeded: the same files every time.
 
@@ -18,6 +18,8 @@ const NEAR: f32 = 0.25;
 /// Rows and columns of maps; (0, 0): none. Few are square, so that a transposed one is seen.
 const MAP_SIZES: [(u16, u16); 9] =
     [(1, 1), (2, 7), (16, 3), (0, 0), (9, 12), (40, 8), (5, 64), (1, 20), (24, 24)];
+/// SH degrees of splats, as far as the scene has them.
+const DEGREES: [u32; 5] = [3, 1, 3, 0, 2];
 /// So small that there are several pages.
 const PAGE_SIDE: u16 = 128;
 
@@ -188,18 +190,22 @@ fn scene(sh_degree: u32, kinds: impl Iterator<Item = usize>) -> SplatAsset {
         asset.rotations.push(rotation.map(|v| v as f32));
         asset.scales.push(sigmas);
         asset.opacities.push(opacity);
-        for k in 0..num_sh_coefficients(sh_degree) {
+        let degree = sh_degree.min(DEGREES[splat % DEGREES.len()]);
+        asset.sh_degrees.push(degree as u8);
+        for k in 0..num_sh_coefficients(degree) {
             let reach = [1.2, 0.4, 0.25, 0.2][[0, 1, 1, 1, 2, 2, 2, 2, 2].get(k).copied().unwrap_or(3)];
             asset.sh.extend((0..3).map(|_| random.between(-reach, reach)));
         }
+        asset.sh.resize((splat + 1) * 3 * num_sh_coefficients(sh_degree), 0.0);
         let (rows, cols) = MAP_SIZES[splat % MAP_SIZES.len()];
         // From half of the disc to beyond its end.
         let reach = random.between(0.8, 3.5);
-        let texel_size = match rows {
-            0 => 0.0,
-            _ => 2.0 * reach * f32::max(sigmas[0] / f32::from(rows), sigmas[1] / f32::from(cols)),
-        };
-        asset.maps.push(AssetMap { offset_texels, rows, cols, texel_size });
+        let mut map = AssetMap { offset_texels, rows, cols, ..AssetMap::default() };
+        if rows > 0 {
+            let texel_size = 2.0 * reach * f32::max(sigmas[0] / f32::from(rows), sigmas[1] / f32::from(cols));
+            map.texel_sizes = [texel_size; 2];
+        }
+        asset.maps.push(map);
         offset_texels += u32::from(rows) * u32::from(cols);
         asset.texels.extend(texels(rows, cols, &mut random));
     }

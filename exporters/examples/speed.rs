@@ -32,12 +32,13 @@ fn scene(num_splats: usize) -> SplatAsset {
         asset.rotations.push(q.map(|v| v / norm));
         asset.scales.push([(-5.5 + 0.6 * random.normal()).exp(), (-5.5 + 0.6 * random.normal()).exp()]);
         asset.opacities.push((0.6 + 0.2 * random.normal()).clamp(0.02, 1.0));
+        asset.sh_degrees.push(3);
         asset.sh.extend((0..48).map(|i| random.normal() * if i < 3 { 0.5 } else { 0.03 }));
         let side = |random: &mut Random| 2 * (1 + (12.0 * random.uniform().powi(2)) as u16);
         let (rows, cols) = (side(&mut random), side(&mut random));
         let texel_size = 3.0 * asset.scales[asset.scales.len() - 1][0] / f32::from(rows);
         let offset_texels = asset.num_texels() as u32;
-        asset.maps.push(AssetMap { offset_texels, rows, cols, texel_size });
+        asset.maps.push(AssetMap { offset_texels, rows, cols, texel_sizes: [texel_size; 2], shift: [0; 2] });
         let num_values = 3 * usize::from(rows) * usize::from(cols);
         asset.texels.extend((0..num_values).map(|_| (0.1 * random.normal()).clamp(-1.0, 1.0)));
     }

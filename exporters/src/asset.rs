@@ -65,14 +65,27 @@ pub struct AssetMap {
     pub rows: u16,
     /// Texels along the splat's tangent v; 0 if it has no map.
     pub cols: u16,
-    /// Texel size in local units; 0 if the splat has no map. Maps are centred on their splats.
-    pub texel_size: f32,
+    /// Texel sizes along u and v, local units; 0 if the splat has no map.
+    pub texel_sizes: [f32; 2],
+    /// The map's centre from the splat's along u and v, **half texels**; 0: centred.
+    pub shift: [i16; 2],
 }
 
 impl AssetMap {
     /// Rows times columns.
     pub fn num_texels(&self) -> usize {
         usize::from(self.rows) * usize::from(self.cols)
+    }
+
+    /// Texture coordinate of the splat's centre along u (axis 0) or v (axis 1): the centres of texels are whole numbers.
+    pub fn middle(&self, axis: usize) -> f64 {
+        let count = [self.rows, self.cols][axis];
+        0.5 * (f64::from(count) - 1.0 - f64::from(self.shift[axis]))
+    }
+
+    /// The smaller texel size, local units.
+    pub fn finer_texel_size(&self) -> f64 {
+        self.texel_sizes[0].min(self.texel_sizes[1]).into()
     }
 }
 
@@ -120,8 +133,10 @@ pub struct Provenance {
 /// A baked scene: 2D Gaussians in the local frame, each with a texture map of its own.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SplatAsset {
-    /// SH degree of `sh`, 0 to 3.
+    /// SH degree of `sh`, 0 to 3: the largest of `sh_degrees`.
     pub sh_degree: u32,
+    /// SH degree of each splat. `[n]`
+    pub sh_degrees: Vec<u8>,
     /// Centres, local frame. `[n]`
     pub positions: Vec<[f32; 3]>,
     /// `local_from_surfel` as unit quaternions **wxyz**; a splat's normal is its z axis. `[n]`
@@ -130,8 +145,8 @@ pub struct SplatAsset {
     pub scales: Vec<[f32; 2]>,
     /// In (0, 1]. `[n]`
     pub opacities: Vec<f32>,
-    /// Spherical harmonics with the signs and order of 3DGS; colour = max(0, 0.5 + sum).
-    /// `[n, (sh_degree + 1)^2, 3]`
+    /// Spherical harmonics with the signs and order of 3DGS; colour = max(0, 0.5 + sum). Those above a splat's own degree
+    /// are 0. `[n, (sh_degree + 1)^2, 3]`
     pub sh: Vec<f32>,
     /// One per splat, in order and without gaps between their texels. `[n]`
     pub maps: Vec<AssetMap>,
@@ -161,6 +176,7 @@ impl Default for SplatAsset {
     fn default() -> Self {
         Self {
             sh_degree: 0,
+            sh_degrees: Vec::new(),
             positions: Vec::new(),
             rotations: Vec::new(),
             scales: Vec::new(),
@@ -191,7 +207,7 @@ impl SplatAsset {
         self.texels.len() / 3
     }
 
-    /// SH coefficients of a splat. `[(sh_degree + 1)^2, 3]`
+    /// SH coefficients of a splat, 0 above its own degree. `[(sh_degree + 1)^2, 3]`
     pub fn sh_of(&self, splat: usize) -> &[f32] {
         let width = 3 * num_sh_coefficients(self.sh_degree);
         &self.sh[splat * width..(splat + 1) * width]
@@ -233,23 +249,22 @@ impl SplatAsset {
     /// centres of texels, and zero where the Gaussian lies outside the map.
     pub fn mean_residual(&self, splat: usize) -> [f64; 3] {
         let (map, texels) = (&self.maps[splat], self.texels_of(splat));
-        let [scale_u, scale_v] = self.scales[splat].map(f64::from);
-        let texel_size = f64::from(map.texel_size);
-        let falloff = |index: usize, count: u16, scale: f64| {
-            let d = (index as f64 - 0.5 * (f64::from(count) - 1.0)) * texel_size / scale;
+        let (scales, texel_sizes) = (self.scales[splat].map(f64::from), map.texel_sizes.map(f64::from));
+        let falloff = |index: usize, axis: usize| {
+            let d = (index as f64 - map.middle(axis)) * texel_sizes[axis] / scales[axis];
             (-0.5 * d * d).exp()
         };
         let (mut sum, mut weights) = ([0.0; 3], 0.0);
         for (i, texel) in texels.chunks_exact(3).enumerate() {
             let (row, col) = (i / usize::from(map.cols), i % usize::from(map.cols));
-            let weight = falloff(row, map.rows, scale_u) * falloff(col, map.cols, scale_v);
+            let weight = falloff(row, 0) * falloff(col, 1);
             weights += weight;
             for (s, &t) in sum.iter_mut().zip(texel) {
                 *s += weight * f64::from(t);
             }
         }
         // What the weights would sum to if the map covered all of the Gaussian.
-        let whole = std::f64::consts::TAU * scale_u * scale_v / (texel_size * texel_size);
+        let whole = std::f64::consts::TAU * scales[0] * scales[1] / (texel_sizes[0] * texel_sizes[1]);
         let total = f64::max(weights, whole);
         if total.is_finite() && total > 0.0 { sum.map(|s| s / total) } else { [0.0; 3] }
     }
@@ -259,7 +274,7 @@ impl SplatAsset {
 pub(crate) mod tests {
     use super::*;
 
-    /// A small pseudo-random asset with maps of several shapes, some splats without.
+    /// A small pseudo-random asset with maps of several shapes, some splats without, and SH of several degrees.
     pub(crate) fn fixture(num_splats: usize, sh_degree: u32) -> SplatAsset {
         let mut state = 7_u32;
         let mut random = move || {
@@ -280,10 +295,16 @@ pub(crate) mod tests {
             asset.scales.push([0.01 + 0.1 * random(), 0.01 + 0.1 * random()]);
             asset.opacities.push(0.02 + 0.97 * random());
             let width = 3 * num_sh_coefficients(sh_degree);
-            asset.sh.extend((0..width).map(|_| random() - 0.5));
+            let degree = [sh_degree, sh_degree, sh_degree.min(1), sh_degree, 0][i % 5];
+            asset.sh_degrees.push(degree as u8);
+            let own = 3 * num_sh_coefficients(degree);
+            asset.sh.extend((0..width).map(|k| if k < own { random() - 0.5 } else { 0.0 }));
             let (rows, cols) = [(2, 2), (0, 0), (5, 3)][i % 3];
-            let texel_size = if rows > 0 { 0.02 } else { 0.0 };
-            let map = AssetMap { offset_texels, rows, cols, texel_size };
+            let mut map = AssetMap { offset_texels, rows, cols, ..AssetMap::default() };
+            if rows > 0 {
+                map.texel_sizes = [[0.02; 2], [0.02, 0.04], [0.03, 0.02]][i / 3 % 3];
+                map.shift = [[0, 0], [1, 0], [0, 0], [-3, 2]][i / 3 % 4];
+            }
             asset.maps.push(map);
             offset_texels += map.num_texels() as u32;
             asset.texels.extend((0..3 * map.num_texels()).map(|_| 1.6 * (random() - 0.5)));
@@ -297,7 +318,8 @@ pub(crate) mod tests {
     fn mean_residual_of_a_full_map_is_its_constant() {
         let mut asset = fixture(1, 0);
         asset.scales[0] = [0.05, 0.03];
-        asset.maps[0] = AssetMap { offset_texels: 0, rows: 62, cols: 40, texel_size: 0.005 };
+        let texel_sizes = [0.005; 2];
+        asset.maps[0] = AssetMap { rows: 62, cols: 40, texel_sizes, ..AssetMap::default() };
         asset.texels = [0.25, -0.5, 1.0].repeat(62 * 40);
         let mean = asset.mean_residual(0);
         // The map ends at 3.1 and 3.3 sigma: 0.3 % of the Gaussian lie outside (needed 2.8e-3).
@@ -312,6 +334,19 @@ pub(crate) mod tests {
         let share = asset.mean_residual(0)[2];
         // Needed 5.2e-4 (midpoint rule).
         assert!((share - 0.682_69_f64.powi(2)).abs() < 2e-3, "{share}");
+        // Half as many texels of twice the length, and moved outwards along u by its half side: the integral over 0 to
+        // 2 sigma is 0.477.
+        asset.maps[0] = AssetMap {
+            rows: 10,
+            cols: 12,
+            texel_sizes: [0.01, 0.005],
+            shift: [10, 0],
+            ..AssetMap::default()
+        };
+        asset.texels = [0.25, -0.5, 1.0].repeat(10 * 12);
+        let share = asset.mean_residual(0)[2];
+        // Needed 9.7e-4.
+        assert!((share - 0.477_25 * 0.682_69).abs() < 2e-3, "{share}");
         // No map, no residual.
         assert_eq!(fixture(2, 0).mean_residual(1), [0.0; 3]);
     }

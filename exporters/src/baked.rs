@@ -14,7 +14,7 @@ pub struct Baked {
     pub opacity: f32,
     /// SH coefficients. `[(degree + 1)^2, 3]`
     pub sh: Vec<f64>,
-    /// Error of the centre as f32, in texels of the splat's map; 0 without a map.
+    /// Error of the centre as f32, in texels of the splat's map along its finer axis; 0 without a map.
     pub rounding_texels: f64,
 }
 
@@ -69,5 +69,5 @@ fn rounding_texels(position: [f64; 3], scale: f64, map: &AssetMap) -> f64 {
         return 0.0;
     }
     let squares = position.iter().map(|&v| (f64::from(v as f32) - v).powi(2));
-    squares.sum::<f64>().sqrt() / (scale * f64::from(map.texel_size))
+    squares.sum::<f64>().sqrt() / (scale * map.finer_texel_size())
 }

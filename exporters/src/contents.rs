@@ -17,7 +17,7 @@ pub enum Describes {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Section {
     /// Name. An attribute that is stored apart has the same name in all formats: `positions`, `rotations`, `scales`,
-    /// `opacities`, `sh0`, `sh_rest`, `maps`, `texels`, `metadata`, `fallback`, ...
+    /// `opacities`, `sh0`, `sh_rest`, `sh_degrees`, `maps`, `texels`, `metadata`, `fallback`, ...
     pub name: String,
     /// Its bytes in the file.
     pub bytes: u64,

@@ -7,7 +7,6 @@ impl SplatAsset {
     /// Keeps the splats whose entry in `keep` is true, in their order, and returns how many were removed. `keep`: `[n]`
     pub fn retain(&mut self, keep: &[bool]) -> usize {
         let before = self.num_splats();
-        let width = 3 * num_sh_coefficients(self.sh_degree);
         let kept = |i: &usize| keep.get(*i).copied().unwrap_or(true);
         let indices: Vec<usize> = (0..before).filter(kept).collect();
         if indices.len() == before {
@@ -18,13 +17,15 @@ impl SplatAsset {
             let offset_texels = (texels.len() / 3) as u32;
             maps.push(AssetMap { offset_texels, ..self.maps[i] });
             texels.extend_from_slice(self.texels_of(i));
-            sh.extend_from_slice(&self.sh[i * width..(i + 1) * width]);
+            sh.extend_from_slice(self.sh_of(i));
         }
         self.positions = indices.iter().map(|&i| self.positions[i]).collect();
         self.rotations = indices.iter().map(|&i| self.rotations[i]).collect();
         self.scales = indices.iter().map(|&i| self.scales[i]).collect();
         self.opacities = indices.iter().map(|&i| self.opacities[i]).collect();
+        self.sh_degrees = indices.iter().map(|&i| self.sh_degrees[i]).collect();
         (self.maps, self.texels, self.sh) = (maps, texels, sh);
+        self.fit_sh_degree();
         before - indices.len()
     }
 
@@ -77,9 +78,9 @@ impl SplatAsset {
             let norm = quaternion::norm(q);
             out.rotations[i] = q.map(|v| (v / norm) as f32);
             out.scales[i] = self.scales[i].map(|s| (f64::from(s) * factor) as f32);
-            out.maps[i].texel_size = (f64::from(self.maps[i].texel_size) * factor) as f32;
+            out.maps[i].texel_sizes = self.maps[i].texel_sizes.map(|k| (f64::from(k) * factor) as f32);
             let sh = &mut out.sh[i * width..(i + 1) * width];
-            sh.iter_mut().zip(sh_turn.apply(self.sh_of(i))).for_each(|(new, v)| *new = v as f32);
+            sh.iter_mut().zip(sh_turn.apply(self.own_sh_of(i))).for_each(|(new, v)| *new = v as f32);
         }
         out.near = (f64::from(self.near) * factor) as f32;
         let new_from_old = capture_from_new.inverse().after(old);

@@ -5,11 +5,10 @@ use std::hash::Hasher as _;
 use twox_hash::XxHash3_64;
 
 impl SplatAsset {
-    /// xxh3-64 of everything that renders depend on, little-endian: SH degree, number of splats and filter (u32 each; 0:
-    /// none, 1: ewa), near plane, positions, rotations, scales, opacities, SH, rows and columns (u16) and texel size of each map, texels.
+    /// xxh3-64 of everything that renders depend on, little-endian: number of splats and filter (u32 each; 0: none, 1: ewa),
+    /// near plane, positions, rotations, scales, opacities; SH degrees (u8); SH up to the degree of each splat; rows, columns (u16), texel sizes and shift (i16) of each map; texels.
     pub fn hash(&self) -> u64 {
         let mut hasher = XxHash3_64::new();
-        hasher.write(&self.sh_degree.to_le_bytes());
         hasher.write(&(self.num_splats() as u32).to_le_bytes());
         hasher.write(&u32::from(self.filter == Filter::Ewa).to_le_bytes());
         let floats = |hasher: &mut XxHash3_64, values: &[f32]| {
@@ -24,11 +23,13 @@ impl SplatAsset {
         floats(&mut hasher, self.rotations.as_flattened());
         floats(&mut hasher, self.scales.as_flattened());
         floats(&mut hasher, &self.opacities);
-        floats(&mut hasher, &self.sh);
+        hasher.write(&self.sh_degrees);
+        (0..self.num_splats()).for_each(|splat| floats(&mut hasher, self.own_sh_of(splat)));
         for map in &self.maps {
             hasher.write(&map.rows.to_le_bytes());
             hasher.write(&map.cols.to_le_bytes());
-            hasher.write(&map.texel_size.to_le_bytes());
+            map.texel_sizes.iter().for_each(|k| hasher.write(&k.to_le_bytes()));
+            map.shift.iter().for_each(|s| hasher.write(&s.to_le_bytes()));
         }
         floats(&mut hasher, &self.texels);
         hasher.finish()
@@ -47,15 +48,18 @@ mod tests {
         titled.cameras.clear();
         assert_eq!(titled.hash(), asset.hash());
         type Change = fn(&mut crate::SplatAsset);
-        let changes: [Change; 9] = [
+        let changes: [Change; 12] = [
             |a| a.filter = crate::Filter::Ewa,
             |a| a.positions[8][2] += 1e-6,
             |a| a.rotations[0][3] *= -1.0,
             |a| a.scales[4][1] *= 1.0 + 1e-6,
             |a| a.opacities[8] *= 0.5,
             |a| a.sh[200] += 1e-6,
+            |a| a.sh_degrees[4] = 1,
             |a| (a.maps[2].rows, a.maps[2].cols) = (3, 5),
-            |a| a.maps[5].texel_size *= 1.01,
+            |a| a.maps[5].texel_sizes[0] *= 1.01,
+            |a| a.maps[5].texel_sizes[1] *= 1.01,
+            |a| a.maps[5].shift[1] += 1,
             |a| a.texels[50] = 0.0,
         ];
         for (i, change) in changes.iter().enumerate() {

@@ -9,6 +9,7 @@ mod asset;
 mod atlas;
 mod baked;
 mod contents;
+mod degrees;
 mod edit;
 mod ellipsoid;
 mod error;

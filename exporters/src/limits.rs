@@ -33,9 +33,9 @@ impl ReadLimits {
     }
 }
 
-/// Bytes of a splat in [`crate::SplatAsset`] without the texels of its map: 232 at degree 3, and 12 for the map.
+/// Bytes of a splat in [`crate::SplatAsset`] without the texels of its map: 233 at degree 3, and 20 for the map.
 pub(crate) fn splat_bytes(sh_degree: u32) -> u64 {
-    4 * (3 + 4 + 2 + 1 + 3 + 3 * num_sh_coefficients(sh_degree.min(3)) as u64)
+    1 + 4 * (3 + 4 + 2 + 1 + 5 + 3 * num_sh_coefficients(sh_degree.min(3)) as u64)
 }
 
 /// An empty vector with room for `count` values. Fails where allocation fails: counts come from files and must not abort
@@ -57,6 +57,7 @@ pub(crate) fn filled<T: Clone>(count: usize, value: T) -> Result<Vec<T>> {
 pub(crate) fn room_for_splats(count: usize, sh_degree: u32) -> Result<SplatAsset> {
     Ok(SplatAsset {
         sh_degree,
+        sh_degrees: with_room(count)?,
         positions: with_room(count)?,
         rotations: with_room(count)?,
         scales: with_room(count)?,
@@ -85,11 +86,12 @@ mod tests {
                 + size_of_val(&asset.rotations[..])
                 + size_of_val(&asset.scales[..])
                 + size_of_val(&asset.opacities[..])
+                + size_of_val(&asset.sh_degrees[..])
                 + size_of_val(&asset.sh[..])
                 + size_of_val(&asset.maps[..]);
             assert_eq!(10 * splat_bytes(degree), bytes as u64);
         }
-        assert_eq!(splat_bytes(3), 244);
+        assert_eq!(splat_bytes(3), 253);
     }
 
     #[test]

@@ -2,7 +2,7 @@
 //! bit.
 
 use crate::{AssetCamera, ColourSpace, Filter, Provenance, SplatAsset, Transform};
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, Serializer};
 
 /// Most bytes of the object's text that readers accept.
 pub const META_BYTES_MAX: usize = 16 << 20;
@@ -11,11 +11,13 @@ pub const META_BYTES_MAX: usize = 16 << 20;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub struct Meta {
-    /// Near plane, local units.
+    /// Near plane, local units; an f32, written with all the digits of the f64 that it equals.
+    #[serde(serialize_with = "exactly")]
     pub near: f32,
     /// `"none"` or `"ewa"`.
     pub filter: Filter,
-    /// Background of the training, in the colour space.
+    /// Background of the training, in the colour space; written as `near` is.
+    #[serde(serialize_with = "each_exactly")]
     pub background: [f32; 3],
     /// `"srgb_rec709_display"` or `"lin_rec709_display"`.
     pub colour_space: ColourSpace,
@@ -28,6 +30,16 @@ pub struct Meta {
     pub provenance: Provenance,
     /// Cameras of the capture.
     pub cameras: Vec<AssetCamera>,
+}
+
+/// Writes an f32 so that readers of f64 get the same number from every format.
+fn exactly<S: Serializer>(value: &f32, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_f64((*value).into())
+}
+
+/// See [`exactly`].
+fn each_exactly<S: Serializer>(values: &[f32; 3], serializer: S) -> Result<S::Ok, S::Error> {
+    values.map(f64::from).serialize(serializer)
 }
 
 impl Meta {
@@ -77,6 +89,12 @@ mod tests {
         asset.colour_space = ColourSpace::LinRec709Display;
         asset.provenance.training.insert("steps".into(), "7000".into());
         let text = serde_json::to_string(&Meta::of(&asset)).unwrap();
+        // The same digits as in a tree of JSON values, which holds numbers as f64.
+        assert_eq!(
+            serde_json::to_value(Meta::of(&asset)).unwrap(),
+            serde_json::from_str::<serde_json::Value>(&text).unwrap()
+        );
+        assert!(text.contains(&format!("\"near\":{:?},", f64::from(asset.near))), "{text}");
         assert!(text.contains("\"lin_rec709_display\"") && text.contains("\"captureFromLocal\""), "{text}");
         let mut read = SplatAsset { near: 9.0, ..asset.clone() };
         serde_json::from_str::<Meta>(&text).unwrap().store(&mut read);

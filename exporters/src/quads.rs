@@ -107,12 +107,13 @@ fn extent(asset: &SplatAsset, splat: usize, page_side: u16) -> Baked {
     let reach = (2.0 * (opacity / ALPHA_MIN).ln()).sqrt().min(SIGMA_MAX);
     let half = asset.scales[splat].map(|s| f64::from(s) * reach);
     // As fine as the map, but not many more texels where a splat has outgrown its map.
-    let texels = |half: f64, of_map: u16| {
+    let texels = |axis: usize| {
+        let of_map = [map.rows, map.cols][axis];
         let most = of_map.saturating_mul(2).clamp(SIDE_MIN, page_side.max(SIDE_MIN));
-        let wanted = (2.0 * half / f64::from(map.texel_size)).ceil() + 1.0;
+        let wanted = (2.0 * half[axis] / f64::from(map.texel_sizes[axis])).ceil() + 1.0;
         if of_map == 0 { SIDE_MIN } else { wanted.clamp(SIDE_MIN.into(), most.into()) as u16 }
     };
-    Baked { splat, half, size: [texels(half[1], map.cols), texels(half[0], map.rows)] }
+    Baked { splat, half, size: [texels(1), texels(0)] }
 }
 
 /// Coordinate of a texel, one of `count` from `-half` to `half`.
@@ -157,9 +158,8 @@ fn sample(map: &AssetMap, texels: &[f32], a: f64, b: f64) -> [f64; 3] {
     if map.num_texels() == 0 {
         return sum;
     }
-    let k = f64::from(map.texel_size);
-    let u = a / k + 0.5 * (f64::from(map.rows) - 1.0);
-    let v = b / k + 0.5 * (f64::from(map.cols) - 1.0);
+    let u = a / f64::from(map.texel_sizes[0]) + map.middle(0);
+    let v = b / f64::from(map.texel_sizes[1]) + map.middle(1);
     for row in [u.floor(), u.floor() + 1.0] {
         for col in [v.floor(), v.floor() + 1.0] {
             if row < 0.0 || col < 0.0 || row >= f64::from(map.rows) || col >= f64::from(map.cols) {
@@ -231,7 +231,7 @@ mod tests {
         asset.scales[0] = [0.1, 0.2];
         asset.opacities[0] = 0.8;
         asset.sh[..3].copy_from_slice(&[0.5, -0.5, 0.0]);
-        asset.maps[0].texel_size = 10.0;
+        asset.maps[0].texel_sizes = [10.0; 2];
         asset.texels[..3].copy_from_slice(&[0.25, 0.0, -1.0]);
         let baked = Quads::of(&asset, 10, 64).unwrap();
         let quad = &baked.quads[0];

@@ -32,6 +32,7 @@ impl SplatAsset {
             ("scales", self.scales.len(), n),
             ("opacities", self.opacities.len(), n),
             ("maps", self.maps.len(), n),
+            ("SH degrees", self.sh_degrees.len(), n),
             ("sh", self.sh.len(), n * sh_width),
         ];
         if let Some((name, found, expected)) = lengths.iter().find(|(_, found, expected)| found != expected) {
@@ -51,6 +52,7 @@ impl SplatAsset {
             return invalid(format!("background {:?} is not in [0, 1]", self.background));
         }
         (0..n).try_for_each(|splat| self.validate_splat(splat))?;
+        self.validate_sh_degrees()?;
         self.validate_maps()?;
         self.validate_cameras()
     }
@@ -98,10 +100,10 @@ impl SplatAsset {
             if map.num_texels() == 0
                 && *map != (AssetMap { offset_texels: map.offset_texels, ..AssetMap::default() })
             {
-                return offence(format!("{map:?} is empty, but not 0 x 0 with texel size 0"));
+                return offence(format!("{map:?} is empty, but not 0 x 0 with texel sizes and shift 0"));
             }
-            if map.num_texels() > 0 && !(map.texel_size > 0.0 && map.texel_size.is_finite()) {
-                return offence(format!("texel size {} is not positive", map.texel_size));
+            if map.num_texels() > 0 && !map.texel_sizes.iter().all(|&k| k > 0.0 && k.is_finite()) {
+                return offence(format!("texel sizes {:?} are not positive", map.texel_sizes));
             }
             next += map.num_texels();
         }
@@ -147,7 +149,7 @@ mod tests {
     #[test]
     fn every_broken_rule_is_reported() {
         type Break = fn(&mut SplatAsset);
-        let breaks: [(&str, Break); 19] = [
+        let breaks: [(&str, Break); 25] = [
             ("position", |a| a.positions[1][2] = f32::NAN),
             ("rotation", |a| a.rotations[2] = [0.0; 4]),
             ("rotation", |a| a.rotations[2][0] += 0.01),
@@ -157,15 +159,24 @@ mod tests {
             ("opacity", |a| a.opacities[3] = 0.0),
             ("spherical", |a| a.sh[40] = f32::NEG_INFINITY),
             ("sh:", |a| a.sh.truncate(5)),
+            ("SH degrees:", |a| a.sh_degrees.truncate(6)),
+            ("SH degree", |a| a.sh_degrees[0] = 2),
+            ("SH degree", |a| a.sh_degrees[0] = 0),
+            ("no splat has more", |a| {
+                a.sh_degrees.fill(0);
+                a.sh.chunks_exact_mut(12).for_each(|sh| sh[3..].fill(0.0));
+            }),
             ("offset", |a| a.maps[2].offset_texels += 1),
-            ("texel size", |a| a.maps[0].texel_size = -1.0),
+            ("texel sizes", |a| a.maps[0].texel_sizes[0] = -1.0),
+            ("texel sizes", |a| a.maps[0].texel_sizes[1] = f32::INFINITY),
             ("texel", |a| a.texels[9] = 1.01),
             ("texel values", |a| a.texels.truncate(9)),
             ("captureFromLocal", |a| a.capture_from_local.scale = 0.0),
             ("worldFromCapture", |a| a.world_from_capture.rotation[1] = 0.1),
             ("near", |a| a.near = -1.0),
             ("empty", |a| a.maps[1].cols = 3),
-            ("empty", |a| a.maps[1].texel_size = 0.1),
+            ("empty", |a| a.maps[1].texel_sizes[1] = 0.1),
+            ("empty", |a| a.maps[1].shift[0] = 1),
             ("background", |a| a.background[2] = f32::NAN),
         ];
         for (word, change) in breaks {

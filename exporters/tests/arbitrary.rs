@@ -43,8 +43,10 @@ struct Splat {
     rotation: [f64; 4],
     scales: [f32; 2],
     opacity: f32,
+    degree: u8,
     sh: Vec<f32>,
-    texel_size: f32,
+    texel_sizes: [f32; 2],
+    shift: [i16; 2],
     sides: [u16; 2],
     texels: Vec<f32>,
 }
@@ -53,34 +55,51 @@ struct Splat {
 fn splat(sh_degree: u32, is_tame: bool) -> impl Strategy<Value = Splat> {
     let tame = move |strategy: BoxedStrategy<f32>| if is_tame { (-1.0_f32..1.0).boxed() } else { strategy };
     let size = move || if is_tame { (0.005_f32..0.5).boxed() } else { positive(1e6).boxed() };
+    let texel_sizes = prop_oneof![
+        size().prop_map(|k| [k; 2]),
+        size().prop_map(|k| [k, (2.0 * k).min(1e6)]),
+        prop::array::uniform2(size()),
+    ];
+    let shift = prop_oneof![
+        2 => Just([0; 2]),
+        2 => prop::array::uniform2(-9_i16..=9),
+        1 => prop::array::uniform2(any::<i16>()),
+    ];
     let sides = prop_oneof![Just([0, 0]), prop::array::uniform2(1_u16..6)];
     let all = (
         prop::array::uniform3(tame(number().boxed())),
         quaternion(),
         prop::array::uniform2(size()),
         if is_tame { (0.01_f32..1.0).boxed() } else { positive(1.0).boxed() },
-        vec(tame(number().boxed()), 3 * num_sh_coefficients(sh_degree)),
-        size(),
+        (0..=sh_degree).prop_flat_map(move |degree| {
+            (Just(degree as u8), vec(tame(number().boxed()), 3 * num_sh_coefficients(degree)))
+        }),
+        texel_sizes,
+        shift,
         sides,
     );
-    all.prop_flat_map(move |(position, rotation, scales, opacity, sh, texel_size, sides)| {
-        let count = 3 * usize::from(sides[0]) * usize::from(sides[1]);
-        let texel = if is_tame {
-            (-1.0_f32..=1.0).boxed()
-        } else {
-            number().prop_map(|v| v.clamp(-1.0, 1.0)).boxed()
-        };
-        vec(texel, count).prop_map(move |texels| Splat {
-            position,
-            rotation,
-            scales,
-            opacity,
-            sh: sh.clone(),
-            texel_size,
-            sides,
-            texels,
-        })
-    })
+    all.prop_flat_map(
+        move |(position, rotation, scales, opacity, (degree, sh), texel_sizes, shift, sides)| {
+            let count = 3 * usize::from(sides[0]) * usize::from(sides[1]);
+            let texel = if is_tame {
+                (-1.0_f32..=1.0).boxed()
+            } else {
+                number().prop_map(|v| v.clamp(-1.0, 1.0)).boxed()
+            };
+            vec(texel, count).prop_map(move |texels| Splat {
+                position,
+                rotation,
+                scales,
+                opacity,
+                degree,
+                sh: sh.clone(),
+                texel_sizes,
+                shift,
+                sides,
+                texels,
+            })
+        },
+    )
 }
 
 fn asset(is_tame: bool) -> impl Strategy<Value = SplatAsset> {
@@ -97,15 +116,21 @@ fn asset(is_tame: bool) -> impl Strategy<Value = SplatAsset> {
         asset.provenance.title = title;
         for splat in splats {
             let [rows, cols] = splat.sides;
-            let texel_size = if rows > 0 { splat.texel_size } else { 0.0 };
-            asset.maps.push(AssetMap { offset_texels: asset.num_texels() as u32, rows, cols, texel_size });
+            let mut map = AssetMap { offset_texels: asset.num_texels() as u32, ..AssetMap::default() };
+            if rows > 0 {
+                map = AssetMap { rows, cols, texel_sizes: splat.texel_sizes, shift: splat.shift, ..map };
+            }
+            asset.maps.push(map);
             asset.texels.extend(splat.texels);
             asset.positions.push(splat.position);
             asset.rotations.push(splat.rotation.map(|v| v as f32));
             asset.scales.push(splat.scales);
             asset.opacities.push(splat.opacity);
+            asset.sh_degrees.push(splat.degree);
             asset.sh.extend(splat.sh);
+            asset.sh.resize(asset.num_splats() * 3 * num_sh_coefficients(sh_degree), 0.0);
         }
+        asset.fit_sh_degree();
         asset.validate().expect("a valid asset");
         asset
     })

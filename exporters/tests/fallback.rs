@@ -29,9 +29,13 @@ fn the_fallback_equals_the_scene_with_averaged_maps() {
                 assert_eq!(fallback, None);
                 continue;
             }
-            let fallback = fallback.expect("a fallback");
+            let mut fallback = fallback.expect("a fallback");
+            // Coefficients of 0 above a splat's degree may have changed their signs with the frame.
+            fallback.sh.iter_mut().for_each(|c| *c += 0.0);
             let textured = read_asset(&path, &limits).expect("read").asset;
             let mut expected = textured.untextured();
+            // Other programs know only the degree of the arrays.
+            expected.sh_degrees.fill(2);
             if !matches!(format, Format::Glb | Format::Gltf) && quality == Quality::Balanced {
                 // USD takes the means before texels are rounded: half a step of 0.8 / 127, which is 0.011 in SH.
                 let apart = expected.sh.iter().zip(&fallback.sh).map(|(a, b)| (a - b).abs());
@@ -43,6 +47,7 @@ fn the_fallback_equals_the_scene_with_averaged_maps() {
             // Negative control: the means are not lost.
             let mut plain = textured.untextured();
             plain.sh.copy_from_slice(&textured.sh);
+            plain.sh_degrees.fill(2);
             assert!(differs(&fallback, &plain), "{format:?} {quality:?}");
         }
     }

@@ -4,7 +4,7 @@
 mod cameras;
 mod model_from_asset;
 
-use crate::model::{Filter, Model, texel_value};
+use crate::model::{Filter, Model, TextureMap, texel_value};
 use crate::{Error, Report};
 pub use cameras::{AssetViews, asset_camera, asset_cameras, camera};
 use litetex_exporters::{
@@ -53,6 +53,7 @@ pub fn bake(
             dropped.push(splat);
         }
     }
+    asset.fit_sh_degree();
     if let Some(first) = dropped.first() {
         report.warn(
             "splats-not-drawable",
@@ -98,15 +99,20 @@ fn push_splat(asset: &mut SplatAsset, model: &Model, splat: usize) -> Option<()>
     asset.scales.push(scales.map(|v| (v as f32).max(f32::MIN_POSITIVE)));
     asset.opacities.push((opacity as f32).max(f32::MIN_POSITIVE));
     asset.sh.extend(sh);
-    asset.maps.push(AssetMap {
-        // No larger than the model's own offsets, which fit.
-        offset_texels: asset.num_texels() as u32,
-        rows: map.rows,
-        cols: map.cols,
-        texel_size: if map.num_texels() > 0 { map.texel_sizes[0] } else { 0.0 },
-    });
+    asset.sh_degrees.push(s.sh_degrees[splat]);
+    // No larger than the model's own offsets, which fit.
+    asset.maps.push(asset_map(map, asset.num_texels() as u32));
     asset.texels.extend(texels.iter().map(|&t| texel_value(f64::from(t)) as f32));
     Some(())
+}
+
+/// A model's map as assets hold it, at another offset.
+fn asset_map(map: &TextureMap, offset_texels: u32) -> AssetMap {
+    if map.num_texels() == 0 {
+        return AssetMap { offset_texels, ..AssetMap::default() };
+    }
+    let TextureMap { rows, cols, texel_sizes, shift, .. } = *map;
+    AssetMap { offset_texels, rows, cols, texel_sizes, shift }
 }
 
 fn sigmoid(logit: f64) -> f64 {

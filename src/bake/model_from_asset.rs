@@ -1,10 +1,9 @@
 //! Turns an asset back into a model that backends can render: activations are inverted in f64.
 
 use crate::camera::Similarity;
-use crate::constants::sh_coefficients;
 use crate::model::{Filter, Model, SplatArrays, TextureMap, TexturePool};
 use glam::DVec3;
-use litetex_exporters::{Filter as AssetFilter, SplatAsset};
+use litetex_exporters::{AssetMap, Filter as AssetFilter, SplatAsset};
 
 /// Largest opacity and residual that can be inverted; f32 rounds it to 1.
 const BELOW_ONE: f64 = 1.0 - 1.0 / (1_u64 << 26) as f64;
@@ -14,26 +13,19 @@ const BELOW_ONE: f64 = 1.0 - 1.0 / (1_u64 << 26) as f64;
 pub fn model_from_asset(asset: &SplatAsset) -> Model {
     let splats = SplatArrays {
         sh_degree: asset.sh_degree,
-        sh_degrees: degrees(asset),
+        sh_degrees: asset.sh_degrees.clone(),
         positions: asset.positions.as_flattened().to_vec(),
         quaternions: asset.rotations.as_flattened().to_vec(),
         log_scales: asset.scales.as_flattened().iter().map(|&s| f64::from(s).ln() as f32).collect(),
         opacity_logits: asset.opacities.iter().map(|&o| logit(f64::from(o)) as f32).collect(),
         sh: asset.sh.clone(),
     };
-    let maps = asset.maps.iter().map(|m| TextureMap {
-        offset_texels: m.offset_texels,
-        rows: m.rows,
-        cols: m.cols,
-        texel_sizes: [m.texel_size; 2],
-        shift: [0; 2],
-    });
     let stored = |v: &f32| 2.0 * f64::from(*v).clamp(-BELOW_ONE, BELOW_ONE).atanh();
     let texels = asset.texels.iter().map(|v| stored(v) as f32).collect();
     let frame = &asset.capture_from_local;
     Model {
         splats,
-        textures: TexturePool { maps: maps.collect(), texels },
+        textures: TexturePool { maps: asset.maps.iter().map(texture_map).collect(), texels },
         near: asset.near,
         filter: match asset.filter {
             AssetFilter::None => Filter::None,
@@ -46,14 +38,10 @@ pub fn model_from_asset(asset: &SplatAsset) -> Model {
     }
 }
 
-/// The SH degree that each splat needs.
-fn degrees(asset: &SplatAsset) -> Vec<u8> {
-    let width = 3 * sh_coefficients(asset.sh_degree);
-    let degree = |sh: &[f32]| match sh.iter().rposition(|&c| c != 0.0) {
-        Some(last) => (last / 3).isqrt() as u8,
-        None => 0,
-    };
-    asset.sh.chunks_exact(width).map(degree).collect()
+/// An asset's map as models hold it.
+fn texture_map(map: &AssetMap) -> TextureMap {
+    let AssetMap { offset_texels, rows, cols, texel_sizes, shift } = *map;
+    TextureMap { offset_texels, rows, cols, texel_sizes, shift }
 }
 
 fn logit(opacity: f64) -> f64 {
@@ -66,20 +54,21 @@ mod tests {
     use super::*;
     use crate::Report;
     use crate::bake::bake;
-    use litetex_exporters::{AssetMap, Provenance};
+    use litetex_exporters::Provenance;
 
     #[test]
     fn an_asset_round_trips_through_a_model() {
         let asset = SplatAsset {
             sh_degree: 1,
+            sh_degrees: vec![1, 0],
             positions: vec![[1.0, -2.0, 3.0], [0.0, 1e-7, 5.0]],
             rotations: vec![[0.5, -0.5, 0.5, -0.5], [1.0, 0.0, 0.0, 0.0]],
             scales: vec![[1e-6, 0.25], [3.0, 40.0]],
             opacities: vec![1.0, 0.004],
-            sh: (0..24).map(|i| i as f32 / 7.0 - 1.0).collect(),
+            sh: (0..24).map(|i| if i < 15 { i as f32 / 7.0 - 1.0 } else { 0.0 }).collect(),
             maps: vec![
-                AssetMap { offset_texels: 0, rows: 2, cols: 1, texel_size: 0.1 },
-                AssetMap { offset_texels: 2, rows: 0, cols: 0, texel_size: 0.0 },
+                AssetMap { rows: 2, cols: 1, texel_sizes: [0.1, 0.2], shift: [0, -3], ..AssetMap::default() },
+                AssetMap { offset_texels: 2, ..AssetMap::default() },
             ],
             texels: vec![1.0, -1.0, 0.0, 0.7, -1e-5, 0.999_999],
             ..SplatAsset::default()
@@ -99,8 +88,8 @@ mod tests {
         assert!(close(asset.scales.as_flattened(), again.scales.as_flattened()), "{:?}", again.scales);
         assert!(close(&asset.opacities, &again.opacities) && close(&asset.texels, &again.texels));
         assert_eq!(
-            (asset.positions, asset.rotations, asset.sh),
-            (again.positions, again.rotations, again.sh)
+            (asset.positions, asset.rotations, asset.sh, asset.sh_degrees),
+            (again.positions, again.rotations, again.sh, again.sh_degrees)
         );
         assert_eq!(asset.maps, again.maps);
         // Negative control.

@@ -110,7 +110,7 @@ fn of_model(model: &Model) -> Value {
         "params": model.num_params(),
         "params_published": model.size().params_published(),
         "sh_degree": model.splats.sh_degree,
-        "sh_degrees": degree_counts(model),
+        "sh_degrees": degree_counts(&model.splats.sh_degrees),
         "maps": histogram(sides),
         "bounds_in_capture": { "min": low, "max": high },
         "capture_from_local": {
@@ -123,9 +123,9 @@ fn of_model(model: &Model) -> Value {
 }
 
 /// Number of splats of each SH degree.
-fn degree_counts(model: &Model) -> [usize; 4] {
+fn degree_counts(degrees: &[u8]) -> [usize; 4] {
     let mut counts = [0; 4];
-    model.splats.sh_degrees.iter().for_each(|&degree| counts[usize::from(degree)] += 1);
+    degrees.iter().for_each(|&degree| counts[usize::from(degree)] += 1);
     counts
 }
 
@@ -151,7 +151,7 @@ fn of_asset(asset: &SplatAsset) -> Value {
         "params": size.params(),
         "params_published": size.params_published(),
         "sh_degree": asset.sh_degree,
-        "sh_degrees": degree_counts(&model),
+        "sh_degrees": degree_counts(&asset.sh_degrees),
         "maps": histogram(asset.maps.iter().map(|m| (m.rows, m.cols))),
         "bounds_in_capture": bounds_in(&asset.capture_from_local),
         "capture_from_local": frame(&asset.capture_from_local),

@@ -86,19 +86,23 @@ def worked_example():
         sh=np.array([sh]),
         rects=np.array([[0, 0, 3, 2]]),
         page_of=np.array([0]),
-        texel_sizes=np.array([0.25]),
+        degrees=np.array([1]),
+        texel_sizes=np.array([[0.25, 0.25]]),
+        shifts=np.array([[0, 0]]),
         pages=[np.array(texels)],
         meta={"near": 0.0625, "background": [0.125, 0.25, 0.5]},
     )
     pixels = [
-        ("none", 0.25, (42, 31), [0.378194, 0.469383, 0.248918]),
-        ("ewa", 0.25, (42, 31), [0.377117, 0.468451, 0.249986]),
-        ("ewa", 0.0625, (43, 31), [0.463840, 0.384705, 0.171114]),
+        ("none", (0.25, 0.25), (0, 0), (42, 31), [0.378194, 0.469383, 0.248918]),
+        ("ewa", (0.25, 0.25), (0, 0), (42, 31), [0.377117, 0.468451, 0.249986]),
+        ("ewa", (0.0625, 0.0625), (0, 0), (43, 31), [0.463840, 0.384705, 0.171114]),
+        ("none", (0.125, 0.25), (-3, 1), (42, 31), [0.492846, 0.440880, 0.261408]),
+        ("ewa", (0.0625, 0.015625), (-3, 2), (43, 31), [0.479376, 0.354334, 0.171114]),
     ]
     errors = []
-    for name, texel_size, (x, y), pixel in pixels:
-        meta = scene.meta | {"filter": name}
-        image = render(dataclasses.replace(scene, meta=meta, texel_sizes=np.array([texel_size])), camera)
+    for name, sizes, shift, (x, y), pixel in pixels:
+        changed = {"texel_sizes": np.array([sizes]), "shifts": np.array([shift])}
+        image = render(dataclasses.replace(scene, meta=scene.meta | {"filter": name}, **changed), camera)
         errors.append(np.abs(image[y, x] - pixel).max())
     return max(errors)
 
@@ -113,7 +117,7 @@ def shifted(scene):
 
 def reversed_splats(scene):
     """Splats in reverse order, which only affects splats of equal depth."""
-    names = ("positions", "rotations", "sigmas", "opacities", "sh", "rects", "page_of", "texel_sizes")
+    names = ("positions", "rotations", "sigmas", "opacities", "sh", "degrees", "rects", "page_of", "texel_sizes", "shifts")
     return dataclasses.replace(scene, **{name: getattr(scene, name)[::-1] for name in names})
 
 
@@ -181,7 +185,7 @@ def check_pages(folder):
     first = read_scene(os.path.join(folder, "lossless.glb"))
     for name in ("lossless.gltf", "lossless.usda"):
         scene = read_scene(os.path.join(folder, name))
-        for field in ("positions", "rotations", "sigmas", "opacities", "sh", "texel_sizes"):
+        for field in ("positions", "rotations", "sigmas", "opacities", "sh", "degrees", "texel_sizes", "shifts"):
             if not np.array_equal(getattr(first, field), getattr(scene, field)):
                 yield f"{name}: {field} differ from lossless.glb"
         if any((map_of(first, k) != map_of(scene, k)).any() for k in range(len(first.rects))):

@@ -14,6 +14,7 @@ written by `litetex render --exr`. Needs numpy, and usd-core for USD.
 import argparse
 import base64
 import json
+import math
 import os
 import struct
 import sys
@@ -41,9 +42,11 @@ class Scene:
     sigmas: np.ndarray  # (n, 2), along u and v
     opacities: np.ndarray  # (n,)
     sh: np.ndarray  # (n, k, 3), degree 0 exact
+    degrees: np.ndarray  # (n,), SH degrees: coefficients above them do not count
     rects: np.ndarray  # (n, 4), x, y, cols, rows in texels
     page_of: np.ndarray  # (n,)
-    texel_sizes: np.ndarray  # (n,)
+    texel_sizes: np.ndarray  # (n, 2), along u and v
+    shifts: np.ndarray  # (n, 2), half texels from the splat's centre to the map's
     pages: list  # residuals, each (height, width, 3)
     meta: dict  # gltf.md, section 8
 
@@ -142,7 +145,7 @@ def read_gltf(path):
     assert len(primitives) == 1, f"{len(primitives)} primitives with splats, expected one"
     attributes = primitives[0]["attributes"]
     textured = primitives[0]["extensions"][KHR]["extensions"][TEXTURE]
-    assert textured["version"] == 1, "unknown version"
+    assert textured["version"] == 2, "unknown version"
 
     def attribute(name):
         return gltf.accessor(attributes[f"{KHR}:{name}"])
@@ -153,15 +156,22 @@ def read_gltf(path):
         sh[:, 0] = gltf.accessor(textured["sh0"])
     count = len(sh)
     no_maps = np.zeros((count, 4), np.int64)
+
+    def own(name, empty):
+        return gltf.accessor(textured[name]) if name in textured else empty
+
+    highest = np.full((count, 1), math.isqrt(sh.shape[1]) - 1)
     return Scene(
         positions=gltf.accessor(attributes["POSITION"]),
         rotations=attribute("ROTATION"),
         sigmas=attribute("SCALE")[:, :2],
         opacities=attribute("OPACITY")[:, 0],
         sh=sh,
-        rects=gltf.accessor(textured["rects"]) if "rects" in textured else no_maps,
-        page_of=gltf.accessor(textured["pages"])[:, 0] if "pages" in textured else no_maps[:, 0],
-        texel_sizes=gltf.accessor(textured["texelSize"])[:, 0] if "texelSize" in textured else np.zeros(count),
+        degrees=own("shDegree", highest)[:, 0],
+        rects=own("rects", no_maps),
+        page_of=own("pages", no_maps)[:, 0],
+        texel_sizes=own("texelSize", np.zeros((count, 2))),
+        shifts=own("shift", np.zeros((count, 2))),
         pages=[gltf.page(page, textured.get("decode")) for page in textured.get("atlas", [])],
         meta=textured["meta"],
     )
@@ -194,7 +204,7 @@ def read_usd(path):
     def primvar(name, empty=None):
         return value(f"primvars:litetex:{name}", empty)
 
-    assert primvar("version") == 1, "unknown version"
+    assert primvar("version") == 2, "unknown version"
     positions = np.array(value("positions"), np.float64)
     count = len(positions)
     degree = value("radiance:sphericalHarmonicsDegree")
@@ -218,9 +228,11 @@ def read_usd(path):
         sigmas=np.array(value("scales"), np.float64)[:, :2],
         opacities=np.array(value("opacities"), np.float64),
         sh=sh,
+        degrees=np.array(primvar("shDegree", np.full(count, degree)), np.int64),
         rects=np.array(primvar("rect", np.zeros((count, 4))), np.int64),
         page_of=np.array(primvar("page", np.zeros(count)), np.int64),
-        texel_sizes=np.array(primvar("texelSize", np.zeros(count)), np.float64),
+        texel_sizes=np.array(primvar("texelSize", np.zeros((count, 2))), np.float64).reshape(count, 2),
+        shifts=np.array(primvar("shift", np.zeros((count, 2))), np.float64).reshape(count, 2),
         pages=pages,
         meta=json.loads(stage.GetRootLayer().customLayerData["litetex"]["meta"]),
     )
@@ -321,10 +333,11 @@ class Splat:
     footprint: np.ndarray  # F_u, F_v of section 6
     base: np.ndarray
     texels: np.ndarray  # None without a map
-    texel_size: float
+    texel_sizes: np.ndarray  # k_u, k_v
+    shift: np.ndarray  # half texels
 
 
-def filtered(p, axes, sigma, opacity, texel_size, pinhole, scene, rules):
+def filtered(p, axes, sigma, opacity, texel_sizes, pinhole, scene, rules):
     """V, o' and the footprint (section 6)."""
     if scene.meta["filter"] == "none":
         return np.eye(2), opacity, np.ones(2)
@@ -334,7 +347,7 @@ def filtered(p, axes, sigma, opacity, texel_size, pinhole, scene, rules):
     rows = [np.cross(e_v, p)[:2] / sigma[0], np.cross(p, e_u)[:2] / sigma[1]]
     m = np.array(rows) / np.array(pinhole.focal) / w
     spread = np.eye(2) + 0.1 * m @ m.T
-    texels_per_px = np.linalg.norm(m, axis=1) * sigma / texel_size
+    texels_per_px = np.linalg.norm(m, axis=1) * sigma / texel_sizes
     footprint = np.sqrt(np.maximum(1, 2 * texels_per_px**2 - 1)).clip(1, rules.footprint_max)
     return spread, opacity / np.sqrt(np.linalg.det(spread)), footprint
 
@@ -361,8 +374,8 @@ def residuals(splat, a, b, rules):
     if splat.texels is None:
         return out
     rows, cols = splat.texels.shape[:2]
-    u = a / splat.texel_size + (rows - 1) / 2
-    v = b / splat.texel_size + (cols - 1) / 2
+    u = a / splat.texel_sizes[0] + (rows - 1) / 2 - splat.shift[0] / 2
+    v = b / splat.texel_sizes[1] + (cols - 1) / 2 - splat.shift[1] / 2
     along_u, along_v = shares(u, rows, splat.footprint[0], rules), shares(v, cols, splat.footprint[1], rules)
     return np.einsum("mi,mj,ijc->mc", along_u, along_v, splat.texels)
 
@@ -416,7 +429,9 @@ def drawn_splats(scene, pinhole, rules):
     direction = scene.positions - eye
     length = np.linalg.norm(direction, axis=1)
     basis = sh_basis(direction / length[:, None], scene.sh.shape[1])
-    base = np.maximum(rules.base_min, 0.5 + np.einsum("nk,nkc->nc", basis, scene.sh))
+    # Degree l has the coefficients from l^2 to (l + 1)^2 - 1.
+    counts = np.arange(scene.sh.shape[1]) < (scene.degrees[:, None] + 1) ** 2
+    base = np.maximum(rules.base_min, 0.5 + np.einsum("nk,nkc->nc", basis * counts, scene.sh))
     finite = np.isfinite(np.concatenate([p, axes.reshape(-1, 9), scene.sigmas, base], axis=1)).all(axis=1)
     p_n = np.abs(np.einsum("ni,ni->n", p, axes[:, :, 2]))
     edge_on = p_n < 0.001 * np.linalg.norm(p, axis=1)
@@ -430,12 +445,12 @@ def drawn_splats(scene, pinhole, rules):
         if cols > 0 and rows > 0:
             texels = scene.pages[scene.page_of[k]][y : y + rows, x : x + cols]
             assert texels.shape == (rows, cols, 3), f"splat {k}: the rectangle leaves its page"
-        sigma, size = scene.sigmas[k], scene.texel_sizes[k]
+        sigma, sizes = scene.sigmas[k], scene.texel_sizes[k]
         spread, opacity, footprint = filtered(
-            p[k], axes[k], sigma, scene.opacities[k], size, pinhole, scene, rules
+            p[k], axes[k], sigma, scene.opacities[k], sizes, pinhole, scene, rules
         )
         if opacity >= 1 / 255:
-            yield Splat(p[k], axes[k], sigma, spread, opacity, footprint, base[k], texels, size)
+            yield Splat(p[k], axes[k], sigma, spread, opacity, footprint, base[k], texels, sizes, scene.shifts[k])
 
 
 def render(scene, camera, rules=Rules(), size=None):

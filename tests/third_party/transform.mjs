@@ -10,7 +10,7 @@ import { dedup, prune } from '@gltf-transform/functions';
 import { KHR, OURS } from './gltf.mjs';
 import { finish } from './report.mjs';
 
-const ARRAYS = ['rects', 'texelSize', 'pages', 'sh0'];
+const ARRAYS = ['rects', 'texelSize', 'shift', 'shDegree', 'pages', 'sh0'];
 /** Issue codes: a tool dropped the textures; the content does not match its hash. */
 const [DROPPED, CHANGED] = ['LT1026', 'LT1025'];
 

@@ -11,7 +11,7 @@ fuzz_target!(|data: &[u8]| {
     let mut bytes = data.to_vec();
     if bytes.len() >= 64 {
         let number = |at: usize| u32::from_le_bytes(std::array::from_fn(|i| bytes[at + i])) as usize;
-        let tables = 64 + number(28) + 88 * number(36);
+        let tables = 64 + number(28) + 112 * number(36);
         if let Some(checksum) = bytes.get(64..tables).map(XxHash3_64::oneshot) {
             bytes[48..56].copy_from_slice(&checksum.to_le_bytes());
         }

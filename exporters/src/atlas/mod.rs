@@ -198,7 +198,7 @@ mod tests {
 
     #[test]
     fn atlases_of_extreme_maps_pass_the_check() {
-        let map = |rows, cols| AssetMap { rows, cols, texel_size: 1.0, ..AssetMap::default() };
+        let map = |rows, cols| AssetMap { rows, cols, texel_sizes: [1.0; 2], ..AssetMap::default() };
         for side in [PAGE_SIDE, PAGE_SIDE_MAX] {
             let maps = [map(4096, 1), map(1, 4096), map(4096, 1), map(4095, 3), map(2, 4096)];
             let mut asset = crate::SplatAsset { maps: maps.to_vec(), ..Default::default() };

@@ -188,7 +188,13 @@ mod tests {
 
     /// Two maps on a page of 40 x 17, of 3 rows x 5 columns and 17 x 1.
     fn two_maps() -> (Atlas, Vec<AssetMap>) {
-        let map = |offset_texels, rows, cols| AssetMap { offset_texels, rows, cols, texel_size: 1.0 };
+        let map = |offset_texels, rows, cols| AssetMap {
+            offset_texels,
+            rows,
+            cols,
+            texel_sizes: [1.0; 2],
+            ..AssetMap::default()
+        };
         let at = |x, y| Placement { page: 0, x, y };
         let atlas = Atlas { placements: vec![at(7, 2), at(39, 0)], pages: vec![[40, 17]] };
         (atlas, vec![map(0, 3, 5), map(15, 17, 1)])

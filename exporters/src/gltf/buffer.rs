@@ -4,6 +4,7 @@ use super::document::{Accessor, BufferView, TARGET_ATTRIBUTES};
 
 /// `componentType` of numbers.
 pub const U8: u32 = 5121;
+pub const I16: u32 = 5122;
 pub const U16: u32 = 5123;
 pub const U32: u32 = 5125;
 pub const F32: u32 = 5126;
@@ -35,6 +36,7 @@ macro_rules! component {
     };
 }
 component!(u8, U8);
+component!(i16, I16);
 component!(u16, U16);
 component!(u32, U32);
 component!(f32, F32);

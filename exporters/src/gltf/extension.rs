@@ -11,7 +11,7 @@ use std::path::Path;
 pub const EXTENSION: &str = "LITETEX_gaussian_splatting_texture";
 
 /// Version of our extension that is written and read.
-pub const VERSION: u32 = 1;
+pub const VERSION: u32 = 2;
 
 /// Key of the digest in the `extras` of a primitive.
 const DIGEST: &str = "litetex";
@@ -39,7 +39,7 @@ pub struct SplattingExtensions {
     pub texture: Option<Value>,
 }
 
-/// The object of our extension, version 1.
+/// The object of our extension, version 2.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub struct TextureExtension {
@@ -54,9 +54,15 @@ pub struct TextureExtension {
     /// Accessor of u8 or u16 SCALAR; absent if all maps are on page 0.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pages: Option<u32>,
-    /// Accessor of f32 SCALAR.
+    /// Accessor of f32 VEC2.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub texel_size: Option<u32>,
+    /// Accessor of i16 VEC2, half texels; absent if all maps are centred.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub shift: Option<u32>,
+    /// Accessor of u8 SCALAR; absent if all splats have the degree of the attributes.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sh_degree: Option<u32>,
     /// Accessor of f32 VEC3; absent if the attribute of degree 0 is exact.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sh0: Option<u32>,
@@ -101,7 +107,9 @@ impl TextureExtension {
         match value.get("version").and_then(Value::as_u64) {
             Some(v) if v == u64::from(VERSION) => {}
             Some(v) => {
-                let what = format!("{EXTENSION} of version {v}, supported: {VERSION}; use a newer program");
+                let what = format!(
+                    "{EXTENSION} of version {v}, supported: {VERSION}; export the scene again, or use a program of that version"
+                );
                 return Err(Error::unsupported(path, what));
             }
             None => return Err(Error::invalid(path, format!("{EXTENSION}: no whole number \"version\""))),

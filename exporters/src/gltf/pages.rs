@@ -41,39 +41,60 @@ pub fn maps(
 ) -> Result<Option<(Vec<AssetMap>, Vec<Placement>)>> {
     let offence = |what: String| Error::invalid(loaded.path, format!("{}: {what}", super::EXTENSION));
     let (rects, sizes) = match (extension.rects, extension.texel_size) {
-        (None, None) => return Ok(None),
+        (None, None) if extension.shift.is_none() => return Ok(None),
         (Some(rects), Some(sizes)) => (rects, sizes),
-        _ => return Err(offence("one of \"rects\" and \"texelSize\" without the other".to_owned())),
+        _ => return Err(offence("\"rects\", \"texelSize\" and \"shift\" do not fit each other".to_owned())),
     };
-    let own = |index: u32, what: &str, width: usize, components: &[Component]| {
-        let view = loaded.accessor(index, what)?;
-        let fits = view.width == width && components.contains(&view.component) && !view.normalised;
-        if !fits || view.count != num_splats {
-            return Err(offence(format!(
-                "{what}: {} elements of {} {:?}, expected {num_splats} of {width}, each one of {components:?}",
-                view.count, view.width, view.component
-            )));
-        }
-        Ok::<View<'_>, Error>(view)
+    let own = |index: u32, what: &str, width: usize, components: &'static [Component]| {
+        own_array(loaded, index, what, (width, components), num_splats)
     };
     let rects = own(rects, "rects", 4, &[Component::U16])?;
-    let sizes = own(sizes, "texelSize", 1, &[Component::F32])?;
+    let sizes = own(sizes, "texelSize", 2, &[Component::F32])?;
+    let shifts = extension.shift.map(|s| own(s, "shift", 2, &[Component::I16])).transpose()?;
     let pages = extension.pages.map(|p| own(p, "pages", 1, &[Component::U8, Component::U16])).transpose()?;
+    let mut shift_of = shifts.iter().flat_map(|s| s.rows::<2>());
     let mut page_of = pages.iter().flat_map(|p| p.rows::<1>());
     let mut maps = with_room(num_splats).map_err(|e| e.at(loaded.path))?;
     let mut placements = with_room(num_splats).map_err(|e| e.at(loaded.path))?;
     let mut next = 0_u64;
-    for ([x, y, cols, rows], [texel_size]) in rects.rows::<4>().zip(sizes.rows::<1>()) {
+    for ([x, y, cols, rows], texel_sizes) in rects.rows::<4>().zip(sizes.rows::<2>()) {
         let offset_texels = u32::try_from(next)
             .map_err(|_| Error::too_large(loaded.path, format!("more than {} texels", u32::MAX)))?;
         // Whole numbers below 2^16: exact.
-        let map = AssetMap { offset_texels, rows: rows as u16, cols: cols as u16, texel_size };
+        let shift = shift_of.next().unwrap_or_default().map(|s| s as i16);
+        let map = AssetMap { offset_texels, rows: rows as u16, cols: cols as u16, texel_sizes, shift };
         next += map.num_texels() as u64;
         let page = page_of.next().map_or(0, |[p]| p as u16);
         placements.push(Placement { page, x: x as u16, y: y as u16 });
         maps.push(map);
     }
     Ok(Some((maps, placements)))
+}
+
+/// An array of our extension: as many elements as splats, each of `width` numbers of one of the types.
+///
+/// # Errors
+/// [`Error::Invalid`] naming it.
+pub fn own_array<'a>(
+    loaded: &'a Loaded<'_>,
+    index: u32,
+    name: &str,
+    (width, components): (usize, &[Component]),
+    num_splats: usize,
+) -> Result<View<'a>> {
+    let view = loaded.accessor(index, name)?;
+    let fits = view.width == width && components.contains(&view.component) && !view.normalised;
+    if fits && view.count == num_splats {
+        return Ok(view);
+    }
+    let what = format!(
+        "{}: {name}: {} elements of {} {:?}, expected {num_splats} of {width}, each one of {components:?}",
+        super::EXTENSION,
+        view.count,
+        view.width,
+        view.component
+    );
+    Err(Error::invalid(loaded.path, what))
 }
 
 /// `[width, height]` of the pages.

@@ -1,7 +1,9 @@
 //! Reads `.glb` and `.gltf` files.
 
+use super::accessor::Component;
 use super::extension::TextureExtension;
 use super::loaded::{Loaded, SidecarFiles};
+use super::pages::own_array;
 use super::scene::Found;
 use super::splats::Attributes;
 use super::{EXTENSION, KHR, VERSION, container, node, pages, scene};
@@ -84,6 +86,9 @@ fn ours(
     if let Some(sh0) = extension.sh0 {
         read_sh0(loaded, sh0, &mut asset)?;
     }
+    if let Some(degrees) = extension.sh_degree {
+        read_sh_degrees(loaded, degrees, &mut asset)?;
+    }
     pages::read_maps(loaded, &extension, &mut asset)?;
     let hash = extension.hash().ok_or_else(|| {
         Error::invalid(loaded.path, format!("{EXTENSION}: hash {} is not 16 digits", quoted(&extension.hash)))
@@ -106,23 +111,19 @@ fn ours(
 
 /// Stores the exact SH coefficients of degree 0.
 fn read_sh0(loaded: &Loaded<'_>, index: u32, asset: &mut SplatAsset) -> Result<()> {
-    let view = loaded.accessor(index, "sh0")?;
-    let is_sound = view.width == 3 && view.component == super::accessor::Component::F32 && !view.normalised;
-    if !is_sound || view.count != asset.num_splats() {
-        let what = format!(
-            "{EXTENSION}: sh0: {} elements of {} {:?}, expected {} of 3 F32",
-            view.count,
-            view.width,
-            view.component,
-            asset.num_splats()
-        );
-        return Err(Error::invalid(loaded.path, what));
-    }
+    let view = own_array(loaded, index, "sh0", (3, &[Component::F32]), asset.num_splats())?;
     let width = 3 * crate::num_sh_coefficients(asset.sh_degree);
     for (splat, dc) in asset.sh.chunks_exact_mut(width).zip(view.rows::<3>()) {
         splat.iter_mut().zip(dc).for_each(|(c, v)| *c = v);
     }
     Ok(())
+}
+
+/// Stores the SH degrees of splats, whose coefficients have been read.
+fn read_sh_degrees(loaded: &Loaded<'_>, index: u32, asset: &mut SplatAsset) -> Result<()> {
+    let view = own_array(loaded, index, "shDegree", (1, &[Component::U8]), asset.num_splats())?;
+    let degrees = view.rows::<1>().map(|[degree]| degree as u8).collect();
+    asset.store_sh_degrees(degrees).map_err(|e| e.at(loaded.path))
 }
 
 /// Reads what a viewer of `KHR_gaussian_splatting` shows of a file: its ellipsoids as discs along their two largest axes.
@@ -238,21 +239,22 @@ fn sections(loaded: &Loaded<'_>, found: &Found<'_>, extension: Option<&TextureEx
             ":SCALE" => (2, "scales", Describes::Splats),
             ":OPACITY" => (3, "opacities", Describes::Splats),
             ":SH_DEGREE_0_COEF_0" if extension.is_some_and(|e| e.sh0.is_some_and(|sh0| sh0 != index)) => {
-                (8, "fallback", Describes::Other)
+                (9, "fallback", Describes::Other)
             }
             ":SH_DEGREE_0_COEF_0" => (4, "sh0", Describes::Splats),
             name if name.starts_with(":SH_DEGREE_") => (5, "sh_rest", Describes::Splats),
-            _ => (8, "fallback", Describes::Other),
+            _ => (9, "fallback", Describes::Other),
         };
         add(order, name, size(index), describes);
     }
     if let Some(extension) = extension {
         let exact = extension.sh0.filter(|sh0| !found.primitive.attributes.values().any(|a| a == sh0));
         add(4, "sh0", exact.map_or(0, size), Describes::Splats);
-        let maps = [extension.rects, extension.pages, extension.texel_size];
-        add(6, "maps", maps.into_iter().flatten().map(size).sum(), Describes::Splats);
+        add(6, "sh_degrees", extension.sh_degree.map_or(0, size), Describes::Splats);
+        let maps = [extension.rects, extension.pages, extension.texel_size, extension.shift];
+        add(7, "maps", maps.into_iter().flatten().map(size).sum(), Describes::Splats);
         let texels = extension.atlas.iter().map(|page| pages::stored_bytes(loaded, page)).sum();
-        add(7, "texels", texels, Describes::Texels);
+        add(8, "texels", texels, Describes::Texels);
     }
     let total = loaded.num_bytes.get();
     let known: u64 = parts.values().map(|(bytes, _)| bytes).sum();
@@ -261,7 +263,7 @@ fn sections(loaded: &Loaded<'_>, found: &Found<'_>, extension: Option<&TextureEx
         let all = Section { name: "file".to_owned(), bytes: total, describes: Describes::Other };
         return vec![all];
     }
-    parts.insert((9, "metadata"), (total - known, Describes::Other));
+    parts.insert((10, "metadata"), (total - known, Describes::Other));
     let section = |((_, name), (bytes, describes)): ((usize, &str), (u64, Describes))| Section {
         name: name.to_owned(),
         bytes,

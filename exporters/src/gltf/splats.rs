@@ -128,6 +128,7 @@ impl<'a> Attributes<'a> {
         let mut asset = room_for_splats(self.num_splats, self.sh_degree).map_err(|e| e.at(loaded.path))?;
         asset.positions.extend(self.position.rows().map(yup::position));
         asset.sh = self.sh_coefficients().map_err(|e| e.at(loaded.path))?;
+        asset.sh_degrees.resize(self.num_splats, self.sh_degree as u8);
         Ok(asset)
     }
 

@@ -156,6 +156,8 @@ impl Writer<'_> {
         let (attributes, sh0) = self.attributes(asset);
         let has_maps = !asset.texels.is_empty();
         let used = Use::Other(None);
+        let has_degrees = asset.sh_degrees.iter().any(|&degree| u32::from(degree) != asset.sh_degree);
+        let sh_degree = has_degrees.then(|| self.arrays.push(asset.sh_degrees.iter().map(|&d| [d]), used));
         let rects = asset.maps.iter().zip(&atlas.placements).map(|(m, at)| [at.x, at.y, m.cols, m.rows]);
         let rects = has_maps.then(|| self.arrays.push(rects, used));
         let page_indices = atlas.placements.iter().map(|at| at.page);
@@ -165,8 +167,10 @@ impl Writer<'_> {
             2..=256 => Some(self.arrays.push(page_indices.map(|p| [p as u8]), used)),
             _ => Some(self.arrays.push(page_indices.map(|p| [p]), used)),
         };
-        let texel_size = asset.maps.iter().map(|m| [m.texel_size]);
-        let texel_size = has_maps.then(|| self.arrays.push(texel_size, used));
+        let texel_sizes = asset.maps.iter().map(|m| m.texel_sizes);
+        let texel_size = has_maps.then(|| self.arrays.push(texel_sizes, used));
+        let is_shifted = asset.maps.iter().any(|m| m.shift != [0; 2]);
+        let shift = is_shifted.then(|| self.arrays.push(asset.maps.iter().map(|m| m.shift), used));
         let (atlas, decode) = if has_maps { pages(self, asset, atlas)? } else { (Vec::new(), None) };
         let hash = asset.hash();
         let extension = TextureExtension {
@@ -176,6 +180,8 @@ impl Writer<'_> {
             rects,
             pages: page_indices,
             texel_size,
+            shift,
+            sh_degree,
             sh0,
             atlas,
             decode,
@@ -212,7 +218,12 @@ impl Writer<'_> {
         for (k, (l, m)) in sh_indices(asset.sh_degree).enumerate() {
             let coefficients = (0..n).map(|i| match k {
                 0 => baked[i],
-                _ => std::array::from_fn(|c| yup::SH_SIGNS[k] * asset.sh_of(i)[3 * k + c]),
+                // Without the sign of a zero above the splat's degree.
+                _ => asset.own_sh_of(i)[3..]
+                    .as_chunks::<3>()
+                    .0
+                    .get(k - 1)
+                    .map_or([0.0; 3], |coefficient| coefficient.map(|c| yup::SH_SIGNS[k] * c)),
             });
             attributes.insert(sh_attribute(l, m), arrays.push(coefficients, used));
         }

@@ -8,7 +8,7 @@ use twox_hash::XxHash3_64;
 pub const MAGIC: [u8; 4] = *b"LTGS";
 
 /// Major version that is written and read; readers refuse others, but accept any minor version.
-pub const MAJOR: u16 = 1;
+pub const MAJOR: u16 = 2;
 /// Minor version that this program writes.
 pub const MINOR: u16 = 0;
 
@@ -16,7 +16,7 @@ pub const MINOR: u16 = 0;
 pub const HEADER_BYTES: usize = 64;
 
 /// Length of an entry of the table of contents.
-pub const ENTRY_BYTES: usize = 88;
+pub const ENTRY_BYTES: usize = 112;
 
 /// Splats of every chunk but the last.
 pub const CHUNK_SPLATS: usize = 4096;
@@ -38,7 +38,7 @@ pub struct Header {
     pub num_splats: u32,
     /// Texels of the file.
     pub num_texels: u64,
-    /// SH degree, 0 to 3.
+    /// Largest SH degree of a splat, 0 to 3.
     pub sh_degree: u32,
     /// Kind of the streams, and what the file promises.
     pub quality: Quality,
@@ -105,7 +105,11 @@ impl Header {
         let u32_at = |at: usize| u32::from_le_bytes(std::array::from_fn(|i| head[at + i]));
         let u64_at = |at: usize| u64::from_le_bytes(std::array::from_fn(|i| head[at + i]));
         if u16_at(4) != MAJOR {
-            let what = format!("version {}.{}; this program reads version {MAJOR}", u16_at(4), u16_at(6));
+            let what = format!(
+                "version {}.{}; this program reads version {MAJOR}: export the scene again, or use a program of that version",
+                u16_at(4),
+                u16_at(6)
+            );
             return Err(Error::unsupported(path, what));
         }
         let (found, stated) = (XxHash3_64::oneshot(&head[..56]), u64_at(56));
@@ -176,8 +180,10 @@ pub struct Block {
 /// An entry of the table of contents: what it says about a chunk.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Entry {
-    /// Block of splats, whose colours contain the means of their maps.
-    pub splats: Block,
+    /// Block of geometry, with SH of degree 0, which contains the means of maps.
+    pub geometry: Block,
+    /// Block of the other SH.
+    pub sh: Block,
     /// Block of texels.
     pub texels: Block,
     /// Splats of the chunk.
@@ -191,7 +197,7 @@ pub struct Entry {
 impl Entry {
     /// Appends the encoded entry.
     pub fn encode(&self, bytes: &mut Vec<u8>) {
-        for block in [self.splats, self.texels] {
+        for block in [self.geometry, self.sh, self.texels] {
             for number in [block.offset, block.bytes, block.checksum] {
                 bytes.extend(number.to_le_bytes());
             }
@@ -210,7 +216,14 @@ impl Entry {
         let block =
             |at: usize| Block { offset: u64_at(at), bytes: u64_at(at + 8), checksum: u64_at(at + 16) };
         let bounds: [[f32; 3]; 2] =
-            std::array::from_fn(|k| std::array::from_fn(|i| f32::from_bits(u32_at(64 + 12 * k + 4 * i))));
-        Self { splats: block(0), texels: block(24), num_texels: u64_at(48), num_splats: u32_at(56), bounds }
+            std::array::from_fn(|k| std::array::from_fn(|i| f32::from_bits(u32_at(88 + 12 * k + 4 * i))));
+        Self {
+            geometry: block(0),
+            sh: block(24),
+            texels: block(48),
+            num_texels: u64_at(72),
+            num_splats: u32_at(80),
+            bounds,
+        }
     }
 }

@@ -158,6 +158,36 @@ pub fn take_numbers(block: &mut &[u8], most: usize) -> Result<Vec<u32>> {
     }
 }
 
+/// Takes a stream of exactly `n` numbers off the front.
+///
+/// # Errors
+/// As [`take_numbers`].
+pub fn take_exactly(block: &mut &[u8], n: usize) -> Result<Vec<u32>> {
+    let numbers = take_numbers(block, n)?;
+    if numbers.len() == n {
+        Ok(numbers)
+    } else {
+        Err(damaged(&format!("{} numbers, expected {n}", numbers.len())))
+    }
+}
+
+/// No numbers if all are zero: see [`take_or_zeros`].
+pub fn unless_zeros(numbers: Vec<u32>) -> Vec<u32> {
+    if numbers.iter().all(|&u| u == 0) { Vec::new() } else { numbers }
+}
+
+/// Takes a stream of `n` numbers off the front; one without numbers stands for zeros.
+///
+/// # Errors
+/// As [`take_numbers`].
+pub fn take_or_zeros(block: &mut &[u8], n: usize) -> Result<Vec<u32>> {
+    match take_numbers(block, n)? {
+        numbers if numbers.len() == n => Ok(numbers),
+        numbers if numbers.is_empty() => crate::limits::filled(n, 0),
+        numbers => Err(damaged(&format!("{} numbers, expected {n} or none", numbers.len()))),
+    }
+}
+
 /// Takes a stream of exactly `count` bytes off the front.
 ///
 /// # Errors

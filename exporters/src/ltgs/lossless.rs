@@ -1,7 +1,9 @@
 //! Chunks of a lossless file: the bytes of f32 numbers sorted by their significance, because high bytes are similar
 //! and low bytes are noise. Splats keep the order of the asset.
 
-use super::integers::{put_bytes, put_numbers, take_bytes, take_numbers, zigzag};
+use super::bands::{bands, put_degrees, take_degrees};
+use super::integers::{put_bytes, put_numbers, take_bytes, take_exactly, zigzag};
+use super::maps::{put_shifts, take_shifts};
 use super::tally::Tally;
 use crate::limits::filled;
 use crate::{AssetMap, Error, Result, SplatAsset, num_sh_coefficients};
@@ -58,33 +60,48 @@ fn take_arrays<const W: usize>(block: &mut &[u8], count: usize) -> Result<Vec<[f
     Ok(take_floats(block, count, W)?.as_chunks::<W>().0.to_vec())
 }
 
-/// Encodes the splats of a chunk.
-pub fn encode_splats(asset: &SplatAsset, splats: Range<usize>, level: i32) -> Vec<u8> {
+/// Encodes the geometry of a chunk.
+pub fn encode_geometry(asset: &SplatAsset, splats: Range<usize>, level: i32) -> Vec<u8> {
     let mut block = Vec::new();
     let maps = &asset.maps[splats.clone()];
     for side in [|m: &AssetMap| m.rows, |m: &AssetMap| m.cols] {
         let bytes: Vec<[u8; 2]> = maps.iter().map(|m| side(m).to_le_bytes()).collect();
         put_planes(&mut block, &bytes, 1, level);
     }
-    let texel_sizes: Vec<f32> = maps.iter().map(|m| m.texel_size).collect();
-    put_floats(&mut block, &texel_sizes, 1, level);
+    let sizes = |axis: usize| maps.iter().map(move |m| m.texel_sizes[axis].to_bits());
+    put_planes(&mut block, &sizes(0).map(u32::to_le_bytes).collect::<Vec<_>>(), 1, level);
+    // Equal sizes leave zeros, and ratios that are powers of two mostly so.
+    let ratios: Vec<[u8; 4]> = sizes(0).zip(sizes(1)).map(|(u, v)| (u ^ v).to_le_bytes()).collect();
+    put_planes(&mut block, &ratios, 1, level);
+    let shifts: Vec<[i16; 2]> = maps.iter().filter(|m| m.num_texels() > 0).map(|m| m.shift).collect();
+    put_shifts(&mut block, &shifts, level);
     put_floats(&mut block, asset.positions[splats.clone()].as_flattened(), 3, level);
     put_floats(&mut block, asset.rotations[splats.clone()].as_flattened(), 4, level);
     put_floats(&mut block, asset.scales[splats.clone()].as_flattened(), 2, level);
     put_floats(&mut block, &asset.opacities[splats.clone()], 1, level);
-    let (mut sh0, mut rest) = (Vec::new(), Vec::new());
-    for splat in splats.clone() {
-        let (first, others) = asset.sh_of(splat).split_at(3);
-        sh0.extend_from_slice(first);
-        rest.extend_from_slice(others);
-    }
+    let sh0: Vec<f32> = splats.clone().flat_map(|s| &asset.sh_of(s)[..3]).copied().collect();
     put_floats(&mut block, &sh0, 3, level);
-    put_floats(&mut block, &rest, 3 * num_sh_coefficients(asset.sh_degree) - 3, level);
     let means: Vec<[i32; 3]> =
         splats.map(|s| asset.mean_residual(s).map(|m| (m / MEAN_STEP).round() as i32)).collect();
     for channel in 0..3 {
         let numbers: Vec<u32> = means.iter().map(|m| zigzag(m[channel])).collect();
         put_numbers(&mut block, &numbers, level);
+    }
+    block
+}
+
+/// Encodes the SH of a chunk above degree 0.
+pub fn encode_sh(asset: &SplatAsset, splats: Range<usize>, level: i32) -> Vec<u8> {
+    let mut block = Vec::new();
+    if asset.sh_degree == 0 {
+        return block;
+    }
+    put_degrees(&mut block, &asset.sh_degrees[splats.clone()], asset.sh_degree, level);
+    for (degree, band) in bands(asset.sh_degree) {
+        let of_band = splats.clone().filter(|&s| asset.sh_degrees[s] >= degree);
+        let values: Vec<f32> =
+            of_band.flat_map(|s| &asset.sh_of(s)[3 * band.start..3 * band.end]).copied().collect();
+        put_floats(&mut block, &values, 3 * band.len(), level);
     }
     block
 }
@@ -96,24 +113,30 @@ pub fn encode_texels(texels: &[f32], level: i32) -> Vec<u8> {
     block
 }
 
-/// Decodes the splats of a chunk without their texels. The means of their maps, for programs that show splats before texels, are
-/// checked and left out.
+/// Decodes the geometry of a chunk. The means of maps, for programs that show splats before texels, are checked and left
+/// out.
 ///
 /// # Errors
 /// [`Error::Invalid`] or [`Error::Unsupported`].
-pub fn decode_splats(mut block: &[u8], n: usize, sh_degree: u32, tally: &mut Tally) -> Result<SplatAsset> {
+pub fn decode_geometry(mut block: &[u8], n: usize, tally: &mut Tally) -> Result<SplatAsset> {
     let block = &mut block;
-    let mut asset = SplatAsset { sh_degree, ..SplatAsset::default() };
+    let mut asset = SplatAsset::default();
     let mut before = block.len();
     let mut count = |name: &str, after: usize| before = tally.add(name, before, after);
     let sides = |block: &mut &[u8]| -> Result<Vec<u16>> {
         Ok(take_planes::<2>(block, n, 1)?.into_iter().map(|side| side as u16).collect())
     };
     let (rows, cols) = (sides(block)?, sides(block)?);
-    let texel_sizes = take_floats(block, n, 1)?;
+    let (along_u, changed) = (take_planes::<4>(block, n, 1)?, take_planes::<4>(block, n, 1)?);
+    let textured = rows.iter().zip(&cols).filter(|(rows, cols)| **rows > 0 && **cols > 0).count();
+    let mut shifts = take_shifts(block, textured)?.into_iter();
     let mut offset_texels = 0_u32;
-    for ((rows, cols), texel_size) in rows.into_iter().zip(cols).zip(texel_sizes) {
-        let map = AssetMap { offset_texels, rows, cols, texel_size };
+    for ((rows, cols), (u, change)) in rows.into_iter().zip(cols).zip(along_u.into_iter().zip(changed)) {
+        let texel_sizes = [u, u ^ change].map(f32::from_bits);
+        let mut map = AssetMap { offset_texels, rows, cols, texel_sizes, shift: [0; 2] };
+        if map.num_texels() > 0 {
+            map.shift = shifts.next().unwrap_or_default();
+        }
         asset.maps.push(map);
         offset_texels = offset_texels
             .checked_add(map.num_texels() as u32)
@@ -128,33 +151,56 @@ pub fn decode_splats(mut block: &[u8], n: usize, sh_degree: u32, tally: &mut Tal
     count("scales", block.len());
     asset.opacities = take_floats(block, n, 1)?;
     count("opacities", block.len());
-    let sh0 = take_floats(block, n, 3)?;
+    asset.sh = take_floats(block, n, 3)?;
+    asset.sh_degrees = filled(n, 0)?;
     count("sh0", block.len());
-    let width = 3 * num_sh_coefficients(sh_degree) - 3;
-    let rest = take_floats(block, n, width)?;
-    count("sh_rest", block.len());
-    for splat in 0..n {
-        asset.sh.extend_from_slice(&sh0[3 * splat..3 * splat + 3]);
-        asset.sh.extend_from_slice(&rest[width * splat..width * (splat + 1)]);
-    }
     for _ in 0..3 {
-        let numbers = take_numbers(block, n)?;
-        if numbers.len() != n {
-            return Err(Error::invalid("", format!("means: {} numbers, expected {n}", numbers.len())));
-        }
+        take_exactly(block, n)?;
     }
     count("means", block.len());
     if block.is_empty() {
         Ok(asset)
     } else {
-        Err(Error::invalid("", format!("splat block: {} bytes too many", block.len())))
+        Err(Error::invalid("", format!("geometry: {} bytes too many", block.len())))
+    }
+}
+
+/// Adds the SH above degree 0, up to `sh_degree`, to a chunk with geometry.
+///
+/// # Errors
+/// As [`decode_geometry`].
+pub fn decode_sh(mut block: &[u8], sh_degree: u32, asset: &mut SplatAsset, tally: &mut Tally) -> Result<()> {
+    let block = &mut block;
+    if sh_degree > 0 {
+        let (n, width) = (asset.num_splats(), 3 * num_sh_coefficients(sh_degree));
+        let before = block.len();
+        asset.sh_degrees = take_degrees(block, n, sh_degree)?;
+        let before = tally.add("sh_degrees", before, block.len());
+        let mut sh = filled(n * width, 0.0)?;
+        sh.chunks_exact_mut(width)
+            .zip(asset.sh.chunks_exact(3))
+            .for_each(|(of, dc)| of[..3].copy_from_slice(dc));
+        for (degree, band) in bands(sh_degree) {
+            let with_band = || asset.sh_degrees.iter().enumerate().filter(move |(_, own)| **own >= degree);
+            let values = take_floats(block, with_band().count(), 3 * band.len())?;
+            for ((splat, _), values) in with_band().zip(values.chunks_exact(3 * band.len())) {
+                sh[splat * width + 3 * band.start..][..values.len()].copy_from_slice(values);
+            }
+        }
+        tally.add("sh_rest", before, block.len());
+        (asset.sh, asset.sh_degree) = (sh, sh_degree);
+    }
+    if block.is_empty() {
+        Ok(())
+    } else {
+        Err(Error::invalid("", format!("SH: {} bytes too many", block.len())))
     }
 }
 
 /// Decodes the texels of a chunk. `[num_texels, 3]`
 ///
 /// # Errors
-/// As [`decode_splats`].
+/// As [`decode_geometry`].
 pub fn decode_texels(mut block: &[u8], num_texels: usize) -> Result<Vec<f32>> {
     let texels = take_floats(&mut block, num_texels, 3)?;
     if block.is_empty() {

@@ -1,26 +1,30 @@
-//! The compact binary format `.ltgs`: chunks of 4,096 splats with their maps, each independently readable, all splats before
-//! the first texel. `schema/ltgs.md` specifies every byte.
+//! The compact binary format `.ltgs`: chunks of 4,096 splats with their maps, each independently readable; the geometry of
+//! all splats before their view-dependent colours, and these before the first texel. `schema/ltgs.md` specifies every byte.
 //!
 //! | part | content |
 //! |---|---|
 //! | header | 64 bytes: version, counts, lengths, checksums |
 //! | metadata | JSON: frame, cameras, provenance, hash, steps |
 //! | contents | position, counts, bounds and checksums of each chunk |
-//! | splats | per chunk: one stream per attribute; colours contain the maps' means |
+//! | geometry | per chunk: one stream per attribute, SH of degree 0 included; it contains the maps' means |
+//! | SH | per chunk: degrees of splats, and streams of the coefficients above degree 0 that they have |
 //! | texels | per chunk: streams of texels |
 //!
 //! Lossless files hold the bytes of the numbers; others hold numbers rounded by [`Steps`], which the caller chooses by
 //! rendering what [`quantised`] returns.
 
+mod bands;
 mod bits;
 mod check;
 mod colour;
 mod header;
 mod integers;
 mod lossless;
+mod maps;
 mod math;
 mod morton;
 mod plan;
+mod positions;
 mod read;
 mod shape;
 mod splats;

@@ -25,7 +25,7 @@ impl Plan {
         let shape = |splat: usize| Shape {
             exponent: exponents[splat],
             scales: asset.scales[splat],
-            texel_size: asset.maps[splat].texel_size,
+            texel_sizes: asset.maps[splat].texel_sizes,
         };
         let mut grid = Grid {
             origin: [0.0; 3],
@@ -126,12 +126,13 @@ fn low_quantile(mut values: Vec<i32>) -> i32 {
     values.get(values.len() / 100).copied().unwrap_or(0)
 }
 
-/// Median difference between log2 of texel sizes and what standard deviations and texel counts predict.
+/// Median difference between log2 of the geometric means of texel sizes and what standard deviations and texel counts predict.
 fn middle_texel_size(asset: &SplatAsset) -> f64 {
     let textured = asset.maps.iter().zip(&asset.scales).filter(|(map, _)| map.num_texels() > 0);
     let off = |(map, scales): (&crate::AssetMap, &[f32; 2])| {
         let area = f64::from(scales[0]) * f64::from(scales[1]) / map.num_texels() as f64;
-        f64::from(map.texel_size).log2() - 0.5 * area.log2()
+        let [texel_u, texel_v] = map.texel_sizes.map(f64::from);
+        0.5 * (texel_u * texel_v).log2() - 0.5 * area.log2()
     };
     middle(textured.map(off).collect())
 }

@@ -10,7 +10,7 @@ use super::tally::Tally;
 use super::texels::{Map, TexelReader};
 use super::write::{joined, mean_of, take_means};
 use crate::limits::{splat_bytes, with_room};
-use crate::{Contents, Error, Quality, ReadLimits, Result, SplatAsset, quoted};
+use crate::{AssetMap, Contents, Error, Quality, ReadLimits, Result, SplatAsset, quoted};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use twox_hash::XxHash3_64;
@@ -104,7 +104,8 @@ impl<'a> Reader<'a> {
             let (splats, _) = self.decode_chunk(chunk)?;
             joined(self.empty(), self.header.sh_degree, vec![splats])
         };
-        let asset = of_chunk().map_err(|e| e.at(&self.path))?;
+        let mut asset = of_chunk().map_err(|e| e.at(&self.path))?;
+        asset.fit_sh_degree();
         asset.validate().map_err(|e| e.at(&self.path))?;
         Ok(asset)
     }
@@ -169,12 +170,12 @@ impl<'a> Reader<'a> {
             .entries
             .get(chunk)
             .ok_or_else(|| Error::invalid("", format!("chunk {chunk} of {}", self.entries.len())))?;
-        let (splats, texels) = (self.block(&entry.splats)?, self.block(&entry.texels)?);
+        let blocks = [self.block(&entry.geometry)?, self.block(&entry.sh)?, self.block(&entry.texels)?];
         let mut tally = Tally::default();
-        tally.count("texels", texels.len() as u64);
+        tally.count("texels", blocks[2].len() as u64);
         let asset = match &self.meta.quantiser {
-            None => self.lossless_chunk(entry, splats, texels, &mut tally)?,
-            Some(quantiser) => self.lossy_chunk(entry, splats, texels, quantiser, &mut tally)?,
+            None => self.lossless_chunk(entry, blocks, &mut tally)?,
+            Some(quantiser) => self.lossy_chunk(entry, blocks, quantiser, &mut tally)?,
         };
         Ok((asset, tally))
     }
@@ -182,12 +183,11 @@ impl<'a> Reader<'a> {
     fn lossless_chunk(
         &self,
         entry: &Entry,
-        splats: &[u8],
-        texels: &[u8],
+        [geometry, sh, texels]: [&[u8]; 3],
         tally: &mut Tally,
     ) -> Result<SplatAsset> {
-        let n = entry.num_splats as usize;
-        let mut asset = lossless::decode_splats(splats, n, self.header.sh_degree, tally)?;
+        let mut asset = lossless::decode_geometry(geometry, entry.num_splats as usize, tally)?;
+        lossless::decode_sh(sh, self.header.sh_degree, &mut asset, tally)?;
         check_texels(&asset, entry)?;
         asset.texels = lossless::decode_texels(texels, entry.num_texels as usize)?;
         Ok(asset)
@@ -196,13 +196,12 @@ impl<'a> Reader<'a> {
     fn lossy_chunk(
         &self,
         entry: &Entry,
-        splats: &[u8],
-        texels: &[u8],
+        [geometry, sh, texels]: [&[u8]; 3],
         quantiser: &Quantiser,
         tally: &mut Tally,
     ) -> Result<SplatAsset> {
         let (n, sh_degree) = (entry.num_splats as usize, self.header.sh_degree);
-        let codes = SplatCodes::decode(splats, n, quantiser, sh_degree, tally)?;
+        let codes = SplatCodes::decode([geometry, sh], n, quantiser, sh_degree, tally)?;
         let mut asset = codes.values(quantiser, sh_degree)?;
         check_texels(&asset, entry)?;
         let mut reader = TexelReader::new(texels, entry.num_texels as usize)?;
@@ -222,9 +221,9 @@ impl<'a> Reader<'a> {
 
 /// The shape of a decoded splat and the sides of its map.
 fn map_of(asset: &SplatAsset, exponents: &[i32], splat: usize) -> Map {
-    let map = &asset.maps[splat];
-    let shape = Shape { exponent: exponents[splat], scales: asset.scales[splat], texel_size: map.texel_size };
-    Map { shape, rows: map.rows, cols: map.cols }
+    let AssetMap { rows, cols, texel_sizes, shift, .. } = asset.maps[splat];
+    let shape = Shape { exponent: exponents[splat], scales: asset.scales[splat], texel_sizes };
+    Map { shape, rows, cols, shift }
 }
 
 /// Checks that the sides of maps add up to the texels that the table of contents states, before any is decoded.
@@ -242,11 +241,11 @@ fn decoded_bytes(header: &Header) -> u64 {
     splat_bytes(header.sh_degree) * u64::from(header.num_splats) + 12 * header.num_texels
 }
 
-/// Checks that blocks lie in order and without overlap within the file, all splats before the first texels, and that
-/// counts agree with the header.
+/// Checks that blocks lie in order and without overlap within the file, kind by kind, and that counts agree with the header.
 fn check_entries(header: &Header, entries: &[Entry]) -> Result<(), String> {
     let mut end = (HEADER_BYTES + header.tables_bytes()) as u64;
-    let blocks = entries.iter().map(|e| &e.splats).chain(entries.iter().map(|e| &e.texels));
+    let kinds: [fn(&Entry) -> &Block; 3] = [|e| &e.geometry, |e| &e.sh, |e| &e.texels];
+    let blocks = kinds.iter().flat_map(|kind| entries.iter().map(kind));
     for (i, block) in blocks.enumerate() {
         let chunk = i % entries.len();
         if block.offset < end {

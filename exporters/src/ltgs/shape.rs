@@ -1,4 +1,4 @@
-//! Codes of the shapes and positions of splats: sides of maps, standard deviations, texel sizes, rotations, positions. Each
+//! Codes of the shapes and positions of splats: standard deviations, texel sizes, rotations, positions. Each
 //! quantity has `code_*` and `value_*`; the writer encodes against values as the reader will decode them.
 
 use super::math::{exp2, floor_log2, log2_in_256ths, two_to};
@@ -24,15 +24,16 @@ pub struct Shape {
     pub exponent: i32,
     /// Standard deviations, local units.
     pub scales: [f32; 2],
-    /// Texel size; 0 without a map.
-    pub texel_size: f32,
+    /// Texel sizes along u and v; 0 without a map.
+    pub texel_sizes: [f32; 2],
 }
 
 impl Shape {
-    /// The length to which steps of positions are relative: the smaller standard deviation, or two texels if that is less.
+    /// The length to which steps of positions are relative: the smaller standard deviation, or two texels along the finer
+    /// axis if that is less.
     fn reach(&self) -> f64 {
         let smaller = f64::from(self.scales[0].min(self.scales[1]));
-        let texels = 2.0 * f64::from(self.texel_size);
+        let texels = 2.0 * f64::from(self.texel_sizes[0].min(self.texel_sizes[1]));
         if texels > 0.0 && texels < smaller { texels } else { smaller }
     }
 
@@ -58,8 +59,8 @@ impl Shape {
     /// standard deviations.
     pub fn texel_exponent(&self) -> i32 {
         let [u, v] = self.scales.map(f64::from);
-        let texel = f64::from(self.texel_size);
-        let fineness = floor_log2(u * v / (texel * texel)).clamp(-16, 16);
+        let [texel_u, texel_v] = self.texel_sizes.map(f64::from);
+        let fineness = floor_log2(u * v / (texel_u * texel_v)).clamp(-16, 16);
         self.exponent + (fineness >> 1) - 1
     }
 }
@@ -67,20 +68,6 @@ impl Shape {
 /// The nearest integer, clamped to i32.
 pub fn rounded(x: f64) -> i32 {
     x.round() as i32
-}
-
-/// Code of a map side; even sides have small codes.
-pub fn code_side(side: u16) -> u32 {
-    if side.is_multiple_of(2) { u32::from(side) / 2 } else { 2049 + u32::from(side) / 2 }
-}
-
-/// The inverse of [`code_side`]; `None` for codes beyond the largest side.
-pub fn value_side(code: u32) -> Option<u16> {
-    match code {
-        0..=2048 => Some(2 * code as u16),
-        2049..=4096 => Some((2 * (code - 2049) + 1) as u16),
-        _ => None,
-    }
 }
 
 fn log2_scale_step(quantiser: &Quantiser, exponent: i32) -> f64 {
@@ -103,29 +90,55 @@ pub fn value_scale(log2_scale: f64) -> f32 {
     (exp2(log2_scale) as f32).clamp(SCALES[0], SCALES[1])
 }
 
-/// Predicted log2 of a texel size, and its step. Maps span roughly a fixed multiple of the standard deviations.
-fn texel_size_basis(quantiser: &Quantiser, log2_scales: [f64; 2], rows: u16, cols: u16) -> (f64, f64) {
+/// Predicted log2 of the geometric mean of a splat's texel sizes, and the step. Maps cover roughly a fixed multiple of the
+/// splats' area.
+fn texel_size_basis(quantiser: &Quantiser, log2_scales: [f64; 2], [rows, cols]: [u16; 2]) -> (f64, f64) {
     let log2_texels = f64::from(log2_in_256ths(f64::from(rows) * f64::from(cols))) / 256.0;
     let expected = 0.5 * (log2_scales[0] + log2_scales[1] - log2_texels) + quantiser.grid.log2_texel_size;
     let step = quantiser.steps.log2_texel_size * two_to(-floor_log2(f64::from(rows.max(cols))));
     (expected, step)
 }
 
-/// Code of a texel size; `sides` are not 0.
-pub fn code_texel_size(
+/// Codes of the two texel sizes of a map: of their geometric mean, and of the ratio of the second to the first as a power
+/// of two and what is left of it. Maps are refined by factors of two, so that little is left; equal sizes stay equal.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct TexelSizeCodes {
+    /// log2 of the geometric mean against its prediction, steps.
+    pub mean: i32,
+    /// log2 of the ratio, rounded.
+    pub octaves: i32,
+    /// The rest of it, steps.
+    pub rest: i32,
+}
+
+/// Codes of texel sizes; `sides` are not 0.
+pub fn code_texel_sizes(
     quantiser: &Quantiser,
     log2_scales: [f64; 2],
     sides: [u16; 2],
-    texel_size: f32,
-) -> i32 {
-    let (expected, step) = texel_size_basis(quantiser, log2_scales, sides[0], sides[1]);
-    rounded((f64::from(texel_size).log2() - expected) / step)
+    texel_sizes: [f32; 2],
+) -> TexelSizeCodes {
+    let (expected, step) = texel_size_basis(quantiser, log2_scales, sides);
+    let [u, v] = texel_sizes.map(|k| f64::from(k).log2());
+    let octaves = rounded(v - u);
+    TexelSizeCodes {
+        mean: rounded((0.5 * (u + v) - expected) / step),
+        octaves,
+        rest: rounded((v - u - f64::from(octaves)) / step),
+    }
 }
 
-/// The texel size that a code stands for.
-pub fn value_texel_size(quantiser: &Quantiser, log2_scales: [f64; 2], sides: [u16; 2], code: i32) -> f32 {
-    let (expected, step) = texel_size_basis(quantiser, log2_scales, sides[0], sides[1]);
-    (exp2(expected + f64::from(code) * step) as f32).clamp(f32::MIN_POSITIVE, f32::MAX)
+/// The texel sizes that codes stand for.
+pub fn value_texel_sizes(
+    quantiser: &Quantiser,
+    log2_scales: [f64; 2],
+    sides: [u16; 2],
+    codes: TexelSizeCodes,
+) -> [f32; 2] {
+    let (expected, step) = texel_size_basis(quantiser, log2_scales, sides);
+    let mean = expected + f64::from(codes.mean) * step;
+    let half = 0.5 * (f64::from(codes.octaves) + f64::from(codes.rest) * step);
+    [mean - half, mean + half].map(|log2| (exp2(log2) as f32).clamp(f32::MIN_POSITIVE, f32::MAX))
 }
 
 /// Index of the largest component, and codes of the other three in order.

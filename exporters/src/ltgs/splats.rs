@@ -1,16 +1,15 @@
 //! The splats of a chunk of a lossy file as columns of codes.
 
-use super::bits::{BitReader, BitWriter};
 use super::colour::{luma_chroma, rgb};
-use super::integers::{put_bytes, put_numbers, take_bytes, take_numbers, unzigzag, zigzag};
+use super::integers::{put_bytes, put_numbers, take_exactly, unzigzag, zigzag};
 use super::math::two_to;
-use super::morton::{coordinates, morton};
-use super::shape::{self, EXPONENT_MAX, Shape};
+use super::shape::{self, EXPONENT_MAX, Shape, TexelSizeCodes};
 use super::steps::Quantiser;
 use super::tally::Tally;
 use super::texels::Map;
+use crate::limits::filled;
 use crate::sh::SH_0;
-use crate::{AssetMap, Error, Result, SplatAsset, num_sh_coefficients};
+use crate::{AssetMap, Error, MAP_SIDE_MAX, Result, SplatAsset, num_sh_coefficients};
 
 /// The codes of a chunk. Colours of degree 0 contain the means of maps.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -22,7 +21,9 @@ pub struct SplatCodes {
     /// Codes of standard deviations. `[n, 2]`
     pub scales: Vec<[i32; 2]>,
     /// Codes of texel sizes, for splats with a map only.
-    pub texel_sizes: Vec<i32>,
+    pub texel_sizes: Vec<TexelSizeCodes>,
+    /// Shifts of maps, half texels, for splats with a map only. `[textured, 2]`
+    pub shifts: Vec<[i16; 2]>,
     /// Indices of the largest components of quaternions. `[n]`
     pub largest: Vec<u32>,
     /// Codes of the other components. `[n, 3]`
@@ -31,7 +32,9 @@ pub struct SplatCodes {
     pub positions: Vec<[u32; 3]>,
     /// Codes of opacities. `[n]`
     pub opacities: Vec<u32>,
-    /// Codes of colours, luma and chroma. `[n, (degree + 1)^2, 3]`
+    /// SH degrees. `[n]`
+    pub degrees: Vec<u8>,
+    /// Codes of colours, luma and chroma; 0 above a splat's degree. `[n, (sh_degree + 1)^2, 3]`
     pub sh: Vec<i32>,
 }
 
@@ -54,14 +57,15 @@ impl SplatCodes {
         let map = &asset.maps[splat];
         let scales = asset.scales[splat].map(|s| shape::code_scale(quantiser, exponent, s));
         let log2_scales = scales.map(|c| shape::log2_scale(quantiser, exponent, c));
-        let mut texel_size = 0.0;
+        let mut texel_sizes = [0.0; 2];
         if map.num_texels() > 0 {
             let sides = [map.rows, map.cols];
-            let code = shape::code_texel_size(quantiser, log2_scales, sides, map.texel_size);
-            texel_size = shape::value_texel_size(quantiser, log2_scales, sides, code);
-            self.texel_sizes.push(code);
+            let codes = shape::code_texel_sizes(quantiser, log2_scales, sides, map.texel_sizes);
+            texel_sizes = shape::value_texel_sizes(quantiser, log2_scales, sides, codes);
+            self.texel_sizes.push(codes);
+            self.shifts.push(map.shift);
         }
-        let shape = Shape { exponent, scales: log2_scales.map(shape::value_scale), texel_size };
+        let shape = Shape { exponent, scales: log2_scales.map(shape::value_scale), texel_sizes };
         let (largest, rotation) = shape::code_rotation(quantiser, &shape, asset.rotations[splat]);
         self.exponents.push(exponent);
         self.sides.push([map.rows, map.cols]);
@@ -70,7 +74,8 @@ impl SplatCodes {
         self.rotations.push(rotation);
         self.positions.push(shape::fine_position(quantiser, asset.positions[splat]));
         self.opacities.push(shape::code_opacity(quantiser, asset.opacities[splat]));
-        Map { shape, rows: map.rows, cols: map.cols }
+        self.degrees.push(asset.sh_degrees[splat]);
+        Map { shape, rows: map.rows, cols: map.cols, shift: map.shift }
     }
 
     /// Appends the colours of the splat that was pushed last; `mean` is the mean residual of its decoded map.
@@ -100,14 +105,16 @@ impl SplatCodes {
     /// # Errors
     /// [`Error::TooLarge`] if there are more texels than 32 bits can number.
     pub fn values(&self, quantiser: &Quantiser, sh_degree: u32) -> Result<SplatAsset> {
-        let mut asset = SplatAsset { sh_degree, ..SplatAsset::default() };
+        let mut asset = SplatAsset { sh_degree, sh_degrees: self.degrees.clone(), ..SplatAsset::default() };
         let width = 3 * num_sh_coefficients(sh_degree);
         let mut offset_texels = 0_u32;
+        let mut shifts = self.shifts.iter();
         for (splat, (shape, &exponent)) in self.shapes(quantiser)?.iter().zip(&self.exponents).enumerate() {
             let mut map = AssetMap { offset_texels, ..AssetMap::default() };
-            if shape.texel_size > 0.0 {
-                let [rows, cols] = self.sides[splat];
-                map = AssetMap { offset_texels, rows, cols, texel_size: shape.texel_size };
+            let [rows, cols] = self.sides[splat];
+            if rows > 0 {
+                let shift = shifts.next().copied().unwrap_or_default();
+                map = AssetMap { offset_texels, rows, cols, texel_sizes: shape.texel_sizes, shift };
             }
             offset_texels = offset_texels
                 .checked_add(map.num_texels() as u32)
@@ -131,21 +138,22 @@ impl SplatCodes {
         Ok(asset)
     }
 
-    /// Encodes the block of splats.
+    /// Encodes the block of geometry.
     ///
     /// # Errors
     /// None for codes made by the writer.
-    pub fn encode(&self, quantiser: &Quantiser, sh_degree: u32, level: i32) -> Result<Vec<u8>> {
+    pub fn encode_geometry(&self, quantiser: &Quantiser, sh_degree: u32, level: i32) -> Result<Vec<u8>> {
         let mut block = Vec::new();
         let mut put = |numbers: Vec<u32>| put_numbers(&mut block, &numbers, level);
         put(self.exponents.iter().map(|&x| zigzag(x)).collect());
         for axis in 0..2 {
-            put(self.sides.iter().map(|s| shape::code_side(s[axis])).collect());
+            put(self.sides.iter().map(|s| s[axis].into()).collect());
         }
         for axis in 0..2 {
             put(self.scales.iter().map(|s| zigzag(s[axis])).collect());
         }
-        put(self.texel_sizes.iter().map(|&x| zigzag(x)).collect());
+        self.put_texel_sizes(&mut block, level);
+        let mut put = |numbers: Vec<u32>| put_numbers(&mut block, &numbers, level);
         put(self.largest.clone());
         for axis in 0..3 {
             put(self.rotations.iter().map(|r| zigzag(r[axis])).collect());
@@ -155,39 +163,16 @@ impl SplatCodes {
         put(gaps.iter().map(|gap| (gap & 0x7fff_ffff) as u32).collect());
         put_bytes(&mut block, &places, level);
         put_numbers(&mut block, &self.opacities, level);
-        let width = 3 * num_sh_coefficients(sh_degree);
-        for (first, last) in sh_streams(sh_degree) {
-            for channel in 0..3 {
-                let column = |k: usize| self.sh.iter().skip(3 * k + channel).step_by(width);
-                let numbers: Vec<u32> = (first..last).flat_map(column).map(|&c| zigzag(c)).collect();
-                put_numbers(&mut block, &numbers, level);
-            }
-        }
+        self.put_band(&mut block, sh_degree, (0, 0..1), level);
         Ok(block)
     }
 
-    /// Differences between the Morton numbers of cells, and positions within cells.
-    fn gaps_and_places(&self, quantiser: &Quantiser) -> Result<(Vec<u64>, Vec<u8>)> {
-        let cell_bits = quantiser.grid.cell_bits;
-        let (mut gaps, mut places, mut last) = (Vec::new(), BitWriter::default(), 0);
-        for (shape, position) in self.shapes(quantiser)?.iter().zip(&self.positions) {
-            let cell = morton(position.map(|c| c.checked_shr(cell_bits).unwrap_or(0)));
-            gaps.push(cell.wrapping_sub(last));
-            last = cell;
-            let bits = shape.position_exponent(quantiser);
-            for c in position {
-                places.put(c >> bits, cell_bits - bits);
-            }
-        }
-        Ok((gaps, places.finish()))
-    }
-
-    /// The inverse of [`Self::encode`] for `n` splats.
+    /// The inverse of [`Self::encode_geometry`] for `n` splats, and of [`Self::encode_sh`].
     ///
     /// # Errors
     /// [`Error::Invalid`] or [`Error::Unsupported`].
     pub fn decode(
-        mut block: &[u8],
+        [mut block, sh]: [&[u8]; 2],
         n: usize,
         quantiser: &Quantiser,
         sh_degree: u32,
@@ -207,9 +192,13 @@ impl SplatCodes {
         codes.sides = vec![[0; 2]; n];
         for axis in 0..2 {
             for (side, code) in codes.sides.iter_mut().zip(take(&mut block)?) {
-                side[axis] = shape::value_side(code)
-                    .ok_or_else(|| Error::invalid("", format!("code {code} of a map's side")))?;
+                let within = u16::try_from(code).ok().filter(|&side| side <= MAP_SIDE_MAX);
+                let most = || Error::invalid("", format!("side {code} of a map, at most {MAP_SIDE_MAX}"));
+                side[axis] = within.ok_or_else(most)?;
             }
+        }
+        if let Some([rows, cols]) = codes.sides.iter().find(|s| (s[0] == 0) != (s[1] == 0)) {
+            return Err(Error::invalid("", format!("a map of {rows} x {cols} texels")));
         }
         let before = tally.add("maps", before, block.len());
         codes.scales = vec![[0; 2]; n];
@@ -219,8 +208,7 @@ impl SplatCodes {
             }
         }
         let before = tally.add("scales", before, block.len());
-        let textured = codes.sides.iter().filter(|s| s[0] > 0 && s[1] > 0).count();
-        codes.texel_sizes = take_exactly(&mut block, textured)?.into_iter().map(unzigzag).collect();
+        codes.take_texel_sizes(&mut block)?;
         let before = tally.add("maps", before, block.len());
         codes.largest = take(&mut block)?;
         codes.rotations = vec![[0; 3]; n];
@@ -233,91 +221,34 @@ impl SplatCodes {
         codes.take_positions(&mut block, quantiser)?;
         let before = tally.add("positions", before, block.len());
         codes.opacities = take(&mut block)?;
-        tally.add("opacities", before, block.len());
-        codes.take_sh(&mut block, sh_degree, tally)?;
-        if block.is_empty() {
-            Ok(codes)
-        } else {
-            Err(Error::invalid("", format!("splat block: {} bytes too many", block.len())))
+        let before = tally.add("opacities", before, block.len());
+        codes.degrees = filled(n, 0)?;
+        codes.sh = filled(3 * n * num_sh_coefficients(sh_degree), 0)?;
+        codes.take_band(&mut block, sh_degree, (0, 0..1))?;
+        tally.add("sh0", before, block.len());
+        if !block.is_empty() {
+            return Err(Error::invalid("", format!("geometry: {} bytes too many", block.len())));
         }
-    }
-
-    fn take_positions(&mut self, block: &mut &[u8], quantiser: &Quantiser) -> Result<()> {
-        let n = self.exponents.len();
-        let high = take_exactly(block, n)?;
-        let low = take_exactly(block, n)?;
-        let grid = &quantiser.grid;
-        let exponents: Vec<u32> =
-            self.shapes(quantiser)?.iter().map(|s| s.position_exponent(quantiser)).collect();
-        let num_bits: u64 = exponents.iter().map(|&e| 3 * u64::from(grid.cell_bits - e)).sum();
-        let places = take_bytes(block, num_bits.div_ceil(8) as usize)?;
-        let mut places = BitReader::new(&places);
-        let mut cell = 0_u64;
-        let limit = 1_u64 << (3 * (grid.bits - grid.cell_bits));
-        for (splat, &exponent) in exponents.iter().enumerate() {
-            let gap = u64::from(high[splat]) << 31 | u64::from(low[splat] & 0x7fff_ffff);
-            cell = cell
-                .checked_add(gap)
-                .filter(|&cell| cell < limit)
-                .ok_or_else(|| Error::invalid("", format!("cell of splat {splat} lies outside the grid")))?;
-            let mut corner = [0; 3];
-            for (corner, of_cell) in corner.iter_mut().zip(coordinates(cell)) {
-                let place = places
-                    .take(grid.cell_bits - exponent)
-                    .ok_or_else(|| Error::invalid("", "positions: too few bits"))?;
-                // At most 31 bits, as checked with the grid.
-                *corner = of_cell.checked_shl(grid.cell_bits).unwrap_or(0) | place << exponent;
-            }
-            self.positions.push(corner);
-        }
-        if places.is_spent() { Ok(()) } else { Err(Error::invalid("", "positions: too many bits")) }
+        codes.take_sh(sh, sh_degree, tally)?;
+        Ok(codes)
     }
 
     /// Shapes of the splats, from the codes that precede positions.
-    fn shapes(&self, quantiser: &Quantiser) -> Result<Vec<Shape>> {
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] if there are fewer codes of texel sizes than maps.
+    pub fn shapes(&self, quantiser: &Quantiser) -> Result<Vec<Shape>> {
         let mut texel_sizes = self.texel_sizes.iter();
         let mut of_splat = |splat: usize| {
             let (exponent, [rows, cols]) = (self.exponents[splat], self.sides[splat]);
             let log2_scales = self.scales[splat].map(|c| shape::log2_scale(quantiser, exponent, c));
-            let mut texel_size = 0.0;
+            let mut sizes = [0.0; 2];
             if rows > 0 && cols > 0 {
-                let code = *texel_sizes.next().ok_or_else(|| Error::invalid("", "texel sizes: too few"))?;
-                texel_size = shape::value_texel_size(quantiser, log2_scales, [rows, cols], code);
+                let codes = *texel_sizes.next().ok_or_else(|| Error::invalid("", "texel sizes: too few"))?;
+                sizes = shape::value_texel_sizes(quantiser, log2_scales, [rows, cols], codes);
             }
-            Ok(Shape { exponent, scales: log2_scales.map(shape::value_scale), texel_size })
+            Ok(Shape { exponent, scales: log2_scales.map(shape::value_scale), texel_sizes: sizes })
         };
         (0..self.exponents.len()).map(&mut of_splat).collect()
-    }
-
-    fn take_sh(&mut self, block: &mut &[u8], sh_degree: u32, tally: &mut Tally) -> Result<()> {
-        let n = self.exponents.len();
-        let width = 3 * num_sh_coefficients(sh_degree);
-        self.sh = vec![0; n * width];
-        for (first, last) in sh_streams(sh_degree) {
-            let before = block.len();
-            for channel in 0..3 {
-                let numbers = take_exactly(block, n * (last - first))?;
-                let places = (first..last).flat_map(|k| (0..n).map(move |i| i * width + 3 * k + channel));
-                for (place, number) in places.zip(numbers) {
-                    self.sh[place] = unzigzag(number);
-                }
-            }
-            tally.add(if first == 0 { "sh0" } else { "sh_rest" }, before, block.len());
-        }
-        Ok(())
-    }
-}
-
-/// Ranges of coefficients that share streams, one for each degree.
-fn sh_streams(sh_degree: u32) -> impl Iterator<Item = (usize, usize)> {
-    (0..=sh_degree).map(|d| ((d * d) as usize, num_sh_coefficients(d)))
-}
-
-fn take_exactly(block: &mut &[u8], n: usize) -> Result<Vec<u32>> {
-    let numbers = take_numbers(block, n)?;
-    if numbers.len() == n {
-        Ok(numbers)
-    } else {
-        Err(Error::invalid("", format!("stream: {} numbers, expected {n}", numbers.len())))
     }
 }

@@ -25,7 +25,7 @@ pub struct Steps {
     pub texel: f64,
     /// Ratio of chroma steps to luma steps, for colours and texels.
     pub chroma: f64,
-    /// Step of log2 of texel sizes for a map of one texel; 1 / N of that for maps of N texels per side.
+    /// Step of log2 of texel sizes and of their ratio for a map of one texel; 1 / N of that for maps of N texels per side.
     pub log2_texel_size: f64,
 }
 
@@ -99,7 +99,7 @@ pub struct Grid {
     pub cell_bits: u32,
     /// log2 of the standard deviation with code 0.
     pub log2_scale: f64,
-    /// Offset of log2 of texel sizes against their prediction at code 0.
+    /// Offset of log2 of the geometric mean of texel sizes against its prediction at code 0.
     pub log2_texel_size: f64,
 }
 

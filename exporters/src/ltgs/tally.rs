@@ -3,7 +3,7 @@
 use crate::{Describes, Section};
 
 /// Names in the order of reports, and what they describe.
-const NAMES: [(&str, Describes); 14] = [
+const NAMES: [(&str, Describes); 15] = [
     ("header", Describes::Other),
     ("metadata", Describes::Other),
     ("contents", Describes::Other),
@@ -13,6 +13,7 @@ const NAMES: [(&str, Describes); 14] = [
     ("opacities", Describes::Splats),
     ("sh0", Describes::Splats),
     ("sh_rest", Describes::Splats),
+    ("sh_degrees", Describes::Splats),
     ("maps", Describes::Splats),
     ("exponents", Describes::Splats),
     ("means", Describes::Splats),

@@ -47,7 +47,7 @@ fn is_same(a: &SplatAsset, b: &SplatAsset) -> bool {
         for values in [&a.opacities, &a.sh, &a.texels] {
             bits.extend(values.iter().map(|v| v.to_bits()));
         }
-        bits.extend(a.maps.iter().map(|m| m.texel_size.to_bits()));
+        bits.extend(a.maps.iter().flat_map(|m| m.texel_sizes).map(f32::to_bits));
         bits
     };
     a == b && bits(a) == bits(b)
@@ -206,7 +206,7 @@ fn single_chunks_can_be_read() {
 /// Corrects the checksums of header and tables, so that the checks behind them are tested.
 fn resealed(mut bytes: Vec<u8>) -> Vec<u8> {
     let number = |b: &[u8], at: usize| u32::from_le_bytes(b[at..at + 4].try_into().unwrap()) as usize;
-    let tables = 64 + number(&bytes, 28) + 88 * number(&bytes, 36);
+    let tables = 64 + number(&bytes, 28) + 112 * number(&bytes, 36);
     if tables <= bytes.len() {
         let checksum = twox_hash::XxHash3_64::oneshot(&bytes[64..tables]);
         bytes[48..56].copy_from_slice(&checksum.to_le_bytes());
@@ -227,29 +227,29 @@ fn hostile_headers_and_tables_are_refused() {
     };
     assert!(with(0, b"LTGS").is_ok(), "control: correct checksums change nothing");
     assert!(matches!(with(0, b"LTGX"), Err(Error::Invalid { .. })));
-    assert!(matches!(with(4, &[2, 0]), Err(Error::Unsupported { .. })));
+    assert!(matches!(with(4, &[1, 0]), Err(Error::Unsupported { .. })));
     assert!(matches!(with(8, &[0, 1]), Err(Error::Unsupported { .. })), "unknown feature");
     assert!(matches!(with(25, &[4]), Err(Error::Unsupported { .. })), "unknown profile");
     let newer = with(6, &[9, 0]).unwrap();
-    assert_eq!((newer.format.as_str(), newer.warnings.len()), ("ltgs 1.9", 1));
+    assert_eq!((newer.format.as_str(), newer.warnings.len()), ("ltgs 2.9", 1));
     for (at, new) in [
-        (12, vec![0xff; 4]),                               // splats
-        (12, 4999_u32.to_le_bytes().to_vec()),             // splats that no chunk has
-        (16, vec![0xff; 8]),                               // texels
-        (16, 7_u64.to_le_bytes().to_vec()),                // texels that the chunks do not have
-        (24, vec![4]),                                     // SH degree
-        (24, vec![3]),                                     // SH degree that the streams do not have
-        (25, vec![0]),                                     // lossless with steps
-        (28, vec![0xff; 4]),                               // length of metadata
-        (32, vec![0xff; 4]),                               // length of their text
-        (36, vec![0xff; 4]),                               // chunks
-        (40, vec![0xff; 8]),                               // length of the file
-        (tables, vec![0xff; 8]),                           // offset beyond everything
-        (tables, vec![0; 8]),                              // offset before everything
-        (tables + 88, bytes[tables..tables + 8].to_vec()), // the second chunk overlaps the first
-        (tables + 8, vec![0xff; 8]),                       // length
-        (tables + 48, vec![0xff; 8]),                      // texels of a chunk
-        (tables + 56, vec![0; 4]),                         // splats of a chunk
+        (12, vec![0xff; 4]),                                // splats
+        (12, 4999_u32.to_le_bytes().to_vec()),              // splats that no chunk has
+        (16, vec![0xff; 8]),                                // texels
+        (16, 7_u64.to_le_bytes().to_vec()),                 // texels that the chunks do not have
+        (24, vec![4]),                                      // SH degree
+        (24, vec![3]),                                      // SH degree that the streams do not have
+        (25, vec![0]),                                      // lossless with steps
+        (28, vec![0xff; 4]),                                // length of metadata
+        (32, vec![0xff; 4]),                                // length of their text
+        (36, vec![0xff; 4]),                                // chunks
+        (40, vec![0xff; 8]),                                // length of the file
+        (tables, vec![0xff; 8]),                            // offset beyond everything
+        (tables, vec![0; 8]),                               // offset before everything
+        (tables + 112, bytes[tables..tables + 8].to_vec()), // the second chunk overlaps the first
+        (tables + 8, vec![0xff; 8]),                        // length
+        (tables + 72, vec![0xff; 8]),                       // texels of a chunk
+        (tables + 80, vec![0; 4]),                          // splats of a chunk
     ] {
         let error = with(at, &new).unwrap_err().to_string();
         assert!(error.starts_with(PATH), "{at}: {error}");
@@ -296,7 +296,7 @@ fn no_damage_makes_the_reader_panic() {
             }
             if round % 3 > 0 {
                 // Checksums of the blocks and of the tables fit again: the streams themselves must hold.
-                for block in [tables, tables + 24] {
+                for block in [tables, tables + 24, tables + 48] {
                     let number =
                         |at: usize| u64::from_le_bytes(damaged[at..at + 8].try_into().unwrap()) as usize;
                     let (from, length) = (number(block), number(block + 8));
@@ -335,8 +335,9 @@ fn unusable_steps_and_assets_are_refused() {
     extreme.positions[0] = [f32::MAX, f32::MIN, 0.0];
     extreme.scales[1] = [1e-44, 1e6];
     extreme.opacities[2] = 1e-44;
-    extreme.maps[3].texel_size = f32::MAX;
-    extreme.maps[6].texel_size = 1e-44;
+    extreme.maps[3].texel_sizes = [f32::MAX, 1e-44];
+    extreme.maps[6].texel_sizes = [1e-44; 2];
+    extreme.maps[9].shift = [i16::MIN, i16::MAX];
     for factor in [0.01, 1.0, 50.0] {
         let steps = Steps::tiny(&extreme).scaled(factor);
         let options = LtgsOptions { quality: Quality::Tiny, steps: Some(steps), exponents: &[] };

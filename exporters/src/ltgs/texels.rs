@@ -32,14 +32,18 @@ pub struct Map {
     pub rows: u16,
     /// Texels along the tangent v.
     pub cols: u16,
+    /// The map's centre from the splat's along u and v, half texels.
+    pub shift: [i16; 2],
 }
 
 impl Map {
-    /// Squared distances of texels from the centre along one axis, in standard deviations.
-    fn squares(&self, count: u16, scale: f32) -> Vec<f64> {
-        let middle = 0.5 * (f64::from(count) - 1.0);
+    /// Squared distances of texels from the splat's centre along an axis, u (0) or v (1), in standard deviations.
+    fn squares(&self, axis: usize) -> Vec<f64> {
+        let count = [self.rows, self.cols][axis];
+        let middle = 0.5 * (f64::from(count) - 1.0 - f64::from(self.shift[axis]));
+        let (texel, scale) = (f64::from(self.shape.texel_sizes[axis]), f64::from(self.shape.scales[axis]));
         let square = |i: u16| {
-            let d = (f64::from(i) - middle) * f64::from(self.shape.texel_size) / f64::from(scale);
+            let d = (f64::from(i) - middle) * texel / scale;
             d * d
         };
         (0..count).map(square).collect()
@@ -53,8 +57,7 @@ impl Map {
         out: &mut Vec<f32>,
         mut symbol: impl FnMut(usize, usize, usize, f64, f64) -> Result<i32>,
     ) -> Result<()> {
-        let of_rows = self.squares(self.rows, self.shape.scales[0]);
-        let of_cols = self.squares(self.cols, self.shape.scales[1]);
+        let (of_rows, of_cols) = (self.squares(0), self.squares(1));
         let own_exponent = self.shape.texel_exponent();
         let mut above = vec![Neighbour::default(); of_cols.len()];
         for (row, of_row) in of_rows.iter().enumerate() {
@@ -85,9 +88,7 @@ impl Map {
     /// [`crate::SplatAsset::mean_residual`] of these texels, in arithmetic that gives the same bits on every machine.
     pub fn mean_residual(&self, texels: &[f32]) -> [f64; 3] {
         let weights = |squares: Vec<f64>| squares.iter().map(|d| exp2(-0.5 * d / LN_2)).collect::<Vec<_>>();
-        let [scale_u, scale_v] = self.shape.scales;
-        let of_rows = weights(self.squares(self.rows, scale_u));
-        let of_cols = weights(self.squares(self.cols, scale_v));
+        let (of_rows, of_cols) = (weights(self.squares(0)), weights(self.squares(1)));
         let (mut sum, mut total) = ([0.0; 3], 0.0);
         let mut texels = texels.as_chunks::<3>().0.iter();
         for of_row in of_rows {
@@ -99,8 +100,9 @@ impl Map {
                 }
             }
         }
-        let texel = f64::from(self.shape.texel_size);
-        let whole = TAU * f64::from(scale_u) * f64::from(scale_v) / (texel * texel);
+        let [scale_u, scale_v] = self.shape.scales.map(f64::from);
+        let [texel_u, texel_v] = self.shape.texel_sizes.map(f64::from);
+        let whole = TAU * scale_u * scale_v / (texel_u * texel_v);
         let total = if whole > total { whole } else { total };
         if total.is_finite() && total > 0.0 { sum.map(|s| s / total) } else { [0.0; 3] }
     }

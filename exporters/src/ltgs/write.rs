@@ -121,21 +121,21 @@ pub fn joined(mut whole: SplatAsset, sh_degree: u32, chunks: Vec<SplatAsset>) ->
         whole.rotations.extend(chunk.rotations);
         whole.scales.extend(chunk.scales);
         whole.opacities.extend(chunk.opacities);
+        whole.sh_degrees.extend(chunk.sh_degrees);
         whole.sh.extend(chunk.sh);
         whole.texels.extend(chunk.texels);
     }
     Ok(whole)
 }
 
-/// The blocks of a chunk with its entry of the table of contents, offsets still missing.
+/// The blocks of a chunk, geometry, SH and texels, with its entry of the table of contents, offsets still missing.
 pub struct Chunk {
-    splats: Vec<u8>,
-    texels: Vec<u8>,
+    blocks: [Vec<u8>; 3],
     entry: Entry,
 }
 
 impl Chunk {
-    fn new(splats: Vec<u8>, texels: Vec<u8>, positions: &[[f32; 3]], num_texels: usize) -> Self {
+    fn new(blocks: [Vec<u8>; 3], positions: &[[f32; 3]], num_texels: usize) -> Self {
         let mut bounds = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
         for position in positions {
             for axis in 0..3 {
@@ -149,13 +149,14 @@ impl Chunk {
             checksum: XxHash3_64::oneshot(bytes),
         };
         let entry = Entry {
-            splats: block(&splats),
-            texels: block(&texels),
+            geometry: block(&blocks[0]),
+            sh: block(&blocks[1]),
+            texels: block(&blocks[2]),
             num_splats: positions.len() as u32,
             num_texels: num_texels as u64,
             bounds,
         };
-        Self { splats, texels, entry }
+        Self { blocks, entry }
     }
 }
 
@@ -163,9 +164,12 @@ fn lossless_chunks(asset: &SplatAsset) -> Vec<Chunk> {
     let of_chunk = |range: Range<usize>| {
         let first = asset.maps.get(range.start).map_or(0, |m| m.offset_texels as usize);
         let last = asset.maps.get(range.end).map_or(asset.num_texels(), |m| m.offset_texels as usize);
-        let splats = lossless::encode_splats(asset, range.clone(), ZSTD_LEVEL);
-        let texels = lossless::encode_texels(&asset.texels[3 * first..3 * last], ZSTD_LEVEL);
-        Ok(Chunk::new(splats, texels, &asset.positions[range], last - first))
+        let blocks = [
+            lossless::encode_geometry(asset, range.clone(), ZSTD_LEVEL),
+            lossless::encode_sh(asset, range.clone(), ZSTD_LEVEL),
+            lossless::encode_texels(&asset.texels[3 * first..3 * last], ZSTD_LEVEL),
+        ];
+        Ok(Chunk::new(blocks, &asset.positions[range], last - first))
     };
     // This `of_chunk` does not fail.
     map_chunks(asset, of_chunk).unwrap_or_default()
@@ -200,9 +204,12 @@ impl CodedChunk {
     }
 
     fn encode(&self, plan: &Plan, sh_degree: u32) -> Result<Chunk> {
-        let splats = self.splats.encode(&plan.quantiser, sh_degree, ZSTD_LEVEL)?;
-        let texels = self.texels.encode(ZSTD_LEVEL);
-        Ok(Chunk::new(splats, texels, &self.decoded.positions, self.decoded.num_texels()))
+        let blocks = [
+            self.splats.encode_geometry(&plan.quantiser, sh_degree, ZSTD_LEVEL)?,
+            self.splats.encode_sh(sh_degree, ZSTD_LEVEL),
+            self.texels.encode(ZSTD_LEVEL),
+        ];
+        Ok(Chunk::new(blocks, &self.decoded.positions, self.decoded.num_texels()))
     }
 }
 
@@ -223,7 +230,7 @@ pub fn take_means(asset: &mut SplatAsset, means: &[[f64; 3]]) {
 
 fn assemble(asset: &SplatAsset, quality: Quality, meta: &FileMeta, chunks: &[Chunk]) -> Result<Vec<u8>> {
     let (meta_bytes, meta_text_bytes) = meta.encode()?;
-    let blocks: usize = chunks.iter().map(|c| c.splats.len() + c.texels.len()).sum();
+    let blocks: usize = chunks.iter().flat_map(|c| &c.blocks).map(Vec::len).sum();
     let mut header = Header {
         minor: MINOR,
         meta_is_compressed: meta_bytes.len() != meta_text_bytes,
@@ -245,15 +252,18 @@ fn assemble(asset: &SplatAsset, quality: Quality, meta: &FileMeta, chunks: &[Chu
         block.offset = *offset;
         *offset += block.bytes;
     };
-    entries.iter_mut().for_each(|e| place(&mut e.splats, &mut offset));
+    entries.iter_mut().for_each(|e| place(&mut e.geometry, &mut offset));
+    entries.iter_mut().for_each(|e| place(&mut e.sh, &mut offset));
     entries.iter_mut().for_each(|e| place(&mut e.texels, &mut offset));
     entries.iter().for_each(|e| e.encode(&mut tables));
     header.tables_checksum = XxHash3_64::oneshot(&tables);
     let mut bytes = Vec::with_capacity(first + blocks);
     bytes.extend(header.encode());
     bytes.extend(tables);
-    // All splats before the first texel, so that a download can be shown before it is complete.
-    chunks.iter().for_each(|c| bytes.extend_from_slice(&c.splats));
-    chunks.iter().for_each(|c| bytes.extend_from_slice(&c.texels));
+    // All geometry before the first SH block, and these before the first texel, so that a download can be shown before it is
+    // complete.
+    for kind in 0..3 {
+        chunks.iter().for_each(|c| bytes.extend_from_slice(&c.blocks[kind]));
+    }
     Ok(bytes)
 }

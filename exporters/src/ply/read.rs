@@ -134,6 +134,7 @@ fn push_splat(contents: &mut PlyContents, columns: &Columns, values: &[f64], pat
         let coefficient = |channel: usize| values[columns.rest[channel * per_channel + k]] as f32;
         asset.sh.extend((0..3).map(coefficient));
     }
+    asset.sh_degrees.push(columns.sh_degree as u8);
     asset.maps.push(AssetMap::default());
     Ok(())
 }

@@ -213,6 +213,7 @@ fn splats(header: &Header, streams: &[Stream], path: &Path) -> Result<(SplatAsse
         let rest = row(5, sh_width).iter().map(|&c| (f32::from(c) - 128.0) / 128.0);
         let sh: Vec<f32> = dc.chain(rest).collect();
         asset.sh.extend(yup::sh(&sh));
+        asset.sh_degrees.push(header.sh_degree as u8);
         asset.maps.push(AssetMap::default());
     }
     if asset.positions.len() != n {

@@ -62,7 +62,7 @@ pub fn encode_spz(asset: &SplatAsset) -> Result<(Vec<u8>, SpzSummary)> {
         let error = push(&mut streams, &splat, fractional_bits, &half_turn, &mut summary);
         if map.num_texels() > 0 {
             summary.averaged_maps += 1;
-            let texels = error / (asset.world_from_local().scale * f64::from(map.texel_size));
+            let texels = error / (asset.world_from_local().scale * map.finer_texel_size());
             summary.position_error_texels = summary.position_error_texels.max(texels);
         }
     }

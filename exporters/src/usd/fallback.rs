@@ -48,6 +48,7 @@ fn flattened(path: &Path, prim: &Prim, limits: &ReadLimits) -> Result<SplatAsset
     for of_splat in sh.chunks_exact(3 * num_coefficients) {
         asset.sh.extend(yup::sh(of_splat));
     }
+    asset.sh_degrees.resize(n, degree as u8);
     Ok(asset)
 }
 

@@ -100,17 +100,30 @@ impl Field<'_> {
             asset.sh.extend_from_slice(first);
             asset.sh.extend(yup::sh(all).skip(3));
         }
+        let degrees = self.sh_degrees(n, degree)?;
+        asset.store_sh_degrees(degrees).map_err(|e| e.at(self.path))?;
         asset.maps = self.maps(n)?;
         Ok(())
+    }
+
+    /// SH degrees of `n` splats, at most `most`.
+    fn sh_degrees(&self, n: usize, most: u32) -> Result<Vec<u8>> {
+        if self.prim.value(OWN_SH_DEGREE).is_none() {
+            return crate::limits::filled(n, most as u8).map_err(|e| e.at(self.path));
+        }
+        let degrees = self.ints(OWN_SH_DEGREE, Form::One, n)?.iter().map(|&degree| u8::try_from(degree));
+        let what = |_| Error::invalid(self.path, format!("{OWN_SH_DEGREE}: not all are 0 to {most}"));
+        degrees.collect::<Result<_, _>>().map_err(what)
     }
 
     /// Maps of `n` splats: their sides, and where their texels will stand.
     pub(super) fn maps(&self, n: usize) -> Result<Vec<AssetMap>> {
         let rects = self.ints(RECT, Form::Vec4, n)?.as_chunks::<4>().0;
-        let texel_sizes = self.floats(TEXEL_SIZE, Form::One, n)?;
+        let texel_sizes = self.floats(TEXEL_SIZE, Form::Vec2, n)?.as_chunks::<2>().0;
+        let mut shifts = self.shifts(n)?.iter();
         let mut maps = with_room(n).map_err(|e| e.at(self.path))?;
         let mut offset = 0_u64;
-        for (splat, (&[_, _, cols, rows], &texel_size)) in rects.iter().zip(texel_sizes).enumerate() {
+        for (splat, (&[_, _, cols, rows], &texel_sizes)) in rects.iter().zip(texel_sizes).enumerate() {
             let sides = [rows, cols].map(u16::try_from);
             let (Ok(rows), Ok(cols), true) = (sides[0], sides[1], (rows == 0) == (cols == 0)) else {
                 return Err(Error::invalid(
@@ -120,10 +133,22 @@ impl Field<'_> {
             };
             let offset_texels = u32::try_from(offset)
                 .map_err(|_| Error::too_large(self.path, format!("{offset} texels, at most {}", u32::MAX)))?;
-            maps.push(AssetMap { offset_texels, rows, cols, texel_size });
+            let [Ok(shift_u), Ok(shift_v)] = shifts.next().copied().unwrap_or_default().map(i16::try_from)
+            else {
+                return Err(Error::invalid(self.path, format!("{SHIFT} of splat {splat}: beyond 16 bits")));
+            };
+            maps.push(AssetMap { offset_texels, rows, cols, texel_sizes, shift: [shift_u, shift_v] });
             offset += u64::from(rows) * u64::from(cols);
         }
         Ok(maps)
+    }
+
+    /// Shifts of `n` maps; none if all are centred.
+    fn shifts(&self, n: usize) -> Result<&[[i32; 2]]> {
+        match self.prim.value(SHIFT) {
+            None => Ok(&[]),
+            Some(_) => Ok(self.ints(SHIFT, Form::Vec2, n)?.as_chunks::<2>().0),
+        }
     }
 
     /// Where the maps of `n` splats lie, not checked yet.

@@ -1,7 +1,7 @@
 //! Names of prims, properties and metadata of our files, shared by writers, readers and validation.
 
 /// Version of the meaning of `primvars:litetex:*`.
-pub(super) const VERSION: i32 = 1;
+pub(super) const VERSION: i32 = 2;
 
 /// Name of the root prim.
 pub(super) const SCENE: &str = "Scene";
@@ -43,6 +43,10 @@ pub(super) const LITETEX_VERSION: &str = "primvars:litetex:version";
 pub(super) const RECT: &str = "primvars:litetex:rect";
 pub(super) const PAGE: &str = "primvars:litetex:page";
 pub(super) const TEXEL_SIZE: &str = "primvars:litetex:texelSize";
+/// Half texels; absent if all maps are centred.
+pub(super) const SHIFT: &str = "primvars:litetex:shift";
+/// Degrees of splats; absent if all have that of the field.
+pub(super) const OWN_SH_DEGREE: &str = "primvars:litetex:shDegree";
 /// SH of degree 0 without the mean of the map.
 pub(super) const SH0: &str = "primvars:litetex:sh0";
 pub(super) const DECODE_SCALE: &str = "primvars:litetex:decodeScale";

@@ -37,7 +37,9 @@ pub(super) fn mean_baked_sh(asset: &SplatAsset) -> Value {
     let mut out = Vec::with_capacity(asset.sh.len());
     for splat in 0..asset.num_splats() {
         let first = out.len();
-        out.extend(yup::sh(asset.sh_of(splat)));
+        out.extend(yup::sh(asset.own_sh_of(splat)));
+        // Without the signs of zeros above the splat's degree.
+        out.resize(first + asset.sh_of(splat).len(), 0.0);
         out[first..first + 3].copy_from_slice(&asset.untextured_dc(splat));
     }
     floats(Form::Vec3, out)

@@ -60,8 +60,9 @@ fn class(place: &str) -> (&'static str, Describes) {
         Some(OPACITIES) => ("opacities", Describes::Splats),
         // Its degree 0 contains the means of maps, for other programs.
         Some(SH_COEFFICIENTS) => ("sh", Describes::Splats),
+        Some(OWN_SH_DEGREE) => ("sh_degrees", Describes::Splats),
         Some(SH0) => ("sh0", Describes::Splats),
-        Some(RECT | PAGE | TEXEL_SIZE) => ("maps", Describes::Splats),
+        Some(RECT | PAGE | TEXEL_SIZE | SHIFT) => ("maps", Describes::Splats),
         _ if is_textured => ("metadata", Describes::Other),
         _ => ("fallback", Describes::Other),
     }

@@ -112,14 +112,23 @@ fn textured_splats(asset: &SplatAsset, images: &Images) -> Prim {
     let placed = asset.maps.iter().zip(&images.atlas.placements);
     let rects = placed.flat_map(|(map, at)| [at.x, at.y, map.cols, map.rows].map(i32::from)).collect();
     let pages = images.atlas.placements.iter().map(|at| at.page.into()).collect();
-    let texel_sizes = asset.maps.iter().map(|m| m.texel_size).collect();
+    let texel_sizes = asset.maps.iter().flat_map(|m| m.texel_sizes).collect();
     prim.properties.extend([
         Property::new("int", LITETEX_VERSION, Value::int(VERSION)).interpolated("constant"),
         Property::new("int4[]", RECT, ints(Form::Vec4, rects)).interpolated("vertex"),
         Property::new("int[]", PAGE, ints(Form::One, pages)).interpolated("vertex"),
-        Property::new("float[]", TEXEL_SIZE, floats(Form::One, texel_sizes)).interpolated("vertex"),
+        Property::new("float2[]", TEXEL_SIZE, floats(Form::Vec2, texel_sizes)).interpolated("vertex"),
         Property::new("float3[]", SH0, numbers::exact_sh0(asset)).interpolated("vertex"),
     ]);
+    if asset.sh_degrees.iter().any(|&degree| u32::from(degree) != asset.sh_degree) {
+        let degrees = asset.sh_degrees.iter().map(|&degree| degree.into()).collect();
+        prim.properties
+            .push(Property::new("int[]", OWN_SH_DEGREE, ints(Form::One, degrees)).interpolated("vertex"));
+    }
+    if asset.maps.iter().any(|m| m.shift != [0; 2]) {
+        let shifts = asset.maps.iter().flat_map(|m| m.shift.map(i32::from)).collect();
+        prim.properties.push(Property::new("int2[]", SHIFT, ints(Form::Vec2, shifts)).interpolated("vertex"));
+    }
     if let Some(decode) = images.decode {
         for (name, value) in [(DECODE_SCALE, decode.scale), (DECODE_BIAS, decode.bias)] {
             prim.properties

@@ -199,7 +199,10 @@ fn check_lengths(place: &str, prim: &Prim, issues: &mut Issues) {
     let is_textured = prim.property(LITETEX_VERSION).is_some();
     let required = [(ORIENTATIONS, 1), (SCALES, 1), (OPACITIES, 1), (SH_COEFFICIENTS, coefficients)];
     let ours = [(RECT, 1), (PAGE, 1), (TEXEL_SIZE, 1), (SH0, 1)];
-    for (name, each) in required.into_iter().chain(ours.into_iter().filter(|_| is_textured)) {
+    let optional =
+        [(SHIFT, 1), (OWN_SH_DEGREE, 1)].into_iter().filter(|(name, _)| prim.property(name).is_some());
+    let ours = ours.into_iter().chain(optional).filter(|_| is_textured);
+    for (name, each) in required.into_iter().chain(ours) {
         let expected = n * each;
         match length(prim.value(name)) {
             None => issues.error("LT2002", place, format!("no array {name}")),

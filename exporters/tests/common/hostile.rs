@@ -137,7 +137,13 @@ fn glb(add: Add<'_>) {
         join(&json, &bin)
     };
     add("newer_container.glb", Unsupported, put(&bytes, 4, &[3]));
-    add("newer_extension.glb", Unsupported, edited(&|j| at(j, OURS)["version"] = json!(2)));
+    add("newer_extension.glb", Unsupported, edited(&|j| at(j, OURS)["version"] = json!(3)));
+    add("older_extension.glb", Unsupported, edited(&|j| at(j, OURS)["version"] = json!(1)));
+    add(
+        "no_shifts.glb",
+        Reads,
+        edited(&|j| drop(at(j, OURS).as_object_mut().expect("ours").remove("shift"))),
+    );
     add("huge_count.glb", Invalid, edited(&|j| j["accessors"][0]["count"] = json!(1_u64 << 40)));
     add(
         "huge_page.glb",
@@ -177,6 +183,14 @@ fn glb(add: Add<'_>) {
     // Splats 0 and 3 have maps of 2 x 2.
     let corner: [u8; 4] = std::array::from_fn(|i| bin[first + i]);
     add("overlapping_maps.glb", Reads, changed(first + 24, &corner));
+    let coloured =
+        gltf::encode_glb(&SplatAsset { cameras: Vec::new(), ..scene(4, 1) }, &options).expect("written");
+    let (mut json, coloured) = split(&coloured);
+    let degrees = at(&mut json, OURS)["shDegree"].as_u64().expect("an accessor") as usize;
+    let view = json["accessors"][degrees]["bufferView"].as_u64().expect("a view") as usize;
+    let first_degree = json["bufferViews"][view]["byteOffset"].as_u64().expect("an offset") as usize;
+    add("coefficients_above_the_degree.glb", Invalid, join(&json, &put(&coloured, first_degree, &[0])));
+    add("degree_above_the_coefficients.glb", Invalid, join(&json, &put(&coloured, first_degree, &[2])));
     let five: Vec<u8> = 5.0_f32.to_le_bytes().repeat(12);
     let nan = f32::NAN.to_le_bytes();
     let dc = place(&valid, "KHR_gaussian_splatting:SH_DEGREE_0_COEF_0");
@@ -223,17 +237,18 @@ fn ltgs_files(add: Add<'_>) {
         ltgs::encode(asset, &ltgs::LtgsOptions { quality, steps: None, exponents: &[] }).expect("written")
     };
     let bytes = file(&small_scene(), Quality::Balanced);
-    add("newer_major_version.ltgs", Unsupported, sealed(put(&bytes, 4, &[2])));
+    add("newer_major_version.ltgs", Unsupported, sealed(put(&bytes, 4, &[3])));
+    add("older_major_version.ltgs", Unsupported, sealed(put(&bytes, 4, &[1])));
     add("newer_minor_version.ltgs", Reads, sealed(put(&bytes, 6, &[9])));
     add("unknown_feature.ltgs", Unsupported, sealed(put(&bytes, 8, &[0x80])));
     add("wrong_checksum.ltgs", Invalid, put(&bytes, 12, &[9]));
     add("huge_count_of_splats.ltgs", TooLarge, sealed(put(&bytes, 12, &u32::MAX.to_le_bytes())));
     add("huge_count_of_texels.ltgs", TooLarge, sealed(put(&bytes, 16, &(1_u64 << 31).to_le_bytes())));
     add("wrong_count_of_texels.ltgs", Invalid, sealed(put(&bytes, 16, &7_u64.to_le_bytes())));
-    // The second block over the first.
+    // The block of SH over that of geometry.
     let (table, length) = (64 + number(&bytes, 28), bytes.len());
     let overlapping = put(&bytes, table + 24, &bytes[table..table + 8]);
-    let tables = XxHash3_64::oneshot(&overlapping[64..table + 88]);
+    let tables = XxHash3_64::oneshot(&overlapping[64..table + 112]);
     add("overlapping_blocks.ltgs", Invalid, sealed(put(&overlapping, 48, &tables.to_le_bytes())));
     add("damaged_chunk.ltgs", Invalid, put(&bytes, length - 9, &[bytes[length - 9] ^ 1]));
 }
@@ -271,7 +286,12 @@ fn usda(add: Add<'_>) {
     add(
         "newer_arrays.usda",
         Unsupported,
-        replaced(&text, "int primvars:litetex:version = 1", "int primvars:litetex:version = 2"),
+        replaced(&text, "int primvars:litetex:version = 2", "int primvars:litetex:version = 3"),
+    );
+    add(
+        "older_arrays.usda",
+        Unsupported,
+        replaced(&text, "int primvars:litetex:version = 2", "int primvars:litetex:version = 1"),
     );
 }
 
@@ -426,7 +446,7 @@ pub fn greedy() -> Vec<(&'static str, String, Vec<u8>)> {
     let neutral = |side: u16| {
         let num_texels = usize::from(side) * usize::from(side);
         let mut asset = scene(1, 0);
-        asset.maps[0] = AssetMap { offset_texels: 0, rows: side, cols: side, texel_size: 0.001 };
+        asset.maps[0] = AssetMap { rows: side, cols: side, texel_sizes: [0.001; 2], ..AssetMap::default() };
         asset.texels = vec![0.0; 3 * num_texels];
         asset
     };

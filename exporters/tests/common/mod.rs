@@ -22,11 +22,17 @@ pub fn scene(num_splats: usize, sh_degree: u32) -> SplatAsset {
         asset.rotations.push(q.map(|v| (v / norm) as f32));
         asset.scales.push([0.01 + 0.1 * random(), 0.01 + 0.1 * random()]);
         asset.opacities.push(0.02 + 0.97 * random());
-        asset.sh.extend((0..3 * num_sh_coefficients(sh_degree)).map(|_| random() - 0.5));
+        let degree = [sh_degree, 0, sh_degree.min(1)][i % 3];
+        asset.sh_degrees.push(degree as u8);
+        asset.sh.extend((0..3 * num_sh_coefficients(degree)).map(|_| random() - 0.5));
+        asset.sh.resize(asset.num_splats() * 3 * num_sh_coefficients(sh_degree), 0.0);
         let (rows, cols) = [(2, 2), (0, 0), (5, 3)][i % 3];
         let offset_texels = asset.num_texels() as u32;
-        let texel_size = if rows > 0 { 0.02 } else { 0.0 };
-        let map = AssetMap { offset_texels, rows, cols, texel_size };
+        let mut map = AssetMap { offset_texels, rows, cols, ..AssetMap::default() };
+        if rows > 0 {
+            map.texel_sizes = [[0.02; 2], [0.02, 0.04]][i / 3 % 2];
+            map.shift = [[0, 0], [1, 0], [-2, 3]][i / 3 % 3];
+        }
         asset.texels.extend((0..3 * map.num_texels()).map(|_| 1.6 * (random() - 0.5)));
         asset.maps.push(map);
     }

@@ -48,7 +48,7 @@ fn shuffled(glb: &[u8]) -> Vec<u8> {
     json["accessors"].as_array_mut().unwrap().reverse();
     let moved = |v: &mut Value| *v = json!(num_accessors - 1 - number(v));
     json.pointer_mut(PRIMITIVE).unwrap()["attributes"].as_object_mut().unwrap().values_mut().for_each(moved);
-    for name in ["rects", "pages", "texelSize", "sh0"] {
+    for name in ["rects", "pages", "texelSize", "shift", "shDegree", "sh0"] {
         if let Some(v) = json.pointer_mut(&format!("{OURS}/{name}")) {
             *v = json!(num_accessors - 1 - number(v));
         }

@@ -104,7 +104,7 @@ fn hostile_counts_offsets_and_sizes_are_refused() {
         .chain((0..json["bufferViews"].as_array().unwrap().len()).flat_map(|i| {
             ["byteLength", "byteOffset", "buffer", "byteStride"].map(|k| format!("/bufferViews/{i}/{k}"))
         }))
-        .chain(["rects", "texelSize", "sh0"].map(|k| format!("{OURS}/{k}")))
+        .chain(["rects", "texelSize", "shift", "shDegree", "sh0"].map(|k| format!("{OURS}/{k}")))
         .chain(["width", "height", "texture"].map(|k| format!("{OURS}/atlas/0/{k}")))
         .chain(["/buffers/0/byteLength", "/images/0/bufferView", "/nodes/0/mesh"].map(str::to_owned))
         .collect();

@@ -33,7 +33,7 @@ fn hard_fixture(num_splats: usize, sh_degree: u32) -> SplatAsset {
     asset.scales[0][1] = f32::MIN_POSITIVE;
     asset.opacities[1] = 1.0;
     asset.sh[0] = -0.0;
-    let last = asset.sh.len() - 1;
+    let last = asset.own_sh_of(0).len() - 1;
     asset.sh[last] = -0.0;
     asset.texels[0..3].copy_from_slice(&[-0.0, 1e-41, -1.0]);
     asset.near = 0.1 + f32::EPSILON;
@@ -64,6 +64,7 @@ fn difference(a: &SplatAsset, b: &SplatAsset) -> Option<&'static str> {
         |a: &[f32], b: &[f32]| a.len() != b.len() || a.iter().zip(b).any(|(x, y)| x.to_bits() != y.to_bits());
     let checks = [
         ("degree", a.sh_degree != b.sh_degree),
+        ("degrees", a.sh_degrees != b.sh_degrees),
         ("positions", differ(a.positions.as_flattened(), b.positions.as_flattened())),
         ("rotations", differ(a.rotations.as_flattened(), b.rotations.as_flattened())),
         ("scales", differ(a.scales.as_flattened(), b.scales.as_flattened())),

@@ -42,7 +42,7 @@ fn quad_texels_match_the_splats_colours() {
     asset.scales[0] = [0.1, 0.05];
     asset.opacities[0] = 0.9;
     asset.sh[..3].copy_from_slice(&[0.0; 3]);
-    asset.maps[0] = AssetMap { offset_texels: 0, rows: 31, cols: 16, texel_size: 0.02 };
+    asset.maps[0] = AssetMap { rows: 31, cols: 16, texel_sizes: [0.02; 2], ..AssetMap::default() };
     asset.maps[1].offset_texels = 31 * 16;
     asset.maps[2] = AssetMap { offset_texels: 31 * 16, ..AssetMap::default() };
     asset.texels = (0..31 * 16)

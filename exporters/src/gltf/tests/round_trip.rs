@@ -69,7 +69,7 @@ fn assets_without_maps_and_with_many_pages_round_trip() {
 fn highly_compressible_pages_are_read() {
     // No residual anywhere: what training begins with.
     let mut asset = fixture(1, 0);
-    asset.maps[0] = crate::AssetMap { offset_texels: 0, rows: 1500, cols: 1000, texel_size: 1e-4 };
+    asset.maps[0] = crate::AssetMap { rows: 1500, cols: 1000, texel_sizes: [1e-4; 2], ..Default::default() };
     asset.texels = vec![0.0; 3 * 1_500_000];
     let folder = tempfile::tempdir().unwrap();
     for (quality, name) in

@@ -21,12 +21,13 @@ fn worked_example() -> SplatAsset {
     ];
     SplatAsset {
         sh_degree: 1,
+        sh_degrees: vec![1],
         positions: vec![yup::position([0.25, -0.125, -2.0])],
         rotations: vec![yup::rotation_back([0.8, 0.0, 0.6, 0.0])],
         scales: vec![[0.25, 0.125]],
         opacities: vec![0.75],
         sh: yup::sh(sh.as_flattened()).collect(),
-        maps: vec![AssetMap { offset_texels: 0, rows: 2, cols: 3, texel_size: 0.25 }],
+        maps: vec![AssetMap { rows: 2, cols: 3, texel_sizes: [0.25; 2], ..AssetMap::default() }],
         texels: texels.as_flattened().to_vec(),
         near: 0.0625,
         background: [0.125, 0.25, 0.5],
@@ -85,8 +86,14 @@ fn drawn(file: &File) -> Vec<(&'static str, Vec<f64>)> {
 
     let rect = file.numbers(&ours["rects"], 2, |b| u16::from_le_bytes(b.try_into().unwrap()));
     let [x, y, cols, rows] = [0, 1, 2, 3].map(|i| i64::from(rect[i]));
-    let size = file.floats(&ours["texelSize"])[0];
-    let (u, v) = (a / size + (rows as f64 - 1.0) / 2.0, b / size + (cols as f64 - 1.0) / 2.0);
+    let sizes = file.floats(&ours["texelSize"]);
+    let shift = match ours.get("shift") {
+        Some(shift) => file.numbers(shift, 2, |b| i16::from_le_bytes(b.try_into().unwrap()).into()),
+        None => vec![0.0; 2],
+    };
+    let coordinate =
+        |axis: usize, a: f64, count: i64| a / sizes[axis] + (count as f64 - 1.0) / 2.0 - shift[axis] / 2.0;
+    let (u, v) = (coordinate(0, a, rows), coordinate(1, b, cols));
     assert!((-1.0..rows as f64).contains(&u) && (-1.0..cols as f64).contains(&v));
     let page = &ours["atlas"][0];
     let texels: Vec<f64> = file
@@ -146,10 +153,11 @@ fn the_worked_example_matches_the_file() {
     let (json, bin) = split(&bytes);
     let results = drawn(&File { json, bin });
     let (_, example) = SPECIFICATION.split_once("## 11.").unwrap();
+    let (centred, _) = example.split_once("unequal texel sizes").unwrap();
     let mut compared = 0;
     for (name, found) in &results {
         // The last row of that name: inputs stand above results.
-        let line = example.lines().rfind(|l| l.starts_with(&format!("| {name} |"))).unwrap();
+        let line = centred.lines().rfind(|l| l.starts_with(&format!("| {name} |"))).unwrap();
         let (_, results) = line.split_once(" | ").unwrap();
         let told = numbers(results);
         for (told, found) in told.iter().zip(found) {
@@ -158,7 +166,20 @@ fn the_worked_example_matches_the_file() {
             compared += 1;
         }
     }
-    assert_eq!(compared, 31, "all numbers were compared");
+    // Unequal texel sizes and a shift.
+    let mut shifted = worked_example();
+    (shifted.maps[0].texel_sizes, shifted.maps[0].shift) = ([0.125, 0.25], [-3, 1]);
+    let (json, bin) = split(&encode_glb(&shifted, &options(Quality::Lossless)).unwrap());
+    for (name, found) in drawn(&File { json, bin }) {
+        let Some(line) = example.lines().find(|l| l.starts_with(&format!("| shifted {name} |"))) else {
+            continue;
+        };
+        for (told, found) in numbers(line.split_once(" | ").unwrap().1).iter().zip(&found) {
+            assert!((told - found).abs() < 7e-7, "shifted {name}: {told} {found}");
+            compared += 1;
+        }
+    }
+    assert_eq!(compared, 39, "all numbers were compared");
     // Negative control: one wrong texel shows.
     let mut other = worked_example();
     other.texels[4] += 0.001;

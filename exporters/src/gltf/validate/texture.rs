@@ -2,6 +2,7 @@
 
 use crate::atlas::Atlas;
 use crate::contents::Issues;
+use crate::gltf::accessor::Component;
 use crate::gltf::extension::TextureExtension;
 use crate::gltf::loaded::Loaded;
 use crate::gltf::scene::Found;
@@ -29,6 +30,11 @@ pub fn check(loaded: &Loaded<'_>, found: &Found<'_>, value: &Value, issues: &mut
     }
     let position = found.primitive.attributes.get("POSITION");
     let position = position.and_then(|&i| loaded.accessor(i, "POSITION").ok());
+    if let (Some(index), Some(view)) = (extension.sh_degree, &position)
+        && let Err(e) = pages::own_array(loaded, index, "shDegree", (1, &[Component::U8]), view.count)
+    {
+        issues.error("LT1021", &format!("{place}/shDegree"), e.text());
+    }
     // Otherwise an error of the attribute.
     if let Some(view) = position {
         check_atlas(loaded, &extension, view.count, &place, issues);
@@ -71,15 +77,16 @@ fn check_atlas(
     }
 }
 
-/// Texel sizes and rectangles must agree on which splats have a map.
+/// Texel sizes, shifts and rectangles must agree on which splats have a map.
 fn check_sizes(maps: &[AssetMap], place: &str, issues: &mut Issues) {
     let offends = |map: &AssetMap| match map.num_texels() {
-        0 => map.texel_size != 0.0 || map.rows != 0 || map.cols != 0,
-        _ => !(map.texel_size > 0.0 && map.texel_size.is_finite()),
+        0 => *map != AssetMap { offset_texels: map.offset_texels, ..AssetMap::default() },
+        _ => !map.texel_sizes.iter().all(|&k| k > 0.0 && k.is_finite()),
     };
     let offences = maps.iter().enumerate().filter(|(_, map)| offends(map));
     let text = |(i, map): (usize, &AssetMap)| {
-        format!("splat {i}: texels of size {} in a map of {} x {}", map.texel_size, map.rows, map.cols)
+        let AssetMap { rows, cols, texel_sizes, shift, .. } = map;
+        format!("splat {i}: texels of {texel_sizes:?} and shift {shift:?} in a map of {rows} x {cols}")
     };
     issues.many("LT1021", place, offences.map(text));
 }

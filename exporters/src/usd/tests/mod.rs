@@ -115,7 +115,7 @@ fn hashes(asset: &SplatAsset) -> serde_json::Map<String, serde_json::Value> {
     let thin = |[u, v]: [f32; 2]| [u, v, 0.01 * u.min(v)];
     let width = asset.sh.len() / asset.num_splats().max(1);
     let sh0 = (0..asset.num_splats()).flat_map(|i| asset.sh[i * width..][..3].to_vec()).collect();
-    let sizes = asset.maps.iter().map(|m| m.texel_size).collect();
+    let sizes = asset.maps.iter().flat_map(|m| m.texel_sizes).collect();
     let arrays = [
         ("textured/positions", floats(positions)),
         ("textured/orientations", floats(rotations)),

@@ -1,0 +1,64 @@
+//! Positions of the splats of a lossy file: gaps between the Morton numbers of their cells, and places within cells.
+
+use super::bits::{BitReader, BitWriter};
+use super::integers::{take_bytes, take_exactly};
+use super::morton::{coordinates, morton};
+use super::splats::SplatCodes;
+use super::steps::Quantiser;
+use crate::{Error, Result};
+
+impl SplatCodes {
+    /// Differences between the Morton numbers of cells, and positions within cells.
+    ///
+    /// # Errors
+    /// None for codes made by the writer.
+    pub fn gaps_and_places(&self, quantiser: &Quantiser) -> Result<(Vec<u64>, Vec<u8>)> {
+        let cell_bits = quantiser.grid.cell_bits;
+        let (mut gaps, mut places, mut last) = (Vec::new(), BitWriter::default(), 0);
+        for (shape, position) in self.shapes(quantiser)?.iter().zip(&self.positions) {
+            let cell = morton(position.map(|c| c.checked_shr(cell_bits).unwrap_or(0)));
+            gaps.push(cell.wrapping_sub(last));
+            last = cell;
+            let bits = shape.position_exponent(quantiser);
+            for c in position {
+                places.put(c >> bits, cell_bits - bits);
+            }
+        }
+        Ok((gaps, places.finish()))
+    }
+
+    /// The inverse of [`Self::gaps_and_places`].
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] or [`Error::Unsupported`].
+    pub fn take_positions(&mut self, block: &mut &[u8], quantiser: &Quantiser) -> Result<()> {
+        let n = self.exponents.len();
+        let high = take_exactly(block, n)?;
+        let low = take_exactly(block, n)?;
+        let grid = &quantiser.grid;
+        let exponents: Vec<u32> =
+            self.shapes(quantiser)?.iter().map(|s| s.position_exponent(quantiser)).collect();
+        let num_bits: u64 = exponents.iter().map(|&e| 3 * u64::from(grid.cell_bits - e)).sum();
+        let places = take_bytes(block, num_bits.div_ceil(8) as usize)?;
+        let mut places = BitReader::new(&places);
+        let mut cell = 0_u64;
+        let limit = 1_u64 << (3 * (grid.bits - grid.cell_bits));
+        for (splat, &exponent) in exponents.iter().enumerate() {
+            let gap = u64::from(high[splat]) << 31 | u64::from(low[splat] & 0x7fff_ffff);
+            cell = cell
+                .checked_add(gap)
+                .filter(|&cell| cell < limit)
+                .ok_or_else(|| Error::invalid("", format!("cell of splat {splat} lies outside the grid")))?;
+            let mut corner = [0; 3];
+            for (corner, of_cell) in corner.iter_mut().zip(coordinates(cell)) {
+                let place = places
+                    .take(grid.cell_bits - exponent)
+                    .ok_or_else(|| Error::invalid("", "positions: too few bits"))?;
+                // At most 31 bits, as checked with the grid.
+                *corner = of_cell.checked_shl(grid.cell_bits).unwrap_or(0) | place << exponent;
+            }
+            self.positions.push(corner);
+        }
+        if places.is_spent() { Ok(()) } else { Err(Error::invalid("", "positions: too many bits")) }
+    }
+}
