@@ -169,8 +169,8 @@ pub struct DensityConfig {
     /// Steps for which a band is trained before it is judged. Default 7,000 (choices 15).
     pub sh_trial_steps: u32,
     /// A map is refined along only one axis if its texels vary there more than along the other by this factor, as mean
-    /// squared differences between neighbours, and coarsened along one axis alone; 0: always along both. Default 4 (not in
-    /// the paper).
+    /// squared differences between neighbours, and may be coarsened along one axis alone; 0: always along both.
+    /// Default 4 (choices 16; not in the paper).
     pub grow_by_axis: f64,
     /// What happens to the moments of a refined map. Default `scaled` (choices 2; paper: `kept`).
     pub growth_moments: GrowthMoments,
