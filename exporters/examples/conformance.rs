@@ -2,7 +2,7 @@
 //! `cargo run --example conformance -- FOLDER`
 //!
 //! Every rule of rendering decides pixels of it: SH of degrees 0 to 3, rectangular maps on several atlas pages,
-//! off-centre principal points, unequal focal lengths, a coloured background; splats behind the camera and around the
+//! with unequal texel sizes and shifts, off-centre principal points, unequal focal lengths, a coloured background; splats behind the camera and around the
 //! near plane, seen edge-on, opaque on top of each other, of equal depth, and as faint as 1/255. Seeded: the same files every time.
 
 use litetex_exporters::gltf::{GltfOptions, write_gltf};
@@ -202,8 +202,10 @@ fn scene(sh_degree: u32, kinds: impl Iterator<Item = usize>) -> SplatAsset {
         let reach = random.between(0.8, 3.5);
         let mut map = AssetMap { offset_texels, rows, cols, ..AssetMap::default() };
         if rows > 0 {
-            let texel_size = 2.0 * reach * f32::max(sigmas[0] / f32::from(rows), sigmas[1] / f32::from(cols));
-            map.texel_sizes = [texel_size; 2];
+            let sizes = [sigmas[0] / f32::from(rows), sigmas[1] / f32::from(cols)].map(|k| 2.0 * reach * k);
+            let coarser = sizes[0].max(sizes[1]);
+            map.texel_sizes = [[coarser; 2], sizes, [coarser, 0.5 * coarser]][splat % 3];
+            map.shift = [[0, 0], [1, -2], [rows as i16, 0], [-3, 5]][splat % 4];
         }
         asset.maps.push(map);
         offset_texels += u32::from(rows) * u32::from(cols);
