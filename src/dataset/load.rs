@@ -94,7 +94,7 @@ fn load_folder(path: &Path, options: &LoadOptions, archive: Option<&Unpacked>) -
         source.views.par_iter().map(|view| recipe(view, options)).collect::<Result<_>>()?;
     plausible::check(&source.views, &recipes, &mut report);
     let views = views(&source.views, &recipes, &splits, &capture_from_local);
-    overlap::check(&views, &source.points, &capture_from_local, &mut report);
+    overlap::check(&views, &source, &capture_from_local, &mut report);
     Ok(Capture {
         name: name_of(&folder.root),
         format,
