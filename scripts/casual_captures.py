@@ -10,11 +10,13 @@ Test views, every 8th but for "block", are listed in test.txt. Views keep their 
 """
 
 import argparse
+import importlib.util
 import random
 import shutil
 import struct
 from pathlib import Path
 
+KINDS = ("third", "sixth", "block", "points", "drift")
 TEST_EVERY = 8
 POINTS = 300
 # Largest change of the exposure in stops, and of the white balance.
@@ -114,23 +116,45 @@ def make(out, capture, kind):
     (out / "test.txt").write_text("".join(f"{name}\n" for name in sorted(test)))
 
 
+def parsed(entry):
+    """Name, capture and kinds of an argument; ValueError says what is wrong."""
+    name, equals, rest = entry.partition("=")
+    path, colon, kinds = rest.partition(":")
+    if not (name and equals and path):
+        raise ValueError(f"{entry}: expected NAME=CAPTURE[:KIND,...]")
+    kinds = kinds.split(",") if colon else KINDS
+    unknown = [kind for kind in kinds if kind not in KINDS]
+    if unknown:
+        raise ValueError(f"{entry}: unknown kind {unknown[0]!r}; expected {', '.join(KINDS)}")
+    for file in ("sparse/0/cameras.bin", "sparse/0/images.bin", "sparse/0/points3D.bin", "images"):
+        if not (Path(path) / file).exists():
+            raise ValueError(f"{path}: {file} is missing; expected a COLMAP capture with a binary model")
+    if "drift" in kinds and importlib.util.find_spec("PIL") is None:
+        raise ValueError(f'{entry}: "drift" needs Pillow (pip install pillow)')
+    return name, Path(path), kinds
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("out", type=Path, help="folder to write into; must not exist")
     parser.add_argument("captures", nargs="+", metavar="NAME=CAPTURE[:KIND,...]")
     arguments = parser.parse_args()
-    if arguments.out.exists():
-        parser.error(f"{arguments.out}: exists already")
+    # The matrix names folders; "bench" may run anywhere.
+    out = arguments.out.resolve()
+    if out.exists():
+        parser.error(f"{out}: exists already")
+    try:
+        captures = [parsed(entry) for entry in arguments.captures]
+    except ValueError as error:
+        parser.error(str(error))
     matrix = ['common = ["--max-resolution", "480", "--steps", "1000", "--test-list", "{capture}/test.txt"]']
     matrix += ['eval = ["--worst", "{run}/worst.jpg"]', "seeds = [1]", ""]
-    for entry in arguments.captures:
-        name, _, path = entry.partition("=")
-        path, _, kinds = path.partition(":")
-        for kind in (kinds or "third,sixth,block,points,drift").split(","):
-            folder = arguments.out / f"{name}-{kind}"
-            make(folder, Path(path), kind)
+    for name, path, kinds in captures:
+        for kind in kinds:
+            folder = out / f"{name}-{kind}"
+            make(folder, path, kind)
             matrix += ["[[scene]]", f'name = "{name} {kind}"', f'path = "{folder}"', ""]
-    (arguments.out / "matrix.toml").write_text("\n".join(matrix))
+    (out / "matrix.toml").write_text("\n".join(matrix))
 
 
 main()

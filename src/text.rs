@@ -17,6 +17,11 @@ pub fn quoted(name: &str) -> String {
     format!("{:?}", shortened(name, QUOTED_CHARS_MAX))
 }
 
+/// A number of things: "1 view", "2 views".
+pub fn counted(count: usize, noun: &str) -> String {
+    if count == 1 { format!("1 {noun}") } else { format!("{count} {noun}s") }
+}
+
 /// The first `chars_max` characters, with an ellipsis if any were cut.
 pub fn shortened(text: &str, chars_max: usize) -> Cow<'_, str> {
     match text.char_indices().nth(chars_max) {

@@ -56,7 +56,7 @@ pub trait ViewSource: Sync {
     /// Whatever reading the file reports.
     fn target(&self, view: usize) -> Result<Arc<TargetImage>>;
 
-    /// Whether any photo has an alpha channel.
+    /// Whether any photo has a pixel that is not opaque. May decode photos.
     fn has_alpha(&self) -> bool {
         false
     }

@@ -18,11 +18,6 @@ pub fn open(path: &Path, options: &LoadOptions) -> Result<Capture> {
     Capture::load(path, options)
 }
 
-/// Behind an object cut out by alpha there is nothing.
-fn has_backdrop(capture: &Capture, config: &TrainConfig) -> bool {
-    config.backdrop == Backdrop::Auto && !capture.has_alpha()
-}
-
 /// The model before the first step, and what was left out on the way.
 ///
 /// # Errors
@@ -54,16 +49,27 @@ pub fn fresh_model(
         capture_from_local: capture.capture_from_local,
         near: capture.near,
     };
+    let wants_backdrop = config.backdrop == Backdrop::Auto;
+    // Behind an object cut out by alpha there is nothing.
+    let is_cut_out = wants_backdrop && capture.has_alpha();
     let options = InitOptions {
         filter: config.filter,
         max_points: InitOptions::default().max_points.min(most),
         sh_degree: config.sh_degree,
         policy: config.policy,
         seed: config.seed,
-        backdrop_on: has_backdrop(capture, config).then_some(config.background),
+        backdrop_on: (wants_backdrop && !is_cut_out).then_some(config.background),
         sweep_on: (config.sweep && *source == InitSource::Auto).then_some(config.background),
     };
     let mut first = initial_model(&input, &options)?;
+    if is_cut_out {
+        first.report.warn(
+            "no-backdrop",
+            1,
+            "the photos have transparent pixels, behind which nothing is expected, so there is no backdrop; for one, \
+             remove their alpha",
+        );
+    }
     let degree = config.first_sh_degree(first.model.size());
     first.model.splats.set_sh_degrees(&vec![degree as u8; first.model.num_splats()]);
     Ok(first)

@@ -46,10 +46,10 @@ pub struct EvalArgs {
     /// Also report the error of the changes between consecutive test views, which are the frames of a video
     #[arg(long)]
     sequence: bool,
-    /// Also report the PSNR of the training views
+    /// Also report the PSNR of the training views, or only that if the capture has no test views
     #[arg(long)]
     training: bool,
-    /// Also write the render of the worst test view beside its photo into this JPEG file
+    /// Also write the render of the worst test view beside its photo into this file, JPEG or PNG by its extension
     #[arg(long, value_name = "FILE")]
     worst: Option<PathBuf>,
     /// Replace the file of --worst
@@ -69,6 +69,7 @@ pub fn run(args: &EvalArgs, log: &Log) -> anyhow::Result<()> {
         check_empty(out)?;
     }
     if let Some(worst) = &args.worst {
+        worst_view::check(worst)?;
         check_free(std::slice::from_ref(worst), args.force)?;
     }
     let trained = Trained::load(&args.source)?;
@@ -90,11 +91,14 @@ pub fn run(args: &EvalArgs, log: &Log) -> anyhow::Result<()> {
         extras.push(Box::new(Sequence::default()));
     }
     let mut backend = trained.on_device(&args.device, log)?;
-    let evaluation = evaluate(&trained, backend.as_mut(), &capture, args.out.as_deref(), &mut extras)?;
+    let evaluation = match args.needs_test_views() || !capture.indices(Split::Test).is_empty() {
+        true => Some(evaluate(&trained, backend.as_mut(), &capture, args.out.as_deref(), &mut extras)?),
+        false => None,
+    };
     extras.iter_mut().try_for_each(|e| e.finish(&trained, backend.as_mut(), &capture))?;
-    if let Some(path) = &args.worst {
+    if let (Some(path), Some(evaluation)) = (&args.worst, &evaluation) {
         let options = render_options(&trained.model, trained.config.train.background, false);
-        worst_view::write(path, backend.as_mut(), &capture, &evaluation, &options)?;
+        worst_view::write(path, backend.as_mut(), &capture, evaluation, &options)?;
     }
     if args.json {
         let mut json = serde_json::json!({
@@ -102,19 +106,32 @@ pub fn run(args: &EvalArgs, log: &Log) -> anyhow::Result<()> {
             "checkpoint": path_text(&trained.path),
             "step": trained.step,
             "resample": "area",
-            "quality": Quality::from(&evaluation),
+            "quality": evaluation.as_ref().map(Quality::from),
         });
         for (key, value) in extras.iter().map(|e| e.json()) {
             json[key] = value;
         }
         return Ok(print_json(&json)?);
     }
-    print(&trained, &evaluation, &extras)
-}
-
-fn print(trained: &Trained, evaluation: &Evaluation, extras: &[Box<dyn ExtraFigures>]) -> anyhow::Result<()> {
     let mut table = Table::default();
     table.row("checkpoint", trained.path.display());
+    if let Some(evaluation) = &evaluation {
+        add_rows(&mut table, evaluation);
+    }
+    extras.iter().for_each(|e| e.rows(&mut table));
+    Ok(table.print()?)
+}
+
+impl EvalArgs {
+    /// Whether something is asked for besides the figures of the training views.
+    fn needs_test_views(&self) -> bool {
+        !self.training
+            || self.sequence
+            || [&self.out, &self.uncovered_by, &self.regions, &self.worst].into_iter().any(Option::is_some)
+    }
+}
+
+fn add_rows(table: &mut Table, evaluation: &Evaluation) {
     table.row("test views", evaluation.per_view.len());
     table.row("PSNR", format!("{:.2} dB", evaluation.psnr));
     table.row("gradient-PSNR", format!("{:.2} dB", evaluation.grad_psnr));
@@ -126,8 +143,6 @@ fn print(trained: &Trained, evaluation: &Evaluation, extras: &[Box<dyn ExtraFigu
     if let Some(share) = evaluation.uncovered {
         table.row("uncovered pixels", format!("{:.2} %", 100.0 * share));
     }
-    extras.iter().for_each(|e| e.rows(&mut table));
-    Ok(table.print()?)
 }
 
 fn evaluate(

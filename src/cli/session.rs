@@ -12,6 +12,7 @@ use super::summary::GrowthFigures;
 use super::view_files::{write_per_view, write_view};
 use litetex_gs::backend::{RenderedImage, StepReport};
 use litetex_gs::eval::Evaluation;
+use litetex_gs::text::counted;
 use litetex_gs::train::checkpoint;
 use litetex_gs::train::{Control, StopReason, TrainEvent, TrainHistory, TrainState};
 use litetex_gs::verify::{CAMERAS_KEY, CaptureIdentity, IDENTITY_KEY, cameras_json};
@@ -33,7 +34,7 @@ const OUTLYING_SHOWN: usize = 5;
 const UNCOVERED_MAX: f64 = 0.01;
 
 /// Steps before which even well-seen surfaces may be translucent: splats start at opacity 0.1.
-const UNCOVERED_MIN_STEPS: u32 = 200;
+pub const UNCOVERED_MIN_STEPS: u32 = 200;
 
 /// The files and the display of one training.
 pub struct Session<'a> {
@@ -150,7 +151,14 @@ impl<'a> Session<'a> {
                 self.progress.finish();
                 self.warn_of_gradients()?;
                 self.warn_of_views()?;
-                self.warn_of_uncovered_pixels()?;
+                let uncovered = self.evaluation.as_ref().and_then(|evaluation| evaluation.uncovered);
+                if let Some(share) = uncovered.filter(|_| self.evaluated_step >= UNCOVERED_MIN_STEPS) {
+                    self.warn_of_uncovered_pixels(
+                        "test",
+                        share,
+                        "what no training view shows needs more photos; other gaps may close with more steps",
+                    )?;
+                }
                 self.metric(json!({ "event": "finished", "reason": reason_name(reason) }))?;
             }
         }
@@ -230,22 +238,23 @@ impl<'a> Session<'a> {
             more => format!(" and {more} more"),
         };
         let message = format!(
-            "{} training views fit much worse than the others: {shown}{more}; look for wrong poses, other exposures \
-             (--exposure affine) or moving things there",
-            names.len()
+            "{} that fit much worse than the others: {shown}{more}; look for wrong poses, other exposures (--exposure \
+             affine, judged by psnr_corrected) or moving things there",
+            counted(names.len(), "training view")
         );
         self.warn("outlying-views", names.len(), message)
     }
 
-    fn warn_of_uncovered_pixels(&mut self) -> Result<()> {
-        let uncovered = self.evaluation.as_ref().and_then(|evaluation| evaluation.uncovered);
-        let is_trained = self.evaluated_step >= UNCOVERED_MIN_STEPS;
-        let Some(share) = uncovered.filter(|share| is_trained && *share > UNCOVERED_MAX) else {
+    /// Warns of uncovered pixels; `advice` says what may help.
+    ///
+    /// # Errors
+    /// What writing files reports.
+    pub fn warn_of_uncovered_pixels(&mut self, views: &str, share: f64, advice: &str) -> Result<()> {
+        if share <= UNCOVERED_MAX {
             return Ok(());
-        };
+        }
         let message = format!(
-            "{:.1} % of the test pixels show nothing of the scene: no training view looks there; take more photos, or \
-             render from where the photos were taken",
+            "{:.1} % of the pixels of the {views} views are uncovered: their alpha is below 0.5; {advice}",
             100.0 * share
         );
         self.warn("uncovered-pixels", 1, message)

@@ -40,6 +40,12 @@ impl Trained {
     /// # Errors
     /// [`Error::Io`], [`Error::InvalidInput`], [`Error::Unsupported`].
     pub fn load(source: &Path) -> Result<Self> {
+        if source.is_file() && Format::from_path(source).is_some() {
+            return Err(Error::unsupported(
+                source,
+                "an asset; expected the folder of a run, or one of its checkpoints (step-*.safetensors)",
+            ));
+        }
         let path = find_checkpoint(source)?;
         let (state, strings) = checkpoint::load_without_history(&path)?;
         let config = config_of(&path, &strings)?;

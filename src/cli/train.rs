@@ -6,18 +6,18 @@ use super::interrupt::Interrupt;
 use super::log::Log;
 use super::memory::machine_bytes;
 use super::resource_estimate::{ResourceEstimate, Workload};
-use super::session::Session;
-use super::sources::load_scene;
+use super::session::{Session, UNCOVERED_MIN_STEPS};
+use super::sources::{load_scene, render_options};
 use super::summary::Summary;
 use super::train_args::TrainArgs;
 use super::train_job::TrainJob;
 use super::train_summary::{self, Outcome};
-use super::{devices, export, orphan, outputs};
+use super::{devices, export, orphan, outputs, uncovered};
 use litetex_gs::backend::Backend;
 use litetex_gs::model::ModelSize;
 use litetex_gs::train::density::Budget;
 use litetex_gs::train::{StopReason, TrainConfig, TrainState, check_limits, train};
-use litetex_gs::views::ViewSource as _;
+use litetex_gs::views::{Split, ViewSource as _};
 use litetex_gs::{Error, Report, Result};
 use std::path::PathBuf;
 use std::time::Instant;
@@ -68,6 +68,12 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<(Summary, PathBuf)> {
     let outcome =
         train(&job.config.train, backend.as_mut(), &capture, state, &mut |event| session.handle(event));
     let (state, reason) = outcome.inspect_err(|_| session.report_how_to_continue())?;
+    let is_trained = reason != StopReason::Consumer && state.step >= UNCOVERED_MIN_STEPS;
+    if is_trained && capture.indices(Split::Test).is_empty() {
+        let options = render_options(&state.model, job.config.train.background, false);
+        let share = uncovered::of_training_views(backend.as_mut(), &capture, &options)?;
+        session.warn_of_uncovered_pixels("training", share, "more steps may close the gaps")?;
+    }
     report.merge(std::mem::take(&mut session.report));
 
     let outcome = Outcome {

@@ -105,7 +105,7 @@ pub struct TrainingArgs {
     #[arg(long, value_name = "SOURCE")]
     pub init: Option<InitSource>,
     /// Large splats behind the points, where rays of the training views meet none, such as the sky: auto (not if photos
-    /// have an alpha channel) or none [default: auto]
+    /// have transparent pixels) or none [default: auto]
     #[arg(long, value_name = "WHERE", value_parser = parse_backdrop)]
     pub backdrop: Option<Backdrop>,
     /// Photos of different exposure or white balance: affine (estimate an affine colour map for each training photo) or

@@ -6,12 +6,34 @@ use super::log::Log;
 use super::sources::{Trained, render_options};
 use super::table::{Table, path_text};
 use litetex_gs::Result;
-use litetex_gs::backend::RenderedImage;
-use litetex_gs::eval::{ImagePair, psnr_from_squares, squared_error, uncovered_pixels};
+use litetex_gs::backend::{Backend, RenderOptions, RenderedImage};
+use litetex_gs::eval::{ImagePair, psnr_from_squares, squared_error, uncovered_pixels, uncovered_share};
 use litetex_gs::verify::CaptureIdentity;
 use litetex_gs::views::{Split, ViewSource as _};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+
+/// Training views that are looked at for uncovered pixels, at most.
+const TRAINING_VIEWS_MAX: usize = 16;
+
+/// Mean share of uncovered pixels over some training views of the scene in `backend`.
+///
+/// # Errors
+/// Whatever device and photos report.
+pub fn of_training_views(
+    backend: &mut dyn Backend,
+    capture: &Capture,
+    options: &RenderOptions,
+) -> Result<f64> {
+    let views = capture.indices(Split::Train);
+    let views: Vec<usize> = views.iter().copied().step_by(views.len().div_ceil(TRAINING_VIEWS_MAX)).collect();
+    let mut sum = 0.0;
+    for &view in &views {
+        let alpha = backend.render(&capture.camera(view), options)?.alpha;
+        sum += uncovered_share(&alpha, &*capture.target(view)?, options.background);
+    }
+    Ok(sum / views.len() as f64)
+}
 
 /// Uncovered pixels of another run, and sums over them.
 pub struct UncoveredArea {

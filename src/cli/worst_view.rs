@@ -1,17 +1,29 @@
 //! `litetex eval --worst`: the render of the worst test view beside its photo.
 
 use super::capture::Capture;
-use litetex_gs::Result;
 use litetex_gs::backend::{Backend, RenderOptions};
 use litetex_gs::eval::{Evaluation, quantised};
-use litetex_gs::image::{JPEG_QUALITY, write_jpeg};
+use litetex_gs::image::{Channels, JPEG_QUALITY, write_jpeg, write_png};
 use litetex_gs::views::{Split, ViewSource as _};
+use litetex_gs::{Error, Result};
 use std::path::Path;
 
 /// Pixels between the two images.
 const GAP_PX: usize = 4;
 
-/// Writes the test view with the lowest PSNR, the render left and the photo right, as a JPEG file.
+/// Checks the extension of the file.
+///
+/// # Errors
+/// [`Error::Usage`].
+pub fn check(path: &Path) -> Result<()> {
+    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_lowercase();
+    match extension.as_str() {
+        "jpg" | "jpeg" | "png" => Ok(()),
+        _ => Err(Error::Usage(format!("--worst {}: expected a .jpg or .png file", path.display()))),
+    }
+}
+
+/// Writes the test view with the lowest PSNR, the render left and the photo right, as the extension says.
 ///
 /// # Errors
 /// What rendering, decoding or writing reports.
@@ -37,5 +49,9 @@ pub fn write(
         rgb.extend([255; 3 * GAP_PX]);
         rgb.extend_from_slice(right);
     }
-    write_jpeg(path, 2 * image.width_px + GAP_PX as u32, image.height_px, &rgb, JPEG_QUALITY)
+    let (width_px, height_px) = (2 * image.width_px + GAP_PX as u32, image.height_px);
+    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("png")) {
+        return write_png(path, width_px, height_px, Channels::Rgb, &rgb);
+    }
+    write_jpeg(path, width_px, height_px, &rgb, JPEG_QUALITY)
 }

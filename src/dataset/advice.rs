@@ -1,14 +1,22 @@
 //! What to do about photos without poses, videos and formats that we do not read: commands of other programs.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io::Read as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-/// Extensions of photos, in lower case.
-const PHOTOS: [&str; 9] = ["jpg", "jpeg", "png", "webp", "exr", "heic", "heif", "avif", "tif"];
+/// Extensions of photos that we read, in lower case.
+const READ: [&str; 5] = ["jpg", "jpeg", "png", "webp", "exr"];
+
+/// Those of photos that have to be converted.
+const CONVERTED: [&str; 5] = ["heic", "heif", "avif", "tif", "tiff"];
 
 /// Extensions of videos, in lower case.
-const VIDEOS: [&str; 7] = ["mp4", "mov", "m4v", "mkv", "avi", "webm", "mts"];
+const VIDEOS: [&str; 12] =
+    ["mp4", "mov", "m4v", "mkv", "avi", "webm", "mts", "m2ts", "3gp", "mpg", "mpeg", "wmv"];
+
+/// Levels of folders in which photos are looked for.
+const DEPTH_MAX: usize = 3;
 
 /// Brands of files in the ISO container (ISO/IEC 14496-12) that hold an image, and the name of their format.
 const BRANDS: [(&[u8; 4], &str); 7] = [
@@ -21,25 +29,94 @@ const BRANDS: [(&[u8; 4], &str); 7] = [
     (b"msf1", "HEIC"),
 ];
 
-/// How to make a capture of a folder of photos; `None` if it holds none.
-pub(super) fn for_photos(folder: &Path) -> Option<String> {
-    let inner = folder.join("images");
-    let photos = if inner.is_dir() { inner } else { folder.to_owned() };
-    let entries = std::fs::read_dir(&photos).ok()?.flatten();
-    let count = entries.filter(|e| has_extension(&e.path(), &PHOTOS)).count();
-    (count > 0).then(|| {
-        let commands = colmap(folder, &photos);
-        format!("the {count} photos in {} have no poses yet. {commands}", crate::text::path(&photos))
+/// How to make a capture of what the user named: a folder of photos or a video, or a file of these; `None` if there is
+/// neither.
+pub(super) fn for_path(path: &Path) -> Option<String> {
+    if path.is_dir() {
+        return for_photos(path).or_else(|| for_video(&first_video(path)?));
+    }
+    for_video(path).or_else(|| {
+        let is_photo = has_extension(path, &READ) || has_extension(path, &CONVERTED);
+        let folder = path.parent().map(|p| if p.as_os_str().is_empty() { Path::new(".") } else { p });
+        let advice = for_photos(folder.filter(|_| is_photo)?)?;
+        Some(format!("a single photo; a capture is a folder of photos with poses: {advice}"))
     })
 }
 
+/// How to make a capture of a folder of photos; `None` if it holds none.
+fn for_photos(folder: &Path) -> Option<String> {
+    let mut found = photos_in(folder);
+    let images = folder.join("images");
+    if !found.contains_key(folder) && found.keys().any(|inner| inner.starts_with(&images)) {
+        found.retain(|inner, _| inner.starts_with(&images));
+    }
+    let photos = found.keys().cloned().reduce(common)?;
+    let photos = if photos.starts_with(&images) { images.clone() } else { photos };
+    let count: usize = found.values().map(BTreeSet::len).sum();
+    let what = format!("the {count} photos in {} have no poses yet", crate::text::path(&photos));
+    let needs_conversion = |name: &PathBuf| has_extension(name, &CONVERTED);
+    if !found.values().flatten().any(needs_conversion) {
+        return Some(format!("{what}. {}", colmap(folder, &photos)));
+    }
+    let converted = folder.join(if photos == images { "converted" } else { "images" });
+    let mut commands = String::new();
+    for (inner, names) in &found {
+        // Without the slash at the end that joining nothing leaves.
+        let out =
+            converted.join(inner.strip_prefix(&photos).unwrap_or(inner)).components().collect::<PathBuf>();
+        let out = shell_word(&out);
+        commands.push_str(&format!("  mkdir -p {out}\n"));
+        let extensions: BTreeSet<&str> = names.iter().filter_map(|n| n.extension()?.to_str()).collect();
+        for extension in extensions {
+            let files = format!("{}/*.{extension}", shell_word(inner));
+            commands.push_str(&match needs_conversion(&PathBuf::from(format!("a.{extension}"))) {
+                true => format!("  magick mogrify -path {out} -format jpg -quality 95 {files}\n"),
+                false => format!("  cp {files} {out}\n"),
+            });
+        }
+    }
+    Some(format!(
+        "{what}, and not all can be read. Convert them with ImageMagick:\n{commands}{}",
+        colmap(folder, &converted)
+    ))
+}
+
+/// The photos of a folder and of the folders in it.
+fn photos_in(folder: &Path) -> BTreeMap<PathBuf, BTreeSet<PathBuf>> {
+    let mut found = BTreeMap::<PathBuf, BTreeSet<PathBuf>>::new();
+    let mut folders = vec![(folder.to_owned(), 1)];
+    while let Some((folder, depth)) = folders.pop() {
+        for path in std::fs::read_dir(&folder).into_iter().flatten().flatten().map(|entry| entry.path()) {
+            if path.is_dir() {
+                if depth < DEPTH_MAX {
+                    folders.push((path, depth + 1));
+                }
+            } else if has_extension(&path, &READ) || has_extension(&path, &CONVERTED) {
+                found.entry(folder.clone()).or_default().insert(path);
+            }
+        }
+    }
+    found
+}
+
+/// The folder that two paths share.
+fn common(a: PathBuf, b: PathBuf) -> PathBuf {
+    a.components().zip(b.components()).take_while(|(a, b)| a == b).map(|(a, _)| a).collect()
+}
+
+fn first_video(folder: &Path) -> Option<PathBuf> {
+    let entries = std::fs::read_dir(folder).ok()?.flatten().map(|entry| entry.path());
+    entries.filter(|path| has_extension(path, &VIDEOS)).min()
+}
+
 /// How to make a capture of a video; `None` if the file is none.
-pub(super) fn for_video(file: &Path) -> Option<String> {
+fn for_video(file: &Path) -> Option<String> {
     has_extension(file, &VIDEOS).then(|| {
         let capture = file.with_extension("");
         let photos = capture.join("images");
         format!(
-            "a video. Extract photos, two for each second:\n  mkdir -p {}\n  ffmpeg -i {} -vf fps=2 -q:v 2 {}\n{}",
+            "{} is a video. Extract photos, two for each second:\n  mkdir -p {}\n  ffmpeg -i {} -vf fps=2 -q:v 2 {}\n{}",
+            crate::text::path(file),
             shell_word(&photos),
             shell_word(file),
             shell_word(&photos.join("%04d.jpg")),
@@ -60,16 +137,24 @@ pub(super) fn for_image(file: &Path) -> Option<String> {
     ))
 }
 
-/// The commands that find the poses of photos, with options as COLMAP 3.6 to 3.13 and glomap 1 document them.
+/// The commands that find the poses of photos and train, with options as COLMAP 3.6 to 3.13 and glomap 1 document them.
 fn colmap(capture: &Path, photos: &Path) -> String {
     let database = shell_word(&capture.join("database.db"));
+    // `train` finds photos in the folder itself and in its folder "images".
+    let images = photos.strip_prefix(capture).unwrap_or(photos);
+    let images = match images.as_os_str().is_empty() || images == Path::new("images") {
+        true => String::new(),
+        false => format!(" --images {}", shell_word(images)),
+    };
     let (photos, model) = (shell_word(photos), shell_word(&capture.join("sparse")));
+    let capture = shell_word(capture);
     format!(
-        "Find the poses with COLMAP (3.6 or newer; \"glomap mapper\" takes the same arguments and is faster):\n  \
+        "Find the poses with COLMAP (3.6 or newer; \"glomap mapper\" takes the same arguments and is faster), and train:\n  \
          mkdir -p {model}\n  \
          colmap feature_extractor --database_path {database} --image_path {photos}\n  \
          colmap exhaustive_matcher --database_path {database}\n  \
-         colmap mapper --database_path {database} --image_path {photos} --output_path {model}"
+         colmap mapper --database_path {database} --image_path {photos} --output_path {model}\n  \
+         litetex train {capture}{images} -o RUN"
     )
 }
 
@@ -96,30 +181,71 @@ fn shell_word(path: &Path) -> String {
 mod tests {
     use super::*;
 
+    /// The advice about a folder with empty files of these names, with the folder written as F.
+    fn advice(names: &[&str]) -> Option<String> {
+        let folder = tempfile::tempdir().unwrap();
+        for name in names {
+            let file = folder.path().join(name);
+            std::fs::create_dir_all(file.parent().unwrap()).unwrap();
+            std::fs::write(file, "").unwrap();
+        }
+        for_path(folder.path()).map(|text| text.replace(&folder.path().display().to_string(), "F"))
+    }
+
     #[test]
     fn folders_of_photos_get_the_commands_that_find_poses() {
-        let folder = tempfile::tempdir().unwrap();
-        let root = folder.path().join("my photos");
-        std::fs::create_dir_all(root.join("images")).unwrap();
-        std::fs::write(root.join("images/notes.txt"), "").unwrap();
-        assert_eq!(for_photos(&root), None, "negative control: no photos");
-        for name in ["a.JPG", "b.heic"] {
-            std::fs::write(root.join("images").join(name), "").unwrap();
+        assert_eq!(advice(&["images/notes.txt", "clip.txt"]), None, "negative control: no photos");
+        for (names, photos, train) in [
+            (&["a.JPG", "b.png"][..], "F", "litetex train F -o"),
+            (&["images/a.jpg", "images/b.jpg", "thumbnails/a.jpg"], "F/images", "litetex train F -o"),
+            (&["images/a/1.jpg", "images/b/1.jpg"], "F/images", "litetex train F -o"),
+            (&["images/a/1.jpg", "images/a/2.jpg"], "F/images", "litetex train F -o"),
+            (&["my photos/1.jpg", "my photos/2.webp"], "'F/my photos'", "train F --images 'my photos' -o"),
+            (&["day/1.jpg", "night/1.jpg"], "F", "litetex train F -o"),
+        ] {
+            let text = advice(names).unwrap();
+            assert_eq!(text.matches(&format!("--image_path {photos}")).count(), 2, "{text}");
+            assert!(text.starts_with("the 2 photos in ") && text.contains(train), "{text}");
+            assert!(text.contains("mapper --database_path F/database.db"), "{text}");
+            assert!(!text.contains("magick"), "{text}");
         }
-        let text = for_photos(&root).unwrap();
-        let images = format!("--image_path '{}/images'", root.display());
-        assert!(text.starts_with("the 2 photos in ") && text.matches(&images).count() == 2, "{text}");
-        assert!(text.contains(&format!("mapper --database_path '{}/database.db'", root.display())), "{text}");
+    }
+
+    #[test]
+    fn photos_that_are_not_read_are_converted_first() {
+        let text = advice(&["a.HEIC", "b.tiff", "c.jpg"]).unwrap();
+        let commands = "  mkdir -p F/images\n  \
+                        magick mogrify -path F/images -format jpg -quality 95 F/*.HEIC\n  \
+                        cp F/*.jpg F/images\n  \
+                        magick mogrify -path F/images -format jpg -quality 95 F/*.tiff\nFind the poses";
+        assert!(text.contains(commands) && text.contains("--image_path F/images"), "{text}");
+        let text = advice(&["images/a/1.avif", "images/b/1.avif"]).unwrap();
+        for command in ["-path F/converted/a -format", "F/images/b/*.avif\n", "train F --images converted -o"]
+        {
+            assert!(text.contains(command), "{command}: {text}");
+        }
+    }
+
+    #[test]
+    fn a_single_photo_leads_to_its_folder() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("a.HEIC");
+        std::fs::write(&file, "").unwrap();
+        let text = for_path(&file).unwrap();
+        assert!(text.starts_with("a single photo") && text.contains("mogrify"), "{text}");
+        assert_eq!(for_path(&file.with_extension("zip")), None);
     }
 
     #[test]
     fn videos_get_the_command_that_extracts_photos() {
-        let text = for_video(Path::new("it's.MOV")).unwrap();
+        let text = for_path(Path::new("it's.MOV")).unwrap();
         assert!(
             text.contains(r"ffmpeg -i 'it'\''s.MOV' -vf fps=2 -q:v 2 'it'\''s/images/%04d.jpg'"),
             "{text}"
         );
-        assert_eq!(for_video(Path::new("a.zip")), None);
+        let text = advice(&["notes.txt", "b.3gp", "a.wmv"]).unwrap();
+        assert!(text.contains("ffmpeg -i F/a.wmv") && text.contains("train F/a -o"), "{text}");
+        assert!(!advice(&["a.mp4", "b.jpg"]).unwrap().contains("ffmpeg"), "photos come first");
     }
 
     #[test]

@@ -69,6 +69,11 @@ impl Recipe {
         self.size != self.photo_size || self.lens.is_distorted()
     }
 
+    /// Whether the photo has a pixel that is not opaque; decodes it if its file has an alpha channel.
+    pub fn is_translucent(&self) -> Result<bool> {
+        Ok(self.has_alpha && read_pixels(&self.photo)?.into_rgba8().pixels().any(|p| p.0[3] < u8::MAX))
+    }
+
     /// Makes the target image.
     pub fn decode(&self) -> Result<TargetImage> {
         let Colours { rgb, alpha, valid } = self.colours()?;

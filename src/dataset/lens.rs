@@ -68,26 +68,32 @@ impl Lens {
             }
         }
         if !(c.cx_px.is_finite() && c.cy_px.is_finite()) {
-            return Some(format!("the principal point is {:?}", (c.cx_px, c.cy_px)));
+            return Some(format!("the principal point is {}, {}", c.cx_px, c.cy_px));
         }
-        let valid = match &self.distortion {
-            Distortion::None => true,
-            Distortion::Radial { k, p } => k.iter().chain(p).all(|v| v.is_finite()),
-            Distortion::Fisheye { k, tilt } => {
-                let tilt = match tilt {
-                    Tilt::None => true,
-                    Tilt::BeforeRadial { p, s } => p.iter().chain(s).all(|v| v.is_finite()),
-                    Tilt::AfterRadial { p, s } => p.iter().chain(s).all(|v| v.is_finite()),
-                };
-                tilt && k.iter().all(|v| v.is_finite())
-            }
-            Distortion::Division { k } => k.is_finite(),
-            Distortion::FieldOfView { omega } => (0.0..std::f64::consts::PI).contains(omega),
-            Distortion::Unified { alpha, beta } => {
-                (0.0..=1.0).contains(alpha) && *beta > 0.0 && beta.is_finite()
-            }
+        let coefficients: Vec<f64> = match self.distortion {
+            Distortion::None => Vec::new(),
+            Distortion::Radial { k, p } => [&k[..], &p].concat(),
+            Distortion::Fisheye { k, tilt: Tilt::None } => k.to_vec(),
+            Distortion::Fisheye { k, tilt: Tilt::BeforeRadial { p, s } } => [&k[..], &p, &s].concat(),
+            Distortion::Fisheye { k, tilt: Tilt::AfterRadial { p, s } } => [&k[..], &p, &s].concat(),
+            Distortion::Division { k } => vec![k],
+            Distortion::FieldOfView { omega } => vec![omega],
+            Distortion::Unified { alpha, beta } => vec![alpha, beta],
         };
-        (!valid).then(|| format!("the distortion is {:?}", self.distortion))
+        if let Some(value) = coefficients.iter().find(|v| !v.is_finite()) {
+            return Some(format!("a coefficient of the distortion is {value}"));
+        }
+        match self.distortion {
+            Distortion::FieldOfView { omega } if !(0.0..std::f64::consts::PI).contains(&omega) => {
+                Some(format!("omega of the distortion is {omega}, expected 0 to 3.14 (radians)"))
+            }
+            Distortion::Unified { alpha, beta } if !(0.0..=1.0).contains(&alpha) || beta <= 0.0 => {
+                Some(format!(
+                    "alpha and beta of the distortion are {alpha} and {beta}, expected 0 to 1 and above 0"
+                ))
+            }
+            _ => None,
+        }
     }
 
     /// Whether photos must be resampled.
@@ -190,6 +196,37 @@ fn tangential(at: DVec2, p: [f64; 2]) -> DVec2 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn coefficients_that_make_no_sense_are_named() {
+        let pinhole = Pinhole { width_px: 9, height_px: 9, fx_px: 9.0, fy_px: 9.0, cx_px: 4.5, cy_px: 4.5 };
+        let problem = |distortion| Lens { pinhole, distortion }.problem();
+        for good in [
+            Distortion::Radial { k: [0.1; 6], p: [0.0; 2] },
+            Distortion::FieldOfView { omega: 3.0 },
+            Distortion::Unified { alpha: 1.0, beta: 0.5 },
+        ] {
+            assert_eq!(problem(good), None, "negative control");
+        }
+        let tilt = Tilt::BeforeRadial { p: [0.0; 2], s: [0.0, f64::INFINITY] };
+        for (bad, what) in [
+            (
+                Distortion::Radial { k: [0.0; 6], p: [0.0, f64::NAN] },
+                "a coefficient of the distortion is NaN",
+            ),
+            (Distortion::Fisheye { k: [0.0; 6], tilt }, "a coefficient of the distortion is inf"),
+            (
+                Distortion::FieldOfView { omega: 4.0 },
+                "omega of the distortion is 4, expected 0 to 3.14 (radians)",
+            ),
+            (
+                Distortion::Unified { alpha: 0.5, beta: 0.0 },
+                "alpha and beta of the distortion are 0.5 and 0, expected 0 to 1 and above 0",
+            ),
+        ] {
+            assert_eq!(problem(bad).as_deref(), Some(what));
+        }
+    }
 
     #[test]
     fn distortion_matches_the_opencv_formulas_term_by_term() {

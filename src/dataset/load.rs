@@ -18,6 +18,10 @@ use crate::{Error, Report, Result};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
+/// What to do with an archive of photos without poses: commands need a folder.
+const UNPACK: &str =
+    "its photos have no poses yet; unpack it, and \"litetex train FOLDER\" says how to find them";
+
 impl Capture {
     /// Reads the poses and points of a capture and checks the sizes of its photos without decoding them.
     ///
@@ -59,7 +63,7 @@ fn load_folder(path: &Path, options: &LoadOptions, archive: Option<&Unpacked>) -
         return Err(Error::invalid(path, "no such file or folder; expected the folder of a capture"));
     }
     let mut report = Report::default();
-    let (format, found) = find_poses(path, options, &mut report)?;
+    let (format, found) = find_poses(path, options, archive.is_some(), &mut report)?;
     let folder = CaptureFolder::new(&found.root, options.images.as_deref(), archive.is_some())?;
     let mut source = (found.read)(&folder)?;
     report.merge(std::mem::take(&mut source.report));
@@ -94,7 +98,7 @@ fn load_folder(path: &Path, options: &LoadOptions, archive: Option<&Unpacked>) -
         source.views.par_iter().map(|view| recipe(view, options)).collect::<Result<_>>()?;
     plausible::check(&source.views, &recipes, &mut report);
     let views = views(&source.views, &recipes, &splits, &capture_from_local);
-    overlap::check(&views, &source.points, &capture_from_local, &mut report);
+    overlap::check(&views, &source, &capture_from_local, &mut report);
     Ok(Capture {
         name: name_of(&folder.root),
         format,
@@ -129,7 +133,12 @@ fn name_of(root: &Path) -> String {
 }
 
 /// The poses in the first format that is there, or in the one requested.
-fn find_poses(path: &Path, options: &LoadOptions, report: &mut Report) -> Result<(CaptureFormat, Found)> {
+fn find_poses(
+    path: &Path,
+    options: &LoadOptions,
+    is_archive: bool,
+    report: &mut Report,
+) -> Result<(CaptureFormat, Found)> {
     let wanted = |format: &CaptureFormat| options.format.is_none_or(|f| f == *format);
     for format in CaptureFormat::all().filter(wanted) {
         if let Some(found) = (format.entry().find)(path, report) {
@@ -138,15 +147,17 @@ fn find_poses(path: &Path, options: &LoadOptions, report: &mut Report) -> Result
     }
     let files: Vec<&str> = CaptureFormat::all().filter(wanted).map(|f| f.entry().files).collect();
     let files = files.join(", or ");
-    Err(if let Some(advice) = advice::for_video(path).filter(|_| path.is_file()) {
-        Error::unsupported(path, advice)
-    } else if path.is_file() {
+    Err(if path.is_file() {
         let what = format!(
             "not a capture; expected a folder with {files}, a ZIP archive of it, or a transforms.json"
         );
-        Error::unsupported(path, what)
+        Error::unsupported(path, advice::for_path(path).unwrap_or(what))
     } else {
-        let advice = advice::for_photos(path).map(|a| format!(": {a}")).unwrap_or_default();
+        let advice = match is_archive {
+            true => advice::for_path(path).map(|_| UNPACK.to_owned()),
+            false => advice::for_path(path),
+        };
+        let advice = advice.map(|a| format!(": {a}")).unwrap_or_default();
         Error::invalid(path, format!("no poses found; expected {files} here{advice}"))
     })
 }

@@ -175,16 +175,20 @@ impl Shared {
         }
     }
 
-    /// Makes a photo, once there is memory for that.
-    fn decode(&self, view: usize) -> Result<Arc<TargetImage>> {
+    /// Waits until there is memory for making a photo, and holds it.
+    fn working(&self, view: usize) -> Working<'_> {
         let bytes = self.recipes[view].working_bytes();
         let mut state = self.lock();
         while state.decoding_bytes > 0 && state.decoding_bytes + bytes > DECODING_BYTES_MAX {
             state = self.decoded.wait(state).unwrap_or_else(PoisonError::into_inner);
         }
         state.decoding_bytes += bytes;
-        drop(state);
-        let _working = Working { shared: self, bytes };
+        Working { shared: self, bytes }
+    }
+
+    /// Makes a photo.
+    fn decode(&self, view: usize) -> Result<Arc<TargetImage>> {
+        let _working = self.working(view);
         self.recipes[view].decode().map(Arc::new)
     }
 
@@ -213,9 +217,15 @@ impl ImageStore {
         }
     }
 
-    /// Whether any photo has an alpha channel.
+    /// Whether any photo has a pixel that is not opaque. Decodes photos that have an alpha channel until one has; those
+    /// that cannot be decoded are left to [`Self::check_all`].
     pub fn has_alpha(&self) -> bool {
-        self.shared.recipes.iter().any(|recipe| recipe.has_alpha)
+        let is_translucent = |view: usize| {
+            let recipe = &self.shared.recipes[view];
+            let _working = recipe.has_alpha.then(|| self.shared.working(view));
+            recipe.is_translucent().unwrap_or(false)
+        };
+        (0..self.shared.recipes.len()).into_par_iter().any(is_translucent)
     }
 
     /// The photo of a view.

@@ -274,6 +274,22 @@ fn alpha_is_composited_before_averaging() {
 }
 
 #[test]
+fn photos_with_an_opaque_alpha_channel_are_like_photos_without() {
+    let scene = Scene::ring(3);
+    let folder = written(&scene);
+    assert!(!load(&folder, &options()).has_alpha());
+    let save = |image: usize, alpha: u8| {
+        let mut photo = image::RgbaImage::from_pixel(12, 8, image::Rgba([9, 9, 9, 255]));
+        photo.put_pixel(11, 7, image::Rgba([9, 9, 9, alpha]));
+        photo.save(folder.path().join("images").join(&scene.images[image].name)).unwrap();
+    };
+    (0..3).for_each(|image| save(image, 255));
+    assert!(!load(&folder, &options()).has_alpha());
+    save(1, 254);
+    assert!(load(&folder, &options()).has_alpha(), "negative control: one pixel");
+}
+
+#[test]
 fn webp_photos_are_read() {
     let scene = Scene::ring(2);
     let folder = written(&scene);

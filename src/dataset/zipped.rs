@@ -9,7 +9,7 @@ use zip::ZipArchive;
 use zip::result::ZipError;
 
 /// Extensions of the files that a capture may need; everything else stays packed.
-const EXTENSIONS: [&str; 9] = ["png", "jpg", "jpeg", "exr", "bin", "txt", "json", "ply", "csv"];
+const EXTENSIONS: [&str; 10] = ["png", "jpg", "jpeg", "webp", "exr", "bin", "txt", "json", "ply", "csv"];
 
 /// Largest ratio of unpacked to packed size: text models shrink to a quarter, ZIP bombs to a thousandth.
 const MAX_RATIO: u64 = 100;

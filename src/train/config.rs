@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Backdrop {
-    /// Where they are needed, unless the photos have an alpha channel.
+    /// Where they are needed, unless the photos have transparent pixels.
     #[default]
     Auto,
     /// Nowhere.

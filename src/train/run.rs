@@ -414,6 +414,9 @@ impl Trainer<'_> {
     }
 
     fn evaluate(&mut self, last: bool, sink: Sink<'_>) -> Result<Control> {
+        if self.test_views.is_empty() {
+            return Ok(Control::Continue);
+        }
         let step = self.state.step;
         let options = RenderOptions {
             background: self.config.background,

@@ -1,4 +1,4 @@
-//! The heat map of checks: which variant passes what, with the figures, and the share of cases that it passes.
+//! The heat map of checks: which variant passes what, with the figures, and the share of the decided cases that it passes.
 
 use super::study::Study;
 use super::svg::{Anchor, Svg, TITLE_PX, escape, shortened};
@@ -40,12 +40,40 @@ struct Row<'a> {
     findings: Vec<Finding>,
 }
 
-/// All findings, and the share of cases that each variant passes.
+/// Numbers of cases of a variant.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Score {
+    /// Every check passes.
+    passed: usize,
+    /// A check fails.
+    failed: usize,
+    /// No check fails and some have no verdict.
+    undecided: usize,
+}
+
+impl Score {
+    fn add(&mut self, verdicts: &[Verdict]) {
+        let count = if verdicts.contains(&Verdict::Fail) {
+            &mut self.failed
+        } else if verdicts.contains(&Verdict::Unknown) {
+            &mut self.undecided
+        } else {
+            &mut self.passed
+        };
+        *count += 1;
+    }
+
+    fn decided(&self) -> usize {
+        self.passed + self.failed
+    }
+}
+
+/// All findings, and the share of the decided cases that each variant passes.
 pub struct HeatMap<'a> {
     variants: &'a [String],
     rows: Vec<Row<'a>>,
-    /// Passed and all cases, by variant.
-    scores: Vec<(usize, usize)>,
+    /// By variant.
+    scores: Vec<Score>,
 }
 
 impl<'a> HeatMap<'a> {
@@ -53,7 +81,7 @@ impl<'a> HeatMap<'a> {
     pub fn new(study: &'a Study, cases: &'a [Case]) -> Option<Self> {
         let records: Vec<Record> = study.runs.iter().chain(&study.failed).cloned().collect();
         let mut rows = Vec::new();
-        let mut scores = vec![(0, 0); study.variants.len()];
+        let mut scores = vec![Score::default(); study.variants.len()];
         for case in cases.iter().filter(|c| !c.checks.is_empty()) {
             let from = rows.len();
             rows.extend(case.checks.iter().map(|check| Row {
@@ -62,9 +90,8 @@ impl<'a> HeatMap<'a> {
                 findings: study.variants.iter().map(|v| check.find(&records, &case.scene, v)).collect(),
             }));
             for (i, score) in scores.iter_mut().enumerate() {
-                let passes =
-                    rows[from..].iter().all(|row: &Row<'_>| row.findings[i].verdict == Verdict::Pass);
-                *score = (score.0 + usize::from(passes), score.1 + 1);
+                let verdicts = rows[from..].iter().map(|row: &Row<'_>| row.findings[i].verdict);
+                score.add(&verdicts.collect::<Vec<_>>());
             }
         }
         (!rows.is_empty()).then_some(Self { variants: &study.variants, rows, scores })
@@ -72,11 +99,17 @@ impl<'a> HeatMap<'a> {
 
     /// One line: the robustness scores.
     pub fn note(&self) -> String {
-        let scores = self.variants.iter().zip(&self.scores).map(|(variant, (passed, all))| {
-            format!("{variant} {passed} of {all} ({:.0} %)", 100.0 * *passed as f64 / (*all).max(1) as f64)
+        let scores = self.variants.iter().zip(&self.scores).map(|(variant, score)| {
+            let (passed, decided) = (score.passed, score.decided());
+            let share = 100.0 * passed as f64 / decided.max(1) as f64;
+            let undecided = match score.undecided {
+                0 => String::new(),
+                undecided => format!(", {undecided} more without a verdict"),
+            };
+            format!("{variant} {passed} of {decided} ({share:.0} %{undecided})")
         });
         format!(
-            "Cases of which every check passes: {}. Figures are means over the seeds.",
+            "Cases of which every check passes, of those with a verdict: {}. Figures are means over the seeds.",
             scores.collect::<Vec<_>>().join(", ")
         )
     }
@@ -120,11 +153,12 @@ impl<'a> HeatMap<'a> {
             "What each variant withstands",
             None,
         );
-        for (i, (variant, (passed, all))) in self.variants.iter().zip(&self.scores).enumerate() {
+        for (i, (variant, score)) in self.variants.iter().zip(&self.scores).enumerate() {
             let x = left + CELL_PX * (i as f64 + 0.5);
             let name = shortened(variant, CELL_PX - 8.0, 12.0);
+            let heading = format!("{} / {}", score.passed, score.decided());
             svg.text("lt-text", (x, TOP_PX - 24.0), Anchor::Middle, &name, Some(variant));
-            svg.text("lt-axis", (x, TOP_PX - 8.0), Anchor::Middle, &format!("{passed} / {all}"), None);
+            svg.text("lt-axis", (x, TOP_PX - 8.0), Anchor::Middle, &heading, None);
         }
         let mut last = "";
         for (k, row) in self.rows.iter().enumerate() {
@@ -226,7 +260,8 @@ mod tests {
         let cases = cases();
         let map = HeatMap::new(&study, &cases).unwrap();
         // "fox" has a mean of 25.18 with "plain" and of 25.69 with "=textured".
-        assert_eq!(map.scores, [(1, 2), (2, 2)]);
+        let score = |passed, failed, undecided| Score { passed, failed, undecided };
+        assert_eq!(map.scores, [score(1, 1, 0), score(2, 0, 0)]);
         let svg = map.draw().standalone();
         assert_eq!((svg.matches("\"lt-pass\"").count(), svg.matches("\"lt-fail\"").count()), (5, 1));
         assert!(!svg.contains("<b>&|"));
@@ -234,6 +269,20 @@ mod tests {
         assert!(csv.contains("fail") && csv.lines().count() == 4, "{csv}");
         assert!(map.note().contains("plain 1 of 2 (50 %)"), "{}", map.note());
         assert!(HeatMap::new(&study, &cases[2..]).is_none());
+    }
+
+    #[test]
+    fn cases_without_a_verdict_count_neither_way() {
+        let study = Study::new(vec![records()], &Options::default()).unwrap();
+        let mut cases = cases();
+        let unknown = Check { measure: "/no/figure".to_owned(), at_least: Some(1.0), ..Check::default() };
+        cases.iter_mut().for_each(|case| case.checks.push(unknown.clone()));
+        let map = HeatMap::new(&study, &cases).unwrap();
+        // A failed check decides a case whatever else is in it.
+        let score = |passed, failed, undecided| Score { passed, failed, undecided };
+        assert_eq!(map.scores, [score(0, 1, 2), score(0, 0, 3)]);
+        assert!(map.note().contains("plain 0 of 1 (0 %, 2 more without a verdict)"), "{}", map.note());
+        assert!(map.draw().standalone().contains(">0 / 1<"));
     }
 
     #[test]
