@@ -26,12 +26,13 @@ const QUILT: [usize; 2] = [16, 32];
 /// Colours at the sides of the ramp.
 const RAMP: [f64; 2] = [0.3, 0.7];
 
-/// Colours along each side of the wall with a gloss.
+/// Colours along each side of the wall with a gloss, and their range: with the gloss none is clipped.
 const GLOSSY_WALL: usize = 8;
+const GLOSSY_VALUES: [f64; 2] = [0.2, 0.7];
 
 /// Exponent of the gloss (Phong), and what it adds at most.
 const GLOSS_EXPONENT: f64 = 20.0;
-const GLOSS_STRENGTH: f64 = 0.2;
+const GLOSS_STRENGTH: f64 = 0.3;
 
 /// Share of the square on which the gloss has at least half its strength.
 const GLOSS_SHARE: f64 = 0.1;
@@ -61,9 +62,9 @@ impl Grid {
         Self { centre, axis: DVec2::X, side, counts, values }
     }
 
-    /// Random colours along each side.
-    fn random(centre: DVec2, side: f64, count: usize, rng: &mut Pcg32) -> Self {
-        Self::new(centre, side, [count; 2], |_| random_colour(rng))
+    /// Random colours of a range along each side.
+    fn random(centre: DVec2, side: f64, count: usize, range: [f64; 2], rng: &mut Pcg32) -> Self {
+        Self::new(centre, side, [count; 2], |_| random_colour(range, rng))
     }
 
     /// What the grid adds to grey.
@@ -85,8 +86,8 @@ impl Grid {
     }
 }
 
-fn random_colour(rng: &mut Pcg32) -> DVec3 {
-    DVec3::from_array([0; 3].map(|_| VALUES[0] + (VALUES[1] - VALUES[0]) * uniform(rng)))
+fn random_colour([low, high]: [f64; 2], rng: &mut Pcg32) -> DVec3 {
+    DVec3::from_array([0; 3].map(|_| low + (high - low) * uniform(rng)))
 }
 
 /// A scene of grids in one plane.
@@ -104,10 +105,10 @@ impl Patch {
         let mut rng = stream(seed, Stream::Grids, 0);
         let rng = &mut rng;
         let grids = match scene.kind {
-            Kind::Wall => vec![Grid::random(DVec2::ZERO, SIDE, scene.level as usize, rng)],
-            Kind::Gloss => vec![Grid::random(DVec2::ZERO, SIDE, GLOSSY_WALL, rng)],
+            Kind::Wall => vec![Grid::random(DVec2::ZERO, SIDE, scene.level as usize, VALUES, rng)],
+            Kind::Gloss => vec![Grid::random(DVec2::ZERO, SIDE, GLOSSY_WALL, GLOSSY_VALUES, rng)],
             Kind::Stripes => {
-                let colours: Vec<DVec3> = (0..STRIPES[0]).map(|_| random_colour(rng)).collect();
+                let colours: Vec<DVec3> = (0..STRIPES[0]).map(|_| random_colour(VALUES, rng)).collect();
                 let axis = DVec2::from_angle(scene.level.to_radians());
                 vec![Grid { axis, ..Grid::new(DVec2::ZERO, SIDE, STRIPES, |[stripe, _]| colours[stripe]) }]
             }
@@ -118,8 +119,8 @@ impl Patch {
                     Grid::new(DVec2::new(quarter, -quarter), 0.5 * SIDE, [2; 2], |[i, _]| {
                         DVec3::splat(RAMP[i])
                     }),
-                    Grid::random(DVec2::new(-quarter, quarter), 0.5 * SIDE, coarse, rng),
-                    Grid::random(DVec2::new(quarter, quarter), 0.5 * SIDE, fine, rng),
+                    Grid::random(DVec2::new(-quarter, quarter), 0.5 * SIDE, coarse, VALUES, rng),
+                    Grid::random(DVec2::new(quarter, quarter), 0.5 * SIDE, fine, VALUES, rng),
                 ]
             }
             Kind::Flat | Kind::Planted => Vec::new(),

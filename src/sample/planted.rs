@@ -25,8 +25,8 @@ const OPACITY: f64 = 0.9;
 /// Rows and columns of the maps; they extend to three standard deviations.
 const MAP_SIDE: u16 = 8;
 
-/// Largest residual of a texel, to either side.
-const RESIDUAL: f64 = 0.4;
+/// Residuals of texels, up or down: little of a photo shows the splats, so that weaker ones would hardly count.
+const RESIDUAL: f64 = 0.45;
 
 /// Largest tilt of a splat, degrees, and largest distance of its centre from the plane z = 0, metres.
 const TILT_DEG: f64 = 25.0;
@@ -64,7 +64,8 @@ pub fn planted_model(seed: u64) -> Model {
     }
     let mut textures = TexturePool::neutral(extents).unwrap_or_default();
     textures.texels.iter_mut().for_each(|texel| {
-        *texel = (2.0 * between(-RESIDUAL, RESIDUAL).atanh()) as f32;
+        let sign = if between(0.0, 1.0) < 0.5 { -1.0 } else { 1.0 };
+        *texel = (2.0 * sign * RESIDUAL.atanh()) as f32;
     });
     Model {
         splats,
