@@ -25,6 +25,10 @@ pub struct Check {
     pub from_variant: Option<String>,
     /// The own figure divided by that of this variant.
     pub over_variant: Option<String>,
+    /// The own figure divided by this number, such as that of the smallest model known.
+    pub over: Option<f64>,
+    /// The own figure divided by this other figure of the same runs, a JSON pointer too.
+    pub over_measure: Option<String>,
     /// Largest value that passes.
     pub at_most: Option<f64>,
     /// Smallest value that passes.
@@ -66,10 +70,17 @@ impl Check {
     /// The message.
     pub fn validate(&self) -> Result<(), String> {
         let references = [&self.from_scene, &self.over_scene, &self.from_variant, &self.over_variant];
-        let expected = if !self.measure.starts_with('/') {
+        let others = [self.over.is_some(), self.over_measure.is_some()];
+        let given = references.iter().map(|r| r.is_some()).chain(others).filter(|is_given| *is_given);
+        let is_pointer = |text: &String| text.starts_with('/');
+        let expected = if !is_pointer(&self.measure) {
             "measure, a JSON pointer into the summary such as \"/quality/psnr\""
-        } else if references.iter().filter(|r| r.is_some()).count() > 1 {
-            "at most one of from-scene, over-scene, from-variant and over-variant"
+        } else if given.count() > 1 {
+            "at most one of from-scene, over-scene, from-variant, over-variant, over and over-measure"
+        } else if self.over.is_some_and(|over| !(over > 0.0 && over.is_finite())) {
+            "over, a number above 0"
+        } else if !self.over_measure.as_ref().is_none_or(is_pointer) {
+            "over-measure, a JSON pointer into the summary such as \"/size/splats\""
         } else if self.at_most.is_none() && self.at_least.is_none() {
             "at-most, at-least or both"
         } else if self.times_sd && self.from_scene.is_none() {
@@ -124,6 +135,13 @@ impl Check {
 
     fn value(&self, records: &[Record], scene: &str, variant: &str) -> Option<f64> {
         let own = self.mean(records, scene, variant)?;
+        if let Some(over) = self.over {
+            return Some(own / over);
+        }
+        if let Some(measure) = &self.over_measure {
+            let other = Self { measure: measure.clone(), contains: Vec::new(), ..self.clone() };
+            return Some(ratio(own, other.mean(records, scene, variant)?));
+        }
         let of_scene = |other: &Option<String>| self.mean(records, other.as_ref()?, variant);
         let of_variant = |other: &Option<String>| self.mean(records, scene, other.as_ref()?);
         match (&self.from_scene, &self.over_scene, &self.from_variant, &self.over_variant) {
@@ -211,6 +229,10 @@ mod tests {
             ("from-variant = 'paper'\nat-most = -0.9", -1.0, true),
             ("over-scene = 'control'\nat-most = 1.0\nat-least = 0.95", 24.0 / 25.0, true),
             ("over-variant = 'paper'\nat-least = 1.1", 24.0 / 23.0, false),
+            ("over = 12\nat-most = 2", 2.0, true),
+            ("over = 8\nat-most = 2", 3.0, false),
+            ("over-measure = '/size/splats'\nat-most = 0.0024", 0.0024, true),
+            ("over-measure = '/size/splats'\nat-most = 0.0023", 0.0024, false),
         ] {
             let found = check(&format!("{psnr}{rest}")).find(&runs, "hard", "ours");
             assert!((found.value.unwrap() - value).abs() < 1e-9, "{rest}: {found:?}");
@@ -267,6 +289,10 @@ mod tests {
             ("measure = '/a'", "at-most, at-least"),
             ("measure = '/a'\nat-most = 1\nfrom-scene = 'a'\nover-scene = 'b'", "at most one"),
             ("measure = '/a'\nat-most = 1\ntimes-sd = true", "from-scene beside"),
+            ("measure = '/a'\nat-most = 1\nfrom-scene = 'a'\nover = 2", "at most one"),
+            ("measure = '/a'\nat-most = 1\nover = 0", "over, a number above 0"),
+            ("measure = '/a'\nat-most = 1\nover = inf", "over, a number above 0"),
+            ("measure = '/a'\nat-most = 1\nover-measure = 'a'", "over-measure, a JSON pointer"),
         ] {
             let error = toml::from_str::<Check>(text).unwrap().validate().unwrap_err();
             assert!(error.contains(part), "{error}");

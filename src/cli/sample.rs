@@ -4,7 +4,7 @@ use super::log::Log;
 use super::run_folder::check_empty;
 use super::table::Table;
 use super::values::{ImageSize, parse_whole};
-use litetex_gs::sample::{SampleOptions, Stress, write_sample};
+use litetex_gs::sample::{NeedScene, SampleOptions, Stress, write_sample};
 use std::path::PathBuf;
 
 /// Generate a small synthetic capture for trying things out
@@ -35,6 +35,10 @@ pub struct SampleArgs {
     /// clean, for --test-list
     #[arg(long, value_name = "NAME[:LEVEL]", long_help = stress_help())]
     stress: Option<Stress>,
+    /// Show a scene whose smallest model is known, instead of the still life, to see what models grow to; test.txt lists
+    /// the test photos
+    #[arg(long, value_name = "NAME[:LEVEL]", conflicts_with = "stress", long_help = scene_help())]
+    scene: Option<NeedScene>,
     /// Also write the sparse model as text
     #[arg(long)]
     text: bool,
@@ -48,6 +52,15 @@ fn stress_help() -> String {
         "Make the capture hard in one respect, to see where methods fail; test.txt lists the test photos, which stay \
          clean, for --test-list. NAME[:LEVEL], with default levels: {}",
         Stress::help()
+    )
+}
+
+fn scene_help() -> String {
+    format!(
+        "Show a scene whose smallest model is known, instead of the still life, to see what models grow to; test.txt \
+         lists the test photos, for --test-list. The colour around it is #808080, for --background. NAME[:LEVEL], with \
+         default levels: {}",
+        NeedScene::help()
     )
 }
 
@@ -66,6 +79,7 @@ impl SampleArgs {
             points: self.points,
             supersampling: self.rays,
             stress: self.stress,
+            scene: self.scene,
             text: self.text,
             truth: !self.no_truth,
             ..SampleOptions::default()

@@ -2,13 +2,16 @@
 
 use super::colmap_write::{SparseImage, SparseModel};
 use super::frame::Frame;
+use super::need::NeedKind;
 use super::options::SampleOptions;
-use super::points::points;
+use super::patch::Patch;
+use super::planted::Planted;
+use super::points::{points, points_of_need};
 use super::render;
 use super::scene::Scene;
 use super::views::{View, views};
 use crate::camera::Pinhole;
-use glam::{DMat3, DVec3};
+use glam::DMat3;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
@@ -27,10 +30,19 @@ pub struct SampleSummary {
     pub mean_reprojection_error_px: f64,
 }
 
+/// What a capture shows.
+enum Content {
+    /// The still life.
+    Room(Box<Scene>),
+    /// A scene whose smallest model is known.
+    Patch(Patch),
+    Planted(Box<Planted>),
+}
+
 /// The scene with its cameras and points.
 pub struct Capture {
     options: SampleOptions,
-    scene: Scene,
+    content: Content,
     /// Photos, in the order of the sparse model.
     pub views: Vec<View>,
     /// Cameras and points, as written to `sparse/0`.
@@ -57,9 +69,20 @@ impl Capture {
             cx_px: 0.5 * width,
             cy_px: 0.5 * height,
         };
-        let scene = Scene::new(options, focal_px);
         let views = views(options, &pinhole);
-        let mut points = points(options, &scene, &views);
+        let (content, mut points) = match options.scene {
+            None => {
+                let scene = Scene::new(options, focal_px);
+                let points = points(options, &scene, &views);
+                (Content::Room(Box::new(scene)), points)
+            }
+            Some(scene) => {
+                let patch = Patch::new(scene, options.seed);
+                let planted = (scene.kind == NeedKind::Planted).then(|| Planted::new(options.seed));
+                let points = points_of_need(options, &patch, planted.as_ref(), &views);
+                (planted.map_or(Content::Patch(patch), |p| Content::Planted(Box::new(p))), points)
+            }
+        };
         let frame = Frame::new(options);
         for point in &mut points {
             point.position = frame.point(point.position);
@@ -74,12 +97,12 @@ impl Capture {
             SparseImage { name: view.name.clone(), camera_from_capture: frame.pose(&view.written), pinhole }
         });
         let images = images.collect();
-        Self { options: options.clone(), scene, views, sparse: SparseModel { pinholes, images, points } }
+        Self { options: options.clone(), content, views, sparse: SparseModel { pinholes, images, points } }
     }
 
     /// The scene as it is when a photo is taken.
-    fn scene_of(&self, view: &View) -> Scene {
-        let mut scene = self.scene.clone();
+    fn scene_of(scene: &Scene, view: &View) -> Scene {
+        let mut scene = scene.clone();
         scene.extras.walker = view.walker;
         scene
     }
@@ -87,9 +110,19 @@ impl Capture {
     /// The photo of a view, 8 bits, display space, 3 channels.
     pub fn photo(&self, index: usize) -> Pixels {
         let view = &self.views[index];
-        let mut rgb = render::photo(&self.scene_of(view), view, self.options.supersampling);
+        let (rays, seed) = (self.options.supersampling, self.options.seed);
+        let mut rgb = match &self.content {
+            Content::Room(scene) => render::photo(&Self::scene_of(scene, view), view, rays),
+            Content::Patch(patch) => {
+                render::dithered(&render::patch(patch, view, rays), patch.dither, seed, index)
+            }
+            Content::Planted(planted) => {
+                let colours = planted.photo(&view.pinhole, &view.camera_from_capture, rays);
+                render::dithered(&colours, 0.0, seed, index)
+            }
+        };
         if view.noise > 0.0 {
-            render::add_noise(&mut rgb, view.noise, self.options.seed, index);
+            render::add_noise(&mut rgb, view.noise, seed, index);
         }
         padded(view, &rgb, 3)
     }
@@ -103,15 +136,29 @@ impl Capture {
     /// The pixels of a view that show what the stress is about, 1 channel; `None` if there are none.
     pub fn region(&self, index: usize) -> Option<Pixels> {
         let view = &self.views[index];
-        let values = render::region(&self.scene_of(view), &view.pinhole, &view.camera_from_capture);
+        let (pinhole, pose) = (&view.pinhole, &view.camera_from_capture);
+        let values = match &self.content {
+            Content::Room(scene) => {
+                let scene = Self::scene_of(scene, view);
+                render::region(|ray| scene.extras.is_region(&scene.cast(ray)), pinhole, pose)
+            }
+            Content::Patch(patch) => render::region(|ray| patch.is_region(ray), pinhole, pose),
+            Content::Planted(_) => return None,
+        };
         values.iter().any(|v| *v > 0).then(|| padded(view, &values, 1))
     }
 
+    /// Whether [`Self::depth`] has one: the grey around a patch is at no distance.
+    pub fn has_depths(&self) -> bool {
+        matches!(self.content, Content::Room(_))
+    }
+
     /// Exact depth of a photo along the optical axis, metres. `[height, width]`
-    pub fn depth(&self, index: usize) -> (Pinhole, Vec<f32>) {
+    pub fn depth(&self, index: usize) -> Option<(Pinhole, Vec<f32>)> {
+        let Content::Room(scene) = &self.content else { return None };
         let view = &self.views[index];
-        let depth = render::depth(&self.scene_of(view), &view.pinhole, &view.camera_from_capture);
-        (view.pinhole, depth)
+        let depth = render::depth(&Self::scene_of(scene, view), &view.pinhole, &view.camera_from_capture);
+        Some((view.pinhole, depth))
     }
 
     /// Counts and the mean reprojection error.
@@ -131,19 +178,7 @@ impl Capture {
 
     /// Contents of `truth/scene.json`: frame, options, geometry and cameras.
     pub fn description(&self) -> Value {
-        let vector = |v: DVec3| v.to_array();
         let matrix_rows = |m: DMat3| m.transpose().to_cols_array_2d();
-        let boxes = ["crate", "carton", "books"].iter().zip(&self.scene.boxes);
-        let boxes: Vec<Value> = boxes
-            .map(|(name, b)| {
-                json!({
-                    "name": name,
-                    "centre": vector(b.centre),
-                    "half_edges": vector(b.half),
-                    "capture_from_box_rows": matrix_rows(b.rotation),
-                })
-            })
-            .collect();
         let cameras: Vec<Value> = self
             .views
             .iter()
@@ -152,22 +187,43 @@ impl Capture {
                 json!({
                     "name": view.name,
                     "camera_from_capture_rows": matrix_rows(pose.rotation),
-                    "translation": vector(pose.translation),
+                    "translation": pose.translation.to_array(),
                     "pinhole": view.pinhole,
                 })
             })
             .collect();
-        json!({
-            "frame": "x right, y down (the floor is y = 0), z away from the cameras; metres",
-            "depth": "along the optical axis at pixel centres, metres; channel Y",
+        let mut description = json!({
+            "frame": "x right, y down, z away from the cameras; metres",
             "program_version": env!("CARGO_PKG_VERSION"),
             "options": self.options,
-            "room": self.scene.room.map(vector),
-            "boxes": boxes,
-            "globe": { "centre": vector(self.scene.globe.0), "radius": self.scene.globe.1 },
             "cameras": cameras,
-        })
+        });
+        match &self.content {
+            Content::Room(scene) => describe_room(scene, &mut description),
+            Content::Patch(patch) => description["patch"] = json!(patch),
+            Content::Planted(planted) => description["splats"] = planted.description(),
+        }
+        description
     }
+}
+
+fn describe_room(scene: &Scene, description: &mut Value) {
+    let boxes = ["crate", "carton", "books"].iter().zip(&scene.boxes);
+    let boxes: Vec<Value> = boxes
+        .map(|(name, b)| {
+            json!({
+                "name": name,
+                "centre": b.centre.to_array(),
+                "half_edges": b.half.to_array(),
+                "capture_from_box_rows": b.rotation.transpose().to_cols_array_2d(),
+            })
+        })
+        .collect();
+    description["frame"] = json!("x right, y down (the floor is y = 0), z away from the cameras; metres");
+    description["depth"] = json!("along the optical axis at pixel centres, metres; channel Y");
+    description["room"] = json!(scene.room.map(|corner| corner.to_array()));
+    description["boxes"] = json!(boxes);
+    description["globe"] = json!({ "centre": scene.globe.0.to_array(), "radius": scene.globe.1 });
 }
 
 /// Values of a photo in its file: black around it if it is padded.

@@ -1,14 +1,19 @@
 //! A procedural capture in COLMAP's layout: ray-cast images of a small still life with exact poses,
 //! sparse points and exact depths. For tests and for trying the program, without third-party photos
-//! or licences. With a [`Stress`] it is hard in one respect.
+//! or licences. With a [`Stress`] it is hard in one respect; a [`NeedScene`] shows something else, whose smallest model
+//! is known.
 
 mod capture;
 mod colmap_write;
 mod extras;
 mod frame;
 mod lettering;
+mod levels;
+mod need;
 mod noise;
 mod options;
+mod patch;
+mod planted;
 mod points;
 mod poses;
 mod random;
@@ -20,7 +25,9 @@ mod views;
 
 pub use capture::SampleSummary;
 pub use colmap_write::{SparseImage, SparseModel, SparsePoint};
+pub use need::{NeedKind, NeedScene};
 pub use options::SampleOptions;
+pub use planted::planted_model;
 pub use stress::{Stress, StressKind};
 
 use crate::atomic_file;
@@ -31,8 +38,8 @@ use std::path::{Path, PathBuf};
 
 /// Writes a capture to `dir`: `images/*.png`, `sparse/0/*.bin` and, if requested, `sparse/0/*.txt`,
 /// `truth/depth/*.exr` and `truth/scene.json`. A stress adds `test.txt`, which lists the test photos, `masks/*.png` of
-/// padded photos, and `regions/*.png`, white where a photo shows what the stress is about. Equal options give equal
-/// bytes.
+/// padded photos, and `regions/*.png`, white where a photo shows what the stress is about. So does a [`NeedScene`], which
+/// has no depths. Equal options give equal bytes.
 ///
 /// # Errors
 /// [`Error::Usage`] for options out of range, [`Error::Io`] if writing fails.
@@ -50,7 +57,7 @@ pub fn write_sample(dir: &Path, options: &SampleOptions) -> Result<SampleSummary
     if options.text {
         capture.sparse.write_text(&sparse)?;
     }
-    if options.stress.is_some() {
+    if options.stress.is_some() || options.scene.is_some() {
         write_split_and_regions(dir, &capture)?;
     }
     if options.truth {
@@ -81,17 +88,20 @@ fn write_split_and_regions(dir: &Path, capture: &Capture) -> Result<()> {
 }
 
 fn write_truth(dir: &Path, capture: &Capture) -> Result<()> {
-    let depths = folder(dir, "truth/depth")?;
+    let depths = folder(dir, if capture.has_depths() { "truth/depth" } else { "truth" })?;
     for (index, view) in capture.views.iter().enumerate() {
         let path = depths.join(&view.name).with_extension("exr");
-        let (pinhole, depth) = capture.depth(index);
-        write_exr(&path, pinhole.width_px, pinhole.height_px, Channels::Grey, &depth)?;
+        if let Some((pinhole, depth)) = capture.depth(index) {
+            write_exr(&path, pinhole.width_px, pinhole.height_px, Channels::Grey, &depth)?;
+        }
     }
     let json = serde_json::to_vec_pretty(&capture.description())
         .map_err(|e| Error::io(dir, std::io::Error::other(e)))?;
     atomic_file::write(&dir.join("truth/scene.json"), &json)
 }
 
+#[cfg(test)]
+mod need_tests;
 #[cfg(test)]
 mod stress_tests;
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! Options of the sample capture, and their bounds.
 
+use super::need::NeedScene;
 use super::stress::Stress;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -31,6 +32,9 @@ pub struct SampleOptions {
     /// What makes the capture hard. With any, every eighth view is a test view, and `test.txt` lists these.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stress: Option<Stress>,
+    /// What is shown instead of the still life; excludes a stress. Every eighth view is a test view here too.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub scene: Option<NeedScene>,
 }
 
 /// A capture that trains in about a minute; the values are not measured.
@@ -47,6 +51,7 @@ impl Default for SampleOptions {
             text: false,
             truth: true,
             stress: None,
+            scene: None,
         }
     }
 }
@@ -72,6 +77,9 @@ impl SampleOptions {
         }
         if !(0.0..=0.1).contains(&self.point_noise_m) {
             return usage("the points' noise must be 0 to 0.1 m");
+        }
+        if let (Some(scene), Some(stress)) = (self.scene, self.stress) {
+            return usage(&format!("found the scene {scene} and the stress {stress}, expected one of them"));
         }
         Ok(())
     }

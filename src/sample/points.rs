@@ -2,6 +2,8 @@
 
 use super::colmap_write::SparsePoint;
 use super::options::SampleOptions;
+use super::patch::{GREY, Patch};
+use super::planted::Planted;
 use super::random::{Stream, normal_vector, stream, uniform};
 use super::render;
 use super::scene::{Hit, Ray, Scene, Surface};
@@ -43,19 +45,55 @@ fn in_file(view: &View, at: DVec2) -> DVec2 {
     view.padded.map_or(at, |(_, [left, top])| at + DVec2::new(f64::from(left), f64::from(top)))
 }
 
+/// Points of a patch, or near the splats of a planted scene.
+pub fn points_of_need(
+    options: &SampleOptions,
+    patch: &Patch,
+    planted: Option<&Planted>,
+    views: &[View],
+) -> Vec<SparsePoint> {
+    let mut rng = stream(options.seed, Stream::Points, 1);
+    let places = match planted {
+        Some(planted) => planted.points(options.points),
+        None => (0..options.points).map(|_| patch.place(&mut rng).extend(0.0)).collect(),
+    };
+    let rgb = |place: DVec3| {
+        let colour =
+            if planted.is_some() { DVec3::splat(GREY) } else { patch.colour(place.truncate(), DVec3::NEG_Z) };
+        colour.to_array().map(render::byte)
+    };
+    let point = |place: DVec3| {
+        let position = place + options.point_noise_m * normal_vector(&mut rng);
+        tracked(place, position, rgb(place), views, |_| true)
+    };
+    places.into_iter().filter_map(point).collect()
+}
+
 /// The point of a hit; `None` if fewer than two views see it.
 fn point(scene: &Scene, hit: &Hit, position: DVec3, views: &[View]) -> Option<SparsePoint> {
+    let origin = hit.position + 1e-6 * hit.normal;
+    let is_visible = |view: &View| {
+        let direction = view.camera_from_capture.origin_of_a_in_b() - origin;
+        direction.dot(hit.normal) > 0.0 && !scene.occludes(&Ray { origin, direction })
+    };
+    tracked(hit.position, position, render::point_colour(scene, hit), views, is_visible)
+}
+
+/// The point that is said to be at `position` and is seen at `place`; `None` if fewer than two views see it.
+fn tracked(
+    place: DVec3,
+    position: DVec3,
+    rgb: [u8; 3],
+    views: &[View],
+    is_visible: impl Fn(&View) -> bool,
+) -> Option<SparsePoint> {
     let observations: Vec<_> = views
         .iter()
         .enumerate()
         .filter_map(|(index, view)| {
-            let pose = &view.camera_from_capture;
-            let seen = view.pinhole.project(pose.transform_point(hit.position))?;
+            let seen = view.pinhole.project(view.camera_from_capture.transform_point(place))?;
             let inside = seen.cmpge(DVec2::ZERO).all() && seen.cmplt(size_of(view)).all();
-            let origin = hit.position + 1e-6 * hit.normal;
-            let direction = pose.origin_of_a_in_b() - origin;
-            let faces = direction.dot(hit.normal) > 0.0;
-            (inside && faces && !scene.occludes(&Ray { origin, direction })).then_some((index, seen))
+            (inside && is_visible(view)).then_some((index, seen))
         })
         .collect();
     if observations.len() < 2 {
@@ -68,7 +106,7 @@ fn point(scene: &Scene, hit: &Hit, position: DVec3, views: &[View]) -> Option<Sp
     });
     Some(SparsePoint {
         position,
-        rgb: render::point_colour(scene, hit),
+        rgb,
         error_px: errors.sum::<f64>() / observations.len() as f64,
         observations: observations.into_iter().map(|(i, at)| (i, in_file(&views[i], at))).collect(),
     })

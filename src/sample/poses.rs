@@ -19,6 +19,9 @@ const ELEVATIONS_OUTDOORS_DEG: [f64; 3] = [3.0, 9.0, 6.0];
 /// Azimuth of the video around the cards, to either side; its elevation and distance.
 const VIDEO: (f64, f64, f64) = (60.0, 20.0, 1.7);
 
+/// Distance of the cap's cameras from the origin, metres, and the largest angle between their axes and the z axis.
+const CAP: (f64, f64) = (1.6, 35.0);
+
 /// camera_from_capture of a camera at `position` that looks at `target` with its x axis level.
 fn looking_at(position: DVec3, target: DVec3) -> RigidTransform {
     let forward = (target - position).normalize();
@@ -69,6 +72,20 @@ pub fn arc(options: &SampleOptions, count: usize) -> Vec<RigidTransform> {
                 }
                 _ => looking_at(position, target),
             }
+        })
+        .collect()
+}
+
+/// `count` poses on a cap, at equal distances from the origin and evenly spread; the first is nearest to the middle.
+pub fn cap(count: usize) -> Vec<RigidTransform> {
+    let (distance, tilt_max_deg) = CAP;
+    let golden_angle = std::f64::consts::PI * (3.0 - 5_f64.sqrt());
+    (0..count)
+        .map(|view| {
+            let tilt = tilt_max_deg.to_radians() * ((view as f64 + 0.5) / count as f64).sqrt();
+            let (sin, cos) = (golden_angle * view as f64).sin_cos();
+            let from_origin = DVec3::new(tilt.sin() * cos, tilt.sin() * sin, -tilt.cos());
+            looking_at(distance * from_origin, DVec3::ZERO)
         })
         .collect()
 }

@@ -15,6 +15,8 @@ pub enum Stream {
     WrongPoints = 3,
     /// Exposure of the photos, and errors of their poses.
     Photos = 4,
+    /// Colours of grids, and planted splats.
+    Grids = 5,
     /// Noise of the photos; each takes a stream of its own from here on.
     PhotoNoise = 1000,
 }

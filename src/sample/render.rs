@@ -2,7 +2,8 @@
 //! fill light and ambient light. Nothing is view-dependent, so every surface point has one colour in
 //! all images.
 
-use super::random::{Stream, normal_pair, stream};
+use super::patch::Patch;
+use super::random::{Stream, normal_pair, stream, uniform};
 use super::scene::{Hit, Ray, Scene, Surface};
 use super::views::View;
 use crate::camera::{Pinhole, RigidTransform};
@@ -62,8 +63,13 @@ pub fn display_from_linear(linear: f64) -> f64 {
     if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 }
 }
 
+/// The 8 bits of a value in display space, clipped to [0, 1].
+pub fn byte(display: f64) -> u8 {
+    (display.clamp(0.0, 1.0) * 255.0).round() as u8
+}
+
 fn rgb8(linear: DVec3) -> [u8; 3] {
-    linear.to_array().map(|v| (display_from_linear(v) * 255.0).round() as u8)
+    linear.to_array().map(|v| byte(display_from_linear(v)))
 }
 
 /// Colour of a surface point under all light samples, 8 bits, display space.
@@ -104,6 +110,33 @@ pub fn photo(scene: &Scene, view: &View, supersampling: u32) -> Vec<u8> {
     rgb
 }
 
+/// Photo of a patch with `supersampling`^2 rays per pixel, averaged in display space. `[height, width]`
+pub fn patch(patch: &Patch, view: &View, supersampling: u32) -> Vec<DVec3> {
+    let (pinhole, rays) = (&view.pinhole, f64::from(supersampling));
+    let width = pinhole.width_px as usize;
+    let pixel = |i: usize| {
+        let corner = DVec2::new((i % width) as f64, (i / width) as f64);
+        let samples = (0..supersampling * supersampling).map(|sample| {
+            let (i, j) = (sample % supersampling, sample / supersampling);
+            let at = corner + DVec2::new(f64::from(i) + 0.5, f64::from(j) + 0.5) / rays;
+            patch.seen(&ray_through(pinhole, &view.camera_from_capture, at))
+        });
+        samples.sum::<DVec3>() / (rays * rays)
+    };
+    (0..pinhole.num_pixels()).into_par_iter().map(pixel).collect()
+}
+
+/// The 8 bits of colours in display space, each changed before by up to `dither`, of 255; `photo` selects the random
+/// numbers.
+pub fn dithered(colours: &[DVec3], dither: f64, seed: u64, photo: usize) -> Vec<u8> {
+    let mut rng = stream(seed, Stream::PhotoNoise, photo);
+    let mut value = |v: f64| {
+        let change = if dither > 0.0 { dither * (2.0 * uniform(&mut rng) - 1.0) } else { 0.0 };
+        byte(v + change / 255.0)
+    };
+    colours.iter().flat_map(|colour| colour.to_array().map(&mut value)).collect()
+}
+
 /// Adds Gaussian noise of standard deviation `sd`, of 255; `photo` selects the random numbers.
 pub fn add_noise(rgb: &mut [u8], sd: f64, seed: u64, photo: usize) {
     let mut rng = stream(seed, Stream::PhotoNoise, photo);
@@ -115,26 +148,25 @@ pub fn add_noise(rgb: &mut [u8], sd: f64, seed: u64, photo: usize) {
 }
 
 /// Which pixels show, in their centres, what the stress is about: 255 or 0. `[height, width]`
-pub fn region(scene: &Scene, pinhole: &Pinhole, camera_from_scene: &RigidTransform) -> Vec<u8> {
-    at_centres(scene, pinhole, camera_from_scene, |hit| if scene.extras.is_region(hit) { 255 } else { 0 })
+pub fn region(
+    is_region: impl Fn(&Ray) -> bool,
+    pinhole: &Pinhole,
+    camera_from_scene: &RigidTransform,
+) -> Vec<u8> {
+    at_centres(pinhole, camera_from_scene, |ray| if is_region(ray) { 255 } else { 0 })
 }
 
 /// Depth along the optical axis at pixel centres, metres. `[height, width]`
 pub fn depth(scene: &Scene, pinhole: &Pinhole, camera_from_scene: &RigidTransform) -> Vec<f32> {
-    at_centres(scene, pinhole, camera_from_scene, |hit| hit.t as f32)
+    at_centres(pinhole, camera_from_scene, |ray| scene.cast(ray).t as f32)
 }
 
-fn at_centres<T>(
-    scene: &Scene,
-    pinhole: &Pinhole,
-    camera_from_scene: &RigidTransform,
-    value: impl Fn(&Hit) -> T,
-) -> Vec<T> {
+fn at_centres<T>(pinhole: &Pinhole, camera_from_scene: &RigidTransform, value: impl Fn(&Ray) -> T) -> Vec<T> {
     let width = pinhole.width_px as usize;
     (0..pinhole.num_pixels())
         .map(|i| {
             let at = DVec2::new((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
-            value(&scene.cast(&ray_through(pinhole, camera_from_scene, at)))
+            value(&ray_through(pinhole, camera_from_scene, at))
         })
         .collect()
 }

@@ -1,5 +1,6 @@
 //! What can make a capture hard, one thing at a time: names, levels and what each changes.
 
+use super::levels::{self, Row};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
@@ -68,10 +69,7 @@ pub enum StressKind {
 
 use StressKind as Kind;
 
-/// Kind, name, default level, smallest and largest level, meaning of the level.
-type Row = (Kind, &'static str, f64, [f64; 2], &'static str);
-
-const ROWS: [Row; 28] = [
+const ROWS: [Row<Kind>; 28] = [
     (Kind::None, "none", 0.0, [0.0, 0.0], ""),
     (Kind::Noise, "noise", 10.0, [0.0, 100.0], "standard deviation, of 255"),
     (Kind::Checker, "checker", 6.0, [1.0, 50.0], "period, pixels of a typical view"),
@@ -129,14 +127,11 @@ impl Stress {
 
     /// Names, levels and defaults, for the help.
     pub fn help() -> String {
-        let entries = ROWS.iter().map(|(_, name, default, [low, high], unit)| {
-            if low == high { (*name).to_owned() } else { format!("{name}[:{default}] ({unit})") }
-        });
-        entries.collect::<Vec<_>>().join(", ")
+        levels::help(&ROWS)
     }
 }
 
-fn row(kind: StressKind) -> &'static Row {
+fn row(kind: StressKind) -> &'static Row<Kind> {
     ROWS.iter().find(|row| row.0 == kind).unwrap_or(&ROWS[0])
 }
 
@@ -144,27 +139,13 @@ impl FromStr for Stress {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let (name, level) = text.split_once(':').map_or((text, None), |(name, level)| (name, Some(level)));
-        let Some((kind, _, default, [low, high], unit)) = ROWS.iter().find(|row| row.1 == name) else {
-            return Err(format!("{name:?}: no such stress; there are {}", Self::help()));
-        };
-        let level = match level {
-            None => *default,
-            Some(_) if low == high => return Err(format!("{text:?}: {name} has no levels")),
-            Some(level) => level
-                .parse()
-                .ok()
-                .filter(|level| (*low..=*high).contains(level))
-                .ok_or_else(|| format!("{text:?}: expected a level of {low} to {high} ({unit})"))?,
-        };
-        Ok(Self { kind: *kind, level })
+        levels::parse(&ROWS, "stress", text).map(|(kind, level)| Self { kind, level })
     }
 }
 
 impl fmt::Display for Stress {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (_, name, _, [low, high], _) = row(self.kind);
-        if low == high { f.write_str(name) } else { write!(f, "{name}:{}", self.level) }
+        levels::print(row(self.kind), self.level, f)
     }
 }
 

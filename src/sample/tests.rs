@@ -134,7 +134,7 @@ fn points_have_the_colour_of_the_pixels_where_they_are_seen() {
 fn depths_agree_with_the_points() {
     let capture = Capture::new(&SampleOptions { point_noise_m: 0.0, ..small() });
     let pinhole = capture.sparse.pinholes[0];
-    let depths: Vec<_> = (0..6).map(|v| capture.depth(v).1).collect();
+    let depths: Vec<_> = (0..6).map(|v| capture.depth(v).unwrap().1).collect();
     let (mut close, mut all) = (0, 0);
     for point in &capture.sparse.points {
         assert!(point.error_px < 1e-9);

@@ -1,7 +1,7 @@
 //! The views of a sample capture: where photos are taken, what their sparse model says, and what is wrong with them.
 
 use super::options::SampleOptions;
-use super::poses::{arc, at_distance, behind_centre, from_centre_and_rotation, video};
+use super::poses::{arc, at_distance, behind_centre, cap, from_centre_and_rotation, video};
 use super::random::{Stream, normal_vector, stream, uniform};
 use super::stress::StressKind as Kind;
 use crate::camera::{Pinhole, RigidTransform};
@@ -69,6 +69,9 @@ impl View {
 
 /// The views, training views first.
 pub fn views(options: &SampleOptions, pinhole: &Pinhole) -> Vec<View> {
+    if options.scene.is_some() {
+        return on_cap(options.views, pinhole);
+    }
     let poses = arc(options, options.views);
     let Some(stress) = options.stress else {
         let name = |view: usize| format!("view_{view:04}.png");
@@ -104,15 +107,29 @@ pub fn views(options: &SampleOptions, pinhole: &Pinhole) -> Vec<View> {
         }
         _ => {}
     }
-    let numbered = |kind: &str, poses: Vec<RigidTransform>, pinhole: Pinhole| -> Vec<View> {
-        let is_test = kind == "test";
-        let view = |(i, pose)| View::new(format!("{kind}_{i:04}.png"), pose, pinhole, is_test);
-        poses.into_iter().enumerate().map(view).collect()
-    };
     let mut views = numbered("train", train, *pinhole);
     spoil(&mut views, options);
     views.extend(numbered("test", test, test_pinhole));
     views
+}
+
+/// The views of a scene whose smallest model is known.
+fn on_cap(count: usize, pinhole: &Pinhole) -> Vec<View> {
+    let (mut train, mut test) = (Vec::new(), Vec::new());
+    for (i, pose) in cap(count).into_iter().enumerate() {
+        // Not the first, which looks from the middle.
+        if i % TEST_EVERY == TEST_EVERY / 2 { test.push(pose) } else { train.push(pose) }
+    }
+    let mut views = numbered("train", train, *pinhole);
+    views.extend(numbered("test", test, *pinhole));
+    views
+}
+
+/// Views called `train_0000.png` or `test_0000.png` and so on.
+fn numbered(kind: &str, poses: Vec<RigidTransform>, pinhole: Pinhole) -> Vec<View> {
+    let is_test = kind == "test";
+    let view = |(i, pose)| View::new(format!("{kind}_{i:04}.png"), pose, pinhole, is_test);
+    poses.into_iter().enumerate().map(view).collect()
 }
 
 /// The middle of the image, at the same resolution.

@@ -8,6 +8,7 @@ pub mod full_method;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 pub mod moved;
+pub mod need;
 pub mod plans;
 pub mod poison;
 pub mod steps;

@@ -122,6 +122,13 @@ impl Study {
             counts: vec![
                 Measure::cost("splats", "Splats", "", "/size/splats", Quantity::Count),
                 Measure::cost("texels", "Texels", "", "/size/texels", Quantity::Count),
+                Measure::cost(
+                    "sh_coefficients",
+                    "SH coefficients",
+                    "",
+                    "/size/sh_coefficients",
+                    Quantity::Count,
+                ),
             ],
             params: Measure::cost("params", "Parameters", "", "/size/params", Quantity::Count),
             bytes: bytes_of(&runs),

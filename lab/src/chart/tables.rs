@@ -276,7 +276,7 @@ mod tests {
         let markdown = table(&study(records()), "results").markdown();
         // 25 + mean of 0.9, -1.1, 0.4, -0.6, 1.3 and their standard deviation.
         assert!(markdown.contains("| fox | 300 steps | plain | 5 | 25.18 ± 1.01 |"), "{markdown}");
-        assert!(markdown.contains("| 10,000 | 0 | 590,000 |"), "{markdown}");
+        assert!(markdown.contains("| 10,000 | 0 | 160,000 | 590,000 |"), "{markdown}");
         let csv = table(&study(records()), "runs").csv();
         assert_eq!(csv.lines().count(), 21);
     }

@@ -1,0 +1,162 @@
+//! The bounds of `samples/need.toml`: models built by hand, which reach the PSNR that the suite asks for in the production
+//! renderer, at the size of its photos. A bound without such a model would be none.
+
+#![allow(clippy::unwrap_used, reason = "a failing test may panic")]
+
+mod common;
+
+use common::need::{Surfel, Views, model};
+use litetex_gs::constants::SH_0;
+use litetex_gs::model::{Model, TexturePool};
+use litetex_gs::sample::planted_model;
+use litetex_lab::matrix::Matrix;
+use std::path::Path;
+
+const SIZE_PX: [u32; 2] = [128, 96];
+
+/// PSNR that a model must reach, dB; of the planted splats.
+const PSNR: f64 = 40.0;
+const PSNR_PLANTED: f64 = 35.0;
+
+/// Numbers of colours along the walls, texels along the maps of their bounds, and side of a texel over that with which
+/// the turned map would just contain the wall: the corners are nearly grey.
+const WALLS: [(u32, u16, f64); 3] = [(4, 9, 0.9), (8, 17, 0.9), (16, 34, 0.94)];
+
+/// A splat whose map is turned by 20 degrees against the wall.
+fn wall(side: u16, scale: f64) -> Model {
+    let angle = 20_f64.to_radians();
+    let texel = scale * (angle.cos() + angle.sin()) / f64::from(side + 1);
+    model(&[Surfel { angle, sigma: 0.5, map: [side; 2], texel, ..Surfel::default() }])
+}
+
+/// Splats on three quadrants; the fourth has the colour of the background.
+fn quilt(fine: u16) -> Model {
+    let quadrant = |x: f64, y: f64, n: u16| Surfel {
+        centre: [0.25 * x, 0.25 * y, 0.0],
+        sigma: 0.2,
+        map: [n; 2],
+        texel: 0.5 / f64::from(n + 1),
+        ..Surfel::default()
+    };
+    model(&[quadrant(1.0, -1.0, 2), quadrant(-1.0, 1.0, 16), quadrant(1.0, 1.0, fine)])
+}
+
+fn stripes(degrees: f64, side: u16) -> Model {
+    let (angle, texel) = (degrees.to_radians(), 1.0 / f64::from(side + 1));
+    model(&[Surfel { angle, sigma: 0.7, map: [side; 2], texel, ..Surfel::default() }])
+}
+
+/// A wall, and before it a splat of the given degree.
+fn gloss(degree: u32) -> Model {
+    let wall = Surfel { map: [8; 2], texel: 1.0 / 9.0, ..Surfel::default() };
+    model(&[
+        wall,
+        Surfel { centre: [0.0, 0.0, -0.001], sigma: 0.1515, opacity: 0.5, degree, ..Surfel::default() },
+    ])
+}
+
+/// The bound of a scene, before its texels are fitted.
+fn bound(scene: &str) -> Model {
+    match scene {
+        "flat" | "flat:0.5" => model(&[Surfel::default()]),
+        "quilt" => quilt(32),
+        "stripes:0" => stripes(0.0, 15),
+        "stripes:30" => stripes(30.0, 15),
+        "planted" => planted_model(0),
+        "gloss" => gloss(1),
+        _ => {
+            let of = |(n, side, scale)| (scene == format!("wall:{n}")).then(|| wall(side, scale));
+            WALLS.into_iter().find_map(of).unwrap()
+        }
+    }
+}
+
+#[test]
+fn the_suite_uses_the_sizes_of_the_bounds() {
+    let suite = Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/need.toml");
+    let mut compared = 0;
+    for scene in Matrix::read(&suite).unwrap().scenes {
+        let at = scene.sample.iter().position(|arg| arg == "--scene").unwrap();
+        let size = bound(&scene.sample[at + 1]).size();
+        for check in scene.checks.iter().filter(|check| check.over.is_some()) {
+            let expected = match check.measure.as_str() {
+                "/size/params" => size.params(),
+                "/size/texels" => size.texels,
+                "/size/splats" => size.splats,
+                other => panic!("{other}"),
+            };
+            assert_eq!(check.over, Some(expected as f64), "{}: {}", scene.name, check.title());
+            compared += 1;
+        }
+    }
+    assert_eq!(compared, 11);
+}
+
+/// Fits both models, and compares them with the PSNR asked for: `control` must not reach it.
+fn reaches(scene: &str, control: &Model, has_sh: bool) {
+    let views = Views::new(scene, SIZE_PX);
+    let (_, psnr) = views.fit(&bound(scene), has_sh);
+    let (_, below) = views.fit(control, has_sh);
+    println!("{scene}: {psnr:.2} dB, control {below:.2} dB, {:?}", bound(scene).size());
+    assert!(psnr >= PSNR && below < PSNR, "{scene}: {psnr} dB, control {below} dB");
+}
+
+#[test]
+fn a_turned_map_shows_the_wall() {
+    for (n, side, scale) in WALLS {
+        reaches(&format!("wall:{n}"), &wall(side - 2, scale), false);
+    }
+}
+
+#[test]
+fn a_map_along_the_wall_needs_one_texel_per_colour() {
+    let aligned = Surfel { map: [8; 2], texel: 1.0 / 9.0, ..Surfel::default() };
+    let (_, psnr) = Views::new("wall:8", SIZE_PX).fit(&model(&[aligned]), false);
+    assert!(psnr > PSNR, "{psnr}");
+}
+
+#[test]
+fn three_maps_show_the_quilt() {
+    reaches("quilt", &quilt(24), false);
+}
+
+#[test]
+fn one_map_shows_stripes_however_they_are_turned() {
+    reaches("stripes:0", &stripes(0.0, 13), false);
+    reaches("stripes:30", &stripes(0.0, 15), false);
+}
+
+#[test]
+fn a_splat_of_degree_1_shows_the_gloss() {
+    reaches("gloss", &gloss(0), true);
+}
+
+#[test]
+fn one_splat_is_enough_where_nothing_is_to_be_seen() {
+    for scene in ["flat", "flat:0.5"] {
+        let views = Views::new(scene, SIZE_PX);
+        let mut model = bound(scene);
+        assert!(views.psnr(&model) > 50.0, "{scene}: {}", views.psnr(&model));
+        // Negative control: the wrong colour, by 4 of 255.
+        model.splats.sh.iter_mut().for_each(|c| *c += (4.0 / 255.0 / SH_0) as f32);
+        assert!(views.psnr(&model) < PSNR, "{scene}: {}", views.psnr(&model));
+    }
+}
+
+#[test]
+fn the_planted_model_shows_its_photos() {
+    let views = Views::new("planted", SIZE_PX);
+    let known = planted_model(0);
+    let psnr = views.psnr(&known);
+    let coarse = known.textures.maps.iter().map(|map| (4, 4, 2.0 * map.texel_size));
+    let control = Model { textures: TexturePool::neutral(coarse).unwrap(), ..known.clone() };
+    let (_, below) = views.fit(&control, false);
+    println!("planted: {psnr:.2} dB, control {below:.2} dB");
+    for side in [5, 6] {
+        let coarse =
+            known.textures.maps.iter().map(|map| (side, side, 8.0 / f32::from(side) * map.texel_size));
+        let control = Model { textures: TexturePool::neutral(coarse).unwrap(), ..known.clone() };
+        println!("planted side {side} {:.2}", views.fit(&control, true).1);
+    }
+    assert!(psnr >= PSNR_PLANTED && below < PSNR_PLANTED, "{psnr} dB, control {below} dB");
+}
