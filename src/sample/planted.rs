@@ -6,7 +6,7 @@ use super::random::{Stream, normal_vector, stream, uniform};
 use crate::backend::ColourMap;
 use crate::camera::{Camera, Pinhole, RigidTransform, Similarity};
 use crate::constants::{NEAR_MAX, SH_0};
-use crate::model::{Filter, Model, SplatArrays, TexturePool};
+use crate::model::{Filter, Model, SplatArrays, TextureMap, TexturePool};
 use crate::reference::{AlphaCutoff, ColourGradient, Params, Settings, pixel_bounds, project, raster_fwd};
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
@@ -42,7 +42,7 @@ pub fn planted_model(seed: u64) -> Model {
     let mut between = |low: f64, high: f64| low + (high - low) * uniform(&mut rng);
     let n = SIDE * SIDE;
     let mut splats = SplatArrays::zeros(n, 0);
-    let mut extents = Vec::with_capacity(n);
+    let mut maps = Vec::with_capacity(n);
     for i in 0..n {
         let along = |k: usize| (k as f64 - 0.5 * (SIDE as f64 - 1.0)) * SPACING;
         let centre = DVec3::new(along(i % SIDE), along(i / SIDE), between(-DEPTH, DEPTH));
@@ -60,9 +60,9 @@ pub fn planted_model(seed: u64) -> Model {
         splats.opacity_logits[i] = (OPACITY / (1.0 - OPACITY)).ln() as f32;
         splats.sh[3 * i..3 * i + 3].fill(((GREY - 0.5) / SH_0) as f32);
         let texel_size = 6.0 * sigmas[0].max(sigmas[1]) / f64::from(MAP_SIDE);
-        extents.push((MAP_SIDE, MAP_SIDE, texel_size as f32));
+        maps.push(TextureMap::square(MAP_SIDE, MAP_SIDE, texel_size as f32));
     }
-    let mut textures = TexturePool::neutral(extents).unwrap_or_default();
+    let mut textures = TexturePool::neutral(maps).unwrap_or_default();
     textures.texels.iter_mut().for_each(|texel| {
         let sign = if between(0.0, 1.0) < 0.5 { -1.0 } else { 1.0 };
         *texel = (2.0 * sign * RESIDUAL.atanh()) as f32;

@@ -8,7 +8,7 @@ use litetex_gs::camera::{Camera, Similarity};
 use litetex_gs::constants::{SH_0, SH_DEGREE_MAX, sh_coefficients};
 use litetex_gs::dataset::{Capture, LoadOptions};
 use litetex_gs::eval::quality_of;
-use litetex_gs::model::{Filter, Model, SplatArrays, TexturePool};
+use litetex_gs::model::{Filter, Model, SplatArrays, TextureMap, TexturePool};
 use litetex_gs::sample::{SampleOptions, write_sample};
 use litetex_gs::views::ViewSource as _;
 use std::sync::Arc;
@@ -103,14 +103,22 @@ pub struct Surfel {
     pub opacity: f64,
     /// Texels along both axes; 0: no map.
     pub map: [u16; 2],
-    /// Texel size, metres.
-    pub texel: f64,
+    /// Edges of a texel along both axes, metres.
+    pub texel: [f64; 2],
     pub degree: u32,
 }
 
 impl Default for Surfel {
     fn default() -> Self {
-        Self { centre: [0.0; 3], angle: 0.0, sigma: 1.0, opacity: 0.99, map: [0; 2], texel: 0.1, degree: 0 }
+        Self {
+            centre: [0.0; 3],
+            angle: 0.0,
+            sigma: 1.0,
+            opacity: 0.99,
+            map: [0; 2],
+            texel: [0.1; 2],
+            degree: 0,
+        }
     }
 }
 
@@ -133,10 +141,11 @@ pub fn model(surfels: &[Surfel]) -> Model {
         let first = 3 * i * sh_coefficients(largest);
         splats.sh[first..first + 3].fill((GREY - 0.5) / SH_0 as f32);
     }
-    let extents = surfels.iter().map(|s| (s.map[0], s.map[1], s.texel as f32));
+    let maps =
+        surfels.iter().map(|s| TextureMap::centred(s.map[0], s.map[1], s.texel.map(|edge| edge as f32)));
     Model {
         splats,
-        textures: TexturePool::neutral(extents).unwrap(),
+        textures: TexturePool::neutral(maps).unwrap(),
         near: 0.04,
         filter: Filter::Ewa,
         capture_from_local: Similarity::IDENTITY,
