@@ -186,6 +186,7 @@ fn run_with(
             TrainEvent::DensityControl { step, counts, num_splats, num_texels, .. } => {
                 format!("density control {step} {counts:?} {num_splats} {num_texels}")
             }
+            TrainEvent::GaveBack(given_back) => format!("{given_back:?}"),
             TrainEvent::Evaluated { step, evaluation, point, last } => {
                 format!("evaluated {step} {} {evaluation:?} {last}", point.psnr_test)
             }

@@ -305,7 +305,7 @@ fn non_unicode_paths_never_panic() {
     assert!(!dir.path().join("run").exists());
     let (code, _, stderr) =
         command(&[&"train", &plain, &"-o", &run_dir, &"--steps", &"3", &"--device", &"cpu", &"-q"]);
-    assert_eq!((code, stderr.as_str()), (0, ""));
+    assert!(code == 0 && stderr.lines().count() == 1 && stderr.contains("only 7 training views"), "{stderr}");
     let (glb, ply, images) = (at("a.glb"), at("a.ply"), at("images"));
     let cpu: [&dyn AsRef<std::ffi::OsStr>; 2] = [&"--device", &"cpu"];
     let of_run: [&[&dyn AsRef<std::ffi::OsStr>]; 13] = [

@@ -121,7 +121,7 @@ fn photos_without_poses_and_videos_are_refused_with_what_to_do() {
     archive.start_file("photos/1.jpg", zip::write::SimpleFileOptions::default()).unwrap();
     archive.finish().unwrap();
     for (source, command) in [
-        (".", "magick mogrify -path ./images"),
+        (".", "magick mogrify -path"),
         ("a.HEIC", "magick mogrify -path ./images"),
         ("clip.mp4", "ffmpeg -i clip.mp4"),
         ("videos", "ffmpeg -i videos/b.mov"),

@@ -2,8 +2,8 @@
 
 use litetex_gs::init::{InitInput, InitOptions, InitialModel, initial_model};
 use litetex_gs::model::splat_params;
-use litetex_gs::train::{Backdrop, TrainConfig};
-use litetex_gs::views::ViewSource as _;
+use litetex_gs::train::{Backdrop, Schedule, TrainConfig};
+use litetex_gs::views::{Split, ViewSource as _};
 use litetex_gs::{Error, Result};
 use std::path::Path;
 
@@ -29,10 +29,10 @@ pub fn fresh_model(
     config: &TrainConfig,
 ) -> Result<InitialModel> {
     let texels_each = config.policy.first_texels_each();
-    let most = config
-        .budget
-        .most_splats(texels_each, config.least_sh_degree())
-        .min(max_points.unwrap_or(usize::MAX));
+    let schedule = Schedule::new(config, capture.indices(Split::Train).len());
+    let budget = schedule.budget(config, 0);
+    let most =
+        budget.most_splats(texels_each, config.least_sh_degree()).min(max_points.unwrap_or(usize::MAX));
     if most == 0 {
         return Err(Error::Usage(format!(
             "the budget leaves no room for a splat: each has {} parameters and, with the policy {}, {texels_each} \
@@ -70,7 +70,7 @@ pub fn fresh_model(
              remove their alpha",
         );
     }
-    let degree = config.first_sh_degree(first.model.size());
+    let degree = config.first_sh_degree(first.model.size(), &budget);
     first.model.splats.set_sh_degrees(&vec![degree as u8; first.model.num_splats()]);
     Ok(first)
 }

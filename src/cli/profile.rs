@@ -84,6 +84,7 @@ impl Profile {
             ceiling_start: 2,
             sh_below: 0.0,
             grow_by_axis: 0.0,
+            give_back_db: 0.0,
             ..DensityConfig::default()
         };
         match self {

@@ -9,7 +9,7 @@ use super::values::{format_bytes, format_count, format_duration};
 use litetex_gs::constants::sh_coefficients;
 use litetex_gs::model::{MAP_PARAMS, Model, ModelSize, TEXEL_PARAMS};
 use litetex_gs::train::density::{Budget, MapRule};
-use litetex_gs::train::{DensityStep, TrainConfig};
+use litetex_gs::train::{DensityStep, Schedule, TrainConfig};
 use litetex_gs::views::{Split, ViewSource as _};
 use litetex_gs::{Error, Result};
 
@@ -127,7 +127,7 @@ impl Workload {
 
     /// The same with the model at the size that it is expected to reach, within its budget.
     pub fn grown(&self, config: &TrainConfig) -> Self {
-        let budget = &config.budget;
+        let budget = &Schedule::new(config, self.train_views as usize).budget(config, 0);
         let bound = |most: Option<usize>| most.map_or(u64::MAX, |most| most as u64);
         let wanted = match config.policy.spec().step {
             // Grows to its budget, and without one not at all.

@@ -131,6 +131,11 @@ impl<'a> Session<'a> {
                 "growth": GrowthFigures::new(&growth, &self.config.train),
                 "splats": num_splats, "texels": num_texels, "render_scale": render_scale,
                 "texture_cap": texture_cap, "wall_secs": wall_secs }))?,
+            TrainEvent::GaveBack(given_back) => {
+                self.metric(
+                    json!({ "event": "gave-back", "step": given_back.step, "given_back": given_back }),
+                )?;
+            }
             TrainEvent::EvalView { step, view, image } => self.eval_view(step, view, image)?,
             TrainEvent::Evaluated { step, evaluation, point, last } => {
                 self.progress.evaluated(step, evaluation.psnr, evaluation.grad_psnr);

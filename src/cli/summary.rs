@@ -5,7 +5,7 @@ use super::profile::Profile;
 use litetex_gs::backend::DeviceInfo;
 use litetex_gs::eval::{Evaluation, ViewQuality};
 use litetex_gs::train::density::{Components, Growth};
-use litetex_gs::train::{CurvePoint, Policy, TrainConfig};
+use litetex_gs::train::{CurvePoint, GivenBack, Policy, TrainConfig};
 use litetex_gs::{Result, Warning, atomic_file, input_file};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -58,6 +58,8 @@ pub struct Summary {
     pub size: Size,
     /// What growth was worth; null without `--need`.
     pub growth: Option<GrowthFigures>,
+    /// Rounds of giving back.
+    pub given_back: Vec<GivenBack>,
     pub time: Times,
     /// Rendering speed on the test views; null if none was rendered.
     pub fps: Option<Fps>,

@@ -82,6 +82,7 @@ impl Outcome<'_> {
                 disk,
             },
             growth: GrowthFigures::new(&state.growth, train),
+            given_back: state.history.given_back.clone(),
             fps,
             curve: state.history.curve.clone(),
             resumed: self.resumed,

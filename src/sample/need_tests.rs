@@ -129,7 +129,7 @@ fn planted_splats_do_not_overlap() {
             assert!(a.distance(*b) > r + s, "{a} {b} {r} {s}");
         }
     }
-    assert_eq!((model.num_texels(), model.size().params()), (64 * 64, 64 * (13 + 1 + 3 * 64)));
+    assert_eq!((model.num_texels(), model.size().params()), (64 * 64, 64 * (13 + 2 + 3 * 64)));
 }
 
 #[test]

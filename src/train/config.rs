@@ -168,10 +168,10 @@ impl TrainConfig {
     }
 
     /// SH degree of a new model of this size: the highest that the budget allows, from the lowest.
-    pub fn first_sh_degree(&self, size: ModelSize) -> u32 {
+    pub fn first_sh_degree(&self, size: ModelSize, budget: &Budget) -> u32 {
         let fits = |&degree: &u32| {
             let sh_coefficients = size.splats.saturating_mul(sh_coefficients(degree));
-            self.budget.allows(&ModelSize { sh_coefficients, ..size })
+            budget.allows(&ModelSize { sh_coefficients, ..size })
         };
         let least = self.least_sh_degree();
         (least..=self.sh_degree).rev().find(fits).unwrap_or(least)

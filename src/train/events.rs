@@ -2,6 +2,7 @@
 //! consumer answers each event with whether to continue.
 
 use super::density::{DensityCounts, Growth};
+use super::give_back::GivenBack;
 use super::state::TrainState;
 use crate::Warning;
 use crate::backend::{DeviceInfo, LossValues, RenderedImage, StepReport};
@@ -84,6 +85,8 @@ pub enum TrainEvent<'a> {
         /// Time that it took, part of the training time of the last step.
         wall_secs: f64,
     },
+    /// The model gave back parameters, after the density-control step reported before.
+    GaveBack(GivenBack),
     /// A test view was rendered for the evaluation that [`TrainEvent::Evaluated`] will report.
     EvalView {
         /// Steps done.

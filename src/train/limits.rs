@@ -2,9 +2,10 @@
 
 use super::config::TrainConfig;
 use super::density::Budget;
+use super::schedule::Schedule;
 use crate::backend::{Backend, DeviceLimits, SceneShape};
 use crate::model::{MAP_PARAMS, Model, ModelSize, TEXEL_PARAMS, splat_params};
-use crate::views::ViewSource;
+use crate::views::{Split, ViewSource};
 use crate::{Error, Result};
 
 /// Checks the initial model, the images of all views at full size and the budget against the limits of the
@@ -21,7 +22,8 @@ pub fn check_limits(
 ) -> Result<DeviceLimits> {
     // Maps can be made smaller; splats would have to be removed.
     let bare = ModelSize { maps: 0, texels: 0, ..model.size() };
-    let (splats, most) = (bare.splats, config.budget.most_splats_like(&bare));
+    let budget = Schedule::new(config, views.indices(Split::Train).len()).budget(config, 0);
+    let (splats, most) = (bare.splats, budget.most_splats_like(&bare));
     if splats > most {
         return Err(Error::Usage(format!(
             "the model already has {splats} splats, the budget allows {most}: raise --max-splats or \
@@ -31,7 +33,7 @@ pub fn check_limits(
     let shape = SceneShape { sh_degree: model.splats.sh_degree, geometry: config.loss.needs_geometry() };
     let limits = backend.limits(shape);
     let mut misfits = of_model(model, &limits);
-    misfits.extend(of_budget(&config.budget, model.splats.sh_degree, &limits));
+    misfits.extend(of_budget(&budget, model.splats.sh_degree, &limits));
     misfits.extend(of_views(views, &limits));
     if misfits.is_empty() {
         return Ok(limits);
@@ -200,7 +202,8 @@ mod tests {
         let model = model(20, (4, 4));
         let bare = ModelSize { maps: 0, texels: 0, ..model.size() }.params();
         let check = |budget: Budget| {
-            let config = TrainConfig { budget, ..TrainConfig::default() };
+            let mut config = TrainConfig { budget, ..TrainConfig::default() };
+            config.density.overshoot = 1.0;
             check_limits(&config, &backend, &views, &model)
         };
         // Texels beyond the budget are accepted: maps can be made smaller.

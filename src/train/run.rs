@@ -6,6 +6,7 @@ use super::density::{DensityCounts, StatisticsSource};
 use super::eta::Eta;
 use super::evaluate::{Evaluated, evaluate};
 use super::events::{Control, StopReason, TrainEvent};
+use super::give_back::{GivenBack, Round, TrainingViews};
 use super::limits::check_limits;
 use super::order::ViewOrder;
 use super::schedule::Schedule;
@@ -14,6 +15,7 @@ use super::targets::Targets;
 use super::window::{self, DensityControl, Stage};
 use crate::backend::{
     Backend, DeviceLimits, RenderOptions, RenderedImage, StepReport, StepRequest, TargetImage,
+    WindowStatistics,
 };
 use crate::camera::Camera;
 use crate::clock::process_cpu_secs;
@@ -230,7 +232,7 @@ impl Trainer<'_> {
         let times = [wall_secs, process_cpu_secs() - clock.cpu_secs];
         let finite_steps = diverged.unwrap_or(batch.len());
         let mut control = self.report((&batch, &reports[..finite_steps]), size, times, sink)?;
-        if let Some(counts) = changed {
+        if let Some((counts, given_back)) = changed {
             let [num_splats, num_texels] = self.size;
             let (step, Stage { render_scale, texture_cap }) = (self.state.step, self.stage);
             let event = TrainEvent::DensityControl {
@@ -246,6 +248,11 @@ impl Trainer<'_> {
             if sink(event)? == Control::Stop {
                 control = Control::Stop;
             }
+            if let Some(outcome) = given_back
+                && sink(TrainEvent::GaveBack(outcome))? == Control::Stop
+            {
+                control = Control::Stop;
+            }
         }
         match diverged {
             None => Ok(control),
@@ -256,8 +263,9 @@ impl Trainer<'_> {
         }
     }
 
-    /// Makes the density-control step or the crop step that is due, if any; returns the counts of the former.
-    fn revise(&mut self) -> Result<Option<DensityCounts>> {
+    /// Makes the density-control step or the crop step that is due, if any; returns what the former did, and what a round
+    /// of giving back after it did.
+    fn revise(&mut self) -> Result<Option<(DensityCounts, Option<GivenBack>)>> {
         let step = self.state.step;
         let due = self.schedule.is_density_step(step);
         if !due && !self.schedule.is_crop_step(step) {
@@ -286,11 +294,37 @@ impl Trainer<'_> {
         };
         let (counts, size) = density.step(self.backend, &mut self.state, use_statistics)?;
         self.size = size;
-        self.state.revised_step = step;
         if due {
             self.begin_stage(step);
         }
-        Ok(due.then_some(counts))
+        let given_back = self.give_back()?;
+        self.state.revised_step = step;
+        Ok(due.then_some((counts, given_back)))
+    }
+
+    /// Does the round of giving back that is due, if any.
+    fn give_back(&mut self) -> Result<Option<GivenBack>> {
+        let (config, step) = (self.config, self.state.step);
+        let rounds_left = self.schedule.rounds_left(step);
+        if rounds_left == 0 {
+            return Ok(None);
+        }
+        let mut training = TrainingViews {
+            views: self.views,
+            train_views: &self.train_views,
+            targets: &mut self.targets,
+            exposures: &self.state.exposures,
+        };
+        let round = Round::of(config, rounds_left, step, self.schedule.sh_degree(step, config.sh_degree));
+        let Some((outcome, plan)) = round.run(self.backend, &mut training)? else {
+            self.backend.set_statistics(&WindowStatistics::empty(self.size[0]))?;
+            return Ok(None);
+        };
+        self.state.histories = plan.sources.iter().map(|&s| self.state.histories[s as usize]).collect();
+        self.size = [plan.sources.len(), outcome.texels];
+        self.backend.set_statistics(&WindowStatistics::empty(self.size[0]))?;
+        self.state.history.given_back.push(outcome);
+        Ok(Some(outcome))
     }
 
     /// Sets render scale and texture cap to those of a step.

@@ -2,6 +2,8 @@
 //! and 6.1).
 
 use super::config::TrainConfig;
+use super::density::Budget;
+use super::give_back::MOST_PROBES;
 use super::policy::DensityStep;
 use crate::backend::LearningRates;
 
@@ -12,7 +14,15 @@ const PUBLISHED_STEPS: f64 = 30_000.0;
 const HIGHEST_RAISE: f64 = 8.0;
 
 /// Last step at which splats are split and maps refined if growth ends by need (published timetable).
-const NEED_UNTIL: u32 = 24_000;
+const NEED_UNTIL: u32 = 22_000;
+
+/// First possible step of the last round of giving back (published timetable), so that what is left is trained for a fifth
+/// of the steps; and least steps from the end of densification to the last round.
+const GIVE_BACK_UNTIL: f64 = 24_000.0;
+const GIVE_BACK_STEPS: f64 = 4_000.0;
+
+/// Steps of a run for each probe, unless it has only two rounds of giving back.
+const STEPS_PER_PROBE: u32 = 30;
 
 /// The timetable of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,6 +41,10 @@ pub struct Schedule {
     pub density_start: u32,
     /// Last step after which splats are split and maps refined (published: 15,000).
     pub densify_until: u32,
+    /// Rounds of giving back, evenly spread from `densify_until` or full size to `give_back_until`.
+    pub give_back_rounds: u32,
+    /// Step of the last round of giving back (published: 24,000).
+    pub give_back_until: u32,
     /// Step from which images have full size and the texture cap is open (published: 15,000).
     pub full_size_from: u32,
     /// Least number of steps between tests for coarsening after `densify_until` (published: 1,000).
@@ -64,12 +78,37 @@ impl Schedule {
             density_interval,
             density_start: at(c.start.into()),
             densify_until: at(until.into()),
+            give_back_rounds: 0,
+            give_back_until: at(f64::from(until) + GIVE_BACK_STEPS).max(at(GIVE_BACK_UNTIL)),
             full_size_from: at(config.scheduler.until.into()),
             coarsen_interval: at(1_000.0),
             crop_interval: if density_interval >= 100 { density_interval * 2 / 5 } else { 0 },
             density_end: config.steps.saturating_sub(at(1_000.0)),
             patience: (patience as u16).max(if c.patience_steps == 0 { 1 } else { 2 }),
         }
+        .with_rounds(config, train_views)
+    }
+
+    /// With the rounds of giving back for which there is time.
+    fn with_rounds(self, config: &TrainConfig, train_views: usize) -> Self {
+        let gives_back = config.density.give_back_db > 0.0;
+        // A density-control step follows the time of the last round.
+        if !gives_back || self.give_back_until + self.density_interval > self.density_end {
+            return self;
+        }
+        let probes = train_views.clamp(1, MOST_PROBES) as u32;
+        let affordable = (config.steps / STEPS_PER_PROBE / probes).max(2);
+        Self { give_back_rounds: affordable.min(config.density.give_back_rounds), ..self }
+    }
+
+    /// Bounds of the model after a step: while it grows, it may exceed the user's budget of parameters, which giving back then
+    /// meets.
+    pub fn budget(&self, config: &TrainConfig, step: u32) -> Budget {
+        let Budget { max_params, .. } = config.budget;
+        let grows = step < self.give_back_until || self.rounds_left(step) > 0;
+        let overshoot = if grows && self.give_back_rounds > 0 { config.density.overshoot } else { 1.0 };
+        let raised = |most: usize| (most as f64 * overshoot) as usize;
+        Budget { max_params: max_params.map(raised), ..config.budget }
     }
 
     /// Whether a density-control step follows a step.
@@ -81,6 +120,18 @@ impl Schedule {
     pub fn last_density_step(&self, done: u32) -> u32 {
         let last = done.min(self.density_end);
         last - last % self.density_interval
+    }
+
+    /// The rounds of giving back still to come after a density-control step, with that one; 0 if none follows it.
+    pub fn rounds_left(&self, step: u32) -> u32 {
+        let from = self.densify_until.max(self.full_size_from);
+        let length = self.give_back_until.saturating_sub(from);
+        let done_by = |step: u32| {
+            let passed = u64::from(step.saturating_sub(from).min(length)) * u64::from(self.give_back_rounds);
+            if length == 0 { 0 } else { (passed / u64::from(length)) as u32 }
+        };
+        let (before, done) = (done_by(step.saturating_sub(self.density_interval)), done_by(step));
+        if self.is_density_step(step) && done > before { self.give_back_rounds - done + 1 } else { 0 }
     }
 
     /// Whether maps are cropped and padded after a step. Density-control steps do so in any case.
@@ -185,6 +236,27 @@ impl Schedule {
 mod tests {
     use super::super::policy::Policy;
     use super::*;
+
+    #[test]
+    fn rounds_of_giving_back_follow_density_control_steps_after_growth() {
+        let of = |steps: u32, views| {
+            let config = TrainConfig { steps, ..TrainConfig::default() };
+            let schedule = Schedule::new(&config, views);
+            let rounds = |step| Some((step, schedule.rounds_left(step))).filter(|round| round.1 > 0);
+            (1..=steps).filter_map(rounds).collect::<Vec<_>>()
+        };
+        assert_eq!(of(30_000, 100), [(21_000, 4), (22_000, 3), (23_000, 2), (24_000, 1)]);
+        // Two rounds where probes of all views cost more than a thirtieth of the steps.
+        assert_eq!(of(1_000, 44), [(748, 2), (836, 1)]);
+        let off = TrainConfig::default();
+        let off = TrainConfig {
+            density: super::super::density::DensityConfig { give_back_db: 0.0, ..off.density },
+            ..TrainConfig::default()
+        };
+        let schedule = Schedule::new(&off, 100);
+        assert_eq!(of(30, 44), [], "too short");
+        assert!((1..=off.steps).all(|step| schedule.rounds_left(step) == 0));
+    }
 
     #[test]
     fn short_runs_scale_the_published_timetable() {

@@ -2,6 +2,7 @@
 
 use super::density::{Growth, SplatHistory};
 use super::exposure::Exposures;
+use super::give_back::GivenBack;
 use crate::backend::WindowStatistics;
 use crate::frequency::SplatBudget;
 use crate::model::{AdamState, Model};
@@ -43,6 +44,9 @@ pub struct TrainHistory {
     pub total_wall_secs: f64,
     /// Evaluations so far.
     pub curve: Vec<CurvePoint>,
+    /// Rounds of giving back so far.
+    #[serde(default)]
+    pub given_back: Vec<GivenBack>,
 }
 
 /// State of a run between two steps. The model and the optimiser are those of the last checkpoint while the

@@ -128,16 +128,20 @@ impl DensityControl<'_> {
             DensityStep::Relocate => {
                 // Without a budget the number of splats stays the same.
                 let bounds_splats = config.budget.max_splats.or(config.budget.max_params).is_some();
-                let budget = bounds_splats.then(|| config.budget.within(&self.limits));
+                let budget = bounds_splats.then(|| schedule.budget(config, step).within(&self.limits));
                 density::relocate(&situation, &config.density, budget.as_ref())
             }
             DensityStep::Decide => {
                 let share = if last { 1.0 } else { t };
                 let each = config.policy.first_texels_each();
                 let bare = ModelSize::uniform(state.pace.initial, each, 0);
-                let start = ModelSize::uniform(state.pace.initial, each, config.first_sh_degree(bare));
+                let start = ModelSize::uniform(
+                    state.pace.initial,
+                    each,
+                    config.first_sh_degree(bare, &schedule.budget(config, 0)),
+                );
                 // Only the user's budget is spent evenly over time: the device is a bound, not a budget.
-                let paced = config.budget.paced(share, &start, &model.size());
+                let paced = schedule.budget(config, step).paced(share, &start, &model.size());
                 let budget = paced.within(&self.limits);
                 density::decide(&situation, &config.density, &components, &budget)
             }

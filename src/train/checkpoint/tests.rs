@@ -5,6 +5,7 @@ use crate::backend::WindowStatistics;
 use crate::camera::Similarity;
 use crate::frequency::SplatBudget;
 use crate::model::{AdamState, Model, SplatArrays, SplatGroup, TextureMap, TexturePool};
+use crate::train::GivenBack;
 use crate::train::density::{Growth, SplatHistory, Trial};
 use crate::train::{CurvePoint, Exposures, TrainHistory};
 use glam::DVec3;
@@ -112,6 +113,7 @@ fn history(n: usize) -> TrainHistory {
             splats: n,
             texels: 12,
         }],
+        given_back: vec![GivenBack { step: 4, params: 100, measured_db: 0.5, ..GivenBack::default() }],
     }
 }
 

@@ -1,6 +1,8 @@
 //! What an image loses if a map is coarsened or dropped (method 6.5).
 
-use crate::model::{Model, texel_value};
+use super::maps::{merged_moments, window};
+use crate::backend::{Grid, MapChange};
+use crate::model::{Model, TextureMap, texel_value};
 
 /// Mean absolute residual of the map (mean over channels, weighted by the splat's falloff at the texels): what
 /// the image loses if the map is dropped. 1 for a splat without a map.
@@ -48,46 +50,83 @@ pub fn detail(model: &Model, splat: usize) -> [f64; 2] {
 }
 
 /// Mean absolute change of the map's image (mean over channels, weighted by the splat's falloff at the texels)
-/// if its texels are averaged in pairs along these axes, as [`Grid::Coarser`](crate::backend::Grid) does about the splat's
-/// centre, and sampled bilinearly again, with zeros outside. 1 for maps of less than two texels along such an axis.
+/// if it is coarsened along these axes. 1 for maps of less than two texels along such an axis.
 pub fn coarsening_error(model: &Model, splat: usize, axes: [bool; 2]) -> f64 {
     let map = &model.textures.maps[splat];
-    let texels = [usize::from(map.rows), usize::from(map.cols)];
-    if (0..2).any(|axis| axes[axis] && texels[axis] < 2) {
-        return 1.0;
-    }
+    let Some(coarser) = Coarsening::new(map, axes) else { return 1.0 };
     let fine: Vec<f64> = model.textures.texels[map.floats()]
         .chunks_exact(3)
         .map(|t| t.iter().map(|&stored| texel_value(stored.into())).sum::<f64>() / 3.0)
         .collect();
-    let [along_u, along_v] = [0, 1].map(|axis| {
-        // Texel edges of the coarse grid meet at the splat's centre: the first texel may be alone.
-        let edge = i32::from(map.shift[axis]) - texels[axis] as i32;
-        Coarse::new(texels[axis], axes[axis], edge.div_euclid(2).rem_euclid(2) as usize)
-    });
-    let cols = texels[1];
-    let mean = |row: usize, col: usize| {
-        let pair = |i: usize| along_v.pair(col).map(|j| fine[i * cols + j]).iter().sum::<f64>() / 2.0;
-        along_u.pair(row).map(pair).iter().sum::<f64>() / 2.0
-    };
-    let coarse: Vec<f64> =
-        (0..along_u.count * along_v.count).map(|k| mean(k / along_v.count, k % along_v.count)).collect();
-    let sample = |i: usize, j: usize| {
-        let mut sum = 0.0;
-        for (row, by_row) in along_u.taps(i) {
-            for (col, by_col) in along_v.taps(j) {
-                sum += by_row * by_col * coarse[row * along_v.count + col];
-            }
-        }
-        sum
-    };
     let (mut weighted, mut weights) = (0.0, 0.0);
-    for (i, j) in (0..texels[0]).flat_map(|i| (0..cols).map(move |j| (i, j))) {
-        let weight = falloff(model, splat, i, j);
-        weighted += weight * (fine[i * cols + j] - sample(i, j)).abs();
+    for (t, (fine, sampled)) in fine.iter().zip(coarser.sampled(&fine)).enumerate() {
+        let weight = falloff(model, splat, t / usize::from(map.cols), t % usize::from(map.cols));
+        weighted += weight * (fine - sampled).abs();
         weights += weight;
     }
     weighted / weights.max(1e-300)
+}
+
+/// A map whose texels are averaged in pairs along some axes, as [`Grid::Coarser`] does about the splat's centre.
+pub struct Coarsening {
+    along: [Coarse; 2],
+    /// Shift of the coarser map.
+    shift: [i16; 2],
+}
+
+impl Coarsening {
+    /// The map coarsened along these axes; `None` for maps of less than two texels along such an axis.
+    pub fn new(map: &TextureMap, axes: [bool; 2]) -> Option<Self> {
+        let texels = [usize::from(map.rows), usize::from(map.cols)];
+        if (0..2).any(|axis| axes[axis] && texels[axis] < 2) {
+            return None;
+        }
+        // Texel edges of the coarse grid meet at the splat's centre: the first texel may be alone.
+        let first_edge = [0, 1].map(|axis| (i32::from(map.shift[axis]) - texels[axis] as i32).div_euclid(2));
+        let along =
+            [0, 1].map(|axis| Coarse::new(texels[axis], axes[axis], first_edge[axis].rem_euclid(2) as usize));
+        let shift = [0, 1].map(|axis| match axes[axis] {
+            // The first edge, in half texels of the coarser map, and half of its texels.
+            true => (first_edge[axis] - along[axis].alone as i32 + along[axis].count as i32) as i16,
+            false => map.shift[axis],
+        });
+        Some(Self { along, shift })
+    }
+
+    /// Texels of the coarser map.
+    pub fn num_texels(&self) -> usize {
+        self.along[0].count * self.along[1].count
+    }
+
+    /// The change that makes the coarser map.
+    pub fn change(&self, map: &TextureMap) -> MapChange {
+        let grids = [0, 1].map(|axis| if self.along[axis].is_coarser { Grid::Coarser } else { Grid::Same });
+        let texels = [0, 1].map(|axis| self.along[axis].count as u32);
+        window(map, grids, texels, self.shift, [0; 2], merged_moments(grids))
+    }
+
+    /// What the coarser map shows at the centres of the texels, sampled bilinearly with zeros outside, for one channel of
+    /// the texels. `[rows * cols]`
+    pub fn sampled(&self, fine: &[f64]) -> Vec<f64> {
+        let [along_u, along_v] = &self.along;
+        let cols = along_v.texels;
+        let mean = |row: usize, col: usize| {
+            let pair = |i: usize| along_v.pair(col).map(|j| fine[i * cols + j]).iter().sum::<f64>() / 2.0;
+            along_u.pair(row).map(pair).iter().sum::<f64>() / 2.0
+        };
+        let coarse: Vec<f64> =
+            (0..self.num_texels()).map(|k| mean(k / along_v.count, k % along_v.count)).collect();
+        let sample = |i: usize, j: usize| {
+            let mut sum = 0.0;
+            for (row, by_row) in along_u.taps(i) {
+                for (col, by_col) in along_v.taps(j) {
+                    sum += by_row * by_col * coarse[row * along_v.count + col];
+                }
+            }
+            sum
+        };
+        (0..along_u.texels * cols).map(|t| sample(t / cols, t % cols)).collect()
+    }
 }
 
 /// The texels of a map along one axis, in pairs or each by itself.

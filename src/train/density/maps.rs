@@ -131,7 +131,7 @@ fn coarser_grids(s: &Situation<'_>, config: &DensityConfig, splat: usize) -> [Gr
 }
 
 /// Factors of the moments where texels become one, whose gradient is the sum of theirs.
-fn merged_moments(grids: [Grid; 2]) -> [f32; 2] {
+pub fn merged_moments(grids: [Grid; 2]) -> [f32; 2] {
     let texels: f32 = grids.iter().map(|&grid| if grid == Grid::Coarser { 2.0 } else { 1.0 }).product();
     [texels, texels * texels]
 }

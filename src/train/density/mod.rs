@@ -21,10 +21,12 @@ mod split;
 #[cfg(test)]
 mod tests;
 
+pub use coarse::Coarsening;
 pub use decide::decide;
 pub use geometry::{TEXELS_MAX, first_texel_size, half_extents, morton_codes, pixel_sizes};
 pub use growth::Growth;
 pub use history::{SplatHistory, Trial};
+pub use maps::window as map_window;
 pub use relocate::relocate;
 pub use settings::{
     Budget, Components, DensityConfig, ErrorMeasure, GrowthMoments, Spending, SplitProfile, StatisticsSource,

@@ -1,0 +1,246 @@
+//! A finished model gives back what it does not miss: splats, SH bands and texels whose loss costs less squared error than
+//! their parameters are worth (method 6.15).
+
+mod error;
+mod offers;
+mod probe;
+#[cfg(test)]
+mod tests;
+
+use super::config::TrainConfig;
+use super::exposure::Exposures;
+use super::targets::Targets;
+use crate::Result;
+use crate::backend::{Backend, ColourMap, DensityPlan, MapChange, TargetImage};
+use crate::views::ViewSource;
+use error::mean_squared_error;
+use offers::{Accepted, Offers};
+use probe::{ProbeView, probe, probed};
+use rand::seq::SliceRandom as _;
+use rand::{RngExt as _, SeedableRng as _};
+use rand_pcg::Pcg64Mcg;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+
+/// The share of the parameters that [`Round::need_db`] is the worth of.
+const PRICED_SHARE: f64 = 0.1;
+
+/// Views on which the promise is checked.
+const CHECKED_VIEWS: usize = 8;
+
+/// Views that a round probes, at most. A splat that only other views see would look idle.
+pub const MOST_PROBES: usize = 64;
+
+/// Attempts, each at half the price of the one before.
+const ATTEMPTS: u32 = 3;
+
+/// Share of the splats that a round may remove: of two that hide the same, one looks as idle as the other.
+const REMOVABLE: f64 = 0.5;
+
+/// A round of giving back.
+#[derive(Clone, Copy, Debug)]
+pub struct Round {
+    /// What 10 % of the parameters must be worth to stay, dB of the PSNR of training views; 0: nothing.
+    pub need_db: f64,
+    /// Parameters to which the model must come down by the last round, whatever they are worth; with a budget, nothing
+    /// else is given back.
+    pub budget: Option<usize>,
+    /// Rounds to come, with this one.
+    pub rounds_left: u32,
+    /// Steps done.
+    pub step: u32,
+    /// Views that are probed.
+    pub probes: usize,
+    /// Colour behind all splats.
+    pub background: [f32; 3],
+    /// SH degree in use.
+    pub sh_degree: u32,
+    /// Seed of views, signs and what may be removed.
+    pub seed: u64,
+}
+
+/// What a round did.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct GivenBack {
+    /// Steps done before it.
+    pub step: u32,
+    /// Splats removed.
+    pub splats: usize,
+    /// Splats that lost SH bands.
+    pub degrees: usize,
+    /// Maps coarsened or dropped.
+    pub maps: usize,
+    /// Parameters before.
+    pub params_before: usize,
+    /// Parameters after.
+    pub params: usize,
+    /// Texels after.
+    pub texels: usize,
+    /// Predicted loss, dB of PSNR.
+    pub promised_db: f64,
+    /// Loss on the views checked, dB of PSNR.
+    pub measured_db: f64,
+}
+
+/// The training views and their photos.
+pub(super) struct TrainingViews<'a> {
+    pub views: &'a dyn ViewSource,
+    pub train_views: &'a [usize],
+    pub targets: &'a mut Targets,
+    pub exposures: &'a Exposures,
+}
+
+impl Round {
+    /// The round of a run that follows a step; with this one, `rounds_left` are still to come.
+    pub fn of(config: &TrainConfig, rounds_left: u32, step: u32, sh_degree: u32) -> Self {
+        Self {
+            need_db: config.density.give_back_db,
+            budget: config.budget.max_params,
+            rounds_left,
+            step,
+            probes: MOST_PROBES,
+            background: config.background,
+            sh_degree,
+            seed: config.seed ^ u64::from(step).wrapping_mul(0x9E37_79B9_7F4A_7C15),
+        }
+    }
+
+    /// Does the round. Returns what it did, and for each splat of the model that it leaves, its index before; `None` if
+    /// nothing changes. The statistics of the backend are then to be set anew.
+    ///
+    /// # Errors
+    /// Whatever the backend or the views report.
+    pub(super) fn run(
+        &self,
+        backend: &mut dyn Backend,
+        training: &mut TrainingViews<'_>,
+    ) -> Result<Option<(GivenBack, DensityPlan)>> {
+        let mut rng = Pcg64Mcg::seed_from_u64(self.seed);
+        let mut order = training.train_views.to_vec();
+        order.shuffle(&mut rng);
+        let checked: Vec<usize> = order.iter().rev().take(CHECKED_VIEWS).copied().collect();
+        let (model, adam) = backend.read_back()?;
+        let probed = probed(backend.read_flushed()?);
+        let params = probed.num_params();
+        // An even part of what is too much for the budget.
+        let excess = self.budget.map(|most| params.saturating_sub(most).div_ceil(self.rounds_left as usize));
+        if excess == Some(0) {
+            return Ok(None);
+        }
+        let error = self.error(backend, training, &checked)?;
+
+        let mut offers = Offers::new(&probed);
+        for &view in order.iter().take(self.probes) {
+            let photo = training.targets.get(training.views, view)?;
+            let derivatives = probe(backend, &probed, &self.view(training, view, &photo), rng.random())?;
+            offers.observe(&derivatives);
+        }
+        backend.upload(&model, &adam)?;
+
+        // A budget holds whatever it costs.
+        let is_bound = self.budget.is_some() && self.rounds_left == 1;
+        let removable = if is_bound { 1.0 } else { REMOVABLE };
+        let may_go: Vec<bool> = (0..probed.num_splats()).map(|_| rng.random_bool(removable)).collect();
+        let worth = match excess {
+            None => self.price(error, params),
+            Some(excess) => price_of(&offers, &may_go, excess),
+        };
+        let mut price = worth;
+        for _ in 0..ATTEMPTS {
+            let accepted = accept(&offers, &may_go, price);
+            let promised: f64 = accepted.iter().flatten().map(|offer| offer.cost).sum();
+            let (mut outcome, plan) = planned(&probed, &accepted);
+            // A model without splats could not be trained any further.
+            if outcome.params == params || plan.sources.is_empty() {
+                return Ok(None);
+            }
+            backend.apply_plan(&plan)?;
+            let rise = self.error(backend, training, &checked)? - error;
+            if self.budget.is_some() || rise <= worth * (params - outcome.params) as f64 {
+                let db = |rise: f64| 10.0 * (1.0 + rise / error.max(f64::MIN_POSITIVE)).log10();
+                (outcome.step, outcome.promised_db, outcome.measured_db) =
+                    (self.step, db(promised), db(rise));
+                return Ok(Some((outcome, plan)));
+            }
+            backend.upload(&model, &adam)?;
+            price /= 2.0;
+        }
+        Ok(None)
+    }
+
+    /// Mean squared error that a parameter is worth.
+    fn price(&self, error: f64, params: usize) -> f64 {
+        error * (10.0_f64.powf(self.need_db / 10.0) - 1.0) / (PRICED_SHARE * params as f64)
+    }
+
+    fn view<'p>(&self, training: &TrainingViews<'_>, view: usize, photo: &'p TargetImage) -> ProbeView<'p> {
+        let camera = training.targets.camera(training.views, view);
+        ProbeView { camera, photo, background: self.background, sh_degree: self.sh_degree }
+    }
+
+    fn error(
+        &self,
+        backend: &mut dyn Backend,
+        training: &mut TrainingViews<'_>,
+        views: &[usize],
+    ) -> Result<f64> {
+        let photos: Vec<Arc<TargetImage>> =
+            views.iter().map(|&view| training.targets.get(training.views, view)).collect::<Result<_>>()?;
+        let exposure = |view: usize| -> Option<ColourMap> { training.exposures.of(view) };
+        let views: Vec<_> = views
+            .iter()
+            .zip(&photos)
+            .map(|(&view, photo)| (self.view(training, view, photo), exposure(view)))
+            .collect();
+        mean_squared_error(backend, &views)
+    }
+}
+
+/// The offers worth taking at a price.
+fn accept(offers: &Offers<'_>, may_go: &[bool], price: f64) -> Vec<Option<Accepted>> {
+    may_go.par_iter().enumerate().map(|(splat, &may_go)| offers.best(splat, price, may_go)).collect()
+}
+
+/// The lowest price at which that many parameters are given back; the highest at which anything changes, if there are too
+/// few.
+fn price_of(offers: &Offers<'_>, may_go: &[bool], params: usize) -> f64 {
+    // Squared errors per parameter far outside of what occurs.
+    let (mut low, mut high) = (1e-20_f64.ln(), 1.0_f64.ln());
+    for _ in 0..40 {
+        let middle = 0.5 * (low + high);
+        let saved: usize =
+            accept(offers, may_go, middle.exp()).iter().flatten().map(|offer| offer.params).sum();
+        if saved >= params { high = middle } else { low = middle }
+    }
+    high.exp()
+}
+
+/// The plan of the offers taken, and what it does.
+fn planned(model: &crate::model::Model, accepted: &[Option<Accepted>]) -> (GivenBack, DensityPlan) {
+    let params = model.num_params();
+    let mut outcome = GivenBack { params_before: params, params, ..GivenBack::default() };
+    let mut plan = DensityPlan::default();
+    for (splat, accepted) in accepted.iter().enumerate() {
+        let held = model.splats.sh_degrees[splat];
+        let map = &model.textures.maps[splat];
+        let (degree, map, texels) = match accepted {
+            None => (held, MapChange::Keep, map.num_texels()),
+            Some(offer) => {
+                outcome.params -= offer.params;
+                let Some(kept) = offer.kept else {
+                    outcome.splats += 1;
+                    continue;
+                };
+                outcome.degrees += usize::from(kept.degree < held);
+                outcome.maps += usize::from(kept.map != MapChange::Keep);
+                (kept.degree, kept.map, kept.texels)
+            }
+        };
+        outcome.texels += texels;
+        plan.sources.push(splat as u32);
+        plan.maps.push(map);
+        plan.sh_degrees.push(degree);
+    }
+    (outcome, plan)
+}

@@ -1,0 +1,195 @@
+//! What each splat could do without, and what that would cost.
+
+use crate::backend::{Grid, MapChange};
+use crate::constants::sh_coefficients;
+use crate::model::{AdamState, Model, SplatGroup, texel_value, texel_value_slope};
+use crate::train::density::{Coarsening, map_window};
+use rayon::prelude::*;
+
+/// Axes along which a map may be coarsened.
+const AXES: [[bool; 2]; 3] = [[true, true], [true, false], [false, true]];
+
+/// Least slope of a texel's activation by which its derivative is divided.
+const SLOPE_MIN: f64 = 1e-3;
+
+/// Degrees that a splat of degree 3 could fall to.
+const LOWER_DEGREES: usize = 3;
+
+/// Costs of a splat's offers, summed over probes: mean squared changes of the image.
+#[derive(Clone, Copy, Debug, Default)]
+struct Costs {
+    /// Of its removal.
+    removal: f64,
+    /// Of the loss of all SH bands above degree 0, 1 and 2.
+    degrees: [f64; LOWER_DEGREES],
+    /// Of the loss of its map.
+    map: f64,
+    /// Of a coarser map, by [`AXES`].
+    coarser: [f64; AXES.len()],
+}
+
+impl Costs {
+    fn add(&mut self, other: &Self) {
+        self.removal += other.removal;
+        self.map += other.map;
+        self.degrees.iter_mut().zip(other.degrees).for_each(|(sum, cost)| *sum += cost);
+        self.coarser.iter_mut().zip(other.coarser).for_each(|(sum, cost)| *sum += cost);
+    }
+}
+
+/// What a splat keeps.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Kept {
+    /// Its SH degree.
+    pub degree: u8,
+    /// Its map.
+    pub map: MapChange,
+    /// Texels of that map.
+    pub texels: usize,
+}
+
+/// The best offer of a splat at some price.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Accepted {
+    /// What is left of the splat; `None`: nothing.
+    pub kept: Option<Kept>,
+    /// Parameters that it gives back.
+    pub params: usize,
+    /// Mean squared change of the images.
+    pub cost: f64,
+}
+
+/// All offers of a model, with what probes have told of their costs.
+pub struct Offers<'a> {
+    model: &'a Model,
+    costs: Vec<Costs>,
+    probes: u32,
+}
+
+impl<'a> Offers<'a> {
+    /// Offers of unknown cost.
+    pub fn new(model: &'a Model) -> Self {
+        Self { model, costs: vec![Costs::default(); model.num_splats()], probes: 0 }
+    }
+
+    /// Adds the derivatives of a probe.
+    pub fn observe(&mut self, derivatives: &AdamState) {
+        let model = self.model;
+        let each = self.costs.par_iter_mut().with_min_len(256).enumerate();
+        each.for_each(|(splat, costs)| costs.add(&costs_of(model, derivatives, splat)));
+        self.probes += 1;
+    }
+
+    /// The offer of a splat that saves most at a price of mean squared error per parameter; `None` if all cost more than
+    /// they save. Only splats that `may_go` are removed.
+    pub fn best(&self, splat: usize, price: f64, may_go: bool) -> Option<Accepted> {
+        let costs = &self.costs[splat];
+        let probes = f64::from(self.probes.max(1));
+        let gain = |accepted: &Accepted| price * accepted.params as f64 - accepted.cost;
+        let held = self.model.splats.sh_degrees[splat];
+        let map = &self.model.textures.maps[splat];
+        let by_degree = (0..held).map(|degree| {
+            let [kept, all] = [degree, held].map(|degree| 3 * sh_coefficients(degree.into()));
+            (degree, all - kept, costs.degrees[usize::from(degree)] / probes)
+        });
+        let saved = |params: usize, cost: f64| price * params as f64 - cost;
+        let best_degree = by_degree.max_by(|a, b| saved(a.1, a.2).total_cmp(&saved(b.1, b.2)));
+        let by_map = (map.rows > 0).then(|| self.map_offers(splat)).into_iter().flatten();
+        let best_map = by_map.max_by(|a, b| saved(a.params, a.cost).total_cmp(&saved(b.params, b.cost)));
+
+        let mut best = Accepted {
+            kept: Some(Kept { degree: held, map: MapChange::Keep, texels: map.num_texels() }),
+            params: 0,
+            cost: 0.0,
+        };
+        let kept = best.kept.as_mut()?;
+        if let Some((degree, params, cost)) = best_degree.filter(|offer| saved(offer.1, offer.2) > 0.0) {
+            kept.degree = degree;
+            best.params += params;
+            best.cost += cost;
+        }
+        if let Some(offer) = best_map.filter(|offer| gain(offer) > 0.0) {
+            let smaller = offer.kept?;
+            (kept.map, kept.texels) = (smaller.map, smaller.texels);
+            best.params += offer.params;
+            best.cost += offer.cost;
+        }
+        let removal =
+            Accepted { kept: None, params: params_of(held, map.num_texels()), cost: costs.removal / probes };
+        if may_go && gain(&removal) > gain(&best) {
+            best = removal;
+        }
+        (best.params > 0 && gain(&best) > 0.0).then_some(best)
+    }
+
+    /// What the map of a splat could become.
+    fn map_offers(&self, splat: usize) -> Vec<Accepted> {
+        let (costs, probes) = (&self.costs[splat], f64::from(self.probes.max(1)));
+        let map = &self.model.textures.maps[splat];
+        let degree = self.model.splats.sh_degrees[splat];
+        let offer = |map: MapChange, texels: usize, params: usize, cost: f64| Accepted {
+            kept: Some(Kept { degree, map, texels }),
+            params,
+            cost: cost / probes,
+        };
+        let none = map_window(map, [Grid::Same; 2], [0; 2], [0; 2], [0; 2], [1.0; 2]);
+        let mut offers = vec![offer(none, 0, 2 + 3 * map.num_texels(), costs.map)];
+        for (axes, cost) in AXES.into_iter().zip(costs.coarser) {
+            let Some(coarser) = Coarsening::new(map, axes) else { continue };
+            let texels = coarser.num_texels();
+            if texels < map.num_texels() {
+                offers.push(offer(coarser.change(map), texels, 3 * (map.num_texels() - texels), cost));
+            }
+        }
+        offers
+    }
+}
+
+/// Parameters of a splat.
+fn params_of(degree: u8, texels: usize) -> usize {
+    10 + 3 * sh_coefficients(degree.into()) + if texels > 0 { 2 + 3 * texels } else { 0 }
+}
+
+/// Squares of the derivatives of one probe in the directions of a splat's offers.
+fn costs_of(model: &Model, derivatives: &AdamState, splat: usize) -> Costs {
+    let transparency = 1.0 / (1.0 + f64::from(model.splats.opacity_logits[splat]).exp());
+    let by_logit = f64::from(derivatives.splats_m.opacity_logits[splat]);
+    let mut costs = Costs { removal: (by_logit / transparency).powi(2), ..Costs::default() };
+
+    let width = SplatGroup::Sh.width(model.splats.sh_degree);
+    let held = 3 * sh_coefficients(model.splats.sh_degrees[splat].into());
+    let [sh, by_sh] = [&model.splats.sh, &derivatives.splats_m.sh].map(|sh| &sh[splat * width..][..held]);
+    for (degree, cost) in costs.degrees.iter_mut().enumerate() {
+        let first = (3 * sh_coefficients(degree as u32)).min(held);
+        *cost = dot(sh[first..].iter().zip(&by_sh[first..]).map(|(&c, &d)| (c.into(), d.into()))).powi(2);
+    }
+
+    let map = &model.textures.maps[splat];
+    if map.rows == 0 {
+        return costs;
+    }
+    let values: Vec<f64> =
+        model.textures.texels[map.floats()].iter().map(|&stored| texel_value(stored.into())).collect();
+    let by_value: Vec<f64> = derivatives.texels_m[map.floats()]
+        .iter()
+        .zip(&values)
+        .map(|(&d, &value)| f64::from(d) / texel_value_slope(value).max(SLOPE_MIN))
+        .collect();
+    costs.map = dot(values.iter().copied().zip(by_value.iter().copied())).powi(2);
+    for (axes, cost) in AXES.into_iter().zip(&mut costs.coarser) {
+        if let Some(coarser) = Coarsening::new(map, axes) {
+            let change = (0..3).map(|channel| {
+                let of = |all: &[f64]| all.iter().skip(channel).step_by(3).copied().collect::<Vec<_>>();
+                let (fine, by_value) = (of(&values), of(&by_value));
+                let sampled = coarser.sampled(&fine);
+                dot(sampled.into_iter().zip(fine).map(|(s, f)| s - f).zip(by_value))
+            });
+            *cost = change.sum::<f64>().powi(2);
+        }
+    }
+    costs
+}
+
+fn dot(pairs: impl Iterator<Item = (f64, f64)>) -> f64 {
+    pairs.map(|(a, b)| a * b).sum()
+}

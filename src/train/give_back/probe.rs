@@ -1,0 +1,74 @@
+//! How much images change with the parameters, measured with images of random signs.
+//!
+//! With weights r of random signs on all pixels and channels, the derivative of the sum of r times the image in a direction
+//! d of the parameters is the sum over pixels and channels of r times their change. Its square has, as its mean over the
+//! signs, the summed squared change of the image: the squared error that a move by d costs a model whose errors it does
+//! not correlate with. The backward pass of any backend serves: the L1 loss against a photo of nothing but 0 and 255 has
+//! such signs as its derivative.
+
+use crate::Result;
+use crate::backend::{Backend, LearningRates, LossWeights, StepRequest, TargetImage};
+use crate::camera::Camera;
+use crate::constants::ADAM_BETA1;
+use crate::model::{AdamState, Model};
+use rand::{Rng as _, SeedableRng as _};
+use rand_pcg::Pcg64Mcg;
+
+/// Opacity logit up to which no alpha is clamped, so that derivatives tell what a splat adds: opacity 0.985.
+const LOGIT_MAX: f32 = 4.18;
+
+/// A view of a probe.
+pub struct ProbeView<'a> {
+    /// Camera of the view.
+    pub camera: Camera,
+    /// Its photo, of which only size and mask count.
+    pub photo: &'a TargetImage,
+    /// Display-space colour behind all splats.
+    pub background: [f32; 3],
+    /// SH degree in use.
+    pub sh_degree: u32,
+}
+
+/// The model as it is probed: no splat so opaque that its alpha would be clamped.
+pub fn probed(mut model: Model) -> Model {
+    model.splats.opacity_logits.iter_mut().for_each(|logit| *logit = logit.min(LOGIT_MAX));
+    model
+}
+
+/// Derivatives of a weighted sum of the image of `view`, with weights of random signs divided by the square root of the
+/// number of values: their squares are mean squared changes of the image. They are returned as first moments, and replace
+/// the state in the backend.
+///
+/// # Errors
+/// Whatever the backend reports.
+pub fn probe(backend: &mut dyn Backend, model: &Model, view: &ProbeView<'_>, seed: u64) -> Result<AdamState> {
+    let target = signs(view.photo, seed);
+    backend.upload(model, &AdamState::zeros(model))?;
+    // With all rates zero, only the moments change.
+    backend.step(&StepRequest {
+        step: 1,
+        camera: view.camera,
+        photo: 0,
+        target: &target,
+        background: view.background,
+        sh_degree: view.sh_degree,
+        loss: LossWeights { l1: 1.0, ..LossWeights::NONE },
+        rates: LearningRates::default(),
+        accumulate_statistics: false,
+        exposure: None,
+    })?;
+    let (_, mut moments) = backend.read_back()?;
+    let scale = ((target.rgb.len() as f64).sqrt() / (1.0 - ADAM_BETA1)) as f32;
+    let AdamState { splats_m, texels_m, .. } = &mut moments;
+    splats_m.opacity_logits.iter_mut().chain(&mut splats_m.sh).chain(texels_m).for_each(|m| *m *= scale);
+    Ok(moments)
+}
+
+/// A photo of random zeros and ones, with the mask of another.
+fn signs(photo: &TargetImage, seed: u64) -> TargetImage {
+    let mut rng = Pcg64Mcg::seed_from_u64(seed);
+    let mut rgb = vec![0_u8; photo.rgb.len()];
+    rng.fill_bytes(&mut rgb);
+    rgb.iter_mut().for_each(|byte| *byte = if *byte < 128 { 0 } else { 255 });
+    TargetImage { rgb, alpha: None, ..photo.clone() }
+}
