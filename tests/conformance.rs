@@ -61,9 +61,13 @@ fn the_pack_renders_to_its_expected_pixels() {
         println!("{name} {rounded:e}");
         assert!(rounded < 0.02 && rounded > exact, "{name}: {rounded}");
     }
-    // Negative control: one splat is missing.
-    let mut other = scene.clone();
-    let keep: Vec<bool> = (0..36).map(|i| i != 20).collect();
-    assert_eq!(other.retain(&keep), 1);
-    assert!(max_error(&other, &expected) > 0.01);
+    // Negative control: one splat is missing. Few are hidden, or between the pixels.
+    let is_missed = |splat: &usize| {
+        let mut other = scene.clone();
+        let keep: Vec<bool> = (0..36).map(|i| i != *splat).collect();
+        assert_eq!(other.retain(&keep), 1);
+        max_error(&other, &expected) > 0.01
+    };
+    let missed = (0..36).filter(is_missed).count();
+    assert!(missed > 18, "{missed}");
 }

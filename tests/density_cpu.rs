@@ -62,6 +62,7 @@ fn budgets_are_spent_evenly_from_any_initial_size() {
         let mut config = config(policy);
         config.density.opacity_floor = [0.0; 2];
         config.density.split_texels = [3.0; 2];
+        config.density.overshoot = 1.0;
         config.budget = Budget { max_params: Some(budget), ..Budget::default() };
         let (counts, splats, texels) = run(&config, first.clone(), 2).steps[0];
         (ModelSize { texels, ..ModelSize::uniform(splats, 1, config.sh_degree) }.params(), counts.split)
@@ -200,6 +201,7 @@ fn no_budget_is_ever_exceeded() {
     let mut growing = config(Policy::Litetex);
     growing.density.opacity_floor = [0.0; 2];
     growing.density.split_texels = [3.0; 2];
+    growing.density.overshoot = 1.0;
     let free = run(&growing, start(Policy::Litetex), 2).largest;
     let initial = start(Policy::Litetex).model;
     assert!(free[0] > initial.num_splats() + 20 && free[1] > initial.num_texels() + 100, "{free:?}");
@@ -221,6 +223,25 @@ fn no_budget_is_ever_exceeded() {
             budget.max_params.is_none_or(|most| held.is_some_and(|held| held <= most)),
             "{budget:?}: {held:?}"
         );
+    }
+}
+
+#[test]
+fn what_grew_beyond_the_budget_is_given_back() {
+    for policy in [Policy::Litetex, Policy::Plain] {
+        let mut config = config(policy);
+        config.density.opacity_floor = [0.0; 2];
+        config.density.split_texels = [3.0; 2];
+        (config.density.overshoot, config.density.relocate_overshoot) = (2.0, 2.0);
+        let first = start(policy);
+        let most = first.model.num_params() + 500;
+        config.budget.max_params = Some(most);
+        let record = run(&config, first, 2);
+        assert!(record.largest[2] > most, "{policy}: {:?}", record.largest);
+        let (last, given_back) = (record.last.model.num_params(), &record.last.history.given_back);
+        assert!(last <= most, "{policy}: {last} of {most}, {given_back:?}");
+        assert!(given_back.iter().all(|round| round.params < round.params_before), "{given_back:?}");
+        assert!(!given_back.is_empty());
     }
 }
 

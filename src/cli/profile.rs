@@ -2,7 +2,7 @@
 //! settings one by one.
 
 use litetex_gs::backend::LossWeights;
-use litetex_gs::frequency::{CapRule, FrequencyOptions};
+use litetex_gs::frequency::{CapRule, FrequencyOptions, StartRule};
 use litetex_gs::model::Filter;
 use litetex_gs::train::density::{DensityConfig, ErrorMeasure, GrowthMoments, Spending, SplitProfile};
 use litetex_gs::train::{Backdrop, Policy, TrainConfig};
@@ -104,6 +104,7 @@ impl Profile {
                 };
                 config.scheduler = FrequencyOptions {
                     cap_rule: CapRule::Authors,
+                    start_rule: StartRule::Quantile,
                     quantile: 0.0,
                     ..FrequencyOptions::paper()
                 };

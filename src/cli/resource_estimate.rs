@@ -354,7 +354,9 @@ mod tests {
     fn the_model_is_counted_at_the_size_that_it_may_reach() {
         let grown = |policy: &str, budget: Budget| {
             let policy = policy.parse().unwrap();
-            let grown = FOX.grown(&TrainConfig { policy, budget, ..TrainConfig::default() });
+            let mut config = TrainConfig { policy, budget, ..TrainConfig::default() };
+            config.density.overshoot = 1.0;
+            let grown = FOX.grown(&config);
             (grown.splats, grown.texels)
         };
         let most =
@@ -368,6 +370,9 @@ mod tests {
                 && texels > FOX.texels
                 && (2_999_900..=3_000_000).contains(&FOX.params(splats, texels))
         );
+        let budget = most(None, None, Some(3_000_000));
+        let raised = FOX.grown(&TrainConfig { budget, ..TrainConfig::default() });
+        assert!(raised.splats > splats && raised.texels > texels, "growth may exceed the budget");
         assert_eq!(grown("litetex", most(None, None, Some(1_000_000))).1, FOX.texels, "less than there is");
         assert_eq!(grown("fixed:4", most(Some(20_000), None, None)), (20_000, 320_000));
         assert_eq!(grown("plain", Budget::default()), (n, 0));

@@ -94,7 +94,7 @@ pub struct TrainingArgs {
     /// Largest number of parameters, such as 500k or 5M: a splat has 58 at SH degree 3 and 22 at degree 1, a texture map 2 and 3 per texel
     #[arg(long, value_name = "N", value_parser = parse_count, help_heading = "Budget")]
     pub budget_params: Option<usize>,
-    /// End growth where 10 % more parameters would improve the training views by less than this, dB of PSNR
+    /// End growth, and give parameters back, where 10 % of them improve the training views by less than this, dB of PSNR
     #[arg(long, value_name = "DB", help_heading = "Budget")]
     pub need: Option<f64>,
     /// Initialise from at most this many points, chosen at random
@@ -149,6 +149,7 @@ impl TrainArgs {
         }
         if let Some(need) = t.need {
             config.train.density.need_db = need;
+            config.train.density.give_back_db = need;
         }
         let budget = &mut config.train.budget;
         for (to, from) in [

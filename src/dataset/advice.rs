@@ -53,7 +53,11 @@ fn for_photos(folder: &Path) -> Option<String> {
     let photos = found.keys().cloned().reduce(common)?;
     let photos = if photos.starts_with(&images) { images.clone() } else { photos };
     let count: usize = found.values().map(BTreeSet::len).sum();
-    let what = format!("the {count} photos in {} have no poses yet", crate::text::path(&photos));
+    let what = if count == 1 {
+        format!("the photo in {} has no pose yet", crate::text::path(&photos))
+    } else {
+        format!("the {count} photos in {} have no poses yet", crate::text::path(&photos))
+    };
     let needs_conversion = |name: &PathBuf| has_extension(name, &CONVERTED);
     if !found.values().flatten().any(needs_conversion) {
         return Some(format!("{what}. {}", colmap(folder, &photos)));

@@ -1,7 +1,7 @@
 //! Selects the views to analyse, and combines their spectra into one schedule.
 
 use super::fft::PlaneTransform;
-use super::options::FrequencyOptions;
+use super::options::{FrequencyOptions, StartRule};
 use super::schedule::FrequencySchedule;
 use super::spectrum::{RINGS, Spectrum, Windows};
 use super::{noise, significance, stages};
@@ -62,10 +62,13 @@ pub(super) fn schedule(spectra: &[Spectrum], options: &FrequencyOptions) -> Freq
     };
     let (rings, noise): (Vec<Vec<f64>>, Vec<f64>) = spectra.iter().map(denoised).unzip();
     let single: Vec<Windows> = rings.iter().map(|rings| Windows::new(rings.iter().copied())).collect();
-    let s_max = stages::start_scale(&single, options);
     // The sum will do: the number of views cancels in every use.
-    let mean = (0..RINGS).map(|ring| rings.iter().map(|view| view[ring]).sum::<f64>());
-    let nodes = stages::nodes(&Windows::new(mean), s_max, options.levels);
+    let mean = Windows::new((0..RINGS).map(|ring| rings.iter().map(|view| view[ring]).sum::<f64>()));
+    let s_max = match options.start_rule {
+        StartRule::Quantile => stages::start_scale(&single, options),
+        StartRule::Mean => stages::start_scale(std::slice::from_ref(&mean), options),
+    };
+    let nodes = stages::nodes(&mean, s_max, options.levels);
     let noise = stages::quantile(noise, 0.5).unwrap_or(0.0).sqrt();
     FrequencySchedule { s_max: nodes[0].1, nodes, views: spectra.len(), noise: stages::rounded(noise) }
 }

@@ -28,6 +28,17 @@ pub enum CapRule {
     Authors,
 }
 
+/// Which spectra the scale of the first stage follows from (method 7.2).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum StartRule {
+    /// Those of the views, each by itself: a quantile of their scales.
+    #[default]
+    Quantile,
+    /// Their mean (paper).
+    Mean,
+}
+
 /// Settings of the frequency schedule.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default, rename_all = "kebab-case")]
@@ -41,6 +52,8 @@ pub struct FrequencyOptions {
     pub until: u32,
     /// Number of stages, L. Default 32 (paper, Frequency-Aware Scheduling).
     pub levels: usize,
+    /// Which spectra the first scale follows from. Default `quantile` (method 7.2; paper: `mean`).
+    pub start_rule: StartRule,
     /// Quantile over views of the scales at which each view alone would start. Default 0.1 (method 7.2; authors'
     /// code: 0, the minimum, by which one noisy photo decides for all).
     pub quantile: f64,
@@ -61,6 +74,7 @@ impl Default for FrequencyOptions {
             max_scale: 4.0,
             until: 20_000,
             levels: 32,
+            start_rule: StartRule::default(),
             quantile: 0.10,
             max_views: 50,
             noise_robust: true,
@@ -73,7 +87,13 @@ impl Default for FrequencyOptions {
 impl FrequencyOptions {
     /// The published settings, without our correction of the spectrum.
     pub fn paper() -> Self {
-        Self { until: 15_000, noise_robust: false, scale_rule: ScaleRule::Integer, ..Self::default() }
+        Self {
+            until: 15_000,
+            start_rule: StartRule::Mean,
+            noise_robust: false,
+            scale_rule: ScaleRule::Integer,
+            ..Self::default()
+        }
     }
 
     /// Checks that all settings are in range.

@@ -96,6 +96,14 @@ impl DensityStep {
             Self::Relocate => config.relocate_until,
         }
     }
+
+    /// How far growth may exceed a budget of parameters, as a factor.
+    pub fn overshoot(self, config: &DensityConfig) -> f64 {
+        match self {
+            Self::Decide => config.overshoot,
+            Self::Relocate => config.relocate_overshoot,
+        }
+    }
 }
 
 impl Policy {

@@ -316,15 +316,15 @@ impl Trainer<'_> {
             exposures: &self.state.exposures,
         };
         let round = Round::of(config, rounds_left, step, self.schedule.sh_degree(step, config.sh_degree));
-        let Some((outcome, plan)) = round.run(self.backend, &mut training)? else {
-            self.backend.set_statistics(&WindowStatistics::empty(self.size[0]))?;
-            return Ok(None);
-        };
-        self.state.histories = plan.sources.iter().map(|&s| self.state.histories[s as usize]).collect();
-        self.size = [plan.sources.len(), outcome.texels];
+        let outcome = round.run(self.backend, &mut training)?;
+        if let Some((given_back, Some(plan))) = &outcome {
+            self.state.histories = plan.sources.iter().map(|&s| self.state.histories[s as usize]).collect();
+            self.size = [plan.sources.len(), given_back.texels];
+        }
         self.backend.set_statistics(&WindowStatistics::empty(self.size[0]))?;
-        self.state.history.given_back.push(outcome);
-        Ok(Some(outcome))
+        let given_back = outcome.map(|(given_back, _)| given_back);
+        self.state.history.given_back.extend(given_back);
+        Ok(given_back)
     }
 
     /// Sets render scale and texture cap to those of a step.

@@ -106,7 +106,10 @@ impl Schedule {
     pub fn budget(&self, config: &TrainConfig, step: u32) -> Budget {
         let Budget { max_params, .. } = config.budget;
         let grows = step < self.give_back_until || self.rounds_left(step) > 0;
-        let overshoot = if grows && self.give_back_rounds > 0 { config.density.overshoot } else { 1.0 };
+        let overshoot = match grows && self.give_back_rounds > 0 {
+            true => config.policy.spec().step.overshoot(&config.density),
+            false => 1.0,
+        };
         let raised = |most: usize| (most as f64 * overshoot) as usize;
         Budget { max_params: max_params.map(raised), ..config.budget }
     }

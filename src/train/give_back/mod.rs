@@ -77,7 +77,7 @@ pub struct GivenBack {
     pub params: usize,
     /// Texels after.
     pub texels: usize,
-    /// Predicted loss, dB of PSNR.
+    /// Predicted loss, dB of PSNR; of the last attempt, if all were undone.
     pub promised_db: f64,
     /// Loss on the views checked, dB of PSNR.
     pub measured_db: f64,
@@ -106,8 +106,8 @@ impl Round {
         }
     }
 
-    /// Does the round. Returns what it did, and for each splat of the model that it leaves, its index before; `None` if
-    /// nothing changes. The statistics of the backend are then to be set anew.
+    /// Does the round. Returns what it did, and the plan that the backend carried out, unless it was undone; `None` if there
+    /// is nothing to give back. The statistics of the backend are then to be set anew.
     ///
     /// # Errors
     /// Whatever the backend or the views report.
@@ -115,7 +115,7 @@ impl Round {
         &self,
         backend: &mut dyn Backend,
         training: &mut TrainingViews<'_>,
-    ) -> Result<Option<(GivenBack, DensityPlan)>> {
+    ) -> Result<Option<(GivenBack, Option<DensityPlan>)>> {
         let mut rng = Pcg64Mcg::seed_from_u64(self.seed);
         let mut order = training.train_views.to_vec();
         order.shuffle(&mut rng);
@@ -130,7 +130,7 @@ impl Round {
         }
         let error = self.error(backend, training, &checked)?;
 
-        let mut offers = Offers::new(&probed);
+        let mut offers = Offers::new(&probed, order.len() > self.probes);
         for &view in order.iter().take(self.probes) {
             let photo = training.targets.get(training.views, view)?;
             let derivatives = probe(backend, &probed, &self.view(training, view, &photo), rng.random())?;
@@ -147,6 +147,9 @@ impl Round {
             Some(excess) => price_of(&offers, &may_go, excess),
         };
         let mut price = worth;
+        let db = |rise: f64| 10.0 * (1.0 + rise / error.max(f64::MIN_POSITIVE)).log10();
+        let texels = probed.num_texels();
+        let mut undone = GivenBack { params_before: params, params, texels, ..GivenBack::default() };
         for _ in 0..ATTEMPTS {
             let accepted = accept(&offers, &may_go, price);
             let promised: f64 = accepted.iter().flatten().map(|offer| offer.cost).sum();
@@ -158,15 +161,15 @@ impl Round {
             backend.apply_plan(&plan)?;
             let rise = self.error(backend, training, &checked)? - error;
             if self.budget.is_some() || rise <= worth * (params - outcome.params) as f64 {
-                let db = |rise: f64| 10.0 * (1.0 + rise / error.max(f64::MIN_POSITIVE)).log10();
                 (outcome.step, outcome.promised_db, outcome.measured_db) =
                     (self.step, db(promised), db(rise));
-                return Ok(Some((outcome, plan)));
+                return Ok(Some((outcome, Some(plan))));
             }
             backend.upload(&model, &adam)?;
             price /= 2.0;
+            (undone.step, undone.promised_db, undone.measured_db) = (self.step, db(promised), db(rise));
         }
-        Ok(None)
+        Ok(Some((undone, None)))
     }
 
     /// Mean squared error that a parameter is worth.

@@ -12,12 +12,17 @@ const AXES: [[bool; 2]; 3] = [[true, true], [true, false], [false, true]];
 /// Least slope of a texel's activation by which its derivative is divided.
 const SLOPE_MIN: f64 = 1e-3;
 
+/// Probes that must have seen a splat before it is judged, unless all views are probed.
+const SEEN_MIN: u32 = 4;
+
 /// Degrees that a splat of degree 3 could fall to.
 const LOWER_DEGREES: usize = 3;
 
 /// Costs of a splat's offers, summed over probes: mean squared changes of the image.
 #[derive(Clone, Copy, Debug, Default)]
 struct Costs {
+    /// Probes that saw the splat.
+    seen: u32,
     /// Of its removal.
     removal: f64,
     /// Of the loss of all SH bands above degree 0, 1 and 2.
@@ -30,6 +35,7 @@ struct Costs {
 
 impl Costs {
     fn add(&mut self, other: &Self) {
+        self.seen += other.seen;
         self.removal += other.removal;
         self.map += other.map;
         self.degrees.iter_mut().zip(other.degrees).for_each(|(sum, cost)| *sum += cost);
@@ -64,12 +70,14 @@ pub struct Offers<'a> {
     model: &'a Model,
     costs: Vec<Costs>,
     probes: u32,
+    seen_min: u32,
 }
 
 impl<'a> Offers<'a> {
-    /// Offers of unknown cost.
-    pub fn new(model: &'a Model) -> Self {
-        Self { model, costs: vec![Costs::default(); model.num_splats()], probes: 0 }
+    /// Offers of unknown cost. With a sample of the views, nothing is known of splats that hardly any of them sees.
+    pub fn new(model: &'a Model, is_sample: bool) -> Self {
+        let seen_min = if is_sample { SEEN_MIN } else { 0 };
+        Self { model, costs: vec![Costs::default(); model.num_splats()], probes: 0, seen_min }
     }
 
     /// Adds the derivatives of a probe.
@@ -84,6 +92,9 @@ impl<'a> Offers<'a> {
     /// they save. Only splats that `may_go` are removed.
     pub fn best(&self, splat: usize, price: f64, may_go: bool) -> Option<Accepted> {
         let costs = &self.costs[splat];
+        if costs.seen < self.seen_min {
+            return None;
+        }
         let probes = f64::from(self.probes.max(1));
         let gain = |accepted: &Accepted| price * accepted.params as f64 - accepted.cost;
         let held = self.model.splats.sh_degrees[splat];
@@ -154,7 +165,8 @@ fn params_of(degree: u8, texels: usize) -> usize {
 fn costs_of(model: &Model, derivatives: &AdamState, splat: usize) -> Costs {
     let transparency = 1.0 / (1.0 + f64::from(model.splats.opacity_logits[splat]).exp());
     let by_logit = f64::from(derivatives.splats_m.opacity_logits[splat]);
-    let mut costs = Costs { removal: (by_logit / transparency).powi(2), ..Costs::default() };
+    let seen = u32::from(by_logit != 0.0);
+    let mut costs = Costs { seen, removal: (by_logit / transparency).powi(2), ..Costs::default() };
 
     let width = SplatGroup::Sh.width(model.splats.sh_degree);
     let held = 3 * sh_coefficients(model.splats.sh_degrees[splat].into());

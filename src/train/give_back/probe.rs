@@ -45,7 +45,7 @@ pub fn probe(backend: &mut dyn Backend, model: &Model, view: &ProbeView<'_>, see
     let target = signs(view.photo, seed);
     backend.upload(model, &AdamState::zeros(model))?;
     // With all rates zero, only the moments change.
-    backend.step(&StepRequest {
+    backend.steps(&[StepRequest {
         step: 1,
         camera: view.camera,
         photo: 0,
@@ -56,7 +56,7 @@ pub fn probe(backend: &mut dyn Backend, model: &Model, view: &ProbeView<'_>, see
         rates: LearningRates::default(),
         accumulate_statistics: false,
         exposure: None,
-    })?;
+    }])?;
     let (_, mut moments) = backend.read_back()?;
     let scale = ((target.rgb.len() as f64).sqrt() / (1.0 - ADAM_BETA1)) as f32;
     let AdamState { splats_m, texels_m, .. } = &mut moments;

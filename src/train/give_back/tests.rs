@@ -54,7 +54,7 @@ fn measured(scene: &RandomScene, offers: &Offers<'_>, may_go: &[bool], price: f6
 fn images_change_as_promised() {
     let scene = scene();
     let mut backend = CpuBackend::new(Some(2)).expect("a backend");
-    let mut offers = Offers::new(&scene.model);
+    let mut offers = Offers::new(&scene.model, false);
     let view = ProbeView { camera: scene.camera, photo: &scene.target, background: [0.2; 3], sh_degree: 3 };
     for seed in 0..PROBES {
         offers.observe(&probe(&mut backend, &scene.model, &view, seed).expect("derivatives"));
