@@ -10,11 +10,11 @@ mod tests;
 use super::config::TrainConfig;
 use super::exposure::Exposures;
 use super::targets::Targets;
-use crate::Result;
 use crate::backend::{Backend, ColourMap, DensityPlan, MapChange, TargetImage};
 use crate::views::ViewSource;
+use crate::{Error, Result};
 use error::mean_squared_error;
-use offers::{Accepted, Offers};
+use offers::{Accepted, Offers, Prices};
 use probe::{ProbeView, probe, probed};
 use rand::seq::SliceRandom as _;
 use rand::{RngExt as _, SeedableRng as _};
@@ -32,7 +32,10 @@ const CHECKED_VIEWS: usize = 8;
 /// Views that a round probes, at most. A splat that only other views see would look idle.
 pub const MOST_PROBES: usize = 64;
 
-/// Attempts, each at half the price of the one before.
+/// Kinds of offers: removal, SH bands and texels.
+const KINDS: usize = 3;
+
+/// Attempts for each kind, each at half the price of the one before.
 const ATTEMPTS: u32 = 3;
 
 /// Share of the splats that a round may remove: of two that hide the same, one looks as idle as the other.
@@ -146,30 +149,49 @@ impl Round {
             None => self.price(error, params),
             Some(excess) => price_of(&offers, &may_go, excess),
         };
-        let mut price = worth;
         let db = |rise: f64| 10.0 * (1.0 + rise / error.max(f64::MIN_POSITIVE)).log10();
-        let texels = probed.num_texels();
-        let mut undone = GivenBack { params_before: params, params, texels, ..GivenBack::default() };
-        for _ in 0..ATTEMPTS {
-            let accepted = accept(&offers, &may_go, price);
+        // Takes the offers at these prices. Returns what that does, whether it is worth it, and the plan.
+        let mut take = |backend: &mut dyn Backend, prices: &Prices| {
+            let accepted = accept(&offers, &may_go, prices);
             let promised: f64 = accepted.iter().flatten().map(|offer| offer.cost).sum();
             let (mut outcome, plan) = planned(&probed, &accepted);
             // A model without splats could not be trained any further.
             if outcome.params == params || plan.sources.is_empty() {
-                return Ok(None);
+                return Ok((outcome, false, plan));
             }
             backend.apply_plan(&plan)?;
             let rise = self.error(backend, training, &checked)? - error;
-            if self.budget.is_some() || rise <= worth * (params - outcome.params) as f64 {
-                (outcome.step, outcome.promised_db, outcome.measured_db) =
-                    (self.step, db(promised), db(rise));
-                return Ok(Some((outcome, Some(plan))));
+            (outcome.step, outcome.promised_db, outcome.measured_db) = (self.step, db(promised), db(rise));
+            Ok::<_, Error>((outcome, rise <= worth * (params - outcome.params) as f64, plan))
+        };
+        let mut prices = Prices::all(worth);
+        if self.budget.is_none() {
+            // Predictions are better for some kinds than for others, and differ between captures.
+            for kind in 0..KINDS {
+                let mut price = worth;
+                let mut is_worth_it = false;
+                for _ in 0..ATTEMPTS {
+                    is_worth_it = take(backend, &Prices::all(price).only(kind))?.1;
+                    backend.upload(&model, &adam)?;
+                    if is_worth_it {
+                        break;
+                    }
+                    price /= 2.0;
+                }
+                prices = prices.with(kind, if is_worth_it { price } else { 0.0 });
             }
-            backend.upload(&model, &adam)?;
-            price /= 2.0;
-            (undone.step, undone.promised_db, undone.measured_db) = (self.step, db(promised), db(rise));
         }
-        Ok(Some((undone, None)))
+        let (mut outcome, is_worth_it, plan) = take(backend, &prices)?;
+        if outcome.params == params || plan.sources.is_empty() {
+            return Ok(None);
+        }
+        if is_worth_it || self.budget.is_some() {
+            return Ok(Some((outcome, Some(plan))));
+        }
+        backend.upload(&model, &adam)?;
+        (outcome.splats, outcome.degrees, outcome.maps) = (0, 0, 0);
+        (outcome.params, outcome.texels) = (params, probed.num_texels());
+        Ok(Some((outcome, None)))
     }
 
     /// Mean squared error that a parameter is worth.
@@ -200,9 +222,9 @@ impl Round {
     }
 }
 
-/// The offers worth taking at a price.
-fn accept(offers: &Offers<'_>, may_go: &[bool], price: f64) -> Vec<Option<Accepted>> {
-    may_go.par_iter().enumerate().map(|(splat, &may_go)| offers.best(splat, price, may_go)).collect()
+/// The offers worth taking at these prices.
+fn accept(offers: &Offers<'_>, may_go: &[bool], prices: &Prices) -> Vec<Option<Accepted>> {
+    may_go.par_iter().enumerate().map(|(splat, &may_go)| offers.best(splat, prices, may_go)).collect()
 }
 
 /// The lowest price at which that many parameters are given back; the highest at which anything changes, if there are too
@@ -212,8 +234,11 @@ fn price_of(offers: &Offers<'_>, may_go: &[bool], params: usize) -> f64 {
     let (mut low, mut high) = (1e-20_f64.ln(), 1.0_f64.ln());
     for _ in 0..40 {
         let middle = 0.5 * (low + high);
-        let saved: usize =
-            accept(offers, may_go, middle.exp()).iter().flatten().map(|offer| offer.params).sum();
+        let saved: usize = accept(offers, may_go, &Prices::all(middle.exp()))
+            .iter()
+            .flatten()
+            .map(|offer| offer.params)
+            .sum();
         if saved >= params { high = middle } else { low = middle }
     }
     high.exp()

@@ -9,9 +9,6 @@ use rayon::prelude::*;
 /// Axes along which a map may be coarsened.
 const AXES: [[bool; 2]; 3] = [[true, true], [true, false], [false, true]];
 
-/// Least slope of a texel's activation by which its derivative is divided.
-const SLOPE_MIN: f64 = 1e-3;
-
 /// Probes that must have seen a splat before it is judged, unless all views are probed.
 const SEEN_MIN: u32 = 4;
 
@@ -40,6 +37,39 @@ impl Costs {
         self.map += other.map;
         self.degrees.iter_mut().zip(other.degrees).for_each(|(sum, cost)| *sum += cost);
         self.coarser.iter_mut().zip(other.coarser).for_each(|(sum, cost)| *sum += cost);
+    }
+}
+
+/// What parameters are worth, in mean squared error, by the kind of offer: 0 for kinds that are not taken.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Prices {
+    /// Of splats removed.
+    pub removal: f64,
+    /// Of SH bands.
+    pub degrees: f64,
+    /// Of texels.
+    pub maps: f64,
+}
+
+impl Prices {
+    /// The same for all kinds.
+    pub fn all(price: f64) -> Self {
+        Self { removal: price, degrees: price, maps: price }
+    }
+
+    /// Those of one kind alone: of removal, of SH bands or of texels.
+    pub fn only(self, kind: usize) -> Self {
+        let of = |this: usize, price: f64| if this == kind { price } else { 0.0 };
+        Self { removal: of(0, self.removal), degrees: of(1, self.degrees), maps: of(2, self.maps) }
+    }
+
+    /// These, with the price of one kind replaced.
+    pub fn with(self, kind: usize, price: f64) -> Self {
+        match kind {
+            0 => Self { removal: price, ..self },
+            1 => Self { degrees: price, ..self },
+            _ => Self { maps: price, ..self },
+        }
     }
 }
 
@@ -88,49 +118,55 @@ impl<'a> Offers<'a> {
         self.probes += 1;
     }
 
-    /// The offer of a splat that saves most at a price of mean squared error per parameter; `None` if all cost more than
-    /// they save. Only splats that `may_go` are removed.
-    pub fn best(&self, splat: usize, price: f64, may_go: bool) -> Option<Accepted> {
+    /// The offer of a splat that saves most at these prices; `None` if all cost more than they save. Only splats that
+    /// `may_go` are removed.
+    pub fn best(&self, splat: usize, prices: &Prices, may_go: bool) -> Option<Accepted> {
         let costs = &self.costs[splat];
         if costs.seen < self.seen_min {
             return None;
         }
         let probes = f64::from(self.probes.max(1));
-        let gain = |accepted: &Accepted| price * accepted.params as f64 - accepted.cost;
         let held = self.model.splats.sh_degrees[splat];
         let map = &self.model.textures.maps[splat];
-        let by_degree = (0..held).map(|degree| {
-            let [kept, all] = [degree, held].map(|degree| 3 * sh_coefficients(degree.into()));
-            (degree, all - kept, costs.degrees[usize::from(degree)] / probes)
-        });
-        let saved = |params: usize, cost: f64| price * params as f64 - cost;
-        let best_degree = by_degree.max_by(|a, b| saved(a.1, a.2).total_cmp(&saved(b.1, b.2)));
-        let by_map = (map.rows > 0).then(|| self.map_offers(splat)).into_iter().flatten();
-        let best_map = by_map.max_by(|a, b| saved(a.params, a.cost).total_cmp(&saved(b.params, b.cost)));
-
         let mut best = Accepted {
             kept: Some(Kept { degree: held, map: MapChange::Keep, texels: map.num_texels() }),
             params: 0,
             cost: 0.0,
         };
+        let mut saved = 0.0;
+
+        let by_degree = (0..held).map(|degree| {
+            let [kept, all] = [degree, held].map(|degree| 3 * sh_coefficients(degree.into()));
+            let cost = costs.degrees[usize::from(degree)] / probes;
+            (degree, all - kept, cost, prices.degrees * (all - kept) as f64 - cost)
+        });
         let kept = best.kept.as_mut()?;
-        if let Some((degree, params, cost)) = best_degree.filter(|offer| saved(offer.1, offer.2) > 0.0) {
+        if let Some((degree, params, cost, gain)) = by_degree.max_by(|a, b| a.3.total_cmp(&b.3))
+            && gain > 0.0
+        {
             kept.degree = degree;
             best.params += params;
             best.cost += cost;
+            saved += gain;
         }
-        if let Some(offer) = best_map.filter(|offer| gain(offer) > 0.0) {
+        let gain = |offer: &Accepted, price: f64| price * offer.params as f64 - offer.cost;
+        let by_map = (map.rows > 0).then(|| self.map_offers(splat)).into_iter().flatten();
+        let best_map = by_map.max_by(|a, b| gain(a, prices.maps).total_cmp(&gain(b, prices.maps)));
+        if let Some(offer) = best_map
+            && gain(&offer, prices.maps) > 0.0
+        {
             let smaller = offer.kept?;
             (kept.map, kept.texels) = (smaller.map, smaller.texels);
             best.params += offer.params;
             best.cost += offer.cost;
+            saved += gain(&offer, prices.maps);
         }
         let removal =
             Accepted { kept: None, params: params_of(held, map.num_texels()), cost: costs.removal / probes };
-        if may_go && gain(&removal) > gain(&best) {
-            best = removal;
+        if may_go && gain(&removal, prices.removal) > saved {
+            return Some(removal);
         }
-        (best.params > 0 && gain(&best) > 0.0).then_some(best)
+        (saved > 0.0).then_some(best)
     }
 
     /// What the map of a splat could become.
@@ -185,7 +221,7 @@ fn costs_of(model: &Model, derivatives: &AdamState, splat: usize) -> Costs {
     let by_value: Vec<f64> = derivatives.texels_m[map.floats()]
         .iter()
         .zip(&values)
-        .map(|(&d, &value)| f64::from(d) / texel_value_slope(value).max(SLOPE_MIN))
+        .map(|(&d, &value)| f64::from(d) / texel_value_slope(value))
         .collect();
     costs.map = dot(values.iter().copied().zip(by_value.iter().copied())).powi(2);
     for (axes, cost) in AXES.into_iter().zip(&mut costs.coarser) {

@@ -17,6 +17,9 @@ use rand_pcg::Pcg64Mcg;
 /// Opacity logit up to which no alpha is clamped, so that derivatives tell what a splat adds: opacity 0.985.
 const LOGIT_MAX: f32 = 4.18;
 
+/// Stored texel value up to which the activation is steep enough for a derivative: a residual of 0.995.
+const TEXEL_MAX: f32 = 6.0;
+
 /// A view of a probe.
 pub struct ProbeView<'a> {
     /// Camera of the view.
@@ -29,9 +32,10 @@ pub struct ProbeView<'a> {
     pub sh_degree: u32,
 }
 
-/// The model as it is probed: no splat so opaque that its alpha would be clamped.
+/// The model as it is probed: no splat so opaque that its alpha would be clamped, and no texel saturated.
 pub fn probed(mut model: Model) -> Model {
     model.splats.opacity_logits.iter_mut().for_each(|logit| *logit = logit.min(LOGIT_MAX));
+    model.textures.texels.iter_mut().for_each(|texel| *texel = texel.clamp(-TEXEL_MAX, TEXEL_MAX));
     model
 }
 

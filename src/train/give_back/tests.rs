@@ -1,6 +1,6 @@
 //! Promises of offers, against what their plans do to the image.
 
-use super::offers::Offers;
+use super::offers::{Offers, Prices};
 use super::probe::{ProbeView, probe, probed};
 use super::{accept, planned, price_of};
 use crate::backend::{Backend as _, MapChange, RenderOptions};
@@ -40,7 +40,7 @@ fn measured(scene: &RandomScene, offers: &Offers<'_>, may_go: &[bool], price: f6
     let mut backend = CpuBackend::new(Some(2)).expect("a backend");
     backend.upload(&scene.model, &AdamState::zeros(&scene.model)).expect("room");
     let before = render(&mut backend, scene);
-    let accepted = accept(offers, may_go, price);
+    let accepted = accept(offers, may_go, &Prices::all(price));
     let (outcome, plan) = planned(&scene.model, &accepted);
     backend.apply_plan(&plan).expect("a plan that fits");
     let after: Model = backend.read_flushed().expect("a model");
@@ -75,10 +75,11 @@ fn images_change_as_promised() {
     }
     // At the price of a number of parameters, just as many are given back.
     let price = price_of(&offers, &some, 1_000);
-    let given: usize = accept(&offers, &some, price).iter().flatten().map(|offer| offer.params).sum();
+    let given: usize =
+        accept(&offers, &some, &Prices::all(price)).iter().flatten().map(|offer| offer.params).sum();
     assert!((1_000..1_200).contains(&given), "{given}");
     // Negative control: offers that were promised for other splats change the image more.
-    let mut elsewhere = accept(&offers, &none, 1e-7);
+    let mut elsewhere = accept(&offers, &none, &Prices::all(1e-7));
     let promised: f64 = elsewhere.iter().flatten().map(|offer| offer.cost).sum();
     elsewhere.rotate_left(5);
     for (splat, offer) in elsewhere.iter_mut().enumerate() {
