@@ -11,7 +11,7 @@ use litetex_gs::backend::{
 };
 use litetex_gs::camera::Camera;
 use litetex_gs::cpu::CpuBackend;
-use litetex_gs::model::{AdamState, Model};
+use litetex_gs::model::{AdamState, LearningRates, Model};
 use litetex_gs::train::{Control, StopReason, TrainConfig, TrainEvent, TrainState, checkpoint, train};
 use litetex_gs::views::{Split, ViewSource};
 use litetex_gs::{Error, Result};
@@ -69,7 +69,10 @@ impl Backend for BatchedBackend {
         self.size
     }
     fn steps(&mut self, requests: &[StepRequest<'_>]) -> Result<Vec<StepReport>> {
-        self.sizes.push(requests.len());
+        // Probes move nothing.
+        if requests.iter().any(|request| request.rates != LearningRates::default()) {
+            self.sizes.push(requests.len());
+        }
         let mut from: Vec<usize> = (0..requests.len()).collect();
         if self.fault == Fault::Swap && from.len() > 1 {
             from.swap(0, 1);
@@ -287,13 +290,31 @@ fn after_a_device_failure_within_a_batch_training_can_be_resumed() {
 }
 
 #[test]
+fn a_failed_round_of_giving_back_loses_nothing_and_is_not_repeated() {
+    let views = photos(&scene());
+    let run = |fault, from: &TrainState| run(&mut BatchedBackend::new(5, fault), &views, from.clone(), 0);
+    let whole = run(Fault::None, &start());
+    let rounds = &whole.saved.last().unwrap().history.given_back;
+    assert_eq!(rounds.first().map(|round| round.step), Some(30), "{rounds:?}");
+    // The seventh plan, after six density-control steps.
+    let record = run(Fault::Revision(7), &start());
+    assert!(record.outcome.is_err());
+    let last = record.saved.last().unwrap();
+    assert_eq!((last.step, last.adam.step, last.revised_step), (30, 30, 30));
+    // Restored: probes leave moments of zero.
+    assert!(last.adam.texels_v.iter().any(|&v| v > 0.0));
+    assert!(run(Fault::None, last).outcome.is_ok());
+}
+
+#[test]
 fn a_failed_density_control_step_is_repeated_on_resume() {
     let views = photos(&scene());
     // Density control every 5 steps; then every 100 steps, with maps cropped and padded every 40.
     let mut cropping = TrainConfig { eval_every: 0, save_every: 0, ..config(125) };
     cropping.density.interval = 24_000;
     let cases = [(settings(), &[5, 10, 15, 20, 25, 30, 35][..]), (cropping, &[40, 80, 100, 120])];
-    for (config, due) in cases {
+    for (mut config, due) in cases {
+        config.density.give_back_db = 0.0;
         let run = |fault, from: &TrainState| {
             run_with(&config, &mut BatchedBackend::new(5, fault), &views, from.clone(), 0)
         };

@@ -355,7 +355,7 @@ mod tests {
         let grown = |policy: &str, budget: Budget| {
             let policy = policy.parse().unwrap();
             let mut config = TrainConfig { policy, budget, ..TrainConfig::default() };
-            config.density.overshoot = 1.0;
+            (config.density.overshoot, config.density.relocate_overshoot) = (1.0, 1.0);
             let grown = FOX.grown(&config);
             (grown.splats, grown.texels)
         };

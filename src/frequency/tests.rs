@@ -171,7 +171,8 @@ fn rules_round_as_documented() {
 
 #[test]
 fn the_weight_of_a_view_does_not_depend_on_its_size() {
-    let options = FrequencyOptions { quantile: 1.0, ..FrequencyOptions::paper() };
+    let options =
+        FrequencyOptions { quantile: 1.0, start_rule: StartRule::Quantile, ..FrequencyOptions::paper() };
     let fine = || noisy(SIZE.0, SIZE.1, &vec![0.5; SIZE.0 * SIZE.1], 0.15);
     let coarse = |w: usize, h: usize| noisy(w, h, &fractal(w, h, 1.3, 2), 0.0);
     let one = |schedule: &FrequencySchedule| openings(schedule).1;
@@ -212,9 +213,14 @@ fn one_noisy_photo_does_not_set_the_first_scale() {
         (0..20).map(|seed| noisy(120, 90, &fractal(120, 90, 1.3, seed), 0.0)).collect();
     photos[7] = noisy(120, 90, &vec![0.5; 120 * 90], 0.2);
     let start = |quantile: f64| {
-        schedule_of(photos.clone(), &FrequencyOptions { quantile, ..FrequencyOptions::paper() }).s_max
+        let start_rule = StartRule::Quantile;
+        schedule_of(photos.clone(), &FrequencyOptions { quantile, start_rule, ..FrequencyOptions::paper() })
+            .s_max
     };
     assert!(start(0.0) < 1.9 && start(0.1) > 3.0, "{} {}", start(0.0), start(0.1));
+    // Of the mean, one photo is a twentieth.
+    let of_mean = schedule_of(photos.clone(), &FrequencyOptions::paper()).s_max;
+    assert!(of_mean > start(0.0) + 0.1, "{of_mean}");
 }
 
 #[test]

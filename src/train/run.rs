@@ -297,8 +297,9 @@ impl Trainer<'_> {
         if due {
             self.begin_stage(step);
         }
-        let given_back = self.give_back()?;
+        // A round of giving back that fails is not repeated on resume.
         self.state.revised_step = step;
+        let given_back = self.give_back()?;
         Ok(due.then_some((counts, given_back)))
     }
 

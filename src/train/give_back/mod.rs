@@ -11,6 +11,7 @@ use super::config::TrainConfig;
 use super::exposure::Exposures;
 use super::targets::Targets;
 use crate::backend::{Backend, ColourMap, DensityPlan, MapChange, TargetImage};
+use crate::model::{AdamState, Model};
 use crate::views::ViewSource;
 use crate::{Error, Result};
 use error::mean_squared_error;
@@ -113,17 +114,31 @@ impl Round {
     /// is nothing to give back. The statistics of the backend are then to be set anew.
     ///
     /// # Errors
-    /// Whatever the backend or the views report.
+    /// Whatever the backend or the views report; the state is then that before the round, if the backend still works.
     pub(super) fn run(
         &self,
         backend: &mut dyn Backend,
         training: &mut TrainingViews<'_>,
     ) -> Result<Option<(GivenBack, Option<DensityPlan>)>> {
+        let before = backend.read_back()?;
+        let outcome = self.run_from(backend, training, &before);
+        if outcome.is_err() {
+            // Only the first error is reported.
+            let _ = backend.upload(&before.0, &before.1);
+        }
+        outcome
+    }
+
+    fn run_from(
+        &self,
+        backend: &mut dyn Backend,
+        training: &mut TrainingViews<'_>,
+        (model, adam): &(Model, AdamState),
+    ) -> Result<Option<(GivenBack, Option<DensityPlan>)>> {
         let mut rng = Pcg64Mcg::seed_from_u64(self.seed);
         let mut order = training.train_views.to_vec();
         order.shuffle(&mut rng);
         let checked: Vec<usize> = order.iter().rev().take(CHECKED_VIEWS).copied().collect();
-        let (model, adam) = backend.read_back()?;
         let probed = probed(backend.read_flushed()?);
         let params = probed.num_params();
         // An even part of what is too much for the budget.
@@ -139,7 +154,7 @@ impl Round {
             let derivatives = probe(backend, &probed, &self.view(training, view, &photo), rng.random())?;
             offers.observe(&derivatives);
         }
-        backend.upload(&model, &adam)?;
+        backend.upload(model, adam)?;
 
         // A budget holds whatever it costs.
         let is_bound = self.budget.is_some() && self.rounds_left == 1;
@@ -172,7 +187,7 @@ impl Round {
                 let mut is_worth_it = false;
                 for _ in 0..ATTEMPTS {
                     is_worth_it = take(backend, &Prices::all(price).only(kind))?.1;
-                    backend.upload(&model, &adam)?;
+                    backend.upload(model, adam)?;
                     if is_worth_it {
                         break;
                     }
@@ -188,7 +203,7 @@ impl Round {
         if is_worth_it || self.budget.is_some() {
             return Ok(Some((outcome, Some(plan))));
         }
-        backend.upload(&model, &adam)?;
+        backend.upload(model, adam)?;
         (outcome.splats, outcome.degrees, outcome.maps) = (0, 0, 0);
         (outcome.params, outcome.texels) = (params, probed.num_texels());
         Ok(Some((outcome, None)))
@@ -245,7 +260,7 @@ fn price_of(offers: &Offers<'_>, may_go: &[bool], params: usize) -> f64 {
 }
 
 /// The plan of the offers taken, and what it does.
-fn planned(model: &crate::model::Model, accepted: &[Option<Accepted>]) -> (GivenBack, DensityPlan) {
+fn planned(model: &Model, accepted: &[Option<Accepted>]) -> (GivenBack, DensityPlan) {
     let params = model.num_params();
     let mut outcome = GivenBack { params_before: params, params, ..GivenBack::default() };
     let mut plan = DensityPlan::default();
