@@ -228,21 +228,19 @@ fn no_budget_is_ever_exceeded() {
 
 #[test]
 fn what_grew_beyond_the_budget_is_given_back() {
-    for policy in [Policy::Litetex, Policy::Plain] {
-        let mut config = config(policy);
-        config.density.opacity_floor = [0.0; 2];
-        config.density.split_texels = [3.0; 2];
-        (config.density.overshoot, config.density.relocate_overshoot) = (2.0, 2.0);
-        let first = start(policy);
-        let most = first.model.num_params() + 500;
-        config.budget.max_params = Some(most);
-        let record = run(&config, first, 2);
-        assert!(record.largest[2] > most, "{policy}: {:?}", record.largest);
-        let (last, given_back) = (record.last.model.num_params(), &record.last.history.given_back);
-        assert!(last <= most, "{policy}: {last} of {most}, {given_back:?}");
-        assert!(given_back.iter().all(|round| round.params < round.params_before), "{given_back:?}");
-        assert!(!given_back.is_empty());
-    }
+    let mut config = config(Policy::Litetex);
+    config.density.opacity_floor = [0.0; 2];
+    config.density.split_texels = [3.0; 2];
+    config.density.overshoot = 2.0;
+    let first = start(Policy::Litetex);
+    let most = first.model.num_params() + 50;
+    config.budget.max_params = Some(most);
+    let record = run(&config, first, 2);
+    assert!(record.largest[2] > most, "{:?}", record.largest);
+    let (last, given_back) = (record.last.model.num_params(), &record.last.history.given_back);
+    assert!(last <= most, "{last} of {most}, {given_back:?}");
+    assert!(!given_back.is_empty());
+    assert!(given_back.iter().all(|round| round.params < round.params_before), "{given_back:?}");
 }
 
 #[test]
@@ -254,6 +252,8 @@ fn the_untextured_policy_keeps_its_budget_of_parameters_whatever_the_degrees() {
     first = TrainState::fresh(first.model);
     let most = first.model.num_params() + 900;
     let mut config = config(Policy::Plain);
+    config.density.give_back_db = 0.0;
+    config.density.relocate_until = 25_000;
     config.budget = Budget { max_params: Some(most), ..Budget::default() };
     let record = run(&config, first.clone(), 2);
     let held = record.saved.iter().chain([&record.last]).map(|state| state.model.num_params()).max().unwrap();
