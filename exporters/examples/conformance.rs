@@ -249,7 +249,11 @@ fn main() -> Result<()> {
     if std::env::args().nth(2).as_deref() == Some("--pack") {
         return write_pack(folder);
     }
-    let asset = scene(3, (0..SPLATS).map(|splat| splat % KINDS));
+    let mut asset = scene(3, (0..SPLATS).map(|splat| splat % KINDS));
+    // Base colours below 0 in one channel, which are clamped before residuals are added.
+    for (splat, sh) in asset.sh.chunks_exact_mut(3 * num_sh_coefficients(3)).enumerate().step_by(7) {
+        sh[splat % 3] = -2.4;
+    }
     let linear = SplatAsset {
         colour_space: ColourSpace::LinRec709Display,
         ..scene(1, (0..120).map(|splat| splat % KINDS))
