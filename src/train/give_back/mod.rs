@@ -8,6 +8,7 @@ mod probe;
 mod tests;
 
 use super::config::TrainConfig;
+use super::density::MapRule;
 use super::exposure::Exposures;
 use super::targets::Targets;
 use crate::backend::{Backend, ColourMap, DensityPlan, MapChange, TargetImage};
@@ -56,6 +57,8 @@ pub struct Round {
     pub step: u32,
     /// Views that are probed.
     pub probes: usize,
+    /// Whether the policy fixes the sizes of maps.
+    pub keeps_maps: bool,
     /// Colour behind all splats.
     pub background: [f32; 3],
     /// SH degree in use.
@@ -104,6 +107,7 @@ impl Round {
             rounds_left,
             step,
             probes: MOST_PROBES,
+            keeps_maps: config.policy.spec().map_rule != MapRule::Adaptive,
             background: config.background,
             sh_degree,
             seed: config.seed ^ u64::from(step).wrapping_mul(0x9E37_79B9_7F4A_7C15),
@@ -148,7 +152,7 @@ impl Round {
         }
         let error = self.error(backend, training, &checked)?;
 
-        let mut offers = Offers::new(&probed, order.len() > self.probes);
+        let mut offers = Offers::new(&probed, order.len() > self.probes, self.keeps_maps);
         for &view in order.iter().take(self.probes) {
             let photo = training.targets.get(training.views, view)?;
             let derivatives = probe(backend, &probed, &self.view(training, view, &photo), rng.random())?;

@@ -2,7 +2,7 @@
 
 use crate::backend::{Grid, MapChange};
 use crate::constants::sh_coefficients;
-use crate::model::{AdamState, Model, SplatGroup, texel_value, texel_value_slope};
+use crate::model::{AdamState, Model, ModelSize, SplatGroup, texel_value, texel_value_slope};
 use crate::train::density::{Coarsening, map_window};
 use rayon::prelude::*;
 
@@ -101,13 +101,15 @@ pub struct Offers<'a> {
     costs: Vec<Costs>,
     probes: u32,
     seen_min: u32,
+    keeps_maps: bool,
 }
 
 impl<'a> Offers<'a> {
-    /// Offers of unknown cost. With a sample of the views, nothing is known of splats that hardly any of them sees.
-    pub fn new(model: &'a Model, is_sample: bool) -> Self {
+    /// Offers of unknown cost. With a sample of the views, nothing is known of splats that hardly any of them sees. A policy
+    /// that fixes the sizes of maps keeps them.
+    pub fn new(model: &'a Model, is_sample: bool, keeps_maps: bool) -> Self {
         let seen_min = if is_sample { SEEN_MIN } else { 0 };
-        Self { model, costs: vec![Costs::default(); model.num_splats()], probes: 0, seen_min }
+        Self { model, costs: vec![Costs::default(); model.num_splats()], probes: 0, seen_min, keeps_maps }
     }
 
     /// Adds the derivatives of a probe.
@@ -150,7 +152,7 @@ impl<'a> Offers<'a> {
             saved += gain;
         }
         let gain = |offer: &Accepted, price: f64| price * offer.params as f64 - offer.cost;
-        let by_map = (map.rows > 0).then(|| self.map_offers(splat)).into_iter().flatten();
+        let by_map = (map.rows > 0 && !self.keeps_maps).then(|| self.map_offers(splat)).into_iter().flatten();
         let best_map = by_map.max_by(|a, b| gain(a, prices.maps).total_cmp(&gain(b, prices.maps)));
         if let Some(offer) = best_map
             && gain(&offer, prices.maps) > 0.0
@@ -180,12 +182,14 @@ impl<'a> Offers<'a> {
             cost: cost / probes,
         };
         let none = map_window(map, [Grid::Same; 2], [0; 2], [0; 2], [0; 2], [1.0; 2]);
-        let mut offers = vec![offer(none, 0, 2 + 3 * map.num_texels(), costs.map)];
+        let mut offers =
+            vec![offer(none, 0, params_of(degree, map.num_texels()) - params_of(degree, 0), costs.map)];
         for (axes, cost) in AXES.into_iter().zip(costs.coarser) {
             let Some(coarser) = Coarsening::new(map, axes) else { continue };
             let texels = coarser.num_texels();
             if texels < map.num_texels() {
-                offers.push(offer(coarser.change(map), texels, 3 * (map.num_texels() - texels), cost));
+                let params = params_of(degree, map.num_texels()) - params_of(degree, texels);
+                offers.push(offer(coarser.change(map), texels, params, cost));
             }
         }
         offers
@@ -194,7 +198,8 @@ impl<'a> Offers<'a> {
 
 /// Parameters of a splat.
 fn params_of(degree: u8, texels: usize) -> usize {
-    10 + 3 * sh_coefficients(degree.into()) + if texels > 0 { 2 + 3 * texels } else { 0 }
+    let maps = usize::from(texels > 0);
+    ModelSize { splats: 1, sh_coefficients: sh_coefficients(degree.into()), maps, texels }.params()
 }
 
 /// Squares of the derivatives of one probe in the directions of a splat's offers.

@@ -24,7 +24,7 @@ const TEXEL_MAX: f32 = 6.0;
 pub struct ProbeView<'a> {
     /// Camera of the view.
     pub camera: Camera,
-    /// Its photo, of which only size and mask count.
+    /// Its photo, of which a probe needs only size and mask.
     pub photo: &'a TargetImage,
     /// Display-space colour behind all splats.
     pub background: [f32; 3],
@@ -74,5 +74,11 @@ fn signs(photo: &TargetImage, seed: u64) -> TargetImage {
     let mut rgb = vec![0_u8; photo.rgb.len()];
     rng.fill_bytes(&mut rgb);
     rgb.iter_mut().for_each(|byte| *byte = if *byte < 128 { 0 } else { 255 });
-    TargetImage { rgb, alpha: None, ..photo.clone() }
+    TargetImage {
+        width_px: photo.width_px,
+        height_px: photo.height_px,
+        rgb,
+        mask: photo.mask.clone(),
+        alpha: None,
+    }
 }

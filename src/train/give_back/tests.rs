@@ -54,12 +54,20 @@ fn measured(scene: &RandomScene, offers: &Offers<'_>, may_go: &[bool], price: f6
 fn images_change_as_promised() {
     let scene = scene();
     let mut backend = CpuBackend::new(Some(2)).expect("a backend");
-    let mut offers = Offers::new(&scene.model, false);
+    let mut offers = Offers::new(&scene.model, false, false);
     let view = ProbeView { camera: scene.camera, photo: &scene.target, background: [0.2; 3], sh_degree: 3 };
     for seed in 0..PROBES {
         offers.observe(&probe(&mut backend, &scene.model, &view, seed).expect("derivatives"));
     }
     let none = vec![false; 40];
+    // Maps of a fixed size are not on offer; at this price all others go.
+    let has_changed_map = |keeps_maps: bool| {
+        let mut offers = Offers::new(&scene.model, false, keeps_maps);
+        offers.observe(&AdamState::zeros(&scene.model));
+        let accepted = accept(&offers, &none, &Prices::all(1.0));
+        accepted.iter().flatten().any(|o| o.kept.is_some_and(|kept| kept.map != MapChange::Keep))
+    };
+    assert_eq!([true, false].map(has_changed_map), [false, true]);
     // Few enough that they hardly hide each other.
     let some: Vec<bool> = (0..40).map(|splat| splat % 8 == 0).collect();
     let mut saved = 0;
