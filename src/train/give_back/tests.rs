@@ -36,11 +36,11 @@ fn render(backend: &mut CpuBackend, scene: &RandomScene) -> Vec<f32> {
 }
 
 /// Mean squared change of the image if the offers worth `price` are taken, with `may_go`; and what is promised.
-fn measured(scene: &RandomScene, offers: &Offers<'_>, may_go: &[bool], price: f64) -> (usize, f64, f64) {
+fn measured(scene: &RandomScene, offers: &Offers<'_>, may_go: &[bool], prices: &Prices) -> (usize, f64, f64) {
     let mut backend = CpuBackend::new(Some(2)).expect("a backend");
     backend.upload(&scene.model, &AdamState::zeros(&scene.model)).expect("room");
     let before = render(&mut backend, scene);
-    let accepted = accept(offers, may_go, &Prices::all(price));
+    let accepted = accept(offers, may_go, prices);
     let (outcome, plan) = planned(&scene.model, &accepted);
     backend.apply_plan(&plan).expect("a plan that fits");
     let after: Model = backend.read_flushed().expect("a model");
@@ -72,12 +72,12 @@ fn images_change_as_promised() {
     let some: Vec<bool> = (0..40).map(|splat| splat % 8 == 0).collect();
     let mut saved = 0;
     // At higher prices, what bands and maps lose together no longer adds up.
-    for (may_go, price) in [(&none, 1e-9), (&none, 1e-8), (&none, 1e-7), (&none, 1e-6), (&some, 1e-6)] {
-        let (params, changed, promised) = measured(&scene, &offers, may_go, price);
+    for price in [1e-9, 1e-8, 1e-7, 1e-6] {
+        let (params, changed, promised) = measured(&scene, &offers, &none, &Prices::all(price));
         println!("price {price:e}: {params} parameters, {changed:.3e}, promised {promised:.3e}");
         assert!(params >= saved, "a higher price gives back more");
         saved = params;
-        // Needed 0.7 to 1.3: squares of single probes vary by their own size, and offers that overlap add up.
+        // Needed 0.86 to 1.37: squares of single probes vary by their own size, and offers that overlap add up.
         let ratio = promised / changed;
         assert!((0.6..1.6).contains(&ratio), "{price:e}: {changed:e}, promised {promised:e}");
     }
