@@ -5,7 +5,6 @@ mod backdrop;
 #[cfg(test)]
 mod backdrop_tests;
 mod input;
-mod knn;
 mod patch;
 mod points;
 mod random;

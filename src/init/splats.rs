@@ -1,10 +1,10 @@
 //! Points to splats: size from the distance to the neighbours, colour from the point, an empty map.
 
 use super::input::{InitInput, InitOptions};
-use super::knn::mean_squared_spacing;
 use super::points::LocalPoint;
 use crate::Result;
 use crate::constants::{SH_0, sh_coefficients};
+use crate::knn::nearest;
 use crate::model::{Model, SplatArrays, TextureMap, TexturePool, support_half_extent};
 use crate::train::Policy;
 
@@ -17,12 +17,18 @@ const SPACING_FLOOR: f32 = 1e-7;
 /// Bounds of the initial standard deviations, local units (method 5.1).
 const SIGMA_BOUNDS: (f32, f32) = (1e-7, 1.0);
 
+/// Neighbours that the spacing is the mean over (3DGS).
+const NEIGHBOURS: usize = 3;
+
 /// Sets size and opacity of points that neighbour each other.
 pub(super) fn size_by_spacing(points: &mut [LocalPoint]) {
     let positions: Vec<[f32; 3]> = points.iter().map(|p| p.position).collect();
-    for (point, spacing) in points.iter_mut().zip(mean_squared_spacing(&positions)) {
+    for (point, neighbours) in points.iter_mut().zip(nearest::<NEIGHBOURS>(&positions)) {
+        let squares = neighbours.map(|(squared_distance, _)| squared_distance);
+        let found: Vec<f32> = squares.into_iter().filter(|d| d.is_finite()).collect();
+        let spacing = found.iter().sum::<f32>() / found.len() as f32;
         // A single point becomes as large as allowed.
-        let sigma = spacing.map_or(SIGMA_BOUNDS.1, |s| s.max(SPACING_FLOOR).sqrt());
+        let sigma = if found.is_empty() { SIGMA_BOUNDS.1 } else { spacing.max(SPACING_FLOOR).sqrt() };
         point.sigma = sigma.clamp(SIGMA_BOUNDS.0, SIGMA_BOUNDS.1);
         point.opacity = OPACITY;
     }

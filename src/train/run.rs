@@ -306,8 +306,7 @@ impl Trainer<'_> {
     /// Does the round of giving back that is due, if any.
     fn give_back(&mut self) -> Result<Option<GivenBack>> {
         let (config, step) = (self.config, self.state.step);
-        let rounds_left = self.schedule.rounds_left(step);
-        if rounds_left == 0 {
+        if self.schedule.rounds_left(step) == 0 {
             return Ok(None);
         }
         let mut training = TrainingViews {
@@ -316,14 +315,12 @@ impl Trainer<'_> {
             targets: &mut self.targets,
             exposures: &self.state.exposures,
         };
-        let round = Round::of(config, rounds_left, step, self.schedule.sh_degree(step, config.sh_degree));
-        let outcome = round.run(self.backend, &mut training)?;
-        if let Some((given_back, Some(plan))) = &outcome {
-            self.state.histories = plan.sources.iter().map(|&s| self.state.histories[s as usize]).collect();
-            self.size = [plan.sources.len(), given_back.texels];
+        let round = Round::of(config, &self.schedule, step);
+        let given_back = round.run(self.backend, &mut training, &mut self.state.histories)?;
+        if let Some(given_back) = &given_back {
+            self.size = [self.state.histories.len(), given_back.texels];
         }
         self.backend.set_statistics(&WindowStatistics::empty(self.size[0]))?;
-        let given_back = outcome.map(|(given_back, _)| given_back);
         self.state.history.given_back.extend(given_back);
         Ok(given_back)
     }

@@ -19,6 +19,7 @@ impl DensityConfig {
             ("coarsen-below", self.coarsen_below, 0.0, 1e3, true),
             ("sh-below", self.sh_below, 0.0, 1e3, true),
             ("need-db", self.need_db, 0.0, 100.0, true),
+            ("floor-db", self.floor_db, 0.0, 200.0, true),
             ("grow-by-axis", self.grow_by_axis, 0.0, 1e6, true),
             ("texel-gain", self.texel_gain, 0.0, 1e6, true),
             ("split-texels", split_start, 0.0, 1e6, false),

@@ -23,7 +23,7 @@ mod tests;
 
 pub use coarse::Coarsening;
 pub use decide::decide;
-pub use geometry::{TEXELS_MAX, first_texel_size, half_extents, morton_codes, pixel_sizes};
+pub use geometry::{TEXELS_MAX, even_texels, first_texel_size, half_extents, morton_codes, pixel_sizes};
 pub use growth::Growth;
 pub use history::{SplatHistory, Trial};
 pub use maps::window as map_window;

@@ -148,6 +148,12 @@ pub struct DensityConfig {
     /// The finished model gives back 10 % of its parameters where that costs the training views less than this, dB of PSNR;
     /// 0: none (the paper). Default 0.05 (method 6.15; choices 17).
     pub give_back_db: f64,
+    /// PSNR of the training views that is good enough, dB: where parameters are priced, its error is added to that of the
+    /// model. Default 40 (method 6.15; choices 17).
+    pub floor_db: f64,
+    /// Whether rounds of giving back without a budget merge neighbours that lie in one plane. Default on (method 6.16; choices
+    /// 17).
+    pub merge: bool,
     /// Most rounds of giving back, from the end of densification to the last fifth of the steps; two in short runs.
     /// Default 4 (choices 17).
     pub give_back_rounds: u32,
@@ -230,6 +236,8 @@ impl Default for DensityConfig {
             texture_start: 1_000,
             need_db: 0.0,
             give_back_db: 0.05,
+            floor_db: 40.0,
+            merge: true,
             give_back_rounds: 4,
             overshoot: 4.0,
             quantile: 0.6,

@@ -2,21 +2,24 @@
 //! their parameters are worth (method 6.15).
 
 mod error;
+mod merge;
 mod offers;
 mod probe;
 #[cfg(test)]
 mod tests;
 
 use super::config::TrainConfig;
-use super::density::MapRule;
+use super::density::{MapRule, SplatHistory};
 use super::exposure::Exposures;
+use super::schedule::Schedule;
 use super::targets::Targets;
 use crate::backend::{Backend, ColourMap, DensityPlan, MapChange, TargetImage};
 use crate::model::{AdamState, Model};
 use crate::views::ViewSource;
 use crate::{Error, Result};
 use error::mean_squared_error;
-use offers::{Accepted, Offers, Prices};
+use merge::{Limits, Trial};
+use offers::{Accepted, Offers, Prices, SplatCosts};
 use probe::{ProbeView, probe, probed};
 use rand::seq::SliceRandom as _;
 use rand::{RngExt as _, SeedableRng as _};
@@ -43,11 +46,17 @@ const ATTEMPTS: u32 = 3;
 /// Share of the splats that a round may remove: of two that hide the same, one looks as idle as the other.
 const REMOVABLE: f64 = 0.5;
 
+/// Steps of a run for each step of a trial of merges, and the least and most steps of a trial.
+const STEPS_PER_TRIAL_STEP: u32 = 40;
+const TRIAL_STEPS: [u32; 2] = [8, 64];
+
 /// A round of giving back.
 #[derive(Clone, Copy, Debug)]
 pub struct Round {
     /// What 10 % of the parameters must be worth to stay, dB of the PSNR of training views; 0: nothing.
     pub need_db: f64,
+    /// Mean squared error that is good enough: added to that of the model where parameters are priced.
+    pub floor: f64,
     /// Parameters to which the model must come down by the last round, whatever they are worth; with a budget, nothing
     /// else is given back.
     pub budget: Option<usize>,
@@ -65,6 +74,8 @@ pub struct Round {
     pub sh_degree: u32,
     /// Seed of views, signs and what may be removed.
     pub seed: u64,
+    /// How merges are tried; `None`: nothing is merged.
+    trial: Option<Trial>,
 }
 
 /// What a round did.
@@ -74,6 +85,8 @@ pub struct GivenBack {
     pub step: u32,
     /// Splats removed.
     pub splats: usize,
+    /// Splats that were merged with others, less those that came of it.
+    pub merged: usize,
     /// Splats that lost SH bands.
     pub degrees: usize,
     /// Maps coarsened or dropped.
@@ -100,22 +113,36 @@ pub(super) struct TrainingViews<'a> {
 
 impl Round {
     /// The round of a run that follows a step; with this one, `rounds_left` are still to come.
-    pub fn of(config: &TrainConfig, rounds_left: u32, step: u32, sh_degree: u32) -> Self {
+    pub fn of(config: &TrainConfig, schedule: &Schedule, step: u32) -> Self {
+        let density = &config.density;
+        let keeps_maps = matches!(config.policy.spec().map_rule, MapRule::Fixed(_));
+        let trial = Trial {
+            limits: Limits {
+                widest_px: density.split_texels[1] * density.min_texel_px / 3.0,
+                finest_px: density.min_texel_px,
+                alpha_texture: density.alpha_texture,
+            },
+            steps: (config.steps / STEPS_PER_TRIAL_STEP).clamp(TRIAL_STEPS[0], TRIAL_STEPS[1]),
+            loss: config.loss,
+            rates: schedule.rates(config, step + 1),
+        };
         Self {
-            need_db: config.density.give_back_db,
+            need_db: density.give_back_db,
+            floor: 10.0_f64.powf(-density.floor_db / 10.0),
             budget: config.budget.max_params,
-            rounds_left,
+            rounds_left: schedule.rounds_left(step),
             step,
             probes: MOST_PROBES,
-            keeps_maps: config.policy.spec().map_rule != MapRule::Adaptive,
+            keeps_maps,
             background: config.background,
-            sh_degree,
+            sh_degree: schedule.sh_degree(step, config.sh_degree),
             seed: config.seed ^ u64::from(step).wrapping_mul(0x9E37_79B9_7F4A_7C15),
+            trial: (density.merge && config.budget.max_params.is_none() && !keeps_maps).then_some(trial),
         }
     }
 
-    /// Does the round. Returns what it did, and the plan that the backend carried out, unless it was undone; `None` if there
-    /// is nothing to give back. The statistics of the backend are then to be set anew.
+    /// Does the round, and brings the histories of the splats along. Returns what it did; `None` if there is nothing to give
+    /// back. The statistics of the backend are then to be set anew.
     ///
     /// # Errors
     /// Whatever the backend or the views report; the state is then that before the round, if the backend still works.
@@ -123,12 +150,15 @@ impl Round {
         &self,
         backend: &mut dyn Backend,
         training: &mut TrainingViews<'_>,
-    ) -> Result<Option<(GivenBack, Option<DensityPlan>)>> {
+        histories: &mut Vec<SplatHistory>,
+    ) -> Result<Option<GivenBack>> {
         let before = backend.read_back()?;
-        let outcome = self.run_from(backend, training, &before);
-        if outcome.is_err() {
+        let mut after = histories.clone();
+        let outcome = self.run_from(backend, training, &before, &mut after);
+        match outcome {
+            Ok(_) => *histories = after,
             // Only the first error is reported.
-            let _ = backend.upload(&before.0, &before.1);
+            Err(_) => drop(backend.upload(&before.0, &before.1)),
         }
         outcome
     }
@@ -137,8 +167,9 @@ impl Round {
         &self,
         backend: &mut dyn Backend,
         training: &mut TrainingViews<'_>,
-        (model, adam): &(Model, AdamState),
-    ) -> Result<Option<(GivenBack, Option<DensityPlan>)>> {
+        before: &(Model, AdamState),
+        histories: &mut Vec<SplatHistory>,
+    ) -> Result<Option<GivenBack>> {
         let mut rng = Pcg64Mcg::seed_from_u64(self.seed);
         let mut order = training.train_views.to_vec();
         order.shuffle(&mut rng);
@@ -151,35 +182,81 @@ impl Round {
             return Ok(None);
         }
         let error = self.error(backend, training, &checked)?;
+        let offers = self.probe(backend, training, &probed, &order, &mut rng)?;
+        let worth = self.price(error, params);
+        let slack = ((self.floor - error) / f64::from(self.rounds_left)).max(0.0);
+        let cut = self.cut(backend, training, before, &offers, (error, excess, &checked), &mut rng)?;
+        let (mut outcome, plan) = match cut {
+            Some((outcome, plan)) => (Some(outcome), plan),
+            None => (None, None),
+        };
+        let sources = plan.map_or_else(|| (0..probed.num_splats() as u32).collect(), |plan| plan.sources);
+        *histories = sources.iter().map(|&source| histories[source as usize]).collect();
+        if let Some(trial) = &self.trial {
+            let costs: Vec<SplatCosts> = sources.iter().map(|&source| offers.costs(source as usize)).collect();
+            let merged = self.merge(backend, training, trial, (&order, &checked), (worth, slack), &costs)?;
+            if let Some(merged) = merged {
+                let outcome = outcome.get_or_insert(GivenBack { step: self.step, params_before: params, ..GivenBack::default() });
+                outcome.merged = sources.len() - merged.sources.len();
+                (outcome.params, outcome.texels) = (merged.params, merged.texels);
+                *histories = merged.histories(histories);
+            }
+        }
+        Ok(outcome)
+    }
 
-        let mut offers = Offers::new(&probed, order.len() > self.probes, self.keeps_maps);
+    /// Probes views in this order. Leaves the probed model in the backend.
+    fn probe<'m>(
+        &self,
+        backend: &mut dyn Backend,
+        training: &mut TrainingViews<'_>,
+        probed: &'m Model,
+        order: &[usize],
+        rng: &mut Pcg64Mcg,
+    ) -> Result<Offers<'m>> {
+        let mut offers = Offers::new(probed, order.len() > self.probes, self.keeps_maps);
         for &view in order.iter().take(self.probes) {
             let photo = training.targets.get(training.views, view)?;
-            let derivatives = probe(backend, &probed, &self.view(training, view, &photo), rng.random())?;
+            let derivatives = probe(backend, probed, &self.view(training, view, &photo), rng.random())?;
             offers.observe(&derivatives);
         }
-        backend.upload(model, adam)?;
+        Ok(offers)
+    }
 
+    /// Takes the offers that are worth it, or as many as the budget demands, where the views `checked` have this error now.
+    /// Returns what that did, and the plan that the backend carried out, unless it was undone.
+    fn cut(
+        &self,
+        backend: &mut dyn Backend,
+        training: &mut TrainingViews<'_>,
+        (model, adam): &(Model, AdamState),
+        offers: &Offers<'_>,
+        (error, excess, checked): (f64, Option<usize>, &[usize]),
+        rng: &mut Pcg64Mcg,
+    ) -> Result<Option<(GivenBack, Option<DensityPlan>)>> {
+        backend.upload(model, adam)?;
+        let probed = offers.model();
+        let params = probed.num_params();
         // A budget holds whatever it costs.
         let is_bound = self.budget.is_some() && self.rounds_left == 1;
         let removable = if is_bound { 1.0 } else { REMOVABLE };
         let may_go: Vec<bool> = (0..probed.num_splats()).map(|_| rng.random_bool(removable)).collect();
         let worth = match excess {
             None => self.price(error, params),
-            Some(excess) => price_of(&offers, &may_go, excess),
+            Some(excess) => price_of(offers, &may_go, excess),
         };
         let db = |rise: f64| 10.0 * (1.0 + rise / error.max(f64::MIN_POSITIVE)).log10();
         // Takes the offers at these prices. Returns what that does, whether it is worth it, and the plan.
         let mut take = |backend: &mut dyn Backend, prices: &Prices| {
-            let accepted = accept(&offers, &may_go, prices);
+            let accepted = accept(offers, &may_go, prices);
             let promised: f64 = accepted.iter().flatten().map(|offer| offer.cost).sum();
-            let (mut outcome, plan) = planned(&probed, &accepted);
+            let (mut outcome, plan) = planned(probed, &accepted);
             // A model without splats could not be trained any further.
             if outcome.params == params || plan.sources.is_empty() {
                 return Ok((outcome, false, plan));
             }
             backend.apply_plan(&plan)?;
-            let rise = self.error(backend, training, &checked)? - error;
+            let rise = self.error(backend, training, checked)? - error;
             (outcome.step, outcome.promised_db, outcome.measured_db) = (self.step, db(promised), db(rise));
             Ok::<_, Error>((outcome, rise <= worth * (params - outcome.params) as f64, plan))
         };
@@ -215,7 +292,7 @@ impl Round {
 
     /// Mean squared error that a parameter is worth.
     fn price(&self, error: f64, params: usize) -> f64 {
-        error * (10.0_f64.powf(self.need_db / 10.0) - 1.0) / (PRICED_SHARE * params as f64)
+        (error + self.floor) * (10.0_f64.powf(self.need_db / 10.0) - 1.0) / (PRICED_SHARE * params as f64)
     }
 
     fn view<'p>(&self, training: &TrainingViews<'_>, view: usize, photo: &'p TargetImage) -> ProbeView<'p> {

@@ -1,7 +1,7 @@
 //! What each splat could do without, and what that would cost.
 
 use crate::backend::{Grid, MapChange};
-use crate::constants::sh_coefficients;
+use crate::constants::{SH_0, sh_coefficients};
 use crate::model::{AdamState, Model, ModelSize, SplatGroup, texel_value, texel_value_slope};
 use crate::train::density::{Coarsening, map_window};
 use rayon::prelude::*;
@@ -22,6 +22,8 @@ struct Costs {
     seen: u32,
     /// Of its removal.
     removal: f64,
+    /// Of a change of its colour by 1 in all channels.
+    colour: f64,
     /// Of the loss of all SH bands above degree 0, 1 and 2.
     degrees: [f64; LOWER_DEGREES],
     /// Of the loss of its map.
@@ -34,10 +36,20 @@ impl Costs {
     fn add(&mut self, other: &Self) {
         self.seen += other.seen;
         self.removal += other.removal;
+        self.colour += other.colour;
         self.map += other.map;
         self.degrees.iter_mut().zip(other.degrees).for_each(|(sum, cost)| *sum += cost);
         self.coarser.iter_mut().zip(other.coarser).for_each(|(sum, cost)| *sum += cost);
     }
+}
+
+/// What changes of a splat cost, mean squared changes of the images.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct SplatCosts {
+    /// Of its removal.
+    pub removal: f64,
+    /// Of a change of its colour by 1 in all channels.
+    pub colour: f64,
 }
 
 /// What parameters are worth, in mean squared error, by the kind of offer: 0 for kinds that are not taken.
@@ -120,6 +132,17 @@ impl<'a> Offers<'a> {
         self.probes += 1;
     }
 
+    /// The model.
+    pub fn model(&self) -> &'a Model {
+        self.model
+    }
+
+    /// What changes of a splat cost.
+    pub fn costs(&self, splat: usize) -> SplatCosts {
+        let (costs, probes) = (&self.costs[splat], f64::from(self.probes.max(1)));
+        SplatCosts { removal: costs.removal / probes, colour: costs.colour / probes }
+    }
+
     /// The offer of a splat that saves most at these prices; `None` if all cost more than they save. Only splats that
     /// `may_go` are removed.
     pub fn best(&self, splat: usize, prices: &Prices, may_go: bool) -> Option<Accepted> {
@@ -197,7 +220,7 @@ impl<'a> Offers<'a> {
 }
 
 /// Parameters of a splat.
-fn params_of(degree: u8, texels: usize) -> usize {
+pub fn params_of(degree: u8, texels: usize) -> usize {
     let maps = usize::from(texels > 0);
     ModelSize { splats: 1, sh_coefficients: sh_coefficients(degree.into()), maps, texels }.params()
 }
@@ -212,6 +235,7 @@ fn costs_of(model: &Model, derivatives: &AdamState, splat: usize) -> Costs {
     let width = SplatGroup::Sh.width(model.splats.sh_degree);
     let held = 3 * sh_coefficients(model.splats.sh_degrees[splat].into());
     let [sh, by_sh] = [&model.splats.sh, &derivatives.splats_m.sh].map(|sh| &sh[splat * width..][..held]);
+    costs.colour = by_sh[..3].iter().map(|&d| (f64::from(d) / SH_0).powi(2)).sum();
     for (degree, cost) in costs.degrees.iter_mut().enumerate() {
         let first = (3 * sh_coefficients(degree as u32)).min(held);
         *cost = dot(sh[first..].iter().zip(&by_sh[first..]).map(|(&c, &d)| (c.into(), d.into()))).powi(2);

@@ -1,9 +1,6 @@
-//! Distances to the nearest neighbours in a point cloud, by a balanced k-d tree. Points may coincide.
+//! The nearest neighbours in a point cloud, by a balanced k-d tree. Points may coincide.
 
 use rayon::prelude::*;
-
-/// Neighbours that the spacing is the mean over (3DGS).
-const NEIGHBOURS: usize = 3;
 
 /// Points in a leaf; comparing this few is faster than descending further.
 const LEAF: usize = 8;
@@ -16,8 +13,8 @@ struct Tree<'a> {
     axes: Vec<u8>,
 }
 
-/// The smallest squared distances found so far, ascending.
-type Best = [f32; NEIGHBOURS];
+/// The nearest points found so far and their squared distances, ascending.
+type Best<const K: usize> = [(f32, u32); K];
 
 impl<'a> Tree<'a> {
     fn new(points: &'a [[f32; 3]]) -> Self {
@@ -29,7 +26,7 @@ impl<'a> Tree<'a> {
         tree
     }
 
-    fn search(&self, range: std::ops::Range<usize>, own: u32, best: &mut Best) {
+    fn search<const K: usize>(&self, range: std::ops::Range<usize>, own: u32, best: &mut Best<K>) {
         let query = self.points[own as usize];
         if range.len() <= LEAF {
             self.order[range].iter().for_each(|&other| self.visit(own, other, best));
@@ -43,20 +40,21 @@ impl<'a> Tree<'a> {
         let (lower, upper) = (range.start..middle, middle + 1..range.end);
         let (near, far) = if offset < 0.0 { (lower, upper) } else { (upper, lower) };
         self.search(near, own, best);
-        if offset * offset < best[NEIGHBOURS - 1] {
+        if offset * offset < best[K - 1].0 {
             self.search(far, own, best);
         }
     }
 
-    fn visit(&self, own: u32, other: u32, best: &mut Best) {
+    fn visit<const K: usize>(&self, own: u32, other: u32, best: &mut Best<K>) {
         if other == own {
             return;
         }
         let (a, b) = (self.points[own as usize], self.points[other as usize]);
-        let mut distance: f32 = (0..3).map(|i| (a[i] - b[i]) * (a[i] - b[i])).sum();
+        let distance: f32 = (0..3).map(|i| (a[i] - b[i]) * (a[i] - b[i])).sum();
+        let mut found = (distance, other);
         for slot in best {
-            if distance < *slot {
-                std::mem::swap(slot, &mut distance);
+            if found.0 < slot.0 {
+                std::mem::swap(slot, &mut found);
             }
         }
     }
@@ -90,17 +88,16 @@ fn split(points: &[[f32; 3]], order: &mut [u32], axes: &mut [u8]) {
     split(points, &mut rest[1..], &mut axes_rest[1..]);
 }
 
-/// Mean squared distance of each point to its three nearest neighbours, or to fewer if there are no more;
-/// `None` for a single point. All points must be finite.
-pub(super) fn mean_squared_spacing(points: &[[f32; 3]]) -> Vec<Option<f32>> {
+/// The `K` nearest other points of each point and their squared distances, the nearest first; infinitely far where there are
+/// fewer. All points must be finite.
+pub fn nearest<const K: usize>(points: &[[f32; 3]]) -> Vec<[(f32, u32); K]> {
     let tree = Tree::new(points);
     (0..points.len() as u32)
         .into_par_iter()
         .map(|own| {
-            let mut best = [f32::INFINITY; NEIGHBOURS];
+            let mut best = [(f32::INFINITY, own); K];
             tree.search(0..points.len(), own, &mut best);
-            let found: Vec<f32> = best.into_iter().filter(|d| d.is_finite()).collect();
-            (!found.is_empty()).then(|| found.iter().sum::<f32>() / found.len() as f32)
+            best
         })
         .collect()
 }
@@ -109,16 +106,17 @@ pub(super) fn mean_squared_spacing(points: &[[f32; 3]]) -> Vec<Option<f32>> {
 mod tests {
     use super::*;
 
-    fn brute_force(points: &[[f32; 3]]) -> Vec<Option<f32>> {
+    fn squared_distance(points: &[[f32; 3]], a: usize, b: usize) -> f32 {
+        (0..3).map(|axis| (points[a][axis] - points[b][axis]).powi(2)).sum()
+    }
+
+    fn brute_force(points: &[[f32; 3]]) -> Vec<[f32; 3]> {
         (0..points.len())
             .map(|i| {
-                let mut all: Vec<f32> = (0..points.len())
-                    .filter(|&j| j != i)
-                    .map(|j| (0..3).map(|a| (points[i][a] - points[j][a]).powi(2)).sum())
-                    .collect();
+                let others = (0..points.len()).filter(|&j| j != i);
+                let mut all: Vec<f32> = others.map(|j| squared_distance(points, i, j)).collect();
                 all.sort_by(f32::total_cmp);
-                all.truncate(NEIGHBOURS);
-                (!all.is_empty()).then(|| all.iter().sum::<f32>() / all.len() as f32)
+                [0, 1, 2].map(|k| all.get(k).copied().unwrap_or(f32::INFINITY))
             })
             .collect()
     }
@@ -133,10 +131,18 @@ mod tests {
     }
 
     #[test]
-    fn spacing_matches_comparing_all_pairs() {
+    fn neighbours_match_comparing_all_pairs() {
         for (count, levels) in [(0, 9), (1, 9), (2, 9), (3, 9), (500, 10_000), (500, 4), (300, 1)] {
             let points = cloud(count, levels);
-            assert_eq!(mean_squared_spacing(&points), brute_force(&points), "{count} {levels}");
+            let found = nearest::<3>(&points);
+            let distances: Vec<_> = found.iter().map(|best| best.map(|(distance, _)| distance)).collect();
+            assert_eq!(distances, brute_force(&points), "{count} {levels}");
+            for (own, best) in found.iter().enumerate() {
+                for &(distance, other) in best.iter().filter(|best| best.0.is_finite()) {
+                    assert_ne!(own, other as usize);
+                    assert_eq!(distance, squared_distance(&points, own, other as usize));
+                }
+            }
         }
     }
 }

@@ -1,0 +1,132 @@
+//! Whether training makes up for merges: a model with them and one without are trained alike for a while, and compared.
+
+use super::super::{Round, TrainingViews};
+use super::{Limits, Merging, Parts};
+use crate::Result;
+use crate::backend::{Backend, LearningRates, LossWeights, StepRequest};
+use crate::train::density::{SplatHistory, pixel_sizes};
+use crate::train::give_back::offers::SplatCosts;
+
+/// Prices of merges over what parameters are worth, since training makes up for much of what merges cost.
+const RAISES: [f64; 6] = [1024.0, 256.0, 64.0, 16.0, 4.0, 1.0];
+
+/// Trials of one round: merges at a lower price are tried if those before were not worth it.
+const TRIALS: usize = 2;
+
+/// Training of a trial.
+#[derive(Clone, Copy, Debug)]
+pub struct Trial {
+    /// Bounds of merged splats.
+    pub limits: Limits,
+    /// Steps.
+    pub steps: u32,
+    /// Weights of the loss terms.
+    pub loss: LossWeights,
+    /// Learning rates.
+    pub rates: LearningRates,
+}
+
+/// Merges that were worth it.
+pub struct Merged {
+    /// For each splat the one that it was; of merged ones, the first.
+    pub sources: Vec<u32>,
+    /// Sides of the maps, in texels.
+    pub sides: Vec<u16>,
+    /// Parameters after.
+    pub params: usize,
+    /// Texels after.
+    pub texels: usize,
+}
+
+impl Merged {
+    /// The histories of the splats, given those before. Their ceilings allow the maps of merged splats.
+    pub fn histories(&self, before: &[SplatHistory]) -> Vec<SplatHistory> {
+        let of = |(&source, &side): (&u32, &u16)| {
+            let history = before[source as usize];
+            SplatHistory { ceiling: history.ceiling.max(side), ..history }
+        };
+        self.sources.iter().zip(&self.sides).map(of).collect()
+    }
+}
+
+impl Round {
+    /// Merges neighbours of the model in the backend if training makes up for what that costs: if the error of the views
+    /// `checked` rises by less than the parameters saved are worth, at `worth` each. `costs` are those of its splats.
+    ///
+    /// # Errors
+    /// Whatever the backend or the views report.
+    pub fn merge(
+        &self,
+        backend: &mut dyn Backend,
+        training: &mut TrainingViews<'_>,
+        trial: &Trial,
+        (order, checked): (&[usize], &[usize]),
+        (worth, slack): (f64, f64),
+        costs: &[SplatCosts],
+    ) -> Result<Option<Merged>> {
+        let (stored, adam) = backend.read_back()?;
+        // Merged splats take flushed values, all others keep theirs.
+        let model = backend.read_flushed()?;
+        let cameras: Vec<_> = order.iter().map(|&view| training.views.camera(view)).collect();
+        let parts = Parts::of(&model, costs, &pixel_sizes(&model, &cameras));
+        let mut without = None;
+        let mut trials = 0;
+        for raise in RAISES {
+            let merged = parts.merged_at(raise * worth, &trial.limits);
+            let allowed = (worth * (parts.params() - merged.params()) as f64).max(slack);
+            if merged.len() == parts.len() || trials == TRIALS {
+                break;
+            }
+            if merged.cost() > allowed {
+                continue;
+            }
+            trials += 1;
+            let without = match without {
+                Some(error) => error,
+                None => {
+                    self.train(backend, training, trial, order, adam.step)?;
+                    *without.insert(self.error(backend, training, checked)?)
+                }
+            };
+            let Merging { model, adam, sources } = merged.build(&stored, &adam)?;
+            backend.upload(&model, &adam)?;
+            self.train(backend, training, trial, order, adam.step)?;
+            let rise = self.error(backend, training, checked)? - without;
+            if rise <= allowed {
+                backend.upload(&model, &adam)?;
+                let sides = model.textures.maps.iter().map(|map| map.rows.max(map.cols)).collect();
+                let (params, texels) = (model.num_params(), model.num_texels());
+                return Ok(Some(Merged { sources, sides, params, texels }));
+            }
+        }
+        backend.upload(&stored, &adam)?;
+        Ok(None)
+    }
+
+    /// Trains the model in the backend, on views in this order.
+    fn train(
+        &self,
+        backend: &mut dyn Backend,
+        training: &mut TrainingViews<'_>,
+        trial: &Trial,
+        order: &[usize],
+        done: u32,
+    ) -> Result<()> {
+        for (step, &view) in (done + 1..=done + trial.steps).zip(order.iter().cycle()) {
+            let target = training.targets.get(training.views, view)?;
+            backend.steps(&[StepRequest {
+                step,
+                camera: training.targets.camera(training.views, view),
+                photo: training.targets.photo(view),
+                target: &target,
+                background: self.background,
+                sh_degree: self.sh_degree,
+                loss: trial.loss,
+                rates: trial.rates,
+                accumulate_statistics: false,
+                exposure: training.exposures.of(view),
+            }])?;
+        }
+        Ok(())
+    }
+}
