@@ -1,16 +1,17 @@
 //! Promises of offers, against what their plans do to the image.
 
 use super::offers::{Offers, Prices};
-use super::probe::{ProbeView, probe, probed};
+use super::probe::{ProbeView, probe, probe_through, probed};
 use super::{accept, planned, price_of};
-use crate::backend::{Backend as _, MapChange, RenderOptions};
+use crate::backend::{Backend as _, ColourMap, MapChange, RenderOptions};
 use crate::cpu::CpuBackend;
 use crate::model::{AdamState, Model};
 use crate::selftest::{RandomScene, SceneOptions, random_scene};
 
 const PROBES: u64 = 300;
 
-fn scene() -> RandomScene {
+/// A scene whose splats have this coefficient of SH degree 0 in all channels.
+fn scene(dc: f32) -> RandomScene {
     let mut scene = random_scene(&SceneOptions {
         num_splats: 40,
         map_sizes: vec![(4, 4), (8, 6), (2, 5), (1, 1), (0, 0)],
@@ -24,7 +25,7 @@ fn scene() -> RandomScene {
     // Colours that the clamp at 0 leaves alone, so that the image is linear in SH coefficients and texels.
     let width = scene.model.splats.sh.len() / scene.model.num_splats();
     for sh in scene.model.splats.sh.chunks_exact_mut(width) {
-        sh[..3].fill(1.5);
+        sh[..3].fill(dc);
     }
     scene.model = probed(scene.model);
     scene
@@ -52,7 +53,7 @@ fn measured(scene: &RandomScene, offers: &Offers<'_>, may_go: &[bool], prices: &
 
 #[test]
 fn images_change_as_promised() {
-    let scene = scene();
+    let scene = scene(1.5);
     let mut backend = CpuBackend::new(Some(2)).expect("a backend");
     let mut offers = Offers::new(&scene.model, false, false);
     let view = ProbeView { camera: scene.camera, photo: &scene.target, background: [0.2; 3], sh_degree: 3 };
@@ -103,4 +104,36 @@ fn images_change_as_promised() {
     let after = render(&mut backend, &scene);
     let squares: f64 = before.iter().zip(after).map(|(a, b)| f64::from(a - b).powi(2)).sum();
     assert!(squares / before.len() as f64 > 3.0 * promised, "{squares}, promised {promised:e}");
+}
+
+#[test]
+fn removal_costs_what_is_promised_in_bright_scenes() {
+    let scene = scene(4.0);
+    let mut backend = CpuBackend::new(Some(2)).expect("a backend");
+    backend.upload(&scene.model, &AdamState::zeros(&scene.model)).expect("room");
+    let image = render(&mut backend, &scene);
+    let bright = image.iter().filter(|&&value| value > 1.0).count() as f64 / image.len() as f64;
+    assert!(bright > 0.2, "{bright}: the rest is background");
+    assert!(image.iter().all(|value| (-1.5..2.5).contains(value)), "what a probe can tell");
+    let view = ProbeView { camera: scene.camera, photo: &scene.target, background: [0.2; 3], sh_degree: 3 };
+    // Few enough that they hardly hide each other.
+    let some: Vec<bool> = (0..40).map(|splat| splat % 8 == 0).collect();
+    let mut ratio = |exposure: Option<ColourMap>| {
+        let mut offers = Offers::new(&scene.model, false, false);
+        for seed in 0..PROBES {
+            let derivatives = match &exposure {
+                None => probe(&mut backend, &scene.model, &view, seed),
+                Some(exposure) => probe_through(exposure, &mut backend, &scene.model, &view, seed),
+            };
+            offers.observe(&derivatives.expect("derivatives"));
+        }
+        let (_, changed, promised) = measured(&scene, &offers, &some, &Prices::all(1.0).only(0));
+        println!("removal: {changed:.3e}, promised {promised:.3e}");
+        promised / changed
+    };
+    let ratios = [None, Some(ColourMap::IDENTITY)].map(&mut ratio);
+    // Needed 1.005; squares of 300 probes vary by 8 %, and sums of five splats by less.
+    assert!((0.8..1.25).contains(&ratios[0]), "{ratios:?}");
+    // Negative control: the image itself is brighter than both photos, so that most signs are the same. Measured 30.
+    assert!(ratios[1] > 10.0, "{ratios:?}");
 }
