@@ -1,6 +1,7 @@
 //! A finished model gives back what it does not miss: splats, SH bands and texels whose loss costs less squared error than
 //! their parameters are worth (method 6.15).
 
+mod costs;
 mod error;
 mod offers;
 mod probe;
@@ -16,7 +17,7 @@ use crate::model::{AdamState, Model};
 use crate::views::ViewSource;
 use crate::{Error, Result};
 use error::mean_squared_error;
-use offers::{Accepted, Offers, Prices};
+use offers::{Accepted, KINDS, Offers, Prices};
 use probe::{ProbeView, probe, probed};
 use rand::seq::SliceRandom as _;
 use rand::{RngExt as _, SeedableRng as _};
@@ -33,9 +34,6 @@ const CHECKED_VIEWS: usize = 8;
 
 /// Views that a round probes, at most. A splat that only other views see would look idle.
 pub const MOST_PROBES: usize = 64;
-
-/// Kinds of offers: removal, SH bands and texels.
-const KINDS: usize = 3;
 
 /// Attempts for each kind, each at half the price of the one before.
 const ATTEMPTS: u32 = 3;
@@ -76,7 +74,7 @@ pub struct GivenBack {
     pub splats: usize,
     /// Splats that lost SH bands.
     pub degrees: usize,
-    /// Maps coarsened or dropped.
+    /// Maps cropped, coarsened or dropped.
     pub maps: usize,
     /// Parameters before.
     pub params_before: usize,

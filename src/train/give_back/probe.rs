@@ -25,7 +25,7 @@ const SLOPE: f32 = 0.25;
 
 /// The exposure through which probes look: images between -1.5 and 2.5 stay between 0 and 1. Bright scenes leave that range,
 /// and where the image is above both possible photos, the sign of the difference is no longer random.
-const BETWEEN: ColourMap = {
+pub const BETWEEN: ColourMap = {
     let offset = 0.5 - 0.5 * SLOPE;
     ColourMap([[SLOPE, 0.0, 0.0, offset], [0.0, SLOPE, 0.0, offset], [0.0, 0.0, SLOPE, offset]])
 };
@@ -60,7 +60,7 @@ pub fn probe(backend: &mut dyn Backend, model: &Model, view: &ProbeView<'_>, see
 }
 
 /// As [`probe`], through an exposure that maps all channels alike.
-pub(super) fn probe_through(
+pub fn probe_through(
     exposure: &ColourMap,
     backend: &mut dyn Backend,
     model: &Model,
