@@ -58,6 +58,7 @@ fn decided(backend: &mut dyn Backend, histories: &[SplatHistory], cameras: &[Cam
         use_statistics: true,
         texels_trained: true,
         may_coarsen: true,
+        may_pad: true,
         sh_tested: 3,
         max_added: 40,
         initial_splats: model.num_splats(),

@@ -127,14 +127,21 @@ impl Schedule {
 
     /// The rounds of giving back still to come after a density-control step, with that one; 0 if none follows it.
     pub fn rounds_left(&self, step: u32) -> u32 {
+        let [before, done] = [step.saturating_sub(self.density_interval), step].map(|s| self.rounds_done(s));
+        if self.is_density_step(step) && done > before { self.give_back_rounds - done + 1 } else { 0 }
+    }
+
+    /// Rounds of giving back that are due by a step.
+    fn rounds_done(&self, step: u32) -> u32 {
         let from = self.densify_until.max(self.full_size_from);
         let length = self.give_back_until.saturating_sub(from);
-        let done_by = |step: u32| {
-            let passed = u64::from(step.saturating_sub(from).min(length)) * u64::from(self.give_back_rounds);
-            if length == 0 { 0 } else { (passed / u64::from(length)) as u32 }
-        };
-        let (before, done) = (done_by(step.saturating_sub(self.density_interval)), done_by(step));
-        if self.is_density_step(step) && done > before { self.give_back_rounds - done + 1 } else { 0 }
+        let passed = u64::from(step.saturating_sub(from).min(length)) * u64::from(self.give_back_rounds);
+        passed.checked_div(length.into()).unwrap_or(0) as u32
+    }
+
+    /// Whether a round of giving back came before what follows a step.
+    pub fn has_given_back(&self, step: u32) -> bool {
+        self.rounds_done(self.last_density_step(step.saturating_sub(1))) > 0
     }
 
     /// Whether maps are cropped and padded after a step. Density-control steps do so in any case.
@@ -249,6 +256,9 @@ mod tests {
             (1..=steps).filter_map(rounds).collect::<Vec<_>>()
         };
         assert_eq!(of(30_000, 100), [(21_000, 4), (22_000, 3), (23_000, 2), (24_000, 1)]);
+        let schedule = Schedule::new(&TrainConfig::default(), 100);
+        let given_back = [21_000, 21_001, 30_000].map(|step| schedule.has_given_back(step));
+        assert_eq!(given_back, [false, true, true], "maps are fitted before the round of the same step");
         // Two rounds where probes of all views cost more than a thirtieth of the steps.
         assert_eq!(of(1_000, 44), [(748, 2), (836, 1)]);
         let off = TrainConfig::default();
@@ -257,6 +267,7 @@ mod tests {
             ..TrainConfig::default()
         };
         let schedule = Schedule::new(&off, 100);
+        assert!(!schedule.has_given_back(30_000));
         assert_eq!(of(30, 44), [], "too short");
         assert!((1..=off.steps).all(|step| schedule.rounds_left(step) == 0));
     }

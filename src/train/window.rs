@@ -113,6 +113,7 @@ impl DensityControl<'_> {
             use_statistics,
             texels_trained: step >= schedule.texture_start + schedule.density_interval,
             may_coarsen: schedule.may_coarsen(step),
+            may_pad: !schedule.has_given_back(step),
             sh_tested: schedule.sh_tested(step, config.sh_degree),
             growth: state.growth,
             step,

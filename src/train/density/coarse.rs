@@ -1,6 +1,6 @@
 //! What an image loses if a map is coarsened or dropped (method 6.5).
 
-use super::maps::{merged_moments, window};
+use super::regrid::{merged_moments, window};
 use crate::backend::{Grid, MapChange};
 use crate::model::{Model, TextureMap, texel_value};
 

@@ -1,9 +1,10 @@
 //! Sizes of texture maps: crop and pad them to their support, coarsen those that do not need their texels, refine
 //! those of high-error splats (method 6.4, 6.5 and 6.7). Texels keep their place on the surfel throughout.
 
-use super::coarse::{coarsening_error, detail, residual};
+use super::coarse::{Coarsening, coarsening_error, detail, residual};
 use super::geometry::{even_texels, first_texel_size};
 use super::planned_splat::{PlannedSplat, size_of, with, without};
+use super::regrid::{centred, cropped, merged_moments, surplus};
 use super::score::Scores;
 use super::settings::{Budget, Components, DensityConfig};
 use super::situation::{DensityCounts, Situation};
@@ -13,46 +14,6 @@ use crate::model::TextureMap;
 
 /// Maps of `fixed:R` whose texel size is off by less than this factor are kept, since resampling blurs.
 const TOLERATED: f64 = 1.1;
-
-/// The change to a map of these rows and columns on grids of the map, with this shift on its splat. `moved` is how far the
-/// splat itself moves, in whole texels of the map.
-pub fn window(
-    map: &TextureMap,
-    grids: [Grid; 2],
-    texels: [u32; 2],
-    shift: [i16; 2],
-    moved: [i32; 2],
-    moment_scale: [f32; 2],
-) -> MapChange {
-    let old = [map.rows, map.cols];
-    if grids == [Grid::Same; 2] && texels == old.map(u32::from) && shift == map.shift && moved == [0; 2] {
-        return MapChange::Keep;
-    }
-    let first = [0, 1].map(|axis| {
-        // The first edges of the old and of the new map from the old splat's centre, in half texels of the old map.
-        let old_edge = i32::from(map.shift[axis]) - i32::from(old[axis]);
-        let new_edge = i32::from(shift[axis]) - texels[axis] as i32;
-        match grids[axis] {
-            Grid::Same => (new_edge + 2 * moved[axis] - old_edge).div_euclid(2),
-            Grid::Finer => (new_edge + 4 * moved[axis] - 2 * old_edge).div_euclid(2),
-            Grid::Coarser => (2 * new_edge + 2 * moved[axis] - old_edge).div_euclid(2),
-        }
-    });
-    MapChange::Regrid {
-        grids,
-        rows: texels[0] as u16,
-        cols: texels[1] as u16,
-        first_row: first[0],
-        first_col: first[1],
-        shift,
-        moment_scale,
-    }
-}
-
-/// The change to a map of these rows and columns on grids of the map, centred on its splat.
-fn centred(map: &TextureMap, grids: [Grid; 2], texels: [u32; 2], moment_scale: [f32; 2]) -> MapChange {
-    window(map, grids, texels, [0; 2], [0; 2], moment_scale)
-}
 
 /// Edges of a map's texels after a change of its grids.
 fn texel_sizes_on(map: &TextureMap, grids: [Grid; 2]) -> [f64; 2] {
@@ -64,7 +25,8 @@ fn set(planned: &mut PlannedSplat, change: MapChange, [rows, cols]: [u32; 2]) {
     planned.texels = (rows * cols) as usize;
 }
 
-/// Fits a map to its support, and coarsens or drops it if `may_coarsen` and its image hardly changes.
+/// Fits a map to its support, and coarsens or drops it if `may_coarsen` and its image hardly changes. Where maps may not be
+/// padded, they keep no more than what they hold.
 pub fn fit(
     s: &Situation<'_>,
     config: &DensityConfig,
@@ -95,7 +57,7 @@ pub fn fit(
                 return;
             }
             let needed = sizes.texels(map.texel_sizes.map(f64::from));
-            if !sizes.fits(needed, planned.history.ceiling) {
+            if s.may_pad && !sizes.fits(needed, planned.history.ceiling) {
                 counts.coarsened += 1;
                 stretch(map, planned);
                 return;
@@ -106,6 +68,15 @@ pub fn fit(
                 [Grid::Same; 2]
             };
             counts.coarsened += usize::from(grids.contains(&Grid::Coarser));
+            if !s.may_pad {
+                let coarser = Coarsening::new(map, grids.map(|grid| grid == Grid::Coarser));
+                planned.change = match coarser {
+                    Some(coarser) if grids.contains(&Grid::Coarser) => coarser.change(map),
+                    _ => cropped(map, surplus(map, needed)),
+                };
+                planned.texels = planned.change.applied_to(map).num_texels();
+                return;
+            }
             let needed = sizes.texels(texel_sizes_on(map, grids));
             set(planned, centred(map, grids, needed, merged_moments(grids)), needed);
         }
@@ -128,12 +99,6 @@ fn coarser_grids(s: &Situation<'_>, config: &DensityConfig, splat: usize) -> [Gr
                 < config.coarsen_below
     };
     choices.into_iter().find(may).unwrap_or([Grid::Same; 2])
-}
-
-/// Factors of the moments where texels become one, whose gradient is the sum of theirs.
-pub fn merged_moments(grids: [Grid; 2]) -> [f32; 2] {
-    let texels: f32 = grids.iter().map(|&grid| if grid == Grid::Coarser { 2.0 } else { 1.0 }).product();
-    [texels, texels * texels]
 }
 
 /// Spreads as many texels as the ceiling allows over a support that has outgrown them along an axis. Resampled rather

@@ -11,6 +11,7 @@ mod growth;
 mod history;
 mod maps;
 mod planned_splat;
+mod regrid;
 mod relocate;
 mod score;
 mod settings;
@@ -26,7 +27,7 @@ pub use decide::decide;
 pub use geometry::{TEXELS_MAX, even_texels, first_texel_size, half_extents, morton_codes, pixel_sizes};
 pub use growth::Growth;
 pub use history::{SplatHistory, Trial};
-pub use maps::window as map_window;
+pub use regrid::{cropped as cropped_map, window as map_window};
 pub use relocate::relocate;
 pub use settings::{
     Budget, Components, DensityConfig, ErrorMeasure, GrowthMoments, Spending, SplitProfile, StatisticsSource,

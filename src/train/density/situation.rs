@@ -31,6 +31,8 @@ pub struct Situation<'a> {
     pub texels_trained: bool,
     /// Whether maps are tested for coarsening, and SH bands judged.
     pub may_coarsen: bool,
+    /// Whether maps may be padded and resampled: until a round of giving back has taken off what is not needed.
+    pub may_pad: bool,
     /// Highest SH degree that has been trained long enough to be judged; 0: none.
     pub sh_tested: u32,
     /// What growth was worth so far.

@@ -1,8 +1,8 @@
 //! Splitting of a splat along its longer axis (method 6.8).
 
 use super::geometry::{half_extents, opacity, sigmas};
-use super::maps::window;
 use super::planned_splat::{Change, PlannedSplat};
+use super::regrid::window;
 use super::settings::{DensityConfig, SplitProfile};
 use super::situation::Situation;
 use super::sizes::{MapRule, Sizes};

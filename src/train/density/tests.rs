@@ -4,6 +4,7 @@ use super::decide::decide;
 use super::geometry::{even_texels, first_texel_size, half_extents, opacity, sigmas};
 use super::growth::Growth;
 use super::history::{SplatHistory, Trial};
+use super::regrid::{cropped, surplus};
 use super::settings::{Budget, Components, DensityConfig, Spending, SplitProfile};
 use super::situation::{DensityCounts, Revision, Situation};
 use super::sizes::MapRule;
@@ -76,6 +77,7 @@ fn situation<'a>(
         densify: true,
         use_statistics: true,
         may_coarsen: true,
+        may_pad: true,
         sh_tested: 0,
         texels_trained: true,
         growth: Growth::default(),
@@ -439,6 +441,73 @@ fn without_statistics_maps_are_only_fitted_to_their_support() {
     // Negative control: with statistics all of it is done.
     let counts = revise(&s(true), &settings(), &Budget::default()).counts;
     assert_eq!([counts.faded, counts.pruned, counts.coarsened, counts.refined], [1; 4], "{counts:?}");
+}
+
+#[test]
+fn maps_cropped_by_giving_back_are_not_padded_again() {
+    let (mut model, cameras, statistics) = (model(8), [camera()], window([0.3; N]));
+    // One side is gone, as after a round of giving back; splat 4 has widened since, splat 5 has shrunk.
+    for map in &mut model.textures.maps {
+        *map = cropped(map, [[3, 0], [0, 0]]).applied_to(map);
+    }
+    model.textures = TexturePool::neutral(model.textures.maps).expect("room");
+    model.textures.texels.iter_mut().enumerate().for_each(|(i, t)| *t = (i as f32 * 0.7).sin());
+    model.splats.log_scales[8..10].iter_mut().for_each(|s| *s += 0.3);
+    model.splats.log_scales[10..12].iter_mut().for_each(|s| *s -= 0.4);
+    let histories = vec![SplatHistory::first(64); N];
+    // The first and the last edges of the maps of some splats, in half texels from their centres.
+    let edges = |model: &Model, maps: &[MapChange], splats: &[usize]| -> Vec<[[i32; 2]; 2]> {
+        let edges = |&splat: &usize| {
+            let map = maps[splat].applied_to(&model.textures.maps[splat]);
+            [0, 1].map(|axis| {
+                [-1, 1].map(|end| i32::from(map.shift[axis]) + end * i32::from([map.rows, map.cols][axis]))
+            })
+        };
+        splats.iter().map(edges).collect()
+    };
+    for use_statistics in [false, true] {
+        let fitted = |may_pad: bool| {
+            let s = Situation {
+                densify: false,
+                use_statistics,
+                may_pad,
+                ..situation(&model, &histories, &statistics, &cameras)
+            };
+            let config = DensityConfig { coarsen_below: 0.0, ..settings() };
+            revise(&s, &config, &Budget::default())
+                .plan
+                .map_or_else(|| vec![MapChange::Keep; N], |plan| plan.maps)
+        };
+        let maps = fitted(false);
+        assert!(
+            maps.iter().enumerate().all(|(splat, map)| (*map == MapChange::Keep) != (splat == 5)),
+            "{maps:?}"
+        );
+        // What has shrunk is cropped where it sticks out, about the splat's centre.
+        let [[first_u, last_u], [first_v, last_v]] = edges(&model, &maps, &[5])[0];
+        let [[held_u, _], [held_v, _]] = edges(&model, &[MapChange::Keep; N], &[5])[0];
+        assert!(first_u >= held_u && -first_v == last_v && first_v > held_v && last_u == last_v);
+        // Negative control: before the first round all are padded to cover their support about its centre.
+        let padded = fitted(true);
+        let is_centred = |[[a, b], [c, d]]: &[[i32; 2]; 2]| a == &-b && c == &-d;
+        let all: Vec<usize> = (0..N).collect();
+        assert!(edges(&model, &padded, &all).iter().all(is_centred), "{padded:?}");
+    }
+}
+
+#[test]
+fn maps_beside_their_support_keep_a_texel() {
+    let map = |shift: i16, rows: u16| TextureMap { shift: [shift, 0], ..TextureMap::square(rows, 4, 1.0) };
+    let kept = |map: TextureMap, needed: [u32; 2]| {
+        let kept = cropped(&map, surplus(&map, needed)).applied_to(&map);
+        (kept.rows, kept.cols, kept.shift[0])
+    };
+    // Of rows from 3 to 6 texels from the centre, the nearest; of those from -2 to 1, those from -1.
+    assert_eq!(kept(map(9, 3), [4, 2]), (1, 2, 7));
+    assert_eq!(kept(map(-9, 3), [4, 2]), (1, 2, -7));
+    assert_eq!(kept(map(-1, 3), [2, 8]), (2, 4, 0));
+    // Negative control: all are inside.
+    assert_eq!(kept(map(-1, 3), [4, 4]), (3, 4, -1));
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! A finished model gives back what it does not miss: splats, SH bands and texels whose loss costs less squared error than
 //! their parameters are worth (method 6.15).
 
+mod costs;
 mod error;
 mod merge;
 mod offers;
@@ -17,9 +18,10 @@ use crate::backend::{Backend, ColourMap, DensityPlan, MapChange, TargetImage};
 use crate::model::{AdamState, Model};
 use crate::views::ViewSource;
 use crate::{Error, Result};
+use costs::SplatCosts;
 use error::mean_squared_error;
 use merge::{Limits, Trial};
-use offers::{Accepted, Offers, Prices, SplatCosts};
+use offers::{Accepted, KINDS, Offers, Prices};
 use probe::{ProbeView, probe, probed};
 use rand::seq::SliceRandom as _;
 use rand::{RngExt as _, SeedableRng as _};
@@ -37,14 +39,15 @@ const CHECKED_VIEWS: usize = 8;
 /// Views that a round probes, at most. A splat that only other views see would look idle.
 pub const MOST_PROBES: usize = 64;
 
-/// Kinds of offers: removal, SH bands and texels.
-const KINDS: usize = 3;
-
 /// Attempts for each kind, each at half the price of the one before.
 const ATTEMPTS: u32 = 3;
 
 /// Share of the splats that a round may remove: of two that hide the same, one looks as idle as the other.
 const REMOVABLE: f64 = 0.5;
+
+/// Factors by which prices may be raised, the highest first: while the model is better than good enough, and for merges,
+/// since training makes up for much of what they cost.
+const RAISES: [f64; 6] = [1024.0, 256.0, 64.0, 16.0, 4.0, 1.0];
 
 /// Steps of a run for each step of a trial of merges, and the least and most steps of a trial.
 const STEPS_PER_TRIAL_STEP: u32 = 40;
@@ -89,7 +92,7 @@ pub struct GivenBack {
     pub merged: usize,
     /// Splats that lost SH bands.
     pub degrees: usize,
-    /// Maps coarsened or dropped.
+    /// Maps cropped, coarsened or dropped.
     pub maps: usize,
     /// Parameters before.
     pub params_before: usize,
@@ -184,8 +187,9 @@ impl Round {
         let error = self.error(backend, training, &checked)?;
         let offers = self.probe(backend, training, &probed, &order, &mut rng)?;
         let worth = self.price(error, params);
-        let slack = ((self.floor - error) / f64::from(self.rounds_left)).max(0.0);
-        let cut = self.cut(backend, training, before, &offers, (error, excess, &checked), &mut rng)?;
+        // Half of what the model may lose before it is no longer good enough: merges have the other half.
+        let slack = ((self.floor - error) / f64::from(2 * self.rounds_left)).max(0.0);
+        let cut = self.cut(backend, training, before, &offers, (error, excess, slack, &checked), &mut rng)?;
         let (mut outcome, plan) = match cut {
             Some((outcome, plan)) => (Some(outcome), plan),
             None => (None, None),
@@ -193,10 +197,15 @@ impl Round {
         let sources = plan.map_or_else(|| (0..probed.num_splats() as u32).collect(), |plan| plan.sources);
         *histories = sources.iter().map(|&source| histories[source as usize]).collect();
         if let Some(trial) = &self.trial {
-            let costs: Vec<SplatCosts> = sources.iter().map(|&source| offers.costs(source as usize)).collect();
+            let costs: Vec<SplatCosts> =
+                sources.iter().map(|&source| offers.costs(source as usize)).collect();
             let merged = self.merge(backend, training, trial, (&order, &checked), (worth, slack), &costs)?;
             if let Some(merged) = merged {
-                let outcome = outcome.get_or_insert(GivenBack { step: self.step, params_before: params, ..GivenBack::default() });
+                let outcome = outcome.get_or_insert(GivenBack {
+                    step: self.step,
+                    params_before: params,
+                    ..GivenBack::default()
+                });
                 outcome.merged = sources.len() - merged.sources.len();
                 (outcome.params, outcome.texels) = (merged.params, merged.texels);
                 *histories = merged.histories(histories);
@@ -231,7 +240,7 @@ impl Round {
         training: &mut TrainingViews<'_>,
         (model, adam): &(Model, AdamState),
         offers: &Offers<'_>,
-        (error, excess, checked): (f64, Option<usize>, &[usize]),
+        (error, excess, slack, checked): (f64, Option<usize>, f64, &[usize]),
         rng: &mut Pcg64Mcg,
     ) -> Result<Option<(GivenBack, Option<DensityPlan>)>> {
         backend.upload(model, adam)?;
@@ -247,7 +256,7 @@ impl Round {
         };
         let db = |rise: f64| 10.0 * (1.0 + rise / error.max(f64::MIN_POSITIVE)).log10();
         // Takes the offers at these prices. Returns what that does, whether it is worth it, and the plan.
-        let mut take = |backend: &mut dyn Backend, prices: &Prices| {
+        let mut take = |backend: &mut dyn Backend, prices: &Prices, slack: f64| {
             let accepted = accept(offers, &may_go, prices);
             let promised: f64 = accepted.iter().flatten().map(|offer| offer.cost).sum();
             let (mut outcome, plan) = planned(probed, &accepted);
@@ -258,16 +267,22 @@ impl Round {
             backend.apply_plan(&plan)?;
             let rise = self.error(backend, training, checked)? - error;
             (outcome.step, outcome.promised_db, outcome.measured_db) = (self.step, db(promised), db(rise));
-            Ok::<_, Error>((outcome, rise <= worth * (params - outcome.params) as f64, plan))
+            let allowed = (worth * (params - outcome.params) as f64).max(slack);
+            Ok::<_, Error>((outcome, rise <= allowed, plan))
         };
         let mut prices = Prices::all(worth);
         if self.budget.is_none() {
+            let is_good_enough = |raise: &&f64| {
+                let accepted = accept(offers, &may_go, &Prices::all(*raise * worth));
+                accepted.iter().flatten().map(|offer| offer.cost).sum::<f64>() <= slack
+            };
+            let start = worth * RAISES.iter().find(is_good_enough).unwrap_or(&1.0);
             // Predictions are better for some kinds than for others, and differ between captures.
             for kind in 0..KINDS {
-                let mut price = worth;
+                let mut price = start;
                 let mut is_worth_it = false;
                 for _ in 0..ATTEMPTS {
-                    is_worth_it = take(backend, &Prices::all(price).only(kind))?.1;
+                    is_worth_it = take(backend, &Prices::all(price).only(kind), slack / KINDS as f64)?.1;
                     backend.upload(model, adam)?;
                     if is_worth_it {
                         break;
@@ -277,7 +292,7 @@ impl Round {
                 prices = prices.with(kind, if is_worth_it { price } else { 0.0 });
             }
         }
-        let (mut outcome, is_worth_it, plan) = take(backend, &prices)?;
+        let (mut outcome, is_worth_it, plan) = take(backend, &prices, slack)?;
         if outcome.params == params || plan.sources.is_empty() {
             return Ok(None);
         }

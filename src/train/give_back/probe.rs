@@ -4,10 +4,10 @@
 //! d of the parameters is the sum over pixels and channels of r times their change. Its square has, as its mean over the
 //! signs, the summed squared change of the image: the squared error that a move by d costs a model whose errors it does
 //! not correlate with. The backward pass of any backend serves: the L1 loss against a photo of nothing but 0 and 255 has
-//! such signs as its derivative.
+//! such signs as its derivative, if the image stays between them. An exposure sees to that.
 
 use crate::Result;
-use crate::backend::{Backend, LearningRates, LossWeights, StepRequest, TargetImage};
+use crate::backend::{Backend, ColourMap, LearningRates, LossWeights, StepRequest, TargetImage};
 use crate::camera::Camera;
 use crate::constants::ADAM_BETA1;
 use crate::model::{AdamState, Model};
@@ -19,6 +19,16 @@ const LOGIT_MAX: f32 = 4.18;
 
 /// Stored texel value up to which the activation is steep enough for a derivative: a residual of 0.995.
 const TEXEL_MAX: f32 = 6.0;
+
+/// Slope of [`BETWEEN`].
+const SLOPE: f32 = 0.25;
+
+/// The exposure through which probes look: images between -1.5 and 2.5 stay between 0 and 1. Bright scenes leave that range,
+/// and where the image is above both possible photos, the sign of the difference is no longer random.
+pub const BETWEEN: ColourMap = {
+    let offset = 0.5 - 0.5 * SLOPE;
+    ColourMap([[SLOPE, 0.0, 0.0, offset], [0.0, SLOPE, 0.0, offset], [0.0, 0.0, SLOPE, offset]])
+};
 
 /// A view of a probe.
 pub struct ProbeView<'a> {
@@ -46,6 +56,17 @@ pub fn probed(mut model: Model) -> Model {
 /// # Errors
 /// Whatever the backend reports.
 pub fn probe(backend: &mut dyn Backend, model: &Model, view: &ProbeView<'_>, seed: u64) -> Result<AdamState> {
+    probe_through(&BETWEEN, backend, model, view, seed)
+}
+
+/// As [`probe`], through an exposure that maps all channels alike.
+pub fn probe_through(
+    exposure: &ColourMap,
+    backend: &mut dyn Backend,
+    model: &Model,
+    view: &ProbeView<'_>,
+    seed: u64,
+) -> Result<AdamState> {
     let target = signs(view.photo, seed);
     backend.upload(model, &AdamState::zeros(model))?;
     // With all rates zero, only the moments change.
@@ -59,10 +80,11 @@ pub fn probe(backend: &mut dyn Backend, model: &Model, view: &ProbeView<'_>, see
         loss: LossWeights { l1: 1.0, ..LossWeights::NONE },
         rates: LearningRates::default(),
         accumulate_statistics: false,
-        exposure: None,
+        exposure: Some(*exposure),
     }])?;
     let (_, mut moments) = backend.read_back()?;
-    let scale = ((target.rgb.len() as f64).sqrt() / (1.0 - ADAM_BETA1)) as f32;
+    let slope = f64::from(exposure.0[0][0]);
+    let scale = ((target.rgb.len() as f64).sqrt() / (slope * (1.0 - ADAM_BETA1))) as f32;
     let AdamState { splats_m, texels_m, .. } = &mut moments;
     splats_m.opacity_logits.iter_mut().chain(&mut splats_m.sh).chain(texels_m).for_each(|m| *m *= scale);
     Ok(moments)

@@ -1,11 +1,11 @@
 //! Two splats of one plane as one, and what that changes.
 
-use super::part::Part;
 use super::Limits;
+use super::part::Part;
 use crate::constants::SH_0;
 use crate::model::TextureMap;
 use crate::train::density::{TEXELS_MAX, even_texels, half_extents};
-use crate::train::give_back::offers::SplatCosts;
+use crate::train::give_back::costs::SplatCosts;
 use glam::{DMat2, DMat3, DVec2, DVec3};
 
 /// Samples along each axis on which a merged splat is compared with its parts, over [`REACH`] standard deviations.
@@ -23,25 +23,24 @@ const COSINE_MIN: f64 = 0.9;
 const HEIGHT_PX: f64 = 2.0;
 
 /// The two as one; `None` if they do not lie in one plane to within a pixel, if the result would be too long, or save no
-/// parameters.
-pub fn merged([a, b]: [&Part; 2], normals: [DVec3; 2], limits: &Limits) -> Option<Part> {
+/// parameters. It is compared with the splats that it is made of, among `all`.
+pub fn merged(all: &[Part], [a, b]: [&Part; 2], normals: [DVec3; 2], limits: &Limits) -> Option<Part> {
     let mut whole = outline([a, b], normals, limits)?;
+    let members: Vec<&Part> = whole.members.iter().map(|&member| &all[member as usize]).collect();
     let places = samples(&whole);
-    // What the two show together, in either order.
-    let shown: Vec<Shown> = places.iter().map(|&at| together(a, b, whole.point(at))).collect();
+    let shown: Vec<Shown> = places.iter().map(|&at| together(&members, whole.point(at))).collect();
     let falloffs: Vec<f64> = places.iter().map(|&at| whole.falloff(at)).collect();
-    let dot = |x: &[f64], y: &mut dyn Iterator<Item = f64>| x.iter().zip(y).map(|(x, y)| x * y).sum::<f64>();
-    let alphas = &mut shown.iter().map(|s| s.alpha);
-    whole.opacity =
-        (dot(&falloffs, alphas) / dot(&falloffs, &mut falloffs.iter().copied())).min(OPACITY_MAX);
-    let alpha_sum: f64 = shown.iter().map(|s| s.alpha).sum();
-    let mean = [0, 1, 2].map(|c| shown.iter().map(|s| s.premultiplied[c]).sum::<f64>() / alpha_sum);
+    // The opacity that comes nearest to their alphas.
+    let products: f64 = falloffs.iter().zip(&shown).map(|(falloff, shown)| falloff * shown.alpha).sum();
+    whole.opacity = (products / falloffs.iter().map(|f| f * f).sum::<f64>()).min(OPACITY_MAX);
+    let alphas: f64 = shown.iter().map(|s| s.alpha).sum();
+    let mean = [0, 1, 2].map(|c| shown.iter().map(|s| s.premultiplied[c]).sum::<f64>() / alphas);
     (0..3).for_each(|c| whole.sh[c] = (mean[c] - 0.5) / SH_0);
-    draw_map(a, b, limits, mean, &mut whole);
+    draw_map(&members, limits, mean, &mut whole);
     if whole.params() >= a.params() + b.params() {
         return None;
     }
-    whole.cost = a.cost + b.cost + cost(a, b, &whole, (&places, &shown), mean);
+    whole.cost = cost(&members, &whole, (&places, &shown), mean);
     Some(whole)
 }
 
@@ -53,17 +52,21 @@ struct Shown {
     squares: f64,
 }
 
-/// What two splats of one plane show at a point: the mean over both orders.
-fn together(a: &Part, b: &Part, point: DVec3) -> Shown {
-    let [at_a, at_b] = [a, b].map(|part| part.in_plane(point));
-    let (alpha_a, alpha_b) = (a.opacity * a.falloff(at_a), b.opacity * b.falloff(at_b));
-    let (colour_a, colour_b) = (a.colour(at_a), b.colour(at_b));
-    let (weight_a, weight_b) = (alpha_a * (1.0 - 0.5 * alpha_b), alpha_b * (1.0 - 0.5 * alpha_a));
-    Shown {
-        alpha: weight_a + weight_b,
-        premultiplied: [0, 1, 2].map(|c| weight_a * colour_a[c] + weight_b * colour_b[c]),
-        squares: alpha_a * alpha_a + alpha_b * alpha_b,
+/// What splats of one plane show at a point, whatever their order: each as much as its alpha.
+fn together(members: &[&Part], point: DVec3) -> Shown {
+    let (mut transmittance, mut sum, mut squares, mut premultiplied) = (1.0, 0.0, 0.0, [0.0; 3]);
+    for member in members {
+        let at = member.in_plane(point);
+        let alpha = member.opacity * member.falloff(at);
+        let colour = member.colour(at);
+        transmittance *= 1.0 - alpha;
+        sum += alpha;
+        squares += alpha * alpha;
+        (0..3).for_each(|c| premultiplied[c] += alpha * colour[c]);
     }
+    let alpha = 1.0 - transmittance;
+    let share = if sum > 0.0 { alpha / sum } else { 0.0 };
+    Shown { alpha, premultiplied: premultiplied.map(|p| share * p), squares }
 }
 
 /// Plane and falloff of the two as one, by the moments of their masses; without a map.
@@ -104,7 +107,10 @@ fn outline([a, b]: [&Part; 2], normals: [DVec3; 2], limits: &Limits) -> Option<P
         sh_degree,
         map: TextureMap::default(),
         residuals: Vec::new(),
-        costs: SplatCosts { removal: a.costs.removal + b.costs.removal, colour: a.costs.colour + b.costs.colour },
+        costs: SplatCosts {
+            removal: a.costs.removal + b.costs.removal,
+            colour: a.costs.colour + b.costs.colour,
+        },
         pixel,
         cost: 0.0,
     })
@@ -127,21 +133,20 @@ fn samples(whole: &Part) -> Vec<DVec2> {
         .collect()
 }
 
-/// Gives the whole a map with as many texels per area as those of its parts, if there are any.
-fn draw_map(a: &Part, b: &Part, limits: &Limits, mean: [f64; 3], whole: &mut Part) {
-    let area = |part: &Part| {
-        let edges = part.map.texel_sizes.map(f64::from);
-        part.map.num_texels() as f64 * edges[0] * edges[1]
+/// Gives the whole a map with as many texels per area as those of its members, if there are any, and no more than theirs.
+fn draw_map(members: &[&Part], limits: &Limits, mean: [f64; 3], whole: &mut Part) {
+    let area = |part: &&Part| {
+        part.map.num_texels() as f64 * part.map.texel_sizes.map(f64::from).iter().product::<f64>()
     };
-    let texels = (a.map.num_texels() + b.map.num_texels()) as f64;
+    let covered: f64 = members.iter().map(area).sum();
+    let texels: usize = members.iter().map(|part| part.map.num_texels()).sum();
     let extents = half_extents(whole.sigmas, whole.opacity, limits.alpha_texture);
-    let (covered, finest) = (area(a) + area(b), limits.finest_px * whole.pixel);
-    if covered <= 0.0 || extents.contains(&0.0) {
+    if texels == 0 || extents.contains(&0.0) {
         return;
     }
-    let mut edge = (covered / texels).sqrt().max(finest);
     let size = |edge: f64| extents.map(|half| even_texels(half, edge).min(TEXELS_MAX.into()));
-    while size(edge)[0] * size(edge)[1] > (texels as u32).max(4) {
+    let mut edge = (covered / texels as f64).sqrt().max(limits.finest_px * whole.pixel);
+    while size(edge).iter().product::<u32>() > (texels as u32).max(4) {
         edge *= 1.1;
     }
     let [rows, cols] = size(edge).map(|texels| texels as u16);
@@ -151,9 +156,9 @@ fn draw_map(a: &Part, b: &Part, limits: &Limits, mean: [f64; 3], whole: &mut Par
         .flat_map(|row| (0..cols).map(move |col| (row, col)))
         .flat_map(|(row, col)| {
             let at = edge * DVec2::new(f64::from(row) - origin[0], f64::from(col) - origin[1]);
-            let Shown { alpha, premultiplied, .. } = together(a, b, whole.point(at));
+            let Shown { alpha, premultiplied, .. } = together(members, whole.point(at));
             [0, 1, 2].map(|c| {
-                // Where neither of the two reaches, nothing is known of the colour.
+                // Where none of them reaches, nothing is known of the colour.
                 let residual = if alpha > 1e-6 { premultiplied[c] / alpha - mean[c] } else { 0.0 };
                 residual.clamp(-RESIDUAL_MAX, RESIDUAL_MAX)
             })
@@ -161,8 +166,8 @@ fn draw_map(a: &Part, b: &Part, limits: &Limits, mean: [f64; 3], whole: &mut Par
         .collect();
 }
 
-/// Mean squared change of the images if the whole takes the place of its parts.
-fn cost(a: &Part, b: &Part, whole: &Part, (places, shown): (&[DVec2], &[Shown]), mean: [f64; 3]) -> f64 {
+/// Mean squared change of the images if the whole takes the place of its members.
+fn cost(members: &[&Part], whole: &Part, (places, shown): (&[DVec2], &[Shown]), mean: [f64; 3]) -> f64 {
     let (mut by_alpha, mut by_colour, mut squares) = (0.0, 0.0, 0.0);
     for (&at, shown) in places.iter().zip(shown) {
         let alpha = whole.opacity * whole.falloff(at);
@@ -173,12 +178,13 @@ fn cost(a: &Part, b: &Part, whole: &Part, (places, shown): (&[DVec2], &[Shown]),
         by_colour += (0..3).map(|c| change(c).powi(2)).sum::<f64>();
         squares += shown.squares;
     }
-    let bands = |part: &Part| {
+    let bands = |part: &&Part| {
         let coefficient = |sh: &[f64], k: usize| sh.get(k).copied().unwrap_or(0.0);
         let change = |k: usize| coefficient(&whole.sh, k) - coefficient(&part.sh, k);
-        let change: f64 = (3..whole.sh.len()).map(|k| change(k).powi(2)).sum();
-        part.costs.colour * change / (3.0 * 4.0 * std::f64::consts::PI)
+        let squares: f64 = (3..whole.sh.len()).map(|k| change(k).powi(2)).sum();
+        part.costs.colour * squares / (3.0 * 4.0 * std::f64::consts::PI)
     };
     let costs = &whole.costs;
-    (costs.removal * by_alpha + costs.colour * by_colour / 3.0) / squares + bands(a) + bands(b)
+    (costs.removal * by_alpha + costs.colour * by_colour / 3.0) / squares
+        + members.iter().map(bands).sum::<f64>()
 }

@@ -7,7 +7,7 @@ mod surface;
 mod tests;
 mod trial;
 
-use super::offers::SplatCosts;
+use super::costs::SplatCosts;
 use crate::Result;
 use crate::knn::nearest;
 use crate::model::{AdamState, Model, SplatArrays, SplatGroup, TextureMap, TexturePool};
@@ -58,7 +58,7 @@ impl Parts {
         let mut parts = self.0.clone();
         for _ in 0..PASSES {
             let before = parts.len();
-            parts = pass(parts, price, limits);
+            parts = pass(&self.0, parts, price, limits);
             if parts.len() == before {
                 break;
             }
@@ -128,8 +128,8 @@ impl Parts {
     }
 }
 
-/// Merges the pairs that gain most; each part is in at most one of them.
-fn pass(parts: Vec<Part>, price: f64, limits: &Limits) -> Vec<Part> {
+/// Merges the pairs that gain most, made of splats among `all`; each part is in at most one of them.
+fn pass(all: &[Part], parts: Vec<Part>, price: f64, limits: &Limits) -> Vec<Part> {
     let positions: Vec<[f32; 3]> = parts.iter().map(|part| part.position.as_vec3().to_array()).collect();
     let neighbours = nearest::<NEIGHBOURS>(&positions);
     let found = |i: usize| neighbours[i].iter().filter(|n| n.0.is_finite()).map(|&(_, j)| j as usize);
@@ -140,7 +140,7 @@ fn pass(parts: Vec<Part>, price: f64, limits: &Limits) -> Vec<Part> {
         .flat_map_iter(|i| found(i).map(move |j| (i, j)))
         .filter_map(|(i, j)| {
             let (a, b) = (&parts[i], &parts[j]);
-            let whole = merged([a, b], [normals[i]?, normals[j]?], limits)?;
+            let whole = merged(all, [a, b], [normals[i]?, normals[j]?], limits)?;
             let saved = (a.params() + b.params() - whole.params()) as f64;
             let gain = price * saved - (whole.cost - a.cost - b.cost);
             (gain > 0.0).then_some((gain, i, j, whole))

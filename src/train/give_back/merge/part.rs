@@ -2,7 +2,7 @@
 
 use crate::constants::SH_0;
 use crate::model::{Model, SplatGroup, TextureMap, texel_value};
-use crate::train::give_back::offers::SplatCosts;
+use crate::train::give_back::costs::SplatCosts;
 use glam::{DMat3, DQuat, DVec2, DVec3};
 
 /// A splat, or several that have become one.
@@ -30,7 +30,7 @@ pub struct Part {
     pub costs: SplatCosts,
     /// Width of a pixel at the splat in the nearest view, local units.
     pub pixel: f64,
-    /// Mean squared change of the images by the merges that it comes from.
+    /// Mean squared change of the images where it takes the place of its members.
     pub cost: f64,
 }
 

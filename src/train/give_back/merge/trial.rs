@@ -1,14 +1,11 @@
 //! Whether training makes up for merges: a model with them and one without are trained alike for a while, and compared.
 
-use super::super::{Round, TrainingViews};
+use super::super::{RAISES, Round, TrainingViews};
 use super::{Limits, Merging, Parts};
 use crate::Result;
 use crate::backend::{Backend, LearningRates, LossWeights, StepRequest};
 use crate::train::density::{SplatHistory, pixel_sizes};
-use crate::train::give_back::offers::SplatCosts;
-
-/// Prices of merges over what parameters are worth, since training makes up for much of what merges cost.
-const RAISES: [f64; 6] = [1024.0, 256.0, 64.0, 16.0, 4.0, 1.0];
+use crate::train::give_back::costs::SplatCosts;
 
 /// Trials of one round: merges at a lower price are tried if those before were not worth it.
 const TRIALS: usize = 2;
