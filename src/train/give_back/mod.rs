@@ -187,9 +187,10 @@ impl Round {
         let error = self.error(backend, training, &checked)?;
         let offers = self.probe(backend, training, &probed, &order, &mut rng)?;
         let worth = self.price(error, params);
-        // Half of what the model may lose before it is no longer good enough: merges have the other half.
-        let slack = ((self.floor - error) / f64::from(2 * self.rounds_left)).max(0.0);
-        let cut = self.cut(backend, training, before, &offers, (error, excess, slack, &checked), &mut rng)?;
+        // What the model may lose before it is no longer good enough: merges have what these offers leave.
+        let slack = (self.floor - error).max(0.0);
+        let cut =
+            self.cut(backend, training, before, &offers, (error, excess, 0.5 * slack, &checked), &mut rng)?;
         let (mut outcome, plan) = match cut {
             Some((outcome, plan)) => (Some(outcome), plan),
             None => (None, None),
@@ -199,7 +200,7 @@ impl Round {
         if let Some(trial) = &self.trial {
             let costs: Vec<SplatCosts> =
                 sources.iter().map(|&source| offers.costs(source as usize)).collect();
-            let merged = self.merge(backend, training, trial, (&order, &checked), (worth, slack), &costs)?;
+            let merged = self.merge(backend, training, trial, (&order, &checked), worth, &costs)?;
             if let Some(merged) = merged {
                 let outcome = outcome.get_or_insert(GivenBack {
                     step: self.step,

@@ -48,7 +48,8 @@ impl Merged {
 
 impl Round {
     /// Merges neighbours of the model in the backend if training makes up for what that costs: if the error of the views
-    /// `checked` rises by less than the parameters saved are worth, at `worth` each. `costs` are those of its splats.
+    /// `checked` rises by less than the parameters saved are worth, at `worth` each, or is still good enough. `costs` are
+    /// those of its splats.
     ///
     /// # Errors
     /// Whatever the backend or the views report.
@@ -58,7 +59,7 @@ impl Round {
         training: &mut TrainingViews<'_>,
         trial: &Trial,
         (order, checked): (&[usize], &[usize]),
-        (worth, slack): (f64, f64),
+        worth: f64,
         costs: &[SplatCosts],
     ) -> Result<Option<Merged>> {
         let (stored, adam) = backend.read_back()?;
@@ -66,6 +67,7 @@ impl Round {
         let model = backend.read_flushed()?;
         let cameras: Vec<_> = order.iter().map(|&view| training.views.camera(view)).collect();
         let parts = Parts::of(&model, costs, &pixel_sizes(&model, &cameras));
+        let slack = self.floor - self.error(backend, training, checked)?;
         let mut without = None;
         let mut trials = 0;
         for raise in RAISES {
@@ -88,8 +90,8 @@ impl Round {
             let Merging { model, adam, sources } = merged.build(&stored, &adam)?;
             backend.upload(&model, &adam)?;
             self.train(backend, training, trial, order, adam.step)?;
-            let rise = self.error(backend, training, checked)? - without;
-            if rise <= allowed {
+            let error = self.error(backend, training, checked)?;
+            if error <= (without + worth * (parts.params() - merged.params()) as f64).max(self.floor) {
                 backend.upload(&model, &adam)?;
                 let sides = model.textures.maps.iter().map(|map| map.rows.max(map.cols)).collect();
                 let (params, texels) = (model.num_params(), model.num_texels());
