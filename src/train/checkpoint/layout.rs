@@ -10,7 +10,8 @@
 //! | `textures.texels` | f32 `[t,3]` |
 //! | `frame.near`, `frame.filter`, `frame.capture_from_local` | f32 `[1]`, u32 `[1]`: 0 none, 1 ewa; f64 `[4]`: scale, translation |
 //! | `state.counters`, `state.epoch_order` | u32 `[5]`: step, epochs, views used, step of the stage, last step with a revision; u32 `[views]` |
-//! | `state.histories`, `state.pace` | u16 `[n,4]`: map ceiling, prune count, checks, trial; f64 `[2]`: initial splats, momentum |
+//! | `state.histories`, `state.pace` | u16 `[n,5]`: map ceiling, prune count, checks, trial, rest; f64 `[2]`: initial splats, momentum |
+//! | `state.errors` | f32 `[n]`: loss that each splat carried at the last check; 0: unknown |
 //! | `state.growth` | f64 `[10]`: errors before of splats withheld, split, refined; tried and removed of splits and refined maps; idle checks; dB promised; step of the end |
 //! | `exposure.maps`, `exposure.sums` | f32 `[v,3,4]`, f64 `[v,22]`: the sums of the epoch; v = views, or 0 without correction |
 //! | `window.views`, `window.counts`, `window.sums` | u32 `[views]`, u32 `[n + 1]`: views counted, views that saw each; f32 `[3,n]` |
@@ -146,9 +147,14 @@ pub fn tensors(state: &TrainState) -> BTreeMap<String, Tensor<'_>> {
     let TrainState { step, epochs, epoch_used, stage_step, revised_step, .. } = *state;
     let counters = vec![step, epochs, epoch_used, stage_step, revised_step];
     put("state.counters", Tensor::u32(&[5], counters));
-    let histories =
-        state.histories.iter().flat_map(|l| [l.ceiling, l.prune_count, l.checks, l.trial as u16]).collect();
-    put("state.histories", Tensor::new(&[state.histories.len(), 4], Data::U16(histories)));
+    let histories = state
+        .histories
+        .iter()
+        .flat_map(|l| [l.ceiling, l.prune_count, l.checks, l.trial as u16, l.rest])
+        .collect();
+    put("state.histories", Tensor::new(&[state.histories.len(), 5], Data::U16(histories)));
+    let errors: Vec<f32> = state.histories.iter().map(|history| history.error).collect();
+    put("state.errors", Tensor::f32(&[errors.len()], errors));
     let Growth { before, tried, removed, idle_checks, promised_db, ended_step } = state.growth;
     let mut growth = [&before[..], &tried, &removed].concat();
     growth.extend([f64::from(idle_checks), promised_db, f64::from(ended_step)]);
@@ -247,14 +253,15 @@ fn histories(reader: &mut Reader<'_>, n: usize) -> Result<Vec<SplatHistory>> {
             reader.invalid(format!("tensor \"state.histories\": found {found} histories for {n} splats"))
         );
     }
-    let values = u16s(reader.take("state.histories", Dtype::U16, &[found, 4])?);
-    let history = |v: &[u16]| {
+    let values = u16s(reader.take("state.histories", Dtype::U16, &[found, 5])?);
+    let errors = f32s(reader.take("state.errors", Dtype::F32, &[found])?);
+    let history = |(v, error): (&[u16], f32)| {
         let trial = *Trial::ALL.get(usize::from(v[3])).ok_or_else(|| {
             reader.invalid(format!("tensor \"state.histories\": found trial {}, expected 0 to 3", v[3]))
         })?;
-        Ok(SplatHistory { ceiling: v[0], prune_count: v[1], checks: v[2], trial })
+        Ok(SplatHistory { ceiling: v[0], prune_count: v[1], checks: v[2], trial, rest: v[4], error })
     };
-    values.chunks_exact(4).map(history).collect()
+    values.chunks_exact(5).zip(errors).map(history).collect()
 }
 
 fn growth(reader: &mut Reader<'_>) -> Result<Growth> {

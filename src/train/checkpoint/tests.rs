@@ -64,6 +64,8 @@ fn sample(n: usize, sh_degree: u32) -> TrainState {
                 prune_count: i,
                 checks: 3 * i,
                 trial: Trial::ALL[usize::from(i % 4)],
+                rest: i % 3,
+                error: 0.25 * f32::from(i),
             })
             .collect(),
         window_views: vec![1, 3],
@@ -243,7 +245,7 @@ fn errors_name_the_tensor_what_was_found_and_what_was_expected() {
     );
     assert_eq!(
         message(edited(&bytes, "extra", Some((Dtype::U8, vec![1], vec![0])))),
-        "x.safetensors: tensor \"extra\" is not part of \"litetex-checkpoint/5\""
+        "x.safetensors: tensor \"extra\" is not part of \"litetex-checkpoint/6\""
     );
     let same_shape = Some((Dtype::F32, vec![4, 3], vec![0; 48]));
     assert!(message(edited(&bytes, "splats.positions", same_shape)).contains("checksum"));
@@ -286,6 +288,6 @@ fn other_layouts_are_unsupported_not_invalid() {
     assert_eq!(
         error.to_string(),
         "x.safetensors: layout \"litetex-checkpoint/9\" (written by litetex 9.0.0), this program reads \
-         \"litetex-checkpoint/5\""
+         \"litetex-checkpoint/6\""
     );
 }

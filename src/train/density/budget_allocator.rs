@@ -62,7 +62,7 @@ impl<'a> BudgetAllocator<'a> {
                 if self.withholds(candidate.splat) {
                     return true;
                 }
-                self.split(candidate.splat, pair.map(|half| self.tried(half, Trial::Split)));
+                self.split(candidate.splat, pair.map(|half| tried(half, Trial::Split)));
                 counts.split += 1;
                 return true;
             }
@@ -81,8 +81,7 @@ impl<'a> BudgetAllocator<'a> {
             return true;
         }
         self.size = size;
-        self.planned_splats[candidate.splat] =
-            Some(if refined { self.tried(new, Trial::Refined) } else { new });
+        self.planned_splats[candidate.splat] = Some(if refined { tried(new, Trial::Refined) } else { new });
         counts.refined += usize::from(refined);
         refined
     }
@@ -133,14 +132,6 @@ impl<'a> BudgetAllocator<'a> {
         is_drawn
     }
 
-    /// The planned splat, marked where growth is measured.
-    fn tried(&self, mut planned: PlannedSplat, trial: Trial) -> PlannedSplat {
-        if self.withhold.is_some() {
-            planned.history.trial = trial;
-        }
-        planned
-    }
-
     /// Summed errors of the splats that were withheld, split, and whose maps were refined; of both halves, once.
     pub fn trial_errors(&self, errors: &[f64]) -> [f64; 3] {
         let of = |trial: Trial| -> f64 {
@@ -154,4 +145,10 @@ impl<'a> BudgetAllocator<'a> {
     pub fn into_planned_splats(self) -> Vec<PlannedSplat> {
         self.planned_splats.into_iter().flatten().chain(self.second_halves).collect()
     }
+}
+
+/// The planned splat, marked by what was done with it.
+fn tried(mut planned: PlannedSplat, trial: Trial) -> PlannedSplat {
+    planned.history.trial = trial;
+    planned
 }

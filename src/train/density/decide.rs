@@ -5,6 +5,7 @@ use super::budget_allocator::BudgetAllocator;
 use super::candidate::Candidate;
 use super::geometry::{half_extents, opacity, pixel_sizes, sigmas};
 use super::history::{SplatHistory, Trial};
+use super::in_vain::grew_in_vain;
 use super::maps;
 use super::planned_splat::{PlannedSplat, finish};
 use super::score::{Scores, prune_count_after};
@@ -31,13 +32,17 @@ pub fn decide(
         growth.observe(s.histories, &scores);
     }
     let densify = s.densify && !growth.has_ended();
+    let in_vain = match s.use_statistics && config.need_db > 0.0 {
+        true => grew_in_vain(s.histories, &scores),
+        false => vec![false; n],
+    };
     let pixels = pixel_sizes(s.model, s.cameras);
     let high_error =
         if s.use_statistics && densify { scores.high_error(config.quantile) } else { vec![false; n] };
     let mut counts = DensityCounts::default();
     let mut planned_splats: Vec<Option<PlannedSplat>> = (0..n)
         .map(|i| {
-            let history = checked(s, config, components, &scores, i, &mut counts)?;
+            let history = checked(s, config, components, (&scores, in_vain[i]), i, &mut counts)?;
             let extents = half_extents(sigmas(s.model, i), opacity(s.model, i), config.alpha_texture);
             let sizes = Sizes {
                 extents,
@@ -70,7 +75,7 @@ pub fn decide(
     let mut candidates: Vec<Candidate> = (0..n)
         .filter(|&i| high_error[i])
         .filter_map(|i| {
-            let planned = planned_splats[i].as_ref()?;
+            let planned = planned_splats[i].as_ref().filter(|planned| planned.history.rest == 0)?;
             Some(Candidate::new(s, config, components, planned, scores.error[i], pixels[i], texel_gain))
         })
         .collect();
@@ -94,7 +99,7 @@ fn checked(
     s: &Situation<'_>,
     config: &DensityConfig,
     components: &Components,
-    scores: &Scores,
+    (scores, grew_in_vain): (&Scores, bool),
     i: usize,
     counts: &mut DensityCounts,
 ) -> Option<SplatHistory> {
@@ -110,6 +115,8 @@ fn checked(
     let opacity_floor = if history.is_fresh() { FRESH_OPACITY_MIN } else { s.opacity_floor };
     history.checks = history.checks.saturating_add(1);
     history.trial = Trial::None;
+    history.rest = if grew_in_vain { config.rest_checks } else { history.rest.saturating_sub(1) };
+    history.error = scores.total[i] as f32;
     if components.pruning && history.prune_count >= s.patience {
         counts.pruned += 1;
         return None;

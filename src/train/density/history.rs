@@ -23,7 +23,7 @@ impl Trial {
 }
 
 /// History of a splat.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SplatHistory {
     /// Largest side that its map may have, in texels.
     pub ceiling: u16,
@@ -33,17 +33,21 @@ pub struct SplatHistory {
     pub checks: u16,
     /// What the last density-control step did with it.
     pub trial: Trial,
+    /// Checks for which it is no candidate, since growth did not help it.
+    pub rest: u16,
+    /// Loss that it carried at the last check; 0: unknown.
+    pub error: f32,
 }
 
 impl SplatHistory {
     /// A splat of the initial model, which is never fresh.
     pub fn first(ceiling: u16) -> Self {
-        Self { ceiling, prune_count: 0, checks: FRESH_CHECKS, trial: Trial::None }
+        Self { ceiling, prune_count: 0, checks: FRESH_CHECKS, trial: Trial::None, rest: 0, error: 0.0 }
     }
 
     /// The history of a half of this splat.
     pub fn half(self) -> Self {
-        Self { prune_count: 0, checks: 0, ..self }
+        Self { prune_count: 0, checks: 0, error: self.error / 2.0, ..self }
     }
 
     /// Whether it is too young for its statistics to be used.

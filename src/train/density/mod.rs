@@ -9,6 +9,7 @@ mod decide;
 mod geometry;
 mod growth;
 mod history;
+mod in_vain;
 mod maps;
 mod planned_splat;
 mod regrid;

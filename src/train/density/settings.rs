@@ -159,6 +159,9 @@ pub struct DensityConfig {
     pub give_back_rounds: u32,
     /// How far growth may exceed a budget of parameters, which giving back then meets. Default 4 (choices 17).
     pub overshoot: f64,
+    /// With `need_db`: checks for which a splat is no candidate after growth that did not lower its loss. Default 2 (method
+    /// 6.14; choices 17).
+    pub rest_checks: u16,
     /// Quantile of the error above which splats are candidates. Default 0.6 (choices 1 and 11; paper: 0.85,
     /// for Tanks & Temples 0.6).
     pub quantile: f64,
@@ -240,6 +243,7 @@ impl Default for DensityConfig {
             merge: true,
             give_back_rounds: 4,
             overshoot: 4.0,
+            rest_checks: 2,
             quantile: 0.6,
             error: ErrorMeasure::Mass,
             statistics: StatisticsSource::Window,

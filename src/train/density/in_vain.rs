@@ -1,0 +1,53 @@
+//! Growth in vain: splats that were split, or whose maps were refined, in the last step, and that carry no less loss for it
+//! (method 6.14).
+
+use super::history::{SplatHistory, Trial};
+use super::score::Scores;
+
+/// The share of its loss that a splat must lose by growth, beyond what training alone does.
+const GAIN_MIN: f64 = 0.02;
+
+/// For each splat whether it grew in the last step to no avail. What training alone does to the loss is measured on the
+/// splats that did not grow.
+pub fn grew_in_vain(histories: &[SplatHistory], scores: &Scores) -> Vec<bool> {
+    let is_known = |(history, _): &(&SplatHistory, &f64)| history.error > 0.0;
+    let pairs = || histories.iter().zip(&scores.total);
+    let has_grown = |history: &SplatHistory| matches!(history.trial, Trial::Split | Trial::Refined);
+    let others = pairs().filter(is_known).filter(|(history, _)| !has_grown(history));
+    let (before, after) =
+        others.fold((0.0, 0.0), |(b, a), (history, &now)| (b + f64::from(history.error), a + now));
+    let left = if before > 0.0 { (1.0 - GAIN_MIN) * after / before } else { f64::INFINITY };
+    let in_vain = |(history, now): (&SplatHistory, &f64)| {
+        has_grown(history) && history.error > 0.0 && *now > left * f64::from(history.error)
+    };
+    pairs().map(in_vain).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::settings::ErrorMeasure;
+    use super::*;
+    use crate::backend::WindowStatistics;
+
+    #[test]
+    fn growth_is_compared_with_splats_that_did_not_grow() {
+        let of = |trial, error| SplatHistory { trial, error, ..SplatHistory::first(2) };
+        let histories = [
+            of(Trial::None, 1.0),
+            of(Trial::Withheld, 1.0),
+            of(Trial::Refined, 1.0),
+            of(Trial::Refined, 1.0),
+            of(Trial::Split, 1.0),
+            of(Trial::Split, 0.0),
+        ];
+        let errors = vec![0.5, 0.7, 0.61, 0.5, 0.59, 0.6];
+        let n = errors.len();
+        let (seen, ones) = (vec![1; n], vec![0.1; n]);
+        let window =
+            WindowStatistics { views: 1, seen, area: ones.clone(), contribution: ones, error: errors };
+        let scores = Scores::new(&window, 1, ErrorMeasure::Mass, 0.0);
+        // Training alone leaves 0.6 of the loss.
+        let found = grew_in_vain(&histories, &scores);
+        assert_eq!(found, [false, false, true, false, true, false]);
+    }
+}
