@@ -19,7 +19,7 @@ pub mod gpu;
 pub mod image;
 pub mod init;
 pub mod input_file;
-pub mod knn;
+mod knn;
 pub mod model;
 pub mod reference;
 mod report;

@@ -39,11 +39,14 @@ const CHECKED_VIEWS: usize = 8;
 /// Views that a round probes, at most. A splat that only other views see would look idle.
 pub const MOST_PROBES: usize = 64;
 
-/// Attempts for each kind, each at half the price of the one before.
-const ATTEMPTS: u32 = 3;
+/// Attempts for each kind, each at half the price of the one before; a raised price is followed by what parameters are worth.
+const ATTEMPTS: i32 = 3;
 
 /// Share of the splats that a round may remove: of two that hide the same, one looks as idle as the other.
 const REMOVABLE: f64 = 0.5;
+
+/// The share of what a model may lose before it is no longer good enough that is for offers; merges may use up the rest.
+const CUT_SLACK: f64 = 0.5;
 
 /// Factors by which prices may be raised, the highest first: while the model is better than good enough, and for merges,
 /// since training makes up for much of what they cost.
@@ -189,24 +192,27 @@ impl Round {
         let worth = self.price(error, params);
         // What the model may lose before it is no longer good enough: merges have what these offers leave.
         let slack = (self.floor - error).max(0.0);
-        let cut =
-            self.cut(backend, training, before, &offers, (error, excess, 0.5 * slack, &checked), &mut rng)?;
-        let (mut outcome, plan) = match cut {
-            Some((outcome, plan)) => (Some(outcome), plan),
-            None => (None, None),
-        };
+        let cut = self.cut(
+            backend,
+            training,
+            before,
+            &offers,
+            (error, excess, CUT_SLACK * slack, &checked),
+            &mut rng,
+        )?;
+        let (mut outcome, plan) = cut.map_or((None, None), |(outcome, plan)| (Some(outcome), plan));
+        let is_cut = plan.is_some();
         let sources = plan.map_or_else(|| (0..probed.num_splats() as u32).collect(), |plan| plan.sources);
         *histories = sources.iter().map(|&source| histories[source as usize]).collect();
         if let Some(trial) = &self.trial {
-            let costs: Vec<SplatCosts> =
+            let costs: Vec<Option<SplatCosts>> =
                 sources.iter().map(|&source| offers.costs(source as usize)).collect();
             let merged = self.merge(backend, training, trial, (&order, &checked), worth, &costs)?;
             if let Some(merged) = merged {
-                let outcome = outcome.get_or_insert(GivenBack {
-                    step: self.step,
-                    params_before: params,
-                    ..GivenBack::default()
-                });
+                let none = GivenBack { step: self.step, params_before: params, ..GivenBack::default() };
+                let outcome = outcome.insert(outcome.filter(|_| is_cut).unwrap_or(none));
+                outcome.promised_db += db(merged.promised, error);
+                outcome.measured_db += db(merged.measured, error);
                 outcome.merged = sources.len() - merged.sources.len();
                 (outcome.params, outcome.texels) = (merged.params, merged.texels);
                 *histories = merged.histories(histories);
@@ -255,7 +261,6 @@ impl Round {
             None => self.price(error, params),
             Some(excess) => price_of(offers, &may_go, excess),
         };
-        let db = |rise: f64| 10.0 * (1.0 + rise / error.max(f64::MIN_POSITIVE)).log10();
         // Takes the offers at these prices. Returns what that does, whether it is worth it, and the plan.
         let mut take = |backend: &mut dyn Backend, prices: &Prices, slack: f64| {
             let accepted = accept(offers, &may_go, prices);
@@ -267,7 +272,8 @@ impl Round {
             }
             backend.apply_plan(&plan)?;
             let rise = self.error(backend, training, checked)? - error;
-            (outcome.step, outcome.promised_db, outcome.measured_db) = (self.step, db(promised), db(rise));
+            (outcome.step, outcome.promised_db, outcome.measured_db) =
+                (self.step, db(promised, error), db(rise, error));
             let allowed = (worth * (params - outcome.params) as f64).max(slack);
             Ok::<_, Error>((outcome, rise <= allowed, plan))
         };
@@ -280,17 +286,16 @@ impl Round {
             let start = worth * RAISES.iter().find(is_good_enough).unwrap_or(&1.0);
             // Predictions are better for some kinds than for others, and differ between captures.
             for kind in 0..KINDS {
-                let mut price = start;
-                let mut is_worth_it = false;
-                for _ in 0..ATTEMPTS {
-                    is_worth_it = take(backend, &Prices::all(price).only(kind), slack / KINDS as f64)?.1;
+                prices = prices.with(kind, 0.0);
+                let halved = (0..ATTEMPTS).map(|halvings| start / 2.0_f64.powi(halvings));
+                for price in halved.chain((start > worth).then_some(worth)) {
+                    let is_worth_it = take(backend, &Prices::all(price).only(kind), slack / KINDS as f64)?.1;
                     backend.upload(model, adam)?;
                     if is_worth_it {
+                        prices = prices.with(kind, price);
                         break;
                     }
-                    price /= 2.0;
                 }
-                prices = prices.with(kind, if is_worth_it { price } else { 0.0 });
             }
         }
         let (mut outcome, is_worth_it, plan) = take(backend, &prices, slack)?;
@@ -332,6 +337,11 @@ impl Round {
             .collect();
         mean_squared_error(backend, &views)
     }
+}
+
+/// The loss of PSNR if a mean squared error rises, dB.
+fn db(rise: f64, error: f64) -> f64 {
+    10.0 * (1.0 + rise / error.max(f64::MIN_POSITIVE)).log10()
 }
 
 /// The offers worth taking at these prices.

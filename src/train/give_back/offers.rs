@@ -82,15 +82,16 @@ impl<'a> Offers<'a> {
         self.probes += 1;
     }
 
-    /// The model.
+    /// The model as it was probed.
     pub fn model(&self) -> &'a Model {
         self.model
     }
 
-    /// What changes of a splat cost.
-    pub fn costs(&self, splat: usize) -> SplatCosts {
+    /// What changes of a splat cost; `None` if too few probes saw it.
+    pub fn costs(&self, splat: usize) -> Option<SplatCosts> {
         let (costs, probes) = (&self.costs[splat], f64::from(self.probes.max(1)));
-        SplatCosts { removal: costs.removal / probes, colour: costs.colour / probes }
+        let known = SplatCosts { removal: costs.removal / probes, colour: costs.colour / probes };
+        (costs.seen >= self.seen_min).then_some(known)
     }
 
     /// The offer of a splat that saves most at these prices; `None` if all cost more than they save. Only splats that

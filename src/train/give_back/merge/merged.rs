@@ -37,10 +37,11 @@ pub fn merged(all: &[Part], [a, b]: [&Part; 2], normals: [DVec3; 2], limits: &Li
     let mean = [0, 1, 2].map(|c| shown.iter().map(|s| s.premultiplied[c]).sum::<f64>() / alphas);
     (0..3).for_each(|c| whole.sh[c] = (mean[c] - 0.5) / SH_0);
     draw_map(&members, limits, mean, &mut whole);
+    let costs = whole.costs?;
     if whole.params() >= a.params() + b.params() {
         return None;
     }
-    whole.cost = cost(&members, &whole, (&places, &shown), mean);
+    whole.cost = cost(&members, &whole, costs, (&places, &shown), mean);
     Some(whole)
 }
 
@@ -107,10 +108,10 @@ fn outline([a, b]: [&Part; 2], normals: [DVec3; 2], limits: &Limits) -> Option<P
         sh_degree,
         map: TextureMap::default(),
         residuals: Vec::new(),
-        costs: SplatCosts {
-            removal: a.costs.removal + b.costs.removal,
-            colour: a.costs.colour + b.costs.colour,
-        },
+        costs: Some(SplatCosts {
+            removal: a.costs?.removal + b.costs?.removal,
+            colour: a.costs?.colour + b.costs?.colour,
+        }),
         pixel,
         cost: 0.0,
     })
@@ -141,12 +142,13 @@ fn draw_map(members: &[&Part], limits: &Limits, mean: [f64; 3], whole: &mut Part
     let covered: f64 = members.iter().map(area).sum();
     let texels: usize = members.iter().map(|part| part.map.num_texels()).sum();
     let extents = half_extents(whole.sigmas, whole.opacity, limits.alpha_texture);
-    if texels == 0 || extents.contains(&0.0) {
+    // Maps of fewer texels than 2 x 2 are not worth their place.
+    if texels < 4 || extents.contains(&0.0) {
         return;
     }
     let size = |edge: f64| extents.map(|half| even_texels(half, edge).min(TEXELS_MAX.into()));
     let mut edge = (covered / texels as f64).sqrt().max(limits.finest_px * whole.pixel);
-    while size(edge).iter().product::<u32>() > (texels as u32).max(4) {
+    while size(edge).iter().product::<u32>() as usize > texels {
         edge *= 1.1;
     }
     let [rows, cols] = size(edge).map(|texels| texels as u16);
@@ -167,7 +169,13 @@ fn draw_map(members: &[&Part], limits: &Limits, mean: [f64; 3], whole: &mut Part
 }
 
 /// Mean squared change of the images if the whole takes the place of its members.
-fn cost(members: &[&Part], whole: &Part, (places, shown): (&[DVec2], &[Shown]), mean: [f64; 3]) -> f64 {
+fn cost(
+    members: &[&Part],
+    whole: &Part,
+    costs: SplatCosts,
+    (places, shown): (&[DVec2], &[Shown]),
+    mean: [f64; 3],
+) -> f64 {
     let (mut by_alpha, mut by_colour, mut squares) = (0.0, 0.0, 0.0);
     for (&at, shown) in places.iter().zip(shown) {
         let alpha = whole.opacity * whole.falloff(at);
@@ -182,9 +190,8 @@ fn cost(members: &[&Part], whole: &Part, (places, shown): (&[DVec2], &[Shown]), 
         let coefficient = |sh: &[f64], k: usize| sh.get(k).copied().unwrap_or(0.0);
         let change = |k: usize| coefficient(&whole.sh, k) - coefficient(&part.sh, k);
         let squares: f64 = (3..whole.sh.len()).map(|k| change(k).powi(2)).sum();
-        part.costs.colour * squares / (3.0 * 4.0 * std::f64::consts::PI)
+        part.costs.map_or(0.0, |costs| costs.colour) * squares / (3.0 * 4.0 * std::f64::consts::PI)
     };
-    let costs = &whole.costs;
     (costs.removal * by_alpha + costs.colour * by_colour / 3.0) / squares
         + members.iter().map(bands).sum::<f64>()
 }

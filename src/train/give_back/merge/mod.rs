@@ -9,6 +9,7 @@ mod trial;
 
 use super::costs::SplatCosts;
 use crate::Result;
+use crate::constants::ADAM_BETA2;
 use crate::knn::nearest;
 use crate::model::{AdamState, Model, SplatArrays, SplatGroup, TextureMap, TexturePool};
 use merged::merged;
@@ -41,14 +42,16 @@ pub struct Merging {
     pub adam: AdamState,
     /// For each splat the one that it was; of merged ones, the first.
     pub sources: Vec<u32>,
+    /// Whether each was merged.
+    pub is_merged: Vec<bool>,
 }
 
 /// All splats of a model, to be merged.
 pub struct Parts(Vec<Part>);
 
 impl Parts {
-    /// The splats of a model, with what changes of them cost and the width of a pixel at each.
-    pub fn of(model: &Model, costs: &[SplatCosts], pixels: &[f64]) -> Self {
+    /// The splats of a model, with what changes of them cost, if that is known, and the width of a pixel at each.
+    pub fn of(model: &Model, costs: &[Option<SplatCosts>], pixels: &[f64]) -> Self {
         let part = |splat: usize| Part::of(model, splat, costs[splat], pixels[splat]);
         Self((0..model.num_splats()).into_par_iter().with_min_len(256).map(part).collect())
     }
@@ -121,10 +124,11 @@ impl Parts {
             state.last_step[splat] = adam.step;
             merge_moments(part, splat, adam, &mut state);
             let maps = part.members.iter().map(|&member| &model.textures.maps[member as usize]);
-            let mean = mean_moments(maps, &adam.texels_v);
+            let mean = mean_moments(maps.zip(part.members.iter().map(|&m| decay(adam, m))), &adam.texels_v);
             state.texels_v[map.floats()].chunks_exact_mut(3).for_each(|v| v.copy_from_slice(&mean));
         }
-        Ok(Merging { model: built, adam: state, sources })
+        let is_merged = self.0.iter().map(|part| part.members.len() > 1).collect();
+        Ok(Merging { model: built, adam: state, sources, is_merged })
     }
 }
 
@@ -133,27 +137,37 @@ fn pass(all: &[Part], parts: Vec<Part>, price: f64, limits: &Limits) -> Vec<Part
     let positions: Vec<[f32; 3]> = parts.iter().map(|part| part.position.as_vec3().to_array()).collect();
     let neighbours = nearest::<NEIGHBOURS>(&positions);
     let found = |i: usize| neighbours[i].iter().filter(|n| n.0.is_finite()).map(|&(_, j)| j as usize);
-    let normal = |i: usize| surface::normal(&parts[i], &found(i).map(|j| &parts[j]).collect::<Vec<_>>());
+    let normal = |i: usize| {
+        parts[i].costs?;
+        surface::normal(&parts[i], &found(i).map(|j| &parts[j]).collect::<Vec<_>>())
+    };
     let normals: Vec<_> = (0..parts.len()).into_par_iter().map(normal).collect();
-    let mut pairs: Vec<(f64, usize, usize, Part)> = (0..parts.len())
+    let join = |i: usize, j: usize| merged(all, [&parts[i], &parts[j]], [normals[i]?, normals[j]?], limits);
+    let mut pairs: Vec<(f64, usize, usize)> = (0..parts.len())
         .into_par_iter()
         .flat_map_iter(|i| found(i).map(move |j| (i, j)))
+        // Each pair once.
+        .filter(|&(i, j)| i < j || !found(j).any(|k| k == i))
         .filter_map(|(i, j)| {
-            let (a, b) = (&parts[i], &parts[j]);
-            let whole = merged(all, [a, b], [normals[i]?, normals[j]?], limits)?;
-            let saved = (a.params() + b.params() - whole.params()) as f64;
-            let gain = price * saved - (whole.cost - a.cost - b.cost);
-            (gain > 0.0).then_some((gain, i, j, whole))
+            let whole = join(i, j)?;
+            let saved = (parts[i].params() + parts[j].params() - whole.params()) as f64;
+            let gain = price * saved - (whole.cost - parts[i].cost - parts[j].cost);
+            (gain > 0.0).then_some((gain, i, j))
         })
         .collect();
     pairs.sort_by(|a, b| b.0.total_cmp(&a.0).then((a.1, a.2).cmp(&(b.1, b.2))));
-    let mut kept: Vec<Option<Part>> = parts.into_iter().map(Some).collect();
-    let mut is_merged = vec![false; kept.len()];
-    for (_, i, j, whole) in pairs {
-        if !is_merged[i] && !is_merged[j] {
+    let mut is_merged = vec![false; parts.len()];
+    pairs.retain(|&(_, i, j)| {
+        !is_merged[i] && !is_merged[j] && {
             (is_merged[i], is_merged[j]) = (true, true);
-            (kept[i.min(j)], kept[i.max(j)]) = (Some(whole), None);
+            true
         }
+    });
+    // Kept apart from their gains above, since there are many pairs and few are taken.
+    let wholes: Vec<_> = pairs.par_iter().map(|&(_, i, j)| join(i, j)).collect();
+    let mut kept: Vec<Option<Part>> = parts.into_iter().map(Some).collect();
+    for ((_, i, j), whole) in pairs.into_iter().zip(wholes) {
+        (kept[i.min(j)], kept[i.max(j)]) = (whole, None);
     }
     kept.into_iter().flatten().collect()
 }
@@ -182,19 +196,32 @@ fn merge_moments(part: &Part, splat: usize, adam: &AdamState, state: &mut AdamSt
         let width = group.width(adam.splats_v.sh_degree);
         state.splats_m.group_mut(group)[width * splat..][..width].fill(0.0);
         for k in 0..width {
-            let of = |&member: &u32| adam.splats_v.group(group)[width * member as usize + k];
+            let of = |&member: &u32| {
+                let decay = if group == SplatGroup::Sh { decay(adam, member) } else { 1.0 };
+                decay * adam.splats_v.group(group)[width * member as usize + k]
+            };
             let mean = part.members.iter().map(of).sum::<f32>() / part.members.len() as f32;
             state.splats_v.group_mut(group)[width * splat + k] = mean;
         }
     }
 }
 
-/// Mean of the moments of all texels of some maps, by channel.
-fn mean_moments<'a>(maps: impl Iterator<Item = &'a TextureMap>, moments: &[f32]) -> [f32; 3] {
+/// Mean of the moments of all texels of some maps, each with its decay, by channel.
+fn mean_moments<'a>(maps: impl Iterator<Item = (&'a TextureMap, f32)>, moments: &[f32]) -> [f32; 3] {
     let (mut sum, mut count) = ([0.0; 3], 0.0_f32);
-    for texel in maps.flat_map(|map| moments[map.floats()].chunks_exact(3)) {
-        sum.iter_mut().zip(texel).for_each(|(sum, value)| *sum += value);
-        count += 1.0;
+    for (map, decay) in maps {
+        for texel in moments[map.floats()].chunks_exact(3) {
+            sum.iter_mut().zip(texel).for_each(|(sum, value)| *sum += decay * value);
+            count += 1.0;
+        }
     }
     sum.map(|sum| sum / count.max(1.0))
+}
+
+/// What the lazily updated second moments of a splat have yet to be multiplied by.
+fn decay(adam: &AdamState, splat: u32) -> f32 {
+    match adam.last_step[splat as usize] {
+        0 => 1.0,
+        last => ADAM_BETA2.powi((adam.step - last) as i32) as f32,
+    }
 }

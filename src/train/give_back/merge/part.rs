@@ -3,6 +3,7 @@
 use crate::constants::SH_0;
 use crate::model::{Model, SplatGroup, TextureMap, texel_value};
 use crate::train::give_back::costs::SplatCosts;
+use crate::train::give_back::offers::params_of;
 use glam::{DMat3, DQuat, DVec2, DVec3};
 
 /// A splat, or several that have become one.
@@ -26,8 +27,8 @@ pub struct Part {
     pub map: TextureMap,
     /// Residuals of its texels after activation. `[rows * cols, 3]`
     pub residuals: Vec<f64>,
-    /// What changes of it cost.
-    pub costs: SplatCosts,
+    /// What changes of it cost; `None`: unknown, so that it does not merge.
+    pub costs: Option<SplatCosts>,
     /// Width of a pixel at the splat in the nearest view, local units.
     pub pixel: f64,
     /// Mean squared change of the images where it takes the place of its members.
@@ -36,7 +37,7 @@ pub struct Part {
 
 impl Part {
     /// A splat of a model.
-    pub fn of(model: &Model, splat: usize, costs: SplatCosts, pixel: f64) -> Self {
+    pub fn of(model: &Model, splat: usize, costs: Option<SplatCosts>, pixel: f64) -> Self {
         let splats = &model.splats;
         let p = &splats.positions[3 * splat..][..3];
         let q = &splats.quaternions[4 * splat..][..4];
@@ -110,8 +111,8 @@ impl Part {
         sum
     }
 
-    /// Parameters.
+    /// Parameters that it holds.
     pub fn params(&self) -> usize {
-        crate::train::give_back::offers::params_of(self.sh_degree, self.map.num_texels())
+        params_of(self.sh_degree, self.map.num_texels())
     }
 }

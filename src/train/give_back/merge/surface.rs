@@ -27,8 +27,5 @@ pub fn normal(part: &Part, neighbours: &[&Part]) -> Option<DVec3> {
         normal = (inverse * normal).normalize_or_zero();
     }
     let thickness = normal.dot(covariance * normal).max(0.0).sqrt();
-    if std::env::var("LTX_DBG").is_ok() {
-        eprintln!("DBG thick {:.2}", thickness / part.pixel);
-    }
     (normal != DVec3::ZERO && trace > 0.0 && thickness <= THICKNESS_PX * part.pixel).then_some(normal)
 }

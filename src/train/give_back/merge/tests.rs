@@ -51,7 +51,7 @@ fn wall(slope: f32, tilt: f64) -> RandomScene {
     scene
 }
 
-fn costs(scene: &RandomScene) -> Vec<SplatCosts> {
+fn costs(scene: &RandomScene) -> Vec<Option<SplatCosts>> {
     let mut backend = CpuBackend::new(Some(2)).expect("a backend");
     let model = probed(scene.model.clone());
     let mut offers = Offers::new(&model, false, false);
@@ -132,4 +132,16 @@ fn only_neighbours_in_a_plane_merge() {
     }
     let (merging, ..) = merged_at(&scene, 1e-3);
     assert_eq!(merging.model.num_splats(), SIDE * SIDE);
+}
+
+#[test]
+fn splats_of_unknown_cost_do_not_merge() {
+    let scene = wall(0.0, 0.0);
+    let pixel = DEPTH / scene.camera.pinhole.fx_px;
+    let splats_of = |costs: Option<SplatCosts>| {
+        let parts = Parts::of(&scene.model, &[costs; SIDE * SIDE], &[pixel; SIDE * SIDE]);
+        parts.merged_at(1e-3, &LIMITS).len()
+    };
+    assert_eq!(splats_of(None), SIDE * SIDE);
+    assert!(splats_of(Some(SplatCosts::default())) < SIDE * SIDE);
 }

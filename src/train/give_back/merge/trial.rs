@@ -4,6 +4,7 @@ use super::super::{RAISES, Round, TrainingViews};
 use super::{Limits, Merging, Parts};
 use crate::Result;
 use crate::backend::{Backend, LearningRates, LossWeights, StepRequest};
+use crate::model::TextureMap;
 use crate::train::density::{SplatHistory, pixel_sizes};
 use crate::train::give_back::costs::SplatCosts;
 
@@ -27,20 +28,24 @@ pub struct Trial {
 pub struct Merged {
     /// For each splat the one that it was; of merged ones, the first.
     pub sources: Vec<u32>,
-    /// Sides of the maps, in texels.
-    pub sides: Vec<u16>,
+    /// Longer sides of the maps of merged splats, in texels; `None` for all others.
+    pub sides: Vec<Option<u16>>,
     /// Parameters after.
     pub params: usize,
     /// Texels after.
     pub texels: usize,
+    /// Predicted rise of the mean squared error.
+    pub promised: f64,
+    /// That after the trial, of the views checked.
+    pub measured: f64,
 }
 
 impl Merged {
     /// The histories of the splats, given those before. Their ceilings allow the maps of merged splats.
     pub fn histories(&self, before: &[SplatHistory]) -> Vec<SplatHistory> {
-        let of = |(&source, &side): (&u32, &u16)| {
+        let of = |(&source, &side): (&u32, &Option<u16>)| {
             let history = before[source as usize];
-            SplatHistory { ceiling: history.ceiling.max(side), ..history }
+            side.map_or(history, |side| SplatHistory::first(history.ceiling.max(side)))
         };
         self.sources.iter().zip(&self.sides).map(of).collect()
     }
@@ -60,7 +65,7 @@ impl Round {
         trial: &Trial,
         (order, checked): (&[usize], &[usize]),
         worth: f64,
-        costs: &[SplatCosts],
+        costs: &[Option<SplatCosts>],
     ) -> Result<Option<Merged>> {
         let (stored, adam) = backend.read_back()?;
         // Merged splats take flushed values, all others keep theirs.
@@ -69,17 +74,17 @@ impl Round {
         let parts = Parts::of(&model, costs, &pixel_sizes(&model, &cameras));
         let slack = self.floor - self.error(backend, training, checked)?;
         let mut without = None;
-        let mut trials = 0;
+        let mut tried = Vec::new();
         for raise in RAISES {
             let merged = parts.merged_at(raise * worth, &trial.limits);
             let allowed = (worth * (parts.params() - merged.params()) as f64).max(slack);
-            if merged.len() == parts.len() || trials == TRIALS {
+            if merged.len() == parts.len() || tried.len() == TRIALS {
                 break;
             }
-            if merged.cost() > allowed {
+            if merged.cost() > allowed || tried.contains(&merged.params()) {
                 continue;
             }
-            trials += 1;
+            tried.push(merged.params());
             let without = match without {
                 Some(error) => error,
                 None => {
@@ -87,15 +92,18 @@ impl Round {
                     *without.insert(self.error(backend, training, checked)?)
                 }
             };
-            let Merging { model, adam, sources } = merged.build(&stored, &adam)?;
+            let Merging { model, adam, sources, is_merged } = merged.build(&stored, &adam)?;
             backend.upload(&model, &adam)?;
             self.train(backend, training, trial, order, adam.step)?;
             let error = self.error(backend, training, checked)?;
             if error <= (without + worth * (parts.params() - merged.params()) as f64).max(self.floor) {
                 backend.upload(&model, &adam)?;
-                let sides = model.textures.maps.iter().map(|map| map.rows.max(map.cols)).collect();
+                let side =
+                    |(map, &is_merged): (&TextureMap, &bool)| is_merged.then(|| map.rows.max(map.cols));
+                let sides = model.textures.maps.iter().zip(&is_merged).map(side).collect();
                 let (params, texels) = (model.num_params(), model.num_texels());
-                return Ok(Some(Merged { sources, sides, params, texels }));
+                let [promised, measured] = [merged.cost(), error - without];
+                return Ok(Some(Merged { sources, sides, params, texels, promised, measured }));
             }
         }
         backend.upload(&stored, &adam)?;
