@@ -116,7 +116,9 @@ fn checked(
     history.checks = history.checks.saturating_add(1);
     history.trial = Trial::None;
     history.rest = if grew_in_vain { config.rest_checks } else { history.rest.saturating_sub(1) };
-    history.error = scores.total[i] as f32;
+    if config.need_db > 0.0 {
+        history.error = scores.total[i] as f32;
+    }
     if components.pruning && history.prune_count >= s.patience {
         counts.pruned += 1;
         return None;

@@ -35,7 +35,7 @@ pub struct SplatHistory {
     pub trial: Trial,
     /// Checks for which it is no candidate, since growth did not help it.
     pub rest: u16,
-    /// Loss that it carried at the last check; 0: unknown.
+    /// With `need_db`: loss that it carried at the last check; 0: unknown.
     pub error: f32,
 }
 
