@@ -88,6 +88,7 @@ fn adding_only() -> TrainConfig {
         prune_contribution: 0.0,
         prune_area: 0.0,
         split_texels: [1e9; 2],
+        give_back_db: 0.0,
         respawn: false,
         ..config.density
     };
