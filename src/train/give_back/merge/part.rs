@@ -2,6 +2,7 @@
 
 use crate::constants::SH_0;
 use crate::model::{Model, SplatGroup, TextureMap, texel_value};
+use crate::train::density::{opacity, sigmas};
 use crate::train::give_back::costs::SplatCosts;
 use crate::train::give_back::offers::params_of;
 use glam::{DMat3, DQuat, DVec2, DVec3};
@@ -49,8 +50,8 @@ impl Part {
             members: vec![splat as u32],
             position: DVec3::new(p[0].into(), p[1].into(), p[2].into()),
             axes: DMat3::from_quat(DQuat::from_xyzw(x, y, z, w).normalize()),
-            sigmas: [0, 1].map(|axis| f64::from(splats.log_scales[2 * splat + axis]).exp()),
-            opacity: 1.0 / (1.0 + f64::from(-splats.opacity_logits[splat]).exp()),
+            sigmas: sigmas(model, splat),
+            opacity: opacity(model, splat),
             sh: sh[..SplatGroup::Sh.width(sh_degree.into())].iter().map(|&c| c.into()).collect(),
             sh_degree,
             map,

@@ -76,12 +76,15 @@ impl Round {
         let mut without = None;
         let mut tried = Vec::new();
         for raise in RAISES {
-            let merged = parts.merged_at(raise * worth, &trial.limits);
-            let allowed = (worth * (parts.params() - merged.params()) as f64).max(slack);
-            if merged.len() == parts.len() || tried.len() == TRIALS {
+            if tried.len() == TRIALS {
                 break;
             }
-            if merged.cost() > allowed || tried.contains(&merged.params()) {
+            let merged = parts.merged_at(raise * worth, &trial.limits);
+            if merged.len() == parts.len() {
+                break;
+            }
+            let worth = worth * (parts.params() - merged.params()) as f64;
+            if merged.cost() > worth.max(slack) || tried.contains(&merged.params()) {
                 continue;
             }
             tried.push(merged.params());
@@ -96,7 +99,7 @@ impl Round {
             backend.upload(&model, &adam)?;
             self.train(backend, training, trial, order, adam.step)?;
             let error = self.error(backend, training, checked)?;
-            if error <= (without + worth * (parts.params() - merged.params()) as f64).max(self.floor) {
+            if error <= (without + worth).max(self.floor) {
                 backend.upload(&model, &adam)?;
                 let side =
                     |(map, &is_merged): (&TextureMap, &bool)| is_merged.then(|| map.rows.max(map.cols));
