@@ -84,6 +84,10 @@ pub struct GrowthFigures {
     pub split_share: Option<f64>,
     /// Share of its error that a refined map removes.
     pub refined_share: Option<f64>,
+    /// Rank correlation of the error that a splat carried and of what a split removed of it; null before it was measured.
+    pub split_rank_correlation: Option<f64>,
+    /// The same for refined maps.
+    pub refined_rank_correlation: Option<f64>,
     /// Step after which growth ended; null if it did not.
     pub ended_step: Option<u32>,
 }
@@ -93,9 +97,16 @@ impl GrowthFigures {
     pub fn new(growth: &Growth, config: &TrainConfig) -> Option<Self> {
         let need_db = config.density.need_db;
         let [split_share, refined_share] = growth.shares();
-        let ended_step = growth.has_ended().then_some(growth.ended_step);
-        let figures =
-            Self { need_db, promised_db: growth.promised_db, split_share, refined_share, ended_step };
+        let [split_rank_correlation, refined_rank_correlation] = growth.rank_correlations();
+        let figures = Self {
+            need_db,
+            promised_db: growth.promised_db,
+            split_share,
+            refined_share,
+            split_rank_correlation,
+            refined_rank_correlation,
+            ended_step: growth.has_ended().then_some(growth.ended_step),
+        };
         (need_db > 0.0).then_some(figures)
     }
 }

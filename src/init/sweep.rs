@@ -10,8 +10,12 @@ use crate::camera::Camera;
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-/// Pixels of a training view per point that a capture should have, and bounds of that number.
-const PIXELS_PER_POINT: f64 = 25.0;
+/// Pixels of a training view per point that a capture should have: with many views, and with a few. A point needs others to
+/// confirm it: dense points from four views cost two dB of the test views (choices 13).
+const PIXELS_PER_POINT: [f64; 2] = [4.0, 25.0];
+/// Pixels per point times number of views, in between.
+const PIXELS_PER_POINT_OF_ONE_VIEW: f64 = 100.0;
+/// Bounds of the number of points.
 const WANTED_BOUNDS: (f64, f64) = (500.0, 20_000.0);
 
 /// Longer side of the photos that are compared, pixels.
@@ -54,8 +58,14 @@ pub(super) fn wanted_points(input: &InitInput<'_>, options: &InitOptions) -> usi
     let views = input.photo_views();
     let pixels: f64 = views.iter().map(|&view| input.views.camera(view).pinhole.num_pixels() as f64).sum();
     let per_view = pixels / views.len().max(1) as f64;
-    let wanted = (per_view / PIXELS_PER_POINT).clamp(WANTED_BOUNDS.0, WANTED_BOUNDS.1);
-    (wanted as usize).min(options.max_points)
+    points_for(per_view, views.len()).min(options.max_points)
+}
+
+/// Points for so many views of this many pixels each.
+pub(super) fn points_for(pixels: f64, num_views: usize) -> usize {
+    let [dense, sparse] = PIXELS_PER_POINT;
+    let pixels_per_point = (PIXELS_PER_POINT_OF_ONE_VIEW / num_views.max(1) as f64).clamp(dense, sparse);
+    (pixels / pixels_per_point).clamp(WANTED_BOUNDS.0, WANTED_BOUNDS.1) as usize
 }
 
 /// Points to add to `known` ones; none if there are at least half of those wanted.

@@ -1,6 +1,6 @@
 //! Points on a textured wall that several cameras see, and none where the photos contradict each other.
 
-use super::sweep::{swept, wanted_points};
+use super::sweep::{points_for, swept, wanted_points};
 use super::*;
 use crate::camera::{Camera, Pinhole, RigidTransform, Similarity};
 use crate::image::TargetImage;
@@ -109,6 +109,13 @@ fn next_to_matches_plain_regions_lie_on_the_same_plane_and_further_away_get_noth
     assert_eq!(left(0.6, 3.0), 0, "far from it");
     let background = sweep(&Wall { plain: Some(0), ..WALL_OF_TEXTURE }, &[], usize::MAX);
     assert_eq!(share(&background, |p| p.x < -0.05), 0.0, "the background is not filled");
+}
+
+#[test]
+fn the_number_of_points_follows_from_pixels_and_views() {
+    // One point in 25 pixels with up to 4 views, one in 10 with 10, one in 4 from 25 on.
+    assert_eq!([2, 4, 10, 25, 60].map(|views| points_for(2e4, views)), [800, 800, 2_000, 5_000, 5_000]);
+    assert_eq!([points_for(1e3, 60), points_for(1e6, 60), points_for(1e6, 0)], [500, 20_000, 20_000]);
 }
 
 #[test]

@@ -110,6 +110,7 @@ impl RunRecord {
             respawned: a.respawned + b.respawned,
             refined: a.refined + b.refined,
             coarsened: a.coarsened + b.coarsened,
+            taken_back: a.taken_back + b.taken_back,
             shaded_less: a.shaded_less + b.shaded_less,
             over_budget: a.over_budget + b.over_budget,
         };
@@ -119,8 +120,8 @@ impl RunRecord {
 
 /// Whether every kind of change to splats and maps occurred.
 pub fn is_all_done(counts: &DensityCounts) -> bool {
-    let DensityCounts { pruned, faded, split, respawned, refined, coarsened, shaded_less, over_budget: _ } =
-        *counts;
+    let DensityCounts { pruned, faded, split, respawned, refined, coarsened, shaded_less, .. } = *counts;
+    // Nothing is taken back without `need_db`, and budgets need not be tight.
     [pruned + faded, split, respawned, refined, coarsened, shaded_less].iter().all(|&c| c > 0)
 }
 

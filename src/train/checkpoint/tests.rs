@@ -63,7 +63,7 @@ fn sample(n: usize, sh_degree: u32) -> TrainState {
                 ceiling: 2 << (i % 3),
                 prune_count: i,
                 checks: 3 * i,
-                trial: Trial::ALL[usize::from(i % 4)],
+                trial: Trial::ALL[usize::from(i % 6)],
                 rest: i % 3,
                 error: 0.25 * f32::from(i),
             })
@@ -84,6 +84,7 @@ fn sample(n: usize, sh_degree: u32) -> TrainState {
             before: [0.1, 0.2, 0.3],
             tried: [0.4, 0.5],
             removed: [-0.6, 0.7],
+            ranked: [[40.0, 12.0], [0.5, -0.25]],
             idle_checks: 1,
             promised_db: 0.08,
             ended_step: 6,
@@ -245,7 +246,7 @@ fn errors_name_the_tensor_what_was_found_and_what_was_expected() {
     );
     assert_eq!(
         message(edited(&bytes, "extra", Some((Dtype::U8, vec![1], vec![0])))),
-        "x.safetensors: tensor \"extra\" is not part of \"litetex-checkpoint/6\""
+        "x.safetensors: tensor \"extra\" is not part of \"litetex-checkpoint/7\""
     );
     let same_shape = Some((Dtype::F32, vec![4, 3], vec![0; 48]));
     assert!(message(edited(&bytes, "splats.positions", same_shape)).contains("checksum"));
@@ -288,6 +289,6 @@ fn other_layouts_are_unsupported_not_invalid() {
     assert_eq!(
         error.to_string(),
         "x.safetensors: layout \"litetex-checkpoint/9\" (written by litetex 9.0.0), this program reads \
-         \"litetex-checkpoint/6\""
+         \"litetex-checkpoint/7\""
     );
 }

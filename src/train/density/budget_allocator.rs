@@ -81,7 +81,8 @@ impl<'a> BudgetAllocator<'a> {
             return true;
         }
         self.size = size;
-        self.planned_splats[candidate.splat] = Some(if refined { tried(new, Trial::Refined) } else { new });
+        let trial = Trial::of(&new.change);
+        self.planned_splats[candidate.splat] = Some(if refined { tried(new, trial) } else { new });
         counts.refined += usize::from(refined);
         refined
     }
@@ -134,11 +135,13 @@ impl<'a> BudgetAllocator<'a> {
 
     /// Summed errors of the splats that were withheld, split, and whose maps were refined; of both halves, once.
     pub fn trial_errors(&self, errors: &[f64]) -> [f64; 3] {
-        let of = |trial: Trial| -> f64 {
-            let is_in = |planned: &&PlannedSplat| planned.history.trial == trial;
-            self.planned_splats.iter().flatten().filter(is_in).map(|p| errors[p.source as usize]).sum()
-        };
-        [Trial::Withheld, Trial::Split, Trial::Refined].map(of)
+        let mut sums = [0.0; 3];
+        for planned in self.planned_splats.iter().flatten() {
+            if let Some(group) = planned.history.trial.group() {
+                sums[group] += errors[planned.source as usize];
+            }
+        }
+        sums
     }
 
     /// All planned splats.

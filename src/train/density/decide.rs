@@ -68,6 +68,11 @@ pub fn decide(
     for planned in planned_splats.iter_mut().flatten() {
         let i = planned.source as usize;
         maps::fit(s, config, components, s.may_coarsen && !high_error[i], planned, &mut counts);
+        if in_vain[i]
+            && let Some(axes) = s.histories[i].trial.refined_axes()
+        {
+            maps::take_back(s, axes, planned, &mut counts);
+        }
     }
 
     maps::coarsen_to_budget(s, budget, &scores, &mut planned_splats, &mut counts);

@@ -3,6 +3,7 @@
 
 use super::candidate::Candidate;
 use super::history::{SplatHistory, Trial};
+use super::rank_correlation::rank_correlation;
 use super::score::Scores;
 use super::situation::Situation;
 
@@ -27,6 +28,9 @@ pub struct Growth {
     pub tried: [f64; 2],
     /// How much less of it was left than with withheld splats.
     pub removed: [f64; 2],
+    /// For splits and refined maps, the sums over windows of (splats), and of (splats times the rank correlation of the
+    /// error that they carried and of the error removed).
+    pub ranked: [[f64; 2]; 2],
     /// Checks in a row that found that growth is not worth its parameters.
     pub idle_checks: u32,
     /// What the next 10 % of the parameters promised at the last check, dB of the training views.
@@ -61,7 +65,29 @@ impl Growth {
                 self.removed[kind] =
                     KEPT_EVIDENCE * self.removed[kind] + tried[kind] - after[1 + kind] / drift;
             }
+            self.rank(kind, drift, histories, scores);
         }
+    }
+
+    /// Compares, splat by splat, the error that it carried, by which growth is ranked, with what growth removed of it.
+    fn rank(&mut self, kind: usize, drift: f64, histories: &[SplatHistory], scores: &Scores) {
+        let pairs: Vec<(f64, f64)> = histories
+            .iter()
+            .zip(&scores.total)
+            .filter(|(history, _)| history.trial.group() == Some(1 + kind) && history.error > 0.0)
+            .map(|(history, after)| (history.error.into(), f64::from(history.error) - after / drift))
+            .collect();
+        if let Some(correlation) = rank_correlation(&pairs) {
+            let weight = pairs.len() as f64;
+            let [splats, weighted] = &mut self.ranked[kind];
+            (*splats, *weighted) = (*splats + weight, *weighted + weight * correlation);
+        }
+    }
+
+    /// Rank correlations, for splits and refined maps, of the error that a splat carried with what growth removed of it:
+    /// means over the windows. `None` where none could be compared.
+    pub fn rank_correlations(&self) -> [Option<f64>; 2] {
+        self.ranked.map(|[splats, weighted]| (splats > 0.0).then(|| weighted / splats))
     }
 
     /// Shares of a splat's error that a split and a refined map remove; `None` before they were measured.
@@ -122,13 +148,13 @@ impl Growth {
 }
 
 impl Trial {
-    /// Place of the group in the sums.
-    fn group(self) -> Option<usize> {
+    /// Place of its kind in [`Growth::before`]: withheld, split, refined.
+    pub fn group(self) -> Option<usize> {
         match self {
             Self::None => None,
             Self::Withheld => Some(0),
             Self::Split => Some(1),
-            Self::Refined => Some(2),
+            Self::RefinedU | Self::RefinedV | Self::RefinedBoth => Some(2),
         }
     }
 }
@@ -157,7 +183,7 @@ mod tests {
 
     #[test]
     fn shares_are_measured_against_withheld_candidates() {
-        let trials = [Trial::Withheld, Trial::Split, Trial::Split, Trial::Refined, Trial::None];
+        let trials = [Trial::Withheld, Trial::Split, Trial::Split, Trial::RefinedV, Trial::None];
         let after = scores(&[0.5, 0.15, 0.15, 0.4, 9.0]);
         let mut growth = Growth { before: [1.0, 1.0, 1.0], ..Growth::default() };
         growth.observe(&histories(&trials), &after);

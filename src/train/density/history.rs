@@ -1,5 +1,7 @@
 //! The history of a splat: what the trainer keeps of it besides its parameters.
 
+use crate::backend::{Grid, MapChange};
+
 /// Density-control steps during which a half is fresh.
 pub const FRESH_CHECKS: u16 = 2;
 
@@ -13,13 +15,37 @@ pub enum Trial {
     Withheld,
     /// Split: this is one of the halves.
     Split,
-    /// Refined its map.
-    Refined,
+    /// Refined its map along u.
+    RefinedU,
+    /// Refined its map along v.
+    RefinedV,
+    /// Refined its map along both axes, or gave it its first map.
+    RefinedBoth,
 }
 
 impl Trial {
     /// All, in the order of their numbers in checkpoints.
-    pub const ALL: [Self; 4] = [Self::None, Self::Withheld, Self::Split, Self::Refined];
+    pub const ALL: [Self; 6] =
+        [Self::None, Self::Withheld, Self::Split, Self::RefinedU, Self::RefinedV, Self::RefinedBoth];
+
+    /// A change of a map.
+    pub fn of(change: &MapChange) -> Self {
+        match change {
+            MapChange::Regrid { grids: [Grid::Finer, Grid::Same], .. } => Self::RefinedU,
+            MapChange::Regrid { grids: [Grid::Same, Grid::Finer], .. } => Self::RefinedV,
+            _ => Self::RefinedBoth,
+        }
+    }
+
+    /// The axes along which the map was refined, if it was.
+    pub fn refined_axes(self) -> Option<[bool; 2]> {
+        match self {
+            Self::RefinedU => Some([true, false]),
+            Self::RefinedV => Some([false, true]),
+            Self::RefinedBoth => Some([true; 2]),
+            Self::None | Self::Withheld | Self::Split => None,
+        }
+    }
 }
 
 /// History of a splat.

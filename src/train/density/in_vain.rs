@@ -12,7 +12,8 @@ const GAIN_MIN: f64 = 0.02;
 pub fn grew_in_vain(histories: &[SplatHistory], scores: &Scores) -> Vec<bool> {
     let is_known = |(history, _): &(&SplatHistory, &f64)| history.error > 0.0;
     let pairs = || histories.iter().zip(&scores.total);
-    let has_grown = |history: &SplatHistory| matches!(history.trial, Trial::Split | Trial::Refined);
+    let has_grown =
+        |history: &SplatHistory| history.trial == Trial::Split || history.trial.refined_axes().is_some();
     let others = pairs().filter(is_known).filter(|(history, _)| !has_grown(history));
     let (before, after) =
         others.fold((0.0, 0.0), |(b, a), (history, &now)| (b + f64::from(history.error), a + now));
@@ -35,8 +36,8 @@ mod tests {
         let histories = [
             of(Trial::None, 1.0),
             of(Trial::Withheld, 1.0),
-            of(Trial::Refined, 1.0),
-            of(Trial::Refined, 1.0),
+            of(Trial::RefinedU, 1.0),
+            of(Trial::RefinedBoth, 1.0),
             of(Trial::Split, 1.0),
             of(Trial::Split, 0.0),
         ];

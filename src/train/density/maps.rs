@@ -83,6 +83,24 @@ pub fn fit(
     }
 }
 
+/// Takes back a refinement along these axes that was in vain (method 6.14): averages texels in pairs, or drops a first map.
+pub fn take_back(s: &Situation<'_>, axes: [bool; 2], planned: &mut PlannedSplat, counts: &mut DensityCounts) {
+    let map = &s.model.textures.maps[planned.source as usize];
+    let change = if map.rows.max(map.cols) == 2 {
+        centred(map, [Grid::Same; 2], [0, 0], [1.0; 2])
+    } else {
+        match Coarsening::new(map, axes) {
+            Some(coarser) => coarser.change(map),
+            None => return,
+        }
+    };
+    let texels = change.applied_to(map).num_texels();
+    if texels < planned.texels {
+        (planned.change, planned.texels) = (change, texels);
+        counts.taken_back += 1;
+    }
+}
+
 /// The axes along which a map loses little by half as many texels.
 fn coarser_grids(s: &Situation<'_>, config: &DensityConfig, splat: usize) -> [Grid; 2] {
     let map = &s.model.textures.maps[splat];

@@ -12,6 +12,7 @@ mod history;
 mod in_vain;
 mod maps;
 mod planned_splat;
+mod rank_correlation;
 mod regrid;
 mod relocate;
 mod score;

@@ -70,6 +70,8 @@ pub struct DensityCounts {
     pub refined: usize,
     /// Maps coarsened, dropped or made smaller to fit their ceiling or the budget.
     pub coarsened: usize,
+    /// Maps whose refinement was in vain and is taken back.
+    pub taken_back: usize,
     /// Splats that gave back SH degrees.
     pub shaded_less: usize,
     /// Times that a candidate was not split, or not refined, for lack of budget.
