@@ -17,8 +17,9 @@ struct Edit {
 }
 
 @group(0) @binding(1) var<storage, read> edits: array<Edit>; // [num_edits]
-@group(0) @binding(2) var<storage, read_write> splat_p: array<f32>; // [n_new, stride]
-@group(0) @binding(3) var<storage, read_write> splat_m: array<f32>; // [n_new, stride]
+@group(0) @binding(2) var<storage, read_write> splat_p: array<f32>; // [num_new_floats]
+@group(0) @binding(3) var<storage, read_write> splat_m: array<f32>; // [num_new_floats]
+@group(0) @binding(4) var<storage, read> splat_info: array<SplatInfo>; // [n_new]
 
 @compute @workgroup_size(SPLAT_GROUP)
 fn edit_splats(
@@ -28,11 +29,15 @@ fn edit_splats(
 ) {
     // Dispatched with one workgroup per splat; a plan has at most as many edits.
     let e = group_index(group, groups);
-    if e >= arrayLength(&edits) || lane >= step.splat_stride {
+    if e >= arrayLength(&edits) {
         return;
     }
     let edit = edits[e];
-    let first = edit.splat * step.splat_stride;
+    let info = splat_info[edit.splat];
+    if lane >= num_floats(info) {
+        return;
+    }
+    let first = first_float(info);
     splat_m[first + lane] = 0.0;
     if lane < 3u {
         splat_p[first + POSITION + lane] = edit.position[lane];

@@ -9,9 +9,9 @@
 #include common/splat
 #include common/adam
 
-@group(0) @binding(1) var<storage, read_write> splat_p: array<f32>; // [n, stride]
-@group(0) @binding(2) var<storage, read_write> splat_m: array<f32>; // [n, stride]
-@group(0) @binding(3) var<storage, read_write> splat_v: array<f32>; // [n, stride]
+@group(0) @binding(1) var<storage, read_write> splat_p: array<f32>; // [num_splat_floats]
+@group(0) @binding(2) var<storage, read_write> splat_m: array<f32>; // [num_splat_floats]
+@group(0) @binding(3) var<storage, read_write> splat_v: array<f32>; // [num_splat_floats]
 @group(0) @binding(4) var<storage, read> splat_info: array<SplatInfo>; // [n]
 
 @compute @workgroup_size(SPLAT_GROUP)
@@ -22,12 +22,13 @@ fn flush_splat(
 ) {
     let i = group_index(group, groups);
     let f = SH + lane;
-    if i >= step.num_splats || f >= step.splat_stride {
+    if i >= step.num_splats {
         return;
     }
-    let skip = adam_skip(splat_info[i].last_step, step.flushed_step);
-    if skip.any {
-        let at = i * step.splat_stride + f;
+    let info = splat_info[i];
+    let skip = adam_skip(info.last_step, step.flushed_step);
+    if skip.any && f < num_floats(info) {
+        let at = first_float(info) + f;
         let rate = select(step.last_rate_sh_rest, step.last_rate_sh_dc, lane < 3u);
         let now = adam_skipped(Moments(splat_p[at], splat_m[at], splat_v[at]), skip, rate);
         splat_p[at] = now.p;

@@ -37,7 +37,8 @@ fn project(
     if i >= step.num_splats {
         return;
     }
-    let base = i * step.splat_stride;
+    let info = splat_info[i];
+    let base = first_float(info);
     let position = vec3f(splat_p[base], splat_p[base + 1u], splat_p[base + 2u]);
     let p = in_camera(position) + camera_translation();
     let scales = exp(vec2f(splat_p[base + LOG_SCALE], splat_p[base + LOG_SCALE + 1u]));
@@ -82,7 +83,6 @@ fn project(
         return;
     }
     keys_out[i] = min(bitcast<u32>(p.z) - bitcast<u32>(step.near), INVISIBLE_KEY - 1u);
-    let info = splat_info[i];
     // An empty map may have a texel size of zero.
     let texels = select(scales / info.texel_sizes, vec2f(0.0), info.map_size == 0u);
     let per_coordinate = vec3f(texels.x * spread.u_a, texels.y * spread.v_a, texels.y * spread.v_b);
@@ -91,7 +91,7 @@ fn project(
         a,
         b,
         g,
-        base_colour(i, position, info),
+        base_colour(position, info),
         opacity,
         per_coordinate,
         step.near / p.z,
@@ -108,14 +108,14 @@ fn project(
 }
 
 // Base colour from the flushed SH in the direction from the camera.
-fn base_colour(i: u32, position: vec3f, info: SplatInfo) -> vec3f {
+fn base_colour(position: vec3f, info: SplatInfo) -> vec3f {
     let skip = adam_skip(info.last_step, step.flushed_step);
-    let degree = min(step.sh_degree, info.sh_degree);
+    let degree = min(step.sh_degree, sh_degree(info));
     let basis = sh_basis(degree, normalize(position - step.camera_in_local));
     let used = 3u * sh_coefficients(degree);
-    let base = i * step.splat_stride + SH;
+    let base = first_float(info) + SH;
     var rgb = array<f32, 3>(0.5, 0.5, 0.5);
-    for (var k = 0u; k < 3u * sh_coefficients(info.sh_degree); k += 1u) {
+    for (var k = 0u; k < 3u * sh_coefficients(sh_degree(info)); k += 1u) {
         var value = splat_p[base + k];
         if skip.any {
             let rate = select(step.last_rate_sh_rest, step.last_rate_sh_dc, k < 3u);

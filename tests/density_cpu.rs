@@ -345,12 +345,13 @@ fn parameters_count_as_in_the_papers_ablation() {
     assert!(textured > 0, "nothing was tested");
     let (splats, texels) = (model.num_splats(), model.num_texels());
     model.splats.set_sh_degrees(&vec![1; splats]);
-    assert_eq!(model.splats.sh_degree, 1);
+    assert_eq!(model.splats.sh_degree(), 1);
     assert_eq!(model.num_params(), (10 + 12) * splats + 2 * textured + 3 * texels);
     // What the model stores: an empty map has no texel size.
     model.textures = TexturePool::neutral(vec![TextureMap::default(); splats]).unwrap();
     assert_eq!(model.num_params(), 22 * splats);
     // A splat of degree 0.
-    model.splats.sh_degrees[0] = 0;
+    let degrees: Vec<u8> = (0..splats).map(|i| u8::from(i > 0)).collect();
+    model.splats.set_sh_degrees(&degrees);
     assert_eq!(model.num_params(), 22 * splats - 9);
 }

@@ -36,7 +36,7 @@ fn settings(scene: &RandomScene) -> Settings {
         colour_gradient: ColourGradient::Strict,
         near: f64::from(scene.model.near),
         filter_px2: scene.model.filter.variance_px2(),
-        sh_degree: scene.model.splats.sh_degree,
+        sh_degree: scene.model.splats.sh_degree(),
         background: [0.3, 0.5, 0.2],
         exposure: ColourMap::IDENTITY,
     }

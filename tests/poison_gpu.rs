@@ -92,7 +92,7 @@ fn a_scene_beyond_the_limits_is_refused_with_sizes() {
     let mut large = small.model.clone();
     // 600,000 splats of 58 floats: 132.8 MiB.
     let sources: Vec<u32> = (0..600_000).map(|i| i % 200).collect();
-    large.splats = large.splats.gathered(&sources);
+    large.splats = large.splats.gathered(&sources, vec![3; sources.len()]);
     large.textures = TexturePool::neutral(vec![TextureMap::default(); 600_000]).unwrap();
     let error = backend.upload(&large, &AdamState::zeros(&large)).unwrap_err();
     assert!(matches!(error, Error::Device(_)), "{error}");

@@ -393,9 +393,8 @@ fn upsampling_changes_images_by_a_quarter_of_texel_differences() {
     let mut bounds = scene.model.clone();
     bounds.textures = TexturePool::neutral(vec![TextureMap::default(); bounds.num_splats()]).unwrap();
     bounds.splats.sh.fill(0.0);
-    let sh = bounds.splats.sh.len() / bounds.num_splats();
-    for (colours, map) in bounds.splats.sh.chunks_exact_mut(sh).zip(&scene.model.textures.maps) {
-        for (channel, colour) in colours[..3].iter_mut().enumerate() {
+    for (splat, map) in scene.model.textures.maps.iter().enumerate() {
+        for (channel, colour) in bounds.splats.sh_of_mut(splat)[..3].iter_mut().enumerate() {
             *colour = ((doubling_bound(&scene, map, channel) - 0.5) / SH_0) as f32;
         }
     }

@@ -129,7 +129,7 @@ fn images_agree(backend: &mut GpuBackend, scene: &RandomScene, moved: f32) -> bo
     let mut model = scene.model.clone();
     model.splats.positions.chunks_exact_mut(3).for_each(|p| p[2] += moved);
     backend.upload(&model, &AdamState::zeros(&model)).unwrap();
-    let sh_degree = model.splats.sh_degree;
+    let sh_degree = model.splats.sh_degree();
     let options = RenderOptions { background: BACKGROUND, sh_degree, geometry: true };
     let image = backend.render(&scene.camera, &options).unwrap();
     let plain = backend.render(&scene.camera, &RenderOptions { geometry: false, ..options }).unwrap();
@@ -168,7 +168,7 @@ fn a_step_does_not_depend_on_the_loss_terms_of_the_step_before() {
             photo: 0,
             target: &scene.target,
             background: BACKGROUND,
-            sh_degree: scene.model.splats.sh_degree,
+            sh_degree: scene.model.splats.sh_degree(),
             loss: weights[k],
             rates: LearningRates::default(),
             accumulate_statistics: true,

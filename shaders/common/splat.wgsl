@@ -1,4 +1,4 @@
-// Layout of a splat's parameters, in the order of `SplatGroup`, and its record.
+// Layout of a splat's parameters, in the order of `SplatGroup`, and its record. SH is as long as the splat's degree asks.
 
 const POSITION = 0u;
 const QUATERNION = 3u;
@@ -17,7 +17,21 @@ struct SplatInfo {
     map_origin: vec2f,
     // Step up to which SH and texels have been flushed.
     last_step: u32,
-    sh_degree: u32,
+    // First float of its parameters << 2 | SH degree
+    parameters: u32,
+}
+
+fn first_float(info: SplatInfo) -> u32 {
+    return info.parameters >> 2u;
+}
+
+fn sh_degree(info: SplatInfo) -> u32 {
+    return info.parameters & 3u;
+}
+
+// Floats of its parameters.
+fn num_floats(info: SplatInfo) -> u32 {
+    return SH + 3u * sh_coefficients(sh_degree(info));
 }
 
 fn map_rows(map_size: u32) -> u32 {

@@ -20,8 +20,6 @@ struct Step {
     num_splats: u32,
     // SH degree to evaluate.
     sh_degree: u32,
-    // Floats per splat in the parameter arrays.
-    splat_stride: u32,
     // Counts from 1; 0 for images.
     step: u32,
     // Last completed step, up to which lazily updated parameters are flushed.
@@ -69,6 +67,7 @@ struct Step {
     // Variance of the low-pass filter; 0: none.
     filter_px2: f32,
     pad0: u32,
+    pad1: u32,
 }
 
 // Flushed parameters are stored: a training step, not an image.

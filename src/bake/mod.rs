@@ -4,6 +4,7 @@
 mod cameras;
 mod model_from_asset;
 
+use crate::constants::sh_coefficients;
 use crate::model::{Filter, Model, TextureMap, texel_value};
 use crate::{Error, Report};
 pub use cameras::{AssetViews, asset_camera, asset_cameras, camera};
@@ -28,7 +29,7 @@ pub fn bake(
     report: &mut Report,
 ) -> SplatAsset {
     let mut asset = SplatAsset {
-        sh_degree: model.splats.sh_degree,
+        sh_degree: model.splats.sh_degree(),
         near: model.near,
         filter: match model.filter {
             Filter::None => AssetFilter::None,
@@ -70,12 +71,11 @@ pub fn bake(
 /// Activates one splat and its map and appends them; `None`, and no change, if no renderer can draw it.
 fn push_splat(asset: &mut SplatAsset, model: &Model, splat: usize) -> Option<()> {
     let s = &model.splats;
-    let sh_width = 3 * crate::constants::sh_coefficients(s.sh_degree);
     let position: [f32; 3] = s.positions[3 * splat..].first_chunk().copied()?;
     let quaternion: [f32; 4] = s.quaternions[4 * splat..].first_chunk().copied()?;
     let log_scales: [f32; 2] = s.log_scales[2 * splat..].first_chunk().copied()?;
     let opacity = sigmoid(f64::from(s.opacity_logits[splat]));
-    let sh = &s.sh[splat * sh_width..(splat + 1) * sh_width];
+    let sh = s.sh_of(splat);
     let map = &model.textures.maps[splat];
     let texels = &model.textures.texels[map.floats()];
 
@@ -99,7 +99,9 @@ fn push_splat(asset: &mut SplatAsset, model: &Model, splat: usize) -> Option<()>
     asset.scales.push(scales.map(|v| (v as f32).max(f32::MIN_POSITIVE)));
     asset.opacities.push((opacity as f32).max(f32::MIN_POSITIVE));
     asset.sh.extend(sh);
-    asset.sh_degrees.push(s.sh_degrees[splat]);
+    // Assets are padded to their largest degree.
+    asset.sh.resize(asset.num_splats() * 3 * sh_coefficients(asset.sh_degree), 0.0);
+    asset.sh_degrees.push(s.sh_degrees()[splat]);
     // No larger than the model's own offsets, which fit.
     asset.maps.push(asset_map(map, asset.num_texels() as u32));
     asset.texels.extend(texels.iter().map(|&t| texel_value(f64::from(t)) as f32));

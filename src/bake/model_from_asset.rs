@@ -11,15 +11,15 @@ const BELOW_ONE: f64 = 1.0 - 1.0 / (1_u64 << 26) as f64;
 /// A model that renders as the asset, to the rounding of f32; equal assets give equal models, bit for bit. A
 /// rotation of the frame is dropped, since models have none: cameras and splats are in the local frame anyway.
 pub fn model_from_asset(asset: &SplatAsset) -> Model {
-    let splats = SplatArrays {
-        sh_degree: asset.sh_degree,
-        sh_degrees: asset.sh_degrees.clone(),
-        positions: asset.positions.as_flattened().to_vec(),
-        quaternions: asset.rotations.as_flattened().to_vec(),
-        log_scales: asset.scales.as_flattened().iter().map(|&s| f64::from(s).ln() as f32).collect(),
-        opacity_logits: asset.opacities.iter().map(|&o| logit(f64::from(o)) as f32).collect(),
-        sh: asset.sh.clone(),
-    };
+    let mut splats = SplatArrays::zeros_of(asset.sh_degrees.clone());
+    splats.positions = asset.positions.as_flattened().to_vec();
+    splats.quaternions = asset.rotations.as_flattened().to_vec();
+    splats.log_scales = asset.scales.as_flattened().iter().map(|&s| f64::from(s).ln() as f32).collect();
+    splats.opacity_logits = asset.opacities.iter().map(|&o| logit(f64::from(o)) as f32).collect();
+    for splat in 0..splats.len() {
+        let to = splats.sh_of_mut(splat);
+        to.copy_from_slice(&asset.sh_of(splat)[..to.len()]);
+    }
     let stored = |v: &f32| 2.0 * f64::from(*v).clamp(-BELOW_ONE, BELOW_ONE).atanh();
     let texels = asset.texels.iter().map(|v| stored(v) as f32).collect();
     let frame = &asset.capture_from_local;

@@ -154,7 +154,7 @@ mod with_gpu {
                 photo: photo as u32,
                 target,
                 background: scene.background,
-                sh_degree: scene.model.splats.sh_degree,
+                sh_degree: scene.model.splats.sh_degree(),
                 loss: config.loss,
                 rates,
                 accumulate_statistics: false,
@@ -229,7 +229,7 @@ mod with_gpu {
         let test = capture.indices(Split::Test);
         let secs_per_view = match test.first() {
             Some(first) if has_time => {
-                let (background, sh_degree) = (scene.background, scene.model.splats.sh_degree);
+                let (background, sh_degree) = (scene.background, scene.model.splats.sh_degree());
                 let options = RenderOptions { background, sh_degree, geometry: false };
                 let start = Instant::now();
                 evaluate(backend, capture, &[*first], &options, &mut |_, _| Ok(Control::Continue))?;

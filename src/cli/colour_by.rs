@@ -124,7 +124,7 @@ impl Coloured {
         }
         let mut counts = vec![[0; 2]; by.num_classes() + 1];
         let pixels = pixel_sizes(model, cameras);
-        let maps_and_degrees = model.textures.maps.iter().zip(&model.splats.sh_degrees);
+        let maps_and_degrees = model.textures.maps.iter().zip(model.splats.sh_degrees());
         let colours = maps_and_degrees.zip(&pixels).map(|((map, &sh_degree), &pixel)| {
             let class = by.class(map, sh_degree, pixel);
             counts[class][0] += 1;

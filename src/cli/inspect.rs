@@ -109,8 +109,8 @@ fn of_model(model: &Model) -> Value {
         "texels": model.num_texels(),
         "params": model.num_params(),
         "params_published": model.size().params_published(),
-        "sh_degree": model.splats.sh_degree,
-        "sh_degrees": degree_counts(&model.splats.sh_degrees),
+        "sh_degree": model.splats.sh_degree(),
+        "sh_degrees": degree_counts(model.splats.sh_degrees()),
         "maps": histogram(sides),
         "bounds_in_capture": { "min": low, "max": high },
         "capture_from_local": {

@@ -6,7 +6,6 @@
 
 use super::capture::Capture;
 use super::values::{format_bytes, format_count, format_duration};
-use litetex_gs::constants::sh_coefficients;
 use litetex_gs::model::{MAP_PARAMS, Model, ModelSize, TEXEL_PARAMS};
 use litetex_gs::train::density::{Budget, MapRule};
 use litetex_gs::train::{DensityStep, Schedule, TrainConfig};
@@ -56,8 +55,6 @@ const EXPECTED_TEXELS_EACH: u64 = 100;
 pub struct Workload {
     pub splats: u64,
     pub texels: u64,
-    /// SH degree of the arrays.
-    pub sh_degree: u32,
     /// Parameters of a splat without its map, on average.
     pub splat_params: u64,
     /// Largest view.
@@ -110,7 +107,6 @@ impl Workload {
         Self {
             splats: model.num_splats() as u64,
             texels: model.num_texels() as u64,
-            sh_degree: model.splats.sh_degree,
             splat_params: (bare.params() / bare.splats.max(1)) as u64,
             pixels_max: (0..capture.num_views()).map(pixels).max().unwrap_or(0),
             pixels_mean: sum as f64 / train.len().max(1) as f64,
@@ -161,8 +157,7 @@ impl Workload {
 
     /// Memory and time of this workload.
     pub fn resources(&self) -> Resources {
-        let floats = 10 + 3 * sh_coefficients(self.sh_degree) as u64;
-        let parameters = 4 * (self.splats * floats + 3 * self.texels);
+        let parameters = 4 * (self.splats * self.splat_params + 3 * self.texels);
         let model_bytes = parameters + 12 * self.splats;
         let optimiser_bytes = 2 * parameters + 4 * self.splats;
         let bytes_per_photo = (3.0 * self.pixels_mean) as u64;
@@ -305,7 +300,6 @@ mod tests {
     const FOX: Workload = Workload {
         splats: 14_686,
         texels: 16 * 14_686,
-        sh_degree: 3,
         splat_params: 58,
         pixels_max: 270 * 480,
         pixels_mean: 270.0 * 480.0,

@@ -117,7 +117,7 @@ pub fn config_of(path: &Path, strings: &BTreeMap<String, String>) -> Result<RunC
 
 /// Render options of a model.
 pub fn render_options(model: &Model, background: [f32; 3], geometry: bool) -> RenderOptions {
-    RenderOptions { background, sh_degree: model.splats.sh_degree, geometry }
+    RenderOptions { background, sh_degree: model.splats.sh_degree(), geometry }
 }
 
 /// The baked scene of a run, a checkpoint or an asset, and the training it comes from, if it is not an asset.

@@ -19,12 +19,8 @@ enum TexelArray {
 /// # Errors
 /// As [`TexturePool::neutral`].
 pub(super) fn apply_plan(model: &Model, adam: &AdamState, plan: &DensityPlan) -> Result<(Model, AdamState)> {
-    let degrees = plan.new_sh_degrees(&model.splats.sh_degrees);
-    let gather = |arrays: &SplatArrays| {
-        let mut out = arrays.gathered(&plan.sources);
-        out.set_sh_degrees(&degrees);
-        out
-    };
+    let degrees = plan.new_sh_degrees(model.splats.sh_degrees());
+    let gather = |arrays: &SplatArrays| arrays.gathered(&plan.sources, degrees.clone());
     let old = &model.textures.maps;
     let maps = plan.sources.iter().zip(&plan.maps).map(|(&s, change)| change.applied_to(&old[s as usize]));
     let mut textures = TexturePool::neutral(maps)?;
@@ -96,8 +92,8 @@ fn apply_edit(edit: &SplatEdit, splats: &mut SplatArrays, first_moments: &mut Sp
     splats.log_scales[2 * i..2 * i + 2].copy_from_slice(&edit.log_scales);
     splats.opacity_logits[i] = edit.opacity_logit;
     for group in SplatGroup::ALL {
-        let width = group.width(first_moments.sh_degree);
-        first_moments.group_mut(group)[i * width..(i + 1) * width].fill(0.0);
+        let range = first_moments.range(group, i);
+        first_moments.group_mut(group)[range].fill(0.0);
     }
 }
 
@@ -115,7 +111,7 @@ mod tests {
     fn planned(change: MapChange) -> (Model, AdamState, DensityPlan) {
         let options = SceneOptions { num_splats: 3, map_sizes: vec![(4, 3)], ..SceneOptions::default() };
         let mut model = random_scene(&options).model;
-        model.splats.sh_degrees.fill(3);
+        model.splats.set_sh_degrees(&[3; 3]);
         let mut adam = AdamState::zeros(&model);
         adam.texels_m.iter_mut().enumerate().for_each(|(i, m)| *m = 0.1 * (i as f32).sin());
         adam.texels_v.iter_mut().enumerate().for_each(|(i, v)| *v = 0.01 * (i as f32).cos().abs());
@@ -267,7 +263,7 @@ mod tests {
         assert_eq!(after.splats.sh, before.splats.sh);
         assert_eq!(after.textures, before.textures);
         for group in SplatGroup::ALL {
-            let width = group.width(3);
+            let width = group.width(if group == SplatGroup::Sh { 3 } else { 0 });
             let (m, v) = (moments.splats_m.group(group), moments.splats_v.group(group));
             // Negative control: the splat that is not edited keeps its first moments.
             assert!(m[..width].iter().all(|m| *m != 0.0), "{group:?}");

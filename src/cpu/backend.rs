@@ -13,7 +13,8 @@ use crate::backend::{
     StepReport, StepRequest, WindowStatistics,
 };
 use crate::camera::{Camera, Similarity};
-use crate::model::{AdamState, Filter, Model, SplatArrays, TexturePool};
+use crate::constants::SH_DEGREE_MAX;
+use crate::model::{AdamState, Filter, Model, SplatArrays, SplatGroup, TexturePool};
 use crate::{Error, Result};
 use fearless_simd::Level;
 use std::time::{Duration, Instant};
@@ -169,7 +170,8 @@ impl Backend for CpuBackend {
             // Columns and rows of tiles are stored in 16 bits.
             max_side_px: TILE_PX as u32 * u32::from(u16::MAX),
             max_pixels: u32::MAX.into(),
-            max_splats: u32::MAX.into(),
+            // As are the floats of SH.
+            max_splats: u64::from(u32::MAX) / SplatGroup::Sh.width(SH_DEGREE_MAX) as u64,
             // The floats of visible texels are indexed by 32 bits.
             max_texels: u64::from(u32::MAX) / 3,
         }
@@ -188,7 +190,7 @@ impl Backend for CpuBackend {
         let Self { level, pool, pipeline, .. } = self;
         let image = pool.install(|| {
             pipeline.project(*level, &model, ViewF32::new(camera, &model));
-            pipeline.colours(*level, &model, options.sh_degree.min(model.splats.sh_degree));
+            pipeline.colours(*level, &model, options.sh_degree);
             let mut geometry = options.geometry.then(Vec::new);
             pipeline.raster(*level, false, geometry.as_mut());
             pipeline.image(options.background, geometry.as_deref())
@@ -249,7 +251,7 @@ impl Backend for CpuBackend {
     }
 
     fn apply_plan(&mut self, plan: &DensityPlan) -> Result<()> {
-        plan.check(self.model.num_splats(), self.model.splats.sh_degree)?;
+        plan.check(self.model.num_splats(), self.model.splats.sh_degree())?;
         // Map changes do not commute with pending lazy updates.
         let (step, model, adam) = (self.adam.step, &mut self.model, &mut self.adam);
         self.pool.install(|| flush(model, adam, None, step));

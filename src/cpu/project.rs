@@ -219,15 +219,15 @@ pub(super) fn rotation_columns(q: [f32; 4]) -> [[f32; 3]; 3] {
 
 /// Sets the base colours: SH in the direction from the camera, clamped at zero.
 pub(super) fn base_colours(model: &Model, view: &ViewF32, degree: u32, splats: &mut [ProjectedSplat]) {
-    let width = 3 * sh_coefficients(model.splats.sh_degree);
     splats.par_iter_mut().with_min_len(256).for_each(|splat| {
         let i = splat.id as usize;
         let (direction, _) = view_direction(model, i, view);
-        let degree = degree.min(model.splats.sh_degrees[i].into());
+        let degree = degree.min(model.splats.sh_degrees()[i].into());
         let basis = sh_basis(degree, direction);
         let mut rgb = [0.5_f32; 3];
-        for (k, y) in basis[..sh_coefficients(degree)].iter().enumerate() {
-            (0..3).for_each(|c| rgb[c] += y * model.splats.sh[i * width + 3 * k + c]);
+        let sh = model.splats.sh_of(i).as_chunks::<3>().0;
+        for (y, sh) in basis[..sh_coefficients(degree)].iter().zip(sh) {
+            (0..3).for_each(|c| rgb[c] += y * sh[c]);
         }
         splat.rgb_positive = rgb.map(|v| v > 0.0);
         // Keeps poisoned coefficients from spreading: NaN becomes 0, and squares in the loss stay finite.

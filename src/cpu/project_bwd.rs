@@ -31,7 +31,7 @@ pub(super) fn project_bwd(
 ) -> SplatGradient {
     let s = |sum: Sum| sums[sum as usize];
     let i = splat.id as usize;
-    let sh_degree = sh_degree.min(model.splats.sh_degrees[i].into());
+    let sh_degree = sh_degree.min(model.splats.sh_degrees()[i].into());
     let screen = filter_bwd(splat, sums, view);
     let (by_centre, by_axes) = map_bwd(splat, sums, &screen, view);
     let mut out = SplatGradient {
@@ -50,11 +50,11 @@ pub(super) fn project_bwd(
     let (direction, distance) = view_direction(model, i, view);
     let basis = sh_basis(sh_degree, direction);
     let slopes = sh_basis_derivative(sh_degree, direction);
-    let first = i * 3 * sh_coefficients(model.splats.sh_degree);
+    let held = model.splats.sh_of(i);
     let mut by_direction = [0.0; 3];
     for k in 0..sh_coefficients(sh_degree) {
         (0..3).for_each(|c| out.sh[3 * k + c] = basis[k] * by_rgb[c]);
-        let sh = &model.splats.sh[first + 3 * k..][..3];
+        let sh = &held[3 * k..][..3];
         let along = dot([sh[0], sh[1], sh[2]], by_rgb);
         (0..3).for_each(|c| by_direction[c] += slopes[k][c] * along);
     }

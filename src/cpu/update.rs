@@ -10,10 +10,11 @@ use super::simd::dispatch;
 use super::tiles::{Pair, Tiles};
 use super::view::ViewF32;
 use crate::backend::{LearningRates, WindowStatistics};
-use crate::constants::{LOG_SCALE_RANGE, sh_coefficients};
+use crate::constants::LOG_SCALE_RANGE;
 use crate::model::{AdamState, Model, SplatArrays, SplatGroup, TextureMap, texel_value_slope};
 use fearless_simd::{Level, Simd};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Splats per chunk.
 const CHUNK: usize = 256;
@@ -38,7 +39,7 @@ fn split_chunks<'a>(
     last_step: &'a mut Vec<u32>,
     statistics: Option<&'a mut WindowStatistics>,
     maps: &[TextureMap],
-    sh_degree: u32,
+    sh_offsets: &[u32],
 ) -> Vec<SplatChunk<'a>> {
     let n = last_step.len();
     let mut groups = groups.map(|g| g.map(|v| v.as_mut_slice()));
@@ -57,7 +58,11 @@ fn split_chunks<'a>(
         let texel_floats: usize = maps[first..first + len].iter().map(|m| 3 * m.num_texels()).sum();
         let mut taken = Vec::new();
         for (group, arrays) in SplatGroup::ALL.into_iter().zip(&mut groups) {
-            taken.push(take(arrays, len * group.width(sh_degree)));
+            let floats = match group {
+                SplatGroup::Sh => (sh_offsets[first + len] - sh_offsets[first]) as usize,
+                _ => len * group.width(0),
+            };
+            taken.push(take(arrays, floats));
         }
         let Ok(taken) = taken.try_into() else { unreachable!("five groups") };
         let (head, tail) = std::mem::take(&mut last_step).split_at_mut(len);
@@ -88,28 +93,33 @@ fn take<'a>(slices: &mut [&'a mut [f32]; 3], len: usize) -> [&'a mut [f32]; 3] {
     })
 }
 
+/// The arrays of each group, and the offsets of SH.
 fn triples<'a>(
     p: &'a mut SplatArrays,
     m: &'a mut SplatArrays,
     v: &'a mut SplatArrays,
-) -> [[&'a mut Vec<f32>; 3]; 5] {
-    let arrays = |s: &'a mut SplatArrays| {
-        let SplatArrays { positions, quaternions, log_scales, opacity_logits, sh, .. } = s;
-        [positions, quaternions, log_scales, opacity_logits, sh]
-    };
-    let ([p0, p1, p2, p3, p4], [m0, m1, m2, m3, m4], [v0, v1, v2, v3, v4]) =
-        (arrays(p), arrays(m), arrays(v));
-    [[p0, m0, v0], [p1, m1, v1], [p2, m2, v2], [p3, m3, v3], [p4, m4, v4]]
+) -> ([[&'a mut Vec<f32>; 3]; 5], &'a [u32]) {
+    let (p, offsets) = p.groups_mut();
+    let ((m, _), (v, _)) = (m.groups_mut(), v.groups_mut());
+    let [p0, p1, p2, p3, p4] = p;
+    let [m0, m1, m2, m3, m4] = m;
+    let [v0, v1, v2, v3, v4] = v;
+    ([[p0, m0, v0], [p1, m1, v1], [p2, m2, v2], [p3, m3, v3], [p4, m4, v4]], offsets)
+}
+
+/// Where the floats of splat `i` of a chunk are in its part of an array with these offsets.
+fn within(offsets: &[u32], first: usize, i: usize) -> Range<usize> {
+    let [base, start, end] = [first, first + i, first + i + 1].map(|splat| offsets[splat] as usize);
+    start - base..end - base
 }
 
 /// Flushes SH and texels of the given splats (ascending ids), or of all splats, up to step `now`.
 pub(super) fn flush(model: &mut Model, adam: &mut AdamState, only: Option<&[u32]>, now: u32) {
-    let (rates, sh_degree) = (adam.rates, model.splats.sh_degree);
-    let width = 3 * sh_coefficients(model.splats.sh_degree);
+    let rates = adam.rates;
     let Model { splats, textures, .. } = model;
-    let groups = triples(splats, &mut adam.splats_m, &mut adam.splats_v);
+    let (groups, sh_offsets) = triples(splats, &mut adam.splats_m, &mut adam.splats_v);
     let texels = [&mut textures.texels, &mut adam.texels_m, &mut adam.texels_v];
-    let chunks = split_chunks(groups, texels, &mut adam.last_step, None, &textures.maps, sh_degree);
+    let chunks = split_chunks(groups, texels, &mut adam.last_step, None, &textures.maps, sh_offsets);
     let maps = &textures.maps;
     chunks.into_par_iter().for_each(|mut chunk| {
         let base = 3 * maps[chunk.first].offset_texels as usize;
@@ -117,8 +127,8 @@ pub(super) fn flush(model: &mut Model, adam: &mut AdamState, only: Option<&[u32]
         let mut flush_one = |i: usize| {
             if let Some(skip) = AdamSkip::new(chunk.last_step[i], now) {
                 let [p, m, v] = &mut chunk.groups[4];
-                let dc = i * width..i * width + 3;
-                let rest = i * width + 3..(i + 1) * width;
+                let sh = within(sh_offsets, chunk.first, i);
+                let (dc, rest) = (sh.start..sh.start + 3, sh.start + 3..sh.end);
                 skip.update(&mut p[dc.clone()], &mut m[dc.clone()], &mut v[dc], rates.sh_dc);
                 skip.update(&mut p[rest.clone()], &mut m[rest.clone()], &mut v[rest], rates.sh_rest);
                 let map = &maps[chunk.first + i];
@@ -271,16 +281,14 @@ pub(super) fn update(
     input: &UpdateInput<'_>,
 ) -> u64 {
     let gradients = gather_gradients(model, input);
-    let sh_degree = model.splats.sh_degree;
-    let sh_width = 3 * sh_coefficients(sh_degree);
     (adam.step, adam.rates) = (input.step, input.rates);
     let Model { splats, textures, .. } = model;
-    let groups = triples(splats, &mut adam.splats_m, &mut adam.splats_v);
+    let (groups, sh_offsets) = triples(splats, &mut adam.splats_m, &mut adam.splats_v);
     let texels = [&mut textures.texels, &mut adam.texels_m, &mut adam.texels_v];
     let maps = &textures.maps;
-    let chunks = split_chunks(groups, texels, &mut adam.last_step, statistics, maps, sh_degree);
+    let chunks = split_chunks(groups, texels, &mut adam.last_step, statistics, maps, sh_offsets);
     chunks.into_par_iter().zip(&gradients).for_each(|(mut chunk, gradients)| {
-        dispatch!(input.level, simd => update_chunk(simd, &mut chunk, gradients, maps, sh_width, input));
+        dispatch!(input.level, simd => update_chunk(simd, &mut chunk, gradients, (maps, sh_offsets), input));
     });
     gradients.iter().map(|c| c.non_finite).sum()
 }
@@ -291,8 +299,7 @@ fn update_chunk<S: Simd>(
     _simd: S,
     chunk: &mut SplatChunk<'_>,
     gradients: &ChunkGradients,
-    maps: &[TextureMap],
-    sh_width: usize,
+    (maps, sh_offsets): (&[TextureMap], &[u32]),
     input: &UpdateInput<'_>,
 ) {
     let step = AdamStep::new(input.step);
@@ -306,10 +313,10 @@ fn update_chunk<S: Simd>(
         dense[i][7..9].copy_from_slice(&g.gradient.log_scale);
         dense[i][9] = g.gradient.opacity;
         let [p, m, v] = &mut chunk.groups[4];
-        let dc = i * sh_width..i * sh_width + 3;
+        let held = within(sh_offsets, chunk.first, i);
         // SH of degrees not in use take no step.
         let sh = &g.gradient.sh[..g.gradient.sh_floats];
-        let rest = i * sh_width + 3..i * sh_width + sh.len();
+        let (dc, rest) = (held.start..held.start + 3, held.start + 3..held.start + sh.len());
         step.update(&mut p[dc.clone()], &mut m[dc.clone()], &mut v[dc], &sh[..3], rates.sh_dc);
         step.update(&mut p[rest.clone()], &mut m[rest.clone()], &mut v[rest], &sh[3..], rates.sh_rest);
         let map = &maps[g.id as usize];

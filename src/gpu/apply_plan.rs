@@ -5,7 +5,7 @@ use super::device::GpuDevice;
 use super::encode::Dispatch;
 use super::kernels::{Buf, KernelId};
 use super::layout::{self, CHANGE_COARSER, CHANGE_FINER, CHANGE_RESAMPLE, CHANGE_SAME, FLAG_NEAREST_OUTSIDE};
-use super::model_buffers::{self, NewBuffers, filled, splat_infos, splat_stride};
+use super::model_buffers::{self, NewBuffers, filled, num_splat_floats, splat_infos};
 use super::state::GpuBackend;
 use super::uniform;
 use crate::Result;
@@ -21,8 +21,7 @@ pub(super) fn apply_plan(backend: &mut GpuBackend, plan: &DensityPlan) -> Result
         .collect();
     let mut map_kernels = vec![KernelId::RegridMaps];
     map_kernels.extend(changes.iter().find(|c| c.kind == CHANGE_RESAMPLE).map(|_| KernelId::ResampleMaps));
-    let mut splats = SplatArrays::zeros(plan.sources.len(), old.splats.sh_degree);
-    splats.sh_degrees = plan.new_sh_degrees(&old.splats.sh_degrees);
+    let splats = SplatArrays::zeros_of(plan.new_sh_degrees(old.splats.sh_degrees()));
     let shape = Model { splats, textures, ..*old };
     let clock =
         AdamState { step: backend.clock.step, rates: backend.clock.rates, ..AdamState::zeros(&shape) };
@@ -85,11 +84,11 @@ impl PlanBuffers {
         changes: &[layout::MapChange],
     ) -> Result<Self> {
         let (n, num_texels) = (shape.num_splats(), shape.num_texels());
-        let splat_bytes = 4 * splat_stride(shape.splats.sh_degree) as u64;
+        let splat_floats = num_splat_floats(&shape.splats) as u64;
         let edits: Vec<layout::Edit> = plan.edits.iter().map(edit_of).collect();
         let mut splats = Vec::new();
         for name in [Buf::SplatP, Buf::SplatM, Buf::SplatV] {
-            splats.push((name, device.buffer("splat parameters", n as u64, splat_bytes)?));
+            splats.push((name, device.buffer("splat parameters", splat_floats, 4)?));
         }
         let mut texels = Vec::new();
         for (moment, name) in [Buf::TexelP, Buf::TexelM, Buf::TexelV].into_iter().enumerate() {
@@ -101,11 +100,7 @@ impl PlanBuffers {
             sources: filled(device, "sources of the plan", &plan.sources)?,
             changes: filled(device, "map changes of the plan", changes)?,
             edits: filled(device, "edits of the plan", &edits)?,
-            infos: filled(
-                device,
-                "splat records",
-                &splat_infos(&shape.textures.maps, &shape.splats.sh_degrees, |_| 0),
-            )?,
+            infos: filled(device, "splat records", &splat_infos(shape, |_| 0))?,
             splats,
             texels,
             derived: model_buffers::derived(device, n, num_texels)?,

@@ -50,9 +50,9 @@ impl Backend for GpuBackend {
         self.capacity.ensure(&self.device, &mut self.resources, &needs)?;
         loop {
             self.arm();
-            let degree = options.sh_degree.min(self.shape.splats.sh_degree);
-            let offsets = self
-                .set_uniform(0, &uniform::image(&self.uniform_inputs(), camera, options.background, degree));
+            let inputs = self.uniform_inputs();
+            let uniform = uniform::image(&inputs, camera, options.background, options.sh_degree);
+            let offsets = self.set_uniform(0, &uniform);
             let dispatches = self.forward(offsets, camera, options.geometry);
             let status = self.submit_for_status(&dispatches, 1)?;
             if u64::from(status[0].needed_pairs) <= self.capacity.pairs {
@@ -149,7 +149,7 @@ impl Backend for GpuBackend {
 
     fn apply_plan(&mut self, plan: &DensityPlan) -> Result<()> {
         self.check()?;
-        plan.check(self.shape.num_splats(), self.shape.splats.sh_degree)?;
+        plan.check(self.shape.num_splats(), self.shape.splats.sh_degree())?;
         apply_plan::apply_plan(self, plan)
     }
 

@@ -232,10 +232,10 @@ kernels! {
     }
     "gather_splats", EachSplat, [
         read sources = Sources, read old_values = OldValues, write new_values = NewValues,
-        read splat_info = SplatInfo,
+        read splat_info = SplatInfo, read old_info = OldSplatInfo,
     ] => { GatherSplats [] }
     "edit_splats", EachSplat, [
-        read edits = Edits, write splat_p = SplatP, write splat_m = SplatM,
+        read edits = Edits, write splat_p = SplatP, write splat_m = SplatM, read splat_info = SplatInfo,
     ] => { EditSplats [] }
     "regrid_maps", EachSplat, [
         read changes = MapChanges, read old_info = OldSplatInfo, write splat_info = SplatInfo,

@@ -40,8 +40,6 @@ pub struct StepUniform {
     pub num_splats: u32,
     /// SH degree to evaluate.
     pub sh_degree: u32,
-    /// Floats per splat in the parameter arrays.
-    pub splat_stride: u32,
     /// Counts from 1; 0 for images.
     pub step: u32,
     /// Last completed step, up to which lazily updated parameters are flushed.
@@ -110,6 +108,8 @@ pub struct StepUniform {
     pub filter_px2: f32,
     /// Pads to a multiple of 16 bytes.
     pub pad0: u32,
+    /// As `pad0`.
+    pub pad1: u32,
 }
 
 /// Flushed parameters are stored: a training step, not an image.
@@ -151,8 +151,8 @@ pub struct SplatInfo {
     pub map_origin: [f32; 2],
     /// Step up to which SH and texels have been flushed.
     pub last_step: u32,
-    /// SH degree of the splat.
-    pub sh_degree: u32,
+    /// First float of its parameters << 2 | SH degree.
+    pub parameters: u32,
 }
 
 /// How a density-control plan changes a map (`shaders/common/map_change.wgsl`).

@@ -4,7 +4,7 @@
 use super::device::GpuDevice;
 use super::layout::MAX_SIDE_PX;
 use super::layout::{BOUNDS_BYTES, PROJECTED_BYTES};
-use super::model_buffers::splat_stride;
+use super::model_buffers::{MOST_SPLAT_FLOATS, splat_floats};
 use crate::backend::{DeviceLimits, SceneShape};
 
 /// Bytes and floats per texel of the largest texel buffer, the activated texels.
@@ -21,13 +21,13 @@ pub(super) fn limits(buffer_bytes: u64, shape: SceneShape) -> DeviceLimits {
     // Buffer sizes are multiples of 16 bytes.
     let buffer_bytes = buffer_bytes / 16 * 16;
     let most = |bytes: u64, floats: u64| (buffer_bytes / bytes).min(u64::from(u32::MAX) / floats);
-    let parameters = splat_stride(shape.sh_degree) as u64;
+    let parameters = splat_floats(shape.sh_degree) as u64;
     let splat_bytes = (4 * parameters).max(PROJECTED_BYTES).max(BOUNDS_BYTES);
     let pixel_bytes = if shape.geometry { GEOMETRY_PIXEL_BYTES } else { PIXEL_BYTES };
     DeviceLimits {
         max_side_px: MAX_SIDE_PX,
         max_pixels: most(pixel_bytes, PIXEL_FLOATS),
-        max_splats: most(splat_bytes, parameters),
+        max_splats: most(splat_bytes, parameters).min(MOST_SPLAT_FLOATS / parameters),
         max_texels: most(TEXEL_BYTES, TEXEL_FLOATS),
     }
 }

@@ -9,51 +9,58 @@ use super::shader::GROUP;
 use crate::Result;
 use crate::model::{AdamState, Model, SplatArrays, SplatGroup, TextureMap};
 
-/// Floats per splat in the parameter arrays.
-pub(super) fn splat_stride(sh_degree: u32) -> usize {
+/// Floats of the parameters of all splats that records can address.
+pub(super) const MOST_SPLAT_FLOATS: u64 = 1 << 30;
+
+/// Floats of a splat's parameters.
+pub(super) fn splat_floats(sh_degree: u32) -> usize {
     SplatGroup::ALL.iter().map(|g| g.width(sh_degree)).sum()
 }
 
-/// The parameters splat by splat. `[n, stride]`
+/// Floats of the parameters of all splats.
+pub(super) fn num_splat_floats(splats: &SplatArrays) -> usize {
+    SplatGroup::ALL.iter().map(|&g| splats.group(g).len()).sum()
+}
+
+/// The parameters splat by splat. `[num_splat_floats]`
 fn interleaved(arrays: &SplatArrays) -> Vec<f32> {
-    let mut out = Vec::with_capacity(arrays.len() * splat_stride(arrays.sh_degree));
+    let mut out = Vec::with_capacity(num_splat_floats(arrays));
     for i in 0..arrays.len() {
         for group in SplatGroup::ALL {
-            let width = group.width(arrays.sh_degree);
-            out.extend_from_slice(&arrays.group(group)[i * width..(i + 1) * width]);
+            out.extend_from_slice(&arrays.group(group)[arrays.range(group, i)]);
         }
     }
     out
 }
 
-/// Inverse of [`interleaved`].
-fn separated(values: &[f32], sh_degree: u32) -> SplatArrays {
-    let stride = splat_stride(sh_degree);
-    let mut out = SplatArrays::zeros(values.len() / stride, sh_degree);
-    let mut at = 0;
-    for group in SplatGroup::ALL {
-        let width = group.width(sh_degree);
-        let array = out.group_mut(group);
-        *array = values.chunks_exact(stride).flat_map(|s| &s[at..at + width]).copied().collect();
-        at += width;
+/// Inverse of [`interleaved`] for splats of these degrees.
+fn separated(values: &[f32], sh_degrees: &[u8]) -> SplatArrays {
+    let mut out = SplatArrays::zeros_of(sh_degrees.to_vec());
+    let mut rest = values;
+    for i in 0..out.len() {
+        for group in SplatGroup::ALL {
+            let range = out.range(group, i);
+            let (head, tail) = rest.split_at(range.len());
+            out.group_mut(group)[range].copy_from_slice(head);
+            rest = tail;
+        }
     }
     out
 }
 
-pub(super) fn splat_infos(
-    maps: &[TextureMap],
-    sh_degrees: &[u8],
-    last_step: impl Fn(usize) -> u32,
-) -> Vec<SplatInfo> {
+pub(super) fn splat_infos(model: &Model, last_step: impl Fn(usize) -> u32) -> Vec<SplatInfo> {
+    let Model { splats, textures, .. } = model;
+    // A splat's parameters other than SH are as many for all.
+    let first = |i: usize| i * (splat_floats(0) - SplatGroup::Sh.width(0)) + splats.sh_offsets()[i] as usize;
     let info = |(i, map): (usize, &TextureMap)| SplatInfo {
         map_offset_texels: map.offset_texels,
         map_size: u32::from(map.rows) | u32::from(map.cols) << 16,
         texel_sizes: map.texel_sizes,
         map_origin: map.origin(),
         last_step: last_step(i),
-        sh_degree: sh_degrees[i].into(),
+        parameters: (first(i) as u32) << 2 | u32::from(splats.sh_degrees()[i]),
     };
-    maps.iter().enumerate().map(info).collect()
+    textures.maps.iter().enumerate().map(info).collect()
 }
 
 /// A new buffer that contains `values`.
@@ -86,7 +93,7 @@ pub(super) fn upload(
     for (name, values) in texels {
         made.push((name, filled(device, "texel parameters", values)?));
     }
-    let infos = splat_infos(&model.textures.maps, &model.splats.sh_degrees, |i| adam.last_step[i]);
+    let infos = splat_infos(model, |i| adam.last_step[i]);
     made.push((Buf::SplatInfo, filled(device, "splat records", &infos)?));
     made.into_iter().for_each(|(name, buffer)| resources.set(name, buffer));
     Ok(())
@@ -119,10 +126,11 @@ pub(super) fn read_back(
     model: &mut Model,
     adam: &mut AdamState,
 ) -> Result<()> {
-    let (n, degree) = (model.num_splats(), model.splats.sh_degree);
+    let (n, num_splat_floats) = (model.num_splats(), num_splat_floats(&model.splats));
+    let degrees = model.splats.sh_degrees().to_vec();
     let splats = |name| -> Result<SplatArrays> {
-        let values: Vec<f32> = device.rescue(resources.buffer(name), n * splat_stride(degree))?;
-        Ok(separated(&values, degree))
+        let values: Vec<f32> = device.rescue(resources.buffer(name), num_splat_floats)?;
+        Ok(separated(&values, &degrees))
     };
     model.splats = splats(Buf::SplatP)?;
     adam.splats_m = splats(Buf::SplatM)?;
@@ -133,9 +141,6 @@ pub(super) fn read_back(
     adam.texels_v = device.rescue(resources.buffer(Buf::TexelV), floats)?;
     let infos: Vec<SplatInfo> = device.rescue(resources.buffer(Buf::SplatInfo), n)?;
     adam.last_step = infos.iter().map(|i| i.last_step).collect();
-    for arrays in [&mut model.splats, &mut adam.splats_m, &mut adam.splats_v] {
-        arrays.sh_degrees = infos.iter().map(|i| i.sh_degree as u8).collect();
-    }
     Ok(())
 }
 
@@ -148,12 +153,18 @@ mod tests {
     fn interleaved_splats_round_trip() {
         for sh_degree in [0, 2, 3] {
             let options = SceneOptions { num_splats: 7, sh_degree, ..SceneOptions::default() };
-            let mut splats = random_scene(&options).model.splats;
-            // The records have the degrees.
-            splats.sh_degrees.fill(sh_degree as u8);
-            let values = interleaved(&splats);
-            assert_eq!(values.len(), 7 * splat_stride(sh_degree));
-            assert_eq!(separated(&values, sh_degree), splats);
+            let model = random_scene(&options).model;
+            let (splats, values) = (&model.splats, interleaved(&model.splats));
+            assert_eq!(
+                values.len(),
+                splats.sh_degrees().iter().map(|&d| splat_floats(d.into())).sum::<usize>()
+            );
+            assert_eq!(&separated(&values, splats.sh_degrees()), splats);
+            // The records point to the first float of each.
+            for (i, info) in splat_infos(&model, |_| 0).iter().enumerate() {
+                assert_eq!(values[(info.parameters >> 2) as usize], splats.positions[3 * i]);
+                assert_eq!(info.parameters & 3, u32::from(splats.sh_degrees()[i]));
+            }
         }
     }
 }

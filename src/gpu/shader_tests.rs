@@ -67,9 +67,9 @@ fn injected_faults_are_detected() {
         "    rate_sh_dc: f32,\n    rate_sh_rest: f32,",
         "    rate_sh_rest: f32,\n    rate_sh_dc: f32,",
         &format!("{step}{}: ", line.unwrap() + 1),
-        "Step member 34",
+        "Step member 33",
     );
-    detected("    loss_l1: f32,", "    loss_l1: u32,", step, "Step member 22");
+    detected("    loss_l1: f32,", "    loss_l1: u32,", step, "Step member 21");
     detected("    grid: vec2u,", "    grid: vec4u,", step, "bytes");
     let project = "shaders/project.wgsl:";
     detected(

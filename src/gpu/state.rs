@@ -4,7 +4,6 @@ use super::device::{GpuDevice, Pipeline, UNIFORM_STRIDE};
 use super::encode::{Dispatch, encode};
 use super::kernels::{Buf, KernelId, NUM_GROUPS, RasterKernels};
 use super::layout::{DispatchArgs, FLAG_ALL_MAPS, FLAG_PERSIST, Status, StepUniform};
-use super::model_buffers::splat_stride;
 use super::pace::{BATCH, Pace};
 use super::photos::PhotoPool;
 use super::resources::{Resources, UniformOffsets};
@@ -154,7 +153,6 @@ impl GpuBackend {
     pub(super) fn uniform_inputs(&self) -> UniformInputs {
         UniformInputs {
             num_splats: self.shape.num_splats() as u32,
-            splat_stride: splat_stride(self.shape.splats.sh_degree) as u32,
             near: self.shape.near,
             filter_px2: self.shape.filter.variance_px2() as f32,
             pair_capacity: self.capacity.pairs as u32,

@@ -11,7 +11,6 @@ use crate::model::LearningRates;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct UniformInputs {
     pub num_splats: u32,
-    pub splat_stride: u32,
     pub near: f32,
     /// Variance of the low-pass filter.
     pub filter_px2: f32,
@@ -35,7 +34,6 @@ pub(super) fn without_view(inputs: &UniformInputs, flags: u32) -> StepUniform {
         near: inputs.near,
         filter_px2: inputs.filter_px2,
         num_splats: inputs.num_splats,
-        splat_stride: inputs.splat_stride,
         flushed_step: inputs.flushed_step,
         pair_capacity: inputs.pair_capacity,
         partial_stride: PARTIAL_STRIDE,

@@ -3,7 +3,7 @@
 use super::input::{InitInput, InitOptions};
 use super::points::LocalPoint;
 use crate::Result;
-use crate::constants::{SH_0, sh_coefficients};
+use crate::constants::SH_0;
 use crate::knn::nearest;
 use crate::model::{Model, SplatArrays, TextureMap, TexturePool, support_half_extent};
 use crate::train::Policy;
@@ -41,9 +41,8 @@ pub(super) fn model(input: &InitInput<'_>, points: &[LocalPoint], options: &Init
     splats.log_scales = points.iter().flat_map(|p| [p.sigma.ln(); 2]).collect();
     splats.opacity_logits = points.iter().map(|p| (p.opacity / (1.0 - p.opacity)).ln() as f32).collect();
     splats.quaternions = points.iter().flat_map(|point| point.quaternion).collect();
-    let coefficients = 3 * sh_coefficients(options.sh_degree);
-    for (sh, point) in splats.sh.chunks_exact_mut(coefficients).zip(points) {
-        for (out, c) in sh.iter_mut().zip(point.rgb) {
+    for (splat, point) in points.iter().enumerate() {
+        for (out, c) in splats.sh_of_mut(splat).iter_mut().zip(point.rgb) {
             *out = ((f64::from(c) - 0.5) / SH_0) as f32;
         }
     }

@@ -14,7 +14,6 @@ pub use texture::{TextureMap, TexturePool, support_half_extent, texel_value, tex
 pub use tint::tinted;
 
 use crate::camera::Similarity;
-use crate::constants::sh_coefficients;
 use serde::{Deserialize, Serialize};
 
 /// Splats and texture maps, with the frame they are in: all that rendering needs.
@@ -47,7 +46,7 @@ impl Model {
     pub fn size(&self) -> ModelSize {
         ModelSize {
             splats: self.num_splats(),
-            sh_coefficients: self.splats.sh_degrees.iter().map(|&d| sh_coefficients(d.into())).sum(),
+            sh_coefficients: self.splats.sh.len() / 3,
             maps: self.textures.maps.iter().filter(|map| map.num_texels() > 0).count(),
             texels: self.num_texels(),
         }
@@ -148,8 +147,7 @@ impl AdamState {
     /// The state before the first step: all moments zero.
     pub fn zeros(model: &Model) -> Self {
         let n = model.num_splats();
-        let mut zeros = SplatArrays::zeros(n, model.splats.sh_degree);
-        zeros.sh_degrees.clone_from(&model.splats.sh_degrees);
+        let zeros = SplatArrays::zeros_of(model.splats.sh_degrees().to_vec());
         Self {
             splats_m: zeros.clone(),
             splats_v: zeros,

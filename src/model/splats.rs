@@ -2,14 +2,16 @@
 //! loops over all parameters are written once.
 
 use crate::constants::sh_coefficients;
+use std::ops::Range;
 
-/// One array per group of parameters; the entries of a splat are contiguous.
+/// One array per group of parameters; the entries of a splat are contiguous. SH coefficients are a jagged pool: a splat has
+/// those of its own degree.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SplatArrays {
-    /// Largest SH degree of any splat, that of `sh`.
-    pub sh_degree: u32,
-    /// SH degree of each splat. Entries of `sh` above it are 0. `[n]`
-    pub sh_degrees: Vec<u8>,
+    /// SH degree of each splat. `[n]`
+    sh_degrees: Vec<u8>,
+    /// First float of each splat in `sh`, and the end of the last one. `[n + 1]`
+    sh_offsets: Vec<u32>,
     /// Centres, local frame. `[n, 3]`
     pub positions: Vec<f32>,
     /// Rotations local_from_surfel as quaternions wxyz, not normalised. `[n, 4]`
@@ -18,7 +20,7 @@ pub struct SplatArrays {
     pub log_scales: Vec<f32>,
     /// Opacities before the sigmoid. `[n]`
     pub opacity_logits: Vec<f32>,
-    /// SH coefficients, display space. `[n, (sh_degree + 1)^2, 3]`
+    /// SH coefficients, display space, splat after splat. `[num_sh_coefficients, 3]`
     pub sh: Vec<f32>,
 }
 
@@ -41,7 +43,7 @@ impl SplatGroup {
     /// All groups, in storage order.
     pub const ALL: [Self; 5] = [Self::Position, Self::Quaternion, Self::LogScale, Self::Opacity, Self::Sh];
 
-    /// Floats per splat.
+    /// Floats of a splat of this SH degree.
     pub const fn width(self, sh_degree: u32) -> usize {
         match self {
             Self::Position => 3,
@@ -56,15 +58,22 @@ impl SplatGroup {
 impl SplatArrays {
     /// `n` splats of degree `sh_degree` with all values zero.
     pub fn zeros(n: usize, sh_degree: u32) -> Self {
-        let array = |g: SplatGroup| vec![0.0; n * g.width(sh_degree)];
+        Self::zeros_of(vec![sh_degree as u8; n])
+    }
+
+    /// Splats of these SH degrees with all values zero.
+    pub fn zeros_of(sh_degrees: Vec<u8>) -> Self {
+        let n = sh_degrees.len();
+        let sh_offsets = sh_offsets(&sh_degrees);
+        let array = |g: SplatGroup| vec![0.0; n * g.width(0)];
         Self {
-            sh_degree,
-            sh_degrees: vec![sh_degree as u8; n],
             positions: array(SplatGroup::Position),
             quaternions: array(SplatGroup::Quaternion),
             log_scales: array(SplatGroup::LogScale),
             opacity_logits: array(SplatGroup::Opacity),
-            sh: array(SplatGroup::Sh),
+            sh: vec![0.0; sh_offsets[n] as usize],
+            sh_degrees,
+            sh_offsets,
         }
     }
 
@@ -78,7 +87,41 @@ impl SplatArrays {
         self.opacity_logits.is_empty()
     }
 
-    /// The array of one group. `[n, width]`
+    /// SH degree of each splat. `[n]`
+    pub fn sh_degrees(&self) -> &[u8] {
+        &self.sh_degrees
+    }
+
+    /// Largest SH degree of a splat; 0 without splats.
+    pub fn sh_degree(&self) -> u32 {
+        self.sh_degrees.iter().copied().max().unwrap_or(0).into()
+    }
+
+    /// First float of each splat in the pool of SH coefficients, and its end. `[n + 1]`
+    pub fn sh_offsets(&self) -> &[u32] {
+        &self.sh_offsets
+    }
+
+    /// The floats of a splat in the array of a group.
+    pub fn range(&self, group: SplatGroup, splat: usize) -> Range<usize> {
+        match group {
+            SplatGroup::Sh => self.sh_offsets[splat] as usize..self.sh_offsets[splat + 1] as usize,
+            _ => splat * group.width(0)..(splat + 1) * group.width(0),
+        }
+    }
+
+    /// The SH coefficients of a splat. `[(degree + 1)^2, 3]`
+    pub fn sh_of(&self, splat: usize) -> &[f32] {
+        &self.sh[self.range(SplatGroup::Sh, splat)]
+    }
+
+    /// The SH coefficients of a splat, mutable. `[(degree + 1)^2, 3]`
+    pub fn sh_of_mut(&mut self, splat: usize) -> &mut [f32] {
+        let range = self.range(SplatGroup::Sh, splat);
+        &mut self.sh[range]
+    }
+
+    /// The array of one group. `[n, width]`, SH splat after splat
     pub fn group(&self, group: SplatGroup) -> &Vec<f32> {
         match group {
             SplatGroup::Position => &self.positions,
@@ -89,7 +132,7 @@ impl SplatArrays {
         }
     }
 
-    /// The array of one group, mutable. `[n, width]`
+    /// The array of one group, mutable; its length must stay. `[n, width]`, SH splat after splat
     pub fn group_mut(&mut self, group: SplatGroup) -> &mut Vec<f32> {
         match group {
             SplatGroup::Position => &mut self.positions,
@@ -100,28 +143,67 @@ impl SplatArrays {
         }
     }
 
-    /// The splats with the indices `sources`, in that order.
-    pub fn gathered(&self, sources: &[u32]) -> Self {
-        let mut out = Self::zeros(0, self.sh_degree);
-        out.sh_degrees = sources.iter().map(|&s| self.sh_degrees[s as usize]).collect();
+    /// The arrays of all groups, in the order of [`SplatGroup::ALL`], mutable, with [`Self::sh_offsets`].
+    pub fn groups_mut(&mut self) -> ([&mut Vec<f32>; 5], &[u32]) {
+        let Self { positions, quaternions, log_scales, opacity_logits, sh, sh_offsets, .. } = self;
+        ([positions, quaternions, log_scales, opacity_logits, sh], sh_offsets)
+    }
+
+    /// The splats with the indices `sources`, in that order, each with its new SH degree: higher coefficients are dropped,
+    /// missing ones are 0.
+    pub fn gathered(&self, sources: &[u32], sh_degrees: Vec<u8>) -> Self {
+        let mut out = Self::zeros_of(sh_degrees);
         for group in SplatGroup::ALL {
-            let width = group.width(self.sh_degree);
-            let from = self.group(group);
-            *out.group_mut(group) = sources
-                .iter()
-                .flat_map(|&s| &from[s as usize * width..(s as usize + 1) * width])
-                .copied()
-                .collect();
+            for (splat, &source) in sources.iter().enumerate() {
+                let (to, from) = (out.range(group, splat), self.range(group, source as usize));
+                let floats = to.len().min(from.len());
+                let from = &self.group(group)[from.start..][..floats];
+                out.group_mut(group)[to.start..][..floats].copy_from_slice(from);
+            }
         }
         out
     }
 
-    /// Changes the degrees of the splats; coefficients above them become 0.
+    /// Changes the degrees of the splats, as [`Self::gathered`] does.
     pub fn set_sh_degrees(&mut self, degrees: &[u8]) {
-        self.sh_degrees = degrees.to_vec();
-        let width = SplatGroup::Sh.width(self.sh_degree);
-        for (sh, &degree) in self.sh.chunks_exact_mut(width).zip(degrees) {
-            sh[SplatGroup::Sh.width(degree.into())..].fill(0.0);
-        }
+        let all: Vec<u32> = (0..self.len() as u32).collect();
+        *self = self.gathered(&all, degrees.to_vec());
+    }
+}
+
+/// First float of each splat in a pool of SH coefficients, and its end.
+fn sh_offsets(degrees: &[u8]) -> Vec<u32> {
+    let mut end = 0;
+    std::iter::once(0)
+        .chain(degrees.iter().map(|&degree| {
+            end += SplatGroup::Sh.width(degree.into()) as u32;
+            end
+        }))
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn coefficients_above_a_splats_degree_take_no_room() {
+        let mut splats = SplatArrays::zeros(3, 2);
+        splats.sh.iter_mut().enumerate().for_each(|(i, c)| *c = i as f32);
+        splats.opacity_logits = vec![0.5, 1.5, 2.5];
+        splats.set_sh_degrees(&[1, 2, 0]);
+        assert_eq!((splats.sh_offsets(), splats.sh_degree()), (&[0, 12, 39, 42][..], 2));
+        assert_eq!(splats.sh_of(0), (0..12).map(|i| i as f32).collect::<Vec<_>>());
+        assert_eq!(splats.sh_of(1), (27..54).map(|i| i as f32).collect::<Vec<_>>());
+        assert_eq!(splats.sh_of(2), [54.0, 55.0, 56.0]);
+        let twice = splats.gathered(&[2, 1, 2], vec![0, 0, 1]);
+        assert_eq!(
+            twice.sh,
+            [54.0, 55.0, 56.0, 27.0, 28.0, 29.0, 54.0, 55.0, 56.0, 0., 0., 0., 0., 0., 0., 0., 0., 0.]
+        );
+        assert_eq!(twice.opacity_logits, [2.5, 1.5, 2.5]);
+        // A band that comes back is empty.
+        splats.set_sh_degrees(&[2, 2, 2]);
+        assert!(splats.sh_of(0)[12..].iter().all(|c| *c == 0.0));
     }
 }

@@ -1,6 +1,6 @@
 //! Models whose splats have one flat colour each, to show something other than the scene's colours.
 
-use super::{Model, SplatArrays, TextureMap, TexturePool};
+use super::{Model, TextureMap, TexturePool};
 use crate::constants::SH_0;
 
 /// The model with one display-space colour for each splat, the same from all sides, instead of spherical
@@ -12,13 +12,11 @@ pub fn tinted(model: &Model, colours: &[[u8; 3]]) -> Model {
     let n = model.num_splats();
     assert_eq!(colours.len(), n, "one colour for each splat");
     let coefficient = |c: u8| ((f64::from(c) / 255.0 - 0.5) / SH_0) as f32;
+    let mut splats = model.splats.clone();
+    splats.set_sh_degrees(&vec![0; n]);
+    splats.sh = colours.iter().flatten().map(|&c| coefficient(c)).collect();
     Model {
-        splats: SplatArrays {
-            sh_degree: 0,
-            sh_degrees: vec![0; n],
-            sh: colours.iter().flatten().map(|&c| coefficient(c)).collect(),
-            ..model.splats.clone()
-        },
+        splats,
         textures: TexturePool { maps: vec![TextureMap::default(); n], texels: Vec::new() },
         ..*model
     }
@@ -38,7 +36,7 @@ mod tests {
         let mut backend = CpuBackend::new(Some(1)).unwrap();
         let mut render = |model: &Model| {
             backend.upload(model, &AdamState::zeros(model)).unwrap();
-            let sh_degree = model.splats.sh_degree;
+            let sh_degree = model.splats.sh_degree();
             let options = RenderOptions { background: [0.0; 3], sh_degree, geometry: false };
             backend.render(&scene.camera, &options).unwrap()
         };

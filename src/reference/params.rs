@@ -6,8 +6,6 @@ use glam::{DMat3, DQuat, DVec3};
 /// Stored parameters of all splats and texels, or gradients with respect to them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Params {
-    /// SH degree of `sh`.
-    pub sh_degree: u32,
     /// SH degree of each splat. `[n]`
     pub sh_degrees: Vec<u8>,
     /// Centres in the local frame. `[n, 3]`
@@ -18,7 +16,9 @@ pub struct Params {
     pub log_scales: Vec<f64>,
     /// Opacities before the sigmoid. `[n]`
     pub opacity_logits: Vec<f64>,
-    /// SH coefficients. `[n, (sh_degree + 1)^2, 3]`
+    /// First float of each splat in `sh`, and the end of the last one. `[n + 1]`
+    pub sh_offsets: Vec<u32>,
+    /// SH coefficients, splat after splat. `[num_sh_coefficients, 3]`
     pub sh: Vec<f64>,
     /// Texels before activation. `[num_texels, 3]`
     pub texels: Vec<f64>,
@@ -32,8 +32,8 @@ impl Params {
         let wide = |v: &[f32]| v.iter().map(|&x| f64::from(x)).collect();
         let s = &model.splats;
         Self {
-            sh_degree: s.sh_degree,
-            sh_degrees: s.sh_degrees.clone(),
+            sh_degrees: s.sh_degrees().to_vec(),
+            sh_offsets: s.sh_offsets().to_vec(),
             positions: wide(&s.positions),
             quaternions: wide(&s.quaternions),
             log_scales: wide(&s.log_scales),
@@ -64,7 +64,7 @@ impl Params {
         self.opacity_logits.is_empty()
     }
 
-    /// The array of a group. `[n, width]`
+    /// The array of a group. `[n, width]`, SH splat after splat
     pub fn group(&self, group: SplatGroup) -> &[f64] {
         match group {
             SplatGroup::Position => &self.positions,
@@ -75,7 +75,7 @@ impl Params {
         }
     }
 
-    /// The array of a group, mutable. `[n, width]`
+    /// The array of a group, mutable. `[n, width]`, SH splat after splat
     pub fn group_mut(&mut self, group: SplatGroup) -> &mut [f64] {
         match group {
             SplatGroup::Position => &mut self.positions,

@@ -91,10 +91,9 @@ fn sh_bwd(
     let degree = settings.sh_degree.min(params.sh_degrees[i].into());
     let basis = sh_basis(degree, direction);
     let slopes = sh_basis_derivative(degree, direction);
-    let width = sh_coefficients(params.sh_degree);
     let mut by_direction = DVec3::ZERO;
     for k in 0..sh_coefficients(degree) {
-        let first = 3 * (i * width + k);
+        let first = params.sh_offsets[i] as usize + 3 * k;
         (0..3).for_each(|c| grad.sh[first + c] += basis[k] * by_rgb[c]);
         by_direction += slopes[k] * DVec3::from_slice(&params.sh[first..]).dot(by_rgb);
     }

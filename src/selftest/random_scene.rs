@@ -2,7 +2,6 @@
 //! sizes, and a photo that does not resemble them.
 
 use crate::camera::{Camera, Pinhole, RigidTransform, Similarity};
-use crate::constants::sh_coefficients;
 use crate::image::TargetImage;
 use crate::model::{Filter, Model, SplatArrays, TextureMap, TexturePool};
 use glam::{DMat3, DQuat, DVec3};
@@ -76,7 +75,6 @@ pub fn random_scene(options: &SceneOptions) -> RandomScene {
     let mut splats = SplatArrays::zeros(n, options.sh_degree);
     let degrees: Vec<u8> = (0..n).map(|i| (i % 5).min(options.sh_degree as usize) as u8).collect();
     let mut maps = Vec::new();
-    let coefficients = sh_coefficients(options.sh_degree);
     for i in 0..n {
         let depth = rng.random_range(options.depths.0..=options.depths.1);
         let px = glam::DVec2::new(
@@ -90,10 +88,9 @@ pub fn random_scene(options: &SceneOptions) -> RandomScene {
         (0..2).for_each(|k| splats.log_scales[2 * i + k] = rng.random_range(log_range.clone()) as f32);
         let opacity: f64 = rng.random_range(options.opacities.0..=options.opacities.1);
         splats.opacity_logits[i] = (opacity / (1.0 - opacity)).ln() as f32;
-        for k in 0..coefficients {
-            let spread = if k == 0 { 1.2 } else { 0.25 };
-            (0..3)
-                .for_each(|c| splats.sh[3 * (i * coefficients + k) + c] = (spread * normal(&mut rng)) as f32);
+        for (k, c) in splats.sh_of_mut(i).iter_mut().enumerate() {
+            let spread = if k < 3 { 1.2 } else { 0.25 };
+            *c = (spread * normal(&mut rng)) as f32;
         }
         let (rows, cols) = options.map_sizes[rng.random_range(0..options.map_sizes.len())];
         let half = 2.5 * splats.log_scales[2 * i].max(splats.log_scales[2 * i + 1]).exp();

@@ -5,7 +5,7 @@
 use super::random_scene::{RandomScene, SceneOptions, random_scene};
 use crate::Result;
 use crate::backend::{Backend, ColourMap, LearningRates, LossWeights, RenderOptions, StepRequest};
-use crate::constants::{ADAM_BETA1, sh_coefficients};
+use crate::constants::ADAM_BETA1;
 use crate::model::{AdamState, SplatGroup};
 use crate::reference::{
     AlphaCutoff, ColourGradient, Gradients, Params, Settings, adam_dense, exposure_fwd, gradients, map_rate,
@@ -128,7 +128,7 @@ fn settings(scene: &RandomScene, exposure: ColourMap) -> Settings {
         colour_gradient: ColourGradient::Projected,
         near: f64::from(scene.model.near),
         filter_px2: scene.model.filter.variance_px2(),
-        sh_degree: scene.model.splats.sh_degree,
+        sh_degree: scene.model.splats.sh_degree(),
         background: BACKGROUND.map(f64::from),
         exposure,
     }
@@ -145,7 +145,7 @@ fn request<'a>(scene: &'a RandomScene, step: u32, loss: &LossWeights) -> StepReq
         photo: 0,
         target: &scene.target,
         background: BACKGROUND,
-        sh_degree: scene.model.splats.sh_degree,
+        sh_degree: scene.model.splats.sh_degree(),
         loss: *loss,
         rates: RATES,
         accumulate_statistics: false,
@@ -160,7 +160,7 @@ fn wide(values: &[f32]) -> Vec<f64> {
 fn image(backend: &mut dyn Backend, scene: &RandomScene, name: String) -> Result<Check> {
     backend.upload(&scene.model, &AdamState::zeros(&scene.model))?;
     let options =
-        RenderOptions { background: BACKGROUND, sh_degree: scene.model.splats.sh_degree, geometry: false };
+        RenderOptions { background: BACKGROUND, sh_degree: scene.model.splats.sh_degree(), geometry: false };
     let image = backend.render(&scene.camera, &options)?;
     let expected = reference(scene, &Params::from_model(&scene.model), &WEIGHTS, ColourMap::IDENTITY).image;
     Ok(Check::new(name, &wide(&image.rgb), &expected.rgb, 1e-4))
@@ -173,7 +173,7 @@ fn depths_and_normals(
     name: &dyn Fn(&str) -> String,
 ) -> Result<Vec<Check>> {
     backend.upload(&scene.model, &AdamState::zeros(&scene.model))?;
-    let sh_degree = scene.model.splats.sh_degree;
+    let sh_degree = scene.model.splats.sh_degree();
     let options = RenderOptions { background: BACKGROUND, sh_degree, geometry: true };
     let image = backend.render(&scene.camera, &options)?;
     let expected = reference(scene, &Params::from_model(&scene.model), &WEIGHTS, ColourMap::IDENTITY).image;
@@ -242,9 +242,8 @@ fn ten_steps(
     for t in 1..=STEPS {
         let gradient = reference(scene, &params, &WEIGHTS, ColourMap::IDENTITY).params;
         for group in SplatGroup::ALL {
-            let width = group.width(start.sh_degree);
             let arrays = [params.group_mut(group), m.group_mut(group), v.group_mut(group)];
-            adam(arrays, gradient.group(group), t, |i| f64::from(rate(group, i % width)));
+            adam(arrays, gradient.group(group), t, |i| f64::from(rate(&start, group, i)));
         }
         adam([&mut params.texels, &mut m.texels, &mut v.texels], &gradient.texels, t, |i| texel_rates[i]);
     }
@@ -263,13 +262,18 @@ fn ten_steps(
     Ok(checks)
 }
 
-fn rate(group: SplatGroup, column: usize) -> f32 {
+/// The learning rate of a float of a group.
+fn rate(params: &Params, group: SplatGroup, float: usize) -> f32 {
+    let is_dc = || {
+        let splat = params.sh_offsets.partition_point(|&first| first as usize <= float) - 1;
+        float < params.sh_offsets[splat] as usize + 3
+    };
     match group {
         SplatGroup::Position => RATES.position,
         SplatGroup::Quaternion => RATES.quaternion,
         SplatGroup::LogScale => RATES.log_scale,
         SplatGroup::Opacity => RATES.opacity,
-        SplatGroup::Sh if column < 3 * sh_coefficients(0) => RATES.sh_dc,
+        SplatGroup::Sh if is_dc() => RATES.sh_dc,
         SplatGroup::Sh => RATES.sh_rest,
     }
 }

@@ -28,8 +28,8 @@ pub fn config(policy: Policy) -> TrainConfig {
 /// Initial state of a run: maps of 2 x 2 texels, of the size that the policy fixes, or none.
 pub fn start(policy: Policy) -> TrainState {
     let mut model = damaged(&scene());
-    let highest = model.splats.sh_degree as u8;
-    model.splats.sh_degrees.fill(highest);
+    let highest = model.splats.sh_degree() as u8;
+    model.splats.set_sh_degrees(&vec![highest; model.num_splats()]);
     let extents = (0..model.num_splats()).map(|i| {
         let half = [0, 1].map(|k| 2.5 * f64::from(model.splats.log_scales[2 * i + k]).exp());
         let size = first_texel_size(half);

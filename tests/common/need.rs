@@ -5,7 +5,7 @@ use litetex_gs::backend::{
     Backend as _, LearningRates, LossWeights, RenderOptions, StepRequest, TargetImage,
 };
 use litetex_gs::camera::{Camera, Similarity};
-use litetex_gs::constants::{SH_0, SH_DEGREE_MAX, sh_coefficients};
+use litetex_gs::constants::SH_0;
 use litetex_gs::dataset::{Capture, LoadOptions};
 use litetex_gs::eval::quality_of;
 use litetex_gs::model::{Filter, Model, SplatArrays, TextureMap, TexturePool};
@@ -50,7 +50,7 @@ impl Views {
     /// Mean PSNR over the views, dB.
     pub fn psnr(&self, model: &Model) -> f64 {
         let mut backend = uploaded(model);
-        let sh_degree = model.splats.sh_degree;
+        let sh_degree = model.splats.sh_degree();
         let options = RenderOptions { background: [GREY; 3], sh_degree, geometry: false };
         let of = |(camera, target): &(Camera, Arc<TargetImage>)| {
             let image = backend.render(camera, &options).unwrap();
@@ -72,7 +72,7 @@ impl Views {
                 photo: (7 * step) % self.0.len() as u32,
                 target,
                 background: [GREY; 3],
-                sh_degree: start.splats.sh_degree,
+                sh_degree: start.splats.sh_degree(),
                 loss: LossWeights { mse: 1.0, ..LossWeights::NONE },
                 rates: LearningRates {
                     texel: 0.2 * decay,
@@ -124,9 +124,7 @@ impl Default for Surfel {
 
 /// The model of some splats, grey and with texels that are 0.
 pub fn model(surfels: &[Surfel]) -> Model {
-    let largest = surfels.iter().map(|s| s.degree).max().unwrap_or(0).min(SH_DEGREE_MAX);
-    let mut splats = SplatArrays::zeros(surfels.len(), largest);
-    splats.sh_degrees = surfels.iter().map(|s| s.degree as u8).collect();
+    let mut splats = SplatArrays::zeros_of(surfels.iter().map(|s| s.degree as u8).collect());
     for (i, s) in surfels.iter().enumerate() {
         splats.positions[3 * i..3 * i + 3].copy_from_slice(&s.centre.map(|x| x as f32));
         let half = 0.5 * s.angle;
@@ -138,8 +136,7 @@ pub fn model(surfels: &[Surfel]) -> Model {
         ]);
         splats.log_scales[2 * i..2 * i + 2].fill(s.sigma.ln() as f32);
         splats.opacity_logits[i] = (s.opacity / (1.0 - s.opacity)).ln() as f32;
-        let first = 3 * i * sh_coefficients(largest);
-        splats.sh[first..first + 3].fill((GREY - 0.5) / SH_0 as f32);
+        splats.sh_of_mut(i)[..3].fill((GREY - 0.5) / SH_0 as f32);
     }
     let maps =
         surfels.iter().map(|s| TextureMap::centred(s.map[0], s.map[1], s.texel.map(|edge| edge as f32)));

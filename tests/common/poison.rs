@@ -36,7 +36,7 @@ fn survives(backend: &mut dyn Backend, scene: &RandomScene, name: &str) -> f64 {
                 photo: 0,
                 target: &scene.target,
                 background: options.background,
-                sh_degree: scene.model.splats.sh_degree,
+                sh_degree: scene.model.splats.sh_degree(),
                 loss: LossWeights {
                     l1: 0.8,
                     dssim: 0.2,
@@ -81,9 +81,9 @@ pub fn poisoned_splats_do_not_affect_the_image_or_other_splats(backend: &mut dyn
     for value in values {
         for group in litetex_gs::model::SplatGroup::ALL {
             let mut scene = scene(2);
-            let width = group.width(3);
             for i in (0..200).step_by(3) {
-                scene.model.splats.group_mut(group)[i * width + i % width] = value;
+                let floats = scene.model.splats.range(group, i);
+                scene.model.splats.group_mut(group)[floats.start + i % floats.len()] = value;
             }
             survives(backend, &scene, &format!("{group:?} = {value}"));
         }

@@ -31,7 +31,7 @@ pub fn reference(scene: &RandomScene, weights: &LossWeights) -> Gradients {
         colour_gradient: ColourGradient::Projected,
         near: f64::from(scene.model.near),
         filter_px2: scene.model.filter.variance_px2(),
-        sh_degree: scene.model.splats.sh_degree,
+        sh_degree: scene.model.splats.sh_degree(),
         background: BACKGROUND.map(f64::from),
         exposure: ColourMap::IDENTITY,
     };
@@ -54,7 +54,7 @@ pub struct Observed {
 /// `(1 - beta1)` times the gradient.
 pub fn observe(backend: &mut dyn Backend, scene: &RandomScene, weights: &LossWeights) -> Observed {
     backend.upload(&scene.model, &AdamState::zeros(&scene.model)).unwrap();
-    let sh_degree = scene.model.splats.sh_degree;
+    let sh_degree = scene.model.splats.sh_degree();
     let options = RenderOptions { background: BACKGROUND, sh_degree, geometry: false };
     let image = backend.render(&scene.camera, &options).unwrap();
     let request = StepRequest {

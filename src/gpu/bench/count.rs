@@ -10,7 +10,7 @@ use crate::gpu::shader::TILE_PX;
 use crate::gpu::sort::{DEPTH_PASSES, num_tile_passes};
 use crate::gpu::state::{GpuBackend, GpuOptions};
 use crate::gpu::uniform;
-use crate::model::{Model, SplatGroup};
+use crate::model::Model;
 
 /// Counts pairs, atomics and bytes of `steps` steps with one variant of the rasterisation, whatever the device.
 ///
@@ -88,7 +88,7 @@ impl BenchRun<'_, '_> {
             tiles: mean(counts.tiles),
             visible_texels: mean(counts.visible_texels),
             lagging_texels: mean(counts.lagging_texels),
-            sh_floats: SplatGroup::Sh.width(model.splats.sh_degree) as f64,
+            sh_floats: model.splats.sh.len() as f64 / model.num_splats().max(1) as f64,
             texel_atomics: mean(counts.texel_atomics),
             depth_passes: f64::from(DEPTH_PASSES),
             tile_passes: mean(counts.tile_passes),

@@ -40,7 +40,7 @@ pub struct TrafficCounts {
     pub visible_texels: f64,
     /// `Ml`, texels that must be flushed.
     pub lagging_texels: f64,
-    /// `C`, SH floats per splat.
+    /// `C`, SH floats per splat, on average over all splats.
     pub sh_floats: f64,
     /// `A`, global atomics of texel gradients.
     pub texel_atomics: f64,

@@ -74,7 +74,6 @@ pub(super) fn mirrors() -> Vec<Mirror> {
                 background,
                 num_splats,
                 sh_degree,
-                splat_stride,
                 step,
                 flushed_step,
                 flags,
@@ -109,12 +108,13 @@ pub(super) fn mirrors() -> Vec<Mirror> {
                 last_rate_texel_growth_limit,
                 filter_px2,
                 pad0,
+                pad1,
             }
         ),
         mirror!("SortPass", SortPass { shift, counts_pairs, identity_values, pad }),
         mirror!(
             "SplatInfo",
-            SplatInfo { map_offset_texels, map_size, texel_sizes, map_origin, last_step, sh_degree }
+            SplatInfo { map_offset_texels, map_size, texel_sizes, map_origin, last_step, parameters }
         ),
         mirror!("MapChange", MapChange { source, kind, first_row, first_col }),
         mirror!("Edit", Edit { position, opacity_logit, log_scales, splat, pad }),

@@ -2,8 +2,8 @@
 //!
 //! | tensor | type and shape |
 //! |---|---|
-//! | `splats.{positions,quaternions,log_scales,opacity_logits,sh}` | f32 `[n,3] [n,4] [n,2] [n] [n,k,3]`, k = (degree + 1)^2 |
-//! | `splats.sh_degrees` | u16 `[n]`: SH degree of each splat; coefficients above it are 0 |
+//! | `splats.{positions,quaternions,log_scales,opacity_logits,sh}` | f32 `[n,3] [n,4] [n,2] [n] [c,3]`, c = sum of the splats' (degree + 1)^2 |
+//! | `splats.sh_degrees` | u16 `[n]`: SH degree of each splat |
 //! | `adam.m.*`, `adam.v.*` | the same five, and `texels` |
 //! | `adam.last_step`, `adam.step`, `adam.rates` | u32 `[n]`, u32 `[1]`, f32 `[9]` |
 //! | `textures.maps.{offset,rows,cols,texel_sizes,shift}` | u32, u16, u16 `[n]`, f32, i16 `[n,2]` |
@@ -113,13 +113,13 @@ pub fn tensors(state: &TrainState) -> BTreeMap<String, Tensor<'_>> {
         [("splats", &model.splats), ("adam.m", &adam.splats_m), ("adam.v", &adam.splats_v)]
     {
         for group in SplatGroup::ALL {
-            let shape = group_shape(group, n, arrays.sh_degree);
+            let shape = group_shape(group, arrays);
             put(&group_name(prefix, group), Tensor::f32(&shape, arrays.group(group)));
         }
     }
     put(
         "splats.sh_degrees",
-        Tensor::new(&[n], Data::U16(model.splats.sh_degrees.iter().map(|&d| d.into()).collect())),
+        Tensor::new(&[n], Data::U16(model.splats.sh_degrees().iter().map(|&d| d.into()).collect())),
     );
     put("adam.m.texels", Tensor::f32(&texels, &adam.texels_m));
     put("adam.v.texels", Tensor::f32(&texels, &adam.texels_v));
@@ -178,17 +178,16 @@ pub fn tensors(state: &TrainState) -> BTreeMap<String, Tensor<'_>> {
 /// The state in the tensors. Sizes are checked against each other, values are not.
 pub fn state(reader: &mut Reader<'_>) -> Result<TrainState> {
     let n = reader.first_dimension("splats.opacity_logits")?;
-    let degree = sh_degree(reader, n)?;
-    let mut splats = ["splats", "adam.m", "adam.v"].map(|prefix| (prefix, SplatArrays::zeros(0, degree)));
-    for (prefix, arrays) in &mut splats {
+    let degrees = sh_degrees(reader, n)?;
+    let mut arrays = |prefix: &str| -> Result<SplatArrays> {
+        let mut arrays = SplatArrays::zeros_of(degrees.clone());
         for group in SplatGroup::ALL {
-            let shape = group_shape(group, n, degree);
+            let shape = group_shape(group, &arrays);
             *arrays.group_mut(group) = f32s(reader.take(&group_name(prefix, group), Dtype::F32, &shape)?);
         }
-    }
-    let degrees = sh_degrees(reader, n, degree)?;
-    splats.iter_mut().for_each(|(_, arrays)| arrays.set_sh_degrees(&degrees));
-    let [(_, splats), (_, splats_m), (_, splats_v)] = splats;
+        Ok(arrays)
+    };
+    let (splats, splats_m, splats_v) = (arrays("splats")?, arrays("adam.m")?, arrays("adam.v")?);
     let texels = [reader.first_dimension("textures.texels")?, 3];
     let adam = AdamState {
         splats_m,
@@ -339,20 +338,20 @@ fn maps(reader: &mut Reader<'_>, n: usize) -> Result<Vec<TextureMap>> {
     Ok((0..n).map(map).collect())
 }
 
-fn sh_degree(reader: &Reader<'_>, n: usize) -> Result<u32> {
-    let found = reader.shape("splats.sh")?;
-    (0..=SH_DEGREE_MAX).find(|&d| found == [n, sh_coefficients(d), 3]).ok_or_else(|| {
-        reader.invalid(format!(
-            "tensor \"splats.sh\": found shape {found:?}, expected [{n}, k, 3] with k = 1, 4, 9 or 16"
-        ))
-    })
-}
-
-fn sh_degrees(reader: &mut Reader<'_>, n: usize, largest: u32) -> Result<Vec<u8>> {
+/// SH degrees of the splats, whose coefficients the file must have.
+fn sh_degrees(reader: &mut Reader<'_>, n: usize) -> Result<Vec<u8>> {
     let found = u16s(reader.take("splats.sh_degrees", Dtype::U16, &[n])?);
-    if let Some(other) = found.iter().find(|&&d| u32::from(d) > largest) {
-        return Err(reader
-            .invalid(format!("tensor \"splats.sh_degrees\": found {other}, expected at most {largest}")));
+    if let Some(other) = found.iter().find(|&&d| u32::from(d) > SH_DEGREE_MAX) {
+        return Err(reader.invalid(format!(
+            "tensor \"splats.sh_degrees\": found {other}, expected at most {SH_DEGREE_MAX}"
+        )));
+    }
+    let coefficients: usize = found.iter().map(|&d| sh_coefficients(d.into())).sum();
+    let shape = reader.shape("splats.sh")?;
+    if shape != [coefficients, 3] || 3 * coefficients > u32::MAX as usize {
+        return Err(reader.invalid(format!(
+            "tensor \"splats.sh\": found shape {shape:?}, expected [{coefficients}, 3] for the splats' degrees"
+        )));
     }
     Ok(found.iter().map(|&d| d as u8).collect())
 }
@@ -368,10 +367,10 @@ fn group_name(prefix: &str, group: SplatGroup) -> String {
     format!("{prefix}.{name}")
 }
 
-fn group_shape(group: SplatGroup, n: usize, sh_degree: u32) -> Vec<usize> {
+fn group_shape(group: SplatGroup, arrays: &SplatArrays) -> Vec<usize> {
     match group {
-        SplatGroup::Opacity => vec![n],
-        SplatGroup::Sh => vec![n, sh_coefficients(sh_degree), 3],
-        _ => vec![n, group.width(sh_degree)],
+        SplatGroup::Opacity => vec![arrays.len()],
+        SplatGroup::Sh => vec![arrays.sh.len() / 3, 3],
+        _ => vec![arrays.len(), group.width(0)],
     }
 }

@@ -241,12 +241,12 @@ fn errors_name_the_tensor_what_was_found_and_what_was_expected() {
         "x.safetensors: tensor \"adam.last_step\": found F32 [4], expected U32 [4]"
     );
     assert_eq!(
-        message(edited(&bytes, "splats.sh", Some((Dtype::F32, vec![4, 5, 3], vec![0; 240])))),
-        "x.safetensors: tensor \"splats.sh\": found shape [4, 5, 3], expected [4, k, 3] with k = 1, 4, 9 or 16"
+        message(edited(&bytes, "splats.sh", Some((Dtype::F32, vec![15, 3], vec![0; 180])))),
+        "x.safetensors: tensor \"splats.sh\": found shape [15, 3], expected [16, 3] for the splats' degrees"
     );
     assert_eq!(
         message(edited(&bytes, "extra", Some((Dtype::U8, vec![1], vec![0])))),
-        "x.safetensors: tensor \"extra\" is not part of \"litetex-checkpoint/7\""
+        "x.safetensors: tensor \"extra\" is not part of \"litetex-checkpoint/8\""
     );
     let same_shape = Some((Dtype::F32, vec![4, 3], vec![0; 48]));
     assert!(message(edited(&bytes, "splats.positions", same_shape)).contains("checksum"));
@@ -289,6 +289,6 @@ fn other_layouts_are_unsupported_not_invalid() {
     assert_eq!(
         error.to_string(),
         "x.safetensors: layout \"litetex-checkpoint/9\" (written by litetex 9.0.0), this program reads \
-         \"litetex-checkpoint/7\""
+         \"litetex-checkpoint/8\""
     );
 }

@@ -76,7 +76,7 @@ pub fn finish(
     let same_splats = planned_splats.len() == n && planned_splats.iter().all(|d| d.edit.is_none());
     let same_maps = planned_splats.iter().all(|d| d.change == MapChange::Keep);
     let same_degrees =
-        planned_splats.iter().all(|d| d.sh_degree == model.splats.sh_degrees[d.source as usize]);
+        planned_splats.iter().all(|d| d.sh_degree == model.splats.sh_degrees()[d.source as usize]);
     if same_splats && same_maps && same_degrees {
         return (None, planned_splats.iter().map(|d| d.history).collect());
     }

@@ -29,7 +29,7 @@ pub fn relocate(s: &Situation<'_>, config: &DensityConfig, budget: Option<&Budge
         history: s.histories[i],
         sizes: Sizes { cap: 0, ..Sizes::default() },
         texels: 0,
-        sh_degree: s.model.splats.sh_degrees[i],
+        sh_degree: s.model.splats.sh_degrees()[i],
     };
     let alive: Vec<usize> = (0..n).filter(|&i| opacity(s.model, i) >= config.relocate_below).collect();
     let faded = n - alive.len();

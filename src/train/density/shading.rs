@@ -4,7 +4,6 @@ use super::score::Scores;
 use super::settings::DensityConfig;
 use super::situation::{DensityCounts, Situation};
 use crate::constants::sh_coefficients;
-use crate::model::SplatGroup;
 
 /// Floats of the SH coefficients of degree 1.
 const FIRST_BAND_FLOATS: f64 = 9.0;
@@ -20,12 +19,11 @@ pub fn kept_degree(
     counts: &mut DensityCounts,
 ) -> u8 {
     let splats = &s.model.splats;
-    let held = splats.sh_degrees[splat];
+    let held = splats.sh_degrees()[splat];
     if config.sh_below <= 0.0 || !s.use_statistics || !s.may_coarsen || !scores.seen[splat] {
         return held;
     }
-    let width = SplatGroup::Sh.width(splats.sh_degree);
-    let sh = &splats.sh[splat * width..(splat + 1) * width];
+    let sh = splats.sh_of(splat);
     let tested = held.min(s.sh_tested as u8);
     let mut kept = tested;
     while kept > 0 {

@@ -106,11 +106,10 @@ fn one_high_error() -> WindowStatistics {
 #[test]
 fn bands_that_hardly_change_the_colour_are_given_back() {
     let (mut model, cameras, statistics) = (model(2), [camera()], window([0.1; N]));
-    model.splats.sh.fill(0.0);
     model.splats.set_sh_degrees(&[3; N]);
-    let width = 3 * sh_coefficients(model.splats.sh_degree);
+    model.splats.sh.fill(0.0);
     let mut sh = |splat: usize, degree: u32, value: f32| {
-        model.splats.sh[splat * width + 3 * sh_coefficients(degree - 1)..][..3].fill(value);
+        model.splats.sh_of_mut(splat)[3 * sh_coefficients(degree - 1)..][..3].fill(value);
     };
     // A strong band 1; a strong band 3 above nothing; a strong band 2 and a faint band 3.
     sh(1, 1, 0.5);
@@ -122,7 +121,8 @@ fn bands_that_hardly_change_the_colour_are_given_back() {
         let s = Situation { sh_tested, ..situation(&model, &histories, &statistics, &cameras) };
         let config = DensityConfig { coarsen_below: 0.0, quantile: 1.0, sh_below: below, ..settings() };
         let revision = revise(&s, &config, &Budget::default());
-        let degrees = revision.plan.map_or_else(|| model.splats.sh_degrees.clone(), |plan| plan.sh_degrees);
+        let degrees =
+            revision.plan.map_or_else(|| model.splats.sh_degrees().to_vec(), |plan| plan.sh_degrees);
         assert_eq!(revision.counts.shaded_less, degrees.iter().filter(|&&d| d < 3).count());
         degrees[..5].to_vec()
     };

@@ -1,7 +1,7 @@
 //! What the offers of a splat cost, from the derivatives of probes.
 
 use crate::constants::{SH_0, sh_coefficients};
-use crate::model::{AdamState, Model, SplatGroup, texel_value, texel_value_slope};
+use crate::model::{AdamState, Model, texel_value, texel_value_slope};
 use crate::train::density::Coarsening;
 
 /// Axes along which a map may be coarsened.
@@ -68,12 +68,10 @@ pub fn costs_of(model: &Model, derivatives: &AdamState, splat: usize) -> Costs {
     let seen = u32::from(by_logit != 0.0);
     let mut costs = Costs { seen, removal: (by_logit / transparency).powi(2), ..Costs::default() };
 
-    let width = SplatGroup::Sh.width(model.splats.sh_degree);
-    let held = 3 * sh_coefficients(model.splats.sh_degrees[splat].into());
-    let [sh, by_sh] = [&model.splats.sh, &derivatives.splats_m.sh].map(|sh| &sh[splat * width..][..held]);
+    let [sh, by_sh] = [&model.splats, &derivatives.splats_m].map(|splats| splats.sh_of(splat));
     costs.colour = by_sh[..3].iter().map(|&d| (f64::from(d) / SH_0).powi(2)).sum();
     for (degree, cost) in costs.degrees.iter_mut().enumerate() {
-        let first = (3 * sh_coefficients(degree as u32)).min(held);
+        let first = (3 * sh_coefficients(degree as u32)).min(sh.len());
         *cost = dot(sh[first..].iter().zip(&by_sh[first..]).map(|(&c, &d)| (c.into(), d.into()))).powi(2);
     }
 

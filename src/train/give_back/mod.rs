@@ -372,7 +372,7 @@ fn planned(model: &Model, accepted: &[Option<Accepted>]) -> (GivenBack, DensityP
     let mut outcome = GivenBack { params_before: params, params, ..GivenBack::default() };
     let mut plan = DensityPlan::default();
     for (splat, accepted) in accepted.iter().enumerate() {
-        let held = model.splats.sh_degrees[splat];
+        let held = model.splats.sh_degrees()[splat];
         let map = &model.textures.maps[splat];
         let (degree, map, texels) = match accepted {
             None => (held, MapChange::Keep, map.num_texels()),

@@ -102,7 +102,7 @@ impl<'a> Offers<'a> {
             return None;
         }
         let probes = f64::from(self.probes.max(1));
-        let held = self.model.splats.sh_degrees[splat];
+        let held = self.model.splats.sh_degrees()[splat];
         let map = &self.model.textures.maps[splat];
         let mut best = Accepted {
             kept: Some(Kept { degree: held, map: MapChange::Keep, texels: map.num_texels() }),
@@ -192,7 +192,7 @@ impl<'a> Offers<'a> {
     /// The offer to change a splat's map, at a cost summed over probes.
     fn map_offer(&self, splat: usize, change: MapChange, cost: f64) -> Accepted {
         let map = &self.model.textures.maps[splat];
-        let degree = self.model.splats.sh_degrees[splat];
+        let degree = self.model.splats.sh_degrees()[splat];
         let texels = change.applied_to(map).num_texels();
         Accepted {
             kept: Some(Kept { degree, map: change, texels }),

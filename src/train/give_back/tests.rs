@@ -24,9 +24,8 @@ fn scene(dc: f32) -> RandomScene {
         ..SceneOptions::default()
     });
     // Colours that the clamp at 0 leaves alone, so that the image is linear in SH coefficients and texels.
-    let width = scene.model.splats.sh.len() / scene.model.num_splats();
-    for sh in scene.model.splats.sh.chunks_exact_mut(width) {
-        sh[..3].fill(dc);
+    for splat in 0..scene.model.num_splats() {
+        scene.model.splats.sh_of_mut(splat)[..3].fill(dc);
     }
     scene.model = probed(scene.model);
     scene
@@ -101,7 +100,7 @@ fn images_change_as_promised() {
     for (splat, offer) in elsewhere.iter_mut().enumerate() {
         let has_map = scene.model.textures.maps[splat].rows > 0;
         if let Some(kept) = offer.as_mut().and_then(|offer| offer.kept.as_mut()) {
-            kept.degree = kept.degree.min(scene.model.splats.sh_degrees[splat]);
+            kept.degree = kept.degree.min(scene.model.splats.sh_degrees()[splat]);
             kept.map = if has_map && kept.texels == 0 { kept.map } else { MapChange::Keep };
         }
     }

@@ -90,16 +90,15 @@ impl Parts {
     /// As [`TexturePool::neutral`].
     pub fn build(&self, model: &Model, adam: &AdamState) -> Result<Merging> {
         let sources: Vec<u32> = self.0.iter().map(|part| part.members[0]).collect();
+        let degrees: Vec<u8> = self.0.iter().map(|part| part.sh_degree).collect();
+        let gathered = |splats: &SplatArrays| splats.gathered(&sources, degrees.clone());
         let maps = self.0.iter().map(|part| part.map);
-        let mut built = Model {
-            splats: model.splats.gathered(&sources),
-            textures: TexturePool::neutral(maps)?,
-            ..*model
-        };
+        let mut built =
+            Model { splats: gathered(&model.splats), textures: TexturePool::neutral(maps)?, ..*model };
         let num_floats = built.textures.texels.len();
         let mut state = AdamState {
-            splats_m: adam.splats_m.gathered(&sources),
-            splats_v: adam.splats_v.gathered(&sources),
+            splats_m: gathered(&adam.splats_m),
+            splats_v: gathered(&adam.splats_v),
             texels_m: vec![0.0; num_floats],
             texels_v: vec![0.0; num_floats],
             last_step: sources.iter().map(|&source| adam.last_step[source as usize]).collect(),
@@ -176,32 +175,28 @@ fn pass(all: &[Part], parts: Vec<Part>, price: f64, limits: &Limits) -> Vec<Part
 fn write(part: &Part, splat: usize, splats: &mut SplatArrays) {
     let rotation = glam::DQuat::from_mat3(&part.axes);
     let logit = (part.opacity / (1.0 - part.opacity)).ln();
-    splats.sh_degrees[splat] = part.sh_degree;
     splats.positions[3 * splat..][..3].copy_from_slice(&part.position.as_vec3().to_array());
     let wxyz = [rotation.w, rotation.x, rotation.y, rotation.z].map(|q| q as f32);
     splats.quaternions[4 * splat..][..4].copy_from_slice(&wxyz);
     splats.log_scales[2 * splat..][..2].copy_from_slice(&part.sigmas.map(|sigma| sigma.ln() as f32));
     splats.opacity_logits[splat] = logit as f32;
-    let width = SplatGroup::Sh.width(splats.sh_degree);
-    let sh = &mut splats.sh[width * splat..][..width];
-    sh.fill(0.0);
-    sh.iter_mut().zip(&part.sh).for_each(|(to, &from)| *to = from as f32);
+    splats.sh_of_mut(splat).iter_mut().zip(&part.sh).for_each(|(to, &from)| *to = from as f32);
 }
 
 /// Gives a merged splat no first moments, and the mean second moments of its members.
 fn merge_moments(part: &Part, splat: usize, adam: &AdamState, state: &mut AdamState) {
-    state.splats_m.sh_degrees[splat] = part.sh_degree;
-    state.splats_v.sh_degrees[splat] = part.sh_degree;
     for group in SplatGroup::ALL {
-        let width = group.width(adam.splats_v.sh_degree);
-        state.splats_m.group_mut(group)[width * splat..][..width].fill(0.0);
-        for k in 0..width {
+        let range = state.splats_v.range(group, splat);
+        state.splats_m.group_mut(group)[range.clone()].fill(0.0);
+        for (k, at) in range.enumerate() {
+            // A coefficient that a member does not have is 0.
             let of = |&member: &u32| {
                 let decay = if group == SplatGroup::Sh { decay(adam, member) } else { 1.0 };
-                decay * adam.splats_v.group(group)[width * member as usize + k]
+                let held = &adam.splats_v.group(group)[adam.splats_v.range(group, member as usize)];
+                decay * held.get(k).copied().unwrap_or(0.0)
             };
             let mean = part.members.iter().map(of).sum::<f32>() / part.members.len() as f32;
-            state.splats_v.group_mut(group)[width * splat + k] = mean;
+            state.splats_v.group_mut(group)[at] = mean;
         }
     }
 }

@@ -1,7 +1,7 @@
 //! A splat as merging sees it: its plane, its falloff, its colours, and what changes of them cost.
 
 use crate::constants::SH_0;
-use crate::model::{Model, SplatGroup, TextureMap, texel_value};
+use crate::model::{Model, TextureMap, texel_value};
 use crate::train::density::{opacity, sigmas};
 use crate::train::give_back::costs::SplatCosts;
 use crate::train::give_back::offers::params_of;
@@ -43,8 +43,6 @@ impl Part {
         let p = &splats.positions[3 * splat..][..3];
         let q = &splats.quaternions[4 * splat..][..4];
         let [w, x, y, z] = [q[0], q[1], q[2], q[3]].map(f64::from);
-        let sh_degree = splats.sh_degrees[splat];
-        let sh = &splats.sh[SplatGroup::Sh.width(splats.sh_degree) * splat..];
         let map = model.textures.maps[splat];
         Self {
             members: vec![splat as u32],
@@ -52,8 +50,8 @@ impl Part {
             axes: DMat3::from_quat(DQuat::from_xyzw(x, y, z, w).normalize()),
             sigmas: sigmas(model, splat),
             opacity: opacity(model, splat),
-            sh: sh[..SplatGroup::Sh.width(sh_degree.into())].iter().map(|&c| c.into()).collect(),
-            sh_degree,
+            sh: splats.sh_of(splat).iter().map(|&c| c.into()).collect(),
+            sh_degree: splats.sh_degrees()[splat],
             map,
             residuals: model.textures.texels[map.floats()].iter().map(|&t| texel_value(t.into())).collect(),
             costs,

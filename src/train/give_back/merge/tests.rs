@@ -41,7 +41,7 @@ fn wall(slope: f32, tilt: f64) -> RandomScene {
         model.splats.quaternions[4 * splat..][..4].copy_from_slice(&wxyz);
         model.splats.log_scales[2 * splat..][..2].fill((3.5 * DEPTH / pinhole.fx_px).ln() as f32);
         model.splats.opacity_logits[splat] = 1.5;
-        let sh = &mut model.splats.sh[12 * splat..][..12];
+        let sh = model.splats.sh_of_mut(splat);
         sh.fill(0.0);
         sh[..3].copy_from_slice(&[0.3 + slope * i as f32, 0.2 + slope * j as f32, 0.1]);
     }
