@@ -1,5 +1,6 @@
 // Applies a density-control plan to one array of splat parameters or moments: copies the entries of each new splat
-// from its source, without coefficients above its SH degree; those that the source lacks are 0 (twin: SplatArrays::gathered).
+// from its source, without coefficients above its SH degree. Those that the source lacks are 0; with FLAG_SECOND_MOMENTS,
+// those of DC in the same channel (twins: SplatArrays::gathered, gathered_second_moments).
 // Workgroup: a new splat. Invocation: a float of its parameters.
 
 #constants
@@ -26,7 +27,9 @@ fn gather_splats(
     let info = splat_info[i];
     let old = old_info[sources[i]];
     if lane < num_floats(info) {
-        let held = min(lane, num_floats(old) - 1u);
-        new_values[first_float(info) + lane] = select(0.0, old_values[first_float(old) + held], lane == held);
+        let is_held = lane < num_floats(old);
+        let held = select(SH + (lane - SH) % 3u, lane, is_held);
+        let value = old_values[first_float(old) + held];
+        new_values[first_float(info) + lane] = select(0.0, value, is_held || has_flag(FLAG_SECOND_MOMENTS));
     }
 }

@@ -1,6 +1,6 @@
 // Applies a density-control plan to one array of texels or moments: cuts each new map out of the texel grid of its source, or
 // along each axis out of one twice as fine or coarse, and scales it (twin: cpu/maps.rs). Outside the grid, values are zero, or
-// with FLAG_NEAREST_OUTSIDE those of the nearest texel. Also copies the source's last step. Resampled maps are left to
+// with FLAG_SECOND_MOMENTS those of the nearest texel. Also copies the source's last step. Resampled maps are left to
 // resample_maps.
 // Workgroup: a new splat. Invocation: every SPLAT_GROUP-th float of its map.
 
@@ -67,7 +67,7 @@ fn regrid_maps(
         let row = place(change.kind & 255u, i32(f / 3u / cols), change.first_row, map_rows(old.map_size));
         let col = place((change.kind >> 8u) & 255u, i32(f / 3u % cols), change.first_col, map_cols(old.map_size));
         var value = 0.0;
-        if !is_empty && ((row.is_inside && col.is_inside) || has_flag(FLAG_NEAREST_OUTSIDE)) {
+        if !is_empty && ((row.is_inside && col.is_inside) || has_flag(FLAG_SECOND_MOMENTS)) {
             value = mean(old, row.pair, col.pair, f % 3u) * scales[i];
         }
         new_values[3u * info.map_offset_texels + f] = value;

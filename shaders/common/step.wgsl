@@ -76,8 +76,8 @@ const FLAG_PERSIST = 1u;
 const FLAG_STATISTICS = 2u;
 // All maps are flushed and activated, not only those of visible splats.
 const FLAG_ALL_MAPS = 4u;
-// Outside a map, values are those of the nearest texel instead of zero.
-const FLAG_NEAREST_OUTSIDE = 8u;
+// The array is that of second moments: new texels get those of the nearest one, new coefficients those of DC.
+const FLAG_SECOND_MOMENTS = 8u;
 // The variant that counts global atomics reports them in place of faults.
 const FLAG_COUNT_ATOMICS = 16u;
 

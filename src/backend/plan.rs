@@ -1,5 +1,6 @@
 //! The plan of a density-control step: decided by the trainer, carried out by every backend in the same way.
 
+use crate::constants::SH_DEGREE_MAX;
 use crate::model::TextureMap;
 use crate::{Error, Result};
 
@@ -104,8 +105,8 @@ pub struct DensityPlan {
     pub sources: Vec<u32>,
     /// For each splat of the new model, the change of its source's map. `[n_new]`
     pub maps: Vec<MapChange>,
-    /// For each splat of the new model, its SH degree; empty: those of the sources. Coefficients that are lost or new, and
-    /// their moments, become 0. `[n_new]`
+    /// For each splat of the new model, its SH degree; empty: those of the sources. New coefficients and their first moments
+    /// are 0; their second moments are those of DC, so that the first steps are small and soon of the usual size. `[n_new]`
     pub sh_degrees: Vec<u8>,
     /// New parameters of splats that differ from their source, by ascending index.
     pub edits: Vec<SplatEdit>,
@@ -120,11 +121,11 @@ impl DensityPlan {
         self.sh_degrees.clone()
     }
 
-    /// Checks the plan against a model of `num_splats` splats of at most `sh_degree`.
+    /// Checks the plan against a model of `num_splats` splats.
     ///
     /// # Errors
     /// [`Error::Usage`] naming the first inconsistency.
-    pub fn check(&self, num_splats: usize, sh_degree: u32) -> Result<()> {
+    pub fn check(&self, num_splats: usize) -> Result<()> {
         if self.sources.len() != self.maps.len() {
             return Err(Error::Usage(format!(
                 "density-control plan: {} sources but {} map changes",
@@ -145,9 +146,9 @@ impl DensityPlan {
                 self.sh_degrees.len()
             )));
         }
-        if let Some(at) = self.sh_degrees.iter().position(|&d| u32::from(d) > sh_degree) {
+        if let Some(at) = self.sh_degrees.iter().position(|&d| u32::from(d) > SH_DEGREE_MAX) {
             return Err(Error::Usage(format!(
-                "density-control plan: SH degree {} of new splat {at}, expected at most the model's {sh_degree}",
+                "density-control plan: SH degree {} of new splat {at}, expected at most {SH_DEGREE_MAX}",
                 self.sh_degrees[at]
             )));
         }

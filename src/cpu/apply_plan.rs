@@ -44,7 +44,7 @@ pub(super) fn apply_plan(model: &Model, adam: &AdamState, plan: &DensityPlan) ->
     textures.texels = texels;
     let mut adam = AdamState {
         splats_m: gather(&adam.splats_m),
-        splats_v: gather(&adam.splats_v),
+        splats_v: adam.splats_v.gathered_second_moments(&plan.sources, degrees.clone()),
         texels_m,
         texels_v,
         last_step: plan.sources.iter().map(|&s| adam.last_step[s as usize]).collect(),
@@ -129,7 +129,7 @@ mod tests {
                 let texel_sizes = model.textures.maps[0].texel_sizes.map(|size| finer * size);
                 plan.maps[0] =
                     MapChange::Resample { rows, cols, texel_sizes, shift_texels: [0.0; 2], moment_scale };
-                plan.check(3, 3).unwrap();
+                plan.check(3).unwrap();
                 apply_plan(&model, &adam, &plan)
             };
             let (plain_model, plain) = run([1.0, 1.0]);
@@ -169,7 +169,7 @@ mod tests {
     #[test]
     fn invalid_moment_scales_are_refused() {
         let (_, _, mut plan) = planned(MapChange::Keep);
-        plan.check(3, 3).unwrap();
+        plan.check(3).unwrap();
         for moment_scale in [[f32::NAN, 1.0], [1.0, -0.25], [f32::INFINITY, 1.0]] {
             plan.maps[0] = MapChange::Resample {
                 rows: 2,
@@ -178,7 +178,7 @@ mod tests {
                 shift_texels: [0.0; 2],
                 moment_scale,
             };
-            let message = plan.check(3, 3).unwrap_err().to_string();
+            let message = plan.check(3).unwrap_err().to_string();
             assert!(message.contains("moment scale") && message.contains("new splat 0"), "{message}");
         }
     }
@@ -200,7 +200,7 @@ mod tests {
     fn padding_uses_zeros_for_texels_and_nearest_second_moments() {
         // Adds a column on each side of the first map, which is 4 x 3.
         let (model, adam, plan) = planned(window([Grid::Same; 2], [4, 5], [0, -1]));
-        plan.check(3, 3).unwrap();
+        plan.check(3).unwrap();
         let (new, moments) = apply_plan(&model, &adam, &plan);
         assert_eq!(new.textures.maps[0].num_texels(), 20);
         assert_eq!(new.textures.maps[0].texel_sizes, model.textures.maps[0].texel_sizes);
@@ -224,7 +224,7 @@ mod tests {
         let [u, v] = model.textures.maps[0].texel_sizes;
         assert_eq!(new.textures.maps[0].texel_sizes, [0.5 * u, v]);
         let (_, _, plan) = planned(window([Grid::Same; 2], [0, 0], [0, 0]));
-        plan.check(3, 3).unwrap();
+        plan.check(3).unwrap();
         assert_eq!(apply_plan(&model, &adam, &plan).0.num_texels(), model.num_texels() - 12);
     }
 
@@ -232,7 +232,7 @@ mod tests {
     fn a_window_with_texels_along_only_one_axis_is_refused() {
         for (size, first) in [([0, 3], [0, 0]), ([4, 0], [0, 0])] {
             let (_, _, plan) = planned(window([Grid::Same; 2], size, first));
-            let message = plan.check(3, 3).unwrap_err().to_string();
+            let message = plan.check(3).unwrap_err().to_string();
             assert!(message.contains("new splat 0") && message.contains("texels"), "{message}");
         }
     }
@@ -253,7 +253,7 @@ mod tests {
         plan.sources = vec![2, 0, 0];
         let (before, _) = apply_plan(&model, &adam, &plan);
         plan.edits = vec![edit(1, 7.0), edit(2, 8.0)];
-        plan.check(3, 3).unwrap();
+        plan.check(3).unwrap();
         let (after, moments) = apply_plan(&model, &adam, &plan);
         assert_eq!(after.splats.positions[3..], [7.0, 2.0, 3.0, 8.0, 2.0, 3.0]);
         assert_eq!(after.splats.log_scales[2..], [-1.0, -2.0, -1.0, -2.0]);
@@ -285,7 +285,7 @@ mod tests {
         };
         for edits in [vec![edit(3, 0.0)], vec![edit(1, 0.0), edit(1, 0.0)], vec![edit(0, f32::NAN)]] {
             plan.edits = edits;
-            assert!(plan.check(3, 3).unwrap_err().to_string().contains("edit"));
+            assert!(plan.check(3).unwrap_err().to_string().contains("edit"));
         }
     }
 }

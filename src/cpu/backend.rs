@@ -251,7 +251,7 @@ impl Backend for CpuBackend {
     }
 
     fn apply_plan(&mut self, plan: &DensityPlan) -> Result<()> {
-        plan.check(self.model.num_splats(), self.model.splats.sh_degree())?;
+        plan.check(self.model.num_splats())?;
         // Map changes do not commute with pending lazy updates.
         let (step, model, adam) = (self.adam.step, &mut self.model, &mut self.adam);
         self.pool.install(|| flush(model, adam, None, step));

@@ -4,7 +4,7 @@
 use super::device::GpuDevice;
 use super::encode::Dispatch;
 use super::kernels::{Buf, KernelId};
-use super::layout::{self, CHANGE_COARSER, CHANGE_FINER, CHANGE_RESAMPLE, CHANGE_SAME, FLAG_NEAREST_OUTSIDE};
+use super::layout::{self, CHANGE_COARSER, CHANGE_FINER, CHANGE_RESAMPLE, CHANGE_SAME, FLAG_SECOND_MOMENTS};
 use super::model_buffers::{self, NewBuffers, filled, num_splat_floats, splat_infos};
 use super::state::GpuBackend;
 use super::uniform;
@@ -37,7 +37,8 @@ pub(super) fn apply_plan(backend: &mut GpuBackend, plan: &DensityPlan) -> Result
     backend.resources.set(Buf::SplatInfo, new.infos);
     backend.shape = shape.clone();
     for (name, values) in new.splats {
-        change_array(backend, &[KernelId::GatherSplats], 0, name, values);
+        let flags = if name == Buf::SplatV { FLAG_SECOND_MOMENTS } else { 0 };
+        change_array(backend, &[KernelId::GatherSplats], flags, name, values);
     }
     if !plan.edits.is_empty() {
         backend.resources.set(Buf::Edits, new.edits);
@@ -45,7 +46,7 @@ pub(super) fn apply_plan(backend: &mut GpuBackend, plan: &DensityPlan) -> Result
     }
     for (name, values, scales) in new.texels {
         backend.resources.set(Buf::Scales, scales);
-        let flags = if name == Buf::TexelV { FLAG_NEAREST_OUTSIDE } else { 0 };
+        let flags = if name == Buf::TexelV { FLAG_SECOND_MOMENTS } else { 0 };
         change_array(backend, &map_kernels, flags, name, values);
     }
     let of_the_plan = [Buf::Sources, Buf::MapChanges, Buf::OldSplatInfo, Buf::Scales, Buf::Edits];

@@ -149,7 +149,7 @@ impl Backend for GpuBackend {
 
     fn apply_plan(&mut self, plan: &DensityPlan) -> Result<()> {
         self.check()?;
-        plan.check(self.shape.num_splats(), self.shape.splats.sh_degree())?;
+        plan.check(self.shape.num_splats())?;
         apply_plan::apply_plan(self, plan)
     }
 

@@ -118,8 +118,8 @@ pub const FLAG_PERSIST: u32 = 1;
 pub const FLAG_STATISTICS: u32 = 2;
 /// All maps are flushed and activated, not only those of visible splats.
 pub const FLAG_ALL_MAPS: u32 = 4;
-/// Outside a map, values are those of the nearest texel instead of zero.
-pub const FLAG_NEAREST_OUTSIDE: u32 = 8;
+/// The array is that of second moments: new texels get those of the nearest one, new coefficients those of DC.
+pub const FLAG_SECOND_MOMENTS: u32 = 8;
 /// The variant that counts global atomics reports them in place of faults.
 pub const FLAG_COUNT_ATOMICS: u32 = 16;
 

@@ -164,6 +164,19 @@ impl SplatArrays {
         out
     }
 
+    /// As [`Self::gathered`], for second moments: those of new coefficients are those of DC in the same channel. All basis
+    /// functions have the same mean square over the directions, so their gradients are of that size.
+    pub fn gathered_second_moments(&self, sources: &[u32], sh_degrees: Vec<u8>) -> Self {
+        let mut out = self.gathered(sources, sh_degrees);
+        for (splat, &source) in sources.iter().enumerate() {
+            let held = self.sh_of(source as usize).len();
+            let (dc, bands) = out.sh_of_mut(splat).split_at_mut(3);
+            let new = bands.iter_mut().enumerate().skip(held - 3);
+            new.for_each(|(k, v)| *v = dc[k % 3]);
+        }
+        out
+    }
+
     /// Changes the degrees of the splats, as [`Self::gathered`] does.
     pub fn set_sh_degrees(&mut self, degrees: &[u8]) {
         let all: Vec<u32> = (0..self.len() as u32).collect();
@@ -202,7 +215,10 @@ mod tests {
             [54.0, 55.0, 56.0, 27.0, 28.0, 29.0, 54.0, 55.0, 56.0, 0., 0., 0., 0., 0., 0., 0., 0., 0.]
         );
         assert_eq!(twice.opacity_logits, [2.5, 1.5, 2.5]);
-        // A band that comes back is empty.
+        // New coefficients are 0; as second moments, those of DC.
+        let grown = splats.gathered_second_moments(&[2, 0], vec![1, 0]);
+        assert_eq!(grown.sh[..12], [54.0, 55.0, 56.0].repeat(4));
+        assert_eq!(grown.sh[12..], [0.0, 1.0, 2.0]);
         splats.set_sh_degrees(&[2, 2, 2]);
         assert!(splats.sh_of(0)[12..].iter().all(|c| *c == 0.0));
     }

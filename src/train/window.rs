@@ -115,6 +115,9 @@ impl DensityControl<'_> {
             may_coarsen: schedule.may_coarsen(step),
             may_pad: !schedule.has_given_back(step),
             sh_tested: schedule.sh_tested(step, config.sh_degree),
+            sh_trial_checks: (schedule.sh_trial / schedule.density_interval.max(1)).min(u32::from(u16::MAX))
+                as u16,
+            sh_highest: config.sh_degree,
             growth: state.growth,
             step,
             seed: config.seed ^ u64::from(step).wrapping_mul(0x9E37_79B9_7F4A_7C15),

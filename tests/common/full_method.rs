@@ -112,6 +112,7 @@ impl RunRecord {
             coarsened: a.coarsened + b.coarsened,
             taken_back: a.taken_back + b.taken_back,
             shaded_less: a.shaded_less + b.shaded_less,
+            shaded_more: a.shaded_more + b.shaded_more,
             over_budget: a.over_budget + b.over_budget,
         };
         self.steps.iter().fold(DensityCounts::default(), |sum, (counts, ..)| add(sum, counts))

@@ -68,7 +68,7 @@ fn all_constants() -> BTreeMap<&'static str, Literal> {
         ("FLAG_PERSIST", layout::FLAG_PERSIST),
         ("FLAG_STATISTICS", layout::FLAG_STATISTICS),
         ("FLAG_ALL_MAPS", layout::FLAG_ALL_MAPS),
-        ("FLAG_NEAREST_OUTSIDE", layout::FLAG_NEAREST_OUTSIDE),
+        ("FLAG_SECOND_MOMENTS", layout::FLAG_SECOND_MOMENTS),
         ("FLAG_COUNT_ATOMICS", layout::FLAG_COUNT_ATOMICS),
         ("CHANGE_SAME", layout::CHANGE_SAME),
         ("CHANGE_FINER", layout::CHANGE_FINER),

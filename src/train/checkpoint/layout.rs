@@ -10,7 +10,7 @@
 //! | `textures.texels` | f32 `[t,3]` |
 //! | `frame.near`, `frame.filter`, `frame.capture_from_local` | f32 `[1]`, u32 `[1]`: 0 none, 1 ewa; f64 `[4]`: scale, translation |
 //! | `state.counters`, `state.epoch_order` | u32 `[5]`: step, epochs, views used, step of the stage, last step with a revision; u32 `[views]` |
-//! | `state.histories`, `state.pace` | u16 `[n,5]`: map ceiling, prune count, checks, trial, rest; f64 `[2]`: initial splats, momentum |
+//! | `state.histories`, `state.pace` | u16 `[n,7]`: map ceiling, prune count, checks, trial, rest, band checks, bands settled; f64 `[2]`: initial splats, momentum |
 //! | `state.errors` | f32 `[n]`: loss that each splat carried at the last check; 0: unknown |
 //! | `state.growth` | f64 `[14]`: errors before of splats withheld, split, refined; tried and removed of splits and refined maps; sums of their rank correlations; idle checks; dB promised; step of the end |
 //! | `exposure.maps`, `exposure.sums` | f32 `[v,3,4]`, f64 `[v,22]`: the sums of the epoch; v = views, or 0 without correction |
@@ -150,9 +150,19 @@ pub fn tensors(state: &TrainState) -> BTreeMap<String, Tensor<'_>> {
     let histories = state
         .histories
         .iter()
-        .flat_map(|l| [l.ceiling, l.prune_count, l.checks, l.trial as u16, l.rest])
+        .flat_map(|l| {
+            [
+                l.ceiling,
+                l.prune_count,
+                l.checks,
+                l.trial as u16,
+                l.rest,
+                l.band_checks,
+                l.bands_settled.into(),
+            ]
+        })
         .collect();
-    put("state.histories", Tensor::new(&[state.histories.len(), 5], Data::U16(histories)));
+    put("state.histories", Tensor::new(&[state.histories.len(), 7], Data::U16(histories)));
     let errors: Vec<f32> = state.histories.iter().map(|history| history.error).collect();
     put("state.errors", Tensor::f32(&[errors.len()], errors));
     let Growth { before, tried, removed, ranked, idle_checks, promised_db, ended_step } = state.growth;
@@ -252,15 +262,24 @@ fn histories(reader: &mut Reader<'_>, n: usize) -> Result<Vec<SplatHistory>> {
             reader.invalid(format!("tensor \"state.histories\": found {found} histories for {n} splats"))
         );
     }
-    let values = u16s(reader.take("state.histories", Dtype::U16, &[found, 5])?);
+    let values = u16s(reader.take("state.histories", Dtype::U16, &[found, 7])?);
     let errors = f32s(reader.take("state.errors", Dtype::F32, &[found])?);
     let history = |(v, error): (&[u16], f32)| {
         let trial = *Trial::ALL.get(usize::from(v[3])).ok_or_else(|| {
             reader.invalid(format!("tensor \"state.histories\": found trial {}, expected 0 to 5", v[3]))
         })?;
-        Ok(SplatHistory { ceiling: v[0], prune_count: v[1], checks: v[2], trial, rest: v[4], error })
+        Ok(SplatHistory {
+            ceiling: v[0],
+            prune_count: v[1],
+            checks: v[2],
+            trial,
+            rest: v[4],
+            band_checks: v[5],
+            bands_settled: v[6] != 0,
+            error,
+        })
     };
-    values.chunks_exact(5).zip(errors).map(history).collect()
+    values.chunks_exact(7).zip(errors).map(history).collect()
 }
 
 fn growth(reader: &mut Reader<'_>) -> Result<Growth> {

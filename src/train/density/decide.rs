@@ -10,10 +10,11 @@ use super::maps;
 use super::planned_splat::{PlannedSplat, finish};
 use super::score::{Scores, prune_count_after};
 use super::settings::{Budget, Components, DensityConfig};
-use super::shading::kept_degree;
+use super::shading;
 use super::situation::{DensityCounts, Revision, Situation};
 use super::sizes::Sizes;
 use crate::backend::MapChange;
+use crate::model::ModelSize;
 
 /// Opacity below which even fresh halves fade.
 const FRESH_OPACITY_MIN: f64 = 0.01;
@@ -56,7 +57,7 @@ pub fn decide(
                 history,
                 sizes,
                 texels: 0,
-                sh_degree: kept_degree(s, config, &scores, i, &mut counts),
+                sh_degree: s.model.splats.sh_degrees()[i],
             })
         })
         .collect();
@@ -65,8 +66,10 @@ pub fn decide(
         let (histories, counts) = (s.histories.to_vec(), DensityCounts::default());
         return Revision { plan: None, histories, counts, growth };
     }
+    let mut offers = Vec::new();
     for planned in planned_splats.iter_mut().flatten() {
         let i = planned.source as usize;
+        offers.extend(shading::shade(s, config, &scores, planned, &mut counts));
         maps::fit(s, config, components, s.may_coarsen && !high_error[i], planned, &mut counts);
         if in_vain[i]
             && let Some(axes) = s.histories[i].trial.refined_axes()
@@ -75,6 +78,10 @@ pub fn decide(
         }
     }
 
+    if densify {
+        let within = |size: &ModelSize| budget.allows(size);
+        shading::raise(offers, planned_splats.iter_mut().flatten(), within, &mut counts);
+    }
     maps::coarsen_to_budget(s, budget, &scores, &mut planned_splats, &mut counts);
     let texel_gain = growth.texel_gain(config.texel_gain);
     let mut candidates: Vec<Candidate> = (0..n)

@@ -61,6 +61,10 @@ pub struct SplatHistory {
     pub trial: Trial,
     /// Checks for which it is no candidate, since growth did not help it.
     pub rest: u16,
+    /// Checks since it gained its highest SH band; saturated if it was made with it.
+    pub band_checks: u16,
+    /// Whether it has given back SH bands, and gains no more.
+    pub bands_settled: bool,
     /// With `need_db`: loss that it carried at the last check; 0: unknown.
     pub error: f32,
 }
@@ -68,7 +72,16 @@ pub struct SplatHistory {
 impl SplatHistory {
     /// A splat of the initial model, which is never fresh.
     pub fn first(ceiling: u16) -> Self {
-        Self { ceiling, prune_count: 0, checks: FRESH_CHECKS, trial: Trial::None, rest: 0, error: 0.0 }
+        Self {
+            ceiling,
+            prune_count: 0,
+            checks: FRESH_CHECKS,
+            trial: Trial::None,
+            rest: 0,
+            band_checks: u16::MAX,
+            bands_settled: false,
+            error: 0.0,
+        }
     }
 
     /// The history of a half of this splat.

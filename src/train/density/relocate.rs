@@ -6,11 +6,12 @@ use super::geometry::{opacity, sigmas};
 use super::planned_splat::{PlannedSplat, finish, size_of, with};
 use super::score::Scores;
 use super::settings::{Budget, DensityConfig, ErrorMeasure, SplitProfile};
-use super::shading::kept_degree;
+use super::shading;
 use super::situation::{DensityCounts, Revision, Situation};
 use super::sizes::Sizes;
 use super::split::halves;
 use crate::backend::MapChange;
+use crate::model::ModelSize;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64Mcg;
 
@@ -40,10 +41,17 @@ pub fn relocate(s: &Situation<'_>, config: &DensityConfig, budget: Option<&Budge
     let wanted = if budget.is_some() { (n as f64 * GROWTH) as usize } else { n };
     let wanted = wanted.saturating_sub(alive.len()).min(alive.len());
     let mut counts = DensityCounts::default();
-    let parents: Vec<PlannedSplat> = alive
+    let mut offers = Vec::new();
+    let mut parents: Vec<PlannedSplat> = alive
         .iter()
-        .map(|&i| PlannedSplat { sh_degree: kept_degree(s, config, &scores, i, &mut counts), ..planned(i) })
+        .map(|&i| {
+            let mut planned = planned(i);
+            offers.extend(shading::shade(s, config, &scores, &mut planned, &mut counts));
+            planned
+        })
         .collect();
+    let within = |size: &ModelSize| budget.is_none_or(|budget| budget.allows(size));
+    shading::raise(offers, &mut parents, within, &mut counts);
 
     // Weighted sampling without replacement: the largest keys u^(1/w) (Efraimidis and Spirakis).
     let mut rng = Pcg64Mcg::seed_from_u64(s.seed);

@@ -183,6 +183,9 @@ pub struct DensityConfig {
     /// SH bands of a splat of mean contribution are given back if they change its colour by less, root mean square over
     /// directions; 0: none. Default 0.01 (method 6.13; choices 15; not in the paper).
     pub sh_below: f64,
+    /// A splat gains another SH band if its highest one, once judged, changes its colour by this much, measured as for
+    /// `sh_below`; 0: none. Default 0.02 (method 6.13; choices 15).
+    pub sh_raise: f64,
     /// Steps for which a band is trained before it is judged. Default 7,000 (choices 15).
     pub sh_trial_steps: u32,
     /// A map is refined along only one axis if its texels vary there more than along the other by this factor, as mean
@@ -252,6 +255,7 @@ impl Default for DensityConfig {
             alpha_texture: 0.25,
             coarsen_below: 0.02,
             sh_below: 0.01,
+            sh_raise: 0.02,
             sh_trial_steps: 7_000,
             grow_by_axis: 4.0,
             growth_moments: GrowthMoments::Scaled,

@@ -1,45 +1,92 @@
-//! SH degrees of splats: bands that hardly change a splat's colour are given back (method 6.13).
+//! SH degrees of splats: bands that hardly change a splat's colour are given back, and splats whose highest band matters gain
+//! another (method 6.13).
 
+use super::planned_splat::{PlannedSplat, size_of, with, without};
 use super::score::Scores;
 use super::settings::DensityConfig;
 use super::situation::{DensityCounts, Situation};
 use crate::constants::sh_coefficients;
+use crate::model::ModelSize;
 
 /// Floats of the SH coefficients of degree 1.
 const FIRST_BAND_FLOATS: f64 = 9.0;
 
-/// The SH degree that a splat keeps, without the highest bands that are worth less per float than
-/// [`DensityConfig::sh_below`] asks for. Bands above [`Situation::sh_tested`] are too young to be judged, and stay if the
-/// highest one below them does. A splat that no view of the window saw keeps all.
-pub fn kept_degree(
+/// The offer to give a splat another band.
+#[derive(Clone, Copy, Debug)]
+pub struct RaiseOffer {
+    /// Index of the splat in the old model.
+    source: u32,
+    /// Squared error that its highest band saves, per float.
+    worth: f64,
+}
+
+/// Takes from a splat the highest bands that are worth less per float than [`DensityConfig::sh_below`] asks for, or offers to
+/// give it another. Bands above [`Situation::sh_tested`], or gained in the last [`Situation::sh_trial_checks`], are too young to
+/// be judged, and stay if the highest one below them does. A splat that no view of the window saw keeps all.
+pub fn shade(
     s: &Situation<'_>,
     config: &DensityConfig,
     scores: &Scores,
-    splat: usize,
+    planned: &mut PlannedSplat,
     counts: &mut DensityCounts,
-) -> u8 {
-    let splats = &s.model.splats;
-    let held = splats.sh_degrees()[splat];
-    if config.sh_below <= 0.0 || !s.use_statistics || !s.may_coarsen || !scores.seen[splat] {
-        return held;
+) -> Option<RaiseOffer> {
+    let splat = planned.source as usize;
+    if config.sh_below <= 0.0 || !s.use_statistics {
+        return None;
     }
-    let sh = splats.sh_of(splat);
-    let tested = held.min(s.sh_tested as u8);
+    let history = &mut planned.history;
+    history.band_checks = history.band_checks.saturating_add(1);
+    if !s.may_coarsen || !scores.seen[splat] {
+        return None;
+    }
+    let (held, sh) = (planned.sh_degree, s.model.splats.sh_of(splat));
+    let is_young = history.band_checks < s.sh_trial_checks;
+    let tested = (held - u8::from(is_young && held > 0)).min(s.sh_tested as u8);
+    // The squared error that the bands above a degree save, per float.
+    let worth = |degree: u8| {
+        let first = 3 * sh_coefficients(degree.into());
+        scores.share[splat] * change(&sh[first..]).powi(2) / (sh.len() - first) as f64
+    };
+    let least = |change: f64| change.powi(2) / FIRST_BAND_FLOATS;
     let mut kept = tested;
-    while kept > 0 {
-        let [below, all] = [kept - 1, held].map(|degree| 3 * sh_coefficients(degree.into()));
-        // The squared error that the bands save, per float.
-        let worth = scores.share[splat] * change(&sh[below..all]).powi(2) / (all - below) as f64;
-        if worth >= config.sh_below.powi(2) / FIRST_BAND_FLOATS {
-            break;
-        }
+    while kept > 0 && worth(kept - 1) < least(config.sh_below) {
         kept -= 1;
     }
-    if kept == tested {
-        return held;
+    if kept < tested {
+        (planned.sh_degree, history.bands_settled) = (kept, true);
+        counts.shaded_less += 1;
+        return None;
     }
-    counts.shaded_less += 1;
-    kept
+    let may_gain = tested == held && held > 0 && u32::from(held) < s.sh_highest && !history.bands_settled;
+    let offer = may_gain.then(|| RaiseOffer { source: planned.source, worth: worth(held - 1) })?;
+    (config.sh_raise > 0.0 && offer.worth >= least(config.sh_raise)).then_some(offer)
+}
+
+/// Gives splats another band, the best offers first, as long as the model stays `within` its budget.
+pub fn raise<'a>(
+    mut offers: Vec<RaiseOffer>,
+    planned_splats: impl IntoIterator<Item = &'a mut PlannedSplat>,
+    within: impl Fn(&ModelSize) -> bool,
+    counts: &mut DensityCounts,
+) {
+    let mut planned_splats: Vec<&mut PlannedSplat> = planned_splats.into_iter().collect();
+    let mut size = size_of(planned_splats.iter().map(|planned| &**planned));
+    offers.sort_by(|a, b| b.worth.total_cmp(&a.worth).then(a.source.cmp(&b.source)));
+    for offer in offers {
+        // Planned splats are still in the order of their sources.
+        let Ok(at) = planned_splats.binary_search_by_key(&offer.source, |planned| planned.source) else {
+            continue;
+        };
+        let mut raised = *planned_splats[at];
+        raised.sh_degree += 1;
+        raised.history.band_checks = 0;
+        let grown = with(without(size, planned_splats[at]), &raised);
+        if within(&grown) {
+            size = grown;
+            *planned_splats[at] = raised;
+            counts.shaded_more += 1;
+        }
+    }
 }
 
 /// Root mean square over directions and channels of what these coefficients add to the colour. The basis is orthonormal
@@ -51,8 +98,40 @@ fn change(sh: &[f32]) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::history::SplatHistory;
+    use super::super::sizes::Sizes;
     use super::*;
+    use crate::backend::MapChange;
     use crate::constants::SH_0;
+
+    #[test]
+    fn the_best_offers_come_first_as_far_as_the_budget_goes() {
+        let raised = |budget: usize| {
+            let planned = |source| PlannedSplat {
+                source,
+                change: MapChange::Keep,
+                edit: None,
+                history: SplatHistory::first(2),
+                sizes: Sizes::default(),
+                texels: 0,
+                sh_degree: 1,
+            };
+            // Splat 1 was pruned.
+            let mut splats = [0, 2, 3].map(planned);
+            let offer = |(source, worth)| RaiseOffer { source, worth };
+            let offers = [(0, 1.0), (1, 9.0), (2, 3.0), (3, 2.0)].map(offer).to_vec();
+            let mut counts = DensityCounts::default();
+            raise(offers, &mut splats, |size| size.params() <= budget, &mut counts);
+            assert_eq!(counts.shaded_more, splats.iter().filter(|splat| splat.sh_degree == 2).count());
+            splats.map(|splat| splat.sh_degree)
+        };
+        // 22 parameters at degree 1, and 15 for the next band.
+        let now = 3 * 22;
+        assert_eq!(raised(now + 14), [1, 1, 1]);
+        assert_eq!(raised(now + 15), [1, 2, 1]);
+        assert_eq!(raised(now + 44), [1, 2, 2]);
+        assert_eq!(raised(now + 45), [2, 2, 2]);
+    }
 
     #[test]
     fn the_change_is_in_units_of_colour() {

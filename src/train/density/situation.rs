@@ -35,6 +35,10 @@ pub struct Situation<'a> {
     pub may_pad: bool,
     /// Highest SH degree that has been trained long enough to be judged; 0: none.
     pub sh_tested: u32,
+    /// Checks after which a band that a splat gained is judged.
+    pub sh_trial_checks: u16,
+    /// Highest SH degree that a splat may have.
+    pub sh_highest: u32,
     /// What growth was worth so far.
     pub growth: Growth,
     /// Steps done.
@@ -74,6 +78,8 @@ pub struct DensityCounts {
     pub taken_back: usize,
     /// Splats that gave back SH degrees.
     pub shaded_less: usize,
+    /// Splats that gained an SH degree.
+    pub shaded_more: usize,
     /// Times that a candidate was not split, or not refined, for lack of budget.
     pub over_budget: usize,
 }
