@@ -18,6 +18,7 @@ impl DensityConfig {
             ("alpha-texture", self.alpha_texture, 0.0, 0.99, false),
             ("coarsen-below", self.coarsen_below, 0.0, 1e3, true),
             ("sh-below", self.sh_below, 0.0, 1e3, true),
+            ("sh-raise", self.sh_raise, 0.0, 1e3, true),
             ("need-db", self.need_db, 0.0, 100.0, true),
             ("floor-db", self.floor_db, 0.0, 200.0, true),
             ("grow-by-axis", self.grow_by_axis, 0.0, 1e6, true),
