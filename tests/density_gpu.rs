@@ -60,6 +60,8 @@ fn decided(backend: &mut dyn Backend, histories: &[SplatHistory], cameras: &[Cam
         may_coarsen: true,
         may_pad: true,
         sh_tested: 3,
+        sh_trial_checks: 0,
+        sh_highest: 3,
         max_added: 40,
         initial_splats: model.num_splats(),
         split_texels: 12.0,

@@ -20,7 +20,7 @@ use crate::views::ViewSource;
 use crate::{Error, Result};
 use costs::SplatCosts;
 use error::mean_squared_error;
-use merge::{Limits, Trial};
+use merge::{Limits, TRIALS, Trial};
 use offers::{Accepted, KINDS, Offers, Prices};
 use probe::{ProbeView, probe, probed};
 use rand::seq::SliceRandom as _;
@@ -52,8 +52,8 @@ const CUT_SLACK: f64 = 0.5;
 /// since training makes up for much of what they cost.
 const RAISES: [f64; 6] = [1024.0, 256.0, 64.0, 16.0, 4.0, 1.0];
 
-/// Steps of a run for each step of a trial of merges, and the least and most steps of a trial.
-const STEPS_PER_TRIAL_STEP: u32 = 40;
+/// Steps of a run for each step of all its trials of merges, and the least and most steps of a trial.
+const STEPS_PER_TRIAL_STEP: u32 = 50;
 const TRIAL_STEPS: [u32; 2] = [8, 64];
 
 /// A round of giving back.
@@ -128,7 +128,7 @@ impl Round {
                 finest_px: density.min_texel_px,
                 alpha_texture: density.alpha_texture,
             },
-            steps: (config.steps / STEPS_PER_TRIAL_STEP).clamp(TRIAL_STEPS[0], TRIAL_STEPS[1]),
+            steps: trial_steps(config.steps, schedule.give_back_rounds),
             loss: config.loss,
             rates: schedule.rates(config, step + 1),
         };
@@ -143,7 +143,7 @@ impl Round {
             background: config.background,
             sh_degree: schedule.sh_degree(step, config.sh_degree),
             seed: config.seed ^ u64::from(step).wrapping_mul(0x9E37_79B9_7F4A_7C15),
-            trial: (density.merge && config.budget.max_params.is_none() && !keeps_maps).then_some(trial),
+            trial: (density.merge && !keeps_maps).then_some(trial),
         }
     }
 
@@ -189,22 +189,23 @@ impl Round {
         }
         let error = self.error(backend, training, &checked)?;
         let offers = self.probe(backend, training, &probed, &order, &mut rng)?;
-        let worth = self.price(error, params);
+        // A budget holds whatever it costs.
+        let is_bound = self.budget.is_some() && self.rounds_left == 1;
+        let removable = if is_bound { 1.0 } else { REMOVABLE };
+        let may_go: Vec<bool> = (0..probed.num_splats()).map(|_| rng.random_bool(removable)).collect();
+        let worth = match excess {
+            None => self.price(error, params),
+            Some(excess) => price_of(&offers, &may_go, excess),
+        };
         // What the model may lose before it is no longer good enough: merges have what these offers leave.
-        let slack = (self.floor - error).max(0.0);
-        let cut = self.cut(
-            backend,
-            training,
-            before,
-            &offers,
-            (error, excess, CUT_SLACK * slack, &checked),
-            &mut rng,
-        )?;
+        let slack = self.good_enough() - error;
+        let slack = CUT_SLACK * slack.max(0.0);
+        let cut = self.cut(backend, training, before, &offers, (&may_go, worth, error, slack), &checked)?;
         let (mut outcome, plan) = cut.map_or((None, None), |(outcome, plan)| (Some(outcome), plan));
         let is_cut = plan.is_some();
         let sources = plan.map_or_else(|| (0..probed.num_splats() as u32).collect(), |plan| plan.sources);
         *histories = sources.iter().map(|&source| histories[source as usize]).collect();
-        if let Some(trial) = &self.trial {
+        if let Some(trial) = self.trial.as_ref().filter(|_| !is_bound) {
             let costs: Vec<Option<SplatCosts>> =
                 sources.iter().map(|&source| offers.costs(source as usize)).collect();
             let merged = self.merge(backend, training, trial, (&order, &checked), worth, &costs)?;
@@ -239,31 +240,23 @@ impl Round {
         Ok(offers)
     }
 
-    /// Takes the offers that are worth it, or as many as the budget demands, where the views `checked` have this error now.
-    /// Returns what that did, and the plan that the backend carried out, unless it was undone.
+    /// Takes the offers where a parameter is `worth` it, where the views `checked` have this error now; splats are removed only
+    /// where they `may_go`. Returns what that did, and the plan that the backend carried out, unless it was undone.
     fn cut(
         &self,
         backend: &mut dyn Backend,
         training: &mut TrainingViews<'_>,
         (model, adam): &(Model, AdamState),
         offers: &Offers<'_>,
-        (error, excess, slack, checked): (f64, Option<usize>, f64, &[usize]),
-        rng: &mut Pcg64Mcg,
+        (may_go, worth, error, slack): (&[bool], f64, f64, f64),
+        checked: &[usize],
     ) -> Result<Option<(GivenBack, Option<DensityPlan>)>> {
         backend.upload(model, adam)?;
         let probed = offers.model();
         let params = probed.num_params();
-        // A budget holds whatever it costs.
-        let is_bound = self.budget.is_some() && self.rounds_left == 1;
-        let removable = if is_bound { 1.0 } else { REMOVABLE };
-        let may_go: Vec<bool> = (0..probed.num_splats()).map(|_| rng.random_bool(removable)).collect();
-        let worth = match excess {
-            None => self.price(error, params),
-            Some(excess) => price_of(offers, &may_go, excess),
-        };
         // Takes the offers at these prices. Returns what that does, whether it is worth it, and the plan.
         let mut take = |backend: &mut dyn Backend, prices: &Prices, slack: f64| {
-            let accepted = accept(offers, &may_go, prices);
+            let accepted = accept(offers, may_go, prices);
             let promised: f64 = accepted.iter().flatten().map(|offer| offer.cost).sum();
             let (mut outcome, plan) = planned(probed, &accepted);
             // A model without splats could not be trained any further.
@@ -280,7 +273,7 @@ impl Round {
         let mut prices = Prices::all(worth);
         if self.budget.is_none() {
             let is_good_enough = |raise: &&f64| {
-                let accepted = accept(offers, &may_go, &Prices::all(*raise * worth));
+                let accepted = accept(offers, may_go, &Prices::all(*raise * worth));
                 accepted.iter().flatten().map(|offer| offer.cost).sum::<f64>() <= slack
             };
             let start = worth * RAISES.iter().find(is_good_enough).unwrap_or(&1.0);
@@ -311,7 +304,12 @@ impl Round {
         Ok(Some((outcome, None)))
     }
 
-    /// Mean squared error that a parameter is worth.
+    /// Mean squared error up to which a model is good enough. With a budget none is: it gets the best that fits.
+    fn good_enough(&self) -> f64 {
+        if self.budget.is_none() { self.floor } else { 0.0 }
+    }
+
+    /// Mean squared error that a parameter is worth without a budget.
     fn price(&self, error: f64, params: usize) -> f64 {
         (error + self.floor) * (10.0_f64.powf(self.need_db / 10.0) - 1.0) / (PRICED_SHARE * params as f64)
     }
@@ -337,6 +335,13 @@ impl Round {
             .collect();
         mean_squared_error(backend, &views)
     }
+}
+
+/// Steps for which a model is trained in a trial of merges: all trials of a run, each of the model without merges and of up to
+/// [`TRIALS`] with them, take a fiftieth of its steps, unless it is short.
+fn trial_steps(steps: u32, rounds: u32) -> u32 {
+    let trained = rounds.max(1) * (1 + TRIALS as u32);
+    (steps / STEPS_PER_TRIAL_STEP / trained).clamp(TRIAL_STEPS[0], TRIAL_STEPS[1])
 }
 
 /// The loss of PSNR if a mean squared error rises, dB.

@@ -15,7 +15,7 @@ use crate::model::{AdamState, Model, SplatArrays, SplatGroup, TextureMap, Textur
 use merged::merged;
 use part::Part;
 use rayon::prelude::*;
-pub use trial::Trial;
+pub use trial::{TRIALS, Trial};
 
 /// Neighbours of a splat with which it may merge.
 const NEIGHBOURS: usize = 8;

@@ -9,7 +9,7 @@ use crate::train::density::{SplatHistory, pixel_sizes};
 use crate::train::give_back::costs::SplatCosts;
 
 /// Trials of one round: merges at a lower price are tried if those before were not worth it.
-const TRIALS: usize = 2;
+pub const TRIALS: usize = 2;
 
 /// Training of a trial.
 #[derive(Clone, Copy, Debug)]
@@ -72,7 +72,7 @@ impl Round {
         let model = backend.read_flushed()?;
         let cameras: Vec<_> = order.iter().map(|&view| training.views.camera(view)).collect();
         let parts = Parts::of(&model, costs, &pixel_sizes(&model, &cameras));
-        let slack = self.floor - self.error(backend, training, checked)?;
+        let slack = self.good_enough() - self.error(backend, training, checked)?;
         let mut without = None;
         let mut tried = Vec::new();
         for raise in RAISES {
@@ -99,7 +99,7 @@ impl Round {
             backend.upload(&model, &adam)?;
             self.train(backend, training, trial, order, adam.step)?;
             let error = self.error(backend, training, checked)?;
-            if error <= (without + worth).max(self.floor) {
+            if error <= (without + worth).max(self.good_enough()) {
                 backend.upload(&model, &adam)?;
                 let side =
                     |(map, &is_merged): (&TextureMap, &bool)| is_merged.then(|| map.rows.max(map.cols));
