@@ -4,7 +4,9 @@
 use litetex_gs::backend::LossWeights;
 use litetex_gs::frequency::{CapRule, FrequencyOptions, StartRule};
 use litetex_gs::model::Filter;
-use litetex_gs::train::density::{DensityConfig, ErrorMeasure, GrowthMoments, Spending, SplitProfile};
+use litetex_gs::train::density::{
+    DensityConfig, ErrorMeasure, GrowthMoments, Spending, SplitProfile, Splits,
+};
 use litetex_gs::train::{Backdrop, Policy, TrainConfig};
 use serde::{Deserialize, Serialize};
 
@@ -79,6 +81,7 @@ impl Profile {
             untextured: false,
             error: ErrorMeasure::Mean,
             split_profile: SplitProfile::Paper,
+            splits: Splits::Long,
             spending: Spending::SplitsFirst,
             respawn: false,
             ceiling_start: 2,

@@ -1,7 +1,7 @@
 //! Makes a density-control step: reads the statistics window, lets [`density`] decide, and has the backend apply the plan.
 
 use super::config::{Exposure, TrainConfig};
-use super::density::{self, DensityCounts, Revision, Situation, SplatHistory};
+use super::density::{self, DensityCounts, Revision, Situation, SplatHistory, Splits};
 use super::exposure::Exposures;
 use super::policy::DensityStep;
 use super::schedule::Schedule;
@@ -102,6 +102,13 @@ impl DensityControl<'_> {
             1.0
         };
         let max_added = (rate.min(config.density.split_rate) * n as f64) as usize;
+        let policy = config.policy.spec();
+        let draws_splits = config.density.splits == Splits::Drawn
+            && config.budget.max_params.is_some()
+            && components.splitting;
+        // Of splats that split at any length, some fade for good; as with `plain`, only those that show nothing.
+        let opacity_floor =
+            if draws_splits { config.density.relocate_below } else { schedule.opacity_floor(config, step) };
         let situation = Situation {
             model,
             histories: &state.histories,
@@ -121,14 +128,15 @@ impl DensityControl<'_> {
             growth: state.growth,
             step,
             seed: config.seed ^ u64::from(step).wrapping_mul(0x9E37_79B9_7F4A_7C15),
+            draws_splits,
             max_added,
             initial_splats: state.pace.initial,
             split_texels: schedule.split_texels(config, step),
             patience: schedule.patience,
-            opacity_floor: schedule.opacity_floor(config, step),
-            rule: config.policy.spec().map_rule,
+            opacity_floor,
+            rule: policy.map_rule,
         };
-        let revision = match config.policy.spec().step {
+        let revision = match policy.step {
             DensityStep::Relocate => {
                 // Without a budget the number of splats stays the same.
                 let bounds_splats = config.budget.max_splats.or(config.budget.max_params).is_some();

@@ -93,6 +93,10 @@ pub fn decide(
         .collect();
     candidates.sort_by(|a, b| b.rank.total_cmp(&a.rank).then(a.splat.cmp(&b.splat)));
     let mut allocator = BudgetAllocator::new(s, config, budget, planned_splats);
+    if s.draws_splits && s.use_statistics && densify {
+        let split = allocator.split_drawn(&scores.error, &mut counts);
+        candidates.retain(|candidate| !split.contains(&candidate.splat));
+    }
     let mut rest = allocator.allocate(&candidates, &mut counts);
     if config.respawn && components.splitting {
         rest.sort_by(|a, b| b.error.total_cmp(&a.error).then(a.splat.cmp(&b.splat)));
@@ -124,7 +128,8 @@ fn checked(
     let reliable = s.render_scale < 3.0;
     let is_counted = scores.seen[i] && !history.is_fresh() && (reliable || !low);
     history.prune_count = prune_count_after(history.prune_count, is_counted.then_some(low));
-    let opacity_floor = if history.is_fresh() { FRESH_OPACITY_MIN } else { s.opacity_floor };
+    let opacity_floor =
+        if history.is_fresh() { FRESH_OPACITY_MIN.min(s.opacity_floor) } else { s.opacity_floor };
     history.checks = history.checks.saturating_add(1);
     history.trial = Trial::None;
     history.rest = if grew_in_vain { config.rest_checks } else { history.rest.saturating_sub(1) };

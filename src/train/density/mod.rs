@@ -6,6 +6,7 @@ mod budget_allocator;
 mod candidate;
 mod coarse;
 mod decide;
+mod draw;
 mod geometry;
 mod growth;
 mod history;
@@ -34,7 +35,8 @@ pub use history::{SplatHistory, Trial};
 pub use regrid::{cropped as cropped_map, window as map_window};
 pub use relocate::relocate;
 pub use settings::{
-    Budget, Components, DensityConfig, ErrorMeasure, GrowthMoments, Spending, SplitProfile, StatisticsSource,
+    Budget, Components, DensityConfig, ErrorMeasure, GrowthMoments, Spending, SplitProfile, Splits,
+    StatisticsSource,
 };
 pub use situation::{DensityCounts, Revision, Situation};
 pub use sizes::MapRule;

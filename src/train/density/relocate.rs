@@ -2,18 +2,17 @@
 //! splitting splats drawn by the error that they carry. This is the relocation of 3DGS-MCMC with halves instead of
 //! copies, because coincident copies would always have equal gradients.
 
-use super::geometry::{opacity, sigmas};
+use super::draw::draw_order;
+use super::geometry::opacity;
 use super::planned_splat::{PlannedSplat, finish, size_of, with};
 use super::score::Scores;
-use super::settings::{Budget, DensityConfig, ErrorMeasure, SplitProfile};
+use super::settings::{Budget, DensityConfig, ErrorMeasure};
 use super::shading;
 use super::situation::{DensityCounts, Revision, Situation};
 use super::sizes::Sizes;
-use super::split::halves;
+use super::split::split_of_any_length;
 use crate::backend::MapChange;
 use crate::model::ModelSize;
-use rand::{RngExt as _, SeedableRng as _};
-use rand_pcg::Pcg64Mcg;
 
 /// Largest factor by which the number of splats grows in one step (3DGS-MCMC).
 const GROWTH: f64 = 1.05;
@@ -53,20 +52,10 @@ pub fn relocate(s: &Situation<'_>, config: &DensityConfig, budget: Option<&Budge
     let within = |size: &ModelSize| budget.is_none_or(|budget| budget.allows(size));
     shading::raise(offers, &mut parents, within, &mut counts);
 
-    // Weighted sampling without replacement: the largest keys u^(1/w) (Efraimidis and Spirakis).
-    let mut rng = Pcg64Mcg::seed_from_u64(s.seed);
-    let mut keys: Vec<(f64, usize)> = alive
-        .iter()
-        .enumerate()
-        .map(|(k, &i)| {
-            let u: f64 = rng.random_range(1e-12..1.0);
-            (u.ln() / scores.error[i].max(1e-30), k)
-        })
-        .collect();
-    keys.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    let errors: Vec<f64> = alive.iter().map(|&i| scores.error[i]).collect();
     let (mut chosen, mut added) = (vec![false; parents.len()], 0);
     let mut size = size_of(&parents);
-    for (_, k) in keys {
+    for k in draw_order(0..parents.len(), &errors, s.seed) {
         let grown = with(size, &parents[k]);
         if added < wanted && budget.is_none_or(|budget| budget.allows(&grown)) {
             (size, chosen[k], added) = (grown, true, added + 1);
@@ -75,9 +64,7 @@ pub fn relocate(s: &Situation<'_>, config: &DensityConfig, budget: Option<&Budge
     let mut planned_splats = Vec::with_capacity(alive.len() + added);
     for (parent, is_chosen) in parents.into_iter().zip(chosen) {
         if is_chosen {
-            let sigma = sigmas(s.model, parent.source as usize);
-            let axis = usize::from(sigma[1] > sigma[0]);
-            planned_splats.extend(halves(s, config, &parent, axis, SplitProfile::Tight, f64::INFINITY));
+            planned_splats.extend(split_of_any_length(s, config, &parent));
         } else {
             planned_splats.push(parent);
         }

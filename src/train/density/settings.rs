@@ -107,6 +107,17 @@ impl SplitProfile {
     }
 }
 
+/// Which splats are split (method 6.8).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Splits {
+    /// Candidates that are long enough (paper).
+    Long,
+    /// With a budget, splats of any length that are drawn by the error that they carry, as in `plain`; without one, long
+    /// candidates.
+    Drawn,
+}
+
 /// How the budget is spent on candidates (method 6.6).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -199,6 +210,8 @@ pub struct DensityConfig {
     pub untextured: bool,
     /// Halves of a split. Default `tight` (choices 2; paper: `paper`).
     pub split_profile: SplitProfile,
+    /// Which splats are split. Default `drawn` (choices 17; paper: `long`).
+    pub splits: Splits,
     /// How the budget is spent. Default `gain` (choices 1; paper: `splits-first`).
     pub spending: Spending,
     /// With `gain`: the share of a splat's error that refining its map is expected to remove, over the share
@@ -261,6 +274,7 @@ impl Default for DensityConfig {
             growth_moments: GrowthMoments::Scaled,
             untextured: true,
             split_profile: SplitProfile::Tight,
+            splits: Splits::Drawn,
             spending: Spending::Gain,
             texel_gain: 2.0,
             split_texels: [64.0, 16.0],

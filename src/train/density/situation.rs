@@ -45,7 +45,9 @@ pub struct Situation<'a> {
     pub step: u32,
     /// Seed of what is random in the step.
     pub seed: u64,
-    /// Largest number of splats that may be added.
+    /// Whether splats of any length are split, drawn by the error that they carry.
+    pub draws_splits: bool,
+    /// Largest number of splats that may be added, but for those drawn.
     pub max_added: usize,
     /// Number of splats at initialisation.
     pub initial_splats: usize,

@@ -41,6 +41,16 @@ pub fn split(
     Some(halves(s, config, planned, axis, config.split_profile, widest))
 }
 
+/// The two halves of a splat along its longer axis, however short it is.
+pub fn split_of_any_length(
+    s: &Situation<'_>,
+    config: &DensityConfig,
+    planned: &PlannedSplat,
+) -> [PlannedSplat; 2] {
+    let sigma = sigmas(s.model, planned.source as usize);
+    halves(s, config, planned, usize::from(sigma[1] > sigma[0]), SplitProfile::Tight, f64::INFINITY)
+}
+
 /// The two halves of a splat along one of its axes; their standard deviation along it is at most `widest`.
 pub fn halves(
     s: &Situation<'_>,

@@ -85,6 +85,7 @@ fn situation<'a>(
         growth: Growth::default(),
         step: 1,
         seed: 0,
+        draws_splits: false,
         max_added: 100,
         initial_splats: 0,
         split_texels: 1000.0,
@@ -92,6 +93,21 @@ fn situation<'a>(
         opacity_floor: 0.02,
         rule: MapRule::Adaptive,
     }
+}
+
+/// Size of the model after a revision.
+fn size_after(model: &Model, revision: &Revision) -> ModelSize {
+    // No plan: nothing was possible.
+    let Some(plan) = &revision.plan else { return model.size() };
+    let maps = plan.sources.iter().zip(&plan.maps);
+    let texels =
+        maps.map(|(&source, change)| change.applied_to(&model.textures.maps[source as usize]).num_texels());
+    texels.zip(&plan.sh_degrees).fold(ModelSize::default(), |size, (texels, &degree)| ModelSize {
+        splats: size.splats + 1,
+        maps: size.maps + usize::from(texels > 0),
+        texels: size.texels + texels,
+        sh_coefficients: size.sh_coefficients + sh_coefficients(degree.into()),
+    })
 }
 
 fn revise(s: &Situation<'_>, config: &DensityConfig, budget: &Budget) -> Revision {
@@ -555,28 +571,17 @@ fn budgets_are_never_exceeded() {
     let (model, cameras) = (model(4), [camera()]);
     let errors = std::array::from_fn(|i| 0.1 + 0.05 * i as f32);
     let (statistics, histories) = (window(errors), vec![SplatHistory::first(64); N]);
-    let s = Situation { split_texels: 8.0, ..situation(&model, &histories, &statistics, &cameras) };
     let config =
         DensityConfig { coarsen_below: 0.0, quantile: 0.1, spending: Spending::SplitsFirst, ..settings() };
-    let size = |budget: &Budget| {
+    let size = |draws_splits: bool, budget: &Budget| {
+        let s = situation(&model, &histories, &statistics, &cameras);
+        let s = Situation { split_texels: 8.0, draws_splits, ..s };
         let revision = revise(&s, &config, budget);
-        // No plan: nothing was possible.
-        let Some(plan) = revision.plan else { return model.size() };
-        let texels = plan.sources.iter().zip(&plan.maps).map(|(&source, m)| match *m {
-            MapChange::Keep => model.textures.maps[source as usize].num_texels(),
-            MapChange::Regrid { rows, cols, .. } | MapChange::Resample { rows, cols, .. } => {
-                usize::from(rows) * usize::from(cols)
-            }
-        });
-        texels.zip(&plan.sh_degrees).fold(ModelSize::default(), |size, (texels, &degree)| ModelSize {
-            splats: size.splats + 1,
-            maps: size.maps + usize::from(texels > 0),
-            texels: size.texels + texels,
-            sh_coefficients: size.sh_coefficients + sh_coefficients(degree.into()),
-        })
+        size_after(&model, &revision)
     };
-    let free = size(&Budget::default());
+    let free = size(false, &Budget::default());
     assert!(free.splats > N + 3, "{free:?}");
+    assert!(size(true, &Budget::default()).splats > N);
     for budget in [
         Budget { max_splats: Some(N + 3), ..Budget::default() },
         Budget { max_texels: Some(model.num_texels() + 40), ..Budget::default() },
@@ -584,9 +589,32 @@ fn budgets_are_never_exceeded() {
         // Less than the model has: maps must be made smaller.
         Budget { max_texels: Some(model.num_texels() / 2), ..Budget::default() },
     ] {
-        let size = size(&budget);
-        assert!(budget.allows(&size), "{budget:?}: {size:?}");
+        for draws_splits in [false, true] {
+            let size = size(draws_splits, &budget);
+            assert!(budget.allows(&size), "{draws_splits}, {budget:?}: {size:?}");
+        }
     }
+}
+
+#[test]
+fn drawn_splits_may_take_half_of_what_is_left_of_the_budget() {
+    let (mut model, cameras) = (model(2), [camera()]);
+    // All cost the same.
+    model.splats.set_sh_degrees(&[0; N]);
+    let (statistics, histories) = (window([0.5; N]), vec![SplatHistory::first(64); N]);
+    // No map is refined, and no splat is long enough for the other rule.
+    let config = DensityConfig { coarsen_below: 0.0, quantile: 1.0, respawn: false, ..settings() };
+    let size = |draws_splits: bool, most: usize| {
+        let s = situation(&model, &histories, &statistics, &cameras);
+        let budget = Budget { max_params: Some(most), ..Budget::default() };
+        size_after(&model, &revise(&Situation { draws_splits, ..s }, &config, &budget))
+    };
+    let [before, after] = [false, true].map(|draws_splits| size(draws_splits, 1_000_000));
+    // 8 % of the splats.
+    assert_eq!([before, after].map(|size| size.splats), [N, N + 1]);
+    let cost = after.params() - before.params();
+    assert_eq!(size(true, before.params() + 2 * cost), after);
+    assert_eq!(size(true, before.params() + 2 * cost - 1), before);
 }
 
 #[test]
