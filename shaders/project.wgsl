@@ -13,9 +13,9 @@
 #include common/adam
 #include common/sh
 
-@group(0) @binding(1) var<storage, read_write> splat_p: array<f32>; // [n, stride]
-@group(0) @binding(2) var<storage, read_write> splat_m: array<f32>; // [n, stride]
-@group(0) @binding(3) var<storage, read_write> splat_v: array<f32>; // [n, stride]
+@group(0) @binding(1) var<storage, read_write> splat_p: array<f32>; // [num_splat_floats]
+@group(0) @binding(2) var<storage, read_write> splat_m: array<f32>; // [num_splat_floats]
+@group(0) @binding(3) var<storage, read_write> splat_v: array<f32>; // [num_splat_floats]
 @group(0) @binding(4) var<storage, read> splat_info: array<SplatInfo>; // [n]
 @group(0) @binding(5) var<storage, read_write> projected: array<Projected>; // [n]
 @group(0) @binding(6) var<storage, read_write> bounds: array<Bounds>; // [n]
@@ -37,8 +37,7 @@ fn project(
     if i >= step.num_splats {
         return;
     }
-    let info = splat_info[i];
-    let base = first_float(info);
+    let base = splat_info[i].parameters >> 2u;
     let position = vec3f(splat_p[base], splat_p[base + 1u], splat_p[base + 2u]);
     let p = in_camera(position) + camera_translation();
     let scales = exp(vec2f(splat_p[base + LOG_SCALE], splat_p[base + LOG_SCALE + 1u]));
@@ -83,6 +82,7 @@ fn project(
         return;
     }
     keys_out[i] = min(bitcast<u32>(p.z) - bitcast<u32>(step.near), INVISIBLE_KEY - 1u);
+    let info = splat_info[i];
     // An empty map may have a texel size of zero.
     let texels = select(scales / info.texel_sizes, vec2f(0.0), info.map_size == 0u);
     let per_coordinate = vec3f(texels.x * spread.u_a, texels.y * spread.v_a, texels.y * spread.v_b);

@@ -16,9 +16,9 @@
 #include common/adam
 #include common/sh
 
-@group(0) @binding(1) var<storage, read_write> splat_p: array<f32>; // [n, stride]
-@group(0) @binding(2) var<storage, read_write> splat_m: array<f32>; // [n, stride]
-@group(0) @binding(3) var<storage, read_write> splat_v: array<f32>; // [n, stride]
+@group(0) @binding(1) var<storage, read_write> splat_p: array<f32>; // [num_splat_floats]
+@group(0) @binding(2) var<storage, read_write> splat_m: array<f32>; // [num_splat_floats]
+@group(0) @binding(3) var<storage, read_write> splat_v: array<f32>; // [num_splat_floats]
 @group(0) @binding(4) var<storage, read> projected: array<Projected>; // [n]
 @group(0) @binding(5) var<storage, read_write> bounds: array<Bounds>; // [n]
 @group(0) @binding(6) var<storage, read> partials: array<f32>; // [K, partial_stride] by slot
@@ -47,11 +47,11 @@ const MAX_SUMS = 21u;
 #endif
 // Each sum over the pairs of a splat is split among this many invocations.
 const PARTS = 4u;
-const MAX_STRIDE = 58u;
+const MAX_FLOATS = 58u;
 
 var<workgroup> parts: array<f32, MAX_SUMS * PARTS>;
 var<workgroup> sums: array<f32, MAX_SUMS>;
-var<workgroup> gradient: array<f32, MAX_STRIDE>;
+var<workgroup> gradient: array<f32, MAX_FLOATS>;
 var<workgroup> num_faults: atomic<u32>;
 
 fn add_part(index: u32, bounds: Bounds) {
@@ -229,7 +229,7 @@ fn project_bwd(
     // Not written before the last barrier.
     let footprint = bounds[i];
     let visible = footprint.num_tiles > 0u;
-    if lane < MAX_STRIDE {
+    if lane < MAX_FLOATS {
         gradient[lane] = 0.0;
     }
     if lane == 0u {

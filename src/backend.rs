@@ -29,7 +29,7 @@ pub struct DeviceInfo {
 pub struct RenderOptions {
     /// Display-space colour behind all splats.
     pub background: [f32; 3],
-    /// SH degree to evaluate, at most the model's.
+    /// SH degree to evaluate; splats of a lower one use their own.
     pub sh_degree: u32,
     /// Whether to render depth and normals too.
     pub geometry: bool,

@@ -1,4 +1,4 @@
-// Layout of a splat's parameters, in the order of `SplatGroup`, and its record. SH is as long as the splat's degree asks.
+// Layout of a splat's parameters, in the order of `SplatGroup`, and its record. SH has as many floats as the splat's degree needs.
 
 const POSITION = 0u;
 const QUATERNION = 3u;

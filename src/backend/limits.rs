@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 /// Properties of a run that the limits depend on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SceneShape {
-    /// SH degree of the splats.
+    /// Highest SH degree that a splat may have.
     pub sh_degree: u32,
     /// Whether loss terms on depths and normals are used.
     pub geometry: bool,

@@ -70,6 +70,11 @@ pub enum MapChange {
 }
 
 impl MapChange {
+    /// Whether the new map is coarser than the old along an axis.
+    pub fn is_coarser(&self) -> bool {
+        matches!(self, Self::Regrid { grids, .. } if grids.contains(&Grid::Coarser))
+    }
+
     /// The map that this change makes of `old`, yet to be placed.
     pub fn applied_to(&self, old: &TextureMap) -> TextureMap {
         match *self {
@@ -84,7 +89,7 @@ impl MapChange {
 }
 
 /// New values for some parameters of a splat. Their first moments become zero, their second moments stay those of the
-/// source, so that the first steps are small and soon of the usual size.
+/// source, so that steps start small and soon reach the usual size.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SplatEdit {
     /// Index of the splat in the new model.
@@ -106,7 +111,7 @@ pub struct DensityPlan {
     /// For each splat of the new model, the change of its source's map. `[n_new]`
     pub maps: Vec<MapChange>,
     /// For each splat of the new model, its SH degree; empty: those of the sources. New coefficients and their first moments
-    /// are 0; their second moments are those of DC, so that the first steps are small and soon of the usual size. `[n_new]`
+    /// are 0; their second moments are those of DC, so that steps start small and soon reach the usual size. `[n_new]`
     pub sh_degrees: Vec<u8>,
     /// New parameters of splats that differ from their source, by ascending index.
     pub edits: Vec<SplatEdit>,

@@ -86,6 +86,7 @@ impl Profile {
             respawn: false,
             ceiling_start: 2,
             sh_below: 0.0,
+            sh_raise: 0.0,
             grow_by_axis: 0.0,
             give_back_db: 0.0,
             ..DensityConfig::default()

@@ -10,7 +10,7 @@ use super::values::{
 };
 use litetex_gs::model::Filter;
 use litetex_gs::train::density::Components;
-use litetex_gs::train::{Backdrop, Exposure, Policy, TrainConfig};
+use litetex_gs::train::{Backdrop, Exposure, Policy, TrainConfig, policies};
 use litetex_gs::{Error, Result};
 use std::path::PathBuf;
 
@@ -72,9 +72,8 @@ pub struct TrainingArgs {
     /// Named set of defaults [default: default]
     #[arg(long, value_name = "NAME")]
     pub profile: Option<Profile>,
-    /// How splats and texels are allocated: litetex; fixed:R (R x R texels for each splat); plain (no textures: 2DGS-MCMC, 2D Gaussian splatting with MCMC-style relocation, the baseline); or none
-    /// (no textures, splats as with litetex) [default: litetex]
-    #[arg(long, alias = "texture", value_name = "POLICY")]
+    // Its help is made of those of the policies.
+    #[arg(long, alias = "texture", value_name = "POLICY", help = format!("How splats and texels are allocated: {} [default: litetex]", policies()))]
     pub policy: Option<Policy>,
     /// Parts of the method to switch off: scheduler, pruning, growth, update-rule, splitting, coarsening
     #[arg(long, value_name = "PART,...", value_delimiter = ',', value_parser = Components::NAMES)]

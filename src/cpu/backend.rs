@@ -170,7 +170,7 @@ impl Backend for CpuBackend {
             // Columns and rows of tiles are stored in 16 bits.
             max_side_px: TILE_PX as u32 * u32::from(u16::MAX),
             max_pixels: u32::MAX.into(),
-            // As are the floats of SH.
+            // Floats of SH are indexed by 32 bits.
             max_splats: u64::from(u32::MAX) / SplatGroup::Sh.width(SH_DEGREE_MAX) as u64,
             // The floats of visible texels are indexed by 32 bits.
             max_texels: u64::from(u32::MAX) / 3,

@@ -22,6 +22,7 @@ pub(super) fn apply_plan(backend: &mut GpuBackend, plan: &DensityPlan) -> Result
     let mut map_kernels = vec![KernelId::RegridMaps];
     map_kernels.extend(changes.iter().find(|c| c.kind == CHANGE_RESAMPLE).map(|_| KernelId::ResampleMaps));
     let splats = SplatArrays::zeros_of(plan.new_sh_degrees(old.splats.sh_degrees()));
+    model_buffers::check_floats(&splats)?;
     let shape = Model { splats, textures, ..*old };
     let clock =
         AdamState { step: backend.clock.step, rates: backend.clock.rates, ..AdamState::zeros(&shape) };

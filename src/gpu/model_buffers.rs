@@ -6,8 +6,8 @@ use super::kernels::Buf;
 use super::layout::{BOUNDS_BYTES, PROJECTED_BYTES, SPLAT_SUMS_BYTES, SplatInfo};
 use super::resources::Resources;
 use super::shader::GROUP;
-use crate::Result;
 use crate::model::{AdamState, Model, SplatArrays, SplatGroup, TextureMap};
+use crate::{Error, Result};
 
 /// Floats of the parameters of all splats that records can address.
 pub(super) const MOST_SPLAT_FLOATS: u64 = 1 << 30;
@@ -20,6 +20,21 @@ pub(super) fn splat_floats(sh_degree: u32) -> usize {
 /// Floats of the parameters of all splats.
 pub(super) fn num_splat_floats(splats: &SplatArrays) -> usize {
     SplatGroup::ALL.iter().map(|&g| splats.group(g).len()).sum()
+}
+
+/// Checks that records can address the parameters.
+///
+/// # Errors
+/// [`Error::Device`] with their number.
+pub(super) fn check_floats(splats: &SplatArrays) -> Result<()> {
+    let found = num_splat_floats(splats);
+    if found as u64 <= MOST_SPLAT_FLOATS {
+        return Ok(());
+    }
+    Err(Error::Device(format!(
+        "the splats hold {found} parameters without texels, at most {MOST_SPLAT_FLOATS} fit: use fewer splats, or \
+         another --device"
+    )))
 }
 
 /// The parameters splat by splat. `[num_splat_floats]`
@@ -83,6 +98,7 @@ pub(super) fn upload(
     model: &Model,
     adam: &AdamState,
 ) -> Result<()> {
+    check_floats(&model.splats)?;
     let mut made = derived(device, model.num_splats(), model.num_texels())?;
     let splats = [(Buf::SplatP, &model.splats), (Buf::SplatM, &adam.splats_m), (Buf::SplatV, &adam.splats_v)];
     for (name, arrays) in splats {

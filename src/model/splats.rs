@@ -121,7 +121,7 @@ impl SplatArrays {
         &mut self.sh[range]
     }
 
-    /// The array of one group. `[n, width]`, SH splat after splat
+    /// The array of one group. `[n, width]`; SH is the jagged pool
     pub fn group(&self, group: SplatGroup) -> &Vec<f32> {
         match group {
             SplatGroup::Position => &self.positions,
@@ -132,7 +132,7 @@ impl SplatArrays {
         }
     }
 
-    /// The array of one group, mutable; its length must stay. `[n, width]`, SH splat after splat
+    /// The array of one group, mutable; its length must stay. `[n, width]`; SH is the jagged pool
     pub fn group_mut(&mut self, group: SplatGroup) -> &mut Vec<f32> {
         match group {
             SplatGroup::Position => &mut self.positions,

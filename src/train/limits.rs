@@ -30,10 +30,12 @@ pub fn check_limits(
              --budget-params, or start a new run"
         )));
     }
-    let shape = SceneShape { sh_degree: model.splats.sh_degree(), geometry: config.loss.needs_geometry() };
+    // Splats may gain SH bands.
+    let sh_degree = config.sh_degree.max(model.splats.sh_degree());
+    let shape = SceneShape { sh_degree, geometry: config.loss.needs_geometry() };
     let limits = backend.limits(shape);
     let mut misfits = of_model(model, &limits);
-    misfits.extend(of_budget(&config.budget, model.splats.sh_degree(), &limits));
+    misfits.extend(of_budget(&config.budget, sh_degree, &limits));
     misfits.extend(of_views(views, &limits));
     if misfits.is_empty() {
         return Ok(limits);

@@ -27,7 +27,7 @@ pub use events::{Control, StopReason, TrainEvent};
 pub use exposure::Exposures;
 pub use give_back::GivenBack;
 pub use limits::check_limits;
-pub use policy::{DensityStep, FirstMap, Policy, PolicySpec};
+pub use policy::{DensityStep, FirstMap, Policy, PolicySpec, policies};
 pub use run::{Sink, train};
 pub use schedule::Schedule;
 pub use stages::{StageSpan, stage_spans};

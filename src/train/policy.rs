@@ -25,6 +25,10 @@ pub enum Policy {
 /// What a policy decides.
 #[derive(Clone, Copy, Debug)]
 pub struct PolicySpec {
+    /// Its name; that of a policy with a parameter ends before it.
+    pub name: &'static str,
+    /// What the help says of it; `None`: it is part of a profile and not offered.
+    pub help: Option<&'static str>,
     /// The rule that sets the sizes of maps.
     pub map_rule: MapRule,
     /// The initial maps.
@@ -107,12 +111,14 @@ impl DensityStep {
 }
 
 impl Policy {
-    /// The policies without a parameter.
-    pub const NAMED: [Self; 4] = [Self::Litetex, Self::Cat, Self::Plain, Self::None];
+    /// Every policy; one with a parameter stands for all its values.
+    const ALL: [Self; 5] = [Self::Litetex, Self::Fixed(2), Self::Plain, Self::None, Self::Cat];
 
     /// What the policy decides.
     pub fn spec(self) -> PolicySpec {
         let litetex = PolicySpec {
+            name: "litetex",
+            help: Some("high-error splats are refined or split"),
             map_rule: MapRule::Adaptive,
             first_map: FirstMap::Covering,
             step: DensityStep::Decide,
@@ -121,20 +127,36 @@ impl Policy {
         match self {
             Self::Litetex => litetex,
             Self::Cat => PolicySpec {
+                name: "cat",
+                help: None,
                 first_map: FirstMap::Spanning(8),
                 without: &["scheduler", "pruning", "growth", "update-rule"],
                 ..litetex
             },
-            Self::Fixed(side) => {
-                PolicySpec { map_rule: MapRule::Fixed(side), first_map: FirstMap::Spanning(side), ..litetex }
-            }
+            Self::Fixed(side) => PolicySpec {
+                name: FIXED,
+                help: Some("R x R texels for each splat, R from 2 to 256"),
+                map_rule: MapRule::Fixed(side),
+                first_map: FirstMap::Spanning(side),
+                ..litetex
+            },
             Self::Plain => PolicySpec {
+                name: "plain",
+                help: Some(
+                    "no textures: 2DGS-MCMC, 2D Gaussian splatting with MCMC-style relocation, the baseline",
+                ),
                 map_rule: MapRule::None,
                 first_map: FirstMap::None,
                 step: DensityStep::Relocate,
                 without: &["splitting", "growth", "pruning"],
             },
-            Self::None => PolicySpec { map_rule: MapRule::None, first_map: FirstMap::None, ..litetex },
+            Self::None => PolicySpec {
+                name: "none",
+                help: Some("no textures, splats as with litetex"),
+                map_rule: MapRule::None,
+                first_map: FirstMap::None,
+                ..litetex
+            },
         }
     }
 
@@ -144,28 +166,45 @@ impl Policy {
     }
 }
 
+/// Name of [`Policy::Fixed`] up to its parameter.
+const FIXED: &str = "fixed:";
+
+/// The policies on offer, with what the help says of them.
+pub fn policies() -> String {
+    let spec = |policy: Policy| (policy, policy.spec());
+    let all = Policy::ALL.map(spec).into_iter();
+    let each = all.filter_map(|(policy, spec)| Some(format!("{} ({})", name_on_offer(policy), spec.help?)));
+    each.collect::<Vec<_>>().join("; ")
+}
+
+/// The name of a policy, with R for a parameter.
+fn name_on_offer(policy: Policy) -> String {
+    match policy {
+        Policy::Fixed(_) => format!("{FIXED}R"),
+        _ => policy.to_string(),
+    }
+}
+
 impl FromStr for Policy {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        if let Some(policy) = Self::NAMED.into_iter().find(|policy| policy.to_string() == text) {
+        if let Some(side) = text.strip_prefix(FIXED).and_then(|side| side.parse().ok()) {
+            if (2..=256).contains(&side) {
+                return Ok(Self::Fixed(side));
+            }
+        } else if let Some(policy) = Self::ALL.into_iter().find(|policy| policy.spec().name == text) {
             return Ok(policy);
         }
-        match text.strip_prefix("fixed:").and_then(|side| side.parse().ok()) {
-            Some(side @ 2..=256) => Ok(Self::Fixed(side)),
-            _ => Err(format!("{text:?}: expected litetex, plain, none or fixed:R with R from 2 to 256")),
-        }
+        Err(format!("{text:?}: expected {}", policies()))
     }
 }
 
 impl fmt::Display for Policy {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Litetex => f.write_str("litetex"),
-            Self::Cat => f.write_str("cat"),
-            Self::Fixed(side) => write!(f, "fixed:{side}"),
-            Self::Plain => f.write_str("plain"),
-            Self::None => f.write_str("none"),
+            Self::Fixed(side) => write!(f, "{FIXED}{side}"),
+            _ => f.write_str(self.spec().name),
         }
     }
 }
@@ -191,14 +230,19 @@ mod tests {
 
     #[test]
     fn names_round_trip_and_excluded_components_exist() {
-        for policy in Policy::NAMED.into_iter().chain([Policy::Fixed(2), Policy::Fixed(256)]) {
+        for policy in Policy::ALL.into_iter().chain([Policy::Fixed(256)]) {
             assert_eq!(policy.to_string().parse(), Ok(policy));
             for name in policy.spec().without {
                 assert!(Components::default().switch(name).is_some(), "{policy}: {name}");
             }
         }
         for wrong in ["fixed:1", "fixed:257", "fixed:", "Litetex", ""] {
-            assert!(wrong.parse::<Policy>().unwrap_err().contains("plain, none or fixed:R"), "{wrong}");
+            let error = wrong.parse::<Policy>().unwrap_err();
+            assert!(
+                ["litetex", "fixed:R", "plain", "none"].iter().all(|name| error.contains(name)),
+                "{error}"
+            );
+            assert!(!error.contains("cat"), "{error}");
         }
     }
 }

@@ -105,8 +105,10 @@ impl DensityControl<'_> {
         let policy = config.policy.spec();
         let draws_splits = config.density.splits == Splits::Drawn
             && config.budget.max_params.is_some()
+            // Growth by need compares candidates.
+            && config.density.need_db == 0.0
             && components.splitting;
-        // Of splats that split at any length, some fade for good; as with `plain`, only those that show nothing.
+        // Where splats of any length are split, only those that show nothing fade, as in `plain`.
         let opacity_floor =
             if draws_splits { config.density.relocate_below } else { schedule.opacity_floor(config, step) };
         let situation = Situation {
@@ -122,7 +124,7 @@ impl DensityControl<'_> {
             may_coarsen: schedule.may_coarsen(step),
             may_pad: !schedule.has_given_back(step),
             sh_tested: schedule.sh_tested(step, config.sh_degree),
-            sh_trial_checks: (schedule.sh_trial / schedule.density_interval.max(1)).min(u32::from(u16::MAX))
+            sh_trial_checks: schedule.sh_trial.div_ceil(schedule.density_interval.max(1)).min(u16::MAX.into())
                 as u16,
             sh_highest: config.sh_degree,
             growth: state.growth,

@@ -121,7 +121,7 @@ pub(super) fn traffic(kernel: KernelId, c: &TrafficCounts) -> Vec<(TrafficItem, 
     let scene = 8.0 * c.tiles + (PAIR + PROJECTED + WINDOW) * c.pairs + 16.0 * c.visible_texels;
     match kernel {
         K::Project => {
-            let all = (GEOMETRY * WORD + BOUNDS + WORD) * c.splats;
+            let all = (GEOMETRY * WORD + BOUNDS + 2.0 * WORD) * c.splats;
             let visible = (INFO + c.sh_floats * WORD + PROJECTED) * c.visible;
             // Both moments are read, values and moments written.
             let lagging = 5.0 * WORD * c.sh_floats * c.lagging;
@@ -163,8 +163,8 @@ pub(super) fn traffic(kernel: KernelId, c: &TrafficCounts) -> Vec<(TrafficItem, 
             vec![(I::Backward, scene + (8.0 + 16.0) * c.pixels + sums)]
         }
         K::ProjectBwd => {
-            // Number of pairs and first slot of all splats; faults and hidden share of visible ones.
-            let sums = 2.0 * WORD * c.splats + (PROJECTED + 2.0 * WORD) * c.visible + PARTIALS * c.pairs;
+            // Number of pairs, first slot and place of the parameters of all splats; faults and hidden share of visible ones.
+            let sums = 3.0 * WORD * c.splats + (PROJECTED + 2.0 * WORD) * c.visible + PARTIALS * c.pairs;
             let state = STATE * (GEOMETRY * c.splats + c.sh_floats * c.visible);
             vec![(I::Backward, sums), (I::Adam, state)]
         }

@@ -16,8 +16,11 @@ use std::collections::HashSet;
 /// Length in finest texels above which a splat may be split to replace a pruned one. Not measured.
 const RESPAWN_TEXELS: f64 = 2.0;
 
-/// Largest share of the splats that one step splits if they are drawn: as `plain` in steps of this length.
+/// Largest share of the splats that one step splits if they are drawn: as fast as `plain` grows in short runs.
 const DRAWN_GROWTH: f64 = 0.08;
+
+/// Makes the seed of draws another than that of the candidates withheld.
+const DRAW_STREAM: u64 = 1;
 
 /// Share of what is left of a budget that drawn splits may take (measured: choices 17).
 const SPLIT_SHARE: f64 = 0.5;
@@ -54,25 +57,28 @@ impl<'a> BudgetAllocator<'a> {
         Self { s, config, budget, planned_splats, second_halves: Vec::new(), size, added: 0, withhold }
     }
 
-    /// Splits splats of any length, drawn by the error that they carry, as far as [`SPLIT_SHARE`] of what is left of the
-    /// budget goes. Returns those that were split.
+    /// Splits splats of any length, drawn by their error, for at most [`SPLIT_SHARE`] of what is left of the budget. Returns those that were split.
     pub fn split_drawn(&mut self, errors: &[f64], counts: &mut DensityCounts) -> HashSet<usize> {
         let now = self.size.params();
         let share = |most: usize| now + (SPLIT_SHARE * most.saturating_sub(now) as f64) as usize;
         let budget = Budget { max_params: self.budget.max_params.map(share), ..*self.budget };
-        let kept = (0..self.planned_splats.len()).filter(|&i| self.planned_splats[i].is_some());
-        let drawn = draw_order(kept, errors, self.s.seed);
+        // Halves get their part of the map as it is: not of one that is coarsened.
+        let may_split = |planned: &PlannedSplat| !planned.change.is_coarser();
+        let splats = (0..self.planned_splats.len())
+            .filter(|&i| self.planned_splats[i].as_ref().is_some_and(may_split));
+        let drawn = draw_order(splats, errors, self.s.seed ^ DRAW_STREAM);
         let most = (DRAWN_GROWTH * drawn.len() as f64).ceil() as usize;
         let mut split = HashSet::new();
         for i in drawn {
             let Some(planned) = self.planned_splats[i].filter(|_| split.len() < most) else { break };
-            let pair = split_of_any_length(self.s, self.config, &planned);
+            let pair = split_of_any_length(self.s, self.config, &planned, self.config.split_profile);
             if self.size_after_split(i, &pair).is_some_and(|size| budget.allows(&size)) {
-                self.split(i, pair.map(|half| tried(half, Trial::Split)));
+                self.split(i, pair);
                 split.insert(i);
             }
         }
         counts.split += split.len();
+        self.added -= split.len();
         split
     }
 

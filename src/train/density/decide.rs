@@ -129,7 +129,7 @@ fn checked(
     let is_counted = scores.seen[i] && !history.is_fresh() && (reliable || !low);
     history.prune_count = prune_count_after(history.prune_count, is_counted.then_some(low));
     let opacity_floor =
-        if history.is_fresh() { FRESH_OPACITY_MIN.min(s.opacity_floor) } else { s.opacity_floor };
+        if history.is_fresh() && !s.draws_splits { FRESH_OPACITY_MIN } else { s.opacity_floor };
     history.checks = history.checks.saturating_add(1);
     history.trial = Trial::None;
     history.rest = if grew_in_vain { config.rest_checks } else { history.rest.saturating_sub(1) };

@@ -61,7 +61,7 @@ pub struct SplatHistory {
     pub trial: Trial,
     /// Checks for which it is no candidate, since growth did not help it.
     pub rest: u16,
-    /// Checks since it gained its highest SH band; saturated if it was made with it.
+    /// Checks since it gained its highest SH band; `u16::MAX` if it began with it.
     pub band_checks: u16,
     /// Whether it has given back SH bands, and gains no more.
     pub bands_settled: bool,

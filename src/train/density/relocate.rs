@@ -6,7 +6,7 @@ use super::draw::draw_order;
 use super::geometry::opacity;
 use super::planned_splat::{PlannedSplat, finish, size_of, with};
 use super::score::Scores;
-use super::settings::{Budget, DensityConfig, ErrorMeasure};
+use super::settings::{Budget, DensityConfig, ErrorMeasure, SplitProfile};
 use super::shading;
 use super::situation::{DensityCounts, Revision, Situation};
 use super::sizes::Sizes;
@@ -64,7 +64,7 @@ pub fn relocate(s: &Situation<'_>, config: &DensityConfig, budget: Option<&Budge
     let mut planned_splats = Vec::with_capacity(alive.len() + added);
     for (parent, is_chosen) in parents.into_iter().zip(chosen) {
         if is_chosen {
-            planned_splats.extend(split_of_any_length(s, config, &parent));
+            planned_splats.extend(split_of_any_length(s, config, &parent, SplitProfile::Tight));
         } else {
             planned_splats.push(parent);
         }

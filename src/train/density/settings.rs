@@ -113,8 +113,8 @@ impl SplitProfile {
 pub enum Splits {
     /// Candidates that are long enough (paper).
     Long,
-    /// With a budget, splats of any length that are drawn by the error that they carry, as in `plain`; without one, long
-    /// candidates.
+    /// With a budget of parameters, splats of any length that are drawn by the error that they carry, as in `plain`; without
+    /// one, or with `need_db`, long candidates.
     Drawn,
 }
 
@@ -162,7 +162,7 @@ pub struct DensityConfig {
     /// PSNR of the training views that is good enough, dB: where parameters are priced, its error is added to that of the
     /// model. Default 40 (method 6.15; choices 17).
     pub floor_db: f64,
-    /// Whether rounds of giving back without a budget merge neighbours that lie in one plane. Default on (method 6.16; choices
+    /// Whether rounds of giving back merge neighbours that lie in one plane. Default on (method 6.16; choices
     /// 17).
     pub merge: bool,
     /// Most rounds of giving back, from the end of densification to the last fifth of the steps; two in short runs.

@@ -53,7 +53,8 @@ pub fn shade(
         kept -= 1;
     }
     if kept < tested {
-        (planned.sh_degree, history.bands_settled) = (kept, true);
+        planned.sh_degree = kept;
+        (history.band_checks, history.bands_settled) = (u16::MAX, true);
         counts.shaded_less += 1;
         return None;
     }

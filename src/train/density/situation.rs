@@ -47,7 +47,7 @@ pub struct Situation<'a> {
     pub seed: u64,
     /// Whether splats of any length are split, drawn by the error that they carry.
     pub draws_splits: bool,
-    /// Largest number of splats that may be added, but for those drawn.
+    /// Largest number of splats that may be added, not counting drawn splits.
     pub max_added: usize,
     /// Number of splats at initialisation.
     pub initial_splats: usize,

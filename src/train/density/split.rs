@@ -46,9 +46,10 @@ pub fn split_of_any_length(
     s: &Situation<'_>,
     config: &DensityConfig,
     planned: &PlannedSplat,
+    profile: SplitProfile,
 ) -> [PlannedSplat; 2] {
     let sigma = sigmas(s.model, planned.source as usize);
-    halves(s, config, planned, usize::from(sigma[1] > sigma[0]), SplitProfile::Tight, f64::INFINITY)
+    halves(s, config, planned, usize::from(sigma[1] > sigma[0]), profile, f64::INFINITY)
 }
 
 /// The two halves of a splat along one of its axes; their standard deviation along it is at most `widest`.
@@ -107,6 +108,10 @@ fn half_map(
     let map = &s.model.textures.maps[planned.source as usize];
     if map.rows == 0 {
         return (MapChange::Keep, 0);
+    }
+    // The map is dropped.
+    if planned.texels == 0 {
+        return (planned.change, 0);
     }
     // First moments start at zero, second ones are kept (method 6.8).
     let moment_scale = [0.0, 1.0];

@@ -42,6 +42,9 @@ pub const MOST_PROBES: usize = 64;
 /// Attempts for each kind, each at half the price of the one before; a raised price is followed by what parameters are worth.
 const ATTEMPTS: i32 = 3;
 
+/// Price of a parameter, in squared error, that is beyond anything on offer.
+const MOST_PRICE: f64 = 1.0;
+
 /// Share of the splats that a round may remove: of two that hide the same, one looks as idle as the other.
 const REMOVABLE: f64 = 0.5;
 
@@ -52,7 +55,7 @@ const CUT_SLACK: f64 = 0.5;
 /// since training makes up for much of what they cost.
 const RAISES: [f64; 6] = [1024.0, 256.0, 64.0, 16.0, 4.0, 1.0];
 
-/// Steps of a run for each step of all its trials of merges, and the least and most steps of a trial.
+/// All trials of merges together take one in this many steps of a run; least and most steps of one training.
 const STEPS_PER_TRIAL_STEP: u32 = 50;
 const TRIAL_STEPS: [u32; 2] = [8, 64];
 
@@ -63,8 +66,8 @@ pub struct Round {
     pub need_db: f64,
     /// Mean squared error that is good enough: added to that of the model where parameters are priced.
     pub floor: f64,
-    /// Parameters to which the model must come down by the last round, whatever they are worth; with a budget, nothing
-    /// else is given back.
+    /// Parameters to which the model must come down by the last round, whatever they are worth; no more than that is given
+    /// back.
     pub budget: Option<usize>,
     /// Rounds to come, with this one.
     pub rounds_left: u32,
@@ -200,12 +203,13 @@ impl Round {
         // What the model may lose before it is no longer good enough: merges have what these offers leave.
         let slack = self.good_enough() - error;
         let slack = CUT_SLACK * slack.max(0.0);
-        let cut = self.cut(backend, training, before, &offers, (&may_go, worth, error, slack), &checked)?;
+        let cut =
+            self.cut(backend, training, before, &offers, (&may_go, worth, error, slack), (&order, &checked))?;
         let (mut outcome, plan) = cut.map_or((None, None), |(outcome, plan)| (Some(outcome), plan));
         let is_cut = plan.is_some();
         let sources = plan.map_or_else(|| (0..probed.num_splats() as u32).collect(), |plan| plan.sources);
         *histories = sources.iter().map(|&source| histories[source as usize]).collect();
-        if let Some(trial) = self.trial.as_ref().filter(|_| !is_bound) {
+        if let Some(trial) = self.trial.as_ref().filter(|_| !is_bound && worth < MOST_PRICE) {
             let costs: Vec<Option<SplatCosts>> =
                 sources.iter().map(|&source| offers.costs(source as usize)).collect();
             let merged = self.merge(backend, training, trial, (&order, &checked), worth, &costs)?;
@@ -241,7 +245,8 @@ impl Round {
     }
 
     /// Takes the offers where a parameter is `worth` it, where the views `checked` have this error now; splats are removed only
-    /// where they `may_go`. Returns what that did, and the plan that the backend carried out, unless it was undone.
+    /// where they `may_go`. The last round is also checked on all views, in this `order`. Returns what that did, and the plan
+    /// that the backend carried out, unless it was undone.
     fn cut(
         &self,
         backend: &mut dyn Backend,
@@ -249,7 +254,7 @@ impl Round {
         (model, adam): &(Model, AdamState),
         offers: &Offers<'_>,
         (may_go, worth, error, slack): (&[bool], f64, f64, f64),
-        checked: &[usize],
+        (order, checked): (&[usize], &[usize]),
     ) -> Result<Option<(GivenBack, Option<DensityPlan>)>> {
         backend.upload(model, adam)?;
         let probed = offers.model();
@@ -267,8 +272,7 @@ impl Round {
             let rise = self.error(backend, training, checked)? - error;
             (outcome.step, outcome.promised_db, outcome.measured_db) =
                 (self.step, db(promised, error), db(rise, error));
-            let allowed = (worth * (params - outcome.params) as f64).max(slack);
-            Ok::<_, Error>((outcome, rise <= allowed, plan))
+            Ok::<_, Error>((outcome, rise <= self.allowed(worth, &outcome, slack), plan))
         };
         let mut prices = Prices::all(worth);
         if self.budget.is_none() {
@@ -295,13 +299,27 @@ impl Round {
         if outcome.params == params || plan.sources.is_empty() {
             return Ok(None);
         }
-        if is_worth_it || self.budget.is_some() {
+        if self.budget.is_some() || (is_worth_it && self.rounds_left > 1) {
             return Ok(Some((outcome, Some(plan))));
         }
+        let after = if is_worth_it { self.error(backend, training, order)? } else { f64::INFINITY };
         backend.upload(model, adam)?;
+        if is_worth_it {
+            let before = self.error(backend, training, order)?;
+            outcome.measured_db = db(after - before, before);
+            if after - before <= self.allowed(worth, &outcome, slack) {
+                backend.apply_plan(&plan)?;
+                return Ok(Some((outcome, Some(plan))));
+            }
+        }
         (outcome.splats, outcome.degrees, outcome.maps) = (0, 0, 0);
         (outcome.params, outcome.texels) = (params, probed.num_texels());
         Ok(Some((outcome, None)))
+    }
+
+    /// How far the mean squared error may rise for what is given back, where a parameter is `worth` it.
+    fn allowed(&self, worth: f64, outcome: &GivenBack, slack: f64) -> f64 {
+        (worth * (outcome.params_before - outcome.params) as f64).max(slack)
     }
 
     /// Mean squared error up to which a model is good enough. With a budget none is: it gets the best that fits.
@@ -337,8 +355,8 @@ impl Round {
     }
 }
 
-/// Steps for which a model is trained in a trial of merges: all trials of a run, each of the model without merges and of up to
-/// [`TRIALS`] with them, take a fiftieth of its steps, unless it is short.
+/// Steps of one training in a trial of merges. All trainings of a run, in each round one without merges and up to [`TRIALS`]
+/// with them, take at most a fiftieth of its steps, unless it is short.
 fn trial_steps(steps: u32, rounds: u32) -> u32 {
     let trained = rounds.max(1) * (1 + TRIALS as u32);
     (steps / STEPS_PER_TRIAL_STEP / trained).clamp(TRIAL_STEPS[0], TRIAL_STEPS[1])
@@ -358,7 +376,7 @@ fn accept(offers: &Offers<'_>, may_go: &[bool], prices: &Prices) -> Vec<Option<A
 /// few.
 fn price_of(offers: &Offers<'_>, may_go: &[bool], params: usize) -> f64 {
     // Squared errors per parameter far outside of what occurs.
-    let (mut low, mut high) = (1e-20_f64.ln(), 1.0_f64.ln());
+    let (mut low, mut high) = (1e-20_f64.ln(), MOST_PRICE.ln());
     for _ in 0..40 {
         let middle = 0.5 * (low + high);
         let saved: usize = accept(offers, may_go, &Prices::all(middle.exp()))

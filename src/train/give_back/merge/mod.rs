@@ -189,11 +189,11 @@ fn merge_moments(part: &Part, splat: usize, adam: &AdamState, state: &mut AdamSt
         let range = state.splats_v.range(group, splat);
         state.splats_m.group_mut(group)[range.clone()].fill(0.0);
         for (k, at) in range.enumerate() {
-            // A coefficient that a member does not have is 0.
+            // Of a coefficient that a member does not have: as of a new one.
             let of = |&member: &u32| {
                 let decay = if group == SplatGroup::Sh { decay(adam, member) } else { 1.0 };
                 let held = &adam.splats_v.group(group)[adam.splats_v.range(group, member as usize)];
-                decay * held.get(k).copied().unwrap_or(0.0)
+                decay * held.get(k).copied().unwrap_or(held[k % 3])
             };
             let mean = part.members.iter().map(of).sum::<f32>() / part.members.len() as f32;
             state.splats_v.group_mut(group)[at] = mean;

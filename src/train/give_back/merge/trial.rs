@@ -45,7 +45,11 @@ impl Merged {
     pub fn histories(&self, before: &[SplatHistory]) -> Vec<SplatHistory> {
         let of = |(&source, &side): (&u32, &Option<u16>)| {
             let history = before[source as usize];
-            side.map_or(history, |side| SplatHistory::first(history.ceiling.max(side)))
+            side.map_or(history, |side| SplatHistory {
+                band_checks: history.band_checks,
+                bands_settled: history.bands_settled,
+                ..SplatHistory::first(history.ceiling.max(side))
+            })
         };
         self.sources.iter().zip(&self.sides).map(of).collect()
     }
@@ -84,7 +88,9 @@ impl Round {
                 break;
             }
             let worth = worth * (parts.params() - merged.params()) as f64;
-            if merged.cost() > worth.max(slack) || tried.contains(&merged.params()) {
+            // Less than the budget would be lost for nothing.
+            let is_too_small = self.budget.is_some_and(|most| merged.params() < most);
+            if is_too_small || merged.cost() > worth.max(slack) || tried.contains(&merged.params()) {
                 continue;
             }
             tried.push(merged.params());
