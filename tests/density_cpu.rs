@@ -10,7 +10,7 @@ use common::training::{MemoryViews, photos, scene};
 use litetex_gs::backend::{Backend as _, StepRequest, WindowStatistics};
 use litetex_gs::cpu::CpuBackend;
 use litetex_gs::model::{AdamState, LearningRates, Model, ModelSize, TextureMap, TexturePool};
-use litetex_gs::train::density::{Budget, DensityConfig, Spending, SplatHistory, StatisticsSource};
+use litetex_gs::train::density::{Budget, DensityConfig, Growth, Spending, SplatHistory, StatisticsSource};
 use litetex_gs::train::{Policy, Schedule, TrainConfig, TrainState};
 use litetex_gs::views::{Split, ViewSource as _};
 
@@ -48,6 +48,41 @@ fn every_policy_gives_the_same_bytes_with_any_number_of_threads_and_from_any_che
             other.window.error.reverse();
             assert!(!same(&run(&config, other, 2).last, &whole.last), "the window does not matter");
         }
+    }
+}
+
+#[test]
+fn a_budget_of_parameters_gives_the_same_bytes_too() {
+    let policy = Policy::Litetex;
+    let mut first = start(policy);
+    first.model.splats.set_sh_degrees(&vec![1; first.model.num_splats()]);
+    first.adam = AdamState::zeros(&first.model);
+    let most = first.model.num_params() * 3 / 2;
+    let mut config = config(policy);
+    config.sh_degree = 2;
+    (config.density.sh_below, config.density.sh_raise) = (1e-4, 2e-4);
+    config.budget = Budget { max_params: Some(most), ..Budget::default() };
+    let whole = run(&config, first.clone(), 2);
+    let total = whole.total();
+    println!("{total:?}");
+    assert!(total.split > 10 && total.refined > 10 && total.shaded_more > 10, "{total:?}");
+    assert!(whole.last.model.num_params() <= most);
+    assert!(same(&run(&config, first.clone(), 1).last, &whole.last), "one thread");
+    for at in [0, 3, 4, 5, 9] {
+        let resumed = run(&config, whole.saved[at].clone(), 2);
+        assert!(same(&resumed.last, &whole.last), "from step {}", whole.saved[at].step);
+    }
+    // Negative control: splats that gain no more bands.
+    let mut other = whole.saved[1].clone();
+    other.histories.iter_mut().for_each(|history| history.bands_settled = true);
+    assert!(!same(&run(&config, other, 2).last, &whole.last));
+    // Growth by need splits long candidates only, and withholds some.
+    let by_need = DensityConfig { need_db: 0.05, ..config.density.clone() };
+    let by_need = TrainConfig { density: by_need, ..config };
+    let whole = run(&by_need, first, 2);
+    assert!(whole.last.growth != Growth::default());
+    for at in [3, 9] {
+        assert!(same(&run(&by_need, whole.saved[at].clone(), 2).last, &whole.last));
     }
 }
 
@@ -233,6 +268,7 @@ fn what_grew_beyond_the_budget_is_given_back() {
     config.density.opacity_floor = [0.0; 2];
     config.density.split_texels = [3.0; 2];
     config.density.overshoot = 2.0;
+    config.density.sh_below = 0.0;
     let first = start(Policy::Litetex);
     let most = first.model.num_params() + 50;
     config.budget.max_params = Some(most);

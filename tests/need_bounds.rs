@@ -115,6 +115,42 @@ fn a_turned_map_shows_the_wall() {
     }
 }
 
+/// An even grid of splats, all with turned maps of this side. The maps together are as wide as `wall`'s.
+fn grid_of_splats(per_side: u16, side: u16, sigma: f64, scale: f64) -> Model {
+    let angle = 20_f64.to_radians();
+    let cell = 1.0 / f64::from(per_side);
+    let texel = scale * cell * (angle.cos() + angle.sin()) / f64::from(side + 1);
+    let centre = |at: u16| (f64::from(at) + 0.5) * cell - 0.5;
+    let surfel = |(i, j): (u16, u16)| Surfel {
+        centre: [centre(i), centre(j), 0.0],
+        angle,
+        sigma: sigma * cell,
+        map: [side; 2],
+        texel: [texel; 2],
+        ..Surfel::default()
+    };
+    let cells = (0..per_side).flat_map(|i| (0..per_side).map(move |j| (i, j)));
+    model(&cells.map(surfel).collect::<Vec<_>>())
+}
+
+#[test]
+fn more_splats_do_not_show_the_wall_with_fewer_parameters() {
+    let (views, bound) = (Views::new("wall:8", SIZE_PX), bound("wall:8").num_params());
+    // 4, 9 and 16 splats with the largest maps that leave them below the bound.
+    for (per_side, side) in [(2, 8), (3, 5), (4, 3)] {
+        for (sigma, scale) in [(0.4, 0.9), (0.5, 1.0), (0.7, 0.9), (0.7, 1.1)] {
+            let model = grid_of_splats(per_side, side, sigma, scale);
+            let larger = grid_of_splats(per_side, side + 1, sigma, scale);
+            assert!(model.num_params() < bound && larger.num_params() > bound);
+            let (_, psnr) = views.fit(&model, false);
+            println!(
+                "{per_side} x {per_side} splats of {side} x {side} texels, {sigma}, {scale}: {psnr:.2} dB"
+            );
+            assert!(psnr < PSNR, "{per_side} x {per_side}: {psnr} dB");
+        }
+    }
+}
+
 #[test]
 fn a_map_along_the_wall_needs_one_texel_per_colour() {
     let aligned = Surfel { map: [8; 2], texel: [1.0 / 9.0; 2], ..Surfel::default() };

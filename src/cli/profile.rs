@@ -138,3 +138,30 @@ impl Profile {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn published_profiles_have_nothing_that_is_ours() {
+        let density = |profile: Profile| {
+            let mut config = TrainConfig::default();
+            profile.apply(&mut config);
+            config.density
+        };
+        for profile in [Profile::Paper, Profile::Authors, Profile::Cat] {
+            let density = density(profile);
+            assert_eq!(density.splits, Splits::Long);
+            let ours = [
+                density.sh_below,
+                density.sh_raise,
+                density.grow_by_axis,
+                density.give_back_db,
+                density.need_db,
+            ];
+            assert_eq!(ours, [0.0; 5]);
+        }
+        assert_eq!(density(Profile::Default), DensityConfig::default());
+    }
+}

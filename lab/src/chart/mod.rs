@@ -53,7 +53,7 @@ pub struct Output {
     /// Relative paths with forward slashes, and contents; the manifest comes first, so that an interrupted writer
     /// leaves nothing unlisted.
     pub files: Vec<(String, String)>,
-    /// The main table as Markdown.
+    /// The main table as Markdown, and that of the checks if there are any.
     pub results_markdown: String,
     /// Warnings for the reader, which are on the page too.
     pub report: Report,
@@ -105,7 +105,9 @@ pub fn build(files: Vec<Vec<Record>>, options: &Options) -> Result<Output> {
         parts.push(Part::charts("Differences to the baseline", note, &forests));
     }
     parts.extend(tables[1..].iter().map(Part::table));
-    tables.extend(heat.map(|heat| heat.table()));
+    let checks = heat.map(|heat| heat.table());
+    let checks_markdown = checks.as_ref().map_or(String::new(), table::Table::markdown);
+    tables.extend(checks);
     let markdown: Vec<String> = tables.iter().map(table::Table::markdown).collect();
     let mut out = vec![
         (PAGE.to_owned(), html::page(&study, &parts)),
@@ -120,7 +122,11 @@ pub fn build(files: Vec<Vec<Record>>, options: &Options) -> Result<Output> {
     out.extend(svgs);
     let names: String = out.iter().map(|(name, _)| format!("{name}\n")).collect();
     out.insert(0, (MANIFEST.to_owned(), format!("{MANIFEST}\n{names}")));
-    Ok(Output { files: out, results_markdown: markdown[0].clone(), report: study.report })
+    Ok(Output {
+        files: out,
+        results_markdown: format!("{}{checks_markdown}", markdown[0]),
+        report: study.report,
+    })
 }
 
 /// The files listed in a manifest. Paths that [`build`] would never write are ignored: the file may be damaged, and

@@ -1,5 +1,5 @@
-//! The budget allocator: splits candidates or refines their maps while the budget lasts, then respawns pruned
-//! splats (method 6.6 and 6.10).
+//! The budget allocator: splits candidates or refines their maps while the budget lasts, after splits that are drawn, and
+//! then respawns pruned splats (method 6.6, 6.8 and 6.10).
 
 use super::candidate::Candidate;
 use super::draw::draw_order;

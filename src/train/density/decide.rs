@@ -19,7 +19,7 @@ use crate::model::ModelSize;
 /// Opacity below which even fresh halves fade.
 const FRESH_OPACITY_MIN: f64 = 0.01;
 
-/// Decides a density-control step: prune and fade, fit, coarsen, refine or split, respawn.
+/// Decides a density-control step: prune and fade, judge SH bands, fit, coarsen, refine or split, respawn.
 pub fn decide(
     s: &Situation<'_>,
     config: &DensityConfig,

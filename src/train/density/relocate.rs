@@ -1,5 +1,5 @@
-//! A density-control step of the policy `plain` (method 6.12), the strongest untextured baseline that we know. Faded splats are relocated to where the error is, and the model grows to its budget, both by
-//! splitting splats drawn by the error that they carry. This is the relocation of 3DGS-MCMC with halves instead of
+//! A density-control step of the policy `plain` (method 6.12), the strongest untextured baseline that we know. Faded splats are
+//! relocated to where the error is, and the model grows to its budget, both by splitting splats drawn by the error that they carry. This is the relocation of 3DGS-MCMC with halves instead of
 //! copies, because coincident copies would always have equal gradients.
 
 use super::draw::draw_order;

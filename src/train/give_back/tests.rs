@@ -2,7 +2,7 @@
 
 use super::offers::{Accepted, Offers, Prices};
 use super::probe::{BETWEEN, ProbeView, probe_through, probed};
-use super::{accept, planned, price_of};
+use super::{accept, planned, price_of, trial_steps};
 use crate::backend::{Backend as _, ColourMap, MapChange, RenderOptions};
 use crate::cpu::CpuBackend;
 use crate::model::{AdamState, Model, TextureMap};
@@ -171,4 +171,11 @@ fn crops_cost_what_is_promised() {
         // Negative control: 3.6 times as much at the highest price, 900 times at the lowest.
         assert!(control > 2.0 * changed, "{price:e}: {control:e}");
     }
+}
+
+#[test]
+fn trials_of_merges_take_a_fiftieth_of_long_runs() {
+    // 4 rounds of 3 trainings, and 2 of 3.
+    assert_eq!([trial_steps(30_000, 4), trial_steps(6_000, 2)], [50, 20]);
+    assert_eq!([trial_steps(1_000, 2), trial_steps(1_000_000, 0)], [8, 64]);
 }
