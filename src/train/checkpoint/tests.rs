@@ -65,7 +65,7 @@ fn sample(n: usize, sh_degree: u32) -> TrainState {
                 checks: 3 * i,
                 trial: Trial::ALL[usize::from(i % 6)],
                 rest: i % 3,
-                band_checks: 7 * i as u16,
+                band_checks: 7 * i,
                 bands_settled: i % 3 == 1,
                 error: 0.25 * f32::from(i),
             })
