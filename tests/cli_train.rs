@@ -581,10 +581,10 @@ fn a_budget_beyond_the_device_is_refused_with_counts_and_leaves_no_folder() {
     let train = |most: &str| {
         run(&["train", &capture, "-o", &out, "--device", "CPU", "-q", "--steps", "2", "--max-splats", most])
     };
-    // The CPU numbers splats with 32 bits.
-    let (code, _, stderr) = train("4294967296");
+    // The CPU numbers SH coefficients with 32 bits, 48 floats for a splat of degree 3.
+    let (code, _, stderr) = train("89478486");
     assert!(code == 5 && !Path::new(&out).exists(), "{code}: {stderr}");
-    assert!(stderr.contains("--max-splats allows 4294967296 splats, at most 4294967295 fit"), "{stderr}");
-    let (code, _, stderr) = train("4294967295");
+    assert!(stderr.contains("--max-splats allows 89478486 splats, at most 89478485 fit"), "{stderr}");
+    let (code, _, stderr) = train("89478485");
     assert!(code == 0 && Path::new(&out).exists(), "{code}: {stderr}");
 }
