@@ -33,11 +33,11 @@ fn edit_splats(
         return;
     }
     let edit = edits[e];
-    let info = splat_info[edit.splat];
-    if lane >= num_floats(info) {
+    let parameters = splat_info[edit.splat].parameters;
+    if lane >= num_floats(parameters) {
         return;
     }
-    let first = first_float(info);
+    let first = first_float(parameters);
     splat_m[first + lane] = 0.0;
     if lane < 3u {
         splat_p[first + POSITION + lane] = edit.position[lane];

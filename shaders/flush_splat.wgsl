@@ -27,8 +27,8 @@ fn flush_splat(
     }
     let info = splat_info[i];
     let skip = adam_skip(info.last_step, step.flushed_step);
-    if skip.any && f < num_floats(info) {
-        let at = first_float(info) + f;
+    if skip.any && f < num_floats(info.parameters) {
+        let at = first_float(info.parameters) + f;
         let rate = select(step.last_rate_sh_rest, step.last_rate_sh_dc, lane < 3u);
         let now = adam_skipped(Moments(splat_p[at], splat_m[at], splat_v[at]), skip, rate);
         splat_p[at] = now.p;

@@ -24,12 +24,12 @@ fn gather_splats(
     if i >= step.num_splats {
         return;
     }
-    let info = splat_info[i];
-    let old = old_info[sources[i]];
-    if lane < num_floats(info) {
-        let is_held = lane < num_floats(old);
+    let new_parameters = splat_info[i].parameters;
+    let old_parameters = old_info[sources[i]].parameters;
+    if lane < num_floats(new_parameters) {
+        let is_held = lane < num_floats(old_parameters);
         let held = select(SH + (lane - SH) % 3u, lane, is_held);
-        let value = old_values[first_float(old) + held];
-        new_values[first_float(info) + lane] = select(0.0, value, is_held || has_flag(FLAG_SECOND_MOMENTS));
+        let value = old_values[first_float(old_parameters) + held];
+        new_values[first_float(new_parameters) + lane] = select(0.0, value, is_held || has_flag(FLAG_SECOND_MOMENTS));
     }
 }

@@ -37,7 +37,7 @@ fn project(
     if i >= step.num_splats {
         return;
     }
-    let base = splat_info[i].parameters >> 2u;
+    let base = first_float(splat_info[i].parameters);
     let position = vec3f(splat_p[base], splat_p[base + 1u], splat_p[base + 2u]);
     let p = in_camera(position) + camera_translation();
     let scales = exp(vec2f(splat_p[base + LOG_SCALE], splat_p[base + LOG_SCALE + 1u]));
@@ -110,12 +110,12 @@ fn project(
 // Base colour from the flushed SH in the direction from the camera.
 fn base_colour(position: vec3f, info: SplatInfo) -> vec3f {
     let skip = adam_skip(info.last_step, step.flushed_step);
-    let degree = min(step.sh_degree, sh_degree(info));
+    let degree = min(step.sh_degree, sh_degree(info.parameters));
     let basis = sh_basis(degree, normalize(position - step.camera_in_local));
     let used = 3u * sh_coefficients(degree);
-    let base = first_float(info) + SH;
+    let base = first_float(info.parameters) + SH;
     var rgb = array<f32, 3>(0.5, 0.5, 0.5);
-    for (var k = 0u; k < 3u * sh_coefficients(sh_degree(info)); k += 1u) {
+    for (var k = 0u; k < 3u * sh_coefficients(sh_degree(info.parameters)); k += 1u) {
         var value = splat_p[base + k];
         if skip.any {
             let rate = select(step.last_rate_sh_rest, step.last_rate_sh_dc, k < 3u);

@@ -77,7 +77,7 @@ fn set_gradient(at: u32, v: vec3f) {
 // Derivatives with respect to the centre and the surfel axes in camera axes, and from there by the stored parameters.
 fn chain_rule(i: u32) {
     let s = projected[i];
-    let base = first_float(splat_info[i]);
+    let base = first_float(splat_info[i].parameters);
     let position = vec3_at(base);
     let p = in_camera(position) + camera_translation();
     let q_at = base + QUATERNION;
@@ -145,12 +145,12 @@ fn spread_bwd(spread: Spread, by_thinning: f32) -> vec3f {
 }
 
 fn degree_in_use(i: u32) -> u32 {
-    return min(step.sh_degree, sh_degree(splat_info[i]));
+    return min(step.sh_degree, sh_degree(splat_info[i].parameters));
 }
 
 // Writes the gradient of the SH and returns the derivative with respect to the position through the view direction.
 fn sh_bwd(i: u32, position: vec3f, rgb: vec3f) -> vec3f {
-    let base = first_float(splat_info[i]);
+    let base = first_float(splat_info[i].parameters);
     let degree = degree_in_use(i);
     let by_clamped = vec3f(sums[RED], sums[RED + 1u], sums[RED + 2u]);
     let by_rgb = select(vec3f(0.0), by_clamped, rgb > vec3f(0.0));
@@ -206,7 +206,7 @@ fn update(i: u32, f: u32) {
         by = 0.0;
         atomicAdd(&num_faults, 1u);
     }
-    let at = first_float(splat_info[i]) + f;
+    let at = first_float(splat_info[i].parameters) + f;
     var now = adam_step(Moments(splat_p[at], splat_m[at], splat_v[at]), by, rate_of(f));
     if f >= LOG_SCALE && f < OPACITY {
         now.p = clamp(now.p, LOG_SCALE_MIN, LOG_SCALE_MAX);

@@ -149,6 +149,9 @@ fn more_splats_do_not_show_the_wall_with_fewer_parameters() {
             assert!(psnr < PSNR, "{per_side} x {per_side}: {psnr} dB");
         }
     }
+    // Negative control: such a grid with enough texels.
+    let (_, psnr) = views.fit(&grid_of_splats(2, 16, 0.4, 1.1), false);
+    assert!(psnr >= PSNR, "{psnr} dB");
 }
 
 #[test]

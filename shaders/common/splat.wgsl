@@ -1,4 +1,5 @@
-// Layout of a splat's parameters, in the order of `SplatGroup`, and its record. SH has as many floats as the splat's degree needs.
+// Layout of a splat's parameters, in the order of `SplatGroup`, and its record. SH has as many floats as the splat's degree
+// needs.
 
 const POSITION = 0u;
 const QUATERNION = 3u;
@@ -17,21 +18,21 @@ struct SplatInfo {
     map_origin: vec2f,
     // Step up to which SH and texels have been flushed.
     last_step: u32,
-    // First float of its parameters << 2 | SH degree
+    // First float of its parameters << 2 | SH degree.
     parameters: u32,
 }
 
-fn first_float(info: SplatInfo) -> u32 {
-    return info.parameters >> 2u;
+// These take `SplatInfo.parameters`.
+fn first_float(parameters: u32) -> u32 {
+    return parameters >> 2u;
 }
 
-fn sh_degree(info: SplatInfo) -> u32 {
-    return info.parameters & 3u;
+fn sh_degree(parameters: u32) -> u32 {
+    return parameters & 3u;
 }
 
-// Floats of its parameters.
-fn num_floats(info: SplatInfo) -> u32 {
-    return SH + 3u * sh_coefficients(sh_degree(info));
+fn num_floats(parameters: u32) -> u32 {
+    return SH + 3u * sh_coefficients(sh_degree(parameters));
 }
 
 fn map_rows(map_size: u32) -> u32 {

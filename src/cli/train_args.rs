@@ -14,6 +14,10 @@ use litetex_gs::train::{Backdrop, Exposure, Policy, TrainConfig, policies};
 use litetex_gs::{Error, Result};
 use std::path::PathBuf;
 
+fn policy_help() -> String {
+    format!("How splats and texels are allocated: {} [default: litetex]", policies())
+}
+
 /// Train a scene from a capture
 ///
 /// Reads photos with poses (a COLMAP model or transforms.json), optimises textured 2D Gaussian splats, evaluates them on
@@ -72,8 +76,7 @@ pub struct TrainingArgs {
     /// Named set of defaults [default: default]
     #[arg(long, value_name = "NAME")]
     pub profile: Option<Profile>,
-    // Its help is made of those of the policies.
-    #[arg(long, alias = "texture", value_name = "POLICY", help = format!("How splats and texels are allocated: {} [default: litetex]", policies()))]
+    #[arg(long, alias = "texture", value_name = "POLICY", help = policy_help())]
     pub policy: Option<Policy>,
     /// Parts of the method to switch off: scheduler, pruning, growth, update-rule, splitting, coarsening
     #[arg(long, value_name = "PART,...", value_delimiter = ',', value_parser = Components::NAMES)]

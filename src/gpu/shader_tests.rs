@@ -93,7 +93,7 @@ fn injected_faults_are_detected() {
         "workgroups of",
     );
     detected("fn project(", "fn projects(", "shaders/project.wgsl", "entry points");
-    detected("    let base = splat_info[i]", "    let base = nonsense[i]", project, "nonsense");
+    detected("first_float(splat_info[i]", "first_float(nonsense[i]", project, "nonsense");
     let hoard = "var<workgroup> hoard: array<vec4f, 1025>; @compute @workgroup_size(GROUP)";
     let write = "bounds[i] = footprint;";
     let used = format!("hoard[0] = vec4f(); {write}");

@@ -11,7 +11,6 @@ use super::split::{self, split_of_any_length};
 use crate::model::ModelSize;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64Mcg;
-use std::collections::HashSet;
 
 /// Length in finest texels above which a splat may be split to replace a pruned one. Not measured.
 const RESPAWN_TEXELS: f64 = 2.0;
@@ -57,8 +56,8 @@ impl<'a> BudgetAllocator<'a> {
         Self { s, config, budget, planned_splats, second_halves: Vec::new(), size, added: 0, withhold }
     }
 
-    /// Splits splats of any length, drawn by their error, for at most [`SPLIT_SHARE`] of what is left of the budget. Returns those that were split.
-    pub fn split_drawn(&mut self, errors: &[f64], counts: &mut DensityCounts) -> HashSet<usize> {
+    /// Splits splats of any length, drawn by their error, for at most [`SPLIT_SHARE`] of what is left of the budget.
+    pub fn split_drawn(&mut self, errors: &[f64], counts: &mut DensityCounts) {
         let now = self.size.params();
         let share = |most: usize| now + (SPLIT_SHARE * most.saturating_sub(now) as f64) as usize;
         let budget = Budget { max_params: self.budget.max_params.map(share), ..*self.budget };
@@ -68,18 +67,16 @@ impl<'a> BudgetAllocator<'a> {
             .filter(|&i| self.planned_splats[i].as_ref().is_some_and(may_split));
         let drawn = draw_order(splats, errors, self.s.seed ^ DRAW_STREAM);
         let most = (DRAWN_GROWTH * drawn.len() as f64).ceil() as usize;
-        let mut split = HashSet::new();
+        let mut split = 0;
         for i in drawn {
-            let Some(planned) = self.planned_splats[i].filter(|_| split.len() < most) else { break };
+            let Some(planned) = self.planned_splats[i].filter(|_| split < most) else { break };
             let pair = split_of_any_length(self.s, self.config, &planned, self.config.split_profile);
             if self.size_after_split(i, &pair).is_some_and(|size| budget.allows(&size)) {
                 self.split(i, pair);
-                split.insert(i);
+                split += 1;
             }
         }
-        counts.split += split.len();
-        self.added -= split.len();
-        split
+        counts.split += split;
     }
 
     /// Serves the candidates in order. Returns those that were neither split nor refined.
@@ -91,14 +88,19 @@ impl<'a> BudgetAllocator<'a> {
         candidates.iter().filter(|candidate| !self.serve(candidate, counts)).collect()
     }
 
-    /// Splits the splat or refines its map, if the budget allows it; returns whether it did.
+    /// Splits the splat or refines its map, if the budget allows it; returns whether it did, or whether the splat was drawn to
+    /// be split.
     fn serve(&mut self, candidate: &Candidate, counts: &mut DensityCounts) -> bool {
+        if self.planned_splats[candidate.splat].is_some_and(|planned| planned.edit.is_some()) {
+            return true;
+        }
         if let Some(pair) = candidate.split.filter(|_| self.added < self.s.max_added) {
             if self.may_split(candidate.splat, &pair) {
                 if self.withholds(candidate.splat) {
                     return true;
                 }
                 self.split(candidate.splat, pair.map(|half| tried(half, Trial::Split)));
+                self.added += 1;
                 counts.split += 1;
                 return true;
             }
@@ -135,6 +137,7 @@ impl<'a> BudgetAllocator<'a> {
             let halves = split::split(self.s, self.config, &planned, pixel, RESPAWN_TEXELS);
             if let Some(pair) = halves.filter(|pair| self.may_split(candidate.splat, pair)) {
                 self.split(candidate.splat, pair);
+                self.added += 1;
                 counts.respawned += 1;
             }
         }
@@ -154,7 +157,6 @@ impl<'a> BudgetAllocator<'a> {
     /// Replaces a splat by its halves.
     fn split(&mut self, splat: usize, pair: [PlannedSplat; 2]) {
         self.size = self.size_after_split(splat, &pair).unwrap_or(self.size);
-        self.added += 1;
         let [first, second] = pair;
         self.planned_splats[splat] = Some(first);
         self.second_halves.push(second);

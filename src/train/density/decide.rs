@@ -14,7 +14,6 @@ use super::shading;
 use super::situation::{DensityCounts, Revision, Situation};
 use super::sizes::Sizes;
 use crate::backend::MapChange;
-use crate::model::ModelSize;
 
 /// Opacity below which even fresh halves fade.
 const FRESH_OPACITY_MIN: f64 = 0.01;
@@ -79,8 +78,7 @@ pub fn decide(
     }
 
     if densify {
-        let within = |size: &ModelSize| budget.allows(size);
-        shading::raise(offers, planned_splats.iter_mut().flatten(), within, &mut counts);
+        shading::raise(offers, planned_splats.iter_mut().flatten(), Some(budget), &mut counts);
     }
     maps::coarsen_to_budget(s, budget, &scores, &mut planned_splats, &mut counts);
     let texel_gain = growth.texel_gain(config.texel_gain);
@@ -94,8 +92,7 @@ pub fn decide(
     candidates.sort_by(|a, b| b.rank.total_cmp(&a.rank).then(a.splat.cmp(&b.splat)));
     let mut allocator = BudgetAllocator::new(s, config, budget, planned_splats);
     if s.draws_splits && s.use_statistics && densify {
-        let split = allocator.split_drawn(&scores.error, &mut counts);
-        candidates.retain(|candidate| !split.contains(&candidate.splat));
+        allocator.split_drawn(&scores.error, &mut counts);
     }
     let mut rest = allocator.allocate(&candidates, &mut counts);
     if config.respawn && components.splitting {

@@ -1,6 +1,7 @@
 //! A density-control step of the policy `plain` (method 6.12), the strongest untextured baseline that we know. Faded splats are
-//! relocated to where the error is, and the model grows to its budget, both by splitting splats drawn by the error that they carry. This is the relocation of 3DGS-MCMC with halves instead of
-//! copies, because coincident copies would always have equal gradients.
+//! relocated to where the error is, and the model grows to its budget, both by splitting splats drawn by the error that they
+//! carry. This is the relocation of 3DGS-MCMC with halves instead of copies, because coincident copies would always have equal
+//! gradients.
 
 use super::draw::draw_order;
 use super::geometry::opacity;
@@ -12,7 +13,6 @@ use super::situation::{DensityCounts, Revision, Situation};
 use super::sizes::Sizes;
 use super::split::split_of_any_length;
 use crate::backend::MapChange;
-use crate::model::ModelSize;
 
 /// Largest factor by which the number of splats grows in one step (3DGS-MCMC).
 const GROWTH: f64 = 1.05;
@@ -49,8 +49,7 @@ pub fn relocate(s: &Situation<'_>, config: &DensityConfig, budget: Option<&Budge
             planned
         })
         .collect();
-    let within = |size: &ModelSize| budget.is_none_or(|budget| budget.allows(size));
-    shading::raise(offers, &mut parents, within, &mut counts);
+    shading::raise(offers, &mut parents, budget, &mut counts);
 
     let errors: Vec<f64> = alive.iter().map(|&i| scores.error[i]).collect();
     let (mut chosen, mut added) = (vec![false; parents.len()], 0);

@@ -162,8 +162,7 @@ pub struct DensityConfig {
     /// PSNR of the training views that is good enough, dB: where parameters are priced, its error is added to that of the
     /// model. Default 40 (method 6.15; choices 17).
     pub floor_db: f64,
-    /// Whether rounds of giving back merge neighbours that lie in one plane. Default on (method 6.16; choices
-    /// 17).
+    /// Whether rounds of giving back merge neighbours that lie in one plane. Default on (method 6.16; choices 17).
     pub merge: bool,
     /// Most rounds of giving back, from the end of densification to the last fifth of the steps; two in short runs.
     /// Default 4 (choices 17).
@@ -217,13 +216,14 @@ pub struct DensityConfig {
     /// With `gain`: the share of a splat's error that refining its map is expected to remove, over the share
     /// that a split removes. Default 2 (choices 1 and 2).
     pub texel_gain: f64,
-    /// Length in finest texels above which splats are split, unless splits are drawn: at step 0, and from step 7,000 on, linear in
-    /// between. Default 64 and 16 (CAT, authors' configuration; choices 1 and 2).
+    /// Length in finest texels above which splats are split, unless splits are drawn: at step 0, and from step 7,000 on, linear
+    /// in between. Default 64 and 16 (CAT, authors' configuration; choices 1 and 2).
     pub split_texels: [f64; 2],
     /// Whether pruned splats are replaced by splits of shorter ones, up to the initial number. Default on
     /// (choices 3; not in the paper).
     pub respawn: bool,
-    /// Largest share of splats that a density-control step may add, not counting drawn splits. Default 0.2 (DashGaussian; not measured).
+    /// Largest share of splats that a density-control step may add, not counting drawn splits. Default 0.2 (DashGaussian; not
+    /// measured).
     pub split_rate: f64,
     /// Sum over the training views of blending weight per pixel below which the prune count rises. Default 5e-6
     /// (paper, Contribution- and Area-Aware Geometric Management; choices 1 and 11).
@@ -233,10 +233,11 @@ pub struct DensityConfig {
     pub prune_area: f64,
     /// Patience as steps of the published timetable. Default 2,000 (paper, as above: 8 checks; choices 2 and 11).
     pub patience_steps: u32,
-    /// Opacity below which splats fade, unless splits are drawn: at step 0 and at the last, linear in between. Default 0.015 and 0.04
-    /// (authors' code; choices 2).
+    /// Opacity below which splats fade, unless splits are drawn: at step 0 and at the last, linear in between. Default 0.015 and
+    /// 0.04 (authors' code; choices 2).
     pub opacity_floor: [f64; 2],
-    /// Opacity below which splats are relocated (policy `plain`), or fade where splits are drawn. Default 0.005 (3DGS-MCMC; not measured).
+    /// Opacity below which splats are relocated (policy `plain`), or fade where splits are drawn. Default 0.005 (3DGS-MCMC; not
+    /// measured).
     pub relocate_below: f64,
     /// Policy `plain`: steps between relocations. Default 100 (3DGS-MCMC; not measured).
     pub relocate_interval: u32,

@@ -3,10 +3,9 @@
 
 use super::planned_splat::{PlannedSplat, size_of, with, without};
 use super::score::Scores;
-use super::settings::DensityConfig;
+use super::settings::{Budget, DensityConfig};
 use super::situation::{DensityCounts, Situation};
 use crate::constants::sh_coefficients;
-use crate::model::ModelSize;
 
 /// Floats of the SH coefficients of degree 1.
 const FIRST_BAND_FLOATS: f64 = 9.0;
@@ -63,11 +62,11 @@ pub fn shade(
     (config.sh_raise > 0.0 && offer.worth >= least(config.sh_raise)).then_some(offer)
 }
 
-/// Gives splats another band, the best offers first, as long as the model stays `within` its budget.
+/// Gives splats another band, the best offers first, as far as the budget allows.
 pub fn raise<'a>(
     mut offers: Vec<RaiseOffer>,
     planned_splats: impl IntoIterator<Item = &'a mut PlannedSplat>,
-    within: impl Fn(&ModelSize) -> bool,
+    budget: Option<&Budget>,
     counts: &mut DensityCounts,
 ) {
     let mut planned_splats: Vec<&mut PlannedSplat> = planned_splats.into_iter().collect();
@@ -82,7 +81,7 @@ pub fn raise<'a>(
         raised.sh_degree += 1;
         raised.history.band_checks = 0;
         let grown = with(without(size, planned_splats[at]), &raised);
-        if within(&grown) {
+        if budget.is_none_or(|budget| budget.allows(&grown)) {
             size = grown;
             *planned_splats[at] = raised;
             counts.shaded_more += 1;
@@ -107,7 +106,8 @@ mod tests {
 
     #[test]
     fn the_best_offers_come_first_as_far_as_the_budget_goes() {
-        let raised = |budget: usize| {
+        let raised = |most: usize| {
+            let budget = Budget { max_params: Some(most), ..Budget::default() };
             let planned = |source| PlannedSplat {
                 source,
                 change: MapChange::Keep,
@@ -122,7 +122,7 @@ mod tests {
             let offer = |(source, worth)| RaiseOffer { source, worth };
             let offers = [(0, 1.0), (1, 9.0), (2, 3.0), (3, 2.0)].map(offer).to_vec();
             let mut counts = DensityCounts::default();
-            raise(offers, &mut splats, |size| size.params() <= budget, &mut counts);
+            raise(offers, &mut splats, Some(&budget), &mut counts);
             assert_eq!(counts.shaded_more, splats.iter().filter(|splat| splat.sh_degree == 2).count());
             splats.map(|splat| splat.sh_degree)
         };

@@ -1,6 +1,7 @@
 //! A finished model gives back what it does not miss: splats, SH bands and texels whose loss costs less squared error than
 //! their parameters are worth (method 6.15).
 
+mod accept;
 mod costs;
 mod error;
 mod merge;
@@ -14,19 +15,19 @@ use super::density::{MapRule, SplatHistory};
 use super::exposure::Exposures;
 use super::schedule::Schedule;
 use super::targets::Targets;
-use crate::backend::{Backend, ColourMap, DensityPlan, MapChange, TargetImage};
+use crate::backend::{Backend, ColourMap, DensityPlan, TargetImage};
 use crate::model::{AdamState, Model};
 use crate::views::ViewSource;
 use crate::{Error, Result};
+use accept::{accept, planned, price_of};
 use costs::SplatCosts;
 use error::mean_squared_error;
 use merge::{Limits, TRIALS, Trial};
-use offers::{Accepted, KINDS, Offers, Prices};
+use offers::{KINDS, Offers, Prices};
 use probe::{ProbeView, probe, probed};
 use rand::seq::SliceRandom as _;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64Mcg;
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -110,6 +111,13 @@ pub struct GivenBack {
     pub promised_db: f64,
     /// Loss on the views checked, dB of PSNR.
     pub measured_db: f64,
+}
+
+impl GivenBack {
+    /// How far the mean squared error may rise for it, where a parameter is `worth` it; at least by `slack`.
+    fn allowed(&self, worth: f64, slack: f64) -> f64 {
+        (worth * (self.params_before - self.params) as f64).max(slack)
+    }
 }
 
 /// The training views and their photos.
@@ -201,8 +209,7 @@ impl Round {
             Some(excess) => price_of(&offers, &may_go, excess),
         };
         // What the model may lose before it is no longer good enough: merges have what these offers leave.
-        let slack = self.good_enough() - error;
-        let slack = CUT_SLACK * slack.max(0.0);
+        let slack = CUT_SLACK * (self.good_enough() - error).max(0.0);
         let cut =
             self.cut(backend, training, before, &offers, (&may_go, worth, error, slack), (&order, &checked))?;
         let (mut outcome, plan) = cut.map_or((None, None), |(outcome, plan)| (Some(outcome), plan));
@@ -245,7 +252,7 @@ impl Round {
     }
 
     /// Takes the offers where a parameter is `worth` it, where the views `checked` have this error now; splats are removed only
-    /// where they `may_go`. The last round is also checked on all views, in this `order`. Returns what that did, and the plan
+    /// where they `may_go`. Without a budget, the last round is also checked on all views, in this `order`. Returns what that did, and the plan
     /// that the backend carried out, unless it was undone.
     fn cut(
         &self,
@@ -259,6 +266,9 @@ impl Round {
         backend.upload(model, adam)?;
         let probed = offers.model();
         let params = probed.num_params();
+        // A budget must be met, whatever the views say.
+        let is_last = self.budget.is_none() && self.rounds_left == 1;
+        let before = if is_last { Some(self.error(backend, training, order)?) } else { None };
         // Takes the offers at these prices. Returns what that does, whether it is worth it, and the plan.
         let mut take = |backend: &mut dyn Backend, prices: &Prices, slack: f64| {
             let accepted = accept(offers, may_go, prices);
@@ -272,7 +282,7 @@ impl Round {
             let rise = self.error(backend, training, checked)? - error;
             (outcome.step, outcome.promised_db, outcome.measured_db) =
                 (self.step, db(promised, error), db(rise, error));
-            Ok::<_, Error>((outcome, rise <= self.allowed(worth, &outcome, slack), plan))
+            Ok::<_, Error>((outcome, rise <= outcome.allowed(worth, slack), plan))
         };
         let mut prices = Prices::all(worth);
         if self.budget.is_none() {
@@ -295,31 +305,22 @@ impl Round {
                 }
             }
         }
-        let (mut outcome, is_worth_it, plan) = take(backend, &prices, slack)?;
+        let (mut outcome, mut is_worth_it, plan) = take(backend, &prices, slack)?;
         if outcome.params == params || plan.sources.is_empty() {
             return Ok(None);
         }
-        if self.budget.is_some() || (is_worth_it && self.rounds_left > 1) {
+        if let Some(before) = before.filter(|_| is_worth_it) {
+            let rise = self.error(backend, training, order)? - before;
+            outcome.measured_db = db(rise, before);
+            is_worth_it = rise <= outcome.allowed(worth, slack);
+        }
+        if is_worth_it || self.budget.is_some() {
             return Ok(Some((outcome, Some(plan))));
         }
-        let after = if is_worth_it { self.error(backend, training, order)? } else { f64::INFINITY };
         backend.upload(model, adam)?;
-        if is_worth_it {
-            let before = self.error(backend, training, order)?;
-            outcome.measured_db = db(after - before, before);
-            if after - before <= self.allowed(worth, &outcome, slack) {
-                backend.apply_plan(&plan)?;
-                return Ok(Some((outcome, Some(plan))));
-            }
-        }
         (outcome.splats, outcome.degrees, outcome.maps) = (0, 0, 0);
         (outcome.params, outcome.texels) = (params, probed.num_texels());
         Ok(Some((outcome, None)))
-    }
-
-    /// How far the mean squared error may rise for what is given back, where a parameter is `worth` it.
-    fn allowed(&self, worth: f64, outcome: &GivenBack, slack: f64) -> f64 {
-        (worth * (outcome.params_before - outcome.params) as f64).max(slack)
     }
 
     /// Mean squared error up to which a model is good enough. With a budget none is: it gets the best that fits.
@@ -365,55 +366,4 @@ fn trial_steps(steps: u32, rounds: u32) -> u32 {
 /// The loss of PSNR if a mean squared error rises, dB.
 fn db(rise: f64, error: f64) -> f64 {
     10.0 * (1.0 + rise / error.max(f64::MIN_POSITIVE)).log10()
-}
-
-/// The offers worth taking at these prices.
-fn accept(offers: &Offers<'_>, may_go: &[bool], prices: &Prices) -> Vec<Option<Accepted>> {
-    may_go.par_iter().enumerate().map(|(splat, &may_go)| offers.best(splat, prices, may_go)).collect()
-}
-
-/// The lowest price at which that many parameters are given back; the highest at which anything changes, if there are too
-/// few.
-fn price_of(offers: &Offers<'_>, may_go: &[bool], params: usize) -> f64 {
-    // Squared errors per parameter far outside of what occurs.
-    let (mut low, mut high) = (1e-20_f64.ln(), MOST_PRICE.ln());
-    for _ in 0..40 {
-        let middle = 0.5 * (low + high);
-        let saved: usize = accept(offers, may_go, &Prices::all(middle.exp()))
-            .iter()
-            .flatten()
-            .map(|offer| offer.params)
-            .sum();
-        if saved >= params { high = middle } else { low = middle }
-    }
-    high.exp()
-}
-
-/// The plan of the offers taken, and what it does.
-fn planned(model: &Model, accepted: &[Option<Accepted>]) -> (GivenBack, DensityPlan) {
-    let params = model.num_params();
-    let mut outcome = GivenBack { params_before: params, params, ..GivenBack::default() };
-    let mut plan = DensityPlan::default();
-    for (splat, accepted) in accepted.iter().enumerate() {
-        let held = model.splats.sh_degrees()[splat];
-        let map = &model.textures.maps[splat];
-        let (degree, map, texels) = match accepted {
-            None => (held, MapChange::Keep, map.num_texels()),
-            Some(offer) => {
-                outcome.params -= offer.params;
-                let Some(kept) = offer.kept else {
-                    outcome.splats += 1;
-                    continue;
-                };
-                outcome.degrees += usize::from(kept.degree < held);
-                outcome.maps += usize::from(kept.map != MapChange::Keep);
-                (kept.degree, kept.map, kept.texels)
-            }
-        };
-        outcome.texels += texels;
-        plan.sources.push(splat as u32);
-        plan.maps.push(map);
-        plan.sh_degrees.push(degree);
-    }
-    (outcome, plan)
 }

@@ -1,8 +1,9 @@
 //! Promises of offers, against what their plans do to the image.
 
+use super::accept::{accept, planned, price_of};
 use super::offers::{Accepted, Offers, Prices};
 use super::probe::{BETWEEN, ProbeView, probe_through, probed};
-use super::{accept, planned, price_of, trial_steps};
+use super::trial_steps;
 use crate::backend::{Backend as _, ColourMap, MapChange, RenderOptions};
 use crate::cpu::CpuBackend;
 use crate::model::{AdamState, Model, TextureMap};

@@ -1,0 +1,167 @@
+//! Splats: pruned, split, respawned.
+
+use super::*;
+
+#[test]
+fn splats_are_pruned_after_consecutive_useless_checks_and_unseen_ones_are_kept() {
+    let (model, cameras) = (model(2), [camera()]);
+    let mut histories = vec![SplatHistory::first(2); N];
+    // Splat 0 is always useless, 1 is useful once, 2 is never seen, 3 is unseen once.
+    for check in 0..5 {
+        let mut statistics = window([0.3; N]);
+        for i in 0..4 {
+            let useless = i != 1 || check != 2;
+            if useless {
+                (statistics.area[i], statistics.contribution[i]) = (0.0, 0.0);
+            }
+            statistics.seen[i] = u32::from(!(i == 2 || i == 3 && check == 1));
+        }
+        let s = Situation { patience: 4, ..situation(&model, &histories, &statistics, &cameras) };
+        let revision = revise(&s, &settings(), &Budget::default());
+        let removed = |i: u32| revision.plan.as_ref().is_some_and(|p| !p.sources.contains(&i));
+        assert_eq!([0, 1, 2].map(removed), [check >= 3, false, false], "check {check}");
+        if check == 3 {
+            assert!(!removed(3), "unseen in one of the four checks");
+            // The revision's histories have no splat 0, so the old ones are kept, with the new prune count of 3.
+            histories[3].prune_count = 3;
+            continue;
+        }
+        if check < 3 {
+            histories = revision.histories;
+        } else {
+            assert!(removed(3), "useless in four checks");
+        }
+    }
+}
+
+#[test]
+fn halves_lie_on_the_parents_grid() {
+    let (model, cameras, statistics) = (model(16), [camera()], one_high_error());
+    let histories = vec![SplatHistory::first(64); N];
+    let s = Situation { split_texels: 16.0, ..situation(&model, &histories, &statistics, &cameras) };
+    let config = DensityConfig {
+        coarsen_below: 0.0,
+        spending: Spending::SplitsFirst,
+        // The tight profile shifts by less than the grid allows on this map and would resample.
+        split_profile: SplitProfile::Paper,
+        ..settings()
+    };
+    // Texels are preferred and the map can still be refined.
+    let patient = DensityConfig { spending: Spending::Gain, texel_gain: 1e3, ..config.clone() };
+    assert_eq!(revise(&s, &patient, &Budget::default()).counts.split, 0);
+    let coarse = DensityConfig { min_texel_px: 4.0, ..patient };
+    let long = Situation { split_texels: 8.0, ..situation(&model, &histories, &statistics, &cameras) };
+    let by_gain = revise(&long, &coarse, &Budget::default());
+    assert_eq!(by_gain.counts.split, 1, "the map cannot be refined");
+    assert!(by_gain.histories.iter().all(|history| history.ceiling == 64));
+    let revision = revise(&s, &config, &Budget::default());
+    let plan = revision.plan.unwrap();
+    assert_eq!((plan.sources.len(), plan.edits.len(), revision.counts.split), (N + 1, 2, 1));
+    let parent = &model.textures.maps[5];
+    let mut shifts = Vec::new();
+    for edit in &plan.edits {
+        let i = edit.splat as usize;
+        assert_eq!(plan.sources[i], 5);
+        assert!(revision.histories[i].is_fresh());
+        assert_eq!(revision.histories[i].ceiling, 128, "the ceiling of every candidate doubles");
+        let MapChange::Regrid { grids, rows, cols, first_row, first_col, shift, moment_scale } = plan.maps[i]
+        else {
+            panic!("{:?}", plan.maps[i])
+        };
+        assert_eq!((grids, shift), ([Grid::Same; 2], [0; 2]));
+        assert_eq!(moment_scale[0], 0.0, "first moments start at zero");
+        // The window's centre is shifted by whole texels, and by as much as the splat's centre.
+        let by =
+            |first: i32, new: u16, old: u16| f64::from(2 * first + i32::from(new) - i32::from(old)) / 2.0;
+        let (u, v) = (by(first_row, rows, parent.rows), by(first_col, cols, parent.cols));
+        assert!((u == 0.0) != (v == 0.0) && u.fract() == 0.0 && v.fract() == 0.0, "{u} {v}");
+        let old = &model.splats.positions[15..18];
+        let distance: f64 = (0..3).map(|k| f64::from(edit.position[k] - old[k]).powi(2)).sum::<f64>().sqrt();
+        let texels = distance / f64::from(parent.texel_sizes[0]);
+        assert!((texels - (u + v).abs()).abs() < 1e-3, "{texels} {u} {v}");
+        shifts.push(u + v);
+    }
+    assert_eq!(shifts[0], -shifts[1]);
+}
+
+#[test]
+fn fresh_halves_survive_two_checks() {
+    let (model, cameras) = (model(2), [camera()]);
+    // The first three splats are `checks` old; a prune count of one removes.
+    let survivors = |model: &Model, statistics: &WindowStatistics, checks: u16| {
+        let young = |i: usize| {
+            if i < 3 { SplatHistory { checks, ..SplatHistory::first(2) } } else { SplatHistory::first(2) }
+        };
+        let histories: Vec<SplatHistory> = (0..N).map(young).collect();
+        let s =
+            Situation { patience: 1, densify: false, ..situation(model, &histories, statistics, &cameras) };
+        let Revision { plan, histories, .. } = revise(&s, &settings(), &Budget::default());
+        let mut left: Vec<(u32, u16)> = plan
+            .unwrap()
+            .sources
+            .into_iter()
+            .zip(histories.iter().map(|history| history.prune_count))
+            .collect();
+        left.sort_unstable();
+        left
+    };
+    let fresh_and_last = [(0, 0), (1, 0), (2, 0), (11, 0)];
+    // Only the last splat is useful.
+    let mut useless = window([0.3; N]);
+    useless.area[..N - 1].fill(0.0);
+    useless.contribution[..N - 1].fill(0.0);
+    // All but the last have an opacity of 0.012, between the floors of fresh and of other splats.
+    let mut faint = model.clone();
+    faint.splats.opacity_logits[..N - 1].fill(-4.4);
+    for checks in [0, 1] {
+        assert_eq!(survivors(&model, &useless, checks), fresh_and_last, "{checks} checks");
+        assert_eq!(survivors(&faint, &window([0.3; N]), checks), fresh_and_last, "{checks} checks");
+    }
+    // Negative controls: splats that are no longer fresh, and fresh ones below their floor.
+    assert_eq!(survivors(&model, &useless, 2), fresh_and_last[3..]);
+    assert_eq!(survivors(&faint, &window([0.3; N]), 2), fresh_and_last[3..]);
+    faint.splats.opacity_logits[..N - 1].fill(-5.0);
+    assert_eq!(survivors(&faint, &window([0.3; N]), 0), fresh_and_last[3..]);
+}
+
+#[test]
+fn pruned_splats_are_respawned_where_the_error_is() {
+    let (mut model, cameras) = (model(2), [camera()]);
+    model.splats.opacity_logits[..3].fill(-6.0);
+    let errors = std::array::from_fn(|i| 0.1 + 0.05 * i as f32);
+    // All maps are at their ceilings, so that only splits are possible.
+    let (statistics, histories) = (window(errors), vec![SplatHistory::first(2); N]);
+    let revised = |initial_splats: usize, respawn: bool, budget: &Budget| {
+        let s = Situation {
+            initial_splats,
+            texture_cap: 2,
+            ..situation(&model, &histories, &statistics, &cameras)
+        };
+        let config = DensityConfig { quantile: 0.1, respawn, ..settings() };
+        let Revision { plan, counts, .. } = revise(&s, &config, budget);
+        let plan = plan.unwrap();
+        let mut split: Vec<u32> = plan.edits.iter().map(|e| plan.sources[e.splat as usize]).collect();
+        split.sort_unstable();
+        split.dedup();
+        for edit in &plan.edits {
+            let parent = plan.sources[edit.splat as usize] as usize;
+            let old = &model.splats.log_scales[2 * parent..2 * parent + 2];
+            let narrower = [0, 1].map(|a| (old[a] - edit.log_scales[a]).exp());
+            let [_, factor, _] = config.split_profile.factors();
+            let halved = narrower.map(|n| (f64::from(n) * factor - 1.0).abs() < 1e-5);
+            assert!(halved[0] != halved[1], "{narrower:?} times narrower than the parent");
+        }
+        (plan.sources.len(), counts.faded, counts.respawned, counts.split, split)
+    };
+    let none = Budget::default();
+    assert_eq!(
+        revised(N, true, &none),
+        (N, 3, 3, 0, vec![9, 10, 11]),
+        "the three of largest error are split"
+    );
+    assert_eq!(revised(N - 2, true, &none), (N - 2, 3, 1, 0, vec![11]), "no more than initially");
+    let tight = Budget { max_splats: Some(N - 1), ..none };
+    assert_eq!(revised(N, true, &tight).0, N - 1, "a budget comes first");
+    // Negative control: the published method.
+    assert_eq!(revised(N, false, &none), (N - 3, 3, 0, 0, vec![]));
+}

@@ -1,0 +1,58 @@
+//! Which offers are taken at a price, and the plan made of them.
+
+use super::offers::{Accepted, Offers, Prices};
+use super::{GivenBack, MOST_PRICE};
+use crate::backend::{DensityPlan, MapChange};
+use crate::model::Model;
+use rayon::prelude::*;
+
+/// The offers worth taking at these prices.
+pub fn accept(offers: &Offers<'_>, may_go: &[bool], prices: &Prices) -> Vec<Option<Accepted>> {
+    may_go.par_iter().enumerate().map(|(splat, &may_go)| offers.best(splat, prices, may_go)).collect()
+}
+
+/// The lowest price at which that many parameters are given back; the highest at which anything changes, if there are too
+/// few.
+pub fn price_of(offers: &Offers<'_>, may_go: &[bool], params: usize) -> f64 {
+    // Squared errors per parameter far outside of what occurs.
+    let (mut low, mut high) = (1e-20_f64.ln(), MOST_PRICE.ln());
+    for _ in 0..40 {
+        let middle = 0.5 * (low + high);
+        let saved: usize = accept(offers, may_go, &Prices::all(middle.exp()))
+            .iter()
+            .flatten()
+            .map(|offer| offer.params)
+            .sum();
+        if saved >= params { high = middle } else { low = middle }
+    }
+    high.exp()
+}
+
+/// The plan of the offers taken, and what it does.
+pub fn planned(model: &Model, accepted: &[Option<Accepted>]) -> (GivenBack, DensityPlan) {
+    let params = model.num_params();
+    let mut outcome = GivenBack { params_before: params, params, ..GivenBack::default() };
+    let mut plan = DensityPlan::default();
+    for (splat, accepted) in accepted.iter().enumerate() {
+        let held = model.splats.sh_degrees()[splat];
+        let map = &model.textures.maps[splat];
+        let (degree, map, texels) = match accepted {
+            None => (held, MapChange::Keep, map.num_texels()),
+            Some(offer) => {
+                outcome.params -= offer.params;
+                let Some(kept) = offer.kept else {
+                    outcome.splats += 1;
+                    continue;
+                };
+                outcome.degrees += usize::from(kept.degree < held);
+                outcome.maps += usize::from(kept.map != MapChange::Keep);
+                (kept.degree, kept.map, kept.texels)
+            }
+        };
+        outcome.texels += texels;
+        plan.sources.push(splat as u32);
+        plan.maps.push(map);
+        plan.sh_degrees.push(degree);
+    }
+    (outcome, plan)
+}
