@@ -66,3 +66,36 @@ fn the_suite_trains_is_evaluated_and_charted() {
     assert_eq!(psnr.len(), 9);
     assert!(psnr.iter().all(|line| line.matches(",fail").count() == 4), "{psnr:?}");
 }
+
+#[test]
+fn models_merge_on_the_way_to_their_budget_and_no_further() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+    let (capture, split, out) = (path("wall"), path("wall/test.txt"), path("run"));
+    let sample = "--scene wall:4 --views 12 --size 64x48 --rays 2 --points 150 --no-truth -q";
+    let arguments: Vec<&str> = ["sample", &capture].into_iter().chain(sample.split(' ')).collect();
+    assert_eq!(run(&arguments).0, 0);
+    // Splats merged in each round, parameters after it, and those of the model.
+    let merged = |merge: &str| {
+        let train = "--steps 300 --seed 1 --device cpu --background #808080 --backdrop none --init sfm --max-points 60 \
+                     --budget-params 900 --force -q";
+        let arguments: Vec<&str> = ["train", &capture, "-o", &out, "--test-list", &split, "--set", merge]
+            .into_iter()
+            .chain(train.split_ascii_whitespace())
+            .collect();
+        let (code, _, stderr) = run(&arguments);
+        assert_eq!(code, 0, "{stderr}");
+        let summary = fs::read_to_string(Path::new(&out).join("summary.json")).unwrap();
+        let summary: Value = serde_json::from_str(&summary).unwrap();
+        assert!(summary["size"]["params"].as_u64().unwrap() <= 900, "{summary}");
+        let rounds = summary["given_back"].as_array().unwrap();
+        let of = |round: &Value| ["merged", "params"].map(|key| round[key].as_u64().unwrap());
+        rounds.iter().map(of).collect::<Vec<_>>()
+    };
+    let [first, last] = merged("density.merge=true")[..] else { panic!("expected two rounds") };
+    assert!(first[0] > 5 && first[1] >= 900, "{first:?}");
+    assert!(last[0] == 0 && last[1] <= 900, "{last:?}");
+    // Negative control: rounds that may not merge.
+    let without = merged("density.merge=false");
+    assert!(without.iter().all(|[merged, _]| *merged == 0) && without[0][1] > first[1], "{without:?}");
+}
