@@ -4,7 +4,7 @@
 use super::profile::Profile;
 use litetex_gs::backend::DeviceInfo;
 use litetex_gs::eval::{Evaluation, ViewQuality};
-use litetex_gs::train::density::{Components, Growth};
+use litetex_gs::train::density::{Components, Growth, Kind};
 use litetex_gs::train::{CurvePoint, GivenBack, Policy, TrainConfig};
 use litetex_gs::{Result, Warning, atomic_file, input_file};
 use serde::{Deserialize, Serialize};
@@ -56,7 +56,7 @@ pub struct Summary {
     /// Figures of the last evaluation; null without test views.
     pub quality: Option<Quality>,
     pub size: Size,
-    /// What growth was worth; null without `--need`.
+    /// What growth was worth; null where it is not measured.
     pub growth: Option<GrowthFigures>,
     /// Rounds of giving back.
     pub given_back: Vec<GivenBack>,
@@ -73,21 +73,25 @@ pub struct Summary {
     pub warnings: Vec<Warning>,
 }
 
-/// What growth was worth at the last density-control step that measured it.
+/// What growth was worth, as far as it was measured.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct GrowthFigures {
-    /// What 10 % more parameters must promise, dB of the training views.
-    pub need_db: f64,
-    /// What they promised.
-    pub promised_db: f64,
+    /// What 10 % more parameters must promise, dB of the training views; null without `--need`.
+    pub need_db: Option<f64>,
+    /// What they promised; null without `--need`.
+    pub promised_db: Option<f64>,
     /// Share of its error that a split removes from a splat; null before it was measured.
     pub split_share: Option<f64>,
     /// Share of its error that a refined map removes.
     pub refined_share: Option<f64>,
+    /// Share of its error that another SH band removes.
+    pub band_share: Option<f64>,
     /// Rank correlation of the error that a splat carried and of what a split removed of it; null before it was measured.
     pub split_rank_correlation: Option<f64>,
     /// The same for refined maps.
     pub refined_rank_correlation: Option<f64>,
+    /// The same for SH bands.
+    pub band_rank_correlation: Option<f64>,
     /// Step after which growth ended; null if it did not.
     pub ended_step: Option<u32>,
 }
@@ -95,19 +99,23 @@ pub struct GrowthFigures {
 impl GrowthFigures {
     /// The figures of a state; `None` if growth is not measured.
     pub fn new(growth: &Growth, config: &TrainConfig) -> Option<Self> {
-        let need_db = config.density.need_db;
-        let [split_share, refined_share] = growth.shares();
-        let [split_rank_correlation, refined_rank_correlation] = growth.rank_correlations();
+        let need_db = Some(config.density.need_db).filter(|&need_db| need_db > 0.0);
+        let [split_share, refined_share, band_share] =
+            [Kind::Split, Kind::Refined, Kind::Band].map(|kind| growth.share(kind));
+        let [split_rank_correlation, refined_rank_correlation, band_rank_correlation] =
+            growth.rank_correlations();
         let figures = Self {
             need_db,
-            promised_db: growth.promised_db,
+            promised_db: need_db.map(|_| growth.promised_db),
             split_share,
             refined_share,
+            band_share,
             split_rank_correlation,
             refined_rank_correlation,
+            band_rank_correlation,
             ended_step: growth.has_ended().then_some(growth.ended_step),
         };
-        (need_db > 0.0).then_some(figures)
+        (need_db.is_some() || config.draws_splits()).then_some(figures)
     }
 }
 

@@ -64,7 +64,7 @@ impl Schedule {
         let at = |published: f64| ((published * s).round() as u32).max(1);
         let c = &config.density;
         let density_step = config.policy.spec().step;
-        let (published, low) = density_step.interval(c, config.steps, train_views);
+        let (published, low) = config.density_timetable().interval(c, config.steps, train_views);
         let density_interval = at(published.into()).clamp(low, published.max(1));
         // To judge growth takes several windows at full image size.
         let needs = density_step == DensityStep::Decide && c.need_db > 0.0;
@@ -244,6 +244,7 @@ impl Schedule {
 
 #[cfg(test)]
 mod tests {
+    use super::super::density::DensityConfig;
     use super::super::policy::Policy;
     use super::*;
 
@@ -299,6 +300,12 @@ mod tests {
         let of = |policy| TrainConfig { steps: 1_000, policy, ..config.clone() };
         assert_eq!([3, 35, 43, 300].map(|views| interval(&of(Policy::Litetex), views)), [33, 35, 43, 50]);
         assert_eq!([3, 300].map(|views| interval(&of(Policy::Plain), views)), [3, 25]);
+        // Growth that is drawn is as frequent as that of `plain`.
+        let budget = Budget { max_params: Some(1_000_000), ..Budget::default() };
+        let drawn = TrainConfig { budget, ..of(Policy::Litetex) };
+        let by_need = DensityConfig { need_db: 0.05, ..DensityConfig::default() };
+        let by_need = TrainConfig { density: by_need, ..drawn.clone() };
+        assert_eq!([&drawn, &by_need].map(|config| interval(config, 43)), [25, 43]);
         let tiny = TrainConfig { steps: 60, ..config.clone() };
         let inactive = Schedule::new(&tiny, 43).inactive(&tiny);
         assert!(inactive.len() == 2 && inactive[0].starts_with("growth"), "{inactive:?}");

@@ -1,7 +1,7 @@
 //! Makes a density-control step: reads the statistics window, lets [`density`] decide, and has the backend apply the plan.
 
 use super::config::{Exposure, TrainConfig};
-use super::density::{self, DensityCounts, Revision, Situation, SplatHistory, Splits};
+use super::density::{self, DensityCounts, Revision, Situation, SplatHistory};
 use super::exposure::Exposures;
 use super::policy::DensityStep;
 use super::schedule::Schedule;
@@ -103,11 +103,7 @@ impl DensityControl<'_> {
         };
         let max_added = (rate.min(config.density.split_rate) * n as f64) as usize;
         let policy = config.policy.spec();
-        let draws_splits = config.density.splits == Splits::Drawn
-            && config.budget.max_params.is_some()
-            // Growth by need compares candidates.
-            && config.density.need_db == 0.0
-            && components.splitting;
+        let draws_splits = config.draws_splits();
         // Where splats of any length are split, only those that show nothing fade, as in `plain`.
         let opacity_floor =
             if draws_splits { config.density.relocate_below } else { schedule.opacity_floor(config, step) };

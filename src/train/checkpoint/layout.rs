@@ -12,7 +12,7 @@
 //! | `state.counters`, `state.epoch_order` | u32 `[5]`: step, epochs, views used, step of the stage, last step with a revision; u32 `[views]` |
 //! | `state.histories`, `state.pace` | u16 `[n,7]`: map ceiling, prune count, checks, trial, rest, band checks, bands settled; f64 `[2]`: initial splats, momentum |
 //! | `state.errors` | f32 `[n]`: loss that each splat carried at the last check; 0: unknown |
-//! | `state.growth` | f64 `[14]`: errors before of splats withheld, split, refined; tried and removed of splits and refined maps; sums of their rank correlations; idle checks; dB promised; step of the end |
+//! | `state.growth` | f64 `[19]`: errors before of splats withheld, split, refined, given a band; tried and removed by kind; sums of rank correlations by kind; idle checks; dB promised; step of the end |
 //! | `exposure.maps`, `exposure.sums` | f32 `[v,3,4]`, f64 `[v,22]`: the sums of the epoch; v = views, or 0 without correction |
 //! | `window.views`, `window.counts`, `window.sums` | u32 `[views]`, u32 `[n + 1]`: views counted, views that saw each; f32 `[3,n]` |
 
@@ -166,9 +166,9 @@ pub fn tensors(state: &TrainState) -> BTreeMap<String, Tensor<'_>> {
     let errors: Vec<f32> = state.histories.iter().map(|history| history.error).collect();
     put("state.errors", Tensor::f32(&[errors.len()], errors));
     let Growth { before, tried, removed, ranked, idle_checks, promised_db, ended_step } = state.growth;
-    let mut growth = [&before[..], &tried, &removed, &ranked[0], &ranked[1]].concat();
+    let mut growth = [&before[..], &tried, &removed, ranked.as_flattened()].concat();
     growth.extend([f64::from(idle_checks), promised_db, f64::from(ended_step)]);
-    put("state.growth", Tensor::new(&[14], Data::F64(growth)));
+    put("state.growth", Tensor::new(&[19], Data::F64(growth)));
     put("state.pace", Tensor::new(&[2], Data::F64(vec![state.pace.initial as f64, state.pace.momentum])));
     let exposures = &state.exposures;
     let numbers: Vec<f32> = exposures.maps.iter().flat_map(|map| map.0).flatten().collect();
@@ -283,16 +283,16 @@ fn histories(reader: &mut Reader<'_>, n: usize) -> Result<Vec<SplatHistory>> {
 }
 
 fn growth(reader: &mut Reader<'_>) -> Result<Growth> {
-    let values = f64s(reader.take("state.growth", Dtype::F64, &[14])?);
+    let values = f64s(reader.take("state.growth", Dtype::F64, &[19])?);
     let at = |i: usize| values[i];
     Ok(Growth {
-        before: [0, 1, 2].map(at),
-        tried: [3, 4].map(at),
-        removed: [5, 6].map(at),
-        ranked: [[7, 8], [9, 10]].map(|sums| sums.map(at)),
-        idle_checks: values[11] as u32,
-        promised_db: values[12],
-        ended_step: values[13] as u32,
+        before: [0, 1, 2, 3].map(at),
+        tried: [4, 5, 6].map(at),
+        removed: [7, 8, 9].map(at),
+        ranked: [[10, 11], [12, 13], [14, 15]].map(|sums| sums.map(at)),
+        idle_checks: values[16] as u32,
+        promised_db: values[17],
+        ended_step: values[18] as u32,
     })
 }
 

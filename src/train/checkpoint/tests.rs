@@ -63,7 +63,7 @@ fn sample(n: usize, sh_degree: u32) -> TrainState {
                 ceiling: 2 << (i % 3),
                 prune_count: i,
                 checks: 3 * i,
-                trial: Trial::ALL[usize::from(i % 6)],
+                trial: Trial::ALL[usize::from(i % 7)],
                 rest: i % 3,
                 band_checks: 7 * i,
                 bands_settled: i % 3 == 1,
@@ -83,10 +83,10 @@ fn sample(n: usize, sh_degree: u32) -> TrainState {
         exposures: exposures(),
         pace: SplatBudget { initial: n, momentum: 12.5 },
         growth: Growth {
-            before: [0.1, 0.2, 0.3],
-            tried: [0.4, 0.5],
-            removed: [-0.6, 0.7],
-            ranked: [[40.0, 12.0], [0.5, -0.25]],
+            before: [0.1, 0.2, 0.3, 0.35],
+            tried: [0.4, 0.5, 0.55],
+            removed: [-0.6, 0.7, 0.75],
+            ranked: [[40.0, 12.0], [0.5, -0.25], [3.0, 1.5]],
             idle_checks: 1,
             promised_db: 0.08,
             ended_step: 6,
@@ -248,7 +248,7 @@ fn errors_name_the_tensor_what_was_found_and_what_was_expected() {
     );
     assert_eq!(
         message(edited(&bytes, "extra", Some((Dtype::U8, vec![1], vec![0])))),
-        "x.safetensors: tensor \"extra\" is not part of \"litetex-checkpoint/8\""
+        "x.safetensors: tensor \"extra\" is not part of \"litetex-checkpoint/9\""
     );
     let same_shape = Some((Dtype::F32, vec![4, 3], vec![0; 48]));
     assert!(message(edited(&bytes, "splats.positions", same_shape)).contains("checksum"));
@@ -283,14 +283,14 @@ fn values_that_contradict_each_other_are_refused() {
 #[test]
 fn other_layouts_are_unsupported_not_invalid() {
     let state = sample(1, 0);
-    let header = r#"{"format":"litetex-checkpoint/9","version":"9.0.0","strings":{}}"#;
+    let header = r#"{"format":"litetex-checkpoint/1","version":"9.0.0","strings":{}}"#;
     let metadata = HashMap::from([(METADATA_KEY.to_owned(), header.to_owned())]);
     let bytes = safetensors::serialize(&layout::tensors(&state), Some(metadata)).unwrap();
     let error = load_from(&bytes).unwrap_err();
     assert_eq!(error.exit_code(), 4);
     assert_eq!(
         error.to_string(),
-        "x.safetensors: layout \"litetex-checkpoint/9\" (written by litetex 9.0.0), this program reads \
-         \"litetex-checkpoint/8\""
+        "x.safetensors: layout \"litetex-checkpoint/1\" (written by litetex 9.0.0), this program reads \
+         \"litetex-checkpoint/9\""
     );
 }

@@ -1,8 +1,9 @@
-//! The budget allocator: splits candidates or refines their maps while the budget lasts, after splits that are drawn, and
-//! then respawns pruned splats (method 6.6, 6.8 and 6.10).
+//! The budget allocator: takes the offers that are drawn, or splits candidates and refines their maps in order, while the budget
+//! lasts, and then respawns pruned splats (method 6.6, 6.8 and 6.10).
 
 use super::candidate::Candidate;
-use super::draw::draw_order;
+use super::draw::{Offer, SPLIT_RATE, draw_order};
+use super::growth::KINDS;
 use super::history::Trial;
 use super::planned_splat::{PlannedSplat, size_of, with, without};
 use super::settings::{Budget, DensityConfig};
@@ -15,16 +16,10 @@ use rand_pcg::Pcg64Mcg;
 /// Length in finest texels above which a splat may be split to replace a pruned one. Not measured.
 const RESPAWN_TEXELS: f64 = 2.0;
 
-/// Largest share of the splats that one step splits if they are drawn: as fast as `plain` grows in short runs.
-const DRAWN_GROWTH: f64 = 0.08;
-
 /// Makes the seed of draws another than that of the candidates withheld.
 const DRAW_STREAM: u64 = 1;
 
-/// Share of what is left of a budget that drawn splits may take (measured: choices 17).
-const SPLIT_SHARE: f64 = 0.5;
-
-/// One in this many candidates that could be served is withheld where growth is measured.
+/// One in this many splats that could grow is withheld where growth is measured.
 const WITHHELD_OF: u32 = 10;
 
 /// The planned splats, and what is left of the limits of a step.
@@ -38,7 +33,7 @@ pub struct BudgetAllocator<'a> {
     second_halves: Vec<PlannedSplat>,
     size: ModelSize,
     added: usize,
-    /// Draws the candidates that are withheld; `None`: none are.
+    /// Draws the splats that are withheld; `None`: none are.
     withhold: Option<Pcg64Mcg>,
 }
 
@@ -51,32 +46,54 @@ impl<'a> BudgetAllocator<'a> {
         planned_splats: Vec<Option<PlannedSplat>>,
     ) -> Self {
         let size = size_of(planned_splats.iter().flatten());
-        let is_measured = config.need_db > 0.0 && s.render_scale <= 1.0;
-        let withhold = is_measured.then(|| Pcg64Mcg::seed_from_u64(s.seed));
+        let withhold = s.measures_growth(config).then(|| Pcg64Mcg::seed_from_u64(s.seed));
         Self { s, config, budget, planned_splats, second_halves: Vec::new(), size, added: 0, withhold }
     }
 
-    /// Splits splats of any length, drawn by their error, for at most [`SPLIT_SHARE`] of what is left of the budget.
-    pub fn split_drawn(&mut self, errors: &[f64], counts: &mut DensityCounts) {
-        let now = self.size.params();
-        let share = |most: usize| now + (SPLIT_SHARE * most.saturating_sub(now) as f64) as usize;
-        let budget = Budget { max_params: self.budget.max_params.map(share), ..*self.budget };
-        // Halves get their part of the map as it is: not of one that is coarsened.
-        let may_split = |planned: &PlannedSplat| !planned.change.is_coarser();
-        let splats = (0..self.planned_splats.len())
-            .filter(|&i| self.planned_splats[i].as_ref().is_some_and(may_split));
-        let drawn = draw_order(splats, errors, self.s.seed ^ DRAW_STREAM);
-        let most = (DRAWN_GROWTH * drawn.len() as f64).ceil() as usize;
-        let mut split = 0;
-        for i in drawn {
-            let Some(planned) = self.planned_splats[i].filter(|_| split < most) else { break };
-            let pair = split_of_any_length(self.s, self.config, &planned, self.config.split_profile);
-            if self.size_after_split(i, &pair).is_some_and(|size| budget.allows(&size)) {
-                self.split(i, pair);
-                split += 1;
-            }
+    /// Takes offers as they are drawn, at most one for a splat, while the budget lasts. Ceilings of candidates that cannot be
+    /// refined yet rise for nothing. Returns the candidates whose splats were not offered anything in the end.
+    pub fn take_drawn<'c>(
+        &mut self,
+        offers: &[Offer],
+        candidates: &'c [Candidate],
+        counts: &mut DensityCounts,
+    ) -> Vec<&'c Candidate> {
+        for candidate in candidates.iter().filter(|candidate| candidate.refined_cost.is_none()) {
+            self.planned_splats[candidate.splat] = candidate.refined.or(self.planned_splats[candidate.splat]);
         }
-        counts.split += split;
+        let mut is_served = vec![false; self.planned_splats.len()];
+        let mut splits_left = (SPLIT_RATE * self.size.splats as f64).ceil() as usize;
+        for place in draw_order(offers.iter().map(|offer| offer.weight), self.s.seed ^ DRAW_STREAM) {
+            let Offer { splat, grown, .. } = offers[place];
+            let Some(planned) = self.planned_splats[splat].filter(|_| !is_served[splat]) else { continue };
+            if grown.is_none() && splits_left == 0 {
+                continue;
+            }
+            let split = || split_of_any_length(self.s, self.config, &planned, self.config.split_profile);
+            let [first, second] = grown.map_or_else(|| split().map(Some), |grown| [Some(grown), None]);
+            let size = [first, second].iter().flatten().fold(without(self.size, &planned), with);
+            if !self.budget.allows(&size) {
+                counts.over_budget += 1;
+                continue;
+            }
+            is_served[splat] = true;
+            if self.withholds(splat) {
+                continue;
+            }
+            let (trial, count) = match grown {
+                None => (Trial::Split, &mut counts.split),
+                Some(grown) if grown.sh_degree > planned.sh_degree => {
+                    (Trial::Raised, &mut counts.shaded_more)
+                }
+                Some(grown) => (Trial::of(&grown.change), &mut counts.refined),
+            };
+            *count += 1;
+            splits_left -= usize::from(grown.is_none());
+            self.size = size;
+            self.planned_splats[splat] = first.map(|planned| tried(planned, trial));
+            self.second_halves.extend(second.map(|planned| tried(planned, trial)));
+        }
+        candidates.iter().filter(|candidate| !is_served[candidate.splat]).collect()
     }
 
     /// Serves the candidates in order. Returns those that were neither split nor refined.
@@ -88,12 +105,8 @@ impl<'a> BudgetAllocator<'a> {
         candidates.iter().filter(|candidate| !self.serve(candidate, counts)).collect()
     }
 
-    /// Splits the splat or refines its map, if the budget allows it; returns whether it did, or whether the splat was drawn to
-    /// be split.
+    /// Splits the splat or refines its map, if the budget allows it; returns whether it did.
     fn serve(&mut self, candidate: &Candidate, counts: &mut DensityCounts) -> bool {
-        if self.planned_splats[candidate.splat].is_some_and(|planned| planned.edit.is_some()) {
-            return true;
-        }
         if let Some(pair) = candidate.split.filter(|_| self.added < self.s.max_added) {
             if self.may_split(candidate.splat, &pair) {
                 if self.withholds(candidate.splat) {
@@ -162,7 +175,7 @@ impl<'a> BudgetAllocator<'a> {
         self.second_halves.push(second);
     }
 
-    /// Whether a candidate that could be served is withheld.
+    /// Whether a splat that could grow is withheld.
     fn withholds(&mut self, splat: usize) -> bool {
         let is_drawn = self.withhold.as_mut().is_some_and(|rng| rng.random_range(0..WITHHELD_OF) == 0);
         if let Some(planned) = self.planned_splats[splat].as_mut().filter(|_| is_drawn) {
@@ -171,9 +184,9 @@ impl<'a> BudgetAllocator<'a> {
         is_drawn
     }
 
-    /// Summed errors of the splats that were withheld, split, and whose maps were refined; of both halves, once.
-    pub fn trial_errors(&self, errors: &[f64]) -> [f64; 3] {
-        let mut sums = [0.0; 3];
+    /// Summed errors of the splats that were withheld and of those that grew, by kind; of both halves, once.
+    pub fn trial_errors(&self, errors: &[f64]) -> [f64; 1 + KINDS] {
+        let mut sums = [0.0; 1 + KINDS];
         for planned in self.planned_splats.iter().flatten() {
             if let Some(group) = planned.history.trial.group() {
                 sums[group] += errors[planned.source as usize];

@@ -3,7 +3,9 @@
 
 use super::budget_allocator::BudgetAllocator;
 use super::candidate::Candidate;
+use super::draw;
 use super::geometry::{half_extents, opacity, pixel_sizes, sigmas};
+use super::growth::Kind;
 use super::history::{SplatHistory, Trial};
 use super::in_vain::grew_in_vain;
 use super::maps;
@@ -77,11 +79,12 @@ pub fn decide(
         }
     }
 
-    if densify {
-        shading::raise(offers, planned_splats.iter_mut().flatten(), Some(budget), &mut counts);
+    let draws = s.draws_splits && s.use_statistics && densify;
+    if densify && !draws {
+        shading::raise(offers.clone(), planned_splats.iter_mut().flatten(), Some(budget), &mut counts);
     }
     maps::coarsen_to_budget(s, budget, &scores, &mut planned_splats, &mut counts);
-    let texel_gain = growth.texel_gain(config.texel_gain);
+    let texel_gain = growth.gain(Kind::Refined, config.texel_gain);
     let mut candidates: Vec<Candidate> = (0..n)
         .filter(|&i| high_error[i])
         .filter_map(|i| {
@@ -90,17 +93,21 @@ pub fn decide(
         })
         .collect();
     candidates.sort_by(|a, b| b.rank.total_cmp(&a.rank).then(a.splat.cmp(&b.splat)));
+    let drawn =
+        draws.then(|| draw::offers(s, config, &planned_splats, &scores.error, &candidates, &offers, &growth));
     let mut allocator = BudgetAllocator::new(s, config, budget, planned_splats);
-    if s.draws_splits && s.use_statistics && densify {
-        allocator.split_drawn(&scores.error, &mut counts);
-    }
-    let mut rest = allocator.allocate(&candidates, &mut counts);
+    let mut rest = match drawn {
+        Some(drawn) => allocator.take_drawn(&drawn, &candidates, &mut counts),
+        None => allocator.allocate(&candidates, &mut counts),
+    };
     if config.respawn && components.splitting {
         rest.sort_by(|a, b| b.error.total_cmp(&a.error).then(a.splat.cmp(&b.splat)));
         allocator.respawn(&rest, &pixels, &mut counts);
     }
-    if s.use_statistics && config.need_db > 0.0 {
+    if s.use_statistics && s.measures_growth(config) {
         growth.before = allocator.trial_errors(&scores.total);
+    }
+    if s.use_statistics && config.need_db > 0.0 {
         growth.judge(s, &candidates, &scores, s.model.num_params(), config.need_db);
     }
     let (plan, histories) = finish(s.model, allocator.into_planned_splats());
@@ -130,7 +137,7 @@ fn checked(
     history.checks = history.checks.saturating_add(1);
     history.trial = Trial::None;
     history.rest = if grew_in_vain { config.rest_checks } else { history.rest.saturating_sub(1) };
-    if config.need_db > 0.0 {
+    if s.measures_growth(config) || config.need_db > 0.0 {
         history.error = scores.total[i] as f32;
     }
     if components.pruning && history.prune_count >= s.patience {

@@ -1,19 +1,77 @@
-//! Splats drawn at random by the error that they carry.
+//! Growth that is drawn at random, by the error that it is expected to remove per parameter.
 
+use super::candidate::Candidate;
+use super::growth::{Growth, Kind};
+use super::planned_splat::PlannedSplat;
+use super::settings::DensityConfig;
+use super::shading::RaiseOffer;
+use super::situation::Situation;
+use super::split::split_of_any_length;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64Mcg;
 
-/// These splats in the order in which they are drawn without replacement, in proportion to their errors: by the largest keys
-/// u^(1/error) (Efraimidis and Spirakis).
-pub fn draw_order(splats: impl IntoIterator<Item = usize>, errors: &[f64], seed: u64) -> Vec<usize> {
+/// The share of a splat's error that an SH band is expected to remove, over the share that a split removes, before both were
+/// measured. Only splats whose highest band matters are offered one.
+const BAND_GAIN: f64 = 1.0;
+
+/// Largest share of the splats that one step splits (measured: choices 17; 3DGS-MCMC: 0.05).
+pub const SPLIT_RATE: f64 = 0.16;
+
+/// The places of these weights in the order in which they are drawn without replacement, in proportion to them: by the largest
+/// keys u^(1/weight) (Efraimidis and Spirakis).
+pub fn draw_order(weights: impl IntoIterator<Item = f64>, seed: u64) -> Vec<usize> {
     let mut rng = Pcg64Mcg::seed_from_u64(seed);
-    let key = |splat: usize| {
+    let key = |(place, weight): (usize, f64)| {
         let u: f64 = rng.random_range(1e-12..1.0);
-        (u.ln() / errors[splat].max(1e-30), splat)
+        (u.ln() / weight.max(1e-30), place)
     };
-    let mut keys: Vec<(f64, usize)> = splats.into_iter().map(key).collect();
+    let mut keys: Vec<(f64, usize)> = weights.into_iter().enumerate().map(key).collect();
     keys.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-    keys.into_iter().map(|(_, splat)| splat).collect()
+    keys.into_iter().map(|(_, place)| place).collect()
+}
+
+/// An offer to give a splat more parameters.
+pub struct Offer {
+    /// Index of the splat.
+    pub splat: usize,
+    /// What the splat becomes with a refined map or another SH band; `None`: it is split.
+    pub grown: Option<PlannedSplat>,
+    /// The error that it is expected to remove per parameter, in any unit.
+    pub weight: f64,
+}
+
+/// All offers of a step: any splat may be split, unless its map is coarsened, for halves get their part of it as it is.
+pub fn offers(
+    s: &Situation<'_>,
+    config: &DensityConfig,
+    planned_splats: &[Option<PlannedSplat>],
+    errors: &[f64],
+    candidates: &[Candidate],
+    bands: &[RaiseOffer],
+    growth: &Growth,
+) -> Vec<Offer> {
+    let params = |planned: &PlannedSplat| planned.params() as f64;
+    let may_split = |planned: &&PlannedSplat| !planned.change.is_coarser();
+    let split = |planned: &PlannedSplat| {
+        let [a, b] = split_of_any_length(s, config, planned, config.split_profile);
+        let cost = (params(&a) + params(&b) - params(planned)).max(1.0);
+        let splat = planned.source as usize;
+        Offer { splat, grown: None, weight: errors[splat] / cost }
+    };
+    let refined = |candidate: &Candidate| {
+        let gain = growth.gain(Kind::Refined, config.texel_gain);
+        let (grown, cost) = (candidate.refined, candidate.refined_cost?);
+        Some(Offer { splat: candidate.splat, grown, weight: gain * candidate.error / cost })
+    };
+    let raised = |offer: &RaiseOffer| {
+        let splat = offer.source as usize;
+        let planned = planned_splats[splat].as_ref()?;
+        let grown = offer.raised(planned);
+        let weight = growth.gain(Kind::Band, BAND_GAIN) * errors[splat] / (params(&grown) - params(planned));
+        Some(Offer { splat, grown: Some(grown), weight })
+    };
+    let splits = planned_splats.iter().flatten().filter(may_split).map(split);
+    splits.chain(candidates.iter().filter_map(refined)).chain(bands.iter().filter_map(raised)).collect()
 }
 
 #[cfg(test)]
@@ -21,18 +79,18 @@ mod tests {
     use super::*;
 
     #[test]
-    fn splats_are_drawn_in_proportion_to_their_errors() {
-        let errors = [1.0, 0.0, 3.0, 100.0];
-        let first = |splat: usize| {
-            (0..4000).filter(|&seed| draw_order([0, 1, 2], &errors, seed)[0] == splat).count() as f64 / 4000.0
+    fn offers_are_drawn_in_proportion_to_their_weights() {
+        let weights = [1.0, 0.0, 3.0];
+        let first = |place: usize| {
+            (0..4000).filter(|&seed| draw_order(weights, seed)[0] == place).count() as f64 / 4000.0
         };
-        // Standard deviation 0.007; splat 3 is not among those drawn.
+        // Standard deviation 0.007.
         assert!(
             (first(0) - 0.25).abs() < 0.03 && (first(2) - 0.75).abs() < 0.03,
             "{} {}",
             first(0),
             first(2)
         );
-        assert_eq!(draw_order([2, 0], &errors, 7).len(), 2);
+        assert_eq!(draw_order(weights, 7).len(), 3);
     }
 }

@@ -1,5 +1,5 @@
-//! What growth is worth: the share of its error that a splat loses if it is split or its map refined, measured against
-//! candidates that are withheld, and whether more parameters would still pay (method 6.14).
+//! What growth is worth: the share of its error that a splat loses if it is split, its map refined or its SH degree raised,
+//! measured against splats that are withheld, and whether more parameters would still pay (method 6.14).
 
 use super::candidate::Candidate;
 use super::history::{SplatHistory, Trial};
@@ -16,21 +16,35 @@ const IDLE_CHECKS: u32 = 2;
 /// The growth of the parameters that must pay.
 const PROMISED_GROWTH: f64 = 0.1;
 
-/// Range of what refining a map may be worth compared to a split: few splats in a window give odd ratios.
-const TEXEL_GAIN_RANGE: [f64; 2] = [0.25, 8.0];
+/// Range of what other growth may be worth compared to a split: few splats in a window give odd ratios.
+const GAIN_RANGE: [f64; 2] = [0.25, 8.0];
+
+/// A kind of growth.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// A splat is split.
+    Split,
+    /// Its map is refined, or it gets its first one.
+    Refined,
+    /// It gains an SH band.
+    Band,
+}
+
+/// Number of kinds.
+pub const KINDS: usize = 3;
 
 /// Measured worth of growth; part of a run's state.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Growth {
-    /// Summed errors, before the last step, of the splats that it withheld, split, and whose maps it refined.
-    pub before: [f64; 3],
-    /// Summed errors of splats that were split and refined, those of older windows discounted.
-    pub tried: [f64; 2],
+    /// Summed errors, before the last step, of the splats that it withheld, and of those that grew, by kind.
+    pub before: [f64; 1 + KINDS],
+    /// Summed errors of splats that grew, by kind, those of older windows discounted.
+    pub tried: [f64; KINDS],
     /// How much less of it was left than with withheld splats.
-    pub removed: [f64; 2],
-    /// For splits and refined maps, the sums over windows of (splats), and of (splats times the rank correlation of the
-    /// error that they carried and of the error removed).
-    pub ranked: [[f64; 2]; 2],
+    pub removed: [f64; KINDS],
+    /// For each kind, the sums over windows of (splats), and of (splats times the rank correlation of the error that they
+    /// carried and of the error removed).
+    pub ranked: [[f64; 2]; KINDS],
     /// Checks in a row that found that growth is not worth its parameters.
     pub idle_checks: u32,
     /// What the next 10 % of the parameters promised at the last check, dB of the training views.
@@ -47,7 +61,7 @@ impl Growth {
 
     /// Compares the errors of a window with those before the last step.
     pub fn observe(&mut self, histories: &[SplatHistory], scores: &Scores) {
-        let mut after = [0.0; 3];
+        let mut after = [0.0; 1 + KINDS];
         for (history, error) in histories.iter().zip(&scores.total) {
             if let Some(group) = history.trial.group() {
                 after[group] += error;
@@ -59,7 +73,7 @@ impl Growth {
         }
         // What training alone does to the error of a candidate.
         let drift = after[0] / withheld;
-        for kind in 0..2 {
+        for kind in 0..KINDS {
             if tried[kind] > 0.0 {
                 self.tried[kind] = KEPT_EVIDENCE * self.tried[kind] + tried[kind];
                 self.removed[kind] =
@@ -84,25 +98,24 @@ impl Growth {
         }
     }
 
-    /// Rank correlations, for splits and refined maps, of the error that a splat carried with what growth removed of it:
+    /// Rank correlations, by kind, of the error that a splat carried with what growth removed of it:
     /// means over the windows. `None` where none could be compared.
-    pub fn rank_correlations(&self) -> [Option<f64>; 2] {
+    pub fn rank_correlations(&self) -> [Option<f64>; KINDS] {
         self.ranked.map(|[splats, weighted]| (splats > 0.0).then(|| weighted / splats))
     }
 
-    /// Shares of a splat's error that a split and a refined map remove; `None` before they were measured.
-    pub fn shares(&self) -> [Option<f64>; 2] {
-        [0, 1].map(|kind| {
-            (self.tried[kind] > 0.0).then(|| (self.removed[kind] / self.tried[kind]).clamp(0.0, 1.0))
-        })
+    /// The share of a splat's error that this kind of growth removes; `None` before it was measured.
+    pub fn share(&self, kind: Kind) -> Option<f64> {
+        let [tried, removed] = [self.tried, self.removed].map(|errors| errors[kind as usize]);
+        (tried > 0.0).then(|| (removed / tried).clamp(0.0, 1.0))
     }
 
-    /// The share of a splat's error that refining its map removes, over the share that a split removes; `set` before
-    /// both were measured.
-    pub fn texel_gain(&self, set: f64) -> f64 {
-        let [least, most] = TEXEL_GAIN_RANGE;
-        match self.shares() {
-            [Some(split), Some(refined)] if split > 0.0 => (refined / split).clamp(least, most),
+    /// The share of a splat's error that this kind of growth removes, over the share that a split removes; `set` before both
+    /// were measured.
+    pub fn gain(&self, kind: Kind, set: f64) -> f64 {
+        let [least, most] = GAIN_RANGE;
+        match (self.share(Kind::Split), self.share(kind)) {
+            (Some(split), Some(share)) if split > 0.0 => (share / split).clamp(least, most),
             _ => set,
         }
     }
@@ -117,7 +130,7 @@ impl Growth {
         params: usize,
         need_db: f64,
     ) {
-        let shares = self.shares();
+        let shares = [Kind::Split, Kind::Refined].map(|kind| self.share(kind));
         if !s.densify || self.has_ended() || s.render_scale > 1.0 || shares == [None; 2] {
             return;
         }
@@ -148,13 +161,14 @@ impl Growth {
 }
 
 impl Trial {
-    /// Place of its kind in [`Growth::before`]: withheld, split, refined.
+    /// Its place in [`Growth::before`].
     pub fn group(self) -> Option<usize> {
         match self {
             Self::None => None,
             Self::Withheld => Some(0),
-            Self::Split => Some(1),
-            Self::RefinedU | Self::RefinedV | Self::RefinedBoth => Some(2),
+            Self::Split => Some(1 + Kind::Split as usize),
+            Self::RefinedU | Self::RefinedV | Self::RefinedBoth => Some(1 + Kind::Refined as usize),
+            Self::Raised => Some(1 + Kind::Band as usize),
         }
     }
 }
@@ -183,25 +197,30 @@ mod tests {
 
     #[test]
     fn shares_are_measured_against_withheld_candidates() {
-        let trials = [Trial::Withheld, Trial::Split, Trial::Split, Trial::RefinedV, Trial::None];
-        let after = scores(&[0.5, 0.15, 0.15, 0.4, 9.0]);
-        let mut growth = Growth { before: [1.0, 1.0, 1.0], ..Growth::default() };
+        let trials =
+            [Trial::Withheld, Trial::Split, Trial::Split, Trial::RefinedV, Trial::Raised, Trial::None];
+        let after = scores(&[0.5, 0.15, 0.15, 0.4, 0.45, 9.0]);
+        let mut growth = Growth { before: [1.0; 4], ..Growth::default() };
         growth.observe(&histories(&trials), &after);
-        // Training alone halves the error: 0.3 of 0.5 are left after a split, 0.4 after refining.
-        let [split, refined] = growth.shares().map(Option::unwrap);
+        // Training alone halves the error: 0.3 of 0.5 are left after a split, 0.4 after refining, 0.45 with another band.
+        let shares =
+            |growth: &Growth| [Kind::Split, Kind::Refined, Kind::Band].map(|k| growth.share(k).unwrap());
+        let [split, refined, band] = shares(&growth);
         assert!((split - 0.4).abs() < 1e-6 && (refined - 0.2).abs() < 1e-6, "{split} {refined}");
-        assert!((growth.texel_gain(2.0) - 0.5).abs() < 1e-6);
+        assert!((band - 0.1).abs() < 1e-6, "{band}");
+        let [refined, band] = [Kind::Refined, Kind::Band].map(|kind| growth.gain(kind, 2.0));
+        assert!((refined - 0.5).abs() < 1e-6 && (band - 0.25).abs() < 1e-6, "{refined} {band}");
         // What was compared once is not compared again; older evidence fades.
-        assert_eq!(growth.before, [0.0; 3]);
+        assert_eq!(growth.before, [0.0; 4]);
         growth.observe(&histories(&trials), &after);
-        assert_eq!(growth.tried, [1.0, 1.0]);
-        growth.before = [1.0, 1.0, 0.0];
-        growth.observe(&histories(&trials), &scores(&[0.5, 0.25, 0.25, 0.4, 9.0]));
-        let [split, refined] = growth.shares().map(Option::unwrap);
+        assert_eq!(growth.tried, [1.0; 3]);
+        growth.before = [1.0, 1.0, 0.0, 0.0];
+        growth.observe(&histories(&trials), &scores(&[0.5, 0.25, 0.25, 0.4, 0.45, 9.0]));
+        let [split, refined, _] = shares(&growth);
         assert!((split - 0.28 / 1.7).abs() < 1e-6 && (refined - 0.2).abs() < 1e-6, "{split} {refined}");
         // Nothing is learnt without withheld candidates.
-        let mut none = Growth { before: [0.0, 1.0, 1.0], ..Growth::default() };
+        let mut none = Growth { before: [0.0, 1.0, 1.0, 1.0], ..Growth::default() };
         none.observe(&histories(&trials), &after);
-        assert_eq!((none.shares(), none.texel_gain(2.0)), ([None; 2], 2.0));
+        assert_eq!((none.share(Kind::Split), none.gain(Kind::Refined, 2.0)), (None, 2.0));
     }
 }

@@ -21,12 +21,21 @@ pub enum Trial {
     RefinedV,
     /// Refined its map along both axes, or gave it its first map.
     RefinedBoth,
+    /// Gave it another SH band.
+    Raised,
 }
 
 impl Trial {
     /// All, in the order of their numbers in checkpoints.
-    pub const ALL: [Self; 6] =
-        [Self::None, Self::Withheld, Self::Split, Self::RefinedU, Self::RefinedV, Self::RefinedBoth];
+    pub const ALL: [Self; 7] = [
+        Self::None,
+        Self::Withheld,
+        Self::Split,
+        Self::RefinedU,
+        Self::RefinedV,
+        Self::RefinedBoth,
+        Self::Raised,
+    ];
 
     /// A change of a map.
     pub fn of(change: &MapChange) -> Self {
@@ -43,7 +52,7 @@ impl Trial {
             Self::RefinedU => Some([true, false]),
             Self::RefinedV => Some([false, true]),
             Self::RefinedBoth => Some([true; 2]),
-            Self::None | Self::Withheld | Self::Split => None,
+            Self::None | Self::Withheld | Self::Split | Self::Raised => None,
         }
     }
 }
@@ -65,7 +74,7 @@ pub struct SplatHistory {
     pub band_checks: u16,
     /// Whether it has given back SH bands, and gains no more.
     pub bands_settled: bool,
-    /// With `need_db`: loss that it carried at the last check; 0: unknown.
+    /// Where growth is measured: loss that it carried at the last check; 0: unknown.
     pub error: f32,
 }
 

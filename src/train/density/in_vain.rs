@@ -8,15 +8,15 @@ use super::score::Scores;
 const GAIN_MIN: f64 = 0.02;
 
 /// For each splat whether it grew in the last step to no avail. What training alone does to the loss is measured on the
-/// splats that did not grow.
+/// splats that were withheld; without any, nothing is found.
 pub fn grew_in_vain(histories: &[SplatHistory], scores: &Scores) -> Vec<bool> {
     let is_known = |(history, _): &(&SplatHistory, &f64)| history.error > 0.0;
     let pairs = || histories.iter().zip(&scores.total);
     let has_grown =
         |history: &SplatHistory| history.trial == Trial::Split || history.trial.refined_axes().is_some();
-    let others = pairs().filter(is_known).filter(|(history, _)| !has_grown(history));
+    let withheld = pairs().filter(is_known).filter(|(history, _)| history.trial == Trial::Withheld);
     let (before, after) =
-        others.fold((0.0, 0.0), |(b, a), (history, &now)| (b + f64::from(history.error), a + now));
+        withheld.fold((0.0, 0.0), |(b, a), (history, &now)| (b + f64::from(history.error), a + now));
     let left = if before > 0.0 { (1.0 - GAIN_MIN) * after / before } else { f64::INFINITY };
     let in_vain = |(history, now): (&SplatHistory, &f64)| {
         has_grown(history) && history.error > 0.0 && *now > left * f64::from(history.error)
@@ -31,17 +31,18 @@ mod tests {
     use crate::backend::WindowStatistics;
 
     #[test]
-    fn growth_is_compared_with_splats_that_did_not_grow() {
+    fn growth_is_compared_with_splats_that_were_withheld() {
         let of = |trial, error| SplatHistory { trial, error, ..SplatHistory::first(2) };
         let histories = [
-            of(Trial::None, 1.0),
             of(Trial::Withheld, 1.0),
+            of(Trial::Withheld, 1.0),
+            of(Trial::None, 1.0),
             of(Trial::RefinedU, 1.0),
             of(Trial::RefinedBoth, 1.0),
             of(Trial::Split, 1.0),
             of(Trial::Split, 0.0),
         ];
-        let errors = vec![0.5, 0.7, 0.61, 0.5, 0.59, 0.6];
+        let errors = vec![0.5, 0.7, 9.0, 0.61, 0.5, 0.59, 0.6];
         let n = errors.len();
         let (seen, ones) = (vec![1; n], vec![0.1; n]);
         let window =
@@ -49,6 +50,11 @@ mod tests {
         let scores = Scores::new(&window, 1, ErrorMeasure::Mass, 0.0);
         // Training alone leaves 0.6 of the loss.
         let found = grew_in_vain(&histories, &scores);
-        assert_eq!(found, [false, false, true, false, true, false]);
+        assert_eq!(found, [false, false, false, true, false, true, false]);
+        let none_withheld = histories.map(|history| SplatHistory {
+            trial: if history.trial == Trial::Withheld { Trial::None } else { history.trial },
+            ..history
+        });
+        assert_eq!(grew_in_vain(&none_withheld, &scores), [false; 7]);
     }
 }

@@ -30,7 +30,7 @@ pub use decide::decide;
 pub use geometry::{
     TEXELS_MAX, even_texels, first_texel_size, half_extents, morton_codes, opacity, pixel_sizes, sigmas,
 };
-pub use growth::Growth;
+pub use growth::{Growth, Kind};
 pub use history::{SplatHistory, Trial};
 pub use regrid::{cropped as cropped_map, window as map_window};
 pub use relocate::relocate;

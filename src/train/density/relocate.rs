@@ -3,7 +3,7 @@
 //! carry. This is the relocation of 3DGS-MCMC with halves instead of copies, because coincident copies would always have equal
 //! gradients.
 
-use super::draw::draw_order;
+use super::draw::{SPLIT_RATE, draw_order};
 use super::geometry::opacity;
 use super::planned_splat::{PlannedSplat, finish, size_of, with};
 use super::score::Scores;
@@ -13,9 +13,6 @@ use super::situation::{DensityCounts, Revision, Situation};
 use super::sizes::Sizes;
 use super::split::split_of_any_length;
 use crate::backend::MapChange;
-
-/// Largest factor by which the number of splats grows in one step (3DGS-MCMC).
-const GROWTH: f64 = 1.05;
 
 /// Decides a relocation. The model grows to `budget`; with `None` the number of splats stays the same.
 pub fn relocate(s: &Situation<'_>, config: &DensityConfig, budget: Option<&Budget>) -> Revision {
@@ -37,7 +34,7 @@ pub fn relocate(s: &Situation<'_>, config: &DensityConfig, budget: Option<&Budge
         let (histories, counts) = (s.histories.to_vec(), DensityCounts::default());
         return Revision { plan: None, histories, counts, growth: s.growth };
     }
-    let wanted = if budget.is_some() { (n as f64 * GROWTH) as usize } else { n };
+    let wanted = if budget.is_some() { (n as f64 * (1.0 + SPLIT_RATE)) as usize } else { n };
     let wanted = wanted.saturating_sub(alive.len()).min(alive.len());
     let mut counts = DensityCounts::default();
     let mut offers = Vec::new();
@@ -51,10 +48,9 @@ pub fn relocate(s: &Situation<'_>, config: &DensityConfig, budget: Option<&Budge
         .collect();
     shading::raise(offers, &mut parents, budget, &mut counts);
 
-    let errors: Vec<f64> = alive.iter().map(|&i| scores.error[i]).collect();
     let (mut chosen, mut added) = (vec![false; parents.len()], 0);
     let mut size = size_of(&parents);
-    for k in draw_order(0..parents.len(), &errors, s.seed) {
+    for k in draw_order(alive.iter().map(|&i| scores.error[i]), s.seed) {
         let grown = with(size, &parents[k]);
         if added < wanted && budget.is_none_or(|budget| budget.allows(&grown)) {
             (size, chosen[k], added) = (grown, true, added + 1);

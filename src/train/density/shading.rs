@@ -1,6 +1,7 @@
 //! SH degrees of splats: bands that hardly change a splat's colour are given back, and splats whose highest band matters gain
 //! another (method 6.13).
 
+use super::history::SplatHistory;
 use super::planned_splat::{PlannedSplat, size_of, with, without};
 use super::score::Scores;
 use super::settings::{Budget, DensityConfig};
@@ -14,9 +15,17 @@ const FIRST_BAND_FLOATS: f64 = 9.0;
 #[derive(Clone, Copy, Debug)]
 pub struct RaiseOffer {
     /// Index of the splat in the old model.
-    source: u32,
+    pub source: u32,
     /// Squared error that its highest band saves, per float.
     worth: f64,
+}
+
+impl RaiseOffer {
+    /// The splat with another band.
+    pub fn raised(&self, planned: &PlannedSplat) -> PlannedSplat {
+        let history = SplatHistory { band_checks: 0, ..planned.history };
+        PlannedSplat { sh_degree: planned.sh_degree + 1, history, ..*planned }
+    }
 }
 
 /// Takes from a splat the highest bands that are worth less per float than [`DensityConfig::sh_below`] asks for, or offers to
@@ -77,9 +86,7 @@ pub fn raise<'a>(
         let Ok(at) = planned_splats.binary_search_by_key(&offer.source, |planned| planned.source) else {
             continue;
         };
-        let mut raised = *planned_splats[at];
-        raised.sh_degree += 1;
-        raised.history.band_checks = 0;
+        let raised = offer.raised(planned_splats[at]);
         let grown = with(without(size, planned_splats[at]), &raised);
         if budget.is_none_or(|budget| budget.allows(&grown)) {
             size = grown;
@@ -98,7 +105,6 @@ fn change(sh: &[f32]) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::history::SplatHistory;
     use super::super::sizes::Sizes;
     use super::*;
     use crate::backend::MapChange;

@@ -2,6 +2,7 @@
 
 use super::growth::Growth;
 use super::history::SplatHistory;
+use super::settings::DensityConfig;
 use super::sizes::MapRule;
 use crate::backend::{DensityPlan, WindowStatistics};
 use crate::camera::Camera;
@@ -45,7 +46,7 @@ pub struct Situation<'a> {
     pub step: u32,
     /// Seed of what is random in the step.
     pub seed: u64,
-    /// Whether splats of any length are split, drawn by the error that they carry.
+    /// Whether growth is drawn, and splats of any length are split.
     pub draws_splits: bool,
     /// Largest number of splats that may be added, not counting drawn splits.
     pub max_added: usize,
@@ -59,6 +60,13 @@ pub struct Situation<'a> {
     pub opacity_floor: f64,
     /// How the sizes of maps are decided.
     pub rule: MapRule,
+}
+
+impl Situation<'_> {
+    /// Whether growth is compared with splats that are withheld: where it is drawn, and with `need_db` at full size.
+    pub fn measures_growth(&self, config: &DensityConfig) -> bool {
+        self.draws_splits || (config.need_db > 0.0 && self.render_scale <= 1.0)
+    }
 }
 
 /// What a revision did, in numbers of splats or maps.

@@ -33,24 +33,71 @@ fn budgets_are_never_exceeded() {
 }
 
 #[test]
-fn drawn_splits_may_take_half_of_what_is_left_of_the_budget() {
+fn drawn_growth_splits_at_its_rate_and_withholds_a_tenth() {
     let (mut model, cameras) = (model(2), [camera()]);
-    // All cost the same.
     model.splats.set_sh_degrees(&[0; N]);
     let (statistics, histories) = (window([0.5; N]), vec![SplatHistory::first(64); N]);
     // No map is refined, and no splat is long enough for the other rule.
     let config = DensityConfig { coarsen_below: 0.0, quantile: 1.0, respawn: false, ..settings() };
-    let size = |draws_splits: bool, most: usize| {
+    let revision = |draws_splits: bool, seed: u64, most: usize| {
         let s = situation(&model, &histories, &statistics, &cameras);
         let budget = Budget { max_params: Some(most), ..Budget::default() };
-        size_after(&model, &revise(&Situation { draws_splits, ..s }, &config, &budget))
+        revise(&Situation { draws_splits, seed, ..s }, &config, &budget)
     };
-    let [before, after] = [false, true].map(|draws_splits| size(draws_splits, 1_000_000));
-    // 8 % of the splats.
-    assert_eq!([before, after].map(|size| size.splats), [N, N + 1]);
-    let cost = after.params() - before.params();
-    assert_eq!(size(true, before.params() + 2 * cost), after);
-    assert_eq!(size(true, before.params() + 2 * cost - 1), before);
+    let before = size_after(&model, &revision(false, 0, 1_000_000));
+    assert_eq!(before.splats, N);
+    let (mut withheld, mut split) = (0, 0);
+    for seed in 0..200 {
+        let revision = revision(true, seed, 1_000_000);
+        // 16 % of 12 splats.
+        assert_eq!(revision.counts.split, 2);
+        withheld += revision.histories.iter().filter(|h| h.trial == Trial::Withheld).count();
+        split += revision.histories.iter().filter(|h| h.trial == Trial::Split).count() / 2;
+    }
+    // A tenth of those drawn: 44 of 444, standard deviation 7.
+    assert!(split == 400 && (20..70).contains(&withheld), "{split} {withheld}");
+    // All splats cost the same; seed 1 withholds none.
+    let cost = (size_after(&model, &revision(true, 1, 1_000_000)).params() - before.params()) / 2;
+    let splats = |more| size_after(&model, &revision(true, 1, before.params() + more)).splats;
+    assert_eq!([cost - 1, cost, 2 * cost].map(splats), [N, N + 1, N + 2]);
+}
+
+#[test]
+fn all_growth_competes_in_one_currency() {
+    let (mut model, cameras) = (model(2), [camera()]);
+    model.splats.set_sh_degrees(&[1; N]);
+    // The first band of splat 0 changes its colour by 0.3.
+    let sh = model.splats.sh_offsets()[0] as usize;
+    model.splats.sh[sh + 3] = 0.3 * (12.0 * std::f32::consts::PI).sqrt();
+    let errors = std::array::from_fn(|i| 0.5 + 0.01 * i as f32);
+    let (statistics, mut histories) = (window(errors), vec![SplatHistory::first(64); N]);
+    histories.iter_mut().for_each(|history| history.band_checks = 3);
+    let config =
+        DensityConfig { coarsen_below: 0.0, quantile: 0.0, sh_below: 1e-6, sh_raise: 0.2, ..settings() };
+    // A split and a refined map cost 36 parameters each: there is room for one of them.
+    let budget = Budget { max_params: Some(model.num_params() + 36), ..Budget::default() };
+    let tried = |growth: Growth| {
+        let mut tried = [0; 3];
+        for seed in 0..100 {
+            let s = situation(&model, &histories, &statistics, &cameras);
+            let s = Situation { draws_splits: true, sh_tested: 3, sh_trial_checks: 4, seed, growth, ..s };
+            for history in revise(&s, &config, &budget).histories {
+                if let Some(kind @ 1..) = history.trial.group() {
+                    tried[kind - 1] += 1;
+                }
+            }
+        }
+        tried
+    };
+    let measured = |[split, refined, band]: [f64; 3]| Growth {
+        tried: [1.0; 3],
+        removed: [split, refined, band],
+        ..Growth::default()
+    };
+    // What kinds were worth decides which of them the budget buys.
+    let [splits, others] = [[0.8, 0.1, 0.1], [0.1, 0.8, 0.8]].map(|shares| tried(measured(shares)));
+    assert!(splits[0] > 2 * splits[1] && others[1] > 2 * others[0], "{splits:?} {others:?}");
+    assert!(others[2] > splits[2], "{splits:?} {others:?}");
 }
 
 #[test]

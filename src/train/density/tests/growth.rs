@@ -107,7 +107,7 @@ fn growth_ends_when_two_checks_find_that_more_parameters_do_not_pay() {
         revise(&Situation { growth, render_scale, step: 70, ..s }, &config, &Budget::default())
     };
     // Refining a map hardly removes any error.
-    let useless = Growth { tried: [1.0; 2], removed: [0.0, 1e-4], ..Growth::default() };
+    let useless = Growth { tried: [1.0; 3], removed: [0.0, 1e-4, 0.0], ..Growth::default() };
     let first = step(useless, 1.0);
     assert!(first.growth.promised_db < 0.05 && !first.growth.has_ended());
     let trials: Vec<Trial> = first.histories.iter().map(|history| history.trial).collect();
@@ -117,7 +117,7 @@ fn growth_ends_when_two_checks_find_that_more_parameters_do_not_pay() {
     assert_eq!((second.growth.has_ended(), second.growth.ended_step), (true, 70));
     assert_eq!(step(second.growth, 1.0).counts.refined, 0);
     // Negative controls: it removes much; images have not yet full size; nothing was measured.
-    let useful = step(Growth { removed: [0.9; 2], idle_checks: 1, ..useless }, 1.0);
+    let useful = step(Growth { removed: [0.9; 3], idle_checks: 1, ..useless }, 1.0);
     assert!(useful.growth.promised_db > 0.05 && useful.growth.idle_checks == 0);
     for growth in [step(Growth { idle_checks: 1, ..useless }, 2.0), step(Growth::default(), 1.0)] {
         assert!(!growth.growth.has_ended());
