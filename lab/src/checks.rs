@@ -3,6 +3,7 @@
 
 use crate::results::{Record, Status};
 use serde::Deserialize;
+use serde_json::Value;
 
 /// Exit codes of the program by which a run tells what is wrong with its input.
 const CLEAR_ERRORS: std::ops::RangeInclusive<i32> = 2..=4;
@@ -29,6 +30,8 @@ pub struct Check {
     pub over: Option<f64>,
     /// The own figure divided by this other figure of the same runs, a JSON pointer too.
     pub over_measure: Option<String>,
+    /// The list has the evaluations of a run; the figure is the CPU time until the PSNR of the test views is this, seconds.
+    pub reaches: Option<f64>,
     /// Largest value that passes.
     pub at_most: Option<f64>,
     /// Smallest value that passes.
@@ -48,6 +51,8 @@ pub enum Verdict {
     Pass,
     /// A limit is exceeded, or a run failed.
     Fail,
+    /// There is no limit: the figure is only shown.
+    Shown,
     /// Runs or figures are missing.
     Unknown,
 }
@@ -81,8 +86,6 @@ impl Check {
             "over, a number above 0"
         } else if !self.over_measure.as_ref().is_none_or(is_pointer) {
             "over-measure, a JSON pointer into the summary such as \"/size/splats\""
-        } else if self.at_most.is_none() && self.at_least.is_none() {
-            "at-most, at-least or both"
         } else if self.times_sd && self.from_scene.is_none() {
             "from-scene beside times-sd"
         } else {
@@ -102,7 +105,7 @@ impl Check {
         let limit = |sign: &str, limit: Option<f64>| limit.map(|x| format!("{sign} {x}{unit}"));
         let limits: Vec<String> =
             [limit("≤", self.at_most), limit("≥", self.at_least)].into_iter().flatten().collect();
-        format!("{what} {}", limits.join(" and "))
+        if limits.is_empty() { what.clone() } else { format!("{what} {}", limits.join(" and ")) }
     }
 
     /// The finding for a variant of a scene.
@@ -120,7 +123,12 @@ impl Check {
             let verdict = if passes { Verdict::Pass } else { Verdict::Fail };
             return Finding { verdict, value: None, remark: "error".to_owned() };
         }
-        let Some(value) = self.value(records, scene, variant) else { return unknown("no figure") };
+        let value = self.value(records, scene, variant);
+        if self.at_most.is_none() && self.at_least.is_none() {
+            let remark = if value.is_none() { "never".to_owned() } else { String::new() };
+            return Finding { verdict: Verdict::Shown, value, remark };
+        }
+        let Some(value) = value else { return unknown("no figure") };
         let factor = match (&self.times_variant, self.times_sd) {
             (Some(other), _) => self.value(records, scene, other).map(|v| v.max(0.0)),
             (None, true) => self.from_scene.as_ref().and_then(|from| self.sd(records, from, variant)),
@@ -158,10 +166,15 @@ impl Check {
     }
 
     fn figure(&self, record: &Record) -> Option<f64> {
+        let list = record.summary.as_ref()?.pointer(&self.measure).and_then(|v| v.as_array());
+        if let Some(psnr) = self.reaches {
+            let number = |point: &Value, key: &str| point.get(key).and_then(Value::as_f64);
+            let is_there = |point: &&Value| number(point, "psnr_test").is_some_and(|found| found >= psnr);
+            return number(list?.iter().find(is_there)?, "cpu_secs");
+        }
         if self.contains.is_empty() {
             return record.number(&self.measure);
         }
-        let list = record.summary.as_ref()?.pointer(&self.measure).and_then(|v| v.as_array());
         let has = |name: &&String| list.is_some_and(|l| l.iter().any(|v| v.as_str() == Some(name)));
         Some(self.contains.iter().filter(has).count() as f64 / self.contains.len() as f64)
     }
@@ -278,6 +291,21 @@ mod tests {
     }
 
     #[test]
+    fn figures_without_limits_are_only_shown() {
+        let mut runs = runs();
+        let found = |runs: &[Record], text: &str| check(text).find(runs, "hard", "ours");
+        let over = found(&runs, "measure = '/quality/psnr'\nover = 12");
+        assert_eq!((over.verdict, over.value.map(f64::round)), (Verdict::Shown, Some(2.0)));
+        let curve = [(20.0, 1.5), (30.0, 2.5), (29.0, 3.5)];
+        let curve: Vec<_> = curve.map(|(p, s)| serde_json::json!({"psnr_test": p, "cpu_secs": s})).into();
+        runs.iter_mut().for_each(|r| r.summary.as_mut().unwrap()["curve"] = curve.clone().into());
+        let reached = |psnr: f64| found(&runs, &format!("measure = '/curve'\nreaches = {psnr:?}"));
+        assert_eq!([20.0, 29.0].map(|psnr| reached(psnr).value), [Some(1.5), Some(2.5)]);
+        assert_eq!((reached(31.0).value, reached(31.0).remark.as_str()), (None, "never"));
+        assert_eq!(check("measure = '/curve'\nname = 'n'").title(), "n");
+    }
+
+    #[test]
     fn nothing_over_nothing_is_one() {
         assert_eq!((ratio(0.0, 0.0), ratio(3.0, 2.0)), (1.0, 1.5));
     }
@@ -286,7 +314,6 @@ mod tests {
     fn senseless_checks_are_refused() {
         for (text, part) in [
             ("at-most = 1", "measure"),
-            ("measure = '/a'", "at-most, at-least"),
             ("measure = '/a'\nat-most = 1\nfrom-scene = 'a'\nover-scene = 'b'", "at most one"),
             ("measure = '/a'\nat-most = 1\ntimes-sd = true", "from-scene beside"),
             ("measure = '/a'\nat-most = 1\nfrom-scene = 'a'\nover = 2", "at most one"),

@@ -223,6 +223,7 @@ fn tone(verdict: Verdict) -> Tone {
     match verdict {
         Verdict::Pass => Tone::Good,
         Verdict::Fail => Tone::Bad,
+        Verdict::Shown => Tone::Plain,
         Verdict::Unknown => Tone::Faint,
     }
 }
@@ -231,7 +232,7 @@ fn class(verdict: Verdict) -> &'static str {
     match verdict {
         Verdict::Pass => "lt-pass",
         Verdict::Fail => "lt-fail",
-        Verdict::Unknown => "lt-unknown",
+        Verdict::Shown | Verdict::Unknown => "lt-unknown",
     }
 }
 

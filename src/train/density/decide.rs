@@ -67,10 +67,10 @@ pub fn decide(
         let (histories, counts) = (s.histories.to_vec(), DensityCounts::default());
         return Revision { plan: None, histories, counts, growth };
     }
-    let mut offers = Vec::new();
+    let mut bands = Vec::new();
     for planned in planned_splats.iter_mut().flatten() {
         let i = planned.source as usize;
-        offers.extend(shading::shade(s, config, &scores, planned, &mut counts));
+        bands.extend(shading::shade(s, config, &scores, planned, &mut counts));
         maps::fit(s, config, components, s.may_coarsen && !high_error[i], planned, &mut counts);
         if in_vain[i]
             && let Some(axes) = s.histories[i].trial.refined_axes()
@@ -81,7 +81,8 @@ pub fn decide(
 
     let draws = s.draws_splits && s.use_statistics && densify;
     if densify && !draws {
-        shading::raise(offers.clone(), planned_splats.iter_mut().flatten(), Some(budget), &mut counts);
+        let offers = std::mem::take(&mut bands);
+        shading::raise(offers, planned_splats.iter_mut().flatten(), Some(budget), &mut counts);
     }
     maps::coarsen_to_budget(s, budget, &scores, &mut planned_splats, &mut counts);
     let texel_gain = growth.gain(Kind::Refined, config.texel_gain);
@@ -94,7 +95,7 @@ pub fn decide(
         .collect();
     candidates.sort_by(|a, b| b.rank.total_cmp(&a.rank).then(a.splat.cmp(&b.splat)));
     let drawn =
-        draws.then(|| draw::offers(s, config, &planned_splats, &scores.error, &candidates, &offers, &growth));
+        draws.then(|| draw::offers(s, config, &planned_splats, &scores.error, &candidates, &bands, &growth));
     let mut allocator = BudgetAllocator::new(s, config, budget, planned_splats);
     let mut rest = match drawn {
         Some(drawn) => allocator.take_drawn(&drawn, &candidates, &mut counts),
