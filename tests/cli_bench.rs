@@ -114,7 +114,7 @@ fn failed_runs_are_recorded_and_others_continue() {
         if !failed {
             assert_eq!(r["summary"]["seed"], r["seed"]);
             assert_eq!(r["summary"]["policy"], r["variant"], "bare names are policies");
-            assert_eq!(r["summary"]["schema"], "litetex-summary/3");
+            assert_eq!(r["summary"]["schema"], "litetex-summary/4");
         }
     }
     // Finished runs keep their result and settings, failed ones their messages.

@@ -55,10 +55,11 @@ fn the_suite_trains_is_evaluated_and_charted() {
     assert_eq!(code, 0, "{stdout}{stderr}");
     assert!(stdout.contains("SH coefficients") && stdout.contains("texels to isotropic growth"), "{stdout}");
     let checks = fs::read_to_string(Path::new(&chart).join("tables/checks.csv")).unwrap();
-    // 12 scenes with a PSNR, 11 limits over a bound, 4 of the flat scenes, and 7 others; 12 times 5 or 3 figures without limits.
+    // 12 scenes with a PSNR, 11 limits over a bound, 4 of the flat scenes, and 7 others; and figures without limits.
     let shown = checks.lines().filter(|line| line.matches(",shown").count() == 4).count();
     assert_eq!(checks.lines().count() - shown, 1 + 12 + 11 + 4 + 7, "{checks}");
-    assert!(shown > 50 && checks.contains("CPU seconds to 40 dB"), "{shown}");
+    assert_eq!(shown, 57);
+    assert!(checks.contains("CPU seconds to 40 dB"), "{checks}");
     let unknown: Vec<&str> = checks.lines().filter(|line| line.contains("unknown")).collect();
     // Without a texel none is in the easy quadrants.
     assert!(unknown.iter().all(|line| line.starts_with("quilt,texels in the easy quadrants")), "{unknown:?}");

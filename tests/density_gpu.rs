@@ -62,7 +62,7 @@ fn decided(backend: &mut dyn Backend, histories: &[SplatHistory], cameras: &[Cam
         sh_tested: 3,
         sh_trial_checks: 0,
         sh_highest: 3,
-        draws_splits: false,
+        draws_growth: false,
         max_added: 40,
         initial_splats: model.num_splats(),
         split_texels: 12.0,

@@ -14,7 +14,7 @@ use litetex_gs::constants::SH_0;
 use litetex_gs::model::{AdamState, Model, TextureMap, TexturePool};
 use litetex_gs::sample::planted_model;
 use litetex_gs::verify::bake_checkpoint;
-use litetex_lab::matrix::Matrix;
+use litetex_lab::matrix::{Matrix, SceneEntry};
 use std::path::Path;
 
 /// Where a summary has the bytes of the file.
@@ -91,8 +91,7 @@ fn the_suite_uses_the_sizes_of_the_bounds() {
     let suite = Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/need.toml");
     let mut compared = 0;
     for scene in Matrix::read(&suite).unwrap().scenes {
-        let at = scene.sample.iter().position(|arg| arg == "--scene").unwrap();
-        let size = bound(&scene.sample[at + 1]).size();
+        let size = bound(scene_of(&scene)).size();
         for check in scene.checks.iter().filter(|check| check.over.is_some()) {
             let expected = match check.measure.as_str() {
                 "/size/params" => size.params(),
@@ -110,8 +109,14 @@ fn the_suite_uses_the_sizes_of_the_bounds() {
     assert_eq!(compared, 44);
 }
 
-/// Compares the size of a fitted bound, as a file with standard steps, with what the suite says. Fits differ in the last
-/// digits between machines.
+/// The scene of a case.
+fn scene_of(case: &SceneEntry) -> &str {
+    let at = case.sample.iter().position(|arg| arg == "--scene").unwrap();
+    &case.sample[at + 1]
+}
+
+/// Compares the size of a fitted bound, as a file with standard steps, with what the suite says. Fits may differ in the last
+/// digits between machines, and by as little the bytes of their codes: 2 %. Not measured.
 fn assert_bytes(scene: &str, model: &Model) {
     let mut backend = uploaded(model);
     let state = (model, &AdamState::zeros(model));
@@ -123,12 +128,15 @@ fn assert_bytes(scene: &str, model: &Model) {
     let found = encode(&asset, &options).unwrap().len() as f64;
     println!("{scene}: {found} bytes");
     let suite = Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/need.toml");
-    for case in Matrix::read(&suite).unwrap().scenes.iter().filter(|case| case.sample[1] == scene) {
+    let mut compared = 0;
+    for case in Matrix::read(&suite).unwrap().scenes.iter().filter(|case| scene_of(case) == scene) {
         for check in case.checks.iter().filter(|check| check.measure == BYTES) {
             let stated = check.over.unwrap();
-            assert!((found / stated - 1.0).abs() < 0.1, "{}: {found} bytes, {stated} stated", case.name);
+            assert!((found / stated - 1.0).abs() < 0.02, "{}: {found} bytes, {stated} stated", case.name);
+            compared += 1;
         }
     }
+    assert!(compared > 0, "{scene}");
 }
 
 /// Fits both models, and compares them with the PSNR asked for: `control` must not reach it.

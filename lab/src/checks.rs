@@ -88,6 +88,13 @@ impl Check {
             "over-measure, a JSON pointer into the summary such as \"/size/splats\""
         } else if self.times_sd && self.from_scene.is_none() {
             "from-scene beside times-sd"
+        } else if (self.times_sd || self.times_variant.is_some())
+            && self.at_most.is_none()
+            && self.at_least.is_none()
+        {
+            "at-most, at-least or both beside times-sd and times-variant"
+        } else if self.reaches.is_some() && (!self.contains.is_empty() || self.over_measure.is_some()) {
+            "reaches without contains and over-measure"
         } else {
             return Ok(());
         };
@@ -125,8 +132,12 @@ impl Check {
         }
         let value = self.value(records, scene, variant);
         if self.at_most.is_none() && self.at_least.is_none() {
-            let remark = if value.is_none() { "never".to_owned() } else { String::new() };
-            return Finding { verdict: Verdict::Shown, value, remark };
+            let remark = match value {
+                Some(_) => "",
+                None if self.reaches.is_some() => "never",
+                None => "no figure",
+            };
+            return Finding { verdict: Verdict::Shown, value, remark: remark.to_owned() };
         }
         let Some(value) = value else { return unknown("no figure") };
         let factor = match (&self.times_variant, self.times_sd) {
@@ -181,6 +192,10 @@ impl Check {
 
     fn mean(&self, records: &[Record], scene: &str, variant: &str) -> Option<f64> {
         let values = self.values(records, scene, variant);
+        // Runs that never reach the PSNR must not drop out of the mean.
+        if self.reaches.is_some() && values.len() < of(records, scene, variant).count() {
+            return None;
+        }
         (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
     }
 
@@ -302,6 +317,10 @@ mod tests {
         let reached = |psnr: f64| found(&runs, &format!("measure = '/curve'\nreaches = {psnr:?}"));
         assert_eq!([20.0, 29.0].map(|psnr| reached(psnr).value), [Some(1.5), Some(2.5)]);
         assert_eq!((reached(31.0).value, reached(31.0).remark.as_str()), (None, "never"));
+        runs.iter_mut().rfind(|r| r.scene == "hard").unwrap().summary.as_mut().unwrap()["curve"] =
+            [0; 0].into();
+        assert_eq!(found(&runs, "measure = '/curve'\nreaches = 20").value, None, "a run never reaches it");
+        assert_eq!(found(&runs, "measure = '/none'").remark, "no figure");
         assert_eq!(check("measure = '/curve'\nname = 'n'").title(), "n");
     }
 
@@ -317,6 +336,8 @@ mod tests {
             ("measure = '/a'\nat-most = 1\nfrom-scene = 'a'\nover-scene = 'b'", "at most one"),
             ("measure = '/a'\nat-most = 1\ntimes-sd = true", "from-scene beside"),
             ("measure = '/a'\nat-most = 1\nfrom-scene = 'a'\nover = 2", "at most one"),
+            ("measure = '/a'\nfrom-scene = 'b'\ntimes-sd = true", "at-most, at-least"),
+            ("measure = '/a'\nreaches = 40\nover-measure = '/b'", "reaches without"),
             ("measure = '/a'\nat-most = 1\nover = 0", "over, a number above 0"),
             ("measure = '/a'\nat-most = 1\nover = inf", "over, a number above 0"),
             ("measure = '/a'\nat-most = 1\nover-measure = 'a'", "over-measure, a JSON pointer"),

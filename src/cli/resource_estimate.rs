@@ -126,6 +126,7 @@ impl Workload {
         let budget = &Schedule::new(config, self.train_views as usize).budget(config, 0);
         let bound = |most: Option<usize>| most.map_or(u64::MAX, |most| most as u64);
         let wanted = match config.policy.spec().step {
+            DensityStep::Decide if config.draws_growth() => u64::MAX / 64,
             // Grows to its budget, and without one not at all.
             DensityStep::Relocate if *budget == Budget::default() => self.splats,
             DensityStep::Relocate if budget.max_splats.is_some() || budget.max_params.is_some() => {

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use std::path::Path;
 
 /// Identifier and version of the schema.
-pub const SCHEMA: &str = "litetex-summary/3";
+pub const SCHEMA: &str = "litetex-summary/4";
 /// Largest file that is read; it has a few numbers per view and evaluation.
 pub const FILE_BYTES_MAX: u64 = 1 << 30;
 /// Why LPIPS is null.
@@ -115,7 +115,7 @@ impl GrowthFigures {
             band_rank_correlation,
             ended_step: growth.has_ended().then_some(growth.ended_step),
         };
-        (need_db.is_some() || config.draws_splits()).then_some(figures)
+        (need_db.is_some() || config.draws_growth()).then_some(figures)
     }
 }
 

@@ -5,7 +5,7 @@
 //! texturing), whose values the paper inherits; the configuration that the authors published with their code;
 //! a section of `docs/choices.md` ("choices 2") or `docs/method.md` ("method 6.1"); or "not measured".
 
-use super::density::{Budget, Components, DensityConfig, Splits};
+use super::density::{Budget, Components, DensityConfig, Spending, Splits};
 use super::policy::{DensityStep, Policy};
 use crate::backend::LossWeights;
 use crate::constants::sh_coefficients;
@@ -178,17 +178,13 @@ impl TrainConfig {
     }
 
     /// Whether growth is drawn (see [`Splits::Drawn`]). Growth by need compares candidates instead.
-    pub fn draws_splits(&self) -> bool {
+    pub fn draws_growth(&self) -> bool {
         self.policy.spec().step == DensityStep::Decide
             && self.density.splits == Splits::Drawn
+            && self.density.spending == Spending::Gain
             && self.budget.max_params.is_some()
             && self.density.need_db == 0.0
             && self.active_components().splitting
-    }
-
-    /// Whose timetable density control follows: growth that is drawn is as frequent as that of `plain`.
-    pub fn density_timetable(&self) -> DensityStep {
-        if self.draws_splits() { DensityStep::Relocate } else { self.policy.spec().step }
     }
 
     /// The parts that are on, less those that the policy excludes.

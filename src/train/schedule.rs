@@ -64,8 +64,12 @@ impl Schedule {
         let at = |published: f64| ((published * s).round() as u32).max(1);
         let c = &config.density;
         let density_step = config.policy.spec().step;
-        let (published, low) = config.density_timetable().interval(c, config.steps, train_views);
-        let density_interval = at(published.into()).clamp(low, published.max(1));
+        let interval = |is_drawn| {
+            let (published, low) = density_step.interval(is_drawn, c, config.steps, train_views);
+            at(published.into()).clamp(low, published.max(1))
+        };
+        let density_interval = interval(config.draws_growth());
+        let undrawn = interval(false);
         // To judge growth takes several windows at full image size.
         let needs = density_step == DensityStep::Decide && c.need_db > 0.0;
         let until = if needs { density_step.until(c).max(NEED_UNTIL) } else { density_step.until(c) };
@@ -82,7 +86,7 @@ impl Schedule {
             give_back_until: at(f64::from(until) + GIVE_BACK_STEPS).max(at(GIVE_BACK_UNTIL)),
             full_size_from: at(config.scheduler.until.into()),
             coarsen_interval: at(1_000.0),
-            crop_interval: if density_interval >= 100 { density_interval * 2 / 5 } else { 0 },
+            crop_interval: if undrawn >= 100 { undrawn * 2 / 5 } else { 0 },
             density_end: config.steps.saturating_sub(at(1_000.0)),
             patience: (patience as u16).max(if c.patience_steps == 0 { 1 } else { 2 }),
         }
@@ -306,6 +310,9 @@ mod tests {
         let by_need = DensityConfig { need_db: 0.05, ..DensityConfig::default() };
         let by_need = TrainConfig { density: by_need, ..drawn.clone() };
         assert_eq!([&drawn, &by_need].map(|config| interval(config, 43)), [25, 43]);
+        assert_eq!(interval(&drawn, 3), 17);
+        let long = TrainConfig { steps: 30_000, ..drawn };
+        assert_eq!((interval(&long, 43), Schedule::new(&long, 43).crop_interval), (100, 100));
         let tiny = TrainConfig { steps: 60, ..config.clone() };
         let inactive = Schedule::new(&tiny, 43).inactive(&tiny);
         assert!(inactive.len() == 2 && inactive[0].starts_with("growth"), "{inactive:?}");

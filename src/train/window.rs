@@ -103,10 +103,10 @@ impl DensityControl<'_> {
         };
         let max_added = (rate.min(config.density.split_rate) * n as f64) as usize;
         let policy = config.policy.spec();
-        let draws_splits = config.draws_splits();
+        let draws_growth = config.draws_growth();
         // Where splats of any length are split, only those that show nothing fade, as in `plain`.
         let opacity_floor =
-            if draws_splits { config.density.relocate_below } else { schedule.opacity_floor(config, step) };
+            if draws_growth { config.density.relocate_below } else { schedule.opacity_floor(config, step) };
         let situation = Situation {
             model,
             histories: &state.histories,
@@ -126,7 +126,7 @@ impl DensityControl<'_> {
             growth: state.growth,
             step,
             seed: config.seed ^ u64::from(step).wrapping_mul(0x9E37_79B9_7F4A_7C15),
-            draws_splits,
+            draws_growth,
             max_added,
             initial_splats: state.pace.initial,
             split_texels: schedule.split_texels(config, step),

@@ -91,7 +91,10 @@ impl<'a> HeatMap<'a> {
             }));
             for (i, score) in scores.iter_mut().enumerate() {
                 let verdicts = rows[from..].iter().map(|row: &Row<'_>| row.findings[i].verdict);
-                score.add(&verdicts.collect::<Vec<_>>());
+                let verdicts: Vec<Verdict> = verdicts.filter(|verdict| *verdict != Verdict::Shown).collect();
+                if !verdicts.is_empty() {
+                    score.add(&verdicts);
+                }
             }
         }
         (!rows.is_empty()).then_some(Self { variants: &study.variants, rows, scores })
@@ -232,7 +235,8 @@ fn class(verdict: Verdict) -> &'static str {
     match verdict {
         Verdict::Pass => "lt-pass",
         Verdict::Fail => "lt-fail",
-        Verdict::Shown | Verdict::Unknown => "lt-unknown",
+        Verdict::Shown => "lt-shown",
+        Verdict::Unknown => "lt-unknown",
     }
 }
 

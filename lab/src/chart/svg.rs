@@ -24,7 +24,7 @@ pub fn style() -> String {
         let mut css = format!(
             ".lt-bg{{fill:{bg}}}.lt-text{{fill:{text}}}.lt-axis{{fill:{second}}}.lt-grid{{stroke:{grid}}}\
              .lt-frame,.lt-event{{stroke:{second}}}.lt-label{{fill:{text};stroke:{bg}}}\
-             .lt-pass{{fill:{pass}}}.lt-fail{{fill:{fail}}}.lt-unknown{{fill:{grid}}}\
+             .lt-pass{{fill:{pass}}}.lt-fail{{fill:{fail}}}.lt-unknown{{fill:{grid}}}.lt-shown{{fill:none}}\
              .lt-grey{{fill:{grey};stroke:{bg}}}.lt-grey-line{{stroke:{grey}}}.lt-front{{stroke:{text}}}",
             bg = of(BACKGROUND),
             text = of(TEXT),

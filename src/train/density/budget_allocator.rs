@@ -50,18 +50,15 @@ impl<'a> BudgetAllocator<'a> {
         Self { s, config, budget, planned_splats, second_halves: Vec::new(), size, added: 0, withhold }
     }
 
-    /// Takes offers as they are drawn, at most one for a splat, while the budget lasts. Ceilings of candidates that cannot be
-    /// refined yet rise for nothing. Returns the candidates whose splats were not offered anything in the end.
+    /// Takes offers as they are drawn, at most one for a splat, while the budget lasts. Returns the candidates that got none.
     pub fn take_drawn<'c>(
         &mut self,
         offers: &[Offer],
         candidates: &'c [Candidate],
         counts: &mut DensityCounts,
     ) -> Vec<&'c Candidate> {
-        for candidate in candidates.iter().filter(|candidate| candidate.refined_cost.is_none()) {
-            self.planned_splats[candidate.splat] = candidate.refined.or(self.planned_splats[candidate.splat]);
-        }
         let mut is_served = vec![false; self.planned_splats.len()];
+        let mut is_refused = is_served.clone();
         let mut splits_left = (SPLIT_RATE * self.size.splats as f64).ceil() as usize;
         for place in draw_order(offers.iter().map(|offer| offer.weight), self.s.seed ^ DRAW_STREAM) {
             let Offer { splat, grown, .. } = offers[place];
@@ -73,7 +70,7 @@ impl<'a> BudgetAllocator<'a> {
             let [first, second] = grown.map_or_else(|| split().map(Some), |grown| [Some(grown), None]);
             let size = [first, second].iter().flatten().fold(without(self.size, &planned), with);
             if !self.budget.allows(&size) {
-                counts.over_budget += 1;
+                is_refused[splat] = true;
                 continue;
             }
             is_served[splat] = true;
@@ -93,7 +90,9 @@ impl<'a> BudgetAllocator<'a> {
             self.planned_splats[splat] = first.map(|planned| tried(planned, trial));
             self.second_halves.extend(second.map(|planned| tried(planned, trial)));
         }
-        candidates.iter().filter(|candidate| !is_served[candidate.splat]).collect()
+        let rest: Vec<_> = candidates.iter().filter(|candidate| !is_served[candidate.splat]).collect();
+        counts.over_budget += rest.iter().filter(|candidate| is_refused[candidate.splat]).count();
+        rest
     }
 
     /// Serves the candidates in order. Returns those that were neither split nor refined.

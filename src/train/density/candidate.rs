@@ -38,7 +38,7 @@ impl Candidate {
         texel_gain: f64,
     ) -> Self {
         let refined = maps::refined(s, config, components, planned);
-        let may_split = components.splitting && !s.draws_splits;
+        let may_split = components.splitting && !s.draws_growth;
         let split = may_split.then(|| split::split(s, config, planned, pixel, s.split_texels)).flatten();
         // In the paper the ceiling of every candidate doubles, also of one that is split.
         let split = match (config.spending, refined) {

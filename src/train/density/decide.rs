@@ -79,10 +79,10 @@ pub fn decide(
         }
     }
 
-    let draws = s.draws_splits && s.use_statistics && densify;
+    let draws = s.draws_growth && s.use_statistics && densify;
+    // Where growth is drawn, bands compete with what else is on offer.
     if densify && !draws {
-        let offers = std::mem::take(&mut bands);
-        shading::raise(offers, planned_splats.iter_mut().flatten(), Some(budget), &mut counts);
+        shading::raise(&mut bands, planned_splats.iter_mut().flatten(), Some(budget), &mut counts);
     }
     maps::coarsen_to_budget(s, budget, &scores, &mut planned_splats, &mut counts);
     let texel_gain = growth.gain(Kind::Refined, config.texel_gain);
@@ -94,6 +94,9 @@ pub fn decide(
         })
         .collect();
     candidates.sort_by(|a, b| b.rank.total_cmp(&a.rank).then(a.splat.cmp(&b.splat)));
+    if draws {
+        draw::raise_ceilings(&mut planned_splats, &candidates);
+    }
     let drawn =
         draws.then(|| draw::offers(s, config, &planned_splats, &scores.error, &candidates, &bands, &growth));
     let mut allocator = BudgetAllocator::new(s, config, budget, planned_splats);
@@ -134,11 +137,11 @@ fn checked(
     let is_counted = scores.seen[i] && !history.is_fresh() && (reliable || !low);
     history.prune_count = prune_count_after(history.prune_count, is_counted.then_some(low));
     let opacity_floor =
-        if history.is_fresh() && !s.draws_splits { FRESH_OPACITY_MIN } else { s.opacity_floor };
+        if history.is_fresh() && !s.draws_growth { FRESH_OPACITY_MIN } else { s.opacity_floor };
     history.checks = history.checks.saturating_add(1);
     history.trial = Trial::None;
     history.rest = if grew_in_vain { config.rest_checks } else { history.rest.saturating_sub(1) };
-    if s.measures_growth(config) || config.need_db > 0.0 {
+    if s.measures_growth(config) {
         history.error = scores.total[i] as f32;
     }
     if components.pruning && history.prune_count >= s.patience {

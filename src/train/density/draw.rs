@@ -18,12 +18,12 @@ const BAND_GAIN: f64 = 1.0;
 pub const SPLIT_RATE: f64 = 0.16;
 
 /// The places of these weights in the order in which they are drawn without replacement, in proportion to them: by the largest
-/// keys u^(1/weight) (Efraimidis and Spirakis).
+/// keys u^(1/weight) (Efraimidis and Spirakis). Weights are above 0.
 pub fn draw_order(weights: impl IntoIterator<Item = f64>, seed: u64) -> Vec<usize> {
     let mut rng = Pcg64Mcg::seed_from_u64(seed);
     let key = |(place, weight): (usize, f64)| {
         let u: f64 = rng.random_range(1e-12..1.0);
-        (u.ln() / weight.max(1e-30), place)
+        (u.ln() / weight, place)
     };
     let mut keys: Vec<(f64, usize)> = weights.into_iter().enumerate().map(key).collect();
     keys.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
@@ -40,7 +40,15 @@ pub struct Offer {
     pub weight: f64,
 }
 
-/// All offers of a step: any splat may be split, unless its map is coarsened, for halves get their part of it as it is.
+/// Raises the ceilings of candidates whose maps cannot be refined yet, which costs nothing.
+pub fn raise_ceilings(planned_splats: &mut [Option<PlannedSplat>], candidates: &[Candidate]) {
+    for candidate in candidates.iter().filter(|candidate| candidate.refined_cost.is_none()) {
+        let planned = &mut planned_splats[candidate.splat];
+        *planned = candidate.refined.or(*planned);
+    }
+}
+
+/// All offers of a step that remove error: any splat may be split, unless its map is coarsened, for halves get their part of it as it is.
 pub fn offers(
     s: &Situation<'_>,
     config: &DensityConfig,
@@ -71,7 +79,8 @@ pub fn offers(
         Some(Offer { splat, grown: Some(grown), weight })
     };
     let splits = planned_splats.iter().flatten().filter(may_split).map(split);
-    splits.chain(candidates.iter().filter_map(refined)).chain(bands.iter().filter_map(raised)).collect()
+    let all = splits.chain(candidates.iter().filter_map(refined)).chain(bands.iter().filter_map(raised));
+    all.filter(|offer| offer.weight > 0.0).collect()
 }
 
 #[cfg(test)]
@@ -80,7 +89,7 @@ mod tests {
 
     #[test]
     fn offers_are_drawn_in_proportion_to_their_weights() {
-        let weights = [1.0, 0.0, 3.0];
+        let weights = [1.0, 1e-9, 3.0];
         let first = |place: usize| {
             (0..4000).filter(|&seed| draw_order(weights, seed)[0] == place).count() as f64 / 4000.0
         };

@@ -115,7 +115,8 @@ impl Growth {
     pub fn gain(&self, kind: Kind, set: f64) -> f64 {
         let [least, most] = GAIN_RANGE;
         match (self.share(Kind::Split), self.share(kind)) {
-            (Some(split), Some(share)) if split > 0.0 => (share / split).clamp(least, most),
+            (Some(split), Some(share)) if share > 0.0 => (share / split).clamp(least, most),
+            (Some(_), Some(_)) => least,
             _ => set,
         }
     }
@@ -210,6 +211,11 @@ mod tests {
         assert!((band - 0.1).abs() < 1e-6, "{band}");
         let [refined, band] = [Kind::Refined, Kind::Band].map(|kind| growth.gain(kind, 2.0));
         assert!((refined - 0.5).abs() < 1e-6 && (band - 0.25).abs() < 1e-6, "{refined} {band}");
+        for (split, refined, gain) in [(0.0, 0.1, 8.0), (0.0, 0.0, 0.25), (0.1, 0.0, 0.25)] {
+            let mut other = growth;
+            other.removed = [split, refined, 0.0];
+            assert_eq!(other.gain(Kind::Refined, 2.0), gain);
+        }
         // What was compared once is not compared again; older evidence fades.
         assert_eq!(growth.before, [0.0; 4]);
         growth.observe(&histories(&trials), &after);

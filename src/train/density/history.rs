@@ -5,10 +5,10 @@ use crate::backend::{Grid, MapChange};
 /// Density-control steps during which a half is fresh.
 pub const FRESH_CHECKS: u16 = 2;
 
-/// What the last density-control step did with a candidate.
+/// What the last density-control step did with a splat that could grow.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Trial {
-    /// It was none, or nothing was to be measured.
+    /// It could not grow, or nothing was to be measured.
     #[default]
     None,
     /// Nothing, so that the others can be compared with it.

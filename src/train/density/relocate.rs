@@ -46,11 +46,11 @@ pub fn relocate(s: &Situation<'_>, config: &DensityConfig, budget: Option<&Budge
             planned
         })
         .collect();
-    shading::raise(offers, &mut parents, budget, &mut counts);
+    shading::raise(&mut offers, &mut parents, budget, &mut counts);
 
     let (mut chosen, mut added) = (vec![false; parents.len()], 0);
     let mut size = size_of(&parents);
-    for k in draw_order(alive.iter().map(|&i| scores.error[i]), s.seed) {
+    for k in draw_order(alive.iter().map(|&i| scores.error[i].max(1e-30)), s.seed) {
         let grown = with(size, &parents[k]);
         if added < wanted && budget.is_none_or(|budget| budget.allows(&grown)) {
             (size, chosen[k], added) = (grown, true, added + 1);

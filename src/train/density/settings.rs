@@ -113,8 +113,8 @@ impl SplitProfile {
 pub enum Splits {
     /// Candidates that are long enough (paper).
     Long,
-    /// With a budget of parameters, splats of any length that are drawn by the error that they carry, as in `plain`; without
-    /// one, or with `need_db`, long candidates.
+    /// With a budget of parameters and `Spending::Gain`, splats of any length, in competition with other growth; without, or
+    /// with `need_db`, long candidates.
     Drawn,
 }
 
@@ -143,7 +143,7 @@ pub enum StatisticsSource {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default, rename_all = "kebab-case")]
 pub struct DensityConfig {
-    /// Steps between density-control steps. Default 250 (paper, Contribution- and Area-Aware Geometric
+    /// Steps between density-control steps, unless growth is drawn. Default 250 (paper, Contribution- and Area-Aware Geometric
     /// Management).
     pub interval: u32,
     /// First density-control step that uses statistics. Default 500 (authors' configuration; not measured).
@@ -216,7 +216,7 @@ pub struct DensityConfig {
     /// With `gain`: the share of a splat's error that refining its map is expected to remove, over the share
     /// that a split removes. Default 2 (choices 1 and 2).
     pub texel_gain: f64,
-    /// Length in finest texels above which splats are split, unless splits are drawn: at step 0, and from step 7,000 on, linear
+    /// Length in finest texels above which splats are split, unless growth is drawn: at step 0, and from step 7,000 on, linear
     /// in between. Default 64 and 16 (CAT, authors' configuration; choices 1 and 2).
     pub split_texels: [f64; 2],
     /// Whether pruned splats are replaced by splits of shorter ones, up to the initial number. Default on
@@ -233,13 +233,13 @@ pub struct DensityConfig {
     pub prune_area: f64,
     /// Patience as steps of the published timetable. Default 2,000 (paper, as above: 8 checks; choices 2 and 11).
     pub patience_steps: u32,
-    /// Opacity below which splats fade, unless splits are drawn: at step 0 and at the last, linear in between. Default 0.015 and
+    /// Opacity below which splats fade, unless growth is drawn: at step 0 and at the last, linear in between. Default 0.015 and
     /// 0.04 (authors' code; choices 2).
     pub opacity_floor: [f64; 2],
-    /// Opacity below which splats are relocated (policy `plain`), or fade where splits are drawn. Default 0.005 (3DGS-MCMC; not
+    /// Opacity below which splats are relocated (policy `plain`), or fade where growth is drawn. Default 0.005 (3DGS-MCMC; not
     /// measured).
     pub relocate_below: f64,
-    /// Policy `plain`: steps between relocations. Default 100 (3DGS-MCMC; not measured).
+    /// Policy `plain`, and where growth is drawn: steps between density-control steps. Default 100 (3DGS-MCMC; not measured).
     pub relocate_interval: u32,
     /// Policy `plain`: last step after which splats are relocated. Default 20,000 (choices 17; 3DGS-MCMC: 25,000).
     pub relocate_until: u32,

@@ -73,7 +73,7 @@ pub fn shade(
 
 /// Gives splats another band, the best offers first, as far as the budget allows.
 pub fn raise<'a>(
-    mut offers: Vec<RaiseOffer>,
+    offers: &mut [RaiseOffer],
     planned_splats: impl IntoIterator<Item = &'a mut PlannedSplat>,
     budget: Option<&Budget>,
     counts: &mut DensityCounts,
@@ -126,9 +126,9 @@ mod tests {
             // Splat 1 was pruned.
             let mut splats = [0, 2, 3].map(planned);
             let offer = |(source, worth)| RaiseOffer { source, worth };
-            let offers = [(0, 1.0), (1, 9.0), (2, 3.0), (3, 2.0)].map(offer).to_vec();
+            let mut offers = [(0, 1.0), (1, 9.0), (2, 3.0), (3, 2.0)].map(offer).to_vec();
             let mut counts = DensityCounts::default();
-            raise(offers, &mut splats, Some(&budget), &mut counts);
+            raise(&mut offers, &mut splats, Some(&budget), &mut counts);
             assert_eq!(counts.shaded_more, splats.iter().filter(|splat| splat.sh_degree == 2).count());
             splats.map(|splat| splat.sh_degree)
         };

@@ -47,7 +47,7 @@ pub struct Situation<'a> {
     /// Seed of what is random in the step.
     pub seed: u64,
     /// Whether growth is drawn, and splats of any length are split.
-    pub draws_splits: bool,
+    pub draws_growth: bool,
     /// Largest number of splats that may be added, not counting drawn splits.
     pub max_added: usize,
     /// Number of splats at initialisation.
@@ -63,9 +63,9 @@ pub struct Situation<'a> {
 }
 
 impl Situation<'_> {
-    /// Whether growth is compared with splats that are withheld: where it is drawn, and with `need_db` at full size.
+    /// Whether growth is compared with splats that are withheld: where it is drawn, and with `need_db`.
     pub fn measures_growth(&self, config: &DensityConfig) -> bool {
-        self.draws_splits || (config.need_db > 0.0 && self.render_scale <= 1.0)
+        self.draws_growth || config.need_db > 0.0
     }
 }
 

@@ -73,6 +73,7 @@ fn a_refinement_in_vain_is_taken_back_along_its_axes() {
     let config = DensityConfig { coarsen_below: 0.0, need_db: 0.05, ..settings() };
     let change_of = |trial: Trial, error: f32| {
         let mut histories = vec![SplatHistory { error: 0.3, ..SplatHistory::first(64) }; N];
+        (5..N).chain(0..3).for_each(|i| histories[i].trial = Trial::Withheld);
         histories[4] = SplatHistory { trial, error, ..histories[4] };
         let revision =
             revise(&situation(&model, &histories, &statistics, &cameras), &config, &Budget::default());

@@ -91,7 +91,7 @@ fn situation<'a>(
         growth: Growth::default(),
         step: 1,
         seed: 0,
-        draws_splits: false,
+        draws_growth: false,
         max_added: 100,
         initial_splats: 0,
         split_texels: 1000.0,
