@@ -85,7 +85,7 @@ const FEWEST_STEPS: u32 = 35;
 
 impl DensityStep {
     /// The published interval, and the lower bound to which a run of `steps` shortens it: an epoch, within bounds. Growth that
-    /// `is_drawn` is as frequent as that of `plain`, but for few views.
+    /// `is_drawn` is as frequent as that of `plain`, except with few views.
     pub fn interval(
         self,
         is_drawn: bool,

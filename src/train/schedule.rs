@@ -86,7 +86,7 @@ impl Schedule {
             give_back_until: at(f64::from(until) + GIVE_BACK_STEPS).max(at(GIVE_BACK_UNTIL)),
             full_size_from: at(config.scheduler.until.into()),
             coarsen_interval: at(1_000.0),
-            crop_interval: if undrawn >= 100 { undrawn * 2 / 5 } else { 0 },
+            crop_interval: if undrawn >= 100 && !config.draws_growth() { undrawn * 2 / 5 } else { 0 },
             density_end: config.steps.saturating_sub(at(1_000.0)),
             patience: (patience as u16).max(if c.patience_steps == 0 { 1 } else { 2 }),
         }
@@ -312,7 +312,7 @@ mod tests {
         assert_eq!([&drawn, &by_need].map(|config| interval(config, 43)), [25, 43]);
         assert_eq!(interval(&drawn, 3), 17);
         let long = TrainConfig { steps: 30_000, ..drawn };
-        assert_eq!((interval(&long, 43), Schedule::new(&long, 43).crop_interval), (100, 100));
+        assert_eq!((interval(&long, 43), Schedule::new(&long, 43).crop_interval), (100, 0));
         let tiny = TrainConfig { steps: 60, ..config.clone() };
         let inactive = Schedule::new(&tiny, 43).inactive(&tiny);
         assert!(inactive.len() == 2 && inactive[0].starts_with("growth"), "{inactive:?}");

@@ -16,7 +16,7 @@ use rand_pcg::Pcg64Mcg;
 /// Length in finest texels above which a splat may be split to replace a pruned one. Not measured.
 const RESPAWN_TEXELS: f64 = 2.0;
 
-/// Makes the seed of draws another than that of the candidates withheld.
+/// Makes the seed of draws another than that of the splats withheld.
 const DRAW_STREAM: u64 = 1;
 
 /// One in this many splats that could grow is withheld where growth is measured.

@@ -10,7 +10,7 @@ use super::split::split_of_any_length;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64Mcg;
 
-/// The share of a splat's error that an SH band is expected to remove, over the share that a split removes, before both were
+/// The share of a splat's error that an SH band is expected to remove, over the share that a split removes, until both have been
 /// measured. Only splats whose highest band matters are offered one.
 const BAND_GAIN: f64 = 1.0;
 
@@ -48,7 +48,8 @@ pub fn raise_ceilings(planned_splats: &mut [Option<PlannedSplat>], candidates: &
     }
 }
 
-/// All offers of a step that remove error: any splat may be split, unless its map is coarsened, for halves get their part of it as it is.
+/// All offers of a step that remove error: any splat may be split unless its map is coarsened, since halves take their parts of
+/// the map as it is.
 pub fn offers(
     s: &Situation<'_>,
     config: &DensityConfig,

@@ -1,4 +1,4 @@
-//! What growth is worth: the share of its error that a splat loses if it is split, its map refined or its SH degree raised,
+//! What growth is worth: the share of its error that a splat loses if it is split, its map is refined or it gains an SH band,
 //! measured against splats that are withheld, and whether more parameters would still pay (method 6.14).
 
 use super::candidate::Candidate;
@@ -71,7 +71,7 @@ impl Growth {
         if withheld <= 0.0 || after[0] <= 0.0 {
             return;
         }
-        // What training alone does to the error of a candidate.
+        // What training alone does to the error of a splat.
         let drift = after[0] / withheld;
         for kind in 0..KINDS {
             if tried[kind] > 0.0 {

@@ -113,7 +113,7 @@ impl SplitProfile {
 pub enum Splits {
     /// Candidates that are long enough (paper).
     Long,
-    /// With a budget of parameters and `Spending::Gain`, splats of any length, in competition with other growth; without, or
+    /// With a budget of parameters and `Spending::Gain`, splats of any length, in competition with other growth; otherwise, or
     /// with `need_db`, long candidates.
     Drawn,
 }
