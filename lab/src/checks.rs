@@ -30,7 +30,7 @@ pub struct Check {
     pub over: Option<f64>,
     /// The own figure divided by this other figure of the same runs, a JSON pointer too.
     pub over_measure: Option<String>,
-    /// The list has the evaluations of a run; the figure is the CPU time until the PSNR of the test views is this, seconds.
+    /// The list has the evaluations of a run; the figure is the CPU time at the first with at least this PSNR, seconds.
     pub reaches: Option<f64>,
     /// Largest value that passes.
     pub at_most: Option<f64>,
@@ -88,10 +88,7 @@ impl Check {
             "over-measure, a JSON pointer into the summary such as \"/size/splats\""
         } else if self.times_sd && self.from_scene.is_none() {
             "from-scene beside times-sd"
-        } else if (self.times_sd || self.times_variant.is_some())
-            && self.at_most.is_none()
-            && self.at_least.is_none()
-        {
+        } else if (self.times_sd || self.times_variant.is_some()) && !self.has_limits() {
             "at-most, at-least or both beside times-sd and times-variant"
         } else if self.reaches.is_some() && (!self.contains.is_empty() || self.over_measure.is_some()) {
             "reaches without contains and over-measure"
@@ -99,6 +96,10 @@ impl Check {
             return Ok(());
         };
         Err(format!("check {:?}: expected {expected}", self.title()))
+    }
+
+    fn has_limits(&self) -> bool {
+        self.at_most.is_some() || self.at_least.is_some()
     }
 
     /// What is checked and its limits, for people.
@@ -131,7 +132,7 @@ impl Check {
             return Finding { verdict, value: None, remark: "error".to_owned() };
         }
         let value = self.value(records, scene, variant);
-        if self.at_most.is_none() && self.at_least.is_none() {
+        if !self.has_limits() {
             let remark = match value {
                 Some(_) => "",
                 None if self.reaches.is_some() => "never",

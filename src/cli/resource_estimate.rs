@@ -125,14 +125,14 @@ impl Workload {
     pub fn grown(&self, config: &TrainConfig) -> Self {
         let budget = &Schedule::new(config, self.train_views as usize).budget(config, 0);
         let bound = |most: Option<usize>| most.map_or(u64::MAX, |most| most as u64);
-        let wanted = match config.policy.spec().step {
-            DensityStep::Decide if config.draws_growth() => u64::MAX / 64,
-            // Grows to its budget, and without one not at all.
-            DensityStep::Relocate if *budget == Budget::default() => self.splats,
-            DensityStep::Relocate if budget.max_splats.is_some() || budget.max_params.is_some() => {
-                u64::MAX / 64
-            }
-            _ => EXPECTED_GROWTH * self.splats,
+        let relocates = config.policy.spec().step == DensityStep::Relocate;
+        let has_budget = budget.max_splats.is_some() || budget.max_params.is_some();
+        let wanted = if config.draws_growth() || (relocates && has_budget) {
+            u64::MAX / 64
+        } else if relocates && *budget == Budget::default() {
+            self.splats
+        } else {
+            EXPECTED_GROWTH * self.splats
         };
         let splats = wanted.min(bound(budget.max_splats)).min(bound(budget.max_params) / self.params(1, 0));
         let texels = match config.policy.spec().map_rule {
@@ -297,6 +297,7 @@ impl Resources {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use litetex_gs::train::density::DensityConfig;
 
     const FOX: Workload = Workload {
         splats: 14_686,
@@ -365,6 +366,16 @@ mod tests {
                 && texels > FOX.texels
                 && (2_999_900..=3_000_000).contains(&FOX.params(splats, texels))
         );
+        // Drawn growth fills its budget, whatever the number of points; growth by need need not.
+        let budget = most(None, None, Some(30_000_000));
+        let need = |need_db| DensityConfig { need_db, ..DensityConfig::default() };
+        let of = |need_db| TrainConfig {
+            policy: "none".parse().unwrap(),
+            density: need(need_db),
+            budget,
+            ..TrainConfig::default()
+        };
+        assert!(FOX.grown(&of(0.0)).splats > 2 * n && FOX.grown(&of(0.05)).splats == 2 * n);
         let budget = most(None, None, Some(3_000_000));
         let raised = FOX.grown(&TrainConfig { budget, ..TrainConfig::default() });
         assert!(raised.splats > splats && raised.texels > texels, "growth may exceed the budget");

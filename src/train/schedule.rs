@@ -64,12 +64,9 @@ impl Schedule {
         let at = |published: f64| ((published * s).round() as u32).max(1);
         let c = &config.density;
         let density_step = config.policy.spec().step;
-        let interval = |is_drawn| {
-            let (published, low) = density_step.interval(is_drawn, c, config.steps, train_views);
-            at(published.into()).clamp(low, published.max(1))
-        };
-        let density_interval = interval(config.draws_growth());
-        let undrawn = interval(false);
+        let is_drawn = config.draws_growth();
+        let (published, low) = density_step.interval(is_drawn, c, config.steps, train_views);
+        let density_interval = at(published.into()).clamp(low, published.max(1));
         // To judge growth takes several windows at full image size.
         let needs = density_step == DensityStep::Decide && c.need_db > 0.0;
         let until = if needs { density_step.until(c).max(NEED_UNTIL) } else { density_step.until(c) };
@@ -86,7 +83,7 @@ impl Schedule {
             give_back_until: at(f64::from(until) + GIVE_BACK_STEPS).max(at(GIVE_BACK_UNTIL)),
             full_size_from: at(config.scheduler.until.into()),
             coarsen_interval: at(1_000.0),
-            crop_interval: if undrawn >= 100 && !config.draws_growth() { undrawn * 2 / 5 } else { 0 },
+            crop_interval: if density_interval >= 100 && !is_drawn { density_interval * 2 / 5 } else { 0 },
             density_end: config.steps.saturating_sub(at(1_000.0)),
             patience: (patience as u16).max(if c.patience_steps == 0 { 1 } else { 2 }),
         }

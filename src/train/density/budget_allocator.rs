@@ -67,9 +67,8 @@ impl<'a> BudgetAllocator<'a> {
                 continue;
             }
             let split = || split_of_any_length(self.s, self.config, &planned, self.config.split_profile);
-            let [first, second] = grown.map_or_else(|| split().map(Some), |grown| [Some(grown), None]);
-            let size = [first, second].iter().flatten().fold(without(self.size, &planned), with);
-            if !self.budget.allows(&size) {
+            let parts = grown.map_or_else(|| split().to_vec(), |grown| vec![grown]);
+            if !self.allows(splat, &parts) {
                 is_refused[splat] = true;
                 continue;
             }
@@ -86,9 +85,7 @@ impl<'a> BudgetAllocator<'a> {
             };
             *count += 1;
             splits_left -= usize::from(grown.is_none());
-            self.size = size;
-            self.planned_splats[splat] = first.map(|planned| tried(planned, trial));
-            self.second_halves.extend(second.map(|planned| tried(planned, trial)));
+            self.replace(splat, parts.into_iter().map(|part| tried(part, trial)));
         }
         let rest: Vec<_> = candidates.iter().filter(|candidate| !is_served[candidate.splat]).collect();
         counts.over_budget += rest.iter().filter(|candidate| is_refused[candidate.splat]).count();
@@ -107,11 +104,11 @@ impl<'a> BudgetAllocator<'a> {
     /// Splits the splat or refines its map, if the budget allows it; returns whether it did.
     fn serve(&mut self, candidate: &Candidate, counts: &mut DensityCounts) -> bool {
         if let Some(pair) = candidate.split.filter(|_| self.added < self.s.max_added) {
-            if self.may_split(candidate.splat, &pair) {
+            if self.allows(candidate.splat, &pair) {
                 if self.withholds(candidate.splat) {
                     return true;
                 }
-                self.split(candidate.splat, pair.map(|half| tried(half, Trial::Split)));
+                self.replace(candidate.splat, pair.map(|half| tried(half, Trial::Split)));
                 self.added += 1;
                 counts.split += 1;
                 return true;
@@ -121,8 +118,7 @@ impl<'a> BudgetAllocator<'a> {
         let (Some(old), Some(new)) = (self.planned_splats[candidate.splat], candidate.refined) else {
             return false;
         };
-        let size = with(without(self.size, &old), &new);
-        if !self.budget.allows(&size) {
+        if !self.allows(candidate.splat, &[new]) {
             counts.over_budget += 1;
             return false;
         }
@@ -130,9 +126,8 @@ impl<'a> BudgetAllocator<'a> {
         if refined && self.withholds(candidate.splat) {
             return true;
         }
-        self.size = size;
         let trial = Trial::of(&new.change);
-        self.planned_splats[candidate.splat] = Some(if refined { tried(new, trial) } else { new });
+        self.replace(candidate.splat, [if refined { tried(new, trial) } else { new }]);
         counts.refined += usize::from(refined);
         refined
     }
@@ -147,31 +142,31 @@ impl<'a> BudgetAllocator<'a> {
             let Some(planned) = self.planned_splats[candidate.splat] else { continue };
             let pixel = pixels[candidate.splat];
             let halves = split::split(self.s, self.config, &planned, pixel, RESPAWN_TEXELS);
-            if let Some(pair) = halves.filter(|pair| self.may_split(candidate.splat, pair)) {
-                self.split(candidate.splat, pair);
+            if let Some(pair) = halves.filter(|pair| self.allows(candidate.splat, pair)) {
+                self.replace(candidate.splat, pair);
                 self.added += 1;
                 counts.respawned += 1;
             }
         }
     }
 
-    /// Size of the model if these halves replace a splat; `None` if it is pruned.
-    fn size_after_split(&self, splat: usize, [first, second]: &[PlannedSplat; 2]) -> Option<ModelSize> {
-        let whole = self.planned_splats[splat].as_ref()?;
-        Some(with(with(without(self.size, whole), first), second))
+    /// Whether the budget allows these, what a splat grows into or its two halves, in its place. None may replace a pruned one.
+    fn allows(&self, splat: usize, parts: &[PlannedSplat]) -> bool {
+        let size = |old: &PlannedSplat| parts.iter().fold(without(self.size, old), with);
+        self.planned_splats[splat].as_ref().is_some_and(|old| self.budget.allows(&size(old)))
     }
 
-    /// Whether the budget allows a split.
-    fn may_split(&self, splat: usize, pair: &[PlannedSplat; 2]) -> bool {
-        self.size_after_split(splat, pair).is_some_and(|size| self.budget.allows(&size))
-    }
-
-    /// Replaces a splat by its halves.
-    fn split(&mut self, splat: usize, pair: [PlannedSplat; 2]) {
-        self.size = self.size_after_split(splat, &pair).unwrap_or(self.size);
-        let [first, second] = pair;
-        self.planned_splats[splat] = Some(first);
-        self.second_halves.push(second);
+    /// Replaces a splat by what [`Self::allows`] has allowed.
+    fn replace(&mut self, splat: usize, parts: impl IntoIterator<Item = PlannedSplat>) {
+        let Some(old) = self.planned_splats[splat].take() else { return };
+        self.size = without(self.size, &old);
+        for part in parts {
+            self.size = with(self.size, &part);
+            match &mut self.planned_splats[splat] {
+                Some(_) => self.second_halves.push(part),
+                first => *first = Some(part),
+            }
+        }
     }
 
     /// Whether a splat that could grow is withheld.

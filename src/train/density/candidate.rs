@@ -2,7 +2,7 @@
 
 use super::history::SplatHistory;
 use super::maps;
-use super::planned_splat::PlannedSplat;
+use super::planned_splat::{PlannedSplat, split_cost};
 use super::settings::{Components, DensityConfig, Spending};
 use super::situation::Situation;
 use super::split;
@@ -52,9 +52,7 @@ impl Candidate {
         // A raised ceiling costs nothing and gains nothing yet.
         let refined_cost = refined.map_or(0.0, |d| params(&d) - params(planned));
         let refined_gain = if refined_cost > 0.0 { texel_gain / refined_cost } else { 0.0 };
-        // The halves together may need fewer texels than the whole, but they are one splat more.
-        let added = |[a, b]: [PlannedSplat; 2]| (params(&a) + params(&b) - params(planned)).max(1.0);
-        let split_cost = split.map(added);
+        let split_cost = split.map(|pair| split_cost(planned, &pair));
         let split_gain = split_cost.map_or(0.0, |cost| 1.0 / cost);
         let (rank, may_split) = match config.spending {
             Spending::SplitsFirst => (error, true),

@@ -94,11 +94,10 @@ pub fn decide(
         })
         .collect();
     candidates.sort_by(|a, b| b.rank.total_cmp(&a.rank).then(a.splat.cmp(&b.splat)));
-    if draws {
+    let drawn = draws.then(|| {
         draw::raise_ceilings(&mut planned_splats, &candidates);
-    }
-    let drawn =
-        draws.then(|| draw::offers(s, config, &planned_splats, &scores.error, &candidates, &bands, &growth));
+        draw::offers(s, config, &planned_splats, &scores.error, &candidates, &bands, &growth)
+    });
     let mut allocator = BudgetAllocator::new(s, config, budget, planned_splats);
     let mut rest = match drawn {
         Some(drawn) => allocator.take_drawn(&drawn, &candidates, &mut counts),

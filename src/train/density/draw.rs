@@ -2,7 +2,7 @@
 
 use super::candidate::Candidate;
 use super::growth::{Growth, Kind};
-use super::planned_splat::PlannedSplat;
+use super::planned_splat::{PlannedSplat, split_cost};
 use super::settings::DensityConfig;
 use super::shading::RaiseOffer;
 use super::situation::Situation;
@@ -61,22 +61,22 @@ pub fn offers(
 ) -> Vec<Offer> {
     let params = |planned: &PlannedSplat| planned.params() as f64;
     let may_split = |planned: &&PlannedSplat| !planned.change.is_coarser();
+    let texel_gain = growth.gain(Kind::Refined, config.texel_gain);
+    let band_gain = growth.gain(Kind::Band, BAND_GAIN);
     let split = |planned: &PlannedSplat| {
-        let [a, b] = split_of_any_length(s, config, planned, config.split_profile);
-        let cost = (params(&a) + params(&b) - params(planned)).max(1.0);
+        let pair = split_of_any_length(s, config, planned, config.split_profile);
         let splat = planned.source as usize;
-        Offer { splat, grown: None, weight: errors[splat] / cost }
+        Offer { splat, grown: None, weight: errors[splat] / split_cost(planned, &pair) }
     };
     let refined = |candidate: &Candidate| {
-        let gain = growth.gain(Kind::Refined, config.texel_gain);
         let (grown, cost) = (candidate.refined, candidate.refined_cost?);
-        Some(Offer { splat: candidate.splat, grown, weight: gain * candidate.error / cost })
+        Some(Offer { splat: candidate.splat, grown, weight: texel_gain * candidate.error / cost })
     };
     let raised = |offer: &RaiseOffer| {
         let splat = offer.source as usize;
         let planned = planned_splats[splat].as_ref()?;
         let grown = offer.raised(planned);
-        let weight = growth.gain(Kind::Band, BAND_GAIN) * errors[splat] / (params(&grown) - params(planned));
+        let weight = band_gain * errors[splat] / (params(&grown) - params(planned));
         Some(Offer { splat, grown: Some(grown), weight })
     };
     let splits = planned_splats.iter().flatten().filter(may_split).map(split);

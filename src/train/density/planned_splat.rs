@@ -41,6 +41,11 @@ impl PlannedSplat {
     }
 }
 
+/// Parameters that halves add to the splat that they replace. They may need fewer texels than the whole, but are one splat more.
+pub fn split_cost(whole: &PlannedSplat, [first, second]: &[PlannedSplat; 2]) -> f64 {
+    (first.params() as f64 + second.params() as f64 - whole.params() as f64).max(1.0)
+}
+
 /// Size of the planned model.
 pub fn size_of<'a>(planned_splats: impl IntoIterator<Item = &'a PlannedSplat>) -> ModelSize {
     planned_splats.into_iter().fold(ModelSize::default(), with)

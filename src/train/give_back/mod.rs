@@ -252,8 +252,8 @@ impl Round {
     }
 
     /// Takes the offers where a parameter is `worth` it, where the views `checked` have this error now; splats are removed only
-    /// where they `may_go`. Without a budget, the last round is also checked on all views, in this `order`. Returns what that did, and the plan
-    /// that the backend carried out, unless it was undone.
+    /// where they `may_go`. Without a budget, the last round is also checked on all views, in this `order`. Returns what that did,
+    /// and the plan that the backend carried out, unless it was undone.
     fn cut(
         &self,
         backend: &mut dyn Backend,
