@@ -12,7 +12,7 @@
 //! | `state.counters`, `state.epoch_order` | u32 `[5]`: step, epochs, views used, step of the stage, last step with a revision; u32 `[views]` |
 //! | `state.histories`, `state.pace` | u16 `[n,7]`: map ceiling, prune count, checks, trial, rest, band checks, bands settled; f64 `[2]`: initial splats, momentum |
 //! | `state.errors` | f32 `[n]`: loss that each splat carried at the last check; 0: unknown |
-//! | `state.growth` | f64 `[19]`: errors before of splats withheld, split, refined, given a band; tried and removed by kind; sums of rank correlations by kind; idle checks; dB promised; step of the end |
+//! | `state.growth` | f64 `[27]`: splats and their losses before and after, of those split, refined, given a band, and of those withheld from each; sums of rank correlations by kind; idle checks; dB promised; step of the end |
 //! | `exposure.maps`, `exposure.sums` | f32 `[v,3,4]`, f64 `[v,22]`: the sums of the epoch; v = views, or 0 without correction |
 //! | `window.views`, `window.counts`, `window.sums` | u32 `[views]`, u32 `[n + 1]`: views counted, views that saw each; f32 `[3,n]` |
 
@@ -25,7 +25,7 @@ use crate::frequency::SplatBudget;
 use crate::model::{
     AdamState, Filter, LearningRates, Model, SplatArrays, SplatGroup, TextureMap, TexturePool,
 };
-use crate::train::density::{Growth, SplatHistory, Trial};
+use crate::train::density::{Growth, Outcome, SplatHistory, Trial};
 use crate::train::{Exposures, TrainHistory, TrainState};
 use glam::DVec3;
 use safetensors::{Dtype, View};
@@ -155,7 +155,7 @@ pub fn tensors(state: &TrainState) -> BTreeMap<String, Tensor<'_>> {
                 l.ceiling,
                 l.prune_count,
                 l.checks,
-                l.trial as u16,
+                l.trial.number(),
                 l.rest,
                 l.band_checks,
                 l.bands_settled.into(),
@@ -165,10 +165,11 @@ pub fn tensors(state: &TrainState) -> BTreeMap<String, Tensor<'_>> {
     put("state.histories", Tensor::new(&[state.histories.len(), 7], Data::U16(histories)));
     let errors: Vec<f32> = state.histories.iter().map(|history| history.error).collect();
     put("state.errors", Tensor::f32(&[errors.len()], errors));
-    let Growth { before, tried, removed, ranked, idle_checks, promised_db, ended_step } = state.growth;
-    let mut growth = [&before[..], &tried, &removed, ranked.as_flattened()].concat();
+    let Growth { grown, withheld, ranked, idle_checks, promised_db, ended_step } = state.growth;
+    let outcomes = grown.iter().chain(&withheld).flat_map(|o| [o.splats, o.before, o.after]);
+    let mut growth: Vec<f64> = outcomes.chain(ranked.into_iter().flatten()).collect();
     growth.extend([f64::from(idle_checks), promised_db, f64::from(ended_step)]);
-    put("state.growth", Tensor::new(&[19], Data::F64(growth)));
+    put("state.growth", Tensor::new(&[growth.len()], Data::F64(growth)));
     put("state.pace", Tensor::new(&[2], Data::F64(vec![state.pace.initial as f64, state.pace.momentum])));
     let exposures = &state.exposures;
     let numbers: Vec<f32> = exposures.maps.iter().flat_map(|map| map.0).flatten().collect();
@@ -266,7 +267,7 @@ fn histories(reader: &mut Reader<'_>, n: usize) -> Result<Vec<SplatHistory>> {
     let errors = f32s(reader.take("state.errors", Dtype::F32, &[found])?);
     let history = |(v, error): (&[u16], f32)| {
         let trial = *Trial::ALL.get(usize::from(v[3])).ok_or_else(|| {
-            reader.invalid(format!("tensor \"state.histories\": found trial {}, expected 0 to 5", v[3]))
+            reader.invalid(format!("tensor \"state.histories\": found trial {}, expected 0 to 8", v[3]))
         })?;
         Ok(SplatHistory {
             ceiling: v[0],
@@ -283,16 +284,15 @@ fn histories(reader: &mut Reader<'_>, n: usize) -> Result<Vec<SplatHistory>> {
 }
 
 fn growth(reader: &mut Reader<'_>) -> Result<Growth> {
-    let values = f64s(reader.take("state.growth", Dtype::F64, &[19])?);
-    let at = |i: usize| values[i];
+    let values = f64s(reader.take("state.growth", Dtype::F64, &[27])?);
+    let outcome = |at: usize| Outcome { splats: values[at], before: values[at + 1], after: values[at + 2] };
     Ok(Growth {
-        before: [0, 1, 2, 3].map(at),
-        tried: [4, 5, 6].map(at),
-        removed: [7, 8, 9].map(at),
-        ranked: [[10, 11], [12, 13], [14, 15]].map(|sums| sums.map(at)),
-        idle_checks: values[16] as u32,
-        promised_db: values[17],
-        ended_step: values[18] as u32,
+        grown: [0, 3, 6].map(outcome),
+        withheld: [9, 12, 15].map(outcome),
+        ranked: [18, 20, 22].map(|at| [values[at], values[at + 1]]),
+        idle_checks: values[24] as u32,
+        promised_db: values[25],
+        ended_step: values[26] as u32,
     })
 }
 

@@ -6,7 +6,7 @@ use crate::camera::Similarity;
 use crate::frequency::SplatBudget;
 use crate::model::{AdamState, Model, SplatArrays, SplatGroup, TextureMap, TexturePool};
 use crate::train::GivenBack;
-use crate::train::density::{Growth, SplatHistory, Trial};
+use crate::train::density::{Growth, Outcome, SplatHistory, Trial};
 use crate::train::{CurvePoint, Exposures, TrainHistory};
 use glam::DVec3;
 use safetensors::Dtype;
@@ -63,7 +63,7 @@ fn sample(n: usize, sh_degree: u32) -> TrainState {
                 ceiling: 2 << (i % 3),
                 prune_count: i,
                 checks: 3 * i,
-                trial: Trial::ALL[usize::from(i % 7)],
+                trial: Trial::ALL[usize::from(i % 9)],
                 rest: i % 3,
                 band_checks: 7 * i,
                 bands_settled: i % 3 == 1,
@@ -83,9 +83,8 @@ fn sample(n: usize, sh_degree: u32) -> TrainState {
         exposures: exposures(),
         pace: SplatBudget { initial: n, momentum: 12.5 },
         growth: Growth {
-            before: [0.1, 0.2, 0.3, 0.35],
-            tried: [0.4, 0.5, 0.55],
-            removed: [-0.6, 0.7, 0.75],
+            grown: [0.1, 0.2, 0.3].map(|before| Outcome { splats: 3.0, before, after: before / 2.0 }),
+            withheld: [0.4, 0.5, 0.6].map(|before| Outcome { splats: 4.0, before, after: before / 4.0 }),
             ranked: [[40.0, 12.0], [0.5, -0.25], [3.0, 1.5]],
             idle_checks: 1,
             promised_db: 0.08,
@@ -248,7 +247,7 @@ fn errors_name_the_tensor_what_was_found_and_what_was_expected() {
     );
     assert_eq!(
         message(edited(&bytes, "extra", Some((Dtype::U8, vec![1], vec![0])))),
-        "x.safetensors: tensor \"extra\" is not part of \"litetex-checkpoint/9\""
+        "x.safetensors: tensor \"extra\" is not part of \"litetex-checkpoint/10\""
     );
     let same_shape = Some((Dtype::F32, vec![4, 3], vec![0; 48]));
     assert!(message(edited(&bytes, "splats.positions", same_shape)).contains("checksum"));
@@ -291,6 +290,6 @@ fn other_layouts_are_unsupported_not_invalid() {
     assert_eq!(
         error.to_string(),
         "x.safetensors: layout \"litetex-checkpoint/1\" (written by litetex 9.0.0), this program reads \
-         \"litetex-checkpoint/9\""
+         \"litetex-checkpoint/10\""
     );
 }

@@ -3,7 +3,7 @@
 
 use super::candidate::Candidate;
 use super::draw::{Offer, SPLIT_RATE, draw_order};
-use super::growth::KINDS;
+use super::growth::Kind;
 use super::history::Trial;
 use super::planned_splat::{PlannedSplat, size_of, with, without};
 use super::settings::{Budget, DensityConfig};
@@ -61,7 +61,7 @@ impl<'a> BudgetAllocator<'a> {
         let mut is_refused = is_served.clone();
         let mut splits_left = (SPLIT_RATE * self.size.splats as f64).ceil() as usize;
         for place in draw_order(offers.iter().map(|offer| offer.weight), self.s.seed ^ DRAW_STREAM) {
-            let Offer { splat, grown, .. } = offers[place];
+            let Offer { splat, grown, kind, .. } = offers[place];
             let Some(planned) = self.planned_splats[splat].filter(|_| !is_served[splat]) else { continue };
             if grown.is_none() && splits_left == 0 {
                 continue;
@@ -73,15 +73,13 @@ impl<'a> BudgetAllocator<'a> {
                 continue;
             }
             is_served[splat] = true;
-            if self.withholds(splat) {
+            if self.withholds(splat, kind) {
                 continue;
             }
-            let (trial, count) = match grown {
-                None => (Trial::Split, &mut counts.split),
-                Some(grown) if grown.sh_degree > planned.sh_degree => {
-                    (Trial::Raised, &mut counts.shaded_more)
-                }
-                Some(grown) => (Trial::of(&grown.change), &mut counts.refined),
+            let (trial, count) = match (kind, grown) {
+                (Kind::Refined, Some(grown)) => (Trial::of(&grown.change), &mut counts.refined),
+                (Kind::Band, _) => (Trial::Raised, &mut counts.shaded_more),
+                _ => (Trial::Split, &mut counts.split),
             };
             *count += 1;
             splits_left -= usize::from(grown.is_none());
@@ -105,7 +103,7 @@ impl<'a> BudgetAllocator<'a> {
     fn serve(&mut self, candidate: &Candidate, counts: &mut DensityCounts) -> bool {
         if let Some(pair) = candidate.split.filter(|_| self.added < self.s.max_added) {
             if self.allows(candidate.splat, &pair) {
-                if self.withholds(candidate.splat) {
+                if self.withholds(candidate.splat, Kind::Split) {
                     return true;
                 }
                 self.replace(candidate.splat, pair.map(|half| tried(half, Trial::Split)));
@@ -123,7 +121,7 @@ impl<'a> BudgetAllocator<'a> {
             return false;
         }
         let refined = new.texels > old.texels;
-        if refined && self.withholds(candidate.splat) {
+        if refined && self.withholds(candidate.splat, Kind::Refined) {
             return true;
         }
         let trial = Trial::of(&new.change);
@@ -169,24 +167,13 @@ impl<'a> BudgetAllocator<'a> {
         }
     }
 
-    /// Whether a splat that could grow is withheld.
-    fn withholds(&mut self, splat: usize) -> bool {
+    /// Whether a splat that could grow is withheld from it.
+    fn withholds(&mut self, splat: usize, kind: Kind) -> bool {
         let is_drawn = self.withhold.as_mut().is_some_and(|rng| rng.random_range(0..WITHHELD_OF) == 0);
         if let Some(planned) = self.planned_splats[splat].as_mut().filter(|_| is_drawn) {
-            planned.history.trial = Trial::Withheld;
+            planned.history.trial = Trial::Withheld(kind);
         }
         is_drawn
-    }
-
-    /// Summed errors of the splats that were withheld and of those that grew, by kind; of both halves, once.
-    pub fn trial_errors(&self, errors: &[f64]) -> [f64; 1 + KINDS] {
-        let mut sums = [0.0; 1 + KINDS];
-        for planned in self.planned_splats.iter().flatten() {
-            if let Some(group) = planned.history.trial.group() {
-                sums[group] += errors[planned.source as usize];
-            }
-        }
-        sums
     }
 
     /// All planned splats.

@@ -9,6 +9,7 @@ use super::growth::Kind;
 use super::history::{SplatHistory, Trial};
 use super::in_vain::grew_in_vain;
 use super::maps;
+use super::outcome::Outcomes;
 use super::planned_splat::{PlannedSplat, finish};
 use super::score::{Scores, prune_count_after};
 use super::settings::{Budget, Components, DensityConfig};
@@ -29,13 +30,14 @@ pub fn decide(
 ) -> Revision {
     let n = s.model.num_splats();
     let scores = Scores::new(s.statistics, s.cameras.len(), config.error, config.prune_contribution);
+    let window = Outcomes::new(s.histories, &scores);
     let mut growth = s.growth;
     if s.use_statistics {
-        growth.observe(s.histories, &scores);
+        growth.observe(&window, s.histories, &scores);
     }
     let densify = s.densify && !growth.has_ended();
     let in_vain = match s.use_statistics && config.need_db > 0.0 {
-        true => grew_in_vain(s.histories, &scores),
+        true => grew_in_vain(s.histories, &scores, &window),
         false => vec![false; n],
     };
     let pixels = pixel_sizes(s.model, s.cameras);
@@ -106,9 +108,6 @@ pub fn decide(
     if config.respawn && components.splitting {
         rest.sort_by(|a, b| b.error.total_cmp(&a.error).then(a.splat.cmp(&b.splat)));
         allocator.respawn(&rest, &pixels, &mut counts);
-    }
-    if s.use_statistics && s.measures_growth(config) {
-        growth.before = allocator.trial_errors(&scores.total);
     }
     if s.use_statistics && config.need_db > 0.0 {
         growth.judge(s, &candidates, &scores, s.model.num_params(), config.need_db);

@@ -34,6 +34,8 @@ pub fn draw_order(weights: impl IntoIterator<Item = f64>, seed: u64) -> Vec<usiz
 pub struct Offer {
     /// Index of the splat.
     pub splat: usize,
+    /// Kind of growth.
+    pub kind: Kind,
     /// What the splat becomes with a refined map or another SH band; `None`: it is split.
     pub grown: Option<PlannedSplat>,
     /// The error that it is expected to remove per parameter, in any unit.
@@ -66,18 +68,19 @@ pub fn offers(
     let split = |planned: &PlannedSplat| {
         let pair = split_of_any_length(s, config, planned, config.split_profile);
         let splat = planned.source as usize;
-        Offer { splat, grown: None, weight: errors[splat] / split_cost(planned, &pair) }
+        Offer { splat, kind: Kind::Split, grown: None, weight: errors[splat] / split_cost(planned, &pair) }
     };
     let refined = |candidate: &Candidate| {
         let (grown, cost) = (candidate.refined, candidate.refined_cost?);
-        Some(Offer { splat: candidate.splat, grown, weight: texel_gain * candidate.error / cost })
+        let weight = texel_gain * candidate.error / cost;
+        Some(Offer { splat: candidate.splat, kind: Kind::Refined, grown, weight })
     };
     let raised = |offer: &RaiseOffer| {
         let splat = offer.source as usize;
         let planned = planned_splats[splat].as_ref()?;
         let grown = offer.raised(planned);
         let weight = band_gain * errors[splat] / (params(&grown) - params(planned));
-        Some(Offer { splat, grown: Some(grown), weight })
+        Some(Offer { splat, kind: Kind::Band, grown: Some(grown), weight })
     };
     let splits = planned_splats.iter().flatten().filter(may_split).map(split);
     let all = splits.chain(candidates.iter().filter_map(refined)).chain(bands.iter().filter_map(raised));

@@ -2,7 +2,8 @@
 //! measured against splats that are withheld, and whether more parameters would still pay (method 6.14).
 
 use super::candidate::Candidate;
-use super::history::{SplatHistory, Trial};
+use super::history::SplatHistory;
+use super::outcome::{Outcome, Outcomes};
 use super::rank_correlation::rank_correlation;
 use super::score::Scores;
 use super::situation::Situation;
@@ -36,12 +37,10 @@ pub const KINDS: usize = 3;
 /// Measured worth of growth; part of a run's state.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Growth {
-    /// Summed errors, before the last step, of the splats that it withheld, and of those that grew, by kind.
-    pub before: [f64; 1 + KINDS],
-    /// Summed errors of splats that grew, by kind, those of older windows discounted.
-    pub tried: [f64; KINDS],
-    /// How much less of it was left than with withheld splats.
-    pub removed: [f64; KINDS],
+    /// What became of the splats that grew, by kind; older windows are discounted.
+    pub grown: [Outcome; KINDS],
+    /// The same for those that were withheld.
+    pub withheld: [Outcome; KINDS],
     /// For each kind, the sums over windows of (splats), and of (splats times the rank correlation of the error that they
     /// carried and of the error removed).
     pub ranked: [[f64; 2]; KINDS],
@@ -59,41 +58,31 @@ impl Growth {
         self.ended_step > 0
     }
 
-    /// Compares the errors of a window with those before the last step.
-    pub fn observe(&mut self, histories: &[SplatHistory], scores: &Scores) {
-        let mut after = [0.0; 1 + KINDS];
-        for (history, error) in histories.iter().zip(&scores.total) {
-            if let Some(group) = history.trial.group() {
-                after[group] += error;
-            }
-        }
-        let [withheld, tried @ ..] = std::mem::take(&mut self.before);
-        if withheld <= 0.0 || after[0] <= 0.0 {
-            return;
-        }
-        // What training alone does to the error of a splat.
-        let drift = after[0] / withheld;
+    /// Takes in what a window did to the splats that grew in the step before it, and to those withheld.
+    pub fn observe(&mut self, window: &Outcomes, histories: &[SplatHistory], scores: &Scores) {
         for kind in 0..KINDS {
-            if tried[kind] > 0.0 {
-                self.tried[kind] = KEPT_EVIDENCE * self.tried[kind] + tried[kind];
-                self.removed[kind] =
-                    KEPT_EVIDENCE * self.removed[kind] + tried[kind] - after[1 + kind] / drift;
+            self.grown[kind] = self.grown[kind].faded(KEPT_EVIDENCE).and(window.grown[kind]);
+            self.withheld[kind] = self.withheld[kind].faded(KEPT_EVIDENCE).and(window.withheld[kind]);
+        }
+        for kind in [Kind::Split, Kind::Refined, Kind::Band] {
+            if let Some(drift) = window.withheld[kind as usize].left() {
+                self.rank(kind, drift, histories, scores);
             }
-            self.rank(kind, drift, histories, scores);
         }
     }
 
     /// Compares, splat by splat, the error that it carried, by which growth is ranked, with what growth removed of it.
-    fn rank(&mut self, kind: usize, drift: f64, histories: &[SplatHistory], scores: &Scores) {
+    /// `drift` is the share of it that training alone leaves.
+    fn rank(&mut self, kind: Kind, drift: f64, histories: &[SplatHistory], scores: &Scores) {
         let pairs: Vec<(f64, f64)> = histories
             .iter()
             .zip(&scores.total)
-            .filter(|(history, _)| history.trial.group() == Some(1 + kind) && history.error > 0.0)
+            .filter(|(history, _)| history.trial.grown() == Some(kind) && history.error > 0.0)
             .map(|(history, after)| (history.error.into(), f64::from(history.error) - after / drift))
             .collect();
         if let Some(correlation) = rank_correlation(&pairs) {
             let weight = pairs.len() as f64;
-            let [splats, weighted] = &mut self.ranked[kind];
+            let [splats, weighted] = &mut self.ranked[kind as usize];
             (*splats, *weighted) = (*splats + weight, *weighted + weight * correlation);
         }
     }
@@ -106,8 +95,8 @@ impl Growth {
 
     /// The share of a splat's error that this kind of growth removes; `None` before it was measured.
     pub fn share(&self, kind: Kind) -> Option<f64> {
-        let [tried, removed] = [self.tried, self.removed].map(|errors| errors[kind as usize]);
-        (tried > 0.0).then(|| (removed / tried).clamp(0.0, 1.0))
+        let left = |outcomes: &[Outcome; KINDS]| outcomes[kind as usize].left();
+        Some((1.0 - left(&self.grown)? / left(&self.withheld)?).clamp(0.0, 1.0))
     }
 
     /// The share of a splat's error that this kind of growth removes, over the share that a split removes; `set` before both
@@ -161,72 +150,67 @@ impl Growth {
     }
 }
 
-impl Trial {
-    /// Its place in [`Growth::before`].
-    pub fn group(self) -> Option<usize> {
-        match self {
-            Self::None => None,
-            Self::Withheld => Some(0),
-            Self::Split => Some(1 + Kind::Split as usize),
-            Self::RefinedU | Self::RefinedV | Self::RefinedBoth => Some(1 + Kind::Refined as usize),
-            Self::Raised => Some(1 + Kind::Band as usize),
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::history::Trial;
     use super::super::settings::ErrorMeasure;
     use super::*;
     use crate::backend::WindowStatistics;
 
-    fn scores(errors: &[f32]) -> Scores {
+    fn window(errors: &[f32]) -> WindowStatistics {
         let n = errors.len();
-        let window = WindowStatistics {
-            views: 4,
-            seen: vec![4; n],
-            area: vec![0.1; n],
-            contribution: vec![0.1; n],
-            error: errors.to_vec(),
-        };
-        Scores::new(&window, 4, ErrorMeasure::Mass, 0.0)
+        let ones = vec![0.1; n];
+        let (seen, contribution) = (vec![4; n], ones.clone());
+        WindowStatistics { views: 4, seen, area: ones, contribution, error: errors.to_vec() }
     }
 
-    fn histories(trials: &[Trial]) -> Vec<SplatHistory> {
-        trials.iter().map(|&trial| SplatHistory { trial, ..SplatHistory::first(2) }).collect()
+    /// Splats with a loss of 1 before, and what became of them.
+    fn observe(growth: &mut Growth, splats: &[(Trial, f32)]) {
+        let of = |&(trial, _): &(Trial, f32)| SplatHistory { trial, error: 1.0, ..SplatHistory::first(2) };
+        let histories: Vec<SplatHistory> = splats.iter().map(of).collect();
+        let errors: Vec<f32> = splats.iter().map(|splat| splat.1).collect();
+        let scores = Scores::new(&window(&errors), 4, ErrorMeasure::Mass, 0.0);
+        growth.observe(&Outcomes::new(&histories, &scores), &histories, &scores);
     }
 
     #[test]
-    fn shares_are_measured_against_withheld_candidates() {
-        let trials =
-            [Trial::Withheld, Trial::Split, Trial::Split, Trial::RefinedV, Trial::Raised, Trial::None];
-        let after = scores(&[0.5, 0.15, 0.15, 0.4, 0.45, 9.0]);
-        let mut growth = Growth { before: [1.0; 4], ..Growth::default() };
-        growth.observe(&histories(&trials), &after);
-        // Training alone halves the error: 0.3 of 0.5 are left after a split, 0.4 after refining, 0.45 with another band.
+    fn shares_are_measured_against_splats_withheld_from_the_same_growth() {
+        use Trial::{Raised, RefinedV, Split, Withheld};
+        let [no_split, no_refined, no_band] = [Kind::Split, Kind::Refined, Kind::Band].map(Withheld);
+        // Training alone leaves a half of the loss, and 0.8 of that of splats whose maps could be refined.
+        let first = [
+            (no_split, 0.5),
+            (Split, 0.3),
+            (Split, 0.3),
+            (no_refined, 0.8),
+            (RefinedV, 0.6),
+            (no_band, 0.5),
+            (Raised, 0.45),
+            (Trial::None, 9.0),
+        ];
+        let mut growth = Growth::default();
+        observe(&mut growth, &first);
         let shares =
             |growth: &Growth| [Kind::Split, Kind::Refined, Kind::Band].map(|k| growth.share(k).unwrap());
         let [split, refined, band] = shares(&growth);
-        assert!((split - 0.4).abs() < 1e-6 && (refined - 0.2).abs() < 1e-6, "{split} {refined}");
+        assert!((split - 0.4).abs() < 1e-6 && (refined - 0.25).abs() < 1e-6, "{split} {refined}");
         assert!((band - 0.1).abs() < 1e-6, "{band}");
         let [refined, band] = [Kind::Refined, Kind::Band].map(|kind| growth.gain(kind, 2.0));
-        assert!((refined - 0.5).abs() < 1e-6 && (band - 0.25).abs() < 1e-6, "{refined} {band}");
-        for (split, refined, gain) in [(0.0, 0.1, 8.0), (0.0, 0.0, 0.25), (0.1, 0.0, 0.25)] {
-            let mut other = growth;
-            other.removed = [split, refined, 0.0];
+        assert!((refined - 0.625).abs() < 1e-6 && (band - 0.25).abs() < 1e-6, "{refined} {band}");
+        let left = |after| Outcome { splats: 1.0, before: 1.0, after };
+        for (split, refined, gain) in [(1.0, 0.9, 8.0), (1.0, 1.0, 0.25), (0.9, 1.0, 0.25)] {
+            let grown = [left(split), left(refined), left(1.0)];
+            let other = Growth { grown, withheld: [left(1.0); KINDS], ..growth };
             assert_eq!(other.gain(Kind::Refined, 2.0), gain);
         }
-        // What was compared once is not compared again; older evidence fades.
-        assert_eq!(growth.before, [0.0; 4]);
-        growth.observe(&histories(&trials), &after);
-        assert_eq!(growth.tried, [1.0; 3]);
-        growth.before = [1.0, 1.0, 0.0, 0.0];
-        growth.observe(&histories(&trials), &scores(&[0.5, 0.25, 0.25, 0.4, 0.45, 9.0]));
+        // Older evidence fades.
+        observe(&mut growth, &[(no_split, 0.5), (Split, 0.5), (Split, 0.5)]);
         let [split, refined, _] = shares(&growth);
-        assert!((split - 0.28 / 1.7).abs() < 1e-6 && (refined - 0.2).abs() < 1e-6, "{split} {refined}");
-        // Nothing is learnt without withheld candidates.
-        let mut none = Growth { before: [0.0, 1.0, 1.0, 1.0], ..Growth::default() };
-        none.observe(&histories(&trials), &after);
-        assert_eq!((none.share(Kind::Split), none.gain(Kind::Refined, 2.0)), (None, 2.0));
+        let expected = 1.0 - (0.7 * 0.6 + 1.0) / (0.7 * 2.0 + 2.0) / 0.5;
+        assert!((split - expected).abs() < 1e-6 && (refined - 0.25).abs() < 1e-6, "{split} {refined}");
+        // Nothing is learnt without withheld splats.
+        let mut none = Growth::default();
+        observe(&mut none, &[(no_split, 0.5), (RefinedV, 0.4)]);
+        assert_eq!((none.share(Kind::Refined), none.gain(Kind::Refined, 2.0)), (None, 2.0));
     }
 }

@@ -1,5 +1,6 @@
 //! The history of a splat: what the trainer keeps of it besides its parameters.
 
+use super::growth::Kind;
 use crate::backend::{Grid, MapChange};
 
 /// Density-control steps during which a half is fresh.
@@ -11,8 +12,8 @@ pub enum Trial {
     /// It could not grow, or nothing was to be measured.
     #[default]
     None,
-    /// Nothing, so that the others can be compared with it.
-    Withheld,
+    /// Nothing, so that others that grew in this way can be compared with it.
+    Withheld(Kind),
     /// Split: this is one of the halves.
     Split,
     /// Refined its map along u.
@@ -27,9 +28,11 @@ pub enum Trial {
 
 impl Trial {
     /// All, in the order of their numbers in checkpoints.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 9] = [
         Self::None,
-        Self::Withheld,
+        Self::Withheld(Kind::Split),
+        Self::Withheld(Kind::Refined),
+        Self::Withheld(Kind::Band),
         Self::Split,
         Self::RefinedU,
         Self::RefinedV,
@@ -52,8 +55,23 @@ impl Trial {
             Self::RefinedU => Some([true, false]),
             Self::RefinedV => Some([false, true]),
             Self::RefinedBoth => Some([true; 2]),
-            Self::None | Self::Withheld | Self::Split | Self::Raised => None,
+            Self::None | Self::Withheld(_) | Self::Split | Self::Raised => None,
         }
+    }
+
+    /// How the splat grew; `None` if it did not.
+    pub fn grown(self) -> Option<Kind> {
+        match self {
+            Self::None | Self::Withheld(_) => None,
+            Self::Split => Some(Kind::Split),
+            Self::RefinedU | Self::RefinedV | Self::RefinedBoth => Some(Kind::Refined),
+            Self::Raised => Some(Kind::Band),
+        }
+    }
+
+    /// Its number in checkpoints.
+    pub fn number(self) -> u16 {
+        Self::ALL.iter().position(|&trial| trial == self).unwrap_or(0) as u16
     }
 }
 

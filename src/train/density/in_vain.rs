@@ -1,37 +1,40 @@
 //! Growth in vain: splats that were split, or whose maps were refined, in the last step, and that carry no less loss for it
 //! (method 6.14).
 
-use super::history::{SplatHistory, Trial};
+use super::growth::Kind;
+use super::history::SplatHistory;
+use super::outcome::Outcomes;
 use super::score::Scores;
 
 /// The share of its loss that a splat must lose by growth, beyond what training alone does.
 const GAIN_MIN: f64 = 0.02;
 
 /// Fewest withheld splats that tell what training alone does. Not measured.
-const WITHHELD_MIN: usize = 10;
+const WITHHELD_MIN: f64 = 10.0;
 
 /// For each splat whether it grew in the last step to no avail. What training alone does to the loss is measured on the
-/// splats that were withheld; if there are too few, nothing is found.
-pub fn grew_in_vain(histories: &[SplatHistory], scores: &Scores) -> Vec<bool> {
-    let is_known = |(history, _): &(&SplatHistory, &f64)| history.error > 0.0;
-    let pairs = || histories.iter().zip(&scores.total);
-    let has_grown =
-        |history: &SplatHistory| history.trial == Trial::Split || history.trial.refined_axes().is_some();
-    let withheld = pairs().filter(is_known).filter(|(history, _)| history.trial == Trial::Withheld);
-    let (count, before, after) = withheld
-        .fold((0, 0.0, 0.0), |(n, b, a), (history, &now)| (n + 1, b + f64::from(history.error), a + now));
-    if count < WITHHELD_MIN {
-        return vec![false; histories.len()];
-    }
-    let left = (1.0 - GAIN_MIN) * after / before;
-    let in_vain = |(history, now): (&SplatHistory, &f64)| {
-        has_grown(history) && history.error > 0.0 && *now > left * f64::from(history.error)
+/// splats that were withheld from the same kind of growth; if there are too few, nothing is found. Bands learn slowly and are
+/// judged later (method 6.13).
+pub fn grew_in_vain(histories: &[SplatHistory], scores: &Scores, window: &Outcomes) -> Vec<bool> {
+    let left = |kind: Kind| {
+        let withheld = window.withheld[kind as usize];
+        withheld.left().filter(|_| withheld.splats >= WITHHELD_MIN).map(|left| (1.0 - GAIN_MIN) * left)
     };
-    pairs().map(in_vain).collect()
+    let [of_splits, of_refined] = [Kind::Split, Kind::Refined].map(left);
+    let in_vain = |(history, &now): (&SplatHistory, &f64)| {
+        let left = match history.trial.grown() {
+            Some(Kind::Split) => of_splits,
+            Some(Kind::Refined) => of_refined,
+            Some(Kind::Band) | None => None,
+        };
+        left.is_some_and(|left| history.error > 0.0 && now > left * f64::from(history.error))
+    };
+    histories.iter().zip(&scores.total).map(in_vain).collect()
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::history::Trial;
     use super::super::settings::ErrorMeasure;
     use super::*;
     use crate::backend::WindowStatistics;
@@ -39,7 +42,7 @@ mod tests {
     #[test]
     fn growth_is_compared_with_splats_that_were_withheld() {
         let of = |trial, error| SplatHistory { trial, error, ..SplatHistory::first(2) };
-        let withheld = |count| std::iter::repeat_n(of(Trial::Withheld, 1.0), count);
+        let from = |kind, count| std::iter::repeat_n(of(Trial::Withheld(kind), 1.0), count);
         let others = [
             of(Trial::None, 1.0),
             of(Trial::RefinedU, 1.0),
@@ -47,19 +50,23 @@ mod tests {
             of(Trial::Split, 1.0),
             of(Trial::Split, 0.0),
         ];
-        let found = |count: usize| {
-            let histories: Vec<SplatHistory> = withheld(count).chain(others).collect();
-            // Training alone leaves 0.6 of the loss.
-            let of_withheld = (0..count).map(|i| if i % 2 == 0 { 0.5 } else { 0.7 });
-            let errors: Vec<f32> = of_withheld.chain([9.0, 0.61, 0.5, 0.59, 0.6]).collect();
+        let found = |splits: usize, maps: usize| {
+            let withheld = from(Kind::Split, splits).chain(from(Kind::Refined, maps));
+            let histories: Vec<SplatHistory> = withheld.chain(others).collect();
+            // Training alone leaves 0.6 of the loss of splats withheld from splits, and 0.8 of the others'.
+            let around =
+                |left: f32, count| (0..count).map(move |i| left + if i % 2 == 0 { 0.1 } else { -0.1 });
+            let errors = around(0.6, splits).chain(around(0.8, maps)).chain([9.0, 0.81, 0.7, 0.59, 0.6]);
+            let errors: Vec<f32> = errors.collect();
             let n = errors.len();
             let (seen, ones) = (vec![1; n], vec![0.1; n]);
             let window =
                 WindowStatistics { views: 1, seen, area: ones.clone(), contribution: ones, error: errors };
             let scores = Scores::new(&window, 1, ErrorMeasure::Mass, 0.0);
-            grew_in_vain(&histories, &scores).split_off(count)
+            grew_in_vain(&histories, &scores, &Outcomes::new(&histories, &scores)).split_off(splits + maps)
         };
-        assert_eq!(found(10), [false, true, false, true, false]);
-        assert_eq!(found(8), [false; 5], "too few were withheld");
+        assert_eq!(found(10, 10), [false, true, false, true, false]);
+        assert_eq!(found(10, 8), [false, false, false, true, false], "too few maps were withheld");
+        assert_eq!(found(8, 8), [false; 5]);
     }
 }

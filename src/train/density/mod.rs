@@ -12,6 +12,7 @@ mod growth;
 mod history;
 mod in_vain;
 mod maps;
+mod outcome;
 mod planned_splat;
 mod rank_correlation;
 mod regrid;
@@ -30,8 +31,9 @@ pub use decide::decide;
 pub use geometry::{
     TEXELS_MAX, even_texels, first_texel_size, half_extents, morton_codes, opacity, pixel_sizes, sigmas,
 };
-pub use growth::{Growth, Kind};
+pub use growth::{Growth, KINDS, Kind};
 pub use history::{SplatHistory, Trial};
+pub use outcome::Outcome;
 pub use regrid::{cropped as cropped_map, window as map_window};
 pub use relocate::relocate;
 pub use settings::{

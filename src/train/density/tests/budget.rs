@@ -50,7 +50,7 @@ fn drawn_growth_splits_at_its_rate_and_withholds_a_tenth() {
         let revision = revision(true, seed, 1_000_000);
         // 16 % of 12 splats.
         assert_eq!(revision.counts.split, 2);
-        revision.histories.iter().filter(|history| history.trial == Trial::Withheld).count()
+        revision.histories.iter().filter(|history| history.trial == Trial::Withheld(Kind::Split)).count()
     };
     // A tenth of those drawn: 44 of 444, standard deviation 7.
     let total: usize = (0..200).map(withheld).sum();
@@ -84,8 +84,8 @@ fn all_growth_competes_in_one_currency() {
             let revision = revise(&s, &config, &budget);
             assert!(budget.allows(&size_after(&model, &revision)));
             for history in revision.histories {
-                if let Some(kind @ 1..) = history.trial.group() {
-                    tried[kind - 1] += 1;
+                if let Some(kind) = history.trial.grown() {
+                    tried[kind as usize] += 1;
                 }
             }
         }
@@ -93,13 +93,8 @@ fn all_growth_competes_in_one_currency() {
         tried[0] /= 2;
         tried
     };
-    let measured = |[split, refined, band]: [f64; 3]| Growth {
-        tried: [1.0; 3],
-        removed: [split, refined, band],
-        ..Growth::default()
-    };
     // What kinds were worth decides which of them the budget buys.
-    let [splits, others] = [[0.8, 0.1, 0.1], [0.1, 0.8, 0.8]].map(|shares| tried(measured(shares)));
+    let [splits, others] = [[0.8, 0.1, 0.1], [0.1, 0.8, 0.8]].map(|shares| tried(growth::measured(shares)));
     assert!(splits[0] > 2 * splits[1] && others[1] > 2 * others[0], "{splits:?} {others:?}");
     assert!(others[2] > splits[2], "{splits:?} {others:?}");
 }

@@ -8,8 +8,9 @@ mod splats;
 
 use super::decide::decide;
 use super::geometry::{even_texels, first_texel_size, half_extents, opacity, sigmas};
-use super::growth::Growth;
+use super::growth::{Growth, KINDS, Kind};
 use super::history::{SplatHistory, Trial};
+use super::outcome::Outcome;
 use super::regrid::{cropped, surplus};
 use super::settings::{Budget, Components, DensityConfig, Spending, SplitProfile};
 use super::situation::{DensityCounts, Revision, Situation};
