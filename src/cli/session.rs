@@ -128,7 +128,7 @@ impl<'a> Session<'a> {
                 texture_cap,
                 wall_secs,
             } => self.metric(json!({ "event": "density-control", "step": step, "counts": counts,
-                "growth": GrowthFigures::new(&growth, &self.config.train),
+                "growth": GrowthFigures::new(growth, &self.config.train),
                 "splats": num_splats, "texels": num_texels, "render_scale": render_scale,
                 "texture_cap": texture_cap, "wall_secs": wall_secs }))?,
             TrainEvent::GaveBack(given_back) => {

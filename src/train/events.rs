@@ -73,7 +73,7 @@ pub enum TrainEvent<'a> {
         /// What the revision did.
         counts: DensityCounts,
         /// What growth was worth.
-        growth: Growth,
+        growth: &'a Growth,
         /// Splats after the revision.
         num_splats: usize,
         /// Texels after the revision.

@@ -238,7 +238,7 @@ impl Trainer<'_> {
             let event = TrainEvent::DensityControl {
                 step,
                 counts,
-                growth: self.state.growth,
+                growth: &self.state.growth,
                 num_splats,
                 num_texels,
                 render_scale,
