@@ -13,10 +13,10 @@ pub fn bands(sh_degree: u32) -> impl Iterator<Item = (u8, Range<usize>)> {
 }
 
 /// Appends the degrees of splats; none if all are `most`, the largest of the file.
-pub fn put_degrees(block: &mut Vec<u8>, degrees: &[u8], most: u32, level: i32) {
+pub fn put_degrees(block: &mut Vec<u8>, degrees: &[u8], most: u32) {
     let is_uniform = degrees.iter().all(|&degree| u32::from(degree) == most);
     let numbers = if is_uniform { Vec::new() } else { degrees.iter().map(|&degree| degree.into()).collect() };
-    put_numbers(block, &numbers, level);
+    put_numbers(block, &numbers);
 }
 
 /// Takes the degrees of `n` splats off the front.
@@ -42,22 +42,22 @@ pub fn take_degrees(block: &mut &[u8], n: usize, most: u32) -> Result<Vec<u8>> {
 
 impl SplatCodes {
     /// Encodes the block of SH above degree 0.
-    pub fn encode_sh(&self, sh_degree: u32, level: i32) -> Vec<u8> {
+    pub fn encode_sh(&self, sh_degree: u32) -> Vec<u8> {
         let mut block = Vec::new();
         if sh_degree > 0 {
-            put_degrees(&mut block, &self.degrees, sh_degree, level);
+            put_degrees(&mut block, &self.degrees, sh_degree);
         }
-        bands(sh_degree).for_each(|band| self.put_band(&mut block, sh_degree, band, level));
+        bands(sh_degree).for_each(|band| self.put_band(&mut block, sh_degree, band));
         block
     }
 
     /// Appends the coefficients that a degree adds: a stream for each channel, coefficient by coefficient, of the splats
     /// that have them.
-    pub fn put_band(&self, block: &mut Vec<u8>, sh_degree: u32, band: (u8, Range<usize>), level: i32) {
+    pub fn put_band(&self, block: &mut Vec<u8>, sh_degree: u32, band: (u8, Range<usize>)) {
         for channel in 0..3 {
             let places = places(&self.degrees, sh_degree, &band, channel);
             let numbers: Vec<u32> = places.map(|place| zigzag(self.sh[place])).collect();
-            put_numbers(block, &numbers, level);
+            put_numbers(block, &numbers);
         }
     }
 

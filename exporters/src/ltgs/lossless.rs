@@ -74,7 +74,7 @@ pub fn encode_geometry(asset: &SplatAsset, splats: Range<usize>, level: i32) -> 
     let ratios: Vec<[u8; 4]> = sizes(0).zip(sizes(1)).map(|(u, v)| (u ^ v).to_le_bytes()).collect();
     put_planes(&mut block, &ratios, 1, level);
     let shifts: Vec<[i16; 2]> = maps.iter().filter(|m| m.num_texels() > 0).map(|m| m.shift).collect();
-    put_shifts(&mut block, &shifts, level);
+    put_shifts(&mut block, &shifts);
     put_floats(&mut block, asset.positions[splats.clone()].as_flattened(), 3, level);
     put_floats(&mut block, asset.rotations[splats.clone()].as_flattened(), 4, level);
     put_floats(&mut block, asset.scales[splats.clone()].as_flattened(), 2, level);
@@ -85,7 +85,7 @@ pub fn encode_geometry(asset: &SplatAsset, splats: Range<usize>, level: i32) -> 
         splats.map(|s| asset.mean_residual(s).map(|m| (m / MEAN_STEP).round() as i32)).collect();
     for channel in 0..3 {
         let numbers: Vec<u32> = means.iter().map(|m| zigzag(m[channel])).collect();
-        put_numbers(&mut block, &numbers, level);
+        put_numbers(&mut block, &numbers);
     }
     block
 }
@@ -96,7 +96,7 @@ pub fn encode_sh(asset: &SplatAsset, splats: Range<usize>, level: i32) -> Vec<u8
     if asset.sh_degree == 0 {
         return block;
     }
-    put_degrees(&mut block, &asset.sh_degrees[splats.clone()], asset.sh_degree, level);
+    put_degrees(&mut block, &asset.sh_degrees[splats.clone()], asset.sh_degree);
     for (degree, band) in bands(asset.sh_degree) {
         let of_band = splats.clone().filter(|&s| asset.sh_degrees[s] >= degree);
         let values: Vec<f32> =

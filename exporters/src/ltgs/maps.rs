@@ -6,10 +6,10 @@ use super::splats::SplatCodes;
 use crate::{Error, Result};
 
 /// Appends the shifts of maps: two streams, along u and v, without numbers where all are 0.
-pub fn put_shifts(block: &mut Vec<u8>, shifts: &[[i16; 2]], level: i32) {
+pub fn put_shifts(block: &mut Vec<u8>, shifts: &[[i16; 2]]) {
     for axis in 0..2 {
         let numbers = shifts.iter().map(|shift| zigzag(shift[axis].into())).collect();
-        put_numbers(block, &unless_zeros(numbers), level);
+        put_numbers(block, &unless_zeros(numbers));
     }
 }
 
@@ -31,14 +31,14 @@ pub fn take_shifts(block: &mut &[u8], n: usize) -> Result<Vec<[i16; 2]>> {
 
 impl SplatCodes {
     /// Appends the texel sizes and shifts of maps.
-    pub fn put_texel_sizes(&self, block: &mut Vec<u8>, level: i32) {
+    pub fn put_texel_sizes(&self, block: &mut Vec<u8>) {
         let column = |of: fn(&TexelSizeCodes) -> i32| -> Vec<u32> {
             self.texel_sizes.iter().map(of).map(zigzag).collect()
         };
-        put_numbers(block, &column(|c| c.mean), level);
-        put_numbers(block, &unless_zeros(column(|c| c.octaves)), level);
-        put_numbers(block, &unless_zeros(column(|c| c.rest)), level);
-        put_shifts(block, &self.shifts, level);
+        put_numbers(block, &column(|c| c.mean));
+        put_numbers(block, &unless_zeros(column(|c| c.octaves)));
+        put_numbers(block, &unless_zeros(column(|c| c.rest)));
+        put_shifts(block, &self.shifts);
     }
 
     /// The inverse of [`Self::put_texel_sizes`], for splats whose sides are known.

@@ -13,6 +13,7 @@
 //! Lossless files hold the bytes of the numbers; others hold numbers rounded by [`Steps`], which the caller chooses by
 //! rendering what [`quantised`] returns.
 
+mod arithmetic;
 mod bands;
 mod bits;
 mod check;

@@ -142,18 +142,17 @@ impl SplatCodes {
     ///
     /// # Errors
     /// None for codes made by the writer.
-    pub fn encode_geometry(&self, quantiser: &Quantiser, sh_degree: u32, level: i32) -> Result<Vec<u8>> {
+    pub fn encode_geometry(&self, quantiser: &Quantiser, sh_degree: u32) -> Result<Vec<u8>> {
         let mut block = Vec::new();
-        let mut put = |numbers: Vec<u32>| put_numbers(&mut block, &numbers, level);
+        let mut put = |numbers: Vec<u32>| put_numbers(&mut block, &numbers);
         put(self.exponents.iter().map(|&x| zigzag(x)).collect());
-        for axis in 0..2 {
-            put(self.sides.iter().map(|s| s[axis].into()).collect());
-        }
-        for axis in 0..2 {
-            put(self.scales.iter().map(|s| zigzag(s[axis])).collect());
-        }
-        self.put_texel_sizes(&mut block, level);
-        let mut put = |numbers: Vec<u32>| put_numbers(&mut block, &numbers, level);
+        // Both axes of a splat are alike: the second is stored as its difference from the first.
+        put(self.sides.iter().map(|s| s[0].into()).collect());
+        put(self.sides.iter().map(|s| zigzag(i32::from(s[1]) - i32::from(s[0]))).collect());
+        put(self.scales.iter().map(|s| zigzag(s[0])).collect());
+        put(self.scales.iter().map(|s| zigzag(s[1].wrapping_sub(s[0]))).collect());
+        self.put_texel_sizes(&mut block);
+        let mut put = |numbers: Vec<u32>| put_numbers(&mut block, &numbers);
         put(self.largest.clone());
         for axis in 0..3 {
             put(self.rotations.iter().map(|r| zigzag(r[axis])).collect());
@@ -161,9 +160,9 @@ impl SplatCodes {
         let (gaps, places) = self.gaps_and_places(quantiser)?;
         put(gaps.iter().map(|gap| (gap >> 31) as u32).collect());
         put(gaps.iter().map(|gap| (gap & 0x7fff_ffff) as u32).collect());
-        put_bytes(&mut block, &places, level);
-        put_numbers(&mut block, &self.opacities, level);
-        self.put_band(&mut block, sh_degree, (0, 0..1), level);
+        put_bytes(&mut block, &places, 1);
+        put_numbers(&mut block, &self.opacities);
+        self.put_band(&mut block, sh_degree, (0, 0..1));
         Ok(block)
     }
 
@@ -190,11 +189,14 @@ impl SplatCodes {
         }
         let before = tally.add("exponents", before, block.len());
         codes.sides = vec![[0; 2]; n];
-        for axis in 0..2 {
-            for (side, code) in codes.sides.iter_mut().zip(take(&mut block)?) {
-                let within = u16::try_from(code).ok().filter(|&side| side <= MAP_SIDE_MAX);
-                let most = || Error::invalid("", format!("side {code} of a map, at most {MAP_SIDE_MAX}"));
-                side[axis] = within.ok_or_else(most)?;
+        for (side, (rows, more)) in
+            codes.sides.iter_mut().zip(take(&mut block)?.into_iter().zip(take(&mut block)?))
+        {
+            let sides = [i64::from(rows), i64::from(rows) + i64::from(unzigzag(more))];
+            for (side, found) in side.iter_mut().zip(sides) {
+                let within = u16::try_from(found).ok().filter(|&side| side <= MAP_SIDE_MAX);
+                let most = || Error::invalid("", format!("side {found} of a map, at most {MAP_SIDE_MAX}"));
+                *side = within.ok_or_else(most)?;
             }
         }
         if let Some([rows, cols]) = codes.sides.iter().find(|s| (s[0] == 0) != (s[1] == 0)) {
@@ -202,10 +204,10 @@ impl SplatCodes {
         }
         let before = tally.add("maps", before, block.len());
         codes.scales = vec![[0; 2]; n];
-        for axis in 0..2 {
-            for (scale, code) in codes.scales.iter_mut().zip(take(&mut block)?) {
-                scale[axis] = unzigzag(code);
-            }
+        for (scale, (u, more)) in
+            codes.scales.iter_mut().zip(take(&mut block)?.into_iter().zip(take(&mut block)?))
+        {
+            *scale = [unzigzag(u), unzigzag(u).wrapping_add(unzigzag(more))];
         }
         let before = tally.add("scales", before, block.len());
         codes.take_texel_sizes(&mut block)?;

@@ -155,10 +155,10 @@ impl TexelWriter {
     }
 
     /// Encodes the block of texels.
-    pub fn encode(&self, level: i32) -> Vec<u8> {
+    pub fn encode(&self) -> Vec<u8> {
         let mut block = Vec::new();
         for stream in &self.streams {
-            put_numbers(&mut block, stream, level);
+            put_numbers(&mut block, stream);
         }
         block
     }

@@ -205,9 +205,9 @@ impl CodedChunk {
 
     fn encode(&self, plan: &Plan, sh_degree: u32) -> Result<Chunk> {
         let blocks = [
-            self.splats.encode_geometry(&plan.quantiser, sh_degree, ZSTD_LEVEL)?,
-            self.splats.encode_sh(sh_degree, ZSTD_LEVEL),
-            self.texels.encode(ZSTD_LEVEL),
+            self.splats.encode_geometry(&plan.quantiser, sh_degree)?,
+            self.splats.encode_sh(sh_degree),
+            self.texels.encode(),
         ];
         Ok(Chunk::new(blocks, &self.decoded.positions, self.decoded.num_texels()))
     }
