@@ -193,14 +193,6 @@ impl RunConfig {
         if t.background.iter().any(|x| !(0.0..=1.0).contains(x)) {
             return Err(format!("train.background: found {:?}, expected numbers from 0 to 1", t.background));
         }
-        let density = &t.density;
-        if let Some((name, found)) =
-            [("overshoot", density.overshoot), ("relocate-overshoot", density.relocate_overshoot)]
-                .into_iter()
-                .find(|(_, found)| *found < 1.0)
-        {
-            return Err(format!("train.density.{name}: found {found}, expected 1 or above"));
-        }
         if t.policy == Policy::Cat && self.profile != Profile::Cat {
             // Other settings of content-aware texturing are the profile's.
             return Err(
@@ -345,7 +337,10 @@ mod tests {
             ("[train.rates]\ntexel = -1e-3", "train.rates.texel: found -0.001"),
             ("[train.rates]\nopacity = 1e300", "train.rates.opacity: found inf"),
             ("[train.density]\nquantile = 1.2", "train.density.quantile: found 1.2"),
-            ("[train.density]\novershoot = 0.5", "train.density.overshoot: found 0.5, expected 1 or above"),
+            (
+                "[train.density]\novershoot = 0.5",
+                "train.density.overshoot: found 0.5, expected a number from 1 to 1000",
+            ),
             ("[train.rates]\ntexel-growth = nan", "train.rates.texel-growth: found NaN"),
             ("[train.loss]\nl1 = nan", "train.loss.l1: found NaN"),
             ("[train.loss]\nl2 = 1.0", "l2"),

@@ -9,7 +9,8 @@ use super::sources::{load_scene, read_limits, read_scene};
 use super::table::Columns;
 use super::values::{format_bytes, format_count};
 use litetex_exporters::{
-    AssetCamera, Format, SplatAsset, WriteOptions, Written, read_asset, read_fallback, stage_asset,
+    AssetCamera, Format, SplatAsset, WriteOptions, Written, num_sh_coefficients, read_asset, read_fallback,
+    stage_asset,
 };
 use litetex_gs::verify::{
     Backends, BakedScene, Contribution, EXPORT_VIEWS, ExpectedImages, GoOn, QualityLimits, ReadBack,
@@ -272,7 +273,8 @@ fn verify_staged(with: &mut Verification<'_>, path: &Path, limits: Option<Qualit
 /// Bytes of the numbers of a scene as f32 and u16.
 fn raw_bytes(asset: &SplatAsset) -> u64 {
     let per_splat = 4 * (3 + 4 + 2 + 1 + 1) + 4;
-    (asset.num_splats() * per_splat + 4 * (asset.sh.len() + asset.texels.len())) as u64
+    let sh: usize = asset.sh_degrees.iter().map(|&degree| 3 * num_sh_coefficients(degree.into())).sum();
+    (asset.num_splats() * per_splat + 4 * (sh + asset.texels.len())) as u64
 }
 
 impl Exports {

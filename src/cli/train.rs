@@ -12,11 +12,12 @@ use super::summary::Summary;
 use super::train_args::TrainArgs;
 use super::train_job::TrainJob;
 use super::train_summary::{self, Outcome};
+use super::values::format_count;
 use super::{devices, export, orphan, outputs, uncovered};
 use litetex_gs::backend::Backend;
 use litetex_gs::model::ModelSize;
 use litetex_gs::train::density::Budget;
-use litetex_gs::train::{StopReason, TrainConfig, TrainState, check_limits, train};
+use litetex_gs::train::{Schedule, StopReason, TrainConfig, TrainState, check_limits, train};
 use litetex_gs::views::{Split, ViewSource as _};
 use litetex_gs::{Error, Report, Result};
 use std::path::PathBuf;
@@ -75,6 +76,10 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<(Summary, PathBuf)> {
         session.warn_of_uncovered_pixels("training", share, "more steps may close the gaps")?;
     }
     report.merge(std::mem::take(&mut session.report));
+    if let Some(what) = over_budget(&job.config.train, state.model.num_params()) {
+        log.warn("budget-exceeded", &what, 1);
+        report.warn("budget-exceeded", 1, what);
+    }
 
     let outcome = Outcome {
         config: &job.config,
@@ -101,6 +106,16 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<(Summary, PathBuf)> {
     Ok((summary, job.out))
 }
 
+/// A warning if a run ended before its model was brought down to the budget.
+fn over_budget(config: &TrainConfig, params: usize) -> Option<String> {
+    let most = config.budget.max_params.filter(|&most| params > most)?;
+    Some(format!(
+        "the model has {} parameters, more than --budget-params {most}: the run ended before its last round of giving \
+         back; give it more time, or fewer --steps",
+        format_count(params as u64)
+    ))
+}
+
 /// The state to train from: that of a checkpoint, or a new one.
 fn first_state(job: &mut TrainJob, capture: &Capture, report: &mut Report, log: &Log) -> Result<TrainState> {
     if let Some(mut resume) = job.resume.take() {
@@ -112,7 +127,8 @@ fn first_state(job: &mut TrainJob, capture: &Capture, report: &mut Report, log: 
     let first = capture::fresh_model(capture, &config.init, config.max_points, &config.train)?;
     log.report(&first.report);
     report.merge(first.report);
-    if let Some(what) = bounded_start(&config.train, first.model.num_splats()) {
+    let budget = Schedule::new(&config.train, capture.indices(Split::Train).len()).budget(&config.train, 0);
+    if let Some(what) = bounded_start(&config.train, &budget, first.model.num_splats()) {
         log.warn("initial-model-bounded-by-budget", &what, 1);
         report.warn("start-bounded-by-budget", 1, what);
     }
@@ -121,12 +137,12 @@ fn first_state(job: &mut TrainJob, capture: &Capture, report: &mut Report, log: 
 }
 
 /// A warning if the budget of texels or parameters, and not that of splats, bounds how many splats a new model has:
-/// users who set several budgets do not expect it.
-fn bounded_start(config: &TrainConfig, num_splats: usize) -> Option<String> {
+/// users who set several budgets do not expect it. `budget` is what bounds it, which may exceed that of the user.
+fn bounded_start(config: &TrainConfig, budget: &Budget, num_splats: usize) -> Option<String> {
     let texels_each = config.policy.first_texels_each();
     let params_each = ModelSize::uniform(1, texels_each, config.least_sh_degree()).params();
     let room = |most: Option<usize>, each: usize| most.map_or(usize::MAX, |most| most / each.max(1));
-    let Budget { max_splats, max_texels, max_params } = config.budget;
+    let &Budget { max_splats, max_texels, max_params } = budget;
     let by_texels = if texels_each == 0 { usize::MAX } else { room(max_texels, texels_each) };
     let by_params = room(max_params, params_each);
     let most = by_texels.min(by_params);
@@ -136,7 +152,7 @@ fn bounded_start(config: &TrainConfig, num_splats: usize) -> Option<String> {
     let (flag, each) = match by_texels <= by_params {
         true => (format!("--max-texels {}", max_texels.unwrap_or_default()), format!("{texels_each} texels")),
         false => (
-            format!("--budget-params {}", max_params.unwrap_or_default()),
+            format!("--budget-params {}", config.budget.max_params.unwrap_or_default()),
             format!("{params_each} parameters"),
         ),
     };
@@ -179,16 +195,19 @@ mod tests {
     fn the_budget_that_limits_the_initial_model_is_named() {
         let warning = |policy, max_splats, max_texels, max_params, splats| {
             let budget = Budget { max_splats, max_texels, max_params };
-            bounded_start(&TrainConfig { policy, budget, ..TrainConfig::default() }, splats)
+            let bound = Budget { max_params: max_params.map(|most| 4 * most), ..budget };
+            bounded_start(&TrainConfig { policy, budget, ..TrainConfig::default() }, &bound, splats)
         };
         let texels = warning(Policy::Litetex, Some(10), Some(5), None, 1).unwrap();
         assert!(texels.contains("--max-texels 5") && texels.contains("4 texels"), "{texels}");
-        let params = warning(Policy::Litetex, Some(10), None, Some(300), 8).unwrap();
+        let params = warning(Policy::Litetex, Some(90), None, Some(300), 33).unwrap();
         assert!(params.contains("--budget-params 300") && params.contains("36 parameters"), "{params}");
         // Bounded by the splats or by the points, and a policy without texels.
         assert_eq!(warning(Policy::Litetex, Some(10), Some(40), None, 10), None);
         assert_eq!(warning(Policy::Litetex, None, Some(5000), None, 300), None);
         assert_eq!(warning(Policy::Plain, Some(10), Some(5), None, 10), None);
         assert_eq!(warning(Policy::Litetex, None, None, None, 300), None);
+        // There was room for more.
+        assert_eq!(warning(Policy::Litetex, None, None, Some(300), 8), None);
     }
 }

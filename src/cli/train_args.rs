@@ -96,7 +96,7 @@ pub struct TrainingArgs {
     /// Largest number of parameters, such as 500k or 5M: a splat has 58 at SH degree 3 and 22 at degree 1, a texture map 2 and 3 per texel
     #[arg(long, value_name = "N", value_parser = parse_count, help_heading = "Budget")]
     pub budget_params: Option<usize>,
-    /// End growth, and give parameters back, where 10 % of them improve the training views by less than this, dB of PSNR
+    /// End growth, and give parameters back, where 10 % of them improve the training views by less than this, dB of PSNR; 0: neither
     #[arg(long, value_name = "DB", help_heading = "Budget")]
     pub need: Option<f64>,
     /// Initialise from at most this many points, chosen at random

@@ -172,6 +172,9 @@ impl Schedule {
                 self.density_interval, self.densify_until
             ));
         }
+        if config.policy.spec().step == DensityStep::Relocate && config.density.need_db > 0.0 {
+            out.push(format!("growth by need: the policy {} does not measure growth", config.policy));
+        }
         let checks = checks_until(self.density_end);
         if parts.pruning && checks < u32::from(self.patience) {
             out.push(format!("pruning: only {checks} checks, fewer than the patience of {}", self.patience));
@@ -313,6 +316,9 @@ mod tests {
         let tiny = TrainConfig { steps: 60, ..config.clone() };
         let inactive = Schedule::new(&tiny, 43).inactive(&tiny);
         assert!(inactive.len() == 2 && inactive[0].starts_with("growth"), "{inactive:?}");
+        let plain = TrainConfig { policy: Policy::Plain, ..by_need };
+        let inactive = Schedule::new(&plain, 43).inactive(&plain);
+        assert!(inactive.iter().any(|what| what.starts_with("growth by need")), "{inactive:?}");
         assert!(short.is_density_step(43) && !short.is_density_step(44));
         assert!(!short.is_density_step(301) && short.density_end == 290);
         assert_eq!((published.patience, published.crop_interval, published.densify_until), (8, 100, 15_000));

@@ -11,9 +11,6 @@ use litetex_exporters::{AssetCamera, SplatAsset};
 pub struct Contribution {
     /// Sum of the blending weights over all pixels. `[num_splats]`
     pub weight_px: Vec<f32>,
-    /// Sum of the squared blending weights, as if a splat's weight were the same in all its pixels of a view.
-    /// `[num_splats]`
-    pub squared_weight_px: Vec<f32>,
 }
 
 impl Contribution {
@@ -29,8 +26,7 @@ impl Contribution {
     ) -> Result<Self> {
         let model = model_from_asset(asset);
         backend.upload(&model, &AdamState::zeros(&model))?;
-        let zeros = vec![0.0; model.num_splats()];
-        let mut all = Self { weight_px: zeros.clone(), squared_weight_px: zeros };
+        let mut all = Self { weight_px: vec![0.0; model.num_splats()] };
         for (photo, view) in views.iter().enumerate() {
             if !go_on() {
                 return Err(Error::Interrupted);
@@ -44,11 +40,8 @@ impl Contribution {
 
     /// Adds the statistics of one view, which are shares of its pixels.
     fn add(&mut self, of_view: &WindowStatistics, pixels: f32) {
-        for (splat, (weight, area)) in of_view.contribution.iter().zip(&of_view.area).enumerate() {
-            self.weight_px[splat] += weight * pixels;
-            if *area > 0.0 {
-                self.squared_weight_px[splat] += weight * weight / area * pixels;
-            }
+        for (sum, weight) in self.weight_px.iter_mut().zip(&of_view.contribution) {
+            *sum += weight * pixels;
         }
     }
 }

@@ -5,10 +5,12 @@
 mod baked_scene;
 mod contribution;
 mod difference;
+mod gradients;
 mod identity;
 mod limits;
 mod rate_distortion;
 mod renderer;
+mod sensitivity;
 mod verdict;
 
 pub use baked_scene::{BakedScene, bake_checkpoint};

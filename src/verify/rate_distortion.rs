@@ -1,15 +1,15 @@
 //! Rate-distortion search for `.ltgs`: finds the coarsest quantisation steps within a loss or a size, by rendering. (The
 //! quality-by-size charts are in `lab/src/chart/figures.rs`.)
 
-use super::contribution::Contribution;
 use super::difference::{Difference, evenly_spread, loss_db, mse_to_photos};
 use super::renderer::GoOn;
+use super::sensitivity::sensitivities;
 use super::{BakedScene, EXPORT_VIEWS, QualityLimits, SceneRenderer};
 use crate::backend::{Backend, RenderedImage};
 use crate::eval::psnr_from_mse;
 use crate::text::format_bytes;
 use crate::{Error, Report, Result};
-use litetex_exporters::ltgs::{LtgsOptions, Steps, encode, exponents_from_weights, quantised};
+use litetex_exporters::ltgs::{LtgsOptions, Steps, encode, quantised};
 use litetex_exporters::{AssetCamera, Quality, SplatAsset};
 
 /// Views at which steps are confirmed, test views among them; the search itself uses [`EXPORT_VIEWS`].
@@ -61,6 +61,25 @@ pub struct Rounding {
     pub exponents: Vec<i8>,
 }
 
+/// Steps that a factor scales, and exponents of the splats.
+#[derive(Clone, Copy)]
+struct Scaled<'a> {
+    base: Steps,
+    exponents: &'a [i8],
+}
+
+impl<'a> Scaled<'a> {
+    /// Steps for a factor, given as a power of two.
+    fn steps(&self, factor_log2: f64) -> Steps {
+        self.base.scaled(factor_log2.exp2())
+    }
+
+    /// Options of a file with steps for a factor.
+    fn options(&self, quality: Quality, factor_log2: f64) -> LtgsOptions<'a> {
+        LtgsOptions { quality, steps: Some(self.steps(factor_log2)), exponents: self.exponents }
+    }
+}
+
 /// Finds the coarsest rounding that reaches the goal, or for a bounded size the finest.
 ///
 /// # Errors
@@ -81,23 +100,24 @@ pub fn find_rounding(
     }
     let confirmed = evenly_spread(&training, CONFIRMED_VIEWS);
     let mut backend = (backends.statistics)()?;
-    let contribution = Contribution::measure(backend.as_mut(), asset, &confirmed, backends.go_on)?;
+    let (base, exponents) =
+        sensitivities(backend.as_mut(), asset, &confirmed, backends.go_on)?.rounding(asset);
     drop(backend);
-    let exponents = exponents_from_weights(&contribution.squared_weight_px);
     let renderer = SceneRenderer::new((backends.rendering)()?, backends.go_on);
-    let mut search = Search::new(asset, &exponents, evenly_spread(&training, EXPORT_VIEWS), renderer)?;
+    let scaled = Scaled { base, exponents: &exponents };
+    let mut search = Search::new(asset, scaled, evenly_spread(&training, EXPORT_VIEWS), renderer)?;
     if let Some(most) = goal.max_bytes {
-        let steps = steps_of_size(asset, goal.quality, &exponents, most)?;
+        let steps = steps_of_size(asset, goal.quality, scaled, most)?;
         return Ok(Rounding { quality: search.quality_of(&steps)?, steps: Some(steps), exponents });
     }
     let limits = goal.own_limits().unwrap_or(QualityLimits::of(goal.quality));
-    let factor = search.coarsest_within(goal.quality, &limits)?.ok_or_else(|| {
+    let factor = search.coarsest_within(&limits)?.ok_or_else(|| {
         let most = limits.max_loss_db.unwrap_or_default();
         Error::Usage(format!(
             "even the finest quantisation loses more than {most} dB; use --quality lossless"
         ))
     })?;
-    let steps = base_steps(asset, goal.quality).scaled(factor.exp2());
+    let steps = scaled.steps(factor);
     let quality = if goal.max_loss_db.is_some() { search.quality_of(&steps)? } else { goal.quality };
     Ok(Rounding { quality, steps: Some(steps), exponents })
 }
@@ -115,8 +135,9 @@ fn lossless(goal: &RateGoal) -> Result<Rounding> {
 /// The rounding of a scene without cameras, which cannot be rendered.
 fn unmeasured(scene: &BakedScene, goal: &RateGoal, report: &mut Report) -> Result<Rounding> {
     let asset = &scene.asset;
+    let base = if goal.quality == Quality::Tiny { Steps::tiny(asset) } else { Steps::balanced(asset) };
     let steps = match (goal.max_bytes, goal.max_loss_db) {
-        (Some(most), _) => steps_of_size(asset, goal.quality, &[], most)?,
+        (Some(most), _) => steps_of_size(asset, goal.quality, Scaled { base, exponents: &[] }, most)?,
         (None, Some(_)) => {
             return Err(Error::Usage(format!(
                 "{}: --max-loss is measured by rendering, and the scene has no cameras; use --max-size",
@@ -126,18 +147,16 @@ fn unmeasured(scene: &BakedScene, goal: &RateGoal, report: &mut Report) -> Resul
         (None, None) => {
             let what = "the scene has no cameras, so no loss was measured; the file is of quality \"custom\"";
             report.warn("not-measured", 1, what);
-            base_steps(asset, goal.quality)
+            base
         }
     };
     Ok(Rounding { quality: Quality::Custom, steps: Some(steps), exponents: Vec::new() })
 }
 
 /// The finest steps that make a file of at most `most` bytes.
-fn steps_of_size(asset: &SplatAsset, asked: Quality, exponents: &[i8], most: u64) -> Result<Steps> {
-    let size = |factor: f64| -> Result<u64> {
-        let steps = Some(base_steps(asset, asked).scaled(factor.exp2()));
-        Ok(encode(asset, &LtgsOptions { quality: asked, steps, exponents })?.len() as u64)
-    };
+fn steps_of_size(asset: &SplatAsset, asked: Quality, scaled: Scaled<'_>, most: u64) -> Result<Steps> {
+    let size =
+        |factor: f64| -> Result<u64> { Ok(encode(asset, &scaled.options(asked, factor))?.len() as u64) };
     let factor = coarsest(|factor| Ok(size(factor)? > most))?;
     // One notch coarser than the last that is too large.
     let factor = factor.map_or(FACTOR_LOG2[0], |f| f + resolution());
@@ -150,11 +169,7 @@ fn steps_of_size(asset: &SplatAsset, asked: Quality, exponents: &[i8], most: u64
             format_bytes(bytes)
         )));
     }
-    Ok(base_steps(asset, asked).scaled(factor.exp2()))
-}
-
-fn base_steps(asset: &SplatAsset, quality: Quality) -> Steps {
-    if quality == Quality::Tiny { Steps::tiny(asset) } else { Steps::balanced(asset) }
+    Ok(scaled.steps(factor))
 }
 
 fn resolution() -> f64 {
@@ -182,7 +197,7 @@ fn coarsest(mut holds: impl FnMut(f64) -> Result<bool>) -> Result<Option<f64>> {
 /// A scene with its images, with which those of rounded scenes are compared.
 struct Search<'a> {
     asset: &'a SplatAsset,
-    exponents: &'a [i8],
+    scaled: Scaled<'a>,
     renderer: SceneRenderer<'a>,
     views: Vec<AssetCamera>,
     /// The scene at the views.
@@ -194,22 +209,21 @@ struct Search<'a> {
 impl<'a> Search<'a> {
     fn new(
         asset: &'a SplatAsset,
-        exponents: &'a [i8],
+        scaled: Scaled<'a>,
         views: Vec<AssetCamera>,
         mut renderer: SceneRenderer<'a>,
     ) -> Result<Self> {
         let expected = renderer.images(asset, &views)?;
-        Ok(Self { asset, exponents, renderer, views, expected, mse_to_photos: mse_to_photos(asset) })
+        Ok(Self { asset, scaled, renderer, views, expected, mse_to_photos: mse_to_photos(asset) })
     }
 
     /// The factor, as a power of two, of the coarsest steps that keep the limits at all views; `None` if none do.
-    fn coarsest_within(&mut self, quality: Quality, limits: &QualityLimits) -> Result<Option<f64>> {
-        let asset = self.asset;
-        let steps = |factor: f64| base_steps(asset, quality).scaled(factor.exp2());
-        let Some(mut factor) = coarsest(|factor| self.keeps(&steps(factor), limits))? else {
+    fn coarsest_within(&mut self, limits: &QualityLimits) -> Result<Option<f64>> {
+        let scaled = self.scaled;
+        let Some(mut factor) = coarsest(|factor| self.keeps(&scaled.steps(factor), limits))? else {
             return Ok(None);
         };
-        while !self.keeps_everywhere(&steps(factor), limits)? {
+        while !self.keeps_everywhere(&scaled.steps(factor), limits)? {
             factor -= resolution();
             if factor < FACTOR_LOG2[0] {
                 return Ok(None);
@@ -231,7 +245,7 @@ impl<'a> Search<'a> {
     /// Whether images rounded with these steps keep the limits at the views of the search.
     fn keeps(&mut self, steps: &Steps, limits: &QualityLimits) -> Result<bool> {
         // The format cannot express steps that are too coarse: they keep no limit.
-        let Ok(rounded) = quantised(self.asset, steps, self.exponents) else { return Ok(false) };
+        let Ok(rounded) = quantised(self.asset, steps, self.scaled.exponents) else { return Ok(false) };
         let images = self.renderer.images(&rounded, &self.views)?;
         let pairs = images.iter().zip(&self.expected);
         Ok(self.are_within(&pairs.map(|(i, e)| Difference::mse_of(i, e)).collect::<Vec<_>>(), limits))
@@ -239,7 +253,7 @@ impl<'a> Search<'a> {
 
     /// [`Search::keeps`] at the views of confirmation.
     fn keeps_everywhere(&mut self, steps: &Steps, limits: &QualityLimits) -> Result<bool> {
-        let Ok(rounded) = quantised(self.asset, steps, self.exponents) else { return Ok(false) };
+        let Ok(rounded) = quantised(self.asset, steps, self.scaled.exponents) else { return Ok(false) };
         let mut errors = Vec::new();
         // A few at a time: images are large.
         for views in evenly_spread(&self.asset.cameras, CONFIRMED_VIEWS).chunks(EXPORT_VIEWS) {

@@ -24,9 +24,11 @@ mod lossless;
 mod maps;
 mod math;
 mod morton;
+mod orient;
 mod plan;
 mod positions;
 mod read;
+mod sensitivities;
 mod shape;
 mod splats;
 mod steps;
@@ -36,8 +38,8 @@ mod texels;
 mod write;
 
 pub use check::validate;
-pub use plan::exponents_from_weights;
 pub use read::{Reader, decode};
+pub use sensitivities::Sensitivities;
 pub use steps::Steps;
 pub use write::{LtgsOptions, encode, quantised};
 

@@ -60,21 +60,6 @@ impl Plan {
     }
 }
 
-/// Exponents for splats by how much their errors weigh in renders: `weights` are sums over pixels of squared blending
-/// weights, in any unit. Equal cost of errors everywhere would need steps in proportion to `weight^-1/2`. A smaller spread
-/// takes fewer bytes, because exponents are stored too and weights are those of the training views only. Measured at
-/// equal error of renders, against exponents of 0: 7.6 % fewer bytes (fox at 960), 6 % (flower), 3.5 % (lego) with a
-/// power of 0.3; 0.2 and 0.4 save up to 2 % less.
-pub fn exponents_from_weights(weights: &[f32]) -> Vec<i8> {
-    const POWER: f64 = 0.3;
-    const MOST: f64 = 5.0;
-    let weights = weights.iter().map(|&w| if w.is_finite() { w } else { 0.0 });
-    let top = weights.clone().fold(f32::MIN_POSITIVE, f32::max);
-    let logs: Vec<f64> = weights.map(|w| -POWER * f64::from((w / top).clamp(1e-7, 1.0)).log2()).collect();
-    let mean = logs.iter().sum::<f64>() / logs.len().max(1) as f64;
-    logs.iter().map(|x| (x - mean).round().clamp(-MOST, MOST) as i8).collect()
-}
-
 /// Estimated bits of the gaps between cell numbers: the entropy of their lengths, and the bits behind the leading one.
 fn gap_bits(keys: &[u64], order: &[u32], shift: u32) -> u64 {
     let mut counts = [0_u32; 65];

@@ -2,20 +2,23 @@
 //! quantity has `code_*` and `value_*`; the writer encodes against values as the reader will decode them.
 
 use super::math::{exp2, floor_log2, log2_in_256ths, two_to};
-use super::steps::Quantiser;
+use super::orient::SwingTwist;
+use super::steps::{Quantiser, Steps};
 
 /// Largest absolute exponent of a splat.
 pub const EXPONENT_MAX: i32 = 8;
 
-/// Coarsest steps of quaternion components and of log2 standard deviations, whatever the exponent.
+/// Coarsest steps of parts of a rotation and of log2 of standard deviations and opacities, whatever the exponent.
 const ROTATION_STEP_MAX: f64 = 0.25;
-const LOG2_SCALE_STEP_MAX: f64 = 1.0;
+const LOG2_STEP_MAX: f64 = 1.0;
+
+/// Bounds on the anisotropy to which the steps of twists are relative, without and with a map, and from above. Images change
+/// with the twist of an untextured splat in proportion to its anisotropy (measured on fox and lego down to 1/20), with that of a
+/// textured one at least as if it were 3/8.
+const ANISOTROPIES: [f64; 3] = [0.0625, 0.375, 4096.0];
 
 /// Smallest and largest standard deviation.
 const SCALES: [f32; 2] = [f32::MIN_POSITIVE, 1e6];
-
-/// Bound on how much finer the steps of rotations get for long splats, as a power of two.
-const LENGTH_MAX: i32 = 12;
 
 /// What the steps of a splat depend on, as decoded.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,39 +32,36 @@ pub struct Shape {
 }
 
 impl Shape {
-    /// The length to which steps of positions are relative: the smaller standard deviation, or two texels along the finer
-    /// axis if that is less.
-    fn reach(&self) -> f64 {
-        let smaller = f64::from(self.scales[0].min(self.scales[1]));
-        let texels = 2.0 * f64::from(self.texel_sizes[0].min(self.texel_sizes[1]));
-        if texels > 0.0 && texels < smaller { texels } else { smaller }
+    /// Geometric mean of the standard deviations: the length to which steps of positions are relative.
+    pub fn mean_scale(&self) -> f64 {
+        let [u, v] = self.scales.map(f64::from);
+        (u * v).sqrt()
     }
 
     /// log2 of the length to which steps of positions are proportional, rounded down.
     pub fn log2_position_step(&self) -> i32 {
-        floor_log2(self.reach()) + self.exponent
+        floor_log2(self.mean_scale()) + self.exponent
     }
 
     /// Bits by which the splat's position is coarser than the finest step.
     pub fn position_exponent(&self, quantiser: &Quantiser) -> u32 {
         let grid = &quantiser.grid;
-        let exponent = floor_log2(self.reach() / grid.reach) + self.exponent;
+        let exponent = floor_log2(self.mean_scale() / grid.reach) + self.exponent;
         exponent.clamp(0, grid.cell_bits as i32) as u32
     }
 
-    fn rotation_step(&self, quantiser: &Quantiser) -> f64 {
-        let longer = f64::from(self.scales[0].max(self.scales[1]));
-        let length = floor_log2(longer / self.reach()).clamp(0, LENGTH_MAX);
-        (quantiser.steps.rotation * two_to(self.exponent - length)).min(ROTATION_STEP_MAX)
+    /// How much longer the splat is along one axis than along the other: 0 for equal axes, bounded.
+    pub fn anisotropy(&self) -> f64 {
+        let [u, v] = self.scales.map(f64::from);
+        let least = ANISOTROPIES[usize::from(self.texel_sizes[0] > 0.0)];
+        (u / v - v / u).abs().clamp(least, ANISOTROPIES[2])
     }
 
-    /// Exponent of the steps of texels: that of the splat, plus one for each halving of the texel size relative to the
-    /// standard deviations.
-    pub fn texel_exponent(&self) -> i32 {
-        let [u, v] = self.scales.map(f64::from);
-        let [texel_u, texel_v] = self.texel_sizes.map(f64::from);
-        let fineness = floor_log2(u * v / (texel_u * texel_v)).clamp(-16, 16);
-        self.exponent + (fineness >> 1) - 1
+    /// Steps of swing and twist.
+    fn rotation_steps(&self, quantiser: &Quantiser) -> [f64; 2] {
+        let Steps { tilt, twist, .. } = quantiser.steps;
+        let of_splat = two_to(self.exponent);
+        [tilt * of_splat, twist * of_splat / self.anisotropy()].map(|step| step.min(ROTATION_STEP_MAX))
     }
 }
 
@@ -71,7 +71,11 @@ pub fn rounded(x: f64) -> i32 {
 }
 
 fn log2_scale_step(quantiser: &Quantiser, exponent: i32) -> f64 {
-    (quantiser.steps.log2_scale * two_to(exponent)).min(LOG2_SCALE_STEP_MAX)
+    (quantiser.steps.log2_scale * two_to(exponent)).min(LOG2_STEP_MAX)
+}
+
+fn log2_opacity_step(quantiser: &Quantiser, exponent: i32) -> f64 {
+    (quantiser.steps.log2_opacity * two_to(exponent)).min(LOG2_STEP_MAX)
 }
 
 /// Code of a standard deviation.
@@ -141,43 +145,21 @@ pub fn value_texel_sizes(
     [mean - half, mean + half].map(|log2| (exp2(log2) as f32).clamp(f32::MIN_POSITIVE, f32::MAX))
 }
 
-/// Index of the largest component, and codes of the other three in order.
-pub fn code_rotation(quantiser: &Quantiser, shape: &Shape, q: [f32; 4]) -> (u32, [i32; 3]) {
-    let mut largest = 0;
-    for i in 1..4 {
-        if q[i].abs() > q[largest].abs() {
-            largest = i;
-        }
-    }
-    let sign = if q[largest] < 0.0 { -1.0 } else { 1.0 };
-    let step = shape.rotation_step(quantiser);
-    let codes = others(largest).map(|i| rounded(sign * f64::from(q[i]) / step));
-    (largest as u32, codes)
+/// Codes of a rotation wxyz: two of the swing, one of the twist.
+pub fn code_rotation(quantiser: &Quantiser, shape: &Shape, q: [f32; 4]) -> [i32; 3] {
+    let SwingTwist { swing: [x, y], twist } = SwingTwist::of(q.map(f64::from));
+    let [tilt_step, twist_step] = shape.rotation_steps(quantiser);
+    [x / tilt_step, y / tilt_step, twist / twist_step].map(rounded)
 }
 
-/// A unit quaternion wxyz whose largest component is positive. `largest` < 4.
-pub fn value_rotation(quantiser: &Quantiser, shape: &Shape, largest: u32, codes: [i32; 3]) -> [f32; 4] {
-    let step = shape.rotation_step(quantiser);
-    let mut parts = codes.map(|code| f64::from(code) * step);
-    let squares = parts[0] * parts[0] + parts[1] * parts[1] + parts[2] * parts[2];
-    let rest = if squares > 1.0 {
-        let norm = squares.sqrt();
-        parts = parts.map(|p| p / norm);
-        0.0
-    } else {
-        (1.0 - squares).sqrt()
-    };
-    let largest = largest as usize & 3;
-    let mut q = [rest as f32; 4];
-    for (i, part) in others(largest).into_iter().zip(parts) {
-        q[i] = part as f32;
-    }
-    q
-}
-
-/// Indices of the other components, ascending.
-fn others(largest: usize) -> [usize; 3] {
-    std::array::from_fn(|i| if i < largest { i } else { i + 1 })
+/// A unit quaternion wxyz.
+pub fn value_rotation(quantiser: &Quantiser, shape: &Shape, codes: [i32; 3]) -> [f32; 4] {
+    let [tilt_step, twist_step] = shape.rotation_steps(quantiser);
+    let [x, y] = [codes[0], codes[1]].map(|code| f64::from(code) * tilt_step);
+    let squares = x * x + y * y;
+    let swing = if squares > 1.0 { [x, y].map(|part| part / squares.sqrt()) } else { [x, y] };
+    let twist = (f64::from(codes[2]) * twist_step).clamp(-1.0, 1.0);
+    SwingTwist { swing, twist }.quaternion().map(|c| c as f32)
 }
 
 /// A position in finest steps from the corner of the cube, clamped to it. `[3]`
@@ -198,12 +180,13 @@ pub fn value_position(quantiser: &Quantiser, corner: [u32; 3], exponent: u32) ->
     std::array::from_fn(|i| (grid.origin[i] + (f64::from(corner[i]) + half) * step) as f32)
 }
 
-/// Code of an opacity, at least 1.
-pub fn code_opacity(quantiser: &Quantiser, opacity: f32) -> u32 {
-    rounded(f64::from(opacity) / quantiser.steps.opacity).max(1) as u32
+/// Code of an opacity: halvings from 1, in steps.
+pub fn code_opacity(quantiser: &Quantiser, exponent: i32, opacity: f32) -> u32 {
+    rounded(-f64::from(opacity).log2() / log2_opacity_step(quantiser, exponent)).max(0) as u32
 }
 
-/// The opacity that a code stands for; 0 counts as 1.
-pub fn value_opacity(quantiser: &Quantiser, code: u32) -> f32 {
-    (f64::from(code.max(1)) * quantiser.steps.opacity).min(1.0) as f32
+/// The opacity that a code stands for.
+pub fn value_opacity(quantiser: &Quantiser, exponent: i32, code: u32) -> f32 {
+    let log2 = -(f64::from(code) * log2_opacity_step(quantiser, exponent));
+    (exp2(log2) as f32).clamp(f32::MIN_POSITIVE, 1.0)
 }

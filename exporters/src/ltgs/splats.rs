@@ -24,9 +24,7 @@ pub struct SplatCodes {
     pub texel_sizes: Vec<TexelSizeCodes>,
     /// Shifts of maps, half texels, for splats with a map only. `[textured, 2]`
     pub shifts: Vec<[i16; 2]>,
-    /// Indices of the largest components of quaternions. `[n]`
-    pub largest: Vec<u32>,
-    /// Codes of the other components. `[n, 3]`
+    /// Codes of rotations: two of the swing, one of the twist. `[n, 3]`
     pub rotations: Vec<[i32; 3]>,
     /// Positions in finest steps, ordered by the Morton numbers of their cells. `[n, 3]`
     pub positions: Vec<[u32; 3]>,
@@ -66,14 +64,13 @@ impl SplatCodes {
             self.shifts.push(map.shift);
         }
         let shape = Shape { exponent, scales: log2_scales.map(shape::value_scale), texel_sizes };
-        let (largest, rotation) = shape::code_rotation(quantiser, &shape, asset.rotations[splat]);
+        let rotation = shape::code_rotation(quantiser, &shape, asset.rotations[splat]);
         self.exponents.push(exponent);
         self.sides.push([map.rows, map.cols]);
         self.scales.push(scales);
-        self.largest.push(largest);
         self.rotations.push(rotation);
         self.positions.push(shape::fine_position(quantiser, asset.positions[splat]));
-        self.opacities.push(shape::code_opacity(quantiser, asset.opacities[splat]));
+        self.opacities.push(shape::code_opacity(quantiser, exponent, asset.opacities[splat]));
         self.degrees.push(asset.sh_degrees[splat]);
         Map { shape, rows: map.rows, cols: map.cols, shift: map.shift }
     }
@@ -121,12 +118,11 @@ impl SplatCodes {
                 .ok_or_else(|| Error::too_large("", "more than 2^32 texels in a chunk"))?;
             asset.maps.push(map);
             asset.scales.push(shape.scales);
-            let (largest, rotation) = (self.largest[splat], self.rotations[splat]);
-            asset.rotations.push(shape::value_rotation(quantiser, shape, largest, rotation));
+            asset.rotations.push(shape::value_rotation(quantiser, shape, self.rotations[splat]));
             let bits = shape.position_exponent(quantiser);
             let corner = self.positions[splat].map(|c| c >> bits << bits);
             asset.positions.push(shape::value_position(quantiser, corner, bits));
-            asset.opacities.push(shape::value_opacity(quantiser, self.opacities[splat]));
+            asset.opacities.push(shape::value_opacity(quantiser, exponent, self.opacities[splat]));
             for (coefficient, codes) in
                 self.sh[splat * width..(splat + 1) * width].as_chunks::<3>().0.iter().enumerate()
             {
@@ -146,14 +142,13 @@ impl SplatCodes {
         let mut block = Vec::new();
         let mut put = |numbers: Vec<u32>| put_numbers(&mut block, &numbers);
         put(self.exponents.iter().map(|&x| zigzag(x)).collect());
-        // Both axes of a splat are alike: the second is stored as its difference from the first.
+        // Both axes of a splat are alike: the second is stored as its difference from the first. u is the longer one.
         put(self.sides.iter().map(|s| s[0].into()).collect());
         put(self.sides.iter().map(|s| zigzag(i32::from(s[1]) - i32::from(s[0]))).collect());
         put(self.scales.iter().map(|s| zigzag(s[0])).collect());
-        put(self.scales.iter().map(|s| zigzag(s[1].wrapping_sub(s[0]))).collect());
+        put(self.scales.iter().map(|s| s[0].wrapping_sub(s[1]) as u32).collect());
         self.put_texel_sizes(&mut block);
         let mut put = |numbers: Vec<u32>| put_numbers(&mut block, &numbers);
-        put(self.largest.clone());
         for axis in 0..3 {
             put(self.rotations.iter().map(|r| zigzag(r[axis])).collect());
         }
@@ -204,15 +199,14 @@ impl SplatCodes {
         }
         let before = tally.add("maps", before, block.len());
         codes.scales = vec![[0; 2]; n];
-        for (scale, (u, more)) in
+        for (scale, (u, less)) in
             codes.scales.iter_mut().zip(take(&mut block)?.into_iter().zip(take(&mut block)?))
         {
-            *scale = [unzigzag(u), unzigzag(u).wrapping_add(unzigzag(more))];
+            *scale = [unzigzag(u), unzigzag(u).wrapping_sub_unsigned(less)];
         }
         let before = tally.add("scales", before, block.len());
         codes.take_texel_sizes(&mut block)?;
         let before = tally.add("maps", before, block.len());
-        codes.largest = take(&mut block)?;
         codes.rotations = vec![[0; 3]; n];
         for axis in 0..3 {
             for (rotation, code) in codes.rotations.iter_mut().zip(take(&mut block)?) {

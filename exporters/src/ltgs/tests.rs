@@ -123,19 +123,10 @@ fn splats_may_have_individual_exponents() {
     assert!(!is_same(&short, &quantised(&asset, &Steps::balanced(&asset), &[]).unwrap()));
 }
 
-#[test]
-fn heavier_splats_get_finer_steps() {
-    let weights = [1.0, 16.0, 256.0, 1.0, 0.0, f32::NAN];
-    let found = exponents_from_weights(&weights);
-    assert!(found[2] < found[1] && found[1] < found[0] && found[0] == found[3], "{found:?}");
-    assert!(found.iter().all(|x| (-5..=5).contains(x)), "{found:?}");
-    assert_eq!(exponents_from_weights(&[7.0; 9]), [0; 9]);
-    assert!(exponents_from_weights(&[]).is_empty());
-}
-
-/// Largest errors of a rounded asset with the splats in the same order: positions over the smaller standard deviation,
-/// log2 of standard deviations, opacities, angle of rotation, texels.
+/// Largest errors of a rounded asset: positions over the geometric mean of the standard deviations, log2 of standard deviations,
+/// log2 of opacities, normals, texels.
 fn errors(asset: &SplatAsset, read: &SplatAsset) -> [f64; 5] {
+    let asset = &super::orient::oriented(asset);
     let mut worst = [0.0_f64; 5];
     // Opacities are distinct enough to find the partner by everything at once.
     for i in 0..read.num_splats() {
@@ -143,16 +134,16 @@ fn errors(asset: &SplatAsset, read: &SplatAsset) -> [f64; 5] {
             (0..3).map(|c| f64::from(asset.positions[*j][c] - read.positions[i][c]).powi(2)).sum()
         };
         let j = (0..asset.num_splats()).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap();
-        let smaller = f64::from(asset.scales[j][0].min(asset.scales[j][1]));
-        worst[0] = worst[0].max(distance(&j).sqrt() / smaller);
+        let [scale_u, scale_v] = asset.scales[j].map(f64::from);
+        worst[0] = worst[0].max(distance(&j).sqrt() / (scale_u * scale_v).sqrt());
         for axis in 0..2 {
             let ratio = f64::from(read.scales[i][axis] / asset.scales[j][axis]);
             worst[1] = worst[1].max(ratio.log2().abs());
         }
-        worst[2] = worst[2].max(f64::from(read.opacities[i] - asset.opacities[j]).abs());
-        let dot: f64 =
-            (0..4).map(|c| f64::from(asset.rotations[j][c]) * f64::from(read.rotations[i][c])).sum();
-        worst[3] = worst[3].max(2.0 * dot.abs().min(1.0).acos());
+        worst[2] = worst[2].max(f64::from(read.opacities[i] / asset.opacities[j]).log2().abs());
+        let normal = |q: [f32; 4]| crate::quaternion::turned(q.map(f64::from), [0.0, 0.0, 1.0]);
+        let (a, b) = (normal(asset.rotations[j]), normal(read.rotations[i]));
+        worst[3] = worst[3].max((0..3).map(|c| (a[c] - b[c]).powi(2)).sum::<f64>().sqrt());
         for (a, b) in asset.texels_of(j).iter().zip(read.texels_of(i)) {
             worst[4] = worst[4].max(f64::from(a - b).abs());
         }
@@ -164,18 +155,22 @@ fn errors(asset: &SplatAsset, read: &SplatAsset) -> [f64; 5] {
 fn rounding_errors_stay_within_the_steps() {
     let asset = awkward(400, 1);
     let steps = Steps::balanced(&asset);
-    let [position, scale, opacity, angle, texel] = errors(&asset, &quantised(&asset, &steps, &[]).unwrap());
-    // Half a step in three axes; floors of the reach and whole powers of two lie below that.
-    assert!(position <= 0.5 * 3.0_f64.sqrt() * steps.position * 1.001, "{position}");
+    let [position, scale, opacity, normal, texel] = errors(&asset, &quantised(&asset, &steps, &[]).unwrap());
+    // Half a step in three axes; the finest splats have the step of larger ones (needed 1.03).
+    assert!(position <= 0.5 * 3.0_f64.sqrt() * steps.position * 1.1, "{position}");
     assert!(scale <= 0.5 * steps.log2_scale * 1.001, "{scale}");
-    assert!(opacity <= 0.5 * steps.opacity * 1.001, "{opacity}");
-    assert!(angle <= 4.0 * steps.rotation, "{angle}"); // needed 2.9
+    assert!(opacity <= 0.5 * steps.log2_opacity * 1.001, "{opacity}");
+    // Half a step in two axes; a normal moves by at most 2 sqrt(2) times as much as its swing (needed 1.67).
+    assert!(normal <= 2.0 * steps.tilt, "{normal}");
     // 0.6 of a step, luma and two chroma together, 16 times that at the rim at most.
-    assert!(texel <= 0.6 * steps.texel * (1.0 + steps.chroma) * 64.0, "{texel}");
+    assert!(texel <= 0.6 * steps.texel * (1.0 + steps.chroma) * 16.0, "{texel}");
     // Negative control: coarser steps make larger errors.
     let coarse = errors(&asset, &quantised(&asset, &steps.scaled(8.0), &[]).unwrap());
     assert!(coarse[0] > 4.0 * position && coarse[1] > 4.0 * scale && coarse[2] > 4.0 * opacity, "{coarse:?}");
-    assert!(coarse[3] > 4.0 * angle && coarse[4] > 2.0 * texel, "{coarse:?}");
+    assert!(coarse[3] > 4.0 * normal, "{coarse:?}");
+    // Those of texels at the rim are clamped.
+    let fine = errors(&asset, &quantised(&asset, &steps.scaled(0.125), &[]).unwrap());
+    assert!(4.0 * fine[4] < texel, "{fine:?}");
 }
 
 #[test]

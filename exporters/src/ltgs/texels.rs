@@ -49,6 +49,15 @@ impl Map {
         (0..count).map(square).collect()
     }
 
+    /// Exponents by which the steps of texels grow towards the rim, row by row. `[rows * cols]`
+    pub fn falloff_exponents(&self) -> impl Iterator<Item = i32> {
+        let (of_rows, of_cols) = (self.squares(0), self.squares(1));
+        of_rows.into_iter().flat_map(move |of_row| {
+            let of_cols = of_cols.clone();
+            of_cols.into_iter().map(move |of_col| falloff_exponent(of_row + of_col))
+        })
+    }
+
     /// Visits all texels in order. `symbol` gets texel, channel, stream, prediction and step, and returns the number of
     /// steps from the prediction; texels are appended to `out` as RGB in [-1, 1].
     fn walk(
@@ -58,13 +67,12 @@ impl Map {
         mut symbol: impl FnMut(usize, usize, usize, f64, f64) -> Result<i32>,
     ) -> Result<()> {
         let (of_rows, of_cols) = (self.squares(0), self.squares(1));
-        let own_exponent = self.shape.texel_exponent();
         let mut above = vec![Neighbour::default(); of_cols.len()];
         for (row, of_row) in of_rows.iter().enumerate() {
             let mut left = Neighbour::default();
             for (col, (of_col, above)) in of_cols.iter().zip(&mut above).enumerate() {
                 let exponent =
-                    (own_exponent + falloff_exponent(of_row + of_col)).clamp(EXPONENTS.0, EXPONENTS.1);
+                    (self.shape.exponent + falloff_exponent(of_row + of_col)).clamp(EXPONENTS.0, EXPONENTS.1);
                 let luma_step = steps.texel * two_to(exponent);
                 let class = 3 * exponent.clamp(0, 3) as usize;
                 let mut here = Neighbour::default();

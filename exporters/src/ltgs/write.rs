@@ -2,6 +2,7 @@
 
 use super::header::{Block, CHUNK_SPLATS, Entry, HEADER_BYTES, Header, MINOR};
 use super::lossless;
+use super::orient::oriented;
 use super::plan::Plan;
 use super::splats::SplatCodes;
 use super::steps::{Quantiser, Steps};
@@ -25,7 +26,7 @@ pub struct LtgsOptions<'a> {
     pub quality: Quality,
     /// Quantisation steps, for lossy files only; `None` takes [`Steps::balanced`] or [`Steps::tiny`].
     pub steps: Option<Steps>,
-    /// Exponents of the splats' steps, see [`super::exponents_from_weights`]; if empty, all are zero. `[n]`
+    /// Exponents of the splats' steps, see [`super::Sensitivities::rounding`]; if empty, all are zero. `[n]`
     pub exponents: &'a [i8],
 }
 
@@ -48,10 +49,11 @@ pub fn encode(asset: &SplatAsset, options: &LtgsOptions<'_>) -> Result<Vec<u8>> 
         (Quality::Tiny, None) => Steps::tiny(asset),
     };
     steps.validate()?;
+    let asset = &oriented(asset);
     encode_planned(asset, options.quality, &Plan::new(asset, &steps, options.exponents))
 }
 
-/// Encodes a lossy file as planned.
+/// Encodes a lossy file of an oriented asset as planned.
 ///
 /// # Errors
 /// As [`encode`].
@@ -84,6 +86,7 @@ fn file_meta(asset: &SplatAsset, quality: Quality, hash: u64, quantiser: Option<
 pub fn quantised(asset: &SplatAsset, steps: &Steps, exponents: &[i8]) -> Result<SplatAsset> {
     asset.validate()?;
     steps.validate()?;
+    let asset = &oriented(asset);
     let plan = Plan::new(asset, steps, exponents);
     let chunks = map_chunks(asset, |range| Ok(CodedChunk::new(asset, &plan, range)?.decoded))?;
     let mut whole = SplatAsset::default();

@@ -58,6 +58,11 @@ impl Growth {
         self.ended_step > 0
     }
 
+    /// Whether a check has found what more parameters promise.
+    pub fn is_judged(&self) -> bool {
+        self.promised_db > 0.0 || self.idle_checks > 0
+    }
+
     /// Takes in what a window did to the splats that grew in the step before it, and to those withheld.
     pub fn observe(&mut self, window: &Outcomes, histories: &[SplatHistory], scores: &Scores) {
         for kind in 0..KINDS {

@@ -70,6 +70,8 @@ pub struct Round {
     /// Parameters to which the model must come down by the last round, whatever they are worth; no more than that is given
     /// back.
     pub budget: Option<usize>,
+    /// Whether a model within its budget gives back what is not worth [`Self::need_db`].
+    pub by_need: bool,
     /// Rounds to come, with this one.
     pub rounds_left: u32,
     /// Steps done.
@@ -147,6 +149,7 @@ impl Round {
             need_db: density.give_back_db,
             floor: 10.0_f64.powf(-density.floor_db / 10.0),
             budget: config.budget.max_params,
+            by_need: density.need_db > 0.0,
             rounds_left: schedule.rounds_left(step),
             step,
             probes: MOST_PROBES,
@@ -196,7 +199,12 @@ impl Round {
         // An even part of what is too much for the budget.
         let excess = self.budget.map(|most| params.saturating_sub(most).div_ceil(self.rounds_left as usize));
         if excess == Some(0) {
-            return Ok(None);
+            let by_need = Self { budget: None, ..*self };
+            return if self.by_need {
+                by_need.run_from(backend, training, before, histories)
+            } else {
+                Ok(None)
+            };
         }
         let error = self.error(backend, training, &checked)?;
         let offers = self.probe(backend, training, &probed, &order, &mut rng)?;
