@@ -35,16 +35,16 @@ impl Steps {
     /// Steps for [`crate::Quality::Balanced`] where no renders tell how much each number counts: typical ones of trained scenes.
     pub fn balanced(_asset: &crate::SplatAsset) -> Self {
         Self {
-            position: 0.02,
-            tilt: 0.009,
-            twist: 0.015,
-            log2_scale: 0.029,
-            log2_opacity: 0.029,
-            sh0: 0.012,
-            sh_rest: [0.012; 3],
-            texel: 0.03,
+            position: 0.007,
+            tilt: 0.003,
+            twist: 0.005,
+            log2_scale: 0.01,
+            log2_opacity: 0.01,
+            sh0: 0.0045,
+            sh_rest: [0.0045; 3],
+            texel: 0.008,
             chroma: 2.5,
-            log2_texel_size: 0.03,
+            log2_texel_size: 0.01,
         }
     }
 
