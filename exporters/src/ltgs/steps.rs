@@ -35,16 +35,16 @@ impl Steps {
     /// Steps for [`crate::Quality::Balanced`] where no renders tell how much each number counts: typical ones of trained scenes.
     pub fn balanced(_asset: &crate::SplatAsset) -> Self {
         Self {
-            position: 0.007,
-            tilt: 0.003,
-            twist: 0.005,
-            log2_scale: 0.01,
-            log2_opacity: 0.01,
-            sh0: 0.0045,
-            sh_rest: [0.0045; 3],
-            texel: 0.008,
+            position: 0.002,
+            tilt: 0.001,
+            twist: 0.0015,
+            log2_scale: 0.006,
+            log2_opacity: 0.006,
+            sh0: 0.0026,
+            sh_rest: [0.0026; 3],
+            texel: 0.0045,
             chroma: 2.5,
-            log2_texel_size: 0.01,
+            log2_texel_size: 0.006,
         }
     }
 
