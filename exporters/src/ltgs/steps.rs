@@ -32,7 +32,8 @@ pub struct Steps {
 }
 
 impl Steps {
-    /// Steps for [`crate::Quality::Balanced`] where no renders tell how much each number counts: typical ones of trained scenes.
+    /// Steps for [`crate::Quality::Balanced`] where no renders tell how much each number counts: fine enough for
+    /// scenes of random splats to keep its promise.
     pub fn balanced(_asset: &crate::SplatAsset) -> Self {
         Self {
             position: 0.002,
