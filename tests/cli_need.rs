@@ -70,26 +70,35 @@ fn the_suite_trains_is_evaluated_and_charted() {
     assert!(psnr.iter().all(|line| line.matches(",fail").count() == 4), "{psnr:?}");
 }
 
-#[test]
-fn models_merge_on_the_way_to_their_budget_and_no_further() {
-    let dir = tempfile::tempdir().unwrap();
-    let path = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+/// A wall in a folder, and a training of it with these arguments, given as words; returns the summary.
+fn wall(dir: &Path) -> impl Fn(&str) -> Value {
+    let path = |name: &str| dir.join(name).to_str().unwrap().to_owned();
     let (capture, split, out) = (path("wall"), path("wall/test.txt"), path("run"));
     let sample = "--scene wall:4 --views 12 --size 64x48 --rays 2 --points 150 --no-truth -q";
     let arguments: Vec<&str> = ["sample", &capture].into_iter().chain(sample.split(' ')).collect();
     assert_eq!(run(&arguments).0, 0);
-    // Splats merged in each round, parameters after it, and those of the model.
-    let merged = |merge: &str| {
+    move |words: &str| {
         let train = "--steps 300 --seed 1 --device cpu --background #808080 --backdrop none --init sfm --max-points 60 \
-                     --budget-params 900 --force -q";
-        let arguments: Vec<&str> = ["train", &capture, "-o", &out, "--test-list", &split, "--set", merge]
+                     --force -q";
+        let arguments: Vec<&str> = ["train", &capture, "-o", &out, "--test-list", &split]
             .into_iter()
             .chain(train.split_ascii_whitespace())
+            .chain(words.split_ascii_whitespace())
             .collect();
         let (code, _, stderr) = run(&arguments);
         assert_eq!(code, 0, "{stderr}");
         let summary = fs::read_to_string(Path::new(&out).join("summary.json")).unwrap();
-        let summary: Value = serde_json::from_str(&summary).unwrap();
+        serde_json::from_str(&summary).unwrap()
+    }
+}
+
+#[test]
+fn models_merge_on_the_way_to_their_budget_and_no_further() {
+    let dir = tempfile::tempdir().unwrap();
+    let train = wall(dir.path());
+    // Splats merged in each round, parameters after it, and those of the model.
+    let merged = |merge: &str| {
+        let summary = train(&format!("--budget-params 900 --set {merge}"));
         assert!(summary["size"]["params"].as_u64().unwrap() <= 900, "{summary}");
         let rounds = summary["given_back"].as_array().unwrap();
         let of = |round: &Value| ["merged", "params"].map(|key| round[key].as_u64().unwrap());
@@ -101,4 +110,19 @@ fn models_merge_on_the_way_to_their_budget_and_no_further() {
     // Negative control: rounds that may not merge.
     let without = merged("density.merge=false");
     assert!(without.iter().all(|[merged, _]| *merged == 0) && without[0][1] > first[1], "{without:?}");
+}
+
+#[test]
+fn a_model_within_its_budget_gives_back_by_need_only() {
+    let dir = tempfile::tempdir().unwrap();
+    let train = wall(dir.path());
+    let given_back = |words: &str| train(words)["given_back"].as_array().unwrap().clone();
+    let within = given_back("--need 0.05 --budget-params 1M");
+    assert!(
+        within.iter().all(|round| round["params"].as_u64() < round["params_before"].as_u64()),
+        "{within:?}"
+    );
+    assert!(!within.is_empty());
+    assert_eq!(within, given_back("--need 0.05"), "a budget that does not bind changes nothing");
+    assert!(given_back("--budget-params 1M").is_empty());
 }
