@@ -110,9 +110,10 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<(Summary, PathBuf)> {
 fn over_budget(config: &TrainConfig, params: usize) -> Option<String> {
     let most = config.budget.max_params.filter(|&most| params > most)?;
     Some(format!(
-        "the model has {} parameters, more than --budget-params {most}: the run ended before its last round of giving \
+        "the model has {} parameters, more than --budget-params {}: the run ended before its last round of giving \
          back; give it more time, or fewer --steps",
-        format_count(params as u64)
+        format_count(params as u64),
+        format_count(most as u64)
     ))
 }
 
@@ -190,6 +191,17 @@ fn check_memory(
 mod tests {
     use super::*;
     use litetex_gs::train::Policy;
+
+    #[test]
+    fn a_model_above_its_budget_is_told() {
+        let of = |max_params| {
+            let budget = Budget { max_params, ..Budget::default() };
+            over_budget(&TrainConfig { budget, ..TrainConfig::default() }, 5001)
+        };
+        let found = of(Some(5000)).unwrap();
+        assert!(found.contains("5,001 parameters") && found.contains("--budget-params 5,000"), "{found}");
+        assert_eq!([of(Some(5001)), of(None)], [None, None]);
+    }
 
     #[test]
     fn the_budget_that_limits_the_initial_model_is_named() {
