@@ -30,13 +30,18 @@ pub(super) struct Gradients {
     pub texels: Vec<f32>,
 }
 
-/// Measures gradients on a backend, which is left with a copy of the model.
+/// Measures gradients on a backend, which is left with a copy of the model. `zeros` are the model's moments before the first
+/// step.
 ///
 /// # Errors
 /// What the device reports.
-pub(super) fn gradients(backend: &mut dyn Backend, model: &Model, loss: &ImageLoss<'_>) -> Result<Gradients> {
+pub(super) fn gradients(
+    backend: &mut dyn Backend,
+    (model, zeros): (&Model, &AdamState),
+    loss: &ImageLoss<'_>,
+) -> Result<Gradients> {
     let rates = LearningRates::from_array(&[0.0; 9]);
-    backend.upload(model, &AdamState::zeros(model))?;
+    backend.upload(model, zeros)?;
     backend.step(&StepRequest {
         step: 1,
         camera: camera(loss.view),

@@ -42,7 +42,7 @@ impl RateGoal {
 
 /// Where the search computes; backends are opened only if it needs them.
 pub struct Backends<'a> {
-    /// Opens the backend that accumulates statistics.
+    /// Opens the backend that measures sensitivities.
     pub statistics: &'a dyn Fn() -> Result<Box<dyn Backend>>,
     /// Opens the backend that renders.
     pub rendering: &'a dyn Fn() -> Result<Box<dyn Backend>>,
@@ -57,7 +57,7 @@ pub struct Rounding {
     pub quality: Quality,
     /// Quantisation steps; `None` for a lossless file.
     pub steps: Option<Steps>,
-    /// A power of two for each splat that divides its steps; empty for all zeros.
+    /// For each splat the power of two that multiplies its steps; empty for all zeros.
     pub exponents: Vec<i8>,
 }
 
@@ -135,7 +135,7 @@ fn lossless(goal: &RateGoal) -> Result<Rounding> {
 /// The rounding of a scene without cameras, which cannot be rendered.
 fn unmeasured(scene: &BakedScene, goal: &RateGoal, report: &mut Report) -> Result<Rounding> {
     let asset = &scene.asset;
-    let base = if goal.quality == Quality::Tiny { Steps::tiny(asset) } else { Steps::balanced(asset) };
+    let base = if goal.quality == Quality::Tiny { Steps::tiny() } else { Steps::balanced() };
     let steps = match (goal.max_bytes, goal.max_loss_db) {
         (Some(most), _) => steps_of_size(asset, goal.quality, Scaled { base, exponents: &[] }, most)?,
         (None, Some(_)) => {

@@ -6,6 +6,7 @@ use super::gradients::{Gradients, ImageLoss, gradients};
 use super::renderer::GoOn;
 use crate::backend::{Backend, ColourMap, LossWeights, TargetImage};
 use crate::bake::model_from_asset;
+use crate::model::AdamState;
 use crate::{Error, Result};
 use litetex_exporters::ltgs::Sensitivities;
 use litetex_exporters::{AssetCamera, SplatAsset};
@@ -33,6 +34,7 @@ pub(super) fn sensitivities(
     go_on: GoOn<'_>,
 ) -> Result<Sensitivities> {
     let model = model_from_asset(asset);
+    let adam = AdamState::zeros(&model);
     let mut sums = zeros(asset);
     for round in 0..PROBES_MIN.div_ceil(views.len().max(1)) {
         for (index, view) in views.iter().enumerate() {
@@ -49,7 +51,7 @@ pub(super) fn sensitivities(
             let weights = LossWeights { l1: target.rgb.len() as f32 / CONTRAST, ..LossWeights::NONE };
             let exposure = Some(ColourMap([0, 1, 2].map(contrast)));
             let loss = ImageLoss { view, target: &target, background: asset.background, weights, exposure };
-            add(&mut sums, asset, &gradients(backend, &model, &loss)?);
+            add(&mut sums, asset, &gradients(backend, (&model, &adam), &loss)?);
         }
     }
     Ok(sums)
@@ -116,6 +118,7 @@ mod tests {
     use super::*;
     use crate::cpu::CpuBackend;
     use crate::verify::SceneRenderer;
+    use glam::{Quat, Vec3};
     use litetex_exporters::AssetMap;
 
     /// A textured splat in front of a grey background, tilted, and a camera.
@@ -168,8 +171,9 @@ mod tests {
         let scale = [0, 1].map(|axis| slope(0.05, &|a, e| a.scales[0][axis] *= e.exp()));
         let turned = |a: &mut SplatAsset, axis: usize, angle: f32| {
             let [w, x, y, z] = a.rotations[0];
-            let slopes = [[-x, w, z, -y], [-y, -z, w, x], [-z, y, -x, w]][axis];
-            a.rotations[0] = [0, 1, 2, 3].map(|c| a.rotations[0][c] + 0.5 * angle * slopes[c]);
+            let turn = Quat::from_axis_angle(Vec3::AXES[axis], angle);
+            let q = Quat::from_xyzw(x, y, z, w) * turn;
+            a.rotations[0] = [q.w, q.x, q.y, q.z];
         };
         let angle = [0, 1, 2].map(|axis| slope(0.05, &|a, e| turned(a, axis, e)));
         let colour = [0, 1, 2].map(|c| slope(0.05, &|a, e| a.sh[c] += e));
@@ -188,7 +192,11 @@ mod tests {
             // 200 squares of normal numbers: the mean is off by 10 % (one standard deviation), by less for several numbers.
             assert!((found / expected - 1.0).abs() < 0.3, "{name}: {found} {expected}");
         }
-        // Negative control: what is twice as large is found to be.
-        assert!(found.positions[0] / views > 1.5 * 0.5 * position.iter().sum::<f32>() / 3.0);
+        // Negative control: the axes of the rotation differ by more than that.
+        let found = found.twists[0] / views;
+        assert!(
+            (found / angle[0] - 1.0).abs() > 0.3 && (found / angle[1] - 1.0).abs() > 0.3,
+            "{found} {angle:?}"
+        );
     }
 }
