@@ -1,7 +1,7 @@
 //! From how much images change with the numbers of an asset to how these are rounded.
 
 use super::math::two_to;
-use super::shape::Shape;
+use super::shape::{EXPONENT_MAX, Shape};
 use super::steps::Steps;
 use super::texels::Map;
 use crate::SplatAsset;
@@ -19,9 +19,6 @@ const ROUNDS: usize = 4;
 
 /// Share of the median that is added to each splat's sensitivity: what a splat that no view shows is taken to have.
 const UNSEEN: f64 = 0.02;
-
-/// Largest absolute exponent.
-const EXPONENT_MOST: f64 = 6.0;
 
 /// How much images change with the numbers of each splat: sums over the pixels of some views of squared derivatives, added over the
 /// three channels. Where a splat has several numbers of a kind, the mean. Any common factor will do.
@@ -72,7 +69,7 @@ impl Sensitivities {
         let h = |of: &[f32]| of.get(splat).copied().map(f64::from).filter(|h| h.is_finite()).unwrap_or(0.0);
         let numbers = |count: usize, sensitivity: f64| Numbers { count: count as f64, sensitivity };
         // Noise in luma reaches all three channels, noise in chroma fewer.
-        let chroma = Steps::balanced(asset).chroma;
+        let chroma = Steps::balanced().chroma;
         let of_colours = (3.0 + (0.75 + 0.5) * chroma * chroma) / 9.0;
         let band = usize::from(asset.sh_degrees[splat]) + 1;
         [
@@ -136,14 +133,14 @@ fn finer_where_it_counts(all: &[[Numbers; KINDS]], steps: &[f64; KINDS]) -> Vec<
         let ratio = (error + UNSEEN * median) / ((1.0 + UNSEEN) * median);
         // Nothing is known where half of the splats change nothing.
         let exponent = if median > 0.0 { -0.5 * ratio.log2() } else { 0.0 };
-        exponent.round().clamp(-EXPONENT_MOST, EXPONENT_MOST)
+        exponent.round().clamp(f64::from(-EXPONENT_MAX), f64::from(EXPONENT_MAX))
     };
     errors.iter().map(exponent).collect()
 }
 
 /// Relative steps as those of a file; kinds that cost nothing keep typical steps.
 fn named(relative: &[f64; KINDS]) -> Steps {
-    let mut steps = Steps::balanced(&SplatAsset::default());
+    let mut steps = Steps::balanced();
     let scale = steps.log2_scale;
     let [position, tilt, twist, log2_scale, log2_opacity, colour, texel] = *relative;
     for (step, relative) in [
@@ -201,7 +198,7 @@ mod tests {
         assert_eq!(equal.rounding(&asset).1, [0; 40]);
         // Nothing known: typical steps.
         let nothing = Sensitivities::default();
-        assert_eq!(nothing.rounding(&asset), (Steps::balanced(&asset), vec![0; 40]));
+        assert_eq!(nothing.rounding(&asset), (Steps::balanced(), vec![0; 40]));
         assert!(nothing.rounding(&SplatAsset::default()).1.is_empty());
         let broken = Sensitivities { log_scales: vec![f32::NAN; 40], ..all };
         broken.rounding(&asset).0.validate().unwrap();

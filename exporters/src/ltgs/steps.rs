@@ -34,7 +34,7 @@ pub struct Steps {
 impl Steps {
     /// Steps for [`crate::Quality::Balanced`] where no renders tell how much each number counts: fine enough for
     /// scenes of random splats to keep its promise.
-    pub fn balanced(_asset: &crate::SplatAsset) -> Self {
+    pub fn balanced() -> Self {
         Self {
             position: 0.002,
             tilt: 0.001,
@@ -50,8 +50,8 @@ impl Steps {
     }
 
     /// The same for [`crate::Quality::Tiny`].
-    pub fn tiny(asset: &crate::SplatAsset) -> Self {
-        Self::balanced(asset).scaled(2.2)
+    pub fn tiny() -> Self {
+        Self::balanced().scaled(2.2)
     }
 
     /// All steps multiplied by a factor.

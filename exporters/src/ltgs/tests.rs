@@ -83,7 +83,7 @@ fn lossy_files_decode_to_the_quantised_asset() {
     for quality in [Quality::Balanced, Quality::Tiny] {
         for (num_splats, degree) in [(0, 3), (1, 0), (5000, 1), (300, 3)] {
             let asset = awkward(num_splats, degree);
-            let steps = if quality == Quality::Tiny { Steps::tiny(&asset) } else { Steps::balanced(&asset) };
+            let steps = if quality == Quality::Tiny { Steps::tiny() } else { Steps::balanced() };
             for factor in [1.0, 0.01, 3.7] {
                 let steps = steps.scaled(factor);
                 let bytes =
@@ -114,13 +114,13 @@ fn splats_may_have_individual_exponents() {
     contents.asset.validate().unwrap();
     assert_eq!(contents.hash, Some(contents.asset.hash()));
     assert_ne!(bytes, plain);
-    assert!(is_same(&contents.asset, &quantised(&asset, &Steps::balanced(&asset), &exponents).unwrap()));
+    assert!(is_same(&contents.asset, &quantised(&asset, &Steps::balanced(), &exponents).unwrap()));
     // Missing exponents are zero, too large ones are clamped.
-    let short = quantised(&asset, &Steps::balanced(&asset), &[100, 0]).unwrap();
+    let short = quantised(&asset, &Steps::balanced(), &[100, 0]).unwrap();
     let mut long = vec![0; 200];
     long[0] = 8;
-    assert!(is_same(&short, &quantised(&asset, &Steps::balanced(&asset), &long).unwrap()));
-    assert!(!is_same(&short, &quantised(&asset, &Steps::balanced(&asset), &[]).unwrap()));
+    assert!(is_same(&short, &quantised(&asset, &Steps::balanced(), &long).unwrap()));
+    assert!(!is_same(&short, &quantised(&asset, &Steps::balanced(), &[]).unwrap()));
 }
 
 /// Largest errors of a rounded asset: positions over the geometric mean of the standard deviations, log2 of standard deviations,
@@ -154,7 +154,7 @@ fn errors(asset: &SplatAsset, read: &SplatAsset) -> [f64; 5] {
 #[test]
 fn rounding_errors_stay_within_the_steps() {
     let asset = awkward(400, 1);
-    let steps = Steps::balanced(&asset);
+    let steps = Steps::balanced();
     let [position, scale, opacity, normal, texel] = errors(&asset, &quantised(&asset, &steps, &[]).unwrap());
     // Half a step in three axes; the finest splats have the step of larger ones (needed 1.03).
     assert!(position <= 0.5 * 3.0_f64.sqrt() * steps.position * 1.1, "{position}");
@@ -317,7 +317,7 @@ fn no_damage_makes_the_reader_panic() {
 #[test]
 fn unusable_steps_and_assets_are_refused() {
     let asset = awkward(5, 0);
-    for steps in [Steps { texel: 0.0, ..Steps::balanced(&asset) }, Steps::balanced(&asset).scaled(f64::NAN)] {
+    for steps in [Steps { texel: 0.0, ..Steps::balanced() }, Steps::balanced().scaled(f64::NAN)] {
         let options = LtgsOptions { quality: Quality::Tiny, steps: Some(steps), exponents: &[] };
         assert!(matches!(encode(&asset, &options), Err(Error::Invalid { .. })));
         assert!(quantised(&asset, &steps, &[]).is_err());
@@ -334,7 +334,7 @@ fn unusable_steps_and_assets_are_refused() {
     extreme.maps[6].texel_sizes = [1e-44; 2];
     extreme.maps[9].shift = [i16::MIN, i16::MAX];
     for factor in [0.01, 1.0, 50.0] {
-        let steps = Steps::tiny(&extreme).scaled(factor);
+        let steps = Steps::tiny().scaled(factor);
         let options = LtgsOptions { quality: Quality::Tiny, steps: Some(steps), exponents: &[] };
         let read = read(&encode(&extreme, &options).unwrap()).unwrap().asset;
         assert!(is_same(&read, &quantised(&extreme, &steps, &[]).unwrap()));

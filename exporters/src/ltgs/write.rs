@@ -45,8 +45,8 @@ pub fn encode(asset: &SplatAsset, options: &LtgsOptions<'_>) -> Result<Vec<u8>> 
             return assemble(asset, options.quality, &meta, &lossless_chunks(asset));
         }
         (_, Some(steps)) => steps,
-        (Quality::Balanced | Quality::Custom, None) => Steps::balanced(asset),
-        (Quality::Tiny, None) => Steps::tiny(asset),
+        (Quality::Balanced | Quality::Custom, None) => Steps::balanced(),
+        (Quality::Tiny, None) => Steps::tiny(),
     };
     steps.validate()?;
     let asset = &oriented(asset);
