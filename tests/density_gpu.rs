@@ -57,6 +57,7 @@ fn decided(backend: &mut dyn Backend, histories: &[SplatHistory], cameras: &[Cam
         densify: true,
         use_statistics: true,
         texels_trained: true,
+        images_resized: false,
         may_coarsen: true,
         may_pad: true,
         sh_tested: 3,

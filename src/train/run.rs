@@ -290,6 +290,7 @@ impl Trainer<'_> {
             schedule: &self.schedule,
             cameras: &self.cameras,
             stage: self.stage,
+            last_stage: self.stage_at(step.saturating_sub(2 * self.schedule.density_interval)),
             limits: self.limits,
         };
         let (counts, size) = density.step(self.backend, &mut self.state, use_statistics)?;
@@ -327,10 +328,14 @@ impl Trainer<'_> {
 
     /// Sets render scale and texture cap to those of a step.
     fn begin_stage(&mut self, step: u32) {
-        let smaller_side_px = smaller_side_px(&self.cameras);
-        self.stage = Stage::at(self.config, &self.schedule, &self.frequency, smaller_side_px, step);
+        self.stage = self.stage_at(step);
         self.targets.set_scale(self.stage.render_scale);
         self.state.stage_step = step;
+    }
+
+    fn stage_at(&self, step: u32) -> Stage {
+        let smaller_side_px = smaller_side_px(&self.cameras);
+        Stage::at(self.config, &self.schedule, &self.frequency, smaller_side_px, step)
     }
 
     /// The next steps, up to the first after which something reads or changes the model.

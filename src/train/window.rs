@@ -46,6 +46,8 @@ pub(super) struct DensityControl<'a> {
     pub schedule: &'a Schedule,
     pub cameras: &'a [Camera],
     pub stage: Stage,
+    /// The stage of the window before.
+    pub last_stage: Stage,
     /// Bound of the model where the budget has none.
     pub limits: DeviceLimits,
 }
@@ -114,6 +116,7 @@ impl DensityControl<'_> {
             cameras: self.cameras,
             render_scale: self.stage.render_scale,
             texture_cap: self.stage.texture_cap,
+            images_resized: self.stage.render_scale != self.last_stage.render_scale,
             densify,
             use_statistics,
             texels_trained: step >= schedule.texture_start + schedule.density_interval,

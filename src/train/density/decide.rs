@@ -32,11 +32,12 @@ pub fn decide(
     let scores = Scores::new(s.statistics, s.cameras.len(), config.error, config.prune_contribution);
     let window = Outcomes::new(s.histories, &scores);
     let mut growth = s.growth;
-    if s.use_statistics {
+    let is_comparable = s.use_statistics && !s.images_resized;
+    if is_comparable {
         growth.observe(&window, s.histories, &scores);
     }
     let densify = s.densify && !growth.has_ended();
-    let in_vain = match s.use_statistics && config.need_db > 0.0 {
+    let in_vain = match is_comparable && config.need_db > 0.0 {
         true => grew_in_vain(s.histories, &scores, &window),
         false => vec![false; n],
     };

@@ -23,6 +23,8 @@ pub struct Situation<'a> {
     pub render_scale: f64,
     /// Current largest map side, in texels.
     pub texture_cap: u16,
+    /// Whether images had another size in the window before, so that its errors cannot be compared with those of this one.
+    pub images_resized: bool,
     /// Whether maps may be refined and splats split.
     pub densify: bool,
     /// Whether the statistics are used. Before the first density-control step and at crop steps they are not:

@@ -76,8 +76,16 @@ fn a_refinement_in_vain_is_taken_back_along_its_axes() {
         let kind = trial.grown().unwrap();
         (5..N).chain(0..3).for_each(|i| histories[i].trial = Trial::Withheld(kind));
         histories[4] = SplatHistory { trial, error, ..histories[4] };
-        let revision =
-            revise(&situation(&model, &histories, &statistics, &cameras), &config, &Budget::default());
+        let s = situation(&model, &histories, &statistics, &cameras);
+        let resized = revise(&Situation { images_resized: true, ..s }, &config, &Budget::default());
+        // Errors in images of different sizes tell nothing.
+        assert_eq!(
+            (resized.counts.taken_back, resized.growth, resized.histories[4].rest),
+            (0, Growth::default(), 0)
+        );
+        let s = situation(&model, &histories, &statistics, &cameras);
+        let revision = revise(&s, &config, &Budget::default());
+        assert!(revision.growth != Growth::default());
         let taken_back = revision.counts.taken_back;
         (revision.plan.map(|plan| plan.maps[4]), taken_back, revision.histories[4].rest)
     };

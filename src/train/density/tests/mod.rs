@@ -83,6 +83,7 @@ fn situation<'a>(
         texture_cap: 256,
         densify: true,
         use_statistics: true,
+        images_resized: false,
         may_coarsen: true,
         may_pad: true,
         sh_tested: 0,
