@@ -97,7 +97,7 @@ fn cases(path: &Path) -> Result<Vec<Case>> {
     let matrix = Matrix::read(path).map_err(lab::error)?;
     // Also refuses checks that make no sense.
     matrix.cells(&bench::Training).map_err(lab::error)?;
-    Ok(matrix.scenes.into_iter().map(|s| Case { scene: s.name, checks: s.checks }).collect())
+    Ok(Case::all(&matrix))
 }
 
 /// The worst test view that the first run of each scene and variant has kept, in the folders of benchmarks.

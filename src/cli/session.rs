@@ -14,9 +14,9 @@ use litetex_gs::backend::{RenderedImage, StepReport};
 use litetex_gs::eval::Evaluation;
 use litetex_gs::text::counted;
 use litetex_gs::train::checkpoint;
-use litetex_gs::train::{Control, StopReason, TrainEvent, TrainHistory, TrainState};
+use litetex_gs::train::{Control, Schedule, StopReason, TrainEvent, TrainHistory, TrainState};
 use litetex_gs::verify::{CAMERAS_KEY, CaptureIdentity, IDENTITY_KEY, cameras_json};
-use litetex_gs::views::ViewSource;
+use litetex_gs::views::{Split, ViewSource};
 use litetex_gs::{Error, Report, Result, Warning, atomic_file, input_file};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -55,6 +55,8 @@ pub struct Session<'a> {
     /// Number of gradient entries, over all steps, that were not finite.
     non_finite_gradients: u64,
     losses: ViewLosses,
+    /// Last step after which the model may grow.
+    densify_until: u32,
     /// Step of the last evaluation.
     evaluated_step: u32,
     /// The last evaluation.
@@ -96,6 +98,7 @@ impl<'a> Session<'a> {
             last_with_images: None,
             non_finite_gradients: 0,
             losses: ViewLosses::default(),
+            densify_until: Schedule::new(&config.train, views.indices(Split::Train).len()).densify_until,
             evaluated_step: 0,
             evaluation: None,
             checkpoint: None,
@@ -128,7 +131,7 @@ impl<'a> Session<'a> {
                 texture_cap,
                 wall_secs,
             } => self.metric(json!({ "event": "density-control", "step": step, "counts": counts,
-                "growth": GrowthFigures::new(growth, &self.config.train),
+                "growth": GrowthFigures::new(growth, &self.config.train, step, self.densify_until),
                 "splats": num_splats, "texels": num_texels, "render_scale": render_scale,
                 "texture_cap": texture_cap, "wall_secs": wall_secs }))?,
             TrainEvent::GaveBack(given_back) => {

@@ -94,16 +94,33 @@ pub struct GrowthFigures {
     pub band_rank_correlation: Option<f64>,
     /// Step after which growth ended; null if it did not.
     pub ended_step: Option<u32>,
+    /// What ended it; null if it did not end.
+    pub ended_by: Option<EndOfGrowth>,
+}
+
+/// What ended growth.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum EndOfGrowth {
+    /// More parameters promised too little.
+    Need,
+    /// The steps of density control that may add were over.
+    Timetable,
 }
 
 impl GrowthFigures {
-    /// The figures of a state; `None` if growth is not measured.
-    pub fn new(growth: &Growth, config: &TrainConfig) -> Option<Self> {
+    /// The figures after a step, of a run that may grow until `densify_until`; `None` if growth is not measured.
+    pub fn new(growth: &Growth, config: &TrainConfig, step: u32, densify_until: u32) -> Option<Self> {
         let need_db = Some(config.density.need_db).filter(|&need_db| need_db > 0.0);
         let [split_share, refined_share, band_share] =
             [Kind::Split, Kind::Refined, Kind::Band].map(|kind| growth.share(kind));
         let [split_rank_correlation, refined_rank_correlation, band_rank_correlation] =
             growth.rank_correlations();
+        let ended = if growth.has_ended() {
+            Some((growth.ended_step, EndOfGrowth::Need))
+        } else {
+            (step >= densify_until).then_some((densify_until, EndOfGrowth::Timetable))
+        };
         let figures = Self {
             need_db,
             promised_db: need_db.filter(|_| growth.is_judged()).map(|_| growth.promised_db),
@@ -113,7 +130,8 @@ impl GrowthFigures {
             split_rank_correlation,
             refined_rank_correlation,
             band_rank_correlation,
-            ended_step: growth.has_ended().then_some(growth.ended_step),
+            ended_step: ended.map(|(step, _)| step),
+            ended_by: ended.map(|(_, by)| by),
         };
         (need_db.is_some() || config.draws_growth()).then_some(figures)
     }

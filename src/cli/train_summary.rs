@@ -44,6 +44,7 @@ impl Outcome<'_> {
     pub fn summarise(self, backend: &mut dyn Backend) -> Result<Summary> {
         let Self { config, capture, state, reason, .. } = self;
         let train = &config.train;
+        let schedule = Schedule::new(train, capture.indices(Split::Train).len());
         let fps = match reason {
             StopReason::Consumer => None,
             _ => measure_fps(backend, capture, state, train.background)?,
@@ -67,7 +68,7 @@ impl Outcome<'_> {
             profile: config.profile,
             policy: train.policy,
             components: train.active_components(),
-            inactive: Schedule::new(train, capture.indices(Split::Train).len()).inactive(train),
+            inactive: schedule.inactive(train),
             outlying_views: self.outlying_views,
             map_sides: map_sides(&state.model),
             stopped_by: reason_name(reason).to_owned(),
@@ -81,7 +82,7 @@ impl Outcome<'_> {
                 params_published: state.model.size().params_published(),
                 disk,
             },
-            growth: GrowthFigures::new(&state.growth, train),
+            growth: GrowthFigures::new(&state.growth, train, state.step, schedule.densify_until),
             given_back: state.history.given_back.clone(),
             fps,
             curve: state.history.curve.clone(),

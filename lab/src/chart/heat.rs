@@ -4,6 +4,7 @@ use super::study::Study;
 use super::svg::{Anchor, Svg, TITLE_PX, escape, shortened};
 use super::table::{Column, Table, TableCell, Tone};
 use crate::checks::{Check, Finding, Verdict};
+use crate::matrix::{Matrix, SceneEntry};
 use crate::results::Record;
 use std::fmt::Write;
 
@@ -65,6 +66,14 @@ impl Score {
 
     fn decided(&self) -> usize {
         self.passed + self.failed
+    }
+}
+
+impl Case {
+    /// The checks of the scenes of a matrix.
+    pub fn all(matrix: &Matrix) -> Vec<Self> {
+        let case = |s: &SceneEntry| Self { scene: s.name.clone(), checks: s.checks.clone() };
+        matrix.scenes.iter().map(case).collect()
     }
 }
 

@@ -59,6 +59,17 @@ pub struct Output {
     pub report: Report,
 }
 
+/// What the runs make of the checks, as a table in Markdown; empty without checks.
+///
+/// # Errors
+/// [`crate::Error::Usage`] if no run succeeded.
+pub fn checks_markdown(records: Vec<Record>, cases: Vec<Case>) -> Result<String> {
+    let options = Options { cases, ..Options::default() };
+    let study = Study::new(vec![records], &options)?;
+    let heat = HeatMap::new(&study, &options.cases);
+    Ok(heat.map_or(String::new(), |heat| heat.table().markdown()))
+}
+
 /// Makes all charts and tables of the lines of one or several files.
 ///
 /// # Errors

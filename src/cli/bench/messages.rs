@@ -1,10 +1,12 @@
 //! Messages of a benchmark: a line per finished run, the list of runs, the table at the end.
 
+use crate::cli::lab;
 use crate::cli::log::Log;
 use crate::cli::table::print_columns;
 use crate::cli::values::{format_count, format_duration};
-use litetex_gs::Report;
-use litetex_lab::matrix::Cell;
+use litetex_gs::{Report, Result};
+use litetex_lab::chart::{Case, checks_markdown};
+use litetex_lab::matrix::{Cell, Matrix};
 use litetex_lab::results::{Record, Status};
 use serde_json::json;
 use std::collections::{BTreeSet, HashMap};
@@ -146,6 +148,19 @@ pub fn print_table(records: &[&Record]) -> std::io::Result<()> {
     print_columns(&header, &rows)?;
     if records.iter().any(|r| r.noisy) {
         println!("* the machine was busy with other work: see \"noisy_because\" in the results");
+    }
+    Ok(())
+}
+
+/// Prints what the runs make of the checks in the scenes of the matrix, if it has any.
+///
+/// # Errors
+/// What reading the figures of the runs reports.
+pub fn print_checks(records: &[&Record], matrix: &Matrix) -> Result<()> {
+    if records.iter().any(|r| r.status == Status::Ok) {
+        let records = records.iter().copied().cloned().collect();
+        let table = checks_markdown(records, Case::all(matrix)).map_err(lab::error)?;
+        print!("{table}");
     }
     Ok(())
 }

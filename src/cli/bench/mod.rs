@@ -31,7 +31,8 @@ pub use training::Training;
 /// [`Error::CheckFailed`] if a run failed, [`Error::Interrupted`], [`Error::Usage`] for a mistake in the matrix,
 /// [`Error::InvalidInput`] for a missing capture.
 pub fn run(args: &BenchArgs, threads: Option<u16>, log: &Log) -> anyhow::Result<()> {
-    let cells = matrix_of(args, threads)?.cells(&Training).map_err(lab::error)?;
+    let matrix = matrix_of(args, threads)?;
+    let cells = matrix.cells(&Training).map_err(lab::error)?;
     let total = cells.len();
     let (part, parts) = args.shard;
     let mut cells = shard(cells, part, parts);
@@ -57,6 +58,7 @@ pub fn run(args: &BenchArgs, threads: Option<u16>, log: &Log) -> anyhow::Result<
     let records = folder::read_results(&file, log)?;
     let mine: Vec<&Record> = cells.iter().filter_map(|c| records.iter().find(|r| r.key == c.key)).collect();
     messages::print_table(&mine)?;
+    messages::print_checks(&mine, &matrix)?;
     outcome?;
     let failed = mine.iter().filter(|r| r.status == Status::Failed).count();
     if failed > 0 {
