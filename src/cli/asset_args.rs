@@ -22,6 +22,9 @@ pub struct AssetArgs {
     /// Replace existing files
     #[arg(long)]
     pub force: bool,
+    /// How long to look for a smaller .ltgs file: above 1, numbers make up for the rounding of others, in two passes over the views for each level
+    #[arg(long, value_name = "1-9", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=9))]
+    pub effort: u8,
     /// Do not verify the files by rendering them
     #[arg(long)]
     pub no_verify: bool,
@@ -91,7 +94,12 @@ impl AssetArgs {
 
     /// What a `.ltgs` file should keep to.
     pub fn rate_goal(&self) -> RateGoal {
-        RateGoal { quality: self.quality(), max_bytes: self.max_size, max_loss_db: self.max_loss }
+        RateGoal {
+            quality: self.quality(),
+            max_bytes: self.max_size,
+            max_loss_db: self.max_loss,
+            passes: 2 * (u32::from(self.effort) - 1),
+        }
     }
 }
 

@@ -218,7 +218,7 @@ fn rounding(
     log: &Log,
 ) -> Result<Rounding> {
     if Format::of(path)? != Format::Ltgs {
-        return Ok(Rounding { quality: args.quality(), steps: None, exponents: Vec::new() });
+        return Ok(Rounding { quality: args.quality(), steps: None, exponents: Vec::new(), adapted: None });
     }
     let mut report = Report::default();
     let backends = Backends {
@@ -246,9 +246,9 @@ fn write_one(
         let what = "this format has a single quality: --quality does not apply";
         log.warn("quality-not-applied", &format!("{}: {what}", path.display()), 1);
     }
-    let Rounding { quality, steps, exponents } = rounding;
+    let Rounding { quality, steps, exponents, adapted } = rounding;
     let options = WriteOptions { quality, mesh: args.mesh, steps, exponents: &exponents };
-    let staged = stage_asset(path, asset, &options)?;
+    let staged = stage_asset(path, adapted.as_ref().unwrap_or(asset), &options)?;
     for note in &staged.written().notes {
         log.warn("export", &format!("{}: {note}", path.display()), 1);
     }

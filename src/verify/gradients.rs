@@ -2,7 +2,7 @@
 //! steps only, and after a step from zero moments, Adam's first moments are the gradients times `1 - beta1`.
 
 use crate::Result;
-use crate::backend::{Backend, ColourMap, LearningRates, LossWeights, StepRequest, TargetImage};
+use crate::backend::{Backend, ColourMap, LearningRates, LossValues, LossWeights, StepRequest, TargetImage};
 use crate::bake::camera;
 use crate::constants::ADAM_BETA1;
 use crate::model::{AdamState, Model, SplatArrays};
@@ -30,7 +30,7 @@ pub(super) struct Gradients {
     pub texels: Vec<f32>,
 }
 
-/// Measures gradients on a backend, which is left with a copy of the model. `zeros` are the model's moments before the first
+/// Measures gradients, and the loss itself, on a backend, which is left with a copy of the model. `zeros` are the model's moments before the first
 /// step.
 ///
 /// # Errors
@@ -39,10 +39,10 @@ pub(super) fn gradients(
     backend: &mut dyn Backend,
     (model, zeros): (&Model, &AdamState),
     loss: &ImageLoss<'_>,
-) -> Result<Gradients> {
+) -> Result<(Gradients, LossValues)> {
     let rates = LearningRates::from_array(&[0.0; 9]);
     backend.upload(model, zeros)?;
-    backend.step(&StepRequest {
+    let report = backend.step(&StepRequest {
         step: 1,
         camera: camera(loss.view),
         photo: 0,
@@ -59,5 +59,5 @@ pub(super) fn gradients(
     let scale = (1.0 / (1.0 - ADAM_BETA1)) as f32;
     let arrays = splats.groups_mut().0.into_iter().chain([&mut texels]);
     arrays.flatten().for_each(|g| *g *= scale);
-    Ok(Gradients { splats, texels })
+    Ok((Gradients { splats, texels }, report.loss))
 }

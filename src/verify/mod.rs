@@ -3,6 +3,7 @@
 //! callers pass backends, get data and warnings back, and may stop the work through a callback.
 
 mod baked_scene;
+mod closed_loop;
 mod contribution;
 mod difference;
 mod gradients;

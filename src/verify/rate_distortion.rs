@@ -1,6 +1,7 @@
 //! Rate-distortion search for `.ltgs`: finds the coarsest quantisation steps within a loss or a size, by rendering. (The
 //! quality-by-size charts are in `lab/src/chart/figures.rs`.)
 
+use super::closed_loop::ClosedLoop;
 use super::difference::{Difference, evenly_spread, loss_db, mse_to_photos};
 use super::renderer::GoOn;
 use super::sensitivity::sensitivities;
@@ -9,7 +10,7 @@ use crate::backend::{Backend, RenderedImage};
 use crate::eval::psnr_from_mse;
 use crate::text::format_bytes;
 use crate::{Error, Report, Result};
-use litetex_exporters::ltgs::{LtgsOptions, Steps, encode, quantised};
+use litetex_exporters::ltgs::{LtgsOptions, Sensitivities, Steps, encode, oriented, quantised, rounded};
 use litetex_exporters::{AssetCamera, Quality, SplatAsset};
 
 /// Views at which steps are confirmed, test views among them; the search itself uses [`EXPORT_VIEWS`].
@@ -21,6 +22,9 @@ const ROUNDS: u32 = 8;
 /// Share of the allowed loss that is used: other views may lose a little more.
 const USED_SHARE: f64 = 0.95;
 
+/// Margin to the least PSNR, for other views.
+const PSNR_MARGIN: f64 = 0.2;
+
 /// What a `.ltgs` file should keep to.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RateGoal {
@@ -30,6 +34,8 @@ pub struct RateGoal {
     pub max_bytes: Option<u64>,
     /// Most PSNR that may be lost, mean over the views, dB.
     pub max_loss_db: Option<f64>,
+    /// Passes of the closed loop; 0: numbers are rounded to the nearest.
+    pub passes: u32,
 }
 
 impl RateGoal {
@@ -59,6 +65,8 @@ pub struct Rounding {
     pub steps: Option<Steps>,
     /// For each splat the power of two that multiplies its steps; empty for all zeros.
     pub exponents: Vec<i8>,
+    /// The scene to round instead of the one given, if the closed loop has moved its numbers.
+    pub adapted: Option<SplatAsset>,
 }
 
 /// Steps that a factor scales, and exponents of the splats.
@@ -93,22 +101,23 @@ pub fn find_rounding(
     if goal.quality == Quality::Lossless {
         return lossless(goal);
     }
-    let asset = &scene.asset;
+    scene.asset.validate()?;
+    let asset = &oriented(&scene.asset);
     let training: Vec<AssetCamera> = asset.cameras.iter().filter(|c| !c.held_out).cloned().collect();
     if training.is_empty() {
         return unmeasured(scene, goal, report);
     }
     let confirmed = evenly_spread(&training, CONFIRMED_VIEWS);
     let mut backend = (backends.statistics)()?;
-    let (base, exponents) =
-        sensitivities(backend.as_mut(), asset, &confirmed, backends.go_on)?.rounding(asset);
-    drop(backend);
+    let found = sensitivities(backend.as_mut(), asset, &confirmed, backends.go_on)?;
+    let (base, exponents) = found.rounding(asset);
     let renderer = SceneRenderer::new((backends.rendering)()?, backends.go_on);
     let scaled = Scaled { base, exponents: &exponents };
     let mut search = Search::new(asset, scaled, evenly_spread(&training, EXPORT_VIEWS), renderer)?;
     if let Some(most) = goal.max_bytes {
         let steps = steps_of_size(asset, goal.quality, scaled, most)?;
-        return Ok(Rounding { quality: search.quality_of(&steps)?, steps: Some(steps), exponents });
+        let quality = search.quality_of(asset, &steps)?;
+        return Ok(Rounding { quality, steps: Some(steps), exponents, adapted: None });
     }
     let limits = goal.own_limits().unwrap_or(QualityLimits::of(goal.quality));
     let factor = search.coarsest_within(&limits)?.ok_or_else(|| {
@@ -117,9 +126,16 @@ pub fn find_rounding(
             "even the finest quantisation loses more than {most} dB; use --quality lossless"
         ))
     })?;
+    let (factor, adapted) = match goal.passes {
+        0 => (factor, None),
+        passes => search.close((backend, backends.go_on), &found, &limits, (factor, passes))?,
+    };
     let steps = scaled.steps(factor);
-    let quality = if goal.max_loss_db.is_some() { search.quality_of(&steps)? } else { goal.quality };
-    Ok(Rounding { quality, steps: Some(steps), exponents })
+    let quality = match goal.max_loss_db {
+        Some(_) => search.quality_of(adapted.as_ref().unwrap_or(asset), &steps)?,
+        None => goal.quality,
+    };
+    Ok(Rounding { quality, steps: Some(steps), exponents, adapted })
 }
 
 fn lossless(goal: &RateGoal) -> Result<Rounding> {
@@ -128,7 +144,9 @@ fn lossless(goal: &RateGoal) -> Result<Rounding> {
         Some(flag) => {
             Err(Error::Usage(format!("--quality lossless has one size and loses nothing; leave {flag} out")))
         }
-        None => Ok(Rounding { quality: Quality::Lossless, steps: None, exponents: Vec::new() }),
+        None => {
+            Ok(Rounding { quality: Quality::Lossless, steps: None, exponents: Vec::new(), adapted: None })
+        }
     }
 }
 
@@ -150,7 +168,7 @@ fn unmeasured(scene: &BakedScene, goal: &RateGoal, report: &mut Report) -> Resul
             base
         }
     };
-    Ok(Rounding { quality: Quality::Custom, steps: Some(steps), exponents: Vec::new() })
+    Ok(Rounding { quality: Quality::Custom, steps: Some(steps), exponents: Vec::new(), adapted: None })
 }
 
 /// The finest steps that make a file of at most `most` bytes.
@@ -223,7 +241,7 @@ impl<'a> Search<'a> {
         let Some(mut factor) = coarsest(|factor| self.keeps(&scaled.steps(factor), limits))? else {
             return Ok(None);
         };
-        while !self.keeps_everywhere(&scaled.steps(factor), limits)? {
+        while !self.keeps_everywhere(self.asset, &scaled.steps(factor), limits)? {
             factor -= resolution();
             if factor < FACTOR_LOG2[0] {
                 return Ok(None);
@@ -233,9 +251,9 @@ impl<'a> Search<'a> {
     }
 
     /// The best quality whose promise the steps keep at all views.
-    fn quality_of(&mut self, steps: &Steps) -> Result<Quality> {
+    fn quality_of(&mut self, adapted: &SplatAsset, steps: &Steps) -> Result<Quality> {
         for quality in [Quality::Balanced, Quality::Tiny] {
-            if self.keeps_everywhere(steps, &QualityLimits::of(quality))? {
+            if self.keeps_everywhere(adapted, steps, &QualityLimits::of(quality))? {
                 return Ok(quality);
             }
         }
@@ -251,9 +269,64 @@ impl<'a> Search<'a> {
         Ok(self.are_within(&pairs.map(|(i, e)| Difference::mse_of(i, e)).collect::<Vec<_>>(), limits))
     }
 
-    /// [`Search::keeps`] at the views of confirmation.
-    fn keeps_everywhere(&mut self, steps: &Steps, limits: &QualityLimits) -> Result<bool> {
-        let Ok(rounded) = quantised(self.asset, steps, self.scaled.exponents) else { return Ok(false) };
+    /// Closes the loop: the factor and the moved scene of a smaller file than that of the open loop, or the latter's factor.
+    fn close(
+        &mut self,
+        (backend, go_on): (Box<dyn Backend>, GoOn<'_>),
+        sensitivities: &Sensitivities,
+        limits: &QualityLimits,
+        (open, passes): (f64, u32),
+    ) -> Result<(f64, Option<SplatAsset>)> {
+        let (scaled, asset) = (self.scaled, self.asset);
+        let training: Vec<AssetCamera> = asset.cameras.iter().filter(|c| !c.held_out).cloned().collect();
+        let views = evenly_spread(&training, CONFIRMED_VIEWS);
+        let mut expected = Vec::new();
+        for view in &views {
+            expected.extend(self.renderer.images(asset, std::slice::from_ref(view))?);
+        }
+        let mut closed = ClosedLoop::new(backend, views, (asset, &expected), sensitivities, go_on);
+        drop(expected);
+        let allowed = self.mse_within(limits);
+        let (mut adapted, mut factor) = (asset.clone(), open);
+        for pass in 0..passes {
+            let now = rounded(&adapted, &scaled.steps(factor), scaled.exponents)?;
+            let mse = closed.pass(&mut adapted, &now)?;
+            if pass + 1 < passes {
+                factor += (0.25 * (allowed / mse).log2()).clamp(-0.2, 0.2);
+            }
+        }
+        factor = (factor / resolution()).round() * resolution();
+        while !self.keeps_everywhere(&adapted, &scaled.steps(factor), limits)? {
+            factor -= resolution();
+            if factor < open {
+                return Ok((open, None));
+            }
+        }
+        while self.keeps_everywhere(&adapted, &scaled.steps(factor + resolution()), limits)? {
+            factor += resolution();
+        }
+        let bytes = |asset: &SplatAsset, factor: f64| -> Result<usize> {
+            Ok(encode(asset, &scaled.options(Quality::Custom, factor))?.len())
+        };
+        let is_smaller = bytes(&adapted, factor)? < bytes(asset, open)?;
+        Ok(if is_smaller { (factor, Some(adapted)) } else { (open, None) })
+    }
+
+    /// The mean squared error that just keeps the limits of the mean.
+    fn mse_within(&self, limits: &QualityLimits) -> f64 {
+        let of_loss = |db: f64| self.mse_to_photos * (10.0_f64.powf(USED_SHARE * db / 10.0) - 1.0);
+        let loss = limits.max_loss_db.map_or(f64::INFINITY, of_loss);
+        loss.min(limits.min_psnr.map_or(f64::INFINITY, |psnr| 10.0_f64.powf(-(psnr + PSNR_MARGIN) / 10.0)))
+    }
+
+    /// [`Search::keeps`] at the views of confirmation, for the scene with its numbers moved.
+    fn keeps_everywhere(
+        &mut self,
+        adapted: &SplatAsset,
+        steps: &Steps,
+        limits: &QualityLimits,
+    ) -> Result<bool> {
+        let Ok(rounded) = quantised(adapted, steps, self.scaled.exponents) else { return Ok(false) };
         let mut errors = Vec::new();
         // A few at a time: images are large.
         for views in evenly_spread(&self.asset.cameras, CONFIRMED_VIEWS).chunks(EXPORT_VIEWS) {
@@ -272,8 +345,7 @@ impl<'a> Search<'a> {
         let within = |found: f64, limit: Option<f64>| limit.is_none_or(|l| found <= USED_SHARE * l);
         within(mean(&losses), limits.max_loss_db)
             && within(losses.iter().copied().fold(0.0, f64::max), limits.max_loss_worst_db)
-            // A margin for other views, as `USED_SHARE` is.
-            && limits.min_psnr.is_none_or(|least| mean(&psnrs) >= least + 0.2)
+            && limits.min_psnr.is_none_or(|least| mean(&psnrs) >= least + PSNR_MARGIN)
     }
 }
 

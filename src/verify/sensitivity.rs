@@ -36,7 +36,8 @@ pub(super) fn sensitivities(
     let model = model_from_asset(asset);
     let adam = AdamState::zeros(&model);
     let mut sums = zeros(asset);
-    for round in 0..PROBES_MIN.div_ceil(views.len().max(1)) {
+    let rounds = PROBES_MIN.div_ceil(views.len().max(1));
+    for round in 0..rounds {
         for (index, view) in views.iter().enumerate() {
             if !go_on() {
                 return Err(Error::Interrupted);
@@ -51,10 +52,18 @@ pub(super) fn sensitivities(
             let weights = LossWeights { l1: target.rgb.len() as f32 / CONTRAST, ..LossWeights::NONE };
             let exposure = Some(ColourMap([0, 1, 2].map(contrast)));
             let loss = ImageLoss { view, target: &target, background: asset.background, weights, exposure };
-            add(&mut sums, asset, &gradients(backend, (&model, &adam), &loss)?);
+            add(&mut sums, asset, &gradients(backend, (&model, &adam), &loss)?.0);
         }
     }
+    divide(&mut sums, rounds as f32);
     Ok(sums)
+}
+
+/// Turns sums over rounds into means.
+fn divide(sums: &mut Sensitivities, rounds: f32) {
+    let Sensitivities { positions, tilts, twists, log_scales, log_opacities, colours, texels } = sums;
+    let all = [positions, tilts, twists, log_scales, log_opacities, colours, texels];
+    all.into_iter().flatten().for_each(|h| *h /= rounds);
 }
 
 fn zeros(asset: &SplatAsset) -> Sensitivities {

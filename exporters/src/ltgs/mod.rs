@@ -38,10 +38,11 @@ mod texels;
 mod write;
 
 pub use check::validate;
+pub use orient::oriented;
 pub use read::{Reader, decode};
 pub use sensitivities::Sensitivities;
 pub use steps::Steps;
-pub use write::{LtgsOptions, encode, quantised};
+pub use write::{LtgsOptions, Rounded, encode, quantised, rounded};
 
 #[cfg(test)]
 mod tests;

@@ -79,19 +79,36 @@ fn file_meta(asset: &SplatAsset, quality: Quality, hash: u64, quantiser: Option<
     }
 }
 
+/// An asset rounded as a lossy file rounds it.
+#[derive(Clone, Debug)]
+pub struct Rounded {
+    /// What a reader gets, bit for bit.
+    pub asset: SplatAsset,
+    /// For each of its splats the index before. `[n]`
+    pub order: Vec<u32>,
+}
+
+/// Rounds an [`oriented`] asset with these steps and exponents, without encoding a file.
+///
+/// # Errors
+/// As [`encode`].
+pub fn rounded(asset: &SplatAsset, steps: &Steps, exponents: &[i8]) -> Result<Rounded> {
+    asset.validate()?;
+    steps.validate()?;
+    let plan = Plan::new(asset, steps, exponents);
+    let chunks = map_chunks(asset, |range| Ok(CodedChunk::new(asset, &plan, range)?.decoded))?;
+    let mut whole = SplatAsset::default();
+    Meta::of(asset).store(&mut whole);
+    Ok(Rounded { asset: joined(whole, asset.sh_degree, chunks)?, order: plan.order })
+}
+
 /// The asset that a reader gets from a lossy file with these steps and exponents, bit for bit, without encoding the file.
 ///
 /// # Errors
 /// As [`encode`].
 pub fn quantised(asset: &SplatAsset, steps: &Steps, exponents: &[i8]) -> Result<SplatAsset> {
     asset.validate()?;
-    steps.validate()?;
-    let asset = &oriented(asset);
-    let plan = Plan::new(asset, steps, exponents);
-    let chunks = map_chunks(asset, |range| Ok(CodedChunk::new(asset, &plan, range)?.decoded))?;
-    let mut whole = SplatAsset::default();
-    Meta::of(asset).store(&mut whole);
-    joined(whole, asset.sh_degree, chunks)
+    Ok(rounded(&oriented(asset), steps, exponents)?.asset)
 }
 
 /// Calls `of_chunk` with the range of splats of each chunk, in parallel; returns the results in order.
