@@ -22,9 +22,9 @@ pub struct AssetArgs {
     /// Replace existing files
     #[arg(long)]
     pub force: bool,
-    /// How long to look for a smaller .ltgs file: above 1, numbers make up for the rounding of others, in two passes over the views for each level
-    #[arg(long, value_name = "1-9", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=9))]
-    pub effort: u8,
+    /// How long to look for a smaller .ltgs file: above 1, numbers make up for the rounding of others, in two passes over the views for each level [default: 1]
+    #[arg(long, value_name = "1-9", value_parser = clap::value_parser!(u8).range(1..=9))]
+    pub effort: Option<u8>,
     /// Do not verify the files by rendering them
     #[arg(long)]
     pub no_verify: bool,
@@ -98,7 +98,7 @@ impl AssetArgs {
             quality: self.quality(),
             max_bytes: self.max_size,
             max_loss_db: self.max_loss,
-            passes: 2 * (u32::from(self.effort) - 1),
+            passes: 2 * (u32::from(self.effort.unwrap_or(1)) - 1),
         }
     }
 }
