@@ -149,6 +149,21 @@ fn lossy_files_meet_their_limits_and_plain_formats_keep_colours() {
         "cpu",
     ]);
     assert!(size("small.ltgs") <= size("d.ltgs") * 9 / 10 && size("small.ltgs") > size("d.ltgs") * 7 / 10);
+    // The closed loop's file keeps the same promise, which writing verifies, and is never the larger one.
+    let closed = at("closed.ltgs");
+    good(&[
+        "export",
+        text(run),
+        "-o",
+        text(&closed),
+        "--quality",
+        "tiny",
+        "--effort",
+        "3",
+        "--device",
+        "cpu",
+    ]);
+    assert!(size("closed.ltgs") <= size("d.ltgs"));
     // More may be lost than any quality promises, if that is what was requested.
     let coarse = at("coarse.ltgs");
     good(&["export", text(run), "-o", text(&coarse), "--max-loss", "1dB", "--device", "cpu"]);
@@ -302,7 +317,7 @@ fn existing_files_are_replaced_only_by_verified_ones() {
 fn impossible_exports_are_refused_before_writing() {
     let (run, folder) = (run_folder(), tempfile::tempdir().unwrap());
     let at = |name: &str| folder.path().join(name);
-    let cases: [(&[&str], i32, &str); 9] = [
+    let cases: [(&[&str], i32, &str); 11] = [
         (&["-o", "x.obj"], 4, "known: .glb"),
         (&["-o", "x.glb", "--quality", "tiny"], 4, "lossless and balanced"),
         (&["-o", "x.ltgs", "./x.ltgs"], 2, "as well"),
@@ -311,6 +326,8 @@ fn impossible_exports_are_refused_before_writing() {
         (&["-o", "x.ltgs", "--up", "w"], 2, "--up"),
         (&["-o", "x.ltgs", "--crop", "9e8,9e8,9e8:1e9,1e9,1e9"], 2, "leave no splat"),
         (&["-o", "x.ltgs", "--quality", "lossless", "--max-size", "1MB"], 2, "--max-size"),
+        (&["-o", "x.ltgs", "--effort", "0"], 2, "--effort"),
+        (&["-o", "x.ltgs", "--effort", "5", "--max-size", "1MB"], 2, "--max-size"),
         (&["-o", "x.ltgs", "--device", "no-such"], 4, "no-such"),
     ];
     for (args, code, word) in cases {

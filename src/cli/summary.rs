@@ -287,3 +287,23 @@ impl Summary {
         serde_json::from_slice(&text).map_err(|e| litetex_gs::Error::invalid(path, e.to_string()))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn summaries_say_what_ended_growth() {
+        let mut config = TrainConfig::default();
+        config.density.need_db = 0.05;
+        let ended = |ended_step: u32, step: u32| {
+            let growth = Growth { ended_step, ..Growth::default() };
+            let figures = GrowthFigures::new(&growth, &config, step, 70).unwrap();
+            (figures.ended_step, figures.ended_by)
+        };
+        assert_eq!(ended(0, 69), (None, None));
+        assert_eq!(ended(0, 70), (Some(70), Some(EndOfGrowth::Timetable)));
+        // What ended first counts.
+        assert_eq!(ended(40, 100), (Some(40), Some(EndOfGrowth::Need)));
+    }
+}

@@ -24,13 +24,7 @@ pub struct Difference {
 impl Difference {
     /// Compares an image with what it should be.
     pub fn of(name: &str, found: &RenderedImage, expected: &RenderedImage) -> Self {
-        let target = TargetImage {
-            width_px: expected.width_px,
-            height_px: expected.height_px,
-            rgb: quantised(&expected.rgb),
-            mask: None,
-            alpha: None,
-        };
+        let target = target_of(expected);
         let pairs = || found.rgb.iter().zip(&expected.rgb);
         let largest = pairs().map(|(a, b)| if a == b { 0.0 } else { (a - b).abs() });
         Self {
@@ -51,6 +45,17 @@ impl Difference {
     /// PSNR of the values without rounding to 8 bits, dB.
     pub fn psnr(&self) -> f64 {
         psnr_from_mse(self.mse)
+    }
+}
+
+/// An image in 8 bits, to compare others with.
+pub(super) fn target_of(image: &RenderedImage) -> TargetImage {
+    TargetImage {
+        width_px: image.width_px,
+        height_px: image.height_px,
+        rgb: quantised(&image.rgb),
+        mask: None,
+        alpha: None,
     }
 }
 

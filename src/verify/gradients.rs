@@ -8,6 +8,9 @@ use crate::constants::ADAM_BETA1;
 use crate::model::{AdamState, Model, SplatArrays};
 use litetex_exporters::AssetCamera;
 
+/// Smallest slope of an activation by which gradients are divided.
+const SLOPE_MIN: f32 = 1e-4;
+
 /// A loss of a model's image from one view.
 pub(super) struct ImageLoss<'a> {
     /// The view.
@@ -30,8 +33,22 @@ pub(super) struct Gradients {
     pub texels: Vec<f32>,
 }
 
-/// Measures gradients, and the loss itself, on a backend, which is left with a copy of the model. `zeros` are the model's moments before the first
-/// step.
+impl Gradients {
+    /// The derivative with respect to the natural logarithm of a splat's opacity.
+    pub fn by_log_opacity(&self, splat: usize, opacity: f32) -> f32 {
+        // The logit's slope is o (1 - o), that of the logarithm 1 / o.
+        self.splats.opacity_logits[splat] / (1.0 - opacity).max(SLOPE_MIN)
+    }
+
+    /// The derivative with respect to a channel of a texel, of this value: the float at `index` of the texels.
+    pub fn by_texel(&self, index: usize, value: f32) -> f32 {
+        // A texel is the hyperbolic tangent of half the stored number.
+        self.texels[index] / (0.5 * (1.0 - value * value)).max(SLOPE_MIN)
+    }
+}
+
+/// Measures gradients, and the loss itself, on a backend, which is left with a copy of the model. `zeros` are the model's
+/// moments before the first step.
 ///
 /// # Errors
 /// What the device reports.

@@ -2,7 +2,7 @@
 //! quality-by-size charts are in `lab/src/chart/figures.rs`.)
 
 use super::closed_loop::ClosedLoop;
-use super::difference::{Difference, evenly_spread, loss_db, mse_to_photos};
+use super::difference::{Difference, evenly_spread, loss_db, mse_to_photos, target_of};
 use super::renderer::GoOn;
 use super::sensitivity::sensitivities;
 use super::{BakedScene, EXPORT_VIEWS, QualityLimits, SceneRenderer};
@@ -111,6 +111,7 @@ pub fn find_rounding(
     let mut backend = (backends.statistics)()?;
     let found = sensitivities(backend.as_mut(), asset, &confirmed, backends.go_on)?;
     let (base, exponents) = found.rounding(asset);
+    drop(backend);
     let renderer = SceneRenderer::new((backends.rendering)()?, backends.go_on);
     let scaled = Scaled { base, exponents: &exponents };
     let mut search = Search::new(asset, scaled, evenly_spread(&training, EXPORT_VIEWS), renderer)?;
@@ -128,7 +129,7 @@ pub fn find_rounding(
     })?;
     let (factor, adapted) = match goal.passes {
         0 => (factor, None),
-        passes => search.close((backend, backends.go_on), &found, &limits, (factor, passes))?,
+        passes => search.close((backends, &found), &confirmed, &limits, (factor, passes))?,
     };
     let steps = scaled.steps(factor);
     let quality = match goal.max_loss_db {
@@ -263,8 +264,8 @@ impl<'a> Search<'a> {
     /// Whether images rounded with these steps keep the limits at the views of the search.
     fn keeps(&mut self, steps: &Steps, limits: &QualityLimits) -> Result<bool> {
         // The format cannot express steps that are too coarse: they keep no limit.
-        let Ok(rounded) = quantised(self.asset, steps, self.scaled.exponents) else { return Ok(false) };
-        let images = self.renderer.images(&rounded, &self.views)?;
+        let Ok(rounded) = rounded(self.asset, steps, self.scaled.exponents) else { return Ok(false) };
+        let images = self.renderer.images(&rounded.asset, &self.views)?;
         let pairs = images.iter().zip(&self.expected);
         Ok(self.are_within(&pairs.map(|(i, e)| Difference::mse_of(i, e)).collect::<Vec<_>>(), limits))
     }
@@ -272,37 +273,45 @@ impl<'a> Search<'a> {
     /// Closes the loop: the factor and the moved scene of a smaller file than that of the open loop, or the latter's factor.
     fn close(
         &mut self,
-        (backend, go_on): (Box<dyn Backend>, GoOn<'_>),
-        sensitivities: &Sensitivities,
+        (backends, sensitivities): (&Backends<'_>, &Sensitivities),
+        views: &[AssetCamera],
         limits: &QualityLimits,
         (open, passes): (f64, u32),
     ) -> Result<(f64, Option<SplatAsset>)> {
         let (scaled, asset) = (self.scaled, self.asset);
-        let training: Vec<AssetCamera> = asset.cameras.iter().filter(|c| !c.held_out).cloned().collect();
-        let views = evenly_spread(&training, CONFIRMED_VIEWS);
-        let mut expected = Vec::new();
-        for view in &views {
-            expected.extend(self.renderer.images(asset, std::slice::from_ref(view))?);
+        let mut closed = ClosedLoop {
+            backend: (backends.statistics)()?,
+            views: Vec::new(),
+            sensitivities,
+            go_on: backends.go_on,
+        };
+        for view in views {
+            let images = self.renderer.images(asset, std::slice::from_ref(view))?;
+            closed.views.extend(images.iter().map(|image| (view.clone(), target_of(image))));
         }
-        let mut closed = ClosedLoop::new(backend, views, (asset, &expected), sensitivities, go_on);
-        drop(expected);
         let allowed = self.mse_within(limits);
         let (mut adapted, mut factor) = (asset.clone(), open);
         for pass in 0..passes {
-            let now = rounded(&adapted, &scaled.steps(factor), scaled.exponents)?;
+            // The format cannot express steps that are too coarse.
+            let now = rounded(&adapted, &scaled.steps(factor), scaled.exponents);
+            let Ok(now) = now else { return Ok((open, None)) };
             let mse = closed.pass(&mut adapted, &now)?;
             if pass + 1 < passes {
-                factor += (0.25 * (allowed / mse).log2()).clamp(-0.2, 0.2);
+                // The error goes with the square of the steps.
+                factor += (0.5 * (allowed / mse).log2()).clamp(-0.2, 0.2);
             }
         }
+        drop(closed);
         factor = (factor / resolution()).round() * resolution();
-        while !self.keeps_everywhere(&adapted, &scaled.steps(factor), limits)? {
+        while factor >= open && !self.keeps_everywhere(&adapted, &scaled.steps(factor), limits)? {
             factor -= resolution();
-            if factor < open {
-                return Ok((open, None));
-            }
         }
-        while self.keeps_everywhere(&adapted, &scaled.steps(factor + resolution()), limits)? {
+        if factor.is_nan() || factor < open {
+            return Ok((open, None));
+        }
+        while factor < FACTOR_LOG2[1]
+            && self.keeps_everywhere(&adapted, &scaled.steps(factor + resolution()), limits)?
+        {
             factor += resolution();
         }
         let bytes = |asset: &SplatAsset, factor: f64| -> Result<usize> {

@@ -20,9 +20,6 @@ const PROBES_MIN: usize = 24;
 /// difference from either is known.
 const CONTRAST: f32 = 0.25;
 
-/// Smallest slope of an activation by which gradients are divided.
-const SLOPE_MIN: f32 = 1e-4;
-
 /// Measures an asset on a backend, which keeps the asset's model.
 ///
 /// # Errors
@@ -98,15 +95,12 @@ fn add(sums: &mut Sensitivities, asset: &SplatAsset, found: &Gradients) {
         let [around_u, around_v, around_n] = by_angles(asset.rotations[splat], quaternion);
         sums.tilts[splat] += mean_square(&[around_u, around_v]);
         sums.twists[splat] += around_n * around_n;
-        // The logit's slope is o (1 - o), that of the logarithm 1 / o.
-        let by_log = splats.opacity_logits[splat] / (1.0 - asset.opacities[splat]).max(SLOPE_MIN);
+        let by_log = found.by_log_opacity(splat, asset.opacities[splat]);
         sums.log_opacities[splat] += by_log * by_log;
         sums.colours[splat] += mean_square(&splats.sh_of(splat)[..3]);
     }
-    let texels = found.texels.as_chunks::<3>().0.iter().zip(asset.texels.as_chunks::<3>().0);
-    for (sum, (gradient, value)) in sums.texels.iter_mut().zip(texels) {
-        // A texel is the hyperbolic tangent of half the stored number.
-        let by_value = |c: usize| gradient[c] / (0.5 * (1.0 - value[c] * value[c])).max(SLOPE_MIN);
+    for (texel, sum) in sums.texels.iter_mut().enumerate() {
+        let by_value = |c: usize| found.by_texel(3 * texel + c, asset.texels[3 * texel + c]);
         *sum += mean_square(&[0, 1, 2].map(by_value));
     }
 }
@@ -123,12 +117,26 @@ fn mean_square(values: &[f32]) -> f32 {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::cpu::CpuBackend;
     use crate::verify::SceneRenderer;
     use glam::{Quat, Vec3};
     use litetex_exporters::AssetMap;
+
+    /// A camera at the origin that looks along z.
+    pub fn camera() -> AssetCamera {
+        AssetCamera {
+            name: "a".to_owned(),
+            held_out: false,
+            width_px: 64,
+            height_px: 48,
+            focal_px: [60.0; 2],
+            principal_px: [32.0, 24.0],
+            rotation_rows: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+            translation: [0.0; 3],
+        }
+    }
 
     /// A textured splat in front of a grey background, tilted, and a camera.
     fn scene() -> (SplatAsset, AssetCamera) {
@@ -144,17 +152,7 @@ mod tests {
             background: [0.2, 0.5, 0.4],
             ..SplatAsset::default()
         };
-        let view = AssetCamera {
-            name: "a".to_owned(),
-            held_out: false,
-            width_px: 64,
-            height_px: 48,
-            focal_px: [60.0; 2],
-            principal_px: [32.0, 24.0],
-            rotation_rows: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
-            translation: [0.0; 3],
-        };
-        (asset, view)
+        (asset, camera())
     }
 
     #[test]

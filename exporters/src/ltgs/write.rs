@@ -94,6 +94,10 @@ pub struct Rounded {
 /// As [`encode`].
 pub fn rounded(asset: &SplatAsset, steps: &Steps, exponents: &[i8]) -> Result<Rounded> {
     asset.validate()?;
+    rounded_valid(asset, steps, exponents)
+}
+
+fn rounded_valid(asset: &SplatAsset, steps: &Steps, exponents: &[i8]) -> Result<Rounded> {
     steps.validate()?;
     let plan = Plan::new(asset, steps, exponents);
     let chunks = map_chunks(asset, |range| Ok(CodedChunk::new(asset, &plan, range)?.decoded))?;
@@ -108,7 +112,7 @@ pub fn rounded(asset: &SplatAsset, steps: &Steps, exponents: &[i8]) -> Result<Ro
 /// As [`encode`].
 pub fn quantised(asset: &SplatAsset, steps: &Steps, exponents: &[i8]) -> Result<SplatAsset> {
     asset.validate()?;
-    Ok(rounded(&oriented(asset), steps, exponents)?.asset)
+    Ok(rounded_valid(&oriented(asset), steps, exponents)?.asset)
 }
 
 /// Calls `of_chunk` with the range of splats of each chunk, in parallel; returns the results in order.

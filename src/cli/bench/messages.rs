@@ -157,9 +157,11 @@ pub fn print_table(records: &[&Record]) -> std::io::Result<()> {
 /// # Errors
 /// What reading the figures of the runs reports.
 pub fn print_checks(records: &[&Record], matrix: &Matrix) -> Result<()> {
-    if records.iter().any(|r| r.status == Status::Ok) {
+    let cases = Case::all(matrix);
+    let is_checked = cases.iter().any(|case| !case.checks.is_empty());
+    if is_checked && records.iter().any(|r| r.status == Status::Ok) {
         let records = records.iter().copied().cloned().collect();
-        let table = checks_markdown(records, Case::all(matrix)).map_err(lab::error)?;
+        let table = checks_markdown(records, cases).map_err(lab::error)?;
         print!("{table}");
     }
     Ok(())
