@@ -159,7 +159,7 @@ fn validation_reports_oddities_that_readers_accept() {
 /// | glb | a page of neutral texels | 19 KB | 50 MB | 50 MB |
 /// | ltgs | neutral texels | 1 KB | 25 MB | 25 MB |
 /// | ltgs | more neutral texels than any scene | 7 KB | refused | |
-/// | ltgs | rounded neutral texels | 1 KB | 100 MB | 100 MB |
+/// | ltgs | rounded neutral texels | 3 KB | 100 MB | 100 MB |
 /// | glb | a page of 4096 for few texels | 62 KB | 0 MB | 2 MB |
 /// | glb | a page of 8192 for few texels | 219 KB | refused | |
 /// | glb | JSON of empty nodes | 393 KB | 58 MB | 97 MB |

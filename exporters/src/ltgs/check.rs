@@ -27,11 +27,12 @@ pub fn validate(bytes: &[u8], path: &Path) -> Vec<Issue> {
 }
 
 fn check(reader: &Reader<'_>, issues: &mut Issues) {
+    let mut chunks = Vec::new();
     for chunk in 0..reader.num_chunks() {
         let place = format!("chunk {chunk}");
         match reader.decode_chunk(chunk) {
             Err(error) => add(issues, "LT3004", &place, &error),
-            Ok((asset, _)) => {
+            Ok((asset, tally)) => {
                 let [low, high] = reader.entries[chunk].bounds;
                 let is_inside = |p: &&[f32; 3]| (0..3).all(|i| (low[i]..=high[i]).contains(&p[i]));
                 let outside = asset.positions.len() - asset.positions.iter().filter(is_inside).count();
@@ -39,13 +40,14 @@ fn check(reader: &Reader<'_>, issues: &mut Issues) {
                     let what = format!("{outside} centres are outside {low:?} to {high:?}");
                     issues.error("LT3005", &place, what);
                 }
+                chunks.push((asset, tally));
             }
         }
     }
     if issues.list.iter().any(|i| i.code == "LT3004") {
         return;
     }
-    match reader.decode() {
+    match reader.assemble(chunks) {
         Err(error) => add(issues, "LT3008", "", &error),
         Ok(contents) => {
             let found = contents.asset.hash();

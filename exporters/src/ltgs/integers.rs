@@ -1,7 +1,8 @@
 //! Streams: numbers, coded by the arithmetic coder, and plain bytes, compressed with zstd.
 
-use super::arithmetic;
 use super::bits::{put_varint, take_varint};
+use super::numbers::{NumberReader, NumberWriter};
+use crate::limits::with_room;
 use crate::{Error, Result};
 
 /// Bytes that zstd makes of one at most: 128 KiB from a block of 4 bytes.
@@ -22,9 +23,28 @@ pub fn unzigzag(value: u32) -> i32 {
     (value >> 1) as i32 ^ -((value & 1) as i32)
 }
 
-/// Appends a stream of numbers.
-pub fn put_numbers(out: &mut Vec<u8>, numbers: &[u32]) {
-    put_stream(out, ARITHMETIC, numbers.len(), &arithmetic::encode(numbers));
+/// No contexts but the numbers before; see [`put_numbers`].
+pub fn alone(_: usize, _: &[u32]) -> [u32; 0] {
+    []
+}
+
+/// Appends a stream of numbers. `contexts` gets the index of a number and the numbers before it.
+pub fn put_numbers<const C: usize>(
+    out: &mut Vec<u8>,
+    numbers: &[u32],
+    contexts: impl Fn(usize, &[u32]) -> [u32; C],
+) {
+    let mut writer = NumberWriter::new(C);
+    for (i, &number) in numbers.iter().enumerate() {
+        writer.put(number, &contexts(i, &numbers[..i]));
+    }
+    put_coded(out, writer);
+}
+
+/// Appends a stream of numbers that have been coded.
+pub fn put_coded(out: &mut Vec<u8>, writer: NumberWriter) {
+    let (count, coded) = writer.finish();
+    put_stream(out, ARITHMETIC, count, &coded);
 }
 
 /// Appends a stream of bytes.
@@ -53,24 +73,51 @@ pub fn compress(bytes: &[u8], level: i32) -> Option<Vec<u8>> {
     compressor.compress(bytes).ok()
 }
 
-/// Takes a stream of numbers off the front.
+/// Takes a stream of numbers off the front, with `contexts` as in [`put_numbers`].
 ///
 /// # Errors
-/// [`Error::Invalid`] if it is damaged or holds more than `most` numbers, [`Error::Unsupported`] for an unknown codec.
-pub fn take_numbers(block: &mut &[u8], most: usize) -> Result<Vec<u32>> {
+/// [`Error::Invalid`] if it is damaged or holds more than `most` numbers, [`Error::Unsupported`] for an unknown codec,
+/// [`Error::TooLarge`] if there is no memory for it.
+pub fn take_numbers<const C: usize>(
+    block: &mut &[u8],
+    most: usize,
+    contexts: impl Fn(usize, &[u32]) -> [u32; C],
+) -> Result<Vec<u32>> {
+    let (count, mut reader) = take_coded(block, most, C)?;
+    let mut numbers = with_room(count)?;
+    for i in 0..count {
+        numbers.push(reader.take(&contexts(i, &numbers)));
+    }
+    reader.finish()?;
+    Ok(numbers)
+}
+
+/// Takes a stream of numbers off the front whose numbers will be read one by one: how many, and their reader.
+///
+/// # Errors
+/// As [`take_numbers`].
+pub fn take_coded<'a>(
+    block: &mut &'a [u8],
+    most: usize,
+    contexts: usize,
+) -> Result<(usize, NumberReader<'a>)> {
     let stream = Stream::take(block, most)?;
     if stream.codec != ARITHMETIC {
         return Err(unknown_codec(stream.codec));
     }
-    arithmetic::decode(stream.coded, stream.count)
+    Ok((stream.count, NumberReader::new(stream.coded, stream.count, contexts)?))
 }
 
 /// Takes a stream of exactly `n` numbers off the front.
 ///
 /// # Errors
 /// As [`take_numbers`].
-pub fn take_exactly(block: &mut &[u8], n: usize) -> Result<Vec<u32>> {
-    let numbers = take_numbers(block, n)?;
+pub fn take_exactly<const C: usize>(
+    block: &mut &[u8],
+    n: usize,
+    contexts: impl Fn(usize, &[u32]) -> [u32; C],
+) -> Result<Vec<u32>> {
+    let numbers = take_numbers(block, n, contexts)?;
     if numbers.len() == n {
         Ok(numbers)
     } else {
@@ -87,8 +134,12 @@ pub fn unless_zeros(numbers: Vec<u32>) -> Vec<u32> {
 ///
 /// # Errors
 /// As [`take_numbers`].
-pub fn take_or_zeros(block: &mut &[u8], n: usize) -> Result<Vec<u32>> {
-    match take_numbers(block, n)? {
+pub fn take_or_zeros<const C: usize>(
+    block: &mut &[u8],
+    n: usize,
+    contexts: impl Fn(usize, &[u32]) -> [u32; C],
+) -> Result<Vec<u32>> {
+    match take_numbers(block, n, contexts)? {
         numbers if numbers.len() == n => Ok(numbers),
         numbers if numbers.is_empty() => crate::limits::filled(n, 0),
         numbers => Err(damaged(&format!("{} numbers, expected {n} or none", numbers.len()))),
@@ -170,15 +221,15 @@ mod tests {
     fn streams_follow_each_other() {
         let numbers = [5, 0, u32::MAX, 1, 1];
         let mut out = Vec::new();
-        put_numbers(&mut out, &numbers);
+        put_numbers(&mut out, &numbers, alone);
         put_bytes(&mut out, &[7; 100], 3);
-        put_numbers(&mut out, &[]);
+        put_numbers(&mut out, &[], alone);
         let mut rest = out.as_slice();
-        assert!(take_exactly(&mut out.as_slice(), 6).is_err());
-        assert!(take_numbers(&mut out.as_slice(), 4).is_err(), "more than expected");
-        assert_eq!(take_exactly(&mut rest, 5).unwrap(), numbers);
+        assert!(take_exactly(&mut out.as_slice(), 6, alone).is_err());
+        assert!(take_numbers(&mut out.as_slice(), 4, alone).is_err(), "more than expected");
+        assert_eq!(take_exactly(&mut rest, 5, alone).unwrap(), numbers);
         assert_eq!(take_bytes(&mut rest, 100).unwrap(), [7; 100]);
-        assert_eq!(take_or_zeros(&mut rest, 3).unwrap(), [0; 3]);
+        assert_eq!(take_or_zeros(&mut rest, 3, alone).unwrap(), [0; 3]);
         assert!(rest.is_empty());
         for value in [0, 1, -1, i32::MAX, i32::MIN, 12345] {
             assert_eq!(unzigzag(zigzag(value)), value);
@@ -205,13 +256,16 @@ mod tests {
             }
             claim.extend([0; 4]);
             assert!(take_bytes(&mut claim.as_slice(), 1 << 40).is_err());
-            assert!(take_numbers(&mut claim.as_slice(), 1 << 40).is_err());
+            assert!(take_numbers(&mut claim.as_slice(), 1 << 40, alone).is_err());
         }
         let mut unknown = Vec::new();
-        put_numbers(&mut unknown, &[1, 2, 3]);
+        put_numbers(&mut unknown, &[1, 2, 3], alone);
         for codec in [STORED, ZSTD, 3, 0x12] {
             unknown[0] = codec;
-            assert!(matches!(take_numbers(&mut unknown.as_slice(), 3), Err(Error::Unsupported { .. })));
+            assert!(matches!(
+                take_numbers(&mut unknown.as_slice(), 3, alone),
+                Err(Error::Unsupported { .. })
+            ));
         }
         unknown[0] = ARITHMETIC;
         assert!(matches!(take_bytes(&mut unknown.as_slice(), 3), Err(Error::Unsupported { .. })));

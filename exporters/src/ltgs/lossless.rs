@@ -2,7 +2,7 @@
 //! and low bytes are noise. Splats keep the order of the asset.
 
 use super::bands::{bands, put_degrees, take_degrees};
-use super::integers::{put_bytes, put_numbers, take_bytes, take_exactly, zigzag};
+use super::integers::{alone, put_bytes, put_numbers, take_bytes, take_exactly, zigzag};
 use super::maps::{put_shifts, take_shifts};
 use super::tally::Tally;
 use crate::limits::filled;
@@ -74,7 +74,7 @@ pub fn encode_geometry(asset: &SplatAsset, splats: Range<usize>, level: i32) -> 
     let ratios: Vec<[u8; 4]> = sizes(0).zip(sizes(1)).map(|(u, v)| (u ^ v).to_le_bytes()).collect();
     put_planes(&mut block, &ratios, 1, level);
     let shifts: Vec<[i16; 2]> = maps.iter().filter(|m| m.num_texels() > 0).map(|m| m.shift).collect();
-    put_shifts(&mut block, &shifts);
+    put_shifts(&mut block, &shifts, [alone; 2]);
     put_floats(&mut block, asset.positions[splats.clone()].as_flattened(), 3, level);
     put_floats(&mut block, asset.rotations[splats.clone()].as_flattened(), 4, level);
     put_floats(&mut block, asset.scales[splats.clone()].as_flattened(), 2, level);
@@ -85,7 +85,7 @@ pub fn encode_geometry(asset: &SplatAsset, splats: Range<usize>, level: i32) -> 
         splats.map(|s| asset.mean_residual(s).map(|m| (m / MEAN_STEP).round() as i32)).collect();
     for channel in 0..3 {
         let numbers: Vec<u32> = means.iter().map(|m| zigzag(m[channel])).collect();
-        put_numbers(&mut block, &numbers);
+        put_numbers(&mut block, &numbers, alone);
     }
     block
 }
@@ -96,7 +96,7 @@ pub fn encode_sh(asset: &SplatAsset, splats: Range<usize>, level: i32) -> Vec<u8
     if asset.sh_degree == 0 {
         return block;
     }
-    put_degrees(&mut block, &asset.sh_degrees[splats.clone()], asset.sh_degree);
+    put_degrees(&mut block, &asset.sh_degrees[splats.clone()], asset.sh_degree, alone);
     for (degree, band) in bands(asset.sh_degree) {
         let of_band = splats.clone().filter(|&s| asset.sh_degrees[s] >= degree);
         let values: Vec<f32> =
@@ -129,7 +129,7 @@ pub fn decode_geometry(mut block: &[u8], n: usize, tally: &mut Tally) -> Result<
     let (rows, cols) = (sides(block)?, sides(block)?);
     let (along_u, changed) = (take_planes::<4>(block, n, 1)?, take_planes::<4>(block, n, 1)?);
     let textured = rows.iter().zip(&cols).filter(|(rows, cols)| **rows > 0 && **cols > 0).count();
-    let mut shifts = take_shifts(block, textured)?.into_iter();
+    let mut shifts = take_shifts(block, textured, [alone; 2])?.into_iter();
     let mut offset_texels = 0_u32;
     for ((rows, cols), (u, change)) in rows.into_iter().zip(cols).zip(along_u.into_iter().zip(changed)) {
         let texel_sizes = [u, u ^ change].map(f32::from_bits);
@@ -155,7 +155,7 @@ pub fn decode_geometry(mut block: &[u8], n: usize, tally: &mut Tally) -> Result<
     asset.sh_degrees = filled(n, 0)?;
     count("sh0", block.len());
     for _ in 0..3 {
-        take_exactly(block, n)?;
+        take_exactly(block, n, alone)?;
     }
     count("means", block.len());
     if block.is_empty() {
@@ -174,7 +174,7 @@ pub fn decode_sh(mut block: &[u8], sh_degree: u32, asset: &mut SplatAsset, tally
     if sh_degree > 0 {
         let (n, width) = (asset.num_splats(), 3 * num_sh_coefficients(sh_degree));
         let before = block.len();
-        asset.sh_degrees = take_degrees(block, n, sh_degree)?;
+        asset.sh_degrees = take_degrees(block, n, sh_degree, alone)?;
         let before = tally.add("sh_degrees", before, block.len());
         let mut sh = filled(n * width, 0.0)?;
         sh.chunks_exact_mut(width)

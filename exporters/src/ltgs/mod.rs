@@ -8,7 +8,7 @@
 //! | contents | position, counts, bounds and checksums of each chunk |
 //! | geometry | per chunk: one stream per attribute, SH of degree 0 included; it contains the maps' means |
 //! | SH | per chunk: degrees of splats, and streams of the coefficients above degree 0 that they have |
-//! | texels | per chunk: streams of texels |
+//! | texels | per chunk: a stream of texels |
 //!
 //! Lossless files hold the bytes of the numbers; others hold numbers rounded by [`Steps`], which the caller chooses by
 //! rendering what [`quantised`] returns.
@@ -18,15 +18,20 @@ mod bands;
 mod bits;
 mod check;
 mod colour;
+mod colours;
+mod contexts;
 mod header;
 mod integers;
 mod lossless;
 mod maps;
 mod math;
+mod mixing;
 mod morton;
+mod numbers;
 mod orient;
 mod plan;
 mod positions;
+mod predictions;
 mod read;
 mod sensitivities;
 mod shape;

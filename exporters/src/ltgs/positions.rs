@@ -1,20 +1,24 @@
 //! Positions of the splats of a lossy file: gaps between the Morton numbers of their cells, and places within cells.
 
 use super::bits::{BitReader, BitWriter};
-use super::integers::{take_bytes, take_exactly};
+use super::integers::{alone, put_bytes, put_numbers, take_bytes, take_exactly};
 use super::morton::{coordinates, morton};
 use super::splats::SplatCodes;
 use super::steps::Quantiser;
 use crate::{Error, Result};
 
+/// The lower part of a gap has so many bits.
+const GAP_BITS: u32 = 31;
+
 impl SplatCodes {
-    /// Differences between the Morton numbers of cells, and positions within cells.
+    /// Appends gaps and places; returns the positions as decoded, in finest steps. `[n, 3]`
     ///
     /// # Errors
     /// None for codes made by the writer.
-    pub fn gaps_and_places(&self, quantiser: &Quantiser) -> Result<(Vec<u64>, Vec<u8>)> {
+    pub fn put_positions(&self, block: &mut Vec<u8>, quantiser: &Quantiser) -> Result<Vec<[u32; 3]>> {
         let cell_bits = quantiser.grid.cell_bits;
         let (mut gaps, mut places, mut last) = (Vec::new(), BitWriter::default(), 0);
+        let mut corners = Vec::new();
         for (shape, position) in self.shapes(quantiser)?.iter().zip(&self.positions) {
             let cell = morton(position.map(|c| c.checked_shr(cell_bits).unwrap_or(0)));
             gaps.push(cell.wrapping_sub(last));
@@ -23,18 +27,24 @@ impl SplatCodes {
             for c in position {
                 places.put(c >> bits, cell_bits - bits);
             }
+            corners.push(position.map(|c| c >> bits << bits));
         }
-        Ok((gaps, places.finish()))
+        let high: Vec<u32> = gaps.iter().map(|gap| (gap >> GAP_BITS) as u32).collect();
+        let low: Vec<u32> = gaps.iter().map(|gap| (gap & ((1 << GAP_BITS) - 1)) as u32).collect();
+        put_numbers(block, &high, alone);
+        put_numbers(block, &low, |splat, _| [self.exponent_context(splat)]);
+        put_bytes(block, &places.finish(), 1);
+        Ok(corners)
     }
 
-    /// The inverse of [`Self::gaps_and_places`].
+    /// The inverse of [`Self::put_positions`]; leaves the positions as decoded.
     ///
     /// # Errors
     /// [`Error::Invalid`] or [`Error::Unsupported`].
     pub fn take_positions(&mut self, block: &mut &[u8], quantiser: &Quantiser) -> Result<()> {
         let n = self.exponents.len();
-        let high = take_exactly(block, n)?;
-        let low = take_exactly(block, n)?;
+        let high = take_exactly(block, n, alone)?;
+        let low = take_exactly(block, n, |splat, _| [self.exponent_context(splat)])?;
         let grid = &quantiser.grid;
         let exponents: Vec<u32> =
             self.shapes(quantiser)?.iter().map(|s| s.position_exponent(quantiser)).collect();
@@ -44,7 +54,7 @@ impl SplatCodes {
         let mut cell = 0_u64;
         let limit = 1_u64 << (3 * (grid.bits - grid.cell_bits));
         for (splat, &exponent) in exponents.iter().enumerate() {
-            let gap = u64::from(high[splat]) << 31 | u64::from(low[splat] & 0x7fff_ffff);
+            let gap = u64::from(high[splat]) << GAP_BITS | u64::from(low[splat]) & ((1 << GAP_BITS) - 1);
             cell = cell
                 .checked_add(gap)
                 .filter(|&cell| cell < limit)

@@ -118,7 +118,15 @@ impl<'a> Reader<'a> {
         let of_chunk =
             |chunk: usize| self.decode_chunk(chunk).map_err(|e| e.within(&format!("chunk {chunk}")));
         let chunks = (0..self.num_chunks()).into_par_iter().map(of_chunk).collect::<Result<Vec<_>>>();
-        let (chunks, tallies): (Vec<_>, Vec<_>) = chunks.map_err(|e| e.at(&self.path))?.into_iter().unzip();
+        self.assemble(chunks.map_err(|e| e.at(&self.path))?)
+    }
+
+    /// Joins all decoded chunks.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] if they do not make a valid asset, [`Error::TooLarge`].
+    pub(super) fn assemble(&self, chunks: Vec<(SplatAsset, Tally)>) -> Result<Contents> {
+        let (chunks, tallies): (Vec<_>, Vec<_>) = chunks.into_iter().unzip();
         let asset = joined(self.empty(), self.header.sh_degree, chunks).map_err(|e| e.at(&self.path))?;
         asset.validate().map_err(|e| e.at(&self.path))?;
         let mut tally = Tally::default();
@@ -210,9 +218,10 @@ impl<'a> Reader<'a> {
         for splat in 0..n {
             let map = map_of(&asset, &codes.exponents, splat);
             let first = values.len();
-            reader.next(&quantiser.steps, &map, &mut values)?;
+            reader.next(&quantiser.steps, &map, &mut values);
             means.push(mean_of(&map, &values[first..]));
         }
+        reader.finish()?;
         asset.texels = values;
         take_means(&mut asset, &means);
         Ok(asset)

@@ -58,7 +58,7 @@ impl Shape {
     }
 
     /// Steps of swing and twist.
-    fn rotation_steps(&self, quantiser: &Quantiser) -> [f64; 2] {
+    pub fn rotation_steps(&self, quantiser: &Quantiser) -> [f64; 2] {
         let Steps { tilt, twist, .. } = quantiser.steps;
         let of_splat = two_to(self.exponent);
         [tilt * of_splat, twist * of_splat / self.anisotropy()].map(|step| step.min(ROTATION_STEP_MAX))
@@ -70,7 +70,8 @@ pub fn rounded(x: f64) -> i32 {
     x.round() as i32
 }
 
-fn log2_scale_step(quantiser: &Quantiser, exponent: i32) -> f64 {
+/// Step of log2 of a splat's standard deviations.
+pub fn log2_scale_step(quantiser: &Quantiser, exponent: i32) -> f64 {
     (quantiser.steps.log2_scale * two_to(exponent)).min(LOG2_STEP_MAX)
 }
 

@@ -1,7 +1,8 @@
 //! The splats of a chunk of a lossy file as columns of codes.
 
 use super::colour::{luma_chroma, rgb};
-use super::integers::{put_bytes, put_numbers, take_exactly, unzigzag, zigzag};
+use super::contexts::{of_side, of_twist};
+use super::integers::{alone, put_numbers, take_exactly, unzigzag, zigzag};
 use super::math::two_to;
 use super::shape::{self, EXPONENT_MAX, Shape, TexelSizeCodes};
 use super::steps::Quantiser;
@@ -140,24 +141,29 @@ impl SplatCodes {
     /// None for codes made by the writer.
     pub fn encode_geometry(&self, quantiser: &Quantiser, sh_degree: u32) -> Result<Vec<u8>> {
         let mut block = Vec::new();
-        let mut put = |numbers: Vec<u32>| put_numbers(&mut block, &numbers);
-        put(self.exponents.iter().map(|&x| zigzag(x)).collect());
+        let with_exponent = |splat: usize, _: &[u32]| [self.exponent_context(splat)];
+        let column = |of: &dyn Fn(usize) -> u32| (0..self.exponents.len()).map(of).collect::<Vec<_>>();
+        put_numbers(&mut block, &column(&|s| zigzag(self.exponents[s])), alone);
+        put_numbers(&mut block, &column(&|s| self.sides[s][0].into()), with_exponent);
         // Both axes of a splat are alike: the second is stored as its difference from the first. u is the longer one.
-        put(self.sides.iter().map(|s| s[0].into()).collect());
-        put(self.sides.iter().map(|s| zigzag(i32::from(s[1]) - i32::from(s[0]))).collect());
-        put(self.scales.iter().map(|s| zigzag(s[0])).collect());
-        put(self.scales.iter().map(|s| s[0].wrapping_sub(s[1]) as u32).collect());
+        let textured = self.textured();
+        let more = |&s: &usize| zigzag(i32::from(self.sides[s][1]) - i32::from(self.sides[s][0]));
+        let more: Vec<u32> = textured.iter().map(more).collect();
+        put_numbers(&mut block, &more, |map, _| [of_side(self.sides[textured[map]][0])]);
+        let off = |s: usize| self.scales[s][0].wrapping_sub(self.predicted_scale(quantiser, s));
+        put_numbers(&mut block, &column(&|s| zigzag(off(s))), with_exponent);
+        let less = |s: usize| self.scales[s][0].wrapping_sub(self.scales[s][1]) as u32;
+        put_numbers(&mut block, &column(&less), |s, _| [self.exponent_context(s), self.sides_context(s)]);
         self.put_texel_sizes(&mut block);
-        let mut put = |numbers: Vec<u32>| put_numbers(&mut block, &numbers);
-        for axis in 0..3 {
-            put(self.rotations.iter().map(|r| zigzag(r[axis])).collect());
+        let shapes = self.shapes(quantiser)?;
+        for axis in 0..2 {
+            put_numbers(&mut block, &column(&|s| zigzag(self.rotations[s][axis])), with_exponent);
         }
-        let (gaps, places) = self.gaps_and_places(quantiser)?;
-        put(gaps.iter().map(|gap| (gap >> 31) as u32).collect());
-        put(gaps.iter().map(|gap| (gap & 0x7fff_ffff) as u32).collect());
-        put_bytes(&mut block, &places, 1);
-        put_numbers(&mut block, &self.opacities);
-        self.put_band(&mut block, sh_degree, (0, 0..1));
+        let twists = column(&|s| zigzag(self.rotations[s][2]));
+        put_numbers(&mut block, &twists, |s, _| [of_twist(quantiser, &shapes[s])]);
+        let corners = self.put_positions(&mut block, quantiser)?;
+        put_numbers(&mut block, &self.opacities, |s, _| [self.scale_context(quantiser, s)]);
+        self.put_colours(&mut block, &corners, sh_degree);
         Ok(block)
     }
 
@@ -174,8 +180,7 @@ impl SplatCodes {
     ) -> Result<Self> {
         let mut codes = Self::default();
         let before = block.len();
-        let take = |block: &mut &[u8]| take_exactly(block, n);
-        for x in take(&mut block)? {
+        for x in take_exactly(&mut block, n, alone)? {
             let x = unzigzag(x);
             if x.abs() > EXPONENT_MAX {
                 return Err(Error::invalid("", format!("exponent {x} of a splat, at most {EXPONENT_MAX}")));
@@ -183,50 +188,65 @@ impl SplatCodes {
             codes.exponents.push(x);
         }
         let before = tally.add("exponents", before, block.len());
-        codes.sides = vec![[0; 2]; n];
-        for (side, (rows, more)) in
-            codes.sides.iter_mut().zip(take(&mut block)?.into_iter().zip(take(&mut block)?))
-        {
-            let sides = [i64::from(rows), i64::from(rows) + i64::from(unzigzag(more))];
-            for (side, found) in side.iter_mut().zip(sides) {
-                let within = u16::try_from(found).ok().filter(|&side| side <= MAP_SIDE_MAX);
-                let most = || Error::invalid("", format!("side {found} of a map, at most {MAP_SIDE_MAX}"));
-                *side = within.ok_or_else(most)?;
-            }
-        }
-        if let Some([rows, cols]) = codes.sides.iter().find(|s| (s[0] == 0) != (s[1] == 0)) {
-            return Err(Error::invalid("", format!("a map of {rows} x {cols} texels")));
-        }
+        codes.take_sides(&mut block)?;
         let before = tally.add("maps", before, block.len());
-        codes.scales = vec![[0; 2]; n];
-        for (scale, (u, less)) in
-            codes.scales.iter_mut().zip(take(&mut block)?.into_iter().zip(take(&mut block)?))
-        {
-            *scale = [unzigzag(u), unzigzag(u).wrapping_sub_unsigned(less)];
+        let offs = take_exactly(&mut block, n, |splat, _| [codes.exponent_context(splat)])?;
+        let less = take_exactly(&mut block, n, |s, _| [codes.exponent_context(s), codes.sides_context(s)])?;
+        for (splat, (off, less)) in offs.into_iter().zip(less).enumerate() {
+            let u = unzigzag(off).wrapping_add(codes.predicted_scale(quantiser, splat));
+            codes.scales.push([u, u.wrapping_sub_unsigned(less)]);
         }
         let before = tally.add("scales", before, block.len());
         codes.take_texel_sizes(&mut block)?;
         let before = tally.add("maps", before, block.len());
-        codes.rotations = vec![[0; 3]; n];
-        for axis in 0..3 {
-            for (rotation, code) in codes.rotations.iter_mut().zip(take(&mut block)?) {
-                rotation[axis] = unzigzag(code);
-            }
-        }
+        codes.take_rotations(&mut block, quantiser)?;
         let before = tally.add("rotations", before, block.len());
         codes.take_positions(&mut block, quantiser)?;
         let before = tally.add("positions", before, block.len());
-        codes.opacities = take(&mut block)?;
+        codes.opacities = take_exactly(&mut block, n, |splat, _| [codes.scale_context(quantiser, splat)])?;
         let before = tally.add("opacities", before, block.len());
         codes.degrees = filled(n, 0)?;
         codes.sh = filled(3 * n * num_sh_coefficients(sh_degree), 0)?;
-        codes.take_band(&mut block, sh_degree, (0, 0..1))?;
+        codes.take_colours(&mut block, sh_degree)?;
         tally.add("sh0", before, block.len());
         if !block.is_empty() {
             return Err(Error::invalid("", format!("geometry: {} bytes too many", block.len())));
         }
         codes.take_sh(sh, sh_degree, tally)?;
         Ok(codes)
+    }
+
+    fn take_sides(&mut self, block: &mut &[u8]) -> Result<()> {
+        let side = |found: i64| {
+            let within = u16::try_from(found).ok().filter(|&side| side <= MAP_SIDE_MAX);
+            within.ok_or_else(|| Error::invalid("", format!("side {found} of a map, at most {MAP_SIDE_MAX}")))
+        };
+        for rows in take_exactly(block, self.exponents.len(), |splat, _| [self.exponent_context(splat)])? {
+            self.sides.push([side(rows.into())?, 0]);
+        }
+        let textured = self.textured();
+        let contexts = |map: usize, _: &[u32]| [of_side(self.sides[textured[map]][0])];
+        let more = take_exactly(block, textured.len(), contexts)?;
+        for (&splat, more) in textured.iter().zip(more) {
+            let rows = self.sides[splat][0];
+            let cols = side(i64::from(rows) + i64::from(unzigzag(more)))?;
+            if cols == 0 {
+                return Err(Error::invalid("", format!("a map of {rows} x 0 texels")));
+            }
+            self.sides[splat][1] = cols;
+        }
+        Ok(())
+    }
+
+    fn take_rotations(&mut self, block: &mut &[u8], quantiser: &Quantiser) -> Result<()> {
+        let shapes = self.shapes(quantiser)?;
+        let n = shapes.len();
+        let with_exponent = |splat: usize, _: &[u32]| [self.exponent_context(splat)];
+        let swing = [take_exactly(block, n, with_exponent)?, take_exactly(block, n, with_exponent)?];
+        let twist = take_exactly(block, n, |splat, _| [of_twist(quantiser, &shapes[splat])])?;
+        let codes = |splat: usize| [swing[0][splat], swing[1][splat], twist[splat]].map(unzigzag);
+        self.rotations = (0..n).map(codes).collect();
+        Ok(())
     }
 
     /// Shapes of the splats, from the codes that precede positions.

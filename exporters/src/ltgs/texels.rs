@@ -1,16 +1,15 @@
 //! Texels of a lossy file: luma and chroma, predicted from the texels to the left and above, rounded by steps that grow
-//! where the Gaussian is small, and sorted into streams by how large the rounded numbers are likely to be.
+//! where the Gaussian is small, in one stream with contexts that tell how large the rounded numbers are likely to be.
 
 use super::colour::{luma_chroma, rgb};
-use super::integers::{put_numbers, take_numbers, unzigzag, zigzag};
+use super::contexts::size;
+use super::integers::{put_coded, take_coded, unzigzag, zigzag};
 use super::math::{exp2, two_to};
+use super::numbers::{NumberReader, NumberWriter, length};
 use super::shape::Shape;
 use super::steps::Steps;
 use crate::{Error, Result};
 use std::f64::consts::{LN_2, TAU};
-
-/// Streams of a chunk: luma or chroma, times four classes of steps, times three of neighbours.
-pub const NUM_STREAMS: usize = 24;
 
 /// Share of each of the neighbours to the left and above in a texel's prediction. Trained residuals are nearly white, and
 /// rounding adds noise: 0.5 measured 0.1 bits per texel more.
@@ -58,14 +57,14 @@ impl Map {
         })
     }
 
-    /// Visits all texels in order. `symbol` gets texel, channel, stream, prediction and step, and returns the number of
-    /// steps from the prediction; texels are appended to `out` as RGB in [-1, 1].
+    /// Visits all texels in order. `symbol` gets texel and channel, the contexts, prediction and step, and returns the number
+    /// of steps from the prediction; texels are appended to `out` as RGB in [-1, 1].
     fn walk(
         &self,
         steps: &Steps,
         out: &mut Vec<f32>,
-        mut symbol: impl FnMut(usize, usize, usize, f64, f64) -> Result<i32>,
-    ) -> Result<()> {
+        mut symbol: impl FnMut([usize; 2], [u16; 2], f64, f64) -> i32,
+    ) {
         let (of_rows, of_cols) = (self.squares(0), self.squares(1));
         let mut above = vec![Neighbour::default(); of_cols.len()];
         for (row, of_row) in of_rows.iter().enumerate() {
@@ -74,23 +73,23 @@ impl Map {
                 let exponent =
                     (self.shape.exponent + falloff_exponent(of_row + of_col)).clamp(EXPONENTS.0, EXPONENTS.1);
                 let luma_step = steps.texel * two_to(exponent);
-                let class = 3 * exponent.clamp(0, 3) as usize;
                 let mut here = Neighbour::default();
+                let mut lengths = [0; 3];
                 for channel in 0..3 {
                     let step = if channel == 0 { luma_step } else { luma_step * steps.chroma };
-                    let context = class + activity(left.sizes[channel] + above.sizes[channel]);
-                    let stream = if channel == 0 { context } else { 12 + context };
                     let predicted = PREDICTION * (left.values[channel] + above.values[channel]);
-                    let number = symbol(row * of_cols.len() + col, channel, stream, predicted, step)?;
+                    let contexts =
+                        contexts(channel, exponent, left.sizes[channel] + above.sizes[channel], lengths);
+                    let number = symbol([row * of_cols.len() + col, channel], contexts, predicted, step);
                     here.values[channel] = predicted + f64::from(number) * step;
                     here.sizes[channel] = number.unsigned_abs().min(1 << 16);
+                    lengths[channel] = size(number);
                 }
                 out.extend(rgb(here.values).map(|v| v.clamp(-1.0, 1.0) as f32));
                 left = here;
                 *above = here;
             }
         }
-        Ok(())
     }
 
     /// [`crate::SplatAsset::mean_residual`] of these texels, in arithmetic that gives the same bits on every machine.
@@ -128,86 +127,76 @@ fn falloff_exponent(square: f64) -> i32 {
     [1.0, 3.0, 5.0, 7.0].iter().map(|odd| i32::from(square > LN_2 * odd)).sum()
 }
 
-fn activity(sizes: u32) -> usize {
-    match sizes {
-        0 => 0,
-        1 | 2 => 1,
-        _ => 2,
-    }
+/// Contexts of a number, for each channel its own: the step with the sizes of the neighbours to the left and above, and with the
+/// lengths of the channels before.
+fn contexts(channel: usize, exponent: i32, sizes: u32, lengths: [u32; 3]) -> [u16; 2] {
+    let [luma, green] = [0, 1].map(|c| if c < channel { lengths[c].min(9) } else { 0 });
+    let near = 400 * channel as u32 + 20 * (exponent + 8).clamp(0, 19) as u32 + length(sizes).min(19);
+    let same = 100 * channel as u32 + 300 * exponent.clamp(0, 3) as u32 + 10 * luma + green;
+    [near, same].map(|context| context as u16)
 }
 
-/// Collects the numbers of a chunk for a file.
+/// Collects the numbers of a chunk for a file, with their contexts.
+#[derive(Default)]
 pub struct TexelWriter {
-    streams: Vec<Vec<u32>>,
+    numbers: Vec<(u32, [u16; 2])>,
 }
 
 impl TexelWriter {
-    /// A writer without maps.
-    pub fn new() -> Self {
-        Self { streams: vec![Vec::new(); NUM_STREAMS] }
-    }
-
     /// Appends a map; its texels as readers will decode them are appended to `out`. `texels`: `[rows, cols, 3]`
     pub fn push(&mut self, steps: &Steps, map: &Map, texels: &[f32], out: &mut Vec<f32>) {
         let wanted: Vec<[f64; 3]> =
             texels.as_chunks::<3>().0.iter().map(|t| luma_chroma(t.map(f64::from))).collect();
-        let symbol = |texel: usize, channel: usize, stream: usize, predicted: f64, step: f64| {
+        map.walk(steps, out, |[texel, channel], contexts, predicted, step| {
             let off = (wanted[texel][channel] - predicted) / step;
             let size = (off.abs() + ROUNDING).floor() as i32;
             let number = if off < 0.0 { -size } else { size };
-            self.streams[stream].push(zigzag(number));
-            Ok(number)
-        };
-        // This `symbol` does not fail.
-        let _ = map.walk(steps, out, symbol);
+            self.numbers.push((zigzag(number), contexts));
+            number
+        });
     }
 
     /// Encodes the block of texels.
     pub fn encode(&self) -> Vec<u8> {
+        let mut writer = NumberWriter::new(2);
+        self.numbers.iter().for_each(|(number, contexts)| writer.put(*number, &contexts.map(u32::from)));
         let mut block = Vec::new();
-        for stream in &self.streams {
-            put_numbers(&mut block, stream);
-        }
+        put_coded(&mut block, writer);
         block
     }
 }
 
 /// Hands out the numbers of a chunk of a file.
-pub struct TexelReader {
-    streams: Vec<std::vec::IntoIter<u32>>,
+pub struct TexelReader<'a> {
+    reader: NumberReader<'a>,
 }
 
-impl TexelReader {
-    /// Decodes the streams of a block of `num_texels` texels.
+impl<'a> TexelReader<'a> {
+    /// Begins a block of `num_texels` texels.
     ///
     /// # Errors
     /// [`Error::Invalid`] or [`Error::Unsupported`] for a damaged block.
-    pub fn new(mut block: &[u8], num_texels: usize) -> Result<Self> {
-        let mut left = num_texels.saturating_mul(3);
-        let mut streams = Vec::with_capacity(NUM_STREAMS);
-        for _ in 0..NUM_STREAMS {
-            let numbers = take_numbers(&mut block, left)?;
-            left -= numbers.len();
-            streams.push(numbers.into_iter());
-        }
-        if left > 0 || !block.is_empty() {
-            let what = format!("texel block: {left} numbers too few, {} bytes too many", block.len());
+    pub fn new(mut block: &'a [u8], num_texels: usize) -> Result<Self> {
+        let expected = num_texels.saturating_mul(3);
+        let (found, reader) = take_coded(&mut block, expected, 2)?;
+        if found != expected || !block.is_empty() {
+            let what =
+                format!("texel block: {found} numbers, expected {expected}; {} bytes too many", block.len());
             return Err(Error::invalid("", what));
         }
-        Ok(Self { streams })
+        Ok(Self { reader })
     }
 
     /// Appends the texels of the next map to `out`. `[rows, cols, 3]`
+    pub fn next(&mut self, steps: &Steps, map: &Map, out: &mut Vec<f32>) {
+        map.walk(steps, out, |_, contexts, _, _| unzigzag(self.reader.take(&contexts.map(u32::from))));
+    }
+
+    /// Checks that the block is spent.
     ///
     /// # Errors
-    /// [`Error::Invalid`] if a stream ends too early.
-    pub fn next(&mut self, steps: &Steps, map: &Map, out: &mut Vec<f32>) -> Result<()> {
-        let streams = &mut self.streams;
-        map.walk(steps, out, |_, _, stream, _, _| {
-            let number = streams.get_mut(stream).and_then(Iterator::next);
-            number
-                .map(unzigzag)
-                .ok_or_else(|| Error::invalid("", format!("texel stream {stream} ends early")))
-        })
+    /// [`Error::Invalid`].
+    pub fn finish(self) -> Result<()> {
+        self.reader.finish()
     }
 }

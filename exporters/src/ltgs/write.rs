@@ -209,7 +209,7 @@ struct CodedChunk {
 impl CodedChunk {
     fn new(asset: &SplatAsset, plan: &Plan, range: Range<usize>) -> Result<Self> {
         let quantiser = &plan.quantiser;
-        let (mut splats, mut texels) = (SplatCodes::default(), TexelWriter::new());
+        let (mut splats, mut texels) = (SplatCodes::default(), TexelWriter::default());
         let (mut decoded_texels, mut means) = (Vec::new(), Vec::new());
         for &splat in &plan.order[range] {
             let splat = splat as usize;
