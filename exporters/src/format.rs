@@ -78,8 +78,10 @@ fn encode(format: Format, path: &Path, asset: &SplatAsset, options: &WriteOption
             (encoded.root, encoded.side) = usd::encode_files(path, asset, &usd_options)?;
         }
         Format::Ply => {
-            let (bytes, summary) =
-                ply::encode_ply(asset, &ply::PlyOptions::default()).map_err(|e| e.at(path))?;
+            // The viewer of 3DGS reads no other degrees than 0 and 3.
+            let sh_degree = if asset.sh_degree == 0 { 0 } else { 3 };
+            let ply_options = ply::PlyOptions { sh_degree: Some(sh_degree), ..ply::PlyOptions::default() };
+            let (bytes, summary) = ply::encode_ply(asset, &ply_options).map_err(|e| e.at(path))?;
             encoded.root = bytes;
             encoded.notes.extend(far_out(summary.position_error_texels));
         }

@@ -51,7 +51,7 @@ pub struct RenderArgs {
     /// What to render
     #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "colour")]
     what: Vec<What>,
-    /// Colour each splat by a property of its map, with a legend, instead of its appearance
+    /// Colour each splat by its map or its SH degree, with a legend, instead of its appearance
     #[arg(long, value_name = "WHAT", visible_alias = "color-by", conflicts_with = "exr")]
     colour_by: Option<ColourBy>,
     /// Size: WIDTHxHEIGHT or the longer side [default: as trained]

@@ -179,6 +179,12 @@ impl Schedule {
         if parts.pruning && checks < u32::from(self.patience) {
             out.push(format!("pruning: only {checks} checks, fewer than the patience of {}", self.patience));
         }
+        if config.density.give_back_db > 0.0 && self.give_back_rounds == 0 {
+            out.push(format!(
+                "giving back: no time for a round between steps {} and {}",
+                self.give_back_until, self.density_end
+            ));
+        }
         if config.sh_degree > 0 && self.sh_degree(config.steps, config.sh_degree) < config.sh_degree {
             out.push("spherical harmonics: the highest degree is not reached".to_owned());
         }
@@ -315,7 +321,8 @@ mod tests {
         assert_eq!((interval(&long, 43), Schedule::new(&long, 43).crop_interval), (100, 0));
         let tiny = TrainConfig { steps: 60, ..config.clone() };
         let inactive = Schedule::new(&tiny, 43).inactive(&tiny);
-        assert!(inactive.len() == 2 && inactive[0].starts_with("growth"), "{inactive:?}");
+        assert!(inactive.len() == 3 && inactive[0].starts_with("growth"), "{inactive:?}");
+        assert!(inactive.iter().any(|what| what.starts_with("giving back")), "{inactive:?}");
         let plain = TrainConfig { policy: Policy::Plain, ..by_need };
         let inactive = Schedule::new(&plain, 43).inactive(&plain);
         assert!(inactive.iter().any(|what| what.starts_with("growth by need")), "{inactive:?}");
