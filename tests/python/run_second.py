@@ -9,7 +9,7 @@ scene is written to a temporary folder, by `examples/conformance` next to the pr
 Every file and view must agree to 60 dB (final values, peak 1, not clamped; measured 124 dB and more). Every negative
 control, which breaks one rule of the specification, must stay below its limit, usually 55 dB. Prints the figures; exits
 with 1 if any check fails.
-Needs Python 3.11 and tests/python/requirements.txt. Takes about 20 s, plus a build if cargo has to make the scene.
+Needs Python 3.11 and tests/python/requirements.txt. Takes about 45 s, plus a build if cargo has to make the scene.
 """
 
 import dataclasses
@@ -52,7 +52,11 @@ FILES = {
     "opaque.glb": ("wide",),
     "lossless.gltf": ("wide",),
     "balanced.usdc": ("wide",),
+    "lossless.ltgs": VIEWS,
+    "tiny.ltgs": ("wide",),
 }
+# Files that the program makes from lossless.glb, in the folder of the images.
+CONVERTED = ("lossless.ltgs", "tiny.ltgs")
 
 
 def make_scene(program, folder):
@@ -63,13 +67,21 @@ def make_scene(program, folder):
     subprocess.run([built, folder] if os.path.exists(built) else cargo, cwd=root, check=True)
 
 
-def program_image(program, path, view, folder):
-    """The program's render of a view: final values in the space of the asset."""
+def convert(program, folder, out):
+    """Writes the files that are made from lossless.glb."""
+    for name in CONVERTED:
+        paths = [os.path.join(folder, "lossless.glb"), os.path.join(out, name)]
+        command = [program, "convert", *paths, "--quality", name.split(".")[0], "--no-verify", "--quiet"]
+        subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+
+
+def program_image(program, path, view, is_linear, folder):
+    """The program's render of a view: final values in the space of the asset, linear light or not."""
     out = os.path.join(folder, f"{os.path.basename(path)}-{view}")
     command = [program, "render", path, "--view", view, "--exr", "--device", "cpu", "--quiet", "--out", out]
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
     (image,) = glob.glob(os.path.join(out, "*.exr"))
-    return read_reference(image, read_scene(path).is_linear)
+    return read_reference(image, is_linear)
 
 
 def worked_example():
@@ -185,11 +197,11 @@ def controls(folder):
     yield "0.99 not rounded to f32", opaque, stacks, Rules(alpha_max=0.99), FINE_CONTROL_DB
 
 
-def check_pages(folder):
+def check_pages(folder, out):
     """Yields differences between containers of the scene: arrays must be equal, 8-bit texels within half a step."""
     first = read_scene(os.path.join(folder, "lossless.glb"))
-    for name in ("lossless.gltf", "lossless.usda"):
-        scene = read_scene(os.path.join(folder, name))
+    for name in ("lossless.gltf", "lossless.usda", "lossless.ltgs"):
+        scene = read_scene(os.path.join(out if name in CONVERTED else folder, name))
         for field in ("positions", "rotations", "sigmas", "opacities", "sh", "degrees", "texel_sizes", "shifts"):
             if not np.array_equal(getattr(first, field), getattr(scene, field)):
                 yield f"{name}: {field} differ from lossless.glb"
@@ -217,13 +229,14 @@ def check(program, folder, out):
     print(f"worked example of the specification: {error:.1e}")
     if error > 1e-6:
         yield f"worked example: the pixel differs by {error:.1e}"
-    yield from check_pages(folder)
+    convert(program, folder, out)
+    yield from check_pages(folder, out)
     references = {}
     for name, views in FILES.items():
-        path = os.path.join(folder, name)
+        path = os.path.join(out if name in CONVERTED else folder, name)
         scene = read_scene(path)
         for view in views:
-            references[name, view] = program_image(program, path, view, out)
+            references[name, view] = program_image(program, path, view, scene.is_linear, out)
             found = psnr(render(scene, scene.camera(view)), references[name, view])
             print(f"{name:14} {view:7} {found:7.2f} dB")
             if not found >= AGREE_DB:

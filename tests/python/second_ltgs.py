@@ -29,6 +29,9 @@ LN_2 = 0.6931471805599453
 Y_00 = 0.28209479177387814
 F32_MIN, F32_MAX = 1.1754944e-38, 3.4028235e38
 
+# What damaged bytes can raise.
+DAMAGE = (ValueError, LookupError, TypeError, ArithmeticError, RecursionError, struct.error, zstandard.ZstdError)
+
 xxh3 = xxhash.xxh3_64_intdigest
 
 
@@ -47,9 +50,10 @@ def unpacked(data: bytes, count: int) -> bytes:
 Q = [11, 18, 30, 49, 81, 133, 219, 360, 589, 961, 1554, 2486, 3906, 5978, 8813, 12371, 16384, 20397, 23955]
 Q += [26790, 28862, 30282, 31214, 31807, 32179, 32408, 32549, 32635, 32687, 32719, 32738, 32750, 32757]
 ODDS = range(-2047, 2048)
-# S(d) at d + 2047, and D(z) at floor(z / 8) (rules 1 and 2).
+# S(d) at d + 2047, D(z) at floor(z / 8), and p at d + 2047 (rules 1 to 3).
 S = [(Q[d // 128 + 16] * (128 - d % 128) + Q[d // 128 + 17] * (d % 128) + 64) // 128 for d in ODDS]
 D = [next((d for d in ODDS if S[d + 2047] >= 8 * z + 4), 2047) for z in range(4096)]
+P = [min(max(s, 32), 32736) for s in S]
 RATES = [min(6, (c + 2).bit_length() - 1) for c in range(256)]
 NODES = 33 + 3 * 32
 
@@ -82,7 +86,7 @@ class Numbers:
         else:
             weights, odds = self.weights[min(node, 33)], [D[z[node] >> 3] for z, _ in states]
             d = sum([w * o for w, o in zip(weights, odds)]) >> 16
-            p = min(max(S[min(max(d, -2047), 2047) + 2047], 32), 32736)
+            p = P[min(max(d, -2047), 2047) + 2047]
             bit = self.bit(p)
             error = -p if bit else 32768 - p
             weights[:] = [min(max(w + (o * error >> 13), -(1 << 20)), 1 << 20) for w, o in zip(weights, odds)]
@@ -297,7 +301,7 @@ def rgb(channels: np.ndarray) -> np.ndarray:
 
 
 def summed(terms: np.ndarray) -> np.ndarray:
-    """Sum over the first axis, one term after the other as `cumsum` adds them, unlike `sum`."""
+    """Sum over the first axis, from 0, one term after the other: `cumsum` adds them so, no `sum` does."""
     return 0.0 + np.cumsum(terms, axis=0)[-1]
 
 
@@ -319,6 +323,7 @@ class Rounded(Lossless):
         check(len(steps["shRest"]) == 3 and len(grid["origin"]) == 3, "`shRest`, `origin`", "others", "3 numbers each")
         bits, cell_bits = grid["bits"], grid["cellBits"]
         check(bits <= 31 and 0 <= cell_bits <= bits <= cell_bits + 21, "grid", (bits, cell_bits), "section 4")
+        check(0 < grid["reach"] < math.inf, "reach", grid["reach"], "a positive number")
         self.degree, self.steps, self.grid = degree, steps, grid
 
     def geometry(self, block: Block, count: int) -> Splats:
@@ -353,8 +358,8 @@ class Rounded(Lossless):
         rests, less = block.signed(count, self.x), block.numbers(count, self.x, self.r_c)
         logs_u, logs_v = [], []
         for rest, difference, step in zip(rests, less, steps):
-            before = logs_u[-8:]
-            code = wrapped(rest + nearest(sum(before, 0.0) / len(before) / step) if before else rest)
+            before = np.array(logs_u[-8:])
+            code = wrapped(rest + nearest(summed(before) / len(before) / step) if len(before) > 0 else rest)
             logs_u.append(code * step)
             logs_v.append(wrapped(code - difference) * step)
         self.logs = self.grid["log2Scale"] + np.array([logs_u, logs_v])
@@ -501,7 +506,7 @@ class Rounded(Lossless):
 
 
 def around_contexts(places: list, numbers: list[int]) -> Iterator[int]:
-    """Second contexts of texels. `places`: t and how far back the numbers to the left and above are, 0 outside the map."""
+    """Second contexts of texels. `places`: t, and how far back the numbers left and above are (0: outside the map)."""
     for texel, (t, backs) in enumerate(places):
         for at in range(3 * texel, 3 * texel + 3):
             a = sum(min(abs(signed(numbers[at - back])), 65536) for back in backs if back > 0)
@@ -599,13 +604,13 @@ def decoded(data: bytes) -> tuple[Splats, dict]:
 
 
 def read_ltgs(path: str) -> tuple[Splats, dict]:
-    """The splats and `meta` of a file."""
+    """The splats and `meta` of a file; ValueError with what was found and expected if anything is wrong."""
     with open(path, "rb") as file:
         data = file.read()
     try:
         with np.errstate(all="ignore"):
             return decoded(data)
-    except (ValueError, LookupError, TypeError, ArithmeticError, struct.error, zstandard.ZstdError) as error:
+    except DAMAGE as error:
         raise ValueError(f"{path}: {error}") from error
 
 

@@ -1,14 +1,14 @@
 #!/usr/bin/env python3
 """A second renderer of assets, written from their specifications alone.
 
-It shares no code with the program. Its only sources are `exporters/schema/gltf.md` and `exporters/schema/usd.md`; comments
-cite their sections. It evaluates the formulas in f64, splat by splat, as the text states them. If the program and this file
-render the same image, the specifications describe what the program does.
+It shares no code with the program. Its only sources are `gltf.md`, `usd.md` and `ltgs.md` in `exporters/schema`; comments
+cite their sections. It evaluates the formulas in f64, splat by splat, as the text states them. If the program and this
+file render the same image, the specifications describe what the program does.
 
-    second_renderer.py FILE.glb|.gltf|.usda|.usdc|.usdz --view NAME [-o OUT.npy] [--compare IMAGE.exr]
+    second_renderer.py FILE.glb|.gltf|.ltgs|.usda|.usdc|.usdz --view NAME [-o OUT.npy] [--compare IMAGE.exr]
 
 OUT.npy holds f32 (height, width, 3) in the space of the asset, not clamped. `--compare` prints the PSNR against an image
-written by `litetex render --exr`. Needs numpy, and usd-core for USD.
+written by `litetex render --exr`. Needs numpy; for USD usd-core; for .ltgs xxhash, zstandard.
 """
 
 import argparse
@@ -238,8 +238,39 @@ def read_usd(path):
     )
 
 
+def read_ltgs(path):
+    """Reads the scene of a .ltgs, turned half around x (ltgs.md, section 5); every map is a page of its own."""
+    import second_ltgs
+
+    splats, meta = second_ltgs.read_ltgs(path)
+    w, x, y, z = splats.rotations.astype(np.float64).T
+    sh = splats.sh.astype(np.float64)
+    negated = [k for k in (1, 2, 4, 7, 9, 11, 12, 14) if k < sh.shape[1]]
+    sh[:, negated] = -sh[:, negated]
+    sides = splats.sides.astype(np.int64)
+    textured = (sides[:, 0] > 0).astype(np.int64)
+    ends = np.cumsum(sides.prod(axis=1))[textured > 0]
+    maps = np.split(splats.texels.astype(np.float64), ends[:-1]) if len(ends) else []
+    return Scene(
+        positions=splats.positions.astype(np.float64) * [1, -1, -1],
+        rotations=np.stack([w, -z, y, -x], axis=1),
+        sigmas=splats.sigmas.astype(np.float64),
+        opacities=splats.opacities.astype(np.float64),
+        sh=sh,
+        degrees=splats.degrees.astype(np.int64),
+        rects=np.concatenate([0 * sides, sides[:, ::-1]], axis=1),
+        page_of=np.maximum(np.cumsum(textured) - 1, 0),
+        texel_sizes=splats.texel_sizes.astype(np.float64),
+        shifts=splats.shifts.astype(np.float64),
+        pages=[texels.reshape(*own, 3) for texels, own in zip(maps, sides[textured > 0], strict=True)],
+        meta=meta,
+    )
+
+
 def read_scene(path):
     """Reads a scene, choosing the format by the file's extension."""
+    if path.endswith(".ltgs"):
+        return read_ltgs(path)
     return read_gltf(path) if path.endswith((".glb", ".gltf")) else read_usd(path)
 
 
