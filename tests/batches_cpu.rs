@@ -170,8 +170,7 @@ fn run_with(
                 view,
                 loss,
                 report,
-                num_splats,
-                num_texels,
+                size,
                 train_wall_secs,
                 train_cpu_secs,
                 remaining_secs: _,
@@ -181,13 +180,13 @@ fn run_with(
                     control = Control::Stop;
                 }
                 let (c, n) = (&report.counters, report.non_finite_gradients);
-                format!("step {step} {view} {loss:?} {c:?} {n} {num_splats} {num_texels}")
+                format!("step {step} {view} {loss:?} {c:?} {n} {size:?}")
             }
             TrainEvent::EvalView { step, view, image } => {
                 format!("view {step} {view} {:?}", &image.rgb[..99])
             }
-            TrainEvent::DensityControl { step, counts, num_splats, num_texels, .. } => {
-                format!("density control {step} {counts:?} {num_splats} {num_texels}")
+            TrainEvent::DensityControl { step, counts, size, .. } => {
+                format!("density control {step} {counts:?} {size:?}")
             }
             TrainEvent::GaveBack(given_back) => format!("{given_back:?}"),
             TrainEvent::Evaluated { step, evaluation, point, last } => {

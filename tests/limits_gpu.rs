@@ -43,8 +43,8 @@ fn run(
     let (mut largest, mut events) = ([0; 2], 0);
     let mut sink = |event: TrainEvent<'_>| {
         events += 1;
-        if let TrainEvent::DensityControl { num_splats, num_texels, .. } = event {
-            largest = [largest[0].max(num_splats), largest[1].max(num_texels)];
+        if let TrainEvent::DensityControl { size, .. } = event {
+            largest = [largest[0].max(size.splats), largest[1].max(size.texels)];
         }
         // Stops once the model has outgrown the small device.
         Ok(if largest[1] > 7_500 { Control::Stop } else { Control::Continue })

@@ -1,7 +1,7 @@
 //! The plan of a density-control step: decided by the trainer, carried out by every backend in the same way.
 
-use crate::constants::SH_DEGREE_MAX;
-use crate::model::TextureMap;
+use crate::constants::{SH_DEGREE_MAX, sh_coefficients};
+use crate::model::{Model, ModelSize, TextureMap};
 use crate::{Error, Result};
 
 /// The texel grid of a map along an axis, at its own density, twice or half of it. Outside of the map texels and first
@@ -124,6 +124,20 @@ impl DensityPlan {
             return self.sources.iter().map(|&s| old[s as usize]).collect();
         }
         self.sh_degrees.clone()
+    }
+
+    /// What `model` is made of after the plan.
+    pub fn size_after(&self, model: &Model) -> ModelSize {
+        let maps = self.sources.iter().zip(&self.maps);
+        let texels = maps
+            .map(|(&source, change)| change.applied_to(&model.textures.maps[source as usize]).num_texels());
+        let degrees = self.new_sh_degrees(model.splats.sh_degrees());
+        texels.zip(degrees).fold(ModelSize::default(), |size, (texels, degree)| ModelSize {
+            splats: size.splats + 1,
+            maps: size.maps + usize::from(texels > 0),
+            texels: size.texels + texels,
+            sh_coefficients: size.sh_coefficients + sh_coefficients(degree.into()),
+        })
     }
 
     /// Checks the plan against a model of `num_splats` splats.

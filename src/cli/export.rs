@@ -1,11 +1,12 @@
 //! `litetex export` and `litetex convert`: assets from runs and from each other.
 
 use super::asset_args::{AssetArgs, CropBox, UpDirection};
+use super::capture::Capture;
 use super::devices;
 use super::interrupt::Interrupt;
 use super::log::Log;
 use super::outputs;
-use super::sources::{load_scene, read_limits, read_scene};
+use super::sources::{Trained, load_scene, open_photos, read_limits, read_scene};
 use super::table::Columns;
 use super::values::{format_bytes, format_count};
 use litetex_exporters::{
@@ -13,8 +14,8 @@ use litetex_exporters::{
     stage_asset,
 };
 use litetex_gs::verify::{
-    Backends, BakedScene, Contribution, EXPORT_VIEWS, ExpectedImages, GoOn, QualityLimits, ReadBack,
-    Rounding, SceneRenderer, Verdict, evenly_spread, find_rounding, verify,
+    Backends, BakedScene, Contribution, EXPORT_VIEWS, ExpectedImages, GoOn, PhotoPsnr, QualityLimits,
+    ReadBack, Rounding, SceneRenderer, Verdict, evenly_spread, find_rounding, verify,
 };
 use litetex_gs::{Error, Report, Result};
 use std::path::{Path, PathBuf};
@@ -22,7 +23,7 @@ use std::path::{Path, PathBuf};
 /// Write a trained scene as an asset
 ///
 /// The extension of each file determines its format. Every file is read back, rendered and compared with the scene before
-/// it is moved into place.
+/// it is moved into place; test PSNR is that of the scene and of the file on the photos held out, if they are still there.
 #[derive(clap::Args)]
 pub struct ExportArgs {
     /// A run, a checkpoint or an asset
@@ -64,8 +65,8 @@ pub fn run(args: &ExportArgs, log: &Log) -> anyhow::Result<()> {
     listen(log)?;
     let source = args.source.is_file().then_some(args.source.as_path());
     outputs::check(source, &args.out, &args.asset)?;
-    let (scene, _) = load_scene(&args.source, log)?;
-    Ok(write_all(scene, &args.out, &args.asset, &args.device, log)?.print()?)
+    let (scene, trained) = load_scene(&args.source, log)?;
+    Ok(write_all((scene, trained.as_ref()), &args.out, &args.asset, &args.device, log)?.print()?)
 }
 
 /// Runs `litetex convert`.
@@ -75,7 +76,7 @@ pub fn convert(args: &ConvertArgs, log: &Log) -> anyhow::Result<()> {
     outputs::check(Some(&args.source), &out, &args.asset)?;
     Format::of(&args.source).map_err(Error::from)?;
     let scene = read_scene(&args.source, log)?;
-    Ok(write_all(scene, &out, &args.asset, &args.device, log)?.print()?)
+    Ok(write_all((scene, None), &out, &args.asset, &args.device, log)?.print()?)
 }
 
 /// Takes over Ctrl-C, before the first file is created: neither probes nor staged files may stay behind.
@@ -98,20 +99,25 @@ struct Exported {
     raw_bytes: u64,
     /// `None` if the file was not verified.
     verdict: Option<Verdict>,
+    /// On the photos of the test views, if the capture of the run is still there.
+    on_test_photos: Option<PhotoPsnr>,
 }
 
 /// What files are compared with.
 struct Verification<'a> {
     renderer: SceneRenderer<'a>,
     expected: ExpectedImages<'a>,
+    /// The test views and their photos, for figures that are not checked.
+    tests: Option<(ExpectedImages<'a>, &'a Capture)>,
 }
 
-/// Edits the scene, then writes and verifies each file and puts it in its place if it is right.
+/// Edits the scene, then writes and verifies each file and puts it in its place if it is right. With the training that it
+/// comes from, files are also compared with the photos of the test views.
 ///
 /// # Errors
 /// If nothing can be written or rendered. What is wrong with a single file is left to [`Exports::print`].
 pub fn write_all(
-    mut scene: BakedScene,
+    (mut scene, trained): (BakedScene, Option<&Trained>),
     outputs: &[PathBuf],
     args: &AssetArgs,
     device: &str,
@@ -121,9 +127,11 @@ pub fn write_all(
     let go_on = || !interrupt.is_requested();
     edit(&mut scene, args, &go_on, log)?;
     scene.asset.validate().map_err(|e| Error::from(e.at(&scene.path)))?;
-    let training: Vec<_> = scene.asset.cameras.iter().filter(|c| !c.held_out).cloned().collect();
-    let views = evenly_spread(&training, EXPORT_VIEWS);
-    let mut verification = verification(&scene.asset, &views, args, device, &go_on, log)?;
+    let photos = if args.no_verify { None } else { photos_of_tests(&scene, trained, log) };
+    let (tests, training): (Vec<_>, Vec<_>) = scene.asset.cameras.iter().cloned().partition(|c| c.held_out);
+    let views = [training, tests].map(|cameras| evenly_spread(&cameras, EXPORT_VIEWS));
+    let mut verification =
+        verification(&scene.asset, [&views[0], &views[1]], photos.as_ref(), (args, device), &go_on, log)?;
     let mut exports = Exports { files: Vec::new(), stopped: None };
     for path in outputs {
         let next = interrupt.check().and_then(|()| {
@@ -186,12 +194,24 @@ fn edit(scene: &mut BakedScene, args: &AssetArgs, go_on: GoOn<'_>, log: &Log) ->
     Ok(())
 }
 
-/// Renders the scene, unless files are not to be verified or it has no cameras.
+/// The photos of the scene's test views; `None` if there are none, or they are no longer there.
+fn photos_of_tests(scene: &BakedScene, trained: Option<&Trained>, log: &Log) -> Option<Capture> {
+    if !scene.asset.cameras.iter().any(|c| c.held_out) {
+        return None;
+    }
+    let photos = open_photos(scene, trained, None, log);
+    photos.unwrap_or_else(|error| {
+        log.warn("no-test-photos", &format!("files are not compared with the test photos: {error}"), 1);
+        None
+    })
+}
+
+/// Renders the scene at training and test views, unless files are not to be verified or it has no cameras.
 fn verification<'a>(
     asset: &'a SplatAsset,
-    views: &'a [AssetCamera],
-    args: &AssetArgs,
-    device: &str,
+    [views, tests]: [&'a [AssetCamera]; 2],
+    photos: Option<&'a Capture>,
+    (args, device): (&AssetArgs, &str),
     go_on: GoOn<'a>,
     log: &Log,
 ) -> Result<Option<Verification<'a>>> {
@@ -205,7 +225,9 @@ fn verification<'a>(
     }
     let mut renderer = SceneRenderer::new(devices::open(device, log)?, go_on);
     let expected = ExpectedImages::render(&mut renderer, asset, views)?;
-    Ok(Some(Verification { renderer, expected }))
+    let of_tests = |photos| Ok::<_, Error>((ExpectedImages::render(&mut renderer, asset, tests)?, photos));
+    let tests = photos.map(of_tests).transpose()?;
+    Ok(Some(Verification { renderer, expected, tests }))
 }
 
 /// How the numbers of a file are rounded; only `.ltgs` files leave a choice.
@@ -253,21 +275,30 @@ fn write_one(
         log.warn("export", &format!("{}: {note}", path.display()), 1);
     }
     let limits = args.rate_goal().own_limits().filter(|_| Format::from_path(path) == Some(Format::Ltgs));
-    let verdict = verification.map(|with| verify_staged(with, &staged.path(), limits)).transpose()?;
+    let verified = verification.map(|with| verify_staged(with, &staged.path(), limits)).transpose()?;
+    let (verdict, on_test_photos) = verified.unzip();
     // A file that failed replaces nothing.
     let is_right = verdict.as_ref().is_none_or(|v| v.failures.is_empty());
     let written = if is_right { staged.publish(args.force)? } else { staged.written().clone() };
-    Ok(Exported { path: path.to_owned(), written, raw_bytes: raw_bytes(asset), verdict })
+    let on_test_photos = on_test_photos.flatten();
+    Ok(Exported { path: path.to_owned(), written, raw_bytes: raw_bytes(asset), verdict, on_test_photos })
 }
 
-/// Reads a file back and compares its images with the scene's.
-fn verify_staged(with: &mut Verification<'_>, path: &Path, limits: Option<QualityLimits>) -> Result<Verdict> {
+/// Reads a file back and compares its images with the scene's, and with the photos of test views if they are there.
+fn verify_staged(
+    with: &mut Verification<'_>,
+    path: &Path,
+    limits: Option<QualityLimits>,
+) -> Result<(Verdict, Option<PhotoPsnr>)> {
     let contents = read_asset(path, &read_limits())?;
     let limits = limits.unwrap_or_else(|| QualityLimits::of_file(path, &contents));
     let fallback = read_fallback(path, &read_limits())?;
     let textured = Format::of(path)?.keeps_textures();
     let file = ReadBack { asset: &contents.asset, textured, fallback: fallback.as_ref() };
-    verify(&mut with.renderer, &with.expected, file, None, limits)
+    let verdict = verify(&mut with.renderer, &with.expected, file, None, limits)?;
+    let Some((expected, photos)) = &with.tests else { return Ok((verdict, None)) };
+    let on_tests = verify(&mut with.renderer, expected, file, Some(*photos), QualityLimits::NONE)?;
+    Ok((verdict, on_tests.on_test_photos))
 }
 
 /// Bytes of the numbers of a scene as f32 and u16.
@@ -283,7 +314,8 @@ impl Exports {
     /// # Errors
     /// What stopped the writing, else [`Error::CheckFailed`] if a file failed verification.
     pub fn print(self) -> Result<()> {
-        let mut table = Columns::new(&["file", "size", "ratio", "PSNR to scene", "lost", "verified"]);
+        let mut table =
+            Columns::new(&["file", "size", "ratio", "PSNR to scene", "lost", "test PSNR", "verified"]);
         for file in &self.files {
             table.row(file.row());
         }
@@ -320,6 +352,10 @@ impl Exported {
                 _ => format!("{:.1} dB{}", v.psnr, if v.untextured { " *" } else { "" }),
             }),
             cell(&|v| if v.untextured { "textures".to_owned() } else { format!("{:.3} dB", v.loss_db) }),
+            self.on_test_photos.map_or_else(
+                || "-".to_owned(),
+                |PhotoPsnr { before, after, .. }| format!("{before:.2} -> {after:.2} dB"),
+            ),
             cell(&|v| if v.failures.is_empty() { "yes".to_owned() } else { "NO".to_owned() }),
         ]
     }

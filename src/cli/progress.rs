@@ -4,6 +4,7 @@ use super::log::Log;
 use super::memory::process_bytes;
 use super::values::{format_bytes, format_count, format_duration};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use litetex_gs::train::SizeFigures;
 use serde_json::json;
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};
@@ -20,8 +21,7 @@ const LOSS_SMOOTHING: f64 = 0.05;
 pub struct StepFigures {
     pub step: u32,
     pub loss: f64,
-    pub splats: usize,
-    pub texels: usize,
+    pub size: SizeFigures,
     pub train_wall_secs: f64,
     pub remaining_secs: f64,
 }
@@ -97,8 +97,9 @@ impl<'a> Progress<'a> {
             rate.map(|r| if r >= 10.0 { format!("{r:.0} steps/s") } else { format!("{r:.2} steps/s") }),
             Some(format!("loss {loss:.4}")),
             self.psnr.map(|p| format!("test {p:.2} dB")),
-            Some(format!("{} splats", format_count(f.splats as u64))),
-            Some(format!("{} texels", format_count(f.texels as u64))),
+            Some(format!("{} splats", format_count(f.size.splats as u64))),
+            Some(format!("{} texels", format_count(f.size.texels as u64))),
+            Some(format!("{} parameters", format_count(f.size.params as u64))),
             memory.map(format_bytes),
             Some(format!("ETA {}", format_duration(eta_secs))),
         ];
@@ -110,7 +111,7 @@ impl<'a> Progress<'a> {
         }
         let fields = json!({
             "step": f.step, "steps": self.steps, "steps_per_sec": rate, "loss": loss, "psnr_test": self.psnr,
-            "splats": f.splats, "texels": f.texels, "memory_bytes": memory, "eta_secs": eta_secs,
+            "splats": f.size.splats, "texels": f.size.texels, "params": f.size.params, "memory_bytes": memory, "eta_secs": eta_secs,
         });
         self.log.event("progress", &format!("step {}/{}: {text}", f.step, self.steps), fields);
     }

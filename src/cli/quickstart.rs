@@ -65,9 +65,9 @@ pub fn run(args: &QuickstartArgs, log: &Log) -> anyhow::Result<()> {
     log.info("3/3 writing assets, and rendering each to verify it");
     let asset = AssetArgs { force: args.force, title: Some("Still life".to_owned()), ..AssetArgs::default() };
     let files = EXPORTS.map(|extension| args.out.join(format!("{NAME}.{extension}")));
-    let (scene, _) = load_scene(&run, log)?;
+    let (scene, trained) = load_scene(&run, log)?;
     println!();
-    export::write_all(scene, &files, &asset, "cpu", log)?.print()?;
+    export::write_all((scene, trained.as_ref()), &files, &asset, "cpu", log)?.print()?;
     let (capture, run, out_folder) = (capture.display(), run.display(), args.out.display());
     let mut out = std::io::stdout().lock();
     writeln!(

@@ -125,14 +125,14 @@ impl<'a> Session<'a> {
                 step,
                 counts,
                 growth,
-                num_splats,
-                num_texels,
+                size,
                 render_scale,
                 texture_cap,
                 wall_secs,
             } => self.metric(json!({ "event": "density-control", "step": step, "counts": counts,
                 "growth": GrowthFigures::new(growth, &self.config.train, step, self.densify_until),
-                "splats": num_splats, "texels": num_texels, "render_scale": render_scale,
+                "splats": size.splats, "texels": size.texels, "params": size.params,
+                "render_scale": render_scale,
                 "texture_cap": texture_cap, "wall_secs": wall_secs }))?,
             TrainEvent::GaveBack(given_back) => {
                 self.metric(
@@ -179,8 +179,7 @@ impl<'a> Session<'a> {
             view,
             loss,
             report,
-            num_splats,
-            num_texels,
+            size,
             train_wall_secs,
             train_cpu_secs,
             remaining_secs,
@@ -190,17 +189,10 @@ impl<'a> Session<'a> {
         };
         self.losses.record(view, loss.l1 + loss.dssim);
         self.non_finite_gradients += report.non_finite_gradients;
-        self.progress.step(StepFigures {
-            step,
-            loss: loss.total,
-            splats: num_splats,
-            texels: num_texels,
-            train_wall_secs,
-            remaining_secs,
-        });
+        self.progress.step(StepFigures { step, loss: loss.total, size, train_wall_secs, remaining_secs });
         if step == 1 || step.is_multiple_of(METRICS_EVERY) || step == self.config.train.steps {
             self.metric(json!({ "event": "step", "step": step, "view": self.views.name(view),
-                "loss": loss, "splats": num_splats, "texels": num_texels,
+                "loss": loss, "splats": size.splats, "texels": size.texels, "params": size.params,
                 "train_wall_secs": train_wall_secs, "train_cpu_secs": train_cpu_secs,
                 "counters": counters(report), "pass_secs": passes(report),
                 "non_finite_gradients": report.non_finite_gradients }))?;

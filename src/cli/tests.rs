@@ -14,7 +14,7 @@ use litetex_gs::eval::{Evaluation, quality_of};
 use litetex_gs::frequency::FrequencyOptions;
 use litetex_gs::model::{Model, SplatArrays, TextureMap, TexturePool};
 use litetex_gs::train::checkpoint;
-use litetex_gs::train::{Control, CurvePoint, StopReason, TrainConfig, TrainEvent, TrainState};
+use litetex_gs::train::{Control, CurvePoint, SizeFigures, StopReason, TrainConfig, TrainEvent, TrainState};
 use litetex_gs::views::{Split, ViewSource};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -62,6 +62,8 @@ fn state(step: u32) -> TrainState {
     TrainState { step, ..TrainState::fresh(model) }
 }
 
+const SIZE: SizeFigures = SizeFigures { splats: 1, texels: 4, params: 27 };
+
 /// A step of the trainer, one second after the one before.
 fn step_event(step: u32, report: &StepReport) -> TrainEvent<'_> {
     TrainEvent::Step {
@@ -69,8 +71,7 @@ fn step_event(step: u32, report: &StepReport) -> TrainEvent<'_> {
         view: 0,
         loss: LossValues::default(),
         report,
-        num_splats: 1,
-        num_texels: 4,
+        size: SIZE,
         train_wall_secs: f64::from(step),
         train_cpu_secs: f64::from(step),
         remaining_secs: 0.0,
@@ -113,8 +114,7 @@ fn play(session: &mut Session<'_>, views: &TestViews, done: u32, steps: u32) -> 
             cpu_secs: 1.0,
             psnr_test: evaluation.psnr,
             grad_psnr_test: evaluation.grad_psnr,
-            splats: 1,
-            texels: 4,
+            size: SIZE,
         };
         let last = step == steps;
         session.handle(TrainEvent::Evaluated { step, evaluation: &evaluation, point: &point, last })?;

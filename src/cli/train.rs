@@ -34,8 +34,8 @@ pub fn run(args: TrainArgs, log: &Log) -> anyhow::Result<()> {
     let (summary, run) = train_run(&args, log)?;
     train_summary::print(&summary)?;
     if !args.export.is_empty() {
-        let (scene, _) = load_scene(&run, log)?;
-        export::write_all(scene, &args.export, &asset, &args.device, log)?.print()?;
+        let (scene, trained) = load_scene(&run, log)?;
+        export::write_all((scene, trained.as_ref()), &args.export, &asset, &args.device, log)?.print()?;
     }
     Ok(())
 }

@@ -7,6 +7,8 @@ use super::state::TrainState;
 use crate::Warning;
 use crate::backend::{DeviceInfo, LossValues, RenderedImage, StepReport};
 use crate::eval::Evaluation;
+use crate::model::ModelSize;
+use serde::{Deserialize, Serialize};
 
 /// The consumer's answer to an event.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -27,6 +29,23 @@ pub enum StopReason {
     Time,
     /// The consumer answered [`Control::Stop`].
     Consumer,
+}
+
+/// Size of a model, as events tell it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SizeFigures {
+    /// Number of splats.
+    pub splats: usize,
+    /// Number of texels over all maps.
+    pub texels: usize,
+    /// Floats that the model holds ([`ModelSize::params`]).
+    pub params: usize,
+}
+
+impl From<ModelSize> for SizeFigures {
+    fn from(size: ModelSize) -> Self {
+        Self { splats: size.splats, texels: size.texels, params: size.params() }
+    }
 }
 
 /// An event of a run; `step` is the number of steps done.
@@ -55,10 +74,8 @@ pub enum TrainEvent<'a> {
         loss: LossValues,
         /// The backend's report of the step.
         report: &'a StepReport,
-        /// Splats during the step.
-        num_splats: usize,
-        /// Texels during the step.
-        num_texels: usize,
+        /// Size of the model during the step.
+        size: SizeFigures,
         /// Training time so far, evaluation and saving not counted.
         train_wall_secs: f64,
         /// CPU time of the process during the training time.
@@ -74,10 +91,8 @@ pub enum TrainEvent<'a> {
         counts: DensityCounts,
         /// What growth was worth.
         growth: &'a Growth,
-        /// Splats after the revision.
-        num_splats: usize,
-        /// Texels after the revision.
-        num_texels: usize,
+        /// Size of the model after the revision.
+        size: SizeFigures,
         /// Render scale of the stage that begins.
         render_scale: f64,
         /// Texture cap of the stage that begins, in texels.

@@ -12,7 +12,7 @@ use crate::{Error, Result};
 /// device, and returns these. A run without a budget needs no further check: the limits bound its growth.
 ///
 /// # Errors
-/// [`Error::Usage`] if the model has more splats than the budget allows; [`Error::Device`] listing everything
+/// [`Error::Usage`] if the model holds more than the budget allows, maps left aside; [`Error::Device`] listing everything
 /// that does not fit, with counts, limits and remedies.
 pub fn check_limits(
     config: &TrainConfig,
@@ -23,12 +23,16 @@ pub fn check_limits(
     // Maps can be made smaller; splats would have to be removed.
     let bare = ModelSize { maps: 0, texels: 0, ..model.size() };
     let budget = Schedule::new(config, views.indices(Split::Train).len()).budget(config, 0);
-    let (splats, most) = (bare.splats, budget.most_splats_like(&bare));
-    if splats > most {
-        return Err(Error::Usage(format!(
-            "the model already has {splats} splats, the budget allows {most}: raise --max-splats or \
-             --budget-params, or start a new run"
-        )));
+    let bounds = [
+        ("--max-splats", "splats", bare.splats, budget.max_splats),
+        ("--budget-params", "parameters besides its maps", bare.params(), budget.max_params),
+    ];
+    for (flag, what, holds, most) in bounds {
+        if let Some(most) = most.filter(|most| holds > *most) {
+            return Err(Error::Usage(format!(
+                "the model already has {holds} {what}, more than {most}: raise {flag}, or start a new run"
+            )));
+        }
     }
     // Splats may gain SH bands.
     let sh_degree = config.sh_degree.max(model.splats.sh_degree());
@@ -210,9 +214,15 @@ mod tests {
         };
         // Texels beyond the budget are accepted: maps can be made smaller.
         let most = |splats, params| Budget { max_splats: splats, max_params: params, max_texels: Some(10) };
-        for refused in [most(Some(19), None), most(None, Some(bare - 1))] {
+        for (refused, says) in [
+            (most(Some(19), None), "20 splats, more than 19: raise --max-splats".to_owned()),
+            (
+                most(None, Some(bare - 1)),
+                format!("{bare} parameters besides its maps, more than {}", bare - 1),
+            ),
+        ] {
             let error = check(refused).unwrap_err();
-            assert!(error.exit_code() == 2 && error.to_string().contains("already has 20 splats"), "{error}");
+            assert!(error.exit_code() == 2 && error.to_string().contains(&says), "{error}");
         }
         assert!(check(most(Some(20), Some(bare))).is_ok());
     }

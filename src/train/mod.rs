@@ -23,7 +23,7 @@ mod window;
 
 pub use config::{Backdrop, Exposure, RateConfig, TrainConfig};
 pub use evaluate::{Evaluated, evaluate};
-pub use events::{Control, StopReason, TrainEvent};
+pub use events::{Control, SizeFigures, StopReason, TrainEvent};
 pub use exposure::Exposures;
 pub use give_back::GivenBack;
 pub use limits::check_limits;

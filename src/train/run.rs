@@ -5,7 +5,7 @@ use super::config::{Exposure, TrainConfig};
 use super::density::{DensityCounts, StatisticsSource};
 use super::eta::Eta;
 use super::evaluate::{Evaluated, evaluate};
-use super::events::{Control, StopReason, TrainEvent};
+use super::events::{Control, SizeFigures, StopReason, TrainEvent};
 use super::give_back::{GivenBack, Round, TrainingViews};
 use super::limits::check_limits;
 use super::order::ViewOrder;
@@ -67,7 +67,7 @@ pub fn train(
     let smaller_side_px = smaller_side_px(&cameras);
     let scale = |step| Stage::at(config, &schedule, &frequency, smaller_side_px, step).render_scale;
     let eta = Eta::new((0..config.steps).map(|step| scale(schedule.last_density_step(step))));
-    let size = [start.model.num_splats(), start.model.num_texels()];
+    let size = start.model.size().into();
     let targets = Targets::new(views.num_views(), 1.0);
     let mut trainer = Trainer {
         config,
@@ -108,7 +108,7 @@ struct Trainer<'a> {
     stage: Stage,
     targets: Targets,
     /// Splats and texels of the backend's model; the model of the state is that of the last checkpoint.
-    size: [usize; 2],
+    size: SizeFigures,
     state: TrainState,
 }
 
@@ -233,14 +233,12 @@ impl Trainer<'_> {
         let finite_steps = diverged.unwrap_or(batch.len());
         let mut control = self.report((&batch, &reports[..finite_steps]), size, times, sink)?;
         if let Some((counts, given_back)) = changed {
-            let [num_splats, num_texels] = self.size;
-            let (step, Stage { render_scale, texture_cap }) = (self.state.step, self.stage);
+            let (size, step, Stage { render_scale, texture_cap }) = (self.size, self.state.step, self.stage);
             let event = TrainEvent::DensityControl {
                 step,
                 counts,
                 growth: &self.state.growth,
-                num_splats,
-                num_texels,
+                size,
                 render_scale,
                 texture_cap,
                 wall_secs: density_control_secs,
@@ -294,7 +292,7 @@ impl Trainer<'_> {
             limits: self.limits,
         };
         let (counts, size) = density.step(self.backend, &mut self.state, use_statistics)?;
-        self.size = size;
+        self.size = size.into();
         if due {
             self.begin_stage(step);
         }
@@ -319,9 +317,10 @@ impl Trainer<'_> {
         let round = Round::of(config, &self.schedule, step);
         let given_back = round.run(self.backend, &mut training, &mut self.state.histories)?;
         if let Some(given_back) = &given_back {
-            self.size = [self.state.histories.len(), given_back.texels];
+            let splats = self.state.histories.len();
+            self.size = SizeFigures { splats, texels: given_back.texels, params: given_back.params };
         }
-        self.backend.set_statistics(&WindowStatistics::empty(self.size[0]))?;
+        self.backend.set_statistics(&WindowStatistics::empty(self.size.splats))?;
         self.state.history.given_back.extend(given_back);
         Ok(given_back)
     }
@@ -418,7 +417,7 @@ impl Trainer<'_> {
     fn report(
         &mut self,
         (batch, reports): (&[PlannedStep], &[StepReport]),
-        [num_splats, num_texels]: [usize; 2],
+        size: SizeFigures,
         [wall_secs, cpu_secs]: [f64; 2],
         sink: Sink<'_>,
     ) -> Result<Control> {
@@ -437,8 +436,7 @@ impl Trainer<'_> {
                 view: planned.view,
                 loss: report.loss,
                 report,
-                num_splats,
-                num_texels,
+                size,
                 train_wall_secs: wall_before + wall_secs * share,
                 train_cpu_secs: cpu_before + cpu_secs * share,
                 remaining_secs: remaining_secs + wall_secs * (1.0 - share),
@@ -482,8 +480,7 @@ impl Trainer<'_> {
             cpu_secs: history.train_cpu_secs,
             psnr_test: evaluation.psnr,
             grad_psnr_test: evaluation.grad_psnr,
-            splats: self.size[0],
-            texels: self.size[1],
+            size: self.size,
         };
         history.curve.retain(|p| p.step != step);
         history.curve.push(point.clone());

@@ -1,6 +1,7 @@
 //! The state from which a run continues bit for bit, and its history of times and evaluations.
 
 use super::density::{Growth, SplatHistory};
+use super::events::SizeFigures;
 use super::exposure::Exposures;
 use super::give_back::GivenBack;
 use crate::backend::WindowStatistics;
@@ -21,10 +22,9 @@ pub struct CurvePoint {
     pub psnr_test: f64,
     /// Mean gradient-PSNR of the test views, dB.
     pub grad_psnr_test: f64,
-    /// Splats of the model.
-    pub splats: usize,
-    /// Texels of all maps.
-    pub texels: usize,
+    /// Size of the model.
+    #[serde(flatten)]
+    pub size: SizeFigures,
 }
 
 /// Times and evaluations, which a resumed run continues but which do not shape the result.

@@ -63,19 +63,19 @@ impl DensityControl<'_> {
         backend: &mut dyn Backend,
         state: &mut TrainState,
         use_statistics: bool,
-    ) -> Result<(DensityCounts, [usize; 2])> {
+    ) -> Result<(DensityCounts, ModelSize)> {
         let model = backend.read_flushed()?;
         let statistics = backend.read_statistics()?;
         let revision = self.decide(&model, &statistics, state, use_statistics);
-        let mut size = [model.num_splats(), model.num_texels()];
+        let mut size = model.size();
         state.histories = revision.histories;
         state.growth = revision.growth;
         if let Some(plan) = &revision.plan {
             backend.apply_plan(plan)?;
-            size = size_after(&model, plan);
+            size = plan.size_after(&model);
         }
         if use_statistics {
-            backend.set_statistics(&WindowStatistics::empty(size[0]))?;
+            backend.set_statistics(&WindowStatistics::empty(size.splats))?;
             state.window_views.clear();
         } else {
             // The splats are the same, so their window continues.
@@ -181,16 +181,6 @@ pub(super) fn begin(config: &TrainConfig, num_views: usize, state: &mut TrainSta
     if config.exposure == Exposure::Affine && state.exposures.maps.is_empty() {
         state.exposures = Exposures::new(num_views);
     }
-}
-
-/// Splats and texels of a model after a plan.
-fn size_after(model: &crate::model::Model, plan: &crate::backend::DensityPlan) -> [usize; 2] {
-    use crate::backend::MapChange::{Keep, Regrid, Resample};
-    let texels = plan.sources.iter().zip(&plan.maps).map(|(&source, change)| match *change {
-        Keep => model.textures.maps[source as usize].num_texels(),
-        Resample { rows, cols, .. } | Regrid { rows, cols, .. } => usize::from(rows) * usize::from(cols),
-    });
-    [plan.sources.len(), texels.sum()]
 }
 
 /// The statistics of all training views for the flushed model, at the image size of the stage: those of a

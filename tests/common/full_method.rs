@@ -3,7 +3,7 @@
 
 use super::training::{BLACK, MemoryViews, damaged, scene, uploaded};
 use litetex_gs::backend::{Backend, TargetImage};
-use litetex_gs::model::{ModelSize, TextureMap, TexturePool};
+use litetex_gs::model::{TextureMap, TexturePool};
 use litetex_gs::train::density::{DensityCounts, first_texel_size};
 use litetex_gs::train::{Control, Policy, TrainConfig, TrainEvent, TrainState, train};
 use std::sync::Arc;
@@ -82,15 +82,14 @@ pub fn run_on(
     let mut sink = |event: TrainEvent<'_>| {
         match event {
             TrainEvent::Checkpoint { state } => saved.push(state.clone()),
-            TrainEvent::DensityControl { counts, num_splats, num_texels, render_scale, .. } => {
-                steps.push((counts, num_splats, num_texels));
+            TrainEvent::DensityControl { counts, size, render_scale, .. } => {
+                steps.push((counts, size.splats, size.texels));
                 scales.push(render_scale);
             }
-            TrainEvent::Step { num_splats: n, num_texels: t, report, .. } => {
+            TrainEvent::Step { size, report, .. } => {
                 assert_eq!(report.non_finite_gradients, 0, "{:?} {steps:?}", config.policy);
-                // The events tell neither the number of maps nor SH degrees.
-                let least = ModelSize { texels: t, ..ModelSize::uniform(n, 0, 0) };
-                largest = [largest[0].max(n), largest[1].max(t), largest[2].max(least.params())];
+                let [splats, texels, params] = largest;
+                largest = [splats.max(size.splats), texels.max(size.texels), params.max(size.params)];
             }
             _ => {}
         }

@@ -56,6 +56,9 @@ pub struct BenchArgs {
     /// Keep checkpoints, images and metrics of the runs, not only summary.json and config.toml
     #[arg(long)]
     pub(super) keep_runs: bool,
+    /// Do not measure the size of the .ltgs file that "litetex export --quality tiny" writes of each run
+    #[arg(long)]
+    pub(super) no_export: bool,
     /// Delete the results and runs of an earlier benchmark in the folder and start from scratch
     #[arg(long)]
     pub(super) force: bool,

@@ -188,6 +188,7 @@ fn runner(args: &BenchArgs, interrupt: Interrupt, build: String) -> Result<Runne
             .map_err(|e| Error::Device(format!("cannot find this program: {e}")))?,
         runs: args.out.join(RUNS),
         keep_runs: args.keep_runs,
+        export: !args.no_export,
         jobs: usize::from(args.jobs),
         timeout_secs: args.timeout,
         interrupt,

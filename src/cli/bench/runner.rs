@@ -24,6 +24,8 @@ const INTERRUPTED: i32 = 130;
 /// Characters of a failed run's messages that are kept.
 const ERROR_CHARS_MAX: usize = 2000;
 const SUMMARY: &str = "summary.json";
+/// The file that shows how small a run is as an asset.
+const EXPORTED: &str = "tiny.ltgs";
 /// Files that stay in a run's folder without `--keep-runs`.
 const KEPT: [&str; 3] = [SUMMARY, "config.toml", WORST_VIEW];
 /// Where a matrix puts the worst test view, if it does.
@@ -37,6 +39,8 @@ pub struct Runner {
     pub runs: PathBuf,
     /// Whether to keep checkpoints, images and metrics.
     pub keep_runs: bool,
+    /// Whether to export each run, for the size of the file.
+    pub export: bool,
     /// Number of runs at the same time.
     pub jobs: usize,
     /// Time after which a run is stopped and counts as failed.
@@ -90,9 +94,7 @@ impl Runner {
                 return Ok(None);
             }
             End::TimedOut => (None, Err(format!("stopped after {wall_secs:.0} s: --timeout"))),
-            End::Exit(status) if status.success() => {
-                (status.code(), read_summary(&folder).and_then(|s| self.evaluated(cell, &folder, s)))
-            }
+            End::Exit(status) if status.success() => (status.code(), self.measured(cell, &folder)),
             End::Exit(status) => (status.code(), Err(last_message(&messages, status))),
         };
         if outcome.1.is_ok() && !self.keep_runs {
@@ -130,24 +132,53 @@ impl Runner {
             .map_err(|e| Error::io(&self.program, e))
     }
 
-    /// Evaluates a finished run as the matrix asks, and puts the figures into its summary.
-    fn evaluated(&self, cell: &Cell, folder: &Path, mut summary: Value) -> Result<Value, String> {
-        if cell.eval.is_empty() {
-            return Ok(summary);
+    /// The summary of a finished run, with the size of its file and the figures that the matrix asks for.
+    fn measured(&self, cell: &Cell, folder: &Path) -> Result<Value, String> {
+        let mut summary = read_summary(folder)?;
+        if self.export {
+            let bytes = self.exported_bytes(folder)?;
+            if let Some(size) = summary.get_mut("size").and_then(Value::as_object_mut) {
+                let disk = size.entry("disk").or_insert(Value::Null);
+                disk["ltgs_tiny_exported"] = bytes.into();
+            }
         }
+        if !cell.eval.is_empty() {
+            let args = with_folders(&cell.eval, &cell.path, folder);
+            let printed =
+                self.output("eval", folder, ["--json"].map(str::to_owned).into_iter().chain(args))?;
+            summary["eval"] = serde_json::from_slice(&printed).map_err(|e| format!("litetex eval: {e}"))?;
+        }
+        Ok(summary)
+    }
+
+    /// Size of the `tiny` file of a run. Its loss is measured while its steps are found, so that it needs no verification.
+    fn exported_bytes(&self, folder: &Path) -> Result<u64, String> {
+        let file = folder.join(EXPORTED);
+        let out = file.display().to_string();
+        let args = ["--quality", "tiny", "--no-verify", "--device", "cpu", "--force", "--out", &out];
+        self.output("export", folder, args.map(str::to_owned).into_iter())?;
+        fs::metadata(&file).map(|m| m.len()).map_err(|e| Error::io(&file, e).to_string())
+    }
+
+    /// What a command of this program prints about a run.
+    fn output(
+        &self,
+        command: &str,
+        folder: &Path,
+        args: impl Iterator<Item = String>,
+    ) -> Result<Vec<u8>, String> {
         let output = Command::new(&self.program)
-            .arg("eval")
+            .arg(command)
             .arg(folder)
-            .args(["--json", "--quiet"])
-            .args(with_folders(&cell.eval, &cell.path, folder))
+            .arg("--quiet")
+            .args(args)
             .output()
             .map_err(|e| Error::io(&self.program, e).to_string())?;
         if !output.status.success() {
             let said = String::from_utf8_lossy(&output.stderr);
-            return Err(format!("litetex eval: {}", said.trim().trim_start_matches("error: ")));
+            return Err(format!("litetex {command}: {}", said.trim().trim_start_matches("error: ")));
         }
-        summary["eval"] = serde_json::from_slice(&output.stdout).map_err(|e| format!("litetex eval: {e}"))?;
-        Ok(summary)
+        Ok(output.stdout)
     }
 
     fn wait(&self, child: &mut Child, started: Instant) -> std::io::Result<End> {

@@ -7,7 +7,7 @@ use crate::frequency::SplatBudget;
 use crate::model::{AdamState, Model, SplatArrays, SplatGroup, TextureMap, TexturePool};
 use crate::train::GivenBack;
 use crate::train::density::{Growth, Outcome, SplatHistory, Trial};
-use crate::train::{CurvePoint, Exposures, TrainHistory};
+use crate::train::{CurvePoint, Exposures, SizeFigures, TrainHistory};
 use glam::DVec3;
 use safetensors::Dtype;
 use safetensors::tensor::TensorView;
@@ -114,8 +114,7 @@ fn history(n: usize) -> TrainHistory {
             cpu_secs: 0.7,
             psnr_test: 100.0,
             grad_psnr_test: 31.5,
-            splats: n,
-            texels: 12,
+            size: SizeFigures { splats: n, texels: 12, params: 59 * n + 36 },
         }],
         given_back: vec![GivenBack { step: 4, params: 100, measured_db: 0.5, ..GivenBack::default() }],
     }

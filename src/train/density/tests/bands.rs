@@ -1,6 +1,7 @@
 //! SH bands: given back and gained.
 
 use super::*;
+use crate::constants::sh_coefficients;
 
 #[test]
 fn bands_that_hardly_change_the_colour_are_given_back() {

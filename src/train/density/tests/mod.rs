@@ -17,7 +17,7 @@ use super::situation::{DensityCounts, Revision, Situation};
 use super::sizes::MapRule;
 use crate::backend::{Grid, MapChange, WindowStatistics};
 use crate::camera::Camera;
-use crate::constants::{ALPHA_MIN, sh_coefficients};
+use crate::constants::ALPHA_MIN;
 use crate::model::{Model, ModelSize, TextureMap, TexturePool};
 use crate::selftest::{RandomScene, SceneOptions, random_scene};
 
@@ -106,16 +106,7 @@ fn situation<'a>(
 /// Size of the model after a revision.
 fn size_after(model: &Model, revision: &Revision) -> ModelSize {
     // No plan: nothing was possible.
-    let Some(plan) = &revision.plan else { return model.size() };
-    let maps = plan.sources.iter().zip(&plan.maps);
-    let texels =
-        maps.map(|(&source, change)| change.applied_to(&model.textures.maps[source as usize]).num_texels());
-    texels.zip(&plan.sh_degrees).fold(ModelSize::default(), |size, (texels, &degree)| ModelSize {
-        splats: size.splats + 1,
-        maps: size.maps + usize::from(texels > 0),
-        texels: size.texels + texels,
-        sh_coefficients: size.sh_coefficients + sh_coefficients(degree.into()),
-    })
+    revision.plan.as_ref().map_or_else(|| model.size(), |plan| plan.size_after(model))
 }
 
 fn revise(s: &Situation<'_>, config: &DensityConfig, budget: &Budget) -> Revision {
