@@ -125,9 +125,9 @@ RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --document-private-it
 results=${gpu_env[0]#*=}/results
 note "tests (default features)"
 env "${gpu_env[@]}" cargo test --workspace | tee -a "$results"
-# What the feature changes: the library, the program and its messages. The kernels of the CPU are the same code as above.
+# What the feature changes: the program, its messages and its devices. All other code is the same as above.
 note "tests --no-default-features"
-cargo test --package litetex-gs --no-default-features --lib --bins --test 'cli*' --test 'train_cpu' | tee -a "$results"
+cargo test --package litetex-gs --no-default-features --bins --test cli --test cli_render --test train_cpu | tee -a "$results"
 
 note "third-party validation of exported files"
 LITETEX_USD_SAMPLES="$usd_samples" scripts/third-party.sh "${CARGO_TARGET_DIR:-target}/debug/litetex"
