@@ -62,6 +62,10 @@ pub fn train_run(args: &TrainArgs, log: &Log) -> Result<(Summary, PathBuf)> {
     log.report(&photos);
     report.merge(photos);
 
+    let schedule = Schedule::new(&job.config.train, capture.indices(Split::Train).len());
+    for part in schedule.inactive(&job.config.train) {
+        log.info(&format!("without effect in this run: {part}"));
+    }
     let folder = job.open_folder(state.step)?;
     let total_secs = move || earlier_secs + started.elapsed().as_secs_f64();
     let interrupt = Interrupt::listen(log, "saving the run")?;

@@ -20,7 +20,7 @@ const RESPAWN_TEXELS: f64 = 2.0;
 const DRAW_STREAM: u64 = 1;
 
 /// One in this many splats that could grow is withheld where growth is measured.
-const WITHHELD_OF: u32 = 10;
+pub const WITHHELD_OF: u32 = 10;
 
 /// The planned splats, and what is left of the limits of a step.
 pub struct BudgetAllocator<'a> {

@@ -1,6 +1,7 @@
 //! What growth is worth: the share of its error that a splat loses if it is split, its map is refined or it gains an SH band,
 //! measured against splats that are withheld, and whether more parameters would still pay (method 6.14).
 
+use super::budget_allocator::WITHHELD_OF;
 use super::candidate::Candidate;
 use super::history::SplatHistory;
 use super::outcome::{Outcome, Outcomes};
@@ -16,6 +17,10 @@ const IDLE_CHECKS: u32 = 2;
 
 /// The growth of the parameters that must pay.
 const PROMISED_GROWTH: f64 = 0.1;
+
+/// Fewest withheld splats that tell what training alone does. Fewer than six once let growth end at its second check
+/// (fox, 80 pixels, 3,000 points, 600 steps).
+pub const WITHHELD_MIN: f64 = 10.0;
 
 /// Range of what other growth may be worth compared to a split: few splats in a window give odd ratios.
 const GAIN_RANGE: [f64; 2] = [0.25, 8.0];
@@ -104,6 +109,11 @@ impl Growth {
         Some((1.0 - left(&self.grown)? / left(&self.withheld)?).clamp(0.0, 1.0))
     }
 
+    /// Whether so many splats were withheld from this kind of growth that its share means something.
+    fn is_measured(&self, kind: Kind) -> bool {
+        self.withheld[kind as usize].splats >= WITHHELD_MIN
+    }
+
     /// The share of a splat's error that this kind of growth removes, over the share that a split removes; `set` before both
     /// were measured.
     pub fn gain(&self, kind: Kind, set: f64) -> f64 {
@@ -116,7 +126,8 @@ impl Growth {
     }
 
     /// Judges whether more parameters would pay: `need_db` or more of the training views for 10 % of `params`. Counts
-    /// only where images have full size, and growth was measured.
+    /// only where images have full size, and growth was measured on splats enough: at least one kind, and each that so many
+    /// candidates prefer that enough of them are withheld.
     pub fn judge(
         &mut self,
         s: &Situation<'_>,
@@ -125,8 +136,17 @@ impl Growth {
         params: usize,
         need_db: f64,
     ) {
-        let shares = [Kind::Split, Kind::Refined].map(|kind| self.share(kind));
-        if !s.densify || self.has_ended() || s.render_scale > 1.0 || shares == [None; 2] {
+        let kinds = [Kind::Split, Kind::Refined];
+        let shares = kinds.map(|kind| self.share(kind).filter(|_| self.is_measured(kind)));
+        let is_split = |c: &&Candidate| c.split.is_some();
+        let is_refined = |c: &&Candidate| c.split.is_none() && c.refined_cost.is_some();
+        let preferred =
+            [candidates.iter().filter(is_split).count(), candidates.iter().filter(is_refined).count()];
+        let is_unknown = |kind: usize| {
+            shares[kind].is_none() && preferred[kind] as f64 >= WITHHELD_MIN * f64::from(WITHHELD_OF)
+        };
+        let is_known = shares != [None; 2] && !(0..2).any(is_unknown);
+        if !s.densify || self.has_ended() || s.render_scale > 1.0 || !is_known {
             return;
         }
         let shares = shares.map(|share| share.unwrap_or(0.0));
@@ -147,7 +167,8 @@ impl Growth {
         }
         let share = (gain / scores.total.iter().sum::<f64>().max(1e-300)).min(0.99);
         // The loss is mostly an absolute error: its square makes the PSNR.
-        self.promised_db = -20.0 * (1.0 - share).log10();
+        // Without the sign of -log10(1).
+        self.promised_db = (-20.0 * (1.0 - share).log10()).max(0.0);
         self.idle_checks = if self.promised_db < need_db { self.idle_checks + 1 } else { 0 };
         if self.idle_checks >= IDLE_CHECKS {
             self.ended_step = s.step;

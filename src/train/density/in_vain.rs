@@ -1,16 +1,13 @@
 //! Growth in vain: splats that were split, or whose maps were refined, in the last step, and that carry no less loss for it
 //! (method 6.14).
 
-use super::growth::Kind;
+use super::growth::{Kind, WITHHELD_MIN};
 use super::history::SplatHistory;
 use super::outcome::Outcomes;
 use super::score::Scores;
 
 /// The share of its loss that a splat must lose by growth, beyond what training alone does.
 const GAIN_MIN: f64 = 0.02;
-
-/// Fewest withheld splats that tell what training alone does. Not measured.
-const WITHHELD_MIN: f64 = 10.0;
 
 /// For each splat whether it grew in the last step to no avail. What training alone does to the loss is measured on the
 /// splats that were withheld from the same kind of growth; if there are too few, nothing is found. Bands learn slowly and are

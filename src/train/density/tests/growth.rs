@@ -131,6 +131,11 @@ fn growth_ends_when_two_checks_find_that_more_parameters_do_not_pay() {
     let second = step(first.growth, 1.0);
     assert_eq!((second.growth.has_ended(), second.growth.ended_step), (true, 70));
     assert_eq!(step(second.growth, 1.0).counts.refined, 0);
+    // Too few splats were withheld: nothing is known, and a check does not count.
+    let few = Outcome { splats: 9.0, before: 1.0, after: 1.0 };
+    let barely = Growth { withheld: [few; KINDS], idle_checks: 1, ..useless };
+    let unknown = step(barely, 1.0);
+    assert!(!unknown.growth.has_ended() && unknown.growth.idle_checks == 1);
     // Negative controls: it removes much; images have not yet full size; nothing was measured.
     let useful = step(Growth { idle_checks: 1, ..measured([0.9; KINDS]) }, 1.0);
     assert!(useful.growth.promised_db > 0.05 && useful.growth.idle_checks == 0);
