@@ -57,7 +57,7 @@ pub fn valid(format: Format) -> Vec<u8> {
     if matches!(format, Format::Usda | Format::Usdc) {
         asset = asset.untextured();
     }
-    let options = WriteOptions { quality: Quality::Balanced, mesh: false, steps: None, exponents: &[] };
+    let options = WriteOptions { quality: Quality::Balanced, ..WriteOptions::default() };
     write_asset(&path, &asset, &options).expect("written");
     std::fs::read(&path).expect("read")
 }
@@ -234,7 +234,7 @@ fn sealed(mut bytes: Vec<u8>) -> Vec<u8> {
 
 fn ltgs_files(add: Add<'_>) {
     let file = |asset: &SplatAsset, quality| {
-        ltgs::encode(asset, &ltgs::LtgsOptions { quality, steps: None, exponents: &[] }).expect("written")
+        ltgs::encode(asset, &ltgs::LtgsOptions { quality, ..ltgs::LtgsOptions::default() }).expect("written")
     };
     let bytes = file(&small_scene(), Quality::Balanced);
     add("newer_major_version.ltgs", Unsupported, sealed(put(&bytes, 4, &[3])));
@@ -453,14 +453,14 @@ pub fn greedy() -> Vec<(&'static str, String, Vec<u8>)> {
     let options = gltf::GltfOptions { quality: Quality::Balanced, page_side: 2048 };
     let glb = gltf::encode_glb(&neutral(2048), &options).expect("written");
     add("a page of neutral texels", "glb", glb);
-    let lossless = ltgs::LtgsOptions { quality: Quality::Lossless, steps: None, exponents: &[] };
+    let lossless = ltgs::LtgsOptions { quality: Quality::Lossless, ..ltgs::LtgsOptions::default() };
     add("neutral texels", "ltgs", ltgs::encode(&neutral(1024), &lossless).expect("written"));
     add(
         "more neutral texels than any scene",
         "ltgs",
         ltgs::encode(&neutral(4096), &lossless).expect("written"),
     );
-    let lossy = ltgs::LtgsOptions { quality: Quality::Tiny, steps: None, exponents: &[] };
+    let lossy = ltgs::LtgsOptions { quality: Quality::Tiny, ..ltgs::LtgsOptions::default() };
     add("rounded neutral texels", "ltgs", ltgs::encode(&neutral(2048), &lossy).expect("written"));
     add("a page of 4096 for few texels", "glb", roomy_page(4096));
     add("a page of 8192 for few texels", "glb", roomy_page(8192));
@@ -483,7 +483,7 @@ pub fn greedy() -> Vec<(&'static str, String, Vec<u8>)> {
     add("text of entries", "usda", entries.into_bytes());
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("a.usdz");
-    let options = WriteOptions { quality: Quality::Balanced, mesh: false, steps: None, exponents: &[] };
+    let options = WriteOptions { quality: Quality::Balanced, ..WriteOptions::default() };
     write_asset(&path, &neutral(1024), &options).expect("written");
     add("a page of neutral texels", "usdz", std::fs::read(&path).expect("read"));
     files
