@@ -237,6 +237,8 @@ fn write_pack(folder: &Path) -> Result<()> {
     let path = folder.join("balanced.ltgs");
     let options = ltgs::LtgsOptions { quality: Quality::Balanced, ..ltgs::LtgsOptions::default() };
     write_atomically(&path, &ltgs::encode(&asset, &options)?).map_err(|e| Error::io(&path, e))?;
+    let path = folder.join("coder.json");
+    write_atomically(&path, ltgs::coder_vectors().as_bytes()).map_err(|e| Error::io(&path, e))?;
     Ok(())
 }
 

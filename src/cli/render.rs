@@ -147,12 +147,12 @@ pub fn run(args: &RenderArgs, log: &Log) -> anyhow::Result<()> {
 fn load(args: &RenderArgs, log: &Log) -> Result<(BakedScene, Option<Trained>)> {
     match args.layers {
         None => load_scene(&args.source, log),
-        Some(layers) if is_asset(&args.source) => {
-            Ok((read_layers(&args.source, Some(layers), log)?, None))
-        }
+        Some(layers) if is_asset(&args.source) => Ok((read_layers(&args.source, Some(layers), log)?, None)),
         Some(layers) => {
             let source = args.source.display();
-            Err(Error::Usage(format!("--layers {layers}: {source} is no asset; only .ltgs files have layers")))
+            Err(Error::Usage(format!(
+                "--layers {layers}: {source} is no asset; only .ltgs files have layers"
+            )))
         }
     }
 }

@@ -187,7 +187,10 @@ fn check_layers(path: &Path, wanted: u32, found: usize) -> Result<()> {
 /// How much memory an asset may take: the library's default, or half of this machine's if that is more.
 pub fn read_limits() -> ReadLimits {
     let default = ReadLimits::default().decoded_bytes;
-    ReadLimits { decoded_bytes: machine_bytes().map_or(default, |bytes| default.max(bytes / 2)), layers: None }
+    ReadLimits {
+        decoded_bytes: machine_bytes().map_or(default, |bytes| default.max(bytes / 2)),
+        layers: None,
+    }
 }
 
 /// The capture of a scene: the named folder, else the run's own if it is still there.

@@ -127,8 +127,7 @@ pub fn find_rounding(
     let mut backend = (backends.statistics)()?;
     let found = sensitivities(backend.as_mut(), asset, &confirmed, backends.go_on)?;
     let (base, exponents) = found.rounding(asset);
-    let contributions =
-        Contribution::measure(backend.as_mut(), asset, &confirmed, backends.go_on)?.weight_px;
+    let contributions = Contribution::measure(backend.as_mut(), asset, &confirmed, backends.go_on)?.weight_px;
     drop(backend);
     let renderer = SceneRenderer::new((backends.rendering)()?, backends.go_on);
     let per_splat = PerSplat { exponents: &exponents, contributions: &contributions };
@@ -173,7 +172,9 @@ fn unmeasured(scene: &BakedScene, goal: &RateGoal, report: &mut Report) -> Resul
     let asset = &scene.asset;
     let base = if goal.quality == Quality::Tiny { Steps::tiny() } else { Steps::balanced() };
     let steps = match (goal.max_bytes, goal.max_loss_db) {
-        (Some(most), _) => steps_of_size(asset, goal.quality, Scaled { base, per_splat: PerSplat::NONE }, most)?,
+        (Some(most), _) => {
+            steps_of_size(asset, goal.quality, Scaled { base, per_splat: PerSplat::NONE }, most)?
+        }
         (None, Some(_)) => {
             return Err(Error::Usage(format!(
                 "{}: --max-loss is measured by rendering, and the scene has no cameras; use --max-size",

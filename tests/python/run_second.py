@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Compares the program with the second renderer on the conformance scene.
+"""Compares the program with the second renderer on the conformance scene, and checks the second reader of `.ltgs`.
 
     run_second.py LITETEX [FOLDER]
 
@@ -9,7 +9,7 @@ scene is written to a temporary folder, by `examples/conformance` next to the pr
 Every file and view must agree to 60 dB (final values, peak 1, not clamped; measured 124 dB and more). Every negative
 control, which breaks one rule of the specification, must stay below its limit, usually 55 dB. Prints the figures; exits
 with 1 if any check fails.
-Needs Python 3.11 and tests/python/requirements.txt. Takes about 20 s, plus a build if cargo has to make the scene.
+Needs Python 3.11 and tests/python/requirements.txt. Takes about 40 s, plus a build if cargo has to make the scene.
 """
 
 import dataclasses
@@ -24,6 +24,7 @@ sys.dont_write_bytecode = True
 
 import numpy as np
 
+from coder_vectors import check_coder, check_layers
 from second_renderer import (
     KHR,
     TEXTURE,
@@ -218,6 +219,8 @@ def check(program, folder, out):
     if error > 1e-6:
         yield f"worked example: the pixel differs by {error:.1e}"
     yield from check_pages(folder)
+    yield from check_coder()
+    yield from check_layers()
     references = {}
     for name, views in FILES.items():
         path = os.path.join(folder, name)

@@ -44,6 +44,7 @@ mod steps;
 mod tables;
 mod tally;
 mod texels;
+mod vectors;
 mod write;
 
 pub use check::validate;
@@ -51,6 +52,7 @@ pub use orient::oriented;
 pub use read::{Reader, decode};
 pub use sensitivities::Sensitivities;
 pub use steps::Steps;
+pub use vectors::coder_vectors;
 pub use write::{LtgsOptions, PerSplat, Rounded, encode, quantised, rounded};
 
 #[cfg(test)]

@@ -4,8 +4,8 @@ use super::layers::layers;
 use super::math::floor_log2;
 use super::morton::morton;
 use super::shape::{EXPONENT_MAX, Shape};
-use super::write::PerSplat;
 use super::steps::{CELL_COORDINATE_BITS_MAX, GRID_BITS_MAX, Grid, Quantiser, Steps};
+use super::write::PerSplat;
 use crate::SplatAsset;
 
 /// Order, exponents and quantiser of a lossy file.
@@ -49,7 +49,7 @@ impl Plan {
         let coarse = grid.bits.saturating_sub(CELL_COORDINATE_BITS_MAX);
         let mut order: Vec<u32> = (0..asset.num_splats() as u32).collect();
         let keys: Vec<u64> = fine.iter().map(|c| morton(c.map(|c| c >> coarse))).collect();
-        let layer_of = layers(asset, per_splat.contributions);
+        let layer_of = layers(asset, &exponents, per_splat.contributions);
         order.sort_by_key(|&splat| (layer_of[splat as usize], keys[splat as usize], splat));
         let by_layer = order.chunk_by(|a, b| layer_of[*a as usize] == layer_of[*b as usize]);
         let layers = by_layer.map(<[u32]>::len).collect();

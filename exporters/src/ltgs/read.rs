@@ -332,6 +332,13 @@ fn check_entries(header: &Header, entries: &[Entry]) -> Result<(), String> {
 fn check_layers(header: &Header, entries: &[Entry]) -> Result<(), String> {
     let is_lossless = header.quality == Quality::Lossless;
     for (chunk, entry) in entries.iter().enumerate() {
+        let before = chunk.checked_sub(1).map(|before| entries[before].layer);
+        let [same, above] = before.map_or([0; 2], |layer: u32| [layer, layer.saturating_add(1)]);
+        if entry.layer != same && (entry.layer != above || is_lossless) {
+            let is_alone = is_lossless || same == above;
+            let expected = if is_alone { same.to_string() } else { format!("{same} or {above}") };
+            return Err(format!("chunk {chunk}: layer {}, expected {expected}", entry.layer));
+        }
         let next = entries.get(chunk + 1);
         let is_last = next.is_none_or(|next| next.layer != entry.layer);
         let fewest = if is_last { 1 } else { CHUNK_SPLATS };
@@ -340,13 +347,6 @@ fn check_layers(header: &Header, entries: &[Entry]) -> Result<(), String> {
             return Err(format!(
                 "chunk {chunk} of layer {layer}: {splats} splats, expected {fewest} to {CHUNK_SPLATS}"
             ));
-        }
-        let before = chunk.checked_sub(1).map(|before| entries[before].layer);
-        let [same, above] = before.map_or([0; 2], |layer: u32| [layer, layer.saturating_add(1)]);
-        if entry.layer != same && (entry.layer != above || is_lossless) {
-            let is_alone = is_lossless || same == above;
-            let expected = if is_alone { same.to_string() } else { format!("{same} or {above}") };
-            return Err(format!("chunk {chunk}: layer {}, expected {expected}", entry.layer));
         }
     }
     Ok(())

@@ -89,7 +89,8 @@ fn lossy_files_decode_to_the_quantised_asset() {
             for factor in [1.0, 0.01, 3.7] {
                 let steps = steps.scaled(factor);
                 let bytes =
-                    encode(&asset, &LtgsOptions { quality, steps: Some(steps), ..LtgsOptions::default() }).unwrap();
+                    encode(&asset, &LtgsOptions { quality, steps: Some(steps), ..LtgsOptions::default() })
+                        .unwrap();
                 let contents = read(&bytes).unwrap();
                 let expected = quantised(&asset, &steps, PerSplat::NONE).unwrap();
                 assert!(is_same(&contents.asset, &expected), "{num_splats} splats, factor {factor}");
@@ -162,7 +163,8 @@ fn errors(asset: &SplatAsset, read: &SplatAsset) -> [f64; 5] {
 fn rounding_errors_stay_within_the_steps() {
     let asset = awkward(400, 1);
     let steps = Steps::balanced();
-    let [position, scale, opacity, normal, texel] = errors(&asset, &quantised(&asset, &steps, PerSplat::NONE).unwrap());
+    let [position, scale, opacity, normal, texel] =
+        errors(&asset, &quantised(&asset, &steps, PerSplat::NONE).unwrap());
     // Half a step in three axes; the finest splats have the step of larger ones (needed 1.03).
     assert!(position <= 0.5 * 3.0_f64.sqrt() * steps.position * 1.1, "{position}");
     assert!(scale <= 0.5 * steps.log2_scale * 1.001, "{scale}");

@@ -232,6 +232,29 @@ fn sealed(mut bytes: Vec<u8>) -> Vec<u8> {
     bytes
 }
 
+/// Changes metadata or table of contents of an `.ltgs` file, and sets their checksum and that of the header.
+fn retabled(bytes: &[u8], at: usize, new: &[u8]) -> Vec<u8> {
+    let changed = put(bytes, at, new);
+    let end = 64 + number(&changed, 28) + 112 * number(&changed, 36);
+    let tables = XxHash3_64::oneshot(&changed[64..end]);
+    sealed(put(&changed, 48, &tables.to_le_bytes()))
+}
+
+/// Splats in several layers that are so alike that the file is small.
+fn equal_splats() -> SplatAsset {
+    let n = 10_000;
+    SplatAsset {
+        sh_degrees: vec![0; n],
+        positions: vec![[0.0; 3]; n],
+        rotations: vec![[1.0, 0.0, 0.0, 0.0]; n],
+        scales: vec![[0.5; 2]; n],
+        opacities: vec![1.0; n],
+        sh: vec![0.0; 3 * n],
+        maps: vec![AssetMap::default(); n],
+        ..SplatAsset::default()
+    }
+}
+
 fn ltgs_files(add: Add<'_>) {
     let file = |asset: &SplatAsset, quality| {
         ltgs::encode(asset, &ltgs::LtgsOptions { quality, ..ltgs::LtgsOptions::default() }).expect("written")
@@ -247,9 +270,19 @@ fn ltgs_files(add: Add<'_>) {
     add("wrong_count_of_texels.ltgs", Invalid, sealed(put(&bytes, 16, &7_u64.to_le_bytes())));
     // The block of SH over that of geometry.
     let (table, length) = (64 + number(&bytes, 28), bytes.len());
-    let overlapping = put(&bytes, table + 24, &bytes[table..table + 8]);
-    let tables = XxHash3_64::oneshot(&overlapping[64..table + 112]);
-    add("overlapping_blocks.ltgs", Invalid, sealed(put(&overlapping, 48, &tables.to_le_bytes())));
+    add("overlapping_blocks.ltgs", Invalid, retabled(&bytes, table + 24, &bytes[table..table + 8]));
+    let layered = file(&equal_splats(), Quality::Tiny);
+    let layer_at = |chunk: usize| 64 + number(&layered, 28) + 112 * chunk + 84;
+    // Three layers of 1, 1 and 2 chunks.
+    assert_eq!([0, 1, 2, 3].map(|chunk| number(&layered, layer_at(chunk))), [0, 1, 2, 2]);
+    add("layers.ltgs", Reads, layered.clone());
+    add("first_layer_missing.ltgs", Invalid, retabled(&layered, layer_at(0), &[1]));
+    add("layer_left_out.ltgs", Invalid, retabled(&layered, layer_at(1), &[2]));
+    add("layers_out_of_order.ltgs", Invalid, retabled(&layered, layer_at(3), &[1]));
+    add("short_chunk_within_a_layer.ltgs", Invalid, retabled(&layered, layer_at(1), &[0]));
+    let too_many = sealed(put(&layered, 36, &u32::MAX.to_le_bytes()));
+    add("huge_count_of_chunks.ltgs", Invalid, too_many);
+    add("cut_off_behind_a_layer.ltgs", Invalid, layered[..number(&layered, layer_at(1) - 84)].to_vec());
     add("damaged_chunk.ltgs", Invalid, put(&bytes, length - 9, &[bytes[length - 9] ^ 1]));
 }
 

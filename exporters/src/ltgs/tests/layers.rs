@@ -189,7 +189,7 @@ fn what_is_large_in_views_contributes_most_where_nothing_was_measured() {
     asset.positions[0][2] = -2.0;
     asset.rotations[1] = [0.5_f32.sqrt(), 0.5_f32.sqrt(), 0.0, 0.0];
     asset.opacities[SPLATS - 1] = 1.0;
-    let layers = |asset: &SplatAsset| super::super::layers::layers(asset, &[]);
+    let layers = |asset: &SplatAsset| super::super::layers::layers(asset, &[0; SPLATS], &[]);
     let by_area = layers(&asset);
     assert_eq!(by_area[2], 0);
     // Without cameras, sizes alone count: only the opaque splat differs.
