@@ -115,6 +115,8 @@ fn failed_runs_are_recorded_and_others_continue() {
             assert_eq!(r["summary"]["seed"], r["seed"]);
             assert_eq!(r["summary"]["policy"], r["variant"], "bare names are policies");
             assert_eq!(r["summary"]["schema"], "litetex-summary/4");
+            // Unlike the other sizes, with header, cameras and the steps that the loss allows.
+            assert!(r["summary"]["size"]["disk"]["ltgs_tiny_exported"].as_u64() > Some(1_000));
         }
     }
     // Finished runs keep their result and settings, failed ones their messages.
@@ -406,9 +408,10 @@ fn a_dry_run_writes_nothing_and_renaming_repeats_no_run() {
     let list = ok(&["bench", "--config", &file, "-o", &out, "--dry-run"]);
     assert!(list.contains("--policy none"), "{list}");
     fs::write(&file, matrix("before")).unwrap();
-    ok(&["bench", "--config", &file, "-o", &out, "-q"]);
+    ok(&["bench", "--config", &file, "-o", &out, "-q", "--no-export"]);
     let first = place.results("b");
     assert_eq!((first.len(), &first[0]["summary"]["steps"]), (1, &2.into()));
+    assert!(first[0]["summary"]["size"]["disk"]["ltgs_tiny_exported"].is_null(), "--no-export");
     fs::write(&file, matrix("after")).unwrap();
     let table = ok(&["bench", "--config", &file, "-o", &out, "-q"]);
     assert!(table.contains("after") && !table.contains("before"), "{table}");

@@ -123,11 +123,13 @@ fn lossy_files_meet_their_limits_and_plain_formats_keep_colours() {
         let file = at(name);
         let export = ["export", text(run), "-o", text(&file), "--device", "cpu"];
         let quality: Vec<&str> = quality.into_iter().flat_map(|q| ["--quality", q]).collect();
-        good(&[&export[..], &quality].concat());
+        let table = good(&[&export[..], &quality].concat());
         let verdict = json(&["verify", text(&file), "--against", text(run), "--device", "cpu"]);
         assert_eq!(verdict["verified"], true, "{name}: {verdict}");
         let v = &verdict["verdict"];
-        assert!(v["on_test_photos"]["before"].as_f64().unwrap() > 10.0, "the capture is there");
+        let [before, after] = ["before", "after"].map(|k| v["on_test_photos"][k].as_f64().unwrap());
+        assert!(before > 10.0, "the capture is there");
+        assert!(table.contains(&format!("{before:.2} -> {after:.2} dB")), "{after}: {table}");
         assert_eq!(v["untextured"], ["e.ply", "f.spz"].contains(&name));
         println!("{name} {quality:?}: {} dB, {} dB lost", v["psnr"], v["loss_db"]);
     }

@@ -124,7 +124,7 @@ fn assert_bytes(scene: &str, model: &Model) {
     let asset =
         bake_checkpoint(&mut backend, state, Vec::new(), [0.0; 3], provenance, &mut Report::default())
             .unwrap();
-    let options = LtgsOptions { quality: Quality::Tiny, steps: None, exponents: &[] };
+    let options = LtgsOptions { quality: Quality::Tiny, ..LtgsOptions::default() };
     let found = encode(&asset, &options).unwrap().len() as f64;
     println!("{scene}: {found} bytes");
     let suite = Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/need.toml");

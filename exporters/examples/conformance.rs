@@ -235,8 +235,10 @@ fn write_pack(folder: &Path) -> Result<()> {
     let usd = UsdOptions { quality: Quality::Balanced, page_side: PAGE_SIDE, mesh: false };
     write_usd(&folder.join("balanced.usda"), &asset, &usd)?;
     let path = folder.join("balanced.ltgs");
-    let options = ltgs::LtgsOptions { quality: Quality::Balanced, steps: None, exponents: &[] };
+    let options = ltgs::LtgsOptions { quality: Quality::Balanced, ..ltgs::LtgsOptions::default() };
     write_atomically(&path, &ltgs::encode(&asset, &options)?).map_err(|e| Error::io(&path, e))?;
+    let path = folder.join("coder.json");
+    write_atomically(&path, ltgs::coder_vectors().as_bytes()).map_err(|e| Error::io(&path, e))?;
     Ok(())
 }
 

@@ -63,8 +63,7 @@ fn main() -> Result<()> {
     println!("peak memory {:?} MiB", peak_mib());
     let path = std::env::temp_dir().join(format!("litetex_speed_{}.{extension}", std::process::id()));
     let start = Instant::now();
-    let written =
-        write_asset(&path, &asset, &WriteOptions { quality, mesh: false, steps: None, exponents: &[] })?;
+    let written = write_asset(&path, &asset, &WriteOptions { quality, ..WriteOptions::default() })?;
     println!(
         "{extension} {} written in {:.2} s, {} bytes",
         quality.name(),

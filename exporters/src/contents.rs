@@ -36,6 +36,21 @@ impl Section {
     }
 }
 
+/// A layer of a `.ltgs` file.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LayerSize {
+    /// Its splats.
+    pub splats: u64,
+    /// Texels of their maps.
+    pub texels: u64,
+    /// Bytes of its blocks of geometry, SH of degree 0 included.
+    pub geometry_bytes: u64,
+    /// Bytes of its blocks of the other SH.
+    pub sh_bytes: u64,
+    /// Bytes of its blocks of texels.
+    pub texel_bytes: u64,
+}
+
 /// A file as read.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Contents {
@@ -45,10 +60,13 @@ pub struct Contents {
     pub format: String,
     /// Quality that the file states; `None` if the format has none.
     pub quality: Option<Quality>,
-    /// [`SplatAsset::hash`] that the file states; differs from that of `asset` if values were changed.
+    /// [`SplatAsset::hash`] that the file states; differs from that of `asset` if values were changed. `None` if layers were left
+    /// out.
     pub hash: Option<u64>,
     /// Parts of the file; their sum is the file's size.
     pub sections: Vec<Section>,
+    /// Layers of the file, those that were left out included; empty if the format has none.
+    pub layers: Vec<LayerSize>,
     /// What is odd about the file, but not a reason to refuse it.
     pub warnings: Vec<String>,
 }
@@ -73,12 +91,14 @@ pub struct Contents {
 pub struct ReadLimits {
     /// Most bytes that a file may have, and most that it may decode to.
     pub decoded_bytes: u64,
+    /// Most layers of a `.ltgs` file that are read, from the first; `None`: all. Other formats have no layers.
+    pub layers: Option<u32>,
 }
 
 impl Default for ReadLimits {
     /// 4 GiB: some ten million splats of SH degree 3, or a million of them with 300 million texels.
     fn default() -> Self {
-        Self { decoded_bytes: 4 << 30 }
+        Self { decoded_bytes: 4 << 30, layers: None }
     }
 }
 

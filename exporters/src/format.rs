@@ -13,7 +13,7 @@ use crate::{
 use std::path::Path;
 
 /// How to write an asset.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct WriteOptions<'a> {
     /// How exactly the file keeps the scene, where the format leaves a choice.
     pub quality: Quality,
@@ -21,8 +21,8 @@ pub struct WriteOptions<'a> {
     pub mesh: bool,
     /// Quantisation steps of lossy `.ltgs` files; `None` takes those of the quality.
     pub steps: Option<ltgs::Steps>,
-    /// Exponents of the splats' steps in lossy `.ltgs` files; if empty, all are zero. `[n]`
-    pub exponents: &'a [i8],
+    /// What is known of the splats, for lossy `.ltgs` files.
+    pub per_splat: ltgs::PerSplat<'a>,
 }
 
 /// Writes an asset in the format that the extension names, and replaces what was there: [`stage_asset`] and
@@ -70,7 +70,7 @@ fn encode(format: Format, path: &Path, asset: &SplatAsset, options: &WriteOption
         }
         Format::Ltgs => {
             let ltgs_options =
-                ltgs::LtgsOptions { quality, steps: options.steps, exponents: options.exponents };
+                ltgs::LtgsOptions { quality, steps: options.steps, per_splat: options.per_splat };
             encoded.root = ltgs::encode(asset, &ltgs_options).map_err(|e| e.at(path))?;
         }
         Format::Usda | Format::Usdc | Format::Usdz => {
@@ -137,6 +137,7 @@ pub fn read_asset(path: &Path, limits: &ReadLimits) -> Result<Contents> {
                 quality: None,
                 hash: None,
                 sections: read.sections,
+                layers: Vec::new(),
                 warnings: (thick > 0)
                     .then(|| {
                         format!("{thick} splats are thick: drawn as discs, they lose their thinnest axis")

@@ -40,7 +40,7 @@ mod yup;
 pub use asset::{
     AssetCamera, AssetMap, ColourSpace, Filter, MAP_SIDE_MAX, Provenance, SPLATS_MAX, SplatAsset,
 };
-pub use contents::{Contents, Describes, Issue, ReadLimits, Section, Severity};
+pub use contents::{Contents, Describes, Issue, LayerSize, ReadLimits, Section, Severity};
 pub use error::{Error, Result};
 pub use file::{read_file, regular_file_bytes, write_atomically};
 pub use format::kind::Format;

@@ -17,7 +17,7 @@ impl ReadLimits {
     /// take no room in the file, next to splats that do.
     pub fn of_file(&self, file_bytes: u64) -> Self {
         let expanded = SMALL_BYTES.saturating_add(EXPANSION_MAX.saturating_mul(file_bytes));
-        Self { decoded_bytes: self.decoded_bytes.min(expanded) }
+        Self { decoded_bytes: self.decoded_bytes.min(expanded), ..*self }
     }
 
     /// Refuses what would decode to more bytes than allowed; `what` names it in the message.
@@ -105,7 +105,7 @@ mod tests {
         let limits = ReadLimits::default();
         assert_eq!(limits.of_file(100_000).decoded_bytes, SMALL_BYTES + 104_000_000);
         assert_eq!(limits.of_file(u64::MAX), limits);
-        let tight = ReadLimits { decoded_bytes: 1000 };
+        let tight = ReadLimits { decoded_bytes: 1000, layers: None };
         assert_eq!(tight.of_file(100_000), tight);
         // Hundreds of thousands of splats with millions of texels, and millions of splats, compressed as well as it gets.
         assert!(limits.check(2 * (200_000 * splat_bytes(3) + 12 * 16_000_000), "", Path::new("")).is_ok());

@@ -137,7 +137,7 @@ fn asset(is_tame: bool) -> impl Strategy<Value = SplatAsset> {
 }
 
 fn options(quality: Quality) -> WriteOptions<'static> {
-    WriteOptions { quality, mesh: false, steps: None, exponents: &[] }
+    WriteOptions { quality, ..WriteOptions::default() }
 }
 
 fn through(folder: &Path, asset: &SplatAsset, format: Format, quality: Quality) -> Contents {
@@ -204,13 +204,14 @@ proptest! {
 
     #[test]
     fn ltgs_files_decode_to_the_quantised_asset(asset in asset(true), exponents in vec(-8_i8..=8, 0..40)) {
+        let per_splat = ltgs::PerSplat { exponents: &exponents, ..ltgs::PerSplat::NONE };
         for (quality, steps) in [
             (Quality::Balanced, ltgs::Steps::balanced()),
             (Quality::Tiny, ltgs::Steps::tiny()),
         ] {
-            let bytes = ltgs::encode(&asset, &ltgs::LtgsOptions { quality, steps: Some(steps), exponents: &exponents }).expect("written");
+            let bytes = ltgs::encode(&asset, &ltgs::LtgsOptions { quality, steps: Some(steps), per_splat }).expect("written");
             let read = ltgs::decode(&bytes, Path::new("a"), &ReadLimits::default()).expect("read").asset;
-            let promised = ltgs::quantised(&asset, &steps, &exponents).expect("rounded");
+            let promised = ltgs::quantised(&asset, &steps, per_splat).expect("rounded");
             prop_assert_eq!(read.hash(), promised.hash());
             prop_assert_eq!((read.num_splats(), read.num_texels()), (asset.num_splats(), asset.num_texels()));
         }
@@ -254,7 +255,7 @@ proptest! {
                 bytes.truncate(cut.index(bytes.len()));
             }
             std::fs::write(&path, &bytes).expect("written");
-            let limits = ReadLimits { decoded_bytes: 64 << 20 };
+            let limits = ReadLimits { decoded_bytes: 64 << 20, layers: None };
             if let Ok(contents) = read_asset(&path, &limits) {
                 contents.asset.validate().expect("what is read is valid");
             }

@@ -7,7 +7,7 @@ use litetex_exporters::{
 };
 
 fn options(quality: Quality) -> WriteOptions<'static> {
-    WriteOptions { quality, mesh: false, steps: None, exponents: &[] }
+    WriteOptions { quality, ..WriteOptions::default() }
 }
 
 /// Whether anything that is rendered differs, bit for bit.

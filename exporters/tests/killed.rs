@@ -18,7 +18,7 @@ fn scene(title: &str) -> SplatAsset {
 }
 
 fn write(path: &Path, title: &str) {
-    let options = WriteOptions { quality: Quality::Balanced, mesh: true, steps: None, exponents: &[] };
+    let options = WriteOptions { quality: Quality::Balanced, mesh: true, ..WriteOptions::default() };
     write_asset(path, &scene(title), &options).expect("written");
 }
 

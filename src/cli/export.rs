@@ -6,7 +6,7 @@ use super::devices;
 use super::interrupt::Interrupt;
 use super::log::Log;
 use super::outputs;
-use super::sources::{Trained, load_scene, open_photos, read_limits, read_scene};
+use super::sources::{Trained, load_scene, open_photos, read_layers, read_limits};
 use super::table::Columns;
 use super::values::{format_bytes, format_count};
 use litetex_exporters::{
@@ -53,6 +53,9 @@ pub struct ConvertArgs {
     /// The same as OUT, as "litetex export" takes it
     #[arg(long = "out", short, value_name = "FILE", id = "out_option", conflicts_with = "out", hide = true)]
     out_option: Option<PathBuf>,
+    /// Keep only the first N layers of a .ltgs file, which are a coarser scene
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Scene")]
+    layers: Option<u32>,
     #[command(flatten)]
     asset: AssetArgs,
     /// Where to render for the comparison
@@ -75,7 +78,7 @@ pub fn convert(args: &ConvertArgs, log: &Log) -> anyhow::Result<()> {
     let out: Vec<PathBuf> = args.out.iter().chain(&args.out_option).cloned().collect();
     outputs::check(Some(&args.source), &out, &args.asset)?;
     Format::of(&args.source).map_err(Error::from)?;
-    let scene = read_scene(&args.source, log)?;
+    let scene = read_layers(&args.source, args.layers, log)?;
     Ok(write_all((scene, None), &out, &args.asset, &args.device, log)?.print()?)
 }
 
@@ -240,7 +243,7 @@ fn rounding(
     log: &Log,
 ) -> Result<Rounding> {
     if Format::of(path)? != Format::Ltgs {
-        return Ok(Rounding { quality: args.quality(), steps: None, exponents: Vec::new(), adapted: None });
+        return Ok(Rounding::plain(args.quality()));
     }
     let mut report = Report::default();
     let backends = Backends {
@@ -268,9 +271,9 @@ fn write_one(
         let what = "this format has a single quality: --quality does not apply";
         log.warn("quality-not-applied", &format!("{}: {what}", path.display()), 1);
     }
-    let Rounding { quality, steps, exponents, adapted } = rounding;
-    let options = WriteOptions { quality, mesh: args.mesh, steps, exponents: &exponents };
-    let staged = stage_asset(path, adapted.as_ref().unwrap_or(asset), &options)?;
+    let Rounding { quality, steps, .. } = rounding;
+    let options = WriteOptions { quality, mesh: args.mesh, steps, per_splat: rounding.per_splat() };
+    let staged = stage_asset(path, rounding.adapted.as_ref().unwrap_or(asset), &options)?;
     for note in &staged.written().notes {
         log.warn("export", &format!("{}: {note}", path.display()), 1);
     }

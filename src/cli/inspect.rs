@@ -9,7 +9,7 @@ use super::summary::Summary;
 use super::table::{Table, path_text, print_json};
 use super::values::{format_bytes, format_count};
 use glam::{DVec3, Vec3};
-use litetex_exporters::{Describes, Format, Quality, SplatAsset, Transform};
+use litetex_exporters::{Describes, Format, LayerSize, Quality, SplatAsset, Transform};
 use litetex_gs::bake::model_from_asset;
 use litetex_gs::dataset::read_ply_points;
 use litetex_gs::model::Model;
@@ -224,6 +224,7 @@ fn asset(path: &Path, log: &Log) -> Result<Value> {
         "bytes_per_splat": rounded(sums[0] / asset.num_splats().max(1) as f64),
         "bits_per_texel": rounded(8.0 * sums[1] / asset.num_texels().max(1) as f64),
         "sections": sections,
+        "layers": of_layers(&contents.layers),
         "model": of_asset(asset),
         "background": asset.background,
         "cameras": asset.cameras.len(),
@@ -231,6 +232,26 @@ fn asset(path: &Path, log: &Log) -> Result<Value> {
         "hash": format!("{:016x}", asset.hash()),
         "provenance": asset.provenance,
     }))
+}
+
+/// Splats, texels and the bytes of each kind of block, by layer; null for formats without layers.
+fn of_layers(layers: &[LayerSize]) -> Value {
+    let of = |(layer, size): (usize, &LayerSize)| {
+        let &LayerSize { splats, texels, geometry_bytes, sh_bytes, texel_bytes } = size;
+        let found = json!({
+            "splats": splats,
+            "texels": texels,
+            "bytes": geometry_bytes + sh_bytes + texel_bytes,
+            "geometry_bytes": geometry_bytes,
+            "sh_bytes": sh_bytes,
+            "texel_bytes": texel_bytes,
+        });
+        ((layer + 1).to_string(), found)
+    };
+    if layers.is_empty() {
+        return Value::Null;
+    }
+    Value::Object(layers.iter().enumerate().map(of).collect())
 }
 
 fn rounded(value: f64) -> Value {

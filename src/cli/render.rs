@@ -5,7 +5,7 @@ use super::colour_by::{ColourBy, Coloured};
 use super::devices;
 use super::log::Log;
 use super::outputs;
-use super::sources::{load_scene, open_photos, render_options};
+use super::sources::{Trained, is_asset, load_scene, open_photos, read_layers, render_options};
 use super::table::Table;
 use super::values::{ImageSize, parse_image_size};
 use super::view_files::image_name;
@@ -17,7 +17,7 @@ use litetex_gs::eval::quantised;
 use litetex_gs::image::{Channels, depth_range, grey_from_depth, rgb_from_normal, write_exr, write_png};
 use litetex_gs::model::{AdamState, Model};
 use litetex_gs::text::quoted;
-use litetex_gs::verify::to_display;
+use litetex_gs::verify::{BakedScene, to_display};
 use litetex_gs::views::{Split, ViewSource};
 use litetex_gs::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -60,6 +60,9 @@ pub struct RenderArgs {
     /// Write EXR in 32-bit float instead of PNG
     #[arg(long)]
     exr: bool,
+    /// Render only the first N layers of a .ltgs file, which are a coarser scene
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    layers: Option<u32>,
     /// Use the views of this capture instead of the scene's own
     #[arg(long, value_name = "DIR")]
     capture: Option<PathBuf>,
@@ -106,7 +109,7 @@ pub fn run(args: &RenderArgs, log: &Log) -> anyhow::Result<()> {
         ))
         .into());
     }
-    let (mut scene, trained) = load_scene(&args.source, log)?;
+    let (mut scene, trained) = load(args, log)?;
     let of_capture = match &args.capture {
         Some(folder) => open_photos(&scene, trained.as_ref(), Some(folder), log)?,
         None => None,
@@ -138,6 +141,20 @@ pub fn run(args: &RenderArgs, log: &Log) -> anyhow::Result<()> {
         coloured.add_rows(&mut table);
     }
     Ok(table.print()?)
+}
+
+/// The scene, or the layers of it that are asked for, and the training it comes from, if it is not an asset.
+fn load(args: &RenderArgs, log: &Log) -> Result<(BakedScene, Option<Trained>)> {
+    match args.layers {
+        None => load_scene(&args.source, log),
+        Some(layers) if is_asset(&args.source) => Ok((read_layers(&args.source, Some(layers), log)?, None)),
+        Some(layers) => {
+            let source = args.source.display();
+            Err(Error::Usage(format!(
+                "--layers {layers}: {source} is no asset; only .ltgs files have layers"
+            )))
+        }
+    }
 }
 
 /// Renders and writes the images; returns how many.

@@ -120,12 +120,17 @@ pub fn render_options(model: &Model, background: [f32; 3], geometry: bool) -> Re
     RenderOptions { background, sh_degree: model.splats.sh_degree(), geometry }
 }
 
+/// Whether a path is that of an asset, not of a run or a checkpoint.
+pub fn is_asset(source: &Path) -> bool {
+    source.is_file() && Format::from_path(source).is_some()
+}
+
 /// The baked scene of a run, a checkpoint or an asset, and the training it comes from, if it is not an asset.
 ///
 /// # Errors
 /// What reading it found.
 pub fn load_scene(source: &Path, log: &Log) -> Result<(BakedScene, Option<Trained>)> {
-    if source.is_file() && Format::from_path(source).is_some() {
+    if is_asset(source) {
         return Ok((read_scene(source, log)?, None));
     }
     let trained = Trained::load(source)?;
@@ -147,17 +152,45 @@ pub fn load_scene(source: &Path, log: &Log) -> Result<(BakedScene, Option<Traine
 /// # Errors
 /// As the reader of the asset's format.
 pub fn read_scene(path: &Path, log: &Log) -> Result<BakedScene> {
-    let scene = BakedScene::read(path, &read_limits())?;
+    read_layers(path, None, log)
+}
+
+/// [`read_scene`] of the first layers only; `None`: all.
+///
+/// # Errors
+/// [`Error::Usage`] if the asset has fewer layers.
+pub fn read_layers(path: &Path, layers: Option<u32>, log: &Log) -> Result<BakedScene> {
+    let scene = BakedScene::read(path, &ReadLimits { layers, ..read_limits() })?;
+    if let Some(wanted) = layers {
+        let found = scene.contents.as_ref().map_or(0, |contents| contents.layers.len());
+        check_layers(path, wanted, found)?;
+    }
     for warning in scene.contents.iter().flat_map(|contents| &contents.warnings) {
         log.warn("asset", &format!("{}: {warning}", path.display()), 1);
     }
     Ok(scene)
 }
 
+/// Refuses to read more layers than an asset has.
+fn check_layers(path: &Path, wanted: u32, found: usize) -> Result<()> {
+    let what = match found {
+        0 => "has no layers, as only .ltgs files do; leave --layers out".to_owned(),
+        1 => "has one layer".to_owned(),
+        _ => format!("has {found} layers"),
+    };
+    if found >= wanted as usize {
+        return Ok(());
+    }
+    Err(Error::Usage(format!("--layers {wanted}: {} {what}", path.display())))
+}
+
 /// How much memory an asset may take: the library's default, or half of this machine's if that is more.
 pub fn read_limits() -> ReadLimits {
     let default = ReadLimits::default().decoded_bytes;
-    ReadLimits { decoded_bytes: machine_bytes().map_or(default, |bytes| default.max(bytes / 2)) }
+    ReadLimits {
+        decoded_bytes: machine_bytes().map_or(default, |bytes| default.max(bytes / 2)),
+        layers: None,
+    }
 }
 
 /// The capture of a scene: the named folder, else the run's own if it is still there.

@@ -106,7 +106,7 @@ fn disk_bytes(backend: &mut dyn Backend, state: &TrainState) -> Result<Option<Di
     let provenance = Provenance::default();
     let asset = bake_checkpoint(backend, model, Vec::new(), [0.0; 3], provenance, &mut Report::default())?;
     let bytes = |quality| {
-        let file = encode(&asset, &LtgsOptions { quality, steps: None, exponents: &[] });
+        let file = encode(&asset, &LtgsOptions { quality, ..LtgsOptions::default() });
         file.ok().map(|file| file.len())
     };
     let both = bytes(AssetQuality::Balanced).zip(bytes(AssetQuality::Tiny));

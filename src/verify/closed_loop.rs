@@ -146,7 +146,7 @@ mod tests {
     use crate::cpu::CpuBackend;
     use crate::verify::SceneRenderer;
     use litetex_exporters::AssetMap;
-    use litetex_exporters::ltgs::{oriented, rounded};
+    use litetex_exporters::ltgs::{PerSplat, oriented, rounded};
 
     /// Overlapping splats with maps, in front of the camera.
     fn scene() -> SplatAsset {
@@ -191,7 +191,8 @@ mod tests {
             let mut closed = ClosedLoop { backend, views, sensitivities, go_on: &|| true };
             let mut adapted = asset.clone();
             let pass = |_| {
-                let rounded = rounded(&adapted, &steps, &exponents).unwrap();
+                let per_splat = PerSplat { exponents: &exponents, ..PerSplat::NONE };
+                let rounded = rounded(&adapted, &steps, per_splat).unwrap();
                 closed.pass(&mut adapted, &rounded).unwrap()
             };
             (0..12).map(pass).collect()

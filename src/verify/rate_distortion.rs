@@ -5,12 +5,14 @@ use super::closed_loop::ClosedLoop;
 use super::difference::{Difference, evenly_spread, loss_db, mse_to_photos, target_of};
 use super::renderer::GoOn;
 use super::sensitivity::sensitivities;
-use super::{BakedScene, EXPORT_VIEWS, QualityLimits, SceneRenderer};
+use super::{BakedScene, Contribution, EXPORT_VIEWS, QualityLimits, SceneRenderer};
 use crate::backend::{Backend, RenderedImage};
 use crate::eval::psnr_from_mse;
 use crate::text::format_bytes;
 use crate::{Error, Report, Result};
-use litetex_exporters::ltgs::{LtgsOptions, Sensitivities, Steps, encode, oriented, quantised, rounded};
+use litetex_exporters::ltgs::{
+    LtgsOptions, PerSplat, Sensitivities, Steps, encode, oriented, quantised, rounded,
+};
 use litetex_exporters::{AssetCamera, Quality, SplatAsset};
 
 /// Views at which steps are confirmed, test views among them; the search itself uses [`EXPORT_VIEWS`].
@@ -65,15 +67,29 @@ pub struct Rounding {
     pub steps: Option<Steps>,
     /// For each splat the power of two that multiplies its steps; empty for all zeros.
     pub exponents: Vec<i8>,
+    /// Blending weights of the splats, summed over views; empty if they were not measured.
+    pub contributions: Vec<f32>,
     /// The scene to round instead of the one given, if the closed loop has moved its numbers.
     pub adapted: Option<SplatAsset>,
 }
 
-/// Steps that a factor scales, and exponents of the splats.
+impl Rounding {
+    /// A file of this quality with its own steps.
+    pub fn plain(quality: Quality) -> Self {
+        Self { quality, steps: None, exponents: Vec::new(), contributions: Vec::new(), adapted: None }
+    }
+
+    /// What is known of the splats.
+    pub fn per_splat(&self) -> PerSplat<'_> {
+        PerSplat { exponents: &self.exponents, contributions: &self.contributions }
+    }
+}
+
+/// Steps that a factor scales, and what is known of the splats.
 #[derive(Clone, Copy)]
 struct Scaled<'a> {
     base: Steps,
-    exponents: &'a [i8],
+    per_splat: PerSplat<'a>,
 }
 
 impl<'a> Scaled<'a> {
@@ -84,7 +100,7 @@ impl<'a> Scaled<'a> {
 
     /// Options of a file with steps for a factor.
     fn options(&self, quality: Quality, factor_log2: f64) -> LtgsOptions<'a> {
-        LtgsOptions { quality, steps: Some(self.steps(factor_log2)), exponents: self.exponents }
+        LtgsOptions { quality, steps: Some(self.steps(factor_log2)), per_splat: self.per_splat }
     }
 }
 
@@ -111,14 +127,16 @@ pub fn find_rounding(
     let mut backend = (backends.statistics)()?;
     let found = sensitivities(backend.as_mut(), asset, &confirmed, backends.go_on)?;
     let (base, exponents) = found.rounding(asset);
+    let contributions = Contribution::measure(backend.as_mut(), asset, &confirmed, backends.go_on)?.weight_px;
     drop(backend);
     let renderer = SceneRenderer::new((backends.rendering)()?, backends.go_on);
-    let scaled = Scaled { base, exponents: &exponents };
+    let per_splat = PerSplat { exponents: &exponents, contributions: &contributions };
+    let scaled = Scaled { base, per_splat };
     let mut search = Search::new(asset, scaled, evenly_spread(&training, EXPORT_VIEWS), renderer)?;
     if let Some(most) = goal.max_bytes {
         let steps = steps_of_size(asset, goal.quality, scaled, most)?;
         let quality = search.quality_of(asset, &steps)?;
-        return Ok(Rounding { quality, steps: Some(steps), exponents, adapted: None });
+        return Ok(Rounding { quality, steps: Some(steps), exponents, contributions, adapted: None });
     }
     let limits = goal.own_limits().unwrap_or(QualityLimits::of(goal.quality));
     let factor = search.coarsest_within(&limits)?.ok_or_else(|| {
@@ -136,7 +154,7 @@ pub fn find_rounding(
         Some(_) => search.quality_of(adapted.as_ref().unwrap_or(asset), &steps)?,
         None => goal.quality,
     };
-    Ok(Rounding { quality, steps: Some(steps), exponents, adapted })
+    Ok(Rounding { quality, steps: Some(steps), exponents, contributions, adapted })
 }
 
 fn lossless(goal: &RateGoal) -> Result<Rounding> {
@@ -145,9 +163,7 @@ fn lossless(goal: &RateGoal) -> Result<Rounding> {
         Some(flag) => {
             Err(Error::Usage(format!("--quality lossless has one size and loses nothing; leave {flag} out")))
         }
-        None => {
-            Ok(Rounding { quality: Quality::Lossless, steps: None, exponents: Vec::new(), adapted: None })
-        }
+        None => Ok(Rounding::plain(Quality::Lossless)),
     }
 }
 
@@ -156,7 +172,9 @@ fn unmeasured(scene: &BakedScene, goal: &RateGoal, report: &mut Report) -> Resul
     let asset = &scene.asset;
     let base = if goal.quality == Quality::Tiny { Steps::tiny() } else { Steps::balanced() };
     let steps = match (goal.max_bytes, goal.max_loss_db) {
-        (Some(most), _) => steps_of_size(asset, goal.quality, Scaled { base, exponents: &[] }, most)?,
+        (Some(most), _) => {
+            steps_of_size(asset, goal.quality, Scaled { base, per_splat: PerSplat::NONE }, most)?
+        }
         (None, Some(_)) => {
             return Err(Error::Usage(format!(
                 "{}: --max-loss is measured by rendering, and the scene has no cameras; use --max-size",
@@ -169,7 +187,7 @@ fn unmeasured(scene: &BakedScene, goal: &RateGoal, report: &mut Report) -> Resul
             base
         }
     };
-    Ok(Rounding { quality: Quality::Custom, steps: Some(steps), exponents: Vec::new(), adapted: None })
+    Ok(Rounding { steps: Some(steps), ..Rounding::plain(Quality::Custom) })
 }
 
 /// The finest steps that make a file of at most `most` bytes.
@@ -264,7 +282,7 @@ impl<'a> Search<'a> {
     /// Whether images rounded with these steps keep the limits at the views of the search.
     fn keeps(&mut self, steps: &Steps, limits: &QualityLimits) -> Result<bool> {
         // The format cannot express steps that are too coarse: they keep no limit.
-        let Ok(rounded) = rounded(self.asset, steps, self.scaled.exponents) else { return Ok(false) };
+        let Ok(rounded) = rounded(self.asset, steps, self.scaled.per_splat) else { return Ok(false) };
         let images = self.renderer.images(&rounded.asset, &self.views)?;
         let pairs = images.iter().zip(&self.expected);
         Ok(self.are_within(&pairs.map(|(i, e)| Difference::mse_of(i, e)).collect::<Vec<_>>(), limits))
@@ -293,7 +311,7 @@ impl<'a> Search<'a> {
         let (mut adapted, mut factor) = (asset.clone(), open);
         for pass in 0..passes {
             // The format cannot express steps that are too coarse.
-            let now = rounded(&adapted, &scaled.steps(factor), scaled.exponents);
+            let now = rounded(&adapted, &scaled.steps(factor), scaled.per_splat);
             let Ok(now) = now else { return Ok((open, None)) };
             let mse = closed.pass(&mut adapted, &now)?;
             if pass + 1 < passes {
@@ -335,7 +353,7 @@ impl<'a> Search<'a> {
         steps: &Steps,
         limits: &QualityLimits,
     ) -> Result<bool> {
-        let Ok(rounded) = quantised(adapted, steps, self.scaled.exponents) else { return Ok(false) };
+        let Ok(rounded) = quantised(adapted, steps, self.scaled.per_splat) else { return Ok(false) };
         let mut errors = Vec::new();
         // A few at a time: images are large.
         for views in evenly_spread(&self.asset.cameras, CONFIRMED_VIEWS).chunks(EXPORT_VIEWS) {

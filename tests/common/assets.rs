@@ -50,7 +50,7 @@ pub fn psnr(a: &[f32], b: &[f32]) -> f64 {
 /// Writes an asset and reads it back.
 pub fn through(folder: &Path, asset: &SplatAsset, format: Format, quality: Quality) -> SplatAsset {
     let path = folder.join(format!("{}.{}", quality.name(), format.extension()));
-    write_asset(&path, asset, &WriteOptions { quality, mesh: false, steps: None, exponents: &[] }).unwrap();
+    write_asset(&path, asset, &WriteOptions { quality, ..WriteOptions::default() }).unwrap();
     let contents = read_asset(&path, &ReadLimits::default()).unwrap();
     if format.keeps_textures() {
         assert_eq!(contents.hash, Some(contents.asset.hash()), "{format:?} {quality:?}");

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Compares the program with the second renderer on the conformance scene.
+"""Compares the program with the second renderer on the conformance scene, and checks the second reader of `.ltgs`.
 
     run_second.py LITETEX [FOLDER]
 
@@ -24,6 +24,7 @@ sys.dont_write_bytecode = True
 
 import numpy as np
 
+from coder_vectors import check_coder, check_layers
 from second_renderer import (
     KHR,
     TEXTURE,
@@ -231,6 +232,8 @@ def check(program, folder, out):
         yield f"worked example: the pixel differs by {error:.1e}"
     convert(program, folder, out)
     yield from check_pages(folder, out)
+    yield from check_coder()
+    yield from check_layers()
     references = {}
     for name, views in FILES.items():
         path = os.path.join(out if name in CONVERTED else folder, name)

@@ -22,7 +22,7 @@ import xxhash
 import zstandard
 
 HEADER = "<4sHHIIQBBHIIIQQQ"
-ENTRY = np.dtype([("blocks", "<u8", (3, 3)), ("texels", "<u8"), ("splats", "<u4"), ("", "<u4"), ("box", "<f4", (2, 3))])
+ENTRY = np.dtype([("blocks", "<u8", (3, 3)), ("texels", "<u8"), ("splats", "<u4"), ("layer", "<u4"), ("box", "<f4", (2, 3))])
 QUALITIES = ("lossless", "balanced", "tiny", "custom")
 CHUNK, MAX_SIDE = 4096, 4096
 LN_2 = 0.6931471805599453
@@ -527,14 +527,29 @@ def channel_contexts(places: list, numbers: list[int]) -> Iterator[int]:
 # ------------------------------------------------------------------------------------------------------ file: section 1
 
 
-def read_entries(data: bytes, start: int, splats: int, texels: int) -> tuple[np.ndarray, list]:
-    """Entries of the table of contents and (offset, bytes, checksum) of their blocks (section 1.3)."""
-    entries = np.frombuffer(data, ENTRY, -(-splats // CHUNK), start)
-    counts = [min(CHUNK, splats - first) for first in range(0, splats, CHUNK)]
-    check(entries["splats"].tolist() == counts, "splats of the chunks", entries["splats"], counts)
-    check(sum(entries["texels"].tolist()) == texels, "texels of the chunks", entries["texels"], texels)
+def check_layers(counts: list[int], layers: list[int], lossless: bool) -> None:
+    """The rules of section 1.3 for layers and the splats of their chunks."""
+    follows = [layer - before for before, layer in zip([0, *layers], layers)]
+    check(set(follows) <= {0, 1} and sum(follows[:1]) == 0, "layers of the chunks", layers, "0, then the same or the next")
+    check(not lossless or set(layers) <= {0}, "layers of a lossless file", layers, 0)
+    for k, (count, layer) in enumerate(zip(counts, layers)):
+        fewest = CHUNK if layers[k + 1 : k + 2] == [layer] else 1
+        check(fewest <= count <= CHUNK, f"splats of chunk {k}", count, f"{fewest} to {CHUNK}")
+
+
+def read_entries(data: bytes, start: int, chunks: int, totals: tuple, lossless: bool) -> tuple[np.ndarray, list]:
+    """Entries of the table of contents and (offset, bytes, checksum) of their blocks (section 1.3).
+
+    `totals`: splats and texels of the header."""
+    entries = np.frombuffer(data, ENTRY, chunks, start)
+    found = tuple(sum(entries[name].tolist()) for name in ("splats", "texels"))
+    check(found == totals, "splats and texels of the chunks", found, totals)
+    layers = entries["layer"].tolist()
+    check_layers(entries["splats"].tolist(), layers, lossless)
     blocks, end = entries["blocks"].tolist(), start + entries.nbytes
-    for offset, size, checksum in [own[kind] for kind in range(3) for own in blocks]:
+    # By layer, then by kind, then by chunk.
+    places = sorted((layer, kind, k) for k, layer in enumerate(layers) for kind in range(3))
+    for offset, size, checksum in [blocks[k][kind] for _, kind, k in places]:
         check(end <= offset <= offset + size <= len(data), "block", (offset, size), f"{end} to {len(data)}")
         end, found = offset + size, xxh3(data[offset : offset + size])
         check(found == checksum, "checksum of a block", found, checksum)
@@ -583,8 +598,9 @@ def decoded(data: bytes) -> tuple[Splats, dict]:
     )
     check(own == xxh3(data[:56]), "checksum of the header", xxh3(data[:56]), own)
     start, counts = 64 + meta_bytes, (flags, splats, texels, degree, profile, text_bytes, chunks)
-    most = (1, 2**24, 2**32 - 1, 3, len(QUALITIES) - 1, 2**24, -(-splats // CHUNK))
-    check(all(c <= m for c, m in zip(counts, most)) and chunks == most[-1], "numbers of the header", counts, most)
+    most = (1, 2**24, 2**32 - 1, 3, len(QUALITIES) - 1, 2**24, splats)
+    enough = chunks >= -(-splats // CHUNK)
+    check(enough and all(c <= m for c, m in zip(counts, most)), "numbers of the header", counts, most)
     check(size == len(data), "bytes of the file", len(data), size)
     found = xxh3(data[64 : start + ENTRY.itemsize * chunks])
     check(found == tables, "checksum of the tables", found, tables)
@@ -595,7 +611,7 @@ def decoded(data: bytes) -> tuple[Splats, dict]:
     check(label == labels, "quality and order", label, labels)
     quantiser = about["quantiser"] if profile > 0 else None
     reader = Rounded(degree, quantiser["steps"], quantiser["grid"]) if quantiser else Lossless(degree)
-    entries, blocks = read_entries(data, start, splats, texels)
+    entries, blocks = read_entries(data, start, chunks, (splats, texels), quantiser is None)
     scene = joined([read_chunk(data, entry, spans, reader) for entry, spans in zip(entries, blocks)], degree)
     check(scene.degrees.max(initial=0) == degree, "largest SH degree", scene.degrees.max(initial=0), degree)
     found = content_hash(scene, about["meta"])

@@ -20,7 +20,7 @@ fn check(read: Result<Contents>) {
 }
 
 fuzz_target!(|data: &[u8]| {
-    let (path, limits) = (Path::new("fuzz"), ReadLimits { decoded_bytes: 16 << 20 });
+    let (path, limits) = (Path::new("fuzz"), ReadLimits { decoded_bytes: 16 << 20, layers: None });
     check(ltgs::decode(data, path, &limits));
     check(spz::decode_spz(data, path, &limits));
     check(gltf::decode_glb(data, path, &limits));

@@ -30,7 +30,7 @@ static FILES: LazyLock<Vec<Vec<u8>>> = LazyLock::new(|| {
         texels: vec![0.125; 18 * num_splats],
         ..SplatAsset::default()
     };
-    let file = |quality| encode(&asset, &LtgsOptions { quality, steps: None, exponents: &[] }).expect("a valid file");
+    let file = |quality| encode(&asset, &LtgsOptions { quality, ..LtgsOptions::default() }).expect("a valid file");
     Quality::ALL.into_iter().map(file).collect()
 });
 
@@ -56,7 +56,7 @@ fuzz_target!(|data: &[u8]| {
     bytes[48..56].copy_from_slice(&checksum.to_le_bytes());
     let checksum = XxHash3_64::oneshot(&bytes[..56]);
     bytes[56..64].copy_from_slice(&checksum.to_le_bytes());
-    if let Ok(contents) = decode(&bytes, Path::new("fuzz"), &ReadLimits { decoded_bytes: 16 << 20 }) {
+    if let Ok(contents) = decode(&bytes, Path::new("fuzz"), &ReadLimits { decoded_bytes: 16 << 20, layers: None }) {
         contents.asset.validate().expect("what is accepted is valid");
     }
 });

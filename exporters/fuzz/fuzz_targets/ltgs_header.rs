@@ -18,7 +18,7 @@ fuzz_target!(|data: &[u8]| {
         let checksum = XxHash3_64::oneshot(&bytes[..56]);
         bytes[56..64].copy_from_slice(&checksum.to_le_bytes());
     }
-    let limits = ReadLimits { decoded_bytes: 16 << 20 };
+    let limits = ReadLimits { decoded_bytes: 16 << 20, layers: None };
     if let Ok(contents) = decode(&bytes, Path::new("fuzz"), &limits) {
         contents.asset.validate().expect("what is accepted is valid");
         validate(&bytes, Path::new("fuzz"));

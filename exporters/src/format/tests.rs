@@ -5,7 +5,7 @@ use crate::asset::tests::fixture;
 use std::path::PathBuf;
 
 fn written(path: &Path, mesh: bool) -> Vec<PathBuf> {
-    let options = WriteOptions { quality: Quality::Balanced, mesh, steps: None, exponents: &[] };
+    let options = WriteOptions { quality: Quality::Balanced, mesh, ..WriteOptions::default() };
     write_asset(path, &fixture(20, 1), &options).unwrap().files
 }
 
@@ -93,7 +93,7 @@ fn files_beyond_the_limits_are_not_read() {
         let path = folder.path().join(format!("y.{}", format.extension()));
         written(&path, false);
         let bytes = path.metadata().unwrap().len();
-        let limits = |decoded_bytes| ReadLimits { decoded_bytes };
+        let limits = |decoded_bytes| ReadLimits { decoded_bytes, layers: None };
         let error = read_asset(&path, &limits(bytes - 1)).unwrap_err();
         assert!(matches!(error, Error::TooLarge { .. }), "{error}");
         // 20 GB, sparse, behind a valid beginning.

@@ -106,7 +106,15 @@ fn ours(
     }
     place(loaded, found, &mut asset, warnings)?;
     let format = format!("{EXTENSION} {VERSION}");
-    Ok(Contents { asset, format, quality, hash: Some(hash), sections, warnings: Vec::new() })
+    Ok(Contents {
+        asset,
+        format,
+        quality,
+        hash: Some(hash),
+        sections,
+        layers: Vec::new(),
+        warnings: Vec::new(),
+    })
 }
 
 /// Stores the exact SH coefficients of degree 0.
@@ -176,7 +184,15 @@ fn foreign(
     asset.provenance.licence = info.copyright.clone().unwrap_or_default();
     asset.provenance.program_version = info.generator.clone().unwrap_or_default();
     let quality = None;
-    Ok(Contents { asset, format: KHR.to_owned(), quality, hash: None, sections, warnings: Vec::new() })
+    Ok(Contents {
+        asset,
+        format: KHR.to_owned(),
+        quality,
+        hash: None,
+        sections,
+        layers: Vec::new(),
+        warnings: Vec::new(),
+    })
 }
 
 /// Places an asset with metadata in the world where its node does.

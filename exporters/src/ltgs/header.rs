@@ -18,7 +18,7 @@ pub const HEADER_BYTES: usize = 64;
 /// Length of an entry of the table of contents.
 pub const ENTRY_BYTES: usize = 112;
 
-/// Splats of every chunk but the last.
+/// Splats of every chunk but the last of its layer.
 pub const CHUNK_SPLATS: usize = 4096;
 
 /// Flag of metadata that are compressed with zstd.
@@ -38,6 +38,8 @@ pub struct Header {
     pub num_splats: u32,
     /// Texels of the file.
     pub num_texels: u64,
+    /// Chunks of the file.
+    pub num_chunks: u32,
     /// Largest SH degree of a splat, 0 to 3.
     pub sh_degree: u32,
     /// Kind of the streams, and what the file promises.
@@ -53,19 +55,9 @@ pub struct Header {
 }
 
 impl Header {
-    /// As many chunks as the splats need.
-    pub fn num_chunks(&self) -> usize {
-        (self.num_splats as usize).div_ceil(CHUNK_SPLATS)
-    }
-
-    /// Splats of a chunk.
-    pub fn splats_of(&self, chunk: usize) -> usize {
-        (self.num_splats as usize).saturating_sub(chunk * CHUNK_SPLATS).min(CHUNK_SPLATS)
-    }
-
     /// Bytes of the metadata and the table of contents, which follow the header.
     pub fn tables_bytes(&self) -> usize {
-        self.meta_bytes as usize + self.num_chunks() * ENTRY_BYTES
+        self.meta_bytes as usize + self.num_chunks as usize * ENTRY_BYTES
     }
 
     /// Encodes the header with its checksum.
@@ -81,7 +73,7 @@ impl Header {
         bytes.extend([self.sh_degree as u8, quality as u8, 0, 0]);
         bytes.extend(self.meta_bytes.to_le_bytes());
         bytes.extend(self.meta_text_bytes.to_le_bytes());
-        bytes.extend((self.num_chunks() as u32).to_le_bytes());
+        bytes.extend(self.num_chunks.to_le_bytes());
         bytes.extend(self.file_bytes.to_le_bytes());
         bytes.extend(self.tables_checksum.to_le_bytes());
         bytes.extend(XxHash3_64::oneshot(&bytes).to_le_bytes());
@@ -129,6 +121,7 @@ impl Header {
             meta_is_compressed: flags & META_ZSTD != 0,
             num_splats: u32_at(12),
             num_texels: u64_at(16),
+            num_chunks: u32_at(36),
             sh_degree: head[24].into(),
             quality,
             meta_bytes: u32_at(28),
@@ -136,11 +129,11 @@ impl Header {
             file_bytes: u64_at(40),
             tables_checksum: u64_at(48),
         };
-        header.check(u32_at(36), path)?;
+        header.check(path)?;
         Ok(header)
     }
 
-    fn check(&self, num_chunks: u32, path: &Path) -> Result<()> {
+    fn check(&self, path: &Path) -> Result<()> {
         if self.num_splats as usize > SPLATS_MAX {
             let what = format!("header: {} splats, at most {SPLATS_MAX}", self.num_splats);
             return Err(Error::too_large(path, what));
@@ -158,9 +151,10 @@ impl Header {
         if self.sh_degree > 3 {
             return Err(Error::invalid(path, format!("header: SH degree {}, at most 3", self.sh_degree)));
         }
-        if num_chunks as usize != self.num_chunks() {
-            let what =
-                format!("header: {num_chunks} chunks, {} splats need {}", self.num_splats, self.num_chunks());
+        let fewest = self.num_splats.div_ceil(CHUNK_SPLATS as u32);
+        if !(fewest..=self.num_splats).contains(&self.num_chunks) {
+            let [found, splats] = [self.num_chunks, self.num_splats];
+            let what = format!("header: {found} chunks, {splats} splats need {fewest} to {splats}");
             return Err(Error::invalid(path, what));
         }
         Ok(())
@@ -188,6 +182,8 @@ pub struct Entry {
     pub texels: Block,
     /// Splats of the chunk.
     pub num_splats: u32,
+    /// Layer of the chunk, from 0.
+    pub layer: u32,
     /// Texels of the chunk.
     pub num_texels: u64,
     /// Smallest and largest coordinates of centres, local frame.
@@ -204,9 +200,23 @@ impl Entry {
         }
         bytes.extend(self.num_texels.to_le_bytes());
         bytes.extend(self.num_splats.to_le_bytes());
-        bytes.extend([0; 4]);
+        bytes.extend(self.layer.to_le_bytes());
         for value in self.bounds.as_flattened() {
             bytes.extend(value.to_le_bytes());
+        }
+    }
+
+    /// A block by its kind: geometry (0), SH (1), texels (2).
+    pub fn block(&self, kind: usize) -> &Block {
+        [&self.geometry, &self.sh, &self.texels][kind]
+    }
+
+    /// [`Self::block`], to be changed.
+    pub fn block_mut(&mut self, kind: usize) -> &mut Block {
+        match kind {
+            0 => &mut self.geometry,
+            1 => &mut self.sh,
+            _ => &mut self.texels,
         }
     }
 
@@ -223,7 +233,21 @@ impl Entry {
             texels: block(48),
             num_texels: u64_at(72),
             num_splats: u32_at(80),
+            layer: u32_at(84),
             bounds,
         }
     }
+}
+
+/// Chunks and kinds of all blocks in the order of the file: by layer, then by kind, then by chunk. A file that is cut off shows a
+/// coarser scene, and of the layer that is cut the splats before their view-dependent colours, and these before their texels.
+pub fn blocks_in_order(entries: &[Entry]) -> Vec<(usize, usize)> {
+    let mut blocks = Vec::with_capacity(3 * entries.len());
+    let mut first = 0;
+    for layer in entries.chunk_by(|a, b| a.layer == b.layer) {
+        let chunks = first..first + layer.len();
+        first = chunks.end;
+        blocks.extend((0..3).flat_map(|kind| chunks.clone().map(move |chunk| (chunk, kind))));
+    }
+    blocks
 }

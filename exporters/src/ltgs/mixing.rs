@@ -25,7 +25,7 @@ const WEIGHT_MAX: i32 = 1 << 20;
 const WEIGHT_RATE: u32 = 13;
 
 /// Largest absolute log odds, in 1/256.
-const LOG_ODDS_MAX: i32 = 2047;
+pub const LOG_ODDS_MAX: i32 = 2047;
 
 /// Probabilities at log odds of -8 to 8 in steps of 1/2: 2^15 / (1 + e^-x), rounded.
 const PROBABILITIES: [i32; 33] = [
@@ -34,7 +34,7 @@ const PROBABILITIES: [i32; 33] = [
 ];
 
 /// The probability with these log odds, interpolated.
-const fn squash(log_odds: i32) -> i32 {
+pub const fn squash(log_odds: i32) -> i32 {
     let (part, place) = (log_odds & 127, (log_odds >> 7) + 16);
     let (below, above) = (PROBABILITIES[place as usize], PROBABILITIES[place as usize + 1]);
     (below * (128 - part) + above * part + 64) >> 7
@@ -42,7 +42,7 @@ const fn squash(log_odds: i32) -> i32 {
 
 /// Log odds by the upper 12 bits of a probability: the smallest whose probability is not below the middle of those with
 /// these bits.
-static LOG_ODDS: [i16; 4096] = {
+pub static LOG_ODDS: [i16; 4096] = {
     let mut table = [0; 4096];
     let (mut log_odds, mut place) = (-LOG_ODDS_MAX, 0);
     while place < table.len() {

@@ -1,14 +1,17 @@
-//! The compact binary format `.ltgs`: chunks of 4,096 splats with their maps, each independently readable; the geometry of
-//! all splats before their view-dependent colours, and these before the first texel. `schema/ltgs.md` specifies every byte.
+//! The compact binary format `.ltgs`: chunks of 4,096 splats with their maps, each independently readable, in layers: those that
+//! contribute most come first. In each layer, the geometry of all splats precedes their view-dependent colours, and these the
+//! first texel. `schema/ltgs.md` specifies every byte.
 //!
 //! | part | content |
 //! |---|---|
 //! | header | 64 bytes: version, counts, lengths, checksums |
 //! | metadata | JSON: frame, cameras, provenance, hash, steps |
-//! | contents | position, counts, bounds and checksums of each chunk |
+//! | contents | layer, position, counts, bounds and checksums of each chunk |
 //! | geometry | per chunk: one stream per attribute, SH of degree 0 included; it contains the maps' means |
 //! | SH | per chunk: degrees of splats, and streams of the coefficients above degree 0 that they have |
 //! | texels | per chunk: a stream of texels |
+//!
+//! The last three parts are repeated for each layer.
 //!
 //! Lossless files hold the bytes of the numbers; others hold numbers rounded by [`Steps`], which the caller chooses by
 //! rendering what [`quantised`] returns.
@@ -22,6 +25,7 @@ mod colours;
 mod contexts;
 mod header;
 mod integers;
+mod layers;
 mod lossless;
 mod maps;
 mod math;
@@ -40,6 +44,7 @@ mod steps;
 mod tables;
 mod tally;
 mod texels;
+mod vectors;
 mod write;
 
 pub use check::validate;
@@ -47,7 +52,8 @@ pub use orient::oriented;
 pub use read::{Reader, decode};
 pub use sensitivities::Sensitivities;
 pub use steps::Steps;
-pub use write::{LtgsOptions, Rounded, encode, quantised, rounded};
+pub use vectors::coder_vectors;
+pub use write::{LtgsOptions, PerSplat, Rounded, encode, quantised, rounded};
 
 #[cfg(test)]
 mod tests;

@@ -1,27 +1,31 @@
 //! What the writer decides for the whole scene before it encodes chunks: order, exponents of splats, grid.
 
+use super::layers::layers;
 use super::math::floor_log2;
 use super::morton::morton;
 use super::shape::{EXPONENT_MAX, Shape};
 use super::steps::{CELL_COORDINATE_BITS_MAX, GRID_BITS_MAX, Grid, Quantiser, Steps};
+use super::write::PerSplat;
 use crate::SplatAsset;
 
 /// Order, exponents and quantiser of a lossy file.
 pub struct Plan {
     /// Steps and grid that turn numbers into codes.
     pub quantiser: Quantiser,
-    /// Splats in the order of the file. `[n]`
+    /// Splats in the order of the file: by layer, then along a Morton curve. `[n]`
     pub order: Vec<u32>,
+    /// Splats of each layer.
+    pub layers: Vec<usize>,
     /// Exponents x of the asset's splats. `[n]`
     pub exponents: Vec<i32>,
 }
 
 impl Plan {
     /// Plans for a valid asset and valid steps; missing exponents are zero.
-    pub fn new(asset: &SplatAsset, steps: &Steps, exponents: &[i8]) -> Self {
+    pub fn new(asset: &SplatAsset, steps: &Steps, per_splat: PerSplat<'_>) -> Self {
         let within = |x: i8| i32::from(x).clamp(-EXPONENT_MAX, EXPONENT_MAX);
-        let exponents: Vec<i32> =
-            (0..asset.num_splats()).map(|splat| exponents.get(splat).copied().map_or(0, within)).collect();
+        let exponent = |splat: usize| per_splat.exponents.get(splat).copied().map_or(0, within);
+        let exponents: Vec<i32> = (0..asset.num_splats()).map(exponent).collect();
         let shape = |splat: usize| Shape {
             exponent: exponents[splat],
             scales: asset.scales[splat],
@@ -45,7 +49,10 @@ impl Plan {
         let coarse = grid.bits.saturating_sub(CELL_COORDINATE_BITS_MAX);
         let mut order: Vec<u32> = (0..asset.num_splats() as u32).collect();
         let keys: Vec<u64> = fine.iter().map(|c| morton(c.map(|c| c >> coarse))).collect();
-        order.sort_by_key(|&splat| (keys[splat as usize], splat));
+        let layer_of = layers(asset, &exponents, per_splat.contributions);
+        order.sort_by_key(|&splat| (layer_of[splat as usize], keys[splat as usize], splat));
+        let by_layer = order.chunk_by(|a, b| layer_of[*a as usize] == layer_of[*b as usize]);
+        let layers = by_layer.map(<[u32]>::len).collect();
         quantiser.grid.cell_bits = (coarse..=grid.bits)
             .min_by_key(|&cell_bits| {
                 quantiser.grid.cell_bits = cell_bits;
@@ -56,7 +63,7 @@ impl Plan {
                     + order.iter().map(|&s| place_bits(s)).sum::<u64>()
             })
             .unwrap_or(coarse);
-        Self { quantiser, order, exponents }
+        Self { quantiser, order, layers, exponents }
     }
 }
 
@@ -66,7 +73,8 @@ fn gap_bits(keys: &[u64], order: &[u32], shift: u32) -> u64 {
     let (mut last, mut open) = (0, 0);
     for &splat in order {
         let cell = keys[splat as usize] >> (3 * shift);
-        let length = 64 - (cell - last).leading_zeros();
+        // A layer begins anew.
+        let length = 64 - cell.checked_sub(last).unwrap_or(cell).leading_zeros();
         last = cell;
         counts[length as usize] += 1;
         open += u64::from(length.saturating_sub(1));

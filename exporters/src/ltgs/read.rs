@@ -1,6 +1,8 @@
 //! The reader: tables first, then a single chunk, or all chunks in parallel.
 
-use super::header::{Block, ENTRY_BYTES, Entry, HEADER_BYTES, Header, MAJOR, MINOR};
+use super::header::{
+    Block, CHUNK_SPLATS, ENTRY_BYTES, Entry, HEADER_BYTES, Header, MAJOR, MINOR, blocks_in_order,
+};
 use super::lossless;
 use super::shape::Shape;
 use super::splats::SplatCodes;
@@ -10,8 +12,9 @@ use super::tally::Tally;
 use super::texels::{Map, TexelReader};
 use super::write::{joined, mean_of, take_means};
 use crate::limits::{splat_bytes, with_room};
-use crate::{AssetMap, Contents, Error, Quality, ReadLimits, Result, SplatAsset, quoted};
+use crate::{AssetMap, Contents, Error, LayerSize, Quality, ReadLimits, Result, SplatAsset, quoted};
 use rayon::prelude::*;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use twox_hash::XxHash3_64;
 
@@ -22,9 +25,11 @@ pub struct Reader<'a> {
     pub(super) header: Header,
     pub(super) meta: FileMeta,
     pub(super) entries: Vec<Entry>,
+    /// Chunks of the layers that the limits allow.
+    num_wanted: usize,
 }
 
-/// Decodes a whole file, chunks in parallel; `path` is only for messages.
+/// Decodes a file, or the layers of it that the limits allow, chunks in parallel; `path` is only for messages.
 ///
 /// # Errors
 /// [`Error::Invalid`] for a file that is damaged or truncated, [`Error::Unsupported`] for another major version or an
@@ -35,18 +40,24 @@ pub fn decode(bytes: &[u8], path: &Path, limits: &ReadLimits) -> Result<Contents
 }
 
 impl<'a> Reader<'a> {
-    /// Reads the tables of a file; `path` is only for messages.
+    /// Reads the tables of a file; `path` is only for messages. Where the limits leave layers out, the file may be cut off behind
+    /// the others.
     ///
     /// # Errors
     /// As [`decode`]; damage inside chunks is found when they are decoded.
     pub fn open(bytes: &'a [u8], path: &Path, limits: &ReadLimits) -> Result<Self> {
         let header = Header::decode(bytes, path)?;
-        if header.file_bytes != bytes.len() as u64 {
-            let what =
-                format!("{} bytes, the header says {}: truncated or damaged", bytes.len(), header.file_bytes);
+        let found = bytes.len() as u64;
+        if found > header.file_bytes || found < header.file_bytes && limits.layers.is_none() {
+            let what = format!("{found} bytes, the header says {}: truncated or damaged", header.file_bytes);
             return Err(Error::invalid(path, what));
         }
-        limits.of_file(header.file_bytes).check(decoded_bytes(&header), "splats and texels", path)?;
+        let limits_of_file = limits.of_file(found);
+        if limits.layers.is_none() {
+            // Before anything else is read.
+            let all = decoded_bytes(&header, header.num_splats.into(), header.num_texels);
+            limits_of_file.check(all, "splats and texels", path)?;
+        }
         let invalid = |what: String| Error::invalid(path, what);
         let tables = bytes.get(HEADER_BYTES..).and_then(|rest| rest.get(..header.tables_bytes()));
         let tables =
@@ -67,7 +78,30 @@ impl<'a> Reader<'a> {
         }
         let entries: Vec<Entry> = entries.as_chunks::<ENTRY_BYTES>().0.iter().map(Entry::decode).collect();
         check_entries(&header, &entries).map_err(invalid)?;
-        Ok(Self { bytes, path: path.to_owned(), header, meta, entries })
+        let layers = limits.layers.unwrap_or(u32::MAX);
+        let wanted = &entries[..entries.partition_point(|e| e.layer < layers)];
+        let splats = wanted.iter().map(|e| u64::from(e.num_splats)).sum();
+        let texels = wanted.iter().map(|e| e.num_texels).sum();
+        limits_of_file.check(decoded_bytes(&header, splats, texels), "splats and texels", path)?;
+        let num_wanted = wanted.len();
+        Ok(Self { bytes, path: path.to_owned(), header, meta, entries, num_wanted })
+    }
+
+    /// Layers of the file: 0 without splats.
+    pub fn num_layers(&self) -> usize {
+        self.entries.last().map_or(0, |e| e.layer as usize + 1)
+    }
+
+    /// Layer of a chunk; `None` if there is no such chunk.
+    pub fn layer(&self, chunk: usize) -> Option<u32> {
+        self.entries.get(chunk).map(|e| e.layer)
+    }
+
+    /// Splats of a chunk, as indices in the whole; `None` if there is no such chunk.
+    pub fn splats(&self, chunk: usize) -> Option<Range<usize>> {
+        let count = self.entries.get(chunk)?.num_splats as usize;
+        let first = self.entries[..chunk].iter().map(|e| e.num_splats as usize).sum();
+        Some(first..first + count)
     }
 
     /// Chunks of the file.
@@ -95,7 +129,7 @@ impl<'a> Reader<'a> {
         self.entries.get(chunk).map(|e| e.bounds)
     }
 
-    /// Decodes one chunk as an asset of its own, with splats from `4096 * chunk` on, and nothing else of the file.
+    /// Decodes one chunk as an asset of its own, with the splats of [`Self::splats`], and nothing else of the file.
     ///
     /// # Errors
     /// As [`decode`].
@@ -110,14 +144,14 @@ impl<'a> Reader<'a> {
         Ok(asset)
     }
 
-    /// Decodes the whole file.
+    /// Decodes the layers that the limits allow.
     ///
     /// # Errors
     /// As [`decode`].
     pub fn decode(&self) -> Result<Contents> {
         let of_chunk =
             |chunk: usize| self.decode_chunk(chunk).map_err(|e| e.within(&format!("chunk {chunk}")));
-        let chunks = (0..self.num_chunks()).into_par_iter().map(of_chunk).collect::<Result<Vec<_>>>();
+        let chunks = (0..self.num_wanted).into_par_iter().map(of_chunk).collect::<Result<Vec<_>>>();
         self.assemble(chunks.map_err(|e| e.at(&self.path))?)
     }
 
@@ -134,15 +168,34 @@ impl<'a> Reader<'a> {
         tally.count("header", HEADER_BYTES as u64);
         tally.count("metadata", self.header.meta_bytes.into());
         tally.count("contents", (self.entries.len() * ENTRY_BYTES) as u64);
+        let unread = self.entries[self.num_wanted..].iter();
+        tally.count("unread", unread.flat_map(|e| (0..3).map(|kind| e.block(kind).bytes)).sum());
         tally.count("other", self.header.file_bytes.saturating_sub(tally.total()));
+        let is_whole = self.num_wanted == self.entries.len();
         Ok(Contents {
             asset,
             format: format!("ltgs {MAJOR}.{}", self.header.minor),
             quality: Some(self.header.quality),
-            hash: self.meta.hash(),
+            hash: self.meta.hash().filter(|_| is_whole),
             sections: tally.sections(),
+            layers: self.layer_sizes(),
             warnings: self.warnings(),
         })
+    }
+
+    fn layer_sizes(&self) -> Vec<LayerSize> {
+        let size = |entries: &[Entry]| {
+            let mut size = LayerSize::default();
+            for entry in entries {
+                size.splats += u64::from(entry.num_splats);
+                size.texels += entry.num_texels;
+                size.geometry_bytes += entry.geometry.bytes;
+                size.sh_bytes += entry.sh.bytes;
+                size.texel_bytes += entry.texels.bytes;
+            }
+            size
+        };
+        self.entries.chunk_by(|a, b| a.layer == b.layer).map(size).collect()
     }
 
     fn warnings(&self) -> Vec<String> {
@@ -245,18 +298,19 @@ fn check_texels(asset: &SplatAsset, entry: &Entry) -> Result<()> {
     Err(Error::invalid("", what))
 }
 
-/// Bytes of the arrays to which a file decodes.
-fn decoded_bytes(header: &Header) -> u64 {
-    splat_bytes(header.sh_degree) * u64::from(header.num_splats) + 12 * header.num_texels
+/// Bytes of the arrays to which so many splats and texels of a file decode.
+fn decoded_bytes(header: &Header, splats: u64, texels: u64) -> u64 {
+    // Both are bounded by the header.
+    splat_bytes(header.sh_degree) * splats + 12 * texels
 }
 
-/// Checks that blocks lie in order and without overlap within the file, kind by kind, and that counts agree with the header.
+/// Checks that layers are in order and their chunks full, that blocks lie in order and without overlap within the file, and that
+/// counts agree with the header.
 fn check_entries(header: &Header, entries: &[Entry]) -> Result<(), String> {
+    check_layers(header, entries)?;
     let mut end = (HEADER_BYTES + header.tables_bytes()) as u64;
-    let kinds: [fn(&Entry) -> &Block; 3] = [|e| &e.geometry, |e| &e.sh, |e| &e.texels];
-    let blocks = kinds.iter().flat_map(|kind| entries.iter().map(kind));
-    for (i, block) in blocks.enumerate() {
-        let chunk = i % entries.len();
+    for (chunk, kind) in blocks_in_order(entries) {
+        let block = entries[chunk].block(kind);
         if block.offset < end {
             return Err(format!("chunk {chunk}: block at {}, but {end} bytes come before it", block.offset));
         }
@@ -264,16 +318,36 @@ fn check_entries(header: &Header, entries: &[Entry]) -> Result<(), String> {
             || format!("chunk {chunk}: {block:?} ends behind the file of {} bytes", header.file_bytes),
         )?;
     }
-    let mut num_texels = 0_u64;
+    let num_texels = entries.iter().fold(0_u64, |sum, e| sum.saturating_add(e.num_texels));
+    if num_texels != header.num_texels {
+        return Err(format!("table of contents: {num_texels} texels, the header says {}", header.num_texels));
+    }
+    let num_splats: u64 = entries.iter().map(|e| u64::from(e.num_splats)).sum();
+    if num_splats != u64::from(header.num_splats) {
+        return Err(format!("table of contents: {num_splats} splats, the header says {}", header.num_splats));
+    }
+    Ok(())
+}
+
+fn check_layers(header: &Header, entries: &[Entry]) -> Result<(), String> {
+    let is_lossless = header.quality == Quality::Lossless;
     for (chunk, entry) in entries.iter().enumerate() {
-        let expected = header.splats_of(chunk);
-        if entry.num_splats as usize != expected {
-            return Err(format!("chunk {chunk}: {} splats, expected {expected}", entry.num_splats));
+        let before = chunk.checked_sub(1).map(|before| entries[before].layer);
+        let [same, above] = before.map_or([0; 2], |layer: u32| [layer, layer.saturating_add(1)]);
+        if entry.layer != same && (entry.layer != above || is_lossless) {
+            let is_alone = is_lossless || same == above;
+            let expected = if is_alone { same.to_string() } else { format!("{same} or {above}") };
+            return Err(format!("chunk {chunk}: layer {}, expected {expected}", entry.layer));
         }
-        num_texels = num_texels.saturating_add(entry.num_texels);
+        let next = entries.get(chunk + 1);
+        let is_last = next.is_none_or(|next| next.layer != entry.layer);
+        let fewest = if is_last { 1 } else { CHUNK_SPLATS };
+        if !(fewest..=CHUNK_SPLATS).contains(&(entry.num_splats as usize)) {
+            let (layer, splats) = (entry.layer, entry.num_splats);
+            return Err(format!(
+                "chunk {chunk} of layer {layer}: {splats} splats, expected {fewest} to {CHUNK_SPLATS}"
+            ));
+        }
     }
-    if num_texels == header.num_texels {
-        return Ok(());
-    }
-    Err(format!("table of contents: {num_texels} texels, the header says {}", header.num_texels))
+    Ok(())
 }

@@ -15,7 +15,7 @@ const COMPRESSED_FROM_BYTES: usize = 1024;
 pub enum Order {
     /// The order of the asset.
     Given,
-    /// Along a Morton curve.
+    /// By layer, then along a Morton curve.
     Morton,
 }
 

@@ -3,7 +3,7 @@
 use crate::{Describes, Section};
 
 /// Names in the order of reports, and what they describe.
-const NAMES: [(&str, Describes); 15] = [
+const NAMES: [(&str, Describes); 16] = [
     ("header", Describes::Other),
     ("metadata", Describes::Other),
     ("contents", Describes::Other),
@@ -18,6 +18,7 @@ const NAMES: [(&str, Describes); 15] = [
     ("exponents", Describes::Splats),
     ("means", Describes::Splats),
     ("texels", Describes::Texels),
+    ("unread", Describes::Other),
     ("other", Describes::Other),
 ];
 

@@ -5,10 +5,12 @@ use crate::asset::tests::fixture;
 use crate::{AssetCamera, Error, Quality, ReadLimits, SplatAsset};
 use std::path::Path;
 
+mod layers;
+
 const PATH: &str = "test.ltgs";
 
 fn limits() -> ReadLimits {
-    ReadLimits { decoded_bytes: 64 << 20 }
+    ReadLimits { decoded_bytes: 64 << 20, layers: None }
 }
 
 fn read(bytes: &[u8]) -> crate::Result<crate::Contents> {
@@ -16,7 +18,7 @@ fn read(bytes: &[u8]) -> crate::Result<crate::Contents> {
 }
 
 fn options(quality: Quality) -> LtgsOptions<'static> {
-    LtgsOptions { quality, steps: None, exponents: &[] }
+    LtgsOptions { quality, ..LtgsOptions::default() }
 }
 
 /// The fixture with a camera and awkward numbers.
@@ -87,9 +89,10 @@ fn lossy_files_decode_to_the_quantised_asset() {
             for factor in [1.0, 0.01, 3.7] {
                 let steps = steps.scaled(factor);
                 let bytes =
-                    encode(&asset, &LtgsOptions { quality, steps: Some(steps), exponents: &[] }).unwrap();
+                    encode(&asset, &LtgsOptions { quality, steps: Some(steps), ..LtgsOptions::default() })
+                        .unwrap();
                 let contents = read(&bytes).unwrap();
-                let expected = quantised(&asset, &steps, &[]).unwrap();
+                let expected = quantised(&asset, &steps, PerSplat::NONE).unwrap();
                 assert!(is_same(&contents.asset, &expected), "{num_splats} splats, factor {factor}");
                 expected.validate().unwrap();
                 assert_eq!(contents.hash, Some(expected.hash()));
@@ -104,23 +107,28 @@ fn lossy_files_decode_to_the_quantised_asset() {
     }
 }
 
+fn with(exponents: &[i8]) -> PerSplat<'_> {
+    PerSplat { exponents, ..PerSplat::NONE }
+}
+
 #[test]
 fn splats_may_have_individual_exponents() {
     let asset = awkward(200, 2);
     let exponents: Vec<i8> = (0..200).map(|i| (i % 17 - 8) as i8).collect();
     let plain = encode(&asset, &options(Quality::Balanced)).unwrap();
-    let bytes = encode(&asset, &LtgsOptions { exponents: &exponents, ..options(Quality::Balanced) }).unwrap();
+    let per_splat = with(&exponents);
+    let bytes = encode(&asset, &LtgsOptions { per_splat, ..options(Quality::Balanced) }).unwrap();
     let contents = read(&bytes).unwrap();
     contents.asset.validate().unwrap();
     assert_eq!(contents.hash, Some(contents.asset.hash()));
     assert_ne!(bytes, plain);
-    assert!(is_same(&contents.asset, &quantised(&asset, &Steps::balanced(), &exponents).unwrap()));
+    assert!(is_same(&contents.asset, &quantised(&asset, &Steps::balanced(), per_splat).unwrap()));
     // Missing exponents are zero, too large ones are clamped.
-    let short = quantised(&asset, &Steps::balanced(), &[100, 0]).unwrap();
+    let short = quantised(&asset, &Steps::balanced(), with(&[100, 0])).unwrap();
     let mut long = vec![0; 200];
     long[0] = 8;
-    assert!(is_same(&short, &quantised(&asset, &Steps::balanced(), &long).unwrap()));
-    assert!(!is_same(&short, &quantised(&asset, &Steps::balanced(), &[]).unwrap()));
+    assert!(is_same(&short, &quantised(&asset, &Steps::balanced(), with(&long)).unwrap()));
+    assert!(!is_same(&short, &quantised(&asset, &Steps::balanced(), PerSplat::NONE).unwrap()));
 }
 
 /// Largest errors of a rounded asset: positions over the geometric mean of the standard deviations, log2 of standard deviations,
@@ -155,7 +163,8 @@ fn errors(asset: &SplatAsset, read: &SplatAsset) -> [f64; 5] {
 fn rounding_errors_stay_within_the_steps() {
     let asset = awkward(400, 1);
     let steps = Steps::balanced();
-    let [position, scale, opacity, normal, texel] = errors(&asset, &quantised(&asset, &steps, &[]).unwrap());
+    let [position, scale, opacity, normal, texel] =
+        errors(&asset, &quantised(&asset, &steps, PerSplat::NONE).unwrap());
     // Half a step in three axes; the finest splats have the step of larger ones (needed 1.03).
     assert!(position <= 0.5 * 3.0_f64.sqrt() * steps.position * 1.1, "{position}");
     assert!(scale <= 0.5 * steps.log2_scale * 1.001, "{scale}");
@@ -165,11 +174,11 @@ fn rounding_errors_stay_within_the_steps() {
     // 0.6 of a step, luma and two chroma together, 16 times that at the rim at most.
     assert!(texel <= 0.6 * steps.texel * (1.0 + steps.chroma) * 16.0, "{texel}");
     // Negative control: coarser steps make larger errors.
-    let coarse = errors(&asset, &quantised(&asset, &steps.scaled(8.0), &[]).unwrap());
+    let coarse = errors(&asset, &quantised(&asset, &steps.scaled(8.0), PerSplat::NONE).unwrap());
     assert!(coarse[0] > 4.0 * position && coarse[1] > 4.0 * scale && coarse[2] > 4.0 * opacity, "{coarse:?}");
     assert!(coarse[3] > 4.0 * normal, "{coarse:?}");
     // Those of texels at the rim are clamped.
-    let fine = errors(&asset, &quantised(&asset, &steps.scaled(0.125), &[]).unwrap());
+    let fine = errors(&asset, &quantised(&asset, &steps.scaled(0.125), PerSplat::NONE).unwrap());
     assert!(4.0 * fine[4] < texel, "{fine:?}");
 }
 
@@ -180,19 +189,22 @@ fn single_chunks_can_be_read() {
         let bytes = encode(&asset, &options(quality)).unwrap();
         let whole = read(&bytes).unwrap().asset;
         let reader = Reader::open(&bytes, Path::new(PATH), &limits()).unwrap();
-        assert_eq!((reader.num_chunks(), reader.num_splats(), reader.quality()), (3, 9000, quality));
+        assert_eq!((reader.num_splats(), reader.quality()), (9000, quality));
+        let splats = reader.splats(1).unwrap();
         let second = reader.chunk(1).unwrap();
-        assert_eq!(second.positions, whole.positions[4096..8192]);
-        assert_eq!(second.texels_of(17), whole.texels_of(4096 + 17));
+        assert_eq!(second.positions, whole.positions[splats.clone()]);
+        assert_eq!(second.texels_of(17), whole.texels_of(splats.start + 17));
         let [low, high] = reader.bounds(1).unwrap();
         assert!(second.positions.iter().all(|p| (0..3).all(|i| low[i] <= p[i] && p[i] <= high[i])));
-        assert!(reader.chunk(3).is_err() && reader.bounds(3).is_none());
+        let chunks = reader.num_chunks();
+        assert!(reader.chunk(chunks).is_err() && reader.bounds(chunks).is_none());
+        assert!(reader.splats(chunks).is_none() && reader.layer(chunks).is_none());
         // Damage to other chunks does not matter.
         let mut damaged = bytes.clone();
         *damaged.last_mut().unwrap() ^= 1;
         let reader = Reader::open(&damaged, Path::new(PATH), &limits()).unwrap();
         assert_eq!(reader.chunk(1).unwrap(), second);
-        assert!(matches!(reader.chunk(2), Err(Error::Invalid { .. })));
+        assert!(matches!(reader.chunk(chunks - 1), Err(Error::Invalid { .. })));
         let issues = validate(&damaged, Path::new(PATH));
         assert_eq!(issues.iter().map(|i| i.code).collect::<Vec<_>>(), ["LT3004"]);
     }
@@ -245,11 +257,12 @@ fn hostile_headers_and_tables_are_refused() {
         (tables + 8, vec![0xff; 8]),                        // length
         (tables + 72, vec![0xff; 8]),                       // texels of a chunk
         (tables + 80, vec![0; 4]),                          // splats of a chunk
+        (tables + 84, vec![1, 0, 0, 0]),                    // a first layer that is not 0
     ] {
         let error = with(at, &new).unwrap_err().to_string();
         assert!(error.starts_with(PATH), "{at}: {error}");
     }
-    let small = ReadLimits { decoded_bytes: 1000 };
+    let small = ReadLimits { decoded_bytes: 1000, layers: None };
     assert!(matches!(decode(&bytes, Path::new(PATH), &small), Err(Error::TooLarge { .. })));
     for bytes in [&b""[..], b"LTGS", &[0; 64]] {
         assert_eq!(validate(bytes, Path::new(PATH))[0].code, "LT3001");
@@ -318,9 +331,9 @@ fn no_damage_makes_the_reader_panic() {
 fn unusable_steps_and_assets_are_refused() {
     let asset = awkward(5, 0);
     for steps in [Steps { texel: 0.0, ..Steps::balanced() }, Steps::balanced().scaled(f64::NAN)] {
-        let options = LtgsOptions { quality: Quality::Tiny, steps: Some(steps), exponents: &[] };
+        let options = LtgsOptions { quality: Quality::Tiny, steps: Some(steps), ..LtgsOptions::default() };
         assert!(matches!(encode(&asset, &options), Err(Error::Invalid { .. })));
-        assert!(quantised(&asset, &steps, &[]).is_err());
+        assert!(quantised(&asset, &steps, PerSplat::NONE).is_err());
     }
     let mut broken = asset;
     broken.opacities[0] = 0.0;
@@ -335,8 +348,8 @@ fn unusable_steps_and_assets_are_refused() {
     extreme.maps[9].shift = [i16::MIN, i16::MAX];
     for factor in [0.01, 1.0, 50.0] {
         let steps = Steps::tiny().scaled(factor);
-        let options = LtgsOptions { quality: Quality::Tiny, steps: Some(steps), exponents: &[] };
+        let options = LtgsOptions { quality: Quality::Tiny, steps: Some(steps), ..LtgsOptions::default() };
         let read = read(&encode(&extreme, &options).unwrap()).unwrap().asset;
-        assert!(is_same(&read, &quantised(&extreme, &steps, &[]).unwrap()));
+        assert!(is_same(&read, &quantised(&extreme, &steps, PerSplat::NONE).unwrap()));
     }
 }

@@ -1,6 +1,7 @@
 //! The writer: encodes chunks in parallel, then assembles the file.
 
-use super::header::{Block, CHUNK_SPLATS, Entry, HEADER_BYTES, Header, MINOR};
+use super::header::{Block, Entry, HEADER_BYTES, Header, MINOR, blocks_in_order};
+use super::layers::{PlannedChunk, chunks};
 use super::lossless;
 use super::orient::oriented;
 use super::plan::Plan;
@@ -13,7 +14,6 @@ use crate::meta::Meta;
 use crate::sh::SH_0;
 use crate::{Error, Quality, Result, SplatAsset, num_sh_coefficients};
 use rayon::prelude::*;
-use std::ops::Range;
 use twox_hash::XxHash3_64;
 
 /// Level of zstd, slow: files are written once and read often.
@@ -26,14 +26,29 @@ pub struct LtgsOptions<'a> {
     pub quality: Quality,
     /// Quantisation steps, for lossy files only; `None` takes [`Steps::balanced`] or [`Steps::tiny`].
     pub steps: Option<Steps>,
-    /// Exponents of the splats' steps, see [`super::Sensitivities::rounding`]; if empty, all are zero. `[n]`
+    /// What is known of the splats, for lossy files only.
+    pub per_splat: PerSplat<'a>,
+}
+
+/// What is known of each splat of an asset that a lossy file is made of.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PerSplat<'a> {
+    /// Exponents of the splats' steps, see [`super::Sensitivities::rounding`]; those that are missing are zero. `[n]`
     pub exponents: &'a [i8],
+    /// What the splats contribute to images, in any unit: those that contribute most are in the first layer. If empty, it is
+    /// estimated. `[n]`
+    pub contributions: &'a [f32],
+}
+
+impl PerSplat<'_> {
+    /// Nothing is known.
+    pub const NONE: Self = Self { exponents: &[], contributions: &[] };
 }
 
 /// Encodes a file. The same asset and options give the same bytes.
 ///
-/// Lossless files keep every bit and the order of splats. Others round by the steps and put splats in Morton order:
-/// [`quantised`] returns what a reader gets.
+/// Lossless files keep every bit and the order of splats. Others round by the steps and put splats in layers, and in Morton
+/// order within a layer: [`quantised`] returns what a reader gets.
 ///
 /// # Errors
 /// [`Error::Invalid`] or [`Error::TooLarge`] if the asset, its metadata or the steps break a rule.
@@ -50,7 +65,7 @@ pub fn encode(asset: &SplatAsset, options: &LtgsOptions<'_>) -> Result<Vec<u8>> 
     };
     steps.validate()?;
     let asset = &oriented(asset);
-    encode_planned(asset, options.quality, &Plan::new(asset, &steps, options.exponents))
+    encode_planned(asset, options.quality, &Plan::new(asset, &steps, options.per_splat))
 }
 
 /// Encodes a lossy file of an oriented asset as planned.
@@ -58,8 +73,8 @@ pub fn encode(asset: &SplatAsset, options: &LtgsOptions<'_>) -> Result<Vec<u8>> 
 /// # Errors
 /// As [`encode`].
 pub fn encode_planned(asset: &SplatAsset, quality: Quality, plan: &Plan) -> Result<Vec<u8>> {
-    let coded = map_chunks(asset, |range| {
-        let coded = CodedChunk::new(asset, plan, range)?;
+    let coded = map_chunks(&plan.layers, |chunk| {
+        let coded = CodedChunk::new(asset, plan, chunk)?;
         Ok((coded.encode(plan, asset.sh_degree)?, coded.decoded))
     })?;
     let (chunks, decoded): (Vec<_>, Vec<_>) = coded.into_iter().unzip();
@@ -88,41 +103,39 @@ pub struct Rounded {
     pub order: Vec<u32>,
 }
 
-/// Rounds an [`oriented`] asset with these steps and exponents, without encoding a file.
+/// Rounds an [`oriented`] asset with these steps, without encoding a file.
 ///
 /// # Errors
 /// As [`encode`].
-pub fn rounded(asset: &SplatAsset, steps: &Steps, exponents: &[i8]) -> Result<Rounded> {
+pub fn rounded(asset: &SplatAsset, steps: &Steps, per_splat: PerSplat<'_>) -> Result<Rounded> {
     asset.validate()?;
-    rounded_valid(asset, steps, exponents)
+    rounded_valid(asset, steps, per_splat)
 }
 
-fn rounded_valid(asset: &SplatAsset, steps: &Steps, exponents: &[i8]) -> Result<Rounded> {
+fn rounded_valid(asset: &SplatAsset, steps: &Steps, per_splat: PerSplat<'_>) -> Result<Rounded> {
     steps.validate()?;
-    let plan = Plan::new(asset, steps, exponents);
-    let chunks = map_chunks(asset, |range| Ok(CodedChunk::new(asset, &plan, range)?.decoded))?;
+    let plan = Plan::new(asset, steps, per_splat);
+    let chunks = map_chunks(&plan.layers, |chunk| Ok(CodedChunk::new(asset, &plan, chunk)?.decoded))?;
     let mut whole = SplatAsset::default();
     Meta::of(asset).store(&mut whole);
     Ok(Rounded { asset: joined(whole, asset.sh_degree, chunks)?, order: plan.order })
 }
 
-/// The asset that a reader gets from a lossy file with these steps and exponents, bit for bit, without encoding the file.
+/// The asset that a reader gets from a lossy file with these steps, bit for bit, without encoding the file.
 ///
 /// # Errors
 /// As [`encode`].
-pub fn quantised(asset: &SplatAsset, steps: &Steps, exponents: &[i8]) -> Result<SplatAsset> {
+pub fn quantised(asset: &SplatAsset, steps: &Steps, per_splat: PerSplat<'_>) -> Result<SplatAsset> {
     asset.validate()?;
-    Ok(rounded_valid(&oriented(asset), steps, exponents)?.asset)
+    Ok(rounded_valid(&oriented(asset), steps, per_splat)?.asset)
 }
 
-/// Calls `of_chunk` with the range of splats of each chunk, in parallel; returns the results in order.
+/// Calls `of_chunk` with each chunk of layers with so many splats, in parallel; returns the results in order.
 fn map_chunks<T: Send>(
-    asset: &SplatAsset,
-    of_chunk: impl Fn(Range<usize>) -> Result<T> + Sync,
+    layers: &[usize],
+    of_chunk: impl Fn(PlannedChunk) -> Result<T> + Sync,
 ) -> Result<Vec<T>> {
-    let n = asset.num_splats();
-    let range = |chunk: usize| chunk * CHUNK_SPLATS..((chunk + 1) * CHUNK_SPLATS).min(n);
-    (0..n.div_ceil(CHUNK_SPLATS)).into_par_iter().map(|chunk| of_chunk(range(chunk))).collect()
+    chunks(layers).into_par_iter().map(&of_chunk).collect()
 }
 
 /// Appends chunks to an asset without splats.
@@ -159,7 +172,7 @@ pub struct Chunk {
 }
 
 impl Chunk {
-    fn new(blocks: [Vec<u8>; 3], positions: &[[f32; 3]], num_texels: usize) -> Self {
+    fn new(blocks: [Vec<u8>; 3], layer: u32, positions: &[[f32; 3]], num_texels: usize) -> Self {
         let mut bounds = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
         for position in positions {
             for axis in 0..3 {
@@ -177,6 +190,7 @@ impl Chunk {
             sh: block(&blocks[1]),
             texels: block(&blocks[2]),
             num_splats: positions.len() as u32,
+            layer,
             num_texels: num_texels as u64,
             bounds,
         };
@@ -185,7 +199,7 @@ impl Chunk {
 }
 
 fn lossless_chunks(asset: &SplatAsset) -> Vec<Chunk> {
-    let of_chunk = |range: Range<usize>| {
+    let of_chunk = |PlannedChunk { layer, splats: range }| {
         let first = asset.maps.get(range.start).map_or(0, |m| m.offset_texels as usize);
         let last = asset.maps.get(range.end).map_or(asset.num_texels(), |m| m.offset_texels as usize);
         let blocks = [
@@ -193,25 +207,26 @@ fn lossless_chunks(asset: &SplatAsset) -> Vec<Chunk> {
             lossless::encode_sh(asset, range.clone(), ZSTD_LEVEL),
             lossless::encode_texels(&asset.texels[3 * first..3 * last], ZSTD_LEVEL),
         ];
-        Ok(Chunk::new(blocks, &asset.positions[range], last - first))
+        Ok(Chunk::new(blocks, layer, &asset.positions[range], last - first))
     };
     // This `of_chunk` does not fail.
-    map_chunks(asset, of_chunk).unwrap_or_default()
+    map_chunks(&[asset.num_splats()], of_chunk).unwrap_or_default()
 }
 
 /// A chunk of a lossy file before its streams are coded.
 struct CodedChunk {
+    layer: u32,
     splats: SplatCodes,
     texels: TexelWriter,
     decoded: SplatAsset,
 }
 
 impl CodedChunk {
-    fn new(asset: &SplatAsset, plan: &Plan, range: Range<usize>) -> Result<Self> {
+    fn new(asset: &SplatAsset, plan: &Plan, chunk: PlannedChunk) -> Result<Self> {
         let quantiser = &plan.quantiser;
         let (mut splats, mut texels) = (SplatCodes::default(), TexelWriter::default());
         let (mut decoded_texels, mut means) = (Vec::new(), Vec::new());
-        for &splat in &plan.order[range] {
+        for &splat in &plan.order[chunk.splats] {
             let splat = splat as usize;
             let exponent = plan.exponents[splat];
             let map = splats.push(quantiser, asset, splat, exponent);
@@ -224,7 +239,7 @@ impl CodedChunk {
         let mut decoded = splats.values(quantiser, asset.sh_degree)?;
         decoded.texels = decoded_texels;
         take_means(&mut decoded, &means);
-        Ok(Self { splats, texels, decoded })
+        Ok(Self { layer: chunk.layer, splats, texels, decoded })
     }
 
     fn encode(&self, plan: &Plan, sh_degree: u32) -> Result<Chunk> {
@@ -233,7 +248,7 @@ impl CodedChunk {
             self.splats.encode_sh(sh_degree),
             self.texels.encode(),
         ];
-        Ok(Chunk::new(blocks, &self.decoded.positions, self.decoded.num_texels()))
+        Ok(Chunk::new(blocks, self.layer, &self.decoded.positions, self.decoded.num_texels()))
     }
 }
 
@@ -254,12 +269,13 @@ pub fn take_means(asset: &mut SplatAsset, means: &[[f64; 3]]) {
 
 fn assemble(asset: &SplatAsset, quality: Quality, meta: &FileMeta, chunks: &[Chunk]) -> Result<Vec<u8>> {
     let (meta_bytes, meta_text_bytes) = meta.encode()?;
-    let blocks: usize = chunks.iter().flat_map(|c| &c.blocks).map(Vec::len).sum();
+    let blocks_bytes: usize = chunks.iter().flat_map(|c| &c.blocks).map(Vec::len).sum();
     let mut header = Header {
         minor: MINOR,
         meta_is_compressed: meta_bytes.len() != meta_text_bytes,
         num_splats: asset.num_splats() as u32,
         num_texels: asset.num_texels() as u64,
+        num_chunks: chunks.len() as u32,
         sh_degree: asset.sh_degree,
         quality,
         meta_bytes: meta_bytes.len() as u32,
@@ -269,25 +285,20 @@ fn assemble(asset: &SplatAsset, quality: Quality, meta: &FileMeta, chunks: &[Chu
     };
     let mut tables = meta_bytes;
     let first = HEADER_BYTES + header.tables_bytes();
-    header.file_bytes = (first + blocks) as u64;
+    header.file_bytes = (first + blocks_bytes) as u64;
     let mut offset = first as u64;
     let mut entries: Vec<Entry> = chunks.iter().map(|c| c.entry).collect();
-    let place = |block: &mut Block, offset: &mut u64| {
-        block.offset = *offset;
-        *offset += block.bytes;
-    };
-    entries.iter_mut().for_each(|e| place(&mut e.geometry, &mut offset));
-    entries.iter_mut().for_each(|e| place(&mut e.sh, &mut offset));
-    entries.iter_mut().for_each(|e| place(&mut e.texels, &mut offset));
+    let blocks = blocks_in_order(&entries);
+    for &(chunk, kind) in &blocks {
+        let block = entries[chunk].block_mut(kind);
+        block.offset = offset;
+        offset += block.bytes;
+    }
     entries.iter().for_each(|e| e.encode(&mut tables));
     header.tables_checksum = XxHash3_64::oneshot(&tables);
-    let mut bytes = Vec::with_capacity(first + blocks);
+    let mut bytes = Vec::with_capacity(first + blocks_bytes);
     bytes.extend(header.encode());
     bytes.extend(tables);
-    // All geometry before the first SH block, and these before the first texel, so that a download can be shown before it is
-    // complete.
-    for kind in 0..3 {
-        chunks.iter().for_each(|c| bytes.extend_from_slice(&c.blocks[kind]));
-    }
+    blocks.iter().for_each(|&(chunk, kind)| bytes.extend_from_slice(&chunks[chunk].blocks[kind]));
     Ok(bytes)
 }

@@ -75,7 +75,15 @@ pub fn decode_spz(bytes: &[u8], path: &Path, limits: &ReadLimits) -> Result<Cont
         (asset.colour_space, asset.filter) = (meta.colour_space, meta.filter);
     }
     asset.validate().map_err(|e| e.at(path))?;
-    Ok(Contents { asset, format: "SPZ 4".to_owned(), quality: None, hash: None, sections, warnings })
+    Ok(Contents {
+        asset,
+        format: "SPZ 4".to_owned(),
+        quality: None,
+        hash: None,
+        sections,
+        layers: Vec::new(),
+        warnings,
+    })
 }
 
 fn word(bytes: &[u8], at: usize) -> Option<u32> {

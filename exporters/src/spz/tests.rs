@@ -87,7 +87,7 @@ fn damaged_files_and_other_versions_are_reported() {
     assert!(matches!(with(8, 1 << 23), Error::Invalid { .. }), "more splats than there are bytes");
     assert!(matches!(with(16, u32::MAX), Error::Invalid { .. }));
     assert!(matches!(decode(&[0x1f, 0x8b, 8, 0]), Err(Error::Unsupported { .. })));
-    let small = ReadLimits { decoded_bytes: 100 };
+    let small = ReadLimits { decoded_bytes: 100, layers: None };
     assert!(matches!(decode_spz(&bytes, Path::new("x"), &small), Err(Error::TooLarge { .. })));
 }
 

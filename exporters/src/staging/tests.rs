@@ -6,7 +6,7 @@ use crate::{Format, Quality, ReadLimits, SplatAsset, WriteOptions, read_asset, s
 use std::collections::BTreeMap;
 
 fn options(mesh: bool) -> WriteOptions<'static> {
-    WriteOptions { quality: Quality::Balanced, mesh, steps: None, exponents: &[] }
+    WriteOptions { quality: Quality::Balanced, mesh, ..WriteOptions::default() }
 }
 
 fn with_title(title: &str) -> SplatAsset {

@@ -176,6 +176,7 @@ impl<'a> Opened<'a> {
             quality: self.fact("quality").and_then(Quality::from_name),
             hash,
             sections: self.sections(texture_bytes),
+            layers: Vec::new(),
             warnings,
         })
     }

@@ -57,7 +57,7 @@ pub fn valid(format: Format) -> Vec<u8> {
     if matches!(format, Format::Usda | Format::Usdc) {
         asset = asset.untextured();
     }
-    let options = WriteOptions { quality: Quality::Balanced, mesh: false, steps: None, exponents: &[] };
+    let options = WriteOptions { quality: Quality::Balanced, ..WriteOptions::default() };
     write_asset(&path, &asset, &options).expect("written");
     std::fs::read(&path).expect("read")
 }
@@ -232,9 +232,32 @@ fn sealed(mut bytes: Vec<u8>) -> Vec<u8> {
     bytes
 }
 
+/// Changes metadata or table of contents of an `.ltgs` file, and sets their checksum and that of the header.
+fn retabled(bytes: &[u8], at: usize, new: &[u8]) -> Vec<u8> {
+    let changed = put(bytes, at, new);
+    let end = 64 + number(&changed, 28) + 112 * number(&changed, 36);
+    let tables = XxHash3_64::oneshot(&changed[64..end]);
+    sealed(put(&changed, 48, &tables.to_le_bytes()))
+}
+
+/// Splats in several layers that are so alike that the file is small.
+fn equal_splats() -> SplatAsset {
+    let n = 10_000;
+    SplatAsset {
+        sh_degrees: vec![0; n],
+        positions: vec![[0.0; 3]; n],
+        rotations: vec![[1.0, 0.0, 0.0, 0.0]; n],
+        scales: vec![[0.5; 2]; n],
+        opacities: vec![1.0; n],
+        sh: vec![0.0; 3 * n],
+        maps: vec![AssetMap::default(); n],
+        ..SplatAsset::default()
+    }
+}
+
 fn ltgs_files(add: Add<'_>) {
     let file = |asset: &SplatAsset, quality| {
-        ltgs::encode(asset, &ltgs::LtgsOptions { quality, steps: None, exponents: &[] }).expect("written")
+        ltgs::encode(asset, &ltgs::LtgsOptions { quality, ..ltgs::LtgsOptions::default() }).expect("written")
     };
     let bytes = file(&small_scene(), Quality::Balanced);
     add("newer_major_version.ltgs", Unsupported, sealed(put(&bytes, 4, &[3])));
@@ -247,9 +270,19 @@ fn ltgs_files(add: Add<'_>) {
     add("wrong_count_of_texels.ltgs", Invalid, sealed(put(&bytes, 16, &7_u64.to_le_bytes())));
     // The block of SH over that of geometry.
     let (table, length) = (64 + number(&bytes, 28), bytes.len());
-    let overlapping = put(&bytes, table + 24, &bytes[table..table + 8]);
-    let tables = XxHash3_64::oneshot(&overlapping[64..table + 112]);
-    add("overlapping_blocks.ltgs", Invalid, sealed(put(&overlapping, 48, &tables.to_le_bytes())));
+    add("overlapping_blocks.ltgs", Invalid, retabled(&bytes, table + 24, &bytes[table..table + 8]));
+    let layered = file(&equal_splats(), Quality::Tiny);
+    let layer_at = |chunk: usize| 64 + number(&layered, 28) + 112 * chunk + 84;
+    // Three layers of 1, 1 and 2 chunks.
+    assert_eq!([0, 1, 2, 3].map(|chunk| number(&layered, layer_at(chunk))), [0, 1, 2, 2]);
+    add("layers.ltgs", Reads, layered.clone());
+    add("first_layer_missing.ltgs", Invalid, retabled(&layered, layer_at(0), &[1]));
+    add("layer_left_out.ltgs", Invalid, retabled(&layered, layer_at(1), &[2]));
+    add("layers_out_of_order.ltgs", Invalid, retabled(&layered, layer_at(3), &[1]));
+    add("short_chunk_within_a_layer.ltgs", Invalid, retabled(&layered, layer_at(1), &[0]));
+    let too_many = sealed(put(&layered, 36, &u32::MAX.to_le_bytes()));
+    add("huge_count_of_chunks.ltgs", Invalid, too_many);
+    add("cut_off_behind_a_layer.ltgs", Invalid, layered[..number(&layered, layer_at(1) - 84)].to_vec());
     add("damaged_chunk.ltgs", Invalid, put(&bytes, length - 9, &[bytes[length - 9] ^ 1]));
 }
 
@@ -453,14 +486,14 @@ pub fn greedy() -> Vec<(&'static str, String, Vec<u8>)> {
     let options = gltf::GltfOptions { quality: Quality::Balanced, page_side: 2048 };
     let glb = gltf::encode_glb(&neutral(2048), &options).expect("written");
     add("a page of neutral texels", "glb", glb);
-    let lossless = ltgs::LtgsOptions { quality: Quality::Lossless, steps: None, exponents: &[] };
+    let lossless = ltgs::LtgsOptions { quality: Quality::Lossless, ..ltgs::LtgsOptions::default() };
     add("neutral texels", "ltgs", ltgs::encode(&neutral(1024), &lossless).expect("written"));
     add(
         "more neutral texels than any scene",
         "ltgs",
         ltgs::encode(&neutral(4096), &lossless).expect("written"),
     );
-    let lossy = ltgs::LtgsOptions { quality: Quality::Tiny, steps: None, exponents: &[] };
+    let lossy = ltgs::LtgsOptions { quality: Quality::Tiny, ..ltgs::LtgsOptions::default() };
     add("rounded neutral texels", "ltgs", ltgs::encode(&neutral(2048), &lossy).expect("written"));
     add("a page of 4096 for few texels", "glb", roomy_page(4096));
     add("a page of 8192 for few texels", "glb", roomy_page(8192));
@@ -483,7 +516,7 @@ pub fn greedy() -> Vec<(&'static str, String, Vec<u8>)> {
     add("text of entries", "usda", entries.into_bytes());
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("a.usdz");
-    let options = WriteOptions { quality: Quality::Balanced, mesh: false, steps: None, exponents: &[] };
+    let options = WriteOptions { quality: Quality::Balanced, ..WriteOptions::default() };
     write_asset(&path, &neutral(1024), &options).expect("written");
     add("a page of neutral texels", "usdz", std::fs::read(&path).expect("read"));
     files

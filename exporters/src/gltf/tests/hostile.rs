@@ -7,7 +7,7 @@ use serde_json::json;
 
 /// Decodes and checks; a result must be a valid asset.
 fn survive(bytes: &[u8], what: &str) -> bool {
-    let limits = ReadLimits { decoded_bytes: 64 << 20 };
+    let limits = ReadLimits { decoded_bytes: 64 << 20, layers: None };
     let read = decode_glb(bytes, Path::new(PATH), &limits);
     if let Ok(contents) = &read {
         contents.asset.validate().unwrap_or_else(|e| panic!("{what}: {e}"));
@@ -126,7 +126,8 @@ fn hostile_counts_offsets_and_sizes_are_refused() {
 fn excessive_element_counts_and_low_limits_are_refused() {
     let asset = hard_fixture(60, 1);
     let bytes = encode_glb(&asset, &options(Quality::Balanced)).unwrap();
-    let tight = |decoded_bytes| decode_glb(&bytes, Path::new(PATH), &ReadLimits { decoded_bytes });
+    let tight =
+        |decoded_bytes| decode_glb(&bytes, Path::new(PATH), &ReadLimits { decoded_bytes, layers: None });
     assert!(matches!(tight(1000), Err(Error::TooLarge { .. })));
     assert!(tight(60_000).is_ok(), "negative control");
     // A page that a few bytes cannot hold.

@@ -81,7 +81,7 @@ fn hostile_counts_and_offsets_are_refused_at_once() {
     let error = layer_from_binary(&newer, Path::new("b"), &ReadLimits::default());
     assert!(matches!(error, Err(Error::Unsupported { .. })));
     // Less than the arrays need.
-    let limits = ReadLimits { decoded_bytes: 100 };
+    let limits = ReadLimits { decoded_bytes: 100, layers: None };
     assert!(layer_from_binary(&bytes, Path::new("b"), &limits).is_err());
 }
 
