@@ -18,8 +18,8 @@ const IDLE_CHECKS: u32 = 2;
 /// The growth of the parameters that must pay.
 const PROMISED_GROWTH: f64 = 0.1;
 
-/// Fewest withheld splats that tell what training alone does. Fewer than six once let growth end at its second check
-/// (fox, 80 pixels, 3,000 points, 600 steps).
+/// Fewest withheld splats that tell what training alone does. Five once let growth end at its second check; a few splats carry
+/// much of the loss, so that even ten do not always suffice (choices 17).
 pub const WITHHELD_MIN: f64 = 10.0;
 
 /// Range of what other growth may be worth compared to a split: few splats in a window give odd ratios.
