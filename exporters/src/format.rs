@@ -200,8 +200,8 @@ pub fn validate_file(path: &Path) -> Result<Vec<Issue>> {
         Format::Ltgs => ltgs::validate(&read()?, path),
         Format::Usda | Format::Usdc | Format::Usdz => usd::validate(path),
     };
-    // A mesh of quads is not an asset.
-    if !issues.iter().any(|i| i.code == gltf::QUADS_CODE) {
+    // A mesh of quads is not an asset; a .ltgs file has just been read as one.
+    if format != Format::Ltgs && !issues.iter().any(|i| i.code == gltf::QUADS_CODE) {
         check_reading(path, &limits, &mut issues);
     }
     issues.sort_by_key(|i| std::cmp::Reverse(i.severity));
