@@ -83,8 +83,18 @@ fn sample(n: usize, sh_degree: u32) -> TrainState {
         exposures: exposures(),
         pace: SplatBudget { initial: n, momentum: 12.5 },
         growth: Growth {
-            grown: [0.1, 0.2, 0.3].map(|before| Outcome { splats: 3.0, before, after: before / 2.0 }),
-            withheld: [0.4, 0.5, 0.6].map(|before| Outcome { splats: 4.0, before, after: before / 4.0 }),
+            grown: [0.1, 0.2, 0.3].map(|before| Outcome {
+                splats: 3.0,
+                before,
+                after: before / 2.0,
+                squares: [0.7, 0.8, before],
+            }),
+            withheld: [0.4, 0.5, 0.6].map(|before| Outcome {
+                splats: 4.0,
+                before,
+                after: before / 4.0,
+                squares: [0.9, before, 1.0],
+            }),
             ranked: [[40.0, 12.0], [0.5, -0.25], [3.0, 1.5]],
             idle_checks: 1,
             promised_db: 0.08,
@@ -246,7 +256,7 @@ fn errors_name_the_tensor_what_was_found_and_what_was_expected() {
     );
     assert_eq!(
         message(edited(&bytes, "extra", Some((Dtype::U8, vec![1], vec![0])))),
-        "x.safetensors: tensor \"extra\" is not part of \"litetex-checkpoint/10\""
+        "x.safetensors: tensor \"extra\" is not part of \"litetex-checkpoint/11\""
     );
     let same_shape = Some((Dtype::F32, vec![4, 3], vec![0; 48]));
     assert!(message(edited(&bytes, "splats.positions", same_shape)).contains("checksum"));
@@ -289,6 +299,6 @@ fn other_layouts_are_unsupported_not_invalid() {
     assert_eq!(
         error.to_string(),
         "x.safetensors: layout \"litetex-checkpoint/1\" (written by litetex 9.0.0), this program reads \
-         \"litetex-checkpoint/10\""
+         \"litetex-checkpoint/11\""
     );
 }

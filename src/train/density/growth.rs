@@ -18,8 +18,8 @@ const IDLE_CHECKS: u32 = 2;
 /// The growth of the parameters that must pay.
 const PROMISED_GROWTH: f64 = 0.1;
 
-/// Fewest withheld splats that tell what training alone does. Five once let growth end at its second check; a few splats carry
-/// much of the loss, so that even ten do not always suffice (choices 17).
+/// Fewest withheld splats that tell what training alone does. Five once let growth end at its second check (fox, 80 pixels, 3,000
+/// points, 600 steps).
 pub const WITHHELD_MIN: f64 = 10.0;
 
 /// Range of what other growth may be worth compared to a split: few splats in a window give odd ratios.
@@ -109,6 +109,14 @@ impl Growth {
         Some((1.0 - left(&self.grown)? / left(&self.withheld)?).clamp(0.0, 1.0))
     }
 
+    /// The share that this kind of growth may remove at most: two standard errors above [`Self::share`].
+    fn share_at_most(&self, kind: Kind) -> Option<f64> {
+        let [grown, withheld] = [&self.grown, &self.withheld].map(|outcomes| &outcomes[kind as usize]);
+        let ratio = grown.left()? / withheld.left()?;
+        let error = ratio * (grown.relative_variance()? + withheld.relative_variance()?).sqrt();
+        Some((1.0 - ratio + 2.0 * error).clamp(0.0, 1.0))
+    }
+
     /// Whether so many splats were withheld from this kind of growth that its share means something.
     fn is_measured(&self, kind: Kind) -> bool {
         self.withheld[kind as usize].splats >= WITHHELD_MIN
@@ -127,7 +135,8 @@ impl Growth {
 
     /// Judges whether more parameters would pay: `need_db` or more of the training views for 10 % of `params`. Counts
     /// only where images have full size, and growth was measured on splats enough: at least one kind, and each that so many
-    /// candidates prefer that enough of them are withheld.
+    /// candidates prefer that enough of them are withheld. Growth ends only where even shares two standard errors higher promise
+    /// too little.
     pub fn judge(
         &mut self,
         s: &Situation<'_>,
@@ -137,7 +146,9 @@ impl Growth {
         need_db: f64,
     ) {
         let kinds = [Kind::Split, Kind::Refined];
-        let shares = kinds.map(|kind| self.share(kind).filter(|_| self.is_measured(kind)));
+        let measured = |share: Option<f64>, kind| share.filter(|_| self.is_measured(kind));
+        let shares = kinds.map(|kind| measured(self.share(kind), kind));
+        let at_most = kinds.map(|kind| measured(self.share_at_most(kind), kind).unwrap_or(0.0));
         let is_split = |c: &&Candidate| c.split.is_some();
         let is_refined = |c: &&Candidate| c.split.is_none() && c.refined_cost.is_some();
         let preferred =
@@ -150,30 +161,36 @@ impl Growth {
             return;
         }
         let shares = shares.map(|share| share.unwrap_or(0.0));
-        let offer = |candidate: &Candidate| {
-            let error = scores.total[candidate.splat];
-            let offers = [candidate.split_cost, candidate.refined_cost];
-            let per_cost = |kind: usize| offers[kind].map_or(0.0, |cost| shares[kind] * error / cost);
-            let best = usize::from(per_cost(1) > per_cost(0));
-            (per_cost(best), offers[best].unwrap_or(0.0))
-        };
-        let mut offers: Vec<(f64, f64)> = candidates.iter().map(offer).collect();
-        offers.sort_by(|a, b| b.0.total_cmp(&a.0));
-        let mut left = PROMISED_GROWTH * params as f64;
-        let mut gain = 0.0;
-        for (per_cost, cost) in offers {
-            gain += per_cost * cost.min(left);
-            left -= cost.min(left);
-        }
-        let share = (gain / scores.total.iter().sum::<f64>().max(1e-300)).min(0.99);
-        // The loss is mostly an absolute error: its square makes the PSNR.
-        // Without the sign of -log10(1).
-        self.promised_db = (-20.0 * (1.0 - share).log10()).max(0.0);
-        self.idle_checks = if self.promised_db < need_db { self.idle_checks + 1 } else { 0 };
+        self.promised_db = promised_db(shares, candidates, scores, params);
+        let is_idle = promised_db(at_most, candidates, scores, params) < need_db;
+        self.idle_checks = if is_idle { self.idle_checks + 1 } else { 0 };
         if self.idle_checks >= IDLE_CHECKS {
             self.ended_step = s.step;
         }
     }
+}
+
+/// What the best candidates for a tenth more parameters promise if splits and refined maps remove these shares of their
+/// losses, dB of the training views.
+fn promised_db(shares: [f64; 2], candidates: &[Candidate], scores: &Scores, params: usize) -> f64 {
+    let offer = |candidate: &Candidate| {
+        let error = scores.total[candidate.splat];
+        let offers = [candidate.split_cost, candidate.refined_cost];
+        let per_cost = |kind: usize| offers[kind].map_or(0.0, |cost| shares[kind] * error / cost);
+        let best = usize::from(per_cost(1) > per_cost(0));
+        (per_cost(best), offers[best].unwrap_or(0.0))
+    };
+    let mut offers: Vec<(f64, f64)> = candidates.iter().map(offer).collect();
+    offers.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let mut left = PROMISED_GROWTH * params as f64;
+    let mut gain = 0.0;
+    for (per_cost, cost) in offers {
+        gain += per_cost * cost.min(left);
+        left -= cost.min(left);
+    }
+    let share = (gain / scores.total.iter().sum::<f64>().max(1e-300)).min(0.99);
+    // The loss is mostly an absolute error: its square makes the PSNR. Without the sign of -log10(1).
+    (-20.0 * (1.0 - share).log10()).max(0.0)
 }
 
 #[cfg(test)]
@@ -223,7 +240,7 @@ mod tests {
         assert!((band - 0.1).abs() < 1e-6, "{band}");
         let [refined, band] = [Kind::Refined, Kind::Band].map(|kind| growth.gain(kind, 2.0));
         assert!((refined - 0.625).abs() < 1e-6 && (band - 0.25).abs() < 1e-6, "{refined} {band}");
-        let left = |after| Outcome { splats: 1.0, before: 1.0, after };
+        let left = |after| Outcome { splats: 1.0, before: 1.0, after, squares: [0.0; 3] };
         for (split, refined, gain) in [(1.0, 0.9, 8.0), (1.0, 1.0, 0.25), (0.9, 1.0, 0.25)] {
             let grown = [left(split), left(refined), left(1.0)];
             let other = Growth { grown, withheld: [left(1.0); KINDS], ..growth };

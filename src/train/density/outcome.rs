@@ -13,6 +13,8 @@ pub struct Outcome {
     pub before: f64,
     /// Their summed loss after the window.
     pub after: f64,
+    /// Sums of the squared losses before, of the losses before times those after, and of the squared losses after.
+    pub squares: [f64; 3],
 }
 
 impl Outcome {
@@ -21,18 +23,39 @@ impl Outcome {
         (self.before > 0.0 && self.after > 0.0).then(|| self.after / self.before)
     }
 
+    /// Variance of [`Self::left`] over its square, of the ratio of two sums over independent splats. A few splats carry much of
+    /// the loss, so that it may be large however many there are. `None` as there.
+    pub fn relative_variance(&self) -> Option<f64> {
+        let left = self.left()?;
+        let [before, mixed, after] = self.squares;
+        let deviations = (after - 2.0 * left * mixed + left * left * before).max(0.0);
+        Some(deviations / (self.after * self.after))
+    }
+
     /// Two groups taken together.
     pub fn and(self, other: Self) -> Self {
         Self {
             splats: self.splats + other.splats,
             before: self.before + other.before,
             after: self.after + other.after,
+            squares: std::array::from_fn(|i| self.squares[i] + other.squares[i]),
         }
     }
 
-    /// This outcome with less weight.
+    /// This outcome with less weight. (Its variance comes out too large for that, not too small.)
     pub fn faded(self, weight: f64) -> Self {
-        Self { splats: weight * self.splats, before: weight * self.before, after: weight * self.after }
+        Self {
+            splats: weight * self.splats,
+            before: weight * self.before,
+            after: weight * self.after,
+            squares: self.squares.map(|sum| weight * sum),
+        }
+    }
+
+    /// The outcome of one splat.
+    fn of(before: f64, after: f64) -> Self {
+        let squares = [before * before, before * after, after * after];
+        Self { splats: 1.0, before, after, squares }
     }
 }
 
@@ -57,7 +80,7 @@ impl Outcomes {
                 (_, Some(kind)) => &mut all.grown[kind as usize],
                 _ => continue,
             };
-            *group = group.and(Outcome { splats: 1.0, before: history.error.into(), after });
+            *group = group.and(Outcome::of(history.error.into(), after));
         }
         all
     }

@@ -109,7 +109,7 @@ fn a_refinement_in_vain_is_taken_back_along_its_axes() {
 
 /// As if this had been measured: the shares of their losses that splats lose by a split, a refined map or another band.
 pub fn measured(shares: [f64; KINDS]) -> Growth {
-    let left = |after| Outcome { splats: 100.0, before: 1.0, after };
+    let left = |after| Outcome { splats: 100.0, before: 1.0, after, squares: [0.0; 3] };
     Growth { grown: shares.map(|share| left(1.0 - share)), withheld: [left(1.0); KINDS], ..Growth::default() }
 }
 
@@ -132,10 +132,20 @@ fn growth_ends_when_two_checks_find_that_more_parameters_do_not_pay() {
     assert_eq!((second.growth.has_ended(), second.growth.ended_step), (true, 70));
     assert_eq!(step(second.growth, 1.0).counts.refined, 0);
     // Too few splats were withheld: nothing is known, and a check does not count.
-    let few = Outcome { splats: 9.0, before: 1.0, after: 1.0 };
+    let few = Outcome { splats: 9.0, before: 1.0, after: 1.0, squares: [0.0; 3] };
     let barely = Growth { withheld: [few; KINDS], idle_checks: 1, ..useless };
     let unknown = step(barely, 1.0);
     assert!(!unknown.growth.has_ended() && unknown.growth.idle_checks == 1);
+    // The share is as small, but may be much larger: a few splats carry the loss.
+    let varied = |o: Outcome| Outcome { squares: [0.25, 0.1 * o.after, 0.25 * o.after * o.after], ..o };
+    let vague = Growth {
+        grown: useless.grown.map(varied),
+        withheld: useless.withheld.map(varied),
+        idle_checks: 1,
+        ..useless
+    };
+    let unsure = step(vague, 1.0);
+    assert!(unsure.growth.promised_db < 0.05 && unsure.growth.idle_checks == 0 && !unsure.growth.has_ended());
     // Negative controls: it removes much; images have not yet full size; nothing was measured.
     let useful = step(Growth { idle_checks: 1, ..measured([0.9; KINDS]) }, 1.0);
     assert!(useful.growth.promised_db > 0.05 && useful.growth.idle_checks == 0);
