@@ -204,7 +204,7 @@ proptest! {
 
     #[test]
     fn ltgs_files_decode_to_the_quantised_asset(asset in asset(true), exponents in vec(-8_i8..=8, 0..40)) {
-        let per_splat = ltgs::PerSplat { exponents: &exponents, ..ltgs::PerSplat::NONE };
+        let per_splat = ltgs::PerSplat { exponents: &exponents, ..ltgs::PerSplat::default() };
         for (quality, steps) in [
             (Quality::Balanced, ltgs::Steps::balanced()),
             (Quality::Tiny, ltgs::Steps::tiny()),

@@ -191,7 +191,7 @@ mod tests {
             let mut closed = ClosedLoop { backend, views, sensitivities, go_on: &|| true };
             let mut adapted = asset.clone();
             let pass = |_| {
-                let per_splat = PerSplat { exponents: &exponents, ..PerSplat::NONE };
+                let per_splat = PerSplat { exponents: &exponents, ..PerSplat::default() };
                 let rounded = rounded(&adapted, &steps, per_splat).unwrap();
                 closed.pass(&mut adapted, &rounded).unwrap()
             };

@@ -173,7 +173,7 @@ fn unmeasured(scene: &BakedScene, goal: &RateGoal, report: &mut Report) -> Resul
     let base = if goal.quality == Quality::Tiny { Steps::tiny() } else { Steps::balanced() };
     let steps = match (goal.max_bytes, goal.max_loss_db) {
         (Some(most), _) => {
-            steps_of_size(asset, goal.quality, Scaled { base, per_splat: PerSplat::NONE }, most)?
+            steps_of_size(asset, goal.quality, Scaled { base, per_splat: PerSplat::default() }, most)?
         }
         (None, Some(_)) => {
             return Err(Error::Usage(format!(

@@ -92,7 +92,7 @@ fn lossy_files_decode_to_the_quantised_asset() {
                     encode(&asset, &LtgsOptions { quality, steps: Some(steps), ..LtgsOptions::default() })
                         .unwrap();
                 let contents = read(&bytes).unwrap();
-                let expected = quantised(&asset, &steps, PerSplat::NONE).unwrap();
+                let expected = quantised(&asset, &steps, PerSplat::default()).unwrap();
                 assert!(is_same(&contents.asset, &expected), "{num_splats} splats, factor {factor}");
                 expected.validate().unwrap();
                 assert_eq!(contents.hash, Some(expected.hash()));
@@ -108,7 +108,7 @@ fn lossy_files_decode_to_the_quantised_asset() {
 }
 
 fn with(exponents: &[i8]) -> PerSplat<'_> {
-    PerSplat { exponents, ..PerSplat::NONE }
+    PerSplat { exponents, ..PerSplat::default() }
 }
 
 #[test]
@@ -128,7 +128,7 @@ fn splats_may_have_individual_exponents() {
     let mut long = vec![0; 200];
     long[0] = 8;
     assert!(is_same(&short, &quantised(&asset, &Steps::balanced(), with(&long)).unwrap()));
-    assert!(!is_same(&short, &quantised(&asset, &Steps::balanced(), PerSplat::NONE).unwrap()));
+    assert!(!is_same(&short, &quantised(&asset, &Steps::balanced(), PerSplat::default()).unwrap()));
 }
 
 /// Largest errors of a rounded asset: positions over the geometric mean of the standard deviations, log2 of standard deviations,
@@ -164,7 +164,7 @@ fn rounding_errors_stay_within_the_steps() {
     let asset = awkward(400, 1);
     let steps = Steps::balanced();
     let [position, scale, opacity, normal, texel] =
-        errors(&asset, &quantised(&asset, &steps, PerSplat::NONE).unwrap());
+        errors(&asset, &quantised(&asset, &steps, PerSplat::default()).unwrap());
     // Half a step in three axes; the finest splats have the step of larger ones (needed 1.03).
     assert!(position <= 0.5 * 3.0_f64.sqrt() * steps.position * 1.1, "{position}");
     assert!(scale <= 0.5 * steps.log2_scale * 1.001, "{scale}");
@@ -174,11 +174,11 @@ fn rounding_errors_stay_within_the_steps() {
     // 0.6 of a step, luma and two chroma together, 16 times that at the rim at most.
     assert!(texel <= 0.6 * steps.texel * (1.0 + steps.chroma) * 16.0, "{texel}");
     // Negative control: coarser steps make larger errors.
-    let coarse = errors(&asset, &quantised(&asset, &steps.scaled(8.0), PerSplat::NONE).unwrap());
+    let coarse = errors(&asset, &quantised(&asset, &steps.scaled(8.0), PerSplat::default()).unwrap());
     assert!(coarse[0] > 4.0 * position && coarse[1] > 4.0 * scale && coarse[2] > 4.0 * opacity, "{coarse:?}");
     assert!(coarse[3] > 4.0 * normal, "{coarse:?}");
     // Those of texels at the rim are clamped.
-    let fine = errors(&asset, &quantised(&asset, &steps.scaled(0.125), PerSplat::NONE).unwrap());
+    let fine = errors(&asset, &quantised(&asset, &steps.scaled(0.125), PerSplat::default()).unwrap());
     assert!(4.0 * fine[4] < texel, "{fine:?}");
 }
 
@@ -333,7 +333,7 @@ fn unusable_steps_and_assets_are_refused() {
     for steps in [Steps { texel: 0.0, ..Steps::balanced() }, Steps::balanced().scaled(f64::NAN)] {
         let options = LtgsOptions { quality: Quality::Tiny, steps: Some(steps), ..LtgsOptions::default() };
         assert!(matches!(encode(&asset, &options), Err(Error::Invalid { .. })));
-        assert!(quantised(&asset, &steps, PerSplat::NONE).is_err());
+        assert!(quantised(&asset, &steps, PerSplat::default()).is_err());
     }
     let mut broken = asset;
     broken.opacities[0] = 0.0;
@@ -350,6 +350,6 @@ fn unusable_steps_and_assets_are_refused() {
         let steps = Steps::tiny().scaled(factor);
         let options = LtgsOptions { quality: Quality::Tiny, steps: Some(steps), ..LtgsOptions::default() };
         let read = read(&encode(&extreme, &options).unwrap()).unwrap().asset;
-        assert!(is_same(&read, &quantised(&extreme, &steps, PerSplat::NONE).unwrap()));
+        assert!(is_same(&read, &quantised(&extreme, &steps, PerSplat::default()).unwrap()));
     }
 }

@@ -40,11 +40,6 @@ pub struct PerSplat<'a> {
     pub contributions: &'a [f32],
 }
 
-impl PerSplat<'_> {
-    /// Nothing is known.
-    pub const NONE: Self = Self { exponents: &[], contributions: &[] };
-}
-
 /// Encodes a file. The same asset and options give the same bytes.
 ///
 /// Lossless files keep every bit and the order of splats. Others round by the steps and put splats in layers, and in Morton

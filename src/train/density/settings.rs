@@ -340,14 +340,6 @@ impl Budget {
         }
     }
 
-    /// Largest number of splats that fits if they are of the average size of those in `now`.
-    pub fn most_splats_like(&self, now: &ModelSize) -> usize {
-        let by_params = self
-            .max_params
-            .map_or(usize::MAX, |most| (most as f64 / now.params() as f64 * now.splats as f64) as usize);
-        self.max_splats.unwrap_or(usize::MAX).min(by_params)
-    }
-
     /// Largest number of splats, with `texels_each` texels each, that fits.
     pub fn most_splats(&self, texels_each: usize, sh_degree: u32) -> usize {
         let by = |most: Option<usize>, each: usize| most.map_or(usize::MAX, |m| m / each.max(1));

@@ -19,7 +19,7 @@ fn scene() -> (SplatAsset, Vec<f32>) {
 }
 
 fn layered(asset: &SplatAsset, contributions: &[f32]) -> Vec<u8> {
-    let per_splat = PerSplat { contributions, ..PerSplat::NONE };
+    let per_splat = PerSplat { contributions, ..PerSplat::default() };
     encode(asset, &LtgsOptions { per_splat, ..options(Quality::Tiny) }).unwrap()
 }
 
@@ -75,11 +75,11 @@ fn a_file_cut_off_behind_a_layer_is_the_first_splats_of_the_whole() {
 #[test]
 fn the_splats_that_contribute_most_come_first() {
     let (asset, contributions) = scene();
-    let per_splat = PerSplat { contributions: &contributions, ..PerSplat::NONE };
+    let per_splat = PerSplat { contributions: &contributions, ..PerSplat::default() };
     let whole = read(&layered(&asset, &contributions)).unwrap();
     assert!(is_same(&whole.asset, &quantised(&asset, &Steps::tiny(), per_splat).unwrap()));
     // Negative control: other contributions, other order.
-    assert!(!is_same(&whole.asset, &quantised(&asset, &Steps::tiny(), PerSplat::NONE).unwrap()));
+    assert!(!is_same(&whole.asset, &quantised(&asset, &Steps::tiny(), PerSplat::default()).unwrap()));
     let rounded = rounded(&oriented(&asset), &Steps::tiny(), per_splat).unwrap();
     assert!(is_same(&SplatAsset { cameras: asset.cameras.clone(), ..rounded.asset }, &whole.asset));
     let mut places = rounded.order.iter().map(|&splat| contributions[splat as usize]);
