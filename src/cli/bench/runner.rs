@@ -143,9 +143,9 @@ impl Runner {
             }
         }
         if !cell.eval.is_empty() {
-            let args = with_folders(&cell.eval, &cell.path, folder);
-            let printed =
-                self.output("eval", folder, ["--json"].map(str::to_owned).into_iter().chain(args))?;
+            let mut args = with_folders(&cell.eval, &cell.path, folder);
+            args.push("--json".to_owned());
+            let printed = self.output("eval", folder, &args)?;
             summary["eval"] = serde_json::from_slice(&printed).map_err(|e| format!("litetex eval: {e}"))?;
         }
         Ok(summary)
@@ -155,18 +155,13 @@ impl Runner {
     fn exported_bytes(&self, folder: &Path) -> Result<u64, String> {
         let file = folder.join(EXPORTED);
         let out = file.display().to_string();
-        let args = ["--quality", "tiny", "--no-verify", "--device", "cpu", "--force", "--out", &out];
-        self.output("export", folder, args.map(str::to_owned).into_iter())?;
+        let args = ["--quality", "tiny", "--no-verify", "--device", "cpu", "--out", &out];
+        self.output("export", folder, &args.map(str::to_owned))?;
         fs::metadata(&file).map(|m| m.len()).map_err(|e| Error::io(&file, e).to_string())
     }
 
     /// What a command of this program prints about a run.
-    fn output(
-        &self,
-        command: &str,
-        folder: &Path,
-        args: impl Iterator<Item = String>,
-    ) -> Result<Vec<u8>, String> {
+    fn output(&self, command: &str, folder: &Path, args: &[String]) -> Result<Vec<u8>, String> {
         let output = Command::new(&self.program)
             .arg(command)
             .arg(folder)
