@@ -2,9 +2,10 @@
 //! reported with the exit code of their family.
 #![allow(clippy::unwrap_used, reason = "a failing test may panic")]
 
-use assert_cmd::Command;
+mod common;
+
+use common::cli::{bad, good, json, litetex, text};
 use std::path::{Path, PathBuf};
-use std::process::Output;
 use std::sync::OnceLock;
 
 /// A short run on a small sample, made once.
@@ -37,31 +38,6 @@ fn run_folder() -> &'static Path {
         (folder, run)
     });
     run
-}
-
-fn text(path: &Path) -> &str {
-    path.to_str().unwrap()
-}
-
-fn litetex(args: &[&str]) -> Output {
-    Command::cargo_bin("litetex").unwrap().args(args).output().unwrap()
-}
-
-fn good(args: &[&str]) -> String {
-    let output = litetex(args);
-    let message = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(output.status.success(), "{args:?}: {message}");
-    String::from_utf8(output.stdout).unwrap()
-}
-
-/// Exit code and message.
-fn bad(args: &[&str]) -> (i32, String) {
-    let output = litetex(args);
-    (output.status.code().unwrap(), String::from_utf8_lossy(&output.stderr).into_owned())
-}
-
-fn json(args: &[&str]) -> serde_json::Value {
-    serde_json::from_str(&good(&[args, &["--json"]].concat())).unwrap()
 }
 
 #[test]

@@ -2,13 +2,14 @@
 //! refused.
 #![allow(clippy::unwrap_used, reason = "a failing test may panic")]
 
-use assert_cmd::Command;
+mod common;
+
+use common::cli::{good, json, litetex, text};
 use litetex_exporters::{Quality, WriteOptions, write_asset};
 use litetex_gs::Report;
 use litetex_gs::bake::{asset_camera, bake};
 use litetex_gs::selftest::{SceneOptions, random_scene};
 use std::path::{Path, PathBuf};
-use std::process::Output;
 
 /// Writes a scene of enough splats for three layers, and the same without layers.
 fn files(folder: &Path) -> [PathBuf; 2] {
@@ -30,24 +31,6 @@ fn files(folder: &Path) -> [PathBuf; 2] {
         write_asset(&path, &asset, &WriteOptions { quality, ..WriteOptions::default() }).unwrap();
         path
     })
-}
-
-fn text(path: &Path) -> &str {
-    path.to_str().unwrap()
-}
-
-fn litetex(args: &[&str]) -> Output {
-    Command::cargo_bin("litetex").unwrap().args(args).output().unwrap()
-}
-
-fn good(args: &[&str]) -> String {
-    let output = litetex(args);
-    assert!(output.status.success(), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8(output.stdout).unwrap()
-}
-
-fn json(args: &[&str]) -> serde_json::Value {
-    serde_json::from_str(&good(&[args, &["--json"]].concat())).unwrap()
 }
 
 #[test]

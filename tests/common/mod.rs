@@ -4,6 +4,7 @@
 #![allow(clippy::unwrap_used, reason = "a failing test may panic")]
 
 pub mod assets;
+pub mod cli;
 pub mod full_method;
 #[cfg(feature = "gpu")]
 pub mod gpu;
