@@ -123,7 +123,7 @@ impl GrowthFigures {
         };
         let figures = Self {
             need_db,
-            promised_db: need_db.filter(|_| growth.is_judged()).map(|_| growth.promised_db),
+            promised_db: need_db.and(growth.promised_db),
             split_share,
             refined_share,
             band_share,

@@ -97,7 +97,7 @@ fn sample(n: usize, sh_degree: u32) -> TrainState {
             }),
             ranked: [[40.0, 12.0], [0.5, -0.25], [3.0, 1.5]],
             idle_checks: 1,
-            promised_db: 0.08,
+            promised_db: Some(0.08),
             ended_step: 6,
         },
         history: history(n),

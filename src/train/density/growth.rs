@@ -51,8 +51,8 @@ pub struct Growth {
     pub ranked: [[f64; 2]; KINDS],
     /// Checks in a row that found that growth is not worth its parameters.
     pub idle_checks: u32,
-    /// What the next 10 % of the parameters promised at the last check, dB of the training views.
-    pub promised_db: f64,
+    /// What the next 10 % of the parameters promised at the last check, dB of the training views; `None` before the first.
+    pub promised_db: Option<f64>,
     /// Step after which growth ended; 0: it has not.
     pub ended_step: u32,
 }
@@ -61,11 +61,6 @@ impl Growth {
     /// Whether growth has ended.
     pub fn has_ended(&self) -> bool {
         self.ended_step > 0
-    }
-
-    /// Whether a check has found what more parameters promise.
-    pub fn is_judged(&self) -> bool {
-        self.promised_db > 0.0 || self.idle_checks > 0
     }
 
     /// Takes in what a window did to the splats that grew in the step before it, and to those withheld.
@@ -161,7 +156,7 @@ impl Growth {
             return;
         }
         let shares = shares.map(|share| share.unwrap_or(0.0));
-        self.promised_db = promised_db(shares, candidates, scores, params);
+        self.promised_db = Some(promised_db(shares, candidates, scores, params));
         let is_idle = promised_db(at_most, candidates, scores, params) < need_db;
         self.idle_checks = if is_idle { self.idle_checks + 1 } else { 0 };
         if self.idle_checks >= IDLE_CHECKS {

@@ -85,3 +85,29 @@ impl Outcomes {
         all
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_few_large_losses_make_a_ratio_uncertain() {
+        let group = |splats: &[(f64, f64)]| {
+            splats
+                .iter()
+                .fold(Outcome::default(), |all, &(before, after)| all.and(Outcome::of(before, after)))
+        };
+        // Half is left, 10 of 20. Two splats are 1 off that: (1 + 1) / 10^2.
+        let even = group(&[(4.0, 1.0), (2.0, 2.0), (6.0, 3.0), (4.0, 2.0), (4.0, 2.0)]);
+        assert_eq!((even.left(), even.splats), (Some(0.5), 5.0));
+        assert!((even.relative_variance().unwrap() - 0.02).abs() < 1e-12);
+        // In another unit of the loss it is the same, and where one splat carries nearly all of it much larger.
+        let scaled = group(&[(0.4, 0.1), (0.2, 0.2), (0.6, 0.3), (0.4, 0.2), (0.4, 0.2)]);
+        assert!((scaled.relative_variance().unwrap() - 0.02).abs() < 1e-12);
+        let uneven = group(&[(40.0, 4.0), (2.0, 2.0), (6.0, 3.0), (4.0, 2.0), (4.0, 2.0)]);
+        assert!(uneven.relative_variance().unwrap() > 0.1);
+        // Negative controls: nothing is uncertain where all keep the same share, and nothing is known without any.
+        assert!(group(&[(4.0, 2.0), (2.0, 1.0)]).relative_variance().unwrap() < 1e-12);
+        assert_eq!(Outcome::default().relative_variance(), None);
+    }
+}
