@@ -5,61 +5,18 @@
 mod common;
 #[path = "common/hostile.rs"]
 mod hostile;
+#[path = "common/measured.rs"]
+mod measured;
 
 use hostile::{Expect, File};
 use litetex_exporters::{Contents, Error, ReadLimits, Severity, read_asset, read_fallback, validate_file};
-use std::alloc::{GlobalAlloc, Layout, System};
+use measured::{bytes_max, measured};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::time::{Duration, Instant};
-
-/// An allocator that counts bytes.
-struct Counting;
-
-static NOW: AtomicUsize = AtomicUsize::new(0);
-static PEAK: AtomicUsize = AtomicUsize::new(0);
+use std::time::Duration;
 
 /// Only one test can measure at a time.
 static MEASURING: Mutex<()> = Mutex::new(());
-
-#[allow(unsafe_code, reason = "an allocator cannot be written without it")]
-// SAFETY: everything is the system's allocator's; only sizes are added up.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        count(layout.size());
-        // SAFETY: as the caller promises.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
-        count(layout.size());
-        // SAFETY: as the caller promises.
-        unsafe { System.alloc_zeroed(layout) }
-    }
-
-    unsafe fn dealloc(&self, at: *mut u8, layout: Layout) {
-        NOW.fetch_sub(layout.size(), Ordering::Relaxed);
-        // SAFETY: as the caller promises.
-        unsafe { System.dealloc(at, layout) }
-    }
-}
-
-fn count(bytes: usize) {
-    let now = NOW.fetch_add(bytes, Ordering::Relaxed) + bytes;
-    PEAK.fetch_max(now, Ordering::Relaxed);
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
-
-/// Result, peak of memory beyond what was allocated before, and time.
-fn measured<T>(run: impl FnOnce() -> T) -> (T, usize, Duration) {
-    let (before, start) = (NOW.load(Ordering::Relaxed), Instant::now());
-    PEAK.store(before, Ordering::Relaxed);
-    let result = run();
-    (result, PEAK.load(Ordering::Relaxed).saturating_sub(before), start.elapsed())
-}
 
 /// Memory that any file of the corpus may take, below 100 KB each.
 const BYTES_MAX: usize = 64 << 20;
@@ -187,7 +144,7 @@ fn small_files_take_bounded_memory_and_time() {
             read / 1_000_000,
             looked / 1_000_000
         );
-        assert!(read.max(looked) < (160 << 20) + 64 * bytes.len(), "{what}: {read}, {looked}");
+        assert!(read.max(looked) < bytes_max(bytes.len()), "{what}: {read}, {looked}");
         assert!(time.max(more) < TIME_MAX, "{what}: {time:?}, {more:?}");
     }
 }

@@ -32,6 +32,11 @@ impl Outcome {
         Some(deviations / (self.after * self.after))
     }
 
+    /// The share of the loss that may be left at most: two standard errors above [`Self::left`]. `None` as there.
+    pub fn left_at_most(&self) -> Option<f64> {
+        Some(self.left()? * (1.0 + 2.0 * self.relative_variance()?.sqrt()))
+    }
+
     /// Two groups taken together.
     pub fn and(self, other: Self) -> Self {
         Self {
@@ -101,6 +106,7 @@ mod tests {
         let even = group(&[(4.0, 1.0), (2.0, 2.0), (6.0, 3.0), (4.0, 2.0), (4.0, 2.0)]);
         assert_eq!((even.left(), even.splats), (Some(0.5), 5.0));
         assert!((even.relative_variance().unwrap() - 0.02).abs() < 1e-12);
+        assert!((even.left_at_most().unwrap() - (0.5 + 0.02_f64.sqrt())).abs() < 1e-12);
         // In another unit of the loss it is the same, and where one splat carries nearly all of it much larger.
         let scaled = group(&[(0.4, 0.1), (0.2, 0.2), (0.6, 0.3), (0.4, 0.2), (0.4, 0.2)]);
         assert!((scaled.relative_variance().unwrap() - 0.02).abs() < 1e-12);
