@@ -297,7 +297,7 @@ fn impossible_exports_are_refused_before_writing() {
     let at = |name: &str| folder.path().join(name);
     let cases: [(&[&str], i32, &str); 11] = [
         (&["-o", "x.obj"], 4, "known: .glb"),
-        (&["-o", "x.glb", "--quality", "tiny"], 4, "lossless and balanced"),
+        (&["-o", "x.usdz", "--quality", "tiny"], 4, "lossless and balanced"),
         (&["-o", "x.ltgs", "./x.ltgs"], 2, "as well"),
         (&["-o", "x.ltgs", "--mesh"], 2, "--mesh"),
         (&["-o", "x.ltgs", "--min-contribution", "NaN"], 2, "pixels"),
@@ -386,7 +386,7 @@ fn the_fallback_is_checked_as_stored_in_the_file() {
     let (run, folder) = (run_folder(), tempfile::tempdir().unwrap());
     let glb = folder.path().join("a.glb");
     let verify = ["verify", text(&glb), "--against", text(run), "--device", "cpu"];
-    for quality in ["lossless", "balanced"] {
+    for quality in ["lossless", "balanced", "tiny"] {
         let export =
             ["export", text(run), "-o", text(&glb), "--quality", quality, "--force", "--device", "cpu"];
         good(&export);
@@ -396,7 +396,7 @@ fn the_fallback_is_checked_as_stored_in_the_file() {
         // All that our own reader draws is untouched.
         falsify(&glb, "KHR_gaussian_splatting:SH_DEGREE_0_COEF_0", 5.0);
         let (code, message) = bad(&verify);
-        assert!(code == 1 && message.contains("the fallback differs from the untextured scene"), "{message}");
+        assert!(code == 1 && message.contains("the fallback differs from the untextured file"), "{message}");
         let (code, message) = bad(&["validate", text(&glb)]);
         assert!(code == 1, "{message}");
     }

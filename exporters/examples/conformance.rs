@@ -229,7 +229,7 @@ fn small() -> SplatAsset {
 /// The pack that authors of viewers begin with.
 fn write_pack(folder: &Path) -> Result<()> {
     let asset = small();
-    let gltf = |quality| GltfOptions { quality, page_side: PAGE_SIDE };
+    let gltf = |quality| GltfOptions { quality, page_side: PAGE_SIDE, ..GltfOptions::default() };
     write_gltf(&folder.join("lossless.glb"), &asset, &gltf(Quality::Lossless))?;
     write_gltf(&folder.join("balanced.glb"), &asset, &gltf(Quality::Balanced))?;
     let usd = UsdOptions { quality: Quality::Balanced, page_side: PAGE_SIDE, mesh: false };
@@ -262,7 +262,11 @@ fn main() -> Result<()> {
     };
     let opaque = scene(0, (0..24).map(|_| STACKED));
     let gltf = |name: &str, asset: &SplatAsset, quality| {
-        write_gltf(&folder.join(name), asset, &GltfOptions { quality, page_side: PAGE_SIDE })
+        write_gltf(
+            &folder.join(name),
+            asset,
+            &GltfOptions { quality, page_side: PAGE_SIDE, ..GltfOptions::default() },
+        )
     };
     let usd = |name: &str, quality| {
         let options = UsdOptions { quality, page_side: PAGE_SIDE, mesh: false };

@@ -20,6 +20,12 @@ impl SplatAsset {
         }
     }
 
+    /// Drops all coefficients above a degree.
+    pub fn limit_sh_degree(&mut self, most: u32) {
+        self.sh_degrees.iter_mut().for_each(|degree| *degree = u32::from(*degree).min(most) as u8);
+        self.fit_sh_degree();
+    }
+
     /// Stores the degrees of splats whose coefficients were read with zeros above them. `[n]`
     ///
     /// # Errors

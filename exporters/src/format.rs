@@ -19,7 +19,7 @@ pub struct WriteOptions<'a> {
     pub quality: Quality,
     /// Whether to add a mesh of textured quads for programs without splat support: a sidecar file in glTF, a variant in USD.
     pub mesh: bool,
-    /// Quantisation steps of lossy `.ltgs` files; `None` takes those of the quality.
+    /// Quantisation steps of lossy `.ltgs` files, also of those in glTF; `None` takes those of the quality.
     pub steps: Option<ltgs::Steps>,
     /// What is known of the splats, for lossy `.ltgs` files.
     pub per_splat: ltgs::PerSplat<'a>,
@@ -62,7 +62,8 @@ fn encode(format: Format, path: &Path, asset: &SplatAsset, options: &WriteOption
     let quality = options.quality;
     match format {
         Format::Glb | Format::Gltf => {
-            let gltf_options = gltf::GltfOptions { quality, page_side: PAGE_SIDE };
+            let WriteOptions { steps, per_splat, .. } = *options;
+            let gltf_options = gltf::GltfOptions { quality, page_side: PAGE_SIDE, steps, per_splat };
             (encoded.root, encoded.side) = gltf::encode_files(path, asset, &gltf_options)?;
             if options.mesh {
                 add_mesh(&mut encoded, &mesh_path(path), asset)?;

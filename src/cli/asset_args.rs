@@ -22,7 +22,7 @@ pub struct AssetArgs {
     /// Replace existing files
     #[arg(long)]
     pub force: bool,
-    /// How long to look for a smaller .ltgs file: above 1, numbers make up for the rounding of others, in two passes over the views for each level [default: 1]
+    /// How long to look for a smaller .ltgs file, also inside glTF: above 1, numbers make up for the rounding of others, in two passes over the views for each level [default: 1]
     #[arg(long, conflicts_with = "max_size", value_name = "1-9", value_parser = clap::value_parser!(u8).range(1..=9))]
     pub effort: Option<u8>,
     /// Do not verify the files by rendering them

@@ -53,7 +53,7 @@ pub struct ConvertArgs {
     /// The same as OUT, as "litetex export" takes it
     #[arg(long = "out", short, value_name = "FILE", id = "out_option", conflicts_with = "out", hide = true)]
     out_option: Option<PathBuf>,
-    /// Keep only the first N layers of a .ltgs file, which are a coarser scene
+    /// Keep only the first N layers of a .ltgs file, or one inside glTF, which are a coarser scene
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Scene")]
     layers: Option<u32>,
     #[command(flatten)]
@@ -233,7 +233,7 @@ fn verification<'a>(
     Ok(Some(Verification { renderer, expected, tests }))
 }
 
-/// How the numbers of a file are rounded; only `.ltgs` files leave a choice.
+/// How the numbers of a file are rounded. Bounds of size and loss are only for `.ltgs` files.
 fn rounding(
     scene: &BakedScene,
     path: &Path,
@@ -242,16 +242,19 @@ fn rounding(
     go_on: GoOn<'_>,
     log: &Log,
 ) -> Result<Rounding> {
-    if Format::of(path)? != Format::Ltgs {
+    let format = Format::of(path)?;
+    if !format.has_steps(args.quality()) {
         return Ok(Rounding::plain(args.quality()));
     }
+    let goal = args.rate_goal();
+    let goal = if format == Format::Ltgs { goal } else { goal.without_bounds() };
     let mut report = Report::default();
     let backends = Backends {
         statistics: &|| devices::open("cpu", log),
         rendering: &|| devices::open(device, log),
         go_on,
     };
-    let rounding = find_rounding(scene, &args.rate_goal(), &backends, &mut report)?;
+    let rounding = find_rounding(scene, &goal, &backends, &mut report)?;
     log.report(&report);
     Ok(rounding)
 }

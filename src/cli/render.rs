@@ -60,7 +60,7 @@ pub struct RenderArgs {
     /// Write EXR in 32-bit float instead of PNG
     #[arg(long)]
     exr: bool,
-    /// Render only the first N layers of a .ltgs file, which are a coarser scene
+    /// Render only the first N layers of a .ltgs file, or one inside glTF, which are a coarser scene
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     layers: Option<u32>,
     /// Use the views of this capture instead of the scene's own

@@ -41,6 +41,11 @@ pub struct RateGoal {
 }
 
 impl RateGoal {
+    /// The goal of a file that keeps what its quality promises.
+    pub fn without_bounds(self) -> Self {
+        Self { max_bytes: None, max_loss_db: None, ..self }
+    }
+
     /// The limits that replace those of the quality; `None` if neither bound is given.
     pub fn own_limits(&self) -> Option<QualityLimits> {
         let bounded = |loss| QualityLimits { max_loss_db: Some(loss), ..QualityLimits::NONE };

@@ -55,9 +55,10 @@ FILES = {
     "balanced.usdc": ("wide",),
     "lossless.ltgs": VIEWS,
     "tiny.ltgs": ("wide",),
+    "tiny.glb": ("wide",),
 }
 # Files that the program makes from lossless.glb, in the folder of the images.
-CONVERTED = ("lossless.ltgs", "tiny.ltgs")
+CONVERTED = ("lossless.ltgs", "tiny.ltgs", "tiny.glb")
 
 
 def make_scene(program, folder):

@@ -146,6 +146,8 @@ def read_gltf(path):
     attributes = primitives[0]["attributes"]
     textured = primitives[0]["extensions"][KHR]["extensions"][TEXTURE]
     assert textured["version"] == 2, "unknown version"
+    if "stream" in textured:
+        return read_stream(gltf.view(textured["stream"]["bufferView"]), textured, len(gltf.accessor(attributes["POSITION"])))
 
     def attribute(name):
         return gltf.accessor(attributes[f"{KHR}:{name}"])
@@ -238,11 +240,23 @@ def read_usd(path):
     )
 
 
-def read_ltgs(path):
+def read_stream(data, textured, count):
+    """Reads the scene of a stream in glTF (gltf.md, section 3a)."""
+    assert textured["stream"]["mimeType"] == "application/vnd.litetex.ltgs", "unknown codec"
+    assert textured.keys() <= {"version", "quality", "hash", "stream"}, "properties beside the stream"
+    scene = read_ltgs(data, textured["hash"])
+    assert len(scene.positions) == count, f"{len(scene.positions)} splats, attributes of {count}"
+    return scene
+
+
+def read_ltgs(data, expected_hash=None):
     """Reads the scene of a .ltgs, turned half around x (ltgs.md, section 5); every map is a page of its own."""
     import second_ltgs
 
-    splats, meta = second_ltgs.read_ltgs(path)
+    splats, meta = second_ltgs.decoded(data)
+    if expected_hash is not None:
+        found = second_ltgs.content_hash(splats, meta)
+        assert found == expected_hash, f"hash {found}, expected {expected_hash}"
     w, x, y, z = splats.rotations.astype(np.float64).T
     sh = splats.sh.astype(np.float64)
     negated = [k for k in (1, 2, 4, 7, 9, 11, 12, 14) if k < sh.shape[1]]
@@ -270,7 +284,8 @@ def read_ltgs(path):
 def read_scene(path):
     """Reads a scene, choosing the format by the file's extension."""
     if path.endswith(".ltgs"):
-        return read_ltgs(path)
+        with open(path, "rb") as file:
+            return read_ltgs(file.read())
     return read_gltf(path) if path.endswith((".glb", ".gltf")) else read_usd(path)
 
 

@@ -73,10 +73,18 @@ impl Format {
     pub fn qualities(self) -> &'static [Quality] {
         match self {
             Self::Ply | Self::Spz => &[],
-            Self::Ltgs => &Quality::ALL,
-            Self::Glb | Self::Gltf | Self::Usda | Self::Usdc | Self::Usdz => {
-                &[Quality::Lossless, Quality::Balanced]
-            }
+            Self::Glb | Self::Gltf | Self::Ltgs => &Quality::ALL,
+            Self::Usda | Self::Usdc | Self::Usdz => &[Quality::Lossless, Quality::Balanced],
+        }
+    }
+
+    /// Whether files of this quality hold numbers rounded by [`crate::ltgs::Steps`]: `.ltgs` files, and glTF files with one in
+    /// them.
+    pub fn has_steps(self, quality: Quality) -> bool {
+        match self {
+            Self::Ltgs => true,
+            Self::Glb | Self::Gltf => matches!(quality, Quality::Tiny | Quality::Custom),
+            _ => false,
         }
     }
 

@@ -46,7 +46,7 @@ component!(f32, F32);
 pub enum Use {
     /// An attribute of vertices.
     Attribute,
-    /// An attribute of integers that stand for 0 to 1.
+    /// An attribute of integers that stand for 0 to 1, signed ones for -1 to 1.
     NormalisedAttribute,
     /// Anything else, with the target of its buffer view.
     Other(Option<u32>),

@@ -1,8 +1,9 @@
 //! `KHR_gaussian_splatting` and our extension nested in it as JSON objects, and the digest that survives tools that drop both.
 
 use super::KHR;
+use super::stream::Stream;
 use crate::meta::Meta;
-use crate::{ColourSpace, Error, Result, SplatAsset, quoted};
+use crate::{ColourSpace, Error, Quality, Result, SplatAsset, quoted};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::path::Path;
@@ -71,7 +72,12 @@ pub struct TextureExtension {
     /// How codes become texels, with pages of 8 bits.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub decode: Option<Decode>,
-    pub meta: Meta,
+    /// A `.ltgs` file in place of all these arrays and of the metadata.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stream: Option<Stream>,
+    /// There unless there is a stream.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub meta: Option<Meta>,
 }
 
 /// A page of the atlas, with exactly one of the three sources.
@@ -99,6 +105,25 @@ pub struct Decode {
 }
 
 impl TextureExtension {
+    /// An object without arrays.
+    pub fn new(quality: Quality, hash: u64) -> Self {
+        Self {
+            version: VERSION,
+            quality: quality.name().to_owned(),
+            hash: text_from_hash(hash),
+            rects: None,
+            pages: None,
+            texel_size: None,
+            shift: None,
+            sh_degree: None,
+            sh0: None,
+            atlas: Vec::new(),
+            decode: None,
+            stream: None,
+            meta: None,
+        }
+    }
+
     /// Parses the JSON object of a file.
     ///
     /// # Errors
@@ -114,7 +139,19 @@ impl TextureExtension {
             }
             None => return Err(Error::invalid(path, format!("{EXTENSION}: no whole number \"version\""))),
         }
-        Self::deserialize(value).map_err(|e| Error::invalid(path, format!("{EXTENSION}: {e}")))
+        let offence = |what: String| Error::invalid(path, format!("{EXTENSION}: {what}"));
+        let found = Self::deserialize(value).map_err(|e| offence(e.to_string()))?;
+        let has_arrays =
+            [found.rects, found.pages, found.texel_size, found.shift, found.sh_degree, found.sh0]
+                .iter()
+                .any(Option::is_some)
+                || !found.atlas.is_empty();
+        match (&found.stream, &found.meta) {
+            (None, Some(_)) => Ok(found),
+            (Some(_), None) if !has_arrays => Ok(found),
+            (None, None) => Err(offence("neither \"meta\" nor \"stream\"".to_owned())),
+            (Some(_), _) => Err(offence("\"stream\" beside \"meta\" or arrays".to_owned())),
+        }
     }
 
     /// The hash as a number.
@@ -144,12 +181,8 @@ pub struct Digest {
 
 impl Digest {
     /// The digest of the asset that a reader gets.
-    pub fn of(asset: &SplatAsset, hash: u64) -> Self {
-        Self {
-            splats: asset.num_splats() as u64,
-            texels: asset.num_texels() as u64,
-            hash: text_from_hash(hash),
-        }
+    pub fn of(asset: &SplatAsset, hash: String) -> Self {
+        Self { splats: asset.num_splats() as u64, texels: asset.num_texels() as u64, hash }
     }
 
     /// The digest as an `extras` object.

@@ -41,7 +41,7 @@ pub struct Loaded<'a> {
     pub num_bytes: Cell<u64>,
     buffers: Vec<Cow<'a, [u8]>>,
     sidecar_files: SidecarFiles,
-    limits: ReadLimits,
+    pub limits: ReadLimits,
     /// Bytes that have been counted against the limits.
     taken_bytes: Cell<u64>,
 }

@@ -5,6 +5,7 @@
 //! without splat support show coloured points (`COLOR_0`); [`encode_mesh`] makes a file of textured quads for them.
 
 mod accessor;
+mod attributes;
 mod buffer;
 mod colour;
 mod container;
@@ -18,6 +19,7 @@ mod pages;
 mod read;
 mod scene;
 mod splats;
+mod stream;
 mod validate;
 mod write;
 

@@ -77,6 +77,13 @@ fn ours(
     extension: TextureExtension,
     warnings: &mut Vec<String>,
 ) -> Result<Contents> {
+    if let Some(stream) = &extension.stream {
+        let mut contents = stream.read(loaded, &extension, attributes.num_splats)?;
+        warnings.append(&mut contents.warnings);
+        check_colour_space(loaded, found, &contents.asset)?;
+        place(loaded, found, &mut contents.asset, warnings)?;
+        return Ok(contents);
+    }
     let mut asset = attributes.surfels(loaded)?;
     // Those for other viewers, too, though exact ones may replace them.
     if let Some(splat) = attributes.first_dc_not_finite() {
@@ -98,12 +105,10 @@ fn ours(
         warnings.push(format!("unknown quality {}", quoted(&extension.quality)));
     }
     let sections = sections(loaded, found, Some(&extension));
-    extension.meta.store(&mut asset);
-    if found.splatting.colour_space(loaded.path)? != asset.colour_space {
-        let what =
-            format!("{KHR}: colorSpace {} is not that of the metadata", quoted(&found.splatting.color_space));
-        return Err(Error::invalid(loaded.path, what));
+    if let Some(meta) = extension.meta {
+        meta.store(&mut asset);
     }
+    check_colour_space(loaded, found, &asset)?;
     place(loaded, found, &mut asset, warnings)?;
     let format = format!("{EXTENSION} {VERSION}");
     Ok(Contents {
@@ -115,6 +120,16 @@ fn ours(
         layers: Vec::new(),
         warnings: Vec::new(),
     })
+}
+
+/// Other viewers must be told the colour space of the metadata.
+fn check_colour_space(loaded: &Loaded<'_>, found: &Found<'_>, asset: &SplatAsset) -> Result<()> {
+    if found.splatting.colour_space(loaded.path)? == asset.colour_space {
+        return Ok(());
+    }
+    let what =
+        format!("{KHR}: colorSpace {} is not that of the metadata", quoted(&found.splatting.color_space));
+    Err(Error::invalid(loaded.path, what))
 }
 
 /// Stores the exact SH coefficients of degree 0.
@@ -147,7 +162,10 @@ pub fn read_fallback(path: &Path, limits: &ReadLimits) -> Result<SplatAsset> {
     let mut asset = foreign(&loaded, &found, &attributes, &mut Vec::new())?.asset;
     let value = found.splatting.texture();
     if let Some(extension) = value.and_then(|v| TextureExtension::parse(v, path).ok()) {
-        extension.meta.store(&mut asset);
+        let of_stream = extension.stream.map(|stream| stream.meta(&loaded)).transpose()?;
+        if let Some(meta) = extension.meta.or(of_stream) {
+            meta.store(&mut asset);
+        }
         asset.colour_space = found.splatting.colour_space(path)?;
         place(&loaded, &found, &mut asset, &mut Vec::new())?;
     }

@@ -1,40 +1,49 @@
 //! Writes `.glb` and `.gltf` files: splat attributes, atlas pages, the JSON document.
 
+use super::attributes::{self, Attributes};
 use super::buffer::{Arrays, Use};
 use super::document::{
     AssetInfo, Buffer, Document, Image, MIME_PNG, MODE_POINTS, Mesh, Node, Primitive, PrimitiveExtensions,
     Scene, Texture,
 };
-use super::extension::{Decode, Digest, Page, Splatting, TextureExtension, text_from_hash};
-use super::{EXTENSION, KHR, VERSION, colour, container, files, sh_attribute, sh_indices};
+use super::extension::{Decode, Digest, Page, Splatting, TextureExtension};
+use super::stream::{MIME_LTGS, Stream};
+use super::{EXTENSION, KHR, container, files};
 use crate::atlas::{Atlas, PAGE_SIDE, PAGE_SIDE_MAX, TexelDecode, encode_exr, encode_png};
 use crate::meta::Meta;
 use crate::staging::{SidecarFile, Staged};
-use crate::{Error, Quality, Result, SplatAsset, yup};
-use std::collections::BTreeMap;
+use crate::{Error, Quality, ReadLimits, Result, SplatAsset, ltgs, yup};
 use std::path::{Path, PathBuf};
 
 /// How to write a glTF file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct GltfOptions {
-    /// Lossless or balanced; glTF has no other quality.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GltfOptions<'a> {
+    /// How exactly the file keeps the scene. Lossless and balanced files have atlas pages, others hold a `.ltgs` file.
     pub quality: Quality,
     /// Largest side of an atlas page, texels; at most 8192.
     pub page_side: u16,
+    /// Quantisation steps of the `.ltgs` file; `None` takes those of the quality.
+    pub steps: Option<ltgs::Steps>,
+    /// What is known of the splats, for the `.ltgs` file.
+    pub per_splat: ltgs::PerSplat<'a>,
 }
 
-impl Default for GltfOptions {
+impl Default for GltfOptions<'_> {
     fn default() -> Self {
-        Self { quality: Quality::default(), page_side: PAGE_SIDE }
+        Self {
+            quality: Quality::default(),
+            page_side: PAGE_SIDE,
+            steps: None,
+            per_splat: ltgs::PerSplat::default(),
+        }
     }
 }
 
 /// Encodes a `.glb`.
 ///
 /// # Errors
-/// [`Error::Invalid`] if the asset breaks a rule or is empty, [`Error::Unsupported`] for qualities other than lossless and
-/// balanced, [`Error::TooLarge`] beyond 4 GiB or for maps larger than a page.
-pub fn encode_glb(asset: &SplatAsset, options: &GltfOptions) -> Result<Vec<u8>> {
+/// [`Error::Invalid`] if the asset breaks a rule or is empty, [`Error::TooLarge`] beyond 4 GiB or for maps larger than a page.
+pub fn encode_glb(asset: &SplatAsset, options: &GltfOptions<'_>) -> Result<Vec<u8>> {
     let assembled = assemble(asset, options, None)?;
     container::glb(json(&assembled.document)?, assembled.bin)
 }
@@ -45,7 +54,7 @@ pub fn encode_glb(asset: &SplatAsset, options: &GltfOptions) -> Result<Vec<u8>> 
 ///
 /// # Errors
 /// As [`encode_glb`], and [`Error::Io`].
-pub fn write_gltf(path: &Path, asset: &SplatAsset, options: &GltfOptions) -> Result<Vec<PathBuf>> {
+pub fn write_gltf(path: &Path, asset: &SplatAsset, options: &GltfOptions<'_>) -> Result<Vec<PathBuf>> {
     let (root, side) = encode_files(path, asset, options)?;
     Ok(Staged::new(path, root, side)?.publish(true)?.files)
 }
@@ -57,7 +66,7 @@ pub fn write_gltf(path: &Path, asset: &SplatAsset, options: &GltfOptions) -> Res
 pub(crate) fn encode_files(
     path: &Path,
     asset: &SplatAsset,
-    options: &GltfOptions,
+    options: &GltfOptions<'_>,
 ) -> Result<(Vec<u8>, Vec<SidecarFile>)> {
     if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("glb")) {
         return Ok((encode_glb(asset, options).map_err(|e| e.at(path))?, Vec::new()));
@@ -87,7 +96,7 @@ struct Assembled {
 }
 
 /// Assembles a file: a `.gltf` whose sidecar files begin with `stem`, or the contents of a `.glb`.
-fn assemble(asset: &SplatAsset, options: &GltfOptions, stem: Option<&str>) -> Result<Assembled> {
+fn assemble(asset: &SplatAsset, options: &GltfOptions<'_>, stem: Option<&str>) -> Result<Assembled> {
     asset.validate()?;
     if asset.num_splats() == 0 {
         return Err(Error::invalid("", "no splats: a glTF primitive cannot be empty"));
@@ -96,11 +105,14 @@ fn assemble(asset: &SplatAsset, options: &GltfOptions, stem: Option<&str>) -> Re
         let what = format!("pages of {} texels per side, expected 1 to {PAGE_SIDE_MAX}", options.page_side);
         return Err(Error::invalid("", what));
     }
+    if matches!(options.quality, Quality::Tiny | Quality::Custom) {
+        return streamed(asset, options, stem);
+    }
     let atlas = Atlas::of(asset, options.page_side)?;
     let mut writer = Writer { stem, ..Writer::default() };
     let primitive = match options.quality {
         Quality::Lossless => writer.primitive(asset, &atlas, options.quality, Writer::lossless_pages)?,
-        Quality::Balanced => {
+        _ => {
             // Everything else in the file is made from what a reader gets.
             let decode = TexelDecode::finest(&asset.texels);
             let codes: Vec<u8> = asset.texels.iter().map(|&t| decode.code(t)).collect();
@@ -111,12 +123,37 @@ fn assemble(asset: &SplatAsset, options: &GltfOptions, stem: Option<&str>) -> Re
             };
             writer.primitive(&kept, &atlas, options.quality, pages)?
         }
-        Quality::Tiny | Quality::Custom => {
-            let what = "glTF has the qualities lossless and balanced; .ltgs has the others";
-            return Err(Error::unsupported("", what));
-        }
     };
     Ok(writer.finish(asset, primitive))
+}
+
+/// Assembles a file that holds a `.ltgs` file, and small attributes for other viewers.
+fn streamed(asset: &SplatAsset, options: &GltfOptions<'_>, stem: Option<&str>) -> Result<Assembled> {
+    let GltfOptions { quality, steps, per_splat, .. } = *options;
+    let bytes = ltgs::encode(asset, &ltgs::LtgsOptions { quality, steps, per_splat })?;
+    // The attributes are made from what a reader gets.
+    let kept = ltgs::decode(&bytes, Path::new(""), &ReadLimits::default())?.asset;
+    let mut writer = Writer { stem, ..Writer::default() };
+    let attributes = attributes::small(&mut writer.arrays, &kept);
+    let stream = Stream { buffer_view: writer.arrays.push_bytes(&bytes), mime_type: MIME_LTGS.to_owned() };
+    let extension = TextureExtension { stream: Some(stream), ..TextureExtension::new(quality, kept.hash()) };
+    let primitive = points(&kept, attributes, extension)?;
+    Ok(writer.finish(&kept, primitive))
+}
+
+/// The primitive of splats.
+fn points(asset: &SplatAsset, attributes: Attributes, extension: TextureExtension) -> Result<Primitive> {
+    let digest = Digest::of(asset, extension.hash.clone());
+    let extension =
+        serde_json::to_value(extension).map_err(|e| Error::invalid("", format!("{EXTENSION}: {e}")))?;
+    let splatting = Some(Splatting::new(asset.colour_space, extension));
+    Ok(Primitive {
+        attributes,
+        mode: Some(MODE_POINTS),
+        extensions: Some(PrimitiveExtensions { splatting }),
+        extras: Some(digest.to_extras()),
+        ..Primitive::default()
+    })
 }
 
 /// The object `asset` of every file that is written.
@@ -153,7 +190,7 @@ impl Writer<'_> {
         quality: Quality,
         pages: impl FnOnce(&mut Self, &SplatAsset, &Atlas) -> Result<Pages>,
     ) -> Result<Primitive> {
-        let (attributes, sh0) = self.attributes(asset);
+        let (attributes, sh0) = attributes::exact(&mut self.arrays, asset);
         let has_maps = !asset.texels.is_empty();
         let used = Use::Other(None);
         let has_degrees = asset.sh_degrees.iter().any(|&degree| u32::from(degree) != asset.sh_degree);
@@ -172,11 +209,7 @@ impl Writer<'_> {
         let is_shifted = asset.maps.iter().any(|m| m.shift != [0; 2]);
         let shift = is_shifted.then(|| self.arrays.push(asset.maps.iter().map(|m| m.shift), used));
         let (atlas, decode) = if has_maps { pages(self, asset, atlas)? } else { (Vec::new(), None) };
-        let hash = asset.hash();
         let extension = TextureExtension {
-            version: VERSION,
-            quality: quality.name().to_owned(),
-            hash: text_from_hash(hash),
             rects,
             pages: page_indices,
             texel_size,
@@ -185,54 +218,10 @@ impl Writer<'_> {
             sh0,
             atlas,
             decode,
-            meta: Meta::of(asset),
+            meta: Some(Meta::of(asset)),
+            ..TextureExtension::new(quality, asset.hash())
         };
-        let extension =
-            serde_json::to_value(extension).map_err(|e| Error::invalid("", format!("{EXTENSION}: {e}")))?;
-        let splatting = Some(Splatting::new(asset.colour_space, extension));
-        Ok(Primitive {
-            attributes,
-            mode: Some(MODE_POINTS),
-            extensions: Some(PrimitiveExtensions { splatting }),
-            extras: Some(Digest::of(asset, hash).to_extras()),
-            ..Primitive::default()
-        })
-    }
-
-    /// Adds the attributes; returns them by name, and the accessor of the exact SH of degree 0 if the attribute differs.
-    fn attributes(&mut self, asset: &SplatAsset) -> (BTreeMap<String, u32>, Option<u32>) {
-        let (arrays, used) = (&mut self.arrays, Use::Attribute);
-        let n = asset.num_splats();
-        let mut attributes = BTreeMap::new();
-        let positions = asset.positions.iter().map(|&p| yup::position(p));
-        attributes.insert("POSITION".to_owned(), arrays.push_positions(positions));
-        let rotations = asset.rotations.iter().map(|&q| {
-            let [w, x, y, z] = yup::rotation(q);
-            [x, y, z, w]
-        });
-        attributes.insert(format!("{KHR}:ROTATION"), arrays.push(rotations, used));
-        let scales = asset.scales.iter().map(|&[u, v]| [u, v, yup::thickness(u, v)]);
-        attributes.insert(format!("{KHR}:SCALE"), arrays.push(scales, used));
-        attributes.insert(format!("{KHR}:OPACITY"), arrays.push(asset.opacities.iter().map(|&o| [o]), used));
-        let baked: Vec<[f32; 3]> = (0..n).map(|i| asset.untextured_dc(i)).collect();
-        for (k, (l, m)) in sh_indices(asset.sh_degree).enumerate() {
-            let coefficients = (0..n).map(|i| match k {
-                0 => baked[i],
-                // Without the sign of a zero above the splat's degree.
-                _ => asset.own_sh_of(i)[3..]
-                    .as_chunks::<3>()
-                    .0
-                    .get(k - 1)
-                    .map_or([0.0; 3], |coefficient| coefficient.map(|c| yup::SH_SIGNS[k] * c)),
-            });
-            attributes.insert(sh_attribute(l, m), arrays.push(coefficients, used));
-        }
-        let colours = (0..n).map(|i| colour::vertex_colour(asset, i, baked[i]));
-        attributes.insert("COLOR_0".to_owned(), arrays.push(colours, Use::NormalisedAttribute));
-        let exact = |i: usize| -> [f32; 3] { std::array::from_fn(|c| asset.sh_of(i)[c]) };
-        let is_baked = (0..n).any(|i| exact(i).map(f32::to_bits) != baked[i].map(f32::to_bits));
-        let sh0 = is_baked.then(|| arrays.push((0..n).map(exact), Use::Other(None)));
-        (attributes, sh0)
+        points(asset, attributes, extension)
     }
 
     /// Adds pages that keep texels bit for bit.

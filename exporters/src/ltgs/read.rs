@@ -12,6 +12,7 @@ use super::tally::Tally;
 use super::texels::{Map, TexelReader};
 use super::write::{joined, mean_of, take_means};
 use crate::limits::{splat_bytes, with_room};
+use crate::meta::Meta;
 use crate::{AssetMap, Contents, Error, LayerSize, Quality, ReadLimits, Result, SplatAsset, quoted};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -122,6 +123,11 @@ impl<'a> Reader<'a> {
     /// Texels of all chunks.
     pub fn num_texels(&self) -> u64 {
         self.header.num_texels
+    }
+
+    /// The metadata that all formats share.
+    pub(crate) fn meta(&self) -> &Meta {
+        &self.meta.meta
     }
 
     /// Smallest and largest coordinates of the centres of a chunk, local frame; `None` if there is no such chunk.

@@ -128,7 +128,8 @@ fn place(json: &Value, name: &str) -> usize {
 
 fn glb(add: Add<'_>) {
     let asset = small_scene();
-    let options = gltf::GltfOptions { quality: Quality::Balanced, page_side: 64 };
+    let options =
+        gltf::GltfOptions { quality: Quality::Balanced, page_side: 64, ..gltf::GltfOptions::default() };
     let bytes = gltf::encode_glb(&asset, &options).expect("written");
     let (valid, bin) = split(&bytes);
     let edited = |change: &dyn Fn(&mut Value)| {
@@ -136,6 +137,16 @@ fn glb(add: Add<'_>) {
         change(&mut json);
         join(&json, &bin)
     };
+    let tiny = gltf::GltfOptions { quality: Quality::Tiny, ..options };
+    let (streamed, with_stream) = split(&gltf::encode_glb(&asset, &tiny).expect("written"));
+    let mut other_codec = streamed.clone();
+    at(&mut other_codec, OURS)["stream"]["mimeType"] = json!("application/zip");
+    add("other_codec.glb", Unsupported, join(&other_codec, &with_stream));
+    let last = with_stream.iter().rposition(|&byte| byte != 0).expect("a stream");
+    add("damaged_stream.glb", Invalid, join(&streamed, &put(&with_stream, last, &[0])));
+    let mut too_few = streamed.clone();
+    too_few["accessors"].as_array_mut().expect("accessors").iter_mut().for_each(|a| a["count"] = json!(3));
+    add("stream_of_more_splats.glb", Invalid, join(&too_few, &with_stream));
     add("newer_container.glb", Unsupported, put(&bytes, 4, &[3]));
     add("newer_extension.glb", Unsupported, edited(&|j| at(j, OURS)["version"] = json!(3)));
     add("older_extension.glb", Unsupported, edited(&|j| at(j, OURS)["version"] = json!(1)));
@@ -443,7 +454,8 @@ fn spz_files(add: Add<'_>) {
 
 /// A valid file of few splats on a page of this side, most of which nothing uses.
 fn roomy_page(side: u32) -> Vec<u8> {
-    let options = gltf::GltfOptions { quality: Quality::Balanced, page_side: 64 };
+    let options =
+        gltf::GltfOptions { quality: Quality::Balanced, page_side: 64, ..gltf::GltfOptions::default() };
     let (mut json, mut bin) = split(&gltf::encode_glb(&small_scene(), &options).expect("written"));
     let mut page = Vec::new();
     let mut encoder = png::Encoder::new(&mut page, side, side);
@@ -483,7 +495,8 @@ pub fn greedy() -> Vec<(&'static str, String, Vec<u8>)> {
         asset.texels = vec![0.0; 3 * num_texels];
         asset
     };
-    let options = gltf::GltfOptions { quality: Quality::Balanced, page_side: 2048 };
+    let options =
+        gltf::GltfOptions { quality: Quality::Balanced, page_side: 2048, ..gltf::GltfOptions::default() };
     let glb = gltf::encode_glb(&neutral(2048), &options).expect("written");
     add("a page of neutral texels", "glb", glb);
     let lossless = ltgs::LtgsOptions { quality: Quality::Lossless, ..ltgs::LtgsOptions::default() };

@@ -6,6 +6,7 @@ mod hostile;
 mod quads;
 mod round_trip;
 mod schema;
+mod stream;
 
 use super::{GltfOptions, decode_glb};
 use crate::asset::tests::fixture;
@@ -20,8 +21,8 @@ fn decode(bytes: &[u8]) -> crate::Result<Contents> {
     decode_glb(bytes, Path::new(PATH), &ReadLimits::default())
 }
 
-fn options(quality: Quality) -> GltfOptions {
-    GltfOptions { quality, page_side: 64 }
+fn options(quality: Quality) -> GltfOptions<'static> {
+    GltfOptions { quality, page_side: 64, ..GltfOptions::default() }
 }
 
 /// The fixture with numbers that are easily lost on the way, cameras, and a turned frame.

@@ -1,6 +1,5 @@
 //! Rules about what viewers without our extension see: colours with the maps' means, thin discs, coloured points.
 
-use crate::SplatAsset;
 use crate::contents::Issues;
 use crate::fallback::{wrong_dc, wrong_thickness};
 use crate::gltf::accessor::{Component, View};
@@ -8,16 +7,27 @@ use crate::gltf::extension::TextureExtension;
 use crate::gltf::loaded::Loaded;
 use crate::gltf::scene::Found;
 use crate::gltf::{KHR, colour, sh_attribute, splats};
+use crate::{SplatAsset, yup};
 
 /// Compares the attributes with the scene that a reader of our extension gets.
 pub fn check(loaded: &Loaded<'_>, found: &Found<'_>, asset: &SplatAsset, issues: &mut Issues) {
     let place = |name: &str| format!("{}/attributes/{name}", found.pointer);
     // Missing ones were reported before.
     let attribute = |name: &str| splats::attribute(loaded, found.primitive, name).ok();
+    let value = found.splatting.texture();
+    let extension = value.and_then(|v| TextureExtension::parse(v, loaded.path).ok());
+    if extension.as_ref().is_some_and(|e| e.stream.is_some())
+        && let Some(view) = attribute("POSITION")
+    {
+        let pairs = view.rows::<3>().zip(asset.positions.iter().map(|&p| yup::position(p))).enumerate();
+        let apart = pairs.filter(|(_, (found, expected))| found != expected);
+        let text = |(splat, (found, expected))| {
+            format!("splat {splat}: at {found:?}, in the stream at {expected:?}")
+        };
+        issues.many("LT1034", &place("POSITION"), apart.map(text));
+    }
     let zeroth = sh_attribute(0, 0);
     if let Some(view) = attribute(&zeroth) {
-        let value = found.splatting.texture();
-        let extension = value.and_then(|v| TextureExtension::parse(v, loaded.path).ok());
         let texel_step = extension.and_then(|e| e.decode).map_or(0.0, |d| d.scale.abs());
         let offences = wrong_dc(asset, view.rows(), texel_step);
         issues.many("LT1031", &place(&zeroth), offences);

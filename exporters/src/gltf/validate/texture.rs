@@ -7,7 +7,7 @@ use crate::gltf::extension::TextureExtension;
 use crate::gltf::loaded::Loaded;
 use crate::gltf::scene::Found;
 use crate::gltf::{EXTENSION, KHR, VERSION, pages};
-use crate::{AssetMap, Error, Quality, quoted};
+use crate::{AssetMap, Error, Quality, ltgs, quoted};
 use serde_json::Value;
 
 /// Checks everything but the hash, which is that of the whole content.
@@ -20,13 +20,22 @@ pub fn check(loaded: &Loaded<'_>, found: &Found<'_>, value: &Value, issues: &mut
             return issues.error(if is_other_version { "LT1020" } else { "LT1021" }, &place, e.text());
         }
     };
-    if !matches!(Quality::from_name(&extension.quality), Some(Quality::Lossless | Quality::Balanced)) {
-        let what = format!("{}, known: \"lossless\", \"balanced\"", quoted(&extension.quality));
+    let known = if extension.stream.is_some() { &Quality::ALL[..] } else { &Quality::ALL[..2] };
+    if !Quality::from_name(&extension.quality).is_some_and(|quality| known.contains(&quality)) {
+        let known: Vec<&str> = known.iter().map(|quality| quality.name()).collect();
+        let what = format!("{}, known: {known:?}", quoted(&extension.quality));
         issues.warning("LT1021", &format!("{place}/quality"), what);
     }
     if extension.hash().is_none() {
         let what = format!("{}, expected 16 hexadecimal digits", quoted(&extension.hash));
         issues.error("LT1021", &format!("{place}/hash"), what);
+    }
+    if let Some(stream) = &extension.stream {
+        match stream.bytes(loaded) {
+            Ok(bytes) => issues.list.append(&mut ltgs::validate(bytes, loaded.path)),
+            Err(e) => issues.error("LT1021", &format!("{place}/stream"), e.text()),
+        }
+        return;
     }
     let position = found.primitive.attributes.get("POSITION");
     let position = position.and_then(|&i| loaded.accessor(i, "POSITION").ok());

@@ -1,0 +1,69 @@
+//! A whole `.ltgs` file in a buffer view, in place of exact attributes and atlas pages: what quality `tiny` is in glTF. The
+//! attributes are small then, and only for viewers without our extension.
+
+use super::extension::{EXTENSION, TextureExtension, VERSION};
+use super::loaded::Loaded;
+use crate::meta::Meta;
+use crate::{Contents, Describes, Error, Result, Section, ltgs, quoted};
+use serde::{Deserialize, Serialize};
+
+/// The only codec.
+pub const MIME_LTGS: &str = "application/vnd.litetex.ltgs";
+
+/// Where the stream is, and its codec.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub struct Stream {
+    pub buffer_view: u32,
+    pub mime_type: String,
+}
+
+impl Stream {
+    /// Bytes of the stream.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] for another codec, [`Error::Invalid`] if it does not lie in its buffer.
+    pub fn bytes<'a>(&self, loaded: &'a Loaded<'_>) -> Result<&'a [u8]> {
+        if self.mime_type != MIME_LTGS {
+            let what =
+                format!("{EXTENSION}: stream of {}, supported: \"{MIME_LTGS}\"", quoted(&self.mime_type));
+            return Err(Error::unsupported(loaded.path, what));
+        }
+        Ok(loaded.view(self.buffer_view, "stream")?.1)
+    }
+
+    /// Decodes the stream of a file whose attributes are of `num_splats`.
+    ///
+    /// # Errors
+    /// As [`Self::bytes`] and [`ltgs::decode`]; [`Error::Invalid`] if it has another number of splats or another hash than the
+    /// extension says.
+    pub fn read(
+        &self,
+        loaded: &Loaded<'_>,
+        extension: &TextureExtension,
+        num_splats: usize,
+    ) -> Result<Contents> {
+        let bytes = self.bytes(loaded)?;
+        let offence = |what: String| Error::invalid(loaded.path, format!("{EXTENSION}: stream {what}"));
+        let reader = ltgs::Reader::open(bytes, loaded.path, &loaded.limits)?;
+        if reader.num_splats() != num_splats {
+            return Err(offence(format!("of {} splats, attributes of {num_splats}", reader.num_splats())));
+        }
+        let mut contents = reader.decode()?;
+        if contents.hash.is_some_and(|hash| extension.hash() != Some(hash)) {
+            return Err(offence(format!("with another hash than {}", quoted(&extension.hash))));
+        }
+        let rest = loaded.num_bytes.get().saturating_sub(bytes.len() as u64);
+        Section::add(&mut contents.sections, "fallback", Describes::Other, rest);
+        contents.format = format!("{EXTENSION} {VERSION}, {}", contents.format);
+        Ok(contents)
+    }
+
+    /// The metadata of the stream.
+    ///
+    /// # Errors
+    /// As [`Self::read`], but blocks are not read.
+    pub fn meta(&self, loaded: &Loaded<'_>) -> Result<Meta> {
+        Ok(ltgs::Reader::open(self.bytes(loaded)?, loaded.path, &loaded.limits)?.meta().clone())
+    }
+}
