@@ -292,6 +292,27 @@ fn existing_files_are_replaced_only_by_verified_ones() {
 }
 
 #[test]
+fn progress_knows_about_how_many_views_are_rendered() {
+    let (run, folder) = (run_folder(), tempfile::tempdir().unwrap());
+    for (name, options) in [
+        ("a.ltgs", &["--quality", "tiny"][..]),
+        ("b.ltgs", &["--quality", "tiny", "--effort", "2"]),
+        ("c.ltgs", &["--max-size", "30kB", "--no-verify"]),
+        ("d.glb", &["--quality", "tiny"]),
+        ("e.usdz", &[]),
+    ] {
+        let file = folder.path().join(name);
+        let output =
+            litetex(&[&["export", text(run), "-o", text(&file), "--device", "cpu", "-v"], options].concat());
+        let message = String::from_utf8_lossy(&output.stderr).into_owned();
+        let line = message.lines().find(|line| line.contains("views rendered")).expect(&message);
+        let numbers: Vec<f64> = line.split_whitespace().filter_map(|word| word.parse().ok()).collect();
+        println!("{name}: {numbers:?}");
+        assert!((0.7..1.4).contains(&(numbers[0] / numbers[1])), "{name}: {line}");
+    }
+}
+
+#[test]
 fn impossible_exports_are_refused_before_writing() {
     let (run, folder) = (run_folder(), tempfile::tempdir().unwrap());
     let at = |name: &str| folder.path().join(name);

@@ -12,7 +12,7 @@ use litetex_gs::selftest::{SceneOptions, random_scene};
 use std::path::{Path, PathBuf};
 
 /// Writes a scene of enough splats for three layers, and the same without layers.
-fn files(folder: &Path) -> [PathBuf; 2] {
+fn files(folder: &Path) -> [PathBuf; 3] {
     let scene = random_scene(&SceneOptions {
         num_splats: 9000,
         sh_degree: 1,
@@ -26,7 +26,9 @@ fn files(folder: &Path) -> [PathBuf; 2] {
     });
     let camera = asset_camera("0.png", false, &scene.camera);
     let asset = bake(&scene.model, vec![camera], [0.2, 0.4, 0.1], Default::default(), &mut Report::default());
-    [("layered.ltgs", Quality::Tiny), ("whole.ltgs", Quality::Lossless)].map(|(name, quality)| {
+    let files =
+        [("layered.ltgs", Quality::Tiny), ("whole.ltgs", Quality::Lossless), ("streamed.glb", Quality::Tiny)];
+    files.map(|(name, quality)| {
         let path = folder.join(name);
         write_asset(&path, &asset, &WriteOptions { quality, ..WriteOptions::default() }).unwrap();
         path
@@ -36,7 +38,7 @@ fn files(folder: &Path) -> [PathBuf; 2] {
 #[test]
 fn each_layer_brings_the_scene_closer() {
     let folder = tempfile::tempdir().unwrap();
-    let [layered, _] = files(folder.path());
+    let [layered, ..] = files(folder.path());
     let found = json(&["inspect", text(&layered)]);
     let layers = found["layers"].as_object().unwrap();
     let sum = |name: &str| layers.values().map(|layer| layer[name].as_u64().unwrap()).sum::<u64>();
@@ -61,9 +63,22 @@ fn each_layer_brings_the_scene_closer() {
 }
 
 #[test]
+fn a_stream_in_gltf_has_the_layers_of_the_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let [layered, _, streamed] = files(folder.path());
+    let [of_file, of_stream] = [&layered, &streamed].map(|path| json(&["inspect", text(path)]));
+    assert_eq!(of_stream["layers"], of_file["layers"]);
+    let part = folder.path().join("part.glb");
+    good(&["convert", text(&streamed), text(&part), "--layers", "1", "--quality", "lossless", "-q"]);
+    assert_eq!(json(&["inspect", text(&part)])["model"]["splats"], of_file["layers"]["1"]["splats"]);
+    let images = folder.path().join("images");
+    good(&["render", text(&streamed), "--layers", "2", "--view", "0.png", "--out", text(&images)]);
+}
+
+#[test]
 fn layers_are_rendered_from_a_file_that_is_cut_off_behind_them() {
     let folder = tempfile::tempdir().unwrap();
-    let [layered, _] = files(folder.path());
+    let [layered, ..] = files(folder.path());
     let bytes = std::fs::read(&layered).unwrap();
     let found = json(&["inspect", text(&layered)]);
     let later = ["2", "3"].map(|layer| found["layers"][layer]["bytes"].as_u64().unwrap() as usize);
@@ -85,7 +100,7 @@ fn layers_are_rendered_from_a_file_that_is_cut_off_behind_them() {
 #[test]
 fn layers_that_are_not_there_are_refused() {
     let folder = tempfile::tempdir().unwrap();
-    let [layered, whole] = files(folder.path());
+    let [layered, whole, _] = files(folder.path());
     let glb = folder.path().join("a.glb");
     good(&["convert", text(&layered), text(&glb), "--layers", "1", "--no-verify", "-q"]);
     for (file, layers, what) in [

@@ -1,7 +1,7 @@
 //! Arguments of all commands that write assets.
 
 use super::values::{parse_bytes, parse_decibels};
-use litetex_exporters::Quality;
+use litetex_exporters::{Format, Quality};
 use litetex_gs::verify::RateGoal;
 
 /// What is written of a scene, and how.
@@ -61,7 +61,7 @@ pub enum QualityName {
     Lossless,
     /// At most 0.02 dB lost on average
     Balanced,
-    /// At most 0.1 dB lost on average (.ltgs only)
+    /// At most 0.1 dB lost on average (.ltgs and glTF)
     Tiny,
 }
 
@@ -87,6 +87,14 @@ pub struct CropBox {
 pub struct UpDirection(pub [f64; 3]);
 
 impl AssetArgs {
+    /// The goal of the steps of a file in this format; `None` if it has no steps. Bounds of size and loss are only for `.ltgs`
+    /// files.
+    pub fn goal_of(&self, format: Format) -> Option<RateGoal> {
+        let goal = self.rate_goal();
+        let goal = if format == Format::Ltgs { goal } else { goal.without_bounds() };
+        format.has_steps(self.quality()).then_some(goal)
+    }
+
     /// The quality requested.
     pub fn quality(&self) -> Quality {
         self.quality.map_or(Quality::Balanced, Quality::from)

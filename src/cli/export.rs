@@ -9,6 +9,7 @@ use super::outputs;
 use super::sources::{Trained, load_scene, open_photos, read_layers, read_limits};
 use super::table::Columns;
 use super::values::{format_bytes, format_count};
+use super::views_progress::{ViewsProgress, views_to_render};
 use litetex_exporters::{
     AssetCamera, Format, SplatAsset, WriteOptions, Written, num_sh_coefficients, read_asset, read_fallback,
     stage_asset,
@@ -127,7 +128,11 @@ pub fn write_all(
     log: &Log,
 ) -> Result<Exports> {
     let interrupt = listen(log)?;
-    let go_on = || !interrupt.is_requested();
+    let progress = ViewsProgress::new(log, views_to_render(&scene.asset, outputs, args));
+    let go_on = || {
+        progress.view();
+        !interrupt.is_requested()
+    };
     edit(&mut scene, args, &go_on, log)?;
     scene.asset.validate().map_err(|e| Error::from(e.at(&scene.path)))?;
     let photos = if args.no_verify { None } else { photos_of_tests(&scene, trained, log) };
@@ -242,12 +247,14 @@ fn rounding(
     go_on: GoOn<'_>,
     log: &Log,
 ) -> Result<Rounding> {
-    let format = Format::of(path)?;
-    if !format.has_steps(args.quality()) {
+    let Some(goal) = args.goal_of(Format::of(path)?) else {
         return Ok(Rounding::plain(args.quality()));
+    };
+    if goal != args.rate_goal() {
+        let what =
+            "--max-size and --max-loss bound only .ltgs files; the file keeps what its quality promises";
+        log.warn("bounds-not-applied", &format!("{}: {what}", path.display()), 1);
     }
-    let goal = args.rate_goal();
-    let goal = if format == Format::Ltgs { goal } else { goal.without_bounds() };
     let mut report = Report::default();
     let backends = Backends {
         statistics: &|| devices::open("cpu", log),

@@ -57,6 +57,7 @@ mod validate;
 mod values;
 mod verify;
 mod view_files;
+mod views_progress;
 mod worst_view;
 
 use clap::error::{ContextKind, ContextValue, ErrorKind};

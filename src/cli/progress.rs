@@ -10,9 +10,9 @@ use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 
 /// Time between plain lines.
-const LINE_INTERVAL: Duration = Duration::from_secs(5);
+pub(super) const LINE_INTERVAL: Duration = Duration::from_secs(5);
 /// Time between updates of the bar.
-const BAR_INTERVAL: Duration = Duration::from_millis(200);
+pub(super) const BAR_INTERVAL: Duration = Duration::from_millis(200);
 /// Weight of the newest loss in the running mean shown: losses differ from view to view.
 const LOSS_SMOOTHING: f64 = 0.05;
 
@@ -39,18 +39,23 @@ pub struct Progress<'a> {
     shown: Option<Instant>,
 }
 
+/// A bar of this length, where one can be shown.
+pub(super) fn bar(log: &Log, length: u64) -> Option<ProgressBar> {
+    let wants_bar = std::io::stderr().is_terminal() && !log.is_json() && !log.is_quiet();
+    wants_bar.then(|| {
+        let bar = ProgressBar::with_draw_target(Some(length), ProgressDrawTarget::stderr());
+        if let Ok(style) = ProgressStyle::with_template("{pos:>7}/{len} {wide_bar} {msg}") {
+            bar.set_style(style);
+        }
+        bar
+    })
+}
+
 impl<'a> Progress<'a> {
     /// A display for a training to `steps`, of which `done` are done.
     pub fn new(log: &'a Log, done: u32, steps: u32, max_time_secs: Option<f64>) -> Self {
-        let wants_bar = std::io::stderr().is_terminal() && !log.is_json() && !log.is_quiet();
-        let bar = wants_bar.then(|| {
-            let bar = ProgressBar::with_draw_target(Some(u64::from(steps)), ProgressDrawTarget::stderr());
-            if let Ok(style) = ProgressStyle::with_template("{pos:>7}/{len} {wide_bar} {msg}") {
-                bar.set_style(style);
-            }
-            bar.set_position(u64::from(done));
-            bar
-        });
+        let bar = bar(log, steps.into());
+        bar.iter().for_each(|bar| bar.set_position(done.into()));
         log.attach_bar(bar.clone());
         Self { log, bar, steps, max_time_secs, origin: None, loss: None, psnr: None, shown: None }
     }

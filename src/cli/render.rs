@@ -151,7 +151,7 @@ fn load(args: &RenderArgs, log: &Log) -> Result<(BakedScene, Option<Trained>)> {
         Some(layers) => {
             let source = args.source.display();
             Err(Error::Usage(format!(
-                "--layers {layers}: {source} is no asset; only .ltgs files have layers"
+                "--layers {layers}: {source} is no asset; only .ltgs files and glTF files of quality tiny have layers"
             )))
         }
     }

@@ -174,7 +174,8 @@ pub fn read_layers(path: &Path, layers: Option<u32>, log: &Log) -> Result<BakedS
 /// Refuses to read more layers than an asset has.
 fn check_layers(path: &Path, wanted: u32, found: usize) -> Result<()> {
     let what = match found {
-        0 => "has no layers, as only .ltgs files do; leave --layers out".to_owned(),
+        0 => "has no layers, as only .ltgs files and glTF files of quality tiny do; leave --layers out"
+            .to_owned(),
         1 => "has one layer".to_owned(),
         _ => format!("has {found} layers"),
     };

@@ -78,8 +78,11 @@ pub struct Summary {
 pub struct GrowthFigures {
     /// What 10 % more parameters must promise, dB of the training views; null without `--need`.
     pub need_db: Option<f64>,
-    /// What they promised; null without `--need`.
+    /// What they promised at the last check; null without `--need`.
     pub promised_db: Option<f64>,
+    /// The same, with shares two standard errors higher: growth ends where that is less than needed.
+    #[serde(default)]
+    pub promised_at_most_db: Option<f64>,
     /// Share of its error that a split removes from a splat; null before it was measured.
     pub split_share: Option<f64>,
     /// Share of its error that a refined map removes.
@@ -121,9 +124,11 @@ impl GrowthFigures {
         } else {
             (step >= densify_until).then_some((densify_until, EndOfGrowth::Timetable))
         };
+        let promised = need_db.and(growth.promised_db);
         let figures = Self {
             need_db,
-            promised_db: need_db.and(growth.promised_db),
+            promised_db: promised.map(|promised| promised[0]),
+            promised_at_most_db: promised.map(|promised| promised[1]),
             split_share,
             refined_share,
             band_share,
@@ -134,6 +139,21 @@ impl GrowthFigures {
             ended_by: ended.map(|(_, by)| by),
         };
         (need_db.is_some() || config.draws_growth()).then_some(figures)
+    }
+
+    /// A line for people; `None` without `--need`.
+    pub fn line(&self) -> Option<String> {
+        let need_db = self.need_db?;
+        let ended = match (self.ended_step, self.ended_by) {
+            (Some(step), Some(EndOfGrowth::Need)) => format!("ended at step {step} by need"),
+            (Some(step), _) => format!("ended at step {step} by the timetable"),
+            (None, _) => "not ended".to_owned(),
+        };
+        let promised = self.promised_db.zip(self.promised_at_most_db).map_or_else(
+            || "never judged".to_owned(),
+            |(likely, most)| format!("10 % more parameters promised {likely:.3} dB, at most {most:.3}"),
+        );
+        Some(format!("{ended}; {promised} (need: {need_db} dB)"))
     }
 }
 
@@ -234,6 +254,9 @@ pub struct Times {
     pub train_cpu_secs: f64,
     /// Share of density control in the training time: reading the model back, planning and carrying out the plan.
     pub density_control_wall_secs: f64,
+    /// Part of that for giving back: probing, trials and checks.
+    #[serde(default)]
+    pub give_back_wall_secs: f64,
     /// Share of the analysis of the photos' spectra in the training time.
     pub analysis_wall_secs: f64,
     /// From the start of the command to the writing of this file, with the earlier parts of a resumed run.

@@ -93,6 +93,7 @@ impl Outcome<'_> {
                 train_wall_secs: state.history.train_wall_secs,
                 train_cpu_secs: state.history.train_cpu_secs,
                 density_control_wall_secs: state.history.density_control_wall_secs,
+                give_back_wall_secs: state.history.give_back_wall_secs,
                 analysis_wall_secs: state.history.analysis_wall_secs,
                 total_wall_secs: 0.0,
             },
@@ -183,6 +184,9 @@ pub fn print(s: &Summary) -> std::io::Result<()> {
     table.row("splats", format_count(s.size.splats as u64));
     table.row("texels", format_count(s.size.texels as u64));
     table.row("parameters", format_count(s.size.params as u64));
+    if let Some(growth) = s.growth.as_ref().and_then(GrowthFigures::line) {
+        table.row("growth", growth);
+    }
     if let Some(disk) = &s.size.disk {
         let [balanced, tiny] = [disk.ltgs_balanced, disk.ltgs_tiny].map(|bytes| format_bytes(bytes as u64));
         table.row(".ltgs file (balanced / tiny)", format!("{balanced} / {tiny}"));

@@ -314,6 +314,7 @@ impl Trainer<'_> {
             targets: &mut self.targets,
             exposures: &self.state.exposures,
         };
+        let began = Instant::now();
         let round = Round::of(config, &self.schedule, step);
         let given_back = round.run(self.backend, &mut training, &mut self.state.histories)?;
         if let Some(given_back) = &given_back {
@@ -322,6 +323,7 @@ impl Trainer<'_> {
         }
         self.backend.set_statistics(&WindowStatistics::empty(self.size.splats))?;
         self.state.history.given_back.extend(given_back);
+        self.state.history.give_back_wall_secs += began.elapsed().as_secs_f64();
         Ok(given_back)
     }
 

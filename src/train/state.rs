@@ -37,6 +37,9 @@ pub struct TrainHistory {
     /// The part of the training time spent on density-control steps.
     #[serde(default)]
     pub density_control_wall_secs: f64,
+    /// The part of that spent on giving back.
+    #[serde(default)]
+    pub give_back_wall_secs: f64,
     /// The part of the training time spent on the analysis of the photos' spectra.
     #[serde(default)]
     pub analysis_wall_secs: f64,

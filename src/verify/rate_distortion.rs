@@ -46,6 +46,22 @@ impl RateGoal {
         Self { max_bytes: None, max_loss_db: None, ..self }
     }
 
+    /// About how many views [`find_rounding`] renders for a scene with so many training views, and views in all.
+    pub fn views_to_render(&self, training: usize, all: usize) -> usize {
+        if self.quality == Quality::Lossless || training == 0 {
+            return 0;
+        }
+        let [confirmed, searched] = [CONFIRMED_VIEWS, EXPORT_VIEWS].map(|most| training.min(most));
+        let confirmations = 2 * all.min(CONFIRMED_VIEWS);
+        let measured = 2 * confirmed + searched;
+        if self.max_bytes.is_some() {
+            return measured + 2 * confirmations;
+        }
+        let closed =
+            if self.passes == 0 { 0 } else { (1 + self.passes as usize) * confirmed + 3 * confirmations };
+        measured + (1 + ROUNDS as usize) * searched + confirmations + closed
+    }
+
     /// The limits that replace those of the quality; `None` if neither bound is given.
     pub fn own_limits(&self) -> Option<QualityLimits> {
         let bounded = |loss| QualityLimits { max_loss_db: Some(loss), ..QualityLimits::NONE };

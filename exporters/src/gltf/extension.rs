@@ -141,16 +141,13 @@ impl TextureExtension {
         }
         let offence = |what: String| Error::invalid(path, format!("{EXTENSION}: {what}"));
         let found = Self::deserialize(value).map_err(|e| offence(e.to_string()))?;
-        let has_arrays =
-            [found.rects, found.pages, found.texel_size, found.shift, found.sh_degree, found.sh0]
-                .iter()
-                .any(Option::is_some)
-                || !found.atlas.is_empty();
-        match (&found.stream, &found.meta) {
-            (None, Some(_)) => Ok(found),
-            (Some(_), None) if !has_arrays => Ok(found),
-            (None, None) => Err(offence("neither \"meta\" nor \"stream\"".to_owned())),
-            (Some(_), _) => Err(offence("\"stream\" beside \"meta\" or arrays".to_owned())),
+        let beside = ["rects", "pages", "texelSize", "shift", "shDegree", "sh0", "atlas", "decode", "meta"]
+            .into_iter()
+            .find(|name| value.get(name).is_some());
+        match (&found.stream, &found.meta, beside) {
+            (None, Some(_), _) | (Some(_), _, None) => Ok(found),
+            (None, None, _) => Err(offence("neither \"meta\" nor \"stream\"".to_owned())),
+            (Some(_), _, Some(name)) => Err(offence(format!("{name:?} beside \"stream\""))),
         }
     }
 

@@ -35,7 +35,7 @@ impl Stream {
     /// Decodes the stream of a file whose attributes are of `num_splats`.
     ///
     /// # Errors
-    /// As [`Self::bytes`] and [`ltgs::decode`]; [`Error::Invalid`] if it has another number of splats or another hash than the
+    /// As [`Self::bytes`] and [`ltgs::decode`]; [`Error::Invalid`] if it has another number of splats, quality or hash than the
     /// extension says.
     pub fn read(
         &self,
@@ -48,6 +48,10 @@ impl Stream {
         let reader = ltgs::Reader::open(bytes, loaded.path, &loaded.limits)?;
         if reader.num_splats() != num_splats {
             return Err(offence(format!("of {} splats, attributes of {num_splats}", reader.num_splats())));
+        }
+        if extension.quality != reader.quality().name() {
+            let (found, stated) = (reader.quality().name(), quoted(&extension.quality));
+            return Err(offence(format!("of quality {found:?}, the extension says quality {stated}")));
         }
         let mut contents = reader.decode()?;
         if contents.hash.is_some_and(|hash| extension.hash() != Some(hash)) {

@@ -136,7 +136,7 @@ impl Bundle {
                 (png_pages(asset, &atlas, &codes)?, Some(decode), hash)
             }
             Quality::Tiny | Quality::Custom => {
-                let what = "USD has the qualities lossless and balanced; .ltgs has the others";
+                let what = "USD has the qualities lossless and balanced; .ltgs and glTF have the others";
                 return Err(Error::unsupported("", what));
             }
         };

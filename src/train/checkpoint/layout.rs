@@ -12,7 +12,7 @@
 //! | `state.counters`, `state.epoch_order` | u32 `[5]`: step, epochs, views used, step of the stage, last step with a revision; u32 `[views]` |
 //! | `state.histories`, `state.pace` | u16 `[n,7]`: map ceiling, prune count, checks, trial, rest, band checks, bands settled; f64 `[2]`: initial splats, momentum |
 //! | `state.errors` | f32 `[n]`: loss that each splat carried at the last check; 0: unknown |
-//! | `state.growth` | f64 `[45]`: splats, their losses before and after, and sums of squares, of those split, refined, given a band, and of those withheld from each; sums of rank correlations by kind; idle checks; dB promised, -1 if not judged; step of the end |
+//! | `state.growth` | f64 `[46]`: splats, their losses before and after, and sums of squares, of those split, refined, given a band, and of those withheld from each; sums of rank correlations by kind; dB promised, and at most, -1 if not judged; idle checks; step of the end |
 //! | `exposure.maps`, `exposure.sums` | f32 `[v,3,4]`, f64 `[v,22]`: the sums of the epoch; v = views, or 0 without correction |
 //! | `window.views`, `window.counts`, `window.sums` | u32 `[views]`, u32 `[n + 1]`: views counted, views that saw each; f32 `[3,n]` |
 
@@ -169,7 +169,8 @@ pub fn tensors(state: &TrainState) -> BTreeMap<String, Tensor<'_>> {
     let outcomes =
         grown.iter().chain(&withheld).flat_map(|o| [[o.splats, o.before, o.after], o.squares]).flatten();
     let mut growth: Vec<f64> = outcomes.chain(ranked.into_iter().flatten()).collect();
-    growth.extend([f64::from(idle_checks), promised_db.unwrap_or(NOT_JUDGED), f64::from(ended_step)]);
+    growth.extend(promised_db.unwrap_or([NOT_JUDGED; 2]));
+    growth.extend([idle_checks, ended_step].map(f64::from));
     put("state.growth", Tensor::new(&[growth.len()], Data::F64(growth)));
     put("state.pace", Tensor::new(&[2], Data::F64(vec![state.pace.initial as f64, state.pace.momentum])));
     let exposures = &state.exposures;
@@ -288,7 +289,7 @@ fn histories(reader: &mut Reader<'_>, n: usize) -> Result<Vec<SplatHistory>> {
 const NOT_JUDGED: f64 = -1.0;
 
 fn growth(reader: &mut Reader<'_>) -> Result<Growth> {
-    let values = f64s(reader.take("state.growth", Dtype::F64, &[45])?);
+    let values = f64s(reader.take("state.growth", Dtype::F64, &[46])?);
     let outcome = |at: usize| Outcome {
         splats: values[at],
         before: values[at + 1],
@@ -299,9 +300,9 @@ fn growth(reader: &mut Reader<'_>) -> Result<Growth> {
         grown: [0, 6, 12].map(outcome),
         withheld: [18, 24, 30].map(outcome),
         ranked: [36, 38, 40].map(|at| [values[at], values[at + 1]]),
-        idle_checks: values[42] as u32,
-        promised_db: Some(values[43]).filter(|&db| db != NOT_JUDGED),
-        ended_step: values[44] as u32,
+        promised_db: Some([values[42], values[43]]).filter(|&[db, _]| db != NOT_JUDGED),
+        idle_checks: values[44] as u32,
+        ended_step: values[45] as u32,
     })
 }
 

@@ -97,7 +97,7 @@ fn sample(n: usize, sh_degree: u32) -> TrainState {
             }),
             ranked: [[40.0, 12.0], [0.5, -0.25], [3.0, 1.5]],
             idle_checks: 1,
-            promised_db: Some(0.08),
+            promised_db: Some([0.08, 0.25]),
             ended_step: 6,
         },
         history: history(n),
@@ -115,6 +115,7 @@ fn history(n: usize) -> TrainHistory {
     TrainHistory {
         train_wall_secs: 0.25,
         density_control_wall_secs: 0.125,
+        give_back_wall_secs: 0.03125,
         analysis_wall_secs: 0.0625,
         train_cpu_secs: 0.5,
         total_wall_secs: 0.75,
@@ -256,7 +257,7 @@ fn errors_name_the_tensor_what_was_found_and_what_was_expected() {
     );
     assert_eq!(
         message(edited(&bytes, "extra", Some((Dtype::U8, vec![1], vec![0])))),
-        "x.safetensors: tensor \"extra\" is not part of \"litetex-checkpoint/11\""
+        "x.safetensors: tensor \"extra\" is not part of \"litetex-checkpoint/12\""
     );
     let same_shape = Some((Dtype::F32, vec![4, 3], vec![0; 48]));
     assert!(message(edited(&bytes, "splats.positions", same_shape)).contains("checksum"));
@@ -299,6 +300,6 @@ fn other_layouts_are_unsupported_not_invalid() {
     assert_eq!(
         error.to_string(),
         "x.safetensors: layout \"litetex-checkpoint/1\" (written by litetex 9.0.0), this program reads \
-         \"litetex-checkpoint/11\""
+         \"litetex-checkpoint/12\""
     );
 }

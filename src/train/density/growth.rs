@@ -51,8 +51,9 @@ pub struct Growth {
     pub ranked: [[f64; 2]; KINDS],
     /// Checks in a row that found that growth is not worth its parameters.
     pub idle_checks: u32,
-    /// What the next 10 % of the parameters promised at the last check, dB of the training views; `None` before the first.
-    pub promised_db: Option<f64>,
+    /// What the next 10 % of the parameters promised at the last check, and with shares two standard errors higher, dB of the
+    /// training views; `None` before the first.
+    pub promised_db: Option<[f64; 2]>,
     /// Step after which growth ended; 0: it has not.
     pub ended_step: u32,
 }
@@ -156,9 +157,9 @@ impl Growth {
             return;
         }
         let shares = shares.map(|share| share.unwrap_or(0.0));
-        self.promised_db = Some(promised_db(shares, candidates, scores, params));
-        let is_idle = promised_db(at_most, candidates, scores, params) < need_db;
-        self.idle_checks = if is_idle { self.idle_checks + 1 } else { 0 };
+        let promised_db = [shares, at_most].map(|shares| promised_db(shares, candidates, scores, params));
+        self.promised_db = Some(promised_db);
+        self.idle_checks = if promised_db[1] < need_db { self.idle_checks + 1 } else { 0 };
         if self.idle_checks >= IDLE_CHECKS {
             self.ended_step = s.step;
         }

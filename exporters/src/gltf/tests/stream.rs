@@ -69,12 +69,15 @@ fn streamed_files_that_contradict_themselves_are_refused() {
     let meta = exact.pointer(OURS).unwrap()["meta"].clone();
     for (file, expected, code) in [
         (changed(&|ours| ours["meta"] = meta.clone()), "beside", "LT1021"),
-        (changed(&|ours| ours["shDegree"] = json!(0)), "beside", "LT1021"),
+        (changed(&|ours| ours["shDegree"] = json!(0)), "\"shDegree\" beside", "LT1021"),
+        (changed(&|ours| ours["decode"] = json!({"scale": 1.0, "bias": 0.0})), "beside", "LT1021"),
+        (changed(&|ours| ours["atlas"] = json!([])), "beside", "LT1021"),
         (changed(&|ours| drop(ours.as_object_mut().unwrap().remove("stream"))), "neither", "LT1021"),
         (changed(&|ours| ours["stream"]["mimeType"] = json!("image/png")), MIME_LTGS, "LT1021"),
         (changed(&|ours| ours["stream"]["bufferView"] = json!(99)), "bufferView 99", "LT1021"),
         (changed(&|ours| ours["stream"]["bufferView"] = json!(0)), "LTGS", "LT3001"),
         (changed(&|ours| ours["hash"] = json!("0123456789abcdef")), "another hash", "LT1029"),
+        (changed(&|ours| ours["quality"] = json!("lossless")), "quality \"lossless\"", "LT1029"),
     ] {
         assert!(message(&file).contains(expected), "{expected}: {}", message(&file));
         assert!(codes(&file).contains(&code), "{expected}: {:?}", codes(&file));
@@ -94,6 +97,15 @@ fn streamed_files_that_contradict_themselves_are_refused() {
     moved[json["bufferViews"][view]["byteOffset"].as_u64().unwrap_or(0) as usize + 2] ^= 0x40;
     let moved = join(&json, moved);
     assert!(codes(&moved).contains(&"LT1034"), "{:?}", codes(&moved));
+    for name in ["KHR_gaussian_splatting:ROTATION", "KHR_gaussian_splatting:OPACITY"] {
+        let accessor = json.pointer(PRIMITIVE).unwrap()["attributes"][name].as_u64().unwrap() as usize;
+        let view = json["accessors"][accessor]["bufferView"].as_u64().unwrap() as usize;
+        let first = json["bufferViews"][view]["byteOffset"].as_u64().unwrap() as usize;
+        let mut other = bin.clone();
+        (0..4).for_each(|byte| other.swap(first + byte, first + 4 + byte));
+        let other = join(&json, other);
+        assert!(codes(&other).contains(&"LT1034"), "{name}: {:?}", codes(&other));
+    }
 }
 
 #[test]

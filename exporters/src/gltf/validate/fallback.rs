@@ -9,6 +9,9 @@ use crate::gltf::scene::Found;
 use crate::gltf::{KHR, colour, sh_attribute, splats};
 use crate::{SplatAsset, yup};
 
+/// Most that a number of a rotation may be off.
+const ROTATION_STEP: f32 = 1.0 / 32_767.0;
+
 /// Compares the attributes with the scene that a reader of our extension gets.
 pub fn check(loaded: &Loaded<'_>, found: &Found<'_>, asset: &SplatAsset, issues: &mut Issues) {
     let place = |name: &str| format!("{}/attributes/{name}", found.pointer);
@@ -25,6 +28,7 @@ pub fn check(loaded: &Loaded<'_>, found: &Found<'_>, asset: &SplatAsset, issues:
             format!("splat {splat}: at {found:?}, in the stream at {expected:?}")
         };
         issues.many("LT1034", &place("POSITION"), apart.map(text));
+        check_shapes(loaded, found, asset, issues);
     }
     let zeroth = sh_attribute(0, 0);
     if let Some(view) = attribute(&zeroth) {
@@ -40,6 +44,21 @@ pub fn check(loaded: &Loaded<'_>, found: &Found<'_>, asset: &SplatAsset, issues:
     if let Some(view) = colours.filter(|view| view.count == asset.num_splats()) {
         check_colours(&view, asset, &place("COLOR_0"), issues);
     }
+}
+
+/// Scales and opacities are those of the stream, and rotations up to a step of 16 bits.
+fn check_shapes(loaded: &Loaded<'_>, found: &Found<'_>, asset: &SplatAsset, issues: &mut Issues) {
+    let attributes = splats::Attributes::find(loaded, found.primitive);
+    let Ok(shown) = attributes.and_then(|attributes| attributes.surfels(loaded)) else { return };
+    let is_turned = |a: &[f32; 4], b: &[f32; 4]| a.iter().zip(b).any(|(a, b)| (a - b).abs() > ROTATION_STEP);
+    let is_wrong = |&splat: &usize| {
+        shown.scales[splat] != asset.scales[splat]
+            || shown.opacities[splat].to_bits() != asset.opacities[splat].to_bits()
+            || is_turned(&shown.rotations[splat], &asset.rotations[splat])
+    };
+    let wrong = (0..shown.num_splats().min(asset.num_splats())).filter(is_wrong);
+    let text = |splat: usize| format!("splat {splat}: another rotation, scale or opacity than in the stream");
+    issues.many("LT1034", &format!("{}/attributes", found.pointer), wrong.map(text));
 }
 
 /// Vertex colours are those of degree 0, up to the rounding of their type.

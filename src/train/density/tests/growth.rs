@@ -125,7 +125,7 @@ fn growth_ends_when_two_checks_find_that_more_parameters_do_not_pay() {
     // Refining a map hardly removes any error.
     let useless = measured([0.0, 1e-4, 0.0]);
     let first = step(useless, 1.0);
-    assert!(first.growth.promised_db.unwrap() < 0.05 && !first.growth.has_ended());
+    assert!(first.growth.promised_db.unwrap()[0] < 0.05 && !first.growth.has_ended());
     let trials: Vec<Trial> = first.histories.iter().map(|history| history.trial).collect();
     assert!(trials[5] == Trial::Withheld(Kind::Refined) || trials[5].refined_axes().is_some(), "{trials:?}");
     let second = step(first.growth, 1.0);
@@ -146,13 +146,13 @@ fn growth_ends_when_two_checks_find_that_more_parameters_do_not_pay() {
     };
     let unsure = step(vague, 1.0);
     assert!(
-        unsure.growth.promised_db.unwrap() < 0.05
+        unsure.growth.promised_db.unwrap()[0] < 0.05
             && unsure.growth.idle_checks == 0
             && !unsure.growth.has_ended()
     );
     // Negative controls: it removes much; images have not yet full size; nothing was measured.
     let useful = step(Growth { idle_checks: 1, ..measured([0.9; KINDS]) }, 1.0);
-    assert!(useful.growth.promised_db.unwrap() > 0.05 && useful.growth.idle_checks == 0);
+    assert!(useful.growth.promised_db.unwrap()[0] > 0.05 && useful.growth.idle_checks == 0);
     for growth in [step(Growth { idle_checks: 1, ..useless }, 2.0), step(Growth::default(), 1.0)] {
         assert!(!growth.growth.has_ended());
     }
