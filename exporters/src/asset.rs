@@ -90,7 +90,7 @@ impl AssetMap {
 }
 
 /// A camera of the capture. Axes: x right, y down, z forward; pixel centres at integer + 0.5.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub struct AssetCamera {
     /// Name of the photo.

@@ -85,7 +85,7 @@ fn file_meta(asset: &SplatAsset, quality: Quality, hash: u64, quantiser: Option<
         order: if quantiser.is_some() { Order::Morton } else { Order::Given },
         hash: format!("{hash:016x}"),
         quantiser,
-        meta: Meta::of(asset),
+        meta: if quantiser.is_some() { Meta::with_short_cameras(asset) } else { Meta::of(asset) },
     }
 }
 
@@ -112,7 +112,7 @@ fn rounded_valid(asset: &SplatAsset, steps: &Steps, per_splat: PerSplat<'_>) -> 
     let plan = Plan::new(asset, steps, per_splat);
     let chunks = map_chunks(&plan.layers, |chunk| Ok(CodedChunk::new(asset, &plan, chunk)?.decoded))?;
     let mut whole = SplatAsset::default();
-    Meta::of(asset).store(&mut whole);
+    Meta::with_short_cameras(asset).store(&mut whole);
     Ok(Rounded { asset: joined(whole, asset.sh_degree, chunks)?, order: plan.order })
 }
 
