@@ -94,6 +94,7 @@ export_as() { # export_as QUALITY FILE...
     "$binary" -q export "$out/run" --no-verify --quality "$1" -o "${@:2}" >/dev/null
 }
 export_as lossless "$files/lossless.glb" "$files/lossless.gltf" "$files/scene.usda" "$files/scene.usdc" "$files/scene.usdz"
+export_as tiny "$files/tiny.glb"
 export_as balanced "$files/balanced.gltf" "$files/scene.ply" "$files/scene.spz"
 "$binary" -q export "$out/run" --no-verify --mesh -o "$files/balanced.glb" >/dev/null
 cp "$files/lossless.glb" "$files/scene.glb"
@@ -107,8 +108,8 @@ if [ -n "$node_why" ]; then
     skip "gltf-validator; three GLTFLoader; glTF-Transform, gltfpack" "$node_why"
 else
     validate node "$node/validator.mjs" "$files/lossless.glb" "$files/balanced.glb" "$files/lossless.gltf" \
-        "$files/balanced.gltf" "$files/balanced.mesh.glb"
-    validate node "$node/loader.mjs" "$files/lossless.glb" "$files/balanced.glb"
+        "$files/balanced.gltf" "$files/balanced.mesh.glb" "$files/tiny.glb"
+    validate node "$node/loader.mjs" "$files/lossless.glb" "$files/balanced.glb" "$files/tiny.glb"
     validate node "$node/transform.mjs" "$binary" "$files/balanced.glb"
 fi
 if [ -n "$python_why" ]; then

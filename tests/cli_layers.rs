@@ -106,7 +106,7 @@ fn layers_that_are_not_there_are_refused() {
     for (file, layers, what) in [
         (layered.as_path(), "4", "layered.ltgs has 3 layers"),
         (&whole, "2", "whole.ltgs has one layer"),
-        (&glb, "1", "a.glb has no layers, as only .ltgs files do"),
+        (&glb, "1", "a.glb has no layers, as only .ltgs files and glTF files of quality tiny do"),
         (folder.path(), "1", "is no asset"),
     ] {
         let out = folder.path().join("out");

@@ -15,8 +15,9 @@ use litetex_exporters::ltgs::{
 };
 use litetex_exporters::{AssetCamera, Quality, SplatAsset};
 
-/// Views at which steps are confirmed, test views among them; the search itself uses [`EXPORT_VIEWS`].
-const CONFIRMED_VIEWS: usize = 48;
+/// Training views at which sensitivities are measured and the loop is closed; the search itself uses [`EXPORT_VIEWS`]. Steps
+/// are confirmed at all views, test views among them.
+const MEASURED_VIEWS: usize = 48;
 /// Bounds of the factor on all steps, as powers of two.
 const FACTOR_LOG2: [f64; 2] = [-6.0, 6.0];
 /// The factor is found to 3 %: `12 / 2^8` powers of two.
@@ -51,15 +52,14 @@ impl RateGoal {
         if self.quality == Quality::Lossless || training == 0 {
             return 0;
         }
-        let [confirmed, searched] = [CONFIRMED_VIEWS, EXPORT_VIEWS].map(|most| training.min(most));
-        let confirmations = 2 * all.min(CONFIRMED_VIEWS);
-        let measured = 2 * confirmed + searched;
+        let [measured, searched] = [MEASURED_VIEWS, EXPORT_VIEWS].map(|most| training.min(most));
+        let (confirmations, before) = (2 * all, 2 * measured + searched);
         if self.max_bytes.is_some() {
-            return measured + 2 * confirmations;
+            return before + 2 * confirmations;
         }
         let closed =
-            if self.passes == 0 { 0 } else { (1 + self.passes as usize) * confirmed + 3 * confirmations };
-        measured + (1 + ROUNDS as usize) * searched + confirmations + closed
+            if self.passes == 0 { 0 } else { (1 + self.passes as usize) * measured + 3 * confirmations };
+        before + (1 + ROUNDS as usize) * searched + confirmations + closed
     }
 
     /// The limits that replace those of the quality; `None` if neither bound is given.
@@ -144,11 +144,11 @@ pub fn find_rounding(
     if training.is_empty() {
         return unmeasured(scene, goal, report);
     }
-    let confirmed = evenly_spread(&training, CONFIRMED_VIEWS);
+    let measured = evenly_spread(&training, MEASURED_VIEWS);
     let mut backend = (backends.statistics)()?;
-    let found = sensitivities(backend.as_mut(), asset, &confirmed, backends.go_on)?;
+    let found = sensitivities(backend.as_mut(), asset, &measured, backends.go_on)?;
     let (base, exponents) = found.rounding(asset);
-    let contributions = Contribution::measure(backend.as_mut(), asset, &confirmed, backends.go_on)?.weight_px;
+    let contributions = Contribution::measure(backend.as_mut(), asset, &measured, backends.go_on)?.weight_px;
     drop(backend);
     let renderer = SceneRenderer::new((backends.rendering)()?, backends.go_on);
     let per_splat = PerSplat { exponents: &exponents, contributions: &contributions };
@@ -168,7 +168,7 @@ pub fn find_rounding(
     })?;
     let (factor, adapted) = match goal.passes {
         0 => (factor, None),
-        passes => search.close((backends, &found), &confirmed, &limits, (factor, passes))?,
+        passes => search.close((backends, &found), &measured, &limits, (factor, passes))?,
     };
     let steps = scaled.steps(factor);
     let quality = match goal.max_loss_db {
@@ -367,7 +367,7 @@ impl<'a> Search<'a> {
         loss.min(limits.min_psnr.map_or(f64::INFINITY, |psnr| 10.0_f64.powf(-(psnr + PSNR_MARGIN) / 10.0)))
     }
 
-    /// [`Search::keeps`] at the views of confirmation, for the scene with its numbers moved.
+    /// [`Search::keeps`] at all views, for the scene with its numbers moved.
     fn keeps_everywhere(
         &mut self,
         adapted: &SplatAsset,
@@ -377,7 +377,7 @@ impl<'a> Search<'a> {
         let Ok(rounded) = quantised(adapted, steps, self.scaled.per_splat) else { return Ok(false) };
         let mut errors = Vec::new();
         // A few at a time: images are large.
-        for views in evenly_spread(&self.asset.cameras, CONFIRMED_VIEWS).chunks(EXPORT_VIEWS) {
+        for views in self.asset.cameras.chunks(EXPORT_VIEWS) {
             let expected = self.renderer.images(self.asset, views)?;
             let images = self.renderer.images(&rounded, views)?;
             errors.extend(images.iter().zip(&expected).map(|(i, e)| Difference::mse_of(i, e)));

@@ -11,8 +11,9 @@ import { KHR, accessor, copy, edit, primitive, read, write } from './gltf.mjs';
 import { finish } from './report.mjs';
 
 const SH_0 = 0.28209479177387814;
-// Half a step of 16 bits, and the rounding of f32.
+// Half a step of 16 bits, and the rounding of f32. Colours of 8 bits are rounded from those of 16.
 const COLOUR_TOLERANCE = 0.5 / 65535 + 1e-6;
+const U8 = 5121;
 
 function linearFromSrgb(v) {
     return v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4;
@@ -52,7 +53,8 @@ async function validate(path) {
             worst = Math.max(worst, Math.abs(geometry.getAttribute('color').getComponent(i, c) - expected));
         }
     }
-    if (!(worst <= COLOUR_TOLERANCE)) problems.push(`${name}: COLOR_0 is off by up to ${worst}`);
+    const has8Bits = file.json.accessors[attributes.COLOR_0].componentType === U8;
+    if (!(worst <= COLOUR_TOLERANCE + (has8Bits ? 0.5 / 255 : 0))) problems.push(`${name}: COLOR_0 is off by up to ${worst}`);
 
     const node = file.json.nodes[0];
     const world = new Matrix4().compose(...[

@@ -36,8 +36,10 @@ impl Plan {
             reach: 1.0,
             bits: 0,
             cell_bits: 0,
-            log2_scale: middle(asset.scales.iter().flatten().map(|s| f64::from(*s).log2()).collect()),
-            log2_texel_size: middle_texel_size(asset),
+            log2_scale: snapped(middle(
+                asset.scales.iter().flatten().map(|s| f64::from(*s).log2()).collect(),
+            )),
+            log2_texel_size: snapped(middle_texel_size(asset)),
         };
         // Relative to a reach of 1: the exponent of the splat that needs the finest steps becomes 0.
         let finest = (0..asset.num_splats()).map(|splat| shape(splat).log2_position_step()).collect();
@@ -85,6 +87,14 @@ fn gap_bits(keys: &[u64], order: &[u32], shift: u32) -> u64 {
     open + entropy as u64
 }
 
+/// The origin is a multiple of so many finest steps, so that decoded positions, none of which lie before it, have the same.
+const ORIGIN_STEPS: f64 = 4096.0;
+
+/// To the nearest eighth: the median of decoded numbers, which differs by rounding, has the same.
+fn snapped(log2: f64) -> f64 {
+    (8.0 * log2).round() / 8.0
+}
+
 /// Sets origin and bits of the smallest cube of finest steps that holds all positions.
 fn place(grid: &mut Grid, asset: &SplatAsset, position_step: f64) {
     let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
@@ -97,13 +107,18 @@ fn place(grid: &mut Grid, asset: &SplatAsset, position_step: f64) {
     if asset.positions.is_empty() {
         return;
     }
-    grid.origin = low;
-    let edge = (0..3).map(|axis| high[axis] - low[axis]).fold(0.0, f64::max);
-    let needed = |reach: f64| edge / (position_step * reach);
+    let needed = |reach: f64| {
+        let edge = (0..3).map(|axis| high[axis] - low[axis]).fold(0.0, f64::max);
+        edge / (position_step * reach) + ORIGIN_STEPS
+    };
     // Where 31 bits do not suffice, the finest splats get coarser steps.
     while needed(grid.reach) >= 2.0_f64.powi(GRID_BITS_MAX as i32) {
         grid.reach *= 2.0;
     }
+    let unit = ORIGIN_STEPS * position_step * grid.reach;
+    // Within what an f32 can be, as readers demand.
+    let snapped = |low: f64| (low / unit).floor() * unit;
+    grid.origin = low.map(|low| if snapped(low) >= f32::MIN.into() { snapped(low) } else { low });
     grid.bits = ((floor_log2(needed(grid.reach).max(0.5)) + 1).max(0) as u32).min(GRID_BITS_MAX);
 }
 
