@@ -8,31 +8,40 @@ impl SplatAsset {
     /// xxh3-64 of everything that renders depend on, little-endian: number of splats and filter (u32 each; 0: none, 1: ewa),
     /// near plane, positions, rotations, scales, opacities; SH degrees (u8); SH up to the degree of each splat; rows, columns (u16), texel sizes and shift (i16) of each map; texels.
     pub fn hash(&self) -> u64 {
+        Self::hash_of(self, std::slice::from_ref(self))
+    }
+
+    /// The hash of an asset whose splats are those of the `parts`, in order; near plane and filter are those of `whole`.
+    pub(crate) fn hash_of(whole: &Self, parts: &[Self]) -> u64 {
         let mut hasher = XxHash3_64::new();
-        hasher.write(&(self.num_splats() as u32).to_le_bytes());
-        hasher.write(&u32::from(self.filter == Filter::Ewa).to_le_bytes());
-        let floats = |hasher: &mut XxHash3_64, values: &[f32]| {
-            // In pieces, to avoid a copy of the whole array.
-            for piece in values.chunks(4096) {
-                let bytes: Vec<u8> = piece.iter().flat_map(|v| v.to_le_bytes()).collect();
-                hasher.write(&bytes);
-            }
-        };
-        floats(&mut hasher, &[self.near]);
-        floats(&mut hasher, self.positions.as_flattened());
-        floats(&mut hasher, self.rotations.as_flattened());
-        floats(&mut hasher, self.scales.as_flattened());
-        floats(&mut hasher, &self.opacities);
-        hasher.write(&self.sh_degrees);
-        (0..self.num_splats()).for_each(|splat| floats(&mut hasher, self.own_sh_of(splat)));
-        for map in &self.maps {
+        let num_splats: usize = parts.iter().map(Self::num_splats).sum();
+        hasher.write(&(num_splats as u32).to_le_bytes());
+        hasher.write(&u32::from(whole.filter == Filter::Ewa).to_le_bytes());
+        floats(&mut hasher, &[whole.near]);
+        parts.iter().for_each(|part| floats(&mut hasher, part.positions.as_flattened()));
+        parts.iter().for_each(|part| floats(&mut hasher, part.rotations.as_flattened()));
+        parts.iter().for_each(|part| floats(&mut hasher, part.scales.as_flattened()));
+        parts.iter().for_each(|part| floats(&mut hasher, &part.opacities));
+        parts.iter().for_each(|part| hasher.write(&part.sh_degrees));
+        for part in parts {
+            (0..part.num_splats()).for_each(|splat| floats(&mut hasher, part.own_sh_of(splat)));
+        }
+        for map in parts.iter().flat_map(|part| &part.maps) {
             hasher.write(&map.rows.to_le_bytes());
             hasher.write(&map.cols.to_le_bytes());
             map.texel_sizes.iter().for_each(|k| hasher.write(&k.to_le_bytes()));
             map.shift.iter().for_each(|s| hasher.write(&s.to_le_bytes()));
         }
-        floats(&mut hasher, &self.texels);
+        parts.iter().for_each(|part| floats(&mut hasher, &part.texels));
         hasher.finish()
+    }
+}
+
+/// Hashes numbers in pieces, to avoid a copy of the whole array.
+fn floats(hasher: &mut XxHash3_64, values: &[f32]) {
+    for piece in values.chunks(4096) {
+        let bytes: Vec<u8> = piece.iter().flat_map(|v| v.to_le_bytes()).collect();
+        hasher.write(&bytes);
     }
 }
 

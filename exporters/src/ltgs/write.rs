@@ -73,8 +73,8 @@ pub fn encode_planned(asset: &SplatAsset, quality: Quality, plan: &Plan) -> Resu
         Ok((coded.encode(plan, asset.sh_degree)?, coded.decoded))
     })?;
     let (chunks, decoded): (Vec<_>, Vec<_>) = coded.into_iter().unzip();
-    let empty = SplatAsset { near: asset.near, filter: asset.filter, ..SplatAsset::default() };
-    let hash = joined(empty, asset.sh_degree, decoded)?.hash();
+    let hash = SplatAsset::hash_of(asset, &decoded);
+    drop(decoded);
     let meta = file_meta(asset, quality, hash, Some(plan.quantiser));
     assemble(asset, quality, &meta, &chunks)
 }
