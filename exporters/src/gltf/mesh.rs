@@ -2,6 +2,7 @@
 //! of 8-bit RGBA. A preview: colours do not depend on the view, viewers blend in linear light, and few sort.
 
 use super::buffer::{Arrays, Use};
+use super::depth_order::far_to_near;
 use super::document::{Buffer, Document, Image, MIME_PNG, Mesh, Primitive, Scene, TARGET_INDICES, Texture};
 use super::{UNLIT, container, write};
 use crate::atlas::PAGE_SIDE;
@@ -61,8 +62,8 @@ pub fn encode_mesh(asset: &SplatAsset, options: &MeshOptions) -> Result<(Vec<u8>
     let mut document = Document::default();
     document.meshes.resize(1, Mesh::default());
     for (index, page) in baked.pages.iter().enumerate() {
-        let on_page = baked.quads.iter().filter(|q| usize::from(q.page) == index);
-        document.meshes[0].primitives.push(push_quads(&mut arrays, on_page, index as u32));
+        let on_page: Vec<&Quad> = baked.quads.iter().filter(|q| usize::from(q.page) == index).collect();
+        document.meshes[0].primitives.push(push_quads(&mut arrays, asset, &on_page, index as u32));
         let png = quads::encode_page(page)?;
         push_material(&mut document, arrays.push_bytes(&png), index as u32);
     }
@@ -73,17 +74,17 @@ pub fn encode_mesh(asset: &SplatAsset, options: &MeshOptions) -> Result<(Vec<u8>
     Ok((bytes, summary))
 }
 
-/// Adds the quads of a page as a primitive.
-fn push_quads<'a>(
-    arrays: &mut Arrays,
-    quads: impl Iterator<Item = &'a Quad> + Clone,
-    material: u32,
-) -> Primitive {
-    let points: Vec<[f32; 3]> = quads.clone().flat_map(|quad| quad.corners).collect();
-    let indices = (0..quads.clone().count() as u32).flat_map(|i| [0, 1, 2, 0, 2, 3].map(|k| [4 * i + k]));
+/// Adds the quads of a page as a primitive. Viewers draw triangles in the order of the indices.
+fn push_quads(arrays: &mut Arrays, asset: &SplatAsset, quads: &[&Quad], material: u32) -> Primitive {
+    let points: Vec<[f32; 3]> = quads.iter().flat_map(|quad| quad.corners).collect();
+    // Quads are in the order of their splats.
+    let mut order: Vec<usize> = quads.iter().map(|quad| quad.splat as usize).collect();
+    far_to_near(asset, &mut order);
+    let place = |splat: usize| quads.partition_point(|quad| (quad.splat as usize) < splat) as u32;
+    let indices = order.into_iter().flat_map(|splat| [0, 1, 2, 0, 2, 3].map(|k| [4 * place(splat) + k]));
     let mut attributes = BTreeMap::new();
     attributes.insert("POSITION".to_owned(), arrays.push_positions(points.iter().copied()));
-    let coordinates = quads.flat_map(|quad| quad.uvs);
+    let coordinates = quads.iter().flat_map(|quad| quad.uvs);
     attributes.insert("TEXCOORD_0".to_owned(), arrays.push(coordinates, Use::Attribute));
     let indices = arrays.push(indices, Use::Other(Some(TARGET_INDICES)));
     let extras = Some(serde_json::json!({ "litetex": { "kind": QUADS } }));
@@ -115,7 +116,9 @@ fn finish(document: &mut Document, asset: &SplatAsset, arrays: &Arrays) {
     document.asset = write::asset_info(asset);
     document.extensions_used = vec![UNLIT.to_owned()];
     document.scene = Some(0);
-    document.scenes = vec![Scene { name: None, nodes: vec![0] }];
+    let title = Some(asset.provenance.title.clone()).filter(|title| !title.is_empty());
+    document.meshes[0].name.clone_from(&title);
+    document.scenes = vec![Scene { name: title, nodes: vec![0] }];
     document.nodes = vec![write::node(asset)];
     // Bilinear, without mipmaps, which would mix neighbours.
     document.samplers = vec![serde_json::json!({

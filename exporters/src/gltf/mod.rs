@@ -9,6 +9,7 @@ mod attributes;
 mod buffer;
 mod colour;
 mod container;
+mod depth_order;
 mod document;
 mod extension;
 mod files;

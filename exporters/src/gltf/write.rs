@@ -308,6 +308,7 @@ pub fn node(asset: &SplatAsset) -> Node {
     let world_from_node = yup::node(&asset.world_from_local());
     let [w, x, y, z] = world_from_node.rotation;
     Node {
+        name: Some(asset.provenance.title.clone()).filter(|title| !title.is_empty()),
         mesh: Some(0),
         translation: Some(world_from_node.translation),
         rotation: Some([x, y, z, w]),

@@ -1,0 +1,78 @@
+//! An order of splats for viewers that do not sort: far to near, as the cameras of the capture see them on average.
+
+use crate::{AssetCamera, SplatAsset};
+
+/// Sorts splats (indices) by their mean depth over the training cameras, the farthest first. Cameras that have a splat in
+/// their image count, all of them for a splat that none has. Without cameras, the order stays.
+pub fn far_to_near(asset: &SplatAsset, splats: &mut [usize]) {
+    let cameras: Vec<&AssetCamera> = asset.cameras.iter().filter(|camera| !camera.held_out).collect();
+    let mean_depth = |&splat: &usize| {
+        let points = cameras.iter().map(|camera| seen(camera, asset.positions[splat]));
+        let (mut visible, mut all) = ((0.0, 0.0), (0.0, 0.0));
+        for (depth, is_visible) in points {
+            all = (all.0 + depth, all.1 + 1.0);
+            if is_visible {
+                visible = (visible.0 + depth, visible.1 + 1.0);
+            }
+        }
+        let (sum, count) = if visible.1 > 0.0 { visible } else { all };
+        sum / f64::max(count, 1.0)
+    };
+    let mut by_depth: Vec<(f64, usize)> = splats.iter().map(|splat| (mean_depth(splat), *splat)).collect();
+    by_depth.sort_by(|a, b| b.0.total_cmp(&a.0));
+    splats.iter_mut().zip(by_depth).for_each(|(splat, (_, sorted))| *splat = sorted);
+}
+
+/// Depth of a point, and whether it is in the camera's image.
+fn seen(camera: &AssetCamera, point: [f32; 3]) -> (f64, bool) {
+    let along = |axis: usize| {
+        let row = camera.rotation_rows[axis];
+        (0..3).map(|c| row[c] * f64::from(point[c])).sum::<f64>() + camera.translation[axis]
+    };
+    let [x, y, depth] = [0, 1, 2].map(along);
+    let is_within = |offset: f64, axis: usize, size_px: u32| {
+        let place_px = camera.focal_px[axis] * offset / depth + camera.principal_px[axis];
+        (0.0..f64::from(size_px)).contains(&place_px)
+    };
+    (depth, depth > 0.0 && is_within(x, 0, camera.width_px) && is_within(y, 1, camera.height_px))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::asset::tests::fixture;
+
+    #[test]
+    fn splats_are_sorted_by_the_cameras_that_see_them() {
+        let mut asset = fixture(4, 0);
+        asset.positions = vec![[0.0, 0.0, 2.0], [0.0, 0.0, 5.0], [9.0, 0.0, 3.0], [0.0, 0.0, -1.0]];
+        let mut order = [0, 1, 2, 3];
+        far_to_near(&asset, &mut order);
+        assert_eq!(order, [0, 1, 2, 3], "no cameras");
+        let identity = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        let front = AssetCamera {
+            width_px: 100,
+            height_px: 100,
+            focal_px: [50.0; 2],
+            principal_px: [50.0; 2],
+            rotation_rows: identity,
+            ..AssetCamera::default()
+        };
+        asset.cameras = vec![front.clone()];
+        far_to_near(&asset, &mut order);
+        assert_eq!(order, [1, 2, 0, 3], "5, 3 and 2 in front, 1 behind");
+        // From behind, at z = 10 and looking back, only that the first camera sees nothing of counts alone.
+        let back = AssetCamera {
+            rotation_rows: [[-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]],
+            translation: [0.0, 0.0, 10.0],
+            ..front
+        };
+        asset.cameras.push(back);
+        far_to_near(&asset, &mut order);
+        // Mean depths 5 of the first two; 5 too of the third, which neither sees; 11 of the fourth.
+        assert_eq!(order[0], 3);
+        asset.cameras[1].held_out = true;
+        far_to_near(&asset, &mut order);
+        assert_eq!(order, [1, 2, 0, 3], "test views do not count");
+    }
+}
