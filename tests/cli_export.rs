@@ -127,6 +127,27 @@ fn lossy_files_meet_their_limits_and_plain_formats_keep_colours() {
         "cpu",
     ]);
     assert!(size("small.ltgs") <= size("d.ltgs") * 9 / 10 && size("small.ltgs") > size("d.ltgs") * 7 / 10);
+    // Bounds one byte below what another bound led to, in whatever quality the files turn out to be.
+    let tight = at("tight.ltgs");
+    let mut bound = size("small.ltgs");
+    for _ in 0..4 {
+        bound -= 1;
+        let (file, bytes) = (text(&tight), format!("{bound}B"));
+        good(&[
+            "export",
+            text(run),
+            "-o",
+            file,
+            "--max-size",
+            &bytes,
+            "--device",
+            "cpu",
+            "--no-verify",
+            "--force",
+        ]);
+        assert!(size("tight.ltgs") <= bound, "{} for {bound}", size("tight.ltgs"));
+        bound = size("tight.ltgs");
+    }
     // The closed loop's file keeps the same promise, which writing verifies, and is never the larger one.
     let closed = at("closed.ltgs");
     good(&[
@@ -298,6 +319,7 @@ fn progress_knows_about_how_many_views_are_rendered() {
         ("a.ltgs", &["--quality", "tiny"][..]),
         ("b.ltgs", &["--quality", "tiny", "--effort", "2"]),
         ("c.ltgs", &["--max-size", "30kB", "--no-verify"]),
+        ("f.ltgs", &["--max-loss", "0.3dB"]),
         ("d.glb", &["--quality", "tiny"]),
         ("e.usdz", &[]),
     ] {

@@ -11,8 +11,8 @@ use super::table::Columns;
 use super::values::{format_bytes, format_count};
 use super::views_progress::{ViewsProgress, views_to_render};
 use litetex_exporters::{
-    AssetCamera, Format, SplatAsset, WriteOptions, Written, num_sh_coefficients, read_asset, read_fallback,
-    stage_asset,
+    AssetCamera, Format, Quality, SplatAsset, WriteOptions, Written, num_sh_coefficients, read_asset,
+    read_fallback, stage_asset,
 };
 use litetex_gs::verify::{
     Backends, BakedScene, Contribution, EXPORT_VIEWS, ExpectedImages, GoOn, PhotoPsnr, QualityLimits,
@@ -247,9 +247,22 @@ fn rounding(
     go_on: GoOn<'_>,
     log: &Log,
 ) -> Result<Rounding> {
-    let Some(goal) = args.goal_of(Format::of(path)?) else {
+    let goal = args
+        .goal_of(Format::of(path)?)
+        .filter(|goal| goal.quality != Quality::Lossless || goal.own_limits().is_some());
+    let Some(goal) = goal else {
+        if args.effort.is_some() {
+            let what = "--effort applies only to lossy .ltgs files and to glTF files of quality tiny";
+            log.warn("effort-not-applied", &format!("{}: {what}", path.display()), 1);
+        }
         return Ok(Rounding::plain(args.quality()));
     };
+    let of_source = scene.contents.as_ref().and_then(|contents| contents.quality);
+    if let Some(lossy) = of_source.filter(|&quality| quality != Quality::Lossless) {
+        let (source, lossy) = (scene.path.display(), lossy.name());
+        let what = format!("made of {source}, which is of quality {lossy}: the losses of both add up");
+        log.warn("lossy-source", &format!("{}: {what}", path.display()), 1);
+    }
     if goal != args.rate_goal() {
         let what =
             "--max-size and --max-loss bound only .ltgs files; the file keeps what its quality promises";

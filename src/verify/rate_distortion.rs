@@ -57,9 +57,11 @@ impl RateGoal {
         if self.max_bytes.is_some() {
             return before + 2 * confirmations;
         }
+        // What the file promises, where a bound replaces the promise of its quality.
+        let found = if self.max_loss_db.is_some() { 2 * confirmations } else { 0 };
         let closed =
             if self.passes == 0 { 0 } else { (1 + self.passes as usize) * measured + 3 * confirmations };
-        before + (1 + ROUNDS as usize) * searched + confirmations + closed
+        before + (1 + ROUNDS as usize) * searched + confirmations + closed + found
     }
 
     /// The limits that replace those of the quality; `None` if neither bound is given.
@@ -155,9 +157,15 @@ pub fn find_rounding(
     let scaled = Scaled { base, per_splat };
     let mut search = Search::new(asset, scaled, evenly_spread(&training, EXPORT_VIEWS), renderer)?;
     if let Some(most) = goal.max_bytes {
-        let steps = steps_of_size(asset, goal.quality, scaled, most)?;
-        let quality = search.quality_of(asset, &steps)?;
-        return Ok(Rounding { quality, steps: Some(steps), exponents, contributions, adapted: None });
+        let mut factor = factor_of_size(asset, goal.quality, scaled, most)?;
+        let mut quality = search.quality_of(asset, &scaled.steps(factor))?;
+        // The file states the quality that it turns out to have, in as many bytes as its name takes.
+        while size_of(asset, quality, scaled, factor)? > most {
+            factor = factor_of_size(asset, quality, scaled, most)?.max(factor + resolution());
+            quality = search.quality_of(asset, &scaled.steps(factor))?;
+        }
+        let steps = Some(scaled.steps(factor));
+        return Ok(Rounding { quality, steps, exponents, contributions, adapted: None });
     }
     let limits = goal.own_limits().unwrap_or(QualityLimits::of(goal.quality));
     let factor = search.coarsest_within(&limits)?.ok_or_else(|| {
@@ -194,7 +202,8 @@ fn unmeasured(scene: &BakedScene, goal: &RateGoal, report: &mut Report) -> Resul
     let base = if goal.quality == Quality::Tiny { Steps::tiny() } else { Steps::balanced() };
     let steps = match (goal.max_bytes, goal.max_loss_db) {
         (Some(most), _) => {
-            steps_of_size(asset, goal.quality, Scaled { base, per_splat: PerSplat::default() }, most)?
+            let scaled = Scaled { base, per_splat: PerSplat::default() };
+            scaled.steps(factor_of_size(asset, Quality::Custom, scaled, most)?)
         }
         (None, Some(_)) => {
             return Err(Error::Usage(format!(
@@ -203,7 +212,7 @@ fn unmeasured(scene: &BakedScene, goal: &RateGoal, report: &mut Report) -> Resul
             )));
         }
         (None, None) => {
-            let what = "the scene has no cameras, so no loss was measured; the file is of quality \"custom\"";
+            let what = "the scene has no training cameras, so no loss was measured; the file is of quality \"custom\"";
             report.warn("not-measured", 1, what);
             base
         }
@@ -211,10 +220,14 @@ fn unmeasured(scene: &BakedScene, goal: &RateGoal, report: &mut Report) -> Resul
     Ok(Rounding { steps: Some(steps), ..Rounding::plain(Quality::Custom) })
 }
 
-/// The finest steps that make a file of at most `most` bytes.
-fn steps_of_size(asset: &SplatAsset, asked: Quality, scaled: Scaled<'_>, most: u64) -> Result<Steps> {
-    let size =
-        |factor: f64| -> Result<u64> { Ok(encode(asset, &scaled.options(asked, factor))?.len() as u64) };
+/// Bytes of a file with steps for a factor.
+fn size_of(asset: &SplatAsset, quality: Quality, scaled: Scaled<'_>, factor: f64) -> Result<u64> {
+    Ok(encode(asset, &scaled.options(quality, factor))?.len() as u64)
+}
+
+/// The factor of the finest steps that make a file of this quality of at most `most` bytes.
+fn factor_of_size(asset: &SplatAsset, quality: Quality, scaled: Scaled<'_>, most: u64) -> Result<f64> {
+    let size = |factor: f64| size_of(asset, quality, scaled, factor);
     let factor = coarsest(|factor| Ok(size(factor)? > most))?;
     // One notch coarser than the last that is too large.
     let factor = factor.map_or(FACTOR_LOG2[0], |f| f + resolution());
@@ -227,7 +240,7 @@ fn steps_of_size(asset: &SplatAsset, asked: Quality, scaled: Scaled<'_>, most: u
             format_bytes(bytes)
         )));
     }
-    Ok(scaled.steps(factor))
+    Ok(factor)
 }
 
 fn resolution() -> f64 {

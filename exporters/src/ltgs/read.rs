@@ -223,7 +223,10 @@ impl<'a> Reader<'a> {
     fn block(&self, block: &Block) -> Result<&'a [u8]> {
         let range = usize::try_from(block.offset).ok().zip(usize::try_from(block.bytes).ok());
         let bytes = range.and_then(|(first, length)| self.bytes.get(first..first.checked_add(length)?));
-        let bytes = bytes.ok_or_else(|| Error::invalid("", format!("{block:?}: truncated")))?;
+        let bytes = bytes.ok_or_else(|| {
+            let (end, found) = (block.offset.saturating_add(block.bytes), self.bytes.len());
+            Error::invalid("", format!("a block ends at byte {end}, the file has {found}: truncated"))
+        })?;
         let found = XxHash3_64::oneshot(bytes);
         if found == block.checksum {
             return Ok(bytes);
