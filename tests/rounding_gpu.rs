@@ -1,0 +1,54 @@
+//! Files are rounded alike whichever backend measures their sensitivities and renders them.
+#![cfg(feature = "gpu")]
+#![allow(clippy::unwrap_used, reason = "a failing test may panic")]
+
+mod common;
+
+use common::gpu::{drivers_and_limits, open};
+use litetex_exporters::Quality;
+use litetex_gs::backend::Backend;
+use litetex_gs::bake::{asset_camera, bake};
+use litetex_gs::cpu::CpuBackend;
+use litetex_gs::gpu::GpuOptions;
+use litetex_gs::selftest::{SceneOptions, random_scene};
+use litetex_gs::verify::{Backends, BakedScene, RateGoal, Rounding, find_rounding};
+use litetex_gs::{Report, Result};
+
+#[test]
+fn files_are_rounded_alike_on_every_driver() {
+    let options =
+        SceneOptions { num_splats: 60, sh_degree: 1, width_px: 64, height_px: 48, ..SceneOptions::default() };
+    let scene = random_scene(&options);
+    let camera = asset_camera("0.png", false, &scene.camera);
+    let asset = bake(&scene.model, vec![camera], [0.2, 0.4, 0.1], Default::default(), &mut Report::default());
+    let baked = |seen: usize| {
+        let mut asset = asset.clone();
+        // What only some splats are worth to images: the others are nearly transparent.
+        asset.opacities[seen..].iter_mut().for_each(|opacity| *opacity = 0.01);
+        BakedScene { asset, path: "scene".into(), contents: None }
+    };
+    let rounding = |scene: &BakedScene, backend: &dyn Fn() -> Result<Box<dyn Backend>>| -> Rounding {
+        let goal = RateGoal { quality: Quality::Tiny, max_bytes: None, max_loss_db: None, passes: 2 };
+        let backends = Backends { statistics: backend, rendering: backend, go_on: &|| true };
+        find_rounding(scene, &goal, &backends, &mut Report::default()).unwrap()
+    };
+    let cpu = || Ok(Box::new(CpuBackend::new(Some(1))?) as Box<dyn Backend>);
+    let expected = rounding(&baked(60), &cpu);
+    // Exponents are rounded to integers: splats between two may fall to either side.
+    let others = |found: &Rounding| {
+        let pairs = found.exponents.iter().zip(&expected.exponents);
+        pairs.filter(|(a, b)| a != b).count()
+    };
+    for (choice, limits) in drivers_and_limits() {
+        let gpu = || Ok(Box::new(open(&choice, limits, GpuOptions::default())) as Box<dyn Backend>);
+        let found = rounding(&baked(60), &gpu);
+        let (steps, wanted) = (found.steps.unwrap(), expected.steps.unwrap());
+        let ratios = [steps.position / wanted.position, steps.sh0 / wanted.sh0, steps.texel / wanted.texel];
+        println!("{}: {} exponents differ, steps {ratios:?}", choice.name, others(&found));
+        assert!(others(&found) <= 1, "{}: {} exponents differ", choice.name, others(&found));
+        // The search goes by 3 %.
+        assert!(ratios.iter().all(|ratio| (ratio - 1.0).abs() < 0.05), "{}: {ratios:?}", choice.name);
+    }
+    // Negative control: another scene has other exponents.
+    assert!(others(&rounding(&baked(30), &cpu)) > 10);
+}
