@@ -247,6 +247,7 @@ fn rounding(
     go_on: GoOn<'_>,
     log: &Log,
 ) -> Result<Rounding> {
+    // Lossless files have nothing to look for; bounds contradict them, which the search reports.
     let goal = args
         .goal_of(Format::of(path)?)
         .filter(|goal| goal.quality != Quality::Lossless || goal.own_limits().is_some());

@@ -61,7 +61,7 @@ mod tests {
         asset.cameras = vec![front.clone()];
         far_to_near(&asset, &mut order);
         assert_eq!(order, [1, 2, 0, 3], "5, 3 and 2 in front, 1 behind");
-        // From behind, at z = 10 and looking back, only that the first camera sees nothing of counts alone.
+        // A second camera at z = 10 looks back at them.
         let back = AssetCamera {
             rotation_rows: [[-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]],
             translation: [0.0, 0.0, 10.0],

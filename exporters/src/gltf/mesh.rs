@@ -80,8 +80,10 @@ fn push_quads(arrays: &mut Arrays, asset: &SplatAsset, quads: &[&Quad], material
     // Quads are in the order of their splats.
     let mut order: Vec<usize> = quads.iter().map(|quad| quad.splat as usize).collect();
     far_to_near(asset, &mut order);
-    let place = |splat: usize| quads.partition_point(|quad| (quad.splat as usize) < splat) as u32;
-    let indices = order.into_iter().flat_map(|splat| [0, 1, 2, 0, 2, 3].map(|k| [4 * place(splat) + k]));
+    let indices = order.into_iter().flat_map(|splat| {
+        let first = 4 * quads.partition_point(|quad| (quad.splat as usize) < splat) as u32;
+        [0, 1, 2, 0, 2, 3].map(|k| [first + k])
+    });
     let mut attributes = BTreeMap::new();
     attributes.insert("POSITION".to_owned(), arrays.push_positions(points.iter().copied()));
     let coordinates = quads.iter().flat_map(|quad| quad.uvs);

@@ -87,15 +87,15 @@ fn gap_bits(keys: &[u64], order: &[u32], shift: u32) -> u64 {
     open + entropy as u64
 }
 
-/// The origin is a multiple of so many finest steps, so that decoded positions, none of which lie before it, have the same.
-const ORIGIN_STEPS: f64 = 4096.0;
-
 /// To the nearest eighth: the median of decoded numbers, which differs by rounding, has the same.
 fn snapped(log2: f64) -> f64 {
     (8.0 * log2).round() / 8.0
 }
 
-/// Sets origin and bits of the smallest cube of finest steps that holds all positions.
+/// The origin is a multiple of so many finest steps, so that decoded positions, none of which lie before it, have the same.
+const ORIGIN_STEPS: f64 = 4096.0;
+
+/// Sets origin and bits of a cube of finest steps that holds all positions.
 fn place(grid: &mut Grid, asset: &SplatAsset, position_step: f64) {
     let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
     for position in &asset.positions {
@@ -107,19 +107,17 @@ fn place(grid: &mut Grid, asset: &SplatAsset, position_step: f64) {
     if asset.positions.is_empty() {
         return;
     }
-    let needed = |reach: f64| {
-        let edge = (0..3).map(|axis| high[axis] - low[axis]).fold(0.0, f64::max);
-        edge / (position_step * reach) + ORIGIN_STEPS
-    };
+    let edge = (0..3).map(|axis| high[axis] - low[axis]).fold(0.0, f64::max);
+    let needed = |reach: f64| edge / (position_step * reach) + ORIGIN_STEPS;
     // Where 31 bits do not suffice, the finest splats get coarser steps.
     while needed(grid.reach) >= 2.0_f64.powi(GRID_BITS_MAX as i32) {
         grid.reach *= 2.0;
     }
     let unit = ORIGIN_STEPS * position_step * grid.reach;
     // Within what an f32 can be, as readers demand.
-    let snapped = |low: f64| (low / unit).floor() * unit;
-    grid.origin = low.map(|low| if snapped(low) >= f32::MIN.into() { snapped(low) } else { low });
-    grid.bits = ((floor_log2(needed(grid.reach).max(0.5)) + 1).max(0) as u32).min(GRID_BITS_MAX);
+    let aligned = |low: f64| Some((low / unit).floor() * unit).filter(|&aligned| aligned >= f32::MIN.into());
+    grid.origin = low.map(|low| aligned(low).unwrap_or(low));
+    grid.bits = (floor_log2(needed(grid.reach)) as u32 + 1).min(GRID_BITS_MAX);
 }
 
 /// The median.
