@@ -1,0 +1,69 @@
+/** Draws files in the browser and hands the images to the tests. */
+
+import { readFrom } from '../../src/core/worker/read-from';
+import type { RendererOptions, DrawOptions } from '../../src/core/render/renderer';
+import { SplatRenderer } from '../../src/core/render/renderer';
+import { viewOf } from '../../src/core/render/view';
+import type { SplatUpdate } from '../../src/core/scene';
+
+export interface Job {
+    url: string;
+    view: string;
+    renderer: RendererOptions;
+    draw?: DrawOptions;
+    /** Damages on purpose, for negative controls. */
+    control?: Control;
+}
+
+export type Control = 'order' | 'mirrored' | 'srgb-texels' | 'clamped-edges' | 'half-pixel';
+
+/** The image: 'float' as premultiplied RGBA of the target, else the canvas's 8 bits. */
+export async function draw(job: Job): Promise<{ width: number; height: number; floats: string; bytes: string; figures: object }> {
+    const canvas = document.createElement('canvas');
+    const renderer = new SplatRenderer(canvas, job.renderer);
+    let failure = '';
+    await readFrom({ url: job.url }, Infinity, (message) => {
+        if (message.kind === 'info') renderer.start(message.info);
+        if (message.kind === 'update' && message.update.complete) renderer.apply(damaged(message.update, job.control));
+        if (message.kind === 'failed') failure = message.message;
+    });
+    if (failure) throw new Error(failure);
+    const camera = renderer.info!.cameras.find(({ name }) => name === job.view || name.replace(/\.\w+$/, '') === job.view);
+    if (!camera) throw new Error(`no camera ${job.view}`);
+    let view = viewOf(camera);
+    if (job.control === 'mirrored') view = { ...view, rotation: view.rotation.map((r, i) => (i < 3 ? -r : r)), translation: [-view.translation[0], view.translation[1], view.translation[2]] };
+    if (job.control === 'half-pixel') view = { ...view, principalPx: [view.principalPx[0] + 0.5, view.principalPx[1]] };
+    [canvas.width, canvas.height] = [view.widthPx, view.heightPx];
+    const reverse = job.control === 'order' ? { ...view, rotation: view.rotation.map((r, i) => (i < 6 ? r : -r)) } : view;
+    await renderer.sorted(reverse);
+    if (job.control === 'order') Reflect.set(renderer, 'order', { request() {}, dispose() {} });
+    renderer.draw(view, job.draw);
+    const floats = job.renderer.target === 'canvas' ? new Float32Array(0) : renderer.read();
+    const pixels = new Uint8Array(4 * view.widthPx * view.heightPx);
+    renderer.gl.bindFramebuffer(renderer.gl.FRAMEBUFFER, null);
+    renderer.gl.readPixels(0, 0, view.widthPx, view.heightPx, renderer.gl.RGBA, renderer.gl.UNSIGNED_BYTE, pixels);
+    const error = renderer.gl.getError();
+    if (error) throw new Error(`WebGL error ${error}`);
+    const figures = renderer.figures;
+    renderer.dispose();
+    return { width: view.widthPx, height: view.heightPx, floats: base64(floats), bytes: base64(pixels), figures };
+}
+
+function damaged(update: SplatUpdate, control?: Control): SplatUpdate {
+    const { splats } = update;
+    if (control === 'srgb-texels') {
+        // As a texture declared to hold sRGB would be decoded.
+        const decode = (t: number) => { const c = (t + 1) / 2; return 2 * (c <= 0.04045 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4) - 1; };
+        return { ...update, splats: { ...splats, texels: splats.texels.map(decode) } };
+    }
+    return update;
+}
+
+function base64(array: Float32Array | Uint8Array): string {
+    const bytes = new Uint8Array(array.buffer, array.byteOffset, array.byteLength);
+    let text = '';
+    for (let i = 0; i < bytes.length; i += 0x8000) text += String.fromCharCode(...bytes.subarray(i, i + 0x8000));
+    return btoa(text);
+}
+
+Object.assign(window, { draw, ready: true });
