@@ -1,5 +1,5 @@
 /** Bytes as a text of UTF-8; null if they are not. */
-export function textOf(bytes: Uint8Array): string | null {
+export function utf8Of(bytes: Uint8Array): string | null {
   try {
     return new TextDecoder('utf-8', { fatal: true, ignoreBOM: true }).decode(bytes);
   } catch {

@@ -1,0 +1,119 @@
+/** Mouse, touch and keys that move a pose. */
+
+import type { Pose } from './pose';
+
+export type Mode = 'orbit' | 'fly';
+
+const RADIANS_PER_PX = 0.005;
+const DOLLY_PER_PX = 0.0015;
+/** Part of the distance to the target that keys move per second. */
+const FLY_PER_SEC = 0.6;
+const TURN_PER_SEC = 0.9;
+
+const MOVES: Record<string, readonly [right: number, down: number, forward: number]> = {
+    KeyW: [0, 0, 1], KeyS: [0, 0, -1], KeyA: [-1, 0, 0], KeyD: [1, 0, 0], KeyE: [0, -1, 0], KeyQ: [0, 1, 0],
+};
+const TURNS: Record<string, readonly [yaw: number, pitch: number]> = {
+    ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1],
+};
+
+export class Controls {
+    mode: Mode = 'orbit';
+    enabled = true;
+    zoom = true;
+    private readonly pointers = new Map<number, { x: number; y: number }>();
+    private readonly pressed = new Set<string>();
+    private readonly stop = new AbortController();
+
+    /** `pose` gives the one to move; `moved` is called after every change. */
+    constructor(private readonly surface: HTMLElement, private readonly pose: () => Pose | null, private readonly moved: () => void) {
+        const signal = this.stop.signal;
+        surface.style.touchAction = 'none';
+        surface.addEventListener('pointerdown', (event) => this.down(event), { signal });
+        surface.addEventListener('pointermove', (event) => this.drag(event), { signal });
+        for (const name of ['pointerup', 'pointercancel', 'lostpointercapture'] as const) {
+            surface.addEventListener(name, (event) => this.pointers.delete(event.pointerId), { signal });
+        }
+        surface.addEventListener('wheel', (event) => this.wheel(event), { signal, passive: false });
+        surface.addEventListener('contextmenu', (event) => event.preventDefault(), { signal });
+        surface.addEventListener('keydown', (event) => this.key(event, true), { signal });
+        surface.addEventListener('keyup', (event) => this.key(event, false), { signal });
+        surface.addEventListener('blur', () => this.pressed.clear(), { signal });
+    }
+
+    dispose(): void {
+        this.stop.abort();
+    }
+
+    /** Whether keys or pointers are held. */
+    get active(): boolean {
+        return this.pressed.size > 0 || this.pointers.size > 0;
+    }
+
+    /** Moves by the keys held for so many seconds. Returns whether the pose changed. */
+    advance(secs: number): boolean {
+        const pose = this.pose();
+        if (!pose || !this.enabled || this.pressed.size === 0) return false;
+        const step = FLY_PER_SEC * pose.distance * secs;
+        for (const code of this.pressed) {
+            const move = MOVES[code], turn = TURNS[code];
+            if (move) pose.move(step * move[0], step * move[1], step * move[2]);
+            if (turn) pose.turn(TURN_PER_SEC * secs * turn[0], TURN_PER_SEC * secs * turn[1], this.mode === 'fly');
+        }
+        return true;
+    }
+
+    private down(event: PointerEvent): void {
+        if (!this.enabled) return;
+        this.surface.focus({ preventScroll: true });
+        this.surface.setPointerCapture(event.pointerId);
+        this.pointers.set(event.pointerId, { x: event.clientX, y: event.clientY });
+    }
+
+    private drag(event: PointerEvent): void {
+        const [pose, last] = [this.pose(), this.pointers.get(event.pointerId)];
+        if (!pose || !last || !this.enabled) return;
+        const [dx, dy] = [event.clientX - last.x, event.clientY - last.y];
+        const others = [...this.pointers].filter(([id]) => id !== event.pointerId).map(([, place]) => place);
+        if (others.length > 0) {
+            // Two fingers: what they span scales the distance, their middle shifts the scene.
+            const before = Math.hypot(last.x - others[0].x, last.y - others[0].y);
+            const after = Math.hypot(event.clientX - others[0].x, event.clientY - others[0].y);
+            if (this.zoom && before > 0 && after > 0) pose.dolly(before / after);
+            this.pan(pose, dx / 2, dy / 2);
+        } else if (event.buttons & 6 || event.shiftKey) {
+            this.pan(pose, dx, dy);
+        } else {
+            const sign = this.mode === 'fly' ? -1 : 1;
+            pose.turn(-sign * dx * RADIANS_PER_PX, -sign * dy * RADIANS_PER_PX, this.mode === 'fly');
+        }
+        this.pointers.set(event.pointerId, { x: event.clientX, y: event.clientY });
+        this.moved();
+    }
+
+    /** The point in the middle of the image follows the pointer. */
+    private pan(pose: Pose, dx: number, dy: number): void {
+        const { clientWidth, clientHeight } = this.surface;
+        const view = pose.view(clientWidth, clientHeight);
+        pose.move(-dx * pose.distance / view.focalPx[0], -dy * pose.distance / view.focalPx[1], 0);
+    }
+
+    private wheel(event: WheelEvent): void {
+        const pose = this.pose();
+        if (!pose || !this.enabled || !this.zoom) return;
+        event.preventDefault();
+        const px = event.deltaMode === WheelEvent.DOM_DELTA_PIXEL ? event.deltaY : 33 * event.deltaY;
+        if (this.mode === 'fly') pose.move(0, 0, -px * DOLLY_PER_PX * pose.distance);
+        else pose.dolly(Math.exp(px * DOLLY_PER_PX));
+        this.moved();
+    }
+
+    private key(event: KeyboardEvent, down: boolean): void {
+        if (!(event.code in MOVES || event.code in TURNS) || event.ctrlKey || event.metaKey || event.altKey) return;
+        if (!this.enabled) return;
+        event.preventDefault();
+        if (down) this.pressed.add(event.code);
+        else this.pressed.delete(event.code);
+        this.moved();
+    }
+}

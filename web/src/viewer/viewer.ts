@@ -1,0 +1,234 @@
+/** A scene on a canvas: reads it as it arrives, moves the camera, and draws when something has changed. */
+
+import type { SceneCamera, SceneInfo } from '../core/scene';
+import { SceneError } from '../core/scene';
+import type { Colours } from '../core/render/colours';
+import { type DrawOptions, SplatRenderer } from '../core/render/renderer';
+import type { View } from '../core/render/view';
+import { startWorker } from '../core/worker/start';
+import { readFrom } from '../core/worker/read-from';
+import type { FromWorker, Source } from '../core/worker/messages';
+import { boundsOf } from './bounds';
+import { Controls } from './controls';
+import { homePose, type Pose } from './pose';
+
+export interface ViewerEvents {
+    /** Header and metadata are there. */
+    info?(info: SceneInfo): void;
+    /** More splats are there; `bytes` of the file have been read. */
+    progress?(bytes: number): void;
+    /** The whole file is there. */
+    load?(): void;
+    /** The file cannot be shown. */
+    error?(error: Error): void;
+    /** The camera has moved. */
+    camera?(): void;
+    /** An image has been drawn. */
+    drawn?(frame: FrameFigures): void;
+}
+
+export interface FrameFigures {
+    /** Milliseconds from the call until the GPU was done. */
+    ms: number;
+    widthPx: number;
+    heightPx: number;
+}
+
+/** While the camera moves, images that take longer are drawn smaller. */
+const MOVING_MS = 50;
+const LEAST_RATIO = 0.25;
+/** How long the camera rests before the image is sharp again. */
+const REST_MS = 150;
+
+export class Viewer {
+    readonly renderer: SplatRenderer;
+    readonly controls: Controls;
+    pose: Pose | null = null;
+    colours: Colours = 'trained';
+    background: DrawOptions['background'];
+    /** Radians per second around the target. */
+    autoRotate = 0;
+    info: SceneInfo | null = null;
+    /** Drawn instead of the plain image, if set: for comparisons side by side. */
+    compose: ((view: View, options: DrawOptions) => void) | null = null;
+    private positions: Float32Array = new Float32Array(0);
+    private reading: Worker | null = null;
+    private generation = 0;
+    private dirty = true;
+    private frame = 0;
+    private fence: WebGLSync | null = null;
+    private fenceStart = 0;
+    private lastTick = 0;
+    private lastMove = -Infinity;
+    private ratio = 1;
+    private readonly resize: ResizeObserver;
+
+    constructor(readonly canvas: HTMLCanvasElement, private readonly events: ViewerEvents, maxSplats = Infinity) {
+        this.renderer = new SplatRenderer(canvas, { maxSplats, onOrder: () => this.invalidate() });
+        this.controls = new Controls(canvas, () => this.pose, () => this.moved());
+        this.resize = new ResizeObserver(() => this.invalidate());
+        this.resize.observe(canvas);
+        canvas.addEventListener('webglcontextlost', (event) => {
+            event.preventDefault();
+            this.events.error?.(new Error('the graphics driver has stopped; reload the page'));
+        });
+        this.invalidate();
+    }
+
+    /** Reads and shows a file. `keepPose`: for another version of the same scene. */
+    open(source: Source, keepPose = false): void {
+        this.close();
+        const generation = ++this.generation;
+        const receive = (message: FromWorker) => { if (generation === this.generation) this.receive(message, keepPose); };
+        this.reading = startWorker(receive);
+        const transfer = 'bytes' in source ? [source.bytes] : [];
+        if (this.reading) this.reading.postMessage({ kind: 'read', source, maxSplats: Infinity }, transfer);
+        else void readFrom(source, Infinity, receive);
+    }
+
+    /** Stops reading. */
+    close(): void {
+        this.generation++;
+        this.reading?.terminate();
+        this.reading = null;
+    }
+
+    /** Takes exactly the view of a camera of the capture. */
+    goTo(camera: SceneCamera): void {
+        if (!this.pose) return;
+        const target = this.pose.target;
+        this.pose.goTo(camera);
+        this.pose.distance = Math.max(Math.hypot(...target.map((t, i) => t - this.pose!.centre[i])), 1e-6);
+        this.moved();
+    }
+
+    /** Goes back to where it began. */
+    home(): void {
+        if (!this.info) return;
+        this.pose = homePose(this.info, boundsOf(this.positions));
+        this.moved();
+    }
+
+    /** Draws soon. */
+    invalidate(): void {
+        this.dirty = true;
+        if (!this.frame) this.frame = requestAnimationFrame((time) => this.tick(time));
+    }
+
+    /** What the canvas shows now, as a PNG image of its full size. */
+    async screenshot(): Promise<Blob> {
+        const view = this.sizedView(1);
+        if (view) {
+            await this.renderer.sorted(view);
+            this.paint(view);
+        }
+        return new Promise((resolve, reject) => {
+            this.canvas.toBlob((blob) => (blob ? resolve(blob) : reject(new Error('the browser makes no image'))), 'image/png');
+        });
+    }
+
+    dispose(): void {
+        this.close();
+        cancelAnimationFrame(this.frame);
+        this.resize.disconnect();
+        this.controls.dispose();
+        this.renderer.dispose();
+    }
+
+    private receive(message: FromWorker, keepPose: boolean): void {
+        switch (message.kind) {
+            case 'info':
+                this.info = message.info;
+                this.positions = new Float32Array(0);
+                this.renderer.start(message.info);
+                if (!keepPose) this.pose = message.info.cameras.length ? homePose(message.info, { centre: [0, 0, 0], radius: 1 }) : null;
+                this.events.info?.(message.info);
+                break;
+            case 'update': {
+                const { first, splats } = message.update;
+                this.renderer.apply(message.update);
+                const positions = new Float32Array(3 * first + splats.positions.length);
+                positions.set(this.positions.subarray(0, 3 * first));
+                positions.set(splats.positions, 3 * first);
+                this.positions = positions;
+                this.pose ??= homePose(this.info!, boundsOf(positions));
+                this.events.progress?.(message.update.bytes);
+                break;
+            }
+            case 'done':
+                this.reading?.terminate();
+                this.reading = null;
+                this.events.load?.();
+                break;
+            case 'failed':
+                this.close();
+                this.events.error?.(message.errorKind ? new SceneError(message.errorKind as SceneError['kind'], message.message) : new Error(message.message));
+                return;
+        }
+        this.invalidate();
+    }
+
+    private moved(): void {
+        this.lastMove = performance.now();
+        this.events.camera?.();
+        this.invalidate();
+    }
+
+    private tick(time: number): void {
+        this.frame = 0;
+        const secs = Math.min(0.1, (time - this.lastTick) / 1000);
+        this.lastTick = time;
+        if (this.controls.advance(secs)) this.moved();
+        if (this.autoRotate && this.pose && !this.controls.active) {
+            this.pose.turn(this.autoRotate * secs, 0);
+            this.moved();
+        }
+        const waiting = this.pollFence();
+        const resting = time - this.lastMove > REST_MS;
+        if (!waiting && (this.dirty || (resting && this.ratio < 1))) {
+            if (resting) this.ratio = 1;
+            const view = this.sizedView(this.ratio);
+            if (view) {
+                this.dirty = false;
+                this.fenceStart = performance.now();
+                this.paint(view);
+                this.fence = this.renderer.gl.fenceSync(this.renderer.gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
+            } else {
+                this.dirty = false;
+            }
+        }
+        const again = this.dirty || this.fence || this.ratio < 1 || this.controls.active || this.autoRotate;
+        if (again && !this.frame) this.frame = requestAnimationFrame((next) => this.tick(next));
+    }
+
+    /** Whether the GPU still draws the last image; when it is done, chooses the size of the next while moving. */
+    private pollFence(): boolean {
+        const { gl } = this.renderer;
+        if (!this.fence) return false;
+        gl.flush();
+        const status = gl.getSyncParameter(this.fence, gl.SYNC_STATUS);
+        if (status !== gl.SIGNALED && !gl.isContextLost()) return true;
+        gl.deleteSync(this.fence);
+        this.fence = null;
+        const ms = performance.now() - this.fenceStart;
+        this.events.drawn?.({ ms, widthPx: this.canvas.width, heightPx: this.canvas.height });
+        const wanted = this.ratio * Math.sqrt(MOVING_MS / Math.max(ms, 1));
+        // The ratio is for the next image, if the camera moves then; a resting camera gets the full size.
+        this.ratio = Math.max(LEAST_RATIO, Math.min(1, wanted > 0.9 ? 1 : wanted));
+        return false;
+    }
+
+    private sizedView(ratio: number): View | null {
+        const scale = devicePixelRatio * ratio;
+        const [width, height] = [this.canvas.clientWidth, this.canvas.clientHeight].map((px) => Math.max(1, Math.round(px * scale)));
+        if (!this.pose || !this.canvas.clientWidth) return null;
+        if (this.canvas.width !== width || this.canvas.height !== height) [this.canvas.width, this.canvas.height] = [width, height];
+        return this.pose.view(width, height);
+    }
+
+    private paint(view: View): void {
+        const options: DrawOptions = { colours: this.colours, ...(this.background === undefined ? {} : { background: this.background }) };
+        if (this.compose) this.compose(view, options);
+        else this.renderer.draw(view, options);
+    }
+}
