@@ -1,5 +1,5 @@
 import { readFileSync } from 'node:fs';
-import { describe, expect, test } from 'vitest';
+import { expect, test } from 'vitest';
 import { D, Numbers, S } from '../../src/core/read/ltgs/numbers';
 import { xxh3 } from '../../src/core/read/xxh3';
 
@@ -14,7 +14,6 @@ interface Stream {
 }
 
 const pack = JSON.parse(readFileSync(new URL('../../../samples/conformance/coder.json', import.meta.url), 'utf8'));
-console.log(Object.keys(pack), pack.streams.filter((s: Stream) => s.name === 'generated').map((s: Stream) => ({ ...s, bytes: s.bytes?.length })), pack.tables);
 test('x', () => {
   for (const s of pack.streams as Stream[]) {
     if (s.name === 'generated') continue;

@@ -51,7 +51,7 @@ export class Numbers {
   /** L of the number read last: the length of u + 1 in bits, less one. */
   length = 0;
   private lengthBefore = 0;
-  private data = new Uint8Array(0);
+  private data: Uint8Array = new Uint8Array(0);
   private taken = 0;
   private contexts = 1;
   /** range and code. */
