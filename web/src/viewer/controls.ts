@@ -84,8 +84,9 @@ export class Controls {
         } else if (event.buttons & 6 || event.shiftKey) {
             this.pan(pose, dx, dy);
         } else {
+            // In orbit the scene follows the pointer; in flight the view is dragged along.
             const sign = this.mode === 'fly' ? -1 : 1;
-            pose.turn(-sign * dx * RADIANS_PER_PX, -sign * dy * RADIANS_PER_PX, this.mode === 'fly');
+            pose.turn(sign * dx * RADIANS_PER_PX, sign * dy * RADIANS_PER_PX, this.mode === 'fly');
         }
         this.pointers.set(event.pointerId, { x: event.clientX, y: event.clientY });
         this.moved();

@@ -4,7 +4,7 @@ import { readFrom } from '../../src/core/worker/read-from';
 import type { RendererOptions, DrawOptions } from '../../src/core/render/renderer';
 import { SplatRenderer } from '../../src/core/render/renderer';
 import { viewOf } from '../../src/core/render/view';
-import type { SplatUpdate } from '../../src/core/scene';
+import type { Splats, SplatUpdate } from '../../src/core/scene';
 
 export interface Job {
     url: string;
@@ -15,15 +15,26 @@ export interface Job {
     control?: Control;
 }
 
+export interface Drawn {
+    width: number;
+    height: number;
+    /** Premultiplied RGBA of the target, f32, rows from the top. */
+    floats: string;
+    /** RGBA of the canvas, 8 bits, rows from the bottom. */
+    bytes: string;
+    linear: boolean;
+    figures: SplatRenderer['figures'];
+}
+
 export type Control = 'order' | 'mirrored' | 'srgb-texels' | 'clamped-edges' | 'half-pixel';
 
-/** The image: 'float' as premultiplied RGBA of the target, else the canvas's 8 bits. */
-export async function draw(job: Job): Promise<{ width: number; height: number; floats: string; bytes: string; figures: object }> {
+/** Reads the file, and draws the view once all splats are there and sorted. */
+export async function draw(job: Job): Promise<Drawn> {
     const canvas = document.createElement('canvas');
     const renderer = new SplatRenderer(canvas, job.renderer);
     let failure = '';
     await readFrom({ url: job.url }, Infinity, (message) => {
-        if (message.kind === 'info') renderer.start(message.info);
+        if (message.kind === 'info') renderer.start({ ...message.info, texels: 2 * message.info.texels + 64 * message.info.splats });
         if (message.kind === 'update' && message.update.complete) renderer.apply(damaged(message.update, job.control));
         if (message.kind === 'failed') failure = message.message;
     });
@@ -44,9 +55,9 @@ export async function draw(job: Job): Promise<{ width: number; height: number; f
     renderer.gl.readPixels(0, 0, view.widthPx, view.heightPx, renderer.gl.RGBA, renderer.gl.UNSIGNED_BYTE, pixels);
     const error = renderer.gl.getError();
     if (error) throw new Error(`WebGL error ${error}`);
-    const figures = renderer.figures;
+    const figures = renderer.figures, linear = renderer.info!.colourSpace === 'lin_rec709_display';
     renderer.dispose();
-    return { width: view.widthPx, height: view.heightPx, floats: base64(floats), bytes: base64(pixels), figures };
+    return { width: view.widthPx, height: view.heightPx, floats: base64(floats), bytes: base64(pixels), linear, figures };
 }
 
 function damaged(update: SplatUpdate, control?: Control): SplatUpdate {
@@ -56,7 +67,27 @@ function damaged(update: SplatUpdate, control?: Control): SplatUpdate {
         const decode = (t: number) => { const c = (t + 1) / 2; return 2 * (c <= 0.04045 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4) - 1; };
         return { ...update, splats: { ...splats, texels: splats.texels.map(decode) } };
     }
+    if (control === 'clamped-edges') return { ...update, splats: padded(splats) };
     return update;
+}
+
+/** Maps with a border that repeats their outermost texels, as clamped texture coordinates would show. */
+function padded(splats: Splats): Splats {
+    const texels: number[] = [];
+    let first = 0;
+    for (let i = 0; i < splats.count; i++) {
+        const [rows, cols] = [splats.rows[i], splats.cols[i]];
+        for (let row = 0; rows > 0 && row < rows + 2; row++) {
+            for (let col = 0; col < cols + 2; col++) {
+                const inside = (k: number, side: number) => Math.min(side - 1, Math.max(0, k - 1));
+                const at = first + inside(row, rows) * cols + inside(col, cols);
+                texels.push(...splats.texels.subarray(3 * at, 3 * at + 3));
+            }
+        }
+        first += rows * cols;
+    }
+    const wider = (side: number) => (side > 0 ? side + 2 : 0);
+    return { ...splats, rows: splats.rows.map(wider), cols: splats.cols.map(wider), texels: new Float32Array(texels) };
 }
 
 function base64(array: Float32Array | Uint8Array): string {

@@ -4,6 +4,7 @@ import { execFileSync } from 'node:child_process';
 import { mkdtempSync, readdirSync, readFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
+import type { Drawn } from './harness';
 import { FloatType } from 'three';
 import { EXRLoader } from 'three/addons/loaders/EXRLoader.js';
 
@@ -47,4 +48,24 @@ export function compare(a: Float32Array, b: Float32Array): { psnr: number; large
         largest = Math.max(largest, difference);
     }
     return { psnr: -10 * Math.log10(sum / a.length), largest };
+}
+
+/** RGB in display space of an image over an opaque background. */
+export function rgbOf({ floats, linear }: Drawn): Float32Array {
+    const bytes = Buffer.from(floats, 'base64');
+    const rgba = new Float32Array(bytes.buffer.slice(bytes.byteOffset, bytes.byteOffset + bytes.length));
+    return Float32Array.from({ length: rgba.length / 4 * 3 }, (_, i) => {
+        const value = rgba[4 * Math.floor(i / 3) + i % 3];
+        return linear ? encoded(value) : value;
+    });
+}
+
+/** RGB of the canvas. */
+export function rgbOfBytes({ bytes, width, height }: Drawn): Float32Array {
+    const rgba = Buffer.from(bytes, 'base64');
+    return Float32Array.from({ length: 3 * width * height }, (_, i) => {
+        const [pixel, channel] = [Math.floor(i / 3), i % 3];
+        const [x, y] = [pixel % width, Math.floor(pixel / width)];
+        return rgba[4 * ((height - 1 - y) * width + x) + channel] / 255;
+    });
 }

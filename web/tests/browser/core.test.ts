@@ -1,0 +1,66 @@
+/** Images of the renderer against `litetex render` of the same file. */
+
+import { execFileSync } from 'node:child_process';
+import { mkdtempSync, readdirSync } from 'node:fs';
+import { tmpdir } from 'node:os';
+import { join } from 'node:path';
+import { afterAll, beforeAll, describe, expect, test } from 'vitest';
+import { BrowserTest, browserPath } from './browser';
+import type { Control, Drawn, Job } from './harness';
+import { compare, reference, rgbOf, rgbOfBytes } from './reference';
+
+const REPOSITORY = join(import.meta.dirname, '../../..');
+const LITETEX = process.env.LITETEX ?? join(REPOSITORY, 'target/debug/litetex');
+/** Files of the scene in which every rule decides pixels: `cargo run --example conformance -p litetex-exporters -- FOLDER`. */
+const ASSETS = process.env.LITETEX_ASSETS ?? join(REPOSITORY, 'target/web-assets');
+
+describe.skipIf(!browserPath())('images', () => {
+    const pack = join(REPOSITORY, 'samples/conformance');
+    const sample = mkdtempSync(join(tmpdir(), 'litetex-web-'));
+    let browser: BrowserTest;
+
+    beforeAll(async () => {
+        execFileSync(LITETEX, ['-q', 'sample', join(sample, 'capture'), '--views', '12', '--size', '200x150', '--points', '1500', '--no-truth']);
+        execFileSync(LITETEX, ['-q', 'train', join(sample, 'capture'), '-o', join(sample, 'run'), '--device', 'cpu', '--steps', '120', '--eval-every', '0',
+            '--set', 'density.start=20', '--set', 'density.interval=20', '--set', 'density.texture-start=40']);
+        const out = ['tiny.ltgs', 'balanced.glb', 'tiny.glb'].map((name) => [name.split('.')[0], join(sample, name)]);
+        for (const [quality, path] of out) execFileSync(LITETEX, ['-q', 'export', join(sample, 'run'), '--no-verify', '--quality', quality, '-o', path]);
+        browser = await BrowserTest.open('tests/browser/harness.html', [REPOSITORY, ASSETS, sample]);
+    });
+    afterAll(() => browser?.close());
+
+    async function draw(file: string, view: string, job: Partial<Job> = {}) {
+        const target = { url: `/@fs/${file}`, view, renderer: { target: 'rgba32f', precision: 'full' }, ...job } as Job;
+        return browser.page.evaluate((given) => (window as unknown as { draw(job: Job): Promise<Drawn> }).draw(given), target);
+    }
+
+    const every = ['wide', 'side', 'inside'];
+    const files: [string, string, string[]][] = [
+        ...readdirSync(pack).filter((name) => /\.(glb|ltgs)$/.test(name)).map((name) => [`pack/${name}`, join(pack, name), every] as [string, string, string[]]),
+        ...readdirSync(ASSETS).filter((name) => /\.(glb|ltgs)$/.test(name)).map((name) => [`every rule/${name}`, join(ASSETS, name), every] as [string, string, string[]]),
+        ...['tiny.ltgs', 'balanced.glb', 'tiny.glb'].map((name) => [`sample/${name}`, join(sample, name), ['view_0003.png', 'view_0008.png']] as [string, string, string[]]),
+    ];
+    test.each(files)('%s', async (_, file, views) => {
+        for (const view of views) {
+            const expected = reference(LITETEX, file, view);
+            const full = await draw(file, view);
+            expect([full.width, full.height]).toEqual([expected.width, expected.height]);
+            const float = compare(rgbOf(full), expected.rgb);
+            const shipped = await draw(file, view, { renderer: {} });
+            const half = compare(rgbOf(shipped), expected.rgb);
+            const canvas = compare(rgbOfBytes(shipped), expected.rgb);
+            if (process.env.LITETEX_FIGURES) console.log(file, view, float.psnr.toFixed(1), float.largest.toFixed(4), half.psnr.toFixed(1), canvas.psnr.toFixed(1));
+            expect(float.psnr).toBeGreaterThan(60);
+            expect(half.psnr).toBeGreaterThan(55);
+            expect(canvas.psnr).toBeGreaterThan(45);
+        }
+    });
+
+    test.each<Control>(['order', 'mirrored', 'srgb-texels', 'clamped-edges', 'half-pixel'])('control: %s fails', async (control) => {
+        const file = join(pack, 'lossless.glb');
+        const image = await draw(file, 'wide', { control });
+        expect(compare(rgbOf(image), reference(LITETEX, file, 'wide').rgb).psnr).toBeLessThan(45);
+    });
+
+    test('the page shows no errors', () => expect(browser.errors).toEqual([]));
+});

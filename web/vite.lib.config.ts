@@ -1,0 +1,15 @@
+import { defineConfig } from 'vite';
+
+// The package: one module per entry point, which share what they have in common.
+export default defineConfig({
+    build: {
+        target: 'es2022',
+        outDir: 'dist',
+        minify: 'oxc',
+        lib: {
+            entry: { core: 'src/core/index.ts', read: 'src/core/read/index.ts', three: 'src/three/index.ts', element: 'src/element/index.ts' },
+            formats: ['es'],
+        },
+        rollupOptions: { external: [/^three($|\/)/] },
+    },
+});
