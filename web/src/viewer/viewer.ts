@@ -15,8 +15,8 @@ import { homePose, type Pose } from './pose';
 export interface ViewerEvents {
     /** Header and metadata are there. */
     info?(info: SceneInfo): void;
-    /** More splats are there; `bytes` of the file have been read. */
-    progress?(bytes: number): void;
+    /** `bytes` of a file of `fileBytes` have been read. */
+    progress?(bytes: number, fileBytes: number): void;
     /** The whole file is there. */
     load?(): void;
     /** The file cannot be shown. */
@@ -25,6 +25,13 @@ export interface ViewerEvents {
     camera?(): void;
     /** An image has been drawn. */
     drawn?(frame: FrameFigures): void;
+}
+
+export interface OpenOptions {
+    /** Leaves the camera where it is: for another version of the same scene. */
+    keepPose?: boolean;
+    /** Shows the scene of before until the whole file is there, and keeps it if the file cannot be shown. Default: `keepPose`. */
+    whole?: boolean;
 }
 
 export interface FrameFigures {
@@ -53,6 +60,10 @@ export class Viewer {
     compose: ((view: View, options: DrawOptions) => void) | null = null;
     private positions: Float32Array = new Float32Array(0);
     private reading: Worker | null = null;
+    /** What has been read of a file that is shown only as a whole. */
+    private held: FromWorker[] = [];
+    /** The canvas keeps its image until a new scene is sorted. */
+    private replacing = false;
     private generation = 0;
     private dirty = true;
     private frame = 0;
@@ -60,7 +71,9 @@ export class Viewer {
     private fenceStart = 0;
     private lastTick = 0;
     private lastMove = -Infinity;
+    /** Size of the next image while moving, and of the last one, compared with the canvas. */
     private ratio = 1;
+    private drawnRatio = 1;
     private readonly resize: ResizeObserver;
 
     constructor(readonly canvas: HTMLCanvasElement, private readonly events: ViewerEvents, maxSplats = Infinity) {
@@ -75,11 +88,12 @@ export class Viewer {
         this.invalidate();
     }
 
-    /** Reads and shows a file. `keepPose`: for another version of the same scene. */
-    open(source: Source, keepPose = false): void {
+    /** Reads and shows a file. */
+    open(source: Source, { keepPose = false, whole = keepPose }: OpenOptions = {}): void {
         this.close();
         const generation = ++this.generation;
-        const receive = (message: FromWorker) => { if (generation === this.generation) this.receive(message, keepPose); };
+        const take = whole ? this.hold : this.receive;
+        const receive = (message: FromWorker) => { if (generation === this.generation) take.call(this, message, keepPose); };
         this.reading = startWorker(receive);
         const transfer = 'bytes' in source ? [source.bytes] : [];
         if (this.reading) this.reading.postMessage({ kind: 'read', source, maxSplats: Infinity }, transfer);
@@ -91,6 +105,7 @@ export class Viewer {
         this.generation++;
         this.reading?.terminate();
         this.reading = null;
+        this.held = [];
     }
 
     /** Takes exactly the view of a camera of the capture. */
@@ -135,13 +150,29 @@ export class Viewer {
         this.renderer.dispose();
     }
 
+    /** Keeps what is read until all of it is there, then replaces the scene at once. */
+    private hold(message: FromWorker, keepPose: boolean): void {
+        if (message.kind === 'failed') return this.receive(message, keepPose);
+        this.held.push(message);
+        const first = this.held[0];
+        if (message.kind === 'update' && first.kind === 'info') this.events.progress?.(message.update.bytes, first.info.fileBytes);
+        if (message.kind !== 'done') return;
+        this.replacing = true;
+        for (const held of this.held.splice(0)) this.receive(held, keepPose);
+        const view = this.sizedView(this.drawnRatio);
+        void (view ? this.renderer.sorted(view) : Promise.resolve()).then(() => {
+            this.replacing = false;
+            this.invalidate();
+        });
+    }
+
     private receive(message: FromWorker, keepPose: boolean): void {
         switch (message.kind) {
             case 'info':
                 this.info = message.info;
                 this.positions = new Float32Array(0);
                 this.renderer.start(message.info);
-                if (!keepPose) this.pose = message.info.cameras.length ? homePose(message.info, { centre: [0, 0, 0], radius: 1 }) : null;
+                if (!keepPose || !this.pose) this.pose = message.info.cameras.length ? homePose(message.info, { centre: [0, 0, 0], radius: 1 }) : null;
                 this.events.info?.(message.info);
                 break;
             case 'update': {
@@ -152,7 +183,7 @@ export class Viewer {
                 positions.set(splats.positions, 3 * first);
                 this.positions = positions;
                 this.pose ??= homePose(this.info!, boundsOf(positions));
-                this.events.progress?.(message.update.bytes);
+                this.events.progress?.(message.update.bytes, this.info!.fileBytes);
                 break;
             }
             case 'done':
@@ -183,11 +214,12 @@ export class Viewer {
             this.pose.turn(this.autoRotate * secs, 0);
             this.moved();
         }
-        const waiting = this.pollFence();
+        const waiting = this.pollFence() || this.replacing;
         const resting = time - this.lastMove > REST_MS;
-        if (!waiting && (this.dirty || (resting && this.ratio < 1))) {
-            if (resting) this.ratio = 1;
-            const view = this.sizedView(this.ratio);
+        if (!waiting && (this.dirty || (resting && this.drawnRatio < 1))) {
+            const ratio = resting ? 1 : this.ratio;
+            const view = this.sizedView(ratio);
+            this.drawnRatio = ratio;
             if (view) {
                 this.dirty = false;
                 this.fenceStart = performance.now();
@@ -197,7 +229,7 @@ export class Viewer {
                 this.dirty = false;
             }
         }
-        const again = this.dirty || this.fence || this.ratio < 1 || this.controls.active || this.autoRotate;
+        const again = (this.dirty && !this.replacing) || this.fence || this.drawnRatio < 1 || this.controls.active || this.autoRotate;
         if (again && !this.frame) this.frame = requestAnimationFrame((next) => this.tick(next));
     }
 
@@ -212,7 +244,7 @@ export class Viewer {
         this.fence = null;
         const ms = performance.now() - this.fenceStart;
         this.events.drawn?.({ ms, widthPx: this.canvas.width, heightPx: this.canvas.height });
-        const wanted = this.ratio * Math.sqrt(MOVING_MS / Math.max(ms, 1));
+        const wanted = this.drawnRatio * Math.sqrt(MOVING_MS / Math.max(ms, 1));
         // The ratio is for the next image, if the camera moves then; a resting camera gets the full size.
         this.ratio = Math.max(LEAST_RATIO, Math.min(1, wanted > 0.9 ? 1 : wanted));
         return false;
