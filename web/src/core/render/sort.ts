@@ -45,8 +45,9 @@ export class Sorter {
         counts.fill(0);
         for (let i = 0, at = 0; i < count; i++, at += 3) {
             depth[0] = x * positions[at] + y * positions[at + 1] + z * positions[at + 2] + view.offset;
-            // Ascending keys for descending depths: inverted bits of positive numbers; all behind the camera come last.
-            const key = bits[0] >>> 31 ? 0xffffffff : ~bits[0] >>> 0;
+            // Ascending keys for descending depths: inverted bits of positive numbers, then the bits of negative ones.
+            // Those behind the camera are in order, too: it may step back, which asks for no other order.
+            const key = bits[0] >>> 31 ? bits[0] : ~bits[0] & 0x7fffffff;
             keys[i] = key;
             counts[key & 0xffff]++;
             counts[DIGITS + (key >>> 16)]++;

@@ -12,6 +12,10 @@ uniform float near;
 uniform vec2 size; // px
 uniform vec2 origin; // of the viewport, px
 uniform int colours;
+uniform int conversion; // of colours: 0 none, 1 from sRGB code values to linear light, 2 the reverse
+#ifdef LOGARITHMIC_DEPTH
+uniform vec2 logDepth; // depth of the window = x log2(1 + y distance along the axis)
+#endif
 uniform vec2 depthRange; // logarithms of depths that are white and black, for COLOURS_DEPTH
 
 flat in vec4 centreAndPlane;
@@ -43,6 +47,11 @@ vec3 residual(vec2 uv, vec2 footprint) {
     return sum / (footprint.x * footprint.y);
 }
 
+vec3 converted(vec3 c) {
+    if (conversion == 1) return mix(c / 12.92, pow((c + 0.055) / 1.055, vec3(2.4)), step(0.04045, c));
+    return mix(12.92 * c, 1.055 * pow(max(c, 0.0031308), vec3(1.0 / 2.4)) - 0.055, step(0.0031308, c));
+}
+
 void main() {
     vec2 pixel = gl_FragCoord.xy - origin;
     vec2 q = vec2(pixel.x, size.y - pixel.y) - centreAndPlane.xy;
@@ -56,6 +65,9 @@ void main() {
     float alpha = base.a * exp(-0.5 * dot(s, s));
     if (alpha < ALPHA_MIN) discard;
     alpha = min(ALPHA_MAX, alpha);
+#ifdef LOGARITHMIC_DEPTH
+    gl_FragDepth = logDepth.x * log2(1.0 + logDepth.y * centreDepth / d);
+#endif
 #ifdef COUNT_DRAWN
     colourAndAlpha = vec4(1.0);
     return;
@@ -68,5 +80,6 @@ void main() {
     if (colours == COLOURS_DEPTH) {
         colour = vec3(1.0 - clamp((log(centreDepth / d) - depthRange.x) / (depthRange.y - depthRange.x), 0.0, 1.0));
     }
+    if (conversion != 0) colour = converted(colour);
     colourAndAlpha = vec4(colour * alpha, alpha);
 }

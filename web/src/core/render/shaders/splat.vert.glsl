@@ -26,12 +26,18 @@ uniform vec2 focal; // px
 uniform vec2 principal; // px
 uniform vec2 size; // px
 uniform float near; // units of the data
-uniform vec2 depthFromInverse; // depth of clip space = x + y / distance along the axis
+uniform vec2 depthFromInverse; // depth of clip space = x + y / distance along the axis + depthSlope . (px from the principal point)
+uniform vec2 depthSlope; // per px, right and down: 0 but for near planes that are not parallel to the image
 uniform bool filtered; // "ewa"
+uniform float growth; // of splats, where others are missing
 uniform int colours; // COLOURS_*, see colours.ts
 uniform vec3 classColours[9];
 
+#ifdef ORDER_TEXTURE
+uniform usampler2D order; // splats from far to near, one per texel
+#else
 in uint splat;
+#endif
 
 flat out vec4 centreAndPlane; // projected centre, px, y down; plane
 flat out vec4 falloff; // falloffU, falloffV
@@ -119,6 +125,10 @@ vec4 clippedBounds(vec3 centre, vec3 halfU, vec3 halfV) {
 
 void main() {
     gl_Position = vec4(2.0, 2.0, 2.0, 1.0); // outside: no fragments
+#ifdef ORDER_TEXTURE
+    int orderWidth = textureSize(order, 0).x;
+    uint splat = texelFetch(order, ivec2(gl_InstanceID % orderWidth, gl_InstanceID / orderWidth), 0).r;
+#endif
     int width = textureSize(splats, 0).x;
     ivec2 at = ivec2(int(splat % uint(width / 4)) * 4, int(splat / uint(width / 4)));
     vec4 first = uintBitsToFloat(texelFetch(splats, at, 0));
@@ -127,7 +137,7 @@ void main() {
     vec4 rotation = uintBitsToFloat(texelFetch(splats, at + ivec2(1, 0), 0));
     vec4 third = uintBitsToFloat(texelFetch(splats, at + ivec2(2, 0), 0));
     uvec4 last = texelFetch(splats, at + ivec2(3, 0), 0);
-    vec2 sigma = third.xy, texelSize = third.zw;
+    vec2 sigma = growth * third.xy, texelSize = growth * third.zw;
 
     vec3 p = cameraFromData * position + translation;
     if (!(p.z >= near) || opacity < ALPHA_MIN) return;
@@ -175,7 +185,7 @@ void main() {
     }
     vec2 pixel = principal + centre + q;
     // 1 / depth of the surfel is affine in the image, so its depth in clip space is right everywhere on the quad.
-    float depth = depthFromInverse.x + depthFromInverse.y * (1.0 + dot(plane, q)) / p.z;
+    float depth = depthFromInverse.x + depthFromInverse.y * (1.0 + dot(plane, q)) / p.z + dot(depthSlope, centre + q);
     gl_Position = vec4(2.0 * pixel.x / size.x - 1.0, 1.0 - 2.0 * pixel.y / size.y, depth, 1.0);
 
     int rows = int(last.x & 0xffffu), cols = int(last.x >> 16);

@@ -1,0 +1,88 @@
+/** The core's shaders as a material of three.js. */
+
+import { CustomBlending, DoubleSide, ExternalTexture, GLSL3, Matrix3, OneFactor, OneMinusSrcAlphaFactor, RawShaderMaterial, Vector2, Vector3, type WebGLRenderer } from 'three';
+import { classColours, COLOURS, type Colours } from '../core/render/colours';
+import { SPLAT_SHADERS } from '../core/render/program';
+import type { SceneInfo } from '../core/scene';
+import type { GpuScene } from './gpu';
+import type { SplatView, Viewport } from './view';
+
+export const CONVERSION = { none: 0, toLinear: 1, toSrgb: 2 } as const;
+
+export class SplatMaterial extends RawShaderMaterial {
+    private readonly textures = { splats: new ExternalTexture(), sh: new ExternalTexture(), means: new ExternalTexture(), texels: new ExternalTexture(), order: new ExternalTexture() };
+    private shown: Colours | null = null;
+
+    constructor() {
+        super({
+            name: 'LitetexSplats',
+            glslVersion: GLSL3,
+            vertexShader: SPLAT_SHADERS.vertex,
+            fragmentShader: SPLAT_SHADERS.fragment,
+            defines: { ORDER_TEXTURE: 1 },
+            transparent: true,
+            blending: CustomBlending,
+            blendSrc: OneFactor,
+            blendDst: OneMinusSrcAlphaFactor,
+            premultipliedAlpha: true,
+            depthTest: true,
+            depthWrite: false,
+            side: DoubleSide,
+            forceSinglePass: true,
+            toneMapped: false,
+        });
+        const vectors = ['focal', 'principal', 'size', 'origin', 'depthFromInverse', 'depthSlope', 'depthRange', 'logDepth'];
+        this.uniforms = {
+            ...Object.fromEntries(Object.entries(this.textures).map(([name, texture]) => [name, { value: texture }])),
+            ...Object.fromEntries(vectors.map((name) => [name, { value: new Vector2() }])),
+            cameraFromData: { value: new Matrix3() },
+            translation: { value: new Vector3() },
+            cameraInData: { value: new Vector3() },
+            near: { value: 0 },
+            growth: { value: 1 }, // of splats, where others are missing: growthOf in core/render/renderer.ts
+            filtered: { value: false },
+            colours: { value: 0 },
+            classColours: { value: classColours('trained') },
+            conversion: { value: 0 },
+        };
+    }
+
+    /** Prepares to draw `view` into a part of the target. */
+    set(view: SplatView, { x, y }: Viewport, info: SceneInfo, colours: Colours, conversion: number): void {
+        const u = this.uniforms;
+        const r = view.rotation;
+        (u.cameraFromData.value as Matrix3).set(r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8]);
+        u.translation.value.fromArray(view.translation);
+        u.cameraInData.value.fromArray(view.cameraInData);
+        u.focal.value.fromArray(view.focalPx);
+        u.principal.value.fromArray(view.principalPx);
+        u.size.value.set(view.widthPx, view.heightPx);
+        u.origin.value.set(x, y);
+        u.depthFromInverse.value.fromArray(view.depthFromInverse);
+        u.depthSlope.value.fromArray(view.depthSlope);
+        u.depthRange.value.set(Math.log(info.near), Math.log(1000 * info.near));
+        u.near.value = info.near;
+        u.filtered.value = info.filter === 'ewa';
+        u.colours.value = COLOURS[colours];
+        if (colours !== this.shown) u.classColours.value = classColours(colours);
+        this.shown = colours;
+        u.conversion.value = conversion;
+        this.uniformsNeedUpdate = true;
+    }
+
+    setTextures({ buffers }: GpuScene, order: WebGLTexture): void {
+        for (const name of ['splats', 'sh', 'means', 'texels'] as const) this.textures[name].sourceTexture = buffers[name].texture;
+        this.textures.order.sourceTexture = order;
+    }
+
+    /** As three.js's materials write depth if the renderer has a logarithmic one. Call it before the first image, too. */
+    setLogarithmicDepth(renderer: WebGLRenderer, far: number, scale: number): void {
+        const logarithmic = renderer.capabilities.logarithmicDepthBuffer;
+        if (logarithmic !== 'LOGARITHMIC_DEPTH' in this.defines) {
+            if (logarithmic) this.defines.LOGARITHMIC_DEPTH = 1;
+            else delete this.defines.LOGARITHMIC_DEPTH;
+            this.needsUpdate = true;
+        }
+        this.uniforms.logDepth.value.set(1 / Math.log2(far + 1), scale);
+    }
+}
