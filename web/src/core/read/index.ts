@@ -1,23 +1,17 @@
-import type { SceneInfo, SplatUpdate } from '../scene';
+import type { SceneInfo } from '../scene';
 import { unsupported } from './errors';
+import { GlbReader } from './gltf/reader';
 import { LtgsReader } from './ltgs/reader';
+import type { ReaderOptions } from './options';
 import { formatOf } from './sniff';
 
 export { SceneSplats, concatenate } from './splats';
-export { LtgsReader } from './ltgs/reader';
+export type { ReaderOptions } from './options';
 
-export interface ReadOptions {
-  /** Called once, before any update. */
-  readonly onInfo?: (info: SceneInfo) => void;
-  /** Called as splats arrive. The arrays are the caller's. */
-  readonly onUpdate?: (update: SplatUpdate) => void;
-  /** Splats that are wanted: the first ones, which contribute most in files with layers. Default: all. */
-  readonly maxSplats?: number;
+export interface ReadOptions extends ReaderOptions {
   /** Bytes of the file, if they are known before it has arrived. */
   readonly fileBytes?: number;
   readonly signal?: AbortSignal;
-  /** Whether the hash over all decoded numbers is checked, where all are read. Default: yes. */
-  readonly checkHash?: boolean;
 }
 
 /** Milliseconds of work after which others get their turn. */
@@ -32,18 +26,17 @@ const TURN_MS = 12;
 export async function readScene(source: ArrayBuffer | Uint8Array | ReadableStream<Uint8Array>, options: ReadOptions = {}): Promise<SceneInfo> {
   const { signal } = options;
   const pieces = piecesOf(source);
-  const reader = new LtgsReader(options);
+  let reader: LtgsReader | GlbReader | null = null;
   let turn = performance.now();
-  let isKnown = false;
   for await (const piece of pieces) {
     signal?.throwIfAborted();
-    if (!isKnown) {
+    if (reader === null) {
       const format = formatOf(piece);
-      isKnown = true;
       if (typeof format !== 'string') throw unsupported(`this is ${format.other}; supported: .ltgs and .glb`);
+      reader = format === 'ltgs' ? new LtgsReader(options) : new GlbReader(options);
     }
     reader.push(piece);
-    while (reader.step()) {
+    while (await reader.step()) {
       if (performance.now() - turn > TURN_MS) {
         await new Promise((resolve) => setTimeout(resolve));
         signal?.throwIfAborted();
@@ -53,6 +46,7 @@ export async function readScene(source: ArrayBuffer | Uint8Array | ReadableStrea
     reader.show();
     if (reader.isDone) break;
   }
+  if (reader === null) throw unsupported('the file is empty');
   reader.end();
   return reader.info!;
 }

@@ -1,4 +1,4 @@
-import type { SceneInfo, SplatUpdate, Splats } from '../../scene';
+import type { SceneInfo, Splats } from '../../scene';
 import { ByteQueue, utf8Of } from '../bytes';
 import { checkSplats } from '../check';
 import { invalid } from '../errors';
@@ -6,6 +6,7 @@ import { contentHash } from '../hash';
 import { choiceOf, parseJson, textOf } from '../json';
 import { checkMemory } from '../limits';
 import { readMeta } from '../meta';
+import type { ReaderOptions } from '../options';
 import { concatenate, sliced } from '../splats';
 import { xxh3 } from '../xxh3';
 import { unpacked } from '../zstd';
@@ -26,16 +27,6 @@ interface Arriving {
 /** The part of a layer's chunks that is worth an update that sends splats again. */
 const SHARE_OF_LAYER = 1 / 8;
 
-export interface LtgsOptions {
-  /** Called once header, metadata and table of contents are there. */
-  readonly onInfo?: (info: SceneInfo) => void;
-  readonly onUpdate?: (update: SplatUpdate) => void;
-  /** Splats that are wanted, the first ones of the file; default: all. */
-  readonly maxSplats?: number;
-  /** Whether the hash over all decoded numbers is checked, where all are read; default: yes. */
-  readonly checkHash?: boolean;
-}
-
 /**
  * Reads a `.ltgs` file while it arrives (`exporters/schema/ltgs.md`). `push` takes bytes, `step` decodes one block; `end` says
  * that there are no more bytes. All three throw SceneError if the file is damaged.
@@ -46,7 +37,8 @@ export class LtgsReader {
   private header: Header | null = null;
   private entries: readonly Entry[] = [];
   private decoder!: ChunkDecoder;
-  private hash = '';
+  /** What the file says is the hash of its content, once `info` is there. */
+  hash = '';
   /** Blocks that are wanted and still to come, and the next of them. */
   private blocks: { chunk: number; kind: number }[] = [];
   private next = 0;
@@ -62,7 +54,7 @@ export class LtgsReader {
   private changed = new Set<number>();
   private readonly done: Splats[] = [];
 
-  constructor(private readonly options: LtgsOptions = {}) {}
+  constructor(private readonly options: ReaderOptions = {}) {}
 
   /** Takes the next bytes of the file. */
   push(bytes: Uint8Array): void {
