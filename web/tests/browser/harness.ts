@@ -3,6 +3,7 @@
 import { readFrom } from '../../src/core/worker/read-from';
 import type { RendererOptions, DrawOptions } from '../../src/core/render/renderer';
 import { SplatRenderer } from '../../src/core/render/renderer';
+import { readScene } from '../../src/core/read';
 import { viewOf } from '../../src/core/render/view';
 import type { Splats, SplatUpdate } from '../../src/core/scene';
 
@@ -98,3 +99,59 @@ function base64(array: Float32Array | Uint8Array): string {
 }
 
 Object.assign(window, { draw, ready: true });
+
+/** PSNR of what is shown after each part of a file has arrived, against the whole file; dB, in one view. */
+export async function prefixes(url: string, view: string, parts: readonly number[]): Promise<number[]> {
+    const bytes = new Uint8Array(await (await fetch(url)).arrayBuffer());
+    const images: Float32Array[] = [];
+    for (const part of [...parts, 1]) {
+        const canvas = document.createElement('canvas');
+        const renderer = new SplatRenderer(canvas, { target: 'rgba32f', precision: 'full' });
+        let seen = false;
+        const apply = (update: SplatUpdate) => { renderer.apply(update); seen = true; };
+        await readScene(bytes.slice(0, Math.round(part * bytes.length)), { onInfo: (info) => renderer.start(info), onUpdate: apply, fileBytes: bytes.length })
+            .catch(() => {}); // cut off
+        if (renderer.info && seen) {
+            const camera = renderer.info.cameras.find(({ name }) => name.startsWith(view))!;
+            const at = viewOf(camera);
+            [canvas.width, canvas.height] = [at.widthPx, at.heightPx];
+            await renderer.sorted(at);
+            renderer.draw(at);
+            images.push(renderer.read());
+        } else images.push(new Float32Array(0));
+        renderer.dispose();
+    }
+    const whole = images.pop()!;
+    const clamped = (v: number) => Math.min(1, Math.max(0, v));
+    return images.map((image) => image.length === 0 ? 0 : -10 * Math.log10(image.reduce((sum, v, i) => sum + (i % 4 === 3 ? 0 : (clamped(v) - clamped(whole[i])) ** 2), 0) / (0.75 * whole.length)));
+}
+
+/** Fragments that were shaded, and those that were blended, in one view; milliseconds of images after the first. */
+export async function counts(url: string, view: string, times: number): Promise<{ shaded: number; blended: number; ms: number[]; figures: object; size: [number, number] }> {
+    const count = async (defines: string) => {
+        const canvas = document.createElement('canvas');
+        const renderer = new SplatRenderer(canvas, { target: defines ? 'rgba32f' : 'rgba16f', defines });
+        await readFrom({ url }, Infinity, (message) => {
+            if (message.kind === 'info') renderer.start(message.info);
+            if (message.kind === 'update' && message.update.complete) renderer.apply(message.update);
+        });
+        const at = viewOf(renderer.info!.cameras.find(({ name }) => name.startsWith(view))!);
+        [canvas.width, canvas.height] = [at.widthPx, at.heightPx];
+        await renderer.sorted(at);
+        const ms: number[] = [];
+        let sum = 0;
+        for (let i = 0; i < (defines ? 1 : times); i++) {
+            const start = performance.now();
+            renderer.draw(at, { background: [0, 0, 0] });
+            const pixels = renderer.read();
+            ms.push(performance.now() - start);
+            if (i === 0) sum = pixels.reduce((total, v, k) => total + (k % 4 === 0 ? v : 0), 0);
+        }
+        const figures = renderer.figures;
+        renderer.dispose();
+        return { sum, ms, figures, size: [at.widthPx, at.heightPx] as [number, number] };
+    };
+    const [shaded, blended, plain] = [await count('#define COUNT_FRAGMENTS\n'), await count('#define COUNT_DRAWN\n'), await count('')];
+    return { shaded: shaded.sum, blended: blended.sum, ms: plain.ms, figures: plain.figures, size: plain.size };
+}
+Object.assign(window, { prefixes, counts });

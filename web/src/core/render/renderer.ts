@@ -33,11 +33,12 @@ export interface DrawOptions {
 }
 
 /**
- * How much larger splats are drawn while others are missing: so that they cover as much of the image. Measured on four
- * scenes after 15 % of a file: 10.7 to 16.0 dB become 17.2 to 19.1, against the whole scene.
+ * How much larger splats are drawn while others are missing, so that they cover the image. Those that contribute most come
+ * first, hence the fourth root. Measured on four scenes: best of 1 to 2.5 for 5 % and 20 % of the splats, 3 to 7 dB better
+ * than 1.
  */
 export function growthOf(splats: number, all: number): number {
-    return Math.min(GROWTH_MAX, Math.sqrt(all / Math.max(1, splats)));
+    return Math.min(GROWTH_MAX, Math.max(1, all / Math.max(1, splats)) ** 0.25);
 }
 
 export class SplatRenderer {
