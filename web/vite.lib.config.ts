@@ -5,11 +5,10 @@ export default defineConfig({
     build: {
         target: 'es2022',
         outDir: 'dist',
-        minify: 'oxc',
         lib: {
             entry: { core: 'src/core/index.ts', read: 'src/core/read/index.ts', three: 'src/three/index.ts', element: 'src/element/index.ts' },
             formats: ['es'],
         },
-        rollupOptions: { external: [/^three($|\/)/] },
+        rolldownOptions: { external: [/^three($|\/)/], output: { minify: true } },
     },
 });

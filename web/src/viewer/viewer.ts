@@ -6,7 +6,6 @@ import type { Colours } from '../core/render/colours';
 import { type DrawOptions, SplatRenderer } from '../core/render/renderer';
 import type { View } from '../core/render/view';
 import { startWorker } from '../core/worker/start';
-import { readFrom } from '../core/worker/read-from';
 import type { FromWorker, Source } from '../core/worker/messages';
 import { boundsOf } from './bounds';
 import { Controls } from './controls';
@@ -59,6 +58,7 @@ export class Viewer {
     /** Drawn instead of the plain image, if set: for comparisons side by side. */
     compose: ((view: View, options: DrawOptions) => void) | null = null;
     private positions: Float32Array = new Float32Array(0);
+    private bounds: ReturnType<typeof boundsOf> | null = null;
     private reading: Worker | null = null;
     /** What has been read of a file that is shown only as a whole. */
     private held: FromWorker[] = [];
@@ -76,7 +76,7 @@ export class Viewer {
     private drawnRatio = 1;
     private readonly resize: ResizeObserver;
 
-    constructor(readonly canvas: HTMLCanvasElement, private readonly events: ViewerEvents, maxSplats = Infinity) {
+    constructor(readonly canvas: HTMLCanvasElement, private readonly events: ViewerEvents, private readonly maxSplats = Infinity) {
         this.renderer = new SplatRenderer(canvas, { maxSplats, onOrder: () => this.invalidate() });
         this.controls = new Controls(canvas, () => this.pose, () => this.moved());
         this.resize = new ResizeObserver(() => this.invalidate());
@@ -96,8 +96,7 @@ export class Viewer {
         const receive = (message: FromWorker) => { if (generation === this.generation) take.call(this, message, keepPose); };
         this.reading = startWorker(receive);
         const transfer = 'bytes' in source ? [source.bytes] : [];
-        if (this.reading) this.reading.postMessage({ kind: 'read', source, maxSplats: Infinity }, transfer);
-        else void readFrom(source, Infinity, receive);
+        this.reading?.postMessage({ kind: 'read', source, maxSplats: this.maxSplats }, transfer);
     }
 
     /** Stops reading. */
@@ -120,7 +119,7 @@ export class Viewer {
     /** Goes back to where it began. */
     home(): void {
         if (!this.info) return;
-        this.pose = homePose(this.info, boundsOf(this.positions));
+        this.pose = homePose(this.info, this.boundsOfScene());
         this.moved();
     }
 
@@ -182,7 +181,8 @@ export class Viewer {
                 positions.set(this.positions.subarray(0, 3 * first));
                 positions.set(splats.positions, 3 * first);
                 this.positions = positions;
-                this.pose ??= homePose(this.info!, boundsOf(positions));
+                this.bounds = null;
+                this.pose ??= homePose(this.info!, this.boundsOfScene());
                 this.events.progress?.(message.update.bytes, this.info!.fileBytes);
                 break;
             }
@@ -259,8 +259,24 @@ export class Viewer {
     }
 
     private paint(view: View): void {
-        const options: DrawOptions = { colours: this.colours, ...(this.background === undefined ? {} : { background: this.background }) };
+        const options: DrawOptions = {
+            colours: this.colours,
+            ...(this.background === undefined ? {} : { background: this.background }),
+            ...(this.colours === 'depth' ? { depthRange: this.depthRange() } : {}),
+        };
         if (this.compose) this.compose(view, options);
         else this.renderer.draw(view, options);
+    }
+
+    /** Depths between which most of the scene lies: of a sphere around it, or from a part of that if the camera is inside. */
+    private depthRange(): [near: number, far: number] {
+        const { centre, radius } = this.boundsOfScene();
+        const distance = Math.hypot(...centre.map((c, i) => c - this.pose!.centre[i]));
+        const far = distance + radius;
+        return [Math.max(distance - radius, 0.05 * far), far];
+    }
+
+    private boundsOfScene(): ReturnType<typeof boundsOf> {
+        return this.bounds ??= boundsOf(this.positions);
     }
 }

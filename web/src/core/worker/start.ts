@@ -1,14 +1,18 @@
 import SplatWorker from './worker?worker&inline';
 import type { FromWorker } from './messages';
 
-/** Starts the worker, which sorts and reads files; null where the page allows none. */
+const REFUSED = "this page lets no worker start: its Content-Security-Policy must allow worker-src blob:";
+
+/** Starts the worker, which sorts and reads files. If it cannot be had, null, or a message that it has failed. */
 export function startWorker(receive: (message: FromWorker) => void): Worker | null {
     if (typeof Worker === 'undefined') return null;
     try {
         const worker = new SplatWorker();
         worker.onmessage = (event: MessageEvent<FromWorker>) => receive(event.data);
+        worker.onerror = (event) => receive({ kind: 'failed', name: 'Error', errorKind: '', message: event.message || REFUSED });
         return worker;
     } catch {
-        return null; // a Content-Security-Policy without worker-src blob:
+        receive({ kind: 'failed', name: 'Error', errorKind: '', message: REFUSED });
+        return null;
     }
 }

@@ -1,0 +1,30 @@
+import { SceneError, type SceneInfo, type SplatUpdate } from './scene';
+import type { Source } from './worker/messages';
+import { startWorker } from './worker/start';
+
+export interface Opened {
+    /** Resolves when the whole file is there; rejects with SceneError if it cannot be read, with Error otherwise. */
+    readonly done: Promise<void>;
+    /** Stops reading. `done` stays as it is. */
+    close(): void;
+}
+
+/** Reads a `.ltgs` or `.glb` file in a worker, layer by layer. `maxSplats`: only so many, those that contribute most. */
+export function openScene(
+    source: Source, onInfo: (info: SceneInfo) => void, onUpdate: (update: SplatUpdate) => void, maxSplats = Infinity,
+): Opened {
+    let worker: Worker | null = null;
+    const done = new Promise<void>((resolve, reject) => {
+        worker = startWorker((message) => {
+            if (message.kind === 'info') onInfo(message.info);
+            if (message.kind === 'update') onUpdate(message.update);
+            if (message.kind === 'done') resolve();
+            if (message.kind === 'failed') {
+                reject(message.errorKind ? new SceneError(message.errorKind as SceneError['kind'], message.message) : new Error(message.message));
+            }
+            if (message.kind === 'done' || message.kind === 'failed') worker?.terminate();
+        });
+        worker?.postMessage({ kind: 'read', source, maxSplats }, 'bytes' in source ? [source.bytes] : []);
+    });
+    return { done, close: () => worker?.terminate() };
+}
