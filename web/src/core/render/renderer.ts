@@ -28,6 +28,8 @@ export interface DrawOptions {
     colours?: Colours;
     /** Behind the splats, in the colour space of the scene; null: transparent. Default: that of the scene. */
     background?: readonly [number, number, number] | null;
+    /** Depths that are shown as white and black where colours show depth, units of the data. */
+    depthRange?: readonly [near: number, far: number];
     /** Part of the image to draw, px from the upper left corner: the rest of the canvas is kept. */
     scissorPx?: readonly [x: number, y: number, width: number, height: number];
 }
@@ -112,7 +114,7 @@ export class SplatRenderer {
         const background = options.background === undefined ? info.background : options.background;
         gl.clearColor(...(background ?? [0, 0, 0] as const), background ? 1 : 0);
         gl.clear(gl.COLOR_BUFFER_BIT);
-        this.drawSplats(view, info, buffers, options.colours ?? 'trained');
+        this.drawSplats(view, info, buffers, options);
         if (target) this.resolveInto(null, target, info);
     }
 
@@ -156,8 +158,9 @@ export class SplatRenderer {
         gl.scissor(part[0], view.heightPx - part[1] - part[3], part[2], part[3]);
     }
 
-    private drawSplats(view: View, info: SceneInfo, buffers: SplatBuffers, colours: Colours): void {
+    private drawSplats(view: View, info: SceneInfo, buffers: SplatBuffers, { colours = 'trained', depthRange }: DrawOptions): void {
         const { gl, program } = this;
+        const [nearest, farthest] = depthRange ?? [info.near, 1000 * info.near];
         gl.useProgram(program.program);
         const u = (name: string) => program.uniform(name);
         [buffers.splats, buffers.sh, buffers.means, buffers.texels].forEach((pool, unit) => {
@@ -179,7 +182,7 @@ export class SplatRenderer {
         gl.uniform1i(u('filtered'), info.filter === 'ewa' ? 1 : 0);
         gl.uniform1i(u('colours'), COLOURS[colours]);
         gl.uniform3fv(u('classColours'), classColours(colours));
-        gl.uniform2f(u('depthRange'), Math.log(info.near), Math.log(info.near * 1000));
+        gl.uniform2f(u('depthRange'), Math.log(nearest), Math.log(farthest));
         gl.enable(gl.BLEND);
         const counts = Boolean(this.options.defines);
         gl.blendFunc(gl.ONE, counts ? gl.ONE : gl.ONE_MINUS_SRC_ALPHA);
