@@ -1,0 +1,58 @@
+import { readFileSync } from 'node:fs';
+import { join } from 'node:path';
+import { fileURLToPath } from 'node:url';
+import { defineConfig, type Plugin } from 'vite';
+
+const ROOT = fileURLToPath(new URL('./src/page', import.meta.url));
+const BUILT = fileURLToPath(new URL('./built', import.meta.url));
+
+/**
+ * Puts script and style into the page, which then is one file: `view.html`. It keeps what the program relies on: the charset
+ * stands first, then the title, then the body; nothing in the script looks like a tag that begins or ends one.
+ */
+const oneFile: Plugin = {
+    name: 'one-file',
+    enforce: 'post',
+    generateBundle(_, bundle) {
+        let [script, style] = ['', ''];
+        for (const [name, part] of Object.entries(bundle)) {
+            if (part.type === 'chunk') script += part.code.trim();
+            else if (name.endsWith('.css')) style += String(part.source).trim();
+            delete bundle[name];
+        }
+        const html = readFileSync(join(ROOT, 'index.html'), 'utf8')
+            .replace(/\n\s*(?=<)/g, '\n')
+            .replace(/<link rel="stylesheet"[^>]*>/, () => `<style>${style}</style>`)
+            .replace(/<script type="module"[^>]*>/, () => `<script type="module">${script.replace(/<(\/?script|!--)/gi, '\\x3c$1')}`);
+        this.emitFile({ type: 'asset', fileName: 'view.html', source: html });
+    },
+};
+
+/** Shaders without comments and indentation; and no second copy of the readers, as the page's policy allows its worker. */
+const smaller: Plugin = {
+    name: 'smaller',
+    enforce: 'pre',
+    load(id) {
+        if (id.endsWith('.glsl?raw')) {
+            const source = readFileSync(id.replace('?raw', ''), 'utf8').replace(/\/\/.*/g, '').replace(/\s*\n\s*/g, '\n').trim();
+            return `export default ${JSON.stringify(source)}`;
+        }
+        if (id.endsWith('/core/worker/read-from.ts')) {
+            return `export async function readFrom(source, most, post) {
+                post({ kind: 'failed', name: 'Error', errorKind: '', message: 'this browser starts no worker' });
+            }`;
+        }
+        return null;
+    },
+};
+
+// The page that the program embeds. The same sources and packages give the same bytes.
+export default defineConfig({
+    root: ROOT,
+    base: './',
+    plugins: [smaller, oneFile],
+    build: {
+        target: 'es2022', cssTarget: ['chrome123', 'firefox128', 'safari18'], minify: 'oxc', modulePreload: false,
+        outDir: BUILT, emptyOutDir: true, reportCompressedSize: false,
+    },
+});
