@@ -1,7 +1,9 @@
 import { defineConfig } from 'vite';
+import { glsl } from './vite.glsl';
 
 // The package: one module per entry point, which share what they have in common.
 export default defineConfig({
+    plugins: [glsl()],
     build: {
         target: 'es2022',
         outDir: 'dist',
