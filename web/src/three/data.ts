@@ -1,0 +1,87 @@
+/** What the objects that show the same scene share: its splats, their orders, and textures in each renderer. */
+
+import type { WebGLRenderer } from 'three';
+import { sliced } from '../core/read/splats';
+import type { Precision } from '../core/render/buffers';
+import type { SceneInfo, Splats, SplatUpdate } from '../core/scene';
+import { GpuScene, type VersionedUpdate } from './gpu';
+import { Orders } from './orders';
+
+export interface SplatsOptions {
+    /** Shows only so many splats, the first ones, which contribute most in files with layers. Default: all. */
+    readonly maxSplats?: number;
+    /** Bits of colours and texels on the GPU: `half` (default) or `full`. */
+    readonly precision?: Precision;
+}
+
+export class SplatData {
+    readonly orders: Orders;
+    /** Objects that show it. */
+    private readonly users = new Map<object, () => void>();
+    private readonly gpus = new Map<WebGLRenderer, GpuScene>();
+    private updates: VersionedUpdate[] = [];
+    private version = 0;
+    disposed = false;
+
+    constructor(readonly info: SceneInfo, readonly options: SplatsOptions) {
+        this.orders = new Orders(() => this.changed());
+    }
+
+    get maxSplats(): number {
+        return this.options.maxSplats ?? Infinity;
+    }
+
+    /** Splats that are there. */
+    get count(): number {
+        const last = this.updates[this.updates.length - 1]?.update;
+        return last ? last.first + last.splats.count : 0;
+    }
+
+    /** Splats, part by part, with the index of the first of each. */
+    get parts(): readonly { readonly first: number; readonly splats: Splats }[] {
+        return this.updates.map(({ update }) => update);
+    }
+
+    apply(update: SplatUpdate): void {
+        const { first } = update;
+        const splats = sliced(update.splats, 0, Math.max(0, Math.min(update.splats.count, this.maxSplats - first)));
+        // A part that reaches beyond the first of the new ones loses its end.
+        const kept = this.updates.filter((old) => old.update.first < first).map((old) => {
+            const part = old.update;
+            return { ...old, update: { ...part, splats: sliced(part.splats, 0, Math.min(part.splats.count, first - part.first)) } };
+        });
+        this.updates = [...kept, { version: ++this.version, update: { ...update, splats } }];
+        this.orders.setPositions(first, splats.positions);
+        this.changed();
+    }
+
+    /** The textures of a renderer, up to date. */
+    gpu(renderer: WebGLRenderer): GpuScene {
+        let gpu = this.gpus.get(renderer);
+        if (gpu?.state !== renderer.state) {
+            gpu = new GpuScene(renderer, this.info, this.options.precision ?? 'half', this.maxSplats);
+            this.gpus.set(renderer, gpu);
+        }
+        gpu.apply(this.updates);
+        return gpu;
+    }
+
+    /** Counts an object that shows it and is told about changes. */
+    retain(user: object, changed: () => void): void {
+        this.users.set(user, changed);
+    }
+
+    /** Frees everything when no object shows it any more. */
+    release(user: object): void {
+        if (!this.users.delete(user) || this.users.size > 0) return;
+        this.disposed = true;
+        this.gpus.forEach((gpu) => gpu.dispose());
+        this.gpus.clear();
+        this.orders.dispose();
+        this.updates = [];
+    }
+
+    private changed(): void {
+        [...this.users.values()].forEach((changed) => changed());
+    }
+}

@@ -1,0 +1,148 @@
+/** Loads files as objects of three.js. */
+
+import { Loader, type LoadingManager, Matrix4 } from 'three';
+import type { SceneInfo, SplatUpdate } from '../core/scene';
+import { SceneError } from '../core/scene';
+import type { FromWorker, Source } from '../core/worker/messages';
+import { readFrom } from '../core/worker/read-from';
+import { startWorker } from '../core/worker/start';
+import type { SplatsOptions } from './data';
+import { LitetexSplats } from './splats';
+
+/** Takes parts of a file as they are read. */
+interface Receiver {
+    info(info: SceneInfo): void;
+    update(update: SplatUpdate): void;
+}
+
+/**
+ * Loads `.ltgs` and `.glb` files. The object stands in the world of the file, with y up.
+ *
+ * A `.ltgs` file comes in layers: `load` and `loadAsync` give the object when the first one is there, and the others are
+ * added as they arrive; `splats.loaded` tells when all are. `onProgress` is called after each. With `wholeFile` they wait
+ * for the end.
+ */
+export class LitetexLoader extends Loader<LitetexSplats> {
+    /** Whether objects are given only when their whole file is there. */
+    wholeFile = false;
+    /** For the objects: the most splats that are shown, and the bits of colours. */
+    options: SplatsOptions = {};
+
+    constructor(manager?: LoadingManager) {
+        super(manager);
+    }
+
+    /** Sets `options`. */
+    setOptions(options: SplatsOptions): this {
+        this.options = options;
+        return this;
+    }
+
+    /** `onError` gets a SceneError if the file is damaged or of another kind; also when that shows only after `onLoad`. */
+    override load(url: string, onLoad: (splats: LitetexSplats) => void, onProgress?: (event: ProgressEvent) => void, onError?: (error: unknown) => void): void {
+        const address = this.manager.resolveURL(new URL(this.path + url, globalThis.location?.href).href);
+        this.manager.itemStart(url);
+        this.source(address)
+            .then((source) => this.read(source, onLoad, onProgress))
+            .catch((error: unknown) => {
+                if (onError) onError(error);
+                else console.error(error);
+                this.manager.itemError(url);
+            })
+            .finally(() => this.manager.itemEnd(url));
+    }
+
+    /** Reads a whole file that is in memory; see `parseAsync`. */
+    parse(data: ArrayBuffer, onLoad: (splats: LitetexSplats) => void, onError?: (error: unknown) => void): void {
+        this.parseAsync(data).then(onLoad, onError ?? console.error);
+    }
+
+    /** Reads a whole file that is in memory. Rejects with a SceneError if it is damaged or of another kind. */
+    parseAsync(data: ArrayBuffer): Promise<LitetexSplats> {
+        return loadSplats({ bytes: data.slice(0) }, this.options).then(placed);
+    }
+
+    /** A file that needs headers or cookies is fetched here, as a whole. */
+    private async source(url: string): Promise<Source> {
+        if (Object.keys(this.requestHeader).length === 0 && !this.withCredentials) return { url };
+        const response = await fetch(url, { headers: this.requestHeader, credentials: this.withCredentials ? 'include' : 'same-origin' });
+        if (!response.ok) throw new Error(`${url}: the server answers ${response.status} ${response.statusText}`);
+        return { bytes: await response.arrayBuffer() };
+    }
+
+    private async read(source: Source, onLoad: (splats: LitetexSplats) => void, onProgress?: (event: ProgressEvent) => void): Promise<void> {
+        let isGiven = false;
+        const give = (splats: LitetexSplats) => {
+            if (!isGiven) onLoad(placed(splats));
+            isGiven = true;
+        };
+        const splats = await loadSplats(source, this.options, (object, { bytes }) => {
+            const total = object.info.fileBytes;
+            onProgress?.(new ProgressEvent('progress', { lengthComputable: total > 0, loaded: bytes, total }));
+            if (this.wholeFile) return true;
+            give(object);
+            return false;
+        });
+        give(splats);
+    }
+}
+
+/** Brings an object to where its file says. */
+function placed(splats: LitetexSplats): LitetexSplats {
+    new Matrix4().fromArray([...splats.info.worldFromData]).decompose(splats.position, splats.quaternion, splats.scale);
+    splats.name = splats.info.provenance.title;
+    return splats;
+}
+
+/**
+ * Reads a file as an object in the frame of the data. `onUpdate` is called after each part, and says whether
+ * the object is still ours: to be disposed of if the rest cannot be read.
+ */
+export function loadSplats(source: Source, options: SplatsOptions, onUpdate: (splats: LitetexSplats, update: SplatUpdate) => boolean = () => true): Promise<LitetexSplats> {
+    let splats: LitetexSplats | null = null;
+    let isOurs = true;
+    const reading = receive(source, options.maxSplats ?? Infinity, {
+        info: (info) => {
+            splats = new LitetexSplats(info, options);
+            splats.loaded = reading;
+        },
+        update: (update) => {
+            splats!.apply(update);
+            isOurs = onUpdate(splats!, update);
+        },
+    });
+    return reading.then(() => splats!, (error: unknown) => {
+        if (isOurs) splats?.dispose();
+        throw error;
+    });
+}
+
+/** Reads a file in a worker, or here where the page allows none. Rejects as `readScene` does. */
+function receive(source: Source, maxSplats: number, to: Receiver): Promise<void> {
+    return new Promise((resolve, reject) => {
+        let worker: Worker | null = null;
+        const end = (settle: () => void) => {
+            worker?.terminate();
+            settle();
+        };
+        const take = (message: FromWorker) => {
+            try {
+                if (message.kind === 'info') to.info(message.info);
+                else if (message.kind === 'update') to.update(message.update);
+                else if (message.kind === 'done') end(resolve);
+                else if (message.kind === 'failed') end(() => reject(errorOf(message)));
+            } catch (error) {
+                end(() => reject(error));
+            }
+        };
+        worker = startWorker(take);
+        if (worker) worker.onerror = (event) => end(() => reject(new Error(`the worker that reads files has failed: ${event.message}`)));
+        if (worker) worker.postMessage({ kind: 'read', source, maxSplats }, 'bytes' in source ? [source.bytes] : []);
+        else void readFrom(source, maxSplats, take);
+    });
+}
+
+function errorOf({ name, errorKind, message }: Extract<FromWorker, { kind: 'failed' }>): Error {
+    if (errorKind === 'invalid' || errorKind === 'unsupported') return new SceneError(errorKind, message);
+    return Object.assign(new Error(message), { name });
+}

@@ -1,0 +1,327 @@
+/** Draws scenes with three.js and hands the images to the tests. */
+
+import {
+    Color, DataUtils, FloatType, Group, HalfFloatType, LinearSRGBColorSpace, Mesh, MeshBasicMaterial, Object3D, PerspectiveCamera, PlaneGeometry, Points, Scene, Vector2, WebGLRenderer,
+    WebGLRenderTarget, type WebGLRendererParameters,
+} from 'three';
+import { GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
+import type { SceneCamera, SceneInfo } from '../../src/core/scene';
+import { LitetexGLTFExtension, LitetexLoader, LitetexSplats, type SplatsOptions } from '../../src/three';
+
+export interface Image {
+    width: number;
+    height: number;
+    /** RGB over the scene's background, f32, rows from the top. */
+    rgb: string;
+}
+
+export type How = 'half' | 'full' | 'canvas' | 'linear' | 'linear-canvas';
+
+const EXACT: SplatsOptions = { precision: 'full' };
+
+async function load(url: string, by: 'loader' | 'gltf', options = EXACT): Promise<LitetexSplats> {
+    if (by === 'loader') return new LitetexLoader().setOptions(options).loadAsync(url).then((splats) => splats.loaded.then(() => splats));
+    const { scene } = await new GLTFLoader().register((parser) => new LitetexGLTFExtension(parser, options)).loadAsync(url);
+    return found(scene);
+}
+
+function found(scene: Object3D): LitetexSplats {
+    let splats: LitetexSplats | null = null;
+    scene.traverse((object) => { if (object instanceof LitetexSplats) splats = object; });
+    return splats!;
+}
+
+function cameraOf(splats: LitetexSplats, name: string): SceneCamera {
+    return splats.info.cameras.find((camera) => camera.name.replace(/\.\w+$/, '') === name)!;
+}
+
+function rendererOf(width: number, height: number, parameters: WebGLRendererParameters = {}): WebGLRenderer {
+    const renderer = new WebGLRenderer({ alpha: true, ...parameters });
+    renderer.setClearColor(0, 0);
+    renderer.setSize(width, height, false);
+    return renderer;
+}
+
+/** Draws, into what `how` says, and reads the image back. */
+function drawn(renderer: WebGLRenderer, scene: Scene, camera: PerspectiveCamera, splats: LitetexSplats, how: How): Image {
+    const { x: width, y: height } = renderer.getDrawingBufferSize(new Vector2());
+    if (how === 'linear-canvas') renderer.outputColorSpace = LinearSRGBColorSpace;
+    const onCanvas = how.endsWith('canvas');
+    const target = onCanvas ? null : new WebGLRenderTarget(width, height, { type: how === 'half' ? HalfFloatType : FloatType });
+    splats.targetColours = how === 'half' || how === 'full' ? 'display' : 'auto';
+    renderer.setRenderTarget(target);
+    renderer.render(scene, camera);
+    const rgba = read(renderer, target, width, height);
+    target?.dispose();
+    renderer.setRenderTarget(null);
+    return { width, height, rgb: composed(rgba, width, height, splats.info.background, how.startsWith('linear')) };
+}
+
+function read(renderer: WebGLRenderer, target: WebGLRenderTarget | null, width: number, height: number, x = 0): Float32Array {
+    const gl = renderer.getContext();
+    if (!target) {
+        const bytes = new Uint8Array(4 * width * height);
+        gl.readPixels(x, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, bytes);
+        return Float32Array.from(bytes, (byte) => byte / 255);
+    }
+    if (target.texture.type === FloatType) {
+        const floats = new Float32Array(4 * width * height);
+        renderer.readRenderTargetPixels(target, 0, 0, width, height, floats);
+        return floats;
+    }
+    const halves = new Uint16Array(4 * width * height);
+    renderer.readRenderTargetPixels(target, 0, 0, width, height, halves);
+    return Float32Array.from(halves, DataUtils.fromHalfFloat);
+}
+
+/** Over the background, turned upside down, as display values. */
+function composed(rgba: Float32Array, width: number, height: number, background: readonly number[], linear: boolean): string {
+    const rgb = new Float32Array(3 * width * height);
+    for (let i = 0; i < rgb.length; i++) {
+        const [pixel, c] = [Math.floor(i / 3), i % 3];
+        const at = 4 * ((height - 1 - Math.floor(pixel / width)) * width + pixel % width);
+        const behind = linear ? new Color().setRGB(background[0], background[1], background[2], 'srgb').toArray()[c] : background[c];
+        const value = rgba[at + c] + (1 - rgba[at + 3]) * behind;
+        rgb[i] = linear ? encoded(value) : value;
+    }
+    const bytes = new Uint8Array(rgb.buffer);
+    let text = '';
+    for (let i = 0; i < bytes.length; i += 0x8000) text += String.fromCharCode(...bytes.subarray(i, i + 0x8000));
+    return btoa(text);
+}
+
+function encoded(c: number): number {
+    return c <= 0.0031308 ? 12.92 * Math.max(0, c) : 1.055 * c ** (1 / 2.4) - 0.055;
+}
+
+function checked(renderer: WebGLRenderer): void {
+    const error = renderer.getContext().getError();
+    if (error) throw new Error(`WebGL error ${error}`);
+}
+
+export interface Shot {
+    url: string;
+    by?: 'loader' | 'gltf';
+    view: string;
+    how: How;
+    options?: SplatsOptions;
+    pixelRatio?: number;
+    /** Under a parent that is moved, turned and scaled. */
+    parent?: boolean;
+    /** After the loss of the context. */
+    restored?: boolean;
+    control?: 'order' | 'mirrored';
+    renderer?: WebGLRendererParameters;
+    /** A mesh of this colour over the whole image, behind all splats or in front of them. */
+    mesh?: { colour: [number, number, number]; distance: number };
+}
+
+const scenarios = {
+    async image(shot: Shot): Promise<Image> {
+        const splats = await load(shot.url, shot.by ?? 'loader', shot.options);
+        const of = cameraOf(splats, shot.view);
+        const ratio = shot.pixelRatio ?? 1;
+        const renderer = rendererOf(of.widthPx / ratio, of.heightPx / ratio, shot.renderer);
+        renderer.setPixelRatio(ratio);
+        const scene = new Scene();
+        const root = new Group();
+        if (shot.parent) {
+            root.position.set(5, -3, 2);
+            root.rotation.set(0.5, -1.2, 2.2);
+            root.scale.setScalar(3.7);
+            splats.scale.multiplyScalar(0.6);
+        }
+        scene.add(root.add(splats));
+        splats.sorting = 'immediate';
+        const camera = new PerspectiveCamera(50, 1, 1e-3, 1e4);
+        splats.takeCamera(camera, of);
+        if (shot.control === 'mirrored') camera.projectionMatrix.elements[0] *= -1;
+        if (shot.control === 'order') Reflect.set(Reflect.get(Reflect.get(splats, 'data'), 'orders'), 'update', (order: { order: Uint32Array }) => { order.order = Uint32Array.from({ length: splats.splatCount }, (_, i) => i); });
+        if (shot.mesh) {
+            const mesh = new Mesh(new PlaneGeometry(1e5, 1e5), new MeshBasicMaterial({ color: new Color(...shot.mesh.colour) }));
+            mesh.position.z = -shot.mesh.distance;
+            camera.far = 1e5;
+            camera.updateProjectionMatrix();
+            scene.add(camera.add(mesh));
+        }
+        if (shot.restored) await loseAndRestore(renderer, () => renderer.render(scene, camera));
+        const image = drawn(renderer, scene, camera, splats, shot.how);
+        checked(renderer);
+        splats.dispose();
+        renderer.dispose();
+        return image;
+    },
+
+    /** Two views side by side in one frame, twice. */
+    async pair(url: string, views: [string, string]): Promise<Image[]> {
+        const splats = await load(url, 'loader');
+        const cameras = views.map((name) => cameraOf(splats, name));
+        const renderer = rendererOf(cameras[0].widthPx + cameras[1].widthPx, Math.max(...cameras.map((camera) => camera.heightPx)));
+        renderer.autoClear = false;
+        const scene = new Scene().add(splats);
+        const eyes = cameras.map((of) => {
+            const camera = new PerspectiveCamera(50, 1, 1e-3, 1e4);
+            splats.takeCamera(camera, of);
+            return camera;
+        });
+        for (let frame = 0; frame < 2; frame++) {
+            renderer.setScissorTest(false);
+            renderer.clear();
+            cameras.forEach((of, i) => {
+                renderer.setViewport(i * cameras[0].widthPx, 0, of.widthPx, of.heightPx);
+                renderer.setScissor(i * cameras[0].widthPx, 0, of.widthPx, of.heightPx);
+                renderer.setScissorTest(true);
+                renderer.render(scene, eyes[i]);
+            });
+        }
+        const images = cameras.map(({ widthPx: width, heightPx: height }, i) => {
+            return { width, height, rgb: composed(read(renderer, null, width, height, i * cameras[0].widthPx), width, height, splats.info.background, false) };
+        });
+        checked(renderer);
+        splats.dispose();
+        renderer.dispose();
+        return images;
+    },
+
+    /** After a small turn an image has the order of before; once `onUpdate` is called, the right one. */
+    async turned(url: string, view: string): Promise<{ before: Image; after: Image; exact: Image; updates: number }> {
+        const splats = await load(url, 'loader');
+        const of = cameraOf(splats, view);
+        const renderer = rendererOf(of.widthPx, of.heightPx);
+        const scene = new Scene().add(splats);
+        const camera = new PerspectiveCamera(50, 1, 1e-3, 1e4);
+        splats.takeCamera(camera, of);
+        camera.rotateY(0.15);
+        camera.updateMatrixWorld();
+        renderer.render(scene, camera);
+        splats.takeCamera(camera, of);
+        let updates = 0;
+        const ready = new Promise<void>((resolve) => { splats.onUpdate = () => { updates++; resolve(); }; });
+        const before = drawn(renderer, scene, camera, splats, 'full');
+        await ready;
+        const after = drawn(renderer, scene, camera, splats, 'full');
+        splats.sorting = 'immediate';
+        const exact = drawn(renderer, scene, camera, splats, 'full');
+        splats.dispose();
+        renderer.dispose();
+        return { before, after, exact, updates };
+    },
+
+    /** A disc turned by 45 degrees about y through a mesh that faces the camera: red of the middle row. */
+    cut(parameters: WebGLRendererParameters): { row: number[]; reversed: boolean; logarithmic: boolean } {
+        const info = infoOf();
+        const splats = new LitetexSplats(info);
+        const half = Math.PI / 8;
+        splats.apply({
+            first: 0, bytes: 0, complete: true,
+            splats: {
+                count: 1, positions: new Float32Array([0, 0, -0.3]), rotations: new Float32Array([0, Math.sin(half), 0, Math.cos(half)]), scales: new Float32Array([0.1, 0.1]),
+                opacities: new Float32Array([1]), shDegrees: new Uint8Array(1), sh: new Float32Array(3).fill(0.5 / 0.28209479177387814), rows: new Uint16Array(1), cols: new Uint16Array(1),
+                texelSizes: new Float32Array(2), shifts: new Int16Array(2), texels: new Float32Array(0),
+            },
+        });
+        splats.scale.setScalar(10);
+        splats.position.set(0.1, 0, 0);
+        const mesh = new Mesh(new PlaneGeometry(20, 20), new MeshBasicMaterial({ color: 0 }));
+        mesh.position.z = -3;
+        const camera = new PerspectiveCamera(60, 1, 0.1, 100);
+        const renderer = rendererOf(64, 64, parameters);
+        renderer.render(new Scene().add(mesh, splats), camera);
+        const rgba = read(renderer, null, 64, 64);
+        checked(renderer);
+        const result = {
+            row: Array.from({ length: 64 }, (_, x) => rgba[4 * (32 * 64 + x)]),
+            reversed: renderer.state.buffers.depth.getReversed(), logarithmic: renderer.capabilities.logarithmicDepthBuffer,
+        };
+        splats.dispose();
+        renderer.dispose();
+        return result;
+    },
+
+    /** Textures of the renderer with splats, and after they are disposed of. */
+    async memory(url: string, view: string): Promise<{ before: number; with: number; after: number; geometries: number; programs: number; alive: boolean }> {
+        const splats = await load(url, 'loader');
+        const renderer = rendererOf(64, 64);
+        const scene = new Scene().add(splats, splats.clone());
+        const camera = new PerspectiveCamera();
+        splats.takeCamera(camera, cameraOf(splats, view));
+        const { memory } = renderer.info;
+        const before = memory.textures;
+        renderer.render(scene, camera);
+        const drawnWith = memory.textures;
+        const gpu = [...(Reflect.get(Reflect.get(splats, 'data'), 'gpus') as Map<object, { buffers: { splats: { texture: WebGLTexture } } }>).values()][0];
+        const { texture } = gpu.buffers.splats;
+        const isAlive = () => (renderer.getContext() as WebGL2RenderingContext).isTexture(texture);
+        if (!isAlive()) throw new Error('the texture is not there');
+        for (const object of [...scene.children]) (object as LitetexSplats).dispose();
+        scene.clear();
+        renderer.render(scene, camera);
+        const result = { before, with: drawnWith, after: memory.textures, geometries: memory.geometries, programs: renderer.info.programs!.length, alive: isAlive() };
+        renderer.dispose();
+        return result;
+    },
+
+    /** A file whose mesh has splats and points, as .gltf with all its bytes in other files. */
+    async mixed(url: string): Promise<{ types: string[]; splats: number; name: string; scale: number }> {
+        const file = await (await fetch(url)).arrayBuffer();
+        const jsonBytes = new DataView(file).getUint32(12, true);
+        const json = JSON.parse(new TextDecoder().decode(new Uint8Array(file, 20, jsonBytes)));
+        const bin = file.slice(28 + jsonBytes);
+        json.buffers[0].uri = URL.createObjectURL(new Blob([bin]));
+        for (const image of json.images ?? []) {
+            const { byteOffset = 0, byteLength } = json.bufferViews[image.bufferView];
+            image.uri = URL.createObjectURL(new Blob([bin.slice(byteOffset, byteOffset + byteLength)]));
+            delete image.bufferView;
+        }
+        const { POSITION } = json.meshes[0].primitives[0].attributes;
+        json.meshes[0].primitives.push({ mode: 0, attributes: { POSITION } });
+        const loader = new GLTFLoader().register((parser) => new LitetexGLTFExtension(parser));
+        const { scene } = await loader.parseAsync(JSON.stringify(json), '');
+        const types: string[] = [];
+        scene.traverse((object) => types.push(object instanceof Points ? 'Points' : object.type));
+        const splats = found(scene);
+        return { types, splats: splats.splatCount, name: splats.parent!.name, scale: splats.getWorldScale(splats.position).x };
+    },
+
+    async failure(url: string): Promise<string> {
+        return load(url, 'loader').then(() => 'no error', (error: Error) => `${error.name}: ${error.message}`);
+    },
+
+    async webgpu(): Promise<string> {
+        const { WebGPURenderer } = await import('three/webgpu');
+        const renderer = new WebGPURenderer({ forceWebGL: true });
+        await renderer.init();
+        try {
+            renderer.render(new Scene().add(new LitetexSplats(infoOf())), new PerspectiveCamera());
+            return 'no error';
+        } catch (error) {
+            return (error as Error).message;
+        }
+    },
+};
+
+function infoOf(): SceneInfo {
+    return {
+        container: 'ltgs', quality: '', splats: 1, texels: 0, shDegree: 0, near: 0.001, filter: 'none', background: [0, 0, 0], colourSpace: 'srgb_rec709_display',
+        worldFromData: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1], cameras: [], untextured: null, fileBytes: 0,
+        provenance: { title: '', author: '', licence: '', source: '', programVersion: '', training: {} },
+    };
+}
+
+async function loseAndRestore(renderer: WebGLRenderer, draw: () => void): Promise<void> {
+    draw();
+    const extension = renderer.getContext().getExtension('WEBGL_lose_context')!;
+    const event = (name: string) => new Promise((resolve) => renderer.domElement.addEventListener(name, resolve, { once: true }));
+    const lost = event('webglcontextlost');
+    extension.loseContext();
+    await lost;
+    draw();
+    const restored = event('webglcontextrestored');
+    await new Promise((resolve) => setTimeout(resolve));
+    extension.restoreContext();
+    await restored;
+}
+
+export type Scenarios = typeof scenarios;
+
+Object.assign(window, { scenarios, ready: true });
