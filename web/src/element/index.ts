@@ -21,6 +21,7 @@
  */
 
 import { COLOURS, type Colours } from '../core/render/colours';
+import type { SplatRenderer } from '../core/render/renderer';
 import type { SceneInfo } from '../core/scene';
 import { Viewer } from '../viewer/viewer';
 
@@ -93,6 +94,11 @@ export class LitetexViewerElement extends HTMLElement {
     /** What the file says; null until its header is there. */
     get info(): SceneInfo | null {
         return this.viewer?.info ?? null;
+    }
+
+    /** Splats and texels shown, their bytes on the GPU, and milliseconds of the last sort; null until they are there. */
+    get figures(): SplatRenderer['figures'] | null {
+        return this.viewer?.renderer.figures ?? null;
     }
 
     get src(): string {
