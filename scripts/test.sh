@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Every check that must pass before a change is merged: formatting, lints, licences, documentation, tests, and third-party
-# validation of exported files (scripts/third-party.sh). Ends with the total of all tests.
+# Every check that must pass before a change is merged: formatting, lints, licences, documentation, tests, the web package
+# (scripts/web.sh), and third-party validation of exported files (scripts/third-party.sh). Ends with the total of all tests.
 #
 # Needs a Rust tool chain (rustup) and a C++ compiler (for the FLIP metric), and installs the rest if it can. The tests of
 # the GPU backend run on software drivers: Mesa's lavapipe, and the SwiftShader that ships with Chromium. Without a driver
@@ -64,10 +64,10 @@ needs=(
     "loader libvulkan1 all tests on a GPU driver"
     "lavapipe mesa-vulkan-drivers the tests on lavapipe"
     "layer vulkan-validationlayers the run under the validation layer"
-    "browser chromium compiling the kernels in a browser"
+    "browser chromium compiling the kernels in a browser, images of the web package"
     "swiftshader chromium the tests on SwiftShader"
-    "node_js nodejs third-party validation of glTF, PLY and SPZ"
-    "node_npm npm third-party validation of glTF, PLY and SPZ"
+    "node_js nodejs the web package, third-party validation of glTF, PLY and SPZ"
+    "node_npm npm the web package, third-party validation of glTF, PLY and SPZ"
     "venv python3-venv third-party validation of USD and the atlas"
 )
 for need in "${needs[@]}"; do
@@ -129,8 +129,15 @@ env "${gpu_env[@]}" cargo test --workspace | tee -a "$results"
 note "tests --no-default-features"
 cargo test --package litetex-gs --no-default-features --bins --test cli --test cli_render --test train_cpu | tee -a "$results"
 
+note "web package"
+binary=${CARGO_TARGET_DIR:-target}/debug/litetex
+assets=${CARGO_TARGET_DIR:-target}/web-assets
+mkdir -p "$assets"
+cargo run --quiet --example conformance --package litetex-exporters -- "$assets"
+env "${gpu_env[@]}" scripts/web.sh "$binary" "$assets" | tee -a "$results"
+
 note "third-party validation of exported files"
-LITETEX_USD_SAMPLES="$usd_samples" scripts/third-party.sh "${CARGO_TARGET_DIR:-target}/debug/litetex"
+LITETEX_USD_SAMPLES="$usd_samples" scripts/third-party.sh "$binary"
 
 note "total of all tests"
 awk '/^test result: / { passed += $4; failed += $6; ignored += $8; binaries++ }

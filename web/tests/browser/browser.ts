@@ -6,7 +6,7 @@ import { fileURLToPath } from 'node:url';
 import { createServer, type ViteDevServer } from 'vite';
 
 const BROWSERS = ['chromium', 'chromium-browser', 'google-chrome'].flatMap((name) => ['/usr/bin', '/usr/local/bin'].map((folder) => `${folder}/${name}`));
-const FLAGS = ['--no-sandbox', '--disable-quic', '--no-first-run', '--disable-background-networking', '--disable-component-update',
+export const FLAGS = ['--no-sandbox', '--disable-quic', '--no-first-run', '--disable-background-networking', '--disable-component-update',
     '--disable-sync', '--use-angle=swiftshader', '--enable-unsafe-swiftshader'];
 
 export const WEB = fileURLToPath(new URL('../..', import.meta.url));
@@ -37,7 +37,7 @@ export class BrowserTest {
         page.on('console', (message) => { if (message.type() === 'error') test.errors.push(message.text()); });
         page.on('pageerror', (error) => test.errors.push(String(error)));
         await page.goto(url + path);
-        await page.waitForFunction(() => 'ready' in window);
+        await page.waitForFunction(() => 'ready' in window).catch((error) => { throw new Error(`${path}: ${test.errors.join('; ') || error}`); });
         return test;
     }
 

@@ -6,7 +6,7 @@ import { tmpdir } from 'node:os';
 import { join } from 'node:path';
 import { afterAll, beforeAll, describe, expect, test } from 'vitest';
 import { BrowserTest, browserPath } from './browser';
-import type { Control, Drawn, Job } from './harness';
+import type { Control, Harness, Job } from './harness';
 import { compare, reference, rgbOf, rgbOfBytes } from './reference';
 
 const REPOSITORY = join(import.meta.dirname, '../../..');
@@ -20,9 +20,9 @@ describe.skipIf(!browserPath())('images', () => {
     let browser: BrowserTest;
 
     beforeAll(async () => {
-        execFileSync(LITETEX, ['-q', 'sample', join(sample, 'capture'), '--views', '12', '--size', '200x150', '--points', '1500', '--no-truth']);
-        execFileSync(LITETEX, ['-q', 'train', join(sample, 'capture'), '-o', join(sample, 'run'), '--device', 'cpu', '--steps', '120', '--eval-every', '0',
-            '--set', 'density.start=20', '--set', 'density.interval=20', '--set', 'density.texture-start=40']);
+        execFileSync(LITETEX, ['-q', 'sample', join(sample, 'capture'), '--views', '12', '--size', '200x150', '--points', '9000', '--no-truth']);
+        execFileSync(LITETEX, ['-q', 'train', join(sample, 'capture'), '-o', join(sample, 'run'), '--device', 'cpu', '--steps', '40', '--eval-every', '0',
+            '--set', 'density.start=10', '--set', 'density.interval=10', '--set', 'density.texture-start=15']);
         const out = ['tiny.ltgs', 'balanced.glb', 'tiny.glb'].map((name) => [name.split('.')[0], join(sample, name)]);
         for (const [quality, path] of out) execFileSync(LITETEX, ['-q', 'export', join(sample, 'run'), '--no-verify', '--quality', quality, '-o', path]);
         browser = await BrowserTest.open('tests/browser/harness.html', [REPOSITORY, ASSETS, sample]);
@@ -31,7 +31,7 @@ describe.skipIf(!browserPath())('images', () => {
 
     async function draw(file: string, view: string, job: Partial<Job> = {}) {
         const target = { url: `/@fs/${file}`, view, renderer: { target: 'rgba32f', precision: 'full' }, ...job } as Job;
-        return browser.page.evaluate((given) => (window as unknown as { draw(job: Job): Promise<Drawn> }).draw(given), target);
+        return browser.page.evaluate((given) => (window as unknown as Harness).draw(given), target);
     }
 
     const every = ['wide', 'side', 'inside'];
@@ -60,6 +60,26 @@ describe.skipIf(!browserPath())('images', () => {
         const file = join(pack, 'lossless.glb');
         const image = await draw(file, 'wide', { control });
         expect(compare(rgbOf(image), reference(LITETEX, file, 'wide').rgb).psnr).toBeLessThan(45);
+    });
+
+    test('hardly more fragments are shaded than blended', async () => {
+        const view = 'view_0003';
+        for (const [file, at] of [[join(sample, 'tiny.ltgs'), view], [join(ASSETS, 'lossless.glb'), 'side']]) {
+            const { shaded, blended } = await browser.page.evaluate(([url, name]) => (window as unknown as Harness).counts(url, name, 0), [`/@fs/${file}`, at] as const);
+            if (process.env.LITETEX_FIGURES) console.log(file, at, shaded, blended, (shaded / blended).toFixed(3));
+            expect(blended).toBeGreaterThan(10_000);
+            expect(shaded / blended).toBeLessThan(1.6); // 4 / pi is the least for rectangles around ellipses
+        }
+    });
+
+    test('the beginning of a file shows a coarser scene, which only gets better', async () => {
+        const parts = [0.02, 0.2, 0.4, 0.6, 0.8, 0.95, 1];
+        const psnr = await browser.page.evaluate(([url, all]) => (window as unknown as Harness).prefixes(url, 'view_0003', all), [`/@fs/${join(sample, 'tiny.ltgs')}`, parts] as const);
+        if (process.env.LITETEX_FIGURES) console.log(psnr);
+        expect(psnr[0]).toBe(0); // nothing yet
+        expect(psnr[2]).toBeGreaterThan(15);
+        for (let i = 2; i < psnr.length; i++) expect(psnr[i]).toBeGreaterThanOrEqual(psnr[i - 1] - 0.2);
+        expect(psnr.at(-1)).toBe(Infinity);
     });
 
     test('the page shows no errors', () => expect(browser.errors).toEqual([]));

@@ -98,7 +98,6 @@ function base64(array: Float32Array | Uint8Array): string {
     return btoa(text);
 }
 
-Object.assign(window, { draw, ready: true });
 
 /** PSNR of what is shown after each part of a file has arrived, against the whole file; dB, in one view. */
 export async function prefixes(url: string, view: string, parts: readonly number[]): Promise<number[]> {
@@ -154,4 +153,8 @@ export async function counts(url: string, view: string, times: number): Promise<
     const [shaded, blended, plain] = [await count('#define COUNT_FRAGMENTS\n'), await count('#define COUNT_DRAWN\n'), await count('')];
     return { shaded: shaded.sum, blended: blended.sum, ms: plain.ms, figures: plain.figures, size: plain.size };
 }
-Object.assign(window, { prefixes, counts });
+
+const harness = { draw, prefixes, counts };
+/** What the page offers to tests. */
+export type Harness = typeof harness;
+Object.assign(window, harness, { ready: true });

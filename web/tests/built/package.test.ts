@@ -1,0 +1,56 @@
+/** What `npm pack` would publish. */
+
+import { execFileSync } from 'node:child_process';
+import { existsSync, readFileSync } from 'node:fs';
+import { join } from 'node:path';
+import { pathToFileURL } from 'node:url';
+import { gzipSync } from 'node:zlib';
+import { beforeAll, expect, test } from 'vitest';
+
+const WEB = join(import.meta.dirname, '../..');
+const manifest = JSON.parse(readFileSync(join(WEB, 'package.json'), 'utf8')) as {
+    exports: Record<string, { types: string; default: string }>; scripts: Record<string, string>; dependencies?: object;
+};
+
+beforeAll(() => {
+    execFileSync('npm', ['run', '--silent', 'build'], { cwd: WEB, stdio: 'pipe' });
+}, 120_000);
+
+/** A module of the package and all that it imports at once. */
+function closure(path: string, seen = new Set<string>()): Set<string> {
+    if (seen.has(path)) return seen;
+    seen.add(path);
+    for (const [, name] of readFileSync(path, 'utf8').matchAll(/(?:from|import)\s*["'`](\.[^"'`]+)["'`]/g)) closure(join(path, '..', name), seen);
+    return seen;
+}
+
+const gzipBytes = (entry: string) => gzipSync(Buffer.concat([...closure(join(WEB, manifest.exports[entry].default))].map((path) => readFileSync(path))), { level: 9 }).length;
+
+test('only modules, types, licences and the README are packed', () => {
+    const [{ files }] = JSON.parse(execFileSync('npm', ['pack', '--dry-run', '--json'], { cwd: WEB, encoding: 'utf8' })) as [{ files: { path: string; size: number }[] }];
+    const unexpected = files.map(({ path }) => path).filter((path) => !/^(dist\/[\w-]+\.js|dist\/types\/[\w/-]+\.d\.ts|package\.json|README\.md|LICENSE-(MIT|APACHE))$/.test(path));
+    expect(unexpected).toEqual([]);
+    for (const name of ['LICENSE-MIT', 'LICENSE-APACHE', 'README.md']) expect(files.map(({ path }) => path)).toContain(name);
+    expect(files.reduce((sum, { size }) => sum + size, 0)).toBeLessThan(400_000);
+});
+
+test('nothing runs when it is installed', () => {
+    expect(Object.keys(manifest.scripts).filter((name) => /install|prepare|prepack|publish/.test(name))).toEqual([]);
+});
+
+test('every entry point is there, with its types', () => {
+    for (const { types, default: module } of Object.values(manifest.exports)) expect([types, module].filter((path) => !existsSync(join(WEB, path)))).toEqual([]);
+});
+
+test('the core, with its reader, is at most 35 kB', () => {
+    const sizes = Object.fromEntries(Object.keys(manifest.exports).map((entry) => [entry, gzipBytes(entry)]));
+    if (process.env.LITETEX_FIGURES) console.log(sizes);
+    expect(sizes['.']).toBeLessThanOrEqual(35_000);
+    expect(sizes['./element']).toBeLessThanOrEqual(45_000);
+});
+
+test('the readers run in Node.js', async () => {
+    const { readScene } = await import(pathToFileURL(join(WEB, manifest.exports['./read'].default)).href) as typeof import('../../src/core/read');
+    const info = await readScene(readFileSync(join(WEB, '../samples/conformance/balanced.ltgs')));
+    expect([info.splats, info.cameras.length]).toEqual([36, 3]);
+});
