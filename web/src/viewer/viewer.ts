@@ -131,11 +131,11 @@ export class Viewer {
 
     /** What the canvas shows now, as a PNG image of its full size. */
     async screenshot(): Promise<Blob> {
+        const wanted = this.sizedView(1);
+        if (wanted) await this.renderer.sorted(wanted);
+        // Meanwhile a smaller image may have been drawn, as while moving.
         const view = this.sizedView(1);
-        if (view) {
-            await this.renderer.sorted(view);
-            this.paint(view);
-        }
+        if (view) this.paint(view);
         return new Promise((resolve, reject) => {
             this.canvas.toBlob((blob) => (blob ? resolve(blob) : reject(new Error('the browser makes no image'))), 'image/png');
         });
